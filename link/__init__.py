@@ -1,0 +1,1 @@
+"""What two processes agree on: axes, records, codec, transports, MAVLink services."""
