@@ -1,0 +1,169 @@
+"""Answers a ground station's wishes at once: pure, like the tick, and between two ticks."""
+
+import math
+
+from autopilot import excitation, mission, modes, requests
+from autopilot.params import Config
+from autopilot.types import (
+    ACCEPTED,
+    DENIED,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+    Answer,
+    Event,
+    Home,
+    ItemReached,
+    LoopMemory,
+    MissionState,
+    Setpoint,
+    Severity,
+    State,
+    Test,
+)
+from link.missions import MissionItem
+
+Events = tuple[Event | ItemReached, ...]
+
+
+def request(state: State, wish: requests.Request, config: Config) -> tuple[State, Answer, Events]:
+    """Answer a ground station at once: the new state, what became of the wish, what to say of it."""
+    match wish:
+        case requests.Arm(force):
+            return arm(state, force, config)
+        case requests.Disarm(force):
+            return disarm(state, force, config)
+        case requests.SetMode(number):
+            return set_mode(state, number, config)
+        case requests.StartTest():
+            return start_test(state, wish, config)
+        case requests.StopTest():
+            stopped: Events = (Event(Severity.NOTICE, "SystemID Stopped: by ground"),) if state.test else ()
+            return state._replace(test=None), Answer(ACCEPTED), stopped
+        case requests.LoadMission(items):
+            return load_mission(state, items, config)
+        case requests.SetMissionItem(sequence):
+            if not 0 <= sequence < max(1, len(state.mission.items)):
+                return state, Answer(DENIED, f"Mission item {sequence} does not exist"), ()
+            moved = state.mission._replace(current=sequence, entered_us=None)
+            return state._replace(mission=moved, test=None), Answer(ACCEPTED), ()
+        case requests.ChangeTarget():
+            return change_target(state, wish), Answer(ACCEPTED), ()
+        case requests.SetHome(lat_deg, lon_deg):
+            return state._replace(home=Home(lat_deg, lon_deg, True)), Answer(ACCEPTED), ()
+
+
+def arm(state: State, force: bool, config: Config) -> tuple[State, Answer, Events]:
+    if state.armed:
+        return state, Answer(ACCEPTED), ()
+    reason = prearm(state)
+    if reason and not force:
+        return state, Answer(TEMPORARILY_REJECTED, f"Not armed: {reason}"), ()
+    state = state._replace(armed=True, armed_us=state.time_us, failsafe="", loops=LoopMemory(), test=None)
+    state = state._replace(mission=_taken_up(state, config))
+    mode = modes.by_number(state.mode) or modes.HOLD
+    return hold_here(state, config), Answer(ACCEPTED), (Event(Severity.INFO, f"Armed: {mode.name}"),)
+
+
+def _taken_up(state: State, config: Config) -> MissionState:
+    """Where the mission takes up: where ground put it, or from the start when it was flown to its end."""
+    if state.mission.current < len(state.mission.items):
+        return state.mission._replace(entered_us=None)
+    return mission.restart(state.mission, config)
+
+
+def prearm(state: State) -> str:
+    """Why the vehicle must not be armed; empty when it may."""
+    if not state.estimate.initialised:
+        return "no sensors"
+    if state.mode == modes.MISSION.number and not state.mission.items:
+        return "no mission"
+    return ""
+
+
+def disarm(state: State, force: bool, config: Config) -> tuple[State, Answer, Events]:
+    if not state.armed:
+        return state, Answer(ACCEPTED), ()
+    if not force and state.estimate.depth_m > config.surfaced_depth_m and state.mode != modes.MANUAL.number:
+        return state, Answer(TEMPORARILY_REJECTED, "Not disarmed: under water; use SURFACE, or force"), ()
+    return modes.disarm(state), Answer(ACCEPTED), (Event(Severity.INFO, "Disarmed"),)
+
+
+def set_mode(state: State, number: int, config: Config) -> tuple[State, Answer, Events]:
+    mode = modes.by_number(number)
+    if mode is None:
+        known = ", ".join(m.name for m in modes.MODES)
+        return state, Answer(UNSUPPORTED, f"Mode {number} is none of {known}"), ()
+    if number == state.mode:
+        return state, Answer(ACCEPTED), ()
+    if state.failsafe and state.armed and mode not in (modes.SURFACE, modes.MANUAL):
+        return state, Answer(TEMPORARILY_REJECTED, f"{mode.name} refused: failsafe, {state.failsafe}"), ()
+    if mode == modes.MISSION and state.armed and not state.mission.items:
+        return state, Answer(TEMPORARILY_REJECTED, "MISSION refused: no mission"), ()
+    if mode == modes.SYSID:
+        return start_test(state, _configured_test(config), config)
+    state, events = modes.enter(state, mode)
+    if mode == modes.MISSION:
+        state = state._replace(mission=_taken_up(state, config))
+    if state.armed:
+        state = hold_here(state, config)
+    return state, Answer(ACCEPTED), events
+
+
+def start_test(state: State, wish: requests.StartTest, config: Config) -> tuple[State, Answer, Events]:
+    setpoint = state.setpoint
+    test = Test(
+        wish.axis, math.radians(wish.magnitude_deg), wish.start_hz, wish.stop_hz, wish.duration_s, wish.wave,
+        wish.fade_s, state.time_us, setpoint.heading_rad, setpoint.depth_m,
+    )  # fmt: skip
+    if wrong := excitation.check(test, config.travel_deg):
+        return state, Answer(DENIED, f"SystemID refused: {wrong}"), ()
+    if not state.armed or state.failsafe:
+        return state, Answer(TEMPORARILY_REJECTED, "SystemID refused: arm and get under way first"), ()
+    if state.mode == modes.SYSID.number and state.test is not None:
+        return state, Answer(ACCEPTED), ()
+    state, changed = modes.enter(state, modes.SYSID)
+    state, started = mission.start_test(test, state)
+    return state, Answer(ACCEPTED), (*changed, *started)
+
+
+def load_mission(state: State, items: tuple[MissionItem, ...], config: Config) -> tuple[State, Answer, Events]:
+    sequence, wrong = mission.check(items, config)
+    if wrong:
+        unknown = items[sequence].command not in mission.COMMANDS
+        return state, Answer(UNSUPPORTED if unknown else DENIED, f"Mission item {sequence}: {wrong}"), ()
+    if state.armed and state.mode == modes.MISSION.number:
+        return state, Answer(TEMPORARILY_REJECTED, "Mission refused: one is being flown"), ()
+    return state._replace(mission=mission.restart(MissionState(items), config)), Answer(ACCEPTED), ()
+
+
+def change_target(state: State, wish: requests.ChangeTarget) -> State:
+    old = state.setpoint
+    return state._replace(
+        setpoint=old._replace(
+            depth_m=old.depth_m if wish.depth_m is None else wish.depth_m,
+            heading_rad=old.heading_rad if wish.heading_rad is None else wish.heading_rad,
+            thrust=old.thrust if wish.thrust is None else wish.thrust,
+        )
+    )
+
+
+def hold_here(state: State, config: Config) -> State:
+    """Set-points of this depth and heading; missions and DEPTH run at cruise thrust, HOLD keeps what there was.
+
+    A mission that was left on the way goes on with its own set-points.
+    """
+    at, paused = state.estimate, state.mission.paused
+    if state.mode == modes.MISSION.number and paused is not None:
+        return state._replace(setpoint=paused, mission=state.mission._replace(paused=None))
+    cruise = config.cruise_thrust_pct / 100.0
+    under_way = state.mode in (modes.MISSION.number, modes.DEPTH.number)
+    return state._replace(
+        setpoint=Setpoint(max(0.0, at.depth_m), at.heading_rad, cruise if under_way else state.thrust)
+    )
+
+
+def _configured_test(config: Config) -> requests.StartTest:
+    return requests.StartTest(
+        config.sid_axis, config.sid_magnitude_deg, config.sid_start_hz, config.sid_stop_hz, config.sid_record_s,
+        config.sid_wave, config.sid_fade_in_s,
+    )  # fmt: skip

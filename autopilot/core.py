@@ -1,0 +1,136 @@
+"""The tick: estimate, failsafe, guidance, loops or excitation, actuators. Pure: no clock, no I/O, no chance."""
+
+import math
+
+from autopilot import estimator, excitation, failsafe, loops, mission, modes
+from autopilot.params import Config
+from autopilot.types import US_PER_S, Event, Home, Inputs, ItemReached, LoopMemory, Severity, State, Stick, Trace
+from link.records import ARMED_FLAG, CUSTOM_MODE_FLAG, LOCKSTEP_FLAG, ActuatorFrame
+
+MAX_STEP_S = 0.2
+"""A longer gap between sensor frames is not bridged: the estimate would only guess."""
+
+_REST = (0.0,) * 16
+_SPARE = (0.0,) * 13
+
+Events = tuple[Event | ItemReached, ...]
+
+
+def start(config: Config) -> State:
+    """The state before the first tick."""
+    return State()
+
+
+def tick(state: State, inputs: Inputs, config: Config) -> tuple[State, ActuatorFrame, Trace, Events]:
+    """One step of the autopilot at the vehicle time of the sensors."""
+    dt_s = step_s(state, inputs)
+    state = observe(state, inputs, config, dt_s)
+    state, alarms = failsafe.watch(state, inputs, config)
+    state, guided = guide(state, config)
+    state, trace = control(state, inputs.stick, config, dt_s)
+    return state, actuators(state, trace, config), trace, (*alarms, *guided)
+
+
+def step_s(state: State, inputs: Inputs) -> float:
+    """Seconds since the last tick, zero at the first and never more than ``MAX_STEP_S``."""
+    if state.time_us < 0:
+        return 0.0
+    return min(MAX_STEP_S, (inputs.sensors.time_us - state.time_us) / US_PER_S)
+
+
+def observe(state: State, inputs: Inputs, config: Config, dt_s: float) -> State:
+    """Take in the sensors; the first satellite fix at the surface becomes home."""
+    home, fix = state.home, inputs.gps
+    if fix is not None and fix.fix_type >= 3 and not home.known:
+        home = Home(fix.lat_deg, fix.lon_deg, True)
+    if state.estimate.initialised:
+        estimate = estimator.update(state.estimate, inputs, state.thrust, home, config, dt_s)
+    else:
+        estimate = estimator.begin(inputs.sensors, config)
+    return state._replace(time_us=inputs.sensors.time_us, estimate=estimate, home=home)
+
+
+def guide(state: State, config: Config) -> tuple[State, Events]:
+    """Let the mode move the set-points."""
+    if not state.armed:
+        return state, ()
+    state, ended = watch_test(state, config)
+    if state.mode == modes.MISSION.number:
+        state, flown = mission.advance(state, config)
+        return mission.steer(state), (*ended, *flown)
+    if state.mode == modes.SURFACE.number:
+        return surface(state, config)
+    if state.mode == modes.SYSID.number and state.test is None:
+        state, changed = modes.enter(state, modes.DEPTH)
+        return state, (*ended, *changed)
+    return state, ended
+
+
+def watch_test(state: State, config: Config) -> tuple[State, Events]:
+    """End a test that has run its time or left its envelope, and say why."""
+    test = state.test
+    if test is None:
+        return state, ()
+    if reason := failsafe.envelope(test, state, config):
+        return state._replace(test=None), (Event(Severity.WARNING, f"SystemID Stopped: {reason}"),)
+    if (state.time_us - test.started_us) / US_PER_S >= test.duration_s:
+        return state._replace(test=None), (Event(Severity.INFO, "SystemID Finished"),)
+    return state, ()
+
+
+def surface(state: State, config: Config) -> tuple[State, Events]:
+    """Rise under power, then stop the propeller and disarm."""
+    if state.estimate.depth_m < config.surfaced_depth_m:
+        return modes.disarm(state), (Event(Severity.INFO, "Surfaced: disarmed"),)
+    cruise = config.cruise_thrust_pct / 100.0
+    setpoint = state.setpoint._replace(depth_m=0.0, thrust=cruise, pitch_rad=None)
+    return state._replace(setpoint=setpoint), ()
+
+
+def control(state: State, stick: Stick | None, config: Config, dt_s: float) -> tuple[State, Trace]:
+    """Loops, excitation or the pilot's hand to deflections within the duct's travel."""
+    if not state.armed:
+        return state._replace(thrust=0.0, loops=LoopMemory()), Trace()
+    mode = modes.by_number(state.mode) or modes.HOLD
+    axis = state.test.axis if state.test else 0
+    wanted, memory = loops.close(
+        state.estimate, state.setpoint, state.loops, config, dt_s,
+        heading=mode.closes_heading and axis != excitation.RUDDER_AXIS,
+        depth=mode.closes_depth and axis != excitation.ELEVATOR_AXIS,
+    )  # fmt: skip
+    rudder, elevator, thrust = wanted.rudder_rad, wanted.elevator_rad, state.setpoint.thrust
+    deflection = frequency = 0.0
+    if state.test is not None:
+        deflection, frequency = excitation.value(state.test, (state.time_us - state.test.started_us) / US_PER_S)
+        rudder += deflection if axis == excitation.RUDDER_AXIS else 0.0
+        elevator += deflection if axis == excitation.ELEVATOR_AXIS else 0.0
+    if state.mode == modes.MANUAL.number:
+        travel = math.radians(config.travel_deg)
+        hand = stick or Stick(0.0, 0.0, 0.0)
+        rudder, elevator, thrust = hand.rudder * travel, hand.elevator * travel, hand.thrust
+    rudder, elevator, thrust = limit(rudder, elevator, thrust, config)
+    trace = Trace(
+        wanted.heading_error_rad, wanted.pitch_error_rad, wanted.depth_error_m, wanted.pitch_setpoint_rad,
+        deflection, frequency, rudder, elevator, thrust,
+    )  # fmt: skip
+    return state._replace(loops=memory, thrust=thrust), trace
+
+
+def limit(rudder_rad: float, elevator_rad: float, thrust: float, config: Config) -> tuple[float, float, float]:
+    """Deflections within the duct's travel, thrust within full ahead and full astern."""
+    travel = math.radians(config.travel_deg)
+    return (
+        min(travel, max(-travel, rudder_rad)),
+        min(travel, max(-travel, elevator_rad)),
+        min(1.0, max(-1.0, thrust)),
+    )
+
+
+def actuators(state: State, trace: Trace, config: Config) -> ActuatorFrame:
+    """The frame that answers this tick's sensors; all zero while disarmed."""
+    mode = CUSTOM_MODE_FLAG | (ARMED_FLAG if state.armed else 0)
+    if not state.armed:
+        return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, _REST, mode)
+    travel = math.radians(config.travel_deg)
+    controls = (trace.rudder_rad / travel, trace.elevator_rad / travel, trace.thrust, *_SPARE)
+    return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, controls, mode)

@@ -1,0 +1,55 @@
+"""The limits that end a flight or a test, each with its reason."""
+
+import math
+
+from autopilot import modes
+from autopilot.params import Config
+from autopilot.types import US_PER_S, Event, Inputs, Severity, State, Test
+from link.frames import wrap_pi
+
+
+def watch(state: State, inputs: Inputs, config: Config) -> tuple[State, tuple[Event, ...]]:
+    """Turn to SURFACE where the vehicle leaves its limits; a failsafe stays in force until it is disarmed."""
+    if not state.armed or state.failsafe:
+        return state, ()
+    cause = _cause(state, inputs, config)
+    if not cause:
+        return state, ()
+    state, events = modes.enter(state._replace(failsafe=cause), modes.SURFACE)
+    return state, (Event(Severity.CRITICAL, f"Failsafe: {cause} -> SURFACE"), *events)
+
+
+def _cause(state: State, inputs: Inputs, config: Config) -> str:
+    at = state.estimate
+    if at.depth_m > config.fs_depth_m:
+        return f"depth {at.depth_m:.1f} m"
+    if at.altitude_m is not None and at.altitude_m < config.fs_altitude_m:
+        return f"altitude {at.altitude_m:.1f} m"
+    if abs(at.pitch_rad) > math.radians(config.fs_pitch_deg):
+        return f"pitch {math.degrees(at.pitch_rad):.0f} deg"
+    armed_s = (state.time_us - state.armed_us) / US_PER_S
+    if 0.0 < config.fs_time_s < armed_s:
+        return f"armed {armed_s:.0f} s"
+    if inputs.ground_silent_s is not None and 0.0 < config.fs_ground_s < inputs.ground_silent_s:
+        return "ground lost"
+    return ""
+
+
+def envelope(test: Test, state: State, config: Config) -> str:
+    """Why a test must stop now; empty while it may go on."""
+    at = state.estimate
+    if at.depth_m < config.sid_depth_min_m:
+        return f"depth {at.depth_m:.1f} m above {config.sid_depth_min_m:g} m"
+    if at.depth_m > config.sid_depth_max_m:
+        return f"depth {at.depth_m:.1f} m below {config.sid_depth_max_m:g} m"
+    if at.altitude_m is not None and at.altitude_m < config.sid_altitude_min_m:
+        return f"altitude {at.altitude_m:.1f} m under {config.sid_altitude_min_m:g} m"
+    if abs(at.pitch_rad) > math.radians(config.sid_pitch_max_deg):
+        return f"pitch {math.degrees(at.pitch_rad):.0f} deg beyond {config.sid_pitch_max_deg:g} deg"
+    if abs(wrap_pi(at.heading_rad - test.heading_rad)) > math.radians(config.sid_heading_max_deg):
+        turned = math.degrees(wrap_pi(at.heading_rad - test.heading_rad))
+        return f"heading {turned:.0f} deg off, beyond {config.sid_heading_max_deg:g} deg"
+    elapsed_s = (state.time_us - test.started_us) / US_PER_S
+    if elapsed_s > config.sid_time_max_s:
+        return f"time {elapsed_s:.0f} s beyond {config.sid_time_max_s:g} s"
+    return ""

@@ -1,0 +1,187 @@
+"""The one table of parameters: the fields of ``Config`` with name, default, range, unit and meaning.
+
+A tick reads the fields; ground sees the names. All travel as MAVLink REAL32.
+"""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, NamedTuple, get_type_hints
+
+
+class Doc(NamedTuple):
+    name: str
+    minimum: float
+    maximum: float
+    unit: str
+    doc: str
+
+
+class Config(NamedTuple):
+    """Every parameter as a tick reads it. Gains are the paper's Table 3, initial column."""
+
+    system_id: Annotated[int, Doc("MAV_SYS_ID", 1, 255, "", "MAVLink system id, read at the start")] = 1
+
+    heading_p: Annotated[float, Doc("HDG_P", 0, 5, "rad/rad", "Rudder per heading error")] = 0.65
+    heading_d: Annotated[float, Doc("HDG_D", 0, 10, "s", "Rudder per yaw rate")] = 1.5
+    heading_i: Annotated[float, Doc("HDG_I", 0, 1, "1/s", "Rudder rate per heading error")] = 0.001
+    heading_i_max: Annotated[float, Doc("HDG_IMAX", 0, 0.26, "rad", "Limit of the heading integrator")] = 0.01
+    pitch_p: Annotated[float, Doc("PTCH_P", 0, 5, "rad/rad", "Elevator per pitch error")] = 0.8
+    pitch_d: Annotated[float, Doc("PTCH_D", 0, 10, "s", "Elevator per pitch rate")] = 1.9
+    pitch_i: Annotated[float, Doc("PTCH_I", 0, 1, "1/s", "Elevator rate per pitch error")] = 0.0
+    pitch_i_max: Annotated[float, Doc("PTCH_IMAX", 0, 0.26, "rad", "Limit of the pitch integrator")] = 0.0
+    depth_p: Annotated[float, Doc("DPT_P", 0, 2, "rad/m", "Pitch per depth error")] = 0.13
+    depth_d: Annotated[float, Doc("DPT_D", 0, 5, "rad s/m", "Pitch per depth rate")] = 0.0
+    depth_i: Annotated[float, Doc("DPT_I", 0, 1, "rad/(m s)", "Pitch rate per depth error")] = 0.001
+    depth_i_max: Annotated[float, Doc("DPT_IMAX", 0, 0.5, "rad", "Limit of the depth integrator")] = 0.004
+    pitch_limit_deg: Annotated[float, Doc("PTCH_LIM_DEG", 1, 60, "deg", "Largest pitch the depth loop may ask")] = 20.0
+
+    rudder_trim_deg: Annotated[float, Doc("TRIM_RUD_DEG", -15, 15, "deg", "Rudder that holds a straight course")] = 0.0
+    elevator_trim_deg: Annotated[float, Doc("TRIM_ELE_DEG", -15, 15, "deg", "Elevator that holds a level run")] = 0.0
+    travel_deg: Annotated[float, Doc("ACT_TRAVEL_DEG", 1, 45, "deg", "Duct travel at full control")] = 15.0
+    cruise_thrust_pct: Annotated[float, Doc("THR_CRUISE_PCT", 0, 100, "%", "Thrust where a mission gives none")] = 58.0
+    cruise_speed_mps: Annotated[float, Doc("SPD_CRUISE_MPS", 0.1, 5, "m/s", "Speed at cruise thrust")] = 1.3
+    speed_length_m: Annotated[float, Doc("SPD_LENGTH_M", 1, 500, "m", "Mass over drag: way to reach a speed")] = 38.0
+
+    declination_deg: Annotated[
+        float, Doc("MAG_DECL_DEG", -180, 180, "deg", "Magnetic declination, east positive")
+    ] = -14.4
+    attitude_gain: Annotated[float, Doc("EST_ATT_GAIN", 0, 5, "1/s", "Pull of the accelerometer on attitude")] = 0.15
+    heading_gain: Annotated[float, Doc("EST_HDG_GAIN", 0, 5, "1/s", "Pull of the magnetometer on heading")] = 0.15
+    bias_gain: Annotated[float, Doc("EST_BIAS_GAIN", 0, 1, "1/s2", "Speed of the gyro bias estimate")] = 0.005
+    depth_time_s: Annotated[float, Doc("EST_DPT_TIME", 0.05, 10, "s", "Time constant of the depth estimate")] = 0.7
+    surface_pressure_hpa: Annotated[float, Doc("EST_SURF_HPA", 800, 1100, "hPa", "Air pressure at the surface")] = (
+        1013.25
+    )
+    water_density_kgpm3: Annotated[float, Doc("EST_DENSITY", 950, 1100, "kg/m3", "Density of the water")] = 1025.0
+
+    surfaced_depth_m: Annotated[float, Doc("SURF_DEPTH_M", 0.1, 3, "m", "Shallower than this is surfaced")] = 0.5
+    mission_end: Annotated[int, Doc("MIS_END_ACT", 0, 2, "", "After a mission: 0 HOLD, 1 SURFACE, 2 disarm")] = 1
+    mission_seq0_home: Annotated[int, Doc("MIS_SEQ0_HOME", 0, 1, "", "1: item 0 is home and is not flown")] = 0
+
+    fs_depth_m: Annotated[float, Doc("FS_DEPTH_M", 1, 6000, "m", "Deeper than this: surface")] = 18.0
+    fs_altitude_m: Annotated[float, Doc("FS_ALT_M", 0, 100, "m", "Closer to the sea floor: surface; 0 off")] = 1.0
+    fs_pitch_deg: Annotated[float, Doc("FS_PITCH_DEG", 10, 90, "deg", "Steeper than this: surface")] = 75.0
+    fs_time_s: Annotated[float, Doc("FS_TIME_S", 0, 864_000, "s", "Longest armed time: surface; 0 off")] = 7200.0
+    fs_ground_s: Annotated[float, Doc("FS_GCS_TIMEOUT", 0, 86_400, "s", "Wall time without ground: surface; 0 off")] = (
+        0.0
+    )
+
+    sid_axis: Annotated[int, Doc("SID_AXIS", 0, 13, "", "Test axis: 0 none, 11 elevator, 12 rudder")] = 0
+    sid_magnitude_deg: Annotated[float, Doc("SID_MAGNITUDE", -15, 15, "deg", "Size of the test, from trim")] = 3.0
+    sid_start_hz: Annotated[float, Doc("SID_F_START_HZ", 0.001, 10, "Hz", "First frequency of a chirp")] = 0.02
+    sid_stop_hz: Annotated[float, Doc("SID_F_STOP_HZ", 0.001, 10, "Hz", "Last frequency of a chirp")] = 0.5
+    sid_fade_in_s: Annotated[float, Doc("SID_T_FADE_IN", 0, 20, "s", "Fade at both ends of a test")] = 0.0
+    sid_record_s: Annotated[float, Doc("SID_T_REC", 1, 600, "s", "Length of a test")] = 20.0
+    sid_wave: Annotated[int, Doc("SID_WAVE", 0, 4, "", "0 chirp, 1 step, 2 doublet")] = 1
+    sid_depth_min_m: Annotated[float, Doc("SID_DEPTH_MIN", 0, 100, "m", "Shallower than this stops a test")] = 1.0
+    sid_depth_max_m: Annotated[float, Doc("SID_DEPTH_MAX", 1, 6000, "m", "Deeper than this stops a test")] = 15.0
+    sid_altitude_min_m: Annotated[float, Doc("SID_ALT_MIN", 0, 100, "m", "Closer to the floor stops a test")] = 3.0
+    sid_pitch_max_deg: Annotated[float, Doc("SID_PITCH_MAX", 1, 90, "deg", "Steeper than this stops a test")] = 35.0
+    sid_heading_max_deg: Annotated[float, Doc("SID_HDG_MAX", 1, 180, "deg", "More heading change stops a test")] = 180.0
+    sid_time_max_s: Annotated[float, Doc("SID_TIME_MAX", 1, 600, "s", "Longest a test may last")] = 120.0
+
+
+class Parameter(NamedTuple):
+    """One row of the table as ground sees it."""
+
+    name: str
+    field: str
+    default: float
+    minimum: float
+    maximum: float
+    unit: str
+    doc: str
+    integer: bool
+
+
+class ParamError(ValueError):
+    """A parameter that does not exist or a value out of range; the message says what would be right."""
+
+
+def _table() -> tuple[Parameter, ...]:
+    rows = []
+    for field, hint in get_type_hints(Config, include_extras=True).items():
+        doc: Doc = hint.__metadata__[0]
+        default = Config._field_defaults[field]
+        integer = hint.__origin__ is int
+        rows.append(Parameter(doc.name, field, default, doc.minimum, doc.maximum, doc.unit, doc.doc, integer))
+    return tuple(sorted(rows))
+
+
+PARAMETERS = _table()
+"""Every parameter, sorted by name."""
+
+_BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
+
+
+def validate(name: str, value: float) -> float:
+    """The value as it will be stored (integers rounded).
+
+    Raises:
+        ParamError: the parameter does not exist, or the value is no number or out of range.
+    """
+    row = _BY_NAME.get(name)
+    if row is None:
+        raise ParamError(f"parameter {name} does not exist")
+    if not math.isfinite(value) or not row.minimum <= value <= row.maximum:
+        raise ParamError(f"{name} = {value:g}: must be {row.minimum:g} to {row.maximum:g} {row.unit}".rstrip())
+    return float(round(value)) if row.integer else value
+
+
+def config(values: Mapping[str, float]) -> Config:
+    """The configuration with ``values`` (by parameter name) in place of the defaults. Raises ParamError."""
+    fields = {}
+    for name, value in values.items():
+        stored = validate(name, value)
+        row = _BY_NAME[name]
+        fields[row.field] = int(stored) if row.integer else stored
+    return Config(**fields)  # type: ignore[arg-type]
+
+
+class ParamTable:
+    """The values in force, by name; ``config`` is what the tick reads."""
+
+    def __init__(self, values: Mapping[str, float] | None = None) -> None:
+        self.config = config(values or {})
+
+    def names(self) -> list[str]:
+        return list(_BY_NAME)
+
+    def get(self, name: str) -> float:
+        """The value in force. Raises ParamError where there is no such parameter."""
+        if name not in _BY_NAME:
+            raise ParamError(f"parameter {name} does not exist")
+        return float(getattr(self.config, _BY_NAME[name].field))
+
+    def set(self, name: str, value: float) -> float:
+        """Put a value in force; returns it as stored. Raises ParamError, and then nothing has changed."""
+        stored = validate(name, value)
+        row = _BY_NAME[name]
+        self.config = self.config._replace(**{row.field: int(stored) if row.integer else stored})  # type: ignore[arg-type]
+        return stored
+
+
+def load(path: Path) -> dict[str, float]:
+    """Read a parameter file: lines of ``NAME,VALUE`` or ``NAME VALUE``, ``#`` starts a comment.
+
+    Raises:
+        ParamError: naming file, line, and what is wrong with it.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ParamError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+    values: dict[str, float] = {}
+    for number, line in enumerate(lines, 1):
+        words = line.split("#", 1)[0].replace(",", " ").split()
+        if not words:
+            continue
+        try:
+            name, text = words
+            values[name] = validate(name, float(text))
+        except ParamError as error:
+            raise ParamError(f"{path}:{number}: {error}") from None
+        except ValueError:
+            raise ParamError(f"{path}:{number}: expected NAME,VALUE, not {line.strip()!r}") from None
+    return values

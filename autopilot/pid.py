@@ -1,0 +1,28 @@
+"""One PID with the derivative from a measured rate and an integrator that stops where its actuator does."""
+
+from typing import NamedTuple
+
+
+class Gains(NamedTuple):
+    p: float
+    d: float
+    i: float
+    i_max: float
+    """Limit of the integrator, in the unit of the output."""
+
+
+def pid(
+    error: float, rate: float, gains: Gains, integral: float, dt_s: float, low: float, high: float
+) -> tuple[float, float]:
+    """The output within [low, high], and the integral to hand to the next call.
+
+    ``rate`` is the measured rate of the controlled quantity, so that a new set-point causes no kick. The integral
+    is kept in the output's unit, so that new gains cause no bump, and stands still while the output is at a limit
+    and the error pushes further out (conditional anti-windup, Astrom and Murray 2008, section 10.4).
+    """
+    wanted = gains.p * error - gains.d * rate + integral
+    output = min(high, max(low, wanted))
+    pushes_out = (wanted > high and error > 0.0) or (wanted < low and error < 0.0)
+    if not pushes_out:
+        integral = min(gains.i_max, max(-gains.i_max, integral + gains.i * error * dt_s))
+    return output, integral

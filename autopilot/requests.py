@@ -1,0 +1,60 @@
+"""What a ground station may ask of the vehicle, as data: ``core.request`` answers each at once."""
+
+from typing import NamedTuple
+
+from link.missions import MissionItem
+
+
+class Arm(NamedTuple):
+    force: bool = False
+    """Skip the pre-arm checks."""
+
+
+class Disarm(NamedTuple):
+    force: bool = False
+    """Also under way."""
+
+
+class SetMode(NamedTuple):
+    number: int
+    """``custom_mode`` of modes.py."""
+
+
+class StartTest(NamedTuple):
+    """An open-loop excitation, as MAV_CMD_USER_1 carries it."""
+
+    axis: int
+    magnitude_deg: float
+    start_hz: float
+    stop_hz: float
+    duration_s: float
+    wave: int
+    fade_s: float
+
+
+class StopTest(NamedTuple):
+    pass
+
+
+class LoadMission(NamedTuple):
+    items: tuple[MissionItem, ...]
+
+
+class SetMissionItem(NamedTuple):
+    sequence: int
+
+
+class ChangeTarget(NamedTuple):
+    """New set-points where given; None keeps what is in force."""
+
+    depth_m: float | None = None
+    heading_rad: float | None = None
+    thrust: float | None = None
+
+
+class SetHome(NamedTuple):
+    lat_deg: float
+    lon_deg: float
+
+
+Request = Arm | Disarm | SetMode | StartTest | StopTest | LoadMission | SetMissionItem | ChangeTarget | SetHome

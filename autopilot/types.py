@@ -1,0 +1,200 @@
+"""What goes into a tick and what comes out. Body axes FRD, world NED, depth positive down, SI and radians."""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+from link.frames import Quaternion
+from link.missions import MissionItem
+from link.records import Altimeter, GpsFix, SensorFrame
+
+
+class Severity(IntEnum):
+    """MAV_SEVERITY."""
+
+    EMERGENCY = 0
+    ALERT = 1
+    CRITICAL = 2
+    ERROR = 3
+    WARNING = 4
+    NOTICE = 5
+    INFO = 6
+    DEBUG = 7
+
+
+class Event(NamedTuple):
+    """Something a person should read: goes out as STATUSTEXT."""
+
+    severity: Severity
+    text: str
+
+
+class ItemReached(NamedTuple):
+    """A mission item was completed: goes out as MISSION_ITEM_REACHED."""
+
+    sequence: int
+
+
+class Inputs(NamedTuple):
+    """What one tick may know of the world."""
+
+    sensors: SensorFrame
+    gps: GpsFix | None
+    """The newest fix, None when none came since the last tick."""
+    altimeter: Altimeter | None
+    """The newest range, None when none came since the last tick."""
+    ground_silent_s: float | None
+    """Wall seconds since a ground station was last heard; None before the first."""
+    stick: "Stick | None" = None
+    """MANUAL_CONTROL, when a pilot steers."""
+
+
+class Stick(NamedTuple):
+    """A pilot's hand: each in [-1, 1], as the actuator channels."""
+
+    rudder: float
+    elevator: float
+    thrust: float
+
+
+class Estimate(NamedTuple):
+    """Where the vehicle is and how it moves, as far as its sensors tell."""
+
+    attitude: Quaternion = (1.0, 0.0, 0.0, 0.0)
+    """Body to NED, scalar first."""
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    heading_rad: float = 0.0
+    """Clockwise from true north, in [-pi, pi)."""
+    p_radps: float = 0.0
+    q_radps: float = 0.0
+    r_radps: float = 0.0
+    """Body rates with the estimated gyro bias taken off."""
+    gyro_bias_radps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    depth_m: float = 0.0
+    depth_rate_mps: float = 0.0
+    accel_bias_mps2: float = 0.0
+    """Of the vertical channel."""
+    speed_mps: float = 0.0
+    """Forward, through the water, by the thrust."""
+    north_m: float = 0.0
+    east_m: float = 0.0
+    """By dead reckoning from home; set to the satellite fix at the surface."""
+    north_rate_mps: float = 0.0
+    east_rate_mps: float = 0.0
+    position_sd_m: float = 0.0
+    """One standard deviation of the horizontal position."""
+    altitude_m: float | None = None
+    """Above the sea floor; None where the altimeter sees none."""
+    altitude_time_us: int = 0
+    initialised: bool = False
+
+
+class Setpoint(NamedTuple):
+    """What the loops are asked for."""
+
+    depth_m: float = 0.0
+    heading_rad: float = 0.0
+    thrust: float = 0.0
+    """Fraction of full thrust."""
+    pitch_rad: float | None = None
+    """Given only where the depth loop is open and the pitch loop closed."""
+
+
+class LoopMemory(NamedTuple):
+    """The integrators, in the unit of their loop's output, so that new gains cause no bump."""
+
+    heading_rad: float = 0.0
+    pitch_rad: float = 0.0
+    depth_rad: float = 0.0
+
+
+class Test(NamedTuple):
+    """An open-loop excitation: what is played, since when, and from where the envelope is counted."""
+
+    axis: int
+    magnitude_rad: float
+    start_hz: float
+    stop_hz: float
+    duration_s: float
+    wave: int
+    fade_s: float
+    started_us: int
+    heading_rad: float
+    """Held by the loop that stays closed, and the reference of the heading envelope."""
+    depth_m: float
+
+
+class MissionState(NamedTuple):
+    """The uploaded items and how far the vehicle has come."""
+
+    items: tuple[MissionItem, ...] = ()
+    current: int = 0
+    """The item being done; ``len(items)`` when all are."""
+    entered_us: int | None = None
+    """When the current item was begun; None before that."""
+    jumps: tuple[tuple[int, int], ...] = ()
+    """How often each DO_JUMP (by sequence) was taken."""
+    reached: int = -1
+    paused: Setpoint | None = None
+    """The set-points in force when another mode took over, for the way back."""
+
+
+class Home(NamedTuple):
+    """The point of the surface where north, east and depth are zero."""
+
+    lat_deg: float = 0.0
+    lon_deg: float = 0.0
+    known: bool = False
+
+
+class State(NamedTuple):
+    """All that a tick hands to the next."""
+
+    time_us: int = -1
+    """Vehicle time of the last tick; -1 before the first."""
+    mode: int = 50_593_792
+    """``custom_mode`` of the table in modes.py; HOLD at the start."""
+    armed: bool = False
+    estimate: Estimate = Estimate()
+    setpoint: Setpoint = Setpoint()
+    loops: LoopMemory = LoopMemory()
+    mission: MissionState = MissionState()
+    test: Test | None = None
+    failsafe: str = ""
+    """The cause of the failsafe in force; empty when there is none."""
+    home: Home = Home()
+    armed_us: int = 0
+    mode_us: int = 0
+    """When the vehicle was armed, and when it took its mode."""
+    thrust: float = 0.0
+    """Last commanded, as a fraction of full."""
+
+
+class Trace(NamedTuple):
+    """The inside of the loops in one tick, for telemetry and tests."""
+
+    heading_error_rad: float = 0.0
+    pitch_error_rad: float = 0.0
+    depth_error_m: float = 0.0
+    """Wanted minus actual."""
+    pitch_setpoint_rad: float = 0.0
+    excitation_rad: float = 0.0
+    excitation_hz: float = 0.0
+    rudder_rad: float = 0.0
+    elevator_rad: float = 0.0
+    thrust: float = 0.0
+    """Commanded, after limits."""
+
+
+class Answer(NamedTuple):
+    """What became of a request: a MAV_RESULT and, where it was refused, why."""
+
+    result: int
+    text: str = ""
+
+
+US_PER_S = 1_000_000
+"""Vehicle time is counted in whole microseconds."""
+
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
+"""MAV_RESULT."""
