@@ -1,0 +1,225 @@
+"""Vehicle files: TOML, strictly decoded. Keys carry their units; an unknown or impossible value is refused by name."""
+
+from __future__ import annotations
+
+import tomllib
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta, Struct
+
+SHIPPED = ("bench", "field")
+"""Vehicles that need no path."""
+
+Positive = Annotated[float, Meta(gt=0)]
+NonNegative = Annotated[float, Meta(ge=0)]
+Negative = Annotated[float, Meta(lt=0)]
+Fraction = Annotated[float, Meta(gt=0, lt=1)]
+FullFraction = Annotated[float, Meta(gt=0, le=1)]
+
+
+class VehicleError(ValueError):
+    """A vehicle file that cannot be used; the message is one line naming file, key, value and what would be right."""
+
+
+class Table(Struct, frozen=True, forbid_unknown_fields=True):
+    """A TOML table whose every key is known."""
+
+
+class Water(Table, frozen=True):
+    density_kgpm3: Positive
+    gravity_mps2: Positive
+
+
+class HullGeometry(Table, frozen=True):
+    """Series 58 body of revolution, cut at its maximum section for a cylindrical mid-body."""
+
+    base_length_m: Positive
+    diameter_m: Positive
+    midbody_length_m: NonNegative
+    nose_radius: Positive
+    tail_radius: NonNegative
+    prismatic: Fraction
+    max_section: Fraction
+
+
+class Ballast(Table, frozen=True):
+    """Mass and where it sits; positions in FLU axes from mid-length."""
+
+    mass_kg: Positive
+    net_buoyancy_n: float
+    x_cm_m: float
+    y_cm_m: float
+    x_cb_m: float
+    z_cb_m: float
+
+
+class OperatingPoint(Table, frozen=True):
+    """Where ``linear`` holds."""
+
+    speed_mps: Positive
+    thrust_fraction: FullFraction
+    thrust_n: Positive
+
+
+class Coefficients(Table, frozen=True):
+    """Linear model at the operating point in the paper's axes: Table 1's column, under its own symbols."""
+
+    Y_v_kgps: float
+    N_v_kgmps: float
+    Y_r_kgmps: float
+    N_r_kgm2ps: float
+    Y_dr_nprad: float
+    N_dr_nmprad: float
+    Y_vdot_kg: Negative
+    I_zz_kgm2: Positive
+    N_rdot_kgm2: Negative
+    Z_w_kgps: float
+    M_w_kgmps: float
+    Z_q_kgmps: float
+    M_q_kgm2ps: float
+    Z_de_nprad: float
+    M_de_nmprad: float
+    Z_wdot_kg: Negative
+    I_yy_kgm2: Positive
+    M_qdot_kgm2: Negative
+    z_CM_m: float
+
+
+class DuctGeometry(Table, frozen=True):
+    x_m: Negative
+    diameter_m: Positive
+    chord_m: Positive
+    lift_slope_per_rad: Positive
+    lift_quadratic_per_rad2: NonNegative
+    drag_zero_lift: NonNegative
+    oswald: FullFraction
+    stall_deg: Annotated[float, Meta(gt=0, lt=90)]
+    separated_deg: Annotated[float, Meta(gt=0, lt=90)]
+    separated_normal: NonNegative
+
+    @property
+    def aspect_ratio(self) -> float:
+        """Diameter over chord."""
+        return self.diameter_m / self.chord_m
+
+    @property
+    def area_m2(self) -> float:
+        """Effective area, diameter times chord (the paper's A_eff)."""
+        return self.diameter_m * self.chord_m
+
+
+class PropellerCurve(Table, frozen=True):
+    """K_T = kt_bollard - kt_slope J, with J on the inflow after the wake."""
+
+    diameter_m: Positive
+    kt_bollard: Positive
+    kt_slope: Positive
+    wake_fraction: Annotated[float, Meta(ge=0, lt=1)]
+
+
+class Damping(Table, frozen=True):
+    crossflow_cd: NonNegative
+    roll_linear_nms: NonNegative
+    roll_quadratic_nms2: NonNegative
+
+
+class Tailcone(Table, frozen=True):
+    """Actuator of the duct, alike in rudder and elevator but for the bias."""
+
+    natural_frequency_radps: Positive
+    damping_ratio: Positive
+    delay_s: NonNegative
+    travel_deg: Annotated[float, Meta(gt=0, lt=90)]
+    rate_degps: Positive
+    rudder_bias_deg: float
+    elevator_bias_deg: float
+
+
+class VehicleConfig(Table, frozen=True):
+    """One vehicle file."""
+
+    name: Annotated[str, Meta(min_length=1)]
+    water: Water
+    hull: HullGeometry
+    ballast: Ballast
+    operating_point: OperatingPoint
+    linear: Coefficients
+    duct: DuctGeometry
+    propeller: PropellerCurve
+    damping: Damping
+    tailcone: Tailcone
+
+
+def load(name_or_path: str | Path) -> VehicleConfig:
+    """Read a shipped vehicle by name, or a vehicle file by path.
+
+    Raises ``VehicleError`` for a missing file, bad TOML, an unknown or missing key, or a value out of range.
+    """
+    path = Path(__file__).with_name(f"{name_or_path}.toml") if name_or_path in SHIPPED else Path(name_or_path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        raise VehicleError(f"{path}: cannot be read ({reason}); give {' or '.join(SHIPPED)}, or a TOML file") from None
+    return parse(text, path.name if name_or_path in SHIPPED else str(path))
+
+
+def parse(text: str, source: str) -> VehicleConfig:
+    """Decode a vehicle file's ``text``; ``source`` names it in errors. Raises ``VehicleError``."""
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise VehicleError(f"{source}: not valid TOML: {error}") from None
+    _refuse_unknown_and_not_finite(tables, VehicleConfig, source, "")
+    try:
+        config = msgspec.convert(tables, VehicleConfig)
+    except msgspec.ValidationError as error:
+        raise VehicleError(_explain(error, tables, source)) from None
+    _refuse_contradictions(config, source)
+    return config
+
+
+def _refuse_unknown_and_not_finite(table: dict[str, Any], kind: type[Struct], source: str, prefix: str) -> None:
+    """msgspec names neither the keys that would be right nor numbers that are not finite; TOML allows inf and nan."""
+    fields = {field.name: field.type for field in msgspec.structs.fields(kind)}
+    for key, value in table.items():
+        if key not in fields:
+            raise VehicleError(f"{source}: {prefix}{key} = {value!r}: unknown key; known here: {', '.join(fields)}")
+        if isinstance(value, float) and not isfinite(value):
+            raise VehicleError(f"{source}: {prefix}{key} = {value}: expected a finite number")
+        if isinstance(value, dict) and isinstance(fields[key], type):
+            _refuse_unknown_and_not_finite(value, fields[key], source, f"{prefix}{key}.")
+
+
+def _explain(error: msgspec.ValidationError, tables: dict[str, Any], source: str) -> str:
+    """msgspec's "Expected `float` > 0 - at `$.hull.diameter_m`" with file, key and value in front."""
+    what, _, where = str(error).partition(" - at `$")
+    what = what.replace("`", "")
+    key = where.rstrip("`").lstrip(".")
+    value: Any = tables
+    for part in filter(None, key.split(".")):
+        value = value[part]
+    if isinstance(value, dict) and what.startswith("Object missing"):
+        return f"{source}: {key or 'top level'}: {what.replace('Object missing required field', 'missing key')}"
+    return f"{source}: {key} = {value!r}: {what[0].lower()}{what[1:]}"
+
+
+def _refuse_contradictions(config: VehicleConfig, source: str) -> None:
+    """Values that are each in range but cannot stand together."""
+    duct, propeller = config.duct, config.propeller
+    if duct.separated_deg <= duct.stall_deg:
+        raise VehicleError(
+            f"{source}: duct.separated_deg = {duct.separated_deg}: expected more than duct.stall_deg = {duct.stall_deg}"
+        )
+    if propeller.diameter_m >= duct.diameter_m:
+        raise VehicleError(
+            f"{source}: propeller.diameter_m = {propeller.diameter_m}: "
+            f"expected less than duct.diameter_m = {duct.diameter_m}, it turns inside"
+        )
+    if config.ballast.net_buoyancy_n <= -config.ballast.mass_kg * config.water.gravity_mps2:
+        raise VehicleError(
+            f"{source}: ballast.net_buoyancy_n = {config.ballast.net_buoyancy_n}: expected more than minus the weight"
+        )

@@ -1,0 +1,195 @@
+"""Six-degree-of-freedom equations of motion and their integration.
+
+State vector, 13 floats: ``[0:3]`` position NWU (m), ``[3:7]`` quaternion w, x, y, z turning body FLU into NWU,
+``[7:13]`` nu = (u, v, w, p, q, r) **over ground** in body axes (m/s, rad/s).
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from sitl.vehicle import duct, hydrodynamics, propeller, restoring
+from sitl.vehicle.kernel import Vector, Vector3, Wrench, kernel
+from sitl.vehicle.model import Inertia, Model
+
+STATE_SIZE = 13
+POSITION = slice(0, 3)
+QUATERNION = slice(3, 7)
+NU = slice(7, 13)
+STAGES = 5
+"""Rows of the work array of ``rk4_step``: four slopes and the state between."""
+
+
+def state_at_rest(z_up_m: float = 0.0) -> Vector:
+    """State, shape (13,), of a level vehicle heading north, at rest ``z_up_m`` above the surface."""
+    state = np.zeros(STATE_SIZE)
+    state[2] = z_up_m
+    state[3] = 1.0
+    return state
+
+
+def work_array() -> Vector:
+    """Scratch space for ``rk4_step``, shape (5, 13); make it once, outside the loop."""
+    return np.empty((STAGES, STATE_SIZE))
+
+
+@kernel
+def rotation(state: Vector) -> tuple[Vector3, Vector3, Vector3]:
+    """Rows of R, body FLU to NWU; its last row is the inertial z axis in body axes (Fossen 2021, eq. 2.72)."""
+    w, x, y, z = state[3], state[4], state[5], state[6]
+    return (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+
+
+@kernel
+def coriolis(nu: Wrench, inertia: Inertia) -> Wrench:
+    """-C(nu) nu of body and entrained water together, N and N m; does no work.
+
+    Kirchhoff's equations (Lamb 1932, sec. 124): momenta (P, H) = M nu give the wrench -(omega x P, omega x H + v x P).
+    """
+    u, v, w, p, q, r = nu
+    M = inertia.M
+    px = M[0, 0] * u + M[0, 1] * v + M[0, 2] * w + M[0, 3] * p + M[0, 4] * q + M[0, 5] * r
+    py = M[1, 0] * u + M[1, 1] * v + M[1, 2] * w + M[1, 3] * p + M[1, 4] * q + M[1, 5] * r
+    pz = M[2, 0] * u + M[2, 1] * v + M[2, 2] * w + M[2, 3] * p + M[2, 4] * q + M[2, 5] * r
+    hx = M[3, 0] * u + M[3, 1] * v + M[3, 2] * w + M[3, 3] * p + M[3, 4] * q + M[3, 5] * r
+    hy = M[4, 0] * u + M[4, 1] * v + M[4, 2] * w + M[4, 3] * p + M[4, 4] * q + M[4, 5] * r
+    hz = M[5, 0] * u + M[5, 1] * v + M[5, 2] * w + M[5, 3] * p + M[5, 4] * q + M[5, 5] * r
+    return (
+        r * py - q * pz,
+        p * pz - r * px,
+        q * px - p * py,
+        (r * hy - q * hz) + (w * py - v * pz),
+        (p * hz - r * hx) + (u * pz - w * px),
+        (q * hx - p * hy) + (v * px - u * py),
+    )
+
+
+@kernel
+def tail(nu: Wrench, axis: Vector3, shaft_rps: float, immersed: float, model: Model) -> Wrench:
+    """Ring wing and propeller, both at the duct and along or about its axis, N and N m about the origin."""
+    u, v, w, _, q, r = nu
+    x = model.duct.x_m
+    velocity = (u, v + x * r, w - x * q)
+    fx, fy, fz = duct.force(velocity, axis, model.duct)
+    along = velocity[0] * axis[0] + velocity[1] * axis[1] + velocity[2] * axis[2]
+    thrust = propeller.thrust_n(shaft_rps, along, model.propeller)
+    X = immersed * (fx + thrust * axis[0])
+    Y = immersed * (fy + thrust * axis[1])
+    Z = immersed * (fz + thrust * axis[2])
+    return X, Y, Z, 0.0, -x * Z, x * Y
+
+
+@kernel
+def _slope(
+    state: Vector, axis: Vector3, rudder_rad: float, elevator_rad: float, propeller_rps: float, disturbance: Vector,
+    current_nwu: Vector, model: Model, out: Vector,
+) -> None:  # fmt: skip
+    """State derivative for a duct whose axis is already known; see ``derivative``."""
+    row_x, row_y, row_z = rotation(state)
+    u, v, w, p, q, r = state[7], state[8], state[9], state[10], state[11], state[12]
+
+    # Current in body axes, R^T c, and the velocity through the water.
+    c_n, c_w, c_u = current_nwu[0], current_nwu[1], current_nwu[2]
+    c_x = row_x[0] * c_n + row_y[0] * c_w + row_z[0] * c_u
+    c_y = row_x[1] * c_n + row_y[1] * c_w + row_z[1] * c_u
+    c_z = row_x[2] * c_n + row_y[2] * c_w + row_z[2] * c_u
+    nu_r = (u - c_x, v - c_y, w - c_z, p, q, r)
+
+    inertial = coriolis(nu_r, model.inertia)
+    static = restoring.wrench(state[2], row_z, model.hydrostatics, model.stations)
+    drag = hydrodynamics.crossflow_drag(nu_r[1], nu_r[2], q, r, model.stations)
+    lift = hydrodynamics.lift_and_drag(nu_r[0], nu_r[1], nu_r[2], p, q, r, model.hull)
+    immersed = restoring.immersion(state[2] + row_z[0] * model.duct.x_m, model.duct.radius_m)
+    thrust = tail(nu_r, axis, propeller_rps, immersed, model)
+    turned = hydrodynamics.duct_interaction(nu_r[0], rudder_rad, elevator_rad, model.hull)
+
+    t0 = inertial[0] + static[0] + drag[0] + lift[0] + thrust[0] + immersed * turned[0] + disturbance[0]
+    t1 = inertial[1] + static[1] + drag[1] + lift[1] + thrust[1] + immersed * turned[1] + disturbance[1]
+    t2 = inertial[2] + static[2] + drag[2] + lift[2] + thrust[2] + immersed * turned[2] + disturbance[2]
+    t3 = inertial[3] + static[3] + drag[3] + lift[3] + thrust[3] + immersed * turned[3] + disturbance[3]
+    t4 = inertial[4] + static[4] + drag[4] + lift[4] + thrust[4] + immersed * turned[4] + disturbance[4]
+    t5 = inertial[5] + static[5] + drag[5] + lift[5] + thrust[5] + immersed * turned[5] + disturbance[5]
+
+    out[0] = row_x[0] * u + row_x[1] * v + row_x[2] * w
+    out[1] = row_y[0] * u + row_y[1] * v + row_y[2] * w
+    out[2] = row_z[0] * u + row_z[1] * v + row_z[2] * w
+
+    e0, e1, e2, e3 = state[3], state[4], state[5], state[6]
+    out[3] = -0.5 * (e1 * p + e2 * q + e3 * r)
+    out[4] = 0.5 * (e0 * p + e2 * r - e3 * q)
+    out[5] = 0.5 * (e0 * q + e3 * p - e1 * r)
+    out[6] = 0.5 * (e0 * r + e1 * q - e2 * p)
+
+    W = model.inertia.M_inverse
+    for i in range(6):
+        out[7 + i] = W[i, 0] * t0 + W[i, 1] * t1 + W[i, 2] * t2 + W[i, 3] * t3 + W[i, 4] * t4 + W[i, 5] * t5
+    # nu' = nu_r' + d(R^T c)/dt = nu_r' - omega x R^T c in a steady uniform current (Fossen 2021, sec. 10.3).
+    out[7] -= q * c_z - r * c_y
+    out[8] -= r * c_x - p * c_z
+    out[9] -= p * c_y - q * c_x
+
+
+@kernel
+def derivative(
+    state: Vector, rudder_rad: float, elevator_rad: float, propeller_rps: float, disturbance: Vector,
+    current_nwu: Vector, model: Model, out: Vector,
+) -> None:  # fmt: skip
+    """Write d(state)/dt, shape (13,), into ``out``.
+
+    ``rudder_rad`` and ``elevator_rad`` are true duct angles: positive rudder turns the nose to starboard, positive
+    elevator lifts it. ``propeller_rps`` is in rev/s. ``disturbance``, shape (6,), is an extra wrench on the body in FLU
+    axes about the origin, N and N m. ``current_nwu``, shape (3,), is the water's velocity in NWU, m/s, steady and
+    uniform over the hull.
+
+    (M_RB + M_A) nu_r' = -C(nu_r) nu_r + hydrostatics + crossflow + hull + duct + thrust + disturbance.
+    The rigid body may be written in nu_r because a steady uniform current is a change of inertial frame.
+    """
+    axis = duct.ring_axis(rudder_rad, elevator_rad)
+    _slope(state, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, current_nwu, model, out)
+
+
+@kernel
+def rk4_step(
+    state: Vector, rudder_rad: float, elevator_rad: float, propeller_rps: float, disturbance: Vector,
+    current_nwu: Vector, dt: float, model: Model, work: Vector,
+) -> None:  # fmt: skip
+    """Advance ``state`` in place by ``dt`` seconds, inputs held; classical Runge-Kutta of order four.
+
+    Arguments as for ``derivative``; ``work`` is a ``work_array()``. The step ends by normalising the quaternion.
+    """
+    axis = duct.ring_axis(rudder_rad, elevator_rad)
+    k1, k2, k3, k4, between = work[0], work[1], work[2], work[3], work[4]
+    _slope(state, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, current_nwu, model, k1)
+    for i in range(STATE_SIZE):
+        between[i] = state[i] + 0.5 * dt * k1[i]
+    _slope(between, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, current_nwu, model, k2)
+    for i in range(STATE_SIZE):
+        between[i] = state[i] + 0.5 * dt * k2[i]
+    _slope(between, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, current_nwu, model, k3)
+    for i in range(STATE_SIZE):
+        between[i] = state[i] + dt * k3[i]
+    _slope(between, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, current_nwu, model, k4)
+    for i in range(STATE_SIZE):
+        state[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+    norm = sqrt(state[3] * state[3] + state[4] * state[4] + state[5] * state[5] + state[6] * state[6])
+    for i in range(3, 7):
+        state[i] /= norm
+
+
+@kernel
+def specific_force(state: Vector, rate: Vector, model: Model) -> Vector3:
+    """What an accelerometer at the origin reads, FLU axes, m/s2: v' + omega x v - g, ``rate`` from ``derivative``."""
+    _, _, up = rotation(state)
+    u, v, w, p, q, r = state[7], state[8], state[9], state[10], state[11], state[12]
+    g = model.hydrostatics.gravity_mps2
+    return (
+        rate[7] + q * w - r * v + g * up[0],
+        rate[8] + r * u - p * w + g * up[1],
+        rate[9] + p * v - q * u + g * up[2],
+    )

@@ -1,0 +1,36 @@
+"""How every numerical kernel of the simulator is compiled: numba, cached on disk, IEEE arithmetic.
+
+``fastmath`` stays off: mirror symmetry to rounding and byte-identical runs rest on the order of operations as written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+Vector = NDArray[np.float64]
+Vector3 = tuple[float, float, float]
+Wrench = tuple[float, float, float, float, float, float]
+"""Generalised force (X, Y, Z, K, M, N) on the body in FLU axes about the origin, N and N m."""
+
+_NEWEST_PHYSICS_NS = max(source.stat().st_mtime_ns for source in Path(__file__).parent.glob("*.py"))
+
+
+def kernel(function: Function) -> Function:
+    """Compile ``function`` on first call, with the machine code cached beside its source.
+
+    Numba renews a cached kernel when its own file changes, not when a kernel it calls lives in another file and changes
+    there. Dropping cache entries older than the newest physics source closes that gap.
+    """
+    dispatcher = numba.njit(cache=True, error_model="numpy")(function)
+    module = function.__module__.rpartition(".")[2]
+    for index in Path(str(dispatcher.stats.cache_path)).glob(f"{module}.{function.__qualname__}-*.nbi"):
+        if index.stat().st_mtime_ns < _NEWEST_PHYSICS_NS:
+            index.unlink(missing_ok=True)
+    return cast(Function, dispatcher)

@@ -1,0 +1,60 @@
+"""Weight and buoyancy, with the free surface: what stands out of the water displaces none."""
+
+from __future__ import annotations
+
+from sitl.vehicle.kernel import Vector3, Wrench, kernel
+from sitl.vehicle.model import Hydrostatics, Stations
+
+
+@kernel
+def immersion(z_up_m: float, radius_m: float) -> float:
+    """Fraction of a section under water, its axis ``z_up_m`` above the surface: 1 below, 0 above, smooth in between.
+
+    A cubic stands in for the circular segment's area: equal to it at the axis and, as it must be, without slope where the
+    section just touches the surface.
+    """
+    x = (radius_m - z_up_m) / (2.0 * radius_m)
+    if x >= 1.0:
+        return 1.0
+    if x <= 0.0:
+        return 0.0
+    return x * x * (3.0 - 2.0 * x)
+
+
+@kernel
+def lost_buoyancy(z_m: float, up_x: float, hydrostatics: Hydrostatics, stations: Stations) -> tuple[float, float]:
+    """(buoyancy lost in N, its first moment along x in N m) of the stations that stand out of the water."""
+    force = moment = 0.0
+    highest = z_m + abs(up_x) * hydrostatics.half_length_m + hydrostatics.radius_m
+    if highest > 0.0:
+        for i in range(stations.x_m.size):
+            x = hydrostatics.x_cb_m + stations.lever_m[i]
+            dry = 1.0 - immersion(z_m + up_x * x, stations.radius_m[i])
+            lost = hydrostatics.buoyancy_n * stations.buoyancy_share[i] * dry
+            force += lost
+            moment += lost * x
+    return force, moment
+
+
+@kernel
+def wrench(z_m: float, up: Vector3, hydrostatics: Hydrostatics, stations: Stations) -> Wrench:
+    """Weight at the centre of mass and buoyancy at the centre of volume, N and N m.
+
+    ``z_m`` is the origin's height above the surface, ``up`` the inertial z axis in body axes.
+    """
+    up_x, up_y, up_z = up
+    h = hydrostatics
+    lost, lost_moment = lost_buoyancy(z_m, up_x, h, stations)
+    net = h.buoyancy_n - lost - h.weight_n
+    # First moments of the vertical forces; crossed with "up" they give the moment about the origin.
+    first_x = h.buoyancy_n * h.x_cb_m - lost_moment - h.weight_n * h.x_cm_m
+    first_y = -h.weight_n * h.y_cm_m
+    first_z = (h.buoyancy_n - lost) * h.z_cb_m - h.weight_n * h.z_cm_m
+    return (
+        net * up_x,
+        net * up_y,
+        net * up_z,
+        first_y * up_z - first_z * up_y,
+        first_z * up_x - first_x * up_z,
+        first_x * up_y - first_y * up_x,
+    )
