@@ -1,0 +1,203 @@
+"""The plant: what a tick of the sea does to the vehicle. Pure but for the random streams handed in.
+
+    sea = plant.build(config.load("field"), scenario.load("calm"))
+    rng = plant.random_streams(seed=1)
+    state, sensors = plant.launch(sea, rng)
+    while ...:
+        state, sensors = plant.step(sea, state, actuators, rng)
+"""
+
+from __future__ import annotations
+
+from math import radians
+from typing import NamedTuple
+
+import numpy as np
+from numpy.random import Generator, SeedSequence, default_rng
+
+from link.frames import flip, flip_quaternion
+from link.records import ActuatorFrame
+from sitl import afloat, environment, sensors, tailcone
+from sitl.environment import Disturbance, Environment
+from sitl.scenario import Scenario, Start
+from sitl.sensors import Biases, Sensors, SensorStreams
+from sitl.tailcone import Servo
+from sitl.truth import Truth
+from sitl.vehicle import calibrate, propeller
+from sitl.vehicle.config import Tailcone, VehicleConfig
+from sitl.vehicle.dynamics import POSITION, QUATERNION, derivative, rk4_step, specific_force, work_array
+from sitl.vehicle.kernel import Vector, Vector3, kernel
+from sitl.vehicle.model import Model
+
+TICK_US = 20_000
+SUBSTEPS = 4
+TICK_S = TICK_US * 1e-6
+SUBSTEP_S = TICK_S / SUBSTEPS
+
+RUDDER, ELEVATOR, THRUST = 0, 1, 2
+"""Channels of ``ActuatorFrame.controls``."""
+
+
+class Plant(NamedTuple):
+    """All that stays the same through a run."""
+
+    model: Model
+    rudder: Servo
+    elevator: Servo
+    sea: Environment
+    start: Start
+
+
+class State(NamedTuple):
+    """All that changes from tick to tick. The arrays are never written to once a state holds them."""
+
+    time_us: int
+    body: Vector
+    """Shape (13,), as ``vehicle.dynamics`` has it: FLU in NWU."""
+    rudder: Vector
+    elevator: Vector
+    propeller_rps: float
+    disturbance: Disturbance
+    biases: Biases
+    truth: Truth
+    """The same in the axes of everyone else."""
+
+
+class Streams(NamedTuple):
+    """The random streams of a run."""
+
+    slow: Generator
+    wave: Generator
+    sensors: SensorStreams
+
+
+def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
+    """Put a vehicle into a scenario. Raises ``VehicleError`` when the vehicle is impossible."""
+    model = calibrate.build(vehicle)
+    return Plant(
+        model=model,
+        rudder=_servo(vehicle.tailcone, vehicle.tailcone.rudder_bias_deg),
+        elevator=_servo(vehicle.tailcone, vehicle.tailcone.elevator_bias_deg),
+        sea=environment.build(scenario, model.hydrostatics.gravity_mps2, TICK_S),
+        start=scenario.start,
+    )
+
+
+def random_streams(seed: int) -> Streams:
+    """Independent streams of one seed: what one of them draws leaves the others as they were."""
+    slow, wave, *instruments = [
+        default_rng(child) for child in SeedSequence(seed).spawn(2 + len(SensorStreams._fields))
+    ]
+    return Streams(slow, wave, SensorStreams(*instruments))
+
+
+def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
+    """The state at vehicle time zero, with what the instruments say of it."""
+    disturbance = environment.stationary(rng.slow, rng.wave)
+    biases = sensors.draw_biases(rng.sensors.biases)
+    body = afloat.start_state(plant.model, plant.start, plant.sea.current_nwu_mps)
+    rudder, elevator = tailcone.at_rest(plant.rudder), tailcone.at_rest(plant.elevator)
+    state = _settle(plant, 0, body, rudder, elevator, 0.0, disturbance, biases)
+    return state, sensors.sample(state.truth, plant.sea, biases, rng.sensors)
+
+
+def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> tuple[State, Sensors]:
+    """The state one tick later under ``actuators``, with what the instruments say of it."""
+    rudder, rudder_rad = _turn(plant.rudder, state.rudder, actuators.controls[RUDDER])
+    elevator, elevator_rad = _turn(plant.elevator, state.elevator, actuators.controls[ELEVATOR])
+    shaft_rps = propeller.rps(_demand(actuators.controls[THRUST]), plant.model)
+    body = _move(plant, state, rudder_rad, elevator_rad, shaft_rps)
+    disturbance = environment.advance(plant.sea, state.disturbance, rng.slow, rng.wave)
+    moved = _settle(plant, state.time_us + TICK_US, body, rudder, elevator, shaft_rps, disturbance, state.biases)
+    return moved, sensors.sample(moved.truth, plant.sea, moved.biases, rng.sensors)
+
+
+def _turn(axis: Servo, state: Vector, control: float) -> tuple[Vector, Vector]:
+    """The axis one tick later, and the true duct angle of each substep."""
+    turned, angles_rad = state.copy(), np.empty(SUBSTEPS)
+    tailcone.advance(axis, turned, _demand(control) * axis.travel_rad, angles_rad)
+    return turned, angles_rad
+
+
+def _demand(control: float) -> float:
+    """A control within [-1, 1]; not-a-number means no demand, as foreign autopilots send it for idle channels."""
+    return 0.0 if control != control else max(-1.0, min(1.0, control))
+
+
+def _move(plant: Plant, state: State, rudder_rad: Vector, elevator_rad: Vector, shaft_rps: float) -> Vector:
+    """The body one tick later; the disturbance stands still meanwhile."""
+    body = state.body.copy()
+    wrench = _wrench(plant.sea, state.disturbance)
+    _integrate(body, rudder_rad, elevator_rad, shaft_rps, wrench, plant.sea.current_nwu_mps, plant.model, _WORK)
+    return body
+
+
+def _settle(
+    plant: Plant, time_us: int, body: Vector, rudder: Vector, elevator: Vector, shaft_rps: float,
+    disturbance: Disturbance, biases: Biases,
+) -> State:  # fmt: skip
+    """A state with its truth: everything at one instant, turned to FRD and NED."""
+    rudder_rad = tailcone.duct_angle_rad(plant.rudder, rudder)
+    elevator_rad = tailcone.duct_angle_rad(plant.elevator, elevator)
+    current = plant.sea.current_nwu_mps
+    velocity, force = _observe(
+        body, rudder_rad, elevator_rad, shaft_rps, _wrench(plant.sea, disturbance), current, plant.model, _WORK[0]
+    )
+    values = body.tolist()
+    pitch_nm, yaw_nm = environment.moments_flu_nm(plant.sea, disturbance)
+    truth = Truth(
+        time_us,
+        flip(*values[POSITION]),
+        flip_quaternion(*values[QUATERNION]),
+        flip(*velocity),
+        flip(*values[10:13]),
+        flip(*force),
+        flip(*current.tolist()),
+        rudder_rad,
+        elevator_rad,
+        shaft_rps,
+        -pitch_nm,
+        -yaw_nm,
+    )
+    return State(time_us, body, rudder, elevator, shaft_rps, disturbance, biases, truth)
+
+
+def _wrench(sea: Environment, disturbance: Disturbance) -> Vector:
+    pitch_nm, yaw_nm = environment.moments_flu_nm(sea, disturbance)
+    return np.array((0.0, 0.0, 0.0, 0.0, pitch_nm, yaw_nm))
+
+
+def _servo(tail: Tailcone, bias_deg: float) -> Servo:
+    return tailcone.servo(
+        natural_frequency_radps=tail.natural_frequency_radps,
+        damping=tail.damping_ratio,
+        delay_s=tail.delay_s,
+        travel_rad=radians(tail.travel_deg),
+        rate_limit_radps=radians(tail.rate_degps),
+        bias_rad=radians(bias_deg),
+        substep_s=SUBSTEP_S,
+    )
+
+
+@kernel
+def _integrate(
+    body: Vector, rudder_rad: Vector, elevator_rad: Vector, shaft_rps: float, wrench: Vector, current_nwu: Vector,
+    model: Model, work: Vector,
+) -> None:  # fmt: skip
+    """All substeps of a tick in one call; ``body`` is changed in place."""
+    for k in range(SUBSTEPS):
+        rk4_step(body, rudder_rad[k], elevator_rad[k], shaft_rps, wrench, current_nwu, SUBSTEP_S, model, work)
+
+
+@kernel
+def _observe(
+    body: Vector, rudder_rad: float, elevator_rad: float, shaft_rps: float, wrench: Vector, current_nwu: Vector,
+    model: Model, slope: Vector,
+) -> tuple[Vector3, Vector3]:  # fmt: skip
+    """Velocity over ground (NWU, m/s) and specific force at the origin (FLU, m/s2)."""
+    derivative(body, rudder_rad, elevator_rad, shaft_rps, wrench, current_nwu, model, slope)
+    return (slope[0], slope[1], slope[2]), specific_force(body, slope, model)
+
+
+_WORK = work_array()
+"""Scratch space of the integrator: overwritten by every call, read by none."""

@@ -1,0 +1,149 @@
+"""Scenario files: the place, the water, the weather and how a run starts. TOML, strictly decoded.
+
+Tables and keys left out take the values below, which describe calm water off Boston.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
+NotNegative = Annotated[float, Meta(ge=0.0, le=1e6)]
+Speed = Annotated[float, Meta(ge=-5.0, le=5.0)]
+Temperature = Annotated[float, Meta(ge=-2.0, le=40.0)]
+Angle = Annotated[float, Meta(ge=-360.0, le=360.0)]
+Latitude = Annotated[float, Meta(ge=-89.0, le=89.0)]
+Damping = Annotated[float, Meta(gt=0.0, lt=1.0)]
+
+
+class ScenarioError(ValueError):
+    """A scenario that cannot be read; the message names file, key, value and what would be right."""
+
+
+class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of a scenario file."""
+
+
+class Site(Table):
+    """Where the surface point is from which north and east are counted."""
+
+    latitude_deg: Latitude = 42.35
+    longitude_deg: Angle = -71.0
+
+
+class Start(Table):
+    """How the vehicle lies when vehicle time begins. Without a depth she floats at the surface, in trim and at rest."""
+
+    heading_deg: Angle = 0.0
+    depth_m: NotNegative | None = None
+    speed_mps: Speed = 0.0
+    """Forward, through the water."""
+
+
+class Water(Table):
+    density_kgpm3: Positive = 1025.0
+    """Of the pressure sensor's column; what the hull displaces is told by the vehicle file."""
+    surface_pressure_hpa: Positive = 1013.25
+    temperature_degc: Temperature = 10.0
+    floor_depth_m: Positive = 20.0
+    current_ned_mps: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
+
+
+class MagneticField(Table):
+    """Boston, of the order the World Magnetic Model gives."""
+
+    declination_deg: Angle = -14.4
+    """East positive."""
+    inclination_deg: Annotated[float, Meta(ge=-90.0, le=90.0)] = 67.0
+    strength_gauss: Positive = 0.52
+
+
+class SlowDisturbance(Table):
+    """First-order Gauss-Markov moments."""
+
+    time_constant_s: Positive = 3.0
+    yaw_rms_nm: NotNegative = 0.0
+    pitch_rms_nm: NotNegative = 0.0
+
+
+class WaveDisturbance(Table):
+    """Narrow-band moments at the frequency of the waves."""
+
+    frequency_hz: Positive = 0.15
+    damping: Damping = 0.1
+    yaw_rms_nm: NotNegative = 0.0
+    pitch_rms_nm: NotNegative = 0.0
+
+
+class DisturbanceLevels(Table):
+    slow: SlowDisturbance = SlowDisturbance()
+    waves: WaveDisturbance = WaveDisturbance()
+
+
+class Scenario(Table):
+    """A whole scenario file."""
+
+    title: str = ""
+    site: Site = Site()
+    start: Start = Start()
+    water: Water = Water()
+    magnetic_field: MagneticField = MagneticField()
+    disturbance: DisturbanceLevels = DisturbanceLevels()
+
+
+def names() -> list[str]:
+    """The scenarios that come with the simulator."""
+    return sorted(path.name.removesuffix(".toml") for path in _shipped().iterdir() if path.name.endswith(".toml"))
+
+
+def load(name_or_path: str) -> Scenario:
+    """Read a shipped scenario by name, or a scenario file.
+
+    Raises:
+        ScenarioError: there is no such file, it is no TOML, or a key or value in it is wrong.
+    """
+    if name_or_path in names():
+        text = (_shipped() / f"{name_or_path}.toml").read_text(encoding="utf-8")
+    else:
+        text = _read(name_or_path)
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"scenario {name_or_path}: not TOML: {error}") from None
+    try:
+        return msgspec.convert(raw, Scenario)
+    except msgspec.ValidationError as error:
+        raise ScenarioError(f"scenario {name_or_path}: {_explain(str(error), raw)}") from None
+
+
+def _shipped() -> Any:
+    return resources.files("sitl") / "scenarios"
+
+
+def _read(path: str) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ScenarioError(f"scenario {path}: {reason}; expected {', '.join(names())} or a TOML file") from None
+
+
+def _explain(problem: str, raw: Any) -> str:
+    """msgspec's ``Expected X, got Y - at `$.a.b` `` as ``a.b = value: expected X``."""
+    what, _, where = problem.partition(" - at ")
+    key = where.strip("`").removeprefix("$").removeprefix(".")
+    value, table = raw, Scenario
+    for part in key.split(".") if key else []:
+        name = part.partition("[")[0]
+        value = value[name]
+        table = next((f.type for f in msgspec.structs.fields(table) if f.name == name), table)
+    what = what[0].lower() + what[1:]
+    if isinstance(value, dict):
+        return f"{key or 'top level'}: {what}; known here: {', '.join(f.name for f in msgspec.structs.fields(table))}"
+    return f"{key} = {value!r}: {what}"
