@@ -11,6 +11,7 @@ from autopilot.types import (
     UNSUPPORTED,
     Answer,
     Event,
+    Excitation,
     Home,
     ItemReached,
     LoopMemory,
@@ -18,7 +19,6 @@ from autopilot.types import (
     Setpoint,
     Severity,
     State,
-    Test,
 )
 from link.missions import MissionItem
 
@@ -111,7 +111,7 @@ def set_mode(state: State, number: int, config: Config) -> tuple[State, Answer, 
 
 def start_test(state: State, wish: requests.StartTest, config: Config) -> tuple[State, Answer, Events]:
     setpoint = state.setpoint
-    test = Test(
+    test = Excitation(
         wish.axis, math.radians(wish.magnitude_deg), wish.start_hz, wish.stop_hz, wish.duration_s, wish.wave,
         wish.fade_s, state.time_us, setpoint.heading_rad, setpoint.depth_m,
     )  # fmt: skip

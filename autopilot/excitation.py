@@ -2,7 +2,7 @@
 
 import math
 
-from autopilot.types import Test
+from autopilot.types import Excitation
 
 ELEVATOR_AXIS, RUDDER_AXIS = 11, 12
 """SID_AXIS: mixer pitch, mixer yaw."""
@@ -16,7 +16,7 @@ CHIRP_LEAD_CYCLES = 2.0
 """Cycles at the first frequency before the sweep, so that the start-up transient is behind it."""
 
 
-def value(test: Test, t_s: float) -> tuple[float, float]:
+def value(test: Excitation, t_s: float) -> tuple[float, float]:
     """Deflection from trim in radians and, for a chirp, the frequency in hertz, ``t_s`` into the test."""
     if test.wave == STEP:
         shape, frequency = 1.0, 0.0
@@ -46,7 +46,7 @@ def fade(t_s: float, duration_s: float, fade_s: float) -> float:
     return 0.5 - 0.5 * math.cos(math.pi * max(0.0, edge) / fade_s)
 
 
-def check(test: Test, travel_deg: float) -> str:
+def check(test: Excitation, travel_deg: float) -> str:
     """What is wrong with a test; empty when it may be played."""
     if test.axis not in AXES:
         return f"axis {test.axis}: must be 11 (elevator) or 12 (rudder)"

@@ -4,7 +4,7 @@ import math
 
 from autopilot import modes
 from autopilot.params import Config
-from autopilot.types import US_PER_S, Event, Inputs, Severity, State, Test
+from autopilot.types import US_PER_S, Event, Excitation, Inputs, Severity, State
 from link.frames import wrap_pi
 
 
@@ -35,7 +35,7 @@ def _cause(state: State, inputs: Inputs, config: Config) -> str:
     return ""
 
 
-def envelope(test: Test, state: State, config: Config) -> str:
+def envelope(test: Excitation, state: State, config: Config) -> str:
     """Why a test must stop now; empty while it may go on."""
     at = state.estimate
     if at.depth_m < config.sid_depth_min_m:

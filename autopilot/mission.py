@@ -4,7 +4,7 @@ import math
 
 from autopilot import excitation, guidance, modes
 from autopilot.params import Config
-from autopilot.types import US_PER_S, Event, ItemReached, MissionState, Severity, State, Test
+from autopilot.types import US_PER_S, Event, Excitation, ItemReached, MissionState, Severity, State
 from link.frames import wrap_pi
 from link.missions import MissionItem
 
@@ -112,16 +112,16 @@ def steer(state: State) -> State:
     return state._replace(setpoint=state.setpoint._replace(heading_rad=heading))
 
 
-def test_of(item: MissionItem, state: State) -> Test:
+def test_of(item: MissionItem, state: State) -> Excitation:
     """The excitation that a MAV_CMD_USER_1 item describes (x: whole seconds, y: wave, z: fade)."""
     fade_s = 0.0 if math.isnan(item.z) else item.z
-    return Test(
+    return Excitation(
         int(item.p1), math.radians(item.p2), item.p3, item.p4, float(item.x), item.y, fade_s, state.time_us,
         state.setpoint.heading_rad, state.setpoint.depth_m,
     )  # fmt: skip
 
 
-def start_test(test: Test, state: State) -> tuple[State, tuple[Event, ...]]:
+def start_test(test: Excitation, state: State) -> tuple[State, tuple[Event, ...]]:
     """Begin an excitation."""
     size = math.degrees(test.magnitude_rad)
     text = f"SystemID Starting: axis={test.axis} wave={excitation.WAVES[test.wave]} magnitude={size:.2f}"

@@ -108,7 +108,7 @@ class LoopMemory(NamedTuple):
     depth_rad: float = 0.0
 
 
-class Test(NamedTuple):
+class Excitation(NamedTuple):
     """An open-loop excitation: what is played, since when, and from where the envelope is counted."""
 
     axis: int
@@ -159,7 +159,7 @@ class State(NamedTuple):
     setpoint: Setpoint = Setpoint()
     loops: LoopMemory = LoopMemory()
     mission: MissionState = MissionState()
-    test: Test | None = None
+    test: Excitation | None = None
     failsafe: str = ""
     """The cause of the failsafe in force; empty when there is none."""
     home: Home = Home()

@@ -1,0 +1,249 @@
+"""Modes, missions, tests and failsafes, flown through the pure tick."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from autopilot import modes, requests
+from autopilot.params import Config
+from autopilot.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, ItemReached
+from link.missions import MissionItem
+from tests.autopilot.flights import Flight, excitation_item, leg
+
+
+def under_way(mode: modes.Mode = modes.DEPTH, **changes: object) -> Flight:
+    flight = Flight(config=Config(**changes))  # type: ignore[arg-type]
+    flight.step()
+    assert flight.ask(requests.SetMode(mode.number)) == ACCEPTED
+    assert flight.ask(requests.Arm()) == ACCEPTED
+    flight.step()
+    return flight
+
+
+def test_disarmed_actuators_rest() -> None:
+    flight = Flight()
+    flight.step()
+    assert flight.frame is not None
+    assert set(flight.frame.controls) == {0.0}
+    assert not flight.frame.armed
+
+
+def test_depth_mode_holds_what_it_found() -> None:
+    flight = under_way()
+    for _ in flight.run(60.0):
+        pass
+    assert abs(flight.depth_m - 5.0) < 0.02
+    assert abs(flight.heading) < math.radians(0.2)
+
+
+def test_a_target_is_flown_to_the_short_way_round() -> None:
+    flight = under_way()
+    flight.ask(requests.ChangeTarget(heading_rad=math.radians(-170.0)))
+    flight.run_until(lambda s: abs(s.estimate.heading_rad + math.radians(170.0)) < 0.02, 60.0)
+    flight.ask(requests.ChangeTarget(heading_rad=math.radians(170.0)))
+    flight.step()
+    assert flight.trace.heading_error_rad == pytest.approx(math.radians(-20.0), abs=0.03)
+
+
+def test_signs_too_shallow_asks_nose_down_and_left_of_course_asks_starboard() -> None:
+    flight = under_way()
+    flight.ask(requests.ChangeTarget(depth_m=8.0, heading_rad=math.radians(10.0)))
+    flight.step()
+    assert flight.trace.pitch_setpoint_rad < 0.0
+    assert flight.trace.elevator_rad < 0.0
+    assert flight.trace.rudder_rad > 0.0
+
+
+@given(rudder=st.floats(-9, 9), elevator=st.floats(-9, 9), thrust=st.floats(-9, 9))
+def test_controls_never_leave_their_range(rudder: float, elevator: float, thrust: float) -> None:
+    from autopilot import core
+
+    limited = core.limit(rudder, elevator, thrust, Config())
+    assert all(abs(value) <= math.radians(15.0) for value in limited[:2])
+    assert abs(limited[2]) <= 1.0
+
+
+def test_mission_flies_its_legs_in_order_and_then_surfaces_and_disarms() -> None:
+    flight = Flight()
+    flight.step()
+    items = leg(depth_m=4, heading_deg=-80, duration_s=30) + leg(depth_m=7, heading_deg=-40, duration_s=60, first=4)
+    assert flight.ask(requests.LoadMission(items)) == ACCEPTED
+    assert flight.ask(requests.SetMode(modes.MISSION.number)) == ACCEPTED
+    assert flight.ask(requests.Arm()) == ACCEPTED
+    flight.run_until(lambda s: s.mission.current >= 4, 31.0)
+    assert flight.heading == pytest.approx(math.radians(-80), abs=0.02)
+    flight.run_until(lambda s: s.mode == modes.SURFACE.number, 61.0)
+    assert flight.depth_m == pytest.approx(7.0, abs=0.1)
+    flight.run_until(lambda s: not s.armed, 60.0)
+    assert flight.depth_m < 0.6
+    assert [e.sequence for e in flight.events if isinstance(e, ItemReached)] == list(range(8))
+    assert flight.texts()[-1] == "Surfaced: disarmed"
+
+
+def test_a_mission_that_was_paused_goes_on_with_its_own_targets() -> None:
+    flight = Flight()
+    flight.step()
+    flight.ask(requests.LoadMission(leg(depth_m=6, heading_deg=40, duration_s=300)))
+    flight.ask(requests.SetMode(modes.MISSION.number))
+    flight.ask(requests.Arm())
+    for _ in flight.run(5.0):
+        pass
+    flight.ask(requests.SetMode(modes.HOLD.number))
+    flight.step()
+    assert flight.state.setpoint.depth_m != 6.0
+    flight.ask(requests.SetMode(modes.MISSION.number))
+    for _ in flight.run(60.0):
+        pass
+    assert flight.depth_m == pytest.approx(6.0, abs=0.1)
+    assert flight.heading == pytest.approx(math.radians(40), abs=0.02)
+
+
+def test_a_step_test_opens_its_plane_alone_and_ends_by_itself() -> None:
+    flight = under_way(rudder_trim_deg=2.0)
+    wish = requests.StartTest(12, 5.0, 0.0, 0.0, 4.0, 1, 0.0)
+    assert flight.ask(wish) == ACCEPTED
+    before = flight.state.loops.heading_rad
+    flight.step()
+    assert math.degrees(flight.trace.rudder_rad) == pytest.approx(7.0)
+    assert flight.state.mode == modes.SYSID.number
+    for _ in flight.run(3.9):
+        pass
+    assert flight.state.loops.heading_rad == before, "an open loop's integrator waits"
+    assert flight.run_until(lambda s: s.test is None, 1.0) == pytest.approx(0.1, abs=0.03)
+    assert flight.texts()[-2:] == ["SystemID Finished", "Mode DEPTH"]
+    assert flight.heading > math.radians(5.0)
+    assert abs(flight.depth_m - 5.0) < 0.1, "the other plane's loop stayed on"
+
+
+@pytest.mark.parametrize(
+    ("changes", "altitude_m", "word"),
+    [
+        ({"sid_pitch_max_deg": 10.0}, None, "pitch"),
+        ({"sid_depth_min_m": 4.5}, None, "depth"),
+        ({"sid_altitude_min_m": 3.0}, 2.0, "altitude"),
+        ({"sid_time_max_s": 2.0}, None, "time"),
+    ],
+)
+def test_a_test_that_leaves_its_envelope_stops_and_says_why(
+    changes: dict[str, float], altitude_m: float | None, word: str
+) -> None:
+    flight = under_way(**changes)
+    flight.altitude_m = altitude_m
+    assert flight.ask(requests.StartTest(11, 8.0, 0.0, 0.0, 60.0, 1, 0.0)) == ACCEPTED
+    flight.run_until(lambda s: s.test is None, 20.0)
+    stopped = [text for text in flight.texts() if text.startswith("SystemID Stopped: ")]
+    assert len(stopped) == 1
+    assert word in stopped[0]
+    assert flight.state.armed
+    assert flight.state.mode == modes.DEPTH.number
+
+
+def test_a_mission_goes_on_after_a_test_that_was_stopped() -> None:
+    flight = Flight(config=Config(sid_pitch_max_deg=10.0))
+    flight.step()
+    items = (
+        *leg(depth_m=5, heading_deg=0, duration_s=5),
+        excitation_item(4, axis=11, magnitude_deg=8.0, duration_s=60),
+        *leg(depth_m=5, heading_deg=0, duration_s=5, first=5),
+    )
+    assert flight.ask(requests.LoadMission(items)) == ACCEPTED
+    flight.ask(requests.SetMode(modes.MISSION.number))
+    flight.ask(requests.Arm())
+    flight.run_until(lambda s: s.mission.current > 4, 30.0)
+    assert any("pitch" in text for text in flight.texts())
+    flight.run_until(lambda s: not s.armed, 60.0)
+
+
+@pytest.mark.parametrize(
+    ("wish", "result"),
+    [
+        (requests.SetMode(12345), UNSUPPORTED),
+        (requests.SetMode(modes.SYSID.number), DENIED),
+        (requests.StartTest(12, 5.0, 0.0, 0.0, 4.0, 1, 0.0), TEMPORARILY_REJECTED),
+        (requests.SetMissionItem(3), DENIED),
+        (requests.LoadMission((MissionItem(0, 3, 22),)), UNSUPPORTED),
+        (requests.LoadMission((MissionItem(0, 2, 186, p1=4.0),)), DENIED),
+        (requests.LoadMission((MissionItem(0, 2, 177, p1=7.0),)), DENIED),
+        (requests.LoadMission((excitation_item(0, axis=9, magnitude_deg=5.0, duration_s=4),)), DENIED),
+    ],
+)
+def test_an_impossible_wish_is_refused_and_changes_nothing(wish: requests.Request, result: int) -> None:
+    flight = Flight()
+    flight.step()
+    before = flight.state
+    assert flight.ask(wish) == result
+    assert flight.state == before
+
+
+def test_arming_needs_sensors_and_a_mission_to_fly() -> None:
+    flight = Flight()
+    assert flight.ask(requests.Arm()) == TEMPORARILY_REJECTED
+    flight.step()
+    flight.ask(requests.SetMode(modes.MISSION.number))
+    assert flight.ask(requests.Arm()) == TEMPORARILY_REJECTED
+    assert flight.ask(requests.Arm(force=True)) == ACCEPTED
+
+
+def test_disarming_under_water_needs_force() -> None:
+    flight = under_way()
+    assert flight.ask(requests.Disarm()) == TEMPORARILY_REJECTED
+    assert flight.ask(requests.Disarm(force=True)) == ACCEPTED
+    assert not flight.state.armed
+
+
+@pytest.mark.parametrize(
+    ("changes", "altitude_m", "cause"),
+    [
+        ({"fs_depth_m": 4.0}, None, "depth"),
+        ({"fs_altitude_m": 2.0}, 1.5, "altitude"),
+        ({"fs_time_s": 3.0}, None, "armed"),
+    ],
+)
+def test_failsafe_surfaces_with_its_cause_and_stays_until_disarmed(
+    changes: dict[str, float], altitude_m: float | None, cause: str
+) -> None:
+    flight = under_way(**changes)
+    flight.altitude_m = altitude_m
+    flight.run_until(lambda s: s.mode == modes.SURFACE.number, 10.0)
+    assert any(text.startswith(f"Failsafe: {cause}") and text.endswith("-> SURFACE") for text in flight.texts())
+    assert flight.ask(requests.SetMode(modes.DEPTH.number)) == TEMPORARILY_REJECTED
+    flight.altitude_m = None
+    flight.run_until(lambda s: not s.armed, 60.0)
+
+
+def test_jump_repeats_as_often_as_it_says() -> None:
+    flight = Flight()
+    flight.step()
+    items = (MissionItem(0, 2, 93, p1=0.1), MissionItem(1, 2, 177, p1=0, p2=3))
+    flight.ask(requests.LoadMission(items))
+    flight.ask(requests.SetMode(modes.MISSION.number))
+    flight.ask(requests.Arm())
+    flight.run_until(lambda s: s.mode == modes.SURFACE.number, 5.0)
+    assert [e.sequence for e in flight.events if isinstance(e, ItemReached)].count(0) == 4
+
+
+def test_seq0_home_is_stored_but_not_flown() -> None:
+    flight = Flight(config=Config(mission_seq0_home=1))
+    flight.step()
+    items = (
+        MissionItem(0, 0, 16, x=423_500_000, y=-710_000_000),
+        *leg(depth_m=5, heading_deg=0, duration_s=1, first=1),
+    )
+    flight.ask(requests.LoadMission(items))
+    assert flight.state.mission.items == items
+    flight.ask(requests.SetMode(modes.MISSION.number))
+    flight.ask(requests.Arm())
+    flight.run_until(lambda s: not s.armed, 60.0)
+    assert 0 not in [e.sequence for e in flight.events if isinstance(e, ItemReached)]
+
+
+def test_the_tick_is_a_function_of_its_arguments() -> None:
+    """Two flights of the same mission say and do the same, to the last bit."""
+    traces = []
+    for _ in range(2):
+        flight = under_way()
+        flight.ask(requests.ChangeTarget(depth_m=7.0, heading_rad=1.0))
+        traces.append([(state, flight.trace) for state in flight.run(20.0)])
+    assert traces[0] == traces[1]
