@@ -1,0 +1,1 @@
+"""From logs to gains: read, cut, screen, fit, redesign, verify."""

@@ -1,0 +1,154 @@
+"""Tests in the water, cut from a log: one ``Run`` from "SystemID Starting" to "SystemID Finished" or "Stopped"."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid.log import Log
+
+Array = NDArray[np.float64]
+Plane = Literal["yaw", "pitch"]
+
+RATE_HZ = 50.0
+"""The grid of a run: the autopilot's tick."""
+PREROLL_S = 5.0
+"""Steady motion before a test that is kept: it carries the state in which the test starts."""
+
+PLANE_OF_AXIS: dict[int, Plane] = {11: "pitch", 12: "yaw"}
+"""ArduPilot's SID_AXIS numbers of the mixer inputs: 11 pitch (elevator), 12 yaw (rudder)."""
+
+_STARTING = re.compile(r"SystemID Starting: axis=(\d+) wave=(\w+) magnitude=(-?[\d.]+)")
+_STOPPED = re.compile(r"SystemID Stopped: ?(.*)")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One test on a uniform grid of ``RATE_HZ``; arrays of equal length. Axes are MAVLink's (FRD, NED)."""
+
+    name: str
+    plane: Plane
+    wave: str
+    magnitude_deg: float
+    time_s: Array
+    """Zero at the start of the test; the pre-roll is negative."""
+    rudder_rad: Array
+    """Commanded, trim included."""
+    elevator_rad: Array
+    thrust: Array
+    p_radps: Array
+    q_radps: Array
+    r_radps: Array
+    roll_rad: Array
+    pitch_rad: Array
+    heading_rad: Array
+    """Unwrapped."""
+    depth_m: Array
+    stop_reason: str
+    """Empty when the test ran to its end."""
+    longest_gap_s: float
+    """Largest distance between two received samples of attitude or actuators within the run."""
+    rudder_trim_rad: float
+    elevator_trim_rad: float
+
+    @property
+    def command_rad(self) -> Array:
+        """Command of the surface under test."""
+        return self.rudder_rad if self.plane == "yaw" else self.elevator_rad
+
+    @property
+    def rate_radps(self) -> Array:
+        """Rate in the plane under test."""
+        return self.r_radps if self.plane == "yaw" else self.q_radps
+
+    @property
+    def trim_rad(self) -> float:
+        return self.rudder_trim_rad if self.plane == "yaw" else self.elevator_trim_rad
+
+    @property
+    def preroll(self) -> NDArray[np.bool_]:
+        return self.time_s < 0.0
+
+
+@dataclass(frozen=True)
+class _Span:
+    start_s: float
+    stop_s: float
+    axis: int
+    wave: str
+    magnitude_deg: float
+    stop_reason: str
+
+
+def cut(log: Log) -> list[Run]:
+    """The tests of a log in the order they were run. Tests of other axes than rudder and elevator are left out."""
+    stem = log.name.removesuffix(".mcap")
+    spans = [span for span in _spans(log) if span.axis in PLANE_OF_AXIS]
+    return [_run(log, span, f"{stem}/{number}") for number, span in enumerate(spans, start=1)]
+
+
+def _spans(log: Log) -> Iterator[_Span]:
+    """Pairs of start and stop. A test that the log does not see stop ends with the log, and says so."""
+    running: tuple[float, re.Match[str]] | None = None
+    for event in log.events:
+        starting, stopped = _STARTING.search(event.text), _STOPPED.search(event.text)
+        if running and (starting or stopped or "SystemID Finished" in event.text):
+            reason = "the log lost its end" if starting else stopped[1] if stopped else ""
+            yield _span(running, event.time_s, reason)
+            running = None
+        if starting:
+            running = event.time_s, starting
+    if running:
+        yield _span(running, float(log.attitude.time_s[-1]), "the log ended")
+
+
+def _span(running: tuple[float, re.Match[str]], stop_s: float, reason: str) -> _Span:
+    start_s, match = running
+    return _Span(start_s, stop_s, int(match[1]), match[2], float(match[3]), reason)
+
+
+def _run(log: Log, span: _Span, name: str) -> Run:
+    attitude, actuators, depth = log.attitude, log.actuators, log.depth
+    first_s = max(attitude.time_s[0], actuators.time_s[0], depth.time_s[0])
+    before = int(np.floor((span.start_s - max(span.start_s - PREROLL_S, first_s)) * RATE_HZ))
+    after = int(np.floor((span.stop_s - span.start_s) * RATE_HZ))
+    time_s = np.arange(-max(before, 0), max(after, 1) + 1) / RATE_HZ
+    grid_s = span.start_s + time_s
+
+    def smooth(values: Array) -> Array:
+        return np.interp(grid_s, attitude.time_s, values)
+
+    def held(values: Array) -> Array:
+        latest = np.searchsorted(actuators.time_s, grid_s + 1e-6, side="right") - 1
+        return values[np.clip(latest, 0, None)]
+
+    return Run(
+        name=name,
+        plane=PLANE_OF_AXIS[span.axis],
+        wave=span.wave,
+        magnitude_deg=span.magnitude_deg,
+        time_s=time_s,
+        rudder_rad=held(actuators.rudder_rad),
+        elevator_rad=held(actuators.elevator_rad),
+        thrust=held(actuators.thrust),
+        p_radps=smooth(attitude.p_radps),
+        q_radps=smooth(attitude.q_radps),
+        r_radps=smooth(attitude.r_radps),
+        roll_rad=smooth(attitude.roll_rad),
+        pitch_rad=smooth(attitude.pitch_rad),
+        heading_rad=smooth(attitude.yaw_rad),
+        depth_m=np.interp(grid_s, depth.time_s, depth.depth_m),
+        stop_reason=span.stop_reason,
+        longest_gap_s=max(_longest_gap(t, grid_s) for t in (attitude.time_s, actuators.time_s, depth.time_s)),
+        rudder_trim_rad=np.radians(log.parameters.get("TRIM_RUD_DEG", 0.0)),
+        elevator_trim_rad=np.radians(log.parameters.get("TRIM_ELE_DEG", 0.0)),
+    )
+
+
+def _longest_gap(time_s: Array, grid_s: Array) -> float:
+    """Largest step of ``time_s`` that touches the grid's span, its ends included."""
+    inside = time_s[(time_s > grid_s[0]) & (time_s < grid_s[-1])]
+    return float(np.max(np.diff(np.concatenate(([grid_s[0]], inside, [grid_s[-1]])))))
