@@ -11,7 +11,7 @@ from math import sqrt
 import numpy as np
 
 from sitl.vehicle import duct, hydrodynamics, propeller, restoring
-from sitl.vehicle.kernel import Vector, Vector3, Wrench, kernel
+from sitl.vehicle.kernel import Vector, Vector3, Wrench, entry_point, kernel
 from sitl.vehicle.model import Inertia, Model
 
 STATE_SIZE = 13
@@ -135,7 +135,7 @@ def _slope(
     out[9] -= p * c_y - q * c_x
 
 
-@kernel
+@entry_point
 def derivative(
     state: Vector, rudder_rad: float, elevator_rad: float, propeller_rps: float, disturbance: Vector,
     current_nwu: Vector, model: Model, out: Vector,
@@ -154,7 +154,7 @@ def derivative(
     _slope(state, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, current_nwu, model, out)
 
 
-@kernel
+@entry_point
 def rk4_step(
     state: Vector, rudder_rad: float, elevator_rad: float, propeller_rps: float, disturbance: Vector,
     current_nwu: Vector, dt: float, model: Model, work: Vector,
@@ -182,7 +182,7 @@ def rk4_step(
         state[i] /= norm
 
 
-@kernel
+@entry_point
 def specific_force(state: Vector, rate: Vector, model: Model) -> Vector3:
     """What an accelerometer at the origin reads, FLU axes, m/s2: v' + omega x v - g, ``rate`` from ``derivative``."""
     _, _, up = rotation(state)

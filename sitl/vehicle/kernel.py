@@ -23,12 +23,25 @@ _NEWEST_PHYSICS_NS = max(source.stat().st_mtime_ns for source in Path(__file__).
 
 
 def kernel(function: Function) -> Function:
-    """Compile ``function`` on first call, with the machine code cached beside its source.
+    """Compile a piece of the physics, merged into whatever kernel calls it.
+
+    Inlining spares the copy of the model at every call: a step costs a quarter of what it does without.
+    """
+    return _compiled(function, forceinline=True)
+
+
+def entry_point(function: Function) -> Function:
+    """Compile a kernel that stays one function, called from loops elsewhere."""
+    return _compiled(function, forceinline=False)
+
+
+def _compiled(function: Function, forceinline: bool) -> Function:
+    """``function`` compiled on first call, its machine code cached on disk.
 
     Numba renews a cached kernel when its own file changes, not when a kernel it calls lives in another file and changes
     there. Dropping cache entries older than the newest physics source closes that gap.
     """
-    dispatcher = numba.njit(cache=True, error_model="numpy")(function)
+    dispatcher = numba.njit(cache=True, error_model="numpy", forceinline=forceinline)(function)
     module = function.__module__.rpartition(".")[2]
     for index in Path(str(dispatcher.stats.cache_path)).glob(f"{module}.{function.__qualname__}-*.nbi"):
         if index.stat().st_mtime_ns < _NEWEST_PHYSICS_NS:

@@ -10,7 +10,7 @@ from sitl.vehicle.model import Hydrostatics, Stations
 def immersion(z_up_m: float, radius_m: float) -> float:
     """Fraction of a section under water, its axis ``z_up_m`` above the surface: 1 below, 0 above, smooth in between.
 
-    A cubic stands in for the circular segment's area: equal to it at the axis and, as it must be, without slope where the
+    A cubic stands in for the circular segment's area: equal to it at the axis, and flat, as it must be, where the
     section just touches the surface.
     """
     x = (radius_m - z_up_m) / (2.0 * radius_m)
