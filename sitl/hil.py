@@ -1,0 +1,112 @@
+"""The simulator's end of the HIL link: one datagram of sensors out, the answer for the same vehicle time back."""
+
+from __future__ import annotations
+
+from math import atan2, hypot, pi
+
+from link import dialect
+from link.clock import Every
+from link.endpoint import Endpoint
+from link.records import ActuatorFrame, Altimeter, GpsFix, TruthFrame
+from link.transport import Transport, wait
+from sitl.sensors import GPS_HORIZONTAL_NOISE_M, GPS_VERTICAL_NOISE_M, Sensors
+
+SYSTEM = 1
+COMPONENT = dialect.constant("MAV_COMP_ID_USER1")
+"""The same vehicle, a component of its own: the autopilot is component 1."""
+HEARTBEAT_PERIOD_S = 1.0
+HIL_MAVLINK_VERSION = 3
+
+_SENSOR = dialect.by_name("HIL_SENSOR")
+_TRUTH = dialect.by_name("HIL_STATE_QUATERNION")
+_GPS = dialect.by_name("HIL_GPS")
+_ALTIMETER = dialect.by_name("DISTANCE_SENSOR")
+_CONTROLS = dialect.by_name("HIL_ACTUATOR_CONTROLS")
+_DOWN = dialect.constant("MAV_SENSOR_ROTATION_PITCH_270")
+_ULTRASOUND = dialect.constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
+_UNKNOWN_VARIANCE = 255
+
+
+class HilLink:
+    """Sends the sensors of one instant and hears the actuators that answer it."""
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
+        self._endpoint = Endpoint(transport, SYSTEM, COMPONENT)
+        self._heartbeat = Every(HEARTBEAT_PERIOD_S)
+
+    @property
+    def address(self) -> str:
+        return self._transport.address
+
+    def send(self, datagram: bytes) -> None:
+        """Send what ``datagram`` made, for the first time or again."""
+        self._transport.send(datagram)
+        if self._heartbeat.due():
+            self._endpoint.send(
+                "HEARTBEAT",
+                type=dialect.constant("MAV_TYPE_GENERIC"),
+                autopilot=dialect.constant("MAV_AUTOPILOT_INVALID"),
+                base_mode=0,
+                custom_mode=0,
+                system_status=dialect.constant("MAV_STATE_ACTIVE"),
+                mavlink_version=HIL_MAVLINK_VERSION,
+            )
+
+    def datagram(self, sensors: Sensors, truth: TruthFrame | None) -> bytes:
+        """The frames of one instant. HIL_SENSOR comes last: who answers it has seen the others."""
+        encode = self._endpoint.encode_values
+        frames = [
+            b"" if truth is None else encode(_TRUTH, truth),
+            b"" if sensors.gps is None else encode(_GPS, _gps_fields(sensors.gps)),
+            b"" if sensors.altimeter is None else encode(_ALTIMETER, _altimeter_fields(sensors.altimeter)),
+            encode(_SENSOR, sensors.frame),
+        ]
+        return b"".join(frames)
+
+    def answer(self, time_us: int, timeout_s: float) -> ActuatorFrame | None:
+        """The answer to the sensors of ``time_us`` if one arrives in time; answers to other times are dropped.
+
+        Raises LinkLostError when the other end is gone for good.
+        """
+        wait((self._transport,), timeout_s)
+        found = None
+        while frames := self._endpoint.receive():
+            for frame in frames:
+                if frame.message_id == _CONTROLS.message_id:
+                    controls = ActuatorFrame._make(frame.decode())
+                    found = controls if controls.time_us == time_us else found
+        return found
+
+
+def _gps_fields(fix: GpsFix) -> tuple[object, ...]:
+    speed = hypot(fix.velocity_north_mps, fix.velocity_east_mps)
+    course = atan2(fix.velocity_east_mps, fix.velocity_north_mps) % (2.0 * pi)
+    return _GPS.values(
+        time_usec=fix.time_us,
+        fix_type=fix.fix_type,
+        lat=round(1e7 * fix.lat_deg),
+        lon=round(1e7 * fix.lon_deg),
+        alt=round(1e3 * fix.alt_m),
+        eph=round(1e2 * GPS_HORIZONTAL_NOISE_M),
+        epv=round(1e2 * GPS_VERTICAL_NOISE_M),
+        vel=round(1e2 * speed),
+        vn=round(1e2 * fix.velocity_north_mps),
+        ve=round(1e2 * fix.velocity_east_mps),
+        vd=round(1e2 * fix.velocity_down_mps),
+        cog=round(course * 18000.0 / pi) % 36000,
+        satellites_visible=fix.satellites,
+    )
+
+
+def _altimeter_fields(altimeter: Altimeter) -> tuple[object, ...]:
+    return _ALTIMETER.values(
+        time_boot_ms=altimeter.time_us // 1000,
+        min_distance=round(1e2 * altimeter.min_range_m),
+        max_distance=round(1e2 * altimeter.max_range_m),
+        current_distance=round(1e2 * altimeter.range_m),
+        type=_ULTRASOUND,
+        id=0,
+        orientation=_DOWN,
+        covariance=_UNKNOWN_VARIANCE,
+    )
