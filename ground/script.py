@@ -1,0 +1,230 @@
+"""Missions in people's terms, and the standard MAVLink items they compile to.
+
+A script is a TOML file: a name, what it is for, and steps in order::
+
+    name = "combined"
+    about = "a depth and heading change together"
+
+    [[step]]                 # a leg; what it leaves out stays as it was
+    depth_m = 4.0
+    heading_deg = -80.0
+    thrust_pct = 58.0        # or speed_mps
+    duration_s = 30.0
+    wait_depth = false       # true: the duration counts from when the depth is reached
+
+    [[step]]                 # an open-loop test about the trim, the other plane's loop left on
+    test = { signal = "step", axis = "rudder", magnitude_deg = 5.0, duration_s = 15 }
+
+    [[step]]
+    surface = true           # always the last step
+
+A leg becomes DO_CHANGE_SPEED, DO_CHANGE_ALTITUDE, CONDITION_YAW and NAV_DELAY, a test MAV_CMD_USER_1, the end
+NAV_LAND, so that any vehicle of the same vocabulary can fly a script and any ground station can show it.
+"""
+
+import math
+import tomllib
+from collections.abc import Iterator
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from link.dialect import constant
+from link.missions import FRAME_MISSION, MissionItem
+
+CHANGE_SPEED = constant("MAV_CMD_DO_CHANGE_SPEED")
+CHANGE_ALTITUDE = constant("MAV_CMD_DO_CHANGE_ALTITUDE")
+WAIT_ALTITUDE = constant("MAV_CMD_CONDITION_CHANGE_ALT")
+YAW = constant("MAV_CMD_CONDITION_YAW")
+DELAY = constant("MAV_CMD_NAV_DELAY")
+TEST = constant("MAV_CMD_USER_1")
+LAND = constant("MAV_CMD_NAV_LAND")
+RELATIVE_ALTITUDE = 3
+"""MAV_FRAME_GLOBAL_RELATIVE_ALT: altitude above home, which lies at the water surface."""
+
+SIGNALS = {"chirp": 0, "step": 1, "doublet": 2, "prbs": 3, "multisine": 4}
+"""SID_WAVE by name."""
+AXES = {"elevator": 11, "rudder": 12}
+"""SID_AXIS by name: the mixer's pitch and yaw inputs."""
+SHIPPED = files("ground") / "missions"
+
+
+class ScriptError(ValueError):
+    """A mission that cannot be flown: names the file, the key, the value and what would be right."""
+
+
+class Test(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """An open-loop signal on one surface."""
+
+    signal: Literal["chirp", "step", "doublet", "prbs", "multisine"]
+    axis: Literal["rudder", "elevator"]
+    magnitude_deg: float
+    duration_s: int
+    f_start_hz: float = 0.0
+    f_stop_hz: float = 0.0
+    fade_s: float = 0.0
+
+
+class Step(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """One step: a leg, a test, or the surfacing at the end."""
+
+    depth_m: float | None = None
+    heading_deg: float | None = None
+    thrust_pct: float | None = None
+    speed_mps: float | None = None
+    duration_s: float | None = None
+    wait_depth: bool | None = None
+    test: Test | None = None
+    surface: Literal[True] | None = None
+
+    @property
+    def leg_keys(self) -> list[str]:
+        """The keys of a leg that this step gives."""
+        keys = ("depth_m", "heading_deg", "thrust_pct", "speed_mps", "duration_s", "wait_depth")
+        return [key for key in keys if getattr(self, key) is not None]
+
+
+class Script(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A mission as its file says it."""
+
+    name: str
+    step: tuple[Step, ...]
+    about: str = ""
+
+
+def shipped_names() -> list[str]:
+    """The missions that come with the tool."""
+    return sorted(entry.name.removesuffix(".toml") for entry in SHIPPED.iterdir() if entry.name.endswith(".toml"))
+
+
+def load(name_or_path: str) -> Script:
+    """Read a shipped mission by its name, or a file by its path.
+
+    Raises:
+        ScriptError: there is no such mission, or its text is wrong.
+    """
+    source: Traversable = SHIPPED / f"{name_or_path}.toml"
+    if not source.is_file():
+        source = Path(name_or_path)
+    try:
+        text = source.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        known = ", ".join(shipped_names())
+        raise ScriptError(f"{name_or_path}: no readable mission file, and none of {known}") from None
+    return parse(text, name_or_path)
+
+
+def parse(text: str, where: str) -> Script:
+    """Read a mission from TOML text; ``where`` names it in errors. Raises ScriptError."""
+    try:
+        script = msgspec.convert(tomllib.loads(text), Script)
+    except tomllib.TOMLDecodeError as error:
+        raise ScriptError(f"{where}: not TOML: {error}") from None
+    except msgspec.ValidationError as error:
+        raise ScriptError(f"{where}: {str(error).replace('`', '')}") from None
+    for number, step in enumerate(script.step, start=1):
+        if wrong := _wrong(step, is_first=number == 1, is_last=number == len(script.step)):
+            raise ScriptError(f"{where}: step {number}: {wrong}")
+    if not script.step:
+        raise ScriptError(f"{where}: step: is empty; give at least one [[step]] and a last one with surface = true")
+    return script
+
+
+def compile_items(script: Script) -> tuple[MissionItem, ...]:
+    """The standard mission items of a script, numbered from 0, the first one current."""
+    items = [item for step in script.step for item in _items(step)]
+    return tuple(item._replace(sequence=n, current=int(n == 0)) for n, item in enumerate(items))
+
+
+def duration_s(script: Script) -> float:
+    """Seconds of legs and tests, without the way down and up."""
+    return sum((s.duration_s or 0.0) + (s.test.duration_s if s.test else 0) for s in script.step)
+
+
+def _wrong(step: Step, *, is_first: bool, is_last: bool) -> str:
+    kinds = [bool(step.leg_keys), step.test is not None, step.surface is not None]
+    if sum(kinds) != 1:
+        return "must be a leg (depth_m, heading_deg, ...), a test or surface = true, one of them"
+    if is_last != bool(step.surface):
+        return "surface = true must be the last step" if step.surface else "the last step must be surface = true"
+    if step.test is not None:
+        return "test: comes before any leg; the first step must be a leg" if is_first else _wrong_test(step.test)
+    return _wrong_leg(step, is_first=is_first) if step.leg_keys else ""
+
+
+def _wrong_leg(step: Step, *, is_first: bool) -> str:
+    if step.thrust_pct is not None and step.speed_mps is not None:
+        return "thrust_pct and speed_mps: give one of them"
+    has_speed = step.thrust_pct is not None or step.speed_mps is not None
+    if is_first and (step.depth_m is None or step.heading_deg is None or not has_speed):
+        return "the first leg must give depth_m, heading_deg and thrust_pct or speed_mps"
+    if step.wait_depth and step.depth_m is None:
+        return "wait_depth = true: needs depth_m"
+    if step.duration_s is None:
+        return "duration_s: is missing; give the seconds to hold this leg"
+    bounds = (
+        ("depth_m", step.depth_m, 0.0, 6000.0),
+        ("heading_deg", step.heading_deg, -180.0, 360.0),
+        ("thrust_pct", step.thrust_pct, 0.0, 100.0),
+        ("speed_mps", step.speed_mps, 0.0, 10.0),
+        ("duration_s", step.duration_s, 0.0, 86_400.0),
+    )
+    return next((_range(*bound) for bound in bounds if _range(*bound)), "")
+
+
+def _wrong_test(test: Test) -> str:
+    if test.magnitude_deg == 0.0:
+        return "test.magnitude_deg = 0: must not be 0"
+    if test.signal == "chirp" and not 0.0 < test.f_start_hz <= test.f_stop_hz:
+        return f"test.f_start_hz = {test.f_start_hz:g}: a chirp must rise from above 0 to f_stop_hz"
+    bounds = (
+        ("test.magnitude_deg", test.magnitude_deg, -15.0, 15.0),
+        ("test.duration_s", float(test.duration_s), 1.0, 600.0),
+        ("test.fade_s", test.fade_s, 0.0, test.duration_s / 2),
+    )
+    return next((_range(*bound) for bound in bounds if _range(*bound)), "")
+
+
+def _range(key: str, value: float | None, low: float, high: float) -> str:
+    if value is None or low <= value <= high:
+        return ""
+    return f"{key} = {value:g}: must be {low:g} to {high:g}"
+
+
+def _items(step: Step) -> Iterator[MissionItem]:
+    if step.surface:
+        yield _item(LAND)
+    elif step.test is not None:
+        yield _test_item(step.test)
+    else:
+        yield from _leg_items(step)
+
+
+def _leg_items(step: Step) -> Iterator[MissionItem]:
+    if step.thrust_pct is not None:
+        yield _item(CHANGE_SPEED, 0.0, -1.0, step.thrust_pct)
+    if step.speed_mps is not None:
+        yield _item(CHANGE_SPEED, 0.0, step.speed_mps, -1.0)
+    if step.depth_m is not None:
+        yield _item(CHANGE_ALTITUDE, -step.depth_m, RELATIVE_ALTITUDE)
+    if step.heading_deg is not None:
+        yield _item(YAW, step.heading_deg % 360.0)
+    if step.wait_depth and step.depth_m is not None:
+        yield _item(WAIT_ALTITUDE, z=-step.depth_m)._replace(frame=RELATIVE_ALTITUDE)
+    if step.duration_s:
+        yield _item(DELAY, step.duration_s, -1.0, -1.0, -1.0)
+
+
+def _test_item(test: Test) -> MissionItem:
+    item = _item(TEST, AXES[test.axis], test.magnitude_deg, test.f_start_hz, test.f_stop_hz, test.fade_s)
+    return item._replace(x=test.duration_s, y=SIGNALS[test.signal])
+
+
+def _item(
+    command: int, p1: float = 0.0, p2: float = 0.0, p3: float = 0.0, p4: float = 0.0, z: float = 0.0
+) -> MissionItem:
+    assert all(map(math.isfinite, (p1, p2, p3, p4, z)))
+    return MissionItem(0, FRAME_MISSION, command, p1=p1, p2=p2, p3=p3, p4=p4, z=z)
