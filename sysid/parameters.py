@@ -1,0 +1,155 @@
+"""What identification may change about the first-principles vehicle, and what is believed about each before the first dive.
+
+Estimation runs on z, the number of prior standard deviations from the prior mean. Coefficients are positive ratios to the
+prior vehicle (log-normal), delay, bias and buoyancy are offsets (normal).
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from sitl.vehicle import calibrate
+from sitl.vehicle.config import VehicleConfig
+from sitl.vehicle.model import Model
+
+from sysid.greybox import Actuator
+from sysid.runs import Plane
+from sysid.tables import Coefficients
+
+Array = NDArray[np.float64]
+Kind = Literal["ratio", "offset"]
+
+ASYMMETRY = 0.07
+"""How far a body of revolution's yaw and pitch coefficients may differ each from their common value (log ratio, 1 sd)."""
+
+
+class Parameter(NamedTuple):
+    name: str
+    planes: tuple[Plane, ...]
+    kind: Kind
+    prior_sd: float
+    """Relative for a ratio, in the parameter's SI unit for an offset."""
+    twin: str = ""
+    """The yaw coefficient that is the same physical quantity turned by a quarter about x."""
+
+
+_YAW: tuple[Plane, ...] = ("yaw",)
+_PITCH: tuple[Plane, ...] = ("pitch",)
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("Y_v", _YAW, "ratio", 0.20),
+    Parameter("N_v", _YAW, "ratio", 0.40),
+    Parameter("Y_r", _YAW, "ratio", 0.40),
+    Parameter("N_r", _YAW, "ratio", 0.20),
+    Parameter("Y_dr", _YAW, "ratio", 0.20),
+    Parameter("N_dr", _YAW, "ratio", 0.25),
+    Parameter("Y_vdot", _YAW, "ratio", 0.08),
+    Parameter("I_zz", _YAW, "ratio", 0.20),
+    Parameter("delay_yaw", _YAW, "offset", 0.1),
+    Parameter("bias_rudder", _YAW, "offset", math.radians(1.0)),
+    Parameter("Z_w", _PITCH, "ratio", 0.20, "Y_v"),
+    Parameter("M_w", _PITCH, "ratio", 0.40, "N_v"),
+    Parameter("Z_q", _PITCH, "ratio", 0.40, "Y_r"),
+    Parameter("M_q", _PITCH, "ratio", 0.20, "N_r"),
+    Parameter("Z_de", _PITCH, "ratio", 0.20, "Y_dr"),
+    Parameter("M_de", _PITCH, "ratio", 0.25, "N_dr"),
+    Parameter("Z_wdot", _PITCH, "ratio", 0.08, "Y_vdot"),
+    Parameter("I_yy", _PITCH, "ratio", 0.20, "I_zz"),
+    Parameter("z_CM", _PITCH, "ratio", 0.30),
+    Parameter("delay_pitch", _PITCH, "offset", 0.1),
+    Parameter("bias_elevator", _PITCH, "offset", math.radians(1.0)),
+    Parameter("net_buoyancy", _PITCH, "offset", 5.0),
+    Parameter("crossflow_cd", ("yaw", "pitch"), "ratio", 0.25),
+    Parameter("natural_frequency", ("yaw", "pitch"), "ratio", 0.05),
+    Parameter("damping_ratio", ("yaw", "pitch"), "ratio", 0.05),
+)
+"""Prior standard deviations: strip and duct theory for the coefficients, the bench test for the tailcone's lag."""
+
+NAMES = tuple(parameter.name for parameter in PARAMETERS)
+INERTIAS = {"I_zz": "N_rdot", "I_yy": "M_qdot"}
+"""Inertia is identified with its added mass, which motion cannot tell apart: the ratio is that of their sum."""
+
+
+def prior_covariance() -> Array:
+    """Of z, shape (n, n), unit diagonal: twins share what they have in common."""
+    covariance = np.eye(len(PARAMETERS))
+    for i, parameter in enumerate(PARAMETERS):
+        if parameter.twin:
+            j = NAMES.index(parameter.twin)
+            shared = max(0.0, 1.0 - (ASYMMETRY / parameter.prior_sd) ** 2)
+            covariance[i, j] = covariance[j, i] = shared
+    return covariance
+
+
+def ratio(parameter: Parameter, z: float) -> float:
+    return math.exp(parameter.prior_sd * z)
+
+
+class Vehicle(NamedTuple):
+    """A candidate: everything a run needs to be simulated."""
+
+    config: VehicleConfig
+    model: Model
+    actuators: dict[Plane, Actuator]
+
+
+def vehicle(prior: VehicleConfig, biases_rad: dict[Plane, float], z: Array) -> Vehicle:
+    """The prior vehicle moved by z; ``biases_rad`` is the prior mean of the actuator bias in each plane."""
+    values = dict(zip(NAMES, z, strict=True))
+    ratios = {p.name: ratio(p, values[p.name]) for p in PARAMETERS if p.kind == "ratio"}
+    offsets = {p.name: p.prior_sd * values[p.name] for p in PARAMETERS if p.kind == "offset"}
+    config = msgspec.structs.replace(
+        prior,
+        linear=_coefficients(prior, ratios),
+        damping=msgspec.structs.replace(
+            prior.damping, crossflow_cd=prior.damping.crossflow_cd * ratios["crossflow_cd"]
+        ),
+        ballast=msgspec.structs.replace(
+            prior.ballast, net_buoyancy_n=prior.ballast.net_buoyancy_n + offsets["net_buoyancy"]
+        ),
+    )
+    tailcone = prior.tailcone
+
+    def actuator(plane: Plane, surface: str) -> Actuator:
+        return Actuator(
+            delay_s=max(0.0, tailcone.delay_s + offsets[f"delay_{plane}"]),
+            natural_frequency_radps=tailcone.natural_frequency_radps * ratios["natural_frequency"],
+            damping_ratio=tailcone.damping_ratio * ratios["damping_ratio"],
+            bias_rad=biases_rad[plane] + offsets[f"bias_{surface}"],
+            travel_rad=math.radians(tailcone.travel_deg),
+            rate_radps=math.radians(tailcone.rate_degps),
+        )
+
+    actuators: dict[Plane, Actuator] = {"yaw": actuator("yaw", "rudder"), "pitch": actuator("pitch", "elevator")}
+    return Vehicle(config, calibrate.build(config), actuators)
+
+
+def _coefficients(prior: VehicleConfig, ratios: dict[str, float]) -> msgspec.Struct:
+    linear = prior.linear
+    changed: dict[str, float] = {}
+    for field in linear.__struct_fields__:
+        name, value = symbol(field), getattr(linear, field)
+        if name in INERTIAS:
+            added = getattr(short(linear), INERTIAS[name])
+            changed[field] = (value - added) * ratios[name] + added
+        elif name in ratios:
+            changed[field] = value * ratios[name]
+    return msgspec.structs.replace(linear, **changed)
+
+
+def symbol(field: str) -> str:
+    """The symbol of a vehicle file's key: ``Y_v_kgps`` is ``Y_v``."""
+    return field.rpartition("_")[0]
+
+
+def short(linear: msgspec.Struct) -> Coefficients:
+    """A vehicle file's linear column under Table 1's symbols."""
+    return Coefficients(**{symbol(field): getattr(linear, field) for field in linear.__struct_fields__})
+
+
+def of_planes(planes: Sequence[Plane]) -> list[int]:
+    """Indices of the parameters that runs in ``planes`` depend on."""
+    return [i for i, parameter in enumerate(PARAMETERS) if set(parameter.planes) & set(planes)]
