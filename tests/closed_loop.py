@@ -1,0 +1,69 @@
+"""The vehicle and her autopilot without sockets: the two pure functions called in turn."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from autopilot import command, core, modes, params, requests
+from autopilot.types import Event, Inputs, Trace
+from link.frames import euler_from_quaternion
+from link.missions import MissionItem
+from sitl import plant, scenario
+from sitl.vehicle import config as vehicles
+
+COLUMNS = (
+    "t_s", "true_roll", "true_pitch", "true_heading", "true_depth_m", "heading", "pitch", "roll", "depth_m",
+    "rudder", "elevator", "true_rudder", "surge_mps", "north_m", "east_m",
+)  # fmt: skip
+
+
+class Dive:
+    """One mission from arming to disarming; the history as columns by name."""
+
+    def __init__(
+        self, items: tuple[MissionItem, ...], *, vehicle: str = "field", sea: str = "calm", seed: int = 1,
+        values: Mapping[str, float] | None = None, limit_s: float = 900.0,
+    ) -> None:  # fmt: skip
+        self.config = params.config(values or {})
+        self._plant = plant.build(vehicles.load(vehicle), scenario.load(sea))
+        self._rng = plant.random_streams(seed)
+        self.body, reading = plant.launch(self._plant, self._rng)
+        self.state = core.start(self.config)
+        self.events: list[Any] = []
+        self._rows: list[tuple[float, ...]] = []
+        frame = self._tick(reading)
+        for wish in (requests.LoadMission(items), requests.SetMode(modes.MISSION.number), requests.Arm()):
+            self.state, answer, _ = command.request(self.state, wish, self.config)
+            assert answer.result == 0, answer.text
+        while self.state.armed and self.state.time_us < limit_s * 1e6:
+            self.body, reading = plant.step(self._plant, self.body, frame, self._rng)
+            frame = self._tick(reading)
+        self.history = np.array(self._rows)
+
+    def __getitem__(self, column: str) -> NDArray[np.float64]:
+        return self.history[:, COLUMNS.index(column)]
+
+    def during(self, start_s: float, end_s: float) -> NDArray[np.bool_]:
+        return (self["t_s"] >= start_s) & (self["t_s"] < end_s)
+
+    def texts(self) -> list[str]:
+        return [event.text for event in self.events if isinstance(event, Event)]
+
+    def _tick(self, reading: Any) -> Any:
+        inputs = Inputs(reading.frame, reading.gps, reading.altimeter, None)
+        self.state, frame, trace, said = core.tick(self.state, inputs, self.config)
+        self.events += said
+        self._keep(trace)
+        return frame
+
+    def _keep(self, trace: Trace) -> None:
+        truth, seen = self.body.truth, self.state.estimate
+        self._rows.append(
+            (
+                self.state.time_us / 1e6, *euler_from_quaternion(*truth.attitude_q), truth.position_ned_m[2],
+                seen.heading_rad, seen.pitch_rad, seen.roll_rad, seen.depth_m, trace.rudder_rad, trace.elevator_rad,
+                truth.rudder_rad, float(self.body.body[7]), truth.position_ned_m[0], truth.position_ned_m[1],
+            )
+        )  # fmt: skip
