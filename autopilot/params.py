@@ -41,7 +41,7 @@ class Config(NamedTuple):
     travel_deg: Annotated[float, Doc("ACT_TRAVEL_DEG", 1, 45, "deg", "Duct travel at full control")] = 15.0
     cruise_thrust_pct: Annotated[float, Doc("THR_CRUISE_PCT", 0, 100, "%", "Thrust where a mission gives none")] = 58.0
     cruise_speed_mps: Annotated[float, Doc("SPD_CRUISE_MPS", 0.1, 5, "m/s", "Speed at cruise thrust")] = 1.3
-    speed_length_m: Annotated[float, Doc("SPD_LENGTH_M", 1, 500, "m", "Mass over drag: way to reach a speed")] = 38.0
+    speed_length_m: Annotated[float, Doc("SPD_LENGTH_M", 1, 500, "m", "Way in which a speed is reached")] = 12.0
 
     declination_deg: Annotated[
         float, Doc("MAG_DECL_DEG", -180, 180, "deg", "Magnetic declination, east positive")
