@@ -16,7 +16,6 @@ from link.exchange import Exchange, Party, Send
 REAL32 = constant("MAV_PARAM_TYPE_REAL32")
 DOES_NOT_EXIST = constant("MAV_PARAM_ERROR_DOES_NOT_EXIST")
 OUT_OF_RANGE = constant("MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE")
-READ_ONLY = constant("MAV_PARAM_ERROR_READ_ONLY")
 _INTEGERS = range(constant("MAV_PARAM_TYPE_UINT8"), REAL32)
 
 NO_INDEX = 65_535
@@ -30,7 +29,7 @@ BURST = 16
 _REASONS = {
     DOES_NOT_EXIST: "there is no such parameter",
     OUT_OF_RANGE: "the value is out of range",
-    READ_ONLY: "it cannot be changed",
+    constant("MAV_PARAM_ERROR_READ_ONLY"): "it cannot be changed",
 }
 
 
@@ -39,18 +38,9 @@ def as_real32(value: float) -> float:
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
-class ParamRefusedError(ValueError):
-    """A table's refusal of a value: a MAV_PARAM_ERROR, and why in words."""
-
-    def __init__(self, error: int, text: str) -> None:
-        super().__init__(text)
-        self.error = error
-
-
 class ParamTable(Protocol):
     """The parameters of a vehicle."""
 
-    @property
     def names(self) -> Sequence[str]:
         """Sorted, the same ones in the same order for as long as the vehicle runs."""
         ...
@@ -58,7 +48,7 @@ class ParamTable(Protocol):
     def get(self, name: str) -> float: ...
 
     def set(self, name: str, value: float) -> float:
-        """Store a value and return what was really stored. Raises ParamRefusedError."""
+        """Store a value and return what was really stored. Raises ValueError, and says what would be right."""
         ...
 
 
@@ -169,7 +159,7 @@ class ParamServer:
 
     def __init__(self, table: ParamTable, broadcast: Send) -> None:
         self._table, self._broadcast = table, broadcast
-        self._names = tuple(table.names)
+        self._names = tuple(table.names())
         self._listings: dict[Party, _Listing] = {}
 
     def feed(self, frame: Frame, send: Send) -> str:
@@ -212,8 +202,8 @@ class ParamServer:
             return f"Parameter {name}: there is none of this name"
         try:
             self._table.set(name, _value_of(message))
-        except ParamRefusedError as refusal:
-            _error(send, sender, name, -1, refusal.error)
+        except ValueError as refusal:
+            _error(send, sender, name, -1, OUT_OF_RANGE)
             self._value(send, name, self._names.index(name))
             return str(refusal)
         self._value(self._broadcast, name, self._names.index(name))
@@ -233,9 +223,9 @@ class ParamServer:
 def _value_of(message: Any) -> float:
     """The value in a PARAM_SET. An integer type leaves open whether the bytes or the number are meant: refused."""
     if message.param_type in _INTEGERS:
-        raise ParamRefusedError(OUT_OF_RANGE, f"Parameter {message.param_id}: to be sent as REAL32, not as an integer")
+        raise ValueError(f"Parameter {message.param_id}: to be sent as REAL32, not as an integer")
     if not math.isfinite(message.param_value):
-        raise ParamRefusedError(OUT_OF_RANGE, f"Parameter {message.param_id}: {message.param_value} is not finite")
+        raise ValueError(f"Parameter {message.param_id}: {message.param_value} is not finite")
     return float(message.param_value)
 
 

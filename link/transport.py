@@ -53,13 +53,15 @@ class Transport(Protocol):
     def close(self) -> None: ...
 
 
-def wait(transports: Sequence[Transport], timeout_s: float) -> None:
-    """Return when one of the transports has something to receive, or after the timeout."""
-    handles = [handle for transport in transports for handle in transport.handles()]
+def wait(transports: Sequence[Transport], timeout_s: float) -> list[Transport]:
+    """Those of the transports that have something to receive, as soon as one has or the timeout is over."""
+    handles = {handle: transport for transport in transports for handle in transport.handles()}
     if handles:
-        select.select(handles, (), (), max(0.0, timeout_s))
-    elif timeout_s > 0:
+        ready = select.select(handles, (), (), max(0.0, timeout_s))[0]
+        return list(dict.fromkeys(handles[handle] for handle in ready))
+    if timeout_s > 0:
         time.sleep(timeout_s)
+    return []
 
 
 class UdpTransport:

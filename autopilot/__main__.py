@@ -1,0 +1,76 @@
+"""The ``autopilot`` command."""
+
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from autopilot.app import App
+from autopilot.hil import HilLink
+from autopilot.identity import AutopilotId
+from autopilot.params import ParamError, ParamTable, load
+from autopilot.server import GroundServer
+from autopilot.vehicle import Vehicle
+from link.transport import AddressError, LinkLostError, open_transport
+
+DEFAULT_GROUND = ["udpout:127.0.0.1:14550", "udpout:127.0.0.1:14540"]
+"""Where QGroundControl and MAVProxy, and where MAVSDK listen."""
+
+WORK_FAILED, BAD_INPUT = 1, 2
+
+
+def fly(
+    hil: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Link to the simulator or the vehicle.")
+    ] = "udpin:127.0.0.1:14560",
+    gcs: Annotated[
+        list[str] | None, typer.Option(metavar="ADDRESS", help="Link to the ground; may be repeated.")
+    ] = None,
+    params: Annotated[Path | None, typer.Option(metavar="FILE", help="Parameters: lines of NAME,VALUE.")] = None,
+    autopilot_id: Annotated[AutopilotId, typer.Option(help="Personality told in HEARTBEAT.")] = AutopilotId.GENERIC,
+) -> None:
+    """Fly the vehicle: sensors in, actuators out, MAVLink to the ground."""
+    try:
+        table = ParamTable(load(params) if params else None)
+        vehicle, system = Vehicle(table), table.config.system_id
+        hil_link = HilLink(open_transport(hil), system)
+        ground = GroundServer(vehicle, [open_transport(address) for address in gcs or DEFAULT_GROUND], autopilot_id)
+    except (AddressError, ParamError) as error:
+        raise SystemExit(_complain(error, BAD_INPUT)) from None
+    links = ", ".join(link.transport.address for link in ground.links)
+    print(f"autopilot: system {system}, HIL {hil}, ground {links}", file=sys.stderr, flush=True)
+    try:
+        App(vehicle, hil_link, ground).run(Stop())
+    except LinkLostError as error:
+        raise SystemExit(_complain(error, WORK_FAILED)) from None
+
+
+class Stop:
+    """Turns true at the first signal that asks the process to end."""
+
+    def __init__(self) -> None:
+        self._asked = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._ask)
+
+    def __call__(self) -> bool:
+        return self._asked
+
+    def _ask(self, *_: object) -> None:
+        self._asked = True
+
+
+def _complain(error: Exception, status: int) -> int:
+    print(f"autopilot: {error}", file=sys.stderr)
+    return status
+
+
+def main() -> None:
+    """Run the command."""
+    typer.run(fly)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,60 @@
+"""The process: one loop that answers the sensors first, then tells and serves the ground."""
+
+from collections.abc import Callable
+
+from autopilot.hil import HilLink, Sample
+from autopilot.server import GroundServer
+from autopilot.types import US_PER_S, Inputs
+from autopilot.vehicle import Vehicle
+from link.transport import wait
+
+IDLE_S = 0.05
+"""How long the loop sleeps at most, so that wall-clock timers keep going while no sensors come."""
+RESTART_US = US_PER_S
+"""Vehicle time that falls back by more than this belongs to a new run of the simulator."""
+STALE_FRAMES = 5
+"""So many old frames in a row are no stragglers: the simulator has begun again, shortly after its last start."""
+
+
+class App:
+    """Joins the vehicle to its two sides."""
+
+    def __init__(self, vehicle: Vehicle, hil: HilLink, ground: GroundServer) -> None:
+        self._vehicle, self._hil, self._ground = vehicle, hil, ground
+        self._stale_frames = 0
+
+    def run(self, stopping: Callable[[], bool]) -> None:
+        """Serve until ``stopping`` says so. Raises LinkLostError when the HIL link is gone for good."""
+        while not stopping():
+            self.step(IDLE_S)
+
+    def step(self, timeout_s: float) -> None:
+        """Wait for something to arrive and deal with it."""
+        links = {link.transport: link for link in self._ground.links}
+        ready = wait([self._hil.transport, *links], timeout_s)
+        if self._hil.transport in ready:
+            for sample in self._hil.receive():
+                self._take(sample)
+        for transport in ready:
+            if transport in links:
+                self._ground.receive(links[transport])
+        self._ground.poll()
+
+    def _take(self, sample: Sample) -> None:
+        """Answer a sample: a new one with a tick, one that came again with what was answered before."""
+        late_us = self._vehicle.state.time_us - sample.sensors.time_us
+        if late_us == 0:
+            self._hil.answer(self._vehicle.again())
+            return
+        if late_us > 0:
+            self._stale_frames += 1
+            if late_us <= RESTART_US and self._stale_frames < STALE_FRAMES:
+                return
+            self._vehicle.restart("vehicle time fell back")
+        self._stale_frames = 0
+        self._tick(sample)
+
+    def _tick(self, sample: Sample) -> None:
+        inputs = Inputs(*sample, self._ground.ground_silent_s, self._ground.stick)
+        self._hil.answer(self._vehicle.tick(inputs))
+        self._ground.tell()

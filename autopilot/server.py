@@ -1,0 +1,272 @@
+"""The ground side of the autopilot: every MAVLink service, on every link.
+
+Heartbeats and protocol timers run on the wall clock, whatever the speed of vehicle time; telemetry runs on vehicle
+time. A link is one ``Endpoint``, with its own sequence numbers and its own message intervals.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from autopilot import identity, telemetry
+from autopilot.identity import COMPONENT, AutopilotId
+from autopilot.mav_cmd import Commander, command_from_message
+from autopilot.requests import SetMode
+from autopilot.telemetry import Schedule, Values
+from autopilot.types import Event, ItemReached, Stick
+from autopilot.vehicle import MissionStore, Vehicle
+from link import dialect
+from link.clock import Every, wall_s
+from link.codec import Frame
+from link.dialect import MessageType, constant
+from link.endpoint import Endpoint
+from link.exchange import Party, addressed_to
+from link.files import FileServer
+from link.missions import MissionServer
+from link.params import ParamServer
+from link.transport import LinkLostError, Transport
+
+HEARTBEAT_S = 1.0
+STICK_LASTS_S = 1.5
+"""A pilot's hand that was not heard of for longer has let go."""
+DATAGRAM_BYTES = 1200
+"""Telemetry of one tick goes out in as few datagrams as fit a common network."""
+STATUSTEXT_BYTES = 50
+
+_GROUND_STATION = constant("MAV_TYPE_GCS")
+_NOT_GIVEN = 32_767
+"""MANUAL_CONTROL's mark of an axis that the stick lacks."""
+_STICK_FULL = 1000.0
+_HEARTBEAT, _CURRENT_MODE = dialect.by_name("HEARTBEAT"), dialect.by_name("CURRENT_MODE")
+_STATUSTEXT, _ITEM_REACHED = dialect.by_name("STATUSTEXT"), dialect.by_name("MISSION_ITEM_REACHED")
+
+
+class GroundLink:
+    """One way to the ground."""
+
+    def __init__(self, transport: Transport, system: int) -> None:
+        self.transport = transport
+        self.endpoint = Endpoint(transport, system, COMPONENT)
+        self.schedule = Schedule()
+        self._known: set[Party] = set()
+
+    def meets(self, sender: Party) -> bool:
+        """Whether this is the first that is heard of ``sender`` by this link."""
+        if sender in self._known:
+            return False
+        self._known.add(sender)
+        return True
+
+    def send_all(self, frames: Sequence[bytes]) -> None:
+        """Send frames in order, several to a datagram."""
+        datagram = b""
+        for frame in frames:
+            if datagram and len(datagram) + len(frame) > DATAGRAM_BYTES:
+                self.endpoint.transport.send(datagram)
+                datagram = b""
+            datagram += frame
+        if datagram:
+            self.endpoint.transport.send(datagram)
+
+
+Handler = Callable[[GroundLink, Frame, Any], None]
+
+
+class GroundServer:
+    """Tells the ground of the vehicle, and the vehicle of the ground's wishes."""
+
+    def __init__(self, vehicle: Vehicle, transports: Sequence[Transport], autopilot: AutopilotId) -> None:
+        self._vehicle, self._autopilot = vehicle, autopilot
+        self._own = Party(vehicle.params.config.system_id, COMPONENT)
+        self.links = [GroundLink(transport, self._own.system) for transport in transports]
+        self._commander = Commander(vehicle, self._message, self._own.system)
+        self._missions = MissionServer(MissionStore(vehicle))
+        self._params = ParamServer(vehicle.params, self.broadcast)
+        self._files = FileServer()
+        self._heartbeat = Every(HEARTBEAT_S)
+        self._announced = self._condition()
+        self._ground_heard_s: float | None = None
+        self._stick: tuple[Stick, float] | None = None
+        self._long_texts = 0
+        self._handlers = self._table()
+
+    def _table(self) -> dict[int, Handler]:
+        handlers: dict[str, Handler] = {
+            "HEARTBEAT": self._hear_heartbeat,
+            "COMMAND_LONG": self._obey,
+            "COMMAND_INT": self._obey,
+            "SET_MODE": self._set_mode,
+            "MANUAL_CONTROL": self._take_stick,
+            "TIMESYNC": self._tell_time,
+            "PING": self._answer_ping,
+            "LOG_REQUEST_LIST": self._list_logs,
+        }
+        handlers |= dict.fromkeys(MissionServer.hears, self._serve_mission)
+        handlers |= dict.fromkeys(ParamServer.hears, self._serve_params)
+        handlers |= dict.fromkeys(FileServer.hears, self._serve_files)
+        return {dialect.by_name(name).message_id: handler for name, handler in handlers.items()}
+
+    @property
+    def ground_silent_s(self) -> float | None:
+        """Wall seconds since a ground station's heartbeat; None before the first."""
+        return None if self._ground_heard_s is None else wall_s() - self._ground_heard_s
+
+    @property
+    def stick(self) -> Stick | None:
+        """The pilot's hand, None where there is none."""
+        if self._stick is None or wall_s() - self._stick[1] > STICK_LASTS_S:
+            return None
+        return self._stick[0]
+
+    def tell(self) -> None:
+        """After a tick: the telemetry that is due, then what happened in it."""
+        time_us = self._vehicle.state.time_us
+        for link in list(self.links):
+            if due := link.schedule.due(time_us):
+                snapshot = self._vehicle.snapshot()
+                encode = link.endpoint.encode_values
+                self._safely(link, link.send_all, [encode(s.message, s.build(snapshot)) for s in due])
+        self.announce()
+
+    def announce(self) -> None:
+        """Send what happened since the last call, and the mode at once when it changed."""
+        for event in self._vehicle.take_events():
+            self._tell_event(event)
+        condition = self._condition()
+        if condition != self._announced:
+            self._announced = condition
+            for message in (_CURRENT_MODE, _HEARTBEAT):
+                self._broadcast_values(message, self._message(message) or ())
+
+    def poll(self) -> None:
+        """Keep the wall-clock side going: heartbeats, mission timers, parameter lists."""
+        if self._heartbeat.due():
+            self._broadcast_values(_HEARTBEAT, self._message(_HEARTBEAT) or ())
+        self._missions.poll(wall_s())
+        self._params.poll()
+        self.announce()
+
+    def receive(self, link: GroundLink) -> None:
+        """Serve what has arrived on a link."""
+        try:
+            frames = link.endpoint.receive()
+        except LinkLostError as error:
+            self._drop(link, error)
+            return
+        for frame in frames:
+            self._serve(link, frame)
+
+    def broadcast(self, name: str, **fields: Any) -> None:
+        """Send a message on every link."""
+        message = dialect.by_name(name)
+        self._broadcast_values(message, message.values(**fields))
+
+    def _serve(self, link: GroundLink, frame: Frame) -> None:
+        sender = Party(frame.system, frame.component)
+        if sender == self._own:
+            return
+        if link.meets(sender):
+            self._reply(link, _HEARTBEAT, self._message(_HEARTBEAT) or ())
+        handler = self._handlers.get(frame.message_id)
+        if handler is None:
+            return
+        message = frame.decode()
+        if addressed_to(message, self._own):
+            handler(link, frame, message)
+            self.announce()
+
+    def _hear_heartbeat(self, link: GroundLink, frame: Frame, message: Any) -> None:
+        if message.type == _GROUND_STATION:
+            self._ground_heard_s = wall_s()
+
+    def _obey(self, link: GroundLink, frame: Frame, message: Any) -> None:
+        outcome = self._commander.execute(command_from_message(message), link.schedule)
+        acknowledgement = dialect.by_name("COMMAND_ACK")
+        self._reply(link, acknowledgement, (message.command, outcome.result, 0, 0, frame.system, frame.component))
+        for answer, values in outcome.messages:
+            self._reply(link, answer, values)
+
+    def _set_mode(self, link: GroundLink, frame: Frame, message: Any) -> None:
+        """The old way to set a mode: never acknowledged, so the heartbeat tells what became of it."""
+        self._vehicle.request(SetMode(message.custom_mode))
+        self._announced = None
+
+    def _take_stick(self, link: GroundLink, frame: Frame, message: Any) -> None:
+        """Stick forward (x) is nose down, twist (r) is rudder, lever (z) is thrust."""
+        if message.target not in (0, self._own.system):
+            return
+        nose_down, rudder, thrust = (
+            0.0 if axis == _NOT_GIVEN else max(-1.0, min(1.0, axis / _STICK_FULL))
+            for axis in (message.x, message.r, message.z)
+        )
+        self._stick = Stick(rudder, -nose_down, thrust), wall_s()
+
+    def _tell_time(self, link: GroundLink, frame: Frame, message: Any) -> None:
+        if message.tc1 == 0:
+            self._reply(link, dialect.by_name("TIMESYNC"), (round(wall_s() * 1e9), message.ts1))
+
+    def _answer_ping(self, link: GroundLink, frame: Frame, message: Any) -> None:
+        if message.target_system == 0:
+            ping = dialect.by_name("PING")
+            self._reply(link, ping, (message.time_usec, message.seq, frame.system, frame.component))
+
+    def _list_logs(self, link: GroundLink, frame: Frame, message: Any) -> None:
+        """No log is kept on board; a client that hears nothing would ask again for seconds."""
+        self._reply(link, dialect.by_name("LOG_ENTRY"), (0, 0, 0, 0, 0))
+
+    def _serve_mission(self, link: GroundLink, frame: Frame, message: Any) -> None:
+        self._missions.feed(frame, link.endpoint.send, wall_s())
+
+    def _serve_params(self, link: GroundLink, frame: Frame, message: Any) -> None:
+        if refusal := self._params.feed(frame, link.endpoint.send):
+            self._vehicle.say(refusal)
+
+    def _serve_files(self, link: GroundLink, frame: Frame, message: Any) -> None:
+        self._files.feed(frame, link.endpoint.send)
+
+    def _condition(self) -> tuple[int, bool, int] | None:
+        state = self._vehicle.state
+        return state.mode, state.armed, identity.system_status(state)
+
+    def _message(self, message: MessageType) -> Values | None:
+        """The fields of any message that can be asked for, None for one that cannot."""
+        snapshot = self._vehicle.snapshot()
+        if message is _HEARTBEAT:
+            return identity.heartbeat(snapshot.state, self._autopilot)
+        if message.name == "AUTOPILOT_VERSION":
+            return identity.autopilot_version(self._own.system)
+        stream = telemetry.BY_ID.get(message.message_id)
+        return None if stream is None else stream.build(snapshot)
+
+    def _tell_event(self, event: Event | ItemReached) -> None:
+        if isinstance(event, ItemReached):
+            self._broadcast_values(_ITEM_REACHED, (event.sequence,))
+            return
+        text = event.text.encode()
+        chunks = [text[at : at + STATUSTEXT_BYTES] for at in range(0, len(text), STATUSTEXT_BYTES)]
+        number = 0
+        if len(chunks) > 1:
+            self._long_texts = self._long_texts % 0xFFFF + 1
+            number = self._long_texts
+        for position, chunk in enumerate(chunks):
+            self._broadcast_values(_STATUSTEXT, (int(event.severity), chunk, number, position))
+
+    def _broadcast_values(self, message: MessageType, values: Values) -> None:
+        for link in list(self.links):
+            self._reply(link, message, values)
+
+    def _reply(self, link: GroundLink, message: MessageType, values: Values) -> None:
+        self._safely(link, link.endpoint.send_values, message, values)
+
+    def _safely(self, link: GroundLink, act: Callable[..., None], *arguments: Any) -> None:
+        """A link that breaks is the ground's loss, never the vehicle's."""
+        try:
+            act(*arguments)
+        except LinkLostError as error:
+            self._drop(link, error)
+
+    def _drop(self, link: GroundLink, error: LinkLostError) -> None:
+        if link in self.links:
+            self.links.remove(link)
+            link.transport.close()
+            print(f"autopilot: ground link lost: {error}", file=sys.stderr, flush=True)
