@@ -23,6 +23,8 @@ from link.codec import Frame
 
 CHUNK_BYTES = 60_000
 FLUSH_PERIOD_S = 0.2
+RESTART_US = 10_000_000
+"""A step back of vehicle time by more than this is a restart, by less an old sample such as a satellite fix."""
 
 _tlog_stamp = struct.Struct(">Q")
 
@@ -74,9 +76,10 @@ class Recorder:
         channel = self._channels.get(key) or self._open_channel(frame)
         clock = self._clocks.get(frame.system) or self._clocks.setdefault(frame.system, _Clock(self._opened_unix_ns))
         payload = frame.payload[: channel.length].ljust(channel.length, b"\0")
-        if channel.read_time_us is not None:
-            self._set_clock(frame.system, clock, channel.read_time_us(payload))
-        time_ns = clock.start_unix_ns + clock.vehicle_us * 1000
+        own_us = None if channel.read_time_us is None else channel.read_time_us(payload)
+        if own_us is not None:
+            self._set_clock(frame.system, clock, own_us)
+        time_ns = clock.start_unix_ns + (clock.vehicle_us if own_us is None else own_us) * 1000
         self._writer.add_message(channel.number, time_ns, payload, time_ns, frame.sequence)
         self.message_count += 1
         if channel.show is not None:
@@ -118,14 +121,13 @@ class Recorder:
         if self._tlog is not None:
             self._tlog.close()
 
-    def _set_clock(self, system: int, clock: _Clock, vehicle_us: int | None) -> None:
-        if vehicle_us is None:
-            return
+    def _set_clock(self, system: int, clock: _Clock, vehicle_us: int) -> None:
         if not clock.known:
             clock.known = True
             clock.start_unix_ns = self._now_unix_ns() - vehicle_us * 1000
             self.annotate(f"clock/{system}", {"vehicle_time_zero_unix_ns": str(clock.start_unix_ns)})
-        clock.vehicle_us = vehicle_us
+        if not 0 < clock.vehicle_us - vehicle_us < RESTART_US:
+            clock.vehicle_us = vehicle_us
 
     def _open_channel(self, frame: Frame) -> _Channel:
         message = dialect.by_id(frame.message_id)

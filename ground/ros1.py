@@ -26,7 +26,12 @@ _SCALARS = {
     "double": ("float64", "d"),
     "char": ("uint8", "B"),
 }
-_TIME_SCALES_US = {"time_boot_ms": 1000, "time_boot_us": 1, "time_usec": 1}
+_TIME_SCALES_US = {
+    ("time_boot_ms", "uint32_t"): 1000,
+    ("time_boot_us", "uint64_t"): 1,
+    ("time_usec", "uint64_t"): 1,
+}
+"""Fields that hold vehicle time, and their unit. A ``time_usec`` of 32 bits wraps after 72 minutes and tells none."""
 _LONGEST_UPTIME_US = 10**14
 """Three years: a larger ``time_usec`` is a UNIX time, which says nothing about the vehicle's clock."""
 
@@ -51,8 +56,9 @@ def vehicle_time_reader(message: MessageType) -> Callable[[bytes], int | None] |
     offset = 0
     for field in message.fields:
         kind = _SCALARS[field.type][1]
-        if field.name in _TIME_SCALES_US and not field.array_length:
-            return _reader(struct.Struct(f"<{kind}"), offset, _TIME_SCALES_US[field.name])
+        scale = _TIME_SCALES_US.get((field.name, field.type))
+        if scale is not None and not field.array_length:
+            return _reader(struct.Struct(f"<{kind}"), offset, scale)
         offset += struct.calcsize(kind) * max(1, field.array_length)
     return None
 

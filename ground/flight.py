@@ -1,0 +1,167 @@
+"""One dive: set up the vehicle, upload, arm, and record until it has disarmed itself at the surface."""
+
+import json
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from ground import plans
+from ground.processes import SimulatedVehicle
+from ground.recorder import Recorder
+from ground.vehicle import Text, Vehicle, VehicleError
+from link.clock import Every, wall_s
+from link.missions import MissionItem
+from link.transport import open_transport
+
+RATES_HZ = {
+    "ATTITUDE": 50.0,
+    "ACTUATOR_OUTPUT_STATUS": 50.0,
+    "LOCAL_POSITION_NED": 10.0,
+    "ATTITUDE_TARGET": 10.0,
+    "POSITION_TARGET_LOCAL_NED": 10.0,
+    "NAV_CONTROLLER_OUTPUT": 2.0,
+}
+"""What identification and reports need, a second of vehicle time; the rest comes at the vehicle's own rate."""
+PROGRESS_PERIOD_S = 0.1
+
+
+class Progress(NamedTuple):
+    """Where a dive stands."""
+
+    item: int
+    items: int
+    vehicle_s: float
+    wall_s: float
+    depth_m: float
+    heading_deg: float
+
+
+@dataclass(frozen=True)
+class Dive:
+    """What to fly: a mission and the parameters to set before, whoever flies it."""
+
+    mission: str
+    items: tuple[MissionItem, ...]
+    log: Path
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)
+    tlog: Path | None = None
+
+    @classmethod
+    def load(cls, mission: str, log: Path, **details: object) -> "Dive":
+        """A dive of a mission script or file. Raises ScriptError."""
+        return cls(mission, plans.load_items(mission), log, **details)  # type: ignore[arg-type]
+
+
+class Outcome(NamedTuple):
+    """What came of a dive."""
+
+    log: Path
+    vehicle_s: float
+    wall_s: float
+    messages: int
+    lost_frames: int
+    texts: tuple[str, ...]
+
+    @property
+    def failsafes(self) -> tuple[str, ...]:
+        return tuple(text for text in self.texts if text.startswith("Failsafe"))
+
+
+Watch = Callable[[Progress], None]
+Hear = Callable[[Text], None]
+
+
+def fly(dive: Dive, address: str, watch: Watch | None = None, hear: Hear | None = None) -> Outcome:
+    """Fly a vehicle that is already there. Raises AddressError, VehicleError."""
+    with ExitStack() as stack:
+        transport = open_transport(address)
+        stack.callback(transport.close)
+        recorder = Recorder(dive.log, dive.tlog)
+        stack.callback(recorder.finish)
+        return _fly(dive, Vehicle(transport, recorder), recorder, watch, hear)
+
+
+def fly_simulated(
+    dive: Dive, simulated: SimulatedVehicle, watch: Watch | None = None, hear: Hear | None = None
+) -> Outcome:
+    """Fly a simulated vehicle and stop it. Raises BadInputError, VehicleError: with what its processes said."""
+    with ExitStack() as stack:
+        stack.enter_context(simulated)
+        transport = simulated.connect()
+        stack.callback(transport.close)
+        recorder = Recorder(dive.log, dive.tlog)
+        stack.callback(recorder.finish)
+        try:
+            return _fly(dive, Vehicle(transport, recorder), recorder, watch, hear)
+        except VehicleError:
+            wait_for_last_words(simulated)
+            raise
+
+
+def wait_for_last_words(simulated: SimulatedVehicle, patience_s: float = 1.0) -> None:
+    """Raise what a dying process says in place of the lost link that it caused, if it dies in time."""
+    deadline_s = wall_s() + patience_s
+    ticking = Every(0.05)
+    while wall_s() < deadline_s:
+        if ticking.due():
+            simulated.check()
+
+
+def prepare(vehicle: Vehicle, dive: Dive) -> None:
+    """Everything before arming: parameters, message rates, mission, mode."""
+    for name, value in dive.parameters.items():
+        vehicle.set_parameter(name, value)
+    for name, rate_hz in RATES_HZ.items():
+        vehicle.set_interval(name, rate_hz)
+    vehicle.upload(dive.items)
+    vehicle.set_mode("MISSION")
+
+
+def _fly(dive: Dive, vehicle: Vehicle, recorder: Recorder, watch: Watch | None, hear: Hear | None) -> Outcome:
+    vehicle.on_text = hear
+    recorder.annotate("dive", {"mission": dive.mission, **dive.notes})
+    recorder.attach("mission.plan", plans.write_plan(dive.items).encode(), "application/json")
+    vehicle.connect()
+    prepare(vehicle, dive)
+    recorder.attach_parameters(vehicle.parameters())
+    began_s, vehicle_began_s = wall_s(), recorder.vehicle_s
+    vehicle.arm()
+    _until_disarmed(vehicle, recorder, len(dive.items), began_s, watch)
+    return Outcome(
+        log=dive.log,
+        vehicle_s=recorder.vehicle_s - vehicle_began_s,
+        wall_s=wall_s() - began_s,
+        messages=recorder.message_count,
+        lost_frames=vehicle.lost_frames,
+        texts=tuple(text.text for text in vehicle.texts),
+    )
+
+
+def _until_disarmed(vehicle: Vehicle, recorder: Recorder, items: int, began_s: float, watch: Watch | None) -> None:
+    report = Every(PROGRESS_PERIOD_S)
+    while not vehicle.disarmings:
+        vehicle.pump(0.05)
+        if watch is not None and report.due():
+            watch(_progress(vehicle, recorder, items, wall_s() - began_s))
+
+
+def _progress(vehicle: Vehicle, recorder: Recorder, items: int, wall: float) -> Progress:
+    current = vehicle.latest("MISSION_CURRENT")
+    position = vehicle.latest("LOCAL_POSITION_NED")
+    attitude = vehicle.latest("ATTITUDE")
+    return Progress(
+        item=current.seq if current else 0,
+        items=items,
+        vehicle_s=recorder.vehicle_s,
+        wall_s=wall,
+        depth_m=position.z if position else 0.0,
+        heading_deg=(attitude.yaw * 57.29577951308232) % 360.0 if attitude else 0.0,
+    )
+
+
+def outcome_json(outcome: Outcome) -> str:
+    """An outcome as one JSON object."""
+    return json.dumps({**outcome._asdict(), "log": str(outcome.log)})

@@ -1,0 +1,136 @@
+"""A simulator and an autopilot as child processes, for one dive."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import IO, NamedTuple, Self
+
+from ground.vehicle import VehicleError
+from link.clock import wall_s
+from link.transport import AddressError, Transport, open_transport, wait
+
+STARTS_WITHIN_S = 60.0
+STOPS_WITHIN_S = 5.0
+BAD_INPUT = 2
+_SOURCES = str(Path(__file__).parents[1])
+
+
+class Simulation(NamedTuple):
+    """What to simulate, as the simulator's command line names it."""
+
+    vehicle: str = "field"
+    scenario: str = "calm"
+    seed: int = 1
+    speed: str = "max"
+
+
+class BadInputError(ValueError):
+    """A child process refused what it was given; the message is its own."""
+
+
+class SimulatedVehicle:
+    """sitl and autopilot, started and stopped together. The vehicle's time begins when it is armed."""
+
+    def __init__(self, simulation: Simulation, parameters: Path | None = None) -> None:
+        hil, ground = _free_ports()
+        self.address = f"tcp:127.0.0.1:{ground}"
+        sitl = [*_module("sitl"), "--vehicle", simulation.vehicle, "--scenario", simulation.scenario]
+        sitl += ["--seed", str(simulation.seed), "--speed", simulation.speed, "--wait-for-arm"]
+        autopilot = [*_module("autopilot"), "--hil", f"udpin:127.0.0.1:{hil}", "--gcs", f"tcpin:127.0.0.1:{ground}"]
+        if parameters is not None:
+            autopilot += ["--params", str(parameters)]
+        self._autopilot = _Child("autopilot", autopilot)
+        self._sitl = _Child("sitl", [*sitl, "--hil", f"udpout:127.0.0.1:{hil}"])
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        self.stop()
+
+    def connect(self) -> Transport:
+        """Open the link to the autopilot as soon as it listens.
+
+        Raises:
+            BadInputError: a process refused the vehicle, scenario or parameters.
+            VehicleError: a process died, or did not come up in time.
+        """
+        deadline_s = wall_s() + STARTS_WITHIN_S
+        while True:
+            self.check()
+            try:
+                return open_transport(self.address)
+            except AddressError:
+                if wall_s() > deadline_s:
+                    raise VehicleError(f"the autopilot did not listen within {STARTS_WITHIN_S:g} s") from None
+                wait([], 0.02)
+
+    def check(self) -> None:
+        """Raise when one of the two has died, with what it said."""
+        for child in (self._sitl, self._autopilot):
+            child.check()
+
+    def stop(self) -> None:
+        """End both, and wait until they are gone."""
+        for child in (self._sitl, self._autopilot):
+            child.terminate()
+        for child in (self._sitl, self._autopilot):
+            child.wait()
+
+
+class _Child:
+    def __init__(self, name: str, command: list[str]) -> None:
+        self._name = name
+        self._said: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        paths = [_SOURCES, *filter(None, [os.environ.get("PYTHONPATH")])]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._said, env=environment
+        )
+
+    def check(self) -> None:
+        status = self._process.poll()
+        if status is None:
+            return
+        said = self._last_words()
+        if status == BAD_INPUT:
+            raise BadInputError(said or f"{self._name} refused its input")
+        how = f"was killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
+        raise VehicleError(f"{self._name} {how}" + (f": {said}" if said else ""))
+
+    def terminate(self) -> None:
+        if self._process.poll() is None:
+            self._process.terminate()
+
+    def wait(self) -> None:
+        try:
+            self._process.wait(STOPS_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._said.close()
+
+    def _last_words(self) -> str:
+        self._said.seek(0)
+        lines = self._said.read().decode("utf-8", "replace").strip().splitlines()
+        return lines[-1].strip() if lines else ""
+
+
+def _module(name: str) -> list[str]:
+    return [sys.executable, "-m", name]
+
+
+def _free_ports() -> tuple[int, int]:
+    """A UDP and a TCP port on the loopback that nobody uses right now."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp,
+        socket.socket(socket.AF_INET, socket.SOCK_STREAM) as tcp,
+    ):
+        udp.bind(("127.0.0.1", 0))
+        tcp.bind(("127.0.0.1", 0))
+        return udp.getsockname()[1], tcp.getsockname()[1]

@@ -1,0 +1,227 @@
+"""The client of one MAVLink vehicle: finds it, asks it, and hears everything it says.
+
+There is one receive loop, ``pump``. Whatever else is going on - an upload, a wait - turns that loop, so that every
+frame is recorded whatever anybody is waiting for.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+from ground import commands
+from ground.commands import Command, ModeList, NotNowError
+from ground.recorder import Recorder
+from link import dialect
+from link.clock import Every, wall_s
+from link.codec import Frame
+from link.dialect import constant
+from link.endpoint import Endpoint
+from link.exchange import Exchange, ExchangeError, Party
+from link.missions import MissionClient, MissionItem
+from link.params import ParamClient
+from link.records import ARMED_FLAG
+from link.transport import LinkLostError, Transport, wait
+
+T = TypeVar("T")
+
+GROUND = Party(250, constant("MAV_COMP_ID_MISSIONPLANNER"))
+"""Ground's own address: not 255/190, whose frames MAVSDK drops as QGroundControl's."""
+HEARTBEAT_PERIOD_S = 1.0
+LOST_AFTER_S = 5.0
+"""Wall seconds without a heartbeat after which a vehicle counts as lost."""
+_GCS, _INVALID = constant("MAV_TYPE_GCS"), constant("MAV_AUTOPILOT_INVALID")
+_HEARTBEAT, _STATUSTEXT = constant("MAVLINK_MSG_ID_HEARTBEAT"), constant("MAVLINK_MSG_ID_STATUSTEXT")
+
+
+class VehicleError(RuntimeError):
+    """The vehicle is not there, went away, or refused; the message says which and why."""
+
+
+class Text(NamedTuple):
+    severity: int
+    text: str
+
+
+class Vehicle:
+    """A connected vehicle. Raises VehicleError wherever it is lost or refuses."""
+
+    def __init__(self, transport: Transport, recorder: Recorder | None = None) -> None:
+        self._endpoint = Endpoint(transport, *GROUND)
+        self._recorder = recorder
+        self._heartbeat = Every(HEARTBEAT_PERIOD_S)
+        self._heard_s = wall_s()
+        self._latest: dict[int, Frame] = {}
+        self._modes: dict[str, int] = {}
+        self._listener: Callable[[Frame], None] | None = None
+        self.on_text: Callable[[Text], None] | None = None
+        self.party: Party | None = None
+        self.armed = False
+        self.disarmings = 0
+        """How often the vehicle was seen to disarm."""
+        self.texts: list[Text] = []
+
+    @property
+    def lost_frames(self) -> int:
+        """Frames that were sent and never arrived, by their sequence numbers."""
+        return self._endpoint.lost_frames
+
+    @property
+    def recorder(self) -> Recorder | None:
+        return self._recorder
+
+    def connect(self, timeout_s: float = 30.0) -> None:
+        """Wait for the heartbeat of an autopilot."""
+        deadline_s = wall_s() + timeout_s
+        while self.party is None:
+            if wall_s() > deadline_s:
+                raise VehicleError(f"no vehicle on {self._endpoint.transport.address} within {timeout_s:g} s")
+            self._heard_s = wall_s()
+            self.pump(0.05)
+
+    def pump(self, timeout_s: float) -> None:
+        """Receive what has come, waiting for it for at most ``timeout_s``: record it, take note of it."""
+        transport = self._endpoint.transport
+        try:
+            if self._heartbeat.due():
+                self._send_heartbeat()
+            wait([transport], timeout_s)
+            frames = self._endpoint.receive()
+        except LinkLostError as error:
+            raise VehicleError(f"the vehicle is gone: {error}") from None
+        self._take(frames)
+        if self._recorder is not None:
+            self._recorder.flush_when_due()
+        if wall_s() - self._heard_s > LOST_AFTER_S:
+            raise VehicleError(f"the vehicle is gone: no heartbeat on {transport.address} for {LOST_AFTER_S:g} s")
+
+    def latest(self, name: str) -> Any | None:
+        """The newest message of a name, decoded; None when none has come."""
+        frame = self._latest.get(dialect.by_name(name).message_id)
+        return None if frame is None else frame.decode()
+
+    def parameters(self) -> dict[str, float]:
+        """Every parameter by name."""
+        return self._run(self._client(ParamClient).list())
+
+    def parameter(self, name: str) -> float:
+        return self._run(self._client(ParamClient).get(name))
+
+    def set_parameter(self, name: str, value: float) -> float:
+        """Set a parameter; returns what the vehicle reads back."""
+        return self._run(self._client(ParamClient).set(name, value))
+
+    def upload(self, items: Sequence[MissionItem]) -> None:
+        """Replace the mission."""
+        self._run(self._client(MissionClient).upload(items))
+
+    def download(self) -> tuple[MissionItem, ...]:
+        """Fetch the mission."""
+        return self._run(self._client(MissionClient).download())
+
+    def modes(self) -> dict[str, int]:
+        """The modes the vehicle offers: custom_mode by name."""
+        if not self._modes:
+            self._modes = self._run(ModeList(self._endpoint.send, GROUND, self._peer))
+        return self._modes
+
+    def set_mode(self, name: str) -> None:
+        """Change mode by name, as the vehicle calls it."""
+        modes = self.modes()
+        if name not in modes:
+            raise VehicleError(f"mode {name}: the vehicle offers {', '.join(sorted(modes))}")
+        self.command(commands.SET_MODE, 1.0, float(modes[name]))
+
+    def set_interval(self, name: str, rate_hz: float) -> None:
+        """Have a message sent ``rate_hz`` times a second of vehicle time."""
+        self.command(commands.SET_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz)
+
+    def arm(self, patience_s: float = 10.0) -> None:
+        """Arm, giving a vehicle that has just started up to ``patience_s`` to become ready."""
+        deadline_s = wall_s() + patience_s
+        while True:
+            try:
+                return self.command(commands.ARM, 1.0)
+            except NotReadyError:
+                if wall_s() > deadline_s:
+                    raise
+                self.pump(0.1)
+
+    def disarm(self, *, force: bool = False) -> None:
+        self.command(commands.ARM, 0.0, 21196.0 if force else 0.0)
+
+    def command(self, command: int, *parameters: float) -> None:
+        """Send one command and wait until it is done."""
+        self._run(Command(self._endpoint.send, GROUND, self._peer, command, *parameters))
+
+    def close(self) -> None:
+        self._endpoint.transport.close()
+
+    @property
+    def _peer(self) -> Party:
+        if self.party is None:
+            raise VehicleError("not connected to a vehicle yet")
+        return self.party
+
+    def _client(self, kind: Callable[..., T]) -> T:
+        return kind(self._endpoint.send, GROUND, self._peer)
+
+    def _run(self, exchange: Exchange[T]) -> T:
+        told = len(self.texts)
+        self._listener = exchange.feed
+        try:
+            while not exchange.done:
+                exchange.poll(wall_s())
+                self.pump(0.02)
+            return exchange.result()
+        except NotNowError as error:
+            raise NotReadyError(self._with_reason(error, told)) from None
+        except ExchangeError as error:
+            raise VehicleError(self._with_reason(error, told)) from None
+        except LinkLostError as error:
+            raise VehicleError(f"the vehicle is gone: {error}") from None
+        finally:
+            self._listener = None
+
+    def _with_reason(self, error: ExchangeError, told: int) -> str:
+        """The refusal, with what the vehicle said of it meanwhile."""
+        said = [text.text for text in self.texts[told:]]
+        return f"{error}" + (f" ({'; '.join(said)})" if said else "")
+
+    def _take(self, frames: Sequence[Frame]) -> None:
+        recorder, latest, listener = self._recorder, self._latest, self._listener
+        for frame in frames:
+            if recorder is not None:
+                recorder.record(frame)
+            latest[frame.message_id] = frame
+            if frame.message_id == _HEARTBEAT:
+                self._hear_heartbeat(frame)
+            elif frame.message_id == _STATUSTEXT:
+                self._hear_text(frame)
+            if listener is not None:
+                listener(frame)
+
+    def _hear_heartbeat(self, frame: Frame) -> None:
+        message = frame.decode()
+        sender = Party(frame.system, frame.component)
+        if self.party is None and message.type != _GCS and message.autopilot != _INVALID:
+            self.party = sender
+        if sender == self.party:
+            self._heard_s = wall_s()
+            armed = bool(message.base_mode & ARMED_FLAG)
+            self.disarmings += self.armed and not armed
+            self.armed = armed
+
+    def _hear_text(self, frame: Frame) -> None:
+        message = frame.decode()
+        text = Text(message.severity, message.text)
+        self.texts.append(text)
+        if self.on_text is not None:
+            self.on_text(text)
+
+    def _send_heartbeat(self) -> None:
+        self._endpoint.send(
+            "HEARTBEAT", type=_GCS, autopilot=_INVALID, base_mode=0, custom_mode=0, system_status=0, mavlink_version=3
+        )
+
+
+class NotReadyError(VehicleError):
+    """The vehicle refused for now."""
