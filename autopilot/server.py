@@ -20,7 +20,7 @@ from link.clock import Every, wall_s
 from link.codec import Frame
 from link.dialect import MessageType, constant
 from link.endpoint import Endpoint
-from link.exchange import Party, addressed_to
+from link.exchange import Party, Send, addressed_to
 from link.files import FileServer
 from link.missions import MissionServer
 from link.params import ParamServer
@@ -81,7 +81,7 @@ class GroundServer:
         self.links = [GroundLink(transport, self._own.system) for transport in transports]
         self._commander = Commander(vehicle, self._message, self._own.system)
         self._missions = MissionServer(MissionStore(vehicle))
-        self._params = ParamServer(vehicle.params, self.broadcast)
+        self._params = ParamServer(vehicle.params, self._broadcast, vehicle.say)
         self._files = FileServer()
         self._heartbeat = Every(HEARTBEAT_S)
         self._announced = self._condition()
@@ -156,11 +156,6 @@ class GroundServer:
         for frame in frames:
             self._serve(link, frame)
 
-    def broadcast(self, name: str, **fields: Any) -> None:
-        """Send a message on every link."""
-        message = dialect.by_name(name)
-        self._broadcast_values(message, message.values(**fields))
-
     def _serve(self, link: GroundLink, frame: Frame) -> None:
         sender = Party(frame.system, frame.component)
         if sender == self._own:
@@ -181,6 +176,7 @@ class GroundServer:
 
     def _obey(self, link: GroundLink, frame: Frame, message: Any) -> None:
         outcome = self._commander.execute(command_from_message(message), link.schedule)
+        self.announce()
         acknowledgement = dialect.by_name("COMMAND_ACK")
         self._reply(link, acknowledgement, (message.command, outcome.result, 0, 0, frame.system, frame.component))
         for answer, values in outcome.messages:
@@ -215,14 +211,13 @@ class GroundServer:
         self._reply(link, dialect.by_name("LOG_ENTRY"), (0, 0, 0, 0, 0))
 
     def _serve_mission(self, link: GroundLink, frame: Frame, message: Any) -> None:
-        self._missions.feed(frame, link.endpoint.send, wall_s())
+        self._missions.feed(frame, self._sender(link), wall_s())
 
     def _serve_params(self, link: GroundLink, frame: Frame, message: Any) -> None:
-        if refusal := self._params.feed(frame, link.endpoint.send):
-            self._vehicle.say(refusal)
+        self._params.feed(frame, self._sender(link))
 
     def _serve_files(self, link: GroundLink, frame: Frame, message: Any) -> None:
-        self._files.feed(frame, link.endpoint.send)
+        self._files.feed(frame, self._sender(link))
 
     def _condition(self) -> tuple[int, bool, int] | None:
         state = self._vehicle.state
@@ -250,6 +245,20 @@ class GroundServer:
             number = self._long_texts
         for position, chunk in enumerate(chunks):
             self._broadcast_values(_STATUSTEXT, (int(event.severity), chunk, number, position))
+
+    def _sender(self, link: GroundLink) -> Send:
+        """How a service answers on a link: what happened is told before the answer that came of it."""
+
+        def send(name: str, **fields: Any) -> None:
+            self.announce()
+            message = dialect.by_name(name)
+            self._reply(link, message, message.values(**fields))
+
+        return send
+
+    def _broadcast(self, name: str, **fields: Any) -> None:
+        message = dialect.by_name(name)
+        self._broadcast_values(message, message.values(**fields))
 
     def _broadcast_values(self, message: MessageType, values: Values) -> None:
         for link in list(self.links):

@@ -6,7 +6,7 @@ convert and clients which copy bytes read the same number.
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from link.codec import Frame
@@ -157,13 +157,13 @@ class ParamServer:
 
     hears = frozenset(("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"))
 
-    def __init__(self, table: ParamTable, broadcast: Send) -> None:
-        self._table, self._broadcast = table, broadcast
+    def __init__(self, table: ParamTable, broadcast: Send, explain: Callable[[str], None]) -> None:
+        self._table, self._broadcast, self._explain = table, broadcast, explain
         self._names = tuple(table.names())
         self._listings: dict[Party, _Listing] = {}
 
-    def feed(self, frame: Frame, send: Send) -> str:
-        """Serve one frame that is addressed to this vehicle; returns why it was refused, empty when it was not."""
+    def feed(self, frame: Frame, send: Send) -> None:
+        """Serve one frame that is addressed to this vehicle; ``send`` answers on the link it came by."""
         sender = Party(frame.system, frame.component)
         message = frame.decode()
         match frame.name:
@@ -172,8 +172,7 @@ class ParamServer:
             case "PARAM_REQUEST_READ":
                 self._read(message, sender, send)
             case "PARAM_SET":
-                return self._set(message, sender, send)
-        return ""
+                self._set(message, sender, send)
 
     def poll(self) -> None:
         """Send the next part of every list that was asked for."""
@@ -195,19 +194,20 @@ class ParamServer:
         else:
             _error(send, sender, message.param_id, message.param_index, DOES_NOT_EXIST)
 
-    def _set(self, message: Any, sender: Party, send: Send) -> str:
+    def _set(self, message: Any, sender: Party, send: Send) -> None:
         name = message.param_id
         if name not in self._names:
+            self._explain(f"Parameter {name}: there is none of this name")
             _error(send, sender, name, -1, DOES_NOT_EXIST)
-            return f"Parameter {name}: there is none of this name"
+            return
         try:
             self._table.set(name, _value_of(message))
         except ValueError as refusal:
+            self._explain(str(refusal))
             _error(send, sender, name, -1, OUT_OF_RANGE)
             self._value(send, name, self._names.index(name))
-            return str(refusal)
-        self._value(self._broadcast, name, self._names.index(name))
-        return ""
+        else:
+            self._value(self._broadcast, name, self._names.index(name))
 
     def _value(self, send: Send, name: str, index: int) -> None:
         send(
