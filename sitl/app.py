@@ -10,16 +10,24 @@ from threading import Event
 from typing import NamedTuple
 
 from link.clock import Pacer
+from link.records import TruthFrame
 from link.transport import open_transport
 from sitl import plant, scenario, truth
 from sitl.hil import HilLink
 from sitl.lockstep import Lockstep
-from sitl.plant import Plant
+from sitl.plant import Plant, State
 from sitl.truth import Truth
 from sitl.vehicle import config
 
+TRUTH_PERIOD_US = 100_000
+"""HIL_STATE_QUATERNION ten times a second: a viewer's pace, and cheap."""
+
 Record = Callable[[Truth], None]
 """Takes note of what really happens, once a tick."""
+
+
+class TruthFileError(ValueError):
+    """The truth log cannot be made where it was asked for."""
 
 
 class Options(NamedTuple):
@@ -39,7 +47,7 @@ def run(options: Options) -> None:
     """Simulate until SIGINT or SIGTERM.
 
     Raises:
-        VehicleError, ScenarioError, AddressError, OSError: the options cannot be used.
+        VehicleError, ScenarioError, AddressError, TruthFileError: the options cannot be used.
         AutopilotSilentError, LinkLostError: the autopilot is gone.
     """
     sea = plant.build(config.load(options.vehicle), scenario.load(options.scenario))
@@ -56,12 +64,18 @@ def _fly(sea: Plant, options: Options, link: HilLink, stopped: Callable[[], bool
     state, sensors = plant.launch(sea, rng)
     while True:
         record(state.truth)
-        frame = truth.to_frame(state.truth, sea.sea.latitude_deg, sea.sea.longitude_deg)
-        actuators = ask(link.datagram(sensors, frame), state.time_us)
+        actuators = ask(link.datagram(sensors, _truth_frame(sea, state)), state.time_us)
         if actuators is None:
             return
         state, sensors = plant.step(sea, state, actuators, rng)
         pacer.wait(state.time_us * 1e-6)
+
+
+def _truth_frame(sea: Plant, state: State) -> TruthFrame | None:
+    """What viewers may see, when it is due."""
+    if state.time_us % TRUTH_PERIOD_US:
+        return None
+    return truth.to_frame(state.truth, sea.sea.latitude_deg, sea.sea.longitude_deg)
 
 
 def _stop_on_signals() -> Event:
@@ -80,5 +94,10 @@ def _truth_record(path: Path | None) -> Iterator[Record]:
         return
     from sitl.truth_log import TruthLog  # its libraries cost start-up time that most runs need not pay
 
-    with closing(TruthLog(path)) as log:
+    try:
+        log = TruthLog(path)
+    except OSError as error:
+        reason = "the file exists; give a new one" if isinstance(error, FileExistsError) else error.strerror
+        raise TruthFileError(f"--truth {path}: {reason}") from None
+    with closing(log):
         yield log.write

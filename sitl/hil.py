@@ -54,7 +54,7 @@ class HilLink:
             )
 
     def datagram(self, sensors: Sensors, truth: TruthFrame | None) -> bytes:
-        """The frames of one instant. HIL_SENSOR comes last: who answers it has seen the others."""
+        """The frames of one instant. HIL_SENSOR comes last: who answers it has heard the others."""
         encode = self._endpoint.encode_values
         frames = [
             b"" if truth is None else encode(_TRUTH, truth),
@@ -70,13 +70,13 @@ class HilLink:
         Raises LinkLostError when the other end is gone for good.
         """
         wait((self._transport,), timeout_s)
-        found = None
         while frames := self._endpoint.receive():
             for frame in frames:
                 if frame.message_id == _CONTROLS.message_id:
                     controls = ActuatorFrame._make(frame.decode())
-                    found = controls if controls.time_us == time_us else found
-        return found
+                    if controls.time_us == time_us:
+                        return controls
+        return None
 
 
 def _gps_fields(fix: GpsFix) -> tuple[object, ...]:

@@ -1,10 +1,9 @@
 """The plant: what a tick of the sea does to the vehicle. Pure but for the random streams handed in.
 
-    sea = plant.build(config.load("field"), scenario.load("calm"))
-    rng = plant.random_streams(seed=1)
-    state, sensors = plant.launch(sea, rng)
-    while ...:
-        state, sensors = plant.step(sea, state, actuators, rng)
+>>> sea = plant.build(config.load("field"), scenario.load("calm"))
+>>> rng = plant.random_streams(seed=1)
+>>> state, sensors = plant.launch(sea, rng)
+>>> state, sensors = plant.step(sea, state, actuators, rng)  # once a tick
 """
 
 from __future__ import annotations
@@ -23,11 +22,12 @@ from sitl.scenario import Scenario, Start
 from sitl.sensors import Biases, Sensors, SensorStreams
 from sitl.tailcone import Servo
 from sitl.truth import Truth
-from sitl.vehicle import calibrate, propeller
+from sitl.vehicle import calibrate
 from sitl.vehicle.config import Tailcone, VehicleConfig
 from sitl.vehicle.dynamics import POSITION, QUATERNION, derivative, rk4_step, specific_force, work_array
 from sitl.vehicle.kernel import Vector, Vector3, kernel
 from sitl.vehicle.model import Model
+from sitl.vehicle.propeller import rps
 
 TICK_US = 20_000
 SUBSTEPS = 4
@@ -36,6 +36,8 @@ SUBSTEP_S = TICK_S / SUBSTEPS
 
 RUDDER, ELEVATOR, THRUST = 0, 1, 2
 """Channels of ``ActuatorFrame.controls``."""
+RATES = slice(10, 13)
+"""Part of the body state, FLU."""
 
 
 class Plant(NamedTuple):
@@ -56,7 +58,6 @@ class State(NamedTuple):
     """Shape (13,), as ``vehicle.dynamics`` has it: FLU in NWU."""
     rudder: Vector
     elevator: Vector
-    propeller_rps: float
     disturbance: Disturbance
     biases: Biases
     truth: Truth
@@ -95,26 +96,29 @@ def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
     """The state at vehicle time zero, with what the instruments say of it."""
     disturbance = environment.stationary(rng.slow, rng.wave)
     biases = sensors.draw_biases(rng.sensors.biases)
-    body = afloat.start_state(plant.model, plant.start, plant.sea.current_nwu_mps)
     rudder, elevator = tailcone.at_rest(plant.rudder), tailcone.at_rest(plant.elevator)
-    state = _settle(plant, 0, body, rudder, elevator, 0.0, disturbance, biases)
-    return state, sensors.sample(state.truth, plant.sea, biases, rng.sensors)
+    afloat_body = afloat.start_state(plant.model, plant.start, plant.sea.current_nwu_mps)
+    neutral = np.array([plant.rudder.bias_rad]), np.array([plant.elevator.bias_rad])
+    body, truth = _move(plant, 0, afloat_body, *neutral, 0.0, disturbance, disturbance)
+    state = State(0, body, rudder, elevator, disturbance, biases, truth)
+    return state, sensors.sample(truth, plant.sea, biases, rng.sensors)
 
 
 def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> tuple[State, Sensors]:
     """The state one tick later under ``actuators``, with what the instruments say of it."""
+    time_us = state.time_us + TICK_US
     rudder, rudder_rad = _turn(plant.rudder, state.rudder, actuators.controls[RUDDER])
     elevator, elevator_rad = _turn(plant.elevator, state.elevator, actuators.controls[ELEVATOR])
-    shaft_rps = propeller.rps(_demand(actuators.controls[THRUST]), plant.model)
-    body = _move(plant, state, rudder_rad, elevator_rad, shaft_rps)
+    thrust = _demand(actuators.controls[THRUST])
     disturbance = environment.advance(plant.sea, state.disturbance, rng.slow, rng.wave)
-    moved = _settle(plant, state.time_us + TICK_US, body, rudder, elevator, shaft_rps, disturbance, state.biases)
-    return moved, sensors.sample(moved.truth, plant.sea, moved.biases, rng.sensors)
+    body, truth = _move(plant, time_us, state.body, rudder_rad, elevator_rad, thrust, state.disturbance, disturbance)
+    moved = State(time_us, body, rudder, elevator, disturbance, state.biases, truth)
+    return moved, sensors.sample(truth, plant.sea, moved.biases, rng.sensors)
 
 
 def _turn(axis: Servo, state: Vector, control: float) -> tuple[Vector, Vector]:
-    """The axis one tick later, and the true duct angle of each substep."""
-    turned, angles_rad = state.copy(), np.empty(SUBSTEPS)
+    """The axis one tick later, and the true duct angles on the way there (see ``tailcone.advance``)."""
+    turned, angles_rad = state.copy(), np.empty(SUBSTEPS + 1)
     tailcone.advance(axis, turned, _demand(control) * axis.travel_rad, angles_rad)
     return turned, angles_rad
 
@@ -124,42 +128,36 @@ def _demand(control: float) -> float:
     return 0.0 if control != control else max(-1.0, min(1.0, control))
 
 
-def _move(plant: Plant, state: State, rudder_rad: Vector, elevator_rad: Vector, shaft_rps: float) -> Vector:
-    """The body one tick later; the disturbance stands still meanwhile."""
-    body = state.body.copy()
-    wrench = _wrench(plant.sea, state.disturbance)
-    _integrate(body, rudder_rad, elevator_rad, shaft_rps, wrench, plant.sea.current_nwu_mps, plant.model, _WORK)
-    return body
+def _move(
+    plant: Plant, time_us: int, body: Vector, rudder_rad: Vector, elevator_rad: Vector, thrust: float,
+    before: Disturbance, after: Disturbance,
+) -> tuple[Vector, Truth]:  # fmt: skip
+    """The body after as many substeps as there are duct angles for, with its truth at ``time_us``.
 
-
-def _settle(
-    plant: Plant, time_us: int, body: Vector, rudder: Vector, elevator: Vector, shaft_rps: float,
-    disturbance: Disturbance, biases: Biases,
-) -> State:  # fmt: skip
-    """A state with its truth: everything at one instant, turned to FRD and NED."""
-    rudder_rad = tailcone.duct_angle_rad(plant.rudder, rudder)
-    elevator_rad = tailcone.duct_angle_rad(plant.elevator, elevator)
-    current = plant.sea.current_nwu_mps
-    velocity, force = _observe(
-        body, rudder_rad, elevator_rad, shaft_rps, _wrench(plant.sea, disturbance), current, plant.model, _WORK[0]
-    )
-    values = body.tolist()
-    pitch_nm, yaw_nm = environment.moments_flu_nm(plant.sea, disturbance)
+    The disturbance stands still at ``before`` meanwhile; ``after`` is the one that the accelerometer feels at the end.
+    """
+    moved, sea = body.copy(), plant.sea
+    shaft_rps, velocity, force = _integrate(
+        moved, rudder_rad, elevator_rad, thrust, _wrench(sea, before), _wrench(sea, after), sea.current_nwu_mps,
+        plant.model, _WORK,
+    )  # fmt: skip
+    values = moved.tolist()
+    pitch_nm, yaw_nm = environment.moments_flu_nm(sea, after)
     truth = Truth(
         time_us,
-        flip(*values[POSITION]),
-        flip_quaternion(*values[QUATERNION]),
-        flip(*velocity),
-        flip(*values[10:13]),
-        flip(*force),
-        flip(*current.tolist()),
-        rudder_rad,
-        elevator_rad,
-        shaft_rps,
-        -pitch_nm,
-        -yaw_nm,
+        position_ned_m=flip(*values[POSITION]),
+        attitude_q=flip_quaternion(*values[QUATERNION]),
+        velocity_ned_mps=flip(*velocity),
+        rates_radps=flip(*values[RATES]),
+        specific_force_mps2=flip(*force),
+        water_velocity_ned_mps=flip(*sea.current_nwu_mps.tolist()),
+        rudder_rad=float(rudder_rad[-1]),
+        elevator_rad=float(elevator_rad[-1]),
+        propeller_rps=shaft_rps,
+        pitch_disturbance_nm=-pitch_nm,
+        yaw_disturbance_nm=-yaw_nm,
     )
-    return State(time_us, body, rudder, elevator, shaft_rps, disturbance, biases, truth)
+    return moved, truth
 
 
 def _wrench(sea: Environment, disturbance: Disturbance) -> Vector:
@@ -181,22 +179,19 @@ def _servo(tail: Tailcone, bias_deg: float) -> Servo:
 
 @kernel
 def _integrate(
-    body: Vector, rudder_rad: Vector, elevator_rad: Vector, shaft_rps: float, wrench: Vector, current_nwu: Vector,
-    model: Model, work: Vector,
-) -> None:  # fmt: skip
-    """All substeps of a tick in one call; ``body`` is changed in place."""
-    for k in range(SUBSTEPS):
+    body: Vector, rudder_rad: Vector, elevator_rad: Vector, thrust: float, wrench: Vector, wrench_after: Vector,
+    current_nwu: Vector, model: Model, work: Vector,
+) -> tuple[float, Vector3, Vector3]:  # fmt: skip
+    """All substeps of a tick and what there is to observe at its end, in one call; ``body`` is changed in place.
+
+    Returns shaft speed (rev/s), velocity over ground (NWU, m/s) and specific force at the origin (FLU, m/s2).
+    """
+    shaft_rps = rps(thrust, model)
+    for k in range(rudder_rad.size - 1):
         rk4_step(body, rudder_rad[k], elevator_rad[k], shaft_rps, wrench, current_nwu, SUBSTEP_S, model, work)
-
-
-@kernel
-def _observe(
-    body: Vector, rudder_rad: float, elevator_rad: float, shaft_rps: float, wrench: Vector, current_nwu: Vector,
-    model: Model, slope: Vector,
-) -> tuple[Vector3, Vector3]:  # fmt: skip
-    """Velocity over ground (NWU, m/s) and specific force at the origin (FLU, m/s2)."""
-    derivative(body, rudder_rad, elevator_rad, shaft_rps, wrench, current_nwu, model, slope)
-    return (slope[0], slope[1], slope[2]), specific_force(body, slope, model)
+    slope = work[0]
+    derivative(body, rudder_rad[-1], elevator_rad[-1], shaft_rps, wrench_after, current_nwu, model, slope)
+    return shaft_rps, (slope[0], slope[1], slope[2]), specific_force(body, slope, model)
 
 
 _WORK = work_array()

@@ -30,14 +30,14 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     """A table of a scenario file."""
 
 
-class Site(Table):
+class Site(Table, frozen=True):
     """Where the surface point is from which north and east are counted."""
 
     latitude_deg: Latitude = 42.35
     longitude_deg: Angle = -71.0
 
 
-class Start(Table):
+class Start(Table, frozen=True):
     """How the vehicle lies when vehicle time begins. Without a depth she floats at the surface, in trim and at rest."""
 
     heading_deg: Angle = 0.0
@@ -46,7 +46,7 @@ class Start(Table):
     """Forward, through the water."""
 
 
-class Water(Table):
+class Water(Table, frozen=True):
     density_kgpm3: Positive = 1025.0
     """Of the pressure sensor's column; what the hull displaces is told by the vehicle file."""
     surface_pressure_hpa: Positive = 1013.25
@@ -55,7 +55,7 @@ class Water(Table):
     current_ned_mps: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
 
 
-class MagneticField(Table):
+class MagneticField(Table, frozen=True):
     """Boston, of the order the World Magnetic Model gives."""
 
     declination_deg: Angle = -14.4
@@ -64,7 +64,7 @@ class MagneticField(Table):
     strength_gauss: Positive = 0.52
 
 
-class SlowDisturbance(Table):
+class SlowDisturbance(Table, frozen=True):
     """First-order Gauss-Markov moments."""
 
     time_constant_s: Positive = 3.0
@@ -72,7 +72,7 @@ class SlowDisturbance(Table):
     pitch_rms_nm: NotNegative = 0.0
 
 
-class WaveDisturbance(Table):
+class WaveDisturbance(Table, frozen=True):
     """Narrow-band moments at the frequency of the waves."""
 
     frequency_hz: Positive = 0.15
@@ -81,12 +81,12 @@ class WaveDisturbance(Table):
     pitch_rms_nm: NotNegative = 0.0
 
 
-class DisturbanceLevels(Table):
+class DisturbanceLevels(Table, frozen=True):
     slow: SlowDisturbance = SlowDisturbance()
     waves: WaveDisturbance = WaveDisturbance()
 
 
-class Scenario(Table):
+class Scenario(Table, frozen=True):
     """A whole scenario file."""
 
     title: str = ""

@@ -1,7 +1,7 @@
 """The instruments: what an AHRS, a pressure sensor, a GPS receiver and an altimeter tell of the true motion.
 
-Noise figures are those of the class of instrument such a vehicle carries. The inertial and magnetic ones are of a MEMS AHRS
-of the better kind (makers publish 0.01 deg/s/rtHz and 10 deg/h for the gyro, 60 ug/rtHz for the accelerometer,
+Noise figures are those of the class of instrument such a vehicle carries. The inertial and magnetic ones are of a MEMS
+AHRS of the better kind (makers publish 0.01 deg/s/rtHz and 10 deg/h for the gyro, 60 ug/rtHz for the accelerometer,
 0.2 mG/rtHz for the magnetometer). White noise of one-sided density N, sampled at rate f behind a filter that passes all
 below f/2, has a standard deviation of N sqrt(f/2). Biases are drawn once a run. Nothing is quantised but by the wire.
 """

@@ -1,8 +1,9 @@
 """The tailcone: two stepper-driven axes that turn the duct, one for the rudder and one for the elevator.
 
-A command is limited to the travel, waits a transport delay, is followed by a second-order lag whose rate is limited, and
-ends at a physical stop. The true duct angle carries a bias that nobody on board can see: there is no position feedback.
-For small signals the axis equals ``exp(-0.3 s) / (s^2/9 + 0.4 s + 1)`` (Caribou's bench test, "Tailcone Actuation").
+A command is limited to the travel, waits a transport delay, is followed by a second-order lag whose rate is limited,
+and ends at a physical stop. The true duct angle carries a bias that nobody on board can see: there is no position
+feedback. For small signals the axis equals ``exp(-0.3 s) / (s^2/9 + 0.4 s + 1)`` (the paper, "Tailcone dynamics
+modeling").
 """
 
 from __future__ import annotations
@@ -69,20 +70,16 @@ def at_rest(axis: Servo) -> Vector:
     return np.zeros(2 + axis.delay_substeps + 1)
 
 
-def duct_angle_rad(axis: Servo, state: Vector) -> float:
-    """The true angle of the duct about this axis."""
-    return float(state[0]) + axis.bias_rad
-
-
 @kernel
 def advance(axis: Servo, state: Vector, command_rad: float, duct_angles_rad: Vector) -> None:
-    """Carry an axis through as many substeps as ``duct_angles_rad`` has room for, under one command.
+    """Carry an axis through the substeps that ``duct_angles_rad`` has room for, under one command.
 
-    Each entry receives the mean true duct angle of its substep; ``state`` is changed in place.
+    Each entry receives the mean true duct angle of its substep, the last one the angle at the end; ``state`` is
+    changed in place.
     """
     command = min(max(command_rad, -axis.travel_rad), axis.travel_rad)
     oldest = 2 + axis.delay_substeps
-    for k in range(duct_angles_rad.size):
+    for k in range(duct_angles_rad.size - 1):
         # The queue's last entry was given delay_substeps + 1 substeps ago, the one before it delay_substeps ago.
         newer = state[oldest - 1] if axis.delay_substeps > 0 else command
         delayed = newer + axis.delay_remainder * (state[oldest] - newer)
@@ -92,6 +89,7 @@ def advance(axis: Servo, state: Vector, command_rad: float, duct_angles_rad: Vec
         start = state[0]
         _follow(axis, state, delayed)
         duct_angles_rad[k] = 0.5 * (start + state[0]) + axis.bias_rad
+    duct_angles_rad[-1] = state[0] + axis.bias_rad
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""What really happens, in FRD and NED: for the instruments to read, for logs and for viewers. No controller may see it."""
+"""What really happens, in FRD and NED: for instruments to read, for logs and viewers. No controller may see it."""
 
 from __future__ import annotations
 
@@ -37,6 +37,8 @@ def to_frame(truth: Truth, latitude_deg: float, longitude_deg: float) -> TruthFr
     """HIL_STATE_QUATERNION of a truth, for a vehicle that counts north and east from the given place."""
     latitude, longitude = offset_to_geodetic(*truth.position_ned_m[:2], latitude_deg, longitude_deg)
     speed_cmps = round(100.0 * truth.speed_through_water_mps)
+    north_cmps, east_cmps, down_cmps = (round(100.0 * v) for v in truth.velocity_ned_mps)
+    x_mg, y_mg, z_mg = (round(1000.0 * a / STANDARD_GRAVITY_MPS2) for a in truth.specific_force_mps2)
     return TruthFrame(
         truth.time_us,
         truth.attitude_q,
@@ -44,8 +46,12 @@ def to_frame(truth: Truth, latitude_deg: float, longitude_deg: float) -> TruthFr
         round(1e7 * latitude),
         round(1e7 * longitude),
         round(-1000.0 * truth.position_ned_m[2]),
-        *(round(100.0 * v) for v in truth.velocity_ned_mps),
+        north_cmps,
+        east_cmps,
+        down_cmps,
         speed_cmps,
         speed_cmps,
-        *(round(1000.0 * a / STANDARD_GRAVITY_MPS2) for a in truth.specific_force_mps2),
+        x_mg,
+        y_mg,
+        z_mg,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from pathlib import Path
+from typing import Any
 
 from mcap.writer import Writer
 
@@ -48,7 +49,7 @@ class TruthLog:
         self._file = path.open("xb")
         self._start_ns = time.time_ns()
         self._flush = Every(FLUSH_PERIOD_S)
-        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
+        self._writer: Any = Writer(self._file, chunk_size=CHUNK_BYTES)
         self._writer.start()
         schema = self._writer.register_schema("auv.Truth", "jsonschema", json.dumps(_SCHEMA).encode())
         self._channel = self._writer.register_channel(TOPIC, "json", schema)
