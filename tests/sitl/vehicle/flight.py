@@ -1,0 +1,104 @@
+"""Flying a model without autopilot or sensors: what every test of the vehicle needs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from sitl.vehicle import calibrate, config, dynamics
+from sitl.vehicle.kernel import Vector
+from sitl.vehicle.model import Model
+
+DEEP_M = -200.0
+SHIPPED = ("bench", "field")
+
+
+def model(name: str) -> Model:
+    """A shipped vehicle."""
+    return calibrate.build(config.load(name))
+
+
+def cruising(u_mps: float = 1.3) -> Vector:
+    """Deep, level, heading north, under way."""
+    state = dynamics.state_at_rest(DEEP_M)
+    state[7] = u_mps
+    return state
+
+
+def tumbling(z_up_m: float = -1000.0) -> Vector:
+    """Deep and moving in all six degrees of freedom, at an attitude without symmetry."""
+    state = dynamics.state_at_rest(z_up_m)
+    state[3:7] = np.array([0.7, 0.3, -0.5, 0.4]) / np.linalg.norm([0.7, 0.3, -0.5, 0.4])
+    state[7:13] = 1.1, -0.4, 0.3, 0.9, -0.5, 0.6
+    return state
+
+
+def without_fluid_forces(model: Model) -> Model:
+    """Added mass, weight and buoyancy only: no drag, no lift, no thrust."""
+    return model._replace(
+        hull=model.hull._replace(**dict.fromkeys(model.hull._fields, 0.0)),
+        stations=model.stations._replace(drag_kgpm=np.zeros_like(model.stations.drag_kgpm)),
+        duct=model.duct._replace(half_rho_area_kgpm=0.0),
+    )
+
+
+def without_weight(model: Model) -> Model:
+    """Neither weight nor buoyancy."""
+    return model._replace(hydrostatics=model.hydrostatics._replace(weight_n=0.0, buoyancy_n=0.0))
+
+
+def balanced(model: Model) -> Model:
+    """Neither weight nor buoyancy, centre of mass on the axis: yaw and pitch do not stir roll."""
+    M = np.diag(np.diag(model.inertia.M))
+    inertia = model.inertia._replace(M=M, M_inverse=np.linalg.inv(M))
+    return without_weight(model)._replace(inertia=inertia)
+
+
+def rate(
+    model: Model,
+    state: Vector,
+    rudder_rad: float = 0.0,
+    elevator_rad: float = 0.0,
+    shaft_rps: float = 0.0,
+    disturbance: Vector | None = None,
+    current_nwu: Vector | None = None,
+) -> Vector:
+    """d(state)/dt."""
+    out = np.empty(dynamics.STATE_SIZE)
+    push = np.zeros(6) if disturbance is None else disturbance
+    current = np.zeros(3) if current_nwu is None else current_nwu
+    dynamics.derivative(state, rudder_rad, elevator_rad, shaft_rps, push, current, model, out)
+    return out
+
+
+@njit(cache=False)
+def _record(state, rudder_rad, elevator_rad, shaft_rps, disturbance, current_nwu, dt, model, work, track):
+    for i in range(len(track)):
+        track[i] = state
+        dynamics.rk4_step(state, rudder_rad, elevator_rad, shaft_rps, disturbance, current_nwu, dt, model, work)
+
+
+def fly(
+    model: Model,
+    state: Vector,
+    seconds: float,
+    rudder_rad: float = 0.0,
+    elevator_rad: float = 0.0,
+    thrust_fraction: float = 0.0,
+    current_nwu: Vector | None = None,
+    disturbance: Vector | None = None,
+    dt_s: float = 0.005,
+) -> Vector:
+    """States before each step and after the last, shape (n + 1, 13); inputs held throughout."""
+    track = np.empty((round(seconds / dt_s) + 1, dynamics.STATE_SIZE))
+    push = np.zeros(6) if disturbance is None else disturbance
+    current = np.zeros(3) if current_nwu is None else current_nwu
+    shaft_rps = thrust_fraction * model.propeller.full_rps
+    work = dynamics.work_array()
+    _record(state.copy(), rudder_rad, elevator_rad, shaft_rps, push, current, dt_s, model, work, track)
+    return track
+
+
+def rotation(state: Vector) -> Vector:
+    """R, body FLU to NWU, shape (3, 3)."""
+    return np.array(dynamics.rotation(state))

@@ -1,0 +1,81 @@
+"""The ring duct against the published slopes, the paper's own transformation matrices, and common sense past stall."""
+
+from math import cos, pi, radians, sin
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sitl.vehicle import duct
+from tests.sitl.vehicle import flight
+
+DUCT = flight.model("bench").duct
+ANGLE = st.floats(-radians(15), radians(15))
+SPEED = st.floats(-3, 3)
+
+
+@pytest.mark.parametrize(("aspect_ratio", "published"), [(1.25, 3.4855), (4.3716, 5.1566)])
+def test_lift_slope_at_the_two_published_points(aspect_ratio, published):
+    assert duct.ring_wing_lift_slope_per_rad(aspect_ratio) == pytest.approx(published, rel=1e-4)
+
+
+def paper_force(velocity, rudder, elevator):
+    """The paper's "Tailcone" section as printed, with its matrices; below stall, moving forward, not along the axis."""
+    cR, sR, cE, sE = cos(rudder), sin(rudder), cos(elevator), sin(elevator)
+    to_ring = np.array([[cR * cE, sR, -cR * sE], [-sR * cE, cR, sR * sE], [sE, 0, cE]])
+    v = to_ring @ velocity
+    speed = np.linalg.norm(v)
+    alpha = np.arcsin(np.linalg.norm(np.cross(v, [1, 0, 0])) / speed)
+    C_L = 5.133 * alpha + 0.81 * alpha**2
+    C_D = 0.010 + C_L**2 / (pi * 0.415 / 0.120 * 0.90)
+    pressure = 1025 / 2 * 0.415 * 0.120 * speed**2
+    t2 = np.cross(v, [1, 0, 0])
+    t3 = np.cross(v, t2)
+    axes = np.column_stack([t / np.linalg.norm(t) for t in (v, t2, t3)])
+    return to_ring.T @ axes @ [-pressure * C_D, 0, -pressure * C_L]
+
+
+@given(st.floats(0.5, 3), st.floats(-0.1, 0.1), st.floats(0.01, 0.1), ANGLE, st.floats(-radians(15), -radians(1)))
+def test_attached_flow_is_the_papers(u, v, w, rudder, elevator):
+    velocity = (u, v, w)
+    axis = duct.ring_axis(rudder, elevator)
+    incidence = np.arccos(np.dot(velocity, axis) / np.linalg.norm(velocity))
+    if incidence < DUCT.stall_rad:
+        assert duct.force(velocity, axis, DUCT) == pytest.approx(
+            paper_force(velocity, rudder, elevator), rel=1e-9, abs=1e-9
+        )
+
+
+def test_zero_incidence_and_rest_are_defined():
+    assert duct.force((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), DUCT) == (0.0, 0.0, 0.0)
+    X, Y, Z = duct.force((1.3, 0.0, 0.0), (1.0, 0.0, 0.0), DUCT)
+    assert (Y, Z) == (0.0, 0.0)
+    assert pytest.approx(-1025 / 2 * 0.0498 * 0.010 * 1.3**2) == X
+
+
+@given(SPEED, SPEED, SPEED, ANGLE, ANGLE)
+def test_the_passive_ring_never_drives(u, v, w, rudder, elevator):
+    X, Y, Z = duct.force((u, v, w), duct.ring_axis(rudder, elevator), DUCT)
+    assert X * u + Y * v + Z * w <= 1e-12
+
+
+@given(st.floats(0, 2 * pi))
+def test_force_is_bounded_at_every_incidence(alpha):
+    force = duct.force((cos(alpha), sin(alpha), 0.0), (1.0, 0.0, 0.0), DUCT)
+    assert np.linalg.norm(force) <= DUCT.half_rho_area_kgpm * 3.5
+
+
+def test_lift_falls_past_stall_and_never_jumps():
+    alpha = np.linspace(0, pi, 20001)
+    lift = np.array([duct.force((cos(a), sin(a), 0.0), (1.0, 0.0, 0.0), DUCT) for a in alpha])
+    across = lift[:, 0] * np.sin(alpha) - lift[:, 1] * np.cos(alpha)
+    stall, separated = np.searchsorted(alpha, [DUCT.stall_rad, DUCT.separated_rad])
+    assert across[separated] < 0.6 * across[stall]
+    assert np.abs(np.diff(lift, axis=0)).max() < 0.002 * np.abs(lift).max()
+
+
+@given(SPEED, SPEED, SPEED, ANGLE, ANGLE)
+def test_port_is_the_mirror_of_starboard_to_the_bit(u, v, w, rudder, elevator):
+    X, Y, Z = duct.force((u, v, w), duct.ring_axis(rudder, elevator), DUCT)
+    assert duct.force((u, -v, w), duct.ring_axis(-rudder, elevator), DUCT) == (X, -Y, Z)

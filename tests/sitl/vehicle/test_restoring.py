@@ -1,0 +1,64 @@
+"""Weight, buoyancy and the free surface."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sitl.vehicle import restoring
+from tests.sitl.vehicle import flight
+
+MODEL = flight.model("bench")
+H, STATIONS = MODEL.hydrostatics, MODEL.stations
+NET_BUOYANCY_N = 22.24
+
+
+def test_deep_and_level_only_the_net_buoyancy_is_left():
+    force = restoring.wrench(-10.0, (0.0, 0.0, 1.0), H, STATIONS)
+    assert force == pytest.approx((0, 0, NET_BUOYANCY_N, 0, 0, 0), abs=1e-9)
+
+
+def test_high_and_dry_only_the_weight_is_left():
+    force = restoring.wrench(10.0, (0.0, 0.0, 1.0), H, STATIONS)
+    assert force == pytest.approx((0, 0, -H.weight_n, 0, 0, 0), rel=1e-12, abs=1e-9)
+
+
+def test_pitch_and_roll_are_righted_by_the_low_centre_of_mass():
+    angle = 0.1
+    *_, roll, _, _ = restoring.wrench(-10.0, (0.0, np.sin(angle), np.cos(angle)), H, STATIONS)
+    *_, pitch, _ = restoring.wrench(-10.0, (-np.sin(angle), 0.0, np.cos(angle)), H, STATIONS)
+    righting = H.weight_n * H.z_cm_m * np.sin(angle)
+    assert (roll, pitch) == pytest.approx((righting, righting), rel=1e-12)
+
+
+@given(st.floats(-1.5, 1.5), st.floats(-1.2, 1.2))
+def test_surface_forces_derive_from_a_potential(z, pitch):
+    """Moment in pitch and force in heave are one potential's slopes: their cross derivatives agree."""
+
+    def heave_and_pitch(z, pitch):
+        up = (-np.sin(pitch), 0.0, np.cos(pitch))
+        X, _, Z, _, M, _ = restoring.wrench(z, up, H, STATIONS)
+        return X * up[0] + Z * up[2], M
+
+    h = 1e-5
+    dM_dz = (heave_and_pitch(z + h, pitch)[1] - heave_and_pitch(z - h, pitch)[1]) / (2 * h)
+    dZ_dpitch = (heave_and_pitch(z, pitch + h)[0] - heave_and_pitch(z, pitch - h)[0]) / (2 * h)
+    assert dM_dz == pytest.approx(dZ_dpitch, abs=2.0)
+
+
+@pytest.mark.parametrize("thrust", [0.0, 0.58, 1.0])
+@pytest.mark.parametrize("elevator", [0.0, 0.2])
+def test_a_surfaced_vehicle_floats(thrust, elevator):
+    track = flight.fly(MODEL, flight.dynamics.state_at_rest(-3.0), 300.0, elevator_rad=elevator, thrust_fraction=thrust)
+    assert np.isfinite(track).all()
+    assert track[:, 2].max() < 1.0
+    if thrust == 0.0:
+        early, late = track[12000:24000, 2], track[-12000:, 2]
+        assert np.ptp(late) < 0.5 * np.ptp(early)
+        assert (-H.radius_m < late).all()
+        assert (late < 0.0).all()
+
+
+@pytest.mark.parametrize(("z", "fraction"), [(-1.0, 1.0), (-0.3, 1.0), (0.0, 0.5), (0.3, 0.0), (5.0, 0.0)])
+def test_immersion(z, fraction):
+    assert restoring.immersion(z, 0.3) == fraction
