@@ -1,9 +1,9 @@
 """The sea the vehicle meets: water, current, floor, magnetic field, and the moments that disturb her.
 
 Two disturbances act in yaw and in pitch, all four independent: a slow one (first-order Gauss-Markov) and one in the
-band of the waves (white noise through a lightly damped second-order filter). They are pure moments: a wave also pushes a
-hull bodily, but one much shorter than the wave (3.5 m against 70 m at 0.15 Hz) rides with the orbit, and the loops under
-test turn the vehicle. Each process is discretised exactly and starts stationary.
+band of the waves (white noise through a lightly damped second-order filter). They are pure moments: a wave also pushes
+a hull bodily, but one much shorter than the wave (3.5 m against 70 m at 0.15 Hz) rides with the orbit, and the loops
+under test turn the vehicle. Each process is discretised exactly and starts stationary.
 """
 
 from __future__ import annotations

@@ -64,6 +64,17 @@ class State(NamedTuple):
     """The same in the axes of everyone else."""
 
 
+class Turn(NamedTuple):
+    """What an axis of the tailcone did in a tick."""
+
+    axis: Vector
+    """Its state at the end."""
+    substeps_rad: Vector
+    """Mean true duct angle of each substep."""
+    end_rad: float
+    """True duct angle at the end."""
+
+
 class Streams(NamedTuple):
     """The random streams of a run."""
 
@@ -96,31 +107,36 @@ def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
     """The state at vehicle time zero, with what the instruments say of it."""
     disturbance = environment.stationary(rng.slow, rng.wave)
     biases = sensors.draw_biases(rng.sensors.biases)
-    rudder, elevator = tailcone.at_rest(plant.rudder), tailcone.at_rest(plant.elevator)
-    afloat_body = afloat.start_state(plant.model, plant.start, plant.sea.current_nwu_mps)
-    neutral = np.array([plant.rudder.bias_rad]), np.array([plant.elevator.bias_rad])
-    body, truth = _move(plant, 0, afloat_body, *neutral, 0.0, disturbance, disturbance)
-    state = State(0, body, rudder, elevator, disturbance, biases, truth)
+    rudder, elevator = _neutral(plant.rudder), _neutral(plant.elevator)
+    start = afloat.start_state(plant.model, plant.start, plant.sea.current_nwu_mps)
+    body, truth = _move(plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance)
+    state = State(0, body, rudder.axis, elevator.axis, disturbance, biases, truth)
     return state, sensors.sample(truth, plant.sea, biases, rng.sensors)
 
 
 def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> tuple[State, Sensors]:
     """The state one tick later under ``actuators``, with what the instruments say of it."""
     time_us = state.time_us + TICK_US
-    rudder, rudder_rad = _turn(plant.rudder, state.rudder, actuators.controls[RUDDER])
-    elevator, elevator_rad = _turn(plant.elevator, state.elevator, actuators.controls[ELEVATOR])
+    rudder = _turn(plant.rudder, state.rudder, actuators.controls[RUDDER])
+    elevator = _turn(plant.elevator, state.elevator, actuators.controls[ELEVATOR])
     thrust = _demand(actuators.controls[THRUST])
     disturbance = environment.advance(plant.sea, state.disturbance, rng.slow, rng.wave)
-    body, truth = _move(plant, time_us, state.body, rudder_rad, elevator_rad, thrust, state.disturbance, disturbance)
-    moved = State(time_us, body, rudder, elevator, disturbance, state.biases, truth)
+    body, truth = _move(plant, time_us, state.body, rudder, elevator, thrust, state.disturbance, disturbance)
+    moved = State(time_us, body, rudder.axis, elevator.axis, disturbance, state.biases, truth)
     return moved, sensors.sample(truth, plant.sea, moved.biases, rng.sensors)
 
 
-def _turn(axis: Servo, state: Vector, control: float) -> tuple[Vector, Vector]:
-    """The axis one tick later, and the true duct angles on the way there (see ``tailcone.advance``)."""
-    turned, angles_rad = state.copy(), np.empty(SUBSTEPS + 1)
+def _turn(axis: Servo, state: Vector, control: float) -> Turn:
+    """The axis one tick later."""
+    turned, angles_rad = state.copy(), np.empty(SUBSTEPS)
     tailcone.advance(axis, turned, _demand(control) * axis.travel_rad, angles_rad)
-    return turned, angles_rad
+    return Turn(turned, angles_rad, tailcone.duct_angle_rad(axis, turned))
+
+
+def _neutral(axis: Servo) -> Turn:
+    """The axis before anything has moved."""
+    state = tailcone.at_rest(axis)
+    return Turn(state, np.empty(0), tailcone.duct_angle_rad(axis, state))
 
 
 def _demand(control: float) -> float:
@@ -129,17 +145,17 @@ def _demand(control: float) -> float:
 
 
 def _move(
-    plant: Plant, time_us: int, body: Vector, rudder_rad: Vector, elevator_rad: Vector, thrust: float,
-    before: Disturbance, after: Disturbance,
+    plant: Plant, time_us: int, body: Vector, rudder: Turn, elevator: Turn, thrust: float, before: Disturbance,
+    after: Disturbance,
 ) -> tuple[Vector, Truth]:  # fmt: skip
-    """The body after as many substeps as there are duct angles for, with its truth at ``time_us``.
+    """The body after as many substeps as the duct turned for, with its truth at ``time_us``.
 
     The disturbance stands still at ``before`` meanwhile; ``after`` is the one that the accelerometer feels at the end.
     """
     moved, sea = body.copy(), plant.sea
     shaft_rps, velocity, force = _integrate(
-        moved, rudder_rad, elevator_rad, thrust, _wrench(sea, before), _wrench(sea, after), sea.current_nwu_mps,
-        plant.model, _WORK,
+        moved, rudder.substeps_rad, elevator.substeps_rad, rudder.end_rad, elevator.end_rad, thrust,
+        _wrench(sea, before), _wrench(sea, after), sea.current_nwu_mps, plant.model, _WORK,
     )  # fmt: skip
     values = moved.tolist()
     pitch_nm, yaw_nm = environment.moments_flu_nm(sea, after)
@@ -151,8 +167,8 @@ def _move(
         rates_radps=flip(*values[RATES]),
         specific_force_mps2=flip(*force),
         water_velocity_ned_mps=flip(*sea.current_nwu_mps.tolist()),
-        rudder_rad=float(rudder_rad[-1]),
-        elevator_rad=float(elevator_rad[-1]),
+        rudder_rad=rudder.end_rad,
+        elevator_rad=elevator.end_rad,
         propeller_rps=shaft_rps,
         pitch_disturbance_nm=-pitch_nm,
         yaw_disturbance_nm=-yaw_nm,
@@ -179,18 +195,18 @@ def _servo(tail: Tailcone, bias_deg: float) -> Servo:
 
 @kernel
 def _integrate(
-    body: Vector, rudder_rad: Vector, elevator_rad: Vector, thrust: float, wrench: Vector, wrench_after: Vector,
-    current_nwu: Vector, model: Model, work: Vector,
+    body: Vector, rudder_rad: Vector, elevator_rad: Vector, rudder_end_rad: float, elevator_end_rad: float,
+    thrust: float, wrench: Vector, wrench_end: Vector, current_nwu: Vector, model: Model, work: Vector,
 ) -> tuple[float, Vector3, Vector3]:  # fmt: skip
     """All substeps of a tick and what there is to observe at its end, in one call; ``body`` is changed in place.
 
     Returns shaft speed (rev/s), velocity over ground (NWU, m/s) and specific force at the origin (FLU, m/s2).
     """
     shaft_rps = rps(thrust, model)
-    for k in range(rudder_rad.size - 1):
+    for k in range(rudder_rad.size):
         rk4_step(body, rudder_rad[k], elevator_rad[k], shaft_rps, wrench, current_nwu, SUBSTEP_S, model, work)
     slope = work[0]
-    derivative(body, rudder_rad[-1], elevator_rad[-1], shaft_rps, wrench_after, current_nwu, model, slope)
+    derivative(body, rudder_end_rad, elevator_end_rad, shaft_rps, wrench_end, current_nwu, model, slope)
     return shaft_rps, (slope[0], slope[1], slope[2]), specific_force(body, slope, model)
 
 

@@ -70,16 +70,20 @@ def at_rest(axis: Servo) -> Vector:
     return np.zeros(2 + axis.delay_substeps + 1)
 
 
+def duct_angle_rad(axis: Servo, state: Vector) -> float:
+    """The true angle of the duct about this axis."""
+    return float(state[0]) + axis.bias_rad
+
+
 @kernel
 def advance(axis: Servo, state: Vector, command_rad: float, duct_angles_rad: Vector) -> None:
     """Carry an axis through the substeps that ``duct_angles_rad`` has room for, under one command.
 
-    Each entry receives the mean true duct angle of its substep, the last one the angle at the end; ``state`` is
-    changed in place.
+    Each entry receives the mean true duct angle of its substep; ``state`` is changed in place.
     """
     command = min(max(command_rad, -axis.travel_rad), axis.travel_rad)
     oldest = 2 + axis.delay_substeps
-    for k in range(duct_angles_rad.size - 1):
+    for k in range(duct_angles_rad.size):
         # The queue's last entry was given delay_substeps + 1 substeps ago, the one before it delay_substeps ago.
         newer = state[oldest - 1] if axis.delay_substeps > 0 else command
         delayed = newer + axis.delay_remainder * (state[oldest] - newer)
@@ -89,7 +93,6 @@ def advance(axis: Servo, state: Vector, command_rad: float, duct_angles_rad: Vec
         start = state[0]
         _follow(axis, state, delayed)
         duct_angles_rad[k] = 0.5 * (start + state[0]) + axis.bias_rad
-    duct_angles_rad[-1] = state[0] + axis.bias_rad
 
 
 @kernel
