@@ -26,6 +26,8 @@ STRIDE = 5
 PASSES = 3
 """Outer iterations: noise from residuals, then parameters under that noise."""
 OTHER_STARTS = 2
+COARSE = 1e-3
+"""Relative cost change that ends a pass whose noise levels are about to be renewed."""
 Z_LIMIT = 4.0
 """Bounds, in prior standard deviations."""
 DIFFERENCE = 1e-4
@@ -90,9 +92,9 @@ def linear_plane(vehicle: Vehicle, plane: Plane) -> LinearPlane:
     return planes.pitch_plane(c, speed, mass, config.water.gravity_mps2)
 
 
-def cruise_speed_mps(vehicle: Vehicle, run: Run) -> float:
-    """Steady straight speed at the thrust with which a run begins, at least a crawl."""
-    model, rps = vehicle.model, float(run.thrust[0]) * vehicle.model.propeller.full_rps
+def cruise_speed_mps(vehicle: Vehicle, thrust: float) -> float:
+    """Steady straight speed at a thrust (fraction of full), at least a crawl."""
+    model, rps = vehicle.model, thrust * vehicle.model.propeller.full_rps
 
     def surge(u: float) -> float:
         return float(greybox.accelerations(model, "yaw", np.array([u, 0.0, 0.0, 0.0, 0.0]), 0.0, rps)[0])
@@ -103,15 +105,16 @@ def cruise_speed_mps(vehicle: Vehicle, run: Run) -> float:
     return float(brentq(surge, slowest, fastest, xtol=1e-9))
 
 
-def predict(vehicle: Vehicle, run: Run, start: Start, stride: int) -> greybox.Motion:
-    return greybox.simulate(
-        vehicle.model, vehicle.actuators[run.plane], run, start, stride, cruise_speed_mps(vehicle, run)
-    )
+def residuals(vehicle: Vehicle, experiments: Sequence[Experiment]) -> list[Array]:
+    """Measured less simulated of each run, (samples, outputs)."""
+    thrusts = {float(e.run.thrust[0]) for e in experiments}
+    speeds_mps = {thrust: cruise_speed_mps(vehicle, thrust) for thrust in thrusts}
+    return [_residual(vehicle, e, speeds_mps[float(e.run.thrust[0])]) for e in experiments]
 
 
-def residual(vehicle: Vehicle, what: Experiment) -> Array:
-    """Measured less simulated, (samples, outputs)."""
-    motion = predict(vehicle, what.run, what.start, STRIDE)
+def _residual(vehicle: Vehicle, what: Experiment, speed_mps: float) -> Array:
+    actuator = vehicle.actuators[what.run.plane]
+    motion = greybox.simulate(vehicle.model, actuator, what.run, what.start, STRIDE, speed_mps)
     columns = [motion.rate_radps, motion.angle_rad]
     if what.run.plane == "pitch":
         columns.append(motion.depth_m)
@@ -176,7 +179,7 @@ def fit(runs: Sequence[Run], prior: Prior, progress: Progress | None = None) -> 
     for number in range(PASSES):
         report(f"fit, pass {number + 1} of {PASSES}", number / steps)
         problem.refilter(z, levels)
-        z = problem.solve(z)
+        z = problem.solve(z, ftol=COARSE)
         levels = problem.estimate_noise(z, levels)
     problem.refilter(z, levels)
     z = problem.solve(z)
@@ -238,16 +241,15 @@ class _Problem:
         vehicle = self.vehicle(z)
         return {
             plane: noise.estimate(
-                linear_plane(vehicle, plane), [residual(vehicle, e) for e in group], STRIDE / RATE_HZ, levels[plane]
+                linear_plane(vehicle, plane), residuals(vehicle, group), STRIDE / RATE_HZ, levels[plane]
             )
             for plane, group in self.experiments.items()
         }
 
-    def solve(self, z: Array) -> Array:
+    def solve(self, z: Array, ftol: float = 1e-7) -> Array:
         found = least_squares(
-            self._stacked, z, jac=self._stacked_jacobian, bounds=(-Z_LIMIT, Z_LIMIT), method="trf", xtol=1e-6, ftol=1e-8,
-            max_nfev=60,
-        )  # fmt: skip
+            self._stacked, z, jac=self._stacked_jacobian, bounds=(-Z_LIMIT, Z_LIMIT), ftol=ftol, xtol=1e-6, max_nfev=60
+        )
         return np.asarray(found.x)
 
     def cost(self, z: Array) -> float:
@@ -269,7 +271,7 @@ class _Problem:
     def _whitened(self, vehicle: Vehicle, plane: Plane) -> Array:
         self.evaluations += 1
         by = self._filters[plane]
-        return np.concatenate([noise.whitened(residual(vehicle, e), by).ravel() for e in self.experiments[plane]])
+        return np.concatenate([noise.whitened(e, by).ravel() for e in residuals(vehicle, self.experiments[plane])])
 
     def _stacked(self, z: Array) -> Array:
         vehicle = self.vehicle(z)

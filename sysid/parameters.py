@@ -98,7 +98,7 @@ class Vehicle(NamedTuple):
 
 def vehicle(prior: VehicleConfig, biases_rad: dict[Plane, float], z: Array) -> Vehicle:
     """The prior vehicle moved by z; ``biases_rad`` is the prior mean of the actuator bias in each plane."""
-    values = dict(zip(NAMES, z, strict=True))
+    values = dict(zip(NAMES, z.tolist(), strict=True))
     ratios = {p.name: ratio(p, values[p.name]) for p in PARAMETERS if p.kind == "ratio"}
     offsets = {p.name: p.prior_sd * values[p.name] for p in PARAMETERS if p.kind == "offset"}
     config = msgspec.structs.replace(

@@ -1,0 +1,252 @@
+"""From an estimate to ``model.json``: derived quantities, standard deviations, and what was measured at all."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid import fit as fits
+from sysid import parameters, planes
+from sysid.fit import AGREEMENT, Fit, Prior
+from sysid.model import (
+    FORMAT,
+    PRIOR_SHRINK,
+    Coefficient,
+    Convergence,
+    Estimate,
+    IdentifiedModel,
+    Joint,
+    NoiseModel,
+    PlaneModel,
+    Status,
+    Vehicle,
+)
+from sysid.noise import Noise
+from sysid.paper import FREE, PlaneFit
+from sysid.parameters import INERTIAS, NAMES, PARAMETERS
+from sysid.planes import SmallSignal
+from sysid.runs import Plane
+from sysid.tables import UNITS, Coefficients
+
+Array = NDArray[np.float64]
+
+PLANES: tuple[Plane, ...] = ("yaw", "pitch")
+RANK_TOLERANCE = 1e-6
+"""Relative eigenvalue of the data's information below which a direction counts as unknown to the data."""
+
+
+def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
+    """Report a maximum a posteriori estimate; standard deviations of derived values by the delta method."""
+
+    def derive(z: Array) -> Array:
+        return _derived(parameters.vehicle(prior.config, prior.biases_rad, z))
+
+    values, sds = _propagate(derive, found.z, found.covariance)
+    measured = set(found.experiments)
+    return IdentifiedModel(
+        format=FORMAT,
+        method="map",
+        speed_mps=prior.config.operating_point.speed_mps,
+        thrust_fraction=prior.config.operating_point.thrust_fraction,
+        planes={p: _plane(p, dict(zip(_derived_names(), zip(values, sds, strict=True), strict=True))) for p in PLANES},
+        coefficients=_coefficients(found, prior, measured),
+        vehicle=_vehicle(found, prior, prior_name),
+        noise={plane: _noise(level) for plane, level in found.noise.items()},
+        joint=_joint(found),
+        convergence=Convergence(
+            cost=found.cost,
+            start_costs=found.start_costs,
+            agreed=all(cost - found.cost <= AGREEMENT * found.cost for cost in found.start_costs),
+            at_bounds=found.at_bounds,
+        ),
+        data=(),
+        screening=(),
+        fit_quality=(),
+        held_out=(),
+        notes=_notes(found, measured),
+    )
+
+
+def _derived_names() -> list[tuple[Plane, str]]:
+    return [(plane, name) for plane in PLANES for name in (*SmallSignal._fields, "delay_s", "actuator_bias_deg")]
+
+
+def _derived(vehicle: parameters.Vehicle) -> Array:
+    rows: list[float] = []
+    for plane in PLANES:
+        actuator = vehicle.actuators[plane]
+        rows += planes.small_signal(fits.linear_plane(vehicle, plane))
+        rows += [actuator.delay_s, math.degrees(actuator.bias_rad)]
+    return np.array(rows)
+
+
+def _propagate(function: Callable[[Array], Array], z: Array, covariance: Array) -> tuple[Array, Array]:
+    """Value and standard deviation of ``function(z)``, first order, central differences."""
+    h = 1e-4
+    columns = [(function(z + h * e) - function(z - h * e)) / (2.0 * h) for e in np.eye(z.size)]
+    slope = np.column_stack(columns)
+    return function(z), np.sqrt(np.einsum("ij,jk,ik->i", slope, covariance, slope))
+
+
+def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) -> PlaneModel:
+    def estimate(name: str) -> Estimate:
+        value, sd = derived[plane, name]
+        return Estimate(float(value), float(sd))
+
+    return PlaneModel(
+        static_gain_per_s=estimate("static_gain_per_s"),
+        b1_per_s2=estimate("b1_per_s2"),
+        p_fast_per_s=estimate("p_fast_per_s"),
+        p_slow_per_s=estimate("p_slow_per_s"),
+        restoring_per_s2=estimate("restoring_per_s2") if plane == "pitch" else None,
+        delay_s=estimate("delay_s"),
+        actuator_bias_deg=estimate("actuator_bias_deg"),
+    )
+
+
+def _coefficients(found: Fit, prior: Prior, measured: set[Plane]) -> dict[str, Coefficient]:
+    before, after = parameters.short(prior.config.linear), parameters.short(found.vehicle.config.linear)
+    report = {}
+    for name in Coefficients._fields:
+        value, first, unit = getattr(after, name), getattr(before, name), str(getattr(UNITS, name))
+        if name not in NAMES:
+            report[name] = Coefficient(value, 0.0, first, 0.0, 1.0, "prior", unit)
+            continue
+        i = NAMES.index(name)
+        parameter = PARAMETERS[i]
+        added = getattr(after, INERTIAS[name]) if name in INERTIAS else 0.0
+        sd, prior_sd = math.sqrt(found.covariance[i, i]), math.sqrt(prior.covariance[i, i])
+        shrink = sd / prior_sd
+        status: Status = "measured" if shrink <= PRIOR_SHRINK and parameter.planes[0] in measured else "prior"
+        report[name] = Coefficient(
+            value=value,
+            sd=abs(value - added) * parameter.prior_sd * sd,
+            prior=first,
+            prior_sd=abs(first - added) * parameter.prior_sd * prior_sd,
+            shrink=shrink,
+            status=status,
+            unit=unit,
+        )
+    return report
+
+
+def _vehicle(found: Fit, prior: Prior, prior_name: str) -> Vehicle:
+    config, tailcone = found.vehicle.config, found.vehicle.actuators["yaw"]
+
+    def estimate(name: str, value: float) -> Estimate:
+        i = NAMES.index(name)
+        scale = PARAMETERS[i].prior_sd * (value if PARAMETERS[i].kind == "ratio" else 1.0)
+        return Estimate(value, scale * math.sqrt(found.covariance[i, i]))
+
+    return Vehicle(
+        prior=prior_name,
+        prior_biases_deg={plane: math.degrees(b) for plane, b in prior.biases_rad.items()},
+        net_buoyancy_n=estimate("net_buoyancy", config.ballast.net_buoyancy_n),
+        crossflow_cd=estimate("crossflow_cd", config.damping.crossflow_cd),
+        natural_frequency_radps=estimate("natural_frequency", tailcone.natural_frequency_radps),
+        damping_ratio=estimate("damping_ratio", tailcone.damping_ratio),
+        level_elevator_deg=math.degrees(fits.level_elevator_rad(config, found.vehicle.model)),
+        level_pitch_deg=math.degrees(fits.level_pitch_rad(config, found.vehicle.model)),
+    )
+
+
+def _noise(level: Noise) -> NoiseModel:
+    return NoiseModel(
+        slow_accel_degps2=math.degrees(level.slow_radps2),
+        slow_time_s=level.slow_time_s,
+        wave_accel_degps2=math.degrees(level.wave_radps2),
+        wave_frequency_hz=level.wave_frequency_hz,
+        wave_damping=level.wave_damping,
+        rate_noise_degps=math.degrees(level.rate_radps),
+        angle_noise_deg=math.degrees(level.angle_rad),
+        depth_noise_m=level.depth_m,
+        force_noise_mps15=level.force_mps15,
+    )
+
+
+def _joint(found: Fit) -> Joint:
+    sd = np.sqrt(np.diag(found.covariance))
+    used = parameters.of_planes(list(found.experiments))
+    information = np.linalg.eigvalsh(found.data_information[np.ix_(used, used)])
+    smallest, largest = float(information[0]), float(information[-1])
+    return Joint(
+        names=NAMES,
+        z=tuple(found.z.tolist()),
+        covariance=_rows(found.covariance),
+        correlation=_rows(found.covariance / np.outer(sd, sd)),
+        rank=int(np.count_nonzero(information > RANK_TOLERANCE * largest)),
+        informed_directions=int(np.count_nonzero(information > 1.0)),
+        condition_number=largest / smallest if smallest > 1e-14 * largest else None,
+    )
+
+
+def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+def _notes(found: Fit, measured: set[Plane]) -> tuple[str, ...]:
+    notes = [f"no run in {plane}: its values come from the prior and from the other plane" for plane in PLANES if plane not in measured]
+    if found.at_bounds:
+        notes.append(f"at a bound of four prior standard deviations: {', '.join(found.at_bounds)}")
+    notes.append("speed was not measured: coefficients hold at the prior's speed for the thrust flown")
+    return tuple(notes)
+
+
+def from_paper(found: dict[Plane, PlaneFit], prior: Prior, prior_name: str) -> IdentifiedModel:
+    """Report the paper's own fit. What it leaves undetermined carries no standard deviation."""
+    before = parameters.short(prior.config.linear)
+    after = before
+    for plane_fit in found.values():
+        after = plane_fit.coefficients
+    nominal = parameters.vehicle(prior.config, prior.biases_rad, np.zeros(len(NAMES)))
+    config, zeros = prior.config, np.zeros((len(NAMES), len(NAMES)))
+    free = [name for plane in found for name in FREE[plane]]
+    rank = sum(f.rank for f in found.values())
+    mass, speed = config.ballast.mass_kg, config.operating_point.speed_mps
+    linear = {"yaw": planes.yaw_plane(after, speed, mass), "pitch": planes.pitch_plane(after, speed, mass)}
+    numbers = {plane: planes.small_signal(linear[plane]) for plane in PLANES}
+    return IdentifiedModel(
+        format=FORMAT,
+        method="paper",
+        speed_mps=speed,
+        thrust_fraction=config.operating_point.thrust_fraction,
+        planes={
+            plane: PlaneModel(
+                *(Estimate(value, None) for value in numbers[plane][:4]),
+                restoring_per_s2=Estimate(numbers[plane].restoring_per_s2, None) if plane == "pitch" else None,
+                delay_s=Estimate(nominal.actuators[plane].delay_s, 0.0),
+                actuator_bias_deg=Estimate(math.degrees(prior.biases_rad[plane]), None),
+            )
+            for plane in PLANES
+        },
+        coefficients={
+            name: Coefficient(
+                value=getattr(after, name), sd=None, prior=getattr(before, name), prior_sd=0.0, shrink=None,
+                status="unidentifiable" if name in free or name in INERTIAS else "prior", unit=str(getattr(UNITS, name)),
+            )
+            for name in Coefficients._fields
+        },
+        vehicle=Vehicle(
+            prior=prior_name,
+            prior_biases_deg={plane: math.degrees(b) for plane, b in prior.biases_rad.items()},
+            net_buoyancy_n=Estimate(config.ballast.net_buoyancy_n, 0.0),
+            crossflow_cd=Estimate(config.damping.crossflow_cd, 0.0),
+            natural_frequency_radps=Estimate(config.tailcone.natural_frequency_radps, 0.0),
+            damping_ratio=Estimate(config.tailcone.damping_ratio, 0.0),
+            level_elevator_deg=math.degrees(fits.level_elevator_rad(config, nominal.model)),
+            level_pitch_deg=math.degrees(fits.level_pitch_rad(config, nominal.model)),
+        ),
+        noise={},
+        joint=Joint(NAMES, tuple([0.0] * len(NAMES)), _rows(zeros), _rows(zeros), rank, rank, None),
+        convergence=Convergence(sum(f.cost for f in found.values()), (), True, ()),
+        data=(),
+        screening=(),
+        fit_quality=(),
+        held_out=(),
+        notes=tuple(
+            f"{plane}: {len(FREE[plane])} coefficients fitted, rank {f.rank}: no unique solution; "
+            f"measured acceleration {f.acceleration_per_s2:.3f} per s2 and radian of duct"
+            for plane, f in found.items()
+        ),
+    )  # fmt: skip

@@ -1,0 +1,99 @@
+"""What a model says a run should have looked like, and how far off it was."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from sitl.vehicle import config as vehicle_files
+from sitl.vehicle.config import VehicleConfig
+
+from sysid import greybox, paper, parameters
+from sysid.fit import cruise_speed_mps
+from sysid.model import IdentifiedModel, RunQuality
+from sysid.parameters import NAMES, Vehicle
+from sysid.runs import Plane, Run
+
+Array = NDArray[np.float64]
+
+
+class Prediction(NamedTuple):
+    """Simulated from the motion measured when the run began, under the run's own commands; arrays on the run's grid."""
+
+    rate_radps: Array
+    """By the identified model."""
+    prior_rate_radps: Array
+    """By the first-principles vehicle, trimmed as the measured one was."""
+    angle_rad: Array
+    prior_angle_rad: Array
+    depth_m: Array
+    prior_depth_m: Array
+
+
+def predict(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = None) -> Prediction:
+    """Both models' run. ``prior`` is needed when the model was refitted from a vehicle file that is not shipped."""
+    vehicle, first = vehicles(model, prior)
+    return between(vehicle, first, run, model)
+
+
+def between(vehicle: Vehicle, first: Vehicle, run: Run, model: IdentifiedModel) -> Prediction:
+    """As ``predict``, the two vehicles already at hand."""
+    before = motion(first, run)
+    after = paper.motion(model, run) if model.method == "paper" else motion(vehicle, run)
+    return Prediction(
+        after.rate_radps, before.rate_radps, after.angle_rad, before.angle_rad, after.depth_m, before.depth_m
+    )
+
+
+def vehicles(model: IdentifiedModel, prior: VehicleConfig | None = None) -> tuple[Vehicle, Vehicle]:
+    """The identified vehicle and its prior."""
+    config = prior or vehicle_files.load(model.vehicle.prior)
+    biases: dict[Plane, float] = {plane: math.radians(b) for plane, b in model.vehicle.prior_biases_deg.items()}
+    identified = parameters.vehicle(config, biases, np.array(model.joint.z))
+    return identified, parameters.vehicle(config, biases, np.zeros(len(NAMES)))
+
+
+def motion(vehicle: Vehicle, run: Run) -> greybox.Motion:
+    """The run as ``vehicle`` would have flown it, on the run's grid."""
+    speed = cruise_speed_mps(vehicle, float(run.thrust[0]))
+    return greybox.simulate(vehicle.model, vehicle.actuators[run.plane], run, greybox.measured_start(run), 1, speed)
+
+
+def quality(
+    model: IdentifiedModel, runs: Sequence[Run], prior: VehicleConfig | None = None
+) -> tuple[RunQuality, ...]:
+    """Rate errors of each run once its test has begun."""
+    vehicle, first = vehicles(model, prior)
+    return tuple(_quality(run, between(vehicle, first, run, model)) for run in runs)
+
+
+def held_out(model: IdentifiedModel, runs: Sequence[Run], prior: VehicleConfig | None = None) -> IdentifiedModel:
+    """The model with its errors on runs it was not fitted to."""
+    return msgspec.structs.replace(model, held_out=quality(model, runs, prior))
+
+
+def mean_rate_errors(qualities: Sequence[RunQuality], plane: Plane) -> tuple[float, float] | None:
+    """(prior, model) mean squared rate error over the runs of a plane, (deg/s)^2; None without runs."""
+    chosen = [q for q in qualities if q.plane == plane]
+    if not chosen:
+        return None
+    return (
+        float(np.mean([q.prior_mse_deg2ps2 for q in chosen])),
+        float(np.mean([q.model_mse_deg2ps2 for q in chosen])),
+    )
+
+
+def _quality(run: Run, prediction: Prediction) -> RunQuality:
+    after = ~run.preroll
+    measured = np.degrees(run.rate_radps[after])
+    model_error = measured - np.degrees(prediction.rate_radps[after])
+    prior_error = measured - np.degrees(prediction.prior_rate_radps[after])
+    return RunQuality(
+        run=run.name,
+        plane=run.plane,
+        prior_mse_deg2ps2=float(np.mean(prior_error**2)),
+        model_mse_deg2ps2=float(np.mean(model_error**2)),
+        variance_accounted_for=1.0 - float(np.var(model_error) / max(np.var(measured), 1e-12)),
+    )

@@ -1,0 +1,138 @@
+"""Logs in, identified model out: read, cut, screen, fit, report. The same logs give the same bytes."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from sitl.vehicle import calibrate
+from sitl.vehicle import config as vehicle_files
+from sitl.vehicle.config import VehicleConfig, VehicleError
+
+from sysid import assemble, fit, paper, parameters, predict, runs
+from sysid import log as logs
+from sysid import model as models
+from sysid.fit import Prior, Progress
+from sysid.log import Log
+from sysid.model import DataFile, IdentifiedModel, ScreenedRun
+from sysid.parameters import NAMES
+from sysid.runs import Run
+from sysid.screen import Limits, Screening, screen
+
+Array = NDArray[np.float64]
+Method = Literal["map", "paper"]
+
+FORBIDDEN_PRIOR = "field"
+"""The vehicle that the simulator flies as the truth; an engineer has no such file."""
+
+
+class RefitError(ValueError):
+    """Logs or a prior that cannot be used: one line saying which, and what would be right."""
+
+
+class _Belief(NamedTuple):
+    config: VehicleConfig
+    name: str
+    earlier: IdentifiedModel | None
+
+
+def refit(
+    paths: Sequence[str | Path],
+    prior: str | Path = "bench",
+    method: Method = "map",
+    held_out: Sequence[str | Path] = (),
+    limits: Limits | None = None,
+    progress: Progress | None = None,
+) -> IdentifiedModel:
+    """Identify a vehicle from the tests in MCAP logs.
+
+    Args:
+        paths: logs with rudder or elevator tests.
+        prior: ``bench``, a vehicle file, or a ``model.json`` whose estimate becomes the prior.
+        method: ``map`` (nonlinear, whitened, with priors) or ``paper`` (rate error only, linear, no prior).
+        held_out: logs whose tests are predicted, not fitted.
+        progress: called with what is being done and the share that is behind.
+
+    Raises:
+        LogError, VehicleError, ModelError, RefitError: bad input, each in one line.
+    """
+    report = progress or (lambda what, share: None)
+    belief = _belief(prior)
+    read = _read(paths, lambda share: report("read logs", 0.1 * share))
+    kept, screenings = _select(read, limits)
+    fresh = [run for log in _read(held_out, lambda share: None) for run in runs.cut(log)]
+    model = identify(kept, belief.config, belief.name, method, belief.earlier, lambda w, s: report(w, 0.1 + 0.85 * s))
+    model = msgspec.structs.replace(
+        model,
+        data=tuple(DataFile(log.name, log.sha256) for log in read),
+        screening=tuple(_screened(s) for s in screenings),
+        held_out=predict.quality(model, [s.run for s in screen(fresh, limits) if s.kept], belief.config),
+    )
+    report("done", 1.0)
+    return model
+
+
+def identify(
+    kept: Sequence[Run],
+    prior: VehicleConfig,
+    prior_name: str = "bench",
+    method: Method = "map",
+    earlier: IdentifiedModel | None = None,
+    progress: Progress | None = None,
+) -> IdentifiedModel:
+    """The same for runs already at hand, none of which is screened."""
+    first = calibrate.build(prior)
+    biases = fit.trim_biases(prior, first, kept)
+    mean, covariance = np.zeros(len(NAMES)), parameters.prior_covariance()
+    if earlier is not None:
+        mean, covariance = np.array(earlier.joint.z), np.array(earlier.joint.covariance)
+        biases = {plane: float(np.radians(b)) for plane, b in earlier.vehicle.prior_biases_deg.items()}
+    belief = Prior(prior, biases, mean, covariance)
+    if method == "paper":
+        nominal = parameters.vehicle(prior, biases, np.zeros(len(NAMES)))
+        fits = paper.fit(kept, prior, nominal.actuators)
+        model = assemble.from_paper(fits, belief, prior_name)
+    else:
+        model = assemble.from_fit(fit.fit(kept, belief, progress), belief, prior_name)
+    return msgspec.structs.replace(model, fit_quality=predict.quality(model, kept, prior))
+
+
+def _belief(prior: str | Path) -> _Belief:
+    if str(prior).endswith(".json"):
+        earlier = models.read(prior)
+        if earlier.method != "map":
+            raise RefitError(f"{prior}: method = {earlier.method!r}; a prior must be a model of method 'map'")
+        return _Belief(vehicle_files.load(earlier.vehicle.prior), earlier.vehicle.prior, earlier)
+    if str(prior) == FORBIDDEN_PRIOR:
+        raise VehicleError(f"prior {prior!r}: is the simulated truth; give 'bench', a vehicle file or a model.json")
+    return _Belief(vehicle_files.load(prior), str(prior) if prior == "bench" else Path(prior).name, None)
+
+
+def _read(paths: Sequence[str | Path], report: Callable[[float], None]) -> list[Log]:
+    read = []
+    for number, path in enumerate(paths):
+        report(number / len(paths))
+        read.append(logs.read(path))
+    return read
+
+
+def _select(read: Sequence[Log], limits: Limits | None) -> tuple[list[Run], list[Screening]]:
+    found = [run for log in read for run in runs.cut(log)]
+    names = ", ".join(log.name for log in read) or "no file"
+    if not found:
+        raise RefitError(f"{names}: no test found; a log needs 'SystemID Starting' events of axis 11 or 12")
+    screenings = screen(found, limits)
+    kept = [s.run for s in screenings if s.kept]
+    if not kept:
+        why = "; ".join(f"{s.run.name} {s.reasons[0]}" for s in screenings)
+        raise RefitError(f"{names}: every test was screened out: {why}")
+    return kept, screenings
+
+
+def _screened(screening: Screening) -> ScreenedRun:
+    run = screening.run
+    return ScreenedRun(
+        run.name, run.plane, run.wave, run.magnitude_deg, float(run.time_s[-1]), screening.kept, screening.reasons
+    )
