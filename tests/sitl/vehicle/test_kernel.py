@@ -1,0 +1,41 @@
+"""Cached machine code is never older than the physics it was made from."""
+
+import importlib.util
+import os
+
+from sitl.vehicle import kernel
+
+SOURCE = """
+from sitl.vehicle.kernel import entry_point
+
+
+@entry_point
+def doubled(x):
+    return 2.0 * x
+"""
+
+
+def load(path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_cache_older_than_the_physics_is_dropped(tmp_path):
+    path = tmp_path / "doubling.py"
+    path.write_text(SOURCE)
+    assert load(path).doubled(2.0) == 4.0
+    (index,) = tmp_path.rglob("doubling.doubled-*.nbi")
+    os.utime(index, ns=(0, kernel._NEWEST_PHYSICS_NS - 1))
+    load(path)
+    assert not index.exists()
+
+
+def test_a_cache_newer_than_the_physics_is_used(tmp_path):
+    path = tmp_path / "doubling.py"
+    path.write_text(SOURCE)
+    load(path).doubled(2.0)
+    again = load(path).doubled
+    assert again(2.0) == 4.0
+    assert sum(again.stats.cache_hits.values()) == 1
