@@ -37,7 +37,7 @@ def work_array() -> Vector:
 
 @kernel
 def rotation(state: Vector) -> tuple[Vector3, Vector3, Vector3]:
-    """Rows of R, body FLU to NWU; its last row is the inertial z axis in body axes (Fossen 2021, eq. 2.72)."""
+    """Rows of R, body FLU to NWU; its last row is the inertial z axis in body axes (Fossen 2021, sec. 2.2)."""
     w, x, y, z = state[3], state[4], state[5], state[6]
     return (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
@@ -86,49 +86,69 @@ def tail(nu: Wrench, axis: Vector3, shaft_rps: float, immersed: float, model: Mo
 
 
 @kernel
-def _slope(
-    state: Vector, axis: Vector3, rudder_rad: float, elevator_rad: float, propeller_rps: float, disturbance: Vector,
-    current_nwu: Vector, model: Model, out: Vector,
-) -> None:  # fmt: skip
-    """State derivative for a duct whose axis is already known; see ``derivative``."""
-    row_x, row_y, row_z = rotation(state)
-    u, v, w, p, q, r = state[7], state[8], state[9], state[10], state[11], state[12]
+def _in_body(rows: tuple[Vector3, Vector3, Vector3], vector_nwu: Vector) -> Vector3:
+    """R^T c: an inertial vector in body axes."""
+    north, west, up = rows
+    n, w, u = vector_nwu[0], vector_nwu[1], vector_nwu[2]
+    return (
+        north[0] * n + west[0] * w + up[0] * u,
+        north[1] * n + west[1] * w + up[1] * u,
+        north[2] * n + west[2] * w + up[2] * u,
+    )
 
-    # Current in body axes, R^T c, and the velocity through the water.
-    c_n, c_w, c_u = current_nwu[0], current_nwu[1], current_nwu[2]
-    c_x = row_x[0] * c_n + row_y[0] * c_w + row_z[0] * c_u
-    c_y = row_x[1] * c_n + row_y[1] * c_w + row_z[1] * c_u
-    c_z = row_x[2] * c_n + row_y[2] * c_w + row_z[2] * c_u
-    nu_r = (u - c_x, v - c_y, w - c_z, p, q, r)
 
-    inertial = coriolis(nu_r, model.inertia)
-    static = restoring.wrench(state[2], row_z, model.hydrostatics, model.stations)
-    drag = hydrodynamics.crossflow_drag(nu_r[1], nu_r[2], q, r, model.stations)
-    lift = hydrodynamics.lift_and_drag(nu_r[0], nu_r[1], nu_r[2], p, q, r, model.hull)
-    immersed = restoring.immersion(state[2] + row_z[0] * model.duct.x_m, model.duct.radius_m)
-    thrust = tail(nu_r, axis, propeller_rps, immersed, model)
-    turned = hydrodynamics.duct_interaction(nu_r[0], rudder_rad, elevator_rad, model.hull)
+@kernel
+def _sum(a: Wrench, b: Wrench) -> Wrench:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
 
-    t0 = inertial[0] + static[0] + drag[0] + lift[0] + thrust[0] + immersed * turned[0] + disturbance[0]
-    t1 = inertial[1] + static[1] + drag[1] + lift[1] + thrust[1] + immersed * turned[1] + disturbance[1]
-    t2 = inertial[2] + static[2] + drag[2] + lift[2] + thrust[2] + immersed * turned[2] + disturbance[2]
-    t3 = inertial[3] + static[3] + drag[3] + lift[3] + thrust[3] + immersed * turned[3] + disturbance[3]
-    t4 = inertial[4] + static[4] + drag[4] + lift[4] + thrust[4] + immersed * turned[4] + disturbance[4]
-    t5 = inertial[5] + static[5] + drag[5] + lift[5] + thrust[5] + immersed * turned[5] + disturbance[5]
 
-    out[0] = row_x[0] * u + row_x[1] * v + row_x[2] * w
-    out[1] = row_y[0] * u + row_y[1] * v + row_y[2] * w
-    out[2] = row_z[0] * u + row_z[1] * v + row_z[2] * w
+@kernel
+def _forces(
+    z_m: float, up: Vector3, nu_r: Wrench, axis: Vector3, rudder_rad: float, elevator_rad: float, shaft_rps: float,
+    model: Model,
+) -> Wrench:  # fmt: skip
+    """Coriolis, static, hull and tail forces, N and N m about the origin."""
+    u, v, w, p, q, r = nu_r
+    immersed = restoring.immersion(z_m + up[0] * model.duct.x_m, model.duct.radius_m)
+    total = coriolis(nu_r, model.inertia)
+    total = _sum(total, restoring.wrench(z_m, up, model.hydrostatics, model.stations))
+    total = _sum(total, hydrodynamics.crossflow_drag(v, w, q, r, model.stations))
+    total = _sum(total, hydrodynamics.lift_and_drag(u, v, w, p, q, r, model.hull))
+    total = _sum(total, tail(nu_r, axis, shaft_rps, immersed, model))
+    return _sum(total, hydrodynamics.duct_interaction(immersed * u * abs(u), rudder_rad, elevator_rad, model.hull))
 
+
+@kernel
+def _kinematics(state: Vector, rows: tuple[Vector3, Vector3, Vector3], out: Vector) -> None:
+    """Rates of position, R v, and quaternion, 1/2 q (0, omega) (Fossen 2021, sec. 2.2)."""
     e0, e1, e2, e3 = state[3], state[4], state[5], state[6]
+    u, v, w, p, q, r = state[7], state[8], state[9], state[10], state[11], state[12]
+    for i in range(3):
+        out[i] = rows[i][0] * u + rows[i][1] * v + rows[i][2] * w
     out[3] = -0.5 * (e1 * p + e2 * q + e3 * r)
     out[4] = 0.5 * (e0 * p + e2 * r - e3 * q)
     out[5] = 0.5 * (e0 * q + e3 * p - e1 * r)
     out[6] = 0.5 * (e0 * r + e1 * q - e2 * p)
 
+
+@kernel
+def _slope(
+    state: Vector, axis: Vector3, rudder_rad: float, elevator_rad: float, propeller_rps: float, disturbance: Vector,
+    current_nwu: Vector, model: Model, out: Vector,
+) -> None:  # fmt: skip
+    """State derivative for a duct whose axis is already known; see ``derivative``."""
+    rows = rotation(state)
+    c_x, c_y, c_z = _in_body(rows, current_nwu)
+    p, q, r = state[10], state[11], state[12]
+    nu_r = (state[7] - c_x, state[8] - c_y, state[9] - c_z, p, q, r)
+    f = _forces(state[2], rows[2], nu_r, axis, rudder_rad, elevator_rad, propeller_rps, model)
+    X, Y, Z = f[0] + disturbance[0], f[1] + disturbance[1], f[2] + disturbance[2]
+    K, M, N = f[3] + disturbance[3], f[4] + disturbance[4], f[5] + disturbance[5]
+
+    _kinematics(state, rows, out)
     W = model.inertia.M_inverse
     for i in range(6):
-        out[7 + i] = W[i, 0] * t0 + W[i, 1] * t1 + W[i, 2] * t2 + W[i, 3] * t3 + W[i, 4] * t4 + W[i, 5] * t5
+        out[7 + i] = W[i, 0] * X + W[i, 1] * Y + W[i, 2] * Z + W[i, 3] * K + W[i, 4] * M + W[i, 5] * N
     # nu' = nu_r' + d(R^T c)/dt = nu_r' - omega x R^T c in a steady uniform current (Fossen 2021, sec. 10.3).
     out[7] -= q * c_z - r * c_y
     out[8] -= r * c_x - p * c_z

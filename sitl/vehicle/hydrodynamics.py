@@ -10,7 +10,7 @@ from sitl.vehicle.model import Hull, Stations
 
 @kernel
 def crossflow_drag(v: float, w: float, q: float, r: float, stations: Stations) -> Wrench:
-    """Drag of each section in the cross flow it meets (strip theory; Hoerner 1965, ch. 3-12), N and N m.
+    """Drag of each section in the cross flow it meets (strip theory; Hoerner 1965, ch. 3), N and N m.
 
     The magnitude combines sway and heave, so the force turns with the vehicle: it knows no preferred roll angle.
     """
@@ -46,9 +46,11 @@ def lift_and_drag(u: float, v: float, w: float, p: float, q: float, r: float, hu
 
 
 @kernel
-def duct_interaction(u: float, rudder_rad: float, elevator_rad: float, hull: Hull) -> Wrench:
-    """What a turned duct does beyond the isolated ring wing: its effect on the flow round the tail, N and N m."""
-    pressure = u * abs(u)
+def duct_interaction(pressure: float, rudder_rad: float, elevator_rad: float, hull: Hull) -> Wrench:
+    """What a turned duct does beyond the isolated ring wing: its effect on the flow round the tail, N and N m.
+
+    ``pressure`` is u|u| in m2/s2, less where the duct is out of the water.
+    """
     return (
         0.0,
         hull.Y_uudr_kgpm * pressure * rudder_rad,

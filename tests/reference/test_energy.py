@@ -48,7 +48,7 @@ def test_coriolis_terms_do_no_work(nu):
 @given(st.floats(0.5, 3), st.floats(-1, 1))
 @settings(deadline=None)
 def test_the_munk_moment_is_the_analytic_one(u, v):
-    """(Y_vdot - X_udot) u v on a drifting body in inviscid flow (Newman 1977, sec. 4.14)."""
+    """(Y_vdot - X_udot) u v on a drifting body in inviscid flow (Newman 1977, ch. 4)."""
     inertia = flight.model("bench").inertia
     *_, N = dynamics.coriolis((u, v, 0.0, 0.0, 0.0, 0.0), inertia)
     assert pytest.approx(-(inertia.M_A[1, 1] - inertia.M_A[0, 0]) * u * v, rel=1e-9, abs=1e-9) == N
