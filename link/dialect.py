@@ -64,7 +64,7 @@ class MessageType:
             return self.struct.pack(*values)
         flat: list[Any] = []
         for field, value in zip(self.fields, values, strict=True):
-            if field.type == "char" and field.array_length:
+            if field.type == "char":
                 flat.append(value.encode() if isinstance(value, str) else value)
             elif field.array_length:
                 if len(value) != field.array_length:
