@@ -1,0 +1,126 @@
+"""The disturbances against linear theory, and the sea's constants against textbook values."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import expm, solve_continuous_lyapunov
+
+from link.records import ActuatorFrame
+from sitl import environment, plant, scenario
+from sitl.vehicle import calibrate, config
+from sitl.vehicle.linearise import linearise
+
+TICK_S = 0.02
+SWELL_RADPS = 2.0 * math.pi * 0.15
+ZETA = 0.1
+Matrix = NDArray[np.float64]
+
+
+def sea_of(name: str) -> environment.Environment:
+    return environment.build(scenario.load(name), 9.81, TICK_S)
+
+
+def yaw_rate_rms_degps(filter_F: Matrix, filter_G: Matrix, filter_H: Matrix, moment_rms_nm: float) -> float:
+    """RMS yaw rate of the bench vehicle's linear plane, rudder fixed, under filtered white noise of a given rms.
+
+    Lyapunov equation of plane and shaping filter together: A P + P A' + B B' = 0.
+    """
+    plane = linearise(calibrate.build(config.load("bench"))).yaw
+    A = plane.A[:2, :2]
+    by_moment = np.linalg.inv(plane.M)[:2, 1]
+    n = len(filter_F)
+    joint = np.block([[A, np.outer(by_moment, filter_H)], [np.zeros((n, 2)), filter_F]])
+    noise = np.concatenate([np.zeros(2), filter_G])
+    P = solve_continuous_lyapunov(joint, -np.outer(noise, noise))
+    unit = math.sqrt(filter_H @ P[2:, 2:] @ filter_H)
+    return math.degrees(math.sqrt(P[1, 1])) / unit * moment_rms_nm
+
+
+def test_the_disturbed_scenario_holds_the_levels_that_linear_theory_asks_for() -> None:
+    levels = scenario.load("disturbed").disturbance
+    tau = levels.slow.time_constant_s
+    omega, zeta = 2.0 * math.pi * levels.waves.frequency_hz, levels.waves.damping
+    slow = yaw_rate_rms_degps(
+        np.array([[-1.0 / tau]]), np.array([math.sqrt(2.0 / tau)]), np.array([1.0]), levels.slow.yaw_rms_nm
+    )
+    wave = yaw_rate_rms_degps(
+        np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]]),
+        np.array([0.0, math.sqrt(4.0 * zeta * omega**3)]),
+        np.array([1.0, 0.0]),
+        levels.waves.yaw_rms_nm,
+    )
+    assert slow == pytest.approx(0.30, rel=0.005)
+    assert wave == pytest.approx(0.30, rel=0.005)
+    assert round(math.hypot(slow, wave), 2) == 0.42
+    assert levels.slow.pitch_rms_nm == levels.slow.yaw_rms_nm
+    assert levels.waves.pitch_rms_nm == levels.waves.yaw_rms_nm
+
+
+def test_a_flight_through_the_disturbed_sea_yaws_by_that_much() -> None:
+    """Nonlinear vehicle, rudder amidships, depth held; the rate is the true one. 40 min of vehicle time."""
+    deep = scenario.load("disturbed")
+    deep = scenario.Scenario(
+        start=scenario.Start(depth_m=100.0, speed_mps=1.3), water=scenario.Water(), disturbance=deep.disturbance
+    )
+    sea = plant.build(config.load("bench"), deep)
+    rng = plant.random_streams(seed=7)
+    state, _ = plant.launch(sea, rng)
+    rates = []
+    for tick in range(40 * 60 * 50):
+        truth = state.truth
+        w, x, y, z = truth.attitude_q
+        pitch = math.asin(2.0 * (w * y - z * x))
+        elevator = 0.8 * (0.13 * (truth.position_ned_m[2] - 100.0) - pitch) - 1.9 * truth.rates_radps[1]
+        controls = (0.0, elevator / sea.elevator.travel_rad, 0.58, *(0.0,) * 13)
+        state, _ = plant.step(sea, state, ActuatorFrame(truth.time_us, 1, controls, 129), rng)
+        if tick > 50 * 60:
+            rates.append(state.truth.rates_radps[2])
+    assert math.degrees(np.std(rates)) == pytest.approx(0.42, rel=0.08)
+
+
+def test_the_wave_filter_is_the_exact_discretisation() -> None:
+    wave = environment.wave_moment(SWELL_RADPS, ZETA, TICK_S)
+    generator = np.array([[0.0, SWELL_RADPS], [-SWELL_RADPS, -2.0 * ZETA * SWELL_RADPS]])
+    phi = np.array(wave.transition).reshape(2, 2)
+    l11, l21, l22 = wave.noise
+    lower = np.array([[l11, 0.0], [l21, l22]])
+    np.testing.assert_allclose(phi, expm(TICK_S * generator), atol=1e-14)
+    np.testing.assert_allclose(phi @ phi.T + lower @ lower.T, np.eye(2), atol=1e-14)
+
+
+def test_disturbances_start_stationary_and_stay_so() -> None:
+    sea = sea_of("disturbed")
+    start, later = [], []
+    for seed in range(1500):
+        streams = plant.random_streams(seed)
+        disturbance = environment.stationary(streams.slow, streams.wave)
+        start.append([*disturbance.slow, *disturbance.wave[0], *disturbance.wave[1]])
+        for _ in range(20):
+            disturbance = environment.advance(sea, disturbance, streams.slow, streams.wave)
+        later.append([*disturbance.slow, *disturbance.wave[0], *disturbance.wave[1]])
+    four_sigma = 4.0 * math.sqrt(2.0 / 1500)
+    np.testing.assert_allclose(np.cov(np.array(start).T), np.eye(6), atol=four_sigma)
+    np.testing.assert_allclose(np.cov(np.array(later).T), np.eye(6), atol=four_sigma)
+    correlation = [np.corrcoef(np.array(start)[:, i], np.array(later)[:, i])[0, 1] for i in range(2)]
+    np.testing.assert_allclose(correlation, math.exp(-20 * TICK_S / 3.0), atol=0.03)
+
+
+def test_calm_water_pushes_nobody() -> None:
+    streams = plant.random_streams(seed=1)
+    sea = sea_of("calm")
+    assert environment.moments_flu_nm(sea, environment.stationary(streams.slow, streams.wave)) == (0.0, 0.0)
+
+
+def test_pressure_grows_by_a_bar_in_ten_metres_and_stays_one_atmosphere_in_the_air() -> None:
+    sea = sea_of("calm")
+    assert environment.pressure_hpa(sea, -1.0) == 1013.25
+    assert environment.pressure_hpa(sea, 10.0) - environment.pressure_hpa(sea, 0.0) == pytest.approx(1005.5, abs=0.1)
+
+
+def test_the_magnetic_field_has_bostons_declination_inclination_and_strength() -> None:
+    north, east, down = sea_of("calm").magnetic_field_ned_gauss
+    assert math.degrees(math.atan2(east, north)) == pytest.approx(-14.4)
+    assert math.degrees(math.atan2(down, math.hypot(north, east))) == pytest.approx(67.0)
+    assert math.hypot(north, east, down) == pytest.approx(0.52)

@@ -1,0 +1,58 @@
+"""Scenario files: what is read, and what a mistake in one is answered with."""
+
+from pathlib import Path
+
+import pytest
+
+from sitl import scenario
+
+
+@pytest.mark.parametrize("name", scenario.names())
+def test_shipped_scenarios_load_and_say_their_name(name: str) -> None:
+    assert scenario.load(name).title == name
+
+
+def test_calm_and_disturbed_are_shipped_and_differ_by_their_disturbance_only() -> None:
+    calm, disturbed = scenario.load("calm"), scenario.load("disturbed")
+    assert calm.disturbance != disturbed.disturbance
+    assert (calm.site, calm.water, calm.start) == (disturbed.site, disturbed.water, disturbed.start)
+
+
+def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
+    file = tmp_path / "current.toml"
+    file.write_text("[water]\ncurrent_ned_mps = [0.2, -0.1, 0.0]\n[start]\ndepth_m = 4.0\n")
+    loaded = scenario.load(str(file))
+    assert loaded.water.current_ned_mps == (0.2, -0.1, 0.0)
+    assert loaded.start.depth_m == 4.0
+    assert loaded.site == scenario.Site()
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("[water]\ndensity_kgpm3 = -3.0", "water.density_kgpm3 = -3.0: expected `float` > 0.0"),
+        ("[start]\nheading_deg = 'north'", "start.heading_deg = 'north': expected `float`, got `str`"),
+        (
+            "[disturbance.waves]\nheight_m = 2",
+            "disturbance.waves: object contains unknown field `height_m`; known here: ",
+        ),
+        ("waves = 3", "top level: object contains unknown field `waves`; known here: title, site"),
+        ("[water]\ncurrent_ned_mps = [1.0, 2.0]", "water.current_ned_mps = [1.0, 2.0]: expected `array` of length 3"),
+        ("[start]\nspeed_mps = inf", "start.speed_mps = inf: expected `float` <= 5.0"),
+        ("[start]\ndepth_m = nan", "start.depth_m = nan: expected `float` >= 0.0"),
+        ("water = 3", "water = 3: expected `object`, got `int`"),
+        ("=", "not TOML: "),
+    ],
+)
+def test_a_mistake_is_named_by_file_key_and_value(tmp_path: Path, text: str, complaint: str) -> None:
+    file = tmp_path / "mistake.toml"
+    file.write_text(text)
+    with pytest.raises(scenario.ScenarioError) as caught:
+        scenario.load(str(file))
+    assert f"{file}: {complaint}" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_name_is_answered_with_those_that_exist() -> None:
+    with pytest.raises(scenario.ScenarioError, match="stormy: No such file.*calm, disturbed or a TOML file"):
+        scenario.load("stormy")
