@@ -9,13 +9,13 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from ground.texts import TextJoiner
 from link import dialect, frames
 from link.dialect import Message
 
 SCHEMA_ENCODING = "jsonschema"
 MESSAGE_ENCODING = "json"
 PERIOD_NS = 200_000_000
-STATUSTEXT_LENGTH = 50
 
 _TIME = {"type": "object", "title": "time", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
 _NUMBER, _TEXT, _INTEGER = {"type": "number"}, {"type": "string"}, {"type": "integer"}
@@ -77,7 +77,7 @@ class Panels:
         """``show`` gets the view, the JSON and the log time in nanoseconds."""
         self._show = show
         self._positions: dict[int, bytes] = {}
-        self._texts: dict[int, str] = {}
+        self._texts = TextJoiner()
         self._shown_ns: dict[tuple[int, str], int] = {}
 
     def viewer(self, name: str) -> Callable[[int, bytes, int], None] | None:
@@ -91,10 +91,8 @@ class Panels:
 
     def _show_text(self, system: int, payload: bytes, time_ns: int) -> None:
         message = dialect.by_name("STATUSTEXT").unpack(payload)
-        text = self._texts.pop(system, "") + message.text
-        if message.id and len(message.text) == STATUSTEXT_LENGTH:  # the rest of a longer text follows
-            self._texts[system] = text
-        else:
+        text = self._texts.add(system, message)
+        if text is not None:
             self._show(LOG, log_entry(time_ns, message.severity, text, f"system {system}"), time_ns)
 
     def _show_location(self, system: int, payload: bytes, time_ns: int) -> None:

@@ -15,11 +15,12 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from ground import ros1
+from ground.errors import BadInputError
 from ground.recorder import CHUNK_BYTES
 from link import dialect
 
 
-class LogError(ValueError):
+class LogError(BadInputError):
     """A file that is no log, or no finished one; the message says which and what to do."""
 
 

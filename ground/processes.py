@@ -10,6 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, NamedTuple, Self
 
+from ground.errors import BadInputError
 from ground.vehicle import VehicleError
 from link.clock import wall_s
 from link.transport import AddressError, Transport, open_transport, wait
@@ -27,10 +28,6 @@ class Simulation(NamedTuple):
     scenario: str = "calm"
     seed: int = 1
     speed: str = "max"
-
-
-class BadInputError(ValueError):
-    """A child process refused what it was given; the message is its own."""
 
 
 class SimulatedVehicle:

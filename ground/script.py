@@ -32,6 +32,7 @@ from typing import Literal
 
 import msgspec
 
+from ground.errors import BadInputError
 from link.dialect import constant
 from link.missions import FRAME_MISSION, MissionItem
 
@@ -52,7 +53,7 @@ AXES = {"elevator": 11, "rudder": 12}
 SHIPPED = files("ground") / "missions"
 
 
-class ScriptError(ValueError):
+class ScriptError(BadInputError):
     """A mission that cannot be flown: names the file, the key, the value and what would be right."""
 
 

@@ -9,7 +9,9 @@ from typing import Any, NamedTuple, TypeVar
 
 from ground import commands
 from ground.commands import Command, ModeList, NotNowError
+from ground.errors import FailedError
 from ground.recorder import Recorder
+from ground.texts import TextJoiner
 from link import dialect
 from link.clock import Every, wall_s
 from link.codec import Frame
@@ -32,8 +34,12 @@ _GCS, _INVALID = constant("MAV_TYPE_GCS"), constant("MAV_AUTOPILOT_INVALID")
 _HEARTBEAT, _STATUSTEXT = constant("MAVLINK_MSG_ID_HEARTBEAT"), constant("MAVLINK_MSG_ID_STATUSTEXT")
 
 
-class VehicleError(RuntimeError):
+class VehicleError(FailedError):
     """The vehicle is not there, went away, or refused; the message says which and why."""
+
+
+class NotReadyError(VehicleError):
+    """The vehicle refused for now; asking again may help."""
 
 
 class Text(NamedTuple):
@@ -58,6 +64,7 @@ class Vehicle:
         self.disarmings = 0
         """How often the vehicle was seen to disarm."""
         self.texts: list[Text] = []
+        self._joiner = TextJoiner()
 
     @property
     def lost_frames(self) -> int:
@@ -212,7 +219,10 @@ class Vehicle:
 
     def _hear_text(self, frame: Frame) -> None:
         message = frame.decode()
-        text = Text(message.severity, message.text)
+        whole = self._joiner.add(frame.system, message)
+        if whole is None:
+            return
+        text = Text(message.severity, whole)
         self.texts.append(text)
         if self.on_text is not None:
             self.on_text(text)
@@ -221,7 +231,3 @@ class Vehicle:
         self._endpoint.send(
             "HEARTBEAT", type=_GCS, autopilot=_INVALID, base_mode=0, custom_mode=0, system_status=0, mavlink_version=3
         )
-
-
-class NotReadyError(VehicleError):
-    """The vehicle refused for now."""

@@ -1,0 +1,317 @@
+"""``ground``: fly vehicles, keep what they say, refit, redesign and report.
+
+Every command says what it does on stderr and gives its result on stdout; with --json that is one JSON object.
+Exit status: 0 done, 1 the work failed, 2 bad input.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ground.errors import BadInputError, FailedError
+
+FAILED, BAD_INPUT = 1, 2
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
+params_app = typer.Typer(no_args_is_help=True, help="Read and set a vehicle's parameters.")
+log_app = typer.Typer(no_args_is_help=True, help="Look into logs, export and mend them.")
+app.add_typer(params_app, name="params")
+app.add_typer(log_app, name="log")
+
+Address = Annotated[str, typer.Option("--connect", metavar="ADDRESS", help="The vehicle's link: udpin:HOST:PORT, "
+                                      "udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD.")]  # fmt: skip
+Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")]
+VehicleName = Annotated[str, typer.Option(metavar="NAME|FILE", help="field, bench, or a vehicle file.")]
+ScenarioName = Annotated[str, typer.Option(metavar="NAME|FILE", help="calm, disturbed, or a scenario file.")]
+Seed = Annotated[int, typer.Option(min=0, help="Of every random stream.")]
+Speed = Annotated[str, typer.Option(metavar="N|max", help="Times the wall clock.")]
+GROUND_LINK = "udpin:127.0.0.1:14550"
+
+
+@app.command()
+def fly(
+    mission: Annotated[str, typer.Argument(help="A shipped mission's name, a .toml, .plan or QGC WPL 110 file.")],
+    connect: Address = GROUND_LINK,
+    sitl: Annotated[bool, typer.Option("--sitl", help="Start a simulated vehicle and fly that.")] = False,
+    log: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Default: the mission's name.")] = None,
+    tlog: Annotated[Path | None, typer.Option(metavar="FILE.tlog", help="Also a MAVLink telemetry log.")] = None,
+    vehicle: VehicleName = "field",
+    scenario: ScenarioName = "calm",
+    seed: Seed = 1,
+    speed: Speed = "max",
+    params: Annotated[Path | None, typer.Option(metavar="FILE", help="Parameters to set before the dive.")] = None,
+    json: Json = False,
+) -> None:
+    """Upload a mission, fly it, and record until the vehicle has disarmed itself at the surface."""
+    from ground import flight, gains, progress
+    from ground.flight import Dive
+    from ground.processes import SimulatedVehicle, Simulation
+
+    target = _new_file(log or Path(Path(mission).stem + ".mcap"))
+    dive = Dive.load(mission, target, parameters=gains.load(params) if params else {}, tlog=tlog)
+    with progress.display(Path(mission).stem, quiet=json) as shown:
+        if sitl:
+            simulated = SimulatedVehicle(Simulation(vehicle, scenario, seed, speed))
+            outcome = flight.fly_simulated(dive, simulated, shown.watch, shown.hear)
+        else:
+            outcome = flight.fly(dive, connect, shown.watch, shown.hear)
+    _give(
+        {**outcome._asdict(), "log": str(outcome.log)},
+        f"{outcome.log}: {outcome.vehicle_s:.0f} s flown in {outcome.wall_s:.1f} s, "
+        f"{outcome.messages} messages, {outcome.lost_frames} lost",
+        json,
+    )
+    if outcome.failsafes:
+        raise FailedError(outcome.failsafes[0])
+
+
+@app.command()
+def campaign(
+    vehicle: VehicleName = "field",
+    scenario: ScenarioName = "disturbed",
+    seed: Seed = 1,
+    speed: Speed = "max",
+    out: Annotated[Path, typer.Option(metavar="DIR", help="The campaign's folder.")] = Path("campaign"),
+    json: Json = False,
+) -> None:
+    """Prototype, identify, redesign, verify: fly them all, and report."""
+    from ground import progress, summary
+    from ground.campaign import Campaign, Request
+    from ground.report import page
+
+    with progress.display("campaign", quiet=json) as shown:
+        result = Campaign(Request(out, vehicle, scenario, seed, speed), shown.watch_named, shown.announce).run()
+        shown.announce("writing the report")
+        page.write(out)
+    _give(result, summary.in_words(result, out), json)
+
+
+@app.command()
+def refit(
+    logs: Annotated[list[Path], typer.Argument(help="MCAP logs with rudder or elevator tests.")],
+    held_out: Annotated[list[Path] | None, typer.Option(help="A log to predict and not to fit; repeatable.")] = None,
+    prior: Annotated[str, typer.Option(help="bench, a vehicle file, or a model.json.")] = "bench",
+    method: Annotated[str, typer.Option(help="map, or paper: the paper's own way.")] = "map",
+    out: Annotated[Path, typer.Option(metavar="MODEL.json")] = Path("model.json"),
+    json: Json = False,
+) -> None:
+    """Fit the model to the tests in logs."""
+    from ground import progress, summary
+    from ground import refit as fitting
+
+    with progress.display("refit", quiet=json) as shown:
+        model = fitting.refit(logs, held_out or (), prior, method, shown.share)
+    fitting.write_model(model, out)
+    _give(summary.of_model(model), summary.model_in_words(model, out), json)
+
+
+@app.command()
+def redesign(
+    model: Annotated[Path, typer.Argument(help="A model.json from refit.")],
+    out: Annotated[Path, typer.Option(metavar="GAINS.param")] = Path("gains.param"),
+    upload: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Set the gains on this vehicle.")] = None,
+    json: Json = False,
+) -> None:
+    """Redesign the gains for a model, or refuse with the reason."""
+    from ground import refit as fitting
+    from ground import summary
+
+    design = fitting.redesign(fitting.read_model(model))
+    design.write_params(out)
+    if upload:
+        _set_and_read_back(upload, dict(design.gains))
+    _give(summary.of_design(design), summary.design_in_words(design, out), json)
+
+
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A campaign's folder.")],
+    picture: Annotated[Path | None, typer.Option(metavar="FILE.png|svg", help="Draw one picture instead.")] = None,
+) -> None:
+    """Write report.html of a campaign, or one picture of its result."""
+    from ground.report import page
+    from ground.report import picture as pictures
+
+    print(pictures.draw(folder, picture) if picture else page.write(folder))
+
+
+@app.command()
+def paper(
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Also write the tables here, as paper.json.")] = None,
+    json: Json = False,
+) -> None:
+    """The paper's Tables 1 to 5 beside what this software derives, without flying."""
+    from ground import tables
+
+    result = tables.without_flying()
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "paper.json").write_text(_encode(result), encoding="utf-8")
+    _give(result, tables.in_words(result), json)
+
+
+@app.command()
+def missions(json: Json = False) -> None:
+    """The missions that come with the tool."""
+    from ground import script
+
+    shipped = {name: script.load(name) for name in script.shipped_names()}
+    lines = [f"{name:18s} {script.duration_s(m):5.0f} s  {m.about}" for name, m in shipped.items()]
+    result = {name: {"duration_s": script.duration_s(m), "about": m.about} for name, m in shipped.items()}
+    _give(result, "\n".join(lines), json)
+
+
+@params_app.command("list")
+def params_list(connect: Address = GROUND_LINK, json: Json = False) -> None:
+    """Every parameter and its value."""
+    values = _with_vehicle(connect, lambda vehicle: vehicle.parameters())
+    _give(values, "\n".join(f"{name:16s} {value:g}" for name, value in values.items()), json)
+
+
+@params_app.command("get")
+def params_get(name: str, connect: Address = GROUND_LINK, json: Json = False) -> None:
+    """One parameter."""
+    value = _with_vehicle(connect, lambda vehicle: vehicle.parameter(name))
+    _give({name: value}, f"{value:g}", json)
+
+
+@params_app.command("set")
+def params_set(name: str, value: float, connect: Address = GROUND_LINK, json: Json = False) -> None:
+    """Set one parameter and read it back."""
+    _set_and_read_back(connect, {name: value})
+    _give({name: value}, f"{name} = {value:g}", json)
+
+
+@params_app.command("save")
+def params_save(file: Path, connect: Address = GROUND_LINK, json: Json = False) -> None:
+    """Write every parameter to a file."""
+    from ground import gains
+
+    values = _with_vehicle(connect, lambda vehicle: vehicle.parameters())
+    gains.save(_new_file(file), values)
+    _give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters", json)
+
+
+@params_app.command("load")
+def params_load(file: Path, connect: Address = GROUND_LINK, json: Json = False) -> None:
+    """Set the parameters of a file and read them back."""
+    from ground import gains
+
+    values = gains.load(file)
+    _set_and_read_back(connect, values)
+    _give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters set", json)
+
+
+@log_app.command("info")
+def log_info(file: Path, json: Json = False) -> None:
+    """What a log holds."""
+    from ground import logs
+
+    found = logs.info(file)
+    lines = [f"{found['file']}: {found['vehicle_s']:.1f} s, {found['messages']} messages, {found['lost_frames']} lost"]
+    lines += [f"  {count:8d}  {topic}" for topic, count in found["topics"].items()]
+    lines += [f"  attached  {name}" for name in found["attachments"]]
+    _give(found, "\n".join(lines), json)
+
+
+@log_app.command("export")
+def log_export(
+    file: Path,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Default: the log's name.")] = None,
+    json: Json = False,
+) -> None:
+    """Write every MAVLink message of a log as CSV, a file a message."""
+    from ground import logs
+
+    tables = logs.export_csv(file, out or file.with_suffix(""))
+    _give({"files": [str(t) for t in tables]}, "\n".join(str(t) for t in tables), json)
+
+
+@log_app.command("recover")
+def log_recover(
+    file: Path,
+    out: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Default: NAME-recovered.mcap.")] = None,
+    json: Json = False,
+) -> None:
+    """Save what an unfinished log holds into a finished one."""
+    from ground import logs
+
+    target = _new_file(out or file.with_name(f"{file.stem}-recovered.mcap"))
+    saved = logs.recover(file, target)
+    _give({"file": str(target), "messages": saved}, f"{target}: {saved} messages saved", json)
+
+
+def main() -> None:
+    """The console command."""
+    from link.transport import AddressError
+
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        app()
+    except (BadInputError, AddressError) as error:
+        _leave(error, BAD_INPUT)
+    except FileExistsError as error:
+        _leave(f"{error.filename}: exists; give a new name", BAD_INPUT)
+    except FailedError as error:
+        _leave(error, FAILED)
+    except KeyboardInterrupt:
+        _leave("interrupted; what was recorded is kept", FAILED)
+
+
+def _interrupt(number: int, frame: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _leave(problem: object, status: int) -> None:
+    print(f"ground: {problem}", file=sys.stderr)
+    sys.exit(status)
+
+
+def _with_vehicle(address: str, use: Any) -> Any:
+    from ground.vehicle import Vehicle
+    from link.transport import open_transport
+
+    vehicle = Vehicle(open_transport(address))
+    try:
+        vehicle.connect()
+        return use(vehicle)
+    finally:
+        vehicle.close()
+
+
+def _set_and_read_back(address: str, values: dict[str, float]) -> None:
+    def use(vehicle: Any) -> None:
+        for name, value in values.items():
+            stored = vehicle.set_parameter(name, value)
+            if abs(stored - value) > 1e-6 * max(1.0, abs(value)):
+                raise FailedError(f"{name}: the vehicle stored {stored:g} in place of {value:g}")
+
+    _with_vehicle(address, use)
+
+
+def _new_file(path: Path) -> Path:
+    """The same path. Raises BadInputError where it would overwrite something or has no folder."""
+    if path.exists():
+        raise BadInputError(f"{path}: exists; give a new name")
+    if not path.parent.is_dir():
+        raise BadInputError(f"{path}: there is no folder {path.parent}")
+    return path
+
+
+def _give(result: dict[str, Any], words: str, as_json: bool) -> None:
+    print(_encode(result) if as_json else words)
+
+
+def _encode(result: dict[str, Any]) -> str:
+    import json
+
+    return json.dumps(result, indent=1, default=str)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,9 @@
+"""The two ways to end badly, each with one line for the person: what was given is wrong, or the work failed."""
+
+
+class BadInputError(ValueError):
+    """What was given cannot be used: names the file or option, the value, and what would be right. Exit status 2."""
+
+
+class FailedError(RuntimeError):
+    """The input was fine and the work failed: the vehicle refused, a process died, a fit did not converge. Exit 1."""

@@ -1,0 +1,67 @@
+"""Progress on stderr: what a dive, a campaign or a computation is doing."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Lock
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+
+from ground.flight import Progress as DiveProgress
+from ground.vehicle import Text
+
+URGENT_SEVERITY = 4
+"""MAV_SEVERITY_WARNING: texts as urgent as this are shown between the bars."""
+
+
+class Shown:
+    """A live display: one line a dive, and words about what begins."""
+
+    def __init__(self, bars: Progress, *, quiet: bool) -> None:
+        self._bars, self._quiet = bars, quiet
+        self._tasks: dict[str, TaskID] = {}
+        self._lock = Lock()
+        self.dive = "dive"
+
+    def watch(self, at: DiveProgress) -> None:
+        """Show where the one dive stands."""
+        self.watch_named(self.dive, at)
+
+    def watch_named(self, name: str, at: DiveProgress) -> None:
+        """Show where a dive stands."""
+        ratio = at.vehicle_s / at.wall_s if at.wall_s > 0 else 0.0
+        words = f"{at.depth_m:5.1f} m {at.heading_deg:4.0f} deg {at.vehicle_s:6.0f} s {ratio:4.0f}x"
+        self._bars.update(self._task(name), completed=at.item + 1, total=at.items, words=words)
+
+    def hear(self, text: Text) -> None:
+        """Show what the vehicle says, when it is urgent or about a test."""
+        if not self._quiet and (text.severity <= URGENT_SEVERITY or text.text.startswith("SystemID")):
+            self._bars.console.print(text.text, highlight=False)
+
+    def announce(self, words: str) -> None:
+        """Say what begins."""
+        if not self._quiet:
+            self._bars.console.print(f"[bold]{words}")
+
+    def share(self, words: str, share: float) -> None:
+        """Show how much of a computation is done."""
+        self._bars.update(self._task(self.dive), completed=share, total=1.0, words=words)
+
+    def _task(self, name: str) -> TaskID:
+        with self._lock:
+            if name not in self._tasks:
+                self._tasks[name] = self._bars.add_task(name, total=None, words="")
+            return self._tasks[name]
+
+
+@contextmanager
+def display(name: str, *, quiet: bool) -> Iterator[Shown]:
+    """A display that is gone when the work is done; ``name`` is that of the only dive or work, if there is one."""
+    bars = Progress(
+        SpinnerColumn(), TextColumn("{task.description:28s}"), BarColumn(20), TextColumn("{task.fields[words]}"),
+        TimeElapsedColumn(), console=Console(stderr=True), disable=quiet,
+    )  # fmt: skip
+    with bars:
+        shown = Shown(bars, quiet=quiet)
+        shown.dive = name
+        yield shown

@@ -1,0 +1,103 @@
+"""From logs to a model and from a model to gains, as the command line and the campaign ask for it.
+
+The work is sysid's; here its refusals become this tool's.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ground.errors import BadInputError, FailedError
+
+if TYPE_CHECKING:
+    from sysid.design import Design
+
+    from sysid.model import IdentifiedModel
+
+LARGEST_TRIM_DEG = 15.0
+
+
+def initial_gains() -> dict[str, float]:
+    """The prototype's gains: the initial column of the paper's Table 3."""
+    from sysid import tables
+
+    return dict(tables.TABLE_3_INITIAL)
+
+
+def measure_trims(path: Path, window_s: float) -> dict[str, float]:
+    """What rudder and elevator had to be, on average, over the last ``window_s`` of a straight and level mission.
+
+    Raises:
+        FailedError: the flight was not steady, or would take more than the duct's travel.
+    """
+    import numpy as np
+
+    from sysid import log as logs
+
+    with _translated():
+        log = logs.read(path)
+    ends = [event.time_s for event in log.events if event.text == "Mode SURFACE"]
+    if not ends:
+        raise FailedError(f"{path}: the mission did not end with the vehicle surfacing")
+    time_s = log.actuators.time_s
+    window = (time_s > ends[0] - window_s) & (time_s <= ends[0])
+    trims = {
+        "TRIM_RUD_DEG": float(np.degrees(np.mean(log.actuators.rudder_rad[window]))),
+        "TRIM_ELE_DEG": float(np.degrees(np.mean(log.actuators.elevator_rad[window]))),
+    }
+    for name, value in trims.items():
+        if not abs(value) < LARGEST_TRIM_DEG:
+            raise FailedError(f"{path}: {name} would be {value:.1f} deg, beyond the duct's {LARGEST_TRIM_DEG:g} deg")
+    return {name: round(value, 3) for name, value in trims.items()}
+
+
+def refit(
+    paths: Sequence[Path],
+    held_out: Sequence[Path] = (),
+    prior: str = "bench",
+    method: str = "map",
+    progress: Callable[[str], None] | None = None,
+) -> "IdentifiedModel":
+    """The model that explains the tests in the logs. Raises BadInputError, FailedError."""
+    from sysid import refit as fitting
+
+    with _translated():
+        return fitting.refit(list(paths), prior=prior, method=method, held_out=list(held_out), progress=progress)
+
+
+def redesign(model: "IdentifiedModel") -> "Design":
+    """Gains for a model. Raises FailedError when no gains meet the specification."""
+    from sysid import design
+
+    with _translated():
+        return design.redesign(model)
+
+
+def read_model(path: Path) -> "IdentifiedModel":
+    """Read a model file. Raises BadInputError."""
+    from sysid import model
+
+    with _translated():
+        return model.read(path)
+
+
+def write_model(model: "IdentifiedModel", path: Path) -> None:
+    """Write ``model.json``."""
+    from sysid import model as models
+
+    models.write(model, path)
+
+
+@contextmanager
+def _translated() -> Iterator[None]:
+    """sysid's refusals as this tool's: wrong files are bad input, a fit or design that fails is failed work."""
+    from sysid.log import LogError
+    from sysid.model import ModelError
+
+    try:
+        yield
+    except (LogError, ModelError) as error:
+        raise BadInputError(str(error)) from None
+    except (ValueError, RuntimeError) as error:
+        raise FailedError(str(error)) from None
