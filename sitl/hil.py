@@ -1,11 +1,13 @@
-"""The simulator's end of the HIL link: one datagram of sensors out, the answer for the same vehicle time back."""
+"""The simulator's end of the HIL link: one datagram of sensors out, the answer for the same vehicle time back.
+
+Nothing else is sent, no heartbeat either: what goes out depends on vehicle time, seed and answers alone.
+"""
 
 from __future__ import annotations
 
 from math import atan2, hypot, pi
 
 from link import dialect
-from link.clock import Every
 from link.endpoint import Endpoint
 from link.records import ActuatorFrame, Altimeter, GpsFix, TruthFrame
 from link.transport import Transport, wait
@@ -14,8 +16,6 @@ from sitl.sensors import GPS_HORIZONTAL_NOISE_M, GPS_VERTICAL_NOISE_M, Sensors
 SYSTEM = 1
 COMPONENT = dialect.constant("MAV_COMP_ID_USER1")
 """The same vehicle, a component of its own: the autopilot is component 1."""
-HEARTBEAT_PERIOD_S = 1.0
-HIL_MAVLINK_VERSION = 3
 
 _SENSOR = dialect.by_name("HIL_SENSOR")
 _TRUTH = dialect.by_name("HIL_STATE_QUATERNION")
@@ -33,7 +33,6 @@ class HilLink:
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
         self._endpoint = Endpoint(transport, SYSTEM, COMPONENT)
-        self._heartbeat = Every(HEARTBEAT_PERIOD_S)
 
     @property
     def address(self) -> str:
@@ -42,16 +41,6 @@ class HilLink:
     def send(self, datagram: bytes) -> None:
         """Send what ``datagram`` made, for the first time or again."""
         self._transport.send(datagram)
-        if self._heartbeat.due():
-            self._endpoint.send(
-                "HEARTBEAT",
-                type=dialect.constant("MAV_TYPE_GENERIC"),
-                autopilot=dialect.constant("MAV_AUTOPILOT_INVALID"),
-                base_mode=0,
-                custom_mode=0,
-                system_status=dialect.constant("MAV_STATE_ACTIVE"),
-                mavlink_version=HIL_MAVLINK_VERSION,
-            )
 
     def datagram(self, sensors: Sensors, truth: TruthFrame | None) -> bytes:
         """The frames of one instant. HIL_SENSOR comes last: who answers it has heard the others."""
