@@ -186,7 +186,8 @@ def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
 
 
 def _notes(found: Fit, measured: set[Plane]) -> tuple[str, ...]:
-    notes = [f"no run in {plane}: its values come from the prior and from the other plane" for plane in PLANES if plane not in measured]
+    unseen = [plane for plane in PLANES if plane not in measured]
+    notes = [f"no run in {plane}: its values come from the prior and from the other plane" for plane in unseen]
     if found.at_bounds:
         notes.append(f"at a bound of four prior standard deviations: {', '.join(found.at_bounds)}")
     notes.append("speed was not measured: coefficients hold at the prior's speed for the thrust flown")
@@ -213,7 +214,10 @@ def from_paper(found: dict[Plane, PlaneFit], prior: Prior, prior_name: str) -> I
         thrust_fraction=config.operating_point.thrust_fraction,
         planes={
             plane: PlaneModel(
-                *(Estimate(value, None) for value in numbers[plane][:4]),
+                static_gain_per_s=Estimate(numbers[plane].static_gain_per_s, None),
+                b1_per_s2=Estimate(numbers[plane].b1_per_s2, None),
+                p_fast_per_s=Estimate(numbers[plane].p_fast_per_s, None),
+                p_slow_per_s=Estimate(numbers[plane].p_slow_per_s, None),
                 restoring_per_s2=Estimate(numbers[plane].restoring_per_s2, None) if plane == "pitch" else None,
                 delay_s=Estimate(nominal.actuators[plane].delay_s, 0.0),
                 actuator_bias_deg=Estimate(math.degrees(prior.biases_rad[plane]), None),
@@ -223,7 +227,8 @@ def from_paper(found: dict[Plane, PlaneFit], prior: Prior, prior_name: str) -> I
         coefficients={
             name: Coefficient(
                 value=getattr(after, name), sd=None, prior=getattr(before, name), prior_sd=0.0, shrink=None,
-                status="unidentifiable" if name in free or name in INERTIAS else "prior", unit=str(getattr(UNITS, name)),
+                status="unidentifiable" if name in free or name in INERTIAS else "prior",
+                unit=str(getattr(UNITS, name)),
             )
             for name in Coefficients._fields
         },

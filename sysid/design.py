@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from sysid import analysis, loops
+from sysid import analysis, depth_step, loops
 from sysid.analysis import Analysis, Planes, analyse, damping
 from sysid.loops import GRID_RADPS, Gains, Lag, Responses
 from sysid.model import IdentifiedModel, NoiseModel, digest
@@ -19,7 +19,7 @@ from sysid.tables import MASS_KG, TABLE_3_INITIAL, Coefficients
 
 Array = NDArray[np.float64]
 
-CALM_SEA = NoiseModel(0.14, 3.0, 0.28, 0.15, 0.1, 0.05, 0.1, 0.005, 0.0)
+ASSUMED_SEA = NoiseModel(0.14, 3.0, 0.28, 0.15, 0.1, 0.05, 0.1, 0.005, 0.0)
 """Disturbance assumed where a model carries none: 0.3 deg/s rms of rate from the slow part and as much from waves."""
 
 
@@ -32,17 +32,18 @@ class Spec(NamedTuple):
 
     damping: float = 0.6
     gm_db: float = 8.0
-    pm_deg: float = 55.0
-    ms: float = 1.6
-    depth_pm_deg: float = 45.0
-    """Of the depth loop, whose integrator has to share the slow band with the pitch angle."""
-    depth_ms: float = 1.8
+    pm_deg: float = 50.0
+    """At every cut. With 55 deg and Ms 1.6 the loops meet waves at crossover worse than the initial gains do: heading
+    +6 %, depth +12 % rms."""
+    ms: float = 1.7
     slowest_radps: float = 0.05
-    """Every pole is at least this fast: no integrator is left unfinished after a minute."""
+    """Every pole of the heading loop is at least this fast: no integrator is left unfinished after a minute."""
+    slowest_depth_radps: float = 0.04
     heading_step_deg: float = 20.0
     """Set-point step whose first rudder command stays within the travel."""
     travel_deg: float = 15.0
     depth_overshoot: float = 0.10
+    """Share of a 3 m step, flown with the autopilot's limits."""
     pitch_rms_growth: float = 1.25
     """How much more pitch the sea may cause than under the initial gains, in exchange for depth."""
 
@@ -97,7 +98,7 @@ def plant(model: IdentifiedModel) -> Plant:
         return Lag(delay, model.vehicle.natural_frequency_radps.value, model.vehicle.damping_ratio.value)
 
     yaw_lag, pitch_lag = lag("yaw"), lag("pitch")
-    sea: dict[Plane, NoiseModel] = {p: model.noise.get(p, CALM_SEA) for p in ("yaw", "pitch")}  # type: ignore[misc]
+    sea: dict[Plane, NoiseModel] = {p: model.noise.get(p, ASSUMED_SEA) for p in ("yaw", "pitch")}
     return Plant(
         planes, yaw_lag, pitch_lag, sea,
         loops.responses(planes.yaw, yaw_lag), loops.responses(planes.pitch, pitch_lag),
@@ -116,7 +117,7 @@ def redesign(model: IdentifiedModel, spec: Spec | None = None) -> Design:
     vehicle = plant(model)
     gains = dict(TABLE_3_INITIAL)
     gains |= _heading(vehicle, spec)
-    gains |= _depth(vehicle, spec)
+    gains |= _depth(vehicle, model, spec)
     gains |= integrator_limits(model, gains)
     initial = dict(TABLE_3_INITIAL)
     judged = judge(vehicle, gains)
@@ -185,7 +186,8 @@ def _depth_rms(vehicle: Plant, gains: Gains) -> tuple[float, float, float]:
 
 
 class _Search(NamedTuple):
-    """One optimisation: which gains move, from where, what is small when they are good, and what must not be violated."""
+    """One optimisation: which gains move, from where, what is small when they are good, and what must not be
+    violated."""
 
     names: tuple[str, ...]
     starts: Sequence[Mapping[str, float]]
@@ -208,36 +210,38 @@ def _heading(vehicle: Plant, spec: Spec) -> dict[str, float]:
         closed = loops.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, gains)
         missed = _loop_shortfalls(cuts["rudder"], "rudder", spec.gm_db, spec.pm_deg, spec.ms)
         missed |= _loop_shortfalls(cuts["heading"], "heading", spec.gm_db, spec.pm_deg, spec.ms)
-        missed |= _pole_shortfalls(closed, "heading", spec)
+        missed |= _pole_shortfalls(closed, "heading", spec.damping, spec.slowest_radps)
         missed["rudder of a heading step, deg"] = gains["HDG_P"] * spec.heading_step_deg / spec.travel_deg - 1.0
         return missed
 
     starts = (
-        {"HDG_P": 0.58, "HDG_D": 1.29, "HDG_I": 0.025},
+        {"HDG_P": 0.70, "HDG_D": 1.33, "HDG_I": 0.03},
         {"HDG_P": 0.45, "HDG_D": 1.2, "HDG_I": 0.018},
     )
     search = _Search(tuple(starts[0]), starts, lambda g: _heading_rms(vehicle, g)[0] / reference, shortfalls)
     return _solve(search, spec)
 
 
-def _depth(vehicle: Plant, spec: Spec) -> dict[str, float]:
+def _depth(vehicle: Plant, model: IdentifiedModel, spec: Spec) -> dict[str, float]:
+    level = math.radians(model.vehicle.level_pitch_deg)
     pitch_0, depth_0, _ = _depth_rms(vehicle, TABLE_3_INITIAL)
 
     def shortfalls(gains: Gains) -> dict[str, float]:
         cuts = loops.depth_loops(vehicle.pitch, gains)
         closed = loops.close_depth(vehicle.planes.pitch, vehicle.pitch_lag, gains)
-        missed = _loop_shortfalls(cuts["elevator"], "elevator", spec.gm_db, spec.depth_pm_deg, spec.ms)
-        missed |= _loop_shortfalls(cuts["depth"], "depth", spec.gm_db, spec.depth_pm_deg, spec.depth_ms)
-        missed |= _pole_shortfalls(closed, "depth", spec)
-        overshoot = float(np.max(loops.step_response(closed, 3, 90.0))) - 1.0
-        missed["overshoot of a depth step"] = (overshoot - spec.depth_overshoot) / spec.depth_overshoot
-        pitch = _depth_rms(vehicle, gains)[0] / pitch_0
-        missed["pitch activity"] = pitch / spec.pitch_rms_growth - 1.0
+        missed: dict[str, float] = {}
+        for name in ("elevator", "depth"):
+            missed |= _loop_shortfalls(cuts[name], name, spec.gm_db, spec.pm_deg, spec.ms)
+        missed |= _pole_shortfalls(closed, "depth", spec.damping, spec.slowest_depth_radps)
+        limited = {**gains, **integrator_limits(model, gains)}
+        over = depth_step.overshoot(vehicle.planes.pitch, vehicle.pitch_lag, limited, level)
+        missed["overshoot of a depth step"] = over / spec.depth_overshoot - 1.0
+        missed["pitch activity"] = _depth_rms(vehicle, gains)[0] / pitch_0 / spec.pitch_rms_growth - 1.0
         return missed
 
     starts = (
-        {"PTCH_P": 0.8, "PTCH_D": 1.4, "DPT_P": 0.12, "DPT_I": 0.003},
-        {"PTCH_P": 0.55, "PTCH_D": 1.2, "DPT_P": 0.12, "DPT_I": 0.004},
+        {"PTCH_P": 0.74, "PTCH_D": 1.5, "DPT_P": 0.19, "DPT_D": 0.2, "DPT_I": 0.006},
+        {"PTCH_P": 0.55, "PTCH_D": 1.2, "DPT_P": 0.12, "DPT_D": 0.1, "DPT_I": 0.004},
     )
     search = _Search(tuple(starts[0]), starts, lambda g: _depth_rms(vehicle, g)[1] / depth_0, shortfalls)
     return _solve(search, spec)
@@ -254,12 +258,14 @@ def _loop_shortfalls(
     }
 
 
-def _pole_shortfalls(closed: loops.ClosedLoop, name: str, spec: Spec) -> dict[str, float]:
+def _pole_shortfalls(
+    closed: loops.ClosedLoop, name: str, least_damping: float, least_radps: float
+) -> dict[str, float]:
     inside = tuple(complex(p) for p in loops.poles(closed) if abs(p) < analysis.BAND_RADPS)
     slowest = -max(p.real for p in inside)
     return {
-        f"damping of the {name} loop": 1.0 - damping(inside) / spec.damping,
-        f"slowest pole of the {name} loop": 1.0 - slowest / spec.slowest_radps,
+        f"damping of the {name} loop": 1.0 - damping(inside) / least_damping,
+        f"slowest pole of the {name} loop": 1.0 - slowest / least_radps,
     }
 
 
@@ -322,7 +328,7 @@ def _reasons(
         "PTCH_I": "the depth integrator carries the constant load",
         "PTCH_IMAX": "no pitch integrator",
         "DPT_P": f"depth {100 * before.depth_m:.1f} -> {100 * after.depth_m:.1f} cm rms predicted; {cut('depth')}",
-        "DPT_D": "depth rate would need a speed sensor better than the pressure's derivative",
+        "DPT_D": "lead for the depth loop from the estimated depth rate",
         "DPT_I": f"slowest pole {_slowest(judged, 'depth'):.3f} rad/s",
         "DPT_IMAX": f"twice the level-flight pitch of {level:.1f} deg, and the elevator's offset through PTCH_P",
     }

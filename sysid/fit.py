@@ -1,4 +1,4 @@
-"""The joint estimate of both planes: maximum a posteriori, residuals whitened by a noise model that is estimated with it."""
+"""The joint estimate of both planes: maximum a posteriori on residuals whitened by a noise model estimated with it."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
+
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.model import Model
-
 from sysid import greybox, noise, parameters, planes
 from sysid.greybox import Start
 from sysid.noise import Filter, Noise
@@ -122,10 +122,10 @@ def _residual(vehicle: Vehicle, what: Experiment, speed_mps: float) -> Array:
 
 
 def trim_biases(config: VehicleConfig, model: Model, runs: Sequence[Run]) -> dict[Plane, float]:
-    """Actuator biases that make the prior vehicle balance where the measured one did: what a trim flight tells an engineer.
+    """Actuator biases that make the prior vehicle balance where the measured one did: what a trim flight tells.
 
-    Before each test the loops hold the vehicle straight and level; their mean command plus the bias is the angle at which
-    the prior vehicle balances (zero for the rudder).
+    Before each test the loops hold the vehicle straight and level; their mean command plus the bias is the angle at
+    which the prior vehicle balances (zero for the rudder).
     """
     held: dict[Plane, list[float]] = {"yaw": [], "pitch": []}
     for run in runs:
@@ -148,7 +148,8 @@ def level_pitch_rad(config: VehicleConfig, model: Model) -> float:
 
 
 def _level_flight(config: VehicleConfig, model: Model) -> Array:
-    """(pitch nose up, elevator) of level flight at the operating point, by Newton's method on heave and pitch moment."""
+    """(pitch nose up, elevator) of level flight at the operating point, by Newton's method on heave and pitch
+    moment."""
     from scipy.optimize import fsolve
 
     speed = config.operating_point.speed_mps
@@ -262,10 +263,11 @@ class _Problem:
             moved = z.copy()
             moved[i] += DIFFERENCE
             vehicle = self.vehicle(moved)
-            columns.append(np.concatenate([
-                (self._whitened(vehicle, plane) - base[plane]) / DIFFERENCE if plane in parameter.planes else 0.0 * base[plane]
+            moves = [
+                self._whitened(vehicle, plane) - base[plane] if plane in parameter.planes else np.zeros_like(base[plane])
                 for plane in self.experiments
-            ]))  # fmt: skip
+            ]
+            columns.append(np.concatenate(moves) / DIFFERENCE)
         return np.column_stack(columns)
 
     def _whitened(self, vehicle: Vehicle, plane: Plane) -> Array:

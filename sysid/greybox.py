@@ -1,7 +1,7 @@
 """One plane of the simulator's own physics, driven by logged commands: the model that identification fits.
 
-Forces come from ``sitl.vehicle``; only the motion is confined to a plane. That leaves five states in pitch and four in yaw,
-and lets a run be simulated without the other plane's drift. Inside: the paper's axes. Outside: MAVLink's.
+Forces come from ``sitl.vehicle``; only the motion is confined to a plane. That leaves five states in pitch and four
+in yaw, and lets a run be simulated without the other plane's drift. Inside: the paper's axes. Outside: MAVLink's.
 """
 
 import math
@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
 from sitl.vehicle import dynamics, propeller
 from sitl.vehicle.kernel import kernel
 from sitl.vehicle.model import Model
-
 from sysid.runs import RATE_HZ, Plane, Run
 
 Array = NDArray[np.float64]
@@ -62,7 +62,7 @@ def duct_angles(command: Array, actuator: Actuator, dt: float) -> Array:
     decay = math.exp(-zeta * wn * dt)
     c, s = decay * math.cos(damped * dt), decay * math.sin(damped * dt) / damped
     late = actuator.delay_s / dt
-    whole = int(math.floor(late))
+    whole = int(late)
     part = late - whole
     angle, rate = command[0], 0.0
     for k in range(n):
@@ -82,8 +82,8 @@ def duct_angles(command: Array, actuator: Actuator, dt: float) -> Array:
 
 @kernel
 def _slopes(
-    x: Array, duct_rad: float, rps: float, is_yaw: bool, constrain: Array, model: Model, state: Array, zero: Array, full: Array,
-    out: Array,
+    x: Array, duct_rad: float, rps: float, is_yaw: bool, constrain: Array, model: Model, state: Array, zero: Array,
+    full: Array, out: Array,
 ) -> None:  # fmt: skip
     """Derivative of (u, v, r, psi, -) or (u, w, q, theta, z), paper's axes, the other plane held at rest."""
     state[:] = 0.0

@@ -166,7 +166,11 @@ def _channels(reader: Any, path: Path) -> Messages:
     except ValueError as error:
         raise LogError(f"{path}: {error}") from None
     start_ns = _start_ns(records, stamps, path)
-    return {name: ((np.array(stamps[name], np.int64) - start_ns) * 1e-9, records[name]) for name in records}
+
+    def seconds(name: str) -> Array:
+        return np.array([stamp - start_ns for stamp in stamps[name]], np.float64) * 1e-9
+
+    return {name: (seconds(name), records[name]) for name in records}
 
 
 def _vehicle_topics(reader: Any, path: Path) -> dict[str, str]:

@@ -78,7 +78,8 @@ def heading_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
 
 
 def depth_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
-    """Loop transfer functions, opened at the elevator, at the pitch command and at the pitch error with the depth loop open."""
+    """Loop transfer functions, opened at the elevator, at the pitch command and at the pitch error with the depth
+    loop open."""
     s = 1j * GRID_RADPS
     q, theta = plant.command[:, 1], plant.command[:, 2]
     forward = gains["PTCH_P"] + gains["PTCH_I"] / s
@@ -134,6 +135,8 @@ class ClosedLoop(NamedTuple):
 @cache
 def pade(delay_s: float, order: int) -> tuple[Array, Array, Array, float]:
     """State space (A, B, C, D) of the Pade approximation of a delay, by python-control."""
+    if delay_s <= 0.0:
+        return np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
     import control
 
     system = control.tf2ss(*control.pade(delay_s, order))
@@ -144,7 +147,7 @@ def chain(plane: LinearPlane, lag: Lag, order: int) -> tuple[Array, Array]:
     """(A, B) from command to the states of plane, lag (angle, its rate) and delay."""
     n = plane.A.shape[0]
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
-    Ad, Bd, Cd, Dd = pade(lag.delay_s, order) if lag.delay_s > 0.0 else (np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0)
+    Ad, Bd, Cd, Dd = pade(lag.delay_s, order)
     size = n + 2 + Ad.shape[0]
     A, B = np.zeros((size, size)), np.zeros(size)
     A[:n, :n], A[:n, n] = plane.A, plane.B

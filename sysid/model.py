@@ -1,7 +1,7 @@
 """``model.json``: an identified vehicle, what it rests on, and how sure it is.
 
-The file is the JSON of ``IdentifiedModel``. It holds no time stamp and no path, so the same logs give the same bytes; data
-are named by file name and SHA-256. A value that the data cannot give is ``null`` or carries the status ``prior``.
+The file is the JSON of ``IdentifiedModel``. It holds no time stamp and no path, so the same logs give the same bytes;
+data are named by file name and SHA-256. A value that the data cannot give is ``null`` or carries the status ``prior``.
 """
 
 import hashlib
@@ -48,8 +48,8 @@ class Coefficient(Record, frozen=True):
 class PlaneModel(Record, frozen=True):
     """One plane at the model's speed, in MAVLink's axes: positive angle, positive rate.
 
-    Rate over duct angle is (b1 s + b0)/(s^2 + a1 s + a0), with poles p_fast and p_slow and static gain b0/a0; in pitch the
-    restoring moment is kept out of it and stands by itself.
+    Rate over duct angle is (b1 s + b0)/(s^2 + a1 s + a0), with poles p_fast and p_slow and static gain b0/a0; in
+    pitch the restoring moment is kept out of it and stands by itself.
     """
 
     static_gain_per_s: Estimate

@@ -1,11 +1,13 @@
 """What disturbs a run, as a Kalman filter that turns residuals into white innovations.
 
-A slow moment (Gauss-Markov) and waves (a narrow band about 0.15 Hz) act on the identified plane itself; sway or heave is
-pushed by white force; sensors add white noise and a constant gyro bias. Residuals of a simulation contain all of it, most
-of all heading and depth, which wander. Whitened residuals and whitened sensitivities make least squares the maximum
-likelihood estimate, with standard deviations that mean what they say (filter error method; Jategaonkar 2015, ch. 5).
+A slow moment (Gauss-Markov) and waves (a narrow band about 0.15 Hz) act on the identified plane itself; sway or heave
+is pushed by white force; sensors add white noise and a constant gyro bias. Residuals of a simulation contain all of
+it, most of all heading and depth, which wander. Whitened residuals and whitened sensitivities make least squares the
+maximum likelihood estimate, with standard deviations that mean what they say (filter error method; Jategaonkar 2015,
+ch. 5).
 
-Unknown initial states and biases are states of the filter with a wide prior: each run's own nuisances are integrated out.
+Unknown initial states and biases are states of the filter with a wide prior: each run's own nuisances are integrated
+out.
 """
 
 import math
@@ -16,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import minimize
-from sitl.vehicle.kernel import kernel
 
+from sitl.vehicle.kernel import kernel
 from sysid.planes import LinearPlane
 
 Array = NDArray[np.float64]
@@ -60,7 +62,8 @@ class Filter(NamedTuple):
 
 
 def build(plane: LinearPlane, noise: Noise, dt: float, samples: int) -> Filter:
-    """The filter that whitens residuals of ``plane``'s outputs (rate, angle, and depth in pitch) sampled every ``dt``."""
+    """The filter that whitens residuals of ``plane``'s outputs (rate, angle, and depth in pitch) sampled every
+    ``dt``."""
     A, density, C, R, P0 = _system(plane, noise)
     n = A.shape[0]
     # Van Loan (1978): transition and process covariance from one exponential.
@@ -125,7 +128,8 @@ def _riccati(A: Array, Q: Array, C: Array, R: Array, P0: Array, samples: int) ->
 
 @kernel
 def whiten(residual: Array, transition: Array, output: Array, gains: Array, whiteners: Array) -> Array:
-    """Normalised innovations, shape of ``residual`` (samples, outputs): white, of unit variance, if the noise model holds."""
+    """Normalised innovations, shape of ``residual`` (samples, outputs): white, of unit variance, if the noise model
+    holds."""
     samples, outputs = residual.shape
     n = transition.shape[0]
     white = np.empty((samples, outputs))

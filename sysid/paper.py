@@ -1,8 +1,10 @@
-"""The paper's own identification, to be set beside ours: rate error alone, linear planes, no prior, delay not estimated.
+"""The paper's own identification, to be set beside ours: rate error alone, linear planes, no prior, delay not
+estimated.
 
-Seven coefficients in yaw first, then eight in pitch that start from yaw's; moments of inertia are tied to N_dr and M_de by
-the angular acceleration measured at the start of the steps. Motion alone cannot give this many: the rate response of a plane
-has four free numbers in yaw and five in pitch. The fit is therefore one of many that explain the data equally well.
+Seven coefficients in yaw first, then eight in pitch that start from yaw's; moments of inertia are tied to N_dr and
+M_de by the angular acceleration measured at the start of the steps. Motion alone cannot give this many: the rate
+response of a plane has four free numbers in yaw and five in pitch. The fit is therefore one of many that explain the
+data equally well.
 """
 
 from collections.abc import Sequence
@@ -12,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import least_squares
+
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.kernel import kernel
-
 from sysid import greybox, parameters, planes
 from sysid.greybox import Actuator, Motion
 from sysid.model import IdentifiedModel
@@ -138,7 +140,8 @@ def tied(c: Coefficients, plane: Plane, acceleration_per_s2: float) -> Coefficie
 
 
 def first_acceleration(runs: Sequence[Run], actuator: Actuator) -> float:
-    """Angular acceleration per radian of duct at the start of the tests, by least squares, the paper's axes (negative)."""
+    """Angular acceleration per radian of duct at the start of the tests, by least squares, the paper's axes
+    (negative)."""
     angles, rates = [], []
     for run in runs:
         delta = greybox.duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)

@@ -1,7 +1,8 @@
-"""What identification may change about the first-principles vehicle, and what is believed about each before the first dive.
+"""What identification may change about the first-principles vehicle, and what is believed about each before the first
+dive.
 
-Estimation runs on z, the number of prior standard deviations from the prior mean. Coefficients are positive ratios to the
-prior vehicle (log-normal), delay, bias and buoyancy are offsets (normal).
+Estimation runs on z, the number of prior standard deviations from the prior mean. Coefficients are positive ratios to
+the prior vehicle (log-normal), delay, bias and buoyancy are offsets (normal).
 """
 
 import math
@@ -11,10 +12,10 @@ from typing import Literal, NamedTuple
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
 from sitl.vehicle import calibrate
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.model import Model
-
 from sysid.greybox import Actuator
 from sysid.runs import Plane
 from sysid.tables import Coefficients
@@ -23,7 +24,8 @@ Array = NDArray[np.float64]
 Kind = Literal["ratio", "offset"]
 
 ASYMMETRY = 0.07
-"""How far a body of revolution's yaw and pitch coefficients may differ each from their common value (log ratio, 1 sd)."""
+"""How far a body of revolution's yaw and pitch coefficients may differ each from their common value (log ratio, 1
+sd)."""
 
 
 class Parameter(NamedTuple):

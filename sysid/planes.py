@@ -3,11 +3,12 @@
 Equations in the paper's axes (x forward, y port, z up) and symbols:
 
     (m - Y_vdot) v' = Y_v v + (Y_r - m U) r + Y_dr dr         (I_zz - N_rdot) r' = N_v v + N_r r + N_dr dr
-    (m - Z_wdot) w' = Z_w w + (Z_q + m U) q + Z_de de         (I_yy - M_qdot) q' = M_w w + M_q q + m g z_CM theta + M_de de
+    (m - Z_wdot) w' = Z_w w + (Z_q + m U) q + Z_de de         (I_yy - M_qdot) q' = M_w w + M_q q + m g z_CM theta +
+    M_de de
 
-with x_CM = 0 (the paper, "Vehicle Yaw and Pitch Models"). Everything that leaves this file is in MAVLink's axes (FRD, NED),
-where both surfaces have a positive effect: the two axes differ by half a turn about x, which changes the sign of v, w, q,
-r, psi, theta and depth together.
+with x_CM = 0 (the paper, "Vehicle Yaw and Pitch Models"). Everything that leaves this file is in MAVLink's axes (FRD,
+NED), where both surfaces have a positive effect: the two axes differ by half a turn about x, which changes the sign
+of v, w, q, r, psi, theta and depth together.
 """
 
 from typing import NamedTuple

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
-
 from sysid import greybox, paper, parameters
 from sysid.fit import cruise_speed_mps
 from sysid.model import IdentifiedModel, RunQuality

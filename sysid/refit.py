@@ -7,10 +7,10 @@ from typing import Literal, NamedTuple
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+
 from sitl.vehicle import calibrate
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig, VehicleError
-
 from sysid import assemble, fit, paper, parameters, predict, runs
 from sysid import log as logs
 from sysid import model as models

@@ -97,7 +97,7 @@ def _speed_off(run: Run, limits: Limits) -> str:
     spread = float(np.ptp(run.thrust))
     if spread <= limits.thrust_step:
         return ""
-    return f"speed off: thrust changed by {100 * spread:.0f} % of full in the run, at most {100 * limits.thrust_step:.0f}"
+    return f"speed off: thrust changed by {100 * spread:.0f} % of full, at most {100 * limits.thrust_step:.0f}"
 
 
 def _cross_plane(run: Run, limits: Limits) -> str:

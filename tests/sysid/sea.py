@@ -1,4 +1,5 @@
-"""A sea to identify in: the simulator's vehicle and tailcone under simple loops, its disturbance drawn here, logged as runs."""
+"""A sea to identify in: the simulator's vehicle and tailcone under simple loops, its disturbance drawn here, logged
+as runs."""
 
 import math
 from typing import NamedTuple
@@ -6,9 +7,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
 from sitl import tailcone
 from sitl.vehicle import calibrate, config, dynamics, propeller
-
 from sysid.runs import RATE_HZ, Plane, Run
 
 Array = NDArray[np.float64]
@@ -53,7 +54,8 @@ def moments(seconds: float, level: float, rng: np.random.Generator) -> Array:
 
 @numba.njit(cache=True)
 def _fly(model, rudder_axis, elevator_axis, signal, is_yaw, trim, wrenches, rps, speed):
-    """Ticks of (time index): rates, angles, depth, commands. Loops hold heading 0 and DEPTH_M but for the tested surface."""
+    """Ticks of (time index): rates, angles, depth, commands. Loops hold heading 0 and DEPTH_M but for the tested
+    surface."""
     n = signal.size
     log = np.empty((n, 9))
     state = np.zeros(13)
@@ -175,11 +177,9 @@ def campaign(vehicle: config.VehicleConfig, seed: int = 0, level: float = ROUGH)
     trim = -math.radians(vehicle.tailcone.rudder_bias_deg), math.radians(1.0)
     runs = []
     for number, degrees in enumerate((3.0, -3.0, 5.0, -5.0, 7.0, -7.0, 9.0)):
-        signal = step(degrees, 20.0)
-        runs.append(fly(vehicle, "yaw", signal, name=f"rudder/{number}", seed=seed + number, level=level, trim_rad=trim))
+        name, signal = f"rudder/{number}", step(degrees, 20.0)
+        runs.append(fly(vehicle, "yaw", signal, name=name, seed=seed + number, level=level, trim_rad=trim))
     for number, (degrees, seconds) in enumerate(((2.0, 8.0), (4.0, 8.0), (6.0, 7.0), (9.0, 6.0), (15.0, 5.0))):
-        signal = step(degrees, seconds)
-        runs.append(
-            fly(vehicle, "pitch", signal, name=f"elevator/{number}", seed=seed + 50 + number, level=level, trim_rad=trim)
-        )
+        name, signal = f"elevator/{number}", step(degrees, seconds)
+        runs.append(fly(vehicle, "pitch", signal, name=name, seed=seed + 50 + number, level=level, trim_rad=trim))
     return runs
