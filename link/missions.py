@@ -142,7 +142,7 @@ class _Upload(Exchange[None]):
 
     def __init__(self, send: Send, own: Party, peer: Party, items: tuple[MissionItem, ...]) -> None:
         super().__init__(send, own, peer)
-        self._items = tuple(item._replace(sequence=n) for n, item in enumerate(items))
+        self._items = tuple(item._replace(sequence=n, mission_type=MISSION_TYPE) for n, item in enumerate(items))
         self._wanted: int | None = None
 
     def _ask(self) -> None:

@@ -113,7 +113,9 @@ class TcpClient:
 
     def __init__(self, address: str, host: str, port: int, *, patience_s: float = 10.0) -> None:
         self.address = address
+        self._patience_s = patience_s
         self._socket = _open(address, lambda: socket.create_connection((host, port), timeout=patience_s))
+        self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def handles(self) -> Sequence[Handle]:
@@ -121,7 +123,7 @@ class TcpClient:
 
     def send(self, data: bytes) -> None:
         try:
-            self._socket.sendall(data)
+            _send(self._socket, data, self._patience_s)
         except OSError as error:
             raise LinkLostError(f"{self.address}: {error}") from None
 
@@ -160,14 +162,14 @@ class TcpServer:
     def send(self, data: bytes) -> None:
         for client in list(self._clients):
             try:
-                client.sendall(data)
+                _send(client, data, self._patience_s)
             except OSError:
                 self._drop(client)
 
     def receive(self) -> bytes:
         with contextlib.suppress(BlockingIOError):
             client, _ = self._listener.accept()
-            client.settimeout(self._patience_s)
+            client.setblocking(False)
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._clients.append(client)
         received = []
@@ -286,12 +288,22 @@ def _open(address: str, opener: Any) -> Any:
         raise AddressError(f"address {address!r}: {error}") from None
 
 
+def _send(connection: socket.socket, data: bytes, patience_s: float) -> None:
+    """Send all of it on a stream, waiting ``patience_s`` for room in a full pipe. Raises OSError when it stays full."""
+    rest = memoryview(data)
+    while rest:
+        try:
+            rest = rest[connection.send(rest) :]
+        except BlockingIOError:
+            if not select.select((), (connection,), (), patience_s)[1]:
+                raise TimeoutError(f"nothing was read for {patience_s:g} s") from None
+
+
 def _receive(connection: socket.socket) -> bytes | None:
     """What has arrived on a stream without waiting: b"" for nothing, None when the other end closed it."""
     try:
-        data = connection.recv(MAX_DATAGRAM, getattr(socket, "MSG_DONTWAIT", 0))
-    except (BlockingIOError, TimeoutError):
+        return connection.recv(MAX_DATAGRAM) or None
+    except BlockingIOError:
         return b""
     except OSError:
         return None
-    return data or None

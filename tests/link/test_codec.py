@@ -57,7 +57,9 @@ def peer_message(message: MessageType, values: tuple[Any, ...]) -> Any:
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: message.name)
 @given(data=st.data(), sequence=st.integers(0, 255))
 @settings(max_examples=8, deadline=None)
-def test_every_message_is_packed_as_pymavlink_packs_it(message: MessageType, data: st.DataObject, sequence: int) -> None:
+def test_every_message_is_packed_as_pymavlink_packs_it(
+    message: MessageType, data: st.DataObject, sequence: int
+) -> None:
     values = data.draw(message_values(message))
     assert encode(message, values, sequence, 7, 9) == peer_message(message, values).pack(peer(sequence))
 

@@ -1,0 +1,55 @@
+"""Two ends joined in memory, with a wall clock of their own and a say in what gets lost."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from link import dialect
+from link.codec import Frame, Framer, encode
+from link.exchange import Exchange, Party
+
+T = TypeVar("T")
+
+GROUND, VEHICLE = Party(250, 190), Party(1, 1)
+Lost = Callable[[int, str], bool]
+"""Whether the n-th message that is sent, of this name, gets lost."""
+
+
+def nothing(count: int, name: str) -> bool:
+    return False
+
+
+class Wire:
+    """One direction: what is sent becomes frames for the other end."""
+
+    def __init__(self, sender: Party, lost: Lost = nothing) -> None:
+        self._sender, self._lost = sender, lost
+        self._framer = Framer()
+        self._waiting: list[Frame] = []
+        self.names: list[str] = []
+
+    def send(self, name: str, **fields: Any) -> None:
+        message = dialect.by_name(name)
+        self.names.append(name)
+        if not self._lost(len(self.names) - 1, name):
+            self._waiting += self._framer.feed(encode(message, message.values(**fields), 0, *self._sender))
+
+    def take(self) -> list[Frame]:
+        frames, self._waiting = self._waiting, []
+        return frames
+
+
+def settle(
+    exchange: Exchange[T], up: Wire, down: Wire, serve: Callable[[Frame, float], None], poll: Callable[[float], None]
+) -> T:
+    """Carry an exchange through, a tenth of a second of pretended wall time at a time."""
+    for tenth in range(2000):
+        now_s = tenth * 0.1
+        exchange.poll(now_s)
+        for frame in up.take():
+            serve(frame, now_s)
+        poll(now_s)
+        for frame in down.take():
+            exchange.feed(frame)
+        if exchange.done:
+            return exchange.result()
+    raise AssertionError("the exchange never came to an end")
