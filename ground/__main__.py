@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import signal
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +17,14 @@ import typer
 from ground.errors import BadInputError, FailedError
 
 FAILED, BAD_INPUT = 1, 2
+
+
+class Method(StrEnum):
+    """How to fit."""
+
+    MAP = "map"
+    PAPER = "paper"
+
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
 params_app = typer.Typer(no_args_is_help=True, help="Read and set a vehicle's parameters.")
@@ -85,9 +94,10 @@ def campaign(
     from ground.report import page
 
     with progress.display("campaign", quiet=json) as shown:
-        result = Campaign(Request(out, vehicle, scenario, seed, speed), shown.watch_named, shown.announce).run()
+        asked = Campaign(Request(out, vehicle, scenario, seed, speed), shown.watch_named, shown.announce)
+        result = asked.run()
         shown.announce("writing the report")
-        page.write(out)
+        page.write(asked.folder)
     _give(result, summary.in_words(result, out), json)
 
 
@@ -96,7 +106,7 @@ def refit(
     logs: Annotated[list[Path], typer.Argument(help="MCAP logs with rudder or elevator tests.")],
     held_out: Annotated[list[Path] | None, typer.Option(help="A log to predict and not to fit; repeatable.")] = None,
     prior: Annotated[str, typer.Option(help="bench, a vehicle file, or a model.json.")] = "bench",
-    method: Annotated[str, typer.Option(help="map, or paper: the paper's own way.")] = "map",
+    method: Annotated[Method, typer.Option(help="map, or paper: the paper's own way.")] = Method.MAP,
     out: Annotated[Path, typer.Option(metavar="MODEL.json")] = Path("model.json"),
     json: Json = False,
 ) -> None:
@@ -105,7 +115,7 @@ def refit(
     from ground import refit as fitting
 
     with progress.display("refit", quiet=json) as shown:
-        model = fitting.refit(logs, held_out or (), prior, method, shown.share)
+        model = fitting.refit(logs, held_out or (), prior, method.value, shown.share)
     fitting.write_model(model, out)
     _give(summary.of_model(model), summary.model_in_words(model, out), json)
 

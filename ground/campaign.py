@@ -12,15 +12,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ground import refit, summary
 from ground.errors import BadInputError, FailedError
 from ground.flight import Dive, Outcome, Progress, fly_simulated
+from ground.folder import CampaignFolder
 from ground.processes import SimulatedVehicle, Simulation
 from link.clock import wall_s
+
+if TYPE_CHECKING:
+    from sysid.design import Design
 
 TRIM_MISSION = "trim"
 MISSIONS = ("straight_run", "depth_change", "combined", "shallow_1m")
@@ -73,11 +78,12 @@ class Campaign:
             identification = [("identification", mission) for mission in (*FITTED, *HELD_OUT)]
             self._fly_all([*identification, *(("baseline", mission) for mission in MISSIONS)], initial)
             self.announce("refitting the model")
-            model, gains, design = self._redesign()
+            design = self._redesign()
             self.announce("flying the missions with the redesigned gains")
-            self._fly_all([("verification", mission) for mission in MISSIONS], {**gains, **trims})
+            self._fly_all([("verification", mission) for mission in MISSIONS], {**design.gains, **trims})
         self.announce("comparing")
-        result = summary.build(self.request.out, model, design, initial, gains, trims, MISSIONS)
+        gains = {"initial": initial, "redesigned": {**design.gains, **trims}}
+        result = summary.build(self.folder, design, gains, trims, MISSIONS)
         flown = self.outcomes.values()
         result = {
             "wall_s": round(wall_s() - began_s, 3),
@@ -90,25 +96,26 @@ class Campaign:
         _write(self.request.out / "summary.json", json.dumps(result, indent=1) + "\n")
         return result
 
-    def log(self, stage: str, mission: str) -> Path:
-        """Where the log of a dive is kept."""
-        return self.request.out / stage / f"{mission}.mcap"
+    @cached_property
+    def folder(self) -> CampaignFolder:
+        """What has been flown, read back."""
+        return CampaignFolder(self.request.out)
 
     def _measure_trims(self) -> dict[str, float]:
         self.announce("prototype flight: measuring the trims")
         self._fly_all([("prototype", TRIM_MISSION)], refit.initial_gains())
-        return refit.measure_trims(self.log("prototype", TRIM_MISSION), TRIM_WINDOW_S)
+        return refit.measure_trims(self.folder.log_path("prototype", TRIM_MISSION), TRIM_WINDOW_S)
 
-    def _redesign(self) -> tuple[Any, dict[str, float], Any]:
+    def _redesign(self) -> "Design":
         out = self.request.out
-        fitted = [self.log("identification", mission) for mission in FITTED]
-        held_out = [self.log("identification", mission) for mission in HELD_OUT]
+        fitted = [self.folder.log_path("identification", mission) for mission in FITTED]
+        held_out = [self.folder.log_path("identification", mission) for mission in HELD_OUT]
         model = refit.refit(fitted, held_out=held_out)
         refit.write_model(model, out / "model.json")
         self.announce("redesigning the gains")
         design = refit.redesign(model)
         design.write_params(out / "gains.param")
-        return model, dict(design.gains), design
+        return design
 
     def _fly_all(self, dives: Sequence[tuple[str, str]], parameters: Mapping[str, float]) -> None:
         with ThreadPoolExecutor(AT_ONCE) as pool:
@@ -121,7 +128,7 @@ class Campaign:
                 raise
 
     def _fly(self, stage: str, mission: str, parameters: Mapping[str, float]) -> None:
-        log = self.log(stage, mission)
+        log = self.folder.log_path(stage, mission)
         log.parent.mkdir(exist_ok=True)
         name = f"{stage}/{mission}"
         simulated = self._launch(mission)

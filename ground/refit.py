@@ -6,15 +6,16 @@ The work is sysid's; here its refusals become this tool's.
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 from ground.errors import BadInputError, FailedError
 
 if TYPE_CHECKING:
     from sysid.design import Design
-
+    from sysid.log import Log
     from sysid.model import IdentifiedModel
 
+Method = Literal["map", "paper"]
 LARGEST_TRIM_DEG = 15.0
 
 
@@ -33,10 +34,7 @@ def measure_trims(path: Path, window_s: float) -> dict[str, float]:
     """
     import numpy as np
 
-    from sysid import log as logs
-
-    with _translated():
-        log = logs.read(path)
+    log = read_log(path)
     ends = [event.time_s for event in log.events if event.text == "Mode SURFACE"]
     if not ends:
         raise FailedError(f"{path}: the mission did not end with the vehicle surfacing")
@@ -56,8 +54,8 @@ def refit(
     paths: Sequence[Path],
     held_out: Sequence[Path] = (),
     prior: str = "bench",
-    method: str = "map",
-    progress: Callable[[str], None] | None = None,
+    method: Method = "map",
+    progress: Callable[[str, float], None] | None = None,
 ) -> "IdentifiedModel":
     """The model that explains the tests in the logs. Raises BadInputError, FailedError."""
     from sysid import refit as fitting
@@ -72,6 +70,29 @@ def redesign(model: "IdentifiedModel") -> "Design":
 
     with _translated():
         return design.redesign(model)
+
+
+def read_log(path: Path) -> "Log":
+    """Read a log for identification. Raises BadInputError."""
+    from sysid import log
+
+    with _translated():
+        return log.read(path)
+
+
+def tracking(log: "Log") -> dict[str, Any]:
+    """Steady errors over a dive and over each window between changes of set-point, as plain numbers by name.
+
+    Raises:
+        FailedError: no stretch of the dive was steady for long enough.
+    """
+    from sysid import verify
+
+    found = verify.tracking(log)
+    if found is None:
+        raise FailedError(f"{log.name}: no stretch of constant set-points outlasts its settling")
+    plain: dict[str, Any] = _plain(found)
+    return plain
 
 
 def read_model(path: Path) -> "IdentifiedModel":
@@ -91,13 +112,22 @@ def write_model(model: "IdentifiedModel", path: Path) -> None:
 
 @contextmanager
 def _translated() -> Iterator[None]:
-    """sysid's refusals as this tool's: wrong files are bad input, a fit or design that fails is failed work."""
+    """sysid's refusals as this tool's: wrong files are bad input, a missed specification is failed work."""
+    from sysid.design import DesignRefused
     from sysid.log import LogError
     from sysid.model import ModelError
+    from sysid.refit import RefitError, VehicleError  # type: ignore[attr-defined]
 
     try:
         yield
-    except (LogError, ModelError) as error:
+    except (LogError, ModelError, RefitError, VehicleError) as error:
         raise BadInputError(str(error)) from None
-    except (ValueError, RuntimeError) as error:
+    except DesignRefused as error:
         raise FailedError(str(error)) from None
+
+
+def _plain(value: Any) -> Any:
+    """Named tuples as dictionaries, all the way down."""
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return {name: _plain(part) for name, part in value._asdict().items()}
+    return [_plain(part) for part in value] if isinstance(value, tuple) else value

@@ -1,0 +1,63 @@
+"""A campaign's folder, read back: each log once."""
+
+import json
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ground import refit
+from ground.errors import BadInputError
+
+if TYPE_CHECKING:
+    from sysid.log import Log
+    from sysid.model import IdentifiedModel
+    from sysid.runs import Run
+
+STAGES = {"initial": "baseline", "redesigned": "verification"}
+"""Where the dives of each set of gains are kept."""
+
+
+class CampaignFolder:
+    """What a campaign left behind. Raises BadInputError where something is missing."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._logs: dict[tuple[str, str], Log] = {}
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """``summary.json``."""
+        try:
+            found: dict[str, Any] = json.loads((self.path / "summary.json").read_text(encoding="utf-8"))
+        except OSError:
+            raise BadInputError(f"{self.path}: holds no summary.json; give the folder of a finished campaign") from None
+        except json.JSONDecodeError as error:
+            raise BadInputError(f"{self.path / 'summary.json'}: not JSON: {error}") from None
+        return found
+
+    @cached_property
+    def model(self) -> "IdentifiedModel":
+        """``model.json``."""
+        return refit.read_model(self.path / "model.json")
+
+    @cached_property
+    def asked(self) -> str:
+        """``campaign.toml`` as text."""
+        return (self.path / "campaign.toml").read_text(encoding="utf-8")
+
+    def log_path(self, stage: str, mission: str) -> Path:
+        """Where the log of a dive is kept."""
+        return self.path / stage / f"{mission}.mcap"
+
+    def log(self, stage: str, mission: str) -> "Log":
+        """One dive."""
+        key = stage, mission
+        if key not in self._logs:
+            self._logs[key] = refit.read_log(self.log_path(stage, mission))
+        return self._logs[key]
+
+    def runs(self, mission: str) -> "list[Run]":
+        """The tests of one identification dive."""
+        from sysid import runs
+
+        return runs.cut(self.log("identification", mission))

@@ -1,0 +1,110 @@
+"""Puts a campaign's page together: one file, no network."""
+
+import json
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from ground.folder import CampaignFolder
+from ground.report import charts, figures, tables
+from ground.report.figures import Figure
+
+TITLE = "Caribou: from first trial to precise control"
+_HERE = files("ground.report")
+_PAPER = {"heading_deg": "2.5° → 2.0°", "pitch_deg": "10° → 2.5°", "depth_m": "50 cm → 10 cm"}
+
+
+def write(folder: Path | CampaignFolder) -> Path:
+    """Write ``report.html`` into a campaign's folder. Raises BadInputError when the folder is no finished campaign."""
+    campaign = folder if isinstance(folder, CampaignFolder) else CampaignFolder(folder)
+    target = campaign.path / "report.html"
+    target.write_text(_page(campaign), encoding="utf-8")
+    return target
+
+
+def _page(campaign: CampaignFolder) -> str:
+    summary, model = campaign.summary, campaign.model
+    missions = figures.mission_figures(campaign, list(summary["tracking"]))
+    steps = figures.step_figures(campaign)
+    analyses = {role: summary["design"][role] for role in ("initial", "redesigned")}
+    poles = {role: found["poles_radps"] for role, found in analyses.items()}
+    drawn = {figure.key: charts.of_figure(figure) for figure in (*missions, *steps)}
+    drawn |= {f"poles-{loop}": charts.of_poles(poles, loop) for loop in poles["initial"]}
+    drawn["estimates"] = charts.of_estimates(summary["model"]["coefficients"])
+    parts = {
+        "title": escape(TITLE),
+        "lead": _lead(summary),
+        "headline": _headline(summary["steady_error"]),
+        "missions": "".join(map(_figure, missions)),
+        "steps": "".join(map(_figure, steps)),
+        "poles": "".join(f'<div class="chart" id="poles-{loop}"></div>' for loop in poles["initial"]),
+        "table_1": tables.table_1(model),
+        "table_2": tables.table_2(summary["model"]["held_out_rate_error"]),
+        "table_3": tables.table_3(summary["gains"]),
+        "table_4": tables.table_4(poles),
+        "table_5": tables.table_5(summary["steady_error"]),
+        "tracking": tables.tracking(summary["tracking"]),
+        "small_signal": tables.small_signal(model),
+        "screening": tables.screening(model),
+        "margins": tables.margins(analyses),
+        "trims": ", ".join(f"{name} {value:g}°" for name, value in summary["trims"].items()),
+        "speed": f"{model.speed_mps:g}",
+        "asked": escape(campaign.asked),
+        "footer": _footer(summary),
+    }
+    resources = {
+        "style": _text("style.css"),
+        "script": _text("charts.js"),
+        "plotly": _plotly(),
+        "charts": json.dumps(drawn, separators=(",", ":")).replace("</", "<\\/"),
+    }
+    return Template(_text("page.html")).substitute(parts | resources)
+
+
+def _lead(summary: dict[str, Any]) -> str:
+    model = summary["model"]
+    return (
+        f"A prototype controller was flown, {model['runs_kept']} step tests were run, the model was refitted to them, "
+        f"the gains were redesigned, and the missions were flown again: {summary['vehicle_s'] / 60:.0f} minutes at sea, "
+        f"{summary['wall_s']:.0f} seconds of computing."
+    )
+
+
+def _headline(steady: dict[str, dict[str, float]]) -> str:
+    def box(what: str, key: str, show: Any) -> str:
+        was, now = show(steady["initial"][key]), show(steady["redesigned"][key])
+        return (
+            f'<div><span class="what">{what}</span><br><span class="big"><span class="was">{was}</span> → '
+            f'<span class="is">{now}</span></span><br><span class="paper">the paper: {_PAPER[key]}</span></div>'
+        )
+
+    return (
+        box("Heading error", "heading_deg", lambda v: f"{v:.1f}°")
+        + box("Depth error", "depth_m", lambda v: f"{100 * v:.0f} cm")
+        + box("Pitch about its mean", "pitch_deg", lambda v: f"{v:.1f}°")
+    )
+
+
+def _figure(figure: Figure) -> str:
+    return (
+        f'<div><h3>{escape(figure.title)}</h3><p class="note">{escape(figure.note)}</p>'
+        f'<div class="chart" id="{figure.key}"></div></div>'
+    )
+
+
+def _footer(summary: dict[str, Any]) -> str:
+    return (
+        f"Seed {summary['seed']}. {summary['messages']} MAVLink messages recorded, {summary['lost_frames']} lost. "
+        f"Model {summary['design']['model_sha256'][:12]}."
+    )
+
+
+def _plotly() -> str:
+    """plotly.js, so that the page draws without a network."""
+    return (files("plotly") / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
+
+
+def _text(name: str) -> str:
+    return (_HERE / name).read_text(encoding="utf-8")

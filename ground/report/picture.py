@@ -1,0 +1,59 @@
+"""One picture of a campaign's result, for a README: the straight run and a depth change, before and after."""
+
+from pathlib import Path
+from typing import Any
+
+from ground.errors import BadInputError
+from ground.folder import CampaignFolder
+from ground.report import figures
+from ground.report.figures import Curve, Figure
+
+COLORS = {"measured": "#9aa3ab", "initial": "#c2542d", "redesigned": "#0f6e84", "set_point": "#4b4f55"}
+WIDTHS = {"set_point": 1.0, "initial": 1.4, "redesigned": 1.6}
+_FORMATS = (".png", ".svg")
+
+
+def draw(folder: Path, target: Path) -> Path:
+    """Draw into ``target``, whose ending chooses PNG or SVG.
+
+    Raises:
+        BadInputError: another ending, or the folder is no finished campaign.
+    """
+    if target.suffix not in _FORMATS:
+        raise BadInputError(f"--picture {target}: must end in .png or .svg")
+    campaign = CampaignFolder(folder)
+    shown = figures.mission_figures(campaign, ["straight_run", "combined"])
+    # Matplotlib without a display and without the state of its pyplot module.
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure as Canvas
+
+    style = {"font.family": "serif", "font.size": 10, "axes.spines.top": False, "axes.spines.right": False,
+             "svg.hashsalt": "caribou"}  # fmt: skip
+    with rc_context(style):
+        canvas = Canvas(figsize=(11, 5.6), layout="constrained")
+        FigureCanvasAgg(canvas)
+        axes = canvas.subplots(2, 2, sharex="col")
+        for column, figure in enumerate(shown):
+            _column(axes[:, column], figure)
+        handles, names = axes[0, 0].get_legend_handles_labels()
+        canvas.legend(handles, names, loc="outside upper left", ncols=3, frameon=False)
+        canvas.savefig(target, dpi=110, metadata={"Date": None} if target.suffix == ".svg" else None)
+    return target
+
+
+def _column(axes: Any, figure: Figure) -> None:
+    panels = {panel.title: panel for panel in figure.panels}
+    for axis, title in zip(axes, ("depth", "heading"), strict=True):
+        for curve in panels[title].curves:
+            _line(axis, curve)
+        axis.set_ylabel(f"{title}, {panels[title].y_label}")
+        axis.grid(color="#ebe8e0", linewidth=0.8)
+    axes[0].invert_yaxis()
+    axes[0].set_title(figure.title, loc="left")
+    axes[-1].set_xlabel("seconds")
+
+
+def _line(axis: Any, curve: Curve) -> None:
+    style = "--" if curve.role == "set_point" else "-"
+    axis.plot(curve.x, curve.y, style, color=COLORS[curve.role], linewidth=WIDTHS[curve.role], label=curve.name)

@@ -1,0 +1,185 @@
+"""The paper's Tables 1 to 5 beside ours, and the other tables of the page, as HTML."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sysid.model import IdentifiedModel
+
+_SUBSCRIPTS = {"dr": "δr", "de": "δe", "vdot": "v̇", "rdot": "ṙ", "wdot": "ẇ", "qdot": "q̇"}
+_LOOP_OF = {"heading": "Heading", "pitch": "Pitch to elevator", "depth": "Depth to pitch"}
+_GAIN_PREFIX = {"heading": "HDG", "pitch": "PTCH", "depth": "DPT"}
+_CASES = {"I/I": "initial model, initial gains", "A/I": "adjusted, initial", "A/A": "adjusted, improved"}
+
+
+def symbol(name: str) -> str:
+    """A coefficient's name as the paper prints it."""
+    letter, _, index = name.partition("_")
+    return f"<i>{letter}</i><sub>{_SUBSCRIPTS.get(index, index)}</sub>"
+
+
+def table_1(model: "IdentifiedModel") -> str:
+    """Coefficients: the paper's two columns, and ours with uncertainty and status."""
+    from sysid.tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
+
+    rows = []
+    for name, c in model.coefficients.items():
+        sd = "–" if not c.sd else f"± {_short(c.sd)}"
+        shrink = "–" if c.shrink is None or not c.prior_sd else f"{c.shrink:.2f}"
+        paper = [_short(getattr(column, name)) for column in (TABLE_1_INITIAL, TABLE_1_ADJUSTED)]
+        status = f'<span class="tag {c.status}">{c.status}</span>'
+        rows.append([symbol(name), *paper, f"<b>{_short(c.value)}</b>", sd, shrink, status, escape(c.unit)])
+    head = ["", "paper, initial", "paper, adjusted", "identified", "1 sd", "shrink", "", "unit"]
+    return _table(head, rows, "coefficients")
+
+
+def table_2(held_out: Mapping[str, Mapping[str, float]]) -> str:
+    """Mean squared rate errors of the initial and the refitted model."""
+    from sysid.tables import TABLE_2
+
+    paper = dict(zip(("yaw", "pitch"), TABLE_2.values(), strict=True))
+    names = {"yaw": "rudder tests", "pitch": "elevator tests"}
+    rows = [
+        [names[plane], f"{paper[plane].initial:g}", f"{paper[plane].adjusted:g}",
+         f"{pair['initial_model_deg2ps2']:.3f}", f"<b>{pair['refitted_model_deg2ps2']:.3f}</b>"]
+        for plane, pair in held_out.items()
+    ]  # fmt: skip
+    return _table(["", "paper, initial", "paper, improved", "initial model", "refitted model"], rows)
+
+
+def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
+    """Controller gains."""
+    from sysid.tables import TABLE_3_IMPROVED
+
+    sets = {"initial": gains["initial"], "paper, improved": TABLE_3_IMPROVED, "redesigned": gains["redesigned"]}
+    rows = []
+    for loop, prefix in _GAIN_PREFIX.items():
+        for number, (name, values) in enumerate(sets.items()):
+            numbers = [f"{values[f'{prefix}_{part}']:.4g}" for part in ("P", "D", "I", "IMAX")]
+            rows.append([_LOOP_OF[loop] if number == 0 else "", name, *_strong(numbers, name == "redesigned")])
+    return _table(["loop", "gains", "Kp", "Kd", "Ki", "Ki limit"], rows)
+
+
+def table_4(poles: Mapping[str, Any]) -> str:
+    """Dominant closed-loop poles: the paper's nine, the same reckoned by us, and ours."""
+    from sysid.analysis import dominant, table_4
+
+    rows = [
+        [_LOOP_OF[r.loop].split()[0] if r.case == "I/I" else "", _CASES[r.case], _pole(r.paper), _pole(r.ours),
+         f"{_damping(r.paper):.2f}", f"{_damping(r.ours):.2f}"]
+        for r in table_4()
+    ]  # fmt: skip
+    for role in ("initial", "redesigned"):
+        for loop, found in poles[role].items():
+            pole = dominant(tuple(complex(*p) for p in found))
+            name = f"identified, {role}"
+            rows.append([loop.capitalize(), name, "", f"<b>{_pole(pole)}</b>", "", f"<b>{_damping(pole):.2f}</b>"])
+    return _table(["loop", "model, gains", "paper", "ours", "damping, paper", "ours"], rows)
+
+
+def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
+    """Steady errors of the straight run."""
+    from sysid.tables import TABLE_5_IMPROVED, TABLE_5_INITIAL
+
+    units = {"heading_deg": "°", "pitch_deg": "°", "depth_m": " m"}
+    rows = [
+        [key.split("_")[0].capitalize(), f"± {getattr(TABLE_5_INITIAL, key):g}{unit}",
+         f"± {getattr(TABLE_5_IMPROVED, key):g}{unit}", f"± {steady['initial'][key]:.2f}{unit}",
+         f"<b>± {steady['redesigned'][key]:.2f}{unit}</b>"]
+        for key, unit in units.items()
+    ]  # fmt: skip
+    return _table(["error", "paper, initial", "paper, improved", "initial gains", "redesigned"], rows)
+
+
+def small_signal(model: "IdentifiedModel") -> str:
+    """The few numbers per plane that control rests on."""
+    rows = []
+    for plane, found in model.planes.items():
+        for name in found.__struct_fields__:
+            estimate = getattr(found, name)
+            if estimate is not None:
+                quantity, unit = _split_unit(name)
+                sd = "not known" if estimate.sd is None else f"± {estimate.sd:.2g}"
+                rows.append([plane, quantity, f"<b>{estimate.value:.4g}</b>", sd, unit])
+    return _table(["plane", "quantity", "value", "1 sd", "unit"], rows)
+
+
+def margins(analyses: Mapping[str, Any]) -> str:
+    """Stability margins at every place where a loop can be opened."""
+    rows = []
+    for cut in analyses["redesigned"]["margins"]:
+        for role in ("initial", "redesigned"):
+            m = analyses[role]["margins"][cut]
+            numbers = [_number(m["gm_db"], 1), _number(m["pm_deg"], 0), _number(m["ms"], 2)]
+            numbers.append(_number(m["crossover_radps"], 2))
+            rows.append([cut if role == "initial" else "", role, *_strong(numbers, role == "redesigned")])
+    return _table(["opened at", "gains", "gain margin, dB", "phase margin, °", "Ms", "crossover, rad/s"], rows)
+
+
+def screening(model: "IdentifiedModel") -> str:
+    """Every run, kept or not, with the reason and how well it is explained."""
+    quality = {q.run: q for q in (*model.fit_quality, *model.held_out)}
+    rows = []
+    for run in model.screening:
+        q = quality.get(run.run)
+        errors = ["", ""] if q is None else [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
+        verdict = '<span class="tag measured">fitted</span>' if run.kept else '<span class="tag prior">rejected</span>'
+        why = escape("; ".join(run.reasons))
+        rows.append([run.run, f"{run.wave} {run.magnitude_deg:+g}°", f"{run.duration_s:.1f} s", *errors, verdict, why])
+    for q in model.held_out:
+        errors = [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
+        rows.append([q.run, q.plane, "", *errors, '<span class="tag">held out</span>', ""])
+    return _table(["run", "test", "length", "initial model", "refitted model", "", "reason"], rows, "runs")
+
+
+def tracking(missions: Mapping[str, Mapping[str, Any]]) -> str:
+    """Steady errors of every leg of every mission."""
+    rows = []
+    for mission, sets in missions.items():
+        for number, (before, after) in enumerate(zip(sets["initial"], sets["redesigned"], strict=False)):
+            cells = [
+                f"{before[e]['p95']:.2f} → <b>{after[e]['p95']:.2f}</b>"
+                for e in ("heading_deg", "pitch_deg", "depth_m")
+            ]
+            window = f"{after['start_s']:.0f}–{after['stop_s']:.0f} s"
+            rows.append([mission.replace("_", " ") if number == 0 else "", window, *cells])
+    return _table(["mission", "steady window", "heading, °", "pitch about its mean, °", "depth, m"], rows)
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]], name: str = "") -> str:
+    cells = "".join(f"<th>{label}</th>" for label in head)
+    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    kind = f' class="{name}"' if name else ""
+    return f'<div class="scroll"><table{kind}><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _strong(cells: Sequence[str], strong: bool) -> list[str]:
+    return [f"<b>{cell}</b>" for cell in cells] if strong else list(cells)
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}" if abs(value) < 10 else f"{value:.0f}"
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "∞" if value is None else f"{value:.{digits}f}"
+
+
+def _pole(pole: complex) -> str:
+    if pole.imag != pole.imag:
+        return "no oscillating pair"
+    return f"{pole.real:.3f} ± {pole.imag:.3f}i".replace("-", "−")
+
+
+def _damping(pole: complex) -> float:
+    return -pole.real / abs(pole) if abs(pole) else float("nan")
+
+
+def _split_unit(name: str) -> tuple[str, str]:
+    """A quantity's words and unit from its field name."""
+    units = {"per_s2": "1/s²", "per_s": "1/s", "deg": "°", "s": "s"}
+    for suffix, unit in units.items():
+        if name.endswith(f"_{suffix}"):
+            return name.removesuffix(f"_{suffix}").replace("_", " "), unit
+    return name.replace("_", " "), ""

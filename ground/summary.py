@@ -1,0 +1,143 @@
+"""What a campaign, a fit or a design came to: as numbers for ``summary.json`` and as words for people."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ground import refit
+from ground.folder import STAGES, CampaignFolder
+
+if TYPE_CHECKING:
+    from sysid.analysis import Analysis
+    from sysid.design import Design
+    from sysid.model import IdentifiedModel
+
+ERRORS = ("heading_deg", "pitch_deg", "depth_m")
+"""The three errors of the paper's Table 5."""
+
+
+def build(
+    folder: CampaignFolder,
+    design: "Design",
+    gains: Mapping[str, Mapping[str, float]],
+    trims: Mapping[str, float],
+    missions: Sequence[str],
+) -> dict[str, Any]:
+    """Model, design and flights of a campaign, every quantity with its unit in its name.
+
+    Args:
+        gains: what was flown by set, ``initial`` and ``redesigned``.
+    """
+    tracking = {mission: _tracking(folder, mission) for mission in missions}
+    return {
+        "trims": dict(trims),
+        "gains": {name: dict(values) for name, values in gains.items()},
+        "model": of_model(folder.model),
+        "design": of_design(design),
+        "tracking": tracking,
+        "steady_error": _steady(tracking["straight_run"]),
+    }
+
+
+def of_model(model: "IdentifiedModel") -> dict[str, Any]:
+    """A model's planes, coefficients, and rate errors on fitted and held-out runs."""
+    import msgspec
+
+    from sysid.predict import mean_rate_errors
+
+    def errors(qualities: Any) -> dict[str, Any]:
+        found = {plane: mean_rate_errors(qualities, plane) for plane in ("yaw", "pitch")}
+        return {
+            plane: {"initial_model_deg2ps2": pair[0], "refitted_model_deg2ps2": pair[1]}
+            for plane, pair in found.items()
+            if pair is not None
+        }
+
+    return {
+        "method": model.method,
+        "speed_mps": model.speed_mps,
+        "planes": msgspec.to_builtins(model.planes),
+        "coefficients": msgspec.to_builtins(model.coefficients),
+        "rank": model.joint.rank,
+        "condition_number": model.joint.condition_number,
+        "fitted_rate_error": errors(model.fit_quality),
+        "held_out_rate_error": errors(model.held_out),
+        "runs_kept": sum(run.kept for run in model.screening),
+        "runs_rejected": sum(not run.kept for run in model.screening),
+    }
+
+
+def of_design(design: "Design") -> dict[str, Any]:
+    """Margins, poles and predicted errors of the initial and the redesigned gains on the identified model."""
+    return {
+        "redesigned": {**_analysis(design.analysis), "predicted": design.predicted._asdict()},
+        "initial": {**_analysis(design.initial_analysis), "predicted": design.initial._asdict()},
+        "gains": dict(design.gains),
+        "reasons": dict(design.reasons),
+        "specification": design.spec._asdict(),
+        "model_sha256": design.model_sha256,
+    }
+
+
+def in_words(summary: Mapping[str, Any], out: Path) -> str:
+    """The result of a campaign in a few lines."""
+    before, after = summary["steady_error"]["initial"], summary["steady_error"]["redesigned"]
+    paper = {"heading_deg": "2.5 -> 2.0", "pitch_deg": "10 -> 2.5", "depth_m": "0.50 -> 0.10"}
+    lines = [f"{'steady error, 95 %':22s}{'initial':>10s}{'redesigned':>12s}   the paper"]
+    lines += [f"  {e.replace('_', ', '):20s}{before[e]:10.3f}{after[e]:12.3f}   {paper[e]}" for e in ERRORS]
+    lines += ["held-out rate error, (deg/s)^2", *_held_out_lines(summary["model"]["held_out_rate_error"])]
+    lines += [
+        "gains "
+        + ", ".join(f"{n} {v:.4g}" for n, v in summary["gains"]["redesigned"].items() if n in tables.TABLE_3_INITIAL),
+        f"{summary['vehicle_s']:.0f} s of vehicle time in {summary['wall_s']:.1f} s, {summary['messages']} messages, "
+        f"{summary['lost_frames']} lost",
+        f"{out / 'report.html'}",
+    ]
+    return "\n".join(lines)
+
+
+def model_in_words(model: "IdentifiedModel", out: Path) -> str:
+    """The small-signal numbers of a model, with standard deviations."""
+    lines = [f"{out}: {sum(run.kept for run in model.screening)} of {len(model.screening)} runs fitted"]
+    for plane, found in model.planes.items():
+        for name in found.__struct_fields__:
+            estimate = getattr(found, name)
+            if estimate is not None:
+                sd = "not known" if estimate.sd is None else f"{estimate.sd:.2g}"
+                lines.append(f"  {plane:6s} {name:20s} {estimate.value:9.4g}  sd {sd}")
+    lines += [f"  rejected {run.run}: {'; '.join(run.reasons)}" for run in model.screening if not run.kept]
+    return "\n".join([*lines, *_held_out_lines(of_model(model)["held_out_rate_error"])])
+
+
+def design_in_words(design: "Design", out: Path) -> str:
+    """The gains with their reasons."""
+    return "\n".join([f"{out}:", *(f"  {n:10s}{v:9.4g}  {design.reasons[n]}" for n, v in design.gains.items())])
+
+
+def _held_out_lines(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
+    return [
+        f"  {plane:20s}{pair['initial_model_deg2ps2']:10.3f}{pair['refitted_model_deg2ps2']:12.3f}"
+        for plane, pair in errors.items()
+    ]
+
+
+def _analysis(found: "Analysis") -> dict[str, Any]:
+    return {
+        "poles_radps": {loop: [[p.real, p.imag] for p in poles] for loop, poles in found.poles.items()},
+        "margins": {cut: {k: _finite(v) for k, v in m._asdict().items()} for cut, m in found.margins.items()},
+    }
+
+
+def _finite(value: float) -> float | None:
+    """A number that JSON can hold; None for infinity: there is no such margin to lose."""
+    return value if math.isfinite(value) else None
+
+
+def _tracking(folder: CampaignFolder, mission: str) -> dict[str, Any]:
+    return {name: refit.tracking(folder.log(stage, mission)) for name, stage in STAGES.items()}
+
+
+def _steady(straight_run: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
+    """Table 5's errors, which the paper takes from straight runs."""
+    return {name: {error: found[error]["p95"] for error in ERRORS} for name, found in straight_run.items()}

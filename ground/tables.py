@@ -1,0 +1,65 @@
+"""The paper's Tables 1 to 5 and the derivation of Table 1's initial column, without flying."""
+
+import subprocess
+import sys
+from typing import Any
+
+from ground.errors import FailedError
+
+
+def without_flying() -> dict[str, Any]:
+    """The printed tables, our reckoning of Table 4, and the first-principles derivation as text.
+
+    Raises:
+        FailedError: the derivation did not run.
+    """
+    from sysid import analysis, tables
+
+    initial, adjusted = tables.TABLE_1_INITIAL._asdict(), tables.TABLE_1_ADJUSTED._asdict()
+    return {
+        "table_1": {n: {"initial": initial[n], "adjusted": adjusted[n]} for n in initial},
+        "table_2_deg2ps2": {name: row._asdict() for name, row in tables.TABLE_2.items()},
+        "table_3": {"initial": tables.TABLE_3_INITIAL, "improved": tables.TABLE_3_IMPROVED},
+        "table_4_radps": [
+            {"loop": r.loop, "case": r.case, "paper": _pair(r.paper), "ours": _pair(r.ours)} for r in analysis.table_4()
+        ],
+        "table_5": {"initial": tables.TABLE_5_INITIAL._asdict(), "improved": tables.TABLE_5_IMPROVED._asdict()},
+        "derivation": _derivation(),
+    }
+
+
+def in_words(found: dict[str, Any]) -> str:
+    """The same, to be read."""
+    lines = ["Table 1, initial and adjusted coefficients"]
+    lines += [f"  {name:8s}{row['initial']:9g}{row['adjusted']:9g}" for name, row in found["table_1"].items()]
+    lines += ["", "Table 2, average squared rate error, initial and adjusted model"]
+    lines += [f"  {name:18s}{row['initial']:7g}{row['adjusted']:7g}" for name, row in found["table_2_deg2ps2"].items()]
+    lines += ["", "Table 3, gains, initial and improved"]
+    improved = found["table_3"]["improved"]
+    lines += [f"  {name:10s}{value:8g}{improved[name]:8g}" for name, value in found["table_3"]["initial"].items()]
+    lines += [
+        "",
+        "Table 4, dominant closed-loop poles in rad/s: the paper's, ours (model/controller: I initial, A adjusted)",
+    ]
+    lines += [f"  {r['loop']:8s}{r['case']}  {_spell(r['paper'])}  {_spell(r['ours'])}" for r in found["table_4_radps"]]
+    lines += ["", "Table 5, steady errors, initial and improved controller"]
+    improved = found["table_5"]["improved"]
+    lines += [f"  {name:12s}{value:7g}{improved[name]:7g}" for name, value in found["table_5"]["initial"].items()]
+    return "\n".join([*lines, "", "Table 1's initial column from first principles", found["derivation"]])
+
+
+def _derivation() -> str:
+    """What the simulator's own derivation prints."""
+    command = [sys.executable, "-m", "sitl.vehicle.derive"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise FailedError(f"the derivation failed: {(done.stderr.strip().splitlines() or ['no reason given'])[-1]}")
+    return done.stdout.rstrip()
+
+
+def _pair(pole: complex) -> list[float]:
+    return [round(pole.real, 4), round(pole.imag, 4)]
+
+
+def _spell(pair: list[float]) -> str:
+    return f"{pair[0]:8.4f} +- {pair[1]:6.4f}i"
