@@ -19,6 +19,7 @@ from link.missions import FRAME_MISSION, MissionItem
 _FORCE = 21_196
 """COMPONENT_ARM_DISARM.param2 that skips the checks."""
 _PAUSE, _CONTINUE = 0, 1
+_INT32_LIMIT = 1 << 31
 _SAFE_RECOVERY = constant("MAV_STANDARD_MODE_SAFE_RECOVERY")
 _ALL_MODES = 0
 _LOWEST_CUSTOM_MODE = 65_536
@@ -62,8 +63,8 @@ def custom_mode(main: float, sub: float) -> int:
 
 
 def whole(value: float, default: int = 0) -> int:
-    """The value as a whole number, ``default`` where none was given."""
-    return int(value) if math.isfinite(value) else default
+    """The value as a whole number, ``default`` where none was given or no int32 holds it."""
+    return int(value) if abs(value) < _INT32_LIMIT else default
 
 
 class Commander:
@@ -157,7 +158,7 @@ class Commander:
         if axis == 0:
             return self._ask(requests.StopTest())
         start_hz, stop_hz, duration_s, fade_s = (
-            0.0 if math.isnan(value) else float(value) for value in (command.p3, command.p4, command.p5, command.p7)
+            float(value) if math.isfinite(value) else 0.0 for value in (command.p3, command.p4, command.p5, command.p7)
         )
         wave = whole(command.p6)
         return self._ask(requests.StartTest(axis, command.p2, start_hz, stop_hz, duration_s, wave, fade_s))

@@ -243,7 +243,8 @@ class Schedule:
 
     def set_interval(self, message_id: int, interval_us: int | None) -> None:
         """None is the default interval, 0 stops the stream. Raises KeyError for a message that is no stream."""
-        self._intervals_us[message_id] = _default_us(BY_ID[message_id]) if interval_us is None else interval_us
+        default_us = _default_us(BY_ID[message_id])
+        self._intervals_us[message_id] = default_us if interval_us is None else interval_us
         self._align(message_id)
 
     def interval_us(self, message_id: int) -> int:
