@@ -20,7 +20,7 @@ from sitl.truth import Truth
 from sitl.vehicle import config
 
 TRUTH_PERIOD_US = 100_000
-"""HIL_STATE_QUATERNION ten times a second: a viewer's pace, and cheap."""
+"""HIL_STATE_QUATERNION goes out ten times a second of vehicle time: a viewer's pace."""
 
 Record = Callable[[Truth], None]
 """Takes note of what really happens, once a tick."""

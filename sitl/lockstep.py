@@ -27,7 +27,7 @@ class Lockstep:
 
     def __init__(self, link: HilLink, stopped: Callable[[], bool]) -> None:
         self._link, self._stopped = link, stopped
-        self._patience_s = FIRST_ANSWER_S
+        self._has_answered = False
 
     def ask(self, datagram: bytes, time_us: int) -> ActuatorFrame | None:
         """The answer to the sensors of ``time_us``; None when the process was told to stop meanwhile.
@@ -36,13 +36,13 @@ class Lockstep:
             AutopilotSilentError: no answer within 60 s at first, within 5 s later.
             LinkLostError: the other end is gone for good.
         """
-        give_up_s = wall_s() + self._patience_s
+        give_up_s = wall_s() + (SILENCE_S if self._has_answered else FIRST_ANSWER_S)
         resend_s = RESEND_S if self._has_answered else FREE_RUN_S
         while not self._stopped():
             self._link.send(datagram)
             answer = self._answer_until(time_us, wall_s() + resend_s)
             if answer is not None:
-                self._patience_s = SILENCE_S
+                self._has_answered = True
                 return answer
             if wall_s() > give_up_s:
                 raise AutopilotSilentError(self._complaint(time_us))
@@ -55,10 +55,6 @@ class Lockstep:
         while (answer := self.ask(datagram, time_us)) is not None and not answer.armed:
             time.sleep(FREE_RUN_S)
         return answer
-
-    @property
-    def _has_answered(self) -> bool:
-        return self._patience_s == SILENCE_S
 
     def _answer_until(self, time_us: int, deadline_s: float) -> ActuatorFrame | None:
         """The answer if it arrives in time; others may arrive before it."""
