@@ -1,0 +1,232 @@
+"""The autopilot as a process: the lockstep contract, its links, its signals, its complaints."""
+
+import signal
+import socket
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from link import dialect
+from link.codec import Frame, encode
+from link.endpoint import Endpoint
+from link.exchange import Party, run
+from link.missions import MissionClient, MissionItem
+from link.params import ParamClient
+from link.transport import Transport, open_transport, wait
+from tests.autopilot.deck import TICK_US, sensors
+from tests.processes.fleet import PATIENCE_S, Process, autopilot, free_port, process
+
+pytestmark = pytest.mark.process
+
+SENSOR, CONTROLS = dialect.by_name("HIL_SENSOR"), dialect.by_name("HIL_ACTUATOR_CONTROLS")
+GROUND, VEHICLE = Party(250, 190), Party(1, 1)
+ARMED = 128
+
+
+class Simulator:
+    """The far end of the HIL link."""
+
+    def __init__(self, port: int) -> None:
+        self._transport = open_transport(f"udpout:127.0.0.1:{port}")
+        self._endpoint = Endpoint(self._transport, 2, 1)
+
+    def send(self, time_us: int, *more: bytes) -> None:
+        frame = self._endpoint.encode_values(SENSOR, sensors(time_us, depth_m=2.0))
+        self._transport.send(b"".join((frame, *more)))
+
+    def answer(self) -> Any:
+        while True:
+            assert wait([self._transport], PATIENCE_S)
+            for frame in self._endpoint.receive():
+                assert frame.name == "HIL_ACTUATOR_CONTROLS"
+                return frame.decode()
+
+    def ask(self, time_us: int) -> Any:
+        self.send(time_us)
+        return self.answer()
+
+    def close(self) -> None:
+        self._transport.close()
+
+
+class Ground:
+    """A ground station on a TCP link, which loses nothing."""
+
+    def __init__(self, port: int) -> None:
+        self.transport: Transport = open_transport(f"tcp:127.0.0.1:{port}")
+        self.endpoint = Endpoint(self.transport, *GROUND)
+
+    def command(self, number: int, *parameters: float) -> int:
+        filled = [*parameters, *[float("nan")] * (7 - len(parameters))]
+        self.endpoint.send(
+            "COMMAND_LONG",
+            target_system=1,
+            target_component=1,
+            command=number,
+            confirmation=0,
+            **{f"param{n}": value for n, value in enumerate(filled, 1)},
+        )
+        return int(self.hear("COMMAND_ACK").result)
+
+    def frames(self) -> list[Frame]:
+        return self.endpoint.receive() if wait([self.transport], PATIENCE_S) else []
+
+    def hear(self, name: str) -> Any:
+        while True:
+            frames = self.frames()
+            assert frames, f"no {name} was heard"
+            for frame in frames:
+                if frame.name == name:
+                    return frame.decode()
+
+    def close(self) -> None:
+        self.transport.close()
+
+
+class Deck:
+    """An autopilot process between a simulator and a ground station."""
+
+    def __init__(self, child: Process, hil_port: int, ground_port: int) -> None:
+        self.process = child
+        self.simulator, self.ground = Simulator(hil_port), Ground(ground_port)
+
+
+@pytest.fixture
+def deck() -> Iterator[Deck]:
+    hil, ground = free_port(), free_port(socket.SOCK_STREAM)
+    with autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{ground}") as child:
+        built = Deck(child, hil, ground)
+        with closing(built.simulator), closing(built.ground):
+            yield built
+
+
+def test_every_sensor_frame_is_answered_with_its_time(deck: Deck) -> None:
+    for tick in range(100):
+        answer = deck.simulator.ask(tick * TICK_US)
+        assert (answer.time_usec, answer.flags, answer.mode) == (tick * TICK_US, 1, 1)
+        assert answer.controls == (0.0,) * 16
+
+
+def test_a_frame_that_comes_again_is_answered_alike_but_shows_the_arming(deck: Deck) -> None:
+    first = deck.simulator.ask(0)
+    assert deck.simulator.ask(0) == first
+    assert deck.ground.command(400, 1) == 0
+    again = deck.simulator.ask(0)
+    assert again.mode == first.mode | ARMED
+    assert (again.time_usec, again.controls) == (first.time_usec, first.controls)
+
+
+def test_sensors_are_answered_before_the_truth_is_looked_at(deck: Deck) -> None:
+    deck.simulator.ask(0)
+    truth = dialect.by_name("HIL_STATE_QUATERNION")
+    lies = encode(truth, (0, (0.0, 0.0, 1.0, 0.0), 9.0, 9.0, 9.0, 1, 1, 1, *(32_000,) * 8), 0, 2, 1)
+    plain = [deck.simulator.ask(n * TICK_US) for n in range(1, 20)]
+    deck.ground.command(246, 1)
+    deck.simulator.ask(0)
+    for n, expected in enumerate(plain, 1):
+        deck.simulator.send(n * TICK_US, lies)
+        assert deck.simulator.answer() == expected
+
+
+def test_a_straggler_is_not_answered(deck: Deck) -> None:
+    for n in range(3):
+        deck.simulator.ask(n * TICK_US)
+    deck.simulator.send(TICK_US)
+    assert deck.simulator.ask(3 * TICK_US).time_usec == 3 * TICK_US
+
+
+@pytest.mark.parametrize("ticks", [3, 100])
+def test_a_simulator_that_begins_again_is_served_afresh(deck: Deck, ticks: int) -> None:
+    for n in range(ticks):
+        deck.simulator.ask(n * TICK_US)
+    assert deck.ground.command(400, 1) == 0
+    for _ in range(5):
+        deck.simulator.send(0)
+    answer = deck.simulator.answer()
+    assert (answer.time_usec, answer.mode) == (0, 1)
+    while "Restarted" not in deck.ground.hear("STATUSTEXT").text:
+        pass
+
+
+def test_ground_is_served_while_no_sensors_come(deck: Deck) -> None:
+    listed = run(ParamClient(deck.ground.endpoint.send, GROUND, VEHICLE).list(), deck.ground.endpoint)
+    assert listed["MAV_SYS_ID"] == 1.0
+    items = (MissionItem(0, 2, 93, p1=5.0),)
+    client = MissionClient(deck.ground.endpoint.send, GROUND, VEHICLE)
+    run(client.upload(items), deck.ground.endpoint)
+    assert run(client.download(), deck.ground.endpoint) == items
+    assert deck.ground.command(400, 1) == 1
+
+
+def test_ground_misses_nothing_at_full_speed(deck: Deck) -> None:
+    deck.simulator.ask(0)
+    for name in ("ATTITUDE", "ACTUATOR_OUTPUT_STATUS"):
+        assert deck.ground.command(511, dialect.by_name(name).message_id, 20_000) == 0
+    attitudes: list[int] = []
+    for tick in range(1, 2001):
+        deck.simulator.ask(tick * TICK_US)
+        attitudes += heard_attitudes(deck.ground.endpoint.receive())
+    while len(attitudes) < 2000:
+        attitudes += heard_attitudes(deck.ground.frames())
+    assert attitudes == [tick * TICK_US // 1000 for tick in range(1, 2001)]
+    assert deck.ground.endpoint.lost_frames == 0
+
+
+def heard_attitudes(frames: list[Frame]) -> list[int]:
+    return [frame.decode().time_boot_ms for frame in frames if frame.name == "ATTITUDE"]
+
+
+def test_a_ground_station_that_goes_away_is_no_matter(deck: Deck) -> None:
+    deck.simulator.ask(0)
+    deck.ground.close()
+    for tick in range(1, 200):
+        assert deck.simulator.ask(tick * TICK_US).time_usec == tick * TICK_US
+    assert deck.process.running
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ends_cleanly_when_asked_to(deck: Deck, number: signal.Signals) -> None:
+    deck.simulator.ask(0)
+    deck.process.signal(number)
+    finished = deck.process.finish()
+    assert (finished.status, finished.stdout, finished.stderr) == (0, "", "")
+
+
+def test_parameters_come_from_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "boat.param"
+    file.write_text("HDG_P,0.5  # from the sea trial\nMAV_SYS_ID 7\n")
+    ground = free_port(socket.SOCK_STREAM)
+    with (
+        autopilot(f"udpin:127.0.0.1:{free_port()}", f"tcpin:127.0.0.1:{ground}", options=("--params", str(file))),
+        closing(open_transport(f"tcp:127.0.0.1:{ground}")) as transport,
+    ):
+        endpoint = Endpoint(transport, *GROUND)
+        assert run(ParamClient(endpoint.send, GROUND, Party(7, 1)).get("HDG_P"), endpoint) == 0.5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("--hil", "udpin:here"), "autopilot: address 'udpin:here': expected udpin:HOST:PORT"),
+        (("--gcs", "tcpin:127.0.0.1:x"), "autopilot: address 'tcpin:127.0.0.1:x': 'x' is no port number"),
+        (("--gcs", "serial:/dev/nothing:57600"), "autopilot: address 'serial:/dev/nothing:57600':"),
+        (("--params", "nowhere.param"), "autopilot: nowhere.param: No such file"),
+    ],
+)
+def test_bad_input_is_one_clear_line(arguments: tuple[str, ...], complaint: str) -> None:
+    with process("-m", "autopilot", "--hil", f"udpin:127.0.0.1:{free_port()}", *arguments) as child:
+        finished = child.finish()
+    assert finished.status == 2
+    assert finished.stderr.startswith(complaint)
+    assert finished.stderr.count("\n") == 1
+
+
+def test_a_bad_parameter_names_file_line_and_range(tmp_path: Path) -> None:
+    file = tmp_path / "boat.param"
+    file.write_text("HDG_P,0.5\nHDG_D,99\n")
+    with process("-m", "autopilot", "--params", str(file)) as child:
+        finished = child.finish()
+    assert finished == (2, "", f"autopilot: {file}:2: HDG_D = 99: must be 0 to 10 s\n")
