@@ -54,8 +54,11 @@ def test_mavproxy_reads_and_sets_parameters(mavproxy: Process) -> None:
     mavproxy.say("param show HDG_P")
     assert float(mavproxy.hear(r"HDG_P +([\d.]+)")[1]) == as_real32(0.65)
     mavproxy.say("param set HDG_P 0.75")
-    mavproxy.say("param fetch HDG_P")
-    assert float(mavproxy.hear(r"HDG_P = ([\d.]+)")[1]) == 0.75
+    for _ in range(100):  # MAVProxy sets in the background, in its own time
+        mavproxy.say("param fetch HDG_P")
+        if float(mavproxy.hear(r"HDG_P = ([\d.]+)")[1]) == 0.75:
+            return
+    pytest.fail("HDG_P was never set")
 
 
 def test_mavproxy_reads_attitude(mavproxy: Process) -> None:
