@@ -116,7 +116,7 @@ def _translated() -> Iterator[None]:
     from sysid.design import DesignRefused
     from sysid.log import LogError
     from sysid.model import ModelError
-    from sysid.refit import RefitError, VehicleError  # type: ignore[attr-defined]
+    from sysid.refit import RefitError, VehicleError
 
     try:
         yield

@@ -39,7 +39,7 @@ def in_words(found: dict[str, Any]) -> str:
     lines += [f"  {name:10s}{value:8g}{improved[name]:8g}" for name, value in found["table_3"]["initial"].items()]
     lines += [
         "",
-        "Table 4, dominant closed-loop poles in rad/s: the paper's, ours (model/controller: I initial, A adjusted)",
+        "Table 4, dominant closed-loop poles, rad/s: paper, ours (model/controller: I initial, A adjusted)",
     ]
     lines += [f"  {r['loop']:8s}{r['case']}  {_spell(r['paper'])}  {_spell(r['ours'])}" for r in found["table_4_radps"]]
     lines += ["", "Table 5, steady errors, initial and improved controller"]

@@ -67,8 +67,8 @@ def _lead(summary: dict[str, Any]) -> str:
     model = summary["model"]
     return (
         f"A prototype controller was flown, {model['runs_kept']} step tests were run, the model was refitted to them, "
-        f"the gains were redesigned, and the missions were flown again: {summary['vehicle_s'] / 60:.0f} minutes at sea, "
-        f"{summary['wall_s']:.0f} seconds of computing."
+        "the gains were redesigned, and the missions were flown again: "
+        f"{summary['vehicle_s'] / 60:.0f} minutes at sea, {summary['wall_s']:.0f} seconds of computing."
     )
 
 

@@ -28,8 +28,7 @@ def draw(folder: Path, target: Path) -> Path:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure as Canvas
 
-    style = {"font.family": "serif", "font.size": 10, "axes.spines.top": False, "axes.spines.right": False,
-             "svg.hashsalt": "caribou"}  # fmt: skip
+    style: Any = {"font.family": "serif", "axes.spines.top": False, "axes.spines.right": False}
     with rc_context(style):
         canvas = Canvas(figsize=(11, 5.6), layout="constrained")
         FigureCanvasAgg(canvas)

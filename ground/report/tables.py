@@ -31,7 +31,7 @@ def table_1(model: "IdentifiedModel") -> str:
         status = f'<span class="tag {c.status}">{c.status}</span>'
         rows.append([symbol(name), *paper, f"<b>{_short(c.value)}</b>", sd, shrink, status, escape(c.unit)])
     head = ["", "paper, initial", "paper, adjusted", "identified", "1 sd", "shrink", "", "unit"]
-    return _table(head, rows, "coefficients")
+    return _table(head, rows)
 
 
 def table_2(held_out: Mapping[str, Mapping[str, float]]) -> str:
@@ -58,7 +58,7 @@ def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
         for number, (name, values) in enumerate(sets.items()):
             numbers = [f"{values[f'{prefix}_{part}']:.4g}" for part in ("P", "D", "I", "IMAX")]
             rows.append([_LOOP_OF[loop] if number == 0 else "", name, *_strong(numbers, name == "redesigned")])
-    return _table(["loop", "gains", "Kp", "Kd", "Ki", "Ki limit"], rows)
+    return _table(["loop", "gains", "Kp", "Kd", "Ki", "Ki limit"], rows, "named")
 
 
 def table_4(poles: Mapping[str, Any]) -> str:
@@ -75,7 +75,7 @@ def table_4(poles: Mapping[str, Any]) -> str:
             pole = dominant(tuple(complex(*p) for p in found))
             name = f"identified, {role}"
             rows.append([loop.capitalize(), name, "", f"<b>{_pole(pole)}</b>", "", f"<b>{_damping(pole):.2f}</b>"])
-    return _table(["loop", "model, gains", "paper", "ours", "damping, paper", "ours"], rows)
+    return _table(["loop", "model, gains", "paper", "ours", "damping, paper", "ours"], rows, "named")
 
 
 def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
@@ -102,7 +102,7 @@ def small_signal(model: "IdentifiedModel") -> str:
                 quantity, unit = _split_unit(name)
                 sd = "not known" if estimate.sd is None else f"± {estimate.sd:.2g}"
                 rows.append([plane, quantity, f"<b>{estimate.value:.4g}</b>", sd, unit])
-    return _table(["plane", "quantity", "value", "1 sd", "unit"], rows)
+    return _table(["plane", "quantity", "value", "1 sd", "unit"], rows, "named")
 
 
 def margins(analyses: Mapping[str, Any]) -> str:
@@ -114,7 +114,7 @@ def margins(analyses: Mapping[str, Any]) -> str:
             numbers = [_number(m["gm_db"], 1), _number(m["pm_deg"], 0), _number(m["ms"], 2)]
             numbers.append(_number(m["crossover_radps"], 2))
             rows.append([cut if role == "initial" else "", role, *_strong(numbers, role == "redesigned")])
-    return _table(["opened at", "gains", "gain margin, dB", "phase margin, °", "Ms", "crossover, rad/s"], rows)
+    return _table(["opened at", "gains", "gain margin, dB", "phase margin, °", "Ms", "crossover, rad/s"], rows, "named")
 
 
 def screening(model: "IdentifiedModel") -> str:
@@ -130,21 +130,20 @@ def screening(model: "IdentifiedModel") -> str:
     for q in model.held_out:
         errors = [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
         rows.append([q.run, q.plane, "", *errors, '<span class="tag">held out</span>', ""])
-    return _table(["run", "test", "length", "initial model", "refitted model", "", "reason"], rows, "runs")
+    return _table(["run", "test", "length", "initial model", "refitted model", "", "reason"], rows, "named runs")
 
 
 def tracking(missions: Mapping[str, Mapping[str, Any]]) -> str:
     """Steady errors of every leg of every mission."""
     rows = []
     for mission, sets in missions.items():
-        for number, (before, after) in enumerate(zip(sets["initial"], sets["redesigned"], strict=False)):
-            cells = [
-                f"{before[e]['p95']:.2f} → <b>{after[e]['p95']:.2f}</b>"
-                for e in ("heading_deg", "pitch_deg", "depth_m")
-            ]
+        windows = zip(sets["initial"]["windows"], sets["redesigned"]["windows"], strict=False)
+        for number, (before, after) in enumerate(windows):
+            errors = ((before[e]["p95"], after[e]["p95"]) for e in ("heading_deg", "pitch_deg", "depth_m"))
+            cells = [f"{was:.2f} → <b>{now:.2f}</b>" for was, now in errors]
             window = f"{after['start_s']:.0f}–{after['stop_s']:.0f} s"
             rows.append([mission.replace("_", " ") if number == 0 else "", window, *cells])
-    return _table(["mission", "steady window", "heading, °", "pitch about its mean, °", "depth, m"], rows)
+    return _table(["mission", "steady window", "heading, °", "pitch about its mean, °", "depth, m"], rows, "named")
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]], name: str = "") -> str:
