@@ -57,7 +57,7 @@ def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
         convergence=Convergence(
             cost=found.cost,
             start_costs=found.start_costs,
-            agreed=all(cost - found.cost <= AGREEMENT * found.cost for cost in found.start_costs),
+            agreed=all(abs(cost - found.cost) <= AGREEMENT * found.cost for cost in found.start_costs),
             at_bounds=found.at_bounds,
         ),
         data=(),

@@ -186,8 +186,7 @@ def _depth_rms(vehicle: Plant, gains: Gains) -> tuple[float, float, float]:
 
 
 class _Search(NamedTuple):
-    """One optimisation: which gains move, from where, what is small when they are good, and what must not be
-    violated."""
+    """One optimisation: what moves, from where, what is to be small, and what limits it."""
 
     names: tuple[str, ...]
     starts: Sequence[Mapping[str, float]]

@@ -148,8 +148,7 @@ def level_pitch_rad(config: VehicleConfig, model: Model) -> float:
 
 
 def _level_flight(config: VehicleConfig, model: Model) -> Array:
-    """(pitch nose up, elevator) of level flight at the operating point, by Newton's method on heave and pitch
-    moment."""
+    """(pitch nose up, elevator) of level flight at the operating point, from heave and pitch moment."""
     from scipy.optimize import fsolve
 
     speed = config.operating_point.speed_mps
@@ -188,10 +187,11 @@ def fit(runs: Sequence[Run], prior: Prior, progress: Progress | None = None) -> 
     others = []
     for number, start in enumerate(_other_starts(prior)):
         report(f"fit, other start {number + 1} of {OTHER_STARTS}", (PASSES + number) / steps)
-        end = problem.solve(start)
+        end = problem.solve(start, ftol=COARSE)
         others.append(problem.cost(end))
-        if others[-1] < best:
-            z, best = end, others[-1]
+        if others[-1] < best * (1.0 - AGREEMENT):
+            z = problem.solve(end)
+            best = problem.cost(z)
     report("fit", 1.0)
     jacobian = problem.data_jacobian(z)
     information = jacobian.T @ jacobian
@@ -264,8 +264,8 @@ class _Problem:
             moved[i] += DIFFERENCE
             vehicle = self.vehicle(moved)
             moves = [
-                self._whitened(vehicle, plane) - base[plane] if plane in parameter.planes else np.zeros_like(base[plane])
-                for plane in self.experiments
+                self._whitened(vehicle, plane) - white if plane in parameter.planes else np.zeros_like(white)
+                for plane, white in base.items()
             ]
             columns.append(np.concatenate(moves) / DIFFERENCE)
         return np.column_stack(columns)

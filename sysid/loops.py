@@ -78,8 +78,7 @@ def heading_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
 
 
 def depth_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
-    """Loop transfer functions, opened at the elevator, at the pitch command and at the pitch error with the depth
-    loop open."""
+    """Loop transfer functions, opened at the elevator and at the pitch command; "pitch" has no depth loop round it."""
     s = 1j * GRID_RADPS
     q, theta = plant.command[:, 1], plant.command[:, 2]
     forward = gains["PTCH_P"] + gains["PTCH_I"] / s

@@ -62,8 +62,7 @@ class Filter(NamedTuple):
 
 
 def build(plane: LinearPlane, noise: Noise, dt: float, samples: int) -> Filter:
-    """The filter that whitens residuals of ``plane``'s outputs (rate, angle, and depth in pitch) sampled every
-    ``dt``."""
+    """The filter that whitens residuals of rate, angle and (in pitch) depth, sampled every ``dt`` seconds."""
     A, density, C, R, P0 = _system(plane, noise)
     n = A.shape[0]
     # Van Loan (1978): transition and process covariance from one exponential.
@@ -128,8 +127,7 @@ def _riccati(A: Array, Q: Array, C: Array, R: Array, P0: Array, samples: int) ->
 
 @kernel
 def whiten(residual: Array, transition: Array, output: Array, gains: Array, whiteners: Array) -> Array:
-    """Normalised innovations, shape of ``residual`` (samples, outputs): white, of unit variance, if the noise model
-    holds."""
+    """Normalised innovations, (samples, outputs): white and of unit variance if the noise model holds."""
     samples, outputs = residual.shape
     n = transition.shape[0]
     white = np.empty((samples, outputs))

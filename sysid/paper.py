@@ -1,5 +1,4 @@
-"""The paper's own identification, to be set beside ours: rate error alone, linear planes, no prior, delay not
-estimated.
+"""The paper's own identification, to be set beside ours: rate error, linear planes, no prior, no delay estimated.
 
 Seven coefficients in yaw first, then eight in pitch that start from yaw's; moments of inertia are tied to N_dr and
 M_de by the angular acceleration measured at the start of the steps. Motion alone cannot give this many: the rate
@@ -35,8 +34,10 @@ SEED = {
     "M_de": ("N_dr", 1.0), "Z_wdot": ("Y_vdot", 1.0),
 }  # fmt: skip
 """Pitch coefficient from its yaw twin, with the sign that half the paper's axes give it."""
-FIRST_ANSWER_S = 1.5
-"""After the delay: how long the angular acceleration is read as that of the step alone."""
+FIRST_ANSWER_S = 2.0
+"""After the delay: the part of a test from which the initial angular acceleration is read."""
+LEAST_ANSWER = 0.1
+"""Of the prior's angular acceleration; tests that move the vehicle less hold no answer."""
 RANK_TOLERANCE = 1e-3
 """Singular values below this share of the largest are no information: the coefficients then shift without a trace."""
 
@@ -80,14 +81,22 @@ def motion(model: IdentifiedModel, run: Run) -> Motion:
     return simulate(_plane(run.plane, Coefficients(**values)), actuator, run)
 
 
-def simulate(plane: LinearPlane, actuator: Actuator, run: Run) -> Motion:
-    """The linear plane under a run's commands, as departure from where it balanced before the test."""
+def departure(actuator: Actuator, run: Run) -> Array:
+    """Duct angle over a run, from where the vehicle balanced before the test."""
     delta = greybox.duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
-    balance = np.mean(delta[run.preroll]) if run.preroll.any() else 0.0
+    return delta - (np.mean(delta[run.preroll]) if run.preroll.any() else 0.0)
+
+
+def states(plane: LinearPlane, delta: Array) -> Array:
+    """States of the linear plane under duct angles held over a sample, from rest, (samples, states)."""
     n = plane.A.shape[0]
     transition = expm(np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n + 1))]]) / RATE_HZ)
-    x = _recursion(np.ascontiguousarray(transition[:n, :n]), transition[:n, n].copy(), delta - balance)
-    start = greybox.measured_start(run)
+    return _recursion(np.ascontiguousarray(transition[:n, :n]), transition[:n, n].copy(), delta)
+
+
+def simulate(plane: LinearPlane, actuator: Actuator, run: Run) -> Motion:
+    """The linear plane under a run's commands."""
+    n, x, start = plane.A.shape[0], states(plane, departure(actuator, run)), greybox.measured_start(run)
     depth = start.depth_m + (x[:, 3] if n > 3 else 0.0 * x[:, 0])
     return Motion(x[:, 1], start.angle_rad + x[:, 2], depth, np.full(len(x), np.nan))
 
@@ -113,17 +122,19 @@ def _fit_plane(
     runs: Sequence[Run], plane: Plane, start: Coefficients, prior: VehicleConfig, actuator: Actuator
 ) -> PlaneFit:
     names = FREE[plane]
-    acceleration = first_acceleration(runs, actuator)
+    acceleration = first_acceleration(runs, _plane(plane, parameters.short(prior.linear)), actuator)
 
     def candidate(logs: Array) -> Coefficients:
         moved = {name: getattr(start, name) * float(np.exp(x)) for name, x in zip(names, logs, strict=True)}
         return tied(start._replace(**moved), plane, acceleration)
 
+    departures = [departure(actuator, run) for run in runs]
+
     def errors(logs: Array) -> Array:
         model = _plane(plane, candidate(logs))
-        return np.concatenate([
-            np.degrees(run.rate_radps - simulate(model, actuator, run).rate_radps)[~run.preroll] for run in runs
-        ])  # fmt: skip
+        simulated = [states(model, delta)[:, 1] for delta in departures]
+        missed = [(run.rate_radps - rate)[~run.preroll] for run, rate in zip(runs, simulated, strict=True)]
+        return np.degrees(np.concatenate(missed))
 
     # The coefficients drift along what the data cannot tell; the bounds keep them on the vehicle's side of zero.
     found = least_squares(errors, np.zeros(len(names)), bounds=(-1.5, 1.5), x_scale=0.1, max_nfev=40)
@@ -139,17 +150,18 @@ def tied(c: Coefficients, plane: Plane, acceleration_per_s2: float) -> Coefficie
     return c._replace(I_yy=c.M_de / acceleration_per_s2 + c.M_qdot)
 
 
-def first_acceleration(runs: Sequence[Run], actuator: Actuator) -> float:
-    """Angular acceleration per radian of duct at the start of the tests, by least squares, the paper's axes
-    (negative)."""
-    angles, rates = [], []
+def first_acceleration(runs: Sequence[Run], plane: LinearPlane, actuator: Actuator) -> float:
+    """Angular acceleration per radian of duct at the start of the tests, the paper's axes (negative).
+
+    The prior plane's own, scaled by how much faster than that plane the vehicle began to turn.
+    """
+    expected, measured = [], []
     for run in runs:
-        delta = greybox.duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
         first = int(np.searchsorted(run.time_s, 0.0))
-        last = min(first + int((actuator.delay_s + FIRST_ANSWER_S) * RATE_HZ), delta.size)
-        turned = np.cumsum(delta[first:last] - delta[first]) / RATE_HZ
-        angles.append(turned)
-        rates.append(run.rate_radps[first:last] - np.mean(run.rate_radps[max(0, first - 25) : first + 1]))
-    x, y = np.concatenate(angles), np.concatenate(rates)
-    slope = float(x @ y) / max(float(x @ x), 1e-12)
-    return -max(slope, 0.05)
+        answer = slice(first, first + int((actuator.delay_s + FIRST_ANSWER_S) * RATE_HZ))
+        delta = greybox.duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
+        expected.append(states(plane, delta - delta[first])[answer, 1])
+        measured.append(run.rate_radps[answer] - np.mean(run.rate_radps[max(0, first - 25) : first + 1]))
+    x, y = np.concatenate(expected), np.concatenate(measured)
+    scale = float(x @ y) / max(float(x @ x), 1e-12)
+    return -float(plane.B[1]) * max(scale, LEAST_ANSWER)

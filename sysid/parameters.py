@@ -1,5 +1,4 @@
-"""What identification may change about the first-principles vehicle, and what is believed about each before the first
-dive.
+"""What identification may change about the first-principles vehicle, and what is believed before the first dive.
 
 Estimation runs on z, the number of prior standard deviations from the prior mean. Coefficients are positive ratios to
 the prior vehicle (log-normal), delay, bias and buoyancy are offsets (normal).
@@ -24,8 +23,7 @@ Array = NDArray[np.float64]
 Kind = Literal["ratio", "offset"]
 
 ASYMMETRY = 0.07
-"""How far a body of revolution's yaw and pitch coefficients may differ each from their common value (log ratio, 1
-sd)."""
+"""How far yaw and pitch coefficients of a body of revolution may differ from their mean (log ratio, 1 sd)."""
 
 
 class Parameter(NamedTuple):

@@ -19,8 +19,15 @@ from sysid.runs import Plane, Run
 Array = NDArray[np.float64]
 
 
+LEAD_S = 1.0
+"""Simulations start this long before the test: late enough that the sea has not yet parted them from the vehicle."""
+
+
 class Prediction(NamedTuple):
-    """Simulated from the motion measured when the run began, under the run's own commands; arrays on the run's grid."""
+    """Simulated from the motion measured LEAD_S before the test, under the run's own commands.
+
+    Arrays stand on the run's grid; before the simulation starts they repeat what was measured.
+    """
 
     rate_radps: Array
     """By the identified model."""
@@ -40,10 +47,21 @@ def predict(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = None
 
 def between(vehicle: Vehicle, first: Vehicle, run: Run, model: IdentifiedModel) -> Prediction:
     """As ``predict``, the two vehicles already at hand."""
-    before = motion(first, run)
-    after = paper.motion(model, run) if model.method == "paper" else motion(vehicle, run)
+    flown = run.since(-LEAD_S)
+    before = motion(first, flown)
+    after = paper.motion(model, flown) if model.method == "paper" else motion(vehicle, flown)
+    angle = run.heading_rad if run.plane == "yaw" else run.pitch_rad
+
+    def whole(measured: Array, simulated: Array) -> Array:
+        return np.concatenate([measured[: measured.size - simulated.size], simulated])
+
     return Prediction(
-        after.rate_radps, before.rate_radps, after.angle_rad, before.angle_rad, after.depth_m, before.depth_m
+        rate_radps=whole(run.rate_radps, after.rate_radps),
+        prior_rate_radps=whole(run.rate_radps, before.rate_radps),
+        angle_rad=whole(angle, after.angle_rad),
+        prior_angle_rad=whole(angle, before.angle_rad),
+        depth_m=whole(run.depth_m, after.depth_m),
+        prior_depth_m=whole(run.depth_m, before.depth_m),
     )
 
 
@@ -56,7 +74,7 @@ def vehicles(model: IdentifiedModel, prior: VehicleConfig | None = None) -> tupl
 
 
 def motion(vehicle: Vehicle, run: Run) -> greybox.Motion:
-    """The run as ``vehicle`` would have flown it, on the run's grid."""
+    """The run as ``vehicle`` would have flown it from its first sample on, on its grid."""
     speed = cruise_speed_mps(vehicle, float(run.thrust[0]))
     return greybox.simulate(vehicle.model, vehicle.actuators[run.plane], run, greybox.measured_start(run), 1, speed)
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import calibrate
 from sitl.vehicle import config as vehicle_files
-from sitl.vehicle.config import VehicleConfig, VehicleError
+from sitl.vehicle.config import VehicleConfig
+from sitl.vehicle.config import VehicleError as VehicleError
 from sysid import assemble, fit, paper, parameters, predict, runs
 from sysid import log as logs
 from sysid import model as models

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -15,8 +15,10 @@ Plane = Literal["yaw", "pitch"]
 
 RATE_HZ = 50.0
 """The grid of a run: the autopilot's tick."""
-PREROLL_S = 5.0
-"""Steady motion before a test that is kept: it carries the state in which the test starts."""
+PREROLL_S = 15.0
+"""Motion before a test that is kept: known commands, the actuator's bias, and the state in which the test starts."""
+STEADY_S = 5.0
+"""The last part of it, which must be steady."""
 
 PLANE_OF_AXIS: dict[int, Plane] = {11: "pitch", 12: "yaw"}
 """ArduPilot's SID_AXIS numbers of the mixer inputs: 11 pitch (elevator), 12 yaw (rudder)."""
@@ -71,6 +73,19 @@ class Run:
     @property
     def preroll(self) -> NDArray[np.bool_]:
         return self.time_s < 0.0
+
+    @property
+    def approach(self) -> NDArray[np.bool_]:
+        """The last STEADY_S before the test."""
+        return (self.time_s < 0.0) & (self.time_s >= -STEADY_S)
+
+    def since(self, start_s: float) -> "Run":
+        """The same run without what lies before ``start_s``."""
+        first = int(np.searchsorted(self.time_s, start_s - 1e-9))
+        return replace(self, **{name: getattr(self, name)[first:] for name in _SERIES})
+
+
+_SERIES = tuple(field.name for field in fields(Run) if field.type is Array)
 
 
 @dataclass(frozen=True)

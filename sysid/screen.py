@@ -80,7 +80,7 @@ def _saturation(run: Run, limits: Limits) -> str:
 
 
 def _unsteady_start(run: Run, limits: Limits) -> str:
-    before = run.preroll
+    before = run.approach
     if np.count_nonzero(before) < 50:
         return "unsteady start: less than 1 s of motion before the test"
     rate = math.degrees(abs(float(np.mean(run.rate_radps[before]))))
@@ -119,7 +119,7 @@ def _cross_plane(run: Run, limits: Limits) -> str:
 
 def _excursion(run: Run, values: Array) -> float:
     """Largest departure from where the run began."""
-    before = values[run.preroll]
+    before = values[run.approach]
     return float(np.max(np.abs(values - (np.mean(before) if before.size else values[0]))))
 
 
@@ -135,7 +135,7 @@ def _disturbance(run: Run, limits: Limits, typical_radps: float) -> str:
 
 
 def _roughness(run: Run) -> float:
-    return float(np.std(run.rate_radps[run.preroll])) if run.preroll.any() else 0.0
+    return float(np.std(run.rate_radps[run.approach])) if run.approach.any() else 0.0
 
 
 def _typical_roughness(runs: Sequence[Run]) -> float:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -96,7 +97,7 @@ def _steady(log: Log, settling_s: float, shortest_s: float) -> Iterator[tuple[fl
     ]
     tests = _tests(log)
     edges = sorted({*changes, *(edge for test in tests for edge in test), float(log.attitude.time_s[-1])})
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+    for start, stop in pairwise(edges):
         settled = start + settling_s
         in_test = any(begin <= start < end for begin, end in tests)
         submerged = _held(points.depth_time_s, points.depth_m, settled) > SUBMERGED_M

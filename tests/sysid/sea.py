@@ -1,5 +1,4 @@
-"""A sea to identify in: the simulator's vehicle and tailcone under simple loops, its disturbance drawn here, logged
-as runs."""
+"""A sea to identify in: the simulator's vehicle and tailcone under simple loops, logged as runs."""
 
 import math
 from typing import NamedTuple
@@ -16,7 +15,7 @@ Array = NDArray[np.float64]
 DT = 1.0 / RATE_HZ
 SUBSTEPS = 4
 SETTLE_S = 60.0
-PREROLL_S = 5.0
+PREROLL_S = 15.0
 DEPTH_M = 12.0
 
 CALM = 0.0
@@ -54,8 +53,7 @@ def moments(seconds: float, level: float, rng: np.random.Generator) -> Array:
 
 @numba.njit(cache=True)
 def _fly(model, rudder_axis, elevator_axis, signal, is_yaw, trim, wrenches, rps, speed):
-    """Ticks of (time index): rates, angles, depth, commands. Loops hold heading 0 and DEPTH_M but for the tested
-    surface."""
+    """Ticks of (time index): rates, angles, depth, commands. The loops hold heading 0 and DEPTH_M."""
     n = signal.size
     log = np.empty((n, 9))
     state = np.zeros(13)
