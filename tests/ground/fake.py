@@ -1,0 +1,122 @@
+"""A vehicle that answers as told, on the other end of a memory transport: the link's own servers, no autopilot."""
+
+from collections.abc import Callable, Sequence
+from itertools import count
+from typing import Any
+
+from link.codec import Frame
+from link.dialect import constant
+from link.endpoint import Endpoint
+from link.missions import MissionItem, MissionProgress, MissionServer, Verdict
+from link.params import ParamServer
+from link.transport import MemoryTransport, open_transport
+
+ACCEPTED, REJECTED, DENIED = 0, 1, 2
+MODES = (("", 6, 67371008), ("MANUAL", 0, 65536))
+"""(name, standard mode, custom mode); the first leaves out the name of a standard mode."""
+_names = count()
+
+
+class Table:
+    """Parameters in a dictionary."""
+
+    def __init__(self, values: dict[str, float]) -> None:
+        self.values = values
+
+    def names(self) -> Sequence[str]:
+        return sorted(self.values)
+
+    def get(self, name: str) -> float:
+        return self.values[name]
+
+    def set(self, name: str, value: float) -> float:
+        self.values[name] = value
+        return value
+
+
+class Store:
+    """One mission."""
+
+    def __init__(self) -> None:
+        self.items: Sequence[MissionItem] = ()
+        self.progress = MissionProgress(0, 0, 0, 0)
+
+    def load(self, items: tuple[MissionItem, ...]) -> Verdict:
+        self.items = items
+        return Verdict()
+
+    def set_current(self, sequence: int) -> bool:
+        return sequence < len(self.items)
+
+    def explain(self, text: str) -> None:
+        raise AssertionError(text)
+
+
+class FakeVehicle:
+    """Call ``turn`` whenever ground waits; ``answers`` maps a command to its results, the last one for good."""
+
+    def __init__(self, answers: dict[int, list[int]] | None = None) -> None:
+        name = f"memory:fake-{next(_names)}"
+        self.ground_end = open_transport(name)
+        self._end: MemoryTransport = open_transport(name)  # type: ignore[assignment]
+        self._endpoint = Endpoint(self._end, 1, 1)
+        self.table = Table({"HDG_P": 0.65, "DPT_P": 0.13})
+        self.store = Store()
+        self._params = ParamServer(self.table, self._endpoint.send, self.say)
+        self._missions = MissionServer(self.store)
+        self._answers = answers or {}
+        self.commands: list[Any] = []
+        self.mute = False
+
+    def heartbeat(self, *, armed: bool = False, kind: int = 12, autopilot: int = 0) -> None:
+        base_mode = 1 | (128 if armed else 0)
+        fields = {"custom_mode": 0, "system_status": 4, "mavlink_version": 3}
+        self._endpoint.send("HEARTBEAT", type=kind, autopilot=autopilot, base_mode=base_mode, **fields)
+
+    def say(self, text: str, **fields: int) -> None:
+        self._endpoint.send("STATUSTEXT", severity=4, text=text, **fields)
+
+    def turn(self) -> None:
+        for frame in self._endpoint.receive():
+            if not self.mute:
+                self._serve(frame)
+        self._params.poll()
+
+    def close(self) -> None:
+        self._end.close()
+        self.ground_end.close()
+
+    def _serve(self, frame: Frame) -> None:
+        if frame.name == "COMMAND_LONG":
+            self._command(frame.decode())
+        elif frame.name.startswith("PARAM"):
+            self._params.feed(frame, self._endpoint.send)
+        elif frame.name.startswith("MISSION"):
+            self._missions.feed(frame, self._endpoint.send, 0.0)
+
+    def _command(self, message: Any) -> None:
+        self.commands.append(message)
+        if message.command == constant("MAV_CMD_REQUEST_MESSAGE"):
+            self._send_modes()
+        results = self._answers.get(message.command, [ACCEPTED])
+        result = results.pop(0) if len(results) > 1 else results[0]
+        if result == REJECTED:
+            self.say("Not armed: no sensors")
+        addressed = {"target_system": 250, "target_component": 190, "result_param2": 0, "progress": 0}
+        self._endpoint.send("COMMAND_ACK", command=message.command, result=result, **addressed)
+
+    def _send_modes(self) -> None:
+        for index, (name, standard, custom) in enumerate(MODES, start=1):
+            self._endpoint.send(
+                "AVAILABLE_MODES", number_modes=len(MODES), mode_index=index, standard_mode=standard,
+                custom_mode=custom, properties=0, mode_name=name,
+            )  # fmt: skip
+
+
+def attend(fake: FakeVehicle) -> Callable[..., None]:
+    """A stand-in for ``link.transport.wait`` that lets the fake vehicle act while ground waits."""
+
+    def wait(transports: Sequence[Any], timeout_s: float) -> None:
+        fake.turn()
+
+    return wait
