@@ -8,8 +8,6 @@ from autopilot.types import US_PER_S, Inputs
 from autopilot.vehicle import Vehicle
 from link.transport import wait
 
-IDLE_S = 0.05
-"""How long the loop sleeps at most, so that wall-clock timers keep going while no sensors come."""
 RESTART_US = US_PER_S
 """Vehicle time that falls back by more than this belongs to a new run of the simulator."""
 STALE_FRAMES = 5
@@ -26,7 +24,8 @@ class App:
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve until ``stopping`` says so. Raises LinkLostError when the HIL link is gone for good."""
         while not stopping():
-            self.step(IDLE_S)
+            self.step(self._ground.poll())
+        self._ground.flush()
 
     def step(self, timeout_s: float) -> None:
         """Wait for something to arrive and deal with it."""
@@ -38,7 +37,6 @@ class App:
         for transport in ready:
             if transport in links:
                 self._ground.receive(links[transport])
-        self._ground.poll()
 
     def _take(self, sample: Sample) -> None:
         """Answer a sample: a new one with a tick, one that came again with what was answered before."""

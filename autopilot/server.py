@@ -29,9 +29,13 @@ from link.transport import LinkLostError, Transport
 HEARTBEAT_S = 1.0
 STICK_LASTS_S = 1.5
 """A pilot's hand that was not heard of for longer has let go."""
-DATAGRAM_BYTES = 1200
-"""Telemetry of one tick goes out in as few datagrams as fit a common network."""
+GATHER_S = 0.005
+"""Wall seconds for which telemetry is gathered; the first after a pause leaves at once."""
+DATAGRAM_BYTES, STREAM_BYTES = 1200, 16_384
+"""The most that is sent at a time: what fits a common network's datagram, and what a pipe likes."""
 STATUSTEXT_BYTES = 50
+IDLE_S = 0.05
+"""How long the wall-clock side may be left alone."""
 
 _GROUND_STATION = constant("MAV_TYPE_GCS")
 _NOT_GIVEN = 32_767
@@ -42,12 +46,17 @@ _STATUSTEXT, _ITEM_REACHED = dialect.by_name("STATUSTEXT"), dialect.by_name("MIS
 
 
 class GroundLink:
-    """One way to the ground."""
+    """One way to the ground. Frames leave in order, gathered for some milliseconds of wall time: far above real
+    time one system call a tick would cost more than the tick.
+    """
 
     def __init__(self, transport: Transport, system: int) -> None:
         self.transport = transport
         self.endpoint = Endpoint(transport, system, COMPONENT)
         self.schedule = Schedule()
+        self._largest = DATAGRAM_BYTES if transport.address.startswith("udp") else STREAM_BYTES
+        self._outbox: list[bytes] = []
+        self._due_s = 0.0
         self._known: set[Party] = set()
 
     def meets(self, sender: Party) -> bool:
@@ -57,16 +66,30 @@ class GroundLink:
         self._known.add(sender)
         return True
 
-    def send_all(self, frames: Sequence[bytes]) -> None:
-        """Send frames in order, several to a datagram."""
-        datagram = b""
+    def write(self, message: MessageType, values: Values) -> None:
+        """Add a message to what leaves at the next flush."""
+        self._outbox.append(self.endpoint.encode_values(message, values))
+
+    def flush(self, now_s: float) -> None:
+        """Send what was gathered. Raises LinkLostError."""
+        frames, self._outbox = self._outbox, []
+        self._due_s = now_s + GATHER_S
+        packet = b""
         for frame in frames:
-            if datagram and len(datagram) + len(frame) > DATAGRAM_BYTES:
-                self.endpoint.transport.send(datagram)
-                datagram = b""
-            datagram += frame
-        if datagram:
-            self.endpoint.transport.send(datagram)
+            if packet and len(packet) + len(frame) > self._largest:
+                self.transport.send(packet)
+                packet = b""
+            packet += frame
+        if packet:
+            self.transport.send(packet)
+
+    def hasten(self) -> None:
+        """Let what waits leave at the next chance: somebody waits for an answer."""
+        self._due_s = 0.0
+
+    def wait_s(self, now_s: float) -> float | None:
+        """Seconds until the next flush, None when there is nothing to send."""
+        return max(0.0, self._due_s - now_s) if self._outbox else None
 
 
 Handler = Callable[[GroundLink, Frame, Any], None]
@@ -121,11 +144,11 @@ class GroundServer:
     def tell(self) -> None:
         """After a tick: the telemetry that is due, then what happened in it."""
         time_us = self._vehicle.state.time_us
-        for link in list(self.links):
+        for link in self.links:
             if due := link.schedule.due(time_us):
                 snapshot = self._vehicle.snapshot()
-                encode = link.endpoint.encode_values
-                self._safely(link, link.send_all, [encode(s.message, s.build(snapshot)) for s in due])
+                for stream in due:
+                    link.write(stream.message, stream.build(snapshot))
         self.announce()
 
     def announce(self) -> None:
@@ -138,13 +161,29 @@ class GroundServer:
             for message in (_CURRENT_MODE, _HEARTBEAT):
                 self._broadcast_values(message, self._message(message) or ())
 
-    def poll(self) -> None:
-        """Keep the wall-clock side going: heartbeats, mission timers, parameter lists."""
+    def poll(self) -> float:
+        """Keep the wall-clock side going: heartbeats, mission timers, parameter lists, and what waits to be sent.
+
+        Returns after how many seconds it wants to be polled again.
+        """
+        now_s = wall_s()
         if self._heartbeat.due():
             self._broadcast_values(_HEARTBEAT, self._message(_HEARTBEAT) or ())
-        self._missions.poll(wall_s())
+        self._missions.poll(now_s)
         self._params.poll()
         self.announce()
+        waits = [link.wait_s(now_s) for link in self.links]
+        if 0.0 in waits:
+            self.flush()
+        return min((wait_s for wait_s in waits if wait_s), default=IDLE_S)
+
+    def flush(self) -> None:
+        """Send all that waits. A link that breaks is the ground's loss, never the vehicle's."""
+        for link in list(self.links):
+            try:
+                link.flush(wall_s())
+            except LinkLostError as error:
+                self._drop(link, error)
 
     def receive(self, link: GroundLink) -> None:
         """Serve what has arrived on a link."""
@@ -161,7 +200,7 @@ class GroundServer:
         if sender == self._own:
             return
         if link.meets(sender):
-            self._reply(link, _HEARTBEAT, self._message(_HEARTBEAT) or ())
+            link.write(_HEARTBEAT, self._message(_HEARTBEAT) or ())
         handler = self._handlers.get(frame.message_id)
         if handler is None:
             return
@@ -169,6 +208,7 @@ class GroundServer:
         if addressed_to(message, self._own):
             handler(link, frame, message)
             self.announce()
+            link.hasten()
 
     def _hear_heartbeat(self, link: GroundLink, frame: Frame, message: Any) -> None:
         if message.type == _GROUND_STATION:
@@ -178,9 +218,9 @@ class GroundServer:
         outcome = self._commander.execute(command_from_message(message), link.schedule)
         self.announce()
         acknowledgement = dialect.by_name("COMMAND_ACK")
-        self._reply(link, acknowledgement, (message.command, outcome.result, 0, 0, frame.system, frame.component))
+        link.write(acknowledgement, (message.command, outcome.result, 0, 0, frame.system, frame.component))
         for answer, values in outcome.messages:
-            self._reply(link, answer, values)
+            link.write(answer, values)
 
     def _set_mode(self, link: GroundLink, frame: Frame, message: Any) -> None:
         """The old way to set a mode: never acknowledged, so the heartbeat tells what became of it."""
@@ -199,16 +239,16 @@ class GroundServer:
 
     def _tell_time(self, link: GroundLink, frame: Frame, message: Any) -> None:
         if message.tc1 == 0:
-            self._reply(link, dialect.by_name("TIMESYNC"), (round(wall_s() * 1e9), message.ts1))
+            link.write(dialect.by_name("TIMESYNC"), (round(wall_s() * 1e9), message.ts1))
 
     def _answer_ping(self, link: GroundLink, frame: Frame, message: Any) -> None:
         if message.target_system == 0:
             ping = dialect.by_name("PING")
-            self._reply(link, ping, (message.time_usec, message.seq, frame.system, frame.component))
+            link.write(ping, (message.time_usec, message.seq, frame.system, frame.component))
 
     def _list_logs(self, link: GroundLink, frame: Frame, message: Any) -> None:
         """No log is kept on board; a client that hears nothing would ask again for seconds."""
-        self._reply(link, dialect.by_name("LOG_ENTRY"), (0, 0, 0, 0, 0))
+        link.write(dialect.by_name("LOG_ENTRY"), (0, 0, 0, 0, 0))
 
     def _serve_mission(self, link: GroundLink, frame: Frame, message: Any) -> None:
         self._missions.feed(frame, self._sender(link), wall_s())
@@ -252,7 +292,7 @@ class GroundServer:
         def send(name: str, **fields: Any) -> None:
             self.announce()
             message = dialect.by_name(name)
-            self._reply(link, message, message.values(**fields))
+            link.write(message, message.values(**fields))
 
         return send
 
@@ -261,18 +301,8 @@ class GroundServer:
         self._broadcast_values(message, message.values(**fields))
 
     def _broadcast_values(self, message: MessageType, values: Values) -> None:
-        for link in list(self.links):
-            self._reply(link, message, values)
-
-    def _reply(self, link: GroundLink, message: MessageType, values: Values) -> None:
-        self._safely(link, link.endpoint.send_values, message, values)
-
-    def _safely(self, link: GroundLink, act: Callable[..., None], *arguments: Any) -> None:
-        """A link that breaks is the ground's loss, never the vehicle's."""
-        try:
-            act(*arguments)
-        except LinkLostError as error:
-            self._drop(link, error)
+        for link in self.links:
+            link.write(message, values)
 
     def _drop(self, link: GroundLink, error: LinkLostError) -> None:
         if link in self.links:

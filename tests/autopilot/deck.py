@@ -77,6 +77,7 @@ class Deck:
             self.time_us += TICK_US
             self.vehicle.tick(Inputs(sensors(self.time_us, depth_m), fix, None, None))
             self.server.tell()
+        self.server.flush()
 
     def serve(self) -> None:
         """Have the server read everything that the stations have said."""
@@ -85,6 +86,7 @@ class Deck:
                 self.server.receive(link)
         for _ in range(10):
             self.server.poll()
+        self.server.flush()
 
     def ask(self, message: Any, station: Station | None = None) -> list[Any]:
         """What a station hears when it says one thing."""
