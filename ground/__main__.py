@@ -260,7 +260,8 @@ def main() -> None:
     """The console command."""
     from link.transport import AddressError
 
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
     try:
         app()
     except (BadInputError, AddressError) as error:
@@ -269,12 +270,16 @@ def main() -> None:
         _leave(f"{error.filename}: exists; give a new name", BAD_INPUT)
     except FailedError as error:
         _leave(error, FAILED)
-    except KeyboardInterrupt:
+    except _InterruptedError:
         _leave("interrupted; what was recorded is kept", FAILED)
 
 
+class _InterruptedError(BaseException):
+    """Somebody wants this to end: unwinds through everything, so that logs are closed and processes stopped."""
+
+
 def _interrupt(number: int, frame: object) -> None:
-    raise KeyboardInterrupt
+    raise _InterruptedError
 
 
 def _leave(problem: object, status: int) -> None:

@@ -95,7 +95,7 @@ def fly_simulated(
         recorder = Recorder(dive.log, dive.tlog)
         stack.callback(recorder.finish)
         try:
-            return _fly(dive, Vehicle(transport, recorder), recorder, watch, hear)
+            return _fly(dive, Vehicle(transport, recorder, simulated.check), recorder, watch, hear)
         except VehicleError:
             wait_for_last_words(simulated)
             raise
@@ -121,7 +121,6 @@ def prepare(vehicle: Vehicle, dive: Dive) -> None:
 
 
 def _fly(dive: Dive, vehicle: Vehicle, recorder: Recorder, watch: Watch | None, hear: Hear | None) -> Outcome:
-    vehicle.on_text = hear
     recorder.annotate("dive", {"mission": dive.mission, **dive.notes})
     recorder.attach("mission.plan", plans.write_plan(dive.items).encode(), "application/json")
     vehicle.connect()
@@ -129,6 +128,7 @@ def _fly(dive: Dive, vehicle: Vehicle, recorder: Recorder, watch: Watch | None, 
     recorder.attach_parameters(vehicle.parameters())
     began_s, vehicle_began_s = wall_s(), recorder.vehicle_s
     vehicle.arm()
+    vehicle.on_text = hear
     _until_disarmed(vehicle, recorder, len(dive.items), began_s, watch)
     return Outcome(
         log=dive.log,

@@ -57,9 +57,10 @@ class Shown:
 @contextmanager
 def display(name: str, *, quiet: bool) -> Iterator[Shown]:
     """A display that is gone when the work is done; ``name`` is that of the only dive or work, if there is one."""
+    console = Console(stderr=True)
     bars = Progress(
         SpinnerColumn(), TextColumn("{task.description:28s}"), BarColumn(20), TextColumn("{task.fields[words]}"),
-        TimeElapsedColumn(), console=Console(stderr=True), disable=quiet,
+        TimeElapsedColumn(), console=console, disable=quiet or not console.is_terminal,
     )  # fmt: skip
     with bars:
         shown = Shown(bars, quiet=quiet)

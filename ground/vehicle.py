@@ -28,6 +28,7 @@ T = TypeVar("T")
 GROUND = Party(250, constant("MAV_COMP_ID_MISSIONPLANNER"))
 """Ground's own address: not 255/190, whose frames MAVSDK drops as QGroundControl's."""
 HEARTBEAT_PERIOD_S = 1.0
+WATCHDOG_PERIOD_S, ARM_RETRY_S = 0.2, 0.25
 LOST_AFTER_S = 5.0
 """Wall seconds without a heartbeat after which a vehicle counts as lost."""
 _GCS, _INVALID = constant("MAV_TYPE_GCS"), constant("MAV_AUTOPILOT_INVALID")
@@ -50,10 +51,14 @@ class Text(NamedTuple):
 class Vehicle:
     """A connected vehicle. Raises VehicleError wherever it is lost or refuses."""
 
-    def __init__(self, transport: Transport, recorder: Recorder | None = None) -> None:
+    def __init__(
+        self, transport: Transport, recorder: Recorder | None = None, watchdog: Callable[[], None] | None = None
+    ) -> None:
+        """``watchdog`` is called several times a second, to raise when what carries the vehicle has failed."""
         self._endpoint = Endpoint(transport, *GROUND)
         self._recorder = recorder
-        self._heartbeat = Every(HEARTBEAT_PERIOD_S)
+        self._watchdog = watchdog
+        self._heartbeat, self._check = Every(HEARTBEAT_PERIOD_S), Every(WATCHDOG_PERIOD_S)
         self._heard_s = wall_s()
         self._latest: dict[int, Frame] = {}
         self._modes: dict[str, int] = {}
@@ -95,6 +100,8 @@ class Vehicle:
         except LinkLostError as error:
             raise VehicleError(f"the vehicle is gone: {error}") from None
         self._take(frames)
+        if self._watchdog is not None and self._check.due():
+            self._watchdog()
         if self._recorder is not None:
             self._recorder.flush_when_due()
         if wall_s() - self._heard_s > LOST_AFTER_S:
@@ -150,7 +157,9 @@ class Vehicle:
             except NotReadyError:
                 if wall_s() > deadline_s:
                     raise
-                self.pump(0.1)
+            again_s = wall_s() + ARM_RETRY_S
+            while wall_s() < again_s:
+                self.pump(0.05)
 
     def disarm(self, *, force: bool = False) -> None:
         self.command(commands.ARM, 0.0, 21196.0 if force else 0.0)

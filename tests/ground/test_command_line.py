@@ -1,0 +1,216 @@
+"""The command line as people meet it: real processes, exit status, one line for a mistake, clean JSON."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from ground import logs
+
+pytestmark = pytest.mark.process
+ROOT = Path(__file__).parents[2]
+SHORT = """
+name = "short"
+
+[[step]]
+depth_m = 1.5
+heading_deg = 10.0
+thrust_pct = 58.0
+duration_s = 25.0
+
+[[step]]
+test = { signal = "step", axis = "rudder", magnitude_deg = 3.0, duration_s = 4 }
+
+[[step]]
+surface = true
+"""
+
+
+def ground(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command(*words), cwd=cwd, env=environment(), capture_output=True, text=True, check=False)
+
+
+def start(*words: str, cwd: Path) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        command(*words), cwd=cwd, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def command(*words: str) -> list[str]:
+    return [sys.executable, "-m", "ground", *words]
+
+
+def environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "dumb"}
+
+
+@pytest.fixture
+def mission(tmp_path: Path) -> Path:
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT)
+    return path
+
+
+def test_a_simulated_dive_loses_no_message_and_says_what_came_of_it(tmp_path: Path, mission: Path) -> None:
+    done = ground("fly", "short.toml", "--sitl", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["lost_frames"] == 0
+    assert told["texts"].count("SystemID Finished") == 1
+    found = logs.info(tmp_path / "short.mcap")
+    assert found["lost_frames"] == 0
+    assert found["attachments"] == ["mission.plan", "params.json"]
+    assert logs.read_parameters(tmp_path / "short.mcap")["HDG_P"] == pytest.approx(0.65)
+    flown_s = told["vehicle_s"]
+    assert found["topics"]["/mavlink/1/1/ATTITUDE"] >= 50 * flown_s - 2
+    assert {"/log", "/tf", "/foxglove/location"} <= set(found["topics"])
+
+
+def test_the_same_seed_gives_the_same_telemetry(tmp_path: Path, mission: Path) -> None:
+    def flown(name: str, seed: str) -> list[tuple[str, bytes]]:
+        words = ("fly", "short.toml", "--sitl", "--scenario", "disturbed", "--seed", seed, "--log", name)
+        done = ground(*words, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        return telemetry(tmp_path / name)
+
+    first, again, other = flown("a.mcap", "5"), flown("b.mcap", "5"), flown("c.mcap", "6")
+    assert len(first) > 1000
+    assert first == again
+    assert first != other
+
+
+def telemetry(path: Path) -> list[tuple[str, bytes]]:
+    """What the vehicle sent of itself under way: neither heartbeats nor answers to ground."""
+    from mcap.reader import make_reader
+
+    names = ("ATTITUDE", "ACTUATOR_OUTPUT_STATUS", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "ATTITUDE_TARGET")
+    topics = [f"/mavlink/1/1/{name}" for name in names]
+    with path.open("rb") as file:
+        found = make_reader(file).iter_messages(topics, log_time_order=False)
+        sent = [(channel.topic, message.data) for _, channel, message in found]
+    return [message for message in sent if int.from_bytes(message[1][:4], "little") > 0]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("fly", "absent.toml", "--sitl"), "absent.toml: no readable mission file"),
+        (("fly", "wrong.toml", "--sitl"), "wrong.toml: step 1: depth_m = -3: must be 0 to 6000"),
+        (("fly", "short.toml", "--sitl", "--vehicle", "whale"), "whale"),
+        (("fly", "short.toml", "--sitl", "--scenario", "storm"), "storm"),
+        (("fly", "short.toml", "--sitl", "--speed", "fast"), "fast"),
+        (("fly", "short.toml", "--connect", "carrier:pigeon"), "carrier:pigeon"),
+        (("fly", "short.toml", "--sitl", "--params", "wrong.param"), "wrong.param: line 2"),
+        (("log", "info", "absent.mcap"), "absent.mcap: No such file"),
+        (("log", "info", "short.toml"), "short.toml: no finished MCAP log"),
+        (("refit", "short.toml"), "short.toml"),
+        (("redesign", "absent.json"), "absent.json"),
+        (("report", "."), "holds no summary.json"),
+        (("campaign", "--out", "."), "holds files that are no campaign"),
+    ],
+)
+def test_a_mistake_gets_one_line_and_status_2(
+    words: tuple[str, ...], message: str, tmp_path: Path, mission: Path
+) -> None:
+    (tmp_path / "wrong.toml").write_text(SHORT.replace("1.5", "-3.0"))
+    (tmp_path / "wrong.param").write_text("HDG_P,0.5\nHDG_D is 3\n")
+    done = ground(*words, cwd=tmp_path)
+    said = done.stderr.strip().splitlines()
+    assert done.returncode == 2, done.stderr
+    assert len(said) == 1, done.stderr
+    assert said[0].startswith("ground: ")
+    assert message in said[0]
+    assert done.stdout == ""
+
+
+def test_a_parameter_that_the_vehicle_lacks_fails_the_flight(tmp_path: Path, mission: Path) -> None:
+    (tmp_path / "odd.param").write_text("NO_SUCH,1\n")
+    done = ground("fly", "short.toml", "--sitl", "--params", "odd.param", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "NO_SUCH" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.fixture
+def flying(tmp_path: Path, mission: Path) -> Iterator[subprocess.Popen[str]]:
+    """A long dive at ten times real time, some way into it."""
+    (tmp_path / "short.toml").write_text(SHORT.replace("25.0", "2500.0"))
+    process = start("fly", "short.toml", "--sitl", "--speed", "10", cwd=tmp_path)
+    log = tmp_path / "short.mcap"
+    try:
+        while not log.exists() or log.stat().st_size < 150_000:
+            assert process.poll() is None, process.communicate()[1]
+            time.sleep(0.05)
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def children(process: subprocess.Popen[str]) -> dict[str, int]:
+    """Process ids of sitl and autopilot by name."""
+    listed = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    names = {pid: Path(f"/proc/{pid}/cmdline").read_text().split("\0") for pid in listed}
+    return {words[2]: int(pid) for pid, words in names.items()}
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="reads child processes from /proc")
+@pytest.mark.parametrize("victim", ["autopilot", "sitl"])
+def test_a_killed_process_is_named_and_the_log_is_closed(
+    victim: str, flying: subprocess.Popen[str], tmp_path: Path
+) -> None:
+    started = children(flying)
+    os.kill(started[victim], signal.SIGKILL)
+    _, said = flying.communicate(timeout=60)
+    assert flying.returncode == 1, said
+    assert f"{victim} was killed by SIGKILL" in said
+    assert "Traceback" not in said
+    assert logs.info(tmp_path / "short.mcap")["messages"] > 1000
+    assert not any(is_alive(pid) for pid in started.values())
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="reads child processes from /proc")
+def test_a_terminated_ground_closes_its_log_and_stops_what_it_started(
+    flying: subprocess.Popen[str], tmp_path: Path
+) -> None:
+    started = children(flying)
+    flying.terminate()
+    _, said = flying.communicate(timeout=60)
+    assert flying.returncode == 1
+    assert "interrupted" in said
+    assert logs.info(tmp_path / "short.mcap")["lost_frames"] == 0
+    assert not any(is_alive(pid) for pid in started.values())
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="reads child processes from /proc")
+def test_what_a_killed_ground_recorded_can_be_recovered(flying: subprocess.Popen[str], tmp_path: Path) -> None:
+    started = children(flying)
+    flying.kill()
+    flying.wait()
+    for pid in started.values():
+        os.kill(pid, signal.SIGTERM)
+    done = ground("log", "recover", "short.mcap", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    saved = logs.info(tmp_path / "short-recovered.mcap")
+    assert saved["messages"] == json.loads(done.stdout)["messages"] > 1000
+    assert saved["lost_frames"] == 0
+
+
+def test_help_does_not_wait_for_the_numerics(tmp_path: Path) -> None:
+    probe = "import sys; import ground.__main__; print([m for m in ('numpy', 'scipy', 'numba') if m in sys.modules])"
+    words = [sys.executable, "-c", probe]
+    done = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
