@@ -1,0 +1,30 @@
+"""One identification campaign in a disturbed sea, flown and fitted once for all tests that look at it."""
+
+import pytest
+from sitl.vehicle import config
+
+from sysid import refit
+from sysid.model import IdentifiedModel
+from sysid.runs import Run
+from tests.sysid import sea
+
+
+@pytest.fixture(scope="session")
+def bench() -> config.VehicleConfig:
+    return config.load("bench")
+
+
+@pytest.fixture(scope="session")
+def field() -> config.VehicleConfig:
+    """The truth, which only tests may look at."""
+    return config.load("field")
+
+
+@pytest.fixture(scope="session")
+def campaign(field: config.VehicleConfig) -> list[Run]:
+    return sea.campaign(field, seed=1000)
+
+
+@pytest.fixture(scope="session")
+def model(campaign: list[Run], bench: config.VehicleConfig) -> IdentifiedModel:
+    return refit.identify(campaign, bench)

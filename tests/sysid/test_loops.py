@@ -1,0 +1,121 @@
+"""Loops by other means: python-control's margins and feedback, a time simulation with the true delay, the paper's poles."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sysid import analysis, loops, planes
+from sysid.loops import Lag
+from sysid.tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL, TABLE_3_IMPROVED, TABLE_3_INITIAL
+
+LAG = Lag(0.33)
+YAW, PITCH = planes.yaw_plane(TABLE_1_ADJUSTED), planes.pitch_plane(TABLE_1_ADJUSTED)
+S = control.tf("s")
+
+
+def transfer(plane: planes.LinearPlane, state: int, order: int = 6) -> control.TransferFunction:
+    """From command to a state, assembled by python-control."""
+    C = np.eye(plane.A.shape[0])[[state]]
+    body = control.ss2tf(control.ss(plane.A, plane.B[:, None], C, 0))
+    duct = 9.0 / (S**2 + 3.6 * S + 9.0) * control.tf(*control.pade(LAG.delay_s, order))
+    return body * duct
+
+
+def test_margins_are_python_controls() -> None:
+    g = TABLE_3_IMPROVED
+    loop = transfer(YAW, 2) * (g["HDG_P"] + g["HDG_I"] / S + g["HDG_D"] * S)
+    gm, pm, _, _, crossover, _ = control.stability_margins(control.minreal(loop, verbose=False))[:6]
+    _, _, sm, *_ = control.stability_margins(control.minreal(loop, verbose=False))
+    found = loops.margins(loops.heading_loops(loops.responses(YAW, LAG), g)["rudder"])
+    assert found.gm_db == pytest.approx(20 * math.log10(gm), abs=0.05)
+    assert found.pm_deg == pytest.approx(pm, abs=0.2)
+    assert found.ms == pytest.approx(1 / sm, rel=5e-3)
+    assert np.isfinite(crossover)
+
+
+@pytest.mark.parametrize("gains", [TABLE_3_INITIAL, TABLE_3_IMPROVED])
+def test_poles_are_python_controls(gains: dict[str, float]) -> None:
+    g = gains
+    pitch = transfer(PITCH, 2, 4) * (g["PTCH_P"] + g["PTCH_D"] * S)
+    outer = -g["PTCH_P"] * (g["DPT_P"] + g["DPT_I"] / S) * transfer(PITCH, 3, 4)
+    closed = control.poles(control.minreal(1 / (1 + pitch + outer), tol=1e-4, verbose=False))
+    for pole in loops.poles(loops.close_depth(PITCH, LAG, g, 4)):
+        if abs(pole) < analysis.BAND_RADPS:
+            assert np.min(np.abs(closed - pole)) < 1e-3 * max(1.0, abs(pole))
+
+
+def fly(plane: planes.LinearPlane, gains: dict[str, float], factor: float, seconds: float = 150.0) -> float:
+    """Heading loop with its gain scaled, simulated with a true delay: late amplitude over early amplitude."""
+    dt = 0.005
+    late = round(LAG.delay_s / dt)
+    queue = [0.0] * late
+    x, angle, rate, integral = np.array([0.0, 0.0, 0.1]), 0.0, 0.0, 0.0
+    sizes = []
+    for _ in range(int(seconds / dt)):
+        integral -= gains["HDG_I"] * x[2] * dt
+        queue.append(factor * (-gains["HDG_P"] * x[2] - gains["HDG_D"] * x[1] + integral))
+        command = queue.pop(0)
+        rate += dt * (9.0 * (command - angle) - 3.6 * rate)
+        angle += dt * rate
+        x = x + dt * (plane.A @ x + plane.B * angle)
+        sizes.append(abs(x[2]))
+    third = len(sizes) // 3
+    return float(max(sizes[-third:]) / max(sizes[third : 2 * third]))
+
+
+def test_the_gain_margin_is_where_a_true_delay_loop_goes_unstable() -> None:
+    cut = loops.heading_loops(loops.responses(YAW, LAG), TABLE_3_IMPROVED)["rudder"]
+    limit = 10 ** (loops.margins(cut).gm_db / 20)
+    assert fly(YAW, TABLE_3_IMPROVED, 0.95 * limit) < 1.0
+    assert fly(YAW, TABLE_3_IMPROVED, 1.05 * limit) > 1.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(0.1, 2.5), st.floats(0.2, 5.0), st.floats(0.01, 0.1))
+def test_pade_poles_agree_with_nyquist_of_the_true_delay(p: float, d: float, i: float) -> None:
+    """Argument principle: over 0 < w < inf the phase of 1 + L grows by k pi/2 - Z pi, with k = 2 integrators in L."""
+    gains = {**TABLE_3_INITIAL, "HDG_P": p, "HDG_D": d, "HDG_I": i}
+    cut = loops.heading_loops(loops.responses(YAW, LAG), gains)["rudder"]
+    if np.min(np.abs(1 + cut)) < 0.05:
+        return  # too near the border for a grid to count
+    turned = np.unwrap(np.angle(1 + cut))
+    unstable_by_nyquist = round((math.pi - (turned[-1] - turned[0])) / math.pi)
+    poles = loops.poles(loops.close_heading(YAW, LAG, gains, order=6))
+    assert int(np.count_nonzero(poles.real > 0)) == unstable_by_nyquist
+
+
+def test_step_response_is_the_integrated_closed_loop() -> None:
+    closed = loops.close_depth(PITCH, LAG, TABLE_3_IMPROVED)
+    response = loops.step_response(closed, 3, 60.0)
+    system = control.ss(closed.A, closed.reference[:, None], np.eye(len(closed.A))[[3]], 0)
+    _, expected = control.step_response(system, T=np.arange(0, 60.0, 0.1))
+    np.testing.assert_allclose(response, np.squeeze(expected), atol=1e-6)
+    assert response[-1] == pytest.approx(1.0, abs=0.05)
+
+
+def test_table_4_beside_the_paper() -> None:
+    """All nine rows; the ordering is what the paper's argument needs, the values agree as far as the paper lets them."""
+    rows = {(row.loop, row.case): row for row in analysis.table_4()}
+    assert len(rows) == 9
+    zeta = {key: analysis.damping((row.ours,)) for key, row in rows.items()}
+    for loop in ("heading", "pitch", "depth"):
+        assert zeta[loop, "A/A"] > zeta[loop, "I/I"], f"{loop}: the redesign adds damping"
+        assert zeta[loop, "A/A"] > zeta[loop, "A/I"]
+    for case in ("I/I", "A/I", "A/A"):
+        ours, paper = rows["heading", case].ours, rows["heading", case].paper
+        assert abs(ours - paper) / abs(paper) < 0.16
+    # The one row that a delay of 0.2 s explains to 1 %.
+    delayed = {(r.loop, r.case): r for r in analysis.table_4(Lag(0.2))}[("pitch", "I/I")]
+    assert abs(delayed.ours - delayed.paper) / abs(delayed.paper) < 0.01
+
+
+def test_the_initial_model_is_less_damped_under_a_longer_delay() -> None:
+    model = analysis.Planes(planes.yaw_plane(TABLE_1_INITIAL), planes.pitch_plane(TABLE_1_INITIAL))
+    dampings = [
+        analysis.damping(analysis.analyse(model, TABLE_3_INITIAL, delay).poles["pitch"]) for delay in (0.1, 0.3, 0.5)
+    ]
+    assert dampings == sorted(dampings, reverse=True)
