@@ -1,8 +1,8 @@
 """One identification campaign in a disturbed sea, flown and fitted once for all tests that look at it."""
 
 import pytest
-from sitl.vehicle import config
 
+from sitl.vehicle import config
 from sysid import refit
 from sysid.model import IdentifiedModel
 from sysid.runs import Run

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+
 from sitl import tailcone
 from sitl.vehicle import calibrate, config
-
 from sysid import fit, greybox, parameters, planes
 from sysid.runs import RATE_HZ, Plane
 from tests.sysid import sea
@@ -46,7 +46,7 @@ def test_duct_follows_commands_as_the_tailcone_does(bench: config.VehicleConfig,
 def test_a_plane_alone_moves_as_the_whole_vehicle(
     bench: config.VehicleConfig, plane: Plane, degrees: float, bound_degps: float
 ) -> None:
-    """Six degrees of freedom under loops against one plane: what differs is roll, and the other plane's small motion."""
+    """Six degrees of freedom under loops against one plane: what differs is roll and the other plane."""
     run = sea.fly(bench, plane, sea.step(degrees, 8.0), level=sea.CALM, sensors=QUIET).since(-5.0)
     model = calibrate.build(bench)
     motion = greybox.simulate(model, nominal(bench, plane), run, greybox.measured_start(run), 1, 1.3)
@@ -63,7 +63,7 @@ def test_the_fit_step_is_as_good_as_the_fine_one(bench: config.VehicleConfig) ->
 
 
 def test_linear_planes_are_the_slope_of_the_nonlinear_ones(bench: config.VehicleConfig) -> None:
-    """Within half a per cent: with z_CM off the axis the surge force of 22 N of buoyancy adds to the righting moment."""
+    """Within half a per cent: buoyancy's surge force, with z_CM off the axis, adds to the righting moment."""
     vehicle = parameters.vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(parameters.NAMES)))
     rps = 0.58 * vehicle.model.propeller.full_rps
     for plane in ("yaw", "pitch"):

@@ -38,7 +38,11 @@ def depth_target(time_s: float, depth: float) -> Entry:
     )
 
 
-def dive(seconds: float = 40.0, test: tuple[float, float, str] | None = (20.0, 30.0, "SystemID Finished")) -> list[Entry]:
+Test = tuple[float, float, str]
+"""Start, end, and the text of its end."""
+
+
+def dive(seconds: float = 40.0, test: Test | None = (20.0, 30.0, "SystemID Finished")) -> list[Entry]:
     """Yaw grows past pi at 0.1 rad/s; rudder steps to 1/3 of its travel within the test."""
     entries: list[Entry] = []
     for k in range(int(seconds * 50)):

@@ -1,4 +1,4 @@
-"""Loops by other means: python-control's margins and feedback, a time simulation with the true delay, the paper's poles."""
+"""Loops by other means: python-control's margins and feedback, a true delay in time, the paper's poles."""
 
 import math
 
@@ -98,7 +98,7 @@ def test_step_response_is_the_integrated_closed_loop() -> None:
 
 
 def test_table_4_beside_the_paper() -> None:
-    """All nine rows; the ordering is what the paper's argument needs, the values agree as far as the paper lets them."""
+    """All nine rows; the ordering is what the paper's argument needs, the values agree as far as it lets them."""
     rows = {(row.loop, row.case): row for row in analysis.table_4()}
     assert len(rows) == 9
     zeta = {key: analysis.damping((row.ours,)) for key, row in rows.items()}

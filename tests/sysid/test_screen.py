@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sitl.vehicle import config
 
+from sitl.vehicle import config
 from sysid.runs import Run
 from sysid.screen import screen
 from tests.sysid import sea
