@@ -26,15 +26,39 @@ Outcome = tuple[State, tuple[Event | ItemReached, ...]]
 def check(items: tuple[MissionItem, ...], config: Config) -> tuple[int, str]:
     """The first item that this vehicle cannot fly and why; (-1, "") when it can fly them all."""
     for item in _flown(items, config):
-        if item.command not in COMMANDS:
-            return item.sequence, f"command {item.command} is not one this vehicle flies"
-        if item.command == JUMP and not 0 <= item.p1 < len(items):
-            return item.sequence, f"DO_JUMP to {item.p1:g}: there is no such item"
-        if item.command == CHANGE_ALTITUDE and item.p1 > 0.0:
-            return item.sequence, f"altitude {item.p1:g} m: must be 0 or negative, depth is minus altitude"
-        if item.command == TEST and (wrong := excitation.check(test_of(item, State()), config.travel_deg)):
+        if wrong := _fault(item, len(items), config):
             return item.sequence, wrong
     return -1, ""
+
+
+_NEEDS = {
+    DELAY: ("p1",),
+    LOITER_TIME: ("p1",),
+    YAW: ("p1",),
+    JUMP: ("p1", "p2"),
+    CHANGE_ALTITUDE: ("p1",),
+    CHANGE_ALTITUDE_WAIT: ("z",),
+    TEST: ("p1", "p2"),
+}
+"""The numbers without which an item means nothing; NaN in any other field means "not given"."""
+
+
+def _fault(item: MissionItem, count: int, config: Config) -> str:
+    """What is wrong with an item; empty when it can be flown."""
+    if item.command not in COMMANDS:
+        return f"command {item.command} is not one this vehicle flies"
+    for name in _NEEDS.get(item.command, ()):
+        if not math.isfinite(getattr(item, name)):
+            return f"{name} of command {item.command}: must be a number"
+    if any(math.isinf(value) for value in (item.p1, item.p2, item.p3, item.p4, item.z)):
+        return f"command {item.command}: infinite"
+    if item.command == JUMP and not 0 <= item.p1 < count:
+        return f"DO_JUMP to {item.p1:g}: there is no such item"
+    if item.command == CHANGE_ALTITUDE and item.p1 > 0.0:
+        return f"altitude {item.p1:g} m: must be 0 or negative, depth is minus altitude"
+    if item.command == TEST:
+        return excitation.check(test_of(item, State()), config.travel_deg)
+    return ""
 
 
 def restart(mission: MissionState, config: Config) -> MissionState:

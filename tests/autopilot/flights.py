@@ -38,6 +38,7 @@ class Flight:
     heading: float = 0.0
     pitch: float = 0.0
     depth_m: float = 5.0
+    speed_mps: float = 0.0
     altitude_m: float | None = None
     events: list[Event | ItemReached] = field(default_factory=list)
     trace: Trace = field(default_factory=Trace)
@@ -53,11 +54,17 @@ class Flight:
         pitch_rate, yaw_rate = 0.5 * self.trace.elevator_rad, 0.5 * self.trace.rudder_rad
         self.pitch += pitch_rate * 0.02
         self.heading += yaw_rate * 0.02
-        self.depth_m -= 1.3 * math.sin(self.pitch) * 0.02 if self.trace.thrust else 0.0
+        steady = 1.3 * self.trace.thrust / 0.58
+        self.speed_mps += (steady**2 - self.speed_mps**2) / self.config.speed_length_m * 0.02
+        self.depth_m -= self.speed_mps * math.sin(self.pitch) * 0.02
         rates = (0.0, pitch_rate, yaw_rate)
         seen = None if self.altitude_m is None else Altimeter(time_us, self.altitude_m, 0.3, 30.0)
         reading = sensors(time_us, pitch=self.pitch, heading=self.heading, depth_m=self.depth_m, rates=rates)
-        self.state, self.frame, self.trace, said = core.tick(self.state, Inputs(reading, None, seen, None), self.config)
+        turning = reading._replace(
+            accel_y_mps2=reading.accel_y_mps2 + yaw_rate * self.speed_mps,
+            accel_z_mps2=reading.accel_z_mps2 - pitch_rate * self.speed_mps,
+        )
+        self.state, self.frame, self.trace, said = core.tick(self.state, Inputs(turning, None, seen, None), self.config)
         self.events += said
         return self.state
 

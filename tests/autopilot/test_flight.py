@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autopilot import modes, requests
+from autopilot import mission, modes, requests
 from autopilot.params import Config
 from autopilot.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, ItemReached
 from link.missions import MissionItem
@@ -175,6 +175,28 @@ def test_an_impossible_wish_is_refused_and_changes_nothing(wish: requests.Reques
     before = flight.state
     assert flight.ask(wish) == result
     assert flight.state == before
+
+
+@given(
+    command=st.sampled_from(sorted(mission.COMMANDS)),
+    numbers=st.lists(st.sampled_from([math.nan, math.inf, -math.inf, 0.0, 1.0, -3.0, 12.0]), min_size=5, max_size=5),
+    frame=st.sampled_from([0, 1, 2, 3]),
+)
+def test_no_item_that_is_accepted_makes_the_actuators_anything_but_numbers(
+    command: int, numbers: list[float], frame: int
+) -> None:
+    flight = Flight()
+    flight.step()
+    p1, p2, p3, p4, z = numbers
+    items = (MissionItem(0, frame, command, p1=p1, p2=p2, p3=p3, p4=p4, x=10, y=1, z=z), MissionItem(1, 2, 93, p1=1.0))
+    if flight.ask(requests.LoadMission(items)) != ACCEPTED:
+        return
+    flight.ask(requests.SetMode(modes.MISSION.number))
+    flight.ask(requests.Arm())
+    for state in flight.run(0.2):
+        assert flight.frame is not None
+        assert all(math.isfinite(value) for value in flight.frame.controls)
+        assert all(math.isfinite(value) for value in state.setpoint[:3])
 
 
 def test_arming_needs_sensors_and_a_mission_to_fly() -> None:
