@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from ground import logs
+from ground.processes import SimulatedVehicle, Simulation
 
 pytestmark = pytest.mark.process
 ROOT = Path(__file__).parents[2]
@@ -214,3 +215,28 @@ def test_help_does_not_wait_for_the_numerics(tmp_path: Path) -> None:
     words = [sys.executable, "-c", probe]
     done = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_parameters_are_saved_changed_and_loaded_over_the_link(tmp_path: Path) -> None:
+    with SimulatedVehicle(Simulation()) as simulated:
+        simulated.connect().close()
+        link = ("--connect", simulated.address)
+        assert ground("params", "save", "before.param", *link, cwd=tmp_path).returncode == 0
+        assert ground("params", "set", "HDG_P", "0.5", *link, cwd=tmp_path).stdout == "HDG_P = 0.5\n"
+        assert json.loads(ground("params", "get", "HDG_P", "--json", *link, cwd=tmp_path).stdout) == {"HDG_P": 0.5}
+        assert ground("params", "load", "before.param", *link, cwd=tmp_path).returncode == 0
+        listed = json.loads(ground("params", "list", "--json", *link, cwd=tmp_path).stdout)
+        assert listed["HDG_P"] == pytest.approx(0.65)
+        refused = ground("params", "set", "HDG_P", "99", *link, cwd=tmp_path)
+    assert refused.returncode == 1
+    assert "HDG_P" in refused.stderr
+    assert "Traceback" not in refused.stderr
+
+
+def test_the_papers_tables_need_no_flight(tmp_path: Path) -> None:
+    done = ground("paper", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["table_1"]["Y_v"] == {"initial": -449, "adjusted": -445}
+    assert len(told["table_4_radps"]) == 9
+    assert "Y_vdot" in told["derivation"] or "Y_v'" in told["derivation"]
