@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 TRIM_MISSION = "trim"
 MISSIONS = ("straight_run", "depth_change", "combined", "shallow_1m")
-FITTED = ("rudder_steps", "elevator_steps")
+FITTED = ("rudder_steps", "elevator_steps", "rudder_sweeps", "elevator_sweeps")
+"""The paper's steps, and the sweeps that tell what steps leave open: the dynamics near crossover."""
 HELD_OUT = ("rudder_heldout", "elevator_heldout")
 AT_ONCE = 2
 """Dives flown at the same time: a lockstepped pair keeps one core busy."""

@@ -13,7 +13,7 @@ function draw() {
                error_y: trace.error_y && { ...trace.error_y, color: own } };
     });
     const layout = {
-      margin: { l: 58, r: 14, t: chart.layout.title ? 42 : 30, b: 44 },
+      margin: { l: 58, r: 14, t: 30, b: 44 },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", hovermode: "x unified",
       font: { family: "Palatino, 'Palatino Linotype', Georgia, serif", size: 13, color: color("ink") },
       legend: { orientation: "h", x: 0, y: 1.0, yanchor: "bottom", xanchor: "left" },

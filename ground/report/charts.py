@@ -73,7 +73,7 @@ def of_poles(poles: Mapping[str, Mapping[str, Sequence[Sequence[float]]]], loop:
         })  # fmt: skip
     layout = {
         "height": 320,
-        "title": {"text": f"{loop} loop"},
+        "margin": {"l": 58, "r": 14, "t": 62, "b": 44},
         "xaxis": {"title": {"text": "real, rad/s"}, "range": [-4.2, 0.4]},
         "yaxis": {"title": {"text": "imaginary, rad/s"}, "range": [-4.0, 4.0]},
     }

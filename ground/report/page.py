@@ -39,7 +39,7 @@ def _page(campaign: CampaignFolder) -> str:
         "headline": _headline(summary["steady_error"]),
         "missions": "".join(map(_figure, missions)),
         "steps": "".join(map(_figure, steps)),
-        "poles": "".join(f'<div class="chart" id="poles-{loop}"></div>' for loop in poles["initial"]),
+        "poles": "".join(map(_poles, poles["initial"])),
         "table_1": tables.table_1(model),
         "table_2": tables.table_2(summary["model"]["held_out_rate_error"]),
         "table_3": tables.table_3(summary["gains"]),
@@ -66,7 +66,7 @@ def _page(campaign: CampaignFolder) -> str:
 def _lead(summary: dict[str, Any]) -> str:
     model = summary["model"]
     return (
-        f"A prototype controller was flown, {model['runs_kept']} step tests were run, the model was refitted to them, "
+        f"A prototype controller was flown, {model['runs_kept']} tests were run, the model was refitted to them, "
         "the gains were redesigned, and the missions were flown again: "
         f"{summary['vehicle_s'] / 60:.0f} minutes at sea, {summary['wall_s']:.0f} seconds of computing."
     )
@@ -92,6 +92,10 @@ def _figure(figure: Figure) -> str:
         f'<div><h3>{escape(figure.title)}</h3><p class="note">{escape(figure.note)}</p>'
         f'<div class="chart" id="{figure.key}"></div></div>'
     )
+
+
+def _poles(loop: str) -> str:
+    return f'<div><p class="note">{loop.capitalize()} loop</p><div class="chart" id="poles-{loop}"></div></div>'
 
 
 def _footer(summary: dict[str, Any]) -> str:
