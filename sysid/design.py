@@ -329,7 +329,7 @@ def _solve(search: _Search, spec: Spec) -> dict[str, float]:
 
 
 TRIM_LEFT_RAD = math.radians(1.0)
-"""What the trim parameters may leave to the heading integrator. Every degree more is a degree of windup after a turn."""
+"""What trim may leave to the heading integrator. Every degree more is a degree of windup after a turn."""
 LEVEL_PITCH_ROOM = 1.25
 """Depth integrator over the pitch that level flight needs: ballast changes by a fourth of the net buoyancy or so."""
 
