@@ -6,10 +6,9 @@ Sources: https://mavlink.io/en/services/command.html and https://mavlink.io/en/s
 from typing import Any
 
 from link.dialect import constant, enum_names
-from link.exchange import Exchange, ExchangeError, Party, Send
+from link.exchange import Exchange, Party, Send
 
 ACCEPTED, IN_PROGRESS = constant("MAV_RESULT_ACCEPTED"), constant("MAV_RESULT_IN_PROGRESS")
-TEMPORARILY_REJECTED = constant("MAV_RESULT_TEMPORARILY_REJECTED")
 ARM, SET_MODE = constant("MAV_CMD_COMPONENT_ARM_DISARM"), constant("MAV_CMD_DO_SET_MODE")
 SET_INTERVAL, REQUEST = constant("MAV_CMD_SET_MESSAGE_INTERVAL"), constant("MAV_CMD_REQUEST_MESSAGE")
 
@@ -19,10 +18,6 @@ _STANDARD_NAMES = {
     constant("MAV_STANDARD_MODE_LAND"): "SURFACE",
 }
 """What the standard modes that a submarine may offer are called where the vehicle leaves their name out."""
-
-
-class NotNowError(ExchangeError):
-    """The vehicle can do it, but not at this moment: worth asking again."""
 
 
 class Command(Exchange[None]):
@@ -35,12 +30,6 @@ class Command(Exchange[None]):
         self._command = command
         self._parameters = (*parameters, *(0.0,) * (7 - len(parameters)))
         self._confirmation = 0
-        self._not_now = ""
-
-    def result(self) -> None:
-        if self._not_now:
-            raise NotNowError(self._not_now)
-        super().result()
 
     def _ask(self) -> None:
         fields = {f"param{n}": value for n, value in enumerate(self._parameters, start=1)}
@@ -55,9 +44,7 @@ class Command(Exchange[None]):
         elif message.result == ACCEPTED:
             self._finish(None)
         else:
-            reason = f"{self._question()}: {_spell(message.result, 'MAV_RESULT')}"
-            self._not_now = reason if message.result == TEMPORARILY_REJECTED else ""
-            self._fail(reason)
+            self._fail(f"{self._question()}: {_spell(message.result, 'MAV_RESULT')}")
 
     def _question(self) -> str:
         return _spell(self._command, "MAV_CMD")

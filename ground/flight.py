@@ -13,7 +13,7 @@ from ground.recorder import Recorder
 from ground.vehicle import Text, Vehicle, VehicleError
 from link.clock import Every, wall_s
 from link.missions import MissionItem
-from link.transport import open_transport
+from link.transport import open_transport, wait
 
 RATES_HZ = {
     "ATTITUDE": 50.0,
@@ -104,10 +104,9 @@ def fly_simulated(
 def wait_for_last_words(simulated: SimulatedVehicle, patience_s: float = 1.0) -> None:
     """Raise what a dying process says in place of the lost link that it caused, if it dies in time."""
     deadline_s = wall_s() + patience_s
-    ticking = Every(0.05)
     while wall_s() < deadline_s:
-        if ticking.due():
-            simulated.check()
+        wait([], 0.05)
+        simulated.check()
 
 
 def prepare(vehicle: Vehicle, dive: Dive) -> None:

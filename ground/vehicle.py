@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 from ground import commands
-from ground.commands import Command, ModeList, NotNowError
+from ground.commands import Command, ModeList
 from ground.errors import FailedError
 from ground.recorder import Recorder
 from ground.texts import TextJoiner
@@ -28,19 +28,18 @@ T = TypeVar("T")
 GROUND = Party(250, constant("MAV_COMP_ID_MISSIONPLANNER"))
 """Ground's own address: not 255/190, whose frames MAVSDK drops as QGroundControl's."""
 HEARTBEAT_PERIOD_S = 1.0
-WATCHDOG_PERIOD_S, ARM_RETRY_S = 0.2, 0.25
+WATCHDOG_PERIOD_S = 0.2
+READY_WITHIN_S = 60.0
+"""Wall seconds a vehicle may take to stand by: on a new machine the simulator compiles its kernels first."""
 LOST_AFTER_S = 5.0
 """Wall seconds without a heartbeat after which a vehicle counts as lost."""
+_STANDBY = constant("MAV_STATE_STANDBY")
 _GCS, _INVALID = constant("MAV_TYPE_GCS"), constant("MAV_AUTOPILOT_INVALID")
 _HEARTBEAT, _STATUSTEXT = constant("MAVLINK_MSG_ID_HEARTBEAT"), constant("MAVLINK_MSG_ID_STATUSTEXT")
 
 
 class VehicleError(FailedError):
     """The vehicle is not there, went away, or refused; the message says which and why."""
-
-
-class NotReadyError(VehicleError):
-    """The vehicle refused for now; asking again may help."""
 
 
 class Text(NamedTuple):
@@ -65,6 +64,7 @@ class Vehicle:
         self._listener: Callable[[Frame], None] | None = None
         self.on_text: Callable[[Text], None] | None = None
         self.party: Party | None = None
+        self._status = 0
         self.armed = False
         self.disarmings = 0
         """How often the vehicle was seen to disarm."""
@@ -148,18 +148,12 @@ class Vehicle:
         """Have a message sent ``rate_hz`` times a second of vehicle time."""
         self.command(commands.SET_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz)
 
-    def arm(self, patience_s: float = 10.0) -> None:
-        """Arm, giving a vehicle that has just started up to ``patience_s`` to become ready."""
+    def arm(self, patience_s: float = READY_WITHIN_S) -> None:
+        """Arm, giving a vehicle that is still starting up to ``patience_s`` to stand by; then its refusal counts."""
         deadline_s = wall_s() + patience_s
-        while True:
-            try:
-                return self.command(commands.ARM, 1.0)
-            except NotReadyError:
-                if wall_s() > deadline_s:
-                    raise
-            again_s = wall_s() + ARM_RETRY_S
-            while wall_s() < again_s:
-                self.pump(0.05)
+        while self._status < _STANDBY and wall_s() < deadline_s:
+            self.pump(0.05)
+        self.command(commands.ARM, 1.0)
 
     def disarm(self, *, force: bool = False) -> None:
         self.command(commands.ARM, 0.0, 21196.0 if force else 0.0)
@@ -188,8 +182,6 @@ class Vehicle:
                 exchange.poll(wall_s())
                 self.pump(0.02)
             return exchange.result()
-        except NotNowError as error:
-            raise NotReadyError(self._with_reason(error, told)) from None
         except ExchangeError as error:
             raise VehicleError(self._with_reason(error, told)) from None
         except LinkLostError as error:
@@ -223,6 +215,7 @@ class Vehicle:
         if sender == self.party:
             self._heard_s = wall_s()
             armed = bool(message.base_mode & ARMED_FLAG)
+            self._status = message.system_status
             self.disarmings += self.armed and not armed
             self.armed = armed
 

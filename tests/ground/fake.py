@@ -68,9 +68,9 @@ class FakeVehicle:
         self.commands: list[Any] = []
         self.mute = False
 
-    def heartbeat(self, *, armed: bool = False, kind: int = 12, autopilot: int = 0) -> None:
+    def heartbeat(self, *, armed: bool = False, kind: int = 12, autopilot: int = 0, status: int = 4) -> None:
         base_mode = 1 | (128 if armed else 0)
-        fields = {"custom_mode": 0, "system_status": 4, "mavlink_version": 3}
+        fields = {"custom_mode": 0, "system_status": status, "mavlink_version": 3}
         self._endpoint.send("HEARTBEAT", type=kind, autopilot=autopilot, base_mode=base_mode, **fields)
 
     def say(self, text: str, **fields: int) -> None:

@@ -3,16 +3,18 @@
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from threading import Timer
 
 import pytest
 
 from ground import vehicle as client
 from ground.recorder import Recorder
-from ground.vehicle import NotReadyError, Vehicle, VehicleError
+from ground.vehicle import Vehicle, VehicleError
 from link.missions import MissionItem
 from tests.ground.fake import ACCEPTED, DENIED, REJECTED, FakeVehicle, attend
 
 ARM, SET_MODE, SET_INTERVAL = 400, 176, 511
+BOOT, STANDBY = 1, 3
 
 
 Meet = Callable[..., FakeVehicle]
@@ -87,16 +89,25 @@ def test_a_rate_is_asked_for_as_an_interval(fake: FakeVehicle) -> None:
     assert (sent.param1, sent.param2) == (30.0, 20_000.0)
 
 
-def test_arming_waits_for_a_vehicle_that_is_not_ready_yet(meet: Meet) -> None:
-    fake = meet({ARM: [REJECTED, REJECTED, ACCEPTED]})
-    connected(fake).arm()
-    assert sum(c.command == ARM for c in fake.commands) == 3
+def test_arming_waits_for_a_vehicle_that_is_still_starting(meet: Meet) -> None:
+    fake = meet()
+    vehicle = connected(fake)
+    fake.heartbeat(status=BOOT)
+    vehicle.pump(0.0)
+    later = Timer(0.2, lambda: fake.heartbeat(status=STANDBY))
+    later.start()
+    vehicle.arm()
+    later.join()
+    assert sum(c.command == ARM for c in fake.commands) == 1, "asked once, when it was ready"
 
 
-def test_a_refusal_comes_with_what_the_vehicle_said(meet: Meet) -> None:
+def test_a_vehicle_that_never_stands_by_is_asked_for_its_reason(meet: Meet) -> None:
     fake = meet({ARM: [REJECTED]})
-    with pytest.raises(NotReadyError, match=r"temporarily rejected \(Not armed: no sensors"):
-        connected(fake).arm(patience_s=0.0)
+    vehicle = connected(fake)
+    fake.heartbeat(status=BOOT)
+    vehicle.pump(0.0)
+    with pytest.raises(VehicleError, match=r"temporarily rejected \(Not armed: no sensors"):
+        vehicle.arm(patience_s=0.1)
 
 
 def test_a_denial_is_final(meet: Meet) -> None:
