@@ -155,7 +155,7 @@ def _channels(reader: Any, path: Path) -> Messages:
     payloads: dict[str, list[bytes]] = defaultdict(list)
     stamps: dict[str, list[int]] = defaultdict(list)
     schemas: dict[str, str] = {}
-    for schema, channel, message in reader.iter_messages(topics=list(topics)):
+    for schema, channel, message in reader.iter_messages(topics=list(topics), log_time_order=False):
         name = topics[channel.topic]
         payloads[name].append(message.data)
         stamps[name].append(message.log_time)
