@@ -6,7 +6,8 @@ from autopilot.hil import HilLink, Sample
 from autopilot.server import GroundServer
 from autopilot.types import US_PER_S, Inputs
 from autopilot.vehicle import Vehicle
-from link.transport import wait
+from link.clock import wall_s
+from link.transport import EAGER_S, wait
 
 RESTART_US = US_PER_S
 """Vehicle time that falls back by more than this belongs to a new run of the simulator."""
@@ -20,6 +21,7 @@ class App:
     def __init__(self, vehicle: Vehicle, hil: HilLink, ground: GroundServer) -> None:
         self._vehicle, self._hil, self._ground = vehicle, hil, ground
         self._stale_frames = 0
+        self._heard_s = 0.0
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve until ``stopping`` says so. Raises LinkLostError when the HIL link is gone for good."""
@@ -30,8 +32,9 @@ class App:
     def step(self, timeout_s: float) -> None:
         """Wait for something to arrive and deal with it."""
         links = {link.transport: link for link in self._ground.links}
-        ready = wait([self._hil.transport, *links], timeout_s)
+        ready = wait([self._hil.transport, *links], timeout_s, eager=wall_s() - self._heard_s < EAGER_S)
         if self._hil.transport in ready:
+            self._heard_s = wall_s()
             for sample in self._hil.receive():
                 self._take(sample)
         for transport in ready:

@@ -29,7 +29,7 @@ from link.transport import LinkLostError, Transport
 HEARTBEAT_S = 1.0
 STICK_LASTS_S = 1.5
 """A pilot's hand that was not heard of for longer has let go."""
-GATHER_S = 0.005
+GATHER_S = 0.02
 """Wall seconds for which telemetry is gathered; the first after a pause leaves at once."""
 DATAGRAM_BYTES, STREAM_BYTES = 1200, 16_384
 """The most that is sent at a time: what fits a common network's datagram, and what a pipe likes."""

@@ -11,10 +11,11 @@
 """
 
 import contextlib
+import os
 import select
 import socket
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import serial
@@ -24,9 +25,15 @@ from link.clock import wall_s
 Handle = Any
 """What ``select`` waits for: a socket or an open serial port."""
 
+EAGER_S = 5e-3
+"""How long an eager wait looks before it sleeps: many ticks of the other end, so that a third process in between does
+not put the two to sleep. Measured on two cores, a round trip of two sleeping processes takes 80 us, of two eager 9."""
 PEER_IDLE_S = 10.0
 """A UDP peer that was silent for longer is forgotten."""
 MAX_DATAGRAM = 65_535
+
+
+_give_way: Callable[[], None] = getattr(os, "sched_yield", lambda: time.sleep(0.0))
 
 
 class AddressError(ValueError):
@@ -53,15 +60,25 @@ class Transport(Protocol):
     def close(self) -> None: ...
 
 
-def wait(transports: Sequence[Transport], timeout_s: float) -> list[Transport]:
-    """Those of the transports that have something to receive, as soon as one has or the timeout is over."""
+def wait(transports: Sequence[Transport], timeout_s: float, *, eager: bool = False) -> list[Transport]:
+    """Those of the transports that have something to receive, as soon as one has or the timeout is over.
+
+    An ``eager`` wait looks again and again for its first ``EAGER_S`` before it sleeps, giving way to whoever else wants
+    the processor: two ends in lockstep answer within that time, and are spared waking each other.
+    """
     handles = {handle: transport for transport in transports for handle in transport.handles()}
-    if handles:
-        ready = select.select(handles, (), (), max(0.0, timeout_s))[0]
-        return list(dict.fromkeys(handles[handle] for handle in ready))
-    if timeout_s > 0:
-        time.sleep(timeout_s)
-    return []
+    if not handles:
+        time.sleep(max(0.0, timeout_s))
+        return []
+    ready = select.select(handles, (), (), 0.0)[0]
+    if not ready and eager:
+        until_s = wall_s() + min(EAGER_S, timeout_s)
+        while not ready and wall_s() < until_s:
+            _give_way()
+            ready = select.select(handles, (), (), 0.0)[0]
+    if not ready and timeout_s > 0.0:
+        ready = select.select(handles, (), (), timeout_s)[0]
+    return list(dict.fromkeys(handles[handle] for handle in ready))
 
 
 class UdpTransport:

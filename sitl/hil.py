@@ -58,7 +58,7 @@ class HilLink:
 
         Raises LinkLostError when the other end is gone for good.
         """
-        wait((self._transport,), timeout_s)
+        wait((self._transport,), timeout_s, eager=True)
         while frames := self._endpoint.receive():
             for frame in frames:
                 if frame.message_id == _CONTROLS.message_id:

@@ -2,8 +2,8 @@
 
 A command is limited to the travel, waits a transport delay, is followed by a second-order lag whose rate is limited,
 and ends where its stepper's own count does. The true duct angle carries a bias that neither the count nor anybody on
-board can see: there is no position feedback. For small signals the axis equals ``exp(-0.3 s) / (s^2/9 + 0.4 s + 1)`` (the paper, "Tailcone dynamics
-modeling").
+board can see: there is no position feedback. For small signals the axis equals ``exp(-0.3 s) / (s^2/9 + 0.4 s + 1)``
+(the paper, "Tailcone dynamics modeling").
 """
 
 from __future__ import annotations
