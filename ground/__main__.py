@@ -6,6 +6,7 @@ Exit status: 0 done, 1 the work failed, 2 bad input.
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from enum import StrEnum
@@ -17,6 +18,8 @@ import typer
 from ground.errors import BadInputError, FailedError
 
 FAILED, BAD_INPUT = 1, 2
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+"""Set before numpy is loaded: refits solve many small systems, which threads of their own slow down fivefold."""
 
 
 class Method(StrEnum):

@@ -94,6 +94,7 @@ class Event:
 class Log:
     name: str
     sha256: str
+    """Of the vehicle's messages and parameters, whenever and wherever they were recorded."""
     attitude: Attitude
     actuators: Actuators
     depth: Depth
@@ -130,14 +131,10 @@ Messages = dict[str, tuple[Array, NDArray[Any]]]
 
 
 def _load(path: Path) -> tuple[Messages, dict[str, float], str]:
-    """Vehicle times and records by message name, the parameters, and the file's SHA-256."""
+    """Vehicle times and records by message name, the parameters, and the digest of both."""
     from mcap.exceptions import McapError
     from mcap.reader import make_reader
 
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise LogError(f"{path}: {error.strerror}; give an MCAP log") from None
     try:
         with path.open("rb") as stream:
             reader = make_reader(stream)
@@ -147,7 +144,21 @@ def _load(path: Path) -> tuple[Messages, dict[str, float], str]:
             parameters = _parameters(reader, path)
     except McapError as error:
         raise LogError(f"{path}: is no readable MCAP file ({error}); `ground log recover` mends a cut one") from None
-    return messages, parameters, hashlib.sha256(content).hexdigest()
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}; give an MCAP log") from None
+    return messages, parameters, _digest(messages, parameters)
+
+
+def _digest(messages: Messages, parameters: dict[str, float]) -> str:
+    """SHA-256 of what identification reads: every payload, and the parameters.
+
+    Not of the file, which also carries the wall clock: a dive that is flown again has the same digest.
+    """
+    digest = hashlib.sha256(json.dumps(parameters, sort_keys=True).encode())
+    for name in sorted(messages):
+        digest.update(name.encode())
+        digest.update(messages[name][1].tobytes())
+    return digest.hexdigest()
 
 
 def _channels(reader: Any, path: Path) -> Messages:

@@ -80,6 +80,7 @@ class NoiseModel(Record, frozen=True):
 class DataFile(Record, frozen=True):
     name: str
     sha256: str
+    """Of the vehicle's messages and parameters in the log (``log.Log.sha256``), not of the file."""
 
 
 class ScreenedRun(Record, frozen=True):

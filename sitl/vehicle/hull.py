@@ -5,6 +5,7 @@ x runs forward from mid-length of the whole hull.
 
 from __future__ import annotations
 
+from functools import cache
 from math import pi
 from typing import NamedTuple
 
@@ -48,6 +49,10 @@ def radius_m(hull: HullGeometry, x_m: Vector) -> Vector:
     return np.asarray(hull.diameter_m * np.sqrt(np.where(inside, np.maximum(squared, 0.0), 0.0)))
 
 
+_gauss_legendre = cache(np.polynomial.legendre.leggauss)
+"""Nodes and weights on [-1, 1]: an eigenvalue problem that need not be solved for every vehicle anew."""
+
+
 def quadrature(hull: HullGeometry, nodes: tuple[int, int, int]) -> tuple[Vector, Vector]:
     """(abscissae x_m, weights in m) for integrals over the hull; ``nodes`` for nose, mid-body and tail, nose first."""
     ends = length_m(hull) / 2 - np.cumsum(
@@ -55,7 +60,7 @@ def quadrature(hull: HullGeometry, nodes: tuple[int, int, int]) -> tuple[Vector,
     )
     x, dx = [], []
     for forward, aft, n in zip(ends[:-1], ends[1:], nodes, strict=True):
-        at, weight = np.polynomial.legendre.leggauss(n)
+        at, weight = _gauss_legendre(n)
         x.append((forward + aft) / 2 - at * (forward - aft) / 2)
         dx.append(weight * (forward - aft) / 2)
     return np.concatenate(x), np.concatenate(dx)
