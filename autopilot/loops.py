@@ -52,7 +52,8 @@ def heading_loop(
     estimate: Estimate, error_rad: float, integral: float, config: Config, dt_s: float
 ) -> tuple[float, float]:
     """Heading error to rudder, yaw rate from the gyro."""
-    gains = Gains(config.heading_p, config.heading_d, config.heading_i, config.heading_i_max)
+    turning = math.radians(config.heading_i_rate_degps)
+    gains = Gains(config.heading_p, config.heading_d, config.heading_i, config.heading_i_max, turning)
     return _surface(error_rad, estimate.r_radps, gains, integral, dt_s, config.rudder_trim_deg, config.travel_deg)
 
 

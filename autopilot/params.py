@@ -26,6 +26,9 @@ class Config(NamedTuple):
     heading_d: Annotated[float, Doc("HDG_D", 0, 10, "s", "Rudder per yaw rate")] = 1.5
     heading_i: Annotated[float, Doc("HDG_I", 0, 1, "1/s", "Rudder rate per heading error")] = 0.001
     heading_i_max: Annotated[float, Doc("HDG_IMAX", 0, 0.26, "rad", "Limit of the heading integrator")] = 0.01
+    heading_i_rate_degps: Annotated[
+        float, Doc("HDG_I_RATE", 0, 90, "deg/s", "Turning faster than this, the heading integrator waits")
+    ] = 2.0
     pitch_p: Annotated[float, Doc("PTCH_P", 0, 5, "rad/rad", "Elevator per pitch error")] = 0.8
     pitch_d: Annotated[float, Doc("PTCH_D", 0, 10, "s", "Elevator per pitch rate")] = 1.9
     pitch_i: Annotated[float, Doc("PTCH_I", 0, 1, "1/s", "Elevator rate per pitch error")] = 0.0

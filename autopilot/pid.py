@@ -1,5 +1,6 @@
 """One PID with the derivative from a measured rate and an integrator that stops where its actuator does."""
 
+import math
 from typing import NamedTuple
 
 
@@ -9,6 +10,8 @@ class Gains(NamedTuple):
     i: float
     i_max: float
     """Limit of the integrator, in the unit of the output."""
+    i_rate: float = math.inf
+    """Measured rate above which the integrator waits."""
 
 
 def pid(
@@ -18,11 +21,12 @@ def pid(
 
     ``rate`` is the measured rate of the controlled quantity, so that a new set-point causes no kick. The integral
     is kept in the output's unit, so that new gains cause no bump, and stands still while the output is at a limit
-    and the error pushes further out (conditional anti-windup, Astrom and Murray 2008, section 10.4).
+    and the error pushes further out (conditional anti-windup, Astrom and Murray 2008, section 10.4). It also waits
+    while the vehicle moves faster than ``i_rate``: the error on the way to a new set-point is none to carry for good.
     """
     wanted = gains.p * error - gains.d * rate + integral
     output = min(high, max(low, wanted))
     pushes_out = (wanted > high and error > 0.0) or (wanted < low and error < 0.0)
-    if not pushes_out:
+    if not pushes_out and abs(rate) <= gains.i_rate:
         integral = min(gains.i_max, max(-gains.i_max, integral + gains.i * error * dt_s))
     return output, integral

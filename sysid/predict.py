@@ -79,9 +79,7 @@ def motion(vehicle: Vehicle, run: Run) -> greybox.Motion:
     return greybox.simulate(vehicle.model, vehicle.actuators[run.plane], run, greybox.measured_start(run), 1, speed)
 
 
-def quality(
-    model: IdentifiedModel, runs: Sequence[Run], prior: VehicleConfig | None = None
-) -> tuple[RunQuality, ...]:
+def quality(model: IdentifiedModel, runs: Sequence[Run], prior: VehicleConfig | None = None) -> tuple[RunQuality, ...]:
     """Rate errors of each run once its test has begun."""
     vehicle, first = vehicles(model, prior)
     return tuple(_quality(run, between(vehicle, first, run, model)) for run in runs)

@@ -68,11 +68,11 @@ def test_controls_never_leave_their_range(rudder: float, elevator: float, thrust
 def test_mission_flies_its_legs_in_order_and_then_surfaces_and_disarms() -> None:
     flight = Flight()
     flight.step()
-    items = leg(depth_m=4, heading_deg=-80, duration_s=30) + leg(depth_m=7, heading_deg=-40, duration_s=60, first=4)
+    items = leg(depth_m=4, heading_deg=-80, duration_s=45) + leg(depth_m=7, heading_deg=-40, duration_s=60, first=4)
     assert flight.ask(requests.LoadMission(items)) == ACCEPTED
     assert flight.ask(requests.SetMode(modes.MISSION.number)) == ACCEPTED
     assert flight.ask(requests.Arm()) == ACCEPTED
-    flight.run_until(lambda s: s.mission.current >= 4, 31.0)
+    flight.run_until(lambda s: s.mission.current >= 4, 46.0)
     assert flight.heading == pytest.approx(math.radians(-80), abs=0.02)
     flight.run_until(lambda s: s.mode == modes.SURFACE.number, 61.0)
     assert flight.depth_m == pytest.approx(7.0, abs=0.1)

@@ -47,3 +47,9 @@ def test_new_gains_cause_no_bump() -> None:
     before, _ = pid(0.0, 0.0, Gains(1.0, 1.0, 0.01, 0.1), 0.05, 0.02, -1.0, 1.0)
     after, _ = pid(0.0, 0.0, Gains(3.0, 2.0, 0.5, 0.1), 0.05, 0.02, -1.0, 1.0)
     assert before == after == 0.05
+
+
+def test_the_integrator_waits_while_the_vehicle_is_on_its_way() -> None:
+    gains = Gains(1.0, 0.0, 1.0, 1.0, i_rate=0.05)
+    assert pid(0.2, 0.06, gains, 0.1, 0.02, -1.0, 1.0)[1] == 0.1
+    assert pid(0.2, -0.04, gains, 0.1, 0.02, -1.0, 1.0)[1] > 0.1

@@ -43,9 +43,9 @@ def moments(seconds: float, level: float, rng: np.random.Generator) -> Array:
         draws = rng.standard_normal((n, 2))
         for k in range(n):
             slow += -slow * DT / 3.0 + math.sqrt(2 * DT / 3.0) * draws[k, 0]
-            speed += (-2 * zeta * omega * speed - omega**2 * wave) * DT + math.sqrt(
-                4 * zeta * omega**3 * DT
-            ) * draws[k, 1]
+            speed += (-2 * zeta * omega * speed - omega**2 * wave) * DT + math.sqrt(4 * zeta * omega**3 * DT) * draws[
+                k, 1
+            ]
             wave += speed * DT
             out[k, axis] = level * (SLOW_NM * slow + WAVE_NM * wave)
     return out
@@ -133,9 +133,7 @@ def fly(
     log = log[settle - int(PREROLL_S * RATE_HZ) :]
     n = len(log)
     rates = (
-        log[:, :3]
-        + sensors.gyro_bias_radps * rng.standard_normal(3)
-        + sensors.rate_radps * rng.standard_normal((n, 3))
+        log[:, :3] + sensors.gyro_bias_radps * rng.standard_normal(3) + sensors.rate_radps * rng.standard_normal((n, 3))
     )
     angles = log[:, 3:6] + sensors.angle_rad * rng.standard_normal((n, 3))
     depth = log[:, 6] + sensors.depth_m * rng.standard_normal(n)
