@@ -53,9 +53,15 @@ class TestCampaign:
         for pair in errors.values():
             assert pair["refitted_model_deg2ps2"] < pair["initial_model_deg2ps2"]
 
-    def test_the_redesigned_gains_hold_depth_better(self, summary: dict[str, Any]) -> None:
+    def test_the_redesigned_gains_hold_heading_and_depth_better(self, summary: dict[str, Any]) -> None:
         steady = summary["steady_error"]
-        assert steady["redesigned"]["depth_m"] < steady["initial"]["depth_m"]
+        assert steady["redesigned"]["heading_deg"] < steady["initial"]["heading_deg"]
+        assert steady["redesigned"]["depth_m"] < 0.5 * steady["initial"]["depth_m"]
+
+    def test_the_same_seed_gives_the_same_model_and_gains(self, flown: Path, tmp_path: Path) -> None:
+        Campaign(Request(tmp_path / "again", seed=1), lambda name, at: None, lambda words: None).run()
+        for name in ("model.json", "gains.param"):
+            assert (tmp_path / "again" / name).read_bytes() == (flown / name).read_bytes()
 
     def test_the_gains_file_holds_what_was_flown(self, flown: Path, summary: dict[str, Any]) -> None:
         written = gains.load(flown / "gains.param")

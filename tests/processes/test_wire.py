@@ -1,0 +1,52 @@
+"""Signs of the whole vehicle as a ground station sees them: what was commanded and what ATTITUDE then said."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ground import flight
+from ground.processes import SimulatedVehicle, Simulation
+from sysid import log, runs
+
+pytestmark = pytest.mark.process
+
+MISSION = """
+name = "signs"
+
+[[step]]
+depth_m = 5.0
+heading_deg = 0.0
+thrust_pct = 58.0
+duration_s = 60.0
+
+[[step]]
+test = {{ signal = "step", axis = "{axis}", magnitude_deg = 5.0, duration_s = 6 }}
+
+[[step]]
+surface = true
+"""
+
+
+def flown(axis: str, folder: Path) -> log.Log:
+    script = folder / f"{axis}.toml"
+    script.write_text(MISSION.format(axis=axis))
+    dive = flight.Dive.load(str(script), folder / f"{axis}.mcap", parameters={"TRIM_RUD_DEG": 6.0})
+    outcome = flight.fly_simulated(dive, SimulatedVehicle(Simulation()))
+    assert outcome.lost_frames == 0
+    return log.read(dive.log)
+
+
+@pytest.mark.parametrize(("axis", "angle"), [("rudder", "heading"), ("elevator", "pitch")])
+def test_five_degrees_turn_to_starboard_and_pitch_up(axis: str, angle: str, tmp_path: Path) -> None:
+    read = flown(axis, tmp_path)
+    (run,) = runs.cut(read)
+    told = read.attitude
+    start_s = next(event.time_s for event in read.events if event.text.startswith("SystemID Starting"))
+    before, after = (np.argmin(np.abs(told.time_s - t)) for t in (start_s, start_s + 5.5))
+    values = told.yaw_rad if angle == "heading" else told.pitch_rad
+    assert run.plane == ("yaw" if axis == "rudder" else "pitch")
+    assert 5.0 < np.degrees(values[after] - values[before]) < 60.0
+    surface = read.actuators.rudder_rad if axis == "rudder" else read.actuators.elevator_rad
+    commanded = np.degrees(surface[np.argmin(np.abs(read.actuators.time_s - (start_s + 3.0)))])
+    assert commanded == pytest.approx(11.0 if axis == "rudder" else 5.0, abs=0.01)
