@@ -22,7 +22,7 @@ from link.dialect import MessageType, constant
 from link.endpoint import Endpoint
 from link.exchange import Party, Send, addressed_to
 from link.files import FileServer
-from link.missions import MissionServer
+from link.mission_server import MissionServer
 from link.params import ParamServer
 from link.transport import LinkLostError, Transport
 

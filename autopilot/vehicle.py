@@ -17,7 +17,8 @@ from autopilot.types import (
     Trace,
 )
 from link import missions
-from link.missions import MissionItem, MissionProgress, Verdict
+from link.mission_server import MissionProgress, Verdict
+from link.missions import MissionItem
 from link.records import ActuatorFrame, GpsFix, SensorFrame
 
 FIX_LASTS_US = 1_500_000

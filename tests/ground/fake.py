@@ -7,7 +7,8 @@ from typing import Any
 from link.codec import Frame
 from link.dialect import constant
 from link.endpoint import Endpoint
-from link.missions import MissionItem, MissionProgress, MissionServer, Verdict
+from link.mission_server import MissionProgress, MissionServer, Verdict
+from link.missions import MissionItem
 from link.params import ParamServer
 from link.transport import MemoryTransport, open_transport
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from link import missions
 from link.exchange import ExchangeError, Party
-from link.missions import MissionClient, MissionItem, MissionProgress, MissionServer, Verdict
+from link.mission_server import RE_REQUESTS, MissionProgress, MissionServer, Verdict
+from link.missions import MissionClient, MissionItem
 from link.params import as_real32
 from tests.link.lossy import GROUND, VEHICLE, Lost, Wire, nothing, settle
 
@@ -126,7 +127,7 @@ def test_an_abandoned_upload_keeps_the_old_mission() -> None:
         for frame in sea.down.take():
             asked += frame.name == "MISSION_REQUEST_INT"
             last = frame
-    assert asked == missions.RE_REQUESTS
+    assert asked == RE_REQUESTS
     assert last.decode().type == missions.CANCELLED
     assert sea.store.items == tuple(leg(3))
     sea.run(sea.client.upload(leg(2)))
