@@ -53,7 +53,7 @@ def enter(state: State, mode: Mode) -> tuple[State, tuple[Event, ...]]:
     mission = state.mission
     if state.mode == MISSION.number and state.armed:
         mission = mission._replace(paused=state.setpoint)
-    return state._replace(mode=mode.number, mode_us=state.time_us, test=None, mission=mission), tuple(events)
+    return state._replace(mode=mode.number, test=None, mission=mission), tuple(events)
 
 
 def disarm(state: State) -> State:

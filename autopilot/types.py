@@ -164,8 +164,7 @@ class State(NamedTuple):
     """The cause of the failsafe in force; empty when there is none."""
     home: Home = Home()
     armed_us: int = 0
-    mode_us: int = 0
-    """When the vehicle was armed, and when it took its mode."""
+    """When the vehicle was armed."""
     thrust: float = 0.0
     """Last commanded, as a fraction of full."""
 

@@ -1,6 +1,6 @@
 """One dive: set up the vehicle, upload, arm, and record until it has disarmed itself at the surface."""
 
-import json
+import math
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -157,10 +157,5 @@ def _progress(vehicle: Vehicle, recorder: Recorder, items: int, wall: float) -> 
         vehicle_s=recorder.vehicle_s,
         wall_s=wall,
         depth_m=position.z if position else 0.0,
-        heading_deg=(attitude.yaw * 57.29577951308232) % 360.0 if attitude else 0.0,
+        heading_deg=math.degrees(attitude.yaw) % 360.0 if attitude else 0.0,
     )
-
-
-def outcome_json(outcome: Outcome) -> str:
-    """An outcome as one JSON object."""
-    return json.dumps({**outcome._asdict(), "log": str(outcome.log)})

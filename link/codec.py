@@ -16,7 +16,6 @@ MAGIC_V2 = 0xFD
 MAGIC_V1 = 0xFE
 SIGNED_FLAG = 0x01
 SIGNATURE_LENGTH = 13
-MAX_FRAME_LENGTH = 280
 
 _CRC = struct.Struct("<H")
 _crc = crc16.mcrf4xx

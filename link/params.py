@@ -20,7 +20,6 @@ _INTEGERS = range(constant("MAV_PARAM_TYPE_UINT8"), REAL32)
 
 NO_INDEX = 65_535
 """param_index of a value that is sent by name."""
-NAME_LENGTH = 16
 RE_ASK_AT_ONCE = 20
 """How many missing parameters a client asks for in one go."""
 BURST = 16
