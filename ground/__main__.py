@@ -57,6 +57,9 @@ def fly(
     seed: Seed = 1,
     speed: Speed = "max",
     params: Annotated[Path | None, typer.Option(metavar="FILE", help="Parameters to set before the dive.")] = None,
+    truth: Annotated[
+        Path | None, typer.Option(metavar="FILE.mcap", help="With --sitl: what really happened, beside what was told.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Upload a mission, fly it, and record until the vehicle has disarmed itself at the surface."""
@@ -68,7 +71,7 @@ def fly(
     dive = Dive.load(mission, target, parameters=gains.load(params) if params else {}, tlog=tlog)
     with progress.display(Path(mission).stem, quiet=json) as shown:
         if sitl:
-            simulated = SimulatedVehicle(Simulation(vehicle, scenario, seed, speed))
+            simulated = SimulatedVehicle(Simulation(vehicle, scenario, seed, speed, truth))
             outcome = flight.fly_simulated(dive, simulated, shown.watch, shown.hear)
         else:
             outcome = flight.fly(dive, connect, shown.watch, shown.hear)

@@ -28,6 +28,8 @@ class Simulation(NamedTuple):
     scenario: str = "calm"
     seed: int = 1
     speed: str = "max"
+    truth: Path | None = None
+    """Where the simulator writes what really happened; nobody else reads it."""
 
 
 class SimulatedVehicle:
@@ -38,6 +40,8 @@ class SimulatedVehicle:
         self.address = f"tcp:127.0.0.1:{ground}"
         sitl = [*_module("sitl"), "--vehicle", simulation.vehicle, "--scenario", simulation.scenario]
         sitl += ["--seed", str(simulation.seed), "--speed", simulation.speed, "--wait-for-arm"]
+        if simulation.truth is not None:
+            sitl += ["--truth", str(simulation.truth)]
         autopilot = [*_module("autopilot"), "--hil", f"udpin:127.0.0.1:{hil}", "--gcs", f"tcpin:127.0.0.1:{ground}"]
         if parameters is not None:
             autopilot += ["--params", str(parameters)]

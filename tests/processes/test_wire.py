@@ -1,9 +1,11 @@
-"""Signs of the whole vehicle as a ground station sees them: what was commanded and what ATTITUDE then said."""
+"""The whole vehicle through the wire: signs as ground sees them, speed as the simulator's own log tells it."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from ground import flight
 from ground.processes import SimulatedVehicle, Simulation
@@ -22,6 +24,19 @@ duration_s = 60.0
 
 [[step]]
 test = {{ signal = "step", axis = "{axis}", magnitude_deg = 5.0, duration_s = 6 }}
+
+[[step]]
+surface = true
+"""
+
+LEVEL = """
+name = "level"
+
+[[step]]
+depth_m = 4.0
+heading_deg = 0.0
+thrust_pct = 58.0
+duration_s = 120.0
 
 [[step]]
 surface = true
@@ -50,3 +65,19 @@ def test_five_degrees_turn_to_starboard_and_pitch_up(axis: str, angle: str, tmp_
     surface = read.actuators.rudder_rad if axis == "rudder" else read.actuators.elevator_rad
     commanded = np.degrees(surface[np.argmin(np.abs(read.actuators.time_s - (start_s + 3.0)))])
     assert commanded == pytest.approx(11.0 if axis == "rudder" else 5.0, abs=0.01)
+
+
+@pytest.mark.parametrize("vehicle", ["bench", "field"])
+def test_58_percent_thrust_gives_1_30_mps_in_steady_level_flight(vehicle: str, tmp_path: Path) -> None:
+    """Within 1 %, as the simulator's truth log has it: the vehicle's own speed is an estimate."""
+    script = tmp_path / "level.toml"
+    script.write_text(LEVEL)
+    truth = tmp_path / "truth.mcap"
+    trim = {"TRIM_RUD_DEG": 6.0 if vehicle == "field" else 0.0}
+    dive = flight.Dive.load(str(script), tmp_path / "level.mcap", parameters=trim)
+    flight.fly_simulated(dive, SimulatedVehicle(Simulation(vehicle=vehicle, truth=truth)))
+    with truth.open("rb") as file:
+        states = [json.loads(message.data) for _, _, message in make_reader(file).iter_messages()]
+    speeds = [np.linalg.norm(s["velocity_ned_mps"]) for s in states if 80e6 < s["time_us"] < 120e6]
+    assert len(speeds) == 1999
+    assert np.mean(speeds) == pytest.approx(1.30, rel=0.01)
