@@ -25,6 +25,9 @@ DRIFT_MPS = 0.15
 """One standard deviation of the unknown current and speed error that dead reckoning piles up."""
 GPS_SD_M = 2.5
 ALTIMETER_STALE_US = 1_000_000
+TURNING_RADPS = math.radians(2.0)
+"""Rate of turn at which the accelerometer and the magnetometer count half: sideslip and lost speed, which nobody
+measures, then lean on the one, and through the tilt of the field's dip on the other. The gyro carries the turn."""
 MAX_BIAS_RADPS = math.radians(1.0)
 
 
@@ -82,7 +85,8 @@ def _attitude(
     p, q, r = sensors.gyro_x_radps - bx, sensors.gyro_y_radps - by, sensors.gyro_z_radps - bz
     ex, ey, ez = _tilt_error(old.attitude, sensors, speed_mps, q, r)
     mx, my, mz = rotate_back(old.attitude, (0.0, 0.0, _heading_error(old.attitude, sensors, config)))
-    ka, kh, kb = config.attitude_gain, config.heading_gain, config.bias_gain
+    trust = 1.0 / (1.0 + (q * q + r * r) / TURNING_RADPS**2)
+    ka, kh, kb = trust * config.attitude_gain, trust * config.heading_gain, trust * config.bias_gain
     attitude = _integrate(old.attitude, p + ka * ex + kh * mx, q + ka * ey + kh * my, r + ka * ez + kh * mz, dt_s)
     bias = (
         _clip_bias(bx - kb * (ex + mx) * dt_s),

@@ -43,6 +43,9 @@ class Noise(NamedTuple):
 BELIEF = Noise(1.0, 1.0, 1.0, 1.0, 0.3, 1.0, 0.1, 0.3, 1.0)
 """Prior standard deviation of the logarithm of each level: the shape of the spectrum is known better than its size."""
 
+LEAST_DEPTH_NOISE_M = 0.01
+"""Depth comes as the vehicle's own filtered estimate: smooth to a millimetre, but off by more while it manoeuvres, in
+step with what is being identified. Believed to the millimetre it moved every coefficient of pitch by 1 to 3 sd."""
 GYRO_BIAS_RADPS = math.radians(0.5)
 START_SPEED_MPS, START_RATE_RADPS, START_ANGLE_RAD, START_DEPTH_M = 0.1, math.radians(1.0), math.radians(2.0), 0.2
 """Uncertainty of the states a run starts from."""
@@ -171,5 +174,7 @@ def estimate(plane: LinearPlane, residuals: Sequence[Array], dt: float, start: N
         return cost(residuals, by) + 0.5 * float(np.sum(((log_levels - mean) / BELIEF) ** 2))
 
     bounds = [(m - 4.0 * sd, m + 4.0 * sd) for m, sd in zip(mean, BELIEF, strict=True)]
+    depth = Noise._fields.index("depth_m")
+    bounds[depth] = (math.log(LEAST_DEPTH_NOISE_M), bounds[depth][1])
     found = minimize(objective, np.log(start), method="L-BFGS-B", bounds=bounds, options={"maxiter": 40, "ftol": 1e-7})
     return Noise(*(float(level) for level in np.exp(found.x)))
