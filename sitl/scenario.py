@@ -5,13 +5,14 @@ Tables and keys left out take the values below, which describe calm water off Bo
 
 from __future__ import annotations
 
-import tomllib
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta
+
+from sitl.vehicle import strict_toml
 
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 NotNegative = Annotated[float, Meta(ge=0.0, le=1e6)]
@@ -112,14 +113,7 @@ def load(name_or_path: str) -> Scenario:
         text = (_shipped() / f"{name_or_path}.toml").read_text(encoding="utf-8")
     else:
         text = _read(name_or_path)
-    try:
-        raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"scenario {name_or_path}: not TOML: {error}") from None
-    try:
-        return msgspec.convert(raw, Scenario)
-    except msgspec.ValidationError as error:
-        raise ScenarioError(f"scenario {name_or_path}: {_explain(str(error), raw)}") from None
+    return strict_toml.decode(text, Scenario, f"scenario {name_or_path}", ScenarioError)
 
 
 def _shipped() -> Any:
@@ -132,18 +126,3 @@ def _read(path: str) -> str:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise ScenarioError(f"scenario {path}: {reason}; expected {', '.join(names())} or a TOML file") from None
-
-
-def _explain(problem: str, raw: Any) -> str:
-    """msgspec's ``Expected X, got Y - at `$.a.b` `` as ``a.b = value: expected X``."""
-    what, _, where = problem.partition(" - at ")
-    key = where.strip("`").removeprefix("$").removeprefix(".")
-    value, table = raw, Scenario
-    for part in key.split(".") if key else []:
-        name = part.partition("[")[0]
-        value = value[name]
-        table = next((f.type for f in msgspec.structs.fields(table) if f.name == name), table)
-    what = what[0].lower() + what[1:]
-    if isinstance(value, dict):
-        return f"{key or 'top level'}: {what}; known here: {', '.join(f.name for f in msgspec.structs.fields(table))}"
-    return f"{key} = {value!r}: {what}"

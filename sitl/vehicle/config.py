@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
-from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import msgspec
 from msgspec import Meta, Struct
+
+from sitl.vehicle import strict_toml
 
 SHIPPED = ("bench", "field")
 """Vehicles that need no path."""
@@ -169,42 +168,9 @@ def load(name_or_path: str | Path) -> VehicleConfig:
 
 def parse(text: str, source: str) -> VehicleConfig:
     """Decode a vehicle file's ``text``; ``source`` names it in errors. Raises ``VehicleError``."""
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise VehicleError(f"{source}: not valid TOML: {error}") from None
-    _refuse_unknown_and_not_finite(tables, VehicleConfig, source, "")
-    try:
-        config = msgspec.convert(tables, VehicleConfig)
-    except msgspec.ValidationError as error:
-        raise VehicleError(_explain(error, tables, source)) from None
+    config = strict_toml.decode(text, VehicleConfig, source, VehicleError)
     _refuse_contradictions(config, source)
     return config
-
-
-def _refuse_unknown_and_not_finite(table: dict[str, Any], kind: type[Struct], source: str, prefix: str) -> None:
-    """msgspec names neither the keys that would be right nor numbers that are not finite; TOML allows inf and nan."""
-    fields = {field.name: field.type for field in msgspec.structs.fields(kind)}
-    for key, value in table.items():
-        if key not in fields:
-            raise VehicleError(f"{source}: {prefix}{key} = {value!r}: unknown key; known here: {', '.join(fields)}")
-        if isinstance(value, float) and not isfinite(value):
-            raise VehicleError(f"{source}: {prefix}{key} = {value}: expected a finite number")
-        if isinstance(value, dict) and isinstance(fields[key], type):
-            _refuse_unknown_and_not_finite(value, fields[key], source, f"{prefix}{key}.")
-
-
-def _explain(error: msgspec.ValidationError, tables: dict[str, Any], source: str) -> str:
-    """msgspec's "Expected `float` > 0 - at `$.hull.diameter_m`" with file, key and value in front."""
-    what, _, where = str(error).partition(" - at `$")
-    what = what.replace("`", "")
-    key = where.rstrip("`").lstrip(".")
-    value: Any = tables
-    for part in filter(None, key.split(".")):
-        value = value[part]
-    if isinstance(value, dict) and what.startswith("Object missing"):
-        return f"{source}: {key or 'top level'}: {what.replace('Object missing required field', 'missing key')}"
-    return f"{source}: {key} = {value!r}: {what[0].lower()}{what[1:]}"
 
 
 def _refuse_contradictions(config: VehicleConfig, source: str) -> None:
