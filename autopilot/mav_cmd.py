@@ -166,7 +166,7 @@ class Commander:
     def _change_target(self, command: Command, schedule: Schedule) -> Outcome:
         """A leg's command means the same now as it does in a mission."""
         c = command
-        if c.number != mission.CHANGE_SPEED and not math.isfinite(c.p1):
+        if c.number != mission.Command.CHANGE_SPEED and not math.isfinite(c.p1):
             return self._refuse(DENIED, f"Command {c.number}: param1 is not given")
         item = MissionItem(0, FRAME_MISSION, c.number, p1=c.p1, p2=c.p2, p3=c.p3, p4=c.p4)
         config = self._vehicle.params.config

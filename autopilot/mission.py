@@ -1,6 +1,7 @@
 """Flies the uploaded items: each begins once, then is asked every tick whether it is done."""
 
 import math
+from enum import IntEnum
 
 from autopilot import excitation, guidance, modes
 from autopilot.params import Config
@@ -8,15 +9,26 @@ from autopilot.types import US_PER_S, Event, Excitation, ItemReached, MissionSta
 from link.frames import wrap_pi
 from link.missions import MissionItem
 
-WAYPOINT, LOITER_UNLIMITED, LOITER_TIME, RETURN, LAND = 16, 17, 19, 20, 21
-DELAY, CHANGE_ALTITUDE_WAIT, YAW = 93, 113, 115
-JUMP, CHANGE_SPEED, CHANGE_ALTITUDE, TEST = 177, 178, 186, 31010
-"""MAV_CMD of the items that this vehicle flies; TEST is MAV_CMD_USER_1."""
 
-COMMANDS = frozenset(
-    {WAYPOINT, LOITER_UNLIMITED, LOITER_TIME, RETURN, LAND, DELAY, CHANGE_ALTITUDE_WAIT, YAW}
-    | {JUMP, CHANGE_SPEED, CHANGE_ALTITUDE, TEST}
-)
+class Command(IntEnum):
+    """MAV_CMD of the items that this vehicle flies."""
+
+    WAYPOINT = 16
+    LOITER_UNLIMITED = 17
+    LOITER_TIME = 19
+    RETURN = 20
+    LAND = 21
+    DELAY = 93
+    CHANGE_ALTITUDE_WAIT = 113
+    YAW = 115
+    JUMP = 177
+    CHANGE_SPEED = 178
+    CHANGE_ALTITUDE = 186
+    TEST = 31010
+    """MAV_CMD_USER_1."""
+
+
+COMMANDS = frozenset(Command)
 
 DEPTH_REACHED_M = 0.3
 
@@ -31,14 +43,14 @@ def check(items: tuple[MissionItem, ...], config: Config) -> tuple[int, str]:
     return -1, ""
 
 
-_NEEDS = {
-    DELAY: ("p1",),
-    LOITER_TIME: ("p1",),
-    YAW: ("p1",),
-    JUMP: ("p1", "p2"),
-    CHANGE_ALTITUDE: ("p1",),
-    CHANGE_ALTITUDE_WAIT: ("z",),
-    TEST: ("p1", "p2"),
+_NEEDS: dict[int, tuple[str, ...]] = {
+    Command.DELAY: ("p1",),
+    Command.LOITER_TIME: ("p1",),
+    Command.YAW: ("p1",),
+    Command.JUMP: ("p1", "p2"),
+    Command.CHANGE_ALTITUDE: ("p1",),
+    Command.CHANGE_ALTITUDE_WAIT: ("z",),
+    Command.TEST: ("p1", "p2"),
 }
 """The numbers without which an item means nothing; NaN in any other field means "not given"."""
 
@@ -52,11 +64,11 @@ def _fault(item: MissionItem, count: int, config: Config) -> str:
             return f"{name} of command {item.command}: must be a number"
     if any(math.isinf(value) for value in (item.p1, item.p2, item.p3, item.p4, item.z)):
         return f"command {item.command}: infinite"
-    if item.command == JUMP and not 0 <= item.p1 < count:
+    if item.command == Command.JUMP and not 0 <= item.p1 < count:
         return f"DO_JUMP to {item.p1:g}: there is no such item"
-    if item.command == CHANGE_ALTITUDE and item.p1 > 0.0:
+    if item.command == Command.CHANGE_ALTITUDE and item.p1 > 0.0:
         return f"altitude {item.p1:g} m: must be 0 or negative, depth is minus altitude"
-    if item.command == TEST:
+    if item.command == Command.TEST:
         return excitation.check(test_of(item, State()), config.travel_deg)
     return ""
 
@@ -91,18 +103,18 @@ def begin(item: MissionItem, state: State, config: Config) -> Outcome:
     state = state._replace(mission=state.mission._replace(entered_us=state.time_us))
     setpoint = state.setpoint
     match item.command:
-        case 186 | 113:
-            depth = -item.p1 if item.command == CHANGE_ALTITUDE else -item.z
+        case Command.CHANGE_ALTITUDE | Command.CHANGE_ALTITUDE_WAIT:
+            depth = -item.p1 if item.command == Command.CHANGE_ALTITUDE else -item.z
             setpoint = setpoint._replace(depth_m=depth)
-        case 115:
+        case Command.YAW:
             setpoint = setpoint._replace(heading_rad=_heading(item, state))
-        case 178:
+        case Command.CHANGE_SPEED:
             setpoint = setpoint._replace(thrust=_thrust(item, setpoint.thrust, config))
-        case 16:
+        case Command.WAYPOINT:
             setpoint = setpoint._replace(depth_m=guidance.target(item, state.home, state.estimate)[2])
-        case 20 | 21:
+        case Command.RETURN | Command.LAND:
             return modes.enter(state, modes.SURFACE)
-        case 31010:
+        case Command.TEST:
             return start_test(test_of(item, state), state)
     return state._replace(setpoint=setpoint), ()
 
@@ -112,16 +124,16 @@ def done(item: MissionItem, state: State) -> bool:
     entered_us = state.mission.entered_us
     elapsed_s = (state.time_us - (state.time_us if entered_us is None else entered_us)) / US_PER_S
     match item.command:
-        case 93 | 19:
+        case Command.DELAY | Command.LOITER_TIME:
             return elapsed_s >= item.p1
-        case 113:
+        case Command.CHANGE_ALTITUDE_WAIT:
             return abs(state.estimate.depth_m + item.z) < DEPTH_REACHED_M
-        case 16:
+        case Command.WAYPOINT:
             north, east, _ = guidance.target(item, state.home, state.estimate)
             return guidance.distance_m(north, east, state.estimate) < (item.p2 or guidance.DEFAULT_ACCEPTANCE_M)
-        case 31010:
+        case Command.TEST:
             return state.test is None
-        case 17:
+        case Command.LOITER_UNLIMITED:
             return False
     return True
 
@@ -129,7 +141,7 @@ def done(item: MissionItem, state: State) -> bool:
 def steer(state: State) -> State:
     """Point at the waypoint being flown; other items leave the heading as it is."""
     mission = state.mission
-    if mission.current >= len(mission.items) or mission.items[mission.current].command != WAYPOINT:
+    if mission.current >= len(mission.items) or mission.items[mission.current].command != Command.WAYPOINT:
         return state
     north, east, _ = guidance.target(mission.items[mission.current], state.home, state.estimate)
     heading = guidance.bearing_rad(north, east, state.estimate)
@@ -159,7 +171,7 @@ def _flown(items: tuple[MissionItem, ...], config: Config) -> tuple[MissionItem,
 def _next(item: MissionItem, state: State) -> State:
     mission = state.mission
     index, jumps = mission.current + 1, mission.jumps
-    if item.command == JUMP:
+    if item.command == Command.JUMP:
         taken = dict(jumps)
         count = taken.get(item.sequence, 0)
         if item.p2 < 0 or count < item.p2:
