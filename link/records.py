@@ -4,8 +4,11 @@ The fields of ``SensorFrame``, ``ActuatorFrame`` and ``TruthFrame`` stand in the
 messages that carry them, so a frame is encoded by writing its tuple.
 """
 
+from math import nan
 from typing import NamedTuple
 
+ACCELEROMETER_FRESH, GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH = 0x07, 0x38, 0x1C0, 0x1A00
+"""HIL_SENSOR.fields_updated by instrument: all bits of a group are set in the tick that brings a new reading of it."""
 SENSORS_ALL = 0x1FFF
 """HIL_SENSOR.fields_updated with every accelerometer, gyro, magnetometer and barometer bit."""
 
@@ -78,7 +81,10 @@ class TruthFrame(NamedTuple):
 
 
 class GpsFix(NamedTuple):
-    """HIL_GPS: a satellite fix, present only at the surface. Velocities NED."""
+    """HIL_GPS: what a satellite receiver says. ``fix_type`` below 2 is no fix: the rest then means nothing.
+
+    Velocities NED. ``eph_m`` and ``epv_m`` are the receiver's own idea of its error, NaN where it has none.
+    """
 
     time_us: int
     fix_type: int
@@ -89,6 +95,8 @@ class GpsFix(NamedTuple):
     velocity_east_mps: float
     velocity_down_mps: float
     satellites: int
+    eph_m: float = nan
+    epv_m: float = nan
 
 
 class Altimeter(NamedTuple):
@@ -98,3 +106,46 @@ class Altimeter(NamedTuple):
     range_m: float
     min_range_m: float
     max_range_m: float
+
+
+class Dvl(NamedTuple):
+    """ODOMETRY of a Doppler velocity log: velocity in body axes, over ground or through the water.
+
+    ``frame_id`` tells which: LOCAL_FRD, whose origin is fixed to the earth, for bottom track; BODY_FRD, whose origin is
+    not, for water track. Position and attitude are NaN: a log has none.
+    """
+
+    time_us: int
+    velocity_x_mps: float
+    velocity_y_mps: float
+    velocity_z_mps: float
+    over_ground: bool
+    figure_of_merit_mps: float
+    """The log's own estimate of one standard deviation, from how well its beams agree."""
+    quality_pct: int
+    """Of the beams, how many gave an echo: 1 to 100."""
+
+
+class Battery(NamedTuple):
+    """BATTERY_STATUS: what the pack's gauge says. Current is positive while it discharges."""
+
+    voltage_v: float
+    current_a: float
+    consumed_ah: float
+    remaining: float
+    """Fraction of the capacity, 0 to 1."""
+
+
+class Leak(NamedTuple):
+    """SYS_STATUS with the extended LEAK bit, as a leak detector sends it: healthy means dry."""
+
+    wet: bool
+
+
+class DuctFeedback(NamedTuple):
+    """ACTUATOR_OUTPUT_STATUS of the tailcone: where the duct really stands, as the channels of ``ActuatorFrame``."""
+
+    time_us: int
+    rudder: float
+    """Fraction of the duct's travel."""
+    elevator: float
