@@ -81,6 +81,9 @@ class Streams(NamedTuple):
     slow: Generator
     wave: Generator
     sensors: SensorStreams
+    rudder: Generator
+    elevator: Generator
+    """Of the steps that the motors lose."""
 
 
 def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
@@ -97,10 +100,10 @@ def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
 
 def random_streams(seed: int) -> Streams:
     """Independent streams of one seed: what one of them draws leaves the others as they were."""
-    slow, wave, *instruments = [
-        default_rng(child) for child in SeedSequence(seed).spawn(2 + len(SensorStreams._fields))
+    slow, wave, *instruments, rudder, elevator = [
+        default_rng(child) for child in SeedSequence(seed).spawn(4 + len(SensorStreams._fields))
     ]
-    return Streams(slow, wave, SensorStreams(*instruments))
+    return Streams(slow, wave, SensorStreams(*instruments), rudder, elevator)
 
 
 def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
@@ -117,8 +120,8 @@ def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
 def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> tuple[State, Sensors]:
     """The state one tick later under ``actuators``, with what the instruments say of it."""
     time_us = state.time_us + TICK_US
-    rudder = _turn(plant.rudder, state.rudder, actuators.controls[RUDDER])
-    elevator = _turn(plant.elevator, state.elevator, actuators.controls[ELEVATOR])
+    rudder = _turn(plant.rudder, state.rudder, actuators.controls[RUDDER], rng.rudder)
+    elevator = _turn(plant.elevator, state.elevator, actuators.controls[ELEVATOR], rng.elevator)
     thrust = _demand(actuators.controls[THRUST])
     disturbance = environment.advance(plant.sea, state.disturbance, rng.slow, rng.wave)
     body, truth = _move(plant, time_us, state.body, rudder, elevator, thrust, state.disturbance, disturbance)
@@ -126,10 +129,11 @@ def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> 
     return moved, sensors.sample(truth, plant.sea, moved.biases, rng.sensors)
 
 
-def _turn(axis: Servo, state: Vector, control: float) -> Turn:
+def _turn(axis: Servo, state: Vector, control: float, rng: Generator) -> Turn:
     """The axis one tick later."""
     turned, angles_rad = state.copy(), np.empty(SUBSTEPS)
-    tailcone.advance(axis, turned, _demand(control) * axis.travel_rad, angles_rad)
+    command_rad, luck = _demand(control) * axis.travel_rad, tailcone.luck(axis, rng, SUBSTEPS)
+    tailcone.advance(axis, turned, command_rad, angles_rad, luck)
     return Turn(turned, angles_rad, tailcone.duct_angle_rad(axis, turned))
 
 
@@ -190,6 +194,10 @@ def _servo(tail: Tailcone, bias_deg: float) -> Servo:
         rate_limit_radps=radians(tail.rate_degps),
         bias_rad=radians(bias_deg),
         substep_s=SUBSTEP_S,
+        step_rad=radians(tail.step_deg),
+        backlash_rad=radians(tail.backlash_deg),
+        lost_step_chance=tail.lost_step_chance,
+        lost_step_above_radps=radians(tail.lost_step_above_degps),
     )
 
 

@@ -1,24 +1,35 @@
 """The tailcone: two stepper-driven axes that turn the duct, one for the rudder and one for the elevator.
 
-A command is limited to the travel, waits a transport delay, is followed by a second-order lag whose rate is limited,
-and ends where its stepper's own count does. The true duct angle carries a bias that neither the count nor anybody on
-board can see: there is no position feedback. For small signals the axis equals ``exp(-0.3 s) / (s^2/9 + 0.4 s + 1)``
-(the paper, "Tailcone dynamics modeling").
+A command is limited to the travel, waits a transport delay and is followed by a second-order lag whose rate is limited.
+The motor follows that in whole steps. It counts the steps it is told, not those it makes: a lost step stays lost, and
+the losses add up. Play between motor and duct takes up the first of every reversal, and a bias comes on top. Nobody on
+board sees any of this unless the vehicle carries an encoder at the duct. For small signals an axis that neither steps
+nor plays equals ``exp(-0.3 s) / (s^2/9 + 0.4 s + 1)`` (the paper, "Tailcone dynamics modeling").
 """
 
 from __future__ import annotations
 
 from cmath import cos, sin, sqrt
-from math import exp
+from math import exp, floor
 from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from sitl.vehicle.kernel import Vector, kernel
 
+ASKED, RATE, MOTOR, LOST, DUCT, QUEUE = range(6)
+"""An axis' state: the angle asked of the motor and its rate, the angle that the motor counts, what it has lost since,
+the duct's angle without its bias (rad, rad/s), and the commands on their way, newest first."""
+CERTAIN = np.empty(0)
+"""Luck of an axis that loses no step."""
+
 
 class Servo(NamedTuple):
-    """One axis of the tailcone, discretised exactly over a substep in which its command stands still."""
+    """One axis of the tailcone, discretised exactly over a substep in which its command stands still.
+
+    A fault is another value here, by ``_replace``: a rate limit of zero is stuck, a lower one slow.
+    """
 
     angle_from_angle: float
     angle_from_rate_s: float
@@ -32,6 +43,13 @@ class Servo(NamedTuple):
     travel_rad: float
     rate_limit_radps: float
     bias_rad: float
+    step_rad: float
+    """Of the duct for a step of the motor; 0 turns smoothly."""
+    backlash_rad: float
+    """Play between motor and duct, from one flank to the other."""
+    lost_step_chance: float
+    """Of each step while the motor turns faster than ``lost_step_above_radps``; what turns smoothly loses none."""
+    lost_step_above_radps: float
 
 
 def servo(
@@ -43,6 +61,10 @@ def servo(
     rate_limit_radps: float,
     bias_rad: float,
     substep_s: float,
+    step_rad: float = 0.0,
+    backlash_rad: float = 0.0,
+    lost_step_chance: float = 0.0,
+    lost_step_above_radps: float = 0.0,
 ) -> Servo:
     """Discretise an axis, under- or overdamped; a delay need not be a whole number of substeps."""
     decay = exp(-damping * natural_frequency_radps * substep_s)
@@ -62,49 +84,91 @@ def servo(
         travel_rad=travel_rad,
         rate_limit_radps=rate_limit_radps,
         bias_rad=bias_rad,
+        step_rad=step_rad,
+        backlash_rad=backlash_rad,
+        lost_step_chance=lost_step_chance,
+        lost_step_above_radps=lost_step_above_radps,
     )
 
 
 def at_rest(axis: Servo) -> Vector:
-    """The state of an axis at its neutral: (angle, rate, commands on their way, newest first), rad and rad/s."""
-    return np.zeros(2 + axis.delay_substeps + 1)
+    """The state of an axis at its neutral, the duct in the middle of its play."""
+    return np.zeros(QUEUE + axis.delay_substeps + 1)
 
 
 def duct_angle_rad(axis: Servo, state: Vector) -> float:
     """The true angle of the duct about this axis."""
-    return float(state[0]) + axis.bias_rad
+    return float(state[DUCT]) + axis.bias_rad
+
+
+def luck(axis: Servo, rng: Generator, substeps: int) -> Vector:
+    """A number in [0, 1) for each substep, by which steps are lost; drawn only for an axis that may lose some."""
+    return rng.random(substeps) if axis.lost_step_chance > 0.0 else CERTAIN
 
 
 @kernel
-def advance(axis: Servo, state: Vector, command_rad: float, duct_angles_rad: Vector) -> None:
+def advance(axis: Servo, state: Vector, command_rad: float, duct_angles_rad: Vector, luck: Vector) -> None:
     """Carry an axis through the substeps that ``duct_angles_rad`` has room for, under one command.
 
-    Each entry receives the mean true duct angle of its substep; ``state`` is changed in place.
+    Each entry receives the mean true duct angle of its substep; ``state`` is changed in place. ``luck`` holds a number
+    for each substep, or none for an axis that loses no step.
     """
     command = min(max(command_rad, -axis.travel_rad), axis.travel_rad)
-    oldest = 2 + axis.delay_substeps
+    oldest = QUEUE + axis.delay_substeps
+    half_play = 0.5 * axis.backlash_rad
     for k in range(duct_angles_rad.size):
         # The queue's last entry was given delay_substeps + 1 substeps ago, the one before it delay_substeps ago.
         newer = state[oldest - 1] if axis.delay_substeps > 0 else command
         delayed = newer + axis.delay_remainder * (state[oldest] - newer)
-        for i in range(oldest, 2, -1):
+        for i in range(oldest, QUEUE, -1):
             state[i] = state[i - 1]
-        state[2] = command
-        start = state[0]
+        state[QUEUE] = command
         _follow(axis, state, delayed)
-        duct_angles_rad[k] = 0.5 * (start + state[0]) + axis.bias_rad
+        _turn_motor(axis, state, luck[k] if luck.size > 0 else 1.0)
+        shaft, start = state[MOTOR] - state[LOST], state[DUCT]
+        state[DUCT] = min(max(start, shaft - half_play), shaft + half_play)
+        duct_angles_rad[k] = 0.5 * (start + state[DUCT]) + axis.bias_rad
+
+
+@kernel
+def _turn_motor(axis: Servo, state: Vector, luck: float) -> None:
+    """Bring the motor's count to the whole step nearest to what is asked; the shaft may lose some on the way."""
+    before, angle = state[MOTOR], state[ASKED]
+    if axis.step_rad > 0.0:
+        # Steps are counted away from neutral, so that both sides are alike, and none leads beyond the stop.
+        steps = min(floor(abs(angle) / axis.step_rad + 0.5), floor(axis.travel_rad / axis.step_rad + 1e-9))
+        angle = steps * axis.step_rad if angle >= 0.0 else -steps * axis.step_rad
+        if luck < 1.0 and angle != before and abs(state[RATE]) > axis.lost_step_above_radps:
+            turned = round(abs(angle - before) / axis.step_rad)
+            lost = _lost_steps(turned, axis.lost_step_chance, luck) * axis.step_rad
+            state[LOST] += lost if angle > before else -lost
+    state[MOTOR] = angle
+
+
+@kernel
+def _lost_steps(turned: int, chance: float, luck: float) -> int:
+    """How many of the steps turned are lost: the binomial distribution's quantile at ``luck``."""
+    if chance >= 1.0:
+        return turned
+    lost, share = 0, (1.0 - chance) ** turned
+    reached = share
+    while luck >= reached and lost < turned:
+        share *= (turned - lost) / (lost + 1.0) * chance / (1.0 - chance)
+        lost += 1
+        reached += share
+    return lost
 
 
 @kernel
 def _follow(axis: Servo, state: Vector, command_rad: float) -> None:
     """One substep of the lag towards a constant command, within the rate limit and the stops."""
-    error, rate = state[0] - command_rad, state[1]
+    error, rate = state[ASKED] - command_rad, state[RATE]
     free_angle = command_rad + axis.angle_from_angle * error + axis.angle_from_rate_s * rate
     free_rate = axis.rate_from_angle_per_s * error + axis.rate_from_rate * rate
     reach = axis.rate_limit_radps * axis.substep_s
-    angle = state[0] + min(max(free_angle - state[0], -reach), reach)
+    angle = state[ASKED] + min(max(free_angle - state[ASKED], -reach), reach)
     # The rate itself is held within the limit, so that the axis turns round at once when the command does.
-    state[1] = min(max(free_rate, -axis.rate_limit_radps), axis.rate_limit_radps)
-    state[0] = min(max(angle, -axis.travel_rad), axis.travel_rad)
-    if state[0] != angle:
-        state[1] = 0.0
+    state[RATE] = min(max(free_rate, -axis.rate_limit_radps), axis.rate_limit_radps)
+    state[ASKED] = min(max(angle, -axis.travel_rad), axis.travel_rad)
+    if state[ASKED] != angle:
+        state[RATE] = 0.0

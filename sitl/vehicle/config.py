@@ -135,6 +135,13 @@ class Tailcone(Table, frozen=True):
     rate_degps: Positive
     rudder_bias_deg: float
     elevator_bias_deg: float
+    step_deg: NonNegative = 0.0
+    """Of the duct for a step of the motor; 0 turns smoothly."""
+    backlash_deg: NonNegative = 0.0
+    """Play between motor and duct, from flank to flank."""
+    lost_step_chance: Annotated[float, Meta(ge=0, lt=1)] = 0.0
+    """Of each step, while the motor turns faster than ``lost_step_above_degps``."""
+    lost_step_above_degps: NonNegative = 0.0
 
 
 class VehicleConfig(Table, frozen=True):
@@ -175,7 +182,12 @@ def parse(text: str, source: str) -> VehicleConfig:
 
 def _refuse_contradictions(config: VehicleConfig, source: str) -> None:
     """Values that are each in range but cannot stand together."""
-    duct, propeller = config.duct, config.propeller
+    duct, propeller, tail = config.duct, config.propeller, config.tailcone
+    if tail.lost_step_chance > 0.0 and tail.step_deg == 0.0:
+        raise VehicleError(
+            f"{source}: tailcone.lost_step_chance = {tail.lost_step_chance}: "
+            "expected tailcone.step_deg above 0 with it, or there is no step to lose"
+        )
     if duct.separated_deg <= duct.stall_deg:
         raise VehicleError(
             f"{source}: duct.separated_deg = {duct.separated_deg}: expected more than duct.stall_deg = {duct.stall_deg}"

@@ -37,7 +37,7 @@ def drive(servo: Servo, commands: Any) -> NDArray[np.float64]:
     """Duct angle after each substep of as many commands."""
     state, angles, one = tailcone.at_rest(servo), [], np.empty(1)
     for command in commands:
-        tailcone.advance(servo, state, float(command), one)
+        tailcone.advance(servo, state, float(command), one, tailcone.CERTAIN)
         angles.append(tailcone.duct_angle_rad(servo, state))
     return np.array(angles)
 

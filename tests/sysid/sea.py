@@ -52,15 +52,15 @@ def moments(seconds: float, level: float, rng: np.random.Generator) -> Array:
 
 
 @numba.njit(cache=True)
-def _fly(model, rudder_axis, elevator_axis, signal, is_yaw, trim, wrenches, rps, speed):
+def _fly(
+    model, rudder_axis, elevator_axis, rudder_state, elevator_state, certain, signal, is_yaw, trim, wrenches, rps, speed
+):
     """Ticks of (time index): rates, angles, depth, commands. The loops hold heading 0 and DEPTH_M."""
     n = signal.size
     log = np.empty((n, 9))
     state = np.zeros(13)
     state[2], state[3], state[7] = -DEPTH_M, 1.0, speed
     work = np.empty((5, 13))
-    rudder_state = np.zeros(2 + rudder_axis.delay_substeps + 1)
-    elevator_state = np.zeros(2 + elevator_axis.delay_substeps + 1)
     rudder_angle, elevator_angle = np.empty(SUBSTEPS), np.empty(SUBSTEPS)
     disturbance, current = np.zeros(6), np.zeros(3)
     integral = np.zeros(2)
@@ -86,8 +86,8 @@ def _fly(model, rudder_axis, elevator_axis, signal, is_yaw, trim, wrenches, rps,
         rudder, elevator = min(max(rudder, -travel), travel), min(max(elevator, -travel), travel)
         log[k] = np.array([p, q, r, roll, theta, psi, depth, rudder, elevator])
         disturbance[4], disturbance[5] = wrenches[k, 0], wrenches[k, 1]
-        tailcone.advance(rudder_axis, rudder_state, rudder, rudder_angle)
-        tailcone.advance(elevator_axis, elevator_state, elevator, elevator_angle)
+        tailcone.advance(rudder_axis, rudder_state, rudder, rudder_angle, certain)
+        tailcone.advance(elevator_axis, elevator_state, elevator, elevator_angle, certain)
         for i in range(SUBSTEPS):
             dynamics.rk4_step(
                 state, rudder_angle[i], elevator_angle[i], rps, disturbance, current, DT / SUBSTEPS, model, work
@@ -127,8 +127,8 @@ def fly(
     ]
     thrust = vehicle.operating_point.thrust_fraction
     log = _fly(
-        model, *axes, signal, plane == "yaw", np.array(trim_rad), moments(signal.size / RATE_HZ, level, rng),
-        propeller.rps(thrust, model), vehicle.operating_point.speed_mps,
+        model, *axes, *map(tailcone.at_rest, axes), tailcone.CERTAIN, signal, plane == "yaw", np.array(trim_rad),
+        moments(signal.size / RATE_HZ, level, rng), propeller.rps(thrust, model), vehicle.operating_point.speed_mps,
     )  # fmt: skip
     log = log[settle - int(PREROLL_S * RATE_HZ) :]
     n = len(log)

@@ -32,11 +32,11 @@ def test_duct_follows_commands_as_the_tailcone_does(bench: config.VehicleConfig,
         natural_frequency_radps=3.0, damping=0.6, delay_s=delay_s, travel_rad=actuator.travel_rad,
         rate_limit_radps=actuator.rate_radps, bias_rad=0.0, substep_s=0.005,
     )  # fmt: skip
-    state, substeps, expected = np.zeros(2 + axis.delay_substeps + 1), np.empty(4), []
+    state, substeps, expected = tailcone.at_rest(axis), np.empty(4), []
     command[:60] = 0.0
     for angle in command:
-        expected.append(float(state[0]))
-        tailcone.advance(axis, state, angle, substeps)
+        expected.append(tailcone.duct_angle_rad(axis, state))
+        tailcone.advance(axis, state, angle, substeps, tailcone.CERTAIN)
     found = greybox.duct_angles(command, actuator, 1.0 / RATE_HZ)
     # Steps of up to 30 deg: the two integrate the rate limit over 20 and 5 ms.
     assert np.max(np.abs(found - np.array(expected))) < math.radians(0.15)
