@@ -21,8 +21,6 @@ from sitl.vehicle.kernel import Vector, kernel
 ASKED, RATE, MOTOR, LOST, DUCT, QUEUE = range(6)
 """An axis' state: the angle asked of the motor and its rate, the angle that the motor counts, what it has lost since,
 the duct's angle without its bias (rad, rad/s), and the commands on their way, newest first."""
-CERTAIN = np.empty(0)
-"""Luck of an axis that loses no step."""
 
 
 class Servo(NamedTuple):
@@ -101,17 +99,19 @@ def duct_angle_rad(axis: Servo, state: Vector) -> float:
     return float(state[DUCT]) + axis.bias_rad
 
 
-def luck(axis: Servo, rng: Generator, substeps: int) -> Vector:
+def luck(axis: Servo, rng: Generator, substeps: int) -> Vector | None:
     """A number in [0, 1) for each substep, by which steps are lost; drawn only for an axis that may lose some."""
-    return rng.random(substeps) if axis.lost_step_chance > 0.0 else CERTAIN
+    return rng.random(substeps) if axis.lost_step_chance > 0.0 else None
 
 
 @kernel
-def advance(axis: Servo, state: Vector, command_rad: float, duct_angles_rad: Vector, luck: Vector) -> None:
+def advance(
+    axis: Servo, state: Vector, command_rad: float, duct_angles_rad: Vector, luck: Vector | None = None
+) -> None:
     """Carry an axis through the substeps that ``duct_angles_rad`` has room for, under one command.
 
     Each entry receives the mean true duct angle of its substep; ``state`` is changed in place. ``luck`` holds a number
-    for each substep, or none for an axis that loses no step.
+    for each substep; without it no step is lost.
     """
     command = min(max(command_rad, -axis.travel_rad), axis.travel_rad)
     oldest = QUEUE + axis.delay_substeps
@@ -124,7 +124,7 @@ def advance(axis: Servo, state: Vector, command_rad: float, duct_angles_rad: Vec
             state[i] = state[i - 1]
         state[QUEUE] = command
         _follow(axis, state, delayed)
-        _turn_motor(axis, state, luck[k] if luck.size > 0 else 1.0)
+        _turn_motor(axis, state, 1.0 if luck is None else luck[k])
         shaft, start = state[MOTOR] - state[LOST], state[DUCT]
         state[DUCT] = min(max(start, shaft - half_play), shaft + half_play)
         duct_angles_rad[k] = 0.5 * (start + state[DUCT]) + axis.bias_rad

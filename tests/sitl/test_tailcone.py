@@ -1,4 +1,4 @@
-"""The tailcone against scipy's linear system, and against the geometry of its rate limit."""
+"""The tailcone against scipy's linear system, the geometry of its rate limit, and textbook play, steps and chance."""
 
 import math
 from typing import Any
@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import signal, stats
 
 from sitl import tailcone
 from sitl.tailcone import Servo
@@ -33,11 +33,11 @@ def axis(**changes: float) -> Servo:
     return tailcone.servo(**(caribou | changes))
 
 
-def drive(servo: Servo, commands: Any) -> NDArray[np.float64]:
+def drive(servo: Servo, commands: Any, seed: int = 0) -> NDArray[np.float64]:
     """Duct angle after each substep of as many commands."""
-    state, angles, one = tailcone.at_rest(servo), [], np.empty(1)
+    state, angles, one, rng = tailcone.at_rest(servo), [], np.empty(1), np.random.default_rng(seed)
     for command in commands:
-        tailcone.advance(servo, state, float(command), one, tailcone.CERTAIN)
+        tailcone.advance(servo, state, float(command), one, tailcone.luck(servo, rng, 1))
         angles.append(tailcone.duct_angle_rad(servo, state))
     return np.array(angles)
 
@@ -122,3 +122,108 @@ def test_no_command_exceeds_rate_or_travel(commands: list[float], hold: int) -> 
 def test_mirrored_commands_give_mirrored_angles(commands: list[float]) -> None:
     held = np.repeat(commands, 20)
     np.testing.assert_array_equal(drive(axis(), -held), -drive(axis(), held))
+
+
+SWEEPS = st.lists(st.floats(-0.3, 0.3), min_size=1, max_size=40)
+
+
+@given(SWEEPS, st.floats(0.01, 1.0), st.floats(-6.0, 6.0))
+def test_the_duct_stands_at_whole_steps_from_its_bias(commands: list[float], step_deg: float, bias_deg: float) -> None:
+    held, step, bias = np.repeat(commands, 30), math.radians(step_deg), math.radians(bias_deg)
+    smooth = drive(axis(), held)
+    stepped = drive(axis(step_rad=step, bias_rad=bias), held) - bias
+    np.testing.assert_allclose(stepped / step, np.round(stepped / step), atol=1e-6)
+    assert np.max(np.abs(stepped)) <= TRAVEL_RAD + 1e-12
+    inside = np.abs(smooth) <= TRAVEL_RAD - step
+    assert np.max(np.abs(stepped - smooth)[inside], initial=0.0) <= 0.5 * step + 1e-12
+
+
+@given(SWEEPS, st.floats(0.05, 3.0))
+def test_play_is_the_gap_between_ways_there_and_back(turning_points: list[float], play_deg: float) -> None:
+    """The duct stays put until a flank takes it along, and then follows half the play behind."""
+    play, held = math.radians(play_deg), np.repeat(turning_points, 60)
+    motor, duct = drive(axis(), held), drive(axis(backlash_rad=play), held)
+    expected, at = [], 0.0
+    for angle in motor:
+        at = min(max(at, angle - 0.5 * play), angle + 0.5 * play)
+        expected.append(at)
+    np.testing.assert_allclose(duct, expected, atol=1e-15)
+
+
+def test_a_slow_sweep_shows_a_loop_as_wide_as_the_play() -> None:
+    t = seconds(80.0)
+    command = math.radians(10.0) * signal.sawtooth(2.0 * math.pi * t / 40.0, width=0.5)
+    motor, duct = drive(axis(), command), drive(axis(backlash_rad=math.radians(1.2)), command)
+    for angle_deg in (-5.0, 0.0, 5.0):
+        crossings = np.flatnonzero(np.diff(np.sign(motor - math.radians(angle_deg))))[-2:]
+        assert math.degrees(abs(np.diff(duct[crossings])[0])) == pytest.approx(1.2, abs=0.01)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+def test_play_attenuates_and_lags_as_its_describing_function_says(share: float) -> None:
+    """Backlash of half-width b under a sine of amplitude A (Slotine and Li 1991, Applied Nonlinear Control, 5.3)."""
+    size, omega = math.radians(2.0), 0.5
+    amplitude = size * abs(signal.freqresp(LAG, [omega])[1][0])
+    b = 0.5 * share * amplitude
+    x = 2.0 * b / amplitude - 1.0
+    in_phase = (0.5 * math.pi - math.asin(x) - x * math.sqrt(1.0 - x * x)) / math.pi
+    in_quadrature = 4.0 * b / (math.pi * amplitude) * (b / amplitude - 1.0)
+    t = seconds(4.0 * 2.0 * math.pi / omega)
+    last = t >= 2.0 * 2.0 * math.pi / omega
+    command = size * np.sin(omega * t)
+    probe = np.exp(-1j * omega * t[last])
+    tight, loose = (drive(axis(backlash_rad=play), command)[last] @ probe for play in (0.0, 2.0 * b))
+    assert abs(loose / tight - complex(in_phase, in_quadrature)) < 2e-3
+
+
+def test_an_axis_without_steps_and_play_stands_where_it_is_asked_to_bit_for_bit() -> None:
+    servo, rng = axis(), np.random.default_rng(1)
+    state, one = tailcone.at_rest(servo), np.empty(1)
+    untouched = rng.bit_generator.state
+    for command in np.repeat(np.random.default_rng(2).uniform(-0.4, 0.4, 60), 40):
+        tailcone.advance(servo, state, command, one, tailcone.luck(servo, rng, 1))
+        assert tailcone.duct_angle_rad(servo, state) == state[tailcone.ASKED]
+    assert rng.bit_generator.state == untouched
+
+
+STEP_DEG, CHANCE = 0.05, 0.02
+LOSING = {"step_rad": math.radians(STEP_DEG), "lost_step_chance": CHANCE}
+
+
+def swings(count: int) -> NDArray[np.float64]:
+    """From neutral to 10 degrees and back, so often."""
+    return np.tile(np.repeat(np.radians([10.0, 0.0]), round(4.0 / SUBSTEP_S)), count)
+
+
+def test_lost_steps_add_up_to_a_bias_that_stays() -> None:
+    """After n steps of which each is lost by chance p the shaft is off by a walk of variance n p (1 - p)."""
+    swung = 3
+    errors = np.array([math.degrees(drive(axis(**LOSING), swings(swung), seed)[-1]) / STEP_DEG for seed in range(100)])
+    # Overshoot of the lag turns the motor further than there and back.
+    path = np.sum(np.abs(np.diff(drive(axis(step_rad=LOSING["step_rad"]), swings(swung)), prepend=0.0)))
+    variance = path / LOSING["step_rad"] * CHANCE * (1.0 - CHANCE)
+    np.testing.assert_allclose(errors, np.round(errors), atol=1e-6)
+    assert abs(np.mean(errors)) < 4.0 * math.sqrt(variance / errors.size)
+    assert np.var(errors) == pytest.approx(variance, rel=4.0 * math.sqrt(2.0 / errors.size))
+
+
+def test_steps_are_lost_alike_for_one_seed_and_not_for_another() -> None:
+    first, again, other = (drive(axis(**LOSING), swings(2), seed) for seed in (5, 5, 6))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_no_step_is_lost_by_a_motor_that_turns_slowly() -> None:
+    slow = np.radians(np.linspace(0.0, 10.0, 2000))  # 1 deg/s
+    careful = LOSING | {"lost_step_chance": 0.5, "lost_step_above_radps": math.radians(5.0)}
+    exact = drive(axis(step_rad=LOSING["step_rad"]), slow)
+    np.testing.assert_array_equal(drive(axis(**careful), slow), exact)
+    assert not np.array_equal(drive(axis(**careful | {"lost_step_above_radps": 0.0}), slow), exact)
+
+
+@given(st.integers(1, 40), st.floats(1e-4, 0.9), st.floats(0.0, 0.9999))
+def test_lost_steps_are_binomial(turned: int, chance: float, luck: float) -> None:
+    quantile = stats.binom(turned, chance)
+    lost = tailcone._lost_steps(turned, chance, luck)
+    assert quantile.cdf(lost) >= luck - 1e-9
+    assert lost == 0 or quantile.cdf(lost - 1) <= luck + 1e-9

@@ -52,9 +52,7 @@ def moments(seconds: float, level: float, rng: np.random.Generator) -> Array:
 
 
 @numba.njit(cache=True)
-def _fly(
-    model, rudder_axis, elevator_axis, rudder_state, elevator_state, certain, signal, is_yaw, trim, wrenches, rps, speed
-):
+def _fly(model, rudder_axis, elevator_axis, rudder_state, elevator_state, signal, is_yaw, trim, wrenches, rps, speed):
     """Ticks of (time index): rates, angles, depth, commands. The loops hold heading 0 and DEPTH_M."""
     n = signal.size
     log = np.empty((n, 9))
@@ -86,8 +84,8 @@ def _fly(
         rudder, elevator = min(max(rudder, -travel), travel), min(max(elevator, -travel), travel)
         log[k] = np.array([p, q, r, roll, theta, psi, depth, rudder, elevator])
         disturbance[4], disturbance[5] = wrenches[k, 0], wrenches[k, 1]
-        tailcone.advance(rudder_axis, rudder_state, rudder, rudder_angle, certain)
-        tailcone.advance(elevator_axis, elevator_state, elevator, elevator_angle, certain)
+        tailcone.advance(rudder_axis, rudder_state, rudder, rudder_angle)
+        tailcone.advance(elevator_axis, elevator_state, elevator, elevator_angle)
         for i in range(SUBSTEPS):
             dynamics.rk4_step(
                 state, rudder_angle[i], elevator_angle[i], rps, disturbance, current, DT / SUBSTEPS, model, work
@@ -127,7 +125,7 @@ def fly(
     ]
     thrust = vehicle.operating_point.thrust_fraction
     log = _fly(
-        model, *axes, *map(tailcone.at_rest, axes), tailcone.CERTAIN, signal, plane == "yaw", np.array(trim_rad),
+        model, *axes, *map(tailcone.at_rest, axes), signal, plane == "yaw", np.array(trim_rad),
         moments(signal.size / RATE_HZ, level, rng), propeller.rps(thrust, model), vehicle.operating_point.speed_mps,
     )  # fmt: skip
     log = log[settle - int(PREROLL_S * RATE_HZ) :]

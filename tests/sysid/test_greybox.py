@@ -36,7 +36,7 @@ def test_duct_follows_commands_as_the_tailcone_does(bench: config.VehicleConfig,
     command[:60] = 0.0
     for angle in command:
         expected.append(tailcone.duct_angle_rad(axis, state))
-        tailcone.advance(axis, state, angle, substeps, tailcone.CERTAIN)
+        tailcone.advance(axis, state, angle, substeps)
     found = greybox.duct_angles(command, actuator, 1.0 / RATE_HZ)
     # Steps of up to 30 deg: the two integrate the rate limit over 20 and 5 ms.
     assert np.max(np.abs(found - np.array(expected))) < math.radians(0.15)
