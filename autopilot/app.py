@@ -56,6 +56,10 @@ class App:
         self._tick(sample)
 
     def _tick(self, sample: Sample) -> None:
-        inputs = Inputs(*sample, self._ground.ground_silent_s, self._ground.stick)
+        inputs = Inputs(
+            sample.sensors, sample.gps, sample.altimeter, self._ground.ground_silent_s, self._ground.stick,
+            sample.dvl, sample.battery, sample.leak, sample.duct,
+        )  # fmt: skip
         self._hil.answer(self._vehicle.tick(inputs))
+        self._ground.relay(sample.relayed)
         self._ground.tell()

@@ -1,26 +1,38 @@
 """The HIL link: sensor frames in, actuator frames out. The simulator's own state is never read."""
 
-from typing import NamedTuple
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from autopilot.identity import COMPONENT
-from link import dialect
+from link import devices, dialect
 from link.codec import Frame
-from link.dialect import constant
+from link.dialect import Message, constant
 from link.endpoint import Endpoint
-from link.records import ActuatorFrame, Altimeter, GpsFix, SensorFrame
+from link.records import ActuatorFrame, Altimeter, Battery, DuctFeedback, Dvl, GpsFix, Leak, SensorFrame
 from link.transport import Transport
 
 _SENSOR, _GPS = dialect.by_name("HIL_SENSOR"), dialect.by_name("HIL_GPS")
 _RANGE, _CONTROLS = dialect.by_name("DISTANCE_SENSOR"), dialect.by_name("HIL_ACTUATOR_CONTROLS")
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
+_RELAYED = frozenset(
+    (devices.ODOMETRY.message_id, devices.ACTUATOR_OUTPUTS.message_id, dialect.by_name("STATUSTEXT").message_id)
+)
+"""What devices say that the ground hears under their own names: nothing in the autopilot's own telemetry tells it."""
 
 
 class Sample(NamedTuple):
     """What the sensors told of one instant."""
 
     sensors: SensorFrame
-    gps: GpsFix | None
-    altimeter: Altimeter | None
+    gps: GpsFix | None = None
+    altimeter: Altimeter | None = None
+    dvl: Dvl | None = None
+    battery: Battery | None = None
+    leak: Leak | None = None
+    duct: DuctFeedback | None = None
+    relayed: tuple[Frame, ...] = ()
+    """What devices want the ground to hear."""
 
 
 class HilLink:
@@ -29,42 +41,65 @@ class HilLink:
     def __init__(self, transport: Transport, system: int) -> None:
         self.transport = transport
         self._endpoint = Endpoint(transport, system, COMPONENT)
-        self._gps: GpsFix | None = None
-        self._altimeter: Altimeter | None = None
+        self._gathered: dict[str, Any] = {}
+        self._relayed: list[Frame] = []
 
     def receive(self) -> list[Sample]:
         """The samples that have arrived. Raises LinkLostError when the other end is gone."""
-        sensors: list[SensorFrame] = []
+        samples: list[Sample] = []
         for frame in self._endpoint.receive():
             if frame.message_id == _SENSOR.message_id:
-                sensors.append(SensorFrame._make(_SENSOR.unpack(frame.payload)))
-            elif frame.message_id == _GPS.message_id:
-                self._gps = _fix(frame)
-            elif frame.message_id == _RANGE.message_id:
-                self._altimeter = _range(frame) or self._altimeter
-        return [self._sample(sample) for sample in sensors]
+                samples.append(self._sample(SensorFrame._make(_SENSOR.unpack(frame.payload))))
+            else:
+                self._gather(frame)
+        return samples
 
     def answer(self, frame: ActuatorFrame) -> None:
         """Send the actuators that answer a sample."""
         self._endpoint.send_values(_CONTROLS, frame)
 
     def _sample(self, sensors: SensorFrame) -> Sample:
-        """Slower sensors go with the first sample that follows them or shares their datagram."""
-        sample = Sample(sensors, self._gps, self._altimeter)
-        self._gps = self._altimeter = None
+        """Slower devices go with the first sample that follows them."""
+        if not self._gathered and not self._relayed:
+            return Sample(sensors)
+        sample = Sample(sensors, **self._gathered, relayed=tuple(self._relayed))
+        self._gathered, self._relayed = {}, []
         return sample
 
+    def _gather(self, frame: Frame) -> None:
+        """Keep what a device says until the next sample."""
+        if frame.message_id in _RELAYED:
+            self._relayed.append(frame)
+        if reader := _READERS.get(frame.message_id):
+            name, read = reader
+            record = read(frame.decode())
+            if record is not None:
+                self._gathered[name] = record
 
-def _fix(frame: Frame) -> GpsFix:
-    m = frame.decode()
+
+def _fix(m: Message) -> GpsFix:
     return GpsFix(
         m.time_usec, m.fix_type, m.lat * 1e-7, m.lon * 1e-7, m.alt * 1e-3, m.vn * 1e-2, m.ve * 1e-2, m.vd * 1e-2,
-        m.satellites_visible,
+        m.satellites_visible, _metres(m.eph), _metres(m.epv),
     )  # fmt: skip
 
 
-def _range(frame: Frame) -> Altimeter | None:
-    m = frame.decode()
+def _metres(error_cm: int) -> float:
+    return math.nan if error_cm == devices.UNKNOWN_U16 else error_cm * 1e-2
+
+
+def _range(m: Message) -> Altimeter | None:
     if m.orientation != _LOOKING_DOWN:
         return None
     return Altimeter(m.time_boot_ms * 1000, m.current_distance * 1e-2, m.min_distance * 1e-2, m.max_distance * 1e-2)
+
+
+_READERS: dict[int, tuple[str, Callable[[Message], Any]]] = {
+    _GPS.message_id: ("gps", _fix),
+    _RANGE.message_id: ("altimeter", _range),
+    devices.ODOMETRY.message_id: ("dvl", devices.dvl_record),
+    devices.BATTERY_STATUS.message_id: ("battery", devices.battery_record),
+    devices.SYS_STATUS.message_id: ("leak", devices.leak_record),
+    devices.ACTUATOR_OUTPUTS.message_id: ("duct", devices.duct_record),
+}
+"""For each message that is taken in, the field of ``Sample`` it fills, and how."""

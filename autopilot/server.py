@@ -5,7 +5,7 @@ time. A link is one ``Endpoint``, with its own sequence numbers and its own mess
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from autopilot import identity, telemetry
@@ -55,6 +55,7 @@ class GroundLink:
         self.endpoint = Endpoint(transport, system, COMPONENT)
         self.schedule = Schedule()
         self._largest = DATAGRAM_BYTES if transport.address.startswith("udp") else STREAM_BYTES
+        self._devices: dict[int, Endpoint] = {}
         self._outbox: list[bytes] = []
         self._due_s = 0.0
         self._known: set[Party] = set()
@@ -69,6 +70,15 @@ class GroundLink:
     def write(self, message: MessageType, values: Values) -> None:
         """Add a message to what leaves at the next flush."""
         self._outbox.append(self.endpoint.encode_values(message, values))
+
+    def relay(self, frame: Frame) -> None:
+        """Add what one of the vehicle's devices said, as that component of the vehicle's system."""
+        message = dialect.by_id(frame.message_id)
+        assert message is not None, "the codec lets only known messages pass"
+        device = self._devices.get(frame.component)
+        if device is None:
+            device = self._devices[frame.component] = Endpoint(self.transport, self.endpoint.system, frame.component)
+        self._outbox.append(device.encode_values(message, frame.decode()))
 
     def flush(self, now_s: float) -> None:
         """Send what was gathered. Raises LinkLostError."""
@@ -150,6 +160,12 @@ class GroundServer:
                 for stream in due:
                     link.write(stream.message, stream.build(snapshot))
         self.announce()
+
+    def relay(self, frames: Iterable[Frame]) -> None:
+        """Tell the ground what the vehicle's devices say, under their own component ids."""
+        for frame in frames:
+            for link in self.links:
+                link.relay(frame)
 
     def announce(self) -> None:
         """Send what happened since the last call, and the mode at once when it changed."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from link.frames import Quaternion
 from link.missions import MissionItem
-from link.records import Altimeter, GpsFix, SensorFrame
+from link.records import Altimeter, Battery, DuctFeedback, Dvl, GpsFix, Leak, SensorFrame
 
 
 class Severity(IntEnum):
@@ -46,6 +46,11 @@ class Inputs(NamedTuple):
     """Wall seconds since a ground station was last heard; None before the first."""
     stick: "Stick | None" = None
     """MANUAL_CONTROL, when a pilot steers."""
+    dvl: Dvl | None = None
+    battery: Battery | None = None
+    leak: Leak | None = None
+    duct: DuctFeedback | None = None
+    """Each the newest, None when none came since the last tick."""
 
 
 class Stick(NamedTuple):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 ACCELEROMETER_FRESH, GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH = 0x07, 0x38, 0x1C0, 0x1A00
 """HIL_SENSOR.fields_updated by instrument: all bits of a group are set in the tick that brings a new reading of it."""
-SENSORS_ALL = 0x1FFF
+SENSORS_ALL = ACCELEROMETER_FRESH | GYRO_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
 """HIL_SENSOR.fields_updated with every accelerometer, gyro, magnetometer and barometer bit."""
 
 ARMED_FLAG = 128

@@ -8,7 +8,7 @@ under test turn the vehicle. Each process is discretised exactly and starts stat
 
 from __future__ import annotations
 
-from math import cos, exp, pi, radians, sin, sqrt
+from math import cos, exp, inf, pi, radians, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -135,6 +135,12 @@ def moments_flu_nm(sea: Environment, disturbance: Disturbance) -> tuple[float, f
 def pressure_hpa(sea: Environment, depth_m: float) -> float:
     """Absolute pressure at a depth; above the surface that of the air."""
     return sea.surface_pressure_hpa + sea.density_kgpm3 * sea.gravity_mps2 * max(0.0, depth_m) / PASCAL_PER_HPA
+
+
+def floor_range_m(sea: Environment, position_ned_m: Vector3, direction_ned: Vector3) -> float:
+    """Distance from a place to the sea floor along a unit vector; infinite where the ray meets none."""
+    clearance_m = sea.floor_depth_m - position_ned_m[2]
+    return clearance_m / direction_ned[2] if direction_ned[2] > 0.0 else inf
 
 
 def _wave(filter_: WaveMoment, x: tuple[float, float], n1: float, n2: float) -> tuple[float, float]:

@@ -5,13 +5,14 @@ Nothing else is sent, no heartbeat either: what goes out depends on vehicle time
 
 from __future__ import annotations
 
-from math import atan2, hypot, pi
+from math import atan2, hypot, isnan, pi
 
-from link import dialect
+from link import devices, dialect
+from link.dialect import MessageType
 from link.endpoint import Endpoint
 from link.records import ActuatorFrame, Altimeter, GpsFix, TruthFrame
 from link.transport import Transport, wait
-from sitl.sensors import GPS_HORIZONTAL_NOISE_M, GPS_VERTICAL_NOISE_M, Sensors
+from sitl.sensors import Sensors
 
 SYSTEM = 1
 COMPONENT = dialect.constant("MAV_COMP_ID_USER1")
@@ -33,6 +34,7 @@ class HilLink:
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
         self._endpoint = Endpoint(transport, SYSTEM, COMPONENT)
+        self._devices: dict[int, Endpoint] = {}
 
     @property
     def address(self) -> str:
@@ -49,9 +51,32 @@ class HilLink:
             b"" if truth is None else encode(_TRUTH, truth),
             b"" if sensors.gps is None else encode(_GPS, _gps_fields(sensors.gps)),
             b"" if sensors.altimeter is None else encode(_ALTIMETER, _altimeter_fields(sensors.altimeter)),
+            *self._device_frames(sensors),
             encode(_SENSOR, sensors.frame),
         ]
         return b"".join(frames)
+
+    def _device_frames(self, sensors: Sensors) -> list[bytes]:
+        """The frames of devices that speak under component ids of their own."""
+        frames = []
+        if sensors.dvl is not None:
+            frames.append(self._of(devices.DVL_COMPONENT, devices.ODOMETRY, devices.dvl_values(sensors.dvl)))
+        if sensors.battery is not None:
+            values = devices.battery_values(sensors.battery)
+            frames.append(self._of(devices.BATTERY_COMPONENT, devices.BATTERY_STATUS, values))
+        if sensors.leak is not None:
+            frames.append(self._of(devices.LEAK_COMPONENT, devices.SYS_STATUS, devices.leak_values(sensors.leak)))
+        if sensors.duct is not None:
+            values = devices.duct_values(sensors.duct)
+            frames.append(self._of(devices.DUCT_COMPONENT, devices.ACTUATOR_OUTPUTS, values))
+        return frames
+
+    def _of(self, component: int, message: MessageType, values: devices.Values) -> bytes:
+        """A frame of a component, numbered in its own sequence."""
+        device = self._devices.get(component)
+        if device is None:
+            device = self._devices[component] = Endpoint(self._transport, SYSTEM, component)
+        return device.encode_values(message, values)
 
     def answer(self, time_us: int, timeout_s: float) -> ActuatorFrame | None:
         """The answer to the sensors of ``time_us`` if one arrives in time; answers to other times are dropped.
@@ -77,8 +102,8 @@ def _gps_fields(fix: GpsFix) -> tuple[object, ...]:
         lat=round(1e7 * fix.lat_deg),
         lon=round(1e7 * fix.lon_deg),
         alt=round(1e3 * fix.alt_m),
-        eph=round(1e2 * GPS_HORIZONTAL_NOISE_M),
-        epv=round(1e2 * GPS_VERTICAL_NOISE_M),
+        eph=_centimetres(fix.eph_m),
+        epv=_centimetres(fix.epv_m),
         vel=round(1e2 * speed),
         vn=round(1e2 * fix.velocity_north_mps),
         ve=round(1e2 * fix.velocity_east_mps),
@@ -86,6 +111,10 @@ def _gps_fields(fix: GpsFix) -> tuple[object, ...]:
         cog=round(course * 18000.0 / pi) % 36000,
         satellites_visible=fix.satellites,
     )
+
+
+def _centimetres(error_m: float) -> int:
+    return devices.UNKNOWN_U16 if isnan(error_m) else round(1e2 * error_m)
 
 
 def _altimeter_fields(altimeter: Altimeter) -> tuple[object, ...]:

@@ -19,7 +19,7 @@ from link.records import ActuatorFrame
 from sitl import afloat, environment, sensors, tailcone
 from sitl.environment import Disturbance, Environment
 from sitl.scenario import Scenario, Start
-from sitl.sensors import Biases, Sensors, SensorStreams
+from sitl.sensors import Memory, Sensors, SensorStreams, Suite
 from sitl.tailcone import Servo
 from sitl.truth import Truth
 from sitl.vehicle import calibrate
@@ -47,6 +47,7 @@ class Plant(NamedTuple):
     rudder: Servo
     elevator: Servo
     sea: Environment
+    suite: Suite
     start: Start
 
 
@@ -59,7 +60,7 @@ class State(NamedTuple):
     rudder: Vector
     elevator: Vector
     disturbance: Disturbance
-    biases: Biases
+    instruments: Memory
     truth: Truth
     """The same in the axes of everyone else."""
 
@@ -94,6 +95,7 @@ def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
         rudder=_servo(vehicle.tailcone, vehicle.tailcone.rudder_bias_deg),
         elevator=_servo(vehicle.tailcone, vehicle.tailcone.elevator_bias_deg),
         sea=environment.build(scenario, model.hydrostatics.gravity_mps2, TICK_S),
+        suite=sensors.build(vehicle, model.propeller.full_rps, TICK_US),
         start=scenario.start,
     )
 
@@ -109,12 +111,12 @@ def random_streams(seed: int) -> Streams:
 def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
     """The state at vehicle time zero, with what the instruments say of it."""
     disturbance = environment.stationary(rng.slow, rng.wave)
-    biases = sensors.draw_biases(rng.sensors.biases)
     rudder, elevator = _neutral(plant.rudder), _neutral(plant.elevator)
     start = afloat.start_state(plant.model, plant.start, plant.sea.current_nwu_mps)
     body, truth = _move(plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance)
-    state = State(0, body, rudder.axis, elevator.axis, disturbance, biases, truth)
-    return state, sensors.sample(truth, plant.sea, biases, rng.sensors)
+    instruments = sensors.switch_on(plant.suite, plant.start.battery_pct / 100.0, rng.sensors)
+    instruments, readings = sensors.sample(plant.suite, truth, plant.sea, instruments, rng.sensors)
+    return State(0, body, rudder.axis, elevator.axis, disturbance, instruments, truth), readings
 
 
 def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> tuple[State, Sensors]:
@@ -125,8 +127,8 @@ def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> 
     thrust = _demand(actuators.controls[THRUST])
     disturbance = environment.advance(plant.sea, state.disturbance, rng.slow, rng.wave)
     body, truth = _move(plant, time_us, state.body, rudder, elevator, thrust, state.disturbance, disturbance)
-    moved = State(time_us, body, rudder.axis, elevator.axis, disturbance, state.biases, truth)
-    return moved, sensors.sample(truth, plant.sea, moved.biases, rng.sensors)
+    instruments, readings = sensors.sample(plant.suite, truth, plant.sea, state.instruments, rng.sensors)
+    return State(time_us, body, rudder.axis, elevator.axis, disturbance, instruments, truth), readings
 
 
 def _turn(axis: Servo, state: Vector, control: float, rng: Generator) -> Turn:

@@ -45,6 +45,7 @@ class Start(Table, frozen=True):
     depth_m: NotNegative | None = None
     speed_mps: Speed = 0.0
     """Forward, through the water."""
+    battery_pct: Annotated[float, Meta(ge=0.0, le=100.0)] = 100.0
 
 
 class Water(Table, frozen=True):

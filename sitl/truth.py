@@ -27,6 +27,8 @@ class Truth(NamedTuple):
     propeller_rps: float
     pitch_disturbance_nm: float
     yaw_disturbance_nm: float
+    flooding: bool = False
+    """Whether there is water in the hull."""
 
     @property
     def speed_through_water_mps(self) -> float:

@@ -37,6 +37,7 @@ _SCHEMA = {
             for name, size in _VECTORS.items()
         },
         **{name: {"type": "number"} for name in _SCALARS},
+        "flooding": {"type": "boolean"},
     },
 }
 

@@ -144,6 +144,29 @@ class Tailcone(Table, frozen=True):
     lost_step_above_degps: NonNegative = 0.0
 
 
+class Power(Table, frozen=True):
+    """What empties the battery."""
+
+    hotel_w: NonNegative = 60.0
+    """Computers, instruments and radio, whatever the propeller does; typical of a vehicle of this size."""
+    drive_efficiency: FullFraction = 0.45
+    """Thrust times speed over electric power at the operating point; typical of propeller, motor and drive together."""
+
+
+class Instruments(Table, frozen=True):
+    """What the vehicle carries of each kind: a name of the simulator's catalogue of data sheets, or "none"."""
+
+    imu: str = "mti-300"
+    magnetometer: str = "mti-300"
+    pressure: str = "transmitter-10bar"
+    gps: str = "neo-m8"
+    dvl: str = "a50"
+    altimeter: str = "echo-30m"
+    battery: str = "lipo-1500wh"
+    leak: str = "probe"
+    encoder: str = "none"
+
+
 class VehicleConfig(Table, frozen=True):
     """One vehicle file."""
 
@@ -157,6 +180,8 @@ class VehicleConfig(Table, frozen=True):
     propeller: PropellerCurve
     damping: Damping
     tailcone: Tailcone
+    power: Power = Power()
+    instruments: Instruments = Instruments()
 
 
 def load(name_or_path: str | Path) -> VehicleConfig:

@@ -34,7 +34,9 @@ def test_one_datagram_carries_all_that_is_due_and_the_sensors_last(afloat: tuple
     near, far = open_transport("memory:datagram"), open_transport("memory:datagram")
     HilLink(near).send(HilLink(near).datagram(sensors, truth.to_frame(state.truth, 42.35, -71.0)))
     messages = decoded(far.receive())
-    assert list(messages) == ["HIL_STATE_QUATERNION", "HIL_GPS", "DISTANCE_SENSOR", "HIL_SENSOR"]
+    assert list(messages) == [
+        "HIL_STATE_QUATERNION", "HIL_GPS", "DISTANCE_SENSOR", "BATTERY_STATUS", "SYS_STATUS", "HIL_SENSOR",
+    ]  # fmt: skip
     sensor, gps, altimeter = messages["HIL_SENSOR"], messages["HIL_GPS"], messages["DISTANCE_SENSOR"]
     assert (sensor.time_usec, sensor.fields_updated) == (0, SENSORS_ALL)
     assert sensor.zacc == pytest.approx(-9.8, abs=0.05)

@@ -1,20 +1,23 @@
-"""What the instruments tell, against motions worked out by hand."""
+"""What the instruments tell, against motions worked out by hand and against the figures of their data sheets."""
 
 import math
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from link.frames import quaternion_from_euler, rotate
-from link.records import SENSORS_ALL, ActuatorFrame
+from link.records import SENSORS_ALL, ActuatorFrame, SensorFrame
 from sitl import environment, plant, scenario, sensors
-from sitl.sensors import Biases, Sensors
+from sitl.sensors import Sensors
 from sitl.truth import Truth
 from sitl.vehicle import config
+from sitl.vehicle.config import Instruments, VehicleError
 
+FIELD = config.load("field")
 SEA = environment.build(scenario.load("calm"), 9.81, plant.TICK_S)
-UNBIASED = Biases((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+FULL_RPS = 6.5
 AT_REST = Truth(
     time_us=0,
     position_ned_m=(0.0, 0.0, 5.0),
@@ -31,89 +34,96 @@ AT_REST = Truth(
 )
 
 
-def read(truth: Truth, biases: Biases = UNBIASED, seed: int = 1) -> Sensors:
-    return sensors.sample(truth, SEA, biases, plant.random_streams(seed).sensors)
+def carrying(**instruments: str) -> sensors.Suite:
+    vehicle = replace(FIELD, instruments=Instruments(**instruments))
+    return sensors.build(vehicle, FULL_RPS, plant.TICK_US)
 
 
-def many(truth: Truth, count: int = 4000) -> Any:
-    streams = plant.random_streams(seed=3).sensors
-    return np.array([sensors.sample(truth, SEA, UNBIASED, streams).frame for _ in range(count)])
+def readings(truth: Truth, ticks: int, suite: sensors.Suite | None = None, seed: int = 1) -> list[Sensors]:
+    """What is heard while the vehicle does not change her state."""
+    suite = suite or carrying()
+    streams = plant.random_streams(seed).sensors
+    memory, heard = sensors.switch_on(suite, 1.0, streams), []
+    for tick in range(ticks):
+        memory, reading = sensors.sample(suite, truth._replace(time_us=tick * plant.TICK_US), SEA, memory, streams)
+        heard.append(reading)
+    return heard
 
 
-def test_means_are_true_and_spreads_are_those_of_the_instruments() -> None:
-    samples = many(AT_REST._replace(rates_radps=(0.01, -0.02, 0.03)))
-    columns = dict(zip(sensors.SensorFrame._fields, samples.T, strict=True))
+def test_spreads_are_those_of_the_data_sheets_and_everything_is_new_every_tick() -> None:
+    samples: Any = np.array([reading.frame for reading in readings(AT_REST, 4000)])
+    columns = dict(zip(SensorFrame._fields, samples.T, strict=True))
     # Density times the square root of half the sample rate: 5 in all.
     expected = {
-        "accel_z_mps2": (-9.81, 5.0 * 60e-6 * 9.80665),
-        "gyro_x_radps": (0.01, 5.0 * math.radians(0.01)),
-        "gyro_z_radps": (0.03, 5.0 * math.radians(0.01)),
-        "mag_z_gauss": (0.52 * math.sin(math.radians(67.0)), 5.0 * 0.2e-3),
-        "pressure_hpa": (1013.25 + 1025.0 * 9.81 * 5.0 / 100.0, 0.5),
-        "pressure_altitude_m": (-5.0, 0.5 * 100.0 / (1025.0 * 9.81)),
-        "temperature_degc": (10.0, 0.01),
+        "accel_z_mps2": 5.0 * 60e-6 * 9.80665,
+        "gyro_x_radps": 5.0 * math.radians(0.01),
+        "gyro_z_radps": 5.0 * math.radians(0.01),
+        "mag_z_gauss": 5.0 * 0.2e-3,
+        "pressure_hpa": math.hypot(0.5, 0.2 / math.sqrt(12.0)),
+        "temperature_degc": 0.01,
     }
-    for name, (mean, spread) in expected.items():
-        assert columns[name].mean() == pytest.approx(mean, abs=4.0 * spread / math.sqrt(4000)), name
+    for name, spread in expected.items():
         assert columns[name].std() == pytest.approx(spread, rel=0.05), name
     assert set(columns["fields_updated"]) == {SENSORS_ALL}
 
 
+def test_over_many_runs_the_means_are_true_and_scatter_as_the_turn_on_errors_do() -> None:
+    runs = 300
+    truth = AT_REST._replace(rates_radps=(0.01, -0.02, 0.03))
+    samples: Any = np.array([readings(truth, 1, seed=seed)[0].frame for seed in range(runs)])
+    columns = dict(zip(SensorFrame._fields, samples.T, strict=True))
+    milli_g = 9.80665e-3
+    tilt_and_scale = 9.81 * math.hypot(3e-4, 0.0)
+    expected = {
+        "accel_z_mps2": (-9.81, math.hypot(0.5 * milli_g, 0.3 * milli_g, tilt_and_scale)),
+        "gyro_z_radps": (0.03, 5.0 * math.radians(0.01)),
+        "mag_z_gauss": (0.52 * math.sin(math.radians(67.0)), math.hypot(1e-3, 0.5e-3, 0.48e-3)),
+        "pressure_hpa": (1013.25 + 1025.0 * 9.81 * 5.0 / 100.0, math.hypot(0.5, 0.5)),
+    }
+    for name, (mean, spread) in expected.items():
+        assert columns[name].mean() == pytest.approx(mean, abs=4.0 * spread / math.sqrt(runs)), name
+        assert columns[name].std() == pytest.approx(spread, rel=0.15), name
+
+
 @pytest.mark.parametrize("heading_deg", [0.0, 77.0, -135.0])
 def test_the_compass_shows_heading_less_declination(heading_deg: float) -> None:
-    frame = read(AT_REST._replace(attitude_q=quaternion_from_euler(0.0, 0.0, math.radians(heading_deg)))).frame
+    attitude = quaternion_from_euler(0.0, 0.0, math.radians(heading_deg))
+    frame = readings(AT_REST._replace(attitude_q=attitude), 1)[0].frame
     magnetic = math.degrees(math.atan2(-frame.mag_y_gauss, frame.mag_x_gauss))
     assert (magnetic - 14.4 - heading_deg + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1.5)
 
 
-def test_biases_are_drawn_once_a_run_and_added() -> None:
-    biases = sensors.draw_biases(plant.random_streams(seed=5).sensors.biases)
-    assert biases == sensors.draw_biases(plant.random_streams(seed=5).sensors.biases)
-    assert biases != sensors.draw_biases(plant.random_streams(seed=6).sensors.biases)
-    plain, biased = read(AT_REST).frame, read(AT_REST, biases).frame
-    shifts = np.array(biased[1:10]) - np.array(plain[1:10])
-    expected = [*biases.accelerometer_mps2, *biases.gyro_radps, *biases.magnetometer_gauss]
-    np.testing.assert_allclose(shifts, expected, atol=1e-12)
-
-
-def test_gps_is_heard_five_times_a_second_at_the_surface_only() -> None:
-    surfaced = AT_REST._replace(position_ned_m=(30.0, -40.0, 0.2))
-    assert read(surfaced._replace(time_us=20_000)).gps is None
-    assert read(AT_REST).gps is None
-    fix = read(surfaced).gps
-    assert fix is not None
-    # 111.2 km a degree of latitude; a fix strays a few metres.
-    assert (fix.lat_deg - 42.35) * 111_195 == pytest.approx(30.0, abs=6.0)
-    assert (fix.lon_deg + 71.0) * 111_195 * math.cos(math.radians(42.35)) == pytest.approx(-40.0, abs=6.0)
-
-
-@pytest.mark.parametrize(
-    ("depth_m", "pitch_deg", "range_m"),
-    [(5.0, 0.0, 15.0), (5.0, 30.0, 15.0 / math.cos(math.radians(30.0))), (19.8, 0.0, None), (5.0, 80.0, None)],
-)
-def test_the_altimeter_sees_the_floor_within_range_and_tilt(depth_m: float, pitch_deg: float, range_m: float) -> None:
-    attitude = quaternion_from_euler(0.0, math.radians(pitch_deg), 0.0)
-    echo = read(AT_REST._replace(position_ned_m=(0.0, 0.0, depth_m), attitude_q=attitude)).altimeter
-    assert (echo is None) == (range_m is None)
-    if echo is not None:
-        assert echo.range_m == pytest.approx(range_m, abs=0.1)
+def test_errors_of_a_run_come_from_its_seed() -> None:
+    first, again, other = (readings(AT_REST, 20, seed=seed) for seed in (5, 5, 6))
+    assert first == again
+    assert first != other
 
 
 def test_one_instrument_more_or_less_leaves_the_others_as_they_were() -> None:
-    """A surfaced vehicle draws for GPS too; what the gyro says afterwards is the same."""
-    readings = []
-    for depth_m in (0.2, 0.6):
-        streams = plant.random_streams(seed=2).sensors
-        truth = AT_REST._replace(position_ned_m=(0.0, 0.0, depth_m))
-        sensors.sample(truth, SEA, UNBIASED, streams)
-        readings.append(sensors.sample(truth._replace(time_us=20_000), SEA, UNBIASED, streams).frame[1:10])
-    assert readings[0] == readings[1]
+    plain = readings(AT_REST, 200)
+    bare = readings(AT_REST, 200, carrying(gps="none", dvl="none", altimeter="none", battery="none", leak="none"))
+    rich = readings(AT_REST, 200, carrying(encoder="as5048"))
+    assert [r.frame for r in bare] == [r.frame for r in plain] == [r.frame for r in rich]
+    assert [r.dvl for r in rich] == [r.dvl for r in plain]
+    assert any(r.duct for r in rich)
+
+
+def test_an_instrument_that_is_not_carried_says_nothing() -> None:
+    nothing = carrying(**dict.fromkeys(Instruments.__struct_fields__, "none"))
+    for reading in readings(AT_REST, 60, nothing):
+        assert reading.frame == SensorFrame(reading.frame.time_us, *(0.0,) * 13, 0, 0)
+        assert set(reading[1:]) == {None}
+
+
+def test_an_unknown_instrument_is_refused_by_name() -> None:
+    with pytest.raises(VehicleError, match=r"instruments\.dvl = 'a5O': unknown; known here: a50, .*none"):
+        carrying(dvl="a5O")
 
 
 def test_specific_force_is_acceleration_less_gravity_during_a_manoeuvre() -> None:
     """Differences of the true velocity, which is worked out another way, against the accelerometer's ideal."""
     dive = scenario.Scenario(start=scenario.Start(depth_m=10.0, speed_mps=1.3))
-    sea = plant.build(config.load("field"), dive)
+    sea = plant.build(FIELD, dive)
     rng = plant.random_streams(seed=1)
     state, _ = plant.launch(sea, rng)
     truths = []

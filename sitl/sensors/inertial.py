@@ -1,0 +1,132 @@
+"""Gyros and accelerometers: white noise, a bias that differs from run to run and wanders within one, imperfect axes.
+
+The wander (bias instability) is a first-order Gauss-Markov process. Its Allan deviation peaks at 0.617 of its standard
+deviation, 1.89 time constants away (IEEE Std 952-1997, annex C.1.1.5 gives the curve); a data sheet's in-run bias
+stability is that peak, so the standard deviation follows from it.
+"""
+
+from __future__ import annotations
+
+from math import exp, radians, sqrt
+from typing import NamedTuple
+
+from numpy.random import Generator
+
+from link.frames import STANDARD_GRAVITY_MPS2, Vector
+from sitl.sensors.datasheets import ImuSheet
+from sitl.sensors.timing import Queue, Timing, arrive, due, timing
+from sitl.sensors.triad import NOTHING, PERFECT, Matrix, biases, imperfect_axes, measured, white
+from sitl.truth import Truth
+
+ALLAN_PEAK = 0.617
+"""Of a Gauss-Markov process of unit variance."""
+WANDER_PERIOD_US = 1_000_000
+"""The wander moves in steps of a second: far below its time constant, and it costs nothing in between."""
+
+_PER_HOUR = 1.0 / 3600.0
+_MICRO_G = 1e-6 * STANDARD_GRAVITY_MPS2
+
+
+class Imu(NamedTuple):
+    timing: Timing
+    gyro_noise_radps: float
+    accelerometer_noise_mps2: float
+    gyro_wander_radps: float
+    accelerometer_wander_mps2: float
+    """One standard deviation of each wander."""
+    keep: float
+    """Of the wander over one of its steps."""
+    renew: float
+    sheet: ImuSheet
+
+
+class Motion(NamedTuple):
+    """One reading, FRD axes."""
+
+    specific_force_mps2: Vector = NOTHING
+    rates_radps: Vector = NOTHING
+
+
+class Memory(NamedTuple):
+    gyro_axes: Matrix = PERFECT
+    accelerometer_axes: Matrix = PERFECT
+    gyro_turn_on_radps: Vector = NOTHING
+    accelerometer_turn_on_mps2: Vector = NOTHING
+    gyro_bias_radps: Vector = NOTHING
+    accelerometer_bias_mps2: Vector = NOTHING
+    """Turn-on bias and wander together, as they stand."""
+    held: Motion = Motion()
+    """The newest reading that arrived."""
+    queue: Queue[Motion] = ()
+
+
+def build(sheet: ImuSheet, tick_us: int) -> Imu:
+    when = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
+    rate_hz = 1e6 / when.period_us
+    keep = exp(-WANDER_PERIOD_US * 1e-6 / sheet.wander_time_s)
+    return Imu(
+        when,
+        white(radians(sheet.gyro_density_degps_rthz), rate_hz),
+        white(sheet.accelerometer_density_ug_rthz * _MICRO_G, rate_hz),
+        radians(sheet.gyro_stability_degph) * _PER_HOUR / ALLAN_PEAK,
+        sheet.accelerometer_stability_ug * _MICRO_G / ALLAN_PEAK,
+        keep,
+        sqrt(1.0 - keep * keep),
+        sheet,
+    )
+
+
+def switch_on(imu: Imu, stream: Generator) -> Memory:
+    """The errors that this run's instrument has."""
+    sheet = imu.sheet
+    gyro = biases(radians(sheet.gyro_turn_on_degph) * _PER_HOUR, stream)
+    accelerometer = biases(sheet.accelerometer_turn_on_ug * _MICRO_G, stream)
+    scale, skew = 1e-6 * sheet.scale_ppm, radians(sheet.misalignment_deg)
+    return Memory(
+        imperfect_axes(scale, skew, stream),
+        imperfect_axes(scale, skew, stream),
+        gyro,
+        accelerometer,
+        _plus(gyro, biases(imu.gyro_wander_radps, stream)),
+        _plus(accelerometer, biases(imu.accelerometer_wander_mps2, stream)),
+    )
+
+
+def sample(imu: Imu, truth: Truth, memory: Memory, stream: Generator) -> tuple[Memory, bool]:
+    """``memory.held`` is what the instrument reads; True when it is new."""
+    if truth.time_us % WANDER_PERIOD_US == 0:
+        memory = _wandered(imu, memory, stream)
+    taken = None
+    if due(imu.timing, truth.time_us):
+        n = stream.standard_normal(6).tolist()
+        taken = Motion(
+            measured(
+                truth.specific_force_mps2, memory.accelerometer_axes, memory.accelerometer_bias_mps2,
+                imu.accelerometer_noise_mps2, n[:3],
+            ),
+            measured(truth.rates_radps, memory.gyro_axes, memory.gyro_bias_radps, imu.gyro_noise_radps, n[3:]),
+        )  # fmt: skip
+    queue, reading = arrive(imu.timing, memory.queue, taken, truth.time_us, stream)
+    if reading is None:
+        return (memory if queue is memory.queue else memory._replace(queue=queue)), False
+    return Memory(*memory[:6], reading, queue), True
+
+
+def _wandered(imu: Imu, memory: Memory, stream: Generator) -> Memory:
+    n = stream.standard_normal(6).tolist()
+    gyro, force = imu.renew * imu.gyro_wander_radps, imu.renew * imu.accelerometer_wander_mps2
+    return memory._replace(
+        gyro_bias_radps=_step(memory.gyro_bias_radps, memory.gyro_turn_on_radps, imu.keep, gyro, n[:3]),
+        accelerometer_bias_mps2=_step(
+            memory.accelerometer_bias_mps2, memory.accelerometer_turn_on_mps2, imu.keep, force, n[3:]
+        ),
+    )
+
+
+def _step(bias: Vector, centre: Vector, keep: float, renew: float, draws: list[float]) -> Vector:
+    x, y, z = (c + keep * (b - c) + renew * n for b, c, n in zip(bias, centre, draws, strict=True))
+    return x, y, z
+
+
+def _plus(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]

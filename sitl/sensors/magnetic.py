@@ -1,0 +1,57 @@
+"""The magnetometer: the earth's field through what is left of the vehicle's hard and soft iron after compensation."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from numpy.random import Generator
+
+from link.frames import Vector, rotate_back
+from sitl.environment import Environment
+from sitl.sensors.datasheets import MagnetometerSheet
+from sitl.sensors.timing import Queue, Timing, arrive, due, timing
+from sitl.sensors.triad import NOTHING, PERFECT, Matrix, biases, measured, soft_iron, white
+from sitl.truth import Truth
+
+
+class Magnetometer(NamedTuple):
+    timing: Timing
+    noise_gauss: float
+    hard_iron_gauss: float
+    soft_iron: float
+    """One standard deviation of each: of the bias, and of the distortion's entries."""
+
+
+class Memory(NamedTuple):
+    distortion: Matrix = PERFECT
+    bias_gauss: Vector = NOTHING
+    held: Vector = NOTHING
+    """The newest reading that arrived, gauss in FRD axes."""
+    queue: Queue[Vector] = ()
+
+
+def build(sheet: MagnetometerSheet, tick_us: int) -> Magnetometer:
+    when = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
+    noise = white(1e-3 * sheet.density_mgauss_rthz, 1e6 / when.period_us)
+    return Magnetometer(when, noise, 1e-3 * sheet.hard_iron_mgauss, sheet.soft_iron)
+
+
+def switch_on(magnetometer: Magnetometer, stream: Generator) -> Memory:
+    """The iron of this run."""
+    bias = biases(magnetometer.hard_iron_gauss, stream)
+    return Memory(soft_iron(magnetometer.soft_iron, stream), bias)
+
+
+def sample(
+    magnetometer: Magnetometer, truth: Truth, sea: Environment, memory: Memory, stream: Generator
+) -> tuple[Memory, bool]:
+    """``memory.held`` is what the instrument reads; True when it is new."""
+    taken = None
+    if due(magnetometer.timing, truth.time_us):
+        field = rotate_back(truth.attitude_q, sea.magnetic_field_ned_gauss)
+        n = stream.standard_normal(3).tolist()
+        taken = measured(field, memory.distortion, memory.bias_gauss, magnetometer.noise_gauss, n)
+    queue, reading = arrive(magnetometer.timing, memory.queue, taken, truth.time_us, stream)
+    if reading is None:
+        return (memory if queue is memory.queue else memory._replace(queue=queue)), False
+    return Memory(memory.distortion, memory.bias_gauss, reading, queue), True

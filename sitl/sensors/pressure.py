@@ -1,0 +1,71 @@
+"""The pressure transmitter: absolute pressure of the water at the hull axis, and the temperature of its own cell."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from numpy.random import Generator
+
+from sitl.environment import PASCAL_PER_HPA, Environment, pressure_hpa
+from sitl.sensors.datasheets import PressureSheet
+from sitl.sensors.timing import Queue, Timing, arrive, due, timing
+from sitl.truth import Truth
+
+
+class PressureSensor(NamedTuple):
+    timing: Timing
+    noise_hpa: float
+    offset_hpa: float
+    """One standard deviation over runs."""
+    resolution_hpa: float
+    temperature_noise_degc: float
+
+
+class Water(NamedTuple):
+    """One reading."""
+
+    pressure_hpa: float = 0.0
+    altitude_m: float = 0.0
+    """Height above the surface that the pressure means in water of the sea's density."""
+    temperature_degc: float = 0.0
+
+
+class Memory(NamedTuple):
+    offset_hpa: float = 0.0
+    held: Water = Water()
+    """The newest reading that arrived."""
+    queue: Queue[Water] = ()
+
+
+def build(sheet: PressureSheet, tick_us: int) -> PressureSensor:
+    when = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
+    return PressureSensor(when, sheet.noise_hpa, sheet.offset_hpa, sheet.resolution_hpa, sheet.temperature_noise_degc)
+
+
+def switch_on(sensor: PressureSensor, stream: Generator) -> Memory:
+    """The zero error of this run."""
+    return Memory(sensor.offset_hpa * float(stream.standard_normal()))
+
+
+def sample(
+    sensor: PressureSensor, truth: Truth, sea: Environment, memory: Memory, stream: Generator
+) -> tuple[Memory, bool]:
+    """``memory.held`` is what the instrument reads; True when it is new."""
+    taken = _read(sensor, truth, sea, memory.offset_hpa, stream) if due(sensor.timing, truth.time_us) else None
+    queue, reading = arrive(sensor.timing, memory.queue, taken, truth.time_us, stream)
+    if reading is None:
+        return (memory if queue is memory.queue else memory._replace(queue=queue)), False
+    return Memory(memory.offset_hpa, reading, queue), True
+
+
+def _read(sensor: PressureSensor, truth: Truth, sea: Environment, offset_hpa: float, stream: Generator) -> Water:
+    n_pressure, n_temperature = stream.standard_normal(2).tolist()
+    pressure = pressure_hpa(sea, truth.position_ned_m[2]) + offset_hpa + sensor.noise_hpa * n_pressure
+    if sensor.resolution_hpa:
+        pressure = round(pressure / sensor.resolution_hpa) * sensor.resolution_hpa
+    gauge_pa = (pressure - sea.surface_pressure_hpa) * PASCAL_PER_HPA
+    return Water(
+        pressure,
+        -gauge_pa / (sea.density_kgpm3 * sea.gravity_mps2),
+        sea.temperature_degc + sensor.temperature_noise_degc * n_temperature,
+    )
