@@ -10,7 +10,7 @@ from link.frames import quaternion_from_euler
 from sitl.scenario import Start
 from sitl.vehicle import restoring
 from sitl.vehicle.dynamics import NU, QUATERNION, state_at_rest
-from sitl.vehicle.kernel import Vector
+from sitl.vehicle.kernel import Vector, Vector3
 from sitl.vehicle.model import Model
 
 _BISECTIONS = 60
@@ -18,7 +18,7 @@ _NEWTON_STEPS = 12
 _DIFFERENCE = 1e-6
 
 
-def start_state(model: Model, start: Start, current_nwu_mps: Vector) -> Vector:
+def start_state(model: Model, start: Start, current_nwu_mps: Vector3) -> Vector:
     """Body state, shape (13,), FLU in NWU, that a scenario starts from; the current carries her along."""
     z_up_m, roll_rad, pitch_rad = float_trim(model) if start.depth_m is None else (-start.depth_m, 0.0, 0.0)
     state = state_at_rest(z_up_m)
@@ -55,7 +55,7 @@ def _unbalance(trim: Vector, model: Model) -> Vector:
     """Net upward force and the moments in roll and pitch of weight and buoyancy, N and N m."""
     z_up_m, roll, pitch = trim.tolist()
     up = (-sin(pitch), sin(roll) * cos(pitch), cos(roll) * cos(pitch))
-    X, Y, Z, K, M, _ = restoring.wrench(z_up_m, up, model.hydrostatics, model.stations)
+    X, Y, Z, K, M, _ = restoring.wrench(z_up_m, up[0], up, 1.0, model.hydrostatics, model.stations)
     return np.array([X * up[0] + Y * up[1] + Z * up[2], K, M])
 
 

@@ -11,13 +11,12 @@ from __future__ import annotations
 from math import cos, exp, inf, pi, radians, sin, sqrt
 from typing import NamedTuple
 
-import numpy as np
 from numpy.random import Generator
 
 from link.frames import Vector as Vector3
 from link.frames import flip
 from sitl.scenario import Scenario
-from sitl.vehicle.kernel import Vector
+from sitl.vehicle.water import Water, drifting
 
 PASCAL_PER_HPA = 100.0
 
@@ -59,8 +58,8 @@ class Environment(NamedTuple):
     temperature_degc: float
     floor_depth_m: float
     magnetic_field_ned_gauss: Vector3
-    current_nwu_mps: Vector
-    """Velocity of the water, shape (3,)."""
+    water: Water
+    """About the hull, wherever she is."""
     slow: SlowMoment
     wave: WaveMoment
     slow_rms_nm: tuple[float, float]
@@ -83,7 +82,7 @@ def build(scenario: Scenario, gravity_mps2: float, tick_s: float) -> Environment
         temperature_degc=scenario.water.temperature_degc,
         floor_depth_m=scenario.water.floor_depth_m,
         magnetic_field_ned_gauss=_magnetic_field_ned(scenario),
-        current_nwu_mps=np.array(flip(*scenario.water.current_ned_mps)),
+        water=drifting(flip(*scenario.water.current_ned_mps)),
         slow=slow_moment(slow.time_constant_s, tick_s),
         wave=wave_moment(2.0 * pi * waves.frequency_hz, waves.damping, tick_s),
         slow_rms_nm=(slow.yaw_rms_nm, slow.pitch_rms_nm),

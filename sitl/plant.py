@@ -28,6 +28,7 @@ from sitl.vehicle.dynamics import POSITION, QUATERNION, derivative, rk4_step, sp
 from sitl.vehicle.kernel import Vector, Vector3, kernel
 from sitl.vehicle.model import Model
 from sitl.vehicle.propeller import rps
+from sitl.vehicle.water import Water
 
 TICK_US = 20_000
 SUBSTEPS = 4
@@ -112,7 +113,7 @@ def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
     """The state at vehicle time zero, with what the instruments say of it."""
     disturbance = environment.stationary(rng.slow, rng.wave)
     rudder, elevator = _neutral(plant.rudder), _neutral(plant.elevator)
-    start = afloat.start_state(plant.model, plant.start, plant.sea.current_nwu_mps)
+    start = afloat.start_state(plant.model, plant.start, plant.sea.water.velocity_mps)
     body, truth = _move(plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance)
     instruments = sensors.switch_on(plant.suite, plant.start.battery_pct / 100.0, rng.sensors)
     instruments, readings = sensors.sample(plant.suite, truth, plant.sea, instruments, rng.sensors)
@@ -161,7 +162,7 @@ def _move(
     moved, sea = body.copy(), plant.sea
     shaft_rps, velocity, force = _integrate(
         moved, rudder.substeps_rad, elevator.substeps_rad, rudder.end_rad, elevator.end_rad, thrust,
-        _wrench(sea, before), _wrench(sea, after), sea.current_nwu_mps, plant.model, _WORK,
+        _wrench(sea, before), _wrench(sea, after), sea.water, plant.model, _WORK,
     )  # fmt: skip
     values = moved.tolist()
     pitch_nm, yaw_nm = environment.moments_flu_nm(sea, after)
@@ -172,7 +173,7 @@ def _move(
         velocity_ned_mps=flip(*velocity),
         rates_radps=flip(*values[RATES]),
         specific_force_mps2=flip(*force),
-        water_velocity_ned_mps=flip(*sea.current_nwu_mps.tolist()),
+        water_velocity_ned_mps=flip(*sea.water.velocity_mps),
         rudder_rad=rudder.end_rad,
         elevator_rad=elevator.end_rad,
         propeller_rps=shaft_rps,
@@ -206,7 +207,7 @@ def _servo(tail: Tailcone, bias_deg: float) -> Servo:
 @kernel
 def _integrate(
     body: Vector, rudder_rad: Vector, elevator_rad: Vector, rudder_end_rad: float, elevator_end_rad: float,
-    thrust: float, wrench: Vector, wrench_end: Vector, current_nwu: Vector, model: Model, work: Vector,
+    thrust: float, wrench: Vector, wrench_end: Vector, water: Water, model: Model, work: Vector,
 ) -> tuple[float, Vector3, Vector3]:  # fmt: skip
     """All substeps of a tick and what there is to observe at its end, in one call; ``body`` is changed in place.
 
@@ -214,9 +215,9 @@ def _integrate(
     """
     shaft_rps = rps(thrust, model)
     for k in range(rudder_rad.size):
-        rk4_step(body, rudder_rad[k], elevator_rad[k], shaft_rps, wrench, current_nwu, SUBSTEP_S, model, work)
+        rk4_step(body, rudder_rad[k], elevator_rad[k], shaft_rps, wrench, water, SUBSTEP_S, model, work)
     slope = work[0]
-    derivative(body, rudder_end_rad, elevator_end_rad, shaft_rps, wrench_end, current_nwu, model, slope)
+    derivative(body, rudder_end_rad, elevator_end_rad, shaft_rps, wrench_end, water, model, slope)
     return shaft_rps, (slope[0], slope[1], slope[2]), specific_force(body, slope, model)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sitl.vehicle import dynamics, propeller
 from sitl.vehicle.kernel import kernel
 from sitl.vehicle.model import Model
+from sitl.vehicle.water import STILL
 from sysid.runs import RATE_HZ, Plane, Run
 
 Array = NDArray[np.float64]
@@ -92,12 +93,12 @@ def _slopes(
         state[2] = SUBMERGED_Z_M
         state[3] = 1.0
         state[8], state[12] = x[1], x[2]
-        dynamics.derivative(state, duct_rad, 0.0, rps, zero[:6], zero[:3], model, full)
+        dynamics.derivative(state, duct_rad, 0.0, rps, zero[:6], STILL, model, full)
     else:
         state[2] = x[4]
         state[3], state[5] = math.cos(0.5 * x[3]), math.sin(0.5 * x[3])
         state[9], state[11] = x[1], x[2]
-        dynamics.derivative(state, 0.0, duct_rad, rps, zero[:6], zero[:3], model, full)
+        dynamics.derivative(state, 0.0, duct_rad, rps, zero[:6], STILL, model, full)
     for i in range(3):
         total = 0.0
         for j in range(6):

@@ -13,7 +13,7 @@ import numpy as np
 
 from sitl.vehicle import hull as geometry
 from sitl.vehicle.config import VehicleConfig, VehicleError
-from sitl.vehicle.model import Duct, Hull, Hydrostatics, Inertia, Model, Propeller, Stations
+from sitl.vehicle.model import Duct, Fins, Hull, Hydrostatics, Inertia, Model, Polar, Propeller, Stations
 
 STATION_NODES = (6, 4, 6)
 """Stations on nose, mid-body and tail."""
@@ -28,6 +28,7 @@ def build(config: VehicleConfig) -> Model:
         stations=_stations(config),
         hull=_hull(config, inertia, duct),
         duct=duct,
+        fins=_no_fins(duct),
         propeller=_propeller(config),
         hydrostatics=_hydrostatics(config),
     )
@@ -82,14 +83,22 @@ def _duct(config: VehicleConfig) -> Duct:
         x_m=duct.x_m,
         radius_m=duct.diameter_m / 2,
         half_rho_area_kgpm=config.water.density_kgpm3 / 2 * duct.area_m2,
-        lift_slope_per_rad=duct.lift_slope_per_rad,
-        lift_quadratic_per_rad2=duct.lift_quadratic_per_rad2,
-        drag_zero_lift=duct.drag_zero_lift,
-        induced_drag=1 / (pi * duct.aspect_ratio * duct.oswald),
-        stall_rad=radians(duct.stall_deg),
-        separated_rad=radians(duct.separated_deg),
-        separated_normal=duct.separated_normal,
+        vectored=1.0,
+        polar=Polar(
+            lift_slope_per_rad=duct.lift_slope_per_rad,
+            lift_quadratic_per_rad2=duct.lift_quadratic_per_rad2,
+            drag_zero_lift=duct.drag_zero_lift,
+            induced_drag=1 / (pi * duct.aspect_ratio * duct.oswald),
+            stall_rad=radians(duct.stall_deg),
+            separated_rad=radians(duct.separated_deg),
+            separated_normal=duct.separated_normal,
+        ),
     )
+
+
+def _no_fins(duct: Duct) -> Fins:
+    none = np.empty(0)
+    return Fins(duct.x_m, 0.0, 0.0, duct.polar, none, none, none, none)
 
 
 def _propeller(config: VehicleConfig) -> Propeller:
@@ -127,11 +136,11 @@ def _hull(config: VehicleConfig, inertia: Inertia, duct: Duct) -> Hull:
     """
     linear, U, T = config.linear, config.operating_point.speed_mps, config.operating_point.thrust_n
     x = duct.x_m
-    lift = duct.half_rho_area_kgpm * duct.lift_slope_per_rad
-    k = lift + duct.half_rho_area_kgpm * duct.drag_zero_lift
+    lift = duct.half_rho_area_kgpm * duct.polar.lift_slope_per_rad
+    k = lift + duct.half_rho_area_kgpm * duct.polar.drag_zero_lift
     turned = lift + T / U**2
     A_u, A_v, A_w = (float(added) for added in np.diag(inertia.M_A)[:3])
-    X_uu = T / U**2 - duct.half_rho_area_kgpm * duct.drag_zero_lift
+    X_uu = T / U**2 - duct.half_rho_area_kgpm * duct.polar.drag_zero_lift
     if X_uu <= 0:
         raise VehicleError(
             f"{config.name}: operating_point.thrust_n = {T}: "

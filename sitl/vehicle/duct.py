@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import atan2, cos, exp, log, pi, sin, sqrt
 
+from sitl.vehicle import wing
 from sitl.vehicle.kernel import Vector3, kernel
 from sitl.vehicle.model import Duct
 
@@ -31,29 +32,6 @@ def ring_axis(rudder_rad: float, elevator_rad: float) -> Vector3:
 
 
 @kernel
-def coefficients(alpha_rad: float, duct: Duct) -> tuple[float, float]:
-    """(C_L / sin alpha, C_D) at incidence 0 <= alpha <= pi/2; both finite and continuous throughout.
-
-    Attached: C_L = a alpha + C_Dc alpha^2, C_D = C_do + C_L^2/(pi AR e) (the paper, after Principles of Naval
-    Architecture). Separated: a normal force C_n sin alpha across the ring. A smooth step joins the two past stall.
-    """
-    sin_a = sin(alpha_rad)
-    lift = duct.lift_slope_per_rad * alpha_rad + duct.lift_quadratic_per_rad2 * alpha_rad * alpha_rad
-    lift_over_sin = lift / sin_a if sin_a > 1e-9 else duct.lift_slope_per_rad
-    drag = duct.drag_zero_lift + duct.induced_drag * lift * lift
-    if alpha_rad <= duct.stall_rad:
-        return lift_over_sin, drag
-    lift_over_sin_separated = duct.separated_normal * cos(alpha_rad)
-    drag_separated = duct.drag_zero_lift + duct.separated_normal * sin_a * sin_a
-    x = min(1.0, (alpha_rad - duct.stall_rad) / (duct.separated_rad - duct.stall_rad))
-    separated = x * x * (3.0 - 2.0 * x)
-    return (
-        lift_over_sin + separated * (lift_over_sin_separated - lift_over_sin),
-        drag + separated * (drag_separated - drag),
-    )
-
-
-@kernel
 def force(velocity: Vector3, axis: Vector3, duct: Duct) -> Vector3:
     """Lift and drag of the ring moving at ``velocity`` (m/s, through the water) with its axis along ``axis``, N.
 
@@ -67,7 +45,7 @@ def force(velocity: Vector3, axis: Vector3, duct: Duct) -> Vector3:
     cy = ez * vx - ex * vz
     cz = ex * vy - ey * vx
     across = sqrt(cx * cx + cy * cy + cz * cz)
-    lift_over_sin, drag = coefficients(atan2(across, abs(along)), duct)
+    lift_over_sin, drag = wing.coefficients(atan2(across, abs(along)), duct.polar)
     lift = duct.half_rho_area_kgpm * (lift_over_sin if along >= 0.0 else -lift_over_sin)
     resist = duct.half_rho_area_kgpm * drag * sqrt(vx * vx + vy * vy + vz * vz)
     return (

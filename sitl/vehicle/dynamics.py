@@ -10,9 +10,10 @@ from math import sqrt
 
 import numpy as np
 
-from sitl.vehicle import duct, hydrodynamics, propeller, restoring
+from sitl.vehicle import boundary, duct, fins, hydrodynamics, propeller, restoring
 from sitl.vehicle.kernel import Vector, Vector3, Wrench, entry_point, kernel
 from sitl.vehicle.model import Inertia, Model
+from sitl.vehicle.water import Water
 
 STATE_SIZE = 13
 POSITION = slice(0, 3)
@@ -71,8 +72,10 @@ def coriolis(nu: Wrench, inertia: Inertia) -> Wrench:
 
 
 @kernel
-def tail(nu: Wrench, axis: Vector3, shaft_rps: float, immersed: float, model: Model) -> Wrench:
-    """Ring wing and propeller, both at the duct and along or about its axis, N and N m about the origin."""
+def tail(
+    nu: Wrench, axis: Vector3, rudder_rad: float, elevator_rad: float, shaft_rps: float, immersed: float, model: Model
+) -> Wrench:
+    """Ring wing and propeller, both at the duct and along or about its axis, and fins; N and N m about the origin."""
     u, v, w, _, q, r = nu
     x = model.duct.x_m
     velocity = (u, v + x * r, w - x * q)
@@ -82,11 +85,19 @@ def tail(nu: Wrench, axis: Vector3, shaft_rps: float, immersed: float, model: Mo
     X = immersed * (fx + thrust * axis[0])
     Y = immersed * (fy + thrust * axis[1])
     Z = immersed * (fz + thrust * axis[2])
-    return X, Y, Z, 0.0, -x * Z, x * Y
+    finned = fins.wrench(nu, rudder_rad, elevator_rad, model.fins)
+    return (
+        X + immersed * finned[0],
+        Y + immersed * finned[1],
+        Z + immersed * finned[2],
+        immersed * finned[3],
+        -x * Z + immersed * finned[4],
+        x * Y + immersed * finned[5],
+    )
 
 
 @kernel
-def _in_body(rows: tuple[Vector3, Vector3, Vector3], vector_nwu: Vector) -> Vector3:
+def _in_body(rows: tuple[Vector3, Vector3, Vector3], vector_nwu: Vector3) -> Vector3:
     """R^T c: an inertial vector in body axes."""
     north, west, up = rows
     n, w, u = vector_nwu[0], vector_nwu[1], vector_nwu[2]
@@ -98,23 +109,38 @@ def _in_body(rows: tuple[Vector3, Vector3, Vector3], vector_nwu: Vector) -> Vect
 
 
 @kernel
+def _turning(slope: Vector3) -> Vector3:
+    """Rate of turn of the line of water along the hull whose velocity grows by ``slope`` per metre forward."""
+    return 0.0, -slope[2], slope[1]
+
+
+@kernel
 def _sum(a: Wrench, b: Wrench) -> Wrench:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
 
 
 @kernel
 def _forces(
-    z_m: float, up: Vector3, nu_r: Wrench, axis: Vector3, rudder_rad: float, elevator_rad: float, shaft_rps: float,
-    model: Model,
+    state: Vector, up: Vector3, nu_r: Wrench, water: Water, acceleration: Vector3, turning: Vector3, axis: Vector3,
+    rudder_rad: float, elevator_rad: float, shaft_rps: float, model: Model,
 ) -> Wrench:  # fmt: skip
-    """Coriolis, static, hull and tail forces, N and N m about the origin."""
+    """Coriolis, static, hull, tail and boundary forces, N and N m about the origin.
+
+    ``nu_r`` is the velocity through the water at the origin; ``acceleration`` and ``turning`` are the water's, in body
+    axes: what the hull meets along its length turns with the water, what its momentum is does not.
+    """
     u, v, w, p, q, r = nu_r
-    immersed = restoring.immersion(z_m + up[0] * model.duct.x_m, model.duct.radius_m)
+    met = (u, v, w, p, q - turning[1], r - turning[2])
+    g = model.hydrostatics.gravity_mps2
+    felt = (up[0] + acceleration[0] / g, up[1] + acceleration[1] / g, up[2] + acceleration[2] / g)
+    z_m, climb = state[2] - water.surface_m, up[0] - water.surface_slope
+    immersed = restoring.immersion(z_m + climb * model.duct.x_m, model.duct.radius_m)
     total = coriolis(nu_r, model.inertia)
-    total = _sum(total, restoring.wrench(z_m, up, model.hydrostatics, model.stations))
-    total = _sum(total, hydrodynamics.crossflow_drag(v, w, q, r, model.stations))
-    total = _sum(total, hydrodynamics.lift_and_drag(u, v, w, p, q, r, model.hull))
-    total = _sum(total, tail(nu_r, axis, shaft_rps, immersed, model))
+    total = _sum(total, restoring.wrench(z_m, climb, felt, water.density_ratio, model.hydrostatics, model.stations))
+    total = _sum(total, hydrodynamics.crossflow_drag(v, w, met[4], met[5], model.stations))
+    total = _sum(total, hydrodynamics.lift_and_drag(u, v, w, p, met[4], met[5], model.hull))
+    total = _sum(total, tail(met, axis, rudder_rad, elevator_rad, shaft_rps, immersed, model))
+    total = _sum(total, boundary.wrench(state, up, water, model.hydrostatics))
     return _sum(total, hydrodynamics.duct_interaction(immersed * u * abs(u), rudder_rad, elevator_rad, model.hull))
 
 
@@ -134,14 +160,18 @@ def _kinematics(state: Vector, rows: tuple[Vector3, Vector3, Vector3], out: Vect
 @kernel
 def _slope(
     state: Vector, axis: Vector3, rudder_rad: float, elevator_rad: float, propeller_rps: float, disturbance: Vector,
-    current_nwu: Vector, model: Model, out: Vector,
+    water: Water, model: Model, out: Vector,
 ) -> None:  # fmt: skip
     """State derivative for a duct whose axis is already known; see ``derivative``."""
     rows = rotation(state)
-    c_x, c_y, c_z = _in_body(rows, current_nwu)
+    c_x, c_y, c_z = _in_body(rows, water.velocity_mps)
+    acceleration = _in_body(rows, water.acceleration_mps2)
     p, q, r = state[10], state[11], state[12]
     nu_r = (state[7] - c_x, state[8] - c_y, state[9] - c_z, p, q, r)
-    f = _forces(state[2], rows[2], nu_r, axis, rudder_rad, elevator_rad, propeller_rps, model)
+    turning = _turning(_in_body(rows, water.slope_per_s))
+    f = _forces(
+        state, rows[2], nu_r, water, acceleration, turning, axis, rudder_rad, elevator_rad, propeller_rps, model
+    )
     X, Y, Z = f[0] + disturbance[0], f[1] + disturbance[1], f[2] + disturbance[2]
     K, M, N = f[3] + disturbance[3], f[4] + disturbance[4], f[5] + disturbance[5]
 
@@ -149,52 +179,57 @@ def _slope(
     W = model.inertia.M_inverse
     for i in range(6):
         out[7 + i] = W[i, 0] * X + W[i, 1] * Y + W[i, 2] * Z + W[i, 3] * K + W[i, 4] * M + W[i, 5] * N
-    # nu' = nu_r' + d(R^T c)/dt = nu_r' - omega x R^T c in a steady uniform current (Fossen 2021, sec. 10.3).
-    out[7] -= q * c_z - r * c_y
-    out[8] -= r * c_x - p * c_z
-    out[9] -= p * c_y - q * c_x
+    # nu' = nu_r' + d(R^T c)/dt = nu_r' + R^T c' - omega x R^T c (Fossen 2021, sec. 10.3); c' is the water's own
+    # acceleration, not the one met along the body's path (Auton, Hunt and Prud'homme 1988, J. Fluid Mech. 197).
+    out[7] += acceleration[0] - (q * c_z - r * c_y)
+    out[8] += acceleration[1] - (r * c_x - p * c_z)
+    out[9] += acceleration[2] - (p * c_y - q * c_x)
+    # A hull of the water's own inertia turns with the line of water it lies in.
+    spinning_up = _turning(_in_body(rows, water.slope_rate_per_s2))
+    out[11] += spinning_up[1]
+    out[12] += spinning_up[2]
 
 
 @entry_point
 def derivative(
     state: Vector, rudder_rad: float, elevator_rad: float, propeller_rps: float, disturbance: Vector,
-    current_nwu: Vector, model: Model, out: Vector,
+    water: Water, model: Model, out: Vector,
 ) -> None:  # fmt: skip
     """Write d(state)/dt, shape (13,), into ``out``.
 
     ``rudder_rad`` and ``elevator_rad`` are true duct angles: positive rudder turns the nose to starboard, positive
     elevator lifts it. ``propeller_rps`` is in rev/s. ``disturbance``, shape (6,), is an extra wrench on the body in FLU
-    axes about the origin, N and N m. ``current_nwu``, shape (3,), is the water's velocity in NWU, m/s, steady and
-    uniform over the hull.
+    axes about the origin, N and N m.
 
-    (M_RB + M_A) nu_r' = -C(nu_r) nu_r + hydrostatics + crossflow + hull + duct + thrust + disturbance.
-    The rigid body may be written in nu_r because a steady uniform current is a change of inertial frame.
+    (M_RB + M_A) nu_r' = -C(nu_r) nu_r + hydrostatics + crossflow + hull + tail + boundary + disturbance, in a frame
+    that moves with the water at the hull. Where the water accelerates so does that frame: gravity as felt in it is
+    g - Dv/Dt, and weight and buoyancy turn with it. Exact for uniform water, first order in its change along the hull.
     """
-    axis = duct.ring_axis(rudder_rad, elevator_rad)
-    _slope(state, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, current_nwu, model, out)
+    axis = duct.ring_axis(model.duct.vectored * rudder_rad, model.duct.vectored * elevator_rad)
+    _slope(state, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, out)
 
 
 @entry_point
 def rk4_step(
     state: Vector, rudder_rad: float, elevator_rad: float, propeller_rps: float, disturbance: Vector,
-    current_nwu: Vector, dt: float, model: Model, work: Vector,
+    water: Water, dt: float, model: Model, work: Vector,
 ) -> None:  # fmt: skip
     """Advance ``state`` in place by ``dt`` seconds, inputs held; classical Runge-Kutta of order four.
 
     Arguments as for ``derivative``; ``work`` is a ``work_array()``. The step ends by normalising the quaternion.
     """
-    axis = duct.ring_axis(rudder_rad, elevator_rad)
+    axis = duct.ring_axis(model.duct.vectored * rudder_rad, model.duct.vectored * elevator_rad)
     k1, k2, k3, k4, between = work[0], work[1], work[2], work[3], work[4]
-    _slope(state, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, current_nwu, model, k1)
+    _slope(state, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k1)
     for i in range(STATE_SIZE):
         between[i] = state[i] + 0.5 * dt * k1[i]
-    _slope(between, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, current_nwu, model, k2)
+    _slope(between, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k2)
     for i in range(STATE_SIZE):
         between[i] = state[i] + 0.5 * dt * k2[i]
-    _slope(between, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, current_nwu, model, k3)
+    _slope(between, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k3)
     for i in range(STATE_SIZE):
         between[i] = state[i] + dt * k3[i]
-    _slope(between, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, current_nwu, model, k4)
+    _slope(between, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k4)
     for i in range(STATE_SIZE):
         state[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
     norm = sqrt(state[3] * state[3] + state[4] * state[4] + state[5] * state[5] + state[6] * state[6])

@@ -14,6 +14,7 @@ import numpy as np
 from sitl.vehicle import dynamics
 from sitl.vehicle.kernel import Vector
 from sitl.vehicle.model import Model
+from sitl.vehicle.water import STILL
 
 STEP = 1e-8
 """Half width of the differences: crossflow drag and the quadratic duct lift leave an error proportional to it."""
@@ -86,7 +87,7 @@ def _acceleration(model: Model, u_mps: float, shaft_rps: float) -> Acceleration:
         state[4:7] = turn / 2
         state[dynamics.NU] = nu
         state[7] += u_mps
-        dynamics.derivative(state, duct[0], duct[1], shaft_rps, disturbance, np.zeros(3), model, rate)
+        dynamics.derivative(state, duct[0], duct[1], shaft_rps, disturbance, STILL, model, rate)
         return rate[dynamics.NU]
 
     return nu_rate

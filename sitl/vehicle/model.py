@@ -61,13 +61,9 @@ class Hull(NamedTuple):
     """Quadratic roll damping moment is -K_pp p|p|."""
 
 
-class Duct(NamedTuple):
-    """Ring wing on the hull axis, turned by rudder and elevator."""
+class Polar(NamedTuple):
+    """Lift and drag of a wing over incidence."""
 
-    x_m: float
-    radius_m: float
-    half_rho_area_kgpm: float
-    """1/2 rho A_eff, A_eff = diameter times chord."""
     lift_slope_per_rad: float
     lift_quadratic_per_rad2: float
     drag_zero_lift: float
@@ -76,7 +72,35 @@ class Duct(NamedTuple):
     stall_rad: float
     separated_rad: float
     separated_normal: float
-    """Normal force coefficient of the fully separated ring at 90 degrees of incidence."""
+    """Normal force coefficient of the fully separated wing at 90 degrees of incidence."""
+
+
+class Duct(NamedTuple):
+    """Ring wing on the hull axis, turned by rudder and elevator; the propeller sits in it."""
+
+    x_m: float
+    radius_m: float
+    half_rho_area_kgpm: float
+    """1/2 rho A_eff, A_eff = diameter times chord; zero where the propeller is bare."""
+    vectored: float
+    """1 where ring and thrust turn with the commands, 0 where they are fixed to the hull."""
+    polar: Polar
+
+
+class Fins(NamedTuple):
+    """Equal fins round the hull axis at one station; arrays of one entry a fin, empty where there are none."""
+
+    x_m: float
+    out_m: float
+    """Distance of a fin's centre of pressure from the axis."""
+    half_rho_area_kgpm: float
+    polar: Polar
+    span_y: Vector
+    span_z: Vector
+    """Direction of each fin's span, (0, span_y, span_z), a unit vector."""
+    rudder: Vector
+    elevator: Vector
+    """Turn of each fin, leading edge towards (0, -span_z, span_y), per radian of rudder and of elevator."""
 
 
 class Propeller(NamedTuple):
@@ -112,5 +136,6 @@ class Model(NamedTuple):
     stations: Stations
     hull: Hull
     duct: Duct
+    fins: Fins
     propeller: Propeller
     hydrostatics: Hydrostatics

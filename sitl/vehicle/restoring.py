@@ -22,14 +22,17 @@ def immersion(z_up_m: float, radius_m: float) -> float:
 
 
 @kernel
-def lost_buoyancy(z_m: float, up_x: float, hydrostatics: Hydrostatics, stations: Stations) -> tuple[float, float]:
-    """(buoyancy lost in N, its first moment along x in N m) of the stations that stand out of the water."""
+def lost_buoyancy(z_m: float, climb: float, hydrostatics: Hydrostatics, stations: Stations) -> tuple[float, float]:
+    """(buoyancy lost in N, its first moment along x in N m) of the stations that stand out of the water.
+
+    ``z_m`` is the origin's height above the surface, ``climb`` what a metre forward adds to it.
+    """
     force = moment = 0.0
-    highest = z_m + abs(up_x) * hydrostatics.half_length_m + hydrostatics.radius_m
+    highest = z_m + abs(climb) * hydrostatics.half_length_m + hydrostatics.radius_m
     if highest > 0.0:
         for i in range(stations.x_m.size):
             x = hydrostatics.x_cb_m + stations.lever_m[i]
-            dry = 1.0 - immersion(z_m + up_x * x, stations.radius_m[i])
+            dry = 1.0 - immersion(z_m + climb * x, stations.radius_m[i])
             lost = hydrostatics.buoyancy_n * stations.buoyancy_share[i] * dry
             force += lost
             moment += lost * x
@@ -37,19 +40,23 @@ def lost_buoyancy(z_m: float, up_x: float, hydrostatics: Hydrostatics, stations:
 
 
 @kernel
-def wrench(z_m: float, up: Vector3, hydrostatics: Hydrostatics, stations: Stations) -> Wrench:
+def wrench(
+    z_m: float, climb: float, up: Vector3, density_ratio: float, hydrostatics: Hydrostatics, stations: Stations
+) -> Wrench:
     """Weight at the centre of mass and buoyancy at the centre of volume, N and N m.
 
-    ``z_m`` is the origin's height above the surface, ``up`` the inertial z axis in body axes.
+    Both act along ``up``, opposite to gravity as felt in the water's own frame: the inertial z axis in body axes, plus
+    the water's acceleration in units of g (Froude-Krylov force). ``z_m`` and ``climb`` as for ``lost_buoyancy``.
     """
     up_x, up_y, up_z = up
     h = hydrostatics
-    lost, lost_moment = lost_buoyancy(z_m, up_x, h, stations)
-    net = h.buoyancy_n - lost - h.weight_n
+    lost, lost_moment = lost_buoyancy(z_m, climb, h, stations)
+    buoyancy = density_ratio * (h.buoyancy_n - lost)
+    net = buoyancy - h.weight_n
     # First moments of the vertical forces; crossed with "up" they give the moment about the origin.
-    first_x = h.buoyancy_n * h.x_cb_m - lost_moment - h.weight_n * h.x_cm_m
+    first_x = density_ratio * (h.buoyancy_n * h.x_cb_m - lost_moment) - h.weight_n * h.x_cm_m
     first_y = -h.weight_n * h.y_cm_m
-    first_z = (h.buoyancy_n - lost) * h.z_cb_m - h.weight_n * h.z_cm_m
+    first_z = buoyancy * h.z_cb_m - h.weight_n * h.z_cm_m
     return (
         net * up_x,
         net * up_y,

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sitl import tailcone
 from sitl.vehicle import calibrate, config, dynamics, propeller
+from sitl.vehicle.water import STILL
 from sysid.runs import RATE_HZ, Plane, Run
 
 Array = NDArray[np.float64]
@@ -60,7 +61,7 @@ def _fly(model, rudder_axis, elevator_axis, rudder_state, elevator_state, signal
     state[2], state[3], state[7] = -DEPTH_M, 1.0, speed
     work = np.empty((5, 13))
     rudder_angle, elevator_angle = np.empty(SUBSTEPS), np.empty(SUBSTEPS)
-    disturbance, current = np.zeros(6), np.zeros(3)
+    disturbance = np.zeros(6)
     integral = np.zeros(2)
     travel = math.radians(15.0)
     for k in range(n):
@@ -88,7 +89,7 @@ def _fly(model, rudder_axis, elevator_axis, rudder_state, elevator_state, signal
         tailcone.advance(elevator_axis, elevator_state, elevator, elevator_angle)
         for i in range(SUBSTEPS):
             dynamics.rk4_step(
-                state, rudder_angle[i], elevator_angle[i], rps, disturbance, current, DT / SUBSTEPS, model, work
+                state, rudder_angle[i], elevator_angle[i], rps, disturbance, STILL, DT / SUBSTEPS, model, work
             )
     return log
 

@@ -8,6 +8,7 @@ from numba import njit
 from sitl.vehicle import calibrate, config, dynamics
 from sitl.vehicle.kernel import Vector
 from sitl.vehicle.model import Model
+from sitl.vehicle.water import STILL, Water
 
 DEEP_M = -200.0
 SHIPPED = ("bench", "field")
@@ -61,21 +62,20 @@ def rate(
     elevator_rad: float = 0.0,
     shaft_rps: float = 0.0,
     disturbance: Vector | None = None,
-    current_nwu: Vector | None = None,
+    water: Water = STILL,
 ) -> Vector:
     """d(state)/dt."""
     out = np.empty(dynamics.STATE_SIZE)
     push = np.zeros(6) if disturbance is None else disturbance
-    current = np.zeros(3) if current_nwu is None else current_nwu
-    dynamics.derivative(state, rudder_rad, elevator_rad, shaft_rps, push, current, model, out)
+    dynamics.derivative(state, rudder_rad, elevator_rad, shaft_rps, push, water, model, out)
     return out
 
 
 @njit(cache=False)
-def _record(state, rudder_rad, elevator_rad, shaft_rps, disturbance, current_nwu, dt, model, work, track):
+def _record(state, rudder_rad, elevator_rad, shaft_rps, disturbance, water, dt, model, work, track):
     for i in range(len(track)):
         track[i] = state
-        dynamics.rk4_step(state, rudder_rad, elevator_rad, shaft_rps, disturbance, current_nwu, dt, model, work)
+        dynamics.rk4_step(state, rudder_rad, elevator_rad, shaft_rps, disturbance, water, dt, model, work)
 
 
 def fly(
@@ -85,17 +85,16 @@ def fly(
     rudder_rad: float = 0.0,
     elevator_rad: float = 0.0,
     thrust_fraction: float = 0.0,
-    current_nwu: Vector | None = None,
+    water: Water = STILL,
     disturbance: Vector | None = None,
     dt_s: float = 0.005,
 ) -> Vector:
     """States before each step and after the last, shape (n + 1, 13); inputs held throughout."""
     track = np.empty((round(seconds / dt_s) + 1, dynamics.STATE_SIZE))
     push = np.zeros(6) if disturbance is None else disturbance
-    current = np.zeros(3) if current_nwu is None else current_nwu
     shaft_rps = thrust_fraction * model.propeller.full_rps
     work = dynamics.work_array()
-    _record(state.copy(), rudder_rad, elevator_rad, shaft_rps, push, current, dt_s, model, work, track)
+    _record(state.copy(), rudder_rad, elevator_rad, shaft_rps, push, water, dt_s, model, work, track)
     return track
 
 

@@ -41,7 +41,7 @@ def test_attached_flow_is_the_papers(u, v, w, rudder, elevator):
     velocity = (u, v, w)
     axis = duct.ring_axis(rudder, elevator)
     incidence = np.arccos(np.dot(velocity, axis) / np.linalg.norm(velocity))
-    if incidence < DUCT.stall_rad:
+    if incidence < DUCT.polar.stall_rad:
         assert duct.force(velocity, axis, DUCT) == pytest.approx(
             paper_force(velocity, rudder, elevator), rel=1e-9, abs=1e-9
         )
@@ -70,7 +70,7 @@ def test_lift_falls_past_stall_and_never_jumps():
     alpha = np.linspace(0, pi, 20001)
     lift = np.array([duct.force((cos(a), sin(a), 0.0), (1.0, 0.0, 0.0), DUCT) for a in alpha])
     across = lift[:, 0] * np.sin(alpha) - lift[:, 1] * np.cos(alpha)
-    stall, separated = np.searchsorted(alpha, [DUCT.stall_rad, DUCT.separated_rad])
+    stall, separated = np.searchsorted(alpha, [DUCT.polar.stall_rad, DUCT.polar.separated_rad])
     assert across[separated] < 0.6 * across[stall]
     assert np.abs(np.diff(lift, axis=0)).max() < 0.002 * np.abs(lift).max()
 

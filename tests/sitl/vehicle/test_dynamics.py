@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import fsolve
 
 from sitl.vehicle import dynamics
+from sitl.vehicle.water import drifting
 from tests.sitl.vehicle import flight
 
 FIVE_DEG = np.radians(5)
@@ -82,11 +83,11 @@ def test_a_mirrored_manoeuvre_gives_the_mirrored_track_to_the_bit(model):
     push = np.array([3.0, -5.0, 2.0, 4.0, -6.0, 7.0])
     inputs = {"elevator_rad": 0.1, "thrust_fraction": 0.8}
     track = flight.fly(
-        model, start, 60.0, rudder_rad=0.2, disturbance=push, current_nwu=np.array([0.3, -0.2, 0.05]), **inputs
+        model, start, 60.0, rudder_rad=0.2, disturbance=push, water=drifting((0.3, -0.2, 0.05)), **inputs
     )
     mirrored = flight.fly(
         model, start * MIRROR, 60.0, rudder_rad=-0.2, disturbance=push * [1, -1, 1, -1, 1, -1],
-        current_nwu=np.array([0.3, 0.2, 0.05]), **inputs,
+        water=drifting((0.3, 0.2, 0.05)), **inputs,
     )  # fmt: skip
     assert np.array_equal(mirrored, track * MIRROR)
 
@@ -110,15 +111,14 @@ def test_the_hull_knows_no_preferred_roll_angle():
 @given(st.tuples(*[st.floats(-1, 1)] * 3))
 @settings(max_examples=20)
 def test_a_vehicle_drifting_with_the_current_sees_nothing(current):
-    current = np.array(current)
     model, start = flight.model("field"), flight.tumbling(-500.0)
     inputs = {"rudder_rad": 0.1, "elevator_rad": -0.05, "thrust_fraction": 0.6}
     still = flight.fly(model, start, 20.0, **inputs)
     carried = start.copy()
-    carried[7:10] += flight.rotation(start).T @ current
-    moving = flight.fly(model, carried, 20.0, current_nwu=current, **inputs)
+    carried[7:10] += flight.rotation(start).T @ np.array(current)
+    moving = flight.fly(model, carried, 20.0, water=drifting(current), **inputs)
     assert moving[-1, 3:7] == pytest.approx(still[-1, 3:7], abs=1e-8)
-    drift = 20.0 * current
+    drift = 20.0 * np.array(current)
     assert moving[-1, 0:3] - still[-1, 0:3] == pytest.approx(drift, abs=1e-7)
 
 

@@ -13,20 +13,25 @@ H, STATIONS = MODEL.hydrostatics, MODEL.stations
 NET_BUOYANCY_N = 22.24
 
 
+def submerged(up):
+    """Weight and buoyancy ten metres down."""
+    return restoring.wrench(-10.0, up[0], up, 1.0, H, STATIONS)
+
+
 def test_deep_and_level_only_the_net_buoyancy_is_left():
-    force = restoring.wrench(-10.0, (0.0, 0.0, 1.0), H, STATIONS)
+    force = submerged((0.0, 0.0, 1.0))
     assert force == pytest.approx((0, 0, NET_BUOYANCY_N, 0, 0, 0), abs=1e-9)
 
 
 def test_high_and_dry_only_the_weight_is_left():
-    force = restoring.wrench(10.0, (0.0, 0.0, 1.0), H, STATIONS)
+    force = restoring.wrench(10.0, 0.0, (0.0, 0.0, 1.0), 1.0, H, STATIONS)
     assert force == pytest.approx((0, 0, -H.weight_n, 0, 0, 0), rel=1e-12, abs=1e-9)
 
 
 def test_pitch_and_roll_are_righted_by_the_low_centre_of_mass():
     angle = 0.1
-    *_, roll, _, _ = restoring.wrench(-10.0, (0.0, np.sin(angle), np.cos(angle)), H, STATIONS)
-    *_, pitch, _ = restoring.wrench(-10.0, (-np.sin(angle), 0.0, np.cos(angle)), H, STATIONS)
+    *_, roll, _, _ = submerged((0.0, np.sin(angle), np.cos(angle)))
+    *_, pitch, _ = submerged((-np.sin(angle), 0.0, np.cos(angle)))
     righting = H.weight_n * H.z_cm_m * np.sin(angle)
     assert (roll, pitch) == pytest.approx((righting, righting), rel=1e-12)
 
@@ -37,7 +42,7 @@ def test_surface_forces_derive_from_a_potential(z, pitch):
 
     def heave_and_pitch(z, pitch):
         up = (-np.sin(pitch), 0.0, np.cos(pitch))
-        X, _, Z, _, M, _ = restoring.wrench(z, up, H, STATIONS)
+        X, _, Z, _, M, _ = restoring.wrench(z, up[0], up, 1.0, H, STATIONS)
         return X * up[0] + Z * up[2], M
 
     h = 1e-5
