@@ -18,6 +18,9 @@ from link.frames import flip, flip_quaternion
 from link.records import ActuatorFrame
 from sitl import afloat, environment, sensors, tailcone
 from sitl.environment import Disturbance, Environment
+from sitl.faults import readings, tail, timeline
+from sitl.faults.tail import Drives
+from sitl.faults.timeline import Timeline
 from sitl.scenario import Scenario, Start
 from sitl.sensors import Memory, Sensors, SensorStreams, Suite
 from sitl.tailcone import Servo
@@ -50,6 +53,8 @@ class Plant(NamedTuple):
     sea: Environment
     suite: Suite
     start: Start
+    faults: Timeline
+    """That are to come."""
 
 
 class State(NamedTuple):
@@ -64,6 +69,7 @@ class State(NamedTuple):
     instruments: Memory
     truth: Truth
     """The same in the axes of everyone else."""
+    faults: Timeline
 
 
 class Turn(NamedTuple):
@@ -86,6 +92,7 @@ class Streams(NamedTuple):
     rudder: Generator
     elevator: Generator
     """Of the steps that the motors lose."""
+    faults: Generator
 
 
 def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
@@ -98,15 +105,16 @@ def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
         sea=environment.build(scenario, model.hydrostatics.gravity_mps2, TICK_S),
         suite=sensors.build(vehicle, model.propeller.full_rps, TICK_US),
         start=scenario.start,
+        faults=timeline.schedule(scenario.faults),
     )
 
 
 def random_streams(seed: int) -> Streams:
     """Independent streams of one seed: what one of them draws leaves the others as they were."""
-    slow, wave, *instruments, rudder, elevator = [
-        default_rng(child) for child in SeedSequence(seed).spawn(4 + len(SensorStreams._fields))
+    slow, wave, *instruments, rudder, elevator, faults = [
+        default_rng(child) for child in SeedSequence(seed).spawn(5 + len(SensorStreams._fields))
     ]
-    return Streams(slow, wave, SensorStreams(*instruments), rudder, elevator)
+    return Streams(slow, wave, SensorStreams(*instruments), rudder, elevator, faults)
 
 
 def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
@@ -116,20 +124,40 @@ def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
     start = afloat.start_state(plant.model, plant.start, plant.sea.water.velocity_mps)
     body, truth = _move(plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance)
     instruments = sensors.switch_on(plant.suite, plant.start.battery_pct / 100.0, rng.sensors)
-    instruments, readings = sensors.sample(plant.suite, truth, plant.sea, instruments, rng.sensors)
-    return State(0, body, rudder.axis, elevator.axis, disturbance, instruments, truth), readings
+    instruments, said = sensors.sample(plant.suite, truth, plant.sea, instruments, rng.sensors)
+    return State(0, body, rudder.axis, elevator.axis, disturbance, instruments, truth, plant.faults), said
 
 
 def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> tuple[State, Sensors]:
     """The state one tick later under ``actuators``, with what the instruments say of it."""
     time_us = state.time_us + TICK_US
-    rudder = _turn(plant.rudder, state.rudder, actuators.controls[RUDDER], rng.rudder)
-    elevator = _turn(plant.elevator, state.elevator, actuators.controls[ELEVATOR], rng.elevator)
-    thrust = _demand(actuators.controls[THRUST])
+    faults = timeline.advance(state.faults, plant.model, time_us)
+    controls = actuators.controls
+    if faults.running:
+        plant, controls, faults = _hurt(plant, controls, faults, rng.faults)
+    rudder = _turn(plant.rudder, state.rudder, controls[RUDDER], rng.rudder)
+    elevator = _turn(plant.elevator, state.elevator, controls[ELEVATOR], rng.elevator)
+    thrust = _demand(controls[THRUST])
     disturbance = environment.advance(plant.sea, state.disturbance, rng.slow, rng.wave)
     body, truth = _move(plant, time_us, state.body, rudder, elevator, thrust, state.disturbance, disturbance)
-    instruments, readings = sensors.sample(plant.suite, truth, plant.sea, state.instruments, rng.sensors)
-    return State(time_us, body, rudder.axis, elevator.axis, disturbance, instruments, truth), readings
+    if faults.running:
+        truth = truth._replace(flooding="leak wet" in faults.names, faults=faults.names)
+    instruments, said = sensors.sample(plant.suite, truth, plant.sea, state.instruments, rng.sensors)
+    if faults.running:
+        said, running = readings.suffer(said, faults.running, time_us, TICK_S, rng.faults)
+        faults = faults._replace(running=running)
+    return State(time_us, body, rudder.axis, elevator.axis, disturbance, instruments, truth, faults), said
+
+
+def _hurt(
+    plant: Plant, controls: tuple[float, ...], faults: Timeline, noise: Generator
+) -> tuple[Plant, tuple[float, ...], Timeline]:
+    """The vehicle and what reaches her drives under the faults of this tick."""
+    asked = (controls[RUDDER], controls[ELEVATOR], controls[THRUST])
+    drives, running = tail.suffer(Drives(plant.rudder, plant.elevator, asked), faults.running, noise)
+    model = faults.model or plant.model
+    hurt = plant._replace(model=model, rudder=drives.rudder, elevator=drives.elevator)
+    return hurt, drives.controls, faults._replace(running=running)
 
 
 def _turn(axis: Servo, state: Vector, control: float, rng: Generator) -> Turn:

@@ -12,6 +12,8 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
+from sitl.faults import catalogue
+from sitl.faults.catalogue import Fault, FaultError
 from sitl.vehicle import strict_toml
 
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
@@ -97,6 +99,13 @@ class Scenario(Table, frozen=True):
     water: Water = Water()
     magnetic_field: MagneticField = MagneticField()
     disturbance: DisturbanceLevels = DisturbanceLevels()
+    fault: tuple[dict[str, float | str], ...] = ()
+    """What goes wrong and when; ``sitl.faults.catalogue`` knows the keys."""
+
+    @property
+    def faults(self) -> list[Fault]:
+        """What goes wrong and when. Raises FaultError."""
+        return [catalogue.read(row) for row in self.fault]
 
 
 def names() -> list[str]:
@@ -114,7 +123,14 @@ def load(name_or_path: str) -> Scenario:
         text = (_shipped() / f"{name_or_path}.toml").read_text(encoding="utf-8")
     else:
         text = _read(name_or_path)
-    return strict_toml.decode(text, Scenario, f"scenario {name_or_path}", ScenarioError)
+    source = f"scenario {name_or_path}"
+    scenario = strict_toml.decode(text, Scenario, source, ScenarioError)
+    for number, row in enumerate(scenario.fault, 1):
+        try:
+            catalogue.read(row)
+        except FaultError as error:
+            raise ScenarioError(f"{source}: fault {number}: {error}") from None
+    return scenario
 
 
 def _shipped() -> Any:

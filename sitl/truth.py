@@ -29,6 +29,8 @@ class Truth(NamedTuple):
     yaw_disturbance_nm: float
     flooding: bool = False
     """Whether there is water in the hull."""
+    faults: tuple[str, ...] = ()
+    """What is wrong on board, unit and kind."""
 
     @property
     def speed_through_water_mps(self) -> float:

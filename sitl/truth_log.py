@@ -38,6 +38,7 @@ _SCHEMA = {
         },
         **{name: {"type": "number"} for name in _SCALARS},
         "flooding": {"type": "boolean"},
+        "faults": {"type": "array", "items": {"type": "string"}},
     },
 }
 

@@ -11,7 +11,16 @@ from typing import Any, NamedTuple
 from numpy.random import Generator
 
 from link.frames import STANDARD_GRAVITY_MPS2, offset_to_geodetic
-from link.records import ACCELEROMETER_FRESH, GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH, GpsFix, SensorFrame
+from link.records import (
+    ACCELEROMETER_FRESH,
+    GYRO_FRESH,
+    MAGNETOMETER_FRESH,
+    PRESSURE_FRESH,
+    Altimeter,
+    Battery,
+    GpsFix,
+    SensorFrame,
+)
 from sitl.faults.catalogue import Fault
 from sitl.faults.timeline import Memory, Running
 from sitl.sensors import Sensors
@@ -20,6 +29,8 @@ MEAN_OUTAGE_S = 1.0
 """Of an intermittent instrument."""
 HPA_PER_M = 1025.0 * STANDARD_GRAVITY_MPS2 / 100.0
 """What the pressure altitude of a lying pressure sensor is reckoned by."""
+FARTHEST_ECHO_M, HIGHEST_VOLTAGE_V = 600.0, 60.0
+"""As far as a lie goes: the messages carry no more."""
 
 Record = Any
 """One of ``link.records``: a NamedTuple."""
@@ -51,6 +62,14 @@ def _shift_pressure(frame: SensorFrame, error_hpa: float) -> SensorFrame:
     return frame._replace(pressure_hpa=frame.pressure_hpa + error_hpa, pressure_altitude_m=altitude_m)
 
 
+def _shift_echo(echo: Altimeter, error_m: float) -> Altimeter:
+    return echo._replace(range_m=min(max(0.0, echo.range_m + error_m), FARTHEST_ECHO_M))
+
+
+def _shift_charge(report: Battery, error_v: float) -> Battery:
+    return report._replace(voltage_v=min(max(0.0, report.voltage_v + error_v), HIGHEST_VOLTAGE_V))
+
+
 def _shift_fix(fix: GpsFix, error_m: float) -> GpsFix:
     latitude, longitude = offset_to_geodetic(error_m, error_m, fix.lat_deg, fix.lon_deg)
     return fix._replace(lat_deg=latitude, lon_deg=longitude)
@@ -72,9 +91,9 @@ INSTRUMENTS: dict[str, Instrument] = {
     ),
     "gps": Instrument("gps", {"lat_deg": (-90.0, 90.0), "lon_deg": (-180.0, 180.0)}, _shift_fix),
     "dvl": Instrument("dvl", dict.fromkeys(_DVL, (-10.0, 10.0)), _added(*_DVL)),
-    "altimeter": Instrument("altimeter", {"range_m": (0.3, 30.0)}, _added("range_m")),
-    "battery": Instrument("battery", {"voltage_v": (0.0, 60.0), "remaining": (0.0, 1.0)}, _added("voltage_v")),
-    "encoder": Instrument("encoder", {"rudder": (-1.0, 1.0), "elevator": (-1.0, 1.0)}, _added("rudder", "elevator")),
+    "altimeter": Instrument("altimeter", {"range_m": (0.3, 30.0)}, _shift_echo),
+    "battery": Instrument("battery", {"voltage_v": (0.0, 60.0), "remaining": (0.0, 1.0)}, _shift_charge),
+    "encoder": Instrument("duct", {"rudder": (-1.0, 1.0), "elevator": (-1.0, 1.0)}, _added("rudder", "elevator")),
 }
 
 
@@ -106,11 +125,9 @@ def _put(sensors: Sensors, instrument: Instrument, record: Record | None) -> Sen
         return sensors._replace(**alone)
     frame = sensors.frame
     measured: dict[str, Any] = {name: getattr(record, name, 0.0) for name in instrument.spans}
-    if record is None:
-        return sensors._replace(
-            frame=frame._replace(**measured, fields_updated=frame.fields_updated & ~instrument.fresh)
-        )
-    return sensors._replace(frame=frame._replace(**measured, fields_updated=frame.fields_updated | instrument.fresh))
+    others = frame.fields_updated & ~instrument.fresh
+    fresh = others if record is None else others | instrument.fresh
+    return sensors._replace(frame=frame._replace(**measured, fields_updated=fresh))
 
 
 def _pass(
