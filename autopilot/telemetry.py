@@ -11,16 +11,18 @@ from typing import Any, NamedTuple
 from autopilot import identity
 from autopilot.types import US_PER_S, State
 from autopilot.vehicle import Snapshot, progress
-from link import dialect
+from link import devices, dialect
+from link.devices import UNKNOWN_U16
 from link.dialect import MessageType, constant
 from link.frames import offset_to_geodetic, quaternion_from_euler
+from link.records import Battery
 
 Values = tuple[Any, ...]
 Builder = Callable[[Snapshot], Values]
 
-UNKNOWN_U16 = 65_535
 _GLOBAL_NED, _CHILD_FRD = constant("MAV_FRAME_LOCAL_NED"), constant("MAV_FRAME_BODY_FRD")
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
+_ULTRASOUND = constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
 _NO_FIX = constant("GPS_FIX_TYPE_NO_FIX")
 _SURFACED, _UNDER_WAY = constant("MAV_LANDED_STATE_ON_GROUND"), constant("MAV_LANDED_STATE_IN_AIR")
 _ACTUATORS = 3
@@ -41,6 +43,7 @@ _CONTROLS = sum(
     for name in ("ANGULAR_RATE_CONTROL", "ATTITUDE_STABILIZATION", "YAW_POSITION", "Z_ALTITUDE_CONTROL")
 )
 _PREARM = constant("MAV_SYS_STATUS_PREARM_CHECK")
+_BATTERY = constant("MAV_SYS_STATUS_SENSOR_BATTERY")
 _GEOFENCE = constant("MAV_SYS_STATUS_GEOFENCE")
 """Healthy always, or MAVProxy announces a breach of a fence that does not exist."""
 
@@ -88,9 +91,11 @@ def water_pressure(s: Snapshot) -> Values:
 
 
 def distance_sensor(s: Snapshot) -> Values:
-    range_m = s.state.estimate.altitude_m
-    reading_cm, quality = (0, 1) if range_m is None else (min(UNKNOWN_U16, round(range_m * 100.0)), 100)
-    return _boot_ms(s), 0, UNKNOWN_U16, reading_cm, 2, 0, _LOOKING_DOWN, 255, 0.0, 0.0, (0.0,) * 4, quality
+    """Within the limits of the altimeter that is fitted; quality 1 says that it sees no floor."""
+    range_m, fitted = s.state.estimate.altitude_m, s.altimeter
+    least_cm, most_cm = (0, UNKNOWN_U16) if fitted is None else (_cm(fitted.min_range_m), _cm(fitted.max_range_m))
+    reading_cm, quality = (0, 1) if range_m is None else (_cm(range_m), 100)
+    return _boot_ms(s), least_cm, most_cm, reading_cm, _ULTRASOUND, 0, _LOOKING_DOWN, 255, 0.0, 0.0, (0.0,) * 4, quality
 
 
 def navigation(s: Snapshot) -> Values:
@@ -142,9 +147,10 @@ def gps_raw(s: Snapshot) -> Values:
         return _time_us(s), 0, 0, 0, unknown, unknown, unknown, unknown, _NO_FIX, 0, 0, 0, 0, 0, 0, 0
     lat, lon = round(fix.lat_deg * 1e7), round(fix.lon_deg * 1e7)
     speed = min(unknown, round(math.hypot(fix.velocity_north_mps, fix.velocity_east_mps) * 100.0))
+    sd_mm, vertical_sd_mm = (0 if math.isnan(sd_m) else round(sd_m * 1000.0) for sd_m in (fix.eph_m, fix.epv_m))
     return (
         fix.time_us, lat, lon, _int32(fix.alt_m * 1000.0), unknown, unknown, speed, unknown,
-        fix.fix_type, fix.satellites, 0, 0, 0, 0, 0, 0,
+        fix.fix_type, fix.satellites, 0, sd_mm, vertical_sd_mm, 0, 0, 0,
     )  # fmt: skip
 
 
@@ -156,18 +162,22 @@ def system_time(s: Snapshot) -> Values:
 def system_status(s: Snapshot) -> Values:
     """GPS counts as healthy under water too: it means that the position is known, or no client ever arms."""
     sensors = _SENSORS if s.state.estimate.initialised else 0
-    present = _SENSORS | _CONTROLS | _PREARM
+    extra = (_BATTERY if s.battery else 0) | (devices.EXTENSION_USED if s.leak else 0)
+    present = _SENSORS | _CONTROLS | _PREARM | extra
     ready = _PREARM if s.state.estimate.initialised else 0
-    enabled = _SENSORS | _PREARM | (_CONTROLS if s.state.armed else 0)
-    health = sensors | _CONTROLS | _GEOFENCE | ready
-    load, voltage, current, remaining = 0, UNKNOWN_U16, -1, -1
-    return present, enabled, health, load, voltage, current, *(0,) * 6, remaining, 0, 0, 0
+    enabled = _SENSORS | _PREARM | (_CONTROLS if s.state.armed else 0) | extra
+    health = sensors | _CONTROLS | _GEOFENCE | ready | extra
+    fitted = devices.LEAK_BIT if s.leak else 0
+    dry = fitted if s.leak and not s.leak.wet else 0
+    return present, enabled, health, 0, *_power(s.battery), *(0,) * 6, _percent(s.battery), fitted, fitted, dry
 
 
 def battery(s: Snapshot) -> Values:
-    """Nothing on board measures the battery yet: every field says unknown."""
-    unknown = (UNKNOWN_U16,) * 10
-    return -1, -1, 32_767, unknown, -1, 0, 1, 0, -1, 0, 0, (0,) * 4, 0, 0
+    """What the gauge says; without one every field says unknown."""
+    if s.battery is None:
+        unknown = (UNKNOWN_U16,) * 10
+        return -1, -1, devices.UNKNOWN_TEMPERATURE, unknown, -1, 0, 1, 0, -1, 0, 0, (0,) * 4, 0, 0
+    return devices.battery_values(s.battery)
 
 
 def extended_state(s: Snapshot) -> Values:
@@ -296,6 +306,21 @@ def _boot_ms(s: Snapshot) -> int:
 
 def _heading_deg(s: Snapshot) -> float:
     return math.degrees(s.state.estimate.heading_rad) % 360.0
+
+
+def _cm(metres: float) -> int:
+    return max(0, min(UNKNOWN_U16, round(metres * 100.0)))
+
+
+def _power(battery: Battery | None) -> tuple[int, int]:
+    """Voltage in mV and current in cA, as SYS_STATUS has them."""
+    if battery is None:
+        return UNKNOWN_U16, -1
+    return max(0, min(UNKNOWN_U16 - 1, round(battery.voltage_v * 1000.0))), devices.centiamperes(battery.current_a)
+
+
+def _percent(battery: Battery | None) -> int:
+    return -1 if battery is None or math.isnan(battery.remaining) else round(battery.remaining * 100.0)
 
 
 def _int16(value: float) -> int:

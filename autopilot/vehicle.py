@@ -19,7 +19,7 @@ from autopilot.types import (
 from link import missions
 from link.mission_server import MissionProgress, Verdict
 from link.missions import MissionItem
-from link.records import ActuatorFrame, GpsFix, SensorFrame
+from link.records import ActuatorFrame, Altimeter, Battery, GpsFix, Leak, SensorFrame
 
 FIX_LASTS_US = 1_500_000
 """A satellite fix older than this is none: the vehicle has dived."""
@@ -40,6 +40,10 @@ class Snapshot(NamedTuple):
     config: Config
     intended_mode: int
     """The mode that was last asked for; a failsafe may have put another in force."""
+    altimeter: Altimeter | None = None
+    battery: Battery | None = None
+    leak: Leak | None = None
+    """Each the newest, None before the first."""
 
 
 class Vehicle:
@@ -55,6 +59,9 @@ class Vehicle:
         self._trace = Trace()
         self._sensors: SensorFrame | None = None
         self._fix: GpsFix | None = None
+        self._altimeter: Altimeter | None = None
+        self._battery: Battery | None = None
+        self._leak: Leak | None = None
         self._intended_mode = self.state.mode
         self._actuators = core.actuators(self.state, self._trace, self.params.config)
 
@@ -63,6 +70,9 @@ class Vehicle:
         self.state, self._actuators, self._trace, events = core.tick(self.state, inputs, self.params.config)
         self._sensors = inputs.sensors
         self._fix = inputs.gps or self._recent_fix()
+        self._altimeter = inputs.altimeter or self._altimeter
+        self._battery = inputs.battery or self._battery
+        self._leak = inputs.leak or self._leak
         self._events += events
         self._follow_mode()
         return self._actuators
@@ -98,8 +108,9 @@ class Vehicle:
 
     def snapshot(self) -> Snapshot:
         return Snapshot(
-            self.state, self._trace, self._actuators, self._sensors, self._fix, self.params.config, self._intended_mode
-        )
+            self.state, self._trace, self._actuators, self._sensors, self._fix, self.params.config, self._intended_mode,
+            self._altimeter, self._battery, self._leak,
+        )  # fmt: skip
 
     def _recent_fix(self) -> GpsFix | None:
         fix = self._fix

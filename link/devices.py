@@ -69,7 +69,8 @@ def battery_values(battery: Battery, charge_state: int = 0) -> Values:
         rest_mv -= _FULLEST_CELL_MV
     cells.append(min(rest_mv, _FULLEST_CELL_MV))
     voltages = (*cells, *(UNKNOWN_U16,) * (_CELLS - len(cells)))
-    consumed_mah, percent = round(1e3 * battery.consumed_ah), round(100.0 * battery.remaining)
+    consumed_mah = -1 if isnan(battery.consumed_ah) else round(1e3 * battery.consumed_ah)
+    percent = -1 if isnan(battery.remaining) else round(100.0 * battery.remaining)
     return (
         consumed_mah, -1, UNKNOWN_TEMPERATURE, voltages, centiamperes(battery.current_a), 0, _ALL_FUNCTIONS, _LIPO,
         percent, 0, charge_state, (0,) * 4, 0, 0,

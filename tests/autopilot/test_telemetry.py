@@ -13,7 +13,7 @@ from autopilot.telemetry import BY_ID, STREAMS, Schedule, Snapshot
 from autopilot.types import Estimate, Home, Setpoint, State, Trace
 from link import dialect
 from link.codec import encode
-from link.records import LOCKSTEP_FLAG, ActuatorFrame
+from link.records import LOCKSTEP_FLAG, ActuatorFrame, Altimeter, Battery, Leak
 from tests.autopilot.deck import TICK_US, Deck, Station, only, sensors
 
 ATTITUDE, OUTPUTS, HOME = (
@@ -41,6 +41,34 @@ def snapshot(**estimate: Any) -> Snapshot:
     trace = Trace(depth_error_m=1.5, pitch_setpoint_rad=-0.1, thrust=0.58, rudder_rad=0.1)
     actuators = ActuatorFrame(12_340_000, LOCKSTEP_FLAG, (0.5, -0.25, 0.58, *(0.0,) * 13), 129)
     return Snapshot(state, trace, actuators, sensors(12_340_000), None, Config(), state.mode)
+
+
+def test_battery_leak_and_altimeter_are_told_as_they_were_measured() -> None:
+    s = snapshot(altitude_m=12.5)._replace(
+        altimeter=Altimeter(0, 12.4, 0.3, 30.0), battery=Battery(29.6, 4.25, 1.5, 0.42), leak=Leak(False)
+    )
+    status = message("SYS_STATUS", s)
+    assert (status.voltage_battery, status.current_battery, status.battery_remaining) == (29_600, 425, 42)
+    assert status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+    for bits in ("present", "enabled", "health"):
+        extended = getattr(status, f"onboard_control_sensors_{bits}_extended")
+        assert extended == mavlink.MAV_SYS_STATUS_SENSOR_LEAK, bits
+        assert getattr(status, f"onboard_control_sensors_{bits}") & mavlink.MAV_SYS_STATUS_EXTENSION_USED
+    wet = message("SYS_STATUS", s._replace(leak=Leak(True)))
+    assert (wet.onboard_control_sensors_enabled_extended, wet.onboard_control_sensors_health_extended) == (2, 0)
+    gauge = message("BATTERY_STATUS", s)
+    assert (gauge.voltages[0], gauge.current_battery, gauge.current_consumed) == (29_600, 425, 1500)
+    assert gauge.battery_remaining == 42
+    floor = message("DISTANCE_SENSOR", s)
+    assert (floor.min_distance, floor.current_distance, floor.max_distance) == (30, 1250, 3000)
+
+
+def test_what_is_not_carried_is_unknown() -> None:
+    status, gauge = message("SYS_STATUS", snapshot()), message("BATTERY_STATUS", snapshot())
+    assert (status.voltage_battery, status.current_battery, status.battery_remaining) == (65_535, -1, -1)
+    assert status.onboard_control_sensors_present_extended == 0
+    assert not status.onboard_control_sensors_present & mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+    assert (set(gauge.voltages), gauge.current_battery, gauge.battery_remaining) == ({65_535}, -1, -1)
 
 
 def test_depth_is_negative_altitude_and_positive_down() -> None:
