@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
+from math import asin, pi, sqrt
+
 from sitl.vehicle.kernel import Vector3, Wrench, kernel
 from sitl.vehicle.model import Hydrostatics, Stations
 
 
 @kernel
 def immersion(z_up_m: float, radius_m: float) -> float:
-    """Fraction of a section under water, its axis ``z_up_m`` above the surface: 1 below, 0 above, smooth in between.
-
-    A cubic stands in for the circular segment's area: equal to it at the axis, and flat, as it must be, where the
-    section just touches the surface.
-    """
-    x = (radius_m - z_up_m) / (2.0 * radius_m)
-    if x >= 1.0:
+    """Fraction of a section under water, its axis ``z_up_m`` above the surface: a circular segment's area."""
+    y = -z_up_m / radius_m
+    if y >= 1.0:
         return 1.0
-    if x <= 0.0:
+    if y <= -1.0:
         return 0.0
-    return x * x * (3.0 - 2.0 * x)
+    return 0.5 + (y * sqrt(1.0 - y * y) + asin(y)) / pi
 
 
 @kernel
