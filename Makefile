@@ -7,13 +7,16 @@ BIN    := $(VENV)/bin
 OUT    ?= campaign
 SEED   ?= 1
 
-.PHONY: campaign test check lock clean
+.PHONY: campaign test verify check lock clean
 
 campaign: $(VENV)/run.stamp          ## fly, identify, redesign, fly again; report in $(OUT)/report.html
 	$(BIN)/ground campaign --seed $(SEED) --out $(OUT)
 
 test: $(VENV)/dev.stamp check        ## every check and test
 	$(BIN)/python -m pytest $(PYTEST)
+
+verify: $(VENV)/dev.stamp            ## every check-case of the physics: figure, reference, tolerance
+	$(BIN)/python -m tests.reference
 
 check: $(VENV)/dev.stamp
 	$(BIN)/ruff check .

@@ -1,0 +1,45 @@
+"""Energy.
+
+Verifies: that mechanical energy of body and entrained water is kept where nothing damps, that water at rest only takes
+energy from a vehicle without thrust, and that this holds for any vehicle, not for the shipped ones.
+Leaves out: thrust; the surface, where waves would carry energy away.
+Reference: conservation; the second law. A hundred random vehicles, ring-ducted and finned, each at 40 random motions
+and through a minute of free flight.
+Tolerance: 1e-6 of the energy moved for conservation; rounding for gains.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from sitl.vehicle import config
+from sitl.vehicle.model import Model
+from tests.reference import energy, vehicles
+from tests.reference.check import Check, worst
+from tests.sitl.vehicle import flight
+
+VEHICLES, MOTIONS = 100, 40
+
+
+def checks() -> Iterator[Check]:
+    """Conservation, then loss."""
+    start = flight.tumbling()
+    for name in config.SHIPPED:
+        model = flight.without_fluid_forces(flight.model(name))
+        kept = energy.mechanical_j(model, flight.fly(model, start, 100.0)[::100])
+        yield worst(f"{name}, kept for 100 s undamped", "part", kept / kept[0], 1.0, 1e-6, "conservation")
+        yield from _lost(name, [flight.model(name)])
+    yield from _lost(f"{VEHICLES} random vehicles", vehicles.numbered(VEHICLES))
+
+
+def _lost(label: str, models: list[Model]) -> Iterator[Check]:
+    """What the worst motion gains; nothing, if all is well."""
+    rng = np.random.default_rng(3)
+    power, gain = 0.0, 0.0
+    for model in models:
+        for nu in rng.normal(size=(MOTIONS, 6)) * 10 ** rng.uniform(-3, 0.5, (MOTIONS, 1)):
+            power = max(power, energy.power_w(model, nu) / energy.power_scale_w(model, nu))
+        kept = energy.mechanical_j(model, flight.fly(model, flight.tumbling(), 60.0)[::20])
+        gain = max(gain, float(np.diff(kept).max()) / kept[0])
+    yield Check(f"{label}, largest power gained", "part", power, 0.0, 1e-12, "second law")
+    yield Check(f"{label}, largest energy gained", "part", gain, 0.0, 1e-12, "second law")

@@ -1,0 +1,68 @@
+"""Linear against nonlinear for small motion.
+
+Verifies: that the linear yaw and pitch planes, on which controllers are designed and models fitted, are what the
+nonlinear vehicle does for small duct angles.
+Leaves out: quadratic drag and lift, which vanish with the motion; roll and surge, which the planes do not hold: weight
+and buoyancy cancel and the centre of mass couples nothing but pitch.
+Reference: x(t) of x' = A x + B delta for a step, by the matrix exponential, A and B differentiated from the equations
+of motion.
+Tolerance: 1e-4 of the largest response at a microradian; a fifth of it at half a degree: how far linear reaches.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from sitl.vehicle import config
+from sitl.vehicle.linearise import Plane, linearise
+from sitl.vehicle.model import Model
+from tests.reference.check import Check, worst
+from tests.sitl.vehicle import flight
+
+SECONDS, STEP_S = 20.0, 0.005
+SMALL_RAD = 1e-6
+SOURCE = "matrix exponential"
+
+
+def checks() -> Iterator[Check]:
+    """Each shipped vehicle, each plane."""
+    for name in config.SHIPPED:
+        model, point = flight.model(name), config.load(name).operating_point
+        planes = linearise(model, point.speed_mps, point.thrust_fraction)
+        for plane, label, columns in ((planes.yaw, "yaw", (8, 12)), (planes.pitch, "pitch", (9, 11))):
+            linear = _step_response(plane)[:, :2]
+            misses = [_miss(model, point, label, columns, angle, linear) for angle in (SMALL_RAD, 1e4 * SMALL_RAD)]
+            yield worst(f"{name}, {label} step of 1e-6 rad", "part", misses[0], 0.0, 1e-4, SOURCE)
+            yield Check(f"{name}, {label} step of 0.01 rad", "part", misses[1], 0.0, 0.2, SOURCE)
+
+
+def _miss(
+    model: Model, point: config.OperatingPoint, label: str, columns: tuple[int, int], angle_rad: float,
+    linear: NDArray[np.float64],
+) -> float:  # fmt: skip
+    """Largest difference of speed and rate, in parts of the largest linear response."""
+    angles = {"rudder_rad" if label == "yaw" else "elevator_rad": angle_rad}
+    start = flight.cruising(point.speed_mps)
+    track = flight.fly(_planar(model), start, SECONDS, thrust_fraction=point.thrust_fraction, dt_s=STEP_S, **angles)
+    difference = track[:, columns] / angle_rad - linear
+    return float(np.max(np.abs(difference) / np.abs(linear).max(axis=0)))
+
+
+def _planar(model: Model) -> Model:
+    """Neutrally buoyant, and nothing couples surge or roll with the plane."""
+    h = model.hydrostatics
+    neutral = h._replace(buoyancy_n=h.weight_n, x_cm_m=0.0, x_cb_m=0.0)
+    return flight.balanced(model)._replace(hydrostatics=neutral)
+
+
+def _step_response(plane: Plane) -> NDArray[np.float64]:
+    """States per radian after each step, shape (n + 1, states)."""
+    n = len(plane.A)
+    exact = expm(np.block([[plane.A, plane.B], [np.zeros((1, n + 1))]]) * STEP_S)
+    x, out = np.append(np.zeros(n), 1.0), []
+    for _ in range(round(SECONDS / STEP_S) + 1):
+        out.append(x)
+        x = exact @ x
+    return np.array(out)[:, :n]

@@ -1,0 +1,45 @@
+"""Mechanical energy of a vehicle and the water she sets in motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.vehicle.model import Model
+from tests.sitl.vehicle import flight
+
+Array = NDArray[np.float64]
+
+
+def kinetic_j(model: Model, state: Array) -> float:
+    """Of body and entrained water."""
+    return float(state[7:13] @ model.inertia.M @ state[7:13] / 2)
+
+
+def potential_j(model: Model, state: Array) -> float:
+    """Of weight and buoyancy, deep under water."""
+    h = model.hydrostatics
+    up = flight.rotation(state)[2]
+    cm = state[2] + up @ [h.x_cm_m, h.y_cm_m, h.z_cm_m]
+    cb = state[2] + up @ [h.x_cb_m, 0.0, h.z_cb_m]
+    return float(h.weight_n * cm - h.buoyancy_n * cb)
+
+
+def mechanical_j(model: Model, track: Array) -> Array:
+    """Of each state of a track; zero for a body at rest at the track's beginning."""
+    ground = potential_j(model, track[0])
+    return np.array([kinetic_j(model, state) + potential_j(model, state) - ground for state in track])
+
+
+def power_w(model: Model, nu: Array) -> float:
+    """Rate of change of kinetic energy at rest relative to gravity: weight and buoyancy taken away, no thrust."""
+    state = flight.cruising()
+    state[7:13] = nu
+    return float(nu @ model.inertia.M @ flight.rate(flight.without_weight(model), state)[7:13])
+
+
+def power_scale_w(model: Model, nu: Array) -> float:
+    """What is exchanged between directions at this motion: the measure of rounding in ``power_w``."""
+    state = flight.cruising()
+    state[7:13] = nu
+    return float(np.abs(nu * (model.inertia.M @ flight.rate(flight.without_weight(model), state)[7:13])).sum())

@@ -1,0 +1,127 @@
+"""A ship's sea trials, turning circle and zig-zag, for whatever can simulate them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import degrees, hypot
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from sitl.vehicle import dynamics
+from sitl.vehicle.model import Model
+from sitl.vehicle.water import STILL
+from tests.reference import fossen
+from tests.sitl.vehicle import flight
+
+Array = NDArray[np.float64]
+Event = Callable[[Array], float]
+"""Of (eta, nu) in Fossen's axes; a run ends where it passes through zero."""
+
+STEP_S = 0.005
+"""Of the kernels."""
+LONGEST_S = 120.0
+"""A leg that takes longer never ends."""
+BISECTIONS = 40
+
+
+class Simulator(NamedTuple):
+    """One way to move a vehicle, in a state of its own."""
+
+    start: Array
+    run: Callable[[Array, float, float, Event | None], tuple[float, Array]]
+    """State, rudder (rad, positive to starboard), longest time (s) and event to time taken and state at the end."""
+    read: Callable[[Array], Array]
+    """State to (eta, nu)."""
+
+
+class Circle(NamedTuple):
+    """Steady turn."""
+
+    radius_m: float
+    drift_deg: float
+    speed_mps: float
+    yaw_rate_degps: float
+
+
+class Zigzag(NamedTuple):
+    """Rudder over to one side until the heading has changed by as much, then to the other."""
+
+    first_overshoot_deg: float
+    second_overshoot_deg: float
+    period_s: float
+    """From the second reversal of the rudder to the fourth."""
+
+
+def circle(ship: Simulator, rudder_rad: float, seconds: float) -> Circle:
+    """The turn that ``seconds`` of constant rudder end in."""
+    _, end = ship.run(ship.start, rudder_rad, seconds, None)
+    u, v, w, _, _, r = ship.read(end)[6:]
+    speed = hypot(u, v, w)
+    return Circle(hypot(u, v) / abs(r), degrees(np.arctan2(v, u)), speed, degrees(r))
+
+
+def zigzag(ship: Simulator, angle_rad: float) -> Zigzag:
+    """Four reversals at ``angle_rad`` of rudder and of heading; the rudder turns at once."""
+    state, time, rudder = ship.start, 0.0, angle_rad
+    reversals, overshoots = [], []
+    for _ in range(4):
+        goal = rudder
+        took, state = ship.run(state, rudder, LONGEST_S, lambda x, goal=goal: x[5] - goal)
+        time, rudder = time + took, -rudder
+        reversals.append(time)
+        _, turned_back = ship.run(state, rudder, LONGEST_S, lambda x: x[11])
+        overshoots.append(degrees(abs(ship.read(turned_back)[5]) - angle_rad))
+    return Zigzag(overshoots[0], overshoots[1], reversals[3] - reversals[1])
+
+
+def kernels(model: Model, speed_mps: float, shaft_rps: float) -> Simulator:
+    """The simulator itself: whole steps, then the part of one that ends at the event."""
+    work, no_push = dynamics.work_array(), np.zeros(6)
+
+    def step(state: Array, rudder: float, dt_s: float) -> Array:
+        after = state.copy()
+        dynamics.rk4_step(after, rudder, 0.0, shaft_rps, no_push, STILL, dt_s, model, work)
+        return after
+
+    def run(state: Array, rudder: float, seconds: float, event: Event | None) -> tuple[float, Array]:
+        if event is None:
+            return seconds, flight.fly(model, state, seconds, rudder, 0.0, shaft_rps / model.propeller.full_rps)[-1]
+        before, after, steps = state, step(state, rudder, STEP_S), 0
+        while event(fossen.from_state(before)) * event(fossen.from_state(after)) > 0 and steps * STEP_S < seconds:
+            before, after, steps = after, step(after, rudder, STEP_S), steps + 1
+        part = _root(lambda dt_s: event(fossen.from_state(step(before, rudder, dt_s))))
+        return steps * STEP_S + part, step(before, rudder, part)
+
+    return Simulator(flight.cruising(speed_mps), run, fossen.from_state)
+
+
+def _root(event: Callable[[float], float]) -> float:
+    """Where in a step an event passes through zero."""
+    low, high, sign = 0.0, STEP_S, np.sign(event(0.0))
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if np.sign(event(middle)) == sign else (low, middle)
+    return high
+
+
+def matrices(model: Model, speed_mps: float, shaft_rps: float) -> Simulator:
+    """Fossen's equations in matrix form, integrated by scipy's DOP853."""
+    ship, still = fossen.craft(model), np.zeros(3)
+
+    def run(state: Array, rudder: float, seconds: float, event: Event | None) -> tuple[float, Array]:
+        inputs = fossen.Inputs(rudder, 0.0, shaft_rps)
+
+        def reached(_: float, x: Array) -> float:
+            return event(x) if event else 1.0
+
+        reached.terminal = True  # type: ignore[attr-defined]
+        found = solve_ivp(
+            lambda _, x: fossen.rates(x, inputs, ship, still), (0.0, seconds), state, method="DOP853",
+            events=reached, rtol=1e-9, atol=1e-11,
+        )  # fmt: skip
+        return float(found.t[-1]), np.asarray(found.y[:, -1])
+
+    return Simulator(fossen.from_state(flight.cruising(speed_mps)), run, lambda state: state)
