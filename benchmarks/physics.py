@@ -1,8 +1,8 @@
 """What one Runge-Kutta step of the six-degree-of-freedom vehicle costs, beside two others, in one run on one machine.
 
-The same equations in C (benchmarks/physics.c, ``cc -O3``, for any machine of the kind and for this one), and one Euler step of the REMUS 100 of Fossen's
-PythonVehicleSimulator (https://github.com/cybergalactic/PythonVehicleSimulator), when a checkout of it is given. Rounds
-alternate between the contestants; medians are compared.
+The same equations in C (benchmarks/physics.c), compiled with ``cc -O3`` for any machine of the kind and for this one,
+and one Euler step of the REMUS 100 of Fossen's PythonVehicleSimulator, when a checkout of it is given
+(https://github.com/cybergalactic/PythonVehicleSimulator). Rounds alternate between the contestants.
 
     python benchmarks/physics.py [--peer CHECKOUT] [--vehicle NAME|FILE] [--rounds N]
 """
