@@ -12,6 +12,7 @@ from math import radians
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.random import Generator, SeedSequence, default_rng
 
 from link.frames import flip, flip_quaternion
@@ -53,6 +54,8 @@ class Plant(NamedTuple):
     sea: Environment
     suite: Suite
     start: Start
+    clamped: bool
+    """Held where she lies."""
     faults: Timeline
     """That are to come."""
 
@@ -97,6 +100,9 @@ class Streams(NamedTuple):
 
 def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
     """Put a vehicle into a scenario. Raises ``VehicleError`` when the vehicle is impossible."""
+    if scenario.rig.encoder:
+        instruments = replace(vehicle.instruments, encoder=scenario.rig.encoder)
+        vehicle = replace(vehicle, instruments=instruments)
     model = calibrate.build(vehicle)
     return Plant(
         model=model,
@@ -105,6 +111,7 @@ def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
         sea=environment.build(scenario, model.hydrostatics.gravity_mps2, TICK_S),
         suite=sensors.build(vehicle, model.propeller.full_rps, TICK_US),
         start=scenario.start,
+        clamped=scenario.rig.clamped,
         faults=timeline.schedule(scenario.faults),
     )
 
@@ -139,7 +146,10 @@ def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> 
     elevator = _turn(plant.elevator, state.elevator, controls[ELEVATOR], rng.elevator)
     thrust = _demand(controls[THRUST])
     disturbance = environment.advance(plant.sea, state.disturbance, rng.slow, rng.wave)
-    body, truth = _move(plant, time_us, state.body, rudder, elevator, thrust, state.disturbance, disturbance)
+    if plant.clamped:
+        body, truth = state.body, _hold(state.truth, time_us, rudder, elevator, rps(thrust, plant.model))
+    else:
+        body, truth = _move(plant, time_us, state.body, rudder, elevator, thrust, state.disturbance, disturbance)
     if faults.running:
         truth = truth._replace(flooding="leak wet" in faults.names, faults=faults.names)
     instruments, said = sensors.sample(plant.suite, truth, plant.sea, state.instruments, rng.sensors)
@@ -209,6 +219,13 @@ def _move(
         yaw_disturbance_nm=-yaw_nm,
     )
     return moved, truth
+
+
+def _hold(truth: Truth, time_us: int, rudder: Turn, elevator: Turn, shaft_rps: float) -> Truth:
+    """The truth of a body that nothing moves: only duct and propeller turn."""
+    return truth._replace(
+        time_us=time_us, rudder_rad=rudder.end_rad, elevator_rad=elevator.end_rad, propeller_rps=shaft_rps
+    )
 
 
 def _wrench(sea: Environment, disturbance: Disturbance) -> Vector:

@@ -50,6 +50,15 @@ class Start(Table, frozen=True):
     battery_pct: Annotated[float, Meta(ge=0.0, le=100.0)] = 100.0
 
 
+class Rig(Table, frozen=True):
+    """What holds and measures the vehicle on the bench."""
+
+    clamped: bool = False
+    """She stays as she lies at the start, afloat and at rest, whatever acts on her; tailcone and instruments work."""
+    encoder: str = ""
+    """Fitted to the duct for the occasion, in place of the vehicle's own: a name of the instruments' catalogue."""
+
+
 class Water(Table, frozen=True):
     density_kgpm3: Positive = 1025.0
     """Of the pressure sensor's column; what the hull displaces is told by the vehicle file."""
@@ -96,6 +105,7 @@ class Scenario(Table, frozen=True):
     title: str = ""
     site: Site = Site()
     start: Start = Start()
+    rig: Rig = Rig()
     water: Water = Water()
     magnetic_field: MagneticField = MagneticField()
     disturbance: DisturbanceLevels = DisturbanceLevels()
@@ -125,6 +135,8 @@ def load(name_or_path: str) -> Scenario:
         text = _read(name_or_path)
     source = f"scenario {name_or_path}"
     scenario = strict_toml.decode(text, Scenario, source, ScenarioError)
+    if scenario.rig.clamped and (scenario.start.depth_m is not None or scenario.start.speed_mps):
+        raise ScenarioError(f"{source}: rig.clamped = true: expected no start.depth_m and no start.speed_mps with it")
     for number, row in enumerate(scenario.fault, 1):
         try:
             catalogue.read(row)

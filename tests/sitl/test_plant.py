@@ -130,3 +130,16 @@ def test_what_is_no_number_asks_for_nothing_and_too_much_is_full() -> None:
     nothing = last(fly(sea, actuators(math.nan, math.nan, math.nan), 1.0)).truth
     assert nothing == last(fly(sea, actuators(), 1.0)).truth
     assert last(fly(sea, actuators(9.0, -9.0, 9.0), 2.0)).truth == last(fly(sea, actuators(1.0, -1.0, 1.0), 2.0)).truth
+
+
+def test_on_the_bench_only_the_duct_turns_and_its_encoder_says_how_far() -> None:
+    bench = scenario.load("bench")
+    flight = list(fly(put("field", bench), actuators(rudder=0.5, thrust=1.0), 4.0))
+    (first, _), (end, _) = flight[0], flight[-1]
+    assert np.array_equal(first.body, end.body)
+    assert math.hypot(*end.truth.specific_force_mps2) == pytest.approx(9.80665, abs=1e-3)
+    assert math.degrees(end.truth.rudder_rad) == pytest.approx(7.5 - 6.0, abs=0.2)
+    assert end.truth.propeller_rps > 0.0
+    told = [reading.duct for _, reading in flight if reading.duct is not None]
+    assert 15.0 * told[-1].rudder == pytest.approx(math.degrees(end.truth.rudder_rad), abs=0.5)
+    assert all(reading.duct is None for _, reading in fly(put("field", Scenario()), actuators(), 1.0))

@@ -57,3 +57,10 @@ def test_a_mistake_is_named_by_file_key_and_value(tmp_path: Path, text: str, com
 def test_an_unknown_name_is_answered_with_those_that_exist() -> None:
     with pytest.raises(scenario.ScenarioError, match=r"stormy: No such file.*calm, disturbed or a TOML file"):
         scenario.load("stormy")
+
+
+def test_a_clamped_vehicle_lies_at_rest(tmp_path: Path) -> None:
+    file = tmp_path / "rig.toml"
+    file.write_text("[rig]\nclamped = true\n[start]\nspeed_mps = 1.0\n")
+    with pytest.raises(scenario.ScenarioError, match=r"rig\.clamped = true: expected no start\.depth_m"):
+        scenario.load(str(file))
