@@ -25,7 +25,7 @@ SETTLING_S = 0.5
 
 
 class Actuator(NamedTuple):
-    """Tailcone axis as identified: command -> travel -> delay -> second-order lag -> rate limit; bias on top."""
+    """Tailcone axis as identified: command -> travel -> delay -> second-order lag -> rate limit -> stops; and bias."""
 
     delay_s: float
     natural_frequency_radps: float
@@ -78,6 +78,8 @@ def duct_angles(command: Array, actuator: Actuator, dt: float) -> Array:
         reach = actuator.rate_radps * dt
         angle += min(max(free - angle, -reach), reach)
         rate = min(max(rate, -actuator.rate_radps), actuator.rate_radps)
+        if abs(angle) > actuator.travel_rad:
+            angle, rate = math.copysign(actuator.travel_rad, angle), 0.0
     return angles
 
 

@@ -30,6 +30,10 @@ _WANTED = (
     "STATUSTEXT",
 )
 _NEEDED = _WANTED[:3]
+_DUCT = "duct"
+"""The name here of what the tailcone's component sends under the name of the autopilot's own message."""
+_DUCT_COMPONENT = "140"
+"""MAV_COMP_ID_SERVO1."""
 
 
 class LogError(ValueError):
@@ -58,6 +62,15 @@ class Actuators:
     elevator_rad: Array
     thrust: Array
     """Fraction of full thrust, -1..1."""
+
+
+@dataclass(frozen=True)
+class Duct:
+    """ACTUATOR_OUTPUT_STATUS of the tailcone's own encoder: where the duct really stood. Empty where it has none."""
+
+    time_s: Array
+    rudder_rad: Array
+    elevator_rad: Array
 
 
 @dataclass(frozen=True)
@@ -101,6 +114,7 @@ class Log:
     setpoints: Setpoints
     events: tuple[Event, ...]
     parameters: dict[str, float]
+    duct: Duct
 
 
 def read(path: str | Path) -> Log:
@@ -124,6 +138,7 @@ def read(path: str | Path) -> Log:
         setpoints=_setpoints(messages),
         events=_events(*messages["STATUSTEXT"]) if "STATUSTEXT" in messages else (),
         parameters=parameters,
+        duct=_duct(*messages[_DUCT], travel_rad) if _DUCT in messages else Duct(*(np.empty(0),) * 3),
     )
 
 
@@ -191,7 +206,9 @@ def _vehicle_topics(reader: Any, path: Path) -> dict[str, str]:
     vehicles = sorted({(p[2], p[3]) for _, p in parts if len(p) == 5 and p[4] == "ATTITUDE"})
     if len(vehicles) > 1:
         raise LogError(f"{path}: {len(vehicles)} vehicles send ATTITUDE; a log for identification holds one")
-    return {t: p[4] for t, p in parts if len(p) == 5 and p[4] in _WANTED and (p[2], p[3]) in vehicles}
+    wanted = {t: p[4] for t, p in parts if len(p) == 5 and p[4] in _WANTED and (p[2], p[3]) in vehicles}
+    ducts = {f"/mavlink/{system}/{_DUCT_COMPONENT}/ACTUATOR_OUTPUT_STATUS" for system, _ in vehicles}
+    return wanted | {topic: _DUCT for topic in topics if topic in ducts}
 
 
 def _start_ns(records: dict[str, NDArray[Any]], stamps: dict[str, list[int]], path: Path) -> int:
@@ -234,6 +251,12 @@ def _actuators(time_s: Array, record: NDArray[Any], travel_rad: float) -> Actuat
     keep = _increasing(time_s)
     controls = record["actuator"][keep].astype(np.float64)
     return Actuators(time_s[keep], controls[:, 0] * travel_rad, controls[:, 1] * travel_rad, controls[:, 2])
+
+
+def _duct(time_s: Array, record: NDArray[Any], travel_rad: float) -> Duct:
+    keep = _increasing(time_s)
+    angles = record["actuator"][keep].astype(np.float64) * travel_rad
+    return Duct(time_s[keep], angles[:, 0], angles[:, 1])
 
 
 def _depth(time_s: Array, record: NDArray[Any]) -> Depth:

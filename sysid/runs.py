@@ -89,7 +89,9 @@ _SERIES = tuple(field.name for field in fields(Run) if field.type is Array)
 
 
 @dataclass(frozen=True)
-class _Span:
+class Span:
+    """When a test ran, and what the vehicle said of it."""
+
     start_s: float
     stop_s: float
     axis: int
@@ -101,12 +103,12 @@ class _Span:
 def cut(log: Log) -> list[Run]:
     """The tests of a log in the order they were run. Tests of other axes than rudder and elevator are left out."""
     stem = log.name.removesuffix(".mcap")
-    spans = [span for span in _spans(log) if span.axis in PLANE_OF_AXIS]
-    return [_run(log, span, f"{stem}/{number}") for number, span in enumerate(spans, start=1)]
+    known = [span for span in spans(log) if span.axis in PLANE_OF_AXIS]
+    return [_run(log, span, f"{stem}/{number}") for number, span in enumerate(known, start=1)]
 
 
-def _spans(log: Log) -> Iterator[_Span]:
-    """Pairs of start and stop. A test that the log does not see stop ends with the log, and says so."""
+def spans(log: Log) -> Iterator[Span]:
+    """When which tests ran. A test that the log does not see stop ends with the log, and says so."""
     running: tuple[float, re.Match[str]] | None = None
     for event in log.events:
         starting, stopped = _STARTING.search(event.text), _STOPPED.search(event.text)
@@ -120,12 +122,12 @@ def _spans(log: Log) -> Iterator[_Span]:
         yield _span(running, float(log.attitude.time_s[-1]), "the log ended")
 
 
-def _span(running: tuple[float, re.Match[str]], stop_s: float, reason: str) -> _Span:
+def _span(running: tuple[float, re.Match[str]], stop_s: float, reason: str) -> Span:
     start_s, match = running
-    return _Span(start_s, stop_s, int(match[1]), match[2], float(match[3]), reason)
+    return Span(start_s, stop_s, int(match[1]), match[2], float(match[3]), reason)
 
 
-def _run(log: Log, span: _Span, name: str) -> Run:
+def _run(log: Log, span: Span, name: str) -> Run:
     attitude, actuators, depth = log.attitude, log.actuators, log.depth
     first_s = max(attitude.time_s[0], actuators.time_s[0], depth.time_s[0])
     before = int(np.floor((span.start_s - max(span.start_s - PREROLL_S, first_s)) * RATE_HZ))
