@@ -7,6 +7,7 @@ file, table [instruments].
 
 from __future__ import annotations
 
+from math import gcd
 from typing import NamedTuple
 
 from numpy.random import Generator
@@ -30,6 +31,8 @@ from sitl.sensors.timing import Timing
 from sitl.truth import Truth
 from sitl.vehicle.config import VehicleConfig
 
+DAY_US = 86_400_000_000
+
 
 class Suite(NamedTuple):
     """The instruments that are carried; None for each that is not."""
@@ -37,6 +40,14 @@ class Suite(NamedTuple):
     imu: inertial.Imu | None
     magnetometer: magnetic.Magnetometer | None
     pressure: pressure.PressureSensor | None
+    devices: Devices
+    devices_us: int
+    """Devices take and deliver their readings at multiples of this time only."""
+
+
+class Devices(NamedTuple):
+    """The slower instruments, which speak in messages of their own."""
+
     gps: gps.Receiver | None
     dvl: dvl.Log | None
     altimeter: altimeter.Sounder | None
@@ -59,18 +70,22 @@ class SensorStreams(NamedTuple):
     encoder: Generator
 
 
-class Memory(NamedTuple):
-    """What the instruments carry from tick to tick: this run's errors, the newest readings, those on their way."""
-
-    imu: inertial.Memory
-    magnetometer: magnetic.Memory
-    pressure: pressure.Memory
+class DeviceMemory(NamedTuple):
     gps: gps.Memory
     dvl: dvl.Memory
     altimeter: altimeter.Memory
     battery: battery.Memory
     leak: leak.Memory
     encoder: encoder.Memory
+
+
+class Memory(NamedTuple):
+    """What the instruments carry from tick to tick: this run's errors, the newest readings, those on their way."""
+
+    imu: inertial.Memory
+    magnetometer: magnetic.Memory
+    pressure: pressure.Memory
+    devices: DeviceMemory
 
 
 class Sensors(NamedTuple):
@@ -98,10 +113,7 @@ def build(vehicle: VehicleConfig, full_rps: float, tick_us: int) -> Suite:
     pack = datasheets.find("battery", shelf.battery, carried, name)
     detector = datasheets.find("leak", shelf.leak, carried, name)
     encoders = datasheets.find("encoder", shelf.encoder, carried, name)
-    return Suite(
-        inertial.build(imu, tick_us) if imu else None,
-        magnetic.build(compass, tick_us) if compass else None,
-        pressure.build(depth, tick_us) if depth else None,
+    devices = Devices(
         gps.build(receiver, tick_us) if receiver else None,
         dvl.build(log, tick_us) if log else None,
         altimeter.build(sounder, tick_us) if sounder else None,
@@ -109,6 +121,19 @@ def build(vehicle: VehicleConfig, full_rps: float, tick_us: int) -> Suite:
         leak.build(detector, tick_us) if detector else None,
         encoder.build(encoders, vehicle.tailcone.travel_deg, tick_us) if encoders else None,
     )
+    return Suite(
+        inertial.build(imu, tick_us) if imu else None,
+        magnetic.build(compass, tick_us) if compass else None,
+        pressure.build(depth, tick_us) if depth else None,
+        devices,
+        _common_us(devices),
+    )
+
+
+def _common_us(devices: Devices) -> int:
+    """The longest time of which every device's period and latency is a multiple; a day where there is no device."""
+    timings = [device if isinstance(device, Timing) else device.timing for device in devices if device]
+    return gcd(*(time_us for when in timings for time_us in (when.period_us, when.latency_us))) or DAY_US
 
 
 def switch_on(suite: Suite, charge: float, streams: SensorStreams) -> Memory:
@@ -117,12 +142,18 @@ def switch_on(suite: Suite, charge: float, streams: SensorStreams) -> Memory:
         inertial.switch_on(suite.imu, streams.imu) if suite.imu else inertial.Memory(),
         magnetic.switch_on(suite.magnetometer, streams.magnetometer) if suite.magnetometer else magnetic.Memory(),
         pressure.switch_on(suite.pressure, streams.pressure) if suite.pressure else pressure.Memory(),
+        _switch_on(suite.devices, charge, streams),
+    )
+
+
+def _switch_on(devices: Devices, charge: float, streams: SensorStreams) -> DeviceMemory:
+    return DeviceMemory(
         gps.Memory(),
-        dvl.switch_on(suite.dvl, streams.dvl) if suite.dvl else dvl.Memory(),
+        dvl.switch_on(devices.dvl, streams.dvl) if devices.dvl else dvl.Memory(),
         (),
-        battery.switch_on(suite.battery, charge, streams.battery) if suite.battery else battery.Memory(),
+        battery.switch_on(devices.battery, charge, streams.battery) if devices.battery else battery.Memory(),
         (),
-        encoder.switch_on(suite.encoder, streams.encoder) if suite.encoder else encoder.Memory(),
+        encoder.switch_on(devices.encoder, streams.encoder) if devices.encoder else encoder.Memory(),
     )
 
 
@@ -130,31 +161,41 @@ def sample(
     suite: Suite, truth: Truth, sea: Environment, memory: Memory, streams: SensorStreams
 ) -> tuple[Memory, Sensors]:
     """One tick of every instrument."""
-    m, s = memory, streams
-    imu, moved = inertial.sample(suite.imu, truth, m.imu, s.imu) if suite.imu else (m.imu, False)
-    field, turned = (
-        magnetic.sample(suite.magnetometer, truth, sea, m.magnetometer, s.magnetometer)
-        if suite.magnetometer
-        else (m.magnetometer, False)
-    )
-    water, dived = (
-        pressure.sample(suite.pressure, truth, sea, m.pressure, s.pressure) if suite.pressure else (m.pressure, False)
-    )
-    receiver, fix = gps.sample(suite.gps, truth, sea, m.gps, s.gps) if suite.gps else (m.gps, None)
-    log, velocity = dvl.sample(suite.dvl, truth, sea, m.dvl, s.dvl) if suite.dvl else (m.dvl, None)
-    sounder, echo = (
-        altimeter.sample(suite.altimeter, truth, sea, m.altimeter, s.altimeter)
-        if suite.altimeter
-        else (m.altimeter, None)
-    )
-    pack, charge = battery.sample(suite.battery, truth, m.battery, s.battery) if suite.battery else (m.battery, None)
-    bilge, wet = leak.sample(suite.leak, truth, m.leak, s.leak) if suite.leak else (m.leak, None)
-    duct, angles = encoder.sample(suite.encoder, truth, m.encoder, s.encoder) if suite.encoder else (m.encoder, None)
-    frame = _frame(truth.time_us, imu.held, field.held, water.held, _fresh(moved, turned, dived))
-    return (
-        Memory(imu, field, water, receiver, log, sounder, pack, bilge, duct),
-        Sensors(frame, fix, echo, velocity, charge, wet, angles),
-    )
+    imu, compass, depth, devices = memory
+    moved = turned = dived = False
+    if suite.imu:
+        imu, moved = inertial.sample(suite.imu, truth, imu, streams.imu)
+    if suite.magnetometer:
+        compass, turned = magnetic.sample(suite.magnetometer, truth, sea, compass, streams.magnetometer)
+    if suite.pressure:
+        depth, dived = pressure.sample(suite.pressure, truth, sea, depth, streams.pressure)
+    frame = _frame(truth.time_us, imu.held, compass.held, depth.held, _fresh(moved, turned, dived))
+    if truth.time_us % suite.devices_us:
+        return Memory(imu, compass, depth, devices), Sensors(frame, None, None)
+    devices, sensors = _devices(suite.devices, truth, sea, devices, streams, frame)
+    return Memory(imu, compass, depth, devices), sensors
+
+
+def _devices(
+    carried: Devices, truth: Truth, sea: Environment, memory: DeviceMemory, streams: SensorStreams, frame: SensorFrame
+) -> tuple[DeviceMemory, Sensors]:
+    """What the devices say beside the ``frame`` of the same tick."""
+    receiver, log, sounder, pack, bilge, duct = memory
+    fix = velocity = echo = charge = wet = angles = None
+    if carried.gps:
+        receiver, fix = gps.sample(carried.gps, truth, sea, receiver, streams.gps)
+    if carried.dvl:
+        log, velocity = dvl.sample(carried.dvl, truth, sea, log, streams.dvl)
+    if carried.altimeter:
+        sounder, echo = altimeter.sample(carried.altimeter, truth, sea, sounder, streams.altimeter)
+    if carried.battery:
+        pack, charge = battery.sample(carried.battery, truth, pack, streams.battery)
+    if carried.leak:
+        bilge, wet = leak.sample(carried.leak, truth, bilge, streams.leak)
+    if carried.encoder:
+        duct, angles = encoder.sample(carried.encoder, truth, duct, streams.encoder)
+    sensors = Sensors(frame, fix, echo, velocity, charge, wet, angles)
+    return DeviceMemory(receiver, log, sounder, pack, bilge, duct), sensors
 
 
 def _frame(

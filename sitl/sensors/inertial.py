@@ -47,14 +47,18 @@ class Motion(NamedTuple):
     rates_radps: Vector = NOTHING
 
 
-class Memory(NamedTuple):
-    gyro_axes: Matrix = PERFECT
-    accelerometer_axes: Matrix = PERFECT
-    gyro_turn_on_radps: Vector = NOTHING
-    accelerometer_turn_on_mps2: Vector = NOTHING
-    gyro_bias_radps: Vector = NOTHING
-    accelerometer_bias_mps2: Vector = NOTHING
+class Errors(NamedTuple):
+    gyro_axes: Matrix
+    accelerometer_axes: Matrix
+    gyro_turn_on_radps: Vector
+    accelerometer_turn_on_mps2: Vector
+    gyro_bias_radps: Vector
+    accelerometer_bias_mps2: Vector
     """Turn-on bias and wander together, as they stand."""
+
+
+class Memory(NamedTuple):
+    errors: Errors = Errors(PERFECT, PERFECT, NOTHING, NOTHING, NOTHING, NOTHING)
     held: Motion = Motion()
     """The newest reading that arrived."""
     queue: Queue[Motion] = ()
@@ -82,7 +86,7 @@ def switch_on(imu: Imu, stream: Generator) -> Memory:
     gyro = biases(radians(sheet.gyro_turn_on_degph) * _PER_HOUR, stream)
     accelerometer = biases(sheet.accelerometer_turn_on_ug * _MICRO_G, stream)
     scale, skew = 1e-6 * sheet.scale_ppm, radians(sheet.misalignment_deg)
-    return Memory(
+    errors = Errors(
         imperfect_axes(scale, skew, stream),
         imperfect_axes(scale, skew, stream),
         gyro,
@@ -90,35 +94,37 @@ def switch_on(imu: Imu, stream: Generator) -> Memory:
         _plus(gyro, biases(imu.gyro_wander_radps, stream)),
         _plus(accelerometer, biases(imu.accelerometer_wander_mps2, stream)),
     )
+    return Memory(errors)
 
 
 def sample(imu: Imu, truth: Truth, memory: Memory, stream: Generator) -> tuple[Memory, bool]:
     """``memory.held`` is what the instrument reads; True when it is new."""
-    if truth.time_us % WANDER_PERIOD_US == 0:
-        memory = _wandered(imu, memory, stream)
-    taken = None
-    if due(imu.timing, truth.time_us):
-        n = stream.standard_normal(6).tolist()
-        taken = Motion(
-            measured(
-                truth.specific_force_mps2, memory.accelerometer_axes, memory.accelerometer_bias_mps2,
-                imu.accelerometer_noise_mps2, n[:3],
-            ),
-            measured(truth.rates_radps, memory.gyro_axes, memory.gyro_bias_radps, imu.gyro_noise_radps, n[3:]),
-        )  # fmt: skip
-    queue, reading = arrive(imu.timing, memory.queue, taken, truth.time_us, stream)
-    if reading is None:
-        return (memory if queue is memory.queue else memory._replace(queue=queue)), False
-    return Memory(*memory[:6], reading, queue), True
+    errors, held, queue = memory
+    time_us = truth.time_us
+    if time_us % WANDER_PERIOD_US == 0:
+        errors = _wandered(imu, errors, stream)
+    taken = _read(imu, truth, errors, stream) if due(imu.timing, time_us) else None
+    queue, reading = arrive(imu.timing, queue, taken, time_us, stream)
+    return Memory(errors, reading or held, queue), reading is not None
 
 
-def _wandered(imu: Imu, memory: Memory, stream: Generator) -> Memory:
+def _read(imu: Imu, truth: Truth, errors: Errors, stream: Generator) -> Motion:
+    a, b, c, d, e, f = stream.standard_normal(6).tolist()
+    force = measured(
+        truth.specific_force_mps2, errors.accelerometer_axes, errors.accelerometer_bias_mps2,
+        imu.accelerometer_noise_mps2, a, b, c,
+    )  # fmt: skip
+    rates = measured(truth.rates_radps, errors.gyro_axes, errors.gyro_bias_radps, imu.gyro_noise_radps, d, e, f)
+    return Motion(force, rates)
+
+
+def _wandered(imu: Imu, errors: Errors, stream: Generator) -> Errors:
     n = stream.standard_normal(6).tolist()
     gyro, force = imu.renew * imu.gyro_wander_radps, imu.renew * imu.accelerometer_wander_mps2
-    return memory._replace(
-        gyro_bias_radps=_step(memory.gyro_bias_radps, memory.gyro_turn_on_radps, imu.keep, gyro, n[:3]),
+    return errors._replace(
+        gyro_bias_radps=_step(errors.gyro_bias_radps, errors.gyro_turn_on_radps, imu.keep, gyro, n[:3]),
         accelerometer_bias_mps2=_step(
-            memory.accelerometer_bias_mps2, memory.accelerometer_turn_on_mps2, imu.keep, force, n[3:]
+            errors.accelerometer_bias_mps2, errors.accelerometer_turn_on_mps2, imu.keep, force, n[3:]
         ),
     )
 

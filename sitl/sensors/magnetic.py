@@ -46,12 +46,11 @@ def sample(
     magnetometer: Magnetometer, truth: Truth, sea: Environment, memory: Memory, stream: Generator
 ) -> tuple[Memory, bool]:
     """``memory.held`` is what the instrument reads; True when it is new."""
-    taken = None
-    if due(magnetometer.timing, truth.time_us):
+    distortion, bias, held, queue = memory
+    taken, time_us = None, truth.time_us
+    if due(magnetometer.timing, time_us):
         field = rotate_back(truth.attitude_q, sea.magnetic_field_ned_gauss)
-        n = stream.standard_normal(3).tolist()
-        taken = measured(field, memory.distortion, memory.bias_gauss, magnetometer.noise_gauss, n)
-    queue, reading = arrive(magnetometer.timing, memory.queue, taken, truth.time_us, stream)
-    if reading is None:
-        return (memory if queue is memory.queue else memory._replace(queue=queue)), False
-    return Memory(memory.distortion, memory.bias_gauss, reading, queue), True
+        n_x, n_y, n_z = stream.standard_normal(3).tolist()
+        taken = measured(field, distortion, bias, magnetometer.noise_gauss, n_x, n_y, n_z)
+    queue, reading = arrive(magnetometer.timing, queue, taken, time_us, stream)
+    return Memory(distortion, bias, reading or held, queue), reading is not None

@@ -51,11 +51,10 @@ def sample(
     sensor: PressureSensor, truth: Truth, sea: Environment, memory: Memory, stream: Generator
 ) -> tuple[Memory, bool]:
     """``memory.held`` is what the instrument reads; True when it is new."""
-    taken = _read(sensor, truth, sea, memory.offset_hpa, stream) if due(sensor.timing, truth.time_us) else None
-    queue, reading = arrive(sensor.timing, memory.queue, taken, truth.time_us, stream)
-    if reading is None:
-        return (memory if queue is memory.queue else memory._replace(queue=queue)), False
-    return Memory(memory.offset_hpa, reading, queue), True
+    offset, held, queue = memory
+    taken = _read(sensor, truth, sea, offset, stream) if due(sensor.timing, truth.time_us) else None
+    queue, reading = arrive(sensor.timing, queue, taken, truth.time_us, stream)
+    return Memory(offset, reading or held, queue), reading is not None
 
 
 def _read(sensor: PressureSensor, truth: Truth, sea: Environment, offset_hpa: float, stream: Generator) -> Water:

@@ -39,14 +39,15 @@ def soft_iron(rms: float, stream: Generator) -> Matrix:
     return (1.0 + xx, xy, xz), (xy, 1.0 + yy, yz), (xz, yz, 1.0 + zz)
 
 
-def measured(true: Vector, axes: Matrix, bias: Vector, noise: float, draws: Sequence[float]) -> Vector:
-    """What the axes read of ``true`` with three unit ``draws`` of noise."""
+def measured(true: Vector, axes: Matrix, bias: Vector, noise: float, n_x: float, n_y: float, n_z: float) -> Vector:
+    """What the axes read of ``true`` with a unit draw of noise for each."""
     x, y, z = true
-    a, b, c = axes
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = axes
+    b_x, b_y, b_z = bias
     return (
-        a[0] * x + a[1] * y + a[2] * z + bias[0] + noise * draws[0],
-        b[0] * x + b[1] * y + b[2] * z + bias[1] + noise * draws[1],
-        c[0] * x + c[1] * y + c[2] * z + bias[2] + noise * draws[2],
+        xx * x + xy * y + xz * z + b_x + noise * n_x,
+        yx * x + yy * y + yz * z + b_y + noise * n_y,
+        zx * x + zy * y + zz * z + b_z + noise * n_z,
     )
 
 
