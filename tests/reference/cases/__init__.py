@@ -12,14 +12,17 @@ from tests.reference.cases import (
     integrator,
     manoeuvres,
     munk,
+    rigid_body,
     ring_wing,
     small_motion,
     straight_run,
     symmetry,
+    table_1,
     tumble,
 )
 
 CASES = (
+    rigid_body,
     tumble,
     impulse,
     munk,
@@ -33,6 +36,7 @@ CASES = (
     energy,
     symmetry,
     straight_run,
+    table_1,
     small_motion,
     manoeuvres,
     integrator,

@@ -51,10 +51,12 @@ def _miss(
 
 
 def _planar(model: Model) -> Model:
-    """Neutrally buoyant, and nothing couples surge or roll with the plane."""
-    h = model.hydrostatics
-    neutral = h._replace(buoyancy_n=h.weight_n, x_cm_m=0.0, x_cb_m=0.0)
-    return flight.balanced(model)._replace(hydrostatics=neutral)
+    """Neutrally buoyant, and nothing couples surge or roll with either plane."""
+    h, M = model.hydrostatics, np.diag(np.diag(model.inertia.M))
+    for pair in ([1, 5], [2, 4]):
+        M[np.ix_(pair, pair)] = model.inertia.M[np.ix_(pair, pair)]
+    inertia = model.inertia._replace(M=M, M_inverse=np.linalg.inv(M))
+    return model._replace(inertia=inertia, hydrostatics=h._replace(buoyancy_n=h.weight_n, x_cm_m=0.0, x_cb_m=0.0))
 
 
 def _step_response(plane: Plane) -> NDArray[np.float64]:
