@@ -2,7 +2,7 @@
 
 import math
 
-from autopilot import excitation, mission, modes, requests
+from autopilot import excitation, health, mission, modes, requests
 from autopilot.params import Config
 from autopilot.types import (
     ACCEPTED,
@@ -75,6 +75,8 @@ def prearm(state: State) -> str:
     """Why the vehicle must not be armed; empty when it may."""
     if not state.estimate.initialised:
         return "no sensors"
+    if reason := health.refusal(state.health):
+        return reason
     if state.mode == modes.MISSION.number and not state.mission.items:
         return "no mission"
     return ""

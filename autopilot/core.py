@@ -1,8 +1,8 @@
-"""The tick: estimate, failsafe, guidance, loops or excitation, actuators. Pure: no clock, no I/O, no chance."""
+"""The tick: health, estimate, failsafe, guidance, loops or excitation, actuators. Pure: no clock, no I/O, no chance."""
 
 import math
 
-from autopilot import estimator, excitation, failsafe, loops, mission, modes
+from autopilot import estimator, excitation, failsafe, health, loops, mission, modes
 from autopilot.params import Config
 from autopilot.types import US_PER_S, Event, Home, Inputs, ItemReached, LoopMemory, Severity, State, Stick, Trace
 from link.records import ARMED_FLAG, CUSTOM_MODE_FLAG, LOCKSTEP_FLAG, ActuatorFrame
@@ -24,11 +24,16 @@ def start(config: Config) -> State:
 def tick(state: State, inputs: Inputs, config: Config) -> tuple[State, ActuatorFrame, Trace, Events]:
     """One step of the autopilot at the vehicle time of the sensors."""
     dt_s = step_s(state, inputs)
-    state = observe(state, inputs, config, dt_s)
+    sound, inputs, noticed = health.screen(state, inputs, config)
+    state = observe(state._replace(health=sound), inputs, config, dt_s)
     state, alarms = failsafe.watch(state, inputs, config)
     state, guided = guide(state, config)
     state, trace = control(state, inputs.stick, config, dt_s)
-    return state, actuators(state, trace, config), trace, (*alarms, *guided)
+    frame = actuators(state, trace, config)
+    if sound.duct.heard_us >= 0:
+        rudder, elevator, *_ = frame.controls
+        state = state._replace(health=health.expect_duct(sound, rudder, elevator, dt_s))
+    return state, frame, trace, (*noticed, *alarms, *guided)
 
 
 def step_s(state: State, inputs: Inputs) -> float:
@@ -45,8 +50,10 @@ def observe(state: State, inputs: Inputs, config: Config, dt_s: float) -> State:
         home = Home(fix.lat_deg, fix.lon_deg, True)
     if state.estimate.initialised:
         estimate = estimator.update(state.estimate, inputs, state.thrust, home, config, dt_s)
-    else:
+    elif inputs.sensors.fields_updated & estimator.NEEDED == estimator.NEEDED:
         estimate = estimator.begin(inputs.sensors, config)
+    else:
+        estimate = state.estimate
     return state._replace(time_us=inputs.sensors.time_us, estimate=estimate, home=home)
 
 
@@ -79,7 +86,15 @@ def watch_test(state: State, config: Config) -> tuple[State, Events]:
 
 
 def surface(state: State, config: Config) -> tuple[State, Events]:
-    """Rise under power, then stop the propeller and disarm."""
+    """Rise under power, then stop the propeller and disarm.
+
+    Where nobody knows the depth the propeller stops, buoyancy raises her, and a
+    satellite fix proves that she is up.
+    """
+    if failsafe.blind(state, config):
+        if not health.fixed(state.health, state.time_us):
+            return state._replace(setpoint=state.setpoint._replace(thrust=0.0, pitch_rad=0.0)), ()
+        return modes.disarm(state), (Event(Severity.INFO, "Surfaced by satellite fix: disarmed"),)
     if state.estimate.depth_m < config.surfaced_depth_m:
         return modes.disarm(state), (Event(Severity.INFO, "Surfaced: disarmed"),)
     cruise = config.cruise_thrust_pct / 100.0

@@ -3,6 +3,9 @@
 Attitude: complementary filter on the quaternion with gyro bias (Mahony, Hamel and Pflimlin 2008, eq. 32), its
 gravity reference freed of the turn's centripetal acceleration. Depth: pressure and vertical acceleration in a
 third-order complementary filter with one triple pole. Position: heading and speed summed, reset by a satellite fix.
+
+What the sample's ``fields_updated`` does not name is not used, and the rest carries on: without the gyro a second-order
+observer takes the rates from the turning of gravity and field, without the pressure sensor depth is only carried along.
 """
 
 import math
@@ -19,7 +22,10 @@ from link.frames import (
     rotate_back,
     wrap_pi,
 )
-from link.records import SensorFrame
+from link.records import ACCELEROMETER_FRESH, GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH, SensorFrame
+
+NEEDED = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
+"""To begin with."""
 
 DRIFT_MPS = 0.15
 """One standard deviation of the unknown current and speed error that dead reckoning piles up."""
@@ -29,6 +35,10 @@ TURNING_RADPS = math.radians(2.0)
 """Rate of turn at which the accelerometer and the magnetometer count half: sideslip and lost speed, which nobody
 measures, then lean on the one, and through the tilt of the field's dip on the other. The gyro carries the turn."""
 MAX_BIAS_RADPS = math.radians(1.0)
+OBSERVER_RADPS = 2.0
+"""Double pole of the observer that stands in for the gyro."""
+BLIND_DEPTH_RATE_S = 10.0
+"""Without the pressure sensor the vertical speed is forgotten in this time: carried further it would only mislead."""
 
 
 def begin(sensors: SensorFrame, config: Config) -> Estimate:
@@ -44,6 +54,7 @@ def begin(sensors: SensorFrame, config: Config) -> Estimate:
         heading_rad=heading,
         depth_m=depth_of(sensors.pressure_hpa, config),
         initialised=True,
+        depth_time_us=sensors.time_us,
     )
 
 
@@ -59,6 +70,7 @@ def update(old: Estimate, inputs: Inputs, thrust: float, home: Home, config: Con
     return Estimate(
         attitude, roll, pitch, heading, *rates, bias, depth, depth_rate, accel_bias, speed,
         north, east, north_rate, east_rate, sd, altitude, altitude_time, True,
+        sensors.time_us if sensors.fields_updated & PRESSURE_FRESH else old.depth_time_us,
     )  # fmt: skip
 
 
@@ -81,6 +93,8 @@ def _speed(speed_mps: float, thrust: float, config: Config, dt_s: float) -> floa
 def _attitude(
     old: Estimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
 ) -> tuple[Quaternion, tuple[float, float, float], tuple[float, float, float]]:
+    if not sensors.fields_updated & GYRO_FRESH:
+        return _attitude_without_gyro(old, sensors, speed_mps, config, dt_s)
     bx, by, bz = old.gyro_bias_radps
     p, q, r = sensors.gyro_x_radps - bx, sensors.gyro_y_radps - by, sensors.gyro_z_radps - bz
     ex, ey, ez = _tilt_error(old.attitude, sensors, speed_mps, q, r)
@@ -96,10 +110,25 @@ def _attitude(
     return attitude, (p, q, r), bias
 
 
+def _attitude_without_gyro(
+    old: Estimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
+) -> tuple[Quaternion, tuple[float, float, float], tuple[float, float, float]]:
+    """Attitude and rates from gravity and field alone, the gyro's bias left as it was."""
+    p, q, r = old.p_radps, old.q_radps, old.r_radps
+    ex, ey, ez = _tilt_error(old.attitude, sensors, speed_mps, q, r)
+    mx, my, mz = rotate_back(old.attitude, (0.0, 0.0, _heading_error(old.attitude, sensors, config)))
+    ex, ey, ez = ex + mx, ey + my, ez + mz
+    pull, gain = 2.0 * OBSERVER_RADPS, OBSERVER_RADPS * OBSERVER_RADPS * dt_s
+    attitude = _integrate(old.attitude, p + pull * ex, q + pull * ey, r + pull * ez, dt_s)
+    return attitude, (p + gain * ex, q + gain * ey, r + gain * ez), old.gyro_bias_radps
+
+
 def _tilt_error(
     attitude: Quaternion, sensors: SensorFrame, speed_mps: float, q_radps: float, r_radps: float
 ) -> tuple[float, float, float]:
-    """The turn (radians, body axes) that would lay the estimated down on the measured one."""
+    """The turn (radians, body axes) that would lay the estimated down on the measured one; none without a measure."""
+    if not sensors.fields_updated & ACCELEROMETER_FRESH:
+        return 0.0, 0.0, 0.0
     ax = -sensors.accel_x_mps2
     ay = -sensors.accel_y_mps2 + r_radps * speed_mps
     az = -sensors.accel_z_mps2 - q_radps * speed_mps
@@ -112,7 +141,9 @@ def _tilt_error(
 
 
 def _heading_error(attitude: Quaternion, sensors: SensorFrame, config: Config) -> float:
-    """The turn about the vertical (radians) that would bring the measured field to magnetic north."""
+    """The turn about the vertical (radians) that would bring the measured field to magnetic north; none without it."""
+    if not sensors.fields_updated & MAGNETOMETER_FRESH:
+        return 0.0
     north, east, _ = rotate(attitude, _magnetic(sensors))
     if north == 0.0 and east == 0.0:
         return 0.0
@@ -137,8 +168,14 @@ def _clip_bias(bias_radps: float) -> float:
 def _depth(
     old: Estimate, sensors: SensorFrame, attitude: Quaternion, config: Config, dt_s: float
 ) -> tuple[float, float, float]:
-    specific_force = sensors.accel_x_mps2, sensors.accel_y_mps2, sensors.accel_z_mps2
-    down_mps2 = rotate(attitude, specific_force)[2] + STANDARD_GRAVITY_MPS2 - old.accel_bias_mps2
+    down_mps2 = 0.0
+    if sensors.fields_updated & ACCELEROMETER_FRESH:
+        specific_force = sensors.accel_x_mps2, sensors.accel_y_mps2, sensors.accel_z_mps2
+        down_mps2 = rotate(attitude, specific_force)[2] + STANDARD_GRAVITY_MPS2 - old.accel_bias_mps2
+    if not sensors.fields_updated & PRESSURE_FRESH:
+        fading = -old.depth_rate_mps / BLIND_DEPTH_RATE_S
+        blind_mps = old.depth_rate_mps + (down_mps2 + fading) * dt_s
+        return old.depth_m + old.depth_rate_mps * dt_s, blind_mps, old.accel_bias_mps2
     rate = 1.0 / config.depth_time_s
     depth = old.depth_m + old.depth_rate_mps * dt_s + 0.5 * down_mps2 * dt_s * dt_s
     error = depth_of(sensors.pressure_hpa, config) - depth

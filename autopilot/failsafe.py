@@ -2,7 +2,7 @@
 
 import math
 
-from autopilot import modes
+from autopilot import health, modes
 from autopilot.params import Config
 from autopilot.types import US_PER_S, Event, Excitation, Inputs, Severity, State
 from link.frames import wrap_pi
@@ -20,6 +20,10 @@ def watch(state: State, inputs: Inputs, config: Config) -> tuple[State, tuple[Ev
 
 
 def _cause(state: State, inputs: Inputs, config: Config) -> str:
+    if wrong := _wrong_on_board(state, config):
+        return wrong
+    if blind(state, config):
+        return "depth unknown"
     at = state.estimate
     if at.depth_m > config.fs_depth_m:
         return f"depth {at.depth_m:.1f} m"
@@ -33,6 +37,24 @@ def _cause(state: State, inputs: Inputs, config: Config) -> str:
     if inputs.ground_silent_s is not None and 0.0 < config.fs_ground_s < inputs.ground_silent_s:
         return "ground lost"
     return ""
+
+
+def _wrong_on_board(state: State, config: Config) -> str:
+    """What the vehicle has found wrong with herself and must not stay down with."""
+    if not state.health.doubts:
+        return ""
+    wrong = health.troubles(state.health)
+    acted_on = (
+        (health.LEAK, config.fs_leak_action),
+        (health.BATTERY, config.fs_battery_action if wrong.get(health.BATTERY) == health.LOW else 0),
+    )
+    return next((f"{name} {wrong[name]}" for name, action in acted_on if action and name in wrong), "")
+
+
+def blind(state: State, config: Config) -> bool:
+    """Whether the depth has not been measured for too long to go on."""
+    blind_us = state.time_us - state.estimate.depth_time_us
+    return bool(config.fs_pressure_action) and blind_us > config.fs_pressure_s * US_PER_S
 
 
 def envelope(test: Excitation, state: State, config: Config) -> str:

@@ -4,7 +4,7 @@ from enum import StrEnum
 from importlib import metadata
 from typing import Any
 
-from autopilot import modes
+from autopilot import health, modes
 from autopilot.types import State
 from link.dialect import constant
 from link.records import ARMED_FLAG, CUSTOM_MODE_FLAG
@@ -15,6 +15,7 @@ COMPONENT = constant("MAV_COMP_ID_AUTOPILOT1")
 _SUBMARINE = constant("MAV_TYPE_SUBMARINE")
 _BOOT, _STANDBY = constant("MAV_STATE_BOOT"), constant("MAV_STATE_STANDBY")
 _ACTIVE, _CRITICAL = constant("MAV_STATE_ACTIVE"), constant("MAV_STATE_CRITICAL")
+_EMERGENCY = constant("MAV_STATE_EMERGENCY")
 _MAVLINK_VERSION = 3
 _ADVANCED_MODE = constant("MAV_MODE_PROPERTY_ADVANCED")
 _CAPABILITIES = sum(
@@ -45,7 +46,10 @@ def system_status(state: State) -> int:
     """MAV_STATE."""
     if not state.estimate.initialised:
         return _BOOT
-    if state.failsafe:
+    wrong = health.troubles(state.health) if state.health.doubts else {}
+    if health.LEAK in wrong:
+        return _EMERGENCY
+    if state.failsafe or wrong:
         return _CRITICAL
     return _ACTIVE if state.armed else _STANDBY
 

@@ -69,6 +69,30 @@ class Config(NamedTuple):
     fs_ground_s: Annotated[float, Doc("FS_GCS_TIMEOUT", 0, 86_400, "s", "Wall time without ground: surface; 0 off")] = (
         0.0
     )
+    fs_leak_action: Annotated[int, Doc("FS_LEAK_ACT", 0, 1, "", "A leak: 0 only tell, 1 surface")] = 1
+    fs_battery_action: Annotated[int, Doc("FS_BATT_ACT", 0, 1, "", "Battery low: 0 only tell, 1 surface")] = 1
+    fs_battery_pct: Annotated[float, Doc("FS_BATT_PCT", 0, 100, "%", "Less charge than this is low; 0 off")] = 15.0
+    fs_battery_v: Annotated[float, Doc("FS_BATT_V", 0, 1000, "V", "Less voltage than this is low; 0 off")] = 0.0
+    fs_pressure_action: Annotated[
+        int, Doc("FS_PRESS_ACT", 0, 1, "", "Depth unknown: 0 only tell, 1 stop and let buoyancy raise her")
+    ] = 1
+    fs_pressure_s: Annotated[
+        float, Doc("FS_PRESS_S", 0.5, 600, "s", "Depth not measured for longer than this is unknown")
+    ] = 5.0
+
+    health_lost_s: Annotated[float, Doc("HLTH_LOST_S", 0.05, 60, "s", "AHRS reading older than this is lost")] = 0.5
+    health_stuck_s: Annotated[
+        float, Doc("HLTH_STUCK_S", 0, 600, "s", "AHRS reading that stays the same for longer is stuck; 0 off")
+    ] = 1.0
+    health_duct_pct: Annotated[
+        float, Doc("HLTH_DUCT_PCT", 1, 200, "%", "Duct feedback further off than this share of the travel is wrong")
+    ] = 60.0
+    health_depth_s: Annotated[
+        float, Doc("HLTH_DPT_S", 0, 600, "s", "A depth error that stays for longer is told; 0 off")
+    ] = 30.0
+    failure_enabled: Annotated[
+        int, Doc("SYS_FAILURE_EN", 0, 1, "", "1: MAV_CMD_INJECT_FAILURE is passed on to the simulator")
+    ] = 0
 
     sid_axis: Annotated[int, Doc("SID_AXIS", 0, 13, "", "Test axis: 0 none, 11 elevator, 12 rudder")] = 0
     sid_magnitude_deg: Annotated[float, Doc("SID_MAGNITUDE", -15, 15, "deg", "Size of the test, from trim")] = 3.0

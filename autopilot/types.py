@@ -1,7 +1,8 @@
 """What goes into a tick and what comes out. Body axes FRD, world NED, depth positive down, SI and radians."""
 
+import math
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from link.frames import Quaternion
 from link.missions import MissionItem
@@ -92,6 +93,76 @@ class Estimate(NamedTuple):
     """Above the sea floor; None where the altimeter sees none."""
     altitude_time_us: int = 0
     initialised: bool = False
+    depth_time_us: int = 0
+    """When the depth was last measured and not only carried along."""
+
+
+NO_READINGS = ((math.nan,) * 3, (math.nan,) * 3, (math.nan,) * 3, (math.nan,))
+"""Of accelerometer, gyro, magnetometer and pressure sensor, in the order of SensorFrame."""
+_NO_FRAME = SensorFrame(-1, *(0.0,) * 13, 0, 0)
+
+
+class Ahrs(NamedTuple):
+    """What was heard of the AHRS's four groups, in the order of ``NO_READINGS``."""
+
+    frame: SensorFrame = _NO_FRAME
+    """The last readings that may be used."""
+    readings: tuple[tuple[float, ...], ...] = NO_READINGS
+    """The last readings, whatever they say."""
+    heard_us: tuple[int, ...] = (-1,) * 4
+    """When a reading last made sense; -1 for never."""
+    changed_us: tuple[int, ...] = (-1,) * 4
+    """When the reading last changed."""
+
+
+class Device(NamedTuple):
+    """What was heard of a device that speaks for itself."""
+
+    record: Any = None
+    """The last one that makes sense."""
+    sound_us: int = -1
+    """When that was."""
+    heard_us: int = -1
+    """When anything was; -1 for never."""
+    changed_us: int = -1
+    """When it last said something new."""
+
+
+class Complaint(NamedTuple):
+    """Something that looks wrong in one tick."""
+
+    subject: str
+    what: str
+
+
+class Doubt(NamedTuple):
+    """A complaint that lasts, or lasted until lately."""
+
+    complaint: Complaint
+    since_us: int
+    last_us: int
+    times: int = 1
+    told: bool = False
+    """Whether it has lasted long enough to be believed and told."""
+
+
+class Health(NamedTuple):
+    """What the vehicle knows of her own soundness."""
+
+    ahrs: Ahrs = Ahrs()
+    gps: Device = Device()
+    altimeter: Device = Device()
+    dvl: Device = Device()
+    battery: Device = Device()
+    leak: Device = Device()
+    duct: Device = Device()
+    duct_expected: tuple[float, float] = (0.0, 0.0)
+    """Rudder and elevator where the duct should be by what was asked of it, as fractions of its travel."""
+    gps_under_water: bool = False
+    """The receiver was heard at depth: it speaks always, so its silence means something there too."""
+    doubts: tuple[Doubt, ...] = ()
+    check_us: int = 0
+    """When to look again at what changes slowly."""
 
 
 class Setpoint(NamedTuple):
@@ -172,6 +243,7 @@ class State(NamedTuple):
     """When the vehicle was armed."""
     thrust: float = 0.0
     """Last commanded, as a fraction of full."""
+    health: Health = Health()
 
 
 class Trace(NamedTuple):

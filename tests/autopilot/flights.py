@@ -18,12 +18,14 @@ def sensors(
     time_us: int, *, roll: float = 0.0, pitch: float = 0.0, heading: float = 0.0, depth_m: float = 5.0,
     rates: tuple[float, float, float] = (0.0, 0.0, 0.0), declination_deg: float = -14.4,
 ) -> SensorFrame:  # fmt: skip
-    """What perfect sensors read at an attitude and depth, unaccelerated."""
+    """What all but perfect sensors read at an attitude and depth, unaccelerated: their last digit flickers."""
+    dither = 1e-9 if time_us // TICK_US % 2 else -1e-9
     attitude = quaternion_from_euler(roll, pitch, heading)
-    force = rotate_back(attitude, (0.0, 0.0, -STANDARD_GRAVITY_MPS2))
+    force = rotate_back(attitude, (0.0, 0.0, -STANDARD_GRAVITY_MPS2 + dither))
+    rates = rates[0] + dither, rates[1], rates[2]
     declination = math.radians(declination_deg)
-    field_ned = (0.2 * math.cos(declination), 0.2 * math.sin(declination), 0.48)
-    pressure = 1013.25 + 1025.0 * STANDARD_GRAVITY_MPS2 * depth_m / 100.0
+    field_ned = (0.2 * math.cos(declination), 0.2 * math.sin(declination), 0.48 + dither)
+    pressure = dither + 1013.25 + 1025.0 * STANDARD_GRAVITY_MPS2 * depth_m / 100.0
     return SensorFrame(
         time_us, *force, *rates, *rotate_back(attitude, field_ned), pressure, 0.0, 0.0, 10.0, SENSORS_ALL, 0
     )
