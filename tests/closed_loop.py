@@ -52,7 +52,8 @@ class Dive:
         return [event.text for event in self.events if isinstance(event, Event)]
 
     def _tick(self, reading: Any) -> Any:
-        inputs = Inputs(reading.frame, reading.gps, reading.altimeter, None)
+        devices = reading.dvl, reading.battery, reading.leak, reading.duct
+        inputs = Inputs(reading.frame, reading.gps, reading.altimeter, None, None, *devices)
         self.state, frame, trace, said = core.tick(self.state, inputs, self.config)
         self.events += said
         self._keep(trace)
