@@ -101,7 +101,9 @@ class Config(NamedTuple):
     sid_fade_in_s: Annotated[float, Doc("SID_T_FADE_IN", 0, 20, "s", "Fade at both ends of a test")] = 0.0
     sid_record_s: Annotated[float, Doc("SID_T_REC", 1, 600, "s", "Length of a test")] = 20.0
     sid_wave: Annotated[int, Doc("SID_WAVE", 0, 4, "", "0 chirp, 1 step, 2 doublet")] = 1
-    sid_depth_min_m: Annotated[float, Doc("SID_DEPTH_MIN", 0, 100, "m", "Shallower than this stops a test")] = 1.0
+    sid_depth_min_m: Annotated[
+        float, Doc("SID_DEPTH_MIN", -10, 100, "m", "Shallower than this stops a test; -10 on the bench")
+    ] = 1.0
     sid_depth_max_m: Annotated[float, Doc("SID_DEPTH_MAX", 1, 6000, "m", "Deeper than this stops a test")] = 15.0
     sid_altitude_min_m: Annotated[float, Doc("SID_ALT_MIN", 0, 100, "m", "Closer to the floor stops a test")] = 3.0
     sid_pitch_max_deg: Annotated[float, Doc("SID_PITCH_MAX", 1, 90, "deg", "Steeper than this stops a test")] = 35.0

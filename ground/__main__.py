@@ -15,6 +15,18 @@ from typing import Annotated, Any
 
 import typer
 
+from ground.console import (
+    GROUND_LINK,
+    Address,
+    Json,
+    ScenarioName,
+    Seed,
+    Speed,
+    VehicleName,
+    encode,
+    give,
+    new_file,
+)
 from ground.errors import BadInputError, FailedError
 
 FAILED, BAD_INPUT = 1, 2
@@ -34,15 +46,6 @@ params_app = typer.Typer(no_args_is_help=True, help="Read and set a vehicle's pa
 log_app = typer.Typer(no_args_is_help=True, help="Look into logs, export and mend them.")
 app.add_typer(params_app, name="params")
 app.add_typer(log_app, name="log")
-
-Address = Annotated[str, typer.Option("--connect", metavar="ADDRESS", help="The vehicle's link: udpin:HOST:PORT, "
-                                      "udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD.")]  # fmt: skip
-Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")]
-VehicleName = Annotated[str, typer.Option(metavar="NAME|FILE", help="field, bench, or a vehicle file.")]
-ScenarioName = Annotated[str, typer.Option(metavar="NAME|FILE", help="calm, disturbed, or a scenario file.")]
-Seed = Annotated[int, typer.Option(min=0, help="Of every random stream.")]
-Speed = Annotated[str, typer.Option(metavar="N|max", help="Times the wall clock.")]
-GROUND_LINK = "udpin:127.0.0.1:14550"
 
 
 @app.command()
@@ -67,7 +70,7 @@ def fly(
     from ground.flight import Dive
     from ground.processes import SimulatedVehicle, Simulation
 
-    target = _new_file(log or Path(Path(mission).stem + ".mcap"))
+    target = new_file(log or Path(Path(mission).stem + ".mcap"))
     dive = Dive.load(mission, target, parameters=gains.load(params) if params else {}, tlog=tlog)
     with progress.display(Path(mission).stem, quiet=json) as shown:
         if sitl:
@@ -75,7 +78,7 @@ def fly(
             outcome = flight.fly_simulated(dive, simulated, shown.watch, shown.hear)
         else:
             outcome = flight.fly(dive, connect, shown.watch, shown.hear)
-    _give(
+    give(
         {**outcome._asdict(), "log": str(outcome.log)},
         f"{outcome.log}: {outcome.vehicle_s:.0f} s flown in {outcome.wall_s:.1f} s, "
         f"{outcome.messages} messages, {outcome.lost_frames} lost",
@@ -104,7 +107,7 @@ def campaign(
         result = asked.run()
         shown.announce("writing the report")
         page.write(asked.folder)
-    _give(result, summary.in_words(result, out), json)
+    give(result, summary.in_words(result, out), json)
 
 
 @app.command()
@@ -123,7 +126,7 @@ def refit(
     with progress.display("refit", quiet=json) as shown:
         model = fitting.refit(logs, held_out or (), prior, method.value, shown.share)
     fitting.write_model(model, out)
-    _give(summary.of_model(model), summary.model_in_words(model, out), json)
+    give(summary.of_model(model), summary.model_in_words(model, out), json)
 
 
 @app.command()
@@ -141,7 +144,7 @@ def redesign(
     design.write_params(out)
     if upload:
         _set_and_read_back(upload, dict(design.gains))
-    _give(summary.of_design(design), summary.design_in_words(design, out), json)
+    give(summary.of_design(design), summary.design_in_words(design, out), json)
 
 
 @app.command()
@@ -167,8 +170,8 @@ def paper(
     result = tables.without_flying()
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
-        (out / "paper.json").write_text(_encode(result), encoding="utf-8")
-    _give(result, tables.in_words(result), json)
+        (out / "paper.json").write_text(encode(result), encoding="utf-8")
+    give(result, tables.in_words(result), json)
 
 
 @app.command()
@@ -179,28 +182,28 @@ def missions(json: Json = False) -> None:
     shipped = {name: script.load(name) for name in script.shipped_names()}
     lines = [f"{name:18s} {script.duration_s(m):5.0f} s  {m.about}" for name, m in shipped.items()]
     result = {name: {"duration_s": script.duration_s(m), "about": m.about} for name, m in shipped.items()}
-    _give(result, "\n".join(lines), json)
+    give(result, "\n".join(lines), json)
 
 
 @params_app.command("list")
 def params_list(connect: Address = GROUND_LINK, json: Json = False) -> None:
     """Every parameter and its value."""
     values = _with_vehicle(connect, lambda vehicle: vehicle.parameters())
-    _give(values, "\n".join(f"{name:16s} {value:g}" for name, value in values.items()), json)
+    give(values, "\n".join(f"{name:16s} {value:g}" for name, value in values.items()), json)
 
 
 @params_app.command("get")
 def params_get(name: str, connect: Address = GROUND_LINK, json: Json = False) -> None:
     """One parameter."""
     value = _with_vehicle(connect, lambda vehicle: vehicle.parameter(name))
-    _give({name: value}, f"{value:g}", json)
+    give({name: value}, f"{value:g}", json)
 
 
 @params_app.command("set")
 def params_set(name: str, value: float, connect: Address = GROUND_LINK, json: Json = False) -> None:
     """Set one parameter and read it back."""
     _set_and_read_back(connect, {name: value})
-    _give({name: value}, f"{name} = {value:g}", json)
+    give({name: value}, f"{name} = {value:g}", json)
 
 
 @params_app.command("save")
@@ -209,8 +212,8 @@ def params_save(file: Path, connect: Address = GROUND_LINK, json: Json = False) 
     from ground import gains
 
     values = _with_vehicle(connect, lambda vehicle: vehicle.parameters())
-    gains.save(_new_file(file), values)
-    _give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters", json)
+    gains.save(new_file(file), values)
+    give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters", json)
 
 
 @params_app.command("load")
@@ -220,7 +223,7 @@ def params_load(file: Path, connect: Address = GROUND_LINK, json: Json = False) 
 
     values = gains.load(file)
     _set_and_read_back(connect, values)
-    _give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters set", json)
+    give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters set", json)
 
 
 @log_app.command("info")
@@ -232,7 +235,7 @@ def log_info(file: Path, json: Json = False) -> None:
     lines = [f"{found['file']}: {found['vehicle_s']:.1f} s, {found['messages']} messages, {found['lost_frames']} lost"]
     lines += [f"  {count:8d}  {topic}" for topic, count in found["topics"].items()]
     lines += [f"  attached  {name}" for name in found["attachments"]]
-    _give(found, "\n".join(lines), json)
+    give(found, "\n".join(lines), json)
 
 
 @log_app.command("export")
@@ -245,7 +248,7 @@ def log_export(
     from ground import logs
 
     tables = logs.export_csv(file, out or file.with_suffix(""))
-    _give({"files": [str(t) for t in tables]}, "\n".join(str(t) for t in tables), json)
+    give({"files": [str(t) for t in tables]}, "\n".join(str(t) for t in tables), json)
 
 
 @log_app.command("recover")
@@ -257,9 +260,9 @@ def log_recover(
     """Save what an unfinished log holds into a finished one."""
     from ground import logs
 
-    target = _new_file(out or file.with_name(f"{file.stem}-recovered.mcap"))
+    target = new_file(out or file.with_name(f"{file.stem}-recovered.mcap"))
     saved = logs.recover(file, target)
-    _give({"file": str(target), "messages": saved}, f"{target}: {saved} messages saved", json)
+    give({"file": str(target), "messages": saved}, f"{target}: {saved} messages saved", json)
 
 
 def main() -> None:
@@ -313,25 +316,6 @@ def _set_and_read_back(address: str, values: dict[str, float]) -> None:
                 raise FailedError(f"{name}: the vehicle stored {stored:g} in place of {value:g}")
 
     _with_vehicle(address, use)
-
-
-def _new_file(path: Path) -> Path:
-    """The same path. Raises BadInputError where it would overwrite something or has no folder."""
-    if path.exists():
-        raise BadInputError(f"{path}: exists; give a new name")
-    if not path.parent.is_dir():
-        raise BadInputError(f"{path}: there is no folder {path.parent}")
-    return path
-
-
-def _give(result: dict[str, Any], words: str, as_json: bool) -> None:
-    print(_encode(result) if as_json else words)
-
-
-def _encode(result: dict[str, Any]) -> str:
-    import json
-
-    return json.dumps(result, indent=1, default=str)
 
 
 if __name__ == "__main__":

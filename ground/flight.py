@@ -1,8 +1,8 @@
 """One dive: set up the vehicle, upload, arm, and record until it has disarmed itself at the surface."""
 
 import math
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -76,28 +76,36 @@ Hear = Callable[[Text], None]
 
 def fly(dive: Dive, address: str, watch: Watch | None = None, hear: Hear | None = None) -> Outcome:
     """Fly a vehicle that is already there. Raises AddressError, VehicleError."""
-    with ExitStack() as stack:
-        transport = open_transport(address)
-        stack.callback(transport.close)
-        recorder = Recorder(dive.log, dive.tlog)
-        stack.callback(recorder.finish)
-        return _fly(dive, Vehicle(transport, recorder), recorder, watch, hear)
+    with recorded(address, dive.log, dive.tlog) as (vehicle, recorder):
+        return _fly(dive, vehicle, recorder, watch, hear)
 
 
 def fly_simulated(
     dive: Dive, simulated: SimulatedVehicle, watch: Watch | None = None, hear: Hear | None = None
 ) -> Outcome:
     """Fly a simulated vehicle and stop it. Raises BadInputError, VehicleError: with what its processes said."""
+    with recorded(simulated, dive.log, dive.tlog) as (vehicle, recorder):
+        return _fly(dive, vehicle, recorder, watch, hear)
+
+
+@contextmanager
+def recorded(where: str | SimulatedVehicle, log: Path, tlog: Path | None = None) -> Iterator[tuple[Vehicle, Recorder]]:
+    """A vehicle at an address, or a simulated one that is stopped at the end, with all it says kept in ``log``.
+
+    Raises:
+        AddressError, BadInputError, VehicleError: there is no such vehicle, or it went away.
+    """
     with ExitStack() as stack:
-        stack.enter_context(simulated)
-        transport = simulated.connect()
+        simulated = None if isinstance(where, str) else stack.enter_context(where)
+        transport = simulated.connect() if simulated else open_transport(str(where))
         stack.callback(transport.close)
-        recorder = Recorder(dive.log, dive.tlog)
+        recorder = Recorder(log, tlog)
         stack.callback(recorder.finish)
         try:
-            return _fly(dive, Vehicle(transport, recorder, simulated.check), recorder, watch, hear)
+            yield Vehicle(transport, recorder, simulated.check if simulated else None), recorder
         except VehicleError:
-            wait_for_last_words(simulated)
+            if simulated:
+                wait_for_last_words(simulated)
             raise
 
 

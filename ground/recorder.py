@@ -70,6 +70,11 @@ class Recorder:
         """Vehicle time of the newest message, over all systems."""
         return max((clock.vehicle_us for clock in self._clocks.values()), default=0) / 1e6
 
+    def heard(self, component: int, name: str) -> bool:
+        """Whether any system's ``component`` has sent a message of that name."""
+        message_id = dialect.by_name(name).message_id
+        return any(key[1:] == (component, message_id) for key in self._channels)
+
     def record(self, frame: Frame) -> None:
         """Write one received frame."""
         key = frame.system, frame.component, frame.message_id

@@ -1,0 +1,37 @@
+"""What the commands share: their options, how they take a new file, and how they give a result."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ground.errors import BadInputError
+
+Address = Annotated[str, typer.Option("--connect", metavar="ADDRESS", help="The vehicle's link: udpin:HOST:PORT, "
+                                      "udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD.")]  # fmt: skip
+Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")]
+VehicleName = Annotated[str, typer.Option(metavar="NAME|FILE", help="field, bench, or a vehicle file.")]
+ScenarioName = Annotated[str, typer.Option(metavar="NAME|FILE", help="calm, disturbed, or a scenario file.")]
+Seed = Annotated[int, typer.Option(min=0, help="Of every random stream.")]
+Speed = Annotated[str, typer.Option(metavar="N|max", help="Times the wall clock.")]
+GROUND_LINK = "udpin:127.0.0.1:14550"
+
+
+def new_file(path: Path) -> Path:
+    """The same path. Raises BadInputError where it would overwrite something or has no folder."""
+    if path.exists():
+        raise BadInputError(f"{path}: exists; give a new name")
+    if not path.parent.is_dir():
+        raise BadInputError(f"{path}: there is no folder {path.parent}")
+    return path
+
+
+def give(result: dict[str, Any], words: str, as_json: bool) -> None:
+    """Print a result: as words, or as JSON."""
+    print(encode(result) if as_json else words)
+
+
+def encode(result: dict[str, Any]) -> str:
+    """A result as JSON."""
+    return json.dumps(result, indent=1, default=str)
