@@ -9,28 +9,17 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
-import msgspec
 from msgspec import Meta
+from msgspec.structs import replace
 
+from sitl import bathymetry, waters
 from sitl.faults import catalogue
 from sitl.faults.catalogue import Fault, FaultError
+from sitl.tables import Angle, Damping, NotNegative, Positive, ScenarioError, Speed, Table
 from sitl.vehicle import strict_toml
+from sitl.waters import Current, Density, Floor, Ice, Water, Waves
 
-Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
-NotNegative = Annotated[float, Meta(ge=0.0, le=1e6)]
-Speed = Annotated[float, Meta(ge=-5.0, le=5.0)]
-Temperature = Annotated[float, Meta(ge=-2.0, le=40.0)]
-Angle = Annotated[float, Meta(ge=-360.0, le=360.0)]
 Latitude = Annotated[float, Meta(ge=-89.0, le=89.0)]
-Damping = Annotated[float, Meta(gt=0.0, lt=1.0)]
-
-
-class ScenarioError(ValueError):
-    """A scenario that cannot be read; the message names file, key, value and what would be right."""
-
-
-class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A table of a scenario file."""
 
 
 class Site(Table, frozen=True):
@@ -57,15 +46,6 @@ class Rig(Table, frozen=True):
     """She stays as she lies at the start, afloat and at rest, whatever acts on her; tailcone and instruments work."""
     encoder: str = ""
     """Fitted to the duct for the occasion, in place of the vehicle's own: a name of the instruments' catalogue."""
-
-
-class Water(Table, frozen=True):
-    density_kgpm3: Positive = 1025.0
-    """Of the pressure sensor's column; what the hull displaces is told by the vehicle file."""
-    surface_pressure_hpa: Positive = 1013.25
-    temperature_degc: Temperature = 10.0
-    floor_depth_m: Positive = 20.0
-    current_ned_mps: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
 
 
 class MagneticField(Table, frozen=True):
@@ -107,6 +87,11 @@ class Scenario(Table, frozen=True):
     start: Start = Start()
     rig: Rig = Rig()
     water: Water = Water()
+    current: Current = Current()
+    waves: Waves = Waves()
+    density: Density = Density()
+    floor: Floor = Floor()
+    ice: Ice = Ice()
     magnetic_field: MagneticField = MagneticField()
     disturbance: DisturbanceLevels = DisturbanceLevels()
     fault: tuple[dict[str, float | str], ...] = ()
@@ -137,12 +122,25 @@ def load(name_or_path: str) -> Scenario:
     scenario = strict_toml.decode(text, Scenario, source, ScenarioError)
     if scenario.rig.clamped and (scenario.start.depth_m is not None or scenario.start.speed_mps):
         raise ScenarioError(f"{source}: rig.clamped = true: expected no start.depth_m and no start.speed_mps with it")
+    try:
+        waters.refuse_contradictions(scenario.current, scenario.waves, scenario.density, scenario.floor, scenario.ice)
+    except ScenarioError as error:
+        raise ScenarioError(f"{source}: {error}") from None
     for number, row in enumerate(scenario.fault, 1):
         try:
             catalogue.read(row)
         except FaultError as error:
             raise ScenarioError(f"{source}: fault {number}: {error}") from None
-    return scenario
+    return _with_floor_file(scenario, name_or_path)
+
+
+def _with_floor_file(scenario: Scenario, path: str) -> Scenario:
+    """The file of the floor by its full path, which in the scenario is told from where that itself lies."""
+    if not scenario.floor.file:
+        return scenario
+    floor = Path(path).parent / scenario.floor.file
+    bathymetry.read(floor)
+    return replace(scenario, floor=replace(scenario.floor, file=str(floor)))
 
 
 def _shipped() -> Any:

@@ -12,7 +12,7 @@ from link.frames import quaternion_from_euler
 from link.records import Dvl
 from sitl import environment, plant, scenario
 from sitl.environment import Environment
-from sitl.scenario import Scenario, Water
+from sitl.scenario import Floor, Scenario
 from sitl.sensors import altimeter, battery, datasheets, dvl, encoder, gps, inertial, leak, timing
 from sitl.sensors.timing import Timing
 from sitl.truth import Truth
@@ -24,7 +24,7 @@ SHELF = datasheets.catalogue()
 
 
 def deep(floor_depth_m: float) -> Environment:
-    return environment.build(Scenario(water=Water(floor_depth_m=floor_depth_m)), 9.81, plant.TICK_S)
+    return environment.build(Scenario(floor=Floor(depth_m=floor_depth_m)), 9.81, plant.TICK_S)
 
 
 def moving(velocity: tuple[float, float, float], depth_m: float = 5.0, **changes: Any) -> Truth:

@@ -20,9 +20,9 @@ def test_calm_and_disturbed_are_shipped_and_differ_by_their_disturbance_only() -
 
 def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
     file = tmp_path / "current.toml"
-    file.write_text("[water]\ncurrent_ned_mps = [0.2, -0.1, 0.0]\n[start]\ndepth_m = 4.0\n")
+    file.write_text("[current]\nspeed_mps = 0.2\ntowards_deg = 30\n[start]\ndepth_m = 4.0\n")
     loaded = scenario.load(str(file))
-    assert loaded.water.current_ned_mps == (0.2, -0.1, 0.0)
+    assert loaded.current == scenario.Current(speed_mps=0.2, towards_deg=30.0)
     assert loaded.start.depth_m == 4.0
     assert loaded.site == scenario.Site()
 
@@ -36,8 +36,8 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
             "[disturbance.waves]\nheight_m = 2",
             "disturbance.waves.height_m = 2: unknown key; known here: frequency_hz, damping",
         ),
-        ("waves = 3", "waves = 3: unknown key; known here: title, site"),
-        ("[water]\ncurrent_ned_mps = [1.0, 2.0]", "water.current_ned_mps = [1.0, 2.0]: expected array of length 3"),
+        ("swell = 3", "swell = 3: unknown key; known here: title, site"),
+        ("[current]\nspeed_mps = [1.0, 2.0]", "current.speed_mps = [1.0, 2.0]: expected float, got array"),
         ("[start]\nspeed_mps = 9.0", "start.speed_mps = 9.0: expected float <= 5.0"),
         ("[start]\nspeed_mps = inf", "start.speed_mps = inf: expected a finite number"),
         ("[start]\ndepth_m = nan", "start.depth_m = nan: expected a finite number"),

@@ -80,9 +80,9 @@ def build(scenario: Scenario, gravity_mps2: float, tick_s: float) -> Environment
         gravity_mps2=gravity_mps2,
         surface_pressure_hpa=scenario.water.surface_pressure_hpa,
         temperature_degc=scenario.water.temperature_degc,
-        floor_depth_m=scenario.water.floor_depth_m,
+        floor_depth_m=scenario.floor.depth_m,
         magnetic_field_ned_gauss=_magnetic_field_ned(scenario),
-        water=drifting(flip(*scenario.water.current_ned_mps)),
+        water=drifting(_towards(scenario.current.speed_mps, scenario.current.towards_deg)),
         slow=slow_moment(slow.time_constant_s, tick_s),
         wave=wave_moment(2.0 * pi * waves.frequency_hz, waves.damping, tick_s),
         slow_rms_nm=(slow.yaw_rms_nm, slow.pitch_rms_nm),
@@ -153,3 +153,9 @@ def _magnetic_field_ned(scenario: Scenario) -> Vector3:
     declination, inclination = radians(field.declination_deg), radians(field.inclination_deg)
     horizontal = field.strength_gauss * cos(inclination)
     return horizontal * cos(declination), horizontal * sin(declination), field.strength_gauss * sin(inclination)
+
+
+def _towards(speed_mps: float, towards_deg: float) -> Vector3:
+    """NWU."""
+    towards = radians(towards_deg)
+    return speed_mps * cos(towards), -speed_mps * sin(towards), 0.0
