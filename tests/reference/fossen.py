@@ -165,17 +165,17 @@ def wing(flow: Array, chord: Array, pressure_area: float, polar: Polar) -> Array
     if V == 0.0:
         return np.zeros(3)
     facing = chord if flow @ chord >= 0 else -chord
-    alpha = float(np.arctan2(np.linalg.norm(np.cross(flow, facing)), flow @ facing))
-    t1, t2 = flow / V, np.cross(flow, facing)
+    alpha = float(np.arctan2(np.linalg.norm(S(flow) @ facing), flow @ facing))
+    t1, t2 = flow / V, S(flow) @ facing
     C_L, C_D = polar_coefficients(alpha, polar)
     side = np.linalg.norm(t2)
-    t3 = np.cross(t1, t2 / side) if side > 0.0 else np.zeros(3)
+    t3 = S(t1) @ t2 / side if side > 0.0 else np.zeros(3)
     return np.asarray(-pressure_area * V**2 * (C_D * t1 + C_L * t3))
 
 
 def at_point(force: Array, r: Array) -> Array:
     """Wrench about the origin of a force at ``r``: the transpose of H(r) (ch. 3)."""
-    return np.concatenate([force, np.cross(r, force)])
+    return np.concatenate([force, S(r) @ force])
 
 
 def tail(nu_r: Array, inputs: Inputs, ship: Craft) -> Array:
@@ -183,7 +183,7 @@ def tail(nu_r: Array, inputs: Inputs, ship: Craft) -> Array:
     duct, propeller, hull = ship.model.duct, ship.model.propeller, ship.model.hull
     rudder, elevator, n = inputs
     r = np.array([duct.x_m, 0.0, 0.0])
-    flow = nu_r[:3] + np.cross(nu_r[3:], r)
+    flow = nu_r[:3] + S(nu_r[3:]) @ r
     # FRD: positive rudder throws the tail to port, so the ring's forward axis leans to port; elevator leans it down.
     turned = R(np.array([0.0, 0.0, -duct.vectored * rudder])) @ [1.0, 0.0, 0.0]
     axis = R(np.array([0.0, -duct.vectored * elevator, 0.0])) @ turned
@@ -203,7 +203,7 @@ def fins(nu_r: Array, inputs: Inputs, tail: Fins) -> Array:
         r = TURN @ [tail.x_m, tail.out_m * y, tail.out_m * z]
         turn = by_rudder * inputs.rudder_rad + by_elevator * inputs.elevator_rad
         chord = np.array([cos(turn), 0.0, 0.0]) + sin(turn) * lead
-        flow = nu_r[:3] + np.cross(nu_r[3:], r)
+        flow = nu_r[:3] + S(nu_r[3:]) @ r
         total += at_point(wing(flow - (flow @ span) * span, chord, tail.half_rho_area_kgpm, tail.polar), r)
     return total
 

@@ -72,8 +72,9 @@ def zigzag(ship: Simulator, angle_rad: float) -> Zigzag:
         took, state = ship.run(state, rudder, LONGEST_S, lambda x, goal=goal: x[5] - goal)
         time, rudder = time + took, -rudder
         reversals.append(time)
-        _, turned_back = ship.run(state, rudder, LONGEST_S, lambda x: x[11])
-        overshoots.append(degrees(abs(ship.read(turned_back)[5]) - angle_rad))
+        if len(overshoots) < 2:
+            _, turned_back = ship.run(state, rudder, LONGEST_S, lambda x: x[11])
+            overshoots.append(degrees(abs(ship.read(turned_back)[5]) - angle_rad))
     return Zigzag(overshoots[0], overshoots[1], reversals[3] - reversals[1])
 
 

@@ -17,21 +17,22 @@ import numpy as np
 from sitl.vehicle import config
 from sitl.vehicle.model import Model
 from sitl.vehicle.water import drifting
-from tests.reference import fossen, trials
+from tests.reference import fossen, trials, vehicles
 from tests.reference.check import Check, relative, worst
 from tests.sitl.vehicle import flight
 
 CIRCLE_RAD, CIRCLE_S = radians(10), 90.0
 ZIGZAGS = (radians(10), radians(15))
-STATES = 40
+STATES, RANDOM = 40, 40
 SOURCE = "Fossen, matrix form"
 
 
 def checks() -> Iterator[Check]:
-    """Every shipped vehicle, one manoeuvre after the other."""
+    """Any vehicle's accelerations, then every shipped vehicle, one manoeuvre after the other."""
+    yield _accelerations(f"{RANDOM} random vehicles", vehicles.numbered(RANDOM))
     for name in config.SHIPPED:
         model, point = flight.model(name), config.load(name).operating_point
-        yield _accelerations(name, model)
+        yield _accelerations(name, [model])
         under_way = model, point.speed_mps, point.thrust_fraction * model.propeller.full_rps
         ours, theirs = trials.kernels(*under_way), trials.matrices(*under_way)
         circles = (trials.circle(ship, CIRCLE_RAD, CIRCLE_S) for ship in (ours, theirs))
@@ -50,16 +51,15 @@ def _compared(
         yield relative(f"{label}: {words.replace('_', ' ')}", unit, value, reference, 1e-6, SOURCE)
 
 
-def _accelerations(name: str, model: Model) -> Check:
+def _accelerations(name: str, models: list[Model]) -> Check:
     """Random attitude, speeds, inputs and current."""
-    rng, ship = np.random.default_rng(7), fossen.craft(model)
-    found, expected = [], []
-    for _ in range(STATES):
+    rng, found, expected = np.random.default_rng(7), [], []
+    for model in models * (STATES // len(models)):
         state = flight.tumbling()
         state[3:7] = (turn := rng.normal(size=4)) / np.linalg.norm(turn)
         state[7:13] = rng.uniform(-1.5, 1.5, 6)
         inputs = fossen.Inputs(*rng.uniform(-0.25, 0.25, 2).tolist(), float(rng.uniform(-4, 6)))
         current = rng.uniform(-1, 1, 3)
         found.append(fossen.FLIP @ flight.rate(model, state, *inputs, water=drifting(tuple(current.tolist())))[7:])
-        expected.append(fossen.rates(fossen.from_state(state), inputs, ship, fossen.TURN @ current)[6:])
+        expected.append(fossen.rates(fossen.from_state(state), inputs, fossen.craft(model), fossen.TURN @ current)[6:])
     return worst(f"{name}, accelerations at {STATES} states", "m/s2", found, expected, 1e-10, SOURCE)
