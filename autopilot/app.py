@@ -37,9 +37,13 @@ class App:
             self._heard_s = wall_s()
             for sample in self._hil.receive():
                 self._take(sample)
+            for result in self._hil.take_verdicts():
+                self._ground.failures.judged(result)
         for transport in ready:
             if transport in links:
                 self._ground.receive(links[transport])
+        for order in self._ground.failures.take_orders():
+            self._hil.order_failure(order)
 
     def _take(self, sample: Sample) -> None:
         """Answer a sample: a new one with a tick, one that came again with what was answered before."""
@@ -52,6 +56,7 @@ class App:
             if late_us <= RESTART_US and self._stale_frames < STALE_FRAMES:
                 return
             self._vehicle.restart("vehicle time fell back")
+            self._ground.silence(False)
         self._stale_frames = 0
         self._tick(sample)
 
@@ -61,5 +66,9 @@ class App:
             sample.dvl, sample.battery, sample.leak, sample.duct,
         )  # fmt: skip
         self._hil.answer(self._vehicle.tick(inputs))
+        if sample.links_silent is False:
+            self._ground.silence(False)
         self._ground.relay(sample.relayed)
         self._ground.tell()
+        if sample.links_silent:
+            self._ground.silence(True)

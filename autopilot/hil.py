@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from autopilot.failures import INJECT_FAILURE, Order
 from autopilot.identity import COMPONENT
 from link import devices, dialect
 from link.codec import Frame
@@ -14,6 +15,8 @@ from link.transport import Transport
 
 _SENSOR, _GPS = dialect.by_name("HIL_SENSOR"), dialect.by_name("HIL_GPS")
 _RANGE, _CONTROLS = dialect.by_name("DISTANCE_SENSOR"), dialect.by_name("HIL_ACTUATOR_CONTROLS")
+_VERDICT = dialect.by_name("COMMAND_ACK")
+_LINK, _OFF = constant("FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL"), constant("FAILURE_TYPE_OFF")
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _RELAYED = frozenset(
     (devices.ODOMETRY.message_id, devices.ACTUATOR_OUTPUTS.message_id, dialect.by_name("STATUSTEXT").message_id)
@@ -31,6 +34,8 @@ class Sample(NamedTuple):
     battery: Battery | None = None
     leak: Leak | None = None
     duct: DuctFeedback | None = None
+    links_silent: bool | None = None
+    """A simulator wants the links to the ground to fall silent, or to speak again; None for no change."""
     relayed: tuple[Frame, ...] = ()
     """What devices want the ground to hear."""
 
@@ -43,6 +48,7 @@ class HilLink:
         self._endpoint = Endpoint(transport, system, COMPONENT)
         self._gathered: dict[str, Any] = {}
         self._relayed: list[Frame] = []
+        self._verdicts: list[int] = []
 
     def receive(self) -> list[Sample]:
         """The samples that have arrived. Raises LinkLostError when the other end is gone."""
@@ -58,6 +64,20 @@ class HilLink:
         """Send the actuators that answer a sample."""
         self._endpoint.send_values(_CONTROLS, frame)
 
+    def order_failure(self, order: Order) -> None:
+        """Ask the simulator to break something."""
+        unit, kind, instance, size = order
+        self._endpoint.send(
+            "COMMAND_LONG", target_system=self._endpoint.system, target_component=0, command=INJECT_FAILURE,
+            confirmation=0, param1=unit, param2=kind, param3=instance, param4=size, param5=math.nan, param6=math.nan,
+            param7=math.nan,
+        )  # fmt: skip
+
+    def take_verdicts(self) -> list[int]:
+        """MAV_RESULTs of orders, as they came since the last call."""
+        taken, self._verdicts = self._verdicts, []
+        return taken
+
     def _sample(self, sensors: SensorFrame) -> Sample:
         """Slower devices go with the first sample that follows them."""
         if not self._gathered and not self._relayed:
@@ -68,6 +88,8 @@ class HilLink:
 
     def _gather(self, frame: Frame) -> None:
         """Keep what a device says until the next sample."""
+        if frame.message_id == _VERDICT.message_id:
+            self._verdicts.append(frame.decode().result)
         if frame.message_id in _RELAYED:
             self._relayed.append(frame)
         if reader := _READERS.get(frame.message_id):
@@ -94,6 +116,13 @@ def _range(m: Message) -> Altimeter | None:
     return Altimeter(m.time_boot_ms * 1000, m.current_distance * 1e-2, m.min_distance * 1e-2, m.max_distance * 1e-2)
 
 
+def _silence(m: Message) -> bool | None:
+    """Whether a simulator's order cuts or joins the links to the ground; None for any other order."""
+    if m.command != INJECT_FAILURE or m.param1 != _LINK:
+        return None
+    return bool(m.param2 == _OFF)
+
+
 _READERS: dict[int, tuple[str, Callable[[Message], Any]]] = {
     _GPS.message_id: ("gps", _fix),
     _RANGE.message_id: ("altimeter", _range),
@@ -101,5 +130,6 @@ _READERS: dict[int, tuple[str, Callable[[Message], Any]]] = {
     devices.BATTERY_STATUS.message_id: ("battery", devices.battery_record),
     devices.SYS_STATUS.message_id: ("leak", devices.leak_record),
     devices.ACTUATOR_OUTPUTS.message_id: ("duct", devices.duct_record),
+    dialect.by_name("COMMAND_LONG").message_id: ("links_silent", _silence),
 }
 """For each message that is taken in, the field of ``Sample`` it fills, and how."""

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from autopilot import identity, telemetry
+from autopilot.failures import INJECT_FAILURE, FailureRelay
 from autopilot.identity import COMPONENT, AutopilotId
 from autopilot.mav_cmd import Commander, command_from_message
 from autopilot.requests import SetMode
@@ -42,6 +43,7 @@ _NOT_GIVEN = 32_767
 """MANUAL_CONTROL's mark of an axis that the stick lacks."""
 _STICK_FULL = 1000.0
 _HEARTBEAT, _CURRENT_MODE = dialect.by_name("HEARTBEAT"), dialect.by_name("CURRENT_MODE")
+_ACKNOWLEDGEMENT = dialect.by_name("COMMAND_ACK")
 _STATUSTEXT, _ITEM_REACHED = dialect.by_name("STATUSTEXT"), dialect.by_name("MISSION_ITEM_REACHED")
 
 
@@ -80,9 +82,9 @@ class GroundLink:
             device = self._devices[frame.component] = Endpoint(self.transport, self.endpoint.system, frame.component)
         self._outbox.append(device.encode_values(message, frame.decode()))
 
-    def flush(self, now_s: float) -> None:
-        """Send what was gathered. Raises LinkLostError."""
-        frames, self._outbox = self._outbox, []
+    def flush(self, now_s: float, lost: bool = False) -> None:
+        """Send what was gathered, or let it be ``lost``. Raises LinkLostError."""
+        frames, self._outbox = [] if lost else self._outbox, []
         self._due_s = now_s + GATHER_S
         packet = b""
         for frame in frames:
@@ -116,6 +118,8 @@ class GroundServer:
         self._missions = MissionServer(MissionStore(vehicle))
         self._params = ParamServer(vehicle.params, self._broadcast, vehicle.say)
         self._files = FileServer()
+        self.failures = FailureRelay(vehicle.say)
+        self._silent = False
         self._heartbeat = Every(HEARTBEAT_S)
         self._announced = self._condition()
         self._ground_heard_s: float | None = None
@@ -187,17 +191,24 @@ class GroundServer:
             self._broadcast_values(_HEARTBEAT, self._message(_HEARTBEAT) or ())
         self._missions.poll(now_s)
         self._params.poll()
+        self.failures.poll(now_s)
         self.announce()
         waits = [link.wait_s(now_s) for link in self.links]
         if 0.0 in waits:
             self.flush()
         return min((wait_s for wait_s in waits if wait_s), default=IDLE_S)
 
+    def silence(self, wanted: bool) -> None:
+        """Cut every link, both ways, or join it again: what a simulated loss of the link does."""
+        if wanted:
+            self.flush()
+        self._silent = wanted
+
     def flush(self) -> None:
         """Send all that waits. A link that breaks is the ground's loss, never the vehicle's."""
         for link in list(self.links):
             try:
-                link.flush(wall_s())
+                link.flush(wall_s(), lost=self._silent)
             except LinkLostError as error:
                 self._drop(link, error)
 
@@ -208,7 +219,7 @@ class GroundServer:
         except LinkLostError as error:
             self._drop(link, error)
             return
-        for frame in frames:
+        for frame in () if self._silent else frames:
             self._serve(link, frame)
 
     def _serve(self, link: GroundLink, frame: Frame) -> None:
@@ -231,10 +242,18 @@ class GroundServer:
             self._ground_heard_s = wall_s()
 
     def _obey(self, link: GroundLink, frame: Frame, message: Any) -> None:
-        outcome = self._commander.execute(command_from_message(message), link.schedule)
-        self.announce()
-        acknowledgement = dialect.by_name("COMMAND_ACK")
-        link.write(acknowledgement, (message.command, outcome.result, 0, 0, frame.system, frame.component))
+        def acknowledge(result: int) -> None:
+            self.announce()
+            link.write(_ACKNOWLEDGEMENT, (message.command, result, 0, 0, frame.system, frame.component))
+            link.hasten()
+
+        command = command_from_message(message)
+        if command.number == INJECT_FAILURE:
+            enabled, asker = bool(self._vehicle.params.config.failure_enabled), Party(frame.system, frame.component)
+            self.failures.ask(command, asker, acknowledge, enabled, wall_s())
+            return
+        outcome = self._commander.execute(command, link.schedule)
+        acknowledge(outcome.result)
         for answer, values in outcome.messages:
             link.write(answer, values)
 

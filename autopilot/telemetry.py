@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from autopilot import identity
+from autopilot import health, identity
 from autopilot.types import US_PER_S, State
 from autopilot.vehicle import Snapshot, progress
 from link import devices, dialect
@@ -43,7 +43,22 @@ _CONTROLS = sum(
     for name in ("ANGULAR_RATE_CONTROL", "ATTITUDE_STABILIZATION", "YAW_POSITION", "Z_ALTITUDE_CONTROL")
 )
 _PREARM = constant("MAV_SYS_STATUS_PREARM_CHECK")
-_BATTERY = constant("MAV_SYS_STATUS_SENSOR_BATTERY")
+_BITS = {
+    name: constant(f"MAV_SYS_STATUS_{bit}")
+    for name, bit in {
+        health.ACCELEROMETER: "SENSOR_3D_ACCEL",
+        health.GYRO: "SENSOR_3D_GYRO",
+        health.MAGNETOMETER: "SENSOR_3D_MAG",
+        health.PRESSURE: "SENSOR_ABSOLUTE_PRESSURE",
+        health.GPS: "SENSOR_GPS",
+        health.ALTIMETER: "SENSOR_LASER_POSITION",
+        health.DVL: "SENSOR_VISION_POSITION",
+        health.BATTERY: "SENSOR_BATTERY",
+        health.DUCT: "SENSOR_MOTOR_OUTPUTS",
+        health.DEPTH: "SENSOR_Z_ALTITUDE_CONTROL",
+    }.items()
+}
+"""Where SYS_STATUS shows what: the altimeter as rangefinders are, the Doppler log as what else tells velocity."""
 _GEOFENCE = constant("MAV_SYS_STATUS_GEOFENCE")
 """Healthy always, or MAVProxy announces a breach of a fence that does not exist."""
 
@@ -162,14 +177,22 @@ def system_time(s: Snapshot) -> Values:
 def system_status(s: Snapshot) -> Values:
     """GPS counts as healthy under water too: it means that the position is known, or no client ever arms."""
     sensors = _SENSORS if s.state.estimate.initialised else 0
-    extra = (_BATTERY if s.battery else 0) | (devices.EXTENSION_USED if s.leak else 0)
+    seen = s.state.health
+    extra = _carried(s) | (devices.EXTENSION_USED if s.leak else 0)
     present = _SENSORS | _CONTROLS | _PREARM | extra
-    ready = _PREARM if s.state.estimate.initialised else 0
+    ready = _PREARM if s.state.estimate.initialised and not health.refusal(seen) else 0
     enabled = _SENSORS | _PREARM | (_CONTROLS if s.state.armed else 0) | extra
-    health = sensors | _CONTROLS | _GEOFENCE | ready | extra
+    wrong = sum(_BITS.get(name, 0) for name in health.troubles(seen))
+    sound = (sensors | _CONTROLS | _GEOFENCE | ready | extra) & ~wrong
     fitted = devices.LEAK_BIT if s.leak else 0
     dry = fitted if s.leak and not s.leak.wet else 0
-    return present, enabled, health, 0, *_power(s.battery), *(0,) * 6, _percent(s.battery), fitted, fitted, dry
+    return present, enabled, sound, 0, *_power(s.battery), *(0,) * 6, _percent(s.battery), fitted, fitted, dry
+
+
+def _carried(s: Snapshot) -> int:
+    """The bits of devices that a vehicle may or may not carry."""
+    further = (health.BATTERY, s.battery), (health.ALTIMETER, s.altimeter), (health.DVL, s.state.health.dvl.record)
+    return sum(_BITS[name] for name, heard in further if heard is not None)
 
 
 def battery(s: Snapshot) -> Values:

@@ -272,5 +272,5 @@ class Answer(NamedTuple):
 US_PER_S = 1_000_000
 """Vehicle time is counted in whole microseconds."""
 
-ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS = 0, 1, 2, 3, 4, 5
 """MAV_RESULT."""

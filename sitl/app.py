@@ -64,9 +64,11 @@ def _fly(sea: Plant, options: Options, link: HilLink, stopped: Callable[[], bool
     state, sensors = plant.launch(sea, rng)
     while True:
         record(state.truth)
-        actuators = ask(link.datagram(sensors, _truth_frame(sea, state)), state.time_us)
+        actuators = ask(link.datagram(sensors, _truth_frame(sea, state), state.faults.changes), state.time_us)
         if actuators is None:
             return
+        for verdict in link.take_orders():
+            state = plant.obey(state, verdict)
         state, sensors = plant.step(sea, state, actuators, rng)
         pacer.wait(state.time_us * 1e-6)
 

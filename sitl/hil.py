@@ -1,17 +1,23 @@
 """The simulator's end of the HIL link: one datagram of sensors out, the answer for the same vehicle time back.
 
-Nothing else is sent, no heartbeat either: what goes out depends on vehicle time, seed and answers alone.
+Nothing else is sent but the verdict on a failure that somebody orders, no heartbeat either: what goes out depends on
+vehicle time, seed, answers and orders alone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import atan2, hypot, isnan, pi
 
 from link import devices, dialect
+from link.codec import Frame
 from link.dialect import MessageType
 from link.endpoint import Endpoint
 from link.records import ActuatorFrame, Altimeter, GpsFix, TruthFrame
 from link.transport import Transport, wait
+from sitl.faults import orders
+from sitl.faults.orders import Verdict
+from sitl.faults.timeline import Change
 from sitl.sensors import Sensors
 
 SYSTEM = 1
@@ -23,6 +29,9 @@ _TRUTH = dialect.by_name("HIL_STATE_QUATERNION")
 _GPS = dialect.by_name("HIL_GPS")
 _ALTIMETER = dialect.by_name("DISTANCE_SENSOR")
 _CONTROLS = dialect.by_name("HIL_ACTUATOR_CONTROLS")
+_COMMAND, _ACKNOWLEDGEMENT = dialect.by_name("COMMAND_LONG"), dialect.by_name("COMMAND_ACK")
+_TEXT = dialect.by_name("STATUSTEXT")
+_WARNING, _NOTICE = dialect.constant("MAV_SEVERITY_WARNING"), dialect.constant("MAV_SEVERITY_NOTICE")
 _DOWN = dialect.constant("MAV_SENSOR_ROTATION_PITCH_270")
 _ULTRASOUND = dialect.constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
 _UNKNOWN_VARIANCE = 255
@@ -35,6 +44,7 @@ class HilLink:
         self._transport = transport
         self._endpoint = Endpoint(transport, SYSTEM, COMPONENT)
         self._devices: dict[int, Endpoint] = {}
+        self._orders: list[Verdict] = []
 
     @property
     def address(self) -> str:
@@ -44,7 +54,7 @@ class HilLink:
         """Send what ``datagram`` made, for the first time or again."""
         self._transport.send(datagram)
 
-    def datagram(self, sensors: Sensors, truth: TruthFrame | None) -> bytes:
+    def datagram(self, sensors: Sensors, truth: TruthFrame | None, changes: Sequence[Change] = ()) -> bytes:
         """The frames of one instant. HIL_SENSOR comes last: who answers it has heard the others."""
         encode = self._endpoint.encode_values
         frames = [
@@ -52,6 +62,7 @@ class HilLink:
             b"" if sensors.gps is None else encode(_GPS, _gps_fields(sensors.gps)),
             b"" if sensors.altimeter is None else encode(_ALTIMETER, _altimeter_fields(sensors.altimeter)),
             *self._device_frames(sensors),
+            *self._fault_frames(changes),
             encode(_SENSOR, sensors.frame),
         ]
         return b"".join(frames)
@@ -71,6 +82,35 @@ class HilLink:
             frames.append(self._of(devices.DUCT_COMPONENT, devices.ACTUATOR_OUTPUTS, values))
         return frames
 
+    def _fault_frames(self, changes: Sequence[Change]) -> list[bytes]:
+        """Faults that begin and end are told to people; a link's is the autopilot's to carry out."""
+        frames = []
+        for change in changes:
+            severity = _WARNING if change.began else _NOTICE
+            frames.append(self._endpoint.encode_values(_TEXT, (severity, change.text.encode(), 0, 0)))
+            if change.fault.unit == "link":
+                frames.append(self._endpoint.encode_values(_COMMAND, orders.silence(change.began)))
+        return frames
+
+    def take_orders(self) -> list[Verdict]:
+        """The failures that were ordered since the last call, acknowledged already."""
+        taken, self._orders = self._orders, []
+        return taken
+
+    def _judge(self, frame: Frame) -> None:
+        """Answer a MAV_CMD_INJECT_FAILURE at once; vehicle time may stand still."""
+        m = frame.decode()
+        if m.command != orders.INJECT_FAILURE or m.target_component not in (0, COMPONENT):
+            return
+        verdict = orders.judge(m.param1, m.param2, m.param3, m.param4)
+        if verdict.result == orders.ACCEPTED:
+            self._orders.append(verdict)
+        answer = (m.command, verdict.result, 0, 0, frame.system, frame.component)
+        frames = [self._endpoint.encode_values(_ACKNOWLEDGEMENT, answer)]
+        if verdict.text:
+            frames.insert(0, self._endpoint.encode_values(_TEXT, (_WARNING, verdict.text.encode()[:50], 0, 0)))
+        self._transport.send(b"".join(frames))
+
     def _of(self, component: int, message: MessageType, values: devices.Values) -> bytes:
         """A frame of a component, numbered in its own sequence."""
         device = self._devices.get(component)
@@ -84,13 +124,16 @@ class HilLink:
         Raises LinkLostError when the other end is gone for good.
         """
         wait((self._transport,), timeout_s, eager=True)
-        while frames := self._endpoint.receive():
+        answer = None
+        while answer is None and (frames := self._endpoint.receive()):
             for frame in frames:
                 if frame.message_id == _CONTROLS.message_id:
                     controls = ActuatorFrame._make(frame.decode())
                     if controls.time_us == time_us:
-                        return controls
-        return None
+                        answer = controls
+                elif frame.message_id == _COMMAND.message_id:
+                    self._judge(frame)
+        return answer
 
 
 def _gps_fields(fix: GpsFix) -> tuple[object, ...]:

@@ -19,7 +19,8 @@ from link.frames import flip, flip_quaternion
 from link.records import ActuatorFrame
 from sitl import afloat, environment, sensors, tailcone
 from sitl.environment import Disturbance, Environment
-from sitl.faults import readings, tail, timeline
+from sitl.faults import orders, readings, tail, timeline
+from sitl.faults.orders import Verdict
 from sitl.faults.tail import Drives
 from sitl.faults.timeline import Timeline
 from sitl.scenario import Scenario, Start
@@ -157,6 +158,11 @@ def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> 
         said, running = readings.suffer(said, faults.running, time_us, TICK_S, rng.faults)
         faults = faults._replace(running=running)
     return State(time_us, body, rudder.axis, elevator.axis, disturbance, instruments, truth, faults), said
+
+
+def obey(state: State, verdict: Verdict) -> State:
+    """The state after an accepted order of a ground station: what it breaks breaks at the next tick."""
+    return state._replace(faults=orders.obey(state.faults, verdict, state.time_us))
 
 
 def _hurt(

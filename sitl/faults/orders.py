@@ -10,11 +10,13 @@ from __future__ import annotations
 from math import isfinite, isnan, nan
 from typing import NamedTuple
 
+from link import dialect
 from link.dialect import constant
 from sitl.faults import timeline
 from sitl.faults.catalogue import CATALOGUE, Fault, FaultError, make
 from sitl.faults.timeline import Timeline
 
+_COMMAND, _AUTOPILOT = dialect.by_name("COMMAND_LONG"), constant("MAV_COMP_ID_AUTOPILOT1")
 INJECT_FAILURE = constant("MAV_CMD_INJECT_FAILURE")
 ACCEPTED, DENIED, UNSUPPORTED = (constant(f"MAV_RESULT_{name}") for name in ("ACCEPTED", "DENIED", "UNSUPPORTED"))
 LINK_UNIT = constant("FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL")
@@ -98,6 +100,15 @@ def obey(running: Timeline, verdict: Verdict, time_us: int) -> Timeline:
     for unit in verdict.units:
         running = timeline.order(running, _fault(verdict, unit, time_us))
     return running
+
+
+def silence(wanted: bool) -> tuple[object, ...]:
+    """COMMAND_LONG's fields in wire order that have the autopilot's links to the ground fall silent, or speak again."""
+    kind = OFF if wanted else OK
+    return _COMMAND.values(
+        param1=LINK_UNIT, param2=kind, param3=0, param4=nan, param5=nan, param6=nan, param7=nan,
+        command=INJECT_FAILURE, target_system=0, target_component=_AUTOPILOT, confirmation=0,
+    )  # fmt: skip
 
 
 def _named(table: dict[int, tuple[str, ...]], number: float) -> tuple[str, ...]:
