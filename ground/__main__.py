@@ -15,6 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
+from ground import bench_cli
 from ground.console import (
     GROUND_LINK,
     Address,
@@ -46,6 +47,9 @@ params_app = typer.Typer(no_args_is_help=True, help="Read and set a vehicle's pa
 log_app = typer.Typer(no_args_is_help=True, help="Look into logs, export and mend them.")
 app.add_typer(params_app, name="params")
 app.add_typer(log_app, name="log")
+
+
+app.command()(bench_cli.bench)
 
 
 @app.command()

@@ -1,0 +1,59 @@
+"""The commands of the laboratory: ``ground bench`` and ``ground incline``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ground.console import Json, Seed, Speed, VehicleName, encode, give
+from ground.errors import BadInputError
+
+BenchAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--connect", metavar="ADDRESS",
+        help="A vehicle on a real bench: serial:DEVICE:BAUD, udpin:HOST:PORT, ... Default: a simulated one.",
+    ),
+]  # fmt: skip
+
+
+def bench(
+    connect: BenchAddress = None,
+    vehicle: VehicleName = "field",
+    axis: Annotated[list[str] | None, typer.Option(help="rudder or elevator; repeatable. Default: both.")] = None,
+    amplitude: Annotated[list[float] | None, typer.Option(help="Degrees peak to peak; repeatable.")] = None,
+    frequency: Annotated[list[float] | None, typer.Option(help="Hertz; repeatable.")] = None,
+    seed: Seed = 1,
+    speed: Speed = "max",
+    out: Annotated[Path, typer.Option(metavar="DIR", help="A new folder for log, result and figure.")] = Path("bench"),
+    json: Json = False,
+) -> None:
+    """Sweep the tailcone on the bench: frequency responses, the fitted actuator, its limits. The duct will move."""
+    from ground import bench as procedure
+    from ground import progress
+    from ground.processes import SimulatedVehicle, Simulation
+    from ground.report import bode
+
+    session = procedure.Session(
+        _new_folder(out),
+        tuple(axis or procedure.AXES),
+        tuple(amplitude or procedure.AMPLITUDES_DEG),
+        tuple(frequency or procedure.FREQUENCIES_HZ),
+    )
+    procedure.check(session)
+    where = connect or SimulatedVehicle(Simulation(vehicle, "bench", seed, speed))
+    out.mkdir()
+    with progress.display("bench", quiet=json) as shown:
+        found = procedure.measure(session, where, shown.watch)
+    result = procedure.as_json(found)
+    (out / "bench.json").write_text(encode(result), encoding="utf-8")
+    bode.draw(found, out / "figure4.png")
+    give(result, procedure.in_words(result, out), json)
+
+
+def _new_folder(path: Path) -> Path:
+    if path.exists():
+        raise BadInputError(f"--out {path}: exists; give a new folder")
+    if not path.parent.is_dir():
+        raise BadInputError(f"--out {path}: there is no folder {path.parent}")
+    return path

@@ -1,0 +1,83 @@
+"""Figure 4 of the paper from a bench session: magnitude and phase at several amplitudes, with the models."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sysid.bench import AxisBench, AxisName, Point
+
+COLORS = ("#0f6e84", "#c2542d", "#7a8b2f", "#7b4b94", "#b08a1e")
+GREY = "#4b4f55"
+PHASE_FLOOR_DEG = -400.0
+
+
+def draw(found: "Mapping[AxisName, AxisBench]", target: Path) -> Path:
+    """Draw into ``target``, a PNG or SVG file."""
+    # Matplotlib without a display and without the state of its pyplot module.
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure as Canvas
+
+    style: Any = {"font.family": "serif", "axes.spines.top": False, "axes.spines.right": False}
+    with rc_context(style):
+        canvas = Canvas(figsize=(5.6 * len(found), 7.0), layout="constrained")
+        FigureCanvasAgg(canvas)
+        axes = canvas.subplots(2, len(found), sharex=True, sharey="row", squeeze=False)
+        for column, (name, axis) in enumerate(found.items()):
+            _axis(axes[:, column], name, axis)
+        handles, names = axes[0, 0].get_legend_handles_labels()
+        canvas.legend(handles, names, loc="outside lower center", ncols=3, frameon=False)
+        canvas.savefig(target, dpi=110, metadata={"Date": None} if target.suffix == ".svg" else None)
+    return target
+
+
+def _axis(panels: Any, name: str, axis: "AxisBench") -> None:
+    import numpy as np
+
+    from sysid import actuator
+
+    magnitude, phase = panels
+    sizes = sorted({point.amplitude_deg for point in axis.points})
+    for color, size in zip(COLORS, sizes, strict=False):
+        points = sorted((p for p in axis.points if p.amplitude_deg == size), key=lambda p: p.frequency_hz)
+        _amplitude(magnitude, phase, points, f"{size:g} deg peak to peak", color)
+    hz = np.geomspace(min(p.frequency_hz for p in axis.points), max(p.frequency_hz for p in axis.points), 200)
+    for model, line, label in (
+        (axis.model.axis, "-", "fitted, small motion"),
+        (actuator.PAPER, ":", "the paper's model"),
+    ):
+        _small_motion(magnitude, phase, hz, model, line, label)
+    magnitude.axhline(-3.0, color=GREY, linewidth=0.6, linestyle=(0, (1, 3)))
+    magnitude.set_title(name, loc="left")
+    magnitude.set_ylabel("duct over command, dB")
+    phase.set_ylabel("phase, deg")
+    phase.set_xlabel("Hz")
+    phase.set_ylim(bottom=PHASE_FLOOR_DEG)
+    for panel in panels:
+        panel.set_xscale("log")
+        panel.grid(which="both", color="#ebe8e0", linewidth=0.8)
+
+
+def _amplitude(magnitude: Any, phase: Any, points: "list[Point]", label: str, color: str) -> None:
+    """Circles are measured, dashes the fitted model under the same commands."""
+    import numpy as np
+
+    hz = [p.frequency_hz for p in points]
+    gain, gain_sd = np.array([p.gain for p in points]), np.array([p.gain_sd for p in points])
+    bars: Any = {"fmt": "o", "color": color, "markersize": 4.5, "elinewidth": 1.0, "label": label}
+    magnitude.errorbar(hz, 20.0 * np.log10(gain), 20.0 / np.log(10.0) * gain_sd / gain, **bars)
+    phase.errorbar(hz, [p.phase_deg for p in points], [p.phase_sd_deg for p in points], **bars)
+    dashes: Any = {"linestyle": "--", "color": color, "linewidth": 1.1}
+    magnitude.plot(hz, 20.0 * np.log10([p.model_gain for p in points]), **dashes)
+    phase.plot(hz, [p.model_phase_deg for p in points], **dashes)
+
+
+def _small_motion(magnitude: Any, phase: Any, hz: Any, model: Any, line: str, label: str) -> None:
+    import numpy as np
+
+    from sysid import bench
+
+    response = np.array([bench.linear_response(model, float(f)) for f in hz])
+    magnitude.plot(hz, 20.0 * np.log10(np.abs(response)), line, color=GREY, linewidth=1.2, label=label)
+    phase.plot(hz, np.degrees(np.unwrap(np.angle(response))), line, color=GREY, linewidth=1.2)
