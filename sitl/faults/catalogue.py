@@ -110,7 +110,8 @@ def read(row: Mapping[str, float | str]) -> Fault:
     numbers = {key: value for key, value in row.items() if not isinstance(value, str)}
     for key in row:
         if (key in words) != (key in ("unit", "kind")):
-            raise FaultError(f"{key} = {row[key]!r}: expected a {'number' if key in words else 'name'}")
+            shown = f"{words[key]!r}: expected a number" if key in words else f"{numbers[key]:g}: expected a name"
+            raise FaultError(f"{key} = {shown}")
     for key in ("at_s", "unit", "kind"):
         if key not in row:
             raise FaultError(f"missing key {key}")
@@ -124,7 +125,7 @@ def make(unit: str, kind: str, from_us: int, until_us: int | None, given: Mappin
     known = [size.key for size in sizes]
     for key in given:
         if key not in known:
-            raise FaultError(f"{key} = {given[key]!r}: {unit} {kind} takes {', '.join(known) or 'no size'}")
+            raise FaultError(f"{key} = {given[key]:g}: {unit} {kind} takes {', '.join(known) or 'no size'}")
     if until_us is not None and until_us <= from_us:
         raise FaultError(f"until_s = {until_us * 1e-6:g}: expected more than at_s = {from_us * 1e-6:g}")
     return Fault(unit, kind, from_us, until_us, tuple(_value(size, given, f"{unit} {kind}") for size in sizes))
