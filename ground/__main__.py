@@ -50,6 +50,7 @@ app.add_typer(log_app, name="log")
 
 
 app.command()(bench_cli.bench)
+app.command()(bench_cli.incline)
 
 
 @app.command()

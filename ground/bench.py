@@ -100,7 +100,7 @@ def measure(
     with flight.recorded(where, path) as (vehicle, recorder):
         vehicle.connect()
         _refuse_beyond_travel(session, vehicle.parameter("ACT_TRAVEL_DEG"))
-        with _prepared(vehicle) as before:
+        with prepared(vehicle) as before:
             recorder.attach_parameters(before | PARAMETERS)
             _sweep(session.sweeps, vehicle, recorder, watch)
     try:
@@ -116,7 +116,7 @@ def _refuse_beyond_travel(session: Session, travel_deg: float) -> None:
 
 
 @contextmanager
-def _prepared(vehicle: Vehicle) -> Iterator[dict[str, float]]:
+def prepared(vehicle: Vehicle) -> Iterator[dict[str, float]]:
     """The vehicle armed without thrust, and afterwards disarmed and with the parameters that it had."""
     before = vehicle.parameters()
     if vehicle.armed:
@@ -137,7 +137,7 @@ def _prepared(vehicle: Vehicle) -> Iterator[dict[str, float]]:
 
 
 def _sweep(sweeps: list[Sweep], vehicle: Vehicle, recorder: Recorder, watch: Callable[[Progress], None]) -> None:
-    _until(vehicle, recorder, recorder.vehicle_s + LISTEN_S)
+    until(vehicle, recorder, recorder.vehicle_s + LISTEN_S)
     if not recorder.heard(_SERVO, "ACTUATOR_OUTPUT_STATUS"):
         raise FailedError(
             "nothing measures the duct's angle: fit an encoder that sends ACTUATOR_OUTPUT_STATUS as SERVO1"
@@ -162,7 +162,8 @@ def _play(sweep: Sweep, vehicle: Vehicle, recorder: Recorder) -> None:
         vehicle.pump(0.02)
 
 
-def _until(vehicle: Vehicle, recorder: Recorder, vehicle_s: float) -> None:
+def until(vehicle: Vehicle, recorder: Recorder, vehicle_s: float) -> None:
+    """Listen until the vehicle's clock says so."""
     while recorder.vehicle_s < vehicle_s:
         vehicle.pump(0.02)
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ground.console import Json, Seed, Speed, VehicleName, encode, give
+from ground.console import Json, Seed, Speed, VehicleName, encode, give, new_file
 from ground.errors import BadInputError
 
 BenchAddress = Annotated[
@@ -49,6 +49,31 @@ def bench(
     (out / "bench.json").write_text(encode(result), encoding="utf-8")
     bode.draw(found, out / "figure4.png")
     give(result, procedure.in_words(result, out), json)
+
+
+def incline(
+    connect: BenchAddress = None,
+    vehicle: VehicleName = "field",
+    moves: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Weights and levers; default: 1, 2 kg.")
+    ] = None,
+    prior: Annotated[str, typer.Option(help="bench, or the vehicle's file: mass and centre of buoyancy.")] = "bench",
+    seed: Seed = 1,
+    speed: Speed = "max",
+    log: Annotated[Path, typer.Option(metavar="FILE.mcap")] = Path("incline.mcap"),
+    json: Json = False,
+) -> None:
+    """Measure the height of the centre of mass: float her, move known weights, read the heel."""
+    from ground import incline as procedure
+    from ground import progress, refit
+    from ground.processes import SimulatedVehicle, Simulation
+
+    plan = procedure.load(moves)
+    where = connect or SimulatedVehicle(Simulation(vehicle, "inclining", seed, speed))
+    with progress.display("incline", quiet=json) as shown:
+        found = procedure.measure(plan, new_file(log), prior, where, shown.watch, shown.announce)
+    result = procedure.as_json(found, prior, refit.read_vehicle(prior).linear.z_CM_m)
+    give(result, procedure.in_words(result, log), json)
 
 
 def _new_folder(path: Path) -> Path:

@@ -103,6 +103,14 @@ def read_model(path: Path) -> "IdentifiedModel":
         return model.read(path)
 
 
+def read_vehicle(prior: str) -> Any:
+    """What a vehicle file tells beforehand, as sysid takes it. Raises BadInputError."""
+    from sysid import refit as fitting
+
+    with _translated():
+        return fitting.vehicle_file(prior)
+
+
 def write_model(model: "IdentifiedModel", path: Path) -> None:
     """Write ``model.json``."""
     from sysid import model as models

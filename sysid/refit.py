@@ -106,9 +106,14 @@ def _belief(prior: str | Path) -> _Belief:
         if earlier.method != "map":
             raise RefitError(f"{prior}: method = {earlier.method!r}; a prior must be a model of method 'map'")
         return _Belief(vehicle_files.load(earlier.vehicle.prior), earlier.vehicle.prior, earlier)
+    return _Belief(vehicle_file(prior), str(prior) if prior == "bench" else Path(prior).name, None)
+
+
+def vehicle_file(prior: str | Path) -> VehicleConfig:
+    """What is known of a vehicle beforehand. Raises VehicleError, also for the one that is simulated."""
     if str(prior) == FORBIDDEN_PRIOR:
         raise VehicleError(f"prior {prior!r}: is the simulated truth; give 'bench', a vehicle file or a model.json")
-    return _Belief(vehicle_files.load(prior), str(prior) if prior == "bench" else Path(prior).name, None)
+    return vehicle_files.load(prior)
 
 
 def _read(paths: Sequence[str | Path], report: Callable[[float], None]) -> list[Log]:

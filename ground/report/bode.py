@@ -9,6 +9,7 @@ if TYPE_CHECKING:
 
 COLORS = ("#0f6e84", "#c2542d", "#7a8b2f", "#7b4b94", "#b08a1e")
 GREY = "#4b4f55"
+TICKS_HZ = (0.05, 0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
 PHASE_FLOOR_DEG = -400.0
 
 
@@ -27,7 +28,7 @@ def draw(found: "Mapping[AxisName, AxisBench]", target: Path) -> Path:
         for column, (name, axis) in enumerate(found.items()):
             _axis(axes[:, column], name, axis)
         handles, names = axes[0, 0].get_legend_handles_labels()
-        canvas.legend(handles, names, loc="outside lower center", ncols=3, frameon=False)
+        canvas.legend(handles, names, loc="outside lower center", ncols=4, frameon=False)
         canvas.savefig(target, dpi=110, metadata={"Date": None} if target.suffix == ".svg" else None)
     return target
 
@@ -48,6 +49,7 @@ def _axis(panels: Any, name: str, axis: "AxisBench") -> None:
         (actuator.PAPER, ":", "the paper's model"),
     ):
         _small_motion(magnitude, phase, hz, model, line, label)
+    magnitude.plot([], [], "--", color=GREY, linewidth=1.1, label="fitted, under the same commands")
     magnitude.axhline(-3.0, color=GREY, linewidth=0.6, linestyle=(0, (1, 3)))
     magnitude.set_title(name, loc="left")
     magnitude.set_ylabel("duct over command, dB")
@@ -56,6 +58,8 @@ def _axis(panels: Any, name: str, axis: "AxisBench") -> None:
     phase.set_ylim(bottom=PHASE_FLOOR_DEG)
     for panel in panels:
         panel.set_xscale("log")
+        panel.set_xticks(TICKS_HZ, [f"{tick:g}" for tick in TICKS_HZ])
+        panel.minorticks_off()
         panel.grid(which="both", color="#ebe8e0", linewidth=0.8)
 
 
