@@ -11,7 +11,7 @@ import typer
 from link.transport import AddressError, LinkLostError
 from sitl.app import Options, TruthFileError, run
 from sitl.lockstep import AutopilotSilentError
-from sitl.scenario import ScenarioError
+from sitl.tables import ScenarioError
 from sitl.vehicle.config import VehicleError
 
 FAILED, BAD_INPUT = 1, 2

@@ -18,7 +18,9 @@ from numpy.random import Generator, SeedSequence, default_rng
 from link.frames import flip, flip_quaternion
 from link.records import ActuatorFrame
 from sitl import afloat, environment, sensors, tailcone
-from sitl.environment import Disturbance, Environment
+from sitl.environment import Environment, Weather, moments
+from sitl.environment.field import Local
+from sitl.environment.moments import Disturbance
 from sitl.faults import orders, readings, tail, timeline
 from sitl.faults.orders import Verdict
 from sitl.faults.tail import Drives
@@ -70,6 +72,7 @@ class State(NamedTuple):
     rudder: Vector
     elevator: Vector
     disturbance: Disturbance
+    weather: Weather
     instruments: Memory
     truth: Truth
     """The same in the axes of everyone else."""
@@ -97,10 +100,13 @@ class Streams(NamedTuple):
     elevator: Generator
     """Of the steps that the motors lose."""
     faults: Generator
+    swell: Generator
+    drift: Generator
+    """Of the run's waves, and of its current's variation."""
 
 
 def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
-    """Put a vehicle into a scenario. Raises ``VehicleError`` when the vehicle is impossible."""
+    """Put a vehicle into a scenario. Raises VehicleError or ScenarioError when one of them is impossible."""
     if scenario.rig.encoder:
         instruments = replace(vehicle.instruments, encoder=scenario.rig.encoder)
         vehicle = replace(vehicle, instruments=instruments)
@@ -109,7 +115,13 @@ def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
         model=model,
         rudder=_servo(vehicle.tailcone, vehicle.tailcone.rudder_bias_deg),
         elevator=_servo(vehicle.tailcone, vehicle.tailcone.elevator_bias_deg),
-        sea=environment.build(scenario, model.hydrostatics.gravity_mps2, TICK_S),
+        sea=environment.build(
+            scenario,
+            model.hydrostatics.gravity_mps2,
+            TICK_S,
+            model.hydrostatics.half_length_m,
+            vehicle.water.density_kgpm3,
+        ),
         suite=sensors.build(vehicle, model.propeller.full_rps, TICK_US),
         start=scenario.start,
         clamped=scenario.rig.clamped,
@@ -119,21 +131,22 @@ def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
 
 def random_streams(seed: int) -> Streams:
     """Independent streams of one seed: what one of them draws leaves the others as they were."""
-    slow, wave, *instruments, rudder, elevator, faults = [
-        default_rng(child) for child in SeedSequence(seed).spawn(5 + len(SensorStreams._fields))
+    slow, wave, *instruments, rudder, elevator, faults, swell, drift = [
+        default_rng(child) for child in SeedSequence(seed).spawn(7 + len(SensorStreams._fields))
     ]
-    return Streams(slow, wave, SensorStreams(*instruments), rudder, elevator, faults)
+    return Streams(slow, wave, SensorStreams(*instruments), rudder, elevator, faults, swell, drift)
 
 
 def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
     """The state at vehicle time zero, with what the instruments say of it."""
-    disturbance = environment.stationary(rng.slow, rng.wave)
+    disturbance = moments.stationary(rng.slow, rng.wave)
+    weather = environment.settle(plant.sea, rng.swell, rng.drift)
     rudder, elevator = _neutral(plant.rudder), _neutral(plant.elevator)
-    start = afloat.start_state(plant.model, plant.start, plant.sea.water.velocity_mps)
-    body, truth = _move(plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance)
+    start, here = afloat.start_state(plant.model, plant.start, plant.sea, weather)
+    body, truth = _move(plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance, here)
     instruments = sensors.switch_on(plant.suite, plant.start.battery_pct / 100.0, rng.sensors)
     instruments, said = sensors.sample(plant.suite, truth, plant.sea, instruments, rng.sensors)
-    return State(0, body, rudder.axis, elevator.axis, disturbance, instruments, truth, plant.faults), said
+    return State(0, body, rudder.axis, elevator.axis, disturbance, weather, instruments, truth, plant.faults), said
 
 
 def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> tuple[State, Sensors]:
@@ -146,18 +159,20 @@ def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> 
     rudder = _turn(plant.rudder, state.rudder, controls[RUDDER], rng.rudder)
     elevator = _turn(plant.elevator, state.elevator, controls[ELEVATOR], rng.elevator)
     thrust = _demand(controls[THRUST])
-    disturbance = environment.advance(plant.sea, state.disturbance, rng.slow, rng.wave)
+    disturbance = moments.advance(plant.sea.moments, state.disturbance, rng.slow, rng.wave)
+    weather = environment.advance(plant.sea, state.weather, rng.drift)
     if plant.clamped:
         body, truth = state.body, _hold(state.truth, time_us, rudder, elevator, rps(thrust, plant.model))
     else:
-        body, truth = _move(plant, time_us, state.body, rudder, elevator, thrust, state.disturbance, disturbance)
+        here = environment.local(plant.sea, weather, state.body, time_us * 1e-6, TICK_S)
+        body, truth = _move(plant, time_us, state.body, rudder, elevator, thrust, state.disturbance, disturbance, here)
     if faults.running:
         truth = truth._replace(flooding="leak wet" in faults.names, faults=faults.names)
     instruments, said = sensors.sample(plant.suite, truth, plant.sea, state.instruments, rng.sensors)
     if faults.running:
         said, running = readings.suffer(said, faults.running, time_us, TICK_S, rng.faults)
         faults = faults._replace(running=running)
-    return State(time_us, body, rudder.axis, elevator.axis, disturbance, instruments, truth, faults), said
+    return State(time_us, body, rudder.axis, elevator.axis, disturbance, weather, instruments, truth, faults), said
 
 
 def obey(state: State, verdict: Verdict) -> State:
@@ -197,19 +212,20 @@ def _demand(control: float) -> float:
 
 def _move(
     plant: Plant, time_us: int, body: Vector, rudder: Turn, elevator: Turn, thrust: float, before: Disturbance,
-    after: Disturbance,
+    after: Disturbance, here: Local,
 ) -> tuple[Vector, Truth]:  # fmt: skip
     """The body after as many substeps as the duct turned for, with its truth at ``time_us``.
 
     The disturbance stands still at ``before`` meanwhile; ``after`` is the one that the accelerometer feels at the end.
+    The water stands still as it will be at the end, where the body will be: that is 10 ms ahead, on the mean.
     """
     moved, sea = body.copy(), plant.sea
     shaft_rps, velocity, force = _integrate(
         moved, rudder.substeps_rad, elevator.substeps_rad, rudder.end_rad, elevator.end_rad, thrust,
-        _wrench(sea, before), _wrench(sea, after), sea.water, plant.model, _WORK,
+        _wrench(sea, before), _wrench(sea, after), here.water, plant.model, _WORK,
     )  # fmt: skip
     values = moved.tolist()
-    pitch_nm, yaw_nm = environment.moments_flu_nm(sea, after)
+    pitch_nm, yaw_nm = moments.moments_flu_nm(sea.moments, after)
     truth = Truth(
         time_us,
         position_ned_m=flip(*values[POSITION]),
@@ -217,12 +233,14 @@ def _move(
         velocity_ned_mps=flip(*velocity),
         rates_radps=flip(*values[RATES]),
         specific_force_mps2=flip(*force),
-        water_velocity_ned_mps=flip(*sea.water.velocity_mps),
+        water_velocity_ned_mps=flip(*here.water.velocity_mps),
         rudder_rad=rudder.end_rad,
         elevator_rad=elevator.end_rad,
         propeller_rps=shaft_rps,
         pitch_disturbance_nm=-pitch_nm,
         yaw_disturbance_nm=-yaw_nm,
+        surface_m=here.water.surface_m,
+        wave_pressure_pa=here.wave_pressure_pa,
     )
     return moved, truth
 
@@ -235,7 +253,7 @@ def _hold(truth: Truth, time_us: int, rudder: Turn, elevator: Turn, shaft_rps: f
 
 
 def _wrench(sea: Environment, disturbance: Disturbance) -> Vector:
-    pitch_nm, yaw_nm = environment.moments_flu_nm(sea, disturbance)
+    pitch_nm, yaw_nm = moments.moments_flu_nm(sea.moments, disturbance)
     return np.array((0.0, 0.0, 0.0, 0.0, pitch_nm, yaw_nm))
 
 

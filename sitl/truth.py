@@ -31,6 +31,10 @@ class Truth(NamedTuple):
     """Whether there is water in the hull."""
     faults: tuple[str, ...] = ()
     """What is wrong on board, unit and kind."""
+    surface_m: float = 0.0
+    """Height of the surface above its still level, over the origin."""
+    wave_pressure_pa: float = 0.0
+    """What the waves add at the origin to the pressure of still water."""
 
     @property
     def speed_through_water_mps(self) -> float:

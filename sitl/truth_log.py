@@ -25,7 +25,15 @@ _VECTORS = {
     "specific_force_mps2": 3,
     "water_velocity_ned_mps": 3,
 }
-_SCALARS = ("rudder_rad", "elevator_rad", "propeller_rps", "pitch_disturbance_nm", "yaw_disturbance_nm")
+_SCALARS = (
+    "rudder_rad",
+    "elevator_rad",
+    "propeller_rps",
+    "pitch_disturbance_nm",
+    "yaw_disturbance_nm",
+    "surface_m",
+    "wave_pressure_pa",
+)
 _SCHEMA = {
     "title": "auv.Truth",
     "description": "The simulated vehicle, FRD in NED, SI units; rudder and elevator are true duct angles.",

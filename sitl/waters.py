@@ -6,6 +6,7 @@ What is left out is calm: no current, no waves, one density, a flat floor, no ic
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from msgspec import Meta
@@ -36,7 +37,7 @@ class Variation(Table, frozen=True):
 
 
 class Current(Table, frozen=True):
-    """Steady and the same at every depth, or in layers: linear between them, constant above the first, below the last."""
+    """Steady and the same at every depth, or in layers: linear between them, constant above the first and below."""
 
     speed_mps: Speed = 0.0
     towards_deg: Angle = 0.0
@@ -103,7 +104,7 @@ def refuse_contradictions(current: Current, waves: Waves, density: Density, floo
 
 
 def _refuse_unsorted(table: str, depths_m: Sequence[float]) -> None:
-    for number, (above, below) in enumerate(zip(depths_m[:-1], depths_m[1:], strict=True), 1):
+    for number, (above, below) in enumerate(pairwise(depths_m), 1):
         if below <= above:
             raise ScenarioError(
                 f"{table}.layer[{number}].depth_m = {below}: expected more than {above}, that of the layer before"

@@ -1,50 +1,30 @@
-"""The sea the vehicle meets: water, current, floor, magnetic field, and the moments that disturb her.
+"""The sea the vehicle meets: how it moves, how heavy it is, where it ends, and what else disturbs her.
 
-Two disturbances act in yaw and in pitch, all four independent: a slow one (first-order Gauss-Markov) and one in the
-band of the waves (white noise through a lightly damped second-order filter). They are pure moments: a wave also pushes
-a hull bodily, but one much shorter than the wave (3.5 m against 70 m at 0.15 Hz) rides with the orbit, and the loops
-under test turn the vehicle. Each process is discretised exactly and starts stationary.
+One page each: ``current``, ``waves``, ``density``, ``floor``, ``moments``; ``field`` puts them together at the hull. In
+water that is the same everywhere and always, nothing of it is computed and no random number drawn.
 """
 
 from __future__ import annotations
 
-from math import cos, exp, inf, pi, radians, sin, sqrt
+from math import cos, inf, pi, radians, sin
 from typing import NamedTuple
 
+import numpy as np
 from numpy.random import Generator
 
 from link.frames import Vector as Vector3
 from link.frames import flip
+from sitl.environment import current, density, field, floor, moments, waves
+from sitl.environment.current import Drift, Swerve
+from sitl.environment.field import Field, Local
+from sitl.environment.moments import Levels
+from sitl.environment.waves import Swell
 from sitl.scenario import Scenario
-from sitl.vehicle.water import Water, drifting
+from sitl.vehicle.kernel import Vector
+from sitl.vehicle.water import Water
 
 PASCAL_PER_HPA = 100.0
-
-
-class SlowMoment(NamedTuple):
-    """First-order Gauss-Markov process of unit variance over one tick: x' = keep x + renew n."""
-
-    keep: float
-    renew: float
-
-
-class WaveMoment(NamedTuple):
-    """x'' + 2 zeta omega x' + omega^2 x = white noise, of unit variance, over one tick, in the states (x, x'/omega).
-
-    In these states the stationary covariance is the identity, hence the noise of a tick is I - Phi Phi^T.
-    """
-
-    transition: tuple[float, float, float, float]
-    """Phi, row by row."""
-    noise: tuple[float, float, float]
-    """Lower Cholesky factor of I - Phi Phi^T: (1,1), (2,1), (2,2)."""
-
-
-class Disturbance(NamedTuple):
-    """The four unit processes as they stand at one instant, in order yaw, pitch."""
-
-    slow: tuple[float, float]
-    wave: tuple[tuple[float, float], tuple[float, float]]
+_NOTHING: Vector3 = (0.0, 0.0, 0.0)
 
 
 class Environment(NamedTuple):
@@ -53,26 +33,48 @@ class Environment(NamedTuple):
     latitude_deg: float
     longitude_deg: float
     density_kgpm3: float
+    """What the pressure sensor takes for it."""
     gravity_mps2: float
     surface_pressure_hpa: float
     temperature_degc: float
-    floor_depth_m: float
     magnetic_field_ned_gauss: Vector3
-    water: Water
-    """About the hull, wherever she is."""
-    slow: SlowMoment
-    wave: WaveMoment
-    slow_rms_nm: tuple[float, float]
-    wave_rms_nm: tuple[float, float]
-    """Yaw, pitch."""
+    field: Field
+    swell: Swell | None
+    drift: Drift | None
+    uniform: Local | None
+    """The water where it is the same everywhere and always, else None."""
+    moments: Levels
 
 
-def build(scenario: Scenario, gravity_mps2: float, tick_s: float) -> Environment:
-    """Discretise a scenario's disturbances over a tick and turn its vectors to the axes they are used in.
+class Weather(NamedTuple):
+    """What a run has for itself: its own waves, and the current's variation as it stands at one instant."""
+
+    field: Field
+    swerve: Swerve | None
+
+
+def build(
+    scenario: Scenario, gravity_mps2: float, tick_s: float, half_length_m: float = 1.0,
+    ballast_density_kgpm3: float = 1025.0,
+) -> Environment:  # fmt: skip
+    """A scenario's sea for a hull of that length, ballasted in water of that density. Raises ScenarioError.
 
     Gravity is the vehicle model's, so that accelerometer and pressure sensor live in one world.
     """
-    slow, waves = scenario.disturbance.slow, scenario.disturbance.waves
+    ground = floor.build(scenario.floor)
+    depth_m = -floor.under(ground, 0.0, 0.0)[0]
+    still = Field(
+        sea=np.empty((0, 7)),
+        profile=current.profile(scenario.current),
+        column=density.column(scenario.density, scenario.water, gravity_mps2),
+        floor=ground,
+        ceiling_m=-scenario.ice.draft_m if scenario.ice.draft_m else inf,
+        gravity_mps2=gravity_mps2,
+        ballast_density_kgpm3=ballast_density_kgpm3,
+        half_length_m=half_length_m,
+    )
+    swell = waves.build(scenario.waves, depth_m, gravity_mps2)
+    drift = current.drift(scenario.current.variation, tick_s)
     return Environment(
         latitude_deg=scenario.site.latitude_deg,
         longitude_deg=scenario.site.longitude_deg,
@@ -80,82 +82,77 @@ def build(scenario: Scenario, gravity_mps2: float, tick_s: float) -> Environment
         gravity_mps2=gravity_mps2,
         surface_pressure_hpa=scenario.water.surface_pressure_hpa,
         temperature_degc=scenario.water.temperature_degc,
-        floor_depth_m=scenario.floor.depth_m,
         magnetic_field_ned_gauss=_magnetic_field_ned(scenario),
-        water=drifting(_towards(scenario.current.speed_mps, scenario.current.towards_deg)),
-        slow=slow_moment(slow.time_constant_s, tick_s),
-        wave=wave_moment(2.0 * pi * waves.frequency_hz, waves.damping, tick_s),
-        slow_rms_nm=(slow.yaw_rms_nm, slow.pitch_rms_nm),
-        wave_rms_nm=(waves.yaw_rms_nm, waves.pitch_rms_nm),
+        field=still,
+        swell=swell,
+        drift=drift,
+        uniform=None if swell or drift else _uniform(still),
+        moments=_levels(scenario, tick_s),
     )
 
 
-def slow_moment(time_constant_s: float, tick_s: float) -> SlowMoment:
-    keep = exp(-tick_s / time_constant_s)
-    return SlowMoment(keep, sqrt(1.0 - keep * keep))
+def settle(sea: Environment, swell: Generator, drift: Generator) -> Weather:
+    """The weather of a run at time zero, drawn from the streams of waves and current."""
+    drawn = sea.field._replace(sea=waves.draw(sea.swell, swell)) if sea.swell else sea.field
+    return Weather(drawn, current.stationary(drift) if sea.drift else None)
 
 
-def wave_moment(frequency_radps: float, damping: float, tick_s: float) -> WaveMoment:
-    """The shaping filter over one tick; ``damping`` is below 1."""
-    damped = sqrt(1.0 - damping * damping)
-    decay = exp(-damping * frequency_radps * tick_s)
-    c, s = decay * cos(damped * frequency_radps * tick_s), decay * sin(damped * frequency_radps * tick_s) / damped
-    a, b, d = c + damping * s, s, c - damping * s
-    q11, q12, q22 = 1.0 - a * a - b * b, a * b - b * d, 1.0 - b * b - d * d
-    first = sqrt(q11)
-    return WaveMoment((a, b, -b, d), (first, q12 / first, sqrt(q22 - q12 * q12 / q11)))
+def advance(sea: Environment, weather: Weather, drift: Generator) -> Weather:
+    """The weather one tick later."""
+    if sea.drift is None or weather.swerve is None:
+        return weather
+    return weather._replace(swerve=current.advance(sea.drift, weather.swerve, drift))
 
 
-def stationary(slow: Generator, wave: Generator) -> Disturbance:
-    """A draw of all four processes from their stationary distribution."""
-    slow_yaw, slow_pitch = slow.standard_normal(2).tolist()
-    a, b, c, d = wave.standard_normal(4).tolist()
-    return Disturbance((slow_yaw, slow_pitch), ((a, b), (c, d)))
+def local(sea: Environment, weather: Weather, body: Vector, time_s: float, ahead_s: float = 0.0) -> Local:
+    """The water round the vehicle at ``time_s``: where ``body`` (state of ``vehicle.dynamics``) is ``ahead_s`` on."""
+    if sea.uniform is not None:
+        return sea.uniform
+    swerve, swerving = _NOTHING, _NOTHING
+    if sea.drift is not None and weather.swerve is not None:
+        swerve, swerving = current.swerving(sea.drift, weather.swerve)
+    return Local(*field.sample(weather.field, body, ahead_s, time_s, swerve, swerving))
 
 
-def advance(sea: Environment, disturbance: Disturbance, slow: Generator, wave: Generator) -> Disturbance:
-    """The disturbance one tick later."""
-    keep, renew = sea.slow
-    n_yaw, n_pitch = slow.standard_normal(2).tolist()
-    a, b, c, d = wave.standard_normal(4).tolist()
-    return Disturbance(
-        (keep * disturbance.slow[0] + renew * n_yaw, keep * disturbance.slow[1] + renew * n_pitch),
-        (_wave(sea.wave, disturbance.wave[0], a, b), _wave(sea.wave, disturbance.wave[1], c, d)),
-    )
-
-
-def moments_flu_nm(sea: Environment, disturbance: Disturbance) -> tuple[float, float]:
-    """Pitch and yaw moment on the vehicle, (M, N), N m."""
-    yaw = sea.slow_rms_nm[0] * disturbance.slow[0] + sea.wave_rms_nm[0] * disturbance.wave[0][0]
-    pitch = sea.slow_rms_nm[1] * disturbance.slow[1] + sea.wave_rms_nm[1] * disturbance.wave[1][0]
-    return pitch, yaw
-
-
-def pressure_hpa(sea: Environment, depth_m: float) -> float:
-    """Absolute pressure at a depth; above the surface that of the air."""
-    return sea.surface_pressure_hpa + sea.density_kgpm3 * sea.gravity_mps2 * max(0.0, depth_m) / PASCAL_PER_HPA
+def pressure_hpa(sea: Environment, depth_m: float, wave_pa: float = 0.0) -> float:
+    """Absolute pressure at a depth under the still surface, waves included; never less than that of the air."""
+    _, still_pa = density.at(sea.field.column, depth_m, sea.gravity_mps2)
+    return sea.surface_pressure_hpa + max(0.0, still_pa + wave_pa) / PASCAL_PER_HPA
 
 
 def floor_range_m(sea: Environment, position_ned_m: Vector3, direction_ned: Vector3) -> float:
     """Distance from a place to the sea floor along a unit vector; infinite where the ray meets none."""
-    clearance_m = sea.floor_depth_m - position_ned_m[2]
-    return clearance_m / direction_ned[2] if direction_ned[2] > 0.0 else inf
+    return floor.range_m(sea.field.floor, flip(*position_ned_m), flip(*direction_ned))
 
 
-def _wave(filter_: WaveMoment, x: tuple[float, float], n1: float, n2: float) -> tuple[float, float]:
-    p11, p12, p21, p22 = filter_.transition
-    l11, l21, l22 = filter_.noise
-    return p11 * x[0] + p12 * x[1] + l11 * n1, p21 * x[0] + p22 * x[1] + l21 * n1 + l22 * n2
+def _uniform(still: Field) -> Local | None:
+    """Water without waves or variation, if nothing else in it changes from place to place."""
+    ground = still.floor
+    tilted = ground.grid.size or ground.north_slope or ground.west_slope
+    if len(still.profile) > 1 or len(still.column) > 1 or tilted:
+        return None
+    _, north, west = still.profile[0].tolist()
+    water = Water(
+        velocity_mps=(north, west, 0.0),
+        density_ratio=float(still.column[0, 1]) / still.ballast_density_kgpm3,
+        ceiling_m=still.ceiling_m,
+        floor_m=ground.height_m,
+    )
+    return Local(water, 0.0)
+
+
+def _levels(scenario: Scenario, tick_s: float) -> Levels:
+    slow, band = scenario.disturbance.slow, scenario.disturbance.waves
+    return Levels(
+        slow=moments.slow_moment(slow.time_constant_s, tick_s),
+        wave=moments.second_order(2.0 * pi * band.frequency_hz, band.damping, tick_s),
+        slow_rms_nm=(slow.yaw_rms_nm, slow.pitch_rms_nm),
+        wave_rms_nm=(band.yaw_rms_nm, band.pitch_rms_nm),
+    )
 
 
 def _magnetic_field_ned(scenario: Scenario) -> Vector3:
-    field = scenario.magnetic_field
-    declination, inclination = radians(field.declination_deg), radians(field.inclination_deg)
-    horizontal = field.strength_gauss * cos(inclination)
-    return horizontal * cos(declination), horizontal * sin(declination), field.strength_gauss * sin(inclination)
-
-
-def _towards(speed_mps: float, towards_deg: float) -> Vector3:
-    """NWU."""
-    towards = radians(towards_deg)
-    return speed_mps * cos(towards), -speed_mps * sin(towards), 0.0
+    earth = scenario.magnetic_field
+    declination, inclination = radians(earth.declination_deg), radians(earth.inclination_deg)
+    horizontal = earth.strength_gauss * cos(inclination)
+    return horizontal * cos(declination), horizontal * sin(declination), earth.strength_gauss * sin(inclination)

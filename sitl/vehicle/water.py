@@ -29,7 +29,9 @@ class Water(NamedTuple):
     ceiling_m: float = inf
     """Height of the underside of ice."""
     floor_m: float = -inf
-    """Height of the sea floor, negative."""
+    """Height of the sea floor under the origin, negative."""
+    floor_normal: Vector3 = (0.0, 0.0, 1.0)
+    """Unit vector out of the floor there."""
 
 
 STILL = Water()

@@ -11,6 +11,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from link.frames import euler_from_quaternion
 from link.records import ActuatorFrame
 from sitl import environment, plant, scenario
+from sitl.environment import moments
 from sitl.plant import Plant
 from sitl.vehicle import calibrate, config
 from sitl.vehicle.linearise import linearise
@@ -102,7 +103,7 @@ def test_a_flight_through_the_disturbed_sea_yaws_as_linear_theory_says() -> None
 
 
 def test_the_wave_filter_is_the_exact_discretisation() -> None:
-    wave = environment.wave_moment(SWELL_RADPS, ZETA, TICK_S)
+    wave = moments.second_order(SWELL_RADPS, ZETA, TICK_S)
     generator = np.array([[0.0, SWELL_RADPS], [-SWELL_RADPS, -2.0 * ZETA * SWELL_RADPS]])
     phi = np.array(wave.transition).reshape(2, 2)
     l11, l21, l22 = wave.noise
@@ -116,10 +117,10 @@ def test_disturbances_start_stationary_and_stay_so() -> None:
     start, later = [], []
     for seed in range(1500):
         streams = plant.random_streams(seed)
-        disturbance = environment.stationary(streams.slow, streams.wave)
+        disturbance = moments.stationary(streams.slow, streams.wave)
         start.append([*disturbance.slow, *disturbance.wave[0], *disturbance.wave[1]])
         for _ in range(20):
-            disturbance = environment.advance(sea, disturbance, streams.slow, streams.wave)
+            disturbance = moments.advance(sea.moments, disturbance, streams.slow, streams.wave)
         later.append([*disturbance.slow, *disturbance.wave[0], *disturbance.wave[1]])
     four_sigma = 4.0 * math.sqrt(2.0 / 1500)
     np.testing.assert_allclose(np.cov(np.array(start).T), np.eye(6), atol=four_sigma)
@@ -131,7 +132,7 @@ def test_disturbances_start_stationary_and_stay_so() -> None:
 def test_calm_water_pushes_nobody() -> None:
     streams = plant.random_streams(seed=1)
     sea = sea_of("calm")
-    assert environment.moments_flu_nm(sea, environment.stationary(streams.slow, streams.wave)) == (0.0, 0.0)
+    assert moments.moments_flu_nm(sea.moments, moments.stationary(streams.slow, streams.wave)) == (0.0, 0.0)
 
 
 def test_pressure_grows_by_a_bar_in_ten_metres_and_stays_one_atmosphere_in_the_air() -> None:

@@ -12,11 +12,12 @@ from link.frames import quaternion_from_euler
 from link.records import Dvl
 from sitl import environment, plant, scenario
 from sitl.environment import Environment
-from sitl.scenario import Floor, Scenario
+from sitl.scenario import Scenario
 from sitl.sensors import altimeter, battery, datasheets, dvl, encoder, gps, inertial, leak, timing
 from sitl.sensors.timing import Timing
 from sitl.truth import Truth
 from sitl.vehicle import config
+from sitl.waters import Floor
 from tests.sitl.test_sensors import AT_REST, FIELD, SEA
 
 TICK_US = plant.TICK_US

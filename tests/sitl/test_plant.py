@@ -11,9 +11,10 @@ from link.frames import euler_from_quaternion
 from link.records import ActuatorFrame
 from sitl import plant, scenario
 from sitl.plant import Plant, State
-from sitl.scenario import Current, Scenario, Start
+from sitl.scenario import Scenario, Start
 from sitl.sensors import Sensors
 from sitl.vehicle import config
+from sitl.waters import Current
 
 TICKS_PER_S = round(1.0 / plant.TICK_S)
 
@@ -98,7 +99,8 @@ def test_she_begins_afloat_in_trim_and_stays_there(vehicle: str) -> None:
 
 def test_a_drifting_vehicle_goes_with_the_current_and_knows_nothing_of_it() -> None:
     current = (0.3 * math.cos(0.4), 0.3 * math.sin(0.4), 0.0)
-    adrift = Scenario(start=Start(depth_m=10.0, heading_deg=40.0), current=Current(speed_mps=0.3, towards_deg=math.degrees(0.4)))
+    flowing = Current(speed_mps=0.3, towards_deg=math.degrees(0.4))
+    adrift = Scenario(start=Start(depth_m=10.0, heading_deg=40.0), current=flowing)
     carried = [state.truth for state, _ in fly(put("bench", adrift), actuators(), 20.0)]
     still = Scenario(start=Start(depth_m=10.0, heading_deg=40.0))
     resting = [state.truth for state, _ in fly(put("bench", still), actuators(), 20.0)]

@@ -5,6 +5,8 @@ from pathlib import Path
 import pytest
 
 from sitl import scenario
+from sitl.tables import ScenarioError
+from sitl.waters import Current
 
 
 @pytest.mark.parametrize("name", scenario.names())
@@ -22,7 +24,7 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
     file = tmp_path / "current.toml"
     file.write_text("[current]\nspeed_mps = 0.2\ntowards_deg = 30\n[start]\ndepth_m = 4.0\n")
     loaded = scenario.load(str(file))
-    assert loaded.current == scenario.Current(speed_mps=0.2, towards_deg=30.0)
+    assert loaded.current == Current(speed_mps=0.2, towards_deg=30.0)
     assert loaded.start.depth_m == 4.0
     assert loaded.site == scenario.Site()
 
@@ -48,19 +50,19 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
 def test_a_mistake_is_named_by_file_key_and_value(tmp_path: Path, text: str, complaint: str) -> None:
     file = tmp_path / "mistake.toml"
     file.write_text(text)
-    with pytest.raises(scenario.ScenarioError) as caught:
+    with pytest.raises(ScenarioError) as caught:
         scenario.load(str(file))
     assert f"{file}: {complaint}" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_an_unknown_name_is_answered_with_those_that_exist() -> None:
-    with pytest.raises(scenario.ScenarioError, match=r"stormy: No such file.*calm, disturbed or a TOML file"):
+    with pytest.raises(ScenarioError, match=r"stormy: No such file.*calm, disturbed or a TOML file"):
         scenario.load("stormy")
 
 
 def test_a_clamped_vehicle_lies_at_rest(tmp_path: Path) -> None:
     file = tmp_path / "rig.toml"
     file.write_text("[rig]\nclamped = true\n[start]\nspeed_mps = 1.0\n")
-    with pytest.raises(scenario.ScenarioError, match=r"rig\.clamped = true: expected no start\.depth_m"):
+    with pytest.raises(ScenarioError, match=r"rig\.clamped = true: expected no start\.depth_m"):
         scenario.load(str(file))
