@@ -6,10 +6,11 @@
 from __future__ import annotations
 
 from math import exp, log, pi
-from typing import NamedTuple
 
-from sitl.vehicle import calibrate, duct, hull
-from sitl.vehicle.config import VehicleConfig, load
+from sitl.vehicle import duct, hull, slender
+from sitl.vehicle.config import load
+from sitl.vehicle.schema import DuctGeometry, VehicleConfig
+from sitl.vehicle.slender import Flow, Step
 
 HULL_LIFT_PER_RAD = 0.131
 """C_L' of the paper's body lift, on the rectangular planform l d."""
@@ -19,128 +20,70 @@ SCHOENHERR_FRICTION = 0.0040
 """Leading coefficient of the paper's axial drag formula."""
 
 
-class Step(NamedTuple):
-    """One derived quantity."""
-
-    symbol: str
-    unit: str
-    formula: str
-    inputs: str
-    value: float
-    table: float | None
-    """What Table 1 or the paper's text prints; None where it prints nothing."""
-    source: str
-
-    @property
-    def difference_pct(self) -> float | None:
-        """Derived less printed, in percent of the printed value."""
-        return None if self.table is None else 100 * (self.value - self.table) / abs(self.table)
-
-
 def trace(config: VehicleConfig) -> list[Step]:
-    """Every step from geometry to coefficients for a vehicle whose ``linear`` table is the column to compare with."""
-    return [*_geometry(config), *_added_mass(config), *_duct(config), *_yaw_plane(config), *_pitch_plane(config)]
+    """Every step from geometry to coefficients for a ducted vehicle whose ``linear`` table is to be compared with."""
+    ring = config.duct
+    if ring is None:
+        raise ValueError(f"{config.name}: has no duct; the paper's derivation is of one")
+    added = slender.added_mass(config.hull, None, config.water.density_kgpm3)
+    yaw = _yaw_plane(config, ring, X_udot=added[0].value)
+    steps = [*_geometry(config), *added, *_duct(config, ring), *yaw, *slender.pitch_twins(yaw)]
+    printed = {name.rpartition("_")[0]: getattr(config.linear, name) for name in config.linear.__struct_fields__}
+    return [step._replace(table=printed.get(step.symbol, step.table)) for step in steps]
 
 
 def _geometry(config: VehicleConfig) -> list[Step]:
     shape, rho = hull.integrals(config.hull), config.water.density_kgpm3
-    mass, inertia = rho * shape.volume_m3, rho * shape.pitch_inertia_m5
-    friction = _printed_drag_coefficient(config)
+    mass, friction = rho * shape.volume_m3, _printed_drag_coefficient(config)
     T, U = config.operating_point.thrust_n, config.operating_point.speed_mps
     balance = T / (rho / 2 * shape.frontal_m2 * U**2)
-    size = _size(config)
+    size = slender.size(config.hull)
     return [
-        Step("m", "kg", "rho int pi R^2 dx", size, mass, config.ballast.mass_kg,
-             "Gertler profile with mid-body, of water's density"),
-        Step("I_zz", "kg m2", "rho int (pi R^2 x^2 + pi R^4/4) dx", size, inertia, config.linear.I_zz_kgm2,
-             "homogeneous hull"),
-        Step("C_D", "-", "0.0040 pi A_p/A_f [1 + 60(d/l)^3 + 0.0025 l/d]", size, friction, 0.023,
-             "Hydat, as printed; its printed value does not follow"),
-        Step("C_D balance", "-", "T / (1/2 rho A_f U^2)", f"T {T:.4g} N, U {U:.4g} m/s", balance, None,
+        Step("m", "kg", "rho int pi R^2 dx", size, mass, "Gertler profile with mid-body, of water's density",
+             config.ballast.mass_kg),
+        slender.yaw_inertia(config.hull, mass),
+        Step("C_D", "-", "0.0040 pi A_p/A_f [1 + 60(d/l)^3 + 0.0025 l/d]", size, friction,
+             "Hydat, as printed; its printed value does not follow", 0.023),
+        Step("C_D balance", "-", "T / (1/2 rho A_f U^2)", f"T {T:.4g} N, U {U:.4g} m/s", balance,
              "thrust balance; the model's drag"),
     ]  # fmt: skip
 
 
-def _added_mass(config: VehicleConfig) -> list[Step]:
-    shape, rho = hull.integrals(config.hull), config.water.density_kgpm3
-    column, size = config.linear, _size(config)
-    X_udot, Y_vdot = -calibrate.axial_added_mass_kg(config), -rho * shape.volume_m3
-    N_rdot = -rho * shape.section_moment_m5
+def _duct(config: VehicleConfig, ring: DuctGeometry) -> list[Step]:
+    aspect = f"AR {ring.aspect_ratio:.4g}"
+    slope, slipped = duct.ring_wing_lift_slope_per_rad(ring.aspect_ratio), _slipped_slope_per_rad(ring.aspect_ratio)
+    lift = slender.duct_tail(ring, 0.0, config.water.density_kgpm3).lift_kgpm
+    area = f"rho {config.water.density_kgpm3:.4g} kg/m3, A_eff {ring.area_m2:.4g} m2"
     return [
-        Step("X_udot", "kg", "-k_1 rho pi/6 l d^2", size, X_udot, None, "spheroid, Lamb 1932 sec. 114"),
-        Step("Y_vdot", "kg", "-rho int pi R^2 dx", size, Y_vdot, column.Y_vdot_kg, "strips, Newman 1977"),
-        Step("N_rdot", "kg m2", "-rho int pi R^2 x^2 dx", size, N_rdot, column.N_rdot_kgm2, "strips, Newman 1977"),
-    ]
-
-
-def _duct(config: VehicleConfig) -> list[Step]:
-    aspect = f"AR {config.duct.aspect_ratio:.4g}"
-    slope = duct.ring_wing_lift_slope_per_rad(config.duct.aspect_ratio)
-    slipped = _slipped_slope_per_rad(config.duct.aspect_ratio)
-    area = f"rho {config.water.density_kgpm3:.4g} kg/m3, A_eff {config.duct.area_m2:.4g} m2"
-    return [
-        Step("dC_L/da", "1/rad", "2 pi r/(1 + 2/sAR + 16/(pi (sAR)^2) ln(1 + pi e^(-9/8) sAR))", aspect, slope, 5.1,
-             "van Dyke's form, as printed"),
-        Step("dC_L/da slip", "1/rad", "the same with 16/(pi sAR)^2", aspect, slipped, 5.1,
-             "behind the paper's 5.1 and 131; the model's"),
-        Step("duct lift", "kg/m", "1/2 rho A_eff dC_L/da", area, _duct_lift_kgpm(config), 131.0, "times U^2 alpha"),
+        Step("dC_L/da", "1/rad", "2 pi r/(1 + 2/sAR + 16/(pi (sAR)^2) ln(1 + pi e^(-9/8) sAR))", aspect, slope,
+             "van Dyke's form, as printed", 5.1),
+        Step("dC_L/da slip", "1/rad", "the same with 16/(pi sAR)^2", aspect, slipped,
+             "behind the paper's 5.1 and 131; the model's", 5.1),
+        Step("duct lift", "kg/m", "1/2 rho A_eff dC_L/da", area, lift, "times U^2 alpha", 131.0),
     ]  # fmt: skip
 
 
-def _yaw_plane(config: VehicleConfig) -> list[Step]:
-    column, T, U, x = config.linear, config.operating_point.thrust_n, config.operating_point.speed_mps, config.duct.x_m
-    length = hull.length_m(config.hull)
-    planform = length * config.hull.diameter_m
-    pressure = config.water.density_kgpm3 / 2 * planform * U
-    k, X_udot = _duct_lift_kgpm(config) * U, -calibrate.axial_added_mass_kg(config)
-    side, moment = pressure * HULL_LIFT_PER_RAD, pressure * length * HULL_MOMENT_PER_RAD
-    tail, body = f"k {k:.4g} kg/s, x {x:.5g} m", f"A_p {planform:.4g} m2, U {U:.4g} m/s"
-    return [
-        Step("Y_dr", "N/rad", "k U + T, k = duct lift x U", f"{tail}, T {T:.4g} N", k * U + T, column.Y_dr_nprad,
-             "duct and thrust; T is fitted to this row"),
-        Step("N_dr", "N m/rad", "x Y_dr", tail, x * (k * U + T), column.N_dr_nmprad,
-             f"x is fitted to this row; the hull ends at {-length / 2:.4g} m"),
-        Step("Y_v", "kg/s", "-k - 1/2 rho A_p C_L' U", f"{body}, C_L' {HULL_LIFT_PER_RAD}", -k - side, column.Y_v_kgps,
-             "hull and duct"),
-        Step("Y_v slip", "kg/s", "-k - 1/2 rho A_p C_L' U x U^2", "the same", -k - side * U**2, column.Y_v_kgps,
-             "hull term multiplied by U^2 a second time"),
-        Step("N_v", "kg m/s", "-x k - 1/2 rho A_p l C_M' U", f"{body}, C_M' {HULL_MOMENT_PER_RAD}", -x * k - moment,
-             column.N_v_kgmps, "hull and duct; C_M' holds the Munk moment"),
-        Step("Y_r", "kg m/s", "-x k + X_udot U", f"{tail}, X_udot {X_udot:.4g} kg", -x * k + X_udot * U,
-             column.Y_r_kgmps, "duct and axial added mass"),
-        Step("N_r", "kg m2/s", "-x^2 k", tail, -(x**2) * k, column.N_r_kgm2ps, "duct"),
-    ]  # fmt: skip
-
-
-PITCH_TWINS = (
-    ("Z_w", "Y_v", 1), ("M_w", "N_v", -1), ("Z_q", "Y_r", -1), ("M_q", "N_r", 1),
-    ("Z_de", "Y_dr", -1), ("M_de", "N_dr", 1),
-)  # fmt: skip
-"""Pitch coefficient, its yaw twin and their relative sign: the hull is a body of revolution, z up and y to port."""
-
-
-def _pitch_plane(config: VehicleConfig) -> list[Step]:
-    yaw = {step.symbol: step for step in _yaw_plane(config)}
-    column = config.linear
-    printed = {
-        "Z_w": column.Z_w_kgps, "M_w": column.M_w_kgmps, "Z_q": column.Z_q_kgmps, "M_q": column.M_q_kgm2ps,
-        "Z_de": column.Z_de_nprad, "M_de": column.M_de_nmprad,
-    }  # fmt: skip
-    return [_mirrored(name, yaw[twin], sign, printed[name]) for name, twin, sign in PITCH_TWINS]
-
-
-def _mirrored(name: str, twin: Step, sign: int, printed: float) -> Step:
-    formula = f"{'-' if sign < 0 else ''}{twin.symbol}"
-    inputs = f"{twin.symbol} {twin.value:.4g}"
-    return Step(name, twin.unit, formula, inputs, sign * twin.value, printed, "symmetry of revolution")
-
-
-def _size(config: VehicleConfig) -> str:
-    return f"l {hull.length_m(config.hull):.4g} m, d {config.hull.diameter_m:.4g} m"
-
-
-def _duct_lift_kgpm(config: VehicleConfig) -> float:
-    return config.water.density_kgpm3 / 2 * config.duct.area_m2 * config.duct.lift_slope_per_rad
+def _yaw_plane(config: VehicleConfig, ring: DuctGeometry, X_udot: float) -> list[Step]:
+    """With the paper's own body coefficients, and the slip that explains the table's Y_v."""
+    T, U, rho = config.operating_point.thrust_n, config.operating_point.speed_mps, config.water.density_kgpm3
+    length, diameter = hull.length_m(config.hull), config.hull.diameter_m
+    steps = slender.yaw_plane(
+        Flow(
+            U, rho, length, diameter, X_udot, HULL_LIFT_PER_RAD, HULL_MOMENT_PER_RAD,
+            (slender.duct_tail(ring, T, rho),), "the paper", "the paper; C_M' holds the Munk moment",
+        )
+    )  # fmt: skip
+    side = rho / 2 * length * diameter * HULL_LIFT_PER_RAD * U
+    at = [step.symbol for step in steps].index("Y_v")
+    Y_v = steps[at]
+    slip = Step("Y_v slip", "kg/s", "-k - 1/2 rho A_p C_L' U x U^2", "the same", Y_v.value + side - side * U**2,
+                "hull term multiplied by U^2 a second time", config.linear.Y_v_kgps)  # fmt: skip
+    fitted = {
+        "Y_dr": "duct and thrust; T is fitted to this row",
+        "N_dr": f"x is fitted to this row; the hull ends at {-length / 2:.4g} m",
+    }
+    named = [step._replace(source=fitted.get(step.symbol, step.source)) for step in steps]
+    return [*named[: at + 1], slip, *named[at + 1 :]]
 
 
 def _printed_drag_coefficient(config: VehicleConfig) -> float:

@@ -23,6 +23,7 @@ def wrench(nu: Wrench, rudder_rad: float, elevator_rad: float, fins: Fins) -> Wr
         span_y, span_z = fins.span_y[i], fins.span_z[i]
         x, y, z = fins.x_m, fins.out_m * span_y, fins.out_m * span_z
         turn = fins.rudder[i] * rudder_rad + fins.elevator[i] * elevator_rad
+        turn = min(max(turn, -fins.travel_rad), fins.travel_rad)
         c, s = cos(turn), sin(turn)
         along = u + q * z - r * y
         normal = -span_z * (v + r * x - p * z) + span_y * (w + p * y - q * x)

@@ -6,6 +6,7 @@ west, z up (NWU). ``calibrate.build`` makes a ``Model`` from a vehicle file; not
 
 from __future__ import annotations
 
+from math import inf
 from typing import NamedTuple
 
 from sitl.vehicle.kernel import Vector
@@ -101,6 +102,8 @@ class Fins(NamedTuple):
     rudder: Vector
     elevator: Vector
     """Turn of each fin, leading edge towards (0, -span_z, span_y), per radian of rudder and of elevator."""
+    travel_rad: float = inf
+    """Where the sum of the two ends."""
 
 
 class Propeller(NamedTuple):
@@ -129,6 +132,19 @@ class Hydrostatics(NamedTuple):
     radius_m: float
 
 
+class Walls(NamedTuple):
+    """How walls draw the hull, over nearness: hull radius over the distance from axis to wall."""
+
+    far_m: float
+    """From this distance on there is no pull."""
+    far_nearness: float
+    steps_per_nearness: float
+    pull_kgpm: Vector
+    """Force towards the wall per u^2, at equal steps of nearness up to 1."""
+    moment_kg: Vector
+    """Moment of that force, forward positive, per u^2."""
+
+
 class Model(NamedTuple):
     """A whole vehicle, ready to be stepped."""
 
@@ -139,3 +155,4 @@ class Model(NamedTuple):
     fins: Fins
     propeller: Propeller
     hydrostatics: Hydrostatics
+    walls: Walls

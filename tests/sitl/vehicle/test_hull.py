@@ -29,7 +29,7 @@ def test_model_4154_has_its_published_coefficients():
 
 
 def test_the_prismatic_coefficient_is_that_of_the_profile():
-    base = config.HullGeometry(2.1336, 0.5334, 0.0, 0.5, 0.1, 0.65, 0.4)
+    base = config.Series58(2.1336, 0.5334, 0.0, 0.5, 0.1, 0.65, 0.4)
     assert hull.integrals(base).volume_m3 == pytest.approx(0.65 * pi / 4 * 0.5334**2 * 2.1336, rel=1e-12)
 
 
