@@ -121,8 +121,8 @@ def _sum(a: Wrench, b: Wrench) -> Wrench:
 
 @kernel
 def _forces(
-    state: Vector, up: Vector3, nu_r: Wrench, water: Water, acceleration: Vector3, turning: Vector3, axis: Vector3,
-    rudder_rad: float, elevator_rad: float, shaft_rps: float, model: Model,
+    state: Vector, rows: tuple[Vector3, Vector3, Vector3], nu_r: Wrench, water: Water, acceleration: Vector3,
+    turning: Vector3, axis: Vector3, rudder_rad: float, elevator_rad: float, shaft_rps: float, model: Model,
 ) -> Wrench:  # fmt: skip
     """Coriolis, static, hull, tail and boundary forces, N and N m about the origin.
 
@@ -130,6 +130,7 @@ def _forces(
     axes: what the hull meets along its length turns with the water, what its momentum is does not.
     """
     u, v, w, p, q, r = nu_r
+    up = rows[2]
     met = (u, v, w, p, q - turning[1], r - turning[2])
     g = model.hydrostatics.gravity_mps2
     felt = (up[0] + acceleration[0] / g, up[1] + acceleration[1] / g, up[2] + acceleration[2] / g)
@@ -140,7 +141,7 @@ def _forces(
     total = _sum(total, hydrodynamics.crossflow_drag(v, w, met[4], met[5], model.stations))
     total = _sum(total, hydrodynamics.lift_and_drag(u, v, w, p, met[4], met[5], model.hull))
     total = _sum(total, tail(met, axis, rudder_rad, elevator_rad, shaft_rps, immersed, model))
-    total = _sum(total, boundary.wrench(state, up, water, model.hydrostatics))
+    total = _sum(total, boundary.wrench(state, rows, nu_r, water, model.hydrostatics, model.walls))
     return _sum(total, hydrodynamics.duct_interaction(immersed * u * abs(u), rudder_rad, elevator_rad, model.hull))
 
 
@@ -169,9 +170,7 @@ def _slope(
     p, q, r = state[10], state[11], state[12]
     nu_r = (state[7] - c_x, state[8] - c_y, state[9] - c_z, p, q, r)
     turning = _turning(_in_body(rows, water.slope_per_s))
-    f = _forces(
-        state, rows[2], nu_r, water, acceleration, turning, axis, rudder_rad, elevator_rad, propeller_rps, model
-    )
+    f = _forces(state, rows, nu_r, water, acceleration, turning, axis, rudder_rad, elevator_rad, propeller_rps, model)
     X, Y, Z = f[0] + disturbance[0], f[1] + disturbance[1], f[2] + disturbance[2]
     K, M, N = f[3] + disturbance[3], f[4] + disturbance[4], f[5] + disturbance[5]
 
