@@ -26,7 +26,7 @@ _BEAMS = 4
 _LEAST_BEAMS = 3
 _AZIMUTHS = tuple(radians(45.0 + 90.0 * k) for k in range(_BEAMS))
 _SIGNS = (1.0, -1.0, 1.0, -1.0)
-"""Of the beams in the error velocity."""
+"""Of the beams in their disagreement."""
 
 
 class Log(NamedTuple):
@@ -99,17 +99,20 @@ def _solve(
     if False in echoes:
         silent = echoes.index(False)
         along[silent] = 0.0
-        along[silent] = -_SIGNS[silent] * sum(s * m for s, m in zip(_SIGNS, along, strict=True))
-    x, y, z = (
-        sum(m * axis for m, axis in zip(along, axes, strict=True)) for axes in zip(*log.beams, strict=True)
-    )  # fmt: skip
-    disagreement = abs(sum(s * m for s, m in zip(_SIGNS, along, strict=True))) / (2.0 * sqrt(2.0) * log.sine)
-    merit = max(noise_mps, disagreement) if all(echoes) else sqrt(2.0) * noise_mps
-    two_sine2, four_cosine2 = 2.0 * log.sine**2, 4.0 * log.cosine**2
+        along[silent] = -_SIGNS[silent] * _disagreement(*along)
+    a, b, c, d = along
+    level, upright = 2.0 * sqrt(2.0) * log.sine, 4.0 * log.cosine
+    error_mps = abs(_disagreement(a, b, c, d)) / level
+    merit = max(noise_mps, error_mps) if all(echoes) else sqrt(2.0) * noise_mps
     return Dvl(
-        truth.time_us, x / two_sine2, y / two_sine2, z / four_cosine2, over_ground, merit,
-        round(100 * sum(echoes) / _BEAMS),
+        truth.time_us, (a - b - c + d) / level, (a + b - c - d) / level, (a + b + c + d) / upright,
+        over_ground, merit, round(100 * sum(echoes) / _BEAMS),
     )  # fmt: skip
+
+
+def _disagreement(a: float, b: float, c: float, d: float) -> float:
+    """Zero of four beams that move with one velocity: opposite beams then add up to the same."""
+    return a - b + c - d
 
 
 def _instrument_axes(truth: Truth, velocity_ned_mps: Vector, memory: Memory) -> Vector:
@@ -122,11 +125,9 @@ def _instrument_axes(truth: Truth, velocity_ned_mps: Vector, memory: Memory) -> 
 def _along_beams(log: Log, velocity: Vector, noise_mps: float, stream: Generator) -> list[float]:
     """Speed along each beam. ``noise_mps`` is that of the horizontal components; an outlier is a beam gone astray."""
     sheet, beam_noise = log.sheet, noise_mps * sqrt(2.0) * log.sine
+    x, y, z = velocity
     draws = stream.standard_normal(_BEAMS).tolist()
-    along = [
-        sum(v * b for v, b in zip(velocity, beam, strict=True)) + beam_noise * n
-        for beam, n in zip(log.beams, draws, strict=True)
-    ]
+    along = [x * bx + y * by + z * bz + beam_noise * n for (bx, by, bz), n in zip(log.beams, draws, strict=True)]
     if sheet.outlier_chance and stream.random() < sheet.outlier_chance:
         along[int(stream.integers(_BEAMS))] += float(stream.uniform(-sheet.outlier_mps, sheet.outlier_mps))
     return along

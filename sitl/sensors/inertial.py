@@ -1,8 +1,8 @@
 """Gyros and accelerometers: white noise, a bias that differs from run to run and wanders within one, imperfect axes.
 
 The wander (bias instability) is a first-order Gauss-Markov process. Its Allan deviation peaks at 0.617 of its standard
-deviation, 1.89 time constants away (IEEE Std 952-1997, annex C.1.1.5 gives the curve); a data sheet's in-run bias
-stability is that peak, so the standard deviation follows from it.
+deviation, 1.89 time constants away (IEEE Std 952-1997, annex C, exponentially correlated noise); a data sheet's in-run
+bias stability is taken as that peak, so the standard deviation follows from it.
 """
 
 from __future__ import annotations

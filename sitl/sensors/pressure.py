@@ -59,7 +59,8 @@ def sample(
 
 def _read(sensor: PressureSensor, truth: Truth, sea: Environment, offset_hpa: float, stream: Generator) -> Water:
     n_pressure, n_temperature = stream.standard_normal(2).tolist()
-    pressure = pressure_hpa(sea, truth.position_ned_m[2], truth.wave_pressure_pa) + offset_hpa + sensor.noise_hpa * n_pressure
+    true_hpa = pressure_hpa(sea, truth.position_ned_m[2], truth.wave_pressure_pa)
+    pressure = true_hpa + offset_hpa + sensor.noise_hpa * n_pressure
     if sensor.resolution_hpa:
         pressure = round(pressure / sensor.resolution_hpa) * sensor.resolution_hpa
     gauge_pa = (pressure - sea.surface_pressure_hpa) * PASCAL_PER_HPA

@@ -34,7 +34,7 @@ def imperfect_axes(scale_rms: float, skew_rms: float, stream: Generator) -> Matr
 
 
 def soft_iron(rms: float, stream: Generator) -> Matrix:
-    """The identity plus a symmetric distortion: iron that the field itself magnetises (Gebre-Egziabher 2006, eq. 4)."""
+    """The identity plus a symmetric distortion: iron that the field itself magnetises."""
     xx, yy, zz, xy, xz, yz = (rms * stream.standard_normal(6)).tolist()
     return (1.0 + xx, xy, xz), (xy, 1.0 + yy, yz), (xz, yz, 1.0 + zz)
 
