@@ -5,6 +5,7 @@ longer listened to until it has been sound for a while.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from autopilot import ahrs, modes
@@ -19,8 +20,8 @@ VITAL = frozenset((ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE, BATTERY, LEAK, D
 """Nobody should go to sea without."""
 DETECTED, LOW, ASTRAY, UNANSWERED = "detected", "low", "does not follow", "does not answer"
 
-RECOVERY_US = 3 * US_PER_S
-"""Soundness that lasts for so long is believed."""
+RECOVERY_US = 5 * US_PER_S
+"""Soundness that lasts for so long is believed: longer than a device may be silent."""
 GRACE_US, IMPLAUSIBLE_GRACE_US = US_PER_S // 2, 3 * US_PER_S // 2
 """A doubt that nothing has nourished for so long is dropped; implausible readings may come a second apart."""
 CHECK_US = US_PER_S // 5
@@ -146,7 +147,7 @@ def _hear_devices(
     if inputs.gps is not None:
         deep = state.estimate.depth_m > 2.0 * _SURFACED_M
         health = health._replace(gps_under_water=health.gps_under_water or deep)
-    for field, name, possible in _DEVICES:
+    for field, name, possible, said in _DEVICES:
         record = getattr(inputs, field)
         if record is None:
             continue
@@ -154,7 +155,7 @@ def _hear_devices(
         lately = old.record if now_us - old.sound_us < JUMP_WITHIN_US else None
         sound = possible(record, lately)
         if sound:
-            same = old.record is not None and _said(record) == _said(old.record)
+            same = old.record is not None and said(record) == said(old.record)
             new = Device(record, now_us, now_us, old.changed_us if same else now_us)
         else:
             complaints.append(Complaint(name, IMPLAUSIBLE))
@@ -173,11 +174,6 @@ def _with(health: Health, field: str, device: Device) -> Health:
 def _without(inputs: Inputs, field: str) -> Inputs:
     none: dict[str, Any] = {field: None}
     return inputs._replace(**none)
-
-
-def _said(record: Any) -> Any:
-    """A record without its time."""
-    return record._replace(time_us=0) if hasattr(record, "time_us") else record
 
 
 def _slow_complaints(health: Health, state: State, now_us: int, config: Config) -> tuple[Complaint, ...]:
@@ -286,13 +282,18 @@ def _any(seen: object, before: object) -> bool:
     return True
 
 
-_DEVICES = (
-    ("gps", GPS, _possible_fix),
-    ("altimeter", ALTIMETER, _possible_echo),
-    ("dvl", DVL, _possible_velocity),
-    ("battery", BATTERY, _possible_charge),
-    ("leak", LEAK, _any),
-    ("duct", DUCT, _any),
+def _whole(record: object) -> object:
+    return record
+
+
+_DEVICES: tuple[tuple[str, str, Callable[[Any, Any], bool], Callable[[Any], object]], ...] = (
+    ("gps", GPS, _possible_fix, lambda fix: (fix.lat_deg, fix.lon_deg)),
+    ("altimeter", ALTIMETER, _possible_echo, lambda echo: echo.range_m),
+    ("dvl", DVL, _possible_velocity, lambda seen: (seen.velocity_x_mps, seen.velocity_y_mps, seen.velocity_z_mps)),
+    ("battery", BATTERY, _possible_charge, _whole),
+    ("leak", LEAK, _any, _whole),
+    ("duct", DUCT, _any, _whole),
 )
+"""Field of ``Inputs`` and ``Health``, name, whether a record can be after another, and what stands still when stuck."""
 _SURFACED_M = 0.5
 _NOBODY: frozenset[str] = frozenset()
