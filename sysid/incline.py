@@ -71,21 +71,22 @@ def analyse(log: Log, moves: Sequence[Move], vehicle: VehicleConfig) -> Inclinin
     mass_kg = vehicle.ballast.mass_kg
 
     def heel(z: Array) -> Array:
-        return np.asarray(np.arctan((z[1] - moment) / (mass_kg * z[0])))
+        return np.asarray(np.arctan(z[1] - z[0] * moment))
 
-    found = least_squares(lambda z: heel(z) - roll, np.array([_LIKELY_HEIGHT_M, 0.0]), x_scale=[1e-3, 1e-2])
-    if found.x[0] <= 0.0:
+    found = least_squares(lambda z: heel(z) - roll, np.array([1.0 / (mass_kg * _LIKELY_HEIGHT_M), 0.0]))
+    per_moment, own_list = found.x.tolist()
+    if per_moment <= 0.0:
         raise InclineError(f"{log.name}: she heels away from the weights; to_port_m is positive to port")
     variance = 2.0 * found.cost / (len(moves) - 2)
-    sd = math.sqrt(variance * np.linalg.inv(found.jac.T @ found.jac)[0, 0])
-    height = Estimate(float(found.x[0]), sd)
+    share = math.sqrt(variance * np.linalg.inv(found.jac.T @ found.jac)[0, 0]) / per_moment
+    height_m = 1.0 / (mass_kg * per_moment)
+    height = Estimate(height_m, height_m * share)
     readings = (
         Reading(m, math.degrees(seen), math.degrees(fitted))
         for m, seen, fitted in zip(moment.tolist(), roll, heel(found.x), strict=True)
     )
-    z_cm = Estimate(vehicle.ballast.z_cb_m - height.value, sd)
-    list_deg = math.degrees(math.atan(found.x[1] / (mass_kg * found.x[0])))
-    return Inclining(height, z_cm, list_deg, tuple(readings))
+    z_cm = Estimate(vehicle.ballast.z_cb_m - height_m, height.sd)
+    return Inclining(height, z_cm, math.degrees(math.atan(own_list)), tuple(readings))
 
 
 def _heel_rad(log: Log, armed_s: float, move: Move) -> float:
