@@ -27,6 +27,7 @@ from sitl.faults.tail import Drives
 from sitl.faults.timeline import Timeline
 from sitl.scenario import Scenario, Start
 from sitl.sensors import Memory, Sensors, SensorStreams, Suite
+from sitl.sensors.draws import Draws
 from sitl.tailcone import Servo
 from sitl.truth import Truth
 from sitl.vehicle import calibrate
@@ -134,7 +135,7 @@ def random_streams(seed: int) -> Streams:
     slow, wave, *instruments, rudder, elevator, faults, swell, drift = [
         default_rng(child) for child in SeedSequence(seed).spawn(7 + len(SensorStreams._fields))
     ]
-    return Streams(slow, wave, SensorStreams(*instruments), rudder, elevator, faults, swell, drift)
+    return Streams(slow, wave, SensorStreams(*map(Draws, instruments)), rudder, elevator, faults, swell, drift)
 
 
 def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:

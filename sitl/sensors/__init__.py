@@ -10,8 +10,6 @@ from __future__ import annotations
 from math import gcd
 from typing import NamedTuple
 
-from numpy.random import Generator
-
 from link.records import (
     ACCELEROMETER_FRESH,
     GYRO_FRESH,
@@ -27,6 +25,7 @@ from link.records import (
 )
 from sitl.environment import Environment
 from sitl.sensors import altimeter, battery, datasheets, dvl, encoder, gps, inertial, leak, magnetic, pressure
+from sitl.sensors.draws import Draws
 from sitl.sensors.timing import Timing
 from sitl.truth import Truth
 from sitl.vehicle.config import VehicleConfig
@@ -59,15 +58,15 @@ class Devices(NamedTuple):
 class SensorStreams(NamedTuple):
     """One random stream for each instrument."""
 
-    imu: Generator
-    magnetometer: Generator
-    pressure: Generator
-    gps: Generator
-    dvl: Generator
-    altimeter: Generator
-    battery: Generator
-    leak: Generator
-    encoder: Generator
+    imu: Draws
+    magnetometer: Draws
+    pressure: Draws
+    gps: Draws
+    dvl: Draws
+    altimeter: Draws
+    battery: Draws
+    leak: Draws
+    encoder: Draws
 
 
 class DeviceMemory(NamedTuple):

@@ -5,12 +5,11 @@ from __future__ import annotations
 from math import cos, radians
 from typing import NamedTuple
 
-from numpy.random import Generator
-
 from link.records import Altimeter
 from sitl.environment import Environment
 from sitl.sensors import echo
 from sitl.sensors.datasheets import AltimeterSheet
+from sitl.sensors.draws import Draws
 from sitl.sensors.timing import Queue, Timing, arrive, due, timing
 from sitl.truth import Truth
 
@@ -31,21 +30,21 @@ def build(sheet: AltimeterSheet, tick_us: int) -> Sounder:
 
 
 def sample(
-    sounder: Sounder, truth: Truth, sea: Environment, memory: Memory, stream: Generator
+    sounder: Sounder, truth: Truth, sea: Environment, memory: Memory, stream: Draws
 ) -> tuple[Memory, Altimeter | None]:
     """The range that arrives now, if one does."""
     taken = _ping(sounder, truth, sea, stream) if due(sounder.timing, truth.time_us) else None
     return arrive(sounder.timing, memory, taken, truth.time_us, stream)
 
 
-def _ping(sounder: Sounder, truth: Truth, sea: Environment, stream: Generator) -> Altimeter | None:
+def _ping(sounder: Sounder, truth: Truth, sea: Environment, stream: Draws) -> Altimeter | None:
     """None without an echo. An outlier is an echo off something that swims between the vehicle and the floor."""
-    sheet, noise = sounder.sheet, stream.standard_normal()
+    sheet, noise = sounder.sheet, stream.normal()
     if echo.tilt_cos(truth.attitude_q) < sounder.worst_tilt_cos:
         return None
     range_m = echo.first_echo_m(sea, truth.position_ned_m, truth.attitude_q, sounder.half_width_rad)
     range_m += sheet.noise_m * noise
-    if sheet.outlier_chance and stream.random() < sheet.outlier_chance:
+    if stream.happens(sheet.outlier_chance):
         range_m = stream.uniform(sheet.min_range_m, min(range_m, sheet.max_range_m))
     if not sheet.min_range_m <= range_m <= sheet.max_range_m:
         return None

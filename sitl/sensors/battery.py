@@ -6,10 +6,10 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.random import Generator
 
 from link.records import Battery
 from sitl.sensors.datasheets import BatterySheet
+from sitl.sensors.draws import Draws
 from sitl.sensors.timing import Queue, Timing, arrive, due, timing
 from sitl.truth import Truth
 from sitl.vehicle.config import VehicleConfig
@@ -43,13 +43,13 @@ def build(sheet: BatterySheet, vehicle: VehicleConfig, full_rps: float, tick_us:
     return Pack(when, sheet, power.hotel_w, drive_w / (at.thrust_fraction * full_rps) ** 3)
 
 
-def switch_on(pack: Pack, charge: float, stream: Generator) -> Memory:
+def switch_on(pack: Pack, charge: float, stream: Draws) -> Memory:
     """A pack filled to the fraction ``charge``, with this run's gauge."""
     used_ah = (1.0 - charge) * pack.sheet.capacity_ah
-    return Memory(charge, used_ah, 1.0 + pack.sheet.gauge_error * float(stream.standard_normal()))
+    return Memory(charge, used_ah, 1.0 + pack.sheet.gauge_error * stream.normal())
 
 
-def sample(pack: Pack, truth: Truth, memory: Memory, stream: Generator) -> tuple[Memory, Battery | None]:
+def sample(pack: Pack, truth: Truth, memory: Memory, stream: Draws) -> tuple[Memory, Battery | None]:
     """The gauge's report that arrives now, if one does. The pack is emptied from report to report."""
     taken = None
     if due(pack.timing, truth.time_us):
@@ -78,8 +78,8 @@ def _drawn(pack: Pack, memory: Memory, current_a: float) -> Memory:
     return memory._replace(charge=max(0.0, 1.0 - used_ah / pack.sheet.capacity_ah), used_ah=used_ah)
 
 
-def _gauge(pack: Pack, memory: Memory, voltage_v: float, current_a: float, stream: Generator) -> Battery:
-    n_voltage, n_current = stream.standard_normal(2).tolist()
+def _gauge(pack: Pack, memory: Memory, voltage_v: float, current_a: float, stream: Draws) -> Battery:
+    n_voltage, n_current = stream.normals(2)
     counted_ah = memory.gauge_scale * memory.used_ah
     return Battery(
         voltage_v + pack.sheet.voltage_noise_v * n_voltage,

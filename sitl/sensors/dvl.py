@@ -12,13 +12,12 @@ from collections.abc import Sequence
 from math import cos, radians, sin, sqrt
 from typing import NamedTuple
 
-from numpy.random import Generator
-
 from link.frames import Vector, rotate_back
 from link.records import Dvl
 from sitl.environment import Environment
 from sitl.sensors import echo
 from sitl.sensors.datasheets import DvlSheet
+from sitl.sensors.draws import Draws
 from sitl.sensors.timing import Queue, Timing, arrive, due, timing
 from sitl.truth import Truth
 
@@ -62,20 +61,20 @@ def build(sheet: DvlSheet, tick_us: int) -> Log:
     )
 
 
-def switch_on(log: Log, stream: Generator) -> Memory:
+def switch_on(log: Log, stream: Draws) -> Memory:
     """The errors that this run's instrument has."""
-    scale, turn = stream.standard_normal(2).tolist()
+    scale, turn = stream.normals(2)
     return Memory(1.0 + log.sheet.scale_error * scale, radians(log.sheet.misalignment_deg) * turn)
 
 
-def sample(log: Log, truth: Truth, sea: Environment, memory: Memory, stream: Generator) -> tuple[Memory, Dvl | None]:
+def sample(log: Log, truth: Truth, sea: Environment, memory: Memory, stream: Draws) -> tuple[Memory, Dvl | None]:
     """The velocity that arrives now, if one does."""
     taken = _ping(log, truth, sea, memory, stream) if due(log.timing, truth.time_us) else None
     queue, velocity = arrive(log.timing, memory.queue, taken, truth.time_us, stream)
     return (memory if queue is memory.queue else memory._replace(queue=queue)), velocity
 
 
-def _ping(log: Log, truth: Truth, sea: Environment, memory: Memory, stream: Generator) -> Dvl | None:
+def _ping(log: Log, truth: Truth, sea: Environment, memory: Memory, stream: Draws) -> Dvl | None:
     """Bottom track where there is bottom, else water track where there is water, else None."""
     sheet = log.sheet
     altitudes_m = [log.cosine * echo.range_m(sea, truth.position_ned_m, truth.attitude_q, beam) for beam in log.beams]
@@ -92,7 +91,7 @@ def _ping(log: Log, truth: Truth, sea: Environment, memory: Memory, stream: Gene
 
 def _solve(
     log: Log, truth: Truth, velocity_ned_mps: Vector, echoes: Sequence[bool], over_ground: bool, noise_mps: float,
-    memory: Memory, stream: Generator,
+    memory: Memory, stream: Draws,
 ) -> Dvl:  # fmt: skip
     """Velocity in body axes from what the beams measure; one that has no echo is made up from the three others."""
     along = _along_beams(log, _instrument_axes(truth, velocity_ned_mps, memory), noise_mps, stream)
@@ -122,12 +121,12 @@ def _instrument_axes(truth: Truth, velocity_ned_mps: Vector, memory: Memory) -> 
     return c * x + s * y, c * y - s * x, memory.scale * z
 
 
-def _along_beams(log: Log, velocity: Vector, noise_mps: float, stream: Generator) -> list[float]:
+def _along_beams(log: Log, velocity: Vector, noise_mps: float, stream: Draws) -> list[float]:
     """Speed along each beam. ``noise_mps`` is that of the horizontal components; an outlier is a beam gone astray."""
     sheet, beam_noise = log.sheet, noise_mps * sqrt(2.0) * log.sine
     x, y, z = velocity
-    draws = stream.standard_normal(_BEAMS).tolist()
+    draws = stream.normals(_BEAMS)
     along = [x * bx + y * by + z * bz + beam_noise * n for (bx, by, bz), n in zip(log.beams, draws, strict=True)]
-    if sheet.outlier_chance and stream.random() < sheet.outlier_chance:
-        along[int(stream.integers(_BEAMS))] += float(stream.uniform(-sheet.outlier_mps, sheet.outlier_mps))
+    if stream.happens(sheet.outlier_chance):
+        along[stream.pick(_BEAMS)] += stream.uniform(-sheet.outlier_mps, sheet.outlier_mps)
     return along

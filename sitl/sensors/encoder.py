@@ -5,10 +5,9 @@ from __future__ import annotations
 from math import radians
 from typing import NamedTuple
 
-from numpy.random import Generator
-
 from link.records import DuctFeedback
 from sitl.sensors.datasheets import EncoderSheet
+from sitl.sensors.draws import Draws
 from sitl.sensors.timing import Queue, Timing, arrive, due, timing
 from sitl.truth import Truth
 
@@ -34,17 +33,17 @@ def build(sheet: EncoderSheet, travel_deg: float, tick_us: int) -> Encoders:
     return Encoders(when, resolution, noise, offset, radians(travel_deg))
 
 
-def switch_on(encoders: Encoders, stream: Generator) -> Memory:
+def switch_on(encoders: Encoders, stream: Draws) -> Memory:
     """The zero errors of this run."""
-    rudder, elevator = (encoders.offset_rad * n for n in stream.standard_normal(2).tolist())
+    rudder, elevator = (encoders.offset_rad * n for n in stream.normals(2))
     return Memory(rudder, elevator)
 
 
-def sample(encoders: Encoders, truth: Truth, memory: Memory, stream: Generator) -> tuple[Memory, DuctFeedback | None]:
+def sample(encoders: Encoders, truth: Truth, memory: Memory, stream: Draws) -> tuple[Memory, DuctFeedback | None]:
     """The angles that arrive now, if they do."""
     taken = None
     if due(encoders.timing, truth.time_us):
-        n_rudder, n_elevator = stream.standard_normal(2).tolist()
+        n_rudder, n_elevator = stream.normals(2)
         rudder = _read(encoders, truth.rudder_rad + memory.rudder_offset_rad + encoders.noise_rad * n_rudder)
         elevator = _read(encoders, truth.elevator_rad + memory.elevator_offset_rad + encoders.noise_rad * n_elevator)
         taken = DuctFeedback(truth.time_us, rudder, elevator)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numpy.random import Generator
-
 from link.frames import offset_to_geodetic
 from link.records import GpsFix
 from sitl.environment import Environment
 from sitl.sensors.datasheets import GpsSheet
+from sitl.sensors.draws import Draws
 from sitl.sensors.timing import Queue, Timing, arrive, due, timing
 from sitl.truth import Truth
 
@@ -43,7 +42,7 @@ def build(sheet: GpsSheet, tick_us: int) -> Receiver:
 
 
 def sample(
-    receiver: Receiver, truth: Truth, sea: Environment, memory: Memory, stream: Generator
+    receiver: Receiver, truth: Truth, sea: Environment, memory: Memory, stream: Draws
 ) -> tuple[Memory, GpsFix | None]:
     """The report that arrives now, if one does."""
     taken = None
@@ -72,8 +71,8 @@ def _looked(receiver: Receiver, truth: Truth, memory: Memory) -> Memory:
     return Memory(fix_from_us, truth.time_us, memory.queue)
 
 
-def _fix(sheet: GpsSheet, truth: Truth, sea: Environment, stream: Generator) -> GpsFix:
-    north, east, up, v_north, v_east, v_down = stream.standard_normal(6).tolist()
+def _fix(sheet: GpsSheet, truth: Truth, sea: Environment, stream: Draws) -> GpsFix:
+    north, east, up, v_north, v_east, v_down = stream.normals(6)
     latitude, longitude = offset_to_geodetic(
         truth.position_ned_m[0] + sheet.horizontal_noise_m * north,
         truth.position_ned_m[1] + sheet.horizontal_noise_m * east,

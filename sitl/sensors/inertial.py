@@ -10,10 +10,9 @@ from __future__ import annotations
 from math import exp, radians, sqrt
 from typing import NamedTuple
 
-from numpy.random import Generator
-
 from link.frames import STANDARD_GRAVITY_MPS2, Vector
 from sitl.sensors.datasheets import ImuSheet
+from sitl.sensors.draws import Draws
 from sitl.sensors.timing import Queue, Timing, arrive, due, timing
 from sitl.sensors.triad import NOTHING, PERFECT, Matrix, biases, imperfect_axes, measured, white
 from sitl.truth import Truth
@@ -80,7 +79,7 @@ def build(sheet: ImuSheet, tick_us: int) -> Imu:
     )
 
 
-def switch_on(imu: Imu, stream: Generator) -> Memory:
+def switch_on(imu: Imu, stream: Draws) -> Memory:
     """The errors that this run's instrument has."""
     sheet = imu.sheet
     gyro = biases(radians(sheet.gyro_turn_on_degph) * _PER_HOUR, stream)
@@ -97,7 +96,7 @@ def switch_on(imu: Imu, stream: Generator) -> Memory:
     return Memory(errors)
 
 
-def sample(imu: Imu, truth: Truth, memory: Memory, stream: Generator) -> tuple[Memory, bool]:
+def sample(imu: Imu, truth: Truth, memory: Memory, stream: Draws) -> tuple[Memory, bool]:
     """``memory.held`` is what the instrument reads; True when it is new."""
     errors, held, queue = memory
     time_us = truth.time_us
@@ -108,8 +107,8 @@ def sample(imu: Imu, truth: Truth, memory: Memory, stream: Generator) -> tuple[M
     return Memory(errors, reading or held, queue), reading is not None
 
 
-def _read(imu: Imu, truth: Truth, errors: Errors, stream: Generator) -> Motion:
-    a, b, c, d, e, f = stream.standard_normal(6).tolist()
+def _read(imu: Imu, truth: Truth, errors: Errors, stream: Draws) -> Motion:
+    a, b, c, d, e, f = stream.normals(6)
     force = measured(
         truth.specific_force_mps2, errors.accelerometer_axes, errors.accelerometer_bias_mps2,
         imu.accelerometer_noise_mps2, a, b, c,
@@ -118,8 +117,8 @@ def _read(imu: Imu, truth: Truth, errors: Errors, stream: Generator) -> Motion:
     return Motion(force, rates)
 
 
-def _wandered(imu: Imu, errors: Errors, stream: Generator) -> Errors:
-    n = stream.standard_normal(6).tolist()
+def _wandered(imu: Imu, errors: Errors, stream: Draws) -> Errors:
+    n = stream.normals(6)
     gyro, force = imu.renew * imu.gyro_wander_radps, imu.renew * imu.accelerometer_wander_mps2
     return errors._replace(
         gyro_bias_radps=_step(errors.gyro_bias_radps, errors.gyro_turn_on_radps, imu.keep, gyro, n[:3]),

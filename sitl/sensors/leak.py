@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from numpy.random import Generator
-
 from link.records import Leak
 from sitl.sensors.datasheets import Sheet
+from sitl.sensors.draws import Draws
 from sitl.sensors.timing import Queue, Timing, arrive, due, timing
 from sitl.truth import Truth
 
@@ -16,7 +15,7 @@ def build(sheet: Sheet, tick_us: int) -> Timing:
     return timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
 
 
-def sample(detector: Timing, truth: Truth, memory: Memory, stream: Generator) -> tuple[Memory, Leak | None]:
+def sample(detector: Timing, truth: Truth, memory: Memory, stream: Draws) -> tuple[Memory, Leak | None]:
     """What arrives now, if anything does."""
     taken = Leak(truth.flooding) if due(detector, truth.time_us) else None
     return arrive(detector, memory, taken, truth.time_us, stream)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numpy.random import Generator
-
 from link.frames import Vector, rotate_back
 from sitl.environment import Environment
 from sitl.sensors.datasheets import MagnetometerSheet
+from sitl.sensors.draws import Draws
 from sitl.sensors.timing import Queue, Timing, arrive, due, timing
 from sitl.sensors.triad import NOTHING, PERFECT, Matrix, biases, measured, soft_iron, white
 from sitl.truth import Truth
@@ -36,21 +35,21 @@ def build(sheet: MagnetometerSheet, tick_us: int) -> Magnetometer:
     return Magnetometer(when, noise, 1e-3 * sheet.hard_iron_mgauss, sheet.soft_iron)
 
 
-def switch_on(magnetometer: Magnetometer, stream: Generator) -> Memory:
+def switch_on(magnetometer: Magnetometer, stream: Draws) -> Memory:
     """The iron of this run."""
     bias = biases(magnetometer.hard_iron_gauss, stream)
     return Memory(soft_iron(magnetometer.soft_iron, stream), bias)
 
 
 def sample(
-    magnetometer: Magnetometer, truth: Truth, sea: Environment, memory: Memory, stream: Generator
+    magnetometer: Magnetometer, truth: Truth, sea: Environment, memory: Memory, stream: Draws
 ) -> tuple[Memory, bool]:
     """``memory.held`` is what the instrument reads; True when it is new."""
     distortion, bias, held, queue = memory
     taken, time_us = None, truth.time_us
     if due(magnetometer.timing, time_us):
         field = rotate_back(truth.attitude_q, sea.magnetic_field_ned_gauss)
-        n_x, n_y, n_z = stream.standard_normal(3).tolist()
+        n_x, n_y, n_z = stream.normals(3)
         taken = measured(field, distortion, bias, magnetometer.noise_gauss, n_x, n_y, n_z)
     queue, reading = arrive(magnetometer.timing, queue, taken, time_us, stream)
     return Memory(distortion, bias, reading or held, queue), reading is not None

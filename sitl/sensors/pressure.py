@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numpy.random import Generator
-
 from sitl.environment import PASCAL_PER_HPA, Environment, pressure_hpa
 from sitl.sensors.datasheets import PressureSheet
+from sitl.sensors.draws import Draws
 from sitl.sensors.timing import Queue, Timing, arrive, due, timing
 from sitl.truth import Truth
 
@@ -42,13 +41,13 @@ def build(sheet: PressureSheet, tick_us: int) -> PressureSensor:
     return PressureSensor(when, sheet.noise_hpa, sheet.offset_hpa, sheet.resolution_hpa, sheet.temperature_noise_degc)
 
 
-def switch_on(sensor: PressureSensor, stream: Generator) -> Memory:
+def switch_on(sensor: PressureSensor, stream: Draws) -> Memory:
     """The zero error of this run."""
-    return Memory(sensor.offset_hpa * float(stream.standard_normal()))
+    return Memory(sensor.offset_hpa * stream.normal())
 
 
 def sample(
-    sensor: PressureSensor, truth: Truth, sea: Environment, memory: Memory, stream: Generator
+    sensor: PressureSensor, truth: Truth, sea: Environment, memory: Memory, stream: Draws
 ) -> tuple[Memory, bool]:
     """``memory.held`` is what the instrument reads; True when it is new."""
     offset, held, queue = memory
@@ -57,8 +56,8 @@ def sample(
     return Memory(offset, reading or held, queue), reading is not None
 
 
-def _read(sensor: PressureSensor, truth: Truth, sea: Environment, offset_hpa: float, stream: Generator) -> Water:
-    n_pressure, n_temperature = stream.standard_normal(2).tolist()
+def _read(sensor: PressureSensor, truth: Truth, sea: Environment, offset_hpa: float, stream: Draws) -> Water:
+    n_pressure, n_temperature = stream.normals(2)
     true_hpa = pressure_hpa(sea, truth.position_ned_m[2], truth.wave_pressure_pa)
     pressure = true_hpa + offset_hpa + sensor.noise_hpa * n_pressure
     if sensor.resolution_hpa:

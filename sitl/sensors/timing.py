@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, TypeVar
 
-from numpy.random import Generator
+from sitl.sensors.draws import Draws
 
 Reading = TypeVar("Reading")
 Queue = tuple[tuple[int, Reading], ...]
@@ -31,10 +31,10 @@ def due(when: Timing, time_us: int) -> bool:
 
 
 def arrive(
-    when: Timing, queue: Queue[Reading], taken: Reading | None, time_us: int, stream: Generator
+    when: Timing, queue: Queue[Reading], taken: Reading | None, time_us: int, stream: Draws
 ) -> tuple[Queue[Reading], Reading | None]:
     """Send off what was ``taken`` at ``time_us``; the readings still on their way, and the one that arrives now."""
-    if taken is not None and when.dropout and stream.random() < when.dropout:
+    if taken is not None and stream.happens(when.dropout):
         taken = None
     if not when.latency_us:
         return queue, taken

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import sqrt
 
-from numpy.random import Generator
-
 from link.frames import Vector
+from sitl.sensors.draws import Draws
 
 Matrix = tuple[Vector, Vector, Vector]
 """Row by row."""
@@ -20,22 +18,25 @@ def white(density: float, rate_hz: float) -> float:
     return density * sqrt(0.5 * rate_hz)
 
 
-def biases(rms: float, stream: Generator) -> Vector:
+def biases(rms: float, stream: Draws) -> Vector:
     """One draw for each axis."""
-    x, y, z = stream.standard_normal(3).tolist()
+    x, y, z = stream.normals(3)
     return rms * x, rms * y, rms * z
 
 
-def imperfect_axes(scale_rms: float, skew_rms: float, stream: Generator) -> Matrix:
+def imperfect_axes(scale_rms: float, skew_rms: float, stream: Draws) -> Matrix:
     """The identity but for the scale of each axis and the angles (rad) by which it leans on the two others."""
-    n = stream.standard_normal((3, 3))
-    rows = [[(1.0 + scale_rms * n[i, j]) if i == j else skew_rms * n[i, j] for j in range(3)] for i in range(3)]
-    return _vector(rows[0]), _vector(rows[1]), _vector(rows[2])
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = stream.normals(9)
+    return (
+        (1.0 + scale_rms * xx, skew_rms * xy, skew_rms * xz),
+        (skew_rms * yx, 1.0 + scale_rms * yy, skew_rms * yz),
+        (skew_rms * zx, skew_rms * zy, 1.0 + scale_rms * zz),
+    )
 
 
-def soft_iron(rms: float, stream: Generator) -> Matrix:
+def soft_iron(rms: float, stream: Draws) -> Matrix:
     """The identity plus a symmetric distortion: iron that the field itself magnetises."""
-    xx, yy, zz, xy, xz, yz = (rms * stream.standard_normal(6)).tolist()
+    xx, yy, zz, xy, xz, yz = (rms * n for n in stream.normals(6))
     return (1.0 + xx, xy, xz), (xy, 1.0 + yy, yz), (xz, yz, 1.0 + zz)
 
 
@@ -49,8 +50,3 @@ def measured(true: Vector, axes: Matrix, bias: Vector, noise: float, n_x: float,
         yx * x + yy * y + yz * z + b_y + noise * n_y,
         zx * x + zy * y + zz * z + b_z + noise * n_z,
     )
-
-
-def _vector(row: Sequence[float]) -> Vector:
-    x, y, z = row
-    return float(x), float(y), float(z)

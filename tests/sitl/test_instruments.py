@@ -14,6 +14,7 @@ from sitl import environment, plant, scenario
 from sitl.environment import Environment
 from sitl.scenario import Scenario
 from sitl.sensors import altimeter, battery, datasheets, dvl, encoder, gps, inertial, leak, timing
+from sitl.sensors.draws import Draws
 from sitl.sensors.timing import Timing
 from sitl.truth import Truth
 from sitl.vehicle import config
@@ -22,6 +23,10 @@ from tests.sitl.test_sensors import AT_REST, FIELD, SEA
 
 TICK_US = plant.TICK_US
 SHELF = datasheets.catalogue()
+
+
+def chance(seed: int) -> Draws:
+    return Draws(default_rng(seed))
 
 
 def deep(floor_depth_m: float) -> Environment:
@@ -44,7 +49,7 @@ def allan_deviation(series: Any, cluster: int) -> float:
 
 def test_the_gyros_allan_deviation_falls_by_its_density_and_peaks_at_its_stability() -> None:
     """In the noise the Allan deviation is N / sqrt(2 tau) of a one-sided density; the wander alone peaks at 1.89 T."""
-    sheet, stream = SHELF.imu["mti-300"], default_rng(11)
+    sheet, stream = SHELF.imu["mti-300"], chance(11)
     imu = inertial.build(sheet, TICK_US)
     memory, rates, wander = inertial.switch_on(imu, stream), [], []
     for truth in ticks(AT_REST, 50 * 600):
@@ -65,7 +70,7 @@ def test_the_gyros_allan_deviation_falls_by_its_density_and_peaks_at_its_stabili
 
 @pytest.mark.parametrize("latency_ticks", [0, 1, 7])
 def test_a_reading_arrives_exactly_so_many_ticks_after_it_was_taken(latency_ticks: int) -> None:
-    when, queue, stream = timing.timing(10.0, latency_ticks * 0.02, 0.0, TICK_US), (), default_rng(1)
+    when, queue, stream = timing.timing(10.0, latency_ticks * 0.02, 0.0, TICK_US), (), chance(1)
     arrivals = []
     for tick in range(40):
         time_us = tick * TICK_US
@@ -79,7 +84,7 @@ def test_a_reading_arrives_exactly_so_many_ticks_after_it_was_taken(latency_tick
 
 @pytest.mark.parametrize("dropout", [0.01, 0.3])
 def test_readings_are_lost_as_often_as_the_sheet_says(dropout: float) -> None:
-    when, queue, stream, count = timing.timing(50.0, 0.04, dropout, TICK_US), (), default_rng(2), 20_000
+    when, queue, stream, count = timing.timing(50.0, 0.04, dropout, TICK_US), (), chance(2), 20_000
     heard = 0
     for tick in range(count):
         queue, reading = timing.arrive(when, queue, tick + 1, tick * TICK_US, stream)
@@ -91,7 +96,7 @@ def test_readings_are_lost_as_often_as_the_sheet_says(dropout: float) -> None:
 def test_a_late_or_lost_sample_of_the_imu_is_not_called_new_and_the_last_is_held() -> None:
     sheet = SHELF.imu["mti-300"]
     imu = inertial.build(sheet, TICK_US)._replace(timing=Timing(TICK_US, 2 * TICK_US, 0.5))
-    stream, memory = default_rng(4), inertial.Memory()
+    stream, memory = chance(4), inertial.Memory()
     before, seen = memory.held, []
     for truth in ticks(AT_REST, 400):
         memory, fresh = inertial.sample(imu, truth, memory, stream)
@@ -107,7 +112,7 @@ class Receiver:
 
     def __init__(self, name: str = "neo-m8") -> None:
         self.device = gps.build(SHELF.gps[name], TICK_US)
-        self.memory, self.stream, self.time_us = gps.Memory(), default_rng(3), 0
+        self.memory, self.stream, self.time_us = gps.Memory(), chance(3), 0
 
     def fixes(self, seconds: float, depth_m: float) -> list[int]:
         """The fix types heard in so many seconds at a depth."""
@@ -138,7 +143,7 @@ def test_after_surfacing_the_fix_takes_a_hot_or_a_warm_start(dive_s: float, to_f
 
 
 def test_fixes_scatter_as_the_receiver_says_they_do() -> None:
-    receiver, stream, fixes = Receiver(), default_rng(8), []
+    receiver, stream, fixes = Receiver(), chance(8), []
     for _ in range(3000):
         _, fix = gps.sample(receiver.device, moving((0.3, -0.4, 0.0), 0.2), SEA, gps.Memory(), stream)
         assert fix is not None
@@ -153,7 +158,7 @@ def pings(truth: Truth, sea: Environment, count: int = 1, name: str = "a50", **c
     """What a log hears in so many pings, without delay or loss."""
     log = dvl.build(SHELF.dvl[name], TICK_US)
     log = log._replace(timing=Timing(TICK_US, 0, 0.0), water_period_us=TICK_US, **changes)
-    memory, stream, heard = dvl.Memory(), default_rng(5), []
+    memory, stream, heard = dvl.Memory(), chance(5), []
     for _ in range(count):
         memory, velocity = dvl.sample(log, truth, sea, memory, stream)
         heard.append(velocity)
@@ -222,7 +227,7 @@ def range_of(depth_m: float, pitch_deg: float, name: str = "echo-30m") -> float 
     sounder = altimeter.build(SHELF.altimeter[name], TICK_US)._replace(timing=Timing(TICK_US, 0, 0.0))
     attitude = quaternion_from_euler(0.0, math.radians(pitch_deg), 0.0)
     truth = moving((0.0, 0.0, 0.0), depth_m, attitude_q=attitude)
-    _, echo = altimeter.sample(sounder, truth, SEA, (), default_rng(1))
+    _, echo = altimeter.sample(sounder, truth, SEA, (), chance(1))
     return None if echo is None else echo.range_m
 
 
@@ -244,7 +249,7 @@ def test_the_altimeter_sees_the_floor_within_range_and_tilt(
 
 def test_the_altimeters_outliers_are_shorter_than_the_way_to_the_floor() -> None:
     sounder = altimeter.build(SHELF.altimeter["va500"], TICK_US)._replace(timing=Timing(TICK_US, 0, 0.0))
-    stream, ranges = default_rng(6), []
+    stream, ranges = chance(6), []
     for _ in range(20_000):
         _, echo = altimeter.sample(sounder, AT_REST, SEA, (), stream)
         assert echo is not None
@@ -269,7 +274,7 @@ def test_power_at_the_operating_point_is_thrust_times_speed_over_efficiency_and_
 
 
 def test_a_pack_is_empty_after_its_capacity_was_drawn_and_its_voltage_falls_on_the_way() -> None:
-    stream, memory, reports = default_rng(7), battery.switch_on(PACK, 1.0, default_rng(7)), []
+    stream, memory, reports = chance(7), battery.switch_on(PACK, 1.0, chance(7)), []
     truth = AT_REST._replace(propeller_rps=3.77)
     for second in range(60_000):
         memory, report = battery.sample(PACK, truth._replace(time_us=second * 1_000_000), memory, stream)
@@ -291,7 +296,7 @@ def test_a_scenario_can_begin_on_a_half_empty_battery() -> None:
 
 
 def test_the_leak_detector_says_what_is_in_the_bilge_once_a_second() -> None:
-    detector, stream, memory, heard = leak.build(SHELF.leak["probe"], TICK_US), default_rng(1), (), []
+    detector, stream, memory, heard = leak.build(SHELF.leak["probe"], TICK_US), chance(1), (), []
     for truth in ticks(AT_REST, 150):
         memory, said = leak.sample(detector, truth._replace(flooding=truth.time_us > 1_500_000), memory, stream)
         heard += [said.wet] if said else []
@@ -300,7 +305,7 @@ def test_the_leak_detector_says_what_is_in_the_bilge_once_a_second() -> None:
 
 def test_encoders_read_the_true_angle_in_steps_as_a_fraction_of_the_travel() -> None:
     encoders = encoder.build(SHELF.encoder["as5048"], 15.0, TICK_US)._replace(timing=Timing(TICK_US, 0, 0.0))
-    truth, stream = AT_REST._replace(rudder_rad=math.radians(7.5), elevator_rad=math.radians(-3.0)), default_rng(1)
+    truth, stream = AT_REST._replace(rudder_rad=math.radians(7.5), elevator_rad=math.radians(-3.0)), chance(1)
     heard = []
     for _ in range(4000):
         _, duct = encoder.sample(encoders, truth, encoder.Memory(), stream)
@@ -323,12 +328,12 @@ def _altimeter_draws(stream: Any) -> None:
 
 @pytest.mark.parametrize("draw", [_gps_draws, _altimeter_draws])
 def test_a_tick_in_which_an_instrument_is_not_due_draws_nothing(draw: Callable[[Any], None]) -> None:
-    idle, busy = default_rng(9), default_rng(9)
+    idle, busy = chance(9), chance(9)
     sounder = altimeter.build(SHELF.altimeter["va500"], TICK_US)
     altimeter.sample(sounder, AT_REST._replace(time_us=TICK_US), SEA, (), idle)
     draw(busy)
-    assert idle.standard_normal() == default_rng(9).standard_normal()
-    assert busy.standard_normal() != default_rng(9).standard_normal()
+    assert idle.normal() == chance(9).normal()
+    assert busy.normal() != chance(9).normal()
 
 
 def test_every_sheet_can_be_carried() -> None:
