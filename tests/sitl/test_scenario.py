@@ -57,7 +57,7 @@ def test_a_mistake_is_named_by_file_key_and_value(tmp_path: Path, text: str, com
 
 
 def test_an_unknown_name_is_answered_with_those_that_exist() -> None:
-    with pytest.raises(ScenarioError, match=r"stormy: No such file.*calm, disturbed or a TOML file"):
+    with pytest.raises(ScenarioError, match=r"stormy: No such file.*calm, disturbed,.*or a TOML file"):
         scenario.load("stormy")
 
 
