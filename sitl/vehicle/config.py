@@ -30,12 +30,33 @@ from sitl.vehicle.schema import (
 )
 
 __all__ = [
-    "SHIPPED", "Ballast", "Coefficients", "Cylinder", "Damping", "DuctGeometry", "FinGeometry", "HullGeometry",
-    "Instruments", "Myring", "OperatingPoint", "Power", "Profile", "PropellerCurve", "Series58", "Tailcone",
-    "VehicleConfig", "VehicleError", "Water", "describe", "load", "parse",
+    "SHIPPED",
+    "Ballast",
+    "Coefficients",
+    "Completed",
+    "Cylinder",
+    "Damping",
+    "DuctGeometry",
+    "FinGeometry",
+    "HullGeometry",
+    "Instruments",
+    "Myring",
+    "OperatingPoint",
+    "Power",
+    "Profile",
+    "PropellerCurve",
+    "Series58",
+    "Tailcone",
+    "VehicleConfig",
+    "VehicleError",
+    "Water",
+    "describe",
+    "finish",
+    "load",
+    "parse",
 ]  # fmt: skip
 
-SHIPPED = ("bench", "field")
+SHIPPED = ("bench", "field", "remus100", "xfin")
 """Vehicles that need no path."""
 
 
@@ -78,7 +99,11 @@ def _read(name_or_path: str | Path) -> tuple[str, str, Path]:
 
 
 def _complete(text: str, source: str, folder: Path | None) -> Completed:
-    tables = strict_toml.read(text, source, VehicleError)
+    return finish(strict_toml.read(text, source, VehicleError), source, folder)
+
+
+def finish(tables: dict[str, Any], source: str, folder: Path | None = None) -> Completed:
+    """``tables`` of a vehicle file, checked and completed. Raises ``VehicleError``."""
     if isinstance(shape := tables.get("hull"), dict):
         tables["hull"] = _with_points({"shape": "series58", **shape}, source, folder)
     described: Any = strict_toml.convert(tables, Description, source, VehicleError)

@@ -1,0 +1,88 @@
+"""``python -m sitl.vehicle``: describe a vehicle from her geometry, and check one that is described."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, NoReturn, get_args
+
+import typer
+
+from sitl.vehicle import check as checks
+from sitl.vehicle import config, starter
+from sitl.vehicle.config import VehicleError
+from sitl.vehicle.write import write
+
+BAD_INPUT = 2
+app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False, no_args_is_help=True)
+
+
+@app.command()
+def check(
+    vehicle: Annotated[str, typer.Argument(metavar="NAME|FILE")],
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")] = False,
+) -> None:
+    """Refuse an impossible vehicle; print how a possible one lies, flies and swings."""
+    found = checks.check(vehicle)
+    print(json.dumps(_as_json(found), indent=1) if as_json else checks.in_words(found))
+
+
+@app.command()
+def new(
+    out: Annotated[Path, typer.Option(metavar="FILE.toml", help="Where to write; never overwrites.")],
+    geometry: Annotated[str | None, typer.Argument(metavar="GEOMETRY.toml", help="What is known of her.")] = None,
+    hull: Annotated[str | None, typer.Option(metavar="|".join(get_args(starter.Kind)))] = None,
+    tail: Annotated[str, typer.Option(metavar="|".join(get_args(starter.Steering)))] = "cruciform",
+    length_m: Annotated[float | None, typer.Option()] = None,
+    diameter_m: Annotated[float | None, typer.Option()] = None,
+) -> None:
+    """Write a whole vehicle file from geometry, every coefficient with its formula and source."""
+    if (geometry is None) == (hull is None):
+        raise VehicleError("give either GEOMETRY.toml, or --hull with --length-m and --diameter-m")
+    described = config.describe(geometry) if geometry else _start(out.stem, hull or "", tail, length_m, diameter_m)
+    text = write(described)
+    config.parse(text, str(out))
+    try:
+        with out.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        reason = "exists; give a new name" if isinstance(error, FileExistsError) else error.strerror
+        raise VehicleError(f"{out}: {reason}") from None
+    print(f"{out}: {len(described.steps)} numbers derived; sitl.vehicle check {out} tells how she flies")
+
+
+def _start(name: str, hull: str, tail: str, length_m: float | None, diameter_m: float | None) -> config.Completed:
+    for option, value, known in (("--hull", hull, starter.Kind), ("--tail", tail, starter.Steering)):
+        if value not in get_args(known):
+            raise VehicleError(f"{option} {value}: expected {', '.join(get_args(known))}")
+    if length_m is None or diameter_m is None or not 0.0 < diameter_m < length_m:
+        raise VehicleError(f"--length-m {length_m} --diameter-m {diameter_m}: expected both, longer than wide")
+    tables = starter.starter(name, hull, tail, length_m, diameter_m)  # type: ignore[arg-type]
+    return config.finish(tables, name)
+
+
+def _as_json(value: object) -> object:
+    """NamedTuples as objects; what is infinite as null."""
+    if hasattr(value, "_asdict"):
+        return {key: _as_json(entry) for key, entry in value._asdict().items()}
+    if isinstance(value, list | tuple):
+        return [_as_json(entry) for entry in value]
+    return None if isinstance(value, float) and abs(value) == float("inf") else value
+
+
+def _leave(problem: object) -> NoReturn:
+    print(f"vehicle: {problem}", file=sys.stderr)
+    raise SystemExit(BAD_INPUT)
+
+
+def main() -> None:
+    """The command line."""
+    try:
+        app()
+    except VehicleError as error:
+        _leave(error)
+
+
+if __name__ == "__main__":
+    main()
