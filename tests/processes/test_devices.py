@@ -83,9 +83,12 @@ def test_the_log_holds_where_the_duct_really_stood(dive: dict[str, list[Any]]) -
 
 
 def test_altimeter_and_depth_add_up_to_the_floor(dive: dict[str, list[Any]]) -> None:
+    """Pitched, the echo of the beam that is 3 deg to either side comes slantwise."""
     depths_m = {m.time_boot_ms: m.z for m in dive["/mavlink/1/1/LOCAL_POSITION_NED"]}
-    told = [m for m in dive["/mavlink/1/1/DISTANCE_SENSOR"] if m.signal_quality == 100 and m.time_boot_ms in depths_m]
+    slants_rad = {m.time_boot_ms: max(0.0, abs(m.pitch) - np.radians(3.0)) for m in dive["/mavlink/1/1/ATTITUDE"]}
+    told = [m for m in dive["/mavlink/1/1/DISTANCE_SENSOR"] if m.signal_quality == 100]
+    told = [m for m in told if m.time_boot_ms in depths_m and m.time_boot_ms in slants_rad]
     assert {(m.min_distance, m.max_distance) for m in told} == {(30, 3000)}
-    floors_m = np.array([1e-2 * m.current_distance + depths_m[m.time_boot_ms] for m in told])
-    assert floors_m.size > 100
-    assert np.median(floors_m) == pytest.approx(20.0, abs=0.15)
+    floors_m = [1e-2 * m.current_distance * np.cos(slants_rad[m.time_boot_ms]) + depths_m[m.time_boot_ms] for m in told]
+    assert len(floors_m) > 100
+    assert np.median(floors_m) == pytest.approx(20.0, abs=0.05)
