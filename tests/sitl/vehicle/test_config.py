@@ -100,3 +100,11 @@ def test_a_mass_matrix_that_is_not_positive_definite_is_refused():
 def test_thrust_below_the_duct_drag_is_refused():
     with pytest.raises(config.VehicleError, match=r"thrust_n = 0\.1: expected more than the duct's own drag"):
         calibrate.build(config.parse(altered("thrust_n", "0.1"), "mine.toml"))
+
+
+def test_steps_are_lost_only_by_a_tailcone_that_steps():
+    text = altered("lost_step_chance", "0.01")
+    with pytest.raises(config.VehicleError, match=r"tailcone\.lost_step_chance = 0\.01: expected tailcone\.step_deg"):
+        config.parse(text, "mine.toml")
+    stepping = text.replace("step_deg = 0.0 ", "step_deg = 0.05 ")
+    assert config.parse(stepping, "mine.toml").tailcone.lost_step_chance == 0.01
