@@ -98,8 +98,12 @@ def fixed(health: Health, time_us: int) -> bool:
 
 
 def _excluded(health: Health) -> frozenset[str]:
-    """Whose readings are not used: what is only silent at times is believed when it speaks."""
-    return frozenset(name for name, what in troubles(health).items() if what != SILENT)
+    """Whose readings are not used: nonsense at the first sign, but what is only silent is believed when it speaks."""
+    return frozenset(
+        doubt.complaint.subject
+        for doubt in health.doubts
+        if (what := doubt.latest or doubt.complaint.what) == IMPLAUSIBLE or (doubt.told and what != SILENT)
+    )
 
 
 def _weigh(
@@ -113,7 +117,9 @@ def _weigh(
             open_doubts[complaint.subject] = Doubt(complaint, now_us, now_us)
         elif old.last_us < now_us:
             kept = old.complaint if old.told or old.complaint.what != SILENT else complaint
-            open_doubts[complaint.subject] = old._replace(complaint=kept, last_us=now_us, times=old.times + 1)
+            open_doubts[complaint.subject] = old._replace(
+                complaint=kept, last_us=now_us, times=old.times + 1, latest=complaint.what
+            )
     events: list[Event] = []
     weighed: list[Doubt] = []
     for doubt in open_doubts.values():

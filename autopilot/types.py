@@ -144,6 +144,8 @@ class Doubt(NamedTuple):
     times: int = 1
     told: bool = False
     """Whether it has lasted long enough to be believed and told."""
+    latest: str = ""
+    """What was last complained of, once that differs."""
 
 
 class Health(NamedTuple):

@@ -211,6 +211,12 @@ def test_short_gaps_of_the_pressure_sensor_do_not_end_a_dive() -> None:
     assert np.abs(voyage.columns["depth_m"][-250:] - 6.0).max() < 0.5
 
 
+def test_a_sensor_that_was_silent_is_not_believed_when_it_returns_with_nonsense() -> None:
+    voyage = sail(fault("pressure off", 12.0, 14.0), fault("pressure garbage", 15.0, 20.0), values={"FS_PRESS_S": 20.0})
+    assert not voyage.state.failsafe
+    assert np.abs(voyage.columns["seen_depth_m"] - voyage.columns["depth_m"]).max() < 2.0
+
+
 @pytest.mark.parametrize("name", ["gyro off", "magnetometer off", "accelerometer off", "gyro garbage"])
 def test_she_steers_on_with_what_is_left_of_her_attitude_sensors(
     name: str, voyages: dict[str, Voyage], sound: Voyage
