@@ -201,7 +201,8 @@ def fins(nu_r: Array, inputs: Inputs, tail: Fins) -> Array:
     for y, z, by_rudder, by_elevator in zip(tail.span_y, tail.span_z, tail.rudder, tail.elevator, strict=True):
         span, lead = TURN @ [0.0, y, z], TURN @ [0.0, -z, y]
         r = TURN @ [tail.x_m, tail.out_m * y, tail.out_m * z]
-        turn = by_rudder * inputs.rudder_rad + by_elevator * inputs.elevator_rad
+        turned = by_rudder * inputs.rudder_rad + by_elevator * inputs.elevator_rad
+        turn = float(np.clip(turned, -tail.travel_rad, tail.travel_rad))
         chord = np.array([cos(turn), 0.0, 0.0]) + sin(turn) * lead
         flow = nu_r[:3] + S(nu_r[3:]) @ r
         total += at_point(wing(flow - (flow @ span) * span, chord, tail.half_rho_area_kgpm, tail.polar), r)

@@ -1,121 +1,89 @@
 """Random vehicles that could be built: for what must hold for any vehicle, not for one.
 
-Each is a point in the unit cube, so that hypothesis can shrink it and a table can draw a hundred by number. Geometry is
-drawn; coefficients follow from it by the formulas of slender-body theory, with the hull's lift as one force behind
-mid-length. Half steer by a ring duct, the others by four fins, upright or diagonal.
+Each is a point in the unit cube that becomes a vehicle file such as a user writes, geometry and ballast only, and takes
+a user's way from there: every coefficient is derived. Four kinds of hull, three of tail; port is the mirror of
+starboard. A vehicle takes long to make beside one look at it, so they are numbered, made once and drawn by number.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import cos, pi, sin
+from functools import cache
 
-import msgspec
 import numpy as np
 from hypothesis import strategies as st
 
-from sitl.vehicle import calibrate, config, duct, hull
-from sitl.vehicle.model import Fins, Model
-from tests.reference.bodies import lamb_factors
+from sitl.vehicle import calibrate, config
+from sitl.vehicle.model import Model
 
-DIMENSIONS = 14
+DIMENSIONS = 11
 RANDOM_SEED = 2026
+FLEET = 60
 
 
 def random_vehicles() -> st.SearchStrategy[Model]:
-    """Any of them."""
-    return st.tuples(*[st.floats(0.0, 1.0)] * DIMENSIONS).map(vehicle)
+    """Any of the fleet."""
+    return st.integers(0, FLEET - 1).map(numbered)
 
 
-def numbered(count: int) -> list[Model]:
-    """The first ``count``, always the same."""
-    return [vehicle(point) for point in np.random.default_rng(RANDOM_SEED).random((count, DIMENSIONS)).tolist()]
+@cache
+def numbered(number: int) -> Model:
+    """Always the same vehicle."""
+    return vehicle(np.random.default_rng([RANDOM_SEED, number]).random(DIMENSIONS).tolist())
+
+
+def fleet() -> list[Model]:
+    """All of them."""
+    return [numbered(number) for number in range(FLEET)]
 
 
 def vehicle(point: Sequence[float]) -> Model:
     """The vehicle at a point of the unit cube."""
-    length, slenderness, middle, aft, low, net, diameter, chord, lift, behind, cd, ballast, speed, tail = point
-    model = calibrate.build(
-        _described(
-            length_m=1.2 + 4.0 * length, slenderness=4.5 + 5.0 * slenderness, midbody=0.6 * middle,
-            x_cm=0.02 * (2 * aft - 1), z_cm=-0.01 - 0.05 * low, net_buoyancy=0.02 * (2 * net - 1),
-            duct_diameter=0.5 + 0.4 * diameter, aspect=1.5 + 3.0 * chord, hull_lift=0.05 + 0.25 * lift,
-            lift_at=-0.25 - 0.25 * behind, crossflow_cd=0.5 + 0.7 * cd, inertia=0.8 + 0.4 * ballast,
-            speed_mps=0.7 + 1.5 * speed,
-        )
-    )  # fmt: skip
-    return model if tail < 0.5 else _finned(model, turned_rad=0.0 if tail < 0.75 else pi / 4)
+    return calibrate.build(config.parse(vehicle_file(point), "random vehicle"))
 
 
-def _described(
-    *, length_m: float, slenderness: float, midbody: float, x_cm: float, z_cm: float, net_buoyancy: float,
-    duct_diameter: float, aspect: float, hull_lift: float, lift_at: float, crossflow_cd: float, inertia: float,
-    speed_mps: float,
-) -> config.VehicleConfig:  # fmt: skip
-    """The vehicle file: lengths in parts of hull length or diameter, forces in parts of weight."""
-    base = config.load("bench")
-    d, x, U, rho = length_m / slenderness, -0.5 * length_m, speed_mps, base.water.density_kgpm3
-    shape = msgspec.structs.replace(
-        base.hull, base_length_m=(1 - midbody) * length_m, diameter_m=d, midbody_length_m=midbody * length_m
-    )
-    size = hull.integrals(shape)
-    mass = rho * size.volume_m3
-    ring = msgspec.structs.replace(
-        base.duct, x_m=x, diameter_m=duct_diameter * d, chord_m=duct_diameter * d / aspect,
-        lift_slope_per_rad=duct.ring_wing_lift_slope_per_rad(aspect),
-    )  # fmt: skip
-    thrust = rho / 2 * U**2 * (0.15 * size.frontal_m2 + ring.area_m2 * ring.drag_zero_lift)
-    A_u = lamb_factors(slenderness).k_1 * rho * pi / 6 * length_m * d**2
-    k = rho / 2 * ring.area_m2 * ring.lift_slope_per_rad
-    linear = _column(
-        U, thrust, k, k + rho / 2 * ring.area_m2 * ring.drag_zero_lift, x,
-        side=rho / 2 * length_m * d * hull_lift, x_side=lift_at * length_m, A_u=A_u, A_v=mass,
-        turning=rho * size.section_moment_m5, I_zz=inertia * rho * size.pitch_inertia_m5, z_cm=z_cm * d,
-    )  # fmt: skip
-    return msgspec.structs.replace(
-        base,
-        hull=shape,
-        ballast=msgspec.structs.replace(
-            base.ballast, mass_kg=mass, net_buoyancy_n=net_buoyancy * mass * base.water.gravity_mps2,
-            x_cm_m=x_cm * length_m, x_cb_m=x_cm * length_m,
-        ),
-        operating_point=msgspec.structs.replace(base.operating_point, speed_mps=U, thrust_n=thrust),
-        linear=linear,
-        duct=ring,
-        propeller=msgspec.structs.replace(base.propeller, diameter_m=0.9 * ring.diameter_m),
-        damping=config.Damping(crossflow_cd, 0.02 * mass * d**2, 0.05 * mass * d**2),
-    )  # fmt: skip
+def vehicle_file(point: Sequence[float]) -> str:
+    """Its file."""
+    length, slenderness, shape, tail, size, aspect, net, low, cd, speed, nose = point
+    length_m = 1.2 + 4.0 * length
+    d = length_m / (5.0 + 5.0 * slenderness)
+    return f"""
+name = "random"
+[hull]
+{_hull(shape, length_m, d, nose)}
+[ballast]
+net_buoyancy_n = {(2 * net - 1) * 50.0 * d * d * length_m}
+[linear]
+z_CM_m = {-(0.01 + 0.1 * low) * d}
+[operating_point]
+speed_mps = {0.7 + 1.5 * speed}
+[damping]
+crossflow_cd = {0.5 + 0.7 * cd}
+{_tail(tail, d, size, aspect)}
+"""
 
 
-def _column(
-    U: float, thrust: float, k: float, k_and_drag: float, x: float, *, side: float, x_side: float, A_u: float,
-    A_v: float, turning: float, I_zz: float, z_cm: float,
-) -> config.Coefficients:  # fmt: skip
-    """The linear coefficients at speed ``U``: duct and hull lift as forces at x and ``x_side``, and the Munk moment."""
-    Y_v = -U * (k_and_drag + side)
-    N_v = -U * (k_and_drag * x + side * x_side + A_v - A_u)
-    Y_r = -U * (k_and_drag * x + side * x_side + A_u)
-    N_r = -U * (k_and_drag * x**2 + side * x_side**2)
-    Y_dr = k * U**2 + thrust
-    return config.Coefficients(
-        Y_v, N_v, Y_r, N_r, Y_dr, x * Y_dr, -A_v, I_zz, -turning,
-        Y_v, -N_v, -Y_r, N_r, -Y_dr, x * Y_dr, -A_v, I_zz, -turning, z_cm,
-    )  # fmt: skip
+def _hull(kind: float, length_m: float, d: float, nose: float) -> str:
+    """Series 58 with a payload section, Myring's, a cylinder with caps, or a profile by points."""
+    if kind < 0.25:
+        middle = 0.4 * nose * length_m
+        return f"""base_length_m = {length_m - middle}\ndiameter_m = {d}\nmidbody_length_m = {middle}
+nose_radius = 0.5\ntail_radius = 0.1\nprismatic = 0.65\nmax_section = 0.4"""
+    if kind < 0.5:
+        ends = (0.5 + nose) * d, 2.5 * d
+        return f"""shape = "myring"\nnose_length_m = {ends[0]}\ntail_length_m = {ends[1]}
+mid_length_m = {length_m - sum(ends)}\ndiameter_m = {d}\nnose_exponent = {1.5 + 2 * nose}"""
+    if kind < 0.75:
+        return f"""shape = "cylinder"\nlength_m = {length_m}\ndiameter_m = {d}\ntail_cap_m = {(0.5 + nose) * d}"""
+    points = [(0.0, 0.0), (0.1, 0.35), (0.2 + 0.2 * nose, 0.5), (0.7, 0.5), (0.9, 0.25), (1.0, 0.05)]
+    return f"""shape = "profile"\npoints_m = {[[x * length_m, r * d] for x, r in points]}"""
 
 
-def _finned(model: Model, turned_rad: float) -> Model:
-    """The same vehicle with a bare propeller and four fins of the ring's area in all."""
-    ring = model.duct
-    angles = turned_rad + pi / 2 * np.arange(4)
-    span_y, span_z = np.array([cos(a) for a in angles]), np.array([sin(a) for a in angles])
-    fins = Fins(
-        x_m=ring.x_m,
-        out_m=1.5 * ring.radius_m,
-        half_rho_area_kgpm=ring.half_rho_area_kgpm / 2,
-        polar=ring.polar,
-        span_y=span_y,
-        span_z=span_z,
-        rudder=-span_z,
-        elevator=-span_y,
-    )
-    return model._replace(duct=ring._replace(half_rho_area_kgpm=0.0, vectored=0.0), fins=fins)
+def _tail(kind: float, d: float, size: float, aspect: float) -> str:
+    """Ring duct, upright fins or diagonal ones."""
+    if kind < 1 / 3:
+        ring = (0.5 + 0.4 * size) * d
+        return f"[duct]\ndiameter_m = {ring}\nchord_m = {ring / (1.5 + 3.0 * aspect)}"
+    layout = "cruciform" if kind < 2 / 3 else "x"
+    span = (0.25 + 0.25 * size) * d
+    return f'[fins]\nlayout = "{layout}"\nspan_m = {span}\nroot_chord_m = {span / (0.6 + 1.2 * aspect)}'

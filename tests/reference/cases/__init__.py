@@ -19,6 +19,7 @@ from tests.reference.cases import (
     symmetry,
     table_1,
     tumble,
+    waves,
 )
 
 CASES = (
@@ -33,6 +34,7 @@ CASES = (
     crossflow,
     ring_wing,
     current,
+    waves,
     energy,
     symmetry,
     straight_run,

@@ -9,7 +9,7 @@ Tolerance: rounding and 1e-6 of a volume; for bodies afloat a nanometre, and 1e-
 """
 
 from collections.abc import Iterator
-from math import acos, pi, sin, sqrt
+from math import acos, cos, pi, sin, sqrt
 
 import numpy as np
 from scipy.integrate import quad
@@ -74,4 +74,5 @@ def _shipped(name: str) -> Iterator[Check]:
         tilted[3], tilted[at] = np.cos(angle / 2), sin(angle / 2)
         moment = (model.inertia.M @ flight.rate(model, tilted)[7:13])[component]
         reference = (h.weight_n * h.z_cm_m - h.buoyancy_n * h.z_cb_m) * sin(angle)
+        reference += (h.weight_n * h.x_cm_m - h.buoyancy_n * h.x_cb_m) * cos(angle) * (label == "pitch")
         yield relative(f"{name}, righting moment in {label}", "N m", moment, reference, 1e-9, "W z sin(angle)")

@@ -23,13 +23,13 @@ from tests.sitl.vehicle import flight
 
 CIRCLE_RAD, CIRCLE_S = radians(10), 90.0
 ZIGZAGS = (radians(10), radians(15))
-STATES, RANDOM = 40, 40
+STATES = 60
 SOURCE = "Fossen, matrix form"
 
 
 def checks() -> Iterator[Check]:
     """Any vehicle's accelerations, then every shipped vehicle, one manoeuvre after the other."""
-    yield _accelerations(f"{RANDOM} random vehicles", vehicles.numbered(RANDOM))
+    yield _accelerations(f"{vehicles.FLEET} random vehicles", vehicles.fleet())
     for name in config.SHIPPED:
         model, point = flight.model(name), config.load(name).operating_point
         yield _accelerations(name, [model])

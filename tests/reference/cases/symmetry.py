@@ -4,7 +4,7 @@ Verifies: that the mirror image of a manoeuvre, disturbance and current included
 last bit, so that no sign error hides and nothing turns by itself.
 Leaves out: a centre of mass off the plane of symmetry, and motion with no mirror image of its own.
 Reference: the same run, reflected in the vertical plane through north.
-Tolerance: none.
+Tolerance: none with a duct; with fins rounding, for they are summed in turn.
 """
 
 from collections.abc import Iterator
@@ -35,4 +35,5 @@ def checks() -> Iterator[Check]:
             model, start * MIRROR, SECONDS, rudder_rad=-0.2, disturbance=push * MIRROR_WRENCH,
             water=drifting((0.3, 0.2, 0.05)), **inputs,
         )  # fmt: skip
-        yield worst(f"{name}, state over 60 s", "SI", mirrored, track * MIRROR, 0.0, "reflected run")
+        rounding = 1e-10 if model.fins.span_y.size else 0.0
+        yield worst(f"{name}, state over 60 s", "SI", mirrored, track * MIRROR, rounding, "reflected run")

@@ -40,6 +40,8 @@ def without_fluid_forces(model: Model) -> Model:
         hull=model.hull._replace(**dict.fromkeys(model.hull._fields, 0.0)),
         stations=model.stations._replace(drag_kgpm=np.zeros_like(model.stations.drag_kgpm)),
         duct=model.duct._replace(half_rho_area_kgpm=0.0),
+        fins=model.fins._replace(half_rho_area_kgpm=0.0),
+        fins=model.fins._replace(half_rho_area_kgpm=0.0),
     )
 
 

@@ -8,32 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl.vehicle import duct
+from tests.reference.cases.ring_wing import paper_force
 from tests.sitl.vehicle import flight
 
 DUCT = flight.model("bench").duct
 ANGLE = st.floats(-radians(15), radians(15))
 SPEED = st.floats(-3, 3)
-
-
-@pytest.mark.parametrize(("aspect_ratio", "published"), [(1.25, 3.4855), (4.3716, 5.1566)])
-def test_lift_slope_at_the_two_published_points(aspect_ratio, published):
-    assert duct.ring_wing_lift_slope_per_rad(aspect_ratio) == pytest.approx(published, rel=1e-4)
-
-
-def paper_force(velocity, rudder, elevator):
-    """The paper's "Tailcone" section as printed, with its matrices; below stall, moving forward, not along the axis."""
-    cR, sR, cE, sE = cos(rudder), sin(rudder), cos(elevator), sin(elevator)
-    to_ring = np.array([[cR * cE, sR, -cR * sE], [-sR * cE, cR, sR * sE], [sE, 0, cE]])
-    v = to_ring @ velocity
-    speed = np.linalg.norm(v)
-    alpha = np.arcsin(np.linalg.norm(np.cross(v, [1, 0, 0])) / speed)
-    C_L = 5.133 * alpha + 0.81 * alpha**2
-    C_D = 0.010 + C_L**2 / (pi * 0.415 / 0.120 * 0.90)
-    pressure = 1025 / 2 * 0.415 * 0.120 * speed**2
-    t2 = np.cross(v, [1, 0, 0])
-    t3 = np.cross(v, t2)
-    axes = np.column_stack([t / np.linalg.norm(t) for t in (v, t2, t3)])
-    return to_ring.T @ axes @ [-pressure * C_D, 0, -pressure * C_L]
 
 
 @given(st.floats(0.5, 3), st.floats(-0.1, 0.1), st.floats(0.01, 0.1), ANGLE, st.floats(-radians(15), -radians(1)))
