@@ -41,7 +41,6 @@ def without_fluid_forces(model: Model) -> Model:
         stations=model.stations._replace(drag_kgpm=np.zeros_like(model.stations.drag_kgpm)),
         duct=model.duct._replace(half_rho_area_kgpm=0.0),
         fins=model.fins._replace(half_rho_area_kgpm=0.0),
-        fins=model.fins._replace(half_rho_area_kgpm=0.0),
     )
 
 
