@@ -211,6 +211,15 @@ def test_short_gaps_of_the_pressure_sensor_do_not_end_a_dive() -> None:
     assert np.abs(voyage.columns["depth_m"][-250:] - 6.0).max() < 0.5
 
 
+def test_a_dive_survives_every_sensor_coming_and_going_at_once(sound: Voyage) -> None:
+    units = ("gyro", "accelerometer", "magnetometer", "pressure", "gps", "dvl", "altimeter", "battery", "encoder")
+    voyage = sail(*(fault(f"{unit} intermittent") | {"share": 0.3} for unit in units), values={})
+    assert voyage.state.armed
+    assert not voyage.state.failsafe
+    assert np.abs(voyage.columns["depth_m"] - sound.columns["depth_m"]).max() < 0.5
+    assert np.degrees(np.abs(voyage.columns["heading"] - sound.columns["heading"])).max() < 6.0
+
+
 def test_a_sensor_that_was_silent_is_not_believed_when_it_returns_with_nonsense() -> None:
     voyage = sail(fault("pressure off", 12.0, 14.0), fault("pressure garbage", 15.0, 20.0), values={"FS_PRESS_S": 20.0})
     assert not voyage.state.failsafe
