@@ -35,11 +35,12 @@ def tumbling(z_up_m: float = -1000.0) -> Vector:
 
 
 def without_fluid_forces(model: Model) -> Model:
-    """Added mass, weight and buoyancy only: no drag, no lift, no thrust."""
+    """Added mass, weight and buoyancy only: no drag, no lift, no thrust, no pull of walls."""
     return model._replace(
         hull=model.hull._replace(**dict.fromkeys(model.hull._fields, 0.0)),
         stations=model.stations._replace(drag_kgpm=np.zeros_like(model.stations.drag_kgpm)),
         duct=model.duct._replace(half_rho_area_kgpm=0.0),
+        walls=model.walls._replace(far_m=0.0),
         fins=model.fins._replace(half_rho_area_kgpm=0.0),
     )
 
