@@ -44,6 +44,32 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
         ("[start]\nspeed_mps = inf", "start.speed_mps = inf: expected a finite number"),
         ("[start]\ndepth_m = nan", "start.depth_m = nan: expected a finite number"),
         ("water = 3", "water = 3: expected object, got int"),
+        (
+            "[[current.layer]]\ndepth_m = 1\nspeed_mps = 9\ntowards_deg = 0",
+            "current.layer[0].speed_mps = 9: expected float <= 5.0",
+        ),
+        (
+            "[[density.layer]]\ndepth_m = 1\ndensity = 1010",
+            "density.layer[0].density = 1010: unknown key; known here: depth_m, density_kgpm3",
+        ),
+        (
+            2 * "[[density.layer]]\ndepth_m = 2\ndensity_kgpm3 = 1010\n",
+            "density.layer[1].depth_m = 2.0: expected more than 2.0, that of the layer before",
+        ),
+        (
+            "[current]\nspeed_mps = 0.1\n[[current.layer]]\ndepth_m = 1\nspeed_mps = 0.2\ntowards_deg = 0",
+            "current.speed_mps = 0.1: expected this or current.layer, not both",
+        ),
+        (
+            "[waves]\nsignificant_height_m = 1",
+            "waves.peak_period_s: missing key; a JONSWAP sea is not known by its height",
+        ),
+        ("[waves]\nspectrum = 'itu'", "waves.spectrum = 'itu': invalid enum value"),
+        (
+            "[waves]\nsignificant_height_m = 1\npeak_period_s = 5\n[ice]\ndraft_m = 1",
+            "ice.draft_m = 1.0: expected no [waves]",
+        ),
+        ("[ice]\ndraft_m = 21", "ice.draft_m = 21.0: expected less than floor.depth_m = 20.0"),
         ("=", "not valid TOML: "),
     ],
 )
@@ -66,3 +92,12 @@ def test_a_clamped_vehicle_lies_at_rest(tmp_path: Path) -> None:
     file.write_text("[rig]\nclamped = true\n[start]\nspeed_mps = 1.0\n")
     with pytest.raises(ScenarioError, match=r"rig\.clamped = true: expected no start\.depth_m"):
         scenario.load(str(file))
+
+
+def test_the_file_of_a_floor_lies_beside_its_scenario(tmp_path: Path) -> None:
+    (tmp_path / "bay.asc").write_text("ncols 2\nnrows 2\nxllcenter 0\nyllcenter 0\ncellsize 50\n-8 -9\n-7 -8\n")
+    (tmp_path / "bay.toml").write_text("[floor]\nfile = 'bay.asc'\n")
+    assert scenario.load(str(tmp_path / "bay.toml")).floor.file == str(tmp_path / "bay.asc")
+    (tmp_path / "bay.asc").write_text("ncols two\n")
+    with pytest.raises(ScenarioError, match=r"bay\.asc: ncols = 'two': expected a number"):
+        scenario.load(str(tmp_path / "bay.toml"))
