@@ -12,6 +12,7 @@ from tests.reference.cases import (
     integrator,
     manoeuvres,
     munk,
+    remus_100,
     rigid_body,
     ring_wing,
     small_motion,
@@ -19,6 +20,7 @@ from tests.reference.cases import (
     symmetry,
     table_1,
     tumble,
+    walls,
     waves,
 )
 
@@ -35,10 +37,12 @@ CASES = (
     ring_wing,
     current,
     waves,
+    walls,
     energy,
     symmetry,
     straight_run,
     table_1,
+    remus_100,
     small_motion,
     manoeuvres,
     integrator,
