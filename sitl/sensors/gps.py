@@ -13,7 +13,7 @@ from sitl.sensors.timing import Queue, Timing, arrive, due, timing
 from sitl.truth import Truth
 
 MAX_DEPTH_M = 0.4
-"""Of the hull axis: the antenna on her back is awash when she floats in trim and drowned below."""
+"""Of the hull axis below the surface: the antenna on her back is awash when she floats in trim and drowned below."""
 NO_FIX, FIX_3D = 1, 3
 """GPS_FIX_TYPE."""
 
@@ -61,7 +61,7 @@ def no_fix(time_us: int) -> GpsFix:
 
 def _looked(receiver: Receiver, truth: Truth, memory: Memory) -> Memory:
     """Whether the sky is there, and if it has just come back, how long the search will take."""
-    if truth.position_ned_m[2] >= MAX_DEPTH_M:
+    if truth.position_ned_m[2] + truth.surface_m >= MAX_DEPTH_M:
         return memory if memory.fix_from_us is None else memory._replace(fix_from_us=None)
     fix_from_us = memory.fix_from_us
     if fix_from_us is None:
