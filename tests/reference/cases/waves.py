@@ -8,19 +8,20 @@ Reference: linear wave theory (Airy 1845; Newman 1977, ch. 6); differences of th
 T_z / T_p of both spectra (DNV-RP-C205, 2010, sec. 3.5.5); the long-wave limit 2 rho V k sigma^2 a^2 exp(-2 k h) of the
 mean force on a slender body held under waves (Ogilvie 1963, J. Fluid Mech. 16; Lee and Newman 1971, J. Ship Res. 15).
 Tolerance: rounding and differences; 5 % of height and period for an hour of 200 components, the last of which
-stands for all of the spectrum's tail; 1e-6 of the suction.
+stands for all of the spectrum's tail; 1 % of the suction, whose limit is
+that of waves long against the hull.
 """
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import exp, pi, sqrt, tanh
+from math import exp, inf, pi, sqrt, tanh
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.environment import waves
-from sitl.vehicle.water import Water
-from sitl.waters import Waves
+from sitl.environment import current, density, field, floor, waves
+from sitl.environment.field import Field
+from sitl.waters import Current, Density, Floor, Water, Waves
 from tests.reference import bodies
 from tests.reference.check import Check, relative, worst
 from tests.sitl.vehicle import flight
@@ -30,7 +31,7 @@ Array = NDArray[np.float64]
 G = bodies.GRAVITY_MPS2
 DEEP_M = 500.0
 PERIOD_S, AMPLITUDE_M = 8.0, 0.5
-SUBMERGED_M = 4.0
+LENGTH_M, DIAMETER_M, SUBMERGED_M = 2.0, 0.3, 4.0
 PERIOD_RATIOS = {"pierson-moskowitz": 0.7104, "jonswap": 0.7777}
 """T_z / T_p; the latter by DNV's cubic at gamma = 3.3."""
 
@@ -43,10 +44,10 @@ def checks() -> Iterator[Check]:
         yield from _statistics(spectrum)
     for label, towards in (("head", pi), ("beam", pi / 2), ("quartering", pi / 4)):
         k = (2 * pi / PERIOD_S) ** 2 / G
-        body = bodies.cylinder(2.0, 0.3, 0.0)
+        body = bodies.cylinder(LENGTH_M, DIAMETER_M, 0.0)
         reference = 2 * body.inertia.mass_kg * k * (2 * pi / PERIOD_S) ** 2 * AMPLITUDE_M**2 * exp(-2 * k * SUBMERGED_M)
         found = _suction_n(_regular(DEEP_M, towards))
-        yield relative(f"suction in a {label} sea", "N", found, reference, 1e-6, "Ogilvie 1963")
+        yield relative(f"suction in a {label} sea", "N", found, reference, 0.01, "Ogilvie 1963")
 
 
 def _regular(depth_m: float, towards_rad: float) -> Array:
@@ -112,14 +113,18 @@ def _statistics(spectrum: str) -> Iterator[Check]:
 
 def _suction_n(sea: Array) -> float:
     """Mean upward force on a neutral cylinder held where it lies, over a period."""
-    body, state = bodies.cylinder(2.0, 0.3, 0.0), flight.dynamics.state_at_rest(-SUBMERGED_M)
+    body, state = bodies.cylinder(LENGTH_M, DIAMETER_M, 0.0), flight.dynamics.state_at_rest(-SUBMERGED_M)
+    water = Field(
+        sea=sea,
+        profile=current.profile(Current()),
+        column=density.column(Density(), Water(), G),
+        floor=floor.build(Floor(depth_m=DEEP_M)),
+        ceiling_m=inf,
+        gravity_mps2=G,
+        ballast_density_kgpm3=bodies.RHO_KGPM3,
+        half_length_m=LENGTH_M / 2,
+    )
+    still = (0.0, 0.0, 0.0)
     times = np.arange(0.0, PERIOD_S, PERIOD_S / 64)
-    return float(np.mean([body.inertia.M[2, 2] * flight.rate(body, state, water=_water(sea, t))[9] for t in times]))
-
-
-def _water(sea: Array, time_s: float) -> Water:
-    """What a hull that points north meets, its acceleration that of the water itself: Dv/Dt = dv/dt + (v . grad) v."""
-    met = waves.motion(sea, 0.0, 0.0, -SUBMERGED_M, time_s)
-    gradient = np.array([met.along_north, met.along_west, met.along_up])
-    acceleration = np.array(met.change) + np.array(met.velocity) @ gradient
-    return Water(velocity_mps=met.velocity, acceleration_mps2=tuple(acceleration.tolist()), slope_per_s=met.along_north)
+    met = [field.sample(water, state, 0.0, t, still, still)[0] for t in times]
+    return float(np.mean([body.inertia.M[2, 2] * flight.rate(body, state, water=now)[9] for now in met]))
