@@ -33,7 +33,7 @@ from sitl.truth import Truth
 from sitl.vehicle import calibrate
 from sitl.vehicle.config import Tailcone, VehicleConfig
 from sitl.vehicle.dynamics import POSITION, QUATERNION, derivative, rk4_step, specific_force, work_array
-from sitl.vehicle.kernel import Vector, Vector3, kernel
+from sitl.vehicle.kernel import Native, Vector, Vector3, kernel, native
 from sitl.vehicle.model import Model
 from sitl.vehicle.propeller import rps
 from sitl.vehicle.water import Water
@@ -53,6 +53,8 @@ class Plant(NamedTuple):
     """All that stays the same through a run."""
 
     model: Model
+    native: Native
+    """The model, for the kernels."""
     rudder: Servo
     elevator: Servo
     sea: Environment
@@ -114,6 +116,7 @@ def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
     model = calibrate.build(vehicle)
     return Plant(
         model=model,
+        native=native(model),
         rudder=_servo(vehicle.tailcone, vehicle.tailcone.rudder_bias_deg),
         elevator=_servo(vehicle.tailcone, vehicle.tailcone.elevator_bias_deg),
         sea=environment.build(
@@ -187,8 +190,9 @@ def _hurt(
     """The vehicle and what reaches her drives under the faults of this tick."""
     asked = (controls[RUDDER], controls[ELEVATOR], controls[THRUST])
     drives, running = tail.suffer(Drives(plant.rudder, plant.elevator, asked), faults.running, noise)
-    model = faults.model or plant.model
-    hurt = plant._replace(model=model, rudder=drives.rudder, elevator=drives.elevator)
+    if faults.model:
+        plant = plant._replace(model=faults.model, native=native(faults.model))
+    hurt = plant._replace(rudder=drives.rudder, elevator=drives.elevator)
     return hurt, drives.controls, faults._replace(running=running)
 
 
@@ -223,7 +227,7 @@ def _move(
     moved, sea = body.copy(), plant.sea
     shaft_rps, velocity, force = _integrate(
         moved, rudder.substeps_rad, elevator.substeps_rad, rudder.end_rad, elevator.end_rad, thrust,
-        _wrench(sea, before), _wrench(sea, after), here.water, plant.model, _WORK,
+        _wrench(sea, before), _wrench(sea, after), here.water, plant.native, _WORK,
     )  # fmt: skip
     values = moved.tolist()
     pitch_nm, yaw_nm = moments.moments_flu_nm(sea.moments, after)
@@ -277,12 +281,13 @@ def _servo(tail: Tailcone, bias_deg: float) -> Servo:
 @kernel
 def _integrate(
     body: Vector, rudder_rad: Vector, elevator_rad: Vector, rudder_end_rad: float, elevator_end_rad: float,
-    thrust: float, wrench: Vector, wrench_end: Vector, water: Water, model: Model, work: Vector,
+    thrust: float, wrench: Vector, wrench_end: Vector, water: Water, vehicle: Native, work: Vector,
 ) -> tuple[float, Vector3, Vector3]:  # fmt: skip
     """All substeps of a tick and what there is to observe at its end, in one call; ``body`` is changed in place.
 
     Returns shaft speed (rev/s), velocity over ground (NWU, m/s) and specific force at the origin (FLU, m/s2).
     """
+    model = vehicle.value
     shaft_rps = rps(thrust, model)
     for k in range(rudder_rad.size):
         rk4_step(body, rudder_rad[k], elevator_rad[k], shaft_rps, wrench, water, SUBSTEP_S, model, work)

@@ -11,6 +11,8 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numba import types
+from numba.experimental import structref
 from numpy.typing import NDArray
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -21,6 +23,23 @@ Wrench = tuple[float, float, float, float, float, float]
 
 _FOLDERS = (Path(__file__).parent, Path(__file__).parents[1] / "environment")
 _NEWEST_PHYSICS_NS = max(source.stat().st_mtime_ns for folder in _FOLDERS for source in folder.glob("*.py"))
+
+
+@structref.register
+class NativeType(types.StructRef):
+    """Numba's type of a ``Native``."""
+
+
+class Native(structref.StructRefProxy):
+    """A value kept where compiled code can reach it, as ``native`` makes it; kernels read its ``value``.
+
+    Numba takes a NamedTuple apart at every call from Python, which for a whole model costs more than a step of it.
+    """
+
+    value: Any
+
+
+structref.define_proxy(Native, NativeType, ["value"])  # type: ignore[no-untyped-call]
 
 
 def kernel(function: Function) -> Function:
@@ -48,3 +67,9 @@ def _compiled(function: Function, forceinline: bool) -> Function:
         if index.stat().st_mtime_ns < _NEWEST_PHYSICS_NS:
             index.unlink(missing_ok=True)
     return cast(Function, dispatcher)
+
+
+@entry_point
+def native(value: Any) -> Native:
+    """``value``, a NamedTuple of numbers and arrays, once for all calls."""
+    return Native(value)  # type: ignore[no-untyped-call]
