@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ground import bench_cli
+from ground import bench_cli, vehicle_cli
 from ground.console import (
     GROUND_LINK,
     Address,
@@ -47,6 +47,7 @@ params_app = typer.Typer(no_args_is_help=True, help="Read and set a vehicle's pa
 log_app = typer.Typer(no_args_is_help=True, help="Look into logs, export and mend them.")
 app.add_typer(params_app, name="params")
 app.add_typer(log_app, name="log")
+app.add_typer(vehicle_cli.app, name="vehicle")
 
 
 app.command()(bench_cli.bench)
@@ -64,19 +65,27 @@ def fly(
     scenario: ScenarioName = "calm",
     seed: Seed = 1,
     speed: Speed = "max",
-    params: Annotated[Path | None, typer.Option(metavar="FILE", help="Parameters to set before the dive.")] = None,
+    params: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Parameters to set before the dive; "
+            "with --sitl, left out, and not Caribou: gains designed from the vehicle file.",
+        ),
+    ] = None,
     truth: Annotated[
         Path | None, typer.Option(metavar="FILE.mcap", help="With --sitl: what really happened, beside what was told.")
     ] = None,
     json: Json = False,
 ) -> None:
     """Upload a mission, fly it, and record until the vehicle has disarmed itself at the surface."""
-    from ground import flight, gains, progress
+    from ground import flight, gains, progress, prototype
     from ground.flight import Dive
     from ground.processes import SimulatedVehicle, Simulation
 
     target = new_file(log or Path(Path(mission).stem + ".mcap"))
-    dive = Dive.load(mission, target, parameters=gains.load(params) if params else {}, tlog=tlog)
+    first = prototype.parameters_for(vehicle) if sitl and params is None else {}
+    dive = Dive.load(mission, target, parameters=gains.load(params) if params else first, tlog=tlog)
     with progress.display(Path(mission).stem, quiet=json) as shown:
         if sitl:
             simulated = SimulatedVehicle(Simulation(vehicle, scenario, seed, speed, truth))

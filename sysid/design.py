@@ -76,6 +76,17 @@ class Design(NamedTuple):
         Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+class Loads(NamedTuple):
+    """Constant loads that the integrators must carry."""
+
+    level_pitch_rad: float
+    """Pitch of level flight, nose up."""
+    rudder_rad: float
+    """Rudder bias, as large as it may be."""
+    elevator_rad: float
+    """What is unsure about the elevator's trim."""
+
+
 class Plant(NamedTuple):
     """A model as the designer sees it: planes, tailcone lags with sampling, and the sea."""
 
@@ -116,9 +127,10 @@ def redesign(model: IdentifiedModel, spec: Spec | None = None) -> Design:
         raise DesignRefused("the fit's starts disagree, so the model is not unique; record more tests and refit")
     vehicle = plant(model)
     gains = dict(TABLE_3_INITIAL)
-    gains |= _heading(vehicle, spec)
-    gains |= _depth(vehicle, model, spec)
-    gains |= integrator_limits(model, gains)
+    loads = constant_loads(model)
+    gains |= heading_gains(vehicle, spec)
+    gains |= depth_gains(vehicle, loads, spec)
+    gains |= integrator_limits(loads, gains)
     initial = dict(TABLE_3_INITIAL)
     judged = judge(vehicle, gains)
     before, after = respond(vehicle, initial), respond(vehicle, gains)
@@ -235,7 +247,21 @@ def _depth_error(vehicle: Plant, gains: Gains) -> float:
     return math.hypot(_depth_rms(vehicle, gains)[1], leftover(closed, 3, 1.0) * DEPTH_STEP_M)
 
 
-def _heading(vehicle: Plant, spec: Spec) -> dict[str, float]:
+HEADING_STARTS: Sequence[Mapping[str, float]] = (
+    {"HDG_P": 0.70, "HDG_D": 1.6, "HDG_I": 0.025},
+    {"HDG_P": 0.45, "HDG_D": 1.2, "HDG_I": 0.02},
+)
+DEPTH_STARTS: Sequence[Mapping[str, float]] = (
+    {"PTCH_P": 0.74, "PTCH_D": 1.5, "DPT_P": 0.19, "DPT_D": 0.2, "DPT_I": 0.006},
+    {"PTCH_P": 0.55, "PTCH_D": 1.2, "DPT_P": 0.12, "DPT_D": 0.1, "DPT_I": 0.004},
+)
+"""Where the searches begin: gains of Caribou's order."""
+
+
+def heading_gains(
+    vehicle: Plant, spec: Spec, starts: Sequence[Mapping[str, float]] = HEADING_STARTS
+) -> dict[str, float]:
+    """Gains of the heading loop. Raises DesignRefused."""
     reference = _heading_rms(vehicle, TABLE_3_INITIAL)[0]
 
     def shortfalls(gains: Gains) -> dict[str, float]:
@@ -247,16 +273,14 @@ def _heading(vehicle: Plant, spec: Spec) -> dict[str, float]:
         missed["rudder of a heading step, deg"] = gains["HDG_P"] * spec.heading_step_deg / spec.travel_deg - 1.0
         return missed
 
-    starts = (
-        {"HDG_P": 0.70, "HDG_D": 1.6, "HDG_I": 0.025},
-        {"HDG_P": 0.45, "HDG_D": 1.2, "HDG_I": 0.02},
-    )
     search = _Search(tuple(starts[0]), starts, lambda g: _heading_error(vehicle, g) / reference, shortfalls)
     return _solve(search, spec)
 
 
-def _depth(vehicle: Plant, model: IdentifiedModel, spec: Spec) -> dict[str, float]:
-    level = math.radians(model.vehicle.level_pitch_deg)
+def depth_gains(
+    vehicle: Plant, loads: Loads, spec: Spec, starts: Sequence[Mapping[str, float]] = DEPTH_STARTS
+) -> dict[str, float]:
+    """Gains of the pitch and depth loops. Raises DesignRefused."""
     pitch_0, depth_0, _ = _depth_rms(vehicle, TABLE_3_INITIAL)
 
     def shortfalls(gains: Gains) -> dict[str, float]:
@@ -266,16 +290,12 @@ def _depth(vehicle: Plant, model: IdentifiedModel, spec: Spec) -> dict[str, floa
         for name in ("elevator", "depth"):
             missed |= _loop_shortfalls(cuts[name], name, spec.gm_db, spec.pm_deg, spec.ms)
         missed |= _pole_shortfalls(closed, "depth", spec.damping, spec.slowest_depth_radps)
-        limited = {**gains, **integrator_limits(model, gains)}
-        over = depth_step.overshoot(vehicle.planes.pitch, vehicle.pitch_lag, limited, level)
+        limited = {**gains, **integrator_limits(loads, gains)}
+        over = depth_step.overshoot(vehicle.planes.pitch, vehicle.pitch_lag, limited, loads.level_pitch_rad)
         missed["overshoot of a depth step"] = over / spec.depth_overshoot - 1.0
         missed["pitch activity"] = _depth_rms(vehicle, gains)[0] / pitch_0 / spec.pitch_rms_growth - 1.0
         return missed
 
-    starts = (
-        {"PTCH_P": 0.74, "PTCH_D": 1.5, "DPT_P": 0.19, "DPT_D": 0.2, "DPT_I": 0.006},
-        {"PTCH_P": 0.55, "PTCH_D": 1.2, "DPT_P": 0.12, "DPT_D": 0.1, "DPT_I": 0.004},
-    )
     search = _Search(tuple(starts[0]), starts, lambda g: _depth_error(vehicle, g) / depth_0, shortfalls)
     return _solve(search, spec)
 
@@ -334,18 +354,27 @@ LEVEL_PITCH_ROOM = 1.25
 """Depth integrator over the pitch that level flight needs: ballast changes by a fourth of the net buoyancy or so."""
 
 
-def integrator_limits(model: IdentifiedModel, gains: Gains) -> dict[str, float]:
-    """Room for the constant loads, and for what is unsure about them (3 sd).
+def constant_loads(model: IdentifiedModel) -> Loads:
+    """What a model says of them, and what is unsure about it (3 sd)."""
+    yaw, pitch = model.planes["yaw"].actuator_bias_deg, model.planes["pitch"].actuator_bias_deg
+    return Loads(
+        level_pitch_rad=math.radians(model.vehicle.level_pitch_deg),
+        rudder_rad=math.radians(abs(yaw.value) + 3.0 * (yaw.sd or 0.0)),
+        elevator_rad=math.radians(3.0 * (pitch.sd or 0.0)),
+    )
+
+
+def integrator_limits(loads: Loads, gains: Gains) -> dict[str, float]:
+    """Room for the constant loads.
 
     The heading integrator could carry the whole rudder bias if TRIM_RUD_DEG were lost; the depth integrator carries the
     pitch of level flight, and TRIM_ELE_DEG the elevator.
     """
-    yaw, pitch = model.planes["yaw"].actuator_bias_deg, model.planes["pitch"].actuator_bias_deg
-    level = math.radians(abs(model.vehicle.level_pitch_deg))
+    room = LEVEL_PITCH_ROOM * abs(loads.level_pitch_rad) + loads.elevator_rad / gains["PTCH_P"]
     return {
-        "HDG_IMAX": min(0.25, BEYOND_BIAS_RAD + math.radians(abs(yaw.value) + 3.0 * (yaw.sd or 0.0))),
+        "HDG_IMAX": min(0.25, BEYOND_BIAS_RAD + loads.rudder_rad),
         "PTCH_IMAX": 0.0,
-        "DPT_IMAX": min(0.25, LEVEL_PITCH_ROOM * level + math.radians(3.0 * (pitch.sd or 0.0)) / gains["PTCH_P"]),
+        "DPT_IMAX": min(0.25, room),
     }
 
 
