@@ -124,6 +124,7 @@ def load(name_or_path: str) -> Scenario:
         raise ScenarioError(f"{source}: rig.clamped = true: expected no start.depth_m and no start.speed_mps with it")
     try:
         waters.refuse_contradictions(scenario.current, scenario.waves, scenario.density, scenario.floor, scenario.ice)
+        _refuse_a_start_out_of_water(scenario)
     except ScenarioError as error:
         raise ScenarioError(f"{source}: {error}") from None
     for number, row in enumerate(scenario.fault, 1):
@@ -132,6 +133,14 @@ def load(name_or_path: str) -> Scenario:
         except FaultError as error:
             raise ScenarioError(f"{source}: fault {number}: {error}") from None
     return _with_floor_file(scenario, name_or_path)
+
+
+def _refuse_a_start_out_of_water(scenario: Scenario) -> None:
+    depth_m, lid_m, floor_m = scenario.start.depth_m, scenario.ice.draft_m, scenario.floor.depth_m
+    if depth_m is not None and depth_m < lid_m:
+        raise ScenarioError(f"start.depth_m = {depth_m}: expected more than ice.draft_m = {lid_m}")
+    if depth_m is not None and depth_m >= floor_m and not scenario.floor.file:
+        raise ScenarioError(f"start.depth_m = {depth_m}: expected less than floor.depth_m = {floor_m}")
 
 
 def _with_floor_file(scenario: Scenario, path: str) -> Scenario:

@@ -1,5 +1,6 @@
 """Scenario files: what is read, and what a mistake in one is answered with."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -70,6 +71,8 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
             "ice.draft_m = 1.0: expected no [waves]",
         ),
         ("[ice]\ndraft_m = 21", "ice.draft_m = 21.0: expected less than floor.depth_m = 20.0"),
+        ("[start]\ndepth_m = 30", "start.depth_m = 30.0: expected less than floor.depth_m = 20.0"),
+        ("[start]\ndepth_m = 0.5\n[ice]\ndraft_m = 1", "start.depth_m = 0.5: expected more than ice.draft_m = 1.0"),
         ("=", "not valid TOML: "),
     ],
 )
@@ -101,3 +104,14 @@ def test_the_file_of_a_floor_lies_beside_its_scenario(tmp_path: Path) -> None:
     (tmp_path / "bay.asc").write_text("ncols two\n")
     with pytest.raises(ScenarioError, match=r"bay\.asc: ncols = 'two': expected a number"):
         scenario.load(str(tmp_path / "bay.toml"))
+
+
+def test_what_the_documentation_shows_can_be_read(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    assert len(blocks) > 1
+    for block in blocks:
+        (tmp_path / "shown.toml").write_text(block)
+        scenario.load(str(tmp_path / "shown.toml"))
+    rows = re.findall(r"^\| (`.*?`) \|", page, re.MULTILINE)
+    assert {name.strip("`") for row in rows for name in row.split(", ")} == set(scenario.names())
