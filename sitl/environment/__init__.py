@@ -20,7 +20,7 @@ from sitl.environment.field import Field, Local
 from sitl.environment.moments import Levels
 from sitl.environment.waves import Swell
 from sitl.scenario import Scenario
-from sitl.vehicle.kernel import Vector
+from sitl.vehicle.kernel import Native, Vector, native
 from sitl.vehicle.water import Water
 
 PASCAL_PER_HPA = 100.0
@@ -50,6 +50,8 @@ class Weather(NamedTuple):
     """What a run has for itself: its own waves, and the current's variation as it stands at one instant."""
 
     field: Field
+    native: Native
+    """The same, for the kernels."""
     swerve: Swerve | None
 
 
@@ -94,7 +96,7 @@ def build(
 def settle(sea: Environment, swell: Generator, drift: Generator) -> Weather:
     """The weather of a run at time zero, drawn from the streams of waves and current."""
     drawn = sea.field._replace(sea=waves.draw(sea.swell, swell)) if sea.swell else sea.field
-    return Weather(drawn, current.stationary(drift) if sea.drift else None)
+    return Weather(drawn, native(drawn), current.stationary(drift) if sea.drift else None)
 
 
 def advance(sea: Environment, weather: Weather, drift: Generator) -> Weather:
@@ -111,7 +113,7 @@ def local(sea: Environment, weather: Weather, body: Vector, time_s: float, ahead
     swerve, swerving = _NOTHING, _NOTHING
     if sea.drift is not None and weather.swerve is not None:
         swerve, swerving = current.swerving(sea.drift, weather.swerve)
-    return Local(*field.sample(weather.field, body, ahead_s, time_s, swerve, swerving))
+    return Local(*field.meet(weather.native, body, ahead_s, time_s, swerve, swerving))
 
 
 def pressure_hpa(sea: Environment, depth_m: float, wave_pa: float = 0.0) -> float:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from sitl.environment import current, density, floor, waves
 from sitl.environment.floor import Floor
 from sitl.vehicle.dynamics import rotation
-from sitl.vehicle.kernel import Vector, Vector3, entry_point, kernel
+from sitl.vehicle.kernel import Native, Vector, Vector3, entry_point, kernel
 from sitl.vehicle.water import Water
 
 _GAUSS = sqrt(3.0 / 5.0)
@@ -122,3 +122,11 @@ def sample(
         floor.normal(north_slope, west_slope),
     )
     return water, field.column[0, 1] * field.gravity_mps2 * moved.head_m
+
+
+@entry_point
+def meet(
+    field: Native, body: Vector, ahead_s: float, time_s: float, swerve: Vector3, swerving: Vector3
+) -> tuple[Water, float]:
+    """``sample`` of a field kept where compiled code can reach it."""
+    return sample(field.value, body, ahead_s, time_s, swerve, swerving)

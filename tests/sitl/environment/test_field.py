@@ -18,6 +18,7 @@ from sitl.scenario import Scenario, Start
 from sitl.vehicle import config, dynamics
 from sitl.waters import Current, CurrentLayer, Floor, Ice, Variation, Water, Waves
 from tests.reference import bodies
+from tests.sitl.vehicle import flight
 
 Array = NDArray[np.float64]
 NOTHING = (0.0, 0.0, 0.0)
@@ -202,9 +203,9 @@ def test_fresh_water_carries_less_and_brine_more(density_kgpm3: float, sinks: bo
     what = Scenario(start=Start(depth_m=8.0), water=Water(density_kgpm3=density_kgpm3))
     vehicle = plant.build(config.load("bench"), what)
     state, _ = plant.launch(vehicle, plant.random_streams(1))
-    h = vehicle.model.hydrostatics
+    h, inertia = flight.model("bench").hydrostatics, flight.model("bench").inertia
     force = np.array(state.truth.specific_force_mps2)
     net = density_kgpm3 / 1025.0 * h.buoyancy_n - h.weight_n
     sinking = force[2] + h.gravity_mps2
     assert (sinking > 0.0) == sinks == (net < 0.0)
-    assert sinking == pytest.approx(-net / vehicle.model.inertia.M[2, 2], rel=1e-3)
+    assert sinking == pytest.approx(-net / inertia.M[2, 2], rel=1e-3)
