@@ -53,7 +53,7 @@ def test_still_water_takes_energy_at_every_motion(model, nu):
 
 
 @given(VEHICLE, ATTITUDE, MOTION)
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=30)
 def test_no_vehicle_gains_energy(model, attitude, motion):
     """Adrift in still water without thrust, weight and buoyancy on: mechanical energy falls from step to step."""
     kept = energy.mechanical_j(model, flight.fly(model, state_of(attitude, motion), 30.0)[::10])

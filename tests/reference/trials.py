@@ -121,7 +121,7 @@ def matrices(model: Model, speed_mps: float, shaft_rps: float) -> Simulator:
         reached.terminal = True  # type: ignore[attr-defined]
         found = solve_ivp(
             lambda _, x: fossen.rates(x, inputs, ship, still), (0.0, seconds), state, method="DOP853",
-            events=reached, rtol=1e-9, atol=1e-11,
+            events=reached, rtol=1e-7, atol=1e-9,
         )  # fmt: skip
         return float(found.t[-1]), np.asarray(found.y[:, -1])
 
