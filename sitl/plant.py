@@ -49,14 +49,20 @@ RATES = slice(10, 13)
 """Part of the body state, FLU."""
 
 
+class Vessel(NamedTuple):
+    """What obeys the laws of physics: body and tailcone."""
+
+    model: Model
+    rudder: Servo
+    elevator: Servo
+
+
 class Plant(NamedTuple):
     """All that stays the same through a run."""
 
-    model: Model
+    vessel: Vessel
     native: Native
-    """The model, for the kernels."""
-    rudder: Servo
-    elevator: Servo
+    """The same, for the kernels; ``fitted`` changes both."""
     sea: Environment
     suite: Suite
     start: Start
@@ -114,11 +120,14 @@ def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
         instruments = replace(vehicle.instruments, encoder=scenario.rig.encoder)
         vehicle = replace(vehicle, instruments=instruments)
     model = calibrate.build(vehicle)
-    return Plant(
+    vessel = Vessel(
         model=model,
-        native=native(model),
         rudder=_servo(vehicle.tailcone, vehicle.tailcone.rudder_bias_deg),
         elevator=_servo(vehicle.tailcone, vehicle.tailcone.elevator_bias_deg),
+    )
+    return Plant(
+        vessel=vessel,
+        native=native(vessel),
         sea=environment.build(
             scenario,
             model.hydrostatics.gravity_mps2,
@@ -133,6 +142,11 @@ def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
     )
 
 
+def fitted(plant: Plant, vessel: Vessel) -> Plant:
+    """The same place and time with another vessel in it."""
+    return plant._replace(vessel=vessel, native=native(vessel))
+
+
 def random_streams(seed: int) -> Streams:
     """Independent streams of one seed: what one of them draws leaves the others as they were."""
     slow, wave, *instruments, rudder, elevator, faults, swell, drift = [
@@ -145,8 +159,9 @@ def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
     """The state at vehicle time zero, with what the instruments say of it."""
     disturbance = moments.stationary(rng.slow, rng.wave)
     weather = environment.settle(plant.sea, rng.swell, rng.drift)
-    rudder, elevator = _neutral(plant.rudder), _neutral(plant.elevator)
-    start, here = afloat.start_state(plant.model, plant.start, plant.sea, weather)
+    model, *axes = plant.vessel
+    rudder, elevator = map(_neutral, axes)
+    start, here = afloat.start_state(model, plant.start, plant.sea, weather)
     body, truth = _move(plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance, here)
     instruments = sensors.switch_on(plant.suite, plant.start.battery_pct / 100.0, rng.sensors)
     instruments, said = sensors.sample(plant.suite, truth, plant.sea, instruments, rng.sensors)
@@ -156,17 +171,16 @@ def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
 def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> tuple[State, Sensors]:
     """The state one tick later under ``actuators``, with what the instruments say of it."""
     time_us = state.time_us + TICK_US
-    faults = timeline.advance(state.faults, plant.model, time_us)
+    faults = timeline.advance(state.faults, plant.vessel.model, time_us)
     controls = actuators.controls
     if faults.running:
         plant, controls, faults = _hurt(plant, controls, faults, rng.faults)
-    rudder = _turn(plant.rudder, state.rudder, controls[RUDDER], rng.rudder)
-    elevator = _turn(plant.elevator, state.elevator, controls[ELEVATOR], rng.elevator)
+    rudder, elevator = _turn(plant, state, controls, rng)
     thrust = _demand(controls[THRUST])
     disturbance = moments.advance(plant.sea.moments, state.disturbance, rng.slow, rng.wave)
     weather = environment.advance(plant.sea, state.weather, rng.drift)
     if plant.clamped:
-        body, truth = state.body, _hold(state.truth, time_us, rudder, elevator, rps(thrust, plant.model))
+        body, truth = state.body, _hold(state.truth, time_us, rudder, elevator, rps(thrust, plant.vessel.model))
     else:
         here = environment.local(plant.sea, weather, state.body, time_us * 1e-6, TICK_S)
         body, truth = _move(plant, time_us, state.body, rudder, elevator, thrust, state.disturbance, disturbance, here)
@@ -188,20 +202,26 @@ def _hurt(
     plant: Plant, controls: tuple[float, ...], faults: Timeline, noise: Generator
 ) -> tuple[Plant, tuple[float, ...], Timeline]:
     """The vehicle and what reaches her drives under the faults of this tick."""
-    asked = (controls[RUDDER], controls[ELEVATOR], controls[THRUST])
-    drives, running = tail.suffer(Drives(plant.rudder, plant.elevator, asked), faults.running, noise)
-    if faults.model:
-        plant = plant._replace(model=faults.model, native=native(faults.model))
-    hurt = plant._replace(rudder=drives.rudder, elevator=drives.elevator)
-    return hurt, drives.controls, faults._replace(running=running)
+    asked, vessel = (controls[RUDDER], controls[ELEVATOR], controls[THRUST]), plant.vessel
+    drives, running = tail.suffer(Drives(vessel.rudder, vessel.elevator, asked), faults.running, noise)
+    hurt = Vessel(faults.model or vessel.model, drives.rudder, drives.elevator)
+    if any(part is not sound for part, sound in zip(hurt, vessel, strict=True)):
+        plant = fitted(plant, hurt)
+    return plant, drives.controls, faults._replace(running=running)
 
 
-def _turn(axis: Servo, state: Vector, control: float, rng: Generator) -> Turn:
-    """The axis one tick later."""
-    turned, angles_rad = state.copy(), np.empty(SUBSTEPS)
-    command_rad, luck = _demand(control) * axis.travel_rad, tailcone.luck(axis, rng, SUBSTEPS)
-    tailcone.advance(axis, turned, command_rad, angles_rad, luck)
-    return Turn(turned, angles_rad, tailcone.duct_angle_rad(axis, turned))
+def _turn(plant: Plant, state: State, controls: tuple[float, ...], rng: Streams) -> tuple[Turn, Turn]:
+    """Rudder and elevator one tick later."""
+    _, rudder, elevator = plant.vessel
+    rudder_state, elevator_state, angles_rad = state.rudder.copy(), state.elevator.copy(), np.empty((2, SUBSTEPS))
+    _turn_axes(
+        plant.native, rudder_state, elevator_state, angles_rad, _demand(controls[RUDDER]), _demand(controls[ELEVATOR]),
+        tailcone.luck(rudder, rng.rudder, SUBSTEPS), tailcone.luck(elevator, rng.elevator, SUBSTEPS),
+    )  # fmt: skip
+    return (
+        Turn(rudder_state, angles_rad[0], tailcone.duct_angle_rad(rudder, rudder_state)),
+        Turn(elevator_state, angles_rad[1], tailcone.duct_angle_rad(elevator, elevator_state)),
+    )
 
 
 def _neutral(axis: Servo) -> Turn:
@@ -279,15 +299,26 @@ def _servo(tail: Tailcone, bias_deg: float) -> Servo:
 
 
 @kernel
+def _turn_axes(
+    vessel: Native, rudder: Vector, elevator: Vector, angles_rad: Vector, rudder_control: float,
+    elevator_control: float, rudder_luck: Vector | None, elevator_luck: Vector | None,
+) -> None:  # fmt: skip
+    """Both axes of the tailcone through the substeps of a tick; states and ``angles_rad``, (2, n), are changed."""
+    first, second = vessel.value.rudder, vessel.value.elevator
+    tailcone.advance(first, rudder, rudder_control * first.travel_rad, angles_rad[0], rudder_luck)
+    tailcone.advance(second, elevator, elevator_control * second.travel_rad, angles_rad[1], elevator_luck)
+
+
+@kernel
 def _integrate(
     body: Vector, rudder_rad: Vector, elevator_rad: Vector, rudder_end_rad: float, elevator_end_rad: float,
-    thrust: float, wrench: Vector, wrench_end: Vector, water: Water, vehicle: Native, work: Vector,
+    thrust: float, wrench: Vector, wrench_end: Vector, water: Water, vessel: Native, work: Vector,
 ) -> tuple[float, Vector3, Vector3]:  # fmt: skip
     """All substeps of a tick and what there is to observe at its end, in one call; ``body`` is changed in place.
 
     Returns shaft speed (rev/s), velocity over ground (NWU, m/s) and specific force at the origin (FLU, m/s2).
     """
-    model = vehicle.value
+    model = vessel.value.model
     shaft_rps = rps(thrust, model)
     for k in range(rudder_rad.size):
         rk4_step(body, rudder_rad[k], elevator_rad[k], shaft_rps, wrench, water, SUBSTEP_S, model, work)

@@ -15,6 +15,7 @@ from sitl.environment import moments
 from sitl.plant import Plant
 from sitl.vehicle import calibrate, config
 from sitl.vehicle.linearise import linearise
+from sitl.waters import Floor
 
 TICK_S = 0.02
 SWELL_RADPS = 2.0 * math.pi * 0.15
@@ -69,8 +70,8 @@ def fly_through(sea: Plant, minutes: int) -> tuple[Matrix, Matrix]:
         truth = state.truth
         _, pitch, _ = euler_from_quaternion(*truth.attitude_q)
         elevator = 0.8 * (0.13 * (truth.position_ned_m[2] - 100.0) - pitch) - 1.9 * truth.rates_radps[1]
-        amidships = -sea.rudder.bias_rad / sea.rudder.travel_rad
-        controls = (amidships, elevator / sea.elevator.travel_rad, 0.58, *(0.0,) * 13)
+        amidships = -sea.vessel.rudder.bias_rad / sea.vessel.rudder.travel_rad
+        controls = (amidships, elevator / sea.vessel.elevator.travel_rad, 0.58, *(0.0,) * 13)
         state, _ = plant.step(sea, state, ActuatorFrame(truth.time_us, 1, controls, 129), rng)
         truths.append(state.truth)
     return np.array([t.rates_radps[2] for t in truths]), np.array([t.yaw_disturbance_nm for t in truths])
@@ -91,11 +92,12 @@ def test_a_flight_through_the_disturbed_sea_yaws_as_linear_theory_says() -> None
     rms of the moments themselves is uncertain by some 2 %, hence the bound on the linear response.
     """
     disturbance = scenario.load("disturbed").disturbance
-    deep = scenario.Scenario(start=scenario.Start(depth_m=100.0, speed_mps=1.3), disturbance=disturbance)
+    start = scenario.Start(depth_m=100.0, speed_mps=1.3)
+    deep = scenario.Scenario(start=start, floor=Floor(depth_m=200.0), disturbance=disturbance)
     sea = plant.build(config.load("field"), deep)
-    stations = sea.model.stations
-    no_crossflow = sea.model._replace(stations=stations._replace(drag_kgpm=np.zeros_like(stations.drag_kgpm)))
-    rates, moments = fly_through(sea._replace(model=no_crossflow), minutes=40)
+    model = sea.vessel.model
+    no_crossflow = model._replace(stations=model.stations._replace(drag_kgpm=np.zeros_like(model.stations.drag_kgpm)))
+    rates, moments = fly_through(plant.fitted(sea, sea.vessel._replace(model=no_crossflow)), minutes=40)
     linear = np.std(linear_yaw_rates(moments))
     assert math.degrees(linear) == pytest.approx(0.42, rel=0.06)
     assert np.std(rates) == pytest.approx(linear, rel=0.02)
