@@ -21,8 +21,7 @@ Vector3 = tuple[float, float, float]
 Wrench = tuple[float, float, float, float, float, float]
 """Generalised force (X, Y, Z, K, M, N) on the body in FLU axes about the origin, N and N m."""
 
-_FOLDERS = (Path(__file__).parent, Path(__file__).parents[1] / "environment")
-_NEWEST_PHYSICS_NS = max(source.stat().st_mtime_ns for folder in _FOLDERS for source in folder.glob("*.py"))
+_NEWEST_PHYSICS_NS = max(source.stat().st_mtime_ns for source in Path(__file__).parents[1].rglob("*.py"))
 
 
 @structref.register
