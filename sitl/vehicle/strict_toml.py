@@ -43,6 +43,8 @@ def _unknown_or_not_finite(table: dict[str, Any], kind: type[msgspec.Struct], pr
             continue
         if key not in fields:
             return f"{prefix}{key} = {value!r}: unknown key; known here: {', '.join(fields)}"
+        if isinstance(value, str) and (choices := _choices(fields[key])) and value not in choices:
+            return f"{prefix}{key} = {value!r}: expected {' or '.join(choices)}"
         if isinstance(value, float) and not isfinite(value):
             return f"{prefix}{key} = {value}: expected a finite number"
         for inside, name in _tables_of(value, f"{prefix}{key}"):
@@ -70,6 +72,12 @@ def _wrong_inside(table: dict[str, Any], annotation: Any, prefix: str) -> str:
             return f"{prefix}{field} = {table.get(field)!r}: expected {', '.join(tags)}"
         kinds = [tags[table[field]]]
     return _unknown_or_not_finite(table, kinds[0], prefix) if kinds else ""
+
+
+def _choices(annotation: Any) -> list[str]:
+    """The words that a ``Literal`` allows."""
+    inside = get_args(annotation)
+    return [word for word in inside if isinstance(word, str)] or [word for kind in inside for word in _choices(kind)]
 
 
 def _is_struct(kind: Any) -> bool:

@@ -1,0 +1,123 @@
+"""A vehicle that cannot be is refused in one line; of one that can be, the report agrees with known vehicles."""
+
+import json
+import subprocess
+import sys
+from math import pi, sqrt
+
+import pytest
+
+from sitl.vehicle import check, config
+from tests.sitl.vehicle.test_complete import FINNED
+
+WHOLE = FINNED + "[ballast]\nx_cm_m = 0.0\n[linear]\nz_CM_m = -0.01\n"
+
+
+def refused(text, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    with pytest.raises(config.VehicleError) as refusal:
+        check.check(file)
+    assert "\n" not in str(refusal.value)
+    return str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("z_CM_m = -0.01", "z_CM_m = 0.01", "she would roll over"),
+        ("x_cm_m = 0.0", "x_cm_m = 0.0\nx_cb_m = 1.2", "expected inside the hull"),
+        ("z_CM_m = -0.01", "I_yy_kgm2 = 90.0", "expected none above the sum of the other two"),
+        ("z_CM_m = -0.01", "I_yy_kgm2 = -1.0", "linear.I_yy_kgm2 = -1.0: expected float > 0"),
+        ("x_cm_m = 0.0", "x_cm_m = 1.2", "mass matrix has an eigenvalue -"),
+        ("diameter_m = 0.2", "diameter_m = 2.5", "expected more than its two caps together"),
+        ('layout = "cruciform"', 'layout = "y"', "fins.layout = 'y': expected cruciform or x"),
+        ("root_chord_m = 0.10", "root_chord_m = 0.10\nx_m = -1.5", "fins.x_m = -1.5: expected on the hull"),
+        ('shape = "cylinder"', 'shape = "cube"', "hull.shape = 'cube': expected series58, myring, cylinder, profile"),
+        ("[fins]", "[wings]", "wings = {"),
+        ("span_m = 0.12", "", "fins: missing key span_m"),
+    ],
+)
+def test_the_impossible_is_refused_by_name(old, new, message, tmp_path):
+    assert old in WHOLE
+    assert message in refused(WHOLE.replace(old, new), tmp_path)
+
+
+def test_a_vehicle_needs_something_to_steer_by(tmp_path):
+    bare = FINNED[: FINNED.index("[fins]")]
+    assert "neither a table duct nor fins" in refused(bare, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ("[[0.0, 0.0], [0.5, 0.1], [0.5, 0.1], [1.0, 0.0]]", "hull.points_m: expected finite distances"),
+        ("[[0.0, 0.0], [0.5, 0.6], [1.0, 0.0]]", "expected longer than wide"),
+        ("[[0.0, 0.0], [1.0, 0.0]]", "hull.points_m = "),
+    ],
+)
+def test_a_profile_that_is_none_is_refused(points, message, tmp_path):
+    hull = f'shape = "profile"\npoints_m = {points}\n'
+    text = FINNED.replace('shape = "cylinder"\nlength_m = 2.0\ndiameter_m = 0.2\n', hull)
+    assert message in refused(text, tmp_path)
+
+
+def test_a_profile_may_lie_in_a_table_of_its_own(tmp_path):
+    (tmp_path / "hull.csv").write_text("x_m,radius_m\n0.0,0.0\n0.5,0.1\n1.5,0.1\n2.0,0.03\n")
+    file = tmp_path / "mine.toml"
+    inner = 'shape = "profile"\nfile = "hull.csv"\n'
+    file.write_text(FINNED.replace('shape = "cylinder"\nlength_m = 2.0\ndiameter_m = 0.2\n', inner))
+    assert check.check(file).length_m == pytest.approx(2.0)
+    (tmp_path / "hull.csv").write_text("x_m,radius_m\n0.0;0.0\n")
+    with pytest.raises(config.VehicleError, match=r"hull\.file = 'hull\.csv'.*expected a CSV file"):
+        check.check(file)
+
+
+def test_the_field_vehicle_is_effective_and_says_so():
+    assert any("effective" in text for text in check.check("field").warnings)
+    assert check.check("bench").warnings == []
+
+
+def test_periods_and_speeds_of_bench():
+    found = check.check("bench")
+    stiffness = 640.0 * 9.80665 * 0.021
+    assert found.pitch_period_s == pytest.approx(2 * pi * sqrt((469.0 + 458.0) / stiffness), rel=1e-9)
+    assert found.full_speed_mps == pytest.approx(1.3 / 0.58, rel=0.01)  # drag and thrust both grow with speed squared
+    yaw = (-449 * -525 - (266 - 640 * 1.3) * -239) / (-449 * -525)
+    assert found.yaw.straight_line_index == pytest.approx(yaw, rel=1e-6)
+    assert found.yaw.moment_tail_nm - found.yaw.moment_hull_nm == pytest.approx(-239 * 1.3, rel=1e-6)
+
+
+def test_level_flight_balances_and_stays_level():
+    """Against identification's own solver of the same equations."""
+    from sitl.vehicle import calibrate
+    from sysid import fit
+
+    vehicle = config.load("xfin")
+    model, found = calibrate.build(vehicle), check.check("xfin")
+    assert found.level_pitch_deg == pytest.approx(fit.level_pitch_rad(vehicle, model) * 180 / pi, rel=1e-6)
+    assert found.level_elevator_deg == pytest.approx(fit.level_elevator_rad(vehicle, model) * 180 / pi, rel=1e-6)
+
+
+def run(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "sitl.vehicle", *arguments], capture_output=True, text=True, check=False
+    )
+
+
+def test_the_command_line_writes_once_and_checks(tmp_path):
+    out = str(tmp_path / "mine.toml")
+    options = ["new", "--hull", "myring", "--tail", "x", "--length-m", "2.0", "--diameter-m", "0.25", "--out", out]
+    assert run(*options).returncode == 0
+    assert run("check", out).stdout.startswith("mine: 2.000 m, ")
+    assert json.loads(run("check", out, "--json").stdout)["yaw"]["states"] == ["v", "r", "psi"]
+    again = run(*options)
+    assert (again.returncode, again.stderr) == (2, f"vehicle: {out}: exists; give a new name\n")
+
+
+def test_the_command_line_refuses_in_one_line(tmp_path):
+    for arguments in (["check", "nowhere"], ["new", "--out", str(tmp_path / "x.toml")]):
+        refusal = run(*arguments)
+        assert refusal.returncode == 2
+        assert refusal.stdout == ""
+        assert refusal.stderr.count("\n") == 1

@@ -1,0 +1,63 @@
+"""Four fins: what they push where, and that they know no favourite side."""
+
+from math import radians
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sitl.vehicle import fins
+from tests.sitl.vehicle import flight
+
+CRUISE = (1.5, 0.0, 0.0, 0.0, 0.0, 0.0)
+MODELS = {name: flight.model(name).fins for name in ("remus100", "xfin")}
+LAYOUT = st.sampled_from(sorted(MODELS))
+SMALL = st.floats(-0.2, 0.2)
+
+
+def wrench(name, nu=CRUISE, rudder=0.0, elevator=0.0):
+    return np.array(fins.wrench(nu, rudder, elevator, MODELS[name]))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_positive_rudder_pushes_the_tail_to_port_and_elevator_down(name):
+    X, Y, Z, K, M, N = wrench(name, rudder=0.1)
+    assert (X < 0, Y > 0, N < 0) == (True, True, True)
+    assert pytest.approx([0.0, 0.0, 0.0], abs=1e-12 * Y) == [Z, K, M]
+    X, Y, Z, K, M, N = wrench(name, elevator=0.1)
+    assert (X < 0, Z < 0, M < 0) == (True, True, True)
+    assert pytest.approx([0.0, 0.0, 0.0], abs=-1e-12 * Z) == [Y, K, N]
+
+
+@given(LAYOUT, SMALL, SMALL, SMALL, SMALL, SMALL, SMALL, SMALL)
+def test_the_mirror_image_meets_the_mirror_image(name, v, w, p, q, r, rudder, elevator):
+    here = wrench(name, (1.5, v, w, p, q, r), rudder, elevator)
+    there = wrench(name, (1.5, -v, w, -p, q, -r), -rudder, elevator)
+    assert there == pytest.approx(here * [1, -1, 1, -1, 1, -1], abs=1e-11 * (1 + np.abs(here).max()))
+
+
+@given(LAYOUT, SMALL, SMALL)
+def test_commands_alone_roll_nobody(name, rudder, elevator):
+    if name == "remus100":  # upright fins meet rudder and elevator apart
+        assert wrench(name, rudder=rudder, elevator=elevator)[3] == pytest.approx(0.0, abs=1e-9)
+    assert wrench(name, rudder=rudder)[3] == pytest.approx(0.0, abs=1e-9)
+    assert wrench(name, elevator=elevator)[3] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_fins_brake_roll(name):
+    assert wrench(name, (1.5, 0, 0, 0.2, 0, 0))[3] < 0 < wrench(name, (1.5, 0, 0, -0.2, 0, 0))[3]
+
+
+def test_demands_of_both_planes_end_at_the_travel_of_a_fin():
+    full = radians(15.0)
+    both, more = wrench("xfin", rudder=full, elevator=full), wrench("xfin", rudder=2 * full, elevator=2 * full)
+    assert more == pytest.approx(both, rel=1e-12)
+    assert wrench("xfin", rudder=full)[1] > wrench("xfin", rudder=0.99 * full / 2**0.5)[1]
+
+
+@given(LAYOUT, SMALL, SMALL, SMALL, SMALL, SMALL)
+def test_fixed_fins_only_ever_take_energy(name, v, w, p, q, r):
+    nu = np.array([1.5, v, w, p, q, r])
+    assert nu @ wrench(name, tuple(nu)) <= 0.0
