@@ -20,7 +20,7 @@ SLOWEST, FASTEST = 0.01, 10_000.0
 
 
 def simulate(
-    vehicle: Annotated[str, typer.Option(help="field, bench, remus100, xfin, or a vehicle file.", metavar="NAME|FILE")] = "field",
+    vehicle: Annotated[str, typer.Option(help="A shipped one or a vehicle file.", metavar="NAME|FILE")] = "field",
     scenario: Annotated[str, typer.Option(help="calm, disturbed, or a scenario file.", metavar="NAME|FILE")] = "calm",
     hil: Annotated[str, typer.Option(help="Where the autopilot listens.", metavar="ADDRESS")] = DEFAULT_HIL,
     speed: Annotated[str, typer.Option(help="Times the wall clock.", metavar="N|max")] = "1",

@@ -35,7 +35,7 @@ Rows = tuple[Vector3, Vector3, Vector3]
 
 @kernel
 def wrench(state: Vector, rows: Rows, nu_r: Wrench, water: Water, hydrostatics: Hydrostatics, walls: Walls) -> Wrench:
-    """Contact and pull of floor, ice and surface, N and N m about the origin; ``nu_r`` is velocity through the water."""
+    """Contact and pull of floor, ice and surface, N and N m about the origin; ``nu_r`` is velocity through it."""
     up = rows[2]
     lid = min(water.ceiling_m, water.surface_m) - state[2]
     ground = (state[2] - water.floor_m) * water.floor_normal[2]
