@@ -1,0 +1,106 @@
+"""The serial cable that other tests rely on: as slow, as lossy and as unreliable as it claims."""
+
+import os
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+import serial
+
+from tests.processes.line import QUANTUM_S, Line, Noise, line
+
+BAUD = 57_600
+TEXT = bytes(range(256)) * 16
+
+
+def opened(device: str) -> serial.Serial:
+    return serial.Serial(device, BAUD, timeout=0.2, exclusive=True)
+
+
+def heard(port: serial.Serial) -> bytes:
+    """All that arrives until the line is quiet."""
+    parts = []
+    while part := port.read(65_536):
+        parts.append(part)
+    return b"".join(parts)
+
+
+def through(cable: Line, data: bytes, end: str = "vehicle", other: str = "ground") -> bytes:
+    with opened(cable.device[end]) as sender, opened(cable.device[other]) as receiver:
+        sender.write(data)
+        return heard(receiver)
+
+
+@pytest.mark.parametrize(("end", "other"), [("vehicle", "ground"), ("ground", "vehicle")])
+def test_a_clean_line_carries_every_byte_both_ways(tmp_path: Path, end: str, other: str) -> None:
+    with line(tmp_path, 921_600) as cable:
+        assert through(cable, TEXT, end, other) == TEXT
+        assert (cable.carried(end), cable.carried(other), cable.spoilt(end)) == (len(TEXT), 0, 0)
+
+
+def test_no_byte_comes_sooner_than_its_ten_bits_take(tmp_path: Path) -> None:
+    data = TEXT[:2880]  # half a second at this rate
+    with (
+        line(tmp_path, BAUD) as cable,
+        opened(cable.device["vehicle"]) as sender,
+        opened(cable.device["ground"]) as receiver,
+    ):
+        began_s = time.monotonic()
+        sender.write(data)
+        for count in range(288, len(data) + 1, 288):
+            assert len(receiver.read(288)) == 288
+            assert time.monotonic() - began_s > 10 * count / BAUD - 2 * QUANTUM_S
+        assert time.monotonic() - began_s < 2.0
+
+
+def test_noise_drops_and_flips_as_often_as_told_and_the_same_way_each_time(tmp_path: Path) -> None:
+    noise = Noise(drop=0.02, flip=0.03)
+    results = []
+    for run in range(2):
+        folder = tmp_path / str(run)
+        folder.mkdir()
+        with line(folder, 921_600, noise, seed=5) as cable:
+            results.append(through(cable, TEXT))
+            assert cable.spoilt("vehicle") == pytest.approx(0.05 * len(TEXT), rel=0.3)
+    assert results[0] == results[1]
+    lost = len(TEXT) - len(results[0])
+    assert lost == pytest.approx(0.02 * len(TEXT), rel=0.4)
+
+
+def test_a_flipped_byte_differs_in_one_bit(tmp_path: Path) -> None:
+    with line(tmp_path, 921_600, Noise(flip=1.0)) as cable:
+        got = through(cable, TEXT)
+    bits = Counter((a ^ b).bit_count() for a, b in zip(TEXT, got, strict=True))
+    assert bits == {1: len(TEXT)}
+
+
+def test_an_unplugged_device_is_gone_and_its_reader_told(tmp_path: Path) -> None:
+    with line(tmp_path, BAUD) as cable, opened(cable.device["ground"]) as port:
+        cable.unplug("ground")
+        assert not Path(cable.device["ground"]).exists()
+        with pytest.raises(serial.SerialException):
+            port.read(1)
+
+
+def test_a_device_plugged_in_again_carries_on(tmp_path: Path) -> None:
+    with line(tmp_path, BAUD) as cable, opened(cable.device["vehicle"]) as far:
+        cable.unplug("ground")
+        far.write(b"nobody hears this")
+        time.sleep(0.1)
+        cable.plug("ground")
+        with opened(cable.device["ground"]) as port:
+            far.write(b"back")
+            assert port.read(4) == b"back"
+            port.write(b"and here")
+            assert far.read(8) == b"and here"
+
+
+def test_what_nobody_reads_is_lost_and_never_stops_the_line(tmp_path: Path) -> None:
+    with line(tmp_path, 3_000_000) as cable:
+        device = os.open(cable.device["vehicle"], os.O_WRONLY | os.O_NOCTTY)
+        for _ in range(20):
+            os.write(device, TEXT)
+        os.close(device)
+        time.sleep(0.3)
+        assert cable.carried("vehicle") == 20 * len(TEXT)
