@@ -44,6 +44,10 @@ class _Way:
         self.carried = 0
         self.spoilt = 0
 
+    def rest(self, now_s: float) -> None:
+        """Nothing was sent up to now."""
+        self._free_s = now_s
+
     def due_s(self) -> float | None:
         """When the bytes on the wire have arrived, None for an empty wire."""
         return self._free_s if self._wire else None
@@ -53,7 +57,7 @@ class _Way:
         try:
             self._wire = os.read(source, max(1, int(QUANTUM_S / self._byte_s)))
         except OSError:
-            self._free_s = now_s
+            self.rest(now_s)
         else:
             self._free_s += len(self._wire) * self._byte_s
 
@@ -114,6 +118,7 @@ class Line:
         """The device appears."""
         with self._lock:
             self._ports[end].plug()
+            self._ways[end].rest(time.monotonic())
 
     def unplug(self, end: str) -> None:
         """The device goes away under whoever has it open, with what was on the wire."""
