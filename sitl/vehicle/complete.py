@@ -186,7 +186,7 @@ def _linear(
     flow = Flow(
         point.speed_mps, rho, length, diameter, X_udot.value, empirical.hull_lift_slope_per_rad(),
         slender.hull_moment_per_rad(length, diameter, rho, X_udot.value - Y_vdot.value),
-        _tails(ring, fins, point.thrust_n, rho),
+        empirical.HULL_LIFT_AT * length, _tails(ring, fins, point.thrust_n, rho),
         "Hoerner and Borst 1975, ch. 19", "Munk moment, and hull lift at 0.65 l from the nose",
     )  # fmt: skip
     yaw = [*slender.yaw_plane(flow), Y_vdot, slender.yaw_inertia(shape, ballast.mass_kg), N_rdot]

@@ -69,7 +69,7 @@ def _yaw_plane(config: VehicleConfig, ring: DuctGeometry, X_udot: float) -> list
     length, diameter = hull.length_m(config.hull), config.hull.diameter_m
     steps = slender.yaw_plane(
         Flow(
-            U, rho, length, diameter, X_udot, HULL_LIFT_PER_RAD, HULL_MOMENT_PER_RAD,
+            U, rho, length, diameter, X_udot, HULL_LIFT_PER_RAD, HULL_MOMENT_PER_RAD, 0.0,
             (slender.duct_tail(ring, T, rho),), "the paper", "the paper; C_M' holds the Munk moment",
         )
     )  # fmt: skip

@@ -67,6 +67,8 @@ class Flow(NamedTuple):
     """C_L' of the hull, on length times diameter."""
     moment_per_rad: float
     """C_M' of the hull, on length squared times diameter; holds the Munk moment."""
+    lift_at_m: float
+    """Where the hull's lift meets the cross flow of a turn, forward of mid-length; 0 counts its sway alone."""
     tails: tuple[Tail, ...]
     hull_source: str
     moment_source: str
@@ -112,8 +114,11 @@ def hull_moment_per_rad(length_m: float, diameter_m: float, density_kgpm3: float
 
 
 def yaw_plane(flow: Flow) -> list[Step]:
-    """Steering, damping and turning coefficients at ``flow.speed_mps``."""
-    U, X_udot, tails = flow.speed_mps, flow.X_udot_kg, flow.tails
+    """Steering, damping and turning coefficients at ``flow.speed_mps``.
+
+    Tail and hull lift are forces at a place on the cross flow met there, v + x r: they damp whatever the motion.
+    """
+    U, tails = flow.speed_mps, flow.tails
     planform = flow.length_m * flow.diameter_m
     pressure = flow.density_kgpm3 / 2 * planform * U
     side, moment = pressure * flow.lift_per_rad, pressure * flow.length_m * flow.moment_per_rad
@@ -129,9 +134,21 @@ def yaw_plane(flow: Flow) -> list[Step]:
              f"tail and hull: {flow.hull_source}"),
         Step("N_v", "kg m/s", "-x k - 1/2 rho A_p l C_M' U", f"{body}, C_M' {flow.moment_per_rad:.3g}", -k_x - moment,
              f"tail and hull: {flow.moment_source}"),
-        Step("Y_r", "kg m/s", "-x k + X_udot U", f"{tail}, X_udot {X_udot:.4g} kg", -k_x + X_udot * U,
-             "tail and axial added mass"),
-        Step("N_r", "kg m2/s", "-x^2 k", tail, -k_xx, "tail"),
+        *_turning(flow, side, (k_x, k_xx), tail),
+    ]  # fmt: skip
+
+
+def _turning(flow: Flow, side_kgps: float, tail: tuple[float, float], inputs: str) -> list[Step]:
+    """Y_r and N_r of the tail's moments of place (x k, x^2 k) and of the hull's lift at its own."""
+    (k_x, k_xx), x_h, U, X_udot = tail, flow.lift_at_m, flow.speed_mps, flow.X_udot_kg
+    also, also_squared, source = "", "", "tail"
+    if x_h:
+        inputs += f", h = 1/2 rho A_p C_L' U {side_kgps:.4g} kg/s at x_h {x_h:.4g} m"
+        also, also_squared, source = " - x_h h", " - x_h^2 h", "tail and hull"
+    return [
+        Step("Y_r", "kg m/s", f"-x k{also} + X_udot U", f"{inputs}, X_udot {X_udot:.4g} kg",
+             -k_x - x_h * side_kgps + X_udot * U, f"{source}, and axial added mass"),
+        Step("N_r", "kg m2/s", f"-x^2 k{also_squared}", inputs, -k_xx - x_h**2 * side_kgps, source),
     ]  # fmt: skip
 
 
