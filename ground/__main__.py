@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ground import bench_cli, vehicle_cli
+from ground import bench_cli, modes_cli, vehicle_cli
 from ground.console import (
     GROUND_LINK,
     Address,
@@ -48,6 +48,7 @@ log_app = typer.Typer(no_args_is_help=True, help="Look into logs, export and men
 app.add_typer(params_app, name="params")
 app.add_typer(log_app, name="log")
 app.add_typer(vehicle_cli.app, name="vehicle")
+app.add_typer(modes_cli.app, name="modes")
 
 
 app.command()(bench_cli.bench)
@@ -311,15 +312,10 @@ def _leave(problem: object, status: int) -> None:
 
 
 def _with_vehicle(address: str, use: Any) -> Any:
-    from ground.vehicle import Vehicle
-    from link.transport import open_transport
+    from ground.vehicle import connected
 
-    vehicle = Vehicle(open_transport(address))
-    try:
-        vehicle.connect()
+    with connected(address) as vehicle:
         return use(vehicle)
-    finally:
-        vehicle.close()
 
 
 def _set_and_read_back(address: str, values: dict[str, float]) -> None:

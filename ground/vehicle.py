@@ -4,7 +4,8 @@ There is one receive loop, ``pump``. Whatever else is going on - an upload, a wa
 frame is recorded whatever anybody is waiting for.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeVar
 
 from ground import commands
@@ -21,7 +22,7 @@ from link.exchange import Exchange, ExchangeError, Party
 from link.missions import MissionClient, MissionItem
 from link.params import ParamClient
 from link.records import ARMED_FLAG
-from link.transport import LinkLostError, Transport, wait
+from link.transport import LinkLostError, Transport, open_transport, wait
 
 T = TypeVar("T")
 
@@ -65,6 +66,8 @@ class Vehicle:
         self.on_text: Callable[[Text], None] | None = None
         self.party: Party | None = None
         self._status = 0
+        self.kind = 0
+        """MAV_TYPE."""
         self.armed = False
         self.disarmings = 0
         """How often the vehicle was seen to disarm."""
@@ -214,6 +217,7 @@ class Vehicle:
             self.party = sender
         if sender == self.party:
             self._heard_s = wall_s()
+            self.kind = message.type
             armed = bool(message.base_mode & ARMED_FLAG)
             self._status = message.system_status
             self.disarmings += self.armed and not armed
@@ -233,3 +237,14 @@ class Vehicle:
         self._endpoint.send(
             "HEARTBEAT", type=_GCS, autopilot=_INVALID, base_mode=0, custom_mode=0, system_status=0, mavlink_version=3
         )
+
+
+@contextmanager
+def connected(address: str) -> Iterator[Vehicle]:
+    """The vehicle at an address, let go of afterwards. Raises AddressError, VehicleError."""
+    vehicle = Vehicle(open_transport(address))
+    try:
+        vehicle.connect()
+        yield vehicle
+    finally:
+        vehicle.close()
