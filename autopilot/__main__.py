@@ -35,8 +35,9 @@ def fly(
     try:
         table = ParamTable(load(params) if params else None)
         vehicle, system = Vehicle(table), table.config.system_id
-        hil_link = HilLink(open_transport(hil), system)
-        ground = GroundServer(vehicle, [open_transport(address) for address in gcs or DEFAULT_GROUND], autopilot_id)
+        hil_link = HilLink(open_transport(hil, awaited=True), system)
+        transports = [open_transport(address, awaited=True) for address in gcs or DEFAULT_GROUND]
+        ground = GroundServer(vehicle, transports, autopilot_id)
     except (AddressError, ParamError) as error:
         raise SystemExit(_complain(error, BAD_INPUT)) from None
     links = ", ".join(link.transport.address for link in ground.links)

@@ -212,7 +212,7 @@ def test_parameters_come_from_the_file(tmp_path: Path) -> None:
     [
         (("--hil", "udpin:here"), "autopilot: address 'udpin:here': expected udpin:HOST:PORT"),
         (("--gcs", "tcpin:127.0.0.1:x"), "autopilot: address 'tcpin:127.0.0.1:x': 'x' is no port number"),
-        (("--gcs", "serial:/dev/nothing:57600"), "autopilot: address 'serial:/dev/nothing:57600':"),
+        (("--gcs", "serial:/dev/null:57600"), "autopilot: address 'serial:/dev/null:57600':"),
         (("--params", "nowhere.param"), "autopilot: nowhere.param: No such file"),
     ],
 )

@@ -1,0 +1,82 @@
+"""Byte transports behind one address syntax: UDP, TCP, serial line, memory.
+
+=====================  ======================================================================
+``udpin:HOST:PORT``    bind, learn peers from their first datagram, answer every one of them
+``udpout:HOST:PORT``   send to a peer
+``tcp:HOST:PORT``      connect to a server; loses nothing and pushes back
+``tcpin:HOST:PORT``    serve many clients
+``serial:DEVICE:BAUD`` a serial line; opened again when it was unplugged
+``memory:NAME``        two ends of one name inside a process, for tests
+=====================  ======================================================================
+"""
+
+from typing import NamedTuple
+
+from link.transport.base import EAGER_S, MAX_DATAGRAM, AddressError, Handle, LinkLostError, Transport, wait
+from link.transport.memory import MemoryTransport
+from link.transport.serial_line import SerialTransport
+from link.transport.tcp import TcpClient, TcpServer
+from link.transport.udp import UdpTransport
+
+__all__ = (
+    "EAGER_S", "MAX_DATAGRAM", "AddressError", "Handle", "LinkLostError", "MemoryTransport", "SerialTransport",
+    "TcpClient", "TcpServer", "Transport", "UdpTransport", "baud_rate", "open_transport", "wait",
+)  # fmt: skip
+
+_KINDS = ("udpin", "udpout", "tcp", "tcpin", "serial", "memory")
+_HIGHEST_PORT = 65_535
+
+
+class _Parts(NamedTuple):
+    kind: str
+    where: str
+    number: int
+    """A port, or a baud rate."""
+
+
+def open_transport(address: str, *, awaited: bool = False) -> Transport:
+    """Open the transport that an address names.
+
+    A serial device that does not exist is an error of the address; with ``awaited`` it is waited for, as a vehicle
+    waits for its radio.
+
+    Raises:
+        AddressError: the address is malformed, or its port or device cannot be opened.
+    """
+    kind, where, number = _parts(address)
+    match kind:
+        case "memory":
+            return MemoryTransport(address, where)
+        case "udpin" | "udpout":
+            return UdpTransport(address, where, number, bind=kind == "udpin")
+        case "tcp":
+            return TcpClient(address, where, number)
+        case "tcpin":
+            return TcpServer(address, where, number)
+        case _:
+            return SerialTransport(address, where, number, awaited=awaited)
+
+
+def baud_rate(address: str) -> int | None:
+    """The baud rate of a serial line's address, None for every other. Raises nothing: of no address, None too."""
+    try:
+        kind, _, number = _parts(address)
+    except AddressError:
+        return None
+    return number if kind == "serial" else None
+
+
+def _parts(address: str) -> _Parts:
+    kind, _, rest = address.partition(":")
+    if kind == "memory" and rest:
+        return _Parts(kind, rest, 0)
+    where, colon, number = rest.rpartition(":")
+    if kind not in _KINDS or not colon or not where:
+        raise AddressError(
+            f"address {address!r}: expected udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT, "
+            "serial:DEVICE:BAUD or memory:NAME"
+        )
+    serial_line = kind == "serial"
+    if not number.isdecimal() or (not serial_line and int(number) > _HIGHEST_PORT) or (serial_line and not int(number)):
+        raise AddressError(f"address {address!r}: {number!r} is no {'baud rate' if serial_line else 'port number'}")
+    return _Parts(kind, where, int(number))
