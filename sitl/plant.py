@@ -39,14 +39,36 @@ from sitl.vehicle.propeller import rps
 from sitl.vehicle.water import Water
 
 TICK_US = 20_000
-SUBSTEPS = 4
 TICK_S = TICK_US * 1e-6
-SUBSTEP_S = TICK_S / SUBSTEPS
+"""Of our own autopilot; others ask for steps of their own."""
+SUBSTEP_US = 5_000
+SUBSTEP_S = SUBSTEP_US * 1e-6
 
 RUDDER, ELEVATOR, THRUST = 0, 1, 2
 """Channels of ``ActuatorFrame.controls``."""
 RATES = slice(10, 13)
 """Part of the body state, FLU."""
+
+
+class Pace(NamedTuple):
+    """The steps that vehicle time runs in."""
+
+    tick_us: int = TICK_US
+    """From one frame of the instruments to the next."""
+    brisk: bool = False
+    """Whether the IMU speaks every tick, whatever rate her data sheet gives."""
+
+    @property
+    def tick_s(self) -> float:
+        return self.tick_us * 1e-6
+
+    @property
+    def substeps(self) -> int:
+        """As few of equal length as keep each within ``SUBSTEP_US``."""
+        return -(-self.tick_us // SUBSTEP_US)
+
+
+OURS = Pace()
 
 
 class Vessel(NamedTuple):
@@ -68,6 +90,7 @@ class Plant(NamedTuple):
     start: Start
     clamped: bool
     """Held where she lies."""
+    pace: Pace
     faults: Timeline
     """That are to come."""
 
@@ -114,7 +137,7 @@ class Streams(NamedTuple):
     """Of the run's waves, and of its current's variation."""
 
 
-def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
+def build(vehicle: VehicleConfig, scenario: Scenario, pace: Pace = OURS) -> Plant:
     """Put a vehicle into a scenario. Raises VehicleError or ScenarioError when one of them is impossible."""
     if scenario.rig.encoder:
         instruments = replace(vehicle.instruments, encoder=scenario.rig.encoder)
@@ -122,8 +145,8 @@ def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
     model = calibrate.build(vehicle)
     vessel = Vessel(
         model=model,
-        rudder=_servo(vehicle.tailcone, vehicle.tailcone.rudder_bias_deg),
-        elevator=_servo(vehicle.tailcone, vehicle.tailcone.elevator_bias_deg),
+        rudder=_servo(vehicle.tailcone, vehicle.tailcone.rudder_bias_deg, pace),
+        elevator=_servo(vehicle.tailcone, vehicle.tailcone.elevator_bias_deg, pace),
     )
     return Plant(
         vessel=vessel,
@@ -131,13 +154,14 @@ def build(vehicle: VehicleConfig, scenario: Scenario) -> Plant:
         sea=environment.build(
             scenario,
             model.hydrostatics.gravity_mps2,
-            TICK_S,
+            pace.tick_s,
             model.hydrostatics.half_length_m,
             vehicle.water.density_kgpm3,
         ),
-        suite=sensors.build(vehicle, model.propeller.full_rps, TICK_US),
+        suite=sensors.build(vehicle, model.propeller.full_rps, pace.tick_us, brisk=pace.brisk),
         start=scenario.start,
         clamped=scenario.rig.clamped,
+        pace=pace,
         faults=timeline.schedule(scenario.faults),
     )
 
@@ -170,7 +194,8 @@ def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
 
 def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> tuple[State, Sensors]:
     """The state one tick later under ``actuators``, with what the instruments say of it."""
-    time_us = state.time_us + TICK_US
+    tick_us, tick_s = plant.pace.tick_us, plant.pace.tick_s
+    time_us = state.time_us + tick_us
     faults = timeline.advance(state.faults, plant.vessel.model, time_us)
     controls = actuators.controls
     if faults.running:
@@ -182,13 +207,13 @@ def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> 
     if plant.clamped:
         body, truth = state.body, _hold(state.truth, time_us, rudder, elevator, rps(thrust, plant.vessel.model))
     else:
-        here = environment.local(plant.sea, weather, state.body, time_us * 1e-6, TICK_S)
+        here = environment.local(plant.sea, weather, state.body, time_us * 1e-6, tick_s)
         body, truth = _move(plant, time_us, state.body, rudder, elevator, thrust, state.disturbance, disturbance, here)
     if faults.running:
         truth = truth._replace(flooding="leak wet" in faults.names, faults=faults.names)
     instruments, said = sensors.sample(plant.suite, truth, plant.sea, state.instruments, rng.sensors)
     if faults.running:
-        said, running = readings.suffer(said, faults.running, time_us, TICK_S, rng.faults)
+        said, running = readings.suffer(said, faults.running, time_us, tick_s, rng.faults)
         faults = faults._replace(running=running)
     return State(time_us, body, rudder.axis, elevator.axis, disturbance, weather, instruments, truth, faults), said
 
@@ -213,10 +238,11 @@ def _hurt(
 def _turn(plant: Plant, state: State, controls: tuple[float, ...], rng: Streams) -> tuple[Turn, Turn]:
     """Rudder and elevator one tick later."""
     _, rudder, elevator = plant.vessel
-    rudder_state, elevator_state, angles_rad = state.rudder.copy(), state.elevator.copy(), np.empty((2, SUBSTEPS))
+    substeps = plant.pace.substeps
+    rudder_state, elevator_state, angles_rad = state.rudder.copy(), state.elevator.copy(), np.empty((2, substeps))
     _turn_axes(
         plant.native, rudder_state, elevator_state, angles_rad, _demand(controls[RUDDER]), _demand(controls[ELEVATOR]),
-        tailcone.luck(rudder, rng.rudder, SUBSTEPS), tailcone.luck(elevator, rng.elevator, SUBSTEPS),
+        tailcone.luck(rudder, rng.rudder, substeps), tailcone.luck(elevator, rng.elevator, substeps),
     )  # fmt: skip
     return (
         Turn(rudder_state, angles_rad[0], tailcone.duct_angle_rad(rudder, rudder_state)),
@@ -242,7 +268,7 @@ def _move(
     """The body after as many substeps as the duct turned for, with its truth at ``time_us``.
 
     The disturbance stands still at ``before`` meanwhile; ``after`` is the one that the accelerometer feels at the end.
-    The water stands still as it will be at the end, where the body will be: that is 10 ms ahead, on the mean.
+    The water stands still as it will be at the end, where the body will be: that is half a tick ahead, on the mean.
     """
     moved, sea = body.copy(), plant.sea
     shaft_rps, velocity, force = _integrate(
@@ -282,7 +308,7 @@ def _wrench(sea: Environment, disturbance: Disturbance) -> Vector:
     return np.array((0.0, 0.0, 0.0, 0.0, pitch_nm, yaw_nm))
 
 
-def _servo(tail: Tailcone, bias_deg: float) -> Servo:
+def _servo(tail: Tailcone, bias_deg: float, pace: Pace) -> Servo:
     return tailcone.servo(
         natural_frequency_radps=tail.natural_frequency_radps,
         damping=tail.damping_ratio,
@@ -290,7 +316,7 @@ def _servo(tail: Tailcone, bias_deg: float) -> Servo:
         travel_rad=radians(tail.travel_deg),
         rate_limit_radps=radians(tail.rate_degps),
         bias_rad=radians(bias_deg),
-        substep_s=SUBSTEP_S,
+        substep_s=pace.tick_s / pace.substeps,
         step_rad=radians(tail.step_deg),
         backlash_rad=radians(tail.backlash_deg),
         lost_step_chance=tail.lost_step_chance,
@@ -318,10 +344,10 @@ def _integrate(
 
     Returns shaft speed (rev/s), velocity over ground (NWU, m/s) and specific force at the origin (FLU, m/s2).
     """
-    model = vessel.value.model
+    model, substep_s = vessel.value.model, vessel.value.rudder.substep_s
     shaft_rps = rps(thrust, model)
     for k in range(rudder_rad.size):
-        rk4_step(body, rudder_rad[k], elevator_rad[k], shaft_rps, wrench, water, SUBSTEP_S, model, work)
+        rk4_step(body, rudder_rad[k], elevator_rad[k], shaft_rps, wrench, water, substep_s, model, work)
     slope = work[0]
     derivative(body, rudder_end_rad, elevator_end_rad, shaft_rps, wrench_end, water, model, slope)
     return shaft_rps, (slope[0], slope[1], slope[2]), specific_force(body, slope, model)

@@ -10,6 +10,8 @@ from __future__ import annotations
 from math import gcd
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
 from link.records import (
     ACCELEROMETER_FRESH,
     GYRO_FRESH,
@@ -100,8 +102,11 @@ class Sensors(NamedTuple):
     duct: DuctFeedback | None = None
 
 
-def build(vehicle: VehicleConfig, full_rps: float, tick_us: int) -> Suite:
-    """What the vehicle carries; ``full_rps`` is the shaft's speed at full thrust. Raises VehicleError."""
+def build(vehicle: VehicleConfig, full_rps: float, tick_us: int, *, brisk: bool = False) -> Suite:
+    """What the vehicle carries; ``full_rps`` is the shaft's speed at full thrust. Raises VehicleError.
+
+    With ``brisk`` the IMU speaks every tick: its data sheet's rate is set by our own autopilot, others want more.
+    """
     shelf, carried, name = datasheets.catalogue(), vehicle.instruments, vehicle.name
     imu = datasheets.find("imu", shelf.imu, carried, name)
     compass = datasheets.find("magnetometer", shelf.magnetometer, carried, name)
@@ -121,7 +126,7 @@ def build(vehicle: VehicleConfig, full_rps: float, tick_us: int) -> Suite:
         encoder.build(encoders, vehicle.tailcone.travel_deg, tick_us) if encoders else None,
     )
     return Suite(
-        inertial.build(imu, tick_us) if imu else None,
+        inertial.build(replace(imu, rate_hz=1e6 / tick_us) if brisk else imu, tick_us) if imu else None,
         magnetic.build(compass, tick_us) if compass else None,
         pressure.build(depth, tick_us) if depth else None,
         devices,
