@@ -10,11 +10,12 @@ typedef struct { Array x, radius, drag, share, lever; } Stations;
 typedef struct { double X_uu, Y_uv, Y_ur, N_uv, N_ur, Z_uw, Z_uq, M_uw, M_uq, Y_uudr, N_uudr, Z_uude, M_uude, K_p, K_pp; } Hull;
 typedef struct { double slope, quadratic, drag_zero_lift, induced, stall, separated, separated_normal; } Polar;
 typedef struct { double x, radius, half_rho_area, vectored; Polar polar; } Duct;
-typedef struct { double x, out, half_rho_area; Polar polar; Array span_y, span_z, rudder, elevator; } Fins;
+typedef struct { double x, out, half_rho_area; Polar polar; Array span_y, span_z, rudder, elevator; double travel; } Fins;
 typedef struct { double nn, nv, full_rps; } Propeller;
 typedef struct { double weight, buoyancy, x_cm, y_cm, z_cm, x_cb, z_cb, g, half_length, radius; } Hydrostatics;
-typedef struct { Inertia inertia; Stations stations; Hull hull; Duct duct; Fins fins; Propeller propeller; Hydrostatics hydrostatics; } Model;
-typedef struct { double velocity[3], acceleration[3], slope[3], slope_rate[3], density_ratio, surface, surface_slope, ceiling, floor; } Water;
+typedef struct { double far, far_nearness, steps_per_nearness; Array pull, moment; } Walls;
+typedef struct { Inertia inertia; Stations stations; Hull hull; Duct duct; Fins fins; Propeller propeller; Hydrostatics hydrostatics; Walls walls; } Model;
+typedef struct { double velocity[3], acceleration[3], slope[3], slope_rate[3], density_ratio, surface, surface_slope, ceiling, floor, floor_normal[3]; } Water;
 
 static void add(double *total, double X, double Y, double Z, double K, double M, double N)
 {
@@ -37,8 +38,8 @@ static void coriolis(const double *nu, const Inertia *inertia, double *f)
 
 static double immersion(double z, double radius)
 {
-    double x = (radius - z) / (2.0 * radius);
-    return x >= 1.0 ? 1.0 : x <= 0.0 ? 0.0 : x * x * (3.0 - 2.0 * x);
+    double y = -z / radius;
+    return y >= 1.0 ? 1.0 : y <= -1.0 ? 0.0 : 0.5 + (y * sqrt(1.0 - y * y) + asin(y)) / M_PI;
 }
 
 static void restoring(double z, double climb, const double *up, double ratio, const Hydrostatics *h, const Stations *s, double *f)
@@ -106,7 +107,8 @@ static void fins(const double *nu, double rudder, double elevator, double immers
     double u = nu[0], v = nu[1], w = nu[2], p = nu[3], q = nu[4], r = nu[5];
     for (long i = 0; i < fins->span_y.count; i++) {
         double sy = fins->span_y.at[i], sz = fins->span_z.at[i], x = fins->x, y = fins->out * sy, z = fins->out * sz;
-        double turn = fins->rudder.at[i] * rudder + fins->elevator.at[i] * elevator, c = cos(turn), s = sin(turn);
+        double turn = fmin(fmax(fins->rudder.at[i] * rudder + fins->elevator.at[i] * elevator, -fins->travel), fins->travel);
+        double c = cos(turn), s = sin(turn);
         double along = u + q * z - r * y, normal = -sz * (v + r * x - p * z) + sy * (w + p * y - q * x);
         double chordwise = c * along + s * normal, across = c * normal - s * along, lift_over_sin, drag;
         coefficients(atan2(fabs(across), fabs(chordwise)), &fins->polar, &lift_over_sin, &drag);
@@ -127,6 +129,55 @@ static void tail(const double *met, const double *e, double rudder, double eleva
     double X = immersed * (force[0] + thrust * e[0]), Y = immersed * (force[1] + thrust * e[1]), Z = immersed * (force[2] + thrust * e[2]);
     add(f, X, Y, Z, 0.0, -x * Z, x * Y);
     fins(met, rudder, elevator, immersed, &m->fins, f);
+}
+
+static void contact(const double *s, const double *n, double distance, const Hydrostatics *h, double *f)
+{
+    double arm = h->half_length - h->radius, half = 0.5 * h->weight / h->g;
+    if (distance - fabs(n[0]) * arm >= h->radius) return;
+    for (double end = 1.0; end >= -1.0; end -= 2.0) {
+        double x = end * arm, into = h->radius - distance - n[0] * x;
+        if (into <= 0.0) continue;
+        double u = s[7], v = s[8] + x * s[12], w = s[9] - x * s[11], leaving = n[0] * u + n[1] * v + n[2] * w;
+        double push = half * fmax(0.0, 100.0 * into - 10.0 * leaving);
+        u -= leaving * n[0]; v -= leaving * n[1]; w -= leaving * n[2];
+        double rub = 0.2 * push / sqrt(u * u + v * v + w * w + 0.02 * 0.02);
+        double fy = push * n[1] - rub * v, fz = push * n[2] - rub * w;
+        add(f, push * n[0] - rub * u, fy, fz, 0.0, -x * fz, x * fy);
+    }
+}
+
+static void pull(const double *nu, const double *n, double distance, double share, const Walls *walls, const Hydrostatics *h, double *f)
+{
+    if (distance >= walls->far || share == 0.0) return;
+    double place = (h->radius / fmax(distance, h->radius) - walls->far_nearness) * walls->steps_per_nearness;
+    long i = (long)place;
+    if (i > walls->pull.count - 2) i = walls->pull.count - 2;
+    double part = place - i, along = share * (1.0 - n[0] * n[0]), square = nu[0] * nu[0];
+    double force = along * (walls->pull.at[i] + part * (walls->pull.at[i + 1] - walls->pull.at[i]));
+    double moment = along * (walls->moment.at[i] + part * (walls->moment.at[i + 1] - walls->moment.at[i]));
+    double work = moment * (n[2] * nu[4] - n[1] * nu[5]) - force * (n[0] * nu[0] + n[1] * nu[1] + n[2] * nu[2]);
+    add(f, -force * square * n[0] - work * nu[0], -force * square * n[1], -force * square * n[2], 0.0,
+        moment * square * n[2], -moment * square * n[1]);
+}
+
+static void boundary(const double *s, const double R[3][3], const double *nu, const Water *water, const Hydrostatics *h, const Walls *walls, double *f)
+{
+    double lid = fmin(water->ceiling, water->surface) - s[2], ground = (s[2] - water->floor) * water->floor_normal[2];
+    if (fmin(lid, ground) > walls->far + h->half_length) return;
+    double floor_[3], down[3], share = 1.0;
+    for (int i = 0; i < 3; i++) {
+        floor_[i] = R[0][i] * water->floor_normal[0] + R[1][i] * water->floor_normal[1] + R[2][i] * water->floor_normal[2];
+        down[i] = -R[2][i];
+    }
+    if (water->surface <= water->ceiling) {
+        double froude = fabs(nu[0]) / sqrt(h->g * fmax(lid, h->radius));
+        share = fmin(1.0, fmax(0.0, (0.85 - froude) / (0.85 - 0.5))) * immersion(-lid, h->radius);
+    }
+    contact(s, down, water->ceiling - s[2], h, f);
+    contact(s, floor_, ground, h, f);
+    pull(nu, down, lid, share, walls, h, f);
+    pull(nu, floor_, ground, 1.0, walls, h, f);
 }
 
 static void in_body(const double R[3][3], const double *nwu, double *body)
@@ -156,6 +207,7 @@ static void slope(const double *s, const double *e, double rudder, double elevat
     crossflow(nu[1], nu[2], met[4], met[5], &m->stations, f);
     lift_and_drag(nu[0], nu[1], nu[2], p, met[4], met[5], &m->hull, f);
     tail(met, e, rudder, elevator, rps, immersed, m, f);
+    boundary(s, R, nu, water, &m->hydrostatics, &m->walls, f);
     double pressure = immersed * nu[0] * fabs(nu[0]);
     add(f, 0.0, m->hull.Y_uudr * pressure * rudder, m->hull.Z_uude * pressure * elevator, 0.0,
         m->hull.M_uude * pressure * elevator, m->hull.N_uudr * pressure * rudder);

@@ -51,18 +51,19 @@ def wrench(state: Vector, rows: Rows, nu_r: Wrench, water: Water, hydrostatics: 
     share = 1.0
     if water.surface_m <= water.ceiling_m:
         share = _stiffness(nu_r[0], lid, hydrostatics)
-    a = _contact(state, down, water.ceiling_m - state[2], hydrostatics)
-    b = _contact(state, floor, ground, hydrostatics)
-    c = _pull(nu_r, down, lid, share, walls, hydrostatics)
-    d = _pull(nu_r, floor, ground, 1.0, walls, hydrostatics)
-    return (
-        a[0] + b[0] + c[0] + d[0],
-        a[1] + b[1] + c[1] + d[1],
-        a[2] + b[2] + c[2] + d[2],
-        0.0,
-        a[4] + b[4] + c[4] + d[4],
-        a[5] + b[5] + c[5] + d[5],
-    )
+    X = Y = Z = M = N = 0.0
+    # One body of code for both sides: written out twice the step outgrows the compiler and costs two and a half times.
+    for side in range(2):
+        above = side == 0
+        normal = down if above else floor
+        touch = _contact(state, normal, water.ceiling_m - state[2] if above else ground, hydrostatics)
+        pull = _pull(nu_r, normal, lid if above else ground, share if above else 1.0, walls, hydrostatics)
+        X += touch[0] + pull[0]
+        Y += touch[1] + pull[1]
+        Z += touch[2] + pull[2]
+        M += touch[4] + pull[4]
+        N += touch[5] + pull[5]
+    return X, Y, Z, 0.0, M, N
 
 
 @kernel
