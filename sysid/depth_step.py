@@ -5,6 +5,7 @@ limited, and that never holds more than DPT_IMAX.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,21 +25,34 @@ SECONDS = 45.0
 DT_S = 0.05
 
 
-def overshoot(plane: LinearPlane, lag: Lag, gains: Gains, level_pitch_rad: float) -> float:
-    """Share of the step by which the vehicle, which flew level at ``level_pitch_rad``, passes its new depth;
-    the larger of down and up."""
+class Answer(NamedTuple):
+    """To a step in depth, as shares of it; the larger of down and up."""
+
+    overshoot: float
+    """By how much the vehicle passes its new depth."""
+    left: float
+    """How far from it she is after 45 s."""
+
+
+def answer(plane: LinearPlane, lag: Lag, gains: Gains, level_pitch_rad: float) -> Answer:
+    """What a vehicle that flew level at ``level_pitch_rad`` makes of a step."""
     A, B = chain(plane, lag, order=4)
     n = A.shape[0]
     block = expm(np.block([[A, B[:, None]], [np.zeros((1, n + 1))]]) * DT_S)
     law = np.array([gains[name] for name in ("PTCH_P", "PTCH_D", "DPT_P", "DPT_D", "DPT_I", "DPT_IMAX")])
     Phi, Gamma, rate_row = np.ascontiguousarray(block[:n, :n]), block[:n, n].copy(), plane.A[3].copy()
-    ways = (_fly(Phi, Gamma, rate_row, law, way * STEP_M, level_pitch_rad, int(SECONDS / DT_S)) for way in (1.0, -1.0))
-    return max(ways)
+    ways = [_fly(Phi, Gamma, rate_row, law, way * STEP_M, level_pitch_rad, int(SECONDS / DT_S)) for way in (1.0, -1.0)]
+    return Answer(*(max(shares) for shares in zip(*ways, strict=True)))
 
 
 @kernel
-def _fly(Phi: Array, Gamma: Array, rate_row: Array, law: Array, step_m: float, level_rad: float, ticks: int) -> float:
-    """Largest overshoot over |step|; states are departures from level flight, which the integrator already carries."""
+def _fly(
+    Phi: Array, Gamma: Array, rate_row: Array, law: Array, step_m: float, level_rad: float, ticks: int
+) -> tuple[float, float]:
+    """(largest overshoot, last distance) over |step|.
+
+    States are departures from level flight, which the integrator already carries.
+    """
     n = Gamma.size
     x, moved = np.zeros(n), np.empty(n)
     pitch_p, pitch_d, depth_p, depth_d, depth_i, limit = law
@@ -62,4 +76,4 @@ def _fly(Phi: Array, Gamma: Array, rate_row: Array, law: Array, step_m: float, l
         for i in range(n):
             x[i] = moved[i]
         worst = max(worst, (x[3] - step_m) / step_m)
-    return worst
+    return worst, abs(x[3] / step_m - 1.0)

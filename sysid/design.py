@@ -44,6 +44,8 @@ class Spec(NamedTuple):
     travel_deg: float = 15.0
     depth_overshoot: float = 0.10
     """Share of a 3 m step, flown with the autopilot's limits."""
+    depth_left: float = math.inf
+    """Share of it that is still to go after 45 s."""
     pitch_rms_growth: float = 1.25
     """How much more pitch the sea may cause than under the initial gains, in exchange for depth."""
 
@@ -291,8 +293,9 @@ def depth_gains(
             missed |= _loop_shortfalls(cuts[name], name, spec.gm_db, spec.pm_deg, spec.ms)
         missed |= _pole_shortfalls(closed, "depth", spec.damping, spec.slowest_depth_radps)
         limited = {**gains, **integrator_limits(loads, gains)}
-        over = depth_step.overshoot(vehicle.planes.pitch, vehicle.pitch_lag, limited, loads.level_pitch_rad)
-        missed["overshoot of a depth step"] = over / spec.depth_overshoot - 1.0
+        step = depth_step.answer(vehicle.planes.pitch, vehicle.pitch_lag, limited, loads.level_pitch_rad)
+        missed["overshoot of a depth step"] = step.overshoot / spec.depth_overshoot - 1.0
+        missed["rest of a depth step"] = step.left / spec.depth_left - 1.0
         missed["pitch activity"] = _depth_rms(vehicle, gains)[0] / pitch_0 / spec.pitch_rms_growth - 1.0
         return missed
 

@@ -19,8 +19,9 @@ from sysid.loops import Lag
 from sysid.planes import LinearPlane
 from sysid.tables import TABLE_3_INITIAL
 
-SPEC = Spec(pitch_rms_growth=math.inf)
-"""As a redesign's; there is no earlier controller whose pitch activity could be a measure."""
+SPEC = Spec(pitch_rms_growth=math.inf, depth_left=0.05)
+"""As a redesign's; there is no earlier controller whose pitch activity could be a measure. A step must come to its end:
+small motion alone cannot tell much pitch for little elevator from little pitch for much, and limits can."""
 UNSURE_RAD = math.radians(2.0)
 """Rudder bias and elevator trim that nobody has measured yet."""
 CARIBOU_TURN_PER_S2 = 0.48
