@@ -12,12 +12,11 @@ from mcap.exceptions import InvalidMagic, McapError
 from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
-from mcap.writer import Writer
 
-from ground import ros1
 from ground.errors import BadInputError
-from ground.recorder import CHUNK_BYTES
 from link import dialect
+from link.log import ros1
+from link.log.mcap import McapWriter
 
 
 class LogError(BadInputError):
@@ -89,10 +88,9 @@ def recover(path: Path, out: Path) -> int:
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}") from None
     with source, out.open("xb") as target:
-        writer = Writer(target, chunk_size=CHUNK_BYTES)
-        writer.start(profile="ros1", library="caribou recover")
+        writer = McapWriter(target, "ros1", "caribou recover")
         saved = _copy(source, writer, path)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
     return saved
 
 
@@ -140,7 +138,7 @@ def _messages(path: Path) -> Iterator[tuple[Channel, Message]]:
         raise LogError(f"{path}: no finished MCAP log; ground log recover saves what an unfinished one holds") from None
 
 
-def _copy(source: Any, writer: Writer, path: Path) -> int:
+def _copy(source: Any, writer: McapWriter, path: Path) -> int:
     schemas: dict[int, int] = {0: 0}
     channels: dict[int, int] = {}
     saved = 0
@@ -150,17 +148,13 @@ def _copy(source: Any, writer: Writer, path: Path) -> int:
                 case Schema() if record.id not in schemas:
                     schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
                 case Channel() if record.id not in channels:
-                    channels[record.id] = writer.register_channel(
-                        record.topic, record.message_encoding, schemas[record.schema_id], record.metadata
-                    )
+                    schema = schemas[record.schema_id]
+                    channels[record.id] = writer.register_channel(record.topic, record.message_encoding, schema)
                 case Message():
-                    number = channels[record.channel_id]
-                    writer.add_message(number, record.log_time, record.data, record.publish_time, record.sequence)
+                    writer.add_message(channels[record.channel_id], record.log_time, record.data, record.sequence)
                     saved += 1
                 case Attachment():
-                    writer.add_attachment(
-                        record.create_time, record.log_time, record.name, record.media_type, record.data
-                    )
+                    writer.add_attachment(record.log_time, record.name, record.media_type, record.data)
                 case Metadata():
                     writer.add_metadata(record.name, record.metadata)
     except InvalidMagic as error:

@@ -12,13 +12,13 @@ from ground import commands
 from ground.commands import Command, ModeList
 from ground.errors import FailedError
 from ground.recorder import Recorder
-from ground.texts import TextJoiner
 from link import dialect
 from link.clock import Every, wall_s
 from link.codec import Frame
 from link.dialect import constant
 from link.endpoint import Endpoint
 from link.exchange import Exchange, ExchangeError, Party
+from link.log.texts import TextJoiner
 from link.missions import MissionClient, MissionItem
 from link.params import ParamClient
 from link.records import ARMED_FLAG

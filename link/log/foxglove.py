@@ -9,9 +9,9 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from ground.texts import TextJoiner
 from link import dialect, frames
 from link.dialect import Message
+from link.log.texts import TextJoiner
 
 SCHEMA_ENCODING = "jsonschema"
 MESSAGE_ENCODING = "json"

@@ -1,0 +1,1 @@
+"""Logs as ground and the vehicle write them alike: MCAP files of MAVLink messages."""
