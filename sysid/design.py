@@ -42,6 +42,9 @@ class Spec(NamedTuple):
     heading_step_deg: float = 20.0
     """Set-point step whose first rudder command stays within the travel."""
     travel_deg: float = 15.0
+    turn_deg: float = 0.0
+    """Change of heading whose tail counts as error beside the sea's. None where a lively vehicle turns too fast for
+    the integrator to run meanwhile."""
     depth_overshoot: float = 0.10
     """Share of a 3 m step, flown with the autopilot's limits."""
     depth_left: float = math.inf
@@ -229,18 +232,15 @@ def leftover(closed: loops.ClosedLoop, state: int, final: float) -> float:
     return float(np.sqrt(np.mean((response[int(STEADY_FROM_S / 0.5) :] - final) ** 2)))
 
 
-def _heading_error(vehicle: Plant, gains: Gains) -> float:
-    """What a log would show as steady heading error: the sea and the tail of a trim offset, rad rms.
-
-    A turn leaves no tail: the integrator waits while the vehicle turns.
-    """
+def _heading_error(vehicle: Plant, gains: Gains, turn_rad: float) -> float:
+    """What a log would show as steady heading error: the sea and the tails of a trim offset and of a turn, rad rms."""
     closed = loops.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, gains)
     load = np.zeros(len(closed.A))
     load[:3] = vehicle.planes.yaw.B * LOAD_RAD
-    return math.hypot(
-        _heading_rms(vehicle, gains)[0],
-        leftover(closed._replace(reference=load), 2, 0.0),
-    )
+    tails = [leftover(closed._replace(reference=load), 2, 0.0)]
+    if turn_rad:
+        tails.append(leftover(closed, 2, 1.0) * turn_rad)
+    return math.hypot(_heading_rms(vehicle, gains)[0], *tails)
 
 
 def _depth_error(vehicle: Plant, gains: Gains) -> float:
@@ -264,7 +264,7 @@ def heading_gains(
     vehicle: Plant, spec: Spec, starts: Sequence[Mapping[str, float]] = HEADING_STARTS
 ) -> dict[str, float]:
     """Gains of the heading loop. Raises DesignRefused."""
-    reference = _heading_rms(vehicle, TABLE_3_INITIAL)[0]
+    reference, turn_rad = _heading_rms(vehicle, TABLE_3_INITIAL)[0], math.radians(spec.turn_deg)
 
     def shortfalls(gains: Gains) -> dict[str, float]:
         cuts = loops.heading_loops(vehicle.yaw, gains)
@@ -275,7 +275,7 @@ def heading_gains(
         missed["rudder of a heading step, deg"] = gains["HDG_P"] * spec.heading_step_deg / spec.travel_deg - 1.0
         return missed
 
-    search = _Search(tuple(starts[0]), starts, lambda g: _heading_error(vehicle, g) / reference, shortfalls)
+    search = _Search(tuple(starts[0]), starts, lambda g: _heading_error(vehicle, g, turn_rad) / reference, shortfalls)
     return _solve(search, spec)
 
 

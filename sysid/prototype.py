@@ -19,8 +19,8 @@ from sysid.loops import Lag
 from sysid.planes import LinearPlane
 from sysid.tables import TABLE_3_INITIAL
 
-SPEC = Spec(pitch_rms_growth=math.inf, depth_left=0.05)
-"""As a redesign's; there is no earlier controller whose pitch activity could be a measure. A step must come to its end:
+SPEC = Spec(pitch_rms_growth=math.inf, depth_left=0.05, turn_deg=60.0)
+"""As a redesign's; there is no earlier controller whose pitch activity could be a measure. Steps must come to an end:
 small motion alone cannot tell much pitch for little elevator from little pitch for much, and limits can."""
 UNSURE_RAD = math.radians(2.0)
 """Rudder bias and elevator trim that nobody has measured yet."""
