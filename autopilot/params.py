@@ -94,6 +94,11 @@ class Config(NamedTuple):
         int, Doc("SYS_FAILURE_EN", 0, 1, "", "1: MAV_CMD_INJECT_FAILURE is passed on to the simulator")
     ] = 0
 
+    log_enabled: Annotated[int, Doc("LOG_ENABLE", 0, 1, "", "1: a log is kept on board")] = 1
+    log_disarmed: Annotated[int, Doc("LOG_DISARMED", 0, 1, "", "1: also while disarmed")] = 0
+    log_max_mb: Annotated[float, Doc("LOG_MAX_MB", 1, 1e6, "MB", "Room for logs; then the oldest are removed")] = 4000.0
+    log_free_mb: Annotated[float, Doc("LOG_FREE_MB", 0, 1e6, "MB", "Room that logs leave free on the disk")] = 200.0
+
     sid_axis: Annotated[int, Doc("SID_AXIS", 0, 13, "", "Test axis: 0 none, 11 elevator, 12 rudder")] = 0
     sid_magnitude_deg: Annotated[float, Doc("SID_MAGNITUDE", -15, 15, "deg", "Size of the test, from trim")] = 3.0
     sid_start_hz: Annotated[float, Doc("SID_F_START_HZ", 0.001, 10, "Hz", "First frequency of a chirp")] = 0.02
