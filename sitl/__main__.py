@@ -10,7 +10,7 @@ import typer
 
 from link.transport import AddressError, LinkLostError
 from sitl.app import Options, TruthFileError, run
-from sitl.lockstep import AutopilotSilentError
+from sitl.pilots.lockstep import AutopilotSilentError
 from sitl.tables import ScenarioError
 from sitl.vehicle.config import VehicleError
 

@@ -1,26 +1,23 @@
-"""The simulator process: the plant at one end, the HIL link at the other, and the clock between them."""
+"""The simulator process: the plant at one end, whoever steers at the other, and the clock between them."""
 
 from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from functools import cache, partial
 from pathlib import Path
 from threading import Event
 from typing import NamedTuple
 
 from link.clock import Pacer
-from link.records import TruthFrame
 from link.transport import open_transport
-from sitl import plant, scenario, truth
-from sitl.hil import HilLink
-from sitl.lockstep import Lockstep
-from sitl.plant import Plant, State
+from sitl import plant, scenario
+from sitl.pilots import Pilot
+from sitl.pilots.caribou import Caribou
+from sitl.plant import OURS, Pace, Plant
 from sitl.truth import Truth
 from sitl.vehicle import config
-
-TRUTH_PERIOD_US = 100_000
-"""HIL_STATE_QUATERNION goes out ten times a second of vehicle time: a viewer's pace."""
 
 Record = Callable[[Truth], None]
 """Takes note of what really happens, once a tick."""
@@ -50,34 +47,26 @@ def run(options: Options) -> None:
         VehicleError, ScenarioError, AddressError, TruthFileError: the options cannot be used.
         AutopilotSilentError, LinkLostError: the autopilot is gone.
     """
-    sea = plant.build(config.load(options.vehicle), scenario.load(options.scenario))
+    build = cache(partial(plant.build, config.load(options.vehicle), scenario.load(options.scenario)))
+    build(OURS)  # bad input is told before anybody is waited for
     stop = _stop_on_signals()
     with closing(open_transport(options.hil)) as transport, _truth_record(options.truth) as record:
-        _fly(sea, options, HilLink(transport), stop.is_set, record)
+        pilot = Caribou(transport, stop.is_set, wait_for_arm=options.wait_for_arm)
+        _fly(build, options, pilot, record)
 
 
-def _fly(sea: Plant, options: Options, link: HilLink, stopped: Callable[[], bool], record: Record) -> None:
-    """Ask the autopilot, step the plant, tick by tick."""
-    lockstep, pacer = Lockstep(link, stopped), Pacer(options.speed)
-    ask = lockstep.ask_until_armed if options.wait_for_arm else lockstep.ask
-    rng = plant.random_streams(options.seed)
-    state, sensors = plant.launch(sea, rng)
-    while True:
+def _fly(build: Callable[[Pace], Plant], options: Options, pilot: Pilot, record: Record) -> None:
+    """Put a vehicle into the sea for whoever comes to steer her, and a new one whenever he begins anew."""
+    while (pace := pilot.meet()) is not None:
+        sea, rng, pacer = build(pace), plant.random_streams(options.seed), Pacer(options.speed)
+        state, sensors = plant.launch(sea, rng)
         record(state.truth)
-        actuators = ask(link.datagram(sensors, _truth_frame(sea, state), state.faults.changes), state.time_us)
-        if actuators is None:
-            return
-        for verdict in link.take_orders():
-            state = plant.obey(state, verdict)
-        state, sensors = plant.step(sea, state, actuators, rng)
-        pacer.wait(state.time_us * 1e-6)
-
-
-def _truth_frame(sea: Plant, state: State) -> TruthFrame | None:
-    """What viewers may see, when it is due."""
-    if state.time_us % TRUTH_PERIOD_US:
-        return None
-    return truth.to_frame(state.truth, sea.sea.latitude_deg, sea.sea.longitude_deg)
+        while (actuators := pilot.ask(sea, state, sensors)) is not None:
+            for verdict in pilot.take_orders():
+                state = plant.obey(state, verdict)
+            state, sensors = plant.step(sea, state, actuators, rng)
+            pacer.wait(state.time_us * 1e-6)
+            record(state.truth)
 
 
 def _stop_on_signals() -> Event:

@@ -12,7 +12,7 @@ from link.codec import Framer
 from link.records import ARMED_FLAG, LOCKSTEP_FLAG, SENSORS_ALL, ActuatorFrame, Battery, DuctFeedback, Dvl, GpsFix, Leak
 from link.records import Altimeter as Range
 from link.transport import Transport, open_transport
-from sitl.hil import HilLink
+from sitl.pilots.hil import HilLink
 from sitl.sensors import Sensors
 from tests.autopilot.deck import Deck, Station, sensors
 

@@ -11,7 +11,7 @@ from link.codec import encode
 from link.records import SENSORS_ALL, ActuatorFrame
 from link.transport import open_transport
 from sitl import plant, scenario, truth
-from sitl.hil import HilLink
+from sitl.pilots.hil import HilLink
 from sitl.plant import State
 from sitl.sensors import Sensors
 from sitl.vehicle import config

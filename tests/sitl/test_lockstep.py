@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import pytest
 
 from link.transport import Transport, open_transport
-from sitl import lockstep
-from sitl.hil import HilLink
-from sitl.lockstep import AutopilotSilentError, Lockstep
+from sitl.pilots import lockstep
+from sitl.pilots.hil import HilLink
+from sitl.pilots.lockstep import AutopilotSilentError, Lockstep
 
 
 @pytest.fixture

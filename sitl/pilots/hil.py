@@ -7,34 +7,33 @@ vehicle time, seed, answers and orders alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan2, hypot, isnan, pi
 
 from link import devices, dialect
 from link.codec import Frame
 from link.dialect import MessageType
 from link.endpoint import Endpoint
-from link.records import ActuatorFrame, Altimeter, GpsFix, TruthFrame
+from link.records import ActuatorFrame, TruthFrame
 from link.transport import Transport, wait
 from sitl.faults import orders
 from sitl.faults.orders import Verdict
 from sitl.faults.timeline import Change
+from sitl.pilots.messages import (
+    ACKNOWLEDGEMENT,
+    ALTIMETER,
+    COMMAND,
+    COMPONENT,
+    CONTROLS,
+    GPS,
+    SENSOR,
+    SYSTEM,
+    TRUTH,
+    altimeter_values,
+    gps_values,
+)
 from sitl.sensors import Sensors
 
-SYSTEM = 1
-COMPONENT = dialect.constant("MAV_COMP_ID_USER1")
-"""The same vehicle, a component of its own: the autopilot is component 1."""
-
-_SENSOR = dialect.by_name("HIL_SENSOR")
-_TRUTH = dialect.by_name("HIL_STATE_QUATERNION")
-_GPS = dialect.by_name("HIL_GPS")
-_ALTIMETER = dialect.by_name("DISTANCE_SENSOR")
-_CONTROLS = dialect.by_name("HIL_ACTUATOR_CONTROLS")
-_COMMAND, _ACKNOWLEDGEMENT = dialect.by_name("COMMAND_LONG"), dialect.by_name("COMMAND_ACK")
 _TEXT = dialect.by_name("STATUSTEXT")
 _WARNING, _NOTICE = dialect.constant("MAV_SEVERITY_WARNING"), dialect.constant("MAV_SEVERITY_NOTICE")
-_DOWN = dialect.constant("MAV_SENSOR_ROTATION_PITCH_270")
-_ULTRASOUND = dialect.constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
-_UNKNOWN_VARIANCE = 255
 
 
 class HilLink:
@@ -58,12 +57,12 @@ class HilLink:
         """The frames of one instant. HIL_SENSOR comes last: who answers it has heard the others."""
         encode = self._endpoint.encode_values
         frames = [
-            b"" if truth is None else encode(_TRUTH, truth),
-            b"" if sensors.gps is None else encode(_GPS, _gps_fields(sensors.gps)),
-            b"" if sensors.altimeter is None else encode(_ALTIMETER, _altimeter_fields(sensors.altimeter)),
+            b"" if truth is None else encode(TRUTH, truth),
+            b"" if sensors.gps is None else encode(GPS, gps_values(sensors.gps)),
+            b"" if sensors.altimeter is None else encode(ALTIMETER, altimeter_values(sensors.altimeter)),
             *self._device_frames(sensors),
             *self._fault_frames(changes),
-            encode(_SENSOR, sensors.frame),
+            encode(SENSOR, sensors.frame),
         ]
         return b"".join(frames)
 
@@ -89,7 +88,7 @@ class HilLink:
             severity = _WARNING if change.began else _NOTICE
             frames.append(self._endpoint.encode_values(_TEXT, (severity, change.text.encode(), 0, 0)))
             if change.fault.unit == "link":
-                frames.append(self._endpoint.encode_values(_COMMAND, orders.silence(change.began)))
+                frames.append(self._endpoint.encode_values(COMMAND, orders.silence(change.began)))
         return frames
 
     def take_orders(self) -> list[Verdict]:
@@ -106,7 +105,7 @@ class HilLink:
         if verdict.result == orders.ACCEPTED:
             self._orders.append(verdict)
         answer = (m.command, verdict.result, 0, 0, frame.system, frame.component)
-        frames = [self._endpoint.encode_values(_ACKNOWLEDGEMENT, answer)]
+        frames = [self._endpoint.encode_values(ACKNOWLEDGEMENT, answer)]
         if verdict.text:
             frames.insert(0, self._endpoint.encode_values(_TEXT, (_WARNING, verdict.text.encode()[:50], 0, 0)))
         self._transport.send(b"".join(frames))
@@ -127,47 +126,10 @@ class HilLink:
         answer = None
         while answer is None and (frames := self._endpoint.receive()):
             for frame in frames:
-                if frame.message_id == _CONTROLS.message_id:
+                if frame.message_id == CONTROLS.message_id:
                     controls = ActuatorFrame._make(frame.decode())
                     if controls.time_us == time_us:
                         answer = controls
-                elif frame.message_id == _COMMAND.message_id:
+                elif frame.message_id == COMMAND.message_id:
                     self._judge(frame)
         return answer
-
-
-def _gps_fields(fix: GpsFix) -> tuple[object, ...]:
-    speed = hypot(fix.velocity_north_mps, fix.velocity_east_mps)
-    course = atan2(fix.velocity_east_mps, fix.velocity_north_mps) % (2.0 * pi)
-    return _GPS.values(
-        time_usec=fix.time_us,
-        fix_type=fix.fix_type,
-        lat=round(1e7 * fix.lat_deg),
-        lon=round(1e7 * fix.lon_deg),
-        alt=round(1e3 * fix.alt_m),
-        eph=_centimetres(fix.eph_m),
-        epv=_centimetres(fix.epv_m),
-        vel=round(1e2 * speed),
-        vn=round(1e2 * fix.velocity_north_mps),
-        ve=round(1e2 * fix.velocity_east_mps),
-        vd=round(1e2 * fix.velocity_down_mps),
-        cog=round(course * 18000.0 / pi) % 36000,
-        satellites_visible=fix.satellites,
-    )
-
-
-def _centimetres(error_m: float) -> int:
-    return devices.UNKNOWN_U16 if isnan(error_m) else round(1e2 * error_m)
-
-
-def _altimeter_fields(altimeter: Altimeter) -> tuple[object, ...]:
-    return _ALTIMETER.values(
-        time_boot_ms=altimeter.time_us // 1000,
-        min_distance=round(1e2 * altimeter.min_range_m),
-        max_distance=round(1e2 * altimeter.max_range_m),
-        current_distance=round(1e2 * altimeter.range_m),
-        type=_ULTRASOUND,
-        id=0,
-        orientation=_DOWN,
-        covariance=_UNKNOWN_VARIANCE,
-    )

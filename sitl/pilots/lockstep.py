@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from link.clock import wall_s
 from link.records import ActuatorFrame
-from sitl.hil import HilLink
+from sitl.pilots.hil import HilLink
 
 FIRST_ANSWER_S = 60.0
 SILENCE_S = 5.0

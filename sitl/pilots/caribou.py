@@ -1,0 +1,41 @@
+"""Our own autopilot at the helm: strict lockstep over the HIL link, in steps of 20 ms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from link.records import ActuatorFrame, TruthFrame
+from link.transport import Transport
+from sitl import truth
+from sitl.faults.orders import Verdict
+from sitl.pilots.hil import HilLink
+from sitl.pilots.lockstep import Lockstep
+from sitl.pilots.messages import TRUTH_PERIOD_US
+from sitl.plant import OURS, Pace, Plant, State
+from sitl.sensors import Sensors
+
+
+class Caribou:
+    """There from the start, or at least asked from the start; with ``wait_for_arm`` time stands while disarmed."""
+
+    def __init__(self, transport: Transport, stopped: Callable[[], bool], *, wait_for_arm: bool = False) -> None:
+        self._link, self._stopped = HilLink(transport), stopped
+        lockstep = Lockstep(self._link, stopped)
+        self._ask = lockstep.ask_until_armed if wait_for_arm else lockstep.ask
+
+    def meet(self) -> Pace | None:
+        return None if self._stopped() else OURS
+
+    def ask(self, sea: Plant, state: State, sensors: Sensors) -> ActuatorFrame | None:
+        datagram = self._link.datagram(sensors, _truth_frame(sea, state), state.faults.changes)
+        return self._ask(datagram, state.time_us)
+
+    def take_orders(self) -> Sequence[Verdict]:
+        return self._link.take_orders()
+
+
+def _truth_frame(sea: Plant, state: State) -> TruthFrame | None:
+    """What viewers may see, when it is due."""
+    if state.time_us % TRUTH_PERIOD_US:
+        return None
+    return truth.to_frame(state.truth, sea.sea.latitude_deg, sea.sea.longitude_deg)
