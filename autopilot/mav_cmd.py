@@ -9,7 +9,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from autopilot import identity, mission, modes, requests, telemetry
-from autopilot.telemetry import Schedule, Values
+from autopilot.schedule import Schedule
+from autopilot.telemetry import Values
 from autopilot.types import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, UNSUPPORTED, Severity
 from autopilot.vehicle import Vehicle
 from link import dialect

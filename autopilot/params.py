@@ -21,6 +21,7 @@ class Config(NamedTuple):
     """Every parameter as a tick reads it. Gains are the paper's Table 3, initial column."""
 
     system_id: Annotated[int, Doc("MAV_SYS_ID", 1, 255, "", "MAVLink system id, read at the start")] = 1
+    forwards: Annotated[int, Doc("MAV_FORWARD", 0, 1, "", "1: pass messages on from one ground link to another")] = 1
 
     heading_p: Annotated[float, Doc("HDG_P", 0, 5, "rad/rad", "Rudder per heading error")] = 0.65
     heading_d: Annotated[float, Doc("HDG_D", 0, 10, "s", "Rudder per yaw rate")] = 1.5

@@ -11,16 +11,18 @@ from typing import Any
 from autopilot import identity, telemetry
 from autopilot.failures import INJECT_FAILURE, FailureRelay
 from autopilot.identity import COMPONENT, AutopilotId
+from autopilot.keys import Keys
+from autopilot.links import GroundLink, ground_link
 from autopilot.mav_cmd import Commander, command_from_message
 from autopilot.requests import SetMode
-from autopilot.telemetry import Schedule, Values
+from autopilot.routing import Router
+from autopilot.telemetry import Values
 from autopilot.types import Event, ItemReached, Stick
 from autopilot.vehicle import MissionStore, Vehicle
 from link import dialect
 from link.clock import Every, wall_s
 from link.codec import Frame
 from link.dialect import MessageType, constant
-from link.endpoint import Endpoint
 from link.exchange import Party, Send, addressed_to
 from link.files import FileServer
 from link.mission_server import MissionServer
@@ -30,10 +32,6 @@ from link.transport import LinkLostError, Transport
 HEARTBEAT_S = 1.0
 STICK_LASTS_S = 1.5
 """A pilot's hand that was not heard of for longer has let go."""
-GATHER_S = 0.02
-"""Wall seconds for which telemetry is gathered; the first after a pause leaves at once."""
-DATAGRAM_BYTES, STREAM_BYTES = 1200, 16_384
-"""The most that is sent at a time: what fits a common network's datagram, and what a pipe likes."""
 STATUSTEXT_BYTES = 50
 IDLE_S = 0.05
 """How long the wall-clock side may be left alone."""
@@ -47,73 +45,22 @@ _ACKNOWLEDGEMENT = dialect.by_name("COMMAND_ACK")
 _STATUSTEXT, _ITEM_REACHED = dialect.by_name("STATUSTEXT"), dialect.by_name("MISSION_ITEM_REACHED")
 
 
-class GroundLink:
-    """One way to the ground. Frames leave in order, gathered for some milliseconds of wall time: far above real
-    time one system call a tick would cost more than the tick.
-    """
-
-    def __init__(self, transport: Transport, system: int) -> None:
-        self.transport = transport
-        self.endpoint = Endpoint(transport, system, COMPONENT)
-        self.schedule = Schedule()
-        self._largest = DATAGRAM_BYTES if transport.address.startswith("udp") else STREAM_BYTES
-        self._devices: dict[int, Endpoint] = {}
-        self._outbox: list[bytes] = []
-        self._due_s = 0.0
-        self._known: set[Party] = set()
-
-    def meets(self, sender: Party) -> bool:
-        """Whether this is the first that is heard of ``sender`` by this link."""
-        if sender in self._known:
-            return False
-        self._known.add(sender)
-        return True
-
-    def write(self, message: MessageType, values: Values) -> None:
-        """Add a message to what leaves at the next flush."""
-        self._outbox.append(self.endpoint.encode_values(message, values))
-
-    def relay(self, frame: Frame) -> None:
-        """Add what one of the vehicle's devices said, as that component of the vehicle's system."""
-        message = dialect.by_id(frame.message_id)
-        assert message is not None, "the codec lets only known messages pass"
-        device = self._devices.get(frame.component)
-        if device is None:
-            device = self._devices[frame.component] = Endpoint(self.transport, self.endpoint.system, frame.component)
-        self._outbox.append(device.encode_values(message, frame.decode()))
-
-    def flush(self, now_s: float, lost: bool = False) -> None:
-        """Send what was gathered, or let it be ``lost``. Raises LinkLostError."""
-        frames, self._outbox = [] if lost else self._outbox, []
-        self._due_s = now_s + GATHER_S
-        packet = b""
-        for frame in frames:
-            if packet and len(packet) + len(frame) > self._largest:
-                self.transport.send(packet)
-                packet = b""
-            packet += frame
-        if packet:
-            self.transport.send(packet)
-
-    def hasten(self) -> None:
-        """Let what waits leave at the next chance: somebody waits for an answer."""
-        self._due_s = 0.0
-
-    def wait_s(self, now_s: float) -> float | None:
-        """Seconds until the next flush, None when there is nothing to send."""
-        return max(0.0, self._due_s - now_s) if self._outbox else None
-
-
 Handler = Callable[[GroundLink, Frame, Any], None]
 
 
 class GroundServer:
     """Tells the ground of the vehicle, and the vehicle of the ground's wishes."""
 
-    def __init__(self, vehicle: Vehicle, transports: Sequence[Transport], autopilot: AutopilotId) -> None:
+    def __init__(
+        self, vehicle: Vehicle, transports: Sequence[Transport], autopilot: AutopilotId, keys: Keys | None = None
+    ) -> None:
         self._vehicle, self._autopilot = vehicle, autopilot
         self._own = Party(vehicle.params.config.system_id, COMPONENT)
-        self.links = [GroundLink(transport, self._own.system) for transport in transports]
+        self._keys = keys or Keys()
+        self.links = [
+            ground_link(transport, self._own.system, self._keys.signing(transport.address)) for transport in transports
+        ]
+        self._router: Router[GroundLink] = Router(self._own)
         self._commander = Commander(vehicle, self._message, self._own.system)
         self._missions = MissionServer(MissionStore(vehicle))
         self._params = ParamServer(vehicle.params, self._broadcast, vehicle.say)
@@ -137,6 +84,7 @@ class GroundServer:
             "TIMESYNC": self._tell_time,
             "PING": self._answer_ping,
             "LOG_REQUEST_LIST": self._list_logs,
+            "SETUP_SIGNING": self._change_key,
         }
         handlers |= dict.fromkeys(MissionServer.hears, self._serve_mission)
         handlers |= dict.fromkeys(ParamServer.hears, self._serve_params)
@@ -162,7 +110,7 @@ class GroundServer:
             if due := link.schedule.due(time_us):
                 snapshot = self._vehicle.snapshot()
                 for stream in due:
-                    link.write(stream.message, stream.build(snapshot))
+                    link.stream(stream.message, stream.build(snapshot))
         self.announce()
 
     def relay(self, frames: Iterable[Frame]) -> None:
@@ -192,6 +140,8 @@ class GroundServer:
         self._missions.poll(now_s)
         self._params.poll()
         self.failures.poll(now_s)
+        if complaint := self._keys.save_when_due():
+            self._vehicle.say(complaint)
         self.announce()
         waits = [link.wait_s(now_s) for link in self.links]
         if 0.0 in waits:
@@ -228,6 +178,10 @@ class GroundServer:
             return
         if link.meets(sender):
             link.write(_HEARTBEAT, self._message(_HEARTBEAT) or ())
+            self._router.learn(sender, link)
+        if len(self.links) > 1 and self._vehicle.params.config.forwards:
+            for other in self._router.onward(frame, link, self.links):
+                other.forward(frame)
         handler = self._handlers.get(frame.message_id)
         if handler is None:
             return
@@ -284,6 +238,10 @@ class GroundServer:
     def _list_logs(self, link: GroundLink, frame: Frame, message: Any) -> None:
         """No log is kept on board; a client that hears nothing would ask again for seconds."""
         link.write(dialect.by_name("LOG_ENTRY"), (0, 0, 0, 0, 0))
+
+    def _change_key(self, link: GroundLink, frame: Frame, message: Any) -> None:
+        told = self._keys.change(message, link.endpoint.signing, link.trusted, self._vehicle.state.armed)
+        self._vehicle.say(told)
 
     def _serve_mission(self, link: GroundLink, frame: Frame, message: Any) -> None:
         self._missions.feed(frame, self._sender(link), wall_s())
@@ -342,5 +300,6 @@ class GroundServer:
     def _drop(self, link: GroundLink, error: LinkLostError) -> None:
         if link in self.links:
             self.links.remove(link)
+            self._router.forget(link)
             link.transport.close()
             print(f"autopilot: ground link lost: {error}", file=sys.stderr, flush=True)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from autopilot import health, identity
-from autopilot.types import US_PER_S, State
+from autopilot.types import State
 from autopilot.vehicle import Snapshot, progress
 from link import devices, dialect
 from link.devices import UNKNOWN_U16
@@ -261,53 +261,6 @@ STREAMS = (
     _stream("HOME_POSITION", 0.2, home_position),
 )
 BY_ID = {stream.message.message_id: stream for stream in STREAMS}
-
-
-class Schedule:
-    """When each stream is due on one link. A stream is due in the tick in which time crosses a multiple of its
-    interval; the first tick after a start only sets the phase.
-    """
-
-    def __init__(self) -> None:
-        self._intervals_us = {number: _default_us(stream) for number, stream in BY_ID.items()}
-        self._due_us = dict.fromkeys(BY_ID, 0)
-        self._running = False
-        self._time_us = 0
-
-    def set_interval(self, message_id: int, interval_us: int | None) -> None:
-        """None is the default interval, 0 stops the stream. Raises KeyError for a message that is no stream."""
-        default_us = _default_us(BY_ID[message_id])
-        self._intervals_us[message_id] = default_us if interval_us is None else interval_us
-        self._align(message_id)
-
-    def interval_us(self, message_id: int) -> int:
-        """The interval in force, 0 where the stream is stopped. Raises KeyError."""
-        return self._intervals_us[message_id]
-
-    def due(self, time_us: int) -> list[Stream]:
-        """The streams to send in the tick at ``time_us``, in the order of the table."""
-        due: list[Stream] = []
-        restarted = not self._running or time_us < self._time_us
-        self._time_us = time_us
-        if restarted:
-            self._running = True
-            for number in BY_ID:
-                self._align(number)
-            return due
-        for number, due_us in self._due_us.items():
-            if due_us <= time_us:
-                if self._intervals_us[number]:
-                    due.append(BY_ID[number])
-                self._align(number)
-        return due
-
-    def _align(self, message_id: int) -> None:
-        interval = self._intervals_us[message_id] or US_PER_S
-        self._due_us[message_id] = (self._time_us // interval + 1) * interval
-
-
-def _default_us(stream: Stream) -> int:
-    return round(US_PER_S / stream.rate_hz)
 
 
 def position_dege7(state: State) -> tuple[int, int]:

@@ -3,18 +3,29 @@
 from typing import Any
 
 from link import dialect
-from link.codec import Frame, Framer, encode
+from link.codec import SIGNED_FLAG, Frame, Framer, encode
+from link.signing import Signing
 from link.transport import Transport
 
 
 class Endpoint:
-    """Sends as one system and component, receives from all."""
+    """Sends as one system and component, receives from all: with ``signing``, from all who hold its key."""
 
-    def __init__(self, transport: Transport, system: int, component: int) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        system: int,
+        component: int,
+        signing: Signing | None = None,
+        *,
+        strangers: bool = False,
+    ) -> None:
+        """With ``strangers``, messages that the dialect lacks are received too, for whoever may know them."""
         self.transport, self.system, self.component = transport, system, component
+        self.signing = signing
         self._sequence = 0
-        self._framer = Framer()
         self._expected: dict[tuple[int, int], int] = {}
+        self._framer = Framer(self._expected if strangers else ())
         self.lost_frames = 0
         """Frames that other participants sent and that never arrived, by their sequence numbers."""
 
@@ -30,7 +41,9 @@ class Endpoint:
     def encode_values(self, message: dialect.MessageType, values: tuple[Any, ...]) -> bytes:
         """One message as the next frame of this participant, for a caller that sends several in one datagram."""
         self._sequence = (self._sequence + 1) & 0xFF
-        return encode(message, values, self._sequence, self.system, self.component)
+        if self.signing is None:
+            return encode(message, values, self._sequence, self.system, self.component)
+        return self.signing.sign(encode(message, values, self._sequence, self.system, self.component, SIGNED_FLAG))
 
     def receive(self) -> list[Frame]:
         """The frames that have arrived since the last call. Raises LinkLostError when the other end is gone."""
@@ -38,6 +51,8 @@ class Endpoint:
         if not data:
             return []
         frames = self._framer.feed(data)
+        if self.signing is not None:
+            frames = [frame for frame in frames if self.signing.accepts(frame)]
         for frame in frames:
             self._count(frame)
         return frames

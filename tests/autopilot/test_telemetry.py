@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.params import Config
-from autopilot.telemetry import BY_ID, STREAMS, Schedule, Snapshot
+from autopilot.schedule import Schedule
+from autopilot.telemetry import BY_ID, STREAMS, Snapshot
 from autopilot.types import Estimate, Home, Setpoint, State, Trace
 from link import dialect
 from link.codec import encode
