@@ -1,9 +1,10 @@
 """What is wrong with the AHRS's sample: groups that fall silent, stand still or tell what cannot be."""
 
+import math
 from typing import NamedTuple
 
 from autopilot.params import Config
-from autopilot.types import NO_READINGS, US_PER_S, Ahrs, Complaint
+from autopilot.types import NO_READINGS, US_PER_S, Ahrs, Complaint, Piecemeal
 from link.records import ACCELEROMETER_FRESH, GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH, SensorFrame
 
 SILENT, STUCK, IMPLAUSIBLE = "silent", "stuck", "implausible"
@@ -31,56 +32,58 @@ GROUPS = (
     Group("Pressure sensor", PRESSURE_FRESH, 10, 11, 500.0, 700_000.0, 100.0),
 )
 """The earth's field is below 0.7 gauss; the pressure's jump is a metre of water."""
-ALL_FRESH = ACCELEROMETER_FRESH | GYRO_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
-(_A, _DA), (_G, _DG), (_M, _DM) = ((group.high, group.jump) for group in GROUPS[:3])
-_P, _PP, _DP = GROUPS[3].low, GROUPS[3].high, GROUPS[3].jump
+_ALL_FRESH = ACCELEROMETER_FRESH | GYRO_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
+_LEAST_JUMP, _PRESSURE_JUMP = min(group.jump for group in GROUPS), GROUPS[3].jump
+_A2, _G2, _M2 = (group.high * group.high for group in GROUPS[:3])
+_LEAST_HPA, _MOST_HPA = GROUPS[3].low, GROUPS[3].high
 _NEVER = -1
 _IN_A_ROW_US = 250_000
 """Readings further apart may differ by anything."""
 
+Heard = tuple[Ahrs, SensorFrame, tuple[Complaint, ...]]
 
-def hear(
-    old: Ahrs, frame: SensorFrame, excluded: frozenset[str], config: Config
-) -> tuple[Ahrs, SensorFrame, tuple[Complaint, ...]]:
+
+def hear(old: Ahrs, frame: SensorFrame, excluded: frozenset[str], config: Config) -> Heard:
     """Take in a sample: the memory, the sample with what may be used of it, and what is wrong.
 
     ``fields_updated`` of what is given back tells the groups that may be used: heard of lately, and none of
     ``excluded``; where this sample has no sound reading of such a group, the last one stands in.
     """
-    now_us = frame.time_us
-    if not excluded and frame.fields_updated & ALL_FRESH == ALL_FRESH and (moved := _moved_soundly(old, frame)):
-        return Ahrs(frame, moved, (now_us,) * 4, (now_us,) * 4), frame, ()
-    return _picked(old, frame, excluded, config)
+    changed_us = _sound(old, frame) if old.piecemeal is None and not excluded else ()
+    if changed_us and not _stands_still(frame.time_us, min(changed_us), config):
+        return Ahrs(frame, changed_us, None), frame, ()
+    return _hear_piecemeal(old, frame, excluded, config)
 
 
-def _moved_soundly(old: Ahrs, frame: SensorFrame) -> tuple[tuple[float, ...], ...]:
-    """The readings by group where every one is new, possible and near the last; empty otherwise: the common case.
+def _sound(old: Ahrs, frame: SensorFrame) -> tuple[int, ...]:
+    """When each group changed, where all of them speak and are surely possible after the last sample; else nothing.
 
-    What ``_possible`` says of the groups, in one expression for speed.
+    The common case, in few operations: the bounds are those of ``_possible`` or tighter.
     """
-    (ax, ay, az), (gx, gy, gz), (mx, my, mz), (p,) = old.readings
-    _, x, y, z, u, v, w, k, m, n, pressure, *_ = frame
-    if (
-        (x != ax or y != ay or z != az) and (u != gx or v != gy or w != gz) and (k != mx or m != my or n != mz)
-        and pressure != p
-        and -_A < x < _A and -_A < y < _A and -_A < z < _A
-        and -_DA < x - ax < _DA and -_DA < y - ay < _DA and -_DA < z - az < _DA
-        and -_DG < u - gx < _DG and -_DG < v - gy < _DG and -_DG < w - gz < _DG
-        and -_G < u < _G and -_G < v < _G and -_G < w < _G
-        and -_M < k < _M and -_M < m < _M and -_M < n < _M
-        and -_DM < k - mx < _DM and -_DM < m - my < _DM and -_DM < n - mz < _DM
-        and _P < pressure < _PP and -_DP < pressure - p < _DP
-    ):  # fmt: skip
-        return (x, y, z), (u, v, w), (k, m, n), (pressure,)
-    return ()
+    was, now, hpa, now_us = old.frame[1:10], frame[1:10], frame.pressure_hpa, frame.time_us
+    ax, ay, az, p, q, r, mx, my, mz = now
+    change_hpa = hpa - old.frame.pressure_hpa
+    if not (
+        frame.fields_updated & _ALL_FRESH == _ALL_FRESH
+        and math.dist(now, was) < _LEAST_JUMP
+        and -_PRESSURE_JUMP < change_hpa < _PRESSURE_JUMP
+        and ax * ax + ay * ay + az * az < _A2
+        and p * p + q * q + r * r < _G2
+        and mx * mx + my * my + mz * mz < _M2
+        and _LEAST_HPA < hpa < _MOST_HPA
+    ):
+        return ()
+    if change_hpa and ax != was[0] and p != was[3] and mx != was[6]:
+        return (now_us,) * 4
+    changes = now[:3] != was[:3], now[3:6] != was[3:6], now[6:] != was[6:], change_hpa != 0.0
+    return tuple(now_us if change else last_us for change, last_us in zip(changes, old.changed_us, strict=True))
 
 
-def _picked(
-    old: Ahrs, frame: SensorFrame, excluded: frozenset[str], config: Config
-) -> tuple[Ahrs, SensorFrame, tuple[Complaint, ...]]:
+def _hear_piecemeal(old: Ahrs, frame: SensorFrame, excluded: frozenset[str], config: Config) -> Heard:
     """Each group by itself."""
     now_us, values, usable = frame.time_us, list(frame), 0
-    readings, heard_us, changed_us = list(old.readings), list(old.heard_us), list(old.changed_us)
+    known = old.piecemeal or _pieces(old.frame)
+    readings, heard_us, changed_us = list(known.readings), list(known.heard_us), list(old.changed_us)
     complaints: list[Complaint] = []
     for at, group in enumerate(GROUPS):
         sound = False
@@ -95,7 +98,7 @@ def _picked(
             readings[at] = reading
         if heard_us[at] != _NEVER and now_us - heard_us[at] > config.health_lost_s * US_PER_S:
             complaints.append(Complaint(group.name, SILENT))
-        elif 0.0 < config.health_stuck_s * US_PER_S < now_us - changed_us[at] and heard_us[at] != _NEVER:
+        elif heard_us[at] != _NEVER and _stands_still(now_us, changed_us[at], config):
             complaints.append(Complaint(group.name, STUCK))
         elif group.name not in excluded and heard_us[at] != _NEVER:
             usable |= group.fresh
@@ -103,7 +106,18 @@ def _picked(
             values[group.first : group.last] = old.frame[group.first : group.last]
     values[-2] = usable
     screened = SensorFrame._make(values)
-    return Ahrs(screened, tuple(readings), tuple(heard_us), tuple(changed_us)), screened, tuple(complaints)
+    whole = usable == _ALL_FRESH and min(heard_us) == now_us
+    piecemeal = None if whole else Piecemeal(tuple(readings), tuple(heard_us))
+    return Ahrs(screened, tuple(changed_us), piecemeal), screened, tuple(complaints)
+
+
+def _pieces(frame: SensorFrame) -> Piecemeal:
+    """What a sample is in which every group speaks and makes sense."""
+    return Piecemeal(tuple(frame[group.first : group.last] for group in GROUPS), (frame.time_us,) * len(GROUPS))
+
+
+def _stands_still(now_us: int, changed_us: int, config: Config) -> bool:
+    return 0.0 < config.health_stuck_s * US_PER_S < now_us - changed_us
 
 
 def _possible(group: Group, reading: tuple[float, ...], before: tuple[float, ...]) -> bool:

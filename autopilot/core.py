@@ -1,11 +1,21 @@
 """The tick: health, estimate, failsafe, guidance, loops or excitation, actuators. Pure: no clock, no I/O, no chance."""
 
-import math
-
 from autopilot import estimator, excitation, failsafe, health, loops, mission, modes
 from autopilot.params import Config
-from autopilot.types import US_PER_S, Event, Home, Inputs, ItemReached, LoopMemory, Severity, State, Stick, Trace
-from link.records import ARMED_FLAG, CUSTOM_MODE_FLAG, LOCKSTEP_FLAG, ActuatorFrame
+from autopilot.types import (
+    US_PER_S,
+    Estimate,
+    Event,
+    Home,
+    Inputs,
+    ItemReached,
+    LoopMemory,
+    Severity,
+    State,
+    Stick,
+    Trace,
+)
+from link.records import ARMED_FLAG, CUSTOM_MODE_FLAG, LOCKSTEP_FLAG, ActuatorFrame, GpsFix
 
 MAX_STEP_S = 0.2
 """A longer gap between sensor frames is not bridged: the estimate would only guess."""
@@ -24,16 +34,11 @@ def start(config: Config) -> State:
 def tick(state: State, inputs: Inputs, config: Config) -> tuple[State, ActuatorFrame, Trace, Events]:
     """One step of the autopilot at the vehicle time of the sensors."""
     dt_s = step_s(state, inputs)
-    sound, inputs, noticed = health.screen(state, inputs, config)
-    state = observe(state._replace(health=sound), inputs, config, dt_s)
+    state, inputs, noticed = observe(state, inputs, config, dt_s)
     state, alarms = failsafe.watch(state, inputs, config)
     state, guided = guide(state, config)
     state, trace = control(state, inputs.stick, config, dt_s)
-    frame = actuators(state, trace, config)
-    if sound.duct.heard_us >= 0:
-        rudder, elevator, *_ = frame.controls
-        state = state._replace(health=health.expect_duct(sound, rudder, elevator, dt_s))
-    return state, frame, trace, (*noticed, *alarms, *guided)
+    return state, actuators(state, trace, config), trace, (*noticed, *alarms, *guided)
 
 
 def step_s(state: State, inputs: Inputs) -> float:
@@ -43,18 +48,29 @@ def step_s(state: State, inputs: Inputs) -> float:
     return min(MAX_STEP_S, (inputs.sensors.time_us - state.time_us) / US_PER_S)
 
 
-def observe(state: State, inputs: Inputs, config: Config, dt_s: float) -> State:
-    """Take in the sensors; the first satellite fix at the surface becomes home."""
-    home, fix = state.home, inputs.gps
-    if fix is not None and fix.fix_type >= 3 and not home.known:
-        home = Home(fix.lat_deg, fix.lon_deg, True)
+def observe(state: State, inputs: Inputs, config: Config, dt_s: float) -> tuple[State, Inputs, tuple[Event, ...]]:
+    """Take in the instruments as far as they can be believed, which is also what is given back of the inputs."""
+    heard, sound, inputs, noticed = health.screen(state, inputs, config)
+    home = find_home(state.home, inputs.gps)
+    estimate = follow(state, inputs, home, config, dt_s)
+    time_us = inputs.sensors.time_us
+    return state._replace(time_us=time_us, ahrs=heard, health=sound, home=home, estimate=estimate), inputs, noticed
+
+
+def find_home(home: Home, fix: GpsFix | None) -> Home:
+    """The first satellite fix at the surface becomes home."""
+    if home.known or fix is None or fix.fix_type < 3:
+        return home
+    return Home(fix.lat_deg, fix.lon_deg, True)
+
+
+def follow(state: State, inputs: Inputs, home: Home, config: Config, dt_s: float) -> Estimate:
+    """The estimate after this tick's sensors; it begins once all that it needs has spoken."""
     if state.estimate.initialised:
-        estimate = estimator.update(state.estimate, inputs, state.thrust, home, config, dt_s)
-    elif inputs.sensors.fields_updated & estimator.NEEDED == estimator.NEEDED:
-        estimate = estimator.begin(inputs.sensors, config)
-    else:
-        estimate = state.estimate
-    return state._replace(time_us=inputs.sensors.time_us, estimate=estimate, home=home)
+        return estimator.update(state.estimate, inputs, state.thrust, home, config, dt_s)
+    if inputs.sensors.fields_updated & estimator.NEEDED == estimator.NEEDED:
+        return estimator.begin(inputs.sensors, config)
+    return state.estimate
 
 
 def guide(state: State, config: Config) -> tuple[State, Events]:
@@ -105,35 +121,35 @@ def surface(state: State, config: Config) -> tuple[State, Events]:
 def control(state: State, stick: Stick | None, config: Config, dt_s: float) -> tuple[State, Trace]:
     """Loops, excitation or the pilot's hand to deflections within the duct's travel."""
     if not state.armed:
-        return state._replace(thrust=0.0, loops=LoopMemory()), Trace()
-    mode = modes.by_number(state.mode) or modes.HOLD
-    axis = state.test.axis if state.test else 0
+        at_rest = health.duct_follows(state.duct_rad, 0.0, 0.0, dt_s)
+        return state._replace(thrust=0.0, loops=LoopMemory(), duct_rad=at_rest), Trace()
+    mode, test, travel = modes.by_number(state.mode) or modes.HOLD, state.test, config.travel_rad
+    axis = test.axis if test else 0
     wanted, memory = loops.close(
         state.estimate, state.setpoint, state.loops, config, dt_s,
         heading=mode.closes_heading and axis != excitation.RUDDER_AXIS,
         depth=mode.closes_depth and axis != excitation.ELEVATOR_AXIS,
     )  # fmt: skip
-    rudder, elevator, thrust = wanted.rudder_rad, wanted.elevator_rad, state.setpoint.thrust
-    deflection = frequency = 0.0
-    if state.test is not None:
-        deflection, frequency = excitation.value(state.test, (state.time_us - state.test.started_us) / US_PER_S)
+    rudder, elevator, heading_error, pitch_error, depth_error, pitch_setpoint = wanted
+    thrust, deflection, frequency = state.setpoint.thrust, 0.0, 0.0
+    if test is not None:
+        deflection, frequency = excitation.value(test, (state.time_us - test.started_us) / US_PER_S)
         rudder += deflection if axis == excitation.RUDDER_AXIS else 0.0
         elevator += deflection if axis == excitation.ELEVATOR_AXIS else 0.0
-    if state.mode == modes.MANUAL.number:
-        travel = math.radians(config.travel_deg)
+    if mode is modes.MANUAL:
         hand = stick or Stick(0.0, 0.0, 0.0)
         rudder, elevator, thrust = hand.rudder * travel, hand.elevator * travel, hand.thrust
     rudder, elevator, thrust = limit(rudder, elevator, thrust, config)
     trace = Trace(
-        wanted.heading_error_rad, wanted.pitch_error_rad, wanted.depth_error_m, wanted.pitch_setpoint_rad,
-        deflection, frequency, rudder, elevator, thrust,
-    )  # fmt: skip
-    return state._replace(loops=memory, thrust=thrust), trace
+        heading_error, pitch_error, depth_error, pitch_setpoint, deflection, frequency, rudder, elevator, thrust
+    )
+    follows = health.duct_follows(state.duct_rad, rudder, elevator, dt_s)
+    return state._replace(loops=memory, thrust=thrust, duct_rad=follows), trace
 
 
 def limit(rudder_rad: float, elevator_rad: float, thrust: float, config: Config) -> tuple[float, float, float]:
     """Deflections within the duct's travel, thrust within full ahead and full astern."""
-    travel = math.radians(config.travel_deg)
+    travel = config.travel_rad
     return (
         min(travel, max(-travel, rudder_rad)),
         min(travel, max(-travel, elevator_rad)),
@@ -146,6 +162,6 @@ def actuators(state: State, trace: Trace, config: Config) -> ActuatorFrame:
     mode = CUSTOM_MODE_FLAG | (ARMED_FLAG if state.armed else 0)
     if not state.armed:
         return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, _REST, mode)
-    travel = math.radians(config.travel_deg)
+    travel = config.travel_rad
     controls = (trace.rudder_rad / travel, trace.elevator_rad / travel, trace.thrust, *_SPARE)
     return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, controls, mode)

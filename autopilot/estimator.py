@@ -15,14 +15,14 @@ from autopilot.types import Estimate, Home, Inputs
 from link.frames import (
     STANDARD_GRAVITY_MPS2,
     Quaternion,
+    Vector,
     euler_from_quaternion,
     geodetic_to_offset,
     quaternion_from_euler,
     rotate,
-    rotate_back,
     wrap_pi,
 )
-from link.records import ACCELEROMETER_FRESH, GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH, SensorFrame
+from link.records import ACCELEROMETER_FRESH, GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH, Altimeter, SensorFrame
 
 NEEDED = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
 """To begin with."""
@@ -43,10 +43,11 @@ BLIND_DEPTH_RATE_S = 10.0
 
 def begin(sensors: SensorFrame, config: Config) -> Estimate:
     """The first estimate: level reference from the accelerometer, heading from the magnetometer, at rest."""
-    roll = math.atan2(-sensors.accel_y_mps2, -sensors.accel_z_mps2)
-    pitch = math.atan2(sensors.accel_x_mps2, math.hypot(sensors.accel_y_mps2, sensors.accel_z_mps2))
-    north, east, _ = rotate(quaternion_from_euler(roll, pitch, 0.0), _magnetic(sensors))
-    heading = wrap_pi(math.atan2(-east, north) + math.radians(config.declination_deg))
+    ax, ay, az = sensors[1:4]
+    roll = math.atan2(-ay, -az)
+    pitch = math.atan2(ax, math.hypot(ay, az))
+    north, east, _ = rotate(quaternion_from_euler(roll, pitch, 0.0), sensors[7:10])
+    heading = wrap_pi(math.atan2(-east, north) + config.declination_rad)
     return Estimate(
         attitude=quaternion_from_euler(roll, pitch, heading),
         roll_rad=roll,
@@ -60,17 +61,17 @@ def begin(sensors: SensorFrame, config: Config) -> Estimate:
 
 def update(old: Estimate, inputs: Inputs, thrust: float, home: Home, config: Config, dt_s: float) -> Estimate:
     """The estimate after a tick of ``dt_s`` seconds under the last commanded ``thrust`` (fraction of full)."""
-    sensors = inputs.sensors
+    sensors, now_us = inputs.sensors, inputs.sensors.time_us
     speed = _speed(old.speed_mps, thrust, config, dt_s)
     attitude, rates, bias = _attitude(old, sensors, speed, config, dt_s)
     roll, pitch, heading = euler_from_quaternion(*attitude)
     depth, depth_rate, accel_bias = _depth(old, sensors, attitude, config, dt_s)
     north, east, north_rate, east_rate, sd = _position(old, inputs, home, heading, pitch, speed, dt_s)
-    altitude, altitude_time = _altitude(old, inputs)
+    altitude, altitude_time = _altitude(old, inputs.altimeter, now_us)
     return Estimate(
         attitude, roll, pitch, heading, *rates, bias, depth, depth_rate, accel_bias, speed,
         north, east, north_rate, east_rate, sd, altitude, altitude_time, True,
-        sensors.time_us if sensors.fields_updated & PRESSURE_FRESH else old.depth_time_us,
+        now_us if sensors.fields_updated & PRESSURE_FRESH else old.depth_time_us,
     )  # fmt: skip
 
 
@@ -80,25 +81,22 @@ def depth_of(pressure_hpa: float, config: Config) -> float:
     return gauge_pa / (config.water_density_kgpm3 * STANDARD_GRAVITY_MPS2)
 
 
-def _magnetic(sensors: SensorFrame) -> tuple[float, float, float]:
-    return sensors.mag_x_gauss, sensors.mag_y_gauss, sensors.mag_z_gauss
-
-
 def _speed(speed_mps: float, thrust: float, config: Config, dt_s: float) -> float:
     """Forward speed through the water: thrust against quadratic drag."""
-    steady = config.cruise_speed_mps * 100.0 * thrust / config.cruise_thrust_pct if config.cruise_thrust_pct else 0.0
+    cruise_pct = config.cruise_thrust_pct
+    steady = config.cruise_speed_mps * 100.0 * thrust / cruise_pct if cruise_pct else 0.0
     return speed_mps + (steady * abs(steady) - speed_mps * abs(speed_mps)) / config.speed_length_m * dt_s
 
 
 def _attitude(
     old: Estimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
-) -> tuple[Quaternion, tuple[float, float, float], tuple[float, float, float]]:
+) -> tuple[Quaternion, Vector, Vector]:
     if not sensors.fields_updated & GYRO_FRESH:
         return _attitude_without_gyro(old, sensors, speed_mps, config, dt_s)
     bx, by, bz = old.gyro_bias_radps
-    p, q, r = sensors.gyro_x_radps - bx, sensors.gyro_y_radps - by, sensors.gyro_z_radps - bz
-    ex, ey, ez = _tilt_error(old.attitude, sensors, speed_mps, q, r)
-    mx, my, mz = rotate_back(old.attitude, (0.0, 0.0, _heading_error(old.attitude, sensors, config)))
+    p, q, r = sensors[4:7]
+    p, q, r = p - bx, q - by, r - bz
+    (ex, ey, ez), (mx, my, mz) = _errors(old.attitude, sensors, speed_mps, q, r, config)
     trust = 1.0 / (1.0 + (q * q + r * r) / TURNING_RADPS**2)
     ka, kh, kb = trust * config.attitude_gain, trust * config.heading_gain, trust * config.bias_gain
     attitude = _integrate(old.attitude, p + ka * ex + kh * mx, q + ka * ey + kh * my, r + ka * ez + kh * mz, dt_s)
@@ -112,31 +110,41 @@ def _attitude(
 
 def _attitude_without_gyro(
     old: Estimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
-) -> tuple[Quaternion, tuple[float, float, float], tuple[float, float, float]]:
+) -> tuple[Quaternion, Vector, Vector]:
     """Attitude and rates from gravity and field alone, the gyro's bias left as it was."""
     p, q, r = old.p_radps, old.q_radps, old.r_radps
-    ex, ey, ez = _tilt_error(old.attitude, sensors, speed_mps, q, r)
-    mx, my, mz = rotate_back(old.attitude, (0.0, 0.0, _heading_error(old.attitude, sensors, config)))
+    (ex, ey, ez), (mx, my, mz) = _errors(old.attitude, sensors, speed_mps, q, r, config)
     ex, ey, ez = ex + mx, ey + my, ez + mz
     pull, gain = 2.0 * OBSERVER_RADPS, OBSERVER_RADPS * OBSERVER_RADPS * dt_s
     attitude = _integrate(old.attitude, p + pull * ex, q + pull * ey, r + pull * ez, dt_s)
     return attitude, (p + gain * ex, q + gain * ey, r + gain * ez), old.gyro_bias_radps
 
 
-def _tilt_error(
-    attitude: Quaternion, sensors: SensorFrame, speed_mps: float, q_radps: float, r_radps: float
-) -> tuple[float, float, float]:
+def _down(attitude: Quaternion) -> Vector:
+    """The world's downward unit vector in body axes."""
+    w, x, y, z = attitude
+    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+def _errors(
+    attitude: Quaternion, sensors: SensorFrame, speed_mps: float, q_radps: float, r_radps: float, config: Config
+) -> tuple[Vector, Vector]:
+    """The turns (radians, body axes) that would take the estimate to what gravity and what the field tell."""
+    down = x, y, z = _down(attitude)
+    turn = _heading_error(attitude, sensors, config)
+    return _tilt_error(down, sensors, speed_mps, q_radps, r_radps), (turn * x, turn * y, turn * z)
+
+
+def _tilt_error(down: Vector, sensors: SensorFrame, speed_mps: float, q_radps: float, r_radps: float) -> Vector:
     """The turn (radians, body axes) that would lay the estimated down on the measured one; none without a measure."""
     if not sensors.fields_updated & ACCELEROMETER_FRESH:
         return 0.0, 0.0, 0.0
-    ax = -sensors.accel_x_mps2
-    ay = -sensors.accel_y_mps2 + r_radps * speed_mps
-    az = -sensors.accel_z_mps2 - q_radps * speed_mps
+    fx, fy, fz = sensors[1:4]
+    ax, ay, az = -fx, -fy + r_radps * speed_mps, -fz - q_radps * speed_mps
     norm = math.sqrt(ax * ax + ay * ay + az * az)
     if norm < 0.5 * STANDARD_GRAVITY_MPS2:
         return 0.0, 0.0, 0.0
-    w, x, y, z = attitude
-    dx, dy, dz = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+    dx, dy, dz = down
     return (ay * dz - az * dy) / norm, (az * dx - ax * dz) / norm, (ax * dy - ay * dx) / norm
 
 
@@ -144,10 +152,10 @@ def _heading_error(attitude: Quaternion, sensors: SensorFrame, config: Config) -
     """The turn about the vertical (radians) that would bring the measured field to magnetic north; none without it."""
     if not sensors.fields_updated & MAGNETOMETER_FRESH:
         return 0.0
-    north, east, _ = rotate(attitude, _magnetic(sensors))
+    north, east, _ = rotate(attitude, sensors[7:10])
     if north == 0.0 and east == 0.0:
         return 0.0
-    return wrap_pi(math.radians(config.declination_deg) - math.atan2(east, north))
+    return wrap_pi(config.declination_rad - math.atan2(east, north))
 
 
 def _integrate(attitude: Quaternion, p: float, q: float, r: float, dt_s: float) -> Quaternion:
@@ -162,27 +170,27 @@ def _integrate(attitude: Quaternion, p: float, q: float, r: float, dt_s: float) 
 
 
 def _clip_bias(bias_radps: float) -> float:
-    return min(MAX_BIAS_RADPS, max(-MAX_BIAS_RADPS, bias_radps))
+    return bias_radps if -MAX_BIAS_RADPS < bias_radps < MAX_BIAS_RADPS else math.copysign(MAX_BIAS_RADPS, bias_radps)
 
 
 def _depth(
     old: Estimate, sensors: SensorFrame, attitude: Quaternion, config: Config, dt_s: float
 ) -> tuple[float, float, float]:
-    down_mps2 = 0.0
-    if sensors.fields_updated & ACCELEROMETER_FRESH:
-        specific_force = sensors.accel_x_mps2, sensors.accel_y_mps2, sensors.accel_z_mps2
-        down_mps2 = rotate(attitude, specific_force)[2] + STANDARD_GRAVITY_MPS2 - old.accel_bias_mps2
-    if not sensors.fields_updated & PRESSURE_FRESH:
-        fading = -old.depth_rate_mps / BLIND_DEPTH_RATE_S
-        blind_mps = old.depth_rate_mps + (down_mps2 + fading) * dt_s
-        return old.depth_m + old.depth_rate_mps * dt_s, blind_mps, old.accel_bias_mps2
-    rate = 1.0 / config.depth_time_s
-    depth = old.depth_m + old.depth_rate_mps * dt_s + 0.5 * down_mps2 * dt_s * dt_s
+    rate_mps, bias_mps2, down_mps2 = old.depth_rate_mps, old.accel_bias_mps2, 0.0
+    fresh = sensors.fields_updated
+    if fresh & ACCELEROMETER_FRESH:
+        (x, y, z), (ax, ay, az) = _down(attitude), sensors[1:4]
+        down_mps2 = x * ax + y * ay + z * az + STANDARD_GRAVITY_MPS2 - bias_mps2
+    if not fresh & PRESSURE_FRESH:
+        fading = -rate_mps / BLIND_DEPTH_RATE_S
+        return old.depth_m + rate_mps * dt_s, rate_mps + (down_mps2 + fading) * dt_s, bias_mps2
+    pole = 1.0 / config.depth_time_s
+    depth = old.depth_m + rate_mps * dt_s + 0.5 * down_mps2 * dt_s * dt_s
     error = depth_of(sensors.pressure_hpa, config) - depth
     return (
-        depth + 3.0 * rate * error * dt_s,
-        old.depth_rate_mps + (down_mps2 + 3.0 * rate * rate * error) * dt_s,
-        old.accel_bias_mps2 - rate * rate * rate * error * dt_s,
+        depth + 3.0 * pole * error * dt_s,
+        rate_mps + (down_mps2 + 3.0 * pole * pole * error) * dt_s,
+        bias_mps2 - pole * pole * pole * error * dt_s,
     )
 
 
@@ -204,10 +212,8 @@ def _position(
     )
 
 
-def _altitude(old: Estimate, inputs: Inputs) -> tuple[float | None, int]:
-    seen = inputs.altimeter
+def _altitude(old: Estimate, seen: Altimeter | None, now_us: int) -> tuple[float | None, int]:
     if seen is not None and seen.min_range_m <= seen.range_m < seen.max_range_m:
-        return seen.range_m, inputs.sensors.time_us
-    if inputs.sensors.time_us - old.altitude_time_us > ALTIMETER_STALE_US:
-        return None, old.altitude_time_us
-    return old.altitude_m, old.altitude_time_us
+        return seen.range_m, now_us
+    seen_us = old.altitude_time_us
+    return (None if now_us - seen_us > ALTIMETER_STALE_US else old.altitude_m), seen_us

@@ -3,6 +3,7 @@
 import math
 
 from autopilot import health, modes
+from autopilot.devices import BATTERY, LEAK
 from autopilot.params import Config
 from autopilot.types import US_PER_S, Event, Excitation, Inputs, Severity, State
 from link.frames import wrap_pi
@@ -29,7 +30,7 @@ def _cause(state: State, inputs: Inputs, config: Config) -> str:
         return f"depth {at.depth_m:.1f} m"
     if at.altitude_m is not None and at.altitude_m < config.fs_altitude_m:
         return f"altitude {at.altitude_m:.1f} m"
-    if abs(at.pitch_rad) > math.radians(config.fs_pitch_deg):
+    if abs(at.pitch_rad) > config.fs_pitch_rad:
         return f"pitch {math.degrees(at.pitch_rad):.0f} deg"
     armed_s = (state.time_us - state.armed_us) / US_PER_S
     if 0.0 < config.fs_time_s < armed_s:
@@ -45,8 +46,8 @@ def _wrong_on_board(state: State, config: Config) -> str:
         return ""
     wrong = health.troubles(state.health)
     acted_on = (
-        (health.LEAK, config.fs_leak_action),
-        (health.BATTERY, config.fs_battery_action if wrong.get(health.BATTERY) == health.LOW else 0),
+        (LEAK, config.fs_leak_action),
+        (BATTERY, config.fs_battery_action if wrong.get(BATTERY) == health.LOW else 0),
     )
     return next((f"{name} {wrong[name]}" for name, action in acted_on if action and name in wrong), "")
 

@@ -5,17 +5,17 @@ longer listened to until it has been sound for a while.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from autopilot import ahrs, modes
+from autopilot import ahrs, devices, modes
 from autopilot.ahrs import IMPLAUSIBLE, SILENT, STUCK
+from autopilot.devices import ALTIMETER, BATTERY, DUCT, DVL, GPS, LEAK
 from autopilot.params import Config
-from autopilot.types import US_PER_S, Complaint, Device, Doubt, Event, Health, Inputs, Severity, State
-from link.records import Altimeter, Battery, DuctFeedback, Dvl, GpsFix, Leak
+from autopilot.types import US_PER_S, Ahrs, Complaint, Doubt, Event, Health, Inputs, Severity, State
+from link.records import Altimeter, Battery, DuctFeedback, Leak
 
 ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE = (group.name for group in ahrs.GROUPS)
-GPS, ALTIMETER, DVL, BATTERY, LEAK, DUCT, DEPTH = "GPS", "Altimeter", "DVL", "Battery", "Leak", "Duct", "Depth"
+DEPTH = "Depth"
 VITAL = frozenset((ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE, BATTERY, LEAK, DUCT))
 """Nobody should go to sea without."""
 DETECTED, LOW, ASTRAY, UNANSWERED = "detected", "low", "does not follow", "does not answer"
@@ -25,16 +25,15 @@ RECOVERY_US = 5 * US_PER_S
 GRACE_US, IMPLAUSIBLE_GRACE_US = US_PER_S // 2, 3 * US_PER_S // 2
 """A doubt that nothing has nourished for so long is dropped; implausible readings may come a second apart."""
 CHECK_US = US_PER_S // 5
-DEVICE_SILENT_US, BATTERY_SILENT_US = 3 * US_PER_S, 10 * US_PER_S
-DEVICE_STUCK_US = 10 * US_PER_S
 DUCT_LAG_S = 0.7
 """Transport delay and lag of the tailcone together."""
 MOVING_MPS = 0.02
 ASKED_THRUST, ASKED_DEPTH_M = 0.2, 1.0
 """From here on a depth that stays away is expected to come."""
-FIX_JUMP_M, ECHO_JUMP_M, DVL_JUMP_MPS = 50.0, 3.0, 1.0
-JUMP_WITHIN_US = 2 * US_PER_S
-_METRES_PER_DEG = 111_000.0
+DEEP_M = 1.0
+"""Here no satellite is seen: a receiver that speaks speaks always."""
+STEEP_RAD = math.radians(30.0)
+"""An altimeter that looks so far ahead or astern need not see the floor."""
 
 
 class Patience(NamedTuple):
@@ -47,7 +46,9 @@ class Patience(NamedTuple):
 _AT_ONCE = Patience(1, 0)
 _PATIENCE = {IMPLAUSIBLE: Patience(5, 0), LOW: Patience(5, US_PER_S), ASTRAY: Patience(5, 2 * US_PER_S)}
 
-Screened = tuple[Health, Inputs, tuple[Event, ...]]
+_NOBODY: frozenset[str] = frozenset()
+
+Screened = tuple[Ahrs, Health, Inputs, tuple[Event, ...]]
 
 
 def screen(state: State, inputs: Inputs, config: Config) -> Screened:
@@ -57,28 +58,29 @@ def screen(state: State, inputs: Inputs, config: Config) -> Screened:
     """
     health, now_us = state.health, inputs.sensors.time_us
     excluded = _excluded(health) if health.doubts else _NOBODY
-    heard, sample, complaints = ahrs.hear(health.ahrs, inputs.sensors, excluded, config)
-    health = health._replace(ahrs=heard)
+    heard, sample, complaints = ahrs.hear(state.ahrs, inputs.sensors, excluded, config)
     if sample is not inputs.sensors:
         inputs = inputs._replace(sensors=sample)
-    if inputs.gps or inputs.altimeter or inputs.dvl or inputs.battery or inputs.leak or inputs.duct:
-        health, inputs, wrong = _hear_devices(health, inputs, state, excluded)
+    if devices.spoke(inputs):
+        health, inputs, wrong = devices.hear(health, inputs, excluded)
         complaints += wrong
     if now_us >= health.check_us:
         complaints += _slow_complaints(health, state, now_us, config)
-        health = health._replace(check_us=now_us + CHECK_US)
+        wet_gps = health.gps_under_water or _fix_heard_under_water(health, state, now_us)
+        health = health._replace(check_us=now_us + CHECK_US, gps_under_water=wet_gps)
     if not complaints and not health.doubts:
-        return health, inputs, ()
+        return heard, health, inputs, ()
     doubts, events = _weigh(health.doubts, complaints, now_us, config)
-    return health._replace(doubts=doubts), inputs, events
+    return heard, health._replace(doubts=doubts), inputs, events
 
 
-def expect_duct(health: Health, rudder: float, elevator: float, dt_s: float) -> Health:
-    """Follow where the duct should be by the controls of this tick."""
+def duct_follows(
+    duct_rad: tuple[float, float], rudder_rad: float, elevator_rad: float, dt_s: float
+) -> tuple[float, float]:
+    """Where the duct should stand after a tick in which it was told to go there."""
     way = min(1.0, dt_s / DUCT_LAG_S)
-    at_rudder, at_elevator = health.duct_expected
-    follows = at_rudder + way * (rudder - at_rudder), at_elevator + way * (elevator - at_elevator)
-    return health._replace(duct_expected=follows)
+    rudder, elevator = duct_rad
+    return rudder + way * (rudder_rad - rudder), elevator + way * (elevator_rad - elevator)
 
 
 def troubles(health: Health) -> dict[str, str]:
@@ -94,7 +96,7 @@ def refusal(health: Health) -> str:
 
 def fixed(health: Health, time_us: int) -> bool:
     """Whether a satellite fix came in this tick."""
-    return health.gps.sound_us == time_us and _is_fix(health.gps.record)
+    return health.gps.sound_us == time_us and devices.is_fix(health.gps.record)
 
 
 def _excluded(health: Health) -> frozenset[str]:
@@ -145,88 +147,38 @@ def _judged(doubt: Doubt, now_us: int, config: Config, events: list[Event]) -> D
     return doubt._replace(told=True)
 
 
-def _hear_devices(
-    health: Health, inputs: Inputs, state: State, excluded: frozenset[str]
-) -> tuple[Health, Inputs, tuple[Complaint, ...]]:
-    """Take in what devices say; a record that cannot be, or that nobody believes any more, goes no further."""
-    now_us, complaints = inputs.sensors.time_us, []
-    if inputs.gps is not None:
-        deep = state.estimate.depth_m > 2.0 * _SURFACED_M
-        health = health._replace(gps_under_water=health.gps_under_water or deep)
-    for field, name, possible, said in _DEVICES:
-        record = getattr(inputs, field)
-        if record is None:
-            continue
-        old: Device = getattr(health, field)
-        lately = old.record if now_us - old.sound_us < JUMP_WITHIN_US else None
-        sound = possible(record, lately)
-        if sound:
-            same = old.record is not None and said(record) == said(old.record)
-            new = Device(record, now_us, now_us, old.changed_us if same else now_us)
-        else:
-            complaints.append(Complaint(name, IMPLAUSIBLE))
-            new = old._replace(heard_us=now_us, changed_us=now_us)
-        health = _with(health, field, new)
-        if not sound or name in excluded:
-            inputs = _without(inputs, field)
-    return health, inputs, tuple(complaints)
-
-
-def _with(health: Health, field: str, device: Device) -> Health:
-    one: dict[str, Any] = {field: device}
-    return health._replace(**one)
-
-
-def _without(inputs: Inputs, field: str) -> Inputs:
-    none: dict[str, Any] = {field: None}
-    return inputs._replace(**none)
-
-
 def _slow_complaints(health: Health, state: State, now_us: int, config: Config) -> tuple[Complaint, ...]:
     """What is only worth a look now and then: silence, standing still, and what does not answer."""
-    found = [
-        Complaint(name, what)
-        for name, what, true in (
-            (GPS, SILENT, _gps_expected(health, state, config) and _silent(health.gps, now_us, DEVICE_SILENT_US)),
-            (GPS, STUCK, _is_fix(health.gps.record) and _stuck(health.gps, now_us)),
-            (ALTIMETER, SILENT, _echo_expected(health, state) and _silent(health.altimeter, now_us, DEVICE_SILENT_US)),
-            (ALTIMETER, STUCK, _stuck(health.altimeter, now_us)),
-            (DVL, SILENT, _silent(health.dvl, now_us, DEVICE_SILENT_US)),
-            (DVL, STUCK, _stuck(health.dvl, now_us)),
-            (BATTERY, SILENT, _silent(health.battery, now_us, BATTERY_SILENT_US)),
-            (BATTERY, LOW, _low(health.battery.record, config)),
-            (LEAK, DETECTED, _wet(health.leak.record)),
-            (DUCT, SILENT, _silent(health.duct, now_us, DEVICE_SILENT_US)),
-            (DUCT, ASTRAY, _astray(health, config)),
-            (DEPTH, UNANSWERED, _unanswered(state, config)),
-        )
-        if true
-    ]
-    return tuple(found)
+    silent, stuck = devices.silent, devices.stuck
+    looks = (
+        (GPS, SILENT, silent(health.gps, now_us) and _fix_expected(health, state, config)),
+        (GPS, STUCK, stuck(health.gps, now_us) and devices.is_fix(health.gps.record)),
+        (ALTIMETER, SILENT, silent(health.altimeter, now_us) and _echo_expected(health, state)),
+        (ALTIMETER, STUCK, stuck(health.altimeter, now_us)),
+        (DVL, SILENT, silent(health.dvl, now_us)),
+        (DVL, STUCK, stuck(health.dvl, now_us)),
+        (BATTERY, SILENT, silent(health.battery, now_us, devices.BATTERY_SILENT_US)),
+        (BATTERY, LOW, _low(health.battery.record, config)),
+        (LEAK, DETECTED, _wet(health.leak.record)),
+        (DUCT, SILENT, silent(health.duct, now_us)),
+        (DUCT, ASTRAY, _astray(health.duct.record, state.duct_rad, config)),
+        (DEPTH, UNANSWERED, _unanswered(state, config)),
+    )
+    return tuple(Complaint(name, what) for name, what, wrong in looks if wrong)
 
 
-def _silent(device: Device, now_us: int, limit_us: int) -> bool:
-    return 0 <= device.heard_us < now_us - limit_us
+def _fix_heard_under_water(health: Health, state: State, now_us: int) -> bool:
+    return 0 <= now_us - CHECK_US < health.gps.heard_us and state.estimate.depth_m > DEEP_M
 
 
-def _stuck(device: Device, now_us: int) -> bool:
-    """Still speaking, and saying the same."""
-    return device.heard_us - device.changed_us > DEVICE_STUCK_US and now_us - device.heard_us < GRACE_US
-
-
-def _gps_expected(health: Health, state: State, config: Config) -> bool:
+def _fix_expected(health: Health, state: State, config: Config) -> bool:
     return health.gps_under_water or state.estimate.depth_m < config.surfaced_depth_m
-
-
-def _is_fix(fix: GpsFix | None) -> bool:
-    return fix is not None and fix.fix_type >= 3
 
 
 def _echo_expected(health: Health, state: State) -> bool:
     """The floor was well within reach when it was last seen, and nothing says that it no longer is."""
     last: Altimeter | None = health.altimeter.record
-    at = state.estimate
-    return last is not None and last.range_m < 0.7 * last.max_range_m and abs(at.pitch_rad) < math.radians(30.0)
+    return last is not None and last.range_m < 0.7 * last.max_range_m and abs(state.estimate.pitch_rad) < STEEP_RAD
 
 
 def _low(battery: Battery | None, config: Config) -> bool:
@@ -239,11 +191,11 @@ def _wet(leak: Leak | None) -> bool:
     return leak is not None and leak.wet
 
 
-def _astray(health: Health, config: Config) -> bool:
-    seen: DuctFeedback | None = health.duct.record
-    rudder, elevator = health.duct_expected
+def _astray(seen: DuctFeedback | None, expected_rad: tuple[float, float], config: Config) -> bool:
     if seen is None:
         return False
+    travel = config.travel_rad
+    rudder, elevator = expected_rad[0] / travel, expected_rad[1] / travel
     return 100.0 * max(abs(seen.rudder - rudder), abs(seen.elevator - elevator)) > config.health_duct_pct
 
 
@@ -254,52 +206,3 @@ def _unanswered(state: State, config: Config) -> bool:
         return False
     error_m = state.setpoint.depth_m - state.estimate.depth_m
     return abs(error_m) > ASKED_DEPTH_M and math.copysign(1.0, error_m) * state.estimate.depth_rate_mps < MOVING_MPS
-
-
-def _possible_fix(fix: GpsFix, before: GpsFix | None) -> bool:
-    if fix.fix_type < 3 or before is None or before.fix_type < 3:
-        return abs(fix.lat_deg) <= 90.0 and abs(fix.lon_deg) <= 180.0
-    north_m = _METRES_PER_DEG * (fix.lat_deg - before.lat_deg)
-    east_m = _METRES_PER_DEG * (fix.lon_deg - before.lon_deg) * math.cos(math.radians(fix.lat_deg))
-    return math.hypot(north_m, east_m) < FIX_JUMP_M
-
-
-def _possible_echo(echo: Altimeter, before: Altimeter | None) -> bool:
-    if not echo.min_range_m <= echo.range_m <= echo.max_range_m:
-        return False
-    return before is None or abs(echo.range_m - before.range_m) < ECHO_JUMP_M
-
-
-def _possible_velocity(seen: Dvl, before: Dvl | None) -> bool:
-    now = seen.velocity_x_mps, seen.velocity_y_mps, seen.velocity_z_mps
-    if not all(abs(v) < 10.0 for v in now):
-        return False
-    if before is None or before.over_ground != seen.over_ground:
-        return True
-    then = before.velocity_x_mps, before.velocity_y_mps, before.velocity_z_mps
-    return all(abs(a - b) < DVL_JUMP_MPS for a, b in zip(now, then, strict=True))
-
-
-def _possible_charge(seen: Battery, before: Battery | None) -> bool:
-    return seen.voltage_v > 0.0 and not abs(seen.remaining - (before.remaining if before else seen.remaining)) > 0.2
-
-
-def _any(seen: object, before: object) -> bool:
-    return True
-
-
-def _whole(record: object) -> object:
-    return record
-
-
-_DEVICES: tuple[tuple[str, str, Callable[[Any, Any], bool], Callable[[Any], object]], ...] = (
-    ("gps", GPS, _possible_fix, lambda fix: (fix.lat_deg, fix.lon_deg)),
-    ("altimeter", ALTIMETER, _possible_echo, lambda echo: echo.range_m),
-    ("dvl", DVL, _possible_velocity, lambda seen: (seen.velocity_x_mps, seen.velocity_y_mps, seen.velocity_z_mps)),
-    ("battery", BATTERY, _possible_charge, _whole),
-    ("leak", LEAK, _any, _whole),
-    ("duct", DUCT, _any, _whole),
-)
-"""Field of ``Inputs`` and ``Health``, name, whether a record can be after another, and what stands still when stuck."""
-_SURFACED_M = 0.5
-_NOBODY: frozenset[str] = frozenset()

@@ -5,6 +5,7 @@ from importlib import metadata
 from typing import Any
 
 from autopilot import health, modes
+from autopilot.devices import LEAK
 from autopilot.types import State
 from link.dialect import constant
 from link.records import ARMED_FLAG, CUSTOM_MODE_FLAG
@@ -47,7 +48,7 @@ def system_status(state: State) -> int:
     if not state.estimate.initialised:
         return _BOOT
     wrong = health.troubles(state.health) if state.health.doubts else {}
-    if health.LEAK in wrong:
+    if LEAK in wrong:
         return _EMERGENCY
     if state.failsafe or wrong:
         return _CRITICAL

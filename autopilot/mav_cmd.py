@@ -6,6 +6,7 @@ some commands to component 0: every handler is indifferent to all three.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from autopilot import identity, mission, modes, requests, telemetry
@@ -171,7 +172,7 @@ class Commander:
             return self._refuse(DENIED, f"Command {c.number}: param1 is not given")
         item = MissionItem(0, FRAME_MISSION, c.number, p1=c.p1, p2=c.p2, p3=c.p3, p4=c.p4)
         config = self._vehicle.params.config
-        _, wrong = mission.check((item,), config._replace(mission_seq0_home=0))
+        _, wrong = mission.check((item,), replace(config, mission_seq0_home=0))
         if wrong:
             return self._refuse(DENIED, f"Command {c.number}: {wrong}")
         if not self._vehicle.state.armed:

@@ -5,8 +5,11 @@ A tick reads the fields; ground sees the names. All travel as MAVLink REAL32.
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated, NamedTuple, get_type_hints
+
+from autopilot.pid import Gains
 
 
 class Doc(NamedTuple):
@@ -17,8 +20,9 @@ class Doc(NamedTuple):
     doc: str
 
 
-class Config(NamedTuple):
-    """Every parameter as a tick reads it. Gains are the paper's Table 3, initial column."""
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Every parameter as a tick reads it, and what follows from them. Gains are the paper's Table 3, initial column."""
 
     system_id: Annotated[int, Doc("MAV_SYS_ID", 1, 255, "", "MAVLink system id, read at the start")] = 1
     forwards: Annotated[int, Doc("MAV_FORWARD", 0, 1, "", "1: pass messages on from one ground link to another")] = 1
@@ -116,6 +120,31 @@ class Config(NamedTuple):
     sid_heading_max_deg: Annotated[float, Doc("SID_HDG_MAX", 1, 180, "deg", "More heading change stops a test")] = 180.0
     sid_time_max_s: Annotated[float, Doc("SID_TIME_MAX", 1, 600, "s", "Longest a test may last")] = 120.0
 
+    travel_rad: float = field(init=False)
+    rudder_trim_rad: float = field(init=False)
+    elevator_trim_rad: float = field(init=False)
+    declination_rad: float = field(init=False)
+    pitch_limit_rad: float = field(init=False)
+    fs_pitch_rad: float = field(init=False)
+    heading_gains: Gains = field(init=False)
+    pitch_gains: Gains = field(init=False)
+    depth_gains: Gains = field(init=False)
+
+    def __post_init__(self) -> None:
+        turning = math.radians(self.heading_i_rate_degps)
+        for name, value in (
+            ("travel_rad", math.radians(self.travel_deg)),
+            ("rudder_trim_rad", math.radians(self.rudder_trim_deg)),
+            ("elevator_trim_rad", math.radians(self.elevator_trim_deg)),
+            ("declination_rad", math.radians(self.declination_deg)),
+            ("pitch_limit_rad", math.radians(self.pitch_limit_deg)),
+            ("fs_pitch_rad", math.radians(self.fs_pitch_deg)),
+            ("heading_gains", Gains(self.heading_p, self.heading_d, self.heading_i, self.heading_i_max, turning)),
+            ("pitch_gains", Gains(self.pitch_p, self.pitch_d, self.pitch_i, self.pitch_i_max)),
+            ("depth_gains", Gains(self.depth_p, self.depth_d, self.depth_i, self.depth_i_max)),
+        ):
+            object.__setattr__(self, name, value)
+
 
 class Parameter(NamedTuple):
     """One row of the table as ground sees it."""
@@ -136,11 +165,14 @@ class ParamError(ValueError):
 
 def _table() -> tuple[Parameter, ...]:
     rows = []
-    for field, hint in get_type_hints(Config, include_extras=True).items():
-        doc: Doc = hint.__metadata__[0]
-        default = Config._field_defaults[field]
-        integer = hint.__origin__ is int
-        rows.append(Parameter(doc.name, field, default, doc.minimum, doc.maximum, doc.unit, doc.doc, integer))
+    hints = get_type_hints(Config, include_extras=True)
+    defaults = Config()
+    for name in (column.name for column in fields(Config) if column.init):
+        doc: Doc = hints[name].__metadata__[0]
+        integer = hints[name].__origin__ is int
+        rows.append(
+            Parameter(doc.name, name, getattr(defaults, name), doc.minimum, doc.maximum, doc.unit, doc.doc, integer)
+        )
     return tuple(sorted(rows))
 
 
@@ -166,12 +198,12 @@ def validate(name: str, value: float) -> float:
 
 def config(values: Mapping[str, float]) -> Config:
     """The configuration with ``values`` (by parameter name) in place of the defaults. Raises ParamError."""
-    fields = {}
+    changed = {}
     for name, value in values.items():
         stored = validate(name, value)
         row = _BY_NAME[name]
-        fields[row.field] = int(stored) if row.integer else stored
-    return Config(**fields)  # type: ignore[arg-type]
+        changed[row.field] = int(stored) if row.integer else stored
+    return Config(**changed)  # type: ignore[arg-type]
 
 
 class ParamTable:
@@ -193,7 +225,7 @@ class ParamTable:
         """Put a value in force; returns it as stored. Raises ParamError, and then nothing has changed."""
         stored = validate(name, value)
         row = _BY_NAME[name]
-        self.config = self.config._replace(**{row.field: int(stored) if row.integer else stored})  # type: ignore[arg-type]
+        self.config = replace(self.config, **{row.field: int(stored) if row.integer else stored})  # type: ignore[arg-type]
         return stored
 
 

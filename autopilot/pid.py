@@ -24,9 +24,10 @@ def pid(
     and the error pushes further out (conditional anti-windup, Astrom and Murray 2008, section 10.4). It also waits
     while the vehicle moves faster than ``i_rate``: the error on the way to a new set-point is none to carry for good.
     """
-    wanted = gains.p * error - gains.d * rate + integral
+    p, d, i, i_max, i_rate = gains
+    wanted = p * error - d * rate + integral
     output = min(high, max(low, wanted))
     pushes_out = (wanted > high and error > 0.0) or (wanted < low and error < 0.0)
-    if not pushes_out and abs(rate) <= gains.i_rate:
-        integral = min(gains.i_max, max(-gains.i_max, integral + gains.i * error * dt_s))
+    if not pushes_out and abs(rate) <= i_rate:
+        integral = min(i_max, max(-i_max, integral + i * error * dt_s))
     return output, integral

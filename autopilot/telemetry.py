@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from autopilot import health, identity
+from autopilot.devices import ALTIMETER, BATTERY, DUCT, DVL, GPS
 from autopilot.types import State
 from autopilot.vehicle import Snapshot, progress
 from link import devices, dialect
@@ -50,11 +51,11 @@ _BITS = {
         health.GYRO: "SENSOR_3D_GYRO",
         health.MAGNETOMETER: "SENSOR_3D_MAG",
         health.PRESSURE: "SENSOR_ABSOLUTE_PRESSURE",
-        health.GPS: "SENSOR_GPS",
-        health.ALTIMETER: "SENSOR_LASER_POSITION",
-        health.DVL: "SENSOR_VISION_POSITION",
-        health.BATTERY: "SENSOR_BATTERY",
-        health.DUCT: "SENSOR_MOTOR_OUTPUTS",
+        GPS: "SENSOR_GPS",
+        ALTIMETER: "SENSOR_LASER_POSITION",
+        DVL: "SENSOR_VISION_POSITION",
+        BATTERY: "SENSOR_BATTERY",
+        DUCT: "SENSOR_MOTOR_OUTPUTS",
         health.DEPTH: "SENSOR_Z_ALTITUDE_CONTROL",
     }.items()
 }
@@ -191,7 +192,7 @@ def system_status(s: Snapshot) -> Values:
 
 def _carried(s: Snapshot) -> int:
     """The bits of devices that a vehicle may or may not carry."""
-    further = (health.BATTERY, s.battery), (health.ALTIMETER, s.altimeter), (health.DVL, s.state.health.dvl.record)
+    further = (BATTERY, s.battery), (ALTIMETER, s.altimeter), (DVL, s.state.health.dvl.record)
     return sum(_BITS[name] for name, heard in further if heard is not None)
 
 

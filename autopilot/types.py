@@ -102,17 +102,24 @@ NO_READINGS = ((math.nan,) * 3, (math.nan,) * 3, (math.nan,) * 3, (math.nan,))
 _NO_FRAME = SensorFrame(-1, *(0.0,) * 13, 0, 0)
 
 
+class Piecemeal(NamedTuple):
+    """What was heard of the AHRS's groups, in the order of ``NO_READINGS``, where not all spoke and made sense."""
+
+    readings: tuple[tuple[float, ...], ...] = NO_READINGS
+    """The last ones, whatever they say."""
+    heard_us: tuple[int, ...] = (-1,) * 4
+    """When a reading last made sense; -1 for never."""
+
+
 class Ahrs(NamedTuple):
-    """What was heard of the AHRS's four groups, in the order of ``NO_READINGS``."""
+    """What was heard of the AHRS."""
 
     frame: SensorFrame = _NO_FRAME
     """The last readings that may be used."""
-    readings: tuple[tuple[float, ...], ...] = NO_READINGS
-    """The last readings, whatever they say."""
-    heard_us: tuple[int, ...] = (-1,) * 4
-    """When a reading last made sense; -1 for never."""
     changed_us: tuple[int, ...] = (-1,) * 4
-    """When the reading last changed."""
+    """When each group's reading last changed."""
+    piecemeal: Piecemeal | None = Piecemeal()
+    """None where ``frame`` is all there is to know: every group spoke in it and made sense."""
 
 
 class Device(NamedTuple):
@@ -126,6 +133,8 @@ class Device(NamedTuple):
     """When anything was; -1 for never."""
     changed_us: int = -1
     """When it last said something new."""
+    pace_us: int = 0
+    """The usual interval between two words; zero before the second."""
 
 
 class Complaint(NamedTuple):
@@ -149,17 +158,14 @@ class Doubt(NamedTuple):
 
 
 class Health(NamedTuple):
-    """What the vehicle knows of her own soundness."""
+    """What the vehicle knows of her devices and her own soundness."""
 
-    ahrs: Ahrs = Ahrs()
     gps: Device = Device()
     altimeter: Device = Device()
     dvl: Device = Device()
     battery: Device = Device()
     leak: Device = Device()
     duct: Device = Device()
-    duct_expected: tuple[float, float] = (0.0, 0.0)
-    """Rudder and elevator where the duct should be by what was asked of it, as fractions of its travel."""
     gps_under_water: bool = False
     """The receiver was heard at depth: it speaks always, so its silence means something there too."""
     doubts: tuple[Doubt, ...] = ()
@@ -245,6 +251,9 @@ class State(NamedTuple):
     """When the vehicle was armed."""
     thrust: float = 0.0
     """Last commanded, as a fraction of full."""
+    duct_rad: tuple[float, float] = (0.0, 0.0)
+    """Rudder and elevator where the duct should stand by what was commanded."""
+    ahrs: Ahrs = Ahrs()
     health: Health = Health()
 
 
