@@ -56,6 +56,11 @@ class TcpServer:
         """The bound port: tells which one the system chose for port 0."""
         return int(self._listener.getsockname()[1])
 
+    @property
+    def newest(self) -> Handle | None:
+        """The connection of the client that came last, None while there is no client."""
+        return self._clients[-1] if self._clients else None
+
     def handles(self) -> Sequence[Handle]:
         return (self._listener, *self._clients)
 
