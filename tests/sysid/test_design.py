@@ -35,7 +35,7 @@ def test_specification_holds_at_every_cut(designed: Design) -> None:
 def test_redesign_leaves_less_error_than_the_prototype(model: IdentifiedModel, designed: Design) -> None:
     """As a log would show it. Heading pays for it with damping: no more is claimed there than the specification."""
     vehicle = design.plant(model)
-    heading = [design._heading_error(vehicle, gains) for gains in (TABLE_3_INITIAL, designed.gains)]
+    heading = [design._heading_error(vehicle, gains, 0.0) for gains in (TABLE_3_INITIAL, designed.gains)]
     assert heading[1] < heading[0]
     assert designed.predicted.depth_m < designed.initial.depth_m
     before, after = (analysis.damping(a.poles["depth"]) for a in (designed.initial_analysis, designed.analysis))
