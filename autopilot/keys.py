@@ -1,10 +1,10 @@
 """The keys of signed links: which file holds which, and what changes them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from link.signing import Signing, Timestamp, load_key, save_key
+from link.signing import TIMESTAMP_FILE, KeyFileError, Signing, Timestamp, load_key, save_key, state_folder
 
 NO_KEY = bytes(32)
 
@@ -20,6 +20,18 @@ class Keys:
             address: Signing(load_key(file), number, self._timestamp)
             for number, (address, file) in enumerate(self._files.items())
         }
+
+    @classmethod
+    def from_options(cls, words: Sequence[str], addresses: Sequence[str]) -> "Keys":
+        """The keys that ``--sign ADDRESS=KEYFILE`` names, each for one of the links' addresses. Raises KeyFileError."""
+        files = {}
+        for word in words:
+            address, _, file = word.partition("=")
+            if not file or address not in addresses:
+                links = ", ".join(addresses)
+                raise KeyFileError(f"--sign {word}: expected ADDRESS=KEYFILE, where ADDRESS is one of {links}")
+            files[address] = Path(file)
+        return cls(files, Timestamp(state_folder() / TIMESTAMP_FILE) if files else None)
 
     def signing(self, address: str) -> Signing | None:
         """How a link signs; None for one that does not."""

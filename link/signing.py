@@ -30,6 +30,8 @@ LARGEST_TIMESTAMP = (1 << 48) - 1
 FRESH_UNITS = 60 * UNITS_PER_S
 """How far behind a stream may begin."""
 SAVE_S = 60.0
+TIMESTAMP_FILE = "signing_timestamp"
+"""In the state folder: the timestamp that every program of this user goes on from."""
 
 _HASH_BYTES = 6
 _TIMESTAMP = slice(1, 1 + 6)
