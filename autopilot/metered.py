@@ -37,7 +37,7 @@ class Budget:
     def left(self, now_s: float) -> float:
         """Bytes that may leave now."""
         if self._time_s is not None:
-            self._left = min(self.burst_bytes, self._left + self.bytes_per_s * max(0.0, now_s - self._time_s))
+            self._left = min(self.burst_bytes, self._left + self.bytes_per_s * (now_s - self._time_s))
         self._time_s = now_s
         return self._left
 
@@ -53,6 +53,7 @@ class Queue:
         self._bulk: deque[Waiting] = deque()
         self._telemetry: dict[Hashable, Waiting] = {}
         self._bulk_lead = 0
+        """Bytes of bulk that left beyond those of telemetry; what one of them did not want is soon forgotten."""
         self.bulk_bytes = 0
         """An upper bound of what waits as bulk."""
 
@@ -90,10 +91,10 @@ class Queue:
         waiting = self._bulk.popleft()
         self.bulk_bytes -= waiting.largest_bytes
         frame = waiting.encode()
-        self._bulk_lead = self._bulk_lead + len(frame) if self._telemetry else 0
+        self._bulk_lead = min(LARGEST_FRAME, self._bulk_lead + len(frame))
         return frame
 
     def _take_telemetry(self, kind: Hashable) -> bytes:
         frame = self._telemetry.pop(kind).encode()
-        self._bulk_lead = self._bulk_lead - len(frame) if self._bulk else 0
+        self._bulk_lead = max(-LARGEST_FRAME, self._bulk_lead - len(frame))
         return frame
