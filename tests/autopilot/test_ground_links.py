@@ -1,0 +1,256 @@
+"""Several links at once as pymavlink sees them: profiles, routing, signing."""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from autopilot.identity import AutopilotId
+from autopilot.keys import Keys
+from autopilot.params import ParamTable
+from autopilot.schedule import BARE, FAST, HALF, profile_for
+from autopilot.server import GroundServer
+from autopilot.telemetry import STREAMS
+from autopilot.types import Inputs
+from autopilot.vehicle import Vehicle
+from link import dialect
+from link.signing import EPOCH_UNIX_S, UNITS_PER_S, KeyFileError, Timestamp, key_from_passphrase, load_key
+from tests.autopilot.deck import TICK_US, Deck, Station, sensors, texts
+
+KEY, NEW_KEY = key_from_passphrase("old"), key_from_passphrase("new")
+NOW_S = 1_700_000_000.0
+NOW = round((NOW_S - EPOCH_UNIX_S) * UNITS_PER_S)
+SECOND_TICKS = 50
+
+
+def serial_station(baud: int, system: int = 255) -> Station:
+    station = Station(system)
+    station.address = f"serial:/dev/radio:{baud}"
+    return station
+
+
+def rates_hz(profile: Any) -> dict[str, float]:
+    return {dialect.by_id(number).name: hz for number, hz in profile.rates_hz.items()}  # type: ignore[union-attr]
+
+
+def test_the_profile_follows_from_the_baud_rate() -> None:
+    assert [profile_for(baud) for baud in (None, 921_600, 115_200)] == [FAST] * 3
+    assert [profile_for(baud) for baud in (57_600, 38_400)] == [HALF] * 2
+    assert [profile_for(baud) for baud in (19_200, 9600, 1200)] == [BARE] * 3
+    assert rates_hz(FAST) == {stream.message.name: stream.rate_hz for stream in STREAMS}
+    assert rates_hz(BARE) == {"ATTITUDE": 1, "GLOBAL_POSITION_INT": 1, "VFR_HUD": 1, "SYS_STATUS": 0.2}
+    absent = {"ODOMETRY", "HIGHRES_IMU", "ACTUATOR_OUTPUT_STATUS"}
+    assert rates_hz(HALF) == {name: hz / 2 for name, hz in rates_hz(FAST).items() if name not in absent}
+
+
+def test_a_profile_leaves_most_of_its_line_free() -> None:
+    for profile, baud in ((FAST, 115_200), (HALF, 57_600), (BARE, 9600)):
+        sizes = {number: dialect.by_id(number).struct.size + 12 for number in profile.rates_hz}  # type: ignore[union-attr]
+        wanted = sum(hz * sizes[number] for number, hz in profile.rates_hz.items())
+        assert wanted < 0.7 * baud / 10, profile.name
+
+
+def heard_in(deck: Deck, seconds: int) -> list[Any]:
+    """What the first station hears while vehicle time goes on and the wall clock, for the budget's sake, does too."""
+    link = deck.server.links[0]
+    first = deck.time_us < 0  # the first tick only sets the phase
+    for _ in range(seconds * SECOND_TICKS + first):
+        deck.time_us += TICK_US
+        deck.vehicle.tick(Inputs(sensors(deck.time_us), None, None, None))
+        deck.server.tell()
+        link.flush(deck.time_us * 1e-6)
+    return deck.station.heard()
+
+
+def test_a_slow_link_gets_its_profile_and_what_is_asked_for() -> None:
+    deck = Deck(serial_station(9600))
+    kinds = [m.get_type() for m in heard_in(deck, 10)]
+    assert {kind: kinds.count(kind) for kind in ("ATTITUDE", "VFR_HUD", "SYS_STATUS", "ODOMETRY")} == {
+        "ATTITUDE": 10, "VFR_HUD": 10, "SYS_STATUS": 2, "ODOMETRY": 0,
+    }  # fmt: skip
+    deck.server.links[0].schedule.set_interval(mavlink.MAVLINK_MSG_ID_ALTITUDE, 500_000)
+    kinds = [m.get_type() for m in heard_in(deck, 10)]
+    assert kinds.count("ALTITUDE") == 20
+    deck.server.links[0].schedule.set_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE, TICK_US)
+    flooded = heard_in(deck, 10)
+    assert sum(len(m.get_msgbuf()) for m in flooded) < 672 * 10 + 280
+    assert {m.get_type() for m in flooded} >= {"ATTITUDE", "GLOBAL_POSITION_INT", "VFR_HUD", "ALTITUDE"}
+    times = [m.time_boot_ms for m in flooded if m.get_type() == "ATTITUDE"]
+    assert 50 < len(times) < 300
+    assert times == sorted(times)
+
+
+def test_the_old_way_to_ask_for_rates_changes_nothing() -> None:
+    deck = Deck()
+    before = [m.get_type() for m in heard_in(deck, 2)]
+    deck.ask(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 50, 1))
+    after = [m.get_type() for m in heard_in(deck, 2)]
+    assert after.count("ATTITUDE") == before.count("ATTITUDE") == 20
+
+
+def two_stations() -> Deck:
+    """A ground station on either of two links, each known to the vehicle."""
+    deck = Deck(Station(255, 190), Station(250, 190))
+    for station in deck.stations:
+        deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3), station)
+    for station in deck.stations:
+        station.heard()
+    return deck
+
+
+def test_ground_stations_hear_one_another_through_the_vehicle() -> None:
+    deck = two_stations()
+    one, two = deck.stations
+    echo = deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 7, 0, 3), one)
+    assert [m.custom_mode for m in two.heard() if m.get_srcSystem() == 255] == [7]
+    assert [m for m in echo if m.get_srcSystem() == 255] == []
+    deck.ask(mavlink.MAVLink_command_long_message(250, 190, 400, 0, 1, 0, 0, 0, 0, 0, 0), one)
+    assert [m.get_type() for m in two.heard() if m.get_srcSystem() == 255] == ["COMMAND_LONG"]
+    deck.ask(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 2, 0, 0, 0, 0, 0), one)
+    deck.ask(mavlink.MAVLink_command_long_message(77, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0), one)
+    assert [m for m in two.heard() if m.get_srcSystem() == 255] == []
+    assert deck.vehicle.state.mode == 131_072
+    assert not deck.vehicle.state.armed
+
+
+def test_a_device_behind_a_link_is_reached_and_shares_the_vehicles_system() -> None:
+    deck = Deck(Station(255, 190), Station(1, 100))
+    camera = deck.stations[1]
+    deck.ask(mavlink.MAVLink_heartbeat_message(30, 8, 0, 0, 0, 3), camera)
+    camera.heard()
+    deck.ask(mavlink.MAVLink_command_long_message(1, 100, 2000, 0, 1, 0, 0, 0, 0, 0, 0))
+    assert [m.command for m in camera.heard() if m.get_type() == "COMMAND_LONG"] == [2000]
+    heard = deck.command(400, 1, component=0)
+    assert [m.get_srcComponent() for m in heard if m.get_type() == "COMMAND_ACK"] == [1], "the vehicle obeys"
+    assert [m.command for m in camera.heard() if m.get_type() == "COMMAND_LONG"] == [400], "and all others hear it"
+
+
+def test_messages_nobody_here_knows_go_on_as_they_came() -> None:
+    deck = two_stations()
+    one, two = deck.stations
+    body = struct.pack("<BBBBBBBHB", 4, 0, 0, 9, 255, 190, 0x34, 0xABCD, 0)[:9] + b"\x01\x02\x03\x04"
+    crc = mavlink.x25crc(body + bytes((77,))).crc
+    raw = b"\xfd" + body + struct.pack("<H", crc)
+    stranger = b"\xfd" + body.replace(b"\xff\xbe", b"\xfe\xbe") + struct.pack("<H", crc)
+    one._outgoing += [raw, stranger, raw[:-1] + bytes((raw[-1] ^ 0x10,))]
+    sent: list[bytes] = []
+    two.send = sent.append  # type: ignore[method-assign]
+    deck.serve()
+    assert raw in b"".join(sent)
+    assert b"".join(sent).count(body[-4:]) == 1, "of a sender that is known, and with a CRC that some seed explains"
+
+
+def test_routing_is_off_when_it_is_not_wanted() -> None:
+    deck = two_stations()
+    deck.ask(mavlink.MAVLink_param_set_message(1, 1, b"MAV_FORWARD", 0.0, 9))
+    deck.stations[1].heard()
+    deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 7, 0, 3))
+    assert [m for m in deck.stations[1].heard() if m.get_srcSystem() == 255] == []
+
+
+def sign(station: Station, key: bytes = KEY, timestamp: int = NOW) -> None:
+    """Have a station sign what it says, and believe only what is signed."""
+    for end in (station._mavlink, station._reader):
+        end.signing.secret_key, end.signing.timestamp, end.signing.sign_outgoing = key, timestamp, True
+    station._reader.robust_parsing = True
+
+
+class SignedDeck(Deck):
+    """A vehicle whose first link is signed, with a key file in a folder."""
+
+    def __init__(self, folder: Path, *stations: Station) -> None:
+        super().__init__(*stations)
+        self.file = folder / "key"
+        self.file.write_text("old")
+        keys = Keys({self.station.address: self.file}, Timestamp(unix_s=lambda: NOW_S))
+        self.vehicle = Vehicle(ParamTable())
+        self.server = GroundServer(self.vehicle, self.stations, AutopilotId.GENERIC, keys)
+        self.tick(3)
+        self.serve()
+        for station in self.stations:
+            station.heard()
+
+
+def kinds(messages: list[Any]) -> list[str]:
+    return [m.get_type() for m in messages]
+
+
+def test_on_a_signed_link_only_who_holds_the_key_is_obeyed(tmp_path: Path) -> None:
+    deck = SignedDeck(tmp_path)
+    assert deck.command(400, 1) == [], "without a key"
+    sign(deck.station, NEW_KEY)
+    assert set(kinds(deck.command(400, 1))) <= {"BAD_DATA"}, "with another key"
+    assert not deck.vehicle.state.armed
+    sign(deck.station)
+    assert "COMMAND_ACK" in kinds(deck.command(400, 1))
+    assert deck.vehicle.state.armed
+
+
+def setup(key: bytes, system: int = 1) -> Any:
+    return mavlink.MAVLink_setup_signing_message(system, 1, list(key), NOW + 500)
+
+
+def test_a_key_is_changed_over_a_signed_link_and_kept(tmp_path: Path) -> None:
+    deck = SignedDeck(tmp_path)
+    sign(deck.station)
+    deck.station.say(setup(NEW_KEY))
+    sign(deck.station, NEW_KEY, NOW + 600)
+    deck.serve()
+    assert "Signing key changed on 1 link" in texts(deck.station.heard())
+    assert load_key(deck.file) == NEW_KEY
+    assert "COMMAND_ACK" in kinds(deck.command(400, 1))
+
+
+def test_a_wire_may_bring_the_key_that_a_radio_needs(tmp_path: Path) -> None:
+    wire = serial_station(115_200, 250)
+    deck = SignedDeck(tmp_path, Station(255, 190), wire)
+    assert "Signing key changed on 1 link" in texts(deck.ask(setup(NEW_KEY), wire))
+    assert load_key(deck.file) == NEW_KEY
+    sign(deck.station, NEW_KEY, NOW + 600)
+    assert "COMMAND_ACK" in kinds(deck.command(400, 1))
+
+
+def test_a_key_is_refused_where_anybody_might_listen_or_lose_the_vehicle(tmp_path: Path) -> None:
+    open_link, wire = Station(251, 190), serial_station(115_200, 250)
+    deck = SignedDeck(tmp_path, Station(255, 190), open_link, wire)
+    refused = texts(deck.ask(setup(NEW_KEY), open_link))
+    assert refused == ["Signing key refused: not over a link that others can hear"]
+    zero = texts(deck.ask(setup(bytes(32)), wire))
+    assert zero == ["Signing stays: what is signed is decided at the start, by --sign"]
+    sign(deck.station)
+    deck.command(400, 1)
+    wire.heard()
+    assert texts(deck.ask(setup(NEW_KEY), wire)) == ["Signing key refused: armed"]
+    deck.command(400, 0)
+    wire.heard()
+    deck.file.unlink()
+    tmp_path.chmod(0o500)
+    lost = texts(deck.ask(setup(NEW_KEY), wire))
+    tmp_path.chmod(0o700)
+    if lost != ["Signing key changed on 1 link"]:  # as root nothing is unwritable
+        assert lost == ["Signing key refused: it cannot be kept: Permission denied"]
+        assert "COMMAND_ACK" in kinds(deck.command(400, 1)), "the old key still holds"
+    assert texts(Deck(wire).ask(setup(NEW_KEY), wire)) == ["Signing key refused: no link is signed; start with --sign"]
+
+
+def test_a_key_is_told_to_nobody(tmp_path: Path) -> None:
+    other, wire = Station(251, 190), serial_station(115_200, 250)
+    deck = SignedDeck(tmp_path, Station(255, 190), other, wire)
+    deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3), other)
+    other.heard()
+    sent: list[bytes] = []
+    for station in (deck.station, other):
+        station.send = sent.append  # type: ignore[method-assign]
+    deck.ask(setup(NEW_KEY), wire)
+    deck.ask(setup(NEW_KEY, system=0), wire)
+    deck.ask(setup(NEW_KEY, system=251), wire)
+    assert sent
+    assert NEW_KEY[:8] not in b"".join(sent)
+
+
+@pytest.mark.parametrize("word", ["key", "udp:1", "udpout:1=", "udpout:2=key", "=key"])
+def test_what_is_to_be_signed_is_a_link_and_a_file(word: str) -> None:
+    with pytest.raises(KeyFileError, match=r"expected ADDRESS=KEYFILE, where ADDRESS is one of udpout:1, serial:x:9"):
+        Keys.from_options([word], ["udpout:1", "serial:x:9"])
