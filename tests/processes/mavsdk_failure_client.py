@@ -1,6 +1,6 @@
 """A stock MAVSDK program that injects failures and listens to what is said of them: prints one JSON object.
 
-Usage: python mavsdk_failure_client.py udpin://127.0.0.1:PORT simulated|real
+Usage: python mavsdk_failure_client.py ADDRESS simulated|real|listen
 """
 
 import asyncio
@@ -16,7 +16,7 @@ from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mavsdk.plugins.failure.failure import FailureError, FailureType, FailureUnit
 
-PATIENCE_S = 20.0
+PATIENCE_S, DIVE_S = 20.0, 50.0
 BROKEN = [
     (FailureUnit.SENSOR_GYRO, FailureType.OFF),
     (FailureUnit.SENSOR_MAG, FailureType.STUCK),
@@ -67,8 +67,8 @@ class Ears:
         }
 
 
-async def until(wanted: Any) -> bool:
-    deadline_s = time.monotonic() + PATIENCE_S
+async def until(wanted: Any, patience_s: float = PATIENCE_S) -> bool:
+    deadline_s = time.monotonic() + patience_s
     while not wanted():
         if time.monotonic() > deadline_s:
             return False
@@ -112,7 +112,10 @@ async def main(address: str, plan: str) -> dict[str, Any]:
     await mavsdk.add_any_connection(address)
     system = await mavsdk.first_autopilot(timeout_s=PATIENCE_S)
     failure, params, ears = FailureAsync(system), ParamAsync(system), Ears(TelemetryAsync(system))
-    if plan == "real":
+    if plan == "listen":
+        print("listening", flush=True)
+        seen: dict[str, Any] = {"down": await until(lambda: "Surfaced: disarmed" in ears.texts, DIVE_S)}
+    elif plan == "real":
         await params.set_param_float("SYS_FAILURE_EN", 1.0)
         seen = {"real": await inject(failure, FailureUnit.SENSOR_GYRO, FailureType.OFF)}
         await until(lambda: "Failure refused: no simulator answers" in ears.texts)

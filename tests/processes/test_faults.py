@@ -1,14 +1,15 @@
 """Faults through real processes: a scenario of every kind in one dive, and a stock client that orders its own."""
 
 import json
+import signal
+import socket
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 from mcap.reader import make_reader
 
 from ground import flight
-from ground.processes import SimulatedVehicle, Simulation
 from link import dialect
 from sitl.faults.catalogue import CATALOGUE
 from sitl.vehicle import config
@@ -37,18 +38,26 @@ SIZES = {
     "elevator slow": {"rate_degps": 5.0},
 }
 LONGEST = max(len(kinds) for kinds in CATALOGUE.values())
-EVERY = [f"{unit} {list(kinds)[at]}" for at in range(LONGEST) for unit, kinds in CATALOGUE.items() if at < len(kinds)]
-"""In turns, so that a unit has recovered when its next fault comes."""
-FIRST_S, APART_S, LASTING_S = 30.0, 3.0, 2.0
+EVERY = [
+    *(
+        f"{unit} {list(kinds)[at]}"
+        for at in range(LONGEST)
+        for unit, kinds in CATALOGUE.items()
+        if at < len(kinds) and unit != "link"
+    ),
+    "link off",
+]
+"""In turns, so that a unit has recovered when its next fault comes; what falls into the link's silence nobody hears."""
+FIRST_S, APART_S, LASTING_S = 5.0, 0.9, 1.6
 TELL_ONLY = {"FS_LEAK_ACT": 0.0, "FS_PRESS_ACT": 0.0, "FS_BATT_ACT": 0.0, "TRIM_RUD_DEG": 6.0}
 
 
 def scenario_of_every_fault(file: Path) -> None:
-    """One fault after the other, each over before the next begins."""
+    """One fault after the other, at most two at a time."""
     rows = ['title = "everything"\n[start]\ndepth_m = 4.0\n']
     for number, name in enumerate(EVERY):
         unit, kind = name.split()
-        at_s = FIRST_S + APART_S * number
+        at_s = FIRST_S + APART_S * number + (LASTING_S if name == "link off" else 0.0)
         rows.append(f'[[fault]]\nunit = "{unit}"\nkind = "{kind}"\nat_s = {at_s}\nuntil_s = {at_s + LASTING_S}\n')
         rows += [f"{key} = {value}\n" for key, value in SIZES.get(name, {}).items()]
     file.write_text("".join(rows), encoding="utf-8")
@@ -64,30 +73,60 @@ def texts(log: Path, component: int) -> list[str]:
         ]
 
 
-def test_one_dive_through_every_fault_shows_each_in_its_log_and_in_its_truth(tmp_path: Path) -> None:
-    sea, script, vehicle = tmp_path / "sea.toml", tmp_path / "faults.toml", tmp_path / "vehicle.toml"
+class Dive(NamedTuple):
+    flown: flight.Outcome
+    truth: Path
+    heard: list[str]
+    """By the stock client, beside the one that flew her."""
+
+
+@pytest.fixture(scope="module")
+def dive(tmp_path_factory: pytest.TempPathFactory) -> Dive:
+    """One dive through every fault at full speed, recorded by ground while a MAVSDK program listens."""
+    folder = tmp_path_factory.mktemp("dive")
+    sea, script, vehicle, truth = (folder / name for name in ("sea.toml", "faults.toml", "vehicle.toml", "truth.mcap"))
     scenario_of_every_fault(sea)
     shipped = Path(config.__file__).with_name("field.toml").read_text(encoding="utf-8")
     vehicle.write_text(shipped + '\n[instruments]\nencoder = "as5048"\n', encoding="utf-8")
-    script.write_text(MISSION.format(duration_s=FIRST_S + APART_S * len(EVERY)), encoding="utf-8")
-    flown = flight.Dive.load(str(script), tmp_path / "dive.mcap", parameters=TELL_ONLY)
-    truth = tmp_path / "truth.mcap"
-    outcome = flight.fly_simulated(
-        flown, SimulatedVehicle(Simulation(vehicle=str(vehicle), scenario=str(sea), truth=truth))
-    )
-    assert outcome.failsafes == ()
-    told = texts(flown.log, 25)
-    assert told == [text for name in EVERY for text in (f"Fault: {name}", f"Fault over: {name}")]
-    found = texts(flown.log, 1)
-    for text in (
-        "Gyro silent",
-        "Magnetometer stuck",
-        "Pressure sensor implausible",
-        "Accelerometer silent",
-        "Leak detected",
+    script.write_text(MISSION.format(duration_s=FIRST_S + APART_S * len(EVERY) + 2.0 * LASTING_S), encoding="utf-8")
+    hil, ground, beside = free_port(), free_port(socket.SOCK_STREAM), free_port(socket.SOCK_STREAM)
+    simulator = ("--hil", f"udpout:127.0.0.1:{hil}", "--speed", "max", "--wait-for-arm", "--truth", str(truth))
+    with (
+        autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{ground}", f"tcpin:127.0.0.1:{beside}"),
+        process("-m", "sitl", *simulator, "--vehicle", str(vehicle), "--scenario", str(sea)) as simulated,
+        process(str(CLIENT), f"tcpout://127.0.0.1:{beside}", "listen") as listener,
     ):
-        assert text in found
-    with truth.open("rb") as file:
+        listener.hear("listening")
+        told = flight.Dive.load(str(script), folder / "dive.mcap", parameters=TELL_ONLY)
+        flown = flight.fly(told, f"tcp:127.0.0.1:{ground}")
+        finished = listener.finish()
+        simulated.signal(signal.SIGTERM)
+        simulated.finish()
+    assert finished.status == 0, finished.stderr
+    return Dive(flown, truth, json.loads(finished.stdout.splitlines()[-1])["texts"])
+
+
+def every_fault(texts: list[str], prefix: str) -> list[str]:
+    """The faults that texts tell of, as they come."""
+    return [text.removeprefix(prefix) for text in texts if text.startswith(prefix)]
+
+
+def test_a_stock_client_hears_of_every_fault_and_of_its_end(dive: Dive) -> None:
+    assert every_fault(dive.heard, "Fault: ") == EVERY
+    assert every_fault(dive.heard, "Fault over: ") == EVERY
+    assert {"Gyro silent", "Magnetometer stuck", "Pressure sensor implausible", "Leak detected"} <= set(dive.heard)
+    assert dive.heard[-1] == "Surfaced: disarmed"
+
+
+def test_the_log_of_a_dive_holds_every_fault_and_what_the_vehicle_found_out(dive: Dive) -> None:
+    told = texts(dive.flown.log, 25)
+    assert every_fault(told, "Fault: ") == every_fault(told, "Fault over: ") == EVERY
+    assert {"Gyro recovered", "Accelerometer silent", "Leak recovered"} <= set(texts(dive.flown.log, 1))
+    assert dive.flown.failsafes == ()
+
+
+def test_the_truth_names_every_fault(dive: Dive) -> None:
+    with dive.truth.open("rb") as file:
         seen = {
             name for _, _, message in make_reader(file).iter_messages() for name in json.loads(message.data)["faults"]
         }
@@ -103,7 +142,7 @@ def test_a_stock_client_breaks_and_mends_what_it_likes_and_reads_what_became_of_
     hil, ground = free_port(), free_port()
     with (
         autopilot(f"udpin:127.0.0.1:{hil}", f"udpout:127.0.0.1:{ground}"),
-        process("-m", "sitl", "--hil", f"udpout:127.0.0.1:{hil}", "--speed", "2", "--seed", "1"),
+        process("-m", "sitl", "--hil", f"udpout:127.0.0.1:{hil}", "--speed", "4", "--seed", "1"),
     ):
         finished = client("simulated", ground=ground)
     assert finished.status == 0, finished.stderr
