@@ -9,8 +9,10 @@ import typer
 
 from autopilot.app import App
 from autopilot.hil import HilLink
-from autopilot.identity import AutopilotId
+from autopilot.identity import AutopilotId, version
 from autopilot.keys import Keys
+from autopilot.logbook.book import Logbook
+from autopilot.logbook.store import default_folder
 from autopilot.params import ParamError, ParamTable, load
 from autopilot.server import GroundServer
 from autopilot.vehicle import Vehicle
@@ -19,6 +21,8 @@ from link.transport import AddressError, LinkLostError, open_transport
 
 DEFAULT_GROUND = ["udpout:127.0.0.1:14550", "udpout:127.0.0.1:14540"]
 """Where QGroundControl and MAVProxy, and where MAVSDK listen."""
+
+NO_LOGS = "off"
 
 WORK_FAILED, BAD_INPUT = 1, 2
 
@@ -35,6 +39,13 @@ def fly(
         list[str] | None, typer.Option(metavar="ADDRESS=KEYFILE", help="Sign that link to the ground; may be repeated.")
     ] = None,
     autopilot_id: Annotated[AutopilotId, typer.Option(help="Personality told in HEARTBEAT.")] = AutopilotId.GENERIC,
+    logs: Annotated[
+        str,
+        typer.Option(
+            metavar="DIR|off",
+            help="Where the vehicle keeps her own logs; default: caribou/logs in the user's state directory.",
+        ),
+    ] = "",
 ) -> None:
     """Fly the vehicle: sensors in, actuators out, MAVLink to the ground."""
     try:
@@ -43,18 +54,23 @@ def fly(
         keys = Keys.from_options(sign or (), gcs or DEFAULT_GROUND)
         hil_link = HilLink(open_transport(hil, awaited=True), system)
         transports = [open_transport(address, awaited=True) for address in gcs or DEFAULT_GROUND]
-        ground = GroundServer(vehicle, transports, autopilot_id, keys)
+        logbook = Logbook(vehicle, _log_folder(logs), version())
+        ground = GroundServer(vehicle, transports, autopilot_id, keys, logbook=logbook)
     except (AddressError, KeyFileError, ParamError) as error:
         raise SystemExit(_complain(error, BAD_INPUT)) from None
     links = ", ".join(link.transport.address for link in ground.links)
     print(f"autopilot: system {system}, HIL {hil}, ground {links}", file=sys.stderr, flush=True)
     try:
-        App(vehicle, hil_link, ground).run(Stop())
+        App(vehicle, hil_link, ground, logbook).run(Stop())
     except LinkLostError as error:
         raise SystemExit(_complain(error, WORK_FAILED)) from None
     finally:
         if complaint := keys.save():
             print(f"autopilot: {complaint}", file=sys.stderr)
+
+
+def _log_folder(given: str) -> Path | None:
+    return None if given == NO_LOGS else Path(given) if given else default_folder()
 
 
 class Stop:

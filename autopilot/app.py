@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from autopilot.hil import HilLink, Sample
+from autopilot.logbook.book import Logbook
 from autopilot.server import GroundServer
 from autopilot.types import US_PER_S, Inputs
 from autopilot.vehicle import Vehicle
@@ -16,18 +17,21 @@ STALE_FRAMES = 5
 
 
 class App:
-    """Joins the vehicle to its two sides."""
+    """Joins the vehicle to its two sides and to its log."""
 
-    def __init__(self, vehicle: Vehicle, hil: HilLink, ground: GroundServer) -> None:
-        self._vehicle, self._hil, self._ground = vehicle, hil, ground
+    def __init__(self, vehicle: Vehicle, hil: HilLink, ground: GroundServer, logbook: Logbook) -> None:
+        self._vehicle, self._hil, self._ground, self._logbook = vehicle, hil, ground, logbook
         self._stale_frames = 0
         self._heard_s = 0.0
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve until ``stopping`` says so. Raises LinkLostError when the HIL link is gone for good."""
-        while not stopping():
-            self.step(self._ground.poll())
-        self._ground.flush()
+        try:
+            while not stopping():
+                self.step(self._ground.poll())
+            self._ground.flush()
+        finally:
+            self._logbook.close()
 
     def step(self, timeout_s: float) -> None:
         """Wait for something to arrive and deal with it."""
@@ -70,5 +74,6 @@ class App:
             self._ground.silence(False)
         self._ground.relay(sample.relayed)
         self._ground.tell()
+        self._logbook.tick(sample.heard)
         if sample.links_silent:
             self._ground.silence(True)

@@ -38,6 +38,8 @@ class Sample(NamedTuple):
     """A simulator wants the links to the ground to fall silent, or to speak again; None for no change."""
     relayed: tuple[Frame, ...] = ()
     """What devices want the ground to hear."""
+    heard: tuple[Frame, ...] = ()
+    """All that came for this sample as it came, the sensors' frame last."""
 
 
 class HilLink:
@@ -48,6 +50,7 @@ class HilLink:
         self._endpoint = Endpoint(transport, system, COMPONENT)
         self._gathered: dict[str, Any] = {}
         self._relayed: list[Frame] = []
+        self._heard: list[Frame] = []
         self._verdicts: list[int] = []
 
     def receive(self) -> list[Sample]:
@@ -55,7 +58,7 @@ class HilLink:
         samples: list[Sample] = []
         for frame in self._endpoint.receive():
             if frame.message_id == _SENSOR.message_id:
-                samples.append(self._sample(SensorFrame._make(_SENSOR.unpack(frame.payload))))
+                samples.append(self._sample(frame))
             else:
                 self._gather(frame)
         return samples
@@ -78,18 +81,21 @@ class HilLink:
         taken, self._verdicts = self._verdicts, []
         return taken
 
-    def _sample(self, sensors: SensorFrame) -> Sample:
+    def _sample(self, frame: Frame) -> Sample:
         """Slower devices go with the first sample that follows them."""
-        if not self._gathered and not self._relayed:
-            return Sample(sensors)
-        sample = Sample(sensors, **self._gathered, relayed=tuple(self._relayed))
-        self._gathered, self._relayed = {}, []
+        sensors = SensorFrame._make(_SENSOR.unpack(frame.payload))
+        if not self._heard:
+            return Sample(sensors, heard=(frame,))
+        sample = Sample(sensors, **self._gathered, relayed=tuple(self._relayed), heard=(*self._heard, frame))
+        self._gathered, self._relayed, self._heard = {}, [], []
         return sample
 
     def _gather(self, frame: Frame) -> None:
         """Keep what a device says until the next sample."""
         if frame.message_id == _VERDICT.message_id:
             self._verdicts.append(frame.decode().result)
+        if frame.message_id in _TAKEN_IN:
+            self._heard.append(frame)
         if frame.message_id in _RELAYED:
             self._relayed.append(frame)
         if reader := _READERS.get(frame.message_id):
@@ -133,3 +139,5 @@ _READERS: dict[int, tuple[str, Callable[[Message], Any]]] = {
     dialect.by_name("COMMAND_LONG").message_id: ("links_silent", _silence),
 }
 """For each message that is taken in, the field of ``Sample`` it fills, and how."""
+_TAKEN_IN = _RELAYED.union(_READERS)
+"""What a log keeps beside the sensors: never the simulator's own state."""

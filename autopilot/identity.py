@@ -79,11 +79,16 @@ def autopilot_version(system: int) -> tuple[Any, ...]:
     return _CAPABILITIES, system, _software_version(), 0, 0, 0, 0, 0, none8, none8, none8, none18
 
 
-def _software_version() -> int:
-    """Major, minor, patch and type of the release, a byte each; 0 where the package is not installed."""
+def version() -> str:
+    """The release, such as ``0.1.0``; ``0`` where the package is not installed."""
     try:
-        numbers = metadata.version("caribou-auv").split(".")[:3]
+        return metadata.version("caribou-auv")
     except metadata.PackageNotFoundError:
-        return 0
+        return "0"
+
+
+def _software_version() -> int:
+    """Major, minor, patch and type of the release, a byte each."""
+    numbers = version().split(".")[:3]
     major, minor, patch = (int(n) if n.isdecimal() else 0 for n in (*numbers, "0", "0")[:3])
     return major << 24 | minor << 16 | patch << 8

@@ -13,6 +13,7 @@ from autopilot.failures import INJECT_FAILURE, FailureRelay
 from autopilot.identity import COMPONENT, AutopilotId
 from autopilot.keys import Keys
 from autopilot.links import GroundLink, ground_link
+from autopilot.logbook.book import Logbook
 from autopilot.mav_cmd import Commander, command_from_message
 from autopilot.requests import SetMode
 from autopilot.routing import Router
@@ -52,9 +53,15 @@ class GroundServer:
     """Tells the ground of the vehicle, and the vehicle of the ground's wishes."""
 
     def __init__(
-        self, vehicle: Vehicle, transports: Sequence[Transport], autopilot: AutopilotId, keys: Keys | None = None
+        self,
+        vehicle: Vehicle,
+        transports: Sequence[Transport],
+        autopilot: AutopilotId,
+        keys: Keys | None = None,
+        logbook: Logbook | None = None,
     ) -> None:
         self._vehicle, self._autopilot = vehicle, autopilot
+        self._logbook = logbook or Logbook(vehicle, None)
         self._own = Party(vehicle.params.config.system_id, COMPONENT)
         self._keys = keys or Keys()
         self.links = [
@@ -140,6 +147,7 @@ class GroundServer:
         self._missions.poll(now_s)
         self._params.poll()
         self.failures.poll(now_s)
+        self._logbook.poll()
         if complaint := self._keys.save_when_due():
             self._vehicle.say(complaint)
         self.announce()
@@ -188,6 +196,7 @@ class GroundServer:
         message = frame.decode()
         if addressed_to(message, self._own):
             handler(link, frame, message)
+            self._logbook.hear(frame)
             self.announce()
             link.hasten()
 
@@ -198,7 +207,9 @@ class GroundServer:
     def _obey(self, link: GroundLink, frame: Frame, message: Any) -> None:
         def acknowledge(result: int) -> None:
             self.announce()
-            link.write(_ACKNOWLEDGEMENT, (message.command, result, 0, 0, frame.system, frame.component))
+            answer = message.command, result, 0, 0, frame.system, frame.component
+            self._logbook.note(_ACKNOWLEDGEMENT, answer)
+            link.write(_ACKNOWLEDGEMENT, answer)
             link.hasten()
 
         command = command_from_message(message)
@@ -294,6 +305,7 @@ class GroundServer:
         self._broadcast_values(message, message.values(**fields))
 
     def _broadcast_values(self, message: MessageType, values: Values) -> None:
+        self._logbook.note(message, values)
         for link in self.links:
             link.write(message, values)
 

@@ -30,6 +30,8 @@ class Simulation(NamedTuple):
     speed: str = "max"
     truth: Path | None = None
     """Where the simulator writes what really happened; nobody else reads it."""
+    logs: Path | None = None
+    """The folder in which the vehicle keeps her own log; None where ground's is enough."""
 
 
 class SimulatedVehicle:
@@ -43,6 +45,7 @@ class SimulatedVehicle:
         if simulation.truth is not None:
             sitl += ["--truth", str(simulation.truth)]
         autopilot = [*_module("autopilot"), "--hil", f"udpin:127.0.0.1:{hil}", "--gcs", f"tcpin:127.0.0.1:{ground}"]
+        autopilot += ["--logs", "off" if simulation.logs is None else str(simulation.logs)]
         if parameters is not None:
             autopilot += ["--params", str(parameters)]
         self._autopilot = _Child("autopilot", autopilot)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from link.dialect import MessageType
 from link.log import foxglove, ros1
 from link.log.foxglove import PERIOD_NS, Panels, View
-from link.log.mcap import MESSAGE_HEAD_FORMAT, McapWriter, Sink, message_prefix
+from link.log.mcap import MESSAGE_HEAD_FORMAT, Later, McapWriter, Sink, at_once, message_prefix
 
 Show = Callable[[int, bytes, int], None]
 
@@ -40,8 +40,9 @@ class Column(NamedTuple):
 class MavlinkLog:
     """A log under way. Call ``finish`` in every exit; what was flushed before can be recovered without."""
 
-    def __init__(self, file: Sink, library: str = "caribou") -> None:
-        self._writer = McapWriter(file, "ros1", library)
+    def __init__(self, file: Sink, later: Later = at_once) -> None:
+        """``later`` does, now or later, all that touches the file."""
+        self._writer = McapWriter(file, "ros1", "caribou", later)
         self._schemas: dict[str, int] = {}
         self._views: dict[str, int] = {}
         self._panels = Panels(self._show)

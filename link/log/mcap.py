@@ -1,12 +1,14 @@
 """Writes MCAP files, https://mcap.dev/spec: chunks of messages, attachments, and at the end an index of them all.
 
-Made for a writer that must not be late: adding a message copies it, and what a chunk needs besides is worked out when
-the chunk is closed. A file that was never finished can be read up to its last whole chunk.
+Made for a writer that must not be late: adding a message copies it, and all that a chunk needs besides is worked out
+when the chunk is closed, by another thread where there is one. A file that was never finished can be read up to its
+last whole chunk.
 """
 
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import zstandard
@@ -32,6 +34,14 @@ class Sink(Protocol):
     def flush(self) -> None: ...
 
 
+Later = Callable[[Callable[[], None]], None]
+"""Does some work now, or later and in order."""
+
+
+def at_once(work: Callable[[], None]) -> None:
+    work()
+
+
 class Rows:
     """Messages of several channels that are always written together, and so share one note of when and where."""
 
@@ -40,6 +50,10 @@ class Rows:
         """Channel of each message, and how far into the row it begins."""
         self.written: list[tuple[int, int]] = []
         """Log time and place in the chunk of each row since the chunk was opened."""
+
+
+_Written = tuple[Sequence[tuple[int, int]], Sequence[tuple[int, int]]]
+"""The spots of a row, and log time and place of each row of that kind."""
 
 
 class _Chunk(NamedTuple):
@@ -63,8 +77,9 @@ def message_prefix(channel: int, payload_bytes: int) -> bytes:
 class McapWriter:
     """An MCAP file under way. Numbers schemas and channels from 1, in the order in which they are registered."""
 
-    def __init__(self, file: Sink, profile: str, library: str) -> None:
-        self._file = file
+    def __init__(self, file: Sink, profile: str, library: str, later: Later = at_once) -> None:
+        """``later`` is given all work that compresses or writes; the file is used by nothing else."""
+        self._file, self._later = file, later
         self._at = 0
         self._compress = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL).compress
         self._schemas: list[bytes] = []
@@ -77,7 +92,7 @@ class McapWriter:
         self._counts: dict[int, int] = {}
         self._attachments: list[bytes] = []
         self._metadata: list[bytes] = []
-        self._put(MAGIC + _record(_HEADER, _text(profile) + _text(library)))
+        later(partial(self._put, MAGIC + _record(_HEADER, _text(profile) + _text(library))))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Describe a message; returns the number that channels refer to."""
@@ -119,6 +134,57 @@ class McapWriter:
     def add_attachment(self, time_ns: int, name: str, media_type: str, data: bytes) -> None:
         """Keep a file inside the file."""
         self._close_chunk()
+        self._later(partial(self._store_attachment, time_ns, name, media_type, data))
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Keep named texts inside the file."""
+        self._close_chunk()
+        self._later(partial(self._store_metadata, name, dict(values)))
+
+    def flush(self) -> None:
+        """Close the open chunk and hand everything on."""
+        self._close_chunk()
+        self._later(self._file.flush)
+
+    def finish(self) -> None:
+        """Write what makes the file whole: statistics, indices, footer. Nothing may be added afterwards."""
+        self._close_chunk()
+        self._later(self._store_summary)
+
+    def _add(self, data: bytes) -> None:
+        self._parts.append(data)
+        self._size += len(data)
+
+    def _close_chunk(self) -> None:
+        """Leave the open chunk to be stored, and open an empty one."""
+        if not self._parts:
+            return
+        rows = []
+        for each in self._rows:
+            rows.append((each.spots, each.written))
+            each.written = []
+        self._later(partial(self._store_chunk, self._parts, self._spots, rows))
+        self._parts, self._size = [], 0
+        self._spots = {channel: [] for channel in self._spots}
+
+    def _store_chunk(self, parts: list[bytes], spots: dict[int, list[int]], rows: Iterable[_Written]) -> None:
+        records, entries = b"".join(parts), _entries(spots, rows)
+        times = [time_ns for numbers in entries.values() for time_ns in numbers[::2]] or [0]
+        stored = self._compress(records)
+        content = struct.pack("<QQQI", min(times), max(times), len(records), zlib.crc32(records))
+        chunk = _record(_CHUNK, content + _text("zstd") + struct.pack("<Q", len(stored)) + stored)
+        start, index, index_starts = self._at, b"", {}
+        for channel, numbers in entries.items():
+            index_starts[channel] = start + len(chunk) + len(index)
+            packed = struct.pack(f"<{len(numbers)}Q", *numbers)
+            index += _record(_MESSAGE_INDEX, struct.pack("<H", channel) + _blob(packed))
+            self._counts[channel] = self._counts.get(channel, 0) + len(numbers) // 2
+        self._put(chunk + index)
+        self._chunks.append(
+            _Chunk(min(times), max(times), start, len(chunk), index_starts, len(index), len(stored), len(records))
+        )
+
+    def _store_attachment(self, time_ns: int, name: str, media_type: str, data: bytes) -> None:
         head = struct.pack("<QQ", time_ns, time_ns) + _text(name) + _text(media_type)
         content = head + struct.pack("<Q", len(data)) + data
         record = _record(_ATTACHMENT, content + struct.pack("<I", zlib.crc32(content)))
@@ -126,23 +192,14 @@ class McapWriter:
         self._attachments.append(_record(_ATTACHMENT_INDEX, place + _text(name) + _text(media_type)))
         self._put(record)
 
-    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Keep named texts inside the file."""
-        self._close_chunk()
+    def _store_metadata(self, name: str, values: Mapping[str, str]) -> None:
         entries = b"".join(_text(key) + _text(value) for key, value in values.items())
         record = _record(_METADATA, _text(name) + _blob(entries))
         place = struct.pack("<QQ", self._at, len(record))
         self._metadata.append(_record(_METADATA_INDEX, place + _text(name)))
         self._put(record)
 
-    def flush(self) -> None:
-        """Close the open chunk and hand everything on."""
-        self._close_chunk()
-        self._file.flush()
-
-    def finish(self) -> None:
-        """Write what makes the file whole: statistics, indices, footer. Nothing may be added afterwards."""
-        self._close_chunk()
+    def _store_summary(self) -> None:
         self._put(_record(_DATA_END, struct.pack("<I", 0)))
         start = self._at
         summary, offsets = self._summary(start)
@@ -151,43 +208,9 @@ class McapWriter:
         self._put(summary + offsets + tail + struct.pack("<I", crc) + MAGIC)
         self._file.flush()
 
-    def _add(self, data: bytes) -> None:
-        self._parts.append(data)
-        self._size += len(data)
-
     def _put(self, data: bytes) -> None:
         self._file.write(data)
         self._at += len(data)
-
-    def _close_chunk(self) -> None:
-        if not self._parts:
-            return
-        records, spots = b"".join(self._parts), self._take_spots()
-        times = [time_ns for entries in spots.values() for time_ns in entries[::2]] or [0]
-        stored = self._compress(records)
-        content = struct.pack("<QQQI", min(times), max(times), len(records), zlib.crc32(records))
-        chunk = _record(_CHUNK, content + _text("zstd") + struct.pack("<Q", len(stored)) + stored)
-        start, index, index_starts = self._at, b"", {}
-        for channel, entries in spots.items():
-            index_starts[channel] = start + len(chunk) + len(index)
-            packed = struct.pack(f"<{len(entries)}Q", *entries)
-            index += _record(_MESSAGE_INDEX, struct.pack("<H", channel) + _blob(packed))
-            self._counts[channel] = self._counts.get(channel, 0) + len(entries) // 2
-        self._put(chunk + index)
-        self._chunks.append(
-            _Chunk(min(times), max(times), start, len(chunk), index_starts, len(index), len(stored), len(records))
-        )
-
-    def _take_spots(self) -> dict[int, list[int]]:
-        """Log time and place of every message of the open chunk, in turn, by channel; the next chunk begins empty."""
-        for rows in self._rows:
-            for channel, offset in rows.spots:
-                self._spots[channel] += [number for time_ns, at in rows.written for number in (time_ns, at + offset)]
-            rows.written.clear()
-        spots = {channel: entries for channel, entries in self._spots.items() if entries}
-        self._spots = {channel: [] for channel in self._spots}
-        self._parts, self._size = [], 0
-        return spots
 
     def _summary(self, start: int) -> tuple[bytes, bytes]:
         """The groups of the summary, and the table of where each of them stands."""
@@ -215,6 +238,14 @@ class McapWriter:
         content = struct.pack("<QHIIIIQQ", sum(self._counts.values()), *kinds, first_ns, last_ns)
         counts = b"".join(struct.pack("<HQ", channel, count) for channel, count in sorted(self._counts.items()))
         return _record(_STATISTICS, content + _blob(counts))
+
+
+def _entries(spots: dict[int, list[int]], rows: Iterable[_Written]) -> dict[int, list[int]]:
+    """Log time and place of every message of a chunk, in turn, by channel."""
+    for columns, written in rows:
+        for channel, offset in columns:
+            spots[channel] += [number for time_ns, at in written for number in (time_ns, at + offset)]
+    return {channel: numbers for channel, numbers in spots.items() if numbers}
 
 
 def _chunk_index(chunk: _Chunk) -> bytes:

@@ -1,0 +1,87 @@
+"""What a log holds: what every tick writes, what is written now and then, and which of ground's words are kept.
+
+At full rate stands what identification and a second look at a dive need: the sensors as they came, the estimate, the
+actuators, and the inside of the loops with the test signal. The rest tells what was wanted, and how the vehicle was.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from autopilot import telemetry
+from autopilot.identity import COMPONENT
+from autopilot.telemetry import STREAMS, Stream
+from autopilot.types import Trace
+from autopilot.vehicle import Snapshot
+from link import dialect
+from link.log.mavlink_log import Column
+
+SLOT_US = 100_000
+TRACE_NAME, TRACE_ID = b"TRACE", 1
+"""DEBUG_FLOAT_ARRAY's name and number of the loops' inside; ``Trace`` says what each of its numbers is."""
+
+_STREAMS = {stream.message.name: stream for stream in STREAMS}
+
+
+class Slow(NamedTuple):
+    """A message of the telemetry that is written every so many slots."""
+
+    stream: Stream
+    slots: int
+
+
+SLOW = tuple(
+    Slow(_STREAMS[name], slots)
+    for name, slots in (
+        ("ATTITUDE_TARGET", 1),
+        ("POSITION_TARGET_LOCAL_NED", 1),
+        ("NAV_CONTROLLER_OUTPUT", 5),
+        ("ODOMETRY", 5),
+        ("GLOBAL_POSITION_INT", 5),
+        ("SYS_STATUS", 10),
+        ("EXTENDED_SYS_STATE", 10),
+        ("MISSION_CURRENT", 10),
+        ("CURRENT_MODE", 20),
+        ("BATTERY_STATUS", 20),
+        ("HOME_POSITION", 50),
+    )
+)
+HEARD = frozenset(
+    dialect.by_name(name).message_id
+    for name in (
+        "COMMAND_LONG", "COMMAND_INT", "SET_MODE", "PARAM_SET", "MANUAL_CONTROL", "MISSION_COUNT", "MISSION_ITEM_INT",
+        "MISSION_CLEAR_ALL", "MISSION_SET_CURRENT", "SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED",
+    )
+)  # fmt: skip
+"""What ground says that can change what the vehicle does."""
+
+_IMU = dialect.by_name("HIL_SENSOR")
+_OUTPUTS = 3
+
+
+def columns(system: int, sensors_component: int) -> tuple[Column, ...]:
+    """The messages of every tick: the sensors by who sent them, the rest by the autopilot."""
+    own = [
+        ("ATTITUDE", "I6f"),
+        ("LOCAL_POSITION_NED", "I6f"),
+        ("ACTUATOR_OUTPUT_STATUS", f"QI{_OUTPUTS}f"),
+        ("DEBUG_FLOAT_ARRAY", f"QH10s{len(Trace._fields)}f"),
+    ]
+    sensors = Column(system, sensors_component, _IMU, f"{_IMU.struct.size}s")
+    return sensors, *(Column(system, COMPONENT, dialect.by_name(name), given) for name, given in own)
+
+
+def fields(snapshot: Snapshot, sensors: bytes) -> Sequence[tuple[Any, ...]]:
+    """One tick's fields of each column. ``sensors`` is the payload that came, trailing zeros cut off or not."""
+    time_us, controls = snapshot.state.time_us, snapshot.actuators.controls
+    return (
+        (sensors,),
+        telemetry.attitude(snapshot),
+        telemetry.local_position(snapshot),
+        (time_us, (1 << _OUTPUTS) - 1, controls[0], controls[1], controls[2]),
+        (time_us, TRACE_ID, TRACE_NAME, *snapshot.trace),
+    )
+
+
+def trace_names() -> dict[str, str]:
+    """What each number of the TRACE array is, by its place."""
+    return {str(place): name for place, name in enumerate(Trace._fields)}
