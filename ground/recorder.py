@@ -5,7 +5,6 @@ time has that of the last one of its system that did. Chunks are small and hande
 a second, so that a killed process loses next to nothing.
 """
 
-import struct
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -16,12 +15,11 @@ from link.clock import Every, wall_s
 from link.codec import Frame
 from link.log import ros1
 from link.log.mavlink_log import Channel, MavlinkLog
+from link.log.tlog import TelemetryLog
 
 FLUSH_PERIOD_S = 0.2
 RESTART_US = 10_000_000
 """A step back of vehicle time by more than this is a restart, by less an old sample such as a satellite fix."""
-
-_tlog_stamp = struct.Struct(">Q")
 
 
 class _Stream(NamedTuple):
@@ -48,7 +46,7 @@ class Recorder:
         self._streams: dict[tuple[int, int, int], _Stream] = {}
         self._clocks: dict[int, _Clock] = {}
         self._file = path.open("wb")
-        self._tlog = tlog.open("wb") if tlog else None
+        self._tlog = TelemetryLog(tlog) if tlog else None
         self._log = MavlinkLog(self._file)
         self._flush = Every(FLUSH_PERIOD_S, wall_s)
         self._finished = False
@@ -80,7 +78,7 @@ class Recorder:
         time_ns = clock.start_unix_ns + (clock.vehicle_us if own_us is None else own_us) * 1000
         self._log.write(stream.channel, time_ns, frame.payload, frame.sequence)
         if self._tlog is not None:
-            self._tlog.write(_tlog_stamp.pack(time_ns // 1000) + frame.raw)
+            self._tlog.write(time_ns // 1000, frame.raw)
 
     def attach(self, name: str, data: bytes, media_type: str) -> None:
         """Keep a file inside the log, such as the mission that was flown."""
