@@ -21,14 +21,22 @@ STATION_NODES = (6, 4, 6)
 """Stations on nose, mid-body and tail."""
 
 
-def build(config: VehicleConfig) -> Model:
-    """Make the model of ``config``. Raises ``VehicleError`` when its mass matrix or its thrust is impossible."""
-    inertia = _inertia(config)
+def build(config: VehicleConfig, source: str | None = None) -> Model:
+    """Make the model of ``config``.
+
+    Raises:
+        VehicleError: the mass matrix or the thrust is impossible; named after ``source``, else after the vehicle.
+    """
     duct, fins = _duct(config), _fins(config)
+    try:
+        inertia = _inertia(config)
+        lift = _hull(config, inertia, duct, fins)
+    except VehicleError as error:
+        raise VehicleError(f"{source or config.name}: {error}") from None
     return Model(
         inertia=inertia,
         stations=_stations(config),
-        hull=_hull(config, inertia, duct, fins),
+        hull=lift,
         duct=duct,
         fins=fins,
         propeller=_propeller(config),
@@ -53,8 +61,8 @@ def _inertia(config: VehicleConfig) -> Inertia:
     smallest = float(np.linalg.eigvalsh(M_RB).min())
     if smallest <= 0:
         raise VehicleError(
-            f"{config.name}: ballast and linear: the rigid-body mass matrix has an eigenvalue {smallest:.3g}, "
-            f"expected all positive; bring the centre of mass ({x}, {y}, {z}) m nearer to the axis"
+            f"ballast.x_cm_m, y_cm_m, linear.z_CM_m = {x:.4g}, {y:.4g}, {z:.4g}: expected nearer to mid-length, "
+            f"or larger I_yy_kgm2, I_zz_kgm2: the rigid-body mass matrix has an eigenvalue {smallest:.3g}"
         )
     M = M_RB + M_A
     return Inertia(mass_kg=m, M_RB=M_RB, M_A=M_A, M=M, M_inverse=np.linalg.inv(M))
@@ -203,7 +211,7 @@ def _hull(config: VehicleConfig, inertia: Inertia, duct: Duct, fins: Fins) -> Hu
     X_uu = T / U**2 - tail.drag_kgpm
     if X_uu <= 0:
         raise VehicleError(
-            f"{config.name}: operating_point.thrust_n = {T}: "
+            f"operating_point.thrust_n = {T:.4g}: "
             f"expected more than the {'duct' if config.fins is None else 'tail'}'s own drag, {T - X_uu * U**2:.3g} N"
         )
     return Hull(

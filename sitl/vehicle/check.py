@@ -74,7 +74,7 @@ class Report(NamedTuple):
 def check(name_or_path: str | Path) -> Report:
     """Everything there is to know about a vehicle file. Raises ``VehicleError`` for a vehicle that cannot be."""
     config = files.load(name_or_path)
-    model = calibrate.build(config)
+    model = calibrate.build(config, str(name_or_path))
     warnings = refuse_impossible(config, model, str(name_or_path))
     return _report(config, model, warnings)
 
