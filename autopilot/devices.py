@@ -41,31 +41,31 @@ def hear(health: Health, inputs: Inputs, excluded: frozenset[str]) -> tuple[Heal
             continue
         old: Device = getattr(health, field)
         lately = old.record if now_us - old.sound_us < JUMP_WITHIN_US else None
-        pace_us = _pace_us(old, now_us)
+        interval_us = now_us - old.heard_us if old.heard_us >= 0 else 0
+        pace_us = _pace_us(old.pace_us, interval_us)
         if possible(record, lately):
             same = old.record is not None and reading(record) == reading(old.record)
-            heard[field] = Device(record, now_us, now_us, old.changed_us if same else now_us, pace_us)
+            heard[field] = Device(record, now_us, now_us, old.changed_us if same else now_us, interval_us, pace_us)
             if name in excluded:
                 dropped[field] = None
         else:
             complaints.append(Complaint(name, IMPLAUSIBLE))
-            heard[field] = Device(old.record, old.sound_us, now_us, now_us, pace_us)
+            heard[field] = Device(old.record, old.sound_us, now_us, now_us, interval_us, pace_us)
             dropped[field] = None
     return health._replace(**heard), inputs._replace(**dropped) if dropped else inputs, tuple(complaints)
 
 
-def _pace_us(device: Device, now_us: int) -> int:
-    """The usual interval between two words, with the one that is heard now."""
-    if device.heard_us < 0:
-        return 0
-    interval_us, usual_us = now_us - device.heard_us, device.pace_us or now_us - device.heard_us
+def _pace_us(usual_us: int, interval_us: int) -> int:
+    """The usual interval, with the one that has just passed."""
+    if not usual_us:
+        return interval_us
     return round(min(PACE_CHANGE * usual_us, max(usual_us / PACE_CHANGE, interval_us)))
 
 
 def silent(device: Device, now_us: int, at_least_us: int = SILENT_US) -> bool:
-    """Whether a device that has spoken should have done so again long since, by its own pace."""
+    """Whether a device that has spoken does so no more, or only after far longer than is its own pace."""
     limit_us = max(at_least_us, SILENT_INTERVALS * device.pace_us) if device.pace_us else UNPACED_SILENT_US
-    return 0 <= device.heard_us < now_us - limit_us
+    return device.heard_us >= 0 and limit_us < max(now_us - device.heard_us, device.interval_us)
 
 
 def stuck(device: Device, now_us: int) -> bool:

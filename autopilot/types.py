@@ -133,8 +133,10 @@ class Device(NamedTuple):
     """When anything was; -1 for never."""
     changed_us: int = -1
     """When it last said something new."""
+    interval_us: int = 0
+    """Between the last two words; zero before the second."""
     pace_us: int = 0
-    """The usual interval between two words; zero before the second."""
+    """The usual interval."""
 
 
 class Complaint(NamedTuple):

@@ -56,13 +56,49 @@ def test_no_nonsense_reaches_the_estimate(field: str, nonsense: float) -> None:
     for tick in range(100):
         frame = sensors(state.time_us + TICK_US)
         if tick % 10 < 5:
-            frame = frame._replace(**{field: nonsense})
+            frame = frame._replace(**{field: nonsense})  # type: ignore[arg-type]
         state, _, _, _ = core.tick(state, Inputs(frame, None, None, None), Config())
     at = state.estimate
     assert all(map(math.isfinite, (*at.attitude, at.depth_m, at.depth_rate_mps, at.p_radps, *at.gyro_bias_radps)))
     assert at.depth_m == pytest.approx(5.0, abs=0.1)
     assert abs(at.roll_rad) + abs(at.pitch_rad) + abs(at.heading_rad) < 0.02
     assert len(health.troubles(state.health)) == 1
+
+
+def hear_battery(intervals_s: list[float]) -> list[tuple[float, str]]:
+    """When what was said, with the gauge's words so far apart."""
+    due_us, words, state, said = TICK_US, list(intervals_s), State(), []
+    while words:
+        time_us = state.time_us + TICK_US
+        inputs = Inputs(sensors(time_us), None, None, None)
+        if time_us >= due_us:
+            due_us += round(words.pop(0) * 1e6)
+            inputs = inputs._replace(battery=Battery(28.0, 3.0, 0.001 * len(words), 0.9))
+        state, _, _, events = core.tick(state, inputs, Config())
+        said += [(time_us / 1e6, event.text) for event in events if isinstance(event, Event)]
+    return said
+
+
+@pytest.mark.parametrize("interval_s", [0.1, 9.0, 25.0])
+def test_a_device_is_silent_by_its_own_pace(interval_s: float) -> None:
+    """A steady one never; one that stops, after three of its intervals or ten seconds, the longer."""
+    steady = [interval_s] * 8
+    assert hear_battery(steady) == []
+    stopped_s = 7 * interval_s
+    ((lost_s, lost), (_, back)) = hear_battery([*steady[1:], 90.0, *[interval_s] * max(3, round(8.0 / interval_s))])
+    assert (lost, back) == ("Battery silent", "Battery recovered")
+    assert lost_s - stopped_s == pytest.approx(max(10.0, 3.0 * interval_s), abs=0.5)
+
+
+def test_a_device_that_turns_slow_is_told_so_and_never_flaps() -> None:
+    said = [text for _, text in hear_battery([*[1.0] * 5, *[12.0] * 9, *[1.0] * 8])]
+    assert said == ["Battery silent", "Battery recovered"]
+
+
+def test_a_device_that_speaks_only_once_is_told_silent_in_the_end() -> None:
+    ((lost_s, lost),) = hear_battery([40.0, 0.0])
+    assert lost == "Battery silent"
+    assert lost_s == pytest.approx(30.0, abs=0.5)
 
 
 def test_a_single_spike_is_passed_over_in_silence() -> None:
