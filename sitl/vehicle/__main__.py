@@ -49,7 +49,7 @@ def new(
     except OSError as error:
         reason = "exists; give a new name" if isinstance(error, FileExistsError) else error.strerror
         raise VehicleError(f"{out}: {reason}") from None
-    print(f"{out}: {len(described.steps)} numbers derived; sitl.vehicle check {out} tells how she flies")
+    print(f"{out}: {len(described.steps)} numbers derived; ground vehicle check {out} tells how she flies")
 
 
 def _start(name: str, hull: str, tail: str, length_m: float | None, diameter_m: float | None) -> config.Completed:
