@@ -17,6 +17,7 @@ from autopilot.logbook.book import Logbook
 from autopilot.mav_cmd import Commander, command_from_message
 from autopilot.requests import SetMode
 from autopilot.routing import Router
+from autopilot.shown_files import file_tree
 from autopilot.telemetry import Values
 from autopilot.types import Event, ItemReached, Stick
 from autopilot.vehicle import MissionStore, Vehicle
@@ -25,7 +26,8 @@ from link.clock import Every, wall_s
 from link.codec import Frame
 from link.dialect import MessageType, constant
 from link.exchange import Party, Send, addressed_to
-from link.files import FileServer
+from link.files.server import FileServer
+from link.logs.server import LogServer
 from link.mission_server import MissionServer
 from link.params import ParamServer
 from link.transport import LinkLostError, Transport
@@ -71,7 +73,8 @@ class GroundServer:
         self._commander = Commander(vehicle, self._message, self._own.system)
         self._missions = MissionServer(MissionStore(vehicle))
         self._params = ParamServer(vehicle.params, self._broadcast, vehicle.say)
-        self._files = FileServer()
+        self.files = FileServer(file_tree(vehicle.params, self._logbook))
+        self._logs = LogServer(self._logbook, vehicle.say, lambda: vehicle.state.armed)
         self.failures = FailureRelay(vehicle.say)
         self._silent = False
         self._heartbeat = Every(HEARTBEAT_S)
@@ -90,12 +93,12 @@ class GroundServer:
             "MANUAL_CONTROL": self._take_stick,
             "TIMESYNC": self._tell_time,
             "PING": self._answer_ping,
-            "LOG_REQUEST_LIST": self._list_logs,
             "SETUP_SIGNING": self._change_key,
         }
         handlers |= dict.fromkeys(MissionServer.hears, self._serve_mission)
         handlers |= dict.fromkeys(ParamServer.hears, self._serve_params)
         handlers |= dict.fromkeys(FileServer.hears, self._serve_files)
+        handlers |= dict.fromkeys(LogServer.hears, self._serve_logs)
         return {dialect.by_name(name).message_id: handler for name, handler in handlers.items()}
 
     @property
@@ -151,10 +154,11 @@ class GroundServer:
         if complaint := self._keys.save_when_due():
             self._vehicle.say(complaint)
         self.announce()
-        waits = [link.wait_s(now_s) for link in self.links]
-        if 0.0 in waits:
+        if any(link.wait_s(now_s) == 0.0 for link in self.links):
             self.flush()
-        return min((wait_s for wait_s in waits if wait_s), default=IDLE_S)
+        self.files.poll(now_s)
+        self._logs.poll()
+        return min((wait_s for link in self.links if (wait_s := link.wait_s(now_s))), default=IDLE_S)
 
     def silence(self, wanted: bool) -> None:
         """Cut every link, both ways, or join it again: what a simulated loss of the link does."""
@@ -246,10 +250,6 @@ class GroundServer:
             ping = dialect.by_name("PING")
             link.write(ping, (message.time_usec, message.seq, frame.system, frame.component))
 
-    def _list_logs(self, link: GroundLink, frame: Frame, message: Any) -> None:
-        """No log is kept on board; a client that hears nothing would ask again for seconds."""
-        link.write(dialect.by_name("LOG_ENTRY"), (0, 0, 0, 0, 0))
-
     def _change_key(self, link: GroundLink, frame: Frame, message: Any) -> None:
         told = self._keys.change(message, link.endpoint.signing, link.trusted, self._vehicle.state.armed)
         self._vehicle.say(told)
@@ -261,7 +261,10 @@ class GroundServer:
         self._params.feed(frame, self._sender(link))
 
     def _serve_files(self, link: GroundLink, frame: Frame, message: Any) -> None:
-        self._files.feed(frame, self._sender(link))
+        self.files.feed(frame, self._sender(link), link.room_bytes, wall_s())
+
+    def _serve_logs(self, link: GroundLink, frame: Frame, message: Any) -> None:
+        self._logs.feed(frame, self._sender(link), link.room_bytes)
 
     def _condition(self) -> tuple[int, bool, int] | None:
         state = self._vehicle.state

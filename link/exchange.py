@@ -6,6 +6,7 @@ and then. So it serves a blocking command-line tool (``run``) and a reader threa
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 from link.clock import wall_s
@@ -27,6 +28,10 @@ class Send(Protocol):
     """How a message leaves: ``Endpoint.send``, or anything of the same shape."""
 
     def __call__(self, name: str, **fields: Any) -> None: ...
+
+
+Room = Callable[[], int]
+"""How many bytes of bulk - a log, a file - a link takes now."""
 
 
 class ExchangeError(RuntimeError):

@@ -15,6 +15,7 @@ from autopilot.vehicle import Vehicle
 from link.clock import Every, wall_s
 from link.codec import Frame
 from link.dialect import MessageType
+from link.logs.source import LogFile
 
 FLUSH_S = 0.2
 """A killed process loses no more than what it did since."""
@@ -67,6 +68,14 @@ class Logbook:
         elif entry.late:
             entry.late = False
             self._vehicle.say("Log: the disk is too slow, something is left out")
+
+    def files(self) -> Sequence[LogFile]:
+        """The logs there are, the oldest first."""
+        return self.store.files() if self.store else ()
+
+    def erase(self) -> str:
+        """Remove all logs but one that is being written; returns why not, or nothing."""
+        return self.store.erase() if self.store else ""
 
     def close(self) -> None:
         """End the log that is under way, and wait until it is on disk."""

@@ -1,0 +1,18 @@
+"""What an FTP client may see of the vehicle: a line for each."""
+
+from autopilot.logbook.book import Logbook
+from autopilot.params import ParamTable
+from link.files.tree import FileTree
+
+
+def file_tree(params: ParamTable, logbook: Logbook) -> FileTree:
+    """The vehicle's logs, and her parameters as a file that ``autopilot --params`` reads."""
+    tree = FileTree()
+    if logbook.store is not None:
+        tree.add_folder("/logs", logbook.store.folder)
+    tree.add_file("/params/current.param", lambda: _parameter_file(params))
+    return tree
+
+
+def _parameter_file(params: ParamTable) -> bytes:
+    return "".join(f"{name},{params.get(name):.9g}\n" for name in params.names()).encode()

@@ -1,0 +1,1 @@
+"""MAVLink FTP, https://mavlink.io/en/services/ftp.html: both ends of it."""

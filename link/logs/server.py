@@ -1,0 +1,146 @@
+"""The vehicle's side of LOG_REQUEST_LIST, LOG_REQUEST_DATA, LOG_REQUEST_END and LOG_ERASE, for several clients at once.
+
+Logs are numbered from 0 for each listing, without gaps, as MAVSDK wants it: a client's numbers mean the same files
+until it asks for the list again. Data leaves as fast as the client's link has room.
+"""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, BinaryIO, NamedTuple
+
+from link.codec import Frame
+from link.exchange import Party, Room, Send
+from link.logs.source import LogFile, LogSource
+
+DATA_BYTES = 90
+"""Of a log in one LOG_DATA; fewer say that the log ends."""
+LARGEST_FRAME = 122
+ALL = 0xFFFF_FFFF
+MOST_RANGES = 32
+"""MAVProxy asks for up to 20 at once where data was lost."""
+AT_ONCE = 200
+"""How many messages a client is sent in one go where its link takes more."""
+
+
+class _Range(NamedTuple):
+    """A part of a log that somebody asked for."""
+
+    log: int
+    start: int
+    stop: int
+    ends: bool
+    """Whether more was asked for than there is: the client then waits for a message that is not full."""
+
+
+class _Client:
+    """What a client was told the numbers mean, and what it is still to be sent."""
+
+    def __init__(self, files: Sequence[LogFile]) -> None:
+        self.files = tuple(files)
+        self.entries: deque[int] = deque()
+        self.ranges: deque[_Range] = deque()
+        self.send: Send
+        self.room: Room
+
+
+class LogServer:
+    """Lists and sends the logs of a source."""
+
+    hears = frozenset(("LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END", "LOG_ERASE"))
+
+    def __init__(self, source: LogSource, explain: Callable[[str], None], armed: Callable[[], bool]) -> None:
+        self._source, self._explain, self._armed = source, explain, armed
+        self._clients: dict[Party, _Client] = {}
+        self._handlers = {
+            "LOG_REQUEST_LIST": self._list,
+            "LOG_REQUEST_DATA": self._data,
+            "LOG_REQUEST_END": self._end,
+            "LOG_ERASE": self._erase,
+        }
+
+    def feed(self, frame: Frame, send: Send, room: Room) -> None:
+        """Serve one frame that is addressed to this vehicle; ``send`` and ``room`` are of the link it came by."""
+        sender = Party(frame.system, frame.component)
+        client = self._clients.get(sender) or _Client(self._source.files())
+        self._clients[sender] = client
+        client.send, client.room = send, room
+        self._handlers[frame.name](client, frame.decode())
+
+    def poll(self) -> None:
+        """Send on what was asked for, as far as there is room."""
+        for client in self._clients.values():
+            while client.entries and client.room() >= LARGEST_FRAME:
+                self._tell(client, client.entries.popleft())
+            if client.ranges:
+                _send_ranges(client)
+
+    def _list(self, client: _Client, message: Any) -> None:
+        client.files = tuple(self._source.files())
+        client.entries.clear()
+        last = min(message.end, len(client.files) - 1)
+        client.entries.extend(range(message.start, last + 1))
+        if not client.files:
+            client.send("LOG_ENTRY", id=0, num_logs=0, last_log_num=0, time_utc=0, size=0)
+
+    def _tell(self, client: _Client, number: int) -> None:
+        log, count = client.files[number], len(client.files)
+        client.send(
+            "LOG_ENTRY", id=number, num_logs=count, last_log_num=count - 1,
+            time_utc=log.began_unix_s & 0xFFFF_FFFF, size=min(log.bytes, ALL),
+        )  # fmt: skip
+
+    def _data(self, client: _Client, message: Any) -> None:
+        if message.id >= len(client.files):
+            _say(client, message.id, message.ofs, b"")
+            return
+        size = client.files[message.id].bytes
+        start, stop = min(message.ofs, size), min(message.ofs + message.count, size)
+        wanted = _Range(message.id, start, stop, message.ofs + message.count > size)
+        moved_on = message.count == ALL or any(waiting.log != message.id for waiting in client.ranges)
+        if moved_on:
+            client.ranges.clear()
+        if wanted not in client.ranges and len(client.ranges) < MOST_RANGES:
+            client.ranges.append(wanted)
+
+    def _end(self, client: _Client, message: Any) -> None:
+        client.ranges.clear()
+
+    def _erase(self, client: _Client, message: Any) -> None:
+        refusal = "Logs not erased: armed" if self._armed() else self._source.erase()
+        if refusal:
+            self._explain(refusal)
+            return
+        for each in self._clients.values():
+            each.files, each.entries, each.ranges = (), deque(), deque()
+
+
+def _send_ranges(client: _Client) -> None:
+    """Send on from the first range."""
+    number = client.ranges[0].log
+    try:
+        with client.files[number].path.open("rb") as file:
+            _send_from(file, client, number)
+    except OSError:
+        _say(client, number, client.ranges[0].start, b"")
+        client.ranges.clear()
+
+
+def _send_from(file: BinaryIO, client: _Client, number: int) -> None:
+    for _ in range(AT_ONCE):
+        if not client.ranges or client.ranges[0].log != number or client.room() < LARGEST_FRAME:
+            return
+        wanted = client.ranges[0]
+        file.seek(wanted.start)
+        data = file.read(min(DATA_BYTES, wanted.stop - wanted.start))
+        if data or wanted.ends:
+            _say(client, number, wanted.start, data)
+        after = wanted.start + len(data)
+        if data and (after < wanted.stop or (wanted.ends and len(data) == DATA_BYTES)):
+            client.ranges[0] = wanted._replace(start=after)
+        else:
+            client.ranges.popleft()
+
+
+def _say(client: _Client, number: int, offset: int, data: bytes) -> None:
+    padded = tuple(data.ljust(DATA_BYTES, b"\0"))
+    client.send("LOG_DATA", id=number, ofs=offset, count=len(data), data=padded)
