@@ -1,12 +1,14 @@
 """The MAVLink dialect: every message's fields, as pymavlink generated them. The only file that imports pymavlink.
 
-The dialect is ``all``: pymavlink's ``common`` lacks AVAILABLE_MODES and CURRENT_MODE.
+The dialect is ``all``: pymavlink's ``common`` lacks AVAILABLE_MODES and CURRENT_MODE. Two messages of ``common.xml``
+that even ``all`` lacks are added here.
 """
 
 import inspect
 import struct
 from collections import namedtuple
 from functools import cache
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
@@ -86,6 +88,38 @@ class MessageType:
         )
 
 
+def _definition(name: str, number: int, crc_extra: int, packing: str, **types: tuple[str, int]) -> Any:
+    """A message as pymavlink defines its own, its fields (type and array length) in wire order."""
+
+    def construct(self: Any, **fields: Any) -> None:
+        raise NotImplementedError
+
+    construct.__signature__ = inspect.Signature()  # type: ignore[attr-defined]
+    return SimpleNamespace(
+        msgname=name, id=number, crc_extra=crc_extra, fieldnames=list(types), ordered_fieldnames=list(types),
+        fieldtypes=[kind for kind, _ in types.values()], array_lengths=[length for _, length in types.values()],
+        fieldunits_by_name={}, unpacker=SimpleNamespace(format=packing), __init__=construct,
+    )  # fmt: skip
+
+
+_ADDED = {
+    definition.id: definition
+    for definition in (
+        _definition(
+            "COMMAND_CANCEL", 80, 14, "<HBB",
+            command=("uint16_t", 0), target_system=("uint8_t", 0), target_component=("uint8_t", 0),
+        ),
+        _definition(
+            "COMPONENT_METADATA", 397, 182, "<II100s",
+            time_boot_ms=("uint32_t", 0), file_crc=("uint32_t", 0), uri=("char", 100),
+        ),
+    )
+}  # fmt: skip
+"""By message number: what clients of today send and ask for, and pymavlink 2.4.50 does not know."""
+_DEFINITIONS = {**mavlink.mavlink_map, **_ADDED}
+_NUMBERS = {definition.msgname: number for number, definition in _DEFINITIONS.items()}
+
+
 def _slices(fields: tuple[Field, ...]) -> list[tuple[int, int, int]]:
     slices, start = [], 0
     for field in fields:
@@ -102,22 +136,22 @@ def _text(raw: bytes) -> str:
 @cache
 def by_name(name: str) -> MessageType:
     """The message type called ``name``; KeyError when the dialect has none."""
-    definition = getattr(mavlink, f"MAVLink_{name.lower()}_message", None)
-    if definition is None:
+    number = _NUMBERS.get(name)
+    if number is None:
         raise KeyError(f"the MAVLink dialect has no message {name}")
-    return MessageType(definition)
+    return MessageType(_DEFINITIONS[number])
 
 
 @cache
 def by_id(message_id: int) -> MessageType | None:
     """The message type numbered ``message_id``, or None when the dialect has none."""
-    definition = mavlink.mavlink_map.get(message_id)
+    definition = _DEFINITIONS.get(message_id)
     return None if definition is None else by_name(definition.msgname)
 
 
 def names() -> list[str]:
     """Every message name of the dialect, in the order of the message numbers."""
-    return [mavlink.mavlink_map[message_id].msgname for message_id in sorted(mavlink.mavlink_map)]
+    return [_DEFINITIONS[message_id].msgname for message_id in sorted(_DEFINITIONS)]
 
 
 def constant(name: str) -> int:
@@ -131,3 +165,9 @@ def constant(name: str) -> int:
 def enum_names(enum: str) -> dict[int, str]:
     """The entries of a dialect enum by value, without the end marker."""
     return {value: entry.name for value, entry in mavlink.enums[enum].items() if not entry.name.endswith("ENUM_END")}
+
+
+def has_location(command: int) -> bool:
+    """Whether a MAV_CMD names a place: x and y an angle or offset, z a height."""
+    entry = mavlink.enums["MAV_CMD"].get(command)
+    return entry is not None and bool(entry.has_location)

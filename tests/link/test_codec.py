@@ -11,7 +11,7 @@ from link import dialect
 from link.codec import Frame, Framer, encode
 from link.dialect import Field, MessageType
 
-MESSAGES = [dialect.by_name(name) for name in dialect.names()]
+MESSAGES = [dialect.by_name(name) for name in dialect.names() if hasattr(mavlink, f"MAVLINK_MSG_ID_{name}")]
 _BITS = {"int8_t": 8, "int16_t": 16, "int32_t": 32, "int64_t": 64}
 LONGEST_FRAME = 300
 
