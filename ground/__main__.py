@@ -22,6 +22,7 @@ from ground.console import (
     Json,
     ScenarioName,
     Seed,
+    Sign,
     Speed,
     VehicleName,
     encode,
@@ -59,6 +60,7 @@ app.command()(bench_cli.incline)
 def fly(
     mission: Annotated[str, typer.Argument(help="A shipped mission's name, a .toml, .plan or QGC WPL 110 file.")],
     connect: Address = GROUND_LINK,
+    sign: Sign = None,
     sitl: Annotated[bool, typer.Option("--sitl", help="Start a simulated vehicle and fly that.")] = False,
     log: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Default: the mission's name.")] = None,
     tlog: Annotated[Path | None, typer.Option(metavar="FILE.tlog", help="Also a MAVLink telemetry log.")] = None,
@@ -84,6 +86,8 @@ def fly(
     from ground.flight import Dive
     from ground.processes import SimulatedVehicle, Simulation
 
+    if sitl and sign:
+        raise BadInputError("--sign: is for --connect; the link to a vehicle of --sitl stays on this machine")
     target = new_file(log or Path(Path(mission).stem + ".mcap"))
     first = prototype.parameters_for(vehicle) if sitl and params is None else {}
     dive = Dive.load(mission, target, parameters=gains.load(params) if params else first, tlog=tlog)
@@ -92,7 +96,7 @@ def fly(
             simulated = SimulatedVehicle(Simulation(vehicle, scenario, seed, speed, truth))
             outcome = flight.fly_simulated(dive, simulated, shown.watch, shown.hear)
         else:
-            outcome = flight.fly(dive, connect, shown.watch, shown.hear)
+            outcome = flight.fly(dive, connect, shown.watch, shown.hear, sign)
     give(
         {**outcome._asdict(), "log": str(outcome.log)},
         f"{outcome.log}: {outcome.vehicle_s:.0f} s flown in {outcome.wall_s:.1f} s, "
@@ -149,6 +153,7 @@ def redesign(
     model: Annotated[Path, typer.Argument(help="A model.json from refit.")],
     out: Annotated[Path, typer.Option(metavar="GAINS.param")] = Path("gains.param"),
     upload: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Set the gains on this vehicle.")] = None,
+    sign: Sign = None,
     json: Json = False,
 ) -> None:
     """Redesign the gains for a model, or refuse with the reason."""
@@ -158,7 +163,7 @@ def redesign(
     design = fitting.redesign(fitting.read_model(model))
     design.write_params(out)
     if upload:
-        _set_and_read_back(upload, dict(design.gains))
+        _set_and_read_back(upload, sign, dict(design.gains))
     give(summary.of_design(design), summary.design_in_words(design, out), json)
 
 
@@ -201,43 +206,43 @@ def missions(json: Json = False) -> None:
 
 
 @params_app.command("list")
-def params_list(connect: Address = GROUND_LINK, json: Json = False) -> None:
+def params_list(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
     """Every parameter and its value."""
-    values = _with_vehicle(connect, lambda vehicle: vehicle.parameters())
+    values = _with_vehicle(connect, sign, lambda vehicle: vehicle.parameters())
     give(values, "\n".join(f"{name:16s} {value:g}" for name, value in values.items()), json)
 
 
 @params_app.command("get")
-def params_get(name: str, connect: Address = GROUND_LINK, json: Json = False) -> None:
+def params_get(name: str, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
     """One parameter."""
-    value = _with_vehicle(connect, lambda vehicle: vehicle.parameter(name))
+    value = _with_vehicle(connect, sign, lambda vehicle: vehicle.parameter(name))
     give({name: value}, f"{value:g}", json)
 
 
 @params_app.command("set")
-def params_set(name: str, value: float, connect: Address = GROUND_LINK, json: Json = False) -> None:
+def params_set(name: str, value: float, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
     """Set one parameter and read it back."""
-    _set_and_read_back(connect, {name: value})
+    _set_and_read_back(connect, sign, {name: value})
     give({name: value}, f"{name} = {value:g}", json)
 
 
 @params_app.command("save")
-def params_save(file: Path, connect: Address = GROUND_LINK, json: Json = False) -> None:
+def params_save(file: Path, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
     """Write every parameter to a file."""
     from ground import gains
 
-    values = _with_vehicle(connect, lambda vehicle: vehicle.parameters())
+    values = _with_vehicle(connect, sign, lambda vehicle: vehicle.parameters())
     gains.save(new_file(file), values)
     give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters", json)
 
 
 @params_app.command("load")
-def params_load(file: Path, connect: Address = GROUND_LINK, json: Json = False) -> None:
+def params_load(file: Path, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
     """Set the parameters of a file and read them back."""
     from ground import gains
 
     values = gains.load(file)
-    _set_and_read_back(connect, values)
+    _set_and_read_back(connect, sign, values)
     give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters set", json)
 
 
@@ -311,21 +316,21 @@ def _leave(problem: object, status: int) -> None:
     sys.exit(status)
 
 
-def _with_vehicle(address: str, use: Any) -> Any:
+def _with_vehicle(address: str, key_file: Path | None, use: Any) -> Any:
     from ground.vehicle import connected
 
-    with connected(address) as vehicle:
+    with connected(address, key_file) as vehicle:
         return use(vehicle)
 
 
-def _set_and_read_back(address: str, values: dict[str, float]) -> None:
+def _set_and_read_back(address: str, key_file: Path | None, values: dict[str, float]) -> None:
     def use(vehicle: Any) -> None:
         for name, value in values.items():
             stored = vehicle.set_parameter(name, value)
             if abs(stored - value) > 1e-6 * max(1.0, abs(value)):
                 raise FailedError(f"{name}: the vehicle stored {stored:g} in place of {value:g}")
 
-    _with_vehicle(address, use)
+    _with_vehicle(address, key_file, use)
 
 
 if __name__ == "__main__":

@@ -91,13 +91,16 @@ def check(session: Session) -> None:
 
 
 def measure(
-    session: Session, where: str | SimulatedVehicle, watch: Callable[[Progress], None]
+    session: Session,
+    where: str | SimulatedVehicle,
+    watch: Callable[[Progress], None],
+    key_file: Path | None = None,
 ) -> "dict[AxisName, AxisBench]":
     """Run a session and say what it shows. Raises AddressError, BadInputError, FailedError."""
     from sysid import bench, log
 
     path = session.folder / "bench.mcap"
-    with flight.recorded(where, path) as (vehicle, recorder):
+    with flight.recorded(where, path, key_file=key_file) as (vehicle, recorder):
         vehicle.connect()
         _refuse_beyond_travel(session, vehicle.parameter("ACT_TRAVEL_DEG"))
         with prepared(vehicle) as before:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ground.console import Json, Seed, Speed, VehicleName, encode, give, new_file
+from ground.console import Json, Seed, Sign, Speed, VehicleName, encode, give, new_file
 from ground.errors import BadInputError
 
 BenchAddress = Annotated[
@@ -19,6 +19,7 @@ BenchAddress = Annotated[
 
 def bench(
     connect: BenchAddress = None,
+    sign: Sign = None,
     vehicle: VehicleName = "field",
     axis: Annotated[list[str] | None, typer.Option(help="rudder or elevator; repeatable. Default: both.")] = None,
     amplitude: Annotated[list[float] | None, typer.Option(help="Degrees peak to peak; repeatable.")] = None,
@@ -44,7 +45,7 @@ def bench(
     where = connect or SimulatedVehicle(Simulation(vehicle, "bench", seed, speed))
     out.mkdir()
     with progress.display("bench", quiet=json) as shown:
-        found = procedure.measure(session, where, shown.watch)
+        found = procedure.measure(session, where, shown.watch, sign)
     result = procedure.as_json(found)
     (out / "bench.json").write_text(encode(result), encoding="utf-8")
     bode.draw(found, out / "figure4.png")
@@ -53,6 +54,7 @@ def bench(
 
 def incline(
     connect: BenchAddress = None,
+    sign: Sign = None,
     vehicle: VehicleName = "field",
     moves: Annotated[
         Path | None, typer.Option(metavar="FILE.toml", help="Weights and levers; default: 1, 2 kg.")
@@ -71,7 +73,7 @@ def incline(
     plan = procedure.load(moves)
     where = connect or SimulatedVehicle(Simulation(vehicle, "inclining", seed, speed))
     with progress.display("incline", quiet=json) as shown:
-        found = procedure.measure(plan, new_file(log), prior, where, shown.watch, shown.announce)
+        found = procedure.measure(plan, new_file(log), prior, where, shown.watch, shown.announce, sign)
     result = procedure.as_json(found, prior, refit.read_vehicle(prior).linear.z_CM_m)
     give(result, procedure.in_words(result, log), json)
 

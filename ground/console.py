@@ -10,6 +10,7 @@ from ground.errors import BadInputError
 
 Address = Annotated[str, typer.Option("--connect", metavar="ADDRESS", help="The vehicle's link: udpin:HOST:PORT, "
                                       "udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD.")]  # fmt: skip
+Sign = Annotated[Path | None, typer.Option("--sign", metavar="KEYFILE", help="Sign the link: a passphrase or key.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")]
 VehicleName = Annotated[str, typer.Option(metavar="NAME|FILE", help="field, bench, remus100, xfin, or a vehicle file.")]
 ScenarioName = Annotated[str, typer.Option(metavar="NAME|FILE", help="calm, disturbed, or a scenario file.")]

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from ground import plans
 from ground.processes import SimulatedVehicle
 from ground.recorder import Recorder
+from ground.signature import signing
 from ground.vehicle import Text, Vehicle, VehicleError
 from link.clock import Every, wall_s
 from link.missions import MissionItem
@@ -74,9 +75,11 @@ Watch = Callable[[Progress], None]
 Hear = Callable[[Text], None]
 
 
-def fly(dive: Dive, address: str, watch: Watch | None = None, hear: Hear | None = None) -> Outcome:
-    """Fly a vehicle that is already there. Raises AddressError, VehicleError."""
-    with recorded(address, dive.log, dive.tlog) as (vehicle, recorder):
+def fly(
+    dive: Dive, address: str, watch: Watch | None = None, hear: Hear | None = None, key_file: Path | None = None
+) -> Outcome:
+    """Fly a vehicle that is already there. Raises AddressError, BadInputError, VehicleError."""
+    with recorded(address, dive.log, dive.tlog, key_file) as (vehicle, recorder):
         return _fly(dive, vehicle, recorder, watch, hear)
 
 
@@ -89,7 +92,9 @@ def fly_simulated(
 
 
 @contextmanager
-def recorded(where: str | SimulatedVehicle, log: Path, tlog: Path | None = None) -> Iterator[tuple[Vehicle, Recorder]]:
+def recorded(
+    where: str | SimulatedVehicle, log: Path, tlog: Path | None = None, key_file: Path | None = None
+) -> Iterator[tuple[Vehicle, Recorder]]:
     """A vehicle at an address, or a simulated one that is stopped at the end, with all it says kept in ``log``.
 
     Raises:
@@ -99,10 +104,11 @@ def recorded(where: str | SimulatedVehicle, log: Path, tlog: Path | None = None)
         simulated = None if isinstance(where, str) else stack.enter_context(where)
         transport = simulated.connect() if simulated else open_transport(str(where))
         stack.callback(transport.close)
+        signature = stack.enter_context(signing(key_file))
         recorder = Recorder(log, tlog)
         stack.callback(recorder.finish)
         try:
-            yield Vehicle(transport, recorder, simulated.check if simulated else None), recorder
+            yield Vehicle(transport, recorder, simulated.check if simulated else None, signature), recorder
         except VehicleError:
             if simulated:
                 wait_for_last_words(simulated)

@@ -65,14 +65,14 @@ def load(path: Path | None) -> Plan:
 
 def measure(
     plan: Plan, log: Path, prior: str, where: str | SimulatedVehicle, watch: Callable[[Progress], None],
-    announce: Callable[[str], None],
+    announce: Callable[[str], None], key_file: Path | None = None,
 ) -> "Inclining":  # fmt: skip
     """Run the test and say where the centre of mass is. Raises AddressError, BadInputError, FailedError."""
     from sysid import incline
     from sysid import log as logs
 
     vehicle_file = refit.read_vehicle(prior)
-    with flight.recorded(where, log) as (vehicle, recorder):
+    with flight.recorded(where, log, key_file=key_file) as (vehicle, recorder):
         vehicle.connect()
         with bench.prepared(vehicle) as before:
             recorder.attach_parameters(before | bench.PARAMETERS)

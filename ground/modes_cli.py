@@ -5,19 +5,19 @@ from typing import Annotated
 
 import typer
 
-from ground.console import GROUND_LINK, Address, Json, give
+from ground.console import GROUND_LINK, Address, Json, Sign, give
 
 app = typer.Typer(invoke_without_command=True, help="The modes that a vehicle offers.")
 
 
 @app.callback()
-def modes(context: typer.Context, connect: Address = GROUND_LINK, json: Json = False) -> None:
+def modes(context: typer.Context, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
     """Every mode and its number (custom_mode), as the vehicle itself lists them."""
     if context.invoked_subcommand is not None:
         return
     from ground.vehicle import connected
 
-    with connected(connect) as vehicle:
+    with connected(connect, sign) as vehicle:
         offered = vehicle.modes()
     give(offered, "\n".join(f"{name:16s} {number}" for name, number in offered.items()), json)
 
@@ -25,6 +25,7 @@ def modes(context: typer.Context, connect: Address = GROUND_LINK, json: Json = F
 @app.command()
 def install(
     connect: Address = GROUND_LINK,
+    sign: Sign = None,
     path: Annotated[Path | None, typer.Option(metavar="FILE", help="Default: where pymavlink looks.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be added.")] = False,
     json: Json = False,
@@ -35,7 +36,7 @@ def install(
 
     target = (path or mode_map.DEFAULT_PATH).expanduser()
     present = mode_map.read(target)
-    with connected(connect) as vehicle:
+    with connected(connect, sign) as vehicle:
         offered, kind = vehicle.modes(), vehicle.kind
     change = mode_map.merge(present, kind, offered, target)
     if change.added and not dry_run:

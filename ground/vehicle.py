@@ -6,12 +6,14 @@ frame is recorded whatever anybody is waiting for.
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from ground import commands
 from ground.commands import Command, ModeList
 from ground.errors import FailedError
 from ground.recorder import Recorder
+from ground.signature import signing
 from link import dialect
 from link.clock import Every, wall_s
 from link.codec import Frame
@@ -22,6 +24,7 @@ from link.log.texts import TextJoiner
 from link.missions import MissionClient, MissionItem
 from link.params import ParamClient
 from link.records import ARMED_FLAG
+from link.signing import Signing
 from link.transport import LinkLostError, Transport, open_transport, wait
 
 T = TypeVar("T")
@@ -52,10 +55,14 @@ class Vehicle:
     """A connected vehicle. Raises VehicleError wherever it is lost or refuses."""
 
     def __init__(
-        self, transport: Transport, recorder: Recorder | None = None, watchdog: Callable[[], None] | None = None
+        self,
+        transport: Transport,
+        recorder: Recorder | None = None,
+        watchdog: Callable[[], None] | None = None,
+        signing: Signing | None = None,
     ) -> None:
         """``watchdog`` is called several times a second, to raise when what carries the vehicle has failed."""
-        self._endpoint = Endpoint(transport, *GROUND)
+        self._endpoint = Endpoint(transport, *GROUND, signing)
         self._recorder = recorder
         self._watchdog = watchdog
         self._heartbeat, self._check = Every(HEARTBEAT_PERIOD_S), Every(WATCHDOG_PERIOD_S)
@@ -240,11 +247,16 @@ class Vehicle:
 
 
 @contextmanager
-def connected(address: str) -> Iterator[Vehicle]:
-    """The vehicle at an address, let go of afterwards. Raises AddressError, VehicleError."""
-    vehicle = Vehicle(open_transport(address))
-    try:
-        vehicle.connect()
-        yield vehicle
-    finally:
-        vehicle.close()
+def connected(address: str, key_file: Path | None = None) -> Iterator[Vehicle]:
+    """The vehicle at an address, let go of afterwards; with a key file, over a link that is signed.
+
+    Raises:
+        AddressError, BadInputError, VehicleError: there is no such address, key or vehicle.
+    """
+    with signing(key_file) as signature:
+        vehicle = Vehicle(open_transport(address), signing=signature)
+        try:
+            vehicle.connect()
+            yield vehicle
+        finally:
+            vehicle.close()
