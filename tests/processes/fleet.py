@@ -64,9 +64,9 @@ class Process:
     def signal(self, number: signal.Signals) -> None:
         self._popen.send_signal(number)
 
-    def finish(self, text: str = "") -> Finished:
+    def finish(self, text: str = "", patience_s: float = PATIENCE_S) -> Finished:
         """Give it the rest of its input and wait for its end."""
-        stdout, stderr = self._popen.communicate(text, timeout=PATIENCE_S)
+        stdout, stderr = self._popen.communicate(text, timeout=patience_s)
         return Finished(self._popen.returncode, stdout, stderr)
 
     def kill(self) -> None:

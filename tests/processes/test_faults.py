@@ -17,7 +17,7 @@ from tests.processes.fleet import Finished, autopilot, free_port, process
 
 pytestmark = pytest.mark.process
 
-CLIENT = Path(__file__).with_name("mavsdk_failure_client.py")
+CLIENT = Path(__file__).parents[1] / "clients" / "mavsdk_failures.py"
 MISSION = """
 name = "faults"
 

@@ -1,6 +1,6 @@
 """A stock MAVSDK program that injects failures and listens to what is said of them: prints one JSON object.
 
-Usage: python mavsdk_failure_client.py ADDRESS simulated|real|listen
+Usage: python mavsdk_failures.py ADDRESS simulated|real|listen
 """
 
 import asyncio

@@ -1,0 +1,355 @@
+"""What a person at MAVProxy's prompt can do with the vehicle, check by check: prints one JSON object.
+
+Usage: python -m tests.clients.mavproxy_checks FOLDER MASTER [--baud N] [--speed N] [--slow] [--short]
+
+FOLDER becomes MAVProxy's home: ``ground modes install`` has put the names of the modes there.
+"""
+
+import argparse
+import math
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from autopilot.params import PARAMETERS
+from link.params import as_real32
+from tests.clients.checklist import close, equal, name_of, report, require, verdict
+from tests.clients.mavproxy_console import Console
+from tests.clients.streams import SENSES, check_rate
+
+DEFAULTS = {p.name: as_real32(p.default) for p in PARAMETERS}
+MODES = ("MANUAL", "DEPTH", "HOLD", "SURFACE", "MISSION")
+STREAMS_COUNTED_S = 11.0
+ITEMS = [
+    (178, 1.0, -1.0, 58.0, 0.0),
+    (186, -4.0, 3.0, 0.0, 0.0),
+    (115, 40.0, 0.0, 0.0, 0.0),
+    (93, 1e4, -1.0, -1.0, -1.0),
+]
+"""Thrust, depth, heading, and more time than any list of checks takes: command and first four parameters."""
+
+
+class Person:
+    """At the prompt; on a noisy line patient enough to type a command again."""
+
+    def __init__(self, console: Console, *, speed: float, slow: bool) -> None:
+        self.console, self.speed, self.slow = console, speed, slow
+        self.counted: dict[str, tuple[int, dict[str, Any]]] = {}
+        self.counted_s = self.counted_vehicle_s = 0.0
+        self.before: dict[str, tuple[int, dict[str, Any]]] = {}
+
+    def ask(self, line: str, pattern: str, within_s: float = 15.0) -> re.Match[str]:
+        return self.console.ask(line, pattern, attempts=4 if self.slow else 1, within_s=within_s)
+
+    def latest(self, name: str) -> dict[str, Any]:
+        heard = self.console.messages()
+        require(name in heard, f"{name} was never heard")
+        return heard[name][1]
+
+
+Check = Callable[[Person], None]
+
+
+def write_plan(path: Path, items: list[tuple[float, ...]], *, frame: int = 2, z: float = 0.0) -> Path:
+    """A QGC WPL 110 file, as waypoint editors write it."""
+    lines = [
+        f"{n}\t{int(n == 0)}\t{frame}\t{command}\t{p1}\t{p2}\t{p3}\t{p4}\t0\t0\t{z}\t1"
+        for n, (command, p1, p2, p3, p4) in enumerate(items)
+    ]
+    path.write_text("\n".join(["QGC WPL 110", *lines]) + "\n")
+    return path
+
+
+def read_plan(path: Path) -> list[tuple[float, ...]]:
+    rows = [line.split("\t") for line in path.read_text().splitlines()[1:]]
+    return [(int(row[3]), *(float(value) for value in row[4:8])) for row in rows]
+
+
+def detects_the_vehicle(p: Person) -> None:
+    p.console.hear("Detected vehicle 1:1 on link 0", 30.0)
+
+
+def receives_the_parameters(p: Person) -> None:
+    if f"Received {len(DEFAULTS)} parameters" not in p.console.said:
+        p.ask("param fetch", f"Received {len(DEFAULTS)} parameters", 60.0)
+    p.console.say("param show *")
+    p.console.hear(sorted(DEFAULTS)[-1])
+    time.sleep(0.3)
+    shown = dict(re.findall(r"^(?:\S*> )?([A-Z][A-Z0-9_]+) +(-?[\d.]+)", p.console.said, re.MULTILINE))
+    wrong = [n for n, v in DEFAULTS.items() if not math.isclose(float(shown.get(n, "nan")), v, abs_tol=1e-6)]
+    equal(wrong, [], "parameters that are shown wrong")
+
+
+def sets_a_parameter(p: Person) -> None:
+    p.console.say("param set HDG_P 0.75")
+    for _ in range(40):  # MAVProxy sets in the background, in its own time
+        if float(p.ask("param fetch HDG_P", r"HDG_P = ([\d.]+)")[1]) == 0.75:
+            break
+    equal(float(p.ask("param fetch HDG_P", r"HDG_P = ([\d.]+)")[1]), 0.75, "HDG_P")
+    p.console.say(f"param set HDG_P {DEFAULTS['HDG_P']}")
+
+
+def is_refused_a_parameter_out_of_range(p: Person) -> None:
+    p.ask("param set DPT_P 99999999", r"DPT_P = 1e\+08: must be|Failed to set DPT_P", 20.0)
+    close(float(p.ask("param fetch DPT_P", r"DPT_P = ([\d.]+)")[1]), DEFAULTS["DPT_P"], 1e-6, "DPT_P")
+
+
+def is_told_of_an_unknown_parameter(p: Person) -> None:
+    deadline_s = time.monotonic() + 10.0
+    while (p.console.messages().get("PARAM_ERROR") or (0, {"param_id": ""}))[1]["param_id"] != "NO_SUCH":
+        require(time.monotonic() < deadline_s, "no PARAM_ERROR for it")
+        p.console.say("param fetch NO_SUCH")
+
+
+def names_every_mode(p: Person) -> None:
+    offered = p.ask("mode", "Available modes:  (.*)")[1].split(", ")
+    require(set(MODES) | {"SYSID"} <= {name.strip() for name in offered}, f"modes are {offered}")
+
+
+def sets_every_mode_by_name(p: Person) -> None:
+    for mode in MODES:
+        p.ask(f"mode {mode}", f"Mode {mode}")
+
+
+def shows_every_mode_by_name(p: Person) -> None:
+    require("Mode(" not in p.console.said, "a mode was shown as a number")
+    p.ask("mode HOLD", "Mode HOLD|HOLD>")
+
+
+def is_refused_a_mode_that_does_not_exist(p: Person) -> None:
+    p.ask("mode 9", "DO_SET_MODE: (UNSUPPORTED|DENIED)")
+
+
+def sends_the_mission(p: Person) -> None:
+    plan = write_plan(p.console.folder / "leg.txt", ITEMS)
+    p.ask(f"wp load {plan}", f"Sent all {len(ITEMS)} waypoints", 40.0)
+    p.console.hear("MISSION_ACK: TYPE_MISSION: ACCEPTED")
+
+
+def fetches_the_mission(p: Person) -> None:
+    back = p.console.folder / "back.txt"
+    p.ask(f"wp save {back}", f"Saved {len(ITEMS)} waypoints to {back}", 40.0)
+    equal(read_plan(back), ITEMS, "mission")
+
+
+def is_refused_an_altitude_above_the_water(p: Person) -> None:
+    plan = write_plan(p.console.folder / "high.txt", [(16, 0.0, 0.0, 0.0, 0.0)], frame=3, z=5.0)
+    p.ask(f"wp load {plan}", "MISSION_ACK: TYPE_MISSION: INVALID_PARAM7", 40.0)
+    fetches_the_mission(p)
+
+
+def is_refused_a_command_that_is_not_flown(p: Person) -> None:
+    plan = write_plan(p.console.folder / "takeoff.txt", [(22, 0.0, 0.0, 0.0, 0.0)])
+    p.ask(f"wp load {plan}", "MISSION_ACK: TYPE_MISSION: UNSUPPORTED", 40.0)
+
+
+def finds_no_fence_and_no_rally_points(p: Person) -> None:
+    p.ask("fence list", "Requesting 0 fence items|Saved 0|Loaded 0|0 fence")
+    p.ask("rally list", "Requesting 0 rally items|Saved 0|Loaded 0|0 rally")
+
+
+def arms_and_disarms(p: Person) -> None:
+    p.ask("mode HOLD", "HOLD")
+    p.ask("arm throttle", "^(?:.*> )?ARMED")
+    p.ask("disarm", "DISARMED")
+
+
+def starts_the_mission(p: Person) -> None:
+    p.ask("arm throttle", "^(?:.*> )?ARMED")
+    p.ask("long MISSION_START 0 0", "MISSION_START: ACCEPTED")
+    p.console.hear("Mode MISSION|MISSION>")
+
+
+def dives(p: Person) -> None:
+    """Counting streams on the way; what a slow link leaves out is asked for first."""
+    p.ask("module load messagerate", "Loaded module messagerate|already loaded")
+    if p.slow:
+        for name, sense in SENSES.items():
+            if sense.on_request_when_slow:
+                p.ask(f"messagerate set {name} 1", "SET_MESSAGE_INTERVAL: ACCEPTED")
+    p.before, began_s = p.console.messages(), time.monotonic()
+    deadline_s = began_s + 60.0 * max(1.0, 1.0 / p.speed)
+    while p.latest("GLOBAL_POSITION_INT")["relative_alt"] > -1500:
+        require(time.monotonic() < deadline_s, "is never 1.5 m down")
+    time.sleep(max(0.0, began_s + STREAMS_COUNTED_S - time.monotonic()))
+    p.counted, p.counted_s = p.console.messages(), time.monotonic() - began_s
+    then_ms, now_ms = (heard["ATTITUDE"][1]["time_boot_ms"] for heard in (p.before, p.counted))
+    p.counted_vehicle_s = (now_ms - then_ms) / 1e3
+
+
+def stream(name: str) -> Check:
+    """How often a message comes, and what its numbers say."""
+
+    def check(p: Person) -> None:
+        require(name in p.counted, "was never heard")
+        sense, heard = SENSES[name], {key: fields for key, (_, fields) in p.counted.items()}
+        span_s = p.counted_s if name == "HEARTBEAT" else p.counted_vehicle_s
+        come = p.counted[name][0] - p.before.get(name, (0, {}))[0]
+        two_speak = name == "ODOMETRY"  # the Doppler log sends its own, and MAVProxy counts both as one
+        if sense.rate_hz * span_s >= 5 and not (p.slow and sense.on_request_when_slow) and not two_speak:
+            check_rate(name, come / span_s, slow=p.slow)
+        if not (two_speak and math.isnan(heard[name]["x"])):
+            sense.check(heard[name], heard)
+
+    check.__name__ = f"stream_{name}"
+    return check
+
+
+def sets_a_rate(p: Person) -> None:
+    p.ask("messagerate set ATTITUDE 4", "SET_MESSAGE_INTERVAL: ACCEPTED")
+    equal(float(p.ask("messagerate get ATTITUDE", r"Msg:ATTITUDE +rate:([\d.]+)Hz")[1]), 4.0, "rate")
+    p.ask("messagerate set ATTITUDE 0", "SET_MESSAGE_INTERVAL: ACCEPTED")
+
+
+def is_refused_the_rate_of_no_stream(p: Person) -> None:
+    p.ask("messagerate set COMMAND_ACK 1", "SET_MESSAGE_INTERVAL: UNSUPPORTED")
+
+
+def is_not_upset_by_its_stream_requests(p: Person) -> None:
+    """MAVProxy sends REQUEST_DATA_STREAM again and again, here for 50 messages a second."""
+    p.console.say("set streamrate 50")
+    time.sleep(1.5)
+    rate_hz = float(p.ask("messagerate get ATTITUDE", r"Msg:ATTITUDE +rate:([\d.]+)Hz")[1])
+    require(rate_hz in (5.0, 10.0), f"ATTITUDE's rate became {rate_hz}")
+    p.console.say("set streamrate 4")
+
+
+def chooses_a_mission_item(p: Person) -> None:
+    p.ask("wp set 1", "DO_SET_MISSION_CURRENT: ACCEPTED|waypoint 1")
+
+
+def asks_for_a_message(p: Person) -> None:
+    p.ask("long REQUEST_MESSAGE 148", "REQUEST_MESSAGE: ACCEPTED|>")
+    deadline_s = time.monotonic() + 10.0
+    while "AUTOPILOT_VERSION" not in p.console.messages():
+        require(time.monotonic() < deadline_s, "AUTOPILOT_VERSION never came")
+        p.console.say("long REQUEST_MESSAGE 148")
+    require(p.latest("AUTOPILOT_VERSION")["capabilities"] & 4, "capability MISSION_INT is missing")
+
+
+def is_refused_to_take_off(p: Person) -> None:
+    p.ask("long NAV_TAKEOFF 0", "NAV_TAKEOFF: UNSUPPORTED")
+
+
+def is_refused_a_reboot_under_way(p: Person) -> None:
+    p.ask("reboot", "PREFLIGHT_REBOOT_SHUTDOWN: TEMPORARILY_REJECTED")
+
+
+def is_refused_to_disarm_under_water(p: Person) -> None:
+    p.ask("disarm", "COMPONENT_ARM_DISARM: TEMPORARILY_REJECTED")
+
+
+def reads_why(p: Person) -> None:
+    """Also where the reason is longer than one message."""
+    p.ask("reboot", "AP: Reboot refused: armed")
+    p.ask("disarm", "AP: Not disarmed: under water; use SURFACE, or force")
+
+
+def keeps_time(p: Person) -> None:
+    p.ask("module load timesync", "Loaded module timesync|already loaded")
+    first, then = [int(p.ask(f"timesync {n}", rf"TIMESYNC {{tc1 : (\d+), ts1 : {n}")[1]) for n in (4711, 4712)]
+    require(0 < then - first < 20e9, "tc1 does not go forward with the wall clock")
+
+
+def lists_logs(p: Person) -> None:
+    p.ask("log list", r"Log \d+ +numLogs \d+ lastLog \d+ size [1-9]", 20.0)
+
+
+def downloads_a_log(p: Person) -> None:
+    size = int(p.ask("log list", r"Log 1 +numLogs \d+ lastLog \d+ size (\d+)", 20.0)[1])
+    path = p.console.folder / "log1.mcap"
+    p.ask(f"log download 1 {path}", "Finished downloading", 60.0)
+    equal(path.stat().st_size, size, "size")
+    equal(path.read_bytes()[:5], b"\x89MCAP", "magic")
+
+
+def hears_at_once_that_there_is_no_log(p: Person) -> None:
+    p.ask("log list", r"No logs|Log \d+")
+
+
+def is_told_at_once_of_a_missing_file(p: Person) -> None:
+    p.ask("ftp get /no/such/file", "ftp open failed")
+
+
+def lists_files(p: Person) -> None:
+    p.ask("ftp list /", "Total size")
+
+
+def disarms_by_force(p: Person) -> None:
+    p.ask("disarm force", "DISARMED")
+
+
+def clears_the_mission(p: Person) -> None:
+    p.ask("wp clear", "MISSION_ACK: TYPE_MISSION: ACCEPTED")
+    p.ask("wp list", "Requesting 0 waypoints|Have 0")
+
+
+def never_sees_a_breach_or_a_lost_link(p: Person) -> None:
+    said = [
+        words
+        for words in ("breach", "link 1 down", "no link", "Time has wrapped", "Traceback")
+        if words in p.console.said
+    ]
+    equal(said, [], "what should never be said")
+
+
+def keeps_a_log_that_pymavlink_reads(p: Person) -> None:
+    (log,) = p.console.folder.rglob("flight.tlog")
+    tool = str(Path(sys.executable).with_name("mavlogdump.py"))
+    command = [sys.executable, tool, "--types", "ATTITUDE,HEARTBEAT", str(log)]
+    environment = {**os.environ, "HOME": str(p.console.folder)}
+    told = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    require(told.stdout.count("ATTITUDE {") > 20, f"few attitudes: {told.stderr[-200:]}")
+
+
+EVERY: list[Check] = [
+    detects_the_vehicle, receives_the_parameters, sets_a_parameter, is_told_of_an_unknown_parameter,
+    is_refused_a_parameter_out_of_range, names_every_mode, sets_every_mode_by_name, shows_every_mode_by_name,
+    is_refused_a_mode_that_does_not_exist, sends_the_mission, fetches_the_mission,
+    is_refused_an_altitude_above_the_water, is_refused_a_command_that_is_not_flown,
+    finds_no_fence_and_no_rally_points, arms_and_disarms, starts_the_mission, dives,
+    *(stream(name) for name in SENSES), sets_a_rate, is_refused_the_rate_of_no_stream,
+    is_not_upset_by_its_stream_requests, chooses_a_mission_item, asks_for_a_message, is_refused_to_take_off,
+    is_refused_a_reboot_under_way, is_refused_to_disarm_under_water, reads_why, keeps_time, disarms_by_force,
+    clears_the_mission, hears_at_once_that_there_is_no_log, is_told_at_once_of_a_missing_file, lists_files,
+    never_sees_a_breach_or_a_lost_link, keeps_a_log_that_pymavlink_reads,
+]  # fmt: skip
+SHORT: list[Check] = [
+    detects_the_vehicle, sets_a_parameter, names_every_mode, sets_every_mode_by_name, sends_the_mission,
+    fetches_the_mission, arms_and_disarms, starts_the_mission, disarms_by_force, never_sees_a_breach_or_a_lost_link,
+]  # fmt: skip
+
+
+def carry_out(checks: list[Check], person: Person) -> dict[str, dict[str, Any]]:
+    verdicts = {}
+    for check in checks:
+        began_s, problem = time.monotonic(), None
+        try:
+            check(person)
+        except Exception as error:
+            problem = error
+        verdicts[name_of(check)] = verdict(problem, began_s)
+    return verdicts
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("master")
+    parser.add_argument("--baud", type=int)
+    parser.add_argument("--speed", type=float, default=1.0)
+    parser.add_argument("--slow", action="store_true")
+    parser.add_argument("--short", action="store_true")
+    asked = parser.parse_args()
+    console = Console(asked.folder, asked.master, asked.baud)
+    try:
+        found = carry_out(SHORT if asked.short else EVERY, Person(console, speed=asked.speed, slow=asked.slow))
+    finally:
+        console.close()
+    (asked.folder / "said.txt").write_text(console.said)
+    print(report(found), flush=True)

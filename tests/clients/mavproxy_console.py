@@ -1,0 +1,114 @@
+"""MAVProxy at its prompt: a real process, typed to and read like a person would."""
+
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+PATIENCE_S = 15.0
+POLL_S = 0.02
+PROGRAM = str(Path(sys.executable).with_name("mavproxy.py"))
+
+
+class Console:
+    """A running MAVProxy whose home directory is ``folder``. What it has said is read on from where it was left."""
+
+    def __init__(self, folder: Path, master: str, baud: int | None = None) -> None:
+        command = [sys.executable, PROGRAM, "--master", master, "--state-basedir", str(folder), "--aircraft", "test"]
+        command += ["--baudrate", str(baud)] if baud else []
+        environment = {**os.environ, "HOME": str(folder), "PYTHONUNBUFFERED": "1"}
+        self.folder = folder
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            cwd=folder,
+            env=environment,
+        )
+        self.said = ""
+        self._mark = 0
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    @property
+    def running(self) -> bool:
+        return self._process.poll() is None
+
+    @property
+    def process_id(self) -> int:
+        return self._process.pid
+
+    def say(self, line: str) -> None:
+        """Type a line; what was said before is not waited for any more."""
+        self._mark = len(self.said)
+        assert self._process.stdin is not None
+        self._process.stdin.write(line.encode() + b"\n")
+        self._process.stdin.flush()
+
+    def hear(self, pattern: str, within_s: float = PATIENCE_S) -> re.Match[str]:
+        """The next that matches in what it says. Raises TimeoutError with what it said instead."""
+        deadline_s = time.monotonic() + within_s
+        while (match := re.compile(pattern, re.MULTILINE).search(self.said, self._mark)) is None:
+            if time.monotonic() > deadline_s:
+                raise TimeoutError(f"{pattern!r} was not said within {within_s:g} s, but {self.said[self._mark :]!r}")
+            time.sleep(POLL_S)
+        self._mark = match.end()
+        return match
+
+    def ask(self, line: str, pattern: str, *, attempts: int = 1, within_s: float = PATIENCE_S) -> re.Match[str]:
+        """Type a line and read the answer; again, where the line may be lost on the way."""
+        for _ in range(attempts - 1):
+            self.say(line)
+            try:
+                return self.hear(pattern, within_s / attempts)
+            except TimeoutError:
+                continue
+        self.say(line)
+        return self.hear(pattern, within_s)
+
+    def messages(self) -> dict[str, tuple[int, dict[str, Any]]]:
+        """How often each message has come, and its last fields, as ``status`` shows them."""
+        self.say("status *")
+        time.sleep(0.5)
+        end = len(self.said) + 1
+        while end != len(self.said):  # it may still be printing
+            end = len(self.said)
+            time.sleep(0.2)
+        rows = re.findall(r"^(?:\S*> )?(\d+): ([A-Z_0-9]+) \{(.*)\}$", self.said[self._mark : end], re.MULTILINE)
+        return {name: (int(count), _fields(text)) for count, name, text in rows}
+
+    def close(self) -> None:
+        if self.running:
+            self._process.kill()
+        self._process.wait()
+        self._reader.join()
+        for pipe in (self._process.stdin, self._process.stdout):
+            assert pipe is not None
+            pipe.close()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        while part := os.read(self._process.stdout.fileno(), 65_536):
+            self.said += part.decode("utf-8", "replace")
+
+
+def _fields(text: str) -> dict[str, Any]:
+    return {name: _value(value) for name, value in re.findall(r"(\w+) : (\[[^\]]*\]|[^,]*)", text)}
+
+
+def _value(text: str) -> Any:
+    if text.startswith("["):
+        return [_value(part) for part in text[1:-1].split(", ")]
+    try:
+        return int(text)
+    except ValueError:
+        pass
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -1,0 +1,563 @@
+"""What a stock MAVSDK program can do with the vehicle, check by check: prints one JSON object.
+
+Usage: python -m tests.clients.mavsdk_checks ADDRESS [--speed N] [--slow] [--short]
+
+``--slow`` expects the rates of a 57600 baud link, ``--short`` makes do with one check of each service.
+"""
+
+import argparse
+import asyncio
+import math
+import os
+import tempfile
+import time
+from collections.abc import Awaitable, Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from mavsdk.plugins.ftp.ftp import FtpError
+from mavsdk.plugins.log_files.log_files import LogFilesError
+from mavsdk.plugins.mission.mission import MissionItem as PlanItem
+from mavsdk.plugins.mission.mission import MissionPlan
+from mavsdk.plugins.mission_raw import MissionItem
+from mavsdk.plugins.mission_raw.mission_raw import MissionRawError
+from mavsdk.plugins.param.param import ParamError
+
+from autopilot.params import PARAMETERS
+from link.params import as_real32
+from tests.clients.checklist import close, equal, name_of, report, require, verdict
+from tests.clients.mavsdk_ears import REQUEST_MESSAGE, Client, connected, first
+from tests.clients.streams import SENSES, check_rate
+
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
+DO_SET_MODE, DO_SET_STANDARD_MODE, SET_INTERVAL, GET_INTERVAL = 176, 262, 511, 510
+ARM, SET_HOME, MISSION_START, LOITER, REBOOT, TAKEOFF, CONTINUE = 400, 179, 300, 17, 246, 22, 193
+AVAILABLE_MODES, AUTOPILOT_VERSION, ATTITUDE, NO_STREAM = 435, 148, 30, 77
+CAPABILITIES = 4 | 8 | 16 | 32 | 8192
+"""MISSION_INT, COMMAND_INT, PARAM_ENCODE_BYTEWISE, FTP, MAVLINK2."""
+MODES = {
+    "MANUAL": (1, 0, "MANUAL"),
+    "DEPTH": (2, 0, "ALTCTL"),
+    "HOLD": (4, 3, "HOLD"),
+    "SURFACE": (4, 6, "LAND"),
+    "SYSID": (4, 11, "UNKNOWN"),
+    "MISSION": (4, 4, "MISSION"),
+}
+"""Each mode's main and sub number in DO_SET_MODE, and what MAVSDK makes of it; SYSID is refused while disarmed."""
+DEFAULTS = {p.name: as_real32(p.default) for p in PARAMETERS}
+STREAMS_COUNTED_S = 11.0
+"""At least: twice the slowest one's period."""
+
+Check = Callable[[Client], Awaitable[None]]
+
+
+def item(seq: int, command: int, *p: float, frame: int = 2, z: float = 0.0, kind: int = 0) -> MissionItem:
+    p1, p2, p3, p4 = (*p, *(0.0,) * (4 - len(p)))
+    return MissionItem(seq, frame, command, int(seq == 0), 1, p1, p2, p3, p4, 0, 0, z, kind)
+
+
+def leg(depth_m: float = 4.0, seconds: float = 10_000.0) -> list[MissionItem]:
+    """Thrust, depth, heading, and more time than any list of checks takes at any speed."""
+    return [
+        item(0, 178, 1.0, -1.0, 58.0),
+        item(1, 186, -depth_m, 3.0),
+        item(2, 115, 40.0),
+        item(3, 93, seconds, -1, -1),
+    ]
+
+
+def rows(items: list[MissionItem]) -> list[tuple[Any, ...]]:
+    return [(i.seq, i.frame, i.command, i.param1, i.param2, i.param3, i.param4, i.x, i.y, i.z) for i in items]
+
+
+async def refused(result: str, attempt: Awaitable[Any], kind: type[Exception]) -> None:
+    try:
+        await attempt
+    except kind as error:
+        equal(error.result.name, result, "result")  # type: ignore[attr-defined]
+    else:
+        require(False, f"was not refused with {result}")
+
+
+async def discovers(c: Client) -> None:
+    equal(await c.system.get_system_id(), 1, "system id")
+
+
+async def reads_the_version(c: Client) -> None:
+    version = await c.info.get_version()
+    equal((version.flight_sw_major, version.flight_sw_minor), (0, 1), "version")
+
+
+async def reads_the_capabilities(c: Client) -> None:
+    told = await c.request(AUTOPILOT_VERSION, "AUTOPILOT_VERSION")
+    equal(told["capabilities"] & CAPABILITIES, CAPABILITIES, "capabilities")
+
+
+async def reads_the_modes_on_offer(c: Client) -> None:
+    offered: dict[int, dict[str, Any]] = {}
+    total, index = 1, 1
+    while index <= total:
+        offered[index] = await c.request(
+            AVAILABLE_MODES, "AVAILABLE_MODES", index, lambda m, wanted=index: m["mode_index"] == wanted
+        )
+        total, index = offered[index]["number_modes"], index + 1
+    require({m["standard_mode"] for m in offered.values()} <= {0, 5, 6, 7}, "a standard mode that submarines lack")
+    numbers = {m["custom_mode"] for m in offered.values()}
+    require({main << 16 | sub << 24 for main, sub, _ in MODES.values()} <= numbers, f"modes are {numbers}")
+    require(await c.command(REQUEST_MESSAGE, AVAILABLE_MODES, total + 1) != ACCEPTED, "there is one mode too many")
+
+
+async def lists_parameters(c: Client) -> None:
+    every = await c.params.get_all_params()
+    equal(len(every.int_params), 0, "count of integer parameters")
+    equal({p.name: p.value for p in every.float_params}, DEFAULTS, "list")
+
+
+async def reads_a_parameter(c: Client) -> None:
+    equal(await c.params.get_param_float("HDG_P"), DEFAULTS["HDG_P"], "HDG_P")
+
+
+async def sets_a_parameter(c: Client) -> None:
+    await c.params.set_param_float("HDG_P", 0.75)
+    equal(await c.params.get_param_float("HDG_P"), 0.75, "HDG_P")
+    await c.params.set_param_float("HDG_P", DEFAULTS["HDG_P"])
+
+
+async def is_told_at_once_of_an_unknown_parameter(c: Client) -> None:
+    began_s = time.monotonic()
+    await refused("DOES_NOT_EXIST", c.params.get_param_float("NO_SUCH"), ParamError)
+    require(time.monotonic() - began_s < (3.0 if c.slow else 1.0), "took as long as silence")
+
+
+async def is_refused_a_parameter_out_of_range(c: Client) -> None:
+    await refused("VALUE_OUT_OF_RANGE", c.params.set_param_float("HDG_P", -1e6), ParamError)
+    equal(await c.params.get_param_float("HDG_P"), DEFAULTS["HDG_P"], "HDG_P")
+
+
+async def carries_a_mission_both_ways(c: Client) -> None:
+    await c.missions.upload_mission(leg())
+    equal(rows(await c.missions.download_mission()), rows(leg()), "mission")
+
+
+async def carries_a_long_mission(c: Client) -> None:
+    count = 12 if c.slow else 100
+    long = [item(n, 93, float(n), -1, -1) for n in range(count)]
+    await c.missions.upload_mission(long)
+    equal(rows(await c.missions.download_mission()), rows(long), "mission")
+
+
+async def carries_a_plan_of_waypoints(c: Client) -> None:
+    """MAVSDK's own mission plugin, with depth as a negative altitude; it sends frame 3 and NaN."""
+    nan = math.nan
+    place = PlanItem(42.35, -71.05, -3.0, 1.2, True, nan, nan, PlanItem.CameraAction.NONE, nan, nan, 5.0, nan, nan,
+                     PlanItem.VehicleAction.NONE)  # fmt: skip
+    await c.plans.upload_mission(MissionPlan([place]))
+    (back,) = (await c.plans.download_mission()).mission_items
+    close(back.relative_altitude_m, -3.0, 1e-3, "relative_altitude_m")
+    close(back.latitude_deg, 42.35, 1e-6, "latitude_deg")
+    close(back.speed_m_s, 1.2, 1e-3, "speed_m_s")
+
+
+async def is_refused_an_altitude_above_the_water(c: Client) -> None:
+    await c.missions.upload_mission(leg())
+    await refused("INVALID_ARGUMENT", c.missions.upload_mission([item(0, 16, frame=3, z=5.0)]), MissionRawError)
+    equal(rows(await c.missions.download_mission()), rows(leg()), "mission that was there before")
+
+
+async def is_refused_a_command_that_is_not_flown(c: Client) -> None:
+    await refused("UNSUPPORTED", c.missions.upload_mission([item(0, TAKEOFF)]), MissionRawError)
+    equal(rows(await c.missions.download_mission()), rows(leg()), "mission that was there before")
+
+
+async def is_refused_a_geofence(c: Client) -> None:
+    fence = [item(0, 5001, 3.0, frame=3, kind=1)]
+    await refused("UNSUPPORTED", c.missions.upload_geofence(fence), MissionRawError)
+
+
+async def finds_no_geofence(c: Client) -> None:
+    try:
+        equal(len(await c.missions.download_geofence()), 0, "count of fence items")
+    except MissionRawError as error:
+        equal(error.result.name, "NO_MISSION_AVAILABLE", "result")
+
+
+async def clears_the_mission(c: Client) -> None:
+    await c.missions.clear_mission()
+    try:
+        equal(len(await c.missions.download_mission()), 0, "count of items")
+    except MissionRawError as error:
+        equal(error.result.name, "NO_MISSION_AVAILABLE", "result")
+
+
+async def sees_all_healthy(c: Client) -> None:
+    require(await first(c.telemetry.subscribe_health_all_ok(), bool, 30.0 * c.stretch), "never all healthy")
+    health = await first(c.telemetry.subscribe_health())
+    lacking = [name for name in vars(health) if name.startswith("is_") and not getattr(health, name)]
+    equal(lacking, [], "what is not healthy")
+
+
+async def sees_home_at_the_surface(c: Client) -> None:
+    home = await first(c.telemetry.subscribe_home(), within_s=15.0 * c.stretch)
+    equal((home.absolute_altitude_m, home.relative_altitude_m), (0.0, 0.0), "altitude")
+    require(home.latitude_deg and home.longitude_deg, "home lies nowhere")
+
+
+async def sets_each_mode_by_main_and_sub_number(c: Client) -> None:
+    for name, (main, sub, seen) in MODES.items():
+        if name != "SYSID":
+            equal(await c.command(DO_SET_MODE, 1, main, sub), ACCEPTED, f"result of {name}")
+            await c.becomes(mode=seen)
+
+
+async def sets_each_mode_by_its_whole_number(c: Client) -> None:
+    for name, (main, sub, seen) in MODES.items():
+        if name != "SYSID":
+            equal(await c.command(DO_SET_MODE, 1, float(main << 16 | sub << 24)), ACCEPTED, f"result of {name}")
+            await c.becomes(mode=seen)
+
+
+async def sets_a_mode_the_old_way(c: Client) -> None:
+    """SET_MODE is never acknowledged: heartbeat and CURRENT_MODE tell at once."""
+    acks = len(c.times["COMMAND_ACK"])
+    depth = 2 << 16
+    told = asyncio.create_task(c.next("CURRENT_MODE", lambda m: m["custom_mode"] == depth))
+    await c.ask("HEARTBEAT", lambda m: m["custom_mode"] == depth, "SET_MODE", target_system=1, base_mode=1,
+                custom_mode=depth)  # fmt: skip
+    await told
+    equal(len(c.times["COMMAND_ACK"]), acks, "count of acknowledgements")
+
+
+async def sets_standard_modes(c: Client) -> None:
+    for standard, seen in ((6, "MISSION"), (7, "LAND")):
+        equal(await c.command(DO_SET_STANDARD_MODE, standard), ACCEPTED, f"result of {standard}")
+        await c.becomes(mode=seen)
+    for standard in (1, 2, 3, 4):
+        equal(await c.command(DO_SET_STANDARD_MODE, standard), FAILED, f"result of {standard}")
+
+
+async def is_refused_modes_that_do_not_exist(c: Client) -> None:
+    require(await c.command(DO_SET_MODE, 1, 9, 0) in (DENIED, UNSUPPORTED), "mode 9 was not refused")
+    equal(await c.command(DO_SET_MODE, 0, 1, 0), DENIED, "result without the custom mode flag")
+
+
+async def holds(c: Client) -> None:
+    await c.action.hold()
+    await c.becomes(mode="HOLD")
+
+
+async def returns(c: Client) -> None:
+    await c.action.return_to_launch()
+    await c.becomes(mode="RETURN_TO_LAUNCH")
+
+
+async def lands_at_the_surface(c: Client) -> None:
+    await c.action.land()
+    await c.becomes(mode="LAND")
+
+
+async def arms_and_disarms(c: Client) -> None:
+    await c.action.hold()
+    await c.action.arm()
+    await c.becomes(armed=True)
+    await c.action.arm()
+    await c.action.disarm()
+    await c.becomes(armed=False)
+
+
+async def is_refused_to_take_off(c: Client) -> None:
+    equal(await c.command(TAKEOFF), UNSUPPORTED, "result")
+
+
+async def starts_the_mission(c: Client) -> None:
+    await c.missions.upload_mission(leg())
+    await c.action.arm()
+    await c.missions.start_mission()
+    await c.becomes(mode="MISSION")
+    await first(c.telemetry.subscribe_in_air(), bool)
+
+
+async def follows_the_progress(c: Client) -> None:
+    progress = await first(c.missions.subscribe_mission_progress(), lambda p: p.current >= 3)
+    equal((progress.current, progress.total), (3, 4), "progress")
+
+
+async def is_refused_a_mission_while_one_is_flown(c: Client) -> None:
+    try:
+        await c.missions.upload_mission(leg(depth_m=1.0))
+    except MissionRawError:
+        equal(rows(await c.missions.download_mission()), rows(leg()), "mission")
+    else:
+        require(False, "was not refused")
+
+
+async def dives(c: Client) -> None:
+    """Counting streams on the way; what a slow link leaves out is asked for first."""
+    for name, number in (("ACTUATOR_OUTPUT_STATUS", 375), ("HIGHRES_IMU", 105), ("ODOMETRY", 331)):
+        if c.slow:
+            equal(await c.command(SET_INTERVAL, number, 1e6), ACCEPTED, f"result for {name}")
+    for times in c.times.values():
+        times.clear()
+    began_s, vehicle_began_s = time.monotonic(), c.vehicle_s
+    await first(c.telemetry.subscribe_position(), lambda p: p.relative_altitude_m < -1.5, 60.0 * c.stretch)
+    require((await first(c.telemetry.subscribe_position_velocity_ned())).position.down_m > 1.0, "down is not positive")
+    await asyncio.sleep(max(0.0, began_s + STREAMS_COUNTED_S - time.monotonic()))
+    c.counted_s, c.counted_vehicle_s = time.monotonic() - began_s, c.vehicle_s - vehicle_began_s
+    c.counted = {name: len(times) for name, times in c.times.items()}
+
+
+def stream(name: str) -> Check:
+    """How often a message comes, and what its numbers say."""
+
+    async def check(c: Client) -> None:
+        require(c.counted.get(name) or name in c.latest, "was never heard")
+        sense = SENSES[name]
+        span_s = c.counted_s if name == "HEARTBEAT" else c.counted_vehicle_s
+        if sense.rate_hz * span_s >= 5 and not (c.slow and sense.on_request_when_slow):
+            check_rate(name, c.counted.get(name, 0) / span_s, slow=c.slow)
+        sense.check(c.latest[name], c.latest)
+
+    check.__name__ = f"stream_{name}"
+    return check
+
+
+async def subscribes_to_all_that_mavsdk_offers(c: Client) -> None:
+    t = c.telemetry
+    streams = {
+        "attitude_euler": t.subscribe_attitude_euler(), "attitude_quaternion": t.subscribe_attitude_quaternion(),
+        "body rates": t.subscribe_attitude_angular_velocity_body(), "velocity_ned": t.subscribe_velocity_ned(),
+        "position": t.subscribe_position(), "position_velocity_ned": t.subscribe_position_velocity_ned(),
+        "heading": t.subscribe_heading(), "altitude": t.subscribe_altitude(), "battery": t.subscribe_battery(),
+        "fixedwing_metrics": t.subscribe_fixedwing_metrics(), "imu": t.subscribe_imu(),
+        "odometry": t.subscribe_odometry(), "distance_sensor": t.subscribe_distance_sensor(),
+        "actuator_output_status": t.subscribe_actuator_output_status(), "raw_gps": t.subscribe_raw_gps(),
+        "gps_info": t.subscribe_gps_info(), "landed_state": t.subscribe_landed_state(),
+        "flight_mode": t.subscribe_flight_mode(), "armed": t.subscribe_armed(), "health": t.subscribe_health(),
+    }  # fmt: skip
+    found = await asyncio.gather(*(first(s) for s in streams.values()), return_exceptions=True)
+    equal([n for n, value in zip(streams, found, strict=True) if isinstance(value, Exception)], [], "silent streams")
+    seen = dict(zip(streams, found, strict=True))
+    close(seen["position"].relative_altitude_m, seen["altitude"].altitude_relative_m, 1.0, "altitude")
+    require(0.0 <= seen["heading"].heading_deg < 360.0, "heading")
+    equal(seen["landed_state"].name, "IN_AIR", "landed_state")
+    equal(seen["actuator_output_status"].active, 7, "active")
+
+
+async def interval_of_attitude_us(c: Client) -> float:
+    ask = {f"param{n}": 0.0 for n in range(2, 8)} | {"command": GET_INTERVAL, "confirmation": 0, "param1": ATTITUDE}
+    told = await c.ask("MESSAGE_INTERVAL", lambda m: True, "COMMAND_LONG", target_system=1, target_component=1, **ask)
+    return float(told["interval_us"])
+
+
+async def sets_rates(c: Client) -> None:
+    """Twice the rate of the table, or a fifth of it on a slow line: it is that of vehicle time."""
+    rate_hz = 2.0 if c.slow else 20.0
+    await c.telemetry.set_rate_attitude_euler(rate_hz)
+    close(await interval_of_attitude_us(c), 1e6 / rate_hz, 1, "interval_us")
+    c.times["ATTITUDE"].clear()
+    began_s = c.vehicle_s
+    await asyncio.sleep(3.0 * c.stretch)
+    close(len(c.times["ATTITUDE"]) / (c.vehicle_s - began_s), rate_hz, 0.4 * rate_hz, "rate of ATTITUDE")
+
+
+async def stops_and_restores_a_stream(c: Client) -> None:
+    equal(await c.command(SET_INTERVAL, ATTITUDE, -1), ACCEPTED, "result of -1")
+    await asyncio.sleep(1.0 if not c.slow else 2.0)
+    c.times["ATTITUDE"].clear()
+    await asyncio.sleep(1.0)
+    equal(len(c.times["ATTITUDE"]), 0, "count of ATTITUDE when stopped")
+    equal(await c.command(SET_INTERVAL, ATTITUDE, 0), ACCEPTED, "result of 0")
+    await c.next("ATTITUDE")
+    equal(await c.command(SET_INTERVAL, NO_STREAM, 1e6), UNSUPPORTED, "result for a message that is no stream")
+
+
+async def is_not_upset_by_request_data_stream(c: Client) -> None:
+    for _ in range(5):
+        await c.send("REQUEST_DATA_STREAM", target_system=1, target_component=1, req_stream_id=0, req_message_rate=1,
+                     start_stop=1)  # fmt: skip
+    require(await interval_of_attitude_us(c) <= 400_000, "the rate of ATTITUDE was changed")
+
+
+async def keeps_time(c: Client) -> None:
+    own_ns = time.time_ns() & 0xFFFF_FFFF
+    first_ns, then_ns = [
+        (await c.ask("TIMESYNC", lambda m, ts1=ts1: m["ts1"] == ts1 and m["tc1"], "TIMESYNC", tc1=0, ts1=ts1))["tc1"]
+        for ts1 in (own_ns, own_ns + 1)
+    ]
+    require(0 < then_ns - first_ns < 20e9, "tc1 does not go forward with the wall clock")
+
+
+async def pings(c: Client) -> None:
+    """MAVSDK pings by itself, every five seconds."""
+    answer = c.latest.get("PING") or await c.next("PING")
+    equal((answer["target_system"], answer["target_component"]), (245, 190), "target")
+
+
+async def is_acknowledged_by_address(c: Client) -> None:
+    acked = asyncio.create_task(c.next("COMMAND_ACK", lambda m: m["command"] == GET_INTERVAL))
+    await c.command(GET_INTERVAL, ATTITUDE)
+    ack = await acked
+    equal((ack["target_system"], ack["target_component"]), (245, 190), "target")
+
+
+async def hears_the_answer_after_the_acknowledgement(c: Client) -> None:
+    c.order.clear()
+    await c.request(AUTOPILOT_VERSION, "AUTOPILOT_VERSION")
+    at = c.order.index("AUTOPILOT_VERSION")
+    if not c.slow:  # a noisy line may lose the first of the two
+        equal(c.order[max(0, at - 1)], "COMMAND_ACK", "what came before it")
+
+
+async def may_leave_parameters_out(c: Client) -> None:
+    """NaN means "not given" everywhere; JSON has no NaN, so MAVSDK's own plugins send it: they fill with NaN."""
+    await c.action.hold()
+    require((await c.info.get_version()).flight_sw_major is not None, "no version")
+    await c.missions.start_mission()
+
+
+async def commands_by_command_int(c: Client) -> None:
+    equal(await c.command_int(REQUEST_MESSAGE, AUTOPILOT_VERSION), ACCEPTED, "result")
+    equal(await c.command_int(TAKEOFF), UNSUPPORTED, "result of a takeoff")
+
+
+async def commands_component_zero(c: Client) -> None:
+    equal(await c.command(REQUEST_MESSAGE, AUTOPILOT_VERSION, component=0), ACCEPTED, "result")
+
+
+async def keeps_home_at_the_surface(c: Client) -> None:
+    home = c.latest["HOME_POSITION"]
+    told = asyncio.create_task(c.next("HOME_POSITION", within_s=15.0 * c.stretch))
+    equal(await c.command_int(SET_HOME, 0, x=home["latitude"], y=home["longitude"], z=55.0), ACCEPTED, "result")
+    equal((await told)["altitude"], 0, "altitude")
+
+
+async def is_refused_a_reboot_under_way(c: Client) -> None:
+    equal(await c.command(REBOOT, 1), TEMPORARILY_REJECTED, "result")
+
+
+async def pauses_and_goes_on(c: Client) -> None:
+    await c.missions.pause_mission()
+    await c.becomes(mode="HOLD")
+    equal(await c.command(CONTINUE, 1), ACCEPTED, "result of DO_PAUSE_CONTINUE")
+    await c.becomes(mode="MISSION")
+    equal(await c.command(LOITER), ACCEPTED, "result of NAV_LOITER_UNLIM")
+    await c.becomes(mode="HOLD")
+    equal(await c.command(MISSION_START, 0, 0), ACCEPTED, "result of MISSION_START")
+    await c.becomes(mode="MISSION")
+
+
+async def chooses_a_mission_item(c: Client) -> None:
+    await c.missions.set_current_mission_item(0)
+    await first(c.missions.subscribe_mission_progress(), lambda p: p.total == 4)
+
+
+async def reads_what_the_vehicle_says(c: Client) -> None:
+    require("Mode MISSION" in c.texts, f"texts are {c.texts}")
+    require(any(len(text) > 50 for text in c.texts), "no long text was put together")
+
+
+async def lists_logs(c: Client) -> None:
+    require(len(await c.logs.get_entries()) >= 1, "there is no log of the last flight")
+
+
+async def downloads_a_log(c: Client) -> None:
+    entry = min(await c.logs.get_entries(), key=lambda e: e.size_bytes)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "log.mcap"
+        async for _ in c.logs.download_log_file(entry, str(path)):
+            pass
+        equal(path.stat().st_size, entry.size_bytes, "size")
+        equal(path.read_bytes()[:5], b"\x89MCAP", "magic")
+
+
+async def answers_when_there_is_no_log(c: Client) -> None:
+    try:
+        await asyncio.wait_for(c.logs.get_entries(), 5.0)
+    except LogFilesError as error:
+        equal(error.result.name, "NO_LOGFILES", "result")
+
+
+async def lists_files(c: Client) -> None:
+    found = await c.ftp.list_directory("/")
+    require("logs" in [entry.name for entry in found.entries], f"the root holds {[e.name for e in found.entries]}")
+
+
+async def is_told_at_once_of_a_missing_file(c: Client) -> None:
+    began_s = time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+
+        async def attempt() -> None:
+            async for _ in c.ftp.download("/no/such/file", folder, True):
+                pass
+
+        await refused("FILE_DOES_NOT_EXIST", attempt(), FtpError)
+    require(time.monotonic() - began_s < 5.0, "took as long as silence")
+
+
+async def kills(c: Client) -> None:
+    await c.action.kill()
+    await c.becomes(armed=False)
+
+
+async def hears_a_heartbeat_every_second(c: Client) -> None:
+    times = c.times["HEARTBEAT"]
+    gaps = [after - before for before, after in pairwise(times)]
+    require(max(gaps) < (4.5 if c.slow else 2.0), f"the longest gap was {max(gaps):.1f} s")
+
+
+BEFORE_THE_DIVE: list[Check] = [
+    discovers, reads_the_version, reads_the_capabilities, reads_the_modes_on_offer, lists_parameters,
+    reads_a_parameter, sets_a_parameter, is_told_at_once_of_an_unknown_parameter,
+    is_refused_a_parameter_out_of_range, sees_all_healthy, sees_home_at_the_surface, carries_a_mission_both_ways,
+    carries_a_plan_of_waypoints, is_refused_an_altitude_above_the_water, is_refused_a_command_that_is_not_flown,
+    is_refused_a_geofence, finds_no_geofence, sets_each_mode_by_main_and_sub_number,
+    sets_each_mode_by_its_whole_number, sets_a_mode_the_old_way, sets_standard_modes,
+    is_refused_modes_that_do_not_exist, holds, lands_at_the_surface, is_refused_to_take_off, arms_and_disarms,
+]  # fmt: skip
+UNDER_WATER: list[Check] = [
+    starts_the_mission, dives, *(stream(name) for name in SENSES), subscribes_to_all_that_mavsdk_offers,
+    follows_the_progress, is_refused_a_mission_while_one_is_flown,
+    sets_rates, stops_and_restores_a_stream, is_not_upset_by_request_data_stream, keeps_time, pings,
+    is_acknowledged_by_address, hears_the_answer_after_the_acknowledgement, may_leave_parameters_out,
+    commands_by_command_int, commands_component_zero, keeps_home_at_the_surface, is_refused_a_reboot_under_way,
+    pauses_and_goes_on, chooses_a_mission_item, reads_what_the_vehicle_says,
+]  # fmt: skip
+AFTER_THE_DIVE: list[Check] = [
+    kills, carries_a_long_mission, clears_the_mission, answers_when_there_is_no_log,
+    is_told_at_once_of_a_missing_file, hears_a_heartbeat_every_second,
+]  # fmt: skip
+EVERY = [*BEFORE_THE_DIVE, *UNDER_WATER, *AFTER_THE_DIVE]
+SHORT: list[Check] = [
+    discovers, reads_the_version, reads_the_modes_on_offer, reads_a_parameter, sets_a_parameter,
+    carries_a_mission_both_ways, sets_each_mode_by_main_and_sub_number, arms_and_disarms, starts_the_mission,
+    sets_rates, keeps_time, kills, hears_a_heartbeat_every_second,
+]  # fmt: skip
+
+
+async def carry_out(checks: list[Check], address: str, *, speed: float, slow: bool) -> dict[str, dict[str, Any]]:
+    began_s = time.monotonic()
+    try:
+        client = await connected(address, speed=speed, slow=slow)
+    except TimeoutError as error:
+        return {"connects": verdict(error, began_s)}
+    verdicts = {"connects": verdict(None, began_s)}
+    for check in checks:
+        began_s, problem = time.monotonic(), None
+        try:
+            await asyncio.wait_for(check(client), 90.0 * client.stretch)
+        except Exception as error:
+            problem = error
+        verdicts[name_of(check)] = verdict(problem, began_s)
+    return verdicts
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("address")
+    parser.add_argument("--speed", type=float, default=1.0)
+    parser.add_argument("--slow", action="store_true")
+    parser.add_argument("--short", action="store_true")
+    asked = parser.parse_args()
+    found = asyncio.run(carry_out(SHORT if asked.short else EVERY, asked.address, speed=asked.speed, slow=asked.slow))
+    print(report(found), flush=True)
+    os._exit(0)  # MAVSDK's own threads need not be waited for
