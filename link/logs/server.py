@@ -28,8 +28,6 @@ class _Range(NamedTuple):
     log: int
     start: int
     stop: int
-    ends: bool
-    """Whether more was asked for than there is: the client then waits for a message that is not full."""
 
 
 class _Client:
@@ -90,12 +88,13 @@ class LogServer:
         )  # fmt: skip
 
     def _data(self, client: _Client, message: Any) -> None:
-        if message.id >= len(client.files):
+        """Where there is nothing to send, an empty message says so. Nobody is sent one unasked after the last full one:
+        MAVProxy takes it for the end, whatever it still lacks, and asks for more by itself once it lacks nothing."""
+        size = client.files[message.id].bytes if message.id < len(client.files) else 0
+        wanted = _Range(message.id, message.ofs, min(message.ofs + message.count, size))
+        if wanted.start >= wanted.stop:
             _say(client, message.id, message.ofs, b"")
             return
-        size = client.files[message.id].bytes
-        start, stop = min(message.ofs, size), min(message.ofs + message.count, size)
-        wanted = _Range(message.id, start, stop, message.ofs + message.count > size)
         moved_on = message.count == ALL or any(waiting.log != message.id for waiting in client.ranges)
         if moved_on:
             client.ranges.clear()
@@ -132,10 +131,9 @@ def _send_from(file: BinaryIO, client: _Client, number: int) -> None:
         wanted = client.ranges[0]
         file.seek(wanted.start)
         data = file.read(min(DATA_BYTES, wanted.stop - wanted.start))
-        if data or wanted.ends:
-            _say(client, number, wanted.start, data)
+        _say(client, number, wanted.start, data)
         after = wanted.start + len(data)
-        if data and (after < wanted.stop or (wanted.ends and len(data) == DATA_BYTES)):
+        if data and after < wanted.stop:
             client.ranges[0] = wanted._replace(start=after)
         else:
             client.ranges.popleft()

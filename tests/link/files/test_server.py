@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from pymavlink.mavftp import FTP_OP
 
@@ -293,6 +293,11 @@ STEP = st.sampled_from(
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@example(["logs", "link"], False, False)
+@example(["logs", "up", "secret"], True, False)
+@example(["logs", "..", "secret"], True, False)
+@example(["logs", "inner", "deep"], True, False)
+@example(["secret"], True, True)
 @given(st.lists(STEP, max_size=8), st.booleans(), st.booleans())
 def test_no_path_leads_out(tmp_path: Path, steps: list[str], absolute: bool, from_disk: bool) -> None:
     client = Client(build(tmp_path))
