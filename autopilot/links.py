@@ -22,7 +22,7 @@ DATAGRAM_BYTES, STREAM_BYTES = 1200, 16_384
 BULK_BYTES = 16_384
 """How much bulk may wait on a link without a baud rate: with GATHER_S, some 800 kB/s."""
 BULK_AHEAD_S = 0.25
-"""How much bulk, by the time that it takes to leave, may wait on a serial line: so long an answer waits for nothing."""
+"""How much, by the time that it takes to leave, may wait on a serial line before bulk is added."""
 
 _BULK = frozenset(dialect.by_name(name).message_id for name in ("LOG_DATA", "FILE_TRANSFER_PROTOCOL"))
 _VITAL = frozenset(
@@ -154,7 +154,7 @@ class MeteredLink(GroundLink):
 
     def room_bytes(self) -> int:
         ahead = max(LARGEST_FRAME, BULK_AHEAD_S * self._budget.bytes_per_s)
-        return max(0, round(ahead) - self._queue.bulk_bytes)
+        return max(0, round(ahead) - self._queue.promised_bytes)
 
     def flush(self, now_s: float, lost: bool = False) -> None:
         self._due_s = now_s + GATHER_S

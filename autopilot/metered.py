@@ -54,18 +54,19 @@ class Queue:
         self._telemetry: dict[Hashable, Waiting] = {}
         self._bulk_lead = 0
         """Bytes of bulk that left beyond those of telemetry; what one of them did not want is soon forgotten."""
-        self.bulk_bytes = 0
-        """An upper bound of what waits as bulk."""
+        self.promised_bytes = 0
+        """An upper bound of what waits and will not be dropped."""
 
     def __len__(self) -> int:
         return len(self._vital) + len(self._bulk) + len(self._telemetry)
 
     def add_vital(self, waiting: Waiting) -> None:
         self._vital.append(waiting)
+        self.promised_bytes += waiting.largest_bytes
 
     def add_bulk(self, waiting: Waiting) -> None:
         self._bulk.append(waiting)
-        self.bulk_bytes += waiting.largest_bytes
+        self.promised_bytes += waiting.largest_bytes
 
     def add_telemetry(self, kind: Hashable, waiting: Waiting) -> None:
         """Takes the place of what waits of the same kind."""
@@ -74,7 +75,7 @@ class Queue:
     def take(self, budget: float) -> bytes | None:
         """The next frame, where it is sure to fit ``budget`` bytes; None otherwise, and where nothing waits."""
         if self._vital:
-            return self._vital.popleft().encode() if self._vital[0].largest_bytes <= budget else None
+            return self._redeem(self._vital) if self._vital[0].largest_bytes <= budget else None
         if self._bulk and (not self._telemetry or self._bulk_lead <= 0):
             return self._take_bulk() if self._bulk[0].largest_bytes <= budget else None
         if self._telemetry:
@@ -85,12 +86,15 @@ class Queue:
     def clear(self) -> None:
         for waiting in (self._vital, self._bulk, self._telemetry):
             waiting.clear()
-        self.bulk_bytes = 0
+        self.promised_bytes = 0
+
+    def _redeem(self, promised: deque[Waiting]) -> bytes:
+        waiting = promised.popleft()
+        self.promised_bytes -= waiting.largest_bytes
+        return waiting.encode()
 
     def _take_bulk(self) -> bytes:
-        waiting = self._bulk.popleft()
-        self.bulk_bytes -= waiting.largest_bytes
-        frame = waiting.encode()
+        frame = self._redeem(self._bulk)
         self._bulk_lead = min(LARGEST_FRAME, self._bulk_lead + len(frame))
         return frame
 

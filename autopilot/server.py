@@ -258,7 +258,7 @@ class GroundServer:
         self._missions.feed(frame, self._sender(link), wall_s())
 
     def _serve_params(self, link: GroundLink, frame: Frame, message: Any) -> None:
-        self._params.feed(frame, self._sender(link))
+        self._params.feed(frame, self._sender(link), link.room_bytes)
 
     def _serve_files(self, link: GroundLink, frame: Frame, message: Any) -> None:
         self.files.feed(frame, self._sender(link), link.room_bytes, wall_s())

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 
 from link.codec import Frame
 from link.dialect import constant
-from link.exchange import Exchange, Party, Send
+from link.exchange import Exchange, Party, Room, Send
 
 REAL32 = constant("MAV_PARAM_TYPE_REAL32")
 DOES_NOT_EXIST = constant("MAV_PARAM_ERROR_DOES_NOT_EXIST")
@@ -23,7 +23,9 @@ NO_INDEX = 65_535
 RE_ASK_AT_ONCE = 20
 """How many missing parameters a client asks for in one go."""
 BURST = 16
-"""How many values of a list a server sends in one go, so that a list cannot flood a slow link."""
+"""How many values of a list a server sends in one go where the link takes more."""
+VALUE_BYTES = 50
+"""A PARAM_VALUE's frame, signature and all."""
 
 _REASONS = {
     DOES_NOT_EXIST: "there is no such parameter",
@@ -148,6 +150,7 @@ class _Listing(NamedTuple):
     """A list being sent: by which link, and from where it goes on."""
 
     send: Send
+    room: Room
     position: int
 
 
@@ -161,26 +164,27 @@ class ParamServer:
         self._names = tuple(table.names())
         self._listings: dict[Party, _Listing] = {}
 
-    def feed(self, frame: Frame, send: Send) -> None:
-        """Serve one frame that is addressed to this vehicle; ``send`` answers on the link it came by."""
+    def feed(self, frame: Frame, send: Send, room: Room) -> None:
+        """Serve one frame that is addressed to this vehicle; ``send`` and ``room`` are of the link it came by."""
         sender = Party(frame.system, frame.component)
         message = frame.decode()
         match frame.name:
             case "PARAM_REQUEST_LIST":
-                self._listings[sender] = _Listing(send, 0)
+                self._listings[sender] = _Listing(send, room, 0)
             case "PARAM_REQUEST_READ":
                 self._read(message, sender, send)
             case "PARAM_SET":
                 self._set(message, sender, send)
 
     def poll(self) -> None:
-        """Send the next part of every list that was asked for."""
-        for sender, (send, start) in list(self._listings.items()):
-            stop = min(start + BURST, len(self._names))
-            for position in range(start, stop):
+        """Send the next part of every list that was asked for, as far as its link has room."""
+        for sender, (send, room, start) in list(self._listings.items()):
+            position = start
+            while position < min(start + BURST, len(self._names)) and room() >= VALUE_BYTES:
                 self._value(send, self._names[position], position)
-            if stop < len(self._names):
-                self._listings[sender] = _Listing(send, stop)
+                position += 1
+            if position < len(self._names):
+                self._listings[sender] = _Listing(send, room, position)
             else:
                 del self._listings[sender]
 

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.identity import AutopilotId
 from autopilot.keys import Keys
-from autopilot.params import ParamTable
+from autopilot.params import PARAMETERS, ParamTable
 from autopilot.schedule import BARE, FAST, HALF, profile_for
 from autopilot.server import GroundServer
 from autopilot.telemetry import STREAMS
@@ -88,6 +88,31 @@ def test_the_old_way_to_ask_for_rates_changes_nothing() -> None:
     deck.ask(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 50, 1))
     after = [m.get_type() for m in heard_in(deck, 2)]
     assert after.count("ATTITUDE") == before.count("ATTITUDE") == 20
+
+
+def test_an_answer_does_not_wait_for_a_list_to_be_over() -> None:
+    deck = Deck(serial_station(9600))
+    deck.station.say(mavlink.MAVLink_param_request_list_message(1, 1))
+    link, now_s, heard = deck.server.links[0], 0.0, []
+
+    def pass_time(duration_s: float) -> None:
+        nonlocal now_s
+        until_s = now_s + duration_s
+        while now_s < until_s:
+            now_s += 0.02
+            deck.server.receive(link)
+            deck.server._params.poll()
+            link.flush(now_s)
+            heard.extend(kinds(deck.station.heard()))
+
+    pass_time(1.0)
+    deck.station.say(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 2, 0, 0, 0, 0, 0))
+    pass_time(0.8)
+    assert "COMMAND_ACK" in heard
+    listed = heard.count("PARAM_VALUE")
+    assert 10 < listed < len(PARAMETERS)
+    pass_time(30.0)
+    assert heard.count("PARAM_VALUE") == len(PARAMETERS)
 
 
 def two_stations() -> Deck:

@@ -18,6 +18,9 @@ MODES = (("", 6, 67371008), ("MANUAL", 0, 65536))
 _names = count()
 
 
+ROOM_BYTES = 1000
+
+
 class Table:
     """Parameters in a dictionary."""
 
@@ -91,7 +94,7 @@ class FakeVehicle:
         if frame.name == "COMMAND_LONG":
             self._command(frame.decode())
         elif frame.name.startswith("PARAM"):
-            self._params.feed(frame, self._endpoint.send)
+            self._params.feed(frame, self._endpoint.send, lambda: ROOM_BYTES)
         elif frame.name.startswith("MISSION"):
             self._missions.feed(frame, self._endpoint.send, 0.0)
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from link.codec import Frame
 from link.exchange import ExchangeError
 from link.params import DOES_NOT_EXIST, OUT_OF_RANGE, REAL32, ParamClient, ParamServer, as_real32
 from tests.link.lossy import GROUND, VEHICLE, Lost, Wire, nothing, settle
@@ -37,6 +38,7 @@ class Sea:
         self.other_link = Wire(VEHICLE)
         self.table = Table()
         self.said: list[str] = []
+        self.room = 1000
         self.server = ParamServer(self.table, self._broadcast, self.said.append)
         self.client = ParamClient(self.up.send, GROUND, VEHICLE)
 
@@ -45,21 +47,32 @@ class Sea:
         self.other_link.send(name, **fields)
 
     def run(self, exchange: Any) -> Any:
-        return settle(
-            exchange, self.up, self.down, lambda f, _: self.server.feed(f, self.down.send), lambda _: self.server.poll()
-        )
+        return settle(exchange, self.up, self.down, self._serve, lambda _: self.server.poll())
+
+    def _serve(self, frame: Frame, now_s: float = 0.0) -> None:
+        self.server.feed(frame, self.down.send, lambda: self.room)
 
     def ask(self, name: str, **fields: Any) -> list[Any]:
         wire = Wire(GROUND)
         wire.send(name, target_system=1, target_component=1, **fields)
         for frame in wire.take():
-            self.server.feed(frame, self.down.send)
+            self._serve(frame)
         self.server.poll()
         return [frame.decode() for frame in self.down.take()]
 
 
 def expected(sea: Sea) -> dict[str, float]:
     return {name: as_real32(value) for name, value in sorted(sea.table.values.items())}
+
+
+def test_a_list_waits_for_room_and_goes_on() -> None:
+    sea = Sea()
+    sea.room = 0
+    assert sea.ask("PARAM_REQUEST_LIST") == []
+    sea.room = 1000
+    for _ in range(5):
+        sea.server.poll()
+    assert [frame.decode().param_id for frame in sea.down.take()] == sorted(sea.table.values)
 
 
 def test_the_list_is_complete_and_sorted() -> None:
