@@ -1,0 +1,106 @@
+"""Downloads over a link that loses messages: all arrives, and what is there at any moment is the file's beginning."""
+
+import io
+import random
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from link.codec import Frame
+from link.exchange import Exchange, ExchangeError
+from link.files.client import FileClient
+from link.files.server import FileServer
+from link.files.tree import Entry, FileTree
+from link.files.wire import crc32
+from tests.link.lossy import GROUND, VEHICLE, Wire, settle
+
+QUIET = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+class Rig:
+    """A client and a server with a seeded share of losses each way."""
+
+    def __init__(self, files: dict[str, bytes], share: float = 0.0, seed: int = 0) -> None:
+        chance = random.Random(seed)
+        self.up, self.down = (Wire(party, lambda n, name: chance.random() < share) for party in (GROUND, VEHICLE))
+        tree = FileTree()
+        for path, content in files.items():
+            tree.add_file(path, lambda content=content: content)  # type: ignore[misc]
+        self.server = FileServer(tree)
+        self.client = FileClient(self.up.send, GROUND, VEHICLE)
+
+    def settle(self, exchange: Exchange[int]) -> int:
+        return settle(exchange, self.up, self.down, self._serve, self.server.poll)
+
+    def _serve(self, frame: Frame, now_s: float) -> None:
+        self.server.feed(frame, self.down.send, lambda: 10**6, now_s)
+
+
+@QUIET
+@given(st.integers(0, 40_000), st.integers(0, 40_000), st.floats(0.0, 0.3), st.integers(0, 1000))
+def test_a_download_goes_on_where_it_was_and_misses_nothing(size: int, start: int, share: float, seed: int) -> None:
+    content = random.Random(seed).randbytes(size)
+    rig, start = Rig({"/logs/a": content}, share, seed), min(start, size)
+    sink = Prefix(content, start)
+    assert rig.settle(rig.client.download("/logs/a", sink, start)) == size
+    assert sink.getvalue() == content[start:]
+
+
+class Prefix(io.BytesIO):
+    """Accepts nothing but what comes next."""
+
+    def __init__(self, content: bytes, start: int) -> None:
+        super().__init__()
+        self._content, self._start = content, start
+
+    def write(self, data: bytes, /) -> int:  # type: ignore[override]
+        at = self._start + self.tell()
+        assert data == self._content[at : at + len(data)]
+        return super().write(data)
+
+
+def test_a_vehicle_that_begins_anew_is_asked_again() -> None:
+    content = random.Random(1).randbytes(100_000)
+    rig, sink, watched = Rig({"/a": content}), io.BytesIO(), list[int]()
+
+    def watch(there: int, of: int) -> None:
+        assert of == len(content)
+        watched.append(there)
+        if there > 30_000 and rig.server._sessions and len(watched) < 1000:
+            rig.server._sessions.clear()
+            rig.server._jobs.clear()
+            watched.extend([there] * 1000)
+
+    assert rig.settle(rig.client.download("/a", sink, 0, watch)) == len(content)
+    assert sink.getvalue() == content
+    assert sorted(watched) == watched
+
+
+@QUIET
+@given(st.integers(0, 1000), st.floats(0.0, 0.3))
+def test_lists_and_checksums_outlive_losses(seed: int, share: float) -> None:
+    files = {f"/logs/{n:04d}-a-rather-long-name": bytes(n) for n in range(30)}
+    rig = Rig(files, share, seed)
+    listed = settle(rig.client.list("/logs"), rig.up, rig.down, rig._serve, rig.server.poll)
+    assert listed == [Entry(path.rsplit("/", 1)[1], len(content)) for path, content in files.items()]
+    assert rig.settle(rig.client.checksum("/logs/0007-a-rather-long-name")) == crc32(bytes(7))
+
+
+@pytest.mark.parametrize("ask", ["list", "checksum", "download"])
+def test_what_is_not_there_is_said(ask: str, tmp_path: Path) -> None:
+    rig = Rig({"/logs/a": b"x"})
+    exchange = {
+        "list": lambda: rig.client.list("/nowhere"),
+        "checksum": lambda: rig.client.checksum("/logs/b"),
+        "download": lambda: rig.client.download("/logs/b", io.BytesIO()),
+    }[ask]()
+    with pytest.raises(ExchangeError, match="filenotfound"):
+        rig.settle(exchange)  # type: ignore[arg-type]
+
+
+def test_a_file_shorter_than_what_is_here_is_another_file() -> None:
+    rig = Rig({"/logs/a": b"short"})
+    with pytest.raises(ExchangeError, match="holds 5 bytes, fewer than the 9 that are here"):
+        rig.settle(rig.client.download("/logs/a", io.BytesIO(), 9))
