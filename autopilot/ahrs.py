@@ -49,8 +49,9 @@ def hear(old: Ahrs, frame: SensorFrame, excluded: frozenset[str], config: Config
     ``fields_updated`` of what is given back tells the groups that may be used: heard of lately, and none of
     ``excluded``; where this sample has no sound reading of such a group, the last one stands in.
     """
+    now_us = frame.time_us
     changed_us = _sound(old, frame) if old.piecemeal is None and not excluded else ()
-    if changed_us and not _stands_still(frame.time_us, min(changed_us), config):
+    if changed_us and ((least_us := min(changed_us)) == now_us or not _stands_still(now_us, least_us, config)):
         return Ahrs(frame, changed_us, None), frame, ()
     return _hear_piecemeal(old, frame, excluded, config)
 

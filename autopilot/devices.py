@@ -22,11 +22,13 @@ FIX_JUMP_M, ECHO_JUMP_M, DVL_JUMP_MPS, DVL_MOST_MPS, CHARGE_JUMP = 50.0, 3.0, 1.
 JUMP_WITHIN_US = 2 * US_PER_S
 """Words further apart may differ by anything."""
 _METRES_PER_DEG = 111_000.0
+_NEITHER, _NONE_OF_FOUR = (None,) * 2, (None,) * 4
+"""GPS and altimeter; DVL, battery, leak and duct: as ``Inputs`` has them."""
 
 
 def spoke(inputs: Inputs) -> bool:
     """Whether any device did since the last tick."""
-    return bool(inputs.gps or inputs.altimeter or inputs.dvl or inputs.battery or inputs.leak or inputs.duct)
+    return inputs[1:3] != _NEITHER or inputs[5:9] != _NONE_OF_FOUR
 
 
 def hear(health: Health, inputs: Inputs, excluded: frozenset[str]) -> tuple[Health, Inputs, tuple[Complaint, ...]]:

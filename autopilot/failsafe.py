@@ -21,7 +21,7 @@ def watch(state: State, inputs: Inputs, config: Config) -> tuple[State, tuple[Ev
 
 
 def _cause(state: State, inputs: Inputs, config: Config) -> str:
-    if wrong := _wrong_on_board(state, config):
+    if state.health.doubts and (wrong := _wrong_on_board(state, config)):
         return wrong
     if blind(state, config):
         return "depth unknown"
@@ -42,8 +42,6 @@ def _cause(state: State, inputs: Inputs, config: Config) -> str:
 
 def _wrong_on_board(state: State, config: Config) -> str:
     """What the vehicle has found wrong with herself and must not stay down with."""
-    if not state.health.doubts:
-        return ""
     wrong = health.troubles(state.health)
     acted_on = (
         (LEAK, config.fs_leak_action),

@@ -77,9 +77,8 @@ def screen(state: State, inputs: Inputs, config: Config) -> Screened:
 def duct_follows(
     duct_rad: tuple[float, float], rudder_rad: float, elevator_rad: float, dt_s: float
 ) -> tuple[float, float]:
-    """Where the duct should stand after a tick in which it was told to go there."""
-    way = min(1.0, dt_s / DUCT_LAG_S)
-    rudder, elevator = duct_rad
+    """Where the duct should stand after a tick, shorter than its lag, in which it was told to go there."""
+    way, (rudder, elevator) = dt_s / DUCT_LAG_S, duct_rad
     return rudder + way * (rudder_rad - rudder), elevator + way * (elevator_rad - elevator)
 
 
