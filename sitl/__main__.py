@@ -10,29 +10,38 @@ import typer
 
 from link.transport import AddressError, LinkLostError
 from sitl.app import Options, TruthFileError, run
+from sitl.pilots.choice import Choice, PilotError, check, kind
 from sitl.pilots.lockstep import AutopilotSilentError
+from sitl.pilots.outputs import OutputsError
 from sitl.tables import ScenarioError
 from sitl.vehicle.config import VehicleError
 
 FAILED, BAD_INPUT = 1, 2
-DEFAULT_HIL = "udpout:127.0.0.1:14560"
 SLOWEST, FASTEST = 0.01, 10_000.0
 
 
 def simulate(
     vehicle: Annotated[str, typer.Option(help="A shipped one or a vehicle file.", metavar="NAME|FILE")] = "field",
     scenario: Annotated[str, typer.Option(help="calm, disturbed, or a scenario file.", metavar="NAME|FILE")] = "calm",
-    hil: Annotated[str, typer.Option(help="Where the autopilot listens.", metavar="ADDRESS")] = DEFAULT_HIL,
-    speed: Annotated[str, typer.Option(help="Times the wall clock.", metavar="N|max")] = "1",
+    autopilot: Annotated[str, typer.Option(help="Who steers: caribou, px4 or ardupilot.", metavar="NAME")] = "caribou",
+    hil: Annotated[str | None, typer.Option(help="Where it is [its usual place].", metavar="ADDRESS")] = None,
+    speed: Annotated[
+        str | None, typer.Option(help="Times the wall clock [1; ardupilot: max].", metavar="N|max")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of every random stream.")] = 1,
     wait_for_arm: Annotated[bool, typer.Option("--wait-for-arm", help="Hold vehicle time while disarmed.")] = False,
+    rate: Annotated[int | None, typer.Option(help="Frames a second for px4 [250].", metavar="HZ")] = None,
+    hil_baro: Annotated[str | None, typer.Option(help="px4: water [default] or air_equivalent.")] = None,
+    outputs: Annotated[str | None, typer.Option(help="Of px4, ardupilot: rudder, elevator, thrust [1,2,3].")] = None,
     truth: Annotated[Path | None, typer.Option(help="Log what really happens to this new MCAP file.")] = None,
 ) -> None:
     """Simulate Caribou, her tailcone, the sea and her sensors, in lockstep with an autopilot."""
-    options = Options(vehicle, scenario, hil, _speed(speed), seed, wait_for_arm, truth)
+    pilot = Choice(autopilot, wait_for_arm, rate, hil_baro, outputs)
     try:
-        run(options)
-    except (VehicleError, ScenarioError, AddressError, TruthFileError) as error:
+        check(pilot)
+        usual = kind(autopilot)
+        run(Options(vehicle, scenario, hil or usual.address, _speed(speed or usual.speed), seed, truth, pilot))
+    except (VehicleError, ScenarioError, AddressError, TruthFileError, PilotError, OutputsError) as error:
         _leave(error, BAD_INPUT)
     except (AutopilotSilentError, LinkLostError, OSError) as error:
         _leave(error, FAILED)

@@ -11,10 +11,11 @@ from threading import Event
 from typing import NamedTuple
 
 from link.clock import Pacer
+from link.records import ActuatorFrame
 from link.transport import open_transport
 from sitl import plant, scenario
 from sitl.pilots import Pilot
-from sitl.pilots.caribou import Caribou
+from sitl.pilots.choice import Choice, take_on
 from sitl.plant import OURS, Pace, Plant
 from sitl.truth import Truth
 from sitl.vehicle import config
@@ -36,8 +37,9 @@ class Options(NamedTuple):
     speed: float | None
     """Vehicle seconds a wall second; None runs free."""
     seed: int
-    wait_for_arm: bool
     truth: Path | None
+    pilot: Choice
+    """One that ``pilots.choice.check`` let pass."""
 
 
 def run(options: Options) -> None:
@@ -48,11 +50,17 @@ def run(options: Options) -> None:
         AutopilotSilentError, LinkLostError: the autopilot is gone.
     """
     build = cache(partial(plant.build, config.load(options.vehicle), scenario.load(options.scenario)))
-    build(OURS)  # bad input is told before anybody is waited for
+    _rehearse(build(OURS))  # bad input is told, and the physics compiled, before anybody waits for us
     stop = _stop_on_signals()
     with closing(open_transport(options.hil)) as transport, _truth_record(options.truth) as record:
-        pilot = Caribou(transport, stop.is_set, wait_for_arm=options.wait_for_arm)
-        _fly(build, options, pilot, record)
+        _fly(build, options, take_on(options.pilot, transport, stop.is_set), record)
+
+
+def _rehearse(sea: Plant) -> None:
+    """Fly one tick that nobody will know of."""
+    rng = plant.random_streams(0)
+    state, _ = plant.launch(sea, rng)
+    plant.step(sea, state, ActuatorFrame(0, 0, (0.0, 0.0, 0.0), 0), rng)
 
 
 def _fly(build: Callable[[Pace], Plant], options: Options, pilot: Pilot, record: Record) -> None:

@@ -52,12 +52,12 @@ _SCHEMA = {
 
 
 class TruthLog:
-    """One channel of JSON; log time is the UNIX time of the start plus vehicle time."""
+    """One channel of JSON; log time is the UNIX time of the launch plus vehicle time, and never goes back."""
 
     def __init__(self, path: Path) -> None:
         """Create the file. Raises OSError, also when it exists: a log is never written over."""
         self._file = path.open("xb")
-        self._start_ns = time.time_ns()
+        self._launch_ns = self._newest_ns = time.time_ns()
         self._flush = Every(FLUSH_PERIOD_S)
         self._writer: Any = Writer(self._file, chunk_size=CHUNK_BYTES)
         self._writer.start()
@@ -65,7 +65,9 @@ class TruthLog:
         self._channel = self._writer.register_channel(TOPIC, "json", schema)
 
     def write(self, truth: Truth) -> None:
-        at_ns = self._start_ns + truth.time_us * 1000
+        if truth.time_us == 0:
+            self._launch_ns = max(self._newest_ns, time.time_ns())
+        self._newest_ns = at_ns = self._launch_ns + truth.time_us * 1000
         self._writer.add_message(self._channel, at_ns, json.dumps(truth._asdict()).encode(), at_ns)
         if self._flush.due():
             self._writer.flush()
