@@ -21,7 +21,7 @@ VITAL = frozenset((ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE, BATTERY, LEAK, D
 DETECTED, LOW, ASTRAY, UNANSWERED = "detected", "low", "does not follow", "does not answer"
 
 RECOVERY_US = 5 * US_PER_S
-"""Soundness that lasts for so long is believed: longer than a device may be silent."""
+"""Soundness that lasts for so long is believed."""
 GRACE_US, IMPLAUSIBLE_GRACE_US = US_PER_S // 2, 3 * US_PER_S // 2
 """A doubt that nothing has nourished for so long is dropped; implausible readings may come a second apart."""
 CHECK_US = US_PER_S // 5
