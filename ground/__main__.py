@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ground import bench_cli, modes_cli, vehicle_cli
+from ground import bench_cli, log_cli, modes_cli, vehicle_cli
 from ground.console import (
     GROUND_LINK,
     Address,
@@ -45,9 +45,8 @@ class Method(StrEnum):
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
 params_app = typer.Typer(no_args_is_help=True, help="Read and set a vehicle's parameters.")
-log_app = typer.Typer(no_args_is_help=True, help="Look into logs, export and mend them.")
 app.add_typer(params_app, name="params")
-app.add_typer(log_app, name="log")
+app.add_typer(log_cli.app, name="log")
 app.add_typer(vehicle_cli.app, name="vehicle")
 app.add_typer(modes_cli.app, name="modes")
 
@@ -244,45 +243,6 @@ def params_load(file: Path, connect: Address = GROUND_LINK, sign: Sign = None, j
     values = gains.load(file)
     _set_and_read_back(connect, sign, values)
     give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters set", json)
-
-
-@log_app.command("info")
-def log_info(file: Path, json: Json = False) -> None:
-    """What a log holds."""
-    from ground import logs
-
-    found = logs.info(file)
-    lines = [f"{found['file']}: {found['vehicle_s']:.1f} s, {found['messages']} messages, {found['lost_frames']} lost"]
-    lines += [f"  {count:8d}  {topic}" for topic, count in found["topics"].items()]
-    lines += [f"  attached  {name}" for name in found["attachments"]]
-    give(found, "\n".join(lines), json)
-
-
-@log_app.command("export")
-def log_export(
-    file: Path,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Default: the log's name.")] = None,
-    json: Json = False,
-) -> None:
-    """Write every MAVLink message of a log as CSV, a file a message."""
-    from ground import logs
-
-    tables = logs.export_csv(file, out or file.with_suffix(""))
-    give({"files": [str(t) for t in tables]}, "\n".join(str(t) for t in tables), json)
-
-
-@log_app.command("recover")
-def log_recover(
-    file: Path,
-    out: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Default: NAME-recovered.mcap.")] = None,
-    json: Json = False,
-) -> None:
-    """Save what an unfinished log holds into a finished one."""
-    from ground import logs
-
-    target = new_file(out or file.with_name(f"{file.stem}-recovered.mcap"))
-    saved = logs.recover(file, target)
-    give({"file": str(target), "messages": saved}, f"{target}: {saved} messages saved", json)
 
 
 def main() -> None:

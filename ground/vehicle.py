@@ -28,6 +28,7 @@ from link.signing import Signing
 from link.transport import LinkLostError, Transport, open_transport, wait
 
 T = TypeVar("T")
+C = TypeVar("C")
 
 GROUND = Party(250, constant("MAV_COMP_ID_MISSIONPLANNER"))
 """Ground's own address: not 255/190, whose frames MAVSDK drops as QGroundControl's."""
@@ -171,6 +172,10 @@ class Vehicle:
     def command(self, command: int, *parameters: float) -> None:
         """Send one command and wait until it is done."""
         self._run(Command(self._endpoint.send, GROUND, self._peer, command, *parameters))
+
+    def use(self, kind: Callable[..., C], ask: Callable[[C], Exchange[T]]) -> T:
+        """Carry out what a service's client begins: ``use(FileClient, lambda files: files.list("/logs"))``."""
+        return self._run(ask(self._client(kind)))
 
     def close(self) -> None:
         self._endpoint.transport.close()

@@ -14,7 +14,7 @@ from link.files import wire
 from link.files.tree import Entry, FileTree, OpenFile
 from link.files.wire import ACK, MOST_DATA, NAK, Packet
 
-BURST_PACKETS = 64
+BURST_PACKETS = 256
 """After so many the client has to ask again: one that is gone is not sent a whole file."""
 MOST_SESSIONS = 16
 SESSION_IDLE_S = 120.0

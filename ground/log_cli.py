@@ -1,0 +1,94 @@
+"""``ground log``: the logs that the vehicle keeps on board, and what can be done with a log that is here."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ground.console import GROUND_LINK, Address, Json, Sign, give, new_file
+
+if TYPE_CHECKING:
+    from ground.downloads import Download
+
+app = typer.Typer(no_args_is_help=True, help="Fetch logs from the vehicle, look into them, export and mend them.")
+
+
+@app.command("list")
+def list_logs(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
+    """The logs on board."""
+    from ground import downloads
+    from ground.vehicle import connected
+
+    with connected(connect, sign) as vehicle:
+        logs = downloads.list_logs(vehicle)
+    rows = [{"number": log.number, "name": log.name, "bytes": log.bytes} for log in logs]
+    lines = [f"{log.number:6d} {log.bytes / 1e6:9.2f} MB  {log.name}" for log in logs]
+    give({"logs": rows}, "\n".join(lines) or "the vehicle has no logs", json)
+
+
+@app.command()
+def download(
+    which: Annotated[
+        str, typer.Argument(metavar="[latest|NUMBER|all]", help="A number of ground log list.")
+    ] = "latest",
+    connect: Address = GROUND_LINK,
+    sign: Sign = None,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where they go; what is there is kept.")] = Path("logs"),
+    json: Json = False,
+) -> None:
+    """Fetch logs from the vehicle: goes on where it was interrupted, and compares checksums."""
+    from ground import downloads, progress
+    from ground.vehicle import connected
+
+    with connected(connect, sign) as vehicle, progress.display("logs", quiet=json) as shown:
+        wanted = downloads.choose(downloads.list_logs(vehicle), which)
+        fetched = [downloads.fetch(vehicle, log, out, shown.share) for log in wanted]
+    rows = [{**each._asdict(), "file": str(each.file)} for each in fetched]
+    give({"logs": rows}, "\n".join(map(_in_words, fetched)), json)
+
+
+def _in_words(fetched: "Download") -> str:
+    how = "checked" if fetched.checked else "the vehicle gives no checksum"
+    words = f"{fetched.file}: {fetched.bytes / 1e6:.2f} MB, {how}"
+    if fetched.resumed_at:
+        words += f", {fetched.resumed_at / 1e6:.2f} MB of it were here"
+    return words if fetched.finished else f"{words}; it has no end: ground log recover mends it"
+
+
+@app.command()
+def info(file: Path, json: Json = False) -> None:
+    """What a log holds."""
+    from ground import logs
+
+    found = logs.info(file)
+    lines = [f"{found['file']}: {found['vehicle_s']:.1f} s, {found['messages']} messages, {found['lost_frames']} lost"]
+    lines += [f"  {count:8d}  {topic}" for topic, count in found["topics"].items()]
+    lines += [f"  attached  {name}" for name in found["attachments"]]
+    give(found, "\n".join(lines), json)
+
+
+@app.command()
+def export(
+    file: Path,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Default: the log's name.")] = None,
+    json: Json = False,
+) -> None:
+    """Write every MAVLink message of a log as CSV, a file a message."""
+    from ground import logs
+
+    tables = logs.export_csv(file, out or file.with_suffix(""))
+    give({"files": [str(t) for t in tables]}, "\n".join(str(t) for t in tables), json)
+
+
+@app.command()
+def recover(
+    file: Path,
+    out: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Default: NAME-recovered.mcap.")] = None,
+    json: Json = False,
+) -> None:
+    """Save what an unfinished log holds into a finished one."""
+    from ground import logs
+
+    target = new_file(out or file.with_name(f"{file.stem}-recovered.mcap"))
+    saved = logs.recover(file, target)
+    give({"file": str(target), "messages": saved}, f"{target}: {saved} messages saved", json)
