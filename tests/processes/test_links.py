@@ -1,0 +1,147 @@
+"""Links between real processes: signed ones, and a serial cable that is slow, pulled out and put back."""
+
+import contextlib
+import json
+import os
+import socket
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from autopilot.params import PARAMETERS
+from tests.clients.mavproxy_console import Console
+from tests.processes.fleet import Finished, Process, autopilot, free_port, process
+from tests.processes.line import Line, line
+
+pytestmark = pytest.mark.process
+
+PASSPHRASE = "under-the-ice"
+PATIENCE_S = 30.0
+
+
+@pytest.fixture
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder in which the programs of a test keep what they know at their next start."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state" / "caribou"
+
+
+@pytest.fixture
+def key_file(tmp_path: Path) -> Path:
+    file = tmp_path / "key"
+    file.write_text(PASSPHRASE + "\n")
+    return file
+
+
+def ground(*arguments: str) -> Finished:
+    with process("-m", "ground", *arguments) as child:
+        return child.finish()
+
+
+def get_parameter(address: str, *options: str) -> Finished:
+    return ground("params", "get", "HDG_P", "--connect", address, *options, "--json")
+
+
+def eventually(happened: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not happened():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.05)
+
+
+class Aboard(NamedTuple):
+    """An autopilot with a signed and an open link."""
+
+    process: Process
+    signed: str
+    open: str
+
+
+@pytest.fixture
+def aboard(state: Path, key_file: Path) -> Iterator[Aboard]:
+    ports = [free_port(socket.SOCK_STREAM) for _ in range(2)]
+    signed, open_link = (f"tcpin:127.0.0.1:{port}" for port in ports)
+    options = ("--sign", f"{signed}={key_file}")
+    with autopilot(f"udpin:127.0.0.1:{free_port()}", signed, open_link, options=options) as child:
+        yield Aboard(child, *(f"tcp:127.0.0.1:{port}" for port in ports))
+
+
+def test_ground_signs_with_its_key_and_is_refused_without(aboard: Aboard, key_file: Path, state: Path) -> None:
+    signed = get_parameter(aboard.signed, "--sign", str(key_file))
+    assert (signed.status, json.loads(signed.stdout)) == (0, {"HDG_P": pytest.approx(0.65)})
+    assert get_parameter(aboard.open).status == 0
+    unsigned = get_parameter(aboard.signed)
+    assert (unsigned.status, unsigned.stdout) == (1, "")
+    assert "no answer to the request for parameter HDG_P" in unsigned.stderr
+    aboard.process.signal(2)
+    aboard.process.finish()
+    kept = int((state / "signing_timestamp").read_text())
+    assert abs(kept / 1e5 + 1_420_070_400 - time.time()) < 60.0
+
+
+def test_a_bad_key_file_is_one_clear_line(tmp_path: Path) -> None:
+    finished = get_parameter("udpin:127.0.0.1:14550", "--sign", str(tmp_path / "none"))
+    assert (finished.status, finished.stderr) == (2, f"ground: --sign {tmp_path}/none: No such file or directory\n")
+    with process("-m", "autopilot", "--sign", f"serial:x:9={tmp_path}/none") as child:
+        finished = child.finish()
+    assert finished.status == 2
+    assert finished.stderr.startswith("autopilot: --sign serial:x:9=")
+    assert finished.stderr.count("\n") == 1
+
+
+def test_mavproxy_reads_without_a_key_and_commands_with_it(state: Path, key_file: Path, tmp_path: Path) -> None:
+    port = free_port()
+    address = f"udpout:127.0.0.1:{port}"
+    with (
+        autopilot(f"udpin:127.0.0.1:{free_port()}", address, options=("--sign", f"{address}={key_file}")),
+        contextlib.closing(Console(tmp_path, f"udpin:127.0.0.1:{port}")) as mavproxy,
+    ):
+        mavproxy.hear("Detected vehicle 1:1 on link 0", PATIENCE_S)
+        with pytest.raises(TimeoutError):
+            mavproxy.ask("param fetch HDG_P", "HDG_P = ", within_s=3.0)
+        assert mavproxy.messages()["HEARTBEAT"][0] > 1, "telemetry may be read by anybody"
+        mavproxy.ask(f"signing key {PASSPHRASE}", "Setup signing key")
+        mavproxy.hear(f"Received {len(PARAMETERS)} parameters", PATIENCE_S)
+        mavproxy.say("param set HDG_P 0.75")
+        eventually(lambda: float(mavproxy.ask("param fetch HDG_P", r"HDG_P = ([\d.]+)", attempts=5)[1]) == 0.75)
+
+
+@pytest.fixture
+def cable(tmp_path: Path) -> Iterator[Line]:
+    with line(tmp_path, 57_600) as laid:
+        yield laid
+
+
+def test_a_radio_that_is_pulled_out_comes_back(cable: Line, state: Path) -> None:
+    address = f"serial:{cable.device['vehicle']}:57600"
+    near = f"serial:{cable.device['ground']}:57600"
+    with autopilot(f"udpin:127.0.0.1:{free_port()}", address) as child:
+        assert get_parameter(near).status == 0
+        cable.unplug("vehicle")
+        assert child.wait_for_line().startswith(f"{address}: lost (")
+        busy_s = processor_s(child)
+        time.sleep(1.5)
+        assert processor_s(child) - busy_s < 0.5, "a lost line is no reason to be busy"
+        cable.plug("vehicle")
+        assert child.wait_for_line() == f"{address}: back\n"
+        assert get_parameter(near).status == 0
+
+
+def processor_s(child: Process) -> float:
+    fields = Path(f"/proc/{child._popen.pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_a_radio_that_is_not_there_yet_is_waited_for(cable: Line, state: Path) -> None:
+    cable.unplug("vehicle")
+    address = f"serial:{cable.device['vehicle']}:57600"
+    arguments = ("--hil", f"udpin:127.0.0.1:{free_port()}", "--gcs", address)
+    with process("-m", "autopilot", *arguments) as child:
+        assert child.wait_for_line() == f"{address}: not there yet; trying every second\n"
+        assert child.wait_for_line().startswith("autopilot: system 1")
+        cable.plug("vehicle")
+        assert child.wait_for_line() == f"{address}: back\n"
+        assert get_parameter(f"serial:{cable.device['ground']}:57600").status == 0
