@@ -1,8 +1,8 @@
-"""Attitude, depth, speed and dead-reckoned position from the sensors of one tick.
+"""Attitude, depth, speed and position from the sensors of one tick.
 
 Attitude: complementary filter on the quaternion with gyro bias (Mahony, Hamel and Pflimlin 2008, eq. 32), its
 gravity reference freed of the turn's centripetal acceleration. Depth: pressure and vertical acceleration in a
-third-order complementary filter with one triple pole. Position: heading and speed summed, reset by a satellite fix.
+third-order complementary filter with one triple pole. Position: ``autopilot.navigation``.
 
 What the sample's ``fields_updated`` does not name is not used, and the rest carries on: without the gyro a second-order
 observer takes the rates from the turning of gravity and field, without the pressure sensor depth is only carried along.
@@ -10,6 +10,7 @@ observer takes the rates from the turning of gravity and field, without the pres
 
 import math
 
+from autopilot import navigation
 from autopilot.params import Config
 from autopilot.types import Estimate, Home, Inputs
 from link.frames import (
@@ -17,7 +18,6 @@ from link.frames import (
     Quaternion,
     Vector,
     euler_from_quaternion,
-    geodetic_to_offset,
     quaternion_from_euler,
     rotate,
     wrap_pi,
@@ -27,9 +27,6 @@ from link.records import ACCELEROMETER_FRESH, GYRO_FRESH, MAGNETOMETER_FRESH, PR
 NEEDED = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
 """To begin with."""
 
-DRIFT_MPS = 0.15
-"""One standard deviation of the unknown current and speed error that dead reckoning piles up."""
-GPS_SD_M = 2.5
 ALTIMETER_STALE_US = 1_000_000
 TURNING_RADPS = math.radians(2.0)
 """Rate of turn at which the accelerometer and the magnetometer count half: sideslip and lost speed, which nobody
@@ -56,6 +53,7 @@ def begin(sensors: SensorFrame, config: Config) -> Estimate:
         depth_m=depth_of(sensors.pressure_hpa, config),
         initialised=True,
         depth_time_us=sensors.time_us,
+        navigation=navigation.begin(config),
     )
 
 
@@ -66,12 +64,17 @@ def update(old: Estimate, inputs: Inputs, thrust: float, home: Home, config: Con
     attitude, rates, bias = _attitude(old, sensors, speed, config, dt_s)
     roll, pitch, heading = euler_from_quaternion(*attitude)
     depth, depth_rate, accel_bias = _depth(old, sensors, attitude, config, dt_s)
-    north, east, north_rate, east_rate, sd = _position(old, inputs, home, heading, pitch, speed, dt_s)
+    ahead = speed * math.cos(pitch)
+    water = complex(ahead * math.cos(heading), ahead * math.sin(heading))
+    motion = navigation.Motion(now_us, attitude, water, rates[2], depth_rate)
+    place, over_ground, memory = navigation.reckon(
+        complex(old.north_m, old.east_m), old.navigation, motion, inputs, home, config, dt_s
+    )
     altitude, altitude_time = _altitude(old, inputs.altimeter, now_us)
     return Estimate(
         attitude, roll, pitch, heading, *rates, bias, depth, depth_rate, accel_bias, speed,
-        north, east, north_rate, east_rate, sd, altitude, altitude_time, True,
-        now_us if sensors.fields_updated & PRESSURE_FRESH else old.depth_time_us,
+        place.real, place.imag, over_ground.real, over_ground.imag, navigation.sd_m(memory), altitude, altitude_time,
+        True, now_us if sensors.fields_updated & PRESSURE_FRESH else old.depth_time_us, memory,
     )  # fmt: skip
 
 
@@ -191,24 +194,6 @@ def _depth(
         depth + 3.0 * pole * error * dt_s,
         rate_mps + (down_mps2 + 3.0 * pole * pole * error) * dt_s,
         bias_mps2 - pole * pole * pole * error * dt_s,
-    )
-
-
-def _position(
-    old: Estimate, inputs: Inputs, home: Home, heading_rad: float, pitch_rad: float, speed_mps: float, dt_s: float
-) -> tuple[float, float, float, float, float]:
-    ahead = speed_mps * math.cos(pitch_rad)
-    north_rate, east_rate = ahead * math.cos(heading_rad), ahead * math.sin(heading_rad)
-    fix = inputs.gps
-    if fix is not None and fix.fix_type >= 3 and home.known:
-        north, east = geodetic_to_offset(fix.lat_deg, fix.lon_deg, home.lat_deg, home.lon_deg)
-        return north, east, north_rate, east_rate, GPS_SD_M
-    return (
-        old.north_m + north_rate * dt_s,
-        old.east_m + east_rate * dt_s,
-        north_rate,
-        east_rate,
-        old.position_sd_m + DRIFT_MPS * dt_s,
     )
 
 

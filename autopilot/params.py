@@ -63,6 +63,19 @@ class Config:
     )
     water_density_kgpm3: Annotated[float, Doc("EST_DENSITY", 950, 1100, "kg/m3", "Density of the water")] = 1025.0
 
+    current_sd_mps: Annotated[
+        float, Doc("NAV_CUR_SD", 0, 3, "m/s", "Current to be reckoned with before any is measured")
+    ] = 0.2
+    current_walk_mps: Annotated[
+        float, Doc("NAV_CUR_WALK", 0, 1, "m/s", "Change of the current to be reckoned with in a minute")
+    ] = 0.05
+    speed_error_pct: Annotated[
+        float, Doc("NAV_SPD_PCT", 0, 50, "%", "Error of the speed by thrust to be reckoned with")
+    ] = 5.0
+    log_error_pct: Annotated[
+        float, Doc("NAV_DVL_PCT", 0, 10, "%", "Error of Doppler log and heading to be reckoned with")
+    ] = 0.6
+
     surfaced_depth_m: Annotated[float, Doc("SURF_DEPTH_M", 0.1, 3, "m", "Shallower than this is surfaced")] = 0.5
     mission_end: Annotated[int, Doc("MIS_END_ACT", 0, 2, "", "After a mission: 0 HOLD, 1 SURFACE, 2 disarm")] = 1
     mission_seq0_home: Annotated[int, Doc("MIS_SEQ0_HOME", 0, 1, "", "1: item 0 is home and is not flown")] = 0

@@ -62,6 +62,51 @@ class Stick(NamedTuple):
     thrust: float
 
 
+class Covariance(NamedTuple):
+    """Of position (m), current (m/s), and the errors of the speed through the water and of the Doppler log (fractions).
+
+    Each is a circular complex variable, north + i east: its variance is that along either axis, and so are covariances.
+    """
+
+    place: float = 0.0
+    current: float = 0.0
+    water: float = 0.0
+    log: float = 0.0
+    place_current: complex = 0j
+    place_water: complex = 0j
+    place_log: complex = 0j
+    current_water: complex = 0j
+    current_log: complex = 0j
+    water_log: complex = 0j
+
+
+class Navigation(NamedTuple):
+    """What dead reckoning has learned, all horizontal vectors as north + i east."""
+
+    current_mps: complex = 0j
+    """Of the water, towards."""
+    water_error: complex = 0j
+    """Of the speed through the water by the thrust, as a fraction; the imaginary part is an angle to starboard."""
+    log_error: complex = 0j
+    """Of the Doppler log turned by the heading, likewise."""
+    slip: complex = 0j
+    """What the Doppler log adds to the water's error for the moment: a turn's sideslip and lost speed."""
+    unsteady_mps: float = 0.0
+    """What may be added so; it fades after a turn or a change of speed."""
+    covariance: Covariance = Covariance()
+    span_s: float = 0.0
+    way_m: complex = 0j
+    """Time and way through the water since the covariance was brought up to date."""
+    fix_us: int = -1
+    """When a satellite fix was last used; -1 for never."""
+    ping_us: int = -1
+    over_ground: bool = False
+    """Of the last ping: whether it tracked the bottom."""
+    fixes_refused: int = 0
+    pings_refused: int = 0
+    """In a row."""
+
+
 class Estimate(NamedTuple):
     """Where the vehicle is and how it moves, as far as its sensors tell."""
 
@@ -84,17 +129,19 @@ class Estimate(NamedTuple):
     """Forward, through the water, by the thrust."""
     north_m: float = 0.0
     east_m: float = 0.0
-    """By dead reckoning from home; set to the satellite fix at the surface."""
+    """From home, by ``autopilot.navigation``; from where she was switched on before home is known."""
     north_rate_mps: float = 0.0
     east_rate_mps: float = 0.0
+    """Over ground."""
     position_sd_m: float = 0.0
-    """One standard deviation of the horizontal position."""
+    """One standard deviation of the horizontal position, along each axis."""
     altitude_m: float | None = None
     """Above the sea floor; None where the altimeter sees none."""
     altitude_time_us: int = 0
     initialised: bool = False
     depth_time_us: int = 0
     """When the depth was last measured and not only carried along."""
+    navigation: Navigation = Navigation()
 
 
 NO_READINGS = ((math.nan,) * 3, (math.nan,) * 3, (math.nan,) * 3, (math.nan,))
