@@ -9,16 +9,13 @@ from typing import Any, NamedTuple
 
 from autopilot import telemetry
 from autopilot.identity import COMPONENT
-from autopilot.telemetry import STREAMS, Stream
+from autopilot.telemetry import STREAMS, TRACE_ID, TRACE_NAME, Stream
 from autopilot.types import Trace
 from autopilot.vehicle import Snapshot
 from link import dialect
 from link.log.mavlink_log import Column
 
 SLOT_US = 100_000
-TRACE_NAME, TRACE_ID = b"TRACE", 1
-"""DEBUG_FLOAT_ARRAY's name and number of the loops' inside; ``Trace`` says what each of its numbers is."""
-
 _STREAMS = {stream.message.name: stream for stream in STREAMS}
 
 

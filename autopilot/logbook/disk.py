@@ -75,4 +75,4 @@ class BackgroundFile:
                     work()
                     self._done += 1
         except OSError as error:
-            self.error = error.strerror or str(error)
+            self.error = f"{error.strerror or error}" + (f": {error.filename}" if error.filename else "")
