@@ -30,13 +30,18 @@ def simulate(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of every random stream.")] = 1,
     wait_for_arm: Annotated[bool, typer.Option("--wait-for-arm", help="Hold vehicle time while disarmed.")] = False,
+    no_lockstep: Annotated[
+        bool, typer.Option("--no-lockstep", help="Run on the wall clock, whether anybody answers or not.")
+    ] = False,
     rate: Annotated[int | None, typer.Option(help="Frames a second for px4 [250].", metavar="HZ")] = None,
     hil_baro: Annotated[str | None, typer.Option(help="px4: water [default] or air_equivalent.")] = None,
     outputs: Annotated[str | None, typer.Option(help="Of px4, ardupilot: rudder, elevator, thrust [1,2,3].")] = None,
     truth: Annotated[Path | None, typer.Option(help="Log what really happens to this new MCAP file.")] = None,
 ) -> None:
     """Simulate Caribou, her tailcone, the sea and her sensors, in lockstep with an autopilot."""
-    pilot = Choice(autopilot, wait_for_arm, rate, hil_baro, outputs)
+    pilot = Choice(autopilot, wait_for_arm, rate, hil_baro, outputs, lockstep=not no_lockstep)
+    if no_lockstep and speed:
+        _leave(f"--speed {speed}: not with --no-lockstep: the wall clock is the vehicle's own", BAD_INPUT)
     try:
         check(pilot)
         usual = kind(autopilot)

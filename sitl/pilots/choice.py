@@ -11,6 +11,7 @@ from sitl.pilots.ardupilot import ArduPilot
 from sitl.pilots.caribou import Caribou
 from sitl.pilots.outputs import DEFAULT, parse
 from sitl.pilots.px4 import Barometer, Px4
+from sitl.pilots.wall_clock import WallClock
 
 PX4_RATE_HZ = 250
 SLOWEST_HZ, FASTEST_HZ = 50, 1000
@@ -32,7 +33,7 @@ class Kind(NamedTuple):
 
 
 KINDS = {
-    "caribou": Kind("udpout:127.0.0.1:14560", "1", frozenset({"--wait-for-arm"})),
+    "caribou": Kind("udpout:127.0.0.1:14560", "1", frozenset({"--wait-for-arm", "--no-lockstep"})),
     "px4": Kind("tcpin:127.0.0.1:4560", "1", frozenset({"--rate", "--hil-baro", "--outputs"})),
     "ardupilot": Kind("udpin:127.0.0.1:9002", "max", frozenset({"--outputs"})),
 }
@@ -46,6 +47,7 @@ class Choice(NamedTuple):
     rate_hz: int | None = None
     barometer: str | None = None
     outputs: str | None = None
+    lockstep: bool = True
 
 
 def kind(autopilot: str) -> Kind:
@@ -63,13 +65,16 @@ def check(choice: Choice) -> None:
         "--rate": choice.rate_hz,
         "--hil-baro": choice.barometer,
         "--outputs": choice.outputs,
+        "--no-lockstep": None if choice.lockstep else True,
     }
     known = kind(choice.autopilot).options
     for option, value in given.items():
         if value is not None and option not in known:
             users = [name for name, each in KINDS.items() if option in each.options]
             raise PilotError(f"{option}: only with --autopilot {' or '.join(users)}")
-    rate_hz = choice.rate_hz or PX4_RATE_HZ
+    if choice.wait_for_arm and not choice.lockstep:
+        raise PilotError("--wait-for-arm: not with --no-lockstep: the wall clock stands for nobody")
+    rate_hz = PX4_RATE_HZ if choice.rate_hz is None else choice.rate_hz
     if not SLOWEST_HZ <= rate_hz <= FASTEST_HZ or _SECOND_US % rate_hz:
         raise PilotError(
             f"--rate {choice.rate_hz}: expected steps of whole microseconds, such as 100, 200, 250, 400, 500 or 1000 Hz"
@@ -81,7 +86,10 @@ def check(choice: Choice) -> None:
 
 
 def take_on(choice: Choice, transport: Transport, stopped: Callable[[], bool]) -> Pilot:
-    """The pilot of a choice that ``check`` let pass."""
+    """The pilot of a choice that ``check`` let pass.
+
+    Raises TooSlowError: what connects us cannot carry what the instruments say.
+    """
     outputs = parse(choice.outputs or DEFAULT)
     match choice.autopilot:
         case "px4":
@@ -90,5 +98,7 @@ def take_on(choice: Choice, transport: Transport, stopped: Callable[[], bool]) -
             return Px4(transport, stopped, rate_hz=rate_hz, outputs=outputs, barometer=barometer)
         case "ardupilot":
             return ArduPilot(transport, stopped, outputs=outputs)
+        case _ if not choice.lockstep:
+            return WallClock(transport, stopped)
         case _:
             return Caribou(transport, stopped, wait_for_arm=choice.wait_for_arm)

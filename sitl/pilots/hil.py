@@ -126,10 +126,26 @@ class HilLink:
         answer = None
         while answer is None and (frames := self._endpoint.receive()):
             for frame in frames:
-                if frame.message_id == CONTROLS.message_id:
-                    controls = ActuatorFrame._make(frame.decode())
-                    if controls.time_us == time_us:
-                        answer = controls
-                elif frame.message_id == COMMAND.message_id:
-                    self._judge(frame)
+                controls = self._hear(frame)
+                if controls is not None and controls.time_us == time_us:
+                    answer = controls
         return answer
+
+    def newest(self) -> ActuatorFrame | None:
+        """The last of the actuators that have arrived since anybody listened, whatever they answer.
+
+        Raises LinkLostError when the other end is gone for good.
+        """
+        newest = None
+        while frames := self._endpoint.receive():
+            for frame in frames:
+                newest = self._hear(frame) or newest
+        return newest
+
+    def _hear(self, frame: Frame) -> ActuatorFrame | None:
+        """The actuators, where a frame tells them; an order is judged."""
+        if frame.message_id == CONTROLS.message_id:
+            return ActuatorFrame._make(frame.decode())
+        if frame.message_id == COMMAND.message_id:
+            self._judge(frame)
+        return None
