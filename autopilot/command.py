@@ -2,7 +2,7 @@
 
 import math
 
-from autopilot import excitation, health, mission, modes, requests
+from autopilot import bench, excitation, health, mission, modes, requests
 from autopilot.params import Config
 from autopilot.types import (
     ACCEPTED,
@@ -48,6 +48,8 @@ def request(state: State, wish: requests.Request, config: Config) -> tuple[State
             return state._replace(mission=moved, test=None), Answer(ACCEPTED), ()
         case requests.ChangeTarget():
             return change_target(state, wish), Answer(ACCEPTED), ()
+        case requests.TestActuator():
+            return test_actuator(state, wish)
         case requests.SetHome(lat_deg, lon_deg):
             return state._replace(home=Home(lat_deg, lon_deg, True)), Answer(ACCEPTED), ()
 
@@ -58,7 +60,9 @@ def arm(state: State, force: bool, config: Config) -> tuple[State, Answer, Event
     reason = prearm(state)
     if reason and not force:
         return state, Answer(TEMPORARILY_REJECTED, f"Not armed: {reason}"), ()
-    state = state._replace(armed=True, armed_us=state.time_us, failsafe="", loops=LoopMemory(), test=None)
+    state = state._replace(
+        armed=True, armed_us=state.time_us, failsafe="", loops=LoopMemory(), test=None, bench_tests=()
+    )
     state = state._replace(mission=_taken_up(state, config))
     mode = modes.by_number(state.mode) or modes.HOLD
     return hold_here(state, config), Answer(ACCEPTED), (Event(Severity.INFO, f"Armed: {mode.name}"),)
@@ -122,10 +126,16 @@ def start_test(state: State, wish: requests.StartTest, config: Config) -> tuple[
     if not state.armed or state.failsafe:
         return state, Answer(TEMPORARILY_REJECTED, "SystemID refused: arm and get under way first"), ()
     if state.mode == modes.SYSID.number and state.test is not None:
-        return state, Answer(ACCEPTED), ()
+        return state, Answer(TEMPORARILY_REJECTED, "SystemID refused: a test is running"), ()
     state, changed = modes.enter(state, modes.SYSID)
     state, started = mission.start_test(test, state)
     return state, Answer(ACCEPTED), (*changed, *started)
+
+
+def test_actuator(state: State, wish: requests.TestActuator) -> tuple[State, Answer, Events]:
+    if state.armed:
+        return state, Answer(TEMPORARILY_REJECTED, "Actuator test refused: armed"), ()
+    return bench.begin(state, wish.channel, wish.value, wish.seconds), Answer(ACCEPTED), ()
 
 
 def load_mission(state: State, items: tuple[MissionItem, ...], config: Config) -> tuple[State, Answer, Events]:

@@ -1,6 +1,6 @@
 """The tick: health, estimate, failsafe, guidance, loops or excitation, actuators. Pure: no clock, no I/O, no chance."""
 
-from autopilot import estimator, excitation, failsafe, health, loops, mission, modes
+from autopilot import bench, estimator, excitation, failsafe, health, loops, mission, modes
 from autopilot.params import Config
 from autopilot.types import (
     US_PER_S,
@@ -121,7 +121,8 @@ def surface(state: State, config: Config) -> tuple[State, Events]:
 def control(state: State, stick: Stick | None, config: Config, dt_s: float) -> tuple[State, Trace]:
     """Loops, excitation or the pilot's hand to deflections within the duct's travel."""
     if not state.armed:
-        at_rest = health.duct_follows(state.duct_rad, 0.0, 0.0, dt_s)
+        rudder, elevator, _ = bench.positions(state)
+        at_rest = health.duct_follows(state.duct_rad, rudder * config.travel_rad, elevator * config.travel_rad, dt_s)
         return state._replace(thrust=0.0, loops=LoopMemory(), duct_rad=at_rest), Trace()
     mode, test, travel = modes.by_number(state.mode) or modes.HOLD, state.test, config.travel_rad
     axis = test.axis if test else 0
@@ -158,10 +159,11 @@ def limit(rudder_rad: float, elevator_rad: float, thrust: float, config: Config)
 
 
 def actuators(state: State, trace: Trace, config: Config) -> ActuatorFrame:
-    """The frame that answers this tick's sensors; all zero while disarmed."""
+    """The frame that answers this tick's sensors; while disarmed all zero but for what is tested on the bench."""
     mode = CUSTOM_MODE_FLAG | (ARMED_FLAG if state.armed else 0)
     if not state.armed:
-        return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, _REST, mode)
+        resting = (*bench.positions(state), *_SPARE) if state.bench_tests else _REST
+        return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, resting, mode)
     travel = config.travel_rad
     controls = (trace.rudder_rad / travel, trace.elevator_rad / travel, trace.thrust, *_SPARE)
     return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, controls, mode)

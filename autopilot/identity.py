@@ -64,13 +64,14 @@ def current_mode(state: State, intended_mode: int) -> tuple[Any, ...]:
 def available_mode(index: int) -> tuple[Any, ...]:
     """AVAILABLE_MODES's fields in wire order of one mode, counted from 1. Raises IndexError beyond the last.
 
-    Standard modes carry their name too, so that a client without MAV_STANDARD_MODE's list can show it.
+    A standard mode has no name of its own: clients call it what they call it on every vehicle.
     """
     if index < 1:
         raise IndexError(index)
     mode = modes.MODES[index - 1]
     properties = _ADVANCED_MODE if mode == modes.SYSID else 0
-    return mode.number, properties, len(modes.MODES), index, mode.standard_mode, mode.name
+    name = "" if mode.standard_mode else mode.name
+    return mode.number, properties, len(modes.MODES), index, mode.standard_mode, name
 
 
 def autopilot_version(system: int) -> tuple[Any, ...]:

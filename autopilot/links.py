@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from functools import partial
 
+from autopilot.fields import Values
 from autopilot.identity import COMPONENT
 from autopilot.metered import BITS_PER_BYTE, LARGEST_FRAME, SHARE, Budget, Queue, Waiting
 from autopilot.schedule import Schedule, profile_for
-from autopilot.telemetry import Values
 from link import dialect
 from link.codec import OVERHEAD, SIGNATURE_LENGTH, Frame
 from link.dialect import MessageType
@@ -66,8 +66,9 @@ class GroundLink:
         """Add a message to what leaves at the next flush. It may wait, and is never dropped."""
         self._outbox.append(self.endpoint.encode_values(message, values))
 
-    stream = write
-    """Add a message of the telemetry: on a slow line only the newest of its kind leaves."""
+    def stream(self, message: MessageType, values: Values, part: int = 0) -> None:
+        """Add a message of the telemetry: on a slow line only the newest of its kind, and part, leaves."""
+        self._outbox.append(self.endpoint.encode_values(message, values))
 
     def relay(self, frame: Frame) -> None:
         """Add what one of the vehicle's devices said, as that component of the vehicle's system."""
@@ -130,8 +131,8 @@ class MeteredLink(GroundLink):
         else:
             self._queue.add_vital(waiting)
 
-    def stream(self, message: MessageType, values: Values) -> None:
-        kind = self.endpoint.system, COMPONENT, message.message_id
+    def stream(self, message: MessageType, values: Values, part: int = 0) -> None:
+        kind = self.endpoint.system, COMPONENT, message.message_id, part
         self._queue.add_telemetry(kind, _waiting(self.endpoint, message, values))
 
     def relay(self, frame: Frame) -> None:

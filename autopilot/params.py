@@ -76,6 +76,21 @@ class Config:
         float, Doc("NAV_DVL_PCT", 0, 10, "%", "Error of Doppler log and heading to be reckoned with")
     ] = 0.6
 
+    lookahead_m: Annotated[float, Doc("NAV_LOS_M", 1, 500, "m", "Look-ahead of line-of-sight guidance")] = 15.0
+    los_integral_mps: Annotated[
+        float, Doc("NAV_LOS_I", 0, 10, "m/s", "Integral gain of line-of-sight guidance; 0 off")
+    ] = 0.5
+    acceptance_m: Annotated[float, Doc("NAV_ACC_RAD_M", 0.5, 500, "m", "A place is reached within this")] = 5.0
+    station_radius_m: Annotated[float, Doc("STN_RADIUS_M", 5, 1000, "m", "Circle about a place to stay at")] = 20.0
+    rtl_depth_m: Annotated[float, Doc("RTL_DEPTH_M", 0, 6000, "m", "Depth of the way home")] = 2.0
+    rtl_radius_m: Annotated[float, Doc("RTL_RADIUS_M", 1, 1000, "m", "Closer to home than this: surface")] = 10.0
+    offboard_timeout_s: Annotated[
+        float, Doc("OFB_TIMEOUT_S", 0.1, 60, "s", "Wall time without a set-point that ends OFFBOARD")
+    ] = 1.0
+    stick_rate_degps: Annotated[
+        float, Doc("STB_RATE_DEGPS", 0.5, 30, "deg/s", "Rate of turn of the full stick in STABILIZE")
+    ] = 8.0
+
     surfaced_depth_m: Annotated[float, Doc("SURF_DEPTH_M", 0.1, 3, "m", "Shallower than this is surfaced")] = 0.5
     mission_end: Annotated[int, Doc("MIS_END_ACT", 0, 2, "", "After a mission: 0 HOLD, 1 SURFACE, 2 disarm")] = 1
     mission_seq0_home: Annotated[int, Doc("MIS_SEQ0_HOME", 0, 1, "", "1: item 0 is home and is not flown")] = 0
@@ -84,9 +99,10 @@ class Config:
     fs_altitude_m: Annotated[float, Doc("FS_ALT_M", 0, 100, "m", "Closer to the sea floor: surface; 0 off")] = 1.0
     fs_pitch_deg: Annotated[float, Doc("FS_PITCH_DEG", 10, 90, "deg", "Steeper than this: surface")] = 75.0
     fs_time_s: Annotated[float, Doc("FS_TIME_S", 0, 864_000, "s", "Longest armed time: surface; 0 off")] = 7200.0
-    fs_ground_s: Annotated[float, Doc("FS_GCS_TIMEOUT", 0, 86_400, "s", "Wall time without ground: surface; 0 off")] = (
+    fs_ground_s: Annotated[float, Doc("FS_GCS_TIMEOUT", 0, 86_400, "s", "Wall time without ground: FS_GCS_ACT; 0 off")] = (
         0.0
     )
+    fs_ground_action: Annotated[int, Doc("FS_GCS_ACT", 0, 2, "", "Ground lost: 0 HOLD, 1 SURFACE, 2 RTL")] = 1
     fs_leak_action: Annotated[int, Doc("FS_LEAK_ACT", 0, 1, "", "A leak: 0 only tell, 1 surface")] = 1
     fs_battery_action: Annotated[int, Doc("FS_BATT_ACT", 0, 1, "", "Battery low: 0 only tell, 1 surface")] = 1
     fs_battery_pct: Annotated[float, Doc("FS_BATT_PCT", 0, 100, "%", "Less charge than this is low; 0 off")] = 15.0
@@ -240,6 +256,11 @@ class ParamTable:
         row = _BY_NAME[name]
         self.config = replace(self.config, **{row.field: int(stored) if row.integer else stored})  # type: ignore[arg-type]
         return stored
+
+    def reset(self) -> list[str]:
+        """Put every default in force; returns the names of those that changed."""
+        before, self.config = self.config, Config()
+        return [row.name for row in PARAMETERS if getattr(before, row.field) != row.default]
 
 
 def load(path: Path) -> dict[str, float]:

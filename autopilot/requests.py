@@ -57,4 +57,17 @@ class SetHome(NamedTuple):
     lon_deg: float
 
 
-Request = Arm | Disarm | SetMode | StartTest | StopTest | LoadMission | SetMissionItem | ChangeTarget | SetHome
+class TestActuator(NamedTuple):
+    """Move one actuator of a disarmed vehicle for a moment."""
+
+    channel: int
+    """0 rudder, 1 elevator, 2 thrust."""
+    value: float
+    """In [-1, 1]."""
+    seconds: float
+    """Vehicle time; 0 lets it go at once."""
+
+
+Request = (
+    Arm | Disarm | SetMode | StartTest | StopTest | LoadMission | SetMissionItem | ChangeTarget | SetHome | TestActuator
+)

@@ -52,6 +52,9 @@ class Inputs(NamedTuple):
     leak: Leak | None = None
     duct: DuctFeedback | None = None
     """Each the newest, None when none came since the last tick."""
+    attitude_silent_s: float | None = None
+    motion_silent_s: float | None = None
+    """Wall seconds since an attitude target and a motion target were last heard; None before the first."""
 
 
 class Stick(NamedTuple):
@@ -233,6 +236,66 @@ class Setpoint(NamedTuple):
     """Given only where the depth loop is open and the pitch loop closed."""
 
 
+class Line(NamedTuple):
+    """A straight way over ground. Places are north + i east from home, in metres."""
+
+    from_m: complex
+    to_m: complex
+    integral: float = 0.0
+    """Of line-of-sight guidance."""
+
+
+class Circle(NamedTuple):
+    """A way round a place."""
+
+    centre_m: complex
+    radius_m: float
+    clockwise: bool = True
+    since_us: int | None = None
+    """When the rim was reached; None before that."""
+    turned_rad: float = 0.0
+    """The way round since then."""
+    bearing_rad: float = 0.0
+    """Of the vehicle from the centre."""
+    integral: float = 0.0
+
+
+Path = Line | Circle
+
+
+class AttitudeTarget(NamedTuple):
+    """What SET_ATTITUDE_TARGET asks for: an angle, or else a rate."""
+
+    pitch_rad: float | None = None
+    heading_rad: float | None = None
+    pitch_rate_radps: float = 0.0
+    heading_rate_radps: float = 0.0
+    thrust: float | None = None
+    """Fraction of full."""
+
+
+class MotionTarget(NamedTuple):
+    """What SET_POSITION_TARGET_* asks for. None keeps what is in force."""
+
+    place_m: complex | None = None
+    """North + i east from home."""
+    depth_m: float | None = None
+    velocity_mps: complex | None = None
+    """Over ground, north + i east."""
+    depth_rate_mps: float | None = None
+    speed_mps: float | None = None
+    """Through the water, ahead."""
+    heading_rad: float | None = None
+    heading_rate_radps: float | None = None
+
+
+class Targets(NamedTuple):
+    """What is streamed from outside."""
+
+    attitude: AttitudeTarget | None = None
+    motion: MotionTarget | None = None
+
+
 class LoopMemory(NamedTuple):
     """The integrators, in the unit of their loop's output, so that new gains cause no bump."""
 
@@ -270,6 +333,8 @@ class MissionState(NamedTuple):
     reached: int = -1
     paused: Setpoint | None = None
     """The set-points in force when another mode took over, for the way back."""
+    left_m: complex | None = None
+    """The last waypoint that was reached: north + i east from home."""
 
 
 class Home(NamedTuple):
@@ -278,6 +343,15 @@ class Home(NamedTuple):
     lat_deg: float = 0.0
     lon_deg: float = 0.0
     known: bool = False
+
+
+class BenchTest(NamedTuple):
+    """One actuator of a disarmed vehicle that is moved for a moment."""
+
+    channel: int
+    """0 rudder, 1 elevator, 2 thrust."""
+    value: float
+    until_us: int
 
 
 class State(NamedTuple):
@@ -292,6 +366,9 @@ class State(NamedTuple):
     setpoint: Setpoint = Setpoint()
     loops: LoopMemory = LoopMemory()
     mission: MissionState = MissionState()
+    path: Path | None = None
+    """What the heading follows, where it does."""
+    targets: Targets = Targets()
     test: Excitation | None = None
     failsafe: str = ""
     """The cause of the failsafe in force; empty when there is none."""
@@ -304,6 +381,8 @@ class State(NamedTuple):
     """Rudder and elevator where the duct should stand by what was commanded."""
     ahrs: Ahrs = Ahrs()
     health: Health = Health()
+    bench_tests: tuple[BenchTest, ...] = ()
+    """Only while disarmed."""
 
 
 class Trace(NamedTuple):
@@ -332,5 +411,5 @@ class Answer(NamedTuple):
 US_PER_S = 1_000_000
 """Vehicle time is counted in whole microseconds."""
 
-ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS = 0, 1, 2, 3, 4, 5
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = 0, 1, 2, 3, 4, 5, 6
 """MAV_RESULT."""

@@ -26,6 +26,8 @@ FIX_LASTS_US = 1_500_000
 
 NO_MISSION, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = 1, 2, 3, 4, 5
 """MISSION_STATE."""
+NO_ITEMS = 0xFFFF
+"""MISSION_CURRENT.total where there is no mission."""
 
 
 class Snapshot(NamedTuple):
@@ -133,7 +135,7 @@ class MissionStore:
 
     @property
     def progress(self) -> MissionProgress:
-        return progress(self._vehicle.state)
+        return progress(self._vehicle.state, self._vehicle.params.config)
 
     def load(self, items: tuple[MissionItem, ...]) -> Verdict:
         answer = self._vehicle.request(requests.LoadMission(items))
@@ -153,8 +155,8 @@ _MISSION_RESULTS = {
 }
 
 
-def progress(state: State) -> MissionProgress:
-    """How far the mission has come, as MISSION_CURRENT tells it."""
+def progress(state: State, config: Config) -> MissionProgress:
+    """How far the mission has come, as MISSION_CURRENT tells it: home, where it is item 0, counts for nothing."""
     mission, total = state.mission, len(state.mission.items)
     flying = state.mode == modes.MISSION.number
     if not total:
@@ -165,4 +167,5 @@ def progress(state: State) -> MissionProgress:
         stage = ACTIVE
     else:
         stage = PAUSED if mission.reached >= 0 else NOT_STARTED
-    return MissionProgress(min(mission.current, max(0, total - 1)), total, stage, 1 if flying else 2)
+    counted = total - config.mission_seq0_home if total else NO_ITEMS
+    return MissionProgress(min(mission.current, max(0, total - 1)), counted, stage, 1 if flying else 2)

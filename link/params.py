@@ -176,6 +176,10 @@ class ParamServer:
             case "PARAM_SET":
                 self._set(message, sender, send)
 
+    def tell(self, name: str) -> None:
+        """Tell every link what a parameter is now: it was not a PARAM_SET that changed it."""
+        self._value(self._broadcast, name, self._names.index(name))
+
     def poll(self) -> None:
         """Send the next part of every list that was asked for, as far as its link has room."""
         for sender, (send, room, start) in list(self._listings.items()):
@@ -210,7 +214,7 @@ class ParamServer:
             _error(send, sender, name, -1, OUT_OF_RANGE)
             self._value(send, name, self._names.index(name))
         else:
-            self._value(self._broadcast, name, self._names.index(name))
+            self.tell(name)
 
     def _value(self, send: Send, name: str, index: int) -> None:
         send(

@@ -64,7 +64,11 @@ def test_the_version_tells_what_the_vehicle_can(deck: Deck) -> None:
 def test_every_mode_can_be_listed_and_taken(deck: Deck) -> None:
     listed = [m for m in deck.command(512, 435, 0) if m.get_type() == "AVAILABLE_MODES"]
     assert [m.mode_index for m in listed] == list(range(1, listed[0].number_modes + 1))
-    assert {m.mode_name: m.standard_mode for m in listed if m.standard_mode} == {"MISSION": 6, "SURFACE": 7}
+    assert {m.custom_mode: m.standard_mode for m in listed if m.standard_mode} == {
+        modes.MISSION.number: 6,
+        modes.SURFACE.number: 7,
+    }
+    assert all(bool(m.mode_name) == (m.standard_mode == 0) for m in listed)
     assert only(deck.command(512, 435, 2), "AVAILABLE_MODES").mode_index == 2
     assert result(deck.command(512, 435, 99)) == mavlink.MAV_RESULT_DENIED
     for mode in listed:
@@ -242,11 +246,11 @@ def test_a_test_is_started_and_stopped(deck: Deck) -> None:
     deck.command(176, 1, 2)
     deck.tick(200, depth_m=5.0)
     started = deck.command(31010, 12, 5, NAN, NAN, 10, 1, NAN)
-    assert result(started) == mavlink.MAV_RESULT_ACCEPTED
+    assert result(started) == mavlink.MAV_RESULT_IN_PROGRESS
     assert "SystemID Starting: axis=12 wave=step magnitude=5.00" in texts(started)
-    stopped = deck.command(31010, 0)
-    assert result(stopped) == mavlink.MAV_RESULT_ACCEPTED
-    assert texts(stopped) == ["SystemID Stopped: by ground"]
+    assert deck.vehicle.state.test is not None
+    deck.command(31010, 0)
+    assert deck.vehicle.state.test is None
 
 
 def test_home_is_at_the_surface_wherever_it_is_put(deck: Deck) -> None:

@@ -15,7 +15,7 @@ from autopilot.types import Estimate, Home, Setpoint, State, Trace
 from link import dialect
 from link.codec import encode
 from link.records import LOCKSTEP_FLAG, ActuatorFrame, Altimeter, Battery, Leak
-from tests.autopilot.deck import TICK_US, Deck, Station, only, sensors
+from tests.autopilot.deck import TICK_US, Deck, Station, sensors
 
 ATTITUDE, OUTPUTS, HOME = (
     dialect.by_name(n).message_id for n in ("ATTITUDE", "ACTUATOR_OUTPUT_STATUS", "HOME_POSITION")
@@ -162,7 +162,8 @@ def test_no_estimate_overflows_a_field(estimate: Estimate) -> None:
 def test_before_the_first_tick_every_message_can_be_told() -> None:
     deck = Deck()
     for stream in STREAMS:
-        assert only(deck.command(512, stream.message.message_id), stream.message.name)
+        told = [m for m in deck.command(512, stream.message.message_id) if m.get_type() == stream.message.name]
+        assert len(told) == len(stream.builders)
 
 
 def counts(deck: Deck, ticks: int) -> dict[str, int]:
@@ -177,7 +178,7 @@ def test_every_stream_has_its_rate() -> None:
     deck.tick()
     seen = counts(deck, 10 * SECOND_TICKS)
     for stream in STREAMS:
-        assert seen[stream.message.name] == round(10 * stream.rate_hz), stream.message.name
+        assert seen.get(stream.message.name, 0) == round(10 * stream.rate_hz), stream.message.name
 
 
 def test_a_client_may_choose_its_rates() -> None:

@@ -57,13 +57,15 @@ class Sea:
             exchange, self.up, self.down, lambda f, now: self.server.feed(f, self.down.send, now), self.server.poll
         )
 
-    def ask(self, name: str, sender: Party = GROUND, now_s: float = 0.0, **fields: Any) -> list[Any]:
-        """Send one raw message; what the vehicle answers, decoded."""
-        wire = Wire(sender)
+    def ask(
+        self, name: str, sender: Party = GROUND, now_s: float = 0.0, down: Wire | None = None, **fields: Any
+    ) -> list[Any]:
+        """Send one raw message; what the vehicle answers on the link ``down``, decoded."""
+        wire, down = Wire(sender), down or self.down
         wire.send(name, target_system=1, target_component=1, **fields)
         for frame in wire.take():
-            self.server.feed(frame, self.down.send, now_s)
-        return [frame.decode() for frame in self.down.take()]
+            self.server.feed(frame, down.send, now_s)
+        return [frame.decode() for frame in down.take()]
 
 
 reals = st.floats(width=32, allow_nan=True, allow_infinity=False)
@@ -95,7 +97,7 @@ def test_what_is_uploaded_comes_back_verbatim(plan: list[MissionItem]) -> None:
     assert same(sea.run(sea.client.download()), plan)
 
 
-@given(plans, st.sets(st.integers(0, 12), max_size=4), st.sets(st.integers(0, 12), max_size=4))
+@given(plans, st.sets(st.integers(0, 12), max_size=2), st.sets(st.integers(0, 12), max_size=2))
 @settings(deadline=None)
 def test_lost_messages_are_asked_for_again(plan: list[MissionItem], up: set[int], down: set[int]) -> None:
     sea = Sea(lambda n, name: n in up, lambda n, name: n in down)
@@ -142,6 +144,20 @@ def test_a_second_uploader_is_denied_and_the_first_goes_on() -> None:
     assert (denied.type, denied.target_system) == (missions.DENIED, OTHER_GROUND.system)
     fields = missions.item_fields(leg(1)[0], VEHICLE)
     del fields["target_system"], fields["target_component"]
+    (accepted,) = sea.ask("MISSION_ITEM_INT", **fields)
+    assert accepted.type == missions.ACCEPTED
+    assert sea.store.items == tuple(leg(1))
+
+
+def test_a_second_uploader_of_the_same_ids_on_another_link_is_denied_too() -> None:
+    """Every MAVSDK program is 245/190."""
+    sea, elsewhere = Sea(), Wire(VEHICLE)
+    sea.ask("MISSION_COUNT", count=1, mission_type=0)
+    (denied,) = sea.ask("MISSION_COUNT", down=elsewhere, count=9, mission_type=0)
+    assert denied.type == missions.DENIED
+    fields = missions.item_fields(leg(1)[0], VEHICLE)
+    del fields["target_system"], fields["target_component"]
+    assert sea.ask("MISSION_ITEM_INT", down=elsewhere, **{**fields, "param1": 77.0}) == []
     (accepted,) = sea.ask("MISSION_ITEM_INT", **fields)
     assert accepted.type == missions.ACCEPTED
     assert sea.store.items == tuple(leg(1))

@@ -1,0 +1,85 @@
+"""Carries commands out.
+
+Clients fill every parameter they do not mean with NaN, repeat a command whose acknowledgement was lost, and send
+some commands to component 0: every handler is indifferent to all three, but for those whose repetition would do more
+than the first. Those are remembered.
+"""
+
+from typing import NamedTuple
+
+from autopilot.mav_cmd import actuators, excite, flight, messages, upkeep
+from autopilot.mav_cmd.jobs import Answer, Jobs
+from autopilot.mav_cmd.wire import Command, Desk, Handler, Outcome, Progress
+from autopilot.requests import StopTest
+from autopilot.schedule import Schedule
+from autopilot.types import ACCEPTED, UNSUPPORTED
+from link.dialect import constant
+from link.exchange import Party
+
+_TABLE: dict[int, Handler] = {
+    constant(f"MAV_CMD_{name}"): handler
+    for part in (flight, excite, actuators, messages, upkeep)
+    for name, handler in part.HANDLERS.items()
+}
+_NOT_TWICE = frozenset(
+    constant(f"MAV_CMD_{name}")
+    for name in ("CONDITION_YAW", "MISSION_START", "DO_SET_MISSION_CURRENT", "PREFLIGHT_REBOOT_SHUTDOWN")
+)
+"""Turn by so much, go to that item: the second time means more than the first."""
+REPEATED_WITHIN_S = 0.9
+"""Wall time in which the same words from the same sender are the same command: MAVSDK repeats after half a second."""
+
+
+class _Heard(NamedTuple):
+    """What was asked last, and what was answered."""
+
+    command: Command
+    result: int
+    heard_s: float
+
+
+class Commander:
+    """The vehicle's end of the command protocol."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._jobs = Jobs()
+        self._heard: dict[Party, _Heard] = {}
+
+    def execute(self, command: Command, asker: Party, schedule: Schedule, answer: Answer, now_s: float) -> Outcome:
+        """Carry a command out and acknowledge it by ``answer``, a long job until its end.
+
+        ``schedule`` is that of the link it came by. What is left to the caller is to send the outcome's messages.
+        """
+        words = command._replace(repetition=False)
+        if seen := self._jobs.progress(asker, words):
+            answer(seen)
+            return Outcome(seen.result)
+        outcome = self._once(words, command.repetition, asker, schedule, now_s)
+        answer(Progress(outcome.result))
+        if outcome.job is not None:
+            self._jobs.begin(asker, words, outcome.job, answer, now_s)
+        return outcome
+
+    def cancel(self, number: int) -> None:
+        """COMMAND_CANCEL: end a long job, which whoever asked for it is told. Without one there is nothing to do."""
+        if self._jobs.cancel(number):
+            self._desk.vehicle.request(StopTest())
+
+    def poll(self, now_s: float) -> None:
+        self._jobs.poll(now_s)
+
+    def _once(self, command: Command, repetition: bool, asker: Party, schedule: Schedule, now_s: float) -> Outcome:
+        """Carry a command out, unless it is the same one again and must not be done twice."""
+        handler = _TABLE.get(command.number)
+        if handler is None:
+            return Outcome(UNSUPPORTED)
+        if command.number not in _NOT_TWICE:
+            return handler(self._desk, command, schedule)
+        before = self._heard.get(asker)
+        known = before is not None and before.result == ACCEPTED and repr(before.command) == repr(command)
+        if before and known and (repetition or now_s - before.heard_s < REPEATED_WITHIN_S):
+            return Outcome(ACCEPTED)
+        outcome = handler(self._desk, command, schedule)
+        self._heard[asker] = _Heard(command, outcome.result, now_s)
+        return outcome

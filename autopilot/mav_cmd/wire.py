@@ -1,0 +1,103 @@
+"""A MAV_CMD as it came, and what became of it."""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from autopilot.fields import Values
+from autopilot.helm import Helm
+from autopilot.schedule import Schedule
+from autopilot.types import ACCEPTED, Severity
+from autopilot.vehicle import Vehicle
+from link.dialect import MessageType
+
+_INT32_LIMIT = 1 << 31
+_INT32_NOT_GIVEN = _INT32_LIMIT - 1
+"""COMMAND_INT's mark of a coordinate that is not given, as NaN is elsewhere."""
+_LOWEST_CUSTOM_MODE = 65_536
+"""DO_SET_MODE.param2 from here on is a whole custom_mode, below it is PX4's main mode."""
+
+
+class Command(NamedTuple):
+    """A command as it came. Parameters may be NaN: not given."""
+
+    number: int
+    p1: float
+    p2: float
+    p3: float
+    p4: float
+    p5: float
+    p6: float
+    p7: float
+    scaled: bool
+    """COMMAND_INT: p5 and p6 are whole numbers, 1e-7 degrees where they are a place."""
+    repetition: bool = False
+    """COMMAND_LONG: its sender says that it was sent before."""
+
+
+class Progress(NamedTuple):
+    """How far a long job is: IN_PROGRESS with its share done, or the MAV_RESULT that ends it."""
+
+    result: int
+    percent: int = 0
+
+
+Job = Callable[[], Progress]
+"""Tells how far a long job is whenever it is asked."""
+
+
+class Outcome(NamedTuple):
+    """MAV_RESULT, the messages to send to the requester after the acknowledgement, and a job that goes on."""
+
+    result: int
+    messages: tuple[tuple[MessageType, Values], ...] = ()
+    job: Job | None = None
+
+
+class Desk(NamedTuple):
+    """All that the handlers of commands may use."""
+
+    vehicle: Vehicle
+    helm: Helm
+    build: Callable[[MessageType], tuple[Values, ...]]
+    """The fields of any message that can be asked for, several times where it takes several; empty for others."""
+    tell_parameter: Callable[[str], None]
+    """Tell every link what a parameter is now."""
+
+    def ask(self, wish: Any) -> Outcome:
+        """Ask the vehicle, which says aloud why it refuses."""
+        return Outcome(self.vehicle.request(wish).result)
+
+    def refuse(self, result: int, text: str) -> Outcome:
+        self.vehicle.say(text)
+        return Outcome(result)
+
+    def remark(self, text: str) -> Outcome:
+        """Accept, and say what came of it."""
+        self.vehicle.say(text, Severity.NOTICE)
+        return Outcome(ACCEPTED)
+
+
+Handler = Callable[[Desk, Command, Schedule], Outcome]
+"""Carries a command out; the schedule is that of the link it came by."""
+
+
+def command_from_message(message: Any) -> Command:
+    """The command in a decoded COMMAND_LONG or COMMAND_INT."""
+    m = message
+    if not hasattr(m, "x"):
+        given = m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7
+        return Command(m.command, *given, scaled=False, repetition=m.confirmation > 0)
+    x, y = (math.nan if n == _INT32_NOT_GIVEN else n for n in (m.x, m.y))
+    return Command(m.command, m.param1, m.param2, m.param3, m.param4, x, y, m.z, scaled=True)
+
+
+def custom_mode(main: float, sub: float) -> int:
+    """DO_SET_MODE's second and third parameter as a custom_mode."""
+    main_number, sub_number = whole(main), whole(sub)
+    return main_number if main_number >= _LOWEST_CUSTOM_MODE else main_number << 16 | sub_number << 24
+
+
+def whole(value: float, default: int = 0) -> int:
+    """The value as a whole number, ``default`` where none was given or no int32 holds it."""
+    return int(value) if abs(value) < _INT32_LIMIT else default
