@@ -130,6 +130,36 @@ def test_a_signed_frame_is_cut_at_its_right_length() -> None:
     assert [f.raw for f in Framer().feed(raw + plain)] == [raw, plain]
 
 
+def stranger(seed: int, payload: bytes = b"\x01\x02\x03") -> bytes:
+    """A frame of system 7, component 9 with a message that the dialect lacks."""
+    body = bytes((len(payload), 0, 0, 5, 7, 9, 0x34, 0x12, 0xAB)) + payload
+    return b"\xfd" + body + mavlink.x25crc(body + bytes((seed,))).crc.to_bytes(2, "little")
+
+
+@given(st.integers(0, 255), st.binary(min_size=1, max_size=255))
+def test_a_message_that_nobody_knows_passes_from_senders_that_are_known(seed: int, payload: bytes) -> None:
+    raw = stranger(seed, payload)
+    (frame,) = Framer({(7, 9)}).feed(raw)
+    assert (frame.system, frame.component, frame.message_id, frame.raw) == (7, 9, 0xAB1234, raw)
+    for senders in ((), {(9, 7)}):
+        framer = Framer(senders)
+        assert framer.feed(raw + bytes(LONGEST_FRAME)) == []
+        assert framer.rejected_frames > 0
+
+
+def test_of_all_wrong_sums_one_in_256_may_be_right() -> None:
+    raw = stranger(0)
+    passed = [crc for crc in range(0, 65_536, 7) if Framer({(7, 9)}).feed(raw[:-2] + crc.to_bytes(2, "little"))]
+    assert len(passed) <= 65_536 / 7 / 256 * 1.5
+
+
+def test_a_frame_made_in_a_way_that_we_do_not_know_is_refused() -> None:
+    body = b"\x01\x02\x00\x00\x07\x09\x00\x00\x00\x01"
+    seed = dialect.by_name("HEARTBEAT").crc_extra
+    raw = b"\xfd" + body + mavlink.x25crc(body + bytes((seed,))).crc.to_bytes(2, "little")
+    assert Framer().feed(raw + bytes(LONGEST_FRAME)) == []
+
+
 def test_an_unknown_message_cannot_be_decoded() -> None:
     with pytest.raises(KeyError, match="no message number 16777215"):
         Frame(1, 1, 0xFFFFFF, 0, b"", b"").decode()
