@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from link.signing import TIMESTAMP_FILE, KeyFileError, Signing, Timestamp, load_key, save_key, state_folder
+from link.signing import TIMESTAMP_FILE, KeyFileError, Signing, Timestamp, load_key, save_key
+from link.state import state_folder
 
 NO_KEY = bytes(32)
 

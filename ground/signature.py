@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ground.errors import BadInputError
-from link.signing import TIMESTAMP_FILE, KeyFileError, Signing, Timestamp, load_key, state_folder
+from link.signing import TIMESTAMP_FILE, KeyFileError, Signing, Timestamp, load_key
+from link.state import state_folder
 
 LINK_ID = 0
 """Ground speaks to one vehicle by one link."""

@@ -12,7 +12,6 @@ timestamps are followed to the letter:
 
 import hashlib
 import hmac
-import os
 import re
 import time
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from pathlib import Path
 from link import dialect
 from link.clock import Every
 from link.codec import Frame
+from link.state import replace_file
 
 KEY_BYTES = 32
 EPOCH_UNIX_S = 1_420_070_400
@@ -66,7 +66,7 @@ def load_key(path: Path) -> bytes:
 
 def save_key(path: Path, key: bytes) -> None:
     """Put a key in place of the one in a file, readable by its owner alone. Raises OSError, and nothing has changed."""
-    _replace(path, key.hex() + "\n")
+    replace_file(path, key.hex() + "\n")
 
 
 class Timestamp:
@@ -99,7 +99,7 @@ class Timestamp:
         """Keep it now: at the end of the program. Never takes back what another program has kept. Raises OSError."""
         if self._path is not None:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            _replace(self._path, f"{max(self._last, _stored(self._path))}\n")
+            replace_file(self._path, f"{max(self._last, _stored(self._path))}\n")
 
     def _clock(self) -> int:
         return int((max(self._unix_s(), EPOCH_UNIX_S) - EPOCH_UNIX_S) * UNITS_PER_S)
@@ -149,11 +149,6 @@ class Signing:
         return hashlib.sha256(self._key + signed).digest()[:_HASH_BYTES]
 
 
-def state_folder() -> Path:
-    """Where a program keeps what it has to know at its next start (XDG base directories)."""
-    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "caribou"
-
-
 def _stored(path: Path | None) -> int:
     """What was kept; 0 for nothing, or nothing that is a timestamp."""
     try:
@@ -161,14 +156,3 @@ def _stored(path: Path | None) -> int:
     except (OSError, UnicodeDecodeError):
         return 0
     return int(text) if text.isdecimal() and int(text) <= LARGEST_TIMESTAMP else 0
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a whole new file, or leave the old one."""
-    half = path.with_name(f".{path.name}.{os.getpid()}")
-    descriptor = os.open(half, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    with os.fdopen(descriptor, "w", encoding="ascii") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    half.replace(path)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from link.logs.source import LogFile
+from link.state import state_folder
 
 BYTES_PER_MB = 1_000_000
 _NAME = re.compile(r"(\d{5,})-(\d{8}T\d{6}Z)\.mcap")
@@ -26,9 +27,8 @@ class Limits(NamedTuple):
 
 
 def default_folder() -> Path:
-    """Where logs lie when nobody says: the user's state directory (XDG Base Directory Specification)."""
-    state = os.environ.get("XDG_STATE_HOME", "")
-    return (Path(state) if state else Path.home() / ".local" / "state") / "caribou" / "logs"
+    """Where logs lie when nobody says."""
+    return state_folder() / "logs"
 
 
 class LogStore:
