@@ -14,6 +14,8 @@ RESTART_US = US_PER_S
 """Vehicle time that falls back by more than this belongs to a new run of the simulator."""
 STALE_FRAMES = 5
 """So many old frames in a row are no stragglers: the simulator has begun again, shortly after its last start."""
+SILENT_S = 1.0
+"""Wall time without a sample after which a vehicle's own sensors count as silent. A simulator may pause in lockstep."""
 
 
 class App:
@@ -23,6 +25,8 @@ class App:
         self._vehicle, self._hil, self._ground, self._logbook = vehicle, hil, ground, logbook
         self._stale_frames = 0
         self._heard_s = 0.0
+        self._sampled_s: float | None = None
+        """When the last sample came by wall time, None before the first and once its absence was noticed."""
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve until ``stopping`` says so. Raises LinkLostError when the HIL link is gone for good."""
@@ -41,6 +45,7 @@ class App:
             self._heard_s = wall_s()
             for sample in self._hil.receive():
                 self._take(sample)
+                self._sampled_s = self._heard_s
             for result in self._hil.take_verdicts():
                 self._ground.failures.judged(result)
         for transport in ready:
@@ -48,6 +53,14 @@ class App:
                 self._ground.receive(links[transport])
         for order in self._ground.failures.take_orders():
             self._hil.order_failure(order)
+        self._look_for_silence()
+
+    def _look_for_silence(self) -> None:
+        """Notice that samples no longer come: vehicle time stands still meanwhile, and nothing else would."""
+        if self._hil.lockstep or self._sampled_s is None or wall_s() - self._sampled_s < SILENT_S:
+            return
+        self._sampled_s = None
+        self._vehicle.lose_sensors()
 
     def _take(self, sample: Sample) -> None:
         """Answer a sample: a new one with a tick, one that came again with what was answered before."""

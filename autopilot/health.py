@@ -16,7 +16,9 @@ from link.records import Altimeter, Battery, DuctFeedback, Leak
 
 ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE = (group.name for group in ahrs.GROUPS)
 DEPTH = "Depth"
-VITAL = frozenset((ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE, BATTERY, LEAK, DUCT))
+SENSORS = "Sensors"
+"""All at once: the line to them."""
+VITAL = frozenset((ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE, SENSORS, BATTERY, LEAK, DUCT))
 """Nobody should go to sea without."""
 DETECTED, LOW, ASTRAY, UNANSWERED = "detected", "low", "does not follow", "does not answer"
 
@@ -91,6 +93,16 @@ def refusal(health: Health) -> str:
     """Why she must not be armed; empty when she may."""
     reasons = (f"{name} {what}" for name, what in troubles(health).items() if name in VITAL)
     return next(reasons, "")
+
+
+def lose_sensors(state: State) -> State:
+    """No sample comes any more: believed at once, and until they have come again for ``RECOVERY_US``.
+
+    The next one may look like the last without being stuck, and differ by anything.
+    """
+    others = tuple(doubt for doubt in state.health.doubts if doubt.complaint.subject != SENSORS)
+    lost = Doubt(Complaint(SENSORS, SILENT), state.time_us, state.time_us, told=True)
+    return state._replace(ahrs=Ahrs(), health=state.health._replace(doubts=(*others, lost)))
 
 
 def fixed(health: Health, time_us: int) -> bool:

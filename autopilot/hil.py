@@ -11,7 +11,7 @@ from link.codec import Frame
 from link.dialect import Message, constant
 from link.endpoint import Endpoint
 from link.records import ActuatorFrame, Altimeter, Battery, DuctFeedback, Dvl, GpsFix, Leak, SensorFrame
-from link.transport import Transport
+from link.transport import Transport, baud_rate
 
 _SENSOR, _GPS = dialect.by_name("HIL_SENSOR"), dialect.by_name("HIL_GPS")
 _RANGE, _CONTROLS = dialect.by_name("DISTANCE_SENSOR"), dialect.by_name("HIL_ACTUATOR_CONTROLS")
@@ -47,6 +47,8 @@ class HilLink:
 
     def __init__(self, transport: Transport, system: int) -> None:
         self.transport = transport
+        self.lockstep = baud_rate(transport.address) is None
+        """Whether the other end may wait for our answer: a vehicle on a serial line has a clock of her own."""
         self._endpoint = Endpoint(transport, system, COMPONENT)
         self._gathered: dict[str, Any] = {}
         self._relayed: list[Frame] = []
@@ -65,7 +67,7 @@ class HilLink:
 
     def answer(self, frame: ActuatorFrame) -> None:
         """Send the actuators that answer a sample."""
-        self._endpoint.send_values(_CONTROLS, frame)
+        self._endpoint.send_values(_CONTROLS, frame if self.lockstep else frame._replace(flags=0))
 
     def order_failure(self, order: Order) -> None:
         """Ask the simulator to break something."""

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from autopilot import command, core, modes, requests
+from autopilot import command, core, health, modes, requests
 from autopilot.params import Config, ParamTable
 from autopilot.types import (
     ACCEPTED,
@@ -98,6 +98,11 @@ class Vehicle:
         self._begin()
         self.state = command.request(self.state, requests.LoadMission(items), self.params.config)[0]
         self.say(f"Restarted: {reason}", Severity.NOTICE)
+
+    def lose_sensors(self) -> None:
+        """No sample comes any more: say so. Until they have come again for a while she is not to be armed."""
+        self.state = health.lose_sensors(self.state)
+        self.say("Sensors silent", Severity.ERROR)
 
     def say(self, text: str, severity: Severity = Severity.WARNING) -> None:
         """Tell every ground station."""

@@ -1,0 +1,119 @@
+"""Sensors that fall silent on a serial line: noticed by the wall clock, for vehicle time stands still meanwhile."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from autopilot import app, hil
+from autopilot.app import SILENT_S, App
+from autopilot.health import RECOVERY_US
+from autopilot.logbook.book import Logbook
+from link.records import LOCKSTEP_FLAG, SensorFrame
+from link.transport import MemoryTransport, open_transport
+from sitl.pilots.hil import HilLink
+from sitl.sensors import Sensors
+from tests.autopilot.deck import TICK_US, Deck, only, sensors, texts
+
+ARM = 400
+ACCEPTED, REJECTED = 0, 1
+
+
+def noisy(time_us: int) -> SensorFrame:
+    """A vehicle at rest whose instruments never say the same twice."""
+    frame, noise = sensors(time_us), 1e-8 * time_us
+    return SensorFrame(time_us, *(reading + noise for reading in frame[1:11]), *frame[11:])
+
+
+class Aboard:
+    """An autopilot whose wall clock the test turns, and the far end of its HIL link."""
+
+    def __init__(self, near: MemoryTransport, far: MemoryTransport) -> None:
+        self.sea = HilLink(near)
+        self.deck = Deck()
+        self.app = App(self.deck.vehicle, hil.HilLink(far, 1), self.deck.server, Logbook(self.deck.vehicle, None))
+        self.time_us, self.wall_s = 0, 100.0
+
+    def sample(self, count: int = 1) -> int:
+        """So many samples a tick apart; the flags of the last answer."""
+        for _ in range(count):
+            self.time_us += TICK_US
+            self.wall_s += 1e-6 * TICK_US
+            self.sea.send(self.sea.datagram(Sensors(noisy(self.time_us), None, None), None))
+            self.app.step(0.0)
+        answer = self.sea.newest()
+        assert answer is not None
+        return answer.flags
+
+    def silence(self, seconds: float) -> list[str]:
+        """What is said meanwhile; the vehicle's own clock goes on, out of hearing."""
+        self.deck.station.heard()
+        for _ in range(10):
+            self.wall_s += seconds / 10.0
+            self.app.step(0.0)
+        self.time_us += round(1e6 * seconds / TICK_US) * TICK_US
+        return self.said()
+
+    def said(self) -> list[str]:
+        self.deck.serve()
+        return texts(self.deck.station.heard())
+
+    def arm(self) -> int:
+        return int(only(self.deck.command(ARM, 1.0), "COMMAND_ACK").result)
+
+
+@pytest.fixture
+def ends(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[MemoryTransport, MemoryTransport]]:
+    near, far = open_transport("memory:silence"), open_transport("memory:silence")
+    assert isinstance(near, MemoryTransport)
+    assert isinstance(far, MemoryTransport)
+    yield near, far
+    near.close()
+    far.close()
+
+
+@pytest.fixture
+def cable(ends: tuple[MemoryTransport, MemoryTransport], monkeypatch: pytest.MonkeyPatch) -> Aboard:
+    ends[1].address = "serial:/dev/ttyS0:115200"
+    aboard = Aboard(*ends)
+    monkeypatch.setattr(app, "wall_s", lambda: aboard.wall_s)
+    return aboard
+
+
+def test_silence_is_told_once_keeps_her_from_arming_and_passes(cable: Aboard) -> None:
+    cable.sample(50)
+    assert cable.silence(0.9 * SILENT_S) == []
+    cable.sample(50)
+    assert cable.silence(3.0 * SILENT_S) == ["Sensors silent"]
+    assert cable.silence(3.0 * SILENT_S) == []
+    assert cable.arm() == REJECTED
+    cable.sample(50)
+    assert cable.said() == ["Sensors recovered"]
+    assert cable.arm() == ACCEPTED
+
+
+def test_after_a_short_silence_sensors_have_to_speak_for_a_while(cable: Aboard) -> None:
+    cable.sample(50)
+    assert cable.silence(2.0 * SILENT_S) == ["Sensors silent"]
+    cable.sample(50)
+    assert cable.said() == []
+    assert cable.arm() == REJECTED
+    cable.sample(RECOVERY_US // TICK_US)
+    assert "Sensors recovered" in cable.said()
+    assert cable.arm() == ACCEPTED
+
+
+def test_sensors_that_never_spoke_are_waited_for(cable: Aboard) -> None:
+    assert cable.silence(60.0) == []
+
+
+def test_a_simulator_in_lockstep_may_pause_as_long_as_it_likes(
+    ends: tuple[MemoryTransport, MemoryTransport], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    aboard = Aboard(*ends)
+    monkeypatch.setattr(app, "wall_s", lambda: aboard.wall_s)
+    assert aboard.sample(50) == LOCKSTEP_FLAG
+    assert aboard.silence(60.0) == []
+
+
+def test_answers_on_a_serial_line_say_that_nobody_waits(cable: Aboard) -> None:
+    assert cable.sample() == 0
