@@ -1,6 +1,7 @@
 """Links between real processes: signed ones, and a serial cable that is slow, pulled out and put back."""
 
 import contextlib
+import itertools
 import json
 import os
 import socket
@@ -12,6 +13,10 @@ from typing import NamedTuple
 import pytest
 
 from autopilot.params import PARAMETERS
+from link import dialect
+from link.endpoint import Endpoint
+from link.transport import open_transport, wait
+from tests.autopilot.deck import TICK_US, sensors
 from tests.clients.mavproxy_console import Console
 from tests.processes.fleet import Finished, Process, autopilot, free_port, process
 from tests.processes.line import Line, line
@@ -133,6 +138,34 @@ def test_a_radio_that_is_pulled_out_comes_back(cable: Line, state: Path) -> None
 def processor_s(child: Process) -> float:
     fields = Path(f"/proc/{child._popen.pid}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_sensors_that_are_pulled_out_are_answered_when_they_are_back(cable: Line, state: Path) -> None:
+    hil = f"serial:{cable.device['vehicle']}:57600"
+    far = open_transport(f"serial:{cable.device['ground']}:57600")
+    controller = Endpoint(far, 1, 200)
+
+    def answered(time_us: int) -> bool:
+        controller.send_values(dialect.by_name("HIL_SENSOR"), sensors(time_us))
+        until_s = time.monotonic() + 1.0
+        while time.monotonic() < until_s:
+            wait([far], 0.1)
+            if any(frame.decode().time_usec == time_us for frame in controller.receive()):
+                return True
+        return False
+
+    with (
+        contextlib.closing(far),
+        autopilot(hil, f"udpout:127.0.0.1:{free_port()}") as child,
+    ):
+        ticks = itertools.count(1)
+        eventually(lambda: answered(next(ticks) * TICK_US))
+        cable.unplug("vehicle")
+        assert child.wait_for_line().startswith(f"{hil}: lost (")
+        assert not answered(next(ticks) * TICK_US)
+        cable.plug("vehicle")
+        assert child.wait_for_line() == f"{hil}: back\n"
+        eventually(lambda: answered(next(ticks) * TICK_US))
 
 
 def test_a_radio_that_is_not_there_yet_is_waited_for(cable: Line, state: Path) -> None:
