@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from ground import commands
+from ground import commands, reception
 from ground.commands import Command, ModeList
 from ground.errors import FailedError
 from ground.recorder import Recorder
@@ -96,7 +96,7 @@ class Vehicle:
         deadline_s = wall_s() + timeout_s
         while self.party is None:
             if wall_s() > deadline_s:
-                raise VehicleError(f"no vehicle on {self._endpoint.transport.address} within {timeout_s:g} s")
+                raise VehicleError(self._not_found(timeout_s))
             self._heard_s = wall_s()
             self.pump(0.05)
 
@@ -244,6 +244,12 @@ class Vehicle:
         self.texts.append(text)
         if self.on_text is not None:
             self.on_text(text)
+
+    def _not_found(self, timeout_s: float) -> str:
+        address = self._endpoint.transport.address
+        senders = {Party(frame.system, frame.component) for frame in self._latest.values()}
+        heard = reception.explain(address, senders, self._endpoint.skipped_bytes)
+        return f"no vehicle on {address} within {timeout_s:g} s: {heard}"
 
     def _send_heartbeat(self) -> None:
         self._endpoint.send(

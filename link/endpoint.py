@@ -62,6 +62,11 @@ class Endpoint:
         """Received frames whose CRC was wrong."""
         return self._framer.rejected_frames
 
+    @property
+    def skipped_bytes(self) -> int:
+        """Received bytes that belonged to no frame."""
+        return self._framer.skipped_bytes
+
     def _count(self, frame: Frame) -> None:
         sender = frame.system, frame.component
         expected = self._expected.get(sender)

@@ -1,0 +1,19 @@
+"""Why a vehicle was not found: what was heard in her place, and where to look."""
+
+from collections.abc import Collection
+
+from link.exchange import Party
+from link.transport import baud_rate
+
+
+def explain(address: str, senders: Collection[Party], skipped_bytes: int) -> str:
+    """Of ``senders`` MAVLink was heard, but none is a vehicle; ``skipped_bytes`` were no MAVLink at all."""
+    baud = baud_rate(address)
+    if senders:
+        named = ", ".join(f"{system}/{component}" for system, component in sorted(senders))
+        return f"MAVLink was heard of {named} (system/component), but no autopilot's HEARTBEAT"
+    if skipped_bytes:
+        question = f": is {baud} the vehicle's baud rate?" if baud else ""
+        return f"{skipped_bytes} bytes were heard and no MAVLink in them{question}"
+    advice = ": is she switched on, TX wired to RX and RX to TX, and no other program on the line?" if baud else ""
+    return f"nothing was heard{advice}"
