@@ -19,6 +19,8 @@ pytestmark = pytest.mark.process
 STEP_US = 4000
 GROUPS = {"accel": 0x07, "gyro": 0x38, "mag": 0x1C0, "baro": 0x1A00}
 """HIL_SENSOR.fields_updated: PX4 takes each of them whole or not at all."""
+NOTHING_S = 0.15
+"""Seconds after which a frame that has not come is held back: less than PX4 is waited for, many steps of the clock."""
 DEEP = "[start]\ndepth_m = 5.0\nheading_deg = 90.0\nspeed_mps = 1.0\n"
 
 
@@ -97,7 +99,7 @@ def test_no_step_is_made_before_the_answer_to_the_one_before(px4: Px4) -> None:
     *_, before = px4.fly(50)
     asked = px4.hear()
     with pytest.raises(TimeoutError):
-        px4.hear(patience_s=0.3)
+        px4.hear(patience_s=NOTHING_S)
     px4.answer()
     after = px4.hear()
     assert (asked.time_us - before.time_us, after.time_us - asked.time_us) == (STEP_US, STEP_US)
@@ -108,13 +110,13 @@ def test_before_the_first_answer_time_flows_at_the_pace_of_the_clock(px4: Px4) -
     took_s = silent[-1].wall_s - silent[0].wall_s
     assert steps_us(silent) == {STEP_US}
     assert took_s > 0.9 * 149 * STEP_US * 1e-6, "not faster than the clock, whatever the speed-up"
-    assert took_s < 5.0
+    assert took_s < 15.0
     px4.answer()
     late = list(px4.fly(50))
     assert steps_us([silent[-1], *late]) == {STEP_US}
     px4.hear()
     with pytest.raises(TimeoutError):
-        px4.hear(patience_s=0.3)
+        px4.hear(patience_s=NOTHING_S)
 
 
 @pytest.mark.parametrize("nth", [2, 5])
@@ -129,26 +131,25 @@ def test_answers_to_every_nth_frame_are_waited_for_and_the_frames_between_are_no
         instants += [px4.hear() for _ in range(nth)]
         px4.answer()
     assert steps_us(instants) == {STEP_US}
-    assert time.monotonic() - settled < 3.0
+    assert time.monotonic() - settled < 10.0
     for _ in range(nth):
         px4.hear()
     with pytest.raises(TimeoutError):
-        px4.hear(patience_s=0.3)
+        px4.hear(patience_s=NOTHING_S)
 
 
 def test_two_seconds_of_silence_neither_stop_time_nor_end_the_lockstep(px4: Px4) -> None:
     instants = list(px4.fly(50))
-    until_s = time.monotonic() + 2.0
-    while time.monotonic() < until_s:
+    while instants[-1].wall_s - instants[49].wall_s < 2.0:
         instants.append(px4.hear(patience_s=1.0))  # PX4 complains when nothing comes for a second
-    flown_us = instants[-1].time_us - instants[49].time_us
-    assert 0.2e6 < flown_us < 2.1e6
+    flown_s = 1e-6 * (instants[-1].time_us - instants[49].time_us)
+    assert 0.2 < flown_s < instants[-1].wall_s - instants[49].wall_s + 0.1
     px4.answer()
     instants += px4.fly(100)
     assert steps_us(instants) == {STEP_US}
     px4.hear()
     with pytest.raises(TimeoutError):
-        px4.hear(patience_s=0.3)
+        px4.hear(patience_s=NOTHING_S)
 
 
 def test_one_that_hangs_for_two_seconds_finds_every_step_in_its_queue(px4: Px4) -> None:
@@ -172,12 +173,11 @@ def test_a_new_connection_finds_a_vehicle_that_begins_anew(port: int) -> None:
 def test_without_lockstep_nobody_is_waited_for(px4: Px4) -> None:
     """A flight controller in a hardware loop answers by its own clock."""
     instants = []
-    for _ in range(30):
-        instants.append(px4.hear())
+    for gap in range(1, 16):
+        instants += [px4.hear() for _ in range(gap)]
         px4.answer(lockstep=False)
-    instants += [px4.hear(patience_s=1.0) for _ in range(20)]
     assert steps_us(instants) == {STEP_US}
-    assert instants[-1].wall_s - instants[-21].wall_s < 0.45, "one that was waited for would have taken longer"
+    assert instants[-1].wall_s - instants[0].wall_s < 4.0, "waiting in vain would take half a second each time"
 
 
 @pytest.fixture(scope="module")
