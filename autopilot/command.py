@@ -2,7 +2,7 @@
 
 import math
 
-from autopilot import bench, excitation, health, mission, modes, requests
+from autopilot import bench, excitation, failsafe, guidance, health, mission, modes, navigation, requests
 from autopilot.params import Config
 from autopilot.types import (
     ACCEPTED,
@@ -10,13 +10,15 @@ from autopilot.types import (
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
     Answer,
+    AttitudeTarget,
+    Circle,
     Event,
     Excitation,
     Home,
     ItemReached,
+    Line,
     LoopMemory,
     MissionState,
-    Setpoint,
     Severity,
     State,
 )
@@ -45,19 +47,21 @@ def request(state: State, wish: requests.Request, config: Config) -> tuple[State
             if not 0 <= sequence < max(1, len(state.mission.items)):
                 return state, Answer(DENIED, f"Mission item {sequence} does not exist"), ()
             moved = state.mission._replace(current=sequence, entered_us=None)
-            return state._replace(mission=moved, test=None), Answer(ACCEPTED), ()
+            return state._replace(mission=moved, test=None, path=None), Answer(ACCEPTED), ()
         case requests.ChangeTarget():
             return change_target(state, wish), Answer(ACCEPTED), ()
         case requests.TestActuator():
             return test_actuator(state, wish)
+        case requests.SetTarget():
+            return set_target(state, wish), Answer(ACCEPTED), ()
         case requests.SetHome(lat_deg, lon_deg):
-            return state._replace(home=Home(lat_deg, lon_deg, True)), Answer(ACCEPTED), ()
+            return set_home(state, Home(lat_deg, lon_deg, True)), Answer(ACCEPTED), ()
 
 
 def arm(state: State, force: bool, config: Config) -> tuple[State, Answer, Events]:
     if state.armed:
         return state, Answer(ACCEPTED), ()
-    reason = prearm(state)
+    reason = prearm(state, config)
     if reason and not force:
         return state, Answer(TEMPORARILY_REJECTED, f"Not armed: {reason}"), ()
     state = state._replace(
@@ -65,7 +69,7 @@ def arm(state: State, force: bool, config: Config) -> tuple[State, Answer, Event
     )
     state = state._replace(mission=_taken_up(state, config))
     mode = modes.by_number(state.mode) or modes.HOLD
-    return hold_here(state, config), Answer(ACCEPTED), (Event(Severity.INFO, f"Armed: {mode.name}"),)
+    return guidance.take_up(state, config), Answer(ACCEPTED), (Event(Severity.INFO, f"Armed: {mode.name}"),)
 
 
 def _taken_up(state: State, config: Config) -> MissionState:
@@ -75,14 +79,27 @@ def _taken_up(state: State, config: Config) -> MissionState:
     return mission.restart(state.mission, config)
 
 
-def prearm(state: State) -> str:
+def prearm(state: State, config: Config) -> str:
     """Why the vehicle must not be armed; empty when it may."""
     if not state.estimate.initialised:
         return "no sensors"
     if reason := health.refusal(state.health):
         return reason
-    if state.mode == modes.MISSION.number and not state.mission.items:
+    return lacking(state, modes.by_number(state.mode) or modes.HOLD, config)
+
+
+def lacking(state: State, mode: modes.Mode, config: Config) -> str:
+    """What a mode cannot be flown without; empty when all is there.
+
+    Places that are told by latitude and longitude are uploaded wherever the vehicle lies, but flown only from where she
+    knows herself to be.
+    """
+    if mode == modes.MISSION and not state.mission.items:
         return "no mission"
+    if mode == modes.RTL or (mode == modes.MISSION and mission.needs_home(state.mission.items, config)):
+        return "" if state.home.known else "home is not known"
+    if mode == modes.OFFBOARD and not any(state.targets):
+        return "no set-point streams"
     return ""
 
 
@@ -101,18 +118,42 @@ def set_mode(state: State, number: int, config: Config) -> tuple[State, Answer, 
         return state, Answer(UNSUPPORTED, f"Mode {number} is none of {known}"), ()
     if number == state.mode:
         return state, Answer(ACCEPTED), ()
+    if state.failsafe == failsafe.GROUND_LOST:
+        state = state._replace(failsafe="")  # whoever asks is back
     if state.failsafe and state.armed and mode not in (modes.SURFACE, modes.MANUAL):
         return state, Answer(TEMPORARILY_REJECTED, f"{mode.name} refused: failsafe, {state.failsafe}"), ()
-    if mode == modes.MISSION and state.armed and not state.mission.items:
-        return state, Answer(TEMPORARILY_REJECTED, "MISSION refused: no mission"), ()
+    if state.armed and (reason := lacking(state, mode, config)):
+        return state, Answer(TEMPORARILY_REJECTED, f"{mode.name} refused: {reason}"), ()
     if mode == modes.SYSID:
         return start_test(state, _configured_test(config), config)
     state, events = modes.enter(state, mode)
     if mode == modes.MISSION:
         state = state._replace(mission=_taken_up(state, config))
     if state.armed:
-        state = hold_here(state, config)
+        state = guidance.take_up(state, config)
     return state, Answer(ACCEPTED), events
+
+
+def set_target(state: State, wish: requests.SetTarget) -> State:
+    """Keep the newest set-point of its kind; OFFBOARD follows it."""
+    if isinstance(wish.target, AttitudeTarget):
+        return state._replace(targets=state.targets._replace(attitude=wish.target))
+    return state._replace(targets=state.targets._replace(motion=wish.target))
+
+
+def set_home(state: State, home: Home) -> State:
+    """Count from a new home; she stays where she is, and so do the ends of her path."""
+    shift = navigation.moved_home(0j, state.home, home)
+    at, path = state.estimate, state.path
+    estimate = at._replace(north_m=at.north_m + shift.real, east_m=at.east_m + shift.imag)
+    if isinstance(path, Line):
+        to_m = 0j if state.mode == modes.RTL.number else path.to_m + shift
+        path = path._replace(from_m=path.from_m + shift, to_m=to_m)
+    if isinstance(path, Circle):
+        path = path._replace(centre_m=path.centre_m + shift)
+    left_m = state.mission.left_m
+    mission_state = state.mission._replace(left_m=None if left_m is None else left_m + shift)
+    return state._replace(home=home, estimate=estimate, path=path, mission=mission_state)
 
 
 def start_test(state: State, wish: requests.StartTest, config: Config) -> tuple[State, Answer, Events]:
@@ -156,21 +197,6 @@ def change_target(state: State, wish: requests.ChangeTarget) -> State:
             heading_rad=old.heading_rad if wish.heading_rad is None else wish.heading_rad,
             thrust=old.thrust if wish.thrust is None else wish.thrust,
         )
-    )
-
-
-def hold_here(state: State, config: Config) -> State:
-    """Set-points of this depth and heading; missions and DEPTH run at cruise thrust, HOLD keeps what there was.
-
-    A mission that was left on the way goes on with its own set-points.
-    """
-    at, paused = state.estimate, state.mission.paused
-    if state.mode == modes.MISSION.number and paused is not None:
-        return state._replace(setpoint=paused, mission=state.mission._replace(paused=None))
-    cruise = config.cruise_thrust_pct / 100.0
-    under_way = state.mode in (modes.MISSION.number, modes.DEPTH.number)
-    return state._replace(
-        setpoint=Setpoint(max(0.0, at.depth_m), at.heading_rad, cruise if under_way else state.thrust)
     )
 
 

@@ -1,6 +1,6 @@
 """The tick: health, estimate, failsafe, guidance, loops or excitation, actuators. Pure: no clock, no I/O, no chance."""
 
-from autopilot import bench, estimator, excitation, failsafe, health, loops, mission, modes
+from autopilot import bench, estimator, excitation, failsafe, guidance, health, loops, mission, modes, offboard
 from autopilot.params import Config
 from autopilot.types import (
     US_PER_S,
@@ -9,6 +9,7 @@ from autopilot.types import (
     Home,
     Inputs,
     ItemReached,
+    Line,
     LoopMemory,
     Severity,
     State,
@@ -35,8 +36,10 @@ def tick(state: State, inputs: Inputs, config: Config) -> tuple[State, ActuatorF
     """One step of the autopilot at the vehicle time of the sensors."""
     dt_s = step_s(state, inputs)
     state, inputs, noticed = observe(state, inputs, config, dt_s)
+    if any(state.targets):
+        state = state._replace(targets=offboard.heard(state.targets, inputs, config))
     state, alarms = failsafe.watch(state, inputs, config)
-    state, guided = guide(state, config)
+    state, guided = guide(state, inputs.stick, config, dt_s)
     state, trace = control(state, inputs.stick, config, dt_s)
     return state, actuators(state, trace, config), trace, (*noticed, *alarms, *guided)
 
@@ -73,20 +76,48 @@ def follow(state: State, inputs: Inputs, home: Home, config: Config, dt_s: float
     return state.estimate
 
 
-def guide(state: State, config: Config) -> tuple[State, Events]:
-    """Let the mode move the set-points."""
+def guide(state: State, stick: Stick | None, config: Config, dt_s: float) -> tuple[State, Events]:
+    """Let the mode move the set-points, and the path the heading."""
     if not state.armed:
         return state, ()
     state, ended = watch_test(state, config)
-    if state.mode == modes.MISSION.number:
-        state, flown = mission.advance(state, config)
-        return mission.steer(state), (*ended, *flown)
-    if state.mode == modes.SURFACE.number:
+    state, events = _fly_mode(state, stick, config, dt_s)
+    return guidance.steer(state, config, dt_s), (*ended, *events)
+
+
+def _fly_mode(state: State, stick: Stick | None, config: Config, dt_s: float) -> tuple[State, Events]:
+    mode = state.mode
+    if mode == modes.MISSION.number:
+        return mission.advance(state, config)
+    if mode == modes.SURFACE.number:
         return surface(state, config)
-    if state.mode == modes.SYSID.number and state.test is None:
-        state, changed = modes.enter(state, modes.DEPTH)
-        return state, (*ended, *changed)
-    return state, ended
+    if mode == modes.RTL.number:
+        return come_home(state, config)
+    if mode == modes.OFFBOARD.number:
+        return obey_targets(state, config, dt_s)
+    if mode == modes.STABILIZE.number:
+        return offboard.stabilize(state, stick, config, dt_s), ()
+    if mode == modes.SYSID.number and state.test is None:
+        return modes.enter(state, modes.DEPTH)
+    return state, ()
+
+
+def come_home(state: State, config: Config) -> tuple[State, Events]:
+    """Near home, or abeam of it, surface."""
+    path = state.path
+    if isinstance(path, Line) and not guidance.reached(path, state.estimate, config.rtl_radius_m):
+        return state, ()
+    state, events = modes.enter(state, modes.SURFACE)
+    return state, (Event(Severity.INFO, "RTL: home reached"), *events)
+
+
+def obey_targets(state: State, config: Config, dt_s: float) -> tuple[State, Events]:
+    """Follow the set-points from outside while they stream; then hold."""
+    if any(state.targets):
+        return offboard.steer(state, config, dt_s), ()
+    state, events = modes.enter(state, modes.HOLD)
+    lost = Event(Severity.WARNING, f"OFFBOARD lost: no set-point for {config.offboard_timeout_s:g} s -> HOLD")
+    return guidance.take_up(state, config), (lost, *events)
 
 
 def watch_test(state: State, config: Config) -> tuple[State, Events]:

@@ -2,22 +2,41 @@
 
 import math
 
-from autopilot import health, modes
+from autopilot import guidance, health, modes
 from autopilot.devices import BATTERY, LEAK
 from autopilot.params import Config
 from autopilot.types import US_PER_S, Event, Excitation, Inputs, Severity, State
 from link.frames import wrap_pi
 
+GROUND_LOST = "ground lost"
+_ON_GROUND_LOST = (modes.HOLD, modes.SURFACE, modes.RTL)
+"""By FS_GCS_ACT."""
+
 
 def watch(state: State, inputs: Inputs, config: Config) -> tuple[State, tuple[Event, ...]]:
-    """Turn to SURFACE where the vehicle leaves its limits; a failsafe stays in force until it is disarmed."""
-    if not state.armed or state.failsafe:
+    """Turn to SURFACE where the vehicle leaves its limits; a failsafe stays in force until it is disarmed.
+
+    What a lost ground asks for is FS_GCS_ACT's choice, and ends when ground asks for a mode again; it does not hide
+    what comes after it.
+    """
+    if not state.armed or state.failsafe not in ("", GROUND_LOST):
         return state, ()
     cause = _cause(state, inputs, config)
-    if not cause:
+    if cause in ("", state.failsafe):
         return state, ()
-    state, events = modes.enter(state._replace(failsafe=cause), modes.SURFACE)
-    return state, (Event(Severity.CRITICAL, f"Failsafe: {cause} -> SURFACE"), *events)
+    mode = _refuge(cause, state, config)
+    state, events = modes.enter(state._replace(failsafe=cause), mode)
+    if mode != modes.SURFACE:
+        state = guidance.take_up(state, config)
+    return state, (Event(Severity.CRITICAL, f"Failsafe: {cause} -> {mode.name}"), *events)
+
+
+def _refuge(cause: str, state: State, config: Config) -> modes.Mode:
+    """The mode that answers a cause; without a known home there is no way there."""
+    if cause != GROUND_LOST or state.mode == modes.SURFACE.number:
+        return modes.SURFACE
+    mode = _ON_GROUND_LOST[config.fs_ground_action]
+    return modes.SURFACE if mode == modes.RTL and not state.home.known else mode
 
 
 def _cause(state: State, inputs: Inputs, config: Config) -> str:
@@ -36,7 +55,7 @@ def _cause(state: State, inputs: Inputs, config: Config) -> str:
     if 0.0 < config.fs_time_s < armed_s:
         return f"armed {armed_s:.0f} s"
     if inputs.ground_silent_s is not None and 0.0 < config.fs_ground_s < inputs.ground_silent_s:
-        return "ground lost"
+        return GROUND_LOST
     return ""
 
 

@@ -3,11 +3,22 @@
 import math
 from enum import IntEnum
 
-from autopilot import excitation, guidance, modes
+from autopilot import excitation, guidance, modes, offboard
 from autopilot.params import Config
-from autopilot.types import US_PER_S, Event, Excitation, ItemReached, MissionState, Severity, State
+from autopilot.types import (
+    US_PER_S,
+    Circle,
+    Event,
+    Excitation,
+    Home,
+    ItemReached,
+    Line,
+    MissionState,
+    Severity,
+    State,
+)
 from link.frames import wrap_pi
-from link.missions import MissionItem
+from link.missions import GLOBAL_FRAMES, MissionItem
 
 
 class Command(IntEnum):
@@ -15,6 +26,7 @@ class Command(IntEnum):
 
     WAYPOINT = 16
     LOITER_UNLIMITED = 17
+    LOITER_TURNS = 18
     LOITER_TIME = 19
     RETURN = 20
     LAND = 21
@@ -32,6 +44,11 @@ COMMANDS = frozenset(Command)
 
 DEPTH_REACHED_M = 0.3
 
+_PLACED = frozenset(
+    (Command.WAYPOINT, Command.LOITER_UNLIMITED, Command.LOITER_TURNS, Command.LOITER_TIME, Command.LAND)
+)
+"""Items that may give a place."""
+
 Outcome = tuple[State, tuple[Event | ItemReached, ...]]
 
 
@@ -46,6 +63,7 @@ def check(items: tuple[MissionItem, ...], config: Config) -> tuple[int, str]:
 _NEEDS: dict[int, tuple[str, ...]] = {
     Command.DELAY: ("p1",),
     Command.LOITER_TIME: ("p1",),
+    Command.LOITER_TURNS: ("p1",),
     Command.YAW: ("p1",),
     Command.JUMP: ("p1", "p2"),
     Command.CHANGE_ALTITUDE: ("p1",),
@@ -68,9 +86,20 @@ def _fault(item: MissionItem, count: int, config: Config) -> str:
         return f"DO_JUMP to {item.p1:g}: there is no such item"
     if item.command == Command.CHANGE_ALTITUDE and item.p1 > 0.0:
         return f"altitude {item.p1:g} m: must be 0 or negative, depth is minus altitude"
+    if item.command in _PLACED and guidance.depth_of(item, 0.0) < 0.0:
+        return f"depth {guidance.depth_of(item, 0.0):g} m: must be 0 or more; z is down in a local frame, else up"
     if item.command == Command.TEST:
         return excitation.check(test_of(item, State()), config.travel_deg)
     return ""
+
+
+def needs_home(items: tuple[MissionItem, ...], config: Config) -> bool:
+    """Whether an item that is flown is told by latitude and longitude, or is the way home."""
+    return any(
+        item.command == Command.RETURN
+        or (item.command in _PLACED and item.frame in GLOBAL_FRAMES and guidance.place_of(item, Home()) is not None)
+        for item in _flown(items, config)
+    )
 
 
 def restart(mission: MissionState, config: Config) -> MissionState:
@@ -91,8 +120,12 @@ def advance(state: State, config: Config) -> Outcome:
         if mission.entered_us is None:
             state, begun = begin(item, state, config)
             events += begun
-        if state.mode != modes.MISSION.number or not done(item, state):
+        state = _turn_up(item, state, config)
+        if state.mode != modes.MISSION.number or not done(item, state, config):
             break
+        if item.command == Command.LAND:
+            state, surfacing = modes.enter(state, modes.SURFACE)
+            return state, (*events, *surfacing)
         state = _next(item, state)
         events.append(ItemReached(item.sequence))
     return state, tuple(events)
@@ -100,7 +133,7 @@ def advance(state: State, config: Config) -> Outcome:
 
 def begin(item: MissionItem, state: State, config: Config) -> Outcome:
     """Put an item's wishes in force."""
-    state = state._replace(mission=state.mission._replace(entered_us=state.time_us))
+    state = state._replace(mission=state.mission._replace(entered_us=state.time_us), path=None)
     setpoint = state.setpoint
     match item.command:
         case Command.CHANGE_ALTITUDE | Command.CHANGE_ALTITUDE_WAIT:
@@ -110,42 +143,78 @@ def begin(item: MissionItem, state: State, config: Config) -> Outcome:
             setpoint = setpoint._replace(heading_rad=_heading(item, state))
         case Command.CHANGE_SPEED:
             setpoint = setpoint._replace(thrust=_thrust(item, setpoint.thrust, config))
-        case Command.WAYPOINT:
-            setpoint = setpoint._replace(depth_m=guidance.target(item, state.home, state.estimate)[2])
-        case Command.RETURN | Command.LAND:
+        case Command.RETURN:
+            return go_home(state, config)
+        case Command.LAND if guidance.place_of(item, state.home) is None:
             return modes.enter(state, modes.SURFACE)
+        case _ if item.command in _PLACED:
+            return _go(item, state, config), ()
         case Command.TEST:
             return start_test(test_of(item, state), state)
     return state._replace(setpoint=setpoint), ()
 
 
-def done(item: MissionItem, state: State) -> bool:
+def go_home(state: State, config: Config) -> Outcome:
+    """RTL where home is known, else up."""
+    if not state.home.known:
+        state, events = modes.enter(state, modes.SURFACE)
+        return state, (Event(Severity.WARNING, "RTL refused: home is not known"), *events)
+    state, events = modes.enter(state, modes.RTL)
+    return guidance.take_up(state, config), events
+
+
+def _go(item: MissionItem, state: State, config: Config) -> State:
+    """Set out to the place of an item: by the line from the last waypoint where she is near it, or from here."""
+    here = guidance.here(state.estimate)
+    place = guidance.place_of(item, state.home)
+    to_m = here if place is None else place
+    if item.command != Command.LAND:  # its altitude is that of the end
+        depth_m = guidance.depth_of(item, state.setpoint.depth_m)
+        state = state._replace(setpoint=state.setpoint._replace(depth_m=depth_m))
+    if item.command in (Command.WAYPOINT, Command.LAND):
+        left_m = state.mission.left_m
+        near = left_m is not None and abs(here - left_m) <= config.lookahead_m
+        return state._replace(path=Line(left_m if left_m is not None and near else here, to_m))
+    return state._replace(path=guidance.circle(to_m, item.p3, config))
+
+
+def _turn_up(item: MissionItem, state: State, config: Config) -> State:
+    """A waypoint that is to be held is circled once it is reached: she cannot hover."""
+    path = state.path
+    if item.command != Command.WAYPOINT or not item.p1 > 0.0 or not isinstance(path, Line):
+        return state
+    if not guidance.reached(path, state.estimate, _acceptance_m(item, config)):
+        return state
+    return state._replace(path=guidance.circle(path.to_m, 0.0, config, since_us=state.time_us))
+
+
+def _acceptance_m(item: MissionItem, config: Config) -> float:
+    given = item.p2 if item.command == Command.WAYPOINT else 0.0
+    return given if given > 0.0 else config.acceptance_m
+
+
+def done(item: MissionItem, state: State, config: Config) -> bool:
     """Whether an item that was begun has come to its end."""
-    entered_us = state.mission.entered_us
-    elapsed_s = (state.time_us - (state.time_us if entered_us is None else entered_us)) / US_PER_S
+    path, entered_us = state.path, state.mission.entered_us
     match item.command:
-        case Command.DELAY | Command.LOITER_TIME:
-            return elapsed_s >= item.p1
+        case Command.DELAY:
+            return (state.time_us - (state.time_us if entered_us is None else entered_us)) / US_PER_S >= item.p1
         case Command.CHANGE_ALTITUDE_WAIT:
             return abs(state.estimate.depth_m + item.z) < DEPTH_REACHED_M
-        case Command.WAYPOINT:
-            north, east, _ = guidance.target(item, state.home, state.estimate)
-            return guidance.distance_m(north, east, state.estimate) < (item.p2 or guidance.DEFAULT_ACCEPTANCE_M)
         case Command.TEST:
             return state.test is None
         case Command.LOITER_UNLIMITED:
             return False
+    if isinstance(path, Line):
+        return guidance.reached(path, state.estimate, _acceptance_m(item, config))
+    if isinstance(path, Circle):
+        turns = item.command == Command.LOITER_TURNS
+        return path.turned_rad >= 2.0 * math.pi * item.p1 if turns else _circled(path, item, state)
     return True
 
 
-def steer(state: State) -> State:
-    """Point at the waypoint being flown; other items leave the heading as it is."""
-    mission = state.mission
-    if mission.current >= len(mission.items) or mission.items[mission.current].command != Command.WAYPOINT:
-        return state
-    north, east, _ = guidance.target(mission.items[mission.current], state.home, state.estimate)
-    heading = guidance.bearing_rad(north, east, state.estimate)
-    return state._replace(setpoint=state.setpoint._replace(heading_rad=heading))
+def _circled(path: Circle, item: MissionItem, state: State) -> bool:
+    return path.since_us is not None and guidance.circled_s(path, state.time_us) >= item.p1
 
 
 def test_of(item: MissionItem, state: State) -> Excitation:
@@ -177,7 +246,18 @@ def _next(item: MissionItem, state: State) -> State:
         if item.p2 < 0 or count < item.p2:
             index = int(item.p1)
             jumps = tuple(sorted({**taken, item.sequence: count + 1}.items()))
-    return state._replace(mission=mission._replace(current=index, entered_us=None, jumps=jumps, reached=item.sequence))
+    return state._replace(
+        mission=mission._replace(
+            current=index, entered_us=None, jumps=jumps, reached=item.sequence, left_m=_left_m(item, state)
+        )
+    )
+
+
+def _left_m(item: MissionItem, state: State) -> complex | None:
+    """The last waypoint that was reached."""
+    if item.command == Command.WAYPOINT and isinstance(state.path, Line):
+        return state.path.to_m
+    return state.mission.left_m
 
 
 def _end(state: State, config: Config) -> tuple[State, tuple[Event, ...]]:
@@ -196,9 +276,9 @@ def _heading(item: MissionItem, state: State) -> float:
 
 
 def _thrust(item: MissionItem, thrust: float, config: Config) -> float:
-    """A percentage where one is given, else from the speed: a propeller's speed grows with its revolutions."""
+    """A percentage where one is given, else from the speed."""
     if item.p3 >= 0:
         return min(1.0, item.p3 / 100.0)
     if item.p2 >= 0:
-        return min(1.0, item.p2 / config.cruise_speed_mps * config.cruise_thrust_pct / 100.0)
+        return offboard.thrust_for(item.p2, config)
     return config.cruise_thrust_pct / 100.0 if item.p2 == -2 else thrust

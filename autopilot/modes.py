@@ -21,13 +21,20 @@ def _number(main: int, sub: int = 0) -> int:
 
 MANUAL = Mode(_number(1), "MANUAL", 0, False, False)
 DEPTH = Mode(_number(2), "DEPTH", 0, True, True)
+STATION = Mode(_number(3), "STATION", 0, True, True)
+"""Circles about a place: she cannot hover."""
 HOLD = Mode(_number(4, 3), "HOLD", 0, True, True)
 MISSION = Mode(_number(4, 4), "MISSION", 6, True, True)
+RTL = Mode(_number(4, 5), "RTL", 5, True, True)
 SURFACE = Mode(_number(4, 6), "SURFACE", 7, True, True)
 SYSID = Mode(_number(4, 11), "SYSID", 0, True, True)
 """The loop of the excited plane is open while a test runs, the other stays closed."""
 
-MODES = (MANUAL, DEPTH, HOLD, MISSION, SURFACE, SYSID)
+OFFBOARD = Mode(_number(6), "OFFBOARD", 0, True, True)
+STABILIZE = Mode(_number(7), "STABILIZE", 0, True, True)
+"""The stick sets pitch and rate of turn."""
+
+MODES = (MANUAL, STABILIZE, DEPTH, STATION, HOLD, MISSION, RTL, SURFACE, OFFBOARD, SYSID)
 
 _BY_NUMBER = {mode.number: mode for mode in MODES}
 _BY_NAME = {mode.name: mode for mode in MODES}
@@ -44,7 +51,7 @@ def by_name(name: str) -> Mode | None:
 
 
 def enter(state: State, mode: Mode) -> tuple[State, tuple[Event, ...]]:
-    """Take a mode: a test ends, and a mission that is left keeps its set-points for the way back."""
+    """Take a mode: a test and a path end, and a mission that is left keeps its set-points for the way back."""
     if mode.number == state.mode:
         return state, ()
     events = [Event(Severity.INFO, f"Mode {mode.name}")]
@@ -53,9 +60,9 @@ def enter(state: State, mode: Mode) -> tuple[State, tuple[Event, ...]]:
     mission = state.mission
     if state.mode == MISSION.number and state.armed:
         mission = mission._replace(paused=state.setpoint)
-    return state._replace(mode=mode.number, test=None, mission=mission), tuple(events)
+    return state._replace(mode=mode.number, test=None, path=None, mission=mission), tuple(events)
 
 
 def disarm(state: State) -> State:
     """Everything at rest, in HOLD."""
-    return state._replace(armed=False, test=None, thrust=0.0, loops=LoopMemory(), mode=HOLD.number)
+    return state._replace(armed=False, test=None, path=None, thrust=0.0, loops=LoopMemory(), mode=HOLD.number)

@@ -79,7 +79,7 @@ class Config:
     lookahead_m: Annotated[float, Doc("NAV_LOS_M", 1, 500, "m", "Look-ahead of line-of-sight guidance")] = 15.0
     los_integral_mps: Annotated[
         float, Doc("NAV_LOS_I", 0, 10, "m/s", "Integral gain of line-of-sight guidance; 0 off")
-    ] = 0.5
+    ] = 0.3
     acceptance_m: Annotated[float, Doc("NAV_ACC_RAD_M", 0.5, 500, "m", "A place is reached within this")] = 5.0
     station_radius_m: Annotated[float, Doc("STN_RADIUS_M", 5, 1000, "m", "Circle about a place to stay at")] = 20.0
     rtl_depth_m: Annotated[float, Doc("RTL_DEPTH_M", 0, 6000, "m", "Depth of the way home")] = 2.0
@@ -99,9 +99,9 @@ class Config:
     fs_altitude_m: Annotated[float, Doc("FS_ALT_M", 0, 100, "m", "Closer to the sea floor: surface; 0 off")] = 1.0
     fs_pitch_deg: Annotated[float, Doc("FS_PITCH_DEG", 10, 90, "deg", "Steeper than this: surface")] = 75.0
     fs_time_s: Annotated[float, Doc("FS_TIME_S", 0, 864_000, "s", "Longest armed time: surface; 0 off")] = 7200.0
-    fs_ground_s: Annotated[float, Doc("FS_GCS_TIMEOUT", 0, 86_400, "s", "Wall time without ground: FS_GCS_ACT; 0 off")] = (
-        0.0
-    )
+    fs_ground_s: Annotated[
+        float, Doc("FS_GCS_TIMEOUT", 0, 86_400, "s", "Wall time without ground: FS_GCS_ACT; 0 off")
+    ] = 0.0
     fs_ground_action: Annotated[int, Doc("FS_GCS_ACT", 0, 2, "", "Ground lost: 0 HOLD, 1 SURFACE, 2 RTL")] = 1
     fs_leak_action: Annotated[int, Doc("FS_LEAK_ACT", 0, 1, "", "A leak: 0 only tell, 1 surface")] = 1
     fs_battery_action: Annotated[int, Doc("FS_BATT_ACT", 0, 1, "", "Battery low: 0 only tell, 1 surface")] = 1

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from autopilot.types import AttitudeTarget, MotionTarget
 from link.missions import MissionItem
 
 
@@ -52,6 +53,12 @@ class ChangeTarget(NamedTuple):
     thrust: float | None = None
 
 
+class SetTarget(NamedTuple):
+    """A set-point of a stream; OFFBOARD follows it."""
+
+    target: AttitudeTarget | MotionTarget
+
+
 class SetHome(NamedTuple):
     lat_deg: float
     lon_deg: float
@@ -69,5 +76,15 @@ class TestActuator(NamedTuple):
 
 
 Request = (
-    Arm | Disarm | SetMode | StartTest | StopTest | LoadMission | SetMissionItem | ChangeTarget | SetHome | TestActuator
+    Arm
+    | Disarm
+    | SetMode
+    | StartTest
+    | StopTest
+    | LoadMission
+    | SetMissionItem
+    | ChangeTarget
+    | SetTarget
+    | SetHome
+    | TestActuator
 )
