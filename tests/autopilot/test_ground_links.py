@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.identity import AutopilotId
 from autopilot.keys import Keys
+from autopilot.logbook import content
 from autopilot.params import PARAMETERS, ParamTable
 from autopilot.schedule import BARE, FAST, HALF, profile_for
 from autopilot.server import GroundServer
@@ -273,6 +274,7 @@ def test_a_key_is_told_to_nobody(tmp_path: Path) -> None:
     deck.ask(setup(NEW_KEY, system=251), wire)
     assert sent
     assert NEW_KEY[:8] not in b"".join(sent)
+    assert mavlink.MAVLINK_MSG_ID_SETUP_SIGNING not in content.HEARD, "nor is it logged"
 
 
 @pytest.mark.parametrize("word", ["key", "udp:1", "udpout:1=", "udpout:2=key", "=key"])
