@@ -81,6 +81,10 @@ class _Session:
     left: int = RE_REQUESTS
     items: list[MissionItem] = field(default_factory=list)
 
+    def belongs_to(self, sender: Party, send: Send) -> bool:
+        """Two programs may bear the same ids, as any two of MAVSDK do: then the way back tells them apart."""
+        return (self.sender, self.send) == (sender, send)
+
     def request(self, now_s: float) -> None:
         self.due_s = now_s + RE_REQUEST_S
         self.send(
@@ -103,7 +107,7 @@ class MissionServer:
     def __init__(self, store: MissionStore, capacity: int = 1000) -> None:
         self._store, self._capacity = store, capacity
         self._session: _Session | None = None
-        self._finished: tuple[Party, int] | None = None
+        self._finished: tuple[_Session, int] | None = None
         self._handlers = {
             "MISSION_COUNT": self._count,
             "MISSION_ITEM_INT": self._item,
@@ -116,7 +120,7 @@ class MissionServer:
         }
 
     def feed(self, frame: Frame, send: Send, now_s: float) -> None:
-        """Serve one frame that is addressed to this vehicle; ``send`` answers on the link it came by."""
+        """Serve one frame that is addressed to this vehicle; ``send``, the same for one link, answers on it."""
         handler = self._handlers.get(frame.name)
         if handler is not None:
             handler(frame.decode(), Party(frame.system, frame.component), send, now_s)
@@ -135,7 +139,7 @@ class MissionServer:
     def _count(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
         if message.mission_type != MISSION_TYPE:
             _acknowledge(send, sender, UNSUPPORTED, message.mission_type)
-        elif self._session is not None and self._session.sender != sender:
+        elif self._session is not None and not self._session.belongs_to(sender, send):
             self._store.explain("Mission upload refused: another is under way")
             _acknowledge(send, sender, DENIED)
         elif message.count > self._capacity:
@@ -147,8 +151,8 @@ class MissionServer:
 
     def _item(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
         session = self._session
-        if session is None or session.sender != sender:
-            if self._finished is not None and self._finished[0] == sender:
+        if session is None or not session.belongs_to(sender, send):
+            if self._finished is not None and self._finished[0].belongs_to(sender, send):
                 _acknowledge(send, sender, self._finished[1])  # the first acknowledgement was lost
         elif message.mission_type != MISSION_TYPE or message.seq != len(session.items):
             session.request(now_s)
@@ -171,7 +175,7 @@ class MissionServer:
             self._end(session, self._store.load(tuple(session.items)))
 
     def _end(self, session: _Session, verdict: Verdict) -> None:
-        self._session, self._finished = None, (session.sender, verdict.result)
+        self._session, self._finished = None, (session, verdict.result)
         if verdict.text:
             self._store.explain(verdict.text)
         _acknowledge(session.send, session.sender, verdict.result)
