@@ -277,6 +277,14 @@ async def starts_the_mission(c: Client) -> None:
     await first(c.telemetry.subscribe_in_air(), bool)
 
 
+async def hears_every_stream(c: Client) -> None:
+    """Without a dive, which takes minutes where vehicle time is slow."""
+    deadline_s = time.monotonic() + 10.0 * c.stretch
+    while missing := set(SENSES) - set(c.latest):
+        require(time.monotonic() < deadline_s, f"never heard {sorted(missing)}")
+        await asyncio.sleep(0.1)
+
+
 async def follows_the_progress(c: Client) -> None:
     progress = await first(c.missions.subscribe_mission_progress(), lambda p: p.current >= 3)
     equal((progress.current, progress.total), (3, 4), "progress")
@@ -528,9 +536,9 @@ AFTER_THE_DIVE: list[Check] = [
 ]  # fmt: skip
 EVERY = [*BEFORE_THE_DIVE, *UNDER_WATER, *AFTER_THE_DIVE]
 SHORT: list[Check] = [
-    discovers, reads_the_version, reads_the_modes_on_offer, reads_a_parameter, sets_a_parameter,
+    discovers, reads_the_version, reads_the_modes_on_offer, lists_parameters, reads_a_parameter, sets_a_parameter,
     carries_a_mission_both_ways, sets_each_mode_by_main_and_sub_number, arms_and_disarms, starts_the_mission,
-    sets_rates, keeps_time, kills, hears_a_heartbeat_every_second,
+    follows_the_progress, hears_every_stream, keeps_time, pauses_and_goes_on, kills, hears_a_heartbeat_every_second,
 ]  # fmt: skip
 
 

@@ -53,6 +53,8 @@ class Client:
         self.order: list[str] = []
         """Names of messages as they came."""
         self.texts: list[str] = []
+        self.parameters: dict[str, float] = {}
+        """As told to everybody."""
         self._waiting: list[tuple[str, Callable[[Fields], bool], asyncio.Future[Fields]]] = []
         self.flight_mode, self.armed = "", False
         self.counted: dict[str, int] = {}
@@ -92,6 +94,8 @@ class Client:
     def _hear(self, name: str, fields: Fields) -> None:
         self.latest[name] = fields
         self.order.append(name)
+        if name == "PARAM_VALUE":
+            self.parameters[fields["param_id"]] = fields["param_value"]
         self.times[name].append(time.monotonic())
         for entry in [e for e in self._waiting if e[0] == name and e[1](fields)]:
             self._waiting.remove(entry)

@@ -5,9 +5,10 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -26,29 +27,37 @@ Verdicts = dict[str, dict[str, Any]]
 Key, T = TypeVar("Key", bound=Hashable), TypeVar("T")
 
 
-class Afloat(NamedTuple):
-    """A simulated vehicle: its processes, and a UDP port on which ours may listen to it."""
+class Afloat:
+    """A simulated vehicle; on ``spare``, a UDP port, ours may listen to it."""
 
-    autopilot: Process
-    sitl: Process
-    spare: str
-    hil: str
-    links: tuple[str, ...]
-    options: tuple[str, ...] = ()
+    def __init__(self, links: tuple[str, ...], speed: str) -> None:
+        hil, spare = free_port(), free_port()
+        self.spare = f"udpin:127.0.0.1:{spare}"
+        self._hil, self._speed = hil, speed
+        self._links = (*links, f"udpout:127.0.0.1:{spare}")
+        self._processes = contextlib.ExitStack()
+
+    def start(self) -> None:
+        """Put her afloat; done when she stands by, with her sensors going."""
+        sea = ("-m", "sitl", "--hil", f"udpout:127.0.0.1:{self._hil}", "--speed", self._speed, "--seed", "1")
+        self._processes.enter_context(autopilot(f"udpin:127.0.0.1:{self._hil}", *self._links))
+        self._processes.enter_context(process(*sea))
+        wait_for_heartbeat(self.spare, STANDBY)
+
+    def kill(self) -> None:
+        """The power fails."""
+        self._processes.close()
 
 
 @contextlib.contextmanager
-def afloat(*links: str, speed: str = "1", options: tuple[str, ...] = ()) -> Iterator[Afloat]:
-    """A vehicle that stands by in the simulator, with its sensors going."""
-    hil, spare = free_port(), free_port()
-    addresses = (*links, f"udpout:127.0.0.1:{spare}")
-    with (
-        autopilot(f"udpin:127.0.0.1:{hil}", *addresses, options=options) as child,
-        process("-m", "sitl", "--hil", f"udpout:127.0.0.1:{hil}", "--speed", speed, "--seed", "1") as sea,
-    ):
-        vehicle = Afloat(child, sea, f"udpin:127.0.0.1:{spare}", f"udpin:127.0.0.1:{hil}", addresses, options)
-        wait_for_heartbeat(vehicle.spare, STANDBY)
+def afloat(*links: str, speed: str = "1") -> Iterator[Afloat]:
+    """A vehicle that stands by in the simulator."""
+    vehicle = Afloat(links, speed)
+    try:
+        vehicle.start()
         yield vehicle
+    finally:
+        vehicle.kill()
 
 
 def wait_for_heartbeat(address: str, status: int = 0, within_s: float = STARTS_WITHIN_S) -> Any:
@@ -99,6 +108,16 @@ def over_serial(client: str, folder: Path, *options: str) -> Iterator[Act]:
         run(client, folder, vehicle, cable.device["ground"], "--slow", *options) as program,
     ):
         yield Act(program, cable, vehicle)
+
+
+ACTS: dict[str, Callable[..., AbstractContextManager[Act]]] = {
+    "udp": over_udp,
+    "serial": over_serial,
+    "udp 0.2x": partial(over_udp, speed="0.2"),
+    "udp 10x": partial(over_udp, speed="10"),
+    "udp 50x": partial(over_udp, speed="50"),
+}
+"""Every link and speed on which a client goes down its list."""
 
 
 @contextlib.contextmanager
