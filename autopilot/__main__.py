@@ -13,16 +13,19 @@ from autopilot.identity import AutopilotId, version
 from autopilot.keys import Keys
 from autopilot.logbook.book import Logbook
 from autopilot.logbook.store import default_folder
-from autopilot.params import ParamError, ParamTable, load
+from autopilot.param_file import load
+from autopilot.param_store import ParamStore
+from autopilot.params import ParamError, ParamTable
 from autopilot.server import GroundServer
 from autopilot.vehicle import Vehicle
 from link.signing import KeyFileError
+from link.state import state_folder
 from link.transport import AddressError, LinkLostError, open_transport
 
 DEFAULT_GROUND = ["udpout:127.0.0.1:14550", "udpout:127.0.0.1:14540"]
 """Where QGroundControl and MAVProxy, and where MAVSDK listen."""
 
-NO_LOGS = "off"
+NOTHING = "off"
 
 WORK_FAILED, BAD_INPUT = 1, 2
 
@@ -46,31 +49,44 @@ def fly(
             help="Where the vehicle keeps her own logs; default: caribou/logs in the user's state directory.",
         ),
     ] = "",
+    state: Annotated[
+        str,
+        typer.Option(
+            metavar="DIR|off",
+            help="Where parameters are kept for the next start; default: caribou in the user's state directory.",
+        ),
+    ] = "",
 ) -> None:
     """Fly the vehicle: sensors in, actuators out, MAVLink to the ground."""
     try:
-        table = ParamTable(load(params) if params else None)
+        keeper = ParamStore(_folder(state, state_folder()))
+        kept = keeper.load()
+        table = ParamTable(kept | (load(params) if params else {}), kept)
         vehicle, system = Vehicle(table), table.config.system_id
         keys = Keys.from_options(sign or (), gcs or DEFAULT_GROUND)
         hil_link = HilLink(open_transport(hil, awaited=True), system)
         transports = [open_transport(address, awaited=True) for address in gcs or DEFAULT_GROUND]
-        logbook = Logbook(vehicle, _log_folder(logs), version())
-        ground = GroundServer(vehicle, transports, autopilot_id, keys, logbook=logbook)
+        logbook = Logbook(vehicle, _folder(logs, default_folder()), version())
+        ground = GroundServer(vehicle, transports, autopilot_id, keys, logbook, keeper)
     except (AddressError, KeyFileError, ParamError) as error:
         raise SystemExit(_complain(error, BAD_INPUT)) from None
     links = ", ".join(link.transport.address for link in ground.links)
     print(f"autopilot: system {system}, HIL {hil}, ground {links}", file=sys.stderr, flush=True)
+    for complaint in keeper.complaints:
+        vehicle.say(f"Parameters: {complaint}")
+        print(f"autopilot: {complaint}", file=sys.stderr, flush=True)
     try:
         App(vehicle, hil_link, ground, logbook).run(Stop())
     except LinkLostError as error:
         raise SystemExit(_complain(error, WORK_FAILED)) from None
     finally:
-        if complaint := keys.save():
-            print(f"autopilot: {complaint}", file=sys.stderr)
+        for complaint in (keys.save(), keeper.close(table)):
+            if complaint:
+                print(f"autopilot: {complaint}", file=sys.stderr)
 
 
-def _log_folder(given: str) -> Path | None:
-    return None if given == NO_LOGS else Path(given) if given else default_folder()
+def _folder(given: str, default: Path) -> Path | None:
+    return None if given == NOTHING else Path(given) if given else default
 
 
 class Stop:

@@ -6,7 +6,6 @@ A tick reads the fields; ground sees the names. All travel as MAVLink REAL32.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
 from typing import Annotated, NamedTuple, get_type_hints
 
 from autopilot.pid import Gains
@@ -238,8 +237,12 @@ def config(values: Mapping[str, float]) -> Config:
 class ParamTable:
     """The values in force, by name; ``config`` is what the tick reads."""
 
-    def __init__(self, values: Mapping[str, float] | None = None) -> None:
+    def __init__(self, values: Mapping[str, float] | None = None, kept: Mapping[str, float] | None = None) -> None:
+        """``values`` are in force from the start; ``kept`` are those among all that are to outlive the program."""
         self.config = config(values or {})
+        self.kept = dict(kept or {})
+        self.revision = 0
+        """Counts the changes to ``kept``."""
 
     def names(self) -> list[str]:
         return list(_BY_NAME)
@@ -255,34 +258,12 @@ class ParamTable:
         stored = validate(name, value)
         row = _BY_NAME[name]
         self.config = replace(self.config, **{row.field: int(stored) if row.integer else stored})  # type: ignore[arg-type]
+        self.kept[name] = stored
+        self.revision += 1
         return stored
 
     def reset(self) -> list[str]:
         """Put every default in force; returns the names of those that changed."""
         before, self.config = self.config, Config()
+        self.kept, self.revision = {}, self.revision + 1
         return [row.name for row in PARAMETERS if getattr(before, row.field) != row.default]
-
-
-def load(path: Path) -> dict[str, float]:
-    """Read a parameter file: lines of ``NAME,VALUE`` or ``NAME VALUE``, ``#`` starts a comment.
-
-    Raises:
-        ParamError: naming file, line, and what is wrong with it.
-    """
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ParamError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
-    values: dict[str, float] = {}
-    for number, line in enumerate(lines, 1):
-        words = line.split("#", 1)[0].replace(",", " ").split()
-        if not words:
-            continue
-        try:
-            name, text = words
-            values[name] = validate(name, float(text))
-        except ParamError as error:
-            raise ParamError(f"{path}:{number}: {error}") from None
-        except ValueError:
-            raise ParamError(f"{path}:{number}: expected NAME,VALUE, not {line.strip()!r}") from None
-    return values

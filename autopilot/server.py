@@ -16,6 +16,7 @@ from autopilot.keys import Keys
 from autopilot.links import GroundLink, ground_link
 from autopilot.logbook.book import Logbook
 from autopilot.on_request import Library
+from autopilot.param_store import ParamStore
 from autopilot.routing import Router
 from autopilot.services import Arrival, Services
 from autopilot.types import Stick
@@ -44,9 +45,11 @@ class GroundServer:
         autopilot: AutopilotId,
         keys: Keys | None = None,
         logbook: Logbook | None = None,
+        store: ParamStore | None = None,
     ) -> None:
         self._vehicle = vehicle
         self._logbook, keys = logbook or Logbook(vehicle, None), keys or Keys()
+        self._store = store or ParamStore(None)
         self._own = Party(vehicle.params.config.system_id, COMPONENT)
         self.links = [
             ground_link(transport, self._own.system, keys.signing(transport.address)) for transport in transports
@@ -104,6 +107,7 @@ class GroundServer:
                 self._broadcast(_HEARTBEAT, values)
         self._services.poll(now_s)
         self._logbook.poll()
+        self._store.poll(self._vehicle.params, self._vehicle.say)
         self._announcer.announce()
         if any(link.wait_s(now_s) == 0.0 for link in self.links):
             self.flush()

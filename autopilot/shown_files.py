@@ -2,6 +2,7 @@
 
 from autopilot import metadata
 from autopilot.logbook.book import Logbook
+from autopilot.param_file import text_of
 from autopilot.params import ParamTable
 from link.files.tree import FileTree
 
@@ -11,11 +12,9 @@ def file_tree(params: ParamTable, logbook: Logbook) -> FileTree:
     tree = FileTree()
     if logbook.store is not None:
         tree.add_folder("/logs", logbook.store.folder)
-    tree.add_file("/params/current.param", lambda: _parameter_file(params))
+    tree.add_file(
+        "/params/current.param", lambda: text_of({name: params.get(name) for name in params.names()}).encode()
+    )
     tree.add_file(metadata.GENERAL_PATH, metadata.general_json)
     tree.add_file(metadata.PARAMETERS_PATH, metadata.parameters_json)
     return tree
-
-
-def _parameter_file(params: ParamTable) -> bytes:
-    return "".join(f"{name},{params.get(name):.9g}\n" for name in params.names()).encode()

@@ -45,7 +45,7 @@ class SimulatedVehicle:
         if simulation.truth is not None:
             sitl += ["--truth", str(simulation.truth)]
         autopilot = [*_module("autopilot"), "--hil", f"udpin:127.0.0.1:{hil}", "--gcs", f"tcpin:127.0.0.1:{ground}"]
-        autopilot += ["--logs", "off" if simulation.logs is None else str(simulation.logs)]
+        autopilot += ["--state", "off", "--logs", "off" if simulation.logs is None else str(simulation.logs)]
         if parameters is not None:
             autopilot += ["--params", str(parameters)]
         self._autopilot = _Child("autopilot", autopilot)

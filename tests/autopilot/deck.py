@@ -20,7 +20,7 @@ HPA_PER_M = 100.5525
 def sensors(time_us: int, depth_m: float = 0.0) -> SensorFrame:
     """A level vehicle at rest that looks to magnetic north; the last digit flickers as an instrument's does."""
     pressure = SURFACE_HPA + HPA_PER_M * depth_m
-    dither = 1e-9 if time_us // TICK_US % 2 else -1e-9
+    dither = 1e-4 if time_us // TICK_US % 2 else -1e-4
     return SensorFrame(
         time_us, 0.0, 0.0, -9.80665 + dither, 0.0, 0.0, dither, 0.2 + dither, 0.0, 0.4, pressure + dither,
         0.0, 0.0, 10.0, SENSORS_ALL, 0,

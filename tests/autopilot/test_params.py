@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autopilot.params import PARAMETERS, Config, ParamError, ParamTable, config, load
+from autopilot.param_file import lines, load, text_of
+from autopilot.params import PARAMETERS, Config, ParamError, ParamTable, config
+from link.params import as_real32
 
 
 def test_every_parameter_can_travel_as_mavlink_real32() -> None:
@@ -70,6 +72,15 @@ def test_a_bad_line_is_named(tmp_path: Path, line: str, words: str) -> None:
     with pytest.raises(ParamError, match=words) as error:
         load(path)
     assert f"{path}:2" in str(error.value)
+
+
+@given(st.data())
+def test_a_file_gives_back_every_float32(data: st.DataObject) -> None:
+    row = data.draw(st.sampled_from([row for row in PARAMETERS if not row.integer]))
+    value = data.draw(st.floats(row.minimum, row.maximum).filter(lambda x: x == 0.0 or abs(x) > 1e-30))
+    ((_, name, read),) = lines(text_of({row.name: min(row.maximum, max(row.minimum, as_real32(value)))}))
+    assert not isinstance(read, ParamError)
+    assert (name, as_real32(read)) == (row.name, as_real32(value))
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

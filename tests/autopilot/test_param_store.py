@@ -1,0 +1,112 @@
+"""Parameters that outlive the program: kept as they are set, whole or not at all, and never in the way."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from autopilot.param_store import FILE, ParamStore
+from autopilot.params import ParamTable
+
+
+def restart(folder: Path) -> tuple[ParamTable, ParamStore]:
+    """What a program that starts finds."""
+    store = ParamStore(folder)
+    kept = store.load()
+    return ParamTable(kept, kept), store
+
+
+def settle(store: ParamStore, table: ParamTable, until: Callable[[], bool]) -> list[str]:
+    """Poll as the autopilot does."""
+    said: list[str] = []
+    deadline_s = time.monotonic() + 5.0
+    while not until() and time.monotonic() < deadline_s:
+        store.poll(table, said.append)
+        time.sleep(0.005)
+    assert until(), said
+    return said
+
+
+def test_what_was_set_is_there_at_the_next_start(tmp_path: Path) -> None:
+    table, store = restart(tmp_path / "not" / "yet")
+    table.set("HDG_P", 0.1)
+    table.set("MIS_END_ACT", 2.0)
+    table.set("HDG_P", 0.7)
+    assert store.close(table) == ""
+    again, store = restart(tmp_path / "not" / "yet")
+    assert (again.get("HDG_P"), again.get("MIS_END_ACT"), store.complaints) == (0.7, 2.0, [])
+    assert again.get("HDG_D") == ParamTable().get("HDG_D")
+    again.set("DPT_P", 0.2)
+    store.close(again)
+    assert restart(tmp_path / "not" / "yet")[0].kept == {"HDG_P": 0.7, "MIS_END_ACT": 2.0, "DPT_P": 0.2}
+
+
+def test_it_is_on_disk_without_an_end(tmp_path: Path) -> None:
+    table, store = restart(tmp_path)
+    table.set("HDG_P", 0.7)
+    settle(store, table, (tmp_path / FILE).exists)
+    table.set("HDG_P", 0.8)
+    settle(store, table, lambda: restart(tmp_path)[0].get("HDG_P") == 0.8)
+    assert [path.name for path in tmp_path.iterdir()] == [FILE]
+
+
+def test_nothing_is_written_where_nothing_was_set(tmp_path: Path) -> None:
+    table, store = restart(tmp_path)
+    store.poll(table, pytest.fail)
+    assert store.close(table) == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_defaults_are_kept_as_well_as_values(tmp_path: Path) -> None:
+    table, store = restart(tmp_path)
+    table.set("HDG_P", 0.7)
+    store.close(table)
+    table, store = restart(tmp_path)
+    assert table.reset() == ["HDG_P"]
+    store.close(table)
+    assert restart(tmp_path)[0].get("HDG_P") == ParamTable().get("HDG_P")
+
+
+def test_without_a_folder_nothing_is_kept() -> None:
+    store, table = ParamStore(None), ParamTable()
+    assert store.load() == {}
+    table.set("HDG_P", 0.7)
+    store.poll(table, pytest.fail)
+    assert store.close(table) == ""
+
+
+@pytest.mark.parametrize(
+    "content", [b"\xff\xfe\x00", b"HDG_P,0.7\nGARBAGE\nHDG_D,99\nGONE_WITH_AN_UPDATE,1\nDPT_P,0.2\n"]
+)
+def test_a_broken_file_is_put_aside_and_what_is_sound_in_it_used(tmp_path: Path, content: bytes) -> None:
+    for turn in (1, 2):
+        (tmp_path / FILE).write_bytes(content)
+        table, store = restart(tmp_path)
+        assert len(store.complaints) == (4 if b"HDG_P" in content else 2)
+        assert (tmp_path / f"{FILE}.broken-{turn}").read_bytes() == content
+        assert not (tmp_path / FILE).exists()
+        assert table.kept == ({"HDG_P": 0.7, "DPT_P": 0.2} if b"HDG_P" in content else {})
+
+
+def test_what_was_sound_in_a_broken_file_is_kept_on(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_text("HDG_P,0.7\nnonsense\n")
+    table, store = restart(tmp_path)
+    assert store.close(table) == ""
+    assert restart(tmp_path)[0].kept == {"HDG_P": 0.7}
+
+
+def test_a_disk_that_takes_nothing_is_told_once_a_value_and_the_value_holds(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    table, store = restart(blocked)
+    table.set("HDG_P", 0.7)
+    said: list[str] = []
+    deadline_s = time.monotonic() + 5.0
+    while not said and time.monotonic() < deadline_s:
+        store.poll(table, said.append)
+        time.sleep(0.005)
+    assert len(said) == 1
+    assert said[0].startswith("Parameters are not kept: ")
+    assert table.get("HDG_P") == 0.7
+    assert store.close(table).startswith("parameters are not kept: ")
