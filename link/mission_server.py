@@ -5,11 +5,13 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
 from link.codec import Frame
+from link.dialect import has_location
 from link.exchange import Party, Send
 from link.missions import (
     ACCEPTED,
     ALL_TYPES,
     CANCELLED,
+    CONDITION_CHANGE_ALTITUDE,
     DENIED,
     FRAME_LOCAL_NED,
     FRAME_MISSION,
@@ -76,8 +78,13 @@ class _Session:
 
     sender: Party
     send: Send
-    count: int
+    first: int
+    """Of the items that are sent: the whole mission begins with 0."""
+    stop: int
+    """After their last."""
     due_s: float
+    whole: bool
+    """Whether the items are all that the mission is to have."""
     left: int = RE_REQUESTS
     items: list[MissionItem] = field(default_factory=list)
 
@@ -91,9 +98,14 @@ class _Session:
             "MISSION_REQUEST_INT",
             target_system=self.sender.system,
             target_component=self.sender.component,
-            seq=len(self.items),
+            seq=self.wanted,
             mission_type=MISSION_TYPE,
         )
+
+    @property
+    def wanted(self) -> int:
+        """The item that is due next."""
+        return self.first + len(self.items)
 
 
 class MissionServer:
@@ -139,22 +151,38 @@ class MissionServer:
     def _count(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
         if message.mission_type != MISSION_TYPE:
             _acknowledge(send, sender, UNSUPPORTED, message.mission_type)
-        elif self._session is not None and not self._session.belongs_to(sender, send):
-            self._store.explain("Mission upload refused: another is under way")
-            _acknowledge(send, sender, DENIED)
         elif message.count > self._capacity:
             self._store.explain(f"Mission refused: {message.count} items, room for {self._capacity}")
             _acknowledge(send, sender, NO_SPACE)
         else:
-            self._session, self._finished = _Session(sender, send, message.count, now_s), None
-            self._advance(self._session, now_s)
+            self._begin(_Session(sender, send, 0, message.count, now_s, whole=True), now_s)
+
+    def _partial(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
+        """New items in place of some that there are; the rest of the mission stays."""
+        there, first, last = len(self._store.items), message.start_index, message.end_index
+        if message.mission_type != MISSION_TYPE:
+            _acknowledge(send, sender, UNSUPPORTED, message.mission_type)
+        elif not 0 <= first <= last < there:
+            self._store.explain(f"Mission items {first} to {last} refused: the mission has {there}")
+            _acknowledge(send, sender, INVALID_SEQUENCE)
+        else:
+            self._begin(_Session(sender, send, first, last + 1, now_s, whole=False), now_s)
+
+    def _begin(self, session: _Session, now_s: float) -> None:
+        """One upload at a time; its own sender may begin it again."""
+        if self._session is not None and not self._session.belongs_to(session.sender, session.send):
+            self._store.explain("Mission upload refused: another is under way")
+            _acknowledge(session.send, session.sender, DENIED)
+        else:
+            self._session, self._finished = session, None
+            self._advance(session, now_s)
 
     def _item(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
         session = self._session
         if session is None or not session.belongs_to(sender, send):
             if self._finished is not None and self._finished[0].belongs_to(sender, send):
                 _acknowledge(send, sender, self._finished[1])  # the first acknowledgement was lost
-        elif message.mission_type != MISSION_TYPE or message.seq != len(session.items):
+        elif message.mission_type != MISSION_TYPE or message.seq != session.wanted:
             session.request(now_s)
         else:
             self._take(session, item_from_message(message), now_s)
@@ -169,10 +197,14 @@ class MissionServer:
             self._advance(session, now_s)
 
     def _advance(self, session: _Session, now_s: float) -> None:
-        if len(session.items) < session.count:
+        if session.wanted < session.stop:
             session.request(now_s)
-        else:
-            self._end(session, self._store.load(tuple(session.items)))
+            return
+        items = tuple(session.items)
+        if not session.whole:
+            there = tuple(self._store.items)
+            items = there[: session.first] + items + there[session.stop :]
+        self._end(session, self._store.load(items))
 
     def _end(self, session: _Session, verdict: Verdict) -> None:
         self._session, self._finished = None, (session, verdict.result)
@@ -212,9 +244,6 @@ class MissionServer:
             self._store.explain(f"No mission item {message.seq}: the mission has {len(self._store.items)}")
         send_progress(send, self._store.progress)
 
-    def _partial(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
-        _acknowledge(send, sender, UNSUPPORTED, message.mission_type)
-
 
 def send_progress(send: Send, progress: MissionProgress) -> None:
     """Send MISSION_CURRENT."""
@@ -228,13 +257,16 @@ def send_progress(send: Send, progress: MissionProgress) -> None:
 
 
 def _fault(item: MissionItem) -> Verdict:
-    """What is wrong with an item whatever the vehicle can do: its frame, or an altitude above the water."""
-    if item.frame in GLOBAL_FRAMES:
-        if item.z > 0.0:
-            text = f"Mission item {item.sequence}: altitude {item.z:g} m; depth is given as <= 0"
-            return Verdict(INVALID_PARAM7, text)
-    elif item.frame not in (FRAME_LOCAL_NED, FRAME_MISSION):
+    """What is wrong with an item whatever the vehicle can do: its frame, or a place above the water."""
+    if item.frame not in GLOBAL_FRAMES and item.frame not in (FRAME_LOCAL_NED, FRAME_MISSION):
         return Verdict(UNSUPPORTED_FRAME, f"Mission item {item.sequence}: frame {item.frame} is not supported")
+    if not (has_location(item.command) or item.command == CONDITION_CHANGE_ALTITUDE):
+        return Verdict()
+    if item.frame in GLOBAL_FRAMES and item.z > 0.0:
+        text = f"Mission item {item.sequence}: altitude {item.z:g} m; depth is given as <= 0"
+        return Verdict(INVALID_PARAM7, text)
+    if item.frame == FRAME_LOCAL_NED and item.z < 0.0:
+        return Verdict(INVALID_PARAM7, f"Mission item {item.sequence}: z {item.z:g} m; down is positive")
     return Verdict()
 
 

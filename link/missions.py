@@ -23,6 +23,7 @@ CANCELLED = constant("MAV_MISSION_OPERATION_CANCELLED")
 MISSION_TYPE, ALL_TYPES = 0, 255
 """MAV_MISSION_TYPE: the only kind of plan that is kept here, and the one that means every kind."""
 
+CONDITION_CHANGE_ALTITUDE = constant("MAV_CMD_CONDITION_CHANGE_ALT")
 FRAME_LOCAL_NED, FRAME_MISSION = 1, 2
 GLOBAL_FRAMES = frozenset((0, 3, 5, 6))
 """Global frames, with and without _INT, absolute and relative: alike to a vehicle whose home is the surface."""

@@ -8,13 +8,11 @@ from autopilot import mission, modes, requests, telemetry
 from autopilot.mav_cmd.wire import Command, Desk, Handler, Outcome, custom_mode, whole
 from autopilot.schedule import Schedule
 from autopilot.types import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, UNSUPPORTED, Severity
-from link.dialect import constant
 from link.missions import FRAME_MISSION, MissionItem
 
 _FORCE = 21_196
 """COMPONENT_ARM_DISARM.param2 that skips the checks."""
 _PAUSE, _CONTINUE = 0, 1
-_SAFE_RECOVERY = constant("MAV_STANDARD_MODE_SAFE_RECOVERY")
 _CHANGE_MODE = 1
 """DO_REPOSITION.param2: leave the mode for one that goes to the place."""
 
@@ -35,8 +33,6 @@ def set_mode(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
 
 
 def set_standard_mode(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
-    if command.p1 == _SAFE_RECOVERY:
-        return enter(modes.SURFACE, desk, command, schedule)
     for mode in modes.MODES:
         if mode.standard_mode and mode.standard_mode == command.p1:
             return desk.ask(requests.SetMode(mode.number))
@@ -116,7 +112,7 @@ HANDLERS: dict[str, Handler] = {
     "DO_SET_MISSION_CURRENT": set_mission_item,
     "DO_PAUSE_CONTINUE": pause,
     "DO_REPOSITION": reposition,
-    "NAV_RETURN_TO_LAUNCH": partial(enter, modes.SURFACE),
+    "NAV_RETURN_TO_LAUNCH": partial(enter, modes.RTL),
     "NAV_LAND": partial(enter, modes.SURFACE),
     "NAV_LOITER_UNLIM": partial(enter, modes.HOLD),
     "CONDITION_YAW": change_target,

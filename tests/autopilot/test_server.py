@@ -65,8 +65,9 @@ def test_every_mode_can_be_listed_and_taken(deck: Deck) -> None:
     listed = [m for m in deck.command(512, 435, 0) if m.get_type() == "AVAILABLE_MODES"]
     assert [m.mode_index for m in listed] == list(range(1, listed[0].number_modes + 1))
     assert {m.custom_mode: m.standard_mode for m in listed if m.standard_mode} == {
-        modes.MISSION.number: 6,
-        modes.SURFACE.number: 7,
+        84148224: 5,
+        67371008: 6,
+        100925440: 7,
     }
     assert all(bool(m.mode_name) == (m.standard_mode == 0) for m in listed)
     assert only(deck.command(512, 435, 2), "AVAILABLE_MODES").mode_index == 2
@@ -102,7 +103,7 @@ def test_modes_are_set_by_number(deck: Deck, parameters: tuple[float, ...], mode
 def test_a_mode_that_is_none_is_refused_with_those_there_are(deck: Deck) -> None:
     heard = deck.command(176, 1, 9, 9)
     assert result(heard) == mavlink.MAV_RESULT_UNSUPPORTED
-    assert "MANUAL, DEPTH, HOLD, MISSION, SURFACE, SYSID" in "".join(texts(heard))
+    assert ", ".join(mode.name for mode in modes.MODES) in "".join(texts(heard))
     assert result(deck.command(176, 0, 4, 4)) == mavlink.MAV_RESULT_DENIED
     assert deck.vehicle.state.mode == modes.HOLD.number
 
@@ -118,13 +119,14 @@ def test_set_mode_is_answered_by_a_heartbeat_and_never_acknowledged(deck: Deck) 
 @pytest.mark.parametrize(
     ("number", "parameters", "mode"),
     [
-        (20, (), modes.SURFACE),
+        (20, (), modes.RTL),
         (21, (), modes.SURFACE),
         (17, (), modes.HOLD),
+        (192, (-1, 1), modes.HOLD),
         (193, (0,), modes.HOLD),
         (193, (1,), modes.MISSION),
         (300, (0, 0), modes.MISSION),
-        (262, (5,), modes.SURFACE),
+        (262, (5,), modes.RTL),
         (262, (6,), modes.MISSION),
         (262, (7,), modes.SURFACE),
     ],

@@ -62,7 +62,7 @@ class Sea:
     ) -> list[Any]:
         """Send one raw message; what the vehicle answers on the link ``down``, decoded."""
         wire, down = Wire(sender), down or self.down
-        wire.send(name, target_system=1, target_component=1, **fields)
+        wire.send(name, **{"target_system": 1, "target_component": 1, **fields})
         for frame in wire.take():
             self.server.feed(frame, down.send, now_s)
         return [frame.decode() for frame in down.take()]
@@ -76,7 +76,8 @@ items = st.builds(
     x=st.integers(-(2**31), 2**31 - 1), y=st.integers(-(2**31), 2**31 - 1), z=reals,
     mission_type=st.just(0),
 )  # fmt: skip
-plans = st.lists(items, max_size=12).map(lambda plan: [item._replace(sequence=n) for n, item in enumerate(plan)])
+below = items.filter(lambda item: not (item.frame == 1 and item.z < 0.0))
+plans = st.lists(below, max_size=12).map(lambda plan: [item._replace(sequence=n) for n, item in enumerate(plan)])
 
 
 def leg(count: int = 4) -> list[MissionItem]:
@@ -174,6 +175,22 @@ def test_an_altitude_above_the_water_is_refused_whole(frame: int) -> None:
     assert sea.store.items == tuple(leg(2))
 
 
+@pytest.mark.parametrize("command", [16, 113])
+def test_a_height_above_a_local_origin_is_refused(command: int) -> None:
+    sea = Sea()
+    with pytest.raises(ExchangeError, match="MAV_MISSION_INVALID_PARAM7"):
+        sea.run(sea.client.upload([MissionItem(0, 1, command, z=-1.0)]))
+    assert sea.store.said == ["Mission item 0: z -1 m; down is positive"]
+
+
+@pytest.mark.parametrize("command", [31_010, 115, 178])
+def test_z_is_no_height_in_a_command_without_a_place(command: int) -> None:
+    sea = Sea()
+    plan = [MissionItem(0, frame, command, z=2.0) for frame in (0, 3)]
+    sea.run(sea.client.upload(plan))
+    assert [item.z for item in sea.store.items] == [2.0, 2.0]
+
+
 @pytest.mark.parametrize(("frame", "z"), [(0, 0.0), (3, -5.0), (6, math.nan), (5, -1.0), (1, 7.0), (2, 7.0)])
 def test_depths_are_taken_in_every_frame(frame: int, z: float) -> None:
     sea = Sea()
@@ -237,6 +254,30 @@ def test_every_kind_may_be_cleared_at_once() -> None:
     (cleared,) = sea.ask("MISSION_CLEAR_ALL", mission_type=255)
     assert (cleared.type, cleared.mission_type) == (missions.ACCEPTED, 255)
     assert sea.store.items == ()
+
+
+def test_some_items_may_be_changed_and_the_rest_stay() -> None:
+    sea = Sea()
+    sea.run(sea.client.upload(leg(5)))
+    new = [item._replace(p1=100.0 + item.sequence) for item in leg(5)]
+    (asked,) = sea.ask("MISSION_WRITE_PARTIAL_LIST", start_index=2, end_index=3)
+    assert asked.seq == 2
+    (asked,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(new[2], VEHICLE))
+    assert asked.seq == 3
+    assert sea.store.items == tuple(leg(5))
+    (accepted,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(new[3], VEHICLE))
+    assert accepted.type == missions.ACCEPTED
+    assert [item.p1 for item in sea.store.items] == [10.0, 11.0, 102.0, 103.0, 14.0]
+    assert [item.sequence for item in sea.store.items] == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(("first", "last"), [(-1, 0), (3, 2), (4, 5), (0, 5)])
+def test_items_that_are_not_there_cannot_be_changed(first: int, last: int) -> None:
+    sea = Sea()
+    sea.run(sea.client.upload(leg(5)))
+    (refused,) = sea.ask("MISSION_WRITE_PARTIAL_LIST", start_index=first, end_index=last)
+    assert refused.type == missions.INVALID_SEQUENCE
+    assert sea.store.said == [f"Mission items {first} to {last} refused: the mission has 5"]
 
 
 def test_an_item_that_does_not_exist_is_an_invalid_sequence() -> None:
