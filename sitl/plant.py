@@ -90,7 +90,10 @@ class Plant(NamedTuple):
     start: Start
     clamped: bool
     """Held where she lies."""
-    pace: Pace
+    tick_us: int
+    tick_s: float
+    substeps: int
+    """The pace's figures, which every tick asks for."""
     faults: Timeline
     """That are to come."""
 
@@ -161,7 +164,9 @@ def build(vehicle: VehicleConfig, scenario: Scenario, pace: Pace = OURS) -> Plan
         suite=sensors.build(vehicle, model.propeller.full_rps, pace.tick_us, brisk=pace.brisk),
         start=scenario.start,
         clamped=scenario.rig.clamped,
-        pace=pace,
+        tick_us=pace.tick_us,
+        tick_s=pace.tick_s,
+        substeps=pace.substeps,
         faults=timeline.schedule(scenario.faults),
     )
 
@@ -194,8 +199,7 @@ def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
 
 def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> tuple[State, Sensors]:
     """The state one tick later under ``actuators``, with what the instruments say of it."""
-    tick_us, tick_s = plant.pace.tick_us, plant.pace.tick_s
-    time_us = state.time_us + tick_us
+    time_us = state.time_us + plant.tick_us
     faults = timeline.advance(state.faults, plant.vessel.model, time_us)
     controls = actuators.controls
     if faults.running:
@@ -207,13 +211,13 @@ def step(plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams) -> 
     if plant.clamped:
         body, truth = state.body, _hold(state.truth, time_us, rudder, elevator, rps(thrust, plant.vessel.model))
     else:
-        here = environment.local(plant.sea, weather, state.body, time_us * 1e-6, tick_s)
+        here = environment.local(plant.sea, weather, state.body, time_us * 1e-6, plant.tick_s)
         body, truth = _move(plant, time_us, state.body, rudder, elevator, thrust, state.disturbance, disturbance, here)
     if faults.running:
         truth = truth._replace(flooding="leak wet" in faults.names, faults=faults.names)
     instruments, said = sensors.sample(plant.suite, truth, plant.sea, state.instruments, rng.sensors)
     if faults.running:
-        said, running = readings.suffer(said, faults.running, time_us, tick_s, rng.faults)
+        said, running = readings.suffer(said, faults.running, time_us, plant.tick_s, rng.faults)
         faults = faults._replace(running=running)
     return State(time_us, body, rudder.axis, elevator.axis, disturbance, weather, instruments, truth, faults), said
 
@@ -238,7 +242,7 @@ def _hurt(
 def _turn(plant: Plant, state: State, controls: tuple[float, ...], rng: Streams) -> tuple[Turn, Turn]:
     """Rudder and elevator one tick later."""
     _, rudder, elevator = plant.vessel
-    substeps = plant.pace.substeps
+    substeps = plant.substeps
     rudder_state, elevator_state, angles_rad = state.rudder.copy(), state.elevator.copy(), np.empty((2, substeps))
     _turn_axes(
         plant.native, rudder_state, elevator_state, angles_rad, _demand(controls[RUDDER]), _demand(controls[ELEVATOR]),
