@@ -80,7 +80,7 @@ class App:
     def _tick(self, sample: Sample) -> None:
         inputs = Inputs(
             sample.sensors, sample.gps, sample.altimeter, self._ground.ground_silent_s, self._ground.stick,
-            sample.dvl, sample.battery, sample.leak, sample.duct,
+            sample.dvl, sample.battery, sample.leak, sample.duct, *self._ground.targets_silent_s,
         )  # fmt: skip
         self._hil.answer(self._vehicle.tick(inputs))
         if sample.links_silent is False:

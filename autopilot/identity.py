@@ -21,7 +21,16 @@ _MAVLINK_VERSION = 3
 _ADVANCED_MODE = constant("MAV_MODE_PROPERTY_ADVANCED")
 _CAPABILITIES = sum(
     constant(f"MAV_PROTOCOL_CAPABILITY_{name}")
-    for name in ("MISSION_INT", "COMMAND_INT", "PARAM_ENCODE_BYTEWISE", "FTP", "MAVLINK2")
+    for name in (
+        "MISSION_INT",
+        "COMMAND_INT",
+        "PARAM_ENCODE_BYTEWISE",
+        "FTP",
+        "MAVLINK2",
+        "SET_ATTITUDE_TARGET",
+        "SET_POSITION_TARGET_LOCAL_NED",
+        "SET_POSITION_TARGET_GLOBAL_INT",
+    )
 )
 """Without MISSION_INT MAVSDK refuses every mission; BYTEWISE is true of REAL32 parameters."""
 

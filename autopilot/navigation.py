@@ -107,6 +107,16 @@ def current_sd_mps(memory: Navigation) -> float:
     return math.sqrt(max(0.0, memory.covariance.current))
 
 
+def velocity_sd_mps(memory: Navigation, speed_mps: float, time_us: int) -> float:
+    """One standard deviation of the velocity over ground along each axis, at a speed through the water."""
+    covariance = memory.covariance
+    if _heard(memory, time_us):
+        water = 0.0 if memory.over_ground else covariance.current
+        return math.sqrt(max(0.0, water + PING_SD_MPS**2 + speed_mps**2 * covariance.log))
+    slip = memory.unsteady_mps**2
+    return math.sqrt(max(0.0, covariance.current + speed_mps**2 * covariance.water + slip))
+
+
 def moved_home(place_m: complex, old: Home, new: Home) -> complex:
     """The same place counted from a new home; without an old one she is where home was said to be."""
     if not old.known:
@@ -125,7 +135,7 @@ def _settle(old: Navigation, span_s: float, way_m: complex, motion: Motion, conf
     most_cc, _, most_kk = _most(config)
     turn_rad, sink_m = abs(motion.turn_radps) * span_s, abs(motion.rise_mps) * span_s
     unsteady = _unsteady_mps(old, span_s, way_m, motion)
-    heard = _heard(old, motion)
+    heard = _heard(old, motion.time_us)
     unseen = 0.0 if heard else unsteady * unsteady * SLIP_ALIKE_S
     a, b, d = _leans(old, span_s, way_m, heard)
     spread = a * pc + b.conjugate() * pm + d.conjugate() * pk + a * (b.conjugate() * cm + d.conjugate() * ck)
@@ -147,9 +157,9 @@ def _settle(old: Navigation, span_s: float, way_m: complex, motion: Motion, conf
     return old._replace(slip=slip, unsteady_mps=unsteady, covariance=covariance, span_s=0.0, way_m=0j)
 
 
-def _heard(memory: Navigation, motion: Motion) -> bool:
+def _heard(memory: Navigation, time_us: int) -> bool:
     """Whether the Doppler log was, lately."""
-    return 0 <= memory.ping_us >= motion.time_us - PING_LASTS_US
+    return 0 <= memory.ping_us >= time_us - PING_LASTS_US
 
 
 def _leans(memory: Navigation, span_s: float, way_m: complex, heard: bool) -> tuple[float, complex, complex]:

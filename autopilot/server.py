@@ -78,6 +78,11 @@ class GroundServer:
         """The pilot's hand, None where there is none."""
         return self._services.helm.stick(self._vehicle.state, wall_s())
 
+    @property
+    def targets_silent_s(self) -> tuple[float | None, float | None]:
+        """Wall seconds since an attitude and a motion set-point were heard; None before the first."""
+        return self._services.setpoints.silent_s
+
     def tell(self) -> None:
         """After a tick: the telemetry that is due, then what happened in it."""
         time_us = self._vehicle.state.time_us

@@ -1,8 +1,10 @@
 """What the vehicle does for ground stations, by message: one table."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
+from autopilot import setpoints
 from autopilot.announcer import Announcer, Tell
 from autopilot.failures import INJECT_FAILURE, FailureRelay
 from autopilot.helm import Helm
@@ -14,6 +16,7 @@ from autopilot.mav_cmd.flight import move_home
 from autopilot.mav_cmd.wire import Desk, Progress, command_from_message
 from autopilot.on_request import Library
 from autopilot.requests import SetMode
+from autopilot.setpoints import Streams
 from autopilot.shown_files import file_tree
 from autopilot.vehicle import MissionStore, Vehicle
 from link import dialect
@@ -60,6 +63,7 @@ class Services:
         self._vehicle, self._announcer, self._library = vehicle, announcer, library
         self._keys, self._logbook = keys, logbook
         self.helm = Helm()
+        self.setpoints = Streams(vehicle)
         self.ground_heard_s: float | None = None
         """When a ground station's heartbeat was last heard, by the wall clock."""
         self.failures = FailureRelay(vehicle.say)
@@ -82,6 +86,7 @@ class Services:
             "SET_HOME_POSITION": self._set_home,
             "SET_GPS_GLOBAL_ORIGIN": self._set_home,
             "MANUAL_CONTROL": self._take_stick,
+            **{name: partial(self._take_setpoint, name) for name in setpoints.HEARD},
             "TIMESYNC": _tell_time,
             "PING": _answer_ping,
             "SETUP_SIGNING": self._change_key,
@@ -153,6 +158,9 @@ class Services:
     def _take_stick(self, arrival: Arrival) -> None:
         if arrival.message.target in (0, self._vehicle.params.config.system_id):
             self.helm.take(arrival.message, wall_s())
+
+    def _take_setpoint(self, name: str, arrival: Arrival) -> None:
+        self.setpoints.take(name, arrival.message)
 
     def _change_key(self, arrival: Arrival) -> None:
         link, armed = arrival.link, self._vehicle.state.armed

@@ -7,7 +7,7 @@ Builders return a message's fields in wire order; integers are clamped to their 
 import math
 from typing import NamedTuple
 
-from autopilot import status
+from autopilot import status, whereabouts
 from autopilot.fields import (
     UNKNOWN_U16,
     Builder,
@@ -27,18 +27,14 @@ from link import dialect
 from link.dialect import MessageType, constant
 from link.frames import offset_to_geodetic, quaternion_from_euler
 
-_GLOBAL_NED, _CHILD_FRD = constant("MAV_FRAME_LOCAL_NED"), constant("MAV_FRAME_BODY_FRD")
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _ULTRASOUND = constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
 _NO_FIX = constant("GPS_FIX_TYPE_NO_FIX")
 _ACTUATORS = 3
 _ACTUATORS_IN_USE = (1 << _ACTUATORS) - 1
-_NO_COVARIANCE = (math.nan,) + (0.0,) * 20
 
 _ATTITUDE_TARGET_IGNORES = 0b111
 """ATTITUDE_TARGET.type_mask: the body rates."""
-_POSITION_TARGET_IGNORES = 0b1001_1111_1011
-"""POSITION_TARGET_TYPEMASK: all but z and yaw."""
 
 
 def attitude(s: Snapshot) -> Values:
@@ -92,23 +88,9 @@ def distance_sensor(s: Snapshot) -> Values:
     return boot_ms(s), least_cm, most_cm, reading_cm, _ULTRASOUND, 0, _LOOKING_DOWN, 255, 0.0, 0.0, (0.0,) * 4, quality
 
 
-def navigation(s: Snapshot) -> Values:
-    wanted = s.state.setpoint
-    bearing = int16(math.degrees(wanted.heading_rad))
-    return 0.0, math.degrees(s.trace.pitch_setpoint_rad), -s.trace.depth_error_m, 0.0, 0.0, bearing, bearing, 0
-
-
 def attitude_target(s: Snapshot) -> Values:
     wanted = quaternion_from_euler(0.0, s.trace.pitch_setpoint_rad, s.state.setpoint.heading_rad)
     return boot_ms(s), wanted, 0.0, 0.0, 0.0, s.trace.thrust, _ATTITUDE_TARGET_IGNORES
-
-
-def position_target(s: Snapshot) -> Values:
-    wanted = s.state.setpoint
-    rest = (0.0,) * 6
-    return (
-        boot_ms(s), 0.0, 0.0, wanted.depth_m, *rest, wanted.heading_rad, 0.0, _POSITION_TARGET_IGNORES, _GLOBAL_NED,
-    )  # fmt: skip
 
 
 def servo_outputs(s: Snapshot) -> Values:
@@ -124,15 +106,6 @@ def imu(s: Snapshot) -> Values:
     if s.sensors is None:
         return time_us(s), *(0.0,) * 13, 0, 0
     return *s.sensors[:14], s.sensors.fields_updated & 0xFFFF, 0
-
-
-def odometry(s: Snapshot) -> Values:
-    at = s.state.estimate
-    return (
-        time_us(s), at.north_m, at.east_m, at.depth_m, at.attitude, at.speed_mps, 0.0, 0.0,
-        at.p_radps, at.q_radps, at.r_radps, (at.position_sd_m**2, *(0.0,) * 5, at.position_sd_m**2, *(0.0,) * 14),
-        _NO_COVARIANCE, _GLOBAL_NED, _CHILD_FRD, 0, 0, 0,
-    )  # fmt: skip
 
 
 def gps_raw(s: Snapshot) -> Values:
@@ -207,13 +180,15 @@ STREAMS = (
     _stream("ALTITUDE", 2, altitude),
     _stream("SCALED_PRESSURE2", 5, water_pressure),
     _stream("DISTANCE_SENSOR", 5, distance_sensor),
-    _stream("NAV_CONTROLLER_OUTPUT", 2, navigation),
+    _stream("NAV_CONTROLLER_OUTPUT", 2, whereabouts.navigation),
     _stream("ATTITUDE_TARGET", 4, attitude_target),
-    _stream("POSITION_TARGET_LOCAL_NED", 2, position_target),
+    _stream("POSITION_TARGET_LOCAL_NED", 2, whereabouts.position_target),
     _stream("SERVO_OUTPUT_RAW", 4, servo_outputs),
     _stream("ACTUATOR_OUTPUT_STATUS", 4, actuator_outputs),
     _stream("HIGHRES_IMU", 10, imu),
-    _stream("ODOMETRY", 5, odometry),
+    _stream("ODOMETRY", 5, whereabouts.odometry),
+    _stream("ESTIMATOR_STATUS", 1, whereabouts.estimator_status),
+    _stream("WIND_COV", 1, whereabouts.current),
     _stream("GPS_RAW_INT", 1, gps_raw),
     _stream("SYSTEM_TIME", 1, system_time),
     _stream("SYS_STATUS", 1, status.system_status),

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from autopilot.params import Config
 from autopilot.schedule import Schedule
 from autopilot.telemetry import BY_ID, STREAMS, Snapshot
-from autopilot.types import Estimate, Home, Setpoint, State, Trace
+from autopilot.types import Covariance, Estimate, Home, Navigation, Setpoint, State, Trace
 from link import dialect
 from link.codec import encode
 from link.records import LOCKSTEP_FLAG, ActuatorFrame, Altimeter, Battery, Leak
@@ -148,6 +148,16 @@ ESTIMATES = st.builds(
         altitude_m=st.one_of(st.none(), st.floats(0, 1e6)),
         altitude_time_us=st.just(0),
         initialised=st.booleans(),
+    navigation=st.builds(
+        Navigation,
+        current_mps=st.complex_numbers(max_magnitude=1e4, allow_nan=False),
+        water_error=st.just(0j), log_error=st.just(0j), slip=st.just(0j), unsteady_mps=st.floats(0, 1e4),
+        covariance=st.builds(
+            Covariance, *(st.floats(0, 1e8) for _ in range(4)), *(st.just(0j) for _ in range(6)),
+        ),
+        span_s=st.just(0.0), way_m=st.just(0j), fix_us=st.just(-1), ping_us=st.integers(-1, 20_000_000),
+        over_ground=st.booleans(), fixes_refused=st.integers(0, 99), pings_refused=st.just(0),
+    ),
 )  # fmt: skip
 
 
