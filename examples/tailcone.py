@@ -22,7 +22,7 @@ NEUTRAL = (0.0, 0.0, 0.0)
 
 
 def read_sensors():
-    """Specific force (m/s2), rates (rad/s), field (gauss), all forward-right-down; pressure (hPa), temperature (degC)."""
+    """Specific force (m/s2), rates (rad/s), field (gauss), forward-right-down; pressure (hPa), temperature (degC)."""
     readings = (0.0, 0.0, -9.81, 0.0, 0.0, 0.0, 0.19, -0.05, 0.48, 1013.25, 12.0)
     return [reading + random.gauss(0.0, 1e-3) for reading in readings]
 

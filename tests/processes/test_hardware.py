@@ -1,0 +1,315 @@
+"""Hardware in the loop: the sea on one serial line, ground on another, nobody waiting for anybody.
+
+The voyages run on the wall clock; so they run side by side.
+"""
+
+import json
+import re
+import socket
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, closing, contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from mcap.reader import make_reader
+
+from ground import flight, plans, vehicle
+from link.endpoint import Endpoint
+from link.transport import open_transport
+from tests.processes.fleet import Finished, Process, autopilot, free_port, process
+from tests.processes.line import Line, Noise, line
+
+pytestmark = pytest.mark.process
+
+DEPTH_M, LEG_S = 1.5, 22
+MISSION = f"""
+name = "short"
+
+[[step]]
+depth_m = {DEPTH_M}
+heading_deg = 0.0
+thrust_pct = 58.0
+duration_s = {LEG_S}
+
+[[step]]
+surface = true
+"""
+NOISE = Noise(drop=3e-4, flip=3e-4)
+OUTAGE_S = 3.0
+EXAMPLE = str(Path(__file__).parents[2] / "examples" / "tailcone.py")
+SERVO_1, DUCT = 33, 140
+
+
+class Truth(NamedTuple):
+    """What really happened, a row a tick."""
+
+    rows: list[Any]
+
+    @classmethod
+    def read(cls, log: Path) -> "Truth":
+        with log.open("rb") as file:
+            return cls([json.loads(message.data) for _, _, message in make_reader(file).iter_messages()])
+
+    @property
+    def depths_m(self) -> list[float]:
+        return [row["position_ned_m"][2] for row in self.rows]
+
+
+class Rig(NamedTuple):
+    """A simulated vehicle on a serial line, with the autopilot at the other end of it."""
+
+    autopilot: Process
+    sea: Process
+    hil: Line
+    truth: Path
+
+    def stop(self) -> tuple[str, str]:
+        """What the two said on stderr, having ended well."""
+        said = []
+        for child in (self.autopilot, self.sea):
+            child.signal(15)
+            finished = child.finish()
+            assert finished.status == 0, finished
+            said.append(finished.stderr)
+        return said[0], said[1]
+
+
+@contextmanager
+def rig(folder: Path, baud: int, ground: str, noise: Noise) -> Iterator[Rig]:
+    truth = folder / "truth.mcap"
+    with (
+        line(folder, baud, noise) as hil,
+        autopilot(f"serial:{hil.device['vehicle']}:{baud}", ground, options=("--logs", "off")) as child,
+        process(
+            "-m", "sitl", "--hil", f"serial:{hil.device['ground']}:{baud}", "--no-lockstep", "--truth", str(truth)
+        ) as sea,
+    ):
+        yield Rig(child, sea, hil, truth)
+
+
+class Flown(NamedTuple):
+    """A dive that ``ground fly`` flew over a second serial line."""
+
+    ground: Finished
+    said: tuple[str, str]
+    truth: Truth
+    log: Path
+
+
+def fly(folder: Path, hil_baud: int, ground_baud: int) -> Flown:
+    cables, script, log = folder / "radio", folder / "short.toml", folder / "dive.mcap"
+    cables.mkdir()
+    script.write_text(MISSION)
+    with (
+        line(cables, ground_baud, NOISE, seed=2) as radio,
+        rig(folder, hil_baud, f"serial:{radio.device['vehicle']}:{ground_baud}", NOISE) as aboard,
+        process(
+            "-m", "ground", "fly", str(script), "--connect", f"serial:{radio.device['ground']}:{ground_baud}",
+            "--log", str(log), "--json",
+        ) as ground,
+    ):  # fmt: skip
+        finished = ground.finish(patience_s=120.0)
+        said = aboard.stop()
+    return Flown(finished, said, Truth.read(aboard.truth), log)
+
+
+class Interrupted(NamedTuple):
+    """A dive whose HIL line was pulled out and put back."""
+
+    texts: list[str]
+    armed: bool
+    said: tuple[str, str]
+    depths_m: tuple[float, float]
+    """Told before the line was pulled, and at the end."""
+    truth: Truth
+
+
+def interrupt(folder: Path) -> Interrupted:
+    script, port = folder / "short.toml", free_port(socket.SOCK_STREAM)
+    script.write_text(MISSION)
+    with rig(folder, 57_600, f"tcpin:127.0.0.1:{port}", NOISE) as aboard:
+        client = vehicle.Vehicle(open_transport(f"tcp:127.0.0.1:{port}"))
+        with closing(client):
+            client.connect()
+            flight.prepare(client, flight.Dive("short", plans.load_items(str(script)), folder / "unused.mcap"))
+            client.arm()
+            pump(client, lambda: depth_m(client) > 0.6)
+            before_m = depth_m(client)
+            aboard.hil.unplug("vehicle")
+            until_s = time.monotonic() + OUTAGE_S
+            pump(client, lambda: time.monotonic() > until_s)
+            aboard.hil.plug("vehicle")
+            pump(client, lambda: "Sensors recovered" in said_by(client) and depth_m(client) > before_m + 0.2)
+            texts, armed, after_m = said_by(client), client.armed, depth_m(client)
+        said = aboard.stop()
+    return Interrupted(texts, armed, said, (before_m, after_m), Truth.read(aboard.truth))
+
+
+def pump(client: vehicle.Vehicle, done: Callable[[], bool], within_s: float = 60.0) -> None:
+    deadline_s = time.monotonic() + within_s
+    while not done():
+        assert time.monotonic() < deadline_s, said_by(client)
+        client.pump(0.05)
+
+
+def depth_m(client: vehicle.Vehicle) -> float:
+    told = client.latest("LOCAL_POSITION_NED")
+    return 0.0 if told is None else float(told.z)
+
+
+def said_by(client: vehicle.Vehicle) -> list[str]:
+    return [text.text for text in client.texts]
+
+
+class OnTheBench(NamedTuple):
+    """The example of docs/hardware.md at the end of an autopilot's line."""
+
+    told: list[str]
+    duct: float
+    """Where ground heard the duct to stand."""
+    released_s: float
+    """How long after the autopilot died the duct was straight again."""
+
+
+def try_example(folder: Path) -> OnTheBench:
+    port = free_port()
+    with ExitStack() as stack:
+        cable = stack.enter_context(line(folder, 115_200, NOISE))
+        hil = f"serial:{cable.device['vehicle']}:115200"
+        child = stack.enter_context(autopilot(hil, f"udpout:127.0.0.1:{port}", options=("--logs", "off")))
+        tail = stack.enter_context(process(EXAMPLE, cable.device["ground"], "115200"))
+        ground = Endpoint(stack.enter_context(closing(open_transport(f"udpin:127.0.0.1:{port}"))), 250, 190)
+        told: list[str] = []
+        hear(ground, told, lambda frame: frame.name == "ATTITUDE")
+        begin_test(ground, rudder=0.5, seconds=3.0)
+        moved = hear(ground, told, lambda frame: frame.component == DUCT and frame.decode().actuator[0] > 0.1)
+        tail.hear(r"rudder \+7\.5 deg, elevator \+0\.0 deg, thrust \+0 %")
+        child.kill()
+        died_s = time.monotonic()
+        tail.hear(r"rudder \+0\.0 deg")
+        return OnTheBench(told, moved.decode().actuator[0], time.monotonic() - died_s)
+
+
+def begin_test(ground: Endpoint, rudder: float, seconds: float) -> None:
+    """ACTUATOR_TEST of the rudder."""
+    ground.send(
+        "COMMAND_LONG", target_system=1, target_component=1, command=310, confirmation=0, param1=rudder,
+        param2=seconds, param3=0, param4=0, param5=SERVO_1, param6=0, param7=0,
+    )  # fmt: skip
+
+
+def hear(ground: Endpoint, told: list[str], wanted: Callable[[Any], bool]) -> Any:
+    """The first frame that is wanted; texts that come before it are told."""
+    deadline_s = time.monotonic() + 30.0
+    while time.monotonic() < deadline_s:
+        for frame in ground.receive():
+            if frame.name == "STATUSTEXT":
+                told.append(frame.decode().text)
+            if wanted(frame):
+                return frame
+        time.sleep(0.01)
+    raise AssertionError(told)
+
+
+class Scenes(NamedTuple):
+    """All voyages, under way at once."""
+
+    wide: Future[Flown]
+    narrow: Future[Flown]
+    interrupted: Future[Interrupted]
+    bench: Future[OnTheBench]
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scenes]:
+    wide, narrow, interrupted, bench = (tmp_path_factory.mktemp(name) for name in Scenes._fields)
+    with ThreadPoolExecutor() as crew:
+        yield Scenes(
+            crew.submit(fly, wide, 115_200, 57_600),
+            crew.submit(fly, narrow, 57_600, 9_600),
+            crew.submit(interrupt, interrupted),
+            crew.submit(try_example, bench),
+        )
+
+
+@pytest.mark.parametrize("width", ["wide", "narrow"])
+def test_a_dive_over_two_noisy_serial_lines_holds_its_depth_and_is_logged(scenes: Scenes, width: str) -> None:
+    flown: Flown = getattr(scenes, width).result()
+    assert flown.ground.status == 0, flown.ground
+    outcome = json.loads(flown.ground.stdout)
+    assert outcome["texts"][-1] == "Surfaced: disarmed"
+    assert not any(text.startswith("Failsafe") for text in outcome["texts"])
+    assert outcome["lost_frames"] > 0, "the line was not noisy"
+    assert outcome["vehicle_s"] < outcome["wall_s"] + 1.0, "a busy machine may be late, never early"
+    assert max(flown.truth.depths_m) == pytest.approx(DEPTH_M, abs=0.15)
+    assert flown.truth.depths_m[-1] < 0.6
+    with flown.log.open("rb") as file:
+        logged = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
+    attitudes = logged.count("/mavlink/1/1/ATTITUDE")
+    assert attitudes > LEG_S * (5 if width == "wide" else 0.5)
+    autopilot_said, sea_said = flown.said
+    assert autopilot_said == ""
+    assert re.fullmatch(r"sitl: actuators after \d+\.\d s\n", sea_said)
+
+
+def test_time_runs_on_the_wall_clock_at_the_rate_that_the_line_can_carry(scenes: Scenes) -> None:
+    for flown, step_us in ((scenes.wide.result(), 20_000), (scenes.narrow.result(), 40_000)):
+        times_us = [row["time_us"] for row in flown.truth.rows]
+        assert {after - before for before, after in pairwise(times_us)} == {step_us}
+
+
+def test_a_hil_line_pulled_out_in_mid_dive_is_told_and_survived(scenes: Scenes) -> None:
+    found = scenes.interrupted.result()
+    assert found.texts.count("Sensors silent") == 1
+    assert found.texts.count("Sensors recovered") == 1
+    assert not any(text.startswith(("Failsafe", "Restarted")) for text in found.texts)
+    assert found.armed
+    before_m, after_m = found.depths_m
+    assert after_m > before_m + 0.2, "she flies on"
+    autopilot_said, sea_said = found.said
+    assert "lost (" in autopilot_said
+    assert autopilot_said.rstrip().endswith(": back")
+    assert "sitl: no actuators for 1 s: duct straight, propeller stopped\n" in sea_said
+
+
+def test_without_orders_the_propeller_stops_until_there_are_some_again(scenes: Scenes) -> None:
+    rows = scenes.interrupted.result().truth.rows
+    turning = [row["propeller_rps"] > 0.0 for row in rows]
+    started = turning.index(True)
+    stopped = turning.index(False, started)
+    again = turning.index(True, stopped)
+    assert OUTAGE_S - 1.5 < 1e-6 * (rows[again]["time_us"] - rows[stopped]["time_us"]) < OUTAGE_S + 1.5
+    for axis in ("rudder_rad", "elevator_rad"):
+        assert rows[again][axis] == pytest.approx(rows[0][axis], abs=0.03), "straight, but for what the motors lost"
+
+
+def test_the_example_turns_its_duct_and_lets_go_when_the_autopilot_dies(scenes: Scenes) -> None:
+    found = scenes.bench.result()
+    assert found.duct == pytest.approx(0.5)
+    assert 0.7 < found.released_s < 3.0
+    assert found.told == [], "a healthy vehicle on the bench"
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (("--speed", "2"), "sitl: --speed 2: not with --no-lockstep: the wall clock is the vehicle's own\n"),
+        (("--wait-for-arm",), "sitl: --wait-for-arm: not with --no-lockstep: the wall clock stands for nobody\n"),
+    ],
+)
+def test_what_does_not_go_with_a_clock_of_ones_own_is_refused(options: tuple[str, ...], complaint: str) -> None:
+    with process("-m", "sitl", "--no-lockstep", *options) as sea:
+        assert sea.finish() == (2, "", complaint)
+
+
+def test_a_line_too_slow_for_the_sensors_is_refused(tmp_path: Path) -> None:
+    slow = f"serial:{tmp_path}/tty-ground:9600"
+    with line(tmp_path, 9600), process("-m", "sitl", "--no-lockstep", "--hil", slow) as sea:
+        finished = sea.finish()
+    assert finished.status == 2
+    assert finished.stderr.endswith("too slow for the instruments: expected 38400 baud or more\n")
+    assert finished.stderr.count("\n") == 1
