@@ -1,0 +1,48 @@
+"""Parameters through other people's programs: fetched as one file, and kept from one start to the next."""
+
+from pathlib import Path
+
+from autopilot.params import PARAMETERS
+from link import params
+from link.endpoint import Endpoint
+from link.exchange import Party, run
+from link.transport import open_transport
+from tests.clients.mavproxy_console import Console
+from tests.processes.fleet import PATIENCE_S, autopilot, free_port
+
+VEHICLE, GROUND = Party(1, 1), Party(250, 190)
+
+
+def test_mavproxy_fetches_the_whole_list_as_one_file(tmp_path: Path) -> None:
+    port = free_port()
+    with autopilot(f"udpin:127.0.0.1:{free_port()}", f"udpout:127.0.0.1:{port}"):
+        console = Console(tmp_path, f"udp:127.0.0.1:{port}")
+        try:
+            console.hear(rf"Received {len(PARAMETERS)} parameters \(ftp\)", PATIENCE_S)
+            console.ask("param show HDG_P", r"HDG_P\s+0\.64999")
+            console.say("param set HDG_P 0.75")
+            console.ask("param diff", r"HDG_P\s+0\.750000 +0\.650000", attempts=5)
+        finally:
+            console.close()
+
+
+def test_what_ground_sets_outlives_a_kill(tmp_path: Path) -> None:
+    def ask(value: float | None) -> float:
+        port = free_port()
+        options = ("--state", str(tmp_path))
+        with autopilot(f"udpin:127.0.0.1:{free_port()}", f"tcpin:127.0.0.1:{port}", options=options) as process:
+            endpoint = Endpoint(open_transport(f"tcp:127.0.0.1:{port}"), *GROUND)
+            client = params.ParamClient(endpoint.send, GROUND, VEHICLE)
+            if value is not None:
+                run(client.set("HDG_P", value), endpoint)
+                run(client.set("HDG_D", value + 1.0), endpoint)
+            found = run(client.get("HDG_P"), endpoint)
+            endpoint.transport.close()
+            kept = tmp_path / "parameters.param"
+            while value is not None and f"HDG_D,{value + 1.0:g}" not in (kept.read_text() if kept.exists() else ""):
+                assert process.running
+            process.kill()
+            return found
+
+    assert ask(0.75) == 0.75
+    assert ask(None) == 0.75
