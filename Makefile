@@ -7,13 +7,16 @@ BIN    := $(VENV)/bin
 OUT    ?= campaign
 SEED   ?= 1
 
-.PHONY: campaign test verify check lock clean
+.PHONY: campaign test clients verify check lock clean
 
 campaign: $(VENV)/run.stamp          ## fly, identify, redesign, fly again; report in $(OUT)/report.html
 	$(BIN)/ground campaign --seed $(SEED) --out $(OUT)
 
 test: $(VENV)/dev.stamp check        ## every check and test
 	$(BIN)/python -m pytest $(PYTEST)
+
+clients: $(VENV)/dev.stamp           ## MAVSDK and MAVProxy down their whole lists on every link and speed: pass counts
+	$(BIN)/python -m tests.clients
 
 verify: $(VENV)/dev.stamp            ## every check-case of the physics: figure, reference, tolerance
 	$(BIN)/python -m tests.reference

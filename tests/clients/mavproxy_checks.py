@@ -23,8 +23,11 @@ from tests.clients.mavproxy_console import Console
 from tests.clients.streams import SENSES, check_rate
 
 DEFAULTS = {p.name: as_real32(p.default) for p in PARAMETERS}
-MODES = ("MANUAL", "DEPTH", "HOLD", "SURFACE", "MISSION")
+MODES = ("MANUAL", "DEPTH", "STATION", "HOLD", "RTL", "SURFACE", "STABILIZE", "MISSION")
+MISSION_MODE = 67_371_008
+MCAP_MAGIC = b"\x89MCAP0\r\n"
 STREAMS_COUNTED_S = 11.0
+LOG_ROW = r"Log (\d+) +numLogs \d+ lastLog \d+ size ([1-9]\d*)"
 ITEMS = [
     (178, 1.0, -1.0, 58.0, 0.0),
     (186, -4.0, 3.0, 0.0, 0.0),
@@ -45,6 +48,12 @@ class Person:
 
     def ask(self, line: str, pattern: str, within_s: float = 15.0) -> re.Match[str]:
         return self.console.ask(line, pattern, attempts=4 if self.slow else 1, within_s=within_s)
+
+    def until(self, wanted: Callable[[], bool], what: str, within_s: float = 15.0) -> None:
+        """Wait for something. Raises RefutedError, saying ``what`` is wrong, when it never comes."""
+        deadline_s = time.monotonic() + within_s
+        while not wanted():
+            require(time.monotonic() < deadline_s, what)
 
     def latest(self, name: str) -> dict[str, Any]:
         heard = self.console.messages()
@@ -100,10 +109,12 @@ def is_refused_a_parameter_out_of_range(p: Person) -> None:
 
 
 def is_told_of_an_unknown_parameter(p: Person) -> None:
-    deadline_s = time.monotonic() + 10.0
-    while (p.console.messages().get("PARAM_ERROR") or (0, {"param_id": ""}))[1]["param_id"] != "NO_SUCH":
-        require(time.monotonic() < deadline_s, "no PARAM_ERROR for it")
+    def told() -> bool:
         p.console.say("param fetch NO_SUCH")
+        _, error = p.console.messages().get("PARAM_ERROR", (0, {}))
+        return error.get("param_id") == "NO_SUCH"
+
+    p.until(told, "no PARAM_ERROR for it")
 
 
 def names_every_mode(p: Person) -> None:
@@ -162,7 +173,7 @@ def arms_and_disarms(p: Person) -> None:
 def starts_the_mission(p: Person) -> None:
     p.ask("arm throttle", "^(?:.*> )?ARMED")
     p.ask("long MISSION_START 0 0", "MISSION_START: ACCEPTED")
-    p.console.hear("Mode MISSION|MISSION>")
+    p.until(lambda: p.latest("HEARTBEAT")["custom_mode"] == MISSION_MODE, "the heartbeat never told of MISSION")
 
 
 def dives(p: Person) -> None:
@@ -231,11 +242,11 @@ def chooses_a_mission_item(p: Person) -> None:
 
 
 def asks_for_a_message(p: Person) -> None:
-    p.ask("long REQUEST_MESSAGE 148", "REQUEST_MESSAGE: ACCEPTED|>")
-    deadline_s = time.monotonic() + 10.0
-    while "AUTOPILOT_VERSION" not in p.console.messages():
-        require(time.monotonic() < deadline_s, "AUTOPILOT_VERSION never came")
+    def came() -> bool:
         p.console.say("long REQUEST_MESSAGE 148")
+        return "AUTOPILOT_VERSION" in p.console.messages()
+
+    p.until(came, "AUTOPILOT_VERSION never came")
     require(p.latest("AUTOPILOT_VERSION")["capabilities"] & 4, "capability MISSION_INT is missing")
 
 
@@ -264,19 +275,20 @@ def keeps_time(p: Person) -> None:
 
 
 def lists_logs(p: Person) -> None:
-    p.ask("log list", r"Log \d+ +numLogs \d+ lastLog \d+ size [1-9]", 20.0)
+    p.ask("log list", LOG_ROW, 20.0)
 
 
 def downloads_a_log(p: Person) -> None:
-    size = int(p.ask("log list", r"Log 1 +numLogs \d+ lastLog \d+ size (\d+)", 20.0)[1])
-    path = p.console.folder / "log1.mcap"
-    p.ask(f"log download 1 {path}", "Finished downloading", 60.0)
-    equal(path.stat().st_size, size, "size")
-    equal(path.read_bytes()[:5], b"\x89MCAP", "magic")
-
-
-def hears_at_once_that_there_is_no_log(p: Person) -> None:
-    p.ask("log list", r"No logs|Log \d+")
+    """The smallest."""
+    p.ask("log list", LOG_ROW, 20.0)
+    time.sleep(1.0)
+    logs = {int(size): int(number) for number, size in re.findall(LOG_ROW, p.console.said)}
+    size, path = min(logs), p.console.folder / "log.mcap"
+    p.console.say(f"log download {logs[size]} {path}")
+    p.until(lambda: path.exists() and path.stat().st_size == size, f"the log of {size} bytes is not whole", 200.0)
+    p.console.hear("Finished downloading", 60.0)
+    log = path.read_bytes()
+    equal((log[:8], log[-8:]), (MCAP_MAGIC, MCAP_MAGIC), "first and last bytes")
 
 
 def is_told_at_once_of_a_missing_file(p: Person) -> None:
@@ -284,7 +296,7 @@ def is_told_at_once_of_a_missing_file(p: Person) -> None:
 
 
 def lists_files(p: Person) -> None:
-    p.ask("ftp list /", "Total size")
+    p.ask("ftp list /", r"D logs")
 
 
 def disarms_by_force(p: Person) -> None:
@@ -323,13 +335,13 @@ EVERY: list[Check] = [
     *(stream(name) for name in SENSES), sets_a_rate, is_refused_the_rate_of_no_stream,
     is_not_upset_by_its_stream_requests, chooses_a_mission_item, asks_for_a_message, is_refused_to_take_off,
     is_refused_a_reboot_under_way, is_refused_to_disarm_under_water, reads_why, keeps_time, disarms_by_force,
-    clears_the_mission, hears_at_once_that_there_is_no_log, is_told_at_once_of_a_missing_file, lists_files,
+    clears_the_mission, lists_logs, downloads_a_log, lists_files, is_told_at_once_of_a_missing_file,
     never_sees_a_breach_or_a_lost_link, keeps_a_log_that_pymavlink_reads,
 ]  # fmt: skip
 SHORT: list[Check] = [
     detects_the_vehicle, receives_the_parameters, sets_a_parameter, names_every_mode, sets_every_mode_by_name,
     sends_the_mission, fetches_the_mission, arms_and_disarms, starts_the_mission, hears_every_stream, keeps_time,
-    disarms_by_force, never_sees_a_breach_or_a_lost_link,
+    disarms_by_force, lists_logs, downloads_a_log, never_sees_a_breach_or_a_lost_link,
 ]  # fmt: skip
 
 

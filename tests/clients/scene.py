@@ -4,6 +4,7 @@ import contextlib
 import json
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -40,7 +41,9 @@ class Afloat:
     def start(self) -> None:
         """Put her afloat; done when she stands by, with her sensors going."""
         sea = ("-m", "sitl", "--hil", f"udpout:127.0.0.1:{self._hil}", "--speed", self._speed, "--seed", "1")
-        self._processes.enter_context(autopilot(f"udpin:127.0.0.1:{self._hil}", *self._links))
+        logs = self._processes.enter_context(tempfile.TemporaryDirectory())
+        own = autopilot(f"udpin:127.0.0.1:{self._hil}", *self._links, options=("--logs", logs))
+        self._processes.enter_context(own)
         self._processes.enter_context(process(*sea))
         wait_for_heartbeat(self.spare, STANDBY)
 

@@ -8,8 +8,8 @@ from tests.clients.checklist import failed, score
 from tests.clients.scene import ACTS, Act, all_at_once
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(500)]
-CHECKS = {"mavsdk": 77, "mavproxy": 58}
-SHORT = {"mavsdk": 17, "mavproxy": 13}
+CHECKS = {"mavsdk": 81, "mavproxy": 59}
+SHORT = {"mavsdk": 19, "mavproxy": 15}
 """At 0.2x a dive takes minutes; ``make clients`` goes down the whole lists there too."""
 NOISE_SPOILS = {"vehicle": 20, "ground": 1}
 """At least so many bytes from each end, or the line was not as noisy as it should have been."""

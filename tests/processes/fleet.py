@@ -89,7 +89,7 @@ def process(*arguments: str) -> Iterator[Process]:
 def autopilot(hil: str, *ground: str, options: tuple[str, ...] = ()) -> Iterator[Process]:
     """An autopilot that is ready to be spoken to; unless it is told otherwise, it knows nothing of those before it."""
     links = [word for address in ground for word in ("--gcs", address)]
-    with process("-m", "autopilot", "--hil", hil, *links, "--state", "off", *options) as child:
+    with process("-m", "autopilot", "--hil", hil, *links, "--state", "off", "--logs", "off", *options) as child:
         line = child.wait_for_line()
         assert line.startswith("autopilot: system"), line
         yield child

@@ -1,0 +1,52 @@
+"""Every client on every link at every speed, with whole lists of checks: prints the table of pass counts.
+
+Usage: python -m tests.clients [--out FILE.json]. Exit status 1 when a check failed.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from tests.clients.checklist import failed, score
+from tests.clients.scene import ACTS, PROGRAMS, Verdicts, all_at_once
+
+
+def carry_out(where: str) -> dict[str, Verdicts]:
+    """Both clients at once, each with a vehicle of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        homes = {client: Path(folder) / client for client in PROGRAMS}
+        for home in homes.values():
+            home.mkdir()
+        with all_at_once({client: ACTS[where](client, home) for client, home in homes.items()}) as acts:
+            return {client: act.verdicts() for client, act in acts.items()}
+
+
+def main(out: Path | None) -> int:
+    console, table = Console(), Table("link", *PROGRAMS, title="checks passed")
+    found = {}
+    for where in ACTS:
+        found[where] = carry_out(where)
+        table.add_row(where, *(score(found[where][client]) for client in PROGRAMS))
+    console.print(table)
+    problems = {
+        f"{client} over {where}: {check}": why
+        for where, clients in found.items()
+        for client, verdicts in clients.items()
+        for check, why in failed(verdicts).items()
+    }
+    for check, why in problems.items():
+        console.print(f"{check}: {why}", highlight=False)
+    if out is not None:
+        out.write_text(json.dumps(found, indent=1))
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, metavar="FILE.json")
+    sys.exit(main(parser.parse_args().out))
