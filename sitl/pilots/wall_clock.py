@@ -30,6 +30,9 @@ DEVICES_BYTES_PER_S = 2080
 RATES_HZ = (50, 25, 10)
 SLOWEST_BAUD = 38_400
 
+LATE_S = 1.0
+"""Of vehicle time behind the wall clock; the clock in ``app`` does not make up for more."""
+
 _NEUTRAL = ActuatorFrame(0, 0, (0.0,) * 16, 0)
 
 
@@ -45,15 +48,25 @@ class WallClock:
         self._pace = pace(transport.address)
         self._link, self._stopped = HilLink(transport), stopped
         self._watchdog = Watchdog(_tell_on_stderr, wall_s())
+        self._began_s = wall_s()
 
     def meet(self) -> Pace | None:
+        self._began_s = wall_s()
         return None if self._stopped() else self._pace
 
     def ask(self, sea: Plant, state: State, sensors: Sensors) -> ActuatorFrame | None:
         if self._stopped():
             return None
+        self._look_at_the_clock(state.time_us * 1e-6)
         self._link.send(self._link.datagram(sensors, None, state.faults.changes))
         return self._watchdog.obey(self._link.newest(), wall_s())
+
+    def _look_at_the_clock(self, vehicle_s: float) -> None:
+        """Say so where this machine is too slow: what is late for a second stays late."""
+        late_s = wall_s() - self._began_s - vehicle_s
+        if late_s > LATE_S:
+            self._began_s += late_s
+            _tell_on_stderr(f"too busy: vehicle time {vehicle_s:.1f} s comes {late_s:.1f} s late")
 
     def take_orders(self) -> Sequence[Verdict]:
         return self._link.take_orders()

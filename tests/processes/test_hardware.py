@@ -253,7 +253,8 @@ def test_a_dive_over_two_noisy_serial_lines_holds_its_depth_and_is_logged(scenes
     assert attitudes > LEG_S * (5 if width == "wide" else 0.5)
     autopilot_said, sea_said = flown.said
     assert autopilot_said == ""
-    assert re.fullmatch(r"sitl: actuators after \d+\.\d s\n", sea_said)
+    told = [text for text in sea_said.splitlines() if not text.startswith("sitl: too busy")]
+    assert re.fullmatch(r"sitl: actuators after \d+\.\d s", "\n".join(told))
 
 
 def test_time_runs_on_the_wall_clock_at_the_rate_that_the_line_can_carry(scenes: Scenes) -> None:
