@@ -21,7 +21,8 @@ _GROUPS = {
     "ACT": "Actuators", "DPT": "Depth loop", "EST": "Estimator", "FS": "Failsafe", "HDG": "Heading loop",
     "HLTH": "Health", "LOG": "Onboard log", "MAG": "Estimator", "MAV": "MAVLink", "MIS": "Mission",
     "NAV": "Navigation", "PTCH": "Pitch loop", "SID": "Identification", "SPD": "Speed", "SURF": "Depth loop",
-    "SYS": "System", "THR": "Speed", "TRIM": "Actuators",
+    "OFB": "Offboard", "RTL": "Return", "STB": "Stabilize", "STN": "Station", "SYS": "System", "THR": "Speed",
+    "TRIM": "Actuators",
 }  # fmt: skip
 """By what a name begins with; others are called by that."""
 _AT_START = frozenset(("MAV_SYS_ID",))
