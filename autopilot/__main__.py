@@ -18,6 +18,7 @@ from autopilot.param_store import ParamStore
 from autopilot.params import ParamError, ParamTable
 from autopilot.server import GroundServer
 from autopilot.vehicle import Vehicle
+from link.lifeline import end_with_stdin
 from link.signing import KeyFileError
 from link.state import state_folder
 from link.transport import AddressError, LinkLostError, open_transport
@@ -56,6 +57,7 @@ def fly(
             help="Where parameters are kept for the next start; default: caribou in the user's state directory.",
         ),
     ] = "",
+    lifeline: Annotated[bool, typer.Option("--lifeline", help="End when standard input does.")] = False,
 ) -> None:
     """Fly the vehicle: sensors in, actuators out, MAVLink to the ground."""
     try:
@@ -75,8 +77,11 @@ def fly(
     for complaint in keeper.complaints:
         vehicle.say(f"Parameters: {complaint}")
         print(f"autopilot: {complaint}", file=sys.stderr, flush=True)
+    stop = Stop()
+    if lifeline:
+        end_with_stdin()
     try:
-        App(vehicle, hil_link, ground, logbook).run(Stop())
+        App(vehicle, hil_link, ground, logbook).run(stop)
     except LinkLostError as error:
         raise SystemExit(_complain(error, WORK_FAILED)) from None
     finally:

@@ -41,11 +41,17 @@ class SimulatedVehicle:
         hil, ground = _free_ports()
         self.address = f"tcp:127.0.0.1:{ground}"
         sitl = [*_module("sitl"), "--vehicle", simulation.vehicle, "--scenario", simulation.scenario]
-        sitl += ["--seed", str(simulation.seed), "--speed", simulation.speed, "--wait-for-arm"]
+        sitl += ["--seed", str(simulation.seed), "--speed", simulation.speed, "--wait-for-arm", "--lifeline"]
         if simulation.truth is not None:
             sitl += ["--truth", str(simulation.truth)]
         autopilot = [*_module("autopilot"), "--hil", f"udpin:127.0.0.1:{hil}", "--gcs", f"tcpin:127.0.0.1:{ground}"]
-        autopilot += ["--state", "off", "--logs", "off" if simulation.logs is None else str(simulation.logs)]
+        autopilot += [
+            "--lifeline",
+            "--state",
+            "off",
+            "--logs",
+            "off" if simulation.logs is None else str(simulation.logs),
+        ]
         if parameters is not None:
             autopilot += ["--params", str(parameters)]
         self._autopilot = _Child("autopilot", autopilot)
@@ -88,13 +94,15 @@ class SimulatedVehicle:
 
 
 class _Child:
+    """Holds the child's standard input open and says nothing: when this process dies, so does the child."""
+
     def __init__(self, name: str, command: list[str]) -> None:
         self._name = name
         self._said: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         paths = [_SOURCES, *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
         self._process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._said, env=environment
+            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=self._said, env=environment
         )
 
     def check(self) -> None:
@@ -117,6 +125,8 @@ class _Child:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        if self._process.stdin is not None:
+            self._process.stdin.close()
         self._said.close()
 
     def _last_words(self) -> str:

@@ -8,6 +8,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from link.lifeline import end_with_stdin
 from link.transport import AddressError, LinkLostError
 from sitl.app import Options, TruthFileError, run
 from sitl.pilots.choice import Choice, PilotError, check, kind
@@ -37,8 +38,11 @@ def simulate(
     hil_baro: Annotated[str | None, typer.Option(help="px4: water [default] or air_equivalent.")] = None,
     outputs: Annotated[str | None, typer.Option(help="Of px4, ardupilot: rudder, elevator, thrust [1,2,3].")] = None,
     truth: Annotated[Path | None, typer.Option(help="Log what really happens to this new MCAP file.")] = None,
+    lifeline: Annotated[bool, typer.Option("--lifeline", help="End when standard input does.")] = False,
 ) -> None:
     """Simulate Caribou, her tailcone, the sea and her sensors, in lockstep with an autopilot."""
+    if lifeline:
+        end_with_stdin()
     pilot = Choice(autopilot, wait_for_arm, rate, hil_baro, outputs, lockstep=not no_lockstep)
     if no_lockstep and speed:
         _leave(f"--speed {speed}: not with --no-lockstep: the wall clock is the vehicle's own", BAD_INPUT)

@@ -195,12 +195,16 @@ def test_a_terminated_ground_closes_its_log_and_stops_what_it_started(
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="reads child processes from /proc")
-def test_what_a_killed_ground_recorded_can_be_recovered(flying: subprocess.Popen[str], tmp_path: Path) -> None:
+def test_a_killed_ground_takes_what_it_started_along_and_leaves_a_log_to_recover(
+    flying: subprocess.Popen[str], tmp_path: Path
+) -> None:
     started = children(flying)
     flying.kill()
     flying.wait()
-    for pid in started.values():
-        os.kill(pid, signal.SIGTERM)
+    deadline = time.monotonic() + 20.0
+    while any(is_alive(pid) for pid in started.values()):
+        assert time.monotonic() < deadline, started
+        time.sleep(0.05)
     done = ground("log", "recover", "short.mcap", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     saved = logs.info(tmp_path / "short-recovered.mcap")
