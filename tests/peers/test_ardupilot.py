@@ -24,8 +24,9 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     scenario, port = tmp_path_factory.mktemp("ardupilot") / "deep.toml", free_port()
     scenario.write_text(DEEP)
     address = f"udpin:127.0.0.1:{port}"
-    with process("-m", "sitl", "--autopilot", "ardupilot", "--hil", address, "--scenario", str(scenario)):
+    with process("-m", "sitl", "--autopilot", "ardupilot", "--hil", address, "--scenario", str(scenario)) as sitl:
         yield port
+        assert sitl.running, "nobody but the simulator was to answer here"
 
 
 @pytest.fixture

@@ -28,8 +28,9 @@ DEEP = "[start]\ndepth_m = 5.0\nheading_deg = 90.0\nspeed_mps = 1.0\n"
 def port() -> Iterator[int]:
     """One simulator for all of this file: every connection finds a vehicle that begins anew."""
     port = free_port(SOCK_STREAM)
-    with process("-m", "sitl", "--autopilot", "px4", "--hil", f"tcpin:127.0.0.1:{port}", "--speed", "max"):
+    with process("-m", "sitl", "--autopilot", "px4", "--hil", f"tcpin:127.0.0.1:{port}", "--speed", "max") as sitl:
         yield port
+        assert sitl.running, "nobody but the simulator was to answer here"
 
 
 @pytest.fixture
@@ -190,8 +191,11 @@ def deep_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     scenario, port = tmp_path_factory.mktemp("px4") / "deep.toml", free_port(SOCK_STREAM)
     scenario.write_text(DEEP)
     options = ("--rate", "100", "--outputs", "4,-6,1", "--hil-baro", "air_equivalent", "--scenario", str(scenario))
-    with process("-m", "sitl", "--autopilot", "px4", "--hil", f"tcpin:127.0.0.1:{port}", "--speed", "max", *options):
+    with process(
+        "-m", "sitl", "--autopilot", "px4", "--hil", f"tcpin:127.0.0.1:{port}", "--speed", "max", *options
+    ) as sitl:
         yield port
+        assert sitl.running, "nobody but the simulator was to answer here"
 
 
 def steered(port: int, rudder: float = 0.0, elevator: float = 0.0, thrust: float = 0.0, armed: bool = True) -> Instant:
