@@ -107,6 +107,19 @@ def fly(
 
 
 @app.command()
+def watch(
+    connect: Address = GROUND_LINK,
+    sign: Sign = None,
+    once: Annotated[bool, typer.Option("--once", help="One look, then end; so too without a terminal.")] = False,
+    json: Json = False,
+) -> None:
+    """Watch any MAVLink vehicle live, without being its ground station; Ctrl-C ends. --json is one look."""
+    from ground.watch import session
+
+    session.watch(connect, sign, once=once, json=json)
+
+
+@app.command()
 def campaign(
     vehicle: VehicleName = "field",
     scenario: ScenarioName = "disturbed",

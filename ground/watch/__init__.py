@@ -1,0 +1,1 @@
+"""``ground watch``: a live view of any MAVLink vehicle in a terminal."""

@@ -1,0 +1,79 @@
+"""One session of ``ground watch``: a look, or a live view until Ctrl-C."""
+
+import signal
+from pathlib import Path
+from types import FrameType
+
+from rich.console import Console
+from rich.live import Live
+
+from ground.console import give
+from ground.errors import FailedError
+from ground.signature import signing
+from ground.watch import reading, view
+from ground.watch.ears import Ears
+from link.clock import wall_s
+from link.transport import open_transport
+
+REFRESH_S = 0.2
+PATIENCE_S = 5.0
+"""How long one look waits for a vehicle."""
+LOOK_S = 3.0
+"""How long it then listens: long enough for what comes every two seconds."""
+
+
+def watch(connect: str, sign: Path | None, *, once: bool, json: bool) -> None:
+    """Show what is heard at an address. Raises AddressError, BadInputError, FailedError."""
+    stopped = _Stopped()
+    console = Console()
+    with signing(sign) as key:
+        transport = open_transport(connect)
+        try:
+            ears = Ears(transport, key)
+            if once or json or not console.is_terminal:
+                _look(ears, stopped)
+                if json:
+                    give(reading.as_json(ears, wall_s()), "", json)
+                else:
+                    console.print(view.draw(ears, wall_s()))
+            else:
+                _live(ears, console, stopped)
+        finally:
+            transport.close()
+
+
+class _Stopped:
+    """Turns true at Ctrl-C: a view has nothing that would be lost, so that this is how it properly ends."""
+
+    def __init__(self) -> None:
+        self._stopped = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._stop)
+
+    def __call__(self) -> bool:
+        return self._stopped
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        self._stopped = True
+
+
+def _look(ears: Ears, stopped: _Stopped) -> None:
+    """Listen until a vehicle was heard for a while. Raises FailedError when there is none."""
+    until_s = wall_s() + PATIENCE_S
+    while ears.party is None and wall_s() < until_s and not stopped():
+        ears.listen(REFRESH_S)
+    if ears.party is None:
+        raise FailedError(f"no vehicle on {ears.address}: {ears.trouble or ears.why_nothing()}")
+    until_s = wall_s() + LOOK_S
+    while wall_s() < until_s and not stopped():
+        ears.listen(REFRESH_S)
+
+
+def _live(ears: Ears, console: Console, stopped: _Stopped) -> None:
+    drawn_s = 0.0
+    with Live(console=console, auto_refresh=False, screen=True) as live:
+        while not stopped():
+            ears.listen(REFRESH_S)
+            if wall_s() - drawn_s > REFRESH_S:
+                drawn_s = wall_s()
+                live.update(view.draw(ears, drawn_s), refresh=True)
