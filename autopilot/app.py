@@ -40,7 +40,8 @@ class App:
     def step(self, timeout_s: float) -> None:
         """Wait for something to arrive and deal with it."""
         links = {link.transport: link for link in self._ground.links}
-        ready = wait([self._hil.transport, *links], timeout_s, eager=wall_s() - self._heard_s < EAGER_S)
+        eager = self._hil.lockstep and wall_s() - self._heard_s < EAGER_S
+        ready = wait([self._hil.transport, *links], timeout_s, eager=eager)
         if self._hil.transport in ready:
             self._heard_s = wall_s()
             for sample in self._hil.receive():
