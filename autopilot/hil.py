@@ -18,9 +18,11 @@ _RANGE, _CONTROLS = dialect.by_name("DISTANCE_SENSOR"), dialect.by_name("HIL_ACT
 _VERDICT = dialect.by_name("COMMAND_ACK")
 _LINK, _OFF = constant("FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL"), constant("FAILURE_TYPE_OFF")
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
-_RELAYED = frozenset(
-    (devices.ODOMETRY.message_id, devices.ACTUATOR_OUTPUTS.message_id, dialect.by_name("STATUSTEXT").message_id)
-)
+_HULL_PRESSURE = dialect.by_name("SCALED_PRESSURE")
+_RELAYED = frozenset((
+    devices.ODOMETRY.message_id, devices.ACTUATOR_OUTPUTS.message_id, _HULL_PRESSURE.message_id,
+    dialect.by_name("STATUSTEXT").message_id,
+))  # fmt: skip
 """What devices say that the ground hears under their own names: nothing in the autopilot's own telemetry tells it."""
 
 
@@ -77,6 +79,11 @@ class HilLink:
             confirmation=0, param1=unit, param2=kind, param3=instance, param4=size, param5=math.nan, param6=math.nan,
             param7=math.nan,
         )  # fmt: skip
+
+    @property
+    def gibberish_bytes(self) -> int:
+        """How much was heard that is no MAVLink."""
+        return self._endpoint.skipped_bytes
 
     def take_verdicts(self) -> list[int]:
         """MAV_RESULTs of orders, as they came since the last call."""

@@ -7,14 +7,14 @@ import pytest
 
 from autopilot import hil
 from autopilot.hil import Sample
-from link import devices
-from link.codec import Framer
+from link import devices, dialect
+from link.codec import Framer, encode
 from link.records import ARMED_FLAG, LOCKSTEP_FLAG, SENSORS_ALL, ActuatorFrame, Battery, DuctFeedback, Dvl, GpsFix, Leak
 from link.records import Altimeter as Range
 from link.transport import Transport, open_transport
 from sitl.pilots.hil import HilLink
 from sitl.sensors import Sensors
-from tests.autopilot.deck import Deck, Station, sensors
+from tests.autopilot.deck import Deck, Station, only, sensors
 
 FULL = Sensors(
     sensors(20_000),
@@ -91,6 +91,18 @@ def test_the_ground_hears_the_log_and_the_encoders_on_every_link_but_no_second_b
             ("ODOMETRY", 1, devices.DVL_COMPONENT),
             ("ACTUATOR_OUTPUT_STATUS", 1, devices.DUCT_COMPONENT),
         ]
+
+
+def test_the_ground_hears_the_air_in_the_hull_where_a_device_measures_it(line: Line) -> None:
+    hull, component = dialect.by_name("SCALED_PRESSURE"), 158
+    pressure = encode(hull, (40, 985.5, 0.0, 2150, 0), 0, 1, component)
+    line.near.send(pressure + line.sitl.datagram(Sensors(sensors(40_000), None, None), None))
+    (sample,) = line.autopilot.receive()
+    deck = Deck()
+    deck.server.relay(sample.relayed)
+    deck.server.flush()
+    told = only(deck.station.heard(), "SCALED_PRESSURE")
+    assert (told.get_srcComponent(), told.press_abs, told.temperature) == (component, 985.5, 2150)
 
 
 def test_answers_go_back(line: Line) -> None:

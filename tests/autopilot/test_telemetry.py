@@ -14,7 +14,7 @@ from autopilot.telemetry import BY_ID, STREAMS, Snapshot
 from autopilot.types import Covariance, Estimate, Home, Navigation, Setpoint, State, Trace
 from link import dialect
 from link.codec import encode
-from link.records import LOCKSTEP_FLAG, ActuatorFrame, Altimeter, Battery, Leak
+from link.records import LOCKSTEP_FLAG, ActuatorFrame, Altimeter, Battery, GpsFix, Leak
 from tests.autopilot.deck import TICK_US, Deck, Station, sensors
 
 ATTITUDE, OUTPUTS, HOME = (
@@ -167,6 +167,27 @@ def test_no_estimate_overflows_a_field(estimate: Estimate) -> None:
     s = plain._replace(state=plain.state._replace(estimate=estimate))
     for stream in STREAMS:
         stream.message.pack(stream.build(s))
+
+
+@pytest.mark.parametrize("nonsense", [math.nan, 1e12, -1e12])
+def test_no_nonsense_in_the_vehicle_keeps_a_message_from_being_sent(nonsense: float) -> None:
+    plain = snapshot()
+    floats = {name: nonsense for name, value in plain.state.estimate._asdict().items() if isinstance(value, float)}
+    state = plain.state._replace(
+        estimate=plain.state.estimate._replace(**floats, altitude_m=nonsense),
+        setpoint=Setpoint(nonsense, nonsense, nonsense),
+    )
+    s = plain._replace(
+        state=state,
+        trace=Trace(*[nonsense] * len(Trace._fields)),
+        actuators=plain.actuators._replace(controls=(nonsense,) * 16),
+        altimeter=Altimeter(0, nonsense, nonsense, nonsense),
+        battery=Battery(1e5, 1e5, math.nan, math.nan),
+        fix=GpsFix(0, 3, 41.5, -70.7, nonsense, nonsense, nonsense, nonsense, 9, nonsense, nonsense),
+    )
+    for stream in STREAMS:
+        for build in stream.builders:
+            stream.message.pack(build(s))
 
 
 def test_before_the_first_tick_every_message_can_be_told() -> None:
