@@ -16,6 +16,8 @@ STALE_FRAMES = 5
 """So many old frames in a row are no stragglers: the simulator has begun again, shortly after its last start."""
 SILENT_S = 1.0
 """Wall time without a sample after which a vehicle's own sensors count as silent. A simulator may pause in lockstep."""
+GIBBERISH_BYTES = 1000
+"""So many before the first sample are no noise: the line has another baud rate."""
 
 
 class App:
@@ -25,6 +27,7 @@ class App:
         self._vehicle, self._hil, self._ground, self._logbook = vehicle, hil, ground, logbook
         self._stale_frames = 0
         self._heard_s = 0.0
+        self._gibberish_told = False
         self._sampled_s: float | None = None
         """When the last sample came by wall time, None before the first and once its absence was noticed."""
 
@@ -58,10 +61,18 @@ class App:
 
     def _look_for_silence(self) -> None:
         """Notice that samples no longer come: vehicle time stands still meanwhile, and nothing else would."""
-        if self._hil.lockstep or self._sampled_s is None or wall_s() - self._sampled_s < SILENT_S:
+        if self._hil.lockstep:
             return
-        self._sampled_s = None
-        self._vehicle.lose_sensors()
+        if self._vehicle.state.time_us < 0:
+            self._look_for_gibberish()
+        elif self._sampled_s is not None and wall_s() - self._sampled_s >= SILENT_S:
+            self._sampled_s = None
+            self._vehicle.lose_sensors()
+
+    def _look_for_gibberish(self) -> None:
+        if not self._gibberish_told and self._hil.gibberish_bytes > GIBBERISH_BYTES:
+            self._gibberish_told = True
+            self._vehicle.say("HIL: no MAVLink in what is heard: baud rate?")
 
     def _take(self, sample: Sample) -> None:
         """Answer a sample: a new one with a tick, one that came again with what was answered before."""

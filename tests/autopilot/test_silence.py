@@ -28,7 +28,7 @@ class Aboard:
     """An autopilot whose wall clock the test turns, and the far end of its HIL link."""
 
     def __init__(self, near: MemoryTransport, far: MemoryTransport) -> None:
-        self.sea = HilLink(near)
+        self.near, self.sea = near, HilLink(near)
         self.deck = Deck()
         self.app = App(self.deck.vehicle, hil.HilLink(far, 1), self.deck.server, Logbook(self.deck.vehicle, None))
         self.time_us, self.wall_s = 0, 100.0
@@ -104,6 +104,16 @@ def test_after_a_short_silence_sensors_have_to_speak_for_a_while(cable: Aboard) 
 
 def test_sensors_that_never_spoke_are_waited_for(cable: Aboard) -> None:
     assert cable.silence(60.0) == []
+
+
+def test_a_head_of_another_baud_rate_is_told_once_and_noise_is_not(cable: Aboard) -> None:
+    cable.near.send(b"noise" * 20)
+    assert cable.silence(SILENT_S) == []
+    for _ in range(2):
+        cable.near.send(bytes(range(256)) * 8)
+        cable.app.step(0.0)
+    assert cable.said() == ["HIL: no MAVLink in what is heard: baud rate?"]
+    assert cable.silence(SILENT_S) == []
 
 
 def test_a_simulator_in_lockstep_may_pause_as_long_as_it_likes(
