@@ -1,5 +1,6 @@
 """Parameters through other people's programs: fetched as one file, and kept from one start to the next."""
 
+import json
 from pathlib import Path
 
 from autopilot.params import PARAMETERS
@@ -8,8 +9,9 @@ from link.endpoint import Endpoint
 from link.exchange import Party, run
 from link.transport import open_transport
 from tests.clients.mavproxy_console import Console
-from tests.processes.fleet import PATIENCE_S, autopilot, free_port
+from tests.processes.fleet import PATIENCE_S, autopilot, free_port, process
 
+METADATA_CLIENT = str(Path(__file__).with_name("mavsdk_metadata_client.py"))
 VEHICLE, GROUND = Party(1, 1), Party(250, 190)
 
 
@@ -24,6 +26,18 @@ def test_mavproxy_fetches_the_whole_list_as_one_file(tmp_path: Path) -> None:
             console.ask("param diff", r"HDG_P\s+0\.750000 +0\.650000", attempts=5)
         finally:
             console.close()
+
+
+def test_mavsdk_fetches_what_parameters_mean() -> None:
+    port = free_port()
+    with (
+        autopilot(f"udpin:127.0.0.1:{free_port()}", f"udpout:127.0.0.1:{port}"),
+        process(METADATA_CLIENT, f"udpin://127.0.0.1:{port}") as client,
+    ):
+        finished = client.finish()
+    assert finished.status == 0, finished.stderr
+    described = json.loads(finished.stdout.splitlines()[-1])["parameters"]
+    assert {row["name"]: row["max"] for row in described} == {row.name: row.maximum for row in PARAMETERS}
 
 
 def test_what_ground_sets_outlives_a_kill(tmp_path: Path) -> None:
