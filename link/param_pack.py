@@ -16,7 +16,6 @@ WITH_DEFAULTS = "?withdefaults=1"
 
 _MAGIC, _MAGIC_DEFAULTS = 0x671B, 0x671C
 _FLOAT, _HAS_DEFAULT = 4, 0x10
-_MOST_SHARED = 15
 _HEAD = struct.Struct("<HHH")
 
 
@@ -32,7 +31,7 @@ def pack(parameters: Mapping[str, Parameter], with_defaults: bool = False) -> by
     last = ""
     for name, parameter in sorted(parameters.items()):
         differs = with_defaults and parameter.value != parameter.default
-        shared = min(_MOST_SHARED, len(name) - 1, _shared(name, last))
+        shared = min(len(name) - 1, _shared(name, last))
         rest = name[shared:].encode()
         packed.append(bytes((_FLOAT | (_HAS_DEFAULT if differs else 0), len(rest) - 1 << 4 | shared)) + rest)
         packed.append(struct.pack("<f", parameter.value))

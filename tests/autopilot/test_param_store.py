@@ -51,6 +51,21 @@ def test_it_is_on_disk_without_an_end(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == [FILE]
 
 
+def test_what_is_written_is_not_written_again(tmp_path: Path) -> None:
+    table, store = restart(tmp_path)
+    table.set("HDG_P", 0.7)
+    settle(store, table, (tmp_path / FILE).exists)
+    first = (tmp_path / FILE).stat().st_ino
+    keep = tmp_path / "keep"
+    keep.hardlink_to(tmp_path / FILE)
+    deadline_s = time.monotonic() + 0.5
+    while time.monotonic() < deadline_s:
+        store.poll(table, pytest.fail)
+        time.sleep(0.01)
+    assert store.close(table) == ""
+    assert (tmp_path / FILE).stat().st_ino == first
+
+
 def test_nothing_is_written_where_nothing_was_set(tmp_path: Path) -> None:
     table, store = restart(tmp_path)
     store.poll(table, pytest.fail)

@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
+from autopilot.fields import int16
 from autopilot.params import Config
 from autopilot.schedule import Schedule
 from autopilot.telemetry import BY_ID, STREAMS, Snapshot
-from autopilot.types import Covariance, Estimate, Home, Navigation, Setpoint, State, Trace
+from autopilot.types import Complaint, Covariance, Doubt, Estimate, Health, Home, Navigation, Setpoint, State, Trace
 from link import dialect
 from link.codec import encode
 from link.records import LOCKSTEP_FLAG, ActuatorFrame, Altimeter, Battery, GpsFix, Leak
@@ -62,6 +63,23 @@ def test_battery_leak_and_altimeter_are_told_as_they_were_measured() -> None:
     assert gauge.battery_remaining == 42
     floor = message("DISTANCE_SENSOR", s)
     assert (floor.min_distance, floor.current_distance, floor.max_distance) == (30, 1250, 3000)
+
+
+@pytest.mark.parametrize(("remaining", "state"), [(0.5, 1), (0.14, 2), (0.07, 3), (0.03, 4)])
+def test_a_low_battery_is_the_more_urgent_the_emptier_it_is(remaining: float, state: int) -> None:
+    """MAV_BATTERY_CHARGE_STATE: OK, LOW, CRITICAL, EMERGENCY; below FS_BATT_PCT, half of it, a quarter."""
+    s = snapshot()._replace(battery=Battery(25.0, 4.0, 1.0, remaining))
+    if state > 1:
+        low = Doubt(Complaint("Battery", "low"), 0, 12_000_000, told=True)
+        s = s._replace(state=s.state._replace(health=Health(doubts=(low,))))
+    assert message("BATTERY_STATUS", s).charge_state == state
+
+
+@pytest.mark.parametrize(
+    ("value", "number"), [(math.nan, -32_768), (math.inf, 32_767), (-math.inf, -32_768), (1.6, 2), (-40_000.0, -32_768)]
+)
+def test_numbers_are_put_within_their_field(value: float, number: int) -> None:
+    assert int16(value) == number
 
 
 def test_what_is_not_carried_is_unknown() -> None:
