@@ -131,7 +131,8 @@ def _is_same(vehicle: Vehicle, log: RemoteLog, file: Path) -> bool:
     with file.open("rb") as data:
         while block := data.read(1 << 20):
             crc = wire.crc32(block, crc)
-    return vehicle.use(FileClient, lambda files: files.checksum(log.path)) == crc
+    on_board: int = vehicle.use(FileClient, lambda files: files.checksum(log.path))
+    return on_board == crc
 
 
 def _size_on_board(vehicle: Vehicle, log: RemoteLog) -> int:

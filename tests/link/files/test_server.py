@@ -15,7 +15,7 @@ from link.files.wire import crc32
 from tests.link.lossy import GROUND, VEHICLE, Wire
 
 ACK, NAK = 128, 129
-CONTENT = bytes(range(256)) * 100
+CONTENT = bytes(range(256)) * 400
 SECRET = b"what nobody may read"
 
 
@@ -123,8 +123,8 @@ def test_text_that_is_made_on_demand_is_a_file_too(client: Client) -> None:
     [
         (b"/", [b"Dlogs", b"Dparams"]),
         (b"", [b"Dlogs", b"Dparams"]),
-        (b"/logs", [b"Fone.mcap\t25600", b"Ftwo.mcap\t5"]),
-        (b"logs/", [b"Fone.mcap\t25600", b"Ftwo.mcap\t5"]),
+        (b"/logs", [b"Fone.mcap\t102400", b"Ftwo.mcap\t5"]),
+        (b"logs/", [b"Fone.mcap\t102400", b"Ftwo.mcap\t5"]),
         (b"/params", [b"Fcurrent.param\t11"]),
     ],
 )
