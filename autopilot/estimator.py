@@ -66,7 +66,7 @@ def update(old: Estimate, inputs: Inputs, thrust: float, home: Home, config: Con
     depth, depth_rate, accel_bias = _depth(old, sensors, attitude, config, dt_s)
     ahead = speed * math.cos(pitch)
     water = complex(ahead * math.cos(heading), ahead * math.sin(heading))
-    motion = navigation.Motion(now_us, attitude, water, rates[2], depth_rate)
+    motion = navigation.Motion(now_us, attitude, water, thrust != 0.0, rates[2], depth_rate)
     place, over_ground, memory = navigation.reckon(
         complex(old.north_m, old.east_m), old.navigation, motion, inputs, home, config, dt_s
     )

@@ -215,5 +215,7 @@ def _unanswered(state: State, config: Config) -> bool:
     mode = modes.by_number(state.mode)
     if not (state.armed and mode and mode.closes_depth and config.health_depth_s and state.thrust > ASKED_THRUST):
         return False
+    if state.setpoint.pitch_rad is not None:
+        return False
     error_m = state.setpoint.depth_m - state.estimate.depth_m
     return abs(error_m) > ASKED_DEPTH_M and math.copysign(1.0, error_m) * state.estimate.depth_rate_mps < MOVING_MPS

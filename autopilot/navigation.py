@@ -34,6 +34,8 @@ TURN_LOG = 0.003**2
 """Growth of the log's error's variance per radian of turn: the compass's deviation."""
 SLIP_M, SLIP_S = 1.5, 1.0
 """Speed that is not where the model has it, per rate of turn and per acceleration."""
+COASTING = 3.0
+"""Without the propeller all of the speed may be wrong, and for longer than a turn lasts."""
 SLIP_FADES_S, SLIP_ALIKE_S = 8.0, 5.0
 SLIP_SHARE, LEAST_WATER_MPS = 0.3, 0.2
 """Of what a ping is off, how much is taken for slip, and the speed below which there is none."""
@@ -60,6 +62,8 @@ class Motion(NamedTuple):
     attitude: Quaternion
     water_mps: complex
     """Velocity through the water, by the thrust."""
+    driven: bool
+    """The propeller turns."""
     turn_radps: float
     rise_mps: float
 
@@ -180,7 +184,8 @@ def _unsteady_mps(old: Navigation, span_s: float, way_m: complex, motion: Motion
         return old.unsteady_mps
     gained = 2.0 * abs(abs(motion.water_mps) - abs(way_m) / span_s) / span_s
     fading = old.unsteady_mps * (1.0 - min(1.0, span_s / SLIP_FADES_S))
-    return max(fading, SLIP_M * abs(motion.turn_radps), SLIP_S * gained)
+    coasting = 0.0 if motion.driven else COASTING * abs(motion.water_mps)
+    return max(fading, SLIP_M * abs(motion.turn_radps), SLIP_S * gained, coasting)
 
 
 def _hear_fix(plot: Plot, motion: Motion, fix: GpsFix, home: Home) -> Plot:
@@ -201,10 +206,9 @@ def _hear_fix(plot: Plot, motion: Motion, fix: GpsFix, home: Home) -> Plot:
         lost = memory.covariance.place + abs(error) ** 2
         memory = memory._replace(covariance=memory.covariance._replace(place=lost))
     plot = _weigh(plot._replace(memory=memory), _PLACE, error, sd * sd * alike)
-    over_ground = complex(fix.velocity_north_mps, fix.velocity_east_mps)
-    plot = _weigh(
-        plot, (0.0, 1.0, motion.water_mps, 0.0), over_ground - _velocity(plot.memory, motion), FIX_SD_MPS**2 * alike
-    )
+    gained = complex(fix.velocity_north_mps, fix.velocity_east_mps) - _velocity(plot.memory, motion)
+    variance = (FIX_SD_MPS**2 + memory.unsteady_mps**2) * alike
+    plot = _weigh(plot, (0.0, 1.0, motion.water_mps, 0.0), gained, variance)
     return plot._replace(memory=plot.memory._replace(fix_us=now_us, fixes_refused=0))
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from autopilot import command, core, modes, params, requests
 from autopilot.types import ACCEPTED, Event, Inputs, Trace
-from link.frames import euler_from_quaternion
+from link.frames import euler_from_quaternion, geodetic_to_offset
 from link.missions import MissionItem
 from sitl import plant, scenario
 from sitl.vehicle import config as vehicles
@@ -69,6 +69,9 @@ class Voyage:
                 break
         return self
 
+    def __len__(self) -> int:
+        return len(self._rows)
+
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         return np.array(self._rows)[:, COLUMNS.index(column)]
 
@@ -95,8 +98,6 @@ class Voyage:
         truth, told, home, site = self.body.truth, self.state.estimate, self.state.home, self._plant.sea
         north, east = 0.0, 0.0
         if home.known:
-            from link.frames import geodetic_to_offset
-
             north, east = geodetic_to_offset(home.lat_deg, home.lon_deg, site.latitude_deg, site.longitude_deg)
         drift = told.navigation.current_mps
         self._rows.append(

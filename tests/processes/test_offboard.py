@@ -1,0 +1,29 @@
+"""MAVSDK's own offboard plugin steers her by attitude, depth and place, and sends her home."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.processes.fleet import free_port, process, vehicle
+
+pytestmark = pytest.mark.process
+
+CLIENT = Path(__file__).with_name("mavsdk_offboard_client.py")
+
+
+def test_mavsdk_steers_by_set_points_and_sends_her_home() -> None:
+    port = free_port()
+    with (
+        vehicle(f"udpout:127.0.0.1:{port}", speed="5") as _,
+        process(str(CLIENT), f"udpin://127.0.0.1:{port}") as client,
+    ):
+        finished = client.finish()
+    assert finished.status == 0, finished.stderr
+    seen = json.loads(finished.stdout.splitlines()[-1])
+    assert (seen["mode"], seen["after"], seen["home"], seen["disarmed"]) == (
+        "OFFBOARD", "HOLD", "RETURN_TO_LAUNCH", True,
+    )  # fmt: skip
+    assert seen["attitude"][1] < -2.0, "nose down, as asked"
+    assert seen["altitude_m"] < -2.0
+    assert 0.01 < seen["variance"] < 9.0
