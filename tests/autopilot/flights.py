@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 from autopilot import command, core, requests
 from autopilot.params import Config
@@ -42,6 +43,8 @@ class Flight:
     depth_m: float = 5.0
     speed_mps: float = 0.0
     altitude_m: float | None = None
+    more: dict[str, Any] = field(default_factory=dict)
+    """Further fields of ``Inputs``."""
     events: list[Event | ItemReached] = field(default_factory=list)
     trace: Trace = field(default_factory=Trace)
     frame: ActuatorFrame | None = None
@@ -66,7 +69,8 @@ class Flight:
             accel_y_mps2=reading.accel_y_mps2 + yaw_rate * self.speed_mps,
             accel_z_mps2=reading.accel_z_mps2 - pitch_rate * self.speed_mps,
         )
-        self.state, self.frame, self.trace, said = core.tick(self.state, Inputs(turning, None, seen, None), self.config)
+        inputs = Inputs(turning, None, seen, None)._replace(**self.more)
+        self.state, self.frame, self.trace, said = core.tick(self.state, inputs, self.config)
         self.events += said
         return self.state
 
