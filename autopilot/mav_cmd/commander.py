@@ -31,10 +31,10 @@ REPEATED_WITHIN_S = 0.9
 
 
 class _Heard(NamedTuple):
-    """What was asked last, and what was answered."""
+    """What a sender asked last, and what came of it."""
 
     command: Command
-    result: int
+    mode: int
     heard_s: float
 
 
@@ -76,10 +76,16 @@ class Commander:
             return Outcome(UNSUPPORTED)
         if command.number not in _NOT_TWICE:
             return handler(self._desk, command, schedule)
-        before = self._heard.get(asker)
-        known = before is not None and before.result == ACCEPTED and repr(before.command) == repr(command)
-        if before and known and (repetition or now_s - before.heard_s < REPEATED_WITHIN_S):
+        if self._done(command, repetition, asker, now_s):
             return Outcome(ACCEPTED)
         outcome = handler(self._desk, command, schedule)
-        self._heard[asker] = _Heard(command, outcome.result, now_s)
+        if outcome.result == ACCEPTED:
+            self._heard[asker] = _Heard(command, self._desk.vehicle.state.mode, now_s)
         return outcome
+
+    def _done(self, command: Command, repetition: bool, asker: Party, now_s: float) -> bool:
+        """Whether a command was carried out before. In another mode it is a new wish: somebody left the old one."""
+        before = self._heard.get(asker)
+        if before is None or before.mode != self._desk.vehicle.state.mode or repr(before.command) != repr(command):
+            return False
+        return repetition or now_s - before.heard_s < REPEATED_WITHIN_S

@@ -162,6 +162,18 @@ def test_a_turn_by_so_much_is_made_once_however_often_it_is_sent(
     assert math.degrees(deck.vehicle.state.setpoint.heading_rad - before) == pytest.approx(60.0)
 
 
+def test_what_was_left_in_between_is_taken_up_again(deck: Deck) -> None:
+    deck.command(400, 1)
+    item = mavlink.MAVLink_mission_item_int_message(1, 1, 0, 2, 93, 1, 1, 100, NAN, NAN, NAN, 0, 0, NAN, 0)
+    deck.ask(mavlink.MAVLink_mission_count_message(1, 1, 1, 0))
+    deck.ask(item)
+    for _ in range(2):
+        assert results(deck.command(300, 0, 0)) == [ACCEPTED]
+        assert deck.vehicle.state.mode == modes.MISSION.number
+        deck.ask(mavlink.MAVLink_set_mode_message(1, 1, modes.HOLD.number))
+        assert deck.vehicle.state.mode == modes.HOLD.number
+
+
 def test_two_stations_may_each_turn_her(pass_time: Callable[[float], None]) -> None:
     deck = Deck(Station(255, 190), Station(250, 190))
     deck.tick(3, fix=FIX)
