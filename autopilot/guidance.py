@@ -15,14 +15,13 @@ from autopilot import modes
 from autopilot.params import Config
 from autopilot.types import US_PER_S, Circle, Estimate, Home, Line, Path, Setpoint, State
 from link.frames import geodetic_to_offset, wrap_pi
-from link.missions import FRAME_LOCAL_NED, GLOBAL_FRAMES, MissionItem
+from link.missions import FRAME_LOCAL_NED, GLOBAL_FRAMES, GLOBAL_SCALE, LOCAL_SCALE, MissionItem
 
 LEAST_WATER_MPS = 0.3
 """A crab angle is reckoned with at least this speed."""
 MOST_CRAB = math.sin(math.radians(60.0))
 INTEGRATES_WITHIN = 1.0 / 3.0
 """Of the look-ahead distance: what is further off has causes that pass."""
-LOCAL_SCALE, GLOBAL_SCALE = 1e-4, 1e-7
 NOT_GIVEN = (1 << 31) - 1
 """In place of a latitude or longitude."""
 _UNDER_WAY = frozenset(mode.number for mode in (modes.MISSION, modes.DEPTH, modes.STATION, modes.RTL))
@@ -46,10 +45,10 @@ def here(estimate: Estimate) -> complex:
 def place_of(item: MissionItem, home: Home) -> complex | None:
     """The place that an item gives; None means here: no place, or zero latitude and longitude."""
     if item.frame == FRAME_LOCAL_NED:
-        return LOCAL_SCALE * complex(item.x, item.y)
+        return complex(item.x, item.y) / LOCAL_SCALE
     if item.frame not in GLOBAL_FRAMES or (item.x == 0 and item.y == 0) or NOT_GIVEN in (item.x, item.y):
         return None
-    lat, lon = GLOBAL_SCALE * item.x, GLOBAL_SCALE * item.y
+    lat, lon = item.x / GLOBAL_SCALE, item.y / GLOBAL_SCALE
     return complex(*geodetic_to_offset(lat, lon, home.lat_deg, home.lon_deg))
 
 

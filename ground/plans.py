@@ -8,11 +8,9 @@ from typing import Any
 
 from ground import script
 from ground.script import ScriptError
-from link.missions import MissionItem
+from link.missions import FRAME_LOCAL_NED, FRAME_MISSION, GLOBAL_SCALE, LOCAL_SCALE, MissionItem
 
 WPL_HEADER = "QGC WPL 110"
-LOCATION_SCALE = 10**7
-FRAME_MISSION = 2
 SUBMARINE, GENERIC = 12, 0
 """MAV_TYPE and MAV_AUTOPILOT, for the plan's own note of its vehicle."""
 
@@ -129,15 +127,20 @@ def _from_plan(entry: dict[str, Any]) -> MissionItem:
 
 
 def _location(item: MissionItem) -> tuple[float, float]:
-    """Columns 5 and 6 of a file: degrees where the item has a place, else the plain numbers."""
+    """Columns 5 and 6 of a file: degrees, or metres from home, where the item has a place, else the plain numbers."""
     if item.frame == FRAME_MISSION:
         return item.x, item.y
-    return item.x / LOCATION_SCALE, item.y / LOCATION_SCALE
+    return item.x / _scale(item), item.y / _scale(item)
 
 
 def _with_location(item: MissionItem, x: float, y: float) -> MissionItem:
-    scale = 1 if item.frame == FRAME_MISSION else LOCATION_SCALE
-    return item._replace(x=round(x * scale), y=round(y * scale))
+    return item._replace(x=round(x * _scale(item)), y=round(y * _scale(item)))
+
+
+def _scale(item: MissionItem) -> int:
+    if item.frame == FRAME_MISSION:
+        return 1
+    return LOCAL_SCALE if item.frame == FRAME_LOCAL_NED else GLOBAL_SCALE
 
 
 def _numbered(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:

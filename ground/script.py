@@ -12,14 +12,20 @@ A script is a TOML file: a name, what it is for, and steps in order::
     duration_s = 30.0
     wait_depth = false       # true: the duration counts from when the depth is reached
 
+    [[step]]                 # a way over ground; heading_deg is not given
+    to = [120.0, -40.0]      # metres north and east of home; or lat_deg and lon_deg
+    accept_m = 5.0           # how near is near enough
+    duration_s = 60.0        # how long to circle there
+
     [[step]]                 # an open-loop test about the trim, the other plane's loop left on
     test = { signal = "step", axis = "rudder", magnitude_deg = 5.0, duration_s = 15 }
 
     [[step]]
     surface = true           # always the last step
 
-A leg becomes DO_CHANGE_SPEED, DO_CHANGE_ALTITUDE, CONDITION_YAW and NAV_DELAY, a test MAV_CMD_USER_1, the end
-NAV_LAND, so that any vehicle of the same vocabulary can fly a script and any ground station can show it.
+A leg becomes DO_CHANGE_SPEED, DO_CHANGE_ALTITUDE, CONDITION_YAW and NAV_DELAY, a way NAV_WAYPOINT, a test
+MAV_CMD_USER_1, the end NAV_LAND, so that any vehicle of the same vocabulary can fly a script and any ground station can
+show it.
 """
 
 import math
@@ -34,7 +40,7 @@ import msgspec
 
 from ground.errors import BadInputError
 from link.dialect import constant
-from link.missions import FRAME_MISSION, MissionItem
+from link.missions import FRAME_LOCAL_NED, FRAME_MISSION, GLOBAL_SCALE, LOCAL_SCALE, MissionItem
 
 CHANGE_SPEED = constant("MAV_CMD_DO_CHANGE_SPEED")
 CHANGE_ALTITUDE = constant("MAV_CMD_DO_CHANGE_ALTITUDE")
@@ -43,6 +49,7 @@ YAW = constant("MAV_CMD_CONDITION_YAW")
 DELAY = constant("MAV_CMD_NAV_DELAY")
 TEST = constant("MAV_CMD_USER_1")
 LAND = constant("MAV_CMD_NAV_LAND")
+WAYPOINT = constant("MAV_CMD_NAV_WAYPOINT")
 RELATIVE_ALTITUDE = 3
 """MAV_FRAME_GLOBAL_RELATIVE_ALT: altitude above home, which lies at the water surface."""
 
@@ -50,6 +57,8 @@ SIGNALS = {"chirp": 0, "step": 1, "doublet": 2, "prbs": 3, "multisine": 4}
 """SID_WAVE by name."""
 AXES = {"elevator": 11, "rudder": 12}
 """SID_AXIS by name: the mixer's pitch and yaw inputs."""
+MOST_M = 100_000.0
+"""From home: the neighbourhood in which the earth counts as flat."""
 SHIPPED = files("ground") / "missions"
 
 
@@ -78,14 +87,27 @@ class Step(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     speed_mps: float | None = None
     duration_s: float | None = None
     wait_depth: bool | None = None
+    to: tuple[float, float] | None = None
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    accept_m: float | None = None
     test: Test | None = None
     surface: Literal[True] | None = None
 
     @property
     def leg_keys(self) -> list[str]:
         """The keys of a leg that this step gives."""
-        keys = ("depth_m", "heading_deg", "thrust_pct", "speed_mps", "duration_s", "wait_depth")
-        return [key for key in keys if getattr(self, key) is not None]
+        return [key for key in _LEG_KEYS if getattr(self, key) is not None]
+
+    @property
+    def goes_somewhere(self) -> bool:
+        return self.to is not None or self.lat_deg is not None or self.lon_deg is not None
+
+
+_LEG_KEYS = (
+    "depth_m", "heading_deg", "thrust_pct", "speed_mps", "duration_s", "wait_depth", "to", "lat_deg", "lon_deg",
+    "accept_m",
+)  # fmt: skip
 
 
 class Script(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -136,12 +158,15 @@ def parse(text: str, where: str) -> Script:
 
 def compile_items(script: Script) -> tuple[MissionItem, ...]:
     """The standard mission items of a script, numbered from 0, the first one current."""
-    items = [item for step in script.step for item in _items(step)]
+    depth_m, items = 0.0, list[MissionItem]()
+    for step in script.step:
+        depth_m = depth_m if step.depth_m is None else step.depth_m
+        items += _items(step, depth_m)
     return tuple(item._replace(sequence=n, current=int(n == 0)) for n, item in enumerate(items))
 
 
 def duration_s(script: Script) -> float:
-    """Seconds of legs and tests, without the way down and up."""
+    """Seconds of legs and tests, without the ways between places, down and up."""
     return sum((s.duration_s or 0.0) + (s.test.duration_s if s.test else 0) for s in script.step)
 
 
@@ -160,11 +185,17 @@ def _wrong_leg(step: Step, *, is_first: bool) -> str:
     if step.thrust_pct is not None and step.speed_mps is not None:
         return "thrust_pct and speed_mps: give one of them"
     has_speed = step.thrust_pct is not None or step.speed_mps is not None
-    if is_first and (step.depth_m is None or step.heading_deg is None or not has_speed):
-        return "the first leg must give depth_m, heading_deg and thrust_pct or speed_mps"
+    headed = step.heading_deg is not None or step.goes_somewhere
+    if is_first and (step.depth_m is None or not headed or not has_speed):
+        return "the first leg must give depth_m, heading_deg (or to) and thrust_pct or speed_mps"
     if step.wait_depth and step.depth_m is None:
         return "wait_depth = true: needs depth_m"
-    if step.duration_s is None:
+    if step.goes_somewhere:
+        if wrong := _wrong_way(step):
+            return wrong
+    elif step.accept_m is not None:
+        return "accept_m: needs to, or lat_deg and lon_deg"
+    elif step.duration_s is None:
         return "duration_s: is missing; give the seconds to hold this leg"
     bounds = (
         ("depth_m", step.depth_m, 0.0, 6000.0),
@@ -172,8 +203,21 @@ def _wrong_leg(step: Step, *, is_first: bool) -> str:
         ("thrust_pct", step.thrust_pct, 0.0, 100.0),
         ("speed_mps", step.speed_mps, 0.0, 10.0),
         ("duration_s", step.duration_s, 0.0, 86_400.0),
+        ("lat_deg", step.lat_deg, -90.0, 90.0),
+        ("lon_deg", step.lon_deg, -180.0, 180.0),
+        ("accept_m", step.accept_m, 0.5, 500.0),
+        *((f"to[{n}]", metres, -MOST_M, MOST_M) for n, metres in enumerate(step.to or ())),
     )
     return next((_range(*bound) for bound in bounds if _range(*bound)), "")
+
+
+def _wrong_way(step: Step) -> str:
+    if (step.lat_deg is None) != (step.lon_deg is None):
+        return "lat_deg and lon_deg: give both or none"
+    if step.to is not None and step.lat_deg is not None:
+        return "to, and lat_deg and lon_deg: give one of them"
+    clash = next((key for key in ("heading_deg", "wait_depth") if getattr(step, key) is not None), "")
+    return f"{clash}: cannot stand beside a place; give it in a step of its own" if clash else ""
 
 
 def _wrong_test(test: Test) -> str:
@@ -195,20 +239,34 @@ def _range(key: str, value: float | None, low: float, high: float) -> str:
     return f"{key} = {value:g}: must be {low:g} to {high:g}"
 
 
-def _items(step: Step) -> Iterator[MissionItem]:
+def _items(step: Step, depth_m: float) -> Iterator[MissionItem]:
     if step.surface:
         yield _item(LAND)
     elif step.test is not None:
         yield _test_item(step.test)
     else:
-        yield from _leg_items(step)
+        yield from _speed_items(step)
+        yield from (_way_item(step, depth_m),) if step.goes_somewhere else _leg_items(step)
 
 
-def _leg_items(step: Step) -> Iterator[MissionItem]:
+def _speed_items(step: Step) -> Iterator[MissionItem]:
     if step.thrust_pct is not None:
         yield _item(CHANGE_SPEED, 0.0, -1.0, step.thrust_pct)
     if step.speed_mps is not None:
         yield _item(CHANGE_SPEED, 0.0, step.speed_mps, -1.0)
+
+
+def _way_item(step: Step, depth_m: float) -> MissionItem:
+    """A waypoint at the depth of this step, or else of the last that gave one."""
+    item = _item(WAYPOINT, step.duration_s or 0.0, step.accept_m or 0.0)
+    if step.to is not None:
+        north, east = (round(metres * LOCAL_SCALE) for metres in step.to)
+        return item._replace(frame=FRAME_LOCAL_NED, x=north, y=east, z=depth_m)
+    lat, lon = (round((angle or 0.0) * GLOBAL_SCALE) for angle in (step.lat_deg, step.lon_deg))
+    return item._replace(frame=RELATIVE_ALTITUDE, x=lat, y=lon, z=-depth_m)
+
+
+def _leg_items(step: Step) -> Iterator[MissionItem]:
     if step.depth_m is not None:
         yield _item(CHANGE_ALTITUDE, -step.depth_m, RELATIVE_ALTITUDE)
     if step.heading_deg is not None:

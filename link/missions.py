@@ -28,6 +28,9 @@ FRAME_LOCAL_NED, FRAME_MISSION = 1, 2
 GLOBAL_FRAMES = frozenset((0, 3, 5, 6))
 """Global frames, with and without _INT, absolute and relative: alike to a vehicle whose home is the surface."""
 
+LOCAL_SCALE, GLOBAL_SCALE = 10**4, 10**7
+"""What an item counts for a metre in a local frame and for a degree in a global one."""
+
 
 class MissionItem(NamedTuple):
     """One item as MISSION_ITEM_INT carries it. Parameters may be NaN: not given."""

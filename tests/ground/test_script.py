@@ -1,6 +1,7 @@
 """Scripts compile to the vocabulary that vehicles share; mistakes are named with file, step, key and value."""
 
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -138,3 +139,53 @@ def test_a_wrong_file_is_named(name: str, content: str, message: str, tmp_path_f
     path.write_text(content)
     with pytest.raises(ScriptError, match=message):
         plans.load_items(str(path))
+
+
+WAYS = """
+name = "ways"
+[[step]]
+to = [120.0, -40.5]
+depth_m = 4.0
+thrust_pct = 58.0
+[[step]]
+lat_deg = 42.351
+lon_deg = -71.0
+accept_m = 8.0
+duration_s = 60.0
+[[step]]
+surface = true
+"""
+
+
+def test_ways_become_waypoints_at_the_depth_that_was_last_given() -> None:
+    items = script.compile_items(script.parse(WAYS, "ways"))
+    speed, first, second, end = items
+    assert (speed.command, end.command) == (178, 21)
+    assert (first.command, first.frame, first.x, first.y, first.z) == (16, 1, 1_200_000, -405_000, 4.0)
+    assert (second.command, second.frame, second.x, second.y, second.z) == (16, 3, 423_510_000, -710_000_000, -4.0)
+    assert (second.p1, second.p2) == (60.0, 8.0)
+
+
+@pytest.mark.parametrize(("write", "read"), [(plans.write_plan, plans.read_plan), (plans.write_wpl, plans.read_wpl)])
+def test_ways_survive_other_tools_files(write: Any, read: Any) -> None:
+    items = script.compile_items(script.parse(WAYS, "ways"))
+    assert read(write(items), "file") == items
+
+
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ("to = [1.0, 2.0]\nlat_deg = 1.0\nlon_deg = 1.0", "one of them"),
+        ("lat_deg = 1.0", "both or none"),
+        ("to = [1.0, 2.0]\nheading_deg = 3.0", "heading_deg"),
+        ("to = [1.0, 2e6]", "to[1]"),
+        ("to = [1.0]", "length 2"),
+        ("heading_deg = 1.0\nduration_s = 1.0\naccept_m = 5.0", "accept_m"),
+    ],
+)
+def test_an_impossible_way_is_refused(wrong: str, word: str) -> None:
+    text = f'name = "w"\n[[step]]\ndepth_m = 3.0\nthrust_pct = 58.0\n{wrong}\n[[step]]\nsurface = true\n'
+    with pytest.raises(script.ScriptError) as caught:
+        script.parse(text, "w.toml")
+    assert word in str(caught.value)
+    assert "step" in str(caught.value)
