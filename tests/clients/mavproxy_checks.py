@@ -6,6 +6,7 @@ FOLDER becomes MAVProxy's home: ``ground modes install`` has put the names of th
 """
 
 import argparse
+import contextlib
 import math
 import os
 import re
@@ -18,7 +19,7 @@ from typing import Any
 
 from autopilot.params import PARAMETERS
 from link.params import as_real32
-from tests.clients.checklist import close, equal, name_of, report, require, verdict
+from tests.clients.checklist import RefutedError, close, equal, name_of, report, require, verdict
 from tests.clients.mavproxy_console import Console
 from tests.clients.streams import SENSES, check_rate
 
@@ -84,13 +85,19 @@ def detects_the_vehicle(p: Person) -> None:
 
 
 def receives_the_parameters(p: Person) -> None:
-    if f"Received {len(DEFAULTS)} parameters" not in p.console.said:
-        p.ask("param fetch", f"Received {len(DEFAULTS)} parameters", 60.0)
-    p.console.say("param show *")
-    p.console.hear(sorted(DEFAULTS)[-1])
-    time.sleep(0.3)
-    shown = dict(re.findall(r"^(?:\S*> )?([A-Z][A-Z0-9_]+) +(-?[\d.]+)", p.console.said, re.MULTILINE))
-    wrong = [n for n, v in DEFAULTS.items() if not math.isclose(float(shown.get(n, "nan")), v, abs_tol=1e-6)]
+    """By file or one by one, as MAVProxy likes; on a noisy line it may have to ask again for some."""
+    p.ask("param fetch", f"Received {len(DEFAULTS)} parameters", 60.0)
+    wrong = list(DEFAULTS)
+
+    def right() -> bool:
+        p.console.say("param show *")
+        time.sleep(1.0)
+        shown = dict(re.findall(r"^(?:\S*> )?([A-Z][A-Z0-9_]+) +(-?[\d.]+)", p.console.said, re.MULTILINE))
+        wrong[:] = [n for n, v in DEFAULTS.items() if not math.isclose(float(shown.get(n, "nan")), v, abs_tol=1e-6)]
+        return not wrong
+
+    with contextlib.suppress(RefutedError):
+        p.until(right, "", 30.0)
     equal(wrong, [], "parameters that are shown wrong")
 
 
