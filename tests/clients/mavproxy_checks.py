@@ -21,7 +21,7 @@ from autopilot.params import PARAMETERS
 from link.params import as_real32
 from tests.clients.checklist import RefutedError, close, equal, name_of, report, require, verdict
 from tests.clients.mavproxy_console import Console
-from tests.clients.streams import SENSES, check_rate
+from tests.clients.streams import BY_THEMSELVES, SENSES, check_rate
 
 DEFAULTS = {p.name: as_real32(p.default) for p in PARAMETERS}
 MODES = ("MANUAL", "DEPTH", "STATION", "HOLD", "RTL", "SURFACE", "STABILIZE", "MISSION")
@@ -184,12 +184,11 @@ def starts_the_mission(p: Person) -> None:
 
 
 def dives(p: Person) -> None:
-    """Counting streams on the way; what a slow link leaves out is asked for first."""
+    """Counting streams on the way; what does not come by itself is asked for first."""
     p.ask("module load messagerate", "Loaded module messagerate|already loaded")
-    if p.slow:
-        for name, sense in SENSES.items():
-            if sense.on_request_when_slow:
-                p.ask(f"messagerate set {name} 1", "SET_MESSAGE_INTERVAL: ACCEPTED")
+    for name, sense in SENSES.items():
+        if sense.must_be_asked_for(slow=p.slow):
+            p.ask(f"messagerate set {name} 1", "SET_MESSAGE_INTERVAL: ACCEPTED")
     p.before, began_s = p.console.messages(), time.monotonic()
     deadline_s = began_s + 60.0 * max(1.0, 1.0 / p.speed)
     while p.latest("GLOBAL_POSITION_INT")["relative_alt"] > -1500:
@@ -209,7 +208,7 @@ def stream(name: str) -> Check:
         span_s = p.counted_s if name == "HEARTBEAT" else p.counted_vehicle_s
         come = p.counted[name][0] - p.before.get(name, (0, {}))[0]
         two_speak = name == "ODOMETRY"  # the Doppler log sends its own, and MAVProxy counts both as one
-        if sense.rate_hz * span_s >= 5 and not (p.slow and sense.on_request_when_slow) and not two_speak:
+        if sense.rate_hz * span_s >= 5 and not two_speak and not sense.must_be_asked_for(slow=p.slow):
             check_rate(name, come / span_s, slow=p.slow)
         if not (two_speak and math.isnan(heard[name]["x"])):
             sense.check(heard[name], heard)
@@ -221,7 +220,7 @@ def stream(name: str) -> Check:
 def hears_every_stream(p: Person) -> None:
     """Without a dive, which takes minutes where vehicle time is slow."""
     deadline_s = time.monotonic() + 10.0 * max(1.0, 1.0 / p.speed)
-    while missing := set(SENSES) - set(p.console.messages()):
+    while missing := BY_THEMSELVES - set(p.console.messages()):
         require(time.monotonic() < deadline_s, f"never heard {sorted(missing)}")
 
 

@@ -26,10 +26,11 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRawError
 from mavsdk.plugins.param.param import ParamError
 
 from autopilot.params import PARAMETERS
+from link.dialect import by_name
 from link.params import as_real32
 from tests.clients.checklist import close, equal, name_of, report, require, verdict
 from tests.clients.mavsdk_ears import REQUEST_MESSAGE, Client, connected, first
-from tests.clients.streams import SENSES, check_rate
+from tests.clients.streams import BY_THEMSELVES, SENSES, check_rate
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
 DO_SET_MODE, DO_SET_STANDARD_MODE, SET_INTERVAL, GET_INTERVAL = 176, 262, 511, 510
@@ -308,7 +309,7 @@ async def starts_the_mission(c: Client) -> None:
 async def hears_every_stream(c: Client) -> None:
     """Without a dive, which takes minutes where vehicle time is slow."""
     deadline_s = time.monotonic() + 10.0 * c.stretch
-    while missing := set(SENSES) - set(c.latest):
+    while missing := BY_THEMSELVES - set(c.latest):
         require(time.monotonic() < deadline_s, f"never heard {sorted(missing)}")
         await asyncio.sleep(0.1)
 
@@ -328,10 +329,10 @@ async def is_refused_a_mission_while_one_is_flown(c: Client) -> None:
 
 
 async def dives(c: Client) -> None:
-    """Counting streams on the way; what a slow link leaves out is asked for first."""
-    for name, number in (("ACTUATOR_OUTPUT_STATUS", 375), ("HIGHRES_IMU", 105), ("ODOMETRY", 331)):
-        if c.slow:
-            equal(await c.command(SET_INTERVAL, number, 1e6), ACCEPTED, f"result for {name}")
+    """Counting streams on the way; what does not come by itself is asked for first."""
+    for name, sense in SENSES.items():
+        if sense.must_be_asked_for(slow=c.slow):
+            equal(await c.command(SET_INTERVAL, by_name(name).message_id, 1e6), ACCEPTED, f"result for {name}")
     for times in c.times.values():
         times.clear()
     began_s, vehicle_began_s = time.monotonic(), c.vehicle_s
@@ -349,7 +350,7 @@ def stream(name: str) -> Check:
         require(c.counted.get(name) or name in c.latest, "was never heard")
         sense = SENSES[name]
         span_s = c.counted_s if name == "HEARTBEAT" else c.counted_vehicle_s
-        if sense.rate_hz * span_s >= 5 and not (c.slow and sense.on_request_when_slow):
+        if sense.rate_hz * span_s >= 5 and not sense.must_be_asked_for(slow=c.slow):
             check_rate(name, c.counted.get(name, 0) / span_s, slow=c.slow)
         sense.check(c.latest[name], c.latest)
 

@@ -158,12 +158,35 @@ def odometry(m: Fields, heard: Heard) -> None:
     close(m["z"], heard["LOCAL_POSITION_NED"]["z"], DEPTH_SLACK_M, "z")
 
 
+def estimator(m: Fields, heard: Heard) -> None:
+    require(m["flags"] & 1, "attitude is not said to be good")
+    require(0.0 < m["pos_horiz_accuracy"] < 1e4, f"pos_horiz_accuracy is {m['pos_horiz_accuracy']}")
+
+
+def current(m: Fields, heard: Heard) -> None:
+    require(math.hypot(m["wind_x"], m["wind_y"]) < 3.0, f"the current is {m['wind_x']}, {m['wind_y']}")
+
+
+def named_value(m: Fields, heard: Heard) -> None:
+    require(0 < len(m["name"]) <= 10, f"name is {m['name']!r}")
+    require(math.isfinite(m["value"]), f"value is {m['value']}")
+
+
+def loops_inside(m: Fields, heard: Heard) -> None:
+    require(0 < len(m["name"]) <= 10, f"name is {m['name']!r}")
+    require(any(m["data"]), "all numbers are zero under way")
+
+
 class Sense(NamedTuple):
     """One row: how often the message comes on a fast link, whether a slow one leaves it out, what its numbers mean."""
 
     rate_hz: float
+    """Zero for a message that is sent on request only."""
     check: Callable[[Fields, Heard], None]
     on_request_when_slow: bool = False
+
+    def must_be_asked_for(self, *, slow: bool) -> bool:
+        return self.rate_hz == 0 or (slow and self.on_request_when_slow)
 
 
 SENSES: dict[str, Sense] = {
@@ -191,7 +214,12 @@ SENSES: dict[str, Sense] = {
     "ACTUATOR_OUTPUT_STATUS": Sense(4, actuators, on_request_when_slow=True),
     "HIGHRES_IMU": Sense(10, imu, on_request_when_slow=True),
     "ODOMETRY": Sense(5, odometry, on_request_when_slow=True),
+    "ESTIMATOR_STATUS": Sense(1, estimator),
+    "WIND_COV": Sense(1, current),
+    "DEBUG_FLOAT_ARRAY": Sense(0, loops_inside),
+    "NAMED_VALUE_FLOAT": Sense(0, named_value),
 }
+BY_THEMSELVES = {name for name, sense in SENSES.items() if sense.rate_hz}
 SLOW_SHARE = 0.5
 """A 57600 baud link carries every stream half as often."""
 

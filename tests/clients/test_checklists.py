@@ -4,11 +4,13 @@ from collections.abc import Iterator
 
 import pytest
 
+from autopilot import telemetry
 from tests.clients.checklist import failed, score
 from tests.clients.scene import ACTS, Act, all_at_once
+from tests.clients.streams import SENSES
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(500)]
-CHECKS = {"mavsdk": 81, "mavproxy": 59}
+CHECKS = {"mavsdk": 85, "mavproxy": 63}
 SHORT = {"mavsdk": 19, "mavproxy": 15}
 """At 0.2x a dive takes minutes; ``make clients`` goes down the whole lists there too."""
 NOISE_SPOILS = {"vehicle": 20, "ground": 1}
@@ -25,6 +27,10 @@ def acts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[tuple[str, s
     }
     with all_at_once(stages) as acts:
         yield acts
+
+
+def test_every_stream_of_the_vehicle_is_on_the_lists() -> None:
+    assert {stream.message.name for stream in telemetry.STREAMS} | {"HEARTBEAT"} == set(SENSES)
 
 
 @pytest.mark.parametrize("where", ACTS)
