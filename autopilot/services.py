@@ -81,7 +81,7 @@ class Services:
             "HEARTBEAT": self._hear_heartbeat,
             "COMMAND_LONG": self._obey,
             "COMMAND_INT": self._obey,
-            "COMMAND_CANCEL": lambda a: self._commander.cancel(a.message.command),
+            "COMMAND_CANCEL": lambda a: self._commander.cancel(a.message.command, now_s()),
             "SET_MODE": self._set_mode,
             "SET_HOME_POSITION": self._set_home,
             "SET_GPS_GLOBAL_ORIGIN": self._set_home,

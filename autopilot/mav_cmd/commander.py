@@ -52,7 +52,7 @@ class Commander:
         ``schedule`` is that of the link it came by. What is left to the caller is to send the outcome's messages.
         """
         words = command._replace(repetition=False)
-        if seen := self._jobs.progress(asker, words):
+        if seen := self._jobs.progress(asker, words, command.repetition, now_s):
             answer(seen)
             return Outcome(seen.result)
         outcome = self._once(words, command.repetition, asker, schedule, now_s)
@@ -61,9 +61,9 @@ class Commander:
             self._jobs.begin(asker, words, outcome.job, answer, now_s)
         return outcome
 
-    def cancel(self, number: int) -> None:
+    def cancel(self, number: int, now_s: float) -> None:
         """COMMAND_CANCEL: end a long job, which whoever asked for it is told. Without one there is nothing to do."""
-        if self._jobs.cancel(number):
+        if self._jobs.cancel(number, now_s):
             self._desk.vehicle.request(StopTest())
 
     def poll(self, now_s: float) -> None:

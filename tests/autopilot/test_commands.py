@@ -92,6 +92,17 @@ def test_a_test_that_is_repeated_is_the_same_test_and_another_is_refused(deck: D
     assert deck.vehicle.state.test == started
 
 
+def test_a_test_whose_end_was_not_heard_is_not_begun_again(deck: Deck) -> None:
+    under_way(deck)
+    deck.command(31010, 12, 5, NAN, NAN, 2, 1, NAN)
+    deck.tick(110, depth_m=5.0)
+    deck.serve()
+    assert deck.vehicle.state.test is None
+    again = deck.ask(long(31010, 12, 5, NAN, NAN, 2, 1, NAN, confirmation=1))
+    assert (results(again), deck.vehicle.state.test) == ([ACCEPTED], None)
+    assert results(deck.command(31010, 12, 5, NAN, NAN, 2, 1, NAN)) == [IN_PROGRESS], "a new wish"
+
+
 @pytest.mark.parametrize("stop", [long(31010, 0), long(176, 1, 2), long(212, 0)])
 def test_a_test_that_is_stopped_is_cancelled(deck: Deck, stop: Any) -> None:
     under_way(deck)
