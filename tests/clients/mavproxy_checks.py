@@ -28,7 +28,7 @@ MODES = ("MANUAL", "DEPTH", "STATION", "HOLD", "RTL", "SURFACE", "STABILIZE", "M
 MISSION_MODE = 67_371_008
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 STREAMS_COUNTED_S = 11.0
-LOG_ROW = r"Log (\d+) +numLogs \d+ lastLog \d+ size ([1-9]\d*)"
+LOG_ROW = r"Log (0) +numLogs \d+ lastLog \d+ size ([1-9]\d*)"
 ITEMS = [
     (178, 1.0, -1.0, 58.0, 0.0),
     (186, -4.0, 3.0, 0.0, 0.0),
@@ -285,12 +285,10 @@ def lists_logs(p: Person) -> None:
 
 
 def downloads_a_log(p: Person) -> None:
-    """The smallest."""
-    p.ask("log list", LOG_ROW, 20.0)
-    time.sleep(1.0)
-    logs = {int(size): int(number) for number, size in re.findall(LOG_ROW, p.console.said)}
-    size, path = min(logs), p.console.folder / "log.mcap"
-    p.console.say(f"log download {logs[size]} {path}")
+    """The first: of the short time when she was armed at the quay."""
+    size = int(p.ask("log list", LOG_ROW, 20.0)[2])
+    path = p.console.folder / "log.mcap"
+    p.console.say(f"log download 0 {path}")
     p.until(lambda: path.exists() and path.stat().st_size == size, f"the log of {size} bytes is not whole", 200.0)
     p.console.hear("Finished downloading", 60.0)
     log = path.read_bytes()

@@ -11,6 +11,8 @@ from typing import Any
 
 PATIENCE_S = 15.0
 POLL_S = 0.02
+END = "end-of-list"
+"""No command: what MAVProxy says to it shows that all before it was carried out."""
 PROGRAM = str(Path(sys.executable).with_name("mavproxy.py"))
 
 
@@ -74,12 +76,11 @@ class Console:
     def messages(self) -> dict[str, tuple[int, dict[str, Any]]]:
         """How often each message has come, and its last fields, as ``status`` shows them."""
         self.say("status *")
-        time.sleep(0.5)
-        end = len(self.said) + 1
-        while end != len(self.said):  # it may still be printing
-            end = len(self.said)
-            time.sleep(0.2)
-        rows = re.findall(r"^(?:\S*> )?(\d+): ([A-Z_0-9]+) \{(.*)\}$", self.said[self._mark : end], re.MULTILINE)
+        start = self._mark
+        self.say(END)
+        self.hear(f"Unknown command '{END}'")
+        shown = self.said[start : self._mark]
+        rows = re.findall(r"^(?:\S*> )*(\d+): ([A-Z_0-9]+) \{(.*)\}$", shown, re.MULTILINE)
         return {name: (int(count), _fields(text)) for count, name, text in rows}
 
     def close(self) -> None:

@@ -108,6 +108,10 @@ async def upload(c: Client, items: list[MissionItem]) -> None:
     await patiently(c, lambda: c.missions.upload_mission(items), "TIMEOUT")
 
 
+async def download(c: Client) -> list[MissionItem]:
+    return await patiently(c, c.missions.download_mission, "TIMEOUT")
+
+
 async def discovers(c: Client) -> None:
     equal(await c.system.get_system_id(), 1, "system id")
 
@@ -165,14 +169,14 @@ async def is_refused_a_parameter_out_of_range(c: Client) -> None:
 
 async def carries_a_mission_both_ways(c: Client) -> None:
     await upload(c, leg())
-    equal(rows(await c.missions.download_mission()), rows(leg()), "mission")
+    equal(rows(await download(c)), rows(leg()), "mission")
 
 
 async def carries_a_long_mission(c: Client) -> None:
     count = 12 if c.slow else 100
     long = [item(n, 93, float(n), -1, -1) for n in range(count)]
     await upload(c, long)
-    equal(rows(await c.missions.download_mission()), rows(long), "mission")
+    equal(rows(await download(c)), rows(long), "mission")
 
 
 async def carries_a_plan_of_waypoints(c: Client) -> None:
@@ -190,12 +194,12 @@ async def carries_a_plan_of_waypoints(c: Client) -> None:
 async def is_refused_an_altitude_above_the_water(c: Client) -> None:
     await upload(c, leg())
     await refused("INVALID_ARGUMENT", upload(c, [item(0, 16, frame=3, z=5.0)]), MissionRawError)
-    equal(rows(await c.missions.download_mission()), rows(leg()), "mission that was there before")
+    equal(rows(await download(c)), rows(leg()), "mission that was there before")
 
 
 async def is_refused_a_command_that_is_not_flown(c: Client) -> None:
     await refused("UNSUPPORTED", upload(c, [item(0, TAKEOFF)]), MissionRawError)
-    equal(rows(await c.missions.download_mission()), rows(leg()), "mission that was there before")
+    equal(rows(await download(c)), rows(leg()), "mission that was there before")
 
 
 async def is_refused_a_geofence(c: Client) -> None:
@@ -214,7 +218,7 @@ async def finds_no_geofence(c: Client) -> None:
 async def clears_the_mission(c: Client) -> None:
     await c.missions.clear_mission()
     try:
-        equal(len(await c.missions.download_mission()), 0, "count of items")
+        equal(len(await download(c)), 0, "count of items")
     except MissionRawError as error:
         equal(error.result.name, "NO_MISSION_AVAILABLE", "result")
 
@@ -323,7 +327,7 @@ async def is_refused_a_mission_while_one_is_flown(c: Client) -> None:
     try:
         await upload(c, leg(depth_m=1.0))
     except MissionRawError:
-        equal(rows(await c.missions.download_mission()), rows(leg()), "mission")
+        equal(rows(await download(c)), rows(leg()), "mission")
     else:
         require(False, "was not refused")
 
@@ -502,7 +506,8 @@ async def lists_logs(c: Client) -> None:
 
 
 async def downloads_a_log(c: Client) -> None:
-    entry = min(await c.logs.get_entries(), key=lambda e: e.size_bytes)
+    """The first: of the short time when she was armed at the quay."""
+    entry = min(await c.logs.get_entries(), key=lambda e: e.id)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.mcap"
         async for _ in c.logs.download_log_file(entry, str(path)):
@@ -548,9 +553,12 @@ async def kills(c: Client) -> None:
 
 
 async def hears_a_heartbeat_every_second(c: Client) -> None:
+    """By the wall clock, whatever the speed; a noisy line loses some."""
     times = c.times["HEARTBEAT"]
-    gaps = [after - before for before, after in pairwise(times)]
-    require(max(gaps) < (4.5 if c.slow else 2.0), f"the longest gap was {max(gaps):.1f} s")
+    share = (len(times) - 1) / (times[-1] - times[0])
+    require(share > (0.7 if c.slow else 0.9), f"{share:.2f} a second")
+    longest_s = max(after - before for before, after in pairwise(times))
+    require(c.slow or longest_s < 2.0, f"the longest gap was {longest_s:.1f} s")
 
 
 BEFORE_THE_DIVE: list[Check] = [

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 BITS_PER_BYTE = 10
 """8N1: a start bit, eight of data, a stop bit."""
-QUANTUM_S = 4e-3
-"""How much of the line's time is carried at once: a chip's receive buffer is about as coarse."""
+QUANTUM_S = 8e-3
+"""How much of the line's time is carried at once: USB adapters gather bytes for about as long."""
 IDLE_S = 0.2
 ENDS = ("vehicle", "ground")
 
