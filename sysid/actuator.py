@@ -113,8 +113,9 @@ def _play(shaft: Array, half_rad: float) -> Array:
 def fit(record: Record, starts: Sequence[Axis] = (PAPER,)) -> Found:
     """Least squares on every angle measured during the tests, each test with a bias of its own.
 
-    Standard deviations allow for residuals that hang together (the sandwich of Liang and Zeger 1986, blocks of
-    ``BLOCK_S``): quantisation and whatever else the model lacks is no white noise.
+    Standard deviations allow for residuals that hang together (the sandwich of Liang and Zeger 1986): quantisation and
+    whatever else the model lacks is no white noise, and in a sinusoid it comes back every period. Of blocks of
+    ``BLOCK_S`` and of whole tests, whichever tells of more counts.
     """
     tests = [np.flatnonzero((record.time_s >= a) & (record.time_s <= b)) for a, b in record.spans_s]
     inside = np.concatenate(tests)
@@ -135,7 +136,8 @@ def fit(record: Record, starts: Sequence[Axis] = (PAPER,)) -> Found:
     bounds = _LOWEST / _SCALE, _HIGHEST / _SCALE
     tries = [least_squares(residual, np.clip(start / _SCALE, *bounds), jacobian, bounds) for start in starts]
     best = min(tries, key=lambda found: float(found.cost))
-    sd = _deviations(best.jac, best.fun, _blocks(record.time_s[inside], owner))
+    clusterings = _blocks(record.time_s[inside], owner), owner
+    sd = [_largest(of) for of in zip(*(_deviations(best.jac, best.fun, each) for each in clusterings), strict=True)]
     off = misfit(best.x)
     biases = np.bincount(owner, off) / np.bincount(owner)
     gain, frequency, damping, delay, rate, play = (
@@ -144,6 +146,11 @@ def fit(record: Record, starts: Sequence[Axis] = (PAPER,)) -> Found:
     bias = Estimate(float(np.mean(biases)), _standard_error(biases))
     rms_rad = float(np.sqrt(np.mean(best.fun**2)))
     return Found(gain, frequency, damping, delay, rate, play, bias, float(biases[-1] - biases[0]), rms_rad)
+
+
+def _largest(deviations: tuple[float | None, ...]) -> float | None:
+    """None where the data do not show the parameter; they show it to every clustering or to none."""
+    return max((sd for sd in deviations if sd is not None), default=None)
 
 
 def _standard_error(values: Array) -> float | None:
