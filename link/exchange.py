@@ -30,6 +30,14 @@ class Send(Protocol):
     def __call__(self, name: str, **fields: Any) -> None: ...
 
 
+class Client(NamedTuple):
+    """Who asks a server, and how to answer. Two programs may bear the same ids, as any two of MAVSDK do: then the way
+    back, which is the same for one link, tells them apart."""
+
+    party: Party
+    send: Send
+
+
 Room = Callable[[], int]
 """How many bytes of bulk - a log, a file - a link takes now."""
 
@@ -110,10 +118,8 @@ class Exchange(ABC, Generic[T]):
 
 def addressed_to(message: Any, party: Party) -> bool:
     """Whether a message is for ``party``: it names it, broadcasts, or has no address at all."""
-    return getattr(message, "target_system", 0) in (0, party.system) and getattr(message, "target_component", 0) in (
-        0,
-        party.component,
-    )
+    system, component = getattr(message, "target_system", 0), getattr(message, "target_component", 0)
+    return system in (0, party.system) and component in (0, party.component)
 
 
 def run(exchange: Exchange[T], endpoint: Endpoint, timeout_s: float = 30.0) -> T:

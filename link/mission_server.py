@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Protocol
 
 from link.codec import Frame
 from link.dialect import has_location
-from link.exchange import Party, Send
+from link.exchange import Client, Party, Send
 from link.missions import (
     ACCEPTED,
     ALL_TYPES,
@@ -74,10 +74,9 @@ class MissionStore(Protocol):
 
 @dataclass
 class _Session:
-    """An upload under way: who sends it, how to answer, what has come."""
+    """An upload under way: who sends it, what has come."""
 
-    sender: Party
-    send: Send
+    client: Client
     first: int
     """Of the items that are sent: the whole mission begins with 0."""
     stop: int
@@ -88,16 +87,12 @@ class _Session:
     left: int = RE_REQUESTS
     items: list[MissionItem] = field(default_factory=list)
 
-    def belongs_to(self, sender: Party, send: Send) -> bool:
-        """Two programs may bear the same ids, as any two of MAVSDK do: then the way back tells them apart."""
-        return (self.sender, self.send) == (sender, send)
-
     def request(self, now_s: float) -> None:
         self.due_s = now_s + RE_REQUEST_S
-        self.send(
+        self.client.send(
             "MISSION_REQUEST_INT",
-            target_system=self.sender.system,
-            target_component=self.sender.component,
+            target_system=self.client.party.system,
+            target_component=self.client.party.component,
             seq=self.wanted,
             mission_type=MISSION_TYPE,
         )
@@ -135,7 +130,7 @@ class MissionServer:
         """Serve one frame that is addressed to this vehicle; ``send``, the same for one link, answers on it."""
         handler = self._handlers.get(frame.name)
         if handler is not None:
-            handler(frame.decode(), Party(frame.system, frame.component), send, now_s)
+            handler(frame.decode(), Client(Party(frame.system, frame.component), send), now_s)
 
     def poll(self, now_s: float) -> None:
         """Ask again for an item that did not come, and give an abandoned upload up."""
@@ -148,40 +143,40 @@ class MissionServer:
         else:
             self._end(session, Verdict(CANCELLED, "Mission upload abandoned: its sender fell silent"))
 
-    def _count(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
+    def _count(self, message: Any, client: Client, now_s: float) -> None:
         if message.mission_type != MISSION_TYPE:
-            _acknowledge(send, sender, UNSUPPORTED, message.mission_type)
+            _acknowledge(client, UNSUPPORTED, message.mission_type)
         elif message.count > self._capacity:
             self._store.explain(f"Mission refused: {message.count} items, room for {self._capacity}")
-            _acknowledge(send, sender, NO_SPACE)
+            _acknowledge(client, NO_SPACE)
         else:
-            self._begin(_Session(sender, send, 0, message.count, now_s, whole=True), now_s)
+            self._begin(_Session(client, 0, message.count, now_s, whole=True), now_s)
 
-    def _partial(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
+    def _partial(self, message: Any, client: Client, now_s: float) -> None:
         """New items in place of some that there are; the rest of the mission stays."""
         there, first, last = len(self._store.items), message.start_index, message.end_index
         if message.mission_type != MISSION_TYPE:
-            _acknowledge(send, sender, UNSUPPORTED, message.mission_type)
+            _acknowledge(client, UNSUPPORTED, message.mission_type)
         elif not 0 <= first <= last < there:
             self._store.explain(f"Mission items {first} to {last} refused: the mission has {there}")
-            _acknowledge(send, sender, INVALID_SEQUENCE)
+            _acknowledge(client, INVALID_SEQUENCE)
         else:
-            self._begin(_Session(sender, send, first, last + 1, now_s, whole=False), now_s)
+            self._begin(_Session(client, first, last + 1, now_s, whole=False), now_s)
 
     def _begin(self, session: _Session, now_s: float) -> None:
         """One upload at a time; its own sender may begin it again."""
-        if self._session is not None and not self._session.belongs_to(session.sender, session.send):
+        if self._session is not None and self._session.client != session.client:
             self._store.explain("Mission upload refused: another is under way")
-            _acknowledge(session.send, session.sender, DENIED)
+            _acknowledge(session.client, DENIED)
         else:
             self._session, self._finished = session, None
             self._advance(session, now_s)
 
-    def _item(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
+    def _item(self, message: Any, client: Client, now_s: float) -> None:
         session = self._session
-        if session is None or not session.belongs_to(sender, send):
-            if self._finished is not None and self._finished[0].belongs_to(sender, send):
-                _acknowledge(send, sender, self._finished[1])  # the first acknowledgement was lost
+        if session is None or session.client != client:
+            if self._finished is not None and self._finished[0].client == client:
+                _acknowledge(client, self._finished[1])  # the first acknowledgement was lost
         elif message.mission_type != MISSION_TYPE or message.seq != session.wanted:
             session.request(now_s)
         else:
@@ -210,25 +205,25 @@ class MissionServer:
         self._session, self._finished = None, (session, verdict.result)
         if verdict.text:
             self._store.explain(verdict.text)
-        _acknowledge(session.send, session.sender, verdict.result)
+        _acknowledge(session.client, verdict.result)
 
-    def _list(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
-        send(
+    def _list(self, message: Any, client: Client, now_s: float) -> None:
+        client.send(
             "MISSION_COUNT",
-            target_system=sender.system,
-            target_component=sender.component,
+            target_system=client.party.system,
+            target_component=client.party.component,
             count=len(self._store.items) if message.mission_type == MISSION_TYPE else 0,
             mission_type=message.mission_type,
         )
 
-    def _give(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
+    def _give(self, message: Any, client: Client, now_s: float) -> None:
         items = self._store.items
         if message.mission_type == MISSION_TYPE and message.seq < len(items):
-            send("MISSION_ITEM_INT", **item_fields(items[message.seq], sender))
+            client.send("MISSION_ITEM_INT", **item_fields(items[message.seq], client.party))
         else:
-            _acknowledge(send, sender, INVALID_SEQUENCE, message.mission_type)
+            _acknowledge(client, INVALID_SEQUENCE, message.mission_type)
 
-    def _clear(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
+    def _clear(self, message: Any, client: Client, now_s: float) -> None:
         if message.mission_type not in (MISSION_TYPE, ALL_TYPES):
             verdict = Verdict(UNSUPPORTED)
         elif self._session is not None:
@@ -237,12 +232,12 @@ class MissionServer:
             verdict = self._store.load(())
         if verdict.text:
             self._store.explain(verdict.text)
-        _acknowledge(send, sender, verdict.result, message.mission_type)
+        _acknowledge(client, verdict.result, message.mission_type)
 
-    def _set_current(self, message: Any, sender: Party, send: Send, now_s: float) -> None:
+    def _set_current(self, message: Any, client: Client, now_s: float) -> None:
         if not self._store.set_current(message.seq):
             self._store.explain(f"No mission item {message.seq}: the mission has {len(self._store.items)}")
-        send_progress(send, self._store.progress)
+        send_progress(client.send, self._store.progress)
 
 
 def send_progress(send: Send, progress: MissionProgress) -> None:
@@ -270,11 +265,11 @@ def _fault(item: MissionItem) -> Verdict:
     return Verdict()
 
 
-def _acknowledge(send: Send, receiver: Party, result: int, mission_type: int = MISSION_TYPE) -> None:
-    send(
+def _acknowledge(client: Client, result: int, mission_type: int = MISSION_TYPE) -> None:
+    client.send(
         "MISSION_ACK",
-        target_system=receiver.system,
-        target_component=receiver.component,
+        target_system=client.party.system,
+        target_component=client.party.component,
         type=result,
         mission_type=mission_type,
     )

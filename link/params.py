@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 
 from link.codec import Frame
 from link.dialect import constant
-from link.exchange import Exchange, Party, Room, Send
+from link.exchange import Client, Exchange, Party, Room, Send
 
 REAL32 = constant("MAV_PARAM_TYPE_REAL32")
 DOES_NOT_EXIST = constant("MAV_PARAM_ERROR_DOES_NOT_EXIST")
@@ -147,9 +147,8 @@ class _Set(_Get):
 
 
 class _Listing(NamedTuple):
-    """A list being sent: by which link, and from where it goes on."""
+    """A list being sent: how much its link takes, and from where it goes on."""
 
-    send: Send
     room: Room
     position: int
 
@@ -162,7 +161,7 @@ class ParamServer:
     def __init__(self, table: ParamTable, broadcast: Send, explain: Callable[[str], None]) -> None:
         self._table, self._broadcast, self._explain = table, broadcast, explain
         self._names = tuple(table.names())
-        self._listings: dict[Party, _Listing] = {}
+        self._listings: dict[Client, _Listing] = {}
 
     def feed(self, frame: Frame, send: Send, room: Room) -> None:
         """Serve one frame that is addressed to this vehicle; ``send`` and ``room`` are of the link it came by."""
@@ -170,7 +169,7 @@ class ParamServer:
         message = frame.decode()
         match frame.name:
             case "PARAM_REQUEST_LIST":
-                self._listings[sender] = _Listing(send, room, 0)
+                self._listings[Client(sender, send)] = _Listing(room, 0)
             case "PARAM_REQUEST_READ":
                 self._read(message, sender, send)
             case "PARAM_SET":
@@ -182,15 +181,15 @@ class ParamServer:
 
     def poll(self) -> None:
         """Send the next part of every list that was asked for, as far as its link has room."""
-        for sender, (send, room, start) in list(self._listings.items()):
+        for client, (room, start) in list(self._listings.items()):
             position = start
             while position < min(start + BURST, len(self._names)) and room() >= VALUE_BYTES:
-                self._value(send, self._names[position], position)
+                self._value(client.send, self._names[position], position)
                 position += 1
             if position < len(self._names):
-                self._listings[sender] = _Listing(send, room, position)
+                self._listings[client] = _Listing(room, position)
             else:
-                del self._listings[sender]
+                del self._listings[client]
 
     def _read(self, message: Any, sender: Party, send: Send) -> None:
         by_index = message.param_index >= 0

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from link.codec import Frame
-from link.exchange import Party, Room, Send
+from link.exchange import Client, Party, Room, Send
 from link.files import wire
 from link.files.tree import Entry, FileTree, OpenFile
 from link.files.wire import ACK, MOST_DATA, NAK, Packet
@@ -35,7 +35,6 @@ class _Job(NamedTuple):
     """What takes several polls: a burst, or a checksum."""
 
     request: Packet
-    send: Send
     room: Room
     file: OpenFile
     offset: int
@@ -57,11 +56,11 @@ class FileServer:
 
     def __init__(self, tree: FileTree) -> None:
         self.tree = tree
-        self._sessions: dict[tuple[Party, int], _Session] = {}
-        self._answered: dict[Party, tuple[bytes, bytes]] = {}
-        self._jobs: dict[Party, _Job] = {}
+        self._sessions: dict[tuple[Client, int], _Session] = {}
+        self._answered: dict[Client, tuple[bytes, bytes]] = {}
+        self._jobs: dict[Client, _Job] = {}
         self._now_s = 0.0
-        self._handlers: dict[int, Callable[[Party, Packet], bytes]] = {
+        self._handlers: dict[int, Callable[[Client, Packet], bytes]] = {
             wire.NONE: lambda client, request: b"",
             wire.TERMINATE: self._terminate,
             wire.RESET: self._reset,
@@ -74,19 +73,19 @@ class FileServer:
         """Serve one request that is addressed to this vehicle; ``send`` and ``room`` are of the link it came by."""
         self._now_s = now_s
         payload = bytes(frame.decode().payload)
-        client, request = Party(frame.system, frame.component), wire.decode(payload)
+        client, request = Client(Party(frame.system, frame.component), send), wire.decode(payload)
         if request.opcode in (ACK, NAK):
             return
         asked, answered = self._answered.get(client, (b"", b""))
         if asked == payload:
             if answered:
-                _post(send, client, answered)
+                _post(client, answered)
             if answered or client in self._jobs:
                 return
-        answer = self._serve(client, request, send, room)
+        answer = self._serve(client, request, room)
         self._answered[client] = payload, b"" if answer is None else answer.encode()
         if answer is not None:
-            _post(send, client, answer.encode())
+            _post(client, answer.encode())
 
     def poll(self, now_s: float) -> None:
         """Go on with bursts and checksums, as far as their links have room."""
@@ -96,20 +95,20 @@ class FileServer:
                 left = self._burst_on(client, job) if job.request.opcode == wire.BURST else self._crc_on(client, job)
             except OSError:
                 _release(job)
-                _post(job.send, client, _refuse(job.request, wire.FAIL).encode())
+                _post(client, _refuse(job.request, wire.FAIL).encode())
                 left = None
             if left is None:
                 del self._jobs[client]
             else:
                 self._jobs[client] = left
 
-    def _serve(self, client: Party, request: Packet, send: Send, room: Room) -> Packet | None:
+    def _serve(self, client: Client, request: Packet, room: Room) -> Packet | None:
         """The answer to a request; None where it follows later."""
         try:
             if request.size > MOST_DATA:
                 raise _RefusedError(wire.INVALID_SIZE)
             if request.opcode in (wire.BURST, wire.CRC):
-                self._jobs[client] = self._begin(client, request, send, room)
+                self._jobs[client] = self._begin(client, request, room)
                 return None
             handler = self._handlers.get(request.opcode)
             if handler is None:
@@ -122,18 +121,18 @@ class FileServer:
         except OSError:
             return _refuse(request, wire.FAIL)
 
-    def _terminate(self, client: Party, request: Packet) -> bytes:
+    def _terminate(self, client: Client, request: Packet) -> bytes:
         """Granted where nothing is open, too: the client only wants it closed."""
         self._close((client, request.session))
         return b""
 
-    def _reset(self, client: Party, request: Packet) -> bytes:
+    def _reset(self, client: Client, request: Packet) -> bytes:
         """Closes what this client has open; others go on."""
         for key in [key for key in self._sessions if key[0] == client]:
             self._close(key)
         return b""
 
-    def _list(self, client: Party, request: Packet) -> bytes:
+    def _list(self, client: Client, request: Packet) -> bytes:
         lines = [_line(entry) for entry in self.tree.entries(_path(request))[request.offset :]]
         if not lines:
             raise _RefusedError(wire.END_OF_FILE)
@@ -144,7 +143,7 @@ class FileServer:
             fitting += line
         return fitting or b"S\0"
 
-    def _open(self, client: Party, request: Packet) -> bytes:
+    def _open(self, client: Client, request: Packet) -> bytes:
         """The session is the one that the client asked for: some ignore which they are given."""
         key = client, request.session
         self._close(key)
@@ -154,56 +153,56 @@ class FileServer:
         self._sessions[key] = _Session(file, self._now_s)
         return _size.pack(min(file.size, _MOST_SIZE))
 
-    def _read(self, client: Party, request: Packet) -> bytes:
+    def _read(self, client: Client, request: Packet) -> bytes:
         file = self._session(client, request.session)
         data = file.read(request.offset, request.size or MOST_DATA)
         if not data:
             raise _RefusedError(wire.END_OF_FILE)
         return data
 
-    def _begin(self, client: Party, request: Packet, send: Send, room: Room) -> _Job:
+    def _begin(self, client: Client, request: Packet, room: Room) -> _Job:
         """A job in place of the client's last one."""
         if old := self._jobs.pop(client, None):
             _release(old)
         if request.opcode == wire.CRC:
-            return _Job(request, send, room, self.tree.open(_path(request)), 0)
-        return _Job(request, send, room, self._session(client, request.session), request.offset)
+            return _Job(request, room, self.tree.open(_path(request)), 0)
+        return _Job(request, room, self._session(client, request.session), request.offset)
 
-    def _burst_on(self, client: Party, job: _Job) -> _Job | None:
+    def _burst_on(self, client: Client, job: _Job) -> _Job | None:
         length = job.request.size or MOST_DATA
         while job.room() >= wire.LARGEST_FRAME:
             data = job.file.read(job.offset, length)
             sequence = (job.request.sequence + 1 + job.done) & 0xFFFF
             if not data:
                 end = _refuse(job.request._replace(offset=job.offset), wire.END_OF_FILE)
-                _post(job.send, client, end._replace(sequence=sequence).encode())
+                _post(client, end._replace(sequence=sequence).encode())
                 return None
             last = job.done + 1 == BURST_PACKETS
             packet = _answer(job.request, data)._replace(sequence=sequence, offset=job.offset, burst_complete=int(last))
-            _post(job.send, client, packet.encode())
+            _post(client, packet.encode())
             if last:
                 return None
             job = job._replace(offset=job.offset + len(data), done=job.done + 1)
         return job
 
-    def _crc_on(self, client: Party, job: _Job) -> _Job | None:
+    def _crc_on(self, client: Client, job: _Job) -> _Job | None:
         data = job.file.read(job.offset, CRC_BYTES)
         if data:
             return job._replace(offset=job.offset + len(data), done=wire.crc32(data, job.done))
         job.file.close()
         answer = _answer(job.request, _size.pack(job.done)).encode()
         self._answered[client] = job.request.encode(), answer
-        _post(job.send, client, answer)
+        _post(client, answer)
         return None
 
-    def _session(self, client: Party, number: int) -> OpenFile:
+    def _session(self, client: Client, number: int) -> OpenFile:
         session = self._sessions.get((client, number))
         if session is None:
             raise _RefusedError(wire.INVALID_SESSION)
         self._sessions[client, number] = session._replace(used_s=self._now_s)
         return session.file
 
-    def _close(self, key: tuple[Party, int]) -> None:
+    def _close(self, key: tuple[Client, int]) -> None:
         session = self._sessions.pop(key, None)
         if session is None:
             return
@@ -252,11 +251,11 @@ def _refuse(request: Packet, error: int) -> Packet:
     return Packet(sequence, request.session, NAK, 1, request.opcode, 0, request.offset, bytes((error,)))
 
 
-def _post(send: Send, client: Party, payload: bytes) -> None:
-    send(
+def _post(client: Client, payload: bytes) -> None:
+    client.send(
         "FILE_TRANSFER_PROTOCOL",
         target_network=0,
-        target_system=client.system,
-        target_component=client.component,
+        target_system=client.party.system,
+        target_component=client.party.component,
         payload=payload,
     )

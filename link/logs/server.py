@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, BinaryIO, NamedTuple
 
 from link.codec import Frame
-from link.exchange import Party, Room, Send
+from link.exchange import Client, Party, Room, Send
 from link.logs.source import LogFile, LogSource
 
 DATA_BYTES = 90
@@ -30,14 +30,13 @@ class _Range(NamedTuple):
     stop: int
 
 
-class _Client:
+class _Reader:
     """What a client was told the numbers mean, and what it is still to be sent."""
 
-    def __init__(self, files: Sequence[LogFile]) -> None:
-        self.files = tuple(files)
+    def __init__(self, files: Sequence[LogFile], send: Send) -> None:
+        self.files, self.send = tuple(files), send
         self.entries: deque[int] = deque()
         self.ranges: deque[_Range] = deque()
-        self.send: Send
         self.room: Room
 
 
@@ -48,7 +47,7 @@ class LogServer:
 
     def __init__(self, source: LogSource, explain: Callable[[str], None], armed: Callable[[], bool]) -> None:
         self._source, self._explain, self._armed = source, explain, armed
-        self._clients: dict[Party, _Client] = {}
+        self._readers: dict[Client, _Reader] = {}
         self._handlers = {
             "LOG_REQUEST_LIST": self._list,
             "LOG_REQUEST_DATA": self._data,
@@ -58,87 +57,86 @@ class LogServer:
 
     def feed(self, frame: Frame, send: Send, room: Room) -> None:
         """Serve one frame that is addressed to this vehicle; ``send`` and ``room`` are of the link it came by."""
-        sender = Party(frame.system, frame.component)
-        client = self._clients.get(sender) or _Client(self._source.files())
-        self._clients[sender] = client
-        client.send, client.room = send, room
-        self._handlers[frame.name](client, frame.decode())
+        client = Client(Party(frame.system, frame.component), send)
+        reader = self._readers.get(client) or _Reader(self._source.files(), send)
+        self._readers[client], reader.room = reader, room
+        self._handlers[frame.name](reader, frame.decode())
 
     def poll(self) -> None:
         """Send on what was asked for, as far as there is room."""
-        for client in self._clients.values():
-            while client.entries and client.room() >= LARGEST_FRAME:
-                self._tell(client, client.entries.popleft())
-            if client.ranges:
-                _send_ranges(client)
+        for reader in self._readers.values():
+            while reader.entries and reader.room() >= LARGEST_FRAME:
+                self._tell(reader, reader.entries.popleft())
+            if reader.ranges and reader.room() >= LARGEST_FRAME:
+                _send_ranges(reader)
 
-    def _list(self, client: _Client, message: Any) -> None:
-        client.files = tuple(self._source.files())
-        client.entries.clear()
-        last = min(message.end, len(client.files) - 1)
-        client.entries.extend(range(message.start, last + 1))
-        if not client.files:
-            client.send("LOG_ENTRY", id=0, num_logs=0, last_log_num=0, time_utc=0, size=0)
+    def _list(self, reader: _Reader, message: Any) -> None:
+        reader.files = tuple(self._source.files())
+        reader.entries.clear()
+        last = min(message.end, len(reader.files) - 1)
+        reader.entries.extend(range(message.start, last + 1))
+        if not reader.files:
+            reader.send("LOG_ENTRY", id=0, num_logs=0, last_log_num=0, time_utc=0, size=0)
 
-    def _tell(self, client: _Client, number: int) -> None:
-        log, count = client.files[number], len(client.files)
-        client.send(
+    def _tell(self, reader: _Reader, number: int) -> None:
+        log, count = reader.files[number], len(reader.files)
+        reader.send(
             "LOG_ENTRY", id=number, num_logs=count, last_log_num=count - 1,
             time_utc=log.began_unix_s & 0xFFFF_FFFF, size=min(log.bytes, ALL),
         )  # fmt: skip
 
-    def _data(self, client: _Client, message: Any) -> None:
+    def _data(self, reader: _Reader, message: Any) -> None:
         """Where there is nothing to send, an empty message says so. Nobody is sent one unasked after the last full one:
         MAVProxy takes it for the end, whatever it still lacks, and asks for more by itself once it lacks nothing."""
-        size = client.files[message.id].bytes if message.id < len(client.files) else 0
+        size = reader.files[message.id].bytes if message.id < len(reader.files) else 0
         wanted = _Range(message.id, message.ofs, min(message.ofs + message.count, size))
         if wanted.start >= wanted.stop:
-            _say(client, message.id, message.ofs, b"")
+            _say(reader, message.id, message.ofs, b"")
             return
-        moved_on = message.count == ALL or any(waiting.log != message.id for waiting in client.ranges)
+        moved_on = message.count == ALL or any(waiting.log != message.id for waiting in reader.ranges)
         if moved_on:
-            client.ranges.clear()
-        if wanted not in client.ranges and len(client.ranges) < MOST_RANGES:
-            client.ranges.append(wanted)
+            reader.ranges.clear()
+        if wanted not in reader.ranges and len(reader.ranges) < MOST_RANGES:
+            reader.ranges.append(wanted)
 
-    def _end(self, client: _Client, message: Any) -> None:
-        client.ranges.clear()
+    def _end(self, reader: _Reader, message: Any) -> None:
+        reader.ranges.clear()
 
-    def _erase(self, client: _Client, message: Any) -> None:
+    def _erase(self, reader: _Reader, message: Any) -> None:
         refusal = "Logs not erased: armed" if self._armed() else self._source.erase()
         if refusal:
             self._explain(refusal)
             return
-        for each in self._clients.values():
+        for each in self._readers.values():
             each.files, each.entries, each.ranges = (), deque(), deque()
 
 
-def _send_ranges(client: _Client) -> None:
+def _send_ranges(reader: _Reader) -> None:
     """Send on from the first range."""
-    number = client.ranges[0].log
+    number = reader.ranges[0].log
     try:
-        with client.files[number].path.open("rb") as file:
-            _send_from(file, client, number)
+        with reader.files[number].path.open("rb") as file:
+            _send_from(file, reader, number)
     except OSError:
-        _say(client, number, client.ranges[0].start, b"")
-        client.ranges.clear()
+        _say(reader, number, reader.ranges[0].start, b"")
+        reader.ranges.clear()
 
 
-def _send_from(file: BinaryIO, client: _Client, number: int) -> None:
+def _send_from(file: BinaryIO, reader: _Reader, number: int) -> None:
     for _ in range(AT_ONCE):
-        if not client.ranges or client.ranges[0].log != number or client.room() < LARGEST_FRAME:
+        if not reader.ranges or reader.ranges[0].log != number or reader.room() < LARGEST_FRAME:
             return
-        wanted = client.ranges[0]
+        wanted = reader.ranges[0]
         file.seek(wanted.start)
         data = file.read(min(DATA_BYTES, wanted.stop - wanted.start))
-        _say(client, number, wanted.start, data)
+        _say(reader, number, wanted.start, data)
         after = wanted.start + len(data)
         if data and after < wanted.stop:
-            client.ranges[0] = wanted._replace(start=after)
+            reader.ranges[0] = wanted._replace(start=after)
         else:
-            client.ranges.popleft()
+            reader.ranges.popleft()
 
 
-def _say(client: _Client, number: int, offset: int, data: bytes) -> None:
+def _say(reader: _Reader, number: int, offset: int, data: bytes) -> None:
     padded = tuple(data.ljust(DATA_BYTES, b"\0"))
-    client.send("LOG_DATA", id=number, ofs=offset, count=len(data), data=padded)
+    reader.send("LOG_DATA", id=number, ofs=offset, count=len(data), data=padded)

@@ -75,6 +75,19 @@ def test_a_list_waits_for_room_and_goes_on() -> None:
     assert [frame.decode().param_id for frame in sea.down.take()] == sorted(sea.table.values)
 
 
+def test_two_clients_of_the_same_ids_are_each_sent_the_whole_list() -> None:
+    sea = Sea()
+    request = Wire(GROUND)
+    request.send("PARAM_REQUEST_LIST", target_system=1, target_component=1)
+    (frame,) = request.take()
+    for link in (sea.down, sea.other_link):
+        sea.server.feed(frame, link.send, lambda: 1000)
+    for _ in range(5):
+        sea.server.poll()
+    for link in (sea.down, sea.other_link):
+        assert [frame.decode().param_id for frame in link.take()] == sorted(sea.table.values)
+
+
 def test_the_list_is_complete_and_sorted() -> None:
     sea = Sea()
     listed = sea.run(sea.client.list())

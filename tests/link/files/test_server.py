@@ -212,9 +212,11 @@ def test_a_request_that_comes_again_is_answered_alike(client: Client, tmp_path: 
     assert [str(a) for a in again] == [str(a) for a in first] != []
 
 
-def test_every_client_has_sessions_of_its_own(tmp_path: Path) -> None:
+@pytest.mark.parametrize("party", [(255, 190), GROUND])
+def test_every_client_has_sessions_of_its_own(tmp_path: Path, party: tuple[int, int]) -> None:
+    """Also those of the same ids on two links."""
     server = build(tmp_path)
-    one, other = Client(server), Client(server, (255, 190))
+    one, other = Client(server), Client(server, party)
     one.ask("OPENFILERO", b"/logs/one.mcap")
     other.ask("OPENFILERO", b"/logs/two.mcap")
     assert one.ask("READFILE", size=5).payload == CONTENT[:5]

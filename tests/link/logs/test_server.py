@@ -120,6 +120,19 @@ def test_a_full_link_is_waited_for_and_others_are_not_kept_waiting(tmp_path: Pat
     assert len(slow.hear()) == 10
 
 
+def test_two_clients_of_the_same_ids_are_told_apart_by_their_links(tmp_path: Path) -> None:
+    shelf = Shelf(tmp_path, 40_000)
+    server = server_of(shelf)
+    first, second = Client(server), Client(server)
+    for client in (first, second):
+        client.list()
+        client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
+    server.poll()
+    second.say("LOG_REQUEST_END")
+    assert put_together(first.hear(10)) == shelf.logs[0].path.read_bytes()
+    assert 0 < len(second.hear()) < 40_000 // 90
+
+
 def test_the_end_is_the_end(tmp_path: Path) -> None:
     client = Client(server_of(Shelf(tmp_path, 200_000)))
     client.say("LOG_REQUEST_DATA", id=0, ofs=0, count=ALL)
