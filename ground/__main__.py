@@ -29,9 +29,8 @@ from ground.console import (
     give,
     new_file,
 )
-from ground.errors import BadInputError, FailedError
+from ground.errors import BAD_INPUT, FAILED, BadInputError, FailedError
 
-FAILED, BAD_INPUT = 1, 2
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """Set before numpy is loaded: refits solve many small systems, which threads of their own slow down fivefold."""
 
@@ -49,8 +48,6 @@ app.add_typer(params_app, name="params")
 app.add_typer(log_cli.app, name="log")
 app.add_typer(vehicle_cli.app, name="vehicle")
 app.add_typer(modes_cli.app, name="modes")
-
-
 app.command()(bench_cli.bench)
 app.command()(bench_cli.incline)
 
@@ -87,9 +84,11 @@ def fly(
 
     if sitl and sign:
         raise BadInputError("--sign: is for --connect; the link to a vehicle of --sitl stays on this machine")
+    if truth and not sitl:
+        raise BadInputError(f"--truth {truth}: needs --sitl; nobody knows the truth of a real sea")
     target = new_file(log or Path(Path(mission).stem + ".mcap"))
     first = prototype.parameters_for(vehicle) if sitl and params is None else {}
-    dive = Dive.load(mission, target, parameters=gains.load(params) if params else first, tlog=tlog)
+    dive = Dive.load(mission, target, parameters=gains.load(params) if params else first, tlog=tlog and new_file(tlog))
     with progress.display(Path(mission).stem, quiet=json) as shown:
         if sitl:
             simulated = SimulatedVehicle(Simulation(vehicle, scenario, seed, speed, truth))
@@ -270,7 +269,9 @@ def main() -> None:
         _leave(error, BAD_INPUT)
     except FileExistsError as error:
         _leave(f"{error.filename}: exists; give a new name", BAD_INPUT)
-    except FailedError as error:
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
+        _leave(f"{error.filename}: {error.strerror}", BAD_INPUT)
+    except (FailedError, OSError) as error:
         _leave(error, FAILED)
     except _InterruptedError:
         _leave("interrupted; what was recorded is kept", FAILED)

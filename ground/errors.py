@@ -1,5 +1,8 @@
 """The two ways to end badly, each with one line for the person: what was given is wrong, or the work failed."""
 
+FAILED, BAD_INPUT = 1, 2
+"""Exit status; the simulator and the autopilot end with the same."""
+
 
 class BadInputError(ValueError):
     """What was given cannot be used: names the file or option, the value, and what would be right. Exit status 2."""

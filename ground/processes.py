@@ -10,14 +10,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, NamedTuple, Self
 
-from ground.errors import BadInputError
+from ground.errors import BAD_INPUT, BadInputError
 from ground.vehicle import VehicleError
 from link.clock import wall_s
 from link.transport import AddressError, Transport, open_transport, wait
 
 STARTS_WITHIN_S = 60.0
 STOPS_WITHIN_S = 5.0
-BAD_INPUT = 2
 _SOURCES = str(Path(__file__).parents[1])
 
 
@@ -45,13 +44,7 @@ class SimulatedVehicle:
         if simulation.truth is not None:
             sitl += ["--truth", str(simulation.truth)]
         autopilot = [*_module("autopilot"), "--hil", f"udpin:127.0.0.1:{hil}", "--gcs", f"tcpin:127.0.0.1:{ground}"]
-        autopilot += [
-            "--lifeline",
-            "--state",
-            "off",
-            "--logs",
-            "off" if simulation.logs is None else str(simulation.logs),
-        ]
+        autopilot += ["--lifeline", "--state", "off", "--logs", str(simulation.logs or "off")]
         if parameters is not None:
             autopilot += ["--params", str(parameters)]
         self._autopilot = _Child("autopilot", autopilot)

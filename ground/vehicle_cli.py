@@ -8,10 +8,9 @@ from typing import Annotated
 import typer
 
 from ground.console import Json, give, new_file
-from ground.errors import BadInputError, FailedError
+from ground.errors import BAD_INPUT, BadInputError, FailedError
 
 app = typer.Typer(no_args_is_help=True, help="Describe a vehicle from her geometry, check her, design her first gains.")
-BAD_INPUT = 2
 
 Vehicle = Annotated[str, typer.Argument(metavar="NAME|FILE", help="A shipped vehicle's name, or a vehicle file.")]
 
