@@ -48,6 +48,8 @@ _PLACED = frozenset(
     (Command.WAYPOINT, Command.LOITER_UNLIMITED, Command.LOITER_TURNS, Command.LOITER_TIME, Command.LAND)
 )
 """Items that may give a place."""
+_DEEP = _PLACED | {Command.CHANGE_ALTITUDE_WAIT}
+"""Items whose z is a depth or an altitude."""
 
 Outcome = tuple[State, tuple[Event | ItemReached, ...]]
 
@@ -86,7 +88,7 @@ def _fault(item: MissionItem, count: int, config: Config) -> str:
         return f"DO_JUMP to {item.p1:g}: there is no such item"
     if item.command == Command.CHANGE_ALTITUDE and item.p1 > 0.0:
         return f"altitude {item.p1:g} m: must be 0 or negative, depth is minus altitude"
-    if item.command in _PLACED and guidance.depth_of(item, 0.0) < 0.0:
+    if item.command in _DEEP and guidance.depth_of(item, 0.0) < 0.0:
         return f"depth {guidance.depth_of(item, 0.0):g} m: must be 0 or more; z is down in a local frame, else up"
     if item.command == Command.TEST:
         return excitation.check(test_of(item, State()), config.travel_deg)
@@ -137,8 +139,7 @@ def begin(item: MissionItem, state: State, config: Config) -> Outcome:
     setpoint = state.setpoint
     match item.command:
         case Command.CHANGE_ALTITUDE | Command.CHANGE_ALTITUDE_WAIT:
-            depth = -item.p1 if item.command == Command.CHANGE_ALTITUDE else -item.z
-            setpoint = setpoint._replace(depth_m=depth)
+            setpoint = setpoint._replace(depth_m=_new_depth_m(item))
         case Command.YAW:
             setpoint = setpoint._replace(heading_rad=_heading(item, state))
         case Command.CHANGE_SPEED:
@@ -200,7 +201,7 @@ def done(item: MissionItem, state: State, config: Config) -> bool:
         case Command.DELAY:
             return (state.time_us - (state.time_us if entered_us is None else entered_us)) / US_PER_S >= item.p1
         case Command.CHANGE_ALTITUDE_WAIT:
-            return abs(state.estimate.depth_m + item.z) < DEPTH_REACHED_M
+            return abs(state.estimate.depth_m - _new_depth_m(item)) < DEPTH_REACHED_M
         case Command.TEST:
             return state.test is None
         case Command.LOITER_UNLIMITED:
@@ -268,10 +269,16 @@ def _end(state: State, config: Config) -> tuple[State, tuple[Event, ...]]:
     return state, (said, *events)
 
 
+def _new_depth_m(item: MissionItem) -> float:
+    """What a change of altitude asks for."""
+    return -item.p1 if item.command == Command.CHANGE_ALTITUDE else guidance.depth_of(item, 0.0)
+
+
 def _heading(item: MissionItem, state: State) -> float:
+    """A turn without a direction is clockwise."""
     angle = math.radians(item.p1)
     if item.p4 == 1:
-        return wrap_pi(state.setpoint.heading_rad + (angle if item.p3 >= 0 else -angle))
+        return wrap_pi(state.setpoint.heading_rad + (-angle if item.p3 < 0 else angle))
     return wrap_pi(angle)
 
 

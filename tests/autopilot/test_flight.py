@@ -165,6 +165,7 @@ def test_a_mission_goes_on_after_a_test_that_was_stopped() -> None:
         (requests.SetMissionItem(3), DENIED),
         (requests.LoadMission((MissionItem(0, 3, 22),)), UNSUPPORTED),
         (requests.LoadMission((MissionItem(0, 2, 186, p1=4.0),)), DENIED),
+        (requests.LoadMission((MissionItem(0, 2, 113, z=4.0),)), DENIED),
         (requests.LoadMission((MissionItem(0, 2, 177, p1=7.0),)), DENIED),
         (requests.LoadMission((excitation_item(0, axis=9, magnitude_deg=5.0, duration_s=4),)), DENIED),
     ],
@@ -233,6 +234,34 @@ def test_failsafe_surfaces_with_its_cause_and_stays_until_disarmed(
     assert flight.ask(requests.SetMode(modes.DEPTH.number)) == TEMPORARILY_REJECTED
     flight.altitude_m = None
     flight.run_until(lambda s: not s.armed, 60.0)
+
+
+@pytest.mark.parametrize(
+    ("item", "depth_m"),
+    [
+        (MissionItem(0, 2, 186, p1=-4.0), 4.0),
+        (MissionItem(0, 3, 113, z=-4.0), 4.0),
+        (MissionItem(0, 2, 113, z=-4.0), 4.0),
+        (MissionItem(0, 1, 113, z=4.0), 4.0),
+    ],
+)
+def test_a_depth_is_minus_an_altitude_but_down_in_a_local_frame(item: MissionItem, depth_m: float) -> None:
+    flight = under_way()
+    assert mission.begin(item, flight.state, flight.config)[0].setpoint.depth_m == depth_m
+    there, here = (
+        flight.state._replace(estimate=flight.state.estimate._replace(depth_m=depth)) for depth in (depth_m, 9.0)
+    )
+    waits = item.command == mission.Command.CHANGE_ALTITUDE_WAIT
+    assert [mission.done(item, state, flight.config) for state in (here, there)] == [not waits, True]
+
+
+@pytest.mark.parametrize(("direction", "turn_deg"), [(1.0, 30.0), (0.0, 30.0), (math.nan, 30.0), (-1.0, -30.0)])
+def test_a_relative_turn_is_clockwise_unless_it_says_otherwise(direction: float, turn_deg: float) -> None:
+    flight = under_way()
+    item = MissionItem(0, 2, 115, p1=30.0, p3=direction, p4=1.0)
+    after = mission.begin(item, flight.state, flight.config)[0]
+    turned = after.setpoint.heading_rad - flight.state.setpoint.heading_rad
+    assert math.degrees(turned) == pytest.approx(turn_deg)
 
 
 def test_jump_repeats_as_often_as_it_says() -> None:
