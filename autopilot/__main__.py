@@ -64,16 +64,16 @@ def fly(
         keeper = ParamStore(_folder(state, state_folder()))
         kept = keeper.load()
         table = ParamTable(kept | (load(params) if params else {}), kept)
-        vehicle, system = Vehicle(table), table.config.system_id
+        vehicle = Vehicle(table)
         keys = Keys.from_options(sign or (), gcs or DEFAULT_GROUND)
-        hil_link = HilLink(open_transport(hil, awaited=True), system)
+        hil_link = HilLink(open_transport(hil, awaited=True), vehicle.system)
         transports = [open_transport(address, awaited=True) for address in gcs or DEFAULT_GROUND]
         logbook = Logbook(vehicle, _folder(logs, default_folder()), version())
         ground = GroundServer(vehicle, transports, autopilot_id, keys, logbook, keeper)
     except (AddressError, KeyFileError, ParamError) as error:
         raise SystemExit(_complain(error, BAD_INPUT)) from None
     links = ", ".join(link.transport.address for link in ground.links)
-    print(f"autopilot: system {system}, HIL {hil}, ground {links}", file=sys.stderr, flush=True)
+    print(f"autopilot: system {vehicle.system}, HIL {hil}, ground {links}", file=sys.stderr, flush=True)
     for complaint in keeper.complaints:
         vehicle.say(f"Parameters: {complaint}")
         print(f"autopilot: {complaint}", file=sys.stderr, flush=True)

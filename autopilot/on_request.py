@@ -11,11 +11,11 @@ from link.dialect import MessageType
 class Library:
     """Makes the fields of messages in wire order from the vehicle as it is now."""
 
-    def __init__(self, vehicle: Vehicle, autopilot: AutopilotId, system: int) -> None:
+    def __init__(self, vehicle: Vehicle, autopilot: AutopilotId) -> None:
         self._vehicle = vehicle
         rare: dict[str, Builder] = {
             "HEARTBEAT": lambda s: identity.heartbeat(s.state, autopilot),
-            "AUTOPILOT_VERSION": lambda s: identity.autopilot_version(system),
+            "AUTOPILOT_VERSION": lambda s: identity.autopilot_version(vehicle.system),
             "COMPONENT_METADATA": lambda s: metadata.component_metadata(boot_ms(s)),
             "GPS_GLOBAL_ORIGIN": telemetry.global_origin,
         }

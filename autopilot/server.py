@@ -50,12 +50,12 @@ class GroundServer:
         self._vehicle = vehicle
         self._logbook, keys = logbook or Logbook(vehicle, None), keys or Keys()
         self._store = store or ParamStore(None)
-        self._own = Party(vehicle.params.config.system_id, COMPONENT)
+        self._own = Party(vehicle.system, COMPONENT)
         self.links = [
             ground_link(transport, self._own.system, keys.signing(transport.address)) for transport in transports
         ]
         self._router: Router[GroundLink] = Router(self._own)
-        self._library = Library(vehicle, autopilot, self._own.system)
+        self._library = Library(vehicle, autopilot)
         self._announcer = Announcer(vehicle, self._library.build, self._broadcast, self._logbook.note)
         self._services = Services(vehicle, self._announcer, self._library, self._broadcast, keys, self._logbook)
         self._answers = {link: self._sender(link) for link in self.links}

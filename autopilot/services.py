@@ -156,7 +156,7 @@ class Services:
             arrival.link.write(_ORIGIN, values)
 
     def _take_stick(self, arrival: Arrival) -> None:
-        if arrival.message.target in (0, self._vehicle.params.config.system_id):
+        if arrival.message.target in (0, self._vehicle.system):
             self.helm.take(arrival.message, wall_s())
 
     def _take_setpoint(self, name: str, arrival: Arrival) -> None:

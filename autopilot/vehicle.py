@@ -52,7 +52,7 @@ class Vehicle:
     """The autopilot's state, moved by ticks and by requests; gathers what there is to say of them."""
 
     def __init__(self, params: ParamTable) -> None:
-        self.params = params
+        self.params, self.system = params, params.config.system_id
         self._events: list[Event | ItemReached] = []
         self._begin()
 

@@ -25,7 +25,7 @@ class Entry:
     def __init__(self, vehicle: Vehicle, file: BackgroundFile, version: str) -> None:
         self._vehicle, self.file = vehicle, file
         self._log = MavlinkLog(file, file.later)
-        self._system = vehicle.params.config.system_id
+        self._system = vehicle.system
         self._began_us = vehicle.state.time_us
         self._zero_ns = time.time_ns() - self._began_us * 1000
         self._channels: dict[tuple[int, int, int], Channel] = {}

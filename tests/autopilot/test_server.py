@@ -312,6 +312,16 @@ def test_a_pilots_hand_steers_in_manual(deck: Deck) -> None:
     assert deck.server.stick == stick
 
 
+def test_a_new_system_id_waits_for_the_next_start(deck: Deck) -> None:
+    deck.ask(mavlink.MAVLink_param_set_message(1, 1, b"MAV_SYS_ID", 7.0, 9))
+    deck.ask(mavlink.MAVLink_manual_control_message(7, 0, 0, 0, 0, 0))
+    assert deck.server.stick is None
+    answers = deck.ask(mavlink.MAVLink_manual_control_message(1, 0, 0, 0, 0, 0)) + deck.command(512, 148)
+    assert deck.server.stick is not None
+    version = only(answers, "AUTOPILOT_VERSION")
+    assert (version.get_srcSystem(), version.uid) == (1, 1)
+
+
 def test_a_long_text_is_sent_in_chunks(deck: Deck) -> None:
     deck.vehicle.say("depth " * 20)
     deck.serve()
