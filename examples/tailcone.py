@@ -70,5 +70,7 @@ def run(port):
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 3 or not sys.argv[2].isdecimal():
+        sys.exit("usage: tailcone.py DEVICE BAUD")
     with serial.Serial(sys.argv[1], int(sys.argv[2]), timeout=0, exclusive=True) as line:
         run(line)

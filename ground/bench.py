@@ -15,6 +15,7 @@ from ground.errors import BadInputError, FailedError
 from ground.flight import Progress
 from ground.processes import SimulatedVehicle
 from ground.recorder import Recorder
+from ground.script import AXES, SIGNALS, TEST
 from ground.vehicle import Vehicle, VehicleError
 from link.clock import wall_s
 from link.dialect import constant
@@ -22,8 +23,6 @@ from link.dialect import constant
 if TYPE_CHECKING:
     from sysid.bench import AxisBench, AxisName
 
-AXES = {"rudder": 12.0, "elevator": 11.0}
-"""SID_AXIS by name."""
 AMPLITUDES_DEG = (5.0, 10.0, 20.0, 30.0)
 """Peak to peak; the paper fitted its model to 10 and gives limits for 10 and 30."""
 FREQUENCIES_HZ = (0.05, 0.08, 0.12, 0.18, 0.25, 0.35, 0.5, 0.75, 1.0, 1.5)
@@ -45,8 +44,7 @@ PARAMETERS = {
 LATE_S = 10.0
 """Vehicle seconds by which a test may end late before it counts as lost."""
 LISTEN_S = 3.0
-_TEST, _SERVO = constant("MAV_CMD_USER_1"), constant("MAV_COMP_ID_SERVO1")
-_CHIRP = 0.0
+_SERVO = constant("MAV_COMP_ID_SERVO1")
 
 
 class Sweep(NamedTuple):
@@ -155,7 +153,8 @@ def _play(sweep: Sweep, vehicle: Vehicle, recorder: Recorder) -> None:
     """One test from its start to the vehicle's word that it is finished."""
     told, late_s = len(vehicle.texts), recorder.vehicle_s + sweep.duration_s + LATE_S
     hz = sweep.frequency_hz
-    vehicle.command(_TEST, AXES[sweep.axis], 0.5 * sweep.amplitude_deg, hz, hz, sweep.duration_s, _CHIRP, 0.0)
+    axis, chirp = AXES[sweep.axis], SIGNALS["chirp"]
+    vehicle.command(TEST, axis, 0.5 * sweep.amplitude_deg, hz, hz, sweep.duration_s, chirp, 0.0)
     while not any(text.text == "SystemID Finished" for text in vehicle.texts[told:]):
         for text in vehicle.texts[told:]:
             if text.text.startswith("SystemID Stopped"):

@@ -13,7 +13,9 @@ Address = Annotated[str, typer.Option("--connect", metavar="ADDRESS", help="The 
 Sign = Annotated[Path | None, typer.Option("--sign", metavar="KEYFILE", help="Sign the link: a passphrase or key.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")]
 VehicleName = Annotated[str, typer.Option(metavar="NAME|FILE", help="field, bench, remus100, xfin, or a vehicle file.")]
-ScenarioName = Annotated[str, typer.Option(metavar="NAME|FILE", help="calm, disturbed, or a scenario file.")]
+ScenarioName = Annotated[
+    str, typer.Option(metavar="NAME|FILE", help="calm, disturbed, swell, estuary, under_ice, or a scenario file.")
+]
 Seed = Annotated[int, typer.Option(min=0, help="Of every random stream.")]
 Speed = Annotated[str, typer.Option(metavar="N|max", help="Times the wall clock.")]
 GROUND_LINK = "udpin:127.0.0.1:14550"

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from sysid.incline import Move as DatedMove
 
 SHIPPED = files("ground") / "inclining.toml"
+HEAVIEST_KG, FARTHEST_M = 1000.0, 10.0
 
 
 class Move(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -60,6 +61,14 @@ def load(path: Path | None) -> Plan:
         raise BadInputError(f"--moves {path}: {error}") from None
     if not 10.0 <= plan.duration_s <= 600.0:
         raise BadInputError(f"--moves {path}: duration_s = {plan.duration_s:g}: expected 10 to 600")
+    for number, move in enumerate(plan.move, start=1):
+        if not (0.0 <= move.mass_kg <= HEAVIEST_KG and abs(move.to_port_m) <= FARTHEST_M):
+            raise BadInputError(
+                f"--moves {path}: move {number}: mass_kg = {move.mass_kg:g}, to_port_m = {move.to_port_m:g}: "
+                f"expected 0 to {HEAVIEST_KG:g} kg, at most {FARTHEST_M:g} m to either side"
+            )
+    if len(plan.move) < 3 or len({move.mass_kg * move.to_port_m for move in plan.move}) < 2:
+        raise BadInputError(f"--moves {path}: move: expected three or more, of two different moments at least")
     return plan
 
 

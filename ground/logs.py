@@ -30,8 +30,6 @@ def info(path: Path) -> dict[str, Any]:
         LogError: the file is missing, no MCAP, or unfinished.
     """
     topics: dict[str, int] = {}
-    attachments: list[str] = []
-    metadata: dict[str, dict[str, str]] = {}
     first, last = 0, 0
     gaps = _Gaps()
     for channel, message in _messages(path):

@@ -13,6 +13,8 @@ from link.missions import FRAME_LOCAL_NED, FRAME_MISSION, GLOBAL_SCALE, LOCAL_SC
 WPL_HEADER = "QGC WPL 110"
 SUBMARINE, GENERIC = 12, 0
 """MAV_TYPE and MAV_AUTOPILOT, for the plan's own note of its vehicle."""
+_PLACE_MOST, _FRAME_MOST, _COMMAND_MOST = 1 << 31, (1 << 8) - 1, (1 << 16) - 1
+"""What the fields of MISSION_ITEM_INT hold."""
 
 
 def load_items(name_or_path: str) -> tuple[MissionItem, ...]:
@@ -53,7 +55,7 @@ def read_wpl(text: str, where: str) -> tuple[MissionItem, ...]:
         try:
             items.append(_wpl_item(row))
         except ValueError as error:
-            raise ScriptError(f"{where}: line {number + 2}: {error}; every column must be a number") from None
+            raise ScriptError(f"{where}: line {number + 2}: {error}; expected numbers that an item can hold") from None
     return _numbered(items[1:])
 
 
@@ -134,6 +136,11 @@ def _location(item: MissionItem) -> tuple[float, float]:
 
 
 def _with_location(item: MissionItem, x: float, y: float) -> MissionItem:
+    """The item at a place of a file. Raises ValueError where no message can carry it."""
+    if not (0 <= item.frame <= _FRAME_MOST and 0 <= item.command <= _COMMAND_MOST):
+        raise ValueError(f"frame {item.frame}, command {item.command}")
+    if not all(-_PLACE_MOST <= value * _scale(item) < _PLACE_MOST for value in (x, y)):
+        raise ValueError(f"place {x:g}, {y:g}")
     return item._replace(x=round(x * _scale(item)), y=round(y * _scale(item)))
 
 

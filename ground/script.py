@@ -55,8 +55,10 @@ RELATIVE_ALTITUDE = 3
 
 SIGNALS = {"chirp": 0, "step": 1, "doublet": 2, "prbs": 3, "multisine": 4}
 """SID_WAVE by name."""
-AXES = {"elevator": 11, "rudder": 12}
+AXES = {"rudder": 12, "elevator": 11}
 """SID_AXIS by name: the mixer's pitch and yaw inputs."""
+FASTEST_HZ = 25.0
+"""Half of the rate that the autopilot ticks at."""
 MOST_M = 100_000.0
 """From home: the neighbourhood in which the earth counts as flat."""
 SHIPPED = files("ground") / "missions"
@@ -228,6 +230,8 @@ def _wrong_test(test: Test) -> str:
     bounds = (
         ("test.magnitude_deg", test.magnitude_deg, -15.0, 15.0),
         ("test.duration_s", float(test.duration_s), 1.0, 600.0),
+        ("test.f_start_hz", test.f_start_hz, 0.0, FASTEST_HZ),
+        ("test.f_stop_hz", test.f_stop_hz, 0.0, FASTEST_HZ),
         ("test.fade_s", test.fade_s, 0.0, test.duration_s / 2),
     )
     return next((_range(*bound) for bound in bounds if _range(*bound)), "")

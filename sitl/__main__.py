@@ -23,7 +23,7 @@ SLOWEST, FASTEST = 0.01, 10_000.0
 
 def simulate(
     vehicle: Annotated[str, typer.Option(help="A shipped one or a vehicle file.", metavar="NAME|FILE")] = "field",
-    scenario: Annotated[str, typer.Option(help="calm, disturbed, or a scenario file.", metavar="NAME|FILE")] = "calm",
+    scenario: Annotated[str, typer.Option(help="A shipped one or a scenario file.", metavar="NAME|FILE")] = "calm",
     autopilot: Annotated[str, typer.Option(help="Who steers: caribou, px4 or ardupilot.", metavar="NAME")] = "caribou",
     hil: Annotated[str | None, typer.Option(help="Where it is [its usual place].", metavar="ADDRESS")] = None,
     speed: Annotated[

@@ -12,6 +12,9 @@ from ground.script import ScriptError
 from link.missions import MissionItem
 
 END = "\n[[step]]\nsurface = true\n"
+CHIRP = """[[step]]
+test = { signal = "chirp", axis = "rudder", magnitude_deg = 5.0, duration_s = 12, f_start_hz = 0.1, f_stop_hz = 2.0 }
+"""
 LEG = "[[step]]\ndepth_m = 4.0\nheading_deg = -80.0\nthrust_pct = 58.0\nduration_s = 30.0\n"
 
 
@@ -75,6 +78,7 @@ def test_the_papers_missions_are_shipped() -> None:
         (LEG.replace("4.0", '"four"') + END, "step[0].depth_m"),
         (LEG + END + LEG + END, "surface = true must be the last step"),
         ("step = []", "is empty"),
+        (LEG + CHIRP.replace("2.0", "inf") + END, "f_stop_hz = inf: must be 0 to 25"),
         ("= 3", "not TOML"),
         (
             LEG + '[[step]]\ntest = { signal = "step", axis = "rudder", magnitude_deg = 40.0, duration_s = 9 }' + END,
@@ -128,6 +132,9 @@ def test_a_plan_may_leave_numbers_out() -> None:
     [
         ("m.waypoints", "QGC WPL 110\n0 1 0 16 0 0 0 0 0 0 0 1\n1 0 3 16 x 0 0 0 0 0 0 1\n", "line 3"),
         ("m.waypoints", "QGC WPL 110\n0 1 0\n", "line 2: has 3 columns"),
+        ("m.waypoints", "QGC WPL 110\n0 1 0 16 0 0 0 0 0 0 0 1\n1 0 3 16 0 0 0 0 500 0 0 1\n", "line 3: place 500, 0"),
+        ("m.waypoints", "QGC WPL 110\n0 1 0 16 0 0 0 0 0 0 0 1\n1 0 3 16 0 0 0 0 inf 0 0 1\n", "line 3: place inf, 0"),
+        ("m.waypoints", "QGC WPL 110\n0 1 0 16 0 0 0 0 0 0 0 1\n1 0 999 16 0 0 0 0 0 0 0 1\n", "frame 999"),
         ("m.plan", '{"mission": {"items": [{"type": "ComplexItem"}]}}', "only SimpleItem"),
         ("m.plan", "{broken", "not JSON"),
         ("m.plan", '{"mission": 3}', "not a QGroundControl plan"),
