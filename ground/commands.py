@@ -44,10 +44,10 @@ class Command(Exchange[None]):
         elif message.result == ACCEPTED:
             self._finish(None)
         else:
-            self._fail(f"{self._question()}: {_spell(message.result, 'MAV_RESULT')}")
+            self._fail(f"{self._question()}: {spell(message.result, 'MAV_RESULT')}")
 
     def _question(self) -> str:
-        return _spell(self._command, "MAV_CMD")
+        return spell(self._command, "MAV_CMD")
 
 
 class ModeList(Exchange[dict[str, int]]):
@@ -78,5 +78,6 @@ class ModeList(Exchange[dict[str, int]]):
         return "the list of modes"
 
 
-def _spell(value: int, enum: str) -> str:
+def spell(value: int, enum: str) -> str:
+    """An enum's entry in small words."""
     return enum_names(enum).get(value, f"{enum}_{value}").removeprefix(f"{enum}_").replace("_", " ").lower()

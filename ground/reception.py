@@ -1,9 +1,18 @@
-"""Why a vehicle was not found: what was heard in her place, and where to look."""
+"""Whether a vehicle was heard, and if not, what was heard in her place and where to look."""
 
 from collections.abc import Collection
+from typing import Any
 
+from link.dialect import constant
 from link.exchange import Party
 from link.transport import baud_rate
+
+GROUND_STATION, NO_AUTOPILOT = constant("MAV_TYPE_GCS"), constant("MAV_AUTOPILOT_INVALID")
+
+
+def is_vehicle(heartbeat: Any) -> bool:
+    """Whether a HEARTBEAT is an autopilot's, and no ground station's, radio's or camera's."""
+    return bool(heartbeat.type != GROUND_STATION and heartbeat.autopilot != NO_AUTOPILOT)
 
 
 def explain(address: str, senders: Collection[Party], skipped_bytes: int) -> str:

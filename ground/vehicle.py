@@ -39,7 +39,6 @@ READY_WITHIN_S = 60.0
 LOST_AFTER_S = 5.0
 """Wall seconds without a heartbeat after which a vehicle counts as lost."""
 _STANDBY = constant("MAV_STATE_STANDBY")
-_GCS, _INVALID = constant("MAV_TYPE_GCS"), constant("MAV_AUTOPILOT_INVALID")
 _HEARTBEAT, _STATUSTEXT = constant("MAVLINK_MSG_ID_HEARTBEAT"), constant("MAVLINK_MSG_ID_STATUSTEXT")
 
 
@@ -225,7 +224,7 @@ class Vehicle:
     def _hear_heartbeat(self, frame: Frame) -> None:
         message = frame.decode()
         sender = Party(frame.system, frame.component)
-        if self.party is None and message.type != _GCS and message.autopilot != _INVALID:
+        if self.party is None and reception.is_vehicle(message):
             self.party = sender
         if sender == self.party:
             self._heard_s = wall_s()
@@ -253,8 +252,9 @@ class Vehicle:
 
     def _send_heartbeat(self) -> None:
         self._endpoint.send(
-            "HEARTBEAT", type=_GCS, autopilot=_INVALID, base_mode=0, custom_mode=0, system_status=0, mavlink_version=3
-        )
+            "HEARTBEAT", type=reception.GROUND_STATION, autopilot=reception.NO_AUTOPILOT, base_mode=0, custom_mode=0,
+            system_status=0, mavlink_version=3,
+        )  # fmt: skip
 
 
 @contextmanager

@@ -22,7 +22,6 @@ TEXTS = 8
 SPAN_S = 5.0
 """Over how long the link's rates are taken."""
 SMOOTHING = 0.2
-_GCS, _NO_AUTOPILOT = constant("MAV_TYPE_GCS"), constant("MAV_AUTOPILOT_INVALID")
 _OBSERVER = constant("MAV_TYPE_LOG")
 _ARDUPILOT = constant("MAV_AUTOPILOT_ARDUPILOTMEGA")
 _VERSION = float(constant("MAVLINK_MSG_ID_AUTOPILOT_VERSION"))
@@ -97,8 +96,8 @@ class Ears:
 
     def _speak(self) -> None:
         if self._heartbeat.due():
-            self._endpoint.send("HEARTBEAT", type=_OBSERVER, autopilot=_NO_AUTOPILOT, base_mode=0, custom_mode=0,
-                                system_status=0, mavlink_version=3)  # fmt: skip
+            self._endpoint.send("HEARTBEAT", type=_OBSERVER, autopilot=reception.NO_AUTOPILOT, base_mode=0,
+                                custom_mode=0, system_status=0, mavlink_version=3)  # fmt: skip
         if self.party is None:
             return
         if self._mode_list is None:
@@ -122,7 +121,7 @@ class Ears:
         self._arrivals.append((now_s, len(frame.raw)))
         self.frames += 1
         message = frame.decode() if not frame.name.startswith("UNKNOWN") else None
-        if self.party is None and frame.name == "HEARTBEAT" and _is_vehicle(message):
+        if self.party is None and frame.name == "HEARTBEAT" and reception.is_vehicle(message):
             self.party = sender
         if message is None or sender != self.party:
             return
@@ -146,7 +145,3 @@ class Ears:
                 self.modes = {number: name for name, number in modes.result().items()}
             except ExchangeError:  # she does not list them: the tables must do
                 return
-
-
-def _is_vehicle(heartbeat: Any) -> bool:
-    return bool(heartbeat.type != _GCS and heartbeat.autopilot != _NO_AUTOPILOT)

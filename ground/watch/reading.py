@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from ground.commands import spell
 from ground.watch import mode_names
 from ground.watch.ears import Ears, Heard
 from link.dialect import constant, enum_names
@@ -47,12 +48,6 @@ class Known(NamedTuple):
 
 
 Reader = Callable[[Any, Known], Seen | None]
-
-
-def spell(value: int, enum: str, prefix: str = "") -> str:
-    """An enum's entry in small words."""
-    full = enum_names(enum).get(value, f"{enum}_{value}")
-    return full.removeprefix(prefix or f"{enum}_").replace("_", " ").lower()
 
 
 def vehicle(m: Any, known: Known) -> Seen:
