@@ -21,12 +21,15 @@ from autopilot.vehicle import Vehicle
 from link.lifeline import end_with_stdin
 from link.signing import KeyFileError
 from link.state import state_folder
-from link.transport import AddressError, LinkLostError, open_transport
+from link.transport import PATIENCE_S, AddressError, LinkLostError, open_transport
 
 DEFAULT_GROUND = ["udpout:127.0.0.1:14550", "udpout:127.0.0.1:14540"]
 """Where QGroundControl and MAVProxy, and where MAVSDK listen."""
 
 NOTHING = "off"
+HURRIED_S = 0.2
+"""The longest that a TCP client which reads nothing may hold up a vehicle that does not wait for her autopilot: what
+Wi-Fi leaves behind when she dives."""
 
 WORK_FAILED, BAD_INPUT = 1, 2
 
@@ -67,7 +70,8 @@ def fly(
         vehicle = Vehicle(table)
         keys = Keys.from_options(sign or (), gcs or DEFAULT_GROUND)
         hil_link = HilLink(open_transport(hil, awaited=True), vehicle.system)
-        transports = [open_transport(address, awaited=True) for address in gcs or DEFAULT_GROUND]
+        patience_s = PATIENCE_S if hil_link.lockstep else HURRIED_S
+        transports = [open_transport(each, awaited=True, patience_s=patience_s) for each in gcs or DEFAULT_GROUND]
         logbook = Logbook(vehicle, _folder(logs, default_folder()), version())
         ground = GroundServer(vehicle, transports, autopilot_id, keys, logbook, keeper)
     except (AddressError, KeyFileError, ParamError) as error:

@@ -15,16 +15,16 @@ from typing import NamedTuple
 from link.transport.base import EAGER_S, MAX_DATAGRAM, AddressError, Handle, LinkLostError, Transport, wait
 from link.transport.memory import MemoryTransport
 from link.transport.serial_line import SerialTransport
-from link.transport.tcp import TcpClient, TcpServer
+from link.transport.tcp import PATIENCE_S, TcpClient, TcpServer
 from link.transport.udp import UdpTransport
 
 __all__ = (
-    "EAGER_S", "MAX_DATAGRAM", "AddressError", "Handle", "LinkLostError", "MemoryTransport", "SerialTransport",
-    "TcpClient", "TcpServer", "Transport", "UdpTransport", "baud_rate", "open_transport", "wait",
+    "EAGER_S", "MAX_DATAGRAM", "PATIENCE_S", "AddressError", "Handle", "LinkLostError", "MemoryTransport",
+    "SerialTransport", "TcpClient", "TcpServer", "Transport", "UdpTransport", "baud_rate", "open_transport", "wait",
 )  # fmt: skip
 
 _KINDS = ("udpin", "udpout", "tcp", "tcpin", "serial", "memory")
-_HIGHEST_PORT = 65_535
+_HIGHEST_PORT, _HIGHEST_BAUD = 65_535, (1 << 31) - 1
 
 
 class _Parts(NamedTuple):
@@ -34,11 +34,11 @@ class _Parts(NamedTuple):
     """A port, or a baud rate."""
 
 
-def open_transport(address: str, *, awaited: bool = False) -> Transport:
+def open_transport(address: str, *, awaited: bool = False, patience_s: float = PATIENCE_S) -> Transport:
     """Open the transport that an address names.
 
     A serial device that does not exist is an error of the address; with ``awaited`` it is waited for, as a vehicle
-    waits for its radio.
+    waits for its radio. ``patience_s`` is how long a client that does not read may hold a TCP link up.
 
     Raises:
         AddressError: the address is malformed, or its port or device cannot be opened.
@@ -50,9 +50,9 @@ def open_transport(address: str, *, awaited: bool = False) -> Transport:
         case "udpin" | "udpout":
             return UdpTransport(address, where, number, bind=kind == "udpin")
         case "tcp":
-            return TcpClient(address, where, number)
+            return TcpClient(address, where, number, patience_s=patience_s)
         case "tcpin":
-            return TcpServer(address, where, number)
+            return TcpServer(address, where, number, patience_s=patience_s)
         case _:
             return SerialTransport(address, where, number, awaited=awaited)
 
@@ -76,7 +76,18 @@ def _parts(address: str) -> _Parts:
             f"address {address!r}: expected udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT, "
             "serial:DEVICE:BAUD or memory:NAME"
         )
-    serial_line = kind == "serial"
-    if not number.isdecimal() or (not serial_line and int(number) > _HIGHEST_PORT) or (serial_line and not int(number)):
-        raise AddressError(f"address {address!r}: {number!r} is no {'baud rate' if serial_line else 'port number'}")
+    least, most, meant = (1, _HIGHEST_BAUD, "baud rate") if kind == "serial" else (0, _HIGHEST_PORT, "port number")
+    if not number.isdecimal() or not least <= int(number) <= most:
+        raise AddressError(f"address {address!r}: {number!r} is no {meant}")
+    if kind != "serial" and not _may_be_host(where):
+        raise AddressError(f"address {address!r}: {where!r} is no host name")
     return _Parts(kind, where, int(number))
+
+
+def _may_be_host(name: str) -> bool:
+    """Whether a resolver can be asked for it."""
+    try:
+        name.encode("idna")
+    except UnicodeError:
+        return False
+    return True

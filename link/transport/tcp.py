@@ -7,14 +7,17 @@ from collections.abc import Sequence
 
 from link.transport.base import MAX_DATAGRAM, Handle, LinkLostError, opened
 
+PATIENCE_S = 10.0
+"""How long a full pipe may hold its sender up, where nobody says otherwise."""
+
 
 class TcpClient:
     """A connection to a TCP server. A full pipe blocks the sender for at most ``patience_s``."""
 
-    def __init__(self, address: str, host: str, port: int, *, patience_s: float = 10.0) -> None:
+    def __init__(self, address: str, host: str, port: int, *, patience_s: float = PATIENCE_S) -> None:
         self.address = address
         self._patience_s = patience_s
-        self._socket = opened(address, lambda: socket.create_connection((host, port), timeout=patience_s))
+        self._socket = opened(address, lambda: socket.create_connection((host, port), timeout=PATIENCE_S))
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
@@ -44,7 +47,7 @@ class TcpServer:
     longer, and with zero one whose pipe is full at all, is dropped, so that it can never stop the vehicle.
     """
 
-    def __init__(self, address: str, host: str, port: int, *, patience_s: float = 10.0) -> None:
+    def __init__(self, address: str, host: str, port: int, *, patience_s: float = PATIENCE_S) -> None:
         self.address = address
         self._patience_s = patience_s
         self._clients: list[socket.socket] = []

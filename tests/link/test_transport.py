@@ -117,7 +117,9 @@ def test_tcp_loses_nothing_and_pushes_back(server: TcpServer) -> None:
 
 
 def test_a_client_that_never_reads_is_dropped_in_the_end() -> None:
-    with closing(TcpServer("tcpin:x", "127.0.0.1", 0, patience_s=0.05)) as server, client(server):
+    server = open_transport("tcpin:127.0.0.1:0", patience_s=0.05)
+    assert isinstance(server, TcpServer)
+    with closing(server), client(server):
         for _ in range(200):
             server.send(bytes(100_000))
         assert len(server.handles()) == 1
@@ -173,7 +175,11 @@ def test_a_memory_pair_keeps_datagrams_whole() -> None:
         ("udpin:14550", "expected udpin:HOST:PORT"),
         ("udpin:127.0.0.1:http", "'http' is no port number"),
         ("udpin:127.0.0.1:70000", "'70000' is no port number"),
+        ("udpout:vehicle..example:14550", "'vehicle..example' is no host name"),
+        ("tcpin:é..:5760", "'é..' is no host name"),
         ("serial:/dev/nothing:fast", "'fast' is no baud rate"),
+        ("serial:/dev/nothing:0", "'0' is no baud rate"),
+        ("serial:/dev/nothing:99999999999", "'99999999999' is no baud rate"),
         ("serial:/dev/nothing:57600", "/dev/nothing"),
         ("memory:", "expected udpin:HOST:PORT"),
     ],
