@@ -6,6 +6,7 @@ cannot be read is told and put aside, never a reason not to start.
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import count
 from pathlib import Path
 
 from autopilot.param_file import lines, text_of
@@ -16,6 +17,7 @@ from link.state import replace_file
 FILE = "parameters.param"
 GATHER_S = 0.2
 """Values that come one after the other are written at once."""
+_NOT_YET = -1
 
 
 class ParamStore:
@@ -26,18 +28,21 @@ class ParamStore:
         self._writer = ThreadPoolExecutor(max_workers=1)
         self._writing: Future[None] | None = None
         self._written = 0
+        """The table's revision that is on disk, or on its way there."""
         self._failed = False
-        """What is on disk is not what it should be."""
+        """The last that was to be written was not."""
         self._due = Every(GATHER_S)
         self.complaints: list[str] = []
         """What was wrong with the file."""
 
     def load(self) -> dict[str, float]:
         """What was kept. A line that is wrong is left out; the file as it was then lies beside the new one."""
-        if self._path is None or not self._path.exists():
+        if self._path is None:
             return {}
         try:
             text = self._path.read_text(encoding="utf-8")
+        except (FileNotFoundError, NotADirectoryError):
+            return {}
         except (OSError, UnicodeDecodeError) as error:
             self.complaints.append(f"{self._path}: {getattr(error, 'strerror', None) or 'no text'}")
             self._put_aside(self._path)
@@ -50,7 +55,7 @@ class ParamStore:
                 values[name] = value
         if self.complaints:
             self._put_aside(self._path)
-            self._failed = True
+            self._written = _NOT_YET
         return values
 
     def poll(self, table: ParamTable, say: Callable[[str], None]) -> None:
@@ -78,10 +83,9 @@ class ParamStore:
         return ""
 
     def _put_aside(self, path: Path) -> None:
-        aside = next(
-            name for n in range(1, 1_000_000) if not (name := path.with_name(f"{path.name}.broken-{n}")).exists()
-        )
+        names = (path.with_name(f"{path.name}.broken-{n}") for n in count(1))
         try:
+            aside = next(name for name in names if not name.exists())
             path.replace(aside)
             self.complaints.append(f"put aside as {aside}")
         except OSError as error:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from errno import EACCES
 from pathlib import Path
 
 import pytest
@@ -104,11 +105,26 @@ def test_a_broken_file_is_put_aside_and_what_is_sound_in_it_used(tmp_path: Path,
         assert table.kept == ({"HDG_P": 0.7, "DPT_P": 0.2} if b"HDG_P" in content else {})
 
 
-def test_what_was_sound_in_a_broken_file_is_kept_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize("ends", [True, False])
+def test_what_was_sound_in_a_broken_file_is_kept_on_also_without_an_end(tmp_path: Path, ends: bool) -> None:
     (tmp_path / FILE).write_text("HDG_P,0.7\nnonsense\n")
     table, store = restart(tmp_path)
-    assert store.close(table) == ""
+    if ends:
+        assert store.close(table) == ""
+    else:
+        settle(store, table, (tmp_path / FILE).exists)
     assert restart(tmp_path)[0].kept == {"HDG_P": 0.7}
+
+
+def test_a_folder_that_may_not_be_looked_into_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(EACCES, "Permission denied")
+
+    for name in ("exists", "read_text", "replace"):
+        monkeypatch.setattr(Path, name, refuse)
+    store = ParamStore(tmp_path)
+    assert store.load() == {}
+    assert store.complaints == [f"{tmp_path / FILE}: Permission denied", "cannot be put aside: Permission denied"]
 
 
 def test_a_disk_that_takes_nothing_is_told_once_a_value_and_the_value_holds(tmp_path: Path) -> None:
