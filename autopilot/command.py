@@ -1,7 +1,5 @@
 """Answers a ground station's wishes at once: pure, like the tick, and between two ticks."""
 
-import math
-
 from autopilot import bench, excitation, failsafe, guidance, health, mission, modes, navigation, requests
 from autopilot.params import Config
 from autopilot.types import (
@@ -13,7 +11,6 @@ from autopilot.types import (
     AttitudeTarget,
     Circle,
     Event,
-    Excitation,
     Home,
     ItemReached,
     Line,
@@ -125,7 +122,7 @@ def set_mode(state: State, number: int, config: Config) -> tuple[State, Answer, 
     if state.armed and (reason := lacking(state, mode, config)):
         return state, Answer(TEMPORARILY_REJECTED, f"{mode.name} refused: {reason}"), ()
     if mode == modes.SYSID:
-        return start_test(state, _configured_test(config), config)
+        return start_test(state, excitation.configured(config), config)
     state, events = modes.enter(state, mode)
     if mode == modes.MISSION:
         state = state._replace(mission=_taken_up(state, config))
@@ -157,11 +154,7 @@ def set_home(state: State, home: Home) -> State:
 
 
 def start_test(state: State, wish: requests.StartTest, config: Config) -> tuple[State, Answer, Events]:
-    setpoint = state.setpoint
-    test = Excitation(
-        wish.axis, math.radians(wish.magnitude_deg), wish.start_hz, wish.stop_hz, wish.duration_s, wish.wave,
-        wish.fade_s, state.time_us, setpoint.heading_rad, setpoint.depth_m,
-    )  # fmt: skip
+    test = excitation.prepare(wish, state, config)
     if wrong := excitation.check(test, config.travel_deg):
         return state, Answer(DENIED, f"SystemID refused: {wrong}"), ()
     if not state.armed or state.failsafe:
@@ -198,10 +191,3 @@ def change_target(state: State, wish: requests.ChangeTarget) -> State:
             thrust=old.thrust if wish.thrust is None else wish.thrust,
         )
     )
-
-
-def _configured_test(config: Config) -> requests.StartTest:
-    return requests.StartTest(
-        config.sid_axis, config.sid_magnitude_deg, config.sid_start_hz, config.sid_stop_hz, config.sid_record_s,
-        config.sid_wave, config.sid_fade_in_s,
-    )  # fmt: skip

@@ -156,18 +156,18 @@ def control(state: State, stick: Stick | None, config: Config, dt_s: float) -> t
         at_rest = health.duct_follows(state.duct_rad, rudder * config.travel_rad, elevator * config.travel_rad, dt_s)
         return state._replace(thrust=0.0, loops=LoopMemory(), duct_rad=at_rest), Trace()
     mode, test, travel = modes.by_number(state.mode) or modes.HOLD, state.test, config.travel_rad
-    axis = test.axis if test else 0
+    axis = excitation.AXES[test.axis] if test else excitation.NO_AXIS
     wanted, memory = loops.close(
         state.estimate, state.setpoint, state.loops, config, dt_s,
-        heading=mode.closes_heading and axis != excitation.RUDDER_AXIS,
-        depth=mode.closes_depth and axis != excitation.ELEVATOR_AXIS,
+        heading=mode.closes_heading and not axis.opens_heading,
+        depth=mode.closes_depth and not axis.opens_depth,
     )  # fmt: skip
     rudder, elevator, heading_error, pitch_error, depth_error, pitch_setpoint = wanted
     thrust, deflection, frequency = state.setpoint.thrust, 0.0, 0.0
     if test is not None:
-        deflection, frequency = excitation.value(test, (state.time_us - test.started_us) / US_PER_S)
-        rudder += deflection if axis == excitation.RUDDER_AXIS else 0.0
-        elevator += deflection if axis == excitation.ELEVATOR_AXIS else 0.0
+        played = excitation.play(test, (state.time_us - test.started_us) / US_PER_S)
+        rudder, elevator, thrust = rudder + played.rudder_rad, elevator + played.elevator_rad, thrust + played.thrust
+        deflection, frequency = played.rudder_rad if axis.rudder else played.elevator_rad, played.frequency_hz
     if mode is modes.MANUAL:
         hand = stick or Stick(0.0, 0.0, 0.0)
         rudder, elevator, thrust = hand.rudder * travel, hand.elevator * travel, hand.thrust

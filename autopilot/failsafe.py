@@ -89,6 +89,9 @@ def envelope(test: Excitation, state: State, config: Config) -> str:
     if abs(wrap_pi(at.heading_rad - test.heading_rad)) > math.radians(config.sid_heading_max_deg):
         turned = math.degrees(wrap_pi(at.heading_rad - test.heading_rad))
         return f"heading {turned:.0f} deg off, beyond {config.sid_heading_max_deg:g} deg"
+    fastest_degps = math.degrees(max(abs(at.q_radps), abs(at.r_radps)))
+    if fastest_degps > config.sid_rate_max_degps:
+        return f"rate {fastest_degps:.0f} deg/s beyond {config.sid_rate_max_degps:g} deg/s"
     elapsed_s = (state.time_us - test.started_us) / US_PER_S
     if elapsed_s > config.sid_time_max_s:
         return f"time {elapsed_s:.0f} s beyond {config.sid_time_max_s:g} s"

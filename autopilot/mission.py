@@ -91,7 +91,7 @@ def _fault(item: MissionItem, count: int, config: Config) -> str:
     if item.command in _DEEP and guidance.depth_of(item, 0.0) < 0.0:
         return f"depth {guidance.depth_of(item, 0.0):g} m: must be 0 or more; z is down in a local frame, else up"
     if item.command == Command.TEST:
-        return excitation.check(test_of(item, State()), config.travel_deg)
+        return excitation.check(test_of(item, State(), config), config.travel_deg)
     return ""
 
 
@@ -151,7 +151,7 @@ def begin(item: MissionItem, state: State, config: Config) -> Outcome:
         case _ if item.command in _PLACED:
             return _go(item, state, config), ()
         case Command.TEST:
-            return start_test(test_of(item, state), state)
+            return start_test(test_of(item, state, config), state)
     return state._replace(setpoint=setpoint), ()
 
 
@@ -218,20 +218,16 @@ def _circled(path: Circle, item: MissionItem, state: State) -> bool:
     return path.since_us is not None and guidance.circled_s(path, state.time_us) >= item.p1
 
 
-def test_of(item: MissionItem, state: State) -> Excitation:
+def test_of(item: MissionItem, state: State, config: Config) -> Excitation:
     """The excitation that a MAV_CMD_USER_1 item describes (x: whole seconds, y: wave, z: fade)."""
     fade_s = 0.0 if math.isnan(item.z) else item.z
-    return Excitation(
-        int(item.p1), math.radians(item.p2), item.p3, item.p4, float(item.x), item.y, fade_s, state.time_us,
-        state.setpoint.heading_rad, state.setpoint.depth_m,
-    )  # fmt: skip
+    wish = excitation.read(int(item.p1), item.p2, item.p3, item.p4, float(item.x), item.y, fade_s)
+    return excitation.prepare(wish, state, config)
 
 
 def start_test(test: Excitation, state: State) -> tuple[State, tuple[Event, ...]]:
     """Begin an excitation."""
-    size = math.degrees(test.magnitude_rad)
-    text = f"SystemID Starting: axis={test.axis} wave={excitation.WAVES[test.wave]} magnitude={size:.2f}"
-    return state._replace(test=test), (Event(Severity.INFO, text),)
+    return state._replace(test=test), (Event(Severity.INFO, f"SystemID Starting: {excitation.describe(test)}"),)
 
 
 def _flown(items: tuple[MissionItem, ...], config: Config) -> tuple[MissionItem, ...]:

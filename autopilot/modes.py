@@ -28,7 +28,7 @@ MISSION = Mode(_number(4, 4), "MISSION", 6, True, True)
 RTL = Mode(_number(4, 5), "RTL", 5, True, True)
 SURFACE = Mode(_number(4, 6), "SURFACE", 7, True, True)
 SYSID = Mode(_number(4, 11), "SYSID", 0, True, True)
-"""The loop of the excited plane is open while a test runs, the other stays closed."""
+"""While a test runs its axis says which loops are open; the others stay closed."""
 
 OFFBOARD = Mode(_number(6), "OFFBOARD", 0, True, True)
 STABILIZE = Mode(_number(7), "STABILIZE", 0, True, True)

@@ -132,13 +132,31 @@ class Config:
     log_max_mb: Annotated[float, Doc("LOG_MAX_MB", 1, 1e6, "MB", "Room for logs; then the oldest are removed")] = 4000.0
     log_free_mb: Annotated[float, Doc("LOG_FREE_MB", 0, 1e6, "MB", "Room that logs leave free on the disk")] = 200.0
 
-    sid_axis: Annotated[int, Doc("SID_AXIS", 0, 13, "", "Test axis: 0 none, 11 elevator, 12 rudder")] = 0
-    sid_magnitude_deg: Annotated[float, Doc("SID_MAGNITUDE", -15, 15, "deg", "Size of the test, from trim")] = 3.0
-    sid_start_hz: Annotated[float, Doc("SID_F_START_HZ", 0.001, 10, "Hz", "First frequency of a chirp")] = 0.02
-    sid_stop_hz: Annotated[float, Doc("SID_F_STOP_HZ", 0.001, 10, "Hz", "Last frequency of a chirp")] = 0.5
+    sid_axis: Annotated[
+        int,
+        Doc("SID_AXIS", 0, 123, "", "Test axis: 0 none, 11 elevator, 12 rudder, 13 thrust, 23 both; +100: loop on"),
+    ] = 0
+    sid_magnitude: Annotated[
+        float, Doc("SID_MAGNITUDE", -100, 100, "deg", "Size of the test, from trim; of thrust in %")
+    ] = 3.0
+    sid_elevator_pct: Annotated[
+        float, Doc("SID_ELE_PCT", 1, 100, "%", "Elevator's share of the size where both are tested")
+    ] = 50.0
+    sid_start_hz: Annotated[
+        float, Doc("SID_F_START_HZ", 0.001, 10, "Hz", "First frequency of a chirp, lowest of a multisine")
+    ] = 0.02
+    sid_stop_hz: Annotated[
+        float,
+        Doc("SID_F_STOP_HZ", 0.001, 10, "Hz", "Last frequency of a chirp, highest of a multisine, clock of a PRBS"),
+    ] = 0.5
     sid_fade_in_s: Annotated[float, Doc("SID_T_FADE_IN", 0, 20, "s", "Fade at both ends of a test")] = 0.0
     sid_record_s: Annotated[float, Doc("SID_T_REC", 1, 600, "s", "Length of a test")] = 20.0
-    sid_wave: Annotated[int, Doc("SID_WAVE", 0, 4, "", "0 chirp, 1 step, 2 doublet")] = 1
+    sid_wave: Annotated[
+        int, Doc("SID_WAVE", 0, 6, "", "0 chirp, 1 step, 2 doublet, 3 PRBS, 4 multisine, 5 3211, 6 square")
+    ] = 1
+    sid_seed: Annotated[int, Doc("SID_SEED", 0, 16_777_215, "", "Which PRBS")] = 0
+    sid_runs_1: Annotated[int, Doc("SID_RUNS_1", 0, 9_999_999, "", "First runs of a square wave, a digit each")] = 0
+    sid_runs_2: Annotated[int, Doc("SID_RUNS_2", 0, 9_999_999, "", "Further runs of a square wave, a digit each")] = 0
     sid_depth_min_m: Annotated[
         float, Doc("SID_DEPTH_MIN", -10, 100, "m", "Shallower than this stops a test; -10 on the bench")
     ] = 1.0
@@ -146,6 +164,9 @@ class Config:
     sid_altitude_min_m: Annotated[float, Doc("SID_ALT_MIN", 0, 100, "m", "Closer to the floor stops a test")] = 3.0
     sid_pitch_max_deg: Annotated[float, Doc("SID_PITCH_MAX", 1, 90, "deg", "Steeper than this stops a test")] = 35.0
     sid_heading_max_deg: Annotated[float, Doc("SID_HDG_MAX", 1, 180, "deg", "More heading change stops a test")] = 180.0
+    sid_rate_max_degps: Annotated[
+        float, Doc("SID_RATE_MAX", 1, 360, "deg/s", "Pitching or yawing faster than this stops a test")
+    ] = 60.0
     sid_time_max_s: Annotated[float, Doc("SID_TIME_MAX", 1, 600, "s", "Longest a test may last")] = 120.0
 
     travel_rad: float = field(init=False)

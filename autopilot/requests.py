@@ -22,15 +22,20 @@ class SetMode(NamedTuple):
 
 
 class StartTest(NamedTuple):
-    """An open-loop excitation, as MAV_CMD_USER_1 carries it."""
+    """An excitation, as MAV_CMD_USER_1 carries it."""
 
     axis: int
-    magnitude_deg: float
+    magnitude: float
+    """Degrees of rudder or elevator, percent of thrust."""
     start_hz: float
     stop_hz: float
+    """Band of a chirp or a multisine; the clock of a pseudo-random sequence."""
     duration_s: float
     wave: int
     fade_s: float
+    seed: int = 0
+    runs: tuple[int, ...] = ()
+    """Of a square wave."""
 
 
 class StopTest(NamedTuple):

@@ -305,12 +305,16 @@ class LoopMemory(NamedTuple):
 
 
 class Excitation(NamedTuple):
-    """An open-loop excitation: what is played, since when, and from where the envelope is counted."""
+    """An excitation: what is played, since when, and from where the envelope is counted."""
 
     axis: int
-    magnitude_rad: float
+    rudder_rad: float
+    elevator_rad: float
+    thrust: float
+    """Sizes: of thrust a fraction of full; zero where the axis leaves it alone."""
     start_hz: float
     stop_hz: float
+    """Band of a chirp or a multisine; the clock of a pseudo-random sequence."""
     duration_s: float
     wave: int
     fade_s: float
@@ -318,6 +322,10 @@ class Excitation(NamedTuple):
     heading_rad: float
     """Held by the loop that stays closed, and the reference of the heading envelope."""
     depth_m: float
+    seed: int = 0
+    """Of a pseudo-random sequence."""
+    runs: tuple[int, ...] = ()
+    """Of a square wave: parts of its length for which it is up and down by turns."""
 
 
 class MissionState(NamedTuple):
@@ -394,6 +402,7 @@ class Trace(NamedTuple):
     """Wanted minus actual."""
     pitch_setpoint_rad: float = 0.0
     excitation_rad: float = 0.0
+    """What a test adds to rudder or elevator; where it moves both, to the rudder."""
     excitation_hz: float = 0.0
     rudder_rad: float = 0.0
     elevator_rad: float = 0.0

@@ -15,15 +15,14 @@ _AXES = {0: excitation.ELEVATOR_AXIS, _PITCH: excitation.ELEVATOR_AXIS, _YAW: ex
 
 
 def test(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
-    """MAV_CMD_USER_1: axis, magnitude, first and last frequency, duration, wave, fade; axis 0 stops."""
+    """MAV_CMD_USER_1: axis, size, two numbers of the wave's own, duration, wave, fade; axis 0 stops."""
     axis = whole(command.p1)
     if axis == 0:
         return desk.ask(requests.StopTest())
-    start_hz, stop_hz, duration_s, fade_s = (
+    p3, p4, duration_s, fade_s = (
         float(value) if math.isfinite(value) else 0.0 for value in (command.p3, command.p4, command.p5, command.p7)
     )
-    wave = whole(command.p6)
-    return begin(desk, requests.StartTest(axis, command.p2, start_hz, stop_hz, duration_s, wave, fade_s))
+    return begin(desk, excitation.read(axis, command.p2, p3, p4, duration_s, whole(command.p6), fade_s))
 
 
 def autotune(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
@@ -34,11 +33,7 @@ def autotune(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
     if command.p1 != 1 or axis is None:
         known = ", ".join(map(str, _AXES))
         return desk.refuse(DENIED, f"DO_AUTOTUNE_ENABLE: param1 must be 0 or 1, param2 one of {known}")
-    c = desk.vehicle.params.config
-    wish = requests.StartTest(
-        axis, c.sid_magnitude_deg, c.sid_start_hz, c.sid_stop_hz, c.sid_record_s, c.sid_wave, c.sid_fade_in_s
-    )
-    return begin(desk, wish)
+    return begin(desk, excitation.configured(desk.vehicle.params.config)._replace(axis=axis))
 
 
 def begin(desk: Desk, wish: requests.StartTest) -> Outcome:

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from autopilot import command, core, requests
+from autopilot import command, core, modes, requests
 from autopilot.params import Config
-from autopilot.types import Altimeter, Event, Inputs, ItemReached, State, Trace
+from autopilot.types import ACCEPTED, Altimeter, Event, Inputs, ItemReached, State, Trace
 from link.frames import STANDARD_GRAVITY_MPS2, quaternion_from_euler, rotate_back
 from link.missions import MissionItem
 from link.records import SENSORS_ALL, ActuatorFrame, SensorFrame
@@ -88,6 +88,16 @@ class Flight:
 
     def texts(self) -> list[str]:
         return [event.text for event in self.events if isinstance(event, Event)]
+
+
+def under_way(mode: modes.Mode = modes.DEPTH, **changes: object) -> Flight:
+    """Armed and in a mode, with a configuration of these changes."""
+    flight = Flight(config=Config(**changes))  # type: ignore[arg-type]
+    flight.step()
+    assert flight.ask(requests.SetMode(mode.number)) == ACCEPTED
+    assert flight.ask(requests.Arm()) == ACCEPTED
+    flight.step()
+    return flight
 
 
 def leg(*, depth_m: float, heading_deg: float, duration_s: float, first: int = 0) -> tuple[MissionItem, ...]:

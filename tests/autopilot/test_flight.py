@@ -10,16 +10,7 @@ from autopilot import mission, modes, requests
 from autopilot.params import Config
 from autopilot.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, ItemReached
 from link.missions import MissionItem
-from tests.autopilot.flights import Flight, excitation_item, leg
-
-
-def under_way(mode: modes.Mode = modes.DEPTH, **changes: object) -> Flight:
-    flight = Flight(config=Config(**changes))  # type: ignore[arg-type]
-    flight.step()
-    assert flight.ask(requests.SetMode(mode.number)) == ACCEPTED
-    assert flight.ask(requests.Arm()) == ACCEPTED
-    flight.step()
-    return flight
+from tests.autopilot.flights import Flight, excitation_item, leg, under_way
 
 
 def test_disarmed_actuators_rest() -> None:
@@ -98,62 +89,6 @@ def test_a_mission_that_was_paused_goes_on_with_its_own_targets() -> None:
         pass
     assert flight.depth_m == pytest.approx(6.0, abs=0.1)
     assert flight.heading == pytest.approx(math.radians(40), abs=0.02)
-
-
-def test_a_step_test_opens_its_plane_alone_and_ends_by_itself() -> None:
-    flight = under_way(rudder_trim_deg=2.0)
-    wish = requests.StartTest(12, 5.0, 0.0, 0.0, 4.0, 1, 0.0)
-    assert flight.ask(wish) == ACCEPTED
-    before = flight.state.loops.heading_rad
-    flight.step()
-    assert math.degrees(flight.trace.rudder_rad) == pytest.approx(7.0)
-    assert flight.state.mode == modes.SYSID.number
-    for _ in flight.run(3.9):
-        pass
-    assert flight.state.loops.heading_rad == before, "an open loop's integrator waits"
-    assert flight.run_until(lambda s: s.test is None, 1.0) == pytest.approx(0.1, abs=0.03)
-    assert flight.texts()[-2:] == ["SystemID Finished", "Mode DEPTH"]
-    assert flight.heading > math.radians(5.0)
-    assert abs(flight.depth_m - 5.0) < 0.1, "the other plane's loop stayed on"
-
-
-@pytest.mark.parametrize(
-    ("changes", "altitude_m", "word"),
-    [
-        ({"sid_pitch_max_deg": 10.0}, None, "pitch"),
-        ({"sid_depth_min_m": 4.5}, None, "depth"),
-        ({"sid_altitude_min_m": 3.0}, 2.0, "altitude"),
-        ({"sid_time_max_s": 2.0}, None, "time"),
-    ],
-)
-def test_a_test_that_leaves_its_envelope_stops_and_says_why(
-    changes: dict[str, float], altitude_m: float | None, word: str
-) -> None:
-    flight = under_way(**changes)
-    flight.altitude_m = altitude_m
-    assert flight.ask(requests.StartTest(11, 8.0, 0.0, 0.0, 60.0, 1, 0.0)) == ACCEPTED
-    flight.run_until(lambda s: s.test is None, 20.0)
-    stopped = [text for text in flight.texts() if text.startswith("SystemID Stopped: ")]
-    assert len(stopped) == 1
-    assert word in stopped[0]
-    assert flight.state.armed
-    assert flight.state.mode == modes.DEPTH.number
-
-
-def test_a_mission_goes_on_after_a_test_that_was_stopped() -> None:
-    flight = Flight(config=Config(sid_pitch_max_deg=10.0))
-    flight.step()
-    items = (
-        *leg(depth_m=5, heading_deg=0, duration_s=5),
-        excitation_item(4, axis=11, magnitude_deg=8.0, duration_s=60),
-        *leg(depth_m=5, heading_deg=0, duration_s=5, first=5),
-    )
-    assert flight.ask(requests.LoadMission(items)) == ACCEPTED
-    flight.ask(requests.SetMode(modes.MISSION.number))
-    flight.ask(requests.Arm())
-    flight.run_until(lambda s: s.mission.current > 4, 30.0)
-    assert any("pitch" in text for text in flight.texts())
-    flight.run_until(lambda s: not s.armed, 60.0)
 
 
 @pytest.mark.parametrize(
