@@ -55,7 +55,7 @@ class Announcer:
 
     def _seen(self) -> tuple[int, bool, int]:
         state = self._vehicle.state
-        return state.mode, state.armed, identity.system_status(state)
+        return state.mode, state.armed, identity.mav_state(state)
 
     def _tell(self, messages: tuple[MessageType, ...]) -> None:
         for message in messages:

@@ -7,6 +7,7 @@ there, and UNSUPPORTED where none answers: a real vehicle has nobody to break he
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from autopilot.mav_cmd.jobs import REASSURE_S
 from autopilot.types import DENIED, IN_PROGRESS, UNSUPPORTED
 from link.dialect import constant
 from link.exchange import Party
@@ -14,8 +15,6 @@ from link.exchange import Party
 INJECT_FAILURE = constant("MAV_CMD_INJECT_FAILURE")
 PATIENCE_S = 3.0
 """Wall time for the simulator's verdict."""
-REASSURE_S = 0.4
-"""Clients repeat a command that nobody answers after half a second."""
 
 Order = tuple[float, float, float, float]
 """Unit, type, instance and size: param1 to param4. NaN where not given."""

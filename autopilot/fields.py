@@ -5,12 +5,11 @@ from collections.abc import Callable
 from typing import Any
 
 from autopilot.vehicle import Snapshot
+from link.devices import UNKNOWN_U16
 
 Values = tuple[Any, ...]
 """A message's fields in wire order."""
 Builder = Callable[[Snapshot], Values]
-
-UNKNOWN_U16 = 0xFFFF
 
 
 def time_us(s: Snapshot) -> int:

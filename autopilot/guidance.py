@@ -15,15 +15,13 @@ from autopilot import modes
 from autopilot.params import Config
 from autopilot.types import US_PER_S, Circle, Estimate, Home, Line, Path, Setpoint, State
 from link.frames import geodetic_to_offset, wrap_pi
-from link.missions import FRAME_LOCAL_NED, GLOBAL_FRAMES, GLOBAL_SCALE, LOCAL_SCALE, MissionItem
+from link.missions import FRAME_LOCAL_NED, GLOBAL_FRAMES, GLOBAL_SCALE, LOCAL_SCALE, NOT_GIVEN, MissionItem
 
 LEAST_WATER_MPS = 0.3
 """A crab angle is reckoned with at least this speed."""
 MOST_CRAB = math.sin(math.radians(60.0))
 INTEGRATES_WITHIN = 1.0 / 3.0
 """Of the look-ahead distance: what is further off has causes that pass."""
-NOT_GIVEN = (1 << 31) - 1
-"""In place of a latitude or longitude."""
 _UNDER_WAY = frozenset(mode.number for mode in (modes.MISSION, modes.DEPTH, modes.STATION, modes.RTL))
 
 

@@ -49,10 +49,10 @@ class AutopilotId(StrEnum):
 def heartbeat(state: State, autopilot: AutopilotId) -> tuple[Any, ...]:
     """HEARTBEAT's fields in wire order."""
     base_mode = CUSTOM_MODE_FLAG | (ARMED_FLAG if state.armed else 0)
-    return state.mode, _SUBMARINE, autopilot.number, base_mode, system_status(state), _MAVLINK_VERSION
+    return state.mode, _SUBMARINE, autopilot.number, base_mode, mav_state(state), _MAVLINK_VERSION
 
 
-def system_status(state: State) -> int:
+def mav_state(state: State) -> int:
     """MAV_STATE."""
     if not state.estimate.initialised:
         return _BOOT

@@ -5,10 +5,10 @@ from functools import partial
 
 from autopilot.fields import Values
 from autopilot.identity import COMPONENT
-from autopilot.metered import BITS_PER_BYTE, LARGEST_FRAME, SHARE, Budget, Queue, Waiting
+from autopilot.metered import BITS_PER_BYTE, SHARE, Budget, Queue, Waiting
 from autopilot.schedule import Schedule, profile_for
 from link import dialect
-from link.codec import OVERHEAD, SIGNATURE_LENGTH, Frame
+from link.codec import LARGEST_FRAME, Frame, largest_frame
 from link.dialect import MessageType
 from link.endpoint import Endpoint
 from link.exchange import Party
@@ -178,5 +178,4 @@ def ground_link(transport: Transport, system: int, signing: Signing | None = Non
 
 
 def _waiting(endpoint: Endpoint, message: MessageType, values: Values) -> Waiting:
-    largest = message.struct.size + OVERHEAD + SIGNATURE_LENGTH
-    return Waiting(largest, partial(endpoint.encode_values, message, values))
+    return Waiting(largest_frame(message), partial(endpoint.encode_values, message, values))

@@ -8,8 +8,8 @@ from collections import deque
 from collections.abc import Callable, Hashable
 from typing import NamedTuple
 
-LARGEST_FRAME = 280
-"""Bytes of the longest MAVLink 2 frame, signature and all."""
+from link.codec import LARGEST_FRAME
+
 SHARE = 0.7
 """Of a line's bytes a second: what else it carries, and a clock that is a little off, need the rest."""
 BITS_PER_BYTE = 10

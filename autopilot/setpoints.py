@@ -13,6 +13,7 @@ from autopilot.vehicle import Vehicle
 from link.clock import wall_s
 from link.dialect import constant
 from link.frames import euler_from_quaternion, geodetic_to_offset
+from link.missions import FRAME_LOCAL_NED, GLOBAL_FRAMES, GLOBAL_SCALE
 
 ATTITUDE, LOCAL, GLOBAL = "SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT"
 HEARD = ATTITUDE, LOCAL, GLOBAL
@@ -21,10 +22,7 @@ _NO_PITCH_RATE, _NO_YAW_RATE, _NO_THRUST, _NO_ATTITUDE = 0b10, 0b100, 0b100_0000
 """ATTITUDE_TARGET_TYPEMASK."""
 _FIELDS = {"x": 1, "y": 2, "z": 4, "vx": 8, "vy": 16, "vz": 32, "yaw": 1024, "yaw_rate": 2048}
 """POSITION_TARGET_TYPEMASK: the bit that has a field ignored."""
-_EARTH = constant("MAV_FRAME_LOCAL_NED")
 _BODY = frozenset((constant("MAV_FRAME_BODY_NED"), constant("MAV_FRAME_BODY_FRD")))
-_SURFACE = frozenset((0, 3, 5, 6))
-"""Global frames whose altitudes are alike: home lies at the surface, at altitude zero."""
 
 
 class TargetError(ValueError):
@@ -73,7 +71,7 @@ def read(name: str, message: Any, home: Home) -> AttitudeTarget | MotionTarget:
         return _global(message, fields, home)
     if message.coordinate_frame in _BODY:
         return _body(fields)
-    if message.coordinate_frame != _EARTH:
+    if message.coordinate_frame != FRAME_LOCAL_NED:
         raise TargetError(f"frame {message.coordinate_frame} of {name}; LOCAL_NED (1) and BODY_NED (8) can be followed")
     return _motion(fields, _pair(fields, "x", "y", name), fields.get("z"))
 
@@ -108,13 +106,13 @@ def _given(message: Any, name: str) -> dict[str, float]:
 
 
 def _global(message: Any, fields: dict[str, float], home: Home) -> MotionTarget:
-    if message.coordinate_frame not in _SURFACE:
+    if message.coordinate_frame not in GLOBAL_FRAMES:
         raise TargetError(f"frame {message.coordinate_frame} of {GLOBAL}: altitude is that above home or the sea")
     place, depth = _pair(fields, "x", "y", GLOBAL), fields.get("z")
     if place is not None:
         if not home.known:
             raise TargetError(f"{GLOBAL}: home is not known yet")
-        lat, lon = place.real * 1e-7, place.imag * 1e-7
+        lat, lon = place.real / GLOBAL_SCALE, place.imag / GLOBAL_SCALE
         place = complex(*geodetic_to_offset(lat, lon, home.lat_deg, home.lon_deg))
     return _motion(fields, place, None if depth is None else -depth)
 

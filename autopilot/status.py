@@ -4,7 +4,7 @@ import math
 
 from autopilot import health, identity
 from autopilot.devices import ALTIMETER, BATTERY, DUCT, DVL, GPS
-from autopilot.fields import UNKNOWN_U16, Values, int32, time_us, uint16, within
+from autopilot.fields import Values, int32, time_us, uint16, within
 from autopilot.vehicle import Snapshot, progress
 from link import devices
 from link.dialect import constant
@@ -66,7 +66,7 @@ def _carried(s: Snapshot) -> int:
 def battery(s: Snapshot) -> Values:
     """What the gauge says; without one every field says unknown."""
     if s.battery is None:
-        unknown = (UNKNOWN_U16,) * 10
+        unknown = (devices.UNKNOWN_U16,) * 10
         return -1, -1, devices.UNKNOWN_TEMPERATURE, unknown, -1, 0, 1, 0, -1, 0, 0, (0,) * 4, 0, 0
     return devices.battery_values(s.battery, _charge_state(s, s.battery))
 
@@ -102,7 +102,7 @@ def home_position(s: Snapshot) -> Values:
 def _power(battery: Battery | None) -> tuple[int, int]:
     """Voltage in mV and current in cA, as SYS_STATUS has them."""
     if battery is None:
-        return UNKNOWN_U16, -1
+        return devices.UNKNOWN_U16, -1
     return uint16(battery.voltage_v * 1000.0), devices.centiamperes(battery.current_a)
 
 

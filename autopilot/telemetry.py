@@ -7,9 +7,8 @@ Builders return a message's fields in wire order; integers are clamped to their 
 import math
 from typing import NamedTuple
 
-from autopilot import status, whereabouts
+from autopilot import bench, status, whereabouts
 from autopilot.fields import (
-    UNKNOWN_U16,
     Builder,
     Values,
     boot_ms,
@@ -24,14 +23,14 @@ from autopilot.fields import (
 from autopilot.types import State, Trace
 from autopilot.vehicle import Snapshot
 from link import dialect
+from link.devices import UNKNOWN_U16
 from link.dialect import MessageType, constant
 from link.frames import offset_to_geodetic, quaternion_from_euler
 
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _ULTRASOUND = constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
 _NO_FIX = constant("GPS_FIX_TYPE_NO_FIX")
-_ACTUATORS = 3
-_ACTUATORS_IN_USE = (1 << _ACTUATORS) - 1
+ACTUATORS_IN_USE = (1 << bench.CHANNELS) - 1
 
 _ATTITUDE_TARGET_IGNORES = 0b111
 """ATTITUDE_TARGET.type_mask: the body rates."""
@@ -94,12 +93,12 @@ def attitude_target(s: Snapshot) -> Values:
 
 
 def servo_outputs(s: Snapshot) -> Values:
-    pulses_us = [within(1500.0 + 400.0 * c, 1100, 1900) for c in s.actuators.controls[:_ACTUATORS]]
-    return time_us(s) & 0xFFFF_FFFF, *pulses_us, *(0,) * (8 - _ACTUATORS), 0, *(0,) * 8
+    pulses_us = [within(1500.0 + 400.0 * c, 1100, 1900) for c in s.actuators.controls[: bench.CHANNELS]]
+    return time_us(s) & 0xFFFF_FFFF, *pulses_us, *(0,) * (8 - bench.CHANNELS), 0, *(0,) * 8
 
 
 def actuator_outputs(s: Snapshot) -> Values:
-    return time_us(s), _ACTUATORS_IN_USE, s.actuators.controls + (0.0,) * 16
+    return time_us(s), ACTUATORS_IN_USE, s.actuators.controls + (0.0,) * 16
 
 
 def imu(s: Snapshot) -> Values:

@@ -19,6 +19,8 @@ SIGNED_FLAG = 0x01
 SIGNATURE_LENGTH = 13
 OVERHEAD = 12
 """Bytes of a MAVLink 2 frame around its payload, without a signature."""
+LARGEST_FRAME = OVERHEAD + 255 + SIGNATURE_LENGTH
+"""Bytes of the longest MAVLink 2 frame."""
 
 _CRC = struct.Struct("<H")
 _crc = crc16.mcrf4xx
@@ -51,6 +53,11 @@ class Frame(NamedTuple):
         """The signature's 13 bytes, b"" for a frame without one."""
         signed = self.raw[0] == MAGIC_V2 and self.raw[2] & SIGNED_FLAG
         return self.raw[-SIGNATURE_LENGTH:] if signed else b""
+
+
+def largest_frame(message: MessageType) -> int:
+    """Bytes of a message's longest frame, signature and all."""
+    return OVERHEAD + message.struct.size + SIGNATURE_LENGTH
 
 
 def encode(
@@ -118,7 +125,7 @@ def _frame_length(buffer: bytes, at: int) -> int:
         return 0
     if buffer[at] == MAGIC_V1:
         return buffer[at + 1] + 8
-    return int(buffer[at + 1] + 12 + (SIGNATURE_LENGTH if buffer[at + 2] & SIGNED_FLAG else 0))
+    return int(buffer[at + 1] + OVERHEAD + (SIGNATURE_LENGTH if buffer[at + 2] & SIGNED_FLAG else 0))
 
 
 def _check(raw: bytes, senders: Container[tuple[int, int]]) -> Frame | None:

@@ -30,6 +30,8 @@ GLOBAL_FRAMES = frozenset((0, 3, 5, 6))
 
 LOCAL_SCALE, GLOBAL_SCALE = 10**4, 10**7
 """What an item counts for a metre in a local frame and for a degree in a global one."""
+NOT_GIVEN = (1 << 31) - 1
+"""In place of a latitude or longitude, of an item or of a COMMAND_INT."""
 
 
 class MissionItem(NamedTuple):

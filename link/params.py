@@ -9,8 +9,8 @@ import struct
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from link.codec import Frame
-from link.dialect import constant
+from link.codec import Frame, largest_frame
+from link.dialect import by_name, constant
 from link.exchange import Client, Exchange, Party, Room, Send
 
 REAL32 = constant("MAV_PARAM_TYPE_REAL32")
@@ -24,8 +24,7 @@ RE_ASK_AT_ONCE = 20
 """How many missing parameters a client asks for in one go."""
 BURST = 16
 """How many values of a list a server sends in one go where the link takes more."""
-VALUE_BYTES = 50
-"""A PARAM_VALUE's frame, signature and all."""
+_LARGEST = largest_frame(by_name("PARAM_VALUE"))
 
 _REASONS = {
     DOES_NOT_EXIST: "there is no such parameter",
@@ -183,7 +182,7 @@ class ParamServer:
         """Send the next part of every list that was asked for, as far as its link has room."""
         for client, (room, start) in list(self._listings.items()):
             position = start
-            while position < min(start + BURST, len(self._names)) and room() >= VALUE_BYTES:
+            while position < min(start + BURST, len(self._names)) and room() >= _LARGEST:
                 self._value(client.send, self._names[position], position)
                 position += 1
             if position < len(self._names):

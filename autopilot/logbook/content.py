@@ -7,9 +7,9 @@ actuators, and the inside of the loops with the test signal. The rest tells what
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from autopilot import telemetry
+from autopilot import bench, telemetry
 from autopilot.identity import COMPONENT
-from autopilot.telemetry import STREAMS, TRACE_ID, TRACE_NAME, Stream
+from autopilot.telemetry import ACTUATORS_IN_USE, STREAMS, TRACE_ID, TRACE_NAME, Stream
 from autopilot.types import Trace
 from autopilot.vehicle import Snapshot
 from link import dialect
@@ -52,7 +52,6 @@ HEARD = frozenset(
 """What ground says that can change what the vehicle does."""
 
 _IMU = dialect.by_name("HIL_SENSOR")
-_OUTPUTS = 3
 
 
 def columns(system: int, sensors_component: int) -> tuple[Column, ...]:
@@ -60,7 +59,7 @@ def columns(system: int, sensors_component: int) -> tuple[Column, ...]:
     own = [
         ("ATTITUDE", "I6f"),
         ("LOCAL_POSITION_NED", "I6f"),
-        ("ACTUATOR_OUTPUT_STATUS", f"QI{_OUTPUTS}f"),
+        ("ACTUATOR_OUTPUT_STATUS", f"QI{bench.CHANNELS}f"),
         ("DEBUG_FLOAT_ARRAY", f"QH10s{len(Trace._fields)}f"),
     ]
     sensors = Column(system, sensors_component, _IMU, f"{_IMU.struct.size}s")
@@ -69,12 +68,12 @@ def columns(system: int, sensors_component: int) -> tuple[Column, ...]:
 
 def fields(snapshot: Snapshot, sensors: bytes) -> Sequence[tuple[Any, ...]]:
     """One tick's fields of each column. ``sensors`` is the payload that came, trailing zeros cut off or not."""
-    time_us, controls = snapshot.state.time_us, snapshot.actuators.controls
+    time_us = snapshot.state.time_us
     return (
         (sensors,),
         telemetry.attitude(snapshot),
         telemetry.local_position(snapshot),
-        (time_us, (1 << _OUTPUTS) - 1, controls[0], controls[1], controls[2]),
+        (time_us, ACTUATORS_IN_USE, *snapshot.actuators.controls[: bench.CHANNELS]),
         (time_us, TRACE_ID, TRACE_NAME, *snapshot.trace),
     )
 

@@ -10,10 +10,9 @@ from autopilot.schedule import Schedule
 from autopilot.types import ACCEPTED, Severity
 from autopilot.vehicle import Vehicle
 from link.dialect import MessageType
+from link.missions import NOT_GIVEN
 
 _INT32_LIMIT = 1 << 31
-_INT32_NOT_GIVEN = _INT32_LIMIT - 1
-"""COMMAND_INT's mark of a coordinate that is not given, as NaN is elsewhere."""
 _LOWEST_CUSTOM_MODE = 65_536
 """DO_SET_MODE.param2 from here on is a whole custom_mode, below it is PX4's main mode."""
 
@@ -88,7 +87,7 @@ def command_from_message(message: Any) -> Command:
     if not hasattr(m, "x"):
         given = m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7
         return Command(m.command, *given, scaled=False, repetition=m.confirmation > 0)
-    x, y = (math.nan if n == _INT32_NOT_GIVEN else n for n in (m.x, m.y))
+    x, y = (math.nan if n == NOT_GIVEN else n for n in (m.x, m.y))
     return Command(m.command, m.param1, m.param2, m.param3, m.param4, x, y, m.z, scaled=True)
 
 

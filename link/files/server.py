@@ -8,7 +8,8 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
-from link.codec import Frame
+from link import dialect
+from link.codec import Frame, largest_frame
 from link.exchange import Client, Party, Room, Send
 from link.files import wire
 from link.files.tree import Entry, FileTree, OpenFile
@@ -23,6 +24,7 @@ CRC_BYTES = 1_000_000
 """How much of a file is checksummed in one go."""
 
 _MOST_SIZE = 0xFFFF_FFFF
+_LARGEST = largest_frame(dialect.by_name("FILE_TRANSFER_PROTOCOL"))
 _size = struct.Struct("<I")
 
 
@@ -170,7 +172,7 @@ class FileServer:
 
     def _burst_on(self, client: Client, job: _Job) -> _Job | None:
         length = job.request.size or MOST_DATA
-        while job.room() >= wire.LARGEST_FRAME:
+        while job.room() >= _LARGEST:
             data = job.file.read(job.offset, length)
             sequence = (job.request.sequence + 1 + job.done) & 0xFFFF
             if not data:

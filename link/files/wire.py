@@ -9,7 +9,6 @@ from link.dialect import constant
 MOST_DATA = 239
 """Bytes of a file, or of a path, that one message holds."""
 PAYLOAD_LENGTH = 251
-LARGEST_FRAME = 280
 
 ACK, NAK = constant("MAV_FTP_OPCODE_ACK"), constant("MAV_FTP_OPCODE_NAK")
 NONE = constant("MAV_FTP_OPCODE_NONE")

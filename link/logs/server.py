@@ -8,18 +8,20 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, BinaryIO, NamedTuple
 
-from link.codec import Frame
+from link import dialect
+from link.codec import Frame, largest_frame
 from link.exchange import Client, Party, Room, Send
 from link.logs.source import LogFile, LogSource
 
 DATA_BYTES = 90
 """Of a log in one LOG_DATA; fewer say that the log ends."""
-LARGEST_FRAME = 122
 ALL = 0xFFFF_FFFF
 MOST_RANGES = 32
 """MAVProxy asks for up to 20 at once where data was lost."""
 AT_ONCE = 200
 """How many messages a client is sent in one go where its link takes more."""
+
+_LARGEST = largest_frame(dialect.by_name("LOG_DATA"))
 
 
 class _Range(NamedTuple):
@@ -65,9 +67,9 @@ class LogServer:
     def poll(self) -> None:
         """Send on what was asked for, as far as there is room."""
         for reader in self._readers.values():
-            while reader.entries and reader.room() >= LARGEST_FRAME:
+            while reader.entries and reader.room() >= _LARGEST:
                 self._tell(reader, reader.entries.popleft())
-            if reader.ranges and reader.room() >= LARGEST_FRAME:
+            if reader.ranges and reader.room() >= _LARGEST:
                 _send_ranges(reader)
 
     def _list(self, reader: _Reader, message: Any) -> None:
@@ -124,7 +126,7 @@ def _send_ranges(reader: _Reader) -> None:
 
 def _send_from(file: BinaryIO, reader: _Reader, number: int) -> None:
     for _ in range(AT_ONCE):
-        if not reader.ranges or reader.ranges[0].log != number or reader.room() < LARGEST_FRAME:
+        if not reader.ranges or reader.ranges[0].log != number or reader.room() < _LARGEST:
             return
         wanted = reader.ranges[0]
         file.seek(wanted.start)

@@ -11,7 +11,7 @@ from autopilot import guidance
 from autopilot.params import Config
 from autopilot.types import Circle, Estimate, Home, Line, Navigation
 from link.frames import wrap_pi
-from link.missions import MissionItem
+from link.missions import NOT_GIVEN, MissionItem
 
 CONFIG = Config(los_integral_mps=0.0)
 PLACES = st.complex_numbers(max_magnitude=500.0, allow_nan=False, allow_infinity=False)
@@ -90,7 +90,7 @@ def test_places_of_items() -> None:
     assert guidance.place_of(MissionItem(0, 1, 16, x=105_000, y=-20_000), home) == 10.5 - 2j
     assert guidance.place_of(MissionItem(0, 3, 16, x=0, y=0), home) is None
     assert guidance.place_of(MissionItem(0, 2, 16, x=5, y=5), home) is None
-    assert guidance.place_of(MissionItem(0, 3, 16, x=guidance.NOT_GIVEN, y=guidance.NOT_GIVEN), home) is None
+    assert guidance.place_of(MissionItem(0, 3, 16, x=NOT_GIVEN, y=NOT_GIVEN), home) is None
     north = guidance.place_of(MissionItem(0, 6, 16, x=423_509_000, y=-710_000_000), home)
     assert north is not None
     assert abs(north - 100.08) < 0.05, "0.0009 deg of latitude at 111.19 km a degree"

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from autopilot.links import GATHER_S, GroundLink, MeteredLink, ground_link
-from autopilot.metered import LARGEST_FRAME, Budget, Queue, Waiting
+from autopilot.metered import Budget, Queue, Waiting
 from link import dialect
-from link.codec import Frame, Framer, encode
+from link.codec import LARGEST_FRAME, Frame, Framer, encode
 
 BAUDS = st.sampled_from((1200, 9600, 38_400, 57_600, 115_200, 921_600))
 

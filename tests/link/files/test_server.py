@@ -173,7 +173,7 @@ def test_a_burst_brings_the_rest_of_a_file(client: Client) -> None:
 
 def test_a_burst_takes_no_more_than_its_link_has_room_for(client: Client) -> None:
     client.ask("OPENFILERO", b"/logs/one.mcap")
-    client.room = 279
+    client.room = 278
     client.say("BURSTREADFILE", size=239)
     assert client.answers() == []
     client.room = 10**9
