@@ -1,6 +1,7 @@
 """The HIL link: sensor frames in, actuator frames out. The simulator's own state is never read."""
 
 import math
+from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -24,6 +25,8 @@ _RELAYED = frozenset((
     dialect.by_name("STATUSTEXT").message_id,
 ))  # fmt: skip
 """What devices say that the ground hears under their own names: nothing in the autopilot's own telemetry tells it."""
+MOST_KEPT = 500
+"""Of what devices say before the next sample, the newest: where the AHRS has failed none may ever come."""
 
 
 class Sample(NamedTuple):
@@ -53,8 +56,8 @@ class HilLink:
         """Whether the other end may wait for our answer: a vehicle on a serial line has a clock of her own."""
         self._endpoint = Endpoint(transport, system, COMPONENT)
         self._gathered: dict[str, Any] = {}
-        self._relayed: list[Frame] = []
-        self._heard: list[Frame] = []
+        self._relayed: deque[Frame] = deque(maxlen=MOST_KEPT)
+        self._heard: deque[Frame] = deque(maxlen=MOST_KEPT)
         self._verdicts: list[int] = []
 
     def receive(self) -> list[Sample]:
@@ -96,7 +99,9 @@ class HilLink:
         if not self._heard:
             return Sample(sensors, heard=(frame,))
         sample = Sample(sensors, **self._gathered, relayed=tuple(self._relayed), heard=(*self._heard, frame))
-        self._gathered, self._relayed, self._heard = {}, [], []
+        self._gathered = {}
+        self._relayed.clear()
+        self._heard.clear()
         return sample
 
     def _gather(self, frame: Frame) -> None:

@@ -136,6 +136,8 @@ def _body(fields: dict[str, float]) -> MotionTarget:
     """Ahead, down and round: she cannot move sideways."""
     if {"x", "y", "z"} & fields.keys():
         raise TargetError(f"positions in body axes of {LOCAL}: only velocities can be followed there")
+    if fields.get("vy", 0.0) != 0.0:
+        raise TargetError(f"vy in body axes of {LOCAL}: must be 0 or ignored, she cannot move sideways")
     rate = fields.get("yaw_rate", 0.0 if "yaw" not in fields else None)
     return MotionTarget(
         depth_rate_mps=fields.get("vz"),

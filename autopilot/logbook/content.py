@@ -7,7 +7,7 @@ actuators, and the inside of the loops with the test signal. The rest tells what
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from autopilot import bench, telemetry
+from autopilot import bench, setpoints, telemetry
 from autopilot.identity import COMPONENT
 from autopilot.telemetry import ACTUATORS_IN_USE, STREAMS, TRACE_ID, TRACE_NAME, Stream
 from autopilot.types import Trace
@@ -45,11 +45,12 @@ SLOW = tuple(
 HEARD = frozenset(
     dialect.by_name(name).message_id
     for name in (
-        "COMMAND_LONG", "COMMAND_INT", "SET_MODE", "PARAM_SET", "MANUAL_CONTROL", "MISSION_COUNT", "MISSION_ITEM_INT",
-        "MISSION_CLEAR_ALL", "MISSION_SET_CURRENT", "SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED",
+        "COMMAND_LONG", "COMMAND_INT", "COMMAND_CANCEL", "SET_MODE", "PARAM_SET", "MANUAL_CONTROL",
+        "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_CLEAR_ALL", "MISSION_SET_CURRENT", "MISSION_WRITE_PARTIAL_LIST",
+        "SET_HOME_POSITION", "SET_GPS_GLOBAL_ORIGIN", *setpoints.HEARD,
     )
 )  # fmt: skip
-"""What ground says that can change what the vehicle does."""
+"""What ground says that can change what the vehicle does, but for keys: those stand in no log."""
 
 _IMU = dialect.by_name("HIL_SENSOR")
 

@@ -105,6 +105,18 @@ def test_the_ground_hears_the_air_in_the_hull_where_a_device_measures_it(line: L
     assert (told.get_srcComponent(), told.press_abs, told.temperature) == (component, 985.5, 2150)
 
 
+def test_devices_that_outlive_the_ahrs_fill_no_memory(line: Line) -> None:
+    hull = dialect.by_name("SCALED_PRESSURE")
+    for number in range(3 * hil.MOST_KEPT):
+        line.near.send(encode(hull, (number, 985.5, 0.0, 2150, 0), number & 0xFF, 1, 158))
+        assert line.autopilot.receive() == []
+    line.near.send(line.sitl.datagram(Sensors(sensors(40_000), None, None), None))
+    (sample,) = line.autopilot.receive()
+    assert [frame.decode().time_boot_ms for frame in sample.relayed] == list(
+        range(2 * hil.MOST_KEPT, 3 * hil.MOST_KEPT)
+    )
+
+
 def test_answers_go_back(line: Line) -> None:
     frame = ActuatorFrame(20_000, LOCKSTEP_FLAG, (0.25, 0.0, 0.5, *(0.0,) * 13), ARMED_FLAG)
     line.autopilot.answer(frame)

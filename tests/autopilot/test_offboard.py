@@ -227,6 +227,7 @@ def test_masks_and_frames_are_read() -> None:
         (setpoints.LOCAL, {"type_mask": 0xFFF}, "type_mask"),
         (setpoints.LOCAL, {"coordinate_frame": 7}, "frame 7"),
         (setpoints.LOCAL, {"coordinate_frame": 8}, "body axes"),
+        (setpoints.LOCAL, {"coordinate_frame": 8, "vy": 0.1, "type_mask": 0b0101_1100_0111}, "sideways"),
         (setpoints.LOCAL, {"type_mask": 0b1101_1111_1010}, "together"),
         (setpoints.LOCAL, {"z": math.inf}, "z is inf"),
         (setpoints.GLOBAL, {"coordinate_frame": 10, "lat_int": 0, "lon_int": 0, "alt": 0.0}, "frame 10"),

@@ -1,6 +1,7 @@
 """The ground side as pymavlink sees it: identity, commands, modes and the small services."""
 
 import math
+import re
 from typing import Any
 
 import pytest
@@ -8,7 +9,9 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot import modes
 from autopilot.identity import AutopilotId
+from autopilot.logbook import content
 from autopilot.params import PARAMETERS
+from link import dialect
 from link.records import GpsFix
 from tests.autopilot.deck import Deck, Station, only, texts
 
@@ -310,6 +313,15 @@ def test_a_pilots_hand_steers_in_manual(deck: Deck) -> None:
     assert (stick.rudder, stick.elevator, stick.thrust) == (0.25, 0.5, 1.0)
     deck.ask(mavlink.MAVLink_manual_control_message(2, 1000, 0, 0, 1000, 0))
     assert deck.server.stick == stick
+
+
+def test_all_that_may_change_what_she_does_is_logged(deck: Deck) -> None:
+    served = {dialect.by_id(number) for number in deck.server._services._table}
+    harmless = re.compile(
+        "HEARTBEAT|TIMESYNC|PING|SETUP_SIGNING|MISSION_ACK|(MISSION|PARAM|LOG)_REQUEST.*|FILE_.*|LOG_ERASE"
+    )
+    names = {message.name for message in served if message and not harmless.fullmatch(message.name)}
+    assert names == {message.name for number in content.HEARD if (message := dialect.by_id(number))}
 
 
 def test_a_new_system_id_waits_for_the_next_start(deck: Deck) -> None:
