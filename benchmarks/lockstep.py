@@ -18,7 +18,7 @@ from autopilot.params import Config
 from autopilot.types import Inputs
 from ground import flight
 from ground.processes import SimulatedVehicle, Simulation
-from sitl import plant, scenario
+from sitl import pace, plant, scenario
 from sitl.vehicle import config
 
 TICKS = 5000
@@ -41,7 +41,7 @@ def bare_ticks() -> float:
     for _ in range(TICKS):
         state, frame, _, _ = core.tick(state, Inputs(reading.frame, reading.gps, reading.altimeter, None), parameters)
         body, reading = plant.step(sea, body, frame, rng)
-    return TICKS * plant.TICK_S / (time.perf_counter() - began_s)
+    return TICKS * pace.TICK_S / (time.perf_counter() - began_s)
 
 
 def main() -> None:

@@ -14,9 +14,10 @@ from link.clock import Pacer
 from link.records import ActuatorFrame
 from link.transport import open_transport
 from sitl import plant, scenario
+from sitl.pace import OURS, Pace
 from sitl.pilots import Pilot
 from sitl.pilots.choice import Choice, take_on
-from sitl.plant import OURS, Pace, Plant
+from sitl.plant import Plant
 from sitl.truth import Truth
 from sitl.vehicle import config
 

@@ -8,7 +8,6 @@
 
 from __future__ import annotations
 
-from math import radians
 from typing import NamedTuple
 
 import numpy as np
@@ -21,54 +20,31 @@ from sitl import afloat, environment, sensors, tailcone
 from sitl.environment import Environment, Weather, moments
 from sitl.environment.field import Local
 from sitl.environment.moments import Disturbance
+from sitl.faults import body as weights
 from sitl.faults import orders, readings, tail, timeline
+from sitl.faults.catalogue import FaultError
 from sitl.faults.orders import Verdict
 from sitl.faults.tail import Drives
 from sitl.faults.timeline import Timeline
+from sitl.pace import OURS, Pace
 from sitl.scenario import Scenario, Start
 from sitl.sensors import Memory, Sensors, SensorStreams, Suite
 from sitl.sensors.draws import Draws
-from sitl.tailcone import Servo
+from sitl.tables import ScenarioError
+from sitl.tailcone import Servo, Turn
 from sitl.truth import Truth
 from sitl.vehicle import calibrate
-from sitl.vehicle.config import Tailcone, VehicleConfig
+from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.dynamics import POSITION, QUATERNION, derivative, rk4_step, specific_force, work_array
 from sitl.vehicle.kernel import Native, Vector, Vector3, kernel, native
 from sitl.vehicle.model import Model
 from sitl.vehicle.propeller import rps
 from sitl.vehicle.water import Water
 
-TICK_US = 20_000
-TICK_S = TICK_US * 1e-6
-"""Of our own autopilot; others ask for steps of their own."""
-SUBSTEP_US = 5_000
-SUBSTEP_S = SUBSTEP_US * 1e-6
-
 RUDDER, ELEVATOR, THRUST = 0, 1, 2
 """Channels of ``ActuatorFrame.controls``."""
 RATES = slice(10, 13)
 """Part of the body state, FLU."""
-
-
-class Pace(NamedTuple):
-    """The steps that vehicle time runs in."""
-
-    tick_us: int = TICK_US
-    """From one frame of the instruments to the next."""
-    brisk: bool = False
-    """Whether the IMU speaks every tick, whatever rate her data sheet gives."""
-
-    @property
-    def tick_s(self) -> float:
-        return self.tick_us * 1e-6
-
-    @property
-    def substeps(self) -> int:
-        """As few of equal length as keep each within ``SUBSTEP_US``."""
-        return -(-self.tick_us // SUBSTEP_US)
-
-
-OURS = Pace()
 
 
 class Vessel(NamedTuple):
@@ -114,17 +90,6 @@ class State(NamedTuple):
     faults: Timeline
 
 
-class Turn(NamedTuple):
-    """What an axis of the tailcone did in a tick."""
-
-    axis: Vector
-    """Its state at the end."""
-    substeps_rad: Vector
-    """Mean true duct angle of each substep."""
-    end_rad: float
-    """True duct angle at the end."""
-
-
 class Streams(NamedTuple):
     """The random streams of a run."""
 
@@ -146,10 +111,14 @@ def build(vehicle: VehicleConfig, scenario: Scenario, pace: Pace = OURS) -> Plan
         instruments = replace(vehicle.instruments, encoder=scenario.rig.encoder)
         vehicle = replace(vehicle, instruments=instruments)
     model = calibrate.build(vehicle)
+    try:
+        weights.refuse_impossible(model, scenario.faults)
+    except FaultError as error:
+        raise ScenarioError(f"scenario {scenario.title}: fault: {error}") from None
     vessel = Vessel(
         model=model,
-        rudder=_servo(vehicle.tailcone, vehicle.tailcone.rudder_bias_deg, pace),
-        elevator=_servo(vehicle.tailcone, vehicle.tailcone.elevator_bias_deg, pace),
+        rudder=tailcone.of_vehicle(vehicle.tailcone, vehicle.tailcone.rudder_bias_deg, pace.substep_s),
+        elevator=tailcone.of_vehicle(vehicle.tailcone, vehicle.tailcone.elevator_bias_deg, pace.substep_s),
     )
     return Plant(
         vessel=vessel,
@@ -189,7 +158,7 @@ def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
     disturbance = moments.stationary(rng.slow, rng.wave)
     weather = environment.settle(plant.sea, rng.swell, rng.drift)
     model, *axes = plant.vessel
-    rudder, elevator = map(_neutral, axes)
+    rudder, elevator = map(tailcone.neutral, axes)
     start, here = afloat.start_state(model, plant.start, plant.sea, weather)
     body, truth = _move(plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance, here)
     instruments = sensors.switch_on(plant.suite, plant.start.battery_pct / 100.0, rng.sensors)
@@ -254,12 +223,6 @@ def _turn(plant: Plant, state: State, controls: tuple[float, ...], rng: Streams)
     )
 
 
-def _neutral(axis: Servo) -> Turn:
-    """The axis before anything has moved."""
-    state = tailcone.at_rest(axis)
-    return Turn(state, np.empty(0), tailcone.duct_angle_rad(axis, state))
-
-
 def _demand(control: float) -> float:
     """A control within [-1, 1]; not-a-number means no demand, as foreign autopilots send it for idle channels."""
     return 0.0 if control != control else max(-1.0, min(1.0, control))
@@ -310,22 +273,6 @@ def _hold(truth: Truth, time_us: int, rudder: Turn, elevator: Turn, shaft_rps: f
 def _wrench(sea: Environment, disturbance: Disturbance) -> Vector:
     pitch_nm, yaw_nm = moments.moments_flu_nm(sea.moments, disturbance)
     return np.array((0.0, 0.0, 0.0, 0.0, pitch_nm, yaw_nm))
-
-
-def _servo(tail: Tailcone, bias_deg: float, pace: Pace) -> Servo:
-    return tailcone.servo(
-        natural_frequency_radps=tail.natural_frequency_radps,
-        damping=tail.damping_ratio,
-        delay_s=tail.delay_s,
-        travel_rad=radians(tail.travel_deg),
-        rate_limit_radps=radians(tail.rate_degps),
-        bias_rad=radians(bias_deg),
-        substep_s=pace.tick_s / pace.substeps,
-        step_rad=radians(tail.step_deg),
-        backlash_rad=radians(tail.backlash_deg),
-        lost_step_chance=tail.lost_step_chance,
-        lost_step_above_radps=radians(tail.lost_step_above_degps),
-    )
 
 
 @kernel

@@ -148,7 +148,10 @@ def _with_floor_file(scenario: Scenario, path: str) -> Scenario:
     if not scenario.floor.file:
         return scenario
     floor = Path(path).parent / scenario.floor.file
-    bathymetry.read(floor)
+    deepest_m = -float(bathymetry.read(floor).height_m.min())
+    for key, value in (("start.depth_m", scenario.start.depth_m), ("ice.draft_m", scenario.ice.draft_m)):
+        if value is not None and value >= deepest_m:
+            raise ScenarioError(f"scenario {path}: {key} = {value}: expected less than the floor's {deepest_m:g}")
     return replace(scenario, floor=replace(scenario.floor, file=str(floor)))
 
 

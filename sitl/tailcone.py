@@ -10,12 +10,13 @@ nor plays equals ``exp(-0.3 s) / (s^2/9 + 0.4 s + 1)`` (the paper, "Tailcone dyn
 from __future__ import annotations
 
 from cmath import cos, sin, sqrt
-from math import exp, floor
+from math import exp, floor, radians
 from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
+from sitl.vehicle.config import Tailcone
 from sitl.vehicle.kernel import Vector, kernel
 
 ASKED, RATE, MOTOR, LOST, DUCT, QUEUE = range(6)
@@ -48,6 +49,17 @@ class Servo(NamedTuple):
     lost_step_chance: float
     """Of each step while the motor turns faster than ``lost_step_above_radps``; what turns smoothly loses none."""
     lost_step_above_radps: float
+
+
+class Turn(NamedTuple):
+    """What an axis did in a tick."""
+
+    axis: Vector
+    """Its state at the end."""
+    substeps_rad: Vector
+    """Mean true duct angle of each substep."""
+    end_rad: float
+    """True duct angle at the end."""
 
 
 def servo(
@@ -89,6 +101,23 @@ def servo(
     )
 
 
+def of_vehicle(tail: Tailcone, bias_deg: float, substep_s: float) -> Servo:
+    """An axis as a vehicle file has it; rudder and elevator differ by their bias."""
+    return servo(
+        natural_frequency_radps=tail.natural_frequency_radps,
+        damping=tail.damping_ratio,
+        delay_s=tail.delay_s,
+        travel_rad=radians(tail.travel_deg),
+        rate_limit_radps=radians(tail.rate_degps),
+        bias_rad=radians(bias_deg),
+        substep_s=substep_s,
+        step_rad=radians(tail.step_deg),
+        backlash_rad=radians(tail.backlash_deg),
+        lost_step_chance=tail.lost_step_chance,
+        lost_step_above_radps=radians(tail.lost_step_above_degps),
+    )
+
+
 def at_rest(axis: Servo) -> Vector:
     """The state of an axis at its neutral, the duct in the middle of its play."""
     return np.zeros(QUEUE + axis.delay_substeps + 1)
@@ -102,6 +131,12 @@ def duct_angle_rad(axis: Servo, state: Vector) -> float:
 def luck(axis: Servo, rng: Generator, substeps: int) -> Vector | None:
     """A number in [0, 1) for each substep, by which steps are lost; drawn only for an axis that may lose some."""
     return rng.random(substeps) if axis.lost_step_chance > 0.0 else None
+
+
+def neutral(axis: Servo) -> Turn:
+    """The axis before anything has moved."""
+    state = at_rest(axis)
+    return Turn(state, np.empty(0), duct_angle_rad(axis, state))
 
 
 @kernel

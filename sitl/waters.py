@@ -7,11 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from math import pi
 from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from link.frames import STANDARD_GRAVITY_MPS2
 from sitl.tables import Angle, NotNegative, Positive, ScenarioError, Speed, Table, Temperature
+
+STEEPEST = 1.0 / 7.0
+"""Height over length at which a wave breaks in deep water (Michell 1893)."""
 
 
 class Water(Table, frozen=True):
@@ -99,8 +104,19 @@ def refuse_contradictions(current: Current, waves: Waves, density: Density, floo
         raise ScenarioError("waves.peak_period_s: missing key; a JONSWAP sea is not known by its height alone")
     if waves.significant_height_m and ice.draft_m:
         raise ScenarioError(f"ice.draft_m = {ice.draft_m}: expected no [waves] with it; there are none under ice")
-    if ice.draft_m >= floor.depth_m:
+    height_m, period_s = waves.significant_height_m, waves.peak_period_s
+    if period_s is not None and height_m > (highest_m := STEEPEST * deep_length_m(period_s)):
+        raise ScenarioError(
+            f"waves.significant_height_m = {height_m}: expected at most {highest_m:.2g} "
+            f"with peak_period_s = {period_s}: they break"
+        )
+    if ice.draft_m >= floor.depth_m and not floor.file:
         raise ScenarioError(f"ice.draft_m = {ice.draft_m}: expected less than floor.depth_m = {floor.depth_m}")
+
+
+def deep_length_m(period_s: float) -> float:
+    """Length of a wave in deep water, g T^2 / (2 pi) (Airy 1845)."""
+    return STANDARD_GRAVITY_MPS2 * period_s**2 / (2.0 * pi)
 
 
 def _refuse_unsorted(table: str, depths_m: Sequence[float]) -> None:

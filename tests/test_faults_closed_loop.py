@@ -10,7 +10,7 @@ import pytest
 from autopilot import command, core, health, modes, params, requests
 from autopilot.types import Event, Inputs, ItemReached
 from link.frames import euler_from_quaternion, rotate_back
-from sitl import plant, scenario
+from sitl import pace, plant, scenario
 from sitl.faults.catalogue import CATALOGUE
 from sitl.vehicle import config as vehicles
 
@@ -145,7 +145,7 @@ def sail(
     for tick in range(round(end_s * 50)):
         inputs = Inputs(said.frame, said.gps, said.altimeter, None, None, said.dvl, said.battery, said.leak, said.duct)
         state, frame, trace, heard = core.tick(state, inputs, config)
-        events += [(tick * plant.TICK_S, event) for event in heard]
+        events += [(tick * pace.TICK_S, event) for event in heard]
         if tick == 5 and depth_m:
             for wish in (
                 requests.SetMode(modes.DEPTH.number),
@@ -165,7 +165,7 @@ def _told(tick: int, body: Any, said: Any, state: Any, trace: Any) -> dict[str, 
     truth, at = body.truth, state.estimate
     roll, pitch, heading = euler_from_quaternion(*truth.attitude_q)
     return {
-        "t_s": tick * plant.TICK_S, "roll": roll, "pitch": pitch, "heading": heading,
+        "t_s": tick * pace.TICK_S, "roll": roll, "pitch": pitch, "heading": heading,
         "depth_m": truth.position_ned_m[2], "seen_depth_m": at.depth_m, "seen_heading": at.heading_rad,
         "rudder": truth.rudder_rad, "elevator": truth.elevator_rad, "asked_rudder": trace.rudder_rad,
         "asked_elevator": trace.elevator_rad, "rps": truth.propeller_rps, "rates": truth.rates_radps,

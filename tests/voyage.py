@@ -11,7 +11,7 @@ from autopilot import command, core, modes, params, requests
 from autopilot.types import ACCEPTED, Event, Inputs, Trace
 from link.frames import euler_from_quaternion, geodetic_to_offset
 from link.missions import MissionItem
-from sitl import plant, scenario
+from sitl import pace, plant, scenario
 from sitl.vehicle import config as vehicles
 from sitl.waters import Current, Variation
 
@@ -62,7 +62,7 @@ class Voyage:
         self.ask(requests.LoadMission(items), requests.SetMode(modes.MISSION.number), requests.Arm())
 
     def sail(self, seconds: float, *, until_disarmed: bool = False) -> "Voyage":
-        for _ in range(round(seconds / plant.TICK_S)):
+        for _ in range(round(seconds / pace.TICK_S)):
             self.body, reading = plant.step(self._plant, self.body, self._frame, self._rng)
             self._frame = self._tick(reading)
             if until_disarmed and not self.state.armed:

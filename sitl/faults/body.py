@@ -6,8 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sitl.faults.catalogue import Fault
+from sitl.faults.catalogue import Fault, FaultError
 from sitl.vehicle.model import Model
+
+
+def refuse_impossible(model: Model, faults: Sequence[Fault]) -> None:
+    """Weights that leave no vehicle, each by itself or all at once. Raises FaultError."""
+    for together in (*((fault,) for fault in faults), faults):
+        hurt = suffer(model, together)
+        if hurt is not None and np.linalg.eigvalsh(hurt.inertia.M_RB).min() <= 0.0:
+            masses = ", ".join(f"{fault.name} {fault.sizes[0]:g}" for fault in together if fault.unit == "ballast")
+            raise FaultError(f"mass_kg: {masses}: expected less, of a vehicle of {model.inertia.mass_kg:.4g} kg")
 
 
 def suffer(model: Model, faults: Sequence[Fault]) -> Model | None:

@@ -11,7 +11,8 @@ from typing import Protocol
 
 from link.records import ActuatorFrame
 from sitl.faults.orders import Verdict
-from sitl.plant import Pace, Plant, State
+from sitl.pace import Pace
+from sitl.plant import Plant, State
 from sitl.sensors import Sensors
 
 

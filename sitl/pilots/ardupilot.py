@@ -16,8 +16,9 @@ from typing import NamedTuple
 from link.records import ActuatorFrame, Altimeter, Battery
 from link.transport import Transport, wait
 from sitl.faults.orders import Verdict
+from sitl.pace import TICK_US, Pace
 from sitl.pilots.outputs import Outputs, steer
-from sitl.plant import TICK_US, Pace, Plant, State
+from sitl.plant import Plant, State
 from sitl.sensors import Sensors
 from sitl.truth import Truth
 

@@ -8,10 +8,11 @@ from link.records import ActuatorFrame, TruthFrame
 from link.transport import Transport
 from sitl import truth
 from sitl.faults.orders import Verdict
+from sitl.pace import OURS, Pace
 from sitl.pilots.hil import HilLink
 from sitl.pilots.lockstep import Lockstep
 from sitl.pilots.messages import TRUTH_PERIOD_US
-from sitl.plant import OURS, Pace, Plant, State
+from sitl.plant import Plant, State
 from sitl.sensors import Sensors
 
 

@@ -20,6 +20,7 @@ from link.records import LOCKSTEP_FLAG, ActuatorFrame, SensorFrame
 from link.transport import Handle, TcpServer, Transport, wait
 from sitl import truth
 from sitl.faults.orders import Verdict
+from sitl.pace import Pace
 from sitl.pilots.messages import (
     ACKNOWLEDGEMENT,
     ALTIMETER,
@@ -36,7 +37,7 @@ from sitl.pilots.messages import (
 )
 from sitl.pilots.outputs import Outputs, steer
 from sitl.pilots.rhythm import Rhythm
-from sitl.plant import Pace, Plant, State
+from sitl.plant import Plant, State
 from sitl.sensors import Sensors
 
 Barometer = Literal["water", "air_equivalent"]

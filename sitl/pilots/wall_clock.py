@@ -14,8 +14,9 @@ from link.clock import wall_s
 from link.records import ActuatorFrame
 from link.transport import AddressError, Transport, baud_rate
 from sitl.faults.orders import Verdict
+from sitl.pace import OURS, Pace
 from sitl.pilots.hil import HilLink
-from sitl.plant import OURS, Pace, Plant, State
+from sitl.plant import Plant, State
 from sitl.sensors import Sensors
 
 WATCHDOG_S = 1.0

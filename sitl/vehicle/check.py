@@ -76,7 +76,14 @@ def check(name_or_path: str | Path) -> Report:
     config = files.load(name_or_path)
     model = calibrate.build(config, str(name_or_path))
     warnings = refuse_impossible(config, model, str(name_or_path))
-    return _report(config, model, warnings)
+    point = config.operating_point
+    level_rad = level_flight(model, point.speed_mps, point.thrust_fraction)
+    if level_rad is None:
+        raise VehicleError(
+            f"{name_or_path}: operating_point.speed_mps = {point.speed_mps:g}: expected a speed at which she can fly "
+            f"level with a net buoyancy of {model.hydrostatics.buoyancy_n - model.hydrostatics.weight_n:.3g} N"
+        )
+    return _report(config, model, level_rad, warnings)
 
 
 def refuse_impossible(config: VehicleConfig, model: Model, source: str) -> list[str]:
@@ -121,10 +128,12 @@ def principal_inertia(inertia: Inertia) -> Vector:
     return np.asarray(np.linalg.eigvalsh(about_origin - m * (r @ r * np.eye(3) - np.outer(r, r))))
 
 
-def _report(config: VehicleConfig, model: Model, warnings: list[str]) -> Report:
+def _report(config: VehicleConfig, model: Model, level_rad: tuple[float, float], warnings: list[str]) -> Report:
     h, U = model.hydrostatics, config.operating_point.speed_mps
     righting = h.z_cb_m - h.z_cm_m
-    pitch, elevator = level_flight(model, U, config.operating_point.thrust_fraction)
+    pitch, elevator = level_rad
+    if abs(degrees(elevator)) > config.tailcone.travel_deg:
+        warnings = [*warnings, f"level flight asks for {degrees(elevator):.0f} deg of elevator, beyond its travel"]
     stiffness = h.weight_n * righting
     roll = sqrt(stiffness / model.inertia.M[3, 3])
     planes = linearise(model, U)
@@ -186,8 +195,8 @@ def _accelerations(model: Model, nu: Vector, theta_rad: float, elevator_rad: flo
     return rate[dynamics.NU]
 
 
-def level_flight(model: Model, speed_mps: float, thrust_fraction: float) -> tuple[float, float]:
-    """(pitch nose up, elevator) in radians of level flight at constant depth, by Newton's method."""
+def level_flight(model: Model, speed_mps: float, thrust_fraction: float) -> tuple[float, float] | None:
+    """(pitch nose up, elevator) in radians of level flight at constant depth, by Newton's method; None without one."""
 
     def unbalanced(x: Vector) -> Vector:
         theta, elevator = -float(x[0]), float(x[1])
@@ -197,8 +206,13 @@ def level_flight(model: Model, speed_mps: float, thrust_fraction: float) -> tupl
     x = np.zeros(2)
     for _ in range(20):
         slopes = np.column_stack([unbalanced(x + STEP * e) - unbalanced(x - STEP * e) for e in np.eye(2)]) / (2 * STEP)
-        x = x - np.linalg.solve(slopes, unbalanced(x))
-    return float(x[0]), float(x[1])
+        try:
+            step = np.linalg.solve(slopes, unbalanced(x))
+        except np.linalg.LinAlgError:
+            return None
+        x = x - step
+    found = abs(step).max() < STEP and abs(x).max() < pi / 2
+    return (float(x[0]), float(x[1])) if found else None
 
 
 def top_speed_mps(model: Model) -> float:

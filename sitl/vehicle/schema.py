@@ -226,7 +226,7 @@ class Tailcone(Table, frozen=True):
 
     natural_frequency_radps: Positive
     damping_ratio: Positive
-    delay_s: NonNegative
+    delay_s: Annotated[float, Meta(ge=0, le=10)]
     travel_deg: Annotated[float, Meta(gt=0, lt=90)]
     rate_degps: Positive
     rudder_bias_deg: float

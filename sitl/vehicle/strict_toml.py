@@ -88,7 +88,7 @@ def _explain(problem: msgspec.ValidationError, tables: dict[str, Any]) -> str:
     """msgspec's "Expected `float` > 0 - at `$.hull.diameter_m`" with key and value in front."""
     what, _, where = str(problem).partition(" - at `$")
     what = what.replace("`", "")
-    key = where.rstrip("`").lstrip(".")
+    key = where.rstrip("`").lstrip(".").partition("[...]")[0]  # so msgspec calls any entry of a table of free keys
     value: Any = tables
     for part in filter(None, key.split(".")):
         name, _, index = part.partition("[")

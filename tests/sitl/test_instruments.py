@@ -10,7 +10,7 @@ from numpy.random import default_rng
 
 from link.frames import quaternion_from_euler
 from link.records import Dvl
-from sitl import environment, plant, scenario
+from sitl import environment, pace, plant, scenario
 from sitl.environment import Environment
 from sitl.scenario import Scenario
 from sitl.sensors import altimeter, battery, datasheets, dvl, encoder, gps, inertial, leak, timing
@@ -21,7 +21,7 @@ from sitl.vehicle import config
 from sitl.waters import Floor
 from tests.sitl.test_sensors import AT_REST, FIELD, SEA
 
-TICK_US = plant.TICK_US
+TICK_US = pace.TICK_US
 SHELF = datasheets.catalogue()
 
 
@@ -30,7 +30,7 @@ def chance(seed: int) -> Draws:
 
 
 def deep(floor_depth_m: float) -> Environment:
-    return environment.build(Scenario(floor=Floor(depth_m=floor_depth_m)), 9.81, plant.TICK_S)
+    return environment.build(Scenario(floor=Floor(depth_m=floor_depth_m)), 9.81, pace.TICK_S)
 
 
 def moving(velocity: tuple[float, float, float], depth_m: float = 5.0, **changes: Any) -> Truth:
@@ -117,7 +117,7 @@ class Receiver:
     def fixes(self, seconds: float, depth_m: float) -> list[int]:
         """The fix types heard in so many seconds at a depth."""
         heard = []
-        for _ in range(round(seconds / plant.TICK_S)):
+        for _ in range(round(seconds / pace.TICK_S)):
             truth = moving((0.0, 0.0, 0.0), depth_m, time_us=self.time_us)
             self.memory, fix = gps.sample(self.device, truth, SEA, self.memory, self.stream)
             self.time_us += TICK_US

@@ -9,14 +9,14 @@ from msgspec.structs import replace
 
 from link.frames import euler_from_quaternion
 from link.records import ActuatorFrame
-from sitl import plant, scenario
+from sitl import pace, plant, scenario
 from sitl.plant import Plant, State
 from sitl.scenario import Scenario, Start
 from sitl.sensors import Sensors
 from sitl.vehicle import config
 from sitl.waters import Current
 
-TICKS_PER_S = round(1.0 / plant.TICK_S)
+TICKS_PER_S = round(1.0 / pace.TICK_S)
 
 
 def put(vehicle: str, sea: Scenario) -> Plant:

@@ -65,11 +65,16 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
             "[waves]\nsignificant_height_m = 1",
             "waves.peak_period_s: missing key; a JONSWAP sea is not known by its height",
         ),
-        ("[waves]\nspectrum = 'itu'", "waves.spectrum = 'itu': invalid enum value"),
+        ("[waves]\nspectrum = 'itu'", "waves.spectrum = 'itu': expected pierson-moskowitz or jonswap"),
         (
             "[waves]\nsignificant_height_m = 1\npeak_period_s = 5\n[ice]\ndraft_m = 1",
             "ice.draft_m = 1.0: expected no [waves]",
         ),
+        (
+            "[waves]\nsignificant_height_m = 4.0\npeak_period_s = 4.0",
+            "waves.significant_height_m = 4.0: expected at most 3.6 with peak_period_s = 4.0: they break",
+        ),
+        ("[[fault]]\nunit = 'gyro'\nat_s = true", "fault[0] = {'unit': 'gyro', 'at_s': True}: expected float"),
         ("[ice]\ndraft_m = 21", "ice.draft_m = 21.0: expected less than floor.depth_m = 20.0"),
         ("[start]\ndepth_m = 30", "start.depth_m = 30.0: expected less than floor.depth_m = 20.0"),
         ("[start]\ndepth_m = 0.5\n[ice]\ndraft_m = 1", "start.depth_m = 0.5: expected more than ice.draft_m = 1.0"),
@@ -101,6 +106,9 @@ def test_the_file_of_a_floor_lies_beside_its_scenario(tmp_path: Path) -> None:
     (tmp_path / "bay.asc").write_text("ncols 2\nnrows 2\nxllcenter 0\nyllcenter 0\ncellsize 50\n-8 -9\n-7 -8\n")
     (tmp_path / "bay.toml").write_text("[floor]\nfile = 'bay.asc'\n")
     assert scenario.load(str(tmp_path / "bay.toml")).floor.file == str(tmp_path / "bay.asc")
+    (tmp_path / "ice.toml").write_text("[floor]\nfile = 'bay.asc'\n[ice]\ndraft_m = 9.0\n")
+    with pytest.raises(ScenarioError, match=r"ice\.toml: ice\.draft_m = 9\.0: expected less than the floor's 9"):
+        scenario.load(str(tmp_path / "ice.toml"))
     (tmp_path / "bay.asc").write_text("ncols two\n")
     with pytest.raises(ScenarioError, match=r"bay\.asc: ncols = 'two': expected a number"):
         scenario.load(str(tmp_path / "bay.toml"))

@@ -9,14 +9,14 @@ from msgspec.structs import replace
 
 from link.frames import quaternion_from_euler, rotate
 from link.records import SENSORS_ALL, ActuatorFrame, SensorFrame
-from sitl import environment, plant, scenario, sensors
+from sitl import environment, pace, plant, scenario, sensors
 from sitl.sensors import Sensors
 from sitl.truth import Truth
 from sitl.vehicle import config
 from sitl.vehicle.config import Instruments, VehicleError
 
 FIELD = config.load("field")
-SEA = environment.build(scenario.load("calm"), 9.81, plant.TICK_S)
+SEA = environment.build(scenario.load("calm"), 9.81, pace.TICK_S)
 FULL_RPS = 6.5
 AT_REST = Truth(
     time_us=0,
@@ -36,7 +36,7 @@ AT_REST = Truth(
 
 def carrying(**instruments: str) -> sensors.Suite:
     vehicle = replace(FIELD, instruments=Instruments(**instruments))
-    return sensors.build(vehicle, FULL_RPS, plant.TICK_US)
+    return sensors.build(vehicle, FULL_RPS, pace.TICK_US)
 
 
 def readings(truth: Truth, ticks: int, suite: sensors.Suite | None = None, seed: int = 1) -> list[Sensors]:
@@ -45,7 +45,7 @@ def readings(truth: Truth, ticks: int, suite: sensors.Suite | None = None, seed:
     streams = plant.random_streams(seed).sensors
     memory, heard = sensors.switch_on(suite, 1.0, streams), []
     for tick in range(ticks):
-        memory, reading = sensors.sample(suite, truth._replace(time_us=tick * plant.TICK_US), SEA, memory, streams)
+        memory, reading = sensors.sample(suite, truth._replace(time_us=tick * pace.TICK_US), SEA, memory, streams)
         heard.append(reading)
     return heard
 
@@ -132,7 +132,7 @@ def test_specific_force_is_acceleration_less_gravity_during_a_manoeuvre() -> Non
         truths.append(state.truth)
     velocity = np.array([truth.velocity_ned_mps for truth in truths])
     force = np.array([rotate(truth.attitude_q, truth.specific_force_mps2) for truth in truths])
-    acceleration = (velocity[2:] - velocity[:-2]) / (2.0 * plant.TICK_S)
+    acceleration = (velocity[2:] - velocity[:-2]) / (2.0 * pace.TICK_S)
     gravity = (0.0, 0.0, sea.sea.gravity_mps2)
     np.testing.assert_allclose(force[1:-1] + gravity, acceleration, atol=2e-4)
     assert np.max(np.abs(acceleration)) > 0.02

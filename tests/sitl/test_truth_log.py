@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from sitl import plant, scenario
+from sitl import pace, plant, scenario
 from sitl.truth_log import TOPIC, TruthLog
 from sitl.vehicle import config
 
@@ -17,7 +17,7 @@ def test_a_reader_finds_every_truth_at_its_vehicle_time(tmp_path: Path) -> None:
     ].truth
     log = TruthLog(tmp_path / "truth.mcap")
     for tick in range(5):
-        log.write(truth._replace(time_us=tick * plant.TICK_US))
+        log.write(truth._replace(time_us=tick * pace.TICK_US))
     log.close()
     with (tmp_path / "truth.mcap").open("rb") as file:
         found = [

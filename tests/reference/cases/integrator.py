@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sitl.plant import SUBSTEP_S
+from sitl.pace import SUBSTEP_S
 from sitl.vehicle import config
 from tests.reference import fossen
 from tests.reference.check import Check, worst

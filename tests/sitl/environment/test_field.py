@@ -11,7 +11,7 @@ from numpy.random import default_rng
 from numpy.typing import NDArray
 
 from link.records import ActuatorFrame
-from sitl import environment, plant, scenario
+from sitl import environment, pace, plant, scenario
 from sitl.environment import current, field
 from sitl.environment.field import Field
 from sitl.scenario import Scenario, Start
@@ -36,7 +36,7 @@ LONG_WAVE = Waves(spectrum="pierson-moskowitz", significant_height_m=1.0, peak_p
 
 
 def sea_of(what: Scenario, half_length_m: float = 1.0, seed: int = 1) -> Field:
-    sea = environment.build(what, bodies.GRAVITY_MPS2, plant.TICK_S, half_length_m)
+    sea = environment.build(what, bodies.GRAVITY_MPS2, pace.TICK_S, half_length_m)
     return environment.settle(sea, default_rng(seed), default_rng(seed)).field
 
 
@@ -92,7 +92,7 @@ def test_pressure_under_waves_is_what_moves_the_water_and_vanishes_at_the_surfac
     """Linearised Euler: rho v_t = -grad p; and no gauge pressure at the elevation, to second order."""
     waves = Waves(significant_height_m=0.1, peak_period_s=5.0, from_deg=70.0)
     what = Scenario(waves=waves)
-    sea = environment.build(what, bodies.GRAVITY_MPS2, plant.TICK_S)
+    sea = environment.build(what, bodies.GRAVITY_MPS2, pace.TICK_S)
     own = environment.settle(sea, default_rng(1), default_rng(1))
     h = 1e-4
 
@@ -146,7 +146,7 @@ def test_a_neutral_body_goes_where_the_water_goes() -> None:
 
 @pytest.mark.parametrize("name", ["calm", "disturbed", "under_ice"])
 def test_uniform_water_is_not_computed_and_draws_nothing(name: str) -> None:
-    sea = environment.build(scenario.load(name), 9.81, plant.TICK_S)
+    sea = environment.build(scenario.load(name), 9.81, pace.TICK_S)
     swell, drift = default_rng(1), default_rng(2)
     before: Any = swell.bit_generator.state, drift.bit_generator.state
     own = environment.advance(sea, environment.settle(sea, swell, drift), drift)
@@ -156,7 +156,7 @@ def test_uniform_water_is_not_computed_and_draws_nothing(name: str) -> None:
 
 def test_what_is_told_of_uniform_water_is_what_the_field_says() -> None:
     what = Scenario(current=Current(speed_mps=0.4, towards_deg=50.0), ice=Ice(draft_m=0.5), floor=Floor(depth_m=12.0))
-    sea = environment.build(what, 9.81, plant.TICK_S, 1.0, 1000.0)
+    sea = environment.build(what, 9.81, pace.TICK_S, 1.0, 1000.0)
     assert sea.uniform is not None
     water, wave_pa = field.sample(sea.field, dynamics.state_at_rest(-3.0), 0.02, 5.0, NOTHING, NOTHING)
     assert wave_pa == sea.uniform.wave_pressure_pa == 0.0
@@ -167,7 +167,7 @@ def test_what_is_told_of_uniform_water_is_what_the_field_says() -> None:
 def test_each_kind_of_weather_draws_from_its_own_stream() -> None:
     restless = Scenario(current=Current(variation=Variation(rms_mps=0.1)))
     for what, draws in ((restless, (False, True)), (Scenario(waves=LONG_WAVE), (True, False))):
-        sea = environment.build(what, 9.81, plant.TICK_S)
+        sea = environment.build(what, 9.81, pace.TICK_S)
         used, fresh = plant.random_streams(3), plant.random_streams(3)
         environment.advance(sea, environment.settle(sea, used.swell, used.drift), used.drift)
         assert (used.swell.random() != fresh.swell.random(), used.drift.random() != fresh.drift.random()) == draws

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sitl import scenario
+from sitl import plant, scenario
 from sitl.faults import orders, timeline
 from sitl.faults.catalogue import CATALOGUE, Fault, make
 from sitl.scenario import ScenarioError
@@ -62,6 +62,14 @@ def test_a_mistake_is_answered_with_what_would_be_right(
     with pytest.raises(ScenarioError) as error:
         load(tmp_path, row(at_s=1, unit="gps", kind="off") + row(**keys))
     assert str(error.value).startswith(f"scenario {tmp_path}/faults.toml: fault 2: {complaint}")
+
+
+@pytest.mark.parametrize(("kind", "mass_kg", "x_m"), [("added", -700.0, 0.0), ("shifted", 900.0, 2.0)])
+def test_weights_that_leave_no_vehicle_are_refused(tmp_path: Path, kind: str, mass_kg: float, x_m: float) -> None:
+    load(tmp_path, row(at_s=1, unit="ballast", kind=kind, mass_kg=mass_kg, x_m=x_m))
+    asked, vehicle = scenario.load(str(tmp_path / "faults.toml")), config.load("field")
+    with pytest.raises(ScenarioError, match=f"ballast {kind} {mass_kg:g}: expected less, of a vehicle of"):
+        plant.build(vehicle, asked)
 
 
 def test_faults_begin_and_end_in_the_tick_of_their_time() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from link.frames import euler_from_quaternion
 from link.records import ActuatorFrame
-from sitl import plant, scenario
+from sitl import pace, plant, scenario
 from sitl.faults import body
 from sitl.truth import Truth
 from sitl.vehicle import calibrate, config
@@ -18,7 +18,7 @@ FROM_S = 5.0
 
 def control(tick: int) -> ActuatorFrame:
     """A slow weave of half the travel about both axes, and a thrust that changes after ten seconds."""
-    turn = 0.5 * sin(2 * pi * 0.1 * tick * plant.TICK_S)
+    turn = 0.5 * sin(2 * pi * 0.1 * tick * pace.TICK_S)
     return ActuatorFrame(0, 1, (turn, -turn, 0.58 if tick < 500 else 0.3, *(0.0,) * 13), 129)
 
 
@@ -31,7 +31,7 @@ def run(vehicle: str = "bench", seconds: float = 15.0, idle: bool = False, **fau
     rng = plant.random_streams(2)
     state, _ = plant.launch(sea, rng)
     truths = []
-    for tick in range(round(seconds / plant.TICK_S)):
+    for tick in range(round(seconds / pace.TICK_S)):
         asked = ActuatorFrame(0, 1, (0.0,) * 16, 129) if idle else control(tick)
         state, _ = plant.step(sea, state, asked, rng)
         truths.append(state.truth)
@@ -57,7 +57,7 @@ def test_axes_fail_in_their_ways(unit: str) -> None:
     assert broken("off")[-1] == pytest.approx(0.0, abs=0.1)
     assert broken("biased", angle_deg=2.5) - sound == pytest.approx(np.full(sound.size, 2.5))
     slow = broken("slow", rate_degps=1.0)
-    assert np.abs(np.diff(slow)).max() == pytest.approx(1.0 * plant.TICK_S, rel=1e-6)
+    assert np.abs(np.diff(slow)).max() == pytest.approx(1.0 * pace.TICK_S, rel=1e-6)
     noise = broken("noisy", rms_deg=0.5) - sound
     assert noise.std() == pytest.approx(0.5, rel=0.1)
     assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 0.15

@@ -9,6 +9,7 @@ from link.endpoint import Endpoint
 from link.records import ActuatorFrame
 from link.transport import AddressError, Transport, open_transport
 from sitl import plant, scenario
+from sitl.pace import OURS
 from sitl.pilots import choice
 from sitl.pilots.choice import Choice, PilotError
 from sitl.pilots.hil import HilLink
@@ -51,7 +52,7 @@ def test_a_line_that_is_too_slow_is_named_with_one_that_is_not() -> None:
 
 
 def test_a_link_without_a_baud_rate_has_the_autopilots_own_pace() -> None:
-    assert pace("udpout:127.0.0.1:14560") == plant.OURS
+    assert pace("udpout:127.0.0.1:14560") == OURS
 
 
 def test_the_watchdog_lets_go_after_its_time_and_says_both_once() -> None:

@@ -99,6 +99,11 @@ def test_level_flight_balances_and_stays_level():
     assert found.level_elevator_deg == pytest.approx(fit.level_elevator_rad(vehicle, model) * 180 / pi, rel=1e-6)
 
 
+def test_a_vehicle_that_cannot_fly_level_is_refused(tmp_path):
+    said = refused(FINNED + "[ballast]\nmass_kg = 1e9\n", tmp_path)
+    assert "operating_point.speed_mps = 1.5: expected a speed at which she can fly level" in said
+
+
 def run(*arguments):
     return subprocess.run(
         [sys.executable, "-m", "sitl.vehicle", *arguments], capture_output=True, text=True, check=False
