@@ -43,16 +43,16 @@ def give_message(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
     if message is None:
         return Outcome(UNSUPPORTED)
     if message.name == "AVAILABLE_MODES":
-        return give_modes(message, whole(command.p2))
+        return give_modes(desk, message, whole(command.p2))
     return _give(message, desk)
 
 
-def give_modes(message: MessageType, index: int) -> Outcome:
+def give_modes(desk: Desk, message: MessageType, index: int) -> Outcome:
     wanted = range(1, len(modes.MODES) + 1) if index == _ALL_MODES else (index,)
     try:
         return Outcome(ACCEPTED, tuple((message, identity.available_mode(n)) for n in wanted))
     except IndexError:
-        return Outcome(DENIED)
+        return desk.refuse(DENIED, f"AVAILABLE_MODES: param2 is {index}, must be 0 to {len(modes.MODES)}")
 
 
 def give_version(desk: Desk, command: Command, schedule: Schedule) -> Outcome:

@@ -74,7 +74,9 @@ def test_every_mode_can_be_listed_and_taken(deck: Deck) -> None:
     }
     assert all(bool(m.mode_name) == (m.standard_mode == 0) for m in listed)
     assert only(deck.command(512, 435, 2), "AVAILABLE_MODES").mode_index == 2
-    assert result(deck.command(512, 435, 99)) == mavlink.MAV_RESULT_DENIED
+    refused = deck.command(512, 435, 99)
+    assert result(refused) == mavlink.MAV_RESULT_DENIED
+    assert texts(refused) == ["AVAILABLE_MODES: param2 is 99, must be 0 to 10"]
     for mode in listed:
         if mode.mode_name != "SYSID":
             assert result(deck.command(176, 1, mode.custom_mode)) == mavlink.MAV_RESULT_ACCEPTED
