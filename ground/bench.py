@@ -15,7 +15,8 @@ from ground.errors import BadInputError, FailedError
 from ground.flight import Progress
 from ground.processes import SimulatedVehicle
 from ground.recorder import Recorder
-from ground.script import AXES, SIGNALS, TEST
+from ground.script import TEST
+from ground.signals import AXES, SIGNALS
 from ground.vehicle import Vehicle, VehicleError
 from link.clock import wall_s
 from link.dialect import constant

@@ -31,13 +31,13 @@ def bench(
 ) -> None:
     """Sweep the tailcone on the bench: frequency responses, the fitted actuator, its limits. The duct will move."""
     from ground import bench as procedure
-    from ground import progress, script
+    from ground import progress, signals
     from ground.processes import SimulatedVehicle, Simulation
     from ground.report import bode
 
     session = procedure.Session(
         _new_folder(out),
-        tuple(axis or script.AXES),
+        tuple(axis or signals.AXES),
         tuple(amplitude or procedure.AMPLITUDES_DEG),
         tuple(frequency or procedure.FREQUENCIES_HZ),
     )

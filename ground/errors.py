@@ -10,3 +10,10 @@ class BadInputError(ValueError):
 
 class FailedError(RuntimeError):
     """The input was fine and the work failed: the vehicle refused, a process died, a fit did not converge. Exit 1."""
+
+
+def out_of_range(key: str, value: float | None, low: float, high: float) -> str:
+    """What to say of a value that is given and not within bounds; empty for all others."""
+    if value is None or low <= value <= high:
+        return ""
+    return f"{key} = {value:g}: must be {low:g} to {high:g}"

@@ -20,6 +20,15 @@ A script is a TOML file: a name, what it is for, and steps in order::
     [[step]]                 # an open-loop test about the trim, the other plane's loop left on
     test = { signal = "step", axis = "rudder", magnitude_deg = 5.0, duration_s = 15 }
 
+    # signal      its own keys
+    # step, doublet, 3211
+    # chirp       f_start_hz, f_stop_hz
+    # multisine   f_start_hz, f_stop_hz; with axis = "both" on rudder and elevator at once
+    # prbs        clock_hz, seed
+    # square      runs = [3, 2, 1, 1]: up and down by turns, in parts of the whole
+    # axis = "thrust" takes magnitude_pct instead of magnitude_deg; fade_s at both ends suits all of them;
+    # loop_on = true leaves the loops on and adds the signal to what they ask for
+
     [[step]]
     surface = true           # always the last step
 
@@ -38,7 +47,8 @@ from typing import Literal
 
 import msgspec
 
-from ground.errors import BadInputError
+from ground import signals
+from ground.errors import BadInputError, out_of_range
 from link.dialect import constant
 from link.missions import FRAME_LOCAL_NED, FRAME_MISSION, GLOBAL_SCALE, LOCAL_SCALE, MissionItem
 
@@ -53,12 +63,6 @@ WAYPOINT = constant("MAV_CMD_NAV_WAYPOINT")
 RELATIVE_ALTITUDE = 3
 """MAV_FRAME_GLOBAL_RELATIVE_ALT: altitude above home, which lies at the water surface."""
 
-SIGNALS = {"chirp": 0, "step": 1, "doublet": 2, "prbs": 3, "multisine": 4}
-"""SID_WAVE by name."""
-AXES = {"rudder": 12, "elevator": 11}
-"""SID_AXIS by name: the mixer's pitch and yaw inputs."""
-FASTEST_HZ = 25.0
-"""Half of the rate that the autopilot ticks at."""
 MOST_M = 100_000.0
 """From home: the neighbourhood in which the earth counts as flat."""
 SHIPPED = files("ground") / "missions"
@@ -66,18 +70,6 @@ SHIPPED = files("ground") / "missions"
 
 class ScriptError(BadInputError):
     """A mission that cannot be flown: names the file, the key, the value and what would be right."""
-
-
-class Test(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """An open-loop signal on one surface."""
-
-    signal: Literal["chirp", "step", "doublet", "prbs", "multisine"]
-    axis: Literal["rudder", "elevator"]
-    magnitude_deg: float
-    duration_s: int
-    f_start_hz: float = 0.0
-    f_stop_hz: float = 0.0
-    fade_s: float = 0.0
 
 
 class Step(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -93,7 +85,7 @@ class Step(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     lat_deg: float | None = None
     lon_deg: float | None = None
     accept_m: float | None = None
-    test: Test | None = None
+    test: signals.Test | None = None
     surface: Literal[True] | None = None
 
     @property
@@ -179,7 +171,7 @@ def _wrong(step: Step, *, is_first: bool, is_last: bool) -> str:
     if is_last != bool(step.surface):
         return "surface = true must be the last step" if step.surface else "the last step must be surface = true"
     if step.test is not None:
-        return "test: comes before any leg; the first step must be a leg" if is_first else _wrong_test(step.test)
+        return "test: comes before any leg; the first step must be a leg" if is_first else signals.wrong(step.test)
     return _wrong_leg(step, is_first=is_first) if step.leg_keys else ""
 
 
@@ -210,7 +202,7 @@ def _wrong_leg(step: Step, *, is_first: bool) -> str:
         ("accept_m", step.accept_m, 0.5, 500.0),
         *((f"to[{n}]", metres, -MOST_M, MOST_M) for n, metres in enumerate(step.to or ())),
     )
-    return next((_range(*bound) for bound in bounds if _range(*bound)), "")
+    return next((fault for bound in bounds if (fault := out_of_range(*bound))), "")
 
 
 def _wrong_way(step: Step) -> str:
@@ -220,27 +212,6 @@ def _wrong_way(step: Step) -> str:
         return "to, and lat_deg and lon_deg: give one of them"
     clash = next((key for key in ("heading_deg", "wait_depth") if getattr(step, key) is not None), "")
     return f"{clash}: cannot stand beside a place; give it in a step of its own" if clash else ""
-
-
-def _wrong_test(test: Test) -> str:
-    if test.magnitude_deg == 0.0:
-        return "test.magnitude_deg = 0: must not be 0"
-    if test.signal == "chirp" and not 0.0 < test.f_start_hz <= test.f_stop_hz:
-        return f"test.f_start_hz = {test.f_start_hz:g}: a chirp must rise from above 0 to f_stop_hz"
-    bounds = (
-        ("test.magnitude_deg", test.magnitude_deg, -15.0, 15.0),
-        ("test.duration_s", float(test.duration_s), 1.0, 600.0),
-        ("test.f_start_hz", test.f_start_hz, 0.0, FASTEST_HZ),
-        ("test.f_stop_hz", test.f_stop_hz, 0.0, FASTEST_HZ),
-        ("test.fade_s", test.fade_s, 0.0, test.duration_s / 2),
-    )
-    return next((_range(*bound) for bound in bounds if _range(*bound)), "")
-
-
-def _range(key: str, value: float | None, low: float, high: float) -> str:
-    if value is None or low <= value <= high:
-        return ""
-    return f"{key} = {value:g}: must be {low:g} to {high:g}"
 
 
 def _items(step: Step, depth_m: float) -> Iterator[MissionItem]:
@@ -281,9 +252,9 @@ def _leg_items(step: Step) -> Iterator[MissionItem]:
         yield _item(DELAY, step.duration_s, -1.0, -1.0, -1.0)
 
 
-def _test_item(test: Test) -> MissionItem:
-    item = _item(TEST, AXES[test.axis], test.magnitude_deg, test.f_start_hz, test.f_stop_hz, test.fade_s)
-    return item._replace(x=test.duration_s, y=SIGNALS[test.signal])
+def _test_item(test: signals.Test) -> MissionItem:
+    axis, magnitude, p3, p4, duration_s, wave, fade_s = signals.numbers(test)
+    return _item(TEST, axis, magnitude, p3, p4, fade_s)._replace(x=duration_s, y=wave)
 
 
 def _item(
