@@ -7,12 +7,12 @@ from typing import Any
 
 from sitl.vehicle import complete, hull, strict_toml
 from sitl.vehicle.complete import Completed
+from sitl.vehicle.description import Description
 from sitl.vehicle.schema import (
     Ballast,
     Coefficients,
     Cylinder,
     Damping,
-    Description,
     DuctGeometry,
     FinGeometry,
     HullGeometry,

@@ -6,10 +6,9 @@ Axes are body x forward, y port, z up, from the hull's axis at mid-length.
 from __future__ import annotations
 
 from math import sqrt
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal
 
-from msgspec import UNSET, Meta, Struct, UnsetType, defstruct
-from msgspec.structs import fields
+from msgspec import Meta, Struct
 
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
@@ -281,31 +280,3 @@ class VehicleConfig(Table, frozen=True):
     """The coefficients were identified as they act together, and need not each be possible by itself."""
     power: Power = Power()
     instruments: Instruments = Instruments()
-
-
-_GEOMETRY: dict[type[Table], tuple[str, ...]] = {
-    VehicleConfig: ("name", "hull"),
-    DuctGeometry: ("diameter_m", "chord_m"),
-    FinGeometry: ("layout", "span_m", "root_chord_m"),
-}
-"""What nothing else tells: a vehicle file may leave out every key but these."""
-
-
-def _described(kind: type[Table]) -> Any:
-    """``kind`` as a vehicle file may give it, with what it can leave out."""
-    needed = _GEOMETRY.get(kind, ())
-    keys = [
-        (field.name, field.type) if field.name in needed else (field.name, _optional(field.type), UNSET)
-        for field in fields(kind)
-    ]
-    return defstruct(kind.__name__, keys, frozen=True, forbid_unknown_fields=True, kw_only=True)
-
-
-def _optional(annotation: Any) -> Any:
-    kinds = (annotation, *get_args(annotation))
-    tables = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Table)]
-    return (_described(tables[0]) if tables else annotation) | UnsetType
-
-
-Description = _described(VehicleConfig)
-"""A vehicle file as it is written: what it leaves out is derived."""
