@@ -75,7 +75,7 @@ def of_design(design: "Design") -> dict[str, Any]:
         "initial": {**_analysis(design.initial_analysis), "predicted": design.initial._asdict()},
         "gains": dict(design.gains),
         "reasons": dict(design.reasons),
-        "specification": design.spec._asdict(),
+        "specification": {name: _finite(limit) for name, limit in design.spec._asdict().items()},
         "model_sha256": design.model_sha256,
     }
 
@@ -130,7 +130,7 @@ def _analysis(found: "Analysis") -> dict[str, Any]:
 
 
 def _finite(value: float) -> float | None:
-    """A number that JSON can hold; None for infinity: there is no such margin to lose."""
+    """A number that JSON can hold; None for infinity: no margin to lose, or no limit."""
     return value if math.isfinite(value) else None
 
 
