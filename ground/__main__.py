@@ -11,11 +11,11 @@ import signal
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from ground import bench_cli, log_cli, modes_cli, vehicle_cli
+from ground import bench_cli, log_cli, modes_cli, params_cli, vehicle_cli
 from ground.console import (
     GROUND_LINK,
     Address,
@@ -43,8 +43,7 @@ class Method(StrEnum):
 
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
-params_app = typer.Typer(no_args_is_help=True, help="Read and set a vehicle's parameters.")
-app.add_typer(params_app, name="params")
+app.add_typer(params_cli.app, name="params")
 app.add_typer(log_cli.app, name="log")
 app.add_typer(vehicle_cli.app, name="vehicle")
 app.add_typer(modes_cli.app, name="modes")
@@ -174,7 +173,7 @@ def redesign(
     design = fitting.redesign(fitting.read_model(model))
     design.write_params(out)
     if upload:
-        _set_and_read_back(upload, sign, dict(design.gains))
+        params_cli.set_and_read_back(upload, sign, dict(design.gains))
     give(summary.of_design(design), summary.design_in_words(design, out), json)
 
 
@@ -216,47 +215,6 @@ def missions(json: Json = False) -> None:
     give(result, "\n".join(lines), json)
 
 
-@params_app.command("list")
-def params_list(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
-    """Every parameter and its value."""
-    values = _with_vehicle(connect, sign, lambda vehicle: vehicle.parameters())
-    give(values, "\n".join(f"{name:16s} {value:g}" for name, value in values.items()), json)
-
-
-@params_app.command("get")
-def params_get(name: str, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
-    """One parameter."""
-    value = _with_vehicle(connect, sign, lambda vehicle: vehicle.parameter(name))
-    give({name: value}, f"{value:g}", json)
-
-
-@params_app.command("set")
-def params_set(name: str, value: float, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
-    """Set one parameter and read it back."""
-    _set_and_read_back(connect, sign, {name: value})
-    give({name: value}, f"{name} = {value:g}", json)
-
-
-@params_app.command("save")
-def params_save(file: Path, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
-    """Write every parameter to a file."""
-    from ground import gains
-
-    values = _with_vehicle(connect, sign, lambda vehicle: vehicle.parameters())
-    gains.save(new_file(file), values)
-    give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters", json)
-
-
-@params_app.command("load")
-def params_load(file: Path, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
-    """Set the parameters of a file and read them back."""
-    from ground import gains
-
-    values = gains.load(file)
-    _set_and_read_back(connect, sign, values)
-    give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters set", json)
-
-
 def main() -> None:
     """The console command."""
     from link.transport import AddressError
@@ -288,23 +246,6 @@ def _interrupt(number: int, frame: object) -> None:
 def _leave(problem: object, status: int) -> None:
     print(f"ground: {problem}", file=sys.stderr)
     sys.exit(status)
-
-
-def _with_vehicle(address: str, key_file: Path | None, use: Any) -> Any:
-    from ground.vehicle import connected
-
-    with connected(address, key_file) as vehicle:
-        return use(vehicle)
-
-
-def _set_and_read_back(address: str, key_file: Path | None, values: dict[str, float]) -> None:
-    def use(vehicle: Any) -> None:
-        for name, value in values.items():
-            stored = vehicle.set_parameter(name, value)
-            if abs(stored - value) > 1e-6 * max(1.0, abs(value)):
-                raise FailedError(f"{name}: the vehicle stored {stored:g} in place of {value:g}")
-
-    _with_vehicle(address, key_file, use)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
 """A simulator and an autopilot as child processes, for one dive."""
 
+import contextlib
 import os
+import secrets
 import signal
 import socket
 import subprocess
@@ -17,6 +19,9 @@ from link.transport import AddressError, Transport, open_transport, wait
 
 STARTS_WITHIN_S = 60.0
 STOPS_WITHIN_S = 5.0
+PORTS = range(20_000, 32_000)
+"""Below those that the system deals out by itself: what was free stays free until a child takes it."""
+_given_ports: set[int] = set()
 _SOURCES = str(Path(__file__).parents[1])
 
 
@@ -37,7 +42,7 @@ class SimulatedVehicle:
     """sitl and autopilot, started and stopped together. The vehicle's time begins when it is armed."""
 
     def __init__(self, simulation: Simulation, parameters: Path | None = None) -> None:
-        hil, ground = _free_ports()
+        hil, ground = free_port(), free_port(socket.SOCK_STREAM)
         self.address = f"tcp:127.0.0.1:{ground}"
         sitl = [*_module("sitl"), "--vehicle", simulation.vehicle, "--scenario", simulation.scenario]
         sitl += ["--seed", str(simulation.seed), "--speed", simulation.speed, "--wait-for-arm", "--lifeline"]
@@ -132,12 +137,12 @@ def _module(name: str) -> list[str]:
     return [sys.executable, "-m", name]
 
 
-def _free_ports() -> tuple[int, int]:
-    """A UDP and a TCP port on the loopback that nobody uses right now."""
-    with (
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp,
-        socket.socket(socket.AF_INET, socket.SOCK_STREAM) as tcp,
-    ):
-        udp.bind(("127.0.0.1", 0))
-        tcp.bind(("127.0.0.1", 0))
-        return udp.getsockname()[1], tcp.getsockname()[1]
+def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
+    """A UDP or TCP port of the loopback that nobody uses, and that this process gives once."""
+    while True:
+        port = secrets.choice(PORTS)
+        with socket.socket(socket.AF_INET, kind) as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            if port not in _given_ports:
+                _given_ports.add(port)
+                return port

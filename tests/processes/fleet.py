@@ -2,31 +2,15 @@
 
 import contextlib
 import re
-import secrets
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from ground.processes import free_port as free_port
+
 PATIENCE_S = 60.0
-
-
-PORTS = range(20_000, 32_000)
-"""Below those that the system deals out by itself: what was free stays free until we use it."""
-_given: set[int] = set()
-
-
-def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    """A port of the loopback that nobody uses, and that is not given twice."""
-    while True:
-        port = secrets.choice(PORTS)
-        with socket.socket(socket.AF_INET, kind) as probe, contextlib.suppress(OSError):
-            probe.bind(("127.0.0.1", port))
-            if port not in _given:
-                _given.add(port)
-                return port
 
 
 class Finished(NamedTuple):
