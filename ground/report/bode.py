@@ -5,6 +5,8 @@ from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ground.report import canvas
+
 if TYPE_CHECKING:
     from sysid.bench import AxisBench, AxisName, Point
 
@@ -15,21 +17,12 @@ TICKS_HZ = (0.05, 0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
 
 def draw(found: "Mapping[AxisName, AxisBench]", target: Path) -> Path:
     """Draw into ``target``, a PNG or SVG file."""
-    # Matplotlib without a display and without the state of its pyplot module.
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure as Canvas
-
-    style: Any = {"font.family": "serif", "axes.spines.top": False, "axes.spines.right": False}
-    with rc_context(style):
-        canvas = Canvas(figsize=(5.6 * len(found), 7.0), layout="constrained")
-        FigureCanvasAgg(canvas)
-        axes = canvas.subplots(2, len(found), sharex=True, sharey="row", squeeze=False)
+    with canvas.drawn(target, (5.6 * len(found), 7.0)) as figure:
+        axes = figure.subplots(2, len(found), sharex=True, sharey="row", squeeze=False)
         for column, (name, axis) in enumerate(found.items()):
             _axis(axes[:, column], name, axis)
         handles, names = axes[0, 0].get_legend_handles_labels()
-        canvas.legend(handles, names, loc="outside lower center", ncols=4, frameon=False)
-        canvas.savefig(target, dpi=110, metadata={"Date": None} if target.suffix == ".svg" else None)
+        figure.legend(handles, names, loc="outside lower center", ncols=4, frameon=False)
     return target
 
 
@@ -59,7 +52,7 @@ def _axis(panels: Any, name: str, axis: "AxisBench") -> None:
         panel.set_xscale("log")
         panel.set_xticks(TICKS_HZ, [f"{tick:g}" for tick in TICKS_HZ])
         panel.minorticks_off()
-        panel.grid(which="both", color="#ebe8e0", linewidth=0.8)
+        panel.grid(which="both", color=canvas.GRID, linewidth=0.8)
 
 
 def _amplitude(magnitude: Any, phase: Any, points: "list[Point]", label: str, color: str) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 from ground.errors import BadInputError
 from ground.folder import CampaignFolder
-from ground.report import figures
+from ground.report import canvas, figures
 from ground.report.figures import Curve, Figure
 
 COLORS = {"measured": "#9aa3ab", "initial": "#c2542d", "redesigned": "#0f6e84", "set_point": "#4b4f55"}
@@ -23,21 +23,12 @@ def draw(folder: Path, target: Path) -> Path:
         raise BadInputError(f"--picture {target}: must end in .png or .svg")
     campaign = CampaignFolder(folder)
     shown = figures.mission_figures(campaign, ["straight_run", "combined"])
-    # Matplotlib without a display and without the state of its pyplot module.
-    from matplotlib import rc_context
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure as Canvas
-
-    style: Any = {"font.family": "serif", "axes.spines.top": False, "axes.spines.right": False}
-    with rc_context(style):
-        canvas = Canvas(figsize=(11, 5.6), layout="constrained")
-        FigureCanvasAgg(canvas)
-        axes = canvas.subplots(2, 2, sharex="col")
+    with canvas.drawn(target, (11.0, 5.6)) as whole:
+        axes = whole.subplots(2, 2, sharex="col")
         for column, figure in enumerate(shown):
             _column(axes[:, column], figure)
         handles, names = axes[0, 0].get_legend_handles_labels()
-        canvas.legend(handles, names, loc="outside upper left", ncols=3, frameon=False)
-        canvas.savefig(target, dpi=110, metadata={"Date": None} if target.suffix == ".svg" else None)
+        whole.legend(handles, names, loc="outside upper left", ncols=3, frameon=False)
     return target
 
 
@@ -47,7 +38,7 @@ def _column(axes: Any, figure: Figure) -> None:
         for curve in panels[title].curves:
             _line(axis, curve)
         axis.set_ylabel(f"{title}, {panels[title].y_label}")
-        axis.grid(color="#ebe8e0", linewidth=0.8)
+        axis.grid(color=canvas.GRID, linewidth=0.8)
     axes[0].invert_yaxis()
     axes[0].set_title(figure.title, loc="left")
     axes[-1].set_xlabel("seconds")
