@@ -22,7 +22,7 @@ def draw(found: "Mapping[AxisName, AxisBench]", target: Path) -> Path:
         for column, (name, axis) in enumerate(found.items()):
             _axis(axes[:, column], name, axis)
         handles, names = axes[0, 0].get_legend_handles_labels()
-        figure.legend(handles, names, loc="outside lower center", ncols=4, frameon=False)
+        figure.legend(handles, names, loc="outside lower center", ncols=2 * len(found), frameon=False)
     return target
 
 
