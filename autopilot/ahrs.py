@@ -4,7 +4,8 @@ import math
 from typing import NamedTuple
 
 from autopilot.params import Config
-from autopilot.types import NO_READINGS, US_PER_S, Ahrs, Complaint, Piecemeal
+from autopilot.soundness import NO_READINGS, Ahrs, Complaint, Piecemeal
+from autopilot.types import US_PER_S
 from link.records import ACCELEROMETER_FRESH, GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH, SensorFrame
 
 SILENT, STUCK, IMPLAUSIBLE = "silent", "stuck", "implausible"

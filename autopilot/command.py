@@ -2,18 +2,16 @@
 
 from autopilot import bench, excitation, failsafe, guidance, health, mission, modes, navigation, requests
 from autopilot.params import Config
+from autopilot.targets import AttitudeTarget, Circle, Line
 from autopilot.types import (
     ACCEPTED,
     DENIED,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
     Answer,
-    AttitudeTarget,
-    Circle,
     Event,
     Home,
     ItemReached,
-    Line,
     LoopMemory,
     MissionState,
     Severity,

@@ -2,6 +2,7 @@
 
 from autopilot import bench, estimator, excitation, failsafe, guidance, health, loops, mission, modes, offboard
 from autopilot.params import Config
+from autopilot.targets import Line
 from autopilot.types import (
     US_PER_S,
     Estimate,
@@ -9,7 +10,6 @@ from autopilot.types import (
     Home,
     Inputs,
     ItemReached,
-    Line,
     LoopMemory,
     Severity,
     State,

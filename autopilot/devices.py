@@ -5,7 +5,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from autopilot.ahrs import IMPLAUSIBLE
-from autopilot.types import US_PER_S, Complaint, Device, Health, Inputs
+from autopilot.soundness import Complaint, Device, Health
+from autopilot.types import US_PER_S, Inputs
 from link.records import Altimeter, Battery, Dvl, GpsFix
 
 GPS, ALTIMETER, DVL, BATTERY, LEAK, DUCT = "GPS", "Altimeter", "DVL", "Battery", "Leak", "Duct"

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 from autopilot import modes
 from autopilot.params import Config
-from autopilot.types import US_PER_S, Circle, Estimate, Home, Line, Path, Setpoint, State
+from autopilot.targets import Circle, Line, Path, Setpoint
+from autopilot.types import US_PER_S, Estimate, Home, State
 from link.frames import geodetic_to_offset, wrap_pi
 from link.missions import FRAME_LOCAL_NED, GLOBAL_FRAMES, GLOBAL_SCALE, LOCAL_SCALE, NOT_GIVEN, MissionItem
 

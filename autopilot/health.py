@@ -11,7 +11,8 @@ from autopilot import ahrs, devices, modes
 from autopilot.ahrs import IMPLAUSIBLE, SILENT, STUCK
 from autopilot.devices import ALTIMETER, BATTERY, DUCT, DVL, GPS, LEAK
 from autopilot.params import Config
-from autopilot.types import US_PER_S, Ahrs, Complaint, Doubt, Event, Health, Inputs, Severity, State
+from autopilot.soundness import Ahrs, Complaint, Doubt, Health
+from autopilot.types import US_PER_S, Event, Inputs, Severity, State
 from link.records import Altimeter, Battery, DuctFeedback, Leak
 
 ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE = (group.name for group in ahrs.GROUPS)

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 from autopilot.params import Config
 from autopilot.pid import pid
-from autopilot.types import Estimate, LoopMemory, Setpoint
+from autopilot.targets import Setpoint
+from autopilot.types import Estimate, LoopMemory
 from link.frames import wrap_pi
 
 

@@ -5,18 +5,8 @@ from enum import IntEnum
 
 from autopilot import excitation, guidance, modes, offboard
 from autopilot.params import Config
-from autopilot.types import (
-    US_PER_S,
-    Circle,
-    Event,
-    Excitation,
-    Home,
-    ItemReached,
-    Line,
-    MissionState,
-    Severity,
-    State,
-)
+from autopilot.targets import Circle, Line
+from autopilot.types import US_PER_S, Event, Excitation, Home, ItemReached, MissionState, Severity, State
 from link.frames import wrap_pi
 from link.missions import GLOBAL_FRAMES, MissionItem
 

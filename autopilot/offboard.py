@@ -10,7 +10,8 @@ import math
 
 from autopilot import guidance
 from autopilot.params import Config
-from autopilot.types import AttitudeTarget, Circle, Inputs, Line, MotionTarget, Setpoint, State, Stick, Targets
+from autopilot.targets import AttitudeTarget, Circle, Line, MotionTarget, Setpoint, Targets
+from autopilot.types import Inputs, State, Stick
 from link.frames import wrap_pi
 
 LEAST_MPS = 0.05

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from autopilot.types import AttitudeTarget, MotionTarget
+from autopilot.targets import AttitudeTarget, MotionTarget
 from link.missions import MissionItem
 
 

@@ -8,7 +8,8 @@ import math
 from typing import Any
 
 from autopilot.requests import SetTarget
-from autopilot.types import AttitudeTarget, Home, MotionTarget
+from autopilot.targets import AttitudeTarget, MotionTarget
+from autopilot.types import Home
 from autopilot.vehicle import Vehicle
 from link.clock import wall_s
 from link.dialect import constant

@@ -1,9 +1,10 @@
 """What goes into a tick and what comes out. Body axes FRD, world NED, depth positive down, SI and radians."""
 
-import math
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from autopilot.soundness import Ahrs, Health
+from autopilot.targets import Path, Setpoint, Targets
 from link.frames import Quaternion
 from link.missions import MissionItem
 from link.records import Altimeter, Battery, DuctFeedback, Dvl, GpsFix, Leak, SensorFrame
@@ -145,155 +146,6 @@ class Estimate(NamedTuple):
     depth_time_us: int = 0
     """When the depth was last measured and not only carried along."""
     navigation: Navigation = Navigation()
-
-
-NO_READINGS = ((math.nan,) * 3, (math.nan,) * 3, (math.nan,) * 3, (math.nan,))
-"""Of accelerometer, gyro, magnetometer and pressure sensor, in the order of SensorFrame."""
-_NO_FRAME = SensorFrame(-1, *(0.0,) * 13, 0, 0)
-
-
-class Piecemeal(NamedTuple):
-    """What was heard of the AHRS's groups, in the order of ``NO_READINGS``, where not all spoke and made sense."""
-
-    readings: tuple[tuple[float, ...], ...] = NO_READINGS
-    """The last ones, whatever they say."""
-    heard_us: tuple[int, ...] = (-1,) * 4
-    """When a reading last made sense; -1 for never."""
-
-
-class Ahrs(NamedTuple):
-    """What was heard of the AHRS."""
-
-    frame: SensorFrame = _NO_FRAME
-    """The last readings that may be used."""
-    changed_us: tuple[int, ...] = (-1,) * 4
-    """When each group's reading last changed."""
-    piecemeal: Piecemeal | None = Piecemeal()
-    """None where ``frame`` is all there is to know: every group spoke in it and made sense."""
-
-
-class Device(NamedTuple):
-    """What was heard of a device that speaks for itself."""
-
-    record: Any = None
-    """The last one that makes sense."""
-    sound_us: int = -1
-    """When that was."""
-    heard_us: int = -1
-    """When anything was; -1 for never."""
-    changed_us: int = -1
-    """When it last said something new."""
-    interval_us: int = 0
-    """Between the last two words; zero before the second."""
-    pace_us: int = 0
-    """The usual interval."""
-
-
-class Complaint(NamedTuple):
-    """Something that looks wrong in one tick."""
-
-    subject: str
-    what: str
-
-
-class Doubt(NamedTuple):
-    """A complaint that lasts, or lasted until lately."""
-
-    complaint: Complaint
-    since_us: int
-    last_us: int
-    times: int = 1
-    told: bool = False
-    """Whether it has lasted long enough to be believed and told."""
-    latest: str = ""
-    """What was last complained of, once that differs."""
-
-
-class Health(NamedTuple):
-    """What the vehicle knows of her devices and her own soundness."""
-
-    gps: Device = Device()
-    altimeter: Device = Device()
-    dvl: Device = Device()
-    battery: Device = Device()
-    leak: Device = Device()
-    duct: Device = Device()
-    gps_under_water: bool = False
-    """The receiver was heard at depth: it speaks always, so its silence means something there too."""
-    doubts: tuple[Doubt, ...] = ()
-    check_us: int = 0
-    """When to look again at what changes slowly."""
-
-
-class Setpoint(NamedTuple):
-    """What the loops are asked for."""
-
-    depth_m: float = 0.0
-    heading_rad: float = 0.0
-    thrust: float = 0.0
-    """Fraction of full thrust."""
-    pitch_rad: float | None = None
-    """Given only where the depth loop is open and the pitch loop closed."""
-
-
-class Line(NamedTuple):
-    """A straight way over ground. Places are north + i east from home, in metres."""
-
-    from_m: complex
-    to_m: complex
-    integral: float = 0.0
-    """Of line-of-sight guidance."""
-
-
-class Circle(NamedTuple):
-    """A way round a place."""
-
-    centre_m: complex
-    radius_m: float
-    clockwise: bool = True
-    since_us: int | None = None
-    """When the rim was reached; None before that."""
-    turned_rad: float = 0.0
-    """The way round since then."""
-    bearing_rad: float = 0.0
-    """Of the vehicle from the centre."""
-    integral: float = 0.0
-
-
-Path = Line | Circle
-
-
-class AttitudeTarget(NamedTuple):
-    """What SET_ATTITUDE_TARGET asks for: an angle, or else a rate."""
-
-    pitch_rad: float | None = None
-    heading_rad: float | None = None
-    pitch_rate_radps: float = 0.0
-    heading_rate_radps: float = 0.0
-    thrust: float | None = None
-    """Fraction of full."""
-
-
-class MotionTarget(NamedTuple):
-    """What SET_POSITION_TARGET_* asks for. None keeps what is in force."""
-
-    place_m: complex | None = None
-    """North + i east from home."""
-    depth_m: float | None = None
-    velocity_mps: complex | None = None
-    """Over ground, north + i east."""
-    depth_rate_mps: float | None = None
-    speed_mps: float | None = None
-    """Through the water, ahead."""
-    heading_rad: float | None = None
-    heading_rate_radps: float | None = None
-
-
-class Targets(NamedTuple):
-    """What is streamed from outside."""
-
-    attitude: AttitudeTarget | None = None
-    motion: MotionTarget | None = None
 
 
 class LoopMemory(NamedTuple):

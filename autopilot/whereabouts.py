@@ -6,7 +6,7 @@ from autopilot import guidance
 from autopilot import navigation as plot
 from autopilot.failsafe import blind
 from autopilot.fields import Values, boot_ms, int16, time_us, uint16
-from autopilot.types import Line
+from autopilot.targets import Line
 from autopilot.vehicle import Snapshot
 from link.dialect import constant
 from link.frames import rotate_back

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from autopilot import guidance
 from autopilot.params import Config
-from autopilot.types import Circle, Estimate, Home, Line, Navigation
+from autopilot.targets import Circle, Line
+from autopilot.types import Estimate, Home, Navigation
 from link.frames import wrap_pi
 from link.missions import NOT_GIVEN, MissionItem
 

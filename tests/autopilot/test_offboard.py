@@ -10,18 +10,8 @@ from hypothesis import strategies as st
 
 from autopilot import guidance, modes, offboard, requests, setpoints
 from autopilot.params import Config
-from autopilot.types import (
-    ACCEPTED,
-    TEMPORARILY_REJECTED,
-    AttitudeTarget,
-    Circle,
-    Home,
-    Inputs,
-    Line,
-    MotionTarget,
-    Stick,
-    Targets,
-)
+from autopilot.targets import AttitudeTarget, Circle, Line, MotionTarget, Targets
+from autopilot.types import ACCEPTED, TEMPORARILY_REJECTED, Home, Inputs, Stick
 from link.frames import offset_to_geodetic, quaternion_from_euler
 from link.missions import MissionItem
 from tests.autopilot.flights import Flight, sensors

@@ -11,8 +11,10 @@ from pymavlink.dialects.v20 import all as mavlink
 from autopilot.fields import int16
 from autopilot.params import Config
 from autopilot.schedule import Schedule
+from autopilot.soundness import Complaint, Doubt, Health
+from autopilot.targets import Setpoint
 from autopilot.telemetry import BY_ID, STREAMS, Snapshot
-from autopilot.types import Complaint, Covariance, Doubt, Estimate, Health, Home, Navigation, Setpoint, State, Trace
+from autopilot.types import Covariance, Estimate, Home, Navigation, State, Trace
 from link import dialect
 from link.codec import encode
 from link.records import LOCKSTEP_FLAG, ActuatorFrame, Altimeter, Battery, GpsFix, Leak

@@ -6,7 +6,8 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot import modes
-from autopilot.types import Circle, Covariance, Line, Navigation
+from autopilot.targets import Circle, Line
+from autopilot.types import Covariance, Navigation
 from autopilot.vehicle import Snapshot
 from tests.autopilot.deck import Deck, only, texts
 from tests.autopilot.test_telemetry import message, snapshot
