@@ -82,6 +82,10 @@ def test_fade_starts_and_ends_at_zero(wave: Wave) -> None:
     assert rudder(faded, 50.0) == rudder(plain, 50.0)
 
 
+def test_thrust_fades_too() -> None:
+    assert play(a_test(THRUST_AXIS, fade_s=5.0), 2.5).thrust == pytest.approx(0.03)
+
+
 def test_only_a_chirp_has_a_frequency() -> None:
     assert [play(a_test(wave=wave), 0.0).frequency_hz for wave in Wave] == [0.02] + [0.0] * (len(Wave) - 1)
 

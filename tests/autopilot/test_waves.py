@@ -87,6 +87,15 @@ def test_no_multisine_exceeds_its_size(start_hz: float, ratio: float, duration_s
     assert abs(waves.multisine(t * duration_s, tones, duration_s)) <= 1.0 + 1e-9
 
 
+@given(count=st.integers(1, waves.MOST_TONES))
+def test_a_multisine_keeps_its_bound_between_the_points_where_its_peak_was_sought(count: int) -> None:
+    """The tones' sum whatever their common phase, on a grid 16 times as fine."""
+    tones = waves.comb(1.0, float(count), 1.0, 0, 1)
+    phasors = np.exp(2j * np.pi * np.arange(256 * count) / (256 * count))
+    assert len(tones.amplitudes) == count
+    assert np.abs(np.polyval(np.array(tones.amplitudes), phasors)).max() <= 1.0 + 1e-12
+
+
 @pytest.mark.parametrize("order", range(2, 14))
 def test_a_shift_register_runs_through_all_its_states(order: int) -> None:
     """Golomb's first two postulates: one more up than down, and half of the runs are of length 1, a quarter of 2 ..."""
@@ -115,6 +124,13 @@ def test_a_pseudo_random_sequence_changes_by_its_clock_and_plays_its_whole_perio
     runs = [len(list(group)) for _, group in groupby(samples)]
     assert all(run % 100 == 0 for run in runs)
     assert samples[::100] == list(waves.maximal_sequence(5, 5))
+
+
+@given(ticks=st.integers(5, 100), seed=st.integers(0, 30))
+def test_a_bit_that_lasts_whole_ticks_never_loses_one(ticks: int, seed: int) -> None:
+    clock_hz, bits = 50.0 / ticks, waves.maximal_sequence(5, seed)
+    samples = [waves.prbs(20_000 * k / 1_000_000, clock_hz, 0.02 * 31 * ticks, seed) for k in range(31 * ticks)]
+    assert samples == [bit for bit in bits for _ in range(ticks)]
 
 
 def test_seeds_make_sequences_and_the_same_seed_the_same() -> None:
