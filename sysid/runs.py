@@ -22,8 +22,11 @@ STEADY_S = 5.0
 
 PLANE_OF_AXIS: dict[int, Plane] = {11: "pitch", 12: "yaw"}
 """ArduPilot's SID_AXIS numbers of the mixer inputs: 11 pitch (elevator), 12 yaw (rudder)."""
+BOTH_AXIS, LOOP_ON = 23, 100
+"""Both at once; added to an axis whose loop stayed on."""
 
 _STARTING = re.compile(r"SystemID Starting: axis=(\d+) wave=(\w+) magnitude=(-?[\d.]+)")
+_ELEVATOR = re.compile(r"elevator=(-?[\d.]+)")
 _STOPPED = re.compile(r"SystemID Stopped: ?(.*)")
 
 
@@ -98,13 +101,23 @@ class Span:
     wave: str
     magnitude_deg: float
     stop_reason: str
+    elevator_deg: float = 0.0
+    """Of a test of both surfaces, whose ``magnitude_deg`` is the rudder's."""
 
 
 def cut(log: Log) -> list[Run]:
     """The tests of a log in the order they were run. Tests of other axes than rudder and elevator are left out."""
     stem = log.name.removesuffix(".mcap")
-    known = [span for span in spans(log) if span.axis in PLANE_OF_AXIS]
+    known = [part for span in spans(log) for part in _by_plane(span)]
     return [_run(log, span, f"{stem}/{number}") for number, span in enumerate(known, start=1)]
+
+
+def _by_plane(span: Span) -> list[Span]:
+    """A test as one surface's: that of both is one of each. What counts is the command, not who gave it."""
+    axis = span.axis % LOOP_ON
+    if axis == BOTH_AXIS:
+        return [replace(span, axis=12), replace(span, axis=11, magnitude_deg=span.elevator_deg)]
+    return [replace(span, axis=axis)] if axis in PLANE_OF_AXIS else []
 
 
 def spans(log: Log) -> Iterator[Span]:
@@ -124,7 +137,9 @@ def spans(log: Log) -> Iterator[Span]:
 
 def _span(running: tuple[float, re.Match[str]], stop_s: float, reason: str) -> Span:
     start_s, match = running
-    return Span(start_s, stop_s, int(match[1]), match[2], float(match[3]), reason)
+    elevator = _ELEVATOR.search(match.string)
+    elevator_deg = float(elevator[1]) if elevator else 0.0
+    return Span(start_s, stop_s, int(match[1]), match[2], float(match[3]), reason, elevator_deg)
 
 
 def _run(log: Log, span: Span, name: str) -> Run:
