@@ -141,10 +141,17 @@ def campaign(
 
 @app.command()
 def refit(
-    logs: Annotated[list[Path], typer.Argument(help="MCAP logs with rudder or elevator tests.")],
+    logs: Annotated[list[Path], typer.Argument(help="Logs with rudder or elevator tests: .mcap, .tlog, .bin, .ulg.")],
     held_out: Annotated[list[Path] | None, typer.Option(help="A log to predict and not to fit; repeatable.")] = None,
     prior: Annotated[str, typer.Option(help="bench, a vehicle file, or a model.json.")] = "bench",
     method: Annotated[Method, typer.Option(help="map, or paper: the paper's own way.")] = Method.MAP,
+    run: Annotated[
+        list[str] | None,
+        typer.Option(metavar="[LOG:]START..STOP:rudder|elevator", help="A test that no log tells of; repeatable."),
+    ] = None,
+    outputs: Annotated[
+        str, typer.Option(metavar="RUDDER,ELEVATOR,THRUST", help="The outputs that steer, as in sitl --outputs.")
+    ] = "1,2,3",
     out: Annotated[Path, typer.Option(metavar="MODEL.json")] = Path("model.json"),
     json: Json = False,
 ) -> None:
@@ -153,7 +160,7 @@ def refit(
     from ground import refit as fitting
 
     with progress.display("refit", quiet=json) as shown:
-        model = fitting.refit(logs, held_out or (), prior, method.value, shown.share)
+        model = fitting.refit(logs, held_out or (), prior, method.value, shown.share, run or (), outputs)
     fitting.write_model(model, out)
     give(summary.of_model(model), summary.model_in_words(model, out), json)
 

@@ -96,7 +96,8 @@ def measure(
     key_file: Path | None = None,
 ) -> "dict[AxisName, AxisBench]":
     """Run a session and say what it shows. Raises AddressError, BadInputError, FailedError."""
-    from sysid import bench, log
+    from sysid import bench, logs
+    from sysid.log import LogError
 
     path = session.folder / "bench.mcap"
     with flight.recorded(where, path, key_file=key_file) as (vehicle, recorder):
@@ -106,8 +107,8 @@ def measure(
             recorder.attach_parameters(before | PARAMETERS)
             _sweep(session.sweeps, vehicle, recorder, watch)
     try:
-        return bench.analyse(log.read(path))
-    except (bench.BenchError, log.LogError) as error:
+        return bench.analyse(logs.read(path))
+    except (bench.BenchError, LogError) as error:
         raise FailedError(str(error)) from None
 
 

@@ -77,8 +77,8 @@ def measure(
     announce: Callable[[str], None], key_file: Path | None = None,
 ) -> "Inclining":  # fmt: skip
     """Run the test and say where the centre of mass is. Raises AddressError, BadInputError, FailedError."""
-    from sysid import incline
-    from sysid import log as logs
+    from sysid import incline, logs
+    from sysid.log import LogError
 
     vehicle_file = refit.read_vehicle(prior)
     with flight.recorded(where, log, key_file=key_file) as (vehicle, recorder):
@@ -92,7 +92,7 @@ def measure(
                 bench.until(vehicle, recorder, armed_s + (number + 1) * plan.duration_s)
     try:
         return incline.analyse(logs.read(log), plan.dated(), vehicle_file)
-    except (incline.InclineError, logs.LogError) as error:
+    except (incline.InclineError, LogError) as error:
         raise FailedError(str(error)) from None
 
 

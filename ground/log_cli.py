@@ -58,10 +58,13 @@ def _in_words(fetched: "Download") -> str:
 @app.command()
 def info(file: Path, json: Json = False) -> None:
     """What a log holds."""
-    from ground import logs
+    from ground import logs, other_logs
 
-    found = logs.info(file)
-    lines = [f"{found['file']}: {found['vehicle_s']:.1f} s, {found['messages']} messages, {found['lost_frames']} lost"]
+    found = other_logs.info(file) if other_logs.is_other(file) else logs.info(file)
+    lines = [f"{found['file']}: {found['vehicle_s']:.1f} s, {found['messages']} messages"]
+    lines[0] += (
+        f", {found['lost_frames']} lost" if found["lost_frames"] is not None else f" from {found['first_s']:.1f} s"
+    )
     lines += [f"  {count:8d}  {topic}" for topic, count in found["topics"].items()]
     lines += [f"  attached  {name}" for name in found["attachments"]]
     give(found, "\n".join(lines), json)
@@ -74,9 +77,10 @@ def export(
     json: Json = False,
 ) -> None:
     """Write every MAVLink message of a log as CSV, a file a message."""
-    from ground import logs
+    from ground import logs, other_logs
 
-    tables = logs.export_csv(file, out or file.with_suffix(""))
+    write = other_logs.export_csv if other_logs.is_other(file) else logs.export_csv
+    tables = write(file, out or file.with_suffix(""))
     give({"files": [str(t) for t in tables]}, "\n".join(str(t) for t in tables), json)
 
 

@@ -3,6 +3,7 @@
 The work is sysid's; here its refusals become this tool's.
 """
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from sysid.design import Design
     from sysid.log import Log
     from sysid.model import IdentifiedModel
+    from sysid.runs import Mark
 
 Method = Literal["map", "paper"]
 LARGEST_TRIM_DEG = 15.0
@@ -56,12 +58,33 @@ def refit(
     prior: str = "bench",
     method: Method = "map",
     progress: Callable[[str, float], None] | None = None,
+    marked: Sequence[str] = (),
+    outputs: str = "1,2,3",
 ) -> "IdentifiedModel":
     """The model that explains the tests in the logs. Raises BadInputError, FailedError."""
     from sysid import refit as fitting
+    from sysid.logs import outputs as chosen
 
     with _translated():
-        return fitting.refit(list(paths), prior=prior, method=method, held_out=list(held_out), progress=progress)
+        return fitting.refit(
+            list(paths),
+            prior=prior,
+            method=method,
+            held_out=list(held_out),
+            progress=progress,
+            marks=[_mark(text) for text in marked],
+            outputs=chosen.parse(outputs),
+        )
+
+
+def _mark(text: str) -> "Mark":
+    """A test by hand, ``[LOG:]START..STOP:rudder`` or ``:elevator``, in seconds of the log's own time."""
+    from sysid.runs import Mark
+
+    found = re.fullmatch(r"(?:(.+):)?(\d+\.?\d*)\.\.(\d+\.?\d*):(rudder|elevator)", text)
+    if found is None:
+        raise BadInputError(f"--run {text}: give [LOG:]START..STOP:rudder or :elevator, in seconds of the log's time")
+    return Mark(float(found[2]), float(found[3]), "yaw" if found[4] == "rudder" else "pitch", found[1] or "")
 
 
 def redesign(model: "IdentifiedModel") -> "Design":
@@ -74,10 +97,10 @@ def redesign(model: "IdentifiedModel") -> "Design":
 
 def read_log(path: Path) -> "Log":
     """Read a log for identification. Raises BadInputError."""
-    from sysid import log
+    from sysid import logs
 
     with _translated():
-        return log.read(path)
+        return logs.read(path)
 
 
 def tracking(log: "Log") -> dict[str, Any]:

@@ -12,14 +12,14 @@ from sitl.vehicle import calibrate
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.config import VehicleError as VehicleError
-from sysid import assemble, fit, paper, parameters, predict, runs
-from sysid import log as logs
+from sysid import assemble, fit, logs, paper, parameters, predict, runs
 from sysid import model as models
 from sysid.fit import Prior, Progress
 from sysid.log import Log
+from sysid.logs.outputs import FIRST_THREE, Outputs
 from sysid.model import DataFile, IdentifiedModel, ScreenedRun
 from sysid.parameters import NAMES
-from sysid.runs import Run
+from sysid.runs import Mark, Run
 from sysid.screen import Limits, Screening, screen
 
 Array = NDArray[np.float64]
@@ -46,8 +46,10 @@ def refit(
     held_out: Sequence[str | Path] = (),
     limits: Limits | None = None,
     progress: Progress | None = None,
+    marks: Sequence[Mark] = (),
+    outputs: Outputs = FIRST_THREE,
 ) -> IdentifiedModel:
-    """Identify a vehicle from the tests in MCAP logs.
+    """Identify a vehicle from the tests in logs of any kind (`sysid.logs`).
 
     Args:
         paths: logs with rudder or elevator tests.
@@ -55,15 +57,19 @@ def refit(
         method: ``map`` (nonlinear, whitened, with priors) or ``paper`` (rate error only, linear, no prior).
         held_out: logs whose tests are predicted, not fitted.
         progress: called with what is being done and the share that is behind.
+        marks: tests that the logs do not tell of themselves.
+        outputs: those of the autopilot's outputs that steer.
 
     Raises:
         LogError, VehicleError, ModelError, RefitError: bad input, each in one line.
     """
     report = progress or (lambda what, share: None)
     belief = _belief(prior)
-    read = _read(paths, lambda share: report("read logs", 0.1 * share))
-    kept, screenings = _select(read, limits)
-    fresh = [run for log in _read(held_out, lambda share: None) for run in runs.cut(log)]
+    read = _read(paths, outputs, lambda share: report("read logs", 0.1 * share))
+    unseen = _read(held_out, outputs, lambda share: None)
+    _refuse_lost(marks, [log.name for log in (*read, *unseen)])
+    kept, screenings = _select(read, limits, marks)
+    fresh = [run for log in unseen for run in runs.cut(log, _marks_of(log, marks))]
     model = identify(kept, belief.config, belief.name, method, belief.earlier, lambda w, s: report(w, 0.1 + 0.85 * s))
     model = msgspec.structs.replace(
         model,
@@ -116,19 +122,34 @@ def vehicle_file(prior: str | Path) -> VehicleConfig:
     return vehicle_files.load(prior)
 
 
-def _read(paths: Sequence[str | Path], report: Callable[[float], None]) -> list[Log]:
+def _read(paths: Sequence[str | Path], outputs: Outputs, report: Callable[[float], None]) -> list[Log]:
     read = []
     for number, path in enumerate(paths):
         report(number / len(paths))
-        read.append(logs.read(path))
+        read.append(logs.read(path, outputs))
     return read
 
 
-def _select(read: Sequence[Log], limits: Limits | None) -> tuple[list[Run], list[Screening]]:
-    found = [run for log in read for run in runs.cut(log)]
+def _refuse_lost(marks: Sequence[Mark], names: Sequence[str]) -> None:
+    """Every mark must say which log it means, and mean one that is there."""
+    for mark in marks:
+        text = f"run {mark.start_s:g}..{mark.stop_s:g}"
+        if mark.log and mark.log not in names:
+            raise RefitError(f"{text}: {mark.log} is none of the logs {', '.join(names)}")
+        if not mark.log and len(names) > 1:
+            raise RefitError(f"{text}: there are {len(names)} logs; name the one that it is in, {names[0]}:START..STOP")
+
+
+def _marks_of(log: Log, marks: Sequence[Mark]) -> list[Mark]:
+    return [mark for mark in marks if mark.log in ("", log.name)]
+
+
+def _select(read: Sequence[Log], limits: Limits | None, marks: Sequence[Mark]) -> tuple[list[Run], list[Screening]]:
+    found = [run for log in read for run in runs.cut(log, _marks_of(log, marks))]
     names = ", ".join(log.name for log in read) or "no file"
     if not found:
-        raise RefitError(f"{names}: no test found; a log needs 'SystemID Starting' events of axis 11 or 12")
+        needed = "'SystemID Starting' events of axis 11 or 12, or runs that you mark"
+        raise RefitError(f"{names}: no test found; a log needs {needed}")
     screenings = screen(found, limits)
     kept = [s.run for s in screenings if s.kept]
     if not kept:

@@ -1,14 +1,17 @@
-"""Tests in the water, cut from a log: one ``Run`` from "SystemID Starting" to "SystemID Finished" or "Stopped"."""
+"""Tests in the water, cut from a log: one ``Run`` from "SystemID Starting" to "SystemID Finished" or "Stopped".
+
+Logs that do not say when a test ran are cut where somebody marks them.
+"""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.log import Log
+from sysid.log import Log, LogError
 
 Array = NDArray[np.float64]
 Plane = Literal["yaw", "pitch"]
@@ -25,7 +28,10 @@ PLANE_OF_AXIS: dict[int, Plane] = {11: "pitch", 12: "yaw"}
 BOTH_AXIS, LOOP_ON = 23, 100
 """Both at once; added to an axis whose loop stayed on."""
 
-_STARTING = re.compile(r"SystemID Starting: axis=(\d+) wave=(\w+) magnitude=(-?[\d.]+)")
+AXIS_OF_PLANE = {plane: axis for axis, plane in PLANE_OF_AXIS.items()}
+
+_STARTING = re.compile(r"SystemID Starting: axis=(\d+)(?: wave=(\w+) magnitude=(-?[\d.]+))?")
+"""ArduPilot says the axis only; its wave is a chirp."""
 _ELEVATOR = re.compile(r"elevator=(-?[\d.]+)")
 _STOPPED = re.compile(r"SystemID Stopped: ?(.*)")
 
@@ -58,6 +64,10 @@ class Run:
     """Largest distance between two received samples of attitude or actuators within the run."""
     rudder_trim_rad: float
     elevator_trim_rad: float
+    clock_back: str = ""
+    """Whose time stamps went back during the run, and by how much; empty for a clock that ran."""
+    clock_drift_s: float = 0.0
+    """How much the recorder's clock gained on the vehicle's from the first quarter of the run to the last."""
 
     @property
     def command_rad(self) -> Array:
@@ -105,10 +115,25 @@ class Span:
     """Of a test of both surfaces, whose ``magnitude_deg`` is the rudder's."""
 
 
-def cut(log: Log) -> list[Run]:
-    """The tests of a log in the order they were run. Tests of other axes than rudder and elevator are left out."""
+class Mark(NamedTuple):
+    """A test that a person has found in a log, in the log's own time."""
+
+    start_s: float
+    stop_s: float
+    plane: Plane
+    log: str = ""
+    """The name of the log; empty for the only one."""
+
+
+def cut(log: Log, marks: Sequence[Mark] = ()) -> list[Run]:
+    """The tests of a log in the order they were run. Tests of other axes than rudder and elevator are left out.
+
+    Raises:
+        LogError: a mark lies outside the log.
+    """
     stem = log.name.removesuffix(".mcap")
     known = [part for span in spans(log) for part in _by_plane(span)]
+    known = sorted([*known, *(_marked(log, mark) for mark in marks)], key=lambda span: span.start_s)
     return [_run(log, span, f"{stem}/{number}") for number, span in enumerate(known, start=1)]
 
 
@@ -127,19 +152,40 @@ def spans(log: Log) -> Iterator[Span]:
         starting, stopped = _STARTING.search(event.text), _STOPPED.search(event.text)
         if running and (starting or stopped or "SystemID Finished" in event.text):
             reason = "the log lost its end" if starting else stopped[1] if stopped else ""
-            yield _span(running, event.time_s, reason)
+            yield _span(log, running, event.time_s, reason)
             running = None
         if starting:
             running = event.time_s, starting
     if running:
-        yield _span(running, float(log.attitude.time_s[-1]), "the log ended")
+        yield _span(log, running, float(log.attitude.time_s[-1]), "the log ended")
 
 
-def _span(running: tuple[float, re.Match[str]], stop_s: float, reason: str) -> Span:
+def _span(log: Log, running: tuple[float, re.Match[str]], stop_s: float, reason: str) -> Span:
     start_s, match = running
+    axis = int(match[1])
+    magnitude_deg = float(match[3]) if match[3] else _size_deg(log, axis, start_s, stop_s)
     elevator = _ELEVATOR.search(match.string)
     elevator_deg = float(elevator[1]) if elevator else 0.0
-    return Span(start_s, stop_s, int(match[1]), match[2], float(match[3]), reason, elevator_deg)
+    return Span(start_s, stop_s, axis, match[2] or "chirp", magnitude_deg, reason, elevator_deg)
+
+
+def _marked(log: Log, mark: Mark) -> Span:
+    first_s, last_s = float(log.attitude.time_s[0]), float(log.attitude.time_s[-1])
+    if not first_s <= mark.start_s < mark.stop_s <= last_s:
+        raise LogError(
+            f"{log.name}: run {mark.start_s:g}..{mark.stop_s:g} must lie within the log, {first_s:.1f}..{last_s:.1f} s"
+        )
+    axis = AXIS_OF_PLANE[mark.plane]
+    return Span(mark.start_s, mark.stop_s, axis, "marked", _size_deg(log, axis, mark.start_s, mark.stop_s), "")
+
+
+def _size_deg(log: Log, axis: int, start_s: float, stop_s: float) -> float:
+    """The farthest that the surface was commanded from where it stood when the test began."""
+    actuators = log.actuators
+    command = actuators.rudder_rad if PLANE_OF_AXIS.get(axis) == "yaw" else actuators.elevator_rad
+    first, end = np.searchsorted(actuators.time_s, [start_s, stop_s])
+    away = command[first:end] - command[max(first - 1, 0)] if end > first else np.zeros(1)
+    return float(np.degrees(away[np.argmax(np.abs(away))]))
 
 
 def _run(log: Log, span: Span, name: str) -> Run:
@@ -177,7 +223,22 @@ def _run(log: Log, span: Span, name: str) -> Run:
         longest_gap_s=max(_longest_gap(t, grid_s) for t in (attitude.time_s, actuators.time_s, depth.time_s)),
         rudder_trim_rad=np.radians(log.parameters.get("TRIM_RUD_DEG", 0.0)),
         elevator_trim_rad=np.radians(log.parameters.get("TRIM_ELE_DEG", 0.0)),
+        clock_back=_clock_back(log, grid_s),
+        clock_drift_s=_clock_drift_s(log, grid_s),
     )
+
+
+def _clock_back(log: Log, grid_s: Array) -> str:
+    steps = [step for step in log.clock.steps if grid_s[0] <= step.time_s <= grid_s[-1] + STEADY_S]
+    return f"the time of {steps[0].what} went back by {steps[0].back_s:.1f} s" if steps else ""
+
+
+def _clock_drift_s(log: Log, grid_s: Array) -> float:
+    """Medians of a quarter each, as single messages may be late."""
+    inside = (log.clock.time_s >= grid_s[0]) & (log.clock.time_s <= grid_s[-1])
+    ahead_s = log.clock.ahead_s[inside]
+    quarter = ahead_s.size // 4
+    return float(np.median(ahead_s[-quarter:]) - np.median(ahead_s[:quarter])) if quarter else 0.0
 
 
 def _longest_gap(time_s: Array, grid_s: Array) -> float:

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sysid import kinematics
+from sysid.kinematics import Disagreement
 from sysid.runs import Array, Run
 
 
@@ -27,6 +29,15 @@ class Limits(NamedTuple):
     rough_factor: float = 3.0
     """A pre-roll this much rougher than the median of its plane met something the others did not."""
     rough_floor_degps: float = 0.5
+    clock_drift_s: float = 0.05
+    angle_rms_deg: float = 1.0
+    """Between an angle and its integrated rate; noise and the filter's lag leave a fraction of it."""
+    angle_share: float = 0.05
+    """Of the angle's excursion, which a filter's lag grows with."""
+    rate_bias_degps: float = 1.0
+    depth_rms_m: float = 0.5
+    depth_share: float = 0.25
+    """Of the depth's excursion: speed falls while the vehicle pitches, and she slips."""
 
 
 class Screening(NamedTuple):
@@ -44,12 +55,15 @@ def screen(runs: Sequence[Run], limits: Limits | None = None) -> list[Screening]
     for run in runs:
         found = (
             _gap(run, limits),
+            _clock(run, limits),
             _aborted(run, limits),
             _saturation(run, limits),
             _unsteady_start(run, limits),
             _speed_off(run, limits),
             _cross_plane(run, limits),
             _disturbance(run, limits, typical[run.plane]),
+            _turning(run, limits),
+            _sinking(run, limits),
         )
         reasons = tuple(reason for reason in found if reason)
         screenings.append(Screening(run, not reasons, reasons))
@@ -59,6 +73,17 @@ def screen(runs: Sequence[Run], limits: Limits | None = None) -> list[Screening]
 def _gap(run: Run, limits: Limits) -> str:
     gap = run.longest_gap_s
     return f"gap: {gap:.2f} s without data, at most {limits.gap_s:g}" if gap > limits.gap_s else ""
+
+
+def _clock(run: Run, limits: Limits) -> str:
+    if run.clock_back:
+        return f"clock: {run.clock_back}"
+    if abs(run.clock_drift_s) <= limits.clock_drift_s:
+        return ""
+    return (
+        f"clock: the log's gained {run.clock_drift_s:+.2f} s on the vehicle's during the run, "
+        f"at most {limits.clock_drift_s:g}"
+    )
 
 
 def _aborted(run: Run, limits: Limits) -> str:
@@ -132,6 +157,36 @@ def _disturbance(run: Run, limits: Limits, typical_radps: float) -> str:
         f"disturbance: rate {math.degrees(rough):.2f} deg/s rms before the test, "
         f"{math.degrees(typical_radps):.2f} in the plane's other runs"
     )
+
+
+def _turning(run: Run, limits: Limits) -> str:
+    """Heading and pitch must be what the rates make of them."""
+    heading = kinematics.heading(run)
+    wrong = _apart(heading, "heading and yaw rate", limits) if heading else ""
+    return wrong or _apart(kinematics.pitch(run), "pitch and pitch rate", limits)
+
+
+def _apart(found: Disagreement, what: str, limits: Limits) -> str:
+    rms, bias = math.degrees(found.rms_rad), math.degrees(found.bias_radps)
+    allowed = max(limits.angle_rms_deg, limits.angle_share * math.degrees(found.excursion_rad))
+    if rms > allowed:
+        return f"kinematics: {what} disagree by {rms:.1f} deg rms, at most {allowed:.1f}"
+    if abs(bias) > limits.rate_bias_degps:
+        return f"kinematics: {what} disagree by {bias:+.1f} deg/s, at most {limits.rate_bias_degps:g}"
+    return ""
+
+
+def _sinking(run: Run, limits: Limits) -> str:
+    """Depth must be what speed and pitch make of it."""
+    found = kinematics.sinking(run)
+    if found is None:
+        return ""
+    allowed = max(limits.depth_rms_m, limits.depth_share * found.excursion_m)
+    if found.rms_m > allowed:
+        return f"kinematics: depth and pitch disagree by {found.rms_m:.2f} m rms, at most {allowed:.2f}"
+    if found.speed_mps < 0.0 and found.excursion_m > limits.depth_rms_m:
+        return "kinematics: depth grows where the nose is up, or pitch has the wrong sign"
+    return ""
 
 
 def _roughness(run: Run) -> float:

@@ -19,7 +19,7 @@ from ground.flight import Dive
 from ground.processes import SimulatedVehicle, Simulation
 from ground.vehicle import Vehicle
 from link.log.mcap import MAGIC
-from sysid import log as identification
+from sysid import logs as identification
 from tests.autopilot.deck import TICK_US
 from tests.processes.fleet import Finished, autopilot, free_port, process
 from tests.processes.line import Noise, line

@@ -9,7 +9,8 @@ from mcap.reader import make_reader
 
 from ground import flight
 from ground.processes import SimulatedVehicle, Simulation
-from sysid import log, runs
+from sysid import logs, runs
+from sysid.log import Log
 
 pytestmark = pytest.mark.process
 
@@ -43,13 +44,13 @@ surface = true
 """
 
 
-def flown(axis: str, folder: Path) -> log.Log:
+def flown(axis: str, folder: Path) -> Log:
     script = folder / f"{axis}.toml"
     script.write_text(MISSION.format(axis=axis))
     dive = flight.Dive.load(str(script), folder / f"{axis}.mcap", parameters={"TRIM_RUD_DEG": 6.0})
     outcome = flight.fly_simulated(dive, SimulatedVehicle(Simulation()))
     assert outcome.lost_frames == 0
-    return log.read(dive.log)
+    return logs.read(dive.log)
 
 
 @pytest.mark.parametrize(("axis", "angle"), [("rudder", "heading"), ("elevator", "pitch")])

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from sysid import log, refit, runs, verify
+from sysid import logs, refit, runs, verify
+from sysid.log import LogError
 from tests.sysid import recording
 from tests.sysid.recording import Entry
 
@@ -65,7 +66,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_values_come_back(path: Path) -> None:
-    read = log.read(path)
+    read = logs.read(path)
     assert read.name == "dive.mcap"
     assert read.parameters == {"ACT_TRAVEL_DEG": 12.0, "TRIM_RUD_DEG": 6.0}
     assert read.attitude.time_s[-1] == pytest.approx(39.98, abs=1e-6)
@@ -81,14 +82,14 @@ def test_values_come_back(path: Path) -> None:
 
 
 def test_a_long_text_is_joined(path: Path) -> None:
-    assert [event.text for event in log.read(path).events] == [
+    assert [event.text for event in logs.read(path).events] == [
         "SystemID Starting: axis=12 wave=step magnitude=-5.25",
         "SystemID Finished",
     ]
 
 
 def test_a_run_is_cut_on_an_even_grid(path: Path) -> None:
-    (run,) = runs.cut(log.read(path))
+    (run,) = runs.cut(logs.read(path))
     assert (run.name, run.plane, run.wave, run.magnitude_deg) == ("dive/1", "yaw", "step", -5.25)
     assert run.time_s[0] == pytest.approx(-runs.PREROLL_S)
     assert run.time_s[-1] == pytest.approx(10.0)
@@ -107,33 +108,33 @@ def test_a_run_is_cut_on_an_even_grid(path: Path) -> None:
 )
 def test_a_stop_keeps_its_reason(tmp_path: Path, ending: str, reason: str) -> None:
     entries = dive(test=(20.0, 25.0, ending))
-    (run,) = runs.cut(log.read(recording.write(tmp_path / "a.mcap", entries, {})))
+    (run,) = runs.cut(logs.read(recording.write(tmp_path / "a.mcap", entries, {})))
     assert run.stop_reason == reason
 
 
 def test_a_gap_is_measured(tmp_path: Path) -> None:
     entries = [e for e in dive() if not (24.0 < e[0] < 24.5 and e[1].msgname == "ATTITUDE")]
-    (run,) = runs.cut(log.read(recording.write(tmp_path / "gap.mcap", entries, {})))
+    (run,) = runs.cut(logs.read(recording.write(tmp_path / "gap.mcap", entries, {})))
     assert run.longest_gap_s == pytest.approx(0.5, abs=0.021)
 
 
 def test_repeated_and_late_samples_are_left_out(tmp_path: Path) -> None:
     entries = dive(seconds=2.0, test=None)
     stale = attitude(0.5, 3.05, 0.1)
-    read = log.read(recording.write(tmp_path / "late.mcap", [*entries, stale], {}))
+    read = logs.read(recording.write(tmp_path / "late.mcap", [*entries, stale], {}))
     assert np.all(np.diff(read.attitude.time_s) > 0)
 
 
 def test_errors_name_the_file_and_the_remedy(tmp_path: Path, path: Path) -> None:
-    with pytest.raises(log.LogError, match=r"nowhere\.mcap: No such file.*give an MCAP log"):
-        log.read(tmp_path / "nowhere.mcap")
+    with pytest.raises(LogError, match=r"nowhere\.mcap: No such file.*give an MCAP log"):
+        logs.read(tmp_path / "nowhere.mcap")
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(path.read_bytes()[:-4000])
-    with pytest.raises(log.LogError, match=r"cut\.mcap: .*ground log recover"):
-        log.read(cut)
+    with pytest.raises(LogError, match=r"cut\.mcap: .*ground log recover"):
+        logs.read(cut)
     still = recording.write(tmp_path / "still.mcap", [e for e in dive() if e[1].msgname != "ATTITUDE"], {})
-    with pytest.raises(log.LogError, match=r"still\.mcap: holds no .*ATTITUDE"):
-        log.read(still)
+    with pytest.raises(LogError, match=r"still\.mcap: holds no .*ATTITUDE"):
+        logs.read(still)
     quiet = recording.write(tmp_path / "quiet.mcap", dive(test=None), {})
     with pytest.raises(refit.RefitError, match=r"quiet\.mcap: no test found"):
         refit.refit([quiet])
@@ -150,7 +151,7 @@ def test_tracking_leaves_out_settling_and_tests(tmp_path: Path) -> None:
         entries.append(actuators(t, 0.0, 0.0))
         if k % 5 == 0:
             entries += [position(t, 5.1 + settling), heading_target(t, wanted), depth_target(t, 5.0)]
-    found = verify.tracking(log.read(recording.write(tmp_path / "hold.mcap", entries, {})))
+    found = verify.tracking(logs.read(recording.write(tmp_path / "hold.mcap", entries, {})))
     assert found is not None
     assert [round(w.stop_s - w.start_s) for w in found.windows] == [25, 25]
     assert found.heading_deg.p95 == pytest.approx(0.5, abs=1e-4)

@@ -62,4 +62,6 @@ def test_a_gust_before_one_test_of_several_is_seen(yaw: Run) -> None:
 
 def test_a_poorly_explained_run_is_not_dropped_for_it(yaw: Run) -> None:
     """Twice the answer to the rudder is a finding about the vehicle, not a fault of the run."""
-    assert reasons(replace(yaw, r_radps=yaw.r_radps * np.where(yaw.time_s > 0, 2.0, 1.0))) == ()
+    rate = yaw.r_radps * np.where(yaw.time_s > 0, 2.0, 1.0)
+    heading = yaw.heading_rad + np.maximum(yaw.heading_rad - yaw.heading_rad[np.argmax(yaw.time_s > 0)], 0.0)
+    assert reasons(replace(yaw, r_radps=rate, heading_rad=heading)) == ()

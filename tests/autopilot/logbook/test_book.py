@@ -22,7 +22,7 @@ from ground import logs
 from link import dialect
 from link.codec import Frame, Framer, encode
 from link.missions import MissionItem
-from sysid import log as identification
+from sysid import logs as identification
 from tests.autopilot.deck import TICK_US, Station, sensors
 
 SENSOR = dialect.by_name("HIL_SENSOR")

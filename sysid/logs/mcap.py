@@ -1,0 +1,107 @@
+"""MCAP logs: what ground and the vehicle record, and anyone who follows their log contract (docs/logs.md)."""
+
+import json
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid import ros1
+from sysid.log import Array, Log, LogError
+from sysid.logs.messages import DUCT, DUCT_COMPONENT, Messages, assemble, wanted
+from sysid.logs.outputs import Outputs
+
+
+def read(path: Path, outputs: Outputs) -> Log:
+    """Read one MCAP log.
+
+    Raises:
+        LogError: the file is missing, unfinished, no MCAP, or lacks a message that identification needs.
+    """
+    messages, parameters, ahead = _load(path)
+    return assemble(path, messages, parameters, outputs, ahead)
+
+
+def _load(path: Path) -> tuple[Messages, dict[str, float], tuple[Array, Array]]:
+    """The vehicle's messages, the parameters, and how far the log's clock is ahead of hers."""
+    from mcap.exceptions import McapError
+    from mcap.reader import make_reader
+
+    try:
+        with path.open("rb") as stream:
+            reader = make_reader(stream)
+            if reader.get_summary() is None:
+                raise LogError(f"{path}: was never finished; `ground log recover` makes it readable")
+            messages = _channels(reader, path)
+            parameters = _parameters(reader, path)
+    except McapError as error:
+        raise LogError(f"{path}: is no readable MCAP file ({error}); `ground log recover` mends a cut one") from None
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}; give an MCAP log") from None
+    return messages, parameters, _ahead(messages)
+
+
+def _channels(reader: Any, path: Path) -> Messages:
+    topics = _vehicle_topics(reader, path)
+    payloads: dict[str, list[bytes]] = defaultdict(list)
+    stamps: dict[str, list[int]] = defaultdict(list)
+    schemas: dict[str, str] = {}
+    for schema, channel, message in reader.iter_messages(topics=list(topics), log_time_order=False):
+        name = topics[channel.topic]
+        payloads[name].append(message.data)
+        stamps[name].append(message.log_time)
+        if name not in schemas:
+            schemas[name] = schema.data.decode()
+    try:
+        records = {name: ros1.decode(payloads[name], ros1.record_type(schemas[name])) for name in payloads}
+    except ValueError as error:
+        raise LogError(f"{path}: {error}") from None
+    start_ns = _start_ns(records, stamps, path)
+
+    def seconds(name: str) -> Array:
+        return np.array([stamp - start_ns for stamp in stamps[name]], np.float64) * 1e-9
+
+    return {name: (seconds(name), records[name]) for name in records}
+
+
+def _vehicle_topics(reader: Any, path: Path) -> dict[str, str]:
+    """Message name by topic, of the one system that sends ATTITUDE."""
+    topics = sorted({channel.topic for channel in reader.get_summary().channels.values()})
+    parts = [(topic, topic.split("/")) for topic in topics if topic.startswith("/mavlink/")]
+    vehicles = sorted({(p[2], p[3]) for _, p in parts if len(p) == 5 and p[4] == "ATTITUDE"})
+    if len(vehicles) > 1:
+        raise LogError(f"{path}: {len(vehicles)} vehicles send ATTITUDE; a log for identification holds one")
+    sent = {t: p[4] for t, p in parts if len(p) == 5 and (p[2], p[3]) in vehicles}
+    names = wanted(set(sent.values()))
+    ducts = {f"/mavlink/{system}/{DUCT_COMPONENT}/ACTUATOR_OUTPUT_STATUS" for system, _ in vehicles}
+    return {t: name for t, name in sent.items() if name in names} | {t: DUCT for t in topics if t in ducts}
+
+
+def _start_ns(records: dict[str, NDArray[Any]], stamps: dict[str, list[int]], path: Path) -> int:
+    """UNIX time of vehicle time zero: log time less the time that the vehicle put in its messages."""
+    if "ATTITUDE" not in records:
+        return 0
+    attitude = records["ATTITUDE"]
+    if "time_boot_ms" not in (attitude.dtype.names or ()):
+        raise LogError(f"{path}: ATTITUDE carries no time_boot_ms; it must follow the MAVLink definition")
+    return int(stamps["ATTITUDE"][0]) - int(attitude["time_boot_ms"][0]) * 1_000_000
+
+
+def _ahead(messages: Messages) -> tuple[Array, Array]:
+    """Times of ATTITUDE, and by how much they are ahead of those in the messages."""
+    if "ATTITUDE" not in messages:
+        return np.empty(0), np.empty(0)
+    time_s, record = messages["ATTITUDE"]
+    return time_s, time_s - record["time_boot_ms"] * 1e-3
+
+
+def _parameters(reader: Any, path: Path) -> dict[str, float]:
+    for attachment in reader.iter_attachments():
+        if attachment.name == "params.json":
+            try:
+                return {str(name): float(value) for name, value in json.loads(attachment.data).items()}
+            except (ValueError, TypeError, AttributeError):
+                raise LogError(f"{path}: attachment params.json must be an object of numbers by name") from None
+    return {}
