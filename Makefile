@@ -13,7 +13,7 @@ campaign: $(VENV)/run.stamp          ## fly, identify, redesign, fly again; repo
 	$(BIN)/ground campaign --seed $(SEED) --out $(OUT)
 
 test: $(VENV)/dev.stamp check        ## every check and test
-	$(BIN)/python -m pytest $(PYTEST)
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(PYTEST)
 
 clients: $(VENV)/dev.stamp           ## MAVSDK and MAVProxy down their whole lists on every link and speed: pass counts
 	$(BIN)/python -m tests.clients
