@@ -113,7 +113,7 @@ class Logbook:
         config, now_s = self._vehicle.params.config, time.time()
         limits = Limits(config.log_max_mb, config.log_free_mb)
         assert self.store is not None, "nothing begins without a folder"
-        file = BackgroundFile(partial(self._open, now_s, limits), partial(self.store.make_room, limits))
+        file = BackgroundFile(partial(self._open, now_s, limits), partial(self.store.make_room, limits), self._file)
         self._entry, self._file = Entry(self._vehicle, file, self._version), file
 
     def _open(self, unix_s: float, limits: Limits) -> BinaryIO:

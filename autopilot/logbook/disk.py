@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable
 from queue import SimpleQueue
-from threading import Thread
+from threading import Event, Thread
 from typing import BinaryIO
 
 from link.clock import Every
@@ -20,9 +20,15 @@ Work = Callable[[], None]
 class BackgroundFile:
     """Does work in a thread, in order. What goes wrong with the file is told by ``error`` and never raised."""
 
-    def __init__(self, open_file: Callable[[], BinaryIO], make_room: Work) -> None:
-        """``make_room`` is called now and then, and raises OSError when the file has to end."""
-        self._open, self._make_room = open_file, make_room
+    def __init__(
+        self, open_file: Callable[[], BinaryIO], make_room: Work, before: "BackgroundFile | None" = None
+    ) -> None:
+        """``make_room`` is called now and then, and raises OSError when the file has to end.
+
+        The file is opened after the one ``before``: their names tell which came first.
+        """
+        self._open, self._make_room, self._before = open_file, make_room, before
+        self._opened = Event()
         self._queue: SimpleQueue[Work | None] = SimpleQueue()
         self._given = self._done = 0
         self._unchecked_bytes = 0
@@ -69,10 +75,24 @@ class BackgroundFile:
         self._thread.join(LAST_WRITE_S)
 
     def _run(self) -> None:
+        if self._before is not None:
+            self._before._opened.wait()
+            self._before = None
         try:
-            with self._open() as self._file:
+            file = self._open()
+        except OSError as error:
+            self.error = _reason(error)
+            return
+        finally:
+            self._opened.set()
+        try:
+            with file as self._file:
                 while work := self._queue.get():
                     work()
                     self._done += 1
         except OSError as error:
-            self.error = f"{error.strerror or error}" + (f": {error.filename}" if error.filename else "")
+            self.error = _reason(error)
+
+
+def _reason(error: OSError) -> str:
+    return f"{error.strerror or error}" + (f": {error.filename}" if error.filename else "")
