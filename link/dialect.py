@@ -39,7 +39,8 @@ class MessageType:
             Field(name, types[name], length, units.get(name, ""))
             for name, length in zip(definition.ordered_fieldnames, definition.array_lengths, strict=True)
         )
-        self.struct = struct.Struct(definition.unpacker.format)
+        # A text of one character is a text too, and may be empty: "s" takes what "c" refuses.
+        self.struct = struct.Struct(definition.unpacker.format.replace("c", "s"))
         self.record: Any = namedtuple(self.name, [f.name for f in self.fields])  # type: ignore[misc]
         self._slices = tuple(_slices(self.fields))
         self._has_arrays = any(f.array_length for f in self.fields)

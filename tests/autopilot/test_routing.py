@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
@@ -66,6 +66,7 @@ KNOWN = [name for name in dialect.names() if hasattr(mavlink, f"MAVLINK_MSG_ID_{
 
 
 @given(st.sampled_from(KNOWN), systems, st.integers(0, 255))
+@example("TEST_TYPES", 0, 0)
 def test_a_target_is_found_where_pymavlink_finds_it(name: str, system: int, component: int) -> None:
     message = dialect.by_name(name)
     fields: dict[str, Any] = message.unpack(b"")._asdict()
