@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.log import Actuators, Array, Attitude, Clock, Depth, Duct, Event, Log, LogError, Setpoints
+from sysid.log import Actuators, Array, Attitude, Depth, Event, Log, LogError, Setpoints
 from sysid.logs.outputs import Outputs, steer
-from sysid.logs.samples import DEFAULT_TRAVEL_DEG, Table, beside, clock_steps, digest, increasing
+from sysid.logs.samples import DEFAULT_TRAVEL_DEG, Table, beside, clock_steps, foreign_log, increasing
 
 _HEAD = b"\xa3\x95"
 _HEAD_LENGTH = 3
@@ -44,21 +44,9 @@ def read(path: Path, outputs: Outputs) -> Log:
     travel_deg = parameters.get("ACT_TRAVEL_DEG", DEFAULT_TRAVEL_DEG)
     attitude, actuators = _attitude(path, found), _actuators(path, found, travel_deg, outputs)
     depth = _depth(path, found)
-    read_from = {f"{part}.{name}": values.tobytes() for part, of in (("attitude", attitude), ("actuators", actuators),
-                 ("depth", depth)) for name, values in vars(of).items()}  # fmt: skip
     steps = [step for name in ("ATT", "RCOU") for step in clock_steps(name, found[name].time_s)]
-    return Log(
-        name=path.name,
-        sha256=digest(read_from, parameters),
-        attitude=attitude,
-        actuators=actuators,
-        depth=depth,
-        setpoints=_setpoints(found),
-        events=_events(found, travel_deg),
-        parameters=parameters,
-        duct=Duct(*(np.empty(0),) * 3),
-        clock=Clock(tuple(steps)),
-    )
+    events = _events(found, travel_deg)
+    return foreign_log(path, attitude, actuators, depth, _setpoints(found), events, parameters, steps)
 
 
 def tables(path: Path) -> Tables:

@@ -2,13 +2,14 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.log import Array, ClockStep
+from sysid.log import Actuators, Array, Attitude, Clock, ClockStep, Depth, Duct, Event, Log, Setpoints
 
 DEFAULT_TRAVEL_DEG = 15.0
 """Duct travel that an output of 1 stands for, unless the log's parameters say otherwise (ACT_TRAVEL_DEG)."""
@@ -69,3 +70,30 @@ def digest(parts: Mapping[str, bytes], parameters: Mapping[str, float]) -> str:
         total.update(name.encode())
         total.update(parts[name])
     return total.hexdigest()
+
+
+def foreign_log(
+    path: Path,
+    attitude: Attitude,
+    actuators: Actuators,
+    depth: Depth,
+    setpoints: Setpoints,
+    events: tuple[Event, ...],
+    parameters: dict[str, float],
+    steps: Iterable[ClockStep],
+) -> Log:
+    """The log of another's autopilot: one clock, and no encoder at a duct."""
+    parts = {"attitude": attitude, "actuators": actuators, "depth": depth}
+    read_from = {f"{part}.{name}": values.tobytes() for part, of in parts.items() for name, values in vars(of).items()}
+    return Log(
+        name=path.name,
+        sha256=digest(read_from, parameters),
+        attitude=attitude,
+        actuators=actuators,
+        depth=depth,
+        setpoints=setpoints,
+        events=events,
+        parameters=parameters,
+        duct=Duct(*(np.empty(0),) * 3),
+        clock=Clock(tuple(steps)),
+    )

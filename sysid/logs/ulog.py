@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from sysid.log import Actuators, Attitude, Clock, Depth, Duct, Event, Log, LogError, Setpoints
+from sysid.log import Actuators, Attitude, Depth, Event, Log, LogError, Setpoints
 from sysid.logs.outputs import Outputs, steer
-from sysid.logs.samples import DEFAULT_TRAVEL_DEG, Table, beside, clock_steps, digest, euler_rad, increasing
+from sysid.logs.samples import DEFAULT_TRAVEL_DEG, Table, beside, clock_steps, euler_rad, foreign_log, increasing
 
 _OUTPUTS = ("actuator_outputs_sim", "actuator_outputs")
 """What went to the simulator, fractions, or to the servos, pulses."""
@@ -32,22 +32,10 @@ def read(path: Path, outputs: Outputs) -> Log:
     travel_rad = float(np.radians(parameters.get("ACT_TRAVEL_DEG", DEFAULT_TRAVEL_DEG)))
     attitude, actuators = _attitude(path, found), _actuators(path, found, travel_rad, outputs)
     depth = _depth(path, found)
-    read_from = {f"{part}.{name}": values.tobytes() for part, of in (("attitude", attitude), ("actuators", actuators),
-                 ("depth", depth)) for name, values in vars(of).items()}  # fmt: skip
     steps = [step for name in (*_TOPICS, *_OUTPUTS) if name in found for step in clock_steps(name, found[name].time_s)]
     said = sorted(log.logged_messages, key=lambda message: message.timestamp)
-    return Log(
-        name=path.name,
-        sha256=digest(read_from, parameters),
-        attitude=attitude,
-        actuators=actuators,
-        depth=depth,
-        setpoints=_setpoints(found),
-        events=tuple(Event(m.timestamp * 1e-6, m.log_level - ord("0"), m.message) for m in said),
-        parameters=parameters,
-        duct=Duct(*(np.empty(0),) * 3),
-        clock=Clock(tuple(steps)),
-    )
+    events = tuple(Event(m.timestamp * 1e-6, m.log_level - ord("0"), m.message) for m in said)
+    return foreign_log(path, attitude, actuators, depth, _setpoints(found), events, parameters, steps)
 
 
 def tables(path: Path) -> Tables:
