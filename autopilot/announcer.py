@@ -3,12 +3,11 @@
 from collections.abc import Callable
 
 from autopilot import identity
-from autopilot.fields import Values
 from autopilot.types import US_PER_S, Event, Home, ItemReached, Severity
 from autopilot.vehicle import Vehicle
 from link import dialect
 from link.clock import wall_s
-from link.dialect import MessageType
+from link.dialect import MessageType, Values
 
 STATUSTEXT_BYTES = 50
 MOST_AT_ONCE, PER_SECOND = 20, 5.0

@@ -27,7 +27,7 @@ _SPARE = (0.0,) * 13
 Events = tuple[Event | ItemReached, ...]
 
 
-def start(config: Config) -> State:
+def start() -> State:
     """The state before the first tick."""
     return State()
 

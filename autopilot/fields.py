@@ -2,13 +2,11 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 from autopilot.vehicle import Snapshot
 from link.devices import UNKNOWN_U16
+from link.dialect import Values
 
-Values = tuple[Any, ...]
-"""A message's fields in wire order."""
 Builder = Callable[[Snapshot], Values]
 
 

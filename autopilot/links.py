@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 from functools import partial
 
-from autopilot.fields import Values
 from autopilot.identity import COMPONENT
 from autopilot.metered import BITS_PER_BYTE, SHARE, Budget, Queue, Waiting
 from autopilot.schedule import Schedule, profile_for
 from link import dialect
 from link.codec import LARGEST_FRAME, Frame, largest_frame
-from link.dialect import MessageType
+from link.dialect import MessageType, Values
 from link.endpoint import Endpoint
 from link.exchange import Party
 from link.signing import Signing

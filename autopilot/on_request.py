@@ -1,11 +1,11 @@
 """Every message that can be asked for once: the telemetry, and what is only told when somebody wants to know it."""
 
 from autopilot import identity, metadata, telemetry
-from autopilot.fields import Builder, Values, boot_ms
+from autopilot.fields import Builder, boot_ms
 from autopilot.identity import AutopilotId
 from autopilot.vehicle import Vehicle
 from link import dialect
-from link.dialect import MessageType
+from link.dialect import MessageType, Values
 
 
 class Library:

@@ -10,7 +10,6 @@ from typing import Any
 
 from autopilot.announcer import Announcer
 from autopilot.failures import FailureRelay
-from autopilot.fields import Values
 from autopilot.identity import COMPONENT, AutopilotId
 from autopilot.keys import Keys
 from autopilot.links import GroundLink, ground_link
@@ -24,7 +23,7 @@ from autopilot.vehicle import Vehicle
 from link import dialect
 from link.clock import Every, wall_s
 from link.codec import Frame
-from link.dialect import MessageType
+from link.dialect import MessageType, Values
 from link.exchange import Party, Send, addressed_to
 from link.transport import LinkLostError, Transport
 

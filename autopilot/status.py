@@ -4,10 +4,10 @@ import math
 
 from autopilot import health, identity
 from autopilot.devices import ALTIMETER, BATTERY, DUCT, DVL, GPS
-from autopilot.fields import Values, int32, time_us, uint16, within
+from autopilot.fields import int32, time_us, uint16, within
 from autopilot.vehicle import Snapshot, progress
 from link import devices
-from link.dialect import constant
+from link.dialect import Values, constant
 from link.records import Battery
 
 _SURFACED, _UNDER_WAY = constant("MAV_LANDED_STATE_ON_GROUND"), constant("MAV_LANDED_STATE_IN_AIR")

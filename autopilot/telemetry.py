@@ -10,7 +10,6 @@ from typing import NamedTuple
 from autopilot import bench, status, whereabouts
 from autopilot.fields import (
     Builder,
-    Values,
     boot_ms,
     centidegrees,
     int16,
@@ -24,7 +23,7 @@ from autopilot.types import State, Trace
 from autopilot.vehicle import Snapshot
 from link import dialect
 from link.devices import UNKNOWN_U16
-from link.dialect import MessageType, constant
+from link.dialect import MessageType, Values, constant
 from link.frames import offset_to_geodetic, quaternion_from_euler
 
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")

@@ -57,7 +57,7 @@ class Vehicle:
         self._begin()
 
     def _begin(self) -> None:
-        self.state = core.start(self.params.config)
+        self.state = core.start()
         self._trace = Trace()
         self._sensors: SensorFrame | None = None
         self._fix: GpsFix | None = None

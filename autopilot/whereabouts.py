@@ -5,10 +5,10 @@ import math
 from autopilot import guidance
 from autopilot import navigation as plot
 from autopilot.failsafe import blind
-from autopilot.fields import Values, boot_ms, int16, time_us, uint16
+from autopilot.fields import boot_ms, int16, time_us, uint16
 from autopilot.targets import Line
 from autopilot.vehicle import Snapshot
-from link.dialect import constant
+from link.dialect import Values, constant
 from link.frames import rotate_back
 
 _GLOBAL_NED, _CHILD_FRD = constant("MAV_FRAME_LOCAL_NED"), constant("MAV_FRAME_BODY_FRD")

@@ -36,7 +36,7 @@ def bare_ticks() -> float:
     """Times real time that the two pure functions reach alone."""
     sea, rng = plant.build(config.load("field"), scenario.load("disturbed")), plant.random_streams(1)
     body, reading = plant.launch(sea, rng)
-    state, parameters = core.start(Config()), Config()
+    state, parameters = core.start(), Config()
     began_s = time.perf_counter()
     for _ in range(TICKS):
         state, frame, _, _ = core.tick(state, Inputs(reading.frame, reading.gps, reading.altimeter, None), parameters)

@@ -5,13 +5,10 @@ say unknown: NaN, or the largest the field holds.
 """
 
 from math import isnan, nan
-from typing import Any
 
 from link import dialect
-from link.dialect import Message, constant
+from link.dialect import Message, Values, constant
 from link.records import Battery, DuctFeedback, Dvl, Leak
-
-Values = tuple[Any, ...]
 
 ODOMETRY, BATTERY_STATUS = dialect.by_name("ODOMETRY"), dialect.by_name("BATTERY_STATUS")
 SYS_STATUS, ACTUATOR_OUTPUTS = dialect.by_name("SYS_STATUS"), dialect.by_name("ACTUATOR_OUTPUT_STATUS")

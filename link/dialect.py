@@ -15,6 +15,8 @@ from pymavlink.dialects.v20 import all as mavlink
 
 Message = Any
 """A decoded message: a namedtuple of the message's fields in wire order."""
+Values = tuple[Any, ...]
+"""A message's fields in wire order."""
 
 
 class Field(NamedTuple):

@@ -30,7 +30,7 @@ class Dive:
         self._plant = plant.build(vehicles.load(vehicle), scenario.load(sea))
         self._rng = plant.random_streams(seed)
         self.body, reading = plant.launch(self._plant, self._rng)
-        self.state = core.start(self.config)
+        self.state = core.start()
         self.events: list[Any] = []
         self._rows: list[tuple[float, ...]] = []
         frame = self._tick(reading)

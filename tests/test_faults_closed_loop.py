@@ -141,7 +141,7 @@ def sail(
     sea = plant.build(vehicle, msgspec.structs.replace(calm, start=start, fault=rows))
     rng = plant.random_streams(5)
     body, said = plant.launch(sea, rng)
-    state, events, told = core.start(config), [], []
+    state, events, told = core.start(), [], []
     for tick in range(round(end_s * 50)):
         inputs = Inputs(said.frame, said.gps, said.altimeter, None, None, said.dvl, said.battery, said.leak, said.duct)
         state, frame, trace, heard = core.tick(state, inputs, config)

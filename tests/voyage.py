@@ -45,7 +45,7 @@ class Voyage:
         self._plant = plant.build(msgspec.structs.replace(vehicle, instruments=carried), sea)
         self._rng = plant.random_streams(seed)
         self.body, reading = plant.launch(self._plant, self._rng)
-        self.state, self.trace, self.events = core.start(self.config), Trace(), list[Any]()
+        self.state, self.trace, self.events = core.start(), Trace(), list[Any]()
         self.silences: dict[str, float] = {}
         """Further fields of ``Inputs``."""
         self._rows: list[tuple[float, ...]] = []

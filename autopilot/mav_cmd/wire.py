@@ -4,12 +4,11 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from autopilot.fields import Values
 from autopilot.helm import Helm
 from autopilot.schedule import Schedule
 from autopilot.types import ACCEPTED, Severity
 from autopilot.vehicle import Vehicle
-from link.dialect import MessageType
+from link.dialect import MessageType, Values
 from link.missions import NOT_GIVEN
 
 _INT32_LIMIT = 1 << 31

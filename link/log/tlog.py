@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from link import dialect
-from link.codec import Framer
+from link.codec import LARGEST_FRAME, Framer
 from link.dialect import MessageType
 from link.log.ros1 import vehicle_time_reader
 
 _STAMP = struct.Struct(">Q")
-_LONGEST_FRAME = 280
-"""Of MAVLink 2, with its signature."""
 
 
 class TelemetryLog:
@@ -55,7 +53,7 @@ def read(data: bytes) -> list[Stream]:
     """What a tlog holds. Bytes that belong to no frame are passed over, and so is a torn end."""
     streams: dict[tuple[int, int, int], Stream] = {}
     latest_us: dict[tuple[int, int], int] = {}
-    for frame in Framer().feed(data + bytes(_LONGEST_FRAME)):
+    for frame in Framer().feed(data + bytes(LARGEST_FRAME)):
         message = dialect.by_id(frame.message_id)
         assert message is not None, "a framer without senders refuses what the dialect lacks"
         key = frame.system, frame.component, frame.message_id

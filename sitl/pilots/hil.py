@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from link import devices, dialect
 from link.codec import Frame
-from link.dialect import MessageType
+from link.dialect import MessageType, Values
 from link.endpoint import Endpoint
 from link.records import ActuatorFrame, TruthFrame
 from link.transport import Transport, wait
@@ -110,7 +110,7 @@ class HilLink:
             frames.insert(0, self._endpoint.encode_values(_TEXT, (_WARNING, verdict.text.encode()[:50], 0, 0)))
         self._transport.send(b"".join(frames))
 
-    def _of(self, component: int, message: MessageType, values: devices.Values) -> bytes:
+    def _of(self, component: int, message: MessageType, values: Values) -> bytes:
         """A frame of a component, numbered in its own sequence."""
         device = self._devices.get(component)
         if device is None:
