@@ -41,7 +41,7 @@ def build(config: VehicleConfig, source: str | None = None) -> Model:
         fins=fins,
         propeller=_propeller(config),
         hydrostatics=_hydrostatics(config),
-        walls=walls.build(config),
+        walls=walls.build(config.hull, config.water.density_kgpm3),
     )
 
 

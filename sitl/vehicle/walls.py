@@ -12,6 +12,7 @@ it. Left out: how a wall changes added mass across, which matters within a radiu
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import pi
 
 import numpy as np
@@ -19,7 +20,7 @@ import numpy as np
 from sitl.vehicle import hull as geometry
 from sitl.vehicle.kernel import Vector
 from sitl.vehicle.model import Walls
-from sitl.vehicle.schema import VehicleConfig
+from sitl.vehicle.schema import HullGeometry
 
 STEPS = 64
 NODES = (48, 2, 48)
@@ -27,27 +28,31 @@ NODES = (48, 2, 48)
 _DIFFERENCE = 1e-5
 
 
-def build(config: VehicleConfig) -> Walls:
-    """Table for a vehicle, from touching to a hull's length off, where some thousandths are left and dropped."""
-    length, radius = geometry.length_m(config.hull), config.hull.diameter_m / 2
+@lru_cache(maxsize=16)
+def build(hull: HullGeometry, density_kgpm3: float) -> Walls:
+    """Table for a hull, from touching to a hull's length off, where some thousandths are left and dropped.
+
+    Kept, as a fit builds one hull under hundreds of coefficients.
+    """
+    length, radius = geometry.length_m(hull), hull.diameter_m / 2
     nearness = np.linspace(radius / length, 1.0, STEPS)
-    both = np.array([pull(config, radius / s) for s in nearness])
+    both = np.array([pull(hull, density_kgpm3, radius / s) for s in nearness])
     both -= both[0]
     return Walls(length, float(nearness[0]), (STEPS - 1) / (1.0 - float(nearness[0])), both[:, 0], both[:, 1])
 
 
-def pull(config: VehicleConfig, distance_m: float) -> tuple[float, float]:
+def pull(hull: HullGeometry, density_kgpm3: float, distance_m: float) -> tuple[float, float]:
     """(force towards a wall, its moment about the origin) per U^2, kg/m and kg; ``distance_m`` from axis to wall."""
-    x, dx = geometry.quadrature(config.hull, NODES)
-    growth = _section_growth(config, x) * dx
+    x, dx = geometry.quadrature(hull, NODES)
+    growth = _section_growth(hull, x) * dx
     across = 2.0 * distance_m
     mirrored = across / ((x[:, None] - x) ** 2 + across**2) ** 1.5
-    drawn = config.water.density_kgpm3 / (4.0 * pi) * growth * (mirrored @ growth)
+    drawn = density_kgpm3 / (4.0 * pi) * growth * (mirrored @ growth)
     return float(drawn.sum()), float(drawn @ x)
 
 
-def _section_growth(config: VehicleConfig, x_m: Vector) -> Vector:
+def _section_growth(hull: HullGeometry, x_m: Vector) -> Vector:
     """A'(x), m."""
-    step = _DIFFERENCE * geometry.length_m(config.hull)
-    fore, aft = geometry.radius_m(config.hull, x_m + step), geometry.radius_m(config.hull, x_m - step)
+    step = _DIFFERENCE * geometry.length_m(hull)
+    fore, aft = geometry.radius_m(hull, x_m + step), geometry.radius_m(hull, x_m - step)
     return np.asarray(pi * (fore**2 - aft**2) / (2.0 * step))

@@ -17,6 +17,7 @@ from tests.sitl.vehicle import flight
 FIELD = flight.model("field")
 H = FIELD.hydrostatics
 RHO = 1025.0
+HULL = config.load("field").hull
 FLOOR_M = -50.0
 SLOPE = np.array([-math.sin(0.2), 0.0, math.cos(0.2)])
 
@@ -39,9 +40,8 @@ def test_the_pull_is_the_suction_on_the_wall_itself(distance_m: float) -> None:
 
     The part of the pressure linear in v is that of sources in pairs and sums to nothing.
     """
-    hull = config.load("field").hull
-    x, dx = walls.geometry.quadrature(hull, walls.NODES)
-    source = -walls._section_growth(config.load("field"), x) * dx / (4 * math.pi)
+    x, dx = walls.geometry.quadrature(HULL, walls.NODES)
+    source = -walls._section_growth(HULL, x) * dx / (4 * math.pi)
     nodes, weights = np.polynomial.legendre.leggauss(160)
     stretch, size = 2.0 * np.tan(nodes * 1.5), 2.0 * 1.5 / np.cos(nodes * 1.5) ** 2 * weights
     along, across = np.meshgrid(stretch, stretch, indexing="ij")
@@ -50,17 +50,17 @@ def test_the_pull_is_the_suction_on_the_wall_itself(distance_m: float) -> None:
     cubed = (apart**2 + (across**2 + distance_m**2)[..., None]) ** 1.5
     v_x, v_y = 2 * (source * apart / cubed).sum(-1), 2 * across * (source / cubed).sum(-1)
     suction = RHO / 2 * float(((v_x**2 + v_y**2) * area).sum())
-    assert walls.pull(config.load("field"), distance_m)[0] == pytest.approx(suction, rel=0.01)
+    assert walls.pull(HULL, RHO, distance_m)[0] == pytest.approx(suction, rel=0.01)
 
 
 def test_the_table_is_the_integral_less_what_is_left_a_length_off() -> None:
-    rest = walls.pull(config.load("field"), FIELD.walls.far_m)
+    rest = walls.pull(HULL, RHO, FIELD.walls.far_m)
     assert rest[0] < 0.003 * FIELD.walls.pull_kgpm[-1]
     for distance_m in (0.3, 0.5, 1.0, 2.0):
         state = flight.cruising()
         state[2] = -50.0
         force = -pulled(state, Water(floor_m=-50.0 - distance_m))
-        exact = np.array(walls.pull(config.load("field"), distance_m)) - rest
+        exact = np.array(walls.pull(HULL, RHO, distance_m)) - rest
         assert force[2] / 1.3**2 == pytest.approx(exact[0], rel=0.01)
         assert force[4] / 1.3**2 == pytest.approx(-exact[1], rel=0.02, abs=1e-3)
 
