@@ -22,7 +22,27 @@ DEPTH_M = 12.0
 CALM = 0.0
 ROUGH = 1.0
 """The level at which slow and wave-band moments give about 0.4 deg/s rms of yaw rate."""
-SLOW_NM, WAVE_NM = 2.25, 4.58
+SLOW_RADPS2, WAVE_RADPS2 = math.radians(0.128), math.radians(0.261)
+"""Standard deviations of a vehicle's disturbing angular acceleration at level 1."""
+
+
+class Hold(NamedTuple):
+    """Gains of the loops that hold heading and depth: before a test, and in the plane that is not tested."""
+
+    heading_p: float = 0.6
+    heading_d: float = 1.3
+    heading_i: float = 0.02
+    pitch_p: float = 0.8
+    pitch_d: float = 1.5
+    depth_p: float = 0.13
+    depth_i: float = 0.005
+
+
+class Tests(NamedTuple):
+    """Signals on the 50 Hz grid, rad relative to trim; NaN where the plane's loop stays closed."""
+
+    rudder_rad: Array
+    elevator_rad: Array
 
 
 class Sensors(NamedTuple):
@@ -34,28 +54,38 @@ class Sensors(NamedTuple):
     gyro_bias_radps: float = math.radians(0.02)
 
 
-def moments(seconds: float, level: float, rng: np.random.Generator) -> Array:
-    """(samples, 2): pitch and yaw moment in N m, a 3 s Gauss-Markov process and a 0.15 Hz band, by Euler-Maruyama."""
+def accelerations(seconds: float, level: float, rng: np.random.Generator) -> Array:
+    """(samples, 2): about pitch and yaw, rad/s^2: a 3 s Gauss-Markov process and a 0.15 Hz band, by Euler-Maruyama."""
     n = int(seconds * RATE_HZ)
     out = np.zeros((n, 2))
     omega, zeta = 2 * math.pi * 0.15, 0.1
     for axis in range(2):
         slow, wave, speed = rng.standard_normal(), rng.standard_normal(), omega * rng.standard_normal()
         draws = rng.standard_normal((n, 2))
-        for k in range(n):
-            slow += -slow * DT / 3.0 + math.sqrt(2 * DT / 3.0) * draws[k, 0]
-            speed += (-2 * zeta * omega * speed - omega**2 * wave) * DT + math.sqrt(4 * zeta * omega**3 * DT) * draws[
-                k, 1
-            ]
-            wave += speed * DT
-            out[k, axis] = level * (SLOW_NM * slow + WAVE_NM * wave)
+        out[:, axis] = level * _coloured(draws, slow, wave, speed, omega, zeta)
     return out
 
 
 @numba.njit(cache=True)
-def _fly(model, rudder_axis, elevator_axis, rudder_state, elevator_state, signal, is_yaw, trim, wrenches, rps, speed):
+def _coloured(draws, slow, wave, speed, omega, zeta):
+    n = len(draws)
+    out = np.empty(n)
+    for k in range(n):
+        slow += -slow * DT / 3.0 + math.sqrt(2 * DT / 3.0) * draws[k, 0]
+        pushed = math.sqrt(4 * zeta * omega**3 * DT) * draws[k, 1]
+        speed += (-2 * zeta * omega * speed - omega**2 * wave) * DT + pushed
+        wave += speed * DT
+        out[k] = SLOW_RADPS2 * slow + WAVE_RADPS2 * wave
+    return out
+
+
+@numba.njit(cache=True)
+def _fly(
+    model, rudder_axis, elevator_axis, rudder_state, elevator_state, rudder_test, elevator_test, trim, travel, hold,
+    moments, rps, speed,
+):  # fmt: skip
     """Ticks of (time index): rates, angles, depth, commands. The loops hold heading 0 and DEPTH_M."""
-    n = signal.size
+    n = rudder_test.size
     log = np.empty((n, 9))
     state = np.zeros(13)
     state[2], state[3], state[7] = -DEPTH_M, 1.0, speed
@@ -63,34 +93,65 @@ def _fly(model, rudder_axis, elevator_axis, rudder_state, elevator_state, signal
     rudder_angle, elevator_angle = np.empty(SUBSTEPS), np.empty(SUBSTEPS)
     disturbance = np.zeros(6)
     integral = np.zeros(2)
-    travel = math.radians(15.0)
     for k in range(n):
         w, x, y, z = state[3], state[4], state[5], state[6]
         roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
         theta = -math.asin(min(1.0, max(-1.0, 2 * (w * y - z * x))))
         psi = -math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         p, q, r, depth = state[10], -state[11], -state[12], -state[2]
-        testing = not math.isnan(signal[k])
-        if testing and is_yaw:
-            rudder = trim[0] + signal[k]
-        else:
-            integral[0] += -0.02 * psi * DT
-            rudder = trim[0] - 0.6 * psi - 1.3 * r + integral[0]
-        if testing and not is_yaw:
-            elevator = trim[1] + signal[k]
-        else:
-            integral[1] += 0.005 * (depth - DEPTH_M) * DT
-            wanted = 0.13 * (depth - DEPTH_M) + integral[1]
-            elevator = trim[1] + 0.8 * (wanted - theta) - 1.5 * q
+        rudder, elevator = trim[0] + rudder_test[k], trim[1] + elevator_test[k]
+        if math.isnan(rudder):
+            integral[0] += -hold.heading_i * psi * DT
+            rudder = trim[0] - hold.heading_p * psi - hold.heading_d * r + integral[0]
+        if math.isnan(elevator):
+            integral[1] += hold.depth_i * (depth - DEPTH_M) * DT
+            wanted = min(max(hold.depth_p * (depth - DEPTH_M) + integral[1], -0.3), 0.3)
+            elevator = trim[1] + hold.pitch_p * (wanted - theta) - hold.pitch_d * q
         rudder, elevator = min(max(rudder, -travel), travel), min(max(elevator, -travel), travel)
         log[k] = np.array([p, q, r, roll, theta, psi, depth, rudder, elevator])
-        disturbance[4], disturbance[5] = wrenches[k, 0], wrenches[k, 1]
+        disturbance[4], disturbance[5] = moments[k, 0], moments[k, 1]
         tailcone.advance(rudder_axis, rudder_state, rudder, rudder_angle)
         tailcone.advance(elevator_axis, elevator_state, elevator, elevator_angle)
         for i in range(SUBSTEPS):
             dynamics.rk4_step(
                 state, rudder_angle[i], elevator_angle[i], rps, disturbance, STILL, DT / SUBSTEPS, model, work
             )
+    return log
+
+
+def fly_tests(
+    vehicle: config.VehicleConfig,
+    tests: Tests,
+    *,
+    rng: np.random.Generator,
+    level: float = ROUGH,
+    sensors: Sensors | None = None,
+    trim_rad: tuple[float, float] = (0.0, 0.0),
+    hold: Hold | None = None,
+    sea_radps2: Array | None = None,
+) -> Array:
+    """(samples, 9) measured from PREROLL_S before the tests on, 50 Hz: p, q, r, roll, pitch, heading (rad and rad/s),
+    depth (m), and rudder and elevator as commanded (rad).
+
+    ``sea_radps2``, (SETTLE_S and the tests, 2), takes the place of the usual sea about pitch and yaw.
+    """
+    sensors = sensors or Sensors()
+    settling = np.full(int(SETTLE_S * RATE_HZ), np.nan)
+    signals = [np.concatenate([settling, signal]) for signal in tests]
+    model = calibrate.build(vehicle)
+    tail, point = vehicle.tailcone, vehicle.operating_point
+    axes = [tailcone.of_vehicle(tail, bias, DT / SUBSTEPS) for bias in (tail.rudder_bias_deg, tail.elevator_bias_deg)]
+    pushed = accelerations(signals[0].size / RATE_HZ, level, rng) if sea_radps2 is None else sea_radps2
+    log = _fly(
+        model, *axes, *map(tailcone.at_rest, axes), *signals, np.array(trim_rad), math.radians(tail.travel_deg),
+        hold or Hold(), pushed * np.diag(model.inertia.M)[4:6], propeller.rps(point.thrust_fraction, model),
+        point.speed_mps,
+    )  # fmt: skip
+    log = log[settling.size - int(PREROLL_S * RATE_HZ) :]
+    log[:, :3] += sensors.gyro_bias_radps * rng.standard_normal(3)
+    log[:, :3] += sensors.rate_radps * rng.standard_normal((len(log), 3))
+    log[:, 3:6] += sensors.angle_rad * rng.standard_normal((len(log), 3))
+    log[:, 6] += sensors.depth_m * rng.standard_normal(len(log))
     return log
 
 
@@ -105,37 +166,25 @@ def fly(
     level: float = ROUGH,
     sensors: Sensors | None = None,
     trim_rad: tuple[float, float] = (0.0, 0.0),
+    hold: Hold | None = None,
+    sea_radps2: Array | None = None,
 ) -> Run:
     """One test of ``signal_rad`` (50 Hz, relative to trim) as identification would receive it."""
-    sensors = sensors or Sensors()
-    rng = np.random.default_rng(seed)
-    model = calibrate.build(vehicle)
-    settle = int(SETTLE_S * RATE_HZ)
-    signal = np.concatenate([np.full(settle, np.nan), signal_rad])
-    axes = [
-        tailcone.servo(
-            natural_frequency_radps=vehicle.tailcone.natural_frequency_radps,
-            damping=vehicle.tailcone.damping_ratio,
-            delay_s=vehicle.tailcone.delay_s,
-            travel_rad=math.radians(vehicle.tailcone.travel_deg),
-            rate_limit_radps=math.radians(vehicle.tailcone.rate_degps),
-            bias_rad=math.radians(bias),
-            substep_s=DT / SUBSTEPS,
-        )
-        for bias in (vehicle.tailcone.rudder_bias_deg, vehicle.tailcone.elevator_bias_deg)
-    ]
-    thrust = vehicle.operating_point.thrust_fraction
-    log = _fly(
-        model, *axes, *map(tailcone.at_rest, axes), signal, plane == "yaw", np.array(trim_rad),
-        moments(signal.size / RATE_HZ, level, rng), propeller.rps(thrust, model), vehicle.operating_point.speed_mps,
+    closed = np.full(signal_rad.size, np.nan)
+    tests = Tests(signal_rad, closed) if plane == "yaw" else Tests(closed, signal_rad)
+    log = fly_tests(
+        vehicle, tests, rng=np.random.default_rng(seed), level=level, sensors=sensors, trim_rad=trim_rad, hold=hold,
+        sea_radps2=sea_radps2,
     )  # fmt: skip
-    log = log[settle - int(PREROLL_S * RATE_HZ) :]
+    return run_of(log, vehicle, plane, signal_rad, name=name, wave=wave, trim_rad=trim_rad)
+
+
+def run_of(
+    log: Array, vehicle: config.VehicleConfig, plane: Plane, signal_rad: Array, *, name: str, wave: str,
+    trim_rad: tuple[float, float],
+) -> Run:  # fmt: skip
+    """What ``fly_tests`` measured, as the run of one plane."""
     n = len(log)
-    rates = (
-        log[:, :3] + sensors.gyro_bias_radps * rng.standard_normal(3) + sensors.rate_radps * rng.standard_normal((n, 3))
-    )
-    angles = log[:, 3:6] + sensors.angle_rad * rng.standard_normal((n, 3))
-    depth = log[:, 6] + sensors.depth_m * rng.standard_normal(n)
     return Run(
         name=name,
         plane=plane,
@@ -144,14 +193,14 @@ def fly(
         time_s=np.arange(n) / RATE_HZ - PREROLL_S,
         rudder_rad=log[:, 7],
         elevator_rad=log[:, 8],
-        thrust=np.full(n, thrust),
-        p_radps=rates[:, 0],
-        q_radps=rates[:, 1],
-        r_radps=rates[:, 2],
-        roll_rad=angles[:, 0],
-        pitch_rad=angles[:, 1],
-        heading_rad=np.unwrap(angles[:, 2]),
-        depth_m=depth,
+        thrust=np.full(n, vehicle.operating_point.thrust_fraction),
+        p_radps=log[:, 0],
+        q_radps=log[:, 1],
+        r_radps=log[:, 2],
+        roll_rad=log[:, 3],
+        pitch_rad=log[:, 4],
+        heading_rad=np.unwrap(log[:, 5]),
+        depth_m=log[:, 6],
         stop_reason="",
         longest_gap_s=DT,
         rudder_trim_rad=trim_rad[0],
