@@ -1,0 +1,5 @@
+"""Every cell of the study by name."""
+
+from benchmarks.identification.study import Cell
+
+CELLS: dict[str, Cell] = {cell.name: cell for cell in ()}
