@@ -1,6 +1,6 @@
 """The Monte-Carlo study of identification.
 
-    python -m benchmarks.identification [CELL ...] [--vehicle NAME ...] [--runs N] [--seed N] [--jobs N] [--out FILE.json]
+    python -m benchmarks.identification [CELL ...] [--vehicle NAME ...] [--runs N] [--out FILE.json]
 
 Each figure is printed beside its target; a missed one is marked, and makes the exit status 1.
 """

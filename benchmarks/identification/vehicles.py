@@ -19,7 +19,7 @@ from sysid.parameters import NAMES
 from sysid.runs import Plane
 from tests.sysid.sea import Hold
 
-ROOT = Path(__file__).parents[2]
+MY_VEHICLE = str(Path(__file__).parents[2] / "docs" / "my_vehicle.toml")
 CARIBOU_TURN_PER_S2 = 0.482
 """Angular acceleration of Caribou's prior per radian of her duct."""
 STRAY = 0.7
@@ -62,7 +62,7 @@ def cases() -> tuple[Case, ...]:
         Case("caribou", "bench", config.load("bench"), config.load("field"), Hold()),
         _strayed("remus100", "remus100", Hold(0.49, 0.76, 0.04, 0.54, 0.67, 0.2, 0.01), seed=1),
         _strayed("xfin", "xfin", Hold(0.75, 1.79, 0.04, 0.77, 1.3, 0.2, 0.008), seed=2),
-        _strayed("my_vehicle", str(ROOT / "docs/my_vehicle.toml"), Hold(0.75, 0.93, 0.05, 0.86, 0.78, 0.2, 0.01), seed=3),
+        _strayed("my_vehicle", MY_VEHICLE, Hold(0.75, 0.93, 0.05, 0.86, 0.78, 0.2, 0.01), seed=3),
     )  # fmt: skip
 
 
