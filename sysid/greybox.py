@@ -111,7 +111,7 @@ def _slopes(
 
 
 @kernel
-def _integrate(
+def integrate(
     x0: Array, duct: Array, rps: Array, stride: int, dt: float, is_yaw: bool, constrain: Array, model: Model
 ) -> Array:
     """Classical Runge-Kutta over ``stride`` samples a step; rows (u, v|w, rate, angle, z)."""
@@ -182,5 +182,5 @@ def simulate(model: Model, actuator: Actuator, run: Run, start: Start, stride: i
         x0 = np.array([speed_mps, -w_frd, -start.rate_radps, -theta, SUBMERGED_Z_M])
     duct = duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
     rps = run.thrust * propeller.rps(1.0, model)
-    track = _integrate(x0, duct, rps, stride, 1.0 / RATE_HZ, is_yaw, constraint(model, run.plane), model)
+    track = integrate(x0, duct, rps, stride, 1.0 / RATE_HZ, is_yaw, constraint(model, run.plane), model)
     return Motion(-track[:, 2], -track[:, 3], start.depth_m - (track[:, 4] - x0[4]), track[:, 0])
