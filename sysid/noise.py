@@ -66,17 +66,22 @@ class Filter(NamedTuple):
 
 def build(plane: LinearPlane, noise: Noise, dt: float, samples: int) -> Filter:
     """The filter that whitens residuals of rate, angle and (in pitch) depth, sampled every ``dt`` seconds."""
-    A, density, C, R, P0 = _system(plane, noise)
-    n = A.shape[0]
-    # Van Loan (1978): transition and process covariance from one exponential.
-    block = expm(np.block([[-A, density], [np.zeros((n, n)), A.T]]) * dt)
-    transition = np.ascontiguousarray(block[n:, n:].T)
-    process = transition @ block[:n, n:]
-    gains, whiteners, log_dets = _riccati(transition, 0.5 * (process + process.T), C, R, P0, samples)
+    A, density, C, R, P0 = system(plane, noise)
+    transition, process = discrete(A, density, dt)
+    gains, whiteners, log_dets = _riccati(transition, process, C, R, P0, samples)
     return Filter(transition, C, gains, whiteners, log_dets)
 
 
-def _system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array, Array]:
+def discrete(A: Array, density: Array, dt: float) -> tuple[Array, Array]:
+    """Transition and process covariance over ``dt`` from one exponential (Van Loan 1978)."""
+    n = A.shape[0]
+    block = expm(np.block([[-A, density], [np.zeros((n, n)), A.T]]) * dt)
+    transition = np.ascontiguousarray(block[n:, n:].T)
+    process = transition @ block[:n, n:]
+    return transition, 0.5 * (process + process.T)
+
+
+def system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array, Array]:
     """Plane, slow moment, wave (two states), gyro bias: A, noise density, C, R, P0."""
     n = plane.A.shape[0]
     slow, wave, bias = n, n + 1, n + 3

@@ -16,7 +16,7 @@ PLANES = {"yaw": planes.yaw_plane(TABLE_1_ADJUSTED), "pitch": planes.pitch_plane
 
 def draw(plane: planes.LinearPlane, level: Noise, samples: int, rng: np.random.Generator) -> np.ndarray:
     """Residuals simulated at a step twenty times finer than the filter's."""
-    A, density, C, R, P0 = noise._system(plane, level)
+    A, density, C, R, P0 = noise.system(plane, level)
     fine = 20
     h = DT / fine
     Phi = expm(A * h)
@@ -50,7 +50,7 @@ def test_innovations_are_white_and_of_unit_variance(name: str) -> None:
 def test_cost_is_the_gaussian_likelihood() -> None:
     """Against the dense covariance of a short record, built without any filter."""
     plane, level, samples = PLANES["yaw"], Noise(), 25
-    A, density, C, R, P0 = noise._system(plane, level)
+    A, density, C, R, P0 = noise.system(plane, level)
     n, steps = A.shape[0], 400
     h = DT / steps
     Phi_h, Phi = expm(A * h), expm(A * DT)
