@@ -1,0 +1,161 @@
+"""What a plant does under logged commands, and how that changes with each of its values. Both are exact.
+
+Between samples of the 50 Hz grid the duct's angle runs straight; one output step is STRIDE samples, so the state is
+carried over it by one matrix and one tap for each angle on the way. Slopes come from the derivative of the matrix
+exponential, the lower block of exp([[M, 0], [dM, M]]) (Van Loan 1978).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from sitl.vehicle.kernel import kernel
+from sysid import greybox
+from sysid.fit import STRIDE
+from sysid.linear import plant as plants
+from sysid.linear.plant import NUMBERS, TAIL, Frame, Plant
+from sysid.runs import RATE_HZ
+
+Array = NDArray[np.float64]
+
+DT = STRIDE / RATE_HZ
+"""Of the outputs, seconds."""
+TAIL_STEPS = {"delay_s": 2e-3, "natural_frequency_radps": 1e-3, "damping_ratio": 1e-4}
+"""Half the differences that give the duct's slopes: angles are nearly straight in each over so little."""
+
+
+class Discrete(NamedTuple):
+    """x[k+1] = transition x[k] + taps angles[k STRIDE ... (k+1) STRIDE], and the slopes of both by each number."""
+
+    transition: Array
+    """(n, n)"""
+    taps: Array
+    """(n, STRIDE + 1)"""
+    transition_slopes: Array
+    """(numbers, n, n)"""
+    taps_slopes: Array
+    """(numbers, n, STRIDE + 1)"""
+
+
+def discretise(frame: Frame, numbers: Array) -> Discrete:
+    """One output step of the plane, exact for an angle that is straight between samples of the 50 Hz grid."""
+    A, B = plants.equations(frame, numbers)
+    origin = plants.equations(frame, np.zeros(numbers.size))
+    units = [plants.equations(frame, unit) for unit in np.eye(numbers.size)]
+    slopes = np.stack([_held(dA - origin[0], dB - origin[1]) for dA, dB in units])
+    n, m = A.shape[0], A.shape[0] + 2
+    # A straight angle is a state with a constant slope: the last entry is what it gains over the sample.
+    M = _held(A, B)
+    M[n, n + 1] = 1.0
+    dual = np.zeros((numbers.size, 2 * m, 2 * m))
+    dual[:, :m, :m] = dual[:, m:, m:] = M
+    dual[:, m:, :m] = slopes
+    step = expm(dual)
+    over, over_slopes = step[0, :m, :m], step[:, m:, :m]
+    return _blocked(over[:n], over_slopes[:, :n])
+
+
+def _held(A: Array, B: Array) -> Array:
+    """Generator of one sample, (n + 2, n + 2): states, angle, gain of the angle."""
+    n = A.shape[0]
+    M = np.zeros((n + 2, n + 2))
+    M[:n, :n], M[:n, n] = A / RATE_HZ, B / RATE_HZ
+    return M
+
+
+def _blocked(over: Array, slopes: Array) -> Discrete:
+    """STRIDE samples as one step. Value and slope travel together as the stacked pair (x, dx)."""
+    n, count = over.shape[0], slopes.shape[0]
+    pair = np.zeros((count, 2 * n, 2 * n))
+    pair[:, :n, :n] = pair[:, n:, n:] = over[:, :n]
+    pair[:, n:, :n] = slopes[:, :, :n]
+    both = np.concatenate([np.broadcast_to(over, slopes.shape), slopes], axis=1)
+    earlier, later = both[:, :, n] - both[:, :, n + 1], both[:, :, n + 1]
+    taps = np.zeros((count, 2 * n, STRIDE + 1))
+    whole = np.broadcast_to(np.eye(2 * n), pair.shape)
+    for sample in reversed(range(STRIDE)):
+        taps[:, :, sample] += np.einsum("kij,kj->ki", whole, earlier)
+        taps[:, :, sample + 1] += np.einsum("kij,kj->ki", whole, later)
+        whole = whole @ pair
+    parts = whole[0, :n, :n], taps[0, :n], whole[:, n:, :n], taps[:, n:]
+    return Discrete(*(np.ascontiguousarray(part) for part in parts))
+
+
+@kernel
+def _advance(transition: Array, taps: Array, angles: Array, x0: Array) -> Array:
+    """States at every output step, (steps, n)."""
+    n, width = taps.shape
+    steps = (angles.size - 1) // (width - 1) + 1
+    x = np.empty((steps, n))
+    x[0] = x0
+    for k in range(steps - 1):
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += transition[i, j] * x[k, j]
+            for j in range(width):
+                total += taps[i, j] * angles[k * (width - 1) + j]
+            x[k + 1, i] = total
+    return x
+
+
+@kernel
+def _advance_slopes(by: Discrete, angles: Array, x: Array) -> Array:
+    """Slopes of the states ``x`` by each number, (numbers, steps, n), from a start that does not depend on them."""
+    count, n, width = by.taps_slopes.shape
+    slopes = np.zeros((count, x.shape[0], n))
+    for p in range(count):
+        for k in range(x.shape[0] - 1):
+            for i in range(n):
+                total = 0.0
+                for j in range(n):
+                    total += by.transition[i, j] * slopes[p, k, j] + by.transition_slopes[p, i, j] * x[k, j]
+                for j in range(width):
+                    total += by.taps_slopes[p, i, j] * angles[k * (width - 1) + j]
+                slopes[p, k + 1, i] = total
+    return slopes
+
+
+def duct(plant: Plant, command_rad: Array) -> Array:
+    """Duct angle from that of level flight, at every sample of the command."""
+    return np.asarray(greybox.duct_angles(command_rad, plants.actuator(plant), 1.0 / RATE_HZ))
+
+
+def outputs(plant: Plant, by: Discrete, command_rad: Array, x0: Array, count: int) -> Array:
+    """(steps, count): rate, angle and, in pitch, depth, at every STRIDE-th sample, from the state ``x0``."""
+    x = _advance(by.transition, by.taps, duct(plant, command_rad), x0)[:, 1 : 1 + count]
+    x[:, 1] += plants.level_rad(plant)
+    return np.asarray(x)
+
+
+def slopes(plant: Plant, by: Discrete, command_rad: Array, x0: Array, count: int) -> Array:
+    """(values, steps, count): how ``outputs`` change with each value, the starting state held."""
+    numbers = len(NUMBERS[plant.frame.plane])
+    angles, rest = duct(plant, command_rad), np.zeros(x0.size)
+    x = _advance(by.transition, by.taps, angles, x0)
+    found = np.zeros((plant.values.size, x.shape[0], count))
+    found[:numbers] = _advance_slopes(by, angles, x)[:, :, 1 : 1 + count]
+    for i, name in enumerate(TAIL, start=numbers):
+        moved = np.ones(angles.size) if name == "bias_rad" else _duct_slope(plant, command_rad, i, TAIL_STEPS[name])
+        found[i] = _advance(by.transition, by.taps, moved, rest)[:, 1 : 1 + count]
+    if plant.frame.plane == "pitch":
+        found[-1, :, 1] = 1.0
+    return found
+
+
+def _duct_slope(plant: Plant, command_rad: Array, index: int, step: float) -> Array:
+    """By differences: rate limit and stops have no slope of their own."""
+    above, below = plant.values.copy(), plant.values.copy()
+    above[index] += step
+    below[index] = max(below[index] - step, 0.0)
+    raised, lowered = duct(Plant(plant.frame, above), command_rad), duct(Plant(plant.frame, below), command_rad)
+    return (raised - lowered) / (above[index] - below[index])
+
+
+def free(by: Discrete, steps: int, count: int) -> Array:
+    """(steps, count, n): what each starting state leaves in the outputs."""
+    n = by.transition.shape[0]
+    angles = np.zeros((steps - 1) * STRIDE + 1)
+    return np.stack([_advance(by.transition, by.taps, angles, unit)[:, 1 : 1 + count] for unit in np.eye(n)], axis=2)
