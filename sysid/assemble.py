@@ -14,6 +14,7 @@ from sysid.model import (
     PRIOR_SHRINK,
     Coefficient,
     Convergence,
+    Covariance,
     Estimate,
     IdentifiedModel,
     Joint,
@@ -42,7 +43,8 @@ def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
     def derive(z: Array) -> Array:
         return _derived(parameters.vehicle(prior.config, prior.biases_rad, z))
 
-    values, sds = _propagate(derive, found.z, found.covariance)
+    values, spread = _propagate(derive, found.z, found.covariance)
+    sds = np.sqrt(np.diag(spread))
     measured = set(found.experiments)
     return IdentifiedModel(
         format=FORMAT,
@@ -65,6 +67,7 @@ def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
         fit_quality=(),
         held_out=(),
         notes=_notes(found, measured),
+        design={plane: _design(plane, spread) for plane in PLANES},
     )
 
 
@@ -82,11 +85,22 @@ def _derived(vehicle: parameters.Vehicle) -> Array:
 
 
 def _propagate(function: Callable[[Array], Array], z: Array, covariance: Array) -> tuple[Array, Array]:
-    """Value and standard deviation of ``function(z)``, first order, central differences."""
+    """Value and covariance of ``function(z)``, first order, central differences."""
     h = 1e-4
     columns = [(function(z + h * e) - function(z - h * e)) / (2.0 * h) for e in np.eye(z.size)]
     slope = np.column_stack(columns)
-    return function(z), np.sqrt(np.einsum("ij,jk,ik->i", slope, covariance, slope))
+    return function(z), slope @ covariance @ slope.T
+
+
+def _design(plane: Plane, spread: Array) -> Covariance:
+    """Of one plane's numbers, of which yaw has no restoring moment."""
+    chosen = [
+        (i, name)
+        for i, (of, name) in enumerate(_derived_names())
+        if of == plane and (of, name) != ("yaw", "restoring_per_s2")
+    ]
+    index = [i for i, _ in chosen]
+    return Covariance(tuple(name for _, name in chosen), _rows(spread[np.ix_(index, index)]))
 
 
 def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) -> PlaneModel:
@@ -141,6 +155,7 @@ def _vehicle(found: Fit, prior: Prior, prior_name: str) -> Vehicle:
 
     return Vehicle(
         prior=prior_name,
+        mass_kg=config.ballast.mass_kg,
         prior_biases_deg={plane: math.degrees(b) for plane, b in prior.biases_rad.items()},
         net_buoyancy_n=estimate("net_buoyancy", config.ballast.net_buoyancy_n),
         crossflow_cd=estimate("crossflow_cd", config.damping.crossflow_cd),
@@ -234,6 +249,7 @@ def from_paper(found: dict[Plane, PlaneFit], prior: Prior, prior_name: str) -> I
         },
         vehicle=Vehicle(
             prior=prior_name,
+            mass_kg=mass,
             prior_biases_deg={plane: math.degrees(b) for plane, b in prior.biases_rad.items()},
             net_buoyancy_n=Estimate(config.ballast.net_buoyancy_n, 0.0),
             crossflow_cd=Estimate(config.damping.crossflow_cd, 0.0),

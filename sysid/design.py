@@ -15,7 +15,7 @@ from sysid.loops import GRID_RADPS, Gains, Lag, Responses
 from sysid.model import IdentifiedModel, NoiseModel, digest
 from sysid.planes import pitch_plane, yaw_plane
 from sysid.runs import Plane
-from sysid.tables import MASS_KG, TABLE_3_INITIAL, Coefficients
+from sysid.tables import TABLE_3_INITIAL, Coefficients
 
 Array = NDArray[np.float64]
 
@@ -106,7 +106,8 @@ class Plant(NamedTuple):
 def plant(model: IdentifiedModel) -> Plant:
     coefficients = Coefficients(**{name: c.value for name, c in model.coefficients.items()})
     planes = Planes(
-        yaw_plane(coefficients, model.speed_mps, MASS_KG), pitch_plane(coefficients, model.speed_mps, MASS_KG)
+        yaw_plane(coefficients, model.speed_mps, model.vehicle.mass_kg),
+        pitch_plane(coefficients, model.speed_mps, model.vehicle.mass_kg),
     )
 
     def lag(plane: Plane) -> Lag:

@@ -10,9 +10,11 @@ from typing import Literal
 
 import msgspec
 
+from sysid.judge.records import PlaneValidation, Verdict
 from sysid.runs import Plane
 
-FORMAT = 1
+FORMAT = 2
+Method = Literal["map", "paper"]
 Status = Literal["measured", "prior", "unidentifiable"]
 PRIOR_SHRINK = 0.8
 """A coefficient whose posterior is wider than this share of its prior was not measured."""
@@ -63,6 +65,14 @@ class PlaneModel(Record, frozen=True):
     """True duct angle at a command of zero."""
 
 
+class Covariance(Record, frozen=True):
+    """Of several estimates together."""
+
+    names: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+    """Rows and columns in the order of ``names``, in the product of their units."""
+
+
 class NoiseModel(Record, frozen=True):
     """Disturbance and sensor noise of one plane; standard deviations."""
 
@@ -100,6 +110,9 @@ class RunQuality(Record, frozen=True):
     plane: Plane
     prior_mse_deg2ps2: float
     model_mse_deg2ps2: float
+    opening_prior_mse_deg2ps2: float
+    """The same over the first ten seconds: longer, the paper's two models differ by more than its Table 2 allows."""
+    opening_model_mse_deg2ps2: float
     variance_accounted_for: float
     """1 - var(error)/var(rate) of the model."""
 
@@ -131,6 +144,7 @@ class Vehicle(Record, frozen=True):
     """What a simulation of the identified vehicle needs beyond its prior vehicle."""
 
     prior: str
+    mass_kg: float
     prior_biases_deg: dict[Plane, float]
     net_buoyancy_n: Estimate
     crossflow_cd: Estimate
@@ -141,9 +155,20 @@ class Vehicle(Record, frozen=True):
     """Duct angle and pitch (nose up) of level flight."""
 
 
+class Rival(Record, frozen=True):
+    """The same runs fitted by another method, to be set beside the model."""
+
+    method: Method
+    planes: dict[Plane, PlaneModel]
+    coefficients: dict[str, float]
+    rank: int
+    fit_quality: tuple[RunQuality, ...]
+    held_out: tuple[RunQuality, ...]
+
+
 class IdentifiedModel(Record, frozen=True):
     format: int
-    method: Literal["map", "paper"]
+    method: Method
     speed_mps: float
     thrust_fraction: float
     planes: dict[Plane, PlaneModel]
@@ -157,6 +182,18 @@ class IdentifiedModel(Record, frozen=True):
     fit_quality: tuple[RunQuality, ...]
     held_out: tuple[RunQuality, ...]
     notes: tuple[str, ...]
+    design: dict[Plane, Covariance] = {}
+    """Of the numbers in ``planes``, each in the unit of its name; left out where the method gives none."""
+    validation: dict[Plane, PlaneValidation] = {}
+    verdict: Verdict | None = None
+    """Null for a model that nobody judged: one made by the library, not from logs."""
+    beside: tuple[Rival, ...] = ()
+    versions: dict[str, str] = {}
+    """Of the packages that computed it: the same logs and versions give the same bytes."""
+
+
+class _Head(msgspec.Struct):
+    format: int = 0
 
 
 def encode(model: IdentifiedModel) -> bytes:
@@ -179,11 +216,12 @@ def read(path: str | Path) -> IdentifiedModel:
         ModelError: the file is missing, no model, or of another format.
     """
     try:
-        model = msgspec.json.decode(Path(path).read_bytes(), type=IdentifiedModel)
+        text = Path(path).read_bytes()
+        found = msgspec.json.decode(text, type=_Head).format
+        if found != FORMAT:
+            raise ModelError(f"{path}: format = {found}; this version reads format {FORMAT}: refit the logs")
+        return msgspec.json.decode(text, type=IdentifiedModel)
     except OSError as error:
         raise ModelError(f"{path}: {error.strerror}; give a model.json that `ground refit` wrote") from None
     except msgspec.MsgspecError as error:
         raise ModelError(f"{path}: {error}; give a model.json that `ground refit` wrote") from None
-    if model.format != FORMAT:
-        raise ModelError(f"{path}: format = {model.format}; this version reads format {FORMAT}; refit the logs")
-    return model
