@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from sitl.vehicle.kernel import entry_point
 from sysid import greybox
 from sysid.model import Estimate
 from sysid.runs import RATE_HZ
@@ -93,21 +92,11 @@ def duct_angles(record: Record, axis: Axis) -> Array:
     dt = 1.0 / (RATE_HZ * FINE)
     motor = greybox.Actuator(
         axis.delay_s, axis.natural_frequency_radps, axis.damping_ratio, 0.0, record.travel_rad,
-        axis.rate_radps / axis.gain,
+        axis.rate_radps / axis.gain, axis.backlash_rad / axis.gain,
     )  # fmt: skip
-    shaft = axis.gain * greybox.duct_angles(np.repeat(record.command_rad, FINE), motor, dt)
-    grid_s = record.start_s + dt * np.arange(shaft.size)
-    return np.interp(record.time_s, grid_s, _play(shaft, 0.5 * axis.backlash_rad))
-
-
-@entry_point
-def _play(shaft: Array, half_rad: float) -> Array:
-    """The duct stays put until a flank of the shaft takes it along."""
-    duct, at = np.empty(shaft.size), shaft[0]
-    for k in range(shaft.size):
-        at = min(max(at, shaft[k] - half_rad), shaft[k] + half_rad)
-        duct[k] = at
-    return duct
+    duct = axis.gain * greybox.duct_angles(np.repeat(record.command_rad, FINE), motor, dt)
+    grid_s = record.start_s + dt * np.arange(duct.size)
+    return np.interp(record.time_s, grid_s, duct)
 
 
 def fit(record: Record, starts: Sequence[Axis] = (PAPER,)) -> Found:

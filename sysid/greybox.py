@@ -10,22 +10,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle import dynamics, propeller
+from sitl.vehicle import duct, dynamics, hydrodynamics, propeller, restoring
 from sitl.vehicle.kernel import kernel
 from sitl.vehicle.model import Model
-from sitl.vehicle.water import STILL
 from sysid.runs import RATE_HZ, Plane, Run
 
 Array = NDArray[np.float64]
 
 SUBMERGED_Z_M = -50.0
 """Where the plane model flies: far from a surface that no test may touch."""
+AROUND = 6
+"""Columns of a run's surroundings: what the rest of the vehicle does meanwhile."""
 SETTLING_S = 0.5
 """Start of a run over which measured starting values are averaged."""
 
 
 class Actuator(NamedTuple):
-    """Tailcone axis as identified: command -> travel -> delay -> second-order lag -> rate limit -> stops; and bias."""
+    """Tailcone axis as identified: command, travel, delay, second-order lag, rate limit, stops, play; and bias."""
 
     delay_s: float
     natural_frequency_radps: float
@@ -33,6 +34,8 @@ class Actuator(NamedTuple):
     bias_rad: float
     travel_rad: float
     rate_radps: float
+    backlash_rad: float = 0.0
+    """Play between motor and duct, from flank to flank."""
 
 
 class Start(NamedTuple):
@@ -66,8 +69,10 @@ def duct_angles(command: Array, actuator: Actuator, dt: float) -> Array:
     whole = int(late)
     part = late - whole
     angle, rate = command[0], 0.0
+    turned, slack = angle, 0.5 * actuator.backlash_rad
     for k in range(n):
-        angles[k] = angle + actuator.bias_rad
+        turned = min(max(turned, angle - slack), angle + slack)
+        angles[k] = turned + actuator.bias_rad
         newer = min(max(command[max(0, k - whole)], -actuator.travel_rad), actuator.travel_rad)
         older = min(max(command[max(0, k - whole - 1)], -actuator.travel_rad), actuator.travel_rad)
         # A command edge inside the interval: the lag sees the mean, exact to second order in dt.
@@ -85,78 +90,104 @@ def duct_angles(command: Array, actuator: Actuator, dt: float) -> Array:
 
 @kernel
 def _slopes(
-    x: Array, duct_rad: float, rps: float, is_yaw: bool, constrain: Array, model: Model, state: Array, zero: Array,
-    full: Array, out: Array,
-) -> None:  # fmt: skip
-    """Derivative of (u, v, r, psi, -) or (u, w, q, theta, z), paper's axes, the other plane held at rest."""
-    state[:] = 0.0
-    state[7] = x[0]
+    x: Array, duct_rad: float, around: Array, rps: float, is_yaw: bool, inverse: Array, model: Model, out: Array
+) -> None:
+    """Derivative of (u, v, r, psi, -) or (u, w, q, theta, z), paper's axes, in deep and still water.
+
+    ``around`` is what the rest of the vehicle does meanwhile: the other plane's cross speed, rate and pitch (0 where
+    pitch is a state), roll rate, roll, and the other surface's angle.
+    """
+    u, p, roll = x[0], around[3], around[4]
     if is_yaw:
-        state[2] = SUBMERGED_Z_M
-        state[3] = 1.0
-        state[8], state[12] = x[1], x[2]
-        dynamics.derivative(state, duct_rad, 0.0, rps, zero[:6], STILL, model, full)
+        v, r, w, q, theta, rudder, elevator = x[1], x[2], around[0], around[1], around[2], duct_rad, around[5]
     else:
-        state[2] = x[4]
-        state[3], state[5] = math.cos(0.5 * x[3]), math.sin(0.5 * x[3])
-        state[9], state[11] = x[1], x[2]
-        dynamics.derivative(state, 0.0, duct_rad, rps, zero[:6], STILL, model, full)
-    for i in range(3):
-        total = 0.0
-        for j in range(6):
-            total += constrain[i, j] * full[7 + j]
-        out[i] = total
-    out[3] = x[2]
-    out[4] = 0.0 if is_yaw else full[2]
+        w, q, v, r, theta, rudder, elevator = x[1], x[2], around[0], around[1], x[3], around[5], duct_rad
+    level = math.cos(theta)
+    up = (-math.sin(theta), math.sin(roll) * level, math.cos(roll) * level)
+    nu = (u, v, w, p, q, r)
+    axis = duct.ring_axis(model.duct.vectored * rudder, model.duct.vectored * elevator)
+    turning = dynamics.coriolis(nu, model.inertia)
+    static = restoring.wrench(SUBMERGED_Z_M, up[0], up, 1.0, model.hydrostatics, model.stations)
+    across = hydrodynamics.crossflow_drag(v, w, q, r, model.stations)
+    hull = hydrodynamics.lift_and_drag(u, v, w, p, q, r, model.hull)
+    tail = dynamics.tail(nu, axis, rudder, elevator, rps, 1.0, model)
+    turned = hydrodynamics.duct_interaction(u * abs(u), rudder, elevator, model.hull)
+    X = turning[0] + static[0] + across[0] + hull[0] + tail[0] + turned[0]
+    if is_yaw:
+        side = turning[1] + static[1] + across[1] + hull[1] + tail[1] + turned[1]
+        moment = turning[5] + static[5] + across[5] + hull[5] + tail[5] + turned[5]
+        out[3] = (q * math.sin(roll) + r * math.cos(roll)) / level
+        out[4] = 0.0
+    else:
+        side = turning[2] + static[2] + across[2] + hull[2] + tail[2] + turned[2]
+        moment = turning[4] + static[4] + across[4] + hull[4] + tail[4] + turned[4]
+        out[3] = q * math.cos(roll) - r * math.sin(roll)
+        out[4] = up[0] * u + up[1] * v + up[2] * w
+    for k in range(3):
+        out[k] = inverse[k, 0] * X + inverse[k, 1] * side + inverse[k, 2] * moment
 
 
 @kernel
 def integrate(
-    x0: Array, duct: Array, rps: Array, stride: int, dt: float, is_yaw: bool, constrain: Array, model: Model
-) -> Array:
-    """Classical Runge-Kutta over ``stride`` samples a step; rows (u, v|w, rate, angle, z)."""
+    x0: Array, duct: Array, rps: Array, stride: int, dt: float, is_yaw: bool, inverse: Array, model: Model,
+    around: Array | None = None,
+) -> Array:  # fmt: skip
+    """Classical Runge-Kutta over ``stride`` samples a step; rows (u, v|w, rate, angle, z).
+
+    ``inverse`` is the plane's ``constraint``, ``around`` a run's ``surroundings``; without them there are none.
+    """
     rows = (duct.size - 1) // stride + 1
     track = np.empty((rows, 5))
-    state, full, zero, between = np.empty(13), np.empty(13), np.zeros(13), np.empty(5)
-    k1, k2, k3, k4 = np.empty(5), np.empty(5), np.empty(5), np.empty(5)
-    x = x0.copy()
+    slope, between, total = np.empty(5), np.empty(5), np.empty(5)
+    near, x = np.zeros(AROUND), x0.copy()
     track[0] = x
     h = dt * stride
     for row in range(1, rows):
-        a, b = (row - 1) * stride, row * stride
-        middle = 0.5 * (duct[a + stride // 2] + duct[a + (stride + 1) // 2])
-        n = rps[a]
-        _slopes(x, duct[a], n, is_yaw, constrain, model, state, zero, full, k1)
+        a = (row - 1) * stride
+        total[:] = 0.0
+        for stage in range(4):
+            early = a + stride // 2 if 0 < stage < 3 else a + stride * (stage == 3)
+            late = a + (stride + 1) // 2 if 0 < stage < 3 else early
+            if around is not None:
+                for i in range(AROUND):
+                    near[i] = 0.5 * (around[early, i] + around[late, i])
+            reach = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
+            for i in range(5):
+                between[i] = x[i] + reach * slope[i] if stage > 0 else x[i]
+            _slopes(between, 0.5 * (duct[early] + duct[late]), near, rps[a], is_yaw, inverse, model, slope)
+            weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
+            for i in range(5):
+                total[i] += weight * slope[i]
         for i in range(5):
-            between[i] = x[i] + 0.5 * h * k1[i]
-        _slopes(between, middle, n, is_yaw, constrain, model, state, zero, full, k2)
-        for i in range(5):
-            between[i] = x[i] + 0.5 * h * k2[i]
-        _slopes(between, middle, n, is_yaw, constrain, model, state, zero, full, k3)
-        for i in range(5):
-            between[i] = x[i] + h * k3[i]
-        _slopes(between, duct[b], n, is_yaw, constrain, model, state, zero, full, k4)
-        for i in range(5):
-            x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+            x[i] += total[i]
         track[row] = x
     return track
+
+
+@kernel
+def slopes_along(
+    track: Array, duct: Array, rps: Array, is_yaw: bool, inverse: Array, model: Model, around: Array
+) -> Array:
+    """Derivatives of the states at every row of ``track``, whose duct angles, shaft speeds and surroundings match."""
+    out = np.empty_like(track)
+    for row in range(len(track)):
+        _slopes(track[row], duct[row], around[row], rps[row], is_yaw, inverse, model, out[row])
+    return out
 
 
 _IN_PLANE: dict[Plane, list[int]] = {"yaw": [0, 1, 5], "pitch": [0, 2, 4]}
 
 
 def constraint(model: Model, plane: Plane) -> Array:
-    """Matrix (3, 6) from free to confined accelerations: forces of the plane over the plane's own mass matrix."""
+    """(3, 3) from forces in the plane to accelerations: the inverse of the plane's own mass matrix."""
     rows = _IN_PLANE[plane]
-    M = model.inertia.M
-    return np.ascontiguousarray(np.linalg.solve(M[np.ix_(rows, rows)], M[rows, :]))
+    return np.ascontiguousarray(np.linalg.inv(model.inertia.M[np.ix_(rows, rows)]))
 
 
 def accelerations(model: Model, plane: Plane, state: Array, duct_rad: float, rps: float) -> Array:
     """(u', v' or w', rate') at one plane state (u, v|w, rate, angle, z), paper's axes."""
     out = np.empty(5)
-    work = np.empty(13), np.zeros(13), np.empty(13)
-    _slopes(state, duct_rad, rps, plane == "yaw", constraint(model, plane), model, *work, out)
+    _slopes(state, duct_rad, np.zeros(AROUND), rps, plane == "yaw", constraint(model, plane), model, out)
     return out[:3]
 
 
@@ -168,19 +199,31 @@ def measured_start(run: Run) -> Start:
     return Start(float(np.mean(run.rate_radps[:few])), float(angle[0]), float(run.depth_m[0]), slope)
 
 
-def simulate(model: Model, actuator: Actuator, run: Run, start: Start, stride: int, speed_mps: float) -> Motion:
+def first_state(run: Run, start: Start, speed_mps: float) -> Array:
+    """(u, v|w, rate, angle, z) of the run's first sample, the paper's axes."""
+    if run.plane == "yaw":
+        return np.array([speed_mps, 0.0, -start.rate_radps, -start.angle_rad, SUBMERGED_Z_M])
+    theta = start.angle_rad
+    w_frd = (start.depth_rate_mps + speed_mps * math.sin(theta)) / math.cos(theta)
+    return np.array([speed_mps, -w_frd, -start.rate_radps, -theta, SUBMERGED_Z_M])
+
+
+def simulate(
+    model: Model, actuator: Actuator, run: Run, start: Start, stride: int, speed_mps: float,
+    around: Array | None = None,
+) -> Motion:  # fmt: skip
     """The run as the model would have flown it from ``start`` under the run's own commands.
 
-    ``stride`` samples make one integration step: 1 for plots (20 ms), 5 for fitting (0.1 s).
+    ``stride`` samples make one integration step: 1 for plots (20 ms), 5 for fitting (0.1 s). ``around`` are the run's
+    surroundings, where the rest of the vehicle was not at rest.
     """
-    is_yaw = run.plane == "yaw"
-    if is_yaw:
-        x0 = np.array([speed_mps, 0.0, -start.rate_radps, -start.angle_rad, 0.0])
-    else:
-        theta = start.angle_rad
-        w_frd = (start.depth_rate_mps + speed_mps * math.sin(theta)) / math.cos(theta)
-        x0 = np.array([speed_mps, -w_frd, -start.rate_radps, -theta, SUBMERGED_Z_M])
-    duct = duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
-    rps = run.thrust * propeller.rps(1.0, model)
-    track = integrate(x0, duct, rps, stride, 1.0 / RATE_HZ, is_yaw, constraint(model, run.plane), model)
-    return Motion(-track[:, 2], -track[:, 3], start.depth_m - (track[:, 4] - x0[4]), track[:, 0])
+    x0 = first_state(run, start, speed_mps)
+    angles = duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
+    rps, inverse = run.thrust * propeller.rps(1.0, model), constraint(model, run.plane)
+    track = integrate(x0, angles, rps, stride, 1.0 / RATE_HZ, run.plane == "yaw", inverse, model, around)
+    return motion(track, start)
+
+
+def motion(track: Array, start: Start) -> Motion:
+    """A track of states in MAVLink's axes, its depth counted from where the run began."""
+    return Motion(-track[:, 2], -track[:, 3], start.depth_m - (track[:, 4] - SUBMERGED_Z_M), track[:, 0])

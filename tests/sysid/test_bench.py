@@ -158,11 +158,6 @@ def test_a_log_without_a_bench_test_is_refused_with_the_reason(broken: dict[str,
         bench.analyse(log_of(**fields))
 
 
-def test_play_follows_from_flank_to_flank() -> None:
-    shaft = np.array([0.0, 1.0, 3.0, 2.0, 1.0, -4.0])
-    np.testing.assert_allclose(actuator._play(shaft, 1.0), [0.0, 0.0, 2.0, 2.0, 2.0, -3.0])
-
-
 MOVES = [Move(m, 60.0 * n, 60.0 * (n + 1)) for n, m in enumerate((0.0, 0.2, 0.4, 0.0, -0.2, -0.4, 0.0))]
 
 

@@ -23,14 +23,16 @@ def nominal(vehicle: config.VehicleConfig, plane: Plane) -> greybox.Actuator:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("delay_s", [0.3, 0.317, 0.05])
-def test_duct_follows_commands_as_the_tailcone_does(bench: config.VehicleConfig, delay_s: float) -> None:
+@pytest.mark.parametrize(("delay_s", "play_deg"), [(0.3, 0.0), (0.317, 0.0), (0.05, 0.0), (0.3, 2.0)])
+def test_duct_follows_commands_as_the_tailcone_does(
+    bench: config.VehicleConfig, delay_s: float, play_deg: float
+) -> None:
     rng = np.random.default_rng(2)
     command = np.repeat(rng.uniform(-0.3, 0.3, 30), 40)
-    actuator = nominal(bench, "yaw")._replace(delay_s=delay_s)
+    actuator = nominal(bench, "yaw")._replace(delay_s=delay_s, backlash_rad=math.radians(play_deg))
     axis = tailcone.servo(
         natural_frequency_radps=3.0, damping=0.6, delay_s=delay_s, travel_rad=actuator.travel_rad,
-        rate_limit_radps=actuator.rate_radps, bias_rad=0.0, substep_s=0.005,
+        rate_limit_radps=actuator.rate_radps, bias_rad=0.0, substep_s=0.005, backlash_rad=math.radians(play_deg),
     )  # fmt: skip
     state, substeps, expected = tailcone.at_rest(axis), np.empty(4), []
     command[:60] = 0.0
@@ -93,3 +95,10 @@ def test_small_signal_numbers_of_the_paper() -> None:
     assert pitch.b1_per_s2 == pytest.approx(0.46, abs=0.002)
     assert yaw.static_gain_per_s == pytest.approx(1.77, abs=0.02)
     assert yaw.p_fast_per_s < yaw.p_slow_per_s < 0
+
+
+def test_play_follows_from_flank_to_flank() -> None:
+    """Behind a lag so fast that the motor is where it was told a sample ago."""
+    motor = np.array([0.0, 1.0, 3.0, 2.0, 1.0, -4.0, -4.0])
+    found = greybox.duct_angles(motor, greybox.Actuator(0.0, 1e3, 0.7, 0.0, 9.0, 1e3, 2.0), 1.0)
+    np.testing.assert_allclose(found[1:], [0.0, 0.0, 2.0, 2.0, 2.0, -3.0])
