@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sitl import tailcone
 from sitl.vehicle import config
-from sysid import actuator, bench, incline
+from sysid import bench, incline
 from sysid.incline import Move
 from sysid.log import Actuators, Attitude, Depth, Duct, Event, Log, Setpoints
 from sysid.runs import RATE_HZ
