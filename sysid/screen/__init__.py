@@ -1,0 +1,47 @@
+"""Which runs may be fitted, and why the others may not. Every rejection has a name; none rests on residual size.
+
+``screen`` judges by what was commanded and how it began, before any fit; ``sift`` asks the fit of all kept runs for
+anomalies that one of them has and the others have not.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from sysid.runs import Run
+from sysid.screen import approach, rules
+from sysid.screen.cross_plane import cross_plane
+from sysid.screen.limits import Limits as Limits
+from sysid.screen.sift import Verdict as Verdict
+from sysid.screen.sift import sift as sift
+
+
+class Screening(NamedTuple):
+    run: Run
+    kept: bool
+    reasons: tuple[str, ...]
+    """Each "name: figures"; empty for a kept run."""
+    verdict: Verdict | None = None
+    """What the fit of the kept runs said of this one; None where it was not asked."""
+
+
+def screen(runs: Sequence[Run], limits: Limits | None = None) -> list[Screening]:
+    """Judge every run by itself, by the sea before all of them, and by its other plane."""
+    limits = limits or Limits()
+    rough = {p: approach.typical_roughness_radps([r for r in runs if r.plane == p]) for p in ("yaw", "pitch")}
+    screenings = []
+    for run in runs:
+        found = (
+            rules.gap(run, limits),
+            rules.clock(run, limits),
+            rules.aborted(run, limits),
+            rules.saturation(run, limits),
+            rules.unsteady_start(run, approach.usual(run, runs, limits)),
+            rules.disturbance(run, limits, rough[run.plane]),
+            rules.speed_off(run, limits),
+            cross_plane(run, limits, runs),
+            rules.turning(run, limits),
+            rules.sinking(run, limits),
+        )
+        reasons = tuple(reason for reason in found if reason)
+        screenings.append(Screening(run, not reasons, reasons))
+    return screenings

@@ -1,0 +1,198 @@
+"""From test statistics to decisions: which runs to leave out, which to look at, and what is the model's own fault."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sysid.fit import Fit, Prior
+from sysid.runs import Plane
+from sysid.screen import evidence
+from sysid.screen.evidence import Evidence, Exhibit
+from sysid.screen.repeat import partners, repeatability
+from sysid.screen.score import Anomaly, Scores, scores
+from sysid.screen.signature import GUST_S, Kind
+
+FALSE_ALARM = 0.01
+"""Share of clean runs that are flagged, over all kinds of anomaly and all times."""
+FAMILY = 0.05
+"""Share of clean campaigns that lose a run (Holm 1979)."""
+LEAST_RUNS = 2
+"""Of a plane; nothing is dropped below that."""
+LARGEST_SHARE = 1.0 / 3.0
+"""Of a plane's runs that may be dropped: when more differ, it is the model or the vehicle that changed."""
+AS_LARGE = 0.75
+"""A run of this share of another's size would show what grows with size."""
+STRUCTURE = 3.0
+"""Standard deviations from which on growth with size is told."""
+
+
+MATTERS: dict[Kind, float] = {
+    "actuator slip": 0.2,
+    "actuator offset": 0.2,
+    "gain error": 3.0,
+    "gust": 0.2,
+    "speed off": 5.0,
+}
+"""Sizes, each in its unit, below which an anomaly is told but harms no fit: the play of a tailcone, for one."""
+
+
+class Verdict(NamedTuple):
+    """What the joint fit says of one run that was in it."""
+
+    run: str
+    scores: Scores
+    repeat: Scores | None
+    """Of the difference from matched runs; None without any."""
+    reason: str
+    """Why it should be left out; empty where it should not."""
+    warnings: tuple[str, ...]
+
+
+class Sifting(NamedTuple):
+    verdicts: tuple[Verdict, ...]
+    structure: tuple[str, ...]
+    """What the model itself explains badly, in all runs of a plane."""
+
+
+class _Tested(NamedTuple):
+    exhibit: Exhibit
+    scores: Scores
+    repeat: Scores | None
+    partners: tuple[str, ...]
+
+
+def sift(found: Fit, prior: Prior) -> Sifting:
+    """Ask the joint fit for anomalies of single runs. The worst is set aside first: it colours what others show."""
+    exhibits = evidence.gather(found, prior)
+    kept, out = list(exhibits), dict[str, Verdict]()
+    while True:
+        weighed = evidence.weigh(kept, found, prior)
+        tested = [_test(exhibit, weighed) for exhibit in kept]
+        worst = _worst(tested, exhibits)
+        if worst is None:
+            break
+        name = _name(worst.exhibit)
+        out[name] = Verdict(name, worst.scores, worst.repeat, _reason(worst), ())
+        kept = [exhibit for exhibit in kept if exhibit is not worst.exhibit]
+    staying = {_name(t.exhibit): _stays(t, tested) for t in tested}
+    verdicts = {**staying, **out}
+    return Sifting(tuple(verdicts[_name(e)] for e in exhibits), _structure(weighed, found))
+
+
+def _test(exhibit: Exhibit, weighed: Evidence) -> _Tested:
+    found = scores(exhibit.signatures, weighed.left(exhibit), exhibit.slopes, weighed.covariance)
+    matched = tuple(_name(e) for e in partners(exhibit, weighed.exhibits))
+    return _Tested(exhibit, found, repeatability(exhibit, weighed), matched)
+
+
+def _worst(tested: Sequence[_Tested], exhibits: Sequence[Exhibit]) -> _Tested | None:
+    """The run to leave out next: the surest by Holm's procedure whose anomaly matters and is not the model's."""
+    suspects = sorted(tested, key=_p_value)
+    for rank, suspect in enumerate(suspects):
+        if _p_value(suspect) > min(FALSE_ALARM, FAMILY / (len(suspects) - rank)):
+            return None
+        if _matters(_blamed(suspect)) and not _shared(suspect, tested) and _spared(suspect, tested, exhibits):
+            return suspect
+    return None
+
+
+def _p_value(t: _Tested) -> float:
+    """Of both tests, where there are enough matched runs to say which of them is the odd one."""
+    if t.repeat is None or len(t.partners) < 2:
+        return t.scores.p_value
+    return min(1.0, 2.0 * min(t.scores.p_value, t.repeat.p_value))
+
+
+def _blamed(t: _Tested) -> Anomaly:
+    return t.scores.anomalies[0] if _by_scores(t) or t.repeat is None else t.repeat.anomalies[0]
+
+
+def _by_scores(t: _Tested) -> bool:
+    return t.repeat is None or len(t.partners) < 2 or t.scores.p_value <= t.repeat.p_value
+
+
+def _matters(anomaly: Anomaly) -> bool:
+    return abs(anomaly.size) >= MATTERS[anomaly.kind]
+
+
+def _shared(t: _Tested, tested: Sequence[_Tested]) -> bool:
+    """Whether structure could be at fault: no test as large is clean. It grows with size; an anomaly does not."""
+    return _by_scores(t) and not any(other.scores.p_value > FALSE_ALARM for other in _as_large(t, tested))
+
+
+def _as_large(t: _Tested, tested: Sequence[_Tested]) -> list[_Tested]:
+    run, least = t.exhibit.experiment.run, AS_LARGE * t.exhibit.size_rad
+    return [
+        o for o in tested if o is not t and o.exhibit.experiment.run.plane == run.plane and o.exhibit.size_rad >= least
+    ]
+
+
+def _spared(t: _Tested, tested: Sequence[_Tested], exhibits: Sequence[Exhibit]) -> bool:
+    """Whether the plane can do without one more run."""
+    plane = t.exhibit.experiment.run.plane
+    there = sum(e.experiment.run.plane == plane for e in exhibits)
+    left = sum(o.exhibit.experiment.run.plane == plane for o in tested) - 1
+    return left >= max(LEAST_RUNS, math.ceil((1.0 - LARGEST_SHARE) * there))
+
+
+def _reason(t: _Tested) -> str:
+    what = told(_blamed(t), t.exhibit.experiment.run.plane)
+    return what if _by_scores(t) else f"non-repeatability: unlike {', '.join(t.partners)}, as if by {what}"
+
+
+def _stays(t: _Tested, tested: Sequence[_Tested]) -> Verdict:
+    plane, warnings = t.exhibit.experiment.run.plane, []
+    if t.scores.p_value <= FALSE_ALARM:
+        cause = "structure" if _shared(t, tested) and _as_large(t, tested) else "suspect"
+        warnings.append(f"{cause}: {told(t.scores.anomalies[0], plane)}; {_why_kept(t, tested)}")
+    if t.repeat is not None and t.repeat.p_value <= FALSE_ALARM:
+        what = told(t.repeat.anomalies[0], plane)
+        warnings.append(f"non-repeatability: unlike {', '.join(t.partners)}, as if by {what}")
+    return Verdict(_name(t.exhibit), t.scores, t.repeat, "", tuple(warnings))
+
+
+def _why_kept(t: _Tested, tested: Sequence[_Tested]) -> str:
+    if not _matters(t.scores.anomalies[0]):
+        return "too small to matter"
+    if not _as_large(t, tested):
+        return "no other test is as large, so it may be the model's structure: fly it again"
+    if _shared(t, tested):
+        return "every test as large shows something, so it is the model's structure"
+    return f"chance would show it in {t.scores.p_value:.2%} of clean runs"
+
+
+def told(anomaly: Anomaly, plane: Plane) -> str:
+    """The anomaly in words, with its size, one standard deviation and its time."""
+    surface = "rudder" if plane == "yaw" else "elevator"
+    size, sd = abs(anomaly.size), anomaly.sd
+    about = f"{size:.2f} +- {sd:.2f} deg"
+    share = f"{size:.0f} +- {sd:.0f} %"
+    more = anomaly.size > 0.0
+    match anomaly.kind:
+        case "actuator slip":
+            what = f"{surface} jumped by {math.copysign(1.0, anomaly.size) * size:+.2f} +- {sd:.2f} deg"
+        case "actuator offset":
+            what = f"{surface} {about} {'above' if more else 'below'} where the other runs have it"
+        case "gain error":
+            what = f"{surface} moved {share} {'more' if more else 'less'} than in the other runs"
+        case "gust":
+            what = f"a push of {anomaly.size:+.2f} +- {sd:.2f} deg/s2 for {GUST_S:g} s"
+        case "speed off":
+            what = f"{share} {'faster' if more else 'slower'} than thrust says of the other runs"
+    return f"{anomaly.kind}: {what}" + (f" at {anomaly.at_s:.1f} s" if anomaly.at_s is not None else "")
+
+
+def _structure(weighed: Evidence, found: Fit) -> tuple[str, ...]:
+    """Growth of the answer with the size of the test, where it is sure."""
+    growth, sd = weighed.shift[-2:], np.sqrt(np.diag(weighed.covariance)[-2:])
+    return tuple(
+        f"structure: the largest {plane} test is answered by {100 * g:+.0f} +- {100 * s:.0f} % of what the model says"
+        for plane, g, s in zip(("yaw", "pitch"), growth, sd, strict=True)
+        if plane in found.experiments and abs(g) > STRUCTURE * s
+    )
+
+
+def _name(exhibit: Exhibit) -> str:
+    return exhibit.experiment.run.name
