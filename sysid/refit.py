@@ -33,7 +33,9 @@ class RefitError(ValueError):
     """Logs or a prior that cannot be used: one line saying which, and what would be right."""
 
 
-class _Belief(NamedTuple):
+class Belief(NamedTuple):
+    """What is known of a vehicle before its tests: its file, and the model that an earlier refit made of it."""
+
     config: VehicleConfig
     name: str
     earlier: IdentifiedModel | None
@@ -64,7 +66,7 @@ def refit(
         LogError, VehicleError, ModelError, RefitError: bad input, each in one line.
     """
     report = progress or (lambda what, share: None)
-    belief = _belief(prior)
+    belief = belief_in(prior)
     read = _read(paths, outputs, lambda share: report("read logs", 0.1 * share))
     unseen = _read(held_out, outputs, lambda share: None)
     _refuse_lost(marks, [log.name for log in (*read, *unseen)])
@@ -106,13 +108,14 @@ def identify(
     return msgspec.structs.replace(model, fit_quality=predict.quality(model, kept, prior))
 
 
-def _belief(prior: str | Path) -> _Belief:
+def belief_in(prior: str | Path) -> Belief:
+    """``bench``, a vehicle file, or a ``model.json``. Raises VehicleError, ModelError, RefitError."""
     if str(prior).endswith(".json"):
         earlier = models.read(prior)
         if earlier.method != "map":
             raise RefitError(f"{prior}: method = {earlier.method!r}; a prior must be a model of method 'map'")
-        return _Belief(vehicle_files.load(earlier.vehicle.prior), earlier.vehicle.prior, earlier)
-    return _Belief(vehicle_file(prior), str(prior) if prior == "bench" else Path(prior).name, None)
+        return Belief(vehicle_files.load(earlier.vehicle.prior), earlier.vehicle.prior, earlier)
+    return Belief(vehicle_file(prior), str(prior) if prior == "bench" else Path(prior).name, None)
 
 
 def vehicle_file(prior: str | Path) -> VehicleConfig:
