@@ -54,6 +54,16 @@ class Sensors(NamedTuple):
     gyro_bias_radps: float = math.radians(0.02)
 
 
+class Fault(NamedTuple):
+    """What a surface does that its command does not tell."""
+
+    gain: float = 1.0
+    """Of its departures from trim."""
+    slip_rad: float = 0.0
+    slip_s: float = 0.0
+    """Since the test began."""
+
+
 def accelerations(seconds: float, level: float, rng: np.random.Generator) -> Array:
     """(samples, 2): about pitch and yaw, rad/s^2: a 3 s Gauss-Markov process and a 0.15 Hz band, by Euler-Maruyama."""
     n = int(seconds * RATE_HZ)
@@ -82,7 +92,7 @@ def _coloured(draws, slow, wave, speed, omega, zeta):
 @numba.njit(cache=True)
 def _fly(
     model, rudder_axis, elevator_axis, rudder_state, elevator_state, rudder_test, elevator_test, trim, travel, hold,
-    moments, rps, speed,
+    moments, rps, speed, gains, slips,
 ):  # fmt: skip
     """Ticks of (time index): rates, angles, depth, commands. The loops hold heading 0 and DEPTH_M."""
     n = rudder_test.size
@@ -110,6 +120,8 @@ def _fly(
         rudder, elevator = min(max(rudder, -travel), travel), min(max(elevator, -travel), travel)
         log[k] = np.array([p, q, r, roll, theta, psi, depth, rudder, elevator])
         disturbance[4], disturbance[5] = moments[k, 0], moments[k, 1]
+        rudder = trim[0] + gains[0] * (rudder - trim[0]) + slips[k, 0]
+        elevator = trim[1] + gains[1] * (elevator - trim[1]) + slips[k, 1]
         tailcone.advance(rudder_axis, rudder_state, rudder, rudder_angle)
         tailcone.advance(elevator_axis, elevator_state, elevator, elevator_angle)
         for i in range(SUBSTEPS):
@@ -129,11 +141,13 @@ def fly_tests(
     trim_rad: tuple[float, float] = (0.0, 0.0),
     hold: Hold | None = None,
     sea_radps2: Array | None = None,
+    faults: tuple[Fault, Fault] = (Fault(), Fault()),
 ) -> Array:
     """(samples, 9) measured from PREROLL_S before the tests on, 50 Hz: p, q, r, roll, pitch, heading (rad and rad/s),
     depth (m), and rudder and elevator as commanded (rad).
 
-    ``sea_radps2``, (SETTLE_S and the tests, 2), takes the place of the usual sea about pitch and yaw.
+    ``sea_radps2``, (SETTLE_S and the tests, 2), takes the place of the usual sea about pitch and yaw; ``faults`` are
+    the rudder's and the elevator's.
     """
     sensors = sensors or Sensors()
     settling = np.full(int(SETTLE_S * RATE_HZ), np.nan)
@@ -142,10 +156,12 @@ def fly_tests(
     tail, point = vehicle.tailcone, vehicle.operating_point
     axes = [tailcone.of_vehicle(tail, bias, DT / SUBSTEPS) for bias in (tail.rudder_bias_deg, tail.elevator_bias_deg)]
     pushed = accelerations(signals[0].size / RATE_HZ, level, rng) if sea_radps2 is None else sea_radps2
+    since_s = np.arange(signals[0].size) / RATE_HZ - SETTLE_S
+    slips = np.column_stack([np.where(since_s >= fault.slip_s, fault.slip_rad, 0.0) for fault in faults])
     log = _fly(
         model, *axes, *map(tailcone.at_rest, axes), *signals, np.array(trim_rad), math.radians(tail.travel_deg),
         hold or Hold(), pushed * np.diag(model.inertia.M)[4:6], propeller.rps(point.thrust_fraction, model),
-        point.speed_mps,
+        point.speed_mps, np.array([fault.gain for fault in faults]), slips,
     )  # fmt: skip
     log = log[settling.size - int(PREROLL_S * RATE_HZ) :]
     log[:, :3] += sensors.gyro_bias_radps * rng.standard_normal(3)
@@ -168,13 +184,18 @@ def fly(
     trim_rad: tuple[float, float] = (0.0, 0.0),
     hold: Hold | None = None,
     sea_radps2: Array | None = None,
+    fault: Fault | None = None,
 ) -> Run:
-    """One test of ``signal_rad`` (50 Hz, relative to trim) as identification would receive it."""
+    """One test of ``signal_rad`` (50 Hz, relative to trim) as identification would receive it.
+
+    ``fault`` is the tested surface's.
+    """
     closed = np.full(signal_rad.size, np.nan)
     tests = Tests(signal_rad, closed) if plane == "yaw" else Tests(closed, signal_rad)
+    sound, tested = Fault(), fault or Fault()
     log = fly_tests(
         vehicle, tests, rng=np.random.default_rng(seed), level=level, sensors=sensors, trim_rad=trim_rad, hold=hold,
-        sea_radps2=sea_radps2,
+        sea_radps2=sea_radps2, faults=(tested, sound) if plane == "yaw" else (sound, tested),
     )  # fmt: skip
     return run_of(log, vehicle, plane, signal_rad, name=name, wave=wave, trim_rad=trim_rad)
 
