@@ -52,7 +52,7 @@ def between(vehicle: Vehicle, first: Vehicle, run: Run, model: IdentifiedModel) 
     """As ``predict``, the two vehicles already at hand."""
     flown = run.since(-LEAD_S)
     before = motion(first, flown)
-    after = paper.motion(model, flown) if model.method == "paper" else motion(vehicle, flown)
+    after = of_model(model, vehicle, flown)
     angle = run.heading_rad if run.plane == "yaw" else run.pitch_rad
 
     def whole(measured: Array, simulated: Array) -> Array:
@@ -72,8 +72,14 @@ def vehicles(model: IdentifiedModel, prior: VehicleConfig | None = None) -> tupl
     """The identified vehicle and its prior."""
     config = prior or vehicle_files.load(model.vehicle.prior)
     biases: dict[Plane, float] = {plane: math.radians(b) for plane, b in model.vehicle.prior_biases_deg.items()}
-    identified = parameters.vehicle(config, biases, np.array(model.joint.z))
-    return identified, parameters.vehicle(config, biases, np.zeros(len(NAMES)))
+    known = dict(zip(model.joint.names, model.joint.z, strict=True))
+    z = np.array([known.get(name, 0.0) for name in NAMES])
+    return parameters.vehicle(config, biases, z), parameters.vehicle(config, biases, np.zeros(len(NAMES)))
+
+
+def of_model(model: IdentifiedModel, vehicle: Vehicle, run: Run) -> greybox.Motion:
+    """The run by a model, whose identified vehicle is at hand: the paper's way knows linear planes only."""
+    return paper.motion(model, run) if model.method == "paper" else motion(vehicle, run)
 
 
 def motion(vehicle: Vehicle, run: Run) -> greybox.Motion:

@@ -67,10 +67,14 @@ class Excess(Record, frozen=True):
     """Mean squared error less floor; below zero by chance where the model leaves nothing but noise."""
     excess_sd_deg2ps2: float | None
     theil: Theil
+    whiteness_p: float | None
+    """Probability, in white noise, of periodograms as uneven as those of all these runs (Fisher's combination)."""
+    new_types: int
+    """How many of the runs have a wave form that no fitted run of the plane had."""
 
 
 class Overlay(Record, frozen=True):
-    """Rate over command by spectral estimate, and the model's by the same estimate from the same commands.
+    """Rate over command as the runs show it, and as the model has it for small motion.
 
     One entry for each frequency; phase is continuous, delay included.
     """

@@ -1,0 +1,117 @@
+"""Where a model's loops cross unit gain, and how sure it is of gain and phase there: the delta method on its loop."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid import fit, loops, planes
+from sysid.judge.records import Crossover
+from sysid.loops import GRID_RADPS, Gains, Lag
+from sysid.parameters import Vehicle
+from sysid.runs import Plane
+from sysid.tables import TABLE_3_INITIAL
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+LOOPS: dict[Plane, tuple[str, str]] = {"yaw": ("rudder", "HDG"), "pitch": ("elevator", "PTCH")}
+"""Where a plane's loop is opened, and how the names of its gains begin."""
+STEP = 1e-3
+"""Of the central differences, in prior standard deviations."""
+CARIBOU_TURN_PER_S2 = 0.482
+"""Angular acceleration per radian of duct of the vehicle that Table 3's initial gains were made for."""
+
+
+class Believed(NamedTuple):
+    """A vehicle that depends on z, where z is thought to lie, and how surely."""
+
+    vehicle: Callable[[Array], Vehicle]
+    z: Array
+    covariance: Array | None
+    """None where nobody knows."""
+
+
+def response(vehicle: Vehicle, plane: Plane) -> ComplexArray:
+    """From command to rate on ``GRID_RADPS``, small motion, without the autopilot's own sampling."""
+    return np.asarray(_responses(vehicle, plane, 0.0).command[:, 1])
+
+
+def _responses(vehicle: Vehicle, plane: Plane, more_delay_s: float) -> loops.Responses:
+    actuator = vehicle.actuators[plane]
+    lag = Lag(actuator.delay_s + more_delay_s, actuator.natural_frequency_radps, actuator.damping_ratio)
+    return loops.responses(fit.linear_plane(vehicle, plane), lag)
+
+
+def loop(vehicle: Vehicle, plane: Plane, gains: Gains) -> ComplexArray:
+    """The plane's loop, opened at its surface, on ``GRID_RADPS``."""
+    found = _responses(vehicle, plane, loops.SAMPLING_S)
+    cuts = loops.heading_loops(found, gains) if plane == "yaw" else loops.depth_loops(found, gains)
+    return cuts[LOOPS[plane][0]]
+
+
+def gains_for(first: Vehicle) -> dict[str, float]:
+    """Gains to judge by where those aboard are not known: the prototype's, as much weaker as the tail is livelier."""
+    gains = dict(TABLE_3_INITIAL)
+    for plane, (_, prefix) in LOOPS.items():
+        turn = planes.small_signal(fit.linear_plane(first, plane)).b1_per_s2
+        for part in ("P", "D", "I"):
+            gains[f"{prefix}_{part}"] *= CARIBOU_TURN_PER_S2 / turn
+    return gains
+
+
+def crossover(believed: Believed, plane: Plane, gains: Gains) -> Crossover | None:
+    """Under ``gains``, by name as in Table 3; None where the loop never reaches unit gain."""
+    nominal = loop(believed.vehicle(believed.z), plane, gains)
+    margins = loops.margins(nominal)
+    if not (math.isfinite(margins.crossover_radps) and math.isfinite(margins.pm_deg)):
+        return None
+    turns = np.unwrap(np.angle(nominal))
+
+    def figures(z: Array) -> Array:
+        """Crossover, phase margin, and gain and phase at the nominal crossover, dB and degrees."""
+        moved = loop(believed.vehicle(z), plane, gains)
+        found = loops.margins(moved)
+        phase = turns + np.angle(moved / nominal)
+        return np.array([
+            found.crossover_radps, found.pm_deg,
+            np.interp(margins.crossover_radps, GRID_RADPS, 20.0 * np.log10(np.abs(moved))),
+            math.degrees(float(np.interp(margins.crossover_radps, GRID_RADPS, phase))),
+        ])  # fmt: skip
+
+    sds: list[float] | list[None] = [None] * 4
+    if believed.covariance is not None:
+        sds = spread(figures, believed.z, believed.covariance).tolist()
+    return Crossover(
+        loop="rudder" if plane == "yaw" else "elevator",
+        crossover_radps=margins.crossover_radps,
+        crossover_sd_radps=sds[0],
+        gain_sd_db=sds[2],
+        phase_sd_deg=sds[3],
+        pm_deg=margins.pm_deg,
+        pm_sd_deg=sds[1],
+    )
+
+
+def spread(function: Callable[[Array], Array], z: Array, covariance: Array) -> Array:
+    """Standard deviation of ``function(z)``, first order, central differences along the covariance's own axes."""
+    values, axes = np.linalg.eigh(covariance)
+    steps = [math.sqrt(v) * axis for v, axis in zip(np.maximum(values, 0.0), axes.T, strict=True)]
+    moves = [(function(z + STEP * s) - function(z - STEP * s)) / (2.0 * STEP) for s in steps if np.any(s)]
+    return np.asarray(np.sqrt(np.sum(np.square(moves), axis=0)))
+
+
+def band(believed: Believed, plane: Plane) -> tuple[Array, Array]:
+    """Standard deviation of ``response`` on its grid, dB and degrees; zeros where nobody knows."""
+    nominal = response(believed.vehicle(believed.z), plane)
+    if believed.covariance is None:
+        return np.zeros(nominal.size), np.zeros(nominal.size)
+
+    def figures(z: Array) -> Array:
+        ratio = response(believed.vehicle(z), plane) / nominal
+        return np.concatenate([20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))])
+
+    gain_db, phase_deg = np.split(spread(figures, believed.z, believed.covariance), 2)
+    return gain_db, phase_deg
