@@ -11,15 +11,14 @@ out.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
-from scipy.optimize import minimize
 
-from sitl.vehicle.kernel import kernel
+from sysid.innovations import riccati, whiten, whiten_block
 from sysid.planes import LinearPlane
 
 Array = NDArray[np.float64]
@@ -43,6 +42,11 @@ class Noise(NamedTuple):
 BELIEF = Noise(1.0, 1.0, 1.0, 1.0, 0.3, 1.0, 0.1, 0.3, 1.0)
 """Prior standard deviation of the logarithm of each level: the shape of the spectrum is known better than its size."""
 
+MOST_SCORINGS = 30
+ENOUGH = 0.02
+"""Fall of the negative log-likelihood that is not worth another step of the noise's search."""
+DIFFERENCE = 1e-4
+"""Step of its slopes, in logarithms."""
 LEAST_DEPTH_NOISE_M = 0.01
 """Depth comes as the vehicle's own filtered estimate: smooth to a millimetre, but off by more while it manoeuvres, in
 step with what is being identified. Believed to the millimetre it moved every coefficient of pitch by 1 to 3 sd."""
@@ -68,7 +72,7 @@ def build(plane: LinearPlane, noise: Noise, dt: float, samples: int) -> Filter:
     """The filter that whitens residuals of rate, angle and (in pitch) depth, sampled every ``dt`` seconds."""
     A, density, C, R, P0 = system(plane, noise)
     transition, process = discrete(A, density, dt)
-    gains, whiteners, log_dets = _riccati(transition, process, C, R, P0, samples)
+    gains, whiteners, log_dets = riccati(transition, process, C, R, P0, samples)
     return Filter(transition, C, gains, whiteners, log_dets)
 
 
@@ -107,57 +111,9 @@ def system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array
     return A, density, C, R, np.diag(spread) ** 2
 
 
-@kernel
-def _riccati(A: Array, Q: Array, C: Array, R: Array, P0: Array, samples: int) -> tuple[Array, Array, Array]:
-    """Gains, whiteners and log determinants of the filter, which repeats its last gain once it has settled."""
-    n, outputs = A.shape[0], C.shape[0]
-    gains = np.empty((samples, n, outputs))
-    whiteners = np.empty((samples, outputs, outputs))
-    log_dets = np.empty(samples)
-    P = P0.copy()
-    settled = False
-    for k in range(samples):
-        if settled:
-            gains[k], whiteners[k], log_dets[k] = gains[k - 1], whiteners[k - 1], log_dets[k - 1]
-            continue
-        PC = P @ C.T
-        L = np.linalg.cholesky(C @ PC + R)
-        W = np.linalg.inv(L)
-        K = PC @ (W.T @ W)
-        gains[k], whiteners[k] = K, W
-        log_dets[k] = 2.0 * np.sum(np.log(np.diag(L)))
-        P = A @ (P - K @ PC.T) @ A.T + Q
-        P = 0.5 * (P + P.T)
-        if k > 0:
-            settled = np.max(np.abs(K - gains[k - 1])) < 1e-9 * np.max(np.abs(K))
-    return gains, whiteners, log_dets
-
-
-@kernel
-def whiten(residual: Array, transition: Array, output: Array, gains: Array, whiteners: Array) -> Array:
-    """Normalised innovations, (samples, outputs): white and of unit variance if the noise model holds."""
-    samples, outputs = residual.shape
-    n = transition.shape[0]
-    white = np.empty((samples, outputs))
-    x, updated, e = np.zeros(n), np.empty(n), np.empty(outputs)
-    for k in range(samples):
-        for i in range(outputs):
-            e[i] = residual[k, i]
-            for j in range(n):
-                e[i] -= output[i, j] * x[j]
-        for i in range(outputs):
-            white[k, i] = 0.0
-            for j in range(i + 1):
-                white[k, i] += whiteners[k, i, j] * e[j]
-        for i in range(n):
-            updated[i] = x[i]
-            for j in range(outputs):
-                updated[i] += gains[k, i, j] * e[j]
-        for i in range(n):
-            x[i] = 0.0
-            for j in range(n):
-                x[i] += transition[i, j] * updated[j]
-    return white
+def whitened_block(block: Array, by: Filter) -> Array:
+    """(samples, outputs, columns): each column whitened as a residual of its own."""
+    return whiten_block(np.ascontiguousarray(block), by.transition, by.output, by.gains, by.whiteners)
 
 
 def whitened(residual: Array, by: Filter) -> Array:
@@ -169,17 +125,63 @@ def cost(residuals: Sequence[Array], by: Filter) -> float:
     return sum(0.5 * float(np.sum(whitened(r, by) ** 2) + np.sum(by.log_dets[: len(r)])) for r in residuals)
 
 
+class _Whitened(NamedTuple):
+    """Residuals under candidate levels, all runs end to end."""
+
+    innovations: Array
+    log_scales: Array
+    """Logarithms of the whiteners' diagonals, one beside each innovation."""
+    cost: float
+    """With what ``BELIEF`` says of the levels."""
+
+
 def estimate(plane: LinearPlane, residuals: Sequence[Array], dt: float, start: Noise) -> Noise:
-    """Levels that make the residuals most likely, given ``BELIEF`` about the default ones."""
-    samples = max(len(residual) for residual in residuals)
-    mean = np.log(Noise())
+    """Levels that make the residuals most likely, given ``BELIEF`` about the default ones.
 
-    def objective(log_levels: Array) -> float:
-        by = build(plane, Noise(*np.exp(log_levels)), dt, samples)
-        return cost(residuals, by) + 0.5 * float(np.sum(((log_levels - mean) / BELIEF) ** 2))
+    Fisher scoring on the logarithms: the information of a Gaussian record is the outer product of its innovations'
+    slopes and of the logarithms' of their scales (Gupta and Mehra 1974, IEEE Trans. AC 19, eq.
+    32, written for a triangular root).
+    """
+    samples, mean, precision = max(len(r) for r in residuals), np.log(Noise()), 1.0 / np.array(BELIEF) ** 2
+    lowest, highest = mean - 4.0 * np.array(BELIEF), mean + 4.0 * np.array(BELIEF)
+    lowest[Noise._fields.index("depth_m")] = math.log(LEAST_DEPTH_NOISE_M)
 
-    bounds = [(m - 4.0 * sd, m + 4.0 * sd) for m, sd in zip(mean, BELIEF, strict=True)]
-    depth = Noise._fields.index("depth_m")
-    bounds[depth] = (math.log(LEAST_DEPTH_NOISE_M), bounds[depth][1])
-    found = minimize(objective, np.log(start), method="L-BFGS-B", bounds=bounds, options={"maxiter": 40, "ftol": 1e-7})
-    return Noise(*(float(level) for level in np.exp(found.x)))
+    def at(levels: Array) -> _Whitened:
+        by = build(plane, Noise(*np.exp(levels)), dt, samples)
+        innovations = np.concatenate([whitened(r, by).ravel() for r in residuals])
+        scales = np.log(np.diagonal(by.whiteners, axis1=1, axis2=2))
+        log_scales = np.concatenate([scales[: len(r)].ravel() for r in residuals])
+        away = levels - mean
+        fit = 0.5 * float(innovations @ innovations) - float(np.sum(log_scales))
+        return _Whitened(innovations, log_scales, fit + 0.5 * float(away @ (precision * away)))
+
+    levels = np.clip(np.log(start), lowest, highest)
+    here = at(levels)
+    for _ in range(MOST_SCORINGS):
+        step, promised = _scoring_step(at, here, levels, precision * (levels - mean), precision, (lowest, highest))
+        if promised < ENOUGH:
+            break
+        while (there := at(levels + step)).cost > here.cost and promised > ENOUGH:
+            step, promised = 0.3 * step, 0.3 * promised
+        if there.cost > here.cost:
+            break
+        levels, here = levels + step, there
+    return Noise(*(float(level) for level in np.exp(levels)))
+
+
+def _scoring_step(
+    at: Callable[[Array], _Whitened], here: _Whitened, levels: Array, pull: Array, precision: Array,
+    bounds: tuple[Array, Array],
+) -> tuple[Array, float]:  # fmt: skip
+    """A step within the bounds and the fall of the cost that it promises."""
+    moved = [at(levels + DIFFERENCE * unit) for unit in np.eye(levels.size)]
+    D = np.column_stack([(m.innovations - here.innovations) / DIFFERENCE for m in moved])
+    B = np.column_stack([(m.log_scales - here.log_scales) / DIFFERENCE for m in moved])
+    slope = D.T @ here.innovations - np.sum(B, axis=0) + pull
+    information = D.T @ D + B.T @ B + np.diag(precision)
+    lowest, highest = bounds
+    free = ~(((levels <= lowest) & (slope > 0.0)) | ((levels >= highest) & (slope < 0.0)))
+    step = np.zeros(levels.size)
+    step[free] = -np.linalg.solve(information[np.ix_(free, free)], slope[free])
+    step = np.clip(levels + np.clip(step, -1.0, 1.0), lowest, highest) - levels
+    return step, -float(slope @ step + 0.5 * step @ information @ step)

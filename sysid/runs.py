@@ -68,6 +68,8 @@ class Run:
     """Whose time stamps went back during the run, and by how much; empty for a clock that ran."""
     clock_drift_s: float = 0.0
     """How much the recorder's clock gained on the vehicle's from the first quarter of the run to the last."""
+    both: bool = False
+    """The other surface was under test at the same time: this is one plane's half."""
 
     @property
     def command_rad(self) -> Array:
@@ -113,6 +115,7 @@ class Span:
     stop_reason: str
     elevator_deg: float = 0.0
     """Of a test of both surfaces, whose ``magnitude_deg`` is the rudder's."""
+    both: bool = False
 
 
 class Mark(NamedTuple):
@@ -141,7 +144,8 @@ def _by_plane(span: Span) -> list[Span]:
     """A test as one surface's: that of both is one of each. What counts is the command, not who gave it."""
     axis = span.axis % LOOP_ON
     if axis == BOTH_AXIS:
-        return [replace(span, axis=12), replace(span, axis=11, magnitude_deg=span.elevator_deg)]
+        elevator = replace(span, axis=11, magnitude_deg=span.elevator_deg, both=True)
+        return [replace(span, axis=12, both=True), elevator]
     return [replace(span, axis=axis)] if axis in PLANE_OF_AXIS else []
 
 
@@ -225,6 +229,7 @@ def _run(log: Log, span: Span, name: str) -> Run:
         elevator_trim_rad=np.radians(log.parameters.get("TRIM_ELE_DEG", 0.0)),
         clock_back=_clock_back(log, grid_s),
         clock_drift_s=_clock_drift_s(log, grid_s),
+        both=span.both,
     )
 
 

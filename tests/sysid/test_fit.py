@@ -26,6 +26,8 @@ def true_z(truth: config.VehicleConfig, prior: config.VehicleConfig) -> dict[str
         added = here[INERTIAS[name]] if name in INERTIAS else 0.0
         if name in here:
             z[name] = math.log((there[name] - added) / (here[name] - added)) / parameter.prior_sd
+        elif name == "backlash":
+            z[name] = math.log(truth.tailcone.backlash_deg / parameters.play_deg(prior)) / parameter.prior_sd
         elif "bias" not in name:
             z[name] = 0.0
     return z

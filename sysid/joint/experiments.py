@@ -1,0 +1,78 @@
+"""Runs as the fit sees them, and what a candidate vehicle leaves unexplained of them."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid import greybox, parameters, planes
+from sysid.greybox import Start
+from sysid.joint.surroundings import surroundings
+from sysid.joint.trim import cruise_speed_mps
+from sysid.parameters import Vehicle
+from sysid.planes import LinearPlane
+from sysid.runs import Plane, Run
+
+Array = NDArray[np.float64]
+
+STRIDE = 5
+"""Samples of the 50 Hz grid in one step of the fit: 10 Hz, five times above anything the vehicle does."""
+
+
+class Experiment(NamedTuple):
+    """One run as the fit sees it."""
+
+    run: Run
+    start: Start
+    measured: Array
+    """(samples, outputs) at 10 Hz, each the mean of the samples around it: rate, angle, and depth in pitch."""
+    around: Array | None = None
+    """What the rest of the vehicle did meanwhile, where it was under test too."""
+
+
+def experiment(run: Run) -> Experiment:
+    columns = [run.rate_radps, run.heading_rad if run.plane == "yaw" else run.pitch_rad]
+    if run.plane == "pitch":
+        columns.append(run.depth_m)
+    return Experiment(run, greybox.measured_start(run), np.column_stack([_decimate(c) for c in columns]))
+
+
+def among(vehicle: Vehicle, what: Experiment) -> Experiment:
+    """The same with its surroundings, as ``vehicle`` tells them from what was measured."""
+    if not what.run.both:
+        return what
+    other: Plane = "pitch" if what.run.plane == "yaw" else "yaw"
+    around = surroundings(what.run, linear_plane(vehicle, other), vehicle.actuators[other])
+    return what._replace(around=around)
+
+
+def _decimate(values: Array) -> Array:
+    """Centred means of STRIDE samples at every STRIDE-th sample; the ends repeat what they have."""
+    padded = np.pad(values, STRIDE // 2, mode="edge")
+    return np.convolve(padded, np.full(STRIDE, 1.0 / STRIDE), mode="valid")[::STRIDE]
+
+
+def linear_plane(vehicle: Vehicle, plane: Plane) -> LinearPlane:
+    """Small-signal plane of a candidate at its operating point."""
+    config = vehicle.config
+    c, speed, mass = parameters.short(config.linear), config.operating_point.speed_mps, config.ballast.mass_kg
+    if plane == "yaw":
+        return planes.yaw_plane(c, speed, mass)
+    return planes.pitch_plane(c, speed, mass, config.water.gravity_mps2)
+
+
+def residuals(vehicle: Vehicle, experiments: Sequence[Experiment]) -> list[Array]:
+    """Measured less simulated of each run, (samples, outputs)."""
+    thrusts = {float(e.run.thrust[0]) for e in experiments}
+    speeds_mps = {thrust: cruise_speed_mps(vehicle, thrust) for thrust in thrusts}
+    return [_residual(vehicle, e, speeds_mps[float(e.run.thrust[0])]) for e in experiments]
+
+
+def _residual(vehicle: Vehicle, what: Experiment, speed_mps: float) -> Array:
+    actuator = vehicle.actuators[what.run.plane]
+    motion = greybox.simulate(vehicle.model, actuator, what.run, what.start, STRIDE, speed_mps, what.around)
+    columns = [motion.rate_radps, motion.angle_rad]
+    if what.run.plane == "pitch":
+        columns.append(motion.depth_m)
+    return what.measured - np.column_stack(columns)
