@@ -1,16 +1,32 @@
-"""The nested loops: heading to rudder; depth to pitch, pitch to elevator. Radians in and out."""
+"""The nested loops: heading to rudder; depth to pitch, pitch to elevator. Radians in and out.
 
+Where the parameters say so set-points are approached on ways that can be followed, gains follow the speed, what is
+wanted is turned by the roll angle, the tailcone's lag is undone, and trims are learned.
+"""
+
+import math
 from typing import NamedTuple
 
+from autopilot import shaping
 from autopilot.params import Config
-from autopilot.pid import pid
+from autopilot.pid import Gains, pid
+from autopilot.shaping import Way
 from autopilot.targets import Setpoint
-from autopilot.types import Estimate, LoopMemory
+from autopilot.types import Estimate, LoopMemory, Trim
 from link.frames import wrap_pi
+
+SLOWEST, FASTEST = 0.4, 2.5
+"""Speeds over that of the gains between which they follow it."""
+LEAST_SPEED_MPS = 0.3
+"""With at least this speed is reckoned what pitch a change of depth takes."""
+UNDER_WAY_MPS = 0.02
+"""On a way that moves faster than this the error is none to carry for good."""
+STEADY_RADPS, STEADY_RAD, STEADY_M = math.radians(2.0), math.radians(8.0), 0.5
+"""Rates of turn, heading error and depth error below which trims are learned."""
 
 
 class Surfaces(NamedTuple):
-    """What the loops want of the duct, trim included, and the errors they saw."""
+    """What the loops want of the duct, trim included, and how far off the set-points are."""
 
     rudder_rad: float
     elevator_rad: float
@@ -18,6 +34,24 @@ class Surfaces(NamedTuple):
     pitch_error_rad: float
     depth_error_m: float
     pitch_setpoint_rad: float
+
+
+class Steered(NamedTuple):
+    """Heading loop: what it wants, and its memory."""
+
+    rudder_rad: float
+    integral_rad: float
+    course: Way | None
+
+
+class Dived(NamedTuple):
+    """Depth and pitch loop: what they want, and their memory."""
+
+    elevator_rad: float
+    pitch_setpoint_rad: float
+    pitch_integral_rad: float
+    depth_integral_rad: float
+    descent: Way | None
 
 
 def close(
@@ -31,47 +65,127 @@ def close(
     depth: bool,
 ) -> tuple[Surfaces, LoopMemory]:
     """Close the loops that are asked for; an open plane rests at its trim and keeps its integrators."""
-    rudder, elevator = config.rudder_trim_rad, config.elevator_trim_rad
-    heading_error = wrap_pi(setpoint.heading_rad - estimate.heading_rad)
-    depth_error = setpoint.depth_m - estimate.depth_m
-    pitch_setpoint, pitch_error = estimate.pitch_rad, 0.0
-    heading_i, pitch_i, depth_i = memory
+    learned = memory.trim
+    trims = config.rudder_trim_rad + learned.rudder_rad, config.elevator_trim_rad + learned.elevator_rad
+    steered = Steered(trims[0], memory.heading_rad, None)
+    dived = Dived(trims[1], estimate.pitch_rad, memory.pitch_rad, memory.depth_rad, None)
+    roll = estimate.roll_rad if config.roll_compensated and heading and depth else 0.0
     if heading:
-        rudder, heading_i = heading_loop(estimate, heading_error, heading_i, config, dt_s)
+        steered = steer(estimate, setpoint, memory, trims[0], roll, config, dt_s)
     if depth:
-        pitch_setpoint, depth_i = depth_loop(estimate, depth_error, depth_i, config, dt_s)
-        if setpoint.pitch_rad is not None:
-            pitch_setpoint = setpoint.pitch_rad
-        pitch_error = pitch_setpoint - estimate.pitch_rad
-        elevator, pitch_i = pitch_loop(estimate, pitch_error, pitch_i, config, dt_s)
-    surfaces = Surfaces(rudder, elevator, heading_error, pitch_error, depth_error, pitch_setpoint)
-    return surfaces, LoopMemory(heading_i, pitch_i, depth_i)
+        dived = dive(estimate, setpoint, memory, trims[1], roll, config, dt_s)
+    rudder, elevator = turned(steered.rudder_rad, dived.elevator_rad, roll) if roll else (steered[0], dived[0])
+    rudder_way = elevator_way = None
+    if config.lead_radps:
+        if heading:
+            rudder, rudder_way = shaping.lead(rudder, memory.rudder, config.servo, dt_s)
+        if depth:
+            elevator, elevator_way = shaping.lead(elevator, memory.elevator, config.servo, dt_s)
+    surfaces = Surfaces(
+        rudder, elevator,
+        wrap_pi(setpoint.heading_rad - estimate.heading_rad), dived.pitch_setpoint_rad - estimate.pitch_rad,
+        setpoint.depth_m - estimate.depth_m, dived.pitch_setpoint_rad,
+    )  # fmt: skip
+    kept = LoopMemory(
+        steered.integral_rad, dived.pitch_integral_rad, dived.depth_integral_rad,
+        steered.course, dived.descent, rudder_way, elevator_way, learned,
+    )  # fmt: skip
+    if config.trim_time_s and heading and depth:
+        kept = learn_trim(kept, surfaces, trims, estimate, config.trim_time_s, dt_s)
+    return surfaces, kept
 
 
-def heading_loop(
-    estimate: Estimate, error_rad: float, integral: float, config: Config, dt_s: float
-) -> tuple[float, float]:
-    """Heading error to rudder, yaw rate from the gyro."""
-    trim, travel = config.rudder_trim_rad, config.travel_rad
-    rudder, integral = pid(
-        error_rad, estimate.r_radps, config.heading_gains, integral, dt_s, -travel - trim, travel - trim
+def steer(
+    estimate: Estimate, setpoint: Setpoint, memory: LoopMemory, trim_rad: float, roll_rad: float, config: Config,
+    dt_s: float,
+) -> Steered:  # fmt: skip
+    """Heading error to rudder, yaw rate from the gyro; on the way to a new heading both are counted from the way."""
+    rate = estimate.r_radps
+    if roll_rad:
+        rate = rate * math.cos(roll_rad) + estimate.q_radps * math.sin(roll_rad)
+    error, course = wrap_pi(setpoint.heading_rad - estimate.heading_rad), None
+    if bandwidth := config.heading_way_radps:
+        start = memory.course or Way(estimate.heading_rad, estimate.r_radps)
+        to_go = wrap_pi(setpoint.heading_rad - start.at)
+        course = shaping.approach(to_go, start, bandwidth, config.turn_most_radps, dt_s)
+        error, rate = wrap_pi(course.at - estimate.heading_rad), rate - course.rate
+    gains, travel = config.heading_gains, config.travel_rad
+    if config.schedule_mps:
+        gains = scheduled(gains, estimate.speed_mps / config.schedule_mps)
+    rudder, integral = pid(error, rate, gains, memory.heading_rad, dt_s, -travel - trim_rad, travel - trim_rad)
+    return Steered(rudder + trim_rad, integral, course)
+
+
+def dive(
+    estimate: Estimate, setpoint: Setpoint, memory: LoopMemory, trim_rad: float, roll_rad: float, config: Config,
+    dt_s: float,
+) -> Dived:  # fmt: skip
+    """Depth error to pitch, or the pitch that is given; pitch error to elevator, pitch rate from the gyro."""
+    rate = estimate.q_radps
+    if roll_rad:
+        rate = rate * math.cos(roll_rad) - estimate.r_radps * math.sin(roll_rad)
+    pitch_setpoint, depth_i, descent = depth_loop(estimate, setpoint, memory, config, dt_s)
+    if setpoint.pitch_rad is not None:
+        pitch_setpoint = setpoint.pitch_rad
+    gains, travel = config.pitch_gains, config.travel_rad
+    if config.schedule_mps:
+        gains = scheduled(gains, estimate.speed_mps / config.schedule_mps)
+    error, least, most = pitch_setpoint - estimate.pitch_rad, -travel - trim_rad, travel - trim_rad
+    elevator, pitch_i = pid(error, rate, gains, memory.pitch_rad, dt_s, least, most)
+    return Dived(elevator + trim_rad, pitch_setpoint, pitch_i, depth_i, descent)
+
+
+def depth_loop(
+    estimate: Estimate, setpoint: Setpoint, memory: LoopMemory, config: Config, dt_s: float
+) -> tuple[float, float, Way | None]:
+    """Depth error to pitch: too shallow asks for nose down, hence the minus. (pitch, integral, way)."""
+    limit, rate, descent = config.pitch_limit_rad, estimate.depth_rate_mps, None
+    error, ahead = setpoint.depth_m - estimate.depth_m, 0.0
+    if bandwidth := config.depth_way_radps:
+        start = memory.descent or Way(estimate.depth_m, rate)
+        descent = shaping.approach(setpoint.depth_m - start.at, start, bandwidth, config.depth_way_mps, dt_s)
+        error, rate = descent.at - estimate.depth_m, rate - descent.rate
+        # depth' = -U sin(theta): the pitch that the way itself takes.
+        ahead = descent.rate / max(estimate.speed_mps, LEAST_SPEED_MPS)
+    gains = config.depth_gains
+    if descent is not None and abs(descent.rate) > UNDER_WAY_MPS:
+        gains = gains._replace(i=0.0)
+    nose_down, integral = pid(error, rate, gains, memory.depth_rad, dt_s, -limit - ahead, limit - ahead)
+    return -nose_down - ahead, integral, descent
+
+
+def scheduled(gains: Gains, speed: float) -> Gains:
+    """Gains of rudder or elevator at ``speed`` times the speed that they were designed at.
+
+    Slower, all of the vehicle's own motion slows with her, and a loop that slows likewise keeps its margins; faster,
+    delay and lag do not shrink with her time, and the loop is held at its bandwidth. Hydrodynamic forces grow with U
+    for a rate and with U^2 for an angle (Fossen 2021, section 6.7), and so does what an angle of the duct turns.
+    """
+    x = min(FASTEST, max(SLOWEST, speed))
+    if x <= 1.0:
+        return gains._replace(d=gains.d / x, i=gains.i * x)
+    return gains._replace(p=gains.p / (x * x), d=gains.d / (x * x), i=gains.i / (x * x))
+
+
+def turned(rudder_rad: float, elevator_rad: float, roll_rad: float) -> tuple[float, float]:
+    """What is wanted about the vertical and the horizontal, about the axes of a hull that has rolled."""
+    c, s = math.cos(roll_rad), math.sin(roll_rad)
+    return rudder_rad * c - elevator_rad * s, rudder_rad * s + elevator_rad * c
+
+
+def learn_trim(
+    memory: LoopMemory, wanted: Surfaces, trims: tuple[float, float], estimate: Estimate, time_s: float, dt_s: float
+) -> LoopMemory:
+    """In steady flight the trims go where the surfaces are on average; the integrators give back what they take."""
+    if not (
+        abs(estimate.r_radps) < STEADY_RADPS and abs(estimate.q_radps) < STEADY_RADPS
+        and abs(wanted.heading_error_rad) < STEADY_RAD and abs(wanted.depth_error_m) < STEADY_M
+    ):  # fmt: skip
+        return memory
+    share, old = dt_s / time_s, memory.trim
+    rudder, elevator = share * (wanted.rudder_rad - trims[0]), share * (wanted.elevator_rad - trims[1])
+    return memory._replace(
+        heading_rad=memory.heading_rad - rudder,
+        pitch_rad=memory.pitch_rad - (elevator if memory.pitch_rad else 0.0),
+        trim=Trim(old.rudder_rad + rudder, old.elevator_rad + elevator, old.learned_s + dt_s),
     )
-    return rudder + trim, integral
-
-
-def pitch_loop(
-    estimate: Estimate, error_rad: float, integral: float, config: Config, dt_s: float
-) -> tuple[float, float]:
-    """Pitch error to elevator, pitch rate from the gyro."""
-    trim, travel = config.elevator_trim_rad, config.travel_rad
-    elevator, integral = pid(
-        error_rad, estimate.q_radps, config.pitch_gains, integral, dt_s, -travel - trim, travel - trim
-    )
-    return elevator + trim, integral
-
-
-def depth_loop(estimate: Estimate, error_m: float, integral: float, config: Config, dt_s: float) -> tuple[float, float]:
-    """Depth error to pitch: too shallow asks for nose down, hence the minus."""
-    limit = config.pitch_limit_rad
-    nose_down, integral = pid(error_m, estimate.depth_rate_mps, config.depth_gains, integral, dt_s, -limit, limit)
-    return -nose_down, integral

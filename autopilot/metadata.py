@@ -18,11 +18,11 @@ _FORMAT = 1
 _PARAMETER_TYPE = 1
 """COMP_METADATA_TYPE_PARAMETER."""
 _GROUPS = {
-    "ACT": "Actuators", "DPT": "Depth loop", "EST": "Estimator", "FS": "Failsafe", "HDG": "Heading loop",
-    "HLTH": "Health", "LOG": "Onboard log", "MAG": "Estimator", "MAV": "MAVLink", "MIS": "Mission",
-    "NAV": "Navigation", "PTCH": "Pitch loop", "SID": "Identification", "SPD": "Speed", "SURF": "Depth loop",
-    "OFB": "Offboard", "RTL": "Return", "STB": "Stabilize", "STN": "Station", "SYS": "System", "THR": "Speed",
-    "TRIM": "Actuators",
+    "ACT": "Actuators", "DPT": "Depth loop", "EST": "Estimator", "FS": "Failsafe", "GAIN": "Speed",
+    "HDG": "Heading loop", "HLTH": "Health", "LOG": "Onboard log", "MAG": "Estimator", "MAV": "MAVLink",
+    "MIS": "Mission", "NAV": "Navigation", "OFB": "Offboard", "PTCH": "Pitch loop", "ROLL": "Actuators",
+    "RTL": "Return", "SID": "Identification", "SPD": "Speed", "STB": "Stabilize", "STN": "Station",
+    "SURF": "Depth loop", "SYS": "System", "THR": "Speed", "TRIM": "Actuators",
 }  # fmt: skip
 """By what a name begins with; others are called by that."""
 _AT_START = frozenset(("MAV_SYS_ID",))

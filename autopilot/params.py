@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, NamedTuple, get_type_hints
 
 from autopilot.pid import Gains
+from autopilot.shaping import Servo
 
 
 class Doc(NamedTuple):
@@ -43,9 +44,35 @@ class Config:
     depth_i_max: Annotated[float, Doc("DPT_IMAX", 0, 0.5, "rad", "Limit of the depth integrator")] = 0.004
     pitch_limit_deg: Annotated[float, Doc("PTCH_LIM_DEG", 1, 60, "deg", "Largest pitch the depth loop may ask")] = 20.0
 
+    heading_way_radps: Annotated[
+        float, Doc("HDG_REF_W", 0, 5, "rad/s", "Bandwidth of the heading's reference model; 0 off")
+    ] = 0.0
+    heading_way_degps: Annotated[
+        float, Doc("HDG_REF_RATE", 0.1, 90, "deg/s", "Rate of turn of the heading's reference model")
+    ] = 6.0
+    depth_way_radps: Annotated[
+        float, Doc("DPT_REF_W", 0, 5, "rad/s", "Bandwidth of the depth's reference model; 0 off")
+    ] = 0.0
+    depth_way_mps: Annotated[
+        float, Doc("DPT_REF_RATE", 0.01, 5, "m/s", "Rate of change of the depth's reference model")
+    ] = 0.3
+    schedule_mps: Annotated[
+        float, Doc("GAIN_SPD_MPS", 0, 5, "m/s", "Speed at which the gains hold; 0: at any speed")
+    ] = 0.0
+    roll_compensated: Annotated[int, Doc("ROLL_COMP", 0, 1, "", "1: turn what the loops want by the roll angle")] = 0
+
     rudder_trim_deg: Annotated[float, Doc("TRIM_RUD_DEG", -15, 15, "deg", "Rudder that holds a straight course")] = 0.0
     elevator_trim_deg: Annotated[float, Doc("TRIM_ELE_DEG", -15, 15, "deg", "Elevator that holds a level run")] = 0.0
     travel_deg: Annotated[float, Doc("ACT_TRAVEL_DEG", 1, 45, "deg", "Duct travel at full control")] = 15.0
+    trim_time_s: Annotated[
+        float, Doc("TRIM_AUTO_S", 0, 600, "s", "Time in which trims are learned under way; 0 off")
+    ] = 0.0
+    lag_radps: Annotated[float, Doc("ACT_LAG_W", 0.5, 100, "rad/s", "Natural frequency of the tailcone's lag")] = 3.0
+    lag_damping: Annotated[float, Doc("ACT_LAG_Z", 0.1, 2, "", "Damping ratio of the tailcone's lag")] = 0.6
+    lead_radps: Annotated[
+        float, Doc("ACT_LEAD_W", 0, 100, "rad/s", "Natural frequency that the tailcone is to seem to have; 0: its own")
+    ] = 0.0
+    rate_degps: Annotated[float, Doc("ACT_RATE_DEGPS", 1, 360, "deg/s", "Rate limit of the tailcone")] = 15.0
     cruise_thrust_pct: Annotated[float, Doc("THR_CRUISE_PCT", 0, 100, "%", "Thrust where a mission gives none")] = 58.0
     cruise_speed_mps: Annotated[float, Doc("SPD_CRUISE_MPS", 0.1, 5, "m/s", "Speed at cruise thrust")] = 1.3
     speed_length_m: Annotated[float, Doc("SPD_LENGTH_M", 1, 500, "m", "Way in which a speed is reached")] = 12.0
@@ -175,6 +202,8 @@ class Config:
     declination_rad: float = field(init=False)
     pitch_limit_rad: float = field(init=False)
     fs_pitch_rad: float = field(init=False)
+    turn_most_radps: float = field(init=False)
+    servo: Servo = field(init=False)
     heading_gains: Gains = field(init=False)
     pitch_gains: Gains = field(init=False)
     depth_gains: Gains = field(init=False)
@@ -188,11 +217,17 @@ class Config:
             ("declination_rad", math.radians(self.declination_deg)),
             ("pitch_limit_rad", math.radians(self.pitch_limit_deg)),
             ("fs_pitch_rad", math.radians(self.fs_pitch_deg)),
+            ("turn_most_radps", math.radians(self.heading_way_degps)),
+            ("servo", self._servo()),
             ("heading_gains", Gains(self.heading_p, self.heading_d, self.heading_i, self.heading_i_max, turning)),
             ("pitch_gains", Gains(self.pitch_p, self.pitch_d, self.pitch_i, self.pitch_i_max)),
             ("depth_gains", Gains(self.depth_p, self.depth_d, self.depth_i, self.depth_i_max)),
         ):
             object.__setattr__(self, name, value)
+
+    def _servo(self) -> Servo:
+        rate, travel = math.radians(self.rate_degps), math.radians(self.travel_deg)
+        return Servo(self.lag_radps, self.lag_damping, self.lead_radps, rate, travel)
 
 
 class Parameter(NamedTuple):

@@ -3,6 +3,7 @@
 from enum import IntEnum
 from typing import NamedTuple
 
+from autopilot.shaping import Way
 from autopilot.soundness import Ahrs, Health
 from autopilot.targets import Path, Setpoint, Targets
 from link.frames import Quaternion
@@ -148,12 +149,29 @@ class Estimate(NamedTuple):
     navigation: Navigation = Navigation()
 
 
+class Trim(NamedTuple):
+    """What was learned under way, on top of the trims among the parameters."""
+
+    rudder_rad: float = 0.0
+    elevator_rad: float = 0.0
+    learned_s: float = 0.0
+    """For how long, in steady flight."""
+
+
 class LoopMemory(NamedTuple):
-    """The integrators, in the unit of their loop's output, so that new gains cause no bump."""
+    """The integrators, in the unit of their loop's output, so that new gains cause no bump; and what is under way."""
 
     heading_rad: float = 0.0
     pitch_rad: float = 0.0
     depth_rad: float = 0.0
+    course: Way | None = None
+    """Of the heading towards its set-point; None where there is no reference model, or the loop was open."""
+    descent: Way | None = None
+    """Of the depth, likewise."""
+    rudder: Way | None = None
+    elevator: Way | None = None
+    """Of the duct; None where its lag is not undone, or the loop was open."""
+    trim: Trim = Trim()
 
 
 class Excitation(NamedTuple):

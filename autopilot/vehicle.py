@@ -1,9 +1,10 @@
 """The pure core with a memory: what the HIL loop ticks and what ground asks."""
 
+import math
 from typing import NamedTuple
 
 from autopilot import command, core, health, modes, requests
-from autopilot.params import Config, ParamTable
+from autopilot.params import Config, ParamError, ParamTable
 from autopilot.types import (
     ACCEPTED,
     DENIED,
@@ -15,12 +16,15 @@ from autopilot.types import (
     Severity,
     State,
     Trace,
+    Trim,
 )
 from link import missions
 from link.mission_server import MissionProgress, Verdict
 from link.missions import MissionItem
 from link.records import ActuatorFrame, Altimeter, Battery, GpsFix, Leak, SensorFrame
 
+LEARNED_TIMES = 2.0
+"""Trims are kept after so many times the time in which they are learned."""
 FIX_LASTS_US = 1_500_000
 """A satellite fix older than this is none: the vehicle has dived."""
 
@@ -69,7 +73,8 @@ class Vehicle:
 
     def tick(self, inputs: Inputs) -> ActuatorFrame:
         """One step at the vehicle time of the sensors."""
-        self.state, self._actuators, self._trace, events = core.tick(self.state, inputs, self.params.config)
+        before = self.state
+        self.state, self._actuators, self._trace, events = core.tick(before, inputs, self.params.config)
         self._sensors = inputs.sensors
         self._fix = inputs.gps or self._recent_fix()
         self._altimeter = inputs.altimeter or self._altimeter
@@ -77,6 +82,8 @@ class Vehicle:
         self._leak = inputs.leak or self._leak
         self._events += events
         self._follow_mode()
+        if before.armed and not self.state.armed:
+            self._keep_trim(before.loops.trim)
         return self._actuators
 
     def again(self) -> ActuatorFrame:
@@ -85,8 +92,11 @@ class Vehicle:
 
     def request(self, wish: requests.Request) -> Answer:
         """Answer ground at once; a refusal is said aloud."""
-        self.state, answer, events = command.request(self.state, wish, self.params.config)
+        before = self.state
+        self.state, answer, events = command.request(before, wish, self.params.config)
         self._events += events
+        if before.armed and not self.state.armed:
+            self._keep_trim(before.loops.trim)
         if answer.result != ACCEPTED and answer.text:
             self.say(answer.text)
         self._follow_mode()
@@ -118,6 +128,22 @@ class Vehicle:
             self.state, self._trace, self._actuators, self._sensors, self._fix, self.params.config, self._intended_mode,
             self._altimeter, self._battery, self._leak,
         )  # fmt: skip
+
+    def _keep_trim(self, trim: Trim) -> None:
+        """Trims that were learned for long enough become parameters when the vehicle is disarmed."""
+        config = self.params.config
+        if not config.trim_time_s or trim.learned_s < LEARNED_TIMES * config.trim_time_s:
+            return
+        learned = {
+            "TRIM_RUD_DEG": config.rudder_trim_deg + math.degrees(trim.rudder_rad),
+            "TRIM_ELE_DEG": config.elevator_trim_deg + math.degrees(trim.elevator_rad),
+        }
+        try:
+            kept = [f"{name} {self.params.set(name, round(value, 3)):g}" for name, value in learned.items()]
+        except ParamError as error:
+            self.say(f"Trim not kept: {error}")
+            return
+        self.say(f"Trim learned: {', '.join(kept)}", Severity.NOTICE)
 
     def _recent_fix(self) -> GpsFix | None:
         fix = self._fix
