@@ -182,6 +182,8 @@ class IdentifiedModel(Record, frozen=True):
     fit_quality: tuple[RunQuality, ...]
     held_out: tuple[RunQuality, ...]
     notes: tuple[str, ...]
+    held_out_data: tuple[DataFile, ...] = ()
+    held_out_screening: tuple[ScreenedRun, ...] = ()
     design: dict[Plane, Covariance] = {}
     """Of the numbers in ``planes``, each in the unit of its name; left out where the method gives none."""
     validation: dict[Plane, PlaneValidation] = {}

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -15,15 +15,16 @@ from sitl.vehicle.config import VehicleError as VehicleError
 from sysid import assemble, fit, logs, paper, parameters, predict, runs
 from sysid import model as models
 from sysid.fit import Prior, Progress
+from sysid.judge.judged import judged
 from sysid.log import Log
 from sysid.logs.outputs import FIRST_THREE, Outputs
-from sysid.model import DataFile, IdentifiedModel, ScreenedRun
+from sysid.model import DataFile, IdentifiedModel, Method, Rival, ScreenedRun
 from sysid.parameters import NAMES
 from sysid.runs import Mark, Run
 from sysid.screen import Limits, Screening, screen
+from sysid.tables import TABLE_3_INITIAL
 
 Array = NDArray[np.float64]
-Method = Literal["map", "paper"]
 
 FORBIDDEN_PRIOR = "field"
 """The vehicle that the simulator flies as the truth; an engineer has no such file."""
@@ -50,6 +51,7 @@ def refit(
     progress: Progress | None = None,
     marks: Sequence[Mark] = (),
     outputs: Outputs = FIRST_THREE,
+    beside: Sequence[Method] = (),
 ) -> IdentifiedModel:
     """Identify a vehicle from the tests in logs of any kind (`sysid.logs`).
 
@@ -61,6 +63,7 @@ def refit(
         progress: called with what is being done and the share that is behind.
         marks: tests that the logs do not tell of themselves.
         outputs: those of the autopilot's outputs that steer.
+        beside: methods by which the same runs are fitted as well, for comparison.
 
     Raises:
         LogError, VehicleError, ModelError, RefitError: bad input, each in one line.
@@ -71,16 +74,41 @@ def refit(
     unseen = _read(held_out, outputs, lambda share: None)
     _refuse_lost(marks, [log.name for log in (*read, *unseen)])
     kept, screenings = _select(read, limits, marks)
-    fresh = [run for log in unseen for run in runs.cut(log, _marks_of(log, marks))]
+    fresh = screen([run for log in unseen for run in runs.cut(log, _marks_of(log, marks))], limits)
+    held = [s.run for s in fresh if s.kept]
     model = identify(kept, belief.config, belief.name, method, belief.earlier, lambda w, s: report(w, 0.1 + 0.85 * s))
     model = msgspec.structs.replace(
         model,
         data=tuple(DataFile(log.name, log.sha256) for log in read),
+        held_out_data=tuple(DataFile(log.name, log.sha256) for log in unseen),
         screening=tuple(_screened(s) for s in screenings),
-        held_out=predict.quality(model, [s.run for s in screen(fresh, limits) if s.kept], belief.config),
+        held_out_screening=tuple(_screened(s) for s in fresh),
+        beside=tuple(_rival(kept, held, belief, other) for other in beside),
     )
+    report("judge", 0.95)
+    model = judged(model, kept, held, _gains_aboard(read), belief.config)
     report("done", 1.0)
     return model
+
+
+def _rival(kept: Sequence[Run], held_out: Sequence[Run], belief: Belief, method: Method) -> Rival:
+    found = identify(kept, belief.config, belief.name, method, belief.earlier)
+    return Rival(
+        method=method,
+        planes=found.planes,
+        coefficients={name: c.value for name, c in found.coefficients.items()},
+        rank=found.joint.rank,
+        fit_quality=found.fit_quality,
+        held_out=predict.quality(found, held_out, belief.config),
+    )
+
+
+def _gains_aboard(read: Sequence[Log]) -> dict[str, float] | None:
+    """Of the first log that tells them all: the loops that flew the tests."""
+    for log in read:
+        if set(TABLE_3_INITIAL) <= set(log.parameters):
+            return {name: log.parameters[name] for name in TABLE_3_INITIAL}
+    return None
 
 
 def identify(
