@@ -70,15 +70,10 @@ def seeded(c: Coefficients) -> Coefficients:
     return c._replace(**{name: sign * getattr(c, twin) for name, (twin, sign) in SEED.items()})
 
 
-def motion(model: IdentifiedModel, run: Run) -> Motion:
-    """A run by the linear plane of a model that was identified the paper's way."""
-    values = {name: c.value for name, c in model.coefficients.items()}
-    bias, delay = model.planes[run.plane].actuator_bias_deg, model.planes[run.plane].delay_s
-    actuator = Actuator(
-        delay.value, model.vehicle.natural_frequency_radps.value, model.vehicle.damping_ratio.value,
-        float(np.radians(bias.value)), float(np.radians(15.0)), float(np.radians(15.0)),
-    )  # fmt: skip
-    return simulate(_plane(run.plane, Coefficients(**values)), actuator, run)
+def motion(model: IdentifiedModel, actuator: Actuator, run: Run) -> Motion:
+    """A run by the linear plane of a model that was identified the paper's way, behind a tailcone."""
+    c = Coefficients(**{name: found.value for name, found in model.coefficients.items()})
+    return simulate(_plane(run.plane, c, model.speed_mps, model.vehicle.mass_kg), actuator, run)
 
 
 def departure(actuator: Actuator, run: Run) -> Array:
@@ -87,16 +82,28 @@ def departure(actuator: Actuator, run: Run) -> Array:
     return delta - (np.mean(delta[run.preroll]) if run.preroll.any() else 0.0)
 
 
-def states(plane: LinearPlane, delta: Array) -> Array:
-    """States of the linear plane under duct angles held over a sample, from rest, (samples, states)."""
+class Step(NamedTuple):
+    """A linear plane over one sample: x' = Phi x + Gamma delta."""
+
+    Phi: Array
+    Gamma: Array
+
+
+def step(plane: LinearPlane) -> Step:
+    """The exact step under a duct angle held over it."""
     n = plane.A.shape[0]
     transition = expm(np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n + 1))]]) / RATE_HZ)
-    return _recursion(np.ascontiguousarray(transition[:n, :n]), transition[:n, n].copy(), delta)
+    return Step(np.ascontiguousarray(transition[:n, :n]), transition[:n, n].copy())
+
+
+def states(over: Step, delta: Array) -> Array:
+    """States under duct angles, from rest, (samples, states)."""
+    return _recursion(over.Phi, over.Gamma, delta)
 
 
 def simulate(plane: LinearPlane, actuator: Actuator, run: Run) -> Motion:
     """The linear plane under a run's commands."""
-    n, x, start = plane.A.shape[0], states(plane, departure(actuator, run)), greybox.measured_start(run)
+    n, x, start = plane.A.shape[0], states(step(plane), departure(actuator, run)), greybox.measured_start(run)
     depth = start.depth_m + (x[:, 3] if n > 3 else 0.0 * x[:, 0])
     return Motion(x[:, 1], start.angle_rad + x[:, 2], depth, np.full(len(x), np.nan))
 
@@ -114,15 +121,15 @@ def _recursion(Phi: Array, Gamma: Array, delta: Array) -> Array:
     return x
 
 
-def _plane(plane: Plane, c: Coefficients) -> LinearPlane:
-    return planes.yaw_plane(c) if plane == "yaw" else planes.pitch_plane(c)
+def _plane(plane: Plane, c: Coefficients, speed_mps: float, mass_kg: float) -> LinearPlane:
+    return (planes.yaw_plane if plane == "yaw" else planes.pitch_plane)(c, speed_mps, mass_kg)
 
 
 def _fit_plane(
     runs: Sequence[Run], plane: Plane, start: Coefficients, prior: VehicleConfig, actuator: Actuator
 ) -> PlaneFit:
-    names = FREE[plane]
-    acceleration = first_acceleration(runs, _plane(plane, parameters.short(prior.linear)), actuator)
+    names, about = FREE[plane], (prior.operating_point.speed_mps, prior.ballast.mass_kg)
+    acceleration = first_acceleration(runs, _plane(plane, parameters.short(prior.linear), *about), actuator)
 
     def candidate(logs: Array) -> Coefficients:
         moved = {name: getattr(start, name) * float(np.exp(x)) for name, x in zip(names, logs, strict=True)}
@@ -131,8 +138,8 @@ def _fit_plane(
     departures = [departure(actuator, run) for run in runs]
 
     def errors(logs: Array) -> Array:
-        model = _plane(plane, candidate(logs))
-        simulated = [states(model, delta)[:, 1] for delta in departures]
+        over = step(_plane(plane, candidate(logs), *about))
+        simulated = [states(over, delta)[:, 1] for delta in departures]
         missed = [(run.rate_radps - rate)[~run.preroll] for run, rate in zip(runs, simulated, strict=True)]
         return np.degrees(np.concatenate(missed))
 
@@ -155,12 +162,13 @@ def first_acceleration(runs: Sequence[Run], plane: LinearPlane, actuator: Actuat
 
     The prior plane's own, scaled by how much faster than that plane the vehicle began to turn.
     """
+    over = step(plane)
     expected, measured = [], []
     for run in runs:
         first = int(np.searchsorted(run.time_s, 0.0))
         answer = slice(first, first + int((actuator.delay_s + FIRST_ANSWER_S) * RATE_HZ))
         delta = greybox.duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
-        expected.append(states(plane, delta - delta[first])[answer, 1])
+        expected.append(states(over, delta - delta[first])[answer, 1])
         measured.append(run.rate_radps[answer] - np.mean(run.rate_radps[max(0, first - 25) : first + 1]))
     x, y = np.concatenate(expected), np.concatenate(measured)
     scale = float(x @ y) / max(float(x @ x), 1e-12)

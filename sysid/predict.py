@@ -79,7 +79,7 @@ def vehicles(model: IdentifiedModel, prior: VehicleConfig | None = None) -> tupl
 
 def of_model(model: IdentifiedModel, vehicle: Vehicle, run: Run) -> greybox.Motion:
     """The run by a model, whose identified vehicle is at hand: the paper's way knows linear planes only."""
-    return paper.motion(model, run) if model.method == "paper" else motion(vehicle, run)
+    return paper.motion(model, vehicle.actuators[run.plane], run) if model.method == "paper" else motion(vehicle, run)
 
 
 def motion(vehicle: Vehicle, run: Run) -> greybox.Motion:
