@@ -11,7 +11,7 @@ import signal
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -30,6 +30,11 @@ from ground.console import (
     new_file,
 )
 from ground.errors import BAD_INPUT, FAILED, BadInputError, FailedError
+
+if TYPE_CHECKING:
+    from ground.flight import Dive
+    from ground.live.session import Live
+    from ground.progress import Shown
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """Set before numpy is loaded: refits solve many small systems, which threads of their own slow down fivefold."""
@@ -74,6 +79,14 @@ def fly(
     truth: Annotated[
         Path | None, typer.Option(metavar="FILE.mcap", help="With --sitl: what really happened, beside what was told.")
     ] = None,
+    prior: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE|MODEL.json",
+            help="What is known of her before her tests, for the estimate that is shown while they run: bench, a "
+            "vehicle file, or a model.json. Default: the vehicle of --sitl, else bench.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Upload a mission, fly it, and record until the vehicle has disarmed itself at the surface."""
@@ -89,19 +102,32 @@ def fly(
     first = prototype.parameters_for(vehicle) if sitl and params is None else {}
     dive = Dive.load(mission, target, parameters=gains.load(params) if params else first, tlog=tlog and new_file(tlog))
     with progress.display(Path(mission).stem, quiet=json) as shown:
+        follower = _follower(dive, prior or (prototype.known_beforehand(vehicle) if sitl else "bench"), shown)
         if sitl:
             simulated = SimulatedVehicle(Simulation(vehicle, scenario, seed, speed, truth))
-            outcome = flight.fly_simulated(dive, simulated, shown.watch, shown.hear)
+            outcome = flight.fly_simulated(dive, simulated, shown.watch, shown.hear, follower)
         else:
-            outcome = flight.fly(dive, connect, shown.watch, shown.hear, sign)
+            outcome = flight.fly(dive, connect, shown.watch, shown.hear, sign, follower)
     give(
-        {**outcome._asdict(), "log": str(outcome.log)},
+        {**outcome._asdict(), "log": str(outcome.log), "estimates": follower.as_json() if follower else {}},
         f"{outcome.log}: {outcome.vehicle_s:.0f} s flown in {outcome.wall_s:.1f} s, "
         f"{outcome.messages} messages, {outcome.lost_frames} lost",
         json,
     )
     if outcome.failsafes:
         raise FailedError(outcome.failsafes[0])
+
+
+def _follower(dive: Dive, prior: str, shown: Shown) -> Live | None:
+    """Who estimates the vehicle while she is tested; nobody on a dive without tests."""
+    from ground import script
+
+    if not any(item.command == script.TEST for item in dive.items):
+        return None
+    from ground.live import view
+    from ground.live.session import Live
+
+    return Live(prior, lambda standing: shown.show(view.table(standing)), shown.say)
 
 
 @app.command()

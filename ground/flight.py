@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from ground import plans
 from ground.processes import SimulatedVehicle
@@ -13,6 +13,7 @@ from ground.recorder import Recorder
 from ground.signature import signing
 from ground.vehicle import Text, Vehicle, VehicleError
 from link.clock import Every, wall_s
+from link.codec import Frame
 from link.missions import MissionItem
 from link.transport import open_transport, wait
 
@@ -75,20 +76,45 @@ Watch = Callable[[Progress], None]
 Hear = Callable[[Text], None]
 
 
+class Follower(Protocol):
+    """Whoever makes something of what the vehicle tells while she flies."""
+
+    def begin(self, parameters: Mapping[str, float]) -> None:
+        """The vehicle is about to be armed."""
+
+    def hear(self, frame: Frame) -> None:
+        """Each frame of the autopilot's."""
+
+    def say(self, text: Text) -> None:
+        """Each text."""
+
+    def look(self, *, last: bool = False) -> None:
+        """Often, and once at the end."""
+
+
 def fly(
-    dive: Dive, address: str, watch: Watch | None = None, hear: Hear | None = None, key_file: Path | None = None
+    dive: Dive,
+    address: str,
+    watch: Watch | None = None,
+    hear: Hear | None = None,
+    key_file: Path | None = None,
+    follower: Follower | None = None,
 ) -> Outcome:
     """Fly a vehicle that is already there. Raises AddressError, BadInputError, VehicleError."""
     with recorded(address, dive.log, dive.tlog, key_file) as (vehicle, recorder):
-        return _fly(dive, vehicle, recorder, watch, hear)
+        return _fly(dive, vehicle, recorder, watch, hear, follower)
 
 
 def fly_simulated(
-    dive: Dive, simulated: SimulatedVehicle, watch: Watch | None = None, hear: Hear | None = None
+    dive: Dive,
+    simulated: SimulatedVehicle,
+    watch: Watch | None = None,
+    hear: Hear | None = None,
+    follower: Follower | None = None,
 ) -> Outcome:
     """Fly a simulated vehicle and stop it. Raises BadInputError, VehicleError: with what its processes said."""
     with recorded(simulated, dive.log, dive.tlog) as (vehicle, recorder):
-        return _fly(dive, vehicle, recorder, watch, hear)
+        return _fly(dive, vehicle, recorder, watch, hear, follower)
 
 
 @contextmanager
@@ -133,16 +159,27 @@ def prepare(vehicle: Vehicle, dive: Dive) -> None:
     vehicle.set_mode("MISSION")
 
 
-def _fly(dive: Dive, vehicle: Vehicle, recorder: Recorder, watch: Watch | None, hear: Hear | None) -> Outcome:
+def _fly(
+    dive: Dive,
+    vehicle: Vehicle,
+    recorder: Recorder,
+    watch: Watch | None,
+    hear: Hear | None,
+    follower: Follower | None,
+) -> Outcome:
     recorder.annotate("dive", {"mission": dive.mission, **dive.notes})
     recorder.attach("mission.plan", plans.write_plan(dive.items).encode(), "application/json")
     vehicle.connect()
     prepare(vehicle, dive)
-    recorder.attach_parameters(vehicle.parameters())
+    aboard = vehicle.parameters()
+    recorder.attach_parameters(aboard)
+    if follower is not None:
+        follower.begin(aboard)
+        vehicle.on_frame = follower.hear
     began_s, vehicle_began_s = wall_s(), recorder.vehicle_s
     vehicle.arm()
-    vehicle.on_text = hear
-    _until_disarmed(vehicle, recorder, len(dive.items), began_s, watch)
+    vehicle.on_text = _both(hear, follower.say if follower else None)
+    _until_disarmed(vehicle, recorder, len(dive.items), began_s, watch, follower)
     return Outcome(
         log=dive.log,
         vehicle_s=recorder.vehicle_s - vehicle_began_s,
@@ -153,12 +190,27 @@ def _fly(dive: Dive, vehicle: Vehicle, recorder: Recorder, watch: Watch | None, 
     )
 
 
-def _until_disarmed(vehicle: Vehicle, recorder: Recorder, items: int, began_s: float, watch: Watch | None) -> None:
+def _both(first: Hear | None, second: Hear | None) -> Hear:
+    def hear(text: Text) -> None:
+        for listener in (first, second):
+            if listener is not None:
+                listener(text)
+
+    return hear
+
+
+def _until_disarmed(
+    vehicle: Vehicle, recorder: Recorder, items: int, began_s: float, watch: Watch | None, follower: Follower | None
+) -> None:
     report = Every(PROGRESS_PERIOD_S)
     while not vehicle.disarmings:
         vehicle.pump(0.05)
         if watch is not None and report.due():
             watch(_progress(vehicle, recorder, items, wall_s() - began_s))
+        if follower is not None:
+            follower.look()
+    if follower is not None:
+        follower.look(last=True)
 
 
 def _progress(vehicle: Vehicle, recorder: Recorder, items: int, wall: float) -> Progress:

@@ -1,10 +1,11 @@
 """Progress on stderr: what a dive, a campaign or a computation is doing."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from threading import Lock
 
-from rich.console import Console
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 
 from ground.flight import Progress as DiveProgress
@@ -15,12 +16,13 @@ URGENT_SEVERITY = 4
 
 
 class Shown:
-    """A live display: one line a dive, and words about what begins."""
+    """A live display: one line a dive, words about what begins, and a picture below."""
 
     def __init__(self, bars: Progress, *, quiet: bool) -> None:
         self._bars, self._quiet = bars, quiet
         self._tasks: dict[str, TaskID] = {}
         self._lock = Lock()
+        self._below: RenderableType | None = None
         self.dive = "dive"
 
     def watch(self, at: DiveProgress) -> None:
@@ -37,6 +39,19 @@ class Shown:
         """Show what the vehicle says, when it is urgent or about a test."""
         if not self._quiet and (text.severity <= URGENT_SEVERITY or text.text.startswith("SystemID")):
             self._bars.console.print(text.text, highlight=False)
+
+    def show(self, picture: RenderableType) -> None:
+        """Show a picture below the bars, in place of the one before."""
+        self._below = picture
+
+    def picture(self) -> RenderableType:
+        """The whole display."""
+        return Group(self._bars, *([self._below] if self._below else []))
+
+    def say(self, words: str) -> None:
+        """Leave a line."""
+        if not self._quiet:
+            self._bars.console.print(words, highlight=False)
 
     def announce(self, words: str) -> None:
         """Say what begins."""
@@ -60,9 +75,11 @@ def display(name: str, *, quiet: bool) -> Iterator[Shown]:
     console = Console(stderr=True)
     bars = Progress(
         SpinnerColumn(), TextColumn("{task.description:28s}"), BarColumn(20), TextColumn("{task.fields[words]}"),
-        TimeElapsedColumn(), console=console, disable=quiet or not console.is_terminal,
+        TimeElapsedColumn(), console=console,
     )  # fmt: skip
-    with bars:
-        shown = Shown(bars, quiet=quiet)
-        shown.dive = name
+    shown = Shown(bars, quiet=quiet)
+    shown.dive = name
+    with ExitStack() as stack:
+        if console.is_terminal and not quiet:
+            stack.enter_context(Live(get_renderable=shown.picture, console=console, refresh_per_second=10.0))
         yield shown

@@ -15,6 +15,11 @@ def parameters_for(vehicle: str) -> dict[str, float]:
     return {} if vehicle in CARIBOU else design(vehicle).parameters
 
 
+def known_beforehand(vehicle: str) -> str:
+    """The vehicle file that an engineer would have of a simulated vehicle."""
+    return "bench" if vehicle in CARIBOU else vehicle
+
+
 def design(vehicle: str) -> Prototype:
     """The prototype controller of a vehicle file.
 

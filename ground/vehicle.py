@@ -71,6 +71,8 @@ class Vehicle:
         self._modes: dict[str, int] = {}
         self._listener: Callable[[Frame], None] | None = None
         self.on_text: Callable[[Text], None] | None = None
+        self.on_frame: Callable[[Frame], None] | None = None
+        """Called with every frame of the autopilot's own."""
         self.party: Party | None = None
         self._status = 0
         self.kind = 0
@@ -220,6 +222,8 @@ class Vehicle:
                 self._hear_text(frame)
             if listener is not None:
                 listener(frame)
+            if self.on_frame is not None and (frame.system, frame.component) == self.party:
+                self.on_frame(frame)
 
     def _hear_heartbeat(self, frame: Frame) -> None:
         message = frame.decode()

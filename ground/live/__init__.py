@@ -1,0 +1,1 @@
+"""The recursive estimate of the vehicle under test, from telemetry as it arrives."""

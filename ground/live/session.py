@@ -1,0 +1,78 @@
+"""The live estimate of a dive: follows her frames, and shows what they tell as often as somebody could read it."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ground.errors import BadInputError
+from ground.live import view
+from ground.live.estimate import PLANES, Estimate, Standing
+from ground.vehicle import Text
+from link.clock import Every
+from link.codec import Frame
+from sysid.fit import STRIDE
+from sysid.model import ModelError
+from sysid.online import estimator, prior, reading
+from sysid.online.estimator import Knowledge
+from sysid.online.prediction import START_STEPS, Steps
+from sysid.refit import RefitError, VehicleError
+
+LOOK_PERIOD_S = 0.5
+"""Of the wall clock: at high speed a look has many seconds of a test to take in, and is the cheaper for it."""
+
+
+class Live:
+    """Made before the vehicle is connected, as it compiles what it needs; a vehicle must not wait for that."""
+
+    def __init__(self, prior_name: str, show: Callable[[Standing], None], announce: Callable[[str], None]) -> None:
+        """``show`` gets every look, ``announce`` a line after each test. Raises BadInputError: no such prior."""
+        self._knowledge = _known(prior_name)
+        _warm(self._knowledge)
+        self._show, self._announce = show, announce
+        self._estimate: Estimate | None = None
+        self._standing = Standing({}, (), "")
+        self._due = Every(LOOK_PERIOD_S)
+
+    def begin(self, parameters: Mapping[str, float]) -> None:
+        """The vehicle is there; ``parameters`` are those aboard, as far as they are known."""
+        self._estimate = Estimate(self._knowledge, parameters)
+
+    def hear(self, frame: Frame) -> None:
+        if self._estimate is not None:
+            self._estimate.hear(frame)
+
+    def say(self, text: Text) -> None:
+        if self._estimate is not None:
+            self._estimate.say(text)
+
+    def look(self, *, last: bool = False) -> None:
+        if self._estimate is None or not (last or self._due.due()):
+            return
+        before, self._standing = self._standing, self._estimate.look()
+        if self._standing.readings:
+            self._show(self._standing)
+        for plane, found in self._standing.readings.items():
+            if plane not in self._standing.testing and before.readings.get(plane) != found:
+                self._announce(view.line(found))
+
+    def as_json(self) -> dict[str, Any]:
+        """What has been told in the end."""
+        return view.as_json(self._standing)
+
+
+def _known(prior_name: str) -> Knowledge:
+    try:
+        return prior.knowledge(prior_name)
+    except (ModelError, RefitError, VehicleError) as error:
+        raise BadInputError(f"--prior: {error}") from None
+
+
+def _warm(knowledge: Knowledge) -> None:
+    """Have everything compiled that a test will need, by a second of standing still."""
+    for plane in PLANES:
+        rows, outputs = START_STEPS + 2, 2 if plane == "yaw" else 3
+        thrust = np.full(rows, knowledge.prior.config.operating_point.thrust_fraction)
+        steps = Steps(np.zeros((rows, outputs)), np.zeros((rows, STRIDE)), thrust)
+        told = estimator.finish(estimator.update(estimator.begin(knowledge, plane, 0.0), steps))
+        reading.read(told.prior, told.whole, plane, 1.0)
