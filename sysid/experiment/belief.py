@@ -1,0 +1,103 @@
+"""What is believed of a vehicle before the next tests: a file's first principles, or an identified model."""
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.vehicle import config as vehicle_files
+from sitl.vehicle.config import VehicleConfig
+from sysid import fit, parameters, refit
+from sysid import model as models
+from sysid.experiment.manoeuvre import Still
+from sysid.model import IdentifiedModel, NoiseModel
+from sysid.noise import Noise
+from sysid.parameters import NAMES, Vehicle
+from sysid.runs import Plane
+
+Array = NDArray[np.float64]
+
+UNKNOWN_TRIM = 0.4
+"""Share of the travel that a trim which nobody has measured may take; the paper's took 6 of 15 deg."""
+SPARE_RAD = math.radians(0.5)
+"""Travel that stays unused beside a trim that is known."""
+
+
+class Belief(NamedTuple):
+    """z (``sysid.parameters``) is normal with ``mean`` and ``covariance``."""
+
+    name: str
+    config: VehicleConfig
+    biases_rad: dict[Plane, float]
+    mean: Array
+    covariance: Array
+    noise: dict[Plane, Noise]
+    trims_known: bool = False
+
+    def vehicle(self, z: Array) -> Vehicle:
+        return parameters.vehicle(self.config, self.biases_rad, z)
+
+
+def read(prior: str | Path) -> Belief:
+    """From ``bench``, a vehicle file or a ``model.json``.
+
+    Raises:
+        VehicleError, ModelError, RefitError: bad input, each in one line.
+    """
+    if not str(prior).endswith(".json"):
+        return of_file(refit.vehicle_file(prior), str(prior) if prior == "bench" else Path(prior).name)
+    model = models.read(prior)
+    if model.method != "map":
+        raise refit.RefitError(f"{prior}: method = {model.method!r}; tests are designed on a model of method 'map'")
+    return of_model(model, vehicle_files.load(model.vehicle.prior), Path(prior).name)
+
+
+def of_file(config: VehicleConfig, name: str = "bench") -> Belief:
+    """First principles with the spread that they leave, in the sea that the fit assumes before it has seen it."""
+    biases: dict[Plane, float] = {"yaw": 0.0, "pitch": 0.0}
+    sea: dict[Plane, Noise] = {"yaw": Noise(), "pitch": Noise()}
+    return Belief(name, config, biases, np.zeros(len(NAMES)), parameters.prior_covariance(), sea)
+
+
+def of_model(model: IdentifiedModel, config: VehicleConfig, name: str = "model.json") -> Belief:
+    """The posterior of an earlier fit, and the sea that it found."""
+    biases: dict[Plane, float] = {plane: math.radians(b) for plane, b in model.vehicle.prior_biases_deg.items()}
+    sea: dict[Plane, Noise] = {"yaw": Noise(), "pitch": Noise()}
+    sea |= {plane: _levels(found) for plane, found in model.noise.items()}
+    return Belief(name, config, biases, np.array(model.joint.z), np.array(model.joint.covariance), sea, True)
+
+
+def _levels(found: NoiseModel) -> Noise:
+    return Noise(
+        rate_radps=math.radians(found.rate_noise_degps),
+        angle_rad=math.radians(found.angle_noise_deg),
+        depth_m=found.depth_noise_m,
+        slow_radps2=math.radians(found.slow_accel_degps2),
+        slow_time_s=found.slow_time_s,
+        wave_radps2=math.radians(found.wave_accel_degps2),
+        wave_frequency_hz=found.wave_frequency_hz,
+        wave_damping=found.wave_damping,
+        force_mps15=found.force_noise_mps15,
+    )
+
+
+def still(vehicle: Vehicle, plane: Plane) -> Still:
+    """Straight level flight of a candidate at its operating point."""
+    thrust = vehicle.config.operating_point.thrust_fraction
+    speed_mps = fit.cruise_speed_mps(vehicle, thrust)
+    bias_rad = vehicle.actuators[plane].bias_rad
+    if plane == "yaw":
+        return Still(-bias_rad, thrust, speed_mps, 0.0)
+    level_rad = fit.level_elevator_rad(vehicle.config, vehicle.model)
+    return Still(level_rad - bias_rad, thrust, speed_mps, fit.level_pitch_rad(vehicle.config, vehicle.model))
+
+
+def room_rad(belief: Belief, plane: Plane) -> float:
+    """How far the surface may be moved from its trim before it meets its stops."""
+    vehicle = belief.vehicle(belief.mean)
+    travel = vehicle.actuators[plane].travel_rad
+    if not belief.trims_known:
+        return (1.0 - UNKNOWN_TRIM) * travel
+    return travel - abs(still(vehicle, plane).trim_rad) - SPARE_RAD
