@@ -178,17 +178,21 @@ def refit(
     outputs: Annotated[
         str, typer.Option(metavar="RUDDER,ELEVATOR,THRUST", help="The outputs that steer, as in sitl --outputs.")
     ] = "1,2,3",
+    beside: Annotated[
+        list[Method] | None, typer.Option(help="A method to set beside the model, on the same runs; repeatable.")
+    ] = None,
     out: Annotated[Path, typer.Option(metavar="MODEL.json")] = Path("model.json"),
     json: Json = False,
 ) -> None:
-    """Fit the model to the tests in logs."""
-    from ground import progress, summary
+    """Fit the model to the tests in logs, judge it, and say whether gains may be designed on it."""
+    from ground import identification, progress
     from ground import refit as fitting
 
     with progress.display("refit", quiet=json) as shown:
-        model = fitting.refit(logs, held_out or (), prior, method.value, shown.share, run or (), outputs)
+        model = fitting.refit(logs, held_out or (), prior, method.value, shown.share, run or (), outputs,
+                              [other.value for other in beside or ()])  # fmt: skip
     fitting.write_model(model, out)
-    give(summary.of_model(model), summary.model_in_words(model, out), json)
+    give(identification.of_model(model), identification.in_words(model, out), json)
 
 
 @app.command()
@@ -196,6 +200,7 @@ def redesign(
     model: Annotated[Path, typer.Argument(help="A model.json from refit.")],
     out: Annotated[Path, typer.Option(metavar="GAINS.param")] = Path("gains.param"),
     upload: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Set the gains on this vehicle.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Design on a model whose own verdict is against it.")] = False,
     sign: Sign = None,
     json: Json = False,
 ) -> None:
@@ -203,7 +208,7 @@ def redesign(
     from ground import refit as fitting
     from ground import summary
 
-    design = fitting.redesign(fitting.read_model(model))
+    design = fitting.redesign(fitting.read_model(model), force=force)
     design.write_params(out)
     if upload:
         params_cli.set_and_read_back(upload, sign, dict(design.gains))

@@ -111,7 +111,7 @@ class Campaign:
         out = self.request.out
         fitted = [self.folder.log_path("identification", mission) for mission in FITTED]
         held_out = [self.folder.log_path("identification", mission) for mission in HELD_OUT]
-        model = refit.refit(fitted, held_out=held_out)
+        model = refit.refit(fitted, held_out=held_out, beside=("paper",))
         refit.write_model(model, out / "model.json")
         self.announce("redesigning the gains")
         design = refit.redesign(model)

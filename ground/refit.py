@@ -60,6 +60,7 @@ def refit(
     progress: Callable[[str, float], None] | None = None,
     marked: Sequence[str] = (),
     outputs: str = "1,2,3",
+    beside: Sequence[Method] = (),
 ) -> "IdentifiedModel":
     """The model that explains the tests in the logs. Raises BadInputError, FailedError."""
     from sysid import refit as fitting
@@ -74,6 +75,7 @@ def refit(
             progress=progress,
             marks=[_mark(text) for text in marked],
             outputs=chosen.parse(outputs),
+            beside=beside,
         )
 
 
@@ -87,12 +89,25 @@ def _mark(text: str) -> "Mark":
     return Mark(float(found[2]), float(found[3]), "yaw" if found[4] == "rudder" else "pitch", found[1] or "")
 
 
-def redesign(model: "IdentifiedModel") -> "Design":
-    """Gains for a model. Raises FailedError when no gains meet the specification."""
+def redesign(model: "IdentifiedModel", *, force: bool = False) -> "Design":
+    """Gains for a model.
+
+    Raises:
+        FailedError: its verdict is against it, unless ``force``; or no gains meet the specification.
+    """
     from sysid import design
 
+    if not force and (model.verdict is None or not model.verdict.fit_for_redesign):
+        raise FailedError(f"the model is not fit for redesign: {_reasons(model)}; fly what it asks for, or --force")
     with _translated():
         return design.redesign(model)
+
+
+def _reasons(model: "IdentifiedModel") -> str:
+    if model.verdict is None:
+        return "nobody has judged it"
+    first, *others = model.verdict.reasons
+    return f"{first} (and {len(others)} more)" if others else first
 
 
 def read_log(path: Path) -> "Log":

@@ -1,17 +1,16 @@
-"""What a campaign, a fit or a design came to: as numbers for ``summary.json`` and as words for people."""
+"""What a campaign or a design came to: as numbers for ``summary.json`` and as words for people."""
 
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ground import refit
+from ground import identification, refit
 from ground.folder import STAGES, CampaignFolder
 
 if TYPE_CHECKING:
     from sysid.analysis import Analysis
     from sysid.design import Design
-    from sysid.model import IdentifiedModel
 
 ERRORS = ("heading_deg", "pitch_deg", "depth_m")
 """The three errors of the paper's Table 5."""
@@ -33,38 +32,10 @@ def build(
     return {
         "trims": dict(trims),
         "gains": {name: dict(values) for name, values in gains.items()},
-        "model": of_model(folder.model),
+        "model": identification.of_model(folder.model),
         "design": of_design(design),
         "tracking": tracking,
         "steady_error": _steady(tracking["straight_run"]),
-    }
-
-
-def of_model(model: "IdentifiedModel") -> dict[str, Any]:
-    """A model's planes, coefficients, and rate errors on fitted and held-out runs."""
-    import msgspec
-
-    from sysid.predict import mean_rate_errors
-
-    def errors(qualities: Any) -> dict[str, Any]:
-        found = {plane: mean_rate_errors(qualities, plane) for plane in ("yaw", "pitch")}
-        return {
-            plane: {"initial_model_deg2ps2": pair[0], "refitted_model_deg2ps2": pair[1]}
-            for plane, pair in found.items()
-            if pair is not None
-        }
-
-    return {
-        "method": model.method,
-        "speed_mps": model.speed_mps,
-        "planes": msgspec.to_builtins(model.planes),
-        "coefficients": msgspec.to_builtins(model.coefficients),
-        "rank": model.joint.rank,
-        "condition_number": model.joint.condition_number,
-        "fitted_rate_error": errors(model.fit_quality),
-        "held_out_rate_error": errors(model.held_out),
-        "runs_kept": sum(run.kept for run in model.screening),
-        "runs_rejected": sum(not run.kept for run in model.screening),
     }
 
 
@@ -95,19 +66,6 @@ def in_words(summary: Mapping[str, Any], out: Path) -> str:
         f"{out / 'report.html'}",
     ]
     return "\n".join(lines)
-
-
-def model_in_words(model: "IdentifiedModel", out: Path) -> str:
-    """The small-signal numbers of a model, with standard deviations."""
-    lines = [f"{out}: {sum(run.kept for run in model.screening)} of {len(model.screening)} runs fitted"]
-    for plane, found in model.planes.items():
-        for name in found.__struct_fields__:
-            estimate = getattr(found, name)
-            if estimate is not None:
-                sd = "not known" if estimate.sd is None else f"{estimate.sd:.2g}"
-                lines.append(f"  {plane:6s} {name:20s} {estimate.value:9.4g}  sd {sd}")
-    lines += [f"  rejected {run.run}: {'; '.join(run.reasons)}" for run in model.screening if not run.kept]
-    return "\n".join([*lines, *_held_out_lines(of_model(model)["held_out_rate_error"])])
 
 
 def design_in_words(design: "Design", out: Path) -> str:

@@ -101,13 +101,19 @@ def held_out(model: IdentifiedModel, runs: Sequence[Run], prior: VehicleConfig |
 
 def mean_rate_errors(qualities: Sequence[RunQuality], plane: Plane) -> tuple[float, float] | None:
     """(prior, model) mean squared rate error over the runs of a plane, (deg/s)^2; None without runs."""
-    chosen = [q for q in qualities if q.plane == plane]
-    if not chosen:
+    return _means([(q.prior_mse_deg2ps2, q.model_mse_deg2ps2) for q in qualities if q.plane == plane])
+
+
+def opening_rate_errors(qualities: Sequence[RunQuality], plane: Plane) -> tuple[float, float] | None:
+    """The same over the first OPENING_S of each run."""
+    return _means([(q.opening_prior_mse_deg2ps2, q.opening_model_mse_deg2ps2) for q in qualities if q.plane == plane])
+
+
+def _means(pairs: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
+    if not pairs:
         return None
-    return (
-        float(np.mean([q.prior_mse_deg2ps2 for q in chosen])),
-        float(np.mean([q.model_mse_deg2ps2 for q in chosen])),
-    )
+    prior, model = np.mean(pairs, axis=0)
+    return float(prior), float(model)
 
 
 def _quality(run: Run, prediction: Prediction) -> RunQuality:
