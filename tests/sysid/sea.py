@@ -60,6 +60,7 @@ class Fault(NamedTuple):
     gain: float = 1.0
     """Of its departures from trim."""
     slip_rad: float = 0.0
+    """Behind all play: the linkage let go and caught again."""
     slip_s: float = 0.0
     """Since the test began."""
 
@@ -92,7 +93,7 @@ def _coloured(draws, slow, wave, speed, omega, zeta):
 @numba.njit(cache=True)
 def _fly(
     model, rudder_axis, elevator_axis, rudder_state, elevator_state, rudder_test, elevator_test, trim, travel, hold,
-    moments, rps, speed, gains, slips,
+    moments, rps, speed, gains, slips, added,
 ):  # fmt: skip
     """Ticks of (time index): rates, angles, depth, commands. The loops hold heading 0 and DEPTH_M."""
     n = rudder_test.size
@@ -117,17 +118,18 @@ def _fly(
             integral[1] += hold.depth_i * (depth - DEPTH_M) * DT
             wanted = min(max(hold.depth_p * (depth - DEPTH_M) + integral[1], -0.3), 0.3)
             elevator = trim[1] + hold.pitch_p * (wanted - theta) - hold.pitch_d * q
+        rudder, elevator = rudder + added[k, 0], elevator + added[k, 1]
         rudder, elevator = min(max(rudder, -travel), travel), min(max(elevator, -travel), travel)
         log[k] = np.array([p, q, r, roll, theta, psi, depth, rudder, elevator])
         disturbance[4], disturbance[5] = moments[k, 0], moments[k, 1]
-        rudder = trim[0] + gains[0] * (rudder - trim[0]) + slips[k, 0]
-        elevator = trim[1] + gains[1] * (elevator - trim[1]) + slips[k, 1]
+        rudder, elevator = trim[0] + gains[0] * (rudder - trim[0]), trim[1] + gains[1] * (elevator - trim[1])
         tailcone.advance(rudder_axis, rudder_state, rudder, rudder_angle)
         tailcone.advance(elevator_axis, elevator_state, elevator, elevator_angle)
         for i in range(SUBSTEPS):
             dynamics.rk4_step(
-                state, rudder_angle[i], elevator_angle[i], rps, disturbance, STILL, DT / SUBSTEPS, model, work
-            )
+                state, rudder_angle[i] + slips[k, 0], elevator_angle[i] + slips[k, 1], rps, disturbance, STILL,
+                DT / SUBSTEPS, model, work,
+            )  # fmt: skip
     return log
 
 
@@ -142,12 +144,13 @@ def fly_tests(
     hold: Hold | None = None,
     sea_radps2: Array | None = None,
     faults: tuple[Fault, Fault] = (Fault(), Fault()),
+    added: Tests | None = None,
 ) -> Array:
     """(samples, 9) measured from PREROLL_S before the tests on, 50 Hz: p, q, r, roll, pitch, heading (rad and rad/s),
     depth (m), and rudder and elevator as commanded (rad).
 
     ``sea_radps2``, (SETTLE_S and the tests, 2), takes the place of the usual sea about pitch and yaw; ``faults`` are
-    the rudder's and the elevator's.
+    the rudder's and the elevator's. ``added`` signals come on top of what the loops ask for.
     """
     sensors = sensors or Sensors()
     settling = np.full(int(SETTLE_S * RATE_HZ), np.nan)
@@ -157,11 +160,14 @@ def fly_tests(
     axes = [tailcone.of_vehicle(tail, bias, DT / SUBSTEPS) for bias in (tail.rudder_bias_deg, tail.elevator_bias_deg)]
     pushed = accelerations(signals[0].size / RATE_HZ, level, rng) if sea_radps2 is None else sea_radps2
     since_s = np.arange(signals[0].size) / RATE_HZ - SETTLE_S
+    extra = np.zeros((signals[0].size, 2))
+    if added is not None:
+        extra[settling.size :] = np.column_stack(added)
     slips = np.column_stack([np.where(since_s >= fault.slip_s, fault.slip_rad, 0.0) for fault in faults])
     log = _fly(
         model, *axes, *map(tailcone.at_rest, axes), *signals, np.array(trim_rad), math.radians(tail.travel_deg),
         hold or Hold(), pushed * np.diag(model.inertia.M)[4:6], propeller.rps(point.thrust_fraction, model),
-        point.speed_mps, np.array([fault.gain for fault in faults]), slips,
+        point.speed_mps, np.array([fault.gain for fault in faults]), slips, extra,
     )  # fmt: skip
     log = log[settling.size - int(PREROLL_S * RATE_HZ) :]
     log[:, :3] += sensors.gyro_bias_radps * rng.standard_normal(3)
@@ -185,17 +191,20 @@ def fly(
     hold: Hold | None = None,
     sea_radps2: Array | None = None,
     fault: Fault | None = None,
+    loop_on: bool = False,
 ) -> Run:
     """One test of ``signal_rad`` (50 Hz, relative to trim) as identification would receive it.
 
-    ``fault`` is the tested surface's.
+    ``fault`` is the tested surface's; with ``loop_on`` the signal is added to what the plane's loop asks for.
     """
-    closed = np.full(signal_rad.size, np.nan)
+    closed, none = np.full(signal_rad.size, np.nan), np.zeros(signal_rad.size)
     tests = Tests(signal_rad, closed) if plane == "yaw" else Tests(closed, signal_rad)
+    added = Tests(signal_rad, none) if plane == "yaw" else Tests(none, signal_rad)
     sound, tested = Fault(), fault or Fault()
     log = fly_tests(
-        vehicle, tests, rng=np.random.default_rng(seed), level=level, sensors=sensors, trim_rad=trim_rad, hold=hold,
-        sea_radps2=sea_radps2, faults=(tested, sound) if plane == "yaw" else (sound, tested),
+        vehicle, Tests(closed, closed) if loop_on else tests, rng=np.random.default_rng(seed), level=level,
+        sensors=sensors, trim_rad=trim_rad, hold=hold, sea_radps2=sea_radps2,
+        faults=(tested, sound) if plane == "yaw" else (sound, tested), added=added if loop_on else None,
     )  # fmt: skip
     return run_of(log, vehicle, plane, signal_rad, name=name, wave=wave, trim_rad=trim_rad)
 
