@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from sitl.vehicle.kernel import kernel
-from sysid.loops import Gains, Lag, chain
+from sysid.loops import Gains, Lag, chain, lead_of
 from sysid.planes import LinearPlane
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ class Answer(NamedTuple):
 
 def answer(plane: LinearPlane, lag: Lag, gains: Gains, level_pitch_rad: float) -> Answer:
     """What a vehicle that flew level at ``level_pitch_rad`` makes of a step."""
-    A, B = chain(plane, lag, order=4)
+    A, B = chain(plane, lag, 4, lead_of(gains))
     n = A.shape[0]
     block = expm(np.block([[A, B[:, None]], [np.zeros((1, n + 1))]]) * DT_S)
     law = np.array([gains[name] for name in ("PTCH_P", "PTCH_D", "DPT_P", "DPT_D", "DPT_I", "DPT_IMAX")])

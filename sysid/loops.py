@@ -5,6 +5,9 @@ The laws, angles in radians, depth in metres (e is set-point less measurement):
     rudder   = HDG_P e_psi - HDG_D r + I_psi                       I_psi' = HDG_I e_psi
     elevator = PTCH_P (theta_c - theta) - PTCH_D q + I_theta       I_theta' = PTCH_I (theta_c - theta)
     theta_c  = -(DPT_P e_z + I_z) + DPT_D depth'                   I_z' = DPT_I e_z
+
+With ACT_LEAD_W, rudder and elevator pass through the tailcone's believed lag undone and a faster one:
+(s^2 + 2 z w s + w^2) / (s^2 + 2 z' w' s + w'^2) w'^2 / w^2, w = ACT_LAG_W, z = ACT_LAG_Z, w' = ACT_LEAD_W, z' = 0.7.
 """
 
 import math
@@ -33,6 +36,17 @@ class Lag(NamedTuple):
     delay_s: float
     natural_frequency_radps: float = 3.0
     damping_ratio: float = 0.6
+
+
+class Lead(NamedTuple):
+    """The tailcone's lag as the autopilot believes it, and the faster one that it is to seem to have."""
+
+    lag_radps: float
+    lag_damping: float
+    lead_radps: float
+
+
+LEAD_DAMPING = 0.7
 
 
 class Margins(NamedTuple):
@@ -68,10 +82,28 @@ def responses(plane: LinearPlane, lag: Lag) -> Responses:
     return Responses(plane.states, (resolvent @ plane.B) * duct[:, None], resolvent @ plane.moment)
 
 
+def lead_of(gains: Gains) -> Lead | None:
+    """What the gains make of the tailcone's lag; None where they leave it as it is."""
+    if not gains.get("ACT_LEAD_W"):
+        return None
+    return Lead(gains["ACT_LAG_W"], gains["ACT_LAG_Z"], gains["ACT_LEAD_W"])
+
+
+def led(plant: Responses, gains: Gains) -> Responses:
+    """``plant`` from what the loops want instead of from what the tailcone is told."""
+    lead = lead_of(gains)
+    if lead is None:
+        return plant
+    s, w, faster = 1j * GRID_RADPS, lead.lag_radps, lead.lead_radps
+    undone = (s**2 + 2.0 * lead.lag_damping * w * s + w**2) / w**2
+    shaped = undone * faster**2 / (s**2 + 2.0 * LEAD_DAMPING * faster * s + faster**2)
+    return plant._replace(command=plant.command * shaped[:, None])
+
+
 def heading_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
     """Loop transfer functions, opened at the rudder and at the heading error."""
-    s = 1j * GRID_RADPS
-    r, psi = plant.command[:, 1], plant.command[:, 2]
+    s, command = 1j * GRID_RADPS, led(plant, gains).command
+    r, psi = command[:, 1], command[:, 2]
     forward = gains["HDG_P"] + gains["HDG_I"] / s
     inner = gains["HDG_D"] * r
     return {"rudder": inner + forward * psi, "heading": forward * psi / (1.0 + inner)}
@@ -79,11 +111,11 @@ def heading_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
 
 def depth_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
     """Loop transfer functions, opened at the elevator and at the pitch command; "pitch" has no depth loop round it."""
-    s = 1j * GRID_RADPS
-    q, theta = plant.command[:, 1], plant.command[:, 2]
+    s, command = 1j * GRID_RADPS, led(plant, gains).command
+    q, theta = command[:, 1], command[:, 2]
     forward = gains["PTCH_P"] + gains["PTCH_I"] / s
     pitch = gains["PTCH_D"] * q + forward * theta
-    outer = -forward * depth_law(plant.command, gains)
+    outer = -forward * depth_law(command, gains)
     return {
         "elevator": pitch + outer,
         "depth": outer / (1.0 + pitch),
@@ -142,7 +174,23 @@ def pade(delay_s: float, order: int) -> tuple[Array, Array, Array, float]:
     return system.A, system.B[:, 0], system.C[0], float(system.D[0, 0])
 
 
-def chain(plane: LinearPlane, lag: Lag, order: int) -> tuple[Array, Array]:
+def chain(plane: LinearPlane, lag: Lag, order: int, lead: Lead | None = None) -> tuple[Array, Array]:
+    """(A, B) from what is wanted to the states of plane, lag (angle, its rate), delay and lead (angle, its rate)."""
+    A, B = _tail(plane, lag, order)
+    if lead is None:
+        return A, B
+    n, w, faster = len(B), lead.lag_radps, lead.lead_radps
+    wide, drive = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
+    stiffness, drag = -(faster**2), -2.0 * LEAD_DAMPING * faster
+    wide[:n, :n], wide[n, n + 1], wide[n + 1, n:], drive[n + 1] = A, 1.0, (stiffness, drag), faster**2
+    # command = angle + 2 z/w rate + acceleration/w^2 of the lead's own motion.
+    wide[:n, n] = B * (1.0 + stiffness / w**2)
+    wide[:n, n + 1] = B * (2.0 * lead.lag_damping / w + drag / w**2)
+    drive[:n] = B * (faster / w) ** 2
+    return wide, drive
+
+
+def _tail(plane: LinearPlane, lag: Lag, order: int) -> tuple[Array, Array]:
     """(A, B) from command to the states of plane, lag (angle, its rate) and delay."""
     n = plane.A.shape[0]
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
@@ -158,7 +206,7 @@ def chain(plane: LinearPlane, lag: Lag, order: int) -> tuple[Array, Array]:
 
 def close_heading(plane: LinearPlane, lag: Lag, gains: Gains, order: int = 4) -> ClosedLoop:
     """Heading loop; its integrator is the last state and is left out when HDG_I is zero."""
-    A, B = chain(plane, lag, order)
+    A, B = chain(plane, lag, order, lead_of(gains))
     error = _row(A, {2: -1.0})
     feedback = gains["HDG_P"] * error + _row(A, {1: -gains["HDG_D"]})
     return _close(A, B, feedback, gains["HDG_P"], [(gains["HDG_I"] * error, gains["HDG_I"], 1.0)])
@@ -166,7 +214,9 @@ def close_heading(plane: LinearPlane, lag: Lag, gains: Gains, order: int = 4) ->
 
 def close_pitch(plane: LinearPlane, lag: Lag, gains: Gains, order: int = 4) -> ClosedLoop:
     """Pitch loop alone, its set-point held by hand; depth, which it does not feed back, is left out."""
-    A, B = chain(LinearPlane(plane.A[:3, :3], plane.B[:3], plane.states[:3], plane.moment[:3]), lag, order)
+    A, B = chain(
+        LinearPlane(plane.A[:3, :3], plane.B[:3], plane.states[:3], plane.moment[:3]), lag, order, lead_of(gains)
+    )
     error = _row(A, {2: -1.0})
     feedback = gains["PTCH_P"] * error + _row(A, {1: -gains["PTCH_D"]})
     return _close(A, B, feedback, gains["PTCH_P"], [(gains["PTCH_I"] * error, gains["PTCH_I"], 1.0)])
@@ -174,7 +224,7 @@ def close_pitch(plane: LinearPlane, lag: Lag, gains: Gains, order: int = 4) -> C
 
 def close_depth(plane: LinearPlane, lag: Lag, gains: Gains, order: int = 4) -> ClosedLoop:
     """Depth loop round the pitch loop; integrators as close_heading."""
-    A, B = chain(plane, lag, order)
+    A, B = chain(plane, lag, order, lead_of(gains))
     p = gains["PTCH_P"]
     # theta_c from depth and its rate (a combination of states), with the set-point's part apart.
     wanted = _row(A, {3: gains["DPT_P"]}) + gains["DPT_D"] * _row(A, dict(enumerate(plane.A[3])))

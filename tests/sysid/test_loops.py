@@ -119,3 +119,17 @@ def test_the_initial_model_is_less_damped_under_a_longer_delay() -> None:
         analysis.damping(analysis.analyse(model, TABLE_3_INITIAL, delay).poles["pitch"]) for delay in (0.1, 0.3, 0.5)
     ]
     assert dampings == sorted(dampings, reverse=True)
+
+
+def test_a_lag_that_is_undone_is_the_faster_lag() -> None:
+    """Exactly, where the tailcone is as believed: the frequency response and every pole."""
+    gains = {**TABLE_3_INITIAL, "ACT_LAG_W": 3.0, "ACT_LAG_Z": 0.6, "ACT_LEAD_W": 8.0}
+    faster = LAG._replace(natural_frequency_radps=8.0, damping_ratio=loops.LEAD_DAMPING)
+    for plane, cuts in ((YAW, loops.heading_loops), (PITCH, loops.depth_loops)):
+        undone, fast = cuts(loops.responses(plane, LAG), gains), cuts(loops.responses(plane, faster), TABLE_3_INITIAL)
+        for name, loop in fast.items():
+            np.testing.assert_allclose(undone[name], loop, rtol=1e-9)
+    undone_poles = loops.poles(loops.close_heading(YAW, LAG, gains))
+    cancelled = np.roots([1.0, 2 * 0.6 * 3.0, 9.0])
+    expected = np.concatenate([loops.poles(loops.close_heading(YAW, faster, TABLE_3_INITIAL)), cancelled])
+    np.testing.assert_allclose(np.sort_complex(undone_poles), np.sort_complex(expected), rtol=1e-6)
