@@ -76,11 +76,12 @@ def in_words(model: "IdentifiedModel", out: Path) -> str:
     lines += [
         f"  rejected {run.run} (held out): {'; '.join(run.reasons)}" for run in model.held_out_screening if not run.kept
     ]
-    lines += [_numbers(model)]
-    if model.held_out:
-        lines += [_errors(model)]
-    lines += [_coefficients(model)] if model.beside else []
-    lines += [_gates(model.verdict.gates)] if model.verdict else []
+    lines += [f"[bold]what control rests on, at {model.speed_mps:g} m/s", _numbers(model)]
+    if model.beside:
+        lines += ["[bold]coefficients", _coefficients(model)]
+    lines += ["[bold]mean squared rate error, (deg/s)²; in brackets the first 10 s", _errors(model)]
+    if model.verdict:
+        lines += ["[bold]gates; a figure in brackets is a remark and does not decide", _gates(model.verdict.gates)]
     return _rendered([*lines, *verdict_lines(model)])
 
 
@@ -99,11 +100,13 @@ def verdict_lines(model: "IdentifiedModel") -> list[str]:
     return lines
 
 
+def _way(method: str) -> str:
+    return "the paper's way" if method == "paper" else method
+
+
 def _numbers(model: "IdentifiedModel") -> "Table":
     rivals = [(rival.method, rival.planes) for rival in model.beside]
-    table = _table(f"what control rests on, at {model.speed_mps:g} m/s", "plane", "", f"{model.method}", "1 sd")
-    for method, _ in rivals:
-        table.add_column(method, justify="right")
+    table = _table("plane", "", f"{model.method}", "1 sd", *(_way(method) for method, _ in rivals))
     for plane, found in model.planes.items():
         for name in found.__struct_fields__:
             estimate = getattr(found, name)
@@ -116,10 +119,7 @@ def _numbers(model: "IdentifiedModel") -> "Table":
 
 def _errors(model: "IdentifiedModel") -> "Table":
     """Table 2's figures: whole tests, and their first ten seconds, which the paper's comparison cannot exceed."""
-    table = _table(
-        "mean squared rate error, (deg/s)^2; in brackets the first 10 s", "plane", "runs", "first principles",
-        model.method, *(rival.method for rival in model.beside),
-    )  # fmt: skip
+    table = _table("plane", "runs", "first principles", model.method, *(_way(rival.method) for rival in model.beside))
     for what, of in (("fitted", "fit_quality"), ("held out", "held_out")):
         ours = rate_errors(getattr(model, of))
         others = [rate_errors(getattr(rival, of)) for rival in model.beside]
@@ -141,8 +141,8 @@ def _coefficients(model: "IdentifiedModel") -> "Table":
     columns = (TABLE_1_INITIAL, TABLE_1_ADJUSTED) if model.vehicle.prior == PAPERS_VEHICLE else ()
     heads = ("paper, initial", "paper, adjusted")[: len(columns)]
     table = _table(
-        "coefficients", "", *heads, "prior", model.method, "1 sd", "shrink", "",
-        *(rival.method for rival in model.beside), "unit",
+        "", *heads, "prior", model.method, "1 sd", "shrink", "",
+        *(_way(rival.method) for rival in model.beside), "unit",
     )  # fmt: skip
     for name, c in model.coefficients.items():
         sd = f"{c.sd:.2g}" if c.sd else "-"
@@ -155,7 +155,7 @@ def _coefficients(model: "IdentifiedModel") -> "Table":
 
 def _gates(gates: Sequence["Gate"]) -> "Table":
     """One row a gate, one column a plane; what is not required is a remark, in brackets."""
-    table = _table("gates; a figure in brackets is a remark and does not decide", "", "yaw", "pitch", "limit", "")
+    table = _table("", "yaw", "pitch", "limit", "")
     for (name, limit), row in _by_name(gates).items():
         failed = ["remark" if not gate.required else "FAILED" for gate in row.values() if not gate.passed]
         cells = [_figure(row[p]) if p in row else "" for p in ("yaw", "pitch")]
@@ -180,11 +180,11 @@ def _figure(gate: "Gate") -> str:
     return value if gate.required else f"({value})"
 
 
-def _table(title: str, *heads: str) -> "Table":
+def _table(*heads: str) -> "Table":
     from rich import box
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for number, head in enumerate(heads):
         table.add_column(head, justify="left" if number == 0 or not head or head == "runs" else "right")
     return table

@@ -83,16 +83,26 @@ def _of_fit(model: IdentifiedModel) -> Iterator[Gate]:
 
 
 def _of_plane(model: IdentifiedModel, plane: Plane, found: PlaneValidation | None) -> Iterator[Gate]:
-    yield from _precision(model, plane)
-    crossed = found.crossover if found else None
+    """A plane without runs, fitted or held out, has one gate for that and none for what they would have said."""
+    fitted = sum(not run.held_out for run in found.runs) if found else 0
+    yield _gate("runs fitted", plane, float(fitted), "at least", 1.0)
+    if found and fitted:
+        yield from _precision(model, plane)
+        yield from _response(plane, found)
+    held_out = len(found.runs) - fitted if found else 0
+    yield _gate("runs held out", plane, float(held_out), "at least", 1.0)
+    if found and found.held_out:
+        yield from _held_out(plane, found.held_out, found.correction)
+
+
+def _response(plane: Plane, found: PlaneValidation) -> Iterator[Gate]:
+    crossed = found.crossover
     gain_sd_db, phase_sd_deg = (crossed.gain_sd_db, crossed.phase_sd_deg) if crossed else (None, None)
     yield _gate("gain at crossover, 1 sd", plane, gain_sd_db, "at most", GAIN_DB, "dB")
     yield _gate("phase at crossover, 1 sd", plane, phase_sd_deg, "at most", PHASE_DEG, "deg")
-    coherence = found.coherence_at_crossover if found else None
-    yield _gate("coherence about crossover", plane, coherence, "at least", COHERENCE)
-    cost = found.overlay.mismatch_cost if found and found.overlay else None
+    yield _gate("coherence about crossover", plane, found.coherence_at_crossover, "at least", COHERENCE)
+    cost = found.overlay.mismatch_cost if found.overlay else None
     yield _gate("mismatch of the response", plane, cost, "at most", MISMATCH)
-    yield from _held_out(plane, found.held_out if found else None, found.correction if found else None)
 
 
 def _precision(model: IdentifiedModel, plane: Plane) -> Iterator[Gate]:
@@ -126,27 +136,22 @@ def _insensitivity_percent(model: IdentifiedModel, plane: Plane, name: str) -> f
     return float(100.0 * sds[i] / math.sqrt(precision) / abs(value)) if value else None
 
 
-def _held_out(plane: Plane, found: Excess | None, changed: Correction | None) -> Iterator[Gate]:
-    def bound(value: float, sd: float) -> float:
-        return abs(value) + SURE * sd
-
-    better, limit = None, 1.0
-    if found:
-        better = found.model_mse_deg2ps2 / found.prior_mse_deg2ps2
-        limit += SURE * (found.excess_sd_deg2ps2 or 0.0) / found.prior_mse_deg2ps2
-    yield _gate("held-out error over the prior's", plane, better, "at most", limit)
-    yield _gate("Theil's coefficient, held out", plane, found.theil.coefficient if found else None, "at most", THEIL)
-    gain = bound(changed.gain_db, changed.gain_sd_db) if changed else None
-    phase = bound(changed.phase_deg, changed.phase_sd_deg) if changed else None
-    yield _gate("gain at crossover as held-out runs have it, off by (95 %)", plane, gain, "at most", GAIN_DB, "dB")
-    yield _gate("phase at crossover as held-out runs have it, off by (95 %)", plane, phase, "at most", PHASE_DEG, "deg")
-    excess = None
-    if found and found.floor_deg2ps2 and found.model_excess_deg2ps2 is not None:
-        excess = found.model_excess_deg2ps2 / found.floor_deg2ps2
-    yield _gate("held-out error above sea and sensors", plane, excess, "at most", OVER_FLOOR, required=False)
-    white = found.whiteness_p if found else None
-    yield _gate("whiteness of held-out innovations, p", plane, white, "at least", WHITE_P, required=False)
-    types = float(found.new_types) if found else None
+def _held_out(plane: Plane, found: Excess, changed: Correction | None) -> Iterator[Gate]:
+    better = found.model_mse_deg2ps2 / found.prior_mse_deg2ps2
+    chance = SURE * (found.excess_sd_deg2ps2 or 0.0) / found.prior_mse_deg2ps2
+    yield _gate("held-out error over the prior's", plane, better, "at most", 1.0 + chance)
+    yield _gate("Theil's coefficient, held out", plane, found.theil.coefficient, "at most", THEIL)
+    gain = abs(changed.gain_db) + SURE * changed.gain_sd_db if changed else None
+    phase = abs(changed.phase_deg) + SURE * changed.phase_sd_deg if changed else None
+    yield _gate("gain at crossover by held-out runs, off by (95 %)", plane, gain, "at most", GAIN_DB, "dB")
+    yield _gate("phase at crossover by held-out runs, off by (95 %)", plane, phase, "at most", PHASE_DEG, "deg")
+    above, limit = None, OVER_FLOOR
+    if found.floor_deg2ps2 and found.model_excess_deg2ps2 is not None:
+        above = found.model_excess_deg2ps2 / found.floor_deg2ps2
+        limit += SURE * (found.excess_sd_deg2ps2 or 0.0) / found.floor_deg2ps2
+    yield _gate("held-out error above sea and sensors", plane, above, "at most", limit, required=False)
+    yield _gate("whiteness of held-out innovations, p", plane, found.whiteness_p, "at least", WHITE_P, required=False)
+    types = float(found.new_types)
     yield _gate("held-out runs of a type not fitted", plane, types, "at least", 1.0, required=False)
 
 
