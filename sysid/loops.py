@@ -89,15 +89,21 @@ def lead_of(gains: Gains) -> Lead | None:
     return Lead(gains["ACT_LAG_W"], gains["ACT_LAG_Z"], gains["ACT_LEAD_W"])
 
 
-def led(plant: Responses, gains: Gains) -> Responses:
-    """``plant`` from what the loops want instead of from what the tailcone is told."""
+def lead_response(gains: Gains) -> ComplexArray:
+    """From what the loops want to what the tailcone is told, on ``GRID_RADPS``."""
     lead = lead_of(gains)
     if lead is None:
-        return plant
+        return np.ones(GRID_RADPS.size, dtype=np.complex128)
     s, w, faster = 1j * GRID_RADPS, lead.lag_radps, lead.lead_radps
     undone = (s**2 + 2.0 * lead.lag_damping * w * s + w**2) / w**2
-    shaped = undone * faster**2 / (s**2 + 2.0 * LEAD_DAMPING * faster * s + faster**2)
-    return plant._replace(command=plant.command * shaped[:, None])
+    return np.asarray(undone * faster**2 / (s**2 + 2.0 * LEAD_DAMPING * faster * s + faster**2))
+
+
+def led(plant: Responses, gains: Gains) -> Responses:
+    """``plant`` from what the loops want instead of from what the tailcone is told."""
+    if lead_of(gains) is None:
+        return plant
+    return plant._replace(command=plant.command * lead_response(gains)[:, None])
 
 
 def heading_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:

@@ -70,11 +70,15 @@ def between(vehicle: Vehicle, first: Vehicle, run: Run, model: IdentifiedModel) 
 
 def vehicles(model: IdentifiedModel, prior: VehicleConfig | None = None) -> tuple[Vehicle, Vehicle]:
     """The identified vehicle and its prior."""
+    return moved(model, np.array(model.joint.z), prior), moved(model, np.zeros(len(model.joint.z)), prior)
+
+
+def moved(model: IdentifiedModel, z: Array, prior: VehicleConfig | None = None) -> Vehicle:
+    """The prior vehicle of a model moved by ``z``, which has the model's own names."""
     config = prior or vehicle_files.load(model.vehicle.prior)
     biases: dict[Plane, float] = {plane: math.radians(b) for plane, b in model.vehicle.prior_biases_deg.items()}
-    known = dict(zip(model.joint.names, model.joint.z, strict=True))
-    z = np.array([known.get(name, 0.0) for name in NAMES])
-    return parameters.vehicle(config, biases, z), parameters.vehicle(config, biases, np.zeros(len(NAMES)))
+    known = dict(zip(model.joint.names, z.tolist(), strict=True))
+    return parameters.vehicle(config, biases, np.array([known.get(name, 0.0) for name in NAMES]))
 
 
 def of_model(model: IdentifiedModel, vehicle: Vehicle, run: Run) -> greybox.Motion:
