@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from sitl.vehicle import propeller
 from sysid import fit, greybox, noise, parameters
 from sysid.fit import DIFFERENCE, Z_LIMIT, Prior
+from sysid.joint.problem import CHANGES_SPEED
 from sysid.noise import Filter, Noise
 from sysid.online import information, prediction
 from sysid.online.information import Information
 from sysid.online.prediction import START_STEPS, STEP_S, Candidate, Motion, Steps
-from sysid.parameters import Vehicle
+from sysid.parameters import PARAMETERS, Vehicle
 from sysid.runs import Plane
 
 Array = NDArray[np.float64]
@@ -61,9 +62,8 @@ class Linearisation(NamedTuple):
     z: Array
     active: list[int]
     """Indices of these parameters."""
-    vehicles: tuple[Vehicle, ...]
     candidates: tuple[Candidate, ...]
-    """In their order: the one at z, then one a parameter."""
+    """The one at z, then one a parameter."""
     filter: Filter
 
 
@@ -149,14 +149,12 @@ def finish(state: State) -> Knowledge:
 
 def with_new_noise(knowledge: Knowledge, plane: Plane) -> Knowledge:
     """Noise levels from what the plane's tests leave unexplained, and the tests weighed anew by them."""
-    prior, z = knowledge.prior, knowledge.z
-    left = [
-        _left(linearise(knowledge, plane, z, float(test.steps.thrust[0])), test.steps)
-        for test in knowledge.tests
-        if test.plane == plane
-    ]
+    prior, z, before = knowledge.prior, knowledge.z, knowledge.noise[plane]
     vehicle = parameters.vehicle(prior.config, prior.biases_rad, z)
-    levels = noise.estimate(fit.linear_plane(vehicle, plane), left, STEP_S, knowledge.noise[plane])
+    linear = fit.linear_plane(vehicle, plane)
+    by = noise.build(linear, before, STEP_S, FILTER_STEPS)
+    left = [_left(vehicle, test, by) for test in knowledge.tests if test.plane == plane]
+    levels = noise.estimate(linear, left, STEP_S, before)
     knowledge = knowledge._replace(noise={**knowledge.noise, plane: levels})
     tests = tuple(
         test._replace(told=_tracked(knowledge, plane, test.steps, z).told) if test.plane == plane else test
@@ -171,22 +169,27 @@ def with_new_noise(knowledge: Knowledge, plane: Plane) -> Knowledge:
 def linearise(knowledge: Knowledge, plane: Plane, z: Array, thrust: float) -> Linearisation:
     """The candidates of a test that begins at a thrust (fraction of full)."""
     prior, active = knowledge.prior, parameters.of_planes([plane])
-    moves = [np.zeros(z.size), *(DIFFERENCE * np.eye(z.size)[i] for i in active)]
-    vehicles = tuple(parameters.vehicle(prior.config, prior.biases_rad, z + move) for move in moves)
-    candidates = tuple(_candidate(vehicle, plane, thrust) for vehicle in vehicles)
-    by = noise.build(fit.linear_plane(vehicles[0], plane), knowledge.noise[plane], STEP_S, FILTER_STEPS)
-    return Linearisation(z, active, vehicles, candidates, by)
+    vehicle = parameters.vehicle(prior.config, prior.biases_rad, z)
+    first = _candidate(vehicle, plane, fit.cruise_speed_mps(vehicle, thrust))
+    moved = tuple(_moved(knowledge, plane, z, thrust, first, i) for i in active)
+    by = noise.build(fit.linear_plane(vehicle, plane), knowledge.noise[plane], STEP_S, FILTER_STEPS)
+    return Linearisation(z, active, (first, *moved), by)
 
 
-def _candidate(vehicle: Vehicle, plane: Plane, thrust: float) -> Candidate:
-    model = vehicle.model
-    return Candidate(
-        model=model,
-        actuator=vehicle.actuators[plane],
-        inverse=greybox.constraint(model, plane),
-        full_rps=propeller.rps(1.0, model),
-        speed_mps=fit.cruise_speed_mps(vehicle, thrust),
-    )
+def _moved(knowledge: Knowledge, plane: Plane, z: Array, thrust: float, first: Candidate, i: int) -> Candidate:
+    """The candidate moved along parameter ``i``; what that leaves alone is taken from ``first``."""
+    prior, there = knowledge.prior, z.copy()
+    there[i] += DIFFERENCE
+    if PARAMETERS[i].part == "tailcone":
+        return first._replace(actuator=parameters.actuators(prior.config, prior.biases_rad, there)[plane])
+    vehicle = parameters.vehicle(prior.config, prior.biases_rad, there)
+    faster = PARAMETERS[i].name in CHANGES_SPEED
+    return _candidate(vehicle, plane, fit.cruise_speed_mps(vehicle, thrust) if faster else first.speed_mps)
+
+
+def _candidate(vehicle: Vehicle, plane: Plane, speed_mps: float) -> Candidate:
+    model, actuator = vehicle.model, vehicle.actuators[plane]
+    return Candidate(model, actuator, greybox.constraint(model, plane), propeller.rps(1.0, model), speed_mps)
 
 
 def _tracked(knowledge: Knowledge, plane: Plane, steps: Steps, z: Array) -> Tracking:
@@ -227,8 +230,8 @@ def _towards(z: Array, wanted: Array) -> Array:
     return np.clip(z + np.clip(wanted - z, -FAR, FAR), -Z_LIMIT, Z_LIMIT)
 
 
-def _left(about: Linearisation, steps: Steps) -> Array:
-    """What a free simulation of the first candidate would leave of a test, (k, outputs)."""
-    first = about.candidates[0]
-    white = prediction.advance(first, prediction.start(first, steps), steps, 0, about.filter)[1]
-    return prediction.free_error(white, about.filter)
+def _left(vehicle: Vehicle, test: Test, by: Filter) -> Array:
+    """What a free simulation of a vehicle would leave of a test, (k, outputs)."""
+    candidate = _candidate(vehicle, test.plane, fit.cruise_speed_mps(vehicle, float(test.steps.thrust[0])))
+    white = prediction.advance(candidate, prediction.start(candidate, test.steps), test.steps, 0, by)[1]
+    return prediction.free_error(white, by)
