@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from sysid import noise
 from sysid.linear import plant as plants
 from sysid.linear import response
-from sysid.linear.plant import LAG_SD, NUMBERS, Plant
-from sysid.linear.response import Discrete
+from sysid.linear.plant import Plant
+from sysid.linear.response import Command
 from sysid.noise import Noise
 
 Array = NDArray[np.float64]
@@ -31,47 +31,44 @@ class Bound(NamedTuple):
     """Of gain, poles and the rest, in the order of ``plant.derived_names``."""
 
 
-def coloured(plant: Plant, commands_rad: Sequence[Array], level: Noise) -> Bound:
+def coloured(plant: Plant, commands: Sequence[Command], level: Noise) -> Bound:
     """Under the sea and the sensors of ``level``; starting states as uncertain as ``noise`` says.
 
     Args:
         plant: the truth, or a draw from what is believed of it.
-        commands_rad: command of each test on the 50 Hz grid, approach included.
+        commands: of each test, its approach included.
         level: standard deviations of disturbance and sensors.
 
     Raises:
         ValueError: there is no test.
     """
-    by, count = _discrete(plant), _count(plant)
-    longest = max((steps(command) for command in commands_rad), default=0)
-    if not longest:
-        raise ValueError("a bound needs at least one test")
-    filtering = noise.build(plants.linear_plane(plant), level, response.DT, longest)
-    information = np.zeros((plant.values.size, plant.values.size))
-    for command in commands_rad:
-        slopes = response.slopes(plant, by, command, np.zeros(by.transition.shape[0]), count)
+    by, count = response.discretise(plant), plants.outputs(plant.frame.plane)
+    filtering = noise.build(plants.linear_plane(plant), level, response.DT, _longest(commands))
+    information = bench_information(plant)
+    for command in commands:
+        slopes = response.slopes(plant, by, command, np.zeros(len(by.transition)), count)
         J = np.stack([noise.whitened(slope, filtering).ravel() for slope in slopes])
         information += J @ J.T
-    return of_information(plant, information + bench_information(plant))
+    return of_information(plant, information)
 
 
-def white(plant: Plant, commands_rad: Sequence[Array], level: Noise) -> Bound:
+def white(plant: Plant, commands: Sequence[Command], level: Noise) -> Bound:
     """Under the sensors of ``level`` alone; starting states and gyro biases entirely unknown.
 
     Arguments and errors as ``coloured``.
     """
-    by, count = _discrete(plant), _count(plant)
-    if not commands_rad:
-        raise ValueError("a bound needs at least one test")
-    sds = sensors(level)[:count]
-    information = np.zeros((plant.values.size, plant.values.size))
-    for command in commands_rad:
-        slopes = response.slopes(plant, by, command, np.zeros(by.transition.shape[0]), count) / sds
-        Q = np.linalg.qr(nuisances(by, steps(command), count) / np.tile(sds, steps(command))[:, None])[0]
-        J = slopes.reshape(len(slopes), -1).T
-        J = J - Q @ (Q.T @ J)
-        information += J.T @ J
-    return of_information(plant, information + bench_information(plant))
+    by, count = response.discretise(plant), plants.outputs(plant.frame.plane)
+    sds, longest = sensors(level)[:count], _longest(commands)
+    unknown = response.nuisances(by, longest, count) / sds[:, None]
+    information = bench_information(plant)
+    for command in commands:
+        steps = response.steps(command)
+        Q = np.linalg.qr(unknown[:steps].reshape(steps * count, -1))[0]
+        slopes = response.slopes(plant, by, command, np.zeros(len(by.transition)), count) / sds
+        J = slopes.reshape(len(slopes), -1)
+        J -= (J @ Q) @ Q.T
+        information += J @ J.T
+    return of_information(plant, information)
 
 
 def sensors(level: Noise) -> Array:
@@ -79,24 +76,11 @@ def sensors(level: Noise) -> Array:
     return np.array([level.rate_radps, level.angle_rad, level.depth_m])
 
 
-def nuisances(by: Discrete, steps: int, count: int) -> Array:
-    """(steps * count, n + 1): what the starting state and the gyro's bias leave in one run's outputs."""
-    gyro = np.zeros((steps, count, 1))
-    gyro[:, 0] = 1.0
-    return np.concatenate([response.free(by, steps, count), gyro], axis=2).reshape(steps * count, -1)
-
-
-def steps(command_rad: Array) -> int:
-    """Output steps of a run."""
-    return (command_rad.size - 1) // response.STRIDE + 1
-
-
 def bench_information(plant: Plant) -> Array:
     """What the bench test of the tailcone tells of its lag, (values, values)."""
-    first = plants.names(plant.frame.plane).index("natural_frequency_radps")
-    sds = np.array([LAG_SD["natural_frequency"], LAG_SD["damping_ratio"]]) * plant.values[first : first + 2]
+    lag = plants.lag(plant.frame.plane)
     information = np.zeros((plant.values.size, plant.values.size))
-    information[first, first], information[first + 1, first + 1] = 1.0 / sds**2
+    information[lag, lag] = np.diag(1.0 / (plants.LAG_SD * plant.values[lag]) ** 2)
     return information
 
 
@@ -107,10 +91,7 @@ def of_information(plant: Plant, information: Array) -> Bound:
     return Bound(information, covariance, plants.propagate(plant.frame, plant.values, covariance))
 
 
-def _discrete(plant: Plant) -> Discrete:
-    return response.discretise(plant.frame, plant.values[: len(NUMBERS[plant.frame.plane])])
-
-
-def _count(plant: Plant) -> int:
-    """Outputs: depth too in pitch."""
-    return 3 if plant.frame.plane == "pitch" else 2
+def _longest(commands: Sequence[Command]) -> int:
+    if not commands:
+        raise ValueError("a bound needs at least one test")
+    return max(response.steps(command) for command in commands)

@@ -30,9 +30,9 @@ TAIL = ("delay_s", "bias_rad", "natural_frequency_radps", "damping_ratio")
 LEVEL = "level_rad"
 """Pitch of level flight, about which pitch is linear. The bias is then the duct's angle at a command of zero less its
 angle in level flight."""
-LAG_SD = {p.name: p.prior_sd for p in PARAMETERS if p.name in ("natural_frequency", "damping_ratio")}
-"""Relative; what the bench test of the tailcone left unsure. Sea tests cannot tell lag from delay (identification in
-water leaves the delay five times wider with the lag free), so both estimators carry the bench's word as data."""
+LAG_SD = np.array([p.prior_sd for p in PARAMETERS if p.name in ("natural_frequency", "damping_ratio")])
+"""Relative, of the tailcone's frequency and damping: what its bench test left unsure. Tests in water hardly tell the
+lag from the delay, so the estimators take the bench's word as one more measurement instead of the lag as known."""
 
 LEAST_COUPLING = 1e-6
 """Sway into yaw acceleration, 1/(m s): an uncoupled plane would need an infinite force to have its b0."""
@@ -61,6 +61,17 @@ class Plant(NamedTuple):
 def names(plane: Plane) -> tuple[str, ...]:
     """Of the values; lengths 8 in yaw and 12 in pitch."""
     return NUMBERS[plane] + TAIL + ((LEVEL,) if plane == "pitch" else ())
+
+
+def lag(plane: Plane) -> slice:
+    """Where the tailcone's frequency and damping stand among the values."""
+    first = names(plane).index("natural_frequency_radps")
+    return slice(first, first + 2)
+
+
+def outputs(plane: Plane) -> int:
+    """How many there are: rate and angle, and depth in pitch."""
+    return 3 if plane == "pitch" else 2
 
 
 def of_vehicle(vehicle: Vehicle, plane: Plane) -> Plant:
@@ -129,16 +140,16 @@ def derived_names(plane: Plane) -> tuple[str, ...]:
 
 def derived(frame: Frame, values: Array) -> Array:
     """Gain, initial acceleration, poles, restoring moment (pitch), delay and bias."""
-    signal, tail = small_signal(frame, values), values[len(NUMBERS[frame.plane]) :][:2]
+    signal, tail = small_signal(Plant(frame, values)), values[len(NUMBERS[frame.plane]) :][:2]
     kept = signal if frame.plane == "pitch" else signal[:-1]
     return np.array([*kept, *tail])
 
 
-def small_signal(frame: Frame, values: Array) -> SmallSignal:
+def small_signal(plant: Plant) -> SmallSignal:
     """The numbers that control design rests on; the real part of both poles where they are complex."""
-    if frame.plane == "pitch":
-        return planes.small_signal(linear_plane(Plant(frame, values)))
-    b1, b0, a1, a0 = values[:4].tolist()
+    if plant.frame.plane == "pitch":
+        return planes.small_signal(linear_plane(plant))
+    b1, b0, a1, a0 = plant.values[:4].tolist()
     slow, fast = sorted(np.roots([1.0, a1, a0]).real, key=abs)
     return SmallSignal(b0 / a0, b1, float(fast), float(slow), 0.0)
 

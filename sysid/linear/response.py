@@ -1,29 +1,39 @@
 """What a plant does under logged commands, and how that changes with each of its values. Both are exact.
 
 Between samples of the 50 Hz grid the duct's angle runs straight; one output step is STRIDE samples, so the state is
-carried over it by one matrix and one tap for each angle on the way. Slopes come from the derivative of the matrix
-exponential, the lower block of exp([[M, 0], [dM, M]]) (Van Loan 1978).
+carried over it by one matrix and one tap for each angle on the way. A sample is short against anything a vehicle does,
+so the exponential's series ends early, and so does that of its derivative.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from sitl.vehicle.kernel import kernel
 from sysid import greybox
 from sysid.fit import STRIDE
 from sysid.linear import plant as plants
-from sysid.linear.plant import NUMBERS, TAIL, Frame, Plant
+from sysid.linear.plant import NUMBERS, TAIL, Plant
 from sysid.runs import RATE_HZ
 
 Array = NDArray[np.float64]
 
 DT = STRIDE / RATE_HZ
 """Of the outputs, seconds."""
+TERMS = 22
+"""Of the exponential's series: whole to rounding for a generator of up to norm 2, a plane hundred times as fast."""
 TAIL_STEPS = {"delay_s": 2e-3, "natural_frequency_radps": 1e-3, "damping_ratio": 1e-4}
 """Half the differences that give the duct's slopes: angles are nearly straight in each over so little."""
+
+
+class Command(NamedTuple):
+    """What a run was told."""
+
+    angle_rad: Array
+    """On the 50 Hz grid."""
+    lead: int = 0
+    """Samples of it before the first output: what the duct was still doing when the outputs begin."""
 
 
 class Discrete(NamedTuple):
@@ -39,22 +49,31 @@ class Discrete(NamedTuple):
     """(numbers, n, STRIDE + 1)"""
 
 
-def discretise(frame: Frame, numbers: Array) -> Discrete:
+def discretise(plant: Plant) -> Discrete:
     """One output step of the plane, exact for an angle that is straight between samples of the 50 Hz grid."""
+    frame, numbers = plant.frame, plant.values[: len(NUMBERS[plant.frame.plane])]
     A, B = plants.equations(frame, numbers)
     origin = plants.equations(frame, np.zeros(numbers.size))
     units = [plants.equations(frame, unit) for unit in np.eye(numbers.size)]
     slopes = np.stack([_held(dA - origin[0], dB - origin[1]) for dA, dB in units])
-    n, m = A.shape[0], A.shape[0] + 2
     # A straight angle is a state with a constant slope: the last entry is what it gains over the sample.
+    n = A.shape[0]
     M = _held(A, B)
     M[n, n + 1] = 1.0
-    dual = np.zeros((numbers.size, 2 * m, 2 * m))
-    dual[:, :m, :m] = dual[:, m:, m:] = M
-    dual[:, m:, :m] = slopes
-    step = expm(dual)
-    over, over_slopes = step[0, :m, :m], step[:, m:, :m]
+    over, over_slopes = _exponential(M, slopes)
     return _blocked(over[:n], over_slopes[:, :n])
+
+
+def _exponential(M: Array, slopes: Array) -> tuple[Array, Array]:
+    """exp(M), (m, m), and its derivatives along each of ``slopes``, (count, m, m), by the series' own."""
+    term, term_slopes = np.eye(len(M)), np.zeros_like(slopes)
+    total, total_slopes = term.copy(), term_slopes.copy()
+    for k in range(1, TERMS + 1):
+        term_slopes = (term_slopes @ M + term @ slopes) / k
+        term = term @ M / k
+        total += term
+        total_slopes += term_slopes
+    return total, total_slopes
 
 
 def _held(A: Array, B: Array) -> Array:
@@ -118,44 +137,55 @@ def _advance_slopes(by: Discrete, angles: Array, x: Array) -> Array:
     return slopes
 
 
-def duct(plant: Plant, command_rad: Array) -> Array:
-    """Duct angle from that of level flight, at every sample of the command."""
-    return np.asarray(greybox.duct_angles(command_rad, plants.actuator(plant), 1.0 / RATE_HZ))
+def duct(plant: Plant, command: Command) -> Array:
+    """Duct angle from that of level flight, at every sample from ``command.lead`` on."""
+    angles: Array = greybox.duct_angles(command.angle_rad, plants.actuator(plant), 1.0 / RATE_HZ)
+    return angles[command.lead :]
 
 
-def outputs(plant: Plant, by: Discrete, command_rad: Array, x0: Array, count: int) -> Array:
+def steps(command: Command) -> int:
+    """Output steps of a run."""
+    return (command.angle_rad.size - command.lead - 1) // STRIDE + 1
+
+
+def outputs(plant: Plant, by: Discrete, command: Command, x0: Array, count: int) -> Array:
     """(steps, count): rate, angle and, in pitch, depth, at every STRIDE-th sample, from the state ``x0``."""
-    x = _advance(by.transition, by.taps, duct(plant, command_rad), x0)[:, 1 : 1 + count]
+    x: Array = _advance(by.transition, by.taps, duct(plant, command), x0)[:, 1 : 1 + count]
     x[:, 1] += plants.level_rad(plant)
-    return np.asarray(x)
+    return x
 
 
-def slopes(plant: Plant, by: Discrete, command_rad: Array, x0: Array, count: int) -> Array:
+def slopes(plant: Plant, by: Discrete, command: Command, x0: Array, count: int) -> Array:
     """(values, steps, count): how ``outputs`` change with each value, the starting state held."""
     numbers = len(NUMBERS[plant.frame.plane])
-    angles, rest = duct(plant, command_rad), np.zeros(x0.size)
+    angles, rest = duct(plant, command), np.zeros(x0.size)
     x = _advance(by.transition, by.taps, angles, x0)
     found = np.zeros((plant.values.size, x.shape[0], count))
     found[:numbers] = _advance_slopes(by, angles, x)[:, :, 1 : 1 + count]
     for i, name in enumerate(TAIL, start=numbers):
-        moved = np.ones(angles.size) if name == "bias_rad" else _duct_slope(plant, command_rad, i, TAIL_STEPS[name])
+        moved = np.ones(angles.size) if name == "bias_rad" else _duct_slope(plant, command, i, TAIL_STEPS[name])
         found[i] = _advance(by.transition, by.taps, moved, rest)[:, 1 : 1 + count]
     if plant.frame.plane == "pitch":
         found[-1, :, 1] = 1.0
     return found
 
 
-def _duct_slope(plant: Plant, command_rad: Array, index: int, step: float) -> Array:
+def _duct_slope(plant: Plant, command: Command, index: int, step: float) -> Array:
     """By differences: rate limit and stops have no slope of their own."""
     above, below = plant.values.copy(), plant.values.copy()
     above[index] += step
     below[index] = max(below[index] - step, 0.0)
-    raised, lowered = duct(Plant(plant.frame, above), command_rad), duct(Plant(plant.frame, below), command_rad)
-    return (raised - lowered) / (above[index] - below[index])
+    raised, lowered = duct(Plant(plant.frame, above), command), duct(Plant(plant.frame, below), command)
+    slope: Array = (raised - lowered) / (above[index] - below[index])
+    return slope
 
 
-def free(by: Discrete, steps: int, count: int) -> Array:
-    """(steps, count, n): what each starting state leaves in the outputs."""
+def nuisances(by: Discrete, steps: int, count: int) -> Array:
+    """(steps, count, n + 1): what each starting state and the gyro's bias leave in the outputs."""
     n = by.transition.shape[0]
     angles = np.zeros((steps - 1) * STRIDE + 1)
-    return np.stack([_advance(by.transition, by.taps, angles, unit)[:, 1 : 1 + count] for unit in np.eye(n)], axis=2)
+    found = np.zeros((steps, count, n + 1))
+    for i, unit in enumerate(np.eye(n)):
+        found[:, :, i] = _advance(by.transition, by.taps, angles, unit)[:, 1 : 1 + count]
+    found[:, 0, n] = 1.0
+    return found

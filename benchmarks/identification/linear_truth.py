@@ -1,0 +1,179 @@
+"""Linear vehicles under known noise: the only ground on which an estimator's variance has a bound to be held to.
+
+A trial is one campaign of a plane: ten tests in about as much water time as the paper's, flown by the small-signal
+plane of the vehicle that the study's sea flies.
+"""
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from benchmarks.identification import vehicles
+from sysid import fit, noise, parameters
+from sysid.linear import plant as plants
+from sysid.linear import records, response
+from sysid.linear.plant import Plant
+from sysid.linear.records import Belief, Record
+from sysid.linear.response import DT, Command
+from sysid.noise import Noise
+from sysid.parameters import NAMES
+from sysid.planes import LinearPlane
+from sysid.runs import Plane
+from tests.sysid import sea
+
+Array = NDArray[np.float64]
+Draw = Callable[[LinearPlane, list[int], np.random.Generator], list[Array]]
+"""(plane, steps of each run, generator) to what noise adds to each run's outputs, (steps, outputs)."""
+
+PLANES: tuple[Plane, ...] = ("yaw", "pitch")
+WHITE = Noise(rate_radps=math.radians(0.3), angle_rad=math.radians(0.3), depth_m=0.03)
+"""Of the sensors; the rest of it is not drawn."""
+COLOURED = Noise(
+    rate_radps=math.radians(0.15),
+    angle_rad=math.radians(0.15),
+    depth_m=0.02,
+    slow_radps2=math.radians(0.2),
+    slow_time_s=4.0,
+    wave_radps2=math.radians(0.25),
+    wave_frequency_hz=0.13,
+    wave_damping=0.07,
+    force_mps15=0.002,
+)
+"""None of the levels that the estimators begin with."""
+STEADY = 0.3
+"""How far a run starts from rest, in the uncertainty of the estimators: the loops held the vehicle straight."""
+APPROACH_S, AFTER_S = 5.0, 5.0
+GROWTH = 0.12
+"""1/s: tests of a vehicle that runs away faster are shortened in proportion, as an abort envelope would."""
+BIAS_RAD, LEVEL_RAD = math.radians(0.7), math.radians(1.0)
+
+
+class Campaign(NamedTuple):
+    truth: Plant
+    records: list[Record]
+    belief: Belief
+    """The prior file's plane, and the lag as one bench test measured it."""
+
+
+def campaign(vehicle: str, plane: Plane, draw: Draw, seed: int) -> Campaign:
+    """Ten tests of one plane under the noise that ``draw`` makes."""
+    truth, rng = true_plant(vehicle, plane), np.random.default_rng([seed, PLANES.index(plane)])
+    by, linear, count = response.discretise(truth), plants.linear_plane(truth), plants.outputs(plane)
+    told = commands(vehicle, plane)
+    rest = np.zeros(len(by.transition))
+    clean = [response.outputs(truth, by, command, rest, count) for command in told]
+    noises = draw(linear, [response.steps(command) for command in told], rng)
+    flown = [Record(command, y + e) for command, y, e in zip(told, clean, noises, strict=True)]
+    return Campaign(truth, flown, _bench_tested(prior_belief(vehicle, plane), truth, rng))
+
+
+def white(linear: LinearPlane, steps: list[int], rng: np.random.Generator) -> list[Array]:
+    """Sensors only: starting states and gyro biases are the noise model's."""
+    silent = WHITE._replace(slow_radps2=0.0, wave_radps2=0.0, force_mps15=0.0)
+    return _drawn(linear, silent, steps, rng)
+
+
+def coloured(linear: LinearPlane, steps: list[int], rng: np.random.Generator) -> list[Array]:
+    """The noise model's own sea, at levels of its own."""
+    return _drawn(linear, COLOURED, steps, rng)
+
+
+def misspecified(linear: LinearPlane, steps: list[int], rng: np.random.Generator) -> list[Array]:
+    """Forces and moments that the noise model does not know: eight tones with Rayleigh amplitudes about a random centre."""
+    silent = COLOURED._replace(wave_radps2=0.0, force_mps15=0.0)
+    base = _drawn(linear, silent, steps, rng)
+    return [sensed + _swell(linear, len(sensed), rng)[:, : sensed.shape[1]] for sensed in base]
+
+
+def _drawn(linear: LinearPlane, level: Noise, steps: list[int], rng: np.random.Generator) -> list[Array]:
+    """Draws of the filter's own system, all runs side by side."""
+    A, density, C, R, P0 = noise.system(linear, level)
+    Phi, Q = noise.discrete(A, density, DT)
+    runs, n = len(steps), len(A)
+    values, vectors = np.linalg.eigh(Q)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    start = np.sqrt(np.diag(P0))
+    start[: len(linear.A)] *= STEADY
+    x = start * rng.standard_normal((runs, n))
+    out = np.empty((runs, max(steps), len(C)))
+    for k in range(max(steps)):
+        out[:, k] = x @ C.T
+        x = x @ Phi.T + rng.standard_normal((runs, n)) @ root.T
+    out += np.sqrt(np.diag(R)) * rng.standard_normal(out.shape)
+    return [run[:length] for run, length in zip(out, steps, strict=True)]
+
+
+def _swell(linear: LinearPlane, steps: int, rng: np.random.Generator) -> Array:
+    """(steps, 3): rate, angle and depth (zero in yaw) that eight wave tones cause through moment and force."""
+    tones = 2.0 * math.pi * rng.uniform(0.1, 0.2) * rng.uniform(0.7, 1.3, 8)
+    sizes, phases = rng.rayleigh(1.0, 8) / 4.0, rng.uniform(0.0, 2.0 * math.pi, (2, 8))
+    time_s = DT * np.arange(steps)[:, None]
+    moment = COLOURED.wave_radps2 * (sizes * np.sin(tones * time_s + phases[0])).sum(axis=1)
+    force = SWELL_MPS2 * (sizes * np.sin(tones * time_s + phases[1])).sum(axis=1)
+    n = len(linear.A)
+    pushed = np.zeros((n + 2, n + 2))
+    pushed[:n, :n], pushed[:n, n] = linear.A * DT, linear.moment * DT
+    pushed[0, n + 1] = DT
+    over = expm(pushed)[:n]
+    x = np.zeros((steps, n))
+    for k in range(steps - 1):
+        x[k + 1] = over[:, :n] @ x[k] + over[:, n] * moment[k] + over[:, n + 1] * force[k]
+    return np.column_stack([x[:, 1:], np.zeros((steps, 4 - n))])
+
+
+SWELL_MPS2 = 0.01
+"""Root mean square of the acceleration across that waves give, 7 N on Caribou."""
+
+
+@cache
+def true_plant(vehicle: str, plane: Plane) -> Plant:
+    """The small-signal plane of the vehicle that flies, trimmed to half a degree."""
+    flies = vehicles.case(vehicle)
+    found = plants.of_vehicle(vehicles.nominal(flies.truth), plane)
+    values = found.values.copy()
+    values[plants.names(plane).index("bias_rad")] = BIAS_RAD * flies.scale(plane)
+    if plane == "pitch":
+        values[-1] = LEVEL_RAD
+    return Plant(found.frame, values)
+
+
+@cache
+def prior_belief(vehicle: str, plane: Plane) -> Belief:
+    """What the vehicle's file says, its bias and level pitch taken to be nothing."""
+    prior = fit.Prior(
+        vehicles.case(vehicle).prior, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)), parameters.prior_covariance()
+    )
+    found = records.belief(prior, plane)
+    values = found.plant.values.copy()
+    values[plants.names(plane).index("bias_rad")] = 0.0
+    return records.bounded(Plant(found.plant.frame, values), found.covariance)
+
+
+def _bench_tested(belief: Belief, truth: Plant, rng: np.random.Generator) -> Belief:
+    lag = plants.lag(truth.frame.plane)
+    values = belief.plant.values.copy()
+    values[lag] = truth.values[lag] * (1.0 + plants.LAG_SD * rng.standard_normal(2))
+    return records.bounded(Plant(belief.plant.frame, values), belief.covariance)
+
+
+@cache
+def commands(vehicle: str, plane: Plane) -> tuple[Command, ...]:
+    """3-2-1-1 and doublets, slow and quick, both ways, and two steps; sized to the vehicle's prior."""
+    size = vehicles.case(vehicle).scale(plane)
+    slow = plants.small_signal(true_plant(vehicle, plane)).p_slow_per_s
+    pace = min(1.0, GROWTH / slow) if slow > 0.0 else 1.0
+    kinds = [(4.0, 2.5, (3, -2, 1, -1)), (6.0, 1.5, (3, -2, 1, -1)), (4.0, 5.0, (1, -1)), (6.0, 2.5, (1, -1)),
+             (3.0, 15.0, (1,))]  # fmt: skip
+    return tuple(_command(sign * size * degrees, unit_s * pace, shape) for degrees, unit_s, shape in kinds
+                 for sign in (1.0, -1.0))  # fmt: skip
+
+
+def _command(degrees: float, unit_s: float, shape: tuple[int, ...]) -> Command:
+    """Pulses of ``abs(count)`` units each, between a straight approach and a straight end."""
+    pulses = [sea.step(math.copysign(degrees, count * degrees), abs(count) * unit_s) for count in shape]
+    return Command(np.concatenate([sea.step(0.0, APPROACH_S), *pulses, sea.step(0.0, AFTER_S)]))

@@ -1,0 +1,107 @@
+"""One plane from its runs, by output error or by filter error."""
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid.linear import bound, filter_error, objective, output_error, search
+from sysid.linear.objective import Objective
+from sysid.linear.plant import Plant
+from sysid.linear.records import Belief, Record
+from sysid.linear.search import Found
+from sysid.noise import Noise
+
+Array = NDArray[np.float64]
+Method = Literal["output-error", "filter-error"]
+
+PASSES = 3
+"""Outer iterations: values, then the noise that explains what they miss."""
+REFILTERS, STEPS = 3, 6
+"""How often a pass of filter error linearises its filter anew, and after how many steps at most: an unstable plane
+outgrows a filter of other poles."""
+COARSE = 1e-4
+"""Relative cost change that ends a pass whose noise levels are about to be renewed."""
+
+
+class Estimate(NamedTuple):
+    plant: Plant
+    covariance: Array
+    """Of the values, the inverse of their information."""
+    level: Noise | None
+    """Sea and sensors; none is known to output error, which takes both for sensors."""
+    sensors: Array
+    """Standard deviations of the outputs' own noise."""
+    objective: Objective
+    cost: float
+    start_costs: tuple[float, ...]
+    evaluations: int
+
+
+def estimate(
+    records: Sequence[Record],
+    belief: Belief,
+    method: Method = "filter-error",
+    start: Array | None = None,
+    others: int = search.STARTS,
+) -> Estimate:
+    """Values of one plane from its runs (at least one).
+
+    Args:
+        records: runs of one plane.
+        belief: where to look; the tailcone's lag in it is a bench measurement.
+        method: which noise the runs are taken to hold.
+        start: values to begin with; the belief's own without.
+        others: how many other starts must end at the same cost.
+
+    Raises:
+        NotUniqueError: the runs do not name one plant.
+        ValueError: there is no run.
+    """
+    if not records:
+        raise ValueError("an estimate needs at least one run")
+    first = belief.plant.values if start is None else start
+    passes = _output_error if method == "output-error" else _filter_error
+    found, weighted, level, sensors = passes(records, belief, first)
+    best, costs = search.from_everywhere(weighted, belief, found, others)
+    information = search.require_unique(weighted, belief, best, costs)
+    plant = Plant(belief.plant.frame, best.values)
+    return Estimate(
+        plant, bound.of_information(plant, information).covariance, level, sensors, weighted, best.cost, tuple(costs),
+        best.evaluations,
+    )  # fmt: skip
+
+
+Passed = tuple[Found, Objective, Noise | None, Array]
+
+
+def _output_error(records: Sequence[Record], belief: Belief, values: Array) -> Passed:
+    frame = belief.plant.frame
+    sds = bound.sensors(Noise())[: records[0].measured.shape[1]]
+
+    def weighted() -> Objective:
+        return objective.with_bench(output_error.objective(frame, records, sds), belief.plant)
+
+    for _ in range(PASSES):
+        values = search.search(weighted(), belief, values, COARSE).values
+        sds = output_error.levels(frame, records, sds, values)
+    return search.search(weighted(), belief, values), weighted(), None, sds
+
+
+def _filter_error(records: Sequence[Record], belief: Belief, values: Array) -> Passed:
+    frame, level = belief.plant.frame, Noise()
+
+    def weighted() -> Objective:
+        by = filter_error.filtering(Plant(frame, values), records, level)
+        return objective.with_bench(filter_error.objective(frame, records, by), belief.plant)
+
+    for _ in range(PASSES):
+        for _ in range(REFILTERS):
+            values = search.search(weighted(), belief, values, COARSE, STEPS).values
+        # From the default levels every time: those of a plane that was still wrong may be past return.
+        level = filter_error.levels(Plant(frame, values), records, Noise())
+    for _ in range(REFILTERS):
+        values = search.search(weighted(), belief, values, COARSE, STEPS).values
+    last = weighted()
+    return search.search(last, belief, values), last, level, bound.sensors(level)
