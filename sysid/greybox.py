@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
 from sitl.vehicle import duct, dynamics, hydrodynamics, propeller, restoring
 from sitl.vehicle.kernel import kernel
@@ -21,6 +22,8 @@ SUBMERGED_Z_M = -50.0
 """Where the plane model flies: far from a surface that no test may touch."""
 AROUND = 6
 """Columns of a run's surroundings: what the rest of the vehicle does meanwhile."""
+SMOOTHING = 101
+"""Samples over which the other plane's motion is averaged: two seconds, in which a loop that is on changes little."""
 SETTLING_S = 0.5
 """Start of a run over which measured starting values are averaged."""
 
@@ -208,6 +211,22 @@ def first_state(run: Run, start: Start, speed_mps: float) -> Array:
     return np.array([speed_mps, -w_frd, -start.rate_radps, -theta, SUBMERGED_Z_M])
 
 
+def standing(run: Run, speed_mps: float) -> Array | None:
+    """Surroundings (samples, AROUND) of a yaw test: how the vehicle pitched meanwhile, and slipped through the water.
+
+    A vehicle that is not neutral flies level with her nose up or down; the drag across her hull, which grows with the
+    square of what flows there, then holds sway as well. Heave follows from pitch and depth: depth' = w - U sin(theta).
+    Pitch tests have none: her loops keep the vehicle straight, and nothing measures sway.
+    """
+    if run.plane == "pitch":
+        return None
+    window = min(SMOOTHING, (run.time_s.size - 1) // 2 * 2 + 1)
+    pitch, q, roll = (savgol_filter(x, window, 1) for x in (run.pitch_rad, run.q_radps, run.roll_rad))
+    sinking = savgol_filter(run.depth_m, window, 1, deriv=1, delta=1.0 / RATE_HZ)
+    heave = (sinking + speed_mps * np.sin(pitch)) / np.cos(pitch)
+    return np.column_stack([-heave, -q, -pitch, 0.0 * q, roll, 0.0 * q])
+
+
 def simulate(
     model: Model, actuator: Actuator, run: Run, start: Start, stride: int, speed_mps: float,
     around: Array | None = None,
@@ -215,8 +234,9 @@ def simulate(
     """The run as the model would have flown it from ``start`` under the run's own commands.
 
     ``stride`` samples make one integration step: 1 for plots (20 ms), 5 for fitting (0.1 s). ``around`` are the run's
-    surroundings, where the rest of the vehicle was not at rest.
+    surroundings, by default those of a plane whose loop stayed on.
     """
+    around = standing(run, speed_mps) if around is None else around
     x0 = first_state(run, start, speed_mps)
     angles = duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
     rps, inverse = run.thrust * propeller.rps(1.0, model), constraint(model, run.plane)

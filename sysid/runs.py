@@ -99,6 +99,11 @@ class Run:
         first = int(np.searchsorted(self.time_s, start_s - 1e-9))
         return replace(self, **{name: getattr(self, name)[first:] for name in _SERIES})
 
+    def until(self, stop_s: float) -> "Run":
+        """The same run without what lies after ``stop_s``."""
+        end = int(np.searchsorted(self.time_s, stop_s + 1e-9))
+        return replace(self, **{name: getattr(self, name)[:end] for name in _SERIES})
+
 
 _SERIES = tuple(field.name for field in fields(Run) if field.type is Array)
 

@@ -1,5 +1,6 @@
 """Every cell of the study by name."""
 
+from benchmarks.identification.prediction import PREDICTION
 from benchmarks.identification.study import Cell
 
-CELLS: dict[str, Cell] = {cell.name: cell for cell in ()}
+CELLS: dict[str, Cell] = {cell.name: cell for cell in (PREDICTION,)}

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sysid import greybox, parameters, planes
 from sysid.greybox import Start
-from sysid.joint.surroundings import surroundings
+from sysid.joint.surroundings import moving
 from sysid.joint.trim import cruise_speed_mps
 from sysid.parameters import Vehicle
 from sysid.planes import LinearPlane
@@ -28,7 +28,7 @@ class Experiment(NamedTuple):
     measured: Array
     """(samples, outputs) at 10 Hz, each the mean of the samples around it: rate, angle, and depth in pitch."""
     around: Array | None = None
-    """What the rest of the vehicle did meanwhile, where it was under test too."""
+    """What the rest of the vehicle did meanwhile, as ``greybox.integrate`` takes it."""
 
 
 def experiment(run: Run) -> Experiment:
@@ -40,11 +40,11 @@ def experiment(run: Run) -> Experiment:
 
 def among(vehicle: Vehicle, what: Experiment) -> Experiment:
     """The same with its surroundings, as ``vehicle`` tells them from what was measured."""
-    if not what.run.both:
-        return what
-    other: Plane = "pitch" if what.run.plane == "yaw" else "yaw"
-    around = surroundings(what.run, linear_plane(vehicle, other), vehicle.actuators[other])
-    return what._replace(around=around)
+    run, speed_mps = what.run, cruise_speed_mps(vehicle, float(what.run.thrust[0]))
+    if not run.both:
+        return what._replace(around=greybox.standing(run, speed_mps))
+    other: Plane = "pitch" if run.plane == "yaw" else "yaw"
+    return what._replace(around=moving(run, linear_plane(vehicle, other), vehicle.actuators[other], speed_mps))
 
 
 def _decimate(values: Array) -> Array:

@@ -1,6 +1,6 @@
 """The fit's objective: whitened residuals of all runs and their sensitivities, beside what the prior says."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -84,21 +84,26 @@ def cost(problem: Problem, z: Array) -> float:
 
 def score(problem: Problem, z: Array) -> Score:
     """Cost, its slope by z, and the Gauss-Newton information of the data."""
-    prior, at = problem.prior, vehicle(problem.prior, z)
+    prior = problem.prior
     away = z - prior.mean
     pull = np.asarray(np.linalg.solve(prior.covariance, away), np.float64)
     slope: Array = pull
     total, information = float(away @ pull), np.zeros((z.size, z.size))
+    for white, jacobian in linearised(problem, z):
+        total += float(np.sum(white**2))
+        slope = slope + jacobian.T @ white.ravel()
+        information += jacobian.T @ jacobian
+    return Score(0.5 * total, slope, information)
+
+
+def linearised(problem: Problem, z: Array) -> Iterator[tuple[Array, Array]]:
+    """Each run's whitened residuals (samples, outputs) and their slopes by z, plane by plane."""
+    at = vehicle(problem.prior, z)
     moved = _moved(problem, at, z)
     for plane in problem.experiments:
         flown = _fly(problem, at, plane)
-        for white, jacobian in zip(
-            _whitened(problem, plane, flown), _jacobians(problem, plane, at, flown, moved), strict=True
-        ):
-            total += float(np.sum(white**2))
-            slope = slope + jacobian.T @ white.ravel()
-            information += jacobian.T @ jacobian
-    return Score(0.5 * total, slope, information)
+        white, jacobians = _whitened(problem, plane, flown), _jacobians(problem, plane, at, flown, moved)
+        yield from zip(white, jacobians, strict=True)
 
 
 def _speeds_mps(problem: Problem, at: Vehicle) -> dict[float, float]:

@@ -1,0 +1,43 @@
+"""The frequency on which a controller's margins hang, and how well a model knows the vehicle there."""
+
+import cmath
+import math
+
+import numpy as np
+from scipy.optimize import brentq
+
+from benchmarks.identification import vehicles
+from benchmarks.identification.vehicles import Case
+from sysid import fit
+from sysid.parameters import Vehicle
+from sysid.runs import Plane
+
+
+def response(vehicle: Vehicle, plane: Plane, omega_radps: float) -> complex:
+    """Rate over command for small motion: plane, lag and delay."""
+    linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]
+    s, wn = 1j * omega_radps, actuator.natural_frequency_radps
+    states = np.linalg.solve(s * np.eye(len(linear.A)) - linear.A, linear.B)
+    lag = wn**2 / (s**2 + 2.0 * actuator.damping_ratio * wn * s + wn**2)
+    return complex(states[1] * lag * cmath.exp(-s * actuator.delay_s))
+
+
+def crossover_radps(case: Case, plane: Plane) -> float:
+    """Where the loop of the first dive crosses unity on the prior vehicle, for the last time."""
+    hold, known = case.hold, vehicles.nominal(case.prior)
+    p, d = (hold.heading_p, hold.heading_d) if plane == "yaw" else (hold.pitch_p, hold.pitch_d)
+
+    def excess(log_omega: float) -> float:
+        s = 1j * math.exp(log_omega)
+        return math.log(abs((p / s + d) * response(known, plane, math.exp(log_omega))))
+
+    grid = np.linspace(math.log(0.05), math.log(20.0), 400)
+    above = [k for k, x in enumerate(grid) if excess(float(x)) > 0.0]
+    return math.exp(float(brentq(excess, grid[above[-1]], grid[above[-1] + 1])))
+
+
+def errors(case: Case, found: Vehicle, plane: Plane) -> tuple[float, float]:
+    """Gain (dB) and phase (deg) of a model over those of the true vehicle's small motion, at that frequency."""
+    omega = crossover_radps(case, plane)
+    ratio = response(found, plane, omega) / response(vehicles.nominal(case.truth), plane, omega)
+    return 20.0 * math.log10(abs(ratio)), math.degrees(cmath.phase(ratio))
