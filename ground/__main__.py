@@ -47,6 +47,13 @@ class Method(StrEnum):
     PAPER = "paper"
 
 
+class Subject(StrEnum):
+    """Of a picture."""
+
+    RESULT = "result"
+    MODEL = "model"
+
+
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
 app.add_typer(params_cli.app, name="params")
 app.add_typer(log_cli.app, name="log")
@@ -219,12 +226,14 @@ def redesign(
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A campaign's folder.")],
     picture: Annotated[Path | None, typer.Option(metavar="FILE.png|svg", help="Draw one picture instead.")] = None,
+    of: Annotated[Subject, typer.Option(help="What the picture shows.")] = Subject.RESULT,
 ) -> None:
-    """Write report.html of a campaign, or one picture of its result."""
-    from ground.report import page
+    """Write report.html of a campaign, or one picture: of its result, or of the evidence for its model."""
+    from ground.report import drawn, page
     from ground.report import picture as pictures
 
-    print(pictures.draw(folder, picture) if picture else page.write(folder))
+    draw = pictures.draw if of is Subject.RESULT else drawn.draw
+    print(draw(folder, picture) if picture else page.write(folder))
 
 
 @app.command()

@@ -10,7 +10,8 @@ function draw() {
     const data = chart.data.map((trace) => {
       const own = color(trace.role);
       return { ...trace, line: { ...trace.line, color: own }, marker: { ...trace.marker, color: own },
-               error_y: trace.error_y && { ...trace.error_y, color: own } };
+               error_y: trace.error_y && { ...trace.error_y, color: own },
+               fillcolor: trace.fill && own + "30" };
     });
     const layout = {
       margin: { l: 58, r: 14, t: 30, b: 44 },

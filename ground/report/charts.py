@@ -26,9 +26,17 @@ def of_figure(figure: Figure) -> Chart:
         layout[f"yaxis{suffix}"] = {"domain": [round(top - height, 4), round(top, 4)], "title": {"text": label}}
         if panel.title == "depth":
             layout[f"yaxis{suffix}"]["autorange"] = "reversed"
-        data += [_line(curve, suffix, show_legend=row == 0) for curve in panel.curves]
+        if panel.limits:
+            layout[f"yaxis{suffix}"]["range"] = list(panel.limits)
+        for curve in panel.curves:
+            data += _traces(curve, suffix, show_legend=row == 0)
     last = "" if count == 1 else str(count)
     layout["xaxis"] = {"anchor": f"y{last}", "title": {"text": figure.x_label}}
+    if figure.log_x:
+        layout["xaxis"] |= {"type": "log"}
+    layout["shapes"] = [_stretch(*ends) for ends in figure.shaded]
+    if figure.upright is not None:
+        layout["shapes"] += [_upright(figure.upright)]
     return {"data": data, "layout": layout}
 
 
@@ -61,6 +69,26 @@ def of_estimates(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
     return {"data": [before, after], "layout": layout}
 
 
+def of_shrinks(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
+    """Posterior over prior standard deviation of each coefficient; beyond the line it was not measured."""
+    from sysid.model import PRIOR_SHRINK
+
+    free = {name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["shrink"] is not None}
+    names = [tables.symbol(name) for name in free]
+    data = [
+        {"type": "bar", "name": label, "role": role, "x": names, "showlegend": True,
+         "y": [round(c["shrink"], 3) if (c["status"] == "measured") == measured else None for c in free.values()]}
+        for label, role, measured in (("measured", "redesigned", True), ("the prior's", "initial", False))
+    ]  # fmt: skip
+    limit = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": PRIOR_SHRINK, "y1": PRIOR_SHRINK,
+             "line": {"width": 1, "dash": "dot", "color": "rgba(128,128,128,0.9)"}}  # fmt: skip
+    layout = {
+        "height": 300, "barmode": "overlay", "shapes": [limit],
+        "yaxis": {"title": {"text": "1 sd after over 1 sd before"}, "range": [0, 1.05]}, "xaxis": {"type": "category"},
+    }  # fmt: skip
+    return {"data": data, "layout": layout}
+
+
 def of_poles(poles: Mapping[str, Mapping[str, Sequence[Sequence[float]]]], loop: str) -> Chart:
     """Closed-loop poles of one loop under both sets of gains, with the line of damping 0.6."""
     data: list[dict[str, Any]] = [_damping_line(0.6)]
@@ -89,6 +117,40 @@ def _damping_line(ratio: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _stretch(start: float, end: float) -> dict[str, Any]:
+    return {
+        "type": "rect", "xref": "x", "yref": "paper", "x0": start, "x1": end, "y0": 0, "y1": 1,
+        "fillcolor": "rgba(128,128,128,0.15)", "line": {"width": 0}, "layer": "below",
+    }  # fmt: skip
+
+
+def _upright(x: float) -> dict[str, Any]:
+    return {
+        "type": "line", "xref": "x", "yref": "paper", "x0": x, "x1": x, "y0": 0, "y1": 1,
+        "line": {"width": 1, "dash": "dot", "color": "rgba(128,128,128,0.9)"},
+    }  # fmt: skip
+
+
+def _traces(curve: Curve, suffix: str, *, show_legend: bool) -> list[dict[str, Any]]:
+    """A line, with its band below it; or marks with bars."""
+    if curve.look == "marks":
+        return [_marks(curve, suffix, show_legend=show_legend)]
+    line = _line(curve, suffix, show_legend=show_legend)
+    if curve.low is None or curve.high is None:
+        return [line]
+    edge = line | {"showlegend": False, "hoverinfo": "skip", "line": {"width": 0}}
+    low, high = ({**edge, "y": _rounded(values, 3)} for values in (curve.low, curve.high))
+    filled = high | {"fill": "tonexty", "showlegend": show_legend and curve.look == "band"}
+    return [low, filled] if curve.look == "band" else [low, filled, line]
+
+
+def _marks(curve: Curve, suffix: str, *, show_legend: bool) -> dict[str, Any]:
+    marks = _line(curve, suffix, show_legend=show_legend) | {"mode": "markers", "marker": {"size": 6}}
+    if curve.high is not None:
+        marks["error_y"] = {"type": "data", "array": _rounded(curve.high - curve.y, 3), "thickness": 1.2, "width": 2}
+    return marks
+
+
 def _line(curve: Curve, suffix: str, *, show_legend: bool) -> dict[str, Any]:
     line = {"width": 1.1 if curve.role == "measured" else 1.7}
     if curve.role == "set_point":
@@ -96,7 +158,7 @@ def _line(curve: Curve, suffix: str, *, show_legend: bool) -> dict[str, Any]:
     return {
         "type": "scatter", "mode": "lines", "name": curve.name, "role": curve.role, "legendgroup": curve.name,
         "showlegend": show_legend, "yaxis": f"y{suffix}", "line": line,
-        "x": _rounded(curve.x, 2), "y": _rounded(curve.y, 3),
+        "x": _rounded(curve.x, 3), "y": _rounded(curve.y, 3),
     }  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """The data behind the page's charts and the README's picture: which curves, in which units, under which name."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,11 @@ class Curve(NamedTuple):
     """Colour and dash by meaning: measured, initial, redesigned, set_point."""
     x: Array
     y: Array
+    low: Array | None = None
+    """With ``high``: a band about the line, or the ends of the bars of marks."""
+    high: Array | None = None
+    look: Literal["line", "marks", "band"] = "line"
+    """A line with its band, points with bars, or the band alone."""
 
 
 class Panel(NamedTuple):
@@ -33,6 +38,7 @@ class Panel(NamedTuple):
     title: str
     y_label: str
     curves: tuple[Curve, ...]
+    limits: tuple[float, float] | None = None
 
 
 class Figure(NamedTuple):
@@ -43,6 +49,11 @@ class Figure(NamedTuple):
     note: str
     x_label: str
     panels: tuple[Panel, ...]
+    log_x: bool = False
+    shaded: tuple[tuple[float, float], ...] = ()
+    """Stretches of x that count for less."""
+    upright: float | None = None
+    """An x that all panels mark."""
 
 
 def step_figures(folder: CampaignFolder) -> list[Figure]:

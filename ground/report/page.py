@@ -8,7 +8,7 @@ from string import Template
 from typing import Any
 
 from ground.folder import CampaignFolder
-from ground.report import charts, figures, tables
+from ground.report import charts, evidence, figures, tables
 from ground.report.figures import Figure
 
 TITLE = "Caribou: from first trial to precise control"
@@ -30,9 +30,13 @@ def _page(campaign: CampaignFolder) -> str:
     steps = figures.step_figures(campaign)
     analyses = {role: summary["design"][role] for role in ("initial", "redesigned")}
     poles = {role: found["poles_radps"] for role, found in analyses.items()}
-    drawn = {figure.key: charts.of_figure(figure) for figure in (*missions, *steps)}
+    responses, whiteness = evidence.response_figures(model), evidence.whiteness_figures(campaign)
+    predictions = evidence.prediction_figures(campaign)
+    shown = (*missions, *steps, *responses, *predictions, *whiteness)
+    drawn = {figure.key: charts.of_figure(figure) for figure in shown}
     drawn |= {f"poles-{loop}": charts.of_poles(poles, loop) for loop in poles["initial"]}
     drawn["estimates"] = charts.of_estimates(summary["model"]["coefficients"])
+    drawn["shrinks"] = charts.of_shrinks(summary["model"]["coefficients"])
     parts = {
         "title": escape(TITLE),
         "lead": _lead(summary),
@@ -41,7 +45,13 @@ def _page(campaign: CampaignFolder) -> str:
         "steps": "".join(map(_figure, steps)),
         "poles": "".join(map(_poles, poles["initial"])),
         "table_1": tables.table_1(model),
-        "table_2": tables.table_2(summary["model"]["held_out_rate_error"]),
+        "table_2": tables.table_2(summary["model"]),
+        "verdict": tables.verdict(model),
+        "gates": tables.gates(model),
+        "runs_judged": tables.runs_judged(model),
+        "responses": "".join(map(_figure, responses)),
+        "predictions": "".join(map(_figure, predictions)),
+        "whiteness": "".join(map(_figure, whiteness)),
         "table_3": tables.table_3(summary["gains"]),
         "table_4": tables.table_4(poles),
         "table_5": tables.table_5(summary["steady_error"]),

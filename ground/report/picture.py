@@ -19,8 +19,7 @@ def draw(folder: Path, target: Path) -> Path:
     Raises:
         BadInputError: another ending, or the folder is no finished campaign.
     """
-    if target.suffix not in _FORMATS:
-        raise BadInputError(f"--picture {target}: must end in .png or .svg")
+    check_format(target)
     campaign = CampaignFolder(folder)
     shown = figures.mission_figures(campaign, ["straight_run", "combined"])
     with canvas.drawn(target, (11.0, 5.6)) as whole:
@@ -30,6 +29,12 @@ def draw(folder: Path, target: Path) -> Path:
         handles, names = axes[0, 0].get_legend_handles_labels()
         whole.legend(handles, names, loc="outside upper left", ncols=3, frameon=False)
     return target
+
+
+def check_format(target: Path) -> None:
+    """Raises BadInputError for a file that no picture can be written to."""
+    if target.suffix not in _FORMATS:
+        raise BadInputError(f"--picture {target}: must end in .png or .svg")
 
 
 def _column(axes: Any, figure: Figure) -> None:

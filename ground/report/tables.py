@@ -5,11 +5,13 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from sysid.judge.records import Gate
     from sysid.model import IdentifiedModel
 
 _SUBSCRIPTS = {"dr": "δr", "de": "δe", "vdot": "v̇", "rdot": "ṙ", "wdot": "ẇ", "qdot": "q̇"}
 _LOOP_OF = {"heading": "Heading", "pitch": "Pitch to elevator", "depth": "Depth to pitch"}
 _GAIN_PREFIX = {"heading": "HDG", "pitch": "PTCH", "depth": "DPT"}
+_WAYS = {"paper": "the paper's way"}
 _CASES = {"I/I": "initial model, initial gains", "A/I": "adjusted, initial", "A/A": "adjusted, improved"}
 
 
@@ -20,7 +22,7 @@ def symbol(name: str) -> str:
 
 
 def table_1(model: "IdentifiedModel") -> str:
-    """Coefficients: the paper's two columns, and ours with uncertainty and status."""
+    """Coefficients: the paper's two columns, ours with uncertainty and status, and other methods on the same runs."""
     from sysid.tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 
     rows = []
@@ -29,23 +31,77 @@ def table_1(model: "IdentifiedModel") -> str:
         shrink = "–" if c.shrink is None or not c.prior_sd else f"{c.shrink:.2f}"
         paper = [_short(getattr(column, name)) for column in (TABLE_1_INITIAL, TABLE_1_ADJUSTED)]
         status = f'<span class="tag {c.status}">{c.status}</span>'
-        rows.append([symbol(name), *paper, f"<b>{_short(c.value)}</b>", sd, shrink, status, escape(c.unit)])
-    head = ["", "paper, initial", "paper, adjusted", "identified", "1 sd", "shrink", "", "unit"]
+        others = [_short(rival.coefficients[name]) for rival in model.beside]
+        rows.append([symbol(name), *paper, f"<b>{_short(c.value)}</b>", sd, shrink, status, *others, escape(c.unit)])
+    rivals = [_WAYS.get(rival.method, rival.method) for rival in model.beside]
+    head = ["", "paper, initial", "paper, adjusted", "identified", "1 sd", "shrink", "", *rivals, "unit"]
     return _table(head, rows)
 
 
-def table_2(held_out: Mapping[str, Mapping[str, float]]) -> str:
-    """Mean squared rate errors of the initial and the refitted model."""
+def table_2(model: Mapping[str, Any]) -> str:
+    """Mean squared rate errors of the initial and the refitted model, and of other methods, on held-out runs."""
     from sysid.tables import TABLE_2
 
     paper = dict(zip(("yaw", "pitch"), TABLE_2.values(), strict=True))
     names = {"yaw": "rudder tests", "pitch": "elevator tests"}
+    rivals = {_WAYS.get(m, m): found["held_out_rate_error"] for m, found in model["beside"].items()}
     rows = [
-        [names[plane], f"{paper[plane].initial:g}", f"{paper[plane].adjusted:g}",
-         f"{pair['initial_model_deg2ps2']:.3f}", f"<b>{pair['refitted_model_deg2ps2']:.3f}</b>"]
-        for plane, pair in held_out.items()
+        [names[plane], f"{paper[plane].initial:g}", f"{paper[plane].adjusted:g}", _errors(pair, "initial"),
+         f"<b>{_errors(pair, 'refitted')}</b>", *(_errors(errors[plane], "refitted") for errors in rivals.values())]
+        for plane, pair in model["held_out_rate_error"].items()
     ]  # fmt: skip
-    return _table(["", "paper, initial", "paper, improved", "initial model", "refitted model"], rows)
+    return _table(["", "paper, initial", "paper, improved", "initial model", "refitted model", *rivals], rows)
+
+
+def _errors(pair: Mapping[str, float], which: str) -> str:
+    return f"{pair[f'{which}_model_deg2ps2']:.3f} ({pair[f'opening_{which}_model_deg2ps2']:.3f})"
+
+
+def verdict(model: "IdentifiedModel") -> str:
+    """Yes or no, why, and the test to fly next, as paragraphs."""
+    from ground.identification import verdict_lines
+
+    first, *others = verdict_lines(model)
+    return f'<p class="lead">{escape(first.capitalize())}.</p>' + "".join(f"<p>{escape(text)}</p>" for text in others)
+
+
+def gates(model: "IdentifiedModel") -> str:
+    """Every gate with its figure in each plane, its limit, and whether it is passed."""
+    if model.verdict is None:
+        return ""
+    rows = []
+    for name in dict.fromkeys(gate.name for gate in model.verdict.gates):
+        same = [gate for gate in model.verdict.gates if gate.name == name]
+        cells = {gate.plane or "yaw": _figure(gate) for gate in same}
+        limit = f"{same[0].sense} {same[0].limit:.3g} {same[0].unit}"
+        missed = [gate for gate in same if not gate.passed]
+        kind = "measured" if not missed else "prior" if missed[0].required else ""
+        word = "passed" if not missed else "failed" if missed[0].required else "remark"
+        tag = f'<span class="tag {kind}">{word}</span>'
+        rows.append([escape(name), cells.get("yaw", ""), cells.get("pitch", ""), escape(limit), tag])
+    return _table(["gate", "yaw", "pitch", "limit", ""], rows)
+
+
+def _figure(gate: "Gate") -> str:
+    return "not known" if gate.value is None else f"{gate.value:.3g}"
+
+
+def runs_judged(model: "IdentifiedModel") -> str:
+    """Each run: its error beside what sea and sensors alone leave, Theil's coefficient, whether the rest is white."""
+    errors = {q.run: q.model_mse_deg2ps2 for q in (*model.fit_quality, *model.held_out)}
+    rows = []
+    for found in model.validation.values():
+        for run in found.runs:
+            floor = "" if run.floor_deg2ps2 is None else f"{run.floor_deg2ps2:.3f} ± {run.floor_sd_deg2ps2:.3f}"
+            white = ["", ""] if run.whiteness is None else [
+                f"{run.whiteness.periodogram_p:.2f}", f"{run.whiteness.ljung_box_p:.2f}"]  # fmt: skip
+            use = '<span class="tag">held out</span>' if run.held_out else '<span class="tag measured">fitted</span>'
+            rows.append(
+                [run.run, run.wave, f"{errors[run.run]:.3f}", floor, f"{run.theil.coefficient:.3f}", *white, use]
+            )
+    head = ["run", "signal", "rate error, (°/s)²", "sea and sensors alone", "Theil", "periodogram, p",
+            "Ljung–Box, p", ""]  # fmt: skip
+    return _table(head, rows, "named")
 
 
 def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
