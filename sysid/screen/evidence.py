@@ -6,11 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid import fit, noise, parameters
-from sysid.fit import DIFFERENCE, STRIDE, Experiment, Fit, Prior
-from sysid.noise import Filter
-from sysid.runs import RATE_HZ, Plane
-from sysid.screen.signature import Signature, departure, signatures
+from sysid.fit import STRIDE, Experiment, Fit, Prior
+from sysid.joint import problem as problems
+from sysid.joint.problem import Problem
+from sysid.screen.signature import Signature, departure_rad, signatures
 
 Array = NDArray[np.float64]
 
@@ -48,25 +47,21 @@ class Evidence(NamedTuple):
 
 
 def gather(found: Fit, prior: Prior) -> tuple[Exhibit, ...]:
-    """Every run of a fit, its slopes by forward differences."""
-    filters = {plane: _filter(found, plane, group) for plane, group in found.experiments.items()}
-    before = _whitened(found, prior, found.z, filters)
-    columns = []
-    for axis in np.eye(found.z.size):
-        after = _whitened(found, prior, found.z + DIFFERENCE * axis, filters)
-        columns.append([(b - a) / DIFFERENCE for b, a in zip(after, before, strict=True)])
+    """Every run of a fit, linear about it."""
+    filters = problems.filters(found.vehicle, found.experiments, found.noise, STRIDE)
+    problem = Problem(prior, found.experiments, filters, found.noise, STRIDE)
+    linear = problems.linearised(problem, found.z)
     experiments = [(plane, e) for plane, group in found.experiments.items() for e in group]
     largest = {plane: max(_size_rad(e) for e in group) for plane, group in found.experiments.items()}
     smallest = {plane: min(_size_rad(e) for e in group) for plane, group in found.experiments.items()}
     exhibits = []
-    for k, (plane, e) in enumerate(experiments):
+    for (plane, e), (white, slopes) in zip(experiments, linear, strict=True):
         marks = signatures(found.vehicle, e, filters[plane])
-        growth = np.zeros((before[k].size, 2))
+        growth = np.zeros((white.size, 2))
         if largest[plane] > SIZES * smallest[plane]:
             (gain,) = next(s.white for s in marks if s.kind == "gain error")
             growth[:, int(plane == "pitch")] = -100.0 * gain * _size_rad(e) / largest[plane]
-        slopes = np.column_stack([*(column[k] for column in columns), growth])
-        exhibits.append(Exhibit(e, _size_rad(e), before[k], slopes, tuple(marks)))
+        exhibits.append(Exhibit(e, _size_rad(e), white.ravel(), np.hstack([slopes, growth]), tuple(marks)))
     return tuple(exhibits)
 
 
@@ -83,19 +78,5 @@ def weigh(exhibits: Sequence[Exhibit], found: Fit, prior: Prior) -> Evidence:
     return Evidence(tuple(exhibits), covariance, -covariance @ gradient)
 
 
-def _filter(found: Fit, plane: Plane, group: Sequence[Experiment]) -> Filter:
-    longest = max(len(e.measured) for e in group)
-    return noise.build(fit.linear_plane(found.vehicle, plane), found.noise[plane], STRIDE / RATE_HZ, longest)
-
-
-def _whitened(found: Fit, prior: Prior, z: Array, filters: dict[Plane, Filter]) -> list[Array]:
-    vehicle = parameters.vehicle(prior.config, prior.biases_rad, z)
-    return [
-        noise.whitened(residual, filters[plane]).ravel()
-        for plane, group in found.experiments.items()
-        for residual in fit.residuals(vehicle, group)
-    ]
-
-
 def _size_rad(e: Experiment) -> float:
-    return float(np.max(np.abs(departure(e.run))))
+    return float(np.max(np.abs(departure_rad(e.run))))

@@ -7,7 +7,7 @@ import numpy as np
 from sysid.fit import STRIDE
 from sysid.screen.evidence import Evidence, Exhibit
 from sysid.screen.score import Scores, scores
-from sysid.screen.signature import departure
+from sysid.screen.signature import departure_rad
 
 SAME_SIZE, SAME_TIME_S = 0.05, 0.2
 
@@ -21,7 +21,7 @@ def _match(a: Exhibit, b: Exhibit) -> bool:
     one, two = a.experiment.run, b.experiment.run
     return (
         (one.plane, one.wave) == (two.plane, two.wave)
-        and abs(a.size_rad - b.size_rad) <= SAME_SIZE * b.size_rad
+        and abs(abs(one.magnitude_deg) - abs(two.magnitude_deg)) <= SAME_SIZE * abs(two.magnitude_deg)
         and abs(one.time_s[-1] - two.time_s[-1]) <= SAME_TIME_S
     )
 
@@ -60,6 +60,6 @@ def _rows(exhibit: Exhibit, before: int, after: int) -> slice:
 
 def _direction(exhibit: Exhibit) -> float:
     """The sign of a test's first clear move."""
-    away = departure(exhibit.experiment.run)
+    away = departure_rad(exhibit.experiment.run)
     first = int(np.argmax(np.abs(away) > 0.5 * np.max(np.abs(away))))
     return float(np.sign(away[first]))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid.fit import Fit, Prior
-from sysid.runs import Plane
+from sysid.runs import Plane, Run
 from sysid.screen import evidence
 from sysid.screen.evidence import Evidence, Exhibit
 from sysid.screen.repeat import partners, repeatability
@@ -63,20 +63,24 @@ class _Tested(NamedTuple):
     partners: tuple[str, ...]
 
 
-def sift(found: Fit, prior: Prior) -> Sifting:
-    """Ask the joint fit for anomalies of single runs. The worst is set aside first: it colours what others show."""
+def sift(found: Fit, prior: Prior, flown: Sequence[Run] = ()) -> Sifting:
+    """Ask the joint fit for anomalies of single runs. The worst is set aside first: it colours what others show.
+
+    ``flown`` are the runs of which those of the fit are left; without them, all are.
+    """
     exhibits = evidence.gather(found, prior)
+    flown = flown or [exhibit.experiment.run for exhibit in exhibits]
     kept, out = list(exhibits), dict[str, Verdict]()
     while True:
         weighed = evidence.weigh(kept, found, prior)
         tested = [_test(exhibit, weighed) for exhibit in kept]
-        worst = _worst(tested, exhibits)
+        worst = _worst(tested, found, prior, flown)
         if worst is None:
             break
         name = _name(worst.exhibit)
         out[name] = Verdict(name, worst.scores, worst.repeat, _reason(worst), ())
         kept = [exhibit for exhibit in kept if exhibit is not worst.exhibit]
-    staying = {_name(t.exhibit): _stays(t, tested) for t in tested}
+    staying = {_name(t.exhibit): _stays(t, [o for o in tested if o is not t]) for t in tested}
     verdicts = {**staying, **out}
     return Sifting(tuple(verdicts[_name(e)] for e in exhibits), _structure(weighed, found))
 
@@ -87,15 +91,23 @@ def _test(exhibit: Exhibit, weighed: Evidence) -> _Tested:
     return _Tested(exhibit, found, repeatability(exhibit, weighed), matched)
 
 
-def _worst(tested: Sequence[_Tested], exhibits: Sequence[Exhibit]) -> _Tested | None:
+def _worst(tested: Sequence[_Tested], found: Fit, prior: Prior, flown: Sequence[Run]) -> _Tested | None:
     """The run to leave out next: the surest by Holm's procedure whose anomaly matters and is not the model's."""
     suspects = sorted(tested, key=_p_value)
     for rank, suspect in enumerate(suspects):
         if _p_value(suspect) > min(FALSE_ALARM, FAMILY / (len(suspects) - rank)):
             return None
-        if _matters(_blamed(suspect)) and not _shared(suspect, tested) and _spared(suspect, tested, exhibits):
+        others = _others(suspect, tested, found, prior)
+        if _matters(_blamed(suspect)) and not _shared(suspect, others) and _spared(suspect, tested, flown):
             return suspect
     return None
+
+
+def _others(t: _Tested, tested: Sequence[_Tested], found: Fit, prior: Prior) -> list[_Tested]:
+    """What the others show once a run is set aside, which colours the fit that all are judged by."""
+    others = [o.exhibit for o in tested if o is not t]
+    weighed = evidence.weigh(others, found, prior)
+    return [_test(exhibit, weighed) for exhibit in others]
 
 
 def _p_value(t: _Tested) -> float:
@@ -117,22 +129,20 @@ def _matters(anomaly: Anomaly) -> bool:
     return abs(anomaly.size) >= MATTERS[anomaly.kind]
 
 
-def _shared(t: _Tested, tested: Sequence[_Tested]) -> bool:
+def _shared(t: _Tested, others: Sequence[_Tested]) -> bool:
     """Whether structure could be at fault: no test as large is clean. It grows with size; an anomaly does not."""
-    return _by_scores(t) and not any(other.scores.p_value > FALSE_ALARM for other in _as_large(t, tested))
+    return _by_scores(t) and not any(other.scores.p_value > FALSE_ALARM for other in _as_large(t, others))
 
 
-def _as_large(t: _Tested, tested: Sequence[_Tested]) -> list[_Tested]:
-    run, least = t.exhibit.experiment.run, AS_LARGE * t.exhibit.size_rad
-    return [
-        o for o in tested if o is not t and o.exhibit.experiment.run.plane == run.plane and o.exhibit.size_rad >= least
-    ]
+def _as_large(t: _Tested, others: Sequence[_Tested]) -> list[_Tested]:
+    plane, least = t.exhibit.experiment.run.plane, AS_LARGE * t.exhibit.size_rad
+    return [o for o in others if o.exhibit.experiment.run.plane == plane and o.exhibit.size_rad >= least]
 
 
-def _spared(t: _Tested, tested: Sequence[_Tested], exhibits: Sequence[Exhibit]) -> bool:
+def _spared(t: _Tested, tested: Sequence[_Tested], flown: Sequence[Run]) -> bool:
     """Whether the plane can do without one more run."""
     plane = t.exhibit.experiment.run.plane
-    there = sum(e.experiment.run.plane == plane for e in exhibits)
+    there = sum(run.plane == plane for run in flown)
     left = sum(o.exhibit.experiment.run.plane == plane for o in tested) - 1
     return left >= max(LEAST_RUNS, math.ceil((1.0 - LARGEST_SHARE) * there))
 
@@ -142,25 +152,25 @@ def _reason(t: _Tested) -> str:
     return what if _by_scores(t) else f"non-repeatability: unlike {', '.join(t.partners)}, as if by {what}"
 
 
-def _stays(t: _Tested, tested: Sequence[_Tested]) -> Verdict:
+def _stays(t: _Tested, others: Sequence[_Tested]) -> Verdict:
     plane, warnings = t.exhibit.experiment.run.plane, []
     if t.scores.p_value <= FALSE_ALARM:
-        cause = "structure" if _shared(t, tested) and _as_large(t, tested) else "suspect"
-        warnings.append(f"{cause}: {told(t.scores.anomalies[0], plane)}; {_why_kept(t, tested)}")
+        cause = "structure" if _as_large(t, others) and _shared(t, others) else "suspect"
+        warnings.append(f"{cause}: {told(t.scores.anomalies[0], plane)}; {_why_kept(t, others)}")
     if t.repeat is not None and t.repeat.p_value <= FALSE_ALARM:
         what = told(t.repeat.anomalies[0], plane)
         warnings.append(f"non-repeatability: unlike {', '.join(t.partners)}, as if by {what}")
     return Verdict(_name(t.exhibit), t.scores, t.repeat, "", tuple(warnings))
 
 
-def _why_kept(t: _Tested, tested: Sequence[_Tested]) -> str:
+def _why_kept(t: _Tested, others: Sequence[_Tested]) -> str:
     if not _matters(t.scores.anomalies[0]):
         return "too small to matter"
-    if not _as_large(t, tested):
+    if not _as_large(t, others):
         return "no other test is as large, so it may be the model's structure: fly it again"
-    if _shared(t, tested):
+    if _shared(t, others):
         return "every test as large shows something, so it is the model's structure"
-    return f"chance would show it in {t.scores.p_value:.2%} of clean runs"
+    return f"chance shows as much in {t.scores.p_value:.2%} of clean runs, and the others must not go short"
 
 
 def told(anomaly: Anomaly, plane: Plane) -> str:

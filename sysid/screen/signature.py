@@ -5,17 +5,17 @@ that would push as hard. Both may come at any time, so there is one signature a 
 """
 
 import math
-from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid import fit, noise, planes
+from sitl.vehicle import propeller
+from sysid import fit, greybox, noise, planes
 from sysid.fit import Experiment
 from sysid.noise import Filter
 from sysid.parameters import Vehicle
-from sysid.runs import Run
+from sysid.runs import RATE_HZ, Run
 
 Array = NDArray[np.float64]
 Kind = Literal["actuator slip", "actuator offset", "gain error", "gust", "speed off"]
@@ -34,7 +34,7 @@ class Signature(NamedTuple):
 
     kind: Kind
     times_s: Array
-    """(k,) of the run, when the anomaly begins; NaN for one that lasts throughout."""
+    """(k,) since the test began, when the duct first felt it; NaN for what lasts throughout."""
     white: Array
     """(k, samples x outputs): whitened residual per unit of ``size``."""
     unit: Literal["deg", "%", "deg/s2"]
@@ -42,49 +42,51 @@ class Signature(NamedTuple):
 
 def signatures(vehicle: Vehicle, what: Experiment, by: Filter) -> list[Signature]:
     """All that are looked for; angles at the duct in degrees, accelerations in deg/s^2, errors in percent."""
-    run = what.run
+    run, actuator = what.run, vehicle.actuators[what.run.plane]
+    speed_mps = fit.cruise_speed_mps(vehicle, float(run.thrust[0]))
+    duct = greybox.duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
+    stretched = greybox.duct_angles(run.command_rad + SMALL_SHARE * _away_rad(run), actuator, 1.0 / RATE_HZ)
     times_s = np.arange(run.time_s[0] + MARGIN_S, run.time_s[-1] - MARGIN_S, EVERY_S)
-    size = _away_from_stops(run)
-    moved = [_moved(run, time_s, size) for time_s in times_s]
-    lasting = [_moved(run, -math.inf, size), _stretched(run), replace(run, thrust=run.thrust * (1.0 + SMALL_SHARE))]
-    before, *after = fit.residuals(vehicle, [fit.experiment(r) for r in (run, *moved, *lasting)])
-    white = np.stack([noise.whitened(before - residual, by).ravel() for residual in after])
-    degree, percent = math.degrees(size), 100.0 * SMALL_SHARE
-    slips, (offset, gain, speed) = white[: times_s.size] / degree, white[times_s.size :]
+
+    def flown(duct_rad: Array, faster: float = 1.0) -> Array:
+        first = greybox.first_state(run, what.start, faster * speed_mps)
+        return _outputs(vehicle, what, first, duct_rad, faster)
+
+    before = flown(duct)
+    slips = [flown(duct + SMALL_RAD * (run.time_s >= time_s - 1e-9)) for time_s in times_s]
+    lasting = [flown(duct + SMALL_RAD), flown(stretched), flown(duct, 1.0 + SMALL_SHARE)]
+    white = np.stack([noise.whitened(after - before, by).ravel() for after in (*slips, *lasting)])
+    white[:-2] /= math.degrees(SMALL_RAD)
+    white[-2:] /= 100.0 * SMALL_SHARE
+    *slip, offset, gain, speed = white
+    always = np.array([math.nan])
     return [
-        Signature("actuator slip", times_s, slips, "deg"),
-        Signature("gust", times_s, _pulses(slips) / _push_per_s2(vehicle, run), "deg/s2"),
-        Signature("actuator offset", np.array([math.nan]), offset[None] / degree, "deg"),
-        Signature("gain error", np.array([math.nan]), gain[None] / percent, "%"),
-        Signature("speed off", np.array([math.nan]), speed[None] / percent, "%"),
+        Signature("actuator slip", times_s, np.array(slip), "deg"),
+        Signature("gust", times_s, _pulses(np.array(slip)) / _push_per_s2(vehicle, run), "deg/s2"),
+        Signature("actuator offset", always, offset[None], "deg"),
+        Signature("gain error", always, gain[None], "%"),
+        Signature("speed off", always, speed[None], "%"),
     ]
 
 
-def _away_from_stops(run: Run) -> float:
-    """A small angle, of the sign that the stops allow: what slips slips behind them."""
-    return -math.copysign(SMALL_RAD, float(run.command_rad[np.argmax(np.abs(run.command_rad))]))
+def _outputs(vehicle: Vehicle, what: Experiment, first: Array, duct_rad: Array, faster: float) -> Array:
+    """Rate, angle and, in pitch, depth of the run, (samples, outputs); depth from anywhere, as only moves count."""
+    run, model = what.run, vehicle.model
+    rps, inverse = faster * run.thrust * propeller.rps(1.0, model), greybox.constraint(model, run.plane)
+    track = greybox.integrate(
+        first, duct_rad, rps, fit.STRIDE, 1.0 / RATE_HZ, run.plane == "yaw", inverse, model, what.around
+    )
+    return -track[:, 2 : 2 + what.measured.shape[1]]
 
 
-def _moved(run: Run, time_s: float, angle_rad: float) -> Run:
-    return _commanded(run, run.command_rad + np.where(run.time_s >= time_s - 1e-9, angle_rad, 0.0))
-
-
-def _stretched(run: Run) -> Run:
-    """Every departure from the trim a little larger."""
-    return _commanded(run, run.command_rad + SMALL_SHARE * (run.command_rad - _held_rad(run)))
-
-
-def departure(run: Run) -> Array:
+def departure_rad(run: Run) -> Array:
     """How far a test moved its surface from where the loop had held it, from the start of the test on."""
-    return (run.command_rad - _held_rad(run))[~run.preroll]
+    return _away_rad(run)[~run.preroll]
 
 
-def _held_rad(run: Run) -> float:
-    return float(np.mean(run.command_rad[run.preroll])) if run.preroll.any() else run.trim_rad
-
-
-def _commanded(run: Run, command_rad: Array) -> Run:
-    return replace(run, rudder_rad=command_rad) if run.plane == "yaw" else replace(run, elevator_rad=command_rad)
+def _away_rad(run: Run) -> Array:
+    """Of the command, from where the loop held it before the test."""
+    return run.command_rad - (np.mean(run.command_rad[run.preroll]) if run.preroll.any() else run.trim_rad)
 
 
 def _pulses(steps: Array) -> Array:
