@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sysid import fit, noise, parameters, predict
 from sysid.fit import STRIDE
@@ -23,7 +22,7 @@ from sysid.judge.whiteness import whiteness
 from sysid.loops import GRID_RADPS
 from sysid.model import IdentifiedModel
 from sysid.noise import Filter, Noise
-from sysid.parameters import NAMES, Vehicle
+from sysid.parameters import Vehicle
 from sysid.planes import LinearPlane
 from sysid.runs import RATE_HZ, Plane, Run
 
@@ -70,18 +69,11 @@ class _Judged(NamedTuple):
 
 def believed(model: IdentifiedModel, prior: VehicleConfig | None = None) -> Believed:
     """The identified vehicle as its estimates move. ``prior`` as for ``predict.predict``."""
-    config = prior or vehicle_files.load(model.vehicle.prior)
-    biases: dict[Plane, float] = {plane: math.radians(b) for plane, b in model.vehicle.prior_biases_deg.items()}
+    z, covariance = np.array(model.joint.z), np.array(model.joint.covariance)
     if model.method == "paper":
-        only = _with_coefficients(model, predict.vehicles(model, config)[1])
-        return Believed(lambda z: only, np.zeros(len(NAMES)), None)
-    index = [model.joint.names.index(name) for name in NAMES]
-    covariance = np.array(model.joint.covariance)[np.ix_(index, index)]
-    return Believed(
-        lambda z: parameters.vehicle(config, biases, z),
-        np.array(model.joint.z)[index],
-        covariance if np.any(covariance) else None,
-    )
+        only = _with_coefficients(model, predict.vehicles(model, prior)[1])
+        return Believed(lambda moved: only, z, None)
+    return Believed(lambda moved: predict.moved(model, moved, prior), z, covariance if np.any(covariance) else None)
 
 
 def _with_coefficients(model: IdentifiedModel, first: Vehicle) -> Vehicle:
