@@ -14,7 +14,7 @@ from sysid.judge.records import PlaneValidation, Verdict
 from sysid.runs import Plane
 
 FORMAT = 2
-Method = Literal["map", "paper"]
+Method = Literal["map", "paper", "output-error", "filter-error"]
 Status = Literal["measured", "prior", "unidentifiable"]
 PRIOR_SHRINK = 0.8
 """A coefficient whose posterior is wider than this share of its prior was not measured."""
@@ -93,6 +93,19 @@ class DataFile(Record, frozen=True):
     """Of the vehicle's messages and parameters in the log (``log.Log.sha256``), not of the file."""
 
 
+class AnomalyTest(Record, frozen=True):
+    """The likeliest anomaly of one kind in a run, were all other runs and the model clean (`sysid.screen.score`)."""
+
+    kind: str
+    statistic: float
+    """Size over its standard deviation: standard normal in a clean run, at a time given beforehand."""
+    size: float
+    sd: float
+    unit: str
+    at_s: float | None
+    """Since the test began; null for what lasts throughout."""
+
+
 class ScreenedRun(Record, frozen=True):
     run: str
     plane: Plane
@@ -101,6 +114,26 @@ class ScreenedRun(Record, frozen=True):
     duration_s: float
     kept: bool
     reasons: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+    """What was seen in a run that was kept."""
+    p_value: float | None = None
+    """Chance that a clean run shows any anomaly as clearly, all kinds and times together; null where none was sought:
+    a run that the hard rules took out, or a method without a noise model."""
+    repeat_p_value: float | None = None
+    """The same of its difference from matched runs; null without any."""
+    anomalies: tuple[AnomalyTest, ...] = ()
+    """The likeliest first."""
+
+
+class Shift(Record, frozen=True):
+    """How far leaving runs out moved one of the design numbers."""
+
+    plane: Plane
+    number: str
+    with_all: float
+    value: float
+    sds: float
+    """Of the value's standard deviations."""
 
 
 class RunQuality(Record, frozen=True):
@@ -184,6 +217,8 @@ class IdentifiedModel(Record, frozen=True):
     notes: tuple[str, ...]
     held_out_data: tuple[DataFile, ...] = ()
     held_out_screening: tuple[ScreenedRun, ...] = ()
+    left_out_moved: tuple[Shift, ...] = ()
+    """What leaving runs out that the fit itself found anomalous did to the numbers in ``planes``; empty for none."""
     design: dict[Plane, Covariance] = {}
     """Of the numbers in ``planes``, each in the unit of its name; left out where the method gives none."""
     validation: dict[Plane, PlaneValidation] = {}

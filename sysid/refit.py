@@ -16,12 +16,16 @@ from sysid import assemble, fit, logs, paper, parameters, predict, runs
 from sysid import model as models
 from sysid.fit import Prior, Progress
 from sysid.judge.judged import judged
+from sysid.linear import report as linear
+from sysid.linear.search import NotUniqueError as NotUniqueError
 from sysid.log import Log
 from sysid.logs.outputs import FIRST_THREE, Outputs
-from sysid.model import DataFile, IdentifiedModel, Method, Rival, ScreenedRun
+from sysid.model import AnomalyTest, DataFile, IdentifiedModel, Method, Rival, ScreenedRun
 from sysid.parameters import NAMES
 from sysid.runs import Mark, Run
-from sysid.screen import Limits, Screening, screen
+from sysid.screen import Limits, Screening, Verdict, screen
+from sysid.screen.effect import shifts
+from sysid.screen.rounds import Settled, settle
 from sysid.tables import TABLE_3_INITIAL
 
 Array = NDArray[np.float64]
@@ -58,7 +62,8 @@ def refit(
     Args:
         paths: logs with rudder or elevator tests.
         prior: ``bench``, a vehicle file, or a ``model.json`` whose estimate becomes the prior.
-        method: ``map`` (nonlinear, whitened, with priors) or ``paper`` (rate error only, linear, no prior).
+        method: ``map`` (nonlinear, whitened, with priors), ``output-error`` or ``filter-error`` (linear planes, see
+            `sysid.linear`) or ``paper`` (rate error only, linear, no prior).
         held_out: logs whose tests are predicted, not fitted.
         progress: called with what is being done and the share that is behind.
         marks: tests that the logs do not tell of themselves.
@@ -76,12 +81,13 @@ def refit(
     kept, screenings = _select(read, limits, marks)
     fresh = screen([run for log in unseen for run in runs.cut(log, _marks_of(log, marks))], limits)
     held = [s.run for s in fresh if s.kept]
-    model = identify(kept, belief.config, belief.name, method, belief.earlier, lambda w, s: report(w, 0.1 + 0.85 * s))
+    model, settled = _identify(kept, belief, method, lambda w, s: report(w, 0.1 + 0.85 * s))
+    kept, verdicts = (list(settled.kept), settled.verdicts) if settled else (kept, {})
     model = msgspec.structs.replace(
         model,
         data=tuple(DataFile(log.name, log.sha256) for log in read),
         held_out_data=tuple(DataFile(log.name, log.sha256) for log in unseen),
-        screening=tuple(_screened(s) for s in screenings),
+        screening=tuple(_screened(s, verdicts.get(s.run.name)) for s in screenings),
         held_out_screening=tuple(_screened(s) for s in fresh),
         beside=tuple(_rival(kept, held, belief, other) for other in beside),
     )
@@ -89,6 +95,24 @@ def refit(
     model = judged(model, kept, held, _gains_aboard(read), belief.config)
     report("done", 1.0)
     return model
+
+
+def _identify(
+    kept: Sequence[Run], belief: Belief, method: Method, progress: Progress
+) -> tuple[IdentifiedModel, Settled | None]:
+    """The model, and what a fit with a noise model said of the runs in it."""
+    if method != "map":
+        return identify(kept, belief.config, belief.name, method, belief.earlier, progress), None
+    prior = prior_of(kept, belief.config, belief.earlier)
+    settled = settle(kept, prior, lambda chosen: fit.fit(chosen, prior, progress))
+    model = assemble.from_fit(settled.found, prior, belief.name)
+    moved = settled.with_all and shifts(assemble.from_fit(settled.with_all, prior, belief.name), model)
+    return msgspec.structs.replace(
+        model,
+        fit_quality=predict.quality(model, settled.kept, belief.config),
+        left_out_moved=moved or (),
+        notes=(*model.notes, *settled.structure),
+    ), settled
 
 
 def _rival(kept: Sequence[Run], held_out: Sequence[Run], belief: Belief, method: Method) -> Rival:
@@ -120,20 +144,25 @@ def identify(
     progress: Progress | None = None,
 ) -> IdentifiedModel:
     """The same for runs already at hand, none of which is screened."""
-    first = calibrate.build(prior)
-    biases = fit.trim_biases(prior, first, kept)
-    mean, covariance = np.zeros(len(NAMES)), parameters.prior_covariance()
-    if earlier is not None:
-        mean, covariance = np.array(earlier.joint.z), np.array(earlier.joint.covariance)
-        biases = {plane: float(np.radians(b)) for plane, b in earlier.vehicle.prior_biases_deg.items()}
-    belief = Prior(prior, biases, mean, covariance)
+    belief = prior_of(kept, prior, earlier)
     if method == "paper":
-        nominal = parameters.vehicle(prior, biases, np.zeros(len(NAMES)))
+        nominal = parameters.vehicle(prior, belief.biases_rad, np.zeros(len(NAMES)))
         fits = paper.fit(kept, prior, nominal.actuators)
         model = assemble.from_paper(fits, belief, prior_name)
-    else:
+    elif method == "map":
         model = assemble.from_fit(fit.fit(kept, belief, progress), belief, prior_name)
+    else:
+        model = linear.identify(kept, belief, prior_name, method, progress)
     return msgspec.structs.replace(model, fit_quality=predict.quality(model, kept, prior))
+
+
+def prior_of(kept: Sequence[Run], prior: VehicleConfig, earlier: IdentifiedModel | None = None) -> Prior:
+    """Belief before the data: first principles trimmed as the runs were, or what an earlier model says."""
+    if earlier is None:
+        biases = fit.trim_biases(prior, calibrate.build(prior), kept)
+        return Prior(prior, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
+    biases = {plane: float(np.radians(b)) for plane, b in earlier.vehicle.prior_biases_deg.items()}
+    return Prior(prior, biases, np.array(earlier.joint.z), np.array(earlier.joint.covariance))
 
 
 def belief_in(prior: str | Path) -> Belief:
@@ -189,8 +218,17 @@ def _select(read: Sequence[Log], limits: Limits | None, marks: Sequence[Mark]) -
     return kept, screenings
 
 
-def _screened(screening: Screening) -> ScreenedRun:
-    run = screening.run
-    return ScreenedRun(
-        run.name, run.plane, run.wave, run.magnitude_deg, float(run.time_s[-1]), screening.kept, screening.reasons
+def _screened(screening: Screening, verdict: Verdict | None = None) -> ScreenedRun:
+    run, reasons = screening.run, screening.reasons
+    bare = ScreenedRun(run.name, run.plane, run.wave, run.magnitude_deg, float(run.time_s[-1]), not reasons, reasons)
+    if verdict is None:
+        return bare
+    return msgspec.structs.replace(
+        bare,
+        kept=not verdict.reason,
+        reasons=(verdict.reason,) if verdict.reason else (),
+        warnings=verdict.warnings,
+        p_value=verdict.scores.p_value,
+        repeat_p_value=verdict.repeat.p_value if verdict.repeat else None,
+        anomalies=tuple(AnomalyTest(*anomaly) for anomaly in verdict.scores.anomalies),
     )

@@ -1,7 +1,7 @@
 """Which runs may be fitted, and why the others may not. Every rejection has a name; none rests on residual size.
 
 ``screen`` judges by what was commanded and how it began, before any fit; ``sift`` asks the fit of all kept runs for
-anomalies that one of them has and the others have not.
+anomalies that one of them has and the others have not; ``rounds.settle`` does so until none is left.
 """
 
 from collections.abc import Sequence
@@ -20,8 +20,6 @@ class Screening(NamedTuple):
     kept: bool
     reasons: tuple[str, ...]
     """Each "name: figures"; empty for a kept run."""
-    verdict: Verdict | None = None
-    """What the fit of the kept runs said of this one; None where it was not asked."""
 
 
 def screen(runs: Sequence[Run], limits: Limits | None = None) -> list[Screening]:

@@ -16,8 +16,10 @@ from sysid.screen.signature import GUST_S, Kind
 
 FALSE_ALARM = 0.01
 """Share of clean runs that are flagged, over all kinds of anomaly and all times."""
-FAMILY = 0.05
+FAMILY = 0.01
 """Share of clean campaigns that lose a run (Holm 1979)."""
+AS_LIKELY = 20.0
+"""Likelihood ratio within which another kind of anomaly explains a run as well."""
 LEAST_RUNS = 2
 """Of a plane; nothing is dropped below that."""
 LARGEST_SHARE = 1.0 / 3.0
@@ -148,7 +150,7 @@ def _spared(t: _Tested, tested: Sequence[_Tested], flown: Sequence[Run]) -> bool
 
 
 def _reason(t: _Tested) -> str:
-    what = told(_blamed(t), t.exhibit.experiment.run.plane)
+    what = _explained(t.scores if _by_scores(t) or t.repeat is None else t.repeat, t.exhibit.experiment.run.plane)
     return what if _by_scores(t) else f"non-repeatability: unlike {', '.join(t.partners)}, as if by {what}"
 
 
@@ -156,9 +158,9 @@ def _stays(t: _Tested, others: Sequence[_Tested]) -> Verdict:
     plane, warnings = t.exhibit.experiment.run.plane, []
     if t.scores.p_value <= FALSE_ALARM:
         cause = "structure" if _as_large(t, others) and _shared(t, others) else "suspect"
-        warnings.append(f"{cause}: {told(t.scores.anomalies[0], plane)}; {_why_kept(t, others)}")
+        warnings.append(f"{cause}: {_explained(t.scores, plane)}; {_why_kept(t, others)}")
     if t.repeat is not None and t.repeat.p_value <= FALSE_ALARM:
-        what = told(t.repeat.anomalies[0], plane)
+        what = _explained(t.repeat, plane)
         warnings.append(f"non-repeatability: unlike {', '.join(t.partners)}, as if by {what}")
     return Verdict(_name(t.exhibit), t.scores, t.repeat, "", tuple(warnings))
 
@@ -171,6 +173,13 @@ def _why_kept(t: _Tested, others: Sequence[_Tested]) -> str:
     if _shared(t, others):
         return "every test as large shows something, so it is the model's structure"
     return f"chance shows as much in {t.scores.p_value:.2%} of clean runs, and the others must not go short"
+
+
+def _explained(found: Scores, plane: Plane) -> str:
+    """The likeliest anomaly, and what would explain the run nearly as well."""
+    first, *others = found.anomalies
+    near = [a for a in others if first.statistic**2 - a.statistic**2 < 2.0 * math.log(AS_LIKELY)]
+    return " or ".join(told(anomaly, plane) for anomaly in (first, *near[:1]))
 
 
 def told(anomaly: Anomaly, plane: Plane) -> str:

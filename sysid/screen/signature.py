@@ -5,6 +5,7 @@ that would push as hard. Both may come at any time, so there is one signature a 
 """
 
 import math
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -46,37 +47,50 @@ def signatures(vehicle: Vehicle, what: Experiment, by: Filter) -> list[Signature
     speed_mps = fit.cruise_speed_mps(vehicle, float(run.thrust[0]))
     duct = greybox.duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
     stretched = greybox.duct_angles(run.command_rad + SMALL_SHARE * _away_rad(run), actuator, 1.0 / RATE_HZ)
-    times_s = np.arange(run.time_s[0] + MARGIN_S, run.time_s[-1] - MARGIN_S, EVERY_S)
+    first, faster = (greybox.first_state(run, what.start, k * speed_mps) for k in (1.0, 1.0 + SMALL_SHARE))
+    before = _track(vehicle, what, first, duct)
+    rows = np.arange(_rows(MARGIN_S), len(before) - _rows(MARGIN_S), _rows(EVERY_S))
+    slips = [_slipped(vehicle, what, before, duct, int(row)) for row in rows]
+    offset, gain = (_track(vehicle, what, first, angles) for angles in (duct + SMALL_RAD, stretched))
+    speed = _track(vehicle, what, faster, duct, 1.0 + SMALL_SHARE)
 
-    def flown(duct_rad: Array, faster: float = 1.0) -> Array:
-        first = greybox.first_state(run, what.start, faster * speed_mps)
-        return _outputs(vehicle, what, first, duct_rad, faster)
+    def white(tracks: Sequence[Array], size: float) -> Array:
+        moves = [before - track for track in tracks]  # the other way round than in the paper's axes
+        measured = [np.ascontiguousarray(move[:, 2 : 2 + what.measured.shape[1]]) for move in moves]
+        return np.stack([noise.whitened(move, by).ravel() for move in measured]) / size
 
-    before = flown(duct)
-    slips = [flown(duct + SMALL_RAD * (run.time_s >= time_s - 1e-9)) for time_s in times_s]
-    lasting = [flown(duct + SMALL_RAD), flown(stretched), flown(duct, 1.0 + SMALL_SHARE)]
-    white = np.stack([noise.whitened(after - before, by).ravel() for after in (*slips, *lasting)])
-    white[:-2] /= math.degrees(SMALL_RAD)
-    white[-2:] /= 100.0 * SMALL_SHARE
-    *slip, offset, gain, speed = white
-    always = np.array([math.nan])
+    times_s, always = run.time_s[rows * fit.STRIDE], np.array([math.nan])
+    by_degree, percents = white(slips, math.degrees(SMALL_RAD)), 100.0 * SMALL_SHARE
     return [
-        Signature("actuator slip", times_s, np.array(slip), "deg"),
-        Signature("gust", times_s, _pulses(np.array(slip)) / _push_per_s2(vehicle, run), "deg/s2"),
-        Signature("actuator offset", always, offset[None], "deg"),
-        Signature("gain error", always, gain[None], "%"),
-        Signature("speed off", always, speed[None], "%"),
+        Signature("actuator slip", times_s, by_degree, "deg"),
+        Signature("gust", times_s, _pulses(by_degree) / _push_per_s2(vehicle, run), "deg/s2"),
+        Signature("actuator offset", always, white([offset], math.degrees(SMALL_RAD)), "deg"),
+        Signature("gain error", always, white([gain], percents), "%"),
+        Signature("speed off", always, white([speed], percents), "%"),
     ]
 
 
-def _outputs(vehicle: Vehicle, what: Experiment, first: Array, duct_rad: Array, faster: float) -> Array:
-    """Rate, angle and, in pitch, depth of the run, (samples, outputs); depth from anywhere, as only moves count."""
-    run, model = what.run, vehicle.model
-    rps, inverse = faster * run.thrust * propeller.rps(1.0, model), greybox.constraint(model, run.plane)
-    track = greybox.integrate(
-        first, duct_rad, rps, fit.STRIDE, 1.0 / RATE_HZ, run.plane == "yaw", inverse, model, what.around
-    )
-    return -track[:, 2 : 2 + what.measured.shape[1]]
+def _rows(seconds: float) -> int:
+    return round(seconds * RATE_HZ / fit.STRIDE)
+
+
+def _slipped(vehicle: Vehicle, what: Experiment, before: Array, duct_rad: Array, row: int) -> Array:
+    """The track from ``row`` on with the duct a little off; nothing differs earlier."""
+    late = _track(vehicle, what, before[row], duct_rad[row * fit.STRIDE :] + SMALL_RAD, first_row=row)
+    return np.vstack([before[:row], late])
+
+
+def _track(
+    vehicle: Vehicle, what: Experiment, first: Array, duct_rad: Array, faster: float = 1.0, first_row: int = 0
+) -> Array:
+    """States (rows, 5) in the paper's axes: u, v or w, rate, angle, z."""
+    run, model, start = what.run, vehicle.model, first_row * fit.STRIDE
+    rps = faster * run.thrust[start:] * propeller.rps(1.0, model)
+    around = None if what.around is None else what.around[start:]
+    return greybox.integrate(
+        first, duct_rad, rps, fit.STRIDE, 1.0 / RATE_HZ, run.plane == "yaw",
+        greybox.constraint(model, run.plane), model, around,
+    )  # fmt: skip
 
 
 def departure_rad(run: Run) -> Array:
@@ -90,7 +104,7 @@ def _away_rad(run: Run) -> Array:
 
 
 def _pulses(steps: Array) -> Array:
-    late = int(GUST_S / EVERY_S)
+    late = round(GUST_S / EVERY_S)
     back = np.zeros_like(steps)
     back[:-late] = steps[late:]
     return steps - back
