@@ -91,6 +91,11 @@ def duct_angles(command: Array, actuator: Actuator, dt: float) -> Array:
     return angles
 
 
+def duct_along(run: Run, surface: Plane, actuator: Actuator) -> Array:
+    """True angle of a plane's surface at every sample of a run, (samples,)."""
+    return duct_angles(run.history_rad(surface), actuator, 1.0 / RATE_HZ)[-run.time_s.size :]
+
+
 @kernel
 def _slopes(
     x: Array, duct_rad: float, around: Array, rps: float, is_yaw: bool, inverse: Array, model: Model, out: Array
@@ -238,7 +243,7 @@ def simulate(
     """
     around = standing(run, speed_mps) if around is None else around
     x0 = first_state(run, start, speed_mps)
-    angles = duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
+    angles = duct_along(run, run.plane, actuator)
     rps, inverse = run.thrust * propeller.rps(1.0, model), constraint(model, run.plane)
     track = integrate(x0, angles, rps, stride, 1.0 / RATE_HZ, run.plane == "yaw", inverse, model, around)
     return motion(track, start)

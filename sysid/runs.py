@@ -70,6 +70,8 @@ class Run:
     """How much the recorder's clock gained on the vehicle's from the first quarter of the run to the last."""
     both: bool = False
     """The other surface was under test at the same time: this is one plane's half."""
+    earlier_rad: tuple[Array, Array] = (np.empty(0), np.empty(0))
+    """Rudder and elevator as commanded before the first sample, where that is known: the duct was still following."""
 
     @property
     def command_rad(self) -> Array:
@@ -94,10 +96,19 @@ class Run:
         """The last STEADY_S before the test."""
         return (self.time_s < 0.0) & (self.time_s >= -STEADY_S)
 
+    def history_rad(self, surface: Plane) -> Array:
+        """Commands of a plane's surface, the ones before the first sample included."""
+        rudder, elevator = self.earlier_rad
+        now = self.rudder_rad if surface == "yaw" else self.elevator_rad
+        return np.concatenate([rudder if surface == "yaw" else elevator, now])
+
     def since(self, start_s: float) -> "Run":
-        """The same run without what lies before ``start_s``."""
+        """The same run without what lies before ``start_s``, of which the commands stay known."""
         first = int(np.searchsorted(self.time_s, start_s - 1e-9))
-        return replace(self, **{name: getattr(self, name)[first:] for name in _SERIES})
+        rudder, elevator = self.history_rad("yaw"), self.history_rad("pitch")
+        end = rudder.size - self.time_s.size + first
+        left = {name: getattr(self, name)[first:] for name in _SERIES}
+        return replace(self, **left, earlier_rad=(rudder[:end], elevator[:end]))
 
     def until(self, stop_s: float) -> "Run":
         """The same run without what lies after ``stop_s``."""

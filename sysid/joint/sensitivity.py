@@ -62,7 +62,7 @@ def flights(
     for what in experiments:
         run = what.run
         first = greybox.first_state(run, what.start, speeds_mps[float(run.thrust[0])])
-        duct = greybox.duct_angles(run.command_rad, vehicle.actuators[plane], 1.0 / RATE_HZ)
+        duct = greybox.duct_along(run, plane, vehicle.actuators[plane])
         around = what.around
         track = greybox.integrate(
             first, duct, run.thrust * full_rps, stride, 1.0 / RATE_HZ, plane == "yaw", inverse, vehicle.model, around
@@ -134,7 +134,7 @@ def _inputs(what: Experiment, flight: Flight, moved: Sequence[Moved], step: floa
     run = what.run
     for each in moved:
         if each.part == "tailcone":
-            duct = greybox.duct_angles(run.command_rad, each.vehicle.actuators[run.plane], 1.0 / RATE_HZ)
+            duct = greybox.duct_along(run, run.plane, each.vehicle.actuators[run.plane])
             turned[:, each.column] = (duct - flight.duct_rad) / step
         if each.speeds_mps:
             first = greybox.first_state(run, what.start, each.speeds_mps[float(run.thrust[0])])

@@ -24,8 +24,8 @@ def moving(run: Run, other: LinearPlane, actuator: Actuator, speed_mps: float) -
     comes from pitch and depth.
     """
     is_yaw = run.plane == "yaw"
-    command, rate = (run.elevator_rad, run.q_radps) if is_yaw else (run.rudder_rad, run.r_radps)
-    duct = greybox.duct_angles(command, actuator, 1.0 / RATE_HZ)
+    duct = greybox.duct_along(run, "pitch" if is_yaw else "yaw", actuator)
+    rate = run.q_radps if is_yaw else run.r_radps
     across, pitch = cross_speed_mps(other, rate, duct), 0.0 * rate
     if (standing := greybox.standing(run, speed_mps)) is not None:
         across, pitch = across - np.mean(across) - np.mean(standing[:, 0]), run.pitch_rad
