@@ -20,6 +20,9 @@ EXCITED = 0.1
 
 
 def cross_plane(run: Run, limits: Limits, runs: Sequence[Run]) -> str:
+    """A test of both surfaces means to move both planes; only rolling spoils it."""
+    if run.both:
+        return _rolled(run, limits)
     return _rolled(run, limits) or _moved(run, limits, runs) or _coherent(run, limits)
 
 

@@ -172,7 +172,7 @@ def _why_kept(t: _Tested, others: Sequence[_Tested]) -> str:
         return "no other test is as large, so it may be the model's structure: fly it again"
     if _shared(t, others):
         return "every test as large shows something, so it is the model's structure"
-    return f"chance shows as much in {t.scores.p_value:.2%} of clean runs, and the others must not go short"
+    return f"{t.scores.p_value:.2%} of clean runs show as much: too many to leave it out"
 
 
 def _explained(found: Scores, plane: Plane) -> str:

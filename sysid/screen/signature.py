@@ -6,6 +6,7 @@ that would push as hard. Both may come at any time, so there is one signature a 
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from sysid import fit, greybox, noise, planes
 from sysid.fit import Experiment
 from sysid.noise import Filter
 from sysid.parameters import Vehicle
-from sysid.runs import RATE_HZ, Run
+from sysid.runs import RATE_HZ, Plane, Run
 
 Array = NDArray[np.float64]
 Kind = Literal["actuator slip", "actuator offset", "gain error", "gust", "speed off"]
@@ -45,8 +46,8 @@ def signatures(vehicle: Vehicle, what: Experiment, by: Filter) -> list[Signature
     """All that are looked for; angles at the duct in degrees, accelerations in deg/s^2, errors in percent."""
     run, actuator = what.run, vehicle.actuators[what.run.plane]
     speed_mps = fit.cruise_speed_mps(vehicle, float(run.thrust[0]))
-    duct = greybox.duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
-    stretched = greybox.duct_angles(run.command_rad + SMALL_SHARE * _away_rad(run), actuator, 1.0 / RATE_HZ)
+    duct = greybox.duct_along(run, run.plane, actuator)
+    stretched = greybox.duct_along(_stretched(run), run.plane, actuator)
     first, faster = (greybox.first_state(run, what.start, k * speed_mps) for k in (1.0, 1.0 + SMALL_SHARE))
     before = _track(vehicle, what, first, duct)
     rows = np.arange(_rows(MARGIN_S), len(before) - _rows(MARGIN_S), _rows(EVERY_S))
@@ -95,12 +96,29 @@ def _track(
 
 def departure_rad(run: Run) -> Array:
     """How far a test moved its surface from where the loop had held it, from the start of the test on."""
-    return _away_rad(run)[~run.preroll]
+    return (run.command_rad - _held_rad(run, run.plane))[~run.preroll]
 
 
-def _away_rad(run: Run) -> Array:
-    """Of the command, from where the loop held it before the test."""
-    return run.command_rad - (np.mean(run.command_rad[run.preroll]) if run.preroll.any() else run.trim_rad)
+def _held_rad(run: Run, plane: Plane) -> float:
+    """Where the loop held a surface before the test."""
+    command = run.rudder_rad if plane == "yaw" else run.elevator_rad
+    trim_rad = run.rudder_trim_rad if plane == "yaw" else run.elevator_trim_rad
+    return float(np.mean(command[run.preroll])) if run.preroll.any() else trim_rad
+
+
+def _stretched(run: Run) -> Run:
+    """The same run, its surfaces a little farther from where they were held."""
+
+    def farther(command_rad: Array, plane: Plane) -> Array:
+        return command_rad + SMALL_SHARE * (command_rad - _held_rad(run, plane))
+
+    rudder, elevator = run.earlier_rad
+    return replace(
+        run,
+        rudder_rad=farther(run.rudder_rad, "yaw"),
+        elevator_rad=farther(run.elevator_rad, "pitch"),
+        earlier_rad=(farther(rudder, "yaw"), farther(elevator, "pitch")),
+    )
 
 
 def _pulses(steps: Array) -> Array:
