@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from sysid import fit as fits
 from sysid import parameters, planes
-from sysid.fit import AGREEMENT, Fit, Prior
+from sysid.fit import Fit, Prior
+from sysid.joint.failure import AGREEMENT, DESIGN_NUMBERS, failures
 from sysid.model import (
     FORMAT,
     PRIOR_SHRINK,
@@ -43,9 +44,11 @@ def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
     def derive(z: Array) -> Array:
         return _derived(parameters.vehicle(prior.config, prior.biases_rad, z))
 
-    values, spread = _propagate(derive, found.z, found.covariance)
+    values, slope = derive(found.z), _slope(derive, found.z)
+    before, spread = (slope @ covariance @ slope.T for covariance in (prior.covariance, found.covariance))
     sds = np.sqrt(np.diag(spread))
     measured = set(found.experiments)
+    told = {p: (_of_design(p, before), _of_design(p, spread)) for p in PLANES if p in measured}
     return IdentifiedModel(
         format=FORMAT,
         method="map",
@@ -61,6 +64,7 @@ def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
             start_costs=found.start_costs,
             agreed=all(abs(cost - found.cost) <= AGREEMENT * found.cost for cost in found.start_costs),
             at_bounds=found.at_bounds,
+            failures=failures(found.cost, found.start_costs, found.at_bounds, told),
         ),
         data=(),
         screening=(),
@@ -84,12 +88,16 @@ def _derived(vehicle: parameters.Vehicle) -> Array:
     return np.array(rows)
 
 
-def _propagate(function: Callable[[Array], Array], z: Array, covariance: Array) -> tuple[Array, Array]:
-    """Value and covariance of ``function(z)``, first order, central differences."""
+def _slope(function: Callable[[Array], Array], z: Array) -> Array:
+    """Derivatives of ``function`` by z, central differences."""
     h = 1e-4
-    columns = [(function(z + h * e) - function(z - h * e)) / (2.0 * h) for e in np.eye(z.size)]
-    slope = np.column_stack(columns)
-    return function(z), slope @ covariance @ slope.T
+    return np.column_stack([(function(z + h * e) - function(z - h * e)) / (2.0 * h) for e in np.eye(z.size)])
+
+
+def _of_design(plane: Plane, spread: Array) -> Array:
+    """Covariance of one plane's DESIGN_NUMBERS."""
+    index = [_derived_names().index((plane, name)) for name in DESIGN_NUMBERS]
+    return spread[np.ix_(index, index)]
 
 
 def _design(plane: Plane, spread: Array) -> Covariance:

@@ -14,6 +14,7 @@ from sysid import noise
 from sysid.joint import problem as problems
 from sysid.joint.descent import Z_LIMIT, descend
 from sysid.joint.experiments import STRIDE, Experiment, among, experiment, linear_plane, residuals
+from sysid.joint.failure import AGREEMENT
 from sysid.joint.problem import DIFFERENCE, Prior, Problem
 from sysid.joint.trim import cruise_speed_mps, level_elevator_rad, level_pitch_rad, trim_biases
 from sysid.noise import Noise
@@ -50,8 +51,6 @@ COARSE, FINE = 1e-4, 1e-6
 """Share of the cost that a step must promise, in passes whose noise is about to be renewed and in the last one."""
 SKIPPED = 2
 """Of so many samples, other starts look at one."""
-AGREEMENT = 0.01
-"""Relative cost by which other starts may differ from the best."""
 
 
 class Fit(NamedTuple):

@@ -171,6 +171,8 @@ class Convergence(Record, frozen=True):
     """Costs that the other starts ended at."""
     agreed: bool
     at_bounds: tuple[str, ...]
+    failures: tuple[str, ...] = ()
+    """Why the fit cannot be believed, each in a sentence; such a file was asked for by force."""
 
 
 class Vehicle(Record, frozen=True):
