@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sysid.model import IdentifiedModel
     from sysid.runs import Mark
 
-Method = Literal["map", "paper"]
+Method = Literal["map", "paper", "output-error", "filter-error"]
 LARGEST_TRIM_DEG = 15.0
 
 
@@ -162,13 +162,13 @@ def _translated() -> Iterator[None]:
     from sysid.design import DesignRefused
     from sysid.log import LogError
     from sysid.model import ModelError
-    from sysid.refit import RefitError, VehicleError
+    from sysid.refit import NotUniqueError, RefitError, VehicleError
 
     try:
         yield
     except (LogError, ModelError, RefitError, VehicleError) as error:
         raise BadInputError(str(error)) from None
-    except DesignRefused as error:
+    except (DesignRefused, NotUniqueError) as error:
         raise FailedError(str(error)) from None
 
 

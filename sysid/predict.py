@@ -82,8 +82,8 @@ def moved(model: IdentifiedModel, z: Array, prior: VehicleConfig | None = None) 
 
 
 def of_model(model: IdentifiedModel, vehicle: Vehicle, run: Run) -> greybox.Motion:
-    """The run by a model, whose identified vehicle is at hand: the paper's way knows linear planes only."""
-    return paper.motion(model, vehicle.actuators[run.plane], run) if model.method == "paper" else motion(vehicle, run)
+    """The run by a model, whose identified vehicle is at hand: other methods know linear planes only."""
+    return motion(vehicle, run) if model.method == "map" else paper.motion(model, vehicle.actuators[run.plane], run)
 
 
 def motion(vehicle: Vehicle, run: Run) -> greybox.Motion:

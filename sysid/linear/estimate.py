@@ -12,15 +12,16 @@ from sysid.linear.plant import Plant
 from sysid.linear.records import Belief, Record
 from sysid.linear.search import Found
 from sysid.noise import Noise
+from sysid.runs import PREROLL_S
 
 Array = NDArray[np.float64]
 Method = Literal["output-error", "filter-error"]
+LEADS_S: dict[Method, float] = {"output-error": 4.0, "filter-error": PREROLL_S}
+"""Motion before a test that is used, the duct's settling included. The sea moves a vehicle away from any simulation,
+and an unstable one fast: output error, which knows no sea, begins shortly before the test."""
 
 PASSES = 3
 """Outer iterations: values, then the noise that explains what they miss."""
-REFILTERS, STEPS = 3, 6
-"""How often a pass of filter error linearises its filter anew, and after how many steps at most: an unstable plane
-outgrows a filter of other poles."""
 COARSE = 1e-4
 """Relative cost change that ends a pass whose noise levels are about to be renewed."""
 
@@ -37,6 +38,9 @@ class Estimate(NamedTuple):
     cost: float
     start_costs: tuple[float, ...]
     evaluations: int
+    lowest: Array
+    highest: Array
+    """Bounds within which the values were sought."""
 
 
 def estimate(
@@ -69,7 +73,7 @@ def estimate(
     plant = Plant(belief.plant.frame, best.values)
     return Estimate(
         plant, bound.of_information(plant, information).covariance, level, sensors, weighted, best.cost, tuple(costs),
-        best.evaluations,
+        best.evaluations, belief.lowest, belief.highest,
     )  # fmt: skip
 
 
@@ -91,17 +95,12 @@ def _output_error(records: Sequence[Record], belief: Belief, values: Array) -> P
 
 def _filter_error(records: Sequence[Record], belief: Belief, values: Array) -> Passed:
     frame, level = belief.plant.frame, Noise()
-
-    def weighted() -> Objective:
-        by = filter_error.filtering(Plant(frame, values), records, level)
-        return objective.with_bench(filter_error.objective(frame, records, by), belief.plant)
-
     for _ in range(PASSES):
-        for _ in range(REFILTERS):
-            values = search.search(weighted(), belief, values, COARSE, STEPS).values
+        units = filter_error.filtering(Plant(frame, values), records, level)
+        data = filter_error.predictor(frame, records, level, units)
+        values = search.search(objective.with_bench(data, belief.plant), belief, values, COARSE).values
         # From the default levels every time: those of a plane that was still wrong may be past return.
         level = filter_error.levels(Plant(frame, values), records, Noise())
-    for _ in range(REFILTERS):
-        values = search.search(weighted(), belief, values, COARSE, STEPS).values
-    last = weighted()
-    return search.search(last, belief, values), last, level, bound.sensors(level)
+    by = filter_error.filtering(Plant(frame, values), records, level)
+    weighted = objective.with_bench(filter_error.whitened(frame, records, by), belief.plant)
+    return search.search(weighted, belief, values), weighted, level, bound.sensors(level)

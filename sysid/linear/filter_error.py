@@ -14,11 +14,14 @@ from sysid import noise
 from sysid.linear import plant as plants
 from sysid.linear import response
 from sysid.linear.objective import Objective
-from sysid.linear.plant import Frame, Plant
+from sysid.linear.plant import NUMBERS, Frame, Plant
 from sysid.linear.records import Record
 from sysid.noise import Filter, Noise
 
 Array = NDArray[np.float64]
+
+DIFFERENCE, LEAST_NUMBER = 1e-5, 0.03
+"""Step of the slopes by the equation's numbers, relative, and the least size that it is relative to."""
 
 
 def filtering(plant: Plant, records: Sequence[Record], level: Noise) -> Filter:
@@ -26,23 +29,52 @@ def filtering(plant: Plant, records: Sequence[Record], level: Noise) -> Filter:
     return noise.build(plants.linear_plane(plant), level, response.DT, max(len(r.measured) for r in records))
 
 
-def objective(frame: Frame, records: Sequence[Record], by_filter: Filter) -> Objective:
-    """Whitened residuals of the runs; the filter stands still while the values move."""
+def predictor(frame: Frame, records: Sequence[Record], level: Noise, units: Filter) -> Objective:
+    """Innovations of the runs, each plane judged by its own filter, in the units of the filter ``units``.
+
+    The filter holds a plane to its run however fast it would run away, so this form finds the way from afar; with
+    units that stand still its least square is consistent without the likelihood's determinant (Ljung 1999, 7.2).
+    """
+    numbers = len(NUMBERS[frame.plane])
+
+    def residuals(values: Array) -> Array:
+        plant = Plant(frame, values)
+        by = filtering(plant, records, level)._replace(whiteners=units.whiteners)
+        return np.concatenate([noise.whitened(e, by).ravel() for e in missed(plant, records)])
+
+    def jacobian(values: Array) -> Array:
+        plant, first = Plant(frame, values), residuals(values)
+        steps = DIFFERENCE * np.maximum(np.abs(values[:numbers]), LEAST_NUMBER)
+        ways = np.diag(steps) @ np.eye(numbers, values.size)
+        moved = [(residuals(values + way) - first) / step for way, step in zip(ways, steps, strict=True)]
+        by = filtering(plant, records, level)._replace(whiteners=units.whiteners)
+        return np.column_stack([*moved, _whitened_slopes(plant, records, by)[:, numbers:]])
+
+    return Objective(residuals, jacobian)
+
+
+def whitened(frame: Frame, records: Sequence[Record], by_filter: Filter) -> Objective:
+    """Residuals whitened by one filter, which stands still: generalised least squares.
+
+    Nothing but what the commands caused counts as knowledge of the plane; what the sea's colour seems to tell of its
+    poles rests on the noise model, and would be believed too well.
+    """
 
     def residuals(values: Array) -> Array:
         return np.concatenate([noise.whitened(e, by_filter).ravel() for e in missed(Plant(frame, values), records)])
 
-    def jacobian(values: Array) -> Array:
-        plant = Plant(frame, values)
-        by = response.discretise(plant)
-        rest = np.zeros(len(by.transition))
-        columns = [
-            [noise.whitened(-s, by_filter).ravel() for s in response.slopes(plant, by, r.command, rest, _count(r))]
-            for r in records
-        ]
-        return np.concatenate([np.column_stack(run) for run in columns])
+    return Objective(residuals, lambda values: _whitened_slopes(Plant(frame, values), records, by_filter))
 
-    return Objective(residuals, jacobian)
+
+def _whitened_slopes(plant: Plant, records: Sequence[Record], by_filter: Filter) -> Array:
+    """Of residuals by each value, (n, values)."""
+    by = response.discretise(plant)
+    rest = np.zeros(len(by.transition))
+    runs = []
+    for record in records:
+        slopes = response.slopes(plant, by, record.command, rest, _count(record))
+        runs.append(np.column_stack([noise.whitened(-slope, by_filter).ravel() for slope in slopes]))
+    return np.concatenate(runs)
 
 
 def missed(plant: Plant, records: Sequence[Record]) -> list[Array]:

@@ -45,13 +45,10 @@ class Belief(NamedTuple):
 
 def record(run: Run, lead_s: float) -> Record:
     """A run from ``lead_s`` before its test on; the duct starts with the pre-roll."""
-    flown = run.since(-lead_s)
-    measured = fit.experiment(flown).measured
-    begins = measured[0].copy()
-    begins[0] = 0.0
-    if run.plane == "pitch":
-        begins[1] = 0.0
-    return Record(Command(run.command_rad, run.time_s.size - flown.time_s.size), measured - begins)
+    what = fit.experiment(run.since(-lead_s))
+    begins = what.measured[0].copy()
+    begins[: 2 if run.plane == "pitch" else 1] = 0.0
+    return Record(Command(run.command_rad, run.time_s.size - what.run.time_s.size), what.measured - begins)
 
 
 def belief(prior: fit.Prior, plane: Plane) -> Belief:
@@ -59,12 +56,12 @@ def belief(prior: fit.Prior, plane: Plane) -> Belief:
 
     The bias is that from level flight, which pitch is linear about.
     """
-    at = _values(prior, prior.mean, plane)
+    at = values_at(prior, prior.mean, plane)
     slopes = np.zeros((at.values.size, len(NAMES)))
     for i in parameters.of_planes([plane]):
         step = np.zeros(len(NAMES))
         step[i] = 1e-3
-        away = _values(prior, prior.mean + step, plane), _values(prior, prior.mean - step, plane)
+        away = values_at(prior, prior.mean + step, plane), values_at(prior, prior.mean - step, plane)
         slopes[:, i] = (away[0].values - away[1].values) / 2e-3
     covariance = slopes @ prior.covariance @ slopes.T
     if plane == "pitch":
@@ -88,7 +85,8 @@ def bounded(at: Plant, covariance: Array) -> Belief:
     return Belief(at, covariance, lowest, highest)
 
 
-def _values(prior: fit.Prior, z: Array, plane: Plane) -> Plant:
+def values_at(prior: fit.Prior, z: Array, plane: Plane) -> Plant:
+    """The plant of the prior vehicle moved by ``z``; bias and level are those of its own level flight."""
     vehicle = parameters.vehicle(prior.config, prior.biases_rad, z)
     at = plants.of_vehicle(vehicle, plane)
     if plane == "yaw":
