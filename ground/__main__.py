@@ -45,6 +45,8 @@ class Method(StrEnum):
 
     MAP = "map"
     PAPER = "paper"
+    OUTPUT_ERROR = "output-error"
+    FILTER_ERROR = "filter-error"
 
 
 class Subject(StrEnum):
@@ -177,7 +179,7 @@ def refit(
     logs: Annotated[list[Path], typer.Argument(help="Logs with rudder or elevator tests: .mcap, .tlog, .bin, .ulg.")],
     held_out: Annotated[list[Path] | None, typer.Option(help="A log to predict and not to fit; repeatable.")] = None,
     prior: Annotated[str, typer.Option(help="bench, a vehicle file, or a model.json.")] = "bench",
-    method: Annotated[Method, typer.Option(help="map, or paper: the paper's own way.")] = Method.MAP,
+    method: Annotated[Method, typer.Option(help="map; *-error: linear planes; paper: its own way.")] = Method.MAP,
     run: Annotated[
         list[str] | None,
         typer.Option(metavar="[LOG:]START..STOP:rudder|elevator", help="A test that no log tells of; repeatable."),
