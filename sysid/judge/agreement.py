@@ -58,7 +58,7 @@ def rate_covariance(plane: LinearPlane, level: Noise, dt: float, lead: int, samp
 
     A run is simulated from its measured start, ``lead`` samples before the test. The simulation knows nothing of the
     sea, so the moments that act on the plane have their stationary variances; its start is known as well as a settled
-    filter knows it.
+    filter knows it. Small motion is assumed: a tight turn damps the sea's answer, and leaves up to a third less.
     """
     A, density, output, sensors, start = noise.system(plane, level)
     transition, process = noise.discrete(A, density, dt)
