@@ -61,13 +61,22 @@ def refit(
     marked: Sequence[str] = (),
     outputs: str = "1,2,3",
     beside: Sequence[Method] = (),
+    tailcone: Path | None = None,
+    inclining: Path | None = None,
+    *,
+    force: bool = False,
 ) -> "IdentifiedModel":
-    """The model that explains the tests in the logs. Raises BadInputError, FailedError."""
+    """The model that explains the tests in the logs.
+
+    Raises:
+        BadInputError: of the logs, the prior or what was measured ashore.
+        FailedError: the fit cannot be believed, unless ``force``; the model then says so itself.
+    """
     from sysid import refit as fitting
     from sysid.logs import outputs as chosen
 
     with _translated():
-        return fitting.refit(
+        model = fitting.refit(
             list(paths),
             prior=prior,
             method=method,
@@ -76,7 +85,12 @@ def refit(
             marks=[_mark(text) for text in marked],
             outputs=chosen.parse(outputs),
             beside=beside,
+            tailcone=tailcone,
+            inclining=inclining,
         )
+    if model.convergence.failures and not force:
+        raise FailedError(f"the fit failed: {'; '.join(model.convergence.failures)}; --force writes it all the same")
+    return model
 
 
 def _mark(text: str) -> "Mark":
@@ -162,11 +176,11 @@ def _translated() -> Iterator[None]:
     from sysid.design import DesignRefused
     from sysid.log import LogError
     from sysid.model import ModelError
-    from sysid.refit import NotUniqueError, RefitError, VehicleError
+    from sysid.refit import AshoreError, NotUniqueError, RefitError, VehicleError
 
     try:
         yield
-    except (LogError, ModelError, RefitError, VehicleError) as error:
+    except (AshoreError, LogError, ModelError, RefitError, VehicleError) as error:
         raise BadInputError(str(error)) from None
     except (DesignRefused, NotUniqueError) as error:
         raise FailedError(str(error)) from None

@@ -12,8 +12,10 @@ from sitl.vehicle import calibrate
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.config import VehicleError as VehicleError
-from sysid import assemble, fit, logs, paper, parameters, predict, runs
+from sysid import ashore, assemble, fit, logs, paper, parameters, predict, runs
 from sysid import model as models
+from sysid.ashore import AshoreError as AshoreError
+from sysid.ashore import Reading
 from sysid.fit import Prior, Progress
 from sysid.judge.judged import judged
 from sysid.linear import report as linear
@@ -44,6 +46,8 @@ class Belief(NamedTuple):
     config: VehicleConfig
     name: str
     earlier: IdentifiedModel | None
+    readings: tuple[Reading, ...] = ()
+    """What was measured ashore."""
 
 
 def refit(
@@ -56,6 +60,8 @@ def refit(
     marks: Sequence[Mark] = (),
     outputs: Outputs = FIRST_THREE,
     beside: Sequence[Method] = (),
+    tailcone: Path | None = None,
+    inclining: Path | None = None,
 ) -> IdentifiedModel:
     """Identify a vehicle from the tests in logs of any kind (`sysid.logs`).
 
@@ -69,12 +75,13 @@ def refit(
         marks: tests that the logs do not tell of themselves.
         outputs: those of the autopilot's outputs that steer.
         beside: methods by which the same runs are fitted as well, for comparison.
+        tailcone, inclining: what `ground bench` and `ground incline` printed, as priors of method ``map``.
 
     Raises:
-        LogError, VehicleError, ModelError, RefitError: bad input, each in one line.
+        AshoreError, LogError, VehicleError, ModelError, RefitError: bad input, each in one line.
     """
     report = progress or (lambda what, share: None)
-    belief = belief_in(prior)
+    belief = belief_in(prior)._replace(readings=ashore.read(tailcone, inclining))
     read = _read(paths, outputs, lambda share: report("read logs", 0.1 * share))
     unseen = _read(held_out, outputs, lambda share: None)
     _refuse_lost(marks, [log.name for log in (*read, *unseen)])
@@ -103,7 +110,7 @@ def _identify(
     """The model, and what a fit with a noise model said of the runs in it."""
     if method != "map":
         return identify(kept, belief.config, belief.name, method, belief.earlier, progress), None
-    prior = prior_of(kept, belief.config, belief.earlier)
+    prior = ashore.believed(prior_of(kept, belief.config, belief.earlier), belief.readings)
     settled = settle(kept, prior, lambda chosen: fit.fit(chosen, prior, progress))
     model = assemble.from_fit(settled.found, prior, belief.name)
     moved = settled.with_all and shifts(assemble.from_fit(settled.with_all, prior, belief.name), model)
@@ -171,6 +178,8 @@ def belief_in(prior: str | Path) -> Belief:
         earlier = models.read(prior)
         if earlier.method != "map":
             raise RefitError(f"{prior}: method = {earlier.method!r}; a prior must be a model of method 'map'")
+        if earlier.joint.names != NAMES:
+            raise RefitError(f"{prior}: joint.names are not this version's parameters; refit its logs")
         return Belief(vehicle_files.load(earlier.vehicle.prior), earlier.vehicle.prior, earlier)
     return Belief(vehicle_file(prior), str(prior) if prior == "bench" else Path(prior).name, None)
 
