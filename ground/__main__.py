@@ -30,6 +30,7 @@ from ground.console import (
     new_file,
 )
 from ground.errors import BAD_INPUT, FAILED, BadInputError, FailedError
+from ground.experiment import cli as experiment_cli
 
 if TYPE_CHECKING:
     from ground.flight import Dive
@@ -63,6 +64,7 @@ app.add_typer(vehicle_cli.app, name="vehicle")
 app.add_typer(modes_cli.app, name="modes")
 app.command()(bench_cli.bench)
 app.command()(bench_cli.incline)
+app.command()(experiment_cli.design_test)
 
 
 @app.command()
@@ -190,6 +192,13 @@ def refit(
     beside: Annotated[
         list[Method] | None, typer.Option(help="A method to set beside the model, on the same runs; repeatable.")
     ] = None,
+    tailcone: Annotated[
+        Path | None, typer.Option(metavar="BENCH.json", help="What `ground bench` measured, as a prior.")
+    ] = None,
+    inclining: Annotated[
+        Path | None, typer.Option(metavar="INCLINE.json", help="What `ground incline` measured, as a prior.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write a model whose fit failed; it says so.")] = False,
     out: Annotated[Path, typer.Option(metavar="MODEL.json")] = Path("model.json"),
     json: Json = False,
 ) -> None:
@@ -199,7 +208,7 @@ def refit(
 
     with progress.display("refit", quiet=json) as shown:
         model = fitting.refit(logs, held_out or (), prior, method.value, shown.share, run or (), outputs,
-                              [other.value for other in beside or ()])  # fmt: skip
+                              [other.value for other in beside or ()], tailcone, inclining, force=force)  # fmt: skip
     fitting.write_model(model, out)
     give(identification.of_model(model), identification.in_words(model, out), json)
 

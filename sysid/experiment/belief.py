@@ -69,6 +69,14 @@ def of_model(model: IdentifiedModel, config: VehicleConfig, name: str = "model.j
     return Belief(name, config, biases, np.array(model.joint.z), np.array(model.joint.covariance), sea, True)
 
 
+def trimmed(belief: Belief, rudder_rad: float, elevator_rad: float) -> Belief:
+    """The same after a trim flight: the biases with which it balances where the surfaces then stood."""
+    unbiased = belief._replace(biases_rad={"yaw": 0.0, "pitch": 0.0})
+    level_rad = still(unbiased.vehicle(belief.mean), "pitch").trim_rad
+    biases: dict[Plane, float] = {"yaw": -rudder_rad, "pitch": level_rad - elevator_rad}
+    return belief._replace(biases_rad=biases, trims_known=True)
+
+
 def _levels(found: NoiseModel) -> Noise:
     return Noise(
         rate_radps=math.radians(found.rate_noise_degps),

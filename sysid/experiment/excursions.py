@@ -29,6 +29,8 @@ HELD = 0.3
 """A vehicle whose loops held her starts this much steadier than what the fit must be ready for."""
 SETTLING_S = 40.0
 """In which the loop forgets how a simulation began."""
+FOLLOWERS = 8
+"""Samples whose surface is watched."""
 SHRINK = 0.95
 LEAST_DEG = 0.1
 """Tests below this drown in the tailcone's play and motor steps."""
@@ -45,8 +47,10 @@ class Limits(NamedTuple):
     down_m: float = 2.0
     rate_limited: float = 0.15
     """Share of a test in which the surface may run at its greatest rate."""
+    stopped: float = 0.02
+    """Share in which it may stand at its stops."""
     probability: float = 0.01
-    """That a test leaves any of them."""
+    """That a test leaves any of the excursions."""
 
 
 HOLDS = Limits(math.radians(20.0), math.radians(4.0), math.radians(12.0), math.radians(3.0), 1.0, 1.0)
@@ -70,6 +74,8 @@ class Sample(NamedTuple):
     """With the loop off."""
     held: Array
     """With the loop on."""
+    busy_rad: float
+    """Of the surface that the loop then moves against the sea: two standard deviations."""
 
 
 class Excursion(NamedTuple):
@@ -98,10 +104,11 @@ def draw(belief: Belief, plane: Plane, gains: Gains, count: int, longest_s: floa
         vehicle = belief.vehicle(belief.mean + root @ vehicles.standard_normal(belief.mean.size))
         trim_rad = TRIM_RAD * vehicles.standard_normal()
         loop = loops.of_vehicle(vehicle, plane, gains, level)
-        held, free = _held(loop, plane, longest_s, sea), _free(vehicle, plane, level, longest_s, sea)
+        held, busy_rad = _held(loop, plane, longest_s, sea)
+        free = _free(vehicle, plane, level, longest_s, sea)
         if _share(plane, held, HOLDS) < 1.0:
             at = beliefs.still(vehicle, plane)
-            samples.append(Sample(vehicle, at._replace(trim_rad=at.trim_rad + trim_rad), loop, free, held))
+            samples.append(Sample(vehicle, at._replace(trim_rad=at.trim_rad + trim_rad), loop, free, held, busy_rad))
         if len(samples) == count:
             return samples
     raise NotHeldError(f"{plane}: the loops' gains hold hardly any vehicle that the model allows; give --gains")
@@ -125,11 +132,12 @@ def _free(vehicle: Vehicle, plane: Plane, level: Noise, longest_s: float, rng: n
     return out
 
 
-def _held(loop: Loop, plane: Plane, longest_s: float, rng: np.random.Generator) -> Array:
-    """Motion under the same while the loop stays on, once it has settled."""
+def _held(loop: Loop, plane: Plane, longest_s: float, rng: np.random.Generator) -> tuple[Array, float]:
+    """Motion under the same while the loop stays on, once it has settled; and how busy the surface is."""
     settling, ticks = int(SETTLING_S * RATE_HZ), int(longest_s * RATE_HZ) + 1
     kicks = rng.standard_normal((settling + ticks, loop.feedback.size))
-    return loops.fly(loop, plane, np.zeros(len(kicks)), kicks).motion[settling :: fit.STRIDE]
+    flown = loops.fly(loop, plane, np.zeros(len(kicks)), kicks)
+    return flown.motion[settling :: fit.STRIDE], 2.0 * float(np.std(flown.command_rad[settling:]))
 
 
 class Answer(NamedTuple):
@@ -187,13 +195,19 @@ def _share(plane: Plane, track: Array, limits: Limits) -> float:
     return float(max(turning, up / limits.up_m, down / limits.down_m))
 
 
-def rate_limited(manoeuvre: Manoeuvre, sample: Sample) -> float:
-    """Share of the test in which the surface runs as fast as it can."""
-    actuator = sample.vehicle.actuators[manoeuvre.plane]
+def _can_follow(manoeuvre: Manoeuvre, largest_deg: float, samples: Sequence[Sample], limits: Limits) -> bool:
+    """Whether the surface can do what it is told: the test, and with the loop on its answer to test and sea."""
     signal = signal_rad(manoeuvre)
-    command = loops.fly(sample.loop, manoeuvre.plane, signal).command_rad if manoeuvre.loop_on else signal
-    moved = np.abs(np.diff(greybox.duct_angles(command, actuator, 1.0 / RATE_HZ))) * RATE_HZ
-    return float(np.count_nonzero(moved > 0.99 * actuator.rate_radps)) / signal.size
+    for sample in samples:
+        actuator = sample.vehicle.actuators[manoeuvre.plane]
+        command, busy_rad = signal, 0.0
+        if manoeuvre.loop_on:
+            command, busy_rad = loops.fly(sample.loop, manoeuvre.plane, signal).command_rad, sample.busy_rad
+        moved = np.abs(np.diff(greybox.duct_angles(command, actuator, 1.0 / RATE_HZ))) * RATE_HZ
+        stopped = np.abs(command) + busy_rad > math.radians(largest_deg) + 1e-9
+        if np.mean(moved > 0.99 * actuator.rate_radps) > limits.rate_limited or np.mean(stopped) > limits.stopped:
+            return False
+    return True
 
 
 def sized(
@@ -204,7 +218,7 @@ def sized(
     size = min(largest_deg, manoeuvre.size_deg * _room(manoeuvre.plane, found, limits))
     while size >= LEAST_DEG:
         tried = manoeuvre._replace(size_deg=_rounded(size))
-        if rate_limited(tried, samples[0]) <= limits.rate_limited:
+        if _can_follow(tried, largest_deg, samples[:FOLLOWERS], limits):
             there = excursion(tried.plane, _at_size(tried, manoeuvre.size_deg, found, samples), limits)
             if there.probability <= limits.probability:
                 return tried, there

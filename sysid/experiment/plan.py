@@ -22,8 +22,8 @@ Progress = Callable[[str, float], None]
 
 RECOVERY_S = 40.0
 """After a test with its loop off that stays within limits, until the vehicle is back on depth and course and steady."""
-HELD_RECOVERY_S = 20.0
-"""After one with its loop on: the motion before a test that its run begins with (``runs.PREROLL_S``), and a little."""
+HELD_RECOVERY_S = 30.0
+"""After one with its loop on: until she is steady, and the motion before a test with which a run begins."""
 SETTLING_S = 75.0
 """From the surface to the first test of a dive."""
 GROWTH = 3.0
@@ -169,12 +169,13 @@ def _sized(at: _Known, shapes: list[Manoeuvre], request: Request) -> list[Candid
     kept = [one for one in found if one is not None]
     told = information.of_runs(at.belief, [manoeuvre for manoeuvre, _ in kept], at.gains)
     return [
-        Candidate(manoeuvre, excursion, matrix, manoeuvre.duration_s + _recovery_s(manoeuvre, request))
+        Candidate(manoeuvre, excursion, matrix, manoeuvre.duration_s + recovery_s(manoeuvre, request))
         for (manoeuvre, excursion), matrix in zip(kept, told, strict=True)
     ]
 
 
-def _recovery_s(manoeuvre: Manoeuvre, request: Request) -> float:
+def recovery_s(manoeuvre: Manoeuvre, request: Request) -> float:
+    """Of the leg that follows a test."""
     return min(HELD_RECOVERY_S, request.recovery_s) if manoeuvre.loop_on else request.recovery_s
 
 

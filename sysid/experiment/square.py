@@ -18,7 +18,7 @@ from sysid import fit
 from sysid.experiment import excursions, information
 from sysid.experiment.belief import Belief
 from sysid.experiment.excursions import Limits, Sample
-from sysid.experiment.manoeuvre import LEAD_S, Manoeuvre
+from sysid.experiment.manoeuvre import Manoeuvre
 from sysid.loops import Gains
 from sysid.runs import RATE_HZ, Plane
 
@@ -78,7 +78,7 @@ def _steps(belief: Belief, shape: Manoeuvre, gains: Gains, scouts: Sequence[Samp
     (told,) = information.sensitivities(belief, [step], gains)
     pairs = excursions.answers(step, scouts)
     return Steps(
-        told[int(LEAD_S * STEP_HZ) :] / shape.size_deg,
+        told[-int(shape.duration_s * STEP_HZ) - 1 :] / shape.size_deg,
         np.array([answer for answer, _ in pairs]) / shape.size_deg,
         np.array([np.max(np.abs(rest), axis=0) for _, rest in pairs]),
     )
