@@ -34,6 +34,7 @@ OTHERS = ("static_gain_per_s", "p_fast_per_s", "p_slow_per_s", "delay_s")
 WAVE_FOR_DYNAMICS, WAVE_FOR_GAIN, WAVE_TO_HOLD_OUT = "chirp", "step", "3211"
 SLOW_NUMBERS = ("static gain", "p slow")
 LONG_S, SHORT_S = 30.0, 20.0
+FAILURES = "failures of the fit"
 USUAL_DEG = 4.0
 """Where no run tells which size suits the vehicle."""
 
@@ -47,7 +48,7 @@ def verdict(model: IdentifiedModel, validation: Mapping[Plane, PlaneValidation])
     failed = [gate for gate in gates if gate.required and not gate.passed]
     return Verdict(
         fit_for_redesign=not failed,
-        reasons=tuple(in_words(gate) for gate in failed),
+        reasons=(*model.convergence.failures, *(in_words(gate) for gate in failed if gate.name != FAILURES)),
         gates=gates,
         next_test=_next_test(model, failed, gates),
     )
@@ -80,6 +81,7 @@ def _of_fit(model: IdentifiedModel) -> Iterator[Gate]:
         "%",
     )
     yield _gate("values at a bound", None, float(len(found.at_bounds)), "at most", 0.0)
+    yield _gate(FAILURES, None, float(len(found.failures)), "at most", 0.0)
 
 
 def _of_plane(model: IdentifiedModel, plane: Plane, found: PlaneValidation | None) -> Iterator[Gate]:
@@ -107,14 +109,13 @@ def _response(plane: Plane, found: PlaneValidation) -> Iterator[Gate]:
 
 def _precision(model: IdentifiedModel, plane: Plane) -> Iterator[Gate]:
     numbers = model.planes[plane]
-    measured = plane in model.noise
     for name in (DECISIVE, *OTHERS):
         words = (name.rpartition("_per_")[0] or name.removesuffix("_s")).replace("_", " ")
-        bound = _cramer_rao_percent(numbers, name) if measured else None
+        bound = _cramer_rao_percent(numbers, name)
         decisive = name == DECISIVE
         yield _gate(f"{words}, 1 sd", plane, bound, "at most", CRAMER_RAO_PERCENT, "%", required=decisive)
         if decisive:
-            alone = _insensitivity_percent(model, plane, name) if measured else None
+            alone = _insensitivity_percent(model, plane, name)
             yield _gate(f"{words}, insensitivity", plane, alone, "at most", INSENSITIVITY_PERCENT, "%")
 
 

@@ -83,6 +83,9 @@ SPOILT: dict[str, Spoilt] = {
         m, convergence=replace(m.convergence, start_costs=(m.convergence.cost * 1.02,))
     ),
     "values at a bound": lambda m: replace(m, convergence=replace(m.convergence, at_bounds=("Y_v",))),
+    "failures of the fit": lambda m: replace(
+        m, convergence=replace(m.convergence, failures=("failures of the fit are told as they are",))
+    ),
     "runs fitted": without_runs(kind=False),
     "runs held out": without_runs(kind=True),
     "b1, 1 sd": planes(b1_per_s2=Estimate(0.5, 0.11)),
