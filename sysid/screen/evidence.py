@@ -1,5 +1,6 @@
 """What a joint fit leaves to be explained, run by run: whitened residuals, and what the parameters could still do."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from sysid.fit import STRIDE, Experiment, Fit, Prior
 from sysid.joint import problem as problems
 from sysid.joint.problem import Problem
-from sysid.screen.signature import Signature, departure_rad, signatures
+from sysid.screen.signature import Kind, Signature, departure_rad, signatures
 
 Array = NDArray[np.float64]
 
@@ -59,9 +60,10 @@ def gather(found: Fit, prior: Prior) -> tuple[Exhibit, ...]:
         marks = signatures(found.vehicle, e, filters[plane])
         growth = np.zeros((white.size, 2))
         if largest[plane] > SIZES * smallest[plane]:
-            (gain,) = next(s.white for s in marks if s.kind == "gain error")
-            growth[:, int(plane == "pitch")] = -100.0 * gain * _size_rad(e) / largest[plane]
-        exhibits.append(Exhibit(e, _size_rad(e), white.ravel(), np.hstack([slopes, growth]), tuple(marks)))
+            growth[:, int(plane == "pitch")] = -100.0 * _only(marks, "gain error") * _size_rad(e) / largest[plane]
+        vague = math.degrees(found.vehicle.actuators[plane].backlash_rad) / math.sqrt(12.0)
+        bare = Exhibit(e, _size_rad(e), white.ravel(), np.hstack([slopes, growth]), tuple(marks))
+        exhibits.append(_loosened(bare, vague * _only(marks, "actuator offset")))
     return tuple(exhibits)
 
 
@@ -76,6 +78,28 @@ def weigh(exhibits: Sequence[Exhibit], found: Fit, prior: Prior) -> Evidence:
     gradient = belief @ away + sum(e.slopes.T @ e.residual for e in exhibits)
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
     return Evidence(tuple(exhibits), covariance, -covariance @ gradient)
+
+
+def _only(marks: Sequence[Signature], kind: Kind) -> Array:
+    """The signature of a kind that has but one."""
+    return next(mark.white[0] for mark in marks if mark.kind == kind)
+
+
+def _loosened(exhibit: Exhibit, play: Array) -> Exhibit:
+    """The same, white although the duct stands anywhere within its play: ``play`` (n,) is one standard deviation of it.
+
+    Residuals of covariance 1 + b b' are white again less their part along b, all but 1/sqrt(1 + b'b) of it.
+    """
+    power = float(play @ play)
+    if power == 0.0:
+        return exhibit
+    share = (1.0 - 1.0 / math.sqrt(1.0 + power)) / power
+
+    def loose(rows: Array) -> Array:
+        return rows - np.multiply.outer(rows @ play, share * play)
+
+    marks = tuple(mark._replace(white=loose(mark.white)) for mark in exhibit.signatures)
+    return exhibit._replace(residual=loose(exhibit.residual), slopes=loose(exhibit.slopes.T).T, signatures=marks)
 
 
 def _size_rad(e: Experiment) -> float:
