@@ -84,7 +84,7 @@ def coloured(linear: LinearPlane, steps: list[int], rng: np.random.Generator) ->
 
 
 def misspecified(linear: LinearPlane, steps: list[int], rng: np.random.Generator) -> list[Array]:
-    """Forces and moments that the noise model does not know: eight tones with Rayleigh amplitudes about a random centre."""
+    """Swell that the noise model does not know: eight tones about a random centre, in moment and force alike."""
     silent = COLOURED._replace(wave_radps2=0.0, force_mps15=0.0)
     base = _drawn(linear, silent, steps, rng)
     return [sensed + _swell(linear, len(sensed), rng)[:, : sensed.shape[1]] for sensed in base]

@@ -1,6 +1,6 @@
 """One plane from its runs, by output error or by filter error."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -22,6 +22,8 @@ and an unstable one fast: output error, which knows no sea, begins shortly befor
 
 PASSES = 3
 """Outer iterations: values, then the noise that explains what they miss."""
+SETTLED = 0.02
+"""Relative change of the sensors' levels that ends output error's passes."""
 COARSE = 1e-4
 """Relative cost change that ends a pass whose noise levels are about to be renewed."""
 
@@ -65,19 +67,30 @@ def estimate(
     """
     if not records:
         raise ValueError("an estimate needs at least one run")
-    first = belief.plant.values if start is None else start
-    passes = _output_error if method == "output-error" else _filter_error
-    found, weighted, level, sensors = passes(records, belief, first)
+    found, weighted, level, sensors = _passes(method)(records, belief, belief.plant.values if start is None else start)
     best, costs = search.from_everywhere(weighted, belief, found, others)
-    information = search.require_unique(weighted, belief, best, costs)
-    plant = Plant(belief.plant.frame, best.values)
+    search.require_unique(weighted, belief, best, costs)
+    return _estimate(best, weighted, level, sensors, belief)._replace(start_costs=tuple(costs))
+
+
+def descend(records: Sequence[Record], belief: Belief, method: Method, start: Array) -> Estimate:
+    """The same from one start, nobody asking whether the runs name one plant."""
+    return _estimate(*_passes(method)(records, belief, start), belief)
+
+
+def _estimate(found: Found, weighted: Objective, level: Noise | None, sensors: Array, belief: Belief) -> Estimate:
+    plant = Plant(belief.plant.frame, found.values)
+    covariance = bound.of_information(plant, search.information_at(weighted, found.values)).covariance
     return Estimate(
-        plant, bound.of_information(plant, information).covariance, level, sensors, weighted, best.cost, tuple(costs),
-        best.evaluations, belief.lowest, belief.highest,
-    )  # fmt: skip
+        plant, covariance, level, sensors, weighted, found.cost, (), found.evaluations, belief.lowest, belief.highest
+    )
 
 
 Passed = tuple[Found, Objective, Noise | None, Array]
+
+
+def _passes(method: Method) -> Callable[[Sequence[Record], Belief, Array], Passed]:
+    return _output_error if method == "output-error" else _filter_error
 
 
 def _output_error(records: Sequence[Record], belief: Belief, values: Array) -> Passed:
@@ -89,7 +102,9 @@ def _output_error(records: Sequence[Record], belief: Belief, values: Array) -> P
 
     for _ in range(PASSES):
         values = search.search(weighted(), belief, values, COARSE).values
-        sds = output_error.levels(frame, records, sds, values)
+        before, sds = sds, output_error.levels(frame, records, sds, values)
+        if np.max(np.abs(sds / before - 1.0)) < SETTLED:
+            break
     return search.search(weighted(), belief, values), weighted(), None, sds
 
 

@@ -69,15 +69,14 @@ def from_everywhere(
     return best, [end.cost for end in ends]
 
 
-def require_unique(objective: Objective, belief: Belief, best: Found, costs: Sequence[float]) -> Array:
-    """The information of the values at their estimate, (values, values).
+def require_unique(objective: Objective, belief: Belief, best: Found, costs: Sequence[float]) -> None:
+    """Refuse an end that is not one place.
 
     Raises:
         NotUniqueError: starts disagree in cost, a value sits at a bound, or the information is singular.
     """
     plane, names = belief.plant.frame.plane, plants.names(belief.plant.frame.plane)
-    information = information_at(objective, best.values)
-    weak = weakest(information)
+    weak = weakest(information_at(objective, best.values))
     if weak.eigenvalue < SINGULAR:
         told = ", ".join(names[i] for i in weak.values)
         raise NotUniqueError(f"{plane}: the tests cannot tell {told} apart; record richer ones (3-2-1-1, doublets)")
@@ -92,7 +91,6 @@ def require_unique(objective: Objective, belief: Belief, best: Found, costs: Seq
             f"{plane}: {apart} of {len(costs)} starts ended up to {worst / best.cost - 1.0:.0%} above the least cost; "
             "the tests allow more than one plant"
         )
-    return information
 
 
 class Weakest(NamedTuple):

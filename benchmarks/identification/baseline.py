@@ -1,0 +1,70 @@
+"""What is commonly done with the same data: output error by a general simulator and a general optimiser.
+
+`scipy.signal.lsim` simulates each run from rest after its mean has been taken off (a toolbox's "detrend"), the lag is
+taken from the bench as known, slopes are differences, noise is taken to be white, and intervals are the optimiser's.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+from scipy.optimize import least_squares
+
+from sysid.linear import plant as plants
+from sysid.linear import response
+from sysid.linear.plant import NUMBERS, Plant
+from sysid.linear.records import Belief, Record
+from sysid.linear.response import DT, STRIDE
+
+Array = NDArray[np.float64]
+
+REST_S = 1.0
+"""Start of a run whose mean is taken off its outputs."""
+REWEIGHTED = 2
+
+
+def estimate(records: Sequence[Record], belief: Belief) -> tuple[Array, Array]:
+    """Derived numbers, as ``plant.derived``, and their covariance."""
+    first, free = belief.plant, _free(belief)
+    measured = [record.measured - np.mean(record.measured[: int(REST_S / DT)], axis=0) for record in records]
+    sds = np.ones(measured[0].shape[1])
+
+    def plant(u: Array) -> Plant:
+        values = first.values.copy()
+        values[free] = u * belief.spread[free]
+        return Plant(first.frame, values)
+
+    def errors(u: Array) -> Array:
+        at = plant(u)
+        pairs = zip(records, measured, strict=True)
+        return np.concatenate([((y - simulate(at, record)) / sds).ravel() for record, y in pairs])
+
+    u = first.values[free] / belief.spread[free]
+    bounds = belief.lowest[free] / belief.spread[free], belief.highest[free] / belief.spread[free]
+    for _ in range(REWEIGHTED):
+        found = least_squares(errors, u, bounds=bounds)
+        u = found.x
+        sds = sds * np.sqrt(np.mean(found.fun.reshape(-1, sds.size) ** 2, axis=0))
+    found = least_squares(errors, u, bounds=bounds)
+    covariance = np.zeros((first.values.size, first.values.size))
+    covariance[np.ix_(free, free)] = np.linalg.pinv(found.jac.T @ found.jac) * np.outer(
+        belief.spread[free], belief.spread[free]
+    )
+    at = plant(found.x)
+    return plants.derived(*at), plants.propagate(*at, covariance)
+
+
+def simulate(plant: Plant, record: Record) -> Array:
+    """Outputs of one run from rest, (steps, outputs)."""
+    A, B = plants.equations(plant.frame, plant.values[: len(NUMBERS[plant.frame.plane])])
+    count = record.measured.shape[1]
+    C = np.eye(len(A))[1 : 1 + count]
+    angles = response.duct(plant, record.command)[::STRIDE]
+    time_s = DT * np.arange(angles.size)
+    return np.asarray(signal.lsim((A, B[:, None], C, np.zeros((count, 1))), angles, time_s)[1]).reshape(-1, count)
+
+
+def _free(belief: Belief) -> NDArray[np.int64]:
+    """Indices of what is searched for: the equation's numbers, delay and bias."""
+    return np.arange(len(NUMBERS[belief.plant.frame.plane]) + 2)

@@ -1,0 +1,145 @@
+"""Cells on linear vehicles: variance over the Cramer-Rao bound and coverage, in white, coloured and unknown noise.
+
+Figures are over the numbers that the tests can tell at all: those whose bound is within a quarter of the number, and
+the bias. Beyond, no estimator has a meaningful standard deviation, and the tool reports profile likelihoods.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cache, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.identification import baseline, linear_truth
+from benchmarks.identification.linear_truth import PLANES, Campaign, Draw
+from benchmarks.identification.study import Cell, Figure
+from sysid.linear import bound, estimate
+from sysid.linear import plant as plants
+from sysid.linear.estimate import Method
+from sysid.noise import Noise
+from sysid.runs import Plane
+
+Array = NDArray[np.float64]
+Way = Callable[[Campaign], tuple[Array, Array]]
+"""A campaign to derived numbers and their covariance."""
+
+TELLABLE = 0.25
+"""Relative standard deviation of the bound."""
+WITHIN = 1.96
+DRAWS: dict[str, Draw] = {
+    "white": linear_truth.white,
+    "coloured": linear_truth.coloured,
+    "misspecified": linear_truth.misspecified,
+}
+LEVELS: dict[str, Noise] = {"white": linear_truth.WHITE, "coloured": linear_truth.COLOURED}
+
+
+def _ours(campaign: Campaign, method: Method) -> tuple[Array, Array]:
+    found = estimate.descend(campaign.records, campaign.belief, method, campaign.belief.plant.values)
+    frame, values = found.plant
+    return plants.derived(frame, values), plants.propagate(frame, values, found.covariance)
+
+
+def _theirs(campaign: Campaign) -> tuple[Array, Array]:
+    return baseline.estimate(campaign.records, campaign.belief)
+
+
+WAYS: dict[str, Way] = {
+    "output error": partial(_ours, method="output-error"),
+    "filter error": partial(_ours, method="filter-error"),
+    "baseline": _theirs,
+}
+
+
+@cache
+def bound_sds(vehicle: str, plane: Plane, noise: str) -> Array:
+    """Least standard deviations of the derived numbers; unknown noise is measured by the coloured one's."""
+    truth, commands = linear_truth.true_plant(vehicle, plane), linear_truth.commands(vehicle, plane)
+    if noise == "white":
+        least = bound.white(truth, commands, linear_truth.WHITE)
+    else:
+        least = bound.coloured(truth, commands, linear_truth.COLOURED)
+    return np.sqrt(np.diag(least.derived))
+
+
+@cache
+def tellable(vehicle: str, plane: Plane, noise: str) -> NDArray[np.bool_]:
+    """Which derived numbers the tests can tell; the bias among them."""
+    truth = plants.derived(*linear_truth.true_plant(vehicle, plane))
+    told = bound_sds(vehicle, plane, noise) <= TELLABLE * np.abs(truth)
+    told[-1] = True
+    return np.asarray(told)
+
+
+def trial(vehicle: str, seed: int, noise: str, ways: Sequence[str]) -> list[float]:
+    """Errors in standard deviations of the bound, then in those that were claimed: way by way, plane by plane."""
+    row: list[float] = []
+    campaigns = {plane: linear_truth.campaign(vehicle, plane, DRAWS[noise], seed) for plane in PLANES}
+    for way in ways:
+        for plane, campaign in campaigns.items():
+            told = tellable(vehicle, plane, noise)
+            numbers, covariance = WAYS[way](campaign)
+            error = numbers - plants.derived(*campaign.truth)
+            row += (error / bound_sds(vehicle, plane, noise))[told].tolist()
+            row += (error / np.sqrt(np.diag(covariance)))[told].tolist()
+    return row
+
+
+def judge(vehicle: str, rows: Array, noise: str, ways: Sequence[str], limits: Sequence[float]) -> list[Figure]:
+    """Figures of each way; ``limits`` are the targets of the first ones: largest ratio, least and largest coverage."""
+    counts = [int(np.count_nonzero(tellable(vehicle, plane, noise))) for plane in PLANES]
+    total = sum(len(plants.derived_names(plane)) for plane in PLANES)
+    figures = [Figure("numbers beyond the tests, left out", float(total - sum(counts)))]
+    shares, position = {}, 0
+    for way in ways:
+        errors, claimed = [], []
+        for count in counts:
+            errors.append(rows[:, position : position + count])
+            claimed.append(rows[:, position + count : position + 2 * count])
+            position += 2 * count
+        shares[way] = np.mean(np.hstack(errors) ** 2, axis=0)
+        covered = 100.0 * np.mean(np.abs(np.hstack(claimed)) < WITHIN, axis=0)
+        figures += _figures(way, shares[way], covered, limits if way != "baseline" else NO_LIMITS)
+    if "baseline" in shares:
+        gain = np.sqrt(shares["baseline"] / shares[ways[0]])
+        figures.append(Figure(f"baseline's error over {ways[0]}'s", float(np.exp(np.mean(np.log(gain))))))
+    return figures
+
+
+NO_LIMITS = (np.inf, -np.inf, np.inf)
+
+
+def _figures(way: str, ratios: Array, covered: Array, limits: Sequence[float]) -> list[Figure]:
+    most, lowest, highest = limits
+    return [
+        Figure(f"{way}: variance over bound", float(np.exp(np.mean(np.log(ratios)))), highest=most),
+        Figure(f"{way}: variance over bound, largest", float(np.max(ratios))),
+        Figure(f"{way}: coverage", float(np.mean(covered)), lowest, highest, "%"),
+        Figure(f"{way}: coverage, least", float(np.min(covered)), unit="%"),
+    ]
+
+
+def _cell(name: str, about: str, noise: str, ways: Sequence[str], limits: Sequence[float], runs: int = 200) -> Cell:
+    return Cell(
+        name,
+        about,
+        partial(trial, noise=noise, ways=ways),
+        partial(judge, noise=noise, ways=ways, limits=limits),
+        runs,
+    )
+
+
+OURS = ("output error", "filter error")
+CELLS = (
+    _cell("linear-white", "sensor noise alone", "white", OURS, (1.15, 92.0, 98.0)),
+    _cell("linear-coloured", "the noise model's own sea", "coloured", OURS[1:], (1.5, 92.0, 98.0)),
+    _cell("linear-misspecified", "waves and forces it does not know", "misspecified", OURS[1:], (np.inf, 90.0, np.inf)),
+    _cell(
+        "linear-baseline",
+        "common practice on the same data",
+        "misspecified",
+        ("filter error", "baseline"),
+        NO_LIMITS,
+        20,
+    ),
+)
