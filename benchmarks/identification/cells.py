@@ -1,7 +1,11 @@
 """Every cell of the study by name."""
 
 from benchmarks.identification import efficiency, screening
+from benchmarks.identification.convergence import CONVERGENCE
+from benchmarks.identification.linear_time import TIME as LINEAR_TIME
 from benchmarks.identification.prediction import PREDICTION
 from benchmarks.identification.study import Cell
 
-CELLS: dict[str, Cell] = {cell.name: cell for cell in (*efficiency.CELLS, PREDICTION, *screening.CELLS)}
+CELLS: dict[str, Cell] = {
+    cell.name: cell for cell in (*efficiency.CELLS, CONVERGENCE, LINEAR_TIME, PREDICTION, *screening.CELLS)
+}

@@ -47,7 +47,7 @@ COLOURED = Noise(
 """None of the levels that the estimators begin with."""
 STEADY = 0.3
 """How far a run starts from rest, in the uncertainty of the estimators: the loops held the vehicle straight."""
-APPROACH_S, AFTER_S = 5.0, 5.0
+APPROACH_S, AFTER_S = 5.0, 8.0
 GROWTH = 0.12
 """1/s: tests of a vehicle that runs away faster are shortened in proportion, as an abort envelope would."""
 BIAS_RAD, LEVEL_RAD = math.radians(0.7), math.radians(1.0)
@@ -60,11 +60,11 @@ class Campaign(NamedTuple):
     """The prior file's plane, and the lag as one bench test measured it."""
 
 
-def campaign(vehicle: str, plane: Plane, draw: Draw, seed: int) -> Campaign:
-    """Ten tests of one plane under the noise that ``draw`` makes."""
+def campaign(vehicle: str, plane: Plane, draw: Draw, seed: int, told: tuple[Command, ...] | None = None) -> Campaign:
+    """Tests of one plane, the usual ten without ``told``, under the noise that ``draw`` makes."""
     truth, rng = true_plant(vehicle, plane), np.random.default_rng([seed, PLANES.index(plane)])
     by, linear, count = response.discretise(truth), plants.linear_plane(truth), plants.outputs(plane)
-    told = commands(vehicle, plane)
+    told = told or commands(vehicle, plane)
     rest = np.zeros(len(by.transition))
     clean = [response.outputs(truth, by, command, rest, count) for command in told]
     noises = draw(linear, [response.steps(command) for command in told], rng)
@@ -167,8 +167,13 @@ def commands(vehicle: str, plane: Plane) -> tuple[Command, ...]:
     size = vehicles.case(vehicle).scale(plane)
     slow = plants.small_signal(true_plant(vehicle, plane)).p_slow_per_s
     pace = min(1.0, GROWTH / slow) if slow > 0.0 else 1.0
-    kinds = [(4.0, 2.5, (3, -2, 1, -1)), (6.0, 1.5, (3, -2, 1, -1)), (4.0, 5.0, (1, -1)), (6.0, 2.5, (1, -1)),
-             (3.0, 15.0, (1,))]  # fmt: skip
+    kinds = (
+        (6.0, 2.5, (3, -2, 1, -1)),
+        (9.0, 1.5, (3, -2, 1, -1)),
+        (6.0, 5.0, (1, -1)),
+        (9.0, 2.5, (1, -1)),
+        (6.0, 20.0, (1,)),
+    )
     return tuple(_command(sign * size * degrees, unit_s * pace, shape) for degrees, unit_s, shape in kinds
                  for sign in (1.0, -1.0))  # fmt: skip
 

@@ -1,0 +1,63 @@
+"""Cell: seconds that a linear fit of ten runs of a minute takes, warm, beside common practice on the same data."""
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.identification import baseline, linear_truth
+from benchmarks.identification.linear_truth import Campaign
+from benchmarks.identification.study import Cell, Figure
+from sysid.linear import estimate
+from sysid.linear.response import Command
+from sysid.runs import RATE_HZ
+
+Array = NDArray[np.float64]
+
+RUN_S = 60.0
+
+
+def trial(vehicle: str, seed: int) -> list[float]:
+    """Seconds of output error, of filter error and of the baseline in yaw; each has run once before."""
+    minutes = tuple(_a_minute(command) for command in linear_truth.commands(vehicle, "yaw"))
+    campaign = linear_truth.campaign(vehicle, "yaw", linear_truth.coloured, seed, minutes)
+    start = campaign.belief.plant.values
+
+    def ours(method: estimate.Method) -> Callable[[Campaign], object]:
+        return lambda c: estimate.descend(c.records, c.belief, method, start)
+
+    return [
+        _seconds(ours("output-error"), campaign),
+        _seconds(ours("filter-error"), campaign),
+        _seconds(lambda c: baseline.estimate(c.records, c.belief), campaign, warm=False),
+    ]
+
+
+def _a_minute(command: Command) -> Command:
+    """Followed, or cut, to RUN_S."""
+    samples = int(RUN_S * RATE_HZ) + 1
+    padded = np.pad(command.angle_rad, (0, max(0, samples - command.angle_rad.size)))
+    return Command(padded[:samples])
+
+
+def _seconds(work: Callable[[Campaign], object], campaign: Campaign, warm: bool = True) -> float:
+    if warm:
+        work(campaign)
+    begun_s = time.perf_counter()
+    work(campaign)
+    return time.perf_counter() - begun_s
+
+
+def judge(vehicle: str, rows: Array) -> Sequence[Figure]:
+    output, filtered, common = np.median(rows, axis=0)
+    return [
+        Figure("output error, 10 runs of 60 s", float(output), highest=0.1, unit="s"),
+        Figure("filter error, 10 runs of 60 s", float(filtered), highest=2.0, unit="s"),
+        Figure("baseline, 10 runs of 60 s", float(common), unit="s"),
+        Figure("baseline's time over output error's", float(common / output)),
+        Figure("baseline's time over filter error's", float(common / filtered)),
+    ]
+
+
+TIME = Cell("linear-time", "seconds a linear fit takes, warm", trial, judge, runs=5)
