@@ -57,14 +57,19 @@ def interval(
     centre = derived(best)
 
     def end(sign: float) -> float:
-        track = {0.0: best}
+        track, excesses = {0.0: best}, {0.0: -allowed}
 
         def excess(away_sd: float) -> float:
-            """Of the cost over what is allowed, the quantity held ``away_sd`` from the estimate."""
-            nearest = min(track, key=lambda known: abs(known - away_sd))
-            x = _held(problem, derived, track[nearest], centre + sign * away_sd * sd, sd)
-            track[away_sd] = x
-            return 0.5 * float(np.sum(problem.residuals(x) ** 2)) - least - allowed
+            """Of the cost over what is allowed, the quantity held ``away_sd`` from the estimate.
+
+            Once found it stands: a second search from where the first ended could end lower, and change its sign.
+            """
+            if away_sd not in excesses:
+                nearest = min(track, key=lambda known: abs(known - away_sd))
+                x = _held(problem, derived, track[nearest], centre + sign * away_sd * sd, sd)
+                track[away_sd] = x
+                excesses[away_sd] = 0.5 * float(np.sum(problem.residuals(x) ** 2)) - least - allowed
+            return excesses[away_sd]
 
         inside, outside = 0.0, 1.0
         while excess(outside) < 0.0:

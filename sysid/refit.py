@@ -17,6 +17,7 @@ from sysid import model as models
 from sysid.ashore import AshoreError as AshoreError
 from sysid.ashore import Reading
 from sysid.fit import Prior, Progress
+from sysid.joint import intervals
 from sysid.judge.judged import judged
 from sysid.linear import report as linear
 from sysid.linear.search import NotUniqueError as NotUniqueError
@@ -96,8 +97,8 @@ def refit(
         held_out_data=tuple(DataFile(log.name, log.sha256) for log in unseen),
         screening=tuple(_screened(s, verdicts.get(s.run.name)) for s in screenings),
         held_out_screening=tuple(_screened(s) for s in fresh),
-        beside=tuple(_rival(kept, held, belief, other) for other in beside),
     )
+    model = _set_beside(model, kept, held, belief, beside)
     report("judge", 0.95)
     model = judged(model, kept, held, _gains_aboard(read), belief.config)
     report("done", 1.0)
@@ -118,8 +119,22 @@ def _identify(
         model,
         fit_quality=predict.quality(model, settled.kept, belief.config),
         left_out_moved=moved or (),
-        notes=(*model.notes, *settled.structure),
+        notes=(*model.notes, *settled.structure, *intervals.wide(settled.found, prior, model)),
     ), settled
+
+
+def _set_beside(
+    model: IdentifiedModel, kept: Sequence[Run], held_out: Sequence[Run], belief: Belief, methods: Sequence[Method]
+) -> IdentifiedModel:
+    """The model with the same runs fitted by other methods, or a note of why one could not."""
+    rivals: list[Rival] = []
+    notes = list(model.notes)
+    for method in methods:
+        try:
+            rivals.append(_rival(kept, held_out, belief, method))
+        except NotUniqueError as error:
+            notes.append(f"by {method} the same runs name no model: {error}")
+    return msgspec.structs.replace(model, beside=tuple(rivals), notes=tuple(notes))
 
 
 def _rival(kept: Sequence[Run], held_out: Sequence[Run], belief: Belief, method: Method) -> Rival:
