@@ -64,14 +64,14 @@ def band(runs: Sequence[Run], values: Sequence[Array], run: Run) -> float:
     """What |x| leaves in the time of ``run`` with a chance of FALSE_ALARM, x being steady and Gaussian.
 
     Rice (1945): x of standard deviation s and rate s' crosses a level c upwards s'/(2 pi s) exp(-c^2/(2 s^2)) times a
-    second. Both are medians over the pre-rolls, where all loops are closed.
+    second. Both are means over the pre-rolls, where all loops are closed.
     """
     calm = [x[r.preroll] for r, x in zip(runs, values, strict=True) if np.count_nonzero(r.preroll) > 2 * RATE_HZ]
     if not calm:
         return 0.0
-    spread = float(np.median([np.std(values) for values in calm]))
+    spread = math.sqrt(float(np.mean([np.var(values) for values in calm])))
     smooth = [np.convolve(values, np.full(int(RATE_HZ), 1.0 / RATE_HZ), mode="valid") for values in calm]
-    rate = float(np.median([np.std(np.diff(values)) * RATE_HZ for values in smooth]))
+    rate = math.sqrt(float(np.mean([np.var(np.diff(values)) for values in smooth]))) * RATE_HZ
     if spread == 0.0:
         return 0.0
     crossings = 2.0 * rate / (2.0 * math.pi * spread) * float(run.time_s[-1] - run.time_s[0])
