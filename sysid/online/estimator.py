@@ -65,6 +65,8 @@ class Linearisation(NamedTuple):
     candidates: tuple[Candidate, ...]
     """The one at z, then one a parameter."""
     filter: Filter
+    leaking: float
+    """As `prediction.leak` says of the plane at z."""
 
 
 class Tracking(NamedTuple):
@@ -153,7 +155,7 @@ def with_new_noise(knowledge: Knowledge, plane: Plane) -> Knowledge:
     vehicle = parameters.vehicle(prior.config, prior.biases_rad, z)
     linear = fit.linear_plane(vehicle, plane)
     by = noise.build(linear, before, STEP_S, FILTER_STEPS)
-    left = [_left(vehicle, test, by) for test in knowledge.tests if test.plane == plane]
+    left = [_left(vehicle, test, by, prediction.leak(linear)) for test in knowledge.tests if test.plane == plane]
     levels = noise.estimate(linear, left, STEP_S, before)
     knowledge = knowledge._replace(noise={**knowledge.noise, plane: levels})
     tests = tuple(
@@ -172,8 +174,9 @@ def linearise(knowledge: Knowledge, plane: Plane, z: Array, thrust: float) -> Li
     vehicle = parameters.vehicle(prior.config, prior.biases_rad, z)
     first = _candidate(vehicle, plane, fit.cruise_speed_mps(vehicle, thrust))
     moved = tuple(_moved(knowledge, plane, z, thrust, first, i) for i in active)
-    by = noise.build(fit.linear_plane(vehicle, plane), knowledge.noise[plane], STEP_S, FILTER_STEPS)
-    return Linearisation(z, active, (first, *moved), by)
+    linear = fit.linear_plane(vehicle, plane)
+    by = noise.build(linear, knowledge.noise[plane], STEP_S, FILTER_STEPS)
+    return Linearisation(z, active, (first, *moved), by, prediction.leak(linear))
 
 
 def _moved(knowledge: Knowledge, plane: Plane, z: Array, thrust: float, first: Candidate, i: int) -> Candidate:
@@ -203,7 +206,7 @@ def _absorbed(tracking: Tracking, steps: Steps, done: int) -> Tracking:
     """All candidates through the steps after the first ``done``; what their differences tell."""
     about = tracking.about
     ends = [
-        prediction.advance(candidate, at, steps, done, about.filter)
+        prediction.advance(candidate, at, steps, done, about.filter, about.leaking)
         for candidate, at in zip(about.candidates, tracking.motions, strict=True)
     ]
     errors = np.column_stack([white.ravel() for _, white in ends])
@@ -230,8 +233,8 @@ def _towards(z: Array, wanted: Array) -> Array:
     return np.clip(z + np.clip(wanted - z, -FAR, FAR), -Z_LIMIT, Z_LIMIT)
 
 
-def _left(vehicle: Vehicle, test: Test, by: Filter) -> Array:
+def _left(vehicle: Vehicle, test: Test, by: Filter, leaking: float) -> Array:
     """What a free simulation of a vehicle would leave of a test, (k, outputs)."""
     candidate = _candidate(vehicle, test.plane, fit.cruise_speed_mps(vehicle, float(test.steps.thrust[0])))
-    white = prediction.advance(candidate, prediction.start(candidate, test.steps), test.steps, 0, by)[1]
+    white = prediction.advance(candidate, prediction.start(candidate, test.steps), test.steps, 0, by, leaking)[1]
     return prediction.free_error(white, by)

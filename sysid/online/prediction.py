@@ -1,8 +1,9 @@
 """One candidate vehicle predicting a test one step ahead: its normalised errors are what a parameter is judged by.
 
-The plane moves by its own nonlinear physics from the state that the noise filter has corrected, so that an unstable
-plane stays where it was measured. On a linear plane the errors are exactly those of the whitened simulation
-(`noise.whiten`), which filters the whole of what a free simulation leaves.
+The plane flies by its own nonlinear physics, and the noise filter carries what parts it from the measured motion: the
+errors of a stable plane are the whitened ones of its free simulation, as in `fit`. An unstable plane would soon be
+elsewhere; it takes over what the filter knows, twice as fast as it runs away (a filter error method that leaks:
+Jategaonkar 2015, ch. 5). How fast makes no difference to the errors of a linear plane.
 """
 
 import math
@@ -17,6 +18,7 @@ from sysid import fit, greybox
 from sysid.fit import STRIDE
 from sysid.greybox import SUBMERGED_Z_M, Actuator, integrate
 from sysid.noise import Filter
+from sysid.planes import LinearPlane
 from sysid.runs import RATE_HZ, Plane, Run
 
 Array = NDArray[np.float64]
@@ -25,6 +27,8 @@ STEP_S = STRIDE / RATE_HZ
 TICK_S = 1.0 / RATE_HZ
 SEA_STATES = 4
 """Of the filter behind those of the plane: slow moment, wave (two), gyro bias."""
+LEAST_GROWTH_PER_S = 1e-3
+"""A plane whose heading and depth merely stay where they are put has poles at zero."""
 START_STEPS = 10
 """A test begins with the motion of its first second."""
 
@@ -47,10 +51,11 @@ def none_yet(plane: Plane) -> Steps:
 
 def steps(run: Run, first: int = 0) -> Steps:
     """A run's steps from the ``first`` on. The last one stands half a step before the run's end."""
-    measured = fit.experiment(run).measured[:-1]
-    ticks = run.command_rad[: STRIDE * (len(measured) - 1)].reshape(-1, STRIDE)
-    command = np.concatenate([np.full((1, STRIDE), run.command_rad[0]), ticks])
-    return Steps(measured[first:], command[first:], run.thrust[: STRIDE * len(measured) : STRIDE][first:])
+    what = fit.experiment(run)
+    measured, command_rad = what.measured[:-1], what.run.command_rad
+    ticks = command_rad[: STRIDE * (len(measured) - 1)].reshape(-1, STRIDE)
+    command = np.concatenate([np.full((1, STRIDE), command_rad[0]), ticks])
+    return Steps(measured[first:], command[first:], what.run.thrust[: STRIDE * len(measured) : STRIDE][first:])
 
 
 def joined(first: Steps, second: Steps) -> Steps:
@@ -71,12 +76,12 @@ class Candidate(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Where a candidate's filter stands after its last step."""
+    """Where a candidate stands after its last step."""
 
     plane: Array
     """(u, v|w, rate, angle, z) in the paper's axes; z about SUBMERGED_Z_M."""
-    sea: Array
-    """Slow moment, wave and its rate, gyro bias: rad/s^2, rad/s^3, rad/s."""
+    rest: Array
+    """The states of the noise filter, MAVLink's axes: what is measured beside the plane."""
 
 
 def start(candidate: Candidate, steps: Steps) -> Motion:
@@ -88,51 +93,56 @@ def start(candidate: Candidate, steps: Steps) -> Motion:
         rate_mps = float(np.polyfit(STEP_S * np.arange(depth_m.size), depth_m, 1)[0])
         theta = float(few[0, 1])
         plane[1] = -(rate_mps + candidate.speed_mps * math.sin(theta)) / math.cos(theta)
-    return Motion(plane, np.zeros(SEA_STATES))
+    return Motion(plane, np.zeros(steps.measured.shape[1] + 1 + SEA_STATES))
 
 
-def advance(candidate: Candidate, at: Motion, steps: Steps, done: int, by: Filter) -> tuple[Motion, Array]:
-    """Through all ``steps`` but the first ``done``: where the filter stands then, and its white errors (k, outputs)."""
+def leak(plane: LinearPlane) -> float:
+    """Share of the filter's motion that an unstable plane takes over at each step; 0 for a stable one."""
+    growth_per_s = float(np.max(np.linalg.eigvals(plane.A).real))
+    return 1.0 - math.exp(-2.0 * growth_per_s * STEP_S) if growth_per_s > LEAST_GROWTH_PER_S else 0.0
+
+
+def advance(
+    candidate: Candidate, at: Motion, steps: Steps, done: int, by: Filter, leaking: float
+) -> tuple[Motion, Array]:
+    """Through all ``steps`` but the first ``done``: where it stands then, and its white errors (k, outputs)."""
     command = np.append(steps.command_rad[1:].ravel(), 0.0)  # the last angle precedes whatever is commanded next
     duct = greybox.duct_angles(command, candidate.actuator, TICK_S)
     measured = steps.measured - np.array([0.0, 0.0, steps.measured[0, -1]])[: steps.measured.shape[1]]
-    plane, sea = at.plane.copy(), at.sea.copy()
+    plane, rest = at.plane.copy(), at.rest.copy()
     white = _advance(
-        plane, sea, done, duct, steps.thrust * candidate.full_rps, measured, by.transition, by.gains, by.whiteners,
-        candidate.inverse, candidate.model,
+        plane, rest, done, duct, steps.thrust * candidate.full_rps, measured, by.transition, by.gains, by.whiteners,
+        leaking, candidate.inverse, candidate.model,
     )  # fmt: skip
-    return Motion(plane, sea), white
+    return Motion(plane, rest), white
 
 
 @entry_point
 def _advance(
-    x: Array, sea: Array, done: int, duct: Array, rps: Array, measured: Array, transition: Array, gains: Array,
-    whiteners: Array, inverse: Array, model: Model,
+    x: Array, rest: Array, done: int, duct: Array, rps: Array, measured: Array, transition: Array, gains: Array,
+    whiteners: Array, leaking: float, inverse: Array, model: Model,
 ) -> Array:  # fmt: skip
-    """Predict, compare, correct; ``x`` and ``sea`` are moved in place. The filter's axes are minus the paper's."""
+    """Predict, compare, correct; ``x`` and ``rest`` are moved in place. The filter's axes are minus the paper's."""
     total, outputs = measured.shape
     states, is_yaw = outputs + 1, outputs == 2
     white, e = np.empty((total - done, outputs)), np.empty(outputs)
-    drift = np.ascontiguousarray(transition[states:, states:])
     for k in range(done, total):
         if k > 0:
             a = STRIDE * (k - 1)
             x[:] = integrate(x, duct[a : a + STRIDE + 1], rps[k : k + 1], STRIDE, TICK_S, is_yaw, inverse, model)[1]
-            for i in range(states):
-                for j in range(SEA_STATES):
-                    x[1 + i] -= transition[i, states + j] * sea[j]
-            sea[:] = drift @ sea
+            rest[:] = transition @ rest
         gain, whitener = gains[min(k, len(gains) - 1)], whiteners[min(k, len(gains) - 1)]
-        e[0] = measured[k, 0] + x[2] - sea[SEA_STATES - 1]
-        e[1] = measured[k, 1] + x[3]
+        e[0] = measured[k, 0] + x[2] - rest[1] - rest[-1]
+        e[1] = measured[k, 1] + x[3] - rest[2]
         if not is_yaw:
-            e[2] = measured[k, 2] + (x[4] - SUBMERGED_Z_M)
+            e[2] = measured[k, 2] + (x[4] - SUBMERGED_Z_M) - rest[3]
         white[k - done] = whitener @ e
-        for j in range(outputs):
-            for i in range(states):
-                x[1 + i] -= gain[i, j] * e[j]
-            for i in range(SEA_STATES):
-                sea[i] += gain[states + i, j] * e[j]
+        for i in range(rest.size):
+            for j in range(outputs):
+                rest[i] += gain[i, j] * e[j]
+        for i in range(states):
+            x[1 + i] -= leaking * rest[i]
+            rest[i] -= leaking * rest[i]
     return white
 
 
