@@ -76,6 +76,10 @@ def in_words(model: "IdentifiedModel", out: Path) -> str:
     lines += [
         f"  rejected {run.run} (held out): {'; '.join(run.reasons)}" for run in model.held_out_screening if not run.kept
     ]
+    lines += [f"  kept {run.run}, with doubt: {'; '.join(run.warnings)}" for run in model.screening if run.warnings]
+    if model.left_out_moved:
+        most = max(model.left_out_moved, key=lambda shift: abs(shift.sds))
+        lines.append(f"  leaving them out moved {most.plane} {most.number} by {most.sds:+.1f} sd, the others less")
     lines += [f"[bold]what control rests on, at {model.speed_mps:g} m/s", _numbers(model)]
     if model.beside:
         lines += ["[bold]coefficients", _coefficients(model)]

@@ -181,7 +181,7 @@ def screening(model: "IdentifiedModel") -> str:
         q = quality.get(run.run)
         errors = ["", ""] if q is None else [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
         verdict = '<span class="tag measured">fitted</span>' if run.kept else '<span class="tag prior">rejected</span>'
-        why = escape("; ".join(run.reasons))
+        why = escape("; ".join((*run.reasons, *run.warnings)))
         rows.append([run.run, f"{run.wave} {run.magnitude_deg:+g}°", f"{run.duration_s:.1f} s", *errors, verdict, why])
     for q in model.held_out:
         errors = [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
