@@ -1,7 +1,6 @@
 """The estimate as an engineer reads it under way: design numbers, how sure they are, and whether that is enough."""
 
 import math
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -9,12 +8,12 @@ from numpy.typing import NDArray
 
 from sysid import fit, loops, parameters, planes
 from sysid.fit import DIFFERENCE, Prior
-from sysid.loops import Lag
+from sysid.judge import crossover
+from sysid.loops import Gains
 from sysid.online import information
 from sysid.online.information import Information
 from sysid.parameters import Vehicle
 from sysid.runs import Plane
-from sysid.tables import TABLE_3_INITIAL
 
 Array = NDArray[np.float64]
 
@@ -23,10 +22,6 @@ NAMES = ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s", "dela
 SURE_DEG, SURE_DB = 1.5, 0.25
 """Standard deviations of the plant's phase and gain at crossover that a redesign can rest on: two of them are 3 deg and
 half a decibel, small beside the margins that it keeps."""
-TURN_PER_S2 = 0.48
-"""Angular acceleration of Caribou per radian of her duct, for which Table 3's gains were made."""
-OUTER = frozenset(("DPT_P", "DPT_D", "DPT_I"))
-"""Gains from depth to pitch, which do not pass through the tail."""
 
 
 class Number(NamedTuple):
@@ -63,45 +58,32 @@ def read(prior: Prior, known: Information, plane: Plane, crossover_radps: float)
     return Reading(plane, dict(zip(NAMES, found, strict=False)), crossover_radps, *found[len(NAMES) :])
 
 
-def crossover_radps(prior: Prior, plane: Plane, gains: Mapping[str, float] | None = None) -> float:
-    """Where the loop of a plane crosses unit gain on the prior vehicle; ``gains`` by parameter name.
-
-    Without them those of the paper's prototype, turned down for a livelier tail.
-    """
+def crossover_radps(prior: Prior, plane: Plane, gains: Gains | None = None) -> float:
+    """Where the loop of a plane crosses unit gain on the prior vehicle; without ``gains`` with those made for her."""
     vehicle = parameters.vehicle(prior.config, prior.biases_rad, prior.mean)
-    linear = fit.linear_plane(vehicle, plane)
-    ratio = TURN_PER_S2 / abs(planes.small_signal(linear).b1_per_s2)
-    used = gains or {name: gain * (1.0 if name in OUTER else ratio) for name, gain in TABLE_3_INITIAL.items()}
-    at = loops.responses(linear, _lag(vehicle, plane))
-    cut = loops.heading_loops(at, used)["rudder"] if plane == "yaw" else loops.depth_loops(at, used)["elevator"]
-    return loops.margins(cut).crossover_radps
+    loop = crossover.loop(vehicle, plane, gains or crossover.gains_for(vehicle))
+    return loops.margins(loop).crossover_radps
 
 
-def _lag(vehicle: Vehicle, plane: Plane) -> Lag:
-    actuator = vehicle.actuators[plane]
-    return Lag(actuator.delay_s, actuator.natural_frequency_radps, actuator.damping_ratio)
-
-
-def _derived(prior: Prior, z: Array, plane: Plane, crossover: float) -> tuple[Array, Array]:
+def _derived(prior: Prior, z: Array, plane: Plane, crossover_radps: float) -> tuple[Array, Array]:
     """NAMES, gain (dB) and phase (deg) at crossover, and their slopes over z."""
-    values = _numbers(parameters.vehicle(prior.config, prior.biases_rad, z), plane, crossover)
+    values = numbers(parameters.vehicle(prior.config, prior.biases_rad, z), plane, crossover_radps)
     slopes = np.zeros((values.size, z.size))
     for i in parameters.of_planes([plane]):
         moved = z.copy()
         moved[i] += DIFFERENCE
-        there = _numbers(parameters.vehicle(prior.config, prior.biases_rad, moved), plane, crossover)
+        there = numbers(parameters.vehicle(prior.config, prior.biases_rad, moved), plane, crossover_radps)
         slopes[:, i] = (there - values) / DIFFERENCE
     return values, slopes
 
 
-def _numbers(vehicle: Vehicle, plane: Plane, crossover: float) -> Array:
+def numbers(vehicle: Vehicle, plane: Plane, crossover_radps: float) -> Array:
+    """NAMES, and gain (dB) and phase (deg) from command to rate at a frequency (rad/s), for small motion."""
     linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]
-    small = planes.small_signal(linear)
-    s = 1j * crossover
+    small, s = planes.small_signal(linear), 1j * crossover_radps
     rate = np.linalg.solve(s * np.eye(linear.A.shape[0]) - linear.A, linear.B)[1]
-    lag = loops.Lag(actuator.delay_s, actuator.natural_frequency_radps, actuator.damping_ratio)
-    wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
-    answer = rate * np.exp(-s * lag.delay_s) * wn**2 / (s**2 + 2.0 * zeta * wn * s + wn**2)
+    wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
+    answer = rate * np.exp(-s * actuator.delay_s) * wn**2 / (s**2 + 2.0 * zeta * wn * s + wn**2)
     return np.array([
         small.static_gain_per_s, small.b1_per_s2, small.p_fast_per_s, small.p_slow_per_s,
         actuator.delay_s, math.degrees(actuator.bias_rad),
