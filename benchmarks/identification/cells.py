@@ -3,9 +3,10 @@
 from benchmarks.identification import efficiency, screening
 from benchmarks.identification.convergence import CONVERGENCE
 from benchmarks.identification.linear_time import TIME as LINEAR_TIME
+from benchmarks.identification.online import ONLINE
 from benchmarks.identification.prediction import PREDICTION
 from benchmarks.identification.study import Cell
 
 CELLS: dict[str, Cell] = {
-    cell.name: cell for cell in (*efficiency.CELLS, CONVERGENCE, LINEAR_TIME, PREDICTION, *screening.CELLS)
+    cell.name: cell for cell in (*efficiency.CELLS, CONVERGENCE, LINEAR_TIME, PREDICTION, ONLINE, *screening.CELLS)
 }
