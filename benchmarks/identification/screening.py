@@ -63,12 +63,12 @@ def tests(case: Case, wave: Wave) -> list[Test]:
 
 
 def _signal(plane: Plane, wave: Wave, degrees: float) -> Array:
-    """Steps of 40 s in yaw and 8 s in pitch; 3-2-1-1 twice, 2.5 s a unit in yaw and 1.5 s in pitch."""
+    """Steps of 40 s in yaw and 8 s in pitch; in yaw three 3-2-1-1 of 2.5 s a unit, in pitch two of 1.5 s."""
     if wave == "step":
         return sea.step(degrees, 40.0 if plane == "yaw" else 8.0)
-    unit_s = 2.5 if plane == "yaw" else 1.5
-    pulses = ((1, 3), (-1, 2), (1, 1), (-1, 1))
-    return np.concatenate([sea.step(sign * degrees, n * unit_s) for sign, n in (*pulses, *pulses)])
+    unit_s, times = (2.5, 3) if plane == "yaw" else (1.5, 2)
+    pulses = ((1, 3), (-1, 2), (1, 1), (-1, 1)) * times
+    return np.concatenate([sea.step(sign * degrees, n * unit_s) for sign, n in pulses])
 
 
 def flown(case: Case, test: Test, wave: Wave, seed: int, fault: Fault | None = None) -> Run:
