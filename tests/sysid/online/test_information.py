@@ -1,0 +1,62 @@
+"""Knowledge that grows row by row, against the same rows all at once."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sysid.online import information
+
+SIZE = 4
+
+
+def belief(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    root = rng.standard_normal((SIZE, SIZE)) + 3.0 * np.eye(SIZE)
+    return rng.standard_normal(SIZE), root @ root.T
+
+
+@given(seed=st.integers(0, 1000), blocks=st.lists(st.integers(1, 7), min_size=1, max_size=8))
+@settings(deadline=None, max_examples=40)
+def test_rows_taken_one_block_at_a_time_are_least_squares_with_a_prior(seed: int, blocks: list[int]) -> None:
+    rng = np.random.default_rng(seed)
+    mean, covariance = belief(rng)
+    rows, values = rng.standard_normal((sum(blocks), SIZE)), rng.standard_normal(sum(blocks))
+    known, at = information.of_belief(mean, covariance), 0
+    for block in blocks:
+        known = information.absorb(known, rows[at : at + block], values[at : at + block])
+        at += block
+    precision = np.linalg.inv(covariance)
+    expected = np.linalg.inv(rows.T @ rows + precision)
+    np.testing.assert_allclose(information.covariance(known), expected, rtol=1e-8, atol=1e-10)
+    weighed = expected @ (rows.T @ values + precision @ mean)
+    np.testing.assert_allclose(information.mean(known), weighed, rtol=1e-8, atol=1e-8)
+
+
+@given(
+    seed=st.integers(0, 1000),
+    scale=st.floats(1e-6, 1e6),
+    copies=st.integers(1, 200),
+)
+@settings(deadline=None, max_examples=40)
+def test_a_covariance_stays_positive_definite_and_only_shrinks(seed: int, scale: float, copies: int) -> None:
+    """Also where one direction is told of a million times better than the others."""
+    rng = np.random.default_rng(seed)
+    mean, covariance = belief(rng)
+    known = information.of_belief(mean, covariance)
+    row = scale * rng.standard_normal((1, SIZE))
+    for _ in range(copies):
+        known = information.absorb(known, row, rng.standard_normal(1))
+    left = information.covariance(known)
+    assert np.linalg.eigvalsh(left)[0] > 0.0
+    assert np.all(np.diag(left) <= np.diag(covariance) * (1.0 + 1e-6))
+
+
+def test_two_pieces_together_tell_what_both_told() -> None:
+    rng = np.random.default_rng(1)
+    mean, covariance = belief(rng)
+    rows, values = rng.standard_normal((9, SIZE)), rng.standard_normal(9)
+    first = information.absorb(information.of_belief(mean, covariance), rows[:4], values[:4])
+    second = information.absorb(information.nothing(SIZE), rows[4:], values[4:])
+    at_once = information.absorb(information.of_belief(mean, covariance), rows, values)
+    together = information.joined(first, second)
+    np.testing.assert_allclose(information.mean(together), information.mean(at_once), rtol=1e-10)
+    np.testing.assert_allclose(information.covariance(together), information.covariance(at_once), rtol=1e-10)
