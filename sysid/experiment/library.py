@@ -6,17 +6,14 @@ seconds, as missions have them.
 """
 
 import math
+from typing import NamedTuple
 
 from sysid.experiment.manoeuvre import Manoeuvre, Wave
 from sysid.runs import Plane
 
 NOMINAL_DEG = 3.0
 """Size at which a shape is first tried, for a vehicle that turns as Caribou does; limits decide on the last one."""
-FREE_S, HELD_S = (20, 30, 45), (60, 100)
-"""With the loop off, and on."""
 STEPS_S = (6, 12, 20)
-SQUARES_S = {False: (20, 30), True: (60, 100)}
-"""Lengths for which square waves are designed, by whether the loop is on."""
 PULSES = (1.8, 3.0)
 """Length of the shortest pulse of a 3-2-1-1, in radians of the crossover frequency."""
 CLOCKS = (0.3, 0.5)
@@ -27,29 +24,36 @@ HELD_OUT: Wave = "doublet"
 """Never fitted, so that what is held out is of another type than whatever was."""
 
 
-def candidates(plane: Plane, crossover_radps: float, nominal_deg: float, longest_s: float) -> list[Manoeuvre]:
+class Lengths(NamedTuple):
+    """Of tests, in seconds."""
+
+    free_s: tuple[int, ...] = (20, 30, 45)
+    """Multisines with the loop off."""
+    held_s: tuple[int, ...] = (60, 100)
+    """Whatever has the loop on."""
+    square_s: tuple[int, ...] = (20, 30)
+    """Designed square waves with the loop off."""
+
+
+def candidates(plane: Plane, crossover_radps: float, nominal_deg: float, lengths: Lengths) -> list[Manoeuvre]:
     """All of one plane at their nominal size but designed square waves (``squares``)."""
     low, high = (round(share * crossover_radps / (2.0 * math.pi), 3) for share in BAND)
     clocks = [round(share * crossover_radps, 3) for share in CLOCKS]
     pulses = sorted({max(3, round(7.0 * pulse / crossover_radps)) for pulse in PULSES})
     shapes = [Manoeuvre(plane, "step", nominal_deg, seconds) for seconds in STEPS_S]
     shapes += [Manoeuvre(plane, "3211", nominal_deg, seconds) for seconds in pulses]
-    shapes += [Manoeuvre(plane, "multisine", nominal_deg, seconds, low, high) for seconds in FREE_S]
-    for seconds in HELD_S:
+    shapes += [Manoeuvre(plane, "multisine", nominal_deg, seconds, low, high) for seconds in lengths.free_s]
+    for seconds in lengths.held_s:
         held = Manoeuvre(plane, "multisine", nominal_deg, seconds, low, high, loop_on=True)
         shapes += [held, held._replace(wave="chirp")]
         shapes += [held._replace(wave="prbs", start_hz=0.0, stop_hz=clock, seed=3) for clock in clocks]
-    return [shape for shape in shapes if shape.duration_s <= longest_s]
+    return shapes
 
 
-def squares(plane: Plane, nominal_deg: float, longest_s: float) -> list[Manoeuvre]:
+def squares(plane: Plane, nominal_deg: float, lengths: Lengths) -> list[Manoeuvre]:
     """Plane, loop and length of the square waves that are to be designed."""
-    return [
-        Manoeuvre(plane, "square", nominal_deg, seconds, loop_on=held)
-        for held, lengths in SQUARES_S.items()
-        for seconds in lengths
-        if seconds <= longest_s
-    ]
+    free = [Manoeuvre(plane, "square", nominal_deg, seconds) for seconds in lengths.square_s]
+    return free + [Manoeuvre(plane, "square", nominal_deg, seconds, loop_on=True) for seconds in lengths.held_s]
 
 
 def held_out(plane: Plane, crossover_radps: float, nominal_deg: float) -> Manoeuvre:

@@ -12,6 +12,7 @@ from sysid.experiment.belief import Belief, room_rad
 from sysid.experiment.choice import Candidate
 from sysid.experiment.excursions import Excursion, Limits, Sample
 from sysid.experiment.information import CRITERIA, PLANES, Numbers, Slopes
+from sysid.experiment.library import Lengths
 from sysid.experiment.manoeuvre import Manoeuvre
 from sysid.judge.crossover import CARIBOU_TURN_PER_S2, gains_for
 from sysid.loops import Gains
@@ -42,6 +43,7 @@ class Request(NamedTuple):
     seed: int = 1
     gains: Gains | None = None
     """Of the loops that are aboard, by name as in Table 3; None for those of Caribou's prototype, scaled."""
+    lengths: Lengths = Lengths()
     recovery_s: float = RECOVERY_S
     held_out: bool = True
 
@@ -115,7 +117,8 @@ def _known(belief: Belief, plane: Plane, request: Request) -> _Known:
     mean = belief.vehicle(belief.mean)
     gains = request.gains or gains_for(mean)
     seed = 2 * request.seed + PLANES.index(plane)
-    samples = excursions.draw(belief, plane, gains, request.samples, library.HELD_S[-1], seed)
+    longest_s = max(*library.STEPS_S, *(seconds for lengths in request.lengths for seconds in lengths))
+    samples = excursions.draw(belief, plane, gains, request.samples, longest_s, seed)
     return _Known(
         belief=belief,
         plane=plane,
@@ -143,7 +146,7 @@ def _longest_s(samples: list[Sample], plane: Plane) -> float:
 
 def _candidates(at: _Known, request: Request, known: Array) -> list[Candidate]:
     """The library's and the designed ones. A square wave is designed beside the best of the library's, flown twice."""
-    ready = _sized(at, library.candidates(at.plane, at.crossover_radps, at.nominal_deg, at.longest_s), request)
+    ready = _sized(at, library.candidates(at.plane, at.crossover_radps, at.nominal_deg, request.lengths), request)
     left = choice.criterion({at.plane: at.slopes}, CRITERIA[request.criterion])
     if ready:
         best = choice.choose(ready, known, 2.0 * max(c.water_s for c in ready), left)
@@ -153,7 +156,8 @@ def _candidates(at: _Known, request: Request, known: Array) -> list[Candidate]:
             at.belief, shape, at.gains, at.largest_deg, at.samples, request.limits, left, known, request.seed,
             3.0 / at.crossover_radps,
         )
-        for shape in library.squares(at.plane, at.nominal_deg, at.longest_s)
+        for shape in library.squares(at.plane, at.nominal_deg, request.lengths)
+        if shape.duration_s <= at.longest_s
     ]  # fmt: skip
     return ready + _sized(at, designs, request)
 
@@ -165,7 +169,8 @@ def _held_out(at: _Known, request: Request) -> list[Candidate]:
 
 
 def _sized(at: _Known, shapes: list[Manoeuvre], request: Request) -> list[Candidate]:
-    found = [excursions.sized(shape, at.largest_deg, at.samples, request.limits) for shape in shapes]
+    fit_in = [shape for shape in shapes if shape.duration_s <= at.longest_s]
+    found = [excursions.sized(shape, at.largest_deg, at.samples, request.limits) for shape in fit_in]
     kept = [one for one in found if one is not None]
     told = information.of_runs(at.belief, [manoeuvre for manoeuvre, _ in kept], at.gains)
     return [

@@ -56,7 +56,7 @@ def designed(
     def badness(digits: Array) -> float:
         switches = switch_steps(digits, shape.duration_s)
         size_deg = min(largest_deg, _size(step, switches, most))
-        flat = (size_deg * _superposed(step.told, switches, 0)).reshape(-1, step.told.shape[2])
+        flat = (size_deg * superposed(step.told, switches, 0)).reshape(-1, step.told.shape[2])
         return left(known + flat.T @ flat)
 
     found = differential_evolution(
@@ -84,7 +84,7 @@ def _steps(belief: Belief, shape: Manoeuvre, gains: Gains, scouts: Sequence[Samp
     )
 
 
-def _superposed(step: Array, switches: NDArray[np.int64], axis: int) -> Array:
+def superposed(step: Array, switches: NDArray[np.int64], axis: int) -> Array:
     """Up at the start, down by twice as much at the first switch, up again at the next."""
     total = step.copy()
     moved = np.moveaxis(total, axis, 0)
@@ -102,6 +102,6 @@ def _allowed(limits: Limits, plane: Plane) -> Array:
 
 def _size(step: Steps, switches: NDArray[np.int64], most: Array) -> float:
     """Size in degrees with which nearly all scouts stay within, their sea at its worst when their answer is."""
-    peaks = np.max(np.abs(_superposed(step.answers, switches, 1)), axis=1)
+    peaks = np.max(np.abs(superposed(step.answers, switches, 1)), axis=1)
     sizes = np.min((most - step.rests) / np.maximum(peaks, 1e-12), axis=1)
     return max(excursions.LEAST_DEG, float(np.quantile(sizes, 0.1)))
