@@ -135,10 +135,9 @@ def _follower(dive: Dive, prior: str, shown: Shown) -> Live | None:
 
     if not any(item.command == script.TEST for item in dive.items):
         return None
-    from ground.live import view
     from ground.live.session import Live
 
-    return Live(prior, lambda standing: shown.show(view.table(standing)), shown.say)
+    return Live(prior, shown.show, shown.say)
 
 
 @app.command()
@@ -146,12 +145,20 @@ def watch(
     connect: Address = GROUND_LINK,
     sign: Sign = None,
     once: Annotated[bool, typer.Option("--once", help="One look, then end; so too without a terminal.")] = False,
+    prior: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE|MODEL.json",
+            help="Show what her tests tell of her, from what is known before them: bench, a vehicle file, or a "
+            "model.json. She is asked for 20 Hz of what that needs.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Watch any MAVLink vehicle live, without being its ground station; Ctrl-C ends. --json is one look."""
     from ground.watch import session
 
-    session.watch(connect, sign, once=once, json=json)
+    session.watch(connect, sign, once=once, json=json, prior=prior)
 
 
 @app.command()

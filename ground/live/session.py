@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from rich.console import RenderableType
 
 from ground.errors import BadInputError
 from ground.live import view
@@ -25,8 +26,17 @@ LOOK_PERIOD_S = 0.5
 class Live:
     """Made before the vehicle is connected, as it compiles what it needs; a vehicle must not wait for that."""
 
-    def __init__(self, prior_name: str, show: Callable[[Standing], None], announce: Callable[[str], None]) -> None:
-        """``show`` gets every look, ``announce`` a line after each test. Raises BadInputError: no such prior."""
+    def __init__(
+        self,
+        prior_name: str,
+        show: Callable[[RenderableType], None] | None = None,
+        announce: Callable[[str], None] | None = None,
+    ) -> None:
+        """``show`` gets a picture at every look, ``announce`` a line after each test.
+
+        Raises:
+            BadInputError: there is no such prior.
+        """
         self._knowledge = _known(prior_name)
         _warm(self._knowledge)
         self._show, self._announce = show, announce
@@ -49,12 +59,22 @@ class Live:
     def look(self, *, last: bool = False) -> None:
         if self._estimate is None or not (last or self._due.due()):
             return
-        before, self._standing = self._standing, self._estimate.look()
-        if self._standing.readings:
-            self._show(self._standing)
+        before = self._standing
+        try:
+            self._standing = self._estimate.look()
+        except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+            # Who watches must not end the dive: it goes on without an estimate.
+            self._standing, self._estimate = before._replace(testing=(), trouble=str(error)), None
+        if self._show is not None and self._standing.readings:
+            self._show(self.picture())
         for plane, found in self._standing.readings.items():
-            if plane not in self._standing.testing and before.readings.get(plane) != found:
+            over = plane not in self._standing.testing and before.readings.get(plane) != found
+            if over and self._announce is not None:
                 self._announce(view.line(found))
+
+    def picture(self) -> RenderableType:
+        """The table as things stand."""
+        return view.table(self._standing)
 
     def as_json(self) -> dict[str, Any]:
         """What has been told in the end."""

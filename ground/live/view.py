@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -16,11 +17,13 @@ ROWS = {
     "delay_s": "delay, s",
     "actuator_bias_deg": "actuator bias, deg",
 }
-SURE, UNSURE, LABEL = "green", "", "cyan"
+SURE, UNSURE, TROUBLE, LABEL = "green", "", "bold red", "cyan"
 
 
-def table(standing: Standing) -> Table:
+def table(standing: Standing) -> RenderableType:
     """Each number with its standard deviation, and how much of the one before the first test that is."""
+    if not standing.readings:
+        return Text(standing.trouble or "no test yet", style=TROUBLE if standing.trouble else "bright_black")
     shown = [plane for plane in PLANES if plane in standing.readings]
     drawn = Table(box=None, padding=(0, 2), title_justify="left")
     drawn.add_column("", style=LABEL)
@@ -34,7 +37,7 @@ def table(standing: Standing) -> Table:
     drawn.add_row("phase there, deg", *(_cell(found.phase_deg) for found in readings))
     drawn.add_row("", *(Text(verdict(found), style=SURE if found.enough else UNSURE) for found in readings))
     if standing.trouble:
-        drawn.add_row("no estimate", Text(standing.trouble, style="bold red"))
+        drawn.add_row("no estimate", Text(standing.trouble, style=TROUBLE))
     return drawn
 
 

@@ -8,6 +8,9 @@ from collections import deque
 from typing import Any, NamedTuple
 
 from ground import commands, reception
+from ground.flight import Follower
+from ground.vehicle import Text
+from link import dialect
 from link.clock import Every, wall_s
 from link.codec import Frame
 from link.dialect import constant
@@ -25,6 +28,11 @@ SMOOTHING = 0.2
 _OBSERVER = constant("MAV_TYPE_LOG")
 _ARDUPILOT = constant("MAV_AUTOPILOT_ARDUPILOTMEGA")
 _VERSION = float(constant("MAVLINK_MSG_ID_AUTOPILOT_VERSION"))
+
+
+FOLLOWED = ("ATTITUDE", "ACTUATOR_OUTPUT_STATUS", "LOCAL_POSITION_NED")
+FOLLOWED_HZ = 20.0
+"""What an estimate needs; more than most vehicles tell a stranger of their own accord."""
 
 
 class Heard(NamedTuple):
@@ -61,6 +69,8 @@ class Ears:
         self.texts: deque[Said] = deque(maxlen=TEXTS)
         self.modes: dict[int, str] = {}
         self.frames = 0
+        self.follower: Follower | None = None
+        """Who estimates her while she is tested."""
         self.trouble = ""
         """Why nothing can come any more, where that is known."""
 
@@ -108,12 +118,19 @@ class Ears:
 
     def _ask(self, party: Party) -> None:
         """For the version, and for telemetry of an autopilot that sends none to strangers."""
-        to = {"target_system": party.system, "target_component": party.component}
         if "AUTOPILOT_VERSION" not in self.latest:
-            rest = {f"param{n}": 0.0 for n in range(2, 8)}
-            self._endpoint.send("COMMAND_LONG", **to, command=commands.REQUEST, confirmation=0, param1=_VERSION, **rest)
+            self._command(party, commands.REQUEST, _VERSION)
+        for name in FOLLOWED if self.follower else ():
+            if name not in self.latest or self.latest[name].period_s > 1.5 / FOLLOWED_HZ:
+                self._command(party, commands.SET_INTERVAL, dialect.by_name(name).message_id, 1e6 / FOLLOWED_HZ)
         if self.latest["HEARTBEAT"].message.autopilot == _ARDUPILOT and "ATTITUDE" not in self.latest:
-            self._endpoint.send("REQUEST_DATA_STREAM", **to, req_stream_id=0, req_message_rate=2, start_stop=1)
+            self._endpoint.send("REQUEST_DATA_STREAM", target_system=party.system, target_component=party.component,
+                                req_stream_id=0, req_message_rate=2, start_stop=1)  # fmt: skip
+
+    def _command(self, party: Party, command: int, *parameters: float) -> None:
+        numbers = {f"param{n + 1}": (*parameters, *[0.0] * 7)[n] for n in range(7)}
+        self._endpoint.send("COMMAND_LONG", target_system=party.system, target_component=party.component,
+                            command=command, confirmation=0, **numbers)  # fmt: skip
 
     def _take(self, frame: Frame, now_s: float) -> None:
         sender = Party(frame.system, frame.component)
@@ -126,8 +143,12 @@ class Ears:
         if message is None or sender != self.party:
             return
         self._note(frame.name, message, now_s)
+        if self.follower is not None:
+            self.follower.hear(frame)
         if frame.name == "STATUSTEXT" and (text := self._joiner.add(frame.system, message)) is not None:
             self.texts.append(Said(now_s, message.severity, text))
+            if self.follower is not None:
+                self.follower.say(Text(message.severity, text))
         if self._mode_list is not None and not self.modes:
             self._learn_modes(self._mode_list, frame)
 

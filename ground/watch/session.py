@@ -3,9 +3,11 @@
 import signal
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
-from rich.console import Console
+from rich.console import Console, Group
 from rich.live import Live
+from rich.panel import Panel
 
 from ground.console import give
 from ground.errors import FailedError
@@ -15,6 +17,9 @@ from ground.watch.ears import Ears
 from link.clock import wall_s
 from link.transport import open_transport
 
+if TYPE_CHECKING:
+    from ground.live.session import Live as Estimating
+
 REFRESH_S = 0.2
 PATIENCE_S = 5.0
 """How long one look waits for a vehicle."""
@@ -22,14 +27,20 @@ LOOK_S = 3.0
 """How long it then listens: long enough for what comes every two seconds."""
 
 
-def watch(connect: str, sign: Path | None, *, once: bool, json: bool) -> None:
-    """Show what is heard at an address. Raises AddressError, BadInputError, FailedError."""
+def watch(connect: str, sign: Path | None, *, once: bool, json: bool, prior: str | None = None) -> None:
+    """Show what is heard at an address; with a ``prior``, also what tests tell of her.
+
+    Raises:
+        AddressError, BadInputError, FailedError: as one would expect of each.
+    """
+    follower = _estimating(prior) if prior else None
     stopped = _Stopped()
     console = Console()
     with signing(sign) as key:
         transport = open_transport(connect)
         try:
             ears = Ears(transport, key)
+            ears.follower = follower
             if once or json or not console.is_terminal:
                 _look(ears, stopped)
                 if json:
@@ -37,9 +48,18 @@ def watch(connect: str, sign: Path | None, *, once: bool, json: bool) -> None:
                 else:
                     console.print(view.draw(ears, wall_s()))
             else:
-                _live(ears, console, stopped)
+                _live(ears, console, stopped, follower)
         finally:
             transport.close()
+
+
+def _estimating(prior: str) -> "Estimating":
+    """Raises BadInputError: there is no such prior."""
+    from ground.live.session import Live as Estimating
+
+    found = Estimating(prior)
+    found.begin({})
+    return found
 
 
 class _Stopped:
@@ -69,11 +89,15 @@ def _look(ears: Ears, stopped: _Stopped) -> None:
         ears.listen(REFRESH_S)
 
 
-def _live(ears: Ears, console: Console, stopped: _Stopped) -> None:
+def _live(ears: Ears, console: Console, stopped: _Stopped, follower: "Estimating | None") -> None:
     drawn_s = 0.0
     with Live(console=console, auto_refresh=False, screen=True) as live:
         while not stopped():
             ears.listen(REFRESH_S)
             if wall_s() - drawn_s > REFRESH_S:
                 drawn_s = wall_s()
-                live.update(view.draw(ears, drawn_s), refresh=True)
+                picture = view.draw(ears, drawn_s)
+                if follower is not None:
+                    follower.look()
+                    picture = Group(picture, Panel(follower.picture(), title="tests", border_style="blue"))
+                live.update(picture, refresh=True)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.vehicle import propeller
+from sitl.vehicle.config import VehicleError
 from sysid import fit, greybox, noise, parameters
 from sysid.fit import DIFFERENCE, Z_LIMIT, Prior
 from sysid.joint.problem import CHANGES_SPEED
@@ -30,6 +31,7 @@ STILL = 0.1
 """Move of the estimate, in its own standard deviations, below which it stands still."""
 FAR = 1.0
 """Prior standard deviations that a parameter may move between two linearisations."""
+HALVINGS = 6
 FILTER_STEPS = 600
 """A filter's gains have settled long before; later steps repeat the last ones."""
 
@@ -133,7 +135,7 @@ def renewed(state: State) -> State:
     """The same test, linearised about what it has told so far."""
     if state.tracking is None:
         return state
-    z = _towards(state.tracking.about.z, information.mean(whole(state)))
+    z = _towards(state.knowledge.prior, state.tracking.about.z, information.mean(whole(state)))
     return state._replace(tracking=_tracked(state.knowledge, state.plane, state.steps, z))
 
 
@@ -165,7 +167,7 @@ def with_new_noise(knowledge: Knowledge, plane: Plane) -> Knowledge:
     found = information.of_belief(prior.mean, prior.covariance)
     for test in tests:
         found = information.joined(found, test.told)
-    return knowledge._replace(tests=tests, whole=found, z=_towards(z, information.mean(found)))
+    return knowledge._replace(tests=tests, whole=found, z=_towards(prior, z, information.mean(found)))
 
 
 def linearise(knowledge: Knowledge, plane: Plane, z: Array, thrust: float) -> Linearisation:
@@ -221,16 +223,28 @@ def _settled(known: Knowledge, plane: Plane, steps: Steps, tracking: Tracking) -
     z = tracking.about.z
     for _ in range(PASSES):
         found = information.joined(known.whole, tracking.told)
-        z = _towards(tracking.about.z, information.mean(found))
+        z = _towards(known.prior, tracking.about.z, information.mean(found))
         if np.linalg.norm(found.root @ (z - tracking.about.z)) < STILL * math.sqrt(z.size):
             break
         tracking = _tracked(known, plane, steps, z)
     return tracking.told, z
 
 
-def _towards(z: Array, wanted: Array) -> Array:
-    """A cautious move: far off, the linearisation tells the direction better than the distance."""
-    return np.clip(z + np.clip(wanted - z, -FAR, FAR), -Z_LIMIT, Z_LIMIT)
+def _towards(prior: Prior, z: Array, wanted: Array) -> Array:
+    """A cautious move: far off, the linearisation tells the direction better than the distance.
+
+    Not all of z are vehicles: a mass matrix may lose its positive sign. Then half of the way must do.
+    """
+    move = np.clip(wanted - z, -FAR, FAR)
+    for _ in range(HALVINGS):
+        there = np.clip(z + move, -Z_LIMIT, Z_LIMIT)
+        try:
+            parameters.vehicle(prior.config, prior.biases_rad, there)
+        except VehicleError:
+            move = 0.5 * move
+        else:
+            return there
+    return z
 
 
 def _left(vehicle: Vehicle, test: Test, by: Filter, leaking: float) -> Array:
