@@ -1,80 +1,79 @@
 """What runs that were not fitted would change about a model's response at crossover: its gain and its phase.
 
-Two changes are put to the held-out runs: every command's effect grown by a factor, and the delay grown. Both enter
-linearly for small changes, so generalised least squares on innovations that are white gives them at once, with
-standard deviations that hold in a coloured sea. A constant offset of the surface is left free in every run.
+The held-out runs are fitted by themselves, from the model and with as vague a belief about it as there was before any
+test. Where they lead away from the model, the model is wrong, as far as unseen data can tell: the change of gain and
+phase at crossover, with the doubt that so few runs leave.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid import fit, noise
-from sysid.fit import STRIDE, Experiment
+from sitl.vehicle import config as vehicle_files
+from sitl.vehicle.config import VehicleConfig
+from sysid import fit, parameters
+from sysid.fit import STRIDE, Prior
+from sysid.joint import problem as problems
+from sysid.joint.descent import descend
+from sysid.joint.experiments import among
+from sysid.joint.problem import Problem
+from sysid.judge import agreement, crossover
 from sysid.judge.records import Correction
-from sysid.noise import Noise
-from sysid.parameters import Vehicle
-from sysid.runs import RATE_HZ, Plane, Run
+from sysid.loops import GRID_RADPS
+from sysid.model import IdentifiedModel
+from sysid.runs import Plane, Run
 
 Array = NDArray[np.float64]
 
-GAIN_STEP, DELAY_STEP_S, OFFSET_STEP_RAD = 0.02, 0.02, math.radians(0.05)
-"""Of the finite differences: small against what they look for, large against rounding."""
+TOLERANCE = 1e-3
+"""Share of the cost that a step of the fit must promise."""
 
 
-def correction(
-    vehicle: Vehicle, plane: Plane, level: Noise, runs: Sequence[Run], crossover_radps: float
-) -> Correction | None:
-    """Of the response from command to rate at ``crossover_radps``; None without runs of the plane."""
-    experiments = [fit.experiment(run) for run in runs if run.plane == plane]
-    if not experiments:
-        return None
-    by = noise.build(
-        fit.linear_plane(vehicle, plane), level, STRIDE / RATE_HZ, max(len(e.measured) for e in experiments)
-    )
+def corrections(
+    model: IdentifiedModel,
+    held_out: Sequence[Run],
+    crossovers_radps: Mapping[Plane, float],
+    prior: VehicleConfig | None = None,
+) -> dict[Plane, Correction]:
+    """Of the response from command to rate in each plane that has a crossover, held-out runs and a noise model."""
+    groups = {plane: [run for run in held_out if run.plane == plane] for plane in crossovers_radps}
+    told = {plane: group for plane, group in groups.items() if group and plane in model.noise}
+    if not told:
+        return {}
+    belief = _as_before_any_test(model, prior)
+    problem = _problem(model, belief, told)
+    end = descend(problem, belief.mean, TOLERANCE)
+    covariance = np.linalg.inv(end.score.information + np.linalg.inv(belief.covariance))
+    return {plane: _correction(belief, plane, end.z, covariance, crossovers_radps[plane]) for plane in told}
 
-    def white(candidate: Vehicle, of: Sequence[Experiment]) -> list[Array]:
-        return [noise.whitened(residual, by).ravel() for residual in fit.residuals(candidate, of)]
 
-    base = white(vehicle, experiments)
-    grown = white(vehicle, [_grown(e) for e in experiments])
-    later = white(_moved(vehicle, plane, DELAY_STEP_S, 0.0), experiments)
-    offset = white(_moved(vehicle, plane, 0.0, OFFSET_STEP_RAD), experiments)
-    information, gradient = np.zeros((2, 2)), np.zeros(2)
-    for residual, more, late, off in zip(base, grown, later, offset, strict=True):
-        slopes = np.column_stack([(more - residual) / GAIN_STEP, (late - residual) / DELAY_STEP_S])
-        free = (off - residual) / OFFSET_STEP_RAD
-        free /= np.linalg.norm(free)
-        slopes -= np.outer(free, free @ slopes)
-        information += slopes.T @ slopes
-        gradient -= slopes.T @ residual
-    covariance = np.linalg.inv(information)
-    gain, delay_s = covariance @ gradient
-    gain_sd, delay_sd_s = np.sqrt(np.diag(covariance))
-    per_db, per_deg = 20.0 / math.log(10.0), math.degrees(crossover_radps)
-    return Correction(
-        gain_db=float(per_db * gain),
-        gain_sd_db=float(per_db * gain_sd),
-        phase_deg=float(-per_deg * delay_s),
-        phase_sd_deg=float(per_deg * delay_sd_s),
+def _as_before_any_test(model: IdentifiedModel, prior: VehicleConfig | None) -> Prior:
+    known = dict(zip(model.joint.names, model.joint.z, strict=True))
+    return Prior(
+        prior or vehicle_files.load(model.vehicle.prior),
+        {plane: math.radians(bias) for plane, bias in model.vehicle.prior_biases_deg.items()},
+        np.array([known.get(name, 0.0) for name in parameters.NAMES]),
+        parameters.prior_covariance(),
     )
 
 
-def _grown(what: Experiment) -> Experiment:
-    """The same measurements under commands that depart further from where they stood before the test."""
-    run = what.run
-    command = run.command_rad
-    rest = float(np.mean(command[run.preroll])) if run.preroll.any() else float(command[0])
-    grown = command + GAIN_STEP * (command - rest)
-    if run.plane == "yaw":
-        return what._replace(run=replace(run, rudder_rad=grown))
-    return what._replace(run=replace(run, elevator_rad=grown))
+def _problem(model: IdentifiedModel, belief: Prior, told: Mapping[Plane, Sequence[Run]]) -> Problem:
+    at = problems.vehicle(belief, belief.mean)
+    experiments = {plane: tuple(among(at, fit.experiment(run)) for run in runs) for plane, runs in told.items()}
+    levels = {plane: agreement.levels(model.noise[plane]) for plane in told}
+    return Problem(belief, experiments, problems.filters(at, experiments, levels, STRIDE), levels, STRIDE)
 
 
-def _moved(vehicle: Vehicle, plane: Plane, delay_s: float, offset_rad: float) -> Vehicle:
-    actuator = vehicle.actuators[plane]
-    moved = actuator._replace(delay_s=actuator.delay_s + delay_s, bias_rad=actuator.bias_rad + offset_rad)
-    return vehicle._replace(actuators={**vehicle.actuators, plane: moved})
+def _correction(belief: Prior, plane: Plane, z: Array, covariance: Array, at_radps: float) -> Correction:
+    nominal = crossover.response(problems.vehicle(belief, belief.mean), plane)
+
+    def change(moved: Array) -> Array:
+        """Of gain and phase, dB and degrees."""
+        ratio = crossover.response(problems.vehicle(belief, moved), plane) / nominal
+        gain_db = np.interp(at_radps, GRID_RADPS, 20.0 * np.log10(np.abs(ratio)))
+        return np.array([gain_db, np.degrees(np.interp(at_radps, GRID_RADPS, np.unwrap(np.angle(ratio))))])
+
+    (gain_db, phase_deg), (gain_sd_db, phase_sd_deg) = change(z), crossover.spread(change, z, covariance)
+    return Correction(float(gain_db), float(gain_sd_db), float(phase_deg), float(phase_sd_deg))

@@ -14,7 +14,7 @@ from sysid import fit, noise, parameters, predict
 from sysid.fit import STRIDE
 from sysid.judge import agreement, crossover, overlay
 from sysid.judge.agreement import Floor
-from sysid.judge.correction import correction
+from sysid.judge.correction import corrections
 from sysid.judge.crossover import Believed
 from sysid.judge.overlay import Pair
 from sysid.judge.records import Excess, Overlay, PlaneValidation, RunValidation, Whiteness
@@ -111,7 +111,9 @@ def validate(
             sea = _sea(fit.linear_plane(vehicle, plane), agreement.levels(level), [*seen, *unseen]) if level else None
             asked = _Question(model, belief, first, plane, vehicle, sea)
             found[plane] = _plane(asked, seen, unseen, known)
-    return found
+    crossed = {plane: it.crossover.crossover_radps for plane, it in found.items() if it.crossover}
+    changed = corrections(model, held_out, crossed, prior)
+    return {plane: msgspec.structs.replace(it, correction=changed.get(plane)) for plane, it in found.items()}
 
 
 def _plane(
@@ -126,16 +128,13 @@ def _plane(
     if crossed and swept:
         response = crossover.response(asked.vehicle, asked.plane)
         laid = overlay.overlay(swept, response, GRID_RADPS, crossed.crossover_radps)
-    changed = None
-    if crossed and asked.sea and asked.model.method != "paper":
-        changed = correction(asked.vehicle, asked.plane, asked.sea.level, held_out, crossed.crossover_radps)
     return PlaneValidation(
         runs=tuple(j.record for j in (*seen, *unseen)),
         held_out=_excess(unseen, agreement.repeats_deg2ps2([*fitted, *held_out])) if unseen else None,
         overlay=laid,
         coherence_at_crossover=_coherence(laid, crossed.crossover_radps) if laid and crossed else None,
         crossover=crossed,
-        correction=changed,
+        correction=None,
     )
 
 

@@ -1,8 +1,8 @@
 """The response that runs show is that of the vehicle which flew, and held-out runs say what a model has wrong."""
 
 import math
-from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 from sitl.vehicle import config
 from sysid import parameters, predict
 from sysid.judge import crossover, overlay
-from sysid.judge.correction import correction
+from sysid.judge.correction import corrections
 from sysid.judge.crossover import Believed
 from sysid.judge.overlay import Pair
 from sysid.loops import GRID_RADPS
+from sysid.model import IdentifiedModel
 from sysid.parameters import NAMES, PARAMETERS, Vehicle
 from sysid.runs import RATE_HZ, Plane, Run
 from sysid.tables import TABLE_3_INITIAL
 from tests.sysid import sea
-from tests.sysid.judge.test_agreement import KNOWN_SEA, SENSORS
+from tests.sysid.test_fit import TRIM
 
 NO_BIAS: dict[Plane, float] = {"yaw": 0.0, "pitch": 0.0}
 CROSSOVER_RADPS = 1.0
@@ -83,26 +84,38 @@ def test_the_mismatch_cost_is_that_of_its_book() -> None:
     assert overlay.mismatch_cost(deaf) is None
 
 
-@pytest.mark.parametrize("plane", ["yaw", "pitch"])
-def test_held_out_runs_say_what_a_model_has_wrong(plane: Plane, bench: config.VehicleConfig) -> None:
-    """The model's delay is 0.06 s too short and its surface a tenth too weak; both come back within their doubt."""
-    late, strong = 0.06, 1.1
-    model = moved(bench, delay_yaw=-late / 0.1, delay_pitch=-late / 0.1)
-    signals = [sea.doublet(4.0, 4.0), sea.doublet(-3.0, 2.5), chirp(3.0, 25.0)]
-    runs = [_weaker(sea.fly(bench, plane, s, seed=k, sensors=SENSORS), strong) for k, s in enumerate(signals)]
-    found = correction(model, plane, KNOWN_SEA, runs, CROSSOVER_RADPS)
-    assert found is not None
-    assert abs(found.gain_db - 20.0 * math.log10(strong)) < 3.0 * found.gain_sd_db + 0.1
-    assert abs(found.phase_deg + math.degrees(late * CROSSOVER_RADPS)) < 3.0 * found.phase_sd_deg + 0.3
-    assert found.gain_db > 3.0 * found.gain_sd_db
-    assert correction(model, plane, KNOWN_SEA, [], CROSSOVER_RADPS) is None
+SPOILT: dict[str, float] = {"N_dr": -1.2, "M_de": 1.0, "delay_yaw": -1.0, "delay_pitch": 0.8}
+"""Prior standard deviations: surfaces too weak or too strong by a fourth, delays off by 0.1 and 0.08 s."""
 
 
-def _weaker(run: Run, factor: float) -> Run:
-    """The same motion as if it had been commanded with less."""
-    rest = float(np.mean(run.command_rad[run.preroll]))
-    command = rest + (run.command_rad - rest) / factor
-    return replace(run, rudder_rad=command) if run.plane == "yaw" else replace(run, elevator_rad=command)
+@pytest.mark.parametrize("spoilt", [False, True])
+def test_held_out_runs_say_what_a_model_has_wrong(
+    spoilt: bool, model: IdentifiedModel, field: config.VehicleConfig
+) -> None:
+    """What they would change is what parts the model from the vehicle that flew, within the doubt that they state."""
+    moves = np.array([spoilt * SPOILT.get(name, 0.0) for name in model.joint.names])
+    joint = msgspec.structs.replace(model.joint, z=tuple((np.array(model.joint.z) + moves).tolist()))
+    candidate = msgspec.structs.replace(model, joint=joint)
+    tests: list[tuple[Plane, NDArray[np.float64]]] = [
+        (plane, signal)
+        for plane in ("yaw", "pitch")
+        for signal in (sea.doublet(4.0, 4.0), sea.doublet(-3.0, 2.5), chirp(3.0, 25.0, 0.06))
+    ]  # fmt: skip
+    runs = [sea.fly(field, p, s, wave="3211", seed=40 + k, trim_rad=TRIM) for k, (p, s) in enumerate(tests)]
+    found = corrections(candidate, runs, {"yaw": CROSSOVER_RADPS, "pitch": CROSSOVER_RADPS})
+    truth = parameters.vehicle(field, NO_BIAS, np.zeros(len(NAMES)))
+    for plane, told in found.items():
+        ratio = crossover.response(truth, plane) / crossover.response(predict.vehicles(candidate)[0], plane)
+        at = np.searchsorted(GRID_RADPS, CROSSOVER_RADPS)
+        gain_db, phase_deg = 20.0 * math.log10(abs(ratio[at])), math.degrees(np.angle(ratio[at]))
+        assert abs(told.gain_db - gain_db) < 3.0 * told.gain_sd_db, plane
+        assert abs(told.phase_deg - phase_deg) < 3.0 * told.phase_sd_deg, plane
+        assert told.gain_sd_db < 0.4
+        assert told.phase_sd_deg < 2.5
+        if spoilt:
+            assert abs(told.gain_db) > 3.0 * told.gain_sd_db
+    assert set(found) == {"yaw", "pitch"}
+    assert corrections(candidate, [], {"yaw": CROSSOVER_RADPS}) == {}
 
 
 @pytest.mark.parametrize("plane", ["yaw", "pitch"])
