@@ -70,8 +70,8 @@ class Fit(NamedTuple):
     """Steps of all searches."""
 
 
-def fit(runs: Sequence[Run], prior: Prior, progress: Progress | None = None) -> Fit:
-    """Estimate z from ``runs`` (at least one).
+def fit(runs: Sequence[Run], prior: Prior, progress: Progress | None = None, starts: int = STARTS) -> Fit:
+    """Estimate z from ``runs`` (at least one); ``starts`` others are asked whether they lead to the same end.
 
     Raises:
         ValueError: there is no run.
@@ -91,7 +91,7 @@ def fit(runs: Sequence[Run], prior: Prior, progress: Progress | None = None) -> 
     problem = _problem(prior, experiments, levels, z)
     end = descend(problem, z, FINE)
     others, better, more = _other_starts(
-        problem, end.z, lambda share: report("fit, other starts", (4.0 + share) / work)
+        problem, end.z, starts, lambda share: report("fit, other starts", (PASSES + 1 + share) / work)
     )
     if better is not None:
         end = descend(problem, better, FINE)
@@ -133,7 +133,9 @@ def _noise(
     }
 
 
-def _other_starts(problem: Problem, z: Array, report: Callable[[float], None]) -> tuple[list[float], Array | None, int]:
+def _other_starts(
+    problem: Problem, z: Array, starts: int, report: Callable[[float], None]
+) -> tuple[list[float], Array | None, int]:
     """Ends of searches from draws of the prior, the same on every machine.
 
     Returns their costs as shares of that of ``z``, the best of them where it beats ``z``, and the steps taken.
@@ -143,8 +145,8 @@ def _other_starts(problem: Problem, z: Array, report: Callable[[float], None]) -
     best, steps = own.score.cost, own.steps
     generator, spread = np.random.default_rng(4154), np.linalg.cholesky(prior.covariance)
     shares, better = [], None
-    for number in range(STARTS):
-        report(number / STARTS)
+    for number in range(starts):
+        report(number / starts)
         start = prior.mean + spread @ generator.standard_normal(len(NAMES))
         end = descend(thin, np.clip(start, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), COARSE)
         shares.append(end.score.cost / best)

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.identification import crossover, vehicles
 from benchmarks.identification.study import Cell, Figure
 from benchmarks.identification.vehicles import Case
-from sitl.vehicle import calibrate
-from sysid import assemble, fit, parameters, planes, predict
+from sysid import assemble, fit, parameters, planes, predict, refit
 from sysid.fit import Fit, Prior
 from sysid.parameters import NAMES, Vehicle
 from sysid.runs import RATE_HZ, Plane, Run
@@ -67,16 +66,20 @@ class Campaign(NamedTuple):
 def flown(case: Case, seed: int) -> list[Run]:
     """The tests of one campaign."""
     return [
-        within(_fly(case, plane, test, 1000 * seed + 100 * PLANES.index(plane) + number, calm=False))
+        flown_test(case, plane, test, 1000 * seed + 100 * PLANES.index(plane) + number)
         for plane in PLANES
         for number, test in enumerate(FITTED[plane])
     ]
 
 
+def flown_test(case: Case, plane: Plane, test: tuple[str, float, float], seed: int) -> Run:
+    """One test in the disturbed sea."""
+    return within(_fly(case, plane, test, seed, calm=False))
+
+
 def campaign(case: Case, seed: int) -> Campaign:
     runs = flown(case, seed)
-    biases = fit.trim_biases(case.prior, calibrate.build(case.prior), runs)
-    prior = Prior(case.prior, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
+    prior = refit.prior_of(runs, case.prior)
     began_s = perf_counter()
     found = fit.fit(runs, prior)
     return Campaign(case, prior, found, perf_counter() - began_s)

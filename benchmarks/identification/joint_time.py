@@ -1,0 +1,51 @@
+"""How long the joint estimate takes: ten runs of a minute, five a plane, the machine code warm."""
+
+from functools import cache
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.identification import prediction, vehicles
+from benchmarks.identification.study import Cell, Figure
+from sysid import fit, refit
+from sysid.runs import Run
+from tests.sysid import sea
+
+Array = NDArray[np.float64]
+
+SECONDS = 60.0
+MOST_S = 3.0
+SIZES_DEG = (2.0, 3.0, 4.0, 5.0, 6.0)
+
+
+@cache
+def _runs(vehicle: str) -> tuple[Run, ...]:
+    """A minute of log each, as long as the target counts: pre-roll and test."""
+    case = vehicles.case(vehicle)
+    tests = [(plane, ("chirp", size, SECONDS - sea.PREROLL_S)) for plane in prediction.PLANES for size in SIZES_DEG]
+    return tuple(prediction.flown_test(case, plane, test, 900 + number) for number, (plane, test) in enumerate(tests))
+
+
+def trial(vehicle: str, seed: int) -> list[float]:
+    """Seconds of the estimate, and of the eight other starts that vouch for it."""
+    del seed  # the same runs every time: what varies is the machine
+    case, runs = vehicles.case(vehicle), _runs(vehicle)
+    prior = refit.prior_of(runs, case.prior)
+    fit.fit(runs[4:6], prior)
+    began_s = perf_counter()
+    fit.fit(runs, prior, starts=0)
+    alone_s = perf_counter()
+    fit.fit(runs, prior)
+    return [alone_s - began_s, perf_counter() - alone_s - (alone_s - began_s)]
+
+
+def judge(vehicle: str, rows: Array) -> list[Figure]:
+    alone, others = np.median(rows, axis=0).tolist()
+    return [
+        Figure("joint estimate of 10 runs of 60 s, warm", alone, highest=MOST_S, unit="s"),
+        Figure("its eight other starts", others, unit="s"),
+    ]
+
+
+JOINT_TIME = Cell("joint-time", "seconds of the joint estimate", trial, judge, runs=5)
