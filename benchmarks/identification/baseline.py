@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 REST_S = 1.0
 """Start of a run whose mean is taken off its outputs."""
-REWEIGHTED = 2
+REWEIGHTED = 1
 
 
 def estimate(records: Sequence[Record], belief: Belief) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 LEVEL_SD_RAD = float(np.radians(2.0))
 """What is unsure about pitch in level flight."""
-NUMBER_REACH, LAG_REACH = 12.0, 4.0
+NUMBER_REACH, LAG_REACH = 12.0, 9.0
 """Bounds of an equation's numbers and of the tailcone's lag, in standard deviations from what is believed."""
 LONGEST_DELAY_S, LARGEST_ANGLE_RAD = 1.5, float(np.radians(20.0))
 LARGEST_DAMPING = 0.99

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from sysid import assemble, parameters
 from sysid.fit import Fit, Prior, Progress
@@ -73,16 +74,18 @@ def of_estimates(found: dict[Plane, Estimate], prior: Prior, prior_name: str, me
 def _nearest(found: dict[Plane, Estimate], prior: Prior) -> Fit:
     """The vehicle nearest to the prior whose planes are the estimates, by Gauss-Newton."""
     certain, z = np.linalg.inv(prior.covariance), prior.mean.copy()
+    held = block_diag(*(_held(plane, estimate.covariance) for plane, estimate in found.items()))
     for _ in range(STEPS):
-        slopes, errors, weights = _linearised(found, prior, z)
-        information = slopes.T @ weights @ slopes / TIGHT**2
-        gradient = slopes.T @ weights @ errors / TIGHT**2 - certain @ (z - prior.mean)
+        slopes, errors = _linearised(found, prior, z)
+        information = slopes.T @ held @ slopes
+        gradient = slopes.T @ held @ errors - certain @ (z - prior.mean)
         step = np.linalg.solve(information + certain, gradient)
         z = z + step / max(1.0, float(np.max(np.abs(step))))
         if np.max(np.abs(step)) < 1e-6:
             break
-    slopes, _, weights = _linearised(found, prior, z)
-    information = slopes.T @ weights @ slopes
+    slopes, _ = _linearised(found, prior, z)
+    told = block_diag(*(np.linalg.inv(estimate.covariance) for estimate in found.values()))
+    information = slopes.T @ told @ slopes
     return Fit(
         z=z,
         covariance=np.linalg.inv(information + certain),
@@ -102,9 +105,19 @@ def _start_costs(found: dict[Plane, Estimate]) -> tuple[float, ...]:
     return tuple(float(sum(costs)) for costs in zip(*(e.start_costs for e in found.values()), strict=True))
 
 
-def _linearised(found: dict[Plane, Estimate], prior: Prior, z: Array) -> tuple[Array, Array, Array]:
-    """(slopes of all planes' values by z, what they miss of the estimates, the estimates' information)."""
-    slopes, errors, blocks = [], [], []
+def _held(plane: Plane, covariance: Array) -> Array:
+    """Weights that hold a plane's values, but for the lag: both planes have found one, and the vehicle has one."""
+    rows = np.ones(len(covariance), dtype=np.bool_)
+    rows[plants.lag(plane)] = False
+    weights = np.zeros_like(covariance)
+    weights[np.ix_(rows, rows)] = np.linalg.inv(covariance[np.ix_(rows, rows)]) / TIGHT**2
+    weights[np.ix_(~rows, ~rows)] = np.linalg.inv(covariance[np.ix_(~rows, ~rows)])
+    return weights
+
+
+def _linearised(found: dict[Plane, Estimate], prior: Prior, z: Array) -> tuple[Array, Array]:
+    """(slopes of all planes' values by z, what they miss of the estimates)."""
+    slopes, errors = [], []
     for plane, estimate in found.items():
         here = records.values_at(prior, z, plane).values
         slope = np.zeros((here.size, len(NAMES)))
@@ -114,12 +127,7 @@ def _linearised(found: dict[Plane, Estimate], prior: Prior, z: Array) -> tuple[A
             slope[:, i] = (records.values_at(prior, away, plane).values - here) / STEP_Z
         slopes.append(slope)
         errors.append(estimate.plant.values - here)
-        blocks.append(np.linalg.inv(estimate.covariance))
-    sizes = np.cumsum([0, *(block.shape[0] for block in blocks)])
-    weights = np.zeros((sizes[-1], sizes[-1]))
-    for first, end, block in zip(sizes, sizes[1:], blocks, strict=False):
-        weights[first:end, first:end] = block
-    return np.vstack(slopes), np.concatenate(errors), weights
+    return np.vstack(slopes), np.concatenate(errors)
 
 
 def _told(plane: Plane, estimate: Estimate, nearest: Fit) -> tuple[Array, Array]:

@@ -58,12 +58,15 @@ def starts(belief: Belief, count: int = STARTS) -> list[Array]:
     return [np.clip(draw, belief.lowest + inside, belief.highest - inside) for draw in draws]
 
 
-def from_everywhere(
-    objective: Objective, belief: Belief, best: Found, count: int = STARTS
-) -> tuple[Found, list[float]]:
-    """The best of ``best`` and of the searches from other starts, and the costs at which those ended."""
+def from_everywhere(objective: Objective, belief: Belief, best: Found, count: int) -> tuple[Found, list[float]]:
+    """The best of ``best`` and of the searches from other starts, and the costs at which those ended.
+
+    An end that disagrees is searched on from, in case it had only stopped early in a long valley.
+    """
     ends = [search(objective, belief, start, COARSE) for start in starts(belief, count)]
-    least = min(ends, key=lambda end: end.cost, default=best)
+    least = min([best, *ends], key=lambda end: end.cost)
+    ends = [search(objective, belief, end.values) if end.cost > least.cost * (1.0 + AGREEMENT) else end for end in ends]
+    least = min([best, *ends], key=lambda end: end.cost)
     if least.cost < best.cost * (1.0 - AGREEMENT):
         best = search(objective, belief, least.values)
     return best, [end.cost for end in ends]
