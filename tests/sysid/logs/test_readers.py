@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from sysid import logs, runs
 from sysid.log import LogError
-from sysid.logs import outputs
+from sysid.logs import outputs, ulog_frame
 from sysid.logs.outputs import FIRST_THREE, Outputs
 from sysid.runs import Mark, Run
 from sysid.screen import screen
@@ -161,7 +161,6 @@ def test_a_torn_end_costs_only_the_end(written: dict[str, Path], tmp_path: Path)
 
 
 def test_a_ulg_with_wrong_sizes_is_read_on_behind_them(written: dict[str, Path], tmp_path: Path) -> None:
-    """pyulog by itself steps back for ever from a size that reaches beyond the end."""
     whole = written["ulg"].read_bytes()
     torn = bytearray(whole)
     for at in range(len(whole) // 2, len(whole), len(whole) // 7):
@@ -172,3 +171,24 @@ def test_a_ulg_with_wrong_sizes_is_read_on_behind_them(written: dict[str, Path],
     read, sound = logs.read(path), logs.read(written["ulg"])
     assert read.attitude.time_s[-1] == sound.attitude.time_s[-1]
     assert read.attitude.time_s.size > 0.99 * sound.attitude.time_s.size
+
+
+@pytest.mark.timeout(60)
+def test_a_ulg_whose_topics_are_lost_is_refused_and_not_read_for_ever(tmp_path: Path) -> None:
+    """pyulog by itself goes on to look for them, and from a size that reaches beyond the end it steps back."""
+    path = files.ulog(tmp_path / "lost.ulg", texts=False)
+    torn, at, starts = bytearray(path.read_bytes()), 16, []
+    while at < len(torn):
+        starts.append(at)
+        if torn[at + 2] == ord("A"):
+            torn[at + 2] = 0
+        at += 3 + int.from_bytes(torn[at : at + 2], "little")
+    torn[starts[-3] : starts[-3] + 3] = b"\xff\xff\0"
+    path.write_bytes(torn)
+    with pytest.raises(LogError, match=r"lost\.ulg: holds no vehicle_attitude"):
+        logs.read(path)
+
+
+def test_a_sound_ulg_is_given_on_as_it_is(written: dict[str, Path]) -> None:
+    whole = written["ulg"].read_bytes()
+    assert ulog_frame.mended(whole) == whole
