@@ -26,7 +26,7 @@ def table(standing: Standing) -> RenderableType:
         return Text(standing.trouble or "no test yet", style=TROUBLE if standing.trouble else "bright_black")
     shown = [plane for plane in PLANES if plane in standing.readings]
     drawn = Table(box=None, padding=(0, 2), title_justify="left")
-    drawn.add_column("", style=LABEL)
+    drawn.add_column("and % of the prior's sd left", style=LABEL, header_style="bright_black")
     for plane in shown:
         drawn.add_column(f"{plane}, under test" if plane in standing.testing else plane)
     readings = [standing.readings[plane] for plane in shown]
