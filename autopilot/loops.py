@@ -19,7 +19,7 @@ SLOWEST, FASTEST = 0.4, 2.5
 """Speeds over that of the gains between which they follow it."""
 LEAST_SPEED_MPS = 0.3
 """With at least this speed is reckoned what pitch a change of depth takes."""
-UNDER_WAY_MPS = 0.02
+UNDER_WAY_RADPS, UNDER_WAY_MPS = math.radians(0.3), 0.02
 """On a way that moves faster than this the error is none to carry for good."""
 STEADY_RADPS, STEADY_RAD, STEADY_M = math.radians(2.0), math.radians(8.0), 0.5
 """Rates of turn, heading error and depth error below which trims are learned."""
@@ -110,6 +110,8 @@ def steer(
         course = shaping.approach(to_go, start, bandwidth, config.turn_most_radps, dt_s)
         error, rate = wrap_pi(course.at - estimate.heading_rad), rate - course.rate
     gains, travel = config.heading_gains, config.travel_rad
+    if course is not None and abs(course.rate) > UNDER_WAY_RADPS:
+        gains = gains._replace(i=0.0)
     if config.schedule_mps:
         gains = scheduled(gains, estimate.speed_mps / config.schedule_mps)
     rudder, integral = pid(error, rate, gains, memory.heading_rad, dt_s, -travel - trim_rad, travel - trim_rad)

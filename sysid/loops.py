@@ -12,7 +12,7 @@ With ACT_LEAD_W, rudder and elevator pass through the tailcone's believed lag un
 
 import math
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -60,7 +60,7 @@ class Margins(NamedTuple):
     """Highest frequency of unit gain; not a number without one."""
 
 
-GRID_RADPS: Array = np.geomspace(1e-3, 60.0, 1200)
+GRID_RADPS: Array = np.geomspace(1e-3, 60.0, 480)
 """Frequencies on which loops are judged."""
 
 
@@ -92,8 +92,11 @@ def lead_of(gains: Gains) -> Lead | None:
 def lead_response(gains: Gains) -> ComplexArray:
     """From what the loops want to what the tailcone is told, on ``GRID_RADPS``."""
     lead = lead_of(gains)
-    if lead is None:
-        return np.ones(GRID_RADPS.size, dtype=np.complex128)
+    return np.ones(GRID_RADPS.size, dtype=np.complex128) if lead is None else _lead_response(lead)
+
+
+@lru_cache(maxsize=16)
+def _lead_response(lead: Lead) -> ComplexArray:
     s, w, faster = 1j * GRID_RADPS, lead.lag_radps, lead.lead_radps
     undone = (s**2 + 2.0 * lead.lag_damping * w * s + w**2) / w**2
     return np.asarray(undone * faster**2 / (s**2 + 2.0 * LEAD_DAMPING * faster * s + faster**2))

@@ -1,7 +1,6 @@
 """Gains for a vehicle that has never been to sea, from her file alone: the prototype controller of a first dive."""
 
 import math
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,18 +13,20 @@ from sitl.vehicle.linearise import linearise
 from sitl.vehicle.model import Model
 from sysid import design, fit, greybox, loops
 from sysid.analysis import Analysis, Planes
-from sysid.design import ASSUMED_SEA, Loads, Plant, Spec
+from sysid.design import Loads, Spec, depth, heading, limits, ways
+from sysid.design.plant import ASSUMED_SEA, Plant, assembled, judge, scaled
 from sysid.loops import Lag
 from sysid.planes import LinearPlane
 from sysid.tables import TABLE_3_INITIAL
 
-SPEC = Spec(pitch_rms_growth=math.inf, depth_left=0.05, turn_deg=60.0)
-"""As a redesign's; there is no earlier controller whose pitch activity could be a measure. Steps must come to an end:
-small motion alone cannot tell much pitch for little elevator from little pitch for much, and limits can."""
+SPEC = Spec(
+    damping=0.5, gm_db=8.0, pm_deg=50.0, ms=1.8, finish_left=0.3, pitch_rms_growth=math.inf, command_noise_deg=0.4
+)
+"""What a loop through the tailcone's whole lag can keep. The lag is undone once it has been measured; and there is no
+earlier controller whose pitch activity could be a measure."""
+HEADING_STARTS = tuple({name: start[name] for name in ("HDG_P", "HDG_D", "HDG_I")} for start in heading.STARTS)
 UNSURE_RAD = math.radians(2.0)
 """Rudder bias and elevator trim that nobody has measured yet."""
-CARIBOU_TURN_PER_S2 = 0.48
-"""Angular acceleration of Caribou per radian of her duct, on which the searches' starts were tried."""
 
 
 class Prototype(NamedTuple):
@@ -54,11 +55,12 @@ def prototype(name_or_path: str | Path) -> Prototype:
     vehicle = _plant(config, model)
     loads = Loads(fit.level_pitch_rad(config, model), UNSURE_RAD, UNSURE_RAD)
     spec = SPEC._replace(travel_deg=config.tailcone.travel_deg)
-    gains = dict(TABLE_3_INITIAL)
-    gains |= design.heading_gains(vehicle, spec, _scaled(design.HEADING_STARTS, vehicle.planes.yaw))
-    gains |= design.depth_gains(vehicle, loads, spec, _scaled(design.DEPTH_STARTS, vehicle.planes.pitch))
+    gains, bounds = dict(TABLE_3_INITIAL), limits.nominal(spec)
+    gains |= heading.gains(vehicle, gains, spec, bounds, scaled(HEADING_STARTS, vehicle.planes.yaw))
+    gains |= depth.gains(vehicle, gains, spec, bounds, scaled(depth.STARTS, vehicle.planes.pitch))
     gains |= design.integrator_limits(loads, gains)
-    judged = design.judge(vehicle, gains)
+    gains |= ways.heading(vehicle, gains, loads, spec) | ways.depth(vehicle, gains, loads, spec)
+    judged = judge(vehicle, gains)
     cruise = _cruise(config, model)
     reasons = {name: _margins(judged, name) for name in gains} | {name: why for name, (_, why) in cruise.items()}
     return Prototype({**gains, **{name: value for name, (value, _) in cruise.items()}}, reasons, judged)
@@ -75,20 +77,7 @@ def _plant(config: VehicleConfig, model: Model) -> Plant:
     )  # fmt: skip
     tail = config.tailcone
     lag = Lag(tail.delay_s + loops.SAMPLING_S, tail.natural_frequency_radps, tail.damping_ratio)
-    return Plant(
-        Planes(yaw, pitch), lag, lag, {"yaw": ASSUMED_SEA, "pitch": ASSUMED_SEA},
-        loops.responses(yaw, lag), loops.responses(pitch, lag),
-    )  # fmt: skip
-
-
-OUTER = ("DPT_P", "DPT_D", "DPT_I")
-"""Gains from depth to pitch, which do not pass through the tail."""
-
-
-def _scaled(starts: Sequence[Mapping[str, float]], plane: LinearPlane) -> tuple[dict[str, float], ...]:
-    """A livelier tail needs smaller gains for the same loop."""
-    ratio = CARIBOU_TURN_PER_S2 / abs(float(plane.B[1]))
-    return tuple({name: gain * (1.0 if name in OUTER else ratio) for name, gain in start.items()} for start in starts)
+    return assembled(Planes(yaw, pitch), lag, lag, {"yaw": ASSUMED_SEA, "pitch": ASSUMED_SEA})
 
 
 def _cruise(config: VehicleConfig, model: Model) -> dict[str, tuple[float, str]]:

@@ -37,7 +37,14 @@ def checks() -> Iterator[Check]:
         far = 10 * hull.length_m(vehicle.hull)
         volume = hull.integrals(vehicle.hull).volume_m3
         dipoles = 3 * vehicle.water.density_kgpm3 * volume**2 / (64 * pi * far**4)
-        yield relative(f"{name}, pull ten lengths off", "kg/m", walls.pull(vehicle.hull, vehicle.water.density_kgpm3, far)[0], dipoles, 0.02, "dipoles")
+        yield relative(
+            f"{name}, pull ten lengths off",
+            "kg/m",
+            walls.pull(vehicle.hull, vehicle.water.density_kgpm3, far)[0],
+            dipoles,
+            0.02,
+            "dipoles",
+        )
         yield Check(f"{name}, work of the pull", "part", _work(name), 0.0, 1e-9, "conservation")
     yield from _rest()
 

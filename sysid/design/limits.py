@@ -1,0 +1,84 @@
+"""By how much loops miss what is asked of them, each limit as a share of itself: positive is a miss."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid import loops
+from sysid.design.spec import Spec
+from sysid.loops import ClosedLoop
+
+Array = NDArray[np.float64]
+Misses = dict[str, float]
+
+SHOWS = 0.1
+"""A mode with less than this share of the largest in what a disturbance does is hardly seen in the motion: so the
+tailcone's lag beside the zeros that undo it, which never quite meet."""
+STEP_S = 0.5
+LASTS = 2.0
+"""A load's answer is watched for so many times the time in which it must be over."""
+
+
+class Bounds(NamedTuple):
+    """What is asked of stability."""
+
+    damping: float
+    gm_db: float
+    pm_deg: float
+    ms: float
+
+
+def nominal(spec: Spec) -> Bounds:
+    return Bounds(spec.damping, spec.gm_db, spec.pm_deg, spec.ms)
+
+
+def of_cut(loop: NDArray[np.complex128], name: str, bounds: Bounds) -> Misses:
+    """Margins where a loop is opened."""
+    found = loops.margins(loop)
+    return {
+        f"gain margin at the {name}": 1.0 - found.gm_db / bounds.gm_db,
+        f"phase margin at the {name}": 1.0 - found.pm_deg / bounds.pm_deg,
+        f"sensitivity at the {name}": found.ms / bounds.ms - 1.0,
+    }
+
+
+class Modes(NamedTuple):
+    """A closed loop in its own coordinates: x = right * amounts, each of which goes by its own value."""
+
+    values: NDArray[np.complex128]
+    right: NDArray[np.complex128]
+
+
+def modes(closed: ClosedLoop) -> Modes:
+    values, right = np.linalg.eig(closed.A)
+    return Modes(values.astype(np.complex128), right.astype(np.complex128))
+
+
+def of_damping(found: Modes, states: Mapping[str, int], bounds: Bounds) -> Misses:
+    """Damping of the modes that show in what a blow about the plane's axis does to ``states``, by loop."""
+    blow = np.zeros(found.values.size, dtype=np.complex128)
+    blow[1] = 1.0
+    amounts = np.linalg.solve(found.right, blow)
+    ratios = -found.values.real / np.abs(found.values)
+    missed = {}
+    for name, state in states.items():
+        sizes = np.abs(found.right[state] * amounts)
+        least = float(np.min(ratios[sizes > SHOWS * np.max(sizes)]))
+        missed[f"damping of the {name} loop"] = 1.0 - least / bounds.damping
+    return missed
+
+
+def of_load(found: Modes, surface: Array, state: int, name: str, spec: Spec) -> Misses:
+    """What is left of a constant surface offset's largest error once its integrator should be done.
+
+    ``surface``: how the offset drives the first states.
+    """
+    load = np.zeros(found.values.size, dtype=np.complex128)
+    load[: surface.size] = surface
+    shares = found.right[state] * np.linalg.solve(found.right, load) / found.values
+    times = np.arange(0.0, LASTS * spec.finish_s, STEP_S)
+    answer = np.abs(((np.exp(np.outer(times, found.values)) - 1.0) @ shares).real)
+    left = float(np.max(answer[int(spec.finish_s / STEP_S) :]) / np.max(answer))
+    return {f"rest of a load in the {name} loop": left / spec.finish_left - 1.0}

@@ -1,0 +1,165 @@
+"""A model as the designer sees it, and what the sea does to its loops."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.vehicle.config import SHIPPED, VehicleConfig
+from sysid import loops, predict
+from sysid.analysis import Analysis, Planes, analyse
+from sysid.design.spec import Response
+from sysid.fit import linear_plane
+from sysid.loops import GRID_RADPS, Gains, Lag, Responses
+from sysid.model import IdentifiedModel, NoiseModel
+from sysid.parameters import Vehicle
+from sysid.planes import LinearPlane, pitch_plane, yaw_plane
+from sysid.runs import Plane
+from sysid.tables import Coefficients
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+ASSUMED_SEA = NoiseModel(0.14, 3.0, 0.28, 0.15, 0.1, 0.05, 0.1, 0.005, 0.0)
+"""Disturbance assumed where a model carries none: 0.3 deg/s rms of rate from the slow part and as much from waves."""
+NOISE_STEP_S = 0.1
+"""Samples of a model's sensor noise are so far apart; between them it is white."""
+SEED = 2001
+CARIBOU_TURN_PER_S2 = 0.48
+"""Angular acceleration of Caribou per radian of her duct, on which the searches' starts were tried."""
+BEFORE_THE_TAIL = ("DPT_P", "DPT_D", "DPT_I", "ACT_LEAD_W")
+"""What does not turn an error into an angle of the duct."""
+
+
+class Plant(NamedTuple):
+    """Planes, tailcone lags with sampling, the sea, and the planes' responses with all of it."""
+
+    planes: Planes
+    yaw_lag: Lag
+    pitch_lag: Lag
+    sea: Mapping[Plane, NoiseModel]
+    yaw: Responses
+    pitch: Responses
+
+
+def assembled(planes: Planes, yaw_lag: Lag, pitch_lag: Lag, sea: Mapping[Plane, NoiseModel]) -> Plant:
+    return Plant(
+        planes, yaw_lag, pitch_lag, sea, loops.responses(planes.yaw, yaw_lag), loops.responses(planes.pitch, pitch_lag)
+    )
+
+
+def scaled(starts: Sequence[Mapping[str, float]], plane: LinearPlane) -> tuple[dict[str, float], ...]:
+    """Starts of a search, tried on Caribou: a livelier tail needs smaller gains for the same loop."""
+    ratio = CARIBOU_TURN_PER_S2 / abs(float(plane.B[1]))
+    return tuple(
+        {name: gain * (1.0 if name in BEFORE_THE_TAIL else ratio) for name, gain in start.items()} for start in starts
+    )
+
+
+def plant(model: IdentifiedModel) -> Plant:
+    coefficients = Coefficients(**{name: c.value for name, c in model.coefficients.items()})
+    planes = Planes(
+        yaw_plane(coefficients, model.speed_mps, model.vehicle.mass_kg),
+        pitch_plane(coefficients, model.speed_mps, model.vehicle.mass_kg),
+    )
+
+    def lag(plane: Plane) -> Lag:
+        delay = model.planes[plane].delay_s.value + loops.SAMPLING_S
+        return Lag(delay, model.vehicle.natural_frequency_radps.value, model.vehicle.damping_ratio.value)
+
+    return assembled(planes, lag("yaw"), lag("pitch"), _sea(model))
+
+
+def allowed(model: IdentifiedModel, count: int, prior: VehicleConfig | None = None) -> Iterator[Plant]:
+    """Vehicles that a model allows for: draws from what it says of z. None where it does not say.
+
+    ``prior`` is needed when the model was refitted from a vehicle file that is not shipped: without it there are none.
+    """
+    covariance = np.array(model.joint.covariance)
+    if not np.any(covariance) or (prior is None and model.vehicle.prior not in SHIPPED):
+        return
+    spread = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(covariance)))
+    draws = np.random.default_rng(SEED).standard_normal((count, len(covariance)))
+    for draw in draws:
+        yield _of_vehicle(predict.moved(model, np.array(model.joint.z) + spread @ draw, prior), _sea(model))
+
+
+def _of_vehicle(vehicle: Vehicle, sea: Mapping[Plane, NoiseModel]) -> Plant:
+    def lag(plane: Plane) -> Lag:
+        tail = vehicle.actuators[plane]
+        return Lag(tail.delay_s + loops.SAMPLING_S, tail.natural_frequency_radps, tail.damping_ratio)
+
+    planes = Planes(linear_plane(vehicle, "yaw"), linear_plane(vehicle, "pitch"))
+    return assembled(planes, lag("yaw"), lag("pitch"), sea)
+
+
+def _sea(model: IdentifiedModel) -> Mapping[Plane, NoiseModel]:
+    return {plane: model.noise.get(plane, ASSUMED_SEA) for plane in ("yaw", "pitch")}
+
+
+def judge(vehicle: Plant, gains: Gains) -> Analysis:
+    """Poles and margins with each plane's own delay."""
+    yaw = analyse(vehicle.planes, gains, vehicle.yaw_lag.delay_s, vehicle.yaw_lag)
+    pitch = analyse(vehicle.planes, gains, vehicle.pitch_lag.delay_s, vehicle.pitch_lag)
+    return Analysis(
+        poles={**pitch.poles, "heading": yaw.poles["heading"]},
+        margins={**pitch.margins, **{cut: yaw.margins[cut] for cut in ("rudder", "heading")}},
+    )
+
+
+def spectrum(sea: NoiseModel) -> Array:
+    """Two-sided density of the disturbing angular acceleration on the grid, (rad/s^2)^2 per rad/s over 2 pi."""
+    w, wave = GRID_RADPS, 2.0 * math.pi * sea.wave_frequency_hz
+    slow = 2.0 * math.radians(sea.slow_accel_degps2) ** 2 * sea.slow_time_s / (1.0 + (w * sea.slow_time_s) ** 2)
+    band = (wave**2 - w**2) ** 2 + (2.0 * sea.wave_damping * wave * w) ** 2
+    return np.asarray(slow + 4.0 * sea.wave_damping * wave**3 * math.radians(sea.wave_accel_degps2) ** 2 / band)
+
+
+def respond(vehicle: Plant, gains: Gains) -> Response:
+    """Standard deviations in closed loop under the sea of the model (Parseval)."""
+    heading, rudder = heading_rms(vehicle, gains)
+    pitch, depth, elevator = depth_rms(vehicle, gains)
+    return Response(math.degrees(heading), math.degrees(pitch), depth, math.degrees(rudder), math.degrees(elevator))
+
+
+def heading_rms(vehicle: Plant, gains: Gains) -> tuple[float, float]:
+    """(heading, rudder wanted), rad."""
+    s, density = 1j * GRID_RADPS, spectrum(vehicle.sea["yaw"])
+    sensitivity = 1.0 / (1.0 + loops.heading_loops(vehicle.yaw, gains)["rudder"])
+    r, psi = vehicle.yaw.moment[:, 1], vehicle.yaw.moment[:, 2]
+    rudder = gains["HDG_D"] * r + (gains["HDG_P"] + gains["HDG_I"] / s) * psi
+    return _rms(psi * sensitivity, density), _rms(rudder * sensitivity, density)
+
+
+def depth_rms(vehicle: Plant, gains: Gains) -> tuple[float, float, float]:
+    """(pitch, depth, elevator wanted), rad, m, rad."""
+    s, density = 1j * GRID_RADPS, spectrum(vehicle.sea["pitch"])
+    sensitivity = 1.0 / (1.0 + loops.depth_loops(vehicle.pitch, gains)["elevator"])
+    q, theta = vehicle.pitch.moment[:, 1], vehicle.pitch.moment[:, 2]
+    forward = gains["PTCH_P"] + gains["PTCH_I"] / s
+    elevator = gains["PTCH_D"] * q + forward * (theta - loops.depth_law(vehicle.pitch.moment, gains))
+    # Every state answers to the moment and to the elevator's reply to it.
+    reply = vehicle.pitch.moment - loops.led(vehicle.pitch, gains).command * (elevator * sensitivity)[:, None]
+    return _rms(reply[:, 2], density), _rms(reply[:, 3], density), _rms(elevator * sensitivity, density)
+
+
+def command_noise_rad(vehicle: Plant, plane: Plane, gains: Gains) -> float:
+    """What the gyro's noise moves the surface's command by, one standard deviation.
+
+    Up to the grid's end in closed loop; beyond it, to half the tick's rate, no loop answers any more.
+    """
+    density = math.radians(vehicle.sea[plane].rate_noise_degps) ** 2 * NOISE_STEP_S
+    if plane == "yaw":
+        loop, gain = loops.heading_loops(vehicle.yaw, gains)["rudder"], gains["HDG_D"]
+    else:
+        loop, gain = loops.depth_loops(vehicle.pitch, gains)["elevator"], gains["PTCH_D"]
+    shaped = gain * loops.lead_response(gains)
+    within = float(np.trapezoid(np.abs(shaped / (1.0 + loop)) ** 2, GRID_RADPS))
+    beyond = abs(shaped[-1]) ** 2 * (math.pi / loops.TICK_S - GRID_RADPS[-1])
+    return math.sqrt(density * (within + beyond) / math.pi)
+
+
+def _rms(transfer: ComplexArray, density: Array) -> float:
+    return math.sqrt(float(np.trapezoid(np.abs(transfer) ** 2 * density, GRID_RADPS)) / math.pi)

@@ -1,0 +1,57 @@
+"""Reference models of heading and depth: as quick as the tailcone's travel and a small overshoot allow."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from sysid.design import trial
+from sysid.design.plant import Plant
+from sysid.design.spec import DesignRefused, Loads, Spec
+
+BANDWIDTHS_RADPS = tuple(np.geomspace(1.6, 0.1, 13).round(3).tolist())
+"""Tried from the quickest on."""
+HEADING_S, DEPTH_S = 30.0, 60.0
+TURN_SHARE, SINK_SHARE = 0.6, 0.25
+"""Of the rate of turn that the free travel holds, and of the speed: no reference model asks for more."""
+
+
+def heading(vehicle: Plant, values: Mapping[str, float], loads: Loads, spec: Spec) -> dict[str, float]:
+    """HDG_REF_W and HDG_REF_RATE. Raises DesignRefused."""
+    room = math.radians(spec.travel_deg) - loads.rudder_rad
+    turn = -float(np.linalg.solve(vehicle.planes.yaw.A[:2, :2], vehicle.planes.yaw.B[:2])[1])
+    fastest = TURN_SHARE * room * abs(turn)
+    rate = {"HDG_REF_RATE": round(min(45.0, max(1.0, math.degrees(fastest))), 1)}
+    step = math.radians(spec.heading_step_deg)
+    for bandwidth in BANDWIDTHS_RADPS:
+        way = {"HDG_REF_W": bandwidth, **rate}
+        flown = trial.heading_step(vehicle, {**values, **way}, step, HEADING_S, spec)
+        if np.max(np.abs(flown.command_rad)) <= room:
+            return way
+    raise DesignRefused(
+        f"a change of heading of {spec.heading_step_deg:g} deg takes more than the {math.degrees(room):.1f} deg of "
+        "rudder that the bias leaves; measure the bias by a trim flight, or straighten the duct"
+    )
+
+
+def depth(vehicle: Plant, values: Mapping[str, float], loads: Loads, spec: Spec) -> dict[str, float]:
+    """DPT_REF_W and DPT_REF_RATE. Raises DesignRefused."""
+    speed_mps = -float(vehicle.planes.pitch.A[3, 2])
+    rate, least = {"DPT_REF_RATE": round(SINK_SHARE * speed_mps, 2)}, math.inf
+    for bandwidth in BANDWIDTHS_RADPS:
+        way = {"DPT_REF_W": bandwidth, **rate}
+        past = max(_past({**values, **way}, vehicle, loads, spec, step) for step in (1.0, -1.0))
+        least = min(least, past)
+        if past <= spec.depth_overshoot:
+            return way
+    raise DesignRefused(
+        f"no gains meet the specification: a change of depth of {spec.depth_step_m:g} m overshoots by "
+        f"{100 * least:.0f} %, at most {100 * spec.depth_overshoot:.0f}"
+    )
+
+
+def _past(values: Mapping[str, float], vehicle: Plant, loads: Loads, spec: Spec, way: float) -> float:
+    """By how much of itself a change of depth overshoots, ``way`` 1 down and -1 up."""
+    step_m = way * spec.depth_step_m
+    flown = trial.depth_step(vehicle, values, step_m, DEPTH_S, spec, loads.level_pitch_rad)
+    return float(np.max(way * flown.value)) / spec.depth_step_m - 1.0
