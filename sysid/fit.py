@@ -4,6 +4,7 @@ Noise from residuals and parameters under that noise take turns; then other star
 the same end. They are followed on every other sample only, which tells ends apart as well.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -147,13 +148,20 @@ def _other_starts(
     shares, better = [], None
     for number in range(starts):
         report(number / starts)
-        start = prior.mean + spread @ generator.standard_normal(len(NAMES))
-        end = descend(thin, np.clip(start, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), COARSE)
+        drawn = prior.mean + spread @ generator.standard_normal(len(NAMES))
+        end = descend(thin, _possible(thin, np.clip(drawn, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z), COARSE)
         shares.append(end.score.cost / best)
         steps += end.steps
         if shares[-1] < min([1.0 - AGREEMENT, *shares[:-1]]):
             better = end.z
     return shares, better, steps
+
+
+def _possible(problem: Problem, start: Array, z: Array) -> Array:
+    """``start``, or where no such vehicle can be the first half-way house towards ``z`` that can."""
+    while not math.isfinite(problems.cost(problem, start)):
+        start = 0.5 * (start + z)
+    return start
 
 
 def _thinned(problem: Problem, z: Array) -> Problem:

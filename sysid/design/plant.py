@@ -1,5 +1,6 @@
 """A model as the designer sees it, and what the sea does to its loops."""
 
+import contextlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -7,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.config import SHIPPED, VehicleConfig
+from sitl.vehicle.config import SHIPPED, VehicleConfig, VehicleError
 from sysid import loops, predict
 from sysid.analysis import Analysis, Planes, analyse
 from sysid.design.spec import Response
@@ -73,9 +74,9 @@ def plant(model: IdentifiedModel) -> Plant:
 
 
 def allowed(model: IdentifiedModel, count: int, prior: VehicleConfig | None = None) -> Iterator[Plant]:
-    """Vehicles that a model allows for: draws from what it says of z. None where it does not say.
+    """Up to ``count`` vehicles that a model allows for: draws from what it says of z, without those that cannot be.
 
-    ``prior`` is needed when the model was refitted from a vehicle file that is not shipped: without it there are none.
+    There are none where a model does not say, nor without ``prior`` where the file it was refitted from is not shipped.
     """
     covariance = np.array(model.joint.covariance)
     if not np.any(covariance) or (prior is None and model.vehicle.prior not in SHIPPED):
@@ -83,7 +84,8 @@ def allowed(model: IdentifiedModel, count: int, prior: VehicleConfig | None = No
     spread = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(covariance)))
     draws = np.random.default_rng(SEED).standard_normal((count, len(covariance)))
     for draw in draws:
-        yield _of_vehicle(predict.moved(model, np.array(model.joint.z) + spread @ draw, prior), _sea(model))
+        with contextlib.suppress(VehicleError):
+            yield _of_vehicle(predict.moved(model, np.array(model.joint.z) + spread @ draw, prior), _sea(model))
 
 
 def _of_vehicle(vehicle: Vehicle, sea: Mapping[Plane, NoiseModel]) -> Plant:

@@ -1,12 +1,13 @@
 """The fit's objective: whitened residuals of all runs and their sensitivities, beside what the prior says."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.config import VehicleConfig
+from sitl.vehicle.config import VehicleConfig, VehicleError
 from sysid import noise, parameters
 from sysid.joint import sensitivity
 from sysid.joint.experiments import Experiment, linear_plane
@@ -72,7 +73,11 @@ def filters(
 
 
 def cost(problem: Problem, z: Array) -> float:
-    at = vehicle(problem.prior, z)
+    """Infinite where no such vehicle can be."""
+    try:
+        at = vehicle(problem.prior, z)
+    except VehicleError:
+        return math.inf
     left = sum(
         float(np.sum(white**2))
         for plane in problem.experiments

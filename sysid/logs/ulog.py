@@ -61,6 +61,8 @@ def _tables(log: Any) -> Tables:
     found = {}
     for topic in log.data_list:
         sampled = topic.data.get("timestamp_sample")
+        if sampled is None and "timestamp" not in topic.data:
+            continue  # a topic whose format a broken file has lost tells nothing of time
         stamps = sampled if sampled is not None and np.all(sampled > 0) else topic.data["timestamp"]
         name = f"{topic.name}.{topic.multi_id}" if topic.multi_id else topic.name
         found[name] = Table(stamps * 1e-6, topic.data)

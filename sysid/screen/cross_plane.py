@@ -92,13 +92,15 @@ def coherence(run: Run, rate_radps: Array) -> tuple[float, int]:
     """(largest magnitude squared coherence of a rate with the tested surface where that was moved, frequencies)."""
     test = run.time_s >= -STEADY_S
     surface, rate = run.command_rad[test], rate_radps[test]
-    if np.ptp(surface) == 0.0:
+    if np.ptp(surface) == 0.0 or np.ptp(rate) == 0.0:
         return 0.0, 1
     how = {"fs": RATE_HZ, "nperseg": 2 * surface.size // (SEGMENTS + 1), "detrend": "linear"}
     frequency_hz, power = signal.welch(surface, **how)
-    _, found = signal.coherence(surface, rate, **how)
-    excited = (frequency_hz > 0.0) & (power > EXCITED * np.max(power[1:]))
-    return float(np.max(found[excited])), int(np.count_nonzero(excited))
+    _, answer = signal.welch(rate, **how)
+    _, both = signal.csd(surface, rate, **how)
+    excited = (frequency_hz > 0.0) & (power > EXCITED * np.max(power[1:])) & (answer > 0.0)
+    shared = np.abs(both[excited]) ** 2 / (power[excited] * answer[excited])
+    return float(np.max(shared, initial=0.0)), int(np.count_nonzero(excited))
 
 
 def significant(bins: int) -> float:
