@@ -65,7 +65,7 @@ def gains(case: Case) -> dict[str, float]:
 @cache
 def sets(vehicle: str) -> Sets:
     case = vehicles.case(vehicle)
-    known = beliefs.of_file(case.prior, case.name)
+    known = beliefs.trimmed(beliefs.of_file(case.prior, case.name), *case.trim_rad)
     asked = Request(DIVE_S + plan.SETTLING_S, "crossover", gains=gains(case), held_out=False)
     designed = tuple(planned.manoeuvre for planned in plan.plan(known, asked).tests)
     return Sets(designed, tuple(plan.paper_set(known, DIVE_S)))

@@ -47,7 +47,7 @@ class Limits(NamedTuple):
     down_m: float = 2.0
     rate_limited: float = 0.15
     """Share of a test in which the surface may run at its greatest rate."""
-    stopped: float = 0.02
+    stopped: float = 0.03
     """Share in which it may stand at its stops."""
     probability: float = 0.01
     """That a test leaves any of the excursions."""
@@ -195,30 +195,40 @@ def _share(plane: Plane, track: Array, limits: Limits) -> float:
     return float(max(turning, up / limits.up_m, down / limits.down_m))
 
 
-def _can_follow(manoeuvre: Manoeuvre, largest_deg: float, samples: Sequence[Sample], limits: Limits) -> bool:
-    """Whether the surface can do what it is told: the test, and with the loop on its answer to test and sea."""
-    signal = signal_rad(manoeuvre)
-    for sample in samples:
-        actuator = sample.vehicle.actuators[manoeuvre.plane]
-        command, busy_rad = signal, 0.0
-        if manoeuvre.loop_on:
-            command, busy_rad = loops.fly(sample.loop, manoeuvre.plane, signal).command_rad, sample.busy_rad
-        moved = np.abs(np.diff(greybox.duct_angles(command, actuator, 1.0 / RATE_HZ))) * RATE_HZ
-        stopped = np.abs(command) + busy_rad > math.radians(largest_deg) + 1e-9
-        if np.mean(moved > 0.99 * actuator.rate_radps) > limits.rate_limited or np.mean(stopped) > limits.stopped:
-            return False
-    return True
+def _can_follow(
+    manoeuvre: Manoeuvre, largest_deg: float, lean_rad: float, samples: Sequence[Sample], limits: Limits
+) -> bool:
+    """Whether the surface can do what it is told: the test, and with the loop on its answer to test and sea.
+
+    ``lean_rad`` is the trim where it is known: to the other side there is twice as much more room.
+    """
+    shares = np.array([_shares(manoeuvre, largest_deg, lean_rad, sample) for sample in samples])
+    return bool(np.all(np.median(shares, axis=0) <= (limits.rate_limited, limits.stopped)))
+
+
+def _shares(manoeuvre: Manoeuvre, largest_deg: float, lean_rad: float, sample: Sample) -> tuple[float, float]:
+    """Of the test: in which the surface runs as fast as it can, and in which it stands at its stops."""
+    actuator = sample.vehicle.actuators[manoeuvre.plane]
+    command, busy_rad = signal_rad(manoeuvre), 0.0
+    if manoeuvre.loop_on:
+        command, busy_rad = loops.fly(sample.loop, manoeuvre.plane, command).command_rad, sample.busy_rad
+    moved = np.abs(np.diff(greybox.duct_angles(command, actuator, 1.0 / RATE_HZ))) * RATE_HZ
+    stopped = np.abs(command + lean_rad) + busy_rad > math.radians(largest_deg) + abs(lean_rad) + 1e-9
+    return float(np.mean(moved > 0.99 * actuator.rate_radps)), float(np.mean(stopped))
 
 
 def sized(
-    manoeuvre: Manoeuvre, largest_deg: float, samples: Sequence[Sample], limits: Limits
+    manoeuvre: Manoeuvre, largest_deg: float, samples: Sequence[Sample], limits: Limits, lean_rad: float = 0.0
 ) -> tuple[Manoeuvre, Excursion] | None:
-    """The manoeuvre at the largest size that keeps within the limits, or None where none does."""
+    """The manoeuvre at the largest size that keeps within the limits, or None where none does.
+
+    ``lean_rad`` is a known trim of the surface, ``largest_deg`` its travel beside that, to the nearer side.
+    """
     found = answers(manoeuvre, samples)
     size = min(largest_deg, manoeuvre.size_deg * _room(manoeuvre.plane, found, limits))
     while size >= LEAST_DEG:
         tried = manoeuvre._replace(size_deg=_rounded(size))
-        if _can_follow(tried, largest_deg, samples[:FOLLOWERS], limits):
+        if _can_follow(tried, largest_deg, lean_rad, samples[:FOLLOWERS], limits):
             there = excursion(tried.plane, _at_size(tried, manoeuvre.size_deg, found, samples), limits)
             if there.probability <= limits.probability:
                 return tried, there

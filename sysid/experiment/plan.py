@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid import fit, planes
+from sysid.experiment import belief as beliefs
 from sysid.experiment import choice, crossover, excursions, information, library, paper_steps, square
 from sysid.experiment.belief import Belief, room_rad
 from sysid.experiment.choice import Candidate
@@ -86,6 +87,7 @@ class _Known(NamedTuple):
     nominal_deg: float
     largest_deg: float
     longest_s: float
+    lean_rad: float
 
 
 def plan(belief: Belief, request: Request, progress: Progress | None = None) -> Plan:
@@ -129,6 +131,7 @@ def _known(belief: Belief, plane: Plane, request: Request) -> _Known:
         nominal_deg=library.NOMINAL_DEG * scale(belief, plane),
         largest_deg=float(np.degrees(room_rad(belief, plane))),
         longest_s=_longest_s(samples, plane),
+        lean_rad=beliefs.still(mean, plane).trim_rad if belief.trims_known else 0.0,
     )
 
 
@@ -170,7 +173,7 @@ def _held_out(at: _Known, request: Request) -> list[Candidate]:
 
 def _sized(at: _Known, shapes: list[Manoeuvre], request: Request) -> list[Candidate]:
     fit_in = [shape for shape in shapes if shape.duration_s <= at.longest_s]
-    found = [excursions.sized(shape, at.largest_deg, at.samples, request.limits) for shape in fit_in]
+    found = [excursions.sized(one, at.largest_deg, at.samples, request.limits, at.lean_rad) for one in fit_in]
     kept = [one for one in found if one is not None]
     told = information.of_runs(at.belief, [manoeuvre for manoeuvre, _ in kept], at.gains)
     return [
