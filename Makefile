@@ -7,7 +7,7 @@ BIN    := $(VENV)/bin
 OUT    ?= campaign
 SEED   ?= 1
 
-.PHONY: campaign test clients verify check lock clean
+.PHONY: campaign test clients verify study check lock clean
 
 campaign: $(VENV)/run.stamp          ## fly, identify, redesign, fly again; report in $(OUT)/report.html
 	$(BIN)/ground campaign --seed $(SEED) --out $(OUT)
@@ -20,6 +20,9 @@ clients: $(VENV)/dev.stamp           ## MAVSDK and MAVProxy down their whole lis
 
 verify: $(VENV)/dev.stamp            ## every check-case of the physics: figure, reference, tolerance
 	$(BIN)/python -m tests.reference
+
+study: $(VENV)/dev.stamp             ## what identification achieves: 200 campaigns a cell, which takes hours
+	$(BIN)/python -m benchmarks.identification $(STUDY)
 
 check: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
