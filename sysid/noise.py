@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from sysid.innovations import riccati, whiten, whiten_block
+from sysid.model import NoiseModel
 from sysid.planes import LinearPlane
 
 Array = NDArray[np.float64]
@@ -66,6 +67,21 @@ class Filter(NamedTuple):
     """(n, outputs, outputs): inverse Cholesky factor of the innovation covariance."""
     log_dets: Array
     """(n,): log determinant of the innovation covariance."""
+
+
+def of_model(found: NoiseModel) -> Noise:
+    """A model's noise in SI units."""
+    return Noise(
+        rate_radps=math.radians(found.rate_noise_degps),
+        angle_rad=math.radians(found.angle_noise_deg),
+        depth_m=found.depth_noise_m,
+        slow_radps2=math.radians(found.slow_accel_degps2),
+        slow_time_s=found.slow_time_s,
+        wave_radps2=math.radians(found.wave_accel_degps2),
+        wave_frequency_hz=found.wave_frequency_hz,
+        wave_damping=found.wave_damping,
+        force_mps15=found.force_noise_mps15,
+    )
 
 
 def build(plane: LinearPlane, noise: Noise, dt: float, samples: int) -> Filter:

@@ -61,6 +61,9 @@ class RateError(NamedTuple):
 
 TABLE_2 = {"15 deg rudder": RateError(0.37, 0.11), "15 deg elevator": RateError(7.96, 3.71)}
 
+CARIBOU_TURN_PER_S2 = 0.482
+"""Angular acceleration per radian of duct of the first-principles vehicle, which Table 3's initial gains are for."""
+
 TABLE_3_INITIAL = {
     "HDG_P": 0.65, "HDG_D": 1.5, "HDG_I": 0.001, "HDG_IMAX": 0.01,
     "PTCH_P": 0.8, "PTCH_D": 1.9, "PTCH_I": 0.0, "PTCH_IMAX": 0.0,

@@ -17,11 +17,10 @@ from sitl.vehicle.config import VehicleConfig
 from sysid import fit, parameters, planes
 from sysid.parameters import NAMES
 from sysid.runs import Plane
+from sysid.tables import CARIBOU_TURN_PER_S2
 from tests.sysid.sea import Hold
 
 MY_VEHICLE = str(Path(__file__).parents[2] / "docs" / "my_vehicle.toml")
-CARIBOU_TURN_PER_S2 = 0.482
-"""Angular acceleration of Caribou's prior per radian of her duct."""
 STRAY = 0.7
 """How far the flying vehicles lie from their files, in prior standard deviations (rms)."""
 

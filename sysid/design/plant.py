@@ -18,7 +18,7 @@ from sysid.model import IdentifiedModel, NoiseModel
 from sysid.parameters import Vehicle
 from sysid.planes import LinearPlane, pitch_plane, yaw_plane
 from sysid.runs import Plane
-from sysid.tables import Coefficients
+from sysid.tables import CARIBOU_TURN_PER_S2, Coefficients
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -28,8 +28,6 @@ ASSUMED_SEA = NoiseModel(0.14, 3.0, 0.28, 0.15, 0.1, 0.05, 0.1, 0.005, 0.0)
 NOISE_STEP_S = 0.1
 """Samples of a model's sensor noise are so far apart; between them it is white."""
 SEED = 2001
-CARIBOU_TURN_PER_S2 = 0.48
-"""Angular acceleration of Caribou per radian of her duct, on which the searches' starts were tried."""
 BEFORE_THE_TAIL = ("DPT_P", "DPT_D", "DPT_I", "ACT_LEAD_W")
 """What does not turn an error into an angle of the duct."""
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
-from sysid import fit, parameters, refit
+from sysid import fit, noise, parameters, refit
 from sysid import model as models
 from sysid.experiment.manoeuvre import Still
-from sysid.model import IdentifiedModel, NoiseModel
+from sysid.model import IdentifiedModel
 from sysid.noise import Noise
 from sysid.parameters import NAMES, Vehicle
 from sysid.runs import Plane
@@ -65,7 +65,7 @@ def of_model(model: IdentifiedModel, config: VehicleConfig, name: str = "model.j
     """The posterior of an earlier fit, and the sea that it found."""
     biases: dict[Plane, float] = {plane: math.radians(b) for plane, b in model.vehicle.prior_biases_deg.items()}
     sea: dict[Plane, Noise] = {"yaw": Noise(), "pitch": Noise()}
-    sea |= {plane: _levels(found) for plane, found in model.noise.items()}
+    sea |= {plane: noise.of_model(found) for plane, found in model.noise.items()}
     return Belief(name, config, biases, np.array(model.joint.z), np.array(model.joint.covariance), sea, True)
 
 
@@ -75,20 +75,6 @@ def trimmed(belief: Belief, rudder_rad: float, elevator_rad: float) -> Belief:
     level_rad = still(unbiased.vehicle(belief.mean), "pitch").trim_rad
     biases: dict[Plane, float] = {"yaw": -rudder_rad, "pitch": level_rad - elevator_rad}
     return belief._replace(biases_rad=biases, trims_known=True)
-
-
-def _levels(found: NoiseModel) -> Noise:
-    return Noise(
-        rate_radps=math.radians(found.rate_noise_degps),
-        angle_rad=math.radians(found.angle_noise_deg),
-        depth_m=found.depth_noise_m,
-        slow_radps2=math.radians(found.slow_accel_degps2),
-        slow_time_s=found.slow_time_s,
-        wave_radps2=math.radians(found.wave_accel_degps2),
-        wave_frequency_hz=found.wave_frequency_hz,
-        wave_damping=found.wave_damping,
-        force_mps15=found.force_noise_mps15,
-    )
 
 
 def still(vehicle: Vehicle, plane: Plane) -> Still:

@@ -15,9 +15,10 @@ from sysid.experiment.excursions import Excursion, Limits, Sample
 from sysid.experiment.information import CRITERIA, PLANES, Numbers, Slopes
 from sysid.experiment.library import Lengths
 from sysid.experiment.manoeuvre import Manoeuvre
-from sysid.judge.crossover import CARIBOU_TURN_PER_S2, gains_for
+from sysid.judge.crossover import gains_for
 from sysid.loops import Gains
 from sysid.runs import Plane
+from sysid.tables import CARIBOU_TURN_PER_S2
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]

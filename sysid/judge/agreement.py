@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from sysid import noise
 from sysid.judge.records import Theil
-from sysid.model import NoiseModel
 from sysid.noise import Noise
 from sysid.planes import LinearPlane
 from sysid.runs import Run
@@ -36,21 +35,6 @@ def theil(measured: Array, simulated: Array) -> Theil:
     bias = float(np.mean(measured) - np.mean(simulated)) ** 2 / error
     variance = float(np.std(measured) - np.std(simulated)) ** 2 / error
     return Theil(float(np.sqrt(error) / sizes), bias, variance, max(0.0, 1.0 - bias - variance))
-
-
-def levels(found: NoiseModel) -> Noise:
-    """A model's noise in SI units."""
-    return Noise(
-        rate_radps=np.radians(found.rate_noise_degps),
-        angle_rad=np.radians(found.angle_noise_deg),
-        depth_m=found.depth_noise_m,
-        slow_radps2=np.radians(found.slow_accel_degps2),
-        slow_time_s=found.slow_time_s,
-        wave_radps2=np.radians(found.wave_accel_degps2),
-        wave_frequency_hz=found.wave_frequency_hz,
-        wave_damping=found.wave_damping,
-        force_mps15=found.force_noise_mps15,
-    )
 
 
 def rate_covariance(plane: LinearPlane, level: Noise, dt: float, lead: int, samples: int) -> Array:

@@ -43,7 +43,7 @@ def _sea(model: IdentifiedModel, flown: Run, prior: VehicleConfig | None) -> Arr
         return np.zeros(flown.time_s.size)
     belief = believed(model, prior)
     linear = fit.linear_plane(belief.vehicle(belief.z), flown.plane)
-    level = agreement.levels(model.noise[flown.plane])
+    level = noise.of_model(model.noise[flown.plane])
     steps = flown.time_s.size // STRIDE + 1
     sd = np.sqrt(np.diag(agreement.rate_covariance(linear, level, DT_S, 0, steps)))
     return np.interp(np.arange(flown.time_s.size), STRIDE * np.arange(steps), sd)
@@ -54,6 +54,6 @@ def innovations(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = 
     belief = believed(model, prior)
     vehicle = belief.vehicle(belief.z)
     (residual,) = fit.residuals(vehicle, [fit.experiment(run)])
-    level = agreement.levels(model.noise[run.plane])
+    level = noise.of_model(model.noise[run.plane])
     by = noise.build(fit.linear_plane(vehicle, run.plane), level, DT_S, len(residual))
     return noise.whitened(residual, by)[int(np.count_nonzero(run.preroll)) // STRIDE :, 0]

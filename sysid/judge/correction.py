@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import VehicleConfig
-from sysid import fit, parameters
+from sysid import fit, noise, parameters
 from sysid.fit import STRIDE, Prior
 from sysid.joint import problem as problems
 from sysid.joint.descent import descend
 from sysid.joint.experiments import among
 from sysid.joint.problem import Problem
-from sysid.judge import agreement, crossover
+from sysid.judge import crossover
 from sysid.judge.records import Correction
 from sysid.loops import GRID_RADPS
 from sysid.model import IdentifiedModel
@@ -62,7 +62,7 @@ def _as_before_any_test(model: IdentifiedModel, prior: VehicleConfig | None) -> 
 def _problem(model: IdentifiedModel, belief: Prior, told: Mapping[Plane, Sequence[Run]]) -> Problem:
     at = problems.vehicle(belief, belief.mean)
     experiments = {plane: tuple(among(at, fit.experiment(run)) for run in runs) for plane, runs in told.items()}
-    levels = {plane: agreement.levels(model.noise[plane]) for plane in told}
+    levels = {plane: noise.of_model(model.noise[plane]) for plane in told}
     return Problem(belief, experiments, problems.filters(at, experiments, levels, STRIDE), levels, STRIDE)
 
 

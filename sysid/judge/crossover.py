@@ -12,7 +12,7 @@ from sysid.judge.records import Crossover
 from sysid.loops import GRID_RADPS, Gains, Lag
 from sysid.parameters import Vehicle
 from sysid.runs import Plane
-from sysid.tables import TABLE_3_INITIAL
+from sysid.tables import CARIBOU_TURN_PER_S2, TABLE_3_INITIAL
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -21,8 +21,6 @@ LOOPS: dict[Plane, tuple[str, str]] = {"yaw": ("rudder", "HDG"), "pitch": ("elev
 """Where a plane's loop is opened, and how the names of its gains begin."""
 STEP = 1e-3
 """Of the central differences, in prior standard deviations."""
-CARIBOU_TURN_PER_S2 = 0.482
-"""Angular acceleration per radian of duct of the vehicle that Table 3's initial gains were made for."""
 
 
 class Believed(NamedTuple):

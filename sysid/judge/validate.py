@@ -108,7 +108,7 @@ def validate(
         unseen = [run for run in held_out if run.plane == plane]
         if seen or unseen:
             level = model.noise.get(plane)
-            sea = _sea(fit.linear_plane(vehicle, plane), agreement.levels(level), [*seen, *unseen]) if level else None
+            sea = _sea(fit.linear_plane(vehicle, plane), noise.of_model(level), [*seen, *unseen]) if level else None
             asked = _Question(model, belief, first, plane, vehicle, sea)
             found[plane] = _plane(asked, seen, unseen, known)
     crossed = {plane: it.crossover.crossover_radps for plane, it in found.items() if it.crossover}
