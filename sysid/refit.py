@@ -17,6 +17,7 @@ from sysid import model as models
 from sysid.ashore import AshoreError as AshoreError
 from sysid.ashore import Reading
 from sysid.fit import Prior, Progress
+from sysid.joint import intervals
 from sysid.judge.judged import judged
 from sysid.linear import report as linear
 from sysid.linear.search import NotUniqueError as NotUniqueError
@@ -118,7 +119,7 @@ def _identify(
         model,
         fit_quality=predict.quality(model, settled.kept, belief.config),
         left_out_moved=moved or (),
-        notes=(*model.notes, *settled.structure),
+        notes=(*model.notes, *settled.structure, *map(str, intervals.wide(settled.found, prior))),
     ), settled
 
 
