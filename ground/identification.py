@@ -97,10 +97,7 @@ def verdict_lines(model: "IdentifiedModel") -> list[str]:
     lines = ["fit for redesign"] if found.fit_for_redesign else ["not fit for redesign:"]
     lines += [f"  {reason}" for reason in found.reasons]
     if found.next_test:
-        t = found.next_test
-        surface = "rudder" if t.plane == "yaw" else "elevator"
-        lines += [f"next test: {t.signal} of {t.magnitude_deg:g} deg on the {surface} for {t.duration_s:g} s"]
-        lines += [f"  for {t.reason}"]
+        lines += [f"next test: {found.next_test}", f"  for {found.next_test.reason}"]
     return lines
 
 

@@ -47,6 +47,7 @@ def of_design(design: "Design") -> dict[str, Any]:
         "gains": dict(design.gains),
         "reasons": dict(design.reasons),
         "specification": {name: _finite(limit) for name, limit in design.spec._asdict().items()},
+        "trust": design.trust and design.trust._asdict(),
         "model_sha256": design.model_sha256,
     }
 
@@ -70,7 +71,13 @@ def in_words(summary: Mapping[str, Any], out: Path) -> str:
 
 def design_in_words(design: "Design", out: Path) -> str:
     """The gains with their reasons."""
-    return "\n".join([f"{out}:", *(f"  {n:10s}{v:9.4g}  {design.reasons[n]}" for n, v in design.gains.items())])
+    lines = [f"{out}:", *(f"  {n:14s}{v:9.4g}  {design.reasons[n]}" for n, v in design.gains.items())]
+    if trust := design.trust:
+        lines.append(
+            f"{100 * trust.specification:.0f} % of {trust.vehicles} vehicles that the model allows for keep the "
+            f"specification, {100 * trust.relaxed:.0f} % the relaxed one"
+        )
+    return "\n".join(lines)
 
 
 def _held_out_lines(errors: Mapping[str, Mapping[str, float]]) -> list[str]:

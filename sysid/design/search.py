@@ -16,6 +16,8 @@ SLACK = 2e-3
 """A limit missed by less than this share of itself counts as met: the optimum lies on its limits."""
 WORST_MISS = 3.0
 """Misses beyond it are all alike: a loop that falls apart has figures without end."""
+RESTARTS, GAIN = 3, 0.005
+"""How often at most, and for what share of the objective at least."""
 STEPS = {"initial_tr_radius": 0.3, "final_tr_radius": 3e-3, "maxfev": 120}
 
 
@@ -39,7 +41,7 @@ def solve(search: Search) -> dict[str, float]:
     """The gains that moved, from the first start that ends within the limits. Raises DesignRefused where none does."""
     ends = []
     for start in search.starts:
-        ends.append(_from(start, search))
+        ends.append(_settled(start, search))
         if _largest(ends[-1].judged.misses) <= SLACK:
             return ends[-1].gains
     nearest = min((end.judged.misses for end in ends), key=_largest)
@@ -50,6 +52,18 @@ def solve(search: Search) -> dict[str, float]:
 class _End(NamedTuple):
     gains: dict[str, float]
     judged: Judged
+
+
+def _settled(start: Mapping[str, float], search: Search) -> _End:
+    """From where a search ended the next one sets out, as long as that brings something: its models grow stale."""
+    end = _from(start, search)
+    for _ in range(RESTARTS):
+        again = _from(end.gains, search)
+        better = _largest(end.judged.misses) > SLACK or again.judged.objective < (1.0 - GAIN) * end.judged.objective
+        if _largest(again.judged.misses) > SLACK or not better:
+            break
+        end = again
+    return end
 
 
 def _from(start: Mapping[str, float], search: Search) -> _End:

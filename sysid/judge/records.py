@@ -150,6 +150,10 @@ class NextTest(Record, frozen=True):
     duration_s: float
     reason: str
 
+    def __str__(self) -> str:
+        surface = "rudder" if self.plane == "yaw" else "elevator"
+        return f"{self.signal} of {self.magnitude_deg:g} deg on the {surface} for {self.duration_s:g} s"
+
 
 class Verdict(Record, frozen=True):
     fit_for_redesign: bool
