@@ -6,6 +6,7 @@ whose gradient is exact and whose square is the information left once the nuisan
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,20 +22,43 @@ Basis = tuple[Array, Array]
 """QR factors of a run's nuisances."""
 
 
+class _Trial(NamedTuple):
+    """All runs under one set of values."""
+
+    plant: Plant
+    by: Discrete
+    bases: dict[int, Basis]
+    misses: list[tuple[Array, Array]]
+    """Of each run its residual beyond the nuisances, and these."""
+
+
+def _try(plant: Plant, records: Sequence[Record], sds: Array) -> _Trial:
+    by = response.discretise(plant)
+    bases = _bases(by, records, sds)
+    return _Trial(plant, by, bases, [_missed(plant, by, record, sds, bases) for record in records])
+
+
 def objective(frame: Frame, records: Sequence[Record], sds: Array) -> Objective:
     """Projected residuals in units of the outputs' standard deviations ``sds``."""
 
+    last: dict[bytes, _Trial] = {}
+
+    def tried(values: Array) -> _Trial:
+        """Residuals and slopes are asked for at the same values, one after the other."""
+        key = values.tobytes()
+        if key not in last:
+            last.clear()
+            last[key] = _try(Plant(frame, values), records, sds)
+        return last[key]
+
     def residuals(values: Array) -> Array:
-        plant = Plant(frame, values)
-        by = response.discretise(plant)
-        bases = _bases(by, records, sds)
-        return np.concatenate([_missed(plant, by, record, sds, bases)[0] for record in records])
+        return np.concatenate([missed for missed, _ in tried(values).misses])
 
     def jacobian(values: Array) -> Array:
-        plant = Plant(frame, values)
-        by = response.discretise(plant)
-        bases = _bases(by, records, sds)
-        return np.concatenate([_slopes(plant, by, record, sds, bases) for record in records])
+        trial = tried(values)
+        return np.concatenate(
+            [_slopes(trial, record, start, sds) for record, (_, start) in zip(records, trial.misses, strict=True)]
+        )
 
     return Objective(residuals, jacobian)
 
@@ -67,8 +91,8 @@ def _missed(plant: Plant, by: Discrete, record: Record, sds: Array, bases: dict[
     return error - Q @ known, np.asarray(np.linalg.solve(R, known))
 
 
-def _slopes(plant: Plant, by: Discrete, record: Record, sds: Array, bases: dict[int, Basis]) -> Array:
-    start = _missed(plant, by, record, sds, bases)[1][:-1]
-    slopes = -(response.slopes(plant, by, record.command, start, sds.size) / sds).reshape(plant.values.size, -1)
-    Q = bases[len(record.measured)][0]
+def _slopes(trial: _Trial, record: Record, start: Array, sds: Array) -> Array:
+    found = response.slopes(trial.plant, trial.by, record.command, start[:-1], sds.size) / sds
+    slopes: Array = -found.reshape(len(found), -1)
+    Q = trial.bases[len(record.measured)][0]
     return np.asarray((slopes - (slopes @ Q) @ Q.T).T)

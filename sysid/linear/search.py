@@ -15,6 +15,8 @@ from sysid.linear.records import Belief
 Array = NDArray[np.float64]
 
 STARTS = 8
+FINE = 1e-7
+"""Relative cost change that ends a search: a thousandth of a standard deviation in a fit of some thousand samples."""
 COARSE = 1e-4
 """Relative cost change that ends a search whose end is only compared."""
 SINGULAR = 1e-10
@@ -33,7 +35,7 @@ class Found(NamedTuple):
     evaluations: int
 
 
-def search(objective: Objective, belief: Belief, start: Array, ftol: float = 1e-8, most: int = 60) -> Found:
+def search(objective: Objective, belief: Belief, start: Array, ftol: float = FINE, most: int = 60) -> Found:
     """Least squares from ``start`` within the belief's bounds (trust region reflective, Branch et al. 1999)."""
     scale, inside = belief.spread, 1e-6 * (belief.highest - belief.lowest)
     found = least_squares(
@@ -42,7 +44,7 @@ def search(objective: Objective, belief: Belief, start: Array, ftol: float = 1e-
         jac=lambda u: objective.jacobian(scale * u) * scale,
         bounds=(belief.lowest / scale, belief.highest / scale),
         ftol=ftol,
-        xtol=1e-8,
+        xtol=1e-6,
         max_nfev=most,
     )
     return Found(scale * found.x, float(found.cost), int(found.nfev))
