@@ -104,16 +104,21 @@ def steer(
     if roll_rad:
         rate = rate * math.cos(roll_rad) + estimate.q_radps * math.sin(roll_rad)
     error, course = wrap_pi(setpoint.heading_rad - estimate.heading_rad), None
+    gains, travel = config.heading_gains, config.travel_rad
+    if config.schedule_mps:
+        gains = scheduled(gains, estimate.speed_mps / config.schedule_mps)
     if bandwidth := config.heading_way_radps:
         start = memory.course or Way(estimate.heading_rad, estimate.r_radps)
         to_go = wrap_pi(setpoint.heading_rad - start.at)
         course = shaping.approach(to_go, start, bandwidth, config.turn_most_radps, dt_s)
         error, rate = wrap_pi(course.at - estimate.heading_rad), rate - course.rate
-    gains, travel = config.heading_gains, config.travel_rad
-    if course is not None and abs(course.rate) > UNDER_WAY_RADPS:
-        gains = gains._replace(i=0.0)
-    if config.schedule_mps:
-        gains = scheduled(gains, estimate.speed_mps / config.schedule_mps)
+        if abs(course.rate) > UNDER_WAY_RADPS:
+            gains = gains._replace(i=0.0)
+    elif config.heading_weight < 1.0:
+        start = memory.course or Way(estimate.heading_rad)
+        to_go = wrap_pi(setpoint.heading_rad - start.at)
+        error = wrap_pi(start.at - estimate.heading_rad) + config.heading_weight * to_go
+        course = shaping.follow(to_go, start, gains, dt_s)
     rudder, integral = pid(error, rate, gains, memory.heading_rad, dt_s, -travel - trim_rad, travel - trim_rad)
     return Steered(rudder + trim_rad, integral, course)
 
@@ -142,16 +147,20 @@ def depth_loop(
 ) -> tuple[float, float, Way | None]:
     """Depth error to pitch: too shallow asks for nose down, hence the minus. (pitch, integral, way)."""
     limit, rate, descent = config.pitch_limit_rad, estimate.depth_rate_mps, None
-    error, ahead = setpoint.depth_m - estimate.depth_m, 0.0
+    error, ahead, gains = setpoint.depth_m - estimate.depth_m, 0.0, config.depth_gains
     if bandwidth := config.depth_way_radps:
         start = memory.descent or Way(estimate.depth_m, rate)
         descent = shaping.approach(setpoint.depth_m - start.at, start, bandwidth, config.depth_way_mps, dt_s)
         error, rate = descent.at - estimate.depth_m, rate - descent.rate
         # depth' = -U sin(theta): the pitch that the way itself takes.
         ahead = descent.rate / max(estimate.speed_mps, LEAST_SPEED_MPS)
-    gains = config.depth_gains
-    if descent is not None and abs(descent.rate) > UNDER_WAY_MPS:
-        gains = gains._replace(i=0.0)
+        if abs(descent.rate) > UNDER_WAY_MPS:
+            gains = gains._replace(i=0.0)
+    elif config.depth_weight < 1.0:
+        start = memory.descent or Way(estimate.depth_m)
+        to_go = setpoint.depth_m - start.at
+        error = start.at - estimate.depth_m + config.depth_weight * to_go
+        descent = shaping.follow(to_go, start, gains, dt_s)
     nose_down, integral = pid(error, rate, gains, memory.depth_rad, dt_s, -limit - ahead, limit - ahead)
     return -nose_down - ahead, integral, descent
 

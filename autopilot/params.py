@@ -56,6 +56,12 @@ class Config:
     depth_way_mps: Annotated[
         float, Doc("DPT_REF_RATE", 0.01, 5, "m/s", "Rate of change of the depth's reference model")
     ] = 0.3
+    heading_weight: Annotated[
+        float, Doc("HDG_SPW", 0, 1, "", "Weight of a new heading in HDG_P, without a reference model; 1 off")
+    ] = 1.0
+    depth_weight: Annotated[
+        float, Doc("DPT_SPW", 0, 1, "", "Weight of a new depth in DPT_P, without a reference model; 1 off")
+    ] = 1.0
     schedule_mps: Annotated[
         float, Doc("GAIN_SPD_MPS", 0, 5, "m/s", "Speed at which the gains hold; 0: at any speed")
     ] = 0.0

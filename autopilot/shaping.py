@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+from autopilot.pid import Gains
+
 LEAD_DAMPING = 0.7
 """Of the lag that the tailcone is to seem to have."""
 
@@ -31,6 +33,16 @@ def approach(to_go: float, way: Way, bandwidth_radps: float, fastest: float, dt_
     w = bandwidth_radps
     rate = min(fastest, max(-fastest, way.rate + (w * w * to_go - 2.0 * w * way.rate) * dt_s))
     return Way(way.at + rate * dt_s, rate)
+
+
+def follow(to_go: float, way: Way, gains: Gains, dt_s: float) -> Way:
+    """The next point of what set-point weighting follows, ``to_go`` from ``way.at`` to the set-point.
+
+    P (b r - y) + I integral(r - y), with b the weight, is the plain law on the set-point b r + (1 - b) x, where x goes
+    to r at I/P (Astrom and Hagglund 2006, section 3.4). The form with x needs no turn of heading to be counted.
+    """
+    share = gains.i * dt_s / gains.p if gains.p else 1.0
+    return Way(way.at + min(1.0, share) * to_go)
 
 
 def lead(wanted_rad: float, way: Way | None, servo: Servo, dt_s: float) -> tuple[float, Way]:

@@ -12,6 +12,7 @@ from autopilot.pid import Gains
 from autopilot.targets import Setpoint
 from autopilot.types import Estimate, Event, LoopMemory, Trim
 from autopilot.vehicle import Vehicle
+from link.frames import wrap_pi
 from tests.autopilot.flights import under_way
 
 angle = st.floats(-0.5, 0.5)
@@ -69,6 +70,26 @@ def test_a_change_of_depth_on_a_way_is_no_faster_than_it_may() -> None:
         fastest[w] = max((b - a) / 0.5 for a, b in zip(depths[::25], depths[25::25], strict=False))
         assert depths[-1] == pytest.approx(9.0, abs=0.1)
     assert fastest[0.3] < 0.26 < fastest[0.0]
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.4, 0.9])
+def test_set_point_weighting_is_the_textbook_law(weight: float) -> None:
+    """P (b r - y) + I integral(r - y), for heading past south and for depth."""
+    config = Config(
+        heading_weight=weight, depth_weight=weight, heading_i=0.05, heading_i_max=0.26, heading_i_rate_degps=90.0,
+        depth_i=0.02, depth_i_max=0.5, heading_p=0.2, heading_d=0.0, depth_p=0.05, pitch_limit_deg=60.0,
+    )  # fmt: skip
+    memory, rudder_i, nose_down_i = LoopMemory(), 0.0, 0.0
+    for tick in range(300):
+        heading, depth = 0.4 * math.sin(0.02 * tick), 0.1 * math.sin(0.05 * tick)
+        turn, sink = (0.3, 2.0) if tick > 10 else (0.0, 0.0)
+        estimate = Estimate(heading_rad=wrap_pi(3.0 + heading), depth_m=depth)
+        asked = Setpoint(heading_rad=wrap_pi(3.0 + turn), depth_m=sink)
+        wanted, memory = loops.close(estimate, asked, memory, config, 0.02, heading=True, depth=True)
+        assert wanted.rudder_rad == pytest.approx(0.2 * (weight * turn - heading) + rudder_i, abs=1e-9)
+        assert -wanted.pitch_setpoint_rad == pytest.approx(0.05 * (weight * sink - depth) + nose_down_i, abs=1e-9)
+        rudder_i += 0.05 * (turn - heading) * 0.02
+        nose_down_i += 0.02 * (sink - depth) * 0.02
 
 
 def test_trims_are_learned_in_steady_flight_and_kept() -> None:
