@@ -126,23 +126,37 @@ def respond(vehicle: Plant, gains: Gains) -> Response:
 
 def heading_rms(vehicle: Plant, gains: Gains) -> tuple[float, float]:
     """(heading, rudder wanted), rad."""
-    s, density = 1j * GRID_RADPS, spectrum(vehicle.sea["yaw"])
+    density = spectrum(vehicle.sea["yaw"])
+    heading, rudder = heading_answers(vehicle, gains)
+    return _rms(heading, density), _rms(rudder, density)
+
+
+def heading_answers(vehicle: Plant, gains: Gains) -> tuple[ComplexArray, ComplexArray]:
+    """(heading, rudder wanted) in closed loop to a unit of disturbing angular acceleration."""
+    s = 1j * GRID_RADPS
     sensitivity = 1.0 / (1.0 + loops.heading_loops(vehicle.yaw, gains)["rudder"])
     r, psi = vehicle.yaw.moment[:, 1], vehicle.yaw.moment[:, 2]
     rudder = gains["HDG_D"] * r + (gains["HDG_P"] + gains["HDG_I"] / s) * psi
-    return _rms(psi * sensitivity, density), _rms(rudder * sensitivity, density)
+    return psi * sensitivity, rudder * sensitivity
 
 
 def depth_rms(vehicle: Plant, gains: Gains) -> tuple[float, float, float]:
     """(pitch, depth, elevator wanted), rad, m, rad."""
-    s, density = 1j * GRID_RADPS, spectrum(vehicle.sea["pitch"])
+    density = spectrum(vehicle.sea["pitch"])
+    pitch, depth, elevator = depth_answers(vehicle, gains)
+    return _rms(pitch, density), _rms(depth, density), _rms(elevator, density)
+
+
+def depth_answers(vehicle: Plant, gains: Gains) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """(pitch, depth, elevator wanted) in closed loop to a unit of disturbing angular acceleration."""
+    s = 1j * GRID_RADPS
     sensitivity = 1.0 / (1.0 + loops.depth_loops(vehicle.pitch, gains)["elevator"])
     q, theta = vehicle.pitch.moment[:, 1], vehicle.pitch.moment[:, 2]
     forward = gains["PTCH_P"] + gains["PTCH_I"] / s
     elevator = gains["PTCH_D"] * q + forward * (theta - loops.depth_law(vehicle.pitch.moment, gains))
     # Every state answers to the moment and to the elevator's reply to it.
     reply = vehicle.pitch.moment - loops.led(vehicle.pitch, gains).command * (elevator * sensitivity)[:, None]
-    return _rms(reply[:, 2], density), _rms(reply[:, 3], density), _rms(elevator * sensitivity, density)
+    return reply[:, 2], reply[:, 3], elevator * sensitivity
 
 
 def command_noise_rad(vehicle: Plant, plane: Plane, gains: Gains) -> float:
