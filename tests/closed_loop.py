@@ -11,11 +11,14 @@ from autopilot.types import Event, Inputs, Trace
 from link.frames import euler_from_quaternion
 from link.missions import MissionItem
 from sitl import plant, scenario
+from sitl.scenario import Scenario
 from sitl.vehicle import config as vehicles
+from sitl.vehicle.config import VehicleConfig
 
 COLUMNS = (
     "t_s", "true_roll", "true_pitch", "true_heading", "true_depth_m", "heading", "pitch", "roll", "depth_m",
-    "rudder", "elevator", "true_rudder", "surge_mps", "north_m", "east_m",
+    "rudder", "elevator", "true_rudder", "surge_mps", "north_m", "east_m", "p_radps", "q_radps", "r_radps",
+    "depth_rate_mps", "thrust", "surface_m",
 )  # fmt: skip
 
 
@@ -23,15 +26,19 @@ class Dive:
     """One mission from arming to disarming; the history as columns by name."""
 
     def __init__(
-        self, items: tuple[MissionItem, ...], *, vehicle: str = "field", sea: str = "calm", seed: int = 1,
-        values: Mapping[str, float] | None = None, limit_s: float = 900.0,
+        self, items: tuple[MissionItem, ...], *, vehicle: str | VehicleConfig = "field", sea: str | Scenario = "calm",
+        seed: int = 1, values: Mapping[str, float] | None = None, limit_s: float = 900.0,
     ) -> None:  # fmt: skip
         self.config = params.config(values or {})
-        self._plant = plant.build(vehicles.load(vehicle), scenario.load(sea))
+        self._plant = plant.build(
+            vehicles.load(vehicle) if isinstance(vehicle, str) else vehicle,
+            scenario.load(sea) if isinstance(sea, str) else sea,
+        )
         self._rng = plant.random_streams(seed)
         self.body, reading = plant.launch(self._plant, self._rng)
         self.state = core.start()
-        self.events: list[Any] = []
+        self.told: list[tuple[float, str]] = []
+        """When (s) she said what."""
         self._rows: list[tuple[float, ...]] = []
         frame = self._tick(reading)
         for wish in (requests.LoadMission(items), requests.SetMode(modes.MISSION.number), requests.Arm()):
@@ -49,13 +56,13 @@ class Dive:
         return (self["t_s"] >= start_s) & (self["t_s"] < end_s)
 
     def texts(self) -> list[str]:
-        return [event.text for event in self.events if isinstance(event, Event)]
+        return [text for _, text in self.told]
 
     def _tick(self, reading: Any) -> Any:
         devices = reading.dvl, reading.battery, reading.leak, reading.duct
         inputs = Inputs(reading.frame, reading.gps, reading.altimeter, None, None, *devices)
         self.state, frame, trace, said = core.tick(self.state, inputs, self.config)
-        self.events += said
+        self.told += [(self.state.time_us / 1e6, event.text) for event in said if isinstance(event, Event)]
         self._keep(trace)
         return frame
 
@@ -66,5 +73,6 @@ class Dive:
                 self.state.time_us / 1e6, *euler_from_quaternion(*truth.attitude_q), truth.position_ned_m[2],
                 seen.heading_rad, seen.pitch_rad, seen.roll_rad, seen.depth_m, trace.rudder_rad, trace.elevator_rad,
                 truth.rudder_rad, float(self.body.body[7]), truth.position_ned_m[0], truth.position_ned_m[1],
+                seen.p_radps, seen.q_radps, seen.r_radps, seen.depth_rate_mps, trace.thrust, truth.surface_m,
             )
         )  # fmt: skip

@@ -6,20 +6,13 @@ Each figure is printed beside its target; a missed one is marked, and makes the 
 """
 
 import argparse
-import json
-import math
 import os
 import sys
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
-from benchmarks.identification import study, vehicles
+from benchmarks import study
+from benchmarks.identification import vehicles
 from benchmarks.identification.cells import CELLS
-from benchmarks.identification.study import Figure, Outcome
-
-COLUMNS = ("cell", "vehicle", "figure", "value", "target", "")
 
 
 def main() -> None:
@@ -29,9 +22,9 @@ def main() -> None:
     for cell in [CELLS[name] for name in asked.cell or CELLS]:
         for vehicle in names:
             outcomes.append(study.run(cell, vehicle, asked.runs or cell.runs, asked.seed, asked.jobs))
-            _show(outcomes[-1])
+            study.show(outcomes[-1])
             if asked.out:
-                asked.out.write_text(_text(outcomes, asked.seed), encoding="utf-8")
+                asked.out.write_text(study.as_json(outcomes, asked.seed), encoding="utf-8")
     sys.exit(0 if all(figure.met for outcome in outcomes for figure in outcome.figures) else 1)
 
 
@@ -44,31 +37,6 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, help="JSON of all figures")
     return parser.parse_args()
-
-
-def _show(outcome: Outcome) -> None:
-    table = Table(*COLUMNS, box=None, show_header=False, padding=(0, 2, 0, 0))
-    for figure in outcome.figures:
-        mark = "" if not _target(figure) else "met" if figure.met else "MISSED"
-        value = f"{figure.value:.4g} {figure.unit}".strip()
-        table.add_row(outcome.cell, f"{outcome.vehicle} x {outcome.runs}", figure.name, value, _target(figure), mark)
-    Console(width=160).print(table)
-
-
-def _target(figure: Figure) -> str:
-    if math.isinf(figure.lowest):
-        return "" if math.isinf(figure.highest) else f"<= {figure.highest:g}"
-    return f">= {figure.lowest:g}" if math.isinf(figure.highest) else f"{figure.lowest:g} to {figure.highest:g}"
-
-
-def _text(outcomes: list[Outcome], seed: int) -> str:
-    rows = [
-        {"cell": o.cell, "vehicle": o.vehicle, "runs": o.runs, "seed": seed, "figure": f.name, "value": f.value,
-         "unit": f.unit, "target": _target(f), "met": f.met}
-        for o in outcomes
-        for f in o.figures
-    ]  # fmt: skip
-    return json.dumps(rows, indent=1) + "\n"
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from benchmarks.identification.judging import JUDGING
 from benchmarks.identification.linear_time import TIME as LINEAR_TIME
 from benchmarks.identification.online import ONLINE
 from benchmarks.identification.prediction import PREDICTION
-from benchmarks.identification.study import Cell
+from benchmarks.study import Cell
 
 CELLS: dict[str, Cell] = {
     cell.name: cell

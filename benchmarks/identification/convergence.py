@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from benchmarks.identification import linear_truth
 from benchmarks.identification.linear_truth import PLANES, Campaign
-from benchmarks.identification.study import Cell, Figure
+from benchmarks.study import Cell, Figure
 from sysid.linear import estimate
 from sysid.linear.estimate import Estimate, Method
 from sysid.linear.plant import NUMBERS

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmarks.identification import baseline, linear_truth
 from benchmarks.identification.linear_truth import PLANES, Campaign, Draw
-from benchmarks.identification.study import Cell, Figure
+from benchmarks.study import Cell, Figure
 from sysid.linear import bound, estimate
 from sysid.linear import plant as plants
 from sysid.linear.estimate import Method

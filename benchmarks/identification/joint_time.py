@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.identification import prediction, vehicles
-from benchmarks.identification.study import Cell, Figure
+from benchmarks.study import Cell, Figure
 from sysid import fit, refit
 from sysid.runs import Run
 from tests.sysid import sea

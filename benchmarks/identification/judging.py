@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.identification import crossover, prediction, vehicles
-from benchmarks.identification.study import Cell, Figure
 from benchmarks.identification.vehicles import Case
+from benchmarks.study import Cell, Figure
 from sysid import assemble, predict
 from sysid.judge.judged import judged
 from sysid.model import IdentifiedModel

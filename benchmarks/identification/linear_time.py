@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from benchmarks.identification import baseline, linear_truth
 from benchmarks.identification.linear_truth import Campaign
-from benchmarks.identification.study import Cell, Figure
+from benchmarks.study import Cell, Figure
 from sysid.linear import estimate
 from sysid.linear.response import Command
 from sysid.runs import RATE_HZ

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.identification import crossover, vehicles
-from benchmarks.identification.study import Cell, Figure
 from benchmarks.identification.vehicles import Case
+from benchmarks.study import Cell, Figure
 from sysid import assemble, fit, parameters, planes, predict, refit
 from sysid.fit import Fit, Prior
 from sysid.parameters import NAMES, Vehicle

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.identification import vehicles
-from benchmarks.identification.study import Cell, Figure
 from benchmarks.identification.vehicles import Case
+from benchmarks.study import Cell, Figure
 from sitl.vehicle import calibrate
 from sysid import fit, parameters
 from sysid.fit import Fit, Prior

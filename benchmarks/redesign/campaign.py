@@ -1,0 +1,98 @@
+"""From nothing to gains: what `ground campaign` flies, fits and designs, without processes and sockets.
+
+The dives are the shipped missions, flown by the autopilot's own tick through the simulator's own step; what she tells
+of them is read, screened, fitted and judged as a log is.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ground import script
+from ground.campaign import FITTED, HELD_OUT, TRIM_MISSION, TRIM_WINDOW_S, dive_seed
+from sitl.vehicle import config
+from sysid import assemble, design, fit, refit, runs
+from sysid.design import Design
+from sysid.judge.judged import judged
+from sysid.log import Actuators, Attitude, Depth, Duct, Event, Log, Setpoints
+from sysid.model import IdentifiedModel
+from sysid.runs import Run
+from sysid.screen import screen
+from sysid.screen.rounds import settle
+from sysid.tables import TABLE_3_IMPROVED, TABLE_3_INITIAL
+from tests.closed_loop import Dive
+
+VEHICLE, PRIOR, SEA = "field", "bench", "disturbed"
+LONGEST_S = 3600.0
+GAIN_SETS = ("initial", "paper", "ours")
+Values = dict[str, float]
+"""Parameters by name."""
+
+
+class Campaign(NamedTuple):
+    """One campaign's model, and the trims that were measured first."""
+
+    model: IdentifiedModel
+    trims: Values
+
+
+def fly(seed: int) -> Campaign:
+    """Measure the trims, fly the tests with the initial gains, fit and judge."""
+    trims = measured_trims(seed)
+    values = {**TABLE_3_INITIAL, **trims}
+    fitted, held_out = (_kept(missions, seed, values) for missions in (FITTED, HELD_OUT))
+    prior_file = config.load(PRIOR)
+    prior = refit.prior_of(fitted, prior_file)
+    settled = settle(fitted, prior, lambda chosen: fit.fit(chosen, prior))
+    model = assemble.from_fit(settled.found, prior, PRIOR)
+    return Campaign(judged(model, settled.kept, held_out, TABLE_3_INITIAL, prior_file), trims)
+
+
+def measured_trims(seed: int) -> Values:
+    """Rudder and elevator at the end of the trim mission, on average."""
+    dive = flown(TRIM_MISSION, seed, TABLE_3_INITIAL)
+    end_s = next(time_s for time_s, text in dive.told if text == "Mode SURFACE")
+    window = dive.during(end_s - TRIM_WINDOW_S, end_s)
+    rudder_deg, elevator_deg = (float(np.degrees(dive[name][window].mean())) for name in ("rudder", "elevator"))
+    return {"TRIM_RUD_DEG": round(rudder_deg, 3), "TRIM_ELE_DEG": round(elevator_deg, 3)}
+
+
+def flown(mission: str, seed: int, values: Values) -> Dive:
+    """A shipped mission in the sea that the campaign of ``seed`` has for it."""
+    items = script.compile_items(script.load(mission))
+    return Dive(items, vehicle=VEHICLE, sea=SEA, seed=dive_seed(seed, mission), values=values, limit_s=LONGEST_S)
+
+
+def _kept(missions: Sequence[str], seed: int, values: Values) -> list[Run]:
+    """The tests of the missions that pass screening."""
+    logs = [log(flown(mission, seed, values), mission, values) for mission in missions]
+    return [each.run for each in screen([run for log in logs for run in runs.cut(log)]) if each.kept]
+
+
+def log(dive: Dive, name: str, values: Values) -> Log:
+    """What a dive's telemetry tells, at the rate of the tick."""
+    t, nothing = dive["t_s"], np.empty(0)
+    angles = dive["roll"], dive["pitch"], np.unwrap(dive["heading"])
+    return Log(
+        name=name,
+        sha256="",
+        attitude=Attitude(t, *angles, dive["p_radps"], dive["q_radps"], dive["r_radps"]),
+        actuators=Actuators(t, dive["rudder"], dive["elevator"], dive["thrust"]),
+        depth=Depth(t, dive["depth_m"], dive["depth_rate_mps"]),
+        setpoints=Setpoints(nothing, nothing, nothing, nothing, nothing),
+        events=tuple(Event(time_s, 6, text) for time_s, text in dive.told),
+        parameters=dict(values),
+        duct=Duct(nothing, nothing, nothing),
+    )
+
+
+def redesigned(flown: Campaign) -> Design:
+    """Raises DesignRefused."""
+    return design.redesign(flown.model)
+
+
+def gain_sets(trims: Values, ours: Values) -> dict[str, Values]:
+    """The gains that are compared, with the same trims: Table 3's two columns, and what was designed."""
+    paper = TABLE_3_INITIAL, TABLE_3_IMPROVED
+    return {name: {**gains, **trims} for name, gains in zip(GAIN_SETS, (*paper, ours), strict=True)}

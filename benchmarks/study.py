@@ -1,0 +1,90 @@
+"""Runs cells: the same trial under many seeds, side by side on all cores, and each figure beside its target."""
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+Array = NDArray[np.float64]
+Trial = Callable[[str, int], Sequence[float]]
+"""(case, seed) -> what one run gave, as many numbers every time; NaN where it gave none."""
+
+
+class Figure(NamedTuple):
+    """One number of a study."""
+
+    name: str
+    value: float
+    lowest: float = -math.inf
+    highest: float = math.inf
+    """The target: within these."""
+    unit: str = ""
+
+    @property
+    def met(self) -> bool:
+        return self.lowest <= self.value <= self.highest
+
+    @property
+    def target(self) -> str:
+        """In words; empty where there is none."""
+        if math.isinf(self.lowest):
+            return "" if math.isinf(self.highest) else f"<= {self.highest:g}"
+        return f">= {self.lowest:g}" if math.isinf(self.highest) else f"{self.lowest:g} to {self.highest:g}"
+
+
+class Cell(NamedTuple):
+    """One question."""
+
+    name: str
+    about: str
+    trial: Trial
+    judge: Callable[[str, Array], Sequence[Figure]]
+    """Figures of a case from (runs, numbers of a trial)."""
+    runs: int = 200
+
+
+class Outcome(NamedTuple):
+    cell: str
+    case: str
+    """What the cell was asked of: a vehicle, a sea."""
+    runs: int
+    figures: tuple[Figure, ...]
+
+
+def run(cell: Cell, case: str, runs: int, first_seed: int, jobs: int) -> Outcome:
+    """One cell for one case. Seeds are ``first_seed`` and the ones after it."""
+    seeds = range(first_seed, first_seed + runs)
+    with ProcessPoolExecutor(jobs, mp_context=get_context("forkserver")) as pool:
+        trials = pool.map(cell.trial, [case] * runs, seeds, chunksize=max(1, runs // (8 * jobs)))
+        what = f"{cell.name}, {case}"
+        rows = list(track(trials, what, total=runs, console=Console(stderr=True), transient=True))
+    return Outcome(cell.name, case, runs, tuple(cell.judge(case, np.array(rows, dtype=np.float64))))
+
+
+def show(outcome: Outcome) -> None:
+    """Print every figure beside its target."""
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    for figure in outcome.figures:
+        mark = "" if not figure.target else "met" if figure.met else "MISSED"
+        value = f"{figure.value:.4g} {figure.unit}".strip()
+        table.add_row(outcome.cell, f"{outcome.case} x {outcome.runs}", figure.name, value, figure.target, mark)
+    Console(width=160).print(table)
+
+
+def as_json(outcomes: Sequence[Outcome], seed: int) -> str:
+    """All figures, a row each."""
+    rows = [
+        {"cell": o.cell, "case": o.case, "runs": o.runs, "seed": seed, "figure": f.name, "value": f.value,
+         "unit": f.unit, "target": f.target, "met": f.met}
+        for o in outcomes
+        for f in o.figures
+    ]  # fmt: skip
+    return json.dumps(rows, indent=1) + "\n"
