@@ -5,9 +5,8 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from rich.console import Console, Group
+from rich.console import Console
 from rich.live import Live
-from rich.panel import Panel
 
 from ground.console import give
 from ground.errors import FailedError
@@ -96,8 +95,7 @@ def _live(ears: Ears, console: Console, stopped: _Stopped, follower: "Estimating
             ears.listen(REFRESH_S)
             if wall_s() - drawn_s > REFRESH_S:
                 drawn_s = wall_s()
-                picture = view.draw(ears, drawn_s)
                 if follower is not None:
                     follower.look()
-                    picture = Group(picture, Panel(follower.picture(), title="tests", border_style="blue"))
-                live.update(picture, refresh=True)
+                told = follower.picture() if follower is not None else None
+                live.update(view.draw(ears, drawn_s, told), refresh=True)

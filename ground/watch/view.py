@@ -17,8 +17,8 @@ WARNING = 4
 STALE, ALARM, LABEL = "bright_black", "bold red", "cyan"
 
 
-def draw(ears: Ears, now_s: float) -> RenderableType:
-    """The whole view."""
+def draw(ears: Ears, now_s: float, tests: RenderableType | None = None) -> RenderableType:
+    """The whole view; what ``tests`` tell comes first, as a low terminal cuts off what comes last."""
     if ears.party is None:
         return Panel(_nothing(ears, now_s), title=ears.address, border_style="yellow")
     every = rows(ears, now_s)
@@ -30,7 +30,8 @@ def draw(ears: Ears, now_s: float) -> RenderableType:
     below.add_column(ratio=1)
     below.add_column(ratio=1)
     below.add_row(_section("mission", every), Panel(_link(ears, now_s), title="link", border_style="blue"))
-    return Group(_headline(ears, now_s), sides, below, Panel(_texts(ears.texts, now_s), title="texts"))
+    told = [] if tests is None else [Panel(tests, title="tests", border_style="blue")]
+    return Group(_headline(ears, now_s), *told, sides, below, Panel(_texts(ears.texts, now_s), title="texts"))
 
 
 def _nothing(ears: Ears, now_s: float) -> Text:
