@@ -83,10 +83,12 @@ def allowed(model: IdentifiedModel, count: int, prior: VehicleConfig | None = No
     draws = np.random.default_rng(SEED).standard_normal((count, len(covariance)))
     for draw in draws:
         with contextlib.suppress(VehicleError):
-            yield _of_vehicle(predict.moved(model, np.array(model.joint.z) + spread @ draw, prior), _sea(model))
+            yield of_vehicle(predict.moved(model, np.array(model.joint.z) + spread @ draw, prior), _sea(model))
 
 
-def _of_vehicle(vehicle: Vehicle, sea: Mapping[Plane, NoiseModel]) -> Plant:
+def of_vehicle(vehicle: Vehicle, sea: Mapping[Plane, NoiseModel]) -> Plant:
+    """Any vehicle of which everything is known."""
+
     def lag(plane: Plane) -> Lag:
         tail = vehicle.actuators[plane]
         return Lag(tail.delay_s + loops.SAMPLING_S, tail.natural_frequency_radps, tail.damping_ratio)
