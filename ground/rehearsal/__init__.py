@@ -1,0 +1,1 @@
+"""``ground rehearse``: a mission flown beforehand by the vehicles that a model allows for."""

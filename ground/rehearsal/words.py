@@ -1,0 +1,115 @@
+"""A rehearsal as tables for people and as plain numbers."""
+
+import math
+import sys
+from collections.abc import Sequence
+from io import StringIO
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from sysid.rehearsal.study import LegTold, Range, Told
+
+WIDTH = 130
+
+
+def as_json(told: "Sequence[Told]", mission: str, seed: int) -> dict[str, Any]:
+    """Everything that is told, each number with its unit in its name; null for what no vehicle showed."""
+    return {"mission": mission, "seed": seed, "rehearsed": [_one(one) for one in told]}
+
+
+def _one(told: "Told") -> dict[str, Any]:
+    return {
+        "gains": told.gains,
+        "sea_times": told.sea.times,
+        "current_mps": told.sea.current_mps,
+        "bias_shift_deg": round(math.degrees(told.sea.bias_shift_rad), 9),
+        "vehicles": told.vehicles,
+        **{name: _range(getattr(told, name)) for name in (
+            "heading_deg", "pitch_deg", "depth_m", "rudder_deg", "elevator_deg", "stopped_pct", "shallowest_m"
+        )},
+        "legs": [{**leg._asdict(), "settled_s": _range(leg.settled_s)} for leg in told.legs],
+        "broached": told.broached,
+        "diverged": told.diverged,
+        "failsafes": told.failsafes,
+        "vehicle_s": round(told.vehicle_s, 3),
+    }  # fmt: skip
+
+
+def _range(found: "Range | None") -> dict[str, float] | None:
+    return found and found._asdict()
+
+
+def in_words(told: "Sequence[Told]", mission: str) -> str:
+    """Two tables: how steady, and how soon."""
+    from rich.console import Console
+
+    page = StringIO()
+    console = Console(width=WIDTH, file=page, force_terminal=sys.stdout.isatty(), highlight=False)
+    console.print(
+        _title(told[0], mission), _steady(told), "[bold]seconds until each leg had settled", _legs(told), sep="\n"
+    )
+    return "\n".join(line.rstrip() for line in page.getvalue().splitlines() if line.strip())
+
+
+def _title(told: "Told", mission: str) -> str:
+    drift = f", in a current of {told.sea.current_mps:g} m/s" if told.sea.current_mps else ""
+    bent = f", rudder bent by {math.degrees(told.sea.bias_shift_rad):g} deg" if told.sea.bias_shift_rad else ""
+    return f"[bold]{mission}, by {told.vehicles} vehicles that the model allows for{drift}{bent}"
+
+
+def _steady(told: "Sequence[Told]") -> "Table":
+    """95 % of the errors once settled, and what else is worth knowing: median and worst vehicle."""
+    table = _table(
+        "gains", "sea", "vehicle", "heading deg", "pitch deg", "depth cm", "rudder deg", "elevator deg", "at stops %",
+        "shallowest m", "failed",
+    )  # fmt: skip
+    for one in told:
+        table.add_row(one.gains, f"x{one.sea.times:g}", "median", *_figures(one, "median"), failures(one) or "none")
+        table.add_row("", "", "worst", *_figures(one, "worst"), "")
+    return table
+
+
+def _figures(told: "Told", which: str) -> list[str]:
+    return [
+        f"{times * getattr(found, which):.{digits}f}" if found else "-"
+        for found, digits, times in (
+            (told.heading_deg, 2, 1.0), (told.pitch_deg, 2, 1.0), (told.depth_m, 1, 100.0), (told.rudder_deg, 1, 1.0),
+            (told.elevator_deg, 1, 1.0), (told.stopped_pct, 1, 1.0), (told.shallowest_m, 2, 1.0),
+        )
+    ]  # fmt: skip
+
+
+def _legs(told: "Sequence[Told]") -> "Table":
+    longest = max((one.legs for one in told), key=len)
+    table = _table("gains", "sea", *(f"{leg.depth_m:g} m, {leg.heading_deg:.0f} deg" for leg in longest))
+    for one in told:
+        table.add_row(one.gains, f"x{one.sea.times:g}", *(_settled(leg, one.vehicles) for leg in one.legs))
+    return table
+
+
+def _settled(leg: "LegTold", vehicles: int) -> str:
+    """Median and worst of those that did, and how many did not."""
+    if leg.settled_s is None:
+        return f"{vehicles} did not"
+    words = f"{leg.settled_s.median:.0f}, worst {leg.settled_s.worst:.0f}"
+    return f"{words}; {leg.unsettled} did not" if leg.unsettled else words
+
+
+def failures(told: "Told") -> str:
+    """What became of the vehicles that failed; empty where none did."""
+    parts = [f"{count} did not hold {what}" for what, count in told.diverged.items()]
+    parts += [f"{told.broached} broached"] if told.broached else []
+    parts += [f"{count} surfaced for {what}" for what, count in told.failsafes.items()]
+    return ", ".join(parts)
+
+
+def _table(*heads: str) -> "Table":
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for number, head in enumerate(heads):
+        table.add_column(head, justify="left" if number == 0 or head == "failed" else "right")
+    return table

@@ -1,0 +1,122 @@
+"""What a rehearsed dive comes to: errors once settled, how legs settled, what the duct had to do, what failed."""
+
+import math
+import re
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid import verify
+from sysid.experiment.excursions import HOLDS
+from sysid.log import Log
+from sysid.rehearsal.dive import Dive
+from sysid.verify import Window
+
+Array = NDArray[np.float64]
+
+SETTLED_RAD, SETTLED_M = math.radians(3.0), 0.3
+"""A leg has settled when the vehicle stays this near to its heading and its depth until it ends."""
+LAST_S = 5.0
+"""For at least so long."""
+STOPPED = 0.2
+"""A surface that stands at its stops for this share of steady flight is no loop's any more, but a limit cycle's."""
+AT_STOP = 0.999
+"""Of the travel."""
+DIVED_M = 0.3
+"""This near to the depth asked for she counts as dived, and from then on she must not show herself."""
+
+
+class Leg(NamedTuple):
+    """One stretch of constant set-points under water."""
+
+    heading_deg: float
+    depth_m: float
+    settled_s: float | None
+    """After it began; None where the vehicle did not settle before it ended."""
+
+
+class Steady(NamedTuple):
+    """95 % of the error once settled, as ``sysid.verify`` has it."""
+
+    heading_deg: float
+    pitch_deg: float
+    depth_m: float
+
+
+class Outcome(NamedTuple):
+    steady: Steady | None
+    """None where no leg outlasts its settling."""
+    legs: tuple[Leg, ...]
+    rudder_deg: float
+    elevator_deg: float
+    """The largest commands."""
+    stopped: float
+    """Share of the dive in which either was at its stop."""
+    shallowest_m: float | None
+    """Once dived, by the truth; None for a vehicle that never was."""
+    broached: bool
+    """Her hull came through the surface then."""
+    diverged: str
+    """What was not held; empty for a vehicle that flew."""
+    failsafe: str
+    """What ended the mission, without its figure."""
+    seconds: float
+
+
+def of_dive(dive: Dive, travel_rad: float, hull_radius_m: float) -> Outcome:
+    log = dive.log
+    found, legs = verify.tracking(log), verify.tracking(log, settling_s=0.0)
+    steady = found and Steady(found.heading_deg.p95, found.pitch_deg.p95, found.depth_m.p95)
+    rudder, elevator = np.abs(log.actuators.rudder_rad), np.abs(log.actuators.elevator_rad)
+    shallowest_m = _shallowest_m(dive)
+    return Outcome(
+        steady=steady,
+        legs=tuple(_leg(log, window) for window in legs.windows) if legs else (),
+        rudder_deg=math.degrees(float(np.max(rudder))),
+        elevator_deg=math.degrees(float(np.max(elevator))),
+        stopped=float(np.mean(np.maximum(rudder, elevator) > AT_STOP * travel_rad)),
+        shallowest_m=shallowest_m,
+        broached=shallowest_m is not None and shallowest_m < hull_radius_m,
+        diverged=_diverged(dive, found.windows if found else (), travel_rad),
+        failsafe=re.sub(r" -?\d.*", "", dive.failsafe),
+        seconds=dive.seconds,
+    )
+
+
+def _leg(log: Log, leg: Window) -> Leg:
+    heading = log.attitude.yaw_rad - math.radians(leg.heading_setpoint_deg)
+    off = np.abs((heading + math.pi) % (2.0 * math.pi) - math.pi) > SETTLED_RAD
+    off |= np.abs(log.depth.depth_m - leg.depth_setpoint_m) > SETTLED_M
+    time_s = log.attitude.time_s
+    late = time_s[off & (time_s >= leg.start_s) & (time_s < leg.stop_s)]
+    last_s = float(late[-1]) if late.size else leg.start_s
+    settled = leg.stop_s - last_s >= LAST_S
+    return Leg(leg.heading_setpoint_deg, leg.depth_setpoint_m, last_s - leg.start_s if settled else None)
+
+
+def _shallowest_m(dive: Dive) -> float | None:
+    """Least depth between reaching the first depth asked for and turning to the surface."""
+    wanted_m = dive.log.setpoints.depth_m
+    down = (np.abs(dive.true_depth_m - wanted_m) < DIVED_M) & (wanted_m > verify.SUBMERGED_M)
+    if not np.any(down):
+        return None
+    return float(np.min(dive.true_depth_m[int(np.argmax(down)) :]))
+
+
+def _diverged(dive: Dive, steady: tuple[Window, ...], travel_rad: float) -> str:
+    """The first thing that was not held once it should have settled."""
+    time_s, actuators = dive.log.actuators.time_s, dive.log.actuators
+    for window in steady:
+        now = (time_s >= window.start_s) & (time_s < window.stop_s)
+        rudder, elevator = (
+            float(np.mean(np.abs(command[now]) > AT_STOP * travel_rad))
+            for command in (actuators.rudder_rad, actuators.elevator_rad)
+        )
+        if window.heading_deg.largest > math.degrees(HOLDS.heading_rad) or rudder > STOPPED:
+            return "heading"
+        if window.pitch_deg.largest > math.degrees(HOLDS.pitch_rad) or elevator > STOPPED:
+            return "pitch"
+        if window.depth_m.largest > HOLDS.down_m:
+            return "depth"
+    return "" if dive.finished or dive.failsafe else "the mission's time"
