@@ -3,7 +3,7 @@
 import json
 from collections import defaultdict
 from pathlib import Path
-from typing import Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from sysid import ros1
 from sysid.log import Array, Log, LogError
 from sysid.logs.messages import DUCT, DUCT_COMPONENT, Messages, assemble, wanted
 from sysid.logs.outputs import Outputs
+
+if TYPE_CHECKING:
+    from mcap.summary import Summary
 
 
 def read(path: Path, outputs: Outputs) -> Log:
@@ -32,9 +35,10 @@ def _load(path: Path) -> tuple[Messages, dict[str, float], tuple[Array, Array]]:
     try:
         with path.open("rb") as stream:
             reader = make_reader(stream)
-            if reader.get_summary() is None:
+            summary = reader.get_summary()
+            if summary is None:
                 raise LogError(f"{path}: was never finished; `ground log recover` makes it readable")
-            messages = _channels(reader, path)
+            messages = _channels(stream, summary, path)
             parameters = _parameters(reader, path)
     except McapError as error:
         raise LogError(f"{path}: is no readable MCAP file ({error}); `ground log recover` mends a cut one") from None
@@ -43,19 +47,21 @@ def _load(path: Path) -> tuple[Messages, dict[str, float], tuple[Array, Array]]:
     return messages, parameters, _ahead(messages)
 
 
-def _channels(reader: Any, path: Path) -> Messages:
-    topics = _vehicle_topics(reader, path)
+def _channels(stream: IO[bytes], summary: "Summary", path: Path) -> Messages:
+    from sysid.logs import chunks
+
+    topics = _vehicle_topics(summary, path)
+    names = {number: topics[each.topic] for number, each in summary.channels.items() if each.topic in topics}
     payloads: dict[str, list[bytes]] = defaultdict(list)
     stamps: dict[str, list[int]] = defaultdict(list)
-    schemas: dict[str, str] = {}
-    for schema, channel, message in reader.iter_messages(topics=list(topics), log_time_order=False):
-        name = topics[channel.topic]
-        payloads[name].append(message.data)
-        stamps[name].append(message.log_time)
-        if name not in schemas:
-            schemas[name] = schema.data.decode()
+    for channel, time_ns, data in chunks.messages(stream, summary, names):
+        payloads[names[channel]].append(data)
+        stamps[names[channel]].append(time_ns)
+    schemas = {name: summary.schemas[summary.channels[number].schema_id] for number, name in names.items()}
     try:
-        records = {name: ros1.decode(payloads[name], ros1.record_type(schemas[name])) for name in payloads}
+        records = {
+            name: ros1.decode(payloads[name], ros1.record_type(schemas[name].data.decode())) for name in payloads
+        }
     except ValueError as error:
         raise LogError(f"{path}: {error}") from None
     start_ns = _start_ns(records, stamps, path)
@@ -66,9 +72,9 @@ def _channels(reader: Any, path: Path) -> Messages:
     return {name: (seconds(name), records[name]) for name in records}
 
 
-def _vehicle_topics(reader: Any, path: Path) -> dict[str, str]:
+def _vehicle_topics(summary: "Summary", path: Path) -> dict[str, str]:
     """Message name by topic, of the one system that sends ATTITUDE."""
-    topics = sorted({channel.topic for channel in reader.get_summary().channels.values()})
+    topics = sorted({channel.topic for channel in summary.channels.values()})
     parts = [(topic, topic.split("/")) for topic in topics if topic.startswith("/mavlink/")]
     vehicles = sorted({(p[2], p[3]) for _, p in parts if len(p) == 5 and p[4] == "ATTITUDE"})
     if len(vehicles) > 1:
