@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -68,7 +69,18 @@ def _compiled(function: Function, forceinline: bool) -> Function:
     return cast(Function, dispatcher)
 
 
-@entry_point
-def native(value: Any) -> Native:
+def native(value: tuple[Any, ...]) -> Native:
     """``value``, a NamedTuple of numbers and arrays, once for all calls."""
-    return Native(value)  # type: ignore[no-untyped-call]
+    return _packer(type(value))(value)
+
+
+@cache
+def _packer(kind: type) -> Callable[[Any], Native]:
+    """A function of its own for every type: numba's index of what it has cached names all types that a function was
+    compiled for, and to read it is to import the modules of them all, whoever they belong to."""
+
+    def pack(value: Any) -> Native:
+        return Native(value)  # type: ignore[no-untyped-call]
+
+    pack.__qualname__ = f"pack.{kind.__module__}.{kind.__qualname__}"
+    return entry_point(pack)

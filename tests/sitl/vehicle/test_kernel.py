@@ -2,6 +2,8 @@
 
 import importlib.util
 import os
+from pathlib import Path
+from typing import NamedTuple
 
 from sitl.vehicle import kernel
 
@@ -39,3 +41,22 @@ def test_a_cache_newer_than_the_physics_is_used(tmp_path):
     again = load(path).doubled
     assert again(2.0) == 4.0
     assert sum(again.stats.cache_hits.values()) == 1
+
+
+class One(NamedTuple):
+    number: float
+
+
+class Two(NamedTuple):
+    number: float
+
+
+def test_what_is_cached_of_one_type_does_not_name_another():
+    # Reading an index imports the modules of all types in it: the simulator would load whoever else packs a value.
+    for kind in (One, Two):
+        kernel.native(kind(1.0))
+    packer = kernel._packer(One)
+    indices = Path(packer.stats.cache_path).glob(f"kernel.{packer.py_func.__qualname__}-*.nbi")
+    (content,) = [index.read_bytes() for index in indices]
+    assert b"One" in content
+    assert b"Two" not in content
