@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Gains = Mapping[str, float]
 """By parameter name, as in Table 3."""
+Approximation = int | tuple[float, ...]
+"""Of a delay T: the order of Pade's, or the coefficients of q in rising powers for q(-T s) / q(T s)."""
 
 TICK_S = 0.02
 SAMPLING_S = 1.5 * TICK_S
@@ -173,17 +175,22 @@ class ClosedLoop(NamedTuple):
 
 
 @cache
-def pade(delay_s: float, order: int) -> tuple[Array, Array, Array, float]:
-    """State space (A, B, C, D) of the Pade approximation of a delay, by python-control."""
+def delay(delay_s: float, approximation: Approximation) -> tuple[Array, Array, Array, float]:
+    """State space (A, B, C, D) of a delay's rational approximation, by python-control."""
     if delay_s <= 0.0:
         return np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
     import control
 
-    system = control.tf2ss(*control.pade(delay_s, order))
+    if isinstance(approximation, int):
+        ratio = control.pade(delay_s, approximation)
+    else:
+        denominator = [c * delay_s**power for power, c in enumerate(approximation)]
+        ratio = [c * (-1.0) ** power for power, c in enumerate(denominator)][::-1], denominator[::-1]
+    system = control.tf2ss(*ratio)
     return system.A, system.B[:, 0], system.C[0], float(system.D[0, 0])
 
 
-def chain(plane: LinearPlane, lag: Lag, order: int, lead: Lead | None = None) -> tuple[Array, Array]:
+def chain(plane: LinearPlane, lag: Lag, order: Approximation, lead: Lead | None = None) -> tuple[Array, Array]:
     """(A, B) from what is wanted to the states of plane, lag (angle, its rate), delay and lead (angle, its rate)."""
     A, B = _tail(plane, lag, order)
     if lead is None:
@@ -199,11 +206,11 @@ def chain(plane: LinearPlane, lag: Lag, order: int, lead: Lead | None = None) ->
     return wide, drive
 
 
-def _tail(plane: LinearPlane, lag: Lag, order: int) -> tuple[Array, Array]:
+def _tail(plane: LinearPlane, lag: Lag, order: Approximation) -> tuple[Array, Array]:
     """(A, B) from command to the states of plane, lag (angle, its rate) and delay."""
     n = plane.A.shape[0]
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
-    Ad, Bd, Cd, Dd = pade(lag.delay_s, order)
+    Ad, Bd, Cd, Dd = delay(lag.delay_s, order)
     size = n + 2 + Ad.shape[0]
     A, B = np.zeros((size, size)), np.zeros(size)
     A[:n, :n], A[:n, n] = plane.A, plane.B
@@ -213,7 +220,7 @@ def _tail(plane: LinearPlane, lag: Lag, order: int) -> tuple[Array, Array]:
     return A, B
 
 
-def close_heading(plane: LinearPlane, lag: Lag, gains: Gains, order: int = 4) -> ClosedLoop:
+def close_heading(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation = 4) -> ClosedLoop:
     """Heading loop; its integrator is the last state and is left out when HDG_I is zero."""
     A, B = chain(plane, lag, order, lead_of(gains))
     error = _row(A, {2: -1.0})
@@ -221,7 +228,7 @@ def close_heading(plane: LinearPlane, lag: Lag, gains: Gains, order: int = 4) ->
     return _close(A, B, feedback, gains["HDG_P"], [(gains["HDG_I"] * error, gains["HDG_I"], 1.0)])
 
 
-def close_pitch(plane: LinearPlane, lag: Lag, gains: Gains, order: int = 4) -> ClosedLoop:
+def close_pitch(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation = 4) -> ClosedLoop:
     """Pitch loop alone, its set-point held by hand; depth, which it does not feed back, is left out."""
     A, B = chain(
         LinearPlane(plane.A[:3, :3], plane.B[:3], plane.states[:3], plane.moment[:3]), lag, order, lead_of(gains)
@@ -231,7 +238,7 @@ def close_pitch(plane: LinearPlane, lag: Lag, gains: Gains, order: int = 4) -> C
     return _close(A, B, feedback, gains["PTCH_P"], [(gains["PTCH_I"] * error, gains["PTCH_I"], 1.0)])
 
 
-def close_depth(plane: LinearPlane, lag: Lag, gains: Gains, order: int = 4) -> ClosedLoop:
+def close_depth(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation = 4) -> ClosedLoop:
     """Depth loop round the pitch loop; integrators as close_heading."""
     A, B = chain(plane, lag, order, lead_of(gains))
     p = gains["PTCH_P"]
