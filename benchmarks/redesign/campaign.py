@@ -25,7 +25,8 @@ from tests.closed_loop import Dive
 
 VEHICLE, PRIOR, SEA = "field", "bench", "disturbed"
 LONGEST_S = 3600.0
-GAIN_SETS = ("initial", "paper", "ours")
+OURS = "ours"
+GAIN_SETS = ("initial", "paper", OURS)
 Values = dict[str, float]
 """Parameters by name."""
 

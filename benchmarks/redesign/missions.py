@@ -1,0 +1,98 @@
+"""Cell: the paper's missions of its figures 14 and 15: does every leg settle, and does she stay under water?"""
+
+from functools import partial
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.redesign import holding
+from benchmarks.redesign.campaign import GAIN_SETS, OURS, VEHICLE, Values
+from benchmarks.redesign.holding import CALM, DISTURBED
+from benchmarks.study import Cell, Figure
+from ground import script
+from ground.script import Step
+from sitl.vehicle import config, hull
+from tests.closed_loop import Dive
+
+Array = NDArray[np.float64]
+
+CASES = ("combined, calm", "combined, disturbed", "shallow_1m, disturbed", "shallow_1m, swell")
+END_S = 10.0
+"""Of a leg: there it has settled."""
+TWICE = 2.0
+"""A leg has settled where 95 % lie within so many times the target of a steady run."""
+STATIONS = 41
+
+
+def trial(gains: dict[str, Values], case: str, seed: int) -> list[float]:
+    """Of each set: 95 % of heading (deg) and depth (cm) at each leg's end, and the least water over her (m)."""
+    mission, sea = case.split(", ")
+    steps = script.load(mission)
+    row = []
+    for values in gains.values():
+        dive = Dive(script.compile_items(steps), vehicle=VEHICLE, sea=sea, seed=seed, values=values)
+        row += [number for leg in _legs(steps.step) for number in _at_its_end(dive, *leg)]
+        row.append(water_over_her_m(dive))
+    return row
+
+
+def _legs(steps: tuple[Step, ...]) -> list[tuple[Step, float]]:
+    """With the time at which each ends; all give their heading and depth."""
+    legs = [step for step in steps if step.duration_s]
+    return list(zip(legs, np.cumsum([leg.duration_s for leg in legs]).tolist(), strict=True))
+
+
+def _at_its_end(dive: Dive, leg: Step, end_s: float) -> tuple[float, float]:
+    assert leg.heading_deg is not None
+    assert leg.depth_m is not None
+    window = dive.during(end_s - END_S, end_s)
+    if not window.any():
+        return np.inf, np.inf
+    heading_rad = holding.turned(dive["true_heading"][window] - np.radians(leg.heading_deg))
+    return holding.p95(np.degrees(heading_rad)), 100.0 * holding.p95(dive["true_depth_m"][window] - leg.depth_m)
+
+
+def water_over_her_m(dive: Dive) -> float:
+    """The least over the highest part of hull and duct, from when she was first under water until she surfaces."""
+    pitch, depth_m = dive["true_pitch"], dive["true_depth_m"]
+    x_m, radius_m = outline_m(VEHICLE)
+    highest_m = np.max(np.outer(np.sin(pitch), x_m) + np.outer(np.cos(pitch), radius_m), axis=1)
+    over_m = depth_m + dive["surface_m"] - highest_m
+    end_s = next((time_s for time_s, text in dive.told if text == "Mode SURFACE"), np.inf)
+    return float(np.min(over_m[(np.cumsum(over_m > 0.0) > 0) & (dive["t_s"] < end_s)], initial=np.inf))
+
+
+def outline_m(vehicle: str) -> tuple[Array, Array]:
+    """Places along her, forward of mid-length, and how far she reaches from the axis there; the duct's ring last."""
+    described = config.load(vehicle)
+    half = hull.length_m(described.hull) / 2.0
+    x_m = np.linspace(-half, half, STATIONS)
+    radius_m = hull.radius_m(described.hull, x_m)
+    if described.duct is None:
+        return x_m, radius_m
+    return np.append(x_m, described.duct.x_m), np.append(radius_m, described.duct.diameter_m / 2.0)
+
+
+def judge(case: str, rows: Array) -> list[Figure]:
+    target = CALM if case.endswith("calm") else DISTURBED
+    most = TWICE * target.heading_deg, TWICE * target.depth_cm
+    by_set = dict(zip(GAIN_SETS, np.split(rows, len(GAIN_SETS), axis=1), strict=True))
+    legs = (rows.shape[1] // len(GAIN_SETS) - 1) // 2
+    found = []
+    for column, (leg, (what, unit)) in enumerate(product(range(1, legs + 1), (("heading", "deg"), ("depth", "cm")))):
+        for name, mine in by_set.items():
+            limit = most[column % 2] if name == OURS else np.inf
+            figure = Figure(f"leg {leg}, {what}, 95 %: {name}", float(np.mean(mine[:, column])), unit=unit)
+            found.append(figure._replace(highest=limit))
+    for name, mine in by_set.items():
+        settled = np.all(mine[:, :-1] <= np.tile(most, legs), axis=1)
+        found.append(Figure(f"every leg settled: {name}", 100.0 * float(np.mean(settled)), unit="%"))
+    for name, mine in by_set.items():
+        least = 0.0 if name == OURS else -np.inf
+        found.append(Figure(f"least water over her: {name}", float(np.min(mine[:, -1])), lowest=least, unit="m"))
+    return found
+
+
+def cell(gains: dict[str, Values]) -> Cell:
+    return Cell("missions", "figures 14 and 15 of the paper", partial(trial, gains), judge, runs=20)

@@ -1,0 +1,69 @@
+"""Cell: how often a campaign ends in gains that keep the specification on the vehicle that flew, and what they say.
+
+A trial is a whole campaign: trims, tests, fit, verdict, redesign. What is asked of every vehicle that a model allows
+for is then asked of the one vehicle that flew, in small motion; the probability that the design states is set beside
+the share of campaigns that succeed. The gains fly a straight run as well.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.identification import vehicles
+from benchmarks.redesign import campaign, holding
+from benchmarks.redesign.campaign import OURS, PRIOR, SEA, VEHICLE
+from benchmarks.redesign.holding import DISTURBED, Held
+from benchmarks.study import Cell, Figure
+from sitl import scenario
+from sitl.vehicle import config
+from sysid.design import Design, DesignRefused
+from sysid.design.plant import ASSUMED_SEA, of_vehicle
+from sysid.design.search import SLACK
+from sysid.design.trust import RELAXED, least, misses
+
+Array = NDArray[np.float64]
+
+CASES = (VEHICLE,)
+LEAST_FULL, LEAST_RELAXED = 75.0, 97.0
+HONEST = 10.0
+"""Points by which the share that is stated may lie off the one that is found."""
+
+
+def trial(case: str, seed: int) -> list[float]:
+    """Fit for redesign, designed; stated and true, of the full specification and of the relaxed one; ``Held``."""
+    flown = campaign.fly(seed)
+    fit = float(flown.model.verdict is not None and flown.model.verdict.fit_for_redesign)
+    try:
+        designed = campaign.redesigned(flown)
+    except DesignRefused:
+        return [fit, 0.0, *(np.nan,) * (4 + len(Held._fields))]
+    dive = holding.straight_run({**designed.gains, **flown.trims}, scenario.load(SEA), seed)
+    return [fit, 1.0, *_kept(designed, case), *holding.held(dive)]
+
+
+def _kept(designed: Design, vehicle: str) -> tuple[float, float, float, float]:
+    """Stated probability and truth, of the full specification and of the relaxed one."""
+    assert designed.trust is not None
+    plane = of_vehicle(vehicles.nominal(config.load(vehicle)), {"yaw": ASSUMED_SEA, "pitch": ASSUMED_SEA})
+    full, relaxed = (
+        float(max(misses(plane, designed.gains, bounds).values()) <= SLACK)
+        for bounds in (least(designed.spec), RELAXED)
+    )
+    return designed.trust.specification, full, designed.trust.relaxed, relaxed
+
+
+def judge(case: str, rows: Array) -> list[Figure]:
+    fit, done = rows[:, 0], rows[rows[:, 1] == 1.0]
+    stated_full, full, stated_relaxed, relaxed = (100.0 * float(np.mean(done[:, k])) for k in range(2, 6))
+    return [
+        Figure("models fit for redesign", 100.0 * float(np.mean(fit)), unit="%"),
+        Figure("redesigns refused", 100.0 * float(np.mean(rows[:, 1] == 0.0)), unit="%"),
+        Figure("full specification kept by the vehicle that flew", full, lowest=LEAST_FULL, unit="%"),
+        Figure("full specification, stated", stated_full, lowest=LEAST_FULL, unit="%"),
+        Figure("full specification, kept less stated", full - stated_full, -HONEST, np.inf, unit="%"),
+        Figure("relaxed specification kept by the vehicle that flew", relaxed, lowest=LEAST_RELAXED, unit="%"),
+        Figure("relaxed specification, stated", stated_relaxed, lowest=LEAST_RELAXED, unit="%"),
+        *holding.figures({OURS: done[:, 6:]}, DISTURBED),
+    ]
+
+
+CELL = Cell("probability", f"campaigns on the {VEHICLE} vehicle, designed from {PRIOR}", trial, judge, runs=20)
