@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import msgspec
@@ -75,10 +76,17 @@ def vehicles(model: IdentifiedModel, prior: VehicleConfig | None = None) -> tupl
 
 def moved(model: IdentifiedModel, z: Array, prior: VehicleConfig | None = None) -> Vehicle:
     """The prior vehicle of a model moved by ``z``, which has the model's own names."""
-    config = prior or vehicle_files.load(model.vehicle.prior)
+    name = model.vehicle.prior
+    config = prior or (_shipped(name) if name in vehicle_files.SHIPPED else vehicle_files.load(name))
     biases: dict[Plane, float] = {plane: math.radians(b) for plane, b in model.vehicle.prior_biases_deg.items()}
     known = dict(zip(model.joint.names, z.tolist(), strict=True))
     return parameters.vehicle(config, biases, np.array([known.get(name, 0.0) for name in NAMES]))
+
+
+@cache
+def _shipped(name: str) -> VehicleConfig:
+    """A shipped vehicle, read once for the hundreds that are drawn from a model."""
+    return vehicle_files.load(name)
 
 
 def of_model(model: IdentifiedModel, vehicle: Vehicle, run: Run) -> greybox.Motion:
