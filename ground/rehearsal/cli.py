@@ -94,9 +94,7 @@ def _fail_where_any_did(told: "Sequence[Told]") -> None:
 
     failed = [one for one in told if one.failed]
     if failed:
-        first, more = failed[0], f"; {len(failed) - 1} more failed" if len(failed) > 1 else ""
-        of = f"{first.gains}, sea x{first.sea.times:g}: of {first.vehicles} vehicles "
-        raise FailedError(of + words.failures(first) + more)
+        raise FailedError(words.verdict(failed[0]) + (f"; {len(failed) - 1} more failed" if len(failed) > 1 else ""))
 
 
 @contextmanager

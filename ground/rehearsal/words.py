@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from sysid.rehearsal.study import LegTold, Range, Told
 
-WIDTH = 130
+WIDTH = 118
 
 
 def as_json(told: "Sequence[Told]", mission: str, seed: int) -> dict[str, Any]:
@@ -47,9 +47,8 @@ def in_words(told: "Sequence[Told]", mission: str) -> str:
 
     page = StringIO()
     console = Console(width=WIDTH, file=page, force_terminal=sys.stdout.isatty(), highlight=False)
-    console.print(
-        _title(told[0], mission), _steady(told), "[bold]seconds until each leg had settled", _legs(told), sep="\n"
-    )
+    legs = ["[bold]seconds until each leg had settled", _legs(told)] if any(one.legs for one in told) else []
+    console.print(_title(told[0], mission), _steady(told), *legs, *map(verdict, told), sep="\n")
     return "\n".join(line.rstrip() for line in page.getvalue().splitlines() if line.strip())
 
 
@@ -63,11 +62,11 @@ def _steady(told: "Sequence[Told]") -> "Table":
     """95 % of the errors once settled, and what else is worth knowing: median and worst vehicle."""
     table = _table(
         "gains", "sea", "vehicle", "heading deg", "pitch deg", "depth cm", "rudder deg", "elevator deg", "at stops %",
-        "shallowest m", "failed",
+        "shallowest m",
     )  # fmt: skip
     for one in told:
-        table.add_row(one.gains, f"x{one.sea.times:g}", "median", *_figures(one, "median"), failures(one) or "none")
-        table.add_row("", "", "worst", *_figures(one, "worst"), "")
+        table.add_row(one.gains, f"x{one.sea.times:g}", "median", *_figures(one, "median"))
+        table.add_row("", "", "worst", *_figures(one, "worst"))
     return table
 
 
@@ -97,12 +96,15 @@ def _settled(leg: "LegTold", vehicles: int) -> str:
     return f"{words}; {leg.unsettled} did not" if leg.unsettled else words
 
 
-def failures(told: "Told") -> str:
-    """What became of the vehicles that failed; empty where none did."""
+def verdict(told: "Told") -> str:
+    """What became of the vehicles, in one line."""
     parts = [f"{count} did not hold {what}" for what, count in told.diverged.items()]
     parts += [f"{told.broached} broached"] if told.broached else []
     parts += [f"{count} surfaced for {what}" for what, count in told.failsafes.items()]
-    return ", ".join(parts)
+    which = f"{told.gains}, sea x{told.sea.times:g}"
+    if not parts:
+        return f"{which}: all {told.vehicles} vehicles were held to the end, and none broached"
+    return f"{which}: of {told.vehicles} vehicles {', '.join(parts)}"
 
 
 def _table(*heads: str) -> "Table":
@@ -111,5 +113,5 @@ def _table(*heads: str) -> "Table":
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for number, head in enumerate(heads):
-        table.add_column(head, justify="left" if number == 0 or head == "failed" else "right")
+        table.add_column(head, justify="left" if number == 0 else "right", no_wrap=number == 0)
     return table

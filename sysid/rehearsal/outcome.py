@@ -19,6 +19,8 @@ SETTLED_RAD, SETTLED_M = math.radians(3.0), 0.3
 """A leg has settled when the vehicle stays this near to its heading and its depth until it ends."""
 LAST_S = 5.0
 """For at least so long."""
+JUDGED_S = 15.0
+"""Steady flight from which it can be told whether she is held; shorter, she may still be on her way."""
 STOPPED = 0.2
 """A surface that stands at its stops for this share of steady flight is no loop's any more, but a limit cycle's."""
 AT_STOP = 0.999
@@ -78,7 +80,7 @@ def of_dive(dive: Dive, travel_rad: float, hull_radius_m: float) -> Outcome:
         stopped=float(np.mean(np.maximum(rudder, elevator) > AT_STOP * travel_rad)),
         shallowest_m=shallowest_m,
         broached=shallowest_m is not None and shallowest_m < hull_radius_m,
-        diverged=_diverged(dive, found.windows if found else (), travel_rad),
+        diverged=_diverged(dive, travel_rad),
         failsafe=re.sub(r" -?\d.*", "", dive.failsafe),
         seconds=dive.seconds,
     )
@@ -104,15 +106,11 @@ def _shallowest_m(dive: Dive) -> float | None:
     return float(np.min(dive.true_depth_m[int(np.argmax(down)) :]))
 
 
-def _diverged(dive: Dive, steady: tuple[Window, ...], travel_rad: float) -> str:
+def _diverged(dive: Dive, travel_rad: float) -> str:
     """The first thing that was not held once it should have settled."""
-    time_s, actuators = dive.log.actuators.time_s, dive.log.actuators
-    for window in steady:
-        now = (time_s >= window.start_s) & (time_s < window.stop_s)
-        rudder, elevator = (
-            float(np.mean(np.abs(command[now]) > AT_STOP * travel_rad))
-            for command in (actuators.rudder_rad, actuators.elevator_rad)
-        )
+    judged = verify.tracking(dive.log, shortest_s=JUDGED_S)
+    for window in judged.windows if judged else ():
+        rudder, elevator = _stopped(dive.log, window, travel_rad)
         if window.heading_deg.largest > math.degrees(HOLDS.heading_rad) or rudder > STOPPED:
             return "heading"
         if window.pitch_deg.largest > math.degrees(HOLDS.pitch_rad) or elevator > STOPPED:
@@ -120,3 +118,11 @@ def _diverged(dive: Dive, steady: tuple[Window, ...], travel_rad: float) -> str:
         if window.depth_m.largest > HOLDS.down_m:
             return "depth"
     return "" if dive.finished or dive.failsafe else "the mission's time"
+
+
+def _stopped(log: Log, window: Window, travel_rad: float) -> tuple[float, float]:
+    """Shares of a window in which rudder and elevator were commanded to their stops."""
+    time_s = log.actuators.time_s
+    now = (time_s >= window.start_s) & (time_s < window.stop_s)
+    rudder, elevator = np.abs(log.actuators.rudder_rad[now]), np.abs(log.actuators.elevator_rad[now])
+    return float(np.mean(rudder > AT_STOP * travel_rad)), float(np.mean(elevator > AT_STOP * travel_rad))

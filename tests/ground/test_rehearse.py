@@ -1,0 +1,102 @@
+"""``ground rehearse`` as people meet it: clean JSON, the failure told in a line, one line for a mistake."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from ground.__main__ import app
+from ground.errors import BadInputError, FailedError
+from ground.rehearsal import words
+from sitl.vehicle import config
+from sysid import model as models
+from sysid.experiment import belief
+from sysid.rehearsal.dive import Sea
+from sysid.rehearsal.study import LegTold, Range, Told
+from tests.sysid.rehearsal.files import model_of
+
+SHORT = """
+name = "short"
+
+[[step]]
+depth_m = 2.0
+heading_deg = 10.0
+thrust_pct = 58.0
+duration_s = 42.0
+
+[[step]]
+surface = true
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A model, two sets of gains and a mission."""
+    known = belief.trimmed(belief.of_file(config.load("bench")), math.radians(6.0), math.radians(0.4))
+    models.write(model_of(known._replace(covariance=0.01 * known.covariance)), tmp_path / "model.json")
+    (tmp_path / "held.param").write_text("HDG_P,0.6\nHDG_D,1.5\n")
+    (tmp_path / "wild.param").write_text("HDG_P,4.0\nHDG_D,1.5\n")
+    (tmp_path / "short.toml").write_text(SHORT)
+    return tmp_path
+
+
+def rehearse(folder: Path, *options: str) -> tuple[str, BaseException | None]:
+    given = ["rehearse", str(folder / "model.json"), "--mission", str(folder / "short.toml")]
+    ended = CliRunner().invoke(app, [*given, *options])
+    return ended.stdout, ended.exception
+
+
+@pytest.mark.process
+def test_sets_stand_side_by_side_in_clean_json_and_the_unstable_one_is_named(folder: Path) -> None:
+    sets = ("--gains", str(folder / "held.param"), "--against", str(folder / "wild.param"))
+    out, failure = rehearse(folder, *sets, "--vehicles", "2", "--json")
+    held, wild = json.loads(out)["rehearsed"]
+    assert (held["gains"], held["diverged"], held["vehicles"]) == ("held.param", {}, 2)
+    assert (wild["gains"], wild["diverged"]) == ("wild.param", {"heading": 2})
+    assert isinstance(failure, FailedError)
+    assert str(failure) == "wild.param, sea x1: of 2 vehicles 2 did not hold heading"
+    again, _ = rehearse(folder, *sets, "--vehicles", "2", "--json")
+    assert again == out
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--sea", "rough"), "--sea rough: must be different numbers from 0 to 10"),
+        (("--sea", "1,1"), "--sea 1,1: must be different"),
+        (("--sea", "11"), "--sea 11: must be"),
+        (("--against", "held.param"), "held.param: is given twice"),
+        (("--mission", "nowhere"), "nowhere: no readable mission"),
+        (("--prior", "field"), "is the simulated truth"),
+    ],
+)
+def test_a_mistake_is_told_in_a_line(folder: Path, options: tuple[str, str], said: str) -> None:
+    option, value = options
+    given = str(folder / value) if value.endswith(".param") else value
+    out, failure = rehearse(folder, "--gains", str(folder / "held.param"), option, given)
+    assert out == ""
+    assert isinstance(failure, BadInputError)
+    assert said in str(failure)
+    assert "\n" not in str(failure)
+
+
+def test_a_model_that_does_not_say_how_sure_it_is_is_bad_input(folder: Path) -> None:
+    known = belief.of_file(config.load("bench"))
+    models.write(model_of(known._replace(covariance=0.0 * known.covariance)), folder / "model.json")
+    _, failure = rehearse(folder, "--gains", str(folder / "held.param"))
+    assert isinstance(failure, BadInputError)
+    assert "joint.covariance" in str(failure)
+
+
+def test_the_words_hold_figures_legs_and_verdict() -> None:
+    two = Range(1.0, 2.0)
+    leg = LegTold(340.0, 3.0, Range(21.0, 25.0), 1)
+    told = Told(
+        "new.param", Sea(1.5), 9, two, two, Range(0.05, 0.07), (leg,), two, two, two, None, 1, {}, {"pitch": 2}, 9.0
+    )
+    page = words.in_words([told], "square")
+    for expected in ("square, by 9 vehicles", "x1.5", "5.0", "7.0", "3 m, 340 deg", "21, worst 25; 1 did not"):
+        assert expected in page
+    assert page.endswith("new.param, sea x1.5: of 9 vehicles 1 broached, 2 surfaced for pitch")

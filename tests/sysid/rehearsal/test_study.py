@@ -1,0 +1,77 @@
+"""Sets of gains side by side: the same vehicles and seas, the same bytes, and who fails is found and named."""
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from sysid import model as models
+from sysid.experiment.belief import Belief
+from sysid.rehearsal import crew
+from sysid.rehearsal.crew import UnknownError
+from sysid.rehearsal.dive import RefusedError, Sea
+from sysid.rehearsal.study import Request, rehearse
+from tests.sysid.rehearsal.conftest import HELD, UNSTABLE, mission
+from tests.sysid.rehearsal.files import model_of
+
+ITEMS = mission(2.0, 10.0, 44.0)
+
+
+def test_unstable_gains_are_found_and_named(believed: Belief) -> None:
+    held, unstable = rehearse(believed, Request(ITEMS, {"held": HELD, "unstable": UNSTABLE}, vehicles=2))
+    assert (held.gains, held.failed, held.diverged) == ("held", 0, {})
+    assert (unstable.gains, unstable.failed, unstable.diverged) == ("unstable", 2, {"heading": 2})
+
+
+def test_the_same_seed_gives_the_same_and_another_seed_another(believed: Belief) -> None:
+    request = Request(mission(2.0, 10.0, 12.0), {"held": HELD}, (Sea(current_mps=0.3),), vehicles=1)
+    first, again, other = (rehearse(believed, request._replace(seed=seed)) for seed in (1, 1, 2))
+    assert first == again
+    assert first != other
+
+
+def test_every_set_meets_the_same_vehicles_and_seas(believed: Belief) -> None:
+    one, other = rehearse(believed, Request(mission(2.0, 10.0, 12.0), {"one": HELD, "other": HELD}, vehicles=2))
+    assert one._replace(gains="") == other._replace(gains="")
+
+
+def test_vehicles_differ_as_much_as_the_model_doubts(believed: Belief) -> None:
+    drawn = np.array(crew.draw(believed, 200, seed=1))
+    assert np.cov(drawn.T) == pytest.approx(believed.covariance, abs=0.02)
+
+
+def test_progress_ends_at_the_whole(known: Belief) -> None:
+    heard: list[tuple[float, float]] = []
+    (told,) = rehearse(
+        known, Request(mission(2.0, 10.0, 5.0), {"held": HELD}, vehicles=2), lambda *at: heard.append(at)
+    )
+    assert [share for share, _ in heard] == [0.5, 1.0]
+    assert heard[-1][1] == told.vehicle_s
+
+
+def test_gains_that_no_autopilot_takes_are_refused_by_name(known: Belief) -> None:
+    with pytest.raises(RefusedError, match=r"new\.param: HDG_P = 9: must be 0 to 5"):
+        rehearse(known, Request(ITEMS, {"new.param": {"HDG_P": 9.0}}))
+
+
+def test_a_model_believes_what_its_file_says(believed: Belief, tmp_path: Path) -> None:
+    models.write(model_of(believed), tmp_path / "model.json")
+    read = crew.read(tmp_path / "model.json")
+    assert np.array_equal(read.covariance, believed.covariance)
+    assert read.biases_rad == pytest.approx(believed.biases_rad)
+
+
+def test_a_model_without_covariance_is_refused(known: Belief, tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    models.write(model_of(known), path)
+    with pytest.raises(UnknownError, match=r"model\.json: .*joint\.covariance"):
+        crew.read(path)
+
+
+def test_a_model_of_a_file_that_is_not_shipped_asks_for_it(believed: Belief, tmp_path: Path) -> None:
+    path, model = tmp_path / "model.json", model_of(believed)
+    models.write(msgspec.structs.replace(model, vehicle=msgspec.structs.replace(model.vehicle, prior="mine")), path)
+    with pytest.raises(UnknownError, match=r"vehicle\.prior = 'mine'.*--prior"):
+        crew.read(path)
+    assert crew.read(path, believed.config).name == "model.json"
