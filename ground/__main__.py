@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground import bench_cli, log_cli, modes_cli, params_cli, vehicle_cli
+from ground import bench_cli, log_cli, modes_cli, params_cli, redesign_cli, vehicle_cli
 from ground.console import (
     GROUND_LINK,
     Address,
@@ -31,6 +31,7 @@ from ground.console import (
 )
 from ground.errors import BAD_INPUT, FAILED, BadInputError, FailedError
 from ground.experiment import cli as experiment_cli
+from ground.rehearsal import cli as rehearsal_cli
 
 if TYPE_CHECKING:
     from ground.flight import Dive
@@ -65,6 +66,8 @@ app.add_typer(modes_cli.app, name="modes")
 app.command()(bench_cli.bench)
 app.command()(bench_cli.incline)
 app.command()(experiment_cli.design_test)
+app.command()(rehearsal_cli.rehearse)
+app.command()(redesign_cli.redesign)
 
 
 @app.command()
@@ -218,26 +221,6 @@ def refit(
                               [other.value for other in beside or ()], tailcone, inclining, force=force)  # fmt: skip
     fitting.write_model(model, out)
     give(identification.of_model(model), identification.in_words(model, out), json)
-
-
-@app.command()
-def redesign(
-    model: Annotated[Path, typer.Argument(help="A model.json from refit.")],
-    out: Annotated[Path, typer.Option(metavar="GAINS.param")] = Path("gains.param"),
-    upload: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Set the gains on this vehicle.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Design on a model whose own verdict is against it.")] = False,
-    sign: Sign = None,
-    json: Json = False,
-) -> None:
-    """Redesign the gains for a model, or refuse with the reason."""
-    from ground import refit as fitting
-    from ground import summary
-
-    design = fitting.redesign(fitting.read_model(model), force=force)
-    design.write_params(out)
-    if upload:
-        params_cli.set_and_read_back(upload, sign, dict(design.gains))
-    give(summary.of_design(design), summary.design_in_words(design, out), json)
 
 
 @app.command()

@@ -1,12 +1,18 @@
 """``ground params``: read and set a vehicle's parameters."""
 
 import math
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ground.console import GROUND_LINK, Address, Json, Sign, give, new_file
-from ground.errors import BadInputError, FailedError
+from ground.errors import BadInputError
+
+if TYPE_CHECKING:
+    from ground.change import Step
 
 app = typer.Typer(no_args_is_help=True, help="Read and set a vehicle's parameters.")
 
@@ -36,8 +42,11 @@ def set_one(name: str, value: float, connect: Address = GROUND_LINK, sign: Sign 
     """Set one parameter and read it back."""
     if not math.isfinite(value):
         raise BadInputError(f"{name} = {value:g}: expected a number")
-    set_and_read_back(connect, sign, {name: value})
-    give({name: value}, f"{name} = {value:g}", json)
+    from ground.vehicle import connected
+
+    with connected(connect, sign) as vehicle:
+        stored = vehicle.set_parameter(name, value)
+    give({name: stored}, f"{name} = {stored:g}", json)
 
 
 @app.command()
@@ -54,21 +63,72 @@ def save(file: Path, connect: Address = GROUND_LINK, sign: Sign = None, json: Js
 
 
 @app.command()
-def load(file: Path, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
-    """Set the parameters of a file and read them back."""
+def load(
+    file: Path,
+    connect: Address = GROUND_LINK,
+    sign: Sign = None,
+    model: Annotated[
+        Path | None, typer.Option(metavar="MODEL.json", help="Refuse gains that were designed on another model.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Set the parameters of a file, read them back, and keep what was there before for rollback."""
     from ground import gains
 
-    values = gains.load(file)
-    set_and_read_back(connect, sign, values)
-    give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters set", json)
+    lines = gains.load_lines(file)
+    promised = _model_of(file, model)
+    steps = upload(connect, sign, {name: line.value for name, line in lines.items()}, str(file), promised)
+    _tell(steps, {name: line.reason for name, line in lines.items()}, f"{file}: {len(steps)} parameters set", json)
 
 
-def set_and_read_back(address: str, key_file: Path | None, values: dict[str, float]) -> None:
-    """Set parameters of the vehicle at an address. Raises FailedError where she stored something else."""
+@app.command()
+def rollback(
+    file: Annotated[Path | None, typer.Argument(help="A record of changes; default: this vehicle's own.")] = None,
+    connect: Address = GROUND_LINK,
+    sign: Sign = None,
+    force: Annotated[bool, typer.Option("--force", help="Even where somebody changed a value since.")] = False,
+    json: Json = False,
+) -> None:
+    """Put back what the last load, or redesign --upload, has replaced, and read it back."""
+    from ground import change
+    from ground.vehicle import connected
+
+    with connected(connect, sign) as vehicle:
+        undone, steps = change.rollback(vehicle, file, force=force)
+    _tell(steps, {}, f"{undone.source}: undone, {len(steps)} parameters put back", json)
+
+
+def upload(
+    address: str, key_file: Path | None, values: Mapping[str, float], source: str, model_sha256: str = ""
+) -> "tuple[Step, ...]":
+    """Set the values of a file or design as one change, on the vehicle at an address. Raises as ``change.upload``."""
+    from ground import change
     from ground.vehicle import connected
 
     with connected(address, key_file) as vehicle:
-        for name, value in values.items():
-            stored = vehicle.set_parameter(name, value)
-            if not abs(stored - value) <= 1e-6 * max(1.0, abs(value)):
-                raise FailedError(f"{name}: the vehicle stored {stored:g} in place of {value:g}")
+        if vehicle.armed:
+            print("ground: she is under way: loops take new gains without a bump, trims at once", file=sys.stderr)
+        return change.upload(vehicle, values, source, model_sha256)
+
+
+def lines_of(steps: "Sequence[Step]", reasons: Mapping[str, str]) -> list[str]:
+    """Each parameter with its value before and now, and why."""
+    return [f"  {s.name:16s} {s.before:10.5g} -> {s.after:10.5g}  {reasons.get(s.name, '')}".rstrip() for s in steps]
+
+
+def _tell(steps: "Sequence[Step]", reasons: Mapping[str, str], head: str, json: bool) -> None:
+    values = {s.name: {"before": s.before, "now": s.after, "reason": reasons.get(s.name, "")} for s in steps}
+    give({"parameters": values}, "\n".join([*lines_of(steps, reasons), head]), json)
+
+
+def _model_of(file: Path, model: Path | None) -> str:
+    """The digest of the model that a file's gains were designed on. Raises BadInputError where it is not ``model``."""
+    from ground import gains, refit
+
+    if model is None:
+        return gains.model_of(file)
+    promised, found = gains.promise(file), refit.digest(model)
+    if promised is None or promised.model_sha256 != found:
+        on = f"model {promised.model_sha256[:12]}" if promised else "no model that it names"
+        raise BadInputError(f"{file}: was designed on {on}, and {model} is {found[:12]}; redesign on that one")
+    return found

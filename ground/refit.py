@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ground.errors import BadInputError, FailedError
 
 if TYPE_CHECKING:
-    from sysid.design import Design
+    from sysid.design import Design, Spec
     from sysid.log import Log
     from sysid.model import IdentifiedModel
     from sysid.runs import Mark
@@ -103,10 +103,13 @@ def _mark(text: str) -> "Mark":
     return Mark(float(found[2]), float(found[3]), "yaw" if found[4] == "rudder" else "pitch", found[1] or "")
 
 
-def redesign(model: "IdentifiedModel", *, force: bool = False) -> "Design":
-    """Gains for a model.
+def redesign(
+    model: "IdentifiedModel", spec: "Spec | None" = None, prior: str | None = None, *, force: bool = False
+) -> "Design":
+    """Gains for a model. ``prior``: the vehicle file it was refitted from, where that is not shipped.
 
     Raises:
+        BadInputError: there is no such vehicle file.
         FailedError: its verdict is against it, unless ``force``; or no gains meet the specification.
     """
     from sysid import design
@@ -114,7 +117,40 @@ def redesign(model: "IdentifiedModel", *, force: bool = False) -> "Design":
     if not force and (model.verdict is None or not model.verdict.fit_for_redesign):
         raise FailedError(f"the model is not fit for redesign: {_reasons(model)}; fly what it asks for, or --force")
     with _translated():
-        return design.redesign(model)
+        return design.redesign(model, spec, read_vehicle(prior) if prior else None, _gains_before(model, prior))
+
+
+def specification(model: "IdentifiedModel", prior: str | None = None) -> "Spec":
+    """What is asked of gains by default, within the travel and rate of the vehicle's own tailcone, where it is known.
+
+    Raises:
+        BadInputError: there is no such vehicle file.
+    """
+    from sysid.design import Spec
+
+    vehicle = _known_vehicle(model, prior)
+    if vehicle is None:
+        return Spec()
+    tail = read_vehicle(vehicle).tailcone
+    return Spec(travel_deg=tail.travel_deg, rate_degps=tail.rate_degps)
+
+
+def _known_vehicle(model: "IdentifiedModel", prior: str | None) -> str | None:
+    """The vehicle file behind a model; None where it is not shipped and nobody gives it."""
+    from sysid.refit import SHIPPED
+
+    return prior or (model.vehicle.prior if model.vehicle.prior in SHIPPED else None)
+
+
+def _gains_before(model: "IdentifiedModel", prior: str | None) -> dict[str, float]:
+    """What the vehicle flew with first: Table 3's gains on Caribou, on others the prototype of their file."""
+    from ground import prototype
+
+    vehicle, table_3 = _known_vehicle(model, prior), initial_gains()
+    if vehicle is None or vehicle in prototype.CARIBOU:
+        return table_3
+    first = prototype.design(vehicle).parameters
+    return {name: first[name] for name in table_3}
 
 
 def _reasons(model: "IdentifiedModel") -> str:
@@ -153,6 +189,13 @@ def read_model(path: Path) -> "IdentifiedModel":
 
     with _translated():
         return model.read(path)
+
+
+def digest(path: Path) -> str:
+    """By which gains name the model in a file. Raises BadInputError."""
+    from sysid import model
+
+    return model.digest(read_model(path))
 
 
 def read_vehicle(prior: str) -> Any:

@@ -48,7 +48,7 @@ def of_design(design: "Design") -> dict[str, Any]:
         "reasons": dict(design.reasons),
         "specification": {name: _finite(limit) for name, limit in design.spec._asdict().items()},
         "trust": design.trust and design.trust._asdict(),
-        "model_sha256": design.model_sha256,
+        "model_sha256": design.promise.model_sha256,
     }
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import calibrate
 from sitl.vehicle import config as vehicle_files
+from sitl.vehicle.config import SHIPPED as SHIPPED
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.config import VehicleError as VehicleError
 from sysid import ashore, assemble, fit, logs, paper, parameters, predict, runs

@@ -9,13 +9,14 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from sitl.vehicle.config import VehicleConfig
-from sysid.design import depth, heading, limits, plant, ways
+from sysid.design import depth, foretold, heading, limits, plant, ways
 from sysid.design.limits import Bounds
 from sysid.design.plant import Plant
 from sysid.design.reasons import reasons
 from sysid.design.spec import Design, DesignRefused, Loads, Response, Spec, Trust
 from sysid.design.trust import least, share_of, trust
-from sysid.model import IdentifiedModel, digest
+from sysid.loops import Gains
+from sysid.model import IdentifiedModel
 from sysid.planes import LinearPlane
 from sysid.tables import TABLE_3_INITIAL
 
@@ -35,10 +36,16 @@ LEVEL_PITCH_ROOM = 1.25
 MOST_IMAX_RAD = 0.25
 
 
-def redesign(model: IdentifiedModel, spec: Spec | None = None, prior: VehicleConfig | None = None) -> Design:
+def redesign(
+    model: IdentifiedModel,
+    spec: Spec | None = None,
+    prior: VehicleConfig | None = None,
+    initial: Gains = TABLE_3_INITIAL,
+) -> Design:
     """Parameters for the autopilot's loops from an identified model.
 
-    ``prior`` is needed when the model was refitted from a vehicle file that is not shipped.
+    ``prior`` is needed when the model was refitted from a vehicle file that is not shipped; ``initial`` are the gains
+    that were flown before, with which the new ones are compared.
 
     Raises:
         DesignRefused: the model is not fit for it, or no gains meet the specification.
@@ -48,13 +55,13 @@ def redesign(model: IdentifiedModel, spec: Spec | None = None, prior: VehicleCon
         raise DesignRefused("the fit's starts disagree, so the model is not unique; record more tests and refit")
     vehicle, loads = plant.plant(model), constant_loads(model)
     allowed = list(plant.allowed(model, VEHICLES, prior))
-    gains = _gains(vehicle, allowed, _first(vehicle), spec)
+    gains = _gains(vehicle, allowed, _first(vehicle, initial), spec)
     sure = trust(allowed, gains, spec)
     _refuse_unlikely(sure, model, spec)
     gains |= integrator_limits(loads, gains)
     gains |= ways.heading(vehicle, gains, loads, spec)
     gains |= ways.depth(vehicle, gains, loads, spec)
-    judged, initial = plant.judge(vehicle, gains), dict(TABLE_3_INITIAL)
+    judged = plant.judge(vehicle, gains)
     before, after = plant.respond(vehicle, initial), plant.respond(vehicle, gains)
     return Design(
         gains=gains,
@@ -65,15 +72,15 @@ def redesign(model: IdentifiedModel, spec: Spec | None = None, prior: VehicleCon
         initial_analysis=plant.judge(vehicle, initial),
         spec=spec,
         trust=sure,
-        model_sha256=digest(model),
+        promise=foretold.promise(model, vehicle, gains, spec, sure),
     )
 
 
-def _first(vehicle: Plant) -> dict[str, float]:
+def _first(vehicle: Plant, initial: Gains) -> dict[str, float]:
     """The initial gains, and the tailcone as it was identified."""
     lag = vehicle.yaw_lag
     tail = {"ACT_LAG_W": lag.natural_frequency_radps, "ACT_LAG_Z": lag.damping_ratio, "ACT_LEAD_W": 0.0}
-    return {**TABLE_3_INITIAL, **tail}
+    return {**initial, **tail}
 
 
 def _gains(vehicle: Plant, allowed: Sequence[Plant], first: dict[str, float], spec: Spec) -> dict[str, float]:

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sysid.analysis import Analysis
+from sysid.promise import Promise, encode
 
 
 class DesignRefused(Exception):  # noqa: N818 - a refusal is an outcome of the work, not an error in the program
@@ -75,22 +76,11 @@ class Design(NamedTuple):
     spec: Spec
     trust: Trust | None
     """None for a model that does not say how sure it is."""
-    model_sha256: str
+    promise: Promise
 
     def write_params(self, path: str | Path) -> None:
-        """Parameter file: ``NAME,VALUE  # reason``, headed by the model they rest on and what they promise."""
-        promised = self.predicted
-        lines = [
-            f"# gains designed on model {self.model_sha256}",
-            f"# predicted in the identified sea, rms: heading {promised.heading_deg:.2f} deg, "
-            f"pitch {promised.pitch_deg:.2f} deg, depth {100 * promised.depth_m:.1f} cm",
-        ]
-        if self.trust is None:
-            lines.append("# how likely they keep the specification is not known: that takes the vehicle's file")
-        else:
-            lines.append(f"# probability of keeping the specification {self.trust.specification:.2f}")
-        lines += [f"{name},{value:.6g}  # {self.reasons[name]}" for name, value in self.gains.items()]
-        Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+        """Parameter file: ``NAME,VALUE  # reason``, headed by what the gains rest on and promise (`sysid.promise`)."""
+        Path(path).write_text(encode(self.promise, self.gains, self.reasons), encoding="utf-8")
 
 
 class Loads(NamedTuple):
