@@ -1,19 +1,13 @@
-"""Poles and margins of given gains on given planes; the paper's Table 4 by the same means."""
+"""Poles and margins of given gains on given planes."""
 
 from typing import NamedTuple
 
-import numpy as np
-
 from sysid import loops
 from sysid.loops import Gains, Lag, Margins
-from sysid.planes import LinearPlane, pitch_plane, yaw_plane
-from sysid.tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL, TABLE_3_IMPROVED, TABLE_3_INITIAL, TABLE_4
+from sysid.planes import LinearPlane
 
 BAND_RADPS = 5.0
 """Poles within it are the vehicle's and its loops'; what lies beyond belongs to the Pade approximation of the delay."""
-TABLE_4_LAG = Lag(0.3)
-"""The delay that the paper prints; which one its Table 4 used is not known."""
-TABLE_4_ORDER = 2
 
 
 class Analysis(NamedTuple):
@@ -54,31 +48,3 @@ def _in_band(loop: loops.ClosedLoop) -> tuple[complex, ...]:
 def damping(poles: tuple[complex, ...]) -> float:
     """Smallest damping ratio; negative for an unstable pole."""
     return min((-pole.real / abs(pole) for pole in poles), default=1.0)
-
-
-def dominant(poles: tuple[complex, ...]) -> complex:
-    """The pair that Table 4 prints: of the oscillating pairs the one of the highest frequency, upper pole."""
-    pairs = [pole for pole in poles if pole.imag > 1e-6]
-    return max(pairs, key=abs) if pairs else complex(np.nan, np.nan)
-
-
-class Table4Row(NamedTuple):
-    loop: str
-    case: str
-    """Model/controller: I initial, A adjusted or improved."""
-    paper: complex
-    ours: complex
-
-
-def table_4(lag: Lag = TABLE_4_LAG) -> list[Table4Row]:
-    """All nine rows from Tables 1 and 3, beside the printed poles."""
-    models = {
-        "I": Planes(yaw_plane(TABLE_1_INITIAL), pitch_plane(TABLE_1_INITIAL)),
-        "A": Planes(yaw_plane(TABLE_1_ADJUSTED), pitch_plane(TABLE_1_ADJUSTED)),
-    }
-    controllers = {"I": TABLE_3_INITIAL, "A": TABLE_3_IMPROVED}
-    rows = []
-    for (loop, case), paper in TABLE_4.items():
-        found = analyse(models[case[0]], controllers[case[2]], lag.delay_s, lag, TABLE_4_ORDER)
-        rows.append(Table4Row(loop, case, paper, dominant(found.poles[loop])))
-    return rows

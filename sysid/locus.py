@@ -47,7 +47,7 @@ def damping(found: ComplexArray) -> Array:
     one grows."""
     swings = np.abs(found.imag) > 1e-6
     ratios = np.where(swings, -found.real / np.maximum(np.abs(found), 1e-12), 1.0)
-    return np.min(np.where(~swings & (found.real > 0.0), -1.0, ratios), axis=1)
+    return np.asarray(np.min(np.where(~swings & (found.real > 0.0), -1.0, ratios), axis=1))
 
 
 def _opened(closed: ClosedLoop, state: int, rows: slice) -> Opened:

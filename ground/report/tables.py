@@ -119,12 +119,13 @@ def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
 
 def table_4(poles: Mapping[str, Any]) -> str:
     """Dominant closed-loop poles: the paper's nine, the same reckoned by us, and ours."""
-    from sysid.analysis import dominant, table_4
+    from sysid.table_4 import dominant
+    from sysid.table_4 import rows as reckoned
 
     rows = [
         [_LOOP_OF[r.loop].split()[0] if r.case == "I/I" else "", _CASES[r.case], _pole(r.paper), _pole(r.ours),
          f"{_damping(r.paper):.2f}", f"{_damping(r.ours):.2f}"]
-        for r in table_4()
+        for r in reckoned()
     ]  # fmt: skip
     for role in ("initial", "redesigned"):
         for loop, found in poles[role].items():

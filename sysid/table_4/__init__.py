@@ -1,0 +1,15 @@
+"""The paper's Table 4: dominant poles of its nine loops by our own means, and which tailcone its printed ones ask for.
+
+The paper gives neither the mass nor which form of delay it used, and prints the actuator's transfer function garbled.
+``rows`` reckons the table for a given tailcone, ``readings`` looks for the tailcone that explains all nine rows best,
+``alone`` for what each row asks for by itself.
+"""
+
+from sysid.table_4.conditions import Alone, alone
+from sysid.table_4.poles import CASES, LAG, LOOPS, Row, closed, dominant, models, rows
+from sysid.table_4.search import FORMS, Form, Reading, readings
+
+__all__ = [
+    "CASES", "FORMS", "LAG", "LOOPS", "Alone", "Form", "Reading", "Row", "alone", "closed", "dominant", "models",
+    "readings", "rows",
+]  # fmt: skip

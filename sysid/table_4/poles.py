@@ -1,0 +1,57 @@
+"""The nine rows for a given tailcone, beside the printed ones."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sysid import loops
+from sysid.analysis import BAND_RADPS, Planes
+from sysid.loops import Approximation, ClosedLoop, Gains, Lag
+from sysid.planes import pitch_plane, yaw_plane
+from sysid.tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL, TABLE_3_IMPROVED, TABLE_3_INITIAL, TABLE_4
+
+LOOPS = ("heading", "pitch", "depth")
+CASES = ("I/I", "A/I", "A/A")
+"""Model/controller: I initial, A adjusted or improved."""
+LAG = Lag(0.3)
+"""The delay that the paper prints, behind the actuator whose cut-off agrees with its figure 4."""
+PADE = 2
+"""Order: the printed transfer function has a delay of the second order."""
+CONTROLLERS: Mapping[str, Gains] = {"I": TABLE_3_INITIAL, "A": TABLE_3_IMPROVED}
+
+
+class Row(NamedTuple):
+    loop: str
+    case: str
+    paper: complex
+    """Upper pole of the printed pair, rad/s."""
+    ours: complex
+
+
+def models() -> dict[str, Planes]:
+    """Table 1's two columns as linear planes."""
+    columns = {"I": TABLE_1_INITIAL, "A": TABLE_1_ADJUSTED}
+    return {name: Planes(yaw_plane(column), pitch_plane(column)) for name, column in columns.items()}
+
+
+def rows(lag: Lag = LAG, form: Approximation = PADE) -> list[Row]:
+    """All nine from Tables 1 and 3."""
+    known = models()
+    return [
+        Row(loop, case, paper, dominant(loops.poles(closed(loop, known[case[0]], lag, CONTROLLERS[case[2]], form))))
+        for (loop, case), paper in TABLE_4.items()
+    ]
+
+
+def closed(loop: str, planes: Planes, lag: Lag, gains: Gains, form: Approximation = PADE) -> ClosedLoop:
+    """One of ``LOOPS``."""
+    if loop == "heading":
+        return loops.close_heading(planes.yaw, lag, gains, form)
+    return (loops.close_pitch if loop == "pitch" else loops.close_depth)(planes.pitch, lag, gains, form)
+
+
+def dominant(poles: Sequence[complex] | loops.ComplexArray) -> complex:
+    """The pair that rings most, upper pole: of the oscillating ones within the band the least damped."""
+    pairs = [complex(pole) for pole in poles if pole.imag > 1e-6 and abs(pole) < BAND_RADPS]
+    return max(pairs, key=lambda pole: pole.real / abs(pole), default=complex(np.nan, np.nan))
