@@ -1,0 +1,83 @@
+"""Does a vehicle keep what her gains promise? Steady flight block by block, tests that add up, and a likely cause.
+
+Pure: a log in, or what was told of late, findings out. What is promised stands in the head of ``gains.param``
+(`sysid.promise`); what is compared is the same at sea, in a simulation and in an old log.
+"""
+
+from typing import NamedTuple
+
+from sysid.log import Log
+from sysid.monitor import causes, sequential
+from sysid.monitor.blocks import Block, Cutter, sample
+from sysid.monitor.causes import Cause
+from sysid.monitor.sequential import Sums
+from sysid.promise import Promise
+
+__all__ = ["Block", "Cause", "Kept", "Monitor", "of_log"]
+
+SPEED_TOLERANCE = 0.1
+"""Share of the thrust by which a block may be off: beyond it the promise is for another speed."""
+
+
+class Kept(NamedTuple):
+    """How a promise is kept up to now."""
+
+    blocks: int
+    """Of steady flight that were judged."""
+    steady_s: float
+    errors: dict[str, tuple[float, float]]
+    """By quantity the rms about the promised mean that was measured, and the promised one."""
+    causes: tuple[Cause, ...]
+    """What is likely the matter; empty while the promise is kept."""
+    found_s: float | None
+    """Vehicle time at which that was first noticed."""
+
+    @property
+    def refit_due(self) -> bool:
+        return any(cause.refit_due for cause in self.causes)
+
+
+class Monitor:
+    """Takes stretches of telemetry in order of time."""
+
+    def __init__(self, promise: Promise) -> None:
+        self._promise = promise
+        self._cutter = Cutter(promise)
+        self._sums: Sums = sequential.begin(promise)
+        self._blocks: list[Block] = []
+        self._causes: tuple[Cause, ...] = ()
+        self._found_s: float | None = None
+        self._until_s: float | None = None
+
+    def take(self, log: Log, until_s: float) -> None:
+        """What a log tells from where the last one was left, up to ``until_s``."""
+        rows = sample(log, self._until_s, until_s)
+        if len(rows):
+            self._until_s = float(rows[-1].time_s)
+        for block in self._cutter.take(rows):
+            if abs(block.thrust - self._promise.thrust) <= SPEED_TOLERANCE * abs(self._promise.thrust):
+                self._judge(block)
+
+    def kept(self) -> Kept:
+        return Kept(
+            blocks=len(self._blocks),
+            steady_s=sum(block.stop_s - block.start_s for block in self._blocks),
+            errors=sequential.errors(self._promise, self._blocks),
+            causes=self._causes,
+            found_s=self._found_s,
+        )
+
+    def _judge(self, block: Block) -> None:
+        self._blocks.append(block)
+        self._sums = sequential.add(self._promise, self._sums, block)
+        if sequential.alarmed(self._sums):
+            self._found_s = block.stop_s if self._found_s is None else self._found_s
+        if self._found_s is not None:
+            self._causes = causes.likely(self._promise, self._sums) or self._causes
+
+
+def of_log(log: Log, promise: Promise) -> Kept:
+    """A whole dive at once."""
+    monitor = Monitor(promise)
+    monitor.take(log, float(log.attitude.time_s[-1]))
+    return monitor.kept()
