@@ -82,9 +82,10 @@ def _figures(told: "Told", which: str) -> list[str]:
 
 def _legs(told: "Sequence[Told]") -> "Table":
     longest = max((one.legs for one in told), key=len)
-    table = _table("gains", "sea", *(f"{leg.depth_m:g} m, {leg.heading_deg:.0f} deg" for leg in longest))
-    for one in told:
-        table.add_row(one.gains, f"x{one.sea.times:g}", *(_settled(leg, one.vehicles) for leg in one.legs))
+    table = _table("leg", *(f"{one.gains} x{one.sea.times:g}" for one in told))
+    for number, leg in enumerate(longest):
+        cells = [_settled(one.legs[number], one.vehicles) if number < len(one.legs) else "-" for one in told]
+        table.add_row(f"{leg.depth_m:g} m, {leg.heading_deg:.0f} deg", *cells)
     return table
 
 

@@ -39,7 +39,7 @@ class Leg(NamedTuple):
 
 
 class Steady(NamedTuple):
-    """95 % of the error once settled, as ``sysid.verify`` has it."""
+    """95 % of the error once settled, by the windows and definitions of ``sysid.verify``."""
 
     heading_deg: float
     pitch_deg: float
@@ -68,12 +68,11 @@ class Outcome(NamedTuple):
 
 def of_dive(dive: Dive, travel_rad: float, hull_radius_m: float) -> Outcome:
     log = dive.log
-    found, legs = verify.tracking(log), verify.tracking(log, settling_s=0.0)
-    steady = found and Steady(found.heading_deg.p95, found.pitch_deg.p95, found.depth_m.p95)
+    legs = verify.tracking(log, settling_s=0.0)
     rudder, elevator = np.abs(log.actuators.rudder_rad), np.abs(log.actuators.elevator_rad)
     shallowest_m = _shallowest_m(dive)
     return Outcome(
-        steady=steady,
+        steady=_steady(log),
         legs=tuple(_leg(log, window) for window in legs.windows) if legs else (),
         rudder_deg=math.degrees(float(np.max(rudder))),
         elevator_deg=math.degrees(float(np.max(elevator))),
@@ -86,12 +85,31 @@ def of_dive(dive: Dive, travel_rad: float, hull_radius_m: float) -> Outcome:
     )
 
 
-def _leg(log: Log, leg: Window) -> Leg:
-    heading = log.attitude.yaw_rad - math.radians(leg.heading_setpoint_deg)
-    off = np.abs((heading + math.pi) % (2.0 * math.pi) - math.pi) > SETTLED_RAD
-    off |= np.abs(log.depth.depth_m - leg.depth_setpoint_m) > SETTLED_M
+def _within(log: Log, window: Window) -> NDArray[np.bool_]:
+    """Samples of a window; a rehearsed log has one time for all of its records."""
     time_s = log.attitude.time_s
-    late = time_s[off & (time_s >= leg.start_s) & (time_s < leg.stop_s)]
+    return (time_s >= window.start_s) & (time_s < window.stop_s)
+
+
+def _heading_error_rad(log: Log) -> Array:
+    """From the set-point of the moment, which moves where a path is followed."""
+    error = log.attitude.yaw_rad - log.setpoints.heading_rad
+    return np.asarray((error + math.pi) % (2.0 * math.pi) - math.pi)
+
+
+def _steady(log: Log) -> Steady | None:
+    found = verify.tracking(log)
+    if found is None:
+        return None
+    settled = np.any([_within(log, window) for window in found.windows], axis=0)
+    heading = verify.spread(np.degrees(_heading_error_rad(log)[settled]))
+    return Steady(heading.p95, found.pitch_deg.p95, found.depth_m.p95)
+
+
+def _leg(log: Log, leg: Window) -> Leg:
+    off = np.abs(_heading_error_rad(log)) > SETTLED_RAD
+    off |= np.abs(log.depth.depth_m - leg.depth_setpoint_m) > SETTLED_M
+    late = log.attitude.time_s[off & _within(log, leg)]
     last_s = float(late[-1]) if late.size else leg.start_s
     settled = leg.stop_s - last_s >= LAST_S
     return Leg(leg.heading_setpoint_deg, leg.depth_setpoint_m, last_s - leg.start_s if settled else None)
@@ -108,21 +126,18 @@ def _shallowest_m(dive: Dive) -> float | None:
 
 def _diverged(dive: Dive, travel_rad: float) -> str:
     """The first thing that was not held once it should have settled."""
-    judged = verify.tracking(dive.log, shortest_s=JUDGED_S)
+    log = dive.log
+    judged = verify.tracking(log, shortest_s=JUDGED_S)
     for window in judged.windows if judged else ():
-        rudder, elevator = _stopped(dive.log, window, travel_rad)
-        if window.heading_deg.largest > math.degrees(HOLDS.heading_rad) or rudder > STOPPED:
+        now = _within(log, window)
+        rudder, elevator = (
+            float(np.mean(np.abs(command[now]) > AT_STOP * travel_rad))
+            for command in (log.actuators.rudder_rad, log.actuators.elevator_rad)
+        )
+        if np.max(np.abs(_heading_error_rad(log)[now])) > HOLDS.heading_rad or rudder > STOPPED:
             return "heading"
         if window.pitch_deg.largest > math.degrees(HOLDS.pitch_rad) or elevator > STOPPED:
             return "pitch"
         if window.depth_m.largest > HOLDS.down_m:
             return "depth"
     return "" if dive.finished or dive.failsafe else "the mission's time"
-
-
-def _stopped(log: Log, window: Window, travel_rad: float) -> tuple[float, float]:
-    """Shares of a window in which rudder and elevator were commanded to their stops."""
-    time_s = log.actuators.time_s
-    now = (time_s >= window.start_s) & (time_s < window.stop_s)
-    rudder, elevator = np.abs(log.actuators.rudder_rad[now]), np.abs(log.actuators.elevator_rad[now])
-    return float(np.mean(rudder > AT_STOP * travel_rad)), float(np.mean(elevator > AT_STOP * travel_rad))

@@ -17,14 +17,14 @@ TRAVEL_RAD, RADIUS_M = math.radians(15.0), 0.3
 
 def told(
     heading_deg: NDArray[np.float64] | float = 0.0, depth_m: NDArray[np.float64] | float = 3.0, rudder_deg: float = 1.0,
-    failsafe: str = "", finished: bool = True,
+    failsafe: str = "", finished: bool = True, course_deg: NDArray[np.float64] | float = 0.0,
 ) -> Outcome:  # fmt: skip
-    """Of a minute at heading 0 and 3 m."""
+    """Of a minute at 3 m, the heading to be held 0 where there is no course."""
     none, heading, depth = np.zeros_like(TIME_S), np.radians(heading_deg) + 0.0 * TIME_S, depth_m + 0.0 * TIME_S
     log = Log(
         "dive", "", Attitude(TIME_S, none, none, heading, none, none, none),
         Actuators(TIME_S, np.radians(rudder_deg) + none, none, none), Depth(TIME_S, depth, none),
-        Setpoints(TIME_S, none, none, TIME_S, 3.0 + none), (), {}, Duct(none, none, none),
+        Setpoints(TIME_S, np.radians(course_deg) + none, none, TIME_S, 3.0 + none), (), {}, Duct(none, none, none),
     )  # fmt: skip
     return outcome.of_dive(Dive(log, depth, failsafe, finished), TRAVEL_RAD, RADIUS_M)
 
@@ -41,6 +41,15 @@ def test_steady_errors_leave_the_settling_out() -> None:
     steady = told(heading_deg=np.where(TIME_S < 20.0, 50.0, 0.5)).steady
     assert steady is not None
     assert steady.heading_deg == pytest.approx(0.5)
+
+
+def test_on_a_path_the_error_is_from_the_course_of_the_moment() -> None:
+    course_deg = 0.5 * TIME_S
+    found = told(heading_deg=course_deg + 0.5, course_deg=course_deg)
+    assert found.steady is not None
+    assert found.steady.heading_deg == pytest.approx(0.5)
+    assert found.legs[0].settled_s == 0.0
+    assert found.diverged == ""
 
 
 @pytest.mark.parametrize(
