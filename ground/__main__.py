@@ -11,11 +11,11 @@ import signal
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from ground import bench_cli, log_cli, modes_cli, params_cli, redesign_cli, vehicle_cli
+from ground import bench_cli, fly_cli, log_cli, modes_cli, params_cli, redesign_cli, vehicle_cli
 from ground.console import (
     GROUND_LINK,
     Address,
@@ -27,16 +27,10 @@ from ground.console import (
     VehicleName,
     encode,
     give,
-    new_file,
 )
 from ground.errors import BAD_INPUT, FAILED, BadInputError, FailedError
 from ground.experiment import cli as experiment_cli
 from ground.rehearsal import cli as rehearsal_cli
-
-if TYPE_CHECKING:
-    from ground.flight import Dive
-    from ground.live.session import Live
-    from ground.progress import Shown
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """Set before numpy is loaded: refits solve many small systems, which threads of their own slow down fivefold."""
@@ -63,84 +57,12 @@ app.add_typer(params_cli.app, name="params")
 app.add_typer(log_cli.app, name="log")
 app.add_typer(vehicle_cli.app, name="vehicle")
 app.add_typer(modes_cli.app, name="modes")
+app.command()(fly_cli.fly)
 app.command()(bench_cli.bench)
 app.command()(bench_cli.incline)
 app.command()(experiment_cli.design_test)
 app.command()(rehearsal_cli.rehearse)
 app.command()(redesign_cli.redesign)
-
-
-@app.command()
-def fly(
-    mission: Annotated[str, typer.Argument(help="A shipped mission's name, a .toml, .plan or QGC WPL 110 file.")],
-    connect: Address = GROUND_LINK,
-    sign: Sign = None,
-    sitl: Annotated[bool, typer.Option("--sitl", help="Start a simulated vehicle and fly that.")] = False,
-    log: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Default: the mission's name.")] = None,
-    tlog: Annotated[Path | None, typer.Option(metavar="FILE.tlog", help="Also a MAVLink telemetry log.")] = None,
-    vehicle: VehicleName = "field",
-    scenario: ScenarioName = "calm",
-    seed: Seed = 1,
-    speed: Speed = "max",
-    params: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Parameters to set before the dive; "
-            "with --sitl, left out, and not Caribou: gains designed from the vehicle file.",
-        ),
-    ] = None,
-    truth: Annotated[
-        Path | None, typer.Option(metavar="FILE.mcap", help="With --sitl: what really happened, beside what was told.")
-    ] = None,
-    prior: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME|FILE|MODEL.json",
-            help="What is known of her before her tests, for the estimate that is shown while they run: bench, a "
-            "vehicle file, or a model.json. Default: the vehicle of --sitl, else bench.",
-        ),
-    ] = None,
-    json: Json = False,
-) -> None:
-    """Upload a mission, fly it, and record until the vehicle has disarmed itself at the surface."""
-    from ground import flight, gains, progress, prototype
-    from ground.flight import Dive
-    from ground.processes import SimulatedVehicle, Simulation
-
-    if sitl and sign:
-        raise BadInputError("--sign: is for --connect; the link to a vehicle of --sitl stays on this machine")
-    if truth and not sitl:
-        raise BadInputError(f"--truth {truth}: needs --sitl; nobody knows the truth of a real sea")
-    target = new_file(log or Path(Path(mission).stem + ".mcap"))
-    first = prototype.parameters_for(vehicle) if sitl and params is None else {}
-    dive = Dive.load(mission, target, parameters=gains.load(params) if params else first, tlog=tlog and new_file(tlog))
-    with progress.display(Path(mission).stem, quiet=json) as shown:
-        follower = _follower(dive, prior or (prototype.known_beforehand(vehicle) if sitl else "bench"), shown)
-        if sitl:
-            simulated = SimulatedVehicle(Simulation(vehicle, scenario, seed, speed, truth))
-            outcome = flight.fly_simulated(dive, simulated, shown.watch, shown.hear, follower)
-        else:
-            outcome = flight.fly(dive, connect, shown.watch, shown.hear, sign, follower)
-    give(
-        {**outcome._asdict(), "log": str(outcome.log), "estimates": follower.as_json() if follower else {}},
-        f"{outcome.log}: {outcome.vehicle_s:.0f} s flown in {outcome.wall_s:.1f} s, "
-        f"{outcome.messages} messages, {outcome.lost_frames} lost",
-        json,
-    )
-    if outcome.failsafes:
-        raise FailedError(outcome.failsafes[0])
-
-
-def _follower(dive: Dive, prior: str, shown: Shown) -> Live | None:
-    """Who estimates the vehicle while she is tested; nobody on a dive without tests."""
-    from ground import script
-
-    if not any(item.command == script.TEST for item in dive.items):
-        return None
-    from ground.live.session import Live
-
-    return Live(prior, shown.show, shown.say)
 
 
 @app.command()
@@ -156,12 +78,16 @@ def watch(
             "model.json. She is asked for 20 Hz of what that needs.",
         ),
     ] = None,
+    gains: Annotated[
+        Path | None,
+        typer.Option(metavar="GAINS.param", help="Show whether she keeps what these gains promise, which she flies."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Watch any MAVLink vehicle live, without being its ground station; Ctrl-C ends. --json is one look."""
     from ground.watch import session
 
-    session.watch(connect, sign, once=once, json=json, prior=prior)
+    session.watch(connect, sign, once=once, json=json, prior=prior, gains=gains)
 
 
 @app.command()

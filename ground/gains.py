@@ -60,6 +60,14 @@ def promise(path: Path) -> "Promise | None":
         raise BadInputError(f"{path}: {error}; `ground redesign` writes it anew") from None
 
 
+def promised(path: Path) -> "Promise":
+    """What the gains in a file promise. Raises BadInputError, also where they promise nothing."""
+    found = promise(path)
+    if found is None:
+        raise BadInputError(f"{path}: promises nothing; give a gains.param that `ground redesign` wrote")
+    return found
+
+
 def model_of(path: Path) -> str:
     """The digest of the model that the gains in a file were designed on; empty where that is not known any more."""
     try:

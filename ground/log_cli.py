@@ -71,6 +71,21 @@ def info(file: Path, json: Json = False) -> None:
 
 
 @app.command()
+def monitor(
+    file: Path,
+    gains: Annotated[Path, typer.Option(metavar="GAINS.param", help="What was flown, as `ground redesign` wrote it.")],
+    json: Json = False,
+) -> None:
+    """Whether the vehicle kept what her gains promise, and what is likely the matter if not."""
+    from ground import gains as files
+    from ground import refit
+    from ground.live import kept_view
+
+    kept = refit.kept(refit.read_log(file), files.promised(gains))
+    give(kept_view.as_json(kept), f"{file}: {kept_view.in_words(kept)}", json)
+
+
+@app.command()
 def export(
     file: Path,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Default: the log's name.")] = None,

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from sysid.design import Design, Spec
     from sysid.log import Log
     from sysid.model import IdentifiedModel
+    from sysid.monitor import Kept
+    from sysid.promise import Promise
     from sysid.runs import Mark
 
 Method = Literal["map", "paper", "output-error", "filter-error"]
@@ -181,6 +183,13 @@ def tracking(log: "Log") -> dict[str, Any]:
         raise FailedError(f"{log.name}: no stretch of constant set-points outlasts its settling")
     plain: dict[str, Any] = _plain(found)
     return plain
+
+
+def kept(log: "Log", promise: "Promise") -> "Kept":
+    """How a dive kept what her gains promise."""
+    from sysid import monitor
+
+    return monitor.of_log(log, promise)
 
 
 def read_model(path: Path) -> "IdentifiedModel":

@@ -23,7 +23,9 @@ from sysid.logs.outputs import FIRST_THREE
 LARGEST_GAP_S = {"ATTITUDE": 0.25, "ACTUATOR_OUTPUT_STATUS": 0.12, "SERVO_OUTPUT_RAW": 0.12, "LOCAL_POSITION_NED": 0.5}
 """What identification needs (of the two in the middle one is enough), and how far apart two of them may be: a surface
 moves in a moment, attitude does not."""
-_KEPT = {dialect.by_name(name).message_id: name for name in LARGEST_GAP_S}
+SETPOINTS = ("ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED")
+"""What she was asked for; identification goes without."""
+_KEPT = {dialect.by_name(name).message_id: name for name in (*LARGEST_GAP_S, *SETPOINTS)}
 _NAME = Path("live")
 
 
@@ -65,7 +67,7 @@ class Telemetry:
     @property
     def complete_s(self) -> float:
         """The vehicle time up to which every one of the messages has told its part."""
-        return min((kept[-1][0] for kept in self._used().values()), default=0.0)
+        return min((kept[-1][0] for name, kept in self._used().items() if name not in SETPOINTS), default=0.0)
 
     def log(self, until_s: float) -> Log:
         """What is kept up to a time. Raises LogError where a message is missing that identification needs."""
@@ -89,7 +91,8 @@ class Telemetry:
 
     def gap(self) -> Gap | None:
         """The first stretch in which one of the messages failed to come."""
-        gaps = [gap for name, kept in self._used().items() if (gap := _first_gap(name, kept)) is not None]
+        needed = {name: kept for name, kept in self._used().items() if name not in SETPOINTS}
+        gaps = [gap for name, kept in needed.items() if (gap := _first_gap(name, kept)) is not None]
         return min(gaps, key=lambda gap: gap.end_s, default=None)
 
     def _used(self) -> dict[str, list[tuple[float, bytes]]]:

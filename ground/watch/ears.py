@@ -30,9 +30,14 @@ _ARDUPILOT = constant("MAV_AUTOPILOT_ARDUPILOTMEGA")
 _VERSION = float(constant("MAVLINK_MSG_ID_AUTOPILOT_VERSION"))
 
 
-FOLLOWED = ("ATTITUDE", "ACTUATOR_OUTPUT_STATUS", "LOCAL_POSITION_NED")
-FOLLOWED_HZ = 20.0
-"""What an estimate needs; more than most vehicles tell a stranger of their own accord."""
+FOLLOWED_HZ = {
+    "ATTITUDE": 20.0,
+    "ACTUATOR_OUTPUT_STATUS": 20.0,
+    "LOCAL_POSITION_NED": 20.0,
+    "ATTITUDE_TARGET": 2.0,
+    "POSITION_TARGET_LOCAL_NED": 2.0,
+}
+"""What followers need; more than most vehicles tell a stranger of their own accord."""
 
 
 class Heard(NamedTuple):
@@ -120,9 +125,9 @@ class Ears:
         """For the version, and for telemetry of an autopilot that sends none to strangers."""
         if "AUTOPILOT_VERSION" not in self.latest:
             self._command(party, commands.REQUEST, _VERSION)
-        for name in FOLLOWED if self.follower else ():
-            if name not in self.latest or self.latest[name].period_s > 1.5 / FOLLOWED_HZ:
-                self._command(party, commands.SET_INTERVAL, dialect.by_name(name).message_id, 1e6 / FOLLOWED_HZ)
+        for name, rate_hz in FOLLOWED_HZ.items() if self.follower else ():
+            if name not in self.latest or self.latest[name].period_s > 1.5 / rate_hz:
+                self._command(party, commands.SET_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz)
         if self.latest["HEARTBEAT"].message.autopilot == _ARDUPILOT and "ATTITUDE" not in self.latest:
             self._endpoint.send("REQUEST_DATA_STREAM", target_system=party.system, target_component=party.component,
                                 req_stream_id=0, req_message_rate=2, start_stop=1)  # fmt: skip

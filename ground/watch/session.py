@@ -17,7 +17,7 @@ from link.clock import wall_s
 from link.transport import open_transport
 
 if TYPE_CHECKING:
-    from ground.live.session import Live as Estimating
+    from ground.live.followers import Followers
 
 REFRESH_S = 0.2
 PATIENCE_S = 5.0
@@ -26,13 +26,16 @@ LOOK_S = 3.0
 """How long it then listens: long enough for what comes every two seconds."""
 
 
-def watch(connect: str, sign: Path | None, *, once: bool, json: bool, prior: str | None = None) -> None:
-    """Show what is heard at an address; with a ``prior``, also what tests tell of her.
+def watch(
+    connect: str, sign: Path | None, *, once: bool, json: bool, prior: str | None = None, gains: Path | None = None
+) -> None:
+    """Show what is heard at an address; with a ``prior``, also what tests tell of her, with ``gains`` whether she keeps
+    what they promise.
 
     Raises:
         AddressError, BadInputError, FailedError: as one would expect of each.
     """
-    follower = _estimating(prior) if prior else None
+    follower = _following(prior, gains)
     stopped = _Stopped()
     console = Console()
     with signing(sign) as key:
@@ -52,13 +55,23 @@ def watch(connect: str, sign: Path | None, *, once: bool, json: bool, prior: str
             transport.close()
 
 
-def _estimating(prior: str) -> "Estimating":
-    """Raises BadInputError: there is no such prior."""
-    from ground.live.session import Live as Estimating
+def _following(prior: str | None, gains: Path | None) -> "Followers | None":
+    """Who makes something of what she tells; nobody unless asked. Raises BadInputError."""
+    from ground.live.followers import Followers, Shows
 
-    found = Estimating(prior)
+    each: list[Shows] = []
+    if prior:
+        from ground.live.session import Live as Estimating
+
+        each.append(Estimating(prior))
+    if gains:
+        from ground.gains import promised
+        from ground.live.keeping import Keeping
+
+        each.append(Keeping(promised(gains)))
+    found = Followers(each)
     found.begin({})
-    return found
+    return found if each else None
 
 
 class _Stopped:
@@ -88,7 +101,7 @@ def _look(ears: Ears, stopped: _Stopped) -> None:
         ears.listen(REFRESH_S)
 
 
-def _live(ears: Ears, console: Console, stopped: _Stopped, follower: "Estimating | None") -> None:
+def _live(ears: Ears, console: Console, stopped: _Stopped, follower: "Followers | None") -> None:
     drawn_s = 0.0
     with Live(console=console, auto_refresh=False, screen=True) as live:
         while not stopped():

@@ -17,8 +17,8 @@ WARNING = 4
 STALE, ALARM, LABEL = "bright_black", "bold red", "cyan"
 
 
-def draw(ears: Ears, now_s: float, tests: RenderableType | None = None) -> RenderableType:
-    """The whole view; what ``tests`` tell comes first, as a low terminal cuts off what comes last."""
+def draw(ears: Ears, now_s: float, followed: RenderableType | None = None) -> RenderableType:
+    """The whole view; what was made of ``followed`` telemetry comes first: a low terminal cuts off what comes last."""
     if ears.party is None:
         return Panel(_nothing(ears, now_s), title=ears.address, border_style="yellow")
     every = rows(ears, now_s)
@@ -30,7 +30,7 @@ def draw(ears: Ears, now_s: float, tests: RenderableType | None = None) -> Rende
     below.add_column(ratio=1)
     below.add_column(ratio=1)
     below.add_row(_section("mission", every), Panel(_link(ears, now_s), title="link", border_style="blue"))
-    told = [] if tests is None else [Panel(tests, title="tests", border_style="blue")]
+    told = [] if followed is None else [Panel(followed, border_style="blue")]
     return Group(_headline(ears, now_s), *told, sides, below, Panel(_texts(ears.texts, now_s), title="texts"))
 
 

@@ -58,6 +58,10 @@ class Monitor:
             if abs(block.thrust - self._promise.thrust) <= SPEED_TOLERANCE * abs(self._promise.thrust):
                 self._judge(block)
 
+    def interrupt(self) -> None:
+        """Her clock has begun anew; what was seen before stays."""
+        self._cutter, self._until_s = Cutter(self._promise), None
+
     def kept(self) -> Kept:
         return Kept(
             blocks=len(self._blocks),

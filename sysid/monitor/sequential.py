@@ -69,7 +69,7 @@ def alarmed(sums: Sums) -> bool:
 
 
 def moved(sums: Sums) -> dict[str, float]:
-    """By how much averages have moved, for those of which that is likely, and likelier than that they just vary more."""
+    """By how much averages have moved, where that is likely, and likelier than that they only vary more."""
     return {
         name: found.mean
         for (name, way), found in sums.items()
