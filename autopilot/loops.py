@@ -137,9 +137,12 @@ def dive(
     gains, travel = config.pitch_gains, config.travel_rad
     if config.schedule_mps:
         gains = scheduled(gains, estimate.speed_mps / config.schedule_mps)
-    error, least, most = pitch_setpoint - estimate.pitch_rad, -travel - trim_rad, travel - trim_rad
-    elevator, pitch_i = pid(error, rate, gains, memory.pitch_rad, dt_s, least, most)
-    return Dived(elevator + trim_rad, pitch_setpoint, pitch_i, depth_i, descent)
+    rest = trim_rad
+    if config.pitch_stiffness and descent and setpoint.pitch_rad is None:
+        rest += hold_pitch(descent, estimate, config)
+    error = pitch_setpoint - estimate.pitch_rad
+    elevator, pitch_i = pid(error, rate, gains, memory.pitch_rad, dt_s, -travel - rest, travel - rest)
+    return Dived(elevator + rest, pitch_setpoint, pitch_i, depth_i, descent)
 
 
 def depth_loop(
@@ -152,8 +155,7 @@ def depth_loop(
         start = memory.descent or Way(estimate.depth_m, rate)
         descent = shaping.approach(setpoint.depth_m - start.at, start, bandwidth, config.depth_way_mps, dt_s)
         error, rate = descent.at - estimate.depth_m, rate - descent.rate
-        # depth' = -U sin(theta): the pitch that the way itself takes.
-        ahead = descent.rate / max(estimate.speed_mps, LEAST_SPEED_MPS)
+        ahead = steepness(descent, estimate)
         if abs(descent.rate) > UNDER_WAY_MPS:
             gains = gains._replace(i=0.0)
     elif config.depth_weight < 1.0:
@@ -163,6 +165,21 @@ def depth_loop(
         descent = shaping.follow(to_go, start, gains, dt_s)
     nose_down, integral = pid(error, rate, gains, memory.depth_rad, dt_s, -limit - ahead, limit - ahead)
     return -nose_down - ahead, integral, descent
+
+
+def steepness(descent: Way, estimate: Estimate) -> float:
+    """The nose-down pitch that a way in depth itself takes: depth' = -U sin(theta)."""
+    return descent.rate / max(estimate.speed_mps, LEAST_SPEED_MPS)
+
+
+def hold_pitch(descent: Way, estimate: Estimate, config: Config) -> float:
+    """The elevator that holds the pitch of a way in depth against the weight under the hull's axis.
+
+    That righting moment is the same at any speed; what an angle of the duct turns grows with U^2.
+    """
+    limit, x = config.pitch_limit_rad, min(FASTEST, max(SLOWEST, estimate.speed_mps / config.cruise_speed_mps))
+    pitch = -min(limit, max(-limit, steepness(descent, estimate)))
+    return config.pitch_stiffness * pitch / (x * x)
 
 
 def scheduled(gains: Gains, speed: float) -> Gains:

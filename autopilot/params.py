@@ -62,6 +62,9 @@ class Config:
     depth_weight: Annotated[
         float, Doc("DPT_SPW", 0, 1, "", "Weight of a new depth in DPT_P, without a reference model; 1 off")
     ] = 1.0
+    pitch_stiffness: Annotated[
+        float, Doc("PTCH_FF", 0, 5, "rad/rad", "Elevator per pitch that a way in depth takes, at cruise speed; 0 off")
+    ] = 0.0
     schedule_mps: Annotated[
         float, Doc("GAIN_SPD_MPS", 0, 5, "m/s", "Speed at which the gains hold; 0: at any speed")
     ] = 0.0

@@ -18,8 +18,10 @@ from tests.closed_loop import Dive
 Array = NDArray[np.float64]
 
 CASES = ("combined, calm", "combined, disturbed", "shallow_1m, disturbed", "shallow_1m, swell")
-END_S = 10.0
+END_S = 5.0
 """Of a leg: there it has settled."""
+UNDER_M = 0.3
+"""Of water over her: then she has left the surface."""
 TWICE = 2.0
 """A leg has settled where 95 % lie within so many times the target of a steady run."""
 STATIONS = 41
@@ -54,13 +56,13 @@ def _at_its_end(dive: Dive, leg: Step, end_s: float) -> tuple[float, float]:
 
 
 def water_over_her_m(dive: Dive) -> float:
-    """The least over the highest part of hull and duct, from when she was first under water until she surfaces."""
+    """The least over the highest part of hull and duct, from when she has left the surface until she is to surface."""
     pitch, depth_m = dive["true_pitch"], dive["true_depth_m"]
     x_m, radius_m = outline_m(VEHICLE)
     highest_m = np.max(np.outer(np.sin(pitch), x_m) + np.outer(np.cos(pitch), radius_m), axis=1)
     over_m = depth_m + dive["surface_m"] - highest_m
     end_s = next((time_s for time_s, text in dive.told if text == "Mode SURFACE"), np.inf)
-    return float(np.min(over_m[(np.cumsum(over_m > 0.0) > 0) & (dive["t_s"] < end_s)], initial=np.inf))
+    return float(np.min(over_m[(np.cumsum(over_m > UNDER_M) > 0) & (dive["t_s"] < end_s)], initial=np.inf))
 
 
 def outline_m(vehicle: str) -> tuple[Array, Array]:

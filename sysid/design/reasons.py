@@ -35,5 +35,6 @@ def reasons(
         "HDG_REF_RATE": "share of the rate of turn that the free travel holds",
         "DPT_REF_W": f"{spec.depth_step_m:g} m to a new depth within {100 * spec.depth_overshoot:.0f} % of overshoot",
         "DPT_REF_RATE": "share of the speed",
+        "PTCH_FF": "elevator that holds the pitch of a steady climb against the righting moment",
     }
     return {name: texts[name] for name in gains}

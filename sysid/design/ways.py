@@ -8,6 +8,7 @@ import numpy as np
 from sysid.design import trial
 from sysid.design.plant import Plant
 from sysid.design.spec import DesignRefused, Loads, Spec
+from sysid.planes import LinearPlane
 
 BANDWIDTHS_RADPS = tuple(np.geomspace(1.6, 0.1, 13).round(3).tolist())
 """Tried from the quickest on."""
@@ -35,11 +36,12 @@ def heading(vehicle: Plant, values: Mapping[str, float], loads: Loads, spec: Spe
 
 
 def depth(vehicle: Plant, values: Mapping[str, float], loads: Loads, spec: Spec) -> dict[str, float]:
-    """DPT_REF_W and DPT_REF_RATE. Raises DesignRefused."""
+    """DPT_REF_W, DPT_REF_RATE and PTCH_FF. Raises DesignRefused."""
     speed_mps = -float(vehicle.planes.pitch.A[3, 2])
-    rate, least = {"DPT_REF_RATE": round(SINK_SHARE * speed_mps, 2)}, math.inf
+    known = {"DPT_REF_RATE": round(SINK_SHARE * speed_mps, 2), "PTCH_FF": max(0.0, _stiffness(vehicle.planes.pitch))}
+    least = math.inf
     for bandwidth in BANDWIDTHS_RADPS:
-        way = {"DPT_REF_W": bandwidth, **rate}
+        way = {"DPT_REF_W": bandwidth, **known}
         past = max(_past({**values, **way}, vehicle, loads, spec, step) for step in (1.0, -1.0))
         least = min(least, past)
         if past <= spec.depth_overshoot:
@@ -48,6 +50,12 @@ def depth(vehicle: Plant, values: Mapping[str, float], loads: Loads, spec: Spec)
         f"no gains meet the specification: a change of depth of {spec.depth_step_m:g} m overshoots by "
         f"{100 * least:.0f} %, at most {100 * spec.depth_overshoot:.0f}"
     )
+
+
+def _stiffness(plane: LinearPlane) -> float:
+    """Elevator per pitch of a steady climb: with w free, neither heave nor pitch is accelerated."""
+    free = np.column_stack([plane.A[:2, 0], plane.B[:2]])
+    return float(np.linalg.solve(free, -plane.A[:2, 2])[1])
 
 
 def _past(values: Mapping[str, float], vehicle: Plant, loads: Loads, spec: Spec, way: float) -> float:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from autopilot import loops, modes, requests
 from autopilot.params import Config, ParamTable
 from autopilot.pid import Gains
+from autopilot.shaping import Way
 from autopilot.targets import Setpoint
 from autopilot.types import Estimate, Event, LoopMemory, Trim
 from autopilot.vehicle import Vehicle
@@ -70,6 +71,23 @@ def test_a_change_of_depth_on_a_way_is_no_faster_than_it_may() -> None:
         fastest[w] = max((b - a) / 0.5 for a, b in zip(depths[::25], depths[25::25], strict=False))
         assert depths[-1] == pytest.approx(9.0, abs=0.1)
     assert fastest[0.3] < 0.26 < fastest[0.0]
+
+
+@pytest.mark.parametrize(("speed", "share"), [(1.3, 1.0), (0.65, 4.0), (0.1, 6.25), (2.6, 0.25)])
+def test_the_elevator_holds_the_pitch_that_a_way_in_depth_takes(speed: float, share: float) -> None:
+    """On top of what the loops ask: 0.2 of the pitch at cruise speed, more as the flow on the duct gets less."""
+    config = {"depth_way_radps": 0.5, "depth_way_mps": 0.1, "travel_deg": 45.0}
+    held, bare = Config(pitch_stiffness=0.2, **config), Config(**config)
+    on_her_way = LoopMemory(descent=Way(3.0, 0.1))
+    estimate, asked = Estimate(depth_m=3.0, speed_mps=speed), Setpoint(depth_m=9.0)
+    with_it, without = (
+        loops.close(estimate, asked, on_her_way, each, 0.02, heading=False, depth=True)[0].elevator_rad
+        for each in (held, bare)
+    )
+    pitch = -min(math.radians(20.0), 0.1 / max(speed, 0.3))
+    assert with_it - without == pytest.approx(0.2 * pitch * share, rel=1e-6)
+    level = loops.close(estimate, asked._replace(depth_m=3.0), LoopMemory(), held, 0.02, heading=False, depth=True)[0]
+    assert level.elevator_rad == 0.0
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.4, 0.9])
