@@ -46,7 +46,7 @@ def coloured(plant: Plant, commands: Sequence[Command], level: Noise) -> Bound:
     filtering = noise.build(plants.linear_plane(plant), level, response.DT, _longest(commands))
     information = bench_information(plant)
     for command in commands:
-        slopes = response.slopes(plant, by, command, np.zeros(len(by.transition)), count)
+        slopes = response.slopes(plant, by, response.driven(plant, command), np.zeros(len(by.transition)), count)
         J = np.stack([noise.whitened(slope, filtering).ravel() for slope in slopes])
         information += J @ J.T
     return of_information(plant, information)
@@ -64,7 +64,7 @@ def white(plant: Plant, commands: Sequence[Command], level: Noise) -> Bound:
     for command in commands:
         steps = response.steps(command)
         Q = np.linalg.qr(unknown[:steps].reshape(steps * count, -1))[0]
-        slopes = response.slopes(plant, by, command, np.zeros(len(by.transition)), count) / sds
+        slopes = response.slopes(plant, by, response.driven(plant, command), np.zeros(len(by.transition)), count) / sds
         J = slopes.reshape(len(slopes), -1)
         J -= (J @ Q) @ Q.T
         information += J @ J.T

@@ -21,7 +21,9 @@ LEADS_S: dict[Method, float] = {"output-error": 4.0, "filter-error": PREROLL_S}
 and an unstable one fast: output error, which knows no sea, begins shortly before the test."""
 
 PASSES = 3
-"""Outer iterations: values, then the noise that explains what they miss."""
+"""Outer iterations of filter error: values, then the noise that explains what they miss."""
+FINER = (1e-2, 1e-2, 1e-3)
+"""Relative cost changes that end output error's passes: under levels that are far off the least lies elsewhere."""
 SETTLED = 0.02
 """Relative change of the sensors' levels that ends output error's passes."""
 COARSE = 1e-4
@@ -98,10 +100,10 @@ def _output_error(records: Sequence[Record], belief: Belief, values: Array) -> P
     sds = bound.sensors(Noise())[: records[0].measured.shape[1]]
 
     def weighted() -> Objective:
-        return objective.with_bench(output_error.objective(frame, records, sds), belief.plant)
+        return objective.with_bench(output_error.reduced(frame, records, sds), belief.plant)
 
-    for _ in range(PASSES):
-        values = search.search(weighted(), belief, values, COARSE).values
+    for tolerance in FINER:
+        values = search.search(weighted(), belief, values, tolerance).values
         before, sds = sds, output_error.levels(frame, records, sds, values)
         if np.max(np.abs(sds / before - 1.0)) < SETTLED:
             break

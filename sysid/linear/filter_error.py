@@ -72,7 +72,7 @@ def _whitened_slopes(plant: Plant, records: Sequence[Record], by_filter: Filter)
     rest = np.zeros(len(by.transition))
     runs = []
     for record in records:
-        slopes = response.slopes(plant, by, record.command, rest, _count(record))
+        slopes = response.slopes(plant, by, response.driven(plant, record.command), rest, _count(record))
         runs.append(np.column_stack([noise.whitened(-slope, by_filter).ravel() for slope in slopes]))
     return np.concatenate(runs)
 

@@ -5,7 +5,7 @@ other values the best of them is subtracted (variable projection, Golub and Pere
 whose gradient is exact and whose square is the information left once the nuisances are known.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,52 +15,73 @@ from sysid.linear import response
 from sysid.linear.objective import Objective
 from sysid.linear.plant import Frame, Plant
 from sysid.linear.records import Record
-from sysid.linear.response import Discrete
+from sysid.linear.response import Discrete, Driven
 
 Array = NDArray[np.float64]
-Basis = tuple[Array, Array]
-"""QR factors of a run's nuisances."""
 
 
-class _Trial(NamedTuple):
-    """All runs under one set of values."""
+class _Unknown(NamedTuple):
+    """What a run's starting state and gyro bias leave in its outputs, and the QR factors of that."""
+
+    columns: Array
+    """(n, nuisances)"""
+    Q: Array
+    R: Array
+
+
+class _Part(NamedTuple):
+    """One run under one plant, nuisances included."""
 
     plant: Plant
     by: Discrete
-    bases: dict[int, Basis]
-    misses: list[tuple[Array, Array]]
-    """Of each run its residual beyond the nuisances, and these."""
-
-
-def _try(plant: Plant, records: Sequence[Record], sds: Array) -> _Trial:
-    by = response.discretise(plant)
-    bases = _bases(by, records, sds)
-    return _Trial(plant, by, bases, [_missed(plant, by, record, sds, bases) for record in records])
+    duct: Driven
+    sds: Array
+    unknown: _Unknown
+    residuals: Array
+    """(n,): from rest."""
 
 
 def objective(frame: Frame, records: Sequence[Record], sds: Array) -> Objective:
     """Projected residuals in units of the outputs' standard deviations ``sds``."""
 
-    last: dict[bytes, _Trial] = {}
+    def projected(values: Array, what: Callable[[_Part], Array]) -> Array:
+        parts = _parts(Plant(frame, values), records, sds)
+        return np.concatenate([what(part) - part.unknown.Q @ (part.unknown.Q.T @ what(part)) for part in parts])
 
-    def tried(values: Array) -> _Trial:
+    return Objective(
+        lambda values: projected(values, lambda part: part.residuals),
+        lambda values: projected(values, _slopes),
+    )
+
+
+def reduced(frame: Frame, records: Sequence[Record], sds: Array) -> Objective:
+    """As many residuals as values and one more, with the cost, gradient and information of all of ``objective``.
+
+    They are a triangular factor, of each run and then of all (Golub and Van Loan 2013, section 5.3): a search, which
+    reads nothing else of the residuals, need not handle every sample at every step.
+    """
+    last: dict[bytes, Array] = {}
+
+    def factor(values: Array) -> Array:
         """Residuals and slopes are asked for at the same values, one after the other."""
         key = values.tobytes()
         if key not in last:
             last.clear()
-            last[key] = _try(Plant(frame, values), records, sds)
+            blocks = [_factor(part) for part in _parts(Plant(frame, values), records, sds)]
+            last[key] = _triangle(np.concatenate(blocks))
         return last[key]
 
-    def residuals(values: Array) -> Array:
-        return np.concatenate([missed for missed, _ in tried(values).misses])
+    return Objective(lambda values: factor(values)[:, -1], lambda values: factor(values)[:, :-1])
 
-    def jacobian(values: Array) -> Array:
-        trial = tried(values)
-        return np.concatenate(
-            [_slopes(trial, record, start, sds) for record, (_, start) in zip(records, trial.misses, strict=True)]
-        )
 
-    return Objective(residuals, jacobian)
+def _factor(part: _Part) -> Array:
+    """Of slopes and residuals side by side: what stands below the nuisances is projected already."""
+    known = part.unknown.columns.shape[1]
+    return _triangle(np.column_stack([part.unknown.columns, _slopes(part), part.residuals]))[known:, known:]
+
+
+def _triangle(columns: Array) -> Array:
+    return np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
 
 
 def levels(frame: Frame, records: Sequence[Record], sds: Array, values: Array) -> Array:
@@ -75,24 +96,27 @@ def frame_states(frame: Frame) -> int:
     return 4 if frame.plane == "pitch" else 3
 
 
-def _bases(by: Discrete, records: Sequence[Record], sds: Array) -> dict[int, Basis]:
-    """One basis for each length of run: what a start leaves does not depend on the commands."""
+def _parts(plant: Plant, records: Sequence[Record], sds: Array) -> list[_Part]:
+    by = response.discretise(plant)
     lengths = {len(record.measured) for record in records}
-    unknown = response.nuisances(by, max(lengths), sds.size) / sds[:, None]
-    return {n: np.linalg.qr(unknown[:n].reshape(n * sds.size, -1)) for n in lengths}
+    every = response.nuisances(by, max(lengths), sds.size) / sds[:, None]
+    unknown = {n: _unknown(every[:n].reshape(n * sds.size, -1)) for n in lengths}
+    return [_part(plant, by, record, sds, unknown[len(record.measured)]) for record in records]
 
 
-def _missed(plant: Plant, by: Discrete, record: Record, sds: Array, bases: dict[int, Basis]) -> tuple[Array, Array]:
-    """Residual of a run beyond its nuisances, and the nuisances: its starting state and gyro bias."""
-    rest = np.zeros(len(by.transition))
-    error = ((record.measured - response.outputs(plant, by, record.command, rest, sds.size)) / sds).ravel()
-    Q, R = bases[len(record.measured)]
-    known: Array = Q.T @ error
-    return error - Q @ known, np.asarray(np.linalg.solve(R, known))
+def _unknown(columns: Array) -> _Unknown:
+    """One for each length of run: what a start leaves does not depend on the commands."""
+    return _Unknown(columns, *np.linalg.qr(columns))
 
 
-def _slopes(trial: _Trial, record: Record, start: Array, sds: Array) -> Array:
-    found = response.slopes(trial.plant, trial.by, record.command, start[:-1], sds.size) / sds
-    slopes: Array = -found.reshape(len(found), -1)
-    Q = trial.bases[len(record.measured)][0]
-    return np.asarray((slopes - (slopes @ Q) @ Q.T).T)
+def _part(plant: Plant, by: Discrete, record: Record, sds: Array, unknown: _Unknown) -> _Part:
+    duct, rest = response.driven(plant, record.command), np.zeros(len(by.transition))
+    error = (record.measured - response.answer(plant, by, duct.angle_rad, rest, sds.size)) / sds
+    return _Part(plant, by, duct, sds, unknown, error.ravel())
+
+
+def _slopes(part: _Part) -> Array:
+    """Of the residuals, (n, values), from the start that fits best."""
+    start = np.asarray(np.linalg.solve(part.unknown.R, part.unknown.Q.T @ part.residuals)[:-1], dtype=np.float64)
+    found = response.slopes(part.plant, part.by, part.duct, start, part.sds.size) / part.sds
+    return -found.reshape(-1, part.residuals.size).T

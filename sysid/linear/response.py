@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.vehicle.kernel import kernel
-from sysid import greybox
 from sysid.fit import STRIDE
 from sysid.linear import plant as plants
-from sysid.linear.plant import NUMBERS, TAIL, Plant
+from sysid.linear import tail
+from sysid.linear.plant import NUMBERS, Plant
 from sysid.runs import RATE_HZ
 
 Array = NDArray[np.float64]
@@ -23,8 +23,6 @@ DT = STRIDE / RATE_HZ
 """Of the outputs, seconds."""
 TERMS = 22
 """Of the exponential's series: whole to rounding for a generator of up to norm 2, a plane hundred times as fast."""
-TAIL_STEPS = {"delay_s": 2e-3, "natural_frequency_radps": 1e-3, "damping_ratio": 1e-4}
-"""Half the differences that give the duct's slopes: angles are nearly straight in each over so little."""
 
 
 class Command(NamedTuple):
@@ -34,6 +32,15 @@ class Command(NamedTuple):
     """On the 50 Hz grid."""
     lead: int = 0
     """Samples of it before the first output: what the duct was still doing when the outputs begin."""
+
+
+class Driven(NamedTuple):
+    """What the tailcone makes of a command, at every sample from the command's lead on."""
+
+    angle_rad: Array
+    """(samples,): of the duct, from that of level flight."""
+    slopes: Array
+    """(TAIL, samples): of the angle by each value of the tailcone."""
 
 
 class Discrete(NamedTuple):
@@ -121,26 +128,39 @@ def _advance(transition: Array, taps: Array, angles: Array, x0: Array) -> Array:
 
 
 @kernel
-def _advance_slopes(by: Discrete, angles: Array, x: Array) -> Array:
-    """Slopes of the states ``x`` by each number, (numbers, steps, n), from a start that does not depend on them."""
+def _advance_slopes(by: Discrete, driven: Driven, x: Array) -> Array:
+    """Slopes of the states ``x`` by each number and each value of the tailcone, (numbers + TAIL, steps, n), from a
+    start that does not depend on them."""
     count, n, width = by.taps_slopes.shape
-    slopes = np.zeros((count, x.shape[0], n))
-    for p in range(count):
-        for k in range(x.shape[0] - 1):
+    slopes = np.zeros((count + len(driven.slopes), x.shape[0], n))
+    for k in range(x.shape[0] - 1):
+        first = k * (width - 1)
+        for p in range(len(slopes)):
             for i in range(n):
                 total = 0.0
                 for j in range(n):
-                    total += by.transition[i, j] * slopes[p, k, j] + by.transition_slopes[p, i, j] * x[k, j]
-                for j in range(width):
-                    total += by.taps_slopes[p, i, j] * angles[k * (width - 1) + j]
+                    total += by.transition[i, j] * slopes[p, k, j]
+                if p < count:
+                    for j in range(n):
+                        total += by.transition_slopes[p, i, j] * x[k, j]
+                    for j in range(width):
+                        total += by.taps_slopes[p, i, j] * driven.angle_rad[first + j]
+                else:
+                    for j in range(width):
+                        total += by.taps[i, j] * driven.slopes[p - count, first + j]
                 slopes[p, k + 1, i] = total
     return slopes
 
 
 def duct(plant: Plant, command: Command) -> Array:
     """Duct angle from that of level flight, at every sample from ``command.lead`` on."""
-    angles: Array = greybox.duct_angles(command.angle_rad, plants.actuator(plant), 1.0 / RATE_HZ)
-    return angles[command.lead :]
+    return tail.angles(command.angle_rad, plants.actuator(plant))[command.lead :]
+
+
+def driven(plant: Plant, command: Command) -> Driven:
+    """The same with its slopes."""
+    angle_rad, slopes = tail.moved(command.angle_rad, plants.actuator(plant))
+    return Driven(angle_rad[command.lead :], slopes[:, command.lead :])
 
 
 def steps(command: Command) -> int:
@@ -150,34 +170,25 @@ def steps(command: Command) -> int:
 
 def outputs(plant: Plant, by: Discrete, command: Command, x0: Array, count: int) -> Array:
     """(steps, count): rate, angle and, in pitch, depth, at every STRIDE-th sample, from the state ``x0``."""
-    x: Array = _advance(by.transition, by.taps, duct(plant, command), x0)[:, 1 : 1 + count]
+    return answer(plant, by, duct(plant, command), x0, count)
+
+
+def answer(plant: Plant, by: Discrete, angle_rad: Array, x0: Array, count: int) -> Array:
+    """``outputs`` to the duct's angle."""
+    x: Array = _advance(by.transition, by.taps, angle_rad, x0)[:, 1 : 1 + count]
     x[:, 1] += plants.level_rad(plant)
     return x
 
 
-def slopes(plant: Plant, by: Discrete, command: Command, x0: Array, count: int) -> Array:
+def slopes(plant: Plant, by: Discrete, what: Driven, x0: Array, count: int) -> Array:
     """(values, steps, count): how ``outputs`` change with each value, the starting state held."""
-    numbers = len(NUMBERS[plant.frame.plane])
-    angles, rest = duct(plant, command), np.zeros(x0.size)
-    x = _advance(by.transition, by.taps, angles, x0)
+    x = _advance(by.transition, by.taps, what.angle_rad, x0)
     found = np.zeros((plant.values.size, x.shape[0], count))
-    found[:numbers] = _advance_slopes(by, angles, x)[:, :, 1 : 1 + count]
-    for i, name in enumerate(TAIL, start=numbers):
-        moved = np.ones(angles.size) if name == "bias_rad" else _duct_slope(plant, command, i, TAIL_STEPS[name])
-        found[i] = _advance(by.transition, by.taps, moved, rest)[:, 1 : 1 + count]
+    moved = _advance_slopes(by, what, x)[:, :, 1 : 1 + count]
+    found[: len(moved)] = moved
     if plant.frame.plane == "pitch":
         found[-1, :, 1] = 1.0
     return found
-
-
-def _duct_slope(plant: Plant, command: Command, index: int, step: float) -> Array:
-    """By differences: rate limit and stops have no slope of their own."""
-    above, below = plant.values.copy(), plant.values.copy()
-    above[index] += step
-    below[index] = max(below[index] - step, 0.0)
-    raised, lowered = duct(Plant(plant.frame, above), command), duct(Plant(plant.frame, below), command)
-    slope: Array = (raised - lowered) / (above[index] - below[index])
-    return slope
 
 
 def nuisances(by: Discrete, steps: int, count: int) -> Array:

@@ -17,6 +17,8 @@ from sysid.tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 from tests.sysid import sea
 
 TAIL = Actuator(0.3, 3.0, 0.6, math.radians(0.5), math.radians(15.0), math.radians(15.0))
+TAIL_STEPS = {"delay_s": 2e-3, "natural_frequency_radps": 1e-3, "damping_ratio": 1e-4}
+"""Of differences by the tailcone's values: its angle is nearly straight in each over so little."""
 
 
 def plant(plane: Plane, adjusted: bool = True) -> Plant:

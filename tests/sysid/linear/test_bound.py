@@ -12,7 +12,7 @@ from sysid.linear.plant import Plant
 from sysid.linear.response import Command
 from sysid.noise import Noise
 from sysid.runs import Plane
-from tests.sysid.linear.conftest import commands, plant
+from tests.sysid.linear.conftest import TAIL_STEPS, commands, plant
 
 LEVEL = Noise(rate_radps=math.radians(0.3), angle_rad=math.radians(0.3), depth_m=0.03)
 
@@ -26,7 +26,7 @@ def outputs(plane: Plane, values: np.ndarray, command: Command) -> np.ndarray:
 def differences(plane: Plane, command: Command) -> np.ndarray:
     """(outputs, values) by central differences."""
     values = plant(plane).values
-    steps = [response.TAIL_STEPS.get(name, 1e-6) for name in plants.names(plane)]
+    steps = [TAIL_STEPS.get(name, 1e-6) for name in plants.names(plane)]
     moves = [step * unit for step, unit in zip(steps, np.eye(values.size), strict=True)]
     columns = [
         (outputs(plane, values + move, command) - outputs(plane, values - move, command)) / (2 * step)

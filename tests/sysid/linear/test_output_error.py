@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from scipy.optimize import least_squares
 
 from sysid.linear import bound, output_error, response, search
@@ -59,3 +60,19 @@ def test_gradient_is_the_projected_costs_own(plane: Plane) -> None:
         step[index] = 1e-6
         rise = objectives.cost(weighted, values + step) - objectives.cost(weighted, values - step)
         assert abs(rise / 2e-6 - gradient[index]) < 1e-3 * np.max(np.abs(gradient[: index + 1]))
+
+
+def test_reduced_has_the_cost_gradient_and_information_of_all_residuals(plane: Plane) -> None:
+    """A search reads nothing else."""
+    truth, count = plant(plane), plants.outputs(plane)
+    runs = flown(truth, commands()[:5], SDS, np.random.default_rng(3))
+    given = truth.frame, runs, SDS[:count]
+    whole, few = output_error.objective(*given), output_error.reduced(*given)
+    values = believed(plane).plant.values
+    J, r = whole.jacobian(values), whole.residuals(values)
+    A, b = few.jacobian(values), few.residuals(values)
+    assert b.size == values.size + 1
+    scale = np.sqrt(np.diag(J.T @ J))
+    assert b @ b == pytest.approx(r @ r, rel=1e-9)
+    np.testing.assert_allclose(A.T @ b / scale, J.T @ r / scale, rtol=1e-6, atol=1e-6 * np.linalg.norm(r))
+    np.testing.assert_allclose(A.T @ A / np.outer(scale, scale), J.T @ J / np.outer(scale, scale), atol=1e-9)

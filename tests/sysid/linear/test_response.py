@@ -12,7 +12,7 @@ from sysid.linear.plant import NUMBERS, Plant
 from sysid.linear.response import Command
 from sysid.planes import small_signal
 from sysid.runs import RATE_HZ, Plane
-from tests.sysid.linear.conftest import commands, plant
+from tests.sysid.linear.conftest import TAIL_STEPS, commands, plant
 
 
 def test_outputs_are_those_of_a_general_simulator(plane: Plane) -> None:
@@ -58,7 +58,7 @@ def test_slopes_are_those_of_the_outputs(plane: Plane, away: list[float], start:
     here, command = Plant(truth.frame, values), Command(commands()[2].angle_rad, lead=30)
     by, count = response.discretise(here), plants.outputs(plane)
     x0 = np.full(len(by.transition), start)
-    slopes = response.slopes(here, by, command, x0, count)
+    slopes = response.slopes(here, by, response.driven(here, command), x0, count)
 
     def outputs(index: int, step: float) -> np.ndarray:
         moved = values.copy()
@@ -67,7 +67,7 @@ def test_slopes_are_those_of_the_outputs(plane: Plane, away: list[float], start:
         return response.outputs(at, response.discretise(at), command, x0, count)
 
     for index, name in enumerate(plants.names(plane)):
-        step = response.TAIL_STEPS.get(name, 1e-5)
+        step = TAIL_STEPS.get(name, 1e-5)
         expected = (outputs(index, step) - outputs(index, -step)) / (2.0 * step)
         np.testing.assert_allclose(slopes[index], expected, atol=2e-5 * np.max(np.abs(expected)), err_msg=name)
         assert np.max(np.abs(expected)) > 1e-6
