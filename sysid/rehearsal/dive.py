@@ -74,7 +74,12 @@ def limit_s(items: Sequence[MissionItem]) -> float:
 
 
 def fly(
-    vehicle: Vehicle, levels: dict[Plane, Noise], items: tuple[MissionItem, ...], config: Config, sea: Sea, seed: int
+    vehicle: Vehicle,
+    levels: dict[Plane, Noise],
+    items: tuple[MissionItem, ...],
+    config: Config,
+    sea: Sea,
+    seed: tuple[int, ...],
 ) -> Dive:
     """From arming, awash, until the vehicle turns to the surface. The same ``seed`` is the same sea and instruments.
 

@@ -85,7 +85,7 @@ class _Job(NamedTuple):
     config: Config
     sea: Sea
     z: Array
-    seed: int
+    seed: tuple[int, int]
 
 
 def rehearse(belief: Belief, request: Request, report: Report | None = None) -> tuple[Told, ...]:
@@ -102,7 +102,7 @@ def rehearse(belief: Belief, request: Request, report: Report | None = None) -> 
     sets = [(name, sea) for name in request.gains for sea in request.seas]
     configs = {name: _config(name, {**trims, **values}) for name, values in request.gains.items()}
     jobs = [
-        _Job(belief, request.items, configs[name], sea, z, 1000 * request.seed + number)
+        _Job(belief, request.items, configs[name], sea, z, (request.seed, number))
         for name, sea in sets
         for number, z in enumerate(drawn)
     ]

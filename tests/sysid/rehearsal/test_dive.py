@@ -17,7 +17,7 @@ def flown(known: Belief, sea: Sea, *, calm: bool = True, duration_s: float = 60.
     vehicle = known.vehicle(known.mean)
     config = params.config({**crew.trims_deg(vehicle), **HELD, **more})
     levels = {"yaw": silent(), "pitch": silent()} if calm else known.noise
-    return dive.fly(vehicle, levels, mission(3.0, 20.0, duration_s), config, sea, seed=1)  # type: ignore[arg-type]
+    return dive.fly(vehicle, levels, mission(3.0, 20.0, duration_s), config, sea, seed=(1,))  # type: ignore[arg-type]
 
 
 def test_a_known_vehicle_in_no_sea_is_held_without_error(known: Belief) -> None:
@@ -59,7 +59,7 @@ def test_a_mission_that_the_autopilot_does_not_take_is_refused(known: Belief) ->
     items = (mission(3.0, 20.0, 10.0)[0]._replace(command=5000),)
     vehicle = known.vehicle(known.mean)
     with pytest.raises(RefusedError, match="command 5000"):
-        dive.fly(vehicle, known.noise, items, params.config({}), Sea(), 1)
+        dive.fly(vehicle, known.noise, items, params.config({}), Sea(), (1,))
 
 
 def test_the_tailcone_is_the_identified_one() -> None:
