@@ -1,5 +1,7 @@
 """First gains for a vehicle of one's own, designed from her file."""
 
+from typing import Any
+
 from ground.errors import BadInputError, FailedError
 from sysid import prototype
 from sysid.design import DesignRefused
@@ -35,3 +37,31 @@ def design(vehicle: str) -> Prototype:
         raise FailedError(f"{vehicle}: {refusal}") from None
     except VehicleError as error:
         raise BadInputError(str(error)) from None
+
+
+def in_words(found: Prototype) -> str:
+    """Every parameter with its reason; how the loops stand; and Table 3's initial column beside them."""
+    lines = [f"{name:16s} {value:<10.5g} {found.reasons[name]}" for name, value in found.parameters.items()]
+    lines += ["", "Loops on the vehicle of the file, and on 95 % of those that the prior allows for"]
+    lines += [f"  {'':8s}{'damping':>14s}{'gain margin, dB':>18s}{'phase margin, deg':>20s}"]
+    for loop, low in found.held.items():
+        own = found.stands[loop]
+        lines.append(
+            f"  {loop:8s}{own.damping:7.2f}{low.damping:7.2f}{own.gm_db:11.1f}{low.gm_db:7.1f}"
+            f"{own.pm_deg:13.0f}{low.pm_deg:7.0f}   {100 * low.stable:.0f} % of {low.vehicles} stable"
+        )
+    lines += ["", "Beside Table 3's initial gains, as much weaker as this tail is livelier than Caribou's"]
+    lines += [f"  {'':8s}{'ours':>9s}{'Table 3':>9s}{'ratio':>7s}"]
+    for name, row in found.beside.items():
+        lines.append(f"  {name:8s}{row.ours:9.3g}{row.paper:9.3g}{row.ratio:7.2g}  {row.why}")
+    return "\n".join(lines)
+
+
+def as_json(found: Prototype) -> dict[str, Any]:
+    return {
+        "parameters": found.parameters,
+        "reasons": found.reasons,
+        "loops": {loop: {"nominal": own._asdict(), "prior": found.held[loop]._asdict()}
+                  for loop, own in found.stands.items()},
+        "table_3": {name: row._asdict() for name, row in found.beside.items()},
+    }  # fmt: skip

@@ -44,14 +44,13 @@ def gains(
     out: Annotated[Path, typer.Option(metavar="GAINS.param")] = Path("gains.param"),
     json: Json = False,
 ) -> None:
-    """Design the gains of a first dive from the vehicle file alone."""
+    """Design the gains of a first dive from the vehicle file alone, and set them beside the paper's."""
     from ground import prototype
 
     target = new_file(out)
     found = prototype.design(vehicle)
     found.write_params(target)
-    words = "\n".join(f"{name:16s} {value:<10.5g} {found.reasons[name]}" for name, value in found.parameters.items())
-    give({"file": str(target), "parameters": found.parameters}, f"{words}\n{target}", json)
+    give({"file": str(target), **prototype.as_json(found)}, f"{prototype.in_words(found)}\n\n{target}", json)
 
 
 def _ask_simulator(*command: str) -> str:

@@ -1,0 +1,117 @@
+"""Gains for a vehicle that has never been to sea, from her file alone: the prototype controller of a first dive.
+
+The paper's way: rate feedback with its zero where the tailcone is still quick, and the gain off a root locus with the
+tailcone's lag and a Pade delay. The gain is the largest that is damped and keeps its margins on the vehicle of the
+file, and keeps hold of nine tenths of the vehicles that the prior of identification allows for.
+"""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from sitl.vehicle import calibrate
+from sitl.vehicle import config as vehicle_files
+from sysid import design, fit
+from sysid.analysis import Analysis
+from sysid.design import Loads, Spec, limits, ways
+from sysid.design.plant import Plant, judge
+from sysid.prototype import beside, by_locus, cruise, prior
+from sysid.prototype.beside import Beside
+from sysid.prototype.by_locus import Point
+from sysid.prototype.prior import Held, Stands
+from sysid.tables import TABLE_3_INITIAL
+
+__all__ = ["SPEC", "Beside", "Held", "Prototype", "Stands", "prototype"]
+
+SPEC = Spec(damping=0.5, gm_db=8.0, pm_deg=50.0, ms=1.8)
+"""What a loop through the tailcone's whole lag can keep. The lag is undone once it has been measured."""
+UNSURE_RAD = math.radians(2.0)
+"""Rudder bias and elevator trim that nobody has measured yet."""
+
+
+class Prototype(NamedTuple):
+    """What a first dive sets, and how the loops stand on the vehicle's own linear planes and over the prior."""
+
+    parameters: dict[str, float]
+    """By parameter name."""
+    reasons: dict[str, str]
+    analysis: Analysis
+    stands: dict[str, Stands]
+    """By loop: heading, pitch, depth."""
+    held: dict[str, Held]
+    beside: dict[str, Beside]
+    """By gain: Table 3's initial one, and why ours differs."""
+
+    def write_params(self, path: Path) -> None:
+        """Parameter file: ``NAME,VALUE  # reason``."""
+        lines = [f"{name},{value:.6g}  # {self.reasons[name]}" for name, value in self.parameters.items()]
+        path.write_text("\n".join(["# prototype controller, from the vehicle file", *lines]) + "\n", encoding="utf-8")
+
+
+def prototype(name_or_path: str | Path) -> Prototype:
+    """Parameters for a vehicle file.
+
+    Raises:
+        VehicleError: the file cannot be used.
+        DesignRefused: no gains meet the specification on this vehicle, or too few vehicles of the prior are held.
+    """
+    config = vehicle_files.load(name_or_path)
+    model = calibrate.build(config)
+    vehicle, drawn = prior.nominal(config), list(prior.drawn(config))
+    spec = SPEC._replace(travel_deg=config.tailcone.travel_deg)
+    found = _on_their_loci(vehicle, drawn, spec)
+    loads = Loads(fit.level_pitch_rad(config, model), UNSURE_RAD, UNSURE_RAD)
+    gains = {**TABLE_3_INITIAL, **found["heading"].gains, **found["depth"].gains}
+    gains |= design.integrator_limits(loads, gains)
+    gains |= ways.heading(vehicle, gains, loads, spec) | ways.depth(vehicle, gains, loads, spec)
+    about = cruise.parameters(config, model)
+    stands = {loop: prior.stands(point.shape, point.gains, vehicle) for loop, point in found.items()}
+    held = {loop: prior.held(point.shape, point.gains, drawn) for loop, point in found.items()}
+    compared = beside.table_3(vehicle, found)
+    return Prototype(
+        parameters={**gains, **{name: value for name, (value, _) in about.items()}},
+        reasons={
+            **{name: _reason(name, stands, held, compared) for name in gains},
+            **{name: why for name, (_, why) in about.items()},
+        },
+        analysis=judge(vehicle, gains),
+        stands=stands,
+        held=held,
+        beside=compared,
+    )
+
+
+def _on_their_loci(vehicle: Plant, drawn: Sequence[Plant], spec: Spec) -> dict[str, Point]:
+    """By loop. Raises DesignRefused."""
+    bounds = limits.nominal(spec)
+    pitch, depth = by_locus.depth(vehicle, drawn, bounds, math.radians(spec.pitch_per_metre_deg))
+    return {"heading": by_locus.heading(vehicle, drawn, bounds), "pitch": pitch, "depth": depth}
+
+
+_OF_THE_LOADS = {
+    "HDG_IMAX": "a rudder bias of 2 deg that nobody has measured, and 1 deg",
+    "PTCH_I": "the depth integrator carries the constant load",
+    "PTCH_IMAX": "no pitch integrator",
+    "PTCH_FF": "elevator that holds the pitch of a steady climb against the righting moment",
+    "DPT_D": "pitch is the rate of depth: the pitch loop is the lead",
+    "DPT_IMAX": "the level-flight pitch and a fourth, and 2 deg of elevator that nobody has measured",
+    "HDG_REF_W": "a new heading within the travel that a bias of 2 deg leaves",
+    "HDG_REF_RATE": "share of the rate of turn that the free travel holds",
+    "DPT_REF_W": "a new depth with little overshoot",
+    "DPT_REF_RATE": "share of the speed",
+}
+
+
+def _reason(name: str, stands: dict[str, Stands], held: dict[str, Held], compared: dict[str, Beside]) -> str:
+    if name in _OF_THE_LOADS:
+        return _OF_THE_LOADS[name]
+    of_table_3 = f"{compared[name].ratio:.2g} of Table 3's"
+    if name not in ("HDG_D", "PTCH_D", "DPT_P"):
+        return f"{compared[name].why}; {of_table_3}"
+    loop = {"HDG": "heading", "PTCH": "pitch", "DPT": "depth"}[name.split("_")[0]]
+    own, low = stands[loop], held[loop]
+    return (
+        f"{loop} loop: damping {own.damping:.2f}, GM {own.gm_db:.1f} dB, PM {own.pm_deg:.0f} deg; on 95 % of the prior "
+        f"{low.damping:.2f}, {low.gm_db:.1f} dB, {low.pm_deg:.0f} deg; {of_table_3}"
+    )
