@@ -53,7 +53,7 @@ def rehearse(
     seas = tuple(Sea(times, current, math.radians(bias_shift)) for times in _multiples(sea))
     sets = {name: gain_files.load(path) for name, path in files.items()}
     items, began_s = plans.load_items(mission), wall_s()
-    with _translated(), progress.display("rehearse", quiet=json) as shown:
+    with _translated(mission), progress.display("rehearse", quiet=json) as shown:
         belief = crew.read(model, refit.read_vehicle(prior) if prior else None)
         request = study.Request(items, sets, seas, vehicles, seed, PROCESSES)
 
@@ -98,13 +98,16 @@ def _fail_where_any_did(told: "Sequence[Told]") -> None:
 
 
 @contextmanager
-def _translated() -> Iterator[None]:
+def _translated(mission: str) -> Iterator[None]:
     """sysid's refusals as this tool's."""
     from sysid.model import ModelError
     from sysid.rehearsal.crew import UnknownError
     from sysid.rehearsal.dive import RefusedError
+    from sysid.rehearsal.study import GainsError
 
     try:
         yield
-    except (ModelError, RefusedError, UnknownError) as error:
+    except RefusedError as error:
+        raise BadInputError(f"{mission}: {error}") from None
+    except (GainsError, ModelError, UnknownError) as error:
         raise BadInputError(str(error)) from None

@@ -36,7 +36,7 @@ COLUMNS = (
 
 
 class RefusedError(ValueError):
-    """A mission or gains that the autopilot does not take; the message says what and why."""
+    """A mission that the autopilot does not take; the message says why."""
 
 
 class Sea(NamedTuple):
@@ -92,9 +92,10 @@ def fly(
     water = drifting((sea.current_mps * math.cos(towards), sea.current_mps * math.sin(towards), 0.0))
     craft = body.launch(_bent(vehicle, sea.bias_shift_rad), water, instruments.field_nwu(config))
     wrenches, errors = disturbance.wrenches(vehicle, levels, sea.times, push), instruments.errors(levels, err)
-    state, said, rows = core.start(), list[Event](), list[tuple[float, ...]]()
-    state, trace = _tick(state, craft.seen + next(errors), config, said)
+    said = list[Event]()
+    state, trace = _tick(core.start(), craft.seen + next(errors), config, said)
     state = _sent_off(state, items, config)
+    rows = [_row(state, trace, float(craft.seen[body.DEPTH]))]
     most_us = limit_s(items) * US_PER_S
     while state.armed and state.mode == modes.MISSION.number and state.time_us < most_us:
         seen = body.advance(craft, trace.rudder_rad, trace.elevator_rad, trace.thrust, next(wrenches))

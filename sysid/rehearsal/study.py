@@ -16,12 +16,16 @@ from autopilot.params import Config
 from link.missions import MissionItem
 from sysid.experiment.belief import Belief
 from sysid.rehearsal import crew, dive, outcome
-from sysid.rehearsal.dive import RefusedError, Sea
+from sysid.rehearsal.dive import Sea
 from sysid.rehearsal.outcome import Outcome
 
 Array = NDArray[np.float64]
 Report = Callable[[float, float], None]
 """Called with the share of the dives that are done and the vehicle seconds in them."""
+
+
+class GainsError(ValueError):
+    """Parameters that the autopilot does not take; the message names set, parameter and what would be right."""
 
 
 class Request(NamedTuple):
@@ -94,7 +98,7 @@ def rehearse(belief: Belief, request: Request, report: Report | None = None) -> 
     Where a set has no trims, those of the believed vehicle are aboard, as a trim flight would find them.
 
     Raises:
-        RefusedError: gains or a mission that the autopilot does not take.
+        GainsError, RefusedError: gains or a mission that the autopilot does not take.
         UnknownError: the belief allows for hardly any vehicle that can be.
     """
     drawn = crew.draw(belief, request.vehicles, request.seed)
@@ -115,7 +119,7 @@ def _config(name: str, values: Mapping[str, float]) -> Config:
     try:
         return params.config(values)
     except params.ParamError as error:
-        raise RefusedError(f"{name}: {error}") from None
+        raise GainsError(f"{name}: {error}") from None
 
 
 def _fly_all(jobs: Sequence[_Job], processes: int) -> Iterator[Outcome]:

@@ -82,6 +82,13 @@ def test_a_mistake_is_told_in_a_line(folder: Path, options: tuple[str, str], sai
     assert "\n" not in str(failure)
 
 
+def test_gains_that_no_autopilot_takes_are_named_with_their_file(folder: Path) -> None:
+    (folder / "odd.param").write_text("HDG_Q,1\n")
+    _, failure = rehearse(folder, "--gains", str(folder / "odd.param"))
+    assert isinstance(failure, BadInputError)
+    assert str(failure) == "odd.param: parameter HDG_Q does not exist"
+
+
 def test_a_model_that_does_not_say_how_sure_it_is_is_bad_input(folder: Path) -> None:
     known = belief.of_file(config.load("bench"))
     models.write(model_of(known._replace(covariance=0.0 * known.covariance)), folder / "model.json")

@@ -55,6 +55,12 @@ def test_a_failsafe_ends_the_dive_and_is_named(known: Belief) -> None:
     assert not found.finished
 
 
+def test_a_mission_that_is_over_at_once_is_a_dive_too(known: Belief) -> None:
+    found = dive.fly(known.vehicle(known.mean), known.noise, mission(2.0, 0.0, 0.0), params.config({}), Sea(), (1,))
+    assert found.finished
+    assert found.seconds == 0.0
+
+
 def test_a_mission_that_the_autopilot_does_not_take_is_refused(known: Belief) -> None:
     items = (mission(3.0, 20.0, 10.0)[0]._replace(command=5000),)
     vehicle = known.vehicle(known.mean)

@@ -10,8 +10,8 @@ from sysid import model as models
 from sysid.experiment.belief import Belief
 from sysid.rehearsal import crew
 from sysid.rehearsal.crew import UnknownError
-from sysid.rehearsal.dive import RefusedError, Sea
-from sysid.rehearsal.study import Request, rehearse
+from sysid.rehearsal.dive import Sea
+from sysid.rehearsal.study import GainsError, Request, rehearse
 from tests.sysid.rehearsal.conftest import HELD, UNSTABLE, mission
 from tests.sysid.rehearsal.files import model_of
 
@@ -60,7 +60,7 @@ def test_progress_ends_at_the_whole(known: Belief) -> None:
 
 
 def test_gains_that_no_autopilot_takes_are_refused_by_name(known: Belief) -> None:
-    with pytest.raises(RefusedError, match=r"new\.param: HDG_P = 9: must be 0 to 5"):
+    with pytest.raises(GainsError, match=r"new\.param: HDG_P = 9: must be 0 to 5"):
         rehearse(known, Request(ITEMS, {"new.param": {"HDG_P": 9.0}}))
 
 
