@@ -102,13 +102,9 @@ def campaign(
     """Prototype, identify, redesign, verify: fly them all, and report."""
     from ground import progress, summary
     from ground.campaign import Campaign, Request
-    from ground.report import page
 
     with progress.display("campaign", quiet=json) as shown:
-        asked = Campaign(Request(out, vehicle, scenario, seed, speed), shown.watch_named, shown.announce)
-        result = asked.run()
-        shown.announce("writing the report")
-        page.write(asked.folder)
+        result = Campaign(Request(out, vehicle, scenario, seed, speed), shown.watch_named, shown.announce).run()
     give(result, summary.in_words(result, out), json)
 
 

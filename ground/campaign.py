@@ -1,42 +1,44 @@
 """Prototype, identify, redesign, verify: the paper's afternoon at sea as one command.
 
 Each dive has its own pair of processes and its own log. A dive's seed depends on the campaign's seed and the mission
-alone, so the initial and the redesigned gains meet the same sea. Dives that do not wait for one another fly two at a
-time; vehicle time is lockstepped, so that changes nothing in any log.
+alone, so the initial and the redesigned gains meet the same sea. What does not wait for something else goes on two at a
+time, a dive or a computation: vehicle time is lockstepped, so that changes nothing in any log.
 """
 
 import importlib.metadata
 import json
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from concurrent.futures import FIRST_EXCEPTION, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from ground import refit, summary
 from ground.errors import BadInputError, FailedError
 from ground.flight import Dive, Outcome, Progress, fly_simulated
 from ground.folder import CampaignFolder
 from ground.processes import SimulatedVehicle, Simulation
+from ground.worker import Worker
 from link.clock import wall_s
-
-if TYPE_CHECKING:
-    from sysid.design import Design
 
 TRIM_MISSION = "trim"
 MISSIONS = ("straight_run", "depth_change", "combined", "shallow_1m")
 FITTED = ("rudder_steps", "elevator_steps", "rudder_sweeps", "elevator_sweeps")
 """The paper's steps, and the sweeps that tell what steps leave open: the dynamics near crossover."""
 HELD_OUT = ("rudder_heldout", "elevator_heldout")
+IDENTIFICATION = (*FITTED[:2], *HELD_OUT, *FITTED[2:])
+"""In the order of flying, the longest first: so both places are busy until the last."""
 AT_ONCE = 2
-"""Dives flown at the same time: a lockstepped pair keeps one core busy."""
+"""Dives and computations that go on at the same time: each keeps about one core busy."""
 CAMPAIGN_FILE = "campaign.toml"
 TRIM_WINDOW_S = 60.0
 """The end of the trim mission over which the commands are averaged."""
+COMPUTING = ("sysid.refit", "sysid.design", "sysid.logs", "sysid.verify")
+"""What the computations need, loaded while the trims are measured."""
 _PACKAGES = ("numpy", "scipy", "numba", "control", "mcap", "pymavlink")
 
 
@@ -72,29 +74,24 @@ class Campaign:
         """The whole campaign; returns the summary that is also written. Raises BadInputError, FailedError."""
         began_s = wall_s()
         prepare_folder(self.request)
-        with self._stopping_all():
-            trims = self._measure_trims()
+        with self._at_work() as (places, worker):
+            trims = self._measure_trims(places, worker)
             initial = {**refit.initial_gains(), **trims}
-            self.announce("flying the missions and the step tests with the initial gains")
-            identification = [("identification", mission) for mission in (*FITTED, *HELD_OUT)]
-            self._fly_all([*identification, *(("baseline", mission) for mission in MISSIONS)], initial)
-            self.announce("refitting the model")
-            design = self._redesign()
+            self.announce("flying the tests with the initial gains")
+            _finish(self._begin(places, "identification", IDENTIFICATION, initial))
+            self.announce("refitting the model; flying the missions with the initial gains")
+            redesigning = places.submit(self._redesign, worker)
+            missions = self._begin(places, "baseline", MISSIONS, initial)
+            design = redesigning.result()
             self.announce("flying the missions with the redesigned gains")
-            self._fly_all([("verification", mission) for mission in MISSIONS], {**design.gains, **trims})
-        self.announce("comparing")
-        gains = {"initial": initial, "redesigned": {**design.gains, **trims}}
-        result = summary.build(self.folder, design, gains, trims, MISSIONS)
-        flown = self.outcomes.values()
-        result = {
-            "wall_s": round(wall_s() - began_s, 3),
-            "vehicle_s": round(sum(outcome.vehicle_s for outcome in flown), 3),
-            "messages": sum(outcome.messages for outcome in flown),
-            "lost_frames": sum(outcome.lost_frames for outcome in flown),
-            "seed": self.request.seed,
-            **result,
-        }
-        _write(self.request.out / "summary.json", json.dumps(result, indent=1) + "\n")
+            gains = {"initial": initial, "redesigned": {**design["gains"], **trims}}
+            _finish([*missions, *self._begin(places, "verification", MISSIONS, gains["redesigned"])])
+            self.announce("comparing")
+            found = worker.call(summary.build, self.folder, design, gains, trims, MISSIONS)
+            result = {**self._account(wall_s() - began_s), **found}
+            _write(self.request.out / "summary.json", json.dumps(result, indent=1) + "\n")
+            self.announce("writing the report")
+            worker.call(_report, self.folder)
         return result
 
     @cached_property
@@ -102,31 +99,31 @@ class Campaign:
         """What has been flown, read back."""
         return CampaignFolder(self.request.out)
 
-    def _measure_trims(self) -> dict[str, float]:
+    def _account(self, spent_s: float) -> dict[str, Any]:
+        """What was flown, and in what time."""
+        flown = self.outcomes.values()
+        return {
+            "wall_s": round(spent_s, 3),
+            "vehicle_s": round(sum(outcome.vehicle_s for outcome in flown), 3),
+            "messages": sum(outcome.messages for outcome in flown),
+            "lost_frames": sum(outcome.lost_frames for outcome in flown),
+            "seed": self.request.seed,
+        }
+
+    def _measure_trims(self, places: Executor, worker: Worker) -> dict[str, float]:
         self.announce("prototype flight: measuring the trims")
-        self._fly_all([("prototype", TRIM_MISSION)], refit.initial_gains())
-        return refit.measure_trims(self.folder.log_path("prototype", TRIM_MISSION), TRIM_WINDOW_S)
+        _finish(self._begin(places, "prototype", (TRIM_MISSION,), refit.initial_gains()))
+        return worker.call(refit.measure_trims, self.folder.log_path("prototype", TRIM_MISSION), TRIM_WINDOW_S)
 
-    def _redesign(self) -> "Design":
-        out = self.request.out
-        fitted = [self.folder.log_path("identification", mission) for mission in FITTED]
-        held_out = [self.folder.log_path("identification", mission) for mission in HELD_OUT]
-        model = refit.refit(fitted, held_out=held_out, beside=("paper",))
-        refit.write_model(model, out / "model.json")
+    def _redesign(self, worker: Worker) -> dict[str, Any]:
+        worker.call(_identify, self.folder)
         self.announce("redesigning the gains")
-        design = refit.redesign(model)
-        design.write_params(out / "gains.param")
-        return design
+        return worker.call(_design, self.folder)
 
-    def _fly_all(self, dives: Sequence[tuple[str, str]], parameters: Mapping[str, float]) -> None:
-        with ThreadPoolExecutor(AT_ONCE) as pool:
-            flying = [pool.submit(self._fly, stage, mission, parameters) for stage, mission in dives]
-            try:
-                done, _ = wait(flying, return_when=FIRST_EXCEPTION)
-                _raise_first(done)
-            except BaseException:
-                self._cancel(flying)
-                raise
+    def _begin(
+        self, places: Executor, stage: str, missions: Sequence[str], parameters: Mapping[str, float]
+    ) -> list[Future[None]]:
+        return [places.submit(self._fly, stage, mission, parameters) for mission in missions]
 
     def _fly(self, stage: str, mission: str, parameters: Mapping[str, float]) -> None:
         log = self.folder.log_path(stage, mission)
@@ -150,19 +147,19 @@ class Campaign:
             self._afloat.append(simulated)
         return simulated
 
-    def _cancel(self, flying: Sequence[Future[None]]) -> None:
-        for future in flying:
-            future.cancel()
+    @contextmanager
+    def _at_work(self) -> Iterator[tuple[Executor, Worker]]:
+        """Places for dives and computations, and who computes; in the end all are free, whatever was under way."""
+        with ExitStack() as stack:
+            places = stack.enter_context(ThreadPoolExecutor(AT_ONCE))
+            worker = stack.enter_context(Worker(COMPUTING))
+            stack.callback(self._stop_all)
+            stack.callback(places.shutdown, wait=False, cancel_futures=True)
+            yield places, worker
+
+    def _stop_all(self) -> None:
         with self._lock:
             self._cancelled = True
-            for simulated in self._afloat:
-                simulated.stop()
-
-    @contextmanager
-    def _stopping_all(self) -> Iterator[None]:
-        try:
-            yield
-        finally:
             for simulated in self._afloat:
                 simulated.stop()
 
@@ -197,11 +194,31 @@ def _campaign_toml(request: Request) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _raise_first(done: set[Future[None]]) -> None:
-    """Raise what made a dive fail; a cancelled dive is a consequence, not a cause."""
-    for future in done:
-        if (error := future.exception()) is not None:
-            raise error
+def _identify(folder: CampaignFolder) -> None:
+    """Write ``model.json``."""
+    fitted, held_out = ([folder.log_path("identification", name) for name in names] for names in (FITTED, HELD_OUT))
+    refit.write_model(refit.refit(fitted, held_out=held_out, beside=("paper",)), folder.path / "model.json")
+
+
+def _design(folder: CampaignFolder) -> dict[str, Any]:
+    """Write ``gains.param``; returns what there is to tell of them."""
+    design = refit.redesign(folder.model)
+    design.write_params(folder.path / "gains.param")
+    return summary.of_design(design)
+
+
+def _report(folder: CampaignFolder) -> None:
+    """Write ``report.html``."""
+    from ground.report import page
+
+    page.write(folder)
+
+
+def _finish(dives: Sequence[Future[None]]) -> None:
+    """Wait for the dives, or raise what makes the first of them fail."""
+    done, _ = wait(dives, return_when=FIRST_EXCEPTION)
+    for dive in done:
+        dive.result()
 
 
 def _write(path: Path, text: str) -> None:

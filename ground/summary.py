@@ -18,7 +18,7 @@ ERRORS = ("heading_deg", "pitch_deg", "depth_m")
 
 def build(
     folder: CampaignFolder,
-    design: "Design",
+    design: Mapping[str, Any],
     gains: Mapping[str, Mapping[str, float]],
     trims: Mapping[str, float],
     missions: Sequence[str],
@@ -26,6 +26,7 @@ def build(
     """Model, design and flights of a campaign, every quantity with its unit in its name.
 
     Args:
+        design: as ``of_design`` tells it.
         gains: what was flown by set, ``initial`` and ``redesigned``.
     """
     tracking = {mission: _tracking(folder, mission) for mission in missions}
@@ -33,7 +34,7 @@ def build(
         "trims": dict(trims),
         "gains": {name: dict(values) for name, values in gains.items()},
         "model": identification.of_model(folder.model),
-        "design": of_design(design),
+        "design": dict(design),
         "tracking": tracking,
         "steady_error": _steady(tracking["straight_run"]),
     }
