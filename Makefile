@@ -7,7 +7,7 @@ BIN    := $(VENV)/bin
 OUT    ?= campaign
 SEED   ?= 1
 
-.PHONY: campaign test clients verify study check lock clean
+.PHONY: campaign test clients verify study flights check lock clean
 
 campaign: $(VENV)/run.stamp          ## fly, identify, redesign, fly again; report in $(OUT)/report.html
 	$(BIN)/ground campaign --seed $(SEED) --out $(OUT)
@@ -23,6 +23,9 @@ verify: $(VENV)/dev.stamp            ## every check-case of the physics: figure,
 
 study: $(VENV)/dev.stamp             ## what identification achieves: 200 campaigns a cell, which takes hours
 	$(BIN)/python -m benchmarks.identification $(STUDY)
+
+flights: $(VENV)/dev.stamp           ## what redesigned gains achieve in the water, beside the paper's: an hour or so
+	$(BIN)/python -m benchmarks.redesign $(FLIGHTS)
 
 check: $(VENV)/dev.stamp
 	$(BIN)/ruff check .

@@ -97,6 +97,19 @@ def test_a_new_depth_is_hardly_passed(model: IdentifiedModel, designed: Design, 
     assert abs(flown.value[-1] - step_m) < 0.1
 
 
+def test_a_long_way_down_is_kept_to_where_the_elevator_holds_its_pitch(
+    model: IdentifiedModel, designed: Design
+) -> None:
+    """What is missing of six metres when the way has just ended there."""
+    level, step_m = design.constant_loads(model).level_pitch_rad, 6.0
+    missing = {}
+    for stiffness in (0.0, designed.gains["PTCH_FF"]):
+        values = {**designed.gains, "PTCH_FF": stiffness}
+        flown = trial.depth_step(plant(model), values, step_m, 30.0, designed.spec, level)
+        missing[stiffness] = step_m - flown.value[np.searchsorted(flown.time_s, step_m / values["DPT_REF_RATE"] + 2.0)]
+    assert missing[designed.gains["PTCH_FF"]] < 0.6 * missing[0.0]
+
+
 def test_integrators_finish(model: IdentifiedModel, designed: Design) -> None:
     """A rudder and an elevator offset of half a degree, in time: 15 % of the largest error after half a minute."""
     vehicle, offset = plant(model), math.radians(0.5)
