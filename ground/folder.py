@@ -5,12 +5,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ground import refit
+from ground import gains, refit
 from ground.errors import BadInputError
 
 if TYPE_CHECKING:
     from sysid.log import Log
     from sysid.model import IdentifiedModel
+    from sysid.promise import Promise
     from sysid.runs import Run
 
 STAGES = {"initial": "baseline", "redesigned": "verification"}
@@ -39,6 +40,11 @@ class CampaignFolder:
     def model(self) -> "IdentifiedModel":
         """``model.json``."""
         return refit.read_model(self.path / "model.json")
+
+    @cached_property
+    def promise(self) -> "Promise":
+        """What ``gains.param`` promises."""
+        return gains.promised(self.path / "gains.param")
 
     @cached_property
     def asked(self) -> str:

@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ground import identification, refit
+from ground import asked, identification, refit
 from ground.folder import STAGES, CampaignFolder
+from ground.live import kept_view
 
 if TYPE_CHECKING:
     from sysid.analysis import Analysis
@@ -36,6 +37,7 @@ def build(
         "model": identification.of_model(folder.model),
         "design": dict(design),
         "tracking": tracking,
+        "kept": {mission: _kept(folder, mission) for mission in missions},
         "steady_error": _steady(tracking["straight_run"]),
     }
 
@@ -49,6 +51,9 @@ def of_design(design: "Design") -> dict[str, Any]:
         "reasons": dict(design.reasons),
         "specification": {name: _finite(limit) for name, limit in design.spec._asdict().items()},
         "trust": design.trust and design.trust._asdict(),
+        "foretold": {
+            name: {"mean": e.mean, "rms": e.rms, "p95": e.p95} for name, e in design.promise.predicted.items()
+        },
         "model_sha256": design.promise.model_sha256,
     }
 
@@ -73,11 +78,8 @@ def in_words(summary: Mapping[str, Any], out: Path) -> str:
 def design_in_words(design: "Design", out: Path) -> str:
     """The gains with their reasons."""
     lines = [f"{out}:", *(f"  {n:14s}{v:9.4g}  {design.reasons[n]}" for n, v in design.gains.items())]
-    if trust := design.trust:
-        lines.append(
-            f"{100 * trust.specification:.0f} % of {trust.vehicles} vehicles that the model allows for keep the "
-            f"specification, {100 * trust.relaxed:.0f} % the relaxed one"
-        )
+    lines += ["on the identified model:", *asked.in_words(of_design(design)), "foretold in the sea of the tests, 95 %:"]
+    lines += [f"  {label:32s}{design.promise.predicted[name].p95:9.3f}" for name, label in kept_view.ROWS.items()]
     return "\n".join(lines)
 
 
@@ -89,7 +91,10 @@ def _held_out_lines(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
 
 
 def _analysis(found: "Analysis") -> dict[str, Any]:
+    from sysid.analysis import damping
+
     return {
+        "damping": {loop: damping(poles) for loop, poles in found.poles.items()},
         "poles_radps": {loop: [[p.real, p.imag] for p in poles] for loop, poles in found.poles.items()},
         "margins": {cut: {k: _finite(v) for k, v in m._asdict().items()} for cut, m in found.margins.items()},
     }
@@ -98,6 +103,11 @@ def _analysis(found: "Analysis") -> dict[str, Any]:
 def _finite(value: float) -> float | None:
     """A number that JSON can hold; None for infinity: no margin to lose, or no limit."""
     return value if math.isfinite(value) else None
+
+
+def _kept(folder: CampaignFolder, mission: str) -> dict[str, Any]:
+    """Whether the redesigned gains kept their promise."""
+    return kept_view.as_json(refit.kept(folder.log(STAGES["redesigned"], mission), folder.promise))
 
 
 def _tracking(folder: CampaignFolder, mission: str) -> dict[str, Any]:

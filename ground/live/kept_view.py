@@ -1,12 +1,13 @@
 """How a promise is kept: a table for the terminal, lines for people, plain numbers for programs."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from sysid.monitor import Cause, Kept
+if TYPE_CHECKING:
+    from sysid.monitor import Cause, Kept
 
 ROWS = {
     "heading_deg": "heading, deg",
@@ -18,7 +19,7 @@ ROWS = {
 GOOD, BAD, LABEL, FAINT = "green", "bold red", "cyan", "bright_black"
 
 
-def table(kept: Kept) -> RenderableType:
+def table(kept: "Kept") -> RenderableType:
     """Each error's rms, measured and foretold, and what is likely the matter."""
     if not kept.blocks:
         return Text("no steady flight yet to compare with what the gains promise", style=FAINT)
@@ -35,11 +36,11 @@ def table(kept: Kept) -> RenderableType:
     return drawn
 
 
-def line(cause: Cause) -> str:
+def line(cause: "Cause") -> str:
     return f"{'REFIT DUE' if cause.refit_due else 'noticed'}: {cause.words}"
 
 
-def in_words(kept: Kept) -> str:
+def in_words(kept: "Kept") -> str:
     """A dive's result in a few lines."""
     if not kept.blocks:
         return "no steady flight to compare with what the gains promise"
@@ -52,7 +53,7 @@ def in_words(kept: Kept) -> str:
     return "\n".join(lines)
 
 
-def as_json(kept: Kept) -> dict[str, Any]:
+def as_json(kept: "Kept") -> dict[str, Any]:
     return {
         "blocks": kept.blocks,
         "steady_s": kept.steady_s,

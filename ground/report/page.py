@@ -8,7 +8,7 @@ from string import Template
 from typing import Any
 
 from ground.folder import CampaignFolder
-from ground.report import charts, evidence, figures, tables
+from ground.report import charts, evidence, figures, promised, tables
 from ground.report.figures import Figure
 
 TITLE = "Caribou: from first trial to precise control"
@@ -58,7 +58,10 @@ def _page(campaign: CampaignFolder) -> str:
         "tracking": tables.tracking(summary["tracking"]),
         "small_signal": tables.small_signal(model),
         "screening": tables.screening(model),
+        "specification": promised.specification(summary["design"]),
         "margins": tables.margins(analyses),
+        "reasons": promised.reasons(summary["design"]),
+        "kept": promised.kept(summary["kept"]),
         "trims": ", ".join(f"{name} {value:g}°" for name, value in summary["trims"].items()),
         "speed": f"{model.speed_mps:g}",
         "asked": escape(campaign.asked),

@@ -15,6 +15,14 @@ _WAYS = {"paper": "the paper's way"}
 _CASES = {"I/I": "initial model, initial gains", "A/I": "adjusted, initial", "A/A": "adjusted, improved"}
 
 
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], name: str = "") -> str:
+    """A table as HTML; heads and cells are HTML already."""
+    cells = "".join(f"<th>{label}</th>" for label in head)
+    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    kind = f' class="{name}"' if name else ""
+    return f'<div class="scroll"><table{kind}><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
 def symbol(name: str) -> str:
     """A coefficient's name as the paper prints it."""
     letter, _, index = name.partition("_")
@@ -35,7 +43,7 @@ def table_1(model: "IdentifiedModel") -> str:
         rows.append([symbol(name), *paper, f"<b>{_short(c.value)}</b>", sd, shrink, status, *others, escape(c.unit)])
     rivals = [_WAYS.get(rival.method, rival.method) for rival in model.beside]
     head = ["", "paper, initial", "paper, adjusted", "identified", "1 sd", "shrink", "", *rivals, "unit"]
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def table_2(model: Mapping[str, Any]) -> str:
@@ -50,7 +58,7 @@ def table_2(model: Mapping[str, Any]) -> str:
          f"<b>{_errors(pair, 'refitted')}</b>", *(_errors(errors[plane], "refitted") for errors in rivals.values())]
         for plane, pair in model["held_out_rate_error"].items()
     ]  # fmt: skip
-    return _table(["", "paper, initial", "paper, improved", "initial model", "refitted model", *rivals], rows)
+    return table(["", "paper, initial", "paper, improved", "initial model", "refitted model", *rivals], rows)
 
 
 def _errors(pair: Mapping[str, float], which: str) -> str:
@@ -79,7 +87,7 @@ def gates(model: "IdentifiedModel") -> str:
         word = "passed" if not missed else "failed" if missed[0].required else "remark"
         tag = f'<span class="tag {kind}">{word}</span>'
         rows.append([escape(name), cells.get("yaw", ""), cells.get("pitch", ""), escape(limit), tag])
-    return _table(["gate", "yaw", "pitch", "limit", ""], rows)
+    return table(["gate", "yaw", "pitch", "limit", ""], rows)
 
 
 def _figure(gate: "Gate") -> str:
@@ -101,7 +109,7 @@ def runs_judged(model: "IdentifiedModel") -> str:
             )
     head = ["run", "signal", "rate error, (°/s)²", "sea and sensors alone", "Theil", "periodogram, p",
             "Ljung–Box, p", ""]  # fmt: skip
-    return _table(head, rows, "named")
+    return table(head, rows, "named")
 
 
 def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
@@ -114,7 +122,7 @@ def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
         for number, (name, values) in enumerate(sets.items()):
             numbers = [f"{values[f'{prefix}_{part}']:.4g}" for part in ("P", "D", "I", "IMAX")]
             rows.append([_LOOP_OF[loop] if number == 0 else "", name, *_strong(numbers, name == "redesigned")])
-    return _table(["loop", "gains", "Kp", "Kd", "Ki", "Ki limit"], rows, "named")
+    return table(["loop", "gains", "Kp", "Kd", "Ki", "Ki limit"], rows, "named")
 
 
 def table_4(poles: Mapping[str, Any]) -> str:
@@ -132,7 +140,7 @@ def table_4(poles: Mapping[str, Any]) -> str:
             pole = dominant(tuple(complex(*p) for p in found))
             name = f"identified, {role}"
             rows.append([loop.capitalize(), name, "", f"<b>{_pole(pole)}</b>", "", f"<b>{_damping(pole):.2f}</b>"])
-    return _table(["loop", "model, gains", "paper", "ours", "damping, paper", "ours"], rows, "named")
+    return table(["loop", "model, gains", "paper", "ours", "damping, paper", "ours"], rows, "named")
 
 
 def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
@@ -146,7 +154,7 @@ def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
          f"<b>± {steady['redesigned'][key]:.2f}{unit}</b>"]
         for key, unit in units.items()
     ]  # fmt: skip
-    return _table(["error", "paper, initial", "paper, improved", "initial gains", "redesigned"], rows)
+    return table(["error", "paper, initial", "paper, improved", "initial gains", "redesigned"], rows)
 
 
 def small_signal(model: "IdentifiedModel") -> str:
@@ -159,7 +167,7 @@ def small_signal(model: "IdentifiedModel") -> str:
                 quantity, unit = _split_unit(name)
                 sd = "not known" if estimate.sd is None else f"± {estimate.sd:.2g}"
                 rows.append([plane, quantity, f"<b>{estimate.value:.4g}</b>", sd, unit])
-    return _table(["plane", "quantity", "value", "1 sd", "unit"], rows, "named")
+    return table(["plane", "quantity", "value", "1 sd", "unit"], rows, "named")
 
 
 def margins(analyses: Mapping[str, Any]) -> str:
@@ -171,7 +179,7 @@ def margins(analyses: Mapping[str, Any]) -> str:
             numbers = [_number(m["gm_db"], 1), _number(m["pm_deg"], 0), _number(m["ms"], 2)]
             numbers.append(_number(m["crossover_radps"], 2))
             rows.append([cut if role == "initial" else "", role, *_strong(numbers, role == "redesigned")])
-    return _table(["opened at", "gains", "gain margin, dB", "phase margin, °", "Ms", "crossover, rad/s"], rows, "named")
+    return table(["opened at", "gains", "gain margin, dB", "phase margin, °", "Ms", "crossover, rad/s"], rows, "named")
 
 
 def screening(model: "IdentifiedModel") -> str:
@@ -187,7 +195,7 @@ def screening(model: "IdentifiedModel") -> str:
     for q in model.held_out:
         errors = [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
         rows.append([q.run, q.plane, "", *errors, '<span class="tag">held out</span>', ""])
-    return _table(["run", "test", "length", "initial model", "refitted model", "", "reason"], rows, "named runs")
+    return table(["run", "test", "length", "initial model", "refitted model", "", "reason"], rows, "named runs")
 
 
 def tracking(missions: Mapping[str, Mapping[str, Any]]) -> str:
@@ -200,14 +208,7 @@ def tracking(missions: Mapping[str, Mapping[str, Any]]) -> str:
             cells = [f"{was:.2f} → <b>{now:.2f}</b>" for was, now in errors]
             window = f"{after['start_s']:.0f}–{after['stop_s']:.0f} s"
             rows.append([mission.replace("_", " ") if number == 0 else "", window, *cells])
-    return _table(["mission", "steady window", "heading, °", "pitch about its mean, °", "depth, m"], rows, "named")
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]], name: str = "") -> str:
-    cells = "".join(f"<th>{label}</th>" for label in head)
-    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-    kind = f' class="{name}"' if name else ""
-    return f'<div class="scroll"><table{kind}><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>'
+    return table(["mission", "steady window", "heading, °", "pitch about its mean, °", "depth, m"], rows, "named")
 
 
 def _strong(cells: Sequence[str], strong: bool) -> list[str]:

@@ -68,5 +68,5 @@ def _of_spreads(sums: Sums) -> Iterator[Cause]:
         elif f"{plane}_deg" in louder:
             rougher.append(f"{plane} {whole:.1f} times")
     if rougher:
-        words = f"{' and '.join(rougher)} as loud as foretold, near crossover no more than elsewhere"
-        yield Cause("sea", f"rougher than identified: {words}; the loops are as designed", refit_due=False)
+        words = f"{' and '.join(rougher)} as loud as foretold, near crossover about as much as elsewhere"
+        yield Cause("sea", f"rougher than identified: {words}; a little damping lost looks alike", refit_due=False)
