@@ -229,7 +229,15 @@ def test_parameters_are_saved_changed_and_loaded_over_the_link(tmp_path: Path) -
         assert ground("params", "load", "before.param", *link, cwd=tmp_path).returncode == 0
         listed = json.loads(ground("params", "list", "--json", *link, cwd=tmp_path).stdout)
         assert listed["HDG_P"] == pytest.approx(0.65)
+        (tmp_path / "new.param").write_text("HDG_P,0.75  # because\nDPT_P,0.2\n")
+        loaded = ground("params", "load", "new.param", *link, cwd=tmp_path).stdout
+        undone = ground("params", "rollback", "--json", *link, cwd=tmp_path).stdout
+        other = ground("params", "load", "new.param", "--model", "absent.json", *link, cwd=tmp_path)
         refused = ground("params", "set", "HDG_P", "99", *link, cwd=tmp_path)
+    assert [line.split() for line in loaded.splitlines()[:1]] == [["HDG_P", "0.65", "->", "0.75", "because"]]
+    assert json.loads(undone)["parameters"]["HDG_P"]["now"] == pytest.approx(0.65)
+    assert other.returncode == 2
+    assert "absent.json" in other.stderr
     assert refused.returncode == 1
     assert "HDG_P" in refused.stderr
     assert "Traceback" not in refused.stderr
