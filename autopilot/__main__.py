@@ -11,6 +11,8 @@ from autopilot.app import App
 from autopilot.hil import HilLink
 from autopilot.identity import AutopilotId, version
 from autopilot.keys import Keys
+from autopilot.law_file import LawError
+from autopilot.law_file import load as load_laws
 from autopilot.logbook.book import Logbook
 from autopilot.logbook.store import default_folder
 from autopilot.param_file import load
@@ -42,6 +44,9 @@ def fly(
         list[str] | None, typer.Option(metavar="ADDRESS", help="Link to the ground; may be repeated.")
     ] = None,
     params: Annotated[Path | None, typer.Option(metavar="FILE", help="Parameters: lines of NAME,VALUE.")] = None,
+    laws: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Laws that fly in place of the PIDs, by `ground laws`.")
+    ] = None,
     sign: Annotated[
         list[str] | None, typer.Option(metavar="ADDRESS=KEYFILE", help="Sign that link to the ground; may be repeated.")
     ] = None,
@@ -66,7 +71,7 @@ def fly(
     try:
         keeper = ParamStore(_folder(state, state_folder()))
         kept = keeper.load()
-        table = ParamTable(kept | (load(params) if params else {}), kept)
+        table = ParamTable(kept | (load(params) if params else {}), kept, load_laws(laws) if laws else None)
         vehicle = Vehicle(table)
         keys = Keys.from_options(sign or (), gcs or DEFAULT_GROUND)
         hil_link = HilLink(open_transport(hil, awaited=True), vehicle.system)
@@ -74,7 +79,7 @@ def fly(
         transports = [open_transport(each, awaited=True, patience_s=patience_s) for each in gcs or DEFAULT_GROUND]
         logbook = Logbook(vehicle, _folder(logs, default_folder()), version())
         ground = GroundServer(vehicle, transports, autopilot_id, keys, logbook, keeper)
-    except (AddressError, KeyFileError, ParamError) as error:
+    except (AddressError, KeyFileError, LawError, ParamError) as error:
         raise SystemExit(_complain(error, BAD_INPUT)) from None
     links = ", ".join(link.transport.address for link in ground.links)
     print(f"autopilot: system {vehicle.system}, HIL {hil}, ground {links}", file=sys.stderr, flush=True)

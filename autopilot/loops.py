@@ -1,16 +1,18 @@
 """The nested loops: heading to rudder; depth to pitch, pitch to elevator. Radians in and out.
 
 Where the parameters say so set-points are approached on ways that can be followed, gains follow the speed, what is
-wanted is turned by the roll angle, the tailcone's lag is undone, and trims are learned.
+wanted is turned by the roll angle, the tailcone's lag is undone, and trims are learned. Laws that were read at the
+start take the PIDs' place at about the speed that they were designed for.
 """
 
 import math
 from typing import NamedTuple
 
-from autopilot import shaping
+from autopilot import shaping, state_space
 from autopilot.params import Config
 from autopilot.pid import Gains, pid
 from autopilot.shaping import Way
+from autopilot.state_space import Belief, Laws
 from autopilot.targets import Setpoint
 from autopilot.types import Estimate, LoopMemory, Trim
 from link.frames import wrap_pi
@@ -42,6 +44,7 @@ class Steered(NamedTuple):
     rudder_rad: float
     integral_rad: float
     course: Way | None
+    belief: Belief | None = None
 
 
 class Dived(NamedTuple):
@@ -51,6 +54,19 @@ class Dived(NamedTuple):
     pitch_setpoint_rad: float
     pitch_integral_rad: float
     depth_integral_rad: float
+    descent: Way | None
+    belief: Belief | None = None
+
+
+class WayDown(NamedTuple):
+    """Depth and its rate against what they should be at this moment."""
+
+    error_m: float
+    """Positive: too shallow."""
+    rate_mps: float
+    """Sinking faster than wanted."""
+    ahead_rad: float
+    """Nose-down pitch that the way itself takes."""
     descent: Way | None
 
 
@@ -77,9 +93,9 @@ def close(
     rudder, elevator = turned(steered.rudder_rad, dived.elevator_rad, roll) if roll else (steered[0], dived[0])
     rudder_way = elevator_way = None
     if config.lead_radps:
-        if heading:
+        if heading and steered.belief is None:
             rudder, rudder_way = shaping.lead(rudder, memory.rudder, config.servo, dt_s)
-        if depth:
+        if depth and dived.belief is None:
             elevator, elevator_way = shaping.lead(elevator, memory.elevator, config.servo, dt_s)
     surfaces = Surfaces(
         rudder, elevator,
@@ -88,7 +104,7 @@ def close(
     )  # fmt: skip
     kept = LoopMemory(
         steered.integral_rad, dived.pitch_integral_rad, dived.depth_integral_rad,
-        steered.course, dived.descent, rudder_way, elevator_way, learned,
+        steered.course, dived.descent, rudder_way, elevator_way, learned, steered.belief, dived.belief,
     )  # fmt: skip
     if config.trim_time_s and heading and depth:
         kept = learn_trim(kept, surfaces, trims, estimate, config.trim_time_s, dt_s)
@@ -119,8 +135,19 @@ def steer(
         to_go = wrap_pi(setpoint.heading_rad - start.at)
         error = wrap_pi(start.at - estimate.heading_rad) + config.heading_weight * to_go
         course = shaping.follow(to_go, start, gains, dt_s)
-    rudder, integral = pid(error, rate, gains, memory.heading_rad, dt_s, -travel - trim_rad, travel - trim_rad)
+    least, most = -travel - trim_rad, travel - trim_rad
+    if laws := laws_of(config, estimate):
+        rudder, belief = state_space.act(laws.heading, memory.rudder_belief, (rate, -error), least, most)
+        return Steered(rudder + trim_rad, memory.heading_rad, course, belief)
+    rudder, integral = pid(error, rate, gains, memory.heading_rad, dt_s, least, most)
     return Steered(rudder + trim_rad, integral, course)
+
+
+def laws_of(config: Config, estimate: Estimate) -> Laws | None:
+    """What flies in place of the PIDs; None where they fly."""
+    if config.law_enabled and state_space.in_range(config.laws, estimate.speed_mps):
+        return config.laws
+    return None
 
 
 def dive(
@@ -131,40 +158,61 @@ def dive(
     rate = estimate.q_radps
     if roll_rad:
         rate = rate * math.cos(roll_rad) - estimate.r_radps * math.sin(roll_rad)
-    pitch_setpoint, depth_i, descent = depth_loop(estimate, setpoint, memory, config, dt_s)
+    path = way_down(estimate, setpoint, memory, config, dt_s)
+    rest, travel = trim_rad, config.travel_rad
+    if config.pitch_stiffness and path.descent and setpoint.pitch_rad is None:
+        rest += hold_pitch(path.descent, estimate, config)
+    if (laws := laws_of(config, estimate)) and setpoint.pitch_rad is None:
+        return dive_by_law(laws, path, estimate, memory, rate, rest, config)
+    pitch_setpoint, depth_i = depth_loop(path, memory, config, dt_s)
     if setpoint.pitch_rad is not None:
         pitch_setpoint = setpoint.pitch_rad
-    gains, travel = config.pitch_gains, config.travel_rad
+    gains = config.pitch_gains
     if config.schedule_mps:
         gains = scheduled(gains, estimate.speed_mps / config.schedule_mps)
-    rest = trim_rad
-    if config.pitch_stiffness and descent and setpoint.pitch_rad is None:
-        rest += hold_pitch(descent, estimate, config)
     error = pitch_setpoint - estimate.pitch_rad
     elevator, pitch_i = pid(error, rate, gains, memory.pitch_rad, dt_s, -travel - rest, travel - rest)
-    return Dived(elevator + rest, pitch_setpoint, pitch_i, depth_i, descent)
+    return Dived(elevator + rest, pitch_setpoint, pitch_i, depth_i, path.descent)
 
 
-def depth_loop(
-    estimate: Estimate, setpoint: Setpoint, memory: LoopMemory, config: Config, dt_s: float
-) -> tuple[float, float, Way | None]:
-    """Depth error to pitch: too shallow asks for nose down, hence the minus. (pitch, integral, way)."""
-    limit, rate, descent = config.pitch_limit_rad, estimate.depth_rate_mps, None
-    error, ahead, gains = setpoint.depth_m - estimate.depth_m, 0.0, config.depth_gains
+def dive_by_law(
+    laws: Laws, path: WayDown, estimate: Estimate, memory: LoopMemory, rate_radps: float, rest_rad: float,
+    config: Config,
+) -> Dived:  # fmt: skip
+    """Depth and pitch to elevator at once; the depth error counts as far as the pitch limit goes."""
+    limit_m, travel = config.pitch_limit_rad / laws.pitch_per_metre, config.travel_rad
+    error = min(limit_m, max(-limit_m, path.error_m))
+    measured = rate_radps, estimate.pitch_rad + path.ahead_rad, -error, path.rate_mps
+    elevator, belief = state_space.act(
+        laws.depth, memory.elevator_belief, measured, -travel - rest_rad, travel - rest_rad
+    )
+    pitch = -laws.pitch_per_metre * error - path.ahead_rad
+    return Dived(elevator + rest_rad, pitch, memory.pitch_rad, memory.depth_rad, path.descent, belief)
+
+
+def way_down(estimate: Estimate, setpoint: Setpoint, memory: LoopMemory, config: Config, dt_s: float) -> WayDown:
+    """The depth error: from the reference model's way where there is one, or from the weighted set-point."""
+    rate = estimate.depth_rate_mps
     if bandwidth := config.depth_way_radps:
         start = memory.descent or Way(estimate.depth_m, rate)
         descent = shaping.approach(setpoint.depth_m - start.at, start, bandwidth, config.depth_way_mps, dt_s)
-        error, rate = descent.at - estimate.depth_m, rate - descent.rate
-        ahead = steepness(descent, estimate)
-        if abs(descent.rate) > UNDER_WAY_MPS:
-            gains = gains._replace(i=0.0)
-    elif config.depth_weight < 1.0:
+        error = descent.at - estimate.depth_m
+        return WayDown(error, rate - descent.rate, steepness(descent, estimate), descent)
+    if config.depth_weight < 1.0:
         start = memory.descent or Way(estimate.depth_m)
         to_go = setpoint.depth_m - start.at
         error = start.at - estimate.depth_m + config.depth_weight * to_go
-        descent = shaping.follow(to_go, start, gains, dt_s)
-    nose_down, integral = pid(error, rate, gains, memory.depth_rad, dt_s, -limit - ahead, limit - ahead)
-    return -nose_down - ahead, integral, descent
+        return WayDown(error, rate, 0.0, shaping.follow(to_go, start, config.depth_gains, dt_s))
+    return WayDown(setpoint.depth_m - estimate.depth_m, rate, 0.0, None)
+
+
+def depth_loop(path: WayDown, memory: LoopMemory, config: Config, dt_s: float) -> tuple[float, float]:
+    """Depth error to pitch: too shallow asks for nose down, hence the minus. (pitch, integral)."""
+    limit, ahead, gains = config.pitch_limit_rad, path.ahead_rad, config.depth_gains
+    if path.descent is not None and abs(path.descent.rate) > UNDER_WAY_MPS:
+        gains = gains._replace(i=0.0)
+    nose_down, integral = pid(path.error_m, path.rate_mps, gains, memory.depth_rad, dt_s, -limit - ahead, limit - ahead)
+    return -nose_down - ahead, integral
 
 
 def steepness(descent: Way, estimate: Estimate) -> float:
@@ -213,7 +261,7 @@ def learn_trim(
     share, old = dt_s / time_s, memory.trim
     rudder, elevator = share * (wanted.rudder_rad - trims[0]), share * (wanted.elevator_rad - trims[1])
     return memory._replace(
-        heading_rad=memory.heading_rad - rudder,
+        heading_rad=memory.heading_rad - (rudder if memory.rudder_belief is None else 0.0),
         pitch_rad=memory.pitch_rad - (elevator if memory.pitch_rad else 0.0),
         trim=Trim(old.rudder_rad + rudder, old.elevator_rad + elevator, old.learned_s + dt_s),
     )

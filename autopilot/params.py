@@ -10,6 +10,7 @@ from typing import Annotated, NamedTuple, get_type_hints
 
 from autopilot.pid import Gains
 from autopilot.shaping import Servo
+from autopilot.state_space import Laws
 
 
 class Doc(NamedTuple):
@@ -43,6 +44,10 @@ class Config:
     depth_i: Annotated[float, Doc("DPT_I", 0, 1, "rad/(m s)", "Pitch rate per depth error")] = 0.001
     depth_i_max: Annotated[float, Doc("DPT_IMAX", 0, 0.5, "rad", "Limit of the depth integrator")] = 0.004
     pitch_limit_deg: Annotated[float, Doc("PTCH_LIM_DEG", 1, 60, "deg", "Largest pitch the depth loop may ask")] = 20.0
+
+    law_enabled: Annotated[int, Doc("LAW_ENABLE", 0, 1, "", "1: the laws of --laws, where given, in place of PIDs")] = 1
+    laws: Laws | None = None
+    """No parameter: a file that was read at the start."""
 
     heading_way_radps: Annotated[
         float, Doc("HDG_REF_W", 0, 5, "rad/s", "Bandwidth of the heading's reference model; 0 off")
@@ -260,7 +265,7 @@ def _table() -> tuple[Parameter, ...]:
     rows = []
     hints = get_type_hints(Config, include_extras=True)
     defaults = Config()
-    for name in (column.name for column in fields(Config) if column.init):
+    for name in (column.name for column in fields(Config) if column.init and column.name != "laws"):
         doc: Doc = hints[name].__metadata__[0]
         integer = hints[name].__origin__ is int
         rows.append(
@@ -302,9 +307,14 @@ def config(values: Mapping[str, float]) -> Config:
 class ParamTable:
     """The values in force, by name; ``config`` is what the tick reads."""
 
-    def __init__(self, values: Mapping[str, float] | None = None, kept: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self,
+        values: Mapping[str, float] | None = None,
+        kept: Mapping[str, float] | None = None,
+        laws: Laws | None = None,
+    ) -> None:
         """``values`` are in force from the start; ``kept`` are those among all that are to outlive the program."""
-        self.config = config(values or {})
+        self.config = replace(config(values or {}), laws=laws)
         self.kept = dict(kept or {})
         self.revision = 0
         """Counts the changes to ``kept``."""
@@ -329,6 +339,6 @@ class ParamTable:
 
     def reset(self) -> list[str]:
         """Put every default in force; returns the names of those that changed."""
-        before, self.config = self.config, Config()
+        before, self.config = self.config, Config(laws=self.config.laws)
         self.kept, self.revision = {}, self.revision + 1
         return [row.name for row in PARAMETERS if getattr(before, row.field) != row.default]

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from autopilot.shaping import Way
 from autopilot.soundness import Ahrs, Health
+from autopilot.state_space import Belief
 from autopilot.targets import Path, Setpoint, Targets
 from link.frames import Quaternion
 from link.missions import MissionItem
@@ -172,6 +173,9 @@ class LoopMemory(NamedTuple):
     elevator: Way | None = None
     """Of the duct; None where its lag is not undone, or the loop was open."""
     trim: Trim = Trim()
+    rudder_belief: Belief | None = None
+    elevator_belief: Belief | None = None
+    """Of the laws; None where the PIDs fly, or the loop was open."""
 
 
 class Excitation(NamedTuple):

@@ -1,12 +1,14 @@
 """The vehicle and her autopilot without sockets: the two pure functions called in turn."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from autopilot import command, core, modes, params, requests
+from autopilot.state_space import Laws
 from autopilot.types import Event, Inputs, Trace
 from link.frames import euler_from_quaternion
 from link.missions import MissionItem
@@ -27,9 +29,9 @@ class Dive:
 
     def __init__(
         self, items: tuple[MissionItem, ...], *, vehicle: str | VehicleConfig = "field", sea: str | Scenario = "calm",
-        seed: int = 1, values: Mapping[str, float] | None = None, limit_s: float = 900.0,
+        seed: int = 1, values: Mapping[str, float] | None = None, laws: Laws | None = None, limit_s: float = 900.0,
     ) -> None:  # fmt: skip
-        self.config = params.config(values or {})
+        self.config = replace(params.config(values or {}), laws=laws)
         self._plant = plant.build(
             vehicles.load(vehicle) if isinstance(vehicle, str) else vehicle,
             scenario.load(sea) if isinstance(sea, str) else sea,
