@@ -15,7 +15,7 @@ from typing import Annotated
 
 import typer
 
-from ground import bench_cli, fly_cli, log_cli, modes_cli, params_cli, redesign_cli, vehicle_cli
+from ground import bench_cli, fly_cli, laws_cli, log_cli, modes_cli, params_cli, redesign_cli, vehicle_cli
 from ground.console import (
     GROUND_LINK,
     Address,
@@ -63,6 +63,7 @@ app.command()(bench_cli.incline)
 app.command()(experiment_cli.design_test)
 app.command()(rehearsal_cli.rehearse)
 app.command()(redesign_cli.redesign)
+app.command()(laws_cli.laws)
 
 
 @app.command()
@@ -161,17 +162,23 @@ def report(
 
 @app.command()
 def paper(
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Also write the tables here, as paper.json.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Also write paper.json and pictures of Table 4's loops here.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """The paper's Tables 1 to 5 beside what this software derives, without flying."""
-    from ground import tables
+    from ground import table_4, tables
+    from ground.report import poles
 
-    result = tables.without_flying()
+    found = table_4.reckon()
+    result = tables.without_flying(found)
+    words = tables.in_words(result, found)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / "paper.json").write_text(encode(result), encoding="utf-8")
-    give(result, tables.in_words(result), json)
+        words = "\n".join([words, "", *map(str, poles.draw(found, out))])
+    give(result, words, json)
 
 
 @app.command()

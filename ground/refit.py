@@ -13,6 +13,7 @@ from ground.errors import BadInputError, FailedError
 
 if TYPE_CHECKING:
     from sysid.design import Design, Spec
+    from sysid.design.optimal import LawDesign
     from sysid.log import Log
     from sysid.model import IdentifiedModel
     from sysid.monitor import Kept
@@ -116,10 +117,25 @@ def redesign(
     """
     from sysid import design
 
-    if not force and (model.verdict is None or not model.verdict.fit_for_redesign):
-        raise FailedError(f"the model is not fit for redesign: {_reasons(model)}; fly what it asks for, or --force")
+    _refuse_unfit(model, force)
     with _translated():
         return design.redesign(model, spec, read_vehicle(prior) if prior else None, _gains_before(model, prior))
+
+
+def laws(
+    model: "IdentifiedModel", spec: "Spec | None" = None, prior: str | None = None, *, force: bool = False
+) -> "LawDesign":
+    """LQG laws for a model; otherwise as ``redesign``."""
+    from sysid.design import optimal
+
+    _refuse_unfit(model, force)
+    with _translated():
+        return optimal.design_laws(model, spec, read_vehicle(prior) if prior else None, _gains_before(model, prior))
+
+
+def _refuse_unfit(model: "IdentifiedModel", force: bool) -> None:
+    if not force and (model.verdict is None or not model.verdict.fit_for_redesign):
+        raise FailedError(f"the model is not fit for redesign: {_reasons(model)}; fly what it asks for, or --force")
 
 
 def specification(model: "IdentifiedModel", prior: str | None = None) -> "Spec":

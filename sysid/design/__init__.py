@@ -57,7 +57,7 @@ def redesign(
     allowed = list(plant.allowed(model, VEHICLES, prior))
     gains = _gains(vehicle, allowed, _first(vehicle, initial), spec)
     sure = trust(allowed, gains, spec)
-    _refuse_unlikely(sure, model, spec)
+    refuse_unlikely(sure, model, spec)
     gains |= integrator_limits(loads, gains)
     gains |= ways.heading(vehicle, gains, loads, spec)
     gains |= ways.depth(vehicle, gains, loads, spec)
@@ -112,7 +112,8 @@ def _stricter(spec: Spec, factor: float) -> Bounds:
     return asked._replace(damping=factor * asked.damping)
 
 
-def _refuse_unlikely(found: Trust | None, model: IdentifiedModel, spec: Spec) -> None:
+def refuse_unlikely(found: Trust | None, model: IdentifiedModel, spec: Spec) -> None:
+    """Raises DesignRefused where fewer vehicles keep the specification than it asks for; says what would help."""
     if found is None or found.specification >= spec.probability:
         return
     following = model.verdict.next_test if model.verdict else None

@@ -27,9 +27,14 @@ def trust(vehicles: Sequence[Plant], gains: Gains, spec: Spec) -> Trust | None:
         return None
     wanted = [misses(vehicle, gains, least(spec)) for vehicle in vehicles]
     relaxed = [misses(vehicle, gains, RELAXED) for vehicle in vehicles]
+    return summed_up(wanted, relaxed)
+
+
+def summed_up(wanted: Sequence[Misses], relaxed: Sequence[Misses]) -> Trust:
+    """Of what each vehicle misses."""
     missed = Counter(max(each, key=lambda name: each[name]) for each in wanted if max(each.values()) > SLACK)
     worst = missed.most_common(1)[0][0] if missed else ""
-    return Trust(_share(wanted), _share(relaxed), worst, len(vehicles))
+    return Trust(_share(wanted), _share(relaxed), worst, len(wanted))
 
 
 def share_of(vehicles: Sequence[Plant], stability: Stability, gains: Gains, bounds: Bounds) -> float:
