@@ -1,0 +1,101 @@
+"""PID gains and LQG laws from one model, and what each promises on it."""
+
+from dataclasses import replace
+from time import process_time
+from typing import NamedTuple
+
+from autopilot import loops as aboard
+from autopilot import params
+from autopilot.state_space import Laws
+from autopilot.targets import Setpoint
+from autopilot.types import Estimate, LoopMemory
+from benchmarks.redesign.campaign import Values
+from benchmarks.study import Figure
+from sysid import design, loops
+from sysid.design import Design, optimal
+from sysid.design.optimal import LawDesign, view
+from sysid.design.plant import plant
+from sysid.design.spec import Response, Trust
+from sysid.loops import TICK_S, Margins
+from sysid.model import IdentifiedModel
+
+TICKS = 2000
+
+
+class Contender(NamedTuple):
+    """How one of the two flies."""
+
+    values: Values
+    laws: Laws | None
+
+
+Contenders = dict[str, Contender]
+
+
+class Designed(NamedTuple):
+    pid: Design
+    lqg: LawDesign
+    contenders: Contenders
+
+
+def designed(model: IdentifiedModel, trims: Values) -> Designed:
+    """Raises DesignRefused. The laws fly on the same ways to set-points, within the same limits."""
+    pid, lqg = design.redesign(model), optimal.design_laws(model)
+    values = {**pid.gains, **trims}
+    return Designed(pid, lqg, {"PID": Contender(values, None), "LQG": Contender(values, optimal.aboard(lqg))})
+
+
+def promised(model: IdentifiedModel, found: Designed) -> list[Figure]:
+    """In the model's sea, one standard deviation; margins; shares of the vehicles that the model allows for."""
+    pid, lqg = found.pid, found.lqg
+    figures = [
+        *_response("PID", pid.predicted), *_response("LQG", lqg.predicted),
+        *_margins("PID", pid.analysis.margins), *_margins("LQG", _cuts(model, lqg)),
+        *_trust("PID", pid.trust), *_trust("LQG", lqg.trust),
+    ]  # fmt: skip
+    return [*figures, *(_cost(name, each) for name, each in found.contenders.items())]
+
+
+def _response(name: str, found: Response) -> list[Figure]:
+    return [
+        Figure(f"{name}: {field.rpartition('_')[0]} rms, predicted", value, unit=field.rpartition("_")[2])
+        for field, value in found._asdict().items()
+    ]
+
+
+def _cuts(model: IdentifiedModel, lqg: LawDesign) -> dict[str, Margins]:
+    vehicle = plant(model)
+    seen = {"yaw": (view.view(vehicle, "yaw"), lqg.heading), "pitch": (view.view(vehicle, "pitch"), lqg.depth)}
+    return {
+        name: loops.margins(cut)
+        for each, law in seen.values()
+        for name, cut in zip(each.names, view.cuts(each, law), strict=True)
+    }
+
+
+def _margins(name: str, found: dict[str, Margins]) -> list[Figure]:
+    cuts = [found[cut] for cut in ("rudder", "heading", "elevator", "depth")]
+    return [
+        Figure(f"{name}: least gain margin", min(cut.gm_db for cut in cuts), unit="dB"),
+        Figure(f"{name}: least phase margin", min(cut.pm_deg for cut in cuts), unit="deg"),
+        Figure(f"{name}: largest sensitivity", max(cut.ms for cut in cuts)),
+    ]
+
+
+def _trust(name: str, found: Trust | None) -> list[Figure]:
+    if found is None:
+        return []
+    return [
+        Figure(f"{name}: vehicles that keep the specification", 100.0 * found.specification, unit="%"),
+        Figure(f"{name}: vehicles that keep the relaxed one", 100.0 * found.relaxed, unit="%"),
+    ]
+
+
+def _cost(name: str, contender: Contender) -> Figure:
+    """CPU time of closing the loops once."""
+    config = replace(params.config(contender.values), laws=contender.laws)
+    estimate, memory = Estimate(speed_mps=config.cruise_speed_mps), LoopMemory()
+    began_s = process_time()
+    for _ in range(TICKS):
+        _, memory = aboard.close(estimate, Setpoint(), memory, config, TICK_S, heading=True, depth=True)
+    return Figure(f"{name}: CPU time of the loops in a tick", 1e6 * (process_time() - began_s) / TICKS, unit="us")
