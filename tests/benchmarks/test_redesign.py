@@ -51,6 +51,9 @@ def test_a_run_that_holds_its_set_points_has_no_error_and_one_across_north_is_no
     beyond = made_up(true_heading=np.radians(20.0 - 360.0 + 2.0), true_depth_m=2.9)
     assert holding.held(beyond) == pytest.approx(Held(2.0, 10.0, 0.0, 0.0))
     assert holding.held(made_up(true_depth_m=0.3)).lost == 1.0
+    surfaced = made_up()
+    surfaced.told = ((140.0, "Failsafe: leak -> SURFACE"), *surfaced.told)
+    assert holding.held(surfaced).lost == 1.0
 
 
 def test_only_our_gains_have_targets_and_only_where_they_are_set() -> None:
@@ -90,7 +93,7 @@ def test_strange_vehicles_are_off_in_every_coefficient_by_a_fifth_at_most() -> N
 
 
 def test_a_leg_that_does_not_settle_and_a_back_out_of_water_are_misses() -> None:
-    settled, late = [1.0, 10.0, 1.0, 10.0, 0.4], [1.0, 10.0, 1.0, 30.0, -0.1]
+    settled, late = [1.0, 10.0, 1.0, 13.9, 0.4], [1.0, 10.0, 1.0, 14.1, -0.1]
     figures = missions.judge("combined, disturbed", np.array([late + late + settled, late + late + settled]))
     assert not missed(figures)
     shares = {figure.name: figure.value for figure in figures if figure.name.startswith("every leg")}
