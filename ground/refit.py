@@ -109,7 +109,9 @@ def _mark(text: str) -> "Mark":
 def redesign(
     model: "IdentifiedModel", spec: "Spec | None" = None, prior: str | None = None, *, force: bool = False
 ) -> "Design":
-    """Gains for a model. ``prior``: the vehicle file it was refitted from, where that is not shipped.
+    """Gains for a model, by default asked for what ``specification`` says.
+
+    ``prior``: the vehicle file it was refitted from, where that is not shipped.
 
     Raises:
         BadInputError: there is no such vehicle file.
@@ -119,7 +121,8 @@ def redesign(
 
     _refuse_unfit(model, force)
     with _translated():
-        return design.redesign(model, spec, read_vehicle(prior) if prior else None, _gains_before(model, prior))
+        spec, vehicle = spec or specification(model, prior), read_vehicle(prior) if prior else None
+        return design.redesign(model, spec, vehicle, _gains_before(model, prior))
 
 
 def laws(

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from rich.console import RenderableType
+from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -24,16 +24,15 @@ def table(kept: "Kept") -> RenderableType:
     if not kept.blocks:
         return Text("no steady flight yet to compare with what the gains promise", style=FAINT)
     drawn = Table(box=None, padding=(0, 2), title_justify="left")
-    for head in ("rms about what was foretold", "measured", "foretold"):
-        drawn.add_column(head, header_style=FAINT, justify="left" if head.startswith("rms") else "right")
+    drawn.add_column("rms about what was foretold", header_style=FAINT)
+    for head in ("measured", "foretold"):
+        drawn.add_column(head, header_style=FAINT, justify="right")
     for name, label in ROWS.items():
         measured, foretold = kept.errors[name]
         drawn.add_row(Text(label, style=LABEL), f"{measured:.3f}", f"{foretold:.3f}")
-    for cause in kept.causes:
-        drawn.add_row(Text(line(cause), style=BAD if cause.refit_due else ""))
-    if not kept.causes:
-        drawn.add_row(Text(f"as foretold, {kept.steady_s:.0f} s of steady flight", style=GOOD))
-    return drawn
+    good = Text(f"  as foretold, {kept.steady_s:.0f} s of steady flight", style=GOOD)
+    causes = [Text(f"  {line(cause)}", style=BAD if cause.refit_due else "") for cause in kept.causes]
+    return Group(drawn, *(causes or [good]))
 
 
 def line(cause: "Cause") -> str:

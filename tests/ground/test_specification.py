@@ -1,11 +1,13 @@
 """A specification of one's own: what is given counts, the option before the file, and what cannot be meant is named."""
 
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import pytest
 
-from ground import specification
+from ground import refit, specification
 from ground.errors import BadInputError
+from sitl.vehicle import config
 from sysid.design import Spec
 
 
@@ -52,3 +54,29 @@ def test_every_limit_can_be_set() -> None:
 def test_an_option_is_named_as_it_was_typed() -> None:
     with pytest.raises(BadInputError, match=r"--gm-db 99\.0: must be a number from 1 to 40"):
         specification.read(None, {"gm_db": 99.0})
+
+
+class Refitted(NamedTuple):
+    """As much of a model as tells which vehicle it is of."""
+
+    class Vehicle(NamedTuple):
+        prior: str
+
+    vehicle: Vehicle
+
+
+def of(prior: str) -> Any:
+    return Refitted(Refitted.Vehicle(prior))
+
+
+def test_the_vehicles_own_tailcone_limits_her_steps() -> None:
+    tail = config.load("remus100").tailcone
+    found = refit.specification(of("remus100"))
+    assert found == Spec(travel_deg=tail.travel_deg, rate_degps=tail.rate_degps)
+    assert found != Spec()
+
+
+def test_a_file_that_is_not_shipped_has_to_be_given() -> None:
+    assert refit.specification(of("mine.toml")) == Spec()
+    tail = config.load("docs/my_vehicle.toml").tailcone
+    assert refit.specification(of("mine.toml"), "docs/my_vehicle.toml").rate_degps == tail.rate_degps
