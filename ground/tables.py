@@ -4,31 +4,31 @@ import subprocess
 import sys
 from typing import Any
 
+from ground import table_4
 from ground.errors import FailedError
+from ground.table_4 import Found
 
 
-def without_flying() -> dict[str, Any]:
-    """The printed tables, our reckoning of Table 4, and the first-principles derivation as text.
+def without_flying(poles: Found) -> dict[str, Any]:
+    """The printed tables, Table 4 as reckoned, and the first-principles derivation as text.
 
     Raises:
         FailedError: the derivation did not run.
     """
-    from sysid import table_4, tables
+    from sysid import tables
 
     initial, adjusted = tables.TABLE_1_INITIAL._asdict(), tables.TABLE_1_ADJUSTED._asdict()
     return {
         "table_1": {n: {"initial": initial[n], "adjusted": adjusted[n]} for n in initial},
         "table_2_deg2ps2": {name: row._asdict() for name, row in tables.TABLE_2.items()},
         "table_3": {"initial": tables.TABLE_3_INITIAL, "improved": tables.TABLE_3_IMPROVED},
-        "table_4_radps": [
-            {"loop": r.loop, "case": r.case, "paper": _pair(r.paper), "ours": _pair(r.ours)} for r in table_4.rows()
-        ],
+        **table_4.as_json(poles),
         "table_5": {"initial": tables.TABLE_5_INITIAL._asdict(), "improved": tables.TABLE_5_IMPROVED._asdict()},
         "derivation": _derivation(),
     }
 
 
-def in_words(found: dict[str, Any]) -> str:
+def in_words(found: dict[str, Any], poles: Found) -> str:
     """The same, to be read."""
     lines = ["Table 1, initial and adjusted coefficients"]
     lines += [f"  {name:8s}{row['initial']:9g}{row['adjusted']:9g}" for name, row in found["table_1"].items()]
@@ -37,11 +37,7 @@ def in_words(found: dict[str, Any]) -> str:
     lines += ["", "Table 3, gains, initial and improved"]
     improved = found["table_3"]["improved"]
     lines += [f"  {name:10s}{value:8g}{improved[name]:8g}" for name, value in found["table_3"]["initial"].items()]
-    lines += [
-        "",
-        "Table 4, dominant closed-loop poles, rad/s: paper, ours (model/controller: I initial, A adjusted)",
-    ]
-    lines += [f"  {r['loop']:8s}{r['case']}  {_spell(r['paper'])}  {_spell(r['ours'])}" for r in found["table_4_radps"]]
+    lines += ["", *table_4.in_words(poles)]
     lines += ["", "Table 5, steady errors, initial and improved controller"]
     improved = found["table_5"]["improved"]
     lines += [f"  {name:12s}{value:7g}{improved[name]:7g}" for name, value in found["table_5"]["initial"].items()]
@@ -55,11 +51,3 @@ def _derivation() -> str:
     if done.returncode:
         raise FailedError(f"the derivation failed: {(done.stderr.strip().splitlines() or ['no reason given'])[-1]}")
     return done.stdout.rstrip()
-
-
-def _pair(pole: complex) -> list[float]:
-    return [round(pole.real, 4), round(pole.imag, 4)]
-
-
-def _spell(pair: list[float]) -> str:
-    return f"{pair[0]:8.4f} +- {pair[1]:6.4f}i"

@@ -4,7 +4,7 @@ A loop is opened where one of its states acts on the others, x' = (A + k into ro
 else of it changes, so the poles at k = 1 are its own.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,14 @@ def poles(opened: Opened, factors: Array) -> ComplexArray:
     """Closed-loop poles by loop gain, (factors, states), each column one branch."""
     import control
 
-    loop = control.ss(opened.A, opened.into[:, None], -opened.row[None, :], 0.0)
-    return np.asarray(control.root_locus_map(loop, gains=factors).loci)
+    return np.asarray(control.root_locus_map(_system(opened), gains=factors).loci)
+
+
+def zeros(opened: Opened) -> ComplexArray:
+    """Where branches end that do not leave."""
+    import control
+
+    return np.asarray(control.zeros(_system(opened)))
 
 
 def damping(found: ComplexArray) -> Array:
@@ -48,6 +54,12 @@ def damping(found: ComplexArray) -> Array:
     swings = np.abs(found.imag) > 1e-6
     ratios = np.where(swings, -found.real / np.maximum(np.abs(found), 1e-12), 1.0)
     return np.asarray(np.min(np.where(~swings & (found.real > 0.0), -1.0, ratios), axis=1))
+
+
+def _system(opened: Opened) -> Any:
+    import control
+
+    return control.ss(opened.A, opened.into[:, None], -opened.row[None, :], 0.0)
 
 
 def _opened(closed: ClosedLoop, state: int, rows: slice) -> Opened:

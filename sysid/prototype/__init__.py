@@ -6,7 +6,6 @@ file, and keeps hold of nine tenths of the vehicles that the prior of identifica
 """
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ from sysid.prototype.by_locus import Point
 from sysid.prototype.prior import Held, Stands
 from sysid.tables import TABLE_3_INITIAL
 
-__all__ = ["SPEC", "Beside", "Held", "Prototype", "Stands", "prototype"]
+__all__ = ["SPEC", "Beside", "Held", "OnLoci", "Prototype", "Stands", "on_loci", "prototype"]
 
 SPEC = Spec(damping=0.5, gm_db=8.0, pm_deg=50.0, ms=1.8)
 """What a loop through the tailcone's whole lag can keep. The lag is undone once it has been measured."""
@@ -56,11 +55,9 @@ def prototype(name_or_path: str | Path) -> Prototype:
         VehicleError: the file cannot be used.
         DesignRefused: no gains meet the specification on this vehicle, or too few vehicles of the prior are held.
     """
+    vehicle, drawn, found = on_loci(name_or_path)
     config = vehicle_files.load(name_or_path)
-    model = calibrate.build(config)
-    vehicle, drawn = prior.nominal(config), list(prior.drawn(config))
-    spec = SPEC._replace(travel_deg=config.tailcone.travel_deg)
-    found = _on_their_loci(vehicle, drawn, spec)
+    model, spec = calibrate.build(config), SPEC._replace(travel_deg=config.tailcone.travel_deg)
     loads = Loads(fit.level_pitch_rad(config, model), UNSURE_RAD, UNSURE_RAD)
     gains = {**TABLE_3_INITIAL, **found["heading"].gains, **found["depth"].gains}
     gains |= design.integrator_limits(loads, gains)
@@ -82,11 +79,24 @@ def prototype(name_or_path: str | Path) -> Prototype:
     )
 
 
-def _on_their_loci(vehicle: Plant, drawn: Sequence[Plant], spec: Spec) -> dict[str, Point]:
-    """By loop. Raises DesignRefused."""
-    bounds = limits.nominal(spec)
-    pitch, depth = by_locus.depth(vehicle, drawn, bounds, math.radians(spec.pitch_per_metre_deg))
-    return {"heading": by_locus.heading(vehicle, drawn, bounds), "pitch": pitch, "depth": depth}
+class OnLoci(NamedTuple):
+    """Where the loops ended on their root loci."""
+
+    vehicle: Plant
+    """As the file gives her."""
+    drawn: list[Plant]
+    """Vehicles of the prior."""
+    found: dict[str, Point]
+    """By loop: heading, pitch, depth."""
+
+
+def on_loci(name_or_path: str | Path) -> OnLoci:
+    """The loops of a vehicle file, without their limits and ways. Raises as ``prototype``."""
+    config, bounds = vehicle_files.load(name_or_path), limits.nominal(SPEC)
+    vehicle, drawn = prior.nominal(config), list(prior.drawn(config))
+    pitch, depth = by_locus.depth(vehicle, drawn, bounds, math.radians(SPEC.pitch_per_metre_deg))
+    heading = by_locus.heading(vehicle, drawn, bounds)
+    return OnLoci(vehicle, drawn, {"heading": heading, "pitch": pitch, "depth": depth})
 
 
 _OF_THE_LOADS = {

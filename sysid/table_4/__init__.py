@@ -6,10 +6,27 @@ The paper gives neither the mass nor which form of delay it used, and prints the
 """
 
 from sysid.table_4.conditions import Alone, alone
-from sysid.table_4.poles import CASES, LAG, LOOPS, Row, closed, dominant, models, rows
-from sysid.table_4.search import FORMS, Form, Reading, readings
+from sysid.table_4.poles import CASES, LAG, LOOPS, Case, Row, closed, dominant, models, of_case, pole, printed, rows
+from sysid.table_4.search import FORMS, Form, Reading, Search, readings
 
 __all__ = [
-    "CASES", "FORMS", "LAG", "LOOPS", "Alone", "Form", "Reading", "Row", "alone", "closed", "dominant", "models",
-    "readings", "rows",
-]  # fmt: skip
+    "CASES",
+    "FORMS",
+    "LAG",
+    "LOOPS",
+    "Alone",
+    "Case",
+    "Form",
+    "Reading",
+    "Row",
+    "Search",
+    "alone",
+    "closed",
+    "dominant",
+    "models",
+    "of_case",
+    "pole",
+    "printed",
+    "readings",
+    "rows",
+]

@@ -35,13 +35,36 @@ def models() -> dict[str, Planes]:
     return {name: Planes(yaw_plane(column), pitch_plane(column)) for name, column in columns.items()}
 
 
-def rows(lag: Lag = LAG, form: Approximation = PADE) -> list[Row]:
-    """All nine from Tables 1 and 3."""
+class Case(NamedTuple):
+    """A model and its controller."""
+
+    name: str
+    planes: Planes
+    gains: Gains
+    yaw_lag: Lag
+    pitch_lag: Lag
+
+
+def printed(lag: Lag = LAG) -> list[Case]:
+    """The paper's three, all behind one tailcone."""
     known = models()
-    return [
-        Row(loop, case, paper, dominant(loops.poles(closed(loop, known[case[0]], lag, CONTROLLERS[case[2]], form))))
-        for (loop, case), paper in TABLE_4.items()
-    ]
+    return [Case(case, known[case[0]], CONTROLLERS[case[2]], lag, lag) for case in CASES]
+
+
+def rows(lag: Lag = LAG, form: Approximation = PADE) -> list[Row]:
+    """All nine from Tables 1 and 3, loop by loop."""
+    cases = {case.name: case for case in printed(lag)}
+    return [Row(loop, name, paper, pole(loop, cases[name], form)) for (loop, name), paper in TABLE_4.items()]
+
+
+def pole(loop: str, case: Case, form: Approximation = PADE) -> complex:
+    """The dominant one."""
+    return dominant(loops.poles(of_case(loop, case, form)))
+
+
+def of_case(loop: str, case: Case, form: Approximation = PADE) -> ClosedLoop:
+    lag = case.yaw_lag if loop == "heading" else case.pitch_lag
+    return closed(loop, case.planes, lag, case.gains, form)
 
 
 def closed(loop: str, planes: Planes, lag: Lag, gains: Gains, form: Approximation = PADE) -> ClosedLoop:

@@ -39,7 +39,7 @@ FORMS = (
 """Ogata 2: a delay's Taylor series of the second order over its mirror image. Exact: Pade 6, within 1e-5 rad of the
 delay over the poles' frequencies and the delays that are tried."""
 FIGURE_4 = "s^2/9 + 4s/10 + 1"
-STATED = "the same, as stated"
+STATED = "as stated"
 LAGS = {
     FIGURE_4: Lag(0.0, 3.0, 0.6),
     "s^2/3 + 4s/10 + 1": Lag(0.0, math.sqrt(3.0), 0.2 * math.sqrt(3.0)),
@@ -50,7 +50,7 @@ LAGS = {
 DELAYS_S = np.arange(0.1, 1.01, 0.1)
 LEAST_S, MOST_S, STEP_S = 0.0, 1.1, 0.02
 FREE = "free, damping 0.6"
-FREER = "free"
+FREER = "free, at least 0.2"
 SLOWEST_RADPS, FASTEST_RADPS, LEAST_DAMPING, MOST_DAMPING = 1.0, 20.0, 0.2, 1.2
 REMAINS = 0.1
 """A row remains unexplained beyond this share of its printed pole."""
@@ -88,7 +88,7 @@ def readings(printed: Printed = TABLE_4) -> list[Reading]:
 class Search:
     """Misfits of candidate tailcones to printed poles."""
 
-    def __init__(self, printed: Printed) -> None:
+    def __init__(self, printed: Printed = TABLE_4) -> None:
         self._printed, self._models = printed, models()
 
     def reading(self, name: str, form: Form, lag: Lag) -> Reading:

@@ -244,9 +244,13 @@ def test_parameters_are_saved_changed_and_loaded_over_the_link(tmp_path: Path) -
 
 
 def test_the_papers_tables_need_no_flight(tmp_path: Path) -> None:
-    done = ground("paper", "--json", cwd=tmp_path)
+    done = ground("paper", "--json", "--out", "paper", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["table_1"]["Y_v"] == {"initial": -449, "adjusted": -445}
-    assert len(told["table_4_radps"]) == 9
+    assert len(told["table_4_radps"]) == len(told["table_4_our_vehicle_radps"]) == len(told["table_4_alone"]) == 9
+    assert all(reading["remain"] for reading in told["table_4_tailcones"])
+    assert json.loads((tmp_path / "paper" / "paper.json").read_text()) == told
+    for picture in ("root_locus", "bode", "delay"):
+        assert (tmp_path / "paper" / f"table_4_{picture}.png").read_bytes().startswith(b"\x89PNG")
     assert "Y_vdot" in told["derivation"] or "Y_v'" in told["derivation"]
