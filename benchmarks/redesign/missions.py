@@ -1,4 +1,8 @@
-"""Cell: the paper's missions of its figures 14 and 15: does every leg settle, and does she stay under water?"""
+"""Cell: the paper's missions of its figures 14 and 15: does every leg settle, and does she stay under water?
+
+Depth counts from the surface as it stands over her: so near to it waves carry her up and down with the water, which
+neither shows on a pressure sensor nor needs to be fought.
+"""
 
 from functools import partial
 from itertools import product
@@ -52,7 +56,8 @@ def _at_its_end(dive: Dive, leg: Step, end_s: float) -> tuple[float, float]:
     if not window.any():
         return np.inf, np.inf
     heading_rad = holding.turned(dive["true_heading"][window] - np.radians(leg.heading_deg))
-    return holding.p95(np.degrees(heading_rad)), 100.0 * holding.p95(dive["true_depth_m"][window] - leg.depth_m)
+    depth_m = dive["true_depth_m"][window] + dive["surface_m"][window]
+    return holding.p95(np.degrees(heading_rad)), 100.0 * holding.p95(depth_m - leg.depth_m)
 
 
 def water_over_her_m(dive: Dive) -> float:
