@@ -25,10 +25,10 @@ BULK_AHEAD_S = 0.25
 
 _BULK = frozenset(dialect.by_name(name).message_id for name in ("LOG_DATA", "FILE_TRANSFER_PROTOCOL"))
 _VITAL = frozenset(
-    message.message_id
-    for message in map(dialect.by_name, dialect.names())
-    if message.name.startswith(("COMMAND_", "MISSION_", "PARAM_"))
-    or message.name in ("HEARTBEAT", "STATUSTEXT", "SET_MODE", "PING", "TIMESYNC", "LOG_ENTRY", "AUTOPILOT_VERSION")
+    dialect.by_name(name).message_id
+    for name in dialect.names()
+    if name.startswith(("COMMAND_", "MISSION_", "PARAM_"))
+    or name in ("HEARTBEAT", "STATUSTEXT", "SET_MODE", "PING", "TIMESYNC", "LOG_ENTRY", "AUTOPILOT_VERSION")
 )
 """What others say that is not dropped either; of the rest the newest counts."""
 

@@ -22,6 +22,8 @@ OVERHEAD = 12
 LARGEST_FRAME = OVERHEAD + 255 + SIGNATURE_LENGTH
 """Bytes of the longest MAVLink 2 frame."""
 
+_HEAD = struct.Struct("<BBBBBBHB")
+"""What stands between the magic byte and the payload: six bytes, and a message number of three."""
 _CRC = struct.Struct("<H")
 _crc = crc16.mcrf4xx
 
@@ -66,11 +68,8 @@ def encode(
     """One MAVLink 2 frame of a message's fields in wire order. With SIGNED_FLAG a signature has to follow it."""
     payload = message.pack(values).rstrip(b"\0") or b"\0"
     number = message.message_id
-    body = (
-        bytes((len(payload), flags, 0, sequence, system, component, number & 0xFF, number >> 8 & 0xFF, number >> 16))
-        + payload
-    )
-    return b"\xfd" + body + _CRC.pack(_crc(body + bytes((message.crc_extra,))))
+    body = _HEAD.pack(len(payload), flags, 0, sequence, system, component, number & 0xFFFF, number >> 16) + payload
+    return b"\xfd" + body + _CRC.pack(_crc(body + message.crc_seed))
 
 
 class Framer:
@@ -144,7 +143,7 @@ def _check(raw: bytes, senders: Container[tuple[int, int]]) -> Frame | None:
     if known is None:
         if (system, component) not in senders or not _explained(raw[1:end], told):
             return None
-    elif _crc(raw[1:end] + bytes((known.crc_extra,))) != told:
+    elif _crc(raw[1:end] + known.crc_seed) != told:
         return None
     return Frame(system, component, message_id, sequence, payload, raw)
 

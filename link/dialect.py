@@ -7,7 +7,7 @@ that even ``all`` lacks are added here.
 import inspect
 import struct
 from collections import namedtuple
-from functools import cache
+from functools import cache, cached_property
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -35,6 +35,7 @@ class MessageType:
         self.name: str = definition.msgname
         self.message_id: int = definition.id
         self.crc_extra: int = definition.crc_extra
+        self.crc_seed = bytes((self.crc_extra,))
         types = dict(zip(definition.fieldnames, definition.fieldtypes, strict=True))
         units = definition.fieldunits_by_name
         self.fields = tuple(
@@ -43,11 +44,21 @@ class MessageType:
         )
         # A text of one character is a text too, and may be empty: "s" takes what "c" refuses.
         self.struct = struct.Struct(definition.unpacker.format.replace("c", "s"))
-        self.record: Any = namedtuple(self.name, [f.name for f in self.fields])  # type: ignore[misc]
         self._slices = tuple(_slices(self.fields))
         self._has_arrays = any(f.array_length for f in self.fields)
-        parameters = inspect.signature(definition.__init__).parameters
-        self._extensions = {n: p.default for n, p in parameters.items() if p.default is not inspect.Parameter.empty}
+        self._construct = definition.__init__
+
+    # Whoever starts names many messages and uses few: what takes long to make is made when it is wanted.
+    @cached_property
+    def record(self) -> Any:
+        """The type of a decoded message."""
+        return namedtuple(self.name, [f.name for f in self.fields])
+
+    @cached_property
+    def _extensions(self) -> dict[str, Any]:
+        """Value of each field that may be left out."""
+        parameters = inspect.signature(self._construct).parameters
+        return {n: p.default for n, p in parameters.items() if p.default is not inspect.Parameter.empty}
 
     def values(self, **fields: Any) -> tuple[Any, ...]:
         """The given fields in wire order; extension fields may be left out.
