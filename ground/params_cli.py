@@ -14,6 +14,8 @@ from ground.errors import BadInputError
 if TYPE_CHECKING:
     from ground.change import Step
 
+UNDO = "`ground params rollback` undoes it"
+
 app = typer.Typer(no_args_is_help=True, help="Read and set a vehicle's parameters.")
 
 
@@ -78,7 +80,9 @@ def load(
     lines = gains.load_lines(file)
     promised = _model_of(file, model)
     steps = upload(connect, sign, {name: line.value for name, line in lines.items()}, str(file), promised)
-    _tell(steps, {name: line.reason for name, line in lines.items()}, f"{file}: {len(steps)} parameters set", json)
+    _tell(
+        steps, {name: line.reason for name, line in lines.items()}, f"{file}: {len(steps)} parameters set; {UNDO}", json
+    )
 
 
 @app.command()

@@ -47,5 +47,5 @@ def redesign(
     words = summary.design_in_words(design, out)
     if upload:
         steps = params_cli.upload(upload, sign, design.gains, str(out), design.promise.model_sha256)
-        words = "\n".join([words, f"{upload}:", *params_cli.lines_of(steps, {})])
+        words = "\n".join([words, f"{upload}, {params_cli.UNDO}:", *params_cli.lines_of(steps, {})])
     give(summary.of_design(design), words, json)
