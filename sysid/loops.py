@@ -10,6 +10,7 @@ With ACT_LEAD_W, rudder and elevator pass through the tailcone's believed lag un
 (s^2 + 2 z w s + w^2) / (s^2 + 2 z' w' s + w'^2) w'^2 / w^2, w = ACT_LAG_W, z = ACT_LAG_Z, w' = ACT_LEAD_W, z' = 0.7.
 """
 
+import cmath
 import math
 from collections.abc import Mapping
 from functools import cache, lru_cache
@@ -142,18 +143,17 @@ def depth_law(plant: ComplexArray, gains: Gains) -> ComplexArray:
 
 def margins(loop: ComplexArray) -> Margins:
     """Classical margins of a loop given on ``GRID_RADPS``, crossings found by linear interpolation."""
-    gain, phase = np.abs(loop), np.unwrap(np.angle(loop))
-    log_gain = np.log(gain)
+    log_gain = np.log(np.abs(loop))
     unit = _crossings(log_gain)
-    distances = [abs(_wrap(np.interp(at, np.arange(phase.size), phase) + math.pi)) for at in unit]
+    distances = [abs(_wrap(_phase(loop, at) + math.pi)) for at in unit]
     # Phase crossings of any odd multiple of -180 degrees are zeros of the imaginary part on the negative real axis.
-    real_axis = [at for at in _crossings(loop.imag) if np.interp(at, np.arange(gain.size), loop.real) < 0.0]
-    factors = [abs(float(np.interp(at, np.arange(gain.size), log_gain))) for at in real_axis]
+    real_axis = [at for at in _crossings(loop.imag) if _between(loop.real, at) < 0.0]
+    factors = [abs(_between(log_gain, at)) for at in real_axis]
     return Margins(
         gm_db=20.0 * min(factors, default=math.inf) / math.log(10.0),
         pm_deg=math.degrees(min(distances, default=math.inf)),
-        ms=float(np.max(1.0 / np.abs(1.0 + loop))),
-        crossover_radps=float(np.interp(unit[-1], np.arange(gain.size), GRID_RADPS)) if unit else math.nan,
+        ms=1.0 / float(np.min(np.abs(1.0 + loop))),
+        crossover_radps=_between(GRID_RADPS, unit[-1]) if unit else math.nan,
     )
 
 
@@ -161,6 +161,19 @@ def _crossings(values: Array) -> list[float]:
     """Fractional indices at which ``values`` changes sign."""
     at = np.flatnonzero(values[:-1] * values[1:] < 0.0)
     return [float(i + values[i] / (values[i] - values[i + 1])) for i in at]
+
+
+def _between(values: Array, at: float) -> float:
+    """The value at a fractional index."""
+    i = min(int(at), values.size - 2)
+    return float(values[i] + (at - i) * (values[i + 1] - values[i]))
+
+
+def _phase(loop: ComplexArray, at: float) -> float:
+    """The phase at a fractional index, by the shorter way round from one frequency to the next."""
+    i = min(int(at), loop.size - 2)
+    first = cmath.phase(loop[i])
+    return first + (at - i) * _wrap(cmath.phase(loop[i + 1]) - first)
 
 
 def _wrap(angle_rad: float) -> float:
