@@ -61,6 +61,6 @@ def _integral(name: str, gains: Gains, paper: Gains) -> str:
     proportional = name.replace("_I", "_P")
     ours, theirs = gains[proportional] / gains[name], paper[proportional] / paper[name]
     return (
-        f"a load that nobody has measured yet is gone but for a third after {ours:.0f} s, with Table 3's after "
+        f"of a load that nobody has measured yet a third is left {ours:.0f} s after its worst, with Table 3's "
         f"{theirs:.0f} s"
     )

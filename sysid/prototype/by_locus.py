@@ -77,5 +77,5 @@ def _largest(gain: str, tried: Sequence[Point], drawn: Sequence[Plant]) -> Point
             return point
     raise DesignRefused(
         f"no gains of the {within[0].shape.loop} loop keep hold of {100 * prior.SHARE:.0f} % of the vehicles that the "
-        "prior allows for; measure the tailcone by `ground bench`, or give her larger surfaces"
+        "prior allows for; measure the tailcone by `ground bench`"
     )

@@ -20,7 +20,7 @@ ZEROS = (4.5, 5.5, 6.8, 8.3, 10.2, 12.5)
 """The tailcone's bandwidth over the zero. With the first, the lead is 66 degrees at half the bandwidth, where the
 loop crosses; the others are for vehicles that are slow beside their tailcone, and need the phase sooner."""
 INTEGRAL_S = {"heading": 25.0, "depth": 30.0}
-"""Proportional over integral gain: a load is gone but for a third after as long."""
+"""Proportional over integral gain: so long after a load's worst a third of it is left."""
 
 
 class Shape(NamedTuple):

@@ -48,6 +48,20 @@ def test_margins_hold_on_the_vehicle_of_the_file(bench: Prototype) -> None:
         assert all(-pole.real / abs(pole) > 0.98 * SPEC.damping for pole in poles)
 
 
+def test_integrators_take_the_time_they_say(bench: Prototype, caribou: Plant) -> None:
+    """Offsets of rudder and elevator, in time: a third of the largest error is left so long after it."""
+    planes = caribou.planes
+    for closed, surface, state, proportional, integral in (
+        (loops.close_heading(planes.yaw, caribou.yaw_lag, bench.parameters), planes.yaw.B, 2, "HDG_P", "HDG_I"),
+        (loops.close_depth(planes.pitch, caribou.pitch_lag, bench.parameters), planes.pitch.B, 3, "DPT_P", "DPT_I"),
+    ):
+        load = np.zeros(len(closed.A))
+        load[: surface.size] = surface
+        answer = np.abs(loops.step_response(closed._replace(reference=load), state, 120.0))
+        later = round(10.0 * bench.parameters[proportional] / bench.parameters[integral])
+        assert answer[int(np.argmax(answer)) + later] / np.max(answer) == pytest.approx(1 / 3, abs=0.06)
+
+
 def test_fresh_vehicles_of_the_prior_are_held(bench: Prototype, monkeypatch: pytest.MonkeyPatch) -> None:
     """Other draws; the loops are still stable with 3 dB more gain, by poles, and with 20 degrees more delay."""
     monkeypatch.setattr(prior, "SEED", 7)
