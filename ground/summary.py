@@ -68,6 +68,7 @@ def in_words(summary: Mapping[str, Any], out: Path) -> str:
     gains = ", ".join(f"{n} {v:.4g}" for n, v in summary["design"]["gains"].items())
     lines += [
         f"gains {gains}",
+        *_broken_promises(summary["kept"]),
         f"{summary['vehicle_s']:.0f} s of vehicle time in {summary['wall_s']:.1f} s, {summary['messages']} messages, "
         f"{summary['lost_frames']} lost",
         f"{out / 'report.html'}",
@@ -81,6 +82,16 @@ def design_in_words(design: "Design", out: Path) -> str:
     lines += ["on the identified model:", *asked.in_words(of_design(design)), "foretold in the sea of the tests, 95 %:"]
     lines += [f"  {label:32s}{design.promise.predicted[name].p95:9.3f}" for name, label in kept_view.ROWS.items()]
     return "\n".join(lines)
+
+
+def _broken_promises(kept: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """A line for each mission and likely cause; one that says so where there is none."""
+    lines = [
+        f"{mission}: {'REFIT DUE: ' if cause['refit_due'] else ''}{cause['words']}"
+        for mission, found in kept.items()
+        for cause in found["causes"]
+    ]
+    return lines or ["the redesigned gains keep what they promise"]
 
 
 def _held_out_lines(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
