@@ -67,18 +67,18 @@ def _settled(start: Mapping[str, float], search: Search) -> _End:
 
 
 def _from(start: Mapping[str, float], search: Search) -> _End:
-    """On the logarithms of the gains. Objective and limits are asked for at the same point, and judged once."""
-    names, last = tuple(start), dict[bytes, Judged]()
+    """On the logarithms of the gains. COBYQA asks for the limits again at every point it still builds on, ten times
+    for each that is new: every point is judged once."""
+    names, known = tuple(start), dict[bytes, Judged]()
 
     def gains_at(logs: Array) -> dict[str, float]:
         return dict(zip(names, np.exp(np.clip(logs, -12.0, 6.0)).tolist(), strict=True))
 
     def judged(logs: Array) -> Judged:
         key = logs.tobytes()
-        if key not in last:
-            last.clear()
-            last[key] = search.judge({**search.fixed, **gains_at(logs)})
-        return last[key]
+        if key not in known:
+            known[key] = search.judge({**search.fixed, **gains_at(logs)})
+        return known[key]
 
     def constrained(logs: Array) -> Array:
         missed = np.array(list(judged(logs).misses.values()))
