@@ -92,10 +92,9 @@ def fly(
     water = drifting((sea.current_mps * math.cos(towards), sea.current_mps * math.sin(towards), 0.0))
     craft = body.launch(_bent(vehicle, sea.bias_shift_rad), water, instruments.field_nwu(config))
     wrenches, errors = disturbance.wrenches(vehicle, levels, sea.times, push), instruments.errors(levels, err)
-    said = list[Event]()
+    said, rows = list[Event](), list[tuple[float, ...]]()
     state, trace = _tick(core.start(), craft.seen + next(errors), config, said)
     state = _sent_off(state, items, config)
-    rows = [_row(state, trace, float(craft.seen[body.DEPTH]))]
     most_us = limit_s(items) * US_PER_S
     while state.armed and state.mode == modes.MISSION.number and state.time_us < most_us:
         seen = body.advance(craft, trace.rudder_rad, trace.elevator_rad, trace.thrust, next(wrenches))
@@ -103,6 +102,7 @@ def fly(
         if state.time_us % (EVERY * TICK_US) == 0:
             rows.append(_row(state, trace, float(seen[body.DEPTH])))
     finished = state.mode != modes.MISSION.number and not state.failsafe
+    rows = rows or [_row(state, trace, float(craft.seen[body.DEPTH]))]
     columns = dict(zip(COLUMNS, np.array(rows).T, strict=True))
     return Dive(_log(columns, said), columns["true_depth_m"], state.failsafe, finished)
 

@@ -23,6 +23,7 @@ def flown(known: Belief, sea: Sea, *, calm: bool = True, duration_s: float = 60.
 def test_a_known_vehicle_in_no_sea_is_held_without_error(known: Belief) -> None:
     dive = flown(known, Sea(0.0), duration_s=150.0)
     assert dive.finished
+    assert dive.log.setpoints.depth_m[0] == 3.0
     steady = verify.tracking(dive.log, settling_s=110.0)
     assert steady is not None
     assert steady.heading_deg.largest < 0.02
