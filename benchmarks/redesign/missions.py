@@ -93,8 +93,9 @@ def judge(case: str, rows: Array) -> list[Figure]:
             figure = Figure(f"leg {leg}, {what}, 95 %: {name}", float(np.mean(mine[:, column])), unit=unit)
             found.append(figure._replace(highest=limit))
     for name, mine in by_set.items():
-        settled = np.all(mine[:, :-1] <= np.tile(most, legs), axis=1)
-        found.append(Figure(f"every leg settled: {name}", 100.0 * float(np.mean(settled)), unit="%"))
+        share = 100.0 * float(np.mean(np.all(mine[:, :-1] <= np.tile(most, legs), axis=1)))
+        lowest = 100.0 if name == OURS else -np.inf
+        found.append(Figure(f"every leg settled: {name}", share, lowest=lowest, unit="%"))
     for name, mine in by_set.items():
         least = 0.0 if name == OURS else -np.inf
         found.append(Figure(f"least water over her: {name}", float(np.min(mine[:, -1])), lowest=least, unit="m"))

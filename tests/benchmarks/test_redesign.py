@@ -99,7 +99,9 @@ def test_a_leg_that_does_not_settle_and_a_back_out_of_water_are_misses() -> None
     shares = {figure.name: figure.value for figure in figures if figure.name.startswith("every leg")}
     assert [shares[f"every leg settled: {name}"] for name in GAIN_SETS] == [0.0, 0.0, 100.0]
     figures = missions.judge("combined, disturbed", np.array([settled + settled + late]))
-    assert missed(figures) == {"leg 2, depth, 95 %: ours", "least water over her: ours"}
+    assert missed(figures) == {
+        "leg 2, depth, 95 %: ours", "every leg settled: ours", "least water over her: ours",
+    }  # fmt: skip
 
 
 def test_water_over_her_is_counted_from_her_highest_part_and_from_the_surface_as_it_stands() -> None:
