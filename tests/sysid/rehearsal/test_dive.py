@@ -59,7 +59,7 @@ def test_a_failsafe_ends_the_dive_and_is_named(known: Belief) -> None:
 def test_a_mission_that_is_over_at_once_is_a_dive_too(known: Belief) -> None:
     found = dive.fly(known.vehicle(known.mean), known.noise, mission(2.0, 0.0, 0.0), params.config({}), Sea(), (1,))
     assert found.finished
-    assert found.seconds == 0.0
+    assert found.seconds < 0.1
 
 
 def test_a_mission_that_the_autopilot_does_not_take_is_refused(known: Belief) -> None:
