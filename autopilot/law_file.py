@@ -1,7 +1,7 @@
 """Law files: JSON with the tick and the speed that laws were designed for, and their matrices.
 
 {"format": 1, "tick_s": 0.02, "speed_mps": 1.3, "pitch_per_metre": 0.2, "model_sha256": "...",
- "heading": {"rows": [[A B L], ...], "feedback": [F]}, "depth": ...}
+ "heading": {"rows": [[A B L], ...], "feedback": [F], "start": [[S], ...], "loads": 1}, "depth": ...}
 """
 
 import json
@@ -9,6 +9,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from autopilot import state_space
 from autopilot.state_space import Law, Laws
 
 FORMAT = 1
@@ -50,14 +51,21 @@ def _law(found: dict[str, Any], key: str) -> Law:
     feedback = found.get("feedback")
     if not isinstance(feedback, list) or not feedback:
         raise LawError(f"{key}.feedback: expected a list of numbers, one a state")
-    rows, states = found.get("rows"), len(feedback)
-    if not isinstance(rows, list) or len(rows) != states:
-        raise LawError(f"{key}.rows: expected {states} rows, one for each of feedback's states")
-    width = states + 1 + MEASURED[key]
-    return Law(
-        tuple(_numbers(row, f"{key}.rows[{at}]", width) for at, row in enumerate(rows)),
+    states, measured, loads = len(feedback), MEASURED[key], found.get("loads")
+    if type(loads) is not int or not 0 <= loads < states:
+        raise LawError(f"{key}.loads = {loads}: expected how many of the {states} states are loads")
+    return state_space.law(
+        _matrix(found.get("rows"), f"{key}.rows", states, states + 1 + measured),
         _numbers(feedback, f"{key}.feedback", states),
+        _matrix(found.get("start"), f"{key}.start", states, measured),
+        loads,
     )
+
+
+def _matrix(found: Any, key: str, rows: int, columns: int) -> tuple[tuple[float, ...], ...]:
+    if not isinstance(found, list) or len(found) != rows:
+        raise LawError(f"{key}: expected {rows} rows, one for each of feedback's states")
+    return tuple(_numbers(row, f"{key}[{at}]", columns) for at, row in enumerate(found))
 
 
 def _object(found: Any, key: str) -> dict[str, Any]:
@@ -86,5 +94,9 @@ def text_of(laws: Laws, model_sha256: str) -> str:
     """The file of laws that were designed on a model."""
     head = {"format": FORMAT, "tick_s": TICK_S, "model_sha256": model_sha256}
     numbers = {"speed_mps": laws.speed_mps, "pitch_per_metre": laws.pitch_per_metre}
-    each = {"heading": laws.heading._asdict(), "depth": laws.depth._asdict()}
+    each = {"heading": _object_of(laws.heading), "depth": _object_of(laws.depth)}
     return json.dumps(head | numbers | each) + "\n"
+
+
+def _object_of(law: Law) -> dict[str, Any]:
+    return {"rows": law.rows, "feedback": law.feedback, "start": law.start, "loads": law.loads}

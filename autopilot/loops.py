@@ -12,7 +12,7 @@ from autopilot import shaping, state_space
 from autopilot.params import Config
 from autopilot.pid import Gains, pid
 from autopilot.shaping import Way
-from autopilot.state_space import Belief, Laws
+from autopilot.state_space import Belief, Laws, Target
 from autopilot.targets import Setpoint
 from autopilot.types import Estimate, LoopMemory, Trim
 from link.frames import wrap_pi
@@ -116,9 +116,10 @@ def steer(
     dt_s: float,
 ) -> Steered:  # fmt: skip
     """Heading error to rudder, yaw rate from the gyro; on the way to a new heading both are counted from the way."""
-    rate = estimate.r_radps
+    turning = estimate.r_radps
     if roll_rad:
-        rate = rate * math.cos(roll_rad) + estimate.q_radps * math.sin(roll_rad)
+        turning = turning * math.cos(roll_rad) + estimate.q_radps * math.sin(roll_rad)
+    rate = turning
     error, course = wrap_pi(setpoint.heading_rad - estimate.heading_rad), None
     gains, travel = config.heading_gains, config.travel_rad
     if config.schedule_mps:
@@ -135,12 +136,27 @@ def steer(
         to_go = wrap_pi(setpoint.heading_rad - start.at)
         error = wrap_pi(start.at - estimate.heading_rad) + config.heading_weight * to_go
         course = shaping.follow(to_go, start, gains, dt_s)
-    least, most = -travel - trim_rad, travel - trim_rad
     if laws := laws_of(config, estimate):
-        rudder, belief = state_space.act(laws.heading, memory.rudder_belief, (rate, -error), least, most)
-        return Steered(rudder + trim_rad, memory.heading_rad, course, belief)
-    rudder, integral = pid(error, rate, gains, memory.heading_rad, dt_s, least, most)
+        rudder, belief = steer_by_law(laws, (turning, rate, error), estimate, memory, trim_rad, config)
+        return Steered(rudder, memory.heading_rad, course, belief)
+    rudder, integral = pid(error, rate, gains, memory.heading_rad, dt_s, -travel - trim_rad, travel - trim_rad)
     return Steered(rudder + trim_rad, integral, course)
+
+
+def steer_by_law(
+    laws: Laws, motion: tuple[float, float, float], estimate: Estimate, memory: LoopMemory, trim_rad: float,
+    config: Config,
+) -> tuple[float, Belief]:  # fmt: skip
+    """Rudder; ``motion`` is the rate of turn, the same against the way's, and the error. Headings are counted on."""
+    turning, rate, error = motion
+    at, old, travel = estimate.heading_rad, memory.rudder_belief, config.travel_rad
+    if old is not None:
+        at = old.measured[1] + wrap_pi(at - old.measured[1])
+    wanted = turning - rate, at + error
+    under_way = abs(wanted[0]) > UNDER_WAY_RADPS
+    target = Target(wanted, 0.0, -travel - trim_rad, travel - trim_rad, under_way)
+    rudder, belief = state_space.act(laws.heading, old, (turning, at), target)
+    return rudder + trim_rad, belief
 
 
 def laws_of(config: Config, estimate: Estimate) -> Laws | None:
@@ -163,7 +179,7 @@ def dive(
     if config.pitch_stiffness and path.descent and setpoint.pitch_rad is None:
         rest += hold_pitch(path.descent, estimate, config)
     if (laws := laws_of(config, estimate)) and setpoint.pitch_rad is None:
-        return dive_by_law(laws, path, estimate, memory, rate, rest, config)
+        return dive_by_law(laws, path, estimate, memory, rate, rest - trim_rad, trim_rad, config)
     pitch_setpoint, depth_i = depth_loop(path, memory, config, dt_s)
     if setpoint.pitch_rad is not None:
         pitch_setpoint = setpoint.pitch_rad
@@ -176,18 +192,19 @@ def dive(
 
 
 def dive_by_law(
-    laws: Laws, path: WayDown, estimate: Estimate, memory: LoopMemory, rate_radps: float, rest_rad: float,
-    config: Config,
+    laws: Laws, path: WayDown, estimate: Estimate, memory: LoopMemory, rate_radps: float, ahead_rad: float,
+    trim_rad: float, config: Config,
 ) -> Dived:  # fmt: skip
     """Depth and pitch to elevator at once; the depth error counts as far as the pitch limit goes."""
     limit_m, travel = config.pitch_limit_rad / laws.pitch_per_metre, config.travel_rad
-    error = min(limit_m, max(-limit_m, path.error_m))
-    measured = rate_radps, estimate.pitch_rad + path.ahead_rad, -error, path.rate_mps
-    elevator, belief = state_space.act(
-        laws.depth, memory.elevator_belief, measured, -travel - rest_rad, travel - rest_rad
-    )
+    error, sinking = min(limit_m, max(-limit_m, path.error_m)), estimate.depth_rate_mps
+    measured = rate_radps, estimate.pitch_rad, estimate.depth_m, sinking
+    wanted = 0.0, -path.ahead_rad, estimate.depth_m + error, sinking - path.rate_mps
+    under_way = path.descent is not None and abs(path.descent.rate) > UNDER_WAY_MPS
+    target = Target(wanted, ahead_rad, -travel - trim_rad, travel - trim_rad, under_way)
+    elevator, belief = state_space.act(laws.depth, memory.elevator_belief, measured, target)
     pitch = -laws.pitch_per_metre * error - path.ahead_rad
-    return Dived(elevator + rest_rad, pitch, memory.pitch_rad, memory.depth_rad, path.descent, belief)
+    return Dived(elevator + trim_rad, pitch, memory.pitch_rad, memory.depth_rad, path.descent, belief)
 
 
 def way_down(estimate: Estimate, setpoint: Setpoint, memory: LoopMemory, config: Config, dt_s: float) -> WayDown:

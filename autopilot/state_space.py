@@ -12,12 +12,18 @@ SLOWEST, FASTEST = 0.8, 1.25
 
 
 class Law(NamedTuple):
-    """x[k] = A x[k-1] + B u[k-1] + L (y[k-1] + y[k])/2, u = F x: y is what is measured less what is wanted."""
+    """x[k] = A x[k-1] + B u[k-1] + L (y[k-1] + y[k])/2, u = F (x - S r): y is measured, and wanted to be r."""
 
     rows: tuple[tuple[float, ...], ...]
     """(A B L), a row a state."""
     feedback: tuple[float, ...]
     """F."""
+    start: tuple[tuple[float, ...], ...]
+    """S: the states of a vehicle that moves steadily as is measured, or wanted."""
+    forward: tuple[float, ...]
+    """-F S."""
+    loads: int
+    """How many of the states, the last ones, are constant loads."""
 
 
 class Laws(NamedTuple):
@@ -41,12 +47,38 @@ class Belief(NamedTuple):
     command_rad: float
 
 
-def act(law: Law, belief: Belief | None, measured: tuple[float, ...], low: float, high: float) -> tuple[float, Belief]:
-    """The command within [low, high], about its trim; begins at rest where ``belief`` is None."""
-    states, before, command = belief or ((0.0,) * len(law.rows), measured, 0.0)
-    told = (*states, command, *(0.5 * (old + new) for old, new in zip(before, measured, strict=True)))
-    states = tuple([sum(map(mul, row, told)) for row in law.rows])
-    command = min(high, max(low, sum(map(mul, law.feedback, states))))
+class Target(NamedTuple):
+    """What a law is asked for."""
+
+    wanted: tuple[float, ...]
+    """Of what is measured."""
+    ahead_rad: float
+    """Command that the way to it takes by itself, about the trim."""
+    low: float
+    high: float
+    """Of the command about its trim."""
+    under_way: bool = False
+    """On the way to a new set-point: what is off there is no constant load."""
+
+
+def law(
+    rows: tuple[tuple[float, ...], ...], feedback: tuple[float, ...], start: tuple[tuple[float, ...], ...], loads: int
+) -> Law:
+    forward = tuple(-sum(map(mul, feedback, column)) for column in zip(*start, strict=True))
+    return Law(rows, feedback, start, forward, loads)
+
+
+def act(law: Law, belief: Belief | None, measured: tuple[float, ...], target: Target) -> tuple[float, Belief]:
+    """The command about its trim. A new set-point moves the command and not the belief, which follows what happens."""
+    if belief is None:
+        states = tuple([sum(map(mul, row, measured)) for row in law.start])
+    else:
+        means = [0.5 * (old + new) for old, new in zip(belief.measured, measured, strict=True)]
+        told = (*belief.states, belief.command_rad, *means)
+        learnt = len(law.rows) - (law.loads if target.under_way else 0)
+        states = tuple([sum(map(mul, row, told)) for row in law.rows[:learnt]]) + belief.states[learnt:]
+    wanted = sum(map(mul, law.feedback, states)) + sum(map(mul, law.forward, target.wanted)) + target.ahead_rad
+    command = min(target.high, max(target.low, wanted))
     return command, Belief(states, measured, command)
 
 

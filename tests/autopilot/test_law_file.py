@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from autopilot import law_file
+from autopilot import law_file, state_space
 from autopilot.law_file import LawError
-from autopilot.state_space import Law, Laws
+from autopilot.state_space import Laws
 
 LAWS = Laws(
     1.3,
-    Law(((0.9, 0.1, 0.02, 1.0 / 3.0),), (-1.5,)),
-    Law(((0.9, 0.1, 0.2, -0.3, 0.05, 0.1),), (2.0,)),
+    state_space.law(((0.9, 0.1, 0.02, 1.0 / 3.0),), (-1.5,), ((0.0, 1.0),), 0),
+    state_space.law(((0.9, 0.1, 0.2, -0.3, 0.05, 0.1),), (2.0,), ((0.0, 0.0, 1.0, 0.0),), 0),
     0.2,
 )
 WHOLE = json.loads(law_file.text_of(LAWS, "f00d"))
@@ -33,11 +33,21 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         ({"speed_mps": 0}, "speed_mps = 0: expected more than 0"),
         ({"pitch_per_metre": None}, "pitch_per_metre = None: expected a number"),
         ({"depth": None}, "depth: expected an object"),
-        ({"heading": {"rows": [[1, 2, 3, 4]], "feedback": []}}, "heading.feedback: expected a list of numbers"),
-        ({"heading": {"rows": [], "feedback": [1]}}, "heading.rows: expected 1 rows"),
-        ({"heading": {"rows": [[1, 2, 3]], "feedback": [1]}}, r"heading.rows\[0\]: expected 4 numbers"),
-        ({"heading": {"rows": [[1, 2, 3, float("nan")]], "feedback": [1]}}, r"heading.rows\[0\] = nan: expected a"),
-        ({"heading": {"rows": [[1, 2, 3, True]], "feedback": [1]}}, r"heading.rows\[0\] = True: expected a number"),
+        (
+            {"heading": {"rows": [[1, 2, 3, 4]], "feedback": [], "loads": 0}},
+            "heading.feedback: expected a list of numbers",
+        ),
+        ({"heading": {"feedback": [1], "loads": 1}}, "heading.loads = 1: expected how many of the 1 states are loads"),
+        ({"heading": {"rows": [], "feedback": [1], "loads": 0}}, "heading.rows: expected 1 rows"),
+        ({"heading": {"rows": [[1, 2, 3]], "feedback": [1], "loads": 0}}, r"heading.rows\[0\]: expected 4 numbers"),
+        (
+            {"heading": {"rows": [[1, 2, 3, float("nan")]], "feedback": [1], "loads": 0}},
+            r"heading.rows\[0\] = nan: expected a",
+        ),
+        (
+            {"heading": {"rows": [[1, 2, 3, True]], "feedback": [1], "loads": 0}},
+            r"heading.rows\[0\] = True: expected a number",
+        ),
     ],
 )
 def test_a_wrong_file_is_refused(tmp_path: Path, change: dict[str, Any], complaint: str) -> None:

@@ -7,12 +7,20 @@ import pytest
 
 from autopilot import loops, state_space
 from autopilot.params import Config, ParamTable
-from autopilot.state_space import Law, Laws
+from autopilot.state_space import Laws, Target
 from autopilot.targets import Setpoint
 from autopilot.types import Estimate, LoopMemory
 
-TURNS = Law(rows=((0.9, 0.1, 0.3, 0.02, 0.3), (0.0, 0.8, 0.1, 0.1, -0.2)), feedback=(-1.5, -0.4))
-DIVES = Law(rows=((0.9, 0.1, 0.2, -0.3, 0.05, 0.1),), feedback=(2.0,))
+TURNS = state_space.law(
+    rows=((0.9, 0.1, 0.3, 0.02, 0.3), (0.0, 0.8, 0.1, 0.1, -0.2)),
+    feedback=(-1.5, -0.4),
+    start=((1.0, 0.3), (0.0, 1.0)),
+    loads=1,
+)
+DIVES = state_space.law(
+    rows=((0.9, 0.1, 0.2, -0.3, 0.05, 0.1),), feedback=(0.05,), start=((0.0, 0.0, 1.0, 0.0),), loads=0
+)
+STILL = Target((0.0, 0.0), 0.0, -0.2, 0.2)
 LAWS = Laws(speed_mps=1.3, heading=TURNS, depth=DIVES, pitch_per_metre=0.2)
 LEFT = Setpoint(heading_rad=-0.1)
 
@@ -23,16 +31,48 @@ def rudder(estimate: Estimate, config: Config, asked: Setpoint = LEFT) -> float:
 
 
 def test_a_law_is_its_matrices() -> None:
-    matrix, feedback, rng = np.array(TURNS.rows), np.array(TURNS.feedback), np.random.default_rng(1)
-    belief, states, before, command = None, np.zeros(2), None, 0.0
+    matrix, feedback, start = np.array(TURNS.rows), np.array(TURNS.feedback), np.array(TURNS.start)
+    target, rng = STILL._replace(wanted=(0.01, 0.05), ahead_rad=0.02), np.random.default_rng(1)
+    belief, states, before, command = None, np.empty(0), np.empty(0), 0.0
     for measured in rng.standard_normal((20, 2)):
-        u, belief = state_space.act(TURNS, belief, tuple(measured.tolist()), -0.2, 0.2)
-        mean = measured if before is None else 0.5 * (before + measured)
-        states = matrix @ np.concatenate([states, [command], mean])
-        command, before = float(np.clip(feedback @ states, -0.2, 0.2)), measured
-        assert u == pytest.approx(command, abs=1e-15)
+        u, belief = state_space.act(TURNS, belief, tuple(measured.tolist()), target)
+        told = np.concatenate([states, [command], 0.5 * (before + measured)]) if states.size else None
+        states = start @ measured if told is None else matrix @ told
+        command = float(np.clip(feedback @ (states - start @ target.wanted) + 0.02, -0.2, 0.2))
+        before = measured
+        assert u == pytest.approx(command, abs=1e-14)
     assert belief is not None
     assert belief.states == pytest.approx(states, abs=1e-14)
+
+
+def test_a_new_set_point_moves_the_command_alone() -> None:
+    _, belief = state_space.act(TURNS, None, (0.01, 0.02), STILL)
+    held, moved = (
+        state_space.act(TURNS, belief, (0.01, 0.02), STILL._replace(wanted=wanted))
+        for wanted in ((0.0, 0.0), (0.0, 0.05))
+    )
+    assert moved[0] != held[0]
+    assert moved[1].states == held[1].states
+
+
+def test_on_the_way_no_constant_load_is_learnt() -> None:
+    _, belief = state_space.act(TURNS, None, (0.01, 0.02), STILL)
+    _, held = state_space.act(TURNS, belief, (0.03, 0.05), STILL)
+    _, turning = state_space.act(TURNS, belief, (0.03, 0.05), STILL._replace(under_way=True))
+    assert turning.states == (held.states[0], belief.states[1])
+    assert held.states[1] != belief.states[1]
+
+
+def test_headings_past_south_are_counted_on() -> None:
+    """From 179 to 181 degrees she turns by two, not by 358."""
+    config = Config(laws=LAWS)
+    seen, memory = Estimate(speed_mps=1.3, heading_rad=math.radians(179.0)), LoopMemory()
+    asked = Setpoint(heading_rad=math.radians(-179.0))
+    for heading_deg in (179.0, 180.5, -178.5):
+        seen = seen._replace(heading_rad=math.radians(heading_deg))
+        _, memory = loops.close(seen, asked, memory, config, 0.02, heading=True, depth=False)
+        assert memory.rudder_belief is not None
+    assert memory.rudder_belief.measured[1] == pytest.approx(math.radians(181.5))
 
 
 def test_a_law_flies_about_its_speed_and_the_pid_elsewhere() -> None:

@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from autopilot import law_file, state_space
 from autopilot.state_space import Laws
 from sitl.vehicle.config import VehicleConfig
 from sysid import loops, noise
+from sysid.analysis import Planes
 from sysid.design import STRICTER, SURE, VEHICLES, limits, plant, refuse_unlikely
 from sysid.design.limits import Bounds, Misses
 from sysid.design.optimal import lqg, tuning, view
@@ -26,8 +28,11 @@ from sysid.design.spec import DesignRefused, Response, Spec, Trust
 from sysid.design.trust import RELAXED, least, summed_up
 from sysid.loops import Gains
 from sysid.model import IdentifiedModel, digest
+from sysid.planes import LinearPlane
 from sysid.runs import Plane
 from sysid.tables import TABLE_3_INITIAL
+
+Array = NDArray[np.float64]
 
 
 class LawDesign(NamedTuple):
@@ -36,6 +41,7 @@ class LawDesign(NamedTuple):
     heading: Law
     depth: Law
     weights: dict[Plane, dict[str, float]]
+    planes: Planes
     speed_mps: float
     predicted: Response
     trust: Trust | None
@@ -67,6 +73,7 @@ def design_laws(
         heading=heading.law,
         depth=depth.law,
         weights={"yaw": heading.weights, "pitch": depth.weights},
+        planes=vehicle.planes,
         speed_mps=model.speed_mps,
         predicted=respond(vehicle, heading.law, depth.law),
         trust=sure,
@@ -137,14 +144,20 @@ def misses(vehicle: Plant, heading: Law, depth: Law, bounds: Bounds) -> Misses:
 
 def aboard(design: LawDesign) -> Laws:
     """The laws as the autopilot's tick closes them."""
-    heading, depth = (ticked(law) for law in (design.heading, design.depth))
+    heading, depth = ticked(design.heading, design.planes.yaw), ticked(design.depth, design.planes.pitch)
     return Laws(design.speed_mps, heading, depth, lqg.pitch_per_metre(design.depth))
 
 
-def ticked(law: Law) -> state_space.Law:
-    step = sampled(law, loops.TICK_S)
+def ticked(law: Law, plane: LinearPlane) -> state_space.Law:
+    step, measured = sampled(law, loops.TICK_S), view.outputs(plane)
+    start = np.zeros((len(law.B), len(measured)))
+    start[: len(plane.B)] = np.linalg.pinv(measured)
     rows = np.column_stack([step.A, step.B, step.L])
-    return state_space.Law(tuple(tuple(row) for row in rows.tolist()), tuple(step.F.tolist()))
+    return state_space.law(_tuples(rows), tuple(step.F.tolist()), _tuples(start), lqg.loads(plane))
+
+
+def _tuples(matrix: Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in matrix.tolist())
 
 
 def write(design: LawDesign, path: str | Path) -> None:

@@ -13,7 +13,7 @@ ComplexArray = NDArray[np.complex128]
 
 
 class Law(NamedTuple):
-    """x' = A x + B u + L y, u = F x: y is measured less what is wanted, u the surface's command about its trim (rad).
+    """x' = A x + B u + L y, u = F x: y is what is measured, about its set-point, u the command about its trim (rad).
 
     u is what the tailcone was told, limits and all: an observer that knows of them does not wind up.
     """

@@ -76,8 +76,7 @@ def law(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> Law:
 def built(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> Model:
     tail, drive = loops.chain(plane, lag, PADE_ORDER)
     n, load = len(plane.B), len(drive) + SEA_STATES
-    in_pitch = "depth" in plane.states
-    size = load + 1 + in_pitch
+    size = load + loads(plane)
     A, B, process = np.zeros((size, size)), np.zeros(size), np.zeros((size, size))
     shaping, density, *_ = noise.system(plane, sea._replace(wave_radps2=sea.wave_radps2 * weights.wave))
     felt, own = slice(n, n + SEA_STATES), slice(len(drive), load)
@@ -88,12 +87,17 @@ def built(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> Model:
     process += weights.recovery**2 * np.outer(B, B)
     seen = outputs(plane)
     C = np.hstack([seen, np.zeros((len(seen), size - n))])
-    if in_pitch:
+    if len(seen) == 4:
         process[0, 0] += weights.heave**2
         A[0, load + 1], process[load + 1, load + 1] = 1.0, weights.buoyancy**2
     depth_m = weights.depth * sea.depth_m
     sds = [weights.gyro * sea.rate_radps, sea.angle_rad, depth_m, depth_m / DEPTH_RATE_S][: len(seen)]
     return Model(A, B, C, process, np.diag(sds) ** 2 * NOISE_STEP_S, load)
+
+
+def loads(plane: LinearPlane) -> int:
+    """How many constant loads the filter knows of; they are its last states."""
+    return 2 if "depth" in plane.states else 1
 
 
 def filter_gains(model: Model) -> Array:
@@ -120,7 +124,7 @@ def equilibrium(model: Model, held: int) -> tuple[Array, Array]:
     balance = np.zeros((load + 1, load + 1))
     balance[:load, :load], balance[:load, load], balance[load, held] = model.A[:load, :load], model.B[:load], 1.0
     pushed = np.vstack([-model.A[:load, load:], np.zeros((1, loads))])
-    at_rest: Array = np.linalg.solve(balance, pushed)
+    at_rest = np.asarray(np.linalg.solve(balance, pushed), dtype=np.float64)
     return at_rest[:load], at_rest[load]
 
 
