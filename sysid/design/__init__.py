@@ -55,7 +55,10 @@ def redesign(
         raise DesignRefused("the fit's starts disagree, so the model is not unique; record more tests and refit")
     vehicle, loads = plant.plant(model), constant_loads(model)
     allowed = list(plant.allowed(model, VEHICLES, prior))
-    gains = _gains(vehicle, allowed, _first(vehicle, initial), spec)
+    try:
+        gains = _gains(vehicle, allowed, _first(vehicle, initial), spec)
+    except DesignRefused as refused:
+        raise DesignRefused(f"{refused}; ask for less, or {_what_would_help(model)}, and refit") from None
     sure = trust(allowed, gains, spec)
     refuse_unlikely(sure, model, spec)
     gains |= integrator_limits(loads, gains)
@@ -116,12 +119,17 @@ def refuse_unlikely(found: Trust | None, model: IdentifiedModel, spec: Spec) -> 
     """Raises DesignRefused where fewer vehicles keep the specification than it asks for; says what would help."""
     if found is None or found.specification >= spec.probability:
         return
-    following = model.verdict.next_test if model.verdict else None
-    help_by = f"fly {following}" if following else "record more tests, or sweep the tailcone by `ground bench`"
     raise DesignRefused(
         f"only {100 * found.specification:.0f} % of the vehicles that the model allows for keep the specification, "
-        f"at least {100 * spec.probability:.0f} asked for; most miss the {found.worst}; {help_by}, and refit"
+        f"at least {100 * spec.probability:.0f} asked for; most miss the {found.worst}; "
+        f"{_what_would_help(model)}, and refit"
     )
+
+
+def _what_would_help(model: IdentifiedModel) -> str:
+    """The test that the model's own verdict asks for, where it has one."""
+    following = model.verdict.next_test if model.verdict else None
+    return f"fly {following}" if following else "record more tests, or sweep the tailcone by `ground bench`"
 
 
 def constant_loads(model: IdentifiedModel) -> Loads:
