@@ -51,9 +51,9 @@ def in_words(found: Prototype) -> str:
             f"{own.pm_deg:13.0f}{low.pm_deg:7.0f}   {100 * low.stable:.0f} % of {low.vehicles} stable"
         )
     lines += ["", "Beside Table 3's initial gains, as much weaker as this tail is livelier than Caribou's"]
-    lines += [f"  {'':8s}{'ours':>9s}{'Table 3':>9s}{'ratio':>7s}"]
+    lines += [f"  {'':8s}{'ours':>10s}{'Table 3':>10s}{'ratio':>7s}"]
     for name, row in found.beside.items():
-        lines.append(f"  {name:8s}{row.ours:9.3g}{row.paper:9.3g}{row.ratio:7.2g}  {row.why}")
+        lines.append(f"  {name:8s}{row.ours:10.3g}{row.paper:10.3g}{row.times:>7s}  {row.why}")
     return "\n".join(lines)
 
 

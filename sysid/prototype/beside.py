@@ -21,6 +21,11 @@ class Beside(NamedTuple):
     ratio: float
     why: str
 
+    @property
+    def times(self) -> str:
+        """The ratio, spelt."""
+        return f"{self.ratio:.2f}" if self.ratio < 10.0 else f"{self.ratio:.0f}"
+
 
 def table_3(vehicle: Plant, loops_of: Mapping[str, Point]) -> dict[str, Beside]:
     """By gain; ``loops_of``: where each loop ended on its locus."""
