@@ -1,44 +1,37 @@
 """What designed tests tell of the crossover beside the paper's steps of equal water time.
 
-A design is made once per vehicle from her file alone, for DIVE_S of tests and recoveries; the paper's steps, sized to
-the vehicle, get as much. Foretold is the Cramer-Rao bound of either set on the small-signal truth in the coloured sea.
-Measured is a campaign in the nonlinear disturbed sea: both sets flown, both fitted by the joint estimator from the same
-prior, and how far the crossover's phase then is from the true vehicle's.
+Designs are made once per vehicle (``designed``); the paper's steps, sized to the vehicle, get as much water. Foretold
+is the Cramer-Rao bound of either set on the small-signal truth in the coloured sea. Measured is a campaign in the
+nonlinear disturbed sea: both sets flown, both fitted by the joint estimator from the same prior, and how far the
+crossover's phase then is from the true vehicle's.
 """
 
 import cmath
 import math
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.identification import crossover, prediction, vehicles
+from benchmarks.identification import crossover, designed, prediction, vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
-from sitl.vehicle import calibrate
-from sysid import fit, parameters
-from sysid.experiment import belief as beliefs
 from sysid.experiment import crossover as reach
-from sysid.experiment import loop, manoeuvre, plan
+from sysid.experiment import loop, manoeuvre
 from sysid.experiment.excursions import Limits
 from sysid.experiment.information import PLANES
 from sysid.experiment.manoeuvre import Manoeuvre
-from sysid.experiment.plan import Request
-from sysid.fit import Prior
 from sysid.linear import bound
 from sysid.linear import plant as plants
 from sysid.linear.plant import Plant
 from sysid.linear.response import Command
 from sysid.noise import Noise
-from sysid.parameters import NAMES, Vehicle
+from sysid.parameters import Vehicle
 from sysid.runs import RATE_HZ, Plane, Run
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
 
-DIVE_S = 1000.0
 SEA = Noise(
     rate_radps=sea.Sensors().rate_radps, angle_rad=sea.Sensors().angle_rad, depth_m=sea.Sensors().depth_m,
     slow_radps2=sea.SLOW_RADPS2, wave_radps2=sea.WAVE_RADPS2,
@@ -46,29 +39,6 @@ SEA = Noise(
 """Of the tests' sea, as the noise model has it."""
 LEAST_RATIO = 5.0
 LEAST_WITHIN_PCT = 99.0
-
-
-class Sets(NamedTuple):
-    designed: tuple[Manoeuvre, ...]
-    paper: tuple[Manoeuvre, ...]
-
-
-def gains(case: Case) -> dict[str, float]:
-    """The first dive's, by the names of the autopilot's parameters."""
-    hold = case.hold
-    return {
-        "HDG_P": hold.heading_p, "HDG_D": hold.heading_d, "HDG_I": hold.heading_i, "PTCH_P": hold.pitch_p,
-        "PTCH_D": hold.pitch_d, "PTCH_I": 0.0, "DPT_P": hold.depth_p, "DPT_D": 0.0, "DPT_I": hold.depth_i,
-    }  # fmt: skip
-
-
-@cache
-def sets(vehicle: str) -> Sets:
-    case = vehicles.case(vehicle)
-    known = beliefs.trimmed(beliefs.of_file(case.prior, case.name), *case.trim_rad)
-    asked = Request(DIVE_S + plan.SETTLING_S, "crossover", gains=gains(case), held_out=False)
-    designed = tuple(planned.manoeuvre for planned in plan.plan(known, asked).tests)
-    return Sets(designed, tuple(plan.paper_set(known, DIVE_S)))
 
 
 def attainable_radps(case: Case, plane: Plane) -> float:
@@ -81,13 +51,15 @@ def foretold_deg(vehicle: str) -> tuple[float, ...]:
     """Standard deviations of the phase at the crossover that no unbiased estimator can better: paper's, designed
     tests' in yaw, then in pitch."""
     case = vehicles.case(vehicle)
-    both = sets(vehicle)
+    both = designed.sets(vehicle)
     return tuple(_foretold_deg(case, flown, plane) for plane in PLANES for flown in (both.paper, both.designed))
 
 
 def _foretold_deg(case: Case, flown: tuple[Manoeuvre, ...], plane: Plane) -> float:
     truth = plants.of_vehicle(vehicles.nominal(case.truth), plane)
-    least = bound.coloured(truth, [_command(case, m) for m in flown if m.plane == plane], SEA)
+    least = bound.coloured(
+        truth, [_command(case, half) for m in flown for half in m.halves if half.plane == plane], SEA
+    )
     omega = attainable_radps(case, plane)
     steps = 1e-5 * np.maximum(np.abs(truth.values), 1e-2)
     ahead, behind = ([_response(truth, truth.values + h, omega) for h in np.diag(sign * steps)] for sign in (1.0, -1.0))
@@ -109,18 +81,9 @@ def _command(case: Case, what: Manoeuvre) -> Command:
     """As the true vehicle's loop answers it in still water."""
     signal = manoeuvre.signal_rad(what)
     if what.loop_on:
-        held = loop.of_vehicle(vehicles.nominal(case.truth), what.plane, gains(case), SEA)
+        held = loop.of_vehicle(vehicles.nominal(case.truth), what.plane, designed.gains(case), SEA)
         signal = loop.fly(held, what.plane, signal).command_rad
     return Command(np.concatenate([np.zeros(int(manoeuvre.LEAD_S * RATE_HZ)), signal]))
-
-
-def fly(case: Case, what: Manoeuvre, seed: int) -> Run:
-    """One test in the disturbed sea, to its end."""
-    signal = manoeuvre.signal_rad(what)
-    return sea.fly(
-        case.truth, what.plane, signal, name=f"{what.plane}/{seed}", wave=what.wave, seed=seed, trim_rad=case.trim_rad,
-        hold=case.hold, loop_on=what.loop_on,
-    )  # fmt: skip
 
 
 def stays_within(run: Run, limits: Limits) -> bool:
@@ -140,19 +103,21 @@ def stays_within(run: Run, limits: Limits) -> bool:
 def trial(vehicle: str, seed: int) -> list[float]:
     """Phase errors (deg) after the paper's and after the designed tests in yaw, then in pitch; the share of designed
     tests that stayed within limits; and what was foretold (4)."""
-    case, (designed, paper) = vehicles.case(vehicle), sets(vehicle)
-    runs = [fly(case, m, 1000 * seed + number) for number, m in enumerate(designed)]
-    steps = [prediction.within(fly(case, m, 1000 * seed + 500 + number)) for number, m in enumerate(paper)]
+    case, (ours, paper) = vehicles.case(vehicle), designed.sets(vehicle)
+    runs = [run for number, m in enumerate(ours) for run in designed.fly(case, m, 1000 * seed + number)]
+    steps = [
+        prediction.within(run)
+        for number, m in enumerate(paper)
+        for run in designed.fly(case, m, 1000 * seed + 500 + number)
+    ]
     errors = [_phase_errors_deg(case, flown) for flown in (steps, runs)]
     within = float(np.mean([stays_within(run, Limits()) for run in runs]))
     return [errors[0][0], errors[1][0], errors[0][1], errors[1][1], within, *foretold_deg(vehicle)]
 
 
 def _phase_errors_deg(case: Case, runs: list[Run]) -> list[float]:
-    biases = fit.trim_biases(case.prior, calibrate.build(case.prior), runs)
-    prior = Prior(case.prior, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
-    found = fit.fit(runs, prior)
-    return [_phase_error_deg(case, found.vehicle, plane) for plane in PLANES]
+    found = designed.fitted(case, runs)[1].vehicle
+    return [_phase_error_deg(case, found, plane) for plane in PLANES]
 
 
 def _phase_error_deg(case: Case, found: Vehicle, plane: Plane) -> float:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from sysid.experiment.excursions import Limits
+    from sysid.experiment.excursions import Excursion, Limits
     from sysid.experiment.manoeuvre import Manoeuvre
     from sysid.experiment.plan import Plan, Planned, Request
 
@@ -51,17 +51,20 @@ def _leg(dive: Dive, seconds: float, *, first: bool = False) -> str:
 
 def _why(number: int, planned: "Planned") -> str:
     """What a test is for and how far it goes, as comments."""
-    found = planned.excursion
-    angle = "heading" if planned.manoeuvre.plane == "yaw" else "pitch"
-    depth = f", depth {found.depth_m:.1f} m" if planned.manoeuvre.plane == "pitch" else ""
-    lines = [
-        f"# {number}. 99 of 100 stay within {angle} {found.angle_deg:.0f} deg, {found.rate_degps:.1f} deg/s{depth}; "
-        f"probability of leaving the limits {found.probability:.3f}."
-    ]
+    planes = zip(planned.manoeuvre.planes, planned.excursions, strict=True)
+    lines = [f"# {number}. {_within(plane, excursion)}" for plane, excursion in planes]
     if planned.share:
         told = ", ".join(f"{plane} {100.0 * share:.1f} %" for plane, share in planned.share.items())
         lines.append(f"# Without it the phase at the crossover would be less sure by: {told}.")
     return "\n".join(lines)
+
+
+def _within(plane: str, found: "Excursion") -> str:
+    angle, depth = ("heading", "") if plane == "yaw" else ("pitch", f", depth {found.depth_m:.1f} m")
+    return (
+        f"99 of 100 stay within {angle} {found.angle_deg:.0f} deg, {found.rate_degps:.1f} deg/s{depth}; "
+        f"probability of leaving the limits {found.probability:.3f}."
+    )
 
 
 def _test(what: "Manoeuvre") -> str:
@@ -86,15 +89,18 @@ def _keys(what: "Manoeuvre") -> Iterator[tuple[str, str]]:
 
 
 def envelope(plan: "Plan", limits: "Limits", dive: Dive) -> dict[str, float]:
-    """The limits as the parameters by which the vehicle ends a test that leaves them."""
-    longest_s = max(one.manoeuvre.duration_s for one in (*plan.tests, *plan.held_out))
+    """The limits as the parameters by which the vehicle ends a test that leaves them; and the elevator's share of
+    tests of both surfaces, which is the same in all."""
+    flown = [one.manoeuvre for one in (*plan.tests, *plan.held_out)]
+    shares = {round(100.0 * what.elevator_deg / what.size_deg) for what in flown if what.elevator_deg}
     return {
         "SID_DEPTH_MIN": dive.depth_m - limits.up_m - SLACK_M,
         "SID_DEPTH_MAX": dive.depth_m + limits.down_m + SLACK_M,
         "SID_HDG_MAX": math.degrees(limits.heading_rad),
         "SID_PITCH_MAX": math.degrees(limits.pitch_rad),
         "SID_RATE_MAX": math.degrees(max(limits.yaw_rate_radps, limits.pitch_rate_radps)),
-        "SID_TIME_MAX": longest_s + 1.0,
+        "SID_TIME_MAX": max(what.duration_s for what in flown) + 1.0,
+        **({"SID_ELE_PCT": float(max(shares))} if shares else {}),
     }
 
 

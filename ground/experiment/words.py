@@ -39,6 +39,7 @@ def _one(planned: "Planned") -> dict[str, Any]:
     return {
         **what,
         "excursion": planned.excursion._asdict(),
+        **({"elevator_excursion": planned.elevator._asdict()} if planned.elevator else {}),
         "phase_sd_without_it": {plane: 1.0 + share for plane, share in planned.share.items()},
     }
 
@@ -60,12 +61,13 @@ def _tests(plan: "Plan") -> "Table":
         "", "surface", "signal", "loop", "deg", "s", "angle deg", "rate deg/s", "depth m", "P(leave)", box=None
     )
     rows = [*enumerate(plan.tests, start=1), *(("held out", one) for one in plan.held_out)]
-    for number, (what, found, _) in rows:
-        table.add_row(
-            str(number), what.surface, what.wave, "on" if what.loop_on else "off", f"{what.size_deg:g}",
-            str(what.duration_s), f"{found.angle_deg:.0f}", f"{found.rate_degps:.1f}",
-            f"{found.depth_m:.1f}" if what.plane == "pitch" else "", f"{found.probability:.3f}",
-        )  # fmt: skip
+    for number, planned in rows:
+        for half, (what, found) in enumerate(zip(planned.manoeuvre.halves, planned.excursions, strict=True)):
+            table.add_row(
+                "and" if half else str(number), what.surface, what.wave, "on" if what.loop_on else "off",
+                f"{what.size_deg:.3g}", str(what.duration_s), f"{found.angle_deg:.0f}", f"{found.rate_degps:.1f}",
+                f"{found.depth_m:.1f}" if what.plane == "pitch" else "", f"{found.probability:.3f}",
+            )  # fmt: skip
     return table
 
 

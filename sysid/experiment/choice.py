@@ -1,4 +1,5 @@
-"""Which tests together tell most in the water time there is: greedy, then exchanged until nothing is gained."""
+"""Which tests together tell most in the water time there is: begun with any pair, filled greedily, then exchanged until
+nothing is gained."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -23,6 +24,8 @@ class Candidate(NamedTuple):
     """Information about z."""
     water_s: float
     """Of the test and of the recovery after it."""
+    elevator: Excursion | None = None
+    """In pitch, of a test of both surfaces; ``excursion`` is then that in yaw."""
 
 
 Criterion = Callable[[Array], float]
@@ -42,9 +45,18 @@ def criterion(slopes: dict[Plane, Slopes], judge: Callable[[Slopes, Array], floa
 def choose(candidates: Sequence[Candidate], known: Array, water_s: float, left: Criterion) -> list[Candidate]:
     """Tests that fit into ``water_s`` and leave least unknown beside ``known``, each plane's first one twice.
 
-    Twice, because the two are flown to opposite sides: what differs between them is no small motion.
+    Twice, because the two are flown to opposite sides: what differs between them is no small motion. No exchange of one
+    test gets past a first pair, so each has its turn as that. Empty where no pair fits.
     """
-    chosen = _pairs(candidates, known, water_s, left)
+    pairs = [[c, c] for c in candidates if 2.0 * c.water_s <= water_s]
+    sets = [_completed(pair, candidates, known, water_s, left) for pair in pairs]
+    return min(sets, key=lambda chosen: (-len(planes(chosen)), left(total(chosen, known))), default=[])
+
+
+def _completed(
+    pair: Sequence[Candidate], candidates: Sequence[Candidate], known: Array, water_s: float, left: Criterion
+) -> list[Candidate]:
+    chosen = _paired_up(pair, candidates, known, water_s, left)
     chosen = _filled(chosen, candidates, known, water_s, left)
     while (better := _exchanged(chosen, candidates, known, water_s, left)) is not None:
         chosen = _filled(better, candidates, known, water_s, left)
@@ -59,11 +71,15 @@ def water_of(chosen: Sequence[Candidate]) -> float:
     return sum(c.water_s for c in chosen)
 
 
+def planes(chosen: Sequence[Candidate]) -> set[Plane]:
+    """Those that are tested."""
+    return {plane for c in chosen for plane in c.manoeuvre.planes}
+
+
 def paired(chosen: Sequence[Candidate]) -> bool:
     """Whether every plane that is tested at all has a test that is flown at least twice."""
     shapes = [c.manoeuvre for c in chosen]
-    planes = {shape.plane for shape in shapes}
-    return planes == {shape.plane for shape in shapes if shapes.count(shape) > 1}
+    return planes(chosen) == {plane for shape in shapes if shapes.count(shape) > 1 for plane in shape.planes}
 
 
 def _rate(c: Candidate, so_far: Array, known_left: float, left: Criterion, times: int = 1) -> float:
@@ -71,12 +87,16 @@ def _rate(c: Candidate, so_far: Array, known_left: float, left: Criterion, times
     return (known_left - left(so_far + times * c.told)) / (times * c.water_s)
 
 
-def _pairs(candidates: Sequence[Candidate], known: Array, water_s: float, left: Criterion) -> list[Candidate]:
-    chosen: list[Candidate] = []
-    for plane in sorted({c.manoeuvre.plane for c in candidates}, reverse=True):
+def _paired_up(
+    pair: Sequence[Candidate], candidates: Sequence[Candidate], known: Array, water_s: float, left: Criterion
+) -> list[Candidate]:
+    """``pair`` and, of each plane that it is not of, the most telling pair a second."""
+    chosen = list(pair)
+    for plane in sorted(planes(candidates) - planes(pair)):
         so_far = total(chosen, known)
         before = left(so_far)
-        fits = [c for c in candidates if c.manoeuvre.plane == plane and water_of(chosen) + 2.0 * c.water_s <= water_s]
+        own = [c for c in candidates if plane in c.manoeuvre.planes]
+        fits = [c for c in own if water_of(chosen) + 2.0 * c.water_s <= water_s]
         if fits:
             best = max(fits, key=lambda c: _rate(c, so_far, before, left, 2))
             chosen += [best, best]

@@ -227,7 +227,7 @@ def sized(
     found = answers(manoeuvre, samples)
     size = min(largest_deg, manoeuvre.size_deg * _room(manoeuvre.plane, found, limits))
     while size >= LEAST_DEG:
-        tried = manoeuvre._replace(size_deg=_rounded(size))
+        tried = manoeuvre._replace(size_deg=rounded(size))
         if _can_follow(tried, largest_deg, lean_rad, samples[:FOLLOWERS], limits):
             there = excursion(tried.plane, _at_size(tried, manoeuvre.size_deg, found, samples), limits)
             if there.probability <= limits.probability:
@@ -259,6 +259,6 @@ def _room(plane: Plane, found: Sequence[Answer], limits: Limits) -> float:
     return math.exp(most if excess(most) <= 0.0 else bisect(excess, least, most, xtol=0.02))
 
 
-def _rounded(size_deg: float) -> float:
+def rounded(size_deg: float) -> float:
     """Down to what a mission file shows."""
     return math.floor(size_deg * (20.0 if size_deg < 2.0 else 10.0) + 1e-9) / (20.0 if size_deg < 2.0 else 10.0)

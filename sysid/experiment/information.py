@@ -130,9 +130,9 @@ def determinant(slope: Slopes, covariance: Array) -> float:
 
 
 def phase(slope: Slopes, covariance: Array) -> float:
-    """Criterion crossover: logarithm of the crossover phase's variance; smaller is better."""
-    row = slope.crossover[1]
-    return math.log(float(row @ covariance @ row))
+    """Criterion crossover: variance of the crossover phase, deg²; smaller is better, the worse plane counts more."""
+    row = np.degrees(slope.crossover[1])
+    return float(row @ covariance @ row)
 
 
 CRITERIA: dict[str, Callable[[Slopes, Array], float]] = {"d": determinant, "crossover": phase}

@@ -6,6 +6,7 @@ seconds, as missions have them.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from sysid.experiment.manoeuvre import Manoeuvre, Wave
@@ -31,6 +32,8 @@ class Lengths(NamedTuple):
     """Multisines with the loop off."""
     held_s: tuple[int, ...] = (60, 100)
     """Whatever has the loop on."""
+    both_s: tuple[int, ...] = (100, 200)
+    """Multisines of both surfaces at once, their loops on."""
     square_s: tuple[int, ...] = (20, 30)
     """Designed square waves with the loop off."""
 
@@ -54,6 +57,15 @@ def squares(plane: Plane, nominal_deg: float, lengths: Lengths) -> list[Manoeuvr
     """Plane, loop and length of the square waves that are to be designed."""
     free = [Manoeuvre(plane, "square", nominal_deg, seconds) for seconds in lengths.square_s]
     return free + [Manoeuvre(plane, "square", nominal_deg, seconds, loop_on=True) for seconds in lengths.held_s]
+
+
+def of_both(crossovers_radps: Sequence[float], nominal_deg: Sequence[float], lengths: Lengths) -> list[Manoeuvre]:
+    """Over the bands of both planes, yaw's numbers first; the sizes are nominal."""
+    low = round(BAND[0] * min(crossovers_radps) / (2.0 * math.pi), 3)
+    high = round(BAND[1] * max(crossovers_radps) / (2.0 * math.pi), 3)
+    rudder_deg, elevator_deg = nominal_deg
+    shape = Manoeuvre("yaw", "multisine", rudder_deg, 0, low, high, loop_on=True, elevator_deg=elevator_deg)
+    return [shape._replace(duration_s=seconds) for seconds in lengths.both_s]
 
 
 def held_out(plane: Plane, crossover_radps: float, nominal_deg: float) -> Manoeuvre:

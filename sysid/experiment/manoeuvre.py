@@ -32,10 +32,31 @@ class Manoeuvre(NamedTuple):
     seed: int = 0
     runs: tuple[int, ...] = ()
     loop_on: bool = False
+    elevator_deg: float = 0.0
+    """Of a multisine of both surfaces at once; its ``plane`` is yaw, its ``size_deg`` the rudder's."""
+    comb: tuple[int, int] = (0, 1)
+    """Which of how many sets of a multisine's tones, that have none in common."""
 
     @property
     def surface(self) -> str:
-        return SURFACE[self.plane]
+        return "both" if self.elevator_deg else SURFACE[self.plane]
+
+    @property
+    def halves(self) -> tuple["Manoeuvre", ...]:
+        """What each surface that moves does: the rudder has every second tone, the elevator those between."""
+        if not self.elevator_deg:
+            return (self,)
+        alone = self._replace(elevator_deg=0.0)
+        elevator = alone._replace(plane="pitch", size_deg=self.elevator_deg, comb=(1, 2))
+        return alone._replace(comb=(0, 2)), elevator
+
+    @property
+    def planes(self) -> tuple[Plane, ...]:
+        return tuple(half.plane for half in self.halves)
+
+    @property
+    def mirrored(self) -> "Manoeuvre":
+        return self._replace(size_deg=-self.size_deg, elevator_deg=-self.elevator_deg)
 
 
 class Still(NamedTuple):
@@ -70,7 +91,7 @@ def _value(m: Manoeuvre, t_s: float) -> float:
         case "chirp":
             return waves.chirp(t_s, m.start_hz, m.stop_hz, m.duration_s)[0]
         case "multisine":
-            return waves.multisine(t_s, waves.comb(m.start_hz, m.stop_hz, m.duration_s, 0, 1), m.duration_s)
+            return waves.multisine(t_s, waves.comb(m.start_hz, m.stop_hz, m.duration_s, *m.comb), m.duration_s)
         case "prbs":
             return waves.prbs(t_s, m.stop_hz, m.duration_s, m.seed)
         case "square":

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sysid import fit, planes
 from sysid.experiment import belief as beliefs
-from sysid.experiment import choice, crossover, excursions, information, library, paper_steps, square
+from sysid.experiment import both, choice, crossover, excursions, information, library, paper_steps, square
 from sysid.experiment.belief import Belief, room_rad
 from sysid.experiment.choice import Candidate
 from sysid.experiment.excursions import Excursion, Limits, Sample
@@ -57,6 +57,13 @@ class Planned(NamedTuple):
     excursion: Excursion
     share: dict[Plane, float]
     """By which it alone, left out, would widen the crossover phase (ratio of standard deviations, less one)."""
+    elevator: Excursion | None = None
+    """In pitch, of a test of both surfaces; ``excursion`` is then that in yaw."""
+
+    @property
+    def excursions(self) -> tuple[Excursion, ...]:
+        """Of each plane that is tested."""
+        return (self.excursion,) if self.elevator is None else (self.excursion, self.elevator)
 
 
 class Plan(NamedTuple):
@@ -104,9 +111,11 @@ def plan(belief: Belief, request: Request, progress: Progress | None = None) -> 
     candidates: list[Candidate] = []
     held: list[Candidate] = []
     for number, plane in enumerate(PLANES):
-        report(f"{plane}: flying candidates", 0.5 * number)
+        report(f"{plane}: flying candidates", 0.45 * number)
         candidates += _candidates(about[plane], request, known)
         held += _held_out(about[plane], request)
+    report("both surfaces: flying candidates", 0.9)
+    candidates += _of_both(about, request)
     report("choosing", 0.95)
     dives = 2 if held else 1
     free_s = request.water_s - dives * SETTLING_S - choice.water_of(held)
@@ -120,7 +129,7 @@ def _known(belief: Belief, plane: Plane, request: Request) -> _Known:
     mean = belief.vehicle(belief.mean)
     gains = request.gains or gains_for(mean)
     seed = 2 * request.seed + PLANES.index(plane)
-    longest_s = max(*library.STEPS_S, *(seconds for lengths in request.lengths for seconds in lengths))
+    longest_s = max(*library.STEPS_S, *(float(seconds) for lengths in request.lengths for seconds in lengths))
     samples = excursions.draw(belief, plane, gains, request.samples, longest_s, seed)
     return _Known(
         belief=belief,
@@ -166,6 +175,26 @@ def _candidates(at: _Known, request: Request, known: Array) -> list[Candidate]:
     return ready + _sized(at, designs, request)
 
 
+def _of_both(about: dict[Plane, _Known], request: Request) -> list[Candidate]:
+    """Each surface as large as its plane allows, and the elevator's share of the rudder one for all of them."""
+    known = [about[plane] for plane in PLANES]
+    shapes = library.of_both([at.crossover_radps for at in known], [at.nominal_deg for at in known], request.lengths)
+    found = [[_sized(at, [half], request) for at, half in zip(known, shape.halves, strict=True)] for shape in shapes]
+    pairs = [(shape, rudder[0], elevator[0]) for shape, (rudder, elevator) in zip(shapes, found, strict=True)
+             if rudder and elevator]  # fmt: skip
+    if not pairs:
+        return []
+    share = both.share([(rudder.manoeuvre, elevator.manoeuvre) for _, rudder, elevator in pairs])
+    return [_together(about, both.sized(shape, rudder.manoeuvre, elevator.manoeuvre, share), rudder, elevator)
+            for shape, rudder, elevator in pairs]  # fmt: skip
+
+
+def _together(about: dict[Plane, _Known], what: Manoeuvre, rudder: Candidate, elevator: Candidate) -> Candidate:
+    """``rudder`` and ``elevator`` are the halves at their largest, of which ``what`` may be less."""
+    told = [information.of_runs(about[half.plane].belief, [half], about[half.plane].gains)[0] for half in what.halves]
+    return Candidate(what, rudder.excursion, told[0] + told[1], rudder.water_s, elevator.excursion)
+
+
 def _held_out(at: _Known, request: Request) -> list[Candidate]:
     if not request.held_out:
         return []
@@ -190,9 +219,9 @@ def recovery_s(manoeuvre: Manoeuvre, request: Request) -> float:
 
 def _refuse_too_little(chosen: list[Candidate], candidates: list[Candidate], request: Request, free_s: float) -> None:
     for plane in PLANES:
-        if not any(c.manoeuvre.plane == plane for c in candidates):
+        if not any(plane in c.manoeuvre.planes for c in candidates):
             raise PlanRefused(f"{plane}: no test keeps within the limits; widen them, or fly a calmer sea")
-        if not any(c.manoeuvre.plane == plane for c in chosen):
+        if not any(plane in c.manoeuvre.planes for c in chosen):
             raise PlanRefused(
                 f"water time {request.water_s:.0f} s: leaves {max(free_s, 0.0):.0f} s for tests, too little for an "
                 f"opposite pair in {plane}; give more"
@@ -246,8 +275,7 @@ def _ordered(chosen: list[Candidate]) -> list[Candidate]:
             if number < len(group):
                 c = group[number]
                 again = sum(c.manoeuvre == earlier.manoeuvre for earlier in group[:number])
-                turned = c.manoeuvre._replace(size_deg=c.manoeuvre.size_deg * (-1.0) ** again)
-                flights.append(c._replace(manoeuvre=turned))
+                flights.append(c._replace(manoeuvre=c.manoeuvre.mirrored if again % 2 else c.manoeuvre))
     return flights
 
 
@@ -255,4 +283,4 @@ def _planned(what: Candidate, chosen: list[Candidate], known: Array, slopes: dic
     whole = choice.total(chosen, known)
     all_sds, fewer = _numbers(slopes, whole), _numbers(slopes, whole - what.told)
     share = {p: fewer[p].crossover_deg / all_sds[p].crossover_deg - 1.0 for p in PLANES}
-    return Planned(what.manoeuvre, what.excursion, share)
+    return Planned(what.manoeuvre, what.excursion, share, what.elevator)

@@ -33,4 +33,6 @@ def few(bench: Belief) -> plan.Plan:
     return plan.plan(bench, SHORT)
 
 
-SHORT = plan.Request(water_s=600.0, samples=60, lengths=plan.Lengths(free_s=(15,), held_s=(30,), square_s=(12,)))
+SHORT = plan.Request(
+    water_s=600.0, samples=60, lengths=plan.Lengths(free_s=(15,), held_s=(30,), both_s=(), square_s=(12,))
+)

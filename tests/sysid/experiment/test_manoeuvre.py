@@ -38,6 +38,21 @@ def test_the_autopilot_plays_what_was_planned(planned: Manoeuvre) -> None:
     assert signal[-1] == 0.0
 
 
+def test_the_autopilot_plays_both_surfaces_as_planned() -> None:
+    """Each its own tones, the elevator at the share that the parameter says."""
+    planned = Manoeuvre("yaw", "multisine", 4.0, 30, 0.05, 0.5, loop_on=True, elevator_deg=1.4)
+    number = {name: wave for wave, name in excitation.WAVES.items()}["multisine"]
+    wish = requests.StartTest(123, 4.0, 0.05, 0.5, 30, number, 0.0, 0, ())
+    test = excitation.prepare(wish, State(), Config(sid_elevator_pct=35.0))
+    assert excitation.check(test, 15.0) == ""
+    rudder, elevator = (manoeuvre.signal_rad(half) for half in planned.halves)
+    played = [excitation.play(test, k / RATE_HZ) for k in range(rudder.size - 1)]
+    np.testing.assert_allclose(rudder[:-1], [p.rudder_rad for p in played], atol=1e-12)
+    np.testing.assert_allclose(elevator[:-1], [p.elevator_rad for p in played], atol=1e-12)
+    assert abs(rudder @ elevator) < 1e-9 * (rudder @ rudder)
+    assert planned.mirrored.halves[1].size_deg == -1.4
+
+
 def test_its_run_begins_straight_and_level() -> None:
     still = Still(trim_rad=0.1, thrust=0.58, speed_mps=1.3, pitch_rad=0.02)
     run = manoeuvre.as_run(WAVES[1], still, manoeuvre.signal_rad(WAVES[1]))
