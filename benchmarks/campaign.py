@@ -1,0 +1,79 @@
+"""Where a campaign's seconds go: wall and processor time of each of its stages, and how fast each dive flew.
+
+    python benchmarks/campaign.py [--seed N]
+
+Processor time is that of all processes. It hardly knows what else the machine does, and half of it is what the stages
+would take on two cores that were never idle; but a process that waits for its turn in lockstep looks busy too.
+"""
+
+import argparse
+import os
+import resource
+import sys
+import tempfile
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+"""As the ``ground`` command has it, for the process that refits."""
+
+from ground.campaign import Campaign, Request  # noqa: E402 - the line above comes first
+from ground.flight import Outcome  # noqa: E402
+
+
+class Moment(NamedTuple):
+    """When something began."""
+
+    what: str
+    wall_s: float
+    processor_s: float
+    """Of this process and of those that have ended: a dive counts where it ends, the refit's process at the end."""
+
+
+def now(what: str) -> Moment:
+    used = [resource.getrusage(whose) for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return Moment(what, time.perf_counter(), sum(each.ru_utime + each.ru_stime for each in used))
+
+
+def fly(seed: int, folder: Path) -> tuple[list[Moment], dict[str, Outcome]]:
+    """When each stage began, at last the end; and what came of each dive."""
+    moments = [now("starting")]
+    asked = Request(folder / "campaign", seed=seed)
+    campaign = Campaign(asked, lambda name, at: None, lambda words: moments.append(now(words)))
+    campaign.run()
+    return [*moments, now("the end")], campaign.outcomes
+
+
+def stages_in_words(moments: list[Moment]) -> list[str]:
+    lines = [f"{'stage':64s}{'wall s':>8s}{'processor s':>13s}"]
+    for began, ended in pairwise(moments):
+        lines.append(_row(began.what, began, ended))
+    return [*lines, _row("all", moments[0], moments[-1])]
+
+
+def dives_in_words(outcomes: dict[str, Outcome]) -> list[str]:
+    """Vehicle time from arming on, over the wall time from the request to arm."""
+    lines = [f"{'dive':64s}{'wall s':>8s}{'vehicle s':>13s}{'x real time':>13s}"]
+    for name, flown in outcomes.items():
+        speed = flown.vehicle_s / flown.wall_s
+        lines.append(f"{name:64s}{flown.wall_s:8.1f}{flown.vehicle_s:13.0f}{speed:13.0f}")
+    return lines
+
+
+def _row(what: str, began: Moment, ended: Moment) -> str:
+    return f"{what:64s}{ended.wall_s - began.wall_s:8.1f}{ended.processor_s - began.processor_s:13.1f}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        moments, outcomes = fly(asked.seed, Path(folder))
+    sys.stdout.write("\n".join([*stages_in_words(moments), "", *dives_in_words(outcomes)]) + "\n")
+
+
+if __name__ == "__main__":
+    main()
