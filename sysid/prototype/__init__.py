@@ -116,7 +116,7 @@ _OF_THE_LOADS = {
 def _reason(name: str, stands: dict[str, Stands], held: dict[str, Held], compared: dict[str, Beside]) -> str:
     if name in _OF_THE_LOADS:
         return _OF_THE_LOADS[name]
-    of_table_3 = f"{compared[name].times} of Table 3's"
+    of_table_3 = f"{compared[name].times} times Table 3's"
     if name not in ("HDG_D", "PTCH_D", "DPT_P"):
         return f"{compared[name].why}; {of_table_3}"
     loop = {"HDG": "heading", "PTCH": "pitch", "DPT": "depth"}[name.split("_")[0]]

@@ -147,4 +147,4 @@ def test_parameters_are_written_with_their_reasons(bench: Prototype, tmp_path: P
     lines = (tmp_path / "first.param").read_text().splitlines()[1:]
     assert {line.split(",")[0] for line in lines} == set(bench.parameters)
     assert all(len(line.partition("  # ")[2]) > 5 for line in lines)
-    assert any("of Table 3's" in line and line.startswith("HDG_D") for line in lines)
+    assert any("times Table 3's" in line and line.startswith("HDG_D") for line in lines)
