@@ -19,6 +19,7 @@ from autopilot.param_file import load
 from autopilot.param_store import ParamStore
 from autopilot.params import ParamError, ParamTable
 from autopilot.server import GroundServer
+from autopilot.types import Severity
 from autopilot.vehicle import Vehicle
 from link.lifeline import end_with_stdin
 from link.signing import KeyFileError
@@ -83,6 +84,8 @@ def fly(
         raise SystemExit(_complain(error, BAD_INPUT)) from None
     links = ", ".join(link.transport.address for link in ground.links)
     print(f"autopilot: system {vehicle.system}, HIL {hil}, ground {links}", file=sys.stderr, flush=True)
+    if laws:
+        vehicle.say(f"Laws: {laws.name}", Severity.INFO)
     for complaint in keeper.complaints:
         vehicle.say(f"Parameters: {complaint}")
         print(f"autopilot: {complaint}", file=sys.stderr, flush=True)
