@@ -2,6 +2,7 @@
 
 import json
 import math
+import multiprocessing
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 
 from ground import campaign, gains
 from ground.campaign import Campaign, Request
-from ground.errors import BadInputError
+from ground.errors import BadInputError, FailedError
 from ground.folder import CampaignFolder
 from ground.report import page, picture
 
@@ -95,6 +96,25 @@ class TestCampaign:
         target = picture.draw(flown, tmp_path / "picture.png")
         assert target.read_bytes().startswith(b"\x89PNG")
         assert target.stat().st_size < 300_000
+
+
+def test_what_fails_elsewhere_ends_the_campaign_and_leaves_no_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Campaign, "_fly", lambda *dive: None)
+    with pytest.raises(BadInputError, match=r"trim\.mcap"):
+        Campaign(Request(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
+    assert multiprocessing.active_children() == []
+
+
+def test_a_dive_that_fails_ends_the_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def sink(*dive: object) -> None:
+        raise FailedError("sunk")
+
+    monkeypatch.setattr(Campaign, "_fly", sink)
+    with pytest.raises(FailedError, match="sunk"):
+        Campaign(Request(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
+    assert multiprocessing.active_children() == []
 
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
