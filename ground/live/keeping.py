@@ -11,7 +11,7 @@ from ground.live.telemetry import Telemetry
 from ground.vehicle import Text
 from link.clock import Every
 from link.codec import Frame
-from sysid.log import LogError
+from sysid.logs.samples import DEFAULT_TRAVEL_DEG
 from sysid.monitor import Monitor
 from sysid.promise import Promise
 
@@ -33,7 +33,9 @@ class Keeping:
 
     def begin(self, parameters: Mapping[str, float]) -> None:
         """The vehicle is there; ``parameters`` are those aboard, as far as they are known."""
-        self._telemetry = Telemetry(parameters)
+        # A stranger is not told how far the duct turns; the design was.
+        travel = {"ACT_TRAVEL_DEG": self._promise.specification.get("travel_deg", DEFAULT_TRAVEL_DEG)}
+        self._telemetry = Telemetry({**travel, **parameters})
 
     def hear(self, frame: Frame) -> None:
         before_s = self._telemetry.now_s
@@ -51,7 +53,7 @@ class Keeping:
         until_s = self._telemetry.complete_s
         try:
             self._monitor.take(self._telemetry.log(until_s), until_s)
-        except LogError:  # she has not told everything yet
+        except (ArithmeticError, ValueError):  # not everything has been told yet; and who watches must not end a dive
             return
         self._telemetry.forget(until_s - REMEMBERED_S)
         for cause in self._monitor.kept().causes:

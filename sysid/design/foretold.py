@@ -23,9 +23,10 @@ SWINGS_RADPS = (0.3, 6.0)
 
 
 class _Heard(NamedTuple):
-    """One quantity as telemetry tells it: two-sided densities on the grid, and what lies beyond it."""
+    """One quantity as telemetry tells it."""
 
     density: Array
+    """Two-sided, on the grid."""
     mean: float
     mean_sd: float
 
@@ -50,9 +51,9 @@ def promise(model: IdentifiedModel, vehicle: Plant, gains: Gains, spec: Spec, su
     )
 
 
-def band(radps: float, at_radps: Array) -> Array:
+def _band(radps: float) -> Array:
     """Squared gain of the narrow band about a frequency: a resonance of ``SWING_WIDTH``, one at its peak."""
-    detuned = (at_radps / radps - radps / at_radps) / SWING_WIDTH
+    detuned = (GRID_RADPS / radps - radps / GRID_RADPS) / SWING_WIDTH
     return np.asarray(1.0 / (1.0 + detuned**2))
 
 
@@ -63,7 +64,7 @@ def _yaw(model: IdentifiedModel, vehicle: Plant, gains: Gains, swing_radps: floa
     bias = model.planes["yaw"].actuator_bias_deg
     return {
         "heading_deg": _Heard(told, 0.0, 0.0),
-        "heading_swing_deg": _Heard(told * band(swing_radps, GRID_RADPS), 0.0, 0.0),
+        "heading_swing_deg": _Heard(told * _band(swing_radps), 0.0, 0.0),
         "rudder_deg": _Heard(_command(vehicle, "yaw", rudder, gains), -bias.value, bias.sd or 0.0),
     }
 
@@ -75,7 +76,7 @@ def _pitch(model: IdentifiedModel, vehicle: Plant, gains: Gains, swing_radps: fl
     bias, level = model.planes["pitch"].actuator_bias_deg, model.vehicle
     return {
         "pitch_deg": _Heard(told, level.level_pitch_deg, _buoyancy_share(level.net_buoyancy_n) * level.level_pitch_deg),
-        "pitch_swing_deg": _Heard(told * band(swing_radps, GRID_RADPS), 0.0, 0.0),
+        "pitch_swing_deg": _Heard(told * _band(swing_radps), 0.0, 0.0),
         "depth_m": _Heard(np.abs(depth) ** 2 * sea + _white(noise.depth_noise_m), 0.0, 0.0),
         "elevator_deg": _Heard(
             _command(vehicle, "pitch", elevator, gains), level.level_elevator_deg - bias.value, bias.sd or 0.0
