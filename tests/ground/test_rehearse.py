@@ -7,12 +7,15 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from ground import gains, plans
 from ground.__main__ import app
+from ground.console import encode
 from ground.errors import BadInputError, FailedError
 from ground.rehearsal import words
 from sitl.vehicle import config
 from sysid import model as models
 from sysid.experiment import belief
+from sysid.rehearsal import crew, study
 from sysid.rehearsal.dive import Sea
 from sysid.rehearsal.study import LegTold, Range, Told
 from tests.sysid.rehearsal.files import model_of
@@ -50,15 +53,16 @@ def rehearse(folder: Path, *options: str) -> tuple[str, BaseException | None]:
 
 @pytest.mark.process
 def test_sets_stand_side_by_side_in_clean_json_and_the_unstable_one_is_named(folder: Path) -> None:
-    sets = ("--gains", str(folder / "held.param"), "--against", str(folder / "wild.param"))
-    out, failure = rehearse(folder, *sets, "--vehicles", "2", "--json")
-    held, wild = json.loads(out)["rehearsed"]
-    assert (held["gains"], held["diverged"], held["vehicles"]) == ("held.param", {}, 2)
-    assert (wild["gains"], wild["diverged"]) == ("wild.param", {"heading": 2})
+    held, wild = (folder / name for name in ("held.param", "wild.param"))
+    out, failure = rehearse(folder, "--gains", str(held), "--against", str(wild), "--vehicles", "2", "--json")
+    first, second = json.loads(out)["rehearsed"]
+    assert (first["gains"], first["diverged"], first["vehicles"]) == ("held.param", {}, 2)
+    assert (second["gains"], second["diverged"]) == ("wild.param", {"heading": 2})
     assert isinstance(failure, FailedError)
     assert str(failure) == "wild.param, sea x1: of 2 vehicles 2 did not hold heading"
-    again, _ = rehearse(folder, *sets, "--vehicles", "2", "--json")
-    assert again == out
+    alone = study.Request(plans.load_items(str(folder / "short.toml")), {held.name: gains.load(held)}, vehicles=2)
+    (in_one_process,) = study.rehearse(crew.read(folder / "model.json"), alone)
+    assert first == json.loads(encode(words.as_json([in_one_process], "short", 1)))["rehearsed"][0]
 
 
 @pytest.mark.parametrize(
