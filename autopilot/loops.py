@@ -47,6 +47,14 @@ class Steered(NamedTuple):
     belief: Belief | None = None
 
 
+class Turn(NamedTuple):
+    """How she turns about the vertical, and should."""
+
+    rate_radps: float
+    wanted_radps: float
+    error_rad: float
+
+
 class Dived(NamedTuple):
     """Depth and pitch loop: what they want, and their memory."""
 
@@ -137,25 +145,24 @@ def steer(
         error = wrap_pi(start.at - estimate.heading_rad) + config.heading_weight * to_go
         course = shaping.follow(to_go, start, gains, dt_s)
     if laws := laws_of(config, estimate):
-        rudder, belief = steer_by_law(laws, (turning, rate, error), estimate, memory, trim_rad, config)
+        turn = Turn(turning, turning - rate, error)
+        rudder, belief = steer_by_law(laws, turn, estimate.heading_rad, memory.rudder_belief, trim_rad, config)
         return Steered(rudder, memory.heading_rad, course, belief)
     rudder, integral = pid(error, rate, gains, memory.heading_rad, dt_s, -travel - trim_rad, travel - trim_rad)
     return Steered(rudder + trim_rad, integral, course)
 
 
 def steer_by_law(
-    laws: Laws, motion: tuple[float, float, float], estimate: Estimate, memory: LoopMemory, trim_rad: float,
-    config: Config,
-) -> tuple[float, Belief]:  # fmt: skip
-    """Rudder; ``motion`` is the rate of turn, the same against the way's, and the error. Headings are counted on."""
-    turning, rate, error = motion
-    at, old, travel = estimate.heading_rad, memory.rudder_belief, config.travel_rad
-    if old is not None:
-        at = old.measured[1] + wrap_pi(at - old.measured[1])
-    wanted = turning - rate, at + error
-    under_way = abs(wanted[0]) > UNDER_WAY_RADPS
+    laws: Laws, turn: Turn, heading_rad: float, belief: Belief | None, trim_rad: float, config: Config
+) -> tuple[float, Belief]:
+    """The rudder. Headings are counted on past south, as a belief knows no turn of the circle."""
+    if belief is not None:
+        last = belief.measured[1]
+        heading_rad = last + wrap_pi(heading_rad - last)
+    wanted, travel = (turn.wanted_radps, heading_rad + turn.error_rad), config.travel_rad
+    under_way = abs(turn.wanted_radps) > UNDER_WAY_RADPS
     target = Target(wanted, 0.0, -travel - trim_rad, travel - trim_rad, under_way)
-    rudder, belief = state_space.act(laws.heading, old, (turning, at), target)
+    rudder, belief = state_space.act(laws.heading, belief, (turn.rate_radps, heading_rad), target)
     return rudder + trim_rad, belief
 
 
