@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 FROM_S, SETTLED_S = 100.0, 130.0
 """When it breaks, and from when on the run counts."""
 FAULTS: dict[str, dict[str, float]] = {
-    "rudder slow": {"rate_degps": 3.0},
-    "elevator slow": {"rate_degps": 3.0},
+    "rudder slow": {"rate_degps": 0.5},
+    "elevator slow": {"rate_degps": 0.5},
     "rudder slipping": {"share": 0.1},
     "elevator slipping": {"share": 0.1},
     "rudder biased": {"angle_deg": 3.0},
