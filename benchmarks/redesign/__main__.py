@@ -39,7 +39,7 @@ def _arguments() -> argparse.Namespace:
     cases = sorted({case for question in QUESTIONS.values() for case in question.cases})
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cell", nargs="*", choices=[[], *QUESTIONS], help="which cells; all without one")
-    parser.add_argument("--case", action="append", choices=cases, help="which sea, mission, fault or vehicle")
+    parser.add_argument("--case", action="append", choices=cases, metavar="NAME", help=", ".join(cases))
     parser.add_argument("--runs", type=int, help="of each case; 20 for most")
     parser.add_argument("--seed", type=int, default=1, help="of the campaign and of the first run")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)

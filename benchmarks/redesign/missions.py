@@ -21,7 +21,7 @@ from tests.closed_loop import Dive
 
 Array = NDArray[np.float64]
 
-CASES = ("combined, calm", "combined, disturbed", "shallow_1m, disturbed", "shallow_1m, swell")
+CASES = ("combined/calm", "combined/disturbed", "shallow_1m/disturbed", "shallow_1m/swell")
 END_S = 5.0
 """Of a leg: there it has settled."""
 UNDER_M = 0.3
@@ -33,7 +33,7 @@ STATIONS = 41
 
 def trial(gains: dict[str, Values], case: str, seed: int) -> list[float]:
     """Of each set: 95 % of heading (deg) and depth (cm) at each leg's end, and the least water over her (m)."""
-    mission, sea = case.split(", ")
+    mission, sea = case.split("/")
     steps = script.load(mission)
     row = []
     for values in gains.values():

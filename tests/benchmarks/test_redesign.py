@@ -94,11 +94,11 @@ def test_strange_vehicles_are_off_in_every_coefficient_by_a_fifth_at_most() -> N
 
 def test_a_leg_that_does_not_settle_and_a_back_out_of_water_are_misses() -> None:
     settled, late = [1.0, 10.0, 1.0, 13.9, 0.4], [1.0, 10.0, 1.0, 14.1, -0.1]
-    figures = missions.judge("combined, disturbed", np.array([late + late + settled, late + late + settled]))
+    figures = missions.judge("combined/disturbed", np.array([late + late + settled, late + late + settled]))
     assert not missed(figures)
     shares = {figure.name: figure.value for figure in figures if figure.name.startswith("every leg")}
     assert [shares[f"every leg settled: {name}"] for name in GAIN_SETS] == [0.0, 0.0, 100.0]
-    figures = missions.judge("combined, disturbed", np.array([settled + settled + late]))
+    figures = missions.judge("combined/disturbed", np.array([settled + settled + late]))
     assert missed(figures) == {
         "leg 2, depth, 95 %: ours", "every leg settled: ours", "least water over her: ours",
     }  # fmt: skip
