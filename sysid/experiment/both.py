@@ -24,4 +24,4 @@ def share(largest: Sequence[tuple[Manoeuvre, Manoeuvre]]) -> float:
 def sized(shape: Manoeuvre, rudder: Manoeuvre, elevator: Manoeuvre, share: float) -> Manoeuvre:
     """``shape`` as large as both halves may be at this share."""
     size_deg = rounded(min(rudder.size_deg, elevator.size_deg / share))
-    return shape._replace(size_deg=size_deg, elevator_deg=share * size_deg)
+    return shape._replace(size_deg=size_deg, elevator_deg=round(share * size_deg, 4))
