@@ -19,7 +19,7 @@ _PARAMETER_TYPE = 1
 """COMP_METADATA_TYPE_PARAMETER."""
 _GROUPS = {
     "ACT": "Actuators", "DPT": "Depth loop", "EST": "Estimator", "FS": "Failsafe", "GAIN": "Speed",
-    "HDG": "Heading loop", "HLTH": "Health", "LOG": "Onboard log", "MAG": "Estimator", "MAV": "MAVLink",
+    "HDG": "Heading loop", "HLTH": "Health", "LAW": "Laws", "LOG": "Onboard log", "MAG": "Estimator", "MAV": "MAVLink",
     "MIS": "Mission", "NAV": "Navigation", "OFB": "Offboard", "PTCH": "Pitch loop", "ROLL": "Actuators",
     "RTL": "Return", "SID": "Identification", "SPD": "Speed", "STB": "Stabilize", "STN": "Station",
     "SURF": "Depth loop", "SYS": "System", "THR": "Speed", "TRIM": "Actuators",
