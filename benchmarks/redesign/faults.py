@@ -29,7 +29,7 @@ FAULTS: dict[str, dict[str, float]] = {
     "gyro off": {},
     "magnetometer off": {},
     "dvl off": {},
-    "pressure intermittent": {"share": 0.3},
+    "pressure slow": {"period_s": 1.0},
 }
 
 
