@@ -25,7 +25,7 @@ from sysid.parameters import NAMES
 from sysid.runs import Run
 from tests.sysid import sea
 
-DIVE_S, FIRST_S = 1000.0, 330.0
+DIVE_S, FIRST_S = 1000.0, 262.0
 """Water for tests and recoveries; and how much of it the first of two dives takes."""
 FIRST_SEED = 10**7
 """Of the dive on which the second is designed."""
