@@ -54,11 +54,22 @@ class _Course(NamedTuple):
 def scores(
     signatures: Sequence[Signature], residual: Array, slopes: Array, covariance: Array, spread: float = 1.0
 ) -> Scores:
-    """Test a run's residual (n,) of white variance ``spread`` and slopes (n, p) for every signature."""
+    """Test a run's residual (n,) of white variance ``spread`` and slopes (n, p) for every signature.
+
+    What lasts throughout and what comes at some time share the chance of a false alarm by halves: a search over a
+    minute would else take most of it, and a wrong gain would pay for the many times at which a slip may come.
+    """
     courses = [_course(s, residual, slopes, covariance, spread) for s in signatures]
+    families = [[c for c in courses if bool(c.alike.size) == timed] for timed in (False, True)]
+    chances = [_chance(family) for family in families if family]
     anomalies = sorted((_likeliest(c) for c in courses), key=lambda a: -abs(a.statistic))
-    highest = abs(anomalies[0].statistic)
-    return Scores(tuple(anomalies), min(1.0, sum(exceedance(highest, c.alike) for c in courses)))
+    return Scores(tuple(anomalies), min(1.0, len(chances) * min(chances)))
+
+
+def _chance(family: Sequence[_Course]) -> float:
+    """Bound on the chance that a clean run shows any anomaly of a family as clearly as this one does."""
+    highest = max(float(np.max(np.abs(course.statistic))) for course in family)
+    return sum(exceedance(highest, course.alike) for course in family)
 
 
 def _course(signature: Signature, residual: Array, slopes: Array, covariance: Array, spread: float) -> _Course:
