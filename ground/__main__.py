@@ -97,6 +97,9 @@ def campaign(
     scenario: ScenarioName = "disturbed",
     seed: Seed = 1,
     speed: Speed = "max",
+    beside_paper: Annotated[
+        bool, typer.Option("--beside-paper", help="Fly the missions with the paper's improved gains too.")
+    ] = False,
     out: Annotated[Path, typer.Option(metavar="DIR", help="The campaign's folder.")] = Path("campaign"),
     json: Json = False,
 ) -> None:
@@ -105,7 +108,8 @@ def campaign(
     from ground.campaign import Campaign, Request
 
     with progress.display("campaign", quiet=json) as shown:
-        result = Campaign(Request(out, vehicle, scenario, seed, speed), shown.watch_named, shown.announce).run()
+        asked = Request(out, vehicle, scenario, seed, speed, beside_paper)
+        result = Campaign(asked, shown.watch_named, shown.announce).run()
     give(result, summary.in_words(result, out), json)
 
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from ground import refit, summary
 from ground.errors import BadInputError, FailedError
 from ground.flight import Dive, Outcome, Progress, fly_simulated
-from ground.folder import CampaignFolder
+from ground.folder import STAGES, CampaignFolder
 from ground.processes import SimulatedVehicle, Simulation
 from ground.worker import Worker
 from link.clock import wall_s
@@ -50,6 +50,8 @@ class Request(NamedTuple):
     scenario: str = "disturbed"
     seed: int = 1
     speed: str = "max"
+    beside_paper: bool = False
+    """The paper's improved gains fly the missions too."""
 
 
 Watch = Callable[[str, Progress], None]
@@ -76,16 +78,16 @@ class Campaign:
         prepare_folder(self.request)
         with self._at_work() as (places, worker):
             trims = self._measure_trims(places, worker)
-            initial = {**refit.initial_gains(), **trims}
+            gains = self._first_gains(trims)
             self.announce("flying the tests with the initial gains")
-            _finish(self._begin(places, "identification", IDENTIFICATION, initial))
-            self.announce("refitting the model; flying the missions with the initial gains")
+            _finish(self._begin(places, "identification", IDENTIFICATION, gains["initial"]))
+            self.announce(f"refitting the model; flying the missions with the {' and the '.join(gains)} gains")
             redesigning = places.submit(self._redesign, worker)
-            missions = self._begin(places, "baseline", MISSIONS, initial)
+            missions = [dive for name in gains for dive in self._begin(places, STAGES[name], MISSIONS, gains[name])]
             design = redesigning.result()
             self.announce("flying the missions with the redesigned gains")
-            gains = {"initial": initial, "redesigned": {**design["gains"], **trims}}
-            _finish([*missions, *self._begin(places, "verification", MISSIONS, gains["redesigned"])])
+            gains["redesigned"] = {**design["gains"], **trims}
+            _finish([*missions, *self._begin(places, STAGES["redesigned"], MISSIONS, gains["redesigned"])])
             self.announce("comparing")
             found = worker.call(summary.build, self.folder, design, gains, trims, MISSIONS)
             result = {**self._account(wall_s() - began_s), **found}
@@ -98,6 +100,13 @@ class Campaign:
     def folder(self) -> CampaignFolder:
         """What has been flown, read back."""
         return CampaignFolder(self.request.out)
+
+    def _first_gains(self, trims: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        """The sets of gains that are there before any model, by name."""
+        gains = {"initial": {**refit.initial_gains(), **trims}}
+        if self.request.beside_paper:
+            gains["improved"] = {**refit.improved_gains(), **trims}
+        return gains
 
     def _account(self, spent_s: float) -> dict[str, Any]:
         """What was flown, and in what time."""
@@ -185,9 +194,9 @@ def prepare_folder(request: Request) -> None:
 
 
 def _campaign_toml(request: Request) -> str:
-    asked = {"vehicle": request.vehicle, "scenario": request.scenario, "speed": request.speed}
-    lines = [f"{key} = {json.dumps(value)}" for key, value in asked.items()]
-    lines += [f"seed = {request.seed}", "", "[seeds]"]
+    asked = request._asdict()
+    lines = [f"{key} = {json.dumps(value)}" for key, value in asked.items() if key != "out"]
+    lines += ["", "[seeds]"]
     lines += [f"{m} = {dive_seed(request.seed, m)}" for m in (TRIM_MISSION, *MISSIONS, *FITTED, *HELD_OUT)]
     lines += ["", "[versions]", f"python = {json.dumps(platform.python_version())}"]
     lines += [f"{package} = {json.dumps(importlib.metadata.version(package))}" for package in _PACKAGES]

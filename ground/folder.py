@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from sysid.promise import Promise
     from sysid.runs import Run
 
-STAGES = {"initial": "baseline", "redesigned": "verification"}
-"""Where the dives of each set of gains are kept."""
+STAGES = {"initial": "baseline", "improved": "improved", "redesigned": "verification"}
+"""Where the dives of each set of gains are kept; the paper's improved ones are flown where that was asked for."""
 
 
 class CampaignFolder:

@@ -31,6 +31,13 @@ def initial_gains() -> dict[str, float]:
     return dict(tables.TABLE_3_INITIAL)
 
 
+def improved_gains() -> dict[str, float]:
+    """What the paper's engineers came to: the improved column of its Table 3."""
+    from sysid import tables
+
+    return dict(tables.TABLE_3_IMPROVED)
+
+
 def measure_trims(path: Path, window_s: float) -> dict[str, float]:
     """What rudder and elevator had to be, on average, over the last ``window_s`` of a straight and level mission.
 

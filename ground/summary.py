@@ -28,9 +28,9 @@ def build(
 
     Args:
         design: as ``of_design`` tells it.
-        gains: what was flown by set, ``initial`` and ``redesigned``.
+        gains: what was flown by set, as in ``STAGES``.
     """
-    tracking = {mission: _tracking(folder, mission) for mission in missions}
+    tracking = {mission: _tracking(folder, mission, list(gains)) for mission in missions}
     return {
         "trims": dict(trims),
         "gains": {name: dict(values) for name, values in gains.items()},
@@ -60,10 +60,12 @@ def of_design(design: "Design") -> dict[str, Any]:
 
 def in_words(summary: Mapping[str, Any], out: Path) -> str:
     """The result of a campaign in a few lines."""
-    before, after = summary["steady_error"]["initial"], summary["steady_error"]["redesigned"]
+    steady = summary["steady_error"]
     paper = {"heading_deg": "2.5 -> 2.0", "pitch_deg": "10 -> 2.5", "depth_m": "0.50 -> 0.10"}
-    lines = [f"{'steady error, 95 %':22s}{'initial':>10s}{'redesigned':>12s}   the paper"]
-    lines += [f"  {e.replace('_', ', '):20s}{before[e]:10.3f}{after[e]:12.3f}   {paper[e]}" for e in ERRORS]
+    lines = [f"{'steady error, 95 %':20s}{''.join(f'{name:>12s}' for name in steady)}   the paper"]
+    for e in ERRORS:
+        figures = "".join(f"{found[e]:12.3f}" for found in steady.values())
+        lines.append(f"  {e.replace('_', ', '):18s}{figures}   {paper[e]}")
     lines += ["held-out rate error, (deg/s)^2", *_held_out_lines(summary["model"]["held_out_rate_error"])]
     gains = ", ".join(f"{n} {v:.4g}" for n, v in summary["design"]["gains"].items())
     lines += [
@@ -96,7 +98,7 @@ def _broken_promises(kept: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 def _held_out_lines(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
     return [
-        f"  {plane:20s}{pair['initial_model_deg2ps2']:10.3f}{pair['refitted_model_deg2ps2']:12.3f}"
+        f"  {plane:18s}{pair['initial_model_deg2ps2']:12.3f}{pair['refitted_model_deg2ps2']:12.3f}"
         for plane, pair in errors.items()
     ]
 
@@ -121,8 +123,8 @@ def _kept(folder: CampaignFolder, mission: str) -> dict[str, Any]:
     return kept_view.as_json(refit.kept(folder.log(STAGES["redesigned"], mission), folder.promise))
 
 
-def _tracking(folder: CampaignFolder, mission: str) -> dict[str, Any]:
-    return {name: refit.tracking(folder.log(stage, mission)) for name, stage in STAGES.items()}
+def _tracking(folder: CampaignFolder, mission: str, sets: Sequence[str]) -> dict[str, Any]:
+    return {name: refit.tracking(folder.log(STAGES[name], mission)) for name in sets}
 
 
 def _steady(straight_run: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:

@@ -68,7 +68,7 @@ def step_figures(folder: CampaignFolder) -> list[Figure]:
 
 
 def mission_figures(folder: CampaignFolder, missions: list[str]) -> list[Figure]:
-    """The paper's figures 10 to 15: each mission under the initial and the redesigned gains, in the same sea."""
+    """The paper's figures 10 to 15: each mission under every set of gains, in the same sea."""
     return [_mission_figure(folder, mission) for mission in missions]
 
 
@@ -114,7 +114,8 @@ def _step_figure(folder: CampaignFolder, run: "Run", note: str) -> Figure:
 
 
 def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
-    logs = {name: folder.log(stage, mission) for name, stage in STAGES.items()}
+    flown = folder.summary["tracking"][mission]
+    logs = {name: folder.log(stage, mission) for name, stage in STAGES.items() if name in flown}
     ends = {name: _end_s(log) for name, log in logs.items()}
     reference = logs["redesigned"]
     span = ends["redesigned"]

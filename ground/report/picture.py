@@ -8,8 +8,10 @@ from ground.folder import CampaignFolder
 from ground.report import canvas, figures
 from ground.report.figures import Curve, Figure
 
-COLORS = {"measured": "#9aa3ab", "initial": "#c2542d", "redesigned": "#0f6e84", "set_point": "#4b4f55"}
-WIDTHS = {"set_point": 1.0, "initial": 1.4, "redesigned": 1.6}
+COLORS = {
+    "measured": "#9aa3ab", "initial": "#c2542d", "improved": "#a3852b", "redesigned": "#0f6e84", "set_point": "#4b4f55",
+}  # fmt: skip
+WIDTHS = {"set_point": 1.0, "initial": 1.4, "improved": 1.4, "redesigned": 1.6}
 _FORMATS = (".png", ".svg")
 
 

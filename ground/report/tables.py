@@ -12,6 +12,7 @@ _SUBSCRIPTS = {"dr": "δr", "de": "δe", "vdot": "v̇", "rdot": "ṙ", "wdot": "
 _LOOP_OF = {"heading": "Heading", "pitch": "Pitch to elevator", "depth": "Depth to pitch"}
 _GAIN_PREFIX = {"heading": "HDG", "pitch": "PTCH", "depth": "DPT"}
 _WAYS = {"paper": "the paper's way"}
+_FLOWN = {"initial": "initial gains", "improved": "the paper's improved gains", "redesigned": "redesigned"}
 _CASES = {"I/I": "initial model, initial gains", "A/I": "adjusted, initial", "A/A": "adjusted, improved"}
 
 
@@ -150,11 +151,11 @@ def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
     units = {"heading_deg": "°", "pitch_deg": "°", "depth_m": " m"}
     rows = [
         [key.split("_")[0].capitalize(), f"± {getattr(TABLE_5_INITIAL, key):g}{unit}",
-         f"± {getattr(TABLE_5_IMPROVED, key):g}{unit}", f"± {steady['initial'][key]:.2f}{unit}",
-         f"<b>± {steady['redesigned'][key]:.2f}{unit}</b>"]
+         f"± {getattr(TABLE_5_IMPROVED, key):g}{unit}",
+         *(_strong([f"± {found[key]:.2f}{unit}"], name == "redesigned")[0] for name, found in steady.items())]
         for key, unit in units.items()
     ]  # fmt: skip
-    return table(["error", "paper, initial", "paper, improved", "initial gains", "redesigned"], rows)
+    return table(["error", "paper, initial", "paper, improved", *(_FLOWN[name] for name in steady)], rows)
 
 
 def small_signal(model: "IdentifiedModel") -> str:
@@ -202,11 +203,10 @@ def tracking(missions: Mapping[str, Mapping[str, Any]]) -> str:
     """Steady errors of every leg of every mission."""
     rows = []
     for mission, sets in missions.items():
-        windows = zip(sets["initial"]["windows"], sets["redesigned"]["windows"], strict=False)
-        for number, (before, after) in enumerate(windows):
-            errors = ((before[e]["p95"], after[e]["p95"]) for e in ("heading_deg", "pitch_deg", "depth_m"))
-            cells = [f"{was:.2f} → <b>{now:.2f}</b>" for was, now in errors]
-            window = f"{after['start_s']:.0f}–{after['stop_s']:.0f} s"
+        for number, windows in enumerate(zip(*(found["windows"] for found in sets.values()), strict=False)):
+            errors = ([window[e]["p95"] for window in windows] for e in ("heading_deg", "pitch_deg", "depth_m"))
+            cells = [" → ".join((*(f"{p95:.2f}" for p95 in before), f"<b>{now:.2f}</b>")) for *before, now in errors]
+            window = f"{windows[-1]['start_s']:.0f}–{windows[-1]['stop_s']:.0f} s"
             rows.append([mission.replace("_", " ") if number == 0 else "", window, *cells])
     return table(["mission", "steady window", "heading, °", "pitch about its mean, °", "depth, m"], rows, "named")
 
