@@ -24,7 +24,8 @@ def written(**how: object) -> io.BytesIO:
     schema = writer.register_schema("Number", "ros1msg", b"uint8 number\n")
     numbers = [writer.register_channel(f"/{name}", "ros1", schema) for name in ("wanted", "not", "wanted too")]
     for k in range(100):
-        writer.add_message(numbers[k % 3], log_time=1000 + k, publish_time=k, data=bytes((k,)) * (1 + k % 4), sequence=7)
+        data = bytes((k,)) * (1 + k % 4)
+        writer.add_message(numbers[k % 3], log_time=1000 + k, publish_time=k, data=data, sequence=7)
     writer.finish()
     file.seek(0)
     return file
