@@ -29,7 +29,7 @@ def draw(folder: Path, target: Path) -> Path:
         for column, figure in enumerate(shown):
             _column(axes[:, column], figure)
         handles, names = axes[0, 0].get_legend_handles_labels()
-        whole.legend(handles, names, loc="outside upper left", ncols=3, frameon=False)
+        whole.legend(handles, names, loc="outside upper left", ncols=len(names), frameon=False)
     return target
 
 
