@@ -52,6 +52,9 @@ COARSE, FINE = 1e-4, 1e-6
 """Share of the cost that a step must promise, in passes whose noise is about to be renewed and in the last one."""
 SKIPPED = 2
 """Of so many samples, other starts look at one."""
+OPENINGS_S = (5.0, 15.0)
+"""Of every run, which another start looks at before the whole: a vehicle of the prior that turns the other way, or runs
+away where the true one does not, is so far off in the end that no slope leads back from there."""
 
 
 class Fit(NamedTuple):
@@ -149,7 +152,11 @@ def _other_starts(
     for number in range(starts):
         report(number / starts)
         drawn = prior.mean + spread @ generator.standard_normal(len(NAMES))
-        end = descend(thin, _possible(thin, np.clip(drawn, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z), COARSE)
+        at = _possible(thin, np.clip(drawn, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z)
+        for seconds in OPENINGS_S:
+            opened = descend(_opening(thin, seconds), at, COARSE)
+            at, steps = opened.z, steps + opened.steps
+        end = descend(thin, at, COARSE)
         shares.append(end.score.cost / best)
         steps += end.steps
         if shares[-1] < min([1.0 - AGREEMENT, *shares[:-1]]):
@@ -162,6 +169,18 @@ def _possible(problem: Problem, start: Array, z: Array) -> Array:
     while not math.isfinite(problems.cost(problem, start)):
         start = 0.5 * (start + z)
     return start
+
+
+def _opening(problem: Problem, seconds: float) -> Problem:
+    """The same problem on the first seconds of every run."""
+
+    def opened(e: Experiment) -> Experiment:
+        run = e.run.until(float(e.run.time_s[0]) + seconds)
+        return e._replace(run=run, measured=e.measured[: (run.time_s.size - 1) // problem.stride + 1])
+
+    return problem._replace(
+        experiments={plane: tuple(map(opened, group)) for plane, group in problem.experiments.items()}
+    )
 
 
 def _thinned(problem: Problem, z: Array) -> Problem:
