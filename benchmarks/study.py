@@ -30,7 +30,7 @@ class Figure(NamedTuple):
 
     @property
     def met(self) -> bool:
-        return self.lowest <= self.value <= self.highest
+        return bool(self.lowest <= self.value <= self.highest)
 
     @property
     def target(self) -> str:

@@ -72,18 +72,19 @@ def sift(found: Fit, prior: Prior, flown: Sequence[Run] = ()) -> Sifting:
     """
     exhibits = evidence.gather(found, prior)
     flown = flown or [exhibit.experiment.run for exhibit in exhibits]
-    kept, out = list(exhibits), dict[str, Verdict]()
+    kept, out, doubted = list(exhibits), dict[str, Verdict](), dict[str, Verdict]()
     while True:
         weighed = evidence.weigh(kept, found, prior)
         tested = [_test(exhibit, weighed) for exhibit in kept]
         worst = _worst(tested, found, prior, flown)
         if worst is None:
             break
-        name = _name(worst.exhibit)
-        out[name] = Verdict(name, worst.scores, worst.repeat, _reason(worst), ())
+        name, rivals = _name(worst.exhibit), _rivals(worst, tested)
+        out[name] = Verdict(name, worst.scores, worst.repeat, _reason(worst, rivals), ())
+        doubted |= {_name(rival.exhibit): _doubted(rival, name) for rival in rivals}
         kept = [exhibit for exhibit in kept if exhibit is not worst.exhibit]
     staying = {_name(t.exhibit): _stays(t, [o for o in tested if o is not t]) for t in tested}
-    verdicts = {**staying, **out}
+    verdicts = {**staying, **doubted, **out}
     return Sifting(tuple(verdicts[_name(e)] for e in exhibits), _structure(weighed, found))
 
 
@@ -149,8 +150,29 @@ def _spared(t: _Tested, tested: Sequence[_Tested], flown: Sequence[Run]) -> bool
     return left >= max(LEAST_RUNS, math.ceil((1.0 - LARGEST_SHARE) * there))
 
 
-def _reason(t: _Tested) -> str:
+def _rivals(worst: _Tested, tested: Sequence[_Tested]) -> list[_Tested]:
+    """Runs of the plane that would, set aside in its place, explain the tests nearly as well.
+
+    One of two alike is odd, and each looks so beside the other: where little else tells of them, chance decides which.
+    """
+    plane, most = worst.exhibit.experiment.run.plane, worst.scores.anomalies[0].statistic ** 2
+    return [
+        t for t in tested
+        if t is not worst and t.exhibit.experiment.run.plane == plane and t.scores.p_value <= FALSE_ALARM
+        and most - t.scores.anomalies[0].statistic ** 2 < 2.0 * math.log(AS_LIKELY)
+    ]  # fmt: skip
+
+
+def _doubted(rival: _Tested, left_out: str) -> Verdict:
+    what = _explained(rival.scores, rival.exhibit.experiment.run.plane)
+    told = f"suspect: {what}; or it is {left_out}, which was left out: the tests do not tell which"
+    return Verdict(_name(rival.exhibit), rival.scores, rival.repeat, "", (told,))
+
+
+def _reason(t: _Tested, rivals: Sequence[_Tested]) -> str:
     what = _explained(t.scores if _by_scores(t) or t.repeat is None else t.repeat, t.exhibit.experiment.run.plane)
+    if rivals:
+        what += f"; or it is {' or '.join(_name(rival.exhibit) for rival in rivals)}: fly both again"
     return what if _by_scores(t) else f"non-repeatability: unlike {', '.join(t.partners)}, as if by {what}"
 
 

@@ -160,3 +160,15 @@ def test_a_plane_keeps_what_a_fit_needs(fitted: Fitted, again: Callable[..., Run
     verdicts = fitted.judged([*pair, *fitted.runs[7:]])
     assert all(not verdict.reason for verdict in verdicts.values())
     assert verdicts["rudder/3"].warnings
+
+
+def test_one_of_two_is_left_out_and_the_other_is_told_of(fitted: Fitted, again: Callable[..., Run]) -> None:
+    """Two large tests that differ: small ones say little of which is odd, so whoever reads hears of both."""
+    runs = [run for k, run in enumerate(fitted.runs) if k not in (2, 3, 6)]
+    runs[3] = again(5, Fault(gain=1.3))
+    verdicts = fitted.judged(runs)
+    alike = {name: verdicts[name] for name in ("rudder/4", "rudder/5")}
+    (out,) = [name for name, verdict in alike.items() if verdict.reason]
+    (kept,) = set(alike) - {out}
+    assert f"or it is {kept}: fly both again" in alike[out].reason
+    assert f"or it is {out}, which was left out: the tests do not tell which" in alike[kept].warnings[0]
