@@ -22,6 +22,8 @@ FINE = 4
 """Substeps to a sample of the 50 Hz command, as the rate limit needs them."""
 BLOCK_S = 2.0
 """Residuals further apart than this count as independent."""
+CLOCK_S = 1e-3
+"""Of the time stamps of telemetry, which are whole milliseconds: no delay is told more surely than that."""
 DIFFERENCE = 0.02
 """Step of the sensitivities, in units of ``_SCALE``."""
 INSENSITIVE = 1e-6
@@ -132,6 +134,7 @@ def fit(record: Record, starts: Sequence[Axis] = (PAPER,)) -> Found:
     gain, frequency, damping, delay, rate, play = (
         Estimate(float(value), deviation) for value, deviation in zip(best.x * _SCALE, sd, strict=True)
     )
+    delay = Estimate(delay.value, None if delay.sd is None else math.hypot(delay.sd, CLOCK_S))
     bias = Estimate(float(np.mean(biases)), _standard_error(biases))
     rms_rad = float(np.sqrt(np.mean(best.fun**2)))
     return Found(gain, frequency, damping, delay, rate, play, bias, float(biases[-1] - biases[0]), rms_rad)
