@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from sysid import greybox
 from sysid.model import Estimate
@@ -156,12 +158,17 @@ def _blocks(time_s: Array, owner: NDArray[np.int_]) -> NDArray[np.int_]:
 
 
 def _deviations(jacobian: Array, residual: Array, blocks: NDArray[np.int_]) -> list[float | None]:
-    """One standard deviation of each parameter, in its own unit; None where the data do not show it."""
+    """One standard deviation of each parameter, in its own unit; None where the data do not show it.
+
+    Of few blocks it is itself unsure: widened so that 1.96 of it reach as far as Student's t does (Cameron and Miller
+    2015, section VI).
+    """
     shown = np.sqrt(np.mean(jacobian**2, axis=0)) > INSENSITIVE
     J = jacobian[:, shown]
     bread = np.linalg.pinv(J.T @ J)
     scores = np.column_stack([np.bincount(blocks, column * residual) for column in J.T])
     count = len(scores)
     meat = scores.T @ scores * count / max(1, count - J.shape[1])
-    sd = iter(np.sqrt(np.diag(bread @ meat @ bread)) * _SCALE[shown])
+    few = float(student.ppf(0.975, max(1, count - 1)) / norm.ppf(0.975))
+    sd = iter(few * np.sqrt(np.diag(bread @ meat @ bread)) * _SCALE[shown])
     return [float(next(sd)) if each else None for each in shown]
