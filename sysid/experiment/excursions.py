@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import bisect
 from scipy.special import ndtr
 
+from sitl.vehicle.config import VehicleError
 from sysid import fit, greybox, noise
 from sysid.experiment import belief as beliefs
 from sysid.experiment import loop as loops
@@ -93,7 +94,8 @@ class Excursion(NamedTuple):
 def draw(belief: Belief, plane: Plane, gains: Gains, count: int, longest_s: float, seed: int) -> list[Sample]:
     """``count`` vehicles in as many seas, the same for the same seed.
 
-    A vehicle that these gains cannot hold would not have come as far as a test: draws of such are drawn again.
+    A vehicle that cannot be, or that these gains cannot hold, would not have come as far as a test: draws of such are
+    drawn again.
     """
     streams = np.random.SeedSequence(seed).spawn(2)
     vehicles, sea = (np.random.default_rng(stream) for stream in streams)
@@ -101,8 +103,12 @@ def draw(belief: Belief, plane: Plane, gains: Gains, count: int, longest_s: floa
     level = belief.noise[plane]
     samples = list[Sample]()
     for _ in range(MOST_DRAWS * count):
-        vehicle = belief.vehicle(belief.mean + root @ vehicles.standard_normal(belief.mean.size))
+        z = belief.mean + root @ vehicles.standard_normal(belief.mean.size)
         trim_rad = TRIM_RAD * vehicles.standard_normal()
+        try:
+            vehicle = belief.vehicle(z)
+        except VehicleError:
+            continue
         loop = loops.of_vehicle(vehicle, plane, gains, level)
         held, busy_rad = _held(loop, plane, longest_s, sea)
         free = _free(vehicle, plane, level, longest_s, sea)

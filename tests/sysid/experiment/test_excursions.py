@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from sitl.vehicle.config import VehicleError
 from sysid.experiment import excursions
 from sysid.experiment.belief import Belief
 from sysid.experiment.excursions import Limits, Sample
@@ -63,6 +64,22 @@ def test_a_surface_has_room_for_test_and_loop(samples: dict[Plane, list[Sample]]
     found = excursions.sized(TESTS[1], 3.0, samples["yaw"], Limits())
     assert found is not None
     assert found[0].size_deg < 2.8
+
+
+def test_vehicles_that_cannot_be_are_drawn_again(bench: Belief, gains: dict[str, float]) -> None:
+    """A wider prior than the file's own allows for masses that no hull of her size has."""
+    wide = bench._replace(covariance=9.0 * bench.covariance)
+    drawn = np.random.default_rng(0).standard_normal((40, bench.mean.size)) @ np.linalg.cholesky(wide.covariance).T
+    assert any(_cannot_be(wide, z) for z in drawn)
+    assert len(excursions.draw(wide, "yaw", gains, 10, 5.0, seed=1)) == 10
+
+
+def _cannot_be(belief: Belief, z: np.ndarray) -> bool:
+    try:
+        belief.vehicle(z)
+    except VehicleError:
+        return True
+    return False
 
 
 def test_the_same_seed_draws_the_same_vehicles_and_seas(bench: Belief, gains: dict[str, float]) -> None:
