@@ -64,10 +64,7 @@ def duct_angles(command: Array, actuator: Actuator, dt: float) -> Array:
     """True duct angle at every sample of a command held between samples; the exact lag, rate limited."""
     n = command.size
     angles = np.empty(n)
-    wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
-    damped = wn * math.sqrt(1.0 - zeta * zeta)
-    decay = math.exp(-zeta * wn * dt)
-    c, s = decay * math.cos(damped * dt), decay * math.sin(damped * dt) / damped
+    c, s = swing(actuator, dt)
     late = actuator.delay_s / dt
     whole = int(late)
     part = late - whole
@@ -79,16 +76,37 @@ def duct_angles(command: Array, actuator: Actuator, dt: float) -> Array:
         newer = min(max(command[max(0, k - whole)], -actuator.travel_rad), actuator.travel_rad)
         older = min(max(command[max(0, k - whole - 1)], -actuator.travel_rad), actuator.travel_rad)
         # A command edge inside the interval: the lag sees the mean, exact to second order in dt.
-        target = newer + part * (older - newer)
-        error = angle - target
-        free = target + (c + zeta * wn * s) * error + s * rate
-        rate = -wn * wn * s * error + (c - zeta * wn * s) * rate
-        reach = actuator.rate_radps * dt
-        angle += min(max(free - angle, -reach), reach)
-        rate = min(max(rate, -actuator.rate_radps), actuator.rate_radps)
-        if abs(angle) > actuator.travel_rad:
-            angle, rate = math.copysign(actuator.travel_rad, angle), 0.0
+        angle, rate = follow(actuator, angle, rate, newer + part * (older - newer), c, s, dt)
     return angles
+
+
+@kernel
+def swing(actuator: Actuator, dt: float) -> tuple[float, float]:
+    """e^(-zeta wn dt) cos(wd dt) and e^(-zeta wn dt) sin(wd dt) / wd of a tailcone's lag."""
+    wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
+    damped = wn * math.sqrt(1.0 - zeta * zeta)
+    decay = math.exp(-zeta * wn * dt)
+    return decay * math.cos(damped * dt), decay * math.sin(damped * dt) / damped
+
+
+@kernel
+def follow(
+    actuator: Actuator, angle: float, rate: float, target: float, c: float, s: float, dt: float
+) -> tuple[float, float]:
+    """The motor's angle and rate after ``dt`` towards a target that stands still; ``c`` and ``s`` are its ``swing``.
+
+    The exact lag, within the rate limit and between the stops.
+    """
+    wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
+    error = angle - target
+    free = target + (c + zeta * wn * s) * error + s * rate
+    rate = -wn * wn * s * error + (c - zeta * wn * s) * rate
+    reach = actuator.rate_radps * dt
+    angle += min(max(free - angle, -reach), reach)
+    rate = min(max(rate, -actuator.rate_radps), actuator.rate_radps)
+    if abs(angle) > actuator.travel_rad:
+        angle, rate = math.copysign(actuator.travel_rad, angle), 0.0
+    return angle, rate
 
 
 def duct_along(run: Run, surface: Plane, actuator: Actuator) -> Array:
