@@ -4,8 +4,9 @@ Estimation runs on z, the number of prior standard deviations from the prior mea
 the prior vehicle (log-normal), delay, bias and buoyancy are offsets (normal).
 """
 
+import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple, TypeVar
 
 import msgspec
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.vehicle import calibrate
-from sitl.vehicle.config import DuctGeometry, FinGeometry, VehicleConfig
+from sitl.vehicle.config import DuctGeometry, FinGeometry, VehicleConfig, VehicleError
 from sitl.vehicle.model import Model
 from sysid.greybox import Actuator
 from sysid.runs import Plane
@@ -135,6 +136,27 @@ def vehicle(prior: VehicleConfig, biases_rad: dict[Plane, float], z: Array) -> V
         fins=prior.fins and _wing(prior.fins, ratios, offsets),
     )
     return Vehicle(config, calibrate.build(config), actuators(prior, biases_rad, z))
+
+
+class Drawn(NamedTuple):
+    """A candidate by chance."""
+
+    number: int
+    """Of the draw, those that cannot be counted too."""
+    z: Array
+    vehicle: Vehicle
+
+
+def possible(
+    build: Callable[[Array], Vehicle], mean: Array, covariance: Array, normals: Iterable[Array]
+) -> Iterator[Drawn]:
+    """Candidates that ``build`` makes of draws from a belief about z, one of each of ``normals``, without those that
+    cannot be."""
+    spread = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(covariance)))
+    for number, normal in enumerate(normals):
+        z = mean + spread @ normal
+        with contextlib.suppress(VehicleError):
+            yield Drawn(number, z, build(z))
 
 
 def actuators(prior: VehicleConfig, biases_rad: dict[Plane, float], z: Array) -> dict[Plane, Actuator]:

@@ -1,6 +1,5 @@
 """A model as the designer sees it, and what the sea does to its loops."""
 
-import contextlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -8,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.config import SHIPPED, VehicleConfig, VehicleError
+from sitl.vehicle.config import SHIPPED, VehicleConfig
 from sysid import loops, predict
 from sysid.analysis import Analysis, Planes, analyse
 from sysid.design.spec import Response
 from sysid.fit import linear_plane
 from sysid.loops import GRID_RADPS, Gains, Lag, Responses
 from sysid.model import IdentifiedModel, NoiseModel
-from sysid.parameters import Vehicle
+from sysid.parameters import Vehicle, possible
 from sysid.planes import LinearPlane, pitch_plane, yaw_plane
 from sysid.runs import Plane
 from sysid.tables import CARIBOU_TURN_PER_S2, Coefficients
@@ -79,11 +78,9 @@ def allowed(model: IdentifiedModel, count: int, prior: VehicleConfig | None = No
     covariance = np.array(model.joint.covariance)
     if not np.any(covariance) or (prior is None and model.vehicle.prior not in SHIPPED):
         return
-    spread = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(covariance)))
     draws = np.random.default_rng(SEED).standard_normal((count, len(covariance)))
-    for draw in draws:
-        with contextlib.suppress(VehicleError):
-            yield of_vehicle(predict.moved(model, np.array(model.joint.z) + spread @ draw, prior), _sea(model))
+    for drawn in possible(lambda z: predict.moved(model, z, prior), np.array(model.joint.z), covariance, draws):
+        yield of_vehicle(drawn.vehicle, _sea(model))
 
 
 def of_vehicle(vehicle: Vehicle, sea: Mapping[Plane, NoiseModel]) -> Plant:

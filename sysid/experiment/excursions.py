@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scipy.optimize import bisect
 from scipy.special import ndtr
 
-from sitl.vehicle.config import VehicleError
 from sysid import fit, greybox, noise
 from sysid.experiment import belief as beliefs
 from sysid.experiment import loop as loops
@@ -18,7 +17,7 @@ from sysid.experiment.loop import Loop
 from sysid.experiment.manoeuvre import Manoeuvre, Still, as_run, signal_rad
 from sysid.loops import Gains
 from sysid.noise import Noise
-from sysid.parameters import Vehicle
+from sysid.parameters import Vehicle, possible
 from sysid.runs import RATE_HZ, Plane
 
 Array = NDArray[np.float64]
@@ -99,16 +98,11 @@ def draw(belief: Belief, plane: Plane, gains: Gains, count: int, longest_s: floa
     """
     streams = np.random.SeedSequence(seed).spawn(2)
     vehicles, sea = (np.random.default_rng(stream) for stream in streams)
-    root = np.linalg.cholesky(belief.covariance + 1e-12 * np.eye(belief.mean.size))
+    draws = vehicles.standard_normal((MOST_DRAWS * count, belief.mean.size + 1))
     level = belief.noise[plane]
     samples = list[Sample]()
-    for _ in range(MOST_DRAWS * count):
-        z = belief.mean + root @ vehicles.standard_normal(belief.mean.size)
-        trim_rad = TRIM_RAD * vehicles.standard_normal()
-        try:
-            vehicle = belief.vehicle(z)
-        except VehicleError:
-            continue
+    for number, _, vehicle in possible(belief.vehicle, belief.mean, belief.covariance, draws[:, :-1]):
+        trim_rad = TRIM_RAD * draws[number, -1]
         loop = loops.of_vehicle(vehicle, plane, gains, level)
         held, busy_rad = _held(loop, plane, longest_s, sea)
         free = _free(vehicle, plane, level, longest_s, sea)

@@ -1,13 +1,12 @@
 """The vehicles to reckon with before a first dive, and how many of them a loop keeps hold of."""
 
-import contextlib
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.config import VehicleConfig, VehicleError
+from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.linearise import linearise
 from sysid import locus, loops, parameters
 from sysid.analysis import Planes
@@ -38,10 +37,10 @@ def nominal(config: VehicleConfig) -> Plant:
 
 def drawn(config: VehicleConfig, count: int = VEHICLES) -> Iterator[Plant]:
     """Up to ``count`` vehicles by the prior of identification, without those that cannot be."""
-    spread = np.linalg.cholesky(parameters.prior_covariance() + 1e-12 * np.eye(len(NAMES)))
-    for draw in np.random.default_rng(SEED).standard_normal((count, len(NAMES))):
-        with contextlib.suppress(VehicleError):
-            yield _plant(parameters.vehicle(config, UNBIASED, spread @ draw))
+    draws = np.random.default_rng(SEED).standard_normal((count, len(NAMES)))
+    mean, covariance = np.zeros(len(NAMES)), parameters.prior_covariance()
+    for each in parameters.possible(lambda z: parameters.vehicle(config, UNBIASED, z), mean, covariance, draws):
+        yield _plant(each.vehicle)
 
 
 def _plant(vehicle: Vehicle) -> Plant:

@@ -1,17 +1,17 @@
 """The vehicles that a model allows for, to be rehearsed with: draws from what it says of z."""
 
-import contextlib
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sitl.vehicle import config as vehicle_files
-from sitl.vehicle.config import SHIPPED, VehicleConfig, VehicleError
+from sitl.vehicle.config import SHIPPED, VehicleConfig
 from sysid import model as models
 from sysid.experiment import belief as beliefs
 from sysid.experiment.belief import Belief
-from sysid.parameters import NAMES, Vehicle
+from sysid.parameters import NAMES, Vehicle, possible
 
 Array = NDArray[np.float64]
 
@@ -44,16 +44,10 @@ def read(path: str | Path, prior: VehicleConfig | None = None) -> Belief:
 
 def draw(belief: Belief, count: int, seed: int) -> list[Array]:
     """``count`` values of z, the same for the same seed. Raises UnknownError where hardly any can be a vehicle."""
-    rng = np.random.default_rng(seed)
-    root = np.linalg.cholesky(belief.covariance + 1e-12 * np.eye(belief.mean.size))
-    drawn = list[Array]()
-    for _ in range(MOST_DRAWS * count):
-        z = belief.mean + root @ rng.standard_normal(belief.mean.size)
-        with contextlib.suppress(VehicleError):
-            belief.vehicle(z)
-            drawn.append(z)
-        if len(drawn) == count:
-            return drawn
+    draws = np.random.default_rng(seed).standard_normal((MOST_DRAWS * count, belief.mean.size))
+    found = list(islice(possible(belief.vehicle, belief.mean, belief.covariance, draws), count))
+    if len(found) == count:
+        return [drawn.z for drawn in found]
     raise UnknownError(f"{belief.name}: joint.covariance allows for hardly any vehicle that can be; fly more tests")
 
 
