@@ -101,6 +101,12 @@ def discrete(A: Array, density: Array, dt: float) -> tuple[Array, Array]:
     return transition, 0.5 * (process + process.T)
 
 
+def root(covariance: Array) -> Array:
+    """R of a covariance R R', one that rounding has left without full rank too."""
+    values, axes = np.linalg.eigh(covariance)
+    return np.asarray(axes * np.sqrt(np.maximum(values, 0.0)))
+
+
 def system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array, Array]:
     """Plane, slow moment, wave (two states), gyro bias: A, noise density, C, R, P0."""
     n = plane.A.shape[0]

@@ -30,6 +30,8 @@ BOTH_AXIS, LOOP_ON = 23, 100
 
 AXIS_OF_PLANE = {plane: axis for axis, plane in PLANE_OF_AXIS.items()}
 
+STARTED, OVER = "SystemID Starting", ("SystemID Finished", "SystemID Stopped")
+"""What a vehicle says first of a test, and last."""
 _STARTING = re.compile(r"SystemID Starting: axis=(\d+)(?: wave=(\w+) magnitude=(-?[\d.]+))?")
 """ArduPilot says the axis only; its wave is a chirp."""
 _ELEVATOR = re.compile(r"elevator=(-?[\d.]+)")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.log import Log
-from sysid.runs import cut
+from sysid.runs import STARTED, cut
 
 Array = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ def _changes(time_s: Array, values: Array, least: float) -> list[float]:
 
 
 def _tests(log: Log) -> Sequence[tuple[float, float]]:
-    starts = [event.time_s for event in log.events if "SystemID Starting" in event.text]
+    starts = [event.time_s for event in log.events if STARTED in event.text]
     return [(start, start + float(run.time_s[-1])) for start, run in zip(starts, cut(log), strict=False)]
 
 

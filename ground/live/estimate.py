@@ -15,7 +15,7 @@ from sysid.online import estimator, prediction, reading
 from sysid.online.estimator import Knowledge, State
 from sysid.online.information import Information
 from sysid.online.reading import Reading
-from sysid.runs import PREROLL_S, Plane, Run
+from sysid.runs import OVER, PREROLL_S, STARTED, Plane, Run
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 SHORTEST = 60
@@ -24,7 +24,6 @@ BACK_S = 1.0
 """A clock that goes back by more has been started anew; by less, a datagram was late."""
 UNFINISHED = "the log ended"
 """How `runs.cut` calls a test that its log does not see stop."""
-_STARTING, _ENDED = "SystemID Starting", ("SystemID Finished", "SystemID Stopped")
 
 
 class Standing(NamedTuple):
@@ -63,7 +62,7 @@ class Estimate:
 
     def say(self, text: Text) -> None:
         """Take a text of the vehicle's."""
-        if text.text.startswith((_STARTING, *_ENDED)):
+        if text.text.startswith((STARTED, *OVER)):
             self._telemetry.say(text.severity, text.text)
 
     def look(self) -> Standing:
@@ -90,7 +89,7 @@ class Estimate:
         self._end()
         heard = [event for event in telemetry.events if event.time_s < gap.end_s]
         telemetry.events = [event for event in telemetry.events if event.time_s >= gap.end_s]
-        if heard and heard[-1].text.startswith(_STARTING):
+        if heard and heard[-1].text.startswith(STARTED):
             telemetry.events.insert(0, replace(heard[-1], time_s=gap.end_s))
             limit_s = LARGEST_GAP_S[gap.what]
             self._trouble = f"{gap.end_s - gap.start_s:.2f} s without {gap.what}, at most {limit_s:g}"
@@ -109,7 +108,7 @@ class Estimate:
         for run in found:
             self._advance(run)
         heard = [event for event in telemetry.events if event.time_s <= until_s]
-        if heard and not heard[-1].text.startswith(_STARTING):
+        if heard and not heard[-1].text.startswith(STARTED):
             telemetry.events = telemetry.events[len(heard) :]
         elif len(heard) > 1:
             telemetry.events = telemetry.events[len(heard) - 1 :]

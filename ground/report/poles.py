@@ -61,7 +61,7 @@ def _locus(panel: Any, loop: str, case: "Case") -> None:
     from sysid.tables import TABLE_4
 
     closed = table_4.of_case(loop, case)
-    cut = locus.at_duct(closed, 4 if loop == "depth" else 3)
+    cut = table_4.opened(loop, closed)
     branches = locus.poles(cut, np.concatenate([[0.0], np.geomspace(1e-3, 3.0, 400)]))
     _dampings(panel)
     for branch in branches.T:

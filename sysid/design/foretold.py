@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid import loops
-from sysid.design.plant import NOISE_STEP_S, SEED, Plant, depth_answers, heading_answers, spectrum
+from sysid.design.plant import NOISE_STEP_S, SEED, Plant, at_surface, depth_answers, heading_answers, spectrum
 from sysid.design.spec import Spec, Trust
 from sysid.loops import GRID_RADPS, Gains
 from sysid.model import Estimate, IdentifiedModel, digest
@@ -33,10 +33,7 @@ class _Heard(NamedTuple):
 
 def promise(model: IdentifiedModel, vehicle: Plant, gains: Gains, spec: Spec, sure: Trust | None) -> Promise:
     """What a model says of gains that were designed on it."""
-    swings = (
-        _swing_radps(loops.heading_loops(vehicle.yaw, gains)["rudder"]),
-        _swing_radps(loops.depth_loops(vehicle.pitch, gains)["elevator"]),
-    )
+    swings = _swing_radps(vehicle, "yaw", gains), _swing_radps(vehicle, "pitch", gains)
     heard = {**_yaw(model, vehicle, gains, swings[0]), **_pitch(model, vehicle, gains, swings[1])}
     return Promise(
         model_sha256=digest(model),
@@ -102,10 +99,7 @@ def _white(sd: float) -> Array:
 def _command(vehicle: Plant, plane: Plane, wanted: ComplexArray, gains: Gains) -> Array:
     """Of the surface's command: what the sea asks for, and the gyro's noise."""
     lead, sea = loops.lead_response(gains), vehicle.sea[plane]
-    if plane == "yaw":
-        loop, gain = loops.heading_loops(vehicle.yaw, gains)["rudder"], gains["HDG_D"]
-    else:
-        loop, gain = loops.depth_loops(vehicle.pitch, gains)["elevator"], gains["PTCH_D"]
+    loop, gain = at_surface(vehicle, plane, gains)
     noise = sea.rate_noise_degps**2 * NOISE_STEP_S
     return _degrees(wanted * lead, spectrum(sea)) + np.abs(gain * lead / (1.0 + loop)) ** 2 * noise
 
@@ -128,7 +122,8 @@ def _integral(density: Array) -> float:
     return float(np.trapezoid(density, GRID_RADPS)) / math.pi
 
 
-def _swing_radps(loop: ComplexArray) -> float:
+def _swing_radps(vehicle: Plant, plane: Plane, gains: Gains) -> float:
     low, high = SWINGS_RADPS
+    loop, _ = at_surface(vehicle, plane, gains)
     sensitivity = np.where((low <= GRID_RADPS) & (high >= GRID_RADPS), 1.0 / np.abs(1.0 + loop), 0.0)
     return float(GRID_RADPS[np.argmax(sensitivity)])

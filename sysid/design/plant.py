@@ -12,6 +12,7 @@ from sysid import loops, predict
 from sysid.analysis import Analysis, Planes, analyse
 from sysid.design.spec import Response
 from sysid.fit import linear_plane
+from sysid.greybox import Actuator
 from sysid.loops import GRID_RADPS, Gains, Lag, Responses
 from sysid.model import IdentifiedModel, NoiseModel
 from sysid.parameters import Vehicle, possible
@@ -85,13 +86,13 @@ def allowed(model: IdentifiedModel, count: int, prior: VehicleConfig | None = No
 
 def of_vehicle(vehicle: Vehicle, sea: Mapping[Plane, NoiseModel]) -> Plant:
     """Any vehicle of which everything is known."""
-
-    def lag(plane: Plane) -> Lag:
-        tail = vehicle.actuators[plane]
-        return Lag(tail.delay_s + loops.SAMPLING_S, tail.natural_frequency_radps, tail.damping_ratio)
-
     planes = Planes(linear_plane(vehicle, "yaw"), linear_plane(vehicle, "pitch"))
-    return assembled(planes, lag("yaw"), lag("pitch"), sea)
+    return assembled(planes, sampled(vehicle.actuators["yaw"]), sampled(vehicle.actuators["pitch"]), sea)
+
+
+def sampled(tail: Actuator) -> Lag:
+    """A tailcone's lag, with what sampling adds to its delay."""
+    return Lag(tail.delay_s + loops.SAMPLING_S, tail.natural_frequency_radps, tail.damping_ratio)
 
 
 def _sea(model: IdentifiedModel) -> Mapping[Plane, NoiseModel]:
@@ -164,14 +165,18 @@ def command_noise_rad(vehicle: Plant, plane: Plane, gains: Gains) -> float:
     Up to the grid's end in closed loop; beyond it, to half the tick's rate, no loop answers any more.
     """
     density = math.radians(vehicle.sea[plane].rate_noise_degps) ** 2 * NOISE_STEP_S
-    if plane == "yaw":
-        loop, gain = loops.heading_loops(vehicle.yaw, gains)["rudder"], gains["HDG_D"]
-    else:
-        loop, gain = loops.depth_loops(vehicle.pitch, gains)["elevator"], gains["PTCH_D"]
+    loop, gain = at_surface(vehicle, plane, gains)
     shaped = gain * loops.lead_response(gains)
     within = float(np.trapezoid(np.abs(shaped / (1.0 + loop)) ** 2, GRID_RADPS))
     beyond = abs(shaped[-1]) ** 2 * (math.pi / loops.TICK_S - GRID_RADPS[-1])
     return math.sqrt(density * (within + beyond) / math.pi)
+
+
+def at_surface(vehicle: Plant, plane: Plane, gains: Gains) -> tuple[ComplexArray, float]:
+    """The loop opened at the surface, and the gain from gyro to what is wanted of it."""
+    if plane == "yaw":
+        return loops.heading_loops(vehicle.yaw, gains)["rudder"], gains["HDG_D"]
+    return loops.depth_loops(vehicle.pitch, gains)["elevator"], gains["PTCH_D"]
 
 
 def _rms(transfer: ComplexArray, density: Array) -> float:

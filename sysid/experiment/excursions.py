@@ -119,11 +119,10 @@ def _free(vehicle: Vehicle, plane: Plane, level: Noise, longest_s: float, rng: n
     linear = fit.linear_plane(vehicle, plane)
     A, density, _, _, P0 = noise.system(linear, level)
     transition, process = noise.discrete(A, density, DT)
-    values, axes = np.linalg.eigh(process)
     spread = np.sqrt(np.diag(P0))
     spread[: len(linear.states)] *= HELD
     x = spread * rng.standard_normal(len(spread))
-    kicks = rng.standard_normal((int(longest_s / DT) + 1, len(spread))) @ (axes * np.sqrt(np.maximum(values, 0.0))).T
+    kicks = rng.standard_normal((int(longest_s / DT) + 1, len(spread))) @ noise.root(process).T
     out = np.zeros((len(kicks), 3))
     rows = len(linear.states) - 1
     for k in range(len(kicks)):

@@ -53,12 +53,11 @@ def of_vehicle(vehicle: Vehicle, plane: Plane, gains: Gains, level: Noise) -> Lo
     D[:m, :m] = density
     transition, process = noise.discrete(A, D, DT)
     held = expm(np.block([[A, B[:, None]], [np.zeros((1, m + 3))]]) * DT)[: m + 2, m + 2]
-    values, axes = np.linalg.eigh(process)
     spread = np.zeros(m + 2)
     spread[:m] = np.sqrt(np.diag(P0))
     feedback, integral = _law(plane, linear.A, gains, m + 2)
     late = round((actuator.delay_s + SAMPLING_S) / DT)
-    return Loop(transition, held, feedback, integral, late, axes * np.sqrt(np.maximum(values, 0.0)), spread)
+    return Loop(transition, held, feedback, integral, late, noise.root(process), spread)
 
 
 def _law(plane: Plane, A: Array, gains: Gains, size: int) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ from scipy.signal import iirpeak, lfilter
 
 from sysid.log import Log
 from sysid.promise import AVERAGED_S, SWING_WIDTH, Promise
+from sysid.runs import OVER, STARTED
 from sysid.verify import DEPTH_CHANGE_M, HEADING_CHANGE_RAD, SETTLING_S
 
 Array = NDArray[np.float64]
@@ -21,7 +22,6 @@ NEAR_SURFACE_M = 2.0
 """Less deep, waves and suction are not those of the tests, and suction looks like buoyancy."""
 ARRIVED_RAD, ARRIVED_M = math.radians(8.0), 0.5
 """She is on her way to new set-points until she has been so near; from then on every error counts."""
-_STARTED, _OVER = "SystemID Starting", ("SystemID Finished", "SystemID Stopped")
 
 
 class Row(NamedTuple):
@@ -138,9 +138,9 @@ def _latest(at_s: Array, time_s: Array, values: Array) -> Array:
 def _testing(log: Log, at_s: Array) -> NDArray[np.bool_]:
     testing = np.zeros(at_s.size, dtype=np.bool_)
     for event in log.events:
-        if event.text.startswith(_STARTED):
+        if event.text.startswith(STARTED):
             testing |= at_s >= event.time_s
-        elif event.text.startswith(_OVER):
+        elif event.text.startswith(OVER):
             testing &= at_s < event.time_s
     return testing
 

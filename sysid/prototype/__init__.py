@@ -19,6 +19,7 @@ from sysid.prototype import beside, by_locus, cruise, prior
 from sysid.prototype.beside import Beside
 from sysid.prototype.by_locus import Point
 from sysid.prototype.prior import Held, Stands
+from sysid.prototype.shape import loop_of
 from sysid.tables import TABLE_3_INITIAL
 
 __all__ = ["SPEC", "Beside", "Held", "OnLoci", "Prototype", "Stands", "on_loci", "prototype"]
@@ -119,7 +120,7 @@ def _reason(name: str, stands: dict[str, Stands], held: dict[str, Held], compare
     of_table_3 = f"{compared[name].times} times Table 3's"
     if name not in ("HDG_D", "PTCH_D", "DPT_P"):
         return f"{compared[name].why}; {of_table_3}"
-    loop = {"HDG": "heading", "PTCH": "pitch", "DPT": "depth"}[name.split("_")[0]]
+    loop = loop_of(name)
     own, low = stands[loop], held[loop]
     return (
         f"{loop} loop: damping {own.damping:.2f}, GM {own.gm_db:.1f} dB, PM {own.pm_deg:.0f} deg; on 95 % of the prior "

@@ -7,6 +7,7 @@ from sysid.design.plant import Plant
 from sysid.loops import Gains, Lag
 from sysid.prototype import prior
 from sysid.prototype.by_locus import Point
+from sysid.prototype.shape import loop_of
 from sysid.tables import CARIBOU_TURN_PER_S2, TABLE_3_INITIAL
 
 COMPARED = ("HDG_P", "HDG_D", "HDG_I", "PTCH_P", "PTCH_D", "DPT_P", "DPT_I")
@@ -35,7 +36,7 @@ def table_3(vehicle: Plant, loops_of: Mapping[str, Point]) -> dict[str, Beside]:
         paper |= {name: value / livelier for name, value in TABLE_3_INITIAL.items() if name.startswith(prefix)}
     found = {}
     for name in COMPARED:
-        loop = {"HDG": "heading", "PTCH": "pitch", "DPT": "depth"}[name.split("_")[0]]
+        loop = loop_of(name)
         ours = loops_of[loop].gains[name]
         ratio = ours / paper[name]
         found[name] = Beside(ours, paper[name], ratio, _why(name, ratio, vehicle, loops_of[loop], paper))

@@ -10,8 +10,8 @@ from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.linearise import linearise
 from sysid import locus, loops, parameters
 from sysid.analysis import Planes
-from sysid.design.plant import ASSUMED_SEA, Plant, assembled
-from sysid.loops import Gains, Lag
+from sysid.design.plant import ASSUMED_SEA, Plant, assembled, sampled
+from sysid.loops import Gains
 from sysid.parameters import NAMES, Vehicle
 from sysid.planes import LinearPlane
 from sysid.prototype.shape import Shape
@@ -52,10 +52,7 @@ def _plant(vehicle: Vehicle) -> Plant:
         turned @ found.pitch.A @ turned, turned @ found.pitch.B[:, 0],
         ("w", "q", "theta", "depth"), np.array([0.0, 1.0, 0.0, 0.0]),
     )  # fmt: skip
-    lags = {
-        plane: Lag(tail.delay_s + loops.SAMPLING_S, tail.natural_frequency_radps, tail.damping_ratio)
-        for plane, tail in vehicle.actuators.items()
-    }
+    lags = {plane: sampled(tail) for plane, tail in vehicle.actuators.items()}
     return assembled(Planes(yaw, pitch), lags["yaw"], lags["pitch"], {"yaw": ASSUMED_SEA, "pitch": ASSUMED_SEA})
 
 

@@ -54,6 +54,11 @@ class Shape(NamedTuple):
         return locus.at_depth(closed) if self.loop == "depth" else locus.at_duct(closed, 3)
 
 
+def loop_of(gain: str) -> str:
+    """The loop that a gain is of."""
+    return {"HDG": "heading", "PTCH": "pitch", "DPT": "depth"}[gain.split("_")[0]]
+
+
 def heading(zero_radps: float) -> Shape:
     integral = zero_radps / INTEGRAL_S["heading"]
     return Shape("heading", {"HDG_P": zero_radps, "HDG_D": 1.0, "HDG_I": integral}, {})

@@ -37,8 +37,7 @@ def of_plane(vehicle: Vehicle, plane: Plane, level: Noise) -> Colour:
     n = len(linear.states)
     sea = slice(n, n + 3)
     transition, process = noise.discrete(A[sea, sea], density[sea, sea], TICK_S)
-    values, axes = np.linalg.eigh(process)
-    return Colour(transition, axes * np.sqrt(np.maximum(values, 0.0)), np.sqrt(np.diag(P0)[sea]))
+    return Colour(transition, noise.root(process), np.sqrt(np.diag(P0)[sea]))
 
 
 def wrenches(

@@ -6,7 +6,21 @@ The paper gives neither the mass nor which form of delay it used, and prints the
 """
 
 from sysid.table_4.conditions import Alone, alone
-from sysid.table_4.poles import CASES, LAG, LOOPS, Case, Row, closed, dominant, models, of_case, pole, printed, rows
+from sysid.table_4.poles import (
+    CASES,
+    LAG,
+    LOOPS,
+    Case,
+    Row,
+    closed,
+    dominant,
+    models,
+    of_case,
+    opened,
+    pole,
+    printed,
+    rows,
+)
 from sysid.table_4.search import FORMS, Form, Reading, Search, readings
 
 __all__ = [
@@ -25,6 +39,7 @@ __all__ = [
     "dominant",
     "models",
     "of_case",
+    "opened",
     "pole",
     "printed",
     "readings",

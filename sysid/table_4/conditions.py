@@ -10,11 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid import locus
 from sysid.analysis import Planes
 from sysid.loops import Gains, Lag
 from sysid.parameters import PARAMETERS
-from sysid.table_4.poles import CONTROLLERS, LAG, closed, models
+from sysid.table_4.poles import CONTROLLERS, LAG, closed, models, opened
 from sysid.tables import TABLE_4
 
 BENCH_SD = {p.name: p.prior_sd for p in PARAMETERS if p.name in ("natural_frequency", "damping_ratio")}
@@ -39,8 +38,7 @@ def alone(lag: Lag = LAG) -> list[Alone]:
 
 def asked(loop: str, planes: Planes, gains: Gains, pole: complex, lag: Lag) -> tuple[float, float]:
     """(delay, loop gain) with which the loop has this pole."""
-    bare = closed(loop, planes, lag._replace(delay_s=0.0), gains)
-    cut = locus.at_duct(bare, 4 if loop == "depth" else 3)
+    cut = opened(loop, closed(loop, planes, lag._replace(delay_s=0.0), gains))
     at_pole = complex(-cut.row @ np.linalg.solve(pole * np.eye(len(cut.A)) - cut.A, cut.into))
     delay_s = cmath.phase(-at_pole) / pole.imag
     return delay_s, 1.0 / abs(at_pole * cmath.exp(-pole * delay_s))

@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid import loops
+from sysid import locus, loops
 from sysid.analysis import BAND_RADPS, Planes
+from sysid.locus import Opened
 from sysid.loops import Approximation, ClosedLoop, Gains, Lag
 from sysid.planes import pitch_plane, yaw_plane
 from sysid.tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL, TABLE_3_IMPROVED, TABLE_3_INITIAL, TABLE_4
@@ -72,6 +73,11 @@ def closed(loop: str, planes: Planes, lag: Lag, gains: Gains, form: Approximatio
     if loop == "heading":
         return loops.close_heading(planes.yaw, lag, gains, form)
     return (loops.close_pitch if loop == "pitch" else loops.close_depth)(planes.pitch, lag, gains, form)
+
+
+def opened(loop: str, whole: ClosedLoop) -> Opened:
+    """One of ``LOOPS`` at the duct."""
+    return locus.at_duct(whole, 4 if loop == "depth" else 3)
 
 
 def dominant(poles: Sequence[complex] | loops.ComplexArray) -> complex:
