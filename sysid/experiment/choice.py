@@ -1,7 +1,8 @@
-"""Which tests together tell most in the water time there is: begun with any pair, filled greedily, then exchanged until
-nothing is gained."""
+"""Which tests together tell most in the water time there is: begun with any pair, filled greedily; the best of these
+then exchange one or two tests until nothing is gained."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,13 @@ from sysid.experiment.manoeuvre import Manoeuvre
 from sysid.runs import Plane
 
 Array = NDArray[np.float64]
+
+BEGINNINGS = 5
+"""Of the sets begun with each pair, how many are bettered. Of 20 000 made-up problems one in a thousand then ended
+short of the best of all sets, by .04 of the criterion at most; with one beginning it is one in a hundred, by .4."""
+
+GAINED = 1e-6
+"""Of the criterion; less is no gain."""
 
 
 class Candidate(NamedTuple):
@@ -45,22 +53,17 @@ def criterion(slopes: dict[Plane, Slopes], judge: Callable[[Slopes, Array], floa
 def choose(candidates: Sequence[Candidate], known: Array, water_s: float, left: Criterion) -> list[Candidate]:
     """Tests that fit into ``water_s`` and leave least unknown beside ``known``, each plane's first one twice.
 
-    Twice, because the two are flown to opposite sides: what differs between them is no small motion. No exchange of one
-    test gets past a first pair, so each has its turn as that. Empty where no pair fits.
+    Twice, because the two are flown to opposite sides: what differs between them is no small motion. No exchange gets
+    far from a first pair, so each has its turn as that. Empty where no pair fits.
     """
-    pairs = [[c, c] for c in candidates if 2.0 * c.water_s <= water_s]
-    sets = [_completed(pair, candidates, known, water_s, left) for pair in pairs]
-    return min(sets, key=lambda chosen: (-len(planes(chosen)), left(total(chosen, known))), default=[])
 
+    def rank(chosen: Sequence[Candidate]) -> tuple[int, float]:
+        return -len(planes(chosen)), left(total(chosen, known))
 
-def _completed(
-    pair: Sequence[Candidate], candidates: Sequence[Candidate], known: Array, water_s: float, left: Criterion
-) -> list[Candidate]:
-    chosen = _paired_up(pair, candidates, known, water_s, left)
-    chosen = _filled(chosen, candidates, known, water_s, left)
-    while (better := _exchanged(chosen, candidates, known, water_s, left)) is not None:
-        chosen = _filled(better, candidates, known, water_s, left)
-    return chosen
+    pairs = [_paired_up([c, c], candidates, known, water_s, left) for c in candidates if 2.0 * c.water_s <= water_s]
+    begun = [_filled(chosen, candidates, known, water_s, left) for chosen in pairs]
+    best = sorted(begun, key=rank)[:BEGINNINGS]
+    return min((_bettered(chosen, candidates, known, water_s, left) for chosen in best), key=rank, default=[])
 
 
 def total(chosen: Sequence[Candidate], known: Array) -> Array:
@@ -115,18 +118,32 @@ def _filled(
     return full
 
 
+def _bettered(
+    chosen: Sequence[Candidate], candidates: Sequence[Candidate], known: Array, water_s: float, left: Criterion
+) -> list[Candidate]:
+    """By the best of all exchanges, again and again, until none betters it."""
+    best = list(chosen)
+    least = left(total(best, known))
+    while True:
+        others = list(_exchanged(best, candidates, known, water_s, left))
+        telling = [left(total(other, known)) for other in others]
+        if min(telling, default=least) > least - GAINED:
+            return best
+        least = min(telling)
+        best = others[telling.index(least)]
+
+
 def _exchanged(
     chosen: Sequence[Candidate], candidates: Sequence[Candidate], known: Array, water_s: float, left: Criterion
-) -> list[Candidate] | None:
-    """The best of all exchanges of one test for another that betters the set; None without one."""
-    so_far, used_s = total(chosen, known), water_of(chosen)
-    best, least = None, left(so_far) - 1e-6
-    for out in {id(c): n for n, c in enumerate(chosen)}.values():
-        rest = [*chosen[:out], *chosen[out + 1 :]]
+) -> Iterator[list[Candidate]]:
+    """Every set with another test for one or two of its own, and with what then fits."""
+    kept = {}
+    for count in (1, 2):
+        for out in combinations(range(len(chosen)), count):
+            kept[tuple(sorted(id(chosen[n]) for n in out))] = [c for n, c in enumerate(chosen) if n not in out]
+    for rest in kept.values():
         for c in candidates:
-            if used_s - chosen[out].water_s + c.water_s > water_s or not paired([*rest, c]):
-                continue
-            now = left(so_far - chosen[out].told + c.told)
-            if now < least:
-                best, least = [*rest, c], now
-    return best
+            if water_of(rest) + c.water_s <= water_s:
+                full = _filled([*rest, c], candidates, known, water_s, left)
+                if paired(full):
+                    yield full

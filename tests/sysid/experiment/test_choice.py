@@ -3,7 +3,7 @@
 from itertools import combinations_with_replacement
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sysid.experiment import choice
@@ -44,6 +44,9 @@ def test_a_chosen_set_beats_every_test_repeated(seed: int) -> None:
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6))
+@example(421)
+@example(486)
+@example(509)
 def test_it_is_near_the_best_of_all_sets(seed: int) -> None:
     offered, known, water_s = candidates(seed, 4), np.eye(3), 250.0
     best = min(
@@ -52,7 +55,7 @@ def test_it_is_near_the_best_of_all_sets(seed: int) -> None:
         for some in combinations_with_replacement(offered, size)
         if choice.water_of(some) <= water_s and choice.paired(some)
     )
-    assert left(choice.total(choice.choose(offered, known, water_s, left), known)) <= best + 0.25
+    assert left(choice.total(choice.choose(offered, known, water_s, left), known)) <= best + 0.1
 
 
 def test_water_for_less_than_a_pair_holds_nothing() -> None:
