@@ -62,7 +62,7 @@ def test_the_duct_moves_as_through_the_faster_lag() -> None:
     assert np.max(np.abs(angles[10:] / wanted[10:] - faster[10:])) < 0.04
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.floats(-0.6, 0.6), min_size=5, max_size=40))
 def test_no_command_leaves_the_travel_and_the_duct_goes_where_the_model_goes(levels: list[float]) -> None:
     """Steps far beyond travel and rate: the model asks only for what the tailcone can do."""

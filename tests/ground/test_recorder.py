@@ -89,7 +89,7 @@ def read_json(path: Path, topic: str) -> list[tuple[str, dict[str, Any]]]:
 def test_every_message_of_the_dialect_reads_back_equal(name: str, tmp_path: Path) -> None:
     message = dialect.by_name(name)
 
-    @settings(max_examples=3, deadline=None, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=3, suppress_health_check=list(HealthCheck))
     @given(st.tuples(*(value_of(field) for field in message.fields)))
     def check(values: tuple[Any, ...]) -> None:
         path = tmp_path / "log.mcap"

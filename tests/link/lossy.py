@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 
 from link import dialect
 from link.codec import Frame, Framer, encode
-from link.exchange import Exchange, Party
+from link.exchange import Exchange, ExchangeError, Party
 
 T = TypeVar("T")
 
@@ -53,3 +53,14 @@ def settle(
         if exchange.done:
             return exchange.result()
     raise AssertionError("the exchange never came to an end")
+
+
+def insist(attempt: Callable[[], T], times: int = 5) -> T:
+    """The same once more, as a user does, where chance took all of an exchange's questions or their answers."""
+    for _ in range(times - 1):
+        try:
+            return attempt()
+        except ExchangeError as error:
+            if "no answer" not in str(error):
+                raise
+    return attempt()

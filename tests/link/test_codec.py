@@ -56,7 +56,7 @@ def peer_message(message: MessageType, values: tuple[Any, ...]) -> Any:
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: message.name)
 @given(data=st.data(), sequence=st.integers(0, 255))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_every_message_is_packed_as_pymavlink_packs_it(
     message: MessageType, data: st.DataObject, sequence: int
 ) -> None:
@@ -66,7 +66,7 @@ def test_every_message_is_packed_as_pymavlink_packs_it(
 
 @pytest.mark.parametrize("message", MESSAGES, ids=lambda message: message.name)
 @given(data=st.data())
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 def test_every_message_from_pymavlink_is_read_back(message: MessageType, data: st.DataObject) -> None:
     values = data.draw(message_values(message))
     frames = Framer().feed(peer_message(message, values).pack(peer(5)))
@@ -83,7 +83,6 @@ def stream(values: list[tuple[Any, ...]]) -> list[bytes]:
 
 
 @given(attitudes, st.data())
-@settings(deadline=None)
 def test_frames_survive_any_split_of_the_stream(values: list[tuple[Any, ...]], data: st.DataObject) -> None:
     sent = b"".join(stream(values))
     cuts = sorted(data.draw(st.lists(st.integers(0, len(sent)), max_size=8)))
@@ -95,7 +94,6 @@ def test_frames_survive_any_split_of_the_stream(values: list[tuple[Any, ...]], d
 
 
 @given(attitudes, st.lists(st.binary(max_size=40), min_size=7, max_size=7))
-@settings(deadline=None)
 def test_noise_between_frames_costs_no_frame(values: list[tuple[Any, ...]], noise: list[bytes]) -> None:
     sent = b"".join(n + frame for n, frame in zip(noise, stream(values), strict=False))
     received = [frame.raw for frame in Framer().feed(sent + bytes(LONGEST_FRAME))]
@@ -103,7 +101,6 @@ def test_noise_between_frames_costs_no_frame(values: list[tuple[Any, ...]], nois
 
 
 @given(message_values(ATTITUDE), st.data())
-@settings(deadline=None)
 def test_a_flipped_bit_is_never_delivered(values: tuple[Any, ...], data: st.DataObject) -> None:
     frame = bytearray(encode(ATTITUDE, values, 0, 1, 1))
     at = data.draw(st.integers(3, len(frame) - 1))

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from link import missions
@@ -90,7 +90,6 @@ def same(a: Any, b: Any) -> bool:
 
 
 @given(plans)
-@settings(deadline=None)
 def test_what_is_uploaded_comes_back_verbatim(plan: list[MissionItem]) -> None:
     sea = Sea()
     sea.run(sea.client.upload(plan))
@@ -99,7 +98,6 @@ def test_what_is_uploaded_comes_back_verbatim(plan: list[MissionItem]) -> None:
 
 
 @given(plans, st.sets(st.integers(0, 12), max_size=2), st.sets(st.integers(0, 12), max_size=2))
-@settings(deadline=None)
 def test_lost_messages_are_asked_for_again(plan: list[MissionItem], up: set[int], down: set[int]) -> None:
     sea = Sea(lambda n, name: n in up, lambda n, name: n in down)
     sea.run(sea.client.upload(plan))

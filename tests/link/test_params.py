@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from link.codec import Frame
@@ -96,7 +96,6 @@ def test_the_list_is_complete_and_sorted() -> None:
 
 
 @given(st.sets(st.integers(0, 60), max_size=30), st.sets(st.integers(1, 4), max_size=2))
-@settings(deadline=None)
 def test_values_that_were_lost_are_asked_for_by_index(down: set[int], up: set[int]) -> None:
     sea = Sea(lambda n, name: n in up, lambda n, name: n in down)
     assert sea.run(sea.client.list()) == expected(sea)
@@ -116,7 +115,6 @@ def test_a_list_is_sent_in_parts() -> None:
 
 
 @given(st.floats(0.0, 10.0, allow_subnormal=False))
-@settings(deadline=None)
 def test_a_value_that_was_set_reads_back(value: float) -> None:
     sea = Sea()
     assert sea.run(sea.client.set("P_07", value)) == as_real32(value)

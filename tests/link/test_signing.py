@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
@@ -59,7 +59,6 @@ def signed(signer: Signing) -> bytes:
 
 
 @given(st.binary(min_size=32, max_size=32), st.integers(0, 255), st.floats(EPOCH_UNIX_S, EPOCH_UNIX_S + 2.8e9))
-@settings(deadline=None)
 def test_pymavlink_makes_the_same_signature(key: bytes, link_id: int, unix_s: float) -> None:
     ours = Signing(key, link_id, Timestamp(unix_s=lambda: unix_s)).sign(encode(HEARTBEAT, VALUES, 0, 7, 9, SIGNED_FLAG))
     stamp = int.from_bytes(ours[-12:-6], "little")
@@ -190,7 +189,6 @@ def test_an_endpoint_hears_only_those_with_the_key() -> None:
 
 
 @given(st.lists(st.tuples(st.binary(max_size=30), st.booleans()), min_size=1, max_size=8), st.data())
-@settings(deadline=None)
 def test_signed_frames_come_whole_out_of_noise(parts: list[tuple[bytes, bool]], data: st.DataObject) -> None:
     signer = signing()
     frames = [signed(signer) if sign else encode(HEARTBEAT, VALUES, 0, 1, 1) for _, sign in parts]

@@ -20,8 +20,8 @@ VEHICLE = random_vehicles()
 SPEED, RATE, ANGLE, THRUST = st.floats(-3, 3), st.floats(-2, 2), st.floats(-0.3, 0.3), st.floats(-1, 1)
 MOTION = st.tuples(SPEED, SPEED, SPEED, RATE, RATE, RATE).map(np.array)
 ATTITUDE = st.tuples(*[st.floats(-1, 1)] * 4).map(np.array).filter(lambda q: np.linalg.norm(q) > 0.1)
-any_vehicle = settings(deadline=None, max_examples=100)
-flown = settings(deadline=None, max_examples=20)
+any_vehicle = settings(max_examples=100)
+flown = settings(max_examples=20)
 
 
 def state_of(attitude, motion, z_up_m=-500.0):
@@ -47,13 +47,13 @@ def test_coriolis_terms_do_no_work(model, nu):
 
 
 @given(VEHICLE, MOTION)
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 def test_still_water_takes_energy_at_every_motion(model, nu):
     assert energy.power_w(model, nu) <= 1e-12 * energy.power_scale_w(model, nu)
 
 
 @given(VEHICLE, ATTITUDE, MOTION)
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_no_vehicle_gains_energy(model, attitude, motion):
     """Adrift in still water without thrust, weight and buoyancy on: mechanical energy falls from step to step."""
     kept = energy.mechanical_j(model, flight.fly(model, state_of(attitude, motion), 30.0)[::10])

@@ -74,7 +74,7 @@ def test_the_gain_margin_is_where_a_true_delay_loop_goes_unstable() -> None:
     assert fly(YAW, TABLE_3_IMPROVED, 1.05 * limit) > 1.0
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(0.1, 2.5), st.floats(0.2, 5.0), st.floats(0.01, 0.1))
 def test_pade_poles_agree_with_nyquist_of_the_true_delay(p: float, d: float, i: float) -> None:
     """Argument principle: over 0 < w < inf the phase of 1 + L grows by k pi/2 - Z pi, with k = 2 integrators in L."""

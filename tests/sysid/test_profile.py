@@ -13,7 +13,7 @@ from sysid.profile import Problem
 WIDE = np.full(2, 1e6)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 10_000), st.sampled_from([0.68, 0.95, 0.99]))
 def test_a_gaussian_problem_has_symmetric_intervals(seed: int, level: float) -> None:
     """Estimate plus and minus the normal quantile times the standard deviation, for any linear combination."""

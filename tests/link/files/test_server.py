@@ -294,7 +294,7 @@ STEP = st.sampled_from(
 )
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @example(["logs", "link"], False, False)
 @example(["logs", "up", "secret"], True, False)
 @example(["logs", "..", "secret"], True, False)
@@ -317,7 +317,7 @@ def test_no_path_leads_out(tmp_path: Path, steps: list[str], absolute: bool, fro
     assert b"deep" not in bytes(listed.payload)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.binary(min_size=0, max_size=251), min_size=1, max_size=12))
 def test_no_payload_raises_and_each_is_answered_at_most_once_or_by_a_burst(tmp_path: Path, said: list[bytes]) -> None:
     client = Client(build(tmp_path))
@@ -335,7 +335,7 @@ FIELDS = st.tuples(
 )
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(
         st.tuples(FIELDS, st.sampled_from([b"/logs/one.mcap", b"/logs", b"", b"/params/current.param"])), max_size=30

@@ -43,7 +43,7 @@ def messages(reader: Any) -> list[tuple[int, int, bytes, int]]:
     return [(m.channel_id, m.log_time, m.data, m.sequence) for _, _, m in found]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.lists(st.one_of(MESSAGE, FILE, FLUSH), max_size=25))
 def test_the_library_reads_back_all_that_was_written(items: list[Any]) -> None:
     file = io.BytesIO()

@@ -171,7 +171,7 @@ def test_erasing_is_for_vehicles_at_rest(tmp_path: Path) -> None:
     assert [e.num_logs for e in client.list()] == [0]
 
 
-@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 9000), st.integers(0, 1000))
 @pytest.mark.parametrize("download", ["mavproxy", "mavsdk"])
 def test_clients_get_it_all_over_a_link_that_loses_every_sixth(

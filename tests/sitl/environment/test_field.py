@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.random import default_rng
 from numpy.typing import NDArray
@@ -45,7 +45,6 @@ def velocity(sea: Field, place: Array, time_s: float) -> Array:
     return np.array(field.flow(sea, tuple(place), time_s, tuple(swerve), tuple(SWERVING))[0])
 
 
-@settings(deadline=None)
 @given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(0.1, 9.0))
 def test_the_acceleration_is_that_of_a_particle_of_the_water(north: float, west: float, depth_m: float) -> None:
     """A particle's velocity a little before and after, on its path, in waves on a sheared and swerving current."""

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl.vehicle import boundary, config, walls
@@ -88,7 +88,6 @@ def test_a_hull_that_rests_or_drifts_with_the_water_is_not_drawn() -> None:
     np.testing.assert_array_equal(pulled(state, Water(velocity_mps=(1.3, 0.0, 0.0))), 0.0)
 
 
-@settings(deadline=None)
 @given(
     st.tuples(*[st.floats(-1.0, 1.0)] * 6), st.floats(0.3, 3.0), st.floats(-0.6, 0.6), st.floats(-3.0, 3.0),
     st.sampled_from(["floor", "slope", "ice"]),

@@ -29,7 +29,7 @@ def left(information: np.ndarray) -> float:
     return -float(np.linalg.slogdet(information)[1])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 10**6))
 def test_a_chosen_set_beats_every_test_repeated(seed: int) -> None:
     offered, known, water_s = candidates(seed, 6), np.eye(3), 400.0
@@ -42,7 +42,7 @@ def test_a_chosen_set_beats_every_test_repeated(seed: int) -> None:
         assert best <= left(choice.total(repeated, known)) + 0.02
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 10**6))
 @example(421)
 @example(486)

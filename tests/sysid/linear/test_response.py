@@ -42,7 +42,7 @@ def test_equations_have_the_planes_numbers(plane: Plane) -> None:
         assert np.linalg.solve(s * np.eye(len(A)) - A, B)[1] == pytest.approx(expected, rel=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     plane=st.sampled_from(["yaw", "pitch"]),
     away=st.lists(st.floats(-0.6, 0.6), min_size=12, max_size=12),

@@ -130,7 +130,7 @@ def test_tables_hold_every_message(written: dict[str, Path], suffix: str) -> Non
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_broken_file_is_read_or_refused_in_one_line(
     written: dict[str, Path], tmp_path: Path, suffix: str, data: st.DataObject

@@ -118,7 +118,7 @@ def test_it_is_the_estimate_that_a_fit_of_the_other_runs_would_give(world: World
     assert offset.sd == pytest.approx(1.0 / math.sqrt(a @ weight @ a), rel=1e-6)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.floats(0.3, 0.98), st.integers(0, 20), st.floats(2.5, 4.0))
 def test_a_course_exceeds_its_level_no_oftener_than_the_bound_says(alike: float, steps: int, level: float) -> None:
     """A first-order chain is rougher than any smooth course: the bound must hold for it as well."""
