@@ -33,13 +33,15 @@ def mechanical_j(model: Model, track: Array) -> Array:
 
 def power_w(model: Model, nu: Array) -> float:
     """Rate of change of kinetic energy at rest relative to gravity: weight and buoyancy taken away, no thrust."""
-    state = flight.cruising()
-    state[7:13] = nu
-    return float(nu @ model.inertia.M @ flight.rate(flight.without_weight(model), state)[7:13])
+    return float(nu @ model.inertia.M @ _rate(model, nu))
 
 
 def power_scale_w(model: Model, nu: Array) -> float:
-    """What is exchanged between directions at this motion: the measure of rounding in ``power_w``."""
+    """All that is added up in ``power_w``, whatever its sign: the measure of its rounding."""
+    return float(np.abs(nu) @ np.abs(model.inertia.M) @ np.abs(_rate(model, nu)))
+
+
+def _rate(model: Model, nu: Array) -> Array:
     state = flight.cruising()
     state[7:13] = nu
-    return float(np.abs(nu * (model.inertia.M @ flight.rate(flight.without_weight(model), state)[7:13])).sum())
+    return flight.rate(flight.without_weight(model), state)[7:13]
