@@ -1,6 +1,6 @@
 """How seldom the monitor raises a false alarm, how soon it notices what has changed, and what it takes it for.
 
-    python -m benchmarks.monitor GAINS.param [--case NAME ...] [--runs N] [--jobs N] [--seed N]
+    python -m benchmarks.monitor GAINS.param [--case NAME ...] [--runs N] [--out FILE.json]
 
 Straight runs of Caribou in the disturbed sea under gains that `ground redesign` wrote; what goes wrong does
 so after ``FROM_S``. Each figure is printed beside its target.
@@ -9,7 +9,6 @@ so after ``FROM_S``. Each figure is printed beside its target.
 import argparse
 import dataclasses
 import math
-import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -94,12 +93,8 @@ def main() -> None:
     promise, values = gains.promise(asked.gains), gains.load(asked.gains)
     if promise is None:
         sys.exit(f"{asked.gains}: promises nothing; give a file that `ground redesign` wrote")
-    cell, met = Cell("monitor", "straight runs", partial(trial, promise, values), judge), True
-    for case in asked.case or CASES:
-        outcome = study.run(cell, case, asked.runs, asked.seed, asked.jobs)
-        study.show(outcome)
-        met &= all(figure.met for figure in outcome.figures)
-    sys.exit(0 if met else 1)
+    cell = Cell("monitor", "straight runs", partial(trial, promise, values), judge, 20)
+    sys.exit(study.status(study.ask([(cell, case) for case in asked.case or CASES], asked)))
 
 
 def _sea(case: str) -> Scenario:
@@ -110,12 +105,9 @@ def _sea(case: str) -> Scenario:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = study.parser(__doc__, "dives of each case; 20 unless told")
     parser.add_argument("gains", type=Path, help="gains.param of a redesign of Caribou")
     parser.add_argument("--case", action="append", choices=CASES)
-    parser.add_argument("--runs", type=int, default=20)
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--seed", type=int, default=1)
     return parser.parse_args()
 
 

@@ -1,10 +1,13 @@
 """Runs cells: the same trial under many seeds, side by side on all cores, and each figure beside its target."""
 
+import argparse
 import json
 import math
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -57,6 +60,39 @@ class Outcome(NamedTuple):
     """What the cell was asked of: a vehicle, a sea."""
     runs: int
     figures: tuple[Figure, ...]
+
+
+def parser(about: str | None, runs: str) -> argparse.ArgumentParser:
+    """Takes what every study takes; ``runs`` tells what is run, and how often."""
+    options = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--runs", type=int, help=runs)
+    options.add_argument("--seed", type=int, default=1, help="of the first run")
+    options.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    options.add_argument("--out", type=Path, help="JSON of all figures")
+    return options
+
+
+def ask(
+    questions: Iterable[tuple[Cell, str]], asked: argparse.Namespace, known: Sequence[Outcome] = ()
+) -> list[Outcome]:
+    """Run each cell for its case as ``parser``'s options say; show and write what has come of it after each.
+
+    ``known`` is what stands already, shown and written first.
+    """
+    outcomes = list(known)
+    for outcome in outcomes:
+        show(outcome)
+    for cell, case in questions:
+        outcomes.append(run(cell, case, asked.runs or cell.runs, asked.seed, asked.jobs))
+        show(outcomes[-1])
+        if asked.out:
+            asked.out.write_text(as_json(outcomes, asked.seed), encoding="utf-8")
+    return outcomes
+
+
+def status(outcomes: Iterable[Outcome]) -> int:
+    """Of the process: 1 where a figure misses its target."""
+    return 0 if all(figure.met for outcome in outcomes for figure in outcome.figures) else 1
 
 
 def run(cell: Cell, case: str, runs: int, first_seed: int, jobs: int) -> Outcome:

@@ -4,7 +4,10 @@ The dives are the shipped missions, flown by the autopilot's own tick through th
 of them is read, screened, fitted and judged as a log is.
 """
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +16,11 @@ from ground import script
 from ground.campaign import FITTED, HELD_OUT, TRIM_MISSION, TRIM_WINDOW_S, dive_seed
 from sitl.vehicle import config
 from sysid import assemble, design, fit, refit, runs
-from sysid.design import Design
+from sysid import model as models
+from sysid.design import Design, DesignRefused
 from sysid.judge.judged import judged
 from sysid.log import Actuators, Attitude, Depth, Duct, Event, Log, Setpoints
-from sysid.model import IdentifiedModel
+from sysid.model import IdentifiedModel, ModelError
 from sysid.runs import Run
 from sysid.screen import screen
 from sysid.screen.rounds import settle
@@ -36,6 +40,24 @@ class Campaign(NamedTuple):
 
     model: IdentifiedModel
     trims: Values
+
+
+def known(model: Path | None, seed: int) -> Campaign:
+    """With a model that is there already, or from nothing. Raises ModelError."""
+    return Campaign(models.read(model), measured_trims(seed)) if model else fly(seed)
+
+
+@contextmanager
+def refusals() -> Iterator[None]:
+    """A model that cannot be read, or that gives no gains, ends a study in one line."""
+    try:
+        yield
+    except ModelError as error:
+        print(error, file=sys.stderr)
+        sys.exit(2)
+    except DesignRefused as refusal:
+        print(refusal, file=sys.stderr)
+        sys.exit(1)
 
 
 def fly(seed: int) -> Campaign:
