@@ -18,6 +18,12 @@ ScenarioName = Annotated[
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Of every random stream.")]
 Speed = Annotated[str, typer.Option(metavar="N|max", help="Times the wall clock.")]
+ModelFile = Annotated[Path, typer.Argument(metavar="MODEL.json", help="What refit found.")]
+Prior = Annotated[str | None, typer.Option(metavar="FILE", help="The vehicle file that the model was refitted from.")]
+SpecFile = Annotated[
+    Path | None, typer.Option("--spec", metavar="FILE.toml", help="What is asked: `damping = 0.6` and so on.")
+]
+Force = Annotated[bool, typer.Option("--force", help="Design on a model whose own verdict is against it.")]
 GROUND_LINK = "udpin:127.0.0.1:14550"
 
 

@@ -5,22 +5,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ground.console import Json, give
+from ground.console import Force, Json, ModelFile, Prior, SpecFile, give
 
 if TYPE_CHECKING:
     from sysid.design.optimal import LawDesign
 
 
 def laws(
-    model: Annotated[Path, typer.Argument(help="A model.json from refit.")],
+    model: ModelFile,
     out: Annotated[Path, typer.Option(metavar="LAWS.json")] = Path("laws.json"),
-    prior: Annotated[
-        str | None, typer.Option(metavar="FILE", help="The vehicle file that the model was refitted from.")
-    ] = None,
-    spec: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="What is asked: `damping = 0.6` and so on.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Design on a model whose own verdict is against it.")] = False,
+    prior: Prior = None,
+    spec: SpecFile = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Design LQG laws of the redesign's specification for a model, or refuse with the reason; a minute or two."""

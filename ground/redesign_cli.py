@@ -6,19 +6,15 @@ from typing import Annotated
 import typer
 
 from ground import params_cli
-from ground.console import Json, Sign, give
+from ground.console import Force, Json, ModelFile, Prior, Sign, SpecFile, give
 
 
 def redesign(
-    model: Annotated[Path, typer.Argument(help="A model.json from refit.")],
+    model: ModelFile,
     out: Annotated[Path, typer.Option(metavar="GAINS.param")] = Path("gains.param"),
     upload: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Set the gains on this vehicle.")] = None,
-    prior: Annotated[
-        str | None, typer.Option(metavar="FILE", help="The vehicle file that the model was refitted from.")
-    ] = None,
-    spec: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="What is asked: `damping = 0.6` and so on.")
-    ] = None,
+    prior: Prior = None,
+    spec: SpecFile = None,
     damping: Annotated[float | None, typer.Option(help="Least of any mode that shows; 0.6.")] = None,
     gm_db: Annotated[float | None, typer.Option(help="Gain margin at every cut; 8.")] = None,
     pm_deg: Annotated[float | None, typer.Option(help="Phase margin at every cut; 55.")] = None,
@@ -28,7 +24,7 @@ def redesign(
     probability: Annotated[float | None, typer.Option(help="Share of them that must keep all of it; 0.5.")] = None,
     finish_s: Annotated[float | None, typer.Option(help="Seconds for an integrator to finish; 30.")] = None,
     depth_overshoot: Annotated[float | None, typer.Option(help="Share of a change of depth; 0.1.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Design on a model whose own verdict is against it.")] = False,
+    force: Force = False,
     sign: Sign = None,
     json: Json = False,
 ) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.console import Json, Seed, give
+from ground.console import Json, ModelFile, Prior, Seed, give
 from ground.errors import BadInputError, FailedError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ ROUGHEST = 10.0
 
 
 def rehearse(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="What refit found.")],
+    model: ModelFile,
     gains: Annotated[Path, typer.Option(metavar="GAINS.param", help="That are to go to sea.")],
     against: Annotated[
         list[Path] | None, typer.Option(metavar="OTHER.param", help="Gains to set beside them; repeatable.")
@@ -28,9 +28,7 @@ def rehearse(
     mission: Annotated[str, typer.Option(metavar="NAME|FILE", help="As for fly.")] = "combined",
     vehicles: Annotated[int, typer.Option(min=1, max=10_000, help="Drawn from the model.")] = 30,
     seed: Seed = 1,
-    prior: Annotated[
-        str | None, typer.Option(metavar="FILE", help="The vehicle file that the model was refitted from.")
-    ] = None,
+    prior: Prior = None,
     sea: Annotated[str, typer.Option(metavar="1.0,1.5", help="Times the disturbance that the model found.")] = "1.0",
     current: Annotated[float, typer.Option(metavar="M/S", min=0.0, max=5.0, help="Towards anywhere.")] = 0.0,
     bias_shift: Annotated[
