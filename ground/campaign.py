@@ -12,12 +12,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
+from queue import SimpleQueue
 from threading import Lock
 from typing import Any, NamedTuple
 
 from ground import refit, summary
+from ground.children import Forked, cores
 from ground.errors import BadInputError, FailedError
 from ground.flight import Dive, Outcome, Progress, fly_simulated
 from ground.folder import STAGES, CampaignFolder
@@ -69,6 +71,7 @@ class Campaign:
     announce: Announce
     outcomes: dict[str, Outcome] = field(default_factory=dict)
     _afloat: list[SimulatedVehicle] = field(default_factory=list)
+    _cores: SimpleQueue[int | None] = field(default_factory=lambda: _cores_of_places())
     _lock: Lock = field(default_factory=Lock)
     _cancelled: bool = False
 
@@ -138,21 +141,33 @@ class Campaign:
         log = self.folder.log_path(stage, mission)
         log.parent.mkdir(exist_ok=True)
         name = f"{stage}/{mission}"
-        simulated = self._launch(mission)
         notes = {"stage": stage, "seed": str(dive_seed(self.request.seed, mission))}
-        outcome = fly_simulated(
-            Dive.load(mission, log, parameters=parameters, notes=notes), simulated, lambda at: self.watch(name, at)
-        )
+        dive = Dive.load(mission, log, parameters=parameters, notes=notes)
+        with self._core() as core:
+            outcome = fly_simulated(dive, self._launch(mission, core), lambda at: self.watch(name, at))
         if outcome.failsafes:
             raise FailedError(f"{name}: {outcome.failsafes[0]}")
         self.outcomes[name] = outcome
 
-    def _launch(self, mission: str) -> SimulatedVehicle:
+    @contextmanager
+    def _core(self) -> Iterator[int | None]:
+        """The core that a dive's two processes share while there is one for each dive, None where there are more.
+
+        They take turns; on different cores each would keep its own busy with waiting for the other.
+        """
+        core = self._cores.get()
+        try:
+            yield core
+        finally:
+            self._cores.put(core)
+
+    def _launch(self, mission: str, core: int | None) -> SimulatedVehicle:
         r = self.request
         with self._lock:
             if self._cancelled:
                 raise FailedError("cancelled")
-            simulated = SimulatedVehicle(Simulation(r.vehicle, r.scenario, dive_seed(r.seed, mission), r.speed))
+            simulation = Simulation(r.vehicle, r.scenario, dive_seed(r.seed, mission), r.speed)
+            simulated = SimulatedVehicle(simulation, start=partial(Forked, core=core))
             self._afloat.append(simulated)
         return simulated
 
@@ -171,6 +186,13 @@ class Campaign:
             self._cancelled = True
             for simulated in self._afloat:
                 simulated.stop()
+
+
+def _cores_of_places() -> SimpleQueue[int | None]:
+    found, places = cores(), SimpleQueue[int | None]()
+    for place in range(AT_ONCE):
+        places.put(found[place] if len(found) == AT_ONCE else None)
+    return places
 
 
 def dive_seed(seed: int, mission: str) -> int:

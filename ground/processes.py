@@ -1,17 +1,16 @@
 """A simulator and an autopilot as child processes, for one dive."""
 
 import contextlib
-import os
 import secrets
 import signal
 import socket
-import subprocess
-import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import IO, NamedTuple, Self
+from typing import NamedTuple, Self
 
+from ground.children import Spawned, Start
 from ground.errors import BAD_INPUT, BadInputError
 from ground.vehicle import VehicleError
 from link.clock import wall_s
@@ -22,7 +21,6 @@ STOPS_WITHIN_S = 5.0
 PORTS = range(20_000, 32_000)
 """Below those that the system deals out by itself: what was free stays free until a child takes it."""
 _given_ports: set[int] = set()
-_SOURCES = str(Path(__file__).parents[1])
 
 
 class Simulation(NamedTuple):
@@ -41,19 +39,19 @@ class Simulation(NamedTuple):
 class SimulatedVehicle:
     """sitl and autopilot, started and stopped together. The vehicle's time begins when it is armed."""
 
-    def __init__(self, simulation: Simulation, parameters: Path | None = None) -> None:
+    def __init__(self, simulation: Simulation, parameters: Path | None = None, start: Start = Spawned) -> None:
         hil, ground = free_port(), free_port(socket.SOCK_STREAM)
         self.address = f"tcp:127.0.0.1:{ground}"
-        sitl = [*_module("sitl"), "--vehicle", simulation.vehicle, "--scenario", simulation.scenario]
+        sitl = ["--vehicle", simulation.vehicle, "--scenario", simulation.scenario]
         sitl += ["--seed", str(simulation.seed), "--speed", simulation.speed, "--wait-for-arm", "--lifeline"]
         if simulation.truth is not None:
             sitl += ["--truth", str(simulation.truth)]
-        autopilot = [*_module("autopilot"), "--hil", f"udpin:127.0.0.1:{hil}", "--gcs", f"tcpin:127.0.0.1:{ground}"]
+        autopilot = ["--hil", f"udpin:127.0.0.1:{hil}", "--gcs", f"tcpin:127.0.0.1:{ground}"]
         autopilot += ["--lifeline", "--state", "off", "--logs", str(simulation.logs or "off")]
         if parameters is not None:
             autopilot += ["--params", str(parameters)]
-        self._autopilot = _Child("autopilot", autopilot)
-        self._sitl = _Child("sitl", [*sitl, "--hil", f"udpout:127.0.0.1:{hil}"])
+        self._autopilot = _Program("autopilot", autopilot, start)
+        self._sitl = _Program("sitl", [*sitl, "--hil", f"udpout:127.0.0.1:{hil}"], start)
 
     def __enter__(self) -> Self:
         return self
@@ -91,20 +89,16 @@ class SimulatedVehicle:
             child.wait()
 
 
-class _Child:
-    """Holds the child's standard input open and says nothing: when this process dies, so does the child."""
+class _Program:
+    """One of the two, and what it says."""
 
-    def __init__(self, name: str, command: list[str]) -> None:
+    def __init__(self, name: str, arguments: Sequence[str], start: Start) -> None:
         self._name = name
-        self._said: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
-        paths = [_SOURCES, *filter(None, [os.environ.get("PYTHONPATH")])]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=self._said, env=environment
-        )
+        self._said = tempfile.NamedTemporaryFile(prefix=f"{name}-", suffix=".stderr")  # noqa: SIM115 - lives as the process does
+        self._child = start(name, arguments, Path(self._said.name))
 
     def check(self) -> None:
-        status = self._process.poll()
+        status = self._child.poll()
         if status is None:
             return
         said = self._last_words()
@@ -114,27 +108,16 @@ class _Child:
         raise VehicleError(f"{self._name} {how}" + (f": {said}" if said else ""))
 
     def terminate(self) -> None:
-        if self._process.poll() is None:
-            self._process.terminate()
+        self._child.terminate()
 
     def wait(self) -> None:
-        try:
-            self._process.wait(STOPS_WITHIN_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        if self._process.stdin is not None:
-            self._process.stdin.close()
+        self._child.end(STOPS_WITHIN_S)
         self._said.close()
 
     def _last_words(self) -> str:
         self._said.seek(0)
         lines = self._said.read().decode("utf-8", "replace").strip().splitlines()
         return lines[-1].strip() if lines else ""
-
-
-def _module(name: str) -> list[str]:
-    return [sys.executable, "-m", name]
 
 
 def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:

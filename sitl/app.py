@@ -51,13 +51,13 @@ def run(options: Options) -> None:
         AutopilotSilentError, LinkLostError: the autopilot is gone.
     """
     build = cache(partial(plant.build, config.load(options.vehicle), scenario.load(options.scenario)))
-    _rehearse(build(OURS))  # bad input is told, and the physics compiled, before anybody waits for us
+    rehearse(build(OURS))  # bad input is told, and the physics compiled, before anybody waits for us
     stop = _stop_on_signals()
     with closing(open_transport(options.hil)) as transport, _truth_record(options.truth) as record:
         _fly(build, options, take_on(options.pilot, transport, stop.is_set), record)
 
 
-def _rehearse(sea: Plant) -> None:
+def rehearse(sea: Plant) -> None:
     """Fly one tick that nobody will know of."""
     rng = plant.random_streams(0)
     state, _ = plant.launch(sea, rng)
