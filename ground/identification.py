@@ -97,7 +97,7 @@ def verdict_lines(model: "IdentifiedModel") -> list[str]:
     lines = ["fit for redesign"] if found.fit_for_redesign else ["not fit for redesign:"]
     lines += [f"  {reason}" for reason in found.reasons]
     if found.next_test:
-        lines += [f"next test: {found.next_test}", f"  for {found.next_test.reason}"]
+        lines += [f"next test: {found.next_test}", f"  why: {found.next_test.reason}"]
     return lines
 
 

@@ -107,8 +107,9 @@ def _analysis(found: "Analysis") -> dict[str, Any]:
     from sysid.analysis import damping
 
     return {
-        "damping": {loop: damping(poles) for loop, poles in found.poles.items()},
+        "damping": {loop: damping(poles) for loop, poles in found.shown.items()},
         "poles_radps": {loop: [[p.real, p.imag] for p in poles] for loop, poles in found.poles.items()},
+        "shown_poles_radps": {loop: [[p.real, p.imag] for p in poles] for loop, poles in found.shown.items()},
         "margins": {cut: {k: _finite(v) for k, v in m._asdict().items()} for cut, m in found.margins.items()},
     }
 

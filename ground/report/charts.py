@@ -22,8 +22,7 @@ def of_figure(figure: Figure) -> Chart:
     for row, panel in enumerate(figure.panels):
         suffix = "" if row == 0 else str(row + 1)
         top = 1.0 - row * (height + _GAP)
-        label = f"{panel.title}, {panel.y_label}"
-        layout[f"yaxis{suffix}"] = {"domain": [round(top - height, 4), round(top, 4)], "title": {"text": label}}
+        layout[f"yaxis{suffix}"] = {"domain": [round(top - height, 4), round(top, 4)], "title": {"text": panel.label}}
         if panel.title == "depth":
             layout[f"yaxis{suffix}"]["autorange"] = "reversed"
         if panel.limits:

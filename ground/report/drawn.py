@@ -47,7 +47,7 @@ def panels(place: Any, figure: Figure) -> None:
             axis.axvspan(start, end, color="#808080", alpha=0.15, linewidth=0)
         if figure.upright is not None:
             axis.axvline(figure.upright, color="#808080", linewidth=1.0, linestyle=":")
-        axis.set_ylabel(f"{panel.title}, {panel.y_label}" if panel.y_label else panel.title)
+        axis.set_ylabel(panel.label)
         axis.grid(which="both" if figure.log_x else "major", color=canvas.GRID, linewidth=0.8)
         if panel.limits:
             axis.set_ylim(*panel.limits)

@@ -40,6 +40,11 @@ class Panel(NamedTuple):
     curves: tuple[Curve, ...]
     limits: tuple[float, float] | None = None
 
+    @property
+    def label(self) -> str:
+        """Of the y axis."""
+        return f"{self.title}, {self.y_label}" if self.y_label else self.title
+
 
 class Figure(NamedTuple):
     """Panels above one another that share their x axis."""

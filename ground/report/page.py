@@ -53,7 +53,7 @@ def _page(campaign: CampaignFolder) -> str:
         "predictions": "".join(map(_figure, predictions)),
         "whiteness": "".join(map(_figure, whiteness)),
         "table_3": tables.table_3(summary["gains"]),
-        "table_4": tables.table_4(poles),
+        "table_4": tables.table_4({role: found["shown_poles_radps"] for role, found in analyses.items()}),
         "table_5": tables.table_5(summary["steady_error"]),
         "tracking": tables.tracking(summary["tracking"]),
         "small_signal": tables.small_signal(model),

@@ -44,7 +44,7 @@ def _column(axes: Any, figure: Figure) -> None:
     for axis, title in zip(axes, ("depth", "heading"), strict=True):
         for curve in panels[title].curves:
             _line(axis, curve)
-        axis.set_ylabel(f"{title}, {panels[title].y_label}")
+        axis.set_ylabel(panels[title].label)
         axis.grid(color=canvas.GRID, linewidth=0.8)
     axes[0].invert_yaxis()
     axes[0].set_title(figure.title, loc="left")

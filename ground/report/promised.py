@@ -14,13 +14,13 @@ def specification(design: Mapping[str, Any]) -> str:
     rows = [[escape(row.limit), escape(row.asked), f"<b>{escape(row.reached)}</b>", escape(row.where)]
             for row in asked.rows(design)]  # fmt: skip
     note = f'<p class="note">Held besides: {escape(asked.others(design["specification"]))}.</p>'
-    return table(["", "asked", "reached", "at"], rows, "named") + note
+    return table(["", "asked", "reached", "at"], rows, "named told") + note
 
 
 def reasons(design: Mapping[str, Any]) -> str:
     """Each parameter of the redesign with its reason."""
     rows = [[name, f"{value:.4g}", escape(design["reasons"][name])] for name, value in design["gains"].items()]
-    return table(["parameter", "value", "reason"], rows, "named")
+    return table(["parameter", "value", "reason"], rows, "named told")
 
 
 def kept(missions: Mapping[str, Mapping[str, Any]]) -> str:
@@ -30,7 +30,7 @@ def kept(missions: Mapping[str, Mapping[str, Any]]) -> str:
         cells = [_pair(found["rms"].get(name)) for name in ROWS]
         words = "; ".join(cause["words"] for cause in found["causes"]) or ("as foretold" if found["blocks"] else "")
         rows.append([mission.replace("_", " "), f"{found['steady_s']:.0f} s", *cells, escape(words)])
-    return table(["mission", "steady flight", *ROWS.values(), ""], rows, "named")
+    return table(["mission", "steady flight", *ROWS.values(), ""], rows, "named told")
 
 
 def _pair(rms: Mapping[str, float] | None) -> str:

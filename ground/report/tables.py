@@ -70,8 +70,9 @@ def verdict(model: "IdentifiedModel") -> str:
     """Yes or no, why, and the test to fly next, as paragraphs."""
     from ground.identification import verdict_lines
 
-    first, *others = verdict_lines(model)
-    return f'<p class="lead">{escape(first.capitalize())}.</p>' + "".join(f"<p>{escape(text)}</p>" for text in others)
+    first, *others = (escape(line.strip()) for line in verdict_lines(model))
+    lead = f'<p class="lead">{first.capitalize().rstrip(":")}.</p>'
+    return lead + "".join(f"<p>{line[:1].upper()}{line[1:]}</p>" for line in others)
 
 
 def gates(model: "IdentifiedModel") -> str:
@@ -127,7 +128,7 @@ def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def table_4(poles: Mapping[str, Any]) -> str:
-    """Dominant closed-loop poles: the paper's nine, the same reckoned by us, and ours."""
+    """Dominant closed-loop poles: the paper's nine, the same reckoned by us, and ours of those that show."""
     from sysid.table_4 import dominant
     from sysid.table_4 import rows as reckoned
 
@@ -186,6 +187,7 @@ def margins(analyses: Mapping[str, Any]) -> str:
 def screening(model: "IdentifiedModel") -> str:
     """Every run, kept or not, with the reason and how well it is explained."""
     quality = {q.run: q for q in (*model.fit_quality, *model.held_out)}
+    waves = {run.run: run.wave for found in model.validation.values() for run in found.runs}
     rows = []
     for run in model.screening:
         q = quality.get(run.run)
@@ -195,8 +197,8 @@ def screening(model: "IdentifiedModel") -> str:
         rows.append([run.run, f"{run.wave} {run.magnitude_deg:+g}°", f"{run.duration_s:.1f} s", *errors, verdict, why])
     for q in model.held_out:
         errors = [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
-        rows.append([q.run, q.plane, "", *errors, '<span class="tag">held out</span>', ""])
-    return table(["run", "test", "length", "initial model", "refitted model", "", "reason"], rows, "named runs")
+        rows.append([q.run, waves.get(q.run, q.plane), "", *errors, '<span class="tag">held out</span>', ""])
+    return table(["run", "test", "length", "initial model", "refitted model", "", "reason"], rows, "named told")
 
 
 def tracking(missions: Mapping[str, Mapping[str, Any]]) -> str:

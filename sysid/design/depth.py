@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from sysid import loops
+from sysid import loops, modes
 from sysid.design import limits, search
 from sysid.design.limits import Bounds, Misses
 from sysid.design.plant import Plant, command_noise_rad, depth_rms
@@ -42,7 +42,7 @@ def stability(vehicle: Plant, gains: Gains, bounds: Bounds, finishing: Spec | No
     """Margins at both cuts, damping in pitch and depth, and where ``finishing`` asks for it that the error in depth
     of an elevator offset goes in time."""
     cuts, plane = loops.depth_loops(vehicle.pitch, gains), vehicle.planes.pitch
-    own = limits.modes(loops.close_depth(plane, vehicle.pitch_lag, gains))
+    own = modes.of(loops.close_depth(plane, vehicle.pitch_lag, gains))
     return {
         **limits.of_cut(cuts["elevator"], "elevator", bounds),
         **limits.of_cut(cuts["depth"], "depth", bounds),

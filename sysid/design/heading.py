@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from sysid import loops
+from sysid import loops, modes
 from sysid.design import limits, search
 from sysid.design.limits import Bounds, Misses
 from sysid.design.plant import Plant, command_noise_rad, heading_rms
@@ -41,7 +41,7 @@ def gains(
 def stability(vehicle: Plant, gains: Gains, bounds: Bounds, finishing: Spec | None = None) -> Misses:
     """Margins at both cuts, damping, and where ``finishing`` asks for it that a rudder offset's error goes in time."""
     cuts, plane = loops.heading_loops(vehicle.yaw, gains), vehicle.planes.yaw
-    own = limits.modes(loops.close_heading(plane, vehicle.yaw_lag, gains))
+    own = modes.of(loops.close_heading(plane, vehicle.yaw_lag, gains))
     return {
         **limits.of_cut(cuts["rudder"], "rudder", bounds),
         **limits.of_cut(cuts["heading"], "heading", bounds),

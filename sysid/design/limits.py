@@ -6,16 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid import loops
+from sysid import loops, modes
 from sysid.design.spec import Spec
-from sysid.loops import ClosedLoop
+from sysid.modes import Modes
 
 Array = NDArray[np.float64]
 Misses = dict[str, float]
 
-SHOWS = 0.1
-"""A mode with less than this share of the largest in what a disturbance does is hardly seen in the motion: so the
-tailcone's lag beside the zeros that undo it, which never quite meet."""
 STEP_S = 0.5
 LASTS = 2.0
 """A load's answer is watched for so many times the time in which it must be over."""
@@ -44,30 +41,13 @@ def of_cut(loop: NDArray[np.complex128], name: str, bounds: Bounds) -> Misses:
     }
 
 
-class Modes(NamedTuple):
-    """A closed loop in its own coordinates: x = right * amounts, each of which goes by its own value."""
-
-    values: NDArray[np.complex128]
-    right: NDArray[np.complex128]
-
-
-def modes(closed: ClosedLoop) -> Modes:
-    values, right = np.linalg.eig(closed.A)
-    return Modes(values.astype(np.complex128), right.astype(np.complex128))
-
-
 def of_damping(found: Modes, states: Mapping[str, int], bounds: Bounds) -> Misses:
-    """Damping of the modes that show in what a blow about the plane's axis does to ``states``, by loop."""
-    blow = np.zeros(found.values.size, dtype=np.complex128)
-    blow[1] = 1.0
-    amounts = np.linalg.solve(found.right, blow)
+    """Damping of the modes that show in ``states``, by loop."""
     ratios = -found.values.real / np.abs(found.values)
-    missed = {}
-    for name, state in states.items():
-        sizes = np.abs(found.right[state] * amounts)
-        least = float(np.min(ratios[sizes > SHOWS * np.max(sizes)]))
-        missed[f"damping of the {name} loop"] = 1.0 - least / bounds.damping
-    return missed
+    return {
+        f"damping of the {name} loop": 1.0 - float(np.min(ratios[shown])) / bounds.damping
+        for name, shown in modes.showing(found, states).items()
+    }
 
 
 def of_load(found: Modes, surface: Array, state: int, name: str, spec: Spec) -> Misses:

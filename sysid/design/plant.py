@@ -105,6 +105,7 @@ def judge(vehicle: Plant, gains: Gains) -> Analysis:
     pitch = analyse(vehicle.planes, gains, vehicle.pitch_lag.delay_s, vehicle.pitch_lag)
     return Analysis(
         poles={**pitch.poles, "heading": yaw.poles["heading"]},
+        shown={**pitch.shown, "heading": yaw.shown["heading"]},
         margins={**pitch.margins, **{cut: yaw.margins[cut] for cut in ("rudder", "heading")}},
     )
 

@@ -16,11 +16,11 @@ def reasons(
     done = f"a constant load is gone but for {100 * spec.finish_left:.0f} % after {spec.finish_s:g} s"
     texts = {
         "HDG_P": f"heading {before.heading_deg:.2f} -> {after.heading_deg:.2f} deg rms predicted; {cut('rudder')}",
-        "HDG_D": f"damping {damping(judged.poles['heading']):.2f}",
+        "HDG_D": f"damping {damping(judged.shown['heading']):.2f}",
         "HDG_I": done,
         "HDG_IMAX": f"the rudder bias of {bias:.1f} deg, its uncertainty and 1 deg, should the trim be lost",
         "PTCH_P": f"pitch {before.pitch_deg:.2f} -> {after.pitch_deg:.2f} deg rms predicted; {cut('elevator')}",
-        "PTCH_D": f"damping {damping(judged.poles['depth']):.2f}",
+        "PTCH_D": f"damping {damping(judged.shown['depth']):.2f}",
         "PTCH_I": "the depth integrator carries the constant load",
         "PTCH_IMAX": "no pitch integrator",
         "DPT_P": f"depth {100 * before.depth_m:.1f} -> {100 * after.depth_m:.1f} cm rms predicted; {cut('depth')}",

@@ -117,3 +117,15 @@ def test_a_lag_that_is_undone_is_the_faster_lag() -> None:
     cancelled = np.roots([1.0, 2 * 0.6 * 3.0, 9.0])
     expected = np.concatenate([loops.poles(loops.close_heading(YAW, faster, TABLE_3_INITIAL)), cancelled])
     np.testing.assert_allclose(np.sort_complex(undone_poles), np.sort_complex(expected), rtol=1e-6)
+
+
+def test_the_lag_that_the_commands_undo_does_not_show() -> None:
+    """Its pair is there, beside the zeros that undo it; what shows is the faster lag's and the loop's own."""
+    both, pair = analysis.Planes(YAW, PITCH), 3.0 * (-0.6 + 0.8j)
+    lead = {**TABLE_3_INITIAL, "ACT_LAG_W": 3.0, "ACT_LAG_Z": 0.6, "ACT_LEAD_W": 6.0}
+    undone, whole = (analysis.analyse(both, gains, LAG.delay_s, LAG) for gains in (lead, TABLE_3_INITIAL))
+    for loop in ("heading", "pitch", "depth"):
+        assert min(abs(pole - pair) for pole in undone.poles[loop]) < 1e-6
+        assert min(abs(pole - pair) for pole in undone.shown[loop]) > 0.5
+        assert analysis.damping(undone.shown[loop]) > analysis.damping(whole.shown[loop])
+        assert analysis.damping(whole.shown[loop]) == pytest.approx(analysis.damping(whole.poles[loop]))

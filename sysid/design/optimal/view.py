@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid import loops
+from sysid import loops, modes
 from sysid.design import limits
 from sysid.design.limits import Bounds, Misses
 from sysid.design.optimal import law as laws
@@ -80,7 +80,7 @@ def stability(seen: View, law: Law, bounds: Bounds, finishing: Spec | None = Non
     """What the PID's loops are asked for, and that a change of buoyancy ends in time like an offset of the surface."""
     opened, (surface, outer) = cuts(seen, law), seen.names
     state, damped = (3, {"pitch": 2, "depth": 3}) if outer == "depth" else (2, {"heading": 2})
-    own = limits.modes(_closed(seen, law))
+    own = modes.of(_closed(seen, law))
     missed = {
         "stability": float(np.max(own.values.real)),
         **limits.of_cut(opened.surface, surface, bounds),
