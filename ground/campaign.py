@@ -62,6 +62,13 @@ Announce = Callable[[str], None]
 """Gets what begins now, in words."""
 
 
+def _cores_of_places() -> SimpleQueue[int | None]:
+    found, places = cores(), SimpleQueue[int | None]()
+    for place in range(AT_ONCE):
+        places.put(found[place] if len(found) == AT_ONCE else None)
+    return places
+
+
 @dataclass
 class Campaign:
     """One campaign under way."""
@@ -71,7 +78,7 @@ class Campaign:
     announce: Announce
     outcomes: dict[str, Outcome] = field(default_factory=dict)
     _afloat: list[SimulatedVehicle] = field(default_factory=list)
-    _cores: SimpleQueue[int | None] = field(default_factory=lambda: _cores_of_places())
+    _cores: SimpleQueue[int | None] = field(default_factory=_cores_of_places)
     _lock: Lock = field(default_factory=Lock)
     _cancelled: bool = False
 
@@ -186,13 +193,6 @@ class Campaign:
             self._cancelled = True
             for simulated in self._afloat:
                 simulated.stop()
-
-
-def _cores_of_places() -> SimpleQueue[int | None]:
-    found, places = cores(), SimpleQueue[int | None]()
-    for place in range(AT_ONCE):
-        places.put(found[place] if len(found) == AT_ONCE else None)
-    return places
 
 
 def dive_seed(seed: int, mission: str) -> int:

@@ -94,7 +94,7 @@ class _Program:
 
     def __init__(self, name: str, arguments: Sequence[str], start: Start) -> None:
         self._name = name
-        self._said = tempfile.NamedTemporaryFile(prefix=f"{name}-", suffix=".stderr")  # noqa: SIM115 - lives as the process does
+        self._said = tempfile.NamedTemporaryFile(prefix=f"{name}-")  # noqa: SIM115 - lives as long as the process
         self._child = start(name, arguments, Path(self._said.name))
 
     def check(self) -> None:

@@ -3,16 +3,15 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid import loops, modes
 from sysid.loops import Gains, Lag, Margins
+from sysid.modes import Modes
 from sysid.planes import LinearPlane
 
 BAND_RADPS = 5.0
 """Poles within it are the vehicle's and its loops'; what lies beyond belongs to the Pade approximation of the delay."""
-
-STATES = {"heading": {"heading": 2}, "pitch": {"pitch": 2}, "depth": {"pitch": 2, "depth": 3}}
-"""Of each closed loop the states that it moves, as they are counted there."""
 
 
 class Analysis(NamedTuple):
@@ -29,34 +28,29 @@ class Planes(NamedTuple):
     pitch: LinearPlane
 
 
-def analyse(planes: Planes, gains: Gains, delay_s: float, lag: Lag | None = None, order: int = 4) -> Analysis:
-    """Poles and margins; ``delay_s`` is everything between a command and the duct's answer.
-
-    ``lag`` gives the tailcone's second-order lag when it is not the paper's (its own delay is ignored).
-    """
-    tail = (lag or Lag(delay_s))._replace(delay_s=delay_s)
-    cuts = loops.heading_loops(loops.responses(planes.yaw, tail), gains)
-    cuts |= loops.depth_loops(loops.responses(planes.pitch, tail), gains)
+def analyse(planes: Planes, gains: Gains, yaw: Lag, pitch: Lag, order: int = 4) -> Analysis:
+    """Poles and margins behind each plane's tailcone; a lag's delay is everything between a command and the duct."""
+    cuts = loops.heading_loops(loops.responses(planes.yaw, yaw), gains)
+    cuts |= loops.depth_loops(loops.responses(planes.pitch, pitch), gains)
     closed = {
-        "heading": loops.close_heading(planes.yaw, tail, gains, order),
-        "pitch": loops.close_pitch(planes.pitch, tail, gains, order),
-        "depth": loops.close_depth(planes.pitch, tail, gains, order),
+        "heading": modes.of(loops.close_heading(planes.yaw, yaw, gains, order)),
+        "pitch": modes.of(loops.close_pitch(planes.pitch, pitch, gains, order)),
+        "depth": modes.of(loops.close_depth(planes.pitch, pitch, gains, order)),
     }
     return Analysis(
-        poles={name: _in_band(loop) for name, loop in closed.items()},
-        shown={name: _shown(name, loop) for name, loop in closed.items()},
+        poles={name: _slowest_first(own, np.abs(own.values) < BAND_RADPS) for name, own in closed.items()},
+        shown={name: _slowest_first(own, _anywhere(own, name)) for name, own in closed.items()},
         margins={name: loops.margins(loop) for name, loop in cuts.items()},
     )
 
 
-def _in_band(loop: loops.ClosedLoop) -> tuple[complex, ...]:
-    return tuple(complex(pole) for pole in loops.poles(loop) if abs(pole) < BAND_RADPS)
+def _anywhere(found: Modes, loop: str) -> NDArray[np.bool_]:
+    return np.asarray(np.any(list(modes.showing(found, loop).values()), axis=0))
 
 
-def _shown(name: str, loop: loops.ClosedLoop) -> tuple[complex, ...]:
-    found = modes.of(loop)
-    shown = found.values[np.any(list(modes.showing(found, STATES[name]).values()), axis=0)]
-    return tuple(complex(pole) for pole in shown[np.argsort(np.abs(shown), kind="stable")])
+def _slowest_first(found: Modes, chosen: NDArray[np.bool_]) -> tuple[complex, ...]:
+    values = found.values[chosen]
+    return tuple(complex(pole) for pole in values[np.argsort(np.abs(values), kind="stable")])
 
 
 def damping(poles: tuple[complex, ...]) -> float:

@@ -1,6 +1,5 @@
 """A closed loop's modes, and which of them show in its motion."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +10,8 @@ from sysid.loops import ClosedLoop
 SHOWS = 0.1
 """A mode with less than this share of the largest in what a disturbance does is hardly seen in the motion: so the
 tailcone's lag beside the zeros that undo it, which never quite meet."""
+STATES = {"heading": {"heading": 2}, "pitch": {"pitch": 2}, "depth": {"pitch": 2, "depth": 3}}
+"""Of each closed loop the states that it moves, as they are counted there."""
 TURNING = 1
 """The state that a blow about the plane's axis changes: r or q."""
 
@@ -27,10 +28,11 @@ def of(closed: ClosedLoop) -> Modes:
     return Modes(values.astype(np.complex128), right.astype(np.complex128))
 
 
-def showing(found: Modes, states: Mapping[str, int]) -> dict[str, NDArray[np.bool_]]:
-    """Which modes show in what a blow about the plane's axis does to each of ``states``, by its name."""
+def showing(found: Modes, loop: str) -> dict[str, NDArray[np.bool_]]:
+    """Which modes of a closed loop (heading, pitch, depth) show in what a blow about the plane's axis does to each of
+    its ``STATES``."""
     blow = np.zeros(found.values.size, dtype=np.complex128)
     blow[TURNING] = 1.0
     amounts = np.linalg.solve(found.right, blow)
-    sizes = {name: np.abs(found.right[state] * amounts) for name, state in states.items()}
+    sizes = {name: np.abs(found.right[state] * amounts) for name, state in STATES[loop].items()}
     return {name: size > SHOWS * np.max(size) for name, size in sizes.items()}

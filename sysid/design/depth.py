@@ -46,6 +46,6 @@ def stability(vehicle: Plant, gains: Gains, bounds: Bounds, finishing: Spec | No
     return {
         **limits.of_cut(cuts["elevator"], "elevator", bounds),
         **limits.of_cut(cuts["depth"], "depth", bounds),
-        **limits.of_damping(own, {"pitch": 2, "depth": 3}, bounds),
+        **limits.of_damping(own, "depth", bounds),
         **(limits.of_load(own, plane.B, 3, "depth", finishing) if finishing else {}),
     }

@@ -45,6 +45,6 @@ def stability(vehicle: Plant, gains: Gains, bounds: Bounds, finishing: Spec | No
     return {
         **limits.of_cut(cuts["rudder"], "rudder", bounds),
         **limits.of_cut(cuts["heading"], "heading", bounds),
-        **limits.of_damping(own, {"heading": 2}, bounds),
+        **limits.of_damping(own, "heading", bounds),
         **(limits.of_load(own, plane.B, 2, "heading", finishing) if finishing else {}),
     }

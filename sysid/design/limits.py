@@ -1,6 +1,5 @@
 """By how much loops miss what is asked of them, each limit as a share of itself: positive is a miss."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -41,12 +40,12 @@ def of_cut(loop: NDArray[np.complex128], name: str, bounds: Bounds) -> Misses:
     }
 
 
-def of_damping(found: Modes, states: Mapping[str, int], bounds: Bounds) -> Misses:
-    """Damping of the modes that show in ``states``, by loop."""
+def of_damping(found: Modes, loop: str, bounds: Bounds) -> Misses:
+    """Damping of the modes of a closed loop that show, by the state that they show in."""
     ratios = -found.values.real / np.abs(found.values)
     return {
         f"damping of the {name} loop": 1.0 - float(np.min(ratios[shown])) / bounds.damping
-        for name, shown in modes.showing(found, states).items()
+        for name, shown in modes.showing(found, loop).items()
     }
 
 

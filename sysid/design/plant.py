@@ -101,13 +101,7 @@ def _sea(model: IdentifiedModel) -> Mapping[Plane, NoiseModel]:
 
 def judge(vehicle: Plant, gains: Gains) -> Analysis:
     """Poles and margins with each plane's own delay."""
-    yaw = analyse(vehicle.planes, gains, vehicle.yaw_lag.delay_s, vehicle.yaw_lag)
-    pitch = analyse(vehicle.planes, gains, vehicle.pitch_lag.delay_s, vehicle.pitch_lag)
-    return Analysis(
-        poles={**pitch.poles, "heading": yaw.poles["heading"]},
-        shown={**pitch.shown, "heading": yaw.shown["heading"]},
-        margins={**pitch.margins, **{cut: yaw.margins[cut] for cut in ("rudder", "heading")}},
-    )
+    return analyse(vehicle.planes, gains, vehicle.yaw_lag, vehicle.pitch_lag)
 
 
 def spectrum(sea: NoiseModel) -> Array:

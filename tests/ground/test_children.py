@@ -1,5 +1,6 @@
 """Both ways to start a process: each ends as it is told to, says why it failed, and does not outlive who started it."""
 
+import importlib
 import os
 import signal
 import subprocess
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.children import Child, Forked, Spawned, Start, cores
+from ground.children import WARM, Child, Forked, Spawned, Start, cores
 from ground.processes import free_port
 
 PARENT = """
@@ -107,6 +108,12 @@ def test_a_forked_one_keeps_to_its_core(said: Path) -> None:
     assert os.sched_getaffinity(pid) == {core}
     assert cores() == sorted(os.sched_getaffinity(0))
     child.end(0.0)
+
+
+@pytest.mark.parametrize("module", WARM)
+def test_what_is_loaded_beforehand_is_there(module: str) -> None:
+    """A module that is not would go unnoticed: multiprocessing carries on without it, and starts take longer."""
+    importlib.import_module(module)
 
 
 def _is_zombie(pid: int) -> bool:

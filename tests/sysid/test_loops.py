@@ -100,7 +100,8 @@ def test_step_response_is_the_integrated_closed_loop() -> None:
 def test_the_initial_model_is_less_damped_under_a_longer_delay() -> None:
     model = analysis.Planes(planes.yaw_plane(TABLE_1_INITIAL), planes.pitch_plane(TABLE_1_INITIAL))
     dampings = [
-        analysis.damping(analysis.analyse(model, TABLE_3_INITIAL, delay).poles["pitch"]) for delay in (0.1, 0.3, 0.5)
+        analysis.damping(analysis.analyse(model, TABLE_3_INITIAL, Lag(delay), Lag(delay)).poles["pitch"])
+        for delay in (0.1, 0.3, 0.5)
     ]
     assert dampings == sorted(dampings, reverse=True)
 
@@ -123,7 +124,7 @@ def test_the_lag_that_the_commands_undo_does_not_show() -> None:
     """Its pair is there, beside the zeros that undo it; what shows is the faster lag's and the loop's own."""
     both, pair = analysis.Planes(YAW, PITCH), 3.0 * (-0.6 + 0.8j)
     lead = {**TABLE_3_INITIAL, "ACT_LAG_W": 3.0, "ACT_LAG_Z": 0.6, "ACT_LEAD_W": 6.0}
-    undone, whole = (analysis.analyse(both, gains, LAG.delay_s, LAG) for gains in (lead, TABLE_3_INITIAL))
+    undone, whole = (analysis.analyse(both, gains, LAG, LAG) for gains in (lead, TABLE_3_INITIAL))
     for loop in ("heading", "pitch", "depth"):
         assert min(abs(pole - pair) for pole in undone.poles[loop]) < 1e-6
         assert min(abs(pole - pair) for pole in undone.shown[loop]) > 0.5

@@ -79,16 +79,16 @@ def cuts(seen: View, law: Law) -> Cuts:
 def stability(seen: View, law: Law, bounds: Bounds, finishing: Spec | None = None) -> Misses:
     """What the PID's loops are asked for, and that a change of buoyancy ends in time like an offset of the surface."""
     opened, (surface, outer) = cuts(seen, law), seen.names
-    state, damped = (3, {"pitch": 2, "depth": 3}) if outer == "depth" else (2, {"heading": 2})
     own = modes.of(_closed(seen, law))
     missed = {
         "stability": float(np.max(own.values.real)),
         **limits.of_cut(opened.surface, surface, bounds),
         **limits.of_cut(opened.outer, outer, bounds),
-        **limits.of_damping(own, damped, bounds),
+        **limits.of_damping(own, outer, bounds),
     }
     if finishing is None:
         return missed
+    state = modes.STATES[outer][outer]
     missed |= limits.of_load(own, seen.plane.B, state, outer, finishing)
     if outer == "depth":
         missed |= limits.of_load(own, np.eye(1, 4)[0], state, "depth with new buoyancy", finishing)
