@@ -10,6 +10,8 @@ from link.exchange import Exchange, ExchangeError, Party
 T = TypeVar("T")
 
 GROUND, VEHICLE = Party(250, 190), Party(1, 1)
+ATTEMPTS = 5
+"""So often an exchange asks before it gives up."""
 Lost = Callable[[int, str], bool]
 """Whether the n-th message that is sent, of this name, gets lost."""
 
@@ -26,11 +28,15 @@ class Wire:
         self._framer = Framer()
         self._waiting: list[Frame] = []
         self.names: list[str] = []
+        self.lost = 0
+        """Messages since something last came down, as ``settle`` counts."""
 
     def send(self, name: str, **fields: Any) -> None:
         message = dialect.by_name(name)
         self.names.append(name)
-        if not self._lost(len(self.names) - 1, name):
+        if self._lost(len(self.names) - 1, name):
+            self.lost += 1
+        else:
             self._waiting += self._framer.feed(encode(message, message.values(**fields), 0, *self._sender))
 
     def take(self) -> list[Frame]:
@@ -49,18 +55,19 @@ def settle(
             serve(frame, now_s)
         poll(now_s)
         for frame in down.take():
+            up.lost = down.lost = 0
             exchange.feed(frame)
         if exchange.done:
             return exchange.result()
     raise AssertionError("the exchange never came to an end")
 
 
-def insist(attempt: Callable[[], T], times: int = 5) -> T:
-    """The same once more, as a user does, where chance took all of an exchange's questions or their answers."""
+def insist(attempt: Callable[[], T], up: Wire, down: Wire, times: int = 5) -> T:
+    """The same once more, as a user does, but only where chance took every question of an exchange, or its answer."""
     for _ in range(times - 1):
         try:
             return attempt()
-        except ExchangeError as error:
-            if "no answer" not in str(error):
+        except ExchangeError:
+            if up.lost + down.lost < ATTEMPTS:
                 raise
     return attempt()

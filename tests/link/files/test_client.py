@@ -2,7 +2,9 @@
 
 import io
 import random
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -16,6 +18,7 @@ from link.files.tree import Entry, FileTree
 from link.files.wire import crc32
 from tests.link.lossy import GROUND, VEHICLE, Wire, insist, settle
 
+T = TypeVar("T")
 QUIET = settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
@@ -31,8 +34,11 @@ class Rig:
         self.server = FileServer(tree)
         self.client = FileClient(self.up.send, GROUND, VEHICLE)
 
-    def settle(self, exchange: Exchange[int]) -> int:
+    def settle(self, exchange: Exchange[T]) -> T:
         return settle(exchange, self.up, self.down, self._serve, self.server.poll)
+
+    def insist(self, ask: Callable[[], Exchange[T]]) -> T:
+        return insist(lambda: self.settle(ask()), self.up, self.down)
 
     def _serve(self, frame: Frame, now_s: float) -> None:
         self.server.feed(frame, self.down.send, lambda: 10**6, now_s)
@@ -44,7 +50,7 @@ def test_a_download_goes_on_where_it_was_and_misses_nothing(size: int, start: in
     content = random.Random(seed).randbytes(size)
     rig, start = Rig({"/logs/a": content}, share, seed), min(start, size)
     sink = Prefix(content, start)
-    assert insist(lambda: rig.settle(rig.client.download("/logs/a", sink, start + sink.tell()))) == size
+    assert rig.insist(lambda: rig.client.download("/logs/a", sink, start + sink.tell())) == size
     assert sink.getvalue() == content[start:]
 
 
@@ -83,9 +89,9 @@ def test_a_vehicle_that_begins_anew_is_asked_again() -> None:
 def test_lists_and_checksums_outlive_losses(seed: int, share: float) -> None:
     files = {f"/logs/{n:04d}-a-rather-long-name": bytes(n) for n in range(30)}
     rig = Rig(files, share, seed)
-    listed = insist(lambda: settle(rig.client.list("/logs"), rig.up, rig.down, rig._serve, rig.server.poll))
+    listed = rig.insist(lambda: rig.client.list("/logs"))
     assert listed == [Entry(path.rsplit("/", 1)[1], len(content)) for path, content in files.items()]
-    assert insist(lambda: rig.settle(rig.client.checksum("/logs/0007-a-rather-long-name"))) == crc32(bytes(7))
+    assert rig.insist(lambda: rig.client.checksum("/logs/0007-a-rather-long-name")) == crc32(bytes(7))
 
 
 @pytest.mark.parametrize("ask", ["list", "checksum", "download"])

@@ -25,7 +25,7 @@ def test_list_and_download_outlive_losses(tmp_path: Path, size: int, begun: int,
 
         return settle(exchange, up, down, serve, lambda now_s: server.poll())
 
-    logs = insist(lambda: carry(client.list()))
+    logs = insist(lambda: carry(client.list()), up, down)
     assert logs == [RemoteLog(0, 77, 1_700_000_007), RemoteLog(1, size, 1_700_000_008)]
     if size == 0:
         return
@@ -33,5 +33,5 @@ def test_list_and_download_outlive_losses(tmp_path: Path, size: int, begun: int,
     sink = io.BytesIO()
     if start == size:
         return
-    assert insist(lambda: carry(client.download(logs[1], sink, start + sink.tell()))) == size
+    assert insist(lambda: carry(client.download(logs[1], sink, start + sink.tell())), up, down) == size
     assert content[:start] + sink.getvalue() == content
