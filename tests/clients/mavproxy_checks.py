@@ -145,8 +145,7 @@ def is_refused_a_mode_that_does_not_exist(p: Person) -> None:
 
 def sends_the_mission(p: Person) -> None:
     plan = write_plan(p.console.folder / "leg.txt", ITEMS)
-    p.ask(f"wp load {plan}", f"Sent all {len(ITEMS)} waypoints", 40.0)
-    p.console.hear("MISSION_ACK: TYPE_MISSION: ACCEPTED")
+    p.ask(f"wp load {plan}", rf"Sent all {len(ITEMS)} waypoints[\s\S]*MISSION_ACK: TYPE_MISSION: ACCEPTED", 40.0)
 
 
 def fetches_the_mission(p: Person) -> None:
