@@ -16,6 +16,12 @@ from link.log.mcap import MESSAGE_HEAD_FORMAT, Later, McapWriter, Sink, at_once,
 
 Show = Callable[[int, bytes, int], None]
 
+PROFILE = ""
+"""MCAP profile of the file: none. ``ros1`` requires ROS 1 in every channel; the views are JSON.
+
+Source: https://mcap.dev/spec/registry, "Profiles".
+"""
+
 
 class Channel(NamedTuple):
     """One message of one sender."""
@@ -42,7 +48,7 @@ class MavlinkLog:
 
     def __init__(self, file: Sink, later: Later = at_once) -> None:
         """``later`` does, now or later, all that touches the file."""
-        self._writer = McapWriter(file, "ros1", "caribou", later)
+        self._writer = McapWriter(file, PROFILE, "caribou", later)
         self._schemas: dict[str, int] = {}
         self._views: dict[str, int] = {}
         self._panels = Panels(self._show)

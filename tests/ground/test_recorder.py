@@ -24,6 +24,7 @@ from link import dialect
 from link.codec import Frame, Framer, encode
 from link.dialect import Field, MessageType
 from link.frames import rotate
+from tests.link.log import decoding
 
 START_NS = 1_700_000_000_000_000_000
 _INTEGERS = {"uint8_t": (0, 8), "uint16_t": (0, 16), "uint32_t": (0, 32), "uint64_t": (0, 64)} | {
@@ -151,6 +152,16 @@ def test_the_pose_points_where_the_vehicle_points_in_east_north_up(tmp_path: Pat
     assert forward == pytest.approx((east, north, up), abs=1e-6)
     up_axis = rotate((q["w"], q["x"], q["y"], q["z"]), (0.0, 0.0, 1.0))
     assert up_axis[2] == pytest.approx(level, abs=1e-6)
+
+
+def test_profile_names_no_encoding_that_a_channel_lacks(tmp_path: Path) -> None:
+    """Profile ros1: "message_encoding MUST be ros1" (https://mcap.dev/spec/registry); the views are JSON."""
+    path = tmp_path / "log.mcap"
+    record(path, [attitude(0), text("one"), attitude(20)])
+    profile, count, decoded = decoding.decode(path)
+    assert profile == ""
+    assert decoded == {"ros1": 3, "json": 1}
+    assert decoded.total() == count
 
 
 def test_info_counts_what_a_sender_lost(tmp_path: Path) -> None:

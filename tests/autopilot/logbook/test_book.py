@@ -24,6 +24,7 @@ from link.codec import Frame, Framer, encode
 from link.missions import MissionItem
 from sysid import logs as identification
 from tests.autopilot.deck import TICK_US, Station, sensors
+from tests.link.log import decoding
 
 SENSOR = dialect.by_name("HIL_SENSOR")
 
@@ -107,6 +108,17 @@ def test_every_tick_of_a_dive_is_in_the_log(tmp_path: Path) -> None:
     assert (report["lost_frames"], report["attachments"]) == (0, ["params.json"])
     assert report["metadata"]["vehicle"] == {"system": "1", "autopilot": "caribou 1.2.3"}
     assert list(report["metadata"]["trace"].values()) == list(snapshot.trace._fields)
+
+
+def test_every_message_is_decoded_by_the_librarys_decoders(tmp_path: Path) -> None:
+    boat = Afloat(tmp_path)
+    boat.arm()
+    boat.tick(200, depth_m=2.0)
+    (path,) = boat.end()
+    profile, count, decoded = decoding.decode(path)
+    assert profile == ""
+    assert decoded.total() == count > 1000
+    assert set(decoded) == {"ros1", "json"}
 
 
 def test_identification_reads_it_as_it_reads_grounds(tmp_path: Path) -> None:
