@@ -67,6 +67,7 @@ def info(file: Path, json: Json = False) -> None:
     )
     lines += [f"  {count:8d}  {topic}" for topic, count in found["topics"].items()]
     lines += [f"  attached  {name}" for name in found["attachments"]]
+    lines += [f"  damaged   {text}" for text in found["damage"]]
     give(found, "\n".join(lines), json)
 
 
@@ -105,9 +106,11 @@ def recover(
     out: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="Default: NAME-recovered.mcap.")] = None,
     json: Json = False,
 ) -> None:
-    """Save what an unfinished log holds into a finished one."""
+    """Save what an unfinished or damaged log holds into a finished one."""
     from ground import logs
 
     target = new_file(out or file.with_name(f"{file.stem}-recovered.mcap"))
     saved = logs.recover(file, target)
-    give({"file": str(target), "messages": saved}, f"{target}: {saved} messages saved", json)
+    lines = [f"{target}: {saved.messages} messages saved"]
+    lines += [f"  damaged   {text}" for text in saved.damage]
+    give({"file": str(target), **saved._asdict()}, "\n".join(lines), json)

@@ -2,21 +2,32 @@
 
 import csv
 import json
-import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
-
-import zstandard
-from mcap.exceptions import InvalidMagic, McapError
-from mcap.reader import make_reader
-from mcap.records import Attachment, Channel, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
+from typing import Any, NamedTuple
 
 from ground.errors import BadInputError
 from link import dialect
-from link.log import ros1
+from link.log import mcap_reader, ros1
+from link.log.mavlink_log import PROFILE
 from link.log.mcap import McapWriter
+from link.log.mcap_reader import (
+    McapAttachment,
+    McapChannel,
+    McapError,
+    McapMessage,
+    McapMetadata,
+    McapReader,
+)
+
+
+class Recovered(NamedTuple):
+    """What was saved of an unfinished or damaged log."""
+
+    messages: int
+    damage: list[str]
+    """What is lost, place by place."""
 
 
 class LogError(BadInputError):
@@ -24,32 +35,42 @@ class LogError(BadInputError):
 
 
 def info(path: Path) -> dict[str, Any]:
-    """What a finished log holds: span, messages by topic, gaps in the senders' sequence numbers, attachments.
+    """What a finished log holds: span, messages by topic, lost frames, attachments, damage.
 
     Raises:
         LogError: the file is missing, no MCAP, or unfinished.
     """
     topics: dict[str, int] = {}
-    first, last = 0, 0
+    first_ns, last_ns = None, 0
+    attachments: list[str] = []
+    metadata: dict[str, dict[str, str]] = {}
     gaps = _Gaps()
-    for channel, message in _messages(path):
-        topics[channel.topic] = topics.get(channel.topic, 0) + 1
-        first = min(first or message.log_time, message.log_time)
-        last = max(last, message.log_time)
-        gaps.count(channel.topic, message.sequence)
-    with path.open("rb") as file:
-        reader = make_reader(file)
-        attachments = [attachment.name for attachment in reader.iter_attachments()]
-        metadata = {record.name: dict(record.metadata) for record in reader.iter_metadata()}
+    with _opened(path) as reader:
+        names: dict[int, str] = {}
+        for item in reader.items():
+            match item:
+                case McapMessage():
+                    topic = names[item.channel]
+                    topics[topic] = topics.get(topic, 0) + 1
+                    first_ns = item.time_ns if first_ns is None else min(first_ns, item.time_ns)
+                    last_ns = max(last_ns, item.time_ns)
+                    gaps.count(topic, item.sequence)
+                case McapChannel():
+                    names[item.number] = item.topic
+                case McapAttachment():
+                    attachments.append(item.name)
+                case McapMetadata():
+                    metadata[item.name] = item.values
     return {
         "file": str(path),
         "bytes": path.stat().st_size,
-        "vehicle_s": (last - first) / 1e9,
+        "vehicle_s": 0.0 if first_ns is None else (last_ns - first_ns) / 1e9,
         "messages": sum(topics.values()),
         "lost_frames": gaps.lost,
         "topics": dict(sorted(topics.items())),
         "attachments": attachments,
         "metadata": metadata,
+        "damage": mcap_reader.damage_texts(reader),
     }
 
 
@@ -59,44 +80,51 @@ def export_csv(path: Path, out: Path) -> list[Path]:
     Columns: vehicle or log time in seconds since the first message, then the fields, arrays as ``name[i]``.
 
     Raises:
-        LogError: the log is unreadable.
+        LogError: the log is unreadable or damaged.
         FileExistsError: a file of that name is there already.
     """
-    out.mkdir(parents=True, exist_ok=True)
     rows: dict[str, list[list[Any]]] = {}
     start_ns: int | None = None
-    for channel, message in _messages(path):
-        if channel.message_encoding != ros1.MESSAGE_ENCODING:
-            continue
-        start_ns = message.log_time if start_ns is None else start_ns
-        fields = dialect.by_name(channel.topic.rsplit("/", 1)[1]).unpack(message.data)
-        rows.setdefault(channel.topic, []).append([(message.log_time - start_ns) / 1e9, *_flat(fields)])
+    with _opened(path, _is_mavlink) as reader:
+        names: dict[int, str] = {}
+        for item in reader.items():
+            match item:
+                case McapMessage():
+                    topic = names[item.channel]
+                    start_ns = item.time_ns if start_ns is None else start_ns
+                    time_s = (item.time_ns - start_ns) / 1e9
+                    rows.setdefault(topic, []).append([time_s, *_fields(path, topic, item.data)])
+                case McapChannel():
+                    names[item.number] = item.topic
+    _refuse_damaged(path, reader)
+    out.mkdir(parents=True, exist_ok=True)
     return [_write_csv(out, topic, rows[topic]) for topic in sorted(rows)]
 
 
-def recover(path: Path, out: Path) -> int:
-    """Copy every whole record of an unfinished log into a finished one; returns the number of messages saved.
+def recover(path: Path, out: Path) -> Recovered:
+    """Copy every whole record of an unfinished or damaged log into a finished one.
 
     Raises:
         LogError: ``path`` is no MCAP file at all.
         FileExistsError: ``out`` is there already.
     """
-    try:
-        source = path.open("rb")
-    except OSError as error:
-        raise LogError(f"{path}: {error.strerror}") from None
-    with source, out.open("xb") as target:
-        writer = McapWriter(target, "ros1", "caribou recover")
-        saved = _copy(source, writer, path)
+    with _opened(path, unfinished=True) as reader, out.open("xb") as target:
+        writer = McapWriter(target, PROFILE, "caribou recover")
+        try:
+            saved = _copy(reader, writer)
+        except McapError:
+            out.unlink()
+            raise
         writer.finish()
-    return saved
+    return Recovered(saved, mcap_reader.damage_texts(reader))
 
 
 def read_attachment(path: Path, name: str) -> bytes | None:
-    """The file called ``name`` inside a finished log, or None."""
-    with path.open("rb") as file:
-        found = (a.data for a in make_reader(file).iter_attachments() if a.name == name)
-        return next(found, None)
+    """The file called ``name`` inside a finished log, or None. Raises LogError."""
+    with _opened(path, lambda channel: False) as reader:
+        files = [i.data for i in reader.items() if isinstance(i, McapAttachment) and i.name == name]
+    _refuse_damaged(path, reader)
+    return files[0] if files else None
 
 
 def read_parameters(path: Path) -> dict[str, float]:
@@ -104,7 +132,11 @@ def read_parameters(path: Path) -> dict[str, float]:
     data = read_attachment(path, "params.json")
     if data is None:
         raise LogError(f"{path}: holds no attachment params.json")
-    values: dict[str, float] = json.loads(data)
+    try:
+        values: dict[str, float] = json.loads(data)
+    except (ValueError, RecursionError):
+        needed = "must be an object of numbers by name"
+        raise LogError(f"{path}: attachment params.json {needed}") from None
     return values
 
 
@@ -125,40 +157,76 @@ class _Gaps:
         self._expected[sender] = (sequence + 1) & 0xFF
 
 
-def _messages(path: Path) -> Iterator[tuple[Channel, Message]]:
+@contextmanager
+def _opened(
+    path: Path,
+    wanted: Callable[[McapChannel], bool] = lambda channel: True,
+    *,
+    unfinished: bool = False,
+) -> Iterator[McapReader]:
+    """A reader of a log, which must be finished unless ``unfinished``.
+
+    Raises:
+        LogError: the file is no MCAP file, or exceeds a limit, also while it is read.
+    """
     try:
-        with path.open("rb") as file:
-            for _, channel, message in make_reader(file).iter_messages(log_time_order=False):
-                yield channel, message
+        file = path.open("rb")
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}") from None
-    except (McapError, struct.error):
-        raise LogError(f"{path}: no finished MCAP log; ground log recover saves what an unfinished one holds") from None
+    remedy = "" if unfinished else "; ground log recover saves what an unfinished one holds"
+    with file:
+        try:
+            reader = McapReader(file, wanted)
+            if not reader.finished and not unfinished:
+                raise McapError("it has no end")
+            yield reader
+        except McapError as error:
+            what = "no readable MCAP file" if unfinished else "no finished MCAP log"
+            raise LogError(f"{path}: {what} ({error}){remedy}") from None
 
 
-def _copy(source: Any, writer: McapWriter, path: Path) -> int:
-    schemas: dict[int, int] = {0: 0}
+def _refuse_damaged(path: Path, reader: McapReader) -> None:
+    if reader.damage:
+        words = mcap_reader.damage_in_words(reader)
+        raise LogError(f"{path}: is damaged: {words}; ground log recover saves the rest")
+
+
+def _is_mavlink(channel: McapChannel) -> bool:
+    """Whether a channel holds a message of the dialect."""
+    if not channel.topic.startswith("/mavlink/") or channel.encoding != ros1.MESSAGE_ENCODING:
+        return False
+    return channel.topic.rsplit("/", 1)[1] in dialect.names()
+
+
+def _fields(path: Path, topic: str, payload: bytes) -> list[Any]:
+    message = dialect.by_name(topic.rsplit("/", 1)[1])
+    if len(payload) != message.struct.size:
+        sizes = f"{len(payload)} bytes long, MAVLink says {message.struct.size}"
+        raise LogError(f"{path}: {topic}: {sizes}")
+    return _flat(message.unpack(payload))
+
+
+def _copy(reader: McapReader, writer: McapWriter) -> int:
+    schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
     saved = 0
-    try:
-        for record in StreamReader(source).records:
-            match record:
-                case Schema() if record.id not in schemas:
-                    schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
-                case Channel() if record.id not in channels:
-                    schema = schemas[record.schema_id]
-                    channels[record.id] = writer.register_channel(record.topic, record.message_encoding, schema)
-                case Message():
-                    writer.add_message(channels[record.channel_id], record.log_time, record.data, record.sequence)
-                    saved += 1
-                case Attachment():
-                    writer.add_attachment(record.log_time, record.name, record.media_type, record.data)
-                case Metadata():
-                    writer.add_metadata(record.name, record.metadata)
-    except InvalidMagic as error:
-        raise LogError(f"{path}: no MCAP file ({error})") from None
-    except (McapError, struct.error, ValueError, zstandard.ZstdError):
-        pass  # the torn end
+    for item in reader.items():
+        match item:
+            case McapMessage():
+                writer.add_message(channels[item.channel], item.time_ns, item.data, item.sequence)
+                saved += 1
+            case McapChannel():
+                schema = 0
+                if item.schema is not None:
+                    known, name, encoding, data = item.schema
+                    if known not in schemas:
+                        schemas[known] = writer.register_schema(name, encoding, data)
+                    schema = schemas[known]
+                channels[item.number] = writer.register_channel(item.topic, item.encoding, schema)
+            case McapAttachment():
+                writer.add_attachment(item.time_ns, item.name, item.media_type, item.data)
+            case McapMetadata():
+                writer.add_metadata(item.name, item.values)
     return saved
 
 

@@ -39,6 +39,7 @@ def info(path: Path) -> dict[str, Any]:
         "topics": {name: table.time_s.size for name, table in sorted(found.items())},
         "attachments": [],
         "metadata": {},
+        "damage": [],
     }
 
 

@@ -81,6 +81,8 @@ class McapWriter:
         """``later`` is given all work that compresses or writes; the file is used by nothing else."""
         self._file, self._later = file, later
         self._at = 0
+        self._crc = 0
+        """CRC-32 of all that was written: the checksum of the data section when that ends."""
         self._compress = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL).compress
         self._schemas: list[bytes] = []
         self._channels: list[bytes] = []
@@ -200,7 +202,7 @@ class McapWriter:
         self._put(record)
 
     def _store_summary(self) -> None:
-        self._put(_record(_DATA_END, struct.pack("<I", 0)))
+        self._put(_record(_DATA_END, struct.pack("<I", self._crc)))
         start = self._at
         summary, offsets = self._summary(start)
         tail = _record_head.pack(_FOOTER, 20) + struct.pack("<QQ", start, start + len(summary))
@@ -211,6 +213,7 @@ class McapWriter:
     def _put(self, data: bytes) -> None:
         self._file.write(data)
         self._at += len(data)
+        self._crc = zlib.crc32(data, self._crc)
 
     def _summary(self, start: int) -> tuple[bytes, bytes]:
         """The groups of the summary, and the table of where each of them stands."""

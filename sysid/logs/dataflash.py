@@ -101,7 +101,8 @@ def _decode(data: NDArray[np.uint8], kind: _Kind, places: list[int]) -> Table | 
     record = np.dtype([(name, _scalar(code[0])) for name, code in zip(kind.columns, codes, strict=True)])
     if record.itemsize != kind.length - _HEAD_LENGTH:
         return None
-    rows = data[np.array(places)[:, None] + np.arange(_HEAD_LENGTH, kind.length)].view(record)[:, 0]
+    windows = np.lib.stride_tricks.sliding_window_view(data, record.itemsize)
+    rows = windows[np.array(places) + _HEAD_LENGTH].view(record)[:, 0]
     columns = {
         name: rows[name] * code[1] if code[1] else rows[name] for name, code in zip(kind.columns, codes, strict=True)
     }

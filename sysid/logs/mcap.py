@@ -3,25 +3,31 @@
 import json
 from collections import defaultdict
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from link.log.mcap_reader import (
+    McapAttachment,
+    McapChannel,
+    McapError,
+    McapMessage,
+    McapReader,
+    damage_in_words,
+)
 from sysid import ros1
 from sysid.log import Array, Log, LogError
-from sysid.logs.messages import DUCT, DUCT_COMPONENT, Messages, assemble, wanted
+from sysid.logs.messages import CANDIDATES, DUCT, DUCT_COMPONENT, Messages, assemble, wanted
 from sysid.logs.outputs import Outputs
-
-if TYPE_CHECKING:
-    from mcap.summary import Summary
 
 
 def read(path: Path, outputs: Outputs) -> Log:
     """Read one MCAP log.
 
     Raises:
-        LogError: the file is missing, unfinished, no MCAP, or lacks a message that identification needs.
+        LogError: the file is missing, unfinished, damaged, no MCAP, or lacks a message that
+            identification needs.
     """
     messages, parameters, ahead = _load(path)
     return assemble(path, messages, parameters, outputs, ahead)
@@ -29,41 +35,60 @@ def read(path: Path, outputs: Outputs) -> Log:
 
 def _load(path: Path) -> tuple[Messages, dict[str, float], tuple[Array, Array]]:
     """The vehicle's messages, the parameters, and how far the log's clock is ahead of hers."""
-    from mcap.exceptions import McapError
-    from mcap.reader import make_reader
-
+    streams = _Streams()
     try:
-        with path.open("rb") as stream:
-            reader = make_reader(stream)
-            summary = reader.get_summary()
-            if summary is None:
+        with path.open("rb") as file:
+            reader = McapReader(file, _may_be_needed)
+            if not reader.finished:
                 raise LogError(f"{path}: was never finished; `ground log recover` makes it readable")
-            messages = _channels(stream, summary, path)
-            parameters = _parameters(reader, path)
+            for item in reader.items():
+                streams.add(item)
     except McapError as error:
-        raise LogError(f"{path}: is no readable MCAP file ({error}); `ground log recover` mends a cut one") from None
+        raise LogError(f"{path}: is no readable MCAP file: {error}") from None
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give an MCAP log") from None
-    return messages, parameters, _ahead(messages)
+    if reader.damage:
+        remedy = "`ground log recover` saves the rest"
+        raise LogError(f"{path}: is damaged: {damage_in_words(reader)}; {remedy}")
+    messages = _decoded(streams, path)
+    return messages, _parameters(streams.parameters, path), _ahead(messages)
 
 
-def _channels(stream: IO[bytes], summary: "Summary", path: Path) -> Messages:
-    from sysid.logs import chunks
+def _may_be_needed(channel: McapChannel) -> bool:
+    return channel.topic.startswith("/mavlink/") and channel.topic.rsplit("/", 1)[1] in CANDIDATES
 
-    topics = _vehicle_topics(summary, path)
-    names = {number: topics[each.topic] for number, each in summary.channels.items() if each.topic in topics}
-    payloads: dict[str, list[bytes]] = defaultdict(list)
-    stamps: dict[str, list[int]] = defaultdict(list)
-    for channel, time_ns, data in chunks.messages(stream, summary, names):
-        payloads[names[channel]].append(data)
-        stamps[names[channel]].append(time_ns)
-    schemas = {name: summary.schemas[summary.channels[number].schema_id] for number, name in names.items()}
-    try:
-        records = {
-            name: ros1.decode(payloads[name], ros1.record_type(schemas[name].data.decode())) for name in payloads
-        }
-    except ValueError as error:
-        raise LogError(f"{path}: {error}") from None
+
+class _Streams:
+    """What was read of a file: channels, and payloads and log times of those that may be needed."""
+
+    def __init__(self) -> None:
+        self.channels: dict[str, McapChannel] = {}
+        self.payloads: dict[str, list[bytes]] = defaultdict(list)
+        self.stamps: dict[str, list[int]] = defaultdict(list)
+        self.parameters: bytes | None = None
+        self._topics: dict[int, str] = {}
+
+    def add(self, item: object) -> None:
+        match item:
+            case McapMessage():
+                topic = self._topics[item.channel]
+                self.payloads[topic].append(item.data)
+                self.stamps[topic].append(item.time_ns)
+            case McapChannel():
+                self.channels[item.topic] = item
+                self._topics[item.number] = item.topic
+            case McapAttachment() if item.name == "params.json" and self.parameters is None:
+                self.parameters = item.data
+
+
+def _decoded(streams: _Streams, path: Path) -> Messages:
+    """Vehicle times and records by message name."""
+    topics = {name: topic for topic, name in _vehicle_topics(streams.channels, path).items()}
+    records, stamps = {}, {}
+    for name, topic in topics.items():
+        if topic in streams.payloads:
+            records[name] = _records(streams.channels[topic], streams.payloads[topic], path)
+            stamps[name] = streams.stamps[topic]
     start_ns = _start_ns(records, stamps, path)
 
     def seconds(name: str) -> Array:
@@ -72,9 +97,18 @@ def _channels(stream: IO[bytes], summary: "Summary", path: Path) -> Messages:
     return {name: (seconds(name), records[name]) for name in records}
 
 
-def _vehicle_topics(summary: "Summary", path: Path) -> dict[str, str]:
+def _records(channel: McapChannel, payloads: list[bytes], path: Path) -> NDArray[Any]:
+    if channel.schema is None:
+        raise LogError(f"{path}: {channel.topic} has no schema; it must be a ros1msg definition")
+    try:
+        return ros1.decode(payloads, ros1.record_type(channel.schema.data.decode()))
+    except (ValueError, OverflowError) as error:
+        raise LogError(f"{path}: {channel.topic}: {error}") from None
+
+
+def _vehicle_topics(channels: dict[str, McapChannel], path: Path) -> dict[str, str]:
     """Message name by topic, of the one system that sends ATTITUDE."""
-    topics = sorted({channel.topic for channel in summary.channels.values()})
+    topics = sorted(channels)
     parts = [(topic, topic.split("/")) for topic in topics if topic.startswith("/mavlink/")]
     vehicles = sorted({(p[2], p[3]) for _, p in parts if len(p) == 5 and p[4] == "ATTITUDE"})
     if len(vehicles) > 1:
@@ -103,11 +137,11 @@ def _ahead(messages: Messages) -> tuple[Array, Array]:
     return time_s, time_s - record["time_boot_ms"] * 1e-3
 
 
-def _parameters(reader: Any, path: Path) -> dict[str, float]:
-    for attachment in reader.iter_attachments():
-        if attachment.name == "params.json":
-            try:
-                return {str(name): float(value) for name, value in json.loads(attachment.data).items()}
-            except (ValueError, TypeError, AttributeError):
-                raise LogError(f"{path}: attachment params.json must be an object of numbers by name") from None
-    return {}
+def _parameters(data: bytes | None, path: Path) -> dict[str, float]:
+    if data is None:
+        return {}
+    try:
+        return {str(name): float(value) for name, value in json.loads(data).items()}
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
+        needed = "must be an object of numbers by name"
+        raise LogError(f"{path}: attachment params.json {needed}") from None

@@ -1,7 +1,8 @@
 """A vehicle's MAVLink messages, decoded, as a ``Log``: what MCAP logs and tlogs have in common."""
 
 import math
-from collections.abc import Container
+import re
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,19 @@ _SERVOS = "SERVO_OUTPUT_RAW"
 _COMMANDED = "ACTUATOR_OUTPUT_STATUS"
 _NEEDED = ("ATTITUDE", _COMMANDED, "LOCAL_POSITION_NED")
 _WANTED = (*_NEEDED, "ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "STATUSTEXT")
+CANDIDATES = frozenset((*_WANTED, _SERVOS))
+"""Every message that ``wanted`` may choose."""
+_FIELDS: dict[str, dict[str, int]] = {
+    "ATTITUDE": dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0),
+    "LOCAL_POSITION_NED": {"z": 0, "vz": 0},
+    "ATTITUDE_TARGET": {"q": 4},
+    "POSITION_TARGET_LOCAL_NED": {"z": 0},
+    "STATUSTEXT": {"severity": 0, "text": 1, "id": 0, "chunk_seq": 0},
+    _COMMANDED: {"actuator": 1},
+    _SERVOS: {"servo1_raw": 0},
+    DUCT: {"actuator": 2},
+}
+"""Fields that are read of each message: 0 for a single value, else the least length of an array."""
 
 Messages = dict[str, tuple[Array, NDArray[Any]]]
 """Vehicle times and records by message name."""
@@ -44,6 +58,7 @@ def assemble(
     if missing:
         raise LogError(f"{path}: holds no {', '.join(missing)} of a vehicle; identification needs {', '.join(_NEEDED)}")
     travel_rad = math.radians(parameters.get("ACT_TRAVEL_DEG", DEFAULT_TRAVEL_DEG))
+    _refuse_other_definitions(path, messages)
     commanded = _COMMANDED if _COMMANDED in messages else _SERVOS
     steps = [step for name in (*_NEEDED, _SERVOS) if name in messages for step in clock_steps(name, messages[name][0])]
     return Log(
@@ -58,6 +73,17 @@ def assemble(
         duct=_duct(*messages[DUCT], travel_rad) if DUCT in messages else Duct(*(np.empty(0),) * 3),
         clock=Clock(tuple(steps), *ahead),
     )
+
+
+def _refuse_other_definitions(path: Path, messages: Messages) -> None:
+    """Raise LogError where the schema of a message lacks a field that is read here."""
+    for name, (_, record) in messages.items():
+        types: Mapping[str, Any] = record.dtype.fields or {}
+        for field, length in _FIELDS[name].items():
+            shape = types[field][0].shape if field in types else (-1,)
+            if (shape != ()) if length == 0 else (not shape or shape[0] < length):
+                needed = "it must follow the MAVLink definition"
+                raise LogError(f"{path}: {name} lacks field {field}; {needed}")
 
 
 def _columns(record: NDArray[Any], keep: NDArray[np.bool_], *names: str) -> list[Array]:
@@ -81,7 +107,8 @@ def _outputs(record: NDArray[Any]) -> Array:
     names = record.dtype.names or ()
     if "actuator" in names:
         return np.asarray(record["actuator"], np.float64)
-    servos = sorted((name for name in names if name.startswith("servo")), key=lambda name: int(name[5:-4]))
+    servos = [name for name in names if re.fullmatch(r"servo\d+_raw", name)]
+    servos.sort(key=lambda name: int(name[5:-4]))
     return np.stack([record[name].astype(np.float64) for name in servos], axis=1)
 
 
@@ -102,7 +129,7 @@ def _setpoints(messages: Messages) -> Setpoints:
     if "ATTITUDE_TARGET" in messages:
         time_s, record = messages["ATTITUDE_TARGET"]
         keep = increasing(time_s)
-        _, pitch, heading = euler_rad(*record["q"][keep].astype(np.float64).T)
+        _, pitch, heading = euler_rad(*record["q"][keep, :4].astype(np.float64).T)
         attitude_time, heading = time_s[keep], np.unwrap(heading)
     if "POSITION_TARGET_LOCAL_NED" in messages:
         time_s, record = messages["POSITION_TARGET_LOCAL_NED"]

@@ -10,7 +10,7 @@ import numpy as np
 from sysid.log import Actuators, Attitude, Depth, Event, Log, LogError, Setpoints
 from sysid.logs.outputs import Outputs, steer
 from sysid.logs.samples import DEFAULT_TRAVEL_DEG, Table, beside, clock_steps, euler_rad, foreign_log, increasing
-from sysid.logs.ulog_frame import mended
+from sysid.logs.ulog_frame import mended, refuse_large_formats
 
 _OUTPUTS = ("actuator_outputs_sim", "actuator_outputs")
 """What went to the simulator, fractions, or to the servos, pulses."""
@@ -48,8 +48,10 @@ def _parsed(path: Path, topics: list[str] | None) -> Any:
     from pyulog import ULog
 
     try:
+        data = mended(path.read_bytes())
+        refuse_large_formats(data)
         with contextlib.redirect_stdout(io.StringIO()):
-            return ULog(io.BytesIO(mended(path.read_bytes())), topics)
+            return ULog(io.BytesIO(data), topics)
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give a PX4 .ulg") from None
     except Exception as error:  # pyulog fails in as many ways as a file can be broken

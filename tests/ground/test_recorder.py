@@ -155,7 +155,7 @@ def test_the_pose_points_where_the_vehicle_points_in_east_north_up(tmp_path: Pat
 
 
 def test_profile_names_no_encoding_that_a_channel_lacks(tmp_path: Path) -> None:
-    """Profile ros1: "message_encoding MUST be ros1" (https://mcap.dev/spec/registry); the views are JSON."""
+    """Profile ros1: "message_encoding MUST be ros1" (https://mcap.dev/spec/registry)."""
     path = tmp_path / "log.mcap"
     record(path, [attitude(0), text("one"), attitude(20)])
     profile, count, decoded = decoding.decode(path)
@@ -227,7 +227,7 @@ def test_a_killed_recorder_leaves_all_but_the_last_moment(tmp_path: Path) -> Non
         last = max([150, *(int(line) for line in process.stdout)])
     with pytest.raises(logs.LogError, match="recover"):
         logs.info(path)
-    saved = logs.recover(path, tmp_path / "saved.mcap")
+    saved = logs.recover(path, tmp_path / "saved.mcap").messages
     newest_ms = max(decoded.time_boot_ms for _, _, decoded in read(tmp_path / "saved.mcap"))
     assert saved == logs.info(tmp_path / "saved.mcap")["messages"] > 0
     assert newest_ms >= 20 * (last - 100)  # 100 messages took at least one second
@@ -252,5 +252,5 @@ def test_an_idle_recorder_flushes_by_the_wall_clock(tmp_path: Path) -> None:
         time.sleep(0.01)
     recorder._flush.hasten()
     recorder.flush_when_due()
-    assert logs.recover(path, tmp_path / "saved.mcap") == 1
+    assert logs.recover(path, tmp_path / "saved.mcap").messages == 1
     recorder.finish()
