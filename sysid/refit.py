@@ -13,7 +13,7 @@ from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import SHIPPED as SHIPPED
 from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.config import VehicleError as VehicleError
-from sysid import ashore, assemble, fit, logs, paper, parameters, predict, runs
+from sysid import ashore, assemble, duplicates, fit, logs, paper, parameters, predict, runs
 from sysid import model as models
 from sysid.ashore import AshoreError as AshoreError
 from sysid.ashore import Reading
@@ -87,6 +87,7 @@ def refit(
     read = _read(paths, outputs, lambda share: report("read logs", 0.1 * share))
     unseen = _read(held_out, outputs, lambda share: None)
     _refuse_lost(marks, [log.name for log in (*read, *unseen)])
+    _refuse_duplicates(paths, read, held_out, unseen, marks, belief)
     kept, screenings = _select(read, limits, marks)
     fresh = screen([run for log in unseen for run in runs.cut(log, _marks_of(log, marks))], limits)
     held = [s.run for s in fresh if s.kept]
@@ -223,6 +224,25 @@ def _refuse_lost(marks: Sequence[Mark], names: Sequence[str]) -> None:
             raise RefitError(f"{text}: {mark.log} is none of the logs {', '.join(names)}")
         if not mark.log and len(names) > 1:
             raise RefitError(f"{text}: there are {len(names)} logs; name the one that it is in, {names[0]}:START..STOP")
+
+
+def _refuse_duplicates(
+    paths: Sequence[str | Path],
+    read: Sequence[Log],
+    held_out: Sequence[str | Path],
+    unseen: Sequence[Log],
+    marks: Sequence[Mark],
+    belief: Belief,
+) -> None:
+    """Raise RefitError where two of the logs hold the same dive."""
+    fitted, predicted = (
+        [duplicates.named(path, log, _marks_of(log, marks)) for path, log in pairs]
+        for pairs in (zip(paths, read, strict=True), zip(held_out, unseen, strict=True))
+    )
+    prior_data = belief.earlier.data if belief.earlier else ()
+    reason = duplicates.refusal(fitted, predicted, prior_data)
+    if reason:
+        raise RefitError(reason)
 
 
 def _marks_of(log: Log, marks: Sequence[Mark]) -> list[Mark]:

@@ -153,9 +153,23 @@ def cut(log: Log, marks: Sequence[Mark] = ()) -> list[Run]:
         LogError: a mark lies outside the log.
     """
     stem = log.name.removesuffix(".mcap")
+    numbered = enumerate(_tests(log, marks), start=1)
+    return [_run(log, span, f"{stem}/{number}") for number, span in numbered]
+
+
+def times_of_tests(log: Log, marks: Sequence[Mark] = ()) -> list[tuple[float, float]]:
+    """Start and end of each test that ``cut`` gives, in the log's own time (s).
+
+    Raises:
+        LogError: a mark lies outside the log.
+    """
+    return [(span.start_s, span.stop_s) for span in _tests(log, marks)]
+
+
+def _tests(log: Log, marks: Sequence[Mark]) -> list[Span]:
+    """The tests of rudder or elevator in the order in which they began."""
     known = [part for span in spans(log) for part in _by_plane(span)]
-    known = sorted([*known, *(_marked(log, mark) for mark in marks)], key=lambda span: span.start_s)
-    return [_run(log, span, f"{stem}/{number}") for number, span in enumerate(known, start=1)]
+    return sorted([*known, *(_marked(log, mark) for mark in marks)], key=lambda span: span.start_s)
 
 
 def _by_plane(span: Span) -> list[Span]:
