@@ -189,6 +189,7 @@ class SignedDeck(Deck):
     def __init__(self, folder: Path, *stations: Station) -> None:
         super().__init__(*stations)
         self.file = folder / "key"
+        self.file.touch(0o600)
         self.file.write_text("old")
         keys = Keys({self.station.address: self.file}, Timestamp(unix_s=lambda: NOW_S))
         self.vehicle = Vehicle(ParamTable())
