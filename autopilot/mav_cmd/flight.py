@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 from autopilot import mission, modes, requests, telemetry
-from autopilot.mav_cmd.wire import Command, Desk, Handler, Outcome, custom_mode, whole
+from autopilot.mav_cmd.wire import Command, Desk, Handler, Outcome, custom_mode, foreign_mode, whole
 from autopilot.schedule import Schedule
 from autopilot.types import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, UNSUPPORTED, Severity
 from link.missions import FRAME_MISSION, MissionItem
@@ -29,7 +29,10 @@ def arm(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
 def set_mode(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
     if not whole(command.p1) & 1:
         return desk.refuse(DENIED, "DO_SET_MODE: param1 lacks the custom mode flag (1)")
-    return desk.ask(requests.SetMode(custom_mode(command.p2, command.p3)))
+    number = custom_mode(command)
+    if number is None:
+        return desk.refuse(DENIED, foreign_mode(whole(command.p2)))
+    return desk.ask(requests.SetMode(number))
 
 
 def set_standard_mode(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
