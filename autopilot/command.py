@@ -86,11 +86,12 @@ def prearm(state: State, config: Config) -> str:
 def lacking(state: State, mode: modes.Mode, config: Config) -> str:
     """What a mode cannot be flown without; empty when all is there.
 
-    Places that are told by latitude and longitude are uploaded wherever the vehicle lies, but flown only from where she
-    knows herself to be.
+    A mission of latitudes and longitudes may be uploaded before home is known, but not flown.
     """
     if mode == modes.MISSION and not state.mission.items:
         return "no mission"
+    if mode == modes.MISSION and (fault := mission.find_fault(state.mission.items, state.home, config)):
+        return f"mission item {fault.sequence}: {fault.reason}"
     if mode == modes.RTL or (mode == modes.MISSION and mission.needs_home(state.mission.items, config)):
         return "" if state.home.known else "home is not known"
     if mode == modes.OFFBOARD and not any(state.targets):
@@ -171,10 +172,9 @@ def test_actuator(state: State, wish: requests.TestActuator) -> tuple[State, Ans
 
 
 def load_mission(state: State, items: tuple[MissionItem, ...], config: Config) -> tuple[State, Answer, Events]:
-    sequence, wrong = mission.check(items, config)
-    if wrong:
-        unknown = items[sequence].command not in mission.COMMANDS
-        return state, Answer(UNSUPPORTED if unknown else DENIED, f"Mission item {sequence}: {wrong}"), ()
+    if fault := mission.find_fault(items, state.home, config):
+        result = DENIED if items[fault.sequence].command in mission.COMMANDS else UNSUPPORTED
+        return state, Answer(result, f"Mission item {fault.sequence}: {fault.reason}", fault.parameter), ()
     if state.armed and state.mode == modes.MISSION.number:
         return state, Answer(TEMPORARILY_REJECTED, "Mission refused: one is being flown"), ()
     return state._replace(mission=mission.restart(MissionState(items), config)), Answer(ACCEPTED), ()

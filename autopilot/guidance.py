@@ -23,6 +23,9 @@ LEAST_WATER_MPS = 0.3
 MOST_CRAB = math.sin(math.radians(60.0))
 INTEGRATES_WITHIN = 1.0 / 3.0
 """Of the look-ahead distance: what is further off has causes that pass."""
+ZERO_ZERO_M = 100_000.0
+"""Latitude and longitude 0 are a place only where home is this near to it: as far as
+geodetic_to_offset may take the earth for flat. Elsewhere they mean "here", as for ArduPilot."""
 _UNDER_WAY = frozenset(mode.number for mode in (modes.MISSION, modes.DEPTH, modes.STATION, modes.RTL))
 
 
@@ -41,11 +44,21 @@ def here(estimate: Estimate) -> complex:
     return complex(estimate.north_m, estimate.east_m)
 
 
+def near_zero_zero(home: Home) -> bool:
+    """Whether latitude and longitude 0 are a place to a vehicle of this home."""
+    return home.known and abs(complex(*geodetic_to_offset(0.0, 0.0, home.lat_deg, home.lon_deg))) <= ZERO_ZERO_M
+
+
 def place_of(item: MissionItem, home: Home) -> complex | None:
-    """The place that an item gives; None means here: no place, or zero latitude and longitude."""
+    """The place that an item gives, north + i east of home (m).
+
+    None means here: an item without a place, or zero latitude and longitude far from (0, 0).
+    """
     if item.frame == FRAME_LOCAL_NED:
         return complex(item.x, item.y) / LOCAL_SCALE
-    if item.frame not in GLOBAL_FRAMES or (item.x == 0 and item.y == 0) or NOT_GIVEN in (item.x, item.y):
+    if item.frame not in GLOBAL_FRAMES or NOT_GIVEN in (item.x, item.y):
+        return None
+    if item.x == 0 and item.y == 0 and not near_zero_zero(home):
         return None
     lat, lon = item.x / GLOBAL_SCALE, item.y / GLOBAL_SCALE
     return complex(*geodetic_to_offset(lat, lon, home.lat_deg, home.lon_deg))

@@ -2,13 +2,14 @@
 
 import math
 from enum import IntEnum
+from typing import NamedTuple
 
 from autopilot import excitation, guidance, modes, offboard
 from autopilot.params import Config
 from autopilot.targets import Circle, Line
 from autopilot.types import US_PER_S, Event, Excitation, Home, ItemReached, MissionState, Severity, State
 from link.frames import wrap_pi
-from link.missions import GLOBAL_FRAMES, MissionItem
+from link.missions import FRAME_LOCAL_NED, GLOBAL_FRAMES, MissionItem, place_fault
 
 
 class Command(IntEnum):
@@ -33,6 +34,8 @@ class Command(IntEnum):
 COMMANDS = frozenset(Command)
 
 DEPTH_REACHED_M = 0.3
+DEPTH_ROUNDING_M = 1e-3
+"""Rounding of a depth in a float32: half of 0.5 mm at the 6000 m that FS_DEPTH_M may be at most."""
 
 _PLACED = frozenset(
     (Command.WAYPOINT, Command.LOITER_UNLIMITED, Command.LOITER_TURNS, Command.LOITER_TIME, Command.LAND)
@@ -44,12 +47,41 @@ _DEEP = _PLACED | {Command.CHANGE_ALTITUDE_WAIT}
 Outcome = tuple[State, tuple[Event | ItemReached, ...]]
 
 
+_FIELDS = {"p1": 1, "p2": 2, "p3": 3, "p4": 4, "z": 7}
+"""The parameters of an item that are real numbers, with their numbers in MAV_MISSION_RESULT."""
+
+Wrong = tuple[int, str]
+"""The number of a parameter (0: none in particular) and what is wrong with it, "" for nothing."""
+
+
+class Fault(NamedTuple):
+    """Why a mission cannot be flown."""
+
+    sequence: int
+    reason: str
+    """With the value and the limit."""
+    parameter: int = 0
+    """1 to 7; 0 for none in particular."""
+
+
 def check(items: tuple[MissionItem, ...], config: Config) -> tuple[int, str]:
     """The first item that this vehicle cannot fly and why; (-1, "") when it can fly them all."""
+    fault = find_fault(items, Home(), config)
+    return (-1, "") if fault is None else fault[:2]
+
+
+def find_fault(items: tuple[MissionItem, ...], home: Home, config: Config) -> Fault | None:
+    """Return the first item that cannot be flown from home, None when all can be.
+
+    Checked when a mission is loaded and again when it is started: home and limits may have changed.
+    """
     for item in _flown(items, config):
-        if wrong := _fault(item, len(items), config):
-            return item.sequence, wrong
-    return -1, ""
+        parameter, reason = _fault(item, len(items), config)
+        if not reason:
+            parameter, reason = _out_of_reach(item, home, config)
+        if reason:
+            return Fault(item.sequence, reason, parameter)
+    return None
 
 
 _NEEDS: dict[int, tuple[str, ...]] = {
@@ -65,24 +97,45 @@ _NEEDS: dict[int, tuple[str, ...]] = {
 """The numbers without which an item means nothing; NaN in any other field means "not given"."""
 
 
-def _fault(item: MissionItem, count: int, config: Config) -> str:
-    """What is wrong with an item; empty when it can be flown."""
+def _fault(item: MissionItem, count: int, config: Config) -> Wrong:
+    """What is wrong with an item wherever the vehicle is."""
     if item.command not in COMMANDS:
-        return f"command {item.command} is not one this vehicle flies"
+        return 0, f"command {item.command} is not one this vehicle flies"
     for name in _NEEDS.get(item.command, ()):
         if not math.isfinite(getattr(item, name)):
-            return f"{name} of command {item.command}: must be a number"
-    if any(math.isinf(value) for value in (item.p1, item.p2, item.p3, item.p4, item.z)):
-        return f"command {item.command}: infinite"
+            return _FIELDS[name], f"{name} of command {item.command}: must be a number"
+    for name, parameter in _FIELDS.items():
+        if math.isinf(getattr(item, name)):
+            return parameter, f"{name} of command {item.command}: must be finite"
     if item.command == Command.JUMP and not 0 <= item.p1 < count:
-        return f"DO_JUMP to {item.p1:g}: there is no such item"
+        return 1, f"DO_JUMP to {item.p1:g}: there is no such item"
     if item.command == Command.CHANGE_ALTITUDE and item.p1 > 0.0:
-        return f"altitude {item.p1:g} m: must be 0 or negative, depth is minus altitude"
+        return 1, f"altitude {item.p1:g} m: must be 0 or negative, depth is minus altitude"
     if item.command in _DEEP and guidance.depth_of(item, 0.0) < 0.0:
-        return f"depth {guidance.depth_of(item, 0.0):g} m: must be 0 or more; z is down in a local frame, else up"
+        depth_m = guidance.depth_of(item, 0.0)
+        return 7, f"depth {depth_m:g} m: must be 0 or more; z is down in a local frame, else up"
+    if item.command in _DEEP or item.command == Command.CHANGE_ALTITUDE:
+        depth_m, limit_m = _new_depth_m(item), config.fs_depth_m
+        if depth_m > limit_m + DEPTH_ROUNDING_M:
+            parameter = 7 if item.command in _DEEP else 1
+            return parameter, f"depth {depth_m:g} m: must be at most FS_DEPTH_M = {limit_m:g} m"
+    if item.command in _PLACED:
+        return place_fault(item)
     if item.command == Command.TEST:
-        return excitation.check(test_of(item, State(), config), config.travel_deg)
-    return ""
+        return 0, excitation.check(test_of(item, State(), config), config.travel_deg)
+    return 0, ""
+
+
+def _out_of_reach(item: MissionItem, home: Home, config: Config) -> Wrong:
+    """Whether the place of an item is too far from home, as far as home is known."""
+    limit_m = config.mission_distance_m
+    if limit_m == 0.0 or item.command not in _PLACED or not (home.known or item.frame == FRAME_LOCAL_NED):
+        return 0, ""
+    place_m = guidance.place_of(item, home)
+    if place_m is None or abs(place_m) <= limit_m:
+        return 0, ""
+    parameter = 5 if abs(place_m.real) >= abs(place_m.imag) else 6
+    return parameter, f"{abs(place_m):.0f} m from home: must be at most MIS_DIST_MAX = {limit_m:g} m"
 
 
 def needs_home(items: tuple[MissionItem, ...], config: Config) -> bool:

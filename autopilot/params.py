@@ -134,6 +134,10 @@ class Config:
     surfaced_depth_m: Annotated[float, Doc("SURF_DEPTH_M", 0.1, 3, "m", "Shallower than this is surfaced")] = 0.5
     mission_end: Annotated[int, Doc("MIS_END_ACT", 0, 2, "", "After a mission: 0 HOLD, 1 SURFACE, 2 disarm")] = 1
     mission_seq0_home: Annotated[int, Doc("MIS_SEQ0_HOME", 0, 1, "", "1: item 0 is home and is not flown")] = 0
+    mission_distance_m: Annotated[
+        float, Doc("MIS_DIST_MAX", 0, 100_000, "m", "Farthest place of a mission from home; 0: no limit")
+    ] = 10_000.0
+    """Default: what cruise speed (1.3 m/s) covers in FS_TIME_S (7200 s), rounded up."""
 
     fs_depth_m: Annotated[float, Doc("FS_DEPTH_M", 1, 6000, "m", "Deeper than this: surface")] = 18.0
     fs_altitude_m: Annotated[float, Doc("FS_ALT_M", 0, 100, "m", "Closer to the sea floor: surface; 0 off")] = 1.0

@@ -13,7 +13,7 @@ from autopilot.links import GroundLink
 from autopilot.logbook.book import Logbook
 from autopilot.mav_cmd.commander import Commander
 from autopilot.mav_cmd.flight import move_home
-from autopilot.mav_cmd.wire import Desk, Progress, command_from_message
+from autopilot.mav_cmd.wire import LOWEST_CUSTOM_MODE, Desk, Progress, command_from_message, foreign_mode
 from autopilot.on_request import Library
 from autopilot.requests import SetMode
 from autopilot.setpoints import Streams
@@ -144,8 +144,12 @@ class Services:
             link.write(answer, values)
 
     def _set_mode(self, arrival: Arrival) -> None:
-        """The old way to set a mode: never acknowledged, so the heartbeat tells what became of it."""
-        self._vehicle.request(SetMode(arrival.message.custom_mode))
+        """Set a mode the old way: never acknowledged, so the heartbeat reports the result."""
+        number = arrival.message.custom_mode
+        if number < LOWEST_CUSTOM_MODE:
+            self._vehicle.say(foreign_mode(number))
+        else:
+            self._vehicle.request(SetMode(number))
         self._announcer.remind()
 
     def _set_home(self, arrival: Arrival) -> None:

@@ -289,6 +289,8 @@ class Answer(NamedTuple):
 
     result: int
     text: str = ""
+    parameter: int = 0
+    """The parameter of a mission item that is wrong, 1 to 7; 0 for none in particular."""
 
 
 US_PER_S = 1_000_000

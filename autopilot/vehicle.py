@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from autopilot import command, core, health, modes, requests
+from autopilot import command, core, health, mission, modes, requests
 from autopilot.params import Config, ParamError, ParamTable
 from autopilot.types import (
     ACCEPTED,
@@ -13,6 +13,7 @@ from autopilot.types import (
     Event,
     Inputs,
     ItemReached,
+    MissionState,
     Severity,
     State,
     Trace,
@@ -106,7 +107,8 @@ class Vehicle:
         """Begin afresh, as after a reboot; parameters and mission stay."""
         items = self.state.mission.items
         self._begin()
-        self.state = command.request(self.state, requests.LoadMission(items), self.params.config)[0]
+        loaded = mission.restart(MissionState(items), self.params.config)
+        self.state = self.state._replace(mission=loaded)
         self.say(f"Restarted: {reason}", Severity.NOTICE)
 
     def lose_sensors(self) -> None:
@@ -170,6 +172,8 @@ class MissionStore:
 
     def load(self, items: tuple[MissionItem, ...]) -> Verdict:
         answer = self._vehicle.request(requests.LoadMission(items))
+        if answer.parameter:
+            return Verdict(missions.INVALID_PARAM1 + answer.parameter - 1)
         return Verdict(_MISSION_RESULTS.get(answer.result, missions.DENIED))
 
     def set_current(self, sequence: int) -> bool:
@@ -188,15 +192,15 @@ _MISSION_RESULTS = {
 
 def progress(state: State, config: Config) -> MissionProgress:
     """How far the mission has come, as MISSION_CURRENT tells it: home, where it is item 0, counts for nothing."""
-    mission, total = state.mission, len(state.mission.items)
+    flown, total = state.mission, len(state.mission.items)
     flying = state.mode == modes.MISSION.number
     if not total:
         stage = NO_MISSION
-    elif mission.current >= total:
+    elif flown.current >= total:
         stage = COMPLETE
     elif flying and state.armed:
         stage = ACTIVE
     else:
-        stage = PAUSED if mission.reached >= 0 else NOT_STARTED
+        stage = PAUSED if flown.reached >= 0 else NOT_STARTED
     counted = total - config.mission_seq0_home if total else NO_ITEMS
-    return MissionProgress(min(mission.current, max(0, total - 1)), counted, stage, 1 if flying else 2)
+    return MissionProgress(min(flown.current, max(0, total - 1)), counted, stage, 1 if flying else 2)

@@ -50,11 +50,19 @@ class Dive:
     parameters: Mapping[str, float] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
     tlog: Path | None = None
+    labels: tuple[str, ...] = ()
+    """Where each item stands in the mission's file, for errors; () for items without a file."""
 
     @classmethod
     def load(cls, mission: str, log: Path, **details: object) -> "Dive":
         """A dive of a mission script or file. Raises ScriptError."""
-        return cls(mission, plans.load_items(mission), log, **details)  # type: ignore[arg-type]
+        plan = plans.load(mission)
+        return cls(mission, plan.items, log, labels=plan.labels, **details)  # type: ignore[arg-type]
+
+    @property
+    def plan(self) -> plans.Plan:
+        """The items with where they come from."""
+        return plans.Plan(self.items, self.labels or tuple(f"item {n}" for n in range(len(self.items))))
 
 
 class Outcome(NamedTuple):
@@ -149,14 +157,24 @@ def wait_for_last_words(simulated: SimulatedVehicle, patience_s: float = 1.0) ->
         simulated.check()
 
 
-def prepare(vehicle: Vehicle, dive: Dive) -> None:
-    """Everything before arming: parameters, message rates, mission, mode."""
+def prepare(vehicle: Vehicle, dive: Dive) -> dict[str, float]:
+    """Do everything before arming: parameters, message rates, mission, mode.
+
+    Returns the parameters that are in force.
+
+    Raises:
+        BadInputError: the mission leaves the vehicle's limits; nothing was uploaded.
+        VehicleError: the vehicle refused.
+    """
     for name, value in dive.parameters.items():
         vehicle.set_parameter(name, value)
+    aboard = vehicle.parameters()
+    plans.check_limits(dive.mission, dive.plan, plans.Limits.from_parameters(aboard))
     for name, rate_hz in RATES_HZ.items():
         vehicle.set_interval(name, rate_hz)
     vehicle.upload(dive.items)
     vehicle.set_mode("MISSION")
+    return aboard
 
 
 def _fly(
@@ -170,8 +188,7 @@ def _fly(
     recorder.annotate("dive", {"mission": dive.mission, **dive.notes})
     recorder.attach("mission.plan", plans.write_plan(dive.items).encode(), "application/json")
     vehicle.connect()
-    prepare(vehicle, dive)
-    aboard = vehicle.parameters()
+    aboard = prepare(vehicle, dive)
     recorder.attach_parameters(aboard)
     if follower is not None:
         follower.begin(aboard)

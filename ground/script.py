@@ -152,16 +152,26 @@ def parse(text: str, where: str) -> Script:
 
 def compile_items(script: Script) -> tuple[MissionItem, ...]:
     """The standard mission items of a script, numbered from 0, the first one current."""
-    depth_m, items = 0.0, list[MissionItem]()
-    for step in script.step:
-        depth_m = depth_m if step.depth_m is None else step.depth_m
-        items += _items(step, depth_m)
+    items = [item for of_step in _items_by_step(script) for item in of_step]
     return tuple(item._replace(sequence=n, current=int(n == 0)) for n, item in enumerate(items))
+
+
+def step_numbers(script: Script) -> tuple[int, ...]:
+    """Return the step, counted from 1, that each item of ``compile_items`` comes from."""
+    numbered = enumerate(_items_by_step(script), start=1)
+    return tuple(number for number, of_step in numbered for _ in of_step)
 
 
 def duration_s(script: Script) -> float:
     """Seconds of legs and tests, without the ways between places, down and up."""
     return sum((s.duration_s or 0.0) + (s.test.duration_s if s.test else 0) for s in script.step)
+
+
+def _items_by_step(script: Script) -> Iterator[list[MissionItem]]:
+    depth_m = 0.0
+    for step in script.step:
+        depth_m = depth_m if step.depth_m is None else step.depth_m
+        yield list(_items(step, depth_m))
 
 
 def _wrong(step: Step, *, is_first: bool, is_last: bool) -> str:
@@ -238,6 +248,8 @@ def _way_item(step: Step, depth_m: float) -> MissionItem:
         north, east = (round(metres * LOCAL_SCALE) for metres in step.to)
         return item._replace(frame=FRAME_LOCAL_NED, x=north, y=east, z=depth_m)
     lat, lon = (round((angle or 0.0) * GLOBAL_SCALE) for angle in (step.lat_deg, step.lon_deg))
+    if lat == lon == 0:
+        lat = 1  # 11 mm beside it: exactly 0, 0 means "here" to most vehicles
     return item._replace(frame=RELATIVE_ALTITUDE, x=lat, y=lon, z=-depth_m)
 
 

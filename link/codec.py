@@ -5,7 +5,7 @@ The lockstep link and full-rate telemetry spend most of their time here; everyth
 """
 
 import struct
-from collections.abc import Container
+from collections.abc import Container, Hashable
 from typing import Any, NamedTuple
 
 from fastcrc import crc16
@@ -21,6 +21,9 @@ OVERHEAD = 12
 """Bytes of a MAVLink 2 frame around its payload, without a signature."""
 LARGEST_FRAME = OVERHEAD + 255 + SIGNATURE_LENGTH
 """Bytes of the longest MAVLink 2 frame."""
+
+MAX_PARTIAL_STREAMS = 64
+"""Streams of which a framer keeps the begun frame, at most LARGEST_FRAME bytes each."""
 
 _HEAD = struct.Struct("<BBBBBBHB")
 """What stands between the magic byte and the payload: six bytes, and a message number of three."""
@@ -73,7 +76,10 @@ def encode(
 
 
 class Framer:
-    """Cuts a byte stream into frames: skips noise, refuses a wrong CRC, waits for the rest of a frame.
+    """Cuts byte streams into frames: skips noise, refuses a wrong CRC, waits for the rest of one.
+
+    The ``stream`` of ``feed`` keeps several streams apart, as of the clients of one server. Where
+    more than ``MAX_PARTIAL_STREAMS`` have begun a frame, the one that has waited longest is dropped.
 
     The CRC of a message that the dialect lacks cannot be checked, for its seed is part of the definition. Such a frame
     passes when ``senders`` holds its system and component, and some seed explains its CRC: noise does both once in
@@ -82,15 +88,24 @@ class Framer:
 
     def __init__(self, senders: Container[tuple[int, int]] = ()) -> None:
         self._senders = senders
-        self._buffer = b""
+        self._begun: dict[Hashable, bytes] = {}
         self.rejected_frames = 0
         """Frames whose CRC was wrong."""
         self.skipped_bytes = 0
         """Bytes that belonged to no frame."""
 
-    def feed(self, data: bytes) -> list[Frame]:
-        """The frames that ``data`` completes, in the order of arrival."""
-        buffer = self._buffer + data if self._buffer else data
+    @property
+    def partial_streams(self) -> int:
+        """Streams in which a frame has begun and not ended."""
+        return len(self._begun)
+
+    def forget(self, stream: Hashable) -> None:
+        """Drop the begun frame of a stream that is over."""
+        self._begun.pop(stream, None)
+
+    def feed(self, data: bytes, stream: Hashable = None) -> list[Frame]:
+        """The frames that ``data`` completes in its stream, in the order of arrival."""
+        buffer = self._begun.pop(stream, b"") + data if self._begun else data
         frames: list[Frame] = []
         at, end = 0, len(buffer)
         while at < end:
@@ -108,8 +123,14 @@ class Framer:
             else:
                 frames.append(frame)
                 at += length
-        self._buffer = buffer[at:]
+        if at < end:
+            self._keep(stream, buffer[at:])
         return frames
+
+    def _keep(self, stream: Hashable, begun: bytes) -> None:
+        if len(self._begun) >= MAX_PARTIAL_STREAMS:
+            del self._begun[next(iter(self._begun))]
+        self._begun[stream] = begun
 
     def _skip(self, buffer: bytes, at: int) -> int:
         found = [index for magic in (b"\xfd", b"\xfe") if (index := buffer.find(magic, at)) >= 0]

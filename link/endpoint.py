@@ -5,7 +5,7 @@ from typing import Any
 from link import dialect
 from link.codec import SIGNED_FLAG, Frame, Framer, encode
 from link.signing import Signing
-from link.transport import Transport
+from link.transport import SharedTransport, Transport
 
 
 class Endpoint:
@@ -22,6 +22,7 @@ class Endpoint:
     ) -> None:
         """With ``strangers``, messages that the dialect lacks are received too, for whoever may know them."""
         self.transport, self.system, self.component = transport, system, component
+        self._shared = transport if isinstance(transport, SharedTransport) else None
         self.signing = signing
         self._sequence = 0
         self._expected: dict[tuple[int, int], int] = {}
@@ -47,15 +48,33 @@ class Endpoint:
 
     def receive(self) -> list[Frame]:
         """The frames that have arrived since the last call. Raises LinkLostError when the other end is gone."""
-        data = self.transport.receive()
-        if not data:
-            return []
-        frames = self._framer.feed(data)
+        if self._shared is not None:
+            frames = self._receive_from(self._shared)
+        else:
+            data = self.transport.receive()
+            frames = self._framer.feed(data) if data else []
+        if not frames:
+            return frames
         if self.signing is not None:
             frames = [frame for frame in frames if self.signing.accepts(frame)]
         for frame in frames:
             self._count(frame)
         return frames
+
+    def _receive_from(self, shared: SharedTransport) -> list[Frame]:
+        """The frames of every peer, each cut from the peer's own bytes."""
+        frames: list[Frame] = []
+        for peer, data in shared.receive_from():
+            if data:
+                frames += self._framer.feed(data, peer)
+            else:
+                self._framer.forget(peer)
+        return frames
+
+    @property
+    def partial_streams(self) -> int:
+        """Peers that have sent the beginning of a frame and not its end."""
+        return self._framer.partial_streams
 
     @property
     def rejected_frames(self) -> int:

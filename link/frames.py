@@ -78,6 +78,9 @@ def geodetic_to_offset(
     lat_deg: float, lon_deg: float, origin_lat_deg: float, origin_lon_deg: float
 ) -> tuple[float, float]:
     """North and east offset in metres from an origin: the inverse of ``offset_to_geodetic``."""
+    lon_offset_deg = lon_deg - origin_lon_deg
+    if abs(lon_offset_deg) > 180.0:  # the shorter way, across the antimeridian
+        lon_offset_deg -= math.copysign(360.0, lon_offset_deg)
     north = math.radians(lat_deg - origin_lat_deg) * EARTH_RADIUS_M
-    east = math.radians(lon_deg - origin_lon_deg) * EARTH_RADIUS_M * math.cos(math.radians(origin_lat_deg))
+    east = math.radians(lon_offset_deg) * EARTH_RADIUS_M * math.cos(math.radians(origin_lat_deg))
     return north, east

@@ -15,7 +15,9 @@ NO_SPACE = constant("MAV_MISSION_NO_SPACE")
 UNSUPPORTED = constant("MAV_MISSION_UNSUPPORTED")
 UNSUPPORTED_FRAME = constant("MAV_MISSION_UNSUPPORTED_FRAME")
 INVALID = constant("MAV_MISSION_INVALID")
+INVALID_PARAM1 = constant("MAV_MISSION_INVALID_PARAM1")
 INVALID_PARAM7 = constant("MAV_MISSION_INVALID_PARAM7")
+"""Between the two lie the results for param2 to param4, x (5) and y (6)."""
 INVALID_SEQUENCE = constant("MAV_MISSION_INVALID_SEQUENCE")
 DENIED = constant("MAV_MISSION_DENIED")
 CANCELLED = constant("MAV_MISSION_OPERATION_CANCELLED")
@@ -52,6 +54,28 @@ class MissionItem(NamedTuple):
     z: float = 0.0
     """Altitude (minus the depth) in metres in global frames, depth in local ones."""
     mission_type: int = MISSION_TYPE
+
+
+def place_fault(item: MissionItem) -> tuple[int, str]:
+    """Return what is wrong with the latitude and longitude of an item that has a place.
+
+    Returns
+    -------
+    parameter : int
+        5 for x, 6 for y, as MAV_MISSION_RESULT counts; 0 where nothing is wrong.
+    reason : str
+        With value and limits, "" where nothing is wrong.
+    """
+    if item.frame not in GLOBAL_FRAMES or (item.x == item.y == NOT_GIVEN):
+        return 0, ""
+    for parameter, value in ((5, item.x), (6, item.y)):
+        if value == NOT_GIVEN:
+            return parameter, "latitude and longitude: give both or none"
+    for parameter, name, value, limit_deg in ((5, "latitude", item.x, 90), (6, "longitude", item.y, 180)):
+        if abs(value) > limit_deg * GLOBAL_SCALE:
+            degrees = f"{value / GLOBAL_SCALE:.10g}"
+            return parameter, f"{name} {degrees}: must be -{limit_deg} to {limit_deg} deg"
+    return 0, ""
 
 
 def item_from_message(message: Any) -> MissionItem:

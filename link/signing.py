@@ -12,7 +12,9 @@ timestamps are followed to the letter:
 
 import hashlib
 import hmac
+import os
 import re
+import stat
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -41,7 +43,7 @@ _HEX_KEY = re.compile(r"[0-9a-fA-F]{64}")
 
 
 class KeyFileError(ValueError):
-    """A key file that holds no key; the message says which and what would be right."""
+    """A key file that cannot be used; the message says which and what would be right."""
 
 
 def key_from_passphrase(passphrase: str) -> bytes:
@@ -53,15 +55,29 @@ def load_key(path: Path) -> bytes:
     """The key in a file: a line of 64 hexadecimal digits is the key itself, any other line a passphrase.
 
     Raises:
-        KeyFileError: naming the file and what is wrong with it.
+        KeyFileError: others may read the file (ssh refuses such a key too), or it holds no key; the
+            message names the file.
     """
     try:
-        text = path.read_text(encoding="utf-8").strip()
+        with path.open(encoding="utf-8") as file:
+            if exposed := _exposed(os.fstat(file.fileno())):
+                raise KeyFileError(f"{path}: mode {exposed}: others may read this key; chmod 600 {path}")
+            text = file.read().strip()
     except (OSError, UnicodeDecodeError) as error:
         raise KeyFileError(f"{path}: {getattr(error, 'strerror', None) or 'no text'}") from None
     if not text or "\n" in text:
         raise KeyFileError(f"{path}: must hold one line, a passphrase or 64 hexadecimal digits")
     return bytes.fromhex(text) if _HEX_KEY.fullmatch(text) else key_from_passphrase(text)
+
+
+def _exposed(status: os.stat_result) -> str:
+    """The mode of a file that others than its owner may use, "" for a private one.
+
+    The group of a file of another owner may read it: so an administrator gives a key to a service.
+    """
+    mode = stat.S_IMODE(status.st_mode)
+    private = os.name != "posix" or not mode & (0o077 if status.st_uid == os.geteuid() else 0o007)
+    return "" if private or not stat.S_ISREG(status.st_mode) else f"{mode:o}"
 
 
 def save_key(path: Path, key: bytes) -> None:

@@ -16,8 +16,9 @@ def replace_file(path: Path, text: str) -> None:
         OSError: it cannot be written; the old file is as it was.
     """
     half = path.with_name(f".{path.name}.{os.getpid()}")
+    half.unlink(missing_ok=True)  # left by a program that died; O_EXCL needs a new file
     try:
-        with os.fdopen(os.open(half, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:
+        with os.fdopen(os.open(half, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())

@@ -4,8 +4,8 @@ import math
 from dataclasses import replace
 from functools import partial
 
-from autopilot import mission, modes, requests, telemetry
-from autopilot.mav_cmd.wire import Command, Desk, Handler, Outcome, custom_mode, whole
+from autopilot import guidance, mission, modes, requests, telemetry
+from autopilot.mav_cmd.wire import Command, Desk, Handler, Outcome, custom_mode, foreign_mode, whole
 from autopilot.schedule import Schedule
 from autopilot.types import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, UNSUPPORTED, Severity
 from link.missions import FRAME_MISSION, MissionItem
@@ -29,7 +29,10 @@ def arm(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
 def set_mode(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
     if not whole(command.p1) & 1:
         return desk.refuse(DENIED, "DO_SET_MODE: param1 lacks the custom mode flag (1)")
-    return desk.ask(requests.SetMode(custom_mode(command.p2, command.p3)))
+    number = custom_mode(command)
+    if number is None:
+        return desk.refuse(DENIED, foreign_mode(whole(command.p2)))
+    return desk.ask(requests.SetMode(number))
 
 
 def set_standard_mode(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
@@ -90,6 +93,8 @@ def set_home(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
     scale = 1e-7 if command.scaled else 1.0
     lat_deg, lon_deg = command.p5 * scale, command.p6 * scale
     if command.p1 == 1:
+        if not desk.vehicle.state.home.known:
+            return desk.refuse(TEMPORARILY_REJECTED, "Home refused: the position is not known")
         lat_deg, lon_deg = (angle * 1e-7 for angle in telemetry.position_dege7(desk.vehicle.state))
     return move_home(desk, lat_deg, lon_deg, command.p7)
 
@@ -98,6 +103,9 @@ def move_home(desk: Desk, lat_deg: float, lon_deg: float, altitude_m: float) -> 
     """Put home at a place of the surface, whatever altitude somebody has in mind."""
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
         return desk.refuse(DENIED, f"Home refused: {lat_deg:g}, {lon_deg:g} is no place")
+    home = desk.vehicle.state.home
+    if lat_deg == lon_deg == 0.0 and home.known and not guidance.near_zero_zero(home):
+        return desk.refuse(DENIED, "Home refused: 0, 0 counts as no place unless home is within 100 km of it")
     outcome = desk.ask(requests.SetHome(lat_deg, lon_deg))
     if not math.isnan(altitude_m) and altitude_m != 0.0:
         desk.vehicle.say("Home stays at the surface: altitude ignored", Severity.NOTICE)

@@ -12,7 +12,7 @@ from link.dialect import MessageType, Values
 from link.missions import NOT_GIVEN
 
 _INT32_LIMIT = 1 << 31
-_LOWEST_CUSTOM_MODE = 65_536
+LOWEST_CUSTOM_MODE = 65_536
 """DO_SET_MODE.param2 from here on is a whole custom_mode, below it is PX4's main mode."""
 
 
@@ -90,10 +90,29 @@ def command_from_message(message: Any) -> Command:
     return Command(m.command, m.param1, m.param2, m.param3, m.param4, x, y, m.z, scaled=True)
 
 
-def custom_mode(main: float, sub: float) -> int:
-    """DO_SET_MODE's second and third parameter as a custom_mode."""
-    main_number, sub_number = whole(main), whole(sub)
-    return main_number if main_number >= _LOWEST_CUSTOM_MODE else main_number << 16 | sub_number << 24
+def custom_mode(command: Command) -> int | None:
+    """Return the custom_mode of a DO_SET_MODE, None where its number is another autopilot's.
+
+    A main mode without a sub mode looks like a small number of ArduPilot, whose AUTO (3) would be
+    STATION here. Their senders differ in what fills the parameters that are not used: MAVSDK, which
+    means main and sub mode, sends NaN; pymavlink and MAVProxy, which mean ArduPilot's numbers unless
+    they know this vehicle's whole ones, send 0.
+    """
+    main, sub = whole(command.p2), whole(command.p3)
+    if main >= LOWEST_CUSTOM_MODE:
+        return main
+    unused = command.p4, command.p5, command.p6, command.p7
+    if sub == 0 and not all(map(math.isnan, unused)):
+        return None
+    return main << 16 | sub << 24
+
+
+def foreign_mode(number: int) -> str:
+    """Return why a mode number of another autopilot is refused, for a person."""
+    return (
+        f"Mode {number} refused: not a number of this vehicle's (AVAILABLE_MODES); "
+        "MAVProxy needs `ground modes install`"
+    )
 
 
 def whole(value: float, default: int = 0) -> int:

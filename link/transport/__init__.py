@@ -2,7 +2,7 @@
 
 =====================  ======================================================================
 ``udpin:HOST:PORT``    bind, learn peers from their first datagram, answer every one of them
-``udpout:HOST:PORT``   send to a peer
+``udpout:HOST:PORT``   send to one peer, and receive from no other
 ``tcp:HOST:PORT``      connect to a server; loses nothing and pushes back
 ``tcpin:HOST:PORT``    serve many clients
 ``serial:DEVICE:BAUD`` a serial line; opened again when it was unplugged
@@ -12,15 +12,26 @@
 
 from typing import NamedTuple
 
-from link.transport.base import EAGER_S, MAX_DATAGRAM, AddressError, Handle, LinkLostError, Transport, wait
+from link.transport.base import (
+    EAGER_S,
+    MAX_DATAGRAM,
+    AddressError,
+    Handle,
+    LinkLostError,
+    Piece,
+    SharedTransport,
+    Transport,
+    wait,
+)
 from link.transport.memory import MemoryTransport
 from link.transport.serial_line import SerialTransport
 from link.transport.tcp import PATIENCE_S, TcpClient, TcpServer
-from link.transport.udp import UdpTransport
+from link.transport.udp import UdpClient, UdpTransport
 
 __all__ = (
-    "EAGER_S", "MAX_DATAGRAM", "PATIENCE_S", "AddressError", "Handle", "LinkLostError", "MemoryTransport",
-    "SerialTransport", "TcpClient", "TcpServer", "Transport", "UdpTransport", "baud_rate", "open_transport", "wait",
+    "EAGER_S", "MAX_DATAGRAM", "PATIENCE_S", "AddressError", "Handle", "LinkLostError", "MemoryTransport", "Piece",
+    "SerialTransport", "SharedTransport", "TcpClient", "TcpServer", "Transport", "UdpClient", "UdpTransport",
+    "baud_rate", "open_transport", "wait",
 )  # fmt: skip
 
 _KINDS = ("udpin", "udpout", "tcp", "tcpin", "serial", "memory")
@@ -47,8 +58,10 @@ def open_transport(address: str, *, awaited: bool = False, patience_s: float = P
     match kind:
         case "memory":
             return MemoryTransport(address, where)
-        case "udpin" | "udpout":
-            return UdpTransport(address, where, number, bind=kind == "udpin")
+        case "udpin":
+            return UdpTransport(address, where, number)
+        case "udpout":
+            return UdpClient(address, where, number)
         case "tcp":
             return TcpClient(address, where, number, patience_s=patience_s)
         case "tcpin":

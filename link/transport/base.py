@@ -3,8 +3,8 @@
 import os
 import select
 import time
-from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeVar
+from collections.abc import Callable, Hashable, Sequence
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from link.clock import wall_s
 
@@ -12,6 +12,9 @@ T = TypeVar("T")
 
 Handle = Any
 """What ``select`` waits for: a socket or an open serial port."""
+
+Piece = tuple[Hashable, bytes]
+"""Bytes and the peer that they came from; no bytes: the peer has left."""
 
 EAGER_S = 5e-3
 """How long an eager wait looks before it sleeps: many ticks of the other end, so that a third process in between does
@@ -48,6 +51,15 @@ class Transport(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+@runtime_checkable
+class SharedTransport(Transport, Protocol):
+    """A transport of several peers at once, whose bytes must not be mixed."""
+
+    def receive_from(self) -> Sequence[Piece]:
+        """What has arrived, by peer. Raises LinkLostError when the other end is gone for good."""
+        ...
 
 
 def wait(transports: Sequence[Transport], timeout_s: float, *, eager: bool = False) -> list[Transport]:

@@ -5,7 +5,7 @@ import select
 import socket
 from collections.abc import Sequence
 
-from link.transport.base import MAX_DATAGRAM, Handle, LinkLostError, opened
+from link.transport.base import MAX_DATAGRAM, Handle, LinkLostError, Piece, opened
 
 PATIENCE_S = 10.0
 """How long a full pipe may hold its sender up, where nobody says otherwise."""
@@ -51,6 +51,7 @@ class TcpServer:
         self.address = address
         self._patience_s = patience_s
         self._clients: list[socket.socket] = []
+        self._left: list[socket.socket] = []
         self._listener = opened(address, lambda: socket.create_server((host, port)))
         self._listener.setblocking(False)
 
@@ -75,19 +76,24 @@ class TcpServer:
                 self._drop(client)
 
     def receive(self) -> bytes:
+        return b"".join(data for _, data in self.receive_from())
+
+    def receive_from(self) -> Sequence[Piece]:
         with contextlib.suppress(BlockingIOError):
             client, _ = self._listener.accept()
             client.setblocking(False)
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._clients.append(client)
-        received = []
+        received: list[Piece] = []
         for client in list(self._clients):
             data = _receive(client)
             if data is None:
                 self._drop(client)
             elif data:
-                received.append(data)
-        return b"".join(received)
+                received.append((client, data))
+        received += ((client, b"") for client in self._left)
+        self._left.clear()
+        return received
 
     def close(self) -> None:
         for client in list(self._clients):
@@ -96,6 +102,7 @@ class TcpServer:
 
     def _drop(self, client: socket.socket) -> None:
         self._clients.remove(client)
+        self._left.append(client)
         client.close()
 
 

@@ -107,7 +107,7 @@ def test_an_answer_does_not_wait_for_a_list_to_be_over(monkeypatch: pytest.Monke
             heard.extend(kinds(deck.station.heard()))
 
     pass_time(1.0)
-    deck.station.say(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 2, 0, 0, 0, 0, 0))
+    deck.station.say(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 131_072, 0, 0, 0, 0, 0))
     pass_time(0.8)
     assert "COMMAND_ACK" in heard
     listed = heard.count("PARAM_VALUE")
@@ -134,7 +134,7 @@ def test_ground_stations_hear_one_another_through_the_vehicle() -> None:
     assert [m for m in echo if m.get_srcSystem() == 255] == []
     deck.ask(mavlink.MAVLink_command_long_message(250, 190, 400, 0, 1, 0, 0, 0, 0, 0, 0), one)
     assert [m.get_type() for m in two.heard() if m.get_srcSystem() == 255] == ["COMMAND_LONG"]
-    deck.ask(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 2, 0, 0, 0, 0, 0), one)
+    deck.ask(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 131_072, 0, 0, 0, 0, 0), one)
     deck.ask(mavlink.MAVLink_command_long_message(77, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0), one)
     assert [m for m in two.heard() if m.get_srcSystem() == 255] == []
     assert deck.vehicle.state.mode == 131_072
@@ -189,6 +189,7 @@ class SignedDeck(Deck):
     def __init__(self, folder: Path, *stations: Station) -> None:
         super().__init__(*stations)
         self.file = folder / "key"
+        self.file.touch(0o600)
         self.file.write_text("old")
         keys = Keys({self.station.address: self.file}, Timestamp(unix_s=lambda: NOW_S))
         self.vehicle = Vehicle(ParamTable())

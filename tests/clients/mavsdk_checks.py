@@ -35,6 +35,7 @@ from tests.clients.streams import BY_THEMSELVES, SENSES, check_rate
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
 DO_SET_MODE, DO_SET_STANDARD_MODE, SET_INTERVAL, GET_INTERVAL = 176, 262, 511, 510
 ARM, SET_HOME, MISSION_START, LOITER, REBOOT, TAKEOFF, CONTINUE = 400, 179, 300, 17, 246, 22, 193
+ARDUSUB_AUTO = 3
 AVAILABLE_MODES, AUTOPILOT_VERSION, HOME_POSITION, ATTITUDE, NO_STREAM = 435, 148, 242, 30, 77
 CAPABILITIES = 4 | 8 | 16 | 32 | 8192
 """MISSION_INT, COMMAND_INT, PARAM_ENCODE_BYTEWISE, FTP, MAVLINK2."""
@@ -51,6 +52,8 @@ MODES = {
     "MISSION": (4, 4, "MISSION"),
 }
 """Each mode's main and sub number in DO_SET_MODE, and what MAVSDK makes of it."""
+UNUSED = (None,) * 4
+"""How MAVSDK itself fills what a command does not use: NaN, which its JSON takes as null."""
 NOT_WHEN_MOORED = ("SYSID", "OFFBOARD")
 """Modes that want something to follow first."""
 DEFAULTS = {p.name: as_real32(p.default) for p in PARAMETERS}
@@ -239,7 +242,7 @@ async def sees_home_at_the_surface(c: Client) -> None:
 async def sets_each_mode_by_main_and_sub_number(c: Client) -> None:
     for name, (main, sub, seen) in MODES.items():
         if name not in NOT_WHEN_MOORED:
-            equal(await c.command(DO_SET_MODE, 1, main, sub), ACCEPTED, f"result of {name}")
+            equal(await c.command(DO_SET_MODE, 1, main, sub, *UNUSED), ACCEPTED, f"result of {name}")
             await c.becomes(mode=seen)
 
 
@@ -271,6 +274,7 @@ async def sets_standard_modes(c: Client) -> None:
 
 async def is_refused_modes_that_do_not_exist(c: Client) -> None:
     require(await c.command(DO_SET_MODE, 1, 9, 0) in (DENIED, UNSUPPORTED), "mode 9 was not refused")
+    equal(await c.command(DO_SET_MODE, 1, ARDUSUB_AUTO), DENIED, "result of ArduSub's number of AUTO")
     equal(await c.command(DO_SET_MODE, 0, 1, 0), DENIED, "result without the custom mode flag")
 
 

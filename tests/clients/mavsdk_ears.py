@@ -140,8 +140,8 @@ class Client:
             confirmation=0, param1=number, param2=parameter, param3=0.0, param4=0.0, param5=0.0, param6=0.0, param7=0.0,
         )  # fmt: skip
 
-    async def command(self, number: int, *parameters: float, component: int = AUTOPILOT) -> int:
-        """The MAV_RESULT of a COMMAND_LONG."""
+    async def command(self, number: int, *parameters: float | None, component: int = AUTOPILOT) -> int:
+        """Return the MAV_RESULT of a COMMAND_LONG. None is sent as NaN, a parameter left out as 0."""
         values = {f"param{n}": value for n, value in enumerate((*parameters, *(0.0,) * (7 - len(parameters))), 1)}
         return await self._result("COMMAND_LONG", number, component, confirmation=0, **values)
 

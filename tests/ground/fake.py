@@ -59,12 +59,12 @@ class Store:
 class FakeVehicle:
     """Call ``turn`` whenever ground waits; ``answers`` maps a command to its results, the last one for good."""
 
-    def __init__(self, answers: dict[int, list[int]] | None = None) -> None:
+    def __init__(self, answers: dict[int, list[int]] | None = None, parameters: dict[str, float] | None = None) -> None:
         name = f"memory:fake-{next(_names)}"
         self.ground_end = open_transport(name)
         self._end: MemoryTransport = open_transport(name)  # type: ignore[assignment]
         self._endpoint = Endpoint(self._end, 1, 1)
-        self.table = Table({"HDG_P": 0.65, "DPT_P": 0.13})
+        self.table = Table({"HDG_P": 0.65, "DPT_P": 0.13, **(parameters or {})})
         self.store = Store()
         self._params = ParamServer(self.table, self._endpoint.send, self.say)
         self._missions = MissionServer(self.store)

@@ -1,5 +1,6 @@
 """Signatures against pymavlink's, which nobody here wrote, in both directions; and the rules on timestamps."""
 
+import os
 import stat
 import time
 from pathlib import Path
@@ -199,9 +200,52 @@ def test_signed_frames_come_whole_out_of_noise(parts: list[tuple[bytes, bool]], 
     assert [raw for raw in heard if raw in frames] == frames
 
 
-def test_keys_come_from_a_passphrase_or_as_they_are(tmp_path: Path) -> None:
+def write_private(file: Path, text: bytes) -> None:
+    file.touch(0o600)
+    file.write_bytes(text)
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o644, 0o660, 0o666])
+def test_key_file_that_others_may_use_is_refused(tmp_path: Path, mode: int) -> None:
+    """As ssh does ("UNPROTECTED PRIVATE KEY FILE", sshkey_perm_ok in OpenSSH's authfile.c)."""
     file = tmp_path / "key"
     file.write_text("under the ice\n")
+    file.chmod(mode)
+    with pytest.raises(KeyFileError, match=rf"^{file}: mode {mode:o}: others may read this key; chmod 600 {file}$"):
+        load_key(file)
+    file.chmod(0o600)
+    assert load_key(file) == KEY
+    file.chmod(0o400)
+    assert load_key(file) == KEY
+
+
+def test_key_file_is_private_from_its_creation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the old file was open to all, or a program that died left half a file behind."""
+    file, created = tmp_path / "key", []
+    half = tmp_path / f".key.{os.getpid()}"
+    for old in (file, half):
+        old.write_text("old")
+        old.chmod(0o666)
+    fdopen = os.fdopen
+
+    def looking(descriptor: int, *how: Any, **more: Any) -> Any:
+        created.append(stat.S_IMODE(os.fstat(descriptor).st_mode))
+        return fdopen(descriptor, *how, **more)
+
+    monkeypatch.setattr(os, "fdopen", looking)
+    before = os.umask(0)
+    try:
+        save_key(file, KEY)
+    finally:
+        os.umask(before)
+    assert created == [0o600]
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_keys_come_from_a_passphrase_or_as_they_are(tmp_path: Path) -> None:
+    file = tmp_path / "key"
+    write_private(file, b"under the ice\n")
     assert load_key(file) == KEY
     save_key(file, OTHER_KEY)
     assert load_key(file) == OTHER_KEY
@@ -211,7 +255,7 @@ def test_keys_come_from_a_passphrase_or_as_they_are(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", [b"", b"\n", b"one\ntwo", b"\xff\xfe"])
 def test_a_file_without_a_key_is_named(tmp_path: Path, text: bytes) -> None:
     file = tmp_path / "key"
-    file.write_bytes(text)
+    write_private(file, text)
     with pytest.raises(KeyFileError, match=r"key: (must hold one line|no text)"):
         load_key(file)
     with pytest.raises(KeyFileError, match="No such file"):

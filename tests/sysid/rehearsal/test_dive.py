@@ -51,8 +51,8 @@ def test_a_bent_rudder_is_carried_by_the_integrator(known: Belief) -> None:
 
 
 def test_a_failsafe_ends_the_dive_and_is_named(known: Belief) -> None:
-    found = flown(known, Sea(0.0), FS_DEPTH_M=2.0)
-    assert found.failsafe.startswith("depth")
+    found = flown(known, Sea(0.0), FS_TIME_S=20.0)
+    assert found.failsafe.startswith("armed")
     assert not found.finished
 
 
