@@ -2,18 +2,17 @@
 
 from collections.abc import Callable
 
+from autopilot import sensor_clock
 from autopilot.hil import HilLink, Sample
 from autopilot.logbook.book import Logbook
+from autopilot.sensor_clock import SensorClock, Verdict
 from autopilot.server import GroundServer
 from autopilot.types import US_PER_S, Inputs
 from autopilot.vehicle import Vehicle
 from link.clock import wall_s
+from link.records import ActuatorFrame
 from link.transport import EAGER_S, wait
 
-RESTART_US = US_PER_S
-"""Vehicle time that falls back by more than this belongs to a new run of the simulator."""
-STALE_FRAMES = 5
-"""So many old frames in a row are no stragglers: the simulator has begun again, shortly after its last start."""
 SILENT_S = 1.0
 """Wall time without a sample after which a vehicle's own sensors count as silent. A simulator may pause in lockstep."""
 GIBBERISH_BYTES = 1000
@@ -25,11 +24,12 @@ class App:
 
     def __init__(self, vehicle: Vehicle, hil: HilLink, ground: GroundServer, logbook: Logbook) -> None:
         self._vehicle, self._hil, self._ground, self._logbook = vehicle, hil, ground, logbook
-        self._stale_frames = 0
+        self._clock = SensorClock()
         self._heard_s = 0.0
         self._gibberish_told = False
-        self._sampled_s: float | None = None
-        """When the last sample came by wall time, None before the first and once its absence was noticed."""
+        self._taken_s = 0.0
+        """Wall time at which a sample was last taken."""
+        self._silence_told = False
 
     def run(self, stopping: Callable[[], bool]) -> None:
         """Serve until ``stopping`` says so. Raises LinkLostError when the HIL link is gone for good."""
@@ -47,9 +47,10 @@ class App:
         ready = wait([self._hil.transport, *links], timeout_s, eager=eager)
         if self._hil.transport in ready:
             self._heard_s = wall_s()
+            silent_us = round((self._heard_s - self._taken_s) * US_PER_S)
             for sample in self._hil.receive():
-                self._take(sample)
-                self._sampled_s = self._heard_s
+                if self._take(sample, silent_us):
+                    self._taken_s, self._silence_told = self._heard_s, False
             for result in self._hil.take_verdicts():
                 self._ground.failures.judged(result)
         for transport in ready:
@@ -65,8 +66,8 @@ class App:
             return
         if self._vehicle.state.time_us < 0:
             self._look_for_gibberish()
-        elif self._sampled_s is not None and wall_s() - self._sampled_s >= SILENT_S:
-            self._sampled_s = None
+        elif not self._silence_told and wall_s() - self._taken_s >= SILENT_S:
+            self._silence_told = True
             self._vehicle.lose_sensors()
 
     def _look_for_gibberish(self) -> None:
@@ -74,27 +75,49 @@ class App:
             self._gibberish_told = True
             self._vehicle.say("HIL: no MAVLink in what is heard: baud rate?")
 
-    def _take(self, sample: Sample) -> None:
-        """Answer a sample: a new one with a tick, one that came again with what was answered before."""
-        late_us = self._vehicle.state.time_us - sample.sensors.time_us
-        if late_us == 0:
-            self._hil.answer(self._vehicle.again())
-            return
-        if late_us > 0:
-            self._stale_frames += 1
-            if late_us <= RESTART_US and self._stale_frames < STALE_FRAMES:
-                return
-            self._vehicle.restart("vehicle time fell back")
-            self._ground.silence(False)
-        self._stale_frames = 0
-        self._tick(sample)
+    def _take(self, sample: Sample, silent_us: int) -> bool:
+        """Answer a sample: a new one with a tick, a repeated one as before. True where it is new.
 
-    def _tick(self, sample: Sample) -> None:
+        ``silent_us`` is the wall time since a sample was last taken.
+        """
+        stamp_us = sample.sensors.time_us
+        before = self._clock if self._vehicle.state.time_us >= 0 else SensorClock()
+        self._clock, verdict = sensor_clock.judge(before, stamp_us, silent_us)
+        if verdict is Verdict.REFUSED:
+            return False
+        if verdict is Verdict.REPEATED:
+            self._answer(self._vehicle.again(), stamp_us)
+            return False
+        if verdict is Verdict.RESTARTED:
+            self._restart(before, stamp_us)
+        offset_us = self._clock.offset_us
+        self._tick(sensor_clock.rebase(sample, offset_us) if offset_us else sample, stamp_us)
+        return True
+
+    def _restart(self, before: SensorClock, stamp_us: int) -> None:
+        """Follow a new time base of the sensors: vehicle time goes on.
+
+        A disarmed vehicle whose time falls back begins anew instead: this is how a new run of a
+        simulator looks. An order to silence the ground links ends with the old run.
+        """
+        self._ground.silence(False)
+        if not self._vehicle.state.armed and stamp_us < before.newest_us:
+            self._clock = sensor_clock.begin(stamp_us)
+            self._vehicle.restart("vehicle time fell back")
+            return
+        jump_s = (before.offset_us - self._clock.offset_us) / US_PER_S
+        self._vehicle.say(f"Sensor clock jumped {jump_s:+.1f} s: vehicle time goes on")
+
+    def _answer(self, frame: ActuatorFrame, stamp_us: int) -> None:
+        """Send actuators with the stamp of the sample they answer: a simulator waits for it."""
+        self._hil.answer(frame if frame.time_us == stamp_us else frame._replace(time_us=stamp_us))
+
+    def _tick(self, sample: Sample, stamp_us: int) -> None:
         inputs = Inputs(
             sample.sensors, sample.gps, sample.altimeter, self._ground.ground_silent_s, self._ground.stick,
             sample.dvl, sample.battery, sample.leak, sample.duct, *self._ground.targets_silent_s,
         )  # fmt: skip
-        self._hil.answer(self._vehicle.tick(inputs))
+        self._answer(self._vehicle.tick(inputs), stamp_us)
         if sample.links_silent is False:
             self._ground.silence(False)
         self._ground.relay(sample.relayed)

@@ -1,6 +1,18 @@
 """The tick: health, estimate, failsafe, guidance, loops or excitation, actuators. Pure: no clock, no I/O, no chance."""
 
-from autopilot import bench, estimator, excitation, failsafe, guidance, health, loops, mission, modes, offboard
+from autopilot import (
+    ascent,
+    bench,
+    estimator,
+    excitation,
+    failsafe,
+    guidance,
+    health,
+    loops,
+    mission,
+    modes,
+    offboard,
+)
 from autopilot.params import Config
 from autopilot.targets import Line
 from autopilot.types import (
@@ -90,7 +102,7 @@ def _fly_mode(state: State, stick: Stick | None, config: Config, dt_s: float) ->
     if mode == modes.MISSION.number:
         return mission.advance(state, config)
     if mode == modes.SURFACE.number:
-        return surface(state, config)
+        return ascent.surface(state, config)
     if mode == modes.RTL.number:
         return come_home(state, config)
     if mode == modes.OFFBOARD.number:
@@ -130,23 +142,6 @@ def watch_test(state: State, config: Config) -> tuple[State, Events]:
     if (state.time_us - test.started_us) / US_PER_S >= test.duration_s:
         return state._replace(test=None), (Event(Severity.INFO, "SystemID Finished"),)
     return state, ()
-
-
-def surface(state: State, config: Config) -> tuple[State, Events]:
-    """Rise under power, then stop the propeller and disarm.
-
-    Where nobody knows the depth the propeller stops, buoyancy raises her, and a
-    satellite fix proves that she is up.
-    """
-    if failsafe.blind(state, config):
-        if not health.fixed(state.health, state.time_us):
-            return state._replace(setpoint=state.setpoint._replace(thrust=0.0, pitch_rad=0.0)), ()
-        return modes.disarm(state), (Event(Severity.INFO, "Surfaced by satellite fix: disarmed"),)
-    if state.estimate.depth_m < config.surfaced_depth_m:
-        return modes.disarm(state), (Event(Severity.INFO, "Surfaced: disarmed"),)
-    cruise = config.cruise_thrust_pct / 100.0
-    setpoint = state.setpoint._replace(depth_m=0.0, thrust=cruise, pitch_rad=None)
-    return state._replace(setpoint=setpoint), ()
 
 
 def control(state: State, stick: Stick | None, config: Config, dt_s: float) -> tuple[State, Trace]:

@@ -60,9 +60,11 @@ def enter(state: State, mode: Mode) -> tuple[State, tuple[Event, ...]]:
     mission = state.mission
     if state.mode == MISSION.number and state.armed:
         mission = mission._replace(paused=state.setpoint)
-    return state._replace(mode=mode.number, test=None, path=None, mission=mission), tuple(events)
+    state = state._replace(mode=mode.number, test=None, path=None, ascent=None, mission=mission)
+    return state, tuple(events)
 
 
 def disarm(state: State) -> State:
     """Everything at rest, in HOLD."""
-    return state._replace(armed=False, test=None, path=None, thrust=0.0, loops=LoopMemory(), mode=HOLD.number)
+    state = state._replace(armed=False, test=None, path=None, ascent=None)
+    return state._replace(thrust=0.0, loops=LoopMemory(), mode=HOLD.number)

@@ -132,6 +132,18 @@ class Config:
     ] = 8.0
 
     surfaced_depth_m: Annotated[float, Doc("SURF_DEPTH_M", 0.1, 3, "m", "Shallower than this is surfaced")] = 0.5
+    surface_rise_s: Annotated[
+        float, Doc("SURF_RISE_S", 0, 600, "s", "Time without rise that stops the propeller; 0 off")
+    ] = 20.0
+    surface_time_s: Annotated[
+        float, Doc("SURF_TIME_S", 0, 86_400, "s", "Time without rise that ends SURFACE; 0 never")
+    ] = 300.0
+    surface_fix_s: Annotated[
+        float, Doc("SURF_FIX_S", 0, 600, "s", "Time of a fix that ends SURFACE at any depth; 0 off")
+    ] = 5.0
+    buoyancy_n: Annotated[
+        float, Doc("SURF_BUOY_N", -10_000, 10_000, "N", "Net buoyancy; above 0: floats by itself")
+    ] = 22.24
     mission_end: Annotated[int, Doc("MIS_END_ACT", 0, 2, "", "After a mission: 0 HOLD, 1 SURFACE, 2 disarm")] = 1
     mission_seq0_home: Annotated[int, Doc("MIS_SEQ0_HOME", 0, 1, "", "1: item 0 is home and is not flown")] = 0
     mission_distance_m: Annotated[

@@ -236,6 +236,19 @@ class BenchTest(NamedTuple):
     until_us: int
 
 
+class Ascent(NamedTuple):
+    """Progress of mode SURFACE."""
+
+    depth_m: float
+    """Depth at the last rise; before the first: where SURFACE began or the propeller stopped."""
+    risen_us: int
+    """Time of the last rise, likewise."""
+    fix_us: int | None = None
+    """Time of the first of the satellite fixes that have come since without a gap; None without."""
+    stopped: bool = False
+    """Whether the propeller was stopped because it did not raise the vehicle."""
+
+
 class State(NamedTuple):
     """All that a tick hands to the next."""
 
@@ -265,6 +278,8 @@ class State(NamedTuple):
     health: Health = Health()
     bench_tests: tuple[BenchTest, ...] = ()
     """Only while disarmed."""
+    ascent: Ascent | None = None
+    """Progress of mode SURFACE; None in other modes and before its first tick."""
 
 
 class Trace(NamedTuple):

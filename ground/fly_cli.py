@@ -84,7 +84,7 @@ def fly(
         json,
     )
     if outcome.failsafes:
-        raise FailedError(outcome.failsafes[0])
+        raise FailedError("; ".join(outcome.failsafes))
 
 
 def _parameters(params: Path | None, gains_file: Path | None, simulated: str | None) -> dict[str, float]:

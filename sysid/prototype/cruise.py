@@ -20,6 +20,7 @@ def parameters(config: VehicleConfig, model: Model) -> dict[str, tuple[float, st
         "SPD_CRUISE_MPS": (point.speed_mps, "operating point"),
         "SPD_LENGTH_M": (min(500.0, max(1.0, length_m)), "twice speed times the surge time constant"),
         "TRIM_ELE_DEG": (math.degrees(fit.level_elevator_rad(config, model)), "elevator of level flight"),
+        "SURF_BUOY_N": (config.ballast.net_buoyancy_n, "net buoyancy of the vehicle file"),
         "EST_DENSITY": (config.water.density_kgpm3, "water of the vehicle file"),
     }
 

@@ -142,13 +142,36 @@ def test_a_straggler_is_not_answered(deck: Deck) -> None:
 def test_a_simulator_that_begins_again_is_served_afresh(deck: Deck, ticks: int) -> None:
     for n in range(ticks):
         deck.simulator.ask(n * TICK_US)
-    assert deck.ground.command(400, 1) == 0
     for _ in range(5):
         deck.simulator.send(0)
     answer = deck.simulator.answer()
     assert (answer.time_usec, answer.mode) == (0, 1)
     while "Restarted" not in deck.ground.hear("STATUSTEXT").text:
         pass
+
+
+def test_sensor_clock_that_begins_again_leaves_vehicle_armed(deck: Deck) -> None:
+    for n in range(100):
+        deck.simulator.ask(n * TICK_US)
+    assert deck.ground.command(400, 1) == 0
+    for _ in range(5):
+        deck.simulator.send(0)
+    answer = deck.simulator.answer()
+    assert (answer.time_usec, answer.mode) == (0, 1 | ARMED)
+    assert deck.simulator.ask(TICK_US).time_usec == TICK_US
+    while "Sensor clock jumped -2.0 s" not in deck.ground.hear("STATUSTEXT").text:
+        pass
+
+
+@pytest.mark.parametrize("bad_us", [0, 100_000_000, 2**63, 2**64 - 1])
+def test_sample_with_bad_stamp_is_not_answered(deck: Deck, bad_us: int) -> None:
+    for n in range(10):
+        deck.simulator.ask(n * TICK_US)
+    assert deck.ground.command(400, 1) == 0
+    deck.simulator.send(bad_us)
+    for n in range(10, 20):
+        answer = deck.simulator.ask(n * TICK_US)
+        assert (answer.time_usec, answer.mode) == (n * TICK_US, 1 | ARMED)
 
 
 def test_ground_is_served_while_no_sensors_come(deck: Deck) -> None:

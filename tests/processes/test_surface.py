@@ -1,0 +1,63 @@
+"""``ground fly`` ends by itself, with a reason, where the vehicle cannot surface as it should."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.processes.fleet import Finished, process
+
+pytestmark = pytest.mark.process
+
+MISSION = """
+name = "down"
+
+[[step]]
+depth_m = 3.0
+heading_deg = 0.0
+thrust_pct = 58.0
+duration_s = 20.0
+
+[[step]]
+surface = true
+"""
+SEA = """
+title = "fault"
+[start]
+depth_m = 3.0
+speed_mps = 1.2
+[floor]
+depth_m = 7.0
+"""
+STUCK = '[[fault]]\nunit = "elevator"\nkind = "stuck"\nangle_deg = -8.0\nat_s = 10.0\n'
+HEAVY = """
+[[fault]]
+unit = "ballast"
+kind = "added"
+mass_kg = 10.0
+at_s = 10.0
+[[fault]]
+unit = "propeller"
+kind = "off"
+at_s = 10.0
+"""
+
+
+def fly(folder: Path, faults: str) -> Finished:
+    (folder / "down.toml").write_text(MISSION, encoding="utf-8")
+    (folder / "sea.toml").write_text(SEA + faults, encoding="utf-8")
+    files = "--scenario", str(folder / "sea.toml"), "--log", str(folder / "dive.mcap")
+    with process("-m", "ground", "fly", str(folder / "down.toml"), "--sitl", *files) as ground:
+        return ground.finish(patience_s=240.0)
+
+
+def test_fly_elevator_stuck_down_ends_with_reason(tmp_path: Path) -> None:
+    finished = fly(tmp_path, STUCK)
+    assert finished.status == 1, finished
+    assert "Failsafe: no rise for 20 s -> propeller stopped" in finished.stderr.splitlines()[-1]
+
+
+def test_fly_vehicle_too_heavy_to_surface_ends_with_reason(tmp_path: Path) -> None:
+    finished = fly(tmp_path, HEAVY)
+    assert finished.status == 1, finished
+    told = "Failsafe: surface not reached, no rise for 300 s -> disarmed"
+    assert finished.stderr.splitlines()[-1].endswith(told)

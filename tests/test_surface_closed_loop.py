@@ -1,0 +1,97 @@
+"""Mode SURFACE in the water with a faulty elevator or pressure sensor, above a sea floor."""
+
+from typing import Any, NamedTuple
+
+import msgspec
+import pytest
+
+from autopilot import command, core, modes, params, requests
+from autopilot.types import Event, Inputs
+from sitl import pace, plant, scenario
+from sitl.vehicle import config as vehicles
+
+START_M, FLOOR_M = 4.0, 7.0
+FAULT_S, SURFACE_S, LIMIT_S = 2.0, 6.0, 200.0
+SEED = 5
+
+
+class Ascent(NamedTuple):
+    texts: list[str]
+    armed: bool
+    depth_m: float
+    """True depth at the end."""
+    deepest_m: float
+
+
+def surface(*faults: dict[str, Any], **values: float) -> Ascent:
+    """Under way at 4 m over a floor at 7 m, faults, then mode SURFACE until it has ended."""
+    config, calm = params.config(values), scenario.load("calm")
+    sea = plant.build(
+        vehicles.load("field"),
+        msgspec.structs.replace(
+            calm,
+            start=msgspec.structs.replace(calm.start, depth_m=START_M, speed_mps=1.2),
+            floor=msgspec.structs.replace(calm.floor, depth_m=FLOOR_M),
+            fault=tuple({"at_s": FAULT_S, **fault} for fault in faults),
+        ),
+    )
+    rng = plant.random_streams(SEED)
+    body, said = plant.launch(sea, rng)
+    state, texts, deepest_m = core.start(), [], 0.0
+    surface_tick = round(SURFACE_S / pace.TICK_S)
+    for tick in range(round(LIMIT_S / pace.TICK_S)):
+        devices = said.dvl, said.battery, said.leak, said.duct
+        inputs = Inputs(said.frame, said.gps, said.altimeter, None, None, *devices)
+        state, frame, _, events = core.tick(state, inputs, config)
+        texts += [event.text for event in events if isinstance(event, Event)]
+        deepest_m = max(deepest_m, body.truth.position_ned_m[2])
+        wishes: tuple[requests.Request, ...] = ()
+        if tick == 1:
+            level = requests.ChangeTarget(START_M, 0.0, 0.58)
+            wishes = requests.SetMode(modes.DEPTH.number), requests.Arm(), level
+        elif tick == surface_tick:
+            wishes = (requests.SetMode(modes.SURFACE.number),)
+        for wish in wishes:
+            state, answer, _ = command.request(state, wish, config)
+            assert answer.result == 0, answer.text
+        if tick > surface_tick and not state.armed:
+            break
+        body, said = plant.step(sea, body, frame, rng)
+    return Ascent(texts, state.armed, body.truth.position_ned_m[2], deepest_m)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"unit": "elevator", "kind": "stuck", "angle_deg": -8.0},
+        {"unit": "elevator", "kind": "off"},
+    ],
+    ids=["stuck", "off"],
+)
+def test_surface_elevator_lost_floats_up_and_disarms(fault: dict[str, Any]) -> None:
+    """Under power the vehicle goes down to the floor (stuck) or deeper (off); 22 N raise it."""
+    ascent = surface(fault)
+    assert "Failsafe: no rise for 20 s -> propeller stopped" in ascent.texts
+    assert ascent.texts[-1] == "Surfaced: disarmed"
+    assert not ascent.armed
+    assert ascent.depth_m < 0.5, "SURF_DEPTH_M"
+    if fault["kind"] == "stuck":
+        assert ascent.deepest_m > FLOOR_M - 0.6, "the hull's radius and its bow's reach at -8 deg"
+
+
+def test_surface_vehicle_too_heavy_ends_on_the_floor() -> None:
+    """With 10 kg more it sinks, against SURF_BUOY_N (22 N carry 2 kg)."""
+    heavy = {"unit": "ballast", "kind": "added", "mass_kg": 10.0}
+    ascent = surface(heavy, {"unit": "propeller", "kind": "off"}, SURF_TIME_S=30.0)
+    assert not ascent.armed
+    assert ascent.texts[-1] == "Failsafe: surface not reached, no rise for 30 s -> disarmed"
+    assert ascent.depth_m > FLOOR_M - 1.0
+
+
+def test_surface_pressure_reads_deep_ends_by_satellite_fix() -> None:
+    """200 hPa are 2 m: at the surface the depth reads 2 m, and SURF_DEPTH_M is 0.5 m."""
+    ascent = surface({"unit": "pressure", "kind": "wrong", "offset_hpa": 200.0})
+    assert not ascent.armed
+    assert ascent.texts[-1].startswith("Surfaced by satellite fix, though depth reads 2.")
+    assert ascent.depth_m < 0.45, "the antenna is drowned below 0.4 m (sitl/sensors/gps.py)"
+    assert "Failsafe: no rise for 20 s -> propeller stopped" not in ascent.texts
