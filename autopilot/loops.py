@@ -25,6 +25,9 @@ UNDER_WAY_RADPS, UNDER_WAY_MPS = math.radians(0.3), 0.02
 """On a way that moves faster than this the error is none to carry for good."""
 STEADY_RADPS, STEADY_RAD, STEADY_M = math.radians(2.0), math.radians(8.0), 0.5
 """Rates of turn, heading error and depth error below which trims are learned."""
+STANDING_RADPS, STANDING_SPEED_RATIO = math.radians(0.3), 0.5
+"""Maximum yaw rate, and minimum speed over the cruise speed, at which a larger heading error is a
+standing one: the vehicle does not turn although it could, so the rudder that it lacks is trim."""
 
 
 class Surfaces(NamedTuple):
@@ -115,7 +118,7 @@ def close(
         steered.course, dived.descent, rudder_way, elevator_way, learned, steered.belief, dived.belief,
     )  # fmt: skip
     if config.trim_time_s and heading and depth:
-        kept = learn_trim(kept, surfaces, trims, estimate, config.trim_time_s, dt_s)
+        kept = learn_trim(kept, surfaces, trims, estimate, config, dt_s)
     return surfaces, kept
 
 
@@ -274,18 +277,39 @@ def turned(rudder_rad: float, elevator_rad: float, roll_rad: float) -> tuple[flo
 
 
 def learn_trim(
-    memory: LoopMemory, wanted: Surfaces, trims: tuple[float, float], estimate: Estimate, time_s: float, dt_s: float
+    memory: LoopMemory,
+    wanted: Surfaces,
+    trims: tuple[float, float],
+    estimate: Estimate,
+    config: Config,
+    dt_s: float,
 ) -> LoopMemory:
-    """In steady flight the trims go where the surfaces are on average; the integrators give back what they take."""
-    if not (
-        abs(estimate.r_radps) < STEADY_RADPS and abs(estimate.q_radps) < STEADY_RADPS
-        and abs(wanted.heading_error_rad) < STEADY_RAD and abs(wanted.depth_error_m) < STEADY_M
-    ):  # fmt: skip
+    """In steady flight the trims go to the surfaces' mean and relieve the integrators."""
+    if not steady(estimate, wanted, config):
         return memory
-    share, old = dt_s / time_s, memory.trim
+    share, old = dt_s / config.trim_time_s, memory.trim
     rudder, elevator = share * (wanted.rudder_rad - trims[0]), share * (wanted.elevator_rad - trims[1])
+    # Each integrator gives back its own part only. The part of a standing error is added to the
+    # command: taken from the integrator too, it would drive that to its other limit.
     return memory._replace(
-        heading_rad=memory.heading_rad - (rudder if memory.rudder_belief is None else 0.0),
-        pitch_rad=memory.pitch_rad - (elevator if memory.pitch_rad else 0.0),
+        heading_rad=memory.heading_rad * (1.0 - share if memory.rudder_belief is None else 1.0),
+        pitch_rad=memory.pitch_rad * (1.0 - share),
         trim=Trim(old.rudder_rad + rudder, old.elevator_rad + elevator, old.learned_s + dt_s),
     )
+
+
+def steady(estimate: Estimate, wanted: Surfaces, config: Config) -> bool:
+    """Whether the surfaces hold the vehicle in equilibrium, so that their mean is the trim.
+
+    A missing rudder trim b leaves a heading error of about b / HDG_P where the integrator is
+    limited. That error must not keep the trim from being learned.
+    """
+    slow = abs(estimate.r_radps) < STEADY_RADPS and abs(estimate.q_radps) < STEADY_RADPS
+    if not slow or abs(wanted.depth_error_m) >= STEADY_M:
+        return False
+    standing = (
+        abs(estimate.r_radps) < STANDING_RADPS
+        and estimate.speed_mps >= STANDING_SPEED_RATIO * config.cruise_speed_mps
+        and abs(wanted.rudder_rad) < config.travel_rad
+    )
+    return standing or abs(wanted.heading_error_rad) < STEADY_RAD

@@ -1,5 +1,6 @@
 """``ground fly``: a dive with a vehicle that is there or a simulated one, recorded, and followed while it lasts."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -55,7 +56,7 @@ def fly(
     json: Json = False,
 ) -> None:
     """Upload a mission, fly it, and record until the vehicle has disarmed itself at the surface."""
-    from ground import flight, progress
+    from ground import assessment, flight, progress, prototype
     from ground.flight import Dive
     from ground.live.followers import Followers
     from ground.processes import SimulatedVehicle, Simulation
@@ -67,6 +68,8 @@ def fly(
     target = new_file(log or Path(Path(mission).stem + ".mcap"))
     first = _parameters(params, gains, vehicle if sitl else None)
     dive = Dive.load(mission, target, parameters=first, tlog=tlog and new_file(tlog))
+    if sitl and not (params or gains or _has_tests(dive)):
+        dive = replace(dive, parameters={**prototype.trim_learning_for(vehicle), **dive.parameters})
     with progress.display(Path(mission).stem, quiet=json) as shown:
         estimating = _estimating(dive, prior or _known_beforehand(vehicle if sitl else None), shown)
         keeping = _keeping(gains, shown) if gains else None
@@ -76,11 +79,14 @@ def fly(
             outcome = flight.fly_simulated(dive, simulated, shown.watch, shown.hear, following)
         else:
             outcome = flight.fly(dive, connect, shown.watch, shown.hear, sign, following)
+    held = assessment.of_dive(outcome.log, outcome.texts)
+    flown = {**outcome._asdict(), "log": str(outcome.log), "assessment": assessment.as_json(held)}
     told = {"estimates": estimating.as_json() if estimating else {}, "kept": keeping.as_json() if keeping else None}
     give(
-        {**outcome._asdict(), "log": str(outcome.log), **told},
+        {**flown, **told},
         f"{outcome.log}: {outcome.vehicle_s:.0f} s flown in {outcome.wall_s:.1f} s, "
-        f"{outcome.messages} messages, {outcome.lost_frames} lost" + (f"\n{keeping.in_words()}" if keeping else ""),
+        f"{outcome.messages} messages, {outcome.lost_frames} lost\n{assessment.in_words(held)}"
+        + (f"\n{keeping.in_words()}" if keeping else ""),
         json,
     )
     if outcome.failsafes:
@@ -101,11 +107,16 @@ def _known_beforehand(simulated: str | None) -> str:
     return prototype.known_beforehand(simulated) if simulated else "bench"
 
 
-def _estimating(dive: "Dive", prior: str, shown: "Shown") -> "Live | None":
-    """Who estimates the vehicle while she is tested; nobody on a dive without tests."""
+def _has_tests(dive: "Dive") -> bool:
+    """Whether the mission holds tests, which start from trims that must not change meanwhile."""
     from ground import script
 
-    if not any(item.command == script.TEST for item in dive.items):
+    return any(item.command == script.TEST for item in dive.items)
+
+
+def _estimating(dive: "Dive", prior: str, shown: "Shown") -> "Live | None":
+    """Who estimates the vehicle while she is tested; nobody on a dive without tests."""
+    if not _has_tests(dive):
         return None
     from ground.live.session import Live
 

@@ -63,7 +63,8 @@ class _Errors(NamedTuple):
 
 def tracking(log: Log, settling_s: float = SETTLING_S, shortest_s: float = SHORTEST_S) -> Tracking | None:
     """Steady errors of a dive; None when no stretch outlasts its settling. Tests in the water are left out."""
-    found = [(window, _errors(log, *window)) for window in _steady(log, settling_s, shortest_s)]
+    steady = [(at, _errors(log, *at)) for at in _steady(log, settling_s, shortest_s)]
+    found = [(at, e) for at, e in steady if e.heading_deg.size and e.depth_m.size]
     if not found:
         return None
     windows = tuple(_window(log, start, stop, errors) for (start, stop), errors in found)
@@ -76,6 +77,11 @@ def tracking(log: Log, settling_s: float = SETTLING_S, shortest_s: float = SHORT
     )
 
 
+def window(log: Log, start_s: float, stop_s: float) -> Window:
+    """Return the errors from ``start_s`` to ``stop_s`` (s), a part of a window of ``tracking``."""
+    return _window(log, start_s, stop_s, _errors(log, start_s, stop_s))
+
+
 def spread(error: Array) -> Spread:
     size = np.abs(error)
     return Spread(
@@ -86,8 +92,8 @@ def spread(error: Array) -> Spread:
     )
 
 
-def _steady(log: Log, settling_s: float, shortest_s: float) -> Iterator[tuple[float, float]]:
-    """(start, stop) of stretches of unchanged set-points under water, after settling."""
+def stretches(log: Log) -> Iterator[tuple[float, float]]:
+    """Return start and stop (s) of each stretch of unchanged set-points under water, less tests."""
     points = log.setpoints
     if points.attitude_time_s.size == 0 or points.depth_time_s.size == 0:
         return
@@ -98,10 +104,17 @@ def _steady(log: Log, settling_s: float, shortest_s: float) -> Iterator[tuple[fl
     tests = _tests(log)
     edges = sorted({*changes, *(edge for test in tests for edge in test), float(log.attitude.time_s[-1])})
     for start, stop in pairwise(edges):
-        settled = start + settling_s
         in_test = any(begin <= start < end for begin, end in tests)
-        submerged = _held(points.depth_time_s, points.depth_m, settled) > SUBMERGED_M
-        if stop - settled >= shortest_s and submerged and not in_test:
+        middle = 0.5 * (start + stop)
+        if not in_test and _held(points.depth_time_s, points.depth_m, middle) > SUBMERGED_M:
+            yield start, stop
+
+
+def _steady(log: Log, settling_s: float, shortest_s: float) -> Iterator[tuple[float, float]]:
+    """(start, stop) of stretches of unchanged set-points under water, after settling."""
+    for start, stop in stretches(log):
+        settled = start + settling_s
+        if stop - settled >= shortest_s:
             yield settled, stop
 
 
@@ -120,17 +133,40 @@ def _held(time_s: Array, values: Array, at_s: float) -> float:
     return float(values[max(0, int(np.searchsorted(time_s, at_s, side="right")) - 1)])
 
 
+def _followed(
+    time_s: Array,
+    values: Array,
+    at_s: Array,
+    limit: float,
+    start_s: float,
+) -> Array | float:
+    """Return the set-point at each of ``at_s``; that at ``start_s`` unless it moves by ``limit``.
+
+    Guidance along a line turns the heading set-point in steps too small to count as changes.
+    """
+    start = _held(time_s, values, start_s)
+    if at_s.size == 0:
+        return start
+    rows = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, None)
+    wander = values[rows]
+    return wander if np.max(np.abs(wander - start)) > limit else start
+
+
 def _errors(log: Log, start_s: float, stop_s: float) -> _Errors:
     attitude, depth, points = log.attitude, log.depth, log.setpoints
     now = (attitude.time_s >= start_s) & (attitude.time_s < stop_s)
     deep = (depth.time_s >= start_s) & (depth.time_s < stop_s)
-    heading = attitude.yaw_rad[now] - _held(points.attitude_time_s, points.heading_rad, start_s)
+    yaw_time_s, depth_time_s = attitude.time_s[now], depth.time_s[deep]
+    headings = points.attitude_time_s, points.heading_rad
+    depths = points.depth_time_s, points.depth_m
+    depth_setpoint_m = _followed(*depths, depth_time_s, DEPTH_CHANGE_M, start_s)
+    heading = attitude.yaw_rad[now] - _followed(*headings, yaw_time_s, HEADING_CHANGE_RAD, start_s)
     wrapped = (heading + math.pi) % (2.0 * math.pi) - math.pi
     pitch = attitude.pitch_rad[now]
     return _Errors(
         heading_deg=np.degrees(wrapped),
         pitch_deg=np.degrees(pitch - np.mean(pitch)),
-        depth_m=depth.depth_m[deep] - _held(points.depth_time_s, points.depth_m, start_s),
+        depth_m=depth.depth_m[deep] - depth_setpoint_m,
     )
 
 

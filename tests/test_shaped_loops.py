@@ -49,3 +49,19 @@ def test_trims_are_learned_from_nothing() -> None:
     learned = np.degrees(np.mean(dive["rudder"][steady]))
     assert learned == pytest.approx(6.0, abs=0.3)
     assert abs(np.degrees(np.mean(dive["true_heading"][steady]))) < 0.5
+
+
+def test_trims_learned_with_the_first_gains_hold_the_heading() -> None:
+    """Table 3's initial gains: HDG_IMAX is 0.57 deg, HDG_P is 0.65, the rudder is 6.05 deg off.
+
+    Reference: (6.05 - 0.57) / 0.65 = 8.4 deg of standing error, of which a trim leaves none.
+    Tolerance: magnetometer and attitude errors of the calm sea, up to 0.2 deg.
+    """
+    mission = leg(depth_m=3.0, heading_deg=20.0, duration_s=200.0)
+    errors_deg = {}
+    for time_s in (0.0, 20.0):
+        dive = Dive(mission, values={"TRIM_AUTO_S": time_s})
+        heading = dive["true_heading"][dive.during(120.0, 190.0)]
+        errors_deg[time_s] = float(np.degrees(np.mean(heading))) - 20.0
+    assert errors_deg[0.0] == pytest.approx(-8.4, abs=0.5)
+    assert abs(errors_deg[20.0]) < 0.5

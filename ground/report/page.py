@@ -1,6 +1,7 @@
 """Puts a campaign's page together: one file, no network."""
 
 import json
+from collections.abc import Mapping
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -67,13 +68,26 @@ def _page(campaign: CampaignFolder) -> str:
         "asked": escape(campaign.asked),
         "footer": _footer(summary),
     }
+    return render(parts, drawn)
+
+
+def render(parts: Mapping[str, str], drawn: Mapping[str, charts.Chart]) -> str:
+    """Return the page's HTML.
+
+    Parameters
+    ----------
+    parts : Mapping
+        HTML of each place of the template ``page.html``, by its name.
+    drawn : Mapping
+        Charts by the id of the element that shows each.
+    """
     resources = {
         "style": _text("style.css"),
         "script": _text("charts.js"),
         "plotly": _plotly(),
         "charts": json.dumps(drawn, separators=(",", ":")).replace("</", "<\\/"),
     }
-    return Template(_text("page.html")).substitute(parts | resources)
+    return Template(_text("page.html")).substitute({**parts, **resources})
 
 
 def _lead(summary: dict[str, Any]) -> str:

@@ -136,6 +136,39 @@ def test_trims_outlive_the_dive_when_they_were_learned_for_long_enough(learned_s
     assert told == (["Trim learned: TRIM_RUD_DEG 4.5, TRIM_ELE_DEG -1"] if kept_deg == 4.5 else [])
 
 
+STANDING = Estimate(heading_rad=math.radians(-9.0), speed_mps=1.3)
+
+
+def close_both(estimate: Estimate, memory: LoopMemory, config: Config) -> tuple[loops.Surfaces, LoopMemory]:
+    return loops.close(estimate, Setpoint(), memory, config, 0.02, heading=True, depth=True)
+
+
+def test_standing_heading_error_with_a_limited_integrator_becomes_trim() -> None:
+    """HDG_IMAX carries 0.57 of 6 deg of rudder: the trim must take out 8.4 deg of heading."""
+    config = Config(trim_time_s=10.0)
+    memory, estimate, offset = LoopMemory(), Estimate(speed_mps=1.3), math.radians(6.0)
+    for _ in range(50 * 120):
+        wanted, memory = close_both(estimate, memory, config)
+        rate = 0.5 * (wanted.rudder_rad - offset)
+        estimate = estimate._replace(heading_rad=estimate.heading_rad + 0.02 * rate, r_radps=rate)
+    assert memory.trim.rudder_rad == pytest.approx(offset, rel=0.02)
+    assert abs(estimate.heading_rad) < math.radians(0.1)
+
+
+@pytest.mark.parametrize(
+    ("estimate", "learned"),
+    [
+        pytest.param(STANDING, True, id="standing"),
+        pytest.param(STANDING._replace(speed_mps=0.3), False, id="adrift"),
+        pytest.param(STANDING._replace(heading_rad=math.radians(-40.0)), False, id="at its stop"),
+        pytest.param(STANDING._replace(r_radps=math.radians(1.0)), False, id="turning"),
+    ],
+)
+def test_large_heading_error_is_learned_only_standing(estimate: Estimate, learned: bool) -> None:
+    _, memory = close_both(estimate, LoopMemory(), Config(trim_time_s=10.0))
+    assert (memory.trim.rudder_rad > 0.0) == learned
+
+
 def test_nothing_is_learned_while_turning() -> None:
     config = Config(trim_time_s=10.0)
     turning = Estimate(r_radps=math.radians(5.0))

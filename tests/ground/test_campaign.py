@@ -15,6 +15,7 @@ from ground.campaign import Campaign, Request
 from ground.errors import BadInputError, FailedError
 from ground.folder import STAGES, CampaignFolder
 from ground.report import page, picture
+from tests.browser import check_layout, needs_chromium, opened
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +97,11 @@ class TestCampaign:
             assert all(len(trace["x"]) == len(trace["y"]) > 0 for trace in chart["data"])
         for number in range(1, 6):
             assert f"Table {number}." in text
+
+    @needs_chromium
+    def test_page_in_a_browser_keeps_its_layout(self, flown: Path, tmp_path: Path) -> None:
+        with opened(flown / "report.html", tmp_path / "profile") as report:
+            check_layout(report)
 
     def test_the_picture_is_small_enough_for_a_readme(self, flown: Path, tmp_path: Path) -> None:
         target = picture.draw(flown, tmp_path / "picture.png")

@@ -1,0 +1,106 @@
+"""The report in a real browser: charts keep their height at every size of the window."""
+
+import re
+from collections.abc import Iterator
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from ground.report import charts, page, tables
+from ground.report.figures import Curve, Figure, Panel
+from tests.browser import Page, check_layout, needs_chromium, opened
+
+MIN_PLOT_PX = (200.0, 60.0)
+"""Width and height of the axes at 390 px: smaller ones cannot be read."""
+COEFFICIENT = {
+    "prior": 1.0,
+    "prior_sd": 0.2,
+    "value": 0.9,
+    "sd": 0.1,
+    "shrink": 0.5,
+    "status": "measured",
+}
+PARTS = """
+const box = (e) => e.getBoundingClientRect();
+return [...document.querySelectorAll('.chart')].map(chart => {
+  const [place, axes] = [box(chart), box(chart.querySelector('.nsewdrag'))];
+  const cut = [...chart.querySelectorAll('.xtitle, .legend, .legend .scrollbar')].filter(e =>
+    box(e).right > place.right || box(e).left < place.left || box(e).top < place.top
+    || (e.matches('.scrollbar') && box(e).height > 0));
+  return { key: chart.id, width: axes.width, height: axes.height,
+           below_legend: axes.top - box(chart.querySelector('.legend')).bottom,
+           cut_off: cut.map(e => e.getAttribute('class')) };
+});
+"""
+"""JavaScript: for each chart the size of its first axes, the space to the legend, what is cut."""
+
+
+def figure(key: str, panels: int) -> Figure:
+    """Return a figure with the longest labels that a campaign's figures have."""
+    x = np.arange(50.0)
+    names = ("with sea and sensors, 95 %", "refitted model", "measured", "initial model")
+    roles = ("redesigned", "redesigned", "measured", "initial")
+    curves = tuple(
+        Curve(name, role, x, np.sin(x / 9.0 + number))
+        for number, (name, role) in enumerate(zip(names, roles, strict=True))
+    )
+    shown = tuple(Panel(f"panel {number}", "deg", curves) for number in range(panels))
+    return Figure(key, f"Figure {key}", "A note.", "seconds since the vehicle was armed", shown)
+
+
+def place(key: str) -> str:
+    """Return a chart's element as the page of a campaign has it."""
+    note = '<p class="note">A note.</p>'
+    return f'<div><h3>A title</h3>{note}<div class="chart" id="{key}"></div></div>'
+
+
+def small_report() -> str:
+    """Return a page with every kind of chart, and a table wider than a telephone."""
+    wide, pair = figure("wide", 3), [figure(f"pair-{panels}", panels) for panels in (1, 2)]
+    poles = {role: {"heading": [[-1.0, 1.8], [-1.0, -1.8]]} for role in ("initial", "redesigned")}
+    coefficients = ("Y_v", "Y_r", "N_v", "N_r", "M_q", "Z_w", "Y_dr", "M_de")
+    known = dict.fromkeys(coefficients, COEFFICIENT)
+    drawn = {each.key: charts.of_figure(each) for each in (wide, *pair)}
+    drawn |= {"poles-heading": charts.of_poles(poles, "heading")}
+    drawn |= {"estimates": charts.of_estimates(known), "shrinks": charts.of_shrinks(known)}
+    template = (files("ground.report") / "page.html").read_text(encoding="utf-8")
+    resources = ("style", "script", "plotly", "charts")
+    names = [name for name in re.findall(r"\$(\w+)", template) if name not in resources]
+    row = ["a name", *["12.345 → 6.789"] * 8, "a reason of many words, broken at the line's end"]
+    parts = dict.fromkeys(names, "") | {
+        "title": "A small report",
+        "headline": '<div><span class="big">1.2° → 0.9°</span></div>' * 3,
+        "missions": place(wide.key),
+        "steps": "".join(place(each.key) for each in pair),
+        "poles": place("poles-heading"),
+        "tracking": tables.table(["", *["a column"] * 8, "reason"], [row] * 3, "told"),
+        "asked": "x" * 200,
+    }
+    return page.render(parts, drawn)
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    folder = tmp_path_factory.mktemp("report")
+    (folder / "report.html").write_text(small_report(), encoding="utf-8")
+    with opened(folder / "report.html", folder / "profile") as page_shown:
+        yield page_shown
+
+
+@needs_chromium
+@pytest.mark.process
+@pytest.mark.timeout(120)
+class TestReportInABrowser:
+    def test_report_resized_and_turned_keeps_its_layout(self, shown: Page) -> None:
+        check_layout(shown)
+
+    def test_report_narrow_leaves_room_for_the_plots(self, shown: Page) -> None:
+        shown.resize(390, 844)
+        parts = shown.run(PARTS)
+        assert {part["key"] for part in parts} == set(shown.charts())
+        for part in parts:
+            assert part["width"] >= MIN_PLOT_PX[0], part
+            assert part["height"] >= MIN_PLOT_PX[1], part
+            assert part["below_legend"] >= -1.0, part
+            assert part["cut_off"] == [], part
