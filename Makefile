@@ -6,11 +6,13 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 OUT    ?= campaign
 SEED   ?= 1
+# FORCE=1 replaces the campaign that $(OUT) holds; without it `ground campaign` refuses
+FORCE  ?=
 
 .PHONY: campaign test clients verify study flights check lock clean
 
 campaign: $(VENV)/run.stamp          ## fly, identify, redesign, fly again; report in $(OUT)/report.html
-	$(BIN)/ground campaign --seed $(SEED) --out $(OUT)
+	$(BIN)/ground campaign --seed $(SEED) --out $(OUT) $(if $(FORCE),--force)
 
 test: $(VENV)/dev.stamp check        ## every check and test
 	$(BIN)/python -m pytest -n 2 --dist loadfile $(PYTEST)

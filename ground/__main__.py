@@ -101,6 +101,7 @@ def campaign(
         bool, typer.Option("--beside-paper", help="Fly the missions with the paper's improved gains too.")
     ] = False,
     out: Annotated[Path, typer.Option(metavar="DIR", help="The campaign's folder.")] = Path("campaign"),
+    force: Annotated[bool, typer.Option("--force", help="Replace the campaign that the folder holds.")] = False,
     json: Json = False,
 ) -> None:
     """Prototype, identify, redesign, verify: fly them all, and report."""
@@ -108,7 +109,7 @@ def campaign(
     from ground.campaign import Campaign, Request
 
     with progress.display("campaign", quiet=json) as shown:
-        asked = Request(out, vehicle, scenario, seed, speed, beside_paper)
+        asked = Request(out, vehicle, scenario, seed, speed, beside_paper, force)
         result = Campaign(asked, shown.watch_named, shown.announce).run()
     give(result, summary.in_words(result, out), json)
 

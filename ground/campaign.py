@@ -18,11 +18,11 @@ from queue import SimpleQueue
 from threading import Lock
 from typing import Any, NamedTuple
 
-from ground import refit, summary
+from ground import prototype, readiness, refit, summary
 from ground.children import Forked, cores
 from ground.errors import BadInputError, FailedError
 from ground.flight import Dive, Outcome, Progress, fly_simulated
-from ground.folder import STAGES, CampaignFolder
+from ground.folder import CAMPAIGN_FILE, STAGES, CampaignFolder
 from ground.processes import SimulatedVehicle, Simulation
 from ground.worker import Worker
 from link.clock import wall_s
@@ -34,9 +34,13 @@ FITTED = ("rudder_steps", "elevator_steps", "rudder_sweeps", "elevator_sweeps")
 HELD_OUT = ("rudder_heldout", "elevator_heldout")
 IDENTIFICATION = (*FITTED[:2], *HELD_OUT, *FITTED[2:])
 """In the order of flying, the longest first: so both places are busy until the last."""
+ALL_MISSIONS = (TRIM_MISSION, *IDENTIFICATION, *MISSIONS)
+DIVES = {"prototype": (TRIM_MISSION,), "identification": IDENTIFICATION, **dict.fromkeys(STAGES.values(), MISSIONS)}
+"""Missions by the folder in which their logs are kept."""
+RESULTS = ("report.html", "summary.json")
+"""Files that only a campaign which came to its end has."""
 AT_ONCE = 2
 """Dives and computations that go on at the same time: each keeps about one core busy."""
-CAMPAIGN_FILE = "campaign.toml"
 TRIM_WINDOW_S = 60.0
 """The end of the trim mission over which the commands are averaged."""
 COMPUTING = ("sysid.refit", "sysid.design", "sysid.logs", "sysid.verify")
@@ -54,6 +58,8 @@ class Request(NamedTuple):
     speed: str = "max"
     beside_paper: bool = False
     """The paper's improved gains fly the missions too."""
+    force: bool = False
+    """Replace the campaign that the folder holds."""
 
 
 Watch = Callable[[str, Progress], None]
@@ -81,14 +87,26 @@ class Campaign:
     _cores: SimpleQueue[int | None] = field(default_factory=_cores_of_places)
     _lock: Lock = field(default_factory=Lock)
     _cancelled: bool = False
+    _prepared: bool = False
 
     def run(self) -> dict[str, Any]:
         """The whole campaign; returns the summary that is also written. Raises BadInputError, FailedError."""
+        refuse_folder(self.request)
+        try:
+            return self._run()
+        except BaseException:
+            # stopped between the summary and the report: neither may tell of a campaign that is complete
+            for name in RESULTS if self._prepared else ():
+                (self.request.out / name).unlink(missing_ok=True)
+            raise
+
+    def _run(self) -> dict[str, Any]:
         began_s = wall_s()
-        prepare_folder(self.request)
         with self._at_work() as (places, worker):
-            trims = self._measure_trims(places, worker)
-            gains = self._first_gains(trims)
+            first = self._first_parameters(worker)
+            self._prepare()
+            trims = self._measure_trims(places, worker, first)
+            gains = self._first_gains(first, trims)
             self.announce("flying the tests with the initial gains")
             _finish(self._begin(places, "identification", IDENTIFICATION, gains["initial"]))
             self.announce(f"refitting the model; flying the missions with the {' and the '.join(gains)} gains")
@@ -96,7 +114,7 @@ class Campaign:
             missions = [dive for name in gains for dive in self._begin(places, STAGES[name], MISSIONS, gains[name])]
             design = redesigning.result()
             self.announce("flying the missions with the redesigned gains")
-            gains["redesigned"] = {**design["gains"], **trims}
+            gains["redesigned"] = {**design["gains"], **_beside(design["gains"], gains["initial"]), **trims}
             _finish([*missions, *self._begin(places, STAGES["redesigned"], MISSIONS, gains["redesigned"])])
             self.announce("comparing")
             found = worker.call(summary.build, self.folder, design, gains, trims, MISSIONS)
@@ -106,14 +124,33 @@ class Campaign:
             worker.call(_report, self.folder)
         return result
 
+    def _prepare(self) -> None:
+        prepare_folder(self.request)
+        self._prepared = True
+
     @cached_property
     def folder(self) -> CampaignFolder:
         """What has been flown, read back."""
         return CampaignFolder(self.request.out)
 
-    def _first_gains(self, trims: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    def _first_parameters(self, worker: Worker) -> dict[str, float]:
+        """Return the parameters of the first dive: Table 3 for Caribou, a prototype design for other vehicles.
+
+        Raises BadInputError where it can be foreseen that the campaign cannot be completed.
+        """
+        vehicle, scenario = self.request.vehicle, self.request.scenario
+        content = readiness.scenario_content(scenario)
+        readiness.refuse_scenario(scenario, content, ALL_MISSIONS)
+        if vehicle in prototype.CARIBOU:
+            return refit.initial_gains()
+        if self.request.beside_paper:
+            raise BadInputError(f"--beside-paper: the paper's gains are for Caribou; leave it out for {vehicle}")
+        self.announce("designing the first gains; rehearsing the missions with the vehicle file")
+        return worker.call(readiness.first_parameters, vehicle, scenario, content, ALL_MISSIONS)
+
+    def _first_gains(self, first: Mapping[str, float], trims: Mapping[str, float]) -> dict[str, dict[str, float]]:
         """The sets of gains that are there before any model, by name."""
-        gains = {"initial": {**refit.initial_gains(), **trims}}
+        gains = {"initial": {**first, **trims}}
         if self.request.beside_paper:
             gains["improved"] = {**refit.improved_gains(), **trims}
         return gains
@@ -129,9 +166,9 @@ class Campaign:
             "seed": self.request.seed,
         }
 
-    def _measure_trims(self, places: Executor, worker: Worker) -> dict[str, float]:
+    def _measure_trims(self, places: Executor, worker: Worker, first: Mapping[str, float]) -> dict[str, float]:
         self.announce("prototype flight: measuring the trims")
-        _finish(self._begin(places, "prototype", (TRIM_MISSION,), refit.initial_gains()))
+        _finish(self._begin(places, "prototype", (TRIM_MISSION,), first))
         return worker.call(refit.measure_trims, self.folder.log_path("prototype", TRIM_MISSION), TRIM_WINDOW_S)
 
     def _redesign(self, worker: Worker) -> dict[str, Any]:
@@ -200,24 +237,48 @@ def dive_seed(seed: int, mission: str) -> int:
     return seed * 1000 + (TRIM_MISSION, *MISSIONS, *FITTED, *HELD_OUT).index(mission)
 
 
-def prepare_folder(request: Request) -> None:
-    """Make the campaign folder and note what was asked.
-
-    Raises:
-        BadInputError: the folder holds something that is no campaign.
-    """
+def refuse_folder(request: Request) -> None:
+    """Raise BadInputError where the folder cannot take this campaign: a file, other files, or a campaign to keep."""
     out = request.out
-    if out.is_file():
+    if out.is_dir():
+        if any(out.iterdir()) and not (out / CAMPAIGN_FILE).is_file():
+            raise BadInputError(f"--out {out}: holds files that are no campaign; give a new or an empty folder")
+        if (out / CAMPAIGN_FILE).is_file() and not request.force:
+            state = "a finished" if all((out / name).is_file() for name in RESULTS) else "an interrupted"
+            logs = sum(path.suffix == ".mcap" for path in _campaign_files(out))
+            raise BadInputError(
+                f"--out {out}: holds {state} campaign ({logs} logs); give a new folder, or --force to replace it"
+            )
+    elif out.exists():
         raise BadInputError(f"--out {out}: is a file; give a folder")
-    if out.is_dir() and any(out.iterdir()) and not (out / CAMPAIGN_FILE).is_file():
-        raise BadInputError(f"--out {out}: holds files that are no campaign; give a new or an empty folder")
+
+
+def prepare_folder(request: Request) -> None:
+    """Make the campaign folder, remove the campaign that it replaces, and note what was asked.
+
+    Files that no campaign writes stay. Raises BadInputError as ``refuse_folder``.
+    """
+    refuse_folder(request)
+    out = request.out
+    for path in _campaign_files(out):
+        path.unlink()
+    for stage in DIVES:
+        if (out / stage).is_dir() and not any((out / stage).iterdir()):
+            (out / stage).rmdir()
     out.mkdir(parents=True, exist_ok=True)
     _write(out / CAMPAIGN_FILE, _campaign_toml(request))
 
 
+def _campaign_files(out: Path) -> list[Path]:
+    """Return the files in a folder that a campaign writes; the note of what was asked comes last."""
+    logs = [CampaignFolder(out).log_path(stage, name) for stage, names in DIVES.items() for name in names]
+    results = [out / name for name in (*RESULTS, "model.json", "gains.param", CAMPAIGN_FILE)]
+    return [path for path in (*logs, *results) if path.is_file() or path.is_symlink()]
+
+
 def _campaign_toml(request: Request) -> str:
     asked = request._asdict()
-    lines = [f"{key} = {json.dumps(value)}" for key, value in asked.items() if key != "out"]
+    lines = [f"{key} = {json.dumps(value)}" for key, value in asked.items() if key not in ("out", "force")]
     lines += ["", "[seeds]"]
     lines += [f"{m} = {dive_seed(request.seed, m)}" for m in (TRIM_MISSION, *MISSIONS, *FITTED, *HELD_OUT)]
     lines += ["", "[versions]", f"python = {json.dumps(platform.python_version())}"]
@@ -225,15 +286,21 @@ def _campaign_toml(request: Request) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _beside(designed: Mapping[str, float], flown: Mapping[str, float]) -> dict[str, float]:
+    """Return the parameters that were flown and that a redesign does not set: trims, travel, cruise speed."""
+    return {name: value for name, value in flown.items() if name not in designed}
+
+
 def _identify(folder: CampaignFolder) -> None:
     """Write ``model.json``."""
     fitted, held_out = ([folder.log_path("identification", name) for name in names] for names in (FITTED, HELD_OUT))
-    refit.write_model(refit.refit(fitted, held_out=held_out, beside=("paper",)), folder.path / "model.json")
+    model = refit.refit(fitted, held_out=held_out, prior=folder.prior, beside=("paper",))
+    refit.write_model(model, folder.path / "model.json")
 
 
 def _design(folder: CampaignFolder) -> dict[str, Any]:
     """Write ``gains.param``; returns what there is to tell of them."""
-    design = refit.redesign(folder.model)
+    design = refit.redesign(folder.model, prior=folder.prior)
     design.write_params(folder.path / "gains.param")
     return summary.of_design(design)
 

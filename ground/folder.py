@@ -1,11 +1,12 @@
 """A campaign's folder, read back: each log once."""
 
 import json
+import tomllib
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ground import gains, refit
+from ground import gains, prototype, refit
 from ground.errors import BadInputError
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 STAGES = {"initial": "baseline", "improved": "improved", "redesigned": "verification"}
 """Where the dives of each set of gains are kept; the paper's improved ones are flown where that was asked for."""
+CAMPAIGN_FILE = "campaign.toml"
 
 
 class CampaignFolder:
@@ -49,7 +51,24 @@ class CampaignFolder:
     @cached_property
     def asked(self) -> str:
         """``campaign.toml`` as text."""
-        return (self.path / "campaign.toml").read_text(encoding="utf-8")
+        try:
+            return (self.path / CAMPAIGN_FILE).read_text(encoding="utf-8")
+        except OSError:
+            raise BadInputError(f"{self.path}: holds no {CAMPAIGN_FILE}; give the folder of a campaign") from None
+
+    @cached_property
+    def prior(self) -> str:
+        """Vehicle file that is known before the campaign: the flown vehicle's own, for Caribou ``bench``."""
+        try:
+            vehicle = tomllib.loads(self.asked)["vehicle"]
+        except (tomllib.TOMLDecodeError, KeyError) as error:
+            raise BadInputError(f"{self.path / CAMPAIGN_FILE}: names no vehicle ({error})") from None
+        return prototype.known_beforehand(str(vehicle))
+
+    @cached_property
+    def prior_config(self) -> Any:
+        """Content of the vehicle file ``prior``. Raises BadInputError."""
+        return refit.read_vehicle(self.prior)
 
     def log_path(self, stage: str, mission: str) -> Path:
         """Where the log of a dive is kept."""

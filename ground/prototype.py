@@ -1,12 +1,11 @@
 """First gains for a vehicle of one's own, designed from her file."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ground.errors import BadInputError, FailedError
-from sysid import prototype
-from sysid.design import DesignRefused
-from sysid.prototype import Prototype
-from sysid.refit import VehicleError
+
+if TYPE_CHECKING:
+    from sysid.prototype import Prototype
 
 CARIBOU = ("field", "bench")
 """Vehicles for which the autopilot's defaults, the paper's prototype controller, were made."""
@@ -37,13 +36,17 @@ def known_beforehand(vehicle: str) -> str:
     return "bench" if vehicle in CARIBOU else vehicle
 
 
-def design(vehicle: str) -> Prototype:
+def design(vehicle: str) -> "Prototype":
     """The prototype controller of a vehicle file.
 
     Raises:
         BadInputError: the file cannot be used, or is the simulated truth.
         FailedError: no gains make this vehicle behave.
     """
+    from sysid import prototype
+    from sysid.design import DesignRefused
+    from sysid.refit import VehicleError
+
     if vehicle == "field":
         raise BadInputError("vehicle 'field': is the simulated truth; give bench, or a vehicle file")
     try:
@@ -54,7 +57,7 @@ def design(vehicle: str) -> Prototype:
         raise BadInputError(str(error)) from None
 
 
-def in_words(found: Prototype) -> str:
+def in_words(found: "Prototype") -> str:
     """Every parameter with its reason; how the loops stand; and Table 3's initial column beside them."""
     lines = [f"{name:16s} {value:<10.5g} {found.reasons[name]}" for name, value in found.parameters.items()]
     lines += ["", "Loops on the vehicle of the file, and on 95 % of those that the prior allows for"]
@@ -72,7 +75,7 @@ def in_words(found: Prototype) -> str:
     return "\n".join(lines)
 
 
-def as_json(found: Prototype) -> dict[str, Any]:
+def as_json(found: "Prototype") -> dict[str, Any]:
     return {
         "parameters": found.parameters,
         "reasons": found.reasons,

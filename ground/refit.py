@@ -99,7 +99,8 @@ def refit(
             inclining=inclining,
         )
     if model.convergence.failures and not force:
-        raise FailedError(f"the fit failed: {'; '.join(model.convergence.failures)}; --force writes it all the same")
+        reasons = "; ".join(model.convergence.failures)
+        raise FailedError(f"the fit failed: {reasons}; `ground refit --force` writes it all the same")
     return model
 
 
@@ -126,7 +127,7 @@ def redesign(
     """
     from sysid import design
 
-    _refuse_unfit(model, force)
+    _refuse_unfit(model, "redesign", force)
     with _translated():
         spec, vehicle = spec or specification(model, prior), read_vehicle(prior) if prior else None
         return design.redesign(model, spec, vehicle, _gains_before(model, prior))
@@ -138,14 +139,15 @@ def laws(
     """LQG laws for a model; otherwise as ``redesign``."""
     from sysid.design import optimal
 
-    _refuse_unfit(model, force)
+    _refuse_unfit(model, "laws", force)
     with _translated():
         return optimal.design_laws(model, spec, read_vehicle(prior) if prior else None, _gains_before(model, prior))
 
 
-def _refuse_unfit(model: "IdentifiedModel", force: bool) -> None:
+def _refuse_unfit(model: "IdentifiedModel", command: str, force: bool) -> None:
     if not force and (model.verdict is None or not model.verdict.fit_for_redesign):
-        raise FailedError(f"the model is not fit for redesign: {_reasons(model)}; fly what it asks for, or --force")
+        advice = f"fly what it asks for, or `ground {command} --force`"
+        raise FailedError(f"the model is not fit for redesign: {_reasons(model)}; {advice}")
 
 
 def specification(model: "IdentifiedModel", prior: str | None = None) -> "Spec":
@@ -251,16 +253,20 @@ def write_model(model: "IdentifiedModel", path: Path) -> None:
 @contextmanager
 def _translated() -> Iterator[None]:
     """sysid's refusals as this tool's: wrong files are bad input, a missed specification is failed work."""
+    from numpy.linalg import LinAlgError
+
     from sysid.design import DesignRefused
     from sysid.log import LogError
     from sysid.model import ModelError
-    from sysid.refit import AshoreError, NotUniqueError, RefitError, VehicleError
+    from sysid.refit import AshoreError, FitFailedError, NotUniqueError, RefitError, VehicleError
 
     try:
         yield
+    except LinAlgError as error:
+        raise FailedError(f"the model is singular: {error}; fly more tests and refit") from None
     except (AshoreError, LogError, ModelError, RefitError, VehicleError) as error:
         raise BadInputError(str(error)) from None
-    except (DesignRefused, NotUniqueError) as error:
+    except (DesignRefused, FitFailedError, NotUniqueError) as error:
         raise FailedError(str(error)) from None
 
 

@@ -70,7 +70,7 @@ def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
         screening=(),
         fit_quality=(),
         held_out=(),
-        notes=_notes(found, measured),
+        notes=(*_notes(found, measured), *_at_limits(sds)),
         design={plane: _design(plane, spread) for plane in PLANES},
     )
 
@@ -94,6 +94,15 @@ def _slope(function: Callable[[Array], Array], z: Array) -> Array:
     return np.column_stack([(function(z + h * e) - function(z - h * e)) / (2.0 * h) for e in np.eye(z.size)])
 
 
+def _at_limits(sds: Array) -> list[str]:
+    """Name the derived numbers that no parameter moves: a delay that the search has pushed to zero."""
+    return [
+        f"{plane}: {name} stands at its limit of zero, so that it has no standard deviation"
+        for (plane, name), sd in zip(_derived_names(), sds, strict=True)
+        if name == "delay_s" and sd == 0.0
+    ]
+
+
 def _of_design(plane: Plane, spread: Array) -> Array:
     """Covariance of one plane's DESIGN_NUMBERS."""
     index = [_derived_names().index((plane, name)) for name in DESIGN_NUMBERS]
@@ -114,7 +123,7 @@ def _design(plane: Plane, spread: Array) -> Covariance:
 def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) -> PlaneModel:
     def estimate(name: str) -> Estimate:
         value, sd = derived[plane, name]
-        return Estimate(float(value), float(sd))
+        return Estimate(float(value), float(sd) if sd else None)  # 0: at a limit, not known exactly
 
     return PlaneModel(
         static_gain_per_s=estimate("static_gain_per_s"),

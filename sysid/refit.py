@@ -1,6 +1,7 @@
 """Logs in, identified model out: read, cut, screen, fit, report. The same logs give the same bytes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,6 +43,10 @@ class RefitError(ValueError):
     """Logs or a prior that cannot be used: one line saying which, and what would be right."""
 
 
+class FitFailedError(RuntimeError):
+    """A fit that has no result: one line with the prior, the reason and what would help."""
+
+
 class Belief(NamedTuple):
     """What is known of a vehicle before its tests: its file, and the model that an earlier refit made of it."""
 
@@ -81,6 +86,7 @@ def refit(
 
     Raises:
         AshoreError, LogError, VehicleError, ModelError, RefitError: bad input, each in one line.
+        FitFailedError: the logs do not determine a vehicle near the prior.
     """
     report = progress or (lambda what, share: None)
     belief = belief_in(prior)._replace(readings=ashore.read(tailcone, inclining))
@@ -91,7 +97,8 @@ def refit(
     kept, screenings = _select(read, limits, marks)
     fresh = screen([run for log in unseen for run in runs.cut(log, _marks_of(log, marks))], limits)
     held = [s.run for s in fresh if s.kept]
-    model, settled = _identify(kept, belief, method, lambda w, s: report(w, 0.1 + 0.85 * s))
+    with _failing(belief.name):
+        model, settled = _identify(kept, belief, method, lambda w, s: report(w, 0.1 + 0.85 * s))
     kept, verdicts = (list(settled.kept), settled.verdicts) if settled else (kept, {})
     model = msgspec.structs.replace(
         model,
@@ -100,11 +107,29 @@ def refit(
         screening=tuple(_screened(s, verdicts.get(s.run.name)) for s in screenings),
         held_out_screening=tuple(_screened(s) for s in fresh),
     )
-    model = _set_beside(model, kept, held, belief, beside)
-    report("judge", 0.95)
-    model = judged(model, kept, held, _gains_aboard(read), belief.config)
+    with _failing(belief.name):
+        model = _set_beside(model, kept, held, belief, beside)
+        report("judge", 0.95)
+        model = judged(model, kept, held, _gains_aboard(read), belief.config)
     report("done", 1.0)
     return model
+
+
+@contextmanager
+def _failing(prior: str) -> Iterator[None]:
+    """Give what makes a fit from ``prior`` impossible as FitFailedError."""
+    try:
+        yield
+    except VehicleError as error:
+        raise FitFailedError(
+            f"prior {prior}: the fit ended at the edge of the vehicles that are possible ({error}); "
+            "the logs may be of another vehicle: give its own file as the prior"
+        ) from None
+    except np.linalg.LinAlgError as error:
+        raise FitFailedError(
+            f"prior {prior}: the tests leave a combination of parameters undetermined ({error}); "
+            "fly more tests, or give the vehicle's own file as the prior"
+        ) from None
 
 
 def _identify(

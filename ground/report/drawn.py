@@ -23,7 +23,7 @@ def draw(folder: Path, target: Path) -> Path:
     predictions = evidence.prediction_figures(campaign)
     half = (len(predictions) + 1) // 2
     rows = [
-        evidence.response_figures(campaign.model),
+        evidence.response_figures(campaign),
         *(predictions[k::half] for k in range(half)),
         evidence.whiteness_figures(campaign),
     ]

@@ -1,7 +1,7 @@
 """What an identified model rests on, as figures: its response laid over the runs', predictions, and what is left."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,15 +24,16 @@ HELD_OUT_MISSIONS = {"yaw": "rudder_heldout", "pitch": "elevator_heldout"}
 SHOWN_HZ = 10.0
 
 
-def response_figures(model: "IdentifiedModel") -> list[Figure]:
+def response_figures(campaign: CampaignFolder) -> list[Figure]:
     """Gain, phase and coherence of each plane that has runs which sweep."""
-    return [_response(model, plane) for plane, found in model.validation.items() if found.overlay]
+    model = campaign.model
+    return [_response(model, plane, campaign.prior_config) for plane, it in model.validation.items() if it.overlay]
 
 
 def prediction_figures(campaign: CampaignFolder) -> list[Figure]:
     """Held-out runs of each plane with the band that the model allows them: the largest step, and another signal."""
     return [
-        _prediction(campaign.model, run)
+        _prediction(campaign.model, run, campaign.prior_config)
         for mission in HELD_OUT_MISSIONS.values()
         for run in _two_kinds(campaign.runs(mission))
     ]
@@ -42,13 +43,13 @@ def whiteness_figures(campaign: CampaignFolder) -> list[Figure]:
     """Cumulative periodogram of what the held-out runs of each plane leave, whitened."""
     model = campaign.model
     return [
-        _whiteness(model, plane, campaign.runs(mission))
+        _whiteness(model, plane, campaign.runs(mission), campaign.prior_config)
         for plane, mission in HELD_OUT_MISSIONS.items()
         if plane in model.noise
     ]
 
 
-def _response(model: "IdentifiedModel", plane: "Plane") -> Figure:
+def _response(model: "IdentifiedModel", plane: "Plane", prior: Any) -> Figure:
     from sysid import predict
     from sysid.judge import crossover
     from sysid.judge.validate import believed
@@ -58,9 +59,9 @@ def _response(model: "IdentifiedModel", plane: "Plane") -> Figure:
     assert laid is not None
     w, points = GRID_RADPS, np.array(laid.frequency_radps)
     shown = (w >= points[0] / 1.3) & (w <= points[-1] * 1.3)
-    belief = believed(model)
+    belief = believed(model, prior)
     ours = crossover.response(belief.vehicle(belief.z), plane)[shown]
-    first = crossover.response(predict.vehicles(model)[1], plane)[shown]
+    first = crossover.response(predict.vehicles(model, prior)[1], plane)[shown]
     gain_sd, phase_sd = (TWO_SIDED * sd[shown] for sd in crossover.band(belief, plane))
 
     def line(name: str, role: str, values: Array, sd: Array | None = None) -> Curve:
@@ -100,11 +101,11 @@ def _response(model: "IdentifiedModel", plane: "Plane") -> Figure:
     )  # fmt: skip
 
 
-def _prediction(model: "IdentifiedModel", run: "Run") -> Figure:
+def _prediction(model: "IdentifiedModel", run: "Run", prior: Any) -> Figure:
     from sysid.judge.bands import rate_band
     from sysid.predict import predict
 
-    predicted, band = predict(model, run), rate_band(model, run)
+    predicted, band = predict(model, run, prior), rate_band(model, run, prior)
     first = run.time_s.size - band.time_s.size
     thin = slice(first, None, int(50.0 / SHOWN_HZ))
     t = run.time_s[thin]
@@ -129,12 +130,12 @@ def _prediction(model: "IdentifiedModel", run: "Run") -> Figure:
     )  # fmt: skip
 
 
-def _whiteness(model: "IdentifiedModel", plane: "Plane", runs: "Sequence[Run]") -> Figure:
+def _whiteness(model: "IdentifiedModel", plane: "Plane", runs: "Sequence[Run]", prior: Any) -> Figure:
     from sysid.judge.bands import innovations
     from sysid.judge.validate import DT_S
     from sysid.judge.whiteness import cumulative_periodogram
 
-    left = np.concatenate([i - np.mean(i) for i in (innovations(model, run) for run in runs)])
+    left = np.concatenate([i - np.mean(i) for i in (innovations(model, run, prior) for run in runs)])
     rising = cumulative_periodogram(left)
     hz = np.linspace(0.0, 0.5 / DT_S, rising.size)
     diagonal, room = np.linspace(0.0, 1.0, rising.size), KOLMOGOROV / np.sqrt(rising.size)

@@ -84,7 +84,7 @@ def _largest(runs: "list[Run]") -> "Run":
 def _step_figure(folder: CampaignFolder, run: "Run", note: str) -> Figure:
     from sysid.predict import predict
 
-    predicted = predict(folder.model, run)
+    predicted = predict(folder.model, run, folder.prior_config)
     axis, motion = ("rudder", "yaw") if run.plane == "yaw" else ("elevator", "pitch")
     angle = run.heading_rad - run.heading_rad[~run.preroll][0] if run.plane == "yaw" else run.pitch_rad
     began = int(np.argmax(~run.preroll))

@@ -31,7 +31,7 @@ def _page(campaign: CampaignFolder) -> str:
     steps = figures.step_figures(campaign)
     analyses = {role: summary["design"][role] for role in ("initial", "redesigned")}
     poles = {role: found["poles_radps"] for role, found in analyses.items()}
-    responses, whiteness = evidence.response_figures(model), evidence.whiteness_figures(campaign)
+    responses, whiteness = evidence.response_figures(campaign), evidence.whiteness_figures(campaign)
     predictions = evidence.prediction_figures(campaign)
     shown = (*missions, *steps, *responses, *predictions, *whiteness)
     drawn = {figure.key: charts.of_figure(figure) for figure in shown}

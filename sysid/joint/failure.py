@@ -39,6 +39,8 @@ def failures(
 
 def _unmeasured(plane: Plane, before: Array, after: Array) -> str:
     """Says which design numbers the data leave as they were."""
-    kept = np.sqrt(np.diag(after) / np.diag(before))
+    # a number whose prior spread is zero stands at its limit (a delay of zero): nothing to hand back
+    variances = np.diag(before)
+    kept = np.sqrt(np.divide(np.diag(after), variances, out=np.zeros(len(variances)), where=variances > 0.0))
     left = [f"{name} ({share:.0%})" for name, share in zip(DESIGN_NUMBERS, kept, strict=True) if share > HANDED_BACK]
     return f"the {plane} tests leave the prior's uncertainty of {', '.join(left)}" if left else ""

@@ -125,13 +125,21 @@ def _cramer_rao_percent(numbers: PlaneModel, name: str) -> float | None:
 
 
 def _insensitivity_percent(model: IdentifiedModel, plane: Plane, name: str) -> float | None:
-    """How far the value alone could move, the plane's others held, for one standard deviation of the data."""
+    """How far the value alone could move, the plane's others held, for one standard deviation of the data.
+
+    Numbers without variance stand at a limit (a delay of zero) and are held as they are. None where the value's own
+    variance is not known.
+    """
     known = model.design.get(plane)
     if known is None:
         return None
     matrix = np.array(known.matrix)
-    sds = np.sqrt(np.diag(matrix))
+    free = np.diag(matrix) > 0.0
     i = known.names.index(name)
+    if not (free[i] and np.all(np.isfinite(matrix))):
+        return None
+    matrix, i = matrix[np.ix_(free, free)], int(np.count_nonzero(free[:i]))
+    sds = np.sqrt(np.diag(matrix))
     precision = np.linalg.pinv(matrix / np.outer(sds, sds), hermitian=True)[i, i]
     value = getattr(model.planes[plane], name).value
     return float(100.0 * sds[i] / math.sqrt(precision) / abs(value)) if value else None

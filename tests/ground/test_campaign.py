@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
-from ground import campaign, gains
+from ground import campaign, gains, refit
+from ground.__main__ import app
 from ground.campaign import Campaign, Request
 from ground.errors import BadInputError, FailedError
 from ground.folder import STAGES, CampaignFolder
@@ -133,6 +135,135 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match="no campaign"):
         campaign.prepare_folder(Request(tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def old_campaign(out: Path, *, finished: bool) -> dict[str, str]:
+    """Files of a campaign that was flown before, and of somebody else, by their path in the folder."""
+    files = {
+        "campaign.toml": 'vehicle = "field"\n',
+        "model.json": "{}",
+        "prototype/trim.mcap": "log",
+        "identification/rudder_steps.mcap": "log",
+        "improved/combined.mcap": "log",
+        "notes.txt": "mine",
+        "identification/notes.txt": "mine",
+        "identification/more.mcap": "mine",
+    }
+    if finished:
+        files |= {"summary.json": "{}", "report.html": "<html>"}
+    for name, text in files.items():
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).write_text(text)
+    return files
+
+
+def content(out: Path) -> dict[str, str]:
+    return {str(path.relative_to(out)): path.read_text() for path in out.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize(("finished", "said"), [(True, "a finished"), (False, "an interrupted")])
+def test_campaign_second_into_a_folder_is_refused_before_anything_flies(
+    finished: bool, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = old_campaign(tmp_path, finished=finished)
+    monkeypatch.setattr(Campaign, "_at_work", lambda *asked: pytest.fail("something was started"))
+    asked = ["campaign", "--out", str(tmp_path)]
+    ended = CliRunner().invoke(app, asked)
+    assert isinstance(ended.exception, BadInputError)  # exit status 2
+    assert str(ended.exception) == (
+        f"--out {tmp_path}: holds {said} campaign (3 logs); give a new folder, or --force to replace it"
+    )
+    assert content(tmp_path) == before
+
+
+def test_campaign_by_force_removes_only_what_a_campaign_writes(tmp_path: Path) -> None:
+    old_campaign(tmp_path, finished=True)
+    campaign.prepare_folder(Request(tmp_path, seed=7, force=True))
+    after = content(tmp_path)
+    assert "seed = 7" in after.pop("campaign.toml")
+    assert after == dict.fromkeys(("notes.txt", "identification/notes.txt", "identification/more.mcap"), "mine")
+    assert not (tmp_path / "prototype").exists()
+    with pytest.raises(BadInputError, match="interrupted campaign"):
+        campaign.prepare_folder(Request(tmp_path))
+
+
+def test_campaign_by_force_refused_for_its_scenario_keeps_the_old_one(tmp_path: Path) -> None:
+    before = old_campaign(tmp_path, finished=True)
+    with pytest.raises(BadInputError, match="clamped"):
+        Campaign(Request(tmp_path, scenario="bench", force=True), lambda name, at: None, lambda words: None).run()
+    assert content(tmp_path) == before
+
+
+def test_campaign_stopped_while_reporting_leaves_no_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(self: Campaign) -> None:
+        self._prepare()
+        (tmp_path / "out" / "summary.json").write_text("{}")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Campaign, "_run", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        Campaign(Request(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
+    assert set(content(tmp_path / "out")) == {"campaign.toml"}
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "prior"),
+    [("field", "bench"), ("bench", "bench"), ("xfin", "xfin"), ("docs/my_vehicle.toml", "docs/my_vehicle.toml")],
+)
+def test_campaign_prior_is_the_vehicles_own_file(
+    vehicle: str, prior: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Caribou's prior was taken for every vehicle: xfin ended in a LinAlgError, my_vehicle in an error about bench."""
+    handed = []
+    monkeypatch.setattr(refit, "refit", lambda *logs, prior, **more: handed.append(prior))
+    monkeypatch.setattr(refit, "write_model", lambda *asked: None)
+    monkeypatch.setattr(refit, "redesign", lambda model, prior: handed.append(prior))
+    campaign.prepare_folder(Request(tmp_path, vehicle=vehicle))
+    folder = CampaignFolder(tmp_path)
+    folder.__dict__["model"] = None
+    campaign._identify(folder)
+    with pytest.raises(AttributeError):
+        campaign._design(folder)
+    assert handed == [prior, prior]
+
+
+def test_campaign_redesigned_gains_keep_the_vehicles_own_parameters() -> None:
+    flown = {"HDG_P": 1.0, "ACT_TRAVEL_DEG": 13.6, "THR_CRUISE_PCT": 60.0, "TRIM_RUD_DEG": 0.1}
+    assert campaign._beside({"HDG_P": 2.0, "ACT_LEAD_W": 5.0}, flown) == {
+        "ACT_TRAVEL_DEG": 13.6,
+        "THR_CRUISE_PCT": 60.0,
+        "TRIM_RUD_DEG": 0.1,
+    }
+
+
+def test_campaign_papers_gains_on_another_vehicle_are_refused(tmp_path: Path) -> None:
+    asked = Request(tmp_path / "out", vehicle="xfin", beside_paper=True)
+    with pytest.raises(BadInputError, match="--beside-paper: the paper's gains are for Caribou"):
+        Campaign(asked, lambda name, at: None, lambda words: None).run()
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.process
+@pytest.mark.timeout(600)
+def test_campaign_impossible_vehicle_is_refused_before_its_first_dive(tmp_path: Path) -> None:
+    ended = CliRunner().invoke(app, ["campaign", "--vehicle", "remus100", "--out", str(tmp_path / "out")])
+    assert isinstance(ended.exception, BadInputError)
+    assert str(ended.exception).startswith("--vehicle remus100: cannot complete a campaign in scenario disturbed: trim")
+    assert "\n" not in str(ended.exception)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.process
+@pytest.mark.timeout(600)
+def test_campaign_of_another_vehicle_completes(tmp_path: Path) -> None:
+    """Of xfin the own file is the prior, and its own prototype design flies first."""
+    out = tmp_path / "out"
+    found = Campaign(Request(out, vehicle="xfin"), lambda name, at: None, lambda words: None).run()
+    model = CampaignFolder(out).model
+    assert (model.vehicle.prior, model.speed_mps) == ("xfin", 1.5)
+    assert found["gains"]["initial"]["HDG_P"] == pytest.approx(2.115, abs=0.01)  # `ground vehicle gains xfin`
+    assert found["gains"]["redesigned"]["SPD_CRUISE_MPS"] == 1.5
+    assert (out / "report.html").stat().st_size > 1_000_000
 
 
 def test_a_mission_has_its_own_sea_and_a_seed_another(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -12,6 +13,7 @@ from ground import identification, refit
 from ground.__main__ import app
 from ground.errors import FailedError
 from sitl.vehicle import config
+from sitl.vehicle.config import VehicleError
 from sysid import model as models
 from sysid import refit as fitting
 from sysid.judge.judged import judged
@@ -34,6 +36,23 @@ def told() -> IdentifiedModel:
 def with_verdict(model: IdentifiedModel, fit: bool) -> IdentifiedModel:
     reasons = () if fit else ("yaw: b1, 1 sd 25 %, at most 20 %", "pitch: runs held out 0, at least 1")
     return msgspec.structs.replace(model, verdict=Verdict(fit, reasons, (), None))
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (VehicleError("bench: the mass matrix has an eigenvalue -0.007"), "edge of the vehicles that are possible"),
+        (np.linalg.LinAlgError("Singular matrix"), "undetermined"),
+    ],
+)
+def test_refit_without_a_result_fails_in_one_line(error: Exception, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def identify(*asked: object) -> None:
+        raise error
+
+    monkeypatch.setattr(fitting, "_select", lambda *asked: ([], []))
+    monkeypatch.setattr(fitting, "_identify", identify)
+    with pytest.raises(FailedError, match=f"prior bench: .*{said}.*own file as the prior"):
+        refit.refit([])
 
 
 def test_the_words_hold_numbers_gates_and_verdict(told: IdentifiedModel) -> None:

@@ -178,6 +178,22 @@ def test_a_fit_that_failed_says_why(starts: tuple[float, ...], bounds: tuple[str
     assert said in "".join(found)
 
 
+def test_failures_number_without_spread_is_no_failure() -> None:
+    """A delay at its limit of zero has no spread, before or after the data: 0/0 must not reach the verdict."""
+    before, after = np.diag([1.0, 1.0, 1.0, 1.0, 0.0]), np.diag([0.25, 0.25, 0.25, 0.25, 0.0])
+    with np.errstate(all="raise"):
+        assert failures(100.0, (100.0,), (), {"yaw": (before, after)}) == ()
+
+
+def test_at_bounds_backlash_of_none_is_a_result() -> None:
+    """Backlash is a ratio to the prior: its lower bound, 0.004 deg, is how a tailcone without play appears."""
+    z = np.zeros(len(NAMES))
+    z[NAMES.index("backlash")] = -4.0
+    assert fit.at_bounds(z) == ()
+    z[NAMES.index("backlash")], z[NAMES.index("Y_v")] = 4.0, -4.0
+    assert fit.at_bounds(z) == ("Y_v", "backlash")
+
+
 def test_a_test_without_a_test_leaves_the_prior(field: config.VehicleConfig, bench: config.VehicleConfig) -> None:
     """The rudder stood still: nothing of the plane can be measured, and the fit must not pretend."""
     from sysid import assemble

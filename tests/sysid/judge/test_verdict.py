@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 
 from sitl.vehicle import config
@@ -119,6 +120,34 @@ def test_each_gate_can_fail(name: str, sound: IdentifiedModel) -> None:
     failed = [gate for gate in found.gates if not gate.passed and gate.name not in already]
     assert [gate.name for gate in failed if gate.required and gate.name.startswith(name)], failed
     assert any(name in reason for reason in found.reasons)
+
+
+def test_verdict_delay_without_spread_leaves_the_other_gates(sound: IdentifiedModel) -> None:
+    """A delay that stands at its limit of zero has no variance; the insensitivity of b1 is that with it held.
+
+    It ended in LinAlgError: the correlation matrix held 0/0.
+    """
+    names, rows = sound.design["yaw"].names, [list(row) for row in sound.design["yaw"].matrix]
+    at = names.index("delay_s")
+    for k in range(len(names)):
+        rows[at][k] = rows[k][at] = 0.0
+    held = Covariance(names, tuple(map(tuple, rows)))
+    clipped = replace(sound, design={**sound.design, "yaw": held})
+    with np.errstate(all="raise"):
+        found = verdict(clipped, clipped.validation)
+    gate = next(g for g in found.gates if (g.name, g.plane) == ("b1, insensitivity", "yaw"))
+    assert gate.value is not None
+    assert 0.0 < gate.value < 20.0
+
+
+@pytest.mark.parametrize("value", [0.0, float("nan")])
+def test_verdict_b1_without_finite_variance_is_not_known(value: float, sound: IdentifiedModel) -> None:
+    names, rows = sound.design["yaw"].names, [list(row) for row in sound.design["yaw"].matrix]
+    at = names.index("b1_per_s2")
+    rows[at][at] = value
+    spoilt = replace(sound, design={**sound.design, "yaw": Covariance(names, tuple(map(tuple, rows)))})
+    found = verdict(spoilt, spoilt.validation)
+    assert "yaw: b1, insensitivity not known, at most 10 %" in found.reasons
 
 
 def test_no_gate_is_left_untried(sound: IdentifiedModel) -> None:

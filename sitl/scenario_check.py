@@ -1,0 +1,29 @@
+"""``python -m sitl.scenario_check NAME|FILE``: check a scenario and print its content as JSON.
+
+Other programs ask here what sea and floor a scenario has; they do not read the files themselves.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import msgspec
+
+from sitl import scenario
+from sitl.tables import ScenarioError
+
+BAD_INPUT = 2
+
+
+def main() -> None:
+    """Print the scenario named on the command line, with every default filled in."""
+    try:
+        print(json.dumps(msgspec.to_builtins(scenario.load(sys.argv[1]))))
+    except ScenarioError as error:
+        print(f"sitl: {error}", file=sys.stderr)
+        sys.exit(BAD_INPUT)
+
+
+if __name__ == "__main__":
+    main()
