@@ -2,19 +2,20 @@
 
 from collections.abc import Callable
 
-from autopilot import sensor_clock
-from autopilot.hil import HilLink, Sample
-from autopilot.logbook.book import Logbook
-from autopilot.sensor_clock import SensorClock, Verdict
-from autopilot.server import GroundServer
-from autopilot.types import US_PER_S, Inputs
+from autopilot.comms import sensor_clock
+from autopilot.comms.ground_server import GroundServer
+from autopilot.comms.hil import HilLink, Sample
+from autopilot.comms.sensor_clock import SensorClock, Verdict
+from autopilot.control.types import US_PER_S, Inputs
+from autopilot.onboard_log.recorder import Logbook
 from autopilot.vehicle import Vehicle
-from link.clock import wall_s
-from link.records import ActuatorFrame
-from link.transport import EAGER_S, wait
+from mavlink_io.clock import wall_s
+from mavlink_io.records import ActuatorFrame
+from mavlink_io.transport import EAGER_S, wait
 
 SILENT_S = 1.0
-"""Wall time without a sample after which a vehicle's own sensors count as silent. A simulator may pause in lockstep."""
+"""Wall time without a sample after which a vehicle's own sensors count as silent. A simulator may
+pause in lockstep."""
 GIBBERISH_BYTES = 1000
 """So many before the first sample are no noise: the line has another baud rate."""
 
@@ -22,7 +23,9 @@ GIBBERISH_BYTES = 1000
 class App:
     """Joins the vehicle to its two sides and to its log."""
 
-    def __init__(self, vehicle: Vehicle, hil: HilLink, ground: GroundServer, logbook: Logbook) -> None:
+    def __init__(
+        self, vehicle: Vehicle, hil: HilLink, ground: GroundServer, logbook: Logbook
+    ) -> None:
         self._vehicle, self._hil, self._ground, self._logbook = vehicle, hil, ground, logbook
         self._clock = SensorClock()
         self._heard_s = 0.0
@@ -32,7 +35,8 @@ class App:
         self._silence_told = False
 
     def run(self, stopping: Callable[[], bool]) -> None:
-        """Serve until ``stopping`` says so. Raises LinkLostError when the HIL link is gone for good."""
+        """Serve until ``stopping`` says so. Raises LinkLostError when the HIL link is gone for
+        good."""
         try:
             while not stopping():
                 self.step(self._ground.poll())
@@ -61,7 +65,8 @@ class App:
         self._look_for_silence()
 
     def _look_for_silence(self) -> None:
-        """Notice that samples no longer come: vehicle time stands still meanwhile, and nothing else would."""
+        """Notice that samples no longer come: vehicle time stands still meanwhile, and nothing else
+        would."""
         if self._hil.lockstep:
             return
         if self._vehicle.state.time_us < 0:
@@ -114,9 +119,17 @@ class App:
 
     def _tick(self, sample: Sample, stamp_us: int) -> None:
         inputs = Inputs(
-            sample.sensors, sample.gps, sample.altimeter, self._ground.ground_silent_s, self._ground.stick,
-            sample.dvl, sample.battery, sample.leak, sample.duct, *self._ground.targets_silent_s,
-        )  # fmt: skip
+            sample.sensors,
+            sample.gps,
+            sample.altimeter,
+            self._ground.ground_silent_s,
+            self._ground.stick,
+            sample.dvl,
+            sample.battery,
+            sample.leak,
+            sample.duct,
+            *self._ground.targets_silent_s,
+        )
         self._answer(self._vehicle.tick(inputs), stamp_us)
         if sample.links_silent is False:
             self._ground.silence(False)

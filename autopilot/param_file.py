@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from autopilot.params import ParamError, validate
+from autopilot.control.params import ParamError, validate
 
 
 def load(path: Path) -> dict[str, float]:

@@ -1,18 +1,18 @@
-"""Parameters that outlive the program: what ground has set is on disk before long, and there at the next start.
+"""Parameters that outlive the program: what ground has set is on disk before long, and there at the
+next start.
 
-The file is written whole or not at all, by a thread of its own: a slow disk must not hold the vehicle up. One that
-cannot be read is told and put aside, never a reason not to start.
-"""
+The file is written whole or not at all, by a thread of its own: a slow disk must not hold the
+vehicle up. One that cannot be read is told and put aside, never a reason not to start."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import count
 from pathlib import Path
 
+from autopilot.control.params import ParamError, ParamTable
 from autopilot.param_file import lines, text_of
-from autopilot.params import ParamError, ParamTable
-from link.clock import Every
-from link.state import replace_file
+from mavlink_io.clock import Every
+from mavlink_io.user_data_dir import replace_file
 
 FILE = "parameters.param"
 GATHER_S = 0.2
@@ -36,7 +36,8 @@ class ParamStore:
         """What was wrong with the file."""
 
     def load(self) -> dict[str, float]:
-        """What was kept. A line that is wrong is left out; the file as it was then lies beside the new one."""
+        """What was kept. A line that is wrong is left out; the file as it was then lies beside the
+        new one."""
         if self._path is None:
             return {}
         try:
@@ -65,7 +66,12 @@ class ParamStore:
             self._writing, self._failed = None, error is not None
             if error is not None:
                 say(f"Parameters are not kept: {getattr(error, 'strerror', None) or error}")
-        if self._path is None or self._writing is not None or table.revision == self._written or not self._due.due():
+        if (
+            self._path is None
+            or self._writing is not None
+            or table.revision == self._written
+            or not self._due.due()
+        ):
             return
         self._written = table.revision
         self._writing = self._writer.submit(_write, self._path, text_of(table.kept))

@@ -3,9 +3,10 @@
 import math
 from typing import NamedTuple
 
-from autopilot import command, core, health, mission, modes, requests
-from autopilot.params import Config, ParamError, ParamTable
-from autopilot.types import (
+from autopilot.control import core, mission, modes, request_handler, requests
+from autopilot.control.params import Config, ParamError, ParamTable
+from autopilot.control.sensor_health import monitor
+from autopilot.control.types import (
     ACCEPTED,
     DENIED,
     UNSUPPORTED,
@@ -19,10 +20,17 @@ from autopilot.types import (
     Trace,
     Trim,
 )
-from link import missions
-from link.mission_server import MissionProgress, Verdict
-from link.missions import MissionItem
-from link.records import ActuatorFrame, Altimeter, Battery, GpsFix, Leak, SensorFrame
+from mavlink_io.records import (
+    ActuatorFrame,
+    Altimeter,
+    Battery,
+    GpsFix,
+    Leak,
+    SensorFrame,
+)
+from mavlink_io.services import missions
+from mavlink_io.services.mission_server import MissionProgress, Verdict
+from mavlink_io.services.missions import MissionItem
 
 LEARNED_TIMES = 2.0
 """Trims are kept after so many times the time in which they are learned."""
@@ -54,7 +62,8 @@ class Snapshot(NamedTuple):
 
 
 class Vehicle:
-    """The autopilot's state, moved by ticks and by requests; gathers what there is to say of them."""
+    """The autopilot's state, moved by ticks and by requests; gathers what there is to say of
+    them."""
 
     def __init__(self, params: ParamTable) -> None:
         self.params, self.system = params, params.config.system_id
@@ -75,7 +84,9 @@ class Vehicle:
     def tick(self, inputs: Inputs) -> ActuatorFrame:
         """One step at the vehicle time of the sensors."""
         before = self.state
-        self.state, self._actuators, self._trace, events = core.tick(before, inputs, self.params.config)
+        self.state, self._actuators, self._trace, events = core.tick(
+            before, inputs, self.params.config
+        )
         self._sensors = inputs.sensors
         self._fix = inputs.gps or self._recent_fix()
         self._altimeter = inputs.altimeter or self._altimeter
@@ -94,7 +105,7 @@ class Vehicle:
     def request(self, wish: requests.Request) -> Answer:
         """Answer ground at once; a refusal is said aloud."""
         before = self.state
-        self.state, answer, events = command.request(before, wish, self.params.config)
+        self.state, answer, events = request_handler.request(before, wish, self.params.config)
         self._events += events
         if before.armed and not self.state.armed:
             self._keep_trim(before.loops.trim)
@@ -112,8 +123,9 @@ class Vehicle:
         self.say(f"Restarted: {reason}", Severity.NOTICE)
 
     def lose_sensors(self) -> None:
-        """No sample comes any more: say so. Until they have come again for a while she is not to be armed."""
-        self.state = health.lose_sensors(self.state)
+        """No sample comes any more: say so. Until they have come again for a while she is not to be
+        armed."""
+        self.state = monitor.lose_sensors(self.state)
         self.say("Sensors silent", Severity.ERROR)
 
     def say(self, text: str, severity: Severity = Severity.WARNING) -> None:
@@ -127,12 +139,21 @@ class Vehicle:
 
     def snapshot(self) -> Snapshot:
         return Snapshot(
-            self.state, self._trace, self._actuators, self._sensors, self._fix, self.params.config, self._intended_mode,
-            self._altimeter, self._battery, self._leak,
-        )  # fmt: skip
+            self.state,
+            self._trace,
+            self._actuators,
+            self._sensors,
+            self._fix,
+            self.params.config,
+            self._intended_mode,
+            self._altimeter,
+            self._battery,
+            self._leak,
+        )
 
     def _keep_trim(self, trim: Trim) -> None:
-        """Trims that were learned for long enough become parameters when the vehicle is disarmed."""
+        """Trims that were learned for long enough become parameters when the vehicle is
+        disarmed."""
         config = self.params.config
         if not config.trim_time_s or trim.learned_s < LEARNED_TIMES * config.trim_time_s:
             return
@@ -141,7 +162,10 @@ class Vehicle:
             "TRIM_ELE_DEG": config.elevator_trim_deg + math.degrees(trim.elevator_rad),
         }
         try:
-            kept = [f"{name} {self.params.set(name, round(value, 3)):g}" for name, value in learned.items()]
+            kept = [
+                f"{name} {self.params.set(name, round(value, 3)):g}"
+                for name, value in learned.items()
+            ]
         except ParamError as error:
             self.say(f"Trim not kept: {error}")
             return
@@ -191,7 +215,8 @@ _MISSION_RESULTS = {
 
 
 def progress(state: State, config: Config) -> MissionProgress:
-    """How far the mission has come, as MISSION_CURRENT tells it: home, where it is item 0, counts for nothing."""
+    """How far the mission has come, as MISSION_CURRENT tells it: home, where it is item 0, counts
+    for nothing."""
     flown, total = state.mission, len(state.mission.items)
     flying = state.mode == modes.MISSION.number
     if not total:
@@ -203,4 +228,6 @@ def progress(state: State, config: Config) -> MissionProgress:
     else:
         stage = PAUSED if flown.reached >= 0 else NOT_STARTED
     counted = total - config.mission_seq0_home if total else NO_ITEMS
-    return MissionProgress(min(flown.current, max(0, total - 1)), counted, stage, 1 if flying else 2)
+    return MissionProgress(
+        min(flown.current, max(0, total - 1)), counted, stage, 1 if flying else 2
+    )

@@ -1,10 +1,10 @@
-"""Where a campaign's seconds go: wall and processor time of each of its stages, and how fast each dive flew.
+"""Where a campaign's seconds go: wall and processor time of each of its stages, and how fast each
+dive flew.
 
     python benchmarks/campaign.py [--seed N]
 
-Processor time is all that the machine spends meanwhile, whoever spends it, as Linux counts it: run nothing else. Over
-the number of cores it is what a stage would take if none were ever idle.
-"""
+Processor time is all that the machine spends meanwhile, whoever spends it, as Linux counts it: run
+nothing else. Over the number of cores it is what a stage would take if none were ever idle."""
 
 import argparse
 import os
@@ -18,8 +18,8 @@ from typing import NamedTuple
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """As the ``ground`` command has it, for the process that refits."""
 
-from ground.campaign import Campaign, Request  # noqa: E402 - the line above comes first
-from ground.flight import Outcome  # noqa: E402
+from ground.campaign.run import Campaign, Request  # noqa: E402 - the line above comes first
+from ground.client.flight import Outcome  # noqa: E402
 
 
 class Moment(NamedTuple):
@@ -32,7 +32,9 @@ class Moment(NamedTuple):
 
 
 def now(what: str) -> Moment:
-    user, nice, system, *_ = Path("/proc/stat").read_text(encoding="ascii").splitlines()[0].split()[1:]
+    user, nice, system, *_ = (
+        Path("/proc/stat").read_text(encoding="ascii").splitlines()[0].split()[1:]
+    )
     used = int(user) + int(nice) + int(system)
     return Moment(what, time.perf_counter(), used / os.sysconf("SC_CLK_TCK"))
 
@@ -63,7 +65,9 @@ def dives_in_words(outcomes: dict[str, Outcome]) -> list[str]:
 
 
 def _row(what: str, began: Moment, ended: Moment) -> str:
-    return f"{what:64s}{ended.wall_s - began.wall_s:8.1f}{ended.processor_s - began.processor_s:13.1f}"
+    return (
+        f"{what:64s}{ended.wall_s - began.wall_s:8.1f}{ended.processor_s - began.processor_s:13.1f}"
+    )
 
 
 def main() -> None:

@@ -8,8 +8,8 @@ from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 
-from ground.flight import Progress as DiveProgress
-from ground.vehicle import Text
+from ground.client.flight import Progress as DiveProgress
+from ground.client.vehicle import Text
 
 URGENT_SEVERITY = 4
 """MAV_SEVERITY_WARNING: texts as urgent as this are shown between the bars."""
@@ -37,7 +37,9 @@ class Shown:
 
     def hear(self, text: Text) -> None:
         """Show what the vehicle says, when it is urgent or about a test."""
-        if not self._quiet and (text.severity <= URGENT_SEVERITY or text.text.startswith("SystemID")):
+        if not self._quiet and (
+            text.severity <= URGENT_SEVERITY or text.text.startswith("SystemID")
+        ):
             self._bars.console.print(text.text, highlight=False)
 
     def show(self, picture: RenderableType) -> None:
@@ -71,15 +73,22 @@ class Shown:
 
 @contextmanager
 def display(name: str, *, quiet: bool) -> Iterator[Shown]:
-    """A display that is gone when the work is done; ``name`` is that of the only dive or work, if there is one."""
+    """A display that is gone when the work is done; ``name`` is that of the only dive or work, if
+    there is one."""
     console = Console(stderr=True)
     bars = Progress(
-        SpinnerColumn(), TextColumn("{task.description:28s}"), BarColumn(20), TextColumn("{task.fields[words]}"),
-        TimeElapsedColumn(), console=console,
-    )  # fmt: skip
+        SpinnerColumn(),
+        TextColumn("{task.description:28s}"),
+        BarColumn(20),
+        TextColumn("{task.fields[words]}"),
+        TimeElapsedColumn(),
+        console=console,
+    )
     shown = Shown(bars, quiet=quiet)
     shown.dive = name
     with ExitStack() as stack:
         if console.is_terminal and not quiet:
-            stack.enter_context(Live(get_renderable=shown.picture, console=console, refresh_per_second=10.0))
+            stack.enter_context(
+                Live(get_renderable=shown.picture, console=console, refresh_per_second=10.0)
+            )
         yield shown

@@ -1,4 +1,5 @@
-"""The simulator process: the plant at one end, whoever steers at the other, and the clock between them."""
+"""The simulator process: the plant at one end, whoever steers at the other, and the clock between
+them."""
 
 from __future__ import annotations
 
@@ -10,15 +11,16 @@ from pathlib import Path
 from threading import Event
 from typing import NamedTuple
 
-from link.clock import Pacer
-from link.records import ActuatorFrame
-from link.transport import open_transport
-from sitl import plant, scenario
-from sitl.pace import OURS, Pace
-from sitl.pilots import Pilot
-from sitl.pilots.choice import Choice, take_on
-from sitl.plant import Plant
-from sitl.truth import Truth
+from mavlink_io.clock import Pacer
+from mavlink_io.records import ActuatorFrame
+from mavlink_io.transport import open_transport
+from sitl import scenario
+from sitl.backends import Pilot
+from sitl.backends.factory import Choice, take_on
+from sitl.core import plant
+from sitl.core.plant import Plant
+from sitl.core.timestep import OURS, Pace
+from sitl.core.truth import Truth
 from sitl.vehicle import config
 
 Record = Callable[[Truth], None]
@@ -50,8 +52,12 @@ def run(options: Options) -> None:
         VehicleError, ScenarioError, AddressError, TruthFileError: the options cannot be used.
         AutopilotSilentError, LinkLostError: the autopilot is gone.
     """
-    build = cache(partial(plant.build, config.load(options.vehicle), scenario.load(options.scenario)))
-    rehearse(build(OURS))  # bad input is told, and the physics compiled, before anybody waits for us
+    build = cache(
+        partial(plant.build, config.load(options.vehicle), scenario.load(options.scenario))
+    )
+    rehearse(
+        build(OURS)
+    )  # bad input is told, and the physics compiled, before anybody waits for us
     stop = _stop_on_signals()
     with closing(open_transport(options.hil)) as transport, _truth_record(options.truth) as record:
         _fly(build, options, take_on(options.pilot, transport, stop.is_set), record)
@@ -65,7 +71,8 @@ def rehearse(sea: Plant) -> None:
 
 
 def _fly(build: Callable[[Pace], Plant], options: Options, pilot: Pilot, record: Record) -> None:
-    """Put a vehicle into the sea for whoever comes to steer her, and a new one whenever he begins anew."""
+    """Put a vehicle into the sea for whoever comes to steer her, and a new one whenever he begins
+    anew."""
     while (pace := pilot.meet()) is not None:
         sea, rng, pacer = build(pace), plant.random_streams(options.seed), Pacer(options.speed)
         state, sensors = plant.launch(sea, rng)
@@ -92,12 +99,18 @@ def _truth_record(path: Path | None) -> Iterator[Record]:
     if path is None:
         yield lambda _: None
         return
-    from sitl.truth_log import TruthLog  # its libraries cost start-up time that most runs need not pay
+    from sitl.truth_log import (
+        TruthLog,  # its libraries cost start-up time that most runs need not pay
+    )
 
     try:
         log = TruthLog(path)
     except OSError as error:
-        reason = "the file exists; give a new one" if isinstance(error, FileExistsError) else error.strerror
+        reason = (
+            "the file exists; give a new one"
+            if isinstance(error, FileExistsError)
+            else error.strerror
+        )
         raise TruthFileError(f"--truth {path}: {reason}") from None
     with closing(log):
         yield log.write

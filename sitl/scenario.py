@@ -12,12 +12,20 @@ from typing import Annotated, Any
 from msgspec import Meta
 from msgspec.structs import replace
 
-from sitl import bathymetry, waters
+from sitl import bathymetry, environment_schema
+from sitl.environment_schema import Current, Density, Floor, Ice, Water, Waves
 from sitl.faults import catalogue
 from sitl.faults.catalogue import Fault, FaultError
-from sitl.tables import Angle, Damping, NotNegative, Positive, ScenarioError, Speed, Table
-from sitl.vehicle import strict_toml
-from sitl.waters import Current, Density, Floor, Ice, Water, Waves
+from sitl.scenario_types import (
+    Angle,
+    Damping,
+    NotNegative,
+    Positive,
+    ScenarioError,
+    Speed,
+    Table,
+)
+from sitl.vehicle import toml_io
 
 Latitude = Annotated[float, Meta(ge=-89.0, le=89.0)]
 
@@ -30,7 +38,8 @@ class Site(Table, frozen=True):
 
 
 class Start(Table, frozen=True):
-    """How the vehicle lies when vehicle time begins. Without a depth she floats at the surface, in trim and at rest."""
+    """How the vehicle lies when vehicle time begins. Without a depth she floats at the surface, in
+    trim and at rest."""
 
     heading_deg: Angle = 0.0
     depth_m: NotNegative | None = None
@@ -43,9 +52,11 @@ class Rig(Table, frozen=True):
     """What holds and measures the vehicle on the bench."""
 
     clamped: bool = False
-    """She stays as she lies at the start, afloat and at rest, whatever acts on her; tailcone and instruments work."""
+    """She stays as she lies at the start, afloat and at rest, whatever acts on her; tailcone and
+    instruments work."""
     encoder: str = ""
-    """Fitted to the duct for the occasion, in place of the vehicle's own: a name of the instruments' catalogue."""
+    """Fitted to the duct for the occasion, in place of the vehicle's own: a name of the
+    instruments' catalogue."""
 
 
 class MagneticField(Table, frozen=True):
@@ -105,7 +116,11 @@ class Scenario(Table, frozen=True):
 
 def names() -> list[str]:
     """The scenarios that come with the simulator."""
-    return sorted(path.name.removesuffix(".toml") for path in _shipped().iterdir() if path.name.endswith(".toml"))
+    return sorted(
+        path.name.removesuffix(".toml")
+        for path in _shipped().iterdir()
+        if path.name.endswith(".toml")
+    )
 
 
 def load(name_or_path: str) -> Scenario:
@@ -119,11 +134,16 @@ def load(name_or_path: str) -> Scenario:
     else:
         text = _read(name_or_path)
     source = f"scenario {name_or_path}"
-    scenario = strict_toml.decode(text, Scenario, source, ScenarioError)
+    scenario = toml_io.decode(text, Scenario, source, ScenarioError)
     if scenario.rig.clamped and (scenario.start.depth_m is not None or scenario.start.speed_mps):
-        raise ScenarioError(f"{source}: rig.clamped = true: expected no start.depth_m and no start.speed_mps with it")
+        raise ScenarioError(
+            f"{source}: rig.clamped = true: expected no start.depth_m and no start.speed_mps"
+            " with it"
+        )
     try:
-        waters.refuse_contradictions(scenario.current, scenario.waves, scenario.density, scenario.floor, scenario.ice)
+        environment_schema.refuse_contradictions(
+            scenario.current, scenario.waves, scenario.density, scenario.floor, scenario.ice
+        )
         _refuse_a_start_out_of_water(scenario)
     except ScenarioError as error:
         raise ScenarioError(f"{source}: {error}") from None
@@ -140,18 +160,26 @@ def _refuse_a_start_out_of_water(scenario: Scenario) -> None:
     if depth_m is not None and depth_m < lid_m:
         raise ScenarioError(f"start.depth_m = {depth_m}: expected more than ice.draft_m = {lid_m}")
     if depth_m is not None and depth_m >= floor_m and not scenario.floor.file:
-        raise ScenarioError(f"start.depth_m = {depth_m}: expected less than floor.depth_m = {floor_m}")
+        raise ScenarioError(
+            f"start.depth_m = {depth_m}: expected less than floor.depth_m = {floor_m}"
+        )
 
 
 def _with_floor_file(scenario: Scenario, path: str) -> Scenario:
-    """The file of the floor by its full path, which in the scenario is told from where that itself lies."""
+    """The file of the floor by its full path, which in the scenario is told from where that itself
+    lies."""
     if not scenario.floor.file:
         return scenario
     floor = Path(path).parent / scenario.floor.file
     deepest_m = -float(bathymetry.read(floor).height_m.min())
-    for key, value in (("start.depth_m", scenario.start.depth_m), ("ice.draft_m", scenario.ice.draft_m)):
+    for key, value in (
+        ("start.depth_m", scenario.start.depth_m),
+        ("ice.draft_m", scenario.ice.draft_m),
+    ):
         if value is not None and value >= deepest_m:
-            raise ScenarioError(f"scenario {path}: {key} = {value}: expected less than the floor's {deepest_m:g}")
+            raise ScenarioError(
+                f"scenario {path}: {key} = {value}: expected less than the floor's {deepest_m:g}"
+            )
     return replace(scenario, floor=replace(scenario.floor, file=str(floor)))
 
 
@@ -164,4 +192,6 @@ def _read(path: str) -> str:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ScenarioError(f"scenario {path}: {reason}; expected {', '.join(names())} or a TOML file") from None
+        raise ScenarioError(
+            f"scenario {path}: {reason}; expected {', '.join(names())} or a TOML file"
+        ) from None

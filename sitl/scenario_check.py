@@ -11,7 +11,7 @@ import sys
 import msgspec
 
 from sitl import scenario
-from sitl.tables import ScenarioError
+from sitl.scenario_types import ScenarioError
 
 BAD_INPUT = 2
 

@@ -5,9 +5,10 @@ from typing import Any, NamedTuple
 import msgspec
 import pytest
 
-from autopilot import command, core, modes, params, requests
-from autopilot.types import Event, Inputs
-from sitl import pace, plant, scenario
+from autopilot.control import core, modes, params, request_handler, requests
+from autopilot.control.types import Event, Inputs
+from sitl import scenario
+from sitl.core import plant, timestep
 from sitl.vehicle import config as vehicles
 
 START_M, FLOOR_M = 4.0, 7.0
@@ -38,8 +39,8 @@ def surface(*faults: dict[str, Any], **values: float) -> Ascent:
     rng = plant.random_streams(SEED)
     body, said = plant.launch(sea, rng)
     state, texts, deepest_m = core.start(), [], 0.0
-    surface_tick = round(SURFACE_S / pace.TICK_S)
-    for tick in range(round(LIMIT_S / pace.TICK_S)):
+    surface_tick = round(SURFACE_S / timestep.TICK_S)
+    for tick in range(round(LIMIT_S / timestep.TICK_S)):
         devices = said.dvl, said.battery, said.leak, said.duct
         inputs = Inputs(said.frame, said.gps, said.altimeter, None, None, *devices)
         state, frame, _, events = core.tick(state, inputs, config)
@@ -52,7 +53,7 @@ def surface(*faults: dict[str, Any], **values: float) -> Ascent:
         elif tick == surface_tick:
             wishes = (requests.SetMode(modes.SURFACE.number),)
         for wish in wishes:
-            state, answer, _ = command.request(state, wish, config)
+            state, answer, _ = request_handler.request(state, wish, config)
             assert answer.result == 0, answer.text
         if tick > surface_tick and not state.armed:
             break

@@ -1,4 +1,5 @@
-"""The frequency on which a controller's margins hang, and how well a model knows the vehicle there."""
+"""The frequency on which a controller's margins hang, and how well a model knows the vehicle
+there."""
 
 import cmath
 import math
@@ -8,9 +9,9 @@ from scipy.optimize import brentq
 
 from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
-from sysid import fit
-from sysid.parameters import Vehicle
-from sysid.runs import Plane
+from sysid.data.segments import Plane
+from sysid.estimation.map import fit
+from sysid.models.parameters import Vehicle
 
 
 def response(vehicle: Vehicle, plane: Plane, omega_radps: float) -> complex:
@@ -37,7 +38,8 @@ def crossover_radps(case: Case, plane: Plane) -> float:
 
 
 def errors(case: Case, found: Vehicle, plane: Plane) -> tuple[float, float]:
-    """Gain (dB) and phase (deg) of a model over those of the true vehicle's small motion, at that frequency."""
+    """Gain (dB) and phase (deg) of a model over those of the true vehicle's small motion, at that
+    frequency."""
     omega = crossover_radps(case, plane)
     ratio = response(found, plane, omega) / response(vehicles.nominal(case.truth), plane, omega)
     return 20.0 * math.log10(abs(ratio)), math.degrees(cmath.phase(ratio))

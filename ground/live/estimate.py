@@ -6,16 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ground.client.vehicle import Text
 from ground.live.telemetry import LARGEST_GAP_S, Gap, Telemetry
-from ground.vehicle import Text
-from link.codec import Frame
-from sysid import runs
-from sysid.log import LogError
-from sysid.online import estimator, prediction, reading
-from sysid.online.estimator import Knowledge, State
-from sysid.online.information import Information
-from sysid.online.reading import Reading
-from sysid.runs import OVER, PREROLL_S, STARTED, Plane, Run
+from mavlink_io.codec import Frame
+from sysid.data import segments
+from sysid.data.dataset import LogError
+from sysid.data.segments import OVER, PREROLL_S, STARTED, Plane, Run
+from sysid.estimation.recursive import estimator, prediction, report
+from sysid.estimation.recursive.estimator import Knowledge, State
+from sysid.estimation.recursive.report import Reading
+from sysid.estimation.recursive.square_root_information import Information
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 SHORTEST = 60
@@ -51,7 +51,7 @@ class Estimate:
         self._trouble = ""
         gains = parameters if "HDG_P" in parameters else None
         self._crossover_radps: dict[Plane, float] = {
-            plane: reading.crossover_radps(knowledge.prior, plane, gains) for plane in PLANES
+            plane: report.crossover_radps(knowledge.prior, plane, gains) for plane in PLANES
         }
 
     def hear(self, frame: Frame) -> None:
@@ -77,13 +77,15 @@ class Estimate:
         return Standing(dict(self._readings), tuple(self._states), self._trouble)
 
     def _begin_anew(self, frame: Frame) -> None:
-        """The vehicle's clock has gone back: her test is over, and what she told of it before stays."""
+        """The vehicle's clock has gone back: her test is over, and what she told of it before
+        stays."""
         self._end()
         self._telemetry.restart()
         self._telemetry.hear(frame)
 
     def _pass_over(self, gap: Gap) -> None:
-        """A test that was under way goes on behind the gap as one of its own; what it told before stays."""
+        """A test that was under way goes on behind the gap as one of its own; what it told before
+        stays."""
         telemetry = self._telemetry
         self._follow(gap.start_s)
         self._end()
@@ -92,7 +94,9 @@ class Estimate:
         if heard and heard[-1].text.startswith(STARTED):
             telemetry.events.insert(0, replace(heard[-1], time_s=gap.end_s))
             limit_s = LARGEST_GAP_S[gap.what]
-            self._trouble = f"{gap.end_s - gap.start_s:.2f} s without {gap.what}, at most {limit_s:g}"
+            self._trouble = (
+                f"{gap.end_s - gap.start_s:.2f} s without {gap.what}, at most {limit_s:g}"
+            )
         telemetry.forget(gap.end_s)
 
     def _follow(self, until_s: float) -> None:
@@ -101,7 +105,7 @@ class Estimate:
         if not telemetry.events:
             return
         try:
-            found = runs.cut(telemetry.log(until_s))
+            found = segments.cut(telemetry.log(until_s))
         except LogError as error:
             self._trouble = str(error)
             return
@@ -115,7 +119,9 @@ class Estimate:
 
     def _advance(self, run: Run) -> None:
         if run.time_s.size > SHORTEST:
-            state = self._states.get(run.plane) or estimator.begin(self._knowledge, run.plane, _held_rad(run))
+            state = self._states.get(run.plane) or estimator.begin(
+                self._knowledge, run.plane, _held_rad(run)
+            )
             self._knowledge = state.knowledge
             state = estimator.update(state, prediction.steps(run, len(state.steps.thrust)))
             self._states[run.plane] = state
@@ -134,7 +140,7 @@ class Estimate:
     def _read(self) -> None:
         prior = self._knowledge.prior
         for plane, known in self._told.items():
-            self._readings[plane] = reading.read(prior, known, plane, self._crossover_radps[plane])
+            self._readings[plane] = report.read(prior, known, plane, self._crossover_radps[plane])
         self._told = {}
 
 

@@ -1,4 +1,5 @@
-"""The live estimate of a dive: follows her frames, and shows what they tell as often as somebody could read it."""
+"""The live estimate of a dive: follows her frames, and shows what they tell as often as somebody
+could read it."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -6,25 +7,27 @@ from typing import Any
 import numpy as np
 from rich.console import RenderableType
 
+from ground.client.vehicle import Text
 from ground.errors import BadInputError
-from ground.live import view
+from ground.live import estimate_view
 from ground.live.estimate import PLANES, Estimate, Standing
-from ground.vehicle import Text
-from link.clock import Every
-from link.codec import Frame
-from sysid.fit import STRIDE
-from sysid.model import ModelError
-from sysid.online import estimator, prior, reading
-from sysid.online.estimator import Knowledge
-from sysid.online.prediction import START_STEPS, Steps
+from mavlink_io.clock import Every
+from mavlink_io.codec import Frame
+from sysid.estimation.map.fit import STRIDE
+from sysid.estimation.recursive import estimator, prior, report
+from sysid.estimation.recursive.estimator import Knowledge
+from sysid.estimation.recursive.prediction import START_STEPS, Steps
+from sysid.models.model_file import ModelError
 from sysid.refit import RefitError, VehicleError
 
 LOOK_PERIOD_S = 0.5
-"""Of the wall clock: at high speed a look has many seconds of a test to take in, and is the cheaper for it."""
+"""Of the wall clock: at high speed a look has many seconds of a test to take in, and is the cheaper
+for it."""
 
 
 class Live:
-    """Made before the vehicle is connected, as it compiles what it needs; a vehicle must not wait for that."""
+    """Made before the vehicle is connected, as it compiles what it needs; a vehicle must not wait
+    for that."""
 
     def __init__(
         self,
@@ -70,15 +73,15 @@ class Live:
         for plane, found in self._standing.readings.items():
             over = plane not in self._standing.testing and before.readings.get(plane) != found
             if over and self._announce is not None:
-                self._announce(view.line(found))
+                self._announce(estimate_view.line(found))
 
     def picture(self) -> RenderableType:
         """The table as things stand."""
-        return view.table(self._standing)
+        return estimate_view.table(self._standing)
 
     def as_json(self) -> dict[str, Any]:
         """What has been told in the end."""
-        return view.as_json(self._standing)
+        return estimate_view.as_json(self._standing)
 
 
 def _known(prior_name: str) -> Knowledge:
@@ -95,4 +98,4 @@ def _warm(knowledge: Knowledge) -> None:
         thrust = np.full(rows, knowledge.prior.config.operating_point.thrust_fraction)
         steps = Steps(np.zeros((rows, outputs)), np.zeros((rows, STRIDE)), thrust)
         told = estimator.finish(estimator.update(estimator.begin(knowledge, plane, 0.0), steps))
-        reading.read(told.prior, told.whole, plane, 1.0)
+        report.read(told.prior, told.whole, plane, 1.0)

@@ -1,4 +1,5 @@
-"""Faults that change the vehicle herself: weights that come, go or shift, and a propeller that pushes less."""
+"""Faults that change the vehicle herself: weights that come, go or shift, and a propeller that
+pushes less."""
 
 from __future__ import annotations
 
@@ -15,8 +16,12 @@ def refuse_impossible(model: Model, faults: Sequence[Fault]) -> None:
     for together in (*((fault,) for fault in faults), faults):
         hurt = suffer(model, together)
         if hurt is not None and np.linalg.eigvalsh(hurt.inertia.M_RB).min() <= 0.0:
-            masses = ", ".join(f"{fault.name} {fault.sizes[0]:g}" for fault in together if fault.unit == "ballast")
-            raise FaultError(f"mass_kg: {masses}: expected less, of a vehicle of {model.inertia.mass_kg:.4g} kg")
+            masses = ", ".join(
+                f"{fault.name} {fault.sizes[0]:g}" for fault in together if fault.unit == "ballast"
+            )
+            raise FaultError(
+                f"mass_kg: {masses}: expected less, of a vehicle of {model.inertia.mass_kg:.4g} kg"
+            )
 
 
 def suffer(model: Model, faults: Sequence[Fault]) -> Model | None:
@@ -36,8 +41,8 @@ def suffer(model: Model, faults: Sequence[Fault]) -> Model | None:
 def laden(model: Model, mass_kg: float, place_m: tuple[float, float, float]) -> Model:
     """The vehicle with a point mass more at ``place_m``, FLU: weight, centre of mass and inertia.
 
-    The mass matrix of a point at r is m [[I, -S(r)], [S(r), -S(r)^2]] (Fossen 2021, eq. 3.27 for a point).
-    """
+    The mass matrix of a point at r is m [[I, -S(r)], [S(r), -S(r)^2]] (Fossen 2021, eq. 3.27 for a
+    point)."""
     x, y, z = place_m
     S = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     point = mass_kg * np.block([[np.eye(3), -S], [S, -S @ S]])
@@ -48,7 +53,9 @@ def laden(model: Model, mass_kg: float, place_m: tuple[float, float, float]) -> 
     own = inertia.mass_kg / total_kg
     added = mass_kg / total_kg
     return model._replace(
-        inertia=inertia._replace(mass_kg=total_kg, M_RB=M_RB, M=M, M_inverse=np.linalg.inv(M).astype(float)),
+        inertia=inertia._replace(
+            mass_kg=total_kg, M_RB=M_RB, M=M, M_inverse=np.linalg.inv(M).astype(float)
+        ),
         hydrostatics=h._replace(
             weight_n=h.weight_n + mass_kg * h.gravity_mps2,
             x_cm_m=own * h.x_cm_m + added * x,
@@ -59,7 +66,8 @@ def laden(model: Model, mass_kg: float, place_m: tuple[float, float, float]) -> 
 
 
 def weakened(model: Model, lost: float) -> Model:
-    """The vehicle with a propeller that pushes ``lost`` of its thrust less at every speed of shaft and water."""
+    """The vehicle with a propeller that pushes ``lost`` of its thrust less at every speed of shaft
+    and water."""
     left, propeller = 1.0 - lost, model.propeller
     return model._replace(
         propeller=propeller._replace(

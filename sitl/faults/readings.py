@@ -1,7 +1,7 @@
 """Faults of the instruments, between what they measure and what the autopilot hears.
 
-A silent instrument leaves no record, or in the sample of the AHRS no freshness bits and zeros in its place.
-"""
+A silent instrument leaves no record, or in the sample of the AHRS no freshness bits and zeros in
+its place."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from numpy.random import Generator
 
-from link.frames import STANDARD_GRAVITY_MPS2, offset_to_geodetic
-from link.records import (
+from mavlink_io.frames import STANDARD_GRAVITY_MPS2, offset_to_geodetic
+from mavlink_io.records import (
     ACCELEROMETER_FRESH,
     GYRO_FRESH,
     MAGNETOMETER_FRESH,
@@ -21,9 +21,9 @@ from link.records import (
     GpsFix,
     SensorFrame,
 )
+from sitl.core.sensors import Sensors
 from sitl.faults.catalogue import Fault
 from sitl.faults.timeline import Memory, Running
-from sitl.sensors import Sensors
 
 MEAN_OUTAGE_S = 1.0
 """Of an intermittent instrument."""
@@ -33,7 +33,7 @@ FARTHEST_ECHO_M, HIGHEST_VOLTAGE_V = 600.0, 60.0
 """As far as a lie goes: the messages carry no more."""
 
 Record = Any
-"""One of ``link.records``: a NamedTuple."""
+"""One of ``mavlink_io.records``: a NamedTuple."""
 Shift = Callable[[Record, float], Record]
 
 
@@ -50,7 +50,9 @@ class Instrument(NamedTuple):
 
 
 def _added(*fields: str) -> Shift:
-    return lambda record, error: record._replace(**{name: getattr(record, name) + error for name in fields})
+    return lambda record, error: record._replace(
+        **{name: getattr(record, name) + error for name in fields}
+    )
 
 
 def _three(stem: str, unit: str) -> tuple[str, str, str]:
@@ -59,7 +61,9 @@ def _three(stem: str, unit: str) -> tuple[str, str, str]:
 
 def _shift_pressure(frame: SensorFrame, error_hpa: float) -> SensorFrame:
     altitude_m = frame.pressure_altitude_m - error_hpa / HPA_PER_M
-    return frame._replace(pressure_hpa=frame.pressure_hpa + error_hpa, pressure_altitude_m=altitude_m)
+    return frame._replace(
+        pressure_hpa=frame.pressure_hpa + error_hpa, pressure_altitude_m=altitude_m
+    )
 
 
 def _shift_echo(echo: Altimeter, error_m: float) -> Altimeter:
@@ -81,26 +85,40 @@ _MAGNETOMETER, _DVL = _three("mag", "gauss"), _three("velocity", "mps")
 INSTRUMENTS: dict[str, Instrument] = {
     "gyro": Instrument("frame", dict.fromkeys(_GYRO, (-5.0, 5.0)), _added(*_GYRO), GYRO_FRESH),
     "accelerometer": Instrument(
-        "frame", dict.fromkeys(_ACCELEROMETER, (-40.0, 40.0)), _added(*_ACCELEROMETER), ACCELEROMETER_FRESH
+        "frame",
+        dict.fromkeys(_ACCELEROMETER, (-40.0, 40.0)),
+        _added(*_ACCELEROMETER),
+        ACCELEROMETER_FRESH,
     ),
     "magnetometer": Instrument(
-        "frame", dict.fromkeys(_MAGNETOMETER, (-2.0, 2.0)), _added(*_MAGNETOMETER), MAGNETOMETER_FRESH
+        "frame",
+        dict.fromkeys(_MAGNETOMETER, (-2.0, 2.0)),
+        _added(*_MAGNETOMETER),
+        MAGNETOMETER_FRESH,
     ),
     "pressure": Instrument(
-        "frame", {"pressure_hpa": (0.0, 5000.0), "pressure_altitude_m": (-40.0, 10.0)}, _shift_pressure, PRESSURE_FRESH
+        "frame",
+        {"pressure_hpa": (0.0, 5000.0), "pressure_altitude_m": (-40.0, 10.0)},
+        _shift_pressure,
+        PRESSURE_FRESH,
     ),
     "gps": Instrument("gps", {"lat_deg": (-90.0, 90.0), "lon_deg": (-180.0, 180.0)}, _shift_fix),
     "dvl": Instrument("dvl", dict.fromkeys(_DVL, (-10.0, 10.0)), _added(*_DVL)),
     "altimeter": Instrument("altimeter", {"range_m": (0.3, 30.0)}, _shift_echo),
-    "battery": Instrument("battery", {"voltage_v": (0.0, 60.0), "remaining": (0.0, 1.0)}, _shift_charge),
-    "encoder": Instrument("duct", {"rudder": (-1.0, 1.0), "elevator": (-1.0, 1.0)}, _added("rudder", "elevator")),
+    "battery": Instrument(
+        "battery", {"voltage_v": (0.0, 60.0), "remaining": (0.0, 1.0)}, _shift_charge
+    ),
+    "encoder": Instrument(
+        "duct", {"rudder": (-1.0, 1.0), "elevator": (-1.0, 1.0)}, _added("rudder", "elevator")
+    ),
 }
 
 
 def suffer(
     sensors: Sensors, running: tuple[Running, ...], time_us: int, tick_s: float, chance: Generator
 ) -> tuple[Sensors, tuple[Running, ...]]:
-    """What is heard of ``sensors`` under ``running`` faults, which remember what they hold or hold back."""
+    """What is heard of ``sensors`` under ``running`` faults, which remember what they hold or hold
+    back."""
     remembered = list(running)
     for at, each in enumerate(running):
         instrument = INSTRUMENTS.get(each.fault.unit)
@@ -131,9 +149,14 @@ def _put(sensors: Sensors, instrument: Instrument, record: Record | None) -> Sen
 
 
 def _pass(
-    fault: Fault, memory: Memory, record: Record | None, instrument: Instrument, time_us: int, tick_s: float,
+    fault: Fault,
+    memory: Memory,
+    record: Record | None,
+    instrument: Instrument,
+    time_us: int,
+    tick_s: float,
     chance: Generator,
-) -> tuple[Record | None, Memory]:  # fmt: skip
+) -> tuple[Record | None, Memory]:
     """What a faulty instrument lets through of a record, None for nothing."""
     if fault.kind == "delayed":
         return _delayed(fault, memory, record, time_us)
@@ -150,24 +173,35 @@ def _pass(
         case "wrong":
             return instrument.shift(record, fault.sizes[0]), memory
         case "drifting":
-            return instrument.shift(record, fault.sizes[0] * (time_us - fault.from_us) * 1e-6), memory
+            return instrument.shift(
+                record, fault.sizes[0] * (time_us - fault.from_us) * 1e-6
+            ), memory
         case "garbage":
-            return record._replace(**{name: chance.uniform(*span) for name, span in instrument.spans.items()}), memory
+            return record._replace(
+                **{name: chance.uniform(*span) for name, span in instrument.spans.items()}
+            ), memory
         case _:
             if time_us - memory.passed_us < fault.sizes[0] * 1e6:
                 return None, memory
             return record, memory._replace(passed_us=time_us)
 
 
-def _delayed(fault: Fault, memory: Memory, record: Record | None, time_us: int) -> tuple[Record | None, Memory]:
+def _delayed(
+    fault: Fault, memory: Memory, record: Record | None, time_us: int
+) -> tuple[Record | None, Memory]:
     """The newest record whose delay is over; it keeps its own time."""
-    queue = memory.queue if record is None else (*memory.queue, (time_us + round(fault.sizes[0] * 1e6), record))
+    queue = (
+        memory.queue
+        if record is None
+        else (*memory.queue, (time_us + round(fault.sizes[0] * 1e6), record))
+    )
     due = [waiting for at_us, waiting in queue if at_us <= time_us]
     return (due[-1] if due else None), memory._replace(queue=queue[len(due) :])
 
 
 def _silent(silent: bool, share: float, tick_s: float, chance: Generator) -> bool:
-    """A two-state Markov chain that is silent for ``share`` of the time, ``MEAN_OUTAGE_S`` at once."""
+    """A two-state Markov chain that is silent for ``share`` of the time, ``MEAN_OUTAGE_S`` at
+    once."""
     returning = tick_s / MEAN_OUTAGE_S
     leaving = returning * share / (1.0 - share)
     return chance.random() >= returning if silent else chance.random() < leaving

@@ -1,4 +1,5 @@
-"""Which faults are in force: those that wait for their time, those that run, and what a tick changed."""
+"""Which faults are in force: those that wait for their time, those that run, and what a tick
+changed."""
 
 from __future__ import annotations
 
@@ -67,20 +68,32 @@ def schedule(faults: Iterable[Fault]) -> Timeline:
 
 def order(timeline: Timeline, fault: Fault) -> Timeline:
     """Take in a fault under way; one that is ordered again while it lasts is meant once."""
-    asked = [*timeline.waiting, *(each.fault for each in timeline.running if _until_us(each.fault) > fault.from_us)]
-    if any((fault.name, fault.sizes) == (other.name, other.sizes) for other in asked if other.from_us <= fault.from_us):
+    asked = [
+        *timeline.waiting,
+        *(each.fault for each in timeline.running if _until_us(each.fault) > fault.from_us),
+    ]
+    if any(
+        (fault.name, fault.sizes) == (other.name, other.sizes)
+        for other in asked
+        if other.from_us <= fault.from_us
+    ):
         return timeline
     return _timed(timeline._replace(waiting=(*timeline.waiting, fault)))
 
 
 def clear(timeline: Timeline, units: Iterable[str], time_us: int) -> Timeline:
-    """Let what runs on ``units`` end at the next tick, and what was ordered and not yet begun never begin."""
+    """Let what runs on ``units`` end at the next tick, and what was ordered and not yet begun never
+    begin."""
     cleared = frozenset(units)
     running = tuple(
-        each._replace(fault=each.fault._replace(until_us=time_us)) if each.fault.unit in cleared else each
+        each._replace(fault=each.fault._replace(until_us=time_us))
+        if each.fault.unit in cleared
+        else each
         for each in timeline.running
     )
-    waiting = tuple(fault for fault in timeline.waiting if fault.unit not in cleared or fault.from_us > time_us)
+    waiting = tuple(
+        fault for fault in timeline.waiting if fault.unit not in cleared or fault.from_us > time_us
+    )
     return _timed(timeline._replace(running=running, waiting=waiting))
 
 
@@ -89,13 +102,19 @@ def advance(timeline: Timeline, model: Model, time_us: int) -> Timeline:
     if time_us < timeline.next_us:
         return timeline._replace(changes=()) if timeline.changes else timeline
     over = [each for each in timeline.running if _until_us(each.fault) <= time_us]
-    begun = sorted((fault for fault in timeline.waiting if fault.from_us <= time_us), key=lambda fault: fault.from_us)
+    begun = sorted(
+        (fault for fault in timeline.waiting if fault.from_us <= time_us),
+        key=lambda fault: fault.from_us,
+    )
     running = (*(each for each in timeline.running if each not in over), *map(Running, begun))
     return _timed(
         Timeline(
             waiting=tuple(fault for fault in timeline.waiting if fault.from_us > time_us),
             running=running,
-            changes=(*(Change(each.fault, False) for each in over), *(Change(fault, True) for fault in begun)),
+            changes=(
+                *(Change(each.fault, False) for each in over),
+                *(Change(fault, True) for fault in begun),
+            ),
             model=body.suffer(model, [each.fault for each in running]),
         )
     )

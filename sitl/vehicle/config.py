@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from sitl.vehicle import complete, hull, strict_toml
-from sitl.vehicle.complete import Completed
+from sitl.vehicle import fill_missing, hull, toml_io
 from sitl.vehicle.description import Description
-from sitl.vehicle.schema import (
+from sitl.vehicle.file_schema import (
     Ballast,
     Coefficients,
     Cylinder,
@@ -28,6 +27,7 @@ from sitl.vehicle.schema import (
     VehicleError,
     Water,
 )
+from sitl.vehicle.fill_missing import Completed
 
 __all__ = [
     "SHIPPED",
@@ -54,7 +54,7 @@ __all__ = [
     "finish",
     "load",
     "parse",
-]  # fmt: skip
+]
 
 SHIPPED = ("bench", "field", "remus100", "xfin")
 """Vehicles that need no path."""
@@ -63,24 +63,28 @@ SHIPPED = ("bench", "field", "remus100", "xfin")
 def load(name_or_path: str | Path) -> VehicleConfig:
     """Read a shipped vehicle by name, or a vehicle file by path.
 
-    Raises ``VehicleError`` for a missing file, bad TOML, an unknown or missing key, or a value out of range.
-    """
+    Raises ``VehicleError`` for a missing file, bad TOML, an unknown or missing key, or a value out
+    of range."""
     source, text, folder = _read(name_or_path)
     return parse(text, source, folder)
 
 
 def describe(name_or_path: str | Path) -> Completed:
-    """The tables of the same file with what it leaves out derived, each with its formula. Raises ``VehicleError``."""
+    """The tables of the same file with what it leaves out derived, each with its formula. Raises
+    ``VehicleError``."""
     source, text, folder = _read(name_or_path)
     return _complete(text, source, folder)
 
 
 def parse(text: str, source: str, folder: Path | None = None) -> VehicleConfig:
-    """Decode a vehicle file's ``text``; ``source`` names it in errors, ``folder`` holds its profile, if it has one.
+    """Decode a vehicle file's ``text``; ``source`` names it in errors, ``folder`` holds its
+    profile, if it has one.
 
     Raises ``VehicleError``.
     """
-    config = strict_toml.convert(_complete(text, source, folder).tables, VehicleConfig, source, VehicleError)
+    config = toml_io.convert(
+        _complete(text, source, folder).tables, VehicleConfig, source, VehicleError
+    )
     _refuse_contradictions(config, source)
     return config
 
@@ -94,23 +98,27 @@ def _read(name_or_path: str | Path) -> tuple[str, str, Path]:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         names = f"{', '.join(SHIPPED[:-1])} or {SHIPPED[-1]}"
-        raise VehicleError(f"{path}: cannot be read ({reason}); give {names}, or a TOML file") from None
+        raise VehicleError(
+            f"{path}: cannot be read ({reason}); give {names}, or a TOML file"
+        ) from None
     return (path.name if shipped else str(path)), text, path.parent
 
 
 def _complete(text: str, source: str, folder: Path | None) -> Completed:
-    return finish(strict_toml.read(text, source, VehicleError), source, folder)
+    return finish(toml_io.read(text, source, VehicleError), source, folder)
 
 
 def finish(tables: dict[str, Any], source: str, folder: Path | None = None) -> Completed:
     """``tables`` of a vehicle file, checked and completed. Raises ``VehicleError``."""
     if isinstance(shape := tables.get("hull"), dict):
         tables["hull"] = _with_points({"shape": "series58", **shape}, source, folder)
-    described: Any = strict_toml.convert(tables, Description, source, VehicleError)
+    described: Any = toml_io.convert(tables, Description, source, VehicleError)
     _refuse_shape(described.hull, source)
     if "duct" not in tables and "fins" not in tables:
-        raise VehicleError(f"{source}: neither a table duct nor fins: expected one of them, to steer by")
-    return complete.complete(tables, described.hull)
+        raise VehicleError(
+            f"{source}: neither a table duct nor fins: expected one of them, to steer by"
+        )
+    return fill_missing.complete(tables, described.hull)
 
 
 def _with_points(shape: dict[str, Any], source: str, folder: Path | None) -> dict[str, Any]:
@@ -119,7 +127,11 @@ def _with_points(shape: dict[str, Any], source: str, folder: Path | None) -> dic
         return shape
     path = (folder or Path()) / name
     try:
-        rows = [line.split(",") for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        rows = [
+            line.split(",")
+            for line in path.read_text(encoding="utf-8").splitlines()
+            if line.strip()
+        ]
         points = [[float(cell) for cell in row] for row in rows[not _is_number(rows[0][0]) :]]
     except (OSError, UnicodeDecodeError, ValueError, IndexError) as error:
         raise VehicleError(
@@ -140,22 +152,38 @@ def _is_number(text: str) -> bool:
 def _refuse_shape(shape: HullGeometry, source: str) -> None:
     """Hulls that no drawing could show."""
     match shape:
-        case Myring() if shape.nose_offset_m >= shape.nose_length_m or shape.tail_offset_m >= shape.tail_length_m:
-            raise VehicleError(f"{source}: hull.nose_offset_m and tail_offset_m: expected less than nose and tail")
+        case Myring() if (
+            shape.nose_offset_m >= shape.nose_length_m or shape.tail_offset_m >= shape.tail_length_m
+        ):
+            raise VehicleError(
+                f"{source}: hull.nose_offset_m and tail_offset_m: expected less than nose and tail"
+            )
         case Cylinder() if hull.outline(shape).middle_m < 0.0:
-            raise VehicleError(f"{source}: hull.length_m = {shape.length_m}: expected more than its two caps together")
+            raise VehicleError(
+                f"{source}: hull.length_m = {shape.length_m}: expected more than its two caps"
+                " together"
+            )
         case Profile() if not _ascends(shape):
-            raise VehicleError(f"{source}: hull.points_m: expected finite distances from the nose that grow, and width")
+            raise VehicleError(
+                f"{source}: hull.points_m: expected finite distances from the nose that grow, and"
+                " width"
+            )
     length = hull.length_m(shape)
     if length <= shape.diameter_m:
         raise VehicleError(
-            f"{source}: hull: {length:.4g} m long and {shape.diameter_m:.4g} m wide: expected longer than wide"
+            f"{source}: hull: {length:.4g} m long and {shape.diameter_m:.4g} m wide: expected"
+            " longer than wide"
         )
 
 
 def _ascends(shape: Profile) -> bool:
-    steps = [after[0] - before[0] for before, after in zip(shape.points_m[:-1], shape.points_m[1:], strict=True)]
-    return all(0.0 < step < float("inf") for step in steps) and 0.0 < shape.diameter_m < float("inf")
+    steps = [
+        after[0] - before[0]
+        for before, after in zip(shape.points_m[:-1], shape.points_m[1:], strict=True)
+    ]
+    return all(0.0 < step < float("inf") for step in steps) and 0.0 < shape.diameter_m < float(
+        "inf"
+    )
 
 
 def _refuse_contradictions(config: VehicleConfig, source: str) -> None:
@@ -186,5 +214,6 @@ def _refuse_contradictions(config: VehicleConfig, source: str) -> None:
         )
     if config.ballast.net_buoyancy_n <= -config.ballast.mass_kg * config.water.gravity_mps2:
         raise VehicleError(
-            f"{source}: ballast.net_buoyancy_n = {config.ballast.net_buoyancy_n}: expected more than minus the weight"
+            f"{source}: ballast.net_buoyancy_n = {config.ballast.net_buoyancy_n}: expected more"
+            " than minus the weight"
         )

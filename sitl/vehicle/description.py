@@ -1,4 +1,5 @@
-"""A vehicle file as it is written: the tables of ``schema``, nearly every key of which may be left out."""
+"""A vehicle file as it is written: the tables of ``schema``, nearly every key of which may be left
+out."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from typing import Any, get_args
 from msgspec import UNSET, UnsetType, defstruct
 from msgspec.structs import fields
 
-from sitl.vehicle.schema import DuctGeometry, FinGeometry, Table, VehicleConfig
+from sitl.vehicle.file_schema import DuctGeometry, FinGeometry, Table, VehicleConfig
 
 _GEOMETRY: dict[type[Table], tuple[str, ...]] = {
     VehicleConfig: ("name", "hull"),
@@ -21,7 +22,9 @@ def _described(kind: type[Table]) -> Any:
     """``kind`` as a vehicle file may give it, with what it can leave out."""
     needed = _GEOMETRY.get(kind, ())
     keys = [
-        (field.name, field.type) if field.name in needed else (field.name, _optional(field.type), UNSET)
+        (field.name, field.type)
+        if field.name in needed
+        else (field.name, _optional(field.type), UNSET)
         for field in fields(kind)
     ]
     return defstruct(kind.__name__, keys, frozen=True, forbid_unknown_fields=True, kw_only=True)

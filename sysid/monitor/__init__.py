@@ -1,17 +1,18 @@
-"""Does a vehicle keep what her gains promise? Steady flight block by block, tests that add up, and a likely cause.
+"""Does a vehicle keep what her gains promise? Steady flight block by block, tests that add up, and
+a likely cause.
 
-Pure: a log in, or what was told of late, findings out. What is promised stands in the head of ``gains.param``
-(`sysid.promise`); what is compared is the same at sea, in a simulation and in an old log.
-"""
+Pure: a log in, or what was told of late, findings out. What is promised stands in the head of
+``gains.param`` (`sysid.monitor.performance_spec`); what is compared is the same at sea, in a
+simulation and in an old log."""
 
 from typing import NamedTuple
 
-from sysid.log import Log
+from sysid.data.dataset import Log
 from sysid.monitor import causes, sequential
 from sysid.monitor.blocks import Block, Cutter, sample
 from sysid.monitor.causes import Cause
+from sysid.monitor.performance_spec import Promise
 from sysid.monitor.sequential import Sums
-from sysid.promise import Promise
 
 __all__ = ["Block", "Cause", "Kept", "Monitor", "of_log"]
 
@@ -55,7 +56,9 @@ class Monitor:
         if len(rows):
             self._until_s = float(rows[-1].time_s)
         for block in self._cutter.take(rows):
-            if abs(block.thrust - self._promise.thrust) <= SPEED_TOLERANCE * abs(self._promise.thrust):
+            if abs(block.thrust - self._promise.thrust) <= SPEED_TOLERANCE * abs(
+                self._promise.thrust
+            ):
                 self._judge(block)
 
     def interrupt(self) -> None:

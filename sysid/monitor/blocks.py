@@ -1,4 +1,5 @@
-"""Steady flight cut into blocks: set-points that stay, the settling after their change left out, no test under way."""
+"""Steady flight cut into blocks: set-points that stay, the settling after their change left out, no
+test under way."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -8,10 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import iirpeak, lfilter
 
-from sysid.log import Log
-from sysid.promise import AVERAGED_S, SWING_WIDTH, Promise
-from sysid.runs import OVER, STARTED
-from sysid.verify import DEPTH_CHANGE_M, HEADING_CHANGE_RAD, SETTLING_S
+from sysid.data.dataset import Log
+from sysid.data.segments import OVER, STARTED
+from sysid.monitor.performance_spec import AVERAGED_S, SWING_WIDTH, Promise
+from sysid.monitor.tracking_metrics import (
+    DEPTH_CHANGE_M,
+    HEADING_CHANGE_RAD,
+    SETTLING_S,
+)
 
 Array = NDArray[np.float64]
 
@@ -21,7 +26,8 @@ STALE_S = 1.0
 NEAR_SURFACE_M = 2.0
 """Less deep, waves and suction are not those of the tests, and suction looks like buoyancy."""
 ARRIVED_RAD, ARRIVED_M = math.radians(8.0), 0.5
-"""She is on her way to new set-points until she has been so near; from then on every error counts."""
+"""She is on her way to new set-points until she has been so near; from then on every error
+counts."""
 
 
 class Row(NamedTuple):
@@ -71,7 +77,9 @@ def sample(log: Log, after_s: float | None, until_s: float) -> list[Row]:
         _latest(time_s, points.attitude_time_s, points.heading_rad),
         _latest(time_s, points.depth_time_s, points.depth_m),
     )
-    rows = zip(*(column.tolist() for column in columns), _testing(log, time_s).tolist(), strict=True)
+    rows = zip(
+        *(column.tolist() for column in columns), _testing(log, time_s).tolist(), strict=True
+    )
     return [Row(*row) for row in rows]
 
 
@@ -98,7 +106,9 @@ class Cutter:
 
     def _block(self, rows: Sequence[Row], whole: int) -> Block:
         """Of the last rows; those before let the narrow bands come to rest."""
-        heading = np.degrees(np.unwrap([row.heading_rad - row.heading_setpoint_rad for row in rows]))
+        heading = np.degrees(
+            np.unwrap([row.heading_rad - row.heading_setpoint_rad for row in rows])
+        )
         heading -= 360.0 * np.round(np.mean(heading) / 360.0)
         pitch = np.degrees([row.pitch_rad for row in rows])
         told = {

@@ -1,30 +1,38 @@
-"""Sums of log-likelihood ratios, one for each way in which a promise can be broken (CUSUM; Page 1954).
+"""Sums of log-likelihood ratios, one for each way in which a promise can be broken (CUSUM; Page
+1954).
 
-Each test weighs "off by what the promise allows" against "off by clearly more". Its sum is kept from falling below
-zero; while the promise holds it passes h once in e^h blocks at the most often (Lorden 1971, Ann. Math. Stat. 42),
-so the threshold follows from how seldom a false alarm may be. An average over a block is taken as normal, a variance as
-chi-square with a degree of freedom for each ``memory_s``.
-"""
+Each test weighs "off by what the promise allows" against "off by clearly more". Its sum is kept
+from falling below zero; while the promise holds it passes h once in e^h blocks at the most often
+(Lorden 1971, Ann. Math. Stat. 42), so the threshold follows from how seldom a false alarm may be.
+An average over a block is taken as normal, a variance as chi-square with a degree of freedom for
+each ``memory_s``."""
 
 import math
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from sysid.monitor.blocks import Block
-from sysid.promise import AVERAGED_S, Expected, Promise
+from sysid.monitor.performance_spec import AVERAGED_S, Expected, Promise
 
 FALSE_ALARM_H = 100.0
 """Hours of steady flight between two false alarms, at least."""
 Way = Literal["more", "less", "louder"]
-MEANT = {"heading_deg": 0.5, "pitch_deg": 0.05, "depth_m": 0.1, "rudder_deg": 0.5, "elevator_deg": 0.5}
-"""Averages off by less than this, beside what the model does not know, are nothing to speak of. Pitch tells of the
-buoyancy: a third more of it moves Caribou's by half a degree."""
+MEANT = {
+    "heading_deg": 0.5,
+    "pitch_deg": 0.05,
+    "depth_m": 0.1,
+    "rudder_deg": 0.5,
+    "elevator_deg": 0.5,
+}
+"""Averages off by less than this, beside what the model does not know, are nothing to speak of.
+Pitch tells of the buoyancy: a third more of it moves Caribou's by half a degree."""
 CLEARLY_SD = 1.5
 """An average's standard deviations beyond what is allowed for which its test is sharpest."""
 ALLOWED_RATIO, CLEAR_RATIO = 2.0, 4.0
 """Of variances: a sea is never twice the same, and rms is told to 40 % or so."""
 HINT = 3.0
-"""A sum that says twenty to one: not enough to raise an alarm, enough to tell what another one is about."""
+"""A sum that says twenty to one: not enough to raise an alarm, enough to tell what another one is
+about."""
 
 
 class Sum(NamedTuple):
@@ -55,7 +63,8 @@ def begin(promise: Promise) -> Sums:
 def add(promise: Promise, sums: Sums, block: Block) -> Sums:
     """The sums with one more block."""
     return {
-        (name, way): _added(name, way, promise.predicted[name], found, block) for (name, way), found in sums.items()
+        (name, way): _added(name, way, promise.predicted[name], found, block)
+        for (name, way), found in sums.items()
     }
 
 
@@ -69,7 +78,8 @@ def alarmed(sums: Sums) -> bool:
 
 
 def moved(sums: Sums) -> dict[str, float]:
-    """By how much averages have moved, where that is likely, and likelier than that they only vary more."""
+    """By how much averages have moved, where that is likely, and likelier than that they only vary
+    more."""
     return {
         name: found.mean
         for (name, way), found in sums.items()
@@ -79,7 +89,11 @@ def moved(sums: Sums) -> dict[str, float]:
 
 def louder(sums: Sums, hint: float = HINT) -> dict[str, float]:
     """Ratios of rms, measured over promised, for those that are likely larger than allowed."""
-    return {n: math.sqrt(found.mean) for (n, way), found in sums.items() if way == "louder" and found.value > hint}
+    return {
+        n: math.sqrt(found.mean)
+        for (n, way), found in sums.items()
+        if way == "louder" and found.value > hint
+    }
 
 
 def errors(promise: Promise, blocks: Sequence[Block]) -> dict[str, tuple[float, float]]:
@@ -91,7 +105,10 @@ def errors(promise: Promise, blocks: Sequence[Block]) -> dict[str, tuple[float, 
         squares = [block.variances[name] + (block.means[name] - mean) ** 2 for block in blocks]
         return math.sqrt(sum(squares) / len(squares))
 
-    return {name: (measured(name, e.mean if name in MEANT else 0.0), e.rms) for name, e in promise.predicted.items()}
+    return {
+        name: (measured(name, e.mean if name in MEANT else 0.0), e.rms)
+        for name, e in promise.predicted.items()
+    }
 
 
 def _added(name: str, way: Way, expected: Expected, before: Sum, block: Block) -> Sum:
@@ -107,7 +124,8 @@ def _added(name: str, way: Way, expected: Expected, before: Sum, block: Block) -
 
 def _off(departure: float, name: str, expected: Expected) -> float:
     """Logarithm of the likelihood ratio of an average, ``departure`` above what was promised."""
-    # A design's integrators promise averages steadier than these; slow currents, which no model knows, are against it.
+    # A design's integrators promise averages steadier than these; slow currents, which no model
+    # knows, are against it.
     sd = max(expected.average_sd, expected.rms * math.sqrt(expected.memory_s / AVERAGED_S))
     allowed, further = MEANT[name] + 2.0 * expected.mean_sd, CLEARLY_SD * sd
     return further * (departure - allowed - 0.5 * further) / sd**2

@@ -6,13 +6,13 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from autopilot import guidance, mission, modes, requests
-from autopilot.params import Config
-from autopilot.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Home
-from link.missions import NOT_GIVEN, MissionItem
-from link.records import GpsFix
-from tests.autopilot.deck import Deck, texts
-from tests.autopilot.flights import Flight, leg
+from autopilot.control import guidance, mission, modes, requests
+from autopilot.control.params import Config
+from autopilot.control.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Home
+from mavlink_io.records import GpsFix
+from mavlink_io.services.missions import NOT_GIVEN, MissionItem
+from tests.helpers.fake_hil import Deck, texts
+from tests.helpers.missions import Flight, leg
 
 WAYPOINT, LOITER, LAND, DELAY, CHANGE_ALTITUDE, WAIT = 16, 19, 21, 93, 186, 113
 HOME = Home(42.35, -71.0, True)
@@ -24,7 +24,9 @@ NORTH_M_PER_DEG = 6_371_000.0 * math.pi / 180.0
 """Metres in a degree of latitude on the sphere of link.frames."""
 
 
-def waypoint(lat_deg: float = 42.351, lon_deg: float = -71.0, depth_m: float = 4.0, command: int = WAYPOINT) -> Any:
+def waypoint(
+    lat_deg: float = 42.351, lon_deg: float = -71.0, depth_m: float = 4.0, command: int = WAYPOINT
+) -> Any:
     return MissionItem(0, 6, command, x=round(lat_deg * 1e7), y=round(lon_deg * 1e7), z=-depth_m)
 
 
@@ -41,7 +43,23 @@ def upload(deck: Deck, *items: MissionItem) -> tuple[int, list[str]]:
     """The MISSION_ACK of an upload, and what was said of it."""
     heard = deck.ask(mavlink.MAVLink_mission_count_message(1, 1, len(items), 0))
     for n, i in enumerate(items):
-        fields = (1, 1, n, i.frame, i.command, int(n == 0), 1, i.p1, i.p2, i.p3, i.p4, i.x, i.y, i.z, 0)
+        fields = (
+            1,
+            1,
+            n,
+            i.frame,
+            i.command,
+            int(n == 0),
+            1,
+            i.p1,
+            i.p2,
+            i.p3,
+            i.p4,
+            i.x,
+            i.y,
+            i.z,
+            0,
+        )
         heard += deck.ask(mavlink.MAVLink_mission_item_int_message(*fields))
     (ack,) = [m for m in heard if m.get_type() == "MISSION_ACK"]
     return ack.type, texts(heard)
@@ -57,15 +75,22 @@ IMPOSSIBLE: list[tuple[MissionItem, int, str]] = [
     (waypoint(depth_m=18.1), PARAM7, "depth 18.1 m: must be at most FS_DEPTH_M = 18 m"),
     (MissionItem(0, 1, WAYPOINT, z=30.0), PARAM7, "depth 30 m: must be at most FS_DEPTH_M = 18 m"),
     (MissionItem(0, 3, WAIT, z=-25.0), PARAM7, "depth 25 m: must be at most FS_DEPTH_M = 18 m"),
-    (MissionItem(0, 2, CHANGE_ALTITUDE, p1=-25.0), PARAM1, "depth 25 m: must be at most FS_DEPTH_M = 18 m"),
+    (
+        MissionItem(0, 2, CHANGE_ALTITUDE, p1=-25.0),
+        PARAM1,
+        "depth 25 m: must be at most FS_DEPTH_M = 18 m",
+    ),
     (waypoint(lat_deg=42.46), PARAM5, "12231 m from home: must be at most MIS_DIST_MAX = 10000 m"),
-    (MissionItem(0, 1, LOITER, p1=5.0, y=-200_000_000, z=2.0), PARAM6,
-     "20000 m from home: must be at most MIS_DIST_MAX = 10000 m"),
+    (
+        MissionItem(0, 1, LOITER, p1=5.0, y=-200_000_000, z=2.0),
+        PARAM6,
+        "20000 m from home: must be at most MIS_DIST_MAX = 10000 m",
+    ),
     (MissionItem(0, 2, DELAY, p1=NAN), PARAM1, "p1 of command 93: must be a number"),
     (waypoint()._replace(z=-math.inf), PARAM7, "z of command 16: must be finite"),
     (waypoint()._replace(p4=math.inf), 9, "p4 of command 16: must be finite"),
     (MissionItem(0, 3, 22), UNSUPPORTED, "command 22 is not one this vehicle flies"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("item", "result", "why"), IMPOSSIBLE)
@@ -135,7 +160,9 @@ def test_refusal_to_start_names_item_value_and_limit(deck: Deck) -> None:
     upload(deck, waypoint(), waypoint(depth_m=12.0))
     deck.command(176, 1, float(modes.MISSION.number))
     deck.vehicle.params.set("FS_DEPTH_M", 10.0)
-    assert texts(deck.command(400, 1)) == ["Not armed: mission item 1: depth 12 m: must be at most FS_DEPTH_M = 10 m"]
+    assert texts(deck.command(400, 1)) == [
+        "Not armed: mission item 1: depth 12 m: must be at most FS_DEPTH_M = 10 m"
+    ]
     deck.vehicle.params.set("FS_DEPTH_M", 18.0)
     deck.vehicle.params.set("MIS_DIST_MAX", 100.0)
     assert texts(deck.command(400, 1)) == [
@@ -153,7 +180,10 @@ def test_restart_keeps_a_mission_that_a_new_limit_forbids(deck: Deck) -> None:
 def test_command_deeper_than_the_failsafe_is_refused() -> None:
     flight = Flight(config=Config(fs_depth_m=10.0))
     item = MissionItem(0, 2, CHANGE_ALTITUDE, p1=-12.0)
-    assert mission.check((item,), flight.config) == (0, "depth 12 m: must be at most FS_DEPTH_M = 10 m")
+    assert mission.check((item,), flight.config) == (
+        0,
+        "depth 12 m: must be at most FS_DEPTH_M = 10 m",
+    )
 
 
 def test_place_zero_zero_is_none_unless_home_is_near_it() -> None:

@@ -1,18 +1,20 @@
-"""Sensors that fall silent on a serial line: noticed by the wall clock, for vehicle time stands still meanwhile."""
+"""Sensors that fall silent on a serial line: noticed by the wall clock, for vehicle time stands
+still meanwhile."""
 
 from collections.abc import Iterator
 
 import pytest
 
-from autopilot import app, hil
+from autopilot import app
 from autopilot.app import SILENT_S, App
-from autopilot.health import RECOVERY_US
-from autopilot.logbook.book import Logbook
-from link.records import LOCKSTEP_FLAG, SensorFrame
-from link.transport import MemoryTransport, open_transport
-from sitl.pilots.hil import HilLink
-from sitl.sensors import Sensors
-from tests.autopilot.deck import TICK_US, Deck, only, sensors, texts
+from autopilot.comms import hil
+from autopilot.control.sensor_health.monitor import RECOVERY_US
+from autopilot.onboard_log.recorder import Logbook
+from mavlink_io.records import LOCKSTEP_FLAG, SensorFrame
+from mavlink_io.transport import MemoryTransport, open_transport
+from sitl.backends.hil import HilLink
+from sitl.core.sensors import Sensors
+from tests.helpers.fake_hil import TICK_US, Deck, only, sensors, texts
 
 ARM = 400
 ACCEPTED, REJECTED = 0, 1
@@ -30,7 +32,12 @@ class Aboard:
     def __init__(self, near: MemoryTransport, far: MemoryTransport) -> None:
         self.near, self.sea = near, HilLink(near)
         self.deck = Deck()
-        self.app = App(self.deck.vehicle, hil.HilLink(far, 1), self.deck.server, Logbook(self.deck.vehicle, None))
+        self.app = App(
+            self.deck.vehicle,
+            hil.HilLink(far, 1),
+            self.deck.server,
+            Logbook(self.deck.vehicle, None),
+        )
         self.time_us, self.wall_s = 0, 100.0
 
     def sample(self, count: int = 1) -> int:

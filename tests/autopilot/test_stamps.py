@@ -7,16 +7,18 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from autopilot import app, hil, modes, requests
+from autopilot import app
 from autopilot.app import App
-from autopilot.logbook.book import Logbook
-from link import dialect
-from link.records import GpsFix
-from link.transport import MemoryTransport, open_transport
-from sitl.pilots.hil import HilLink
-from sitl.sensors import Sensors
-from tests.autopilot.deck import TICK_US, Deck, sensors, texts
-from tests.autopilot.flights import leg
+from autopilot.comms import hil
+from autopilot.control import modes, requests
+from autopilot.onboard_log.recorder import Logbook
+from mavlink_io import dialect
+from mavlink_io.records import GpsFix
+from mavlink_io.transport import MemoryTransport, open_transport
+from sitl.backends.hil import HilLink
+from sitl.core.sensors import Sensors
+from tests.helpers.fake_hil import TICK_US, Deck, sensors, texts
+from tests.helpers.missions import leg
 
 DEPTH_M = 5.0
 BEGAN_US = 30_000_000

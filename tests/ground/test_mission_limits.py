@@ -6,14 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from ground import flight, plans, script
-from ground import vehicle as client
-from ground.plans import Limits
-from ground.script import ScriptError
-from ground.vehicle import Vehicle, VehicleError
-from link import missions
-from link.mission_server import Verdict
-from link.missions import NOT_GIVEN, MissionItem
+from ground.client import flight
+from ground.client import vehicle as client
+from ground.client.vehicle import Vehicle, VehicleError
+from ground.missions import plans, script
+from ground.missions.plans import Limits
+from ground.missions.script import ScriptError
+from mavlink_io.services import missions
+from mavlink_io.services.mission_server import Verdict
+from mavlink_io.services.missions import NOT_GIVEN, MissionItem
 from tests.ground.fake import FakeVehicle, attend
 
 START = "[[step]]\ndepth_m = 4.0\nheading_deg = 0.0\nthrust_pct = 58.0\nduration_s = 30.0\n"
@@ -52,10 +53,13 @@ def dive(folder: Path, text: str, name: str = "m.toml") -> flight.Dive:
     [
         (DEEP, "step 2: depth_m = 25: must be 0 to 18, the vehicle's FS_DEPTH_M"),
         (DEEP_PLACE, "step 2: depth_m = 30: must be 0 to 18, the vehicle's FS_DEPTH_M"),
-        (FAR, "step 2: to = [12000, -5000]: 13000 m from home: "
-              "must be at most 10000 m, the vehicle's MIS_DIST_MAX"),
+        (
+            FAR,
+            "step 2: to = [12000, -5000]: 13000 m from home: "
+            "must be at most 10000 m, the vehicle's MIS_DIST_MAX",
+        ),
     ],
-)  # fmt: skip
+)
 def test_mission_beyond_the_vehicles_limits_is_not_uploaded(
     vehicle: Vehicle, fake: FakeVehicle, tmp_path: Path, text: str, why: str
 ) -> None:
@@ -66,16 +70,25 @@ def test_mission_beyond_the_vehicles_limits_is_not_uploaded(
     assert ARM not in [command.command for command in fake.commands]
 
 
-def test_mission_of_another_file_is_refused_by_its_item(vehicle: Vehicle, fake: FakeVehicle, tmp_path: Path) -> None:
+def test_mission_of_another_file_is_refused_by_its_item(
+    vehicle: Vehicle, fake: FakeVehicle, tmp_path: Path
+) -> None:
     items = (MissionItem(0, 2, 93, p1=1.0), MissionItem(1, 3, 16, x=1, y=1, z=-20.0))
-    with pytest.raises(ScriptError, match="item 1: depth_m = 20: must be 0 to 18, the vehicle's FS_DEPTH_M"):
+    with pytest.raises(
+        ScriptError, match="item 1: depth_m = 20: must be 0 to 18, the vehicle's FS_DEPTH_M"
+    ):
         flight.prepare(vehicle, dive(tmp_path, plans.write_plan(items), "m.plan"))
     assert fake.store.items == ()
 
 
-def test_limits_set_before_the_dive_are_those_that_count(vehicle: Vehicle, fake: FakeVehicle, tmp_path: Path) -> None:
+def test_limits_set_before_the_dive_are_those_that_count(
+    vehicle: Vehicle, fake: FakeVehicle, tmp_path: Path
+) -> None:
     deep = dive(tmp_path, DEEP)
-    flight.prepare(vehicle, flight.Dive(deep.mission, deep.items, deep.log, {"FS_DEPTH_M": 30.0}, labels=deep.labels))
+    flight.prepare(
+        vehicle,
+        flight.Dive(deep.mission, deep.items, deep.log, {"FS_DEPTH_M": 30.0}, labels=deep.labels),
+    )
     assert len(fake.store.items) == len(deep.items)
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.fleet import Finished, process
+from tests.helpers.subprocesses import Finished, process
 
 pytestmark = pytest.mark.process
 

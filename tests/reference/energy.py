@@ -28,11 +28,14 @@ def potential_j(model: Model, state: Array) -> float:
 def mechanical_j(model: Model, track: Array) -> Array:
     """Of each state of a track; zero for a body at rest at the track's beginning."""
     ground = potential_j(model, track[0])
-    return np.array([kinetic_j(model, state) + potential_j(model, state) - ground for state in track])
+    return np.array(
+        [kinetic_j(model, state) + potential_j(model, state) - ground for state in track]
+    )
 
 
 def power_w(model: Model, nu: Array) -> float:
-    """Rate of change of kinetic energy at rest relative to gravity: weight and buoyancy taken away, no thrust."""
+    """Rate of change of kinetic energy at rest relative to gravity: weight and buoyancy taken away,
+    no thrust."""
     return float(nu @ model.inertia.M @ _rate(model, nu))
 
 

@@ -1,9 +1,9 @@
 """Random vehicles that could be built: for what must hold for any vehicle, not for one.
 
-Each is a point in the unit cube that becomes a vehicle file such as a user writes, geometry and ballast only, and takes
-a user's way from there: every coefficient is derived. Four kinds of hull, three of tail; port is the mirror of
-starboard. A vehicle takes long to make beside one look at it, so they are numbered, made once and drawn by number.
-"""
+Each is a point in the unit cube that becomes a vehicle file such as a user writes, geometry and
+ballast only, and takes a user's way from there: every coefficient is derived. Four kinds of hull,
+three of tail; port is the mirror of starboard. A vehicle takes long to make beside one look at it,
+so they are numbered, made once and drawn by number."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 from hypothesis import strategies as st
 
-from sitl.vehicle import calibrate, config
+from sitl.vehicle import build_model, config
 from sitl.vehicle.model import Model
 
 DIMENSIONS = 11
@@ -39,7 +39,7 @@ def fleet() -> list[Model]:
 
 def vehicle(point: Sequence[float]) -> Model:
     """The vehicle at a point of the unit cube."""
-    return calibrate.build(config.parse(vehicle_file(point), "random vehicle"))
+    return build_model.build(config.parse(vehicle_file(point), "random vehicle"))
 
 
 def vehicle_file(point: Sequence[float]) -> str:
@@ -75,7 +75,14 @@ nose_radius = 0.5\ntail_radius = 0.1\nprismatic = 0.65\nmax_section = 0.4"""
 mid_length_m = {length_m - sum(ends)}\ndiameter_m = {d}\nnose_exponent = {1.5 + 2 * nose}"""
     if kind < 0.75:
         return f"""shape = "cylinder"\nlength_m = {length_m}\ndiameter_m = {d}\ntail_cap_m = {(0.5 + nose) * d}"""
-    points = [(0.0, 0.0), (0.1, 0.35), (0.2 + 0.2 * nose, 0.5), (0.7, 0.5), (0.9, 0.25), (1.0, 0.05)]
+    points = [
+        (0.0, 0.0),
+        (0.1, 0.35),
+        (0.2 + 0.2 * nose, 0.5),
+        (0.7, 0.5),
+        (0.9, 0.25),
+        (1.0, 0.05),
+    ]
     return f"""shape = "profile"\npoints_m = {[[x * length_m, r * d] for x, r in points]}"""
 
 
@@ -86,4 +93,7 @@ def _tail(kind: float, d: float, size: float, aspect: float) -> str:
         return f"[duct]\ndiameter_m = {ring}\nchord_m = {ring / (1.5 + 3.0 * aspect)}"
     layout = "cruciform" if kind < 2 / 3 else "x"
     span = (0.25 + 0.25 * size) * d
-    return f'[fins]\nlayout = "{layout}"\nspan_m = {span}\nroot_chord_m = {span / (0.6 + 1.2 * aspect)}'
+    return (
+        f'[fins]\nlayout = "{layout}"\nspan_m = {span}\nroot_chord_m ='
+        f" {span / (0.6 + 1.2 * aspect)}"
+    )

@@ -1,11 +1,12 @@
-"""One identification campaign in a disturbed sea, flown and fitted once for all tests that look at it."""
+"""One identification campaign in a disturbed sea, flown and fitted once for all tests that look at
+it."""
 
 import pytest
 
 from sitl.vehicle import config
 from sysid import refit
-from sysid.model import IdentifiedModel
-from sysid.runs import Run
+from sysid.data.segments import Run
+from sysid.models.model_file import IdentifiedModel
 from tests.sysid import sea
 
 

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.signal import iirpeak, lfilter
 
-from sysid import loops
-from sysid.design import Spec, Trust, foretold, plant
-from sysid.model import IdentifiedModel, NoiseModel, digest
-from sysid.promise import AVERAGED_S, SWING_WIDTH, Promise
-from sysid.tables import TABLE_3_IMPROVED
+from sysid.control_analysis import loop_transfer
+from sysid.design import design_model
+from sysid.design.pid import Spec, Trust, predicted_performance
+from sysid.models.model_file import IdentifiedModel, NoiseModel, digest
+from sysid.monitor.performance_spec import AVERAGED_S, SWING_WIDTH, Promise
+from sysid.reproduction.paper_tables import TABLE_3_IMPROVED
 
 Array = NDArray[np.float64]
 
@@ -22,14 +23,16 @@ STEP_S, LASTS_S = 0.1, 20_000.0
 @pytest.fixture(scope="module")
 def promised(model: IdentifiedModel) -> Promise:
     sure = Trust(0.9, 1.0, "", 240)
-    return foretold.promise(model, plant.plant(model), TABLE_3_IMPROVED, Spec(), sure)
+    return predicted_performance.promise(
+        model, design_model.plant(model), TABLE_3_IMPROVED, Spec(), sure
+    )
 
 
 @pytest.fixture(scope="module")
 def heading_deg(model: IdentifiedModel) -> Array:
     """Heading in closed loop, pushed by the sea of the model and seen through its noise."""
-    vehicle = plant.plant(model)
-    closed = loops.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_IMPROVED)
+    vehicle = design_model.plant(model)
+    closed = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_IMPROVED)
     rng, sea = np.random.default_rng(5), vehicle.sea["yaw"]
     pushed = disturbance(sea, rng, round(LASTS_S / STEP_S))
     moment = np.zeros(len(closed.A))
@@ -43,7 +46,8 @@ def heading_deg(model: IdentifiedModel) -> Array:
 
 
 def disturbance(sea: NoiseModel, rng: np.random.Generator, count: int) -> Array:
-    """The slow and the narrow-band angular acceleration, rad/s^2, each as its differential equation says."""
+    """The slow and the narrow-band angular acceleration, rad/s^2, each as its differential equation
+    says."""
     fine, dt = 10, STEP_S / 10
     keep = math.exp(-dt / sea.slow_time_s)
     slow = lfilter([math.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(count * fine))
@@ -74,7 +78,9 @@ def test_variances_vary_as_much_as_the_memory_says(promised: Promise, heading_de
 
 def test_the_swing_is_what_a_narrow_band_holds(promised: Promise, heading_deg: Array) -> None:
     band = iirpeak(promised.heading_swing_radps, 1.0 / SWING_WIDTH, fs=2.0 * math.pi / STEP_S)
-    assert np.std(lfilter(*band, heading_deg)) == pytest.approx(promised.predicted["heading_swing_deg"].rms, rel=0.1)
+    assert np.std(lfilter(*band, heading_deg)) == pytest.approx(
+        promised.predicted["heading_swing_deg"].rms, rel=0.1
+    )
 
 
 def test_averages_are_those_of_level_flight(promised: Promise, model: IdentifiedModel) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from sysid.design.search import Judged, Search, solve
+from sysid.design.constrained_search import Judged, Search, solve
 
 
 def test_a_search_ends_on_its_limit_and_judges_no_gains_twice_on_the_way() -> None:
@@ -12,7 +12,9 @@ def test_a_search_ends_on_its_limit_and_judges_no_gains_twice_on_the_way() -> No
 
     def judge(gains: Mapping[str, float]) -> Judged:
         judged.append((gains["P"], gains["D"]))
-        return Judged(1.0 / gains["P"] + 0.1 * gains["D"], {"stiffness": gains["P"] / gains["D"] - 1.0})
+        return Judged(
+            1.0 / gains["P"] + 0.1 * gains["D"], {"stiffness": gains["P"] / gains["D"] - 1.0}
+        )
 
     found = solve(Search({}, ({"P": 0.5, "D": 2.0},), judge))
     assert found["P"] == pytest.approx(found["D"], rel=0.01)

@@ -1,13 +1,12 @@
 """Turning circle and zig-zag.
 
-Verifies: everything that acts on a vehicle under way, together and in large motion: the kernels against a second
-implementation that shares the vehicle's numbers and no line of code; the same of accelerations at random states.
-Leaves out: the tailcone (the duct turns at once), the surface; whether the coefficients are right, which other cases
-ask.
-Reference: Fossen's equations in matrix form with Euler angles (``tests/reference/fossen.py``), integrated by scipy's
-DOP853 at a tolerance of 1e-7.
-Tolerance: rounding for accelerations; for manoeuvres 1e-5 of the figure, what two integrators leave.
-"""
+Verifies: everything that acts on a vehicle under way, together and in large motion: the kernels
+against a second implementation that shares the vehicle's numbers and no line of code; the same of
+accelerations at random states. Leaves out: the tailcone (the duct turns at once), the surface;
+whether the coefficients are right, which other cases ask. Reference: Fossen's equations in matrix
+form with Euler angles (``tests/reference/fossen.py``), integrated by scipy's DOP853 at a tolerance
+of 1e-7. Tolerance: rounding for accelerations; for manoeuvres 1e-5 of the figure, what two
+integrators leave."""
 
 from collections.abc import Iterator
 from math import degrees, radians
@@ -60,6 +59,15 @@ def _accelerations(name: str, models: list[Model]) -> Check:
         state[7:13] = rng.uniform(-1.5, 1.5, 6)
         inputs = fossen.Inputs(*rng.uniform(-0.25, 0.25, 2).tolist(), float(rng.uniform(-4, 6)))
         current = rng.uniform(-1, 1, 3)
-        found.append(fossen.FLIP @ flight.rate(model, state, *inputs, water=drifting(tuple(current.tolist())))[7:])
-        expected.append(fossen.rates(fossen.from_state(state), inputs, fossen.craft(model), fossen.TURN @ current)[6:])
-    return worst(f"{name}, accelerations at {STATES} states", "m/s2", found, expected, 1e-10, SOURCE)
+        found.append(
+            fossen.FLIP
+            @ flight.rate(model, state, *inputs, water=drifting(tuple(current.tolist())))[7:]
+        )
+        expected.append(
+            fossen.rates(
+                fossen.from_state(state), inputs, fossen.craft(model), fossen.TURN @ current
+            )[6:]
+        )
+    return worst(
+        f"{name}, accelerations at {STATES} states", "m/s2", found, expected, 1e-10, SOURCE
+    )

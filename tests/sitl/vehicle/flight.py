@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sitl.vehicle import calibrate, config, dynamics
-from sitl.vehicle.kernel import Vector
+from sitl.vehicle import build_model, config, dynamics
+from sitl.vehicle.jit import Vector
 from sitl.vehicle.model import Model
 from sitl.vehicle.water import STILL, Water
 
@@ -16,7 +16,7 @@ SHIPPED = ("bench", "field")
 
 def model(name: str) -> Model:
     """A shipped vehicle."""
-    return calibrate.build(config.load(name))
+    return build_model.build(config.load(name))
 
 
 def cruising(u_mps: float = 1.3) -> Vector:
@@ -77,7 +77,9 @@ def rate(
 def _record(state, rudder_rad, elevator_rad, shaft_rps, disturbance, water, dt, model, work, track):
     for i in range(len(track)):
         track[i] = state
-        dynamics.rk4_step(state, rudder_rad, elevator_rad, shaft_rps, disturbance, water, dt, model, work)
+        dynamics.rk4_step(
+            state, rudder_rad, elevator_rad, shaft_rps, disturbance, water, dt, model, work
+        )
 
 
 def fly(
@@ -96,7 +98,9 @@ def fly(
     push = np.zeros(6) if disturbance is None else disturbance
     shaft_rps = thrust_fraction * model.propeller.full_rps
     work = dynamics.work_array()
-    _record(state.copy(), rudder_rad, elevator_rad, shaft_rps, push, water, dt_s, model, work, track)
+    _record(
+        state.copy(), rudder_rad, elevator_rad, shaft_rps, push, water, dt_s, model, work, track
+    )
     return track
 
 

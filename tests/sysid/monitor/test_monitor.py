@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from sysid import monitor
-from sysid.log import Log
+from sysid.data.dataset import Log
 from sysid.monitor import Monitor, sequential
 from sysid.monitor.blocks import Cutter, sample
-from sysid.promise import AVERAGED_S
-from sysid.verify import SETTLING_S
+from sysid.monitor.performance_spec import AVERAGED_S
+from sysid.monitor.tracking_metrics import SETTLING_S
 from tests.sysid.monitor import made
 
 HOUR_S = 3600.0
@@ -31,7 +31,8 @@ def test_hours_as_promised_raise_no_alarm() -> None:
 
 
 def test_the_threshold_keeps_its_rate_at_the_edge_of_what_is_allowed() -> None:
-    """Averages off by all that is allowed, where the sums rise as often as they may: h for one alarm in 40 blocks."""
+    """Averages off by all that is allowed, where the sums rise as often as they may: h for one
+    alarm in 40 blocks."""
     expected = PROMISE.predicted["rudder_deg"]
     rng, crossings, count, h = np.random.default_rng(3), 0, 40_000, np.log(40.0)
     allowed = sequential.MEANT["rudder_deg"] + 2.0 * expected.mean_sd
@@ -39,7 +40,9 @@ def test_the_threshold_keeps_its_rate_at_the_edge_of_what_is_allowed() -> None:
     found = sequential.Sum()
     for departure in rng.normal(allowed, expected.average_sd, count):
         means = {**block.means, "rudder_deg": expected.mean + departure}
-        found = sequential._added("rudder_deg", "more", expected, found, block._replace(means=means))
+        found = sequential._added(
+            "rudder_deg", "more", expected, found, block._replace(means=means)
+        )
         if found.value > h:
             crossings, found = crossings + 1, sequential.Sum()
     assert 0 < crossings < count / 40
@@ -89,8 +92,13 @@ def test_a_loop_that_swings_is_told_from_the_sea(plane: str) -> None:
 
 def test_a_surface_that_is_busier_than_the_errors_say_is_not_the_seas_doing() -> None:
     log = made.flight(900.0, seed=2)
-    busy = replace(log.actuators, rudder_rad=np.radians(6.0) + 3.0 * (log.actuators.rudder_rad - np.radians(6.0)))
-    assert [c.name for c in monitor.of_log(replace(log, actuators=busy), PROMISE).causes] == ["rudder noise"]
+    busy = replace(
+        log.actuators,
+        rudder_rad=np.radians(6.0) + 3.0 * (log.actuators.rudder_rad - np.radians(6.0)),
+    )
+    assert [c.name for c in monitor.of_log(replace(log, actuators=busy), PROMISE).causes] == [
+        "rudder noise"
+    ]
 
 
 def test_piece_by_piece_it_says_what_it_says_at_once() -> None:
@@ -115,7 +123,11 @@ def test_tests_in_the_water_are_left_out() -> None:
     log = made.flight(400.0, seed=1)
     told = made.event(100.0, "SystemID Starting: axis=10"), made.event(200.0, "SystemID Finished")
     found = blocks(replace(log, events=told))
-    assert not [block for block in found if block.stop_s > 100.0 and block.start_s < 200.0 + SETTLING_S - 0.5]
+    assert not [
+        block
+        for block in found
+        if block.stop_s > 100.0 and block.start_s < 200.0 + SETTLING_S - 0.5
+    ]
     assert len([block for block in found if block.start_s > 200.0]) >= 8
 
 
@@ -124,7 +136,11 @@ def test_a_silence_begins_the_settling_anew() -> None:
     heard = (log.attitude.time_s < 100.0) | (log.attitude.time_s > 104.0)
     thin = log.attitude.__class__(*(values[heard] for values in vars(log.attitude).values()))
     found = blocks(replace(log, attitude=thin))
-    assert not [block for block in found if block.stop_s > 101.5 and block.start_s < 104.0 + SETTLING_S - 0.5]
+    assert not [
+        block
+        for block in found
+        if block.stop_s > 101.5 and block.start_s < 104.0 + SETTLING_S - 0.5
+    ]
 
 
 def test_another_speed_is_not_judged() -> None:

@@ -1,0 +1,100 @@
+"""First gains for a vehicle of one's own, designed from her file."""
+
+from typing import TYPE_CHECKING, Any
+
+from ground.errors import BadInputError, FailedError
+
+if TYPE_CHECKING:
+    from sysid.design.initial import Prototype
+
+CARIBOU = ("field", "bench")
+"""Vehicles for which the autopilot's defaults, the paper's prototype controller, were made."""
+
+TRIM_LEARNING = {"TRIM_AUTO_S": 10.0}
+"""Caribou's trims are unknown in a first dive, and the paper's first gains hardly integrate.
+
+With 10 s the heading loop keeps 11.6 dB and 48 deg (12.0 dB and 67 deg without learning), and 6 deg
+of rudder bias are carried within a minute.
+"""
+
+
+def parameters_for(vehicle: str) -> dict[str, float]:
+    """What to set before a simulated vehicle's first dive: nothing for Caribou. Raises as
+    ``design``."""
+    return {} if vehicle in CARIBOU else design(vehicle).parameters
+
+
+def trim_learning_for(vehicle: str) -> dict[str, float]:
+    """Return what makes a simulated vehicle learn its trims in a first dive.
+
+    Nothing for a vehicle file, whose first gains carry an unknown trim.
+    """
+    return dict(TRIM_LEARNING) if vehicle in CARIBOU else {}
+
+
+def known_beforehand(vehicle: str) -> str:
+    """The vehicle file that an engineer would have of a simulated vehicle."""
+    return "bench" if vehicle in CARIBOU else vehicle
+
+
+def design(vehicle: str) -> "Prototype":
+    """The prototype controller of a vehicle file.
+
+    Raises:
+        BadInputError: the file cannot be used, or is the simulated truth.
+        FailedError: no gains make this vehicle behave.
+    """
+    from sysid.design import initial
+    from sysid.design.pid import DesignRefused
+    from sysid.refit import VehicleError
+
+    if vehicle == "field":
+        raise BadInputError(
+            "vehicle 'field': is the simulated truth; give bench, or a vehicle file"
+        )
+    try:
+        return initial.prototype(vehicle)
+    except DesignRefused as refusal:
+        raise FailedError(f"{vehicle}: {refusal}") from None
+    except VehicleError as error:
+        raise BadInputError(str(error)) from None
+
+
+def in_words(found: "Prototype") -> str:
+    """Every parameter with its reason; how the loops stand; and Table 3's initial column beside
+    them."""
+    lines = [
+        f"{name:16s} {value:<10.5g} {found.reasons[name]}"
+        for name, value in found.parameters.items()
+    ]
+    lines += [
+        "",
+        "Loops on the vehicle of the file, and on 95 % of those that the prior allows for",
+    ]
+    lines += [f"  {'':8s}{'damping':>14s}{'gain margin, dB':>18s}{'phase margin, deg':>20s}"]
+    for loop, low in found.held.items():
+        own = found.stands[loop]
+        lines.append(
+            f"  {loop:8s}{own.damping:7.2f}{low.damping:7.2f}{own.gm_db:11.1f}{low.gm_db:7.1f}{own.pm_deg:13.0f}{low.pm_deg:7.0f}"
+            f"   {100 * low.stable:.0f} % of {low.vehicles} stable"
+        )
+    lines += [
+        "",
+        "Beside Table 3's initial gains, as much weaker as this tail is livelier than Caribou's",
+    ]
+    lines += [f"  {'':8s}{'ours':>10s}{'Table 3':>10s}{'ratio':>7s}"]
+    for name, row in found.beside.items():
+        lines.append(f"  {name:8s}{row.ours:10.3g}{row.paper:10.3g}{row.times:>7s}  {row.why}")
+    return "\n".join(lines)
+
+
+def as_json(found: "Prototype") -> dict[str, Any]:
+    return {
+        "parameters": found.parameters,
+        "reasons": found.reasons,
+        "loops": {
+            loop: {"nominal": own._asdict(), "prior": found.held[loop]._asdict()}
+            for loop, own in found.stands.items()
+        },
+        "table_3": {name: row._asdict() for name, row in found.beside.items()},
+    }

@@ -1,0 +1,83 @@
+"""Checks before a campaign's first dive: deep enough water, missions that the vehicle can fly."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ground.campaign import prototype
+from ground.errors import BAD_INPUT, BadInputError, FailedError
+from ground.missions import plans, script
+
+CLEARANCE_M = 3.0
+"""Height above the floor below which the autopilot stops a test (SID_ALT_MIN)."""
+SEED = 1
+"""Seed of the rehearsed sea, for every campaign."""
+
+
+def scenario_content(scenario: str) -> dict[str, Any]:
+    """Return a scenario with its defaults, as the simulator reads it. Raises BadInputError."""
+    command = [sys.executable, "-m", "sitl.scenario_check", scenario]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode == 0:
+        content: dict[str, Any] = json.loads(done.stdout)
+        return content
+    lines = done.stderr.strip().splitlines() or ["no reason given"]
+    message = lines[-1].removeprefix("sitl: ")
+    raise BadInputError(message) if done.returncode == BAD_INPUT else FailedError(message)
+
+
+def refuse_scenario(scenario: str, content: Mapping[str, Any], missions: Sequence[str]) -> None:
+    """Raise BadInputError where the vehicle is clamped, or a flat floor too near to a leg."""
+    if content["rig"]["clamped"]:
+        raise BadInputError(f"--scenario {scenario}: rig.clamped = true: the vehicle cannot fly")
+    floor = content["floor"]
+    legs = [(step.depth_m or 0.0, name) for name in missions for step in script.load(name).step]
+    deepest_m, mission = max(legs)
+    if not floor["file"] and not floor["slope_deg"] and floor["depth_m"] < deepest_m + CLEARANCE_M:
+        raise BadInputError(
+            f"--scenario {scenario}: floor.depth_m = {floor['depth_m']:g}: the mission {mission} "
+            f"dives to {deepest_m:g} m; expected at least {deepest_m + CLEARANCE_M:g}"
+        )
+
+
+def first_parameters(
+    vehicle: str, scenario: str, content: Mapping[str, Any], missions: Sequence[str]
+) -> dict[str, float]:
+    """Design the parameters of the first dive from a vehicle file and rehearse the missions.
+
+    Raises
+    ------
+    BadInputError: the vehicle file cannot be used, no gains meet the specification, or a mission
+        cannot be completed.
+    """
+    from sysid import refit
+    from sysid.monte_carlo import readiness
+
+    try:
+        parameters = prototype.design(vehicle).parameters
+    except FailedError as error:
+        raise BadInputError(f"--vehicle {vehicle}: no first gains: {error}") from None
+    items = {name: plans.load_items(name) for name in missions}
+    prior = refit.vehicle_file(vehicle)
+    found = readiness.obstacle(prior, parameters, _moments(content), items, SEED)
+    if found is not None:
+        raise BadInputError(
+            f"--vehicle {vehicle}: cannot complete a campaign in scenario {scenario}: "
+            f"{found.where}, rehearsed with the vehicle file: {found.reason}"
+        )
+    return parameters
+
+
+def _moments(content: Mapping[str, Any]) -> Any:
+    from sysid.monte_carlo.readiness import Moments
+
+    slow, waves = content["disturbance"]["slow"], content["disturbance"]["waves"]
+    return Moments(
+        slow_nm={"yaw": slow["yaw_rms_nm"], "pitch": slow["pitch_rms_nm"]},
+        slow_time_s=slow["time_constant_s"],
+        wave_nm={"yaw": waves["yaw_rms_nm"], "pitch": waves["pitch_rms_nm"]},
+        wave_frequency_hz=waves["frequency_hz"],
+        wave_damping=waves["damping"],
+    )

@@ -1,0 +1,338 @@
+"""How well a dive held its set-points, from what ground recorded, and why where it did not.
+
+The errors are those of ``sysid.monitor.tracking_metrics``, by the vehicle's own instruments.
+"""
+
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ground.campaign import refit
+from ground.errors import BadInputError
+from sysid.monitor import tracking_metrics
+from sysid.monitor.tracking_metrics import Array, Spread, Window
+from sysid.reproduction.paper_tables import TABLE_5_INITIAL
+
+if TYPE_CHECKING:
+    from sysid.data.dataset import Log
+
+MAX_ERROR = {"heading": TABLE_5_INITIAL.heading_deg, "depth": TABLE_5_INITIAL.depth_m}
+"""Largest 95 % error (deg, m) that is good: the paper's with its first gains (Table 5)."""
+UNIT = {"heading": "deg", "depth": "m"}
+_SURFACE = {"heading": "rudder", "depth": "elevator"}
+LEARNING_TIMES = 5.0
+"""Times TRIM_AUTO_S in steady flight until less than 1 % of a trim error is left."""
+MIN_TRIM_ERROR_DEG = 1.0
+"""A mean command farther than this from its trim is a trim that is not set."""
+STOP_MARGIN_DEG = 0.5
+"""A mean command this close to the travel is at its stop."""
+MIN_LEG_S = 5.0
+"""Shorter stretches of constant set-points are parts of a turn, not legs."""
+_SHORTEST_JUDGED_S = tracking_metrics.SETTLING_S + tracking_metrics.SHORTEST_S
+TRIM_LEARNED = "Trim learned: "
+"""How the vehicle begins the text that names the trims it has learned."""
+
+
+class Cause(StrEnum):
+    """What is likely the matter with an axis on a leg."""
+
+    LATE = "settled late"
+    UNSETTLED = "never settled"
+    AT_STOP = "surface at its stop"
+    TRIM = "trim not set"
+    LEARNING = "trim still being learned"
+    INTEGRATOR = "integrator at its limit"
+    SWINGING = "swinging"
+    UNKNOWN = "unknown"
+
+
+class Leg(NamedTuple):
+    """One stretch of constant set-points, settling left out."""
+
+    start_s: float
+    stop_s: float
+    heading_setpoint_deg: float
+    depth_setpoint_m: float
+    heading_deg: Spread
+    depth_m: Spread
+    rudder_deg: float
+    """Mean command, trim included."""
+    elevator_deg: float
+    pitch_deg: float
+    """Mean."""
+
+
+class Finding(NamedTuple):
+    """An axis that was held poorly, for one cause."""
+
+    axis: str
+    cause: Cause
+    legs: int
+    """Number of legs on which this was so."""
+    words: str
+    """What, the likely cause, and the remedy."""
+
+
+class Assessment(NamedTuple):
+    """How well a dive held its set-points."""
+
+    legs: tuple[Leg, ...]
+    short_legs: int
+    """Number of legs that ended before they could be judged."""
+    findings: tuple[Finding, ...]
+    trims_learned: str
+    """Trims that the vehicle learned and kept, in its own words; empty without any."""
+    reason: str
+    """Why no leg can be judged; empty where one can."""
+
+
+def of_dive(log_file: Path, texts: Sequence[str] = ()) -> Assessment:
+    """Assess a dive that is over.
+
+    Parameters
+    ----------
+    log_file : Path
+        What ground recorded of the dive.
+    texts : Sequence
+        The vehicle's texts during the dive.
+    """
+    try:
+        return of_log(refit.read_log(log_file), texts)
+    except BadInputError as error:
+        reason = str(error)
+    except (ArithmeticError, IndexError, ValueError) as error:
+        # The dive went well; a log with holes where a test was must not end it in a traceback.
+        reason = f"{log_file}: the telemetry has gaps ({error})"
+    return Assessment((), 0, (), _trims_learned(texts), reason)
+
+
+def of_log(log: "Log", texts: Sequence[str] = ()) -> Assessment:
+    """Assess a dive by its log; otherwise as ``of_dive``."""
+    tracking = tracking_metrics.tracking(log)
+    windows = tracking.windows if tracking else ()
+    recorded = [window for window in windows if _is_recorded(log, window)]
+    judged = [(_leg(log, window), _halves(log, window)) for window in recorded]
+    lengths_s = [stop - start for start, stop in tracking_metrics.stretches(log)]
+    return Assessment(
+        legs=tuple(leg for leg, _ in judged),
+        short_legs=sum(MIN_LEG_S <= length < _SHORTEST_JUDGED_S for length in lengths_s),
+        findings=tuple(finding for axis in MAX_ERROR for finding in _findings(log, axis, judged)),
+        trims_learned=_trims_learned(texts),
+        reason="" if judged else _why_no_leg(log, windows),
+    )
+
+
+def in_words(assessment: Assessment) -> str:
+    """Return a table of the legs and what is to be done, in a few lines."""
+    lines = []
+    if assessment.legs:
+        since = f"from {tracking_metrics.SETTLING_S:g} s after each change of set-point"
+        lines += [
+            f"errors {since}, by the vehicle's own instruments",
+            f"  {'leg, s':>11s}  {'set-points':>16s}{'heading, deg':>17s}{'depth, m':>17s}",
+            f"  {'':29s}{'mean':>9s}{'95 %':>8s}{'mean':>9s}{'95 %':>8s}",
+            *(_row(leg) for leg in assessment.legs),
+        ]
+    else:
+        lines += [f"how well set-points were held cannot be told: {assessment.reason}"]
+    if assessment.short_legs and assessment.legs:
+        legs = _count(assessment.short_legs, "leg")
+        lines += [f"too short to tell, less than {_SHORTEST_JUDGED_S:g} s: {legs}"]
+    lines += [finding.words for finding in assessment.findings]
+    if assessment.legs and not assessment.findings:
+        limits = " and ".join(f"{MAX_ERROR[axis]:g} {UNIT[axis]} of {axis}" for axis in UNIT)
+        lines += [f"held well: 95 % within {limits} on every leg"]
+    if assessment.trims_learned:
+        lines += [f"the vehicle learned its trims: {assessment.trims_learned}"]
+    return "\n".join(lines)
+
+
+def as_json(assessment: Assessment) -> dict[str, Any]:
+    """Return the assessment as plain values, every quantity with its unit in its name."""
+    legs = []
+    for leg in assessment.legs:
+        errors = {"heading_deg": leg.heading_deg._asdict(), "depth_m": leg.depth_m._asdict()}
+        legs.append({**leg._asdict(), **errors})
+    return {
+        **assessment._asdict(),
+        "legs": legs,
+        "findings": [finding._asdict() for finding in assessment.findings],
+        "settling_s": tracking_metrics.SETTLING_S,
+    }
+
+
+def _leg(log: "Log", window: Window) -> Leg:
+    def mean_deg(time_s: Array, angle_rad: Array) -> float:
+        inside = (time_s >= window.start_s) & (time_s < window.stop_s)
+        return float(np.degrees(np.mean(angle_rad[inside])))
+
+    commands, attitude = log.actuators, log.attitude
+    return Leg(
+        start_s=window.start_s,
+        stop_s=window.stop_s,
+        heading_setpoint_deg=window.heading_setpoint_deg,
+        depth_setpoint_m=window.depth_setpoint_m,
+        heading_deg=window.heading_deg,
+        depth_m=window.depth_m,
+        rudder_deg=mean_deg(commands.time_s, commands.rudder_rad),
+        elevator_deg=mean_deg(commands.time_s, commands.elevator_rad),
+        pitch_deg=mean_deg(attitude.time_s, attitude.pitch_rad),
+    )
+
+
+def _is_recorded(log: "Log", window: Window) -> bool:
+    """Whether either half of a window holds attitude, depth and commands."""
+    middle_s = 0.5 * (window.start_s + window.stop_s)
+    halves = (window.start_s, middle_s), (middle_s, window.stop_s)
+    times = log.attitude.time_s, log.depth.time_s, log.actuators.time_s
+    return all(np.any((t >= start) & (t < stop)) for t in times for start, stop in halves)
+
+
+def _halves(log: "Log", window: Window) -> tuple[Window, Window]:
+    start_s, stop_s = window.start_s, window.stop_s
+    middle_s = 0.5 * (start_s + stop_s)
+    return tracking_metrics.window(log, start_s, middle_s), tracking_metrics.window(
+        log, middle_s, stop_s
+    )
+
+
+def _findings(
+    log: "Log",
+    axis: str,
+    legs: Sequence[tuple[Leg, tuple[Window, Window]]],
+) -> list[Finding]:
+    """One for each cause, in the words of the leg that was worst."""
+    by_cause: dict[Cause, list[Leg]] = {}
+    for leg, (first, second) in legs:
+        cause = _cause(log, axis, leg, _error(first, axis), _error(second, axis))
+        if cause is not None:
+            by_cause.setdefault(cause, []).append(leg)
+    found = []
+    for cause, affected in by_cause.items():
+        worst = max(affected, key=lambda leg: _error(leg, axis).p95)
+        where = "" if len(legs) == 1 else f" on {len(affected)} of {len(legs)} legs"
+        words = f"{axis} {_how_far(axis, cause, worst)}{where}: {_explain(log, axis, cause, worst)}"
+        found.append(Finding(axis, cause, len(affected), words))
+    return found
+
+
+def _error(of: Leg | Window, axis: str) -> Spread:
+    return of.heading_deg if axis == "heading" else of.depth_m
+
+
+def _cause(log: "Log", axis: str, leg: Leg, first: Spread, second: Spread) -> Cause | None:
+    error, limit = _error(leg, axis), MAX_ERROR[axis]
+    if error.p95 <= limit:
+        return None
+    if second.p95 <= limit:
+        return Cause.LATE
+    if abs(second.mean - first.mean) > limit:
+        return Cause.UNSETTLED
+    about_mean = (max(0.0, error.rms**2 - error.mean**2)) ** 0.5
+    if abs(error.mean) < about_mean:
+        return Cause.SWINGING
+    return _cause_of_offset(log, axis, leg)
+
+
+def _cause_of_offset(log: "Log", axis: str, leg: Leg) -> Cause:
+    command, trim_name = _surface(axis, leg)
+    travel, trim = log.parameters.get("ACT_TRAVEL_DEG"), log.parameters.get(trim_name)
+    if travel is not None and abs(command) >= travel - STOP_MARGIN_DEG:
+        return Cause.AT_STOP
+    if trim is None:
+        return Cause.UNKNOWN
+    off_trim = abs(command - trim)
+    if axis == "depth":
+        # Level flight: pitch set-point = pitch + (elevator - trim) / PTCH_P, of which DPT_I carries
+        # up to DPT_IMAX and a depth error the rest.
+        gain = log.parameters.get("PTCH_P", 0.0)
+        if not gain:
+            return Cause.UNKNOWN
+        if off_trim / gain <= abs(leg.pitch_deg):
+            return Cause.INTEGRATOR
+    if off_trim < MIN_TRIM_ERROR_DEG:
+        return Cause.UNKNOWN
+    return Cause.LEARNING if _was_learning(log, leg) else Cause.TRIM
+
+
+def _surface(axis: str, leg: Leg) -> tuple[float, str]:
+    """Return the mean command (deg) and the name of its trim parameter."""
+    if axis == "heading":
+        return leg.rudder_deg, "TRIM_RUD_DEG"
+    return leg.elevator_deg, "TRIM_ELE_DEG"
+
+
+def _how_far(axis: str, cause: Cause, leg: Leg) -> str:
+    error, unit = _error(leg, axis), UNIT[axis]
+    if cause in (Cause.LATE, Cause.UNSETTLED, Cause.SWINGING):
+        return f"{error.p95:.2g} {unit} off (95 %)"
+    return f"{abs(error.mean):.2g} {unit} off in the mean"
+
+
+def _explain(log: "Log", axis: str, cause: Cause, leg: Leg) -> str:
+    """Return the likely cause and its remedy."""
+    name = _SURFACE[axis]
+    command_deg, parameter = _surface(axis, leg)
+    value = f"{parameter} to {command_deg:.1f}"
+    match cause:
+        case Cause.LATE:
+            late = f"settled later than {tracking_metrics.SETTLING_S:g} s after the change"
+            why = ", while the trims were still being learned" if _was_learning(log, leg) else ""
+            return f"{late}{why}; good in the second half of the leg"
+        case Cause.UNSETTLED:
+            return "never settled, as the error still changed; give the leg more time"
+        case Cause.AT_STOP:
+            remedy = "straighten the duct, or change the ballast"
+            return f"the {name} is at its stop, {command_deg:.1f} deg; {remedy}"
+        case Cause.TRIM:
+            trim = log.parameters[parameter]
+            at = f"the {name} is at {command_deg:.1f} deg on average, {parameter} is {trim:g}"
+            learn = "set TRIM_AUTO_S to 10 and fly `trim`, which learns it"
+            return f"the {name} trim is not set ({at}); set {value}, or {learn}"
+        case Cause.LEARNING:
+            remedy = f"fly `trim` first, or set {value}"
+            return f"the {name} trim was still being learned; {remedy}"
+        case Cause.INTEGRATOR:
+            pitch = f"level flight takes {leg.pitch_deg:.1f} deg of pitch"
+            limit = "DPT_IMAX lets the depth integrator carry less"
+            return f"{pitch} and {limit}; raise DPT_IMAX, or redesign the gains"
+        case Cause.SWINGING:
+            return "it swings about the set-point: a rough sea, or gains that do not suit"
+        case Cause.UNKNOWN:
+            known = f"the {name} is near its trim, or its trim is not known"
+            return f"the cause does not show in the telemetry: {known}"
+
+
+def _was_learning(log: "Log", leg: Leg) -> bool:
+    """Whether the leg began while the trims were being learned (several times TRIM_AUTO_S)."""
+    learning_s = LEARNING_TIMES * log.parameters.get("TRIM_AUTO_S", 0.0)
+    return leg.start_s - float(log.attitude.time_s[0]) < learning_s
+
+
+def _why_no_leg(log: "Log", windows: Sequence[Window]) -> str:
+    points = log.setpoints
+    if points.attitude_time_s.size == 0 or points.depth_time_s.size == 0:
+        return "the vehicle sent no set-points of heading and depth"
+    if windows:
+        return "the telemetry has gaps of half a leg"
+    leg = f"leg under water lasted {_SHORTEST_JUDGED_S:g} s with unchanged set-points"
+    return f"too short: no {leg}"
+
+
+def _trims_learned(texts: Sequence[str]) -> str:
+    said = (text for text in texts if text.startswith(TRIM_LEARNED))
+    return next(said, "").removeprefix(TRIM_LEARNED)
+
+
+def _row(leg: Leg) -> str:
+    span = f"{leg.start_s:.0f} - {leg.stop_s:.0f}"
+    points = f"{leg.heading_setpoint_deg:.0f} deg, {leg.depth_setpoint_m:.1f} m"
+    errors = "".join(f"{e.mean:9.2f}{e.p95:8.2f}" for e in (leg.heading_deg, leg.depth_m))
+    return f"  {span:>11s}  {points:>16s}{errors}"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"

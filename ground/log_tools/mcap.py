@@ -1,0 +1,250 @@
+"""What can be done with a finished or broken log: look into it, export it, save what is left of
+it."""
+
+import csv
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ground.errors import BadInputError
+from mavlink_io import dialect
+from mavlink_io.logging import mcap_reader, ros1
+from mavlink_io.logging.mavlink_log import PROFILE
+from mavlink_io.logging.mcap import McapWriter
+from mavlink_io.logging.mcap_reader import (
+    McapAttachment,
+    McapChannel,
+    McapError,
+    McapMessage,
+    McapMetadata,
+    McapReader,
+)
+
+
+class Recovered(NamedTuple):
+    """What was saved of an unfinished or damaged log."""
+
+    messages: int
+    damage: list[str]
+    """What is lost, place by place."""
+
+
+class LogError(BadInputError):
+    """A file that is no log, or no finished one; the message says which and what to do."""
+
+
+def info(path: Path) -> dict[str, Any]:
+    """What a finished log holds: span, messages by topic, lost frames, attachments, damage.
+
+    Raises:
+        LogError: the file is missing, no MCAP, or unfinished.
+    """
+    topics: dict[str, int] = {}
+    first_ns, last_ns = None, 0
+    attachments: list[str] = []
+    metadata: dict[str, dict[str, str]] = {}
+    gaps = _Gaps()
+    with _opened(path) as reader:
+        names: dict[int, str] = {}
+        for item in reader.items():
+            match item:
+                case McapMessage():
+                    topic = names[item.channel]
+                    topics[topic] = topics.get(topic, 0) + 1
+                    first_ns = item.time_ns if first_ns is None else min(first_ns, item.time_ns)
+                    last_ns = max(last_ns, item.time_ns)
+                    gaps.count(topic, item.sequence)
+                case McapChannel():
+                    names[item.number] = item.topic
+                case McapAttachment():
+                    attachments.append(item.name)
+                case McapMetadata():
+                    metadata[item.name] = item.values
+    return {
+        "file": str(path),
+        "bytes": path.stat().st_size,
+        "vehicle_s": 0.0 if first_ns is None else (last_ns - first_ns) / 1e9,
+        "messages": sum(topics.values()),
+        "lost_frames": gaps.lost,
+        "topics": dict(sorted(topics.items())),
+        "attachments": attachments,
+        "metadata": metadata,
+        "damage": mcap_reader.damage_texts(reader),
+    }
+
+
+def export_csv(path: Path, out: Path) -> list[Path]:
+    """Write each MAVLink topic as a CSV file into folder ``out``; returns the files.
+
+    Columns: vehicle or log time in seconds since the first message, then the fields, arrays as
+    ``name[i]``.
+
+    Raises:
+        LogError: the log is unreadable or damaged.
+        FileExistsError: a file of that name is there already.
+    """
+    rows: dict[str, list[list[Any]]] = {}
+    start_ns: int | None = None
+    with _opened(path, _is_mavlink) as reader:
+        names: dict[int, str] = {}
+        for item in reader.items():
+            match item:
+                case McapMessage():
+                    topic = names[item.channel]
+                    start_ns = item.time_ns if start_ns is None else start_ns
+                    time_s = (item.time_ns - start_ns) / 1e9
+                    rows.setdefault(topic, []).append([time_s, *_fields(path, topic, item.data)])
+                case McapChannel():
+                    names[item.number] = item.topic
+    _refuse_damaged(path, reader)
+    out.mkdir(parents=True, exist_ok=True)
+    return [_write_csv(out, topic, rows[topic]) for topic in sorted(rows)]
+
+
+def recover(path: Path, out: Path) -> Recovered:
+    """Copy every whole record of an unfinished or damaged log into a finished one.
+
+    Raises:
+        LogError: ``path`` is no MCAP file at all.
+        FileExistsError: ``out`` is there already.
+    """
+    with _opened(path, unfinished=True) as reader, out.open("xb") as target:
+        writer = McapWriter(target, PROFILE, "caribou recover")
+        try:
+            saved = _copy(reader, writer)
+        except McapError:
+            out.unlink()
+            raise
+        writer.finish()
+    return Recovered(saved, mcap_reader.damage_texts(reader))
+
+
+def read_attachment(path: Path, name: str) -> bytes | None:
+    """The file called ``name`` inside a finished log, or None. Raises LogError."""
+    with _opened(path, lambda channel: False) as reader:
+        files = [i.data for i in reader.items() if isinstance(i, McapAttachment) and i.name == name]
+    _refuse_damaged(path, reader)
+    return files[0] if files else None
+
+
+def read_parameters(path: Path) -> dict[str, float]:
+    """The parameters that were flown; LogError when the log carries none."""
+    data = read_attachment(path, "params.json")
+    if data is None:
+        raise LogError(f"{path}: holds no attachment params.json")
+    try:
+        values: dict[str, float] = json.loads(data)
+    except (ValueError, RecursionError):
+        needed = "must be an object of numbers by name"
+        raise LogError(f"{path}: attachment params.json {needed}") from None
+    return values
+
+
+class _Gaps:
+    """Counts what is missing between the sequence numbers of each sender."""
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self._expected: dict[str, int] = {}
+
+    def count(self, topic: str, sequence: int) -> None:
+        if not topic.startswith("/mavlink/"):
+            return
+        sender = topic.rsplit("/", 1)[0]
+        expected = self._expected.get(sender)
+        if expected is not None:
+            self.lost += (sequence - expected) & 0xFF
+        self._expected[sender] = (sequence + 1) & 0xFF
+
+
+@contextmanager
+def _opened(
+    path: Path,
+    wanted: Callable[[McapChannel], bool] = lambda channel: True,
+    *,
+    unfinished: bool = False,
+) -> Iterator[McapReader]:
+    """A reader of a log, which must be finished unless ``unfinished``.
+
+    Raises:
+        LogError: the file is no MCAP file, or exceeds a limit, also while it is read.
+    """
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from None
+    remedy = "" if unfinished else "; ground log recover saves what an unfinished one holds"
+    with file:
+        try:
+            reader = McapReader(file, wanted)
+            if not reader.finished and not unfinished:
+                raise McapError("it has no end")
+            yield reader
+        except McapError as error:
+            what = "no readable MCAP file" if unfinished else "no finished MCAP log"
+            raise LogError(f"{path}: {what} ({error}){remedy}") from None
+
+
+def _refuse_damaged(path: Path, reader: McapReader) -> None:
+    if reader.damage:
+        words = mcap_reader.damage_in_words(reader)
+        raise LogError(f"{path}: is damaged: {words}; ground log recover saves the rest")
+
+
+def _is_mavlink(channel: McapChannel) -> bool:
+    """Whether a channel holds a message of the dialect."""
+    if not channel.topic.startswith("/mavlink/") or channel.encoding != ros1.MESSAGE_ENCODING:
+        return False
+    return channel.topic.rsplit("/", 1)[1] in dialect.names()
+
+
+def _fields(path: Path, topic: str, payload: bytes) -> list[Any]:
+    message = dialect.by_name(topic.rsplit("/", 1)[1])
+    if len(payload) != message.struct.size:
+        sizes = f"{len(payload)} bytes long, MAVLink says {message.struct.size}"
+        raise LogError(f"{path}: {topic}: {sizes}")
+    return _flat(message.unpack(payload))
+
+
+def _copy(reader: McapReader, writer: McapWriter) -> int:
+    schemas: dict[int, int] = {}
+    channels: dict[int, int] = {}
+    saved = 0
+    for item in reader.items():
+        match item:
+            case McapMessage():
+                writer.add_message(channels[item.channel], item.time_ns, item.data, item.sequence)
+                saved += 1
+            case McapChannel():
+                schema = 0
+                if item.schema is not None:
+                    known, name, encoding, data = item.schema
+                    if known not in schemas:
+                        schemas[known] = writer.register_schema(name, encoding, data)
+                    schema = schemas[known]
+                channels[item.number] = writer.register_channel(item.topic, item.encoding, schema)
+            case McapAttachment():
+                writer.add_attachment(item.time_ns, item.name, item.media_type, item.data)
+            case McapMetadata():
+                writer.add_metadata(item.name, item.values)
+    return saved
+
+
+def _flat(fields: Any) -> list[Any]:
+    return [part for value in fields for part in (value if isinstance(value, tuple) else (value,))]
+
+
+def _write_csv(out: Path, topic: str, rows: list[list[Any]]) -> Path:
+    name = topic.removeprefix("/mavlink/").replace("/", "-")
+    target = out / f"{name}.csv"
+    header = ["time_s"]
+    for field in dialect.by_name(topic.rsplit("/", 1)[1]).fields:
+        is_array = field.array_length and field.type != "char"
+        header += (
+            [f"{field.name}[{i}]" for i in range(field.array_length)] if is_array else [field.name]
+        )
+    with target.open("x", newline="") as file:
+        csv.writer(file).writerows([header, *rows])
+    return target

@@ -1,0 +1,456 @@
+"""Reads MCAP files, https://mcap.dev/spec, from first to last record, and verifies every checksum.
+
+What a file holds is taken from its data section. The summary at the end, which has a checksum of
+its own, serves to find what the data section has lost. Sizes that a file declares are bounded
+before anything is allocated for them.
+"""
+
+import struct
+import zlib
+from bisect import bisect_right
+from collections.abc import Callable, Iterator
+from typing import BinaryIO, NamedTuple
+
+import zstandard
+from mcap.opcode import Opcode
+
+from mavlink_io.logging.mcap import MAGIC
+
+MAX_CHUNK_BYTES = 64_000_000
+"""Largest unpacked chunk that is read. Writers in use close a chunk at 0.06 to 4 MB."""
+MAX_EXPANSION = 100
+"""Largest ratio of all unpacked chunks to the file's size. Telemetry compresses 2 to 20 times."""
+SMALL_FILE_UNPACKED_BYTES = 16_000_000
+"""Added to that bound, so that a short log of constant values is read."""
+MAX_LISTED = 3
+"""Number of damaged places that ``damage_in_words`` lists."""
+
+_RECORD_HEAD = struct.Struct("<BQ")
+"""Opcode and length of the content."""
+_MESSAGE_HEAD = struct.Struct("<HIQ8x")
+"""Channel, sequence number, log time; the publish time is skipped."""
+_CHUNK_HEAD = struct.Struct("<QQQI")
+"""First and last log time, unpacked size, CRC-32 of the unpacked records."""
+_CHUNK_INDEX_HEAD = struct.Struct("<QQQ")
+"""First and last log time, place of the chunk."""
+_STATISTICS_HEAD = struct.Struct("<QHIIIIQ")
+"""Counts of messages, schemas, channels, attachments, metadata and chunks; first log time."""
+_FOOTER = struct.Struct("<QQI")
+"""Places of summary and summary offsets, CRC-32 of the summary."""
+_DATA_END_BYTES = _RECORD_HEAD.size + 4
+_FOOTER_BYTES = _RECORD_HEAD.size + _FOOTER.size
+
+
+class McapError(ValueError):
+    """A file that is no MCAP file or unpacks to more than the limits; the message says which."""
+
+
+class McapSchema(NamedTuple):
+    number: int
+    name: str
+    encoding: str
+    data: bytes
+
+
+class McapChannel(NamedTuple):
+    number: int
+    topic: str
+    encoding: str
+    schema: McapSchema | None
+
+
+class McapMessage(NamedTuple):
+    channel: int
+    sequence: int
+    time_ns: int
+    """Log time."""
+    data: bytes
+
+
+class McapAttachment(NamedTuple):
+    time_ns: int
+    name: str
+    media_type: str
+    data: bytes
+
+
+class McapMetadata(NamedTuple):
+    name: str
+    values: dict[str, str]
+
+
+McapItem = McapChannel | McapMessage | McapAttachment | McapMetadata
+
+
+class McapDamage(NamedTuple):
+    """A place in the file that cannot be read, and the log times of the messages lost with it."""
+
+    reason: str
+    first_ns: int | None = None
+    last_ns: int | None = None
+
+
+class _Summary(NamedTuple):
+    """What the summary says of the data section; empty where its checksum is absent or wrong."""
+
+    places: dict[int, int]
+    """Opcode of the record at each known place: chunks, attachments, metadata, end of the data."""
+    chunk_times: dict[int, tuple[int, int]]
+    """First and last log time of the chunk at each place."""
+    schemas: dict[int, McapSchema]
+    channels: dict[int, bytes]
+    """Content of the channel records by channel number."""
+    counts: tuple[int, int, int] | None
+    """Messages, attachments and metadata records."""
+    start_ns: int | None
+
+
+def _every(_: McapChannel) -> bool:
+    return True
+
+
+class McapReader:
+    """One pass over an MCAP file. Read ``damage`` when ``items`` is exhausted."""
+
+    def __init__(self, file: BinaryIO, wanted: Callable[[McapChannel], bool] = _every) -> None:
+        """``wanted`` chooses the channels whose messages are given.
+
+        Raises:
+            McapError: the file does not begin like an MCAP file.
+        """
+        self.damage: list[McapDamage] = []
+        self.finished = False
+        """Whether the file ends with a footer, as its writer leaves it on ``finish``."""
+        self._file, self._is_wanted = file, wanted
+        self._size = file.seek(0, 2)
+        self._end = self._size
+        self._summary = _Summary({}, {}, {}, {}, None, None)
+        self._schemas: dict[int, McapSchema] = {}
+        self._channels: dict[int, McapChannel] = {}
+        self._wanted: dict[int, bool] = {}
+        self._counts = [0, 0, 0]
+        self._unpacked_bytes = 0
+        self._first_ns: int | None = None
+        file.seek(0)
+        if file.read(len(MAGIC)) != MAGIC:
+            raise McapError("it does not begin with the MCAP magic bytes")
+        self._read_ending()
+
+    @property
+    def start_ns(self) -> int:
+        """Log time from which damage is counted: of the earliest message, or of the first read."""
+        known = self._first_ns if self._summary.start_ns is None else self._summary.start_ns
+        return known or 0
+
+    def items(self) -> Iterator[McapItem]:
+        """Channels, messages, attachments and metadata in the order of the file.
+
+        Each channel comes before its messages.
+
+        Raises:
+            McapError: the chunks unpack to more than the limits.
+        """
+        for at, opcode, content in self._records():
+            try:
+                if opcode == Opcode.CHUNK:
+                    yield from self._chunk_items(at, content)
+                elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
+                    yield from self._inner_items(_RECORD_HEAD.pack(opcode, len(content)) + content)
+                elif opcode == Opcode.ATTACHMENT:
+                    self._counts[1] += 1
+                    yield _attachment(content)
+                elif opcode == Opcode.METADATA:
+                    self._counts[2] += 1
+                    yield _metadata(content)
+            except McapError:
+                raise
+            except (struct.error, ValueError) as error:
+                self._note(f"{Opcode(opcode).name.lower()} at byte {at}: {error}")
+        counts = self._summary.counts
+        if not self.damage and counts is not None and counts != tuple(self._counts):
+            self._note(f"holds {self._counts[0]} messages, its statistics say {counts[0]}")
+
+    def _note(self, reason: str, times: tuple[int, int] | None = None) -> None:
+        first_ns, last_ns = times if times and times[0] <= times[1] else (None, None)
+        self.damage.append(McapDamage(reason, first_ns, last_ns))
+
+    def _read_ending(self) -> None:
+        """Find out whether the file was finished, and read its summary if the checksum is right."""
+        footer_at = self._size - len(MAGIC) - _FOOTER_BYTES
+        if footer_at < len(MAGIC):
+            return
+        self._file.seek(footer_at)
+        tail = self._file.read()
+        head = _RECORD_HEAD.unpack_from(tail)
+        if head != (Opcode.FOOTER, _FOOTER.size) or not tail.endswith(MAGIC):
+            return
+        self.finished, self._end = True, footer_at
+        start, _, crc = _FOOTER.unpack_from(tail, _RECORD_HEAD.size)
+        if start == 0 or crc == 0:
+            return
+        if start < len(MAGIC) + _DATA_END_BYTES or start > footer_at:
+            self._note(f"its footer places the summary at byte {start}")
+            return
+        self._file.seek(start)
+        summary = self._file.read(footer_at - start)
+        if zlib.crc32(summary + tail[: _FOOTER_BYTES - 4]) != crc:
+            self._note("the checksum of its summary is wrong")
+            return
+        try:
+            self._summary = _read_summary(summary)
+        except (struct.error, ValueError) as error:
+            self._note(f"its summary: {error}")
+            return
+        self._end = start
+        self._summary.places[start - _DATA_END_BYTES] = Opcode.DATA_END
+
+    def _records(self) -> Iterator[tuple[int, int, bytes]]:
+        """Place, opcode and content of each record of the data section.
+
+        After a broken record it goes on at the next place that the summary knows.
+        """
+        places = self._summary.places
+        ordered = sorted(place for place in places if place <= self._end)
+        at, crc = len(MAGIC), zlib.crc32(MAGIC)
+        self._file.seek(at)
+        while at < self._end:
+            index = bisect_right(ordered, at)
+            following = ordered[index] if index < len(ordered) else self._end
+            head = self._file.read(_RECORD_HEAD.size)
+            opcode, length = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (0, 0)
+            end = at + _RECORD_HEAD.size + length
+            if opcode == 0 or end > following or places.get(at, opcode) != opcode:
+                self._note(f"broken record at byte {at}", self._summary.chunk_times.get(at))
+                at = following
+                self._file.seek(at)
+                continue
+            content = self._file.read(length)
+            if opcode == Opcode.DATA_END:
+                self._check_data_section(content, crc)
+                return
+            crc = zlib.crc32(content, zlib.crc32(head, crc))
+            yield at, opcode, content
+            at = end
+        if self.finished and not self.damage:
+            self._note("its data section has no end record")
+
+    def _check_data_section(self, content: bytes, crc: int) -> None:
+        """Compare the checksum of the data section. Damage that is known explains a wrong one."""
+        declared = int.from_bytes(content[:4], "little")
+        if declared not in (0, crc) and not self.damage:
+            self._note("the checksum of its data section is wrong, its chunks are whole")
+
+    def _chunk_items(self, at: int, content: bytes) -> Iterator[McapItem]:
+        first_ns, last_ns, size, crc = _CHUNK_HEAD.unpack_from(content)
+        times = self._summary.chunk_times.get(at, (first_ns, last_ns))
+        try:
+            compression, start = _text(content, _CHUNK_HEAD.size)
+            stored = content[start + 8 :]
+            if len(stored) != int.from_bytes(content[start : start + 8], "little"):
+                raise ValueError("its length is wrong")
+            records = _unpacked(stored, compression, size)
+            self._count_unpacked(len(records))
+            if crc not in (0, zlib.crc32(records)):
+                raise ValueError("its checksum is wrong")
+            yield from self._inner_items(records)
+        except McapError:
+            raise
+        except (struct.error, ValueError) as error:
+            self._note(f"chunk at byte {at}: {error}", times)
+
+    def _count_unpacked(self, size: int) -> None:
+        self._unpacked_bytes += size
+        limit = MAX_EXPANSION * self._size + SMALL_FILE_UNPACKED_BYTES
+        if self._unpacked_bytes > limit:
+            raise McapError(f"its {self._size} bytes unpack to more than {limit / 1e6:.0f} MB")
+
+    def _inner_items(self, records: bytes) -> Iterator[McapItem]:
+        """What the records of a chunk hold, or one record outside of chunks."""
+        at, end, count, message = 0, len(records), 0, int(Opcode.MESSAGE)
+        wanted = self._wanted
+        while at < end:
+            opcode, length = _RECORD_HEAD.unpack_from(records, at)
+            at += _RECORD_HEAD.size
+            if at + length > end:
+                raise ValueError("a record in it reaches beyond its end")
+            if opcode == message:
+                if length < _MESSAGE_HEAD.size:
+                    raise ValueError(f"a message in it is {length} bytes long")
+                number, sequence, time_ns = _MESSAGE_HEAD.unpack_from(records, at)
+                if number not in wanted:
+                    yield self._channel_from_summary(number)
+                count += 1
+                if self._first_ns is None:
+                    self._first_ns = time_ns
+                if wanted[number]:
+                    data = records[at + _MESSAGE_HEAD.size : at + length]
+                    yield McapMessage(number, sequence, time_ns, data)
+            elif opcode == Opcode.SCHEMA:
+                schema = _schema(records[at : at + length])
+                self._schemas[schema.number] = schema
+            elif opcode == Opcode.CHANNEL:
+                channel = _channel(records[at : at + length], self._schemas)
+                if channel.number not in self._channels:
+                    yield self._register(channel)
+                elif channel != self._channels[channel.number]:
+                    raise ValueError(f"channel {channel.number} is described twice, differently")
+            at += length
+        self._counts[0] += count
+
+    def _register(self, channel: McapChannel) -> McapChannel:
+        self._channels[channel.number] = channel
+        self._wanted[channel.number] = self._is_wanted(channel)
+        return channel
+
+    def _channel_from_summary(self, number: int) -> McapChannel:
+        """The channel of a message whose description was lost with a chunk. Raises ValueError."""
+        if number not in self._summary.channels:
+            raise ValueError(f"channel {number} is not described")
+        schemas = self._summary.schemas | self._schemas
+        return self._register(_channel(self._summary.channels[number], schemas))
+
+
+def damage_in_words(reader: McapReader) -> str:
+    """Where a file is damaged and which seconds of the log are lost, in one line."""
+    texts = damage_texts(reader)
+    more = [f"and {len(texts) - MAX_LISTED} more places"] if len(texts) > MAX_LISTED else []
+    return "; ".join([*texts[:MAX_LISTED], *more])
+
+
+def damage_texts(reader: McapReader) -> list[str]:
+    """What is damaged in a file, place by place; seconds count from the log's first message."""
+    return [_in_words(damage, reader.start_ns) for damage in reader.damage]
+
+
+def _in_words(damage: McapDamage, start_ns: int) -> str:
+    if damage.first_ns is None or damage.last_ns is None:
+        return damage.reason
+    first_s, last_s = ((ns - start_ns) / 1e9 for ns in (damage.first_ns, damage.last_ns))
+    return f"{damage.reason} ({first_s:.2f} to {last_s:.2f} s of the log are lost)"
+
+
+def _unpacked(stored: bytes, compression: str, size: int) -> bytes:
+    """The records of a chunk, for which at most ``size`` bytes are allocated. Raises ValueError."""
+    if size > MAX_CHUNK_BYTES:
+        limit = f"the limit is {MAX_CHUNK_BYTES / 1e6:.0f} MB"
+        raise ValueError(f"it declares {size / 1e6:.0f} MB of unpacked records, {limit}")
+    if compression == "zstd":
+        records = _unpacked_zstd(stored, size)
+    elif compression == "lz4":
+        records = _unpacked_lz4(stored, size)
+    elif compression == "":
+        records = stored
+    else:
+        raise ValueError(f"its compression {compression!r} is neither zstd nor lz4")
+    if len(records) != size:
+        raise ValueError("it does not unpack to the size that it declares")
+    return records
+
+
+def _unpacked_zstd(stored: bytes, size: int) -> bytes:
+    # zstandard allocates what the frame declares, whatever bound it is given: compare that first
+    try:
+        if zstandard.frame_content_size(stored) not in (-1, size):
+            raise ValueError("it does not unpack to the size that it declares")
+        unpacker = zstandard.ZstdDecompressor(max_window_size=2 * MAX_CHUNK_BYTES)
+        return unpacker.decompress(stored, max_output_size=size)
+    except zstandard.ZstdError:
+        raise ValueError("its zstd data are broken") from None
+
+
+def _unpacked_lz4(stored: bytes, size: int) -> bytes:
+    import lz4.frame
+
+    try:
+        records: bytes = lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=size + 1)
+    except RuntimeError:
+        raise ValueError("its lz4 data are broken") from None
+    return records
+
+
+def _read_summary(data: bytes) -> _Summary:
+    """Raises struct.error and ValueError."""
+    summary = _Summary({}, {}, {}, {}, None, None)
+    at = 0
+    while at < len(data):
+        opcode, length = _RECORD_HEAD.unpack_from(data, at)
+        at += _RECORD_HEAD.size
+        content = data[at : at + length]
+        if len(content) != length:
+            raise ValueError("a record in it reaches beyond its end")
+        at += length
+        match opcode:
+            case Opcode.SCHEMA:
+                schema = _schema(content)
+                summary.schemas[schema.number] = schema
+            case Opcode.CHANNEL:
+                summary.channels[int.from_bytes(content[:2], "little")] = content
+            case Opcode.CHUNK_INDEX:
+                first_ns, last_ns, place = _CHUNK_INDEX_HEAD.unpack_from(content)
+                summary.places[place] = Opcode.CHUNK
+                summary.chunk_times[place] = first_ns, last_ns
+            case Opcode.ATTACHMENT_INDEX:
+                summary.places[int.from_bytes(content[:8], "little")] = Opcode.ATTACHMENT
+            case Opcode.METADATA_INDEX:
+                summary.places[int.from_bytes(content[:8], "little")] = Opcode.METADATA
+            case Opcode.STATISTICS:
+                numbers = _STATISTICS_HEAD.unpack_from(content)
+                counts = numbers[0], numbers[3], numbers[4]
+                summary = summary._replace(counts=counts, start_ns=numbers[6])
+    return summary
+
+
+def _schema(content: bytes) -> McapSchema:
+    (number,) = struct.unpack_from("<H", content)
+    name, at = _text(content, 2)
+    encoding, at = _text(content, at)
+    data, _ = _blob(content, at)
+    return McapSchema(number, name, encoding, data)
+
+
+def _channel(content: bytes, schemas: dict[int, McapSchema]) -> McapChannel:
+    number, schema = struct.unpack_from("<HH", content)
+    topic, at = _text(content, 4)
+    encoding, _ = _text(content, at)
+    if schema and schema not in schemas:
+        raise ValueError(f"schema {schema} of {topic} is not described")
+    return McapChannel(number, topic, encoding, schemas[schema] if schema else None)
+
+
+def _attachment(content: bytes) -> McapAttachment:
+    (time_ns,) = struct.unpack_from("<Q", content)
+    name, at = _text(content, 16)
+    media_type, at = _text(content, at)
+    (length,) = struct.unpack_from("<Q", content, at)
+    data = content[at + 8 : at + 8 + length]
+    (crc,) = struct.unpack_from("<I", content, at + 8 + len(data))
+    if len(data) != length or crc not in (0, zlib.crc32(content[:-4])):
+        raise ValueError("its checksum is wrong")
+    return McapAttachment(time_ns, name, media_type, data)
+
+
+def _metadata(content: bytes) -> McapMetadata:
+    name, at = _text(content, 0)
+    entries, _ = _blob(content, at)
+    values, at = {}, 0
+    while at < len(entries):
+        key, at = _text(entries, at)
+        values[key], at = _text(entries, at)
+    return McapMetadata(name, values)
+
+
+def _text(data: bytes, at: int) -> tuple[str, int]:
+    """A text behind its length, and where it ends. Raises ValueError."""
+    blob, end = _blob(data, at)
+    try:
+        return blob.decode(), end
+    except UnicodeDecodeError:
+        raise ValueError("a text in it is no UTF-8") from None
+
+
+def _blob(data: bytes, at: int) -> tuple[bytes, int]:
+    (length,) = struct.unpack_from("<I", data, at)
+    end = at + 4 + length
+    if end > len(data):
+        raise ValueError("a length in it reaches beyond its end")
+    return data[at + 4 : end], end

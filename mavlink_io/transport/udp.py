@@ -1,0 +1,162 @@
+"""UDP: datagrams to one peer, or to every peer that was received lately."""
+
+import contextlib
+import errno
+import math
+import socket
+from collections.abc import Sequence
+
+from mavlink_io.clock import wall_s
+from mavlink_io.transport.base import MAX_DATAGRAM, Handle, Piece, opened
+
+PEER_IDLE_S = 10.0
+"""A UDP peer that was silent for longer is forgotten."""
+MAX_PEERS = 32
+"""Peers of one ``udpin``. While it has so many, datagrams of further peers are ignored: a flood of
+source ports neither fills the memory nor displaces a peer that is there."""
+RECONNECT_S = 1.0
+"""Wall seconds from one attempt to connect without a route to the next."""
+
+_NO_ROUTE = frozenset(
+    (
+        errno.ENETUNREACH,
+        errno.EHOSTUNREACH,
+        errno.ENETDOWN,
+        errno.EADDRNOTAVAIL,
+        errno.EINVAL,
+    )
+)
+"""There is no route to the peer, or (EINVAL) the local address that the socket uses is gone."""
+
+Address = tuple[str, int]
+
+
+class UdpTransport:
+    """A bound UDP socket (``udpin``) that learns its peers and sends to all of them.
+
+    Datagrams that cannot leave or arrive, as while a network is down, are lost like any other.
+    """
+
+    def __init__(self, address: str, host: str, port: int) -> None:
+        self.address = address
+        self._peers: dict[Address, float] = {}
+        self._socket = _udp_socket()
+        opened(address, lambda: self._socket.bind((host, port)))
+
+    def handles(self) -> Sequence[Handle]:
+        return (self._socket,)
+
+    def send(self, data: bytes) -> None:
+        for peer in list(self._peers):
+            with contextlib.suppress(OSError):
+                self._socket.sendto(data, peer)
+
+    def receive(self) -> bytes:
+        return b"".join(data for _, data in self.receive_from())
+
+    def receive_from(self) -> Sequence[Piece]:
+        try:
+            data, peer = self._socket.recvfrom(MAX_DATAGRAM)
+        except OSError:
+            return ()
+        return ((peer, data),) if self._remember(peer) else ()
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def _remember(self, peer: Address) -> bool:
+        """Note that a peer was received; False where there is no room for a new one."""
+        now = wall_s()
+        if peer not in self._peers:
+            for idle in [p for p, seen in self._peers.items() if now - seen > PEER_IDLE_S]:
+                del self._peers[idle]
+            if len(self._peers) >= MAX_PEERS:
+                return False
+        self._peers[peer] = now
+        return True
+
+
+class UdpClient:
+    """A UDP socket connected to one peer (``udpout``): the kernel drops what others send to it.
+
+    A peer that is not there yet, or starts again on the same port, loses only what was sent
+    meanwhile. Without a route to the peer a connection is tried again every ``RECONNECT_S``.
+    """
+
+    def __init__(self, address: str, host: str, port: int) -> None:
+        self.address = address
+        self._peer: Address = opened(address, lambda: (socket.gethostbyname(host), port))
+        self._socket: socket.socket | None = None
+        self._retry_s = 0.0
+        opened(address, self._connect)
+
+    def handles(self) -> Sequence[Handle]:
+        connected = self._connected()
+        return () if connected is None else (connected,)
+
+    def send(self, data: bytes) -> None:
+        connected = self._connected()
+        if connected is None:
+            return
+        try:
+            try:
+                connected.send(data)
+            except ConnectionRefusedError:  # of an earlier datagram: this one has not been sent
+                connected.send(data)
+        except OSError as error:
+            if error.errno in _NO_ROUTE:
+                self._disconnect()
+
+    def receive(self) -> bytes:
+        if self._socket is None:
+            return b""
+        try:
+            try:
+                return self._socket.recv(MAX_DATAGRAM)
+            except (
+                ConnectionRefusedError
+            ):  # of a datagram that was sent; what arrived is still there
+                return self._socket.recv(MAX_DATAGRAM)
+        except OSError:
+            return b""
+
+    def close(self) -> None:
+        self._disconnect()
+        self._retry_s = math.inf
+
+    def _connected(self) -> socket.socket | None:
+        if self._socket is None and wall_s() >= self._retry_s:
+            with contextlib.suppress(OSError):
+                self._connect()
+        return self._socket
+
+    def _connect(self) -> None:
+        """Connect a new socket: an old one keeps its local address, which may be gone.
+
+        Raises:
+            OSError: the peer's address cannot be used. A missing route, which may come, is no
+            error.
+        """
+        self._retry_s = wall_s() + RECONNECT_S
+        connecting = _udp_socket()
+        try:
+            connecting.connect(self._peer)
+        except OSError as error:
+            connecting.close()
+            if error.errno not in _NO_ROUTE:
+                raise
+            return
+        self._socket = connecting
+
+    def _disconnect(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+def _udp_socket() -> socket.socket:
+    udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    udp.setblocking(False)
+    with contextlib.suppress(OSError):
+        udp.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+    return udp

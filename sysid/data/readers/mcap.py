@@ -1,0 +1,164 @@
+"""MCAP logs: what ground and the vehicle record, and anyone who follows their log contract
+(docs/logs.md)."""
+
+import json
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavlink_io.logging.mcap_reader import (
+    McapAttachment,
+    McapChannel,
+    McapError,
+    McapMessage,
+    McapReader,
+    damage_in_words,
+)
+from sysid.data import ros1
+from sysid.data.dataset import Array, Log, LogError
+from sysid.data.readers.messages import (
+    CANDIDATES,
+    DUCT,
+    DUCT_COMPONENT,
+    Messages,
+    assemble,
+    wanted,
+)
+from sysid.data.readers.servo_channels import Outputs
+
+
+def read(path: Path, outputs: Outputs) -> Log:
+    """Read one MCAP log.
+
+    Raises:
+        LogError: the file is missing, unfinished, damaged, no MCAP, or lacks a message that
+            identification needs.
+    """
+    messages, parameters, ahead = _load(path)
+    return assemble(path, messages, parameters, outputs, ahead)
+
+
+def _load(path: Path) -> tuple[Messages, dict[str, float], tuple[Array, Array]]:
+    """The vehicle's messages, the parameters, and how far the log's clock is ahead of hers."""
+    streams = _Streams()
+    try:
+        with path.open("rb") as file:
+            reader = McapReader(file, _may_be_needed)
+            if not reader.finished:
+                raise LogError(
+                    f"{path}: was never finished; `ground log recover` makes it readable"
+                )
+            for item in reader.items():
+                streams.add(item)
+    except McapError as error:
+        raise LogError(f"{path}: is no readable MCAP file: {error}") from None
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}; give an MCAP log") from None
+    if reader.damage:
+        remedy = "`ground log recover` saves the rest"
+        raise LogError(f"{path}: is damaged: {damage_in_words(reader)}; {remedy}")
+    messages = _decoded(streams, path)
+    return messages, _parameters(streams.parameters, path), _ahead(messages)
+
+
+def _may_be_needed(channel: McapChannel) -> bool:
+    return channel.topic.startswith("/mavlink/") and channel.topic.rsplit("/", 1)[1] in CANDIDATES
+
+
+class _Streams:
+    """What was read of a file: channels, and payloads and log times of those that may be needed."""
+
+    def __init__(self) -> None:
+        self.channels: dict[str, McapChannel] = {}
+        self.payloads: dict[str, list[bytes]] = defaultdict(list)
+        self.stamps: dict[str, list[int]] = defaultdict(list)
+        self.parameters: bytes | None = None
+        self._topics: dict[int, str] = {}
+
+    def add(self, item: object) -> None:
+        match item:
+            case McapMessage():
+                topic = self._topics[item.channel]
+                self.payloads[topic].append(item.data)
+                self.stamps[topic].append(item.time_ns)
+            case McapChannel():
+                self.channels[item.topic] = item
+                self._topics[item.number] = item.topic
+            case McapAttachment() if item.name == "params.json" and self.parameters is None:
+                self.parameters = item.data
+
+
+def _decoded(streams: _Streams, path: Path) -> Messages:
+    """Vehicle times and records by message name."""
+    topics = {name: topic for topic, name in _vehicle_topics(streams.channels, path).items()}
+    records, stamps = {}, {}
+    for name, topic in topics.items():
+        if topic in streams.payloads:
+            records[name] = _records(streams.channels[topic], streams.payloads[topic], path)
+            stamps[name] = streams.stamps[topic]
+    start_ns = _start_ns(records, stamps, path)
+
+    def seconds(name: str) -> Array:
+        return np.array([stamp - start_ns for stamp in stamps[name]], np.float64) * 1e-9
+
+    return {name: (seconds(name), records[name]) for name in records}
+
+
+def _records(channel: McapChannel, payloads: list[bytes], path: Path) -> NDArray[Any]:
+    if channel.schema is None:
+        raise LogError(f"{path}: {channel.topic} has no schema; it must be a ros1msg definition")
+    try:
+        return ros1.decode(payloads, ros1.record_type(channel.schema.data.decode()))
+    except (ValueError, OverflowError) as error:
+        raise LogError(f"{path}: {channel.topic}: {error}") from None
+
+
+def _vehicle_topics(channels: dict[str, McapChannel], path: Path) -> dict[str, str]:
+    """Message name by topic, of the one system that sends ATTITUDE."""
+    topics = sorted(channels)
+    parts = [(topic, topic.split("/")) for topic in topics if topic.startswith("/mavlink/")]
+    vehicles = sorted({(p[2], p[3]) for _, p in parts if len(p) == 5 and p[4] == "ATTITUDE"})
+    if len(vehicles) > 1:
+        raise LogError(
+            f"{path}: {len(vehicles)} vehicles send ATTITUDE; a log for identification holds one"
+        )
+    sent = {t: p[4] for t, p in parts if len(p) == 5 and (p[2], p[3]) in vehicles}
+    names = wanted(set(sent.values()))
+    ducts = {f"/mavlink/{system}/{DUCT_COMPONENT}/ACTUATOR_OUTPUT_STATUS" for system, _ in vehicles}
+    return {t: name for t, name in sent.items() if name in names} | {
+        t: DUCT for t in topics if t in ducts
+    }
+
+
+def _start_ns(records: dict[str, NDArray[Any]], stamps: dict[str, list[int]], path: Path) -> int:
+    """UNIX time of vehicle time zero: log time less the time that the vehicle put in its
+    messages."""
+    if "ATTITUDE" not in records:
+        return 0
+    attitude = records["ATTITUDE"]
+    if "time_boot_ms" not in (attitude.dtype.names or ()):
+        raise LogError(
+            f"{path}: ATTITUDE carries no time_boot_ms; it must follow the MAVLink definition"
+        )
+    return int(stamps["ATTITUDE"][0]) - int(attitude["time_boot_ms"][0]) * 1_000_000
+
+
+def _ahead(messages: Messages) -> tuple[Array, Array]:
+    """Times of ATTITUDE, and by how much they are ahead of those in the messages."""
+    if "ATTITUDE" not in messages:
+        return np.empty(0), np.empty(0)
+    time_s, record = messages["ATTITUDE"]
+    return time_s, time_s - record["time_boot_ms"] * 1e-3
+
+
+def _parameters(data: bytes | None, path: Path) -> dict[str, float]:
+    if data is None:
+        return {}
+    try:
+        return {str(name): float(value) for name, value in json.loads(data).items()}
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
+        needed = "must be an object of numbers by name"
+        raise LogError(f"{path}: attachment params.json {needed}") from None

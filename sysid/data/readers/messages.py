@@ -1,0 +1,195 @@
+"""A vehicle's MAVLink messages, decoded, as a ``Log``: what MCAP logs and tlogs have in common."""
+
+import math
+import re
+from collections.abc import Container, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid.data.dataset import (
+    Actuators,
+    Array,
+    Attitude,
+    Clock,
+    Depth,
+    Duct,
+    Event,
+    Log,
+    LogError,
+    Setpoints,
+)
+from sysid.data.readers.samples import (
+    DEFAULT_TRAVEL_DEG,
+    clock_steps,
+    digest,
+    euler_rad,
+    increasing,
+)
+from sysid.data.readers.servo_channels import Outputs, steer
+
+DUCT = "duct"
+"""The name here of what the tailcone's component sends under the name of the autopilot's own
+message."""
+DUCT_COMPONENT = 140
+"""MAV_COMP_ID_SERVO1."""
+
+_SERVOS = "SERVO_OUTPUT_RAW"
+"""What autopilots tell that do not send ACTUATOR_OUTPUT_STATUS: pulses."""
+_COMMANDED = "ACTUATOR_OUTPUT_STATUS"
+_NEEDED = ("ATTITUDE", _COMMANDED, "LOCAL_POSITION_NED")
+_WANTED = (*_NEEDED, "ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "STATUSTEXT")
+CANDIDATES = frozenset((*_WANTED, _SERVOS))
+"""Every message that ``wanted`` may choose."""
+_FIELDS: dict[str, dict[str, int]] = {
+    "ATTITUDE": dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0),
+    "LOCAL_POSITION_NED": {"z": 0, "vz": 0},
+    "ATTITUDE_TARGET": {"q": 4},
+    "POSITION_TARGET_LOCAL_NED": {"z": 0},
+    "STATUSTEXT": {"severity": 0, "text": 1, "id": 0, "chunk_seq": 0},
+    _COMMANDED: {"actuator": 1},
+    _SERVOS: {"servo1_raw": 0},
+    DUCT: {"actuator": 2},
+}
+"""Fields that are read of each message: 0 for a single value, else the least length of an array."""
+
+Messages = dict[str, tuple[Array, NDArray[Any]]]
+"""Vehicle times and records by message name."""
+
+
+def wanted(sent: Container[str]) -> tuple[str, ...]:
+    """The messages to read of a vehicle that ``sent`` some."""
+    return (*_WANTED, _SERVOS) if _COMMANDED not in sent and _SERVOS in sent else _WANTED
+
+
+def assemble(
+    path: Path,
+    messages: Messages,
+    parameters: dict[str, float],
+    outputs: Outputs,
+    ahead: tuple[Array, Array],
+) -> Log:
+    """The log of one vehicle. ``ahead``: times, and how far the recorder's clock is ahead of the
+    vehicle's.
+
+    Raises:
+        LogError: a message is missing that identification needs.
+    """
+    missing = [
+        name
+        for name in _NEEDED
+        if name not in messages and (name != _COMMANDED or _SERVOS not in messages)
+    ]
+    if missing:
+        raise LogError(
+            f"{path}: holds no {', '.join(missing)} of a vehicle; identification needs"
+            f" {', '.join(_NEEDED)}"
+        )
+    travel_rad = math.radians(parameters.get("ACT_TRAVEL_DEG", DEFAULT_TRAVEL_DEG))
+    _refuse_other_definitions(path, messages)
+    commanded = _COMMANDED if _COMMANDED in messages else _SERVOS
+    steps = [
+        step
+        for name in (*_NEEDED, _SERVOS)
+        if name in messages
+        for step in clock_steps(name, messages[name][0])
+    ]
+    return Log(
+        name=path.name,
+        sha256=digest(
+            {name: record.tobytes() for name, (_, record) in messages.items()}, parameters
+        ),
+        attitude=_attitude(*messages["ATTITUDE"]),
+        actuators=_actuators(*messages[commanded], travel_rad, outputs, f"{path}: {commanded}"),
+        depth=_depth(*messages["LOCAL_POSITION_NED"]),
+        setpoints=_setpoints(messages),
+        events=_events(*messages["STATUSTEXT"]) if "STATUSTEXT" in messages else (),
+        parameters=parameters,
+        duct=_duct(*messages[DUCT], travel_rad) if DUCT in messages else Duct(*(np.empty(0),) * 3),
+        clock=Clock(tuple(steps), *ahead),
+    )
+
+
+def _refuse_other_definitions(path: Path, messages: Messages) -> None:
+    """Raise LogError where the schema of a message lacks a field that is read here."""
+    for name, (_, record) in messages.items():
+        types: Mapping[str, Any] = record.dtype.fields or {}
+        for field, length in _FIELDS[name].items():
+            shape = types[field][0].shape if field in types else (-1,)
+            if (shape != ()) if length == 0 else (not shape or shape[0] < length):
+                needed = "it must follow the MAVLink definition"
+                raise LogError(f"{path}: {name} lacks field {field}; {needed}")
+
+
+def _columns(record: NDArray[Any], keep: NDArray[np.bool_], *names: str) -> list[Array]:
+    return [record[name][keep].astype(np.float64) for name in names]
+
+
+def _attitude(time_s: Array, record: NDArray[Any]) -> Attitude:
+    keep = increasing(time_s)
+    roll, pitch, yaw, p, q, r = _columns(
+        record, keep, "roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"
+    )
+    return Attitude(time_s[keep], roll, pitch, np.unwrap(yaw), p, q, r)
+
+
+def _actuators(
+    time_s: Array, record: NDArray[Any], travel_rad: float, outputs: Outputs, where: str
+) -> Actuators:
+    keep = increasing(time_s)
+    rudder, elevator, thrust = steer(_outputs(record[keep]), outputs, where)
+    return Actuators(time_s[keep], rudder * travel_rad, elevator * travel_rad, thrust)
+
+
+def _outputs(record: NDArray[Any]) -> Array:
+    """Every output of a message, shape (n, outputs)."""
+    names = record.dtype.names or ()
+    if "actuator" in names:
+        return np.asarray(record["actuator"], np.float64)
+    servos = [name for name in names if re.fullmatch(r"servo\d+_raw", name)]
+    servos.sort(key=lambda name: int(name[5:-4]))
+    return np.stack([record[name].astype(np.float64) for name in servos], axis=1)
+
+
+def _duct(time_s: Array, record: NDArray[Any], travel_rad: float) -> Duct:
+    keep = increasing(time_s)
+    angles = record["actuator"][keep].astype(np.float64) * travel_rad
+    return Duct(time_s[keep], angles[:, 0], angles[:, 1])
+
+
+def _depth(time_s: Array, record: NDArray[Any]) -> Depth:
+    keep = increasing(time_s)
+    return Depth(time_s[keep], *_columns(record, keep, "z", "vz"))
+
+
+def _setpoints(messages: Messages) -> Setpoints:
+    nothing = np.empty(0)
+    attitude_time, heading, pitch, depth_time, depth = nothing, nothing, nothing, nothing, nothing
+    if "ATTITUDE_TARGET" in messages:
+        time_s, record = messages["ATTITUDE_TARGET"]
+        keep = increasing(time_s)
+        _, pitch, heading = euler_rad(*record["q"][keep, :4].astype(np.float64).T)
+        attitude_time, heading = time_s[keep], np.unwrap(heading)
+    if "POSITION_TARGET_LOCAL_NED" in messages:
+        time_s, record = messages["POSITION_TARGET_LOCAL_NED"]
+        keep = increasing(time_s)
+        depth_time, (depth,) = time_s[keep], _columns(record, keep, "z")
+    return Setpoints(attitude_time, heading, pitch, depth_time, depth)
+
+
+def _events(time_s: Array, record: NDArray[Any]) -> tuple[Event, ...]:
+    """Status texts, the chunks of a long one (id not 0) joined in the order of their sequence
+    numbers."""
+    events: list[Event] = []
+    open_id = 0
+    for time, row in zip(time_s, record, strict=True):
+        text = row["text"].tobytes().split(b"\0", 1)[0].decode("utf-8", "replace")
+        if open_id and row["id"] == open_id and row["chunk_seq"] > 0:
+            last = events.pop()
+            events.append(Event(last.time_s, last.severity, last.text + text))
+        else:
+            events.append(Event(float(time), int(row["severity"]), text))
+        open_id = int(row["id"])
+    return tuple(events)

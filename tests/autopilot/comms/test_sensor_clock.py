@@ -1,0 +1,190 @@
+"""Vehicle time from stamps: it increases, ignores a bad stamp, and follows a new time base."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from autopilot.comms import sensor_clock
+from autopilot.comms.hil import Sample
+from autopilot.comms.sensor_clock import (
+    CONFIRM_SAMPLES,
+    LONGEST_INTERVAL_US,
+    LOST_SAMPLES,
+    SensorClock,
+    Verdict,
+    judge,
+    rebase,
+)
+from mavlink_io import dialect
+from mavlink_io.codec import Frame, Framer, encode
+from mavlink_io.records import Altimeter, DuctFeedback, Dvl, GpsFix
+from tests.helpers.fake_hil import TICK_US, sensors
+
+TAKEN = (Verdict.NEW, Verdict.RESTARTED)
+STAMPS = st.integers(0, 2**64 - 1)
+"""Whatever HIL_SENSOR.time_usec may hold."""
+SETTLED = 40
+"""Samples after which the usual interval is known: LONGEST_INTERVAL_US decays to a tick's in 16."""
+AHEAD_US = LOST_SAMPLES * TICK_US
+"""A stamp no further ahead than this looks like lost samples."""
+
+
+Verdicts = list[tuple[Verdict, int]]
+
+
+def run(stamps: Sequence[int], clock: SensorClock | None = None) -> tuple[SensorClock, Verdicts]:
+    """The verdict on each stamp, with the vehicle time that goes with it."""
+    clock, verdicts = clock or SensorClock(), []
+    for stamp_us in stamps:
+        clock, verdict = judge(clock, stamp_us, 0)
+        verdicts.append((verdict, stamp_us + clock.offset_us))
+    return clock, verdicts
+
+
+def honest(count: int, first_us: int = 0) -> list[int]:
+    return [first_us + n * TICK_US for n in range(count)]
+
+
+@given(at=st.integers(SETTLED, SETTLED + 20), bad_us=STAMPS)
+def test_one_bad_stamp_has_no_effect(at: int, bad_us: int) -> None:
+    stamps = honest(SETTLED + 40)
+    newest_us = stamps[at - 1]
+    if 0 < bad_us - newest_us <= AHEAD_US:
+        return
+    _, verdicts = run([*stamps[:at], bad_us, *stamps[at:]])
+    assert verdicts.pop(at)[0] in (Verdict.REFUSED, Verdict.REPEATED)
+    assert verdicts == [(Verdict.NEW, stamp_us) for stamp_us in stamps]
+
+
+@pytest.mark.parametrize("bad_us", [1_000_000, -1_000_000, 200_000, -20_000])
+def test_bad_stamp_near_has_no_effect(bad_us: int) -> None:
+    """One second ahead, as reported; the search of stamps above hardly ever comes so near."""
+    stamps = honest(100)
+    bad = [*stamps[:80], stamps[79] + bad_us, *stamps[80:]]
+    _, verdicts = run(bad)
+    assert verdicts.pop(80)[0] is Verdict.REFUSED
+    assert verdicts == [(Verdict.NEW, stamp_us) for stamp_us in stamps]
+
+
+@given(ahead_us=st.integers(1, AHEAD_US))
+def test_stamp_little_ahead_costs_few_samples(ahead_us: int) -> None:
+    """Too few to be taken for a new time base; the last of them may have the wrong one's stamp."""
+    stamps = honest(SETTLED + 40)
+    _, verdicts = run([*stamps[:SETTLED], stamps[SETTLED - 1] + ahead_us, *stamps[SETTLED:]])
+    rest = verdicts[SETTLED + 1 :]
+    assert sum(verdict is not Verdict.NEW for verdict, _ in rest) <= CONFIRM_SAMPLES
+    assert Verdict.RESTARTED not in [verdict for verdict, _ in verdicts]
+    assert rest[-1] == (Verdict.NEW, stamps[-1])
+
+
+@given(base_us=st.integers(0, 2**62))
+def test_new_time_base_is_followed_without_gap(base_us: int) -> None:
+    before = honest(SETTLED)
+    newest_us = before[-1]
+    if abs(base_us - newest_us) <= 10 * AHEAD_US:
+        return
+    clock, verdicts = run([*before, *honest(20, base_us)])
+    after = verdicts[SETTLED:]
+    wanted = [Verdict.REFUSED] * 4 + [Verdict.RESTARTED] + [Verdict.NEW] * 15
+    assert [verdict for verdict, _ in after] == wanted
+    times_us = [time_us for verdict, time_us in after if verdict in TAKEN]
+    assert times_us == honest(16, newest_us + clock.interval_us + 4 * TICK_US)
+    assert clock.interval_us <= 2 * TICK_US
+
+
+@given(st.lists(STAMPS | st.integers(0, 10**6), max_size=60), st.integers(0, 2**62))
+def test_vehicle_time_increases_and_goes_on(stamps: list[int], base_us: int) -> None:
+    clock, verdicts = run(stamps)
+    times_us = [time_us for verdict, time_us in verdicts if verdict in TAKEN]
+    assert all(after > before for before, after in pairwise(times_us))
+    _, verdicts = run(honest(CONFIRM_SAMPLES + 1, base_us), clock)
+    assert any(verdict in TAKEN for verdict, _ in verdicts)
+
+
+@given(first_us=STAMPS)
+def test_bad_first_stamp_is_recovered_from(first_us: int) -> None:
+    _, verdicts = run([first_us, *honest(20)])
+    after = {verdict for verdict, _ in verdicts[CONFIRM_SAMPLES + 2 :]}
+    assert after <= {Verdict.NEW, Verdict.REPEATED}
+
+
+def test_stamp_sent_again_until_answered_is_answered() -> None:
+    """A simulator in lockstep repeats its sample: the fifth is taken at the latest."""
+    for stamp_us in (0, 2**63):
+        _, verdicts = run([*honest(SETTLED), *[stamp_us] * CONFIRM_SAMPLES])
+        assert verdicts[-1][0] is Verdict.RESTARTED
+
+
+def test_gap_that_the_wall_clock_shows_too_is_an_outage() -> None:
+    clock, _ = run(honest(SETTLED))
+    stamp_us = clock.newest_us + 3_000_000
+    assert judge(clock, stamp_us, 0)[1] is Verdict.REFUSED
+    taken, verdict = judge(clock, stamp_us, 3_000_000)
+    assert (verdict, taken.offset_us) == (Verdict.NEW, 0)
+
+
+@pytest.mark.parametrize("tick_us", [2_000, 10_000, 40_000, 100_000])
+def test_any_usual_rate_is_taken(tick_us: int) -> None:
+    _, verdicts = run([n * tick_us for n in range(50)])
+    assert {verdict for verdict, _ in verdicts} == {Verdict.NEW}
+
+
+def test_uneven_steps_are_taken() -> None:
+    """A head that sends in threes: docs/hardware.md asks for no even interval."""
+    stamps = [60_000 * burst + 1_000 * n for burst in range(50) for n in range(3)]
+    _, verdicts = run(stamps)
+    assert {verdict for verdict, _ in verdicts} == {Verdict.NEW}
+
+
+def test_longest_interval_is_that_of_the_slowest_line() -> None:
+    """docs/hardware.md: 10 Hz at 38400 baud."""
+    assert LONGEST_INTERVAL_US == 100_000
+
+
+def device_frame(name: str, **fields: object) -> Frame:
+    message = dialect.by_name(name)
+    (frame,) = Framer().feed(encode(message, message.values(**fields), 0, 1, 25))
+    return frame
+
+
+def test_rebase_moves_every_stamp_of_a_sample() -> None:
+    """A GPS report of before the restart has a stamp far ahead of it: it becomes the sample's."""
+    air = {"press_abs": 1013.0, "press_diff": 0.0, "temperature": 1200}
+    hull = device_frame("SCALED_PRESSURE", time_boot_ms=90, **air)
+    text = device_frame("STATUSTEXT", severity=4, text="Fault: gyro off")
+    sample = Sample(
+        sensors(100_000),
+        GpsFix(99_000_000, 3, 42.35, -71.0, 0.0, 0.0, 0.0, 0.0, 10),
+        Altimeter(80_000, 12.0, 0.3, 30.0),
+        Dvl(0, 1.0, 0.0, 0.0, True, 0.1, 100),
+        duct=DuctFeedback(90_000, 0.0, 0.0),
+        relayed=(hull, text),
+        heard=(hull, device_frame("HIL_SENSOR", **_imu(100_000))),
+    )
+    moved = rebase(sample, 5_000_000)
+    assert moved.sensors == sample.sensors._replace(time_us=5_100_000)
+    assert moved.gps is not None
+    assert moved.gps.time_us == 5_100_000
+    assert moved.altimeter == Altimeter(5_080_000, 12.0, 0.3, 30.0)
+    assert moved.dvl is not None
+    assert moved.dvl.time_us == 5_000_000
+    assert moved.duct == DuctFeedback(5_090_000, 0.0, 0.0)
+    assert moved.relayed[0].decode() == hull.decode()._replace(time_boot_ms=5_090)
+    assert moved.relayed[1] == text
+    assert moved.heard[1].decode().time_usec == 5_100_000
+
+
+def _imu(time_us: int) -> dict[str, object]:
+    message = dialect.by_name("HIL_SENSOR")
+    return dict(zip((field.name for field in message.fields), sensors(time_us), strict=True))
+
+
+def test_rebase_never_makes_a_stamp_negative() -> None:
+    """MAVLink's stamps have no sign."""
+    sample = Sample(sensors(10**9), GpsFix(5, 3, 42.35, -71.0, 0.0, 0.0, 0.0, 0.0, 10))
+    moved = sensor_clock.rebase(sample, -900_000_000)
+    assert moved.gps is not None
+    assert moved.gps.time_us == 0

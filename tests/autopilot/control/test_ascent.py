@@ -1,0 +1,195 @@
+"""Mode SURFACE of a vehicle that does not rise, or whose depth reading is wrong: the pure tick."""
+
+from collections.abc import Callable
+from functools import partial
+
+import pytest
+
+from autopilot.control import ascent, modes, requests
+from autopilot.control.types import ACCEPTED
+from mavlink_io.records import GpsFix
+from tests.helpers.missions import Flight, under_way
+
+STOPPED = "Failsafe: no rise for 20 s -> propeller stopped"
+ENDED = "Failsafe: surface not reached, no rise for 60 s -> disarmed"
+FIXED = "Surfaced by satellite fix, though depth reads 5.0 m: disarmed"
+
+
+def surfacing(**changes: object) -> Flight:
+    """In mode SURFACE at 5 m, from level flight."""
+    flight = under_way(**changes)  # type: ignore[arg-type]
+    assert flight.ask(requests.SetMode(modes.SURFACE.number)) == ACCEPTED
+    return flight
+
+
+Course = Callable[[float], float]
+"""Depth (m) by time (s)."""
+
+
+def at_5_m(t_s: float) -> float:
+    return 5.0
+
+
+def hold_down(flight: Flight, seconds: float, depth_m: Course = at_5_m) -> float:
+    """Force the vehicle to a depth; return the seconds until it disarmed or the time was over."""
+    for tick in range(round(seconds * 50)):
+        flight.depth_m = depth_m(tick / 50)
+        flight.pitch = 0.0
+        if not flight.step().armed:
+            return tick / 50
+    return seconds
+
+
+def rising(start_m: float, t_s: float) -> float:
+    return start_m - 0.2 * t_s
+
+
+def fix(flight: Flight, east_deg: float = 0.0, late_s: float = 0.0, fix_type: int = 3) -> GpsFix:
+    time_us = flight.state.time_us - round(late_s * 1e6)
+    return GpsFix(time_us, fix_type, 42.35, -71.0 + east_deg, 0.0, 0.0, 0.0, 0.0, 10, 1.5, 3.0)
+
+
+def receive(flight: Flight, seconds: int, report: Callable[[int], GpsFix]) -> None:
+    """Hold the vehicle down while its receiver reports once a second."""
+    for second in range(seconds):
+        flight.more = {"gps": report(second)}
+        hold_down(flight, 0.02)
+        flight.more = {}
+        hold_down(flight, 0.98)
+
+
+def test_surface_without_rise_stops_propeller_once() -> None:
+    flight = surfacing()
+    hold_down(flight, 19.0)
+    assert flight.trace.thrust == pytest.approx(0.58)
+    hold_down(flight, 100.0)
+    assert flight.trace.thrust == 0.0
+    assert flight.state.armed
+    assert flight.texts().count(STOPPED) == 1
+    assert flight.state.failsafe == "not rising"
+
+
+KEEPS_DRIVING: tuple[dict[str, float], ...] = (
+    {"buoyancy_n": 0.0},
+    {"buoyancy_n": -5.0},
+    {"surface_rise_s": 0.0},
+)
+
+
+@pytest.mark.parametrize("changes", KEEPS_DRIVING, ids=str)
+def test_surface_heavy_or_switched_off_keeps_propeller(changes: dict[str, float]) -> None:
+    flight = surfacing(**changes)
+    hold_down(flight, 60.0)
+    assert flight.trace.thrust == pytest.approx(0.58)
+    assert STOPPED not in flight.texts()
+
+
+def test_surface_slow_rise_keeps_propeller() -> None:
+    """0.02 m/s is 0.4 m in SURF_RISE_S, twice what counts as a rise."""
+    flight = surfacing()
+    hold_down(flight, 200.0, lambda t_s: 5.0 - 0.02 * t_s)
+    assert flight.trace.thrust == pytest.approx(0.58)
+    assert STOPPED not in flight.texts()
+
+
+def test_surface_rise_after_deep_sinking_is_not_ended() -> None:
+    """Sinks 10 m under power, then floats up at 0.1 m/s for longer than SURF_TIME_S."""
+    flight = surfacing(surface_time_s=60.0)
+    hold_down(flight, 20.0, lambda t_s: 5.0 + 0.5 * t_s)
+    hold_down(flight, 100.0, lambda t_s: 15.0 - 0.1 * t_s)
+    assert STOPPED in flight.texts()
+    assert flight.state.armed
+
+
+def test_surface_not_reached_ends_at_time_limit() -> None:
+    """SURF_RISE_S under power and SURF_TIME_S without."""
+    flight = surfacing(surface_time_s=60.0)
+    assert hold_down(flight, 100.0) == pytest.approx(80.0, abs=0.2)
+    assert flight.texts()[-1] == ENDED
+    assert flight.state.thrust == 0.0
+
+
+def test_surface_heavy_vehicle_ends_at_time_limit() -> None:
+    flight = surfacing(buoyancy_n=-5.0, surface_time_s=40.0)
+    assert hold_down(flight, 60.0) == pytest.approx(40.0, abs=0.2)
+    assert flight.texts()[-1].startswith("Failsafe: surface not reached")
+
+
+def test_surface_time_limit_zero_never_ends() -> None:
+    """Longer than the default, 20 s and 300 s."""
+    flight = surfacing(surface_time_s=0.0)
+    hold_down(flight, 1.0)
+    for second in range(1, 400):
+        later = flight.state._replace(time_us=flight.state.time_us + second * 1_000_000)
+        assert ascent.surface(later, flight.config)[0].armed
+
+
+def test_surface_blind_without_fix_ends_at_time_limit() -> None:
+    """Depth is not measured for longer than FS_PRESS_S, though its estimate drifts up."""
+    flight = surfacing()
+    flight.step()
+    at = flight.state.estimate._replace(depth_m=4.0)
+    began_us = flight.state.time_us
+    limit_us = began_us + 300_000_000
+    ends = (began_us + 10_000_000, True), (limit_us, True), (limit_us + 20_000, False)
+    for time_us, armed in ends:
+        later = flight.state._replace(time_us=time_us, estimate=at)
+        flight.state, _ = ascent.surface(later, flight.config)
+        assert flight.state.armed == armed
+        assert flight.state.setpoint.thrust == 0.0
+
+
+def test_surface_entered_again_drives_again() -> None:
+    flight = surfacing()
+    hold_down(flight, 30.0)
+    assert flight.ask(requests.SetMode(modes.MANUAL.number)) == ACCEPTED
+    assert flight.ask(requests.SetMode(modes.SURFACE.number)) == ACCEPTED
+    hold_down(flight, 10.0)
+    assert flight.trace.thrust == pytest.approx(0.58)
+
+
+def test_surface_fix_that_holds_ends_it_whatever_depth_reads() -> None:
+    flight = surfacing()
+    hold_down(flight, 6.0)
+    receive(flight, 5, lambda n: fix(flight, east_deg=1e-6 * n))
+    assert flight.state.armed
+    receive(flight, 2, lambda n: fix(flight, east_deg=1e-5 + 1e-6 * n))
+    assert not flight.state.armed
+    assert flight.texts()[-1] == FIXED
+
+
+@pytest.mark.parametrize("changes", [{"surface_fix_s": 0.0}, {"surface_fix_s": 60.0}])
+def test_surface_fix_that_holds_too_short_goes_on(changes: dict[str, float]) -> None:
+    flight = surfacing(**changes)
+    receive(flight, 15, lambda n: fix(flight, east_deg=1e-6 * n))
+    assert flight.state.armed
+
+
+def test_surface_receiver_that_repeats_its_last_fix_is_ignored() -> None:
+    flight = surfacing()
+    receive(flight, 15, lambda n: fix(flight))
+    assert flight.state.armed
+
+
+def test_surface_fixes_from_before_the_dive_are_ignored() -> None:
+    """Reports that come 5 s late: the instant of each is in its stamp."""
+    flight = surfacing()
+    receive(flight, 15, lambda n: fix(flight, east_deg=1e-6 * n, late_s=5.0))
+    assert flight.state.armed
+
+
+def test_surface_fix_lost_in_between_begins_anew() -> None:
+    flight = surfacing()
+    receive(flight, 16, lambda n: fix(flight, east_deg=1e-6 * n, fix_type=1 if n % 4 == 3 else 3))
+    assert flight.state.armed
+
+
+def test_surface_fix_while_rising_is_ignored() -> None:
+    """A receiver with a fix at any depth, as of some simulators, does not end an ascent."""
+    flight = surfacing()
+    for second in range(15):
+        flight.more = {"gps": fix(flight, east_deg=1e-6 * second)}
+        start_m = 5.0 - 0.2 * second
+        hold_down(flight, 1.0, partial(rising, start_m))
+    assert flight.state.armed
+    assert flight.state.estimate.depth_m == pytest.approx(2.0, abs=0.2)

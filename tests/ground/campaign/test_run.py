@@ -1,0 +1,377 @@
+"""The whole afternoon at sea, flown once by real processes, and what it leaves behind."""
+
+import json
+import math
+import multiprocessing
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from ground.__main__ import app
+from ground.campaign import refit, run
+from ground.campaign.campaign_folder import STAGES, CampaignFolder
+from ground.campaign.run import Campaign, Request
+from ground.client import param_file
+from ground.errors import BadInputError, FailedError
+from ground.report import page, summary_picture
+from tests.browser import check_layout, needs_chromium, opened
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("campaign") / "out"
+    Campaign(
+        Request(out, seed=1, beside_paper=True), lambda name, at: None, lambda words: None
+    ).run()
+    page.write(out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def summary(flown: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((flown / "summary.json").read_text())
+    return found
+
+
+@pytest.mark.process
+@pytest.mark.timeout(600)
+class TestCampaign:
+    def test_the_folder_holds_what_was_asked_flown_and_found(self, flown: Path) -> None:
+        files = {str(path.relative_to(flown)) for path in flown.rglob("*") if path.is_file()}
+        missions = {f"{stage}/{m}.mcap" for stage in STAGES.values() for m in run.MISSIONS}
+        tests = {f"identification/{m}.mcap" for m in (*run.FITTED, *run.HELD_OUT)}
+        results = {"campaign.toml", "model.json", "gains.param", "summary.json", "report.html"}
+        assert files == missions | tests | results | {"prototype/trim.mcap"}
+
+    def test_nothing_that_was_sent_is_missing(self, summary: dict[str, Any]) -> None:
+        assert summary["lost_frames"] == 0
+        assert summary["vehicle_s"] > 2000
+
+    def test_the_trim_flight_finds_the_bent_rudder(self, summary: dict[str, Any]) -> None:
+        assert summary["trims"]["TRIM_RUD_DEG"] == pytest.approx(6.0, abs=0.5)
+
+    def test_the_refitted_model_predicts_held_out_runs_better_in_both_planes(
+        self, summary: dict[str, Any]
+    ) -> None:
+        errors = summary["model"]["held_out_rate_error"]
+        assert set(errors) == {"yaw", "pitch"}
+        for pair in errors.values():
+            assert pair["refitted_model_deg2ps2"] < pair["initial_model_deg2ps2"]
+
+    def test_the_redesigned_gains_hold_heading_and_depth_better(
+        self, summary: dict[str, Any]
+    ) -> None:
+        steady = summary["steady_error"]
+        assert steady["redesigned"]["heading_deg"] < steady["initial"]["heading_deg"]
+        assert steady["redesigned"]["depth_m"] < 0.5 * steady["initial"]["depth_m"]
+
+    def test_they_hold_both_better_than_the_papers_improved_gains(
+        self, summary: dict[str, Any]
+    ) -> None:
+        steady = summary["steady_error"]
+        assert steady["redesigned"]["heading_deg"] < steady["improved"]["heading_deg"]
+        assert steady["redesigned"]["depth_m"] < steady["improved"]["depth_m"]
+
+    def test_the_same_seed_gives_the_same_model_and_gains(
+        self, flown: Path, tmp_path: Path
+    ) -> None:
+        Campaign(
+            Request(tmp_path / "again", seed=1), lambda name, at: None, lambda words: None
+        ).run()
+        for name in ("model.json", "gains.param"):
+            assert (tmp_path / "again" / name).read_bytes() == (flown / name).read_bytes()
+
+    def test_the_gains_file_holds_what_was_flown(
+        self, flown: Path, summary: dict[str, Any]
+    ) -> None:
+        written = param_file.load(flown / "gains.param")
+        for name, value in written.items():
+            assert summary["gains"]["redesigned"][name] == pytest.approx(value, rel=1e-5)
+        flown_gains = CampaignFolder(flown).log("verification", "straight_run").parameters
+        for name, value in summary["gains"]["redesigned"].items():
+            assert flown_gains[name] == pytest.approx(value, rel=1e-6)
+
+    def test_every_set_of_gains_met_the_same_sea(self, flown: Path) -> None:
+        notes = [_notes(flown / stage / "straight_run.mcap") for stage in STAGES.values()]
+        assert len({note["seed"] for note in notes}) == 1
+
+    def test_every_number_has_a_finite_value(self, summary: dict[str, Any]) -> None:
+        assert [value for value in _numbers(summary) if not math.isfinite(value)] == []
+
+    def test_the_page_needs_no_network_and_draws_every_chart(self, flown: Path) -> None:
+        text = (flown / "report.html").read_text()
+        assert len(text) < 6_000_000
+        reader = _PageReader()
+        reader.feed(text)
+        assert reader.fetched == []
+        charts = json.loads(reader.scripts["charts"])
+        assert set(charts) == reader.chart_places
+        for chart in charts.values():
+            assert all(len(trace["x"]) == len(trace["y"]) > 0 for trace in chart["data"])
+        for number in range(1, 6):
+            assert f"Table {number}." in text
+
+    @needs_chromium
+    def test_page_in_a_browser_keeps_its_layout(self, flown: Path, tmp_path: Path) -> None:
+        with opened(flown / "report.html", tmp_path / "profile") as report:
+            check_layout(report)
+
+    def test_the_picture_is_small_enough_for_a_readme(self, flown: Path, tmp_path: Path) -> None:
+        target = summary_picture.draw(flown, tmp_path / "picture.png")
+        assert target.read_bytes().startswith(b"\x89PNG")
+        assert target.stat().st_size < 300_000
+
+
+def test_what_fails_elsewhere_ends_the_campaign_and_leaves_no_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Campaign, "_fly", lambda *dive: None)
+    with pytest.raises(BadInputError, match=r"trim\.mcap"):
+        Campaign(Request(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
+    assert multiprocessing.active_children() == []
+
+
+def test_a_dive_that_fails_ends_the_campaign(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def sink(*dive: object) -> None:
+        raise FailedError("sunk")
+
+    monkeypatch.setattr(Campaign, "_fly", sink)
+    with pytest.raises(FailedError, match="sunk"):
+        Campaign(Request(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
+    assert multiprocessing.active_children() == []
+
+
+def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(BadInputError, match="no campaign"):
+        run.prepare_folder(Request(tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def old_campaign(out: Path, *, finished: bool) -> dict[str, str]:
+    """Files of a campaign that was flown before, and of somebody else, by their path in the
+    folder."""
+    files = {
+        "campaign.toml": 'vehicle = "field"\n',
+        "model.json": "{}",
+        "prototype/trim.mcap": "log",
+        "identification/rudder_steps.mcap": "log",
+        "improved/combined.mcap": "log",
+        "notes.txt": "mine",
+        "identification/notes.txt": "mine",
+        "identification/more.mcap": "mine",
+    }
+    if finished:
+        files |= {"summary.json": "{}", "report.html": "<html>"}
+    for name, text in files.items():
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).write_text(text)
+    return files
+
+
+def content(out: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(out)): path.read_text() for path in out.rglob("*") if path.is_file()
+    }
+
+
+@pytest.mark.parametrize(("finished", "said"), [(True, "a finished"), (False, "an interrupted")])
+def test_campaign_second_into_a_folder_is_refused_before_anything_flies(
+    finished: bool, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = old_campaign(tmp_path, finished=finished)
+    monkeypatch.setattr(Campaign, "_at_work", lambda *asked: pytest.fail("something was started"))
+    asked = ["campaign", "--out", str(tmp_path)]
+    ended = CliRunner().invoke(app, asked)
+    assert isinstance(ended.exception, BadInputError)  # exit status 2
+    assert (
+        str(ended.exception)
+        == f"--out {tmp_path}: holds {said} campaign (3 logs); give a new folder, or --force to"
+        " replace it"
+    )
+    assert content(tmp_path) == before
+
+
+def test_campaign_by_force_removes_only_what_a_campaign_writes(tmp_path: Path) -> None:
+    old_campaign(tmp_path, finished=True)
+    run.prepare_folder(Request(tmp_path, seed=7, force=True))
+    after = content(tmp_path)
+    assert "seed = 7" in after.pop("campaign.toml")
+    assert after == dict.fromkeys(
+        ("notes.txt", "identification/notes.txt", "identification/more.mcap"), "mine"
+    )
+    assert not (tmp_path / "prototype").exists()
+    with pytest.raises(BadInputError, match="interrupted campaign"):
+        run.prepare_folder(Request(tmp_path))
+
+
+def test_campaign_by_force_refused_for_its_scenario_keeps_the_old_one(tmp_path: Path) -> None:
+    before = old_campaign(tmp_path, finished=True)
+    with pytest.raises(BadInputError, match="clamped"):
+        Campaign(
+            Request(tmp_path, scenario="bench", force=True),
+            lambda name, at: None,
+            lambda words: None,
+        ).run()
+    assert content(tmp_path) == before
+
+
+def test_campaign_stopped_while_reporting_leaves_no_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(self: Campaign) -> None:
+        self._prepare()
+        (tmp_path / "out" / "summary.json").write_text("{}")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Campaign, "_run", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        Campaign(Request(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
+    assert set(content(tmp_path / "out")) == {"campaign.toml"}
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "prior"),
+    [
+        ("field", "bench"),
+        ("bench", "bench"),
+        ("xfin", "xfin"),
+        ("docs/my_vehicle.toml", "docs/my_vehicle.toml"),
+    ],
+)
+def test_campaign_prior_is_the_vehicles_own_file(
+    vehicle: str, prior: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Caribou's prior was taken for every vehicle: xfin ended in a LinAlgError, my_vehicle in an
+    error about bench."""
+    handed = []
+    monkeypatch.setattr(refit, "refit", lambda *logs, prior, **more: handed.append(prior))
+    monkeypatch.setattr(refit, "write_model", lambda *asked: None)
+    monkeypatch.setattr(refit, "redesign", lambda model, prior: handed.append(prior))
+    run.prepare_folder(Request(tmp_path, vehicle=vehicle))
+    folder = CampaignFolder(tmp_path)
+    folder.__dict__["model"] = None
+    run._identify(folder)
+    with pytest.raises(AttributeError):
+        run._design(folder)
+    assert handed == [prior, prior]
+
+
+def test_campaign_redesigned_gains_keep_the_vehicles_own_parameters() -> None:
+    flown = {"HDG_P": 1.0, "ACT_TRAVEL_DEG": 13.6, "THR_CRUISE_PCT": 60.0, "TRIM_RUD_DEG": 0.1}
+    assert run._beside({"HDG_P": 2.0, "ACT_LEAD_W": 5.0}, flown) == {
+        "ACT_TRAVEL_DEG": 13.6,
+        "THR_CRUISE_PCT": 60.0,
+        "TRIM_RUD_DEG": 0.1,
+    }
+
+
+def test_campaign_papers_gains_on_another_vehicle_are_refused(tmp_path: Path) -> None:
+    asked = Request(tmp_path / "out", vehicle="xfin", beside_paper=True)
+    with pytest.raises(BadInputError, match="--beside-paper: the paper's gains are for Caribou"):
+        Campaign(asked, lambda name, at: None, lambda words: None).run()
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.process
+@pytest.mark.timeout(600)
+def test_campaign_impossible_vehicle_is_refused_before_its_first_dive(tmp_path: Path) -> None:
+    ended = CliRunner().invoke(
+        app, ["campaign", "--vehicle", "remus100", "--out", str(tmp_path / "out")]
+    )
+    assert isinstance(ended.exception, BadInputError)
+    assert str(ended.exception).startswith(
+        "--vehicle remus100: cannot complete a campaign in scenario disturbed: trim"
+    )
+    assert "\n" not in str(ended.exception)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.process
+@pytest.mark.timeout(600)
+def test_campaign_of_another_vehicle_completes(tmp_path: Path) -> None:
+    """Of xfin the own file is the prior, and its own prototype design flies first."""
+    out = tmp_path / "out"
+    found = Campaign(Request(out, vehicle="xfin"), lambda name, at: None, lambda words: None).run()
+    model = CampaignFolder(out).model
+    assert (model.vehicle.prior, model.speed_mps) == ("xfin", 1.5)
+    assert found["gains"]["initial"]["HDG_P"] == pytest.approx(
+        2.115, abs=0.01
+    )  # `ground vehicle gains xfin`
+    assert found["gains"]["redesigned"]["SPD_CRUISE_MPS"] == 1.5
+    assert (out / "report.html").stat().st_size > 1_000_000
+
+
+def test_a_mission_has_its_own_sea_and_a_seed_another(tmp_path: Path) -> None:
+    names = (run.TRIM_MISSION, *run.MISSIONS, *run.FITTED, *run.HELD_OUT)
+    seeds = [run.dive_seed(seed, name) for seed in range(3) for name in names]
+    assert len(set(seeds)) == len(seeds)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["HDG_P,0.5\n", "# gains\nHDG_P,0.5  # why\n", "HDG_P 0.5\n", "1\t1\tHDG_P\t0.5\t9\n"],
+)
+def test_parameter_files_of_other_tools_are_read(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "gains.param"
+    path.write_text(text)
+    assert param_file.load(path) == {"HDG_P": 0.5}
+
+
+def test_parameters_survive_a_file(tmp_path: Path) -> None:
+    values = {"HDG_P": 0.65, "MAV_SYS_ID": 1.0, "DPT_I": 0.001, "NEGATIVE": -1e-7}
+    param_file.save(tmp_path / "p.param", values)
+    assert param_file.load(tmp_path / "p.param") == values
+
+
+@pytest.mark.parametrize("line", ["HDG_P", "HDG_P,nan", "HDG_P,x", "a,b,c"])
+def test_a_wrong_line_is_named(line: str, tmp_path: Path) -> None:
+    path = tmp_path / "gains.param"
+    path.write_text(f"HDG_D,1\n{line}\n")
+    with pytest.raises(BadInputError, match=r"gains\.param: line 2: .* expected NAME,VALUE"):
+        param_file.load(path)
+
+
+class _PageReader(HTMLParser):
+    """What a page fetches, where its charts go, and its inline scripts by id."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.fetched: list[str] = []
+        self.chart_places: set[str] = set()
+        self.scripts: dict[str, str] = {}
+        self._script: str | None = None
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        found = {name: value or "" for name, value in attrs}
+        self.fetched += [found[name] for name in ("src", "href") if name in found]
+        if found.get("class") == "chart":
+            self.chart_places.add(found["id"])
+        self._script = found.get("id", "") if tag == "script" else None
+
+    def handle_data(self, data: str) -> None:
+        if self._script is not None:
+            self.scripts[self._script] = self.scripts.get(self._script, "") + data
+        elif re.search(r"\burl\(http", data):
+            self.fetched.append(data)
+
+
+def _notes(path: Path) -> dict[str, str]:
+    from ground.log_tools import mcap as logs
+
+    found: dict[str, str] = logs.info(path)["metadata"]["dive"]
+    return found
+
+
+def _numbers(value: Any) -> list[float]:
+    if isinstance(value, dict):
+        return [number for part in value.values() for number in _numbers(part)]
+    if isinstance(value, list):
+        return [number for part in value for number in _numbers(part)]
+    return [float(value)] if isinstance(value, int | float) else []

@@ -1,0 +1,77 @@
+"""What ``ground log`` says of damaged logs."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from ground.__main__ import app
+from ground.log_tools import mcap
+from sysid.data import readers as identification
+from tests.sysid.data.readers import test_damage as damaged
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """A log whose second chunk is damaged in its middle."""
+    path = damaged.write_own(tmp_path / "dive.mcap")
+    data = bytearray(path.read_bytes())
+    second = data.index(b"zstd", data.index(b"zstd") + 4)
+    data[second + 500] ^= 1
+    path.write_bytes(data)
+    return path
+
+
+def run(*words: str) -> Any:
+    done = CliRunner().invoke(app, ["log", *words, "--json"], catch_exceptions=False)
+    return json.loads(done.stdout)
+
+
+def test_info_reports_damage_with_its_time_range(log: Path) -> None:
+    found = run("info", str(log))
+    (damage,) = found["damage"]
+    assert damage.startswith("chunk at byte ")
+    assert " s of the log are lost)" in damage
+    lines = CliRunner().invoke(app, ["log", "info", str(log)]).stdout.splitlines()
+    assert lines[-1] == f"  damaged   {damage}"
+
+
+def test_info_of_a_whole_log_reports_no_damage(tmp_path: Path) -> None:
+    assert run("info", str(damaged.write_own(tmp_path / "dive.mcap")))["damage"] == []
+
+
+def test_export_of_a_damaged_log_is_refused(log: Path, tmp_path: Path) -> None:
+    with pytest.raises(mcap.LogError, match=r"dive\.mcap: is damaged: chunk at byte .*log recover"):
+        mcap.export_csv(log, tmp_path / "csv")
+    assert not (tmp_path / "csv").exists()
+
+
+def test_recover_saves_what_is_whole_and_names_the_rest(log: Path, tmp_path: Path) -> None:
+    whole = damaged.write_own(tmp_path / "whole.mcap")
+    saved = run("recover", str(log), "--out", str(tmp_path / "saved.mcap"))
+    lost = mcap.info(whole)["messages"] - saved["messages"]
+    assert 100 < lost < 250  # a chunk holds 150 messages and their views
+    assert len(saved["damage"]) == 1
+    read, sound = identification.read(tmp_path / "saved.mcap"), identification.read(whole)
+    assert 0 < read.attitude.time_s.size < sound.attitude.time_s.size
+    assert set(read.attitude.r_radps) <= set(sound.attitude.r_radps)
+    assert read.parameters == sound.parameters
+
+
+def test_recover_of_a_file_of_another_kind_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").write_bytes(b"no log at all, but long enough")
+    with pytest.raises(mcap.LogError, match=r"a\.mcap: no readable MCAP file"):
+        mcap.recover(tmp_path / "a.mcap", tmp_path / "saved.mcap")
+    assert not (tmp_path / "saved.mcap").exists()
+
+
+def test_bomb_is_refused_by_info_and_recover(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(damaged.messages_in_many_chunks())
+    with pytest.raises(mcap.LogError, match="bytes unpack to more than"):
+        mcap.info(path)
+    with pytest.raises(mcap.LogError, match="bytes unpack to more than"):
+        mcap.recover(path, tmp_path / "saved.mcap")
+    assert not (tmp_path / "saved.mcap").exists()

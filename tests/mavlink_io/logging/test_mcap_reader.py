@@ -1,0 +1,211 @@
+"""The reader gives what the MCAP project's library reads, and names what is damaged."""
+
+import io
+import struct
+from collections.abc import Iterable
+
+import pytest
+from mcap.reader import NonSeekingReader
+from mcap.writer import CompressionType, IndexType, Writer
+
+from mavlink_io.logging.mcap import McapWriter
+from mavlink_io.logging.mcap_reader import (
+    McapChannel,
+    McapError,
+    McapItem,
+    McapMessage,
+    McapReader,
+    damage_in_words,
+)
+
+HOWEVER_WRITTEN = {
+    "chunked": {"chunk_size": 200},
+    "not compressed": {"chunk_size": 200, "compression": CompressionType.NONE},
+    "lz4": {"chunk_size": 200, "compression": CompressionType.LZ4},
+    "no index": {"index_types": IndexType.NONE},
+    "no chunks": {"use_chunking": False},
+    "no checksums": {"enable_crcs": False, "chunk_size": 200},
+    "checksum of the data section": {"enable_data_crcs": True, "chunk_size": 200},
+    "nothing repeated": {"repeat_channels": False, "repeat_schemas": False},
+    "no statistics": {"use_statistics": False},
+}
+FIRST_NS = 1_000_000_000
+STEP_NS = 100_000_000
+COUNT = 90
+
+
+def written(**how: object) -> bytes:
+    file = io.BytesIO()
+    writer = Writer(file, **how)
+    writer.start("ros1", "a test")
+    schema = writer.register_schema("Number", "ros1msg", b"uint8 number\n")
+    names = ("wanted", "not", "wanted too")
+    numbers = [writer.register_channel(f"/{name}", "ros1", schema) for name in names]
+    for k in range(COUNT):
+        data = bytes((k,)) * (1 + k % 4)
+        time_ns = FIRST_NS + k * STEP_NS
+        writer.add_message(numbers[k % 3], time_ns, data, publish_time=k, sequence=7)
+    writer.add_attachment(1, 2, "file", "text/plain", b"attached")
+    writer.add_metadata("notes", {"one": "1"})
+    writer.finish()
+    return file.getvalue()
+
+
+def written_by_us(chunks: int = 3, finish: bool = True) -> bytes:
+    """``COUNT`` messages in so many chunks; all definitions are in the first."""
+    file = io.BytesIO()
+    writer = McapWriter(file, "", "a test")
+    schema = writer.register_schema("Number", "ros1msg", b"uint8 number\n")
+    numbers = [writer.register_channel(f"/{n}", "ros1", schema) for n in ("wanted", "not")]
+    for k in range(COUNT):
+        writer.add_message(numbers[k % 2], FIRST_NS + k * STEP_NS, bytes((k,)) * 40, k)
+        if (k + 1) % (COUNT // chunks) == 0:
+            writer.flush()
+    writer.add_metadata("notes", {"one": "1"})
+    if finish:
+        writer.finish()
+    return file.getvalue()
+
+
+def read(data: bytes) -> tuple[list[McapItem], McapReader]:
+    reader = McapReader(io.BytesIO(data))
+    return list(reader.items()), reader
+
+
+def values(items: Iterable[McapItem]) -> list[int]:
+    return [item.data[0] for item in items if isinstance(item, McapMessage)]
+
+
+def place(data: bytes, opcode: int, number: int = 0) -> int:
+    """Where the content of a record of the data section begins; records follow each other."""
+    at = 8
+    while True:
+        kind, length = struct.unpack_from("<BQ", data, at)
+        if kind == opcode:
+            if number == 0:
+                return at + 9
+            number -= 1
+        at += 9 + length
+
+
+def changed(data: bytes, at: int, by: int = 1) -> bytes:
+    damaged = bytearray(data)
+    damaged[at] ^= by
+    return bytes(damaged)
+
+
+@pytest.mark.parametrize("how", HOWEVER_WRITTEN.values(), ids=HOWEVER_WRITTEN)
+def test_items_are_those_that_the_library_reads(how: dict[str, object]) -> None:
+    data = written(**how)
+    reader = McapReader(io.BytesIO(data), lambda channel: channel.topic != "/not")
+    items = list(reader.items())
+    topics = {item.number: item.topic for item in items if isinstance(item, McapChannel)}
+    library = NonSeekingReader(io.BytesIO(data), validate_crcs=True)
+    theirs = library.iter_messages(["/wanted", "/wanted too"], log_time_order=False)
+    expected = [(c.topic, m.sequence, m.log_time, m.data) for _, c, m in theirs]
+    found = [(topics[i.channel], *i[1:]) for i in items if isinstance(i, McapMessage)]
+    assert found == expected
+    assert len(found) == 2 * COUNT // 3
+    assert sorted(topics.values()) == ["/not", "/wanted", "/wanted too"]
+    others = [i[-1] for i in items if not isinstance(i, McapMessage | McapChannel)]
+    assert others == [b"attached", {"one": "1"}]
+    assert (reader.finished, reader.damage) == (True, [])
+
+
+def test_written_checksum_of_the_data_section_is_the_librarys() -> None:
+    data = written_by_us()
+    declared = struct.unpack_from("<I", data, place(data, 15))[0]
+    assert declared != 0
+    messages = NonSeekingReader(io.BytesIO(data), validate_crcs=True).iter_messages()
+    assert len(list(messages)) == COUNT
+
+
+def test_damaged_chunk_is_left_out_and_named_with_its_times() -> None:
+    data = written_by_us()
+    items, reader = read(changed(data, place(data, 6, 1) + 60))
+    assert values(items) == [*range(30), *range(60, 90)]
+    (damage,) = reader.damage
+    assert (damage.first_ns, damage.last_ns) == (FIRST_NS + 30 * STEP_NS, FIRST_NS + 59 * STEP_NS)
+    words = damage_in_words(reader)
+    assert words.startswith(f"chunk at byte {place(data, 6, 1) - 9}: ")
+    assert words.endswith("(3.00 to 5.90 s of the log are lost)")
+
+
+def test_channels_lost_with_the_first_chunk_come_from_the_summary() -> None:
+    data = written_by_us()
+    items, reader = read(changed(data, place(data, 6) + 60))
+    assert values(items) == list(range(30, 90))
+    assert {i.topic for i in items if isinstance(i, McapChannel)} == {"/wanted", "/not"}
+    assert len(reader.damage) == 1
+
+
+def test_channels_lost_in_an_unfinished_file_leave_no_message() -> None:
+    data = written_by_us(finish=False)
+    items, reader = read(changed(data, place(data, 6) + 60))
+    assert values(items) == []
+    assert not reader.finished
+    assert ["not described" in damage.reason for damage in reader.damage] == [False, True, True]
+
+
+def test_broken_record_length_costs_no_later_chunk() -> None:
+    """The length of a message index, which is 8 bytes ahead of its content."""
+    data = written_by_us()
+    for bit in range(20):
+        at = place(data, 7) - 8 + bit // 8
+        items, reader = read(changed(data, at, 1 << bit % 8))
+        assert values(items) == list(range(90))
+        assert reader.damage
+
+
+def test_chunk_of_unknown_kind_is_lost_and_named() -> None:
+    """Records of private kinds, from 0x80 on, are legal, and a reader steps over them."""
+    data = written_by_us()
+    items, reader = read(changed(data, place(data, 6, 1) - 9, 0x80))
+    assert values(items) == [*range(30), *range(60, 90)]
+    assert "3.00 to 5.90 s" in damage_in_words(reader)
+
+
+def test_damage_outside_the_chunks_is_found_by_the_data_sections_checksum() -> None:
+    data = written_by_us()
+    _, reader = read(changed(data, data.index(b"notes") + 1))
+    words = damage_in_words(reader)
+    assert words == "the checksum of its data section is wrong, its chunks are whole"
+
+
+def test_damaged_summary_changes_no_message() -> None:
+    data = written_by_us()
+    start = struct.unpack_from("<Q", data, len(data) - 28)[0]
+    items, reader = read(changed(data, start + 20))
+    assert values(items) == list(range(90))
+    assert damage_in_words(reader) == "the checksum of its summary is wrong"
+
+
+def test_statistics_tell_of_a_chunk_that_is_missing() -> None:
+    """No data checksum and no index; the second chunk became a record that readers skip."""
+    data = written(chunk_size=200, index_types=IndexType.NONE)
+    _, reader = read(changed(data, place(data, 6, 1) - 9, 0x80))
+    assert "its statistics say 90" in damage_in_words(reader)
+
+
+def test_chunk_that_ends_within_a_record_is_damage() -> None:
+    inner = bytes((5, 30, 0, 0, 0, 0, 0, 0, 0, 1))
+    chunk = struct.pack("<QQQI", 0, 0, len(inner), 0) + bytes(4)
+    chunk += struct.pack("<Q", len(inner)) + inner
+    header = b"\x89MCAP0\r\n" + struct.pack("<BQ", 1, 8) + bytes(8)
+    _, reader = read(header + struct.pack("<BQ", 6, len(chunk)) + chunk)
+    assert "a record in it reaches beyond its end" in damage_in_words(reader)
+
+
+def test_file_of_another_kind_is_refused() -> None:
+    for data in (b"", b"MCAP", b"not an MCAP file, but longer than its magic bytes"):
+        with pytest.raises(McapError, match="magic"):
+            McapReader(io.BytesIO(data))
+
+
+@pytest.mark.parametrize("finish", [True, False])
+def test_cut_file_gives_whole_chunks_and_no_other_data(finish: bool) -> None:
+    data = written_by_us(finish=finish)
+    for length in range(8, len(data), 7):
+        items, reader = read(data[:length])
+        assert values(items) == list(range(len(values(items))))
+        assert not reader.finished

@@ -1,0 +1,269 @@
+"""A damaged or hostile log is refused in one line, in bounded memory, never read as other data."""
+
+import random
+import struct
+import tracemalloc
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import lz4.frame
+import numpy as np
+import pytest
+import zstandard
+from mcap.writer import Writer
+
+from mavlink_io import dialect
+from mavlink_io.logging.mavlink_log import MavlinkLog
+from sysid.data import readers
+from sysid.data.dataset import Log, LogError
+from tests.sysid import recording
+from tests.sysid.data.readers import files
+from tests.sysid.data.test_dataset import dive
+
+FLIPS = 60
+PARAMETERS = {"ACT_TRAVEL_DEG": 12.0, "TRIM_RUD_DEG": 6.0}
+SECONDS = 6.0
+TEST = (2.0, 5.0, "SystemID Finished")
+BOMB_BYTES = 400_000_000
+"""Size that the bombs below unpack to, from a file of some ten kB."""
+MOST_BYTES = 250_000_000
+"""Bound on memory: twice the cap on a chunk, and the interpreter's own overhead on top of it."""
+
+
+def write_own(path: Path) -> Path:
+    """The same dive as ground's recorder and the vehicle write it, in several chunks."""
+    with path.open("wb") as file:
+        log = MavlinkLog(file)
+        channels = {}
+        for number, (time_s, sent) in enumerate(dive(SECONDS, TEST)):
+            name = sent.msgname
+            if name not in channels:
+                channels[name] = log.channel(1, 1, dialect.by_name(name))
+            time_ns = recording.START_NS + round(time_s * 1e9)
+            log.write(channels[name], time_ns, recording.payload(sent), number & 0xFF)
+            if number % 150 == 149:
+                log.flush()
+        log.attach_parameters(recording.START_NS, PARAMETERS)
+        log.annotate("vehicle", {"system": "1"})
+        log.finish()
+    return path
+
+
+def write_with_library(path: Path) -> Path:
+    return recording.write(path, dive(SECONDS, TEST), PARAMETERS)
+
+
+WRITERS: dict[str, Callable[[Path], Path]] = {"own": write_own, "library": write_with_library}
+
+
+def content(log: Log) -> bytes:
+    """Everything that identification takes from a log, to the last bit."""
+    parts = (log.attitude, log.actuators, log.depth, log.setpoints, log.duct)
+    arrays = [np.ascontiguousarray(v).tobytes() for part in parts for v in vars(part).values()]
+    return b"".join(arrays) + repr((log.events, sorted(log.parameters.items()))).encode()
+
+
+def flipped(data: bytes, seed: int) -> tuple[int, bytes]:
+    bit = random.Random(seed).randrange(8 * len(data))
+    changed = bytearray(data)
+    changed[bit // 8] ^= 1 << bit % 8
+    return bit, bytes(changed)
+
+
+@pytest.mark.parametrize("writer", WRITERS)
+def test_mcap_flipped_bit_is_never_read_as_other_data(writer: str, tmp_path: Path) -> None:
+    path = WRITERS[writer](tmp_path / "dive.mcap")
+    data, expected = path.read_bytes(), content(readers.read(path))
+    wrong: list[str] = []
+    refusals: list[str] = []
+    for seed in range(FLIPS):
+        bit, damaged = flipped(data, seed)
+        path.write_bytes(damaged)
+        try:
+            same = content(readers.read(path)) == expected
+        except LogError as error:
+            refusals.append(str(error))
+        except Exception as error:
+            wrong.append(f"byte {bit // 8} of {len(data)}: {type(error).__name__}: {error}")
+        else:
+            if not same:
+                wrong.append(f"byte {bit // 8} of {len(data)}: read as other data")
+    assert wrong == []
+    assert [said for said in refusals if not said.startswith(f"{path}: ") or "\n" in said] == []
+    if writer == "own":  # the checksum of its data section covers what the others leave out
+        assert len(refusals) == FLIPS
+
+
+ATTITUDE_SCHEMA = b"uint32 time_boot_ms\nfloat32 roll\n"
+
+
+def mcap_record(opcode: int, content: bytes) -> bytes:
+    return struct.pack("<BQ", opcode, len(content)) + content
+
+
+def mcap_text(text: bytes) -> bytes:
+    return struct.pack("<I", len(text)) + text
+
+
+def mcap_file(*records: bytes) -> bytes:
+    """A finished file without summary, by https://mcap.dev/spec."""
+    magic = b"\x89MCAP0\r\n"
+    header, end = mcap_record(1, mcap_text(b"") * 2), mcap_record(15, bytes(4))
+    footer = mcap_record(2, bytes(20))
+    return magic + header + b"".join(records) + end + footer + magic
+
+
+def mcap_chunk(stored: bytes, compression: bytes, declared: int, crc: int = 0) -> bytes:
+    head = struct.pack("<QQQI", 1, 2, declared, crc)
+    return mcap_record(6, head + mcap_text(compression) + struct.pack("<Q", len(stored)) + stored)
+
+
+def zstd_without_size(data: bytes) -> bytes:
+    packer = zstandard.ZstdCompressor().compressobj()
+    return packer.compress(data) + packer.flush()
+
+
+def messages_in_many_chunks() -> bytes:
+    """Chunks below the limit of one chunk, each full of messages that identification wants."""
+    described = mcap_text(b"m") + mcap_text(b"ros1msg") + mcap_text(ATTITUDE_SCHEMA)
+    schema = mcap_record(3, b"\1\0" + described)
+    topic = mcap_text(b"/mavlink/1/1/ATTITUDE") + mcap_text(b"ros1") + mcap_text(b"")
+    channel = mcap_record(4, b"\1\0\1\0" + topic)
+    message = mcap_record(5, struct.pack("<HIQQ", 1, 0, 1, 1) + bytes(8))
+    records = message * (50_000_000 // len(message))
+    stored = zstandard.ZstdCompressor().compress(records)
+    chunk = mcap_chunk(stored, b"zstd", len(records), zlib.crc32(records))
+    return mcap_file(schema, channel, chunk * (BOMB_BYTES // len(records)))
+
+
+def zeros(
+    compress: Callable[[bytes], bytes],
+    compression: bytes,
+    declared: int,
+) -> Callable[[], bytes]:
+    return lambda: mcap_file(mcap_chunk(compress(bytes(BOMB_BYTES)), compression, declared))
+
+
+BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
+    "zstd": (zeros(zstandard.compress, b"zstd", BOMB_BYTES), "declares 400 MB"),
+    "zstd, wrong size": (zeros(zstandard.compress, b"zstd", 1000), "size that it declares"),
+    "zstd, no size in the frame": (zeros(zstd_without_size, b"zstd", 1000), "zstd data are broken"),
+    "lz4": (zeros(lz4.frame.compress, b"lz4", BOMB_BYTES), "declares 400 MB"),
+    "lz4, wrong size": (zeros(lz4.frame.compress, b"lz4", 1000), "size that it declares"),
+    "many chunks": (messages_in_many_chunks, "bytes unpack to more than"),
+}
+
+
+@pytest.mark.parametrize("bomb", BOMBS)
+def test_mcap_bomb_is_refused_in_bounded_memory(bomb: str, tmp_path: Path) -> None:
+    make, reason = BOMBS[bomb]
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(make())
+    readers.kind(path)
+    tracemalloc.start()
+    with pytest.raises(LogError, match=rf"bomb\.mcap: .*{reason}") as refusal:
+        readers.read(path)
+    _, most_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert "\n" not in str(refusal.value)
+    assert path.stat().st_size < 3_000_000
+    assert most_bytes < MOST_BYTES
+
+
+def test_mcap_length_beyond_the_file_allocates_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "long.mcap"
+    path.write_bytes(mcap_file(struct.pack("<BQ", 9, 1 << 40)))
+    with pytest.raises(LogError, match=r"long\.mcap: is damaged: broken record at byte 25"):
+        readers.read(path)
+
+
+@pytest.mark.parametrize("parameters", [b"[" * 100_000, b'{"A": 1' + b"0" * 400 + b"}", b"[]"])
+def test_parameters_that_are_no_numbers_are_refused(parameters: bytes, tmp_path: Path) -> None:
+    head = bytes(16) + mcap_text(b"params.json") + mcap_text(b"")
+    content = head + struct.pack("<Q", len(parameters)) + parameters + bytes(4)
+    path = tmp_path / "odd.mcap"
+    path.write_bytes(mcap_file(mcap_record(9, content)))
+    with pytest.raises(LogError, match=r"odd\.mcap: attachment params\.json must be an object"):
+        readers.read(path)
+
+
+def test_mavlink_message_without_its_fields_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "odd.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        for name in ("ATTITUDE", "ACTUATOR_OUTPUT_STATUS", "LOCAL_POSITION_NED"):
+            schema = writer.register_schema(name, "ros1msg", ATTITUDE_SCHEMA)
+            channel = writer.register_channel(f"/mavlink/1/1/{name}", "ros1", schema)
+            writer.add_message(channel, 1, bytes(8), 1)
+        writer.finish()
+    with pytest.raises(LogError, match=r"odd\.mcap: .*must follow the MAVLink definition"):
+        readers.read(path)
+
+
+def ulog_block(kind: bytes, body: bytes) -> bytes:
+    return struct.pack("<H", len(body)) + kind + body
+
+
+def ulog_file(formats: dict[str, str], topics: list[str]) -> bytes:
+    """By docs.px4.io, "ULog File Format"."""
+    data = b"ULog\x01\x12\x35\x01" + bytes(8)
+    for name, fields in formats.items():
+        data += ulog_block(b"F", f"{name}:{fields}".encode())
+    subscriptions = (struct.pack("<BH", 0, n) + topic.encode() for n, topic in enumerate(topics))
+    return data + b"".join(ulog_block(b"A", body) for body in subscriptions)
+
+
+NESTED = {f"level{n}": f"level{n + 1}[60000] part;" for n in range(4)}
+NESTED["level4"] = "float[60000] x;"
+ULOG_BOMBS = {
+    "nested arrays": (NESTED, ["level0"]),
+    "format within itself": ({"a": "a[2] a;a[2] b;"}, ["a"]),
+    "many subscriptions": ({"a": "float[60000] x;"}, ["a"] * 100),
+    "long names": ({"a": f"float[60000] {'x' * 9000};"}, ["a"]),
+}
+
+
+@pytest.mark.parametrize("bomb", ULOG_BOMBS)
+def test_ulog_bomb_is_refused_in_bounded_memory(bomb: str, tmp_path: Path) -> None:
+    path = tmp_path / "bomb.ulg"
+    path.write_bytes(ulog_file(*ULOG_BOMBS[bomb]))
+    tracemalloc.start()
+    with pytest.raises(LogError, match=r"bomb\.ulg: is no readable PX4 log .*its formats"):
+        readers.read(path)
+    _, most_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most_bytes < MOST_BYTES
+
+
+def test_dataflash_memory_is_a_few_times_the_file(tmp_path: Path) -> None:
+    """Messages of the largest length: 255 bytes, of which 8 are the time."""
+    codes, columns = "Q" + "Z" * 3 + "N" * 3 + "B" * 4, "TimeUS,A,B,C,D,E,F,G,H,I,J"
+    body = struct.pack("<BB4s16s64s", 1, 255, b"BIG", codes.encode(), columns.encode())
+    data = bytes((0xA3, 0x95, 0x80)) + body + (bytes((0xA3, 0x95, 1)) + bytes(252)) * 20_000
+    path = tmp_path / "big.bin"
+    path.write_bytes(data)
+    readers.tables(files.dataflash(tmp_path / "other.bin"))  # imports
+    tracemalloc.start()
+    assert readers.tables(path)["BIG"].time_s.size == 20_000
+    _, most_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most_bytes < 6 * len(data)
+
+
+def attitude_rows(log: Log) -> set[bytes]:
+    """Each sample of attitude as bytes; yaw is unwrapped by sums, hence the rounding."""
+    table = np.stack(tuple(vars(log.attitude).values()), axis=1).round(9)
+    return {row.tobytes() for row in table}
+
+
+def test_tlog_flipped_bit_loses_samples_and_alters_none(tmp_path: Path) -> None:
+    """A damaged frame fails its CRC-16 and is left out; the stamps between frames are not used."""
+    path = files.tlog(tmp_path / "dive.tlog")
+    data, expected = path.read_bytes(), attitude_rows(readers.read(path))
+    for seed in range(5):
+        path.write_bytes(flipped(data, seed)[1])
+        found = attitude_rows(readers.read(path))
+        assert found <= expected
+        assert len(found) >= len(expected) - 1

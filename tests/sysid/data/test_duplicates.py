@@ -1,0 +1,143 @@
+"""A dive given twice is refused, in whatever file its samples are; two dives are not."""
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from sysid import refit
+from sysid.data import duplicates, readers
+from sysid.data.segments import Mark
+from sysid.models.model_file import DataFile
+from tests.sysid import recording
+from tests.sysid.data.test_dataset import actuators, dive, position
+from tests.sysid.recording import Entry
+
+NOISE_RADPS = 1e-3
+"""Of a gyro such as sitl's: 0.06 deg/s."""
+
+
+def noisy_dive(seed: int, start: int = 0, stop: int = 2000) -> list[Entry]:
+    """The dive of test_log, whose rates carry noise; the part between two samples at 50 Hz."""
+    noise = np.random.default_rng(seed).normal(0.0, NOISE_RADPS, (2000, 3))
+    entries = []
+    for time_s, message in dive():
+        k = round(50 * time_s)
+        if not start <= k < stop:
+            continue
+        if message.msgname == "ATTITUDE":
+            p, q, r = (float(v) for v in noise[k] + (0.0, 0.0, 0.1))
+            angles = message.roll, message.pitch, message.yaw
+            message = mavlink.MAVLink_attitude_message(message.time_boot_ms, *angles, p, q, r)
+        entries.append((time_s, message))
+    return entries
+
+
+def as_tlog(path: Path, entries: list[Entry]) -> Path:
+    """By MAVProxy's mav.tlog: 8 bytes of microseconds, big-endian, then the frame."""
+    link = mavlink.MAVLink(None, 1, 1)
+    frames = (struct.pack(">Q", round(1e6 * t)) + bytes(m.pack(link)) for t, m in entries)
+    path.write_bytes(b"".join(frames))
+    return path
+
+
+def mcap(path: Path, entries: list[Entry]) -> Path:
+    return recording.write(path, entries, {})
+
+
+def shifted(entries: list[Entry], by_s: float) -> list[Entry]:
+    """The same dive, recorded by a clock that is ahead by so much."""
+    return [(time_s + by_s, message) for time_s, message in entries]
+
+
+def thinned(entries: list[Entry]) -> list[Entry]:
+    """Every second sample of attitude, as over a slower link."""
+    kept, count = [], 0
+    for time_s, message in entries:
+        count += message.msgname == "ATTITUDE"
+        if message.msgname != "ATTITUDE" or count % 2:
+            kept.append((time_s, message))
+    return kept
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("dives")
+    (folder / "copies").mkdir()
+    mcap(folder / "dive.mcap", noisy_dive(1))
+    mcap(folder / "other.mcap", noisy_dive(2))
+    return folder
+
+
+COPIES: dict[str, Callable[[Path, Path], Path]] = {
+    "same path": lambda folder, copy: folder / "dive.mcap",
+    "path written otherwise": lambda folder, copy: folder / "copies" / ".." / "dive.mcap",
+    "copied": lambda folder, copy: mcap(copy, noisy_dive(1)),
+    "trimmed": lambda folder, copy: mcap(copy, noisy_dive(1, 500, 1400)),
+    "trimmed within the test": lambda folder, copy: mcap(copy, noisy_dive(1, 900, 1100)),
+    "clock ahead": lambda folder, copy: mcap(copy, shifted(noisy_dive(1), 1234.5)),
+    "slower link": lambda folder, copy: mcap(copy, thinned(noisy_dive(1))),
+    "converted": lambda folder, copy: as_tlog(copy.with_suffix(".tlog"), noisy_dive(1)),
+}
+
+
+@pytest.mark.parametrize("copy", COPIES)
+def test_fitted_log_given_as_held_out_is_refused(copy: str, folder: Path) -> None:
+    path, held = folder / "dive.mcap", COPIES[copy](folder, folder / "copies" / "c.mcap")
+    with pytest.raises(refit.RefitError, match="hold out another dive") as refused:
+        refit.refit([folder / "other.mcap", path], held_out=[held])
+    assert str(refused.value).startswith(f"{held}, held out, holds the same samples as {path},")
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("copy", COPIES)
+def test_log_fitted_twice_is_refused(copy: str, folder: Path) -> None:
+    path, again = folder / "dive.mcap", COPIES[copy](folder, folder / "copies" / "c.mcap")
+    with pytest.raises(refit.RefitError, match="give one of them") as refused:
+        refit.refit([path, folder / "other.mcap", again])
+    assert str(refused.value).startswith(f"{path} and {again} hold the same samples")
+
+
+def test_log_held_out_twice_is_refused(folder: Path) -> None:
+    path = folder / "dive.mcap"
+    with pytest.raises(refit.RefitError, match="held out, hold the same samples"):
+        refit.refit([folder / "other.mcap"], held_out=[path, path])
+
+
+def found(paths: list[Path], marks: tuple[Mark, ...] = ()) -> list[duplicates.NamedLog]:
+    return [duplicates.named(path, readers.read(path), marks) for path in paths]
+
+
+def test_two_dives_of_the_same_test_are_accepted(folder: Path) -> None:
+    """They differ by noise alone."""
+    one, other = found([folder / "dive.mcap", folder / "other.mcap"])
+    assert len(one.samples) == len(other.samples) == 501
+    assert one.samples & other.samples == frozenset()
+    assert duplicates.refusal([one], [other]) == ""
+
+
+def test_vehicle_at_rest_is_no_evidence_of_a_copy(tmp_path: Path) -> None:
+    """Ten seconds of one and the same sample, within a marked test."""
+    still = [
+        entry
+        for k in range(2000)
+        for entry in (
+            (k / 50, mavlink.MAVLink_attitude_message(20 * k, 0, 0, 0, 0, 0, 0)),
+            actuators(k / 50, 0.0, 0.0),
+            position(k / 50, 4.0 + k % 3),
+        )
+    ]
+    paths = [mcap(tmp_path / "a.mcap", still), mcap(tmp_path / "b.mcap", still[:-300])]
+    one, other = found(paths, (Mark(10.0, 20.0, "yaw"),))
+    assert len(one.samples) == 1
+    assert duplicates.refusal([one], [other]) == ""
+
+
+def test_log_behind_the_prior_is_refused(folder: Path) -> None:
+    (one,) = found([folder / "dive.mcap"])
+    said = duplicates.refusal([], [one], [DataFile("first.mcap", one.log.sha256)])
+    assert said.startswith(f"{one.path}: the model that is the prior was fitted to it already")
+    assert "first.mcap" in said

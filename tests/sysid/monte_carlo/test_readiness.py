@@ -1,0 +1,79 @@
+"""Reasons why a campaign cannot work are found before its first dive, and none where it can."""
+
+import math
+
+import pytest
+
+from ground.missions import plans
+from sitl.vehicle import config
+from sysid.monte_carlo import readiness
+from sysid.monte_carlo.readiness import Moments, Obstacle
+
+DISTURBED = Moments(
+    slow_nm={"yaw": 2.81, "pitch": 2.24},
+    slow_time_s=3.0,
+    wave_nm={"yaw": 4.96, "pitch": 4.57},
+    wave_frequency_hz=0.15,
+    wave_damping=0.1,
+)
+"""sitl/scenarios/disturbed.toml, made for Caribou."""
+CALM = DISTURBED._replace(slow_nm={"yaw": 0.0, "pitch": 0.0}, wave_nm={"yaw": 0.0, "pitch": 0.0})
+GAINS = {
+    "remus100": (0.378, 0.668, 0.0151, 0.410, 0.594, 0.290, 0.0097, 13.6),
+    "xfin": (2.115, 3.065, 0.0846, 2.115, 3.065, 0.168, 0.0056, 15.0),
+    "docs/my_vehicle.toml": (0.647, 0.758, 0.0259, 0.673, 0.788, 0.248, 0.0083, 15.0),
+}
+"""`ground vehicle gains`, rounded; the last is the travel, deg."""
+NAMES = ("HDG_P", "HDG_D", "HDG_I", "PTCH_P", "PTCH_D", "DPT_P", "DPT_I", "ACT_TRAVEL_DEG")
+
+
+def obstacle(vehicle: str, moments: Moments, *missions: str) -> Obstacle | None:
+    gains = {
+        **dict(zip(NAMES, GAINS[vehicle], strict=True)),
+        "PTCH_I": 0.0,
+        "DPT_D": 0.0,
+        "HDG_IMAX": 0.05,
+        "PTCH_IMAX": 0.0,
+        "DPT_IMAX": 0.1,
+    }
+    items = {name: plans.load_items(name) for name in missions}
+    return readiness.obstacle(config.load(vehicle), gains, moments, items, seed=1)
+
+
+def test_obstacle_sea_for_a_larger_vehicle_is_a_failsafe() -> None:
+    """The campaign of remus100 ended so in its first dive: `Failsafe: pitch -75 deg`."""
+    found = obstacle("remus100", DISTURBED, "trim")
+    assert found is not None
+    assert found.where == "trim"
+    assert found.reason.startswith("it ends with the failsafe 'pitch")
+    # hypot(34.2, 19.4) deg/s2: moments over I_zz - N_rdot of 8.3 kg m2
+    assert "39 deg/s²" in found.reason
+
+
+def test_obstacle_test_beyond_the_travel_is_the_autopilots_refusal() -> None:
+    found = obstacle("remus100", CALM, "elevator_steps")
+    refusal = "Mission item 32: magnitude 14 deg: must be within 13.6 deg, and not 0"
+    assert found == Obstacle("elevator_steps", f"the autopilot refuses the mission ({refusal})")
+
+
+def test_obstacle_sea_that_hides_the_tests_is_told_by_coherence() -> None:
+    """That campaign was refused by its verdict: coherence about crossover 0.30 and 0.28."""
+    found = obstacle("docs/my_vehicle.toml", DISTURBED, "rudder_sweeps")
+    assert found is not None
+    assert found.where == "rudder tests"
+    assert "the sea hides them: coherence about crossover" in found.reason
+    assert obstacle("docs/my_vehicle.toml", CALM, "rudder_sweeps") is None
+
+
+def test_obstacle_heavy_vehicle_in_the_same_sea_is_none() -> None:
+    assert obstacle("xfin", DISTURBED, "trim", "rudder_sweeps") is None
+
+
+def test_noise_levels_are_moment_over_inertia() -> None:
+    """Caribou: 4.96 N m over I_zz - N_rdot = 927 kg m2 (Table 1); sway adds less than 5 %."""
+    from sysid.test_design import prior as beliefs
+
+    belief = beliefs.of_file(config.load("bench"))
+    level = readiness.noise_levels(belief.vehicle(belief.mean), DISTURBED)["yaw"]
+    assert level.wave_radps2 == pytest.approx(4.96 / 927.0, rel=0.05)
+    assert math.degrees(level.slow_radps2) == pytest.approx(0.174, abs=0.01)
