@@ -11,11 +11,11 @@ from autopilot.app import App
 from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.hil import HilLink
 from autopilot.comms.signing_keys import Keys
+from autopilot.control.lqg_file import LqgFileError
+from autopilot.control.lqg_file import load as load_laws
 from autopilot.control.params import ParamError, ParamTable
 from autopilot.control.types import Severity
-from autopilot.lqg_file import LawError
-from autopilot.lqg_file import load as load_laws
-from autopilot.onboard_log.recorder import Logbook
+from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.onboard_log.storage import default_folder
 from autopilot.param_file import load
 from autopilot.param_store import ParamStore
@@ -23,14 +23,14 @@ from autopilot.telemetry.identity import AutopilotId, version
 from autopilot.vehicle import Vehicle
 from mavlink_io.parent_watch import end_with_stdin
 from mavlink_io.signing import KeyFileError
-from mavlink_io.transport import PATIENCE_S, AddressError, LinkLostError, open_transport
-from mavlink_io.user_data_dir import state_folder
+from mavlink_io.transport import SEND_TIMEOUT_S, AddressError, LinkLostError, open_transport
+from mavlink_io.user_data_dir import user_data_dir
 
 DEFAULT_GROUND = ["udpout:127.0.0.1:14550", "udpout:127.0.0.1:14540"]
 """Where QGroundControl and MAVProxy, and where MAVSDK listen."""
 
-NOTHING = "off"
-HURRIED_S = 0.2
+OFF = "off"
+MAX_SEND_BLOCK_S = 0.2
 """The longest that a TCP client which reads nothing may hold up a vehicle that does not wait for
 her autopilot: what Wi-Fi leaves behind when she dives."""
 
@@ -87,7 +87,7 @@ def fly(
 ) -> None:
     """Fly the vehicle: sensors in, actuators out, MAVLink to the ground."""
     try:
-        keeper = ParamStore(_folder(state, state_folder()))
+        keeper = ParamStore(_folder(state, user_data_dir()))
         kept = keeper.load()
         table = ParamTable(
             kept | (load(params) if params else {}), kept, load_laws(laws) if laws else None
@@ -95,15 +95,15 @@ def fly(
         vehicle = Vehicle(table)
         keys = Keys.from_options(sign or (), gcs or DEFAULT_GROUND)
         hil_link = HilLink(open_transport(hil, awaited=True), vehicle.system)
-        patience_s = PATIENCE_S if hil_link.lockstep else HURRIED_S
+        patience_s = SEND_TIMEOUT_S if hil_link.lockstep else MAX_SEND_BLOCK_S
         transports = [
             open_transport(each, awaited=True, patience_s=patience_s)
             for each in gcs or DEFAULT_GROUND
         ]
-        logbook = Logbook(vehicle, _folder(logs, default_folder()), version())
+        logbook = OnboardLog(vehicle, _folder(logs, default_folder()), version())
         ground = GroundServer(vehicle, transports, autopilot_id, keys, logbook, keeper)
-    except (AddressError, KeyFileError, LawError, ParamError) as error:
-        raise SystemExit(_complain(error, BAD_INPUT)) from None
+    except (AddressError, KeyFileError, LqgFileError, ParamError) as error:
+        raise SystemExit(_print_error(error, BAD_INPUT)) from None
     links = ", ".join(link.transport.address for link in ground.links)
     print(
         f"autopilot: system {vehicle.system}, HIL {hil}, ground {links}",
@@ -121,7 +121,7 @@ def fly(
     try:
         App(vehicle, hil_link, ground, logbook).run(stop)
     except LinkLostError as error:
-        raise SystemExit(_complain(error, WORK_FAILED)) from None
+        raise SystemExit(_print_error(error, WORK_FAILED)) from None
     finally:
         for complaint in (keys.save(), keeper.close(table)):
             if complaint:
@@ -129,7 +129,7 @@ def fly(
 
 
 def _folder(given: str, default: Path) -> Path | None:
-    return None if given == NOTHING else Path(given) if given else default
+    return None if given == OFF else Path(given) if given else default
 
 
 class Stop:
@@ -147,7 +147,7 @@ class Stop:
         self._asked = True
 
 
-def _complain(error: Exception, status: int) -> int:
+def _print_error(error: Exception, status: int) -> int:
     print(f"autopilot: {error}", file=sys.stderr)
     return status
 

@@ -4,19 +4,19 @@ from collections.abc import Callable
 
 from autopilot.comms import sensor_clock
 from autopilot.comms.ground_server import GroundServer
-from autopilot.comms.hil import HilLink, Sample
-from autopilot.comms.sensor_clock import SensorClock, Verdict
+from autopilot.comms.hil import HilLink, HilSample
+from autopilot.comms.sensor_clock import SensorClock, StampVerdict
 from autopilot.control.types import US_PER_S, Inputs
-from autopilot.onboard_log.recorder import Logbook
+from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.vehicle import Vehicle
 from mavlink_io.clock import wall_s
 from mavlink_io.records import ActuatorFrame
-from mavlink_io.transport import EAGER_S, wait
+from mavlink_io.transport import SPIN_S, wait
 
-SILENT_S = 1.0
+SENSOR_SILENCE_S = 1.0
 """Wall time without a sample after which a vehicle's own sensors count as silent. A simulator may
 pause in lockstep."""
-GIBBERISH_BYTES = 1000
+WRONG_BAUD_BYTES = 1000
 """So many before the first sample are no noise: the line has another baud rate."""
 
 
@@ -24,7 +24,7 @@ class App:
     """Joins the vehicle to its two sides and to its log."""
 
     def __init__(
-        self, vehicle: Vehicle, hil: HilLink, ground: GroundServer, logbook: Logbook
+        self, vehicle: Vehicle, hil: HilLink, ground: GroundServer, logbook: OnboardLog
     ) -> None:
         self._vehicle, self._hil, self._ground, self._logbook = vehicle, hil, ground, logbook
         self._clock = SensorClock()
@@ -47,7 +47,7 @@ class App:
     def step(self, timeout_s: float) -> None:
         """Wait for something to arrive and deal with it."""
         links = {link.transport: link for link in self._ground.links}
-        eager = self._hil.lockstep and wall_s() - self._heard_s < EAGER_S
+        eager = self._hil.lockstep and wall_s() - self._heard_s < SPIN_S
         ready = wait([self._hil.transport, *links], timeout_s, eager=eager)
         if self._hil.transport in ready:
             self._heard_s = wall_s()
@@ -71,29 +71,29 @@ class App:
             return
         if self._vehicle.state.time_us < 0:
             self._look_for_gibberish()
-        elif not self._silence_told and wall_s() - self._taken_s >= SILENT_S:
+        elif not self._silence_told and wall_s() - self._taken_s >= SENSOR_SILENCE_S:
             self._silence_told = True
             self._vehicle.lose_sensors()
 
     def _look_for_gibberish(self) -> None:
-        if not self._gibberish_told and self._hil.gibberish_bytes > GIBBERISH_BYTES:
+        if not self._gibberish_told and self._hil.gibberish_bytes > WRONG_BAUD_BYTES:
             self._gibberish_told = True
             self._vehicle.say("HIL: no MAVLink in what is heard: baud rate?")
 
-    def _take(self, sample: Sample, silent_us: int) -> bool:
+    def _take(self, sample: HilSample, silent_us: int) -> bool:
         """Answer a sample: a new one with a tick, a repeated one as before. True where it is new.
 
         ``silent_us`` is the wall time since a sample was last taken.
         """
         stamp_us = sample.sensors.time_us
         before = self._clock if self._vehicle.state.time_us >= 0 else SensorClock()
-        self._clock, verdict = sensor_clock.judge(before, stamp_us, silent_us)
-        if verdict is Verdict.REFUSED:
+        self._clock, verdict = sensor_clock.classify_stamp(before, stamp_us, silent_us)
+        if verdict is StampVerdict.REFUSED:
             return False
-        if verdict is Verdict.REPEATED:
+        if verdict is StampVerdict.REPEATED:
             self._answer(self._vehicle.again(), stamp_us)
             return False
-        if verdict is Verdict.RESTARTED:
+        if verdict is StampVerdict.RESTARTED:
             self._restart(before, stamp_us)
         offset_us = self._clock.offset_us
         self._tick(sensor_clock.rebase(sample, offset_us) if offset_us else sample, stamp_us)
@@ -117,7 +117,7 @@ class App:
         """Send actuators with the stamp of the sample they answer: a simulator waits for it."""
         self._hil.answer(frame if frame.time_us == stamp_us else frame._replace(time_us=stamp_us))
 
-    def _tick(self, sample: Sample, stamp_us: int) -> None:
+    def _tick(self, sample: HilSample, stamp_us: int) -> None:
         inputs = Inputs(
             sample.sensors,
             sample.gps,

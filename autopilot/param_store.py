@@ -10,14 +10,14 @@ from itertools import count
 from pathlib import Path
 
 from autopilot.control.params import ParamError, ParamTable
-from autopilot.param_file import lines, text_of
+from autopilot.param_file import lines, to_text
 from mavlink_io.clock import Every
 from mavlink_io.user_data_dir import replace_file
 
 FILE = "parameters.param"
-GATHER_S = 0.2
+SAVE_DELAY_S = 0.2
 """Values that come one after the other are written at once."""
-_NOT_YET = -1
+_UNSAVED = -1
 
 
 class ParamStore:
@@ -31,7 +31,7 @@ class ParamStore:
         """The table's revision that is on disk, or on its way there."""
         self._failed = False
         """The last that was to be written was not."""
-        self._due = Every(GATHER_S)
+        self._due = Every(SAVE_DELAY_S)
         self.complaints: list[str] = []
         """What was wrong with the file."""
 
@@ -56,7 +56,7 @@ class ParamStore:
                 values[name] = value
         if self.complaints:
             self._put_aside(self._path)
-            self._written = _NOT_YET
+            self._written = _UNSAVED
         return values
 
     def poll(self, table: ParamTable, say: Callable[[str], None]) -> None:
@@ -74,7 +74,7 @@ class ParamStore:
         ):
             return
         self._written = table.revision
-        self._writing = self._writer.submit(_write, self._path, text_of(table.kept))
+        self._writing = self._writer.submit(_write, self._path, to_text(table.kept))
 
     def close(self, table: ParamTable) -> str:
         """Write what is left, and wait for it; returns what went wrong, or nothing."""
@@ -83,7 +83,7 @@ class ParamStore:
         if self._path is None or (table.revision == self._written and not failed):
             return ""
         try:
-            _write(self._path, text_of(table.kept))
+            _write(self._path, to_text(table.kept))
         except OSError as error:
             return f"parameters are not kept: {error.strerror}"
         return ""

@@ -11,15 +11,16 @@ from autopilot.control.types import (
     DENIED,
     UNSUPPORTED,
     Answer,
+    AutopilotState,
     Event,
     Inputs,
     ItemReached,
     MissionState,
     Severity,
-    State,
     Trace,
     Trim,
 )
+from mavlink_io.mission_items import MissionItem
 from mavlink_io.records import (
     ActuatorFrame,
     Altimeter,
@@ -29,12 +30,11 @@ from mavlink_io.records import (
     SensorFrame,
 )
 from mavlink_io.services import missions
-from mavlink_io.services.mission_server import MissionProgress, Verdict
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.services.mission_server import MissionProgress, MissionResult
 
-LEARNED_TIMES = 2.0
+MAX_TRIM_REPORTS = 2.0
 """Trims are kept after so many times the time in which they are learned."""
-FIX_LASTS_US = 1_500_000
+FIX_TIMEOUT_US = 1_500_000
 """A satellite fix older than this is none: the vehicle has dived."""
 
 NO_MISSION, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = 1, 2, 3, 4, 5
@@ -46,7 +46,7 @@ NO_ITEMS = 0xFFFF
 class Snapshot(NamedTuple):
     """The vehicle after a tick, as telemetry tells it."""
 
-    state: State
+    state: AutopilotState
     trace: Trace
     actuators: ActuatorFrame
     sensors: SensorFrame | None
@@ -71,7 +71,7 @@ class Vehicle:
         self._begin()
 
     def _begin(self) -> None:
-        self.state = core.start()
+        self.state = core.initial_state()
         self._trace = Trace()
         self._sensors: SensorFrame | None = None
         self._fix: GpsFix | None = None
@@ -79,7 +79,7 @@ class Vehicle:
         self._battery: Battery | None = None
         self._leak: Leak | None = None
         self._intended_mode = self.state.mode
-        self._actuators = core.actuators(self.state, self._trace, self.params.config)
+        self._actuators = core.actuator_frame(self.state, self._trace, self.params.config)
 
     def tick(self, inputs: Inputs) -> ActuatorFrame:
         """One step at the vehicle time of the sensors."""
@@ -100,12 +100,14 @@ class Vehicle:
 
     def again(self) -> ActuatorFrame:
         """The last answer for a sensor frame that came twice; arming since then shows in it."""
-        return core.actuators(self.state, self._trace, self.params.config)
+        return core.actuator_frame(self.state, self._trace, self.params.config)
 
     def request(self, wish: requests.Request) -> Answer:
         """Answer ground at once; a refusal is said aloud."""
         before = self.state
-        self.state, answer, events = request_handler.request(before, wish, self.params.config)
+        self.state, answer, events = request_handler.handle_request(
+            before, wish, self.params.config
+        )
         self._events += events
         if before.armed and not self.state.armed:
             self._keep_trim(before.loops.trim)
@@ -125,7 +127,7 @@ class Vehicle:
     def lose_sensors(self) -> None:
         """No sample comes any more: say so. Until they have come again for a while she is not to be
         armed."""
-        self.state = monitor.lose_sensors(self.state)
+        self.state = monitor.report_sensor_loss(self.state)
         self.say("Sensors silent", Severity.ERROR)
 
     def say(self, text: str, severity: Severity = Severity.WARNING) -> None:
@@ -155,7 +157,7 @@ class Vehicle:
         """Trims that were learned for long enough become parameters when the vehicle is
         disarmed."""
         config = self.params.config
-        if not config.trim_time_s or trim.learned_s < LEARNED_TIMES * config.trim_time_s:
+        if not config.trim_time_s or trim.learned_s < MAX_TRIM_REPORTS * config.trim_time_s:
             return
         learned = {
             "TRIM_RUD_DEG": config.rudder_trim_deg + math.degrees(trim.rudder_rad),
@@ -173,14 +175,16 @@ class Vehicle:
 
     def _recent_fix(self) -> GpsFix | None:
         fix = self._fix
-        return fix if fix is not None and self.state.time_us - fix.time_us < FIX_LASTS_US else None
+        return (
+            fix if fix is not None and self.state.time_us - fix.time_us < FIX_TIMEOUT_US else None
+        )
 
     def _follow_mode(self) -> None:
         if not self.state.failsafe:
             self._intended_mode = self.state.mode
 
 
-class MissionStore:
+class VehicleMission:
     """The vehicle's mission as the mission protocol wants it."""
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -194,11 +198,11 @@ class MissionStore:
     def progress(self) -> MissionProgress:
         return progress(self._vehicle.state, self._vehicle.params.config)
 
-    def load(self, items: tuple[MissionItem, ...]) -> Verdict:
+    def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
         answer = self._vehicle.request(requests.LoadMission(items))
         if answer.parameter:
-            return Verdict(missions.INVALID_PARAM1 + answer.parameter - 1)
-        return Verdict(_MISSION_RESULTS.get(answer.result, missions.DENIED))
+            return MissionResult(missions.INVALID_PARAM1 + answer.parameter - 1)
+        return MissionResult(_MISSION_RESULTS.get(answer.result, missions.DENIED))
 
     def set_current(self, sequence: int) -> bool:
         return self._vehicle.request(requests.SetMissionItem(sequence)).result == ACCEPTED
@@ -214,7 +218,7 @@ _MISSION_RESULTS = {
 }
 
 
-def progress(state: State, config: Config) -> MissionProgress:
+def progress(state: AutopilotState, config: Config) -> MissionProgress:
     """How far the mission has come, as MISSION_CURRENT tells it: home, where it is item 0, counts
     for nothing."""
     flown, total = state.mission, len(state.mission.items)

@@ -18,8 +18,8 @@ from typing import NamedTuple
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """As the ``ground`` command has it, for the process that refits."""
 
-from ground.campaign.run import Campaign, Request  # noqa: E402 - the line above comes first
-from ground.client.flight import Outcome  # noqa: E402
+from ground.campaign.run import Campaign, CampaignRequest  # noqa: E402 - the line above comes first
+from ground.client.flight import FlightResult  # noqa: E402
 
 
 class Moment(NamedTuple):
@@ -39,10 +39,10 @@ def now(what: str) -> Moment:
     return Moment(what, time.perf_counter(), used / os.sysconf("SC_CLK_TCK"))
 
 
-def fly(seed: int, folder: Path) -> tuple[list[Moment], dict[str, Outcome]]:
+def fly(seed: int, folder: Path) -> tuple[list[Moment], dict[str, FlightResult]]:
     """When each stage began, at last the end; and what came of each dive."""
     moments = [now("starting")]
-    asked = Request(folder / "campaign", seed=seed)
+    asked = CampaignRequest(folder / "campaign", seed=seed)
     campaign = Campaign(asked, lambda name, at: None, lambda words: moments.append(now(words)))
     campaign.run()
     return [*moments, now("the end")], campaign.outcomes
@@ -55,7 +55,7 @@ def stages_in_words(moments: list[Moment]) -> list[str]:
     return [*lines, _row("all", moments[0], moments[-1])]
 
 
-def dives_in_words(outcomes: dict[str, Outcome]) -> list[str]:
+def dives_in_words(outcomes: dict[str, FlightResult]) -> list[str]:
     """Vehicle time from arming on, over the wall time from the request to arm."""
     lines = [f"{'dive':64s}{'wall s':>8s}{'vehicle s':>13s}{'x real time':>13s}"]
     for name, flown in outcomes.items():

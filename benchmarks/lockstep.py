@@ -40,11 +40,11 @@ def recorded_dive(mission: str, folder: Path, number: int) -> float:
 def bare_ticks() -> float:
     """Times real time that the two pure functions reach alone."""
     sea, rng = (
-        plant.build(config.load("field"), scenario.load("disturbed")),
+        plant.build(config.load("caribou_truth"), scenario.load("disturbed")),
         plant.random_streams(1),
     )
-    body, reading = plant.launch(sea, rng)
-    state, parameters = core.start(), Config()
+    body, reading = plant.initial_state(sea, rng)
+    state, parameters = core.initial_state(), Config()
     began_s = time.perf_counter()
     for _ in range(TICKS):
         state, frame, _, _ = core.tick(

@@ -26,7 +26,7 @@ from sitl.scenario import Scenario
 from sitl.vehicle import config
 from sysid import monitor
 from sysid.data.dataset import Log, Setpoints
-from sysid.monitor.performance_spec import Promise
+from sysid.monitor.performance_spec import PerformanceBaseline
 from tests.helpers.closed_loop import Dive
 from tests.helpers.missions import leg
 
@@ -71,9 +71,11 @@ def told(flown: Dive) -> Log:
     return dataclasses.replace(log, setpoints=points)
 
 
-def trial(promise: Promise, values: dict[str, float], case: str, seed: int) -> list[float]:
+def trial(
+    promise: PerformanceBaseline, values: dict[str, float], case: str, seed: int
+) -> list[float]:
     """(steady hours, seconds to the alarm or NaN, whether its cause is the right one)."""
-    kept = monitor.of_log(told(dive(case, values, seed)), promise)
+    kept = monitor.monitor_log(told(dive(case, values, seed)), promise)
     after_s = (
         math.nan if kept.found_s is None else kept.found_s - (FROM_S if case in FAULTS else 0.0)
     )
@@ -109,7 +111,7 @@ def judge(case: str, rows: Array) -> list[Figure]:
 
 def main() -> None:
     asked = _arguments()
-    promise, values = param_file.promise(asked.gains), param_file.load(asked.gains)
+    promise, values = param_file.read_baseline(asked.gains), param_file.load(asked.gains)
     if promise is None:
         sys.exit(f"{asked.gains}: promises nothing; give a file that `ground redesign` wrote")
     cell = Cell("monitor", "straight runs", partial(trial, promise, values), judge, 20)

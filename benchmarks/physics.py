@@ -45,7 +45,7 @@ SHALLOW = Water(
 )
 """All that water can do to a hull that also bumps on ice; timed is deep and still water, where she
 spends her life."""
-VEHICLES = ("bench", "remus100", "xfin")
+VEHICLES = ("caribou_nominal", "remus100", "xfin_auv")
 DEEP_M = -500.0
 SAME = 1e-9
 """Two compilers round differently, and contact with ice is stiff."""
@@ -186,7 +186,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--vehicle", default="field")
+    parser.add_argument("--vehicle", default="caribou_truth")
     parser.add_argument("--peer", type=Path, help="checkout of PythonVehicleSimulator")
     parser.add_argument("--rounds", type=int, default=400)
     asked = parser.parse_args()

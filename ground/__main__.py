@@ -37,10 +37,10 @@ from ground.cli.options import (
     Sign,
     Speed,
     VehicleName,
-    encode,
-    give,
+    print_result,
+    to_json,
 )
-from ground.errors import BAD_INPUT, FAILED, BadInputError, FailedError
+from ground.errors import BAD_INPUT, FAILED, InputError, OperationError
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """Set before numpy is loaded: refits solve many small systems, which threads of their own slow down
@@ -76,7 +76,7 @@ app.command()(bench.incline)
 app.command()(experiment_cli.design_test)
 app.command()(rehearsal_cli.rehearse)
 app.command()(redesign.redesign)
-app.command()(lqg.laws)
+app.command()(lqg.design_lqg)
 
 
 @app.command()
@@ -91,8 +91,8 @@ def watch(
         typer.Option(
             metavar="NAME|FILE|MODEL.json",
             help=(
-                "Show what her tests tell of her, from what is known before them: bench, a vehicle"
-                " file, or a "
+                "Show the estimate of the vehicle under test, from this prior: caribou_nominal, a"
+                " vehicle file, or a "
                 "model.json. She is asked for 20 Hz of what that needs."
             ),
         ),
@@ -115,7 +115,7 @@ def watch(
 
 @app.command()
 def campaign(
-    vehicle: VehicleName = "field",
+    vehicle: VehicleName = "caribou_truth",
     scenario: ScenarioName = "disturbed",
     seed: Seed = 1,
     speed: Speed = "max",
@@ -136,12 +136,12 @@ def campaign(
     """Prototype, identify, redesign, verify: fly them all, and report."""
     from ground import progress
     from ground.campaign import summary
-    from ground.campaign.run import Campaign, Request
+    from ground.campaign.run import Campaign, CampaignRequest
 
     with progress.display("campaign", quiet=json) as shown:
-        asked = Request(out, vehicle, scenario, seed, speed, beside_paper, force)
+        asked = CampaignRequest(out, vehicle, scenario, seed, speed, beside_paper, force)
         result = Campaign(asked, shown.watch_named, shown.announce).run()
-    give(result, summary.in_words(result, out), json)
+    print_result(result, summary.format_text(result, out), json)
 
 
 @app.command()
@@ -153,7 +153,9 @@ def refit(
     held_out: Annotated[
         list[Path] | None, typer.Option(help="A log to predict and not to fit; repeatable.")
     ] = None,
-    prior: Annotated[str, typer.Option(help="bench, a vehicle file, or a model.json.")] = "bench",
+    prior: Annotated[
+        str, typer.Option(help="caribou_nominal, a vehicle file, or a model.json.")
+    ] = "caribou_nominal",
     method: Annotated[
         Method, typer.Option(help="map; *-error: linear planes; paper: its own way.")
     ] = Method.MAP,
@@ -208,7 +210,9 @@ def refit(
             force=force,
         )
     fitting.write_model(model, out)
-    give(identification.of_model(model), identification.in_words(model, out), json)
+    print_result(
+        identification.summarise_model(model), identification.format_text(model, out), json
+    )
 
 
 @app.command()
@@ -241,14 +245,14 @@ def paper(
     """The paper's Tables 1 to 5 beside what this software derives, without flying."""
     from ground.report import paper_poles, paper_tables, poles
 
-    found = paper_poles.reckon()
-    result = paper_tables.without_flying(found)
-    words = paper_tables.in_words(result, found)
+    found = paper_poles.compute()
+    result = paper_tables.collect(found)
+    words = paper_tables.format_text(result, found)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
-        (out / "paper.json").write_text(encode(result), encoding="utf-8")
+        (out / "paper.json").write_text(to_json(result), encoding="utf-8")
         words = "\n".join([words, "", *map(str, poles.draw(found, out))])
-    give(result, words, json)
+    print_result(result, words, json)
 
 
 @app.command()
@@ -261,7 +265,7 @@ def missions(json: Json = False) -> None:
     result = {
         name: {"duration_s": script.duration_s(m), "about": m.about} for name, m in shipped.items()
     }
-    give(result, "\n".join(lines), json)
+    print_result(result, "\n".join(lines), json)
 
 
 def main() -> None:
@@ -272,16 +276,16 @@ def main() -> None:
         signal.signal(number, _interrupt)
     try:
         app()
-    except (BadInputError, AddressError) as error:
-        _leave(error, BAD_INPUT)
+    except (InputError, AddressError) as error:
+        _exit_with_error(error, BAD_INPUT)
     except FileExistsError as error:
-        _leave(f"{error.filename}: exists; give a new name", BAD_INPUT)
+        _exit_with_error(f"{error.filename}: exists; give a new name", BAD_INPUT)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
-        _leave(f"{error.filename}: {error.strerror}", BAD_INPUT)
-    except (FailedError, OSError) as error:
-        _leave(error, FAILED)
+        _exit_with_error(f"{error.filename}: {error.strerror}", BAD_INPUT)
+    except (OperationError, OSError) as error:
+        _exit_with_error(error, FAILED)
     except _InterruptedError:
-        _leave("interrupted; what was recorded is kept", FAILED)
+        _exit_with_error("interrupted; what was recorded is kept", FAILED)
 
 
 class _InterruptedError(BaseException):
@@ -293,7 +297,7 @@ def _interrupt(number: int, frame: object) -> None:
     raise _InterruptedError
 
 
-def _leave(problem: object, status: int) -> None:
+def _exit_with_error(problem: object, status: int) -> None:
     print(f"ground: {problem}", file=sys.stderr)
     sys.exit(status)
 

@@ -5,12 +5,12 @@ FAILED, BAD_INPUT = 1, 2
 """Exit status; the simulator and the autopilot end with the same."""
 
 
-class BadInputError(ValueError):
+class InputError(ValueError):
     """What was given cannot be used: names the file or option, the value, and what would be right.
     Exit status 2."""
 
 
-class FailedError(RuntimeError):
+class OperationError(RuntimeError):
     """The input was fine and the work failed: the vehicle refused, a process died, a fit did not
     converge. Exit 1."""
 

@@ -183,14 +183,14 @@ def _check(raw: bytes, senders: Container[tuple[int, int]]) -> Frame | None:
     known = dialect.by_id(message_id)
     told = raw[end] | raw[end + 1] << 8
     if known is None:
-        if (system, component) not in senders or not _explained(raw[1:end], told):
+        if (system, component) not in senders or not _has_matching_seed(raw[1:end], told):
             return None
     elif _crc(raw[1:end] + known.crc_seed) != told:
         return None
     return Frame(system, component, message_id, sequence, payload, raw)
 
 
-def _explained(body: bytes, told: int) -> bool:
+def _has_matching_seed(body: bytes, told: int) -> bool:
     """Whether there is a seed with which the CRC of ``body`` is the one that was told."""
     begun = _crc(body)
     return any(_crc(bytes((seed,)), begun) == told for seed in range(256))

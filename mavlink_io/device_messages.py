@@ -32,7 +32,7 @@ _UNKNOWN_ESTIMATOR = constant("MAV_ESTIMATOR_TYPE_UNKNOWN")
 _NO_POSE = (nan,) * 3
 _NO_COVARIANCE = (nan,) + (0.0,) * 20
 _ALL_FUNCTIONS, _LIPO = constant("MAV_BATTERY_FUNCTION_ALL"), constant("MAV_BATTERY_TYPE_LIPO")
-_FULLEST_CELL_MV = UNKNOWN_U16 - 1
+_MAX_CELL_MV = UNKNOWN_U16 - 1
 _CELLS = 10
 _BOTH_AXES = 0b11
 
@@ -99,10 +99,10 @@ def battery_values(battery: Battery, charge_state: int = 0) -> Values:
     in each at most."""
     rest_mv = round(1e3 * max(0.0, battery.voltage_v))
     cells: list[int] = []
-    while rest_mv > _FULLEST_CELL_MV and len(cells) < _CELLS - 1:
-        cells.append(_FULLEST_CELL_MV)
-        rest_mv -= _FULLEST_CELL_MV
-    cells.append(min(rest_mv, _FULLEST_CELL_MV))
+    while rest_mv > _MAX_CELL_MV and len(cells) < _CELLS - 1:
+        cells.append(_MAX_CELL_MV)
+        rest_mv -= _MAX_CELL_MV
+    cells.append(min(rest_mv, _MAX_CELL_MV))
     voltages = (*cells, *(UNKNOWN_U16,) * (_CELLS - len(cells)))
     consumed_mah = -1 if isnan(battery.consumed_ah) else round(1e3 * battery.consumed_ah)
     percent = -1 if isnan(battery.remaining) else round(100.0 * battery.remaining)

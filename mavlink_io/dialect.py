@@ -19,7 +19,7 @@ Values = tuple[Any, ...]
 """A message's fields in wire order."""
 
 
-class Field(NamedTuple):
+class MessageField(NamedTuple):
     name: str
     type: str
     """MAVLink's type without its array length: ``uint8_t``, ``float``, ``char`` ..."""
@@ -39,7 +39,7 @@ class MessageType:
         types = dict(zip(definition.fieldnames, definition.fieldtypes, strict=True))
         units = definition.fieldunits_by_name
         self.fields = tuple(
-            Field(name, types[name], length, units.get(name, ""))
+            MessageField(name, types[name], length, units.get(name, ""))
             for name, length in zip(
                 definition.ordered_fieldnames, definition.array_lengths, strict=True
             )
@@ -170,7 +170,7 @@ _DEFINITIONS = {**mavlink.mavlink_map, **_ADDED}
 _NUMBERS = {definition.msgname: number for number, definition in _DEFINITIONS.items()}
 
 
-def _slices(fields: tuple[Field, ...]) -> list[tuple[int, int, int]]:
+def _slices(fields: tuple[MessageField, ...]) -> list[tuple[int, int, int]]:
     slices, start = [], 0
     for field in fields:
         width = field.array_length if field.array_length and field.type != "char" else 1

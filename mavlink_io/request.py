@@ -17,7 +17,7 @@ from mavlink_io.transport import wait
 T = TypeVar("T")
 
 
-class Party(NamedTuple):
+class MavlinkId(NamedTuple):
     """A MAVLink participant."""
 
     system: int
@@ -34,11 +34,11 @@ class Client(NamedTuple):
     """Who asks a server, and how to answer. Two programs may bear the same ids, as any two of
     MAVSDK do: then the way back, which is the same for one link, tells them apart."""
 
-    party: Party
+    party: MavlinkId
     send: Send
 
 
-Room = Callable[[], int]
+RoomBytes = Callable[[], int]
 """How many bytes of bulk - a log, a file - a link takes now."""
 
 
@@ -54,9 +54,15 @@ class Exchange(ABC, Generic[T]):
     """The messages that can answer."""
 
     def __init__(
-        self, send: Send, own: Party, peer: Party, *, retry_s: float = 1.0, attempts: int = 5
+        self,
+        send: Send,
+        own: MavlinkId,
+        peer: MavlinkId,
+        *,
+        retry_s: float = 1.0,
+        attempts: int = 5,
     ) -> None:
-        self._send, self._own, self._peer = send, Party(*own), Party(*peer)
+        self._send, self._own, self._peer = send, MavlinkId(*own), MavlinkId(*peer)
         self._retry_s, self._attempts, self._left = retry_s, attempts, attempts
         self._due_s = -math.inf
         self._advanced = False
@@ -125,7 +131,7 @@ class Exchange(ABC, Generic[T]):
         )
 
 
-def addressed_to(message: Any, party: Party) -> bool:
+def addressed_to(message: Any, party: MavlinkId) -> bool:
     """Whether a message is for ``party``: it names it, broadcasts, or has no address at all."""
     system, component = (
         getattr(message, "target_system", 0),

@@ -31,8 +31,8 @@ KEY_BYTES = 32
 EPOCH_UNIX_S = 1_420_070_400
 """2015-01-01 UTC."""
 UNITS_PER_S = 100_000
-LARGEST_TIMESTAMP = (1 << 48) - 1
-FRESH_UNITS = 60 * UNITS_PER_S
+MAX_TIMESTAMP = (1 << 48) - 1
+MAX_STREAM_AGE_UNITS = 60 * UNITS_PER_S
 """How far behind a stream may begin."""
 SAVE_S = 60.0
 TIMESTAMP_FILE = "signing_timestamp"
@@ -99,12 +99,12 @@ class Timestamp:
 
     def __init__(self, path: Path | None = None, unix_s: Callable[[], float] = time.time) -> None:
         self._path, self._unix_s = path, unix_s
-        self._last = max(_stored(path), self._clock() - 1)
+        self._last = max(_read_timestamp(path), self._clock() - 1)
         self._save = Every(SAVE_S)
 
     def next(self) -> int:
         """The timestamp of the next frame."""
-        self._last = min(LARGEST_TIMESTAMP, max(self._last + 1, self._clock()))
+        self._last = min(MAX_TIMESTAMP, max(self._last + 1, self._clock()))
         return self._last
 
     def hear(self, timestamp: int) -> None:
@@ -125,7 +125,7 @@ class Timestamp:
         Raises OSError."""
         if self._path is not None:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            replace_file(self._path, f"{max(self._last, _stored(self._path))}\n")
+            replace_file(self._path, f"{max(self._last, _read_timestamp(self._path))}\n")
 
     def _clock(self) -> int:
         return int((max(self._unix_s(), EPOCH_UNIX_S) - EPOCH_UNIX_S) * UNITS_PER_S)
@@ -167,7 +167,7 @@ class Signing:
             return False
         timestamp = int.from_bytes(signature[_TIMESTAMP], "little")
         stream = frame.system, frame.component, signature[0]
-        earliest = self._streams.get(stream, self._timestamp.now() - FRESH_UNITS - 1)
+        earliest = self._streams.get(stream, self._timestamp.now() - MAX_STREAM_AGE_UNITS - 1)
         if timestamp <= earliest:
             return False
         self._streams[stream] = timestamp
@@ -178,10 +178,10 @@ class Signing:
         return hashlib.sha256(self._key + signed).digest()[:_HASH_BYTES]
 
 
-def _stored(path: Path | None) -> int:
+def _read_timestamp(path: Path | None) -> int:
     """What was kept; 0 for nothing, or nothing that is a timestamp."""
     try:
         text = path.read_text(encoding="ascii").strip() if path else ""
     except (OSError, UnicodeDecodeError):
         return 0
-    return int(text) if text.isdecimal() and int(text) <= LARGEST_TIMESTAMP else 0
+    return int(text) if text.isdecimal() and int(text) <= MAX_TIMESTAMP else 0

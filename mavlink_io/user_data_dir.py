@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 
-def state_folder() -> Path:
+def user_data_dir() -> Path:
     """The user's state directory for these programs (XDG Base Directory Specification)."""
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "caribou"
 

@@ -11,20 +11,20 @@ import typer
 from mavlink_io.parent_watch import end_with_stdin
 from mavlink_io.transport import AddressError, LinkLostError
 from sitl.app import Options, TruthFileError, run
-from sitl.backends.factory import Choice, PilotError, check, kind
-from sitl.backends.lockstep import AutopilotSilentError
+from sitl.backends.factory import BackendError, BackendOptions, check_options, defaults_of
+from sitl.backends.lockstep import AutopilotTimeoutError
 from sitl.backends.servo_outputs import OutputsError
 from sitl.scenario_types import ScenarioError
-from sitl.vehicle.config import VehicleError
+from sitl.vehicle.config import VehicleFileError
 
 FAILED, BAD_INPUT = 1, 2
-SLOWEST, FASTEST = 0.01, 10_000.0
+MIN_SPEED, MAX_SPEED = 0.01, 10_000.0
 
 
 def simulate(
     vehicle: Annotated[
         str, typer.Option(help="A shipped one or a vehicle file.", metavar="NAME|FILE")
-    ] = "field",
+    ] = "caribou_truth",
     scenario: Annotated[
         str, typer.Option(help="A shipped one or a scenario file.", metavar="NAME|FILE")
     ] = "calm",
@@ -66,15 +66,17 @@ def simulate(
     """Simulate Caribou, her tailcone, the sea and her sensors, in lockstep with an autopilot."""
     if lifeline:
         end_with_stdin()
-    pilot = Choice(autopilot, wait_for_arm, rate, hil_baro, outputs, lockstep=not no_lockstep)
+    pilot = BackendOptions(
+        autopilot, wait_for_arm, rate, hil_baro, outputs, lockstep=not no_lockstep
+    )
     if no_lockstep and speed:
-        _leave(
+        _exit_with_error(
             f"--speed {speed}: not with --no-lockstep: the wall clock is the vehicle's own",
             BAD_INPUT,
         )
     try:
-        check(pilot)
-        usual = kind(autopilot)
+        check_options(pilot)
+        usual = defaults_of(autopilot)
         run(
             Options(
                 vehicle,
@@ -87,16 +89,16 @@ def simulate(
             )
         )
     except (
-        VehicleError,
+        VehicleFileError,
         ScenarioError,
         AddressError,
         TruthFileError,
-        PilotError,
+        BackendError,
         OutputsError,
     ) as error:
-        _leave(error, BAD_INPUT)
-    except (AutopilotSilentError, LinkLostError, OSError) as error:
-        _leave(error, FAILED)
+        _exit_with_error(error, BAD_INPUT)
+    except (AutopilotTimeoutError, LinkLostError, OSError) as error:
+        _exit_with_error(error, FAILED)
 
 
 def _speed(text: str) -> float | None:
@@ -107,14 +109,15 @@ def _speed(text: str) -> float | None:
         speed = float(text)
     except ValueError:
         speed = 0.0
-    if not SLOWEST <= speed <= FASTEST:
-        _leave(
-            f"--speed {text}: expected a number from {SLOWEST} to {FASTEST:.0f}, or max", BAD_INPUT
+    if not MIN_SPEED <= speed <= MAX_SPEED:
+        _exit_with_error(
+            f"--speed {text}: expected a number from {MIN_SPEED} to {MAX_SPEED:.0f}, or max",
+            BAD_INPUT,
         )
     return speed
 
 
-def _leave(problem: object, status: int) -> NoReturn:
+def _exit_with_error(problem: object, status: int) -> NoReturn:
     print(f"sitl: {problem}", file=sys.stderr)
     raise typer.Exit(status)
 

@@ -15,15 +15,15 @@ from mavlink_io.clock import Pacer
 from mavlink_io.records import ActuatorFrame
 from mavlink_io.transport import open_transport
 from sitl import scenario
-from sitl.backends import Pilot
-from sitl.backends.factory import Choice, take_on
+from sitl.backends import Backend
+from sitl.backends.factory import BackendOptions, create_backend
 from sitl.core import plant
 from sitl.core.plant import Plant
-from sitl.core.timestep import OURS, Pace
+from sitl.core.timestep import DEFAULT_TIMESTEP, Timestep
 from sitl.core.truth import Truth
 from sitl.vehicle import config
 
-Record = Callable[[Truth], None]
+RecordTruth = Callable[[Truth], None]
 """Takes note of what really happens, once a tick."""
 
 
@@ -41,7 +41,7 @@ class Options(NamedTuple):
     """Vehicle seconds a wall second; None runs free."""
     seed: int
     truth: Path | None
-    pilot: Choice
+    pilot: BackendOptions
     """One that ``pilots.choice.check`` let pass."""
 
 
@@ -55,31 +55,36 @@ def run(options: Options) -> None:
     build = cache(
         partial(plant.build, config.load(options.vehicle), scenario.load(options.scenario))
     )
-    rehearse(
-        build(OURS)
+    warm_up(
+        build(DEFAULT_TIMESTEP)
     )  # bad input is told, and the physics compiled, before anybody waits for us
     stop = _stop_on_signals()
-    with closing(open_transport(options.hil)) as transport, _truth_record(options.truth) as record:
-        _fly(build, options, take_on(options.pilot, transport, stop.is_set), record)
+    with (
+        closing(open_transport(options.hil)) as transport,
+        _open_truth_log(options.truth) as record,
+    ):
+        _simulate(build, options, create_backend(options.pilot, transport, stop.is_set), record)
 
 
-def rehearse(sea: Plant) -> None:
+def warm_up(sea: Plant) -> None:
     """Fly one tick that nobody will know of."""
     rng = plant.random_streams(0)
-    state, _ = plant.launch(sea, rng)
+    state, _ = plant.initial_state(sea, rng)
     plant.step(sea, state, ActuatorFrame(0, 0, (0.0, 0.0, 0.0), 0), rng)
 
 
-def _fly(build: Callable[[Pace], Plant], options: Options, pilot: Pilot, record: Record) -> None:
+def _simulate(
+    build: Callable[[Timestep], Plant], options: Options, pilot: Backend, record: RecordTruth
+) -> None:
     """Put a vehicle into the sea for whoever comes to steer her, and a new one whenever he begins
     anew."""
     while (pace := pilot.meet()) is not None:
         sea, rng, pacer = build(pace), plant.random_streams(options.seed), Pacer(options.speed)
-        state, sensors = plant.launch(sea, rng)
+        state, sensors = plant.initial_state(sea, rng)
         record(state.truth)
         while (actuators := pilot.ask(sea, state, sensors)) is not None:
             for verdict in pilot.take_orders():
-                state = plant.obey(state, verdict)
+                state = plant.inject_failure(state, verdict)
             state, sensors = plant.step(sea, state, actuators, rng)
             pacer.wait(state.time_us * 1e-6)
             record(state.truth)
@@ -94,7 +99,7 @@ def _stop_on_signals() -> Event:
 
 
 @contextmanager
-def _truth_record(path: Path | None) -> Iterator[Record]:
+def _open_truth_log(path: Path | None) -> Iterator[RecordTruth]:
     """Where truths go: nowhere, or into an MCAP file that is closed whatever happens."""
     if path is None:
         yield lambda _: None

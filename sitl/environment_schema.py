@@ -19,16 +19,16 @@ from sitl.scenario_types import (
     NotNegative,
     Positive,
     ScenarioError,
+    ScenarioTable,
     Speed,
-    Table,
     Temperature,
 )
 
-STEEPEST = 1.0 / 7.0
+MAX_WAVE_STEEPNESS = 1.0 / 7.0
 """Height over length at which a wave breaks in deep water (Michell 1893)."""
 
 
-class Water(Table, frozen=True):
+class WaterTable(ScenarioTable, frozen=True):
     density_kgpm3: Positive = 1025.0
     """Everywhere, unless [density] has layers; and what the pressure sensor takes for it in either
     case."""
@@ -36,13 +36,13 @@ class Water(Table, frozen=True):
     temperature_degc: Temperature = 10.0
 
 
-class CurrentLayer(Table, frozen=True):
+class CurrentLayer(ScenarioTable, frozen=True):
     depth_m: NotNegative
     speed_mps: Speed
     towards_deg: Angle
 
 
-class Variation(Table, frozen=True):
+class Variation(ScenarioTable, frozen=True):
     """A Gauss-Markov velocity, uniform in space, on top of the steady current; north and east
     independent."""
 
@@ -52,7 +52,7 @@ class Variation(Table, frozen=True):
     """After which the correlation has fallen to 1/e."""
 
 
-class Current(Table, frozen=True):
+class Current(ScenarioTable, frozen=True):
     """Steady and the same at every depth, or in layers: linear between them, constant above the
     first and below."""
 
@@ -62,7 +62,7 @@ class Current(Table, frozen=True):
     variation: Variation = Variation()
 
 
-class Waves(Table, frozen=True):
+class Waves(ScenarioTable, frozen=True):
     """A sea by its spectrum; without height there is none."""
 
     spectrum: Literal["pierson-moskowitz", "jonswap"] = "jonswap"
@@ -78,19 +78,19 @@ class Waves(Table, frozen=True):
     components: Annotated[int, Meta(ge=1, le=200)] = 30
 
 
-class DensityLayer(Table, frozen=True):
+class DensityLayer(ScenarioTable, frozen=True):
     depth_m: NotNegative
     density_kgpm3: Annotated[float, Meta(ge=900.0, le=1300.0)]
 
 
-class Density(Table, frozen=True):
+class Density(ScenarioTable, frozen=True):
     """Density over depth: linear between the layers, constant above the first and below the
     last."""
 
     layer: tuple[DensityLayer, ...] = ()
 
 
-class Floor(Table, frozen=True):
+class FloorTable(ScenarioTable, frozen=True):
     """Flat, sloping, or as a file has it."""
 
     depth_m: Positive = 20.0
@@ -102,20 +102,20 @@ class Floor(Table, frozen=True):
     replaces the rest."""
 
 
-class Ice(Table, frozen=True):
+class Ice(ScenarioTable, frozen=True):
     """A lid of level ice; without a draft there is none."""
 
     draft_m: Annotated[float, Meta(ge=0.0, le=50.0)] = 0.0
     """Depth of its underside."""
 
 
-def refuse_contradictions(
-    current: Current, waves: Waves, density: Density, floor: Floor, ice: Ice
+def check_consistency(
+    current: Current, waves: Waves, density: Density, floor: FloorTable, ice: Ice
 ) -> None:
     """Values that are each in range but cannot stand together. Raises ScenarioError, without the
     file's name."""
-    _refuse_unsorted("current", [layer.depth_m for layer in current.layer])
-    _refuse_unsorted("density", [layer.depth_m for layer in density.layer])
+    _check_ascending("current", [layer.depth_m for layer in current.layer])
+    _check_ascending("density", [layer.depth_m for layer in density.layer])
     if current.layer and current.speed_mps:
         raise ScenarioError(
             f"current.speed_mps = {current.speed_mps}: expected this or current.layer, not both"
@@ -129,7 +129,9 @@ def refuse_contradictions(
             f"ice.draft_m = {ice.draft_m}: expected no [waves] with it; there are none under ice"
         )
     height_m, period_s = waves.significant_height_m, waves.peak_period_s
-    if period_s is not None and height_m > (highest_m := STEEPEST * deep_length_m(period_s)):
+    if period_s is not None and height_m > (
+        highest_m := MAX_WAVE_STEEPNESS * deep_length_m(period_s)
+    ):
         raise ScenarioError(
             f"waves.significant_height_m = {height_m}: expected at most {highest_m:.2g} "
             f"with peak_period_s = {period_s}: they break"
@@ -145,7 +147,7 @@ def deep_length_m(period_s: float) -> float:
     return STANDARD_GRAVITY_MPS2 * period_s**2 / (2.0 * pi)
 
 
-def _refuse_unsorted(table: str, depths_m: Sequence[float]) -> None:
+def _check_ascending(table: str, depths_m: Sequence[float]) -> None:
     for number, (above, below) in enumerate(pairwise(depths_m), 1):
         if below <= above:
             raise ScenarioError(

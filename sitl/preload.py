@@ -9,4 +9,4 @@ from sitl import app, scenario
 from sitl.core import plant
 from sitl.vehicle import config
 
-app.rehearse(plant.build(config.load("field"), scenario.load("calm")))
+app.warm_up(plant.build(config.load("caribou_truth"), scenario.load("calm")))

@@ -13,7 +13,7 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from sitl import bathymetry, environment_schema
-from sitl.environment_schema import Current, Density, Floor, Ice, Water, Waves
+from sitl.environment_schema import Current, Density, FloorTable, Ice, WaterTable, Waves
 from sitl.faults import catalogue
 from sitl.faults.catalogue import Fault, FaultError
 from sitl.scenario_types import (
@@ -22,22 +22,22 @@ from sitl.scenario_types import (
     NotNegative,
     Positive,
     ScenarioError,
+    ScenarioTable,
     Speed,
-    Table,
 )
 from sitl.vehicle import toml_io
 
 Latitude = Annotated[float, Meta(ge=-89.0, le=89.0)]
 
 
-class Site(Table, frozen=True):
+class Site(ScenarioTable, frozen=True):
     """Where the surface point is from which north and east are counted."""
 
     latitude_deg: Latitude = 42.35
     longitude_deg: Angle = -71.0
 
 
-class Start(Table, frozen=True):
+class StartTable(ScenarioTable, frozen=True):
     """How the vehicle lies when vehicle time begins. Without a depth she floats at the surface, in
     trim and at rest."""
 
@@ -48,7 +48,7 @@ class Start(Table, frozen=True):
     battery_pct: Annotated[float, Meta(ge=0.0, le=100.0)] = 100.0
 
 
-class Rig(Table, frozen=True):
+class Rig(ScenarioTable, frozen=True):
     """What holds and measures the vehicle on the bench."""
 
     clamped: bool = False
@@ -59,7 +59,7 @@ class Rig(Table, frozen=True):
     instruments' catalogue."""
 
 
-class MagneticField(Table, frozen=True):
+class MagneticField(ScenarioTable, frozen=True):
     """Boston, of the order the World Magnetic Model gives."""
 
     declination_deg: Angle = -14.4
@@ -68,7 +68,7 @@ class MagneticField(Table, frozen=True):
     strength_gauss: Positive = 0.52
 
 
-class SlowDisturbance(Table, frozen=True):
+class SlowDisturbance(ScenarioTable, frozen=True):
     """First-order Gauss-Markov moments."""
 
     time_constant_s: Positive = 3.0
@@ -76,7 +76,7 @@ class SlowDisturbance(Table, frozen=True):
     pitch_rms_nm: NotNegative = 0.0
 
 
-class WaveDisturbance(Table, frozen=True):
+class WaveDisturbance(ScenarioTable, frozen=True):
     """Narrow-band moments at the frequency of the waves."""
 
     frequency_hz: Positive = 0.15
@@ -85,23 +85,23 @@ class WaveDisturbance(Table, frozen=True):
     pitch_rms_nm: NotNegative = 0.0
 
 
-class DisturbanceLevels(Table, frozen=True):
+class DisturbanceLevels(ScenarioTable, frozen=True):
     slow: SlowDisturbance = SlowDisturbance()
     waves: WaveDisturbance = WaveDisturbance()
 
 
-class Scenario(Table, frozen=True):
+class Scenario(ScenarioTable, frozen=True):
     """A whole scenario file."""
 
     title: str = ""
     site: Site = Site()
-    start: Start = Start()
+    start: StartTable = StartTable()
     rig: Rig = Rig()
-    water: Water = Water()
+    water: WaterTable = WaterTable()
     current: Current = Current()
     waves: Waves = Waves()
     density: Density = Density()
-    floor: Floor = Floor()
+    floor: FloorTable = FloorTable()
     ice: Ice = Ice()
     magnetic_field: MagneticField = MagneticField()
     disturbance: DisturbanceLevels = DisturbanceLevels()
@@ -141,10 +141,10 @@ def load(name_or_path: str) -> Scenario:
             " with it"
         )
     try:
-        environment_schema.refuse_contradictions(
+        environment_schema.check_consistency(
             scenario.current, scenario.waves, scenario.density, scenario.floor, scenario.ice
         )
-        _refuse_a_start_out_of_water(scenario)
+        _check_start_depth(scenario)
     except ScenarioError as error:
         raise ScenarioError(f"{source}: {error}") from None
     for number, row in enumerate(scenario.fault, 1):
@@ -155,7 +155,7 @@ def load(name_or_path: str) -> Scenario:
     return _with_floor_file(scenario, name_or_path)
 
 
-def _refuse_a_start_out_of_water(scenario: Scenario) -> None:
+def _check_start_depth(scenario: Scenario) -> None:
     depth_m, lid_m, floor_m = scenario.start.depth_m, scenario.ice.draft_m, scenario.floor.depth_m
     if depth_m is not None and depth_m < lid_m:
         raise ScenarioError(f"start.depth_m = {depth_m}: expected more than ice.draft_m = {lid_m}")

@@ -14,38 +14,38 @@ from sitl.vehicle import build_model
 from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import SHIPPED as SHIPPED
 from sitl.vehicle.config import VehicleConfig
-from sitl.vehicle.config import VehicleError as VehicleError
+from sitl.vehicle.config import VehicleFileError as VehicleFileError
 from sysid.data import duplicates, readers, segments
 from sysid.data.dataset import Log
-from sysid.data.readers.servo_channels import FIRST_THREE, Outputs
-from sysid.data.segments import Mark, Run
+from sysid.data.readers.servo_channels import FIRST_THREE, ServoChannels
+from sysid.data.segments import MarkedInterval, Run
 from sysid.estimation.linear import report as linear
 from sysid.estimation.linear.multistart import NotUniqueError as NotUniqueError
 from sysid.estimation.map import fit, intervals
 from sysid.estimation.map.fit import Prior, Progress
 from sysid.models import bench_priors, model_export, parameters, prediction
 from sysid.models import model_file as models
-from sysid.models.bench_priors import AshoreError as AshoreError
-from sysid.models.bench_priors import Reading
+from sysid.models.bench_priors import BenchMeasurement
+from sysid.models.bench_priors import BenchResultError as BenchResultError
 from sysid.models.model_file import (
+    AlternativeFit,
     AnomalyTest,
     DataFile,
     IdentifiedModel,
     Method,
-    Rival,
     ScreenedRun,
 )
 from sysid.models.parameters import NAMES
 from sysid.reproduction import paper_method
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
-from sysid.screening import Limits, Screening, Verdict, screen
+from sysid.screening import RunScreening, Screening, ScreeningLimits, screen
 from sysid.screening.influence import shifts
-from sysid.screening.refit_loop import Settled, settle
-from sysid.validation.assess import judged
+from sysid.screening.refit_loop import RefitResult, refit_until_clean
+from sysid.validation.assess import with_assessment
 
 Array = NDArray[np.float64]
 
-FORBIDDEN_PRIOR = "field"
+FORBIDDEN_PRIOR = "caribou_truth"
 """The vehicle that the simulator flies as the truth; an engineer has no such file."""
 
 
@@ -57,26 +57,26 @@ class FitFailedError(RuntimeError):
     """A fit that has no result: one line with the prior, the reason and what would help."""
 
 
-class Belief(NamedTuple):
+class PriorKnowledge(NamedTuple):
     """What is known of a vehicle before its tests: its file, and the model that an earlier refit
     made of it."""
 
     config: VehicleConfig
     name: str
     earlier: IdentifiedModel | None
-    readings: tuple[Reading, ...] = ()
+    readings: tuple[BenchMeasurement, ...] = ()
     """What was measured ashore."""
 
 
 def refit(
     paths: Sequence[str | Path],
-    prior: str | Path = "bench",
+    prior: str | Path = "caribou_nominal",
     method: Method = "map",
     held_out: Sequence[str | Path] = (),
-    limits: Limits | None = None,
+    limits: ScreeningLimits | None = None,
     progress: Progress | None = None,
-    marks: Sequence[Mark] = (),
-    outputs: Outputs = FIRST_THREE,
+    marks: Sequence[MarkedInterval] = (),
+    outputs: ServoChannels = FIRST_THREE,
     beside: Sequence[Method] = (),
     tailcone: Path | None = None,
     inclining: Path | None = None,
@@ -99,14 +99,14 @@ def refit(
         FitFailedError: the logs do not determine a vehicle near the prior.
     """
     report = progress or (lambda what, share: None)
-    belief = belief_in(prior)._replace(readings=bench_priors.read(tailcone, inclining))
+    belief = prior_knowledge(prior)._replace(readings=bench_priors.read(tailcone, inclining))
     read = _read(paths, outputs, lambda share: report("read logs", 0.1 * share))
     unseen = _read(held_out, outputs, lambda share: None)
-    _refuse_lost(marks, [log.name for log in (*read, *unseen)])
+    _check_marks(marks, [log.name for log in (*read, *unseen)])
     _refuse_duplicates(paths, read, held_out, unseen, marks, belief)
     kept, screenings = _select(read, limits, marks)
     fresh = screen(
-        [run for log in unseen for run in segments.cut(log, _marks_of(log, marks))], limits
+        [run for log in unseen for run in segments.cut_runs(log, _marks_of(log, marks))], limits
     )
     held = [s.run for s in fresh if s.kept]
     with _failing(belief.name):
@@ -116,13 +116,13 @@ def refit(
         model,
         data=tuple(DataFile(log.name, log.sha256) for log in read),
         held_out_data=tuple(DataFile(log.name, log.sha256) for log in unseen),
-        screening=tuple(_screened(s, verdicts.get(s.run.name)) for s in screenings),
-        held_out_screening=tuple(_screened(s) for s in fresh),
+        screening=tuple(_screened_run(s, verdicts.get(s.run.name)) for s in screenings),
+        held_out_screening=tuple(_screened_run(s) for s in fresh),
     )
     with _failing(belief.name):
-        model = _set_beside(model, kept, held, belief, beside)
+        model = _with_alternative_fits(model, kept, held, belief, beside)
         report("judge", 0.95)
-        model = judged(model, kept, held, _gains_aboard(read), belief.config)
+        model = with_assessment(model, kept, held, _logged_gains(read), belief.config)
     report("done", 1.0)
     return model
 
@@ -132,7 +132,7 @@ def _failing(prior: str) -> Iterator[None]:
     """Give what makes a fit from ``prior`` impossible as FitFailedError."""
     try:
         yield
-    except VehicleError as error:
+    except VehicleFileError as error:
         raise FitFailedError(
             f"prior {prior}: the fit ended at the edge of the vehicles that are possible ({error});"
             " the logs may be of another vehicle: give its own file as the prior"
@@ -145,13 +145,15 @@ def _failing(prior: str) -> Iterator[None]:
 
 
 def _identify(
-    kept: Sequence[Run], belief: Belief, method: Method, progress: Progress
-) -> tuple[IdentifiedModel, Settled | None]:
+    kept: Sequence[Run], belief: PriorKnowledge, method: Method, progress: Progress
+) -> tuple[IdentifiedModel, RefitResult | None]:
     """The model, and what a fit with a noise model said of the runs in it."""
     if method != "map":
         return identify(kept, belief.config, belief.name, method, belief.earlier, progress), None
-    prior = bench_priors.believed(prior_of(kept, belief.config, belief.earlier), belief.readings)
-    settled = settle(kept, prior, lambda chosen: fit.fit(chosen, prior, progress))
+    prior = bench_priors.update_prior(
+        prior_of(kept, belief.config, belief.earlier), belief.readings
+    )
+    settled = refit_until_clean(kept, prior, lambda chosen: fit.fit(chosen, prior, progress))
     model = model_export.from_fit(settled.found, prior, belief.name)
     moved = settled.with_all and shifts(
         model_export.from_fit(settled.with_all, prior, belief.name), model
@@ -164,34 +166,36 @@ def _identify(
             notes=(
                 *model.notes,
                 *settled.structure,
-                *map(str, intervals.wide(settled.found, prior)),
+                *map(str, intervals.wide_intervals(settled.found, prior)),
             ),
         ),
         settled,
     )
 
 
-def _set_beside(
+def _with_alternative_fits(
     model: IdentifiedModel,
     kept: Sequence[Run],
     held_out: Sequence[Run],
-    belief: Belief,
+    belief: PriorKnowledge,
     methods: Sequence[Method],
 ) -> IdentifiedModel:
     """The model with the same runs fitted by other methods, or a note of why one could not."""
-    rivals: list[Rival] = []
+    rivals: list[AlternativeFit] = []
     notes = list(model.notes)
     for method in methods:
         try:
-            rivals.append(_rival(kept, held_out, belief, method))
+            rivals.append(_alternative_fit(kept, held_out, belief, method))
         except NotUniqueError as error:
             notes.append(f"by {method} the same runs name no model: {error}")
     return msgspec.structs.replace(model, beside=tuple(rivals), notes=tuple(notes))
 
 
-def _rival(kept: Sequence[Run], held_out: Sequence[Run], belief: Belief, method: Method) -> Rival:
+def _alternative_fit(
+    kept: Sequence[Run], held_out: Sequence[Run], belief: PriorKnowledge, method: Method
+) -> AlternativeFit:
     found = identify(kept, belief.config, belief.name, method, belief.earlier)
-    return Rival(
+    return AlternativeFit(
         method=method,
         planes=found.planes,
         coefficients={name: c.value for name, c in found.coefficients.items()},
@@ -201,7 +205,7 @@ def _rival(kept: Sequence[Run], held_out: Sequence[Run], belief: Belief, method:
     )
 
 
-def _gains_aboard(read: Sequence[Log]) -> dict[str, float] | None:
+def _logged_gains(read: Sequence[Log]) -> dict[str, float] | None:
     """Of the first log that tells them all: the loops that flew the tests."""
     for log in read:
         if set(TABLE_3_INITIAL) <= set(log.parameters):
@@ -212,7 +216,7 @@ def _gains_aboard(read: Sequence[Log]) -> dict[str, float] | None:
 def identify(
     kept: Sequence[Run],
     prior: VehicleConfig,
-    prior_name: str = "bench",
+    prior_name: str = "caribou_nominal",
     method: Method = "map",
     earlier: IdentifiedModel | None = None,
     progress: Progress | None = None,
@@ -220,7 +224,7 @@ def identify(
     """The same for runs already at hand, none of which is screened."""
     belief = prior_of(kept, prior, earlier)
     if method == "paper":
-        nominal = parameters.vehicle(prior, belief.biases_rad, np.zeros(len(NAMES)))
+        nominal = parameters.candidate_vehicle(prior, belief.biases_rad, np.zeros(len(NAMES)))
         fits = paper_method.fit(kept, prior, nominal.actuators)
         model = model_export.from_paper(fits, belief, prior_name)
     elif method == "map":
@@ -242,7 +246,7 @@ def prior_of(
     return Prior(prior, biases, np.array(earlier.joint.z), np.array(earlier.joint.covariance))
 
 
-def belief_in(prior: str | Path) -> Belief:
+def prior_knowledge(prior: str | Path) -> PriorKnowledge:
     """``bench``, a vehicle file, or a ``model.json``. Raises VehicleError, ModelError,
     RefitError."""
     if str(prior).endswith(".json"):
@@ -255,22 +259,27 @@ def belief_in(prior: str | Path) -> Belief:
             raise RefitError(
                 f"{prior}: joint.names are not this version's parameters; refit its logs"
             )
-        return Belief(vehicle_files.load(earlier.vehicle.prior), earlier.vehicle.prior, earlier)
-    return Belief(vehicle_file(prior), str(prior) if prior == "bench" else Path(prior).name, None)
+        return PriorKnowledge(
+            vehicle_files.load(earlier.vehicle.prior), earlier.vehicle.prior, earlier
+        )
+    return PriorKnowledge(
+        vehicle_file(prior), str(prior) if prior == "caribou_nominal" else Path(prior).name, None
+    )
 
 
 def vehicle_file(prior: str | Path) -> VehicleConfig:
     """What is known of a vehicle beforehand. Raises VehicleError, also for the one that is
     simulated."""
     if str(prior) == FORBIDDEN_PRIOR:
-        raise VehicleError(
-            f"prior {prior!r}: is the simulated truth; give 'bench', a vehicle file or a model.json"
+        raise VehicleFileError(
+            f"prior {prior!r}: is the simulated truth; "
+            "give 'caribou_nominal', a vehicle file or a model.json"
         )
     return vehicle_files.load(prior)
 
 
 def _read(
-    paths: Sequence[str | Path], outputs: Outputs, report: Callable[[float], None]
+    paths: Sequence[str | Path], outputs: ServoChannels, report: Callable[[float], None]
 ) -> list[Log]:
     read = []
     for number, path in enumerate(paths):
@@ -279,7 +288,7 @@ def _read(
     return read
 
 
-def _refuse_lost(marks: Sequence[Mark], names: Sequence[str]) -> None:
+def _check_marks(marks: Sequence[MarkedInterval], names: Sequence[str]) -> None:
     """Every mark must say which log it means, and mean one that is there."""
     for mark in marks:
         text = f"run {mark.start_s:g}..{mark.stop_s:g}"
@@ -297,12 +306,12 @@ def _refuse_duplicates(
     read: Sequence[Log],
     held_out: Sequence[str | Path],
     unseen: Sequence[Log],
-    marks: Sequence[Mark],
-    belief: Belief,
+    marks: Sequence[MarkedInterval],
+    belief: PriorKnowledge,
 ) -> None:
     """Raise RefitError where two of the logs hold the same dive."""
     fitted, predicted = (
-        [duplicates.named(path, log, _marks_of(log, marks)) for path, log in pairs]
+        [duplicates.named_log(path, log, _marks_of(log, marks)) for path, log in pairs]
         for pairs in (zip(paths, read, strict=True), zip(held_out, unseen, strict=True))
     )
     prior_data = belief.earlier.data if belief.earlier else ()
@@ -311,14 +320,14 @@ def _refuse_duplicates(
         raise RefitError(reason)
 
 
-def _marks_of(log: Log, marks: Sequence[Mark]) -> list[Mark]:
+def _marks_of(log: Log, marks: Sequence[MarkedInterval]) -> list[MarkedInterval]:
     return [mark for mark in marks if mark.log in ("", log.name)]
 
 
 def _select(
-    read: Sequence[Log], limits: Limits | None, marks: Sequence[Mark]
+    read: Sequence[Log], limits: ScreeningLimits | None, marks: Sequence[MarkedInterval]
 ) -> tuple[list[Run], list[Screening]]:
-    found = [run for log in read for run in segments.cut(log, _marks_of(log, marks))]
+    found = [run for log in read for run in segments.cut_runs(log, _marks_of(log, marks))]
     names = ", ".join(log.name for log in read) or "no file"
     if not found:
         needed = "'SystemID Starting' events of axis 11 or 12, or runs that you mark"
@@ -331,7 +340,7 @@ def _select(
     return kept, screenings
 
 
-def _screened(screening: Screening, verdict: Verdict | None = None) -> ScreenedRun:
+def _screened_run(screening: Screening, verdict: RunScreening | None = None) -> ScreenedRun:
     run, reasons = screening.run, screening.reasons
     bare = ScreenedRun(
         run.name,

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 from tests.helpers.closed_loop import Dive
 from tests.helpers.missions import excitation_item, leg
 

@@ -172,7 +172,7 @@ def sail(
     """Hold depth 6 m and heading 10 deg under way, from 5 m and north; or lie at the surface,
     disarmed."""
     config = params.config(TELL_ONLY if values is None else values)
-    vehicle = vehicles.load("field")
+    vehicle = vehicles.load("caribou_truth")
     vehicle = msgspec.structs.replace(
         vehicle, instruments=msgspec.structs.replace(vehicle.instruments, encoder="as5048")
     )
@@ -180,8 +180,8 @@ def sail(
     start = msgspec.structs.replace(calm.start, depth_m=depth_m, speed_mps=1.2 if depth_m else 0.0)
     sea = plant.build(vehicle, msgspec.structs.replace(calm, start=start, fault=rows))
     rng = plant.random_streams(5)
-    body, said = plant.launch(sea, rng)
-    state, events, told = core.start(), [], []
+    body, said = plant.initial_state(sea, rng)
+    state, events, told = core.initial_state(), [], []
     for tick in range(round(end_s * 50)):
         inputs = Inputs(
             said.frame,
@@ -202,7 +202,7 @@ def sail(
                 requests.Arm(),
                 requests.ChangeTarget(6.0, math.radians(10.0), 0.58),
             ):
-                state, answer, _ = request_handler.request(state, wish, config)
+                state, answer, _ = request_handler.handle_request(state, wish, config)
                 assert answer.result == 0, answer.text
         if tick % SAMPLE_TICKS == 0:
             told.append(_told(tick, body, said, state, trace))
@@ -237,7 +237,7 @@ def _told(tick: int, body: Any, said: Any, state: Any, trace: Any) -> dict[str, 
                 (*at.attitude, at.depth_m, at.depth_rate_mps, at.p_radps, trace.rudder_rad),
             )
         ),
-        "wrong": "; ".join(monitor.troubles(state.health)),
+        "wrong": "; ".join(monitor.active_faults(state.health)),
     }
 
 
@@ -384,7 +384,7 @@ def test_she_steers_on_with_what_is_left_of_her_attitude_sensors(
 
 def test_a_faulty_vehicle_refuses_to_be_armed_and_says_why() -> None:
     voyage = sail(fault("magnetometer stuck", 0.0, 100.0), depth_m=None, end_s=5.0)
-    _, answer, _ = request_handler.request(voyage.state, requests.Arm(), params.config({}))
+    _, answer, _ = request_handler.handle_request(voyage.state, requests.Arm(), params.config({}))
     assert answer.text == "Not armed: Magnetometer stuck"
 
 

@@ -4,10 +4,10 @@ depth."""
 import numpy as np
 import pytest
 
-from autopilot.control.lqg import Laws
+from autopilot.control.lqg import LqgControllers
 from sysid.control_analysis.loop_transfer import SAMPLING_S, Lag
-from sysid.design.design_model import ASSUMED_SEA
-from sysid.design.lqg import synthesis, ticked, weights
+from sysid.design.design_model import DEFAULT_DISTURBANCE
+from sysid.design.lqg import synthesis, tick_controllers, weights
 from sysid.models import noise
 from sysid.models.linear_planes import pitch_plane, yaw_plane
 from sysid.reproduction.paper_tables import CRUISE_SPEED_MPS, TABLE_1_ADJUSTED
@@ -19,21 +19,21 @@ VALUES = TRIMMED | DEPTH_LOOP | LEAD | {"HDG_REF_W": 0.6, "DPT_REF_W": 0.3, "PTC
 
 
 @pytest.fixture(scope="module")
-def laws() -> Laws:
-    lag, sea = Lag(0.3 + SAMPLING_S), noise.of_model(ASSUMED_SEA)
+def laws() -> LqgControllers:
+    lag, sea = Lag(0.3 + SAMPLING_S), noise.from_model(DEFAULT_DISTURBANCE)
     yaw, pitch = yaw_plane(TABLE_1_ADJUSTED), pitch_plane(TABLE_1_ADJUSTED)
-    heading = synthesis.law(yaw, lag, sea, weights.HEADING_STARTS[0])
-    depth = synthesis.law(pitch, lag, sea, weights.DEPTH_STARTS[0])
-    return Laws(
+    heading = synthesis.controller(yaw, lag, sea, weights.HEADING_STARTS[0])
+    depth = synthesis.controller(pitch, lag, sea, weights.DEPTH_STARTS[0])
+    return LqgControllers(
         CRUISE_SPEED_MPS,
-        ticked(heading, yaw),
-        ticked(depth, pitch),
+        tick_controllers(heading, yaw),
+        tick_controllers(depth, pitch),
         synthesis.pitch_per_metre(depth),
     )
 
 
-def test_laws_hold_heading_and_depth_closer(laws: Laws) -> None:
-    def held(flown: Laws | None) -> tuple[float, float]:
+def test_laws_hold_heading_and_depth_closer(laws: LqgControllers) -> None:
+    def held(flown: LqgControllers | None) -> tuple[float, float]:
         dive = Dive(
             leg(depth_m=4.0, heading_deg=0.0, duration_s=100.0),
             sea="disturbed",
@@ -50,7 +50,7 @@ def test_laws_hold_heading_and_depth_closer(laws: Laws) -> None:
     assert by_law[1] < 0.8 * by_pid[1]
 
 
-def test_laws_take_over_smoothly_and_reach_a_new_depth(laws: Laws) -> None:
+def test_laws_take_over_smoothly_and_reach_a_new_depth(laws: LqgControllers) -> None:
     items = leg(depth_m=3.0, heading_deg=0.0, duration_s=60.0)
     dive = Dive(
         items + leg(depth_m=6.0, heading_deg=0.0, duration_s=50.0, first=4),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from autopilot.control import modes, requests
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 from tests.helpers.missions import leg
 from tests.helpers.navigation_sim import Voyage, water
 

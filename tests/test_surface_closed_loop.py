@@ -28,7 +28,7 @@ def surface(*faults: dict[str, Any], **values: float) -> Ascent:
     """Under way at 4 m over a floor at 7 m, faults, then mode SURFACE until it has ended."""
     config, calm = params.config(values), scenario.load("calm")
     sea = plant.build(
-        vehicles.load("field"),
+        vehicles.load("caribou_truth"),
         msgspec.structs.replace(
             calm,
             start=msgspec.structs.replace(calm.start, depth_m=START_M, speed_mps=1.2),
@@ -37,8 +37,8 @@ def surface(*faults: dict[str, Any], **values: float) -> Ascent:
         ),
     )
     rng = plant.random_streams(SEED)
-    body, said = plant.launch(sea, rng)
-    state, texts, deepest_m = core.start(), [], 0.0
+    body, said = plant.initial_state(sea, rng)
+    state, texts, deepest_m = core.initial_state(), [], 0.0
     surface_tick = round(SURFACE_S / timestep.TICK_S)
     for tick in range(round(LIMIT_S / timestep.TICK_S)):
         devices = said.dvl, said.battery, said.leak, said.duct
@@ -53,7 +53,7 @@ def surface(*faults: dict[str, Any], **values: float) -> Ascent:
         elif tick == surface_tick:
             wishes = (requests.SetMode(modes.SURFACE.number),)
         for wish in wishes:
-            state, answer, _ = request_handler.request(state, wish, config)
+            state, answer, _ = request_handler.handle_request(state, wish, config)
             assert answer.result == 0, answer.text
         if tick > surface_tick and not state.armed:
             break

@@ -7,20 +7,20 @@ those whose repetition would do more than the first. Those are remembered."""
 from typing import NamedTuple
 
 from autopilot.commands import actuators, flight, maintenance, messages, sysid_commands
-from autopilot.commands.jobs import Answer, Jobs
-from autopilot.commands.types import Command, Desk, Handler, Outcome, Progress
+from autopilot.commands.jobs import AnswerCallback, Jobs
+from autopilot.commands.types import CommandResult, Desk, Handler, JobProgress, MavCommand
 from autopilot.comms.stream_rates import Schedule
 from autopilot.control.requests import StopTest
 from autopilot.control.types import ACCEPTED, UNSUPPORTED
 from mavlink_io.dialect import constant
-from mavlink_io.request import Party
+from mavlink_io.request import MavlinkId
 
 _TABLE: dict[int, Handler] = {
     constant(f"MAV_CMD_{name}"): handler
     for part in (flight, sysid_commands, actuators, messages, maintenance)
     for name, handler in part.HANDLERS.items()
 }
-_NOT_TWICE = frozenset(
+_NOT_IDEMPOTENT = frozenset(
     constant(f"MAV_CMD_{name}")
     for name in (
         "CONDITION_YAW",
@@ -35,10 +35,10 @@ REPEATED_WITHIN_S = 0.9
 half a second."""
 
 
-class _Heard(NamedTuple):
+class _LastCommand(NamedTuple):
     """What a sender asked last, and what came of it."""
 
-    command: Command
+    command: MavCommand
     mode: int
     heard_s: float
 
@@ -49,11 +49,16 @@ class Commander:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._jobs = Jobs()
-        self._heard: dict[Party, _Heard] = {}
+        self._heard: dict[MavlinkId, _LastCommand] = {}
 
     def execute(
-        self, command: Command, asker: Party, schedule: Schedule, answer: Answer, now_s: float
-    ) -> Outcome:
+        self,
+        command: MavCommand,
+        asker: MavlinkId,
+        schedule: Schedule,
+        answer: AnswerCallback,
+        now_s: float,
+    ) -> CommandResult:
         """Carry a command out and acknowledge it by ``answer``, a long job until its end.
 
         ``schedule`` is that of the link it came by. What is left to the caller is to send the
@@ -61,9 +66,9 @@ class Commander:
         words = command._replace(repetition=False)
         if seen := self._jobs.progress(asker, words, command.repetition, now_s):
             answer(seen)
-            return Outcome(seen.result)
+            return CommandResult(seen.result)
         outcome = self._once(words, command.repetition, asker, schedule, now_s)
-        answer(Progress(outcome.result))
+        answer(JobProgress(outcome.result))
         if outcome.job is not None:
             self._jobs.begin(asker, words, outcome.job, answer, now_s)
         return outcome
@@ -78,22 +83,27 @@ class Commander:
         self._jobs.poll(now_s)
 
     def _once(
-        self, command: Command, repetition: bool, asker: Party, schedule: Schedule, now_s: float
-    ) -> Outcome:
+        self,
+        command: MavCommand,
+        repetition: bool,
+        asker: MavlinkId,
+        schedule: Schedule,
+        now_s: float,
+    ) -> CommandResult:
         """Carry a command out, unless it is the same one again and must not be done twice."""
         handler = _TABLE.get(command.number)
         if handler is None:
-            return Outcome(UNSUPPORTED)
-        if command.number not in _NOT_TWICE:
+            return CommandResult(UNSUPPORTED)
+        if command.number not in _NOT_IDEMPOTENT:
             return handler(self._desk, command, schedule)
         if self._done(command, repetition, asker, now_s):
-            return Outcome(ACCEPTED)
+            return CommandResult(ACCEPTED)
         outcome = handler(self._desk, command, schedule)
         if outcome.result == ACCEPTED:
-            self._heard[asker] = _Heard(command, self._desk.vehicle.state.mode, now_s)
+            self._heard[asker] = _LastCommand(command, self._desk.vehicle.state.mode, now_s)
         return outcome
 
-    def _done(self, command: Command, repetition: bool, asker: Party, now_s: float) -> bool:
+    def _done(self, command: MavCommand, repetition: bool, asker: MavlinkId, now_s: float) -> bool:
         """Whether a command was carried out before. In another mode it is a new wish: somebody left
         the old one."""
         before = self._heard.get(asker)

@@ -8,25 +8,25 @@ her."""
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from autopilot.commands.jobs import REASSURE_S
+from autopilot.commands.jobs import PROGRESS_PERIOD_S
 from autopilot.control.types import DENIED, IN_PROGRESS, UNSUPPORTED
 from mavlink_io.dialect import constant
-from mavlink_io.request import Party
+from mavlink_io.request import MavlinkId
 
 INJECT_FAILURE = constant("MAV_CMD_INJECT_FAILURE")
-PATIENCE_S = 3.0
+ANSWER_TIMEOUT_S = 3.0
 """Wall time for the simulator's verdict."""
 
-Order = tuple[float, float, float, float]
+InjectionOrder = tuple[float, float, float, float]
 """Unit, type, instance and size: param1 to param4. NaN where not given."""
-Answer = Callable[[int], None]
+InjectionAnswer = Callable[[int], None]
 """Acknowledges the command to whoever asked, with a MAV_RESULT."""
 
 
 class Pending(NamedTuple):
-    order: Order
-    asker: Party
-    answer: Answer
+    order: InjectionOrder
+    asker: MavlinkId
+    answer: InjectionAnswer
     asked_s: float
     told_s: float
     """When the asker was last told something."""
@@ -39,9 +39,11 @@ class FailureRelay:
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._pending: list[Pending] = []
-        self._outgoing: list[Order] = []
+        self._outgoing: list[InjectionOrder] = []
 
-    def ask(self, command: Any, asker: Party, answer: Answer, enabled: bool, now_s: float) -> None:
+    def ask(
+        self, command: Any, asker: MavlinkId, answer: InjectionAnswer, enabled: bool, now_s: float
+    ) -> None:
         """Take an order; one that is repeated while it is under way goes out once."""
         if not enabled:
             self._say("Failure refused: SYS_FAILURE_EN is 0")
@@ -54,7 +56,7 @@ class FailureRelay:
         self._outgoing.append(order)
         self._pending.append(Pending(order, asker, answer, now_s, now_s))
 
-    def take_orders(self) -> list[Order]:
+    def take_orders(self) -> list[InjectionOrder]:
         """What is to go to the simulator since the last call."""
         taken, self._outgoing = self._outgoing, []
         return taken
@@ -68,10 +70,10 @@ class FailureRelay:
         """Reassure those who wait, and give up on a simulator that does not answer."""
         waiting: list[Pending] = []
         for each in self._pending:
-            if now_s - each.asked_s > PATIENCE_S:
+            if now_s - each.asked_s > ANSWER_TIMEOUT_S:
                 self._say("Failure refused: no simulator answers")
                 each.answer(UNSUPPORTED)
-            elif now_s - each.told_s > REASSURE_S:
+            elif now_s - each.told_s > PROGRESS_PERIOD_S:
                 each.answer(IN_PROGRESS)
                 waiting.append(each._replace(told_s=now_s))
             else:

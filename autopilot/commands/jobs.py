@@ -3,35 +3,35 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from autopilot.commands.types import Command, Job, Progress
+from autopilot.commands.types import Job, JobProgress, MavCommand
 from autopilot.control.types import CANCELLED, IN_PROGRESS
-from mavlink_io.request import Party
+from mavlink_io.request import MavlinkId
 
-REASSURE_S = 0.4
+PROGRESS_PERIOD_S = 0.4
 """Clients repeat a command that nobody answers after half a second, and give up three seconds after
 the last word."""
 REPEATED_WITHIN_S = 3.5
 """The longest that clients wait before they repeat: QGroundControl's three seconds."""
 
-Answer = Callable[[Progress], None]
+AnswerCallback = Callable[[JobProgress], None]
 """Acknowledges the command to whoever asked."""
 
 
 class _Open(NamedTuple):
-    asker: Party
-    command: Command
+    asker: MavlinkId
+    command: MavCommand
     look: Job
-    answer: Answer
+    answer: AnswerCallback
     told_s: float
 
-    def was(self, asker: Party, command: Command) -> bool:
+    def was(self, asker: MavlinkId, command: MavCommand) -> bool:
         """Whether these are the words that began it; their NaN must not make them differ."""
         return asker == self.asker and repr(command) == repr(self.command)
 
 
 class _Ended(NamedTuple):
     job: _Open
-    result: Progress
+    result: JobProgress
     ended_s: float
 
 
@@ -40,15 +40,17 @@ class Jobs:
 
     def __init__(self) -> None:
         self._open: list[_Open] = []
-        self._ended: dict[Party, _Ended] = {}
+        self._ended: dict[MavlinkId, _Ended] = {}
 
-    def begin(self, asker: Party, command: Command, job: Job, answer: Answer, now_s: float) -> None:
+    def begin(
+        self, asker: MavlinkId, command: MavCommand, job: Job, answer: AnswerCallback, now_s: float
+    ) -> None:
         """Follow a job whose beginning was acknowledged just now."""
         self._open.append(_Open(asker, command, job, answer, now_s))
 
     def progress(
-        self, asker: Party, command: Command, repetition: bool, now_s: float
-    ) -> Progress | None:
+        self, asker: MavlinkId, command: MavCommand, repetition: bool, now_s: float
+    ) -> JobProgress | None:
         """How far what was asked for before is; None where it is not under way.
 
         To a ``repetition`` of what has just ended belongs its end: the acknowledgement was lost, or
@@ -67,7 +69,7 @@ class Jobs:
         found = [job for job in self._open if job.command.number == number]
         self._open = [job for job in self._open if job not in found]
         for job in found:
-            self._end(job, Progress(CANCELLED), now_s)
+            self._end(job, JobProgress(CANCELLED), now_s)
         return bool(found)
 
     def poll(self, now_s: float) -> None:
@@ -76,7 +78,7 @@ class Jobs:
         for job in self._open:
             seen = job.look()
             waits = seen.result == IN_PROGRESS
-            due = now_s - job.told_s >= REASSURE_S
+            due = now_s - job.told_s >= PROGRESS_PERIOD_S
             if not waits:
                 self._end(job, seen, now_s)
                 continue
@@ -85,6 +87,6 @@ class Jobs:
             still_open.append(job._replace(told_s=now_s) if due else job)
         self._open = still_open
 
-    def _end(self, job: _Open, result: Progress, now_s: float) -> None:
+    def _end(self, job: _Open, result: JobProgress, now_s: float) -> None:
         self._ended[job.asker] = _Ended(job, result, now_s)
         job.answer(result)

@@ -3,7 +3,7 @@ calibration."""
 
 import math
 
-from autopilot.commands.types import Command, Desk, Handler, Outcome
+from autopilot.commands.types import CommandResult, Desk, Handler, MavCommand
 from autopilot.comms.stream_rates import Schedule
 from autopilot.control import requests
 from autopilot.control.params import ParamError
@@ -12,23 +12,23 @@ from mavlink_io.frames import STANDARD_GRAVITY_MPS2
 
 _READ, _WRITE, _RESET, _FACTORY_RESET = 0, 1, 2, 4
 """PREFLIGHT_STORAGE.param1."""
-_KEEP = -1
+_SAVE = -1
 _CLEAR = 2
 _PA_PER_HPA = 100.0
-MOST_CHANGE_HPA = 60.0
+MAX_PRESSURE_CHANGE_HPA = 60.0
 """Air pressure differs by less from day to day; more is water."""
 GROUND_PRESSURE = "EST_SURF_HPA"
 
 
-def reboot(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
+def reboot(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
     if desk.vehicle.state.armed:
         return desk.refuse(TEMPORARILY_REJECTED, "Reboot refused: armed")
     if command.p1 == 1:
         desk.vehicle.restart("asked by ground")
-    return Outcome(ACCEPTED if command.p1 in (0, 1) else UNSUPPORTED)
+    return CommandResult(ACCEPTED if command.p1 in (0, 1) else UNSUPPORTED)
 
 
-def store(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
+def store(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
     """Parameters are stored as they are set; what is left to ask for is their defaults."""
     if desk.vehicle.state.armed:
         return desk.refuse(TEMPORARILY_REJECTED, "Storage refused: armed")
@@ -36,21 +36,21 @@ def store(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
         for name in desk.vehicle.params.reset():
             desk.tell_parameter(name)
         desk.remark("Parameters are at their defaults")
-    elif not (command.p1 in (_READ, _WRITE, _KEEP) or math.isnan(command.p1)):
+    elif not (command.p1 in (_READ, _WRITE, _SAVE) or math.isnan(command.p1)):
         return desk.refuse(
             DENIED, f"PREFLIGHT_STORAGE: param1 is {command.p1:g}, must be 0, 1, 2 or 4"
         )
     if command.p2 == _CLEAR:
         return desk.ask(requests.LoadMission(()))
-    return Outcome(ACCEPTED)
+    return CommandResult(ACCEPTED)
 
 
-def calibrate(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
+def calibrate(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
     """Only the air pressure needs it, at the surface: what the depth gauge reads now is depth
     zero."""
     wanted = [n for n, p in enumerate(command[1:8], 1) if math.isfinite(p) and p != 0.0]
     if not wanted:
-        return Outcome(ACCEPTED)
+        return CommandResult(ACCEPTED)
     if wanted != [3] or command.p3 != 1.0:
         text = (
             "Calibration: only param3 = 1, ground pressure; gyro, accelerometer and compass correct"
@@ -62,7 +62,7 @@ def calibrate(desk: Desk, command: Command, schedule: Schedule) -> Outcome:
         return desk.refuse(TEMPORARILY_REJECTED, "Calibration refused: armed, or no sensors yet")
     per_m_hpa = params.config.water_density_kgpm3 * STANDARD_GRAVITY_MPS2 / _PA_PER_HPA
     change_hpa = state.estimate.depth_m * per_m_hpa
-    if abs(change_hpa) > MOST_CHANGE_HPA:
+    if abs(change_hpa) > MAX_PRESSURE_CHANGE_HPA:
         return desk.refuse(
             TEMPORARILY_REJECTED,
             f"Calibration refused: {change_hpa:+.0f} hPa is no change of weather",

@@ -9,14 +9,14 @@ from autopilot.control.manual_control import Helm
 from autopilot.control.types import ACCEPTED, Severity
 from autopilot.vehicle import Vehicle
 from mavlink_io.dialect import MessageType, Values
-from mavlink_io.services.missions import NOT_GIVEN
+from mavlink_io.mission_items import NOT_GIVEN
 
 _INT32_LIMIT = 1 << 31
 LOWEST_CUSTOM_MODE = 65_536
 """DO_SET_MODE.param2 from here on is a whole custom_mode, below it is PX4's main mode."""
 
 
-class Command(NamedTuple):
+class MavCommand(NamedTuple):
     """A command as it came. Parameters may be NaN: not given."""
 
     number: int
@@ -33,18 +33,18 @@ class Command(NamedTuple):
     """COMMAND_LONG: its sender says that it was sent before."""
 
 
-class Progress(NamedTuple):
+class JobProgress(NamedTuple):
     """How far a long job is: IN_PROGRESS with its share done, or the MAV_RESULT that ends it."""
 
     result: int
     percent: int = 0
 
 
-Job = Callable[[], Progress]
+Job = Callable[[], JobProgress]
 """Tells how far a long job is whenever it is asked."""
 
 
-class Outcome(NamedTuple):
+class CommandResult(NamedTuple):
     """MAV_RESULT, the messages to send to the requester after the acknowledgement, and a job that
     goes on."""
 
@@ -64,42 +64,42 @@ class Desk(NamedTuple):
     tell_parameter: Callable[[str], None]
     """Tell every link what a parameter is now."""
 
-    def ask(self, wish: Any) -> Outcome:
+    def ask(self, wish: Any) -> CommandResult:
         """Ask the vehicle, which says aloud why it refuses."""
-        return Outcome(self.vehicle.request(wish).result)
+        return CommandResult(self.vehicle.request(wish).result)
 
-    def refuse(self, result: int, text: str) -> Outcome:
+    def refuse(self, result: int, text: str) -> CommandResult:
         self.vehicle.say(text)
-        return Outcome(result)
+        return CommandResult(result)
 
-    def remark(self, text: str) -> Outcome:
+    def remark(self, text: str) -> CommandResult:
         """Accept, and say what came of it."""
         self.vehicle.say(text, Severity.NOTICE)
-        return Outcome(ACCEPTED)
+        return CommandResult(ACCEPTED)
 
 
-Handler = Callable[[Desk, Command, Schedule], Outcome]
+Handler = Callable[[Desk, MavCommand, Schedule], CommandResult]
 """Carries a command out; the schedule is that of the link it came by."""
 
 
-def command_from_message(message: Any) -> Command:
+def command_from_message(message: Any) -> MavCommand:
     """The command in a decoded COMMAND_LONG or COMMAND_INT."""
     m = message
     if not hasattr(m, "x"):
         given = m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7
-        return Command(m.command, *given, scaled=False, repetition=m.confirmation > 0)
+        return MavCommand(m.command, *given, scaled=False, repetition=m.confirmation > 0)
     x, y = (math.nan if n == NOT_GIVEN else n for n in (m.x, m.y))
-    return Command(m.command, m.param1, m.param2, m.param3, m.param4, x, y, m.z, scaled=True)
+    return MavCommand(m.command, m.param1, m.param2, m.param3, m.param4, x, y, m.z, scaled=True)
 
 
-def custom_mode(command: Command) -> int | None:
+def custom_mode(command: MavCommand) -> int | None:
     """Return the custom_mode of a DO_SET_MODE, None where its number is another autopilot's.
 
     A main mode without a sub mode looks like a small number of ArduPilot, whose AUTO (3) would be
     STATION here. Their senders differ in what fills the parameters that are not used: MAVSDK, which
     means main and sub mode, sends NaN; pymavlink and MAVProxy, which mean ArduPilot's numbers
     unless they know this vehicle's whole ones, send 0."""
-    main, sub = whole(command.p2), whole(command.p3)
+    main, sub = integer_parameter(command.p2), integer_parameter(command.p3)
     if main >= LOWEST_CUSTOM_MODE:
         return main
     unused = command.p4, command.p5, command.p6, command.p7
@@ -116,6 +116,6 @@ def foreign_mode(number: int) -> str:
     )
 
 
-def whole(value: float, default: int = 0) -> int:
+def integer_parameter(value: float, default: int = 0) -> int:
     """The value as a whole number, ``default`` where none was given or no int32 holds it."""
     return int(value) if abs(value) < _INT32_LIMIT else default

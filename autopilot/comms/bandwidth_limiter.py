@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from mavlink_io.codec import LARGEST_FRAME
 
-SHARE = 0.7
+MAX_LINE_SHARE = 0.7
 """Of a line's bytes a second: what else it carries, and a clock that is a little off, need the
 rest."""
 BITS_PER_BYTE = 10

@@ -5,7 +5,7 @@ from functools import partial
 
 from autopilot.comms.bandwidth_limiter import (
     BITS_PER_BYTE,
-    SHARE,
+    MAX_LINE_SHARE,
     Budget,
     Queue,
     Waiting,
@@ -16,23 +16,23 @@ from mavlink_io import dialect
 from mavlink_io.codec import LARGEST_FRAME, Frame, largest_frame
 from mavlink_io.dialect import MessageType, Values
 from mavlink_io.endpoint import Endpoint
-from mavlink_io.request import Party
+from mavlink_io.request import MavlinkId
 from mavlink_io.signing import Signing
 from mavlink_io.transport import Transport, baud_rate
 
-GATHER_S = 0.02
+DATAGRAM_FILL_S = 0.02
 """Wall seconds for which telemetry is gathered; the first after a pause leaves at once."""
 DATAGRAM_BYTES, STREAM_BYTES = 1200, 16_384
 """The most that is sent at a time: what fits a common network's datagram, and what a pipe likes."""
 BULK_BYTES = 16_384
 """How much bulk may wait on a link without a baud rate: with GATHER_S, some 800 kB/s."""
-BULK_AHEAD_S = 0.25
+BULK_BACKLOG_S = 0.25
 """How much, by the time that it takes to leave, may wait on a serial line before bulk is added."""
 
 _BULK = frozenset(
     dialect.by_name(name).message_id for name in ("LOG_DATA", "FILE_TRANSFER_PROTOCOL")
 )
-_VITAL = frozenset(
+_HIGH_PRIORITY = frozenset(
     dialect.by_name(name).message_id
     for name in dialect.names()
     if name.startswith(("COMMAND_", "MISSION_", "PARAM_"))
@@ -56,14 +56,14 @@ class GroundLink:
         self._devices: dict[int, Endpoint] = {}
         self._outbox: list[bytes] = []
         self._due_s = 0.0
-        self._known: set[Party] = set()
+        self._known: set[MavlinkId] = set()
 
     @property
     def trusted(self) -> bool:
         """Whether a secret may come by it: a wire, or a link on which all is signed already."""
         return self.endpoint.signing is not None or baud_rate(self.transport.address) is not None
 
-    def meets(self, sender: Party) -> bool:
+    def meets(self, sender: MavlinkId) -> bool:
         """Whether this is the first that is heard of ``sender`` by this link."""
         if sender in self._known:
             return False
@@ -97,7 +97,7 @@ class GroundLink:
     def flush(self, now_s: float, lost: bool = False) -> None:
         """Send what was gathered, or let it be ``lost``. Raises LinkLostError."""
         frames, self._outbox = [] if lost else self._outbox, []
-        self._due_s = now_s + GATHER_S
+        self._due_s = now_s + DATAGRAM_FILL_S
         self._send(frames)
 
     def hasten(self) -> None:
@@ -135,11 +135,11 @@ class MeteredLink(GroundLink):
         self, transport: Transport, system: int, baud: int, signing: Signing | None = None
     ) -> None:
         super().__init__(transport, system, signing)
-        self._budget = Budget(SHARE * baud / BITS_PER_BYTE)
+        self._budget = Budget(MAX_LINE_SHARE * baud / BITS_PER_BYTE)
         self._queue = Queue()
 
     def write(self, message: MessageType, values: Values) -> None:
-        waiting = _waiting(self.endpoint, message, values)
+        waiting = _queue_entry(self.endpoint, message, values)
         if message.message_id in _BULK:
             self._queue.add_bulk(waiting)
         else:
@@ -147,13 +147,13 @@ class MeteredLink(GroundLink):
 
     def stream(self, message: MessageType, values: Values, part: int = 0) -> None:
         kind = self.endpoint.system, COMPONENT, message.message_id, part
-        self._queue.add_telemetry(kind, _waiting(self.endpoint, message, values))
+        self._queue.add_telemetry(kind, _queue_entry(self.endpoint, message, values))
 
     def relay(self, frame: Frame) -> None:
         message = dialect.by_id(frame.message_id)
         assert message is not None, "the HIL link lets only known messages pass"
-        waiting = _waiting(self._device(frame.component), message, frame.decode())
-        if frame.message_id in _VITAL:
+        waiting = _queue_entry(self._device(frame.component), message, frame.decode())
+        if frame.message_id in _HIGH_PRIORITY:
             self._queue.add_vital(waiting)
         else:
             self._queue.add_telemetry(
@@ -162,7 +162,7 @@ class MeteredLink(GroundLink):
 
     def forward(self, frame: Frame) -> None:
         waiting = Waiting(len(frame.raw), lambda: frame.raw)
-        if frame.message_id in _VITAL:
+        if frame.message_id in _HIGH_PRIORITY:
             self._queue.add_vital(waiting)
         elif frame.message_id not in _BULK:
             self._queue.add_telemetry((frame.system, frame.component, frame.message_id), waiting)
@@ -172,11 +172,11 @@ class MeteredLink(GroundLink):
             self._queue.add_bulk(waiting)
 
     def room_bytes(self) -> int:
-        ahead = max(LARGEST_FRAME, BULK_AHEAD_S * self._budget.bytes_per_s)
+        ahead = max(LARGEST_FRAME, BULK_BACKLOG_S * self._budget.bytes_per_s)
         return max(0, round(ahead) - self._queue.promised_bytes)
 
     def flush(self, now_s: float, lost: bool = False) -> None:
-        self._due_s = now_s + GATHER_S
+        self._due_s = now_s + DATAGRAM_FILL_S
         if lost:
             self._queue.clear()
         frames: list[bytes] = []
@@ -199,5 +199,5 @@ def ground_link(transport: Transport, system: int, signing: Signing | None = Non
     )
 
 
-def _waiting(endpoint: Endpoint, message: MessageType, values: Values) -> Waiting:
+def _queue_entry(endpoint: Endpoint, message: MessageType, values: Values) -> Waiting:
     return Waiting(largest_frame(message), partial(endpoint.encode_values, message, values))

@@ -15,7 +15,7 @@ from autopilot.comms.services import Arrival, Services
 from autopilot.comms.signing_keys import Keys
 from autopilot.comms.statustext import Announcer
 from autopilot.control.types import Stick
-from autopilot.onboard_log.recorder import Logbook
+from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_store import ParamStore
 from autopilot.telemetry.identity import COMPONENT, AutopilotId
 from autopilot.telemetry.request_message import Library
@@ -24,7 +24,7 @@ from mavlink_io import dialect
 from mavlink_io.clock import Every, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import MessageType, Values
-from mavlink_io.request import Party, Send, addressed_to
+from mavlink_io.request import MavlinkId, Send, addressed_to
 from mavlink_io.transport import LinkLostError, Transport
 
 HEARTBEAT_S = 1.0
@@ -43,13 +43,13 @@ class GroundServer:
         transports: Sequence[Transport],
         autopilot: AutopilotId,
         keys: Keys | None = None,
-        logbook: Logbook | None = None,
+        logbook: OnboardLog | None = None,
         store: ParamStore | None = None,
     ) -> None:
         self._vehicle = vehicle
-        self._logbook, keys = logbook or Logbook(vehicle, None), keys or Keys()
+        self._logbook, keys = logbook or OnboardLog(vehicle, None), keys or Keys()
         self._store = store or ParamStore(None)
-        self._own = Party(vehicle.system, COMPONENT)
+        self._own = MavlinkId(vehicle.system, COMPONENT)
         self.links = [
             ground_link(transport, self._own.system, keys.signing(transport.address))
             for transport in transports
@@ -152,7 +152,7 @@ class GroundServer:
             self._serve(link, frame)
 
     def _serve(self, link: GroundLink, frame: Frame) -> None:
-        sender = Party(frame.system, frame.component)
+        sender = MavlinkId(frame.system, frame.component)
         if sender == self._own:
             return
         if link.meets(sender):

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from autopilot.commands.failure_injection import INJECT_FAILURE, Order
+from autopilot.commands.failure_injection import INJECT_FAILURE, InjectionOrder
 from autopilot.telemetry.identity import COMPONENT
 from mavlink_io import device_messages, dialect
 from mavlink_io.codec import Frame
@@ -25,11 +25,11 @@ from mavlink_io.transport import Transport, baud_rate
 
 _SENSOR, _GPS = dialect.by_name("HIL_SENSOR"), dialect.by_name("HIL_GPS")
 _RANGE, _CONTROLS = dialect.by_name("DISTANCE_SENSOR"), dialect.by_name("HIL_ACTUATOR_CONTROLS")
-_VERDICT = dialect.by_name("COMMAND_ACK")
+_COMMAND_ACK = dialect.by_name("COMMAND_ACK")
 _LINK, _OFF = constant("FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL"), constant("FAILURE_TYPE_OFF")
 _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _HULL_PRESSURE = dialect.by_name("SCALED_PRESSURE")
-_RELAYED = frozenset(
+_RELAYED_MESSAGES = frozenset(
     (
         device_messages.ODOMETRY.message_id,
         device_messages.ACTUATOR_OUTPUTS.message_id,
@@ -39,12 +39,12 @@ _RELAYED = frozenset(
 )
 """What devices say that the ground hears under their own names: nothing in the autopilot's own
 telemetry tells it."""
-MOST_KEPT = 500
+MAX_QUEUED_FRAMES = 500
 """Of what devices say before the next sample, the newest: where the AHRS has failed none may ever
 come."""
 
 
-class Sample(NamedTuple):
+class HilSample(NamedTuple):
     """What the sensors told of one instant."""
 
     sensors: SensorFrame
@@ -74,13 +74,13 @@ class HilLink:
         her own."""
         self._endpoint = Endpoint(transport, system, COMPONENT)
         self._gathered: dict[str, Any] = {}
-        self._relayed: deque[Frame] = deque(maxlen=MOST_KEPT)
-        self._heard: deque[Frame] = deque(maxlen=MOST_KEPT)
+        self._relayed: deque[Frame] = deque(maxlen=MAX_QUEUED_FRAMES)
+        self._heard: deque[Frame] = deque(maxlen=MAX_QUEUED_FRAMES)
         self._verdicts: list[int] = []
 
-    def receive(self) -> list[Sample]:
+    def receive(self) -> list[HilSample]:
         """The samples that have arrived. Raises LinkLostError when the other end is gone."""
-        samples: list[Sample] = []
+        samples: list[HilSample] = []
         for frame in self._endpoint.receive():
             if frame.message_id == _SENSOR.message_id:
                 samples.append(self._sample(frame))
@@ -92,7 +92,7 @@ class HilLink:
         """Send the actuators that answer a sample."""
         self._endpoint.send_values(_CONTROLS, frame if self.lockstep else frame._replace(flags=0))
 
-    def order_failure(self, order: Order) -> None:
+    def order_failure(self, order: InjectionOrder) -> None:
         """Ask the simulator to break something."""
         unit, kind, instance, size = order
         self._endpoint.send(
@@ -120,12 +120,12 @@ class HilLink:
         taken, self._verdicts = self._verdicts, []
         return taken
 
-    def _sample(self, frame: Frame) -> Sample:
+    def _sample(self, frame: Frame) -> HilSample:
         """Slower devices go with the first sample that follows them."""
         sensors = SensorFrame._make(_SENSOR.unpack(frame.payload))
         if not self._heard:
-            return Sample(sensors, heard=(frame,))
-        sample = Sample(
+            return HilSample(sensors, heard=(frame,))
+        sample = HilSample(
             sensors, **self._gathered, relayed=tuple(self._relayed), heard=(*self._heard, frame)
         )
         self._gathered = {}
@@ -135,11 +135,11 @@ class HilLink:
 
     def _gather(self, frame: Frame) -> None:
         """Keep what a device says until the next sample."""
-        if frame.message_id == _VERDICT.message_id:
+        if frame.message_id == _COMMAND_ACK.message_id:
             self._verdicts.append(frame.decode().result)
-        if frame.message_id in _TAKEN_IN:
+        if frame.message_id in _LOGGED_MESSAGES:
             self._heard.append(frame)
-        if frame.message_id in _RELAYED:
+        if frame.message_id in _RELAYED_MESSAGES:
             self._relayed.append(frame)
         if reader := _READERS.get(frame.message_id):
             name, read = reader
@@ -148,7 +148,7 @@ class HilLink:
                 self._gathered[name] = record
 
 
-def _fix(m: Message) -> GpsFix:
+def _gps_fix(m: Message) -> GpsFix:
     return GpsFix(
         m.time_usec,
         m.fix_type,
@@ -168,7 +168,7 @@ def _metres(error_cm: int) -> float:
     return math.nan if error_cm == device_messages.UNKNOWN_U16 else error_cm * 1e-2
 
 
-def _range(m: Message) -> Altimeter | None:
+def _altimeter(m: Message) -> Altimeter | None:
     if m.orientation != _LOOKING_DOWN:
         return None
     return Altimeter(
@@ -179,7 +179,7 @@ def _range(m: Message) -> Altimeter | None:
     )
 
 
-def _silence(m: Message) -> bool | None:
+def _links_silent(m: Message) -> bool | None:
     """Whether a simulator's order cuts or joins the links to the ground; None for any other
     order."""
     if m.command != INJECT_FAILURE or m.param1 != _LINK:
@@ -188,14 +188,14 @@ def _silence(m: Message) -> bool | None:
 
 
 _READERS: dict[int, tuple[str, Callable[[Message], Any]]] = {
-    _GPS.message_id: ("gps", _fix),
-    _RANGE.message_id: ("altimeter", _range),
+    _GPS.message_id: ("gps", _gps_fix),
+    _RANGE.message_id: ("altimeter", _altimeter),
     device_messages.ODOMETRY.message_id: ("dvl", device_messages.dvl_record),
     device_messages.BATTERY_STATUS.message_id: ("battery", device_messages.battery_record),
     device_messages.SYS_STATUS.message_id: ("leak", device_messages.leak_record),
     device_messages.ACTUATOR_OUTPUTS.message_id: ("duct", device_messages.duct_record),
-    dialect.by_name("COMMAND_LONG").message_id: ("links_silent", _silence),
+    dialect.by_name("COMMAND_LONG").message_id: ("links_silent", _links_silent),
 }
-"""For each message that is taken in, the field of ``Sample`` it fills, and how."""
-_TAKEN_IN = _RELAYED.union(_READERS)
+"""For each message that is taken in, the field of ``HilSample`` it fills, and how."""
+_LOGGED_MESSAGES = _RELAYED_MESSAGES.union(_READERS)
 """What a log keeps beside the sensors: never the simulator's own state."""

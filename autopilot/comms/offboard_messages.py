@@ -15,14 +15,14 @@ from autopilot.vehicle import Vehicle
 from mavlink_io.clock import wall_s
 from mavlink_io.dialect import constant
 from mavlink_io.frames import euler_from_quaternion, geodetic_to_offset
-from mavlink_io.services.missions import FRAME_LOCAL_NED, GLOBAL_FRAMES, GLOBAL_SCALE
+from mavlink_io.mission_items import FRAME_LOCAL_NED, GLOBAL_FRAMES, GLOBAL_SCALE
 
 ATTITUDE, LOCAL, GLOBAL = (
     "SET_ATTITUDE_TARGET",
     "SET_POSITION_TARGET_LOCAL_NED",
     "SET_POSITION_TARGET_GLOBAL_INT",
 )
-HEARD = ATTITUDE, LOCAL, GLOBAL
+MESSAGE_IDS = ATTITUDE, LOCAL, GLOBAL
 
 _NO_PITCH_RATE, _NO_YAW_RATE, _NO_THRUST, _NO_ATTITUDE = 0b10, 0b100, 0b100_0000, 0b1000_0000
 """ATTITUDE_TARGET_TYPEMASK."""
@@ -35,7 +35,7 @@ class TargetError(ValueError):
     """A set-point that cannot be followed; the message says why."""
 
 
-class Streams:
+class SetpointStreams:
     """Hands set-points to the vehicle and knows for how long each kind has been silent."""
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -72,7 +72,7 @@ def read(name: str, message: Any, home: Home) -> AttitudeTarget | MotionTarget:
     """The target in a decoded message. Raises TargetError."""
     if name == ATTITUDE:
         return attitude(message)
-    fields = _given(message, name)
+    fields = _value_unless_ignored(message, name)
     if name == GLOBAL:
         return _global(message, fields, home)
     if message.coordinate_frame in _BODY:
@@ -105,7 +105,7 @@ def attitude(message: Any) -> AttitudeTarget:
     )
 
 
-def _given(message: Any, name: str) -> dict[str, float]:
+def _value_unless_ignored(message: Any, name: str) -> dict[str, float]:
     """The fields that count, by their local names: neither ignored by the mask nor NaN."""
     here = {"x": "lat_int", "y": "lon_int", "z": "alt"} if name == GLOBAL else {}
     fields = {

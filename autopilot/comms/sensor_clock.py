@@ -8,7 +8,7 @@ on from where it was, and ``offset_us`` takes up the difference. So vehicle time
 from enum import Enum, auto
 from typing import NamedTuple
 
-from autopilot.comms.hil import Sample
+from autopilot.comms.hil import HilSample
 from mavlink_io import dialect
 from mavlink_io.codec import Frame
 
@@ -19,13 +19,13 @@ CONFIRM_GAP_US = 500_000
 LOST_SAMPLES = 5
 """A step ahead of up to this many usual intervals is taken for lost samples. After a wrong stamp
 within it, honest stamps catch up before CONFIRM_SAMPLES of them have been refused."""
-LONGEST_INTERVAL_US = CONFIRM_GAP_US // LOST_SAMPLES
+MAX_INTERVAL_US = CONFIRM_GAP_US // LOST_SAMPLES
 """Usual interval before the first is known, and its upper limit: samples at 10 Hz."""
 INTERVAL_DECAY = 0.9
 """The usual interval is the largest recent one; it decays by this factor a sample."""
 
 
-class Verdict(Enum):
+class StampVerdict(Enum):
     """What a stamp is, after those before it."""
 
     NEW = auto()
@@ -45,7 +45,7 @@ class SensorClock(NamedTuple):
     """The newest sample that was taken; -1 before the first."""
     offset_us: int = 0
     """Vehicle time minus stamp."""
-    interval_us: int = LONGEST_INTERVAL_US
+    interval_us: int = MAX_INTERVAL_US
     """Usual interval between samples."""
     refused: int = 0
     """Refused samples in a row that follow each other."""
@@ -54,7 +54,9 @@ class SensorClock(NamedTuple):
     """The first and the newest of these."""
 
 
-def judge(clock: SensorClock, stamp_us: int, silent_us: int) -> tuple[SensorClock, Verdict]:
+def classify_stamp(
+    clock: SensorClock, stamp_us: int, silent_us: int
+) -> tuple[SensorClock, StampVerdict]:
     """Judge the stamp of a sample.
 
     Parameters
@@ -74,22 +76,24 @@ def judge(clock: SensorClock, stamp_us: int, silent_us: int) -> tuple[SensorCloc
         ``stamp_us + offset_us`` and greater than that of every sample before.
     """
     if clock.newest_us < 0:
-        return clock._replace(newest_us=stamp_us), Verdict.NEW
+        return clock._replace(newest_us=stamp_us), StampVerdict.NEW
     step_us = stamp_us - clock.newest_us
     if 0 < step_us <= LOST_SAMPLES * clock.interval_us + silent_us:
-        usual_us = max(round(INTERVAL_DECAY * clock.interval_us), min(step_us, LONGEST_INTERVAL_US))
-        return clock._replace(newest_us=stamp_us, interval_us=usual_us, refused=0), Verdict.NEW
+        usual_us = max(round(INTERVAL_DECAY * clock.interval_us), min(step_us, MAX_INTERVAL_US))
+        return clock._replace(newest_us=stamp_us, interval_us=usual_us, refused=0), StampVerdict.NEW
     if step_us == 0:
-        return clock._replace(refused=0), Verdict.REPEATED
+        return clock._replace(refused=0), StampVerdict.REPEATED
     first_us, refused = stamp_us, 1
     if clock.refused and 0 <= stamp_us - clock.refused_us <= CONFIRM_GAP_US:
         first_us, refused = clock.refused_first_us, clock.refused + 1
     if refused < CONFIRM_SAMPLES:
         refusing = clock._replace(refused=refused, refused_first_us=first_us, refused_us=stamp_us)
-        return refusing, Verdict.REFUSED
+        return refusing, StampVerdict.REFUSED
     # The first sample on the new time base is put a usual interval after the last one on the old.
     offset_us = clock.newest_us + clock.offset_us + clock.interval_us - first_us
-    return clock._replace(newest_us=stamp_us, offset_us=offset_us, refused=0), Verdict.RESTARTED
+    return clock._replace(
+        newest_us=stamp_us, offset_us=offset_us, refused=0
+    ), StampVerdict.RESTARTED
 
 
 def begin(stamp_us: int) -> SensorClock:
@@ -97,14 +101,14 @@ def begin(stamp_us: int) -> SensorClock:
     return SensorClock(newest_us=stamp_us)
 
 
-def rebase(sample: Sample, offset_us: int) -> Sample:
+def rebase(sample: HilSample, offset_us: int) -> HilSample:
     """Return the sample with every stamp as vehicle time, devices and log frames included.
 
     A device's stamp may still be of the old time base: it is limited to the sample's own time.
     """
     now_us = sample.sensors.time_us + offset_us
     devices = {
-        name: record._replace(time_us=_shifted(record.time_us, offset_us, now_us))
+        name: record._replace(time_us=_shift(record.time_us, offset_us, now_us))
         for name in ("gps", "altimeter", "dvl", "duct")
         if (record := getattr(sample, name)) is not None
     }
@@ -129,11 +133,11 @@ def _rebase_frame(frame: Frame, offset_us: int, now_us: int) -> Frame:
         unit_us = _STAMPS_US.get((field.name, field.type))
         if unit_us:
             values = list(frame.decode())
-            stamp_us = _shifted(values[at] * unit_us, offset_us, now_us) // unit_us
+            stamp_us = _shift(values[at] * unit_us, offset_us, now_us) // unit_us
             values[at] = stamp_us & 0xFFFF_FFFF if unit_us == 1000 else stamp_us
             return frame._replace(payload=message.pack(tuple(values)))
     return frame
 
 
-def _shifted(stamp_us: int, offset_us: int, now_us: int) -> int:
+def _shift(stamp_us: int, offset_us: int, now_us: int) -> int:
     return min(now_us, max(0, stamp_us + offset_us))

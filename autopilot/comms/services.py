@@ -10,26 +10,26 @@ from autopilot.commands.flight import move_home
 from autopilot.commands.types import (
     LOWEST_CUSTOM_MODE,
     Desk,
-    Progress,
+    JobProgress,
     command_from_message,
     foreign_mode,
 )
 from autopilot.comms import offboard_messages
 from autopilot.comms.ftp_root import file_tree
 from autopilot.comms.ground_links import GroundLink
-from autopilot.comms.offboard_messages import Streams
+from autopilot.comms.offboard_messages import SetpointStreams
 from autopilot.comms.signing_keys import Keys
-from autopilot.comms.statustext import Announcer, Tell
+from autopilot.comms.statustext import Announcer, Publish
 from autopilot.control.manual_control import Helm
 from autopilot.control.requests import SetMode
-from autopilot.onboard_log.recorder import Logbook
+from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.telemetry.request_message import Library
-from autopilot.vehicle import MissionStore, Vehicle
+from autopilot.vehicle import Vehicle, VehicleMission
 from mavlink_io import dialect
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
-from mavlink_io.request import Party, Send
+from mavlink_io.request import MavlinkId, Send
 from mavlink_io.services.ftp.server import FileServer
 from mavlink_io.services.log_transfer.server import LogServer
 from mavlink_io.services.mission_server import MissionServer
@@ -50,8 +50,8 @@ class Arrival(NamedTuple):
     """Answers on the link by which it came."""
 
     @property
-    def sender(self) -> Party:
-        return Party(self.frame.system, self.frame.component)
+    def sender(self) -> MavlinkId:
+        return MavlinkId(self.frame.system, self.frame.component)
 
 
 class Services:
@@ -62,18 +62,18 @@ class Services:
         vehicle: Vehicle,
         announcer: Announcer,
         library: Library,
-        broadcast: Tell,
+        broadcast: Publish,
         keys: Keys,
-        logbook: Logbook,
+        logbook: OnboardLog,
     ) -> None:
         self._vehicle, self._announcer, self._library = vehicle, announcer, library
         self._keys, self._logbook = keys, logbook
         self.helm = Helm()
-        self.setpoints = Streams(vehicle)
+        self.setpoints = SetpointStreams(vehicle)
         self.ground_heard_s: float | None = None
         """When a ground station's heartbeat was last heard, by the wall clock."""
         self.failures = FailureRelay(vehicle.say)
-        self._missions = MissionServer(MissionStore(vehicle))
+        self._missions = MissionServer(VehicleMission(vehicle))
         self._params = ParamServer(vehicle.params, by_name(broadcast), vehicle.say)
         self._files = FileServer(file_tree(vehicle.params, logbook))
         self._logs = LogServer(logbook, vehicle.say, lambda: vehicle.state.armed)
@@ -92,8 +92,8 @@ class Services:
             "SET_HOME_POSITION": self._set_home,
             "SET_GPS_GLOBAL_ORIGIN": self._set_home,
             "MANUAL_CONTROL": self._take_stick,
-            **{name: partial(self._take_setpoint, name) for name in offboard_messages.HEARD},
-            "TIMESYNC": _tell_time,
+            **{name: partial(self._take_setpoint, name) for name in offboard_messages.MESSAGE_IDS},
+            "TIMESYNC": _answer_timesync,
             "PING": _answer_ping,
             "SETUP_SIGNING": self._change_key,
         }
@@ -138,7 +138,7 @@ class Services:
     def _obey(self, arrival: Arrival) -> None:
         message, link, asker = arrival.message, arrival.link, arrival.sender
 
-        def acknowledge(progress: Progress) -> None:
+        def acknowledge(progress: JobProgress) -> None:
             self._announcer.announce()
             answer = message.command, progress.result, progress.percent, 0, *asker
             self._logbook.note(_ACKNOWLEDGEMENT, answer)
@@ -149,7 +149,7 @@ class Services:
         if command.number == INJECT_FAILURE:
             enabled = bool(self._vehicle.params.config.failure_enabled)
             self.failures.ask(
-                command, asker, lambda result: acknowledge(Progress(result)), enabled, now_s
+                command, asker, lambda result: acknowledge(JobProgress(result)), enabled, now_s
             )
             return
         for answer, values in self._commander.execute(
@@ -187,7 +187,7 @@ class Services:
         )
 
 
-def by_name(tell: Tell) -> Send:
+def by_name(tell: Publish) -> Send:
     """A teller that takes a message's name and fields, as the protocols of ``link`` want it."""
 
     def send(name: str, **fields: Any) -> None:
@@ -197,7 +197,7 @@ def by_name(tell: Tell) -> Send:
     return send
 
 
-def _tell_time(arrival: Arrival) -> None:
+def _answer_timesync(arrival: Arrival) -> None:
     if arrival.message.tc1 == 0:
         arrival.link.write(_TIME, (round(wall_s() * 1e9), arrival.message.ts1))
 

@@ -12,7 +12,7 @@ from mavlink_io.signing import (
     load_key,
     save_key,
 )
-from mavlink_io.user_data_dir import state_folder
+from mavlink_io.user_data_dir import user_data_dir
 
 NO_KEY = bytes(32)
 
@@ -44,7 +44,7 @@ class Keys:
                     f"--sign {word}: expected ADDRESS=KEYFILE, where ADDRESS is one of {links}"
                 )
             files[address] = Path(file)
-        return cls(files, Timestamp(state_folder() / TIMESTAMP_FILE) if files else None)
+        return cls(files, Timestamp(user_data_dir() / TIMESTAMP_FILE) if files else None)
 
     def signing(self, address: str) -> Signing | None:
         """How a link signs; None for one that does not."""

@@ -11,14 +11,14 @@ from mavlink_io.clock import wall_s
 from mavlink_io.dialect import MessageType, Values
 
 STATUSTEXT_BYTES = 50
-MOST_AT_ONCE, PER_SECOND = 20, 5.0
+MAX_BURST, MAX_TEXTS_PER_S = 20, 5.0
 """More texts than that drown a slow link and whoever reads them."""
 
 _STATUSTEXT, _ITEM_REACHED = dialect.by_name("STATUSTEXT"), dialect.by_name("MISSION_ITEM_REACHED")
-_ON_CHANGE = dialect.by_name("CURRENT_MODE"), dialect.by_name("HEARTBEAT")
+_SENT_ON_CHANGE = dialect.by_name("CURRENT_MODE"), dialect.by_name("HEARTBEAT")
 _HOME = dialect.by_name("HOME_POSITION"), dialect.by_name("GPS_GLOBAL_ORIGIN")
 
-Tell = Callable[[MessageType, Values], None]
+Publish = Callable[[MessageType, Values], None]
 
 
 class Announcer:
@@ -28,8 +28,8 @@ class Announcer:
         self,
         vehicle: Vehicle,
         build: Callable[[MessageType], tuple[Values, ...]],
-        broadcast: Tell,
-        note: Tell,
+        broadcast: Publish,
+        note: Publish,
     ) -> None:
         """``broadcast`` tells and logs, ``note`` only logs."""
         self._vehicle, self._build, self._broadcast, self._note = vehicle, build, broadcast, note
@@ -48,7 +48,7 @@ class Announcer:
         condition, home = self._seen(), self._vehicle.state.home
         if condition != self._condition:
             self._condition = condition
-            self._tell(_ON_CHANGE)
+            self._tell(_SENT_ON_CHANGE)
         if home != self._home:
             self._home = home
             self._tell(_HOME)
@@ -79,7 +79,7 @@ class Announcer:
             self._chunks(tell, Event(Severity.NOTICE, f"{left_out} messages left out"))
         self._chunks(tell, event)
 
-    def _chunks(self, tell: Tell, event: Event) -> None:
+    def _chunks(self, tell: Publish, event: Event) -> None:
         text = event.text.encode()
         chunks = [text[at : at + STATUSTEXT_BYTES] for at in range(0, len(text), STATUSTEXT_BYTES)]
         number = 0
@@ -95,7 +95,7 @@ class TextBudget:
     always may."""
 
     def __init__(self) -> None:
-        self._left = float(MOST_AT_ONCE)
+        self._left = float(MAX_BURST)
         self._wall_s, self._time_us = wall_s(), 0
         self.left_out = 0
         """Since the last one that was sent."""
@@ -105,7 +105,7 @@ class TextBudget:
         now_s = wall_s()
         elapsed_s = max(now_s - self._wall_s, (time_us - self._time_us) / US_PER_S)
         self._wall_s, self._time_us = now_s, time_us
-        self._left = min(float(MOST_AT_ONCE), self._left + PER_SECOND * elapsed_s)
+        self._left = min(float(MAX_BURST), self._left + MAX_TEXTS_PER_S * elapsed_s)
         if self._left < 1.0 and severity > Severity.CRITICAL:
             self.left_out += 1
             return False

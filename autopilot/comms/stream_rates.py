@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from autopilot.control.types import US_PER_S
-from autopilot.telemetry.streams import BY_ID, STREAMS, Stream
+from autopilot.telemetry.streams import BY_ID, STREAMS, TelemetryStream
 from mavlink_io import dialect
 
 
-class Profile(NamedTuple):
+class RateProfile(NamedTuple):
     """What a link is sent unasked."""
 
     name: str
@@ -25,30 +25,37 @@ def _number(name: str) -> int:
     return dialect.by_name(name).message_id
 
 
-_TOO_WIDE = frozenset(map(_number, ("ODOMETRY", "HIGHRES_IMU", "ACTUATOR_OUTPUT_STATUS")))
-_BARE_HZ = {"ATTITUDE": 1.0, "GLOBAL_POSITION_INT": 1.0, "VFR_HUD": 1.0, "SYS_STATUS": 0.2}
-
-FAST = Profile("fast", {stream.message.message_id: stream.rate_hz for stream in STREAMS})
-HALF = Profile(
-    "57600", {number: 0.5 * hz for number, hz in FAST.rates_hz.items() if number not in _TOO_WIDE}
+_OMITTED_ON_SLOW_LINKS = frozenset(
+    map(_number, ("ODOMETRY", "HIGHRES_IMU", "ACTUATOR_OUTPUT_STATUS"))
 )
-BARE = Profile("9600", {_number(name): hz for name, hz in _BARE_HZ.items()})
+_MINIMAL_HZ = {"ATTITUDE": 1.0, "GLOBAL_POSITION_INT": 1.0, "VFR_HUD": 1.0, "SYS_STATUS": 0.2}
+
+FAST = RateProfile("fast", {stream.message.message_id: stream.rate_hz for stream in STREAMS})
+HALF = RateProfile(
+    "57600",
+    {
+        number: 0.5 * hz
+        for number, hz in FAST.rates_hz.items()
+        if number not in _OMITTED_ON_SLOW_LINKS
+    },
+)
+MINIMAL = RateProfile("9600", {_number(name): hz for name, hz in _MINIMAL_HZ.items()})
 FAST_BAUD, HALF_BAUD = 115_200, 38_400
 """The lowest baud rates of the first two."""
 
 
-def profile_for(baud: int | None) -> Profile:
+def profile_for(baud: int | None) -> RateProfile:
     """The profile of a line; None is a link without a baud rate."""
     if baud is None or baud >= FAST_BAUD:
         return FAST
-    return HALF if baud >= HALF_BAUD else BARE
+    return HALF if baud >= HALF_BAUD else MINIMAL
 
 
 class Schedule:
     """When each stream is due on one link. A stream is due in the tick in which time crosses a
     multiple of its interval; the first tick after a start only sets the phase."""
 
-    def __init__(self, profile: Profile = FAST) -> None:
+    def __init__(self, profile: RateProfile = FAST) -> None:
         self._defaults_us = {
             number: _interval_us(profile.rates_hz.get(number, 0.0)) for number in BY_ID
         }
@@ -68,9 +75,9 @@ class Schedule:
         """The interval in force, 0 where the stream is stopped. Raises KeyError."""
         return self._intervals_us[message_id]
 
-    def due(self, time_us: int) -> list[Stream]:
+    def due(self, time_us: int) -> list[TelemetryStream]:
         """The streams to send in the tick at ``time_us``, in the order of the table."""
-        due: list[Stream] = []
+        due: list[TelemetryStream] = []
         restarted = not self._running or time_us < self._time_us
         self._time_us = time_us
         if restarted:

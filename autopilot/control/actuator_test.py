@@ -1,13 +1,13 @@
 """Moving the actuators of a disarmed vehicle one by one, as somebody does who looks at them from
 the quay. Pure."""
 
-from autopilot.control.types import US_PER_S, BenchTest, State
+from autopilot.control.types import US_PER_S, AutopilotState, BenchTest
 
 CHANNELS = 3
 _AT_REST = (0.0,) * CHANNELS
 
 
-def begin(state: State, channel: int, value: float, seconds: float) -> State:
+def begin(state: AutopilotState, channel: int, value: float, seconds: float) -> AutopilotState:
     """Move one actuator, for so long; what was asked of it before is forgotten."""
     others = tuple(test for test in state.bench_tests if test.channel != channel)
     if seconds <= 0.0:
@@ -16,7 +16,7 @@ def begin(state: State, channel: int, value: float, seconds: float) -> State:
     return state._replace(bench_tests=(*others, BenchTest(channel, value, until_us)))
 
 
-def positions(state: State) -> tuple[float, ...]:
+def positions(state: AutopilotState) -> tuple[float, ...]:
     """Rudder, elevator and thrust in [-1, 1]: all zero where nothing is tested."""
     if not state.bench_tests:
         return _AT_REST

@@ -17,7 +17,7 @@ an elevator that is stuck or off can hold it down for as long as the propeller t
 from autopilot.control import failsafe, modes
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import monitor, sensor_checks
-from autopilot.control.types import US_PER_S, Ascent, Event, Severity, State
+from autopilot.control.types import US_PER_S, Ascent, AutopilotState, Event, Severity
 
 RISE_M = 0.2
 """Decrease of the least depth so far that counts as a rise. An ascent makes it within SURF_RISE_S;
@@ -27,23 +27,23 @@ NOT_RISING = "not rising"
 Events = tuple[Event, ...]
 
 
-def surface(state: State, config: Config) -> tuple[State, Events]:
+def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState, Events]:
     """Set the set-points of mode SURFACE, and end it when the surface or a limit is reached."""
-    blind = failsafe.blind(state, config)
+    blind = failsafe.depth_unknown(state, config)
     ascent = _update(state, blind)
-    if reached := _reached(state, ascent, blind, config):
+    if reached := _reached_surface(state, ascent, blind, config):
         return modes.disarm(state), (reached,)
     still_s = (state.time_us - ascent.risen_us) / US_PER_S
     if 0.0 < config.surface_time_s < still_s:
         text = f"Failsafe: surface not reached, no rise for {config.surface_time_s:g} s -> disarmed"
-        return modes.disarm(_failed(state)), (Event(Severity.CRITICAL, text),)
+        return modes.disarm(_give_up(state)), (Event(Severity.CRITICAL, text),)
     events: Events = ()
     driven = not (blind or ascent.stopped)
     if driven and config.buoyancy_n > 0.0 and 0.0 < config.surface_rise_s < still_s:
         text = f"Failsafe: no rise for {config.surface_rise_s:g} s -> propeller stopped"
         # The rise is counted from here: the vehicle may have sunk far under power.
         ascent = Ascent(state.estimate.depth_m, state.time_us, stopped=True)
-        state, driven = _failed(state), False
+        state, driven = _give_up(state), False
         events = (Event(Severity.CRITICAL, text),)
     setpoint = state.setpoint._replace(thrust=0.0, pitch_rad=0.0)
     if driven:
@@ -52,22 +52,24 @@ def surface(state: State, config: Config) -> tuple[State, Events]:
     return state._replace(setpoint=setpoint, ascent=ascent), events
 
 
-def _update(state: State, blind: bool) -> Ascent:
+def _update(state: AutopilotState, blind: bool) -> Ascent:
     """The ascent after this tick's estimate. A depth that is not measured shows no rise."""
     now_us, depth_m = state.time_us, state.estimate.depth_m
     ascent = state.ascent or Ascent(depth_m, now_us)
     if not blind and depth_m < ascent.depth_m - RISE_M:
         ascent = ascent._replace(depth_m=depth_m, risen_us=now_us)
     gps = state.health.gps
-    if not sensor_checks.is_fix(gps.record) or sensor_checks.silent(gps, now_us):
+    if not sensor_checks.has_fix(gps.record) or sensor_checks.is_silent(gps, now_us):
         return ascent._replace(fix_us=None) if ascent.fix_us is not None else ascent
     return ascent if ascent.fix_us is not None else ascent._replace(fix_us=gps.sound_us)
 
 
-def _reached(state: State, ascent: Ascent, blind: bool, config: Config) -> Event | None:
+def _reached_surface(
+    state: AutopilotState, ascent: Ascent, blind: bool, config: Config
+) -> Event | None:
     """The text of a vehicle at the surface; None while it is below."""
     if blind:
-        if monitor.fixed(state.health, state.time_us):
+        if monitor.has_new_fix(state.health, state.time_us):
             return Event(Severity.INFO, "Surfaced by satellite fix: disarmed")
         return None
     depth_m = state.estimate.depth_m
@@ -79,7 +81,7 @@ def _reached(state: State, ascent: Ascent, blind: bool, config: Config) -> Event
     return None
 
 
-def _fix_holds(state: State, ascent: Ascent, hold_us: int) -> bool:
+def _fix_holds(state: AutopilotState, ascent: Ascent, hold_us: int) -> bool:
     """Whether fixes have come for ``hold_us`` without a rise in that time.
 
     Counted from the first fix to the newest one that differs from the one before it: a receiver
@@ -94,8 +96,8 @@ def _fix_holds(state: State, ascent: Ascent, hold_us: int) -> bool:
     return gps.changed_us - max(ascent.fix_us, ascent.risen_us) >= hold_us
 
 
-def _failed(state: State) -> State:
+def _give_up(state: AutopilotState) -> AutopilotState:
     """The state with its cause, where no other failsafe is in force."""
-    if state.failsafe not in ("", failsafe.GROUND_LOST):
+    if state.failsafe not in ("", failsafe.GCS_LOST):
         return state
     return state._replace(failsafe=NOT_RISING)

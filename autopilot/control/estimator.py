@@ -13,7 +13,7 @@ import math
 
 from autopilot.control import navigation
 from autopilot.control.params import Config
-from autopilot.control.types import Estimate, Home, Inputs
+from autopilot.control.types import Home, Inputs, VehicleEstimate
 from mavlink_io.frames import (
     STANDARD_GRAVITY_MPS2,
     Quaternion,
@@ -32,23 +32,23 @@ from mavlink_io.records import (
     SensorFrame,
 )
 
-NEEDED = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
+REQUIRED_FIELDS = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
 """To begin with."""
 
 ALTIMETER_STALE_US = 1_000_000
-TURNING_RADPS = math.radians(2.0)
+TURN_RATE_GATE_RADPS = math.radians(2.0)
 """Rate of turn at which the accelerometer and the magnetometer count half: sideslip and lost speed,
 which nobody measures, then lean on the one, and through the tilt of the field's dip on the other.
 The gyro carries the turn."""
 MAX_BIAS_RADPS = math.radians(1.0)
-OBSERVER_RADPS = 2.0
+DEPTH_OBSERVER_RADPS = 2.0
 """Double pole of the observer that stands in for the gyro."""
-BLIND_DEPTH_RATE_S = 10.0
+DEPTH_RATE_DECAY_S = 10.0
 """Without the pressure sensor the vertical speed is forgotten in this time: carried further it
 would only mislead."""
 
 
-def begin(sensors: SensorFrame, config: Config) -> Estimate:
+def initial_estimate(sensors: SensorFrame, config: Config) -> VehicleEstimate:
     """The first estimate: level reference from the accelerometer, heading from the magnetometer, at
     rest."""
     ax, ay, az = sensors[1:4]
@@ -56,7 +56,7 @@ def begin(sensors: SensorFrame, config: Config) -> Estimate:
     pitch = math.atan2(ax, math.hypot(ay, az))
     north, east, _ = rotate(quaternion_from_euler(roll, pitch, 0.0), sensors[7:10])
     heading = wrap_pi(math.atan2(-east, north) + config.declination_rad)
-    return Estimate(
+    return VehicleEstimate(
         attitude=quaternion_from_euler(roll, pitch, heading),
         roll_rad=roll,
         pitch_rad=pitch,
@@ -64,13 +64,13 @@ def begin(sensors: SensorFrame, config: Config) -> Estimate:
         depth_m=depth_of(sensors.pressure_hpa, config),
         initialised=True,
         depth_time_us=sensors.time_us,
-        navigation=navigation.begin(config),
+        navigation=navigation.initial_solution(config),
     )
 
 
 def update(
-    old: Estimate, inputs: Inputs, thrust: float, home: Home, config: Config, dt_s: float
-) -> Estimate:
+    old: VehicleEstimate, inputs: Inputs, thrust: float, home: Home, config: Config, dt_s: float
+) -> VehicleEstimate:
     """The estimate after a tick of ``dt_s`` seconds under the last commanded ``thrust`` (fraction
     of full)."""
     sensors, now_us = inputs.sensors, inputs.sensors.time_us
@@ -80,12 +80,12 @@ def update(
     depth, depth_rate, accel_bias = _depth(old, sensors, attitude, config, dt_s)
     ahead = speed * math.cos(pitch)
     water = complex(ahead * math.cos(heading), ahead * math.sin(heading))
-    motion = navigation.Motion(now_us, attitude, water, thrust != 0.0, rates[2], depth_rate)
-    place, over_ground, memory = navigation.reckon(
+    motion = navigation.MotionInput(now_us, attitude, water, thrust != 0.0, rates[2], depth_rate)
+    place, over_ground, memory = navigation.predict_and_update(
         complex(old.north_m, old.east_m), old.navigation, motion, inputs, home, config, dt_s
     )
     altitude, altitude_time = _altitude(old, inputs.altimeter, now_us)
-    return Estimate(
+    return VehicleEstimate(
         attitude,
         roll,
         pitch,
@@ -126,15 +126,15 @@ def _speed(speed_mps: float, thrust: float, config: Config, dt_s: float) -> floa
 
 
 def _attitude(
-    old: Estimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
+    old: VehicleEstimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
 ) -> tuple[Quaternion, Vector, Vector]:
     if not sensors.fields_updated & GYRO_FRESH:
         return _attitude_without_gyro(old, sensors, speed_mps, config, dt_s)
     bx, by, bz = old.gyro_bias_radps
     p, q, r = sensors[4:7]
     p, q, r = p - bx, q - by, r - bz
-    (ex, ey, ez), (mx, my, mz) = _errors(old.attitude, sensors, speed_mps, q, r, config)
-    trust = 1.0 / (1.0 + (q * q + r * r) / TURNING_RADPS**2)
+    (ex, ey, ez), (mx, my, mz) = _attitude_errors(old.attitude, sensors, speed_mps, q, r, config)
+    trust = 1.0 / (1.0 + (q * q + r * r) / TURN_RATE_GATE_RADPS**2)
     ka, kh, kb = trust * config.attitude_gain, trust * config.heading_gain, trust * config.bias_gain
     attitude = _integrate(
         old.attitude, p + ka * ex + kh * mx, q + ka * ey + kh * my, r + ka * ez + kh * mz, dt_s
@@ -148,24 +148,24 @@ def _attitude(
 
 
 def _attitude_without_gyro(
-    old: Estimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
+    old: VehicleEstimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
 ) -> tuple[Quaternion, Vector, Vector]:
     """Attitude and rates from gravity and field alone, the gyro's bias left as it was."""
     p, q, r = old.p_radps, old.q_radps, old.r_radps
-    (ex, ey, ez), (mx, my, mz) = _errors(old.attitude, sensors, speed_mps, q, r, config)
+    (ex, ey, ez), (mx, my, mz) = _attitude_errors(old.attitude, sensors, speed_mps, q, r, config)
     ex, ey, ez = ex + mx, ey + my, ez + mz
-    pull, gain = 2.0 * OBSERVER_RADPS, OBSERVER_RADPS * OBSERVER_RADPS * dt_s
+    pull, gain = 2.0 * DEPTH_OBSERVER_RADPS, DEPTH_OBSERVER_RADPS * DEPTH_OBSERVER_RADPS * dt_s
     attitude = _integrate(old.attitude, p + pull * ex, q + pull * ey, r + pull * ez, dt_s)
     return attitude, (p + gain * ex, q + gain * ey, r + gain * ez), old.gyro_bias_radps
 
 
-def _down(attitude: Quaternion) -> Vector:
+def _down_vector(attitude: Quaternion) -> Vector:
     """The world's downward unit vector in body axes."""
     w, x, y, z = attitude
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-def _errors(
+def _attitude_errors(
     attitude: Quaternion,
     sensors: SensorFrame,
     speed_mps: float,
@@ -175,7 +175,7 @@ def _errors(
 ) -> tuple[Vector, Vector]:
     """The turns (radians, body axes) that would take the estimate to what gravity and what the
     field tell."""
-    down = x, y, z = _down(attitude)
+    down = x, y, z = _down_vector(attitude)
     turn = _heading_error(attitude, sensors, config)
     return _tilt_error(down, sensors, speed_mps, q_radps, r_radps), (turn * x, turn * y, turn * z)
 
@@ -227,15 +227,15 @@ def _clip_bias(bias_radps: float) -> float:
 
 
 def _depth(
-    old: Estimate, sensors: SensorFrame, attitude: Quaternion, config: Config, dt_s: float
+    old: VehicleEstimate, sensors: SensorFrame, attitude: Quaternion, config: Config, dt_s: float
 ) -> tuple[float, float, float]:
     rate_mps, bias_mps2, down_mps2 = old.depth_rate_mps, old.accel_bias_mps2, 0.0
     fresh = sensors.fields_updated
     if fresh & ACCELEROMETER_FRESH:
-        (x, y, z), (ax, ay, az) = _down(attitude), sensors[1:4]
+        (x, y, z), (ax, ay, az) = _down_vector(attitude), sensors[1:4]
         down_mps2 = x * ax + y * ay + z * az + STANDARD_GRAVITY_MPS2 - bias_mps2
     if not fresh & PRESSURE_FRESH:
-        fading = -rate_mps / BLIND_DEPTH_RATE_S
+        fading = -rate_mps / DEPTH_RATE_DECAY_S
         return old.depth_m + rate_mps * dt_s, rate_mps + (down_mps2 + fading) * dt_s, bias_mps2
     pole = 1.0 / config.depth_time_s
     depth = old.depth_m + rate_mps * dt_s + 0.5 * down_mps2 * dt_s * dt_s
@@ -247,7 +247,9 @@ def _depth(
     )
 
 
-def _altitude(old: Estimate, seen: Altimeter | None, now_us: int) -> tuple[float | None, int]:
+def _altitude(
+    old: VehicleEstimate, seen: Altimeter | None, now_us: int
+) -> tuple[float | None, int]:
     if seen is not None and seen.min_range_m <= seen.range_m < seen.max_range_m:
         return seen.range_m, now_us
     seen_us = old.altitude_time_us

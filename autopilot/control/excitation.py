@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 from autopilot.control import requests, waveforms
 from autopilot.control.params import Config
-from autopilot.control.types import Excitation, State
+from autopilot.control.types import AutopilotState, Excitation
 
 
-class Axis(NamedTuple):
+class ExcitationAxis(NamedTuple):
     """What a SID_AXIS moves, and which loops it opens."""
 
     name: str
@@ -29,15 +29,17 @@ LOOP_ON = 100
 for."""
 
 AXES = {
-    ELEVATOR_AXIS: Axis("elevator", elevator=True, opens_depth=True),
-    RUDDER_AXIS: Axis("rudder", rudder=True, opens_heading=True),
-    THRUST_AXIS: Axis("thrust", thrust=True),
-    BOTH_AXIS: Axis("both", rudder=True, elevator=True, opens_heading=True, opens_depth=True),
-    LOOP_ON + ELEVATOR_AXIS: Axis("elevator, loop on", elevator=True),
-    LOOP_ON + RUDDER_AXIS: Axis("rudder, loop on", rudder=True),
-    LOOP_ON + BOTH_AXIS: Axis("both, loops on", rudder=True, elevator=True),
+    ELEVATOR_AXIS: ExcitationAxis("elevator", elevator=True, opens_depth=True),
+    RUDDER_AXIS: ExcitationAxis("rudder", rudder=True, opens_heading=True),
+    THRUST_AXIS: ExcitationAxis("thrust", thrust=True),
+    BOTH_AXIS: ExcitationAxis(
+        "both", rudder=True, elevator=True, opens_heading=True, opens_depth=True
+    ),
+    LOOP_ON + ELEVATOR_AXIS: ExcitationAxis("elevator, loop on", elevator=True),
+    LOOP_ON + RUDDER_AXIS: ExcitationAxis("rudder, loop on", rudder=True),
+    LOOP_ON + BOTH_AXIS: ExcitationAxis("both, loops on", rudder=True, elevator=True),
 }
-NO_AXIS = Axis("none")
+NO_AXIS = ExcitationAxis("none")
 
 
 class Wave(IntEnum):
@@ -54,11 +56,11 @@ class Wave(IntEnum):
 
 WAVES = {wave.value: wave.name.lower() for wave in Wave} | {Wave.THREE_TWO_ONE_ONE.value: "3211"}
 
-MOST_HZ = 10.0
+MAX_FREQUENCY_HZ = 10.0
 """Of a clock or a tone: faster than that is lost between the ticks."""
-_MOST_SEED = 2**24 - 1
+_MAX_SEED = 2**24 - 1
 """The largest whole number that a REAL32 holds as well as all below it."""
-_MOST_RUNS_NUMBER = 9_999_999
+_MAX_INTERVALS_NUMBER = 9_999_999
 
 
 class Played(NamedTuple):
@@ -72,23 +74,23 @@ class Played(NamedTuple):
     """Of a chirp, else 0."""
 
 
-def read(
+def from_numbers(
     axis: int, magnitude: float, p3: float, p4: float, duration_s: float, wave: int, fade_s: float
 ) -> requests.StartTest:
     """The test that the seven numbers of MAV_CMD_USER_1 ask for; the third and the fourth are the
     wave's own."""
     if wave == Wave.PRBS:
         return requests.StartTest(
-            axis, magnitude, 0.0, p4, duration_s, wave, fade_s, seed=_whole(p3)
+            axis, magnitude, 0.0, p4, duration_s, wave, fade_s, seed=_is_integer(p3)
         )
     if wave == Wave.SQUARE:
         return requests.StartTest(
-            axis, magnitude, 0.0, 0.0, duration_s, wave, fade_s, runs=runs_of(p3, p4)
+            axis, magnitude, 0.0, 0.0, duration_s, wave, fade_s, runs=switch_intervals(p3, p4)
         )
     return requests.StartTest(axis, magnitude, p3, p4, duration_s, wave, fade_s)
 
 
-def configured(config: Config) -> requests.StartTest:
+def from_config(config: Config) -> requests.StartTest:
     """The test that the SID_* parameters ask for."""
     return requests.StartTest(
         config.sid_axis,
@@ -99,24 +101,24 @@ def configured(config: Config) -> requests.StartTest:
         config.sid_wave,
         config.sid_fade_in_s,
         config.sid_seed,
-        runs_of(config.sid_runs_1, config.sid_runs_2),
+        switch_intervals(config.sid_runs_1, config.sid_runs_2),
     )
 
 
-def runs_of(*numbers: float) -> tuple[int, ...]:
+def switch_intervals(*numbers: float) -> tuple[int, ...]:
     """A square wave's runs as the digits of numbers, first to last: 3211 is (3, 2, 1, 1). A 0 marks
     what is no such."""
     given = [n for n in numbers if not math.isnan(n) and n != 0.0]
-    if any(not 0.0 < n <= _MOST_RUNS_NUMBER or n != int(n) for n in given):
+    if any(not 0.0 < n <= _MAX_INTERVALS_NUMBER or n != int(n) for n in given):
         return (0,)
     return tuple(int(digit) for n in given for digit in str(int(n)))
 
 
-def _whole(value: float) -> int:
+def _is_integer(value: float) -> int:
     return int(value) if math.isfinite(value) else 0
 
 
-def prepare(wish: requests.StartTest, state: State, config: Config) -> Excitation:
+def precompute(wish: requests.StartTest, state: AutopilotState, config: Config) -> Excitation:
     """The test as it is played from now on. One size serves both axes: the elevator gets its share
     of it."""
     axis = AXES.get(wish.axis, NO_AXIS)
@@ -153,11 +155,11 @@ def describe(test: Excitation) -> str:
     return f"axis={test.axis} wave={WAVES[test.wave]} magnitude={size:.2f}{both}"
 
 
-def play(test: Excitation, t_s: float) -> Played:
+def sample(test: Excitation, t_s: float) -> Played:
     """What the test adds, ``t_s`` after it began."""
     fading = waveforms.fade(t_s, test.duration_s, test.fade_s)
-    shape, frequency_hz = _shape(test, t_s)
-    other = _tones(test, t_s, part=1) if test.rudder_rad and test.elevator_rad else shape
+    shape, frequency_hz = _waveform_value(test, t_s)
+    other = _multisine_tones(test, t_s, part=1) if test.rudder_rad and test.elevator_rad else shape
     return Played(
         test.rudder_rad * fading * shape if test.rudder_rad else 0.0,
         test.elevator_rad * fading * other if test.elevator_rad else 0.0,
@@ -166,7 +168,7 @@ def play(test: Excitation, t_s: float) -> Played:
     )
 
 
-def _shape(test: Excitation, t_s: float) -> tuple[float, float]:
+def _waveform_value(test: Excitation, t_s: float) -> tuple[float, float]:
     """The wave in [-1, 1], and a chirp's frequency."""
     match test.wave:
         case Wave.CHIRP:
@@ -176,19 +178,19 @@ def _shape(test: Excitation, t_s: float) -> tuple[float, float]:
         case Wave.PRBS:
             return waveforms.prbs(t_s, test.stop_hz, test.duration_s, test.seed), 0.0
         case Wave.MULTISINE:
-            return _tones(test, t_s, part=0), 0.0
+            return _multisine_tones(test, t_s, part=0), 0.0
         case Wave.THREE_TWO_ONE_ONE | Wave.SQUARE:
             return waveforms.square(t_s, test.runs, test.duration_s), 0.0
     return 1.0, 0.0
 
 
-def _tones(test: Excitation, t_s: float, part: int) -> float:
+def _multisine_tones(test: Excitation, t_s: float, part: int) -> float:
     """A multisine: all tones of the band, or every second where the other axis has those
     between."""
-    return waveforms.multisine(t_s, _comb(test, part), test.duration_s)
+    return waveforms.multisine(t_s, _multisine_frequencies(test, part), test.duration_s)
 
 
-def _comb(test: Excitation, part: int) -> waveforms.Comb:
+def _multisine_frequencies(test: Excitation, part: int) -> waveforms.Comb:
     parts = 2 if test.rudder_rad and test.elevator_rad else 1
     return waveforms.comb(test.start_hz, test.stop_hz, test.duration_s, part, parts)
 
@@ -202,16 +204,16 @@ def check(test: Excitation, travel_deg: float) -> str:
         return f"wave {test.wave}: must be one of " + ", ".join(
             f"{number} ({name})" for number, name in WAVES.items()
         )
-    if wrong := _wrong_size(test, AXES[test.axis], travel_deg):
+    if wrong := _size_fault(test, AXES[test.axis], travel_deg):
         return wrong
     if not 0.0 < test.duration_s < math.inf:
         return f"duration {test.duration_s:g} s: must be above 0"
     if not 0.0 <= test.fade_s <= 0.5 * test.duration_s:
         return f"fade {test.fade_s:g} s: must be 0 to half the duration"
-    return _wrong_wave(test)
+    return _wave_fault(test)
 
 
-def _wrong_size(test: Excitation, axis: Axis, travel_deg: float) -> str:
+def _size_fault(test: Excitation, axis: ExcitationAxis, travel_deg: float) -> str:
     if axis.thrust:
         size, most, unit = 100.0 * test.thrust, 100.0, "%"
     else:
@@ -230,40 +232,40 @@ def _wrong_size(test: Excitation, axis: Axis, travel_deg: float) -> str:
     return ""
 
 
-def _wrong_wave(test: Excitation) -> str:
+def _wave_fault(test: Excitation) -> str:
     """What is wrong with the numbers that are a wave's own."""
     match test.wave:
         case Wave.CHIRP if not 0.0 < test.start_hz <= test.stop_hz:
             return f"chirp {test.start_hz:g} to {test.stop_hz:g} Hz: must rise from above 0"
         case Wave.PRBS:
-            return _wrong_prbs(test)
+            return _prbs_fault(test)
         case Wave.MULTISINE:
-            return _wrong_multisine(test)
+            return _multisine_fault(test)
         case Wave.SQUARE if not test.runs or not all(test.runs):
             return (
                 "square wave: runs must be whole numbers of digits 1 to 9, to"
-                f" {_MOST_RUNS_NUMBER:g} each, as 3211"
+                f" {_MAX_INTERVALS_NUMBER:g} each, as 3211"
             )
     return ""
 
 
-def _wrong_prbs(test: Excitation) -> str:
-    if not 0.0 < test.stop_hz <= MOST_HZ:
-        return f"prbs clock {test.stop_hz:g} Hz: must be above 0, to {MOST_HZ:g} Hz"
-    if not 0 <= test.seed <= _MOST_SEED:
-        return f"prbs seed {test.seed}: must be 0 to {_MOST_SEED}"
-    if (bits := waveforms.bits_of(test.stop_hz, test.duration_s)) > waveforms.MOST_BITS:
-        return f"prbs of {bits} bits: must be {waveforms.MOST_BITS} or less"
+def _prbs_fault(test: Excitation) -> str:
+    if not 0.0 < test.stop_hz <= MAX_FREQUENCY_HZ:
+        return f"prbs clock {test.stop_hz:g} Hz: must be above 0, to {MAX_FREQUENCY_HZ:g} Hz"
+    if not 0 <= test.seed <= _MAX_SEED:
+        return f"prbs seed {test.seed}: must be 0 to {_MAX_SEED}"
+    if (bits := waveforms.bits_of(test.stop_hz, test.duration_s)) > waveforms.MAX_BITS:
+        return f"prbs of {bits} bits: must be {waveforms.MAX_BITS} or less"
     return ""
 
 
-def _wrong_multisine(test: Excitation) -> str:
+def _multisine_fault(test: Excitation) -> str:
     band = f"multisine {test.start_hz:g} to {test.stop_hz:g} Hz"
-    if not 0.0 < test.start_hz <= test.stop_hz <= MOST_HZ:
-        return f"{band}: must rise from above 0, to {MOST_HZ:g} Hz"
+    if not 0.0 < test.start_hz <= test.stop_hz <= MAX_FREQUENCY_HZ:
+        return f"{band}: must rise from above 0, to {MAX_FREQUENCY_HZ:g} Hz"
     axis = AXES[test.axis]
     if any(
-        not _comb(test, part).amplitudes
+        not _multisine_frequencies(test, part).amplitudes
         for part in range(2 if axis.rudder and axis.elevator else 1)
     ):
         return (

@@ -6,44 +6,46 @@ from autopilot.control import guidance, modes
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import monitor
 from autopilot.control.sensor_health.sensor_checks import BATTERY, LEAK
-from autopilot.control.types import US_PER_S, Event, Excitation, Inputs, Severity, State
+from autopilot.control.types import US_PER_S, AutopilotState, Event, Excitation, Inputs, Severity
 from mavlink_io.frames import wrap_pi
 
-GROUND_LOST = "ground lost"
-_ON_GROUND_LOST = (modes.HOLD, modes.SURFACE, modes.RTL)
+GCS_LOST = "ground lost"
+_GCS_LOST_MODES = (modes.HOLD, modes.SURFACE, modes.RTL)
 """By FS_GCS_ACT."""
 
 
-def watch(state: State, inputs: Inputs, config: Config) -> tuple[State, tuple[Event, ...]]:
+def check_failsafes(
+    state: AutopilotState, inputs: Inputs, config: Config
+) -> tuple[AutopilotState, tuple[Event, ...]]:
     """Turn to SURFACE where the vehicle leaves its limits; a failsafe stays in force until it is
     disarmed.
 
     What a lost ground asks for is FS_GCS_ACT's choice, and ends when ground asks for a mode again;
     it does not hide what comes after it."""
-    if not state.armed or state.failsafe not in ("", GROUND_LOST):
+    if not state.armed or state.failsafe not in ("", GCS_LOST):
         return state, ()
     cause = _cause(state, inputs, config)
     if cause in ("", state.failsafe):
         return state, ()
-    mode = _refuge(cause, state, config)
+    mode = _failsafe_mode(cause, state, config)
     state, events = modes.enter(state._replace(failsafe=cause), mode)
     if mode != modes.SURFACE:
-        state = guidance.take_up(state, config)
+        state = guidance.hold_current(state, config)
     return state, (Event(Severity.CRITICAL, f"Failsafe: {cause} -> {mode.name}"), *events)
 
 
-def _refuge(cause: str, state: State, config: Config) -> modes.Mode:
+def _failsafe_mode(cause: str, state: AutopilotState, config: Config) -> modes.Mode:
     """The mode that answers a cause; without a known home there is no way there."""
-    if cause != GROUND_LOST or state.mode == modes.SURFACE.number:
+    if cause != GCS_LOST or state.mode == modes.SURFACE.number:
         return modes.SURFACE
-    mode = _ON_GROUND_LOST[config.fs_ground_action]
+    mode = _GCS_LOST_MODES[config.fs_ground_action]
     return modes.SURFACE if mode == modes.RTL and not state.home.known else mode
 
 
-def _cause(state: State, inputs: Inputs, config: Config) -> str:
-    if state.health.doubts and (wrong := _wrong_on_board(state, config)):
+def _cause(state: AutopilotState, inputs: Inputs, config: Config) -> str:
+    if state.health.doubts and (wrong := _device_failsafe(state, config)):
         return wrong
-    if blind(state, config):
+    if depth_unknown(state, config):
         return "depth unknown"
     at = state.estimate
     if at.depth_m > config.fs_depth_m:
@@ -56,13 +58,13 @@ def _cause(state: State, inputs: Inputs, config: Config) -> str:
     if 0.0 < config.fs_time_s < armed_s:
         return f"armed {armed_s:.0f} s"
     if inputs.ground_silent_s is not None and 0.0 < config.fs_ground_s < inputs.ground_silent_s:
-        return GROUND_LOST
+        return GCS_LOST
     return ""
 
 
-def _wrong_on_board(state: State, config: Config) -> str:
+def _device_failsafe(state: AutopilotState, config: Config) -> str:
     """What the vehicle has found wrong with herself and must not stay down with."""
-    wrong = monitor.troubles(state.health)
+    wrong = monitor.active_faults(state.health)
     acted_on = (
         (LEAK, config.fs_leak_action),
         (BATTERY, config.fs_battery_action if wrong.get(BATTERY) == monitor.LOW else 0),
@@ -72,13 +74,13 @@ def _wrong_on_board(state: State, config: Config) -> str:
     )
 
 
-def blind(state: State, config: Config) -> bool:
+def depth_unknown(state: AutopilotState, config: Config) -> bool:
     """Whether the depth has not been measured for too long to go on."""
     blind_us = state.time_us - state.estimate.depth_time_us
     return bool(config.fs_pressure_action) and blind_us > config.fs_pressure_s * US_PER_S
 
 
-def envelope(test: Excitation, state: State, config: Config) -> str:
+def envelope_violation(test: Excitation, state: AutopilotState, config: Config) -> str:
     """Why a test must stop now; empty while it may go on."""
     at = state.estimate
     if at.depth_m < config.sid_depth_min_m:

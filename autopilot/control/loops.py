@@ -9,19 +9,19 @@ import math
 from typing import NamedTuple
 
 from autopilot.control import lqg, reference_model
-from autopilot.control.lqg import Belief, Laws, Target
+from autopilot.control.lqg import LqgControllers, LqgReference, ObserverState
 from autopilot.control.params import Config
 from autopilot.control.pid import Gains, pid
 from autopilot.control.reference_model import Way
 from autopilot.control.setpoints import Setpoint
-from autopilot.control.types import Estimate, LoopMemory, Trim
+from autopilot.control.types import LoopMemory, Trim, VehicleEstimate
 from mavlink_io.frames import wrap_pi
 
-SLOWEST, FASTEST = 0.4, 2.5
+MIN_SPEED_RATIO, MAX_SPEED_RATIO = 0.4, 2.5
 """Speeds over that of the gains between which they follow it."""
-LEAST_SPEED_MPS = 0.3
+MIN_SPEED_MPS = 0.3
 """With at least this speed is reckoned what pitch a change of depth takes."""
-UNDER_WAY_RADPS, UNDER_WAY_MPS = math.radians(0.3), 0.02
+INTEGRATOR_HOLD_RADPS, INTEGRATOR_HOLD_MPS = math.radians(0.3), 0.02
 """On a way that moves faster than this the error is none to carry for good."""
 STEADY_RADPS, STEADY_RAD, STEADY_M = math.radians(2.0), math.radians(8.0), 0.5
 """Rates of turn, heading error and depth error below which trims are learned."""
@@ -30,7 +30,7 @@ STANDING_RADPS, STANDING_SPEED_RATIO = math.radians(0.3), 0.5
 standing one: the vehicle does not turn although it could, so the rudder that it lacks is trim."""
 
 
-class Surfaces(NamedTuple):
+class ControlOutput(NamedTuple):
     """What the loops want of the duct, trim included, and how far off the set-points are."""
 
     rudder_rad: float
@@ -41,16 +41,16 @@ class Surfaces(NamedTuple):
     pitch_setpoint_rad: float
 
 
-class Steered(NamedTuple):
+class HeadingLoopResult(NamedTuple):
     """Heading loop: what it wants, and its memory."""
 
     rudder_rad: float
     integral_rad: float
     course: Way | None
-    belief: Belief | None = None
+    belief: ObserverState | None = None
 
 
-class Turn(NamedTuple):
+class YawReference(NamedTuple):
     """How she turns about the vertical, and should."""
 
     rate_radps: float
@@ -58,7 +58,7 @@ class Turn(NamedTuple):
     error_rad: float
 
 
-class Dived(NamedTuple):
+class DepthLoopResult(NamedTuple):
     """Depth and pitch loop: what they want, and their memory."""
 
     elevator_rad: float
@@ -66,10 +66,10 @@ class Dived(NamedTuple):
     pitch_integral_rad: float
     depth_integral_rad: float
     descent: Way | None
-    belief: Belief | None = None
+    belief: ObserverState | None = None
 
 
-class WayDown(NamedTuple):
+class DepthReference(NamedTuple):
     """Depth and its rate against what they should be at this moment."""
 
     error_m: float
@@ -81,8 +81,8 @@ class WayDown(NamedTuple):
     descent: Way | None
 
 
-def close(
-    estimate: Estimate,
+def step_loops(
+    estimate: VehicleEstimate,
     setpoint: Setpoint,
     memory: LoopMemory,
     config: Config,
@@ -90,7 +90,7 @@ def close(
     *,
     heading: bool,
     depth: bool,
-) -> tuple[Surfaces, LoopMemory]:
+) -> tuple[ControlOutput, LoopMemory]:
     """Close the loops that are asked for; an open plane rests at its trim and keeps its
     integrators."""
     learned = memory.trim
@@ -98,15 +98,17 @@ def close(
         config.rudder_trim_rad + learned.rudder_rad,
         config.elevator_trim_rad + learned.elevator_rad,
     )
-    steered = Steered(trims[0], memory.heading_rad, None)
-    dived = Dived(trims[1], estimate.pitch_rad, memory.pitch_rad, memory.depth_rad, None)
+    steered = HeadingLoopResult(trims[0], memory.heading_rad, None)
+    dived = DepthLoopResult(trims[1], estimate.pitch_rad, memory.pitch_rad, memory.depth_rad, None)
     roll = estimate.roll_rad if config.roll_compensated and heading and depth else 0.0
     if heading:
-        steered = steer(estimate, setpoint, memory, trims[0], roll, config, dt_s)
+        steered = heading_loop(estimate, setpoint, memory, trims[0], roll, config, dt_s)
     if depth:
-        dived = dive(estimate, setpoint, memory, trims[1], roll, config, dt_s)
+        dived = depth_pitch_loop(estimate, setpoint, memory, trims[1], roll, config, dt_s)
     rudder, elevator = (
-        turned(steered.rudder_rad, dived.elevator_rad, roll) if roll else (steered[0], dived[0])
+        rotate_by_roll(steered.rudder_rad, dived.elevator_rad, roll)
+        if roll
+        else (steered[0], dived[0])
     )
     rudder_way = elevator_way = None
     if config.lead_radps:
@@ -116,7 +118,7 @@ def close(
             elevator, elevator_way = reference_model.lead(
                 elevator, memory.elevator, config.servo, dt_s
             )
-    surfaces = Surfaces(
+    surfaces = ControlOutput(
         rudder,
         elevator,
         wrap_pi(setpoint.heading_rad - estimate.heading_rad),
@@ -137,19 +139,19 @@ def close(
         dived.belief,
     )
     if config.trim_time_s and heading and depth:
-        kept = learn_trim(kept, surfaces, trims, estimate, config, dt_s)
+        kept = update_trim(kept, surfaces, trims, estimate, config, dt_s)
     return surfaces, kept
 
 
-def steer(
-    estimate: Estimate,
+def heading_loop(
+    estimate: VehicleEstimate,
     setpoint: Setpoint,
     memory: LoopMemory,
     trim_rad: float,
     roll_rad: float,
     config: Config,
     dt_s: float,
-) -> Steered:
+) -> HeadingLoopResult:
     """Heading error to rudder, yaw rate from the gyro; on the way to a new heading both are counted
     from the way."""
     turning = estimate.r_radps
@@ -159,144 +161,151 @@ def steer(
     error, course = wrap_pi(setpoint.heading_rad - estimate.heading_rad), None
     gains, travel = config.heading_gains, config.travel_rad
     if config.schedule_mps:
-        gains = scheduled(gains, estimate.speed_mps / config.schedule_mps)
+        gains = schedule_gains(gains, estimate.speed_mps / config.schedule_mps)
     if bandwidth := config.heading_way_radps:
         start = memory.course or Way(estimate.heading_rad, estimate.r_radps)
         to_go = wrap_pi(setpoint.heading_rad - start.at)
-        course = reference_model.approach(to_go, start, bandwidth, config.turn_most_radps, dt_s)
+        course = reference_model.step_reference(
+            to_go, start, bandwidth, config.turn_most_radps, dt_s
+        )
         error, rate = wrap_pi(course.at - estimate.heading_rad), rate - course.rate
-        if abs(course.rate) > UNDER_WAY_RADPS:
+        if abs(course.rate) > INTEGRATOR_HOLD_RADPS:
             gains = gains._replace(i=0.0)
     elif config.heading_weight < 1.0:
         start = memory.course or Way(estimate.heading_rad)
         to_go = wrap_pi(setpoint.heading_rad - start.at)
         error = wrap_pi(start.at - estimate.heading_rad) + config.heading_weight * to_go
-        course = reference_model.follow(to_go, start, gains, dt_s)
-    if laws := laws_of(config, estimate):
-        turn = Turn(turning, turning - rate, error)
-        rudder, belief = steer_by_law(
+        course = reference_model.follow_reference(to_go, start, gains, dt_s)
+    if laws := scheduled_controllers(config, estimate):
+        turn = YawReference(turning, turning - rate, error)
+        rudder, belief = heading_lqg(
             laws, turn, estimate.heading_rad, memory.rudder_belief, trim_rad, config
         )
-        return Steered(rudder, memory.heading_rad, course, belief)
+        return HeadingLoopResult(rudder, memory.heading_rad, course, belief)
     rudder, integral = pid(
         error, rate, gains, memory.heading_rad, dt_s, -travel - trim_rad, travel - trim_rad
     )
-    return Steered(rudder + trim_rad, integral, course)
+    return HeadingLoopResult(rudder + trim_rad, integral, course)
 
 
-def steer_by_law(
-    laws: Laws,
-    turn: Turn,
+def heading_lqg(
+    laws: LqgControllers,
+    turn: YawReference,
     heading_rad: float,
-    belief: Belief | None,
+    belief: ObserverState | None,
     trim_rad: float,
     config: Config,
-) -> tuple[float, Belief]:
+) -> tuple[float, ObserverState]:
     """The rudder. Headings are counted on past south, as a belief knows no turn of the circle."""
     if belief is not None:
         last = belief.measured[1]
         heading_rad = last + wrap_pi(heading_rad - last)
     wanted, travel = (turn.wanted_radps, heading_rad + turn.error_rad), config.travel_rad
-    under_way = abs(turn.wanted_radps) > UNDER_WAY_RADPS
-    target = Target(wanted, 0.0, -travel - trim_rad, travel - trim_rad, under_way)
-    rudder, belief = lqg.act(laws.heading, belief, (turn.rate_radps, heading_rad), target)
+    under_way = abs(turn.wanted_radps) > INTEGRATOR_HOLD_RADPS
+    target = LqgReference(wanted, 0.0, -travel - trim_rad, travel - trim_rad, under_way)
+    rudder, belief = lqg.step(laws.heading, belief, (turn.rate_radps, heading_rad), target)
     return rudder + trim_rad, belief
 
 
-def laws_of(config: Config, estimate: Estimate) -> Laws | None:
+def scheduled_controllers(config: Config, estimate: VehicleEstimate) -> LqgControllers | None:
     """What flies in place of the PIDs; None where they fly."""
     if config.law_enabled and lqg.in_range(config.laws, estimate.speed_mps):
         return config.laws
     return None
 
 
-def dive(
-    estimate: Estimate,
+def depth_pitch_loop(
+    estimate: VehicleEstimate,
     setpoint: Setpoint,
     memory: LoopMemory,
     trim_rad: float,
     roll_rad: float,
     config: Config,
     dt_s: float,
-) -> Dived:
+) -> DepthLoopResult:
     """Depth error to pitch, or the pitch that is given; pitch error to elevator, pitch rate from
     the gyro."""
     rate = estimate.q_radps
     if roll_rad:
         rate = rate * math.cos(roll_rad) - estimate.r_radps * math.sin(roll_rad)
-    path = way_down(estimate, setpoint, memory, config, dt_s)
+    path = depth_reference(estimate, setpoint, memory, config, dt_s)
     rest, travel = trim_rad, config.travel_rad
     if config.pitch_stiffness and path.descent and setpoint.pitch_rad is None:
-        rest += hold_pitch(path.descent, estimate, config)
-    if (laws := laws_of(config, estimate)) and setpoint.pitch_rad is None:
-        return dive_by_law(laws, path, estimate, memory, rate, rest - trim_rad, trim_rad, config)
+        rest += pitch_feedforward(path.descent, estimate, config)
+    if (laws := scheduled_controllers(config, estimate)) and setpoint.pitch_rad is None:
+        return depth_lqg(laws, path, estimate, memory, rate, rest - trim_rad, trim_rad, config)
     pitch_setpoint, depth_i = depth_loop(path, memory, config, dt_s)
     if setpoint.pitch_rad is not None:
         pitch_setpoint = setpoint.pitch_rad
     gains = config.pitch_gains
     if config.schedule_mps:
-        gains = scheduled(gains, estimate.speed_mps / config.schedule_mps)
+        gains = schedule_gains(gains, estimate.speed_mps / config.schedule_mps)
     error = pitch_setpoint - estimate.pitch_rad
     elevator, pitch_i = pid(
         error, rate, gains, memory.pitch_rad, dt_s, -travel - rest, travel - rest
     )
-    return Dived(elevator + rest, pitch_setpoint, pitch_i, depth_i, path.descent)
+    return DepthLoopResult(elevator + rest, pitch_setpoint, pitch_i, depth_i, path.descent)
 
 
-def dive_by_law(
-    laws: Laws,
-    path: WayDown,
-    estimate: Estimate,
+def depth_lqg(
+    laws: LqgControllers,
+    path: DepthReference,
+    estimate: VehicleEstimate,
     memory: LoopMemory,
     rate_radps: float,
     ahead_rad: float,
     trim_rad: float,
     config: Config,
-) -> Dived:
+) -> DepthLoopResult:
     """Depth and pitch to elevator at once; the depth error counts as far as the pitch limit
     goes."""
     limit_m, travel = config.pitch_limit_rad / laws.pitch_per_metre, config.travel_rad
     error, sinking = min(limit_m, max(-limit_m, path.error_m)), estimate.depth_rate_mps
     measured = rate_radps, estimate.pitch_rad, estimate.depth_m, sinking
     wanted = 0.0, -path.ahead_rad, estimate.depth_m + error, sinking - path.rate_mps
-    under_way = path.descent is not None and abs(path.descent.rate) > UNDER_WAY_MPS
-    target = Target(wanted, ahead_rad, -travel - trim_rad, travel - trim_rad, under_way)
-    elevator, belief = lqg.act(laws.depth, memory.elevator_belief, measured, target)
+    under_way = path.descent is not None and abs(path.descent.rate) > INTEGRATOR_HOLD_MPS
+    target = LqgReference(wanted, ahead_rad, -travel - trim_rad, travel - trim_rad, under_way)
+    elevator, belief = lqg.step(laws.depth, memory.elevator_belief, measured, target)
     pitch = -laws.pitch_per_metre * error - path.ahead_rad
-    return Dived(
+    return DepthLoopResult(
         elevator + trim_rad, pitch, memory.pitch_rad, memory.depth_rad, path.descent, belief
     )
 
 
-def way_down(
-    estimate: Estimate, setpoint: Setpoint, memory: LoopMemory, config: Config, dt_s: float
-) -> WayDown:
+def depth_reference(
+    estimate: VehicleEstimate, setpoint: Setpoint, memory: LoopMemory, config: Config, dt_s: float
+) -> DepthReference:
     """The depth error: from the reference model's way where there is one, or from the weighted
     set-point."""
     rate = estimate.depth_rate_mps
     if bandwidth := config.depth_way_radps:
         start = memory.descent or Way(estimate.depth_m, rate)
-        descent = reference_model.approach(
+        descent = reference_model.step_reference(
             setpoint.depth_m - start.at, start, bandwidth, config.depth_way_mps, dt_s
         )
         error = descent.at - estimate.depth_m
-        return WayDown(error, rate - descent.rate, steepness(descent, estimate), descent)
+        return DepthReference(
+            error, rate - descent.rate, required_pitch(descent, estimate), descent
+        )
     if config.depth_weight < 1.0:
         start = memory.descent or Way(estimate.depth_m)
         to_go = setpoint.depth_m - start.at
         error = start.at - estimate.depth_m + config.depth_weight * to_go
-        return WayDown(
-            error, rate, 0.0, reference_model.follow(to_go, start, config.depth_gains, dt_s)
+        return DepthReference(
+            error,
+            rate,
+            0.0,
+            reference_model.follow_reference(to_go, start, config.depth_gains, dt_s),
         )
-    return WayDown(setpoint.depth_m - estimate.depth_m, rate, 0.0, None)
+    return DepthReference(setpoint.depth_m - estimate.depth_m, rate, 0.0, None)
 
 
 def depth_loop(
-    path: WayDown, memory: LoopMemory, config: Config, dt_s: float
+    path: DepthReference, memory: LoopMemory, config: Config, dt_s: float
 ) -> tuple[float, float]:
     """Depth error to pitch: too shallow asks for nose down, hence the minus. (pitch, integral)."""
     limit, ahead, gains = config.pitch_limit_rad, path.ahead_rad, config.depth_gains
-    if path.descent is not None and abs(path.descent.rate) > UNDER_WAY_MPS:
+    if path.descent is not None and abs(path.descent.rate) > INTEGRATOR_HOLD_MPS:
         gains = gains._replace(i=0.0)
     nose_down, integral = pid(
         path.error_m, path.rate_mps, gains, memory.depth_rad, dt_s, -limit - ahead, limit - ahead
@@ -304,49 +313,49 @@ def depth_loop(
     return -nose_down - ahead, integral
 
 
-def steepness(descent: Way, estimate: Estimate) -> float:
+def required_pitch(descent: Way, estimate: VehicleEstimate) -> float:
     """The nose-down pitch that a way in depth itself takes: depth' = -U sin(theta)."""
-    return descent.rate / max(estimate.speed_mps, LEAST_SPEED_MPS)
+    return descent.rate / max(estimate.speed_mps, MIN_SPEED_MPS)
 
 
-def hold_pitch(descent: Way, estimate: Estimate, config: Config) -> float:
+def pitch_feedforward(descent: Way, estimate: VehicleEstimate, config: Config) -> float:
     """The elevator that holds the pitch of a way in depth against the weight under the hull's axis.
 
     That righting moment is the same at any speed; what an angle of the duct turns grows with U^2.
     """
     limit, x = (
         config.pitch_limit_rad,
-        min(FASTEST, max(SLOWEST, estimate.speed_mps / config.cruise_speed_mps)),
+        min(MAX_SPEED_RATIO, max(MIN_SPEED_RATIO, estimate.speed_mps / config.cruise_speed_mps)),
     )
-    pitch = -min(limit, max(-limit, steepness(descent, estimate)))
+    pitch = -min(limit, max(-limit, required_pitch(descent, estimate)))
     return config.pitch_stiffness * pitch / (x * x)
 
 
-def scheduled(gains: Gains, speed: float) -> Gains:
+def schedule_gains(gains: Gains, speed: float) -> Gains:
     """Gains of rudder or elevator at ``speed`` times the speed that they were designed at.
 
     Slower, all of the vehicle's own motion slows with her, and a loop that slows likewise keeps its
     margins; faster, delay and lag do not shrink with her time, and the loop is held at its
     bandwidth. Hydrodynamic forces grow with U for a rate and with U^2 for an angle (Fossen 2021,
     section 6.7), and so does what an angle of the duct turns."""
-    x = min(FASTEST, max(SLOWEST, speed))
+    x = min(MAX_SPEED_RATIO, max(MIN_SPEED_RATIO, speed))
     if x <= 1.0:
         return gains._replace(d=gains.d / x, i=gains.i * x)
     return gains._replace(p=gains.p / (x * x), d=gains.d / (x * x), i=gains.i / (x * x))
 
 
-def turned(rudder_rad: float, elevator_rad: float, roll_rad: float) -> tuple[float, float]:
+def rotate_by_roll(rudder_rad: float, elevator_rad: float, roll_rad: float) -> tuple[float, float]:
     """What is wanted about the vertical and the horizontal, about the axes of a hull that has
     rolled."""
     c, s = math.cos(roll_rad), math.sin(roll_rad)
     return rudder_rad * c - elevator_rad * s, rudder_rad * s + elevator_rad * c
 
 
-def learn_trim(
+def update_trim(
     memory: LoopMemory,
-    wanted: Surfaces,
+    wanted: ControlOutput,
     trims: tuple[float, float],
-    estimate: Estimate,
+    estimate: VehicleEstimate,
     config: Config,
     dt_s: float,
 ) -> LoopMemory:
@@ -367,7 +376,7 @@ def learn_trim(
     )
 
 
-def steady(estimate: Estimate, wanted: Surfaces, config: Config) -> bool:
+def steady(estimate: VehicleEstimate, wanted: ControlOutput, config: Config) -> bool:
     """Whether the surfaces hold the vehicle in equilibrium, so that their mean is the trim.
 
     A missing rudder trim b leaves a heading error of about b / HDG_P where the integrator is

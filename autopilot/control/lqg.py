@@ -8,11 +8,11 @@ Python; the laws are designed ashore (``sysid.design.lqg``) and read from a file
 from operator import mul
 from typing import NamedTuple
 
-SLOWEST, FASTEST = 0.8, 1.25
+MIN_SPEED_RATIO, MAX_SPEED_RATIO = 0.8, 1.25
 """Speeds over that of the design between which the laws fly; beyond them the PIDs do."""
 
 
-class Law(NamedTuple):
+class LqgController(NamedTuple):
     """x[k] = A x[k-1] + B u[k-1] + L (y[k-1] + y[k])/2, u = F (x - S r): y is measured, and wanted
     to be r."""
 
@@ -28,21 +28,21 @@ class Law(NamedTuple):
     """How many of the states, the last ones, are constant loads."""
 
 
-class Laws(NamedTuple):
+class LqgControllers(NamedTuple):
     """What a law file holds."""
 
     speed_mps: float
     """That they were designed for."""
-    heading: Law
+    heading: LqgController
     """From yaw rate (rad/s) and heading (rad) to rudder (rad)."""
-    depth: Law
+    depth: LqgController
     """From pitch rate (rad/s), pitch (rad), depth (m) and its rate (m/s) to elevator (rad)."""
     pitch_per_metre: float
     """Nose-down pitch (rad) that counts as much as a metre too deep: it turns the pitch limit into
     one of depth."""
 
 
-class Belief(NamedTuple):
+class ObserverState(NamedTuple):
     """A law's memory."""
 
     states: tuple[float, ...]
@@ -50,7 +50,7 @@ class Belief(NamedTuple):
     command_rad: float
 
 
-class Target(NamedTuple):
+class LqgReference(NamedTuple):
     """What a law is asked for."""
 
     wanted: tuple[float, ...]
@@ -64,19 +64,22 @@ class Target(NamedTuple):
     """On the way to a new set-point: what is off there is no constant load."""
 
 
-def law(
+def from_matrices(
     rows: tuple[tuple[float, ...], ...],
     feedback: tuple[float, ...],
     start: tuple[tuple[float, ...], ...],
     loads: int,
-) -> Law:
+) -> LqgController:
     forward = tuple(-sum(map(mul, feedback, column)) for column in zip(*start, strict=True))
-    return Law(rows, feedback, start, forward, loads)
+    return LqgController(rows, feedback, start, forward, loads)
 
 
-def act(
-    law: Law, belief: Belief | None, measured: tuple[float, ...], target: Target
-) -> tuple[float, Belief]:
+def step(
+    law: LqgController,
+    belief: ObserverState | None,
+    measured: tuple[float, ...],
+    target: LqgReference,
+) -> tuple[float, ObserverState]:
     """The command about its trim. A new set-point moves the command and not the belief, which
     follows what happens."""
     if belief is None:
@@ -94,8 +97,11 @@ def act(
         + target.ahead_rad
     )
     command = min(target.high, max(target.low, wanted))
-    return command, Belief(states, measured, command)
+    return command, ObserverState(states, measured, command)
 
 
-def in_range(laws: Laws | None, speed_mps: float) -> bool:
-    return laws is not None and SLOWEST * laws.speed_mps < speed_mps < FASTEST * laws.speed_mps
+def in_range(laws: LqgControllers | None, speed_mps: float) -> bool:
+    return (
+        laws is not None
+        and MIN_SPEED_RATIO * laws.speed_mps < speed_mps < MAX_SPEED_RATIO * laws.speed_mps
+    )

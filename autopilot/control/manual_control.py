@@ -4,14 +4,14 @@ import math
 from typing import Any
 
 from autopilot.control import modes
-from autopilot.control.types import State, Stick
+from autopilot.control.types import AutopilotState, Stick
 
-STICK_LASTS_S = 1.5
+STICK_TIMEOUT_S = 1.5
 """A pilot's hand that was not heard of for longer has let go."""
 _NOT_GIVEN = 32_767
 """MANUAL_CONTROL's mark of an axis that the stick lacks."""
 _STICK_FULL = 1000.0
-_LET_GO = Stick(0.0, 0.0, 0.0)
+_RELEASED = Stick(0.0, 0.0, 0.0)
 
 
 class Helm:
@@ -32,16 +32,16 @@ class Helm:
 
     def fix(self, rudder: float, elevator: float, thrust: float) -> None:
         """Set the actuators until a stick moves or MANUAL is left; NaN leaves one as it is."""
-        was = self._fixed or _LET_GO
+        was = self._fixed or _RELEASED
         given = zip((rudder, elevator, thrust), was, strict=True)
         self._fixed = Stick(*(old if math.isnan(new) else new for new, old in given))
 
-    def stick(self, state: State, now_s: float) -> Stick | None:
+    def stick(self, state: AutopilotState, now_s: float) -> Stick | None:
         """The pilot's hand, None where there is none."""
         if self._fixed is not None:
             if state.armed and state.mode == modes.MANUAL.number:
                 return self._fixed
             self._fixed = None
-        if self._stick is None or now_s - self._stick[1] > STICK_LASTS_S:
+        if self._stick is None or now_s - self._stick[1] > STICK_TIMEOUT_S:
             return None
         return self._stick[0]

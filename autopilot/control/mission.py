@@ -1,70 +1,50 @@
 """Flies the uploaded items: each begins once, then is asked every tick whether it is done."""
 
 import math
-from enum import IntEnum
 from typing import NamedTuple
 
 from autopilot.control import excitation, guidance, modes, offboard
 from autopilot.control.params import Config
-from autopilot.control.setpoints import Circle, Line
+from autopilot.control.setpoints import Circle, TrackLine
 from autopilot.control.types import (
     US_PER_S,
+    AutopilotState,
     Event,
     Excitation,
     Home,
     ItemReached,
     MissionState,
     Severity,
-    State,
 )
 from mavlink_io.frames import wrap_pi
-from mavlink_io.services.missions import (
+from mavlink_io.mission_items import (
     FRAME_LOCAL_NED,
     GLOBAL_FRAMES,
+    MissionCommand,
     MissionItem,
     place_fault,
 )
 
-
-class Command(IntEnum):
-    """MAV_CMD of the items that this vehicle flies."""
-
-    WAYPOINT = 16
-    LOITER_UNLIMITED = 17
-    LOITER_TURNS = 18
-    LOITER_TIME = 19
-    RETURN = 20
-    LAND = 21
-    DELAY = 93
-    CHANGE_ALTITUDE_WAIT = 113
-    YAW = 115
-    JUMP = 177
-    CHANGE_SPEED = 178
-    CHANGE_ALTITUDE = 186
-    TEST = 31010
-    """MAV_CMD_USER_1."""
-
-
-COMMANDS = frozenset(Command)
+COMMANDS = frozenset(MissionCommand)
 
 DEPTH_REACHED_M = 0.3
 DEPTH_ROUNDING_M = 1e-3
 """Rounding of a depth in a float32: half of 0.5 mm at the 6000 m that FS_DEPTH_M may be at most."""
 
-_PLACED = frozenset(
+_POSITION_COMMANDS = frozenset(
     (
-        Command.WAYPOINT,
-        Command.LOITER_UNLIMITED,
-        Command.LOITER_TURNS,
-        Command.LOITER_TIME,
-        Command.LAND,
+        MissionCommand.WAYPOINT,
+        MissionCommand.LOITER_UNLIMITED,
+        MissionCommand.LOITER_TURNS,
+        MissionCommand.LOITER_TIME,
+        MissionCommand.LAND,
     )
 )
 """Items that may give a place."""
-_DEEP = _PLACED | {Command.CHANGE_ALTITUDE_WAIT}
+_DEPTH_COMMANDS = _POSITION_COMMANDS | {MissionCommand.CHANGE_ALTITUDE_WAIT}
 """Items whose z is a depth or an altitude."""
 
-Outcome = tuple[State, tuple[Event | ItemReached, ...]]
+StepResult = tuple[AutopilotState, tuple[Event | ItemReached, ...]]
 
 
 _FIELDS = {"p1": 1, "p2": 2, "p3": 3, "p4": 4, "z": 7}
@@ -95,8 +75,8 @@ def find_fault(items: tuple[MissionItem, ...], home: Home, config: Config) -> Fa
 
     Checked when a mission is loaded and again when it is started: home and limits may have changed.
     """
-    for item in _flown(items, config):
-        parameter, reason = _fault(item, len(items), config)
+    for item in _items_to_fly(items, config):
+        parameter, reason = _item_fault(item, len(items), config)
         if not reason:
             parameter, reason = _out_of_reach(item, home, config)
         if reason:
@@ -104,45 +84,45 @@ def find_fault(items: tuple[MissionItem, ...], home: Home, config: Config) -> Fa
     return None
 
 
-_NEEDS: dict[int, tuple[str, ...]] = {
-    Command.DELAY: ("p1",),
-    Command.LOITER_TIME: ("p1",),
-    Command.LOITER_TURNS: ("p1",),
-    Command.YAW: ("p1",),
-    Command.JUMP: ("p1", "p2"),
-    Command.CHANGE_ALTITUDE: ("p1",),
-    Command.CHANGE_ALTITUDE_WAIT: ("z",),
-    Command.TEST: ("p1", "p2"),
+_REQUIRED_PARAMETERS: dict[int, tuple[str, ...]] = {
+    MissionCommand.DELAY: ("p1",),
+    MissionCommand.LOITER_TIME: ("p1",),
+    MissionCommand.LOITER_TURNS: ("p1",),
+    MissionCommand.YAW: ("p1",),
+    MissionCommand.JUMP: ("p1", "p2"),
+    MissionCommand.CHANGE_ALTITUDE: ("p1",),
+    MissionCommand.CHANGE_ALTITUDE_WAIT: ("z",),
+    MissionCommand.TEST: ("p1", "p2"),
 }
 """The numbers without which an item means nothing; NaN in any other field means "not given"."""
 
 
-def _fault(item: MissionItem, count: int, config: Config) -> Wrong:
+def _item_fault(item: MissionItem, count: int, config: Config) -> Wrong:
     """What is wrong with an item wherever the vehicle is."""
     if item.command not in COMMANDS:
         return 0, f"command {item.command} is not one this vehicle flies"
-    for name in _NEEDS.get(item.command, ()):
+    for name in _REQUIRED_PARAMETERS.get(item.command, ()):
         if not math.isfinite(getattr(item, name)):
             return _FIELDS[name], f"{name} of command {item.command}: must be a number"
     for name, parameter in _FIELDS.items():
         if math.isinf(getattr(item, name)):
             return parameter, f"{name} of command {item.command}: must be finite"
-    if item.command == Command.JUMP and not 0 <= item.p1 < count:
+    if item.command == MissionCommand.JUMP and not 0 <= item.p1 < count:
         return 1, f"DO_JUMP to {item.p1:g}: there is no such item"
-    if item.command == Command.CHANGE_ALTITUDE and item.p1 > 0.0:
+    if item.command == MissionCommand.CHANGE_ALTITUDE and item.p1 > 0.0:
         return 1, f"altitude {item.p1:g} m: must be 0 or negative, depth is minus altitude"
-    if item.command in _DEEP and guidance.depth_of(item, 0.0) < 0.0:
-        depth_m = guidance.depth_of(item, 0.0)
+    if item.command in _DEPTH_COMMANDS and guidance.item_depth_m(item, 0.0) < 0.0:
+        depth_m = guidance.item_depth_m(item, 0.0)
         return 7, f"depth {depth_m:g} m: must be 0 or more; z is down in a local frame, else up"
-    if item.command in _DEEP or item.command == Command.CHANGE_ALTITUDE:
+    if item.command in _DEPTH_COMMANDS or item.command == MissionCommand.CHANGE_ALTITUDE:
         depth_m, limit_m = _new_depth_m(item), config.fs_depth_m
         if depth_m > limit_m + DEPTH_ROUNDING_M:
-            parameter = 7 if item.command in _DEEP else 1
+            parameter = 7 if item.command in _DEPTH_COMMANDS else 1
             return parameter, f"depth {depth_m:g} m: must be at most FS_DEPTH_M = {limit_m:g} m"
-    if item.command in _PLACED:
+    if item.command in _POSITION_COMMANDS:
         return place_fault(item)
-    if item.command == Command.TEST:
-        return 0, excitation.check(test_of(item, State(), config), config.travel_deg)
+    if item.command == MissionCommand.TEST:
+        return 0, excitation.check(excitation_of(item, AutopilotState(), config), config.travel_deg)
     return 0, ""
 
 
@@ -151,11 +131,11 @@ def _out_of_reach(item: MissionItem, home: Home, config: Config) -> Wrong:
     limit_m = config.mission_distance_m
     if (
         limit_m == 0.0
-        or item.command not in _PLACED
+        or item.command not in _POSITION_COMMANDS
         or not (home.known or item.frame == FRAME_LOCAL_NED)
     ):
         return 0, ""
-    place_m = guidance.place_of(item, home)
+    place_m = guidance.item_position(item, home)
     if place_m is None or abs(place_m) <= limit_m:
         return 0, ""
     parameter = 5 if abs(place_m.real) >= abs(place_m.imag) else 6
@@ -168,96 +148,102 @@ def _out_of_reach(item: MissionItem, home: Home, config: Config) -> Wrong:
 def needs_home(items: tuple[MissionItem, ...], config: Config) -> bool:
     """Whether an item that is flown is told by latitude and longitude, or is the way home."""
     return any(
-        item.command == Command.RETURN
+        item.command == MissionCommand.RETURN
         or (
-            item.command in _PLACED
+            item.command in _POSITION_COMMANDS
             and item.frame in GLOBAL_FRAMES
-            and guidance.place_of(item, Home()) is not None
+            and guidance.item_position(item, Home()) is not None
         )
-        for item in _flown(items, config)
+        for item in _items_to_fly(items, config)
     )
 
 
 def restart(mission: MissionState, config: Config) -> MissionState:
     """The same items from their first."""
-    first = len(mission.items) - len(_flown(mission.items, config))
+    first = len(mission.items) - len(_items_to_fly(mission.items, config))
     return MissionState(mission.items, first)
 
 
-def advance(state: State, config: Config) -> Outcome:
+def step(state: AutopilotState, config: Config) -> StepResult:
     """Begin and finish as many items as this tick allows."""
     events: list[Event | ItemReached] = []
     for _ in range(len(state.mission.items) + 1):
         mission = state.mission
         if mission.current >= len(mission.items):
-            state, ended = _end(state, config)
+            state, ended = _complete(state, config)
             return state, (*events, *ended)
         item = mission.items[mission.current]
         if mission.entered_us is None:
-            state, begun = begin(item, state, config)
+            state, begun = begin_item(item, state, config)
             events += begun
-        state = _turn_up(item, state, config)
-        if state.mode != modes.MISSION.number or not done(item, state, config):
+        state = _start_waypoint_orbit(item, state, config)
+        if state.mode != modes.MISSION.number or not item_done(item, state, config):
             break
-        if item.command == Command.LAND:
+        if item.command == MissionCommand.LAND:
             state, surfacing = modes.enter(state, modes.SURFACE)
             return state, (*events, *surfacing)
-        state = _next(item, state)
+        state = _advance_item(item, state)
         events.append(ItemReached(item.sequence))
     return state, tuple(events)
 
 
-def begin(item: MissionItem, state: State, config: Config) -> Outcome:
+def begin_item(item: MissionItem, state: AutopilotState, config: Config) -> StepResult:
     """Put an item's wishes in force."""
     state = state._replace(mission=state.mission._replace(entered_us=state.time_us), path=None)
     setpoint = state.setpoint
     match item.command:
-        case Command.CHANGE_ALTITUDE | Command.CHANGE_ALTITUDE_WAIT:
+        case MissionCommand.CHANGE_ALTITUDE | MissionCommand.CHANGE_ALTITUDE_WAIT:
             setpoint = setpoint._replace(depth_m=_new_depth_m(item))
-        case Command.YAW:
+        case MissionCommand.YAW:
             setpoint = setpoint._replace(heading_rad=_heading(item, state))
-        case Command.CHANGE_SPEED:
+        case MissionCommand.CHANGE_SPEED:
             setpoint = setpoint._replace(thrust=_thrust(item, setpoint.thrust, config))
-        case Command.RETURN:
-            return go_home(state, config)
-        case Command.LAND if guidance.place_of(item, state.home) is None:
+        case MissionCommand.RETURN:
+            return begin_rtl(state, config)
+        case MissionCommand.LAND if guidance.item_position(item, state.home) is None:
             return modes.enter(state, modes.SURFACE)
-        case _ if item.command in _PLACED:
-            return _go(item, state, config), ()
-        case Command.TEST:
-            return start_test(test_of(item, state, config), state)
+        case _ if item.command in _POSITION_COMMANDS:
+            return _begin_leg(item, state, config), ()
+        case MissionCommand.TEST:
+            return start_test(excitation_of(item, state, config), state)
     return state._replace(setpoint=setpoint), ()
 
 
-def go_home(state: State, config: Config) -> Outcome:
+def begin_rtl(state: AutopilotState, config: Config) -> StepResult:
     """RTL where home is known, else up."""
     if not state.home.known:
         state, events = modes.enter(state, modes.SURFACE)
         return state, (Event(Severity.WARNING, "RTL refused: home is not known"), *events)
     state, events = modes.enter(state, modes.RTL)
-    return guidance.take_up(state, config), events
+    return guidance.hold_current(state, config), events
 
 
-def _go(item: MissionItem, state: State, config: Config) -> State:
+def _begin_leg(item: MissionItem, state: AutopilotState, config: Config) -> AutopilotState:
     """Set out to the place of an item: by the line from the last waypoint where she is near it, or
     from here."""
-    here = guidance.here(state.estimate)
-    place = guidance.place_of(item, state.home)
+    here = guidance.current_position(state.estimate)
+    place = guidance.item_position(item, state.home)
     to_m = here if place is None else place
-    if item.command != Command.LAND:  # its altitude is that of the end
-        depth_m = guidance.depth_of(item, state.setpoint.depth_m)
+    if item.command != MissionCommand.LAND:  # its altitude is that of the end
+        depth_m = guidance.item_depth_m(item, state.setpoint.depth_m)
         state = state._replace(setpoint=state.setpoint._replace(depth_m=depth_m))
-    if item.command in (Command.WAYPOINT, Command.LAND):
+    if item.command in (MissionCommand.WAYPOINT, MissionCommand.LAND):
         left_m = state.mission.left_m
         near = left_m is not None and abs(here - left_m) <= config.lookahead_m
-        return state._replace(path=Line(left_m if left_m is not None and near else here, to_m))
+        return state._replace(path=TrackLine(left_m if left_m is not None and near else here, to_m))
     return state._replace(path=guidance.circle(to_m, item.p3, config))
 
 
-def _turn_up(item: MissionItem, state: State, config: Config) -> State:
+def _start_waypoint_orbit(
+    item: MissionItem, state: AutopilotState, config: Config
+) -> AutopilotState:
     """A waypoint that is to be held is circled once it is reached: she cannot hover."""
     path = state.path
-    if item.command != Command.WAYPOINT or not item.p1 > 0.0 or not isinstance(path, Line):
+    if (
+        item.command != MissionCommand.WAYPOINT
+        or not item.p1 > 0.0
+        or not isinstance(path, TrackLine)
+    ):
         return state
     if not guidance.reached(path, state.estimate, _acceptance_m(item, config)):
         return state
@@ -265,58 +251,62 @@ def _turn_up(item: MissionItem, state: State, config: Config) -> State:
 
 
 def _acceptance_m(item: MissionItem, config: Config) -> float:
-    given = item.p2 if item.command == Command.WAYPOINT else 0.0
+    given = item.p2 if item.command == MissionCommand.WAYPOINT else 0.0
     return given if given > 0.0 else config.acceptance_m
 
 
-def done(item: MissionItem, state: State, config: Config) -> bool:
+def item_done(item: MissionItem, state: AutopilotState, config: Config) -> bool:
     """Whether an item that was begun has come to its end."""
     path, entered_us = state.path, state.mission.entered_us
     match item.command:
-        case Command.DELAY:
+        case MissionCommand.DELAY:
             return (
                 state.time_us - (state.time_us if entered_us is None else entered_us)
             ) / US_PER_S >= item.p1
-        case Command.CHANGE_ALTITUDE_WAIT:
+        case MissionCommand.CHANGE_ALTITUDE_WAIT:
             return abs(state.estimate.depth_m - _new_depth_m(item)) < DEPTH_REACHED_M
-        case Command.TEST:
+        case MissionCommand.TEST:
             return state.test is None
-        case Command.LOITER_UNLIMITED:
+        case MissionCommand.LOITER_UNLIMITED:
             return False
-    if isinstance(path, Line):
+    if isinstance(path, TrackLine):
         return guidance.reached(path, state.estimate, _acceptance_m(item, config))
     if isinstance(path, Circle):
-        turns = item.command == Command.LOITER_TURNS
-        return path.turned_rad >= 2.0 * math.pi * item.p1 if turns else _circled(path, item, state)
+        turns = item.command == MissionCommand.LOITER_TURNS
+        return (
+            path.turned_rad >= 2.0 * math.pi * item.p1 if turns else _orbit_done(path, item, state)
+        )
     return True
 
 
-def _circled(path: Circle, item: MissionItem, state: State) -> bool:
-    return path.since_us is not None and guidance.circled_s(path, state.time_us) >= item.p1
+def _orbit_done(path: Circle, item: MissionItem, state: AutopilotState) -> bool:
+    return path.since_us is not None and guidance.orbit_time_s(path, state.time_us) >= item.p1
 
 
-def test_of(item: MissionItem, state: State, config: Config) -> Excitation:
+def excitation_of(item: MissionItem, state: AutopilotState, config: Config) -> Excitation:
     """The excitation that a MAV_CMD_USER_1 item describes (x: whole seconds, y: wave, z: fade)."""
     fade_s = 0.0 if math.isnan(item.z) else item.z
-    wish = excitation.read(int(item.p1), item.p2, item.p3, item.p4, float(item.x), item.y, fade_s)
-    return excitation.prepare(wish, state, config)
+    wish = excitation.from_numbers(
+        int(item.p1), item.p2, item.p3, item.p4, float(item.x), item.y, fade_s
+    )
+    return excitation.precompute(wish, state, config)
 
 
-def start_test(test: Excitation, state: State) -> tuple[State, tuple[Event, ...]]:
+def start_test(test: Excitation, state: AutopilotState) -> tuple[AutopilotState, tuple[Event, ...]]:
     """Begin an excitation."""
     return state._replace(test=test), (
         Event(Severity.INFO, f"SystemID Starting: {excitation.describe(test)}"),
     )
 
 
-def _flown(items: tuple[MissionItem, ...], config: Config) -> tuple[MissionItem, ...]:
+def _items_to_fly(items: tuple[MissionItem, ...], config: Config) -> tuple[MissionItem, ...]:
     return items[1:] if config.mission_seq0_home else items
 
 
-def _next(item: MissionItem, state: State) -> State:
+def _advance_item(item: MissionItem, state: AutopilotState) -> AutopilotState:
     mission = state.mission
     index, jumps = mission.current + 1, mission.jumps
-    if item.command == Command.JUMP:
+    if item.command == MissionCommand.JUMP:
         taken = dict(jumps)
         count = taken.get(item.sequence, 0)
         if item.p2 < 0 or count < item.p2:
@@ -328,19 +318,19 @@ def _next(item: MissionItem, state: State) -> State:
             entered_us=None,
             jumps=jumps,
             reached=item.sequence,
-            left_m=_left_m(item, state),
+            left_m=_last_waypoint_m(item, state),
         )
     )
 
 
-def _left_m(item: MissionItem, state: State) -> complex | None:
+def _last_waypoint_m(item: MissionItem, state: AutopilotState) -> complex | None:
     """The last waypoint that was reached."""
-    if item.command == Command.WAYPOINT and isinstance(state.path, Line):
+    if item.command == MissionCommand.WAYPOINT and isinstance(state.path, TrackLine):
         return state.path.to_m
     return state.mission.left_m
 
 
-def _end(state: State, config: Config) -> tuple[State, tuple[Event, ...]]:
+def _complete(state: AutopilotState, config: Config) -> tuple[AutopilotState, tuple[Event, ...]]:
     said = Event(Severity.INFO, "Mission complete")
     if config.mission_end == 2:
         return modes.disarm(state), (said, Event(Severity.INFO, "Disarmed"))
@@ -350,10 +340,14 @@ def _end(state: State, config: Config) -> tuple[State, tuple[Event, ...]]:
 
 def _new_depth_m(item: MissionItem) -> float:
     """What a change of altitude asks for."""
-    return -item.p1 if item.command == Command.CHANGE_ALTITUDE else guidance.depth_of(item, 0.0)
+    return (
+        -item.p1
+        if item.command == MissionCommand.CHANGE_ALTITUDE
+        else guidance.item_depth_m(item, 0.0)
+    )
 
 
-def _heading(item: MissionItem, state: State) -> float:
+def _heading(item: MissionItem, state: AutopilotState) -> float:
     """A turn without a direction is clockwise."""
     angle = math.radians(item.p1)
     if item.p4 == 1:

@@ -3,7 +3,7 @@ of mode."""
 
 from typing import NamedTuple
 
-from autopilot.control.types import Event, LoopMemory, Severity, State
+from autopilot.control.types import AutopilotState, Event, LoopMemory, Severity
 
 
 class Mode(NamedTuple):
@@ -51,7 +51,7 @@ def by_name(name: str) -> Mode | None:
     return _BY_NAME.get(name)
 
 
-def enter(state: State, mode: Mode) -> tuple[State, tuple[Event, ...]]:
+def enter(state: AutopilotState, mode: Mode) -> tuple[AutopilotState, tuple[Event, ...]]:
     """Take a mode: a test and a path end, and a mission that is left keeps its set-points for the
     way back."""
     if mode.number == state.mode:
@@ -66,7 +66,7 @@ def enter(state: State, mode: Mode) -> tuple[State, tuple[Event, ...]]:
     return state, tuple(events)
 
 
-def disarm(state: State) -> State:
+def disarm(state: AutopilotState) -> AutopilotState:
     """Everything at rest, in HOLD."""
     state = state._replace(armed=False, test=None, path=None, ascent=None)
     return state._replace(thrust=0.0, loops=LoopMemory(), mode=HOLD.number)

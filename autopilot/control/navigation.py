@@ -23,14 +23,14 @@ import math
 from typing import NamedTuple
 
 from autopilot.control.params import Config
-from autopilot.control.sensor_health.sensor_checks import is_fix
-from autopilot.control.types import US_PER_S, Covariance, Home, Inputs, Navigation
+from autopilot.control.sensor_health.sensor_checks import has_fix
+from autopilot.control.types import US_PER_S, Home, Inputs, NavCovariance, Navigation
 from mavlink_io.frames import Quaternion, geodetic_to_offset, rotate
 from mavlink_io.records import Dvl, GpsFix
 
 UPDATE_S = 0.2
 """The covariance is brought up to date when something was measured, and else so often."""
-WANDER_M2PS = 0.02**2
+POSITION_WALK_M2PS = 0.02**2
 """Growth of the position's variance by what is in none of the other errors: waves and gusts."""
 SHEAR_MPS2 = 0.02**2
 """Growth of the current's variance, (m/s)^2 per metre of depth: the water below need not move as
@@ -39,22 +39,22 @@ TURN_LOG = 0.003**2
 """Growth of the log's error's variance per radian of turn: the compass's deviation."""
 SLIP_M, SLIP_S = 1.5, 1.0
 """Speed that is not where the model has it, per rate of turn and per acceleration."""
-COASTING = 3.0
+UNPOWERED_FACTOR = 3.0
 """Without the propeller all of the speed may be wrong, and for longer than a turn lasts."""
-SLIP_FADES_S, SLIP_ALIKE_S = 8.0, 5.0
-SLIP_SHARE, LEAST_WATER_MPS = 0.3, 0.2
+SLIP_FADES_S, SLIP_CORRELATION_S = 8.0, 5.0
+SLIP_SHARE, MIN_WATER_SPEED_MPS = 0.3, 0.2
 """Of what a ping is off, how much is taken for slip, and the speed below which there is none."""
-PING_LASTS_US = 2 * US_PER_S
-FIX_ALIKE_S, PING_ALIKE_S = 5.0, 1.0
+DVL_TIMEOUT_US = 2 * US_PER_S
+GNSS_CORRELATION_S, DVL_CORRELATION_S = 5.0, 1.0
 """Errors of fixes, and of pings, closer together than this are alike: so many seconds of them are
 worth one."""
-FIX_SD_M, LEAST_FIX_SD_M, FIX_SD_MPS, PING_SD_MPS = 2.5, 1.0, 0.05, 0.02
+DEFAULT_GNSS_SD_M, MIN_GNSS_SD_M, GNSS_VELOCITY_SD_MPS, DVL_SD_MPS = 2.5, 1.0, 0.05, 0.02
 """Of a fix whose receiver does not say, the best that is believed, of its velocity, and the best
 ping believed."""
-GATE_SD = 5.0
+INNOVATION_GATE_SD = 5.0
 """What is further off than this is refused, unless it goes on."""
-REFUSED_MOST = 15
-LATENCY_MOST_S = 1.0
+MAX_CONSECUTIVE_REJECTIONS = 15
+MAX_LATENCY_S = 1.0
 """A device whose clock tells of more than this does not keep vehicle time."""
 
 Row = tuple[complex, complex, complex, complex]
@@ -62,7 +62,7 @@ Row = tuple[complex, complex, complex, complex]
 _PLACE: Row = (1.0, 0.0, 0.0, 0.0)
 
 
-class Motion(NamedTuple):
+class MotionInput(NamedTuple):
     """What a tick knows of how the vehicle moves, but for where she is."""
 
     time_us: int
@@ -75,7 +75,7 @@ class Motion(NamedTuple):
     rise_mps: float
 
 
-class Plot(NamedTuple):
+class NavSolution(NamedTuple):
     """Where she is, how she moves over ground, and the memory that goes with it."""
 
     place_m: complex
@@ -83,21 +83,21 @@ class Plot(NamedTuple):
     memory: Navigation
 
 
-def begin(config: Config) -> Navigation:
+def initial_solution(config: Config) -> Navigation:
     """Knowing nothing but where north and east are counted from."""
-    current, water, log = _most(config)
-    return Navigation(covariance=Covariance(0.0, current, water, log))
+    current, water, log = _max_variances(config)
+    return Navigation(covariance=NavCovariance(0.0, current, water, log))
 
 
-def reckon(
+def predict_and_update(
     place_m: complex,
     old: Navigation,
-    motion: Motion,
+    motion: MotionInput,
     inputs: Inputs,
     home: Home,
     config: Config,
     dt_s: float,
-) -> Plot:
+) -> NavSolution:
     """The plot after a tick; ``place_m`` is counted from ``home``, or from the start where there is
     none yet."""
     water = motion.water_mps
@@ -106,12 +106,12 @@ def reckon(
     span_s, way_m = old.span_s + dt_s, old.way_m + water * dt_s
     fix, ping = inputs.gps, inputs.dvl
     if fix is None and ping is None and span_s < UPDATE_S:
-        return Plot(place_m, velocity, old._replace(span_s=span_s, way_m=way_m))
-    plot = Plot(place_m, velocity, _settle(old, span_s, way_m, motion, config))
+        return NavSolution(place_m, velocity, old._replace(span_s=span_s, way_m=way_m))
+    plot = NavSolution(place_m, velocity, _propagate_covariance(old, span_s, way_m, motion, config))
     if ping is not None:
-        plot = _hear_log(plot, motion, ping, config)
-    if fix is not None and is_fix(fix) and home.known:
-        plot = _hear_fix(plot, motion, fix, home)
+        plot = _update_dvl(plot, motion, ping, config)
+    if fix is not None and has_fix(fix) and home.known:
+        plot = _update_gnss(plot, motion, fix, home)
     return plot._replace(velocity_mps=_velocity(plot.memory, motion) + water * plot.memory.slip)
 
 
@@ -129,14 +129,14 @@ def velocity_sd_mps(memory: Navigation, speed_mps: float, time_us: int) -> float
     """One standard deviation of the velocity over ground along each axis, at a speed through the
     water."""
     covariance = memory.covariance
-    if _heard(memory, time_us):
+    if _has_dvl(memory, time_us):
         water = 0.0 if memory.over_ground else covariance.current
-        return math.sqrt(max(0.0, water + PING_SD_MPS**2 + speed_mps**2 * covariance.log))
+        return math.sqrt(max(0.0, water + DVL_SD_MPS**2 + speed_mps**2 * covariance.log))
     slip = memory.unsteady_mps**2
     return math.sqrt(max(0.0, covariance.current + speed_mps**2 * covariance.water + slip))
 
 
-def moved_home(place_m: complex, old: Home, new: Home) -> complex:
+def shift_home(place_m: complex, old: Home, new: Home) -> complex:
     """The same place counted from a new home; without an old one she is where home was said to
     be."""
     if not old.known:
@@ -146,7 +146,7 @@ def moved_home(place_m: complex, old: Home, new: Home) -> complex:
     )
 
 
-def _most(config: Config) -> tuple[float, float, float]:
+def _max_variances(config: Config) -> tuple[float, float, float]:
     """Variances of current and errors before anything was measured: they never grow beyond."""
     return (
         config.current_sd_mps**2,
@@ -155,17 +155,17 @@ def _most(config: Config) -> tuple[float, float, float]:
     )
 
 
-def _settle(
-    old: Navigation, span_s: float, way_m: complex, motion: Motion, config: Config
+def _propagate_covariance(
+    old: Navigation, span_s: float, way_m: complex, motion: MotionInput, config: Config
 ) -> Navigation:
     """Bring the covariance up to date after a stretch of dead reckoning."""
     pp, cc, mm, kk, pc, pm, pk, cm, ck, mk = old.covariance
-    most_cc, _, most_kk = _most(config)
+    most_cc, _, most_kk = _max_variances(config)
     turn_rad, sink_m = abs(motion.turn_radps) * span_s, abs(motion.rise_mps) * span_s
-    unsteady = _unsteady_mps(old, span_s, way_m, motion)
-    heard = _heard(old, motion.time_us)
-    unseen = 0.0 if heard else unsteady * unsteady * SLIP_ALIKE_S
-    a, b, d = _leans(old, span_s, way_m, heard)
+    unsteady = _slip_sd_mps(old, span_s, way_m, motion)
+    heard = _has_dvl(old, motion.time_us)
+    unseen = 0.0 if heard else unsteady * unsteady * SLIP_CORRELATION_S
+    a, b, d = _jacobian(old, span_s, way_m, heard)
     spread = (
         a * pc
         + b.conjugate() * pm
@@ -174,8 +174,8 @@ def _settle(
     )
     spread += b * d.conjugate() * mk
     own = a * a * cc + abs(b) ** 2 * mm + abs(d) ** 2 * kk
-    covariance = Covariance(
-        pp + own + 2.0 * spread.real + (WANDER_M2PS + unseen) * span_s,
+    covariance = NavCovariance(
+        pp + own + 2.0 * spread.real + (POSITION_WALK_M2PS + unseen) * span_s,
         max(
             cc, min(most_cc, cc + config.current_walk_mps**2 / 60.0 * span_s + SHEAR_MPS2 * sink_m)
         ),
@@ -194,12 +194,12 @@ def _settle(
     )
 
 
-def _heard(memory: Navigation, time_us: int) -> bool:
+def _has_dvl(memory: Navigation, time_us: int) -> bool:
     """Whether the Doppler log was, lately."""
-    return 0 <= memory.ping_us >= time_us - PING_LASTS_US
+    return 0 <= memory.ping_us >= time_us - DVL_TIMEOUT_US
 
 
-def _leans(
+def _jacobian(
     memory: Navigation, span_s: float, way_m: complex, heard: bool
 ) -> tuple[float, complex, complex]:
     """How the way of a stretch depends on the current, and on the errors of water and log.
@@ -213,23 +213,23 @@ def _leans(
     return 0.0, 0j, -(way_m + memory.current_mps * span_s)
 
 
-def _unsteady_mps(old: Navigation, span_s: float, way_m: complex, motion: Motion) -> float:
+def _slip_sd_mps(old: Navigation, span_s: float, way_m: complex, motion: MotionInput) -> float:
     """How much speed may not be where the model has it."""
     if span_s <= 0.0:
         return old.unsteady_mps
     gained = 2.0 * abs(abs(motion.water_mps) - abs(way_m) / span_s) / span_s
     fading = old.unsteady_mps * (1.0 - min(1.0, span_s / SLIP_FADES_S))
-    coasting = 0.0 if motion.driven else COASTING * abs(motion.water_mps)
+    coasting = 0.0 if motion.driven else UNPOWERED_FACTOR * abs(motion.water_mps)
     return max(fading, SLIP_M * abs(motion.turn_radps), SLIP_S * gained, coasting)
 
 
-def _hear_fix(plot: Plot, motion: Motion, fix: GpsFix, home: Home) -> Plot:
+def _update_gnss(plot: NavSolution, motion: MotionInput, fix: GpsFix, home: Home) -> NavSolution:
     """A fix tells the position, and by its velocity the current."""
     memory, now_us = plot.memory, motion.time_us
-    late_s = _late_s(fix.time_us, now_us)
+    late_s = _latency_s(fix.time_us, now_us)
     seen = complex(*geodetic_to_offset(fix.lat_deg, fix.lon_deg, home.lat_deg, home.lon_deg))
     seen += plot.velocity_mps * late_s
-    sd = FIX_SD_M if math.isnan(fix.eph_m) else max(LEAST_FIX_SD_M, fix.eph_m)
+    sd = DEFAULT_GNSS_SD_M if math.isnan(fix.eph_m) else max(MIN_GNSS_SD_M, fix.eph_m)
     if memory.fix_us < 0:
         covariance = memory.covariance._replace(
             place=sd * sd, place_current=0j, place_water=0j, place_log=0j
@@ -237,42 +237,42 @@ def _hear_fix(plot: Plot, motion: Motion, fix: GpsFix, home: Home) -> Plot:
         return plot._replace(
             place_m=seen, memory=memory._replace(covariance=covariance, fix_us=now_us)
         )
-    alike = _alike(FIX_ALIKE_S, now_us - memory.fix_us)
+    alike = _correlation_scale(GNSS_CORRELATION_S, now_us - memory.fix_us)
     error = seen - plot.place_m
-    if _refused(_PLACE, error, sd * sd, memory.covariance):
-        if memory.fixes_refused < REFUSED_MOST:
+    if _rejected(_PLACE, error, sd * sd, memory.covariance):
+        if memory.fixes_refused < MAX_CONSECUTIVE_REJECTIONS:
             return plot._replace(memory=memory._replace(fixes_refused=memory.fixes_refused + 1))
         lost = memory.covariance.place + abs(error) ** 2
         memory = memory._replace(covariance=memory.covariance._replace(place=lost))
-    plot = _weigh(plot._replace(memory=memory), _PLACE, error, sd * sd * alike)
+    plot = _kalman_update(plot._replace(memory=memory), _PLACE, error, sd * sd * alike)
     gained = complex(fix.velocity_north_mps, fix.velocity_east_mps) - _velocity(plot.memory, motion)
-    variance = (FIX_SD_MPS**2 + memory.unsteady_mps**2) * alike
-    plot = _weigh(plot, (0.0, 1.0, motion.water_mps, 0.0), gained, variance)
+    variance = (GNSS_VELOCITY_SD_MPS**2 + memory.unsteady_mps**2) * alike
+    plot = _kalman_update(plot, (0.0, 1.0, motion.water_mps, 0.0), gained, variance)
     return plot._replace(memory=plot.memory._replace(fix_us=now_us, fixes_refused=0))
 
 
-def _hear_log(plot: Plot, motion: Motion, ping: Dvl, config: Config) -> Plot:
+def _update_dvl(plot: NavSolution, motion: MotionInput, ping: Dvl, config: Config) -> NavSolution:
     """Bottom track tells the velocity over ground, water track that through the water."""
     memory, now_us = plot.memory, motion.time_us
     body = ping.velocity_x_mps, ping.velocity_y_mps, ping.velocity_z_mps
     north, east, _ = rotate(motion.attitude, body)
-    turned = motion.turn_radps * _late_s(ping.time_us, now_us)
+    turned = motion.turn_radps * _latency_s(ping.time_us, now_us)
     seen = complex(north, east) * complex(math.cos(turned), -math.sin(turned))
     water = motion.water_mps
     true = _velocity(memory, motion) if ping.over_ground else water * (1.0 + memory.water_error)
     row: Row = (0.0, 1.0 if ping.over_ground else 0.0, water, true)
-    variance = max(PING_SD_MPS, ping.figure_of_merit_mps) ** 2 + memory.unsteady_mps**2
+    variance = max(DVL_SD_MPS, ping.figure_of_merit_mps) ** 2 + memory.unsteady_mps**2
     error = seen - true * (1.0 + memory.log_error)
-    if _refused(row, error, variance, memory.covariance):
-        if memory.pings_refused < REFUSED_MOST:
+    if _rejected(row, error, variance, memory.covariance):
+        if memory.pings_refused < MAX_CONSECUTIVE_REJECTIONS:
             return plot._replace(memory=memory._replace(pings_refused=memory.pings_refused + 1))
-        current, water_error, _ = _most(config)
+        current, water_error, _ = _max_variances(config)
         astray = memory.covariance._replace(current=current + abs(error) ** 2, water=water_error)
         memory = memory._replace(covariance=astray)
-    alike = _alike(PING_ALIKE_S, now_us - memory.ping_us)
-    plot = _weigh(plot._replace(memory=memory), row, error, variance * alike)
+    alike = _correlation_scale(DVL_CORRELATION_S, now_us - memory.ping_us)
+    plot = _kalman_update(plot._replace(memory=memory), row, error, variance * alike)
     memory = plot.memory._replace(ping_us=now_us, pings_refused=0, over_ground=ping.over_ground)
-    if abs(water) < LEAST_WATER_MPS:
+    if abs(water) < MIN_WATER_SPEED_MPS:
         return plot._replace(memory=memory)
     left = seen / (1.0 + memory.log_error) - water * (1.0 + memory.water_error)
     left -= memory.current_mps if ping.over_ground else 0j
@@ -280,22 +280,22 @@ def _hear_log(plot: Plot, motion: Motion, ping: Dvl, config: Config) -> Plot:
     return plot._replace(memory=memory._replace(slip=slip))
 
 
-def _velocity(memory: Navigation, motion: Motion) -> complex:
+def _velocity(memory: Navigation, motion: MotionInput) -> complex:
     """Over ground, by what is known now, as it is in steady motion."""
     return motion.water_mps * (1.0 + memory.water_error) + memory.current_mps
 
 
-def _late_s(time_us: int, now_us: int) -> float:
+def _latency_s(time_us: int, now_us: int) -> float:
     late_s = (now_us - time_us) / US_PER_S
-    return late_s if 0.0 <= late_s <= LATENCY_MOST_S else 0.0
+    return late_s if 0.0 <= late_s <= MAX_LATENCY_S else 0.0
 
 
-def _alike(alike_s: float, since_us: int) -> float:
+def _correlation_scale(alike_s: float, since_us: int) -> float:
     """By how much less a measurement is worth for the one before it."""
     return max(1.0, alike_s * US_PER_S / max(1, since_us))
 
 
-def _spread(row: Row, covariance: Covariance) -> tuple[Row, float]:
+def _spread(row: Row, covariance: NavCovariance) -> tuple[Row, float]:
     """The covariance of the four with what a measurement sees of them, and the variance of that."""
     pp, cc, mm, kk, pc, pm, pk, cm, ck, mk = covariance
     hp, hc, hm, hk = row
@@ -309,11 +309,11 @@ def _spread(row: Row, covariance: Covariance) -> tuple[Row, float]:
     return column, (hp * column[0] + hc * column[1] + hm * column[2] + hk * column[3]).real
 
 
-def _refused(row: Row, error: complex, variance: float, covariance: Covariance) -> bool:
-    return abs(error) ** 2 > GATE_SD**2 * (_spread(row, covariance)[1] + variance)
+def _rejected(row: Row, error: complex, variance: float, covariance: NavCovariance) -> bool:
+    return abs(error) ** 2 > INNOVATION_GATE_SD**2 * (_spread(row, covariance)[1] + variance)
 
 
-def _weigh(plot: Plot, row: Row, error: complex, variance: float) -> Plot:
+def _kalman_update(plot: NavSolution, row: Row, error: complex, variance: float) -> NavSolution:
     """Kalman's update by one measurement that is ``error`` off what was expected of it."""
     memory = plot.memory
     pp, cc, mm, kk, pc, pm, pk, cm, ck, mk = memory.covariance
@@ -321,7 +321,7 @@ def _weigh(plot: Plot, row: Row, error: complex, variance: float) -> Plot:
     worth = 1.0 / (seen + variance)
     step = error * worth
     wc, wm, wk = c.conjugate() * worth, m.conjugate() * worth, k.conjugate() * worth
-    covariance = Covariance(
+    covariance = NavCovariance(
         pp - abs(p) ** 2 * worth,
         cc - abs(c) ** 2 * worth,
         mm - abs(m) ** 2 * worth,

@@ -12,34 +12,34 @@ from autopilot.control.params import Config
 from autopilot.control.setpoints import (
     AttitudeTarget,
     Circle,
-    Line,
     MotionTarget,
     Setpoint,
     Targets,
+    TrackLine,
 )
-from autopilot.control.types import Inputs, State, Stick
+from autopilot.control.types import AutopilotState, Inputs, Stick
 from mavlink_io.frames import wrap_pi
 
-LEAST_MPS = 0.05
+MIN_SPEED_MPS = 0.05
 """Slower than this is standing still."""
 LEAD_RAD = math.radians(30.0)
 """How far a heading that is moved by a rate may run ahead of the vehicle."""
 
 
-def heard(targets: Targets, inputs: Inputs, config: Config) -> Targets:
+def drop_stale_targets(targets: Targets, inputs: Inputs, config: Config) -> Targets:
     """The targets whose streams go on."""
-    if targets.attitude and _silent(inputs.attitude_silent_s, config):
+    if targets.attitude and _is_stale(inputs.attitude_silent_s, config):
         targets = targets._replace(attitude=None)
-    if targets.motion and _silent(inputs.motion_silent_s, config):
+    if targets.motion and _is_stale(inputs.motion_silent_s, config):
         targets = targets._replace(motion=None)
     return targets
 
 
-def _silent(silent_s: float | None, config: Config) -> bool:
+def _is_stale(silent_s: float | None, config: Config) -> bool:
     return silent_s is not None and silent_s > config.offboard_timeout_s
 
 
-def steer(state: State, config: Config, dt_s: float) -> State:
+def step(state: AutopilotState, config: Config, dt_s: float) -> AutopilotState:
     """Put the targets in force."""
     attitude, motion = state.targets
     if motion is None:
@@ -53,7 +53,9 @@ def steer(state: State, config: Config, dt_s: float) -> State:
     return state
 
 
-def stabilize(state: State, stick: Stick | None, config: Config, dt_s: float) -> State:
+def stabilize(
+    state: AutopilotState, stick: Stick | None, config: Config, dt_s: float
+) -> AutopilotState:
     """The stick sets pitch and rate of turn; let go, she keeps her heading, level and without
     thrust."""
     hand = stick or Stick(0.0, 0.0, 0.0)
@@ -65,12 +67,14 @@ def stabilize(state: State, stick: Stick | None, config: Config, dt_s: float) ->
     return state._replace(setpoint=_attitude(rate, state, config, dt_s))
 
 
-def _attitude(target: AttitudeTarget, state: State, config: Config, dt_s: float) -> Setpoint:
+def _attitude(
+    target: AttitudeTarget, state: AutopilotState, config: Config, dt_s: float
+) -> Setpoint:
     """Pitch and heading as they are, or as they become by their rates."""
     old, limit = state.setpoint, config.pitch_limit_rad
     heading, pitch, thrust = target.heading_rad, target.pitch_rad, target.thrust
     if heading is None:
-        heading = turned(state, target.heading_rate_radps, dt_s)
+        heading = integrate_yaw_rate(state, target.heading_rate_radps, dt_s)
     if pitch is None:
         pitch = (old.pitch_rad or 0.0) + target.pitch_rate_radps * dt_s
     return old._replace(
@@ -80,7 +84,7 @@ def _attitude(target: AttitudeTarget, state: State, config: Config, dt_s: float)
     )
 
 
-def turned(state: State, rate_radps: float, dt_s: float) -> float:
+def integrate_yaw_rate(state: AutopilotState, rate_radps: float, dt_s: float) -> float:
     """The heading asked for, moved on, but not far from where she looks."""
     is_rad = state.estimate.heading_rad
     ahead = wrap_pi(state.setpoint.heading_rad + rate_radps * dt_s - is_rad)
@@ -88,8 +92,8 @@ def turned(state: State, rate_radps: float, dt_s: float) -> float:
 
 
 def _motion(
-    target: MotionTarget, state: State, config: Config, dt_s: float, thrust: float | None
-) -> State:
+    target: MotionTarget, state: AutopilotState, config: Config, dt_s: float, thrust: float | None
+) -> AutopilotState:
     """Depth, then the way to a place, or a velocity, or a heading."""
     setpoint = state.setpoint._replace(
         thrust=config.cruise_thrust_pct / 100.0 if thrust is None else thrust
@@ -104,15 +108,17 @@ def _motion(
     if target.place_m is not None:
         return state._replace(setpoint=setpoint, path=_path(target.place_m, state, config))
     if target.velocity_mps is not None:
-        setpoint = _make_good(target.velocity_mps, target.heading_rad, setpoint, state, config)
+        setpoint = _track_velocity(target.velocity_mps, target.heading_rad, setpoint, state, config)
     elif target.heading_rad is not None:
         setpoint = setpoint._replace(heading_rad=target.heading_rad)
     elif target.heading_rate_radps is not None:
-        setpoint = setpoint._replace(heading_rad=turned(state, target.heading_rate_radps, dt_s))
+        setpoint = setpoint._replace(
+            heading_rad=integrate_yaw_rate(state, target.heading_rate_radps, dt_s)
+        )
     return state._replace(setpoint=setpoint, path=None)
 
 
-def _path(place_m: complex, state: State, config: Config) -> Line | Circle:
+def _path(place_m: complex, state: AutopilotState, config: Config) -> TrackLine | Circle:
     """The line to a place from where she was when it was first asked for; there she circles, for
     she cannot hover."""
     path, at = state.path, state.estimate
@@ -120,25 +126,25 @@ def _path(place_m: complex, state: State, config: Config) -> Line | Circle:
         return path
     line = (
         path
-        if isinstance(path, Line) and path.to_m == place_m
-        else Line(guidance.here(at), place_m)
+        if isinstance(path, TrackLine) and path.to_m == place_m
+        else TrackLine(guidance.current_position(at), place_m)
     )
     if guidance.reached(line, at, config.acceptance_m):
         return guidance.circle(place_m, config.station_radius_m, config)
     return line
 
 
-def _make_good(
+def _track_velocity(
     velocity_mps: complex,
     heading_rad: float | None,
     setpoint: Setpoint,
-    state: State,
+    state: AutopilotState,
     config: Config,
 ) -> Setpoint:
     """Heading and thrust for a velocity over ground; standing still she keeps the heading that is
     asked for."""
     learned = state.estimate.navigation
-    if abs(velocity_mps) < LEAST_MPS:
+    if abs(velocity_mps) < MIN_SPEED_MPS:
         heading = setpoint.heading_rad if heading_rad is None else heading_rad
         return setpoint._replace(heading_rad=heading, thrust=0.0)
     through_water = (velocity_mps - learned.current_mps) / (1.0 + learned.water_error)

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, NamedTuple, get_type_hints
 
-from autopilot.control.lqg import Laws
+from autopilot.control.lqg import LqgControllers
 from autopilot.control.pid import Gains
-from autopilot.control.reference_model import Servo
+from autopilot.control.reference_model import ActuatorLead
 
 
 class Doc(NamedTuple):
@@ -63,7 +63,7 @@ class Config:
     law_enabled: Annotated[
         int, Doc("LAW_ENABLE", 0, 1, "", "1: the laws of --laws, where given, in place of PIDs")
     ] = 1
-    laws: Laws | None = None
+    laws: LqgControllers | None = None
     """No parameter: a file that was read at the start."""
 
     heading_way_radps: Annotated[
@@ -409,7 +409,7 @@ class Config:
     pitch_limit_rad: float = field(init=False)
     fs_pitch_rad: float = field(init=False)
     turn_most_radps: float = field(init=False)
-    servo: Servo = field(init=False)
+    servo: ActuatorLead = field(init=False)
     heading_gains: Gains = field(init=False)
     pitch_gains: Gains = field(init=False)
     depth_gains: Gains = field(init=False)
@@ -434,12 +434,12 @@ class Config:
         ):
             object.__setattr__(self, name, value)
 
-    def _servo(self) -> Servo:
+    def _servo(self) -> ActuatorLead:
         rate, travel = math.radians(self.rate_degps), math.radians(self.travel_deg)
-        return Servo(self.lag_radps, self.lag_damping, self.lead_radps, rate, travel)
+        return ActuatorLead(self.lag_radps, self.lag_damping, self.lead_radps, rate, travel)
 
 
-class Parameter(NamedTuple):
+class ParamInfo(NamedTuple):
     """One row of the table as ground sees it."""
 
     name: str
@@ -457,7 +457,7 @@ class ParamError(ValueError):
     right."""
 
 
-def _table() -> tuple[Parameter, ...]:
+def _table() -> tuple[ParamInfo, ...]:
     rows = []
     hints = get_type_hints(Config, include_extras=True)
     defaults = Config()
@@ -465,7 +465,7 @@ def _table() -> tuple[Parameter, ...]:
         doc: Doc = hints[name].__metadata__[0]
         integer = hints[name].__origin__ is int
         rows.append(
-            Parameter(
+            ParamInfo(
                 doc.name,
                 name,
                 getattr(defaults, name),
@@ -519,7 +519,7 @@ class ParamTable:
         self,
         values: Mapping[str, float] | None = None,
         kept: Mapping[str, float] | None = None,
-        laws: Laws | None = None,
+        laws: LqgControllers | None = None,
     ) -> None:
         """``values`` are in force from the start; ``kept`` are those among all that are to outlive
         the program."""

@@ -16,7 +16,7 @@ class Way(NamedTuple):
     rate: float = 0.0
 
 
-class Servo(NamedTuple):
+class ActuatorLead(NamedTuple):
     """The tailcone as it is, and as it is to seem: both second-order lags."""
 
     lag_radps: float
@@ -26,7 +26,9 @@ class Servo(NamedTuple):
     travel_rad: float
 
 
-def approach(to_go: float, way: Way, bandwidth_radps: float, fastest: float, dt_s: float) -> Way:
+def step_reference(
+    to_go: float, way: Way, bandwidth_radps: float, fastest: float, dt_s: float
+) -> Way:
     """The next point on the way of a reference model: critically damped, and never faster than
     ``fastest``.
 
@@ -37,7 +39,7 @@ def approach(to_go: float, way: Way, bandwidth_radps: float, fastest: float, dt_
     return Way(way.at + rate * dt_s, rate)
 
 
-def follow(to_go: float, way: Way, gains: Gains, dt_s: float) -> Way:
+def follow_reference(to_go: float, way: Way, gains: Gains, dt_s: float) -> Way:
     """The next point of what set-point weighting follows, ``to_go`` from ``way.at`` to the
     set-point.
 
@@ -48,7 +50,7 @@ def follow(to_go: float, way: Way, gains: Gains, dt_s: float) -> Way:
     return Way(way.at + min(1.0, share) * to_go)
 
 
-def lead(wanted_rad: float, way: Way | None, servo: Servo, dt_s: float) -> tuple[float, Way]:
+def lead(wanted_rad: float, way: Way | None, servo: ActuatorLead, dt_s: float) -> tuple[float, Way]:
     """The command under which the duct moves to ``wanted_rad`` as through the faster lag, and its
     way there.
 

@@ -12,27 +12,29 @@ from autopilot.control import (
 )
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import monitor
-from autopilot.control.setpoints import AttitudeTarget, Circle, Line
+from autopilot.control.setpoints import AttitudeTarget, Circle, TrackLine
 from autopilot.control.types import (
     ACCEPTED,
     DENIED,
     TEMPORARILY_REJECTED,
     UNSUPPORTED,
     Answer,
+    AutopilotState,
     Event,
     Home,
     ItemReached,
     LoopMemory,
     MissionState,
     Severity,
-    State,
 )
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 
 Events = tuple[Event | ItemReached, ...]
 
 
-def request(state: State, wish: requests.Request, config: Config) -> tuple[State, Answer, Events]:
+def handle_request(
+    state: AutopilotState, wish: requests.Request, config: Config
+) -> tuple[AutopilotState, Answer, Events]:
     """Answer a ground station at once: the new state, what became of the wish, what to say of
     it."""
     match wish:
@@ -66,7 +68,9 @@ def request(state: State, wish: requests.Request, config: Config) -> tuple[State
             return set_home(state, Home(lat_deg, lon_deg, True)), Answer(ACCEPTED), ()
 
 
-def arm(state: State, force: bool, config: Config) -> tuple[State, Answer, Events]:
+def arm(
+    state: AutopilotState, force: bool, config: Config
+) -> tuple[AutopilotState, Answer, Events]:
     if state.armed:
         return state, Answer(ACCEPTED), ()
     reason = prearm(state, config)
@@ -80,16 +84,16 @@ def arm(state: State, force: bool, config: Config) -> tuple[State, Answer, Event
         test=None,
         bench_tests=(),
     )
-    state = state._replace(mission=_taken_up(state, config))
+    state = state._replace(mission=_start_from_here(state, config))
     mode = modes.by_number(state.mode) or modes.HOLD
     return (
-        guidance.take_up(state, config),
+        guidance.hold_current(state, config),
         Answer(ACCEPTED),
         (Event(Severity.INFO, f"Armed: {mode.name}"),),
     )
 
 
-def _taken_up(state: State, config: Config) -> MissionState:
+def _start_from_here(state: AutopilotState, config: Config) -> MissionState:
     """Where the mission takes up: where ground put it, or from the start when it was flown to its
     end."""
     if state.mission.current < len(state.mission.items):
@@ -97,16 +101,16 @@ def _taken_up(state: State, config: Config) -> MissionState:
     return mission.restart(state.mission, config)
 
 
-def prearm(state: State, config: Config) -> str:
+def prearm(state: AutopilotState, config: Config) -> str:
     """Why the vehicle must not be armed; empty when it may."""
     if not state.estimate.initialised:
         return "no sensors"
-    if reason := monitor.refusal(state.health):
+    if reason := monitor.prearm_failure(state.health):
         return reason
-    return lacking(state, modes.by_number(state.mode) or modes.HOLD, config)
+    return missing_requirement(state, modes.by_number(state.mode) or modes.HOLD, config)
 
 
-def lacking(state: State, mode: modes.Mode, config: Config) -> str:
+def missing_requirement(state: AutopilotState, mode: modes.Mode, config: Config) -> str:
     """What a mode cannot be flown without; empty when all is there.
 
     A mission of latitudes and longitudes may be uploaded before home is known, but not flown.
@@ -126,7 +130,9 @@ def lacking(state: State, mode: modes.Mode, config: Config) -> str:
     return ""
 
 
-def disarm(state: State, force: bool, config: Config) -> tuple[State, Answer, Events]:
+def disarm(
+    state: AutopilotState, force: bool, config: Config
+) -> tuple[AutopilotState, Answer, Events]:
     if not state.armed:
         return state, Answer(ACCEPTED), ()
     if (
@@ -142,14 +148,16 @@ def disarm(state: State, force: bool, config: Config) -> tuple[State, Answer, Ev
     return modes.disarm(state), Answer(ACCEPTED), (Event(Severity.INFO, "Disarmed"),)
 
 
-def set_mode(state: State, number: int, config: Config) -> tuple[State, Answer, Events]:
+def set_mode(
+    state: AutopilotState, number: int, config: Config
+) -> tuple[AutopilotState, Answer, Events]:
     mode = modes.by_number(number)
     if mode is None:
         known = ", ".join(m.name for m in modes.MODES)
         return state, Answer(UNSUPPORTED, f"Mode {number} is none of {known}"), ()
     if number == state.mode:
         return state, Answer(ACCEPTED), ()
-    if state.failsafe == failsafe.GROUND_LOST:
+    if state.failsafe == failsafe.GCS_LOST:
         state = state._replace(failsafe="")  # whoever asks is back
     if state.failsafe and state.armed and mode not in (modes.SURFACE, modes.MANUAL):
         return (
@@ -157,31 +165,31 @@ def set_mode(state: State, number: int, config: Config) -> tuple[State, Answer, 
             Answer(TEMPORARILY_REJECTED, f"{mode.name} refused: failsafe, {state.failsafe}"),
             (),
         )
-    if state.armed and (reason := lacking(state, mode, config)):
+    if state.armed and (reason := missing_requirement(state, mode, config)):
         return state, Answer(TEMPORARILY_REJECTED, f"{mode.name} refused: {reason}"), ()
     if mode == modes.SYSID:
-        return start_test(state, excitation.configured(config), config)
+        return start_test(state, excitation.from_config(config), config)
     state, events = modes.enter(state, mode)
     if mode == modes.MISSION:
-        state = state._replace(mission=_taken_up(state, config))
+        state = state._replace(mission=_start_from_here(state, config))
     if state.armed:
-        state = guidance.take_up(state, config)
+        state = guidance.hold_current(state, config)
     return state, Answer(ACCEPTED), events
 
 
-def set_target(state: State, wish: requests.SetTarget) -> State:
+def set_target(state: AutopilotState, wish: requests.SetTarget) -> AutopilotState:
     """Keep the newest set-point of its kind; OFFBOARD follows it."""
     if isinstance(wish.target, AttitudeTarget):
         return state._replace(targets=state.targets._replace(attitude=wish.target))
     return state._replace(targets=state.targets._replace(motion=wish.target))
 
 
-def set_home(state: State, home: Home) -> State:
+def set_home(state: AutopilotState, home: Home) -> AutopilotState:
     """Count from a new home; she stays where she is, and so do the ends of her path."""
-    shift = navigation.moved_home(0j, state.home, home)
+    shift = navigation.shift_home(0j, state.home, home)
     at, path = state.estimate, state.path
     estimate = at._replace(north_m=at.north_m + shift.real, east_m=at.east_m + shift.imag)
-    if isinstance(path, Line):
+    if isinstance(path, TrackLine):
         to_m = 0j if state.mode == modes.RTL.number else path.to_m + shift
         path = path._replace(from_m=path.from_m + shift, to_m=to_m)
     if isinstance(path, Circle):
@@ -192,9 +200,9 @@ def set_home(state: State, home: Home) -> State:
 
 
 def start_test(
-    state: State, wish: requests.StartTest, config: Config
-) -> tuple[State, Answer, Events]:
-    test = excitation.prepare(wish, state, config)
+    state: AutopilotState, wish: requests.StartTest, config: Config
+) -> tuple[AutopilotState, Answer, Events]:
+    test = excitation.precompute(wish, state, config)
     if wrong := excitation.check(test, config.travel_deg):
         return state, Answer(DENIED, f"SystemID refused: {wrong}"), ()
     if not state.armed or state.failsafe:
@@ -210,15 +218,17 @@ def start_test(
     return state, Answer(ACCEPTED), (*changed, *started)
 
 
-def test_actuator(state: State, wish: requests.TestActuator) -> tuple[State, Answer, Events]:
+def test_actuator(
+    state: AutopilotState, wish: requests.TestActuator
+) -> tuple[AutopilotState, Answer, Events]:
     if state.armed:
         return state, Answer(TEMPORARILY_REJECTED, "Actuator test refused: armed"), ()
     return actuator_test.begin(state, wish.channel, wish.value, wish.seconds), Answer(ACCEPTED), ()
 
 
 def load_mission(
-    state: State, items: tuple[MissionItem, ...], config: Config
-) -> tuple[State, Answer, Events]:
+    state: AutopilotState, items: tuple[MissionItem, ...], config: Config
+) -> tuple[AutopilotState, Answer, Events]:
     if fault := mission.find_fault(items, state.home, config):
         result = DENIED if items[fault.sequence].command in mission.COMMANDS else UNSUPPORTED
         return (
@@ -235,7 +245,7 @@ def load_mission(
     )
 
 
-def change_target(state: State, wish: requests.ChangeTarget) -> State:
+def change_target(state: AutopilotState, wish: requests.ChangeTarget) -> AutopilotState:
     old = state.setpoint
     return state._replace(
         setpoint=old._replace(

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from autopilot.control.setpoints import AttitudeTarget, MotionTarget
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 
 
 class Arm(NamedTuple):

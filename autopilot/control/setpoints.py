@@ -15,7 +15,7 @@ class Setpoint(NamedTuple):
     """Given only where the depth loop is open and the pitch loop closed."""
 
 
-class Line(NamedTuple):
+class TrackLine(NamedTuple):
     """A straight way over ground. Places are north + i east from home, in metres."""
 
     from_m: complex
@@ -39,7 +39,7 @@ class Circle(NamedTuple):
     integral: float = 0.0
 
 
-Path = Line | Circle
+Path = TrackLine | Circle
 
 
 class AttitudeTarget(NamedTuple):

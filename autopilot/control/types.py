@@ -4,11 +4,12 @@ radians."""
 from enum import IntEnum
 from typing import NamedTuple
 
-from autopilot.control.lqg import Belief
+from autopilot.control.lqg import ObserverState
 from autopilot.control.reference_model import Way
 from autopilot.control.sensor_health.types import Ahrs, Health
 from autopilot.control.setpoints import Path, Setpoint, Targets
 from mavlink_io.frames import Quaternion
+from mavlink_io.mission_items import MissionItem
 from mavlink_io.records import (
     Altimeter,
     Battery,
@@ -18,7 +19,6 @@ from mavlink_io.records import (
     Leak,
     SensorFrame,
 )
-from mavlink_io.services.missions import MissionItem
 
 
 class Severity(IntEnum):
@@ -78,7 +78,7 @@ class Stick(NamedTuple):
     thrust: float
 
 
-class Covariance(NamedTuple):
+class NavCovariance(NamedTuple):
     """Of position (m), current (m/s), and the errors of the speed through the water and of the
     Doppler log (fractions).
 
@@ -112,7 +112,7 @@ class Navigation(NamedTuple):
     speed."""
     unsteady_mps: float = 0.0
     """What may be added so; it fades after a turn or a change of speed."""
-    covariance: Covariance = Covariance()
+    covariance: NavCovariance = NavCovariance()
     span_s: float = 0.0
     way_m: complex = 0j
     """Time and way through the water since the covariance was brought up to date."""
@@ -126,7 +126,7 @@ class Navigation(NamedTuple):
     """In a row."""
 
 
-class Estimate(NamedTuple):
+class VehicleEstimate(NamedTuple):
     """Where the vehicle is and how it moves, as far as its sensors tell."""
 
     attitude: Quaternion = (1.0, 0.0, 0.0, 0.0)
@@ -189,8 +189,8 @@ class LoopMemory(NamedTuple):
     elevator: Way | None = None
     """Of the duct; None where its lag is not undone, or the loop was open."""
     trim: Trim = Trim()
-    rudder_belief: Belief | None = None
-    elevator_belief: Belief | None = None
+    rudder_belief: ObserverState | None = None
+    elevator_belief: ObserverState | None = None
     """Of the laws; None where the PIDs fly, or the loop was open."""
 
 
@@ -265,7 +265,7 @@ class Ascent(NamedTuple):
     """Whether the propeller was stopped because it did not raise the vehicle."""
 
 
-class State(NamedTuple):
+class AutopilotState(NamedTuple):
     """All that a tick hands to the next."""
 
     time_us: int = -1
@@ -273,7 +273,7 @@ class State(NamedTuple):
     mode: int = 50_593_792
     """``custom_mode`` of the table in modes.py; HOLD at the start."""
     armed: bool = False
-    estimate: Estimate = Estimate()
+    estimate: VehicleEstimate = VehicleEstimate()
     setpoint: Setpoint = Setpoint()
     loops: LoopMemory = LoopMemory()
     mission: MissionState = MissionState()

@@ -10,7 +10,7 @@ from typing import NamedTuple
 CHIRP_LEAD_CYCLES = 2.0
 """Cycles at the first frequency before the sweep, so that the start-up transient is behind it."""
 
-MOST_TONES = 64
+MAX_TONES = 64
 """Of a multisine; where its band holds more, every second, third ... is played."""
 
 THREE_TWO_ONE_ONE = (3, 2, 1, 1)
@@ -32,7 +32,7 @@ _TAPS = {
 }
 """By order: exponents of a primitive polynomial (P. Alfke, XAPP 052, 1996, table 3), so that a
 shift register that is fed back from there runs through all its states but zero."""
-MOST_BITS = 2 ** max(_TAPS) - 1
+MAX_BITS = 2 ** max(_TAPS) - 1
 
 _SLACK = 1e-9
 """Of a bit or a unit: a tick that falls on an edge, but for rounding, is past it."""
@@ -90,10 +90,10 @@ def maximal_sequence(order: int, seed: int) -> tuple[float, ...]:
     Sequences, 1967)."""
     period = (1 << order) - 1
     register = 1 + seed % period
-    return tuple(_shifted(register, order, period))
+    return tuple(_cyclic_shift(register, order, period))
 
 
-def _shifted(register: int, order: int, count: int) -> Iterator[float]:
+def _cyclic_shift(register: int, order: int, count: int) -> Iterator[float]:
     shifts = [order - tap for tap in _TAPS[order]]
     for _ in range(count):
         yield 1.0 if register & 1 else -1.0
@@ -122,7 +122,7 @@ def comb(start_hz: float, stop_hz: float, duration_s: float, part: int, parts: i
     Phases after M. R. Schroeder, Synthesis of low-peak-factor signals, IEEE Trans. Inf. Theory 16
     (1970), eq. 11, which spread the tones over the length as a sweep does."""
     lowest, highest = _harmonics(start_hz, stop_hz, duration_s)
-    skip = max(1, math.ceil((highest - lowest + 1) / (MOST_TONES * parts)))
+    skip = max(1, math.ceil((highest - lowest + 1) / (MAX_TONES * parts)))
     tones = range(lowest + part * skip, highest + 1, parts * skip)
     count = len(tones)
     phased = [cmath.exp(-1j * math.pi * k * (k - 1) / count) for k in range(count, 0, -1)]

@@ -18,7 +18,7 @@ from autopilot.telemetry.streams import (
     STREAMS,
     TRACE_ID,
     TRACE_NAME,
-    Stream,
+    TelemetryStream,
 )
 from autopilot.vehicle import Snapshot
 from mavlink_io import dialect
@@ -31,7 +31,7 @@ _STREAMS = {stream.message.name: stream for stream in STREAMS}
 class Slow(NamedTuple):
     """A message of the telemetry that is written every so many slots."""
 
-    stream: Stream
+    stream: TelemetryStream
     slots: int
 
 
@@ -51,7 +51,7 @@ SLOW = tuple(
         ("HOME_POSITION", 50),
     )
 )
-HEARD = frozenset(
+LOGGED_FROM_GROUND = frozenset(
     dialect.by_name(name).message_id
     for name in (
         "COMMAND_LONG",
@@ -67,7 +67,7 @@ HEARD = frozenset(
         "MISSION_WRITE_PARTIAL_LIST",
         "SET_HOME_POSITION",
         "SET_GPS_GLOBAL_ORIGIN",
-        *offboard_messages.HEARD,
+        *offboard_messages.MESSAGE_IDS,
     )
 )
 """What ground says that can change what the vehicle does, but for keys: those stand in no log."""

@@ -8,8 +8,8 @@ from typing import Any, BinaryIO
 
 from autopilot.control.types import US_PER_S
 from autopilot.onboard_log import channels
-from autopilot.onboard_log.session import Entry
-from autopilot.onboard_log.storage import Limits, LogStore
+from autopilot.onboard_log.session import LogSession
+from autopilot.onboard_log.storage import LogStore, StorageLimits
 from autopilot.onboard_log.writer import BackgroundFile
 from autopilot.vehicle import Vehicle
 from mavlink_io.clock import Every, wall_s
@@ -19,19 +19,19 @@ from mavlink_io.services.log_transfer.source import LogFile
 
 FLUSH_S = 0.2
 """A killed process loses no more than what it did since."""
-TAIL_US, TAIL_WALL_S = 2 * US_PER_S, 1.0
+AFTER_DISARM_US, AFTER_DISARM_WALL_S = 2 * US_PER_S, 1.0
 """How long a log goes on after disarming: by vehicle time, or by the wall clock where that comes
 first."""
 
 
-class Logbook:
+class OnboardLog:
     """Keeps one log at a time. Whatever happens to its disk, the flight goes on."""
 
     def __init__(self, vehicle: Vehicle, folder: Path | None, version: str = "") -> None:
         """Without a ``folder`` nothing is logged."""
         self._vehicle, self._version = vehicle, version
         self.store = LogStore(folder, self._being_written) if folder else None
-        self._entry: Entry | None = None
+        self._entry: LogSession | None = None
         self._file: BackgroundFile | None = None
         self._path: Path | None = None
         self._armed = False
@@ -54,7 +54,7 @@ class Logbook:
         """Log what ground says, if it can change what the vehicle does."""
         if (
             self.store is not None
-            and frame.message_id in channels.HEARD
+            and frame.message_id in channels.LOGGED_FROM_GROUND
             and (entry := self._follow())
         ):
             entry.frame(frame)
@@ -88,7 +88,7 @@ class Logbook:
         if self._file is not None:
             self._file.wait()
 
-    def _follow(self) -> Entry | None:
+    def _follow(self) -> LogSession | None:
         """The log that is to be written now, begun and ended as the vehicle is armed and
         disarmed."""
         state, config = self._vehicle.state, self._vehicle.params.config
@@ -113,18 +113,18 @@ class Logbook:
 
     def _in_tail(self) -> bool:
         since_us = self._vehicle.state.time_us - self._disarmed_us
-        return since_us < TAIL_US and wall_s() - self._disarmed_s < TAIL_WALL_S
+        return since_us < AFTER_DISARM_US and wall_s() - self._disarmed_s < AFTER_DISARM_WALL_S
 
     def _begin(self) -> None:
         config, now_s = self._vehicle.params.config, time.time()
-        limits = Limits(config.log_max_mb, config.log_free_mb)
+        limits = StorageLimits(config.log_max_mb, config.log_free_mb)
         assert self.store is not None, "nothing begins without a folder"
         file = BackgroundFile(
             partial(self._open, now_s, limits), partial(self.store.make_room, limits), self._file
         )
-        self._entry, self._file = Entry(self._vehicle, file, self._version), file
+        self._entry, self._file = LogSession(self._vehicle, file, self._version), file
 
-    def _open(self, unix_s: float, limits: Limits) -> BinaryIO:
+    def _open(self, unix_s: float, limits: StorageLimits) -> BinaryIO:
         """Called by the thread that writes: a slow disk may take its time to open a file, too."""
         assert self.store is not None, "nothing is opened without a folder"
         self._path, file = self.store.create(unix_s, limits)

@@ -11,15 +11,15 @@ from autopilot.vehicle import Vehicle
 from mavlink_io import dialect
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import MessageType
-from mavlink_io.logging.mavlink_log import Channel, MavlinkLog, Table
-from mavlink_io.request import Party
+from mavlink_io.logging.mavlink_log import Channel, MavlinkLog, MessageTable
+from mavlink_io.request import MavlinkId
 from mavlink_io.services.missions import item_fields
 
-LATE_CHUNKS = 250
+MAX_UNWRITTEN_CHUNKS = 250
 """When so much waits for the disk, some 15 MB, the log leaves out rather than take all memory."""
 
 
-class Entry:
+class LogSession:
     """Call ``finish`` at its end. ``log_time`` is the UNIX time at which it began plus vehicle time
     since then."""
 
@@ -31,7 +31,7 @@ class Entry:
         self._zero_ns = time.time_ns() - self._began_us * 1000
         self._channels: dict[tuple[int, int, int], Channel] = {}
         self._sequences: dict[tuple[int, int], int] = {}
-        self._table: Table | None = None
+        self._table: MessageTable | None = None
         self._slot = -1
         self.late = False
         """Whether something had to be left out."""
@@ -44,7 +44,7 @@ class Entry:
 
     def tick(self, heard: Sequence[Frame]) -> None:
         """Write one tick: the frames that came for it, the sensors' last, and what became of it."""
-        if self.file.waiting > LATE_CHUNKS:
+        if self.file.waiting > MAX_UNWRITTEN_CHUNKS:
             self.late = True
             return
         for frame in heard[:-1]:
@@ -97,7 +97,7 @@ class Entry:
         self._log.attach_parameters(now_ns, {name: params.get(name) for name in params.names()})
         item_message = dialect.by_name("MISSION_ITEM_INT")
         for item in self._vehicle.state.mission.items:
-            self.message(item_message, item_message.values(**item_fields(item, Party(0, 0))))
+            self.message(item_message, item_message.values(**item_fields(item, MavlinkId(0, 0))))
 
     def _write(self, system: int, component: int, message: MessageType, payload: bytes) -> None:
         key = system, component, message.message_id

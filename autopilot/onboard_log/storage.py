@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from mavlink_io.services.log_transfer.source import LogFile
-from mavlink_io.user_data_dir import state_folder
+from mavlink_io.user_data_dir import user_data_dir
 
 BYTES_PER_MB = 1_000_000
 _NAME = re.compile(r"(\d{5,})-(\d{8}T\d{6}Z)\.mcap")
 _STAMP = "%Y%m%dT%H%M%SZ"
 
 
-class Limits(NamedTuple):
+class StorageLimits(NamedTuple):
     """How much room logs may take."""
 
     most_mb: float
@@ -28,7 +28,7 @@ class Limits(NamedTuple):
 
 def default_folder() -> Path:
     """Where logs lie when nobody says."""
-    return state_folder() / "logs"
+    return user_data_dir() / "logs"
 
 
 class LogStore:
@@ -52,7 +52,7 @@ class LogStore:
             return []
         return sorted(found, key=lambda log: log.number)
 
-    def create(self, unix_s: float, limits: Limits) -> tuple[Path, BinaryIO]:
+    def create(self, unix_s: float, limits: StorageLimits) -> tuple[Path, BinaryIO]:
         """Open the next log, the oldest removed where there is no room. Raises OSError."""
         self.folder.mkdir(parents=True, exist_ok=True)
         self.make_room(limits)
@@ -65,7 +65,7 @@ class LogStore:
             except FileExistsError:  # another autopilot writes here too
                 number += 1
 
-    def make_room(self, limits: Limits) -> None:
+    def make_room(self, limits: StorageLimits) -> None:
         """Remove the oldest logs until the limits are kept. Raises OSError when that is not
         enough."""
         removable = [log for log in self.files() if log.path != self._in_use()]

@@ -12,8 +12,8 @@ from mavlink_io.clock import Every
 SYNC_S = 2.0
 """How often the operating system is asked to bring what it has to the disk itself: a vehicle may
 lose her power."""
-ROOM_CHECK_BYTES = 1_000_000
-LAST_WRITE_S = 10.0
+FREE_SPACE_CHECK_BYTES = 1_000_000
+FINISH_TIMEOUT_S = 10.0
 """How long the end of a process waits for a slow disk."""
 
 Work = Callable[[], None]
@@ -64,7 +64,7 @@ class BackgroundFile:
         """For the thread only: write, and see now and then that there is room."""
         self._file.write(data)
         self._unchecked_bytes += len(data)
-        if self._unchecked_bytes > ROOM_CHECK_BYTES:
+        if self._unchecked_bytes > FREE_SPACE_CHECK_BYTES:
             self._unchecked_bytes = 0
             self._make_room()
 
@@ -80,7 +80,7 @@ class BackgroundFile:
         self._queue.put(None)
 
     def wait(self) -> None:
-        self._thread.join(LAST_WRITE_S)
+        self._thread.join(FINISH_TIMEOUT_S)
 
     def _run(self) -> None:
         if self._before is not None:

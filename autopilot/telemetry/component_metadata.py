@@ -9,7 +9,7 @@ import json
 from functools import cache
 from typing import Any
 
-from autopilot.control.params import PARAMETERS, Parameter
+from autopilot.control.params import PARAMETERS, ParamInfo
 from autopilot.telemetry.identity import version
 from mavlink_io.services.ftp.payload import crc32
 
@@ -45,7 +45,7 @@ _GROUPS = {
     "TRIM": "Actuators",
 }
 """By what a name begins with; others are called by that."""
-_AT_START = frozenset(("MAV_SYS_ID",))
+_REBOOT_REQUIRED = frozenset(("MAV_SYS_ID",))
 
 
 def uri(path: str) -> str:
@@ -91,7 +91,7 @@ def component_metadata(time_boot_ms: int) -> tuple[Any, ...]:
     return time_boot_ms, general_crc(), uri(GENERAL_PATH)
 
 
-def _describe(row: Parameter) -> dict[str, Any]:
+def _describe(row: ParamInfo) -> dict[str, Any]:
     described: dict[str, Any] = {
         "name": row.name,
         "type": "Float",
@@ -105,7 +105,7 @@ def _describe(row: Parameter) -> dict[str, Any]:
     }
     if row.integer:
         described |= {"decimalPlaces": 0, "increment": 1}
-    if row.name in _AT_START:
+    if row.name in _REBOOT_REQUIRED:
         described["rebootRequired"] = True
     return described
 

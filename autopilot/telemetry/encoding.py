@@ -19,7 +19,7 @@ def boot_ms(s: Snapshot) -> int:
     return max(0, s.state.time_us) // 1000 & 0xFFFF_FFFF
 
 
-def within(value: float, least: int, most: int) -> int:
+def clamp(value: float, least: int, most: int) -> int:
     """The nearest whole number that the field holds; its least where there is no number at all."""
     if math.isnan(value):
         return least
@@ -27,22 +27,22 @@ def within(value: float, least: int, most: int) -> int:
 
 
 def int16(value: float) -> int:
-    return within(value, -32_768, 32_767)
+    return clamp(value, -32_768, 32_767)
 
 
 def int32(value: float) -> int:
-    return within(value, -(1 << 31), (1 << 31) - 1)
+    return clamp(value, -(1 << 31), (1 << 31) - 1)
 
 
 def uint16(value: float) -> int:
     """Below the field's mark of an unknown value."""
-    return within(value, 0, UNKNOWN_U16 - 1)
+    return clamp(value, 0, UNKNOWN_U16 - 1)
 
 
 def uint32(value: float) -> int:
-    return within(value, 0, (1 << 32) - 1)
+    return clamp(value, 0, (1 << 32) - 1)
 
 
 def centidegrees(angle_rad: float) -> int:
     """Of a heading: 0 to 35999."""
-    return within(math.degrees(angle_rad) % 360.0 * 100.0, 0, 36_000) % 36_000
+    return clamp(math.degrees(angle_rad) % 360.0 * 100.0, 0, 36_000) % 36_000

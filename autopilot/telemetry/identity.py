@@ -7,7 +7,7 @@ from typing import Any
 from autopilot.control import modes
 from autopilot.control.sensor_health import monitor
 from autopilot.control.sensor_health.sensor_checks import LEAK
-from autopilot.control.types import State
+from autopilot.control.types import AutopilotState
 from mavlink_io.dialect import constant
 from mavlink_io.records import ARMED_FLAG, CUSTOM_MODE_FLAG
 
@@ -47,17 +47,17 @@ class AutopilotId(StrEnum):
         return constant(f"MAV_AUTOPILOT_{self.name}")
 
 
-def heartbeat(state: State, autopilot: AutopilotId) -> tuple[Any, ...]:
+def heartbeat(state: AutopilotState, autopilot: AutopilotId) -> tuple[Any, ...]:
     """HEARTBEAT's fields in wire order."""
     base_mode = CUSTOM_MODE_FLAG | (ARMED_FLAG if state.armed else 0)
     return state.mode, _SUBMARINE, autopilot.number, base_mode, mav_state(state), _MAVLINK_VERSION
 
 
-def mav_state(state: State) -> int:
+def mav_state(state: AutopilotState) -> int:
     """MAV_STATE."""
     if not state.estimate.initialised:
         return _BOOT
-    wrong = monitor.troubles(state.health) if state.health.doubts else {}
+    wrong = monitor.active_faults(state.health) if state.health.doubts else {}
     if LEAK in wrong:
         return _EMERGENCY
     if state.failsafe or wrong:
@@ -65,7 +65,7 @@ def mav_state(state: State) -> int:
     return _ACTIVE if state.armed else _STANDBY
 
 
-def current_mode(state: State, intended_mode: int) -> tuple[Any, ...]:
+def current_mode(state: AutopilotState, intended_mode: int) -> tuple[Any, ...]:
     """CURRENT_MODE's fields in wire order."""
     mode = modes.by_number(state.mode)
     return state.mode, intended_mode, mode.standard_mode if mode else 0

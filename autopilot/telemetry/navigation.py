@@ -4,8 +4,8 @@ import math
 
 from autopilot.control import guidance
 from autopilot.control import navigation as plot
-from autopilot.control.failsafe import blind
-from autopilot.control.setpoints import Line
+from autopilot.control.failsafe import depth_unknown
+from autopilot.control.setpoints import TrackLine
 from autopilot.telemetry.encoding import boot_ms, int16, time_us, uint16
 from autopilot.vehicle import Snapshot
 from mavlink_io.dialect import Values, constant
@@ -48,7 +48,10 @@ def position_target(s: Snapshot) -> Values:
     """Depth and heading, and the end of the line or the centre of the circle where there is one."""
     wanted, path, ignored, place = s.state.setpoint, s.state.path, _ALL_BUT_DEPTH_AND_YAW, 0j
     if path is not None:
-        place, ignored = path.to_m if isinstance(path, Line) else path.centre_m, ignored & ~_PLACE
+        place, ignored = (
+            path.to_m if isinstance(path, TrackLine) else path.centre_m,
+            ignored & ~_PLACE,
+        )
     rest = (0.0,) * 6
     return (
         boot_ms(s),
@@ -103,7 +106,7 @@ def estimator_status(s: Snapshot) -> Values:
     at = s.state.estimate
     flags = _ALWAYS if at.initialised else 0
     flags |= _ABSOLUTE if s.state.home.known else 0
-    flags |= 0 if blind(s.state, s.config) else _DEEP
+    flags |= 0 if depth_unknown(s.state, s.config) else _DEEP
     flags |= 0 if at.altitude_m is None else _ABOVE_FLOOR
     flags |= _GLITCH if at.navigation.fixes_refused else 0
     return time_us(s), *_NO_RATIOS, at.position_sd_m, _DEPTH_SD_M, flags

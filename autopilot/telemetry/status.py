@@ -11,7 +11,7 @@ from autopilot.control.sensor_health.sensor_checks import (
     GPS,
 )
 from autopilot.telemetry import identity
-from autopilot.telemetry.encoding import int32, time_us, uint16, within
+from autopilot.telemetry.encoding import clamp, int32, time_us, uint16
 from autopilot.vehicle import Snapshot, progress
 from mavlink_io import device_messages
 from mavlink_io.dialect import Values, constant
@@ -63,11 +63,11 @@ def system_status(s: Snapshot) -> Values:
     arms."""
     sensors = _SENSORS if s.state.estimate.initialised else 0
     seen = s.state.health
-    extra = _carried(s) | (device_messages.EXTENSION_USED if s.leak else 0)
+    extra = _device_bits(s) | (device_messages.EXTENSION_USED if s.leak else 0)
     present = _SENSORS | _CONTROLS | _PREARM | extra
-    ready = _PREARM if s.state.estimate.initialised and not monitor.refusal(seen) else 0
+    ready = _PREARM if s.state.estimate.initialised and not monitor.prearm_failure(seen) else 0
     enabled = _SENSORS | _PREARM | (_CONTROLS if s.state.armed else 0) | extra
-    wrong = sum(_BITS.get(name, 0) for name in monitor.troubles(seen))
+    wrong = sum(_BITS.get(name, 0) for name in monitor.active_faults(seen))
     sound = (sensors | _CONTROLS | _GEOFENCE | ready | extra) & ~wrong
     fitted = device_messages.LEAK_BIT if s.leak else 0
     dry = fitted if s.leak and not s.leak.wet else 0
@@ -85,7 +85,7 @@ def system_status(s: Snapshot) -> Values:
     )
 
 
-def _carried(s: Snapshot) -> int:
+def _device_bits(s: Snapshot) -> int:
     """The bits of devices that a vehicle may or may not carry."""
     further = (BATTERY, s.battery), (ALTIMETER, s.altimeter), (DVL, s.state.health.dvl.record)
     return sum(_BITS[name] for name, heard in further if heard is not None)
@@ -117,7 +117,7 @@ def battery(s: Snapshot) -> Values:
 def _charge_state(s: Snapshot, gauge: Battery) -> int:
     """Low where the vehicle calls it so; critical at half of that charge, an emergency at a
     quarter."""
-    if monitor.troubles(s.state.health).get(BATTERY) != monitor.LOW:
+    if monitor.active_faults(s.state.health).get(BATTERY) != monitor.LOW:
         return _CHARGE_OK
     share = 100.0 * gauge.remaining / s.config.fs_battery_pct if s.config.fs_battery_pct else 1.0
     return _CHARGE_LOW + (share <= 0.5) + (share <= 0.25)
@@ -162,5 +162,5 @@ def _percent(battery: Battery | None) -> int:
     return (
         -1
         if battery is None or math.isnan(battery.remaining)
-        else within(battery.remaining * 100.0, 0, 100)
+        else clamp(battery.remaining * 100.0, 0, 100)
     )

@@ -7,18 +7,18 @@ import math
 from typing import NamedTuple
 
 from autopilot.control import actuator_test
-from autopilot.control.types import State, Trace
+from autopilot.control.types import AutopilotState, Trace
 from autopilot.telemetry import navigation, status
 from autopilot.telemetry.encoding import (
     Builder,
     boot_ms,
     centidegrees,
+    clamp,
     int16,
     int32,
     time_us,
     uint16,
     uint32,
-    within,
 )
 from autopilot.vehicle import Snapshot
 from mavlink_io import dialect
@@ -71,7 +71,7 @@ def global_position(s: Snapshot) -> Values:
 def vfr_hud(s: Snapshot) -> Values:
     at = s.state.estimate
     over_ground = math.hypot(at.north_rate_mps, at.east_rate_mps)
-    throttle = within(abs(s.trace.thrust) * 100.0, 0, 100)
+    throttle = clamp(abs(s.trace.thrust) * 100.0, 0, 100)
     return (
         at.speed_mps,
         over_ground,
@@ -99,7 +99,7 @@ def distance_sensor(s: Snapshot) -> Values:
     range_m, fitted = s.state.estimate.altitude_m, s.altimeter
     reach_m = (0.0, math.inf) if fitted is None else (fitted.min_range_m, fitted.max_range_m)
     least_cm, most_cm, reading_cm = (
-        within(100.0 * m, 0, UNKNOWN_U16) for m in (*reach_m, range_m or 0.0)
+        clamp(100.0 * m, 0, UNKNOWN_U16) for m in (*reach_m, range_m or 0.0)
     )
     quality = 1 if range_m is None else 100
     return (
@@ -125,7 +125,7 @@ def attitude_target(s: Snapshot) -> Values:
 
 def servo_outputs(s: Snapshot) -> Values:
     pulses_us = [
-        within(1500.0 + 400.0 * c, 1100, 1900)
+        clamp(1500.0 + 400.0 * c, 1100, 1900)
         for c in s.actuators.controls[: actuator_test.CHANNELS]
     ]
     return time_us(s) & 0xFFFF_FFFF, *pulses_us, *(0,) * (8 - actuator_test.CHANNELS), 0, *(0,) * 8
@@ -185,7 +185,7 @@ is."""
 _TRACE_REST = (0.0,) * (58 - len(Trace._fields))
 
 
-def loops_inside(s: Snapshot) -> Values:
+def loop_trace(s: Snapshot) -> Values:
     return time_us(s), TRACE_ID, TRACE_NAME, (*s.trace, *_TRACE_REST)
 
 
@@ -200,11 +200,11 @@ NAMED = {
 and which it is."""
 
 
-def _named(name: str, place: int) -> Builder:
+def _named_value(name: str, place: int) -> Builder:
     return lambda s: (boot_ms(s), s.trace[place], name.encode())
 
 
-class Stream(NamedTuple):
+class TelemetryStream(NamedTuple):
     """One row of the table."""
 
     message: MessageType
@@ -219,8 +219,8 @@ class Stream(NamedTuple):
         return self.build, *self.further
 
 
-def _stream(name: str, rate_hz: float, build: Builder, *further: Builder) -> Stream:
-    return Stream(dialect.by_name(name), rate_hz, build, further)
+def _stream(name: str, rate_hz: float, build: Builder, *further: Builder) -> TelemetryStream:
+    return TelemetryStream(dialect.by_name(name), rate_hz, build, further)
 
 
 STREAMS = (
@@ -249,17 +249,17 @@ STREAMS = (
     _stream("CURRENT_MODE", 0.5, status.current_mode),
     _stream("BATTERY_STATUS", 0.5, status.battery),
     _stream("HOME_POSITION", 0.2, status.home_position),
-    _stream("DEBUG_FLOAT_ARRAY", 0, loops_inside),
+    _stream("DEBUG_FLOAT_ARRAY", 0, loop_trace),
     _stream(
         "NAMED_VALUE_FLOAT",
         0,
-        *(_named(name, Trace._fields.index(field)) for name, field in NAMED.items()),
+        *(_named_value(name, Trace._fields.index(field)) for name, field in NAMED.items()),
     ),
 )
 BY_ID = {stream.message.message_id: stream for stream in STREAMS}
 
 
-def position_dege7(state: State) -> tuple[int, int]:
+def position_dege7(state: AutopilotState) -> tuple[int, int]:
     """Latitude and longitude by dead reckoning; zero while home is not known."""
     if not state.home.known:
         return 0, 0

@@ -6,19 +6,19 @@ from typing import NamedTuple
 
 from autopilot.control import loops as aboard
 from autopilot.control import params
-from autopilot.control.lqg import Laws
+from autopilot.control.lqg import LqgControllers
 from autopilot.control.setpoints import Setpoint
-from autopilot.control.types import Estimate, LoopMemory
+from autopilot.control.types import LoopMemory, VehicleEstimate
 from benchmarks.redesign.campaign import Values
 from benchmarks.study import Figure
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import TICK_S, Margins
 from sysid.design import lqg as optimal
 from sysid.design import pid as design
-from sysid.design.design_model import plant
-from sysid.design.lqg import LawDesign, loop_analysis
+from sysid.design.design_model import from_model
+from sysid.design.lqg import LqgDesign, loop_analysis
 from sysid.design.pid import Design
-from sysid.design.specification import Response, Trust
+from sysid.design.specification import DesignRobustness, Response
 from sysid.models.model_file import IdentifiedModel
 
 TICKS = 2000
@@ -28,7 +28,7 @@ class Contender(NamedTuple):
     """How one of the two flies."""
 
     values: Values
-    laws: Laws | None
+    laws: LqgControllers | None
 
 
 Contenders = dict[str, Contender]
@@ -36,16 +36,21 @@ Contenders = dict[str, Contender]
 
 class Designed(NamedTuple):
     pid: Design
-    lqg: LawDesign
+    lqg: LqgDesign
     contenders: Contenders
 
 
 def designed(model: IdentifiedModel, trims: Values) -> Designed:
     """Raises DesignRefused. The laws fly on the same ways to set-points, within the same limits."""
-    pid, lqg = design.redesign(model), optimal.design_laws(model)
+    pid, lqg = design.redesign(model), optimal.design_lqg(model)
     values = {**pid.gains, **trims}
     return Designed(
-        pid, lqg, {"PID": Contender(values, None), "LQG": Contender(values, optimal.aboard(lqg))}
+        pid,
+        lqg,
+        {
+            "PID": Contender(values, None),
+            "LQG": Contender(values, optimal.autopilot_controllers(lqg)),
+        },
     )
 
 
@@ -75,11 +80,11 @@ def _response(name: str, found: Response) -> list[Figure]:
     ]
 
 
-def _cuts(model: IdentifiedModel, lqg: LawDesign) -> dict[str, Margins]:
-    vehicle = plant(model)
+def _cuts(model: IdentifiedModel, lqg: LqgDesign) -> dict[str, Margins]:
+    vehicle = from_model(model)
     seen = {
-        "yaw": (loop_analysis.view(vehicle, "yaw"), lqg.heading),
-        "pitch": (loop_analysis.view(vehicle, "pitch"), lqg.depth),
+        "yaw": (loop_analysis.measured_plane(vehicle, "yaw"), lqg.heading),
+        "pitch": (loop_analysis.measured_plane(vehicle, "pitch"), lqg.depth),
     }
     return {
         name: loop_transfer.margins(cut)
@@ -97,7 +102,7 @@ def _margins(name: str, found: dict[str, Margins]) -> list[Figure]:
     ]
 
 
-def _trust(name: str, found: Trust | None) -> list[Figure]:
+def _trust(name: str, found: DesignRobustness | None) -> list[Figure]:
     if found is None:
         return []
     return [
@@ -111,10 +116,10 @@ def _trust(name: str, found: Trust | None) -> list[Figure]:
 def _cost(name: str, contender: Contender) -> Figure:
     """CPU time of closing the loops once."""
     config = replace(params.config(contender.values), laws=contender.laws)
-    estimate, memory = Estimate(speed_mps=config.cruise_speed_mps), LoopMemory()
+    estimate, memory = VehicleEstimate(speed_mps=config.cruise_speed_mps), LoopMemory()
     began_s = process_time()
     for _ in range(TICKS):
-        _, memory = aboard.close(
+        _, memory = aboard.step_loops(
             estimate, Setpoint(), memory, config, TICK_S, heading=True, depth=True
         )
     return Figure(

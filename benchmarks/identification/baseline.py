@@ -14,8 +14,8 @@ from scipy.optimize import least_squares
 
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear import response
-from sysid.estimation.linear.linear_model import NUMBERS, Plant
-from sysid.estimation.linear.records import Belief, Record
+from sysid.estimation.linear.linear_model import NUMBERS, LinearModel
+from sysid.estimation.linear.records import LinearPrior, LinearRun
 from sysid.estimation.linear.response import DT, STRIDE
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ REST_S = 1.0
 REWEIGHTED = 1
 
 
-def estimate(records: Sequence[Record], belief: Belief) -> tuple[Array, Array]:
+def estimate(records: Sequence[LinearRun], belief: LinearPrior) -> tuple[Array, Array]:
     """Derived numbers, as ``plant.derived``, and their covariance."""
     first, free = belief.plant, _free(belief)
     measured = [
@@ -33,10 +33,10 @@ def estimate(records: Sequence[Record], belief: Belief) -> tuple[Array, Array]:
     ]
     sds = np.ones(measured[0].shape[1])
 
-    def plant(u: Array) -> Plant:
+    def plant(u: Array) -> LinearModel:
         values = first.values.copy()
         values[free] = u * belief.spread[free]
-        return Plant(first.frame, values)
+        return LinearModel(first.frame, values)
 
     def errors(u: Array) -> Array:
         at = plant(u)
@@ -58,7 +58,7 @@ def estimate(records: Sequence[Record], belief: Belief) -> tuple[Array, Array]:
     return plants.derived(*at), plants.propagate(*at, covariance)
 
 
-def simulate(plant: Plant, record: Record) -> Array:
+def simulate(plant: LinearModel, record: LinearRun) -> Array:
     """Outputs of one run from rest, (steps, outputs)."""
     A, B = plants.equations(plant.frame, plant.values[: len(NUMBERS[plant.frame.plane])])
     count = record.measured.shape[1]
@@ -70,6 +70,6 @@ def simulate(plant: Plant, record: Record) -> Array:
     ).reshape(-1, count)
 
 
-def _free(belief: Belief) -> NDArray[np.int64]:
+def _free(belief: LinearPrior) -> NDArray[np.int64]:
     """Indices of what is searched for: the equation's numbers, delay and bias."""
     return np.arange(len(NUMBERS[belief.plant.frame.plane]) + 2)

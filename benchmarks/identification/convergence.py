@@ -10,7 +10,7 @@ from benchmarks.identification import linear_truth
 from benchmarks.identification.linear_truth import PLANES, Campaign
 from benchmarks.study import Cell, Figure
 from sysid.estimation.linear import estimate
-from sysid.estimation.linear.estimate import Estimate, Method
+from sysid.estimation.linear.estimate import Method, PlaneEstimate
 from sysid.estimation.linear.linear_model import NUMBERS
 
 Array = NDArray[np.float64]
@@ -43,11 +43,11 @@ def trial(vehicle: str, seed: int) -> list[float]:
     return row
 
 
-def _from(campaign: Campaign, method: Method, start: Array) -> Estimate:
+def _from(campaign: Campaign, method: Method, start: Array) -> PlaneEstimate:
     return estimate.descend(campaign.records, campaign.belief, method, start)
 
 
-def _same(first: Estimate, second: Estimate) -> bool:
+def _same(first: PlaneEstimate, second: PlaneEstimate) -> bool:
     apart = second.plant.values - first.plant.values
     return bool(apart @ np.linalg.solve(first.covariance, apart) <= apart.size * SAME**2)
 

@@ -11,10 +11,10 @@ from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
 from sysid.data.segments import Plane
 from sysid.estimation.map import fit
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 
 
-def response(vehicle: Vehicle, plane: Plane, omega_radps: float) -> complex:
+def response(vehicle: CandidateVehicle, plane: Plane, omega_radps: float) -> complex:
     """Rate over command for small motion: plane, lag and delay."""
     linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]
     s, wn = 1j * omega_radps, actuator.natural_frequency_radps
@@ -37,7 +37,7 @@ def crossover_radps(case: Case, plane: Plane) -> float:
     return math.exp(float(brentq(excess, grid[above[-1]], grid[above[-1] + 1])))
 
 
-def errors(case: Case, found: Vehicle, plane: Plane) -> tuple[float, float]:
+def errors(case: Case, found: CandidateVehicle, plane: Plane) -> tuple[float, float]:
     """Gain (dB) and phase (deg) of a model over those of the true vehicle's small motion, at that
     frequency."""
     omega = crossover_radps(case, plane)

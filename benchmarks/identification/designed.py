@@ -21,8 +21,8 @@ from sysid.models import parameters
 from sysid.models.parameters import NAMES
 from sysid.test_design import plan, simulate
 from sysid.test_design import prior as beliefs
-from sysid.test_design.plan import Request
-from sysid.test_design.prior import Belief
+from sysid.test_design.plan import PlanRequest
+from sysid.test_design.prior import DesignPrior
 from sysid.test_design.simulate import Manoeuvre
 from tests.sysid import sea
 
@@ -40,22 +40,22 @@ class Sets(NamedTuple):
 @cache
 def sets(vehicle: str) -> Sets:
     case = vehicles.case(vehicle)
-    known = beliefs.trimmed(beliefs.of_file(case.prior, case.name), *case.trim_rad)
+    known = beliefs.with_trim(beliefs.from_file(case.prior, case.name), *case.trim_rad)
     first = _tests(case, known, FIRST_S)
     second = _tests(case, _learnt(case, first), DIVE_S - FIRST_S - plan.SETTLING_S)
     return Sets(first + second, tuple(plan.paper_set(known, DIVE_S)))
 
 
-def _tests(case: Case, known: Belief, water_s: float) -> tuple[Manoeuvre, ...]:
-    asked = Request(water_s + plan.SETTLING_S, "crossover", gains=gains(case), held_out=False)
+def _tests(case: Case, known: DesignPrior, water_s: float) -> tuple[Manoeuvre, ...]:
+    asked = PlanRequest(water_s + plan.SETTLING_S, "crossover", gains=gains(case), held_out=False)
     return tuple(planned.manoeuvre for planned in plan.plan(known, asked).tests)
 
 
-def _learnt(case: Case, flown: Sequence[Manoeuvre]) -> Belief:
+def _learnt(case: Case, flown: Sequence[Manoeuvre]) -> DesignPrior:
     prior, found = fitted(
         case, [run for n, one in enumerate(flown) for run in fly(case, one, FIRST_SEED + n)]
     )
-    return Belief(
+    return DesignPrior(
         case.name, case.prior, prior.biases_rad, found.z, found.covariance, found.noise, True
     )
 

@@ -61,9 +61,9 @@ def bound_sds(vehicle: str, plane: Plane, noise: str) -> Array:
     one's."""
     truth, commands = linear_truth.true_plant(vehicle, plane), linear_truth.commands(vehicle, plane)
     if noise == "white":
-        least = cramer_rao.white(truth, commands, linear_truth.WHITE)
+        least = cramer_rao.bound_white(truth, commands, linear_truth.WHITE)
     else:
-        least = cramer_rao.coloured(truth, commands, linear_truth.COLOURED)
+        least = cramer_rao.bound_coloured(truth, commands, linear_truth.COLOURED)
     return np.sqrt(np.diag(least.derived))
 
 

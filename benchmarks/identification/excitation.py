@@ -19,14 +19,14 @@ from benchmarks.study import Cell, Figure
 from sysid.data.segments import RATE_HZ, Plane, Run
 from sysid.estimation.linear import cramer_rao
 from sysid.estimation.linear import linear_model as plants
-from sysid.estimation.linear.linear_model import Plant
-from sysid.estimation.linear.response import Command
+from sysid.estimation.linear.linear_model import LinearModel
+from sysid.estimation.linear.response import SurfaceCommand
 from sysid.models.noise import Noise
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 from sysid.test_design import closed_loop, simulate
 from sysid.test_design import crossover as reach
 from sysid.test_design.information import PLANES
-from sysid.test_design.safety_margins import Limits
+from sysid.test_design.safety_margins import ExcursionLimits
 from sysid.test_design.simulate import Manoeuvre
 from tests.sysid import sea
 
@@ -64,7 +64,7 @@ def foretold_deg(vehicle: str) -> tuple[float, ...]:
 
 def _foretold_deg(case: Case, flown: tuple[Manoeuvre, ...], plane: Plane) -> float:
     truth = plants.of_vehicle(vehicles.nominal(case.truth), plane)
-    least = cramer_rao.coloured(
+    least = cramer_rao.bound_coloured(
         truth,
         [_command(case, half) for m in flown for half in m.halves if half.plane == plane],
         SEA,
@@ -81,7 +81,7 @@ def _foretold_deg(case: Case, flown: tuple[Manoeuvre, ...], plane: Plane) -> flo
     return math.degrees(math.sqrt(slope @ least.covariance @ slope))
 
 
-def _response(truth: Plant, values: Array, omega_radps: float) -> complex:
+def _response(truth: LinearModel, values: Array, omega_radps: float) -> complex:
     """Rate over command of a plant with these values."""
     moved = truth._replace(values=values)
     linear, actuator = plants.linear_plane(moved), plants.actuator(moved)
@@ -91,18 +91,18 @@ def _response(truth: Plant, values: Array, omega_radps: float) -> complex:
     return complex(rate * lag * cmath.exp(-s * actuator.delay_s))
 
 
-def _command(case: Case, what: Manoeuvre) -> Command:
+def _command(case: Case, what: Manoeuvre) -> SurfaceCommand:
     """As the true vehicle's loop answers it in still water."""
     signal = simulate.signal_rad(what)
     if what.loop_on:
         held = closed_loop.of_vehicle(
             vehicles.nominal(case.truth), what.plane, designed.gains(case), SEA
         )
-        signal = closed_loop.fly(held, what.plane, signal).command_rad
-    return Command(np.concatenate([np.zeros(int(simulate.LEAD_S * RATE_HZ)), signal]))
+        signal = closed_loop.simulate(held, what.plane, signal).command_rad
+    return SurfaceCommand(np.concatenate([np.zeros(int(simulate.LEAD_S * RATE_HZ)), signal]))
 
 
-def stays_within(run: Run, limits: Limits) -> bool:
+def stays_within(run: Run, limits: ExcursionLimits) -> bool:
     """Whether the envelope that goes with the design would let the test run to its end."""
     flown = run.since(0.0)
     if run.plane == "yaw":
@@ -133,7 +133,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
         for run in designed.fly(case, m, 1000 * seed + 500 + number)
     ]
     errors = [_phase_errors_deg(case, flown) for flown in (steps, runs)]
-    within = float(np.mean([stays_within(run, Limits()) for run in runs]))
+    within = float(np.mean([stays_within(run, ExcursionLimits()) for run in runs]))
     return [errors[0][0], errors[1][0], errors[0][1], errors[1][1], within, *foretold_deg(vehicle)]
 
 
@@ -142,7 +142,7 @@ def _phase_errors_deg(case: Case, runs: list[Run]) -> list[float]:
     return [_phase_error_deg(case, found, plane) for plane in PLANES]
 
 
-def _phase_error_deg(case: Case, found: Vehicle, plane: Plane) -> float:
+def _phase_error_deg(case: Case, found: CandidateVehicle, plane: Plane) -> float:
     omega, true = attainable_radps(case, plane), vehicles.nominal(case.truth)
     ratio = crossover.response(found, plane, omega) / crossover.response(true, plane, omega)
     return math.degrees(cmath.phase(ratio))

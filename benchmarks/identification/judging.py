@@ -20,7 +20,7 @@ from sysid.models import model_export
 from sysid.models import prediction as predict
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.parameters import NAMES
-from sysid.validation.assess import judged
+from sysid.validation.assess import with_assessment
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
@@ -90,7 +90,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     fitted = [group[0].run for group in done.found.experiments.values()]
     held_out, numbers = fresh(case, seed), []
     for candidate in (model, spoilt(model, np.random.default_rng(seed))):
-        found = judged(candidate, fitted, held_out, prior=case.prior).verdict
+        found = with_assessment(candidate, fitted, held_out, prior=case.prior).verdict
         numbers += [miss(case, candidate), float(found is not None and found.fit_for_redesign)]
     return numbers
 

@@ -12,7 +12,7 @@ from benchmarks.identification.linear_truth import Campaign
 from benchmarks.study import Cell, Figure
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.linear import estimate
-from sysid.estimation.linear.response import Command
+from sysid.estimation.linear.response import SurfaceCommand
 
 Array = NDArray[np.float64]
 
@@ -36,11 +36,11 @@ def trial(vehicle: str, seed: int) -> list[float]:
     ]
 
 
-def _a_minute(command: Command) -> Command:
+def _a_minute(command: SurfaceCommand) -> SurfaceCommand:
     """Followed, or cut, to RUN_S."""
     samples = int(RUN_S * RATE_HZ) + 1
     padded = np.pad(command.angle_rad, (0, max(0, samples - command.angle_rad.size)))
-    return Command(padded[:samples])
+    return SurfaceCommand(padded[:samples])
 
 
 def _seconds(work: Callable[[Campaign], object], campaign: Campaign, warm: bool = True) -> float:

@@ -17,9 +17,9 @@ from benchmarks.identification import vehicles
 from sysid.data.segments import Plane
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear import records, response
-from sysid.estimation.linear.linear_model import Plant
-from sysid.estimation.linear.records import Belief, Record
-from sysid.estimation.linear.response import DT, Command
+from sysid.estimation.linear.linear_model import LinearModel
+from sysid.estimation.linear.records import LinearPrior, LinearRun
+from sysid.estimation.linear.response import DT, SurfaceCommand
 from sysid.estimation.map import fit
 from sysid.models import noise, parameters
 from sysid.models.linear_planes import LinearPlane
@@ -58,14 +58,18 @@ BIAS_RAD, LEVEL_RAD = math.radians(0.7), math.radians(1.0)
 
 
 class Campaign(NamedTuple):
-    truth: Plant
-    records: list[Record]
-    belief: Belief
+    truth: LinearModel
+    records: list[LinearRun]
+    belief: LinearPrior
     """The prior file's plane, and the lag as one bench test measured it."""
 
 
 def campaign(
-    vehicle: str, plane: Plane, draw: Draw, seed: int, told: tuple[Command, ...] | None = None
+    vehicle: str,
+    plane: Plane,
+    draw: Draw,
+    seed: int,
+    told: tuple[SurfaceCommand, ...] | None = None,
 ) -> Campaign:
     """Tests of one plane, the usual ten without ``told``, under the noise that ``draw`` makes."""
     truth, rng = true_plant(vehicle, plane), np.random.default_rng([seed, PLANES.index(plane)])
@@ -78,7 +82,7 @@ def campaign(
     rest = np.zeros(len(by.transition))
     clean = [response.outputs(truth, by, command, rest, count) for command in told]
     noises = draw(linear, [response.steps(command) for command in told], rng)
-    flown = [Record(command, y + e) for command, y, e in zip(told, clean, noises, strict=True)]
+    flown = [LinearRun(command, y + e) for command, y, e in zip(told, clean, noises, strict=True)]
     return Campaign(truth, flown, _bench_tested(prior_belief(vehicle, plane), truth, rng))
 
 
@@ -145,7 +149,7 @@ SWELL_MPS2 = 0.01
 
 
 @cache
-def true_plant(vehicle: str, plane: Plane) -> Plant:
+def true_plant(vehicle: str, plane: Plane) -> LinearModel:
     """The small-signal plane of the vehicle that flies, trimmed to half a degree."""
     flies = vehicles.case(vehicle)
     found = plants.of_vehicle(vehicles.nominal(flies.truth), plane)
@@ -153,11 +157,11 @@ def true_plant(vehicle: str, plane: Plane) -> Plant:
     values[plants.names(plane).index("bias_rad")] = BIAS_RAD * flies.scale(plane)
     if plane == "pitch":
         values[-1] = LEVEL_RAD
-    return Plant(found.frame, values)
+    return LinearModel(found.frame, values)
 
 
 @cache
-def prior_belief(vehicle: str, plane: Plane) -> Belief:
+def prior_belief(vehicle: str, plane: Plane) -> LinearPrior:
     """What the vehicle's file says, its bias and level pitch taken to be nothing."""
     prior = fit.Prior(
         vehicles.case(vehicle).prior,
@@ -165,21 +169,21 @@ def prior_belief(vehicle: str, plane: Plane) -> Belief:
         np.zeros(len(NAMES)),
         parameters.prior_covariance(),
     )
-    found = records.belief(prior, plane)
+    found = records.linear_prior(prior, plane)
     values = found.plant.values.copy()
     values[plants.names(plane).index("bias_rad")] = 0.0
-    return records.bounded(Plant(found.plant.frame, values), found.covariance)
+    return records.with_bounds(LinearModel(found.plant.frame, values), found.covariance)
 
 
-def _bench_tested(belief: Belief, truth: Plant, rng: np.random.Generator) -> Belief:
+def _bench_tested(belief: LinearPrior, truth: LinearModel, rng: np.random.Generator) -> LinearPrior:
     lag = plants.lag(truth.frame.plane)
     values = belief.plant.values.copy()
     values[lag] = truth.values[lag] * (1.0 + plants.LAG_SD * rng.standard_normal(2))
-    return records.bounded(Plant(belief.plant.frame, values), belief.covariance)
+    return records.with_bounds(LinearModel(belief.plant.frame, values), belief.covariance)
 
 
 @cache
-def commands(vehicle: str, plane: Plane) -> tuple[Command, ...]:
+def commands(vehicle: str, plane: Plane) -> tuple[SurfaceCommand, ...]:
     """3-2-1-1 and doublets, slow and quick, both ways, and two steps; sized to the vehicle's
     prior."""
     size = vehicles.case(vehicle).scale(plane)
@@ -199,9 +203,11 @@ def commands(vehicle: str, plane: Plane) -> tuple[Command, ...]:
     )
 
 
-def _command(degrees: float, unit_s: float, shape: tuple[int, ...]) -> Command:
+def _command(degrees: float, unit_s: float, shape: tuple[int, ...]) -> SurfaceCommand:
     """Pulses of ``abs(count)`` units each, between a straight approach and a straight end."""
     pulses = [
         sea.step(math.copysign(degrees, count * degrees), abs(count) * unit_s) for count in shape
     ]
-    return Command(np.concatenate([sea.step(0.0, APPROACH_S), *pulses, sea.step(0.0, AFTER_S)]))
+    return SurfaceCommand(
+        np.concatenate([sea.step(0.0, APPROACH_S), *pulses, sea.step(0.0, AFTER_S)])
+    )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
-from sitl.vehicle.config import VehicleError
+from sitl.vehicle.config import VehicleFileError
 from sysid.data.segments import Plane, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit, Prior
@@ -20,7 +20,7 @@ from sysid.estimation.recursive import (
     report,
     square_root_information,
 )
-from sysid.estimation.recursive.report import Reading
+from sysid.estimation.recursive.report import PlaneReport
 from sysid.models import parameters
 from sysid.models.parameters import NAMES
 from tests.sysid import sea
@@ -69,9 +69,9 @@ def trial(vehicle: str, seed: int) -> list[float]:
     zeros: dict[Plane, float] = {"yaw": 0.0, "pitch": 0.0}
     prior = Prior(case.prior, zeros, np.zeros(len(NAMES)), parameters.prior_covariance())
     estimator.update(
-        estimator.begin(estimator.learned(prior), "yaw", 0.0), prediction.steps(runs[0])
+        estimator.begin(estimator.prior_knowledge(prior), "yaw", 0.0), prediction.steps(runs[0])
     )  # compiles
-    began_s, known = process_time(), estimator.learned(prior)
+    began_s, known = process_time(), estimator.prior_knowledge(prior)
     for run in runs:
         state = estimator.begin(known, run.plane, float(np.mean(run.command_rad[run.preroll])))
         known = estimator.finish(estimator.update(state, prediction.steps(run)))
@@ -79,7 +79,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     together = prior._replace(biases_rad=fit.trim_biases(case.prior, first.model, runs))
     try:
         batch: Fit | None = fit.fit(runs, together)
-    except VehicleError:  # a search of the batch estimate left the vehicles that can be
+    except VehicleFileError:  # a search of the batch estimate left the vehicles that can be
         batch = None
     differences, errors = [], []
     for plane in PLANES:
@@ -87,7 +87,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
         online = _figures(report.read(known.prior, known.whole, plane, at))
         beside = np.full_like(online, math.nan)
         if batch is not None:
-            told = square_root_information.of_belief(batch.z, batch.covariance)
+            told = square_root_information.from_normal(batch.z, batch.covariance)
             beside = _figures(report.read(together, told, plane, at))
         differences += ((online[0] - beside[0]) / beside[1]).tolist()
         errors += ((online[0] - _truth(case, plane, at)) / online[1]).tolist()
@@ -95,7 +95,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     return [*differences, *errors, spent_s / flown_s]
 
 
-def _figures(found: Reading) -> Array:
+def _figures(found: PlaneReport) -> Array:
     """Values and standard deviations, (2, FIGURES)."""
     numbers = [*found.numbers.values(), found.gain_db, found.phase_deg]
     return np.array([[n.value for n in numbers], [n.sd for n in numbers]])

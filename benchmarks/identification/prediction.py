@@ -21,7 +21,7 @@ from sysid.data.segments import RATE_HZ, Plane, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.models import linear_planes, model_export, parameters, prediction
-from sysid.models.parameters import NAMES, Vehicle
+from sysid.models.parameters import NAMES, CandidateVehicle
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
@@ -153,7 +153,7 @@ def within(run: Run) -> Run:
 
 def factor(campaign: Campaign, plane: Plane, tests: tuple[tuple[str, float, float], ...]) -> float:
     """Mean squared rate error of the first-principles vehicle over that of the refitted one."""
-    first = parameters.vehicle(
+    first = parameters.candidate_vehicle(
         campaign.prior.config, campaign.prior.biases_rad, np.zeros(len(NAMES))
     )
     runs = [
@@ -166,8 +166,8 @@ def factor(campaign: Campaign, plane: Plane, tests: tuple[tuple[str, float, floa
     return before / after
 
 
-def _error(vehicle: Vehicle, run: Run) -> float:
-    error = run.rate_radps - prediction.motion(vehicle, run).rate_radps
+def _error(vehicle: CandidateVehicle, run: Run) -> float:
+    error = run.rate_radps - prediction.simulate(vehicle, run).rate_radps
     return float(np.mean(error[~run.preroll] ** 2))
 
 
@@ -197,7 +197,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
         for value in crossover.errors(done.case, done.found.vehicle, plane)
     ]
     agreed = all(
-        abs(cost - done.found.cost) <= fit.AGREEMENT * done.found.cost
+        abs(cost - done.found.cost) <= fit.START_COST_TOLERANCE * done.found.cost
         for cost in done.found.start_costs
     )
     return [

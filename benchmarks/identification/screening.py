@@ -4,8 +4,8 @@ one.
 Each campaign is flown by the nonlinear truth in the disturbed sea; then one rudder and one elevator
 run are flown again in the same water, once with a slip in the middle and once with a gain error.
 All are judged from one fit of a campaign of another seed, moved to the best parameters of the
-campaign at hand by one Gauss-Newton step, as `sift` always does: a fit for every campaign would
-find the same and take a hundred times as long."""
+campaign at hand by one Gauss-Newton step, as `find_outliers` always does: a fit for every campaign
+would find the same and take a hundred times as long."""
 
 import math
 from collections.abc import Sequence
@@ -21,14 +21,14 @@ from benchmarks.study import Cell, Figure
 from sitl.vehicle import build_model
 from sysid.data.segments import RATE_HZ, Plane, Run
 from sysid.estimation.map import fit
-from sysid.estimation.map.datasets import among
+from sysid.estimation.map.datasets import with_coupling_inputs
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.models import parameters
 from sysid.models.parameters import NAMES
 from sysid.screening.anomaly_models import Kind
-from sysid.screening.outlier_tests import FALSE_ALARM, Sifting, Verdict, sift
+from sysid.screening.outlier_tests import FALSE_ALARM, RunScreening, ScreeningResult, find_outliers
 from sysid.screening.score_test import scores
-from sysid.screening.whitened_residuals import Evidence, gather, weigh
+from sysid.screening.whitened_residuals import Residuals, linearise_runs, update_parameters
 from tests.sysid import sea
 from tests.sysid.sea import Fault
 
@@ -131,11 +131,11 @@ def trial(wave: Wave, vehicle: str, seed: int) -> Sequence[float]:
     return numbers
 
 
-def _flagged(verdict: Verdict) -> bool:
+def _flagged(verdict: RunScreening) -> bool:
     return verdict.scores.p_value <= FALSE_ALARM
 
 
-def _told(evidence: Evidence, run: Run, kind: Kind, at_s: float) -> bool:
+def _told(evidence: Residuals, run: Run, kind: Kind, at_s: float) -> bool:
     """Whether the run shows an anomaly of one kind, were that and its time given beforehand: what
     theory computes."""
     exhibit = next(e for e in evidence.exhibits if e.experiment.run.name == run.name)
@@ -154,19 +154,21 @@ def _struck(plane: Plane, asked: Sequence[Test], seed: int) -> int:
     return there[seed % len(there)]
 
 
-def _sifted(vehicle: str, wave: Wave, runs: Sequence[Run]) -> Sifting:
+def _sifted(vehicle: str, wave: Wave, runs: Sequence[Run]) -> ScreeningResult:
     found, prior = reference(vehicle, wave)
-    return sift(_of(found, runs), prior)
+    return find_outliers(_of(found, runs), prior)
 
 
-def _evidence(vehicle: str, wave: Wave, runs: Sequence[Run]) -> Evidence:
+def _evidence(vehicle: str, wave: Wave, runs: Sequence[Run]) -> Residuals:
     found, prior = reference(vehicle, wave)
-    return weigh(gather(_of(found, runs), prior), found, prior)
+    return update_parameters(linearise_runs(_of(found, runs), prior), found, prior)
 
 
 def _of(found: Fit, runs: Sequence[Run]) -> Fit:
     experiments = {
-        plane: tuple(among(found.vehicle, fit.experiment(r)) for r in runs if r.plane == plane)
+        plane: tuple(
+            with_coupling_inputs(found.vehicle, fit.dataset(r)) for r in runs if r.plane == plane
+        )
         for plane in PLANES
     }
     return found._replace(experiments=experiments)

@@ -56,17 +56,23 @@ class Case(NamedTuple):
         return round(wanted[0] / half) * half, round(wanted[1] / half) * half
 
 
-def nominal(vehicle: VehicleConfig) -> parameters.Vehicle:
+def nominal(vehicle: VehicleConfig) -> parameters.CandidateVehicle:
     """A vehicle file as identification simulates it, without biases."""
-    return parameters.vehicle(vehicle, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
+    return parameters.candidate_vehicle(vehicle, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
 
 
 @cache
 def cases() -> tuple[Case, ...]:
     return (
-        Case("caribou", "bench", config.load("bench"), config.load("field"), Hold()),
+        Case(
+            "caribou",
+            "caribou_nominal",
+            config.load("caribou_nominal"),
+            config.load("caribou_truth"),
+            Hold(),
+        ),
         _strayed("remus100", "remus100", Hold(0.49, 0.76, 0.04, 0.54, 0.67, 0.2, 0.01), seed=1),
-        _strayed("xfin", "xfin", Hold(0.75, 1.79, 0.04, 0.77, 1.3, 0.2, 0.008), seed=2),
+        _strayed("xfin_auv", "xfin_auv", Hold(0.75, 1.79, 0.04, 0.77, 1.3, 0.2, 0.008), seed=2),
         _strayed("my_vehicle", MY_VEHICLE, Hold(0.75, 0.93, 0.05, 0.86, 0.78, 0.2, 0.01), seed=3),
     )
 
@@ -80,7 +86,7 @@ def _strayed(name: str, prior_file: str, hold: Hold, seed: int) -> Case:
     prior = config.load(prior_file)
     rng = np.random.default_rng(seed)
     away = np.linalg.cholesky(parameters.prior_covariance()) @ rng.standard_normal(len(NAMES))
-    moved = parameters.vehicle(prior, {"yaw": 0.0, "pitch": 0.0}, STRAY * away)
+    moved = parameters.candidate_vehicle(prior, {"yaw": 0.0, "pitch": 0.0}, STRAY * away)
     lag = moved.actuators["yaw"]
     tail = msgspec.structs.replace(
         prior.tailcone,

@@ -17,21 +17,21 @@ from ground.missions import script
 from sitl.vehicle import config
 from sysid import refit
 from sysid.data import segments
-from sysid.data.dataset import Actuators, Attitude, Depth, Duct, Event, Log, Setpoints
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
 from sysid.data.segments import Run
 from sysid.design import pid
-from sysid.design.pid import Design, DesignRefused
+from sysid.design.pid import Design, DesignInfeasibleError
 from sysid.estimation.map import fit
 from sysid.models import model_export
 from sysid.models import model_file as models
 from sysid.models.model_file import IdentifiedModel, ModelError
 from sysid.reproduction.paper_tables import TABLE_3_IMPROVED, TABLE_3_INITIAL
 from sysid.screening import screen
-from sysid.screening.refit_loop import settle
-from sysid.validation.assess import judged
+from sysid.screening.refit_loop import refit_until_clean
+from sysid.validation.assess import with_assessment
 from tests.helpers.closed_loop import Dive
 
-VEHICLE, PRIOR, SEA = "field", "bench", "disturbed"
+VEHICLE, PRIOR, SEA = "caribou_truth", "caribou_nominal", "disturbed"
 LONGEST_S = 3600.0
 OURS = "ours"
 GAIN_SETS = ("initial", "paper", OURS)
@@ -59,7 +59,7 @@ def refusals() -> Iterator[None]:
     except ModelError as error:
         print(error, file=sys.stderr)
         sys.exit(2)
-    except DesignRefused as refusal:
+    except DesignInfeasibleError as refusal:
         print(refusal, file=sys.stderr)
         sys.exit(1)
 
@@ -71,9 +71,11 @@ def fly(seed: int) -> Campaign:
     fitted, held_out = (_kept(missions, seed, values) for missions in (FITTED, HELD_OUT))
     prior_file = config.load(PRIOR)
     prior = refit.prior_of(fitted, prior_file)
-    settled = settle(fitted, prior, lambda chosen: fit.fit(chosen, prior))
+    settled = refit_until_clean(fitted, prior, lambda chosen: fit.fit(chosen, prior))
     model = model_export.from_fit(settled.found, prior, PRIOR)
-    return Campaign(judged(model, settled.kept, held_out, TABLE_3_INITIAL, prior_file), trims)
+    return Campaign(
+        with_assessment(model, settled.kept, held_out, TABLE_3_INITIAL, prior_file), trims
+    )
 
 
 def measured_trims(seed: int) -> Values:
@@ -104,7 +106,9 @@ def _kept(missions: Sequence[str], seed: int, values: Values) -> list[Run]:
     """The tests of the missions that pass screening."""
     logs = [log(flown(mission, seed, values), mission, values) for mission in missions]
     return [
-        each.run for each in screen([run for log in logs for run in segments.cut(log)]) if each.kept
+        each.run
+        for each in screen([run for log in logs for run in segments.cut_runs(log)])
+        if each.kept
     ]
 
 
@@ -119,9 +123,9 @@ def log(dive: Dive, name: str, values: Values) -> Log:
         actuators=Actuators(t, dive["rudder"], dive["elevator"], dive["thrust"]),
         depth=Depth(t, dive["depth_m"], dive["depth_rate_mps"]),
         setpoints=Setpoints(nothing, nothing, nothing, nothing, nothing),
-        events=tuple(Event(time_s, 6, text) for time_s, text in dive.told),
+        events=tuple(TextEvent(time_s, 6, text) for time_s, text in dive.told),
         parameters=dict(values),
-        duct=Duct(nothing, nothing, nothing),
+        duct=DuctAngles(nothing, nothing, nothing),
     )
 
 

@@ -15,7 +15,7 @@ from benchmarks.redesign.campaign import GAIN_SETS, OURS, VEHICLE, Values
 from benchmarks.redesign.holding import CALM, DISTURBED
 from benchmarks.study import Cell, Figure
 from ground.missions import script
-from ground.missions.script import Step
+from ground.missions.script import MissionStep
 from sitl.vehicle import config, hull
 from tests.helpers.closed_loop import Dive
 
@@ -44,13 +44,13 @@ def trial(gains: dict[str, Values], case: str, seed: int) -> list[float]:
     return row
 
 
-def _legs(steps: tuple[Step, ...]) -> list[tuple[Step, float]]:
+def _legs(steps: tuple[MissionStep, ...]) -> list[tuple[MissionStep, float]]:
     """With the time at which each ends; all give their heading and depth."""
     legs = [step for step in steps if step.duration_s]
     return list(zip(legs, np.cumsum([leg.duration_s for leg in legs]).tolist(), strict=True))
 
 
-def _at_its_end(dive: Dive, leg: Step, end_s: float) -> tuple[float, float]:
+def _at_its_end(dive: Dive, leg: MissionStep, end_s: float) -> tuple[float, float]:
     assert leg.heading_deg is not None
     assert leg.depth_m is not None
     window = dive.during(end_s - END_S, end_s)

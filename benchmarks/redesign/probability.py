@@ -16,10 +16,10 @@ from benchmarks.redesign.holding import DISTURBED, Held
 from benchmarks.study import Cell, Figure
 from sitl import scenario
 from sitl.vehicle import config
-from sysid.design.constrained_search import SLACK
-from sysid.design.design_model import ASSUMED_SEA, of_vehicle
-from sysid.design.pid import Design, DesignRefused
-from sysid.design.robustness import RELAXED, least, misses
+from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
+from sysid.design.design_model import DEFAULT_DISTURBANCE, from_vehicle
+from sysid.design.pid import Design, DesignInfeasibleError
+from sysid.design.robustness import RELAXED, min_bounds, violations
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def trial(case: str, seed: int) -> list[float]:
     fit = float(flown.model.verdict is not None and flown.model.verdict.fit_for_redesign)
     try:
         designed = campaign.redesigned(flown)
-    except DesignRefused:
+    except DesignInfeasibleError:
         return [fit, 0.0, *(np.nan,) * (4 + len(Held._fields))]
     dive = holding.straight_run({**designed.gains, **flown.trims}, scenario.load(SEA), seed)
     return [fit, 1.0, *_kept(designed, case), *holding.held(dive)]
@@ -45,12 +45,13 @@ def trial(case: str, seed: int) -> list[float]:
 def _kept(designed: Design, vehicle: str) -> tuple[float, float, float, float]:
     """Stated probability and truth, of the full specification and of the relaxed one."""
     assert designed.trust is not None
-    plane = of_vehicle(
-        vehicles.nominal(config.load(vehicle)), {"yaw": ASSUMED_SEA, "pitch": ASSUMED_SEA}
+    plane = from_vehicle(
+        vehicles.nominal(config.load(vehicle)),
+        {"yaw": DEFAULT_DISTURBANCE, "pitch": DEFAULT_DISTURBANCE},
     )
     full, relaxed = (
-        float(max(misses(plane, designed.gains, bounds).values()) <= SLACK)
-        for bounds in (least(designed.spec), RELAXED)
+        float(max(violations(plane, designed.gains, bounds).values()) <= CONSTRAINT_TOLERANCE)
+        for bounds in (min_bounds(designed.spec), RELAXED)
     )
     return designed.trust.specification, full, designed.trust.relaxed, relaxed
 

@@ -16,7 +16,7 @@ from benchmarks.redesign.holding import DISTURBED, Held
 from benchmarks.study import Cell, Figure
 from sitl import scenario
 from sitl.vehicle import build_model, config
-from sitl.vehicle.config import VehicleConfig, VehicleError
+from sitl.vehicle.config import VehicleConfig, VehicleFileError
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def draw(name: str, seed: int) -> Drawn:
         )
         try:
             build_model.build(vehicle)
-        except VehicleError:
+        except VehicleFileError:
             refused += 1
         else:
             return Drawn(vehicle, refused)

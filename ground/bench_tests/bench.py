@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ground.client import flight
-from ground.client.flight import Progress
+from ground.client.flight import FlightProgress
 from ground.client.recorder import Recorder
-from ground.client.vehicle import Vehicle, VehicleError
-from ground.errors import BadInputError, FailedError
+from ground.client.vehicle import VehicleClient, VehicleClientError
+from ground.errors import InputError, OperationError
 from ground.missions.script import TEST
 from ground.missions.signals import AXES, SIGNALS
 from ground.simulation.processes import SimulatedVehicle
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 AMPLITUDES_DEG = (5.0, 10.0, 20.0, 30.0)
 """Peak to peak; the paper fitted its model to 10 and gives limits for 10 and 30."""
 FREQUENCIES_HZ = (0.05, 0.08, 0.12, 0.18, 0.25, 0.35, 0.5, 0.75, 1.0, 1.5)
-SETTLE_S, SHORTEST_S, CYCLES = 3.3, 7.0, 2.0
+TRANSIENT_S, MIN_TEST_S, CYCLES = 3.3, 7.0, 2.0
 """Of a test: before anything is measured, and how long and how many cycles are."""
-LOWEST_HZ, HIGHEST_HZ = 0.005, 4.0
+MIN_HZ, MAX_HZ = 0.005, 4.0
 """What the longest test has room for, and what an encoder's ten reports a second still show."""
 RATES_HZ = {"ACTUATOR_OUTPUT_STATUS": 50.0, "ATTITUDE": 10.0, "LOCAL_POSITION_NED": 5.0}
 PARAMETERS = {
@@ -43,7 +43,7 @@ PARAMETERS = {
     "THR_CRUISE_PCT": 0.0,
 }
 """What a test on land needs: limits that are not the sea's, the whole travel, and no thrust."""
-LATE_S = 10.0
+TEST_END_TIMEOUT_S = 10.0
 """Vehicle seconds by which a test may end late before it counts as lost."""
 LISTEN_S = 3.0
 _SERVO = constant("MAV_COMP_ID_SERVO1")
@@ -59,7 +59,7 @@ class Sweep(NamedTuple):
 
     @property
     def duration_s(self) -> float:
-        return SETTLE_S + max(SHORTEST_S, CYCLES / self.frequency_hz)
+        return TRANSIENT_S + max(MIN_TEST_S, CYCLES / self.frequency_hz)
 
 
 class Session(NamedTuple):
@@ -84,15 +84,15 @@ def check(session: Session) -> None:
     """Raises BadInputError for sweeps that no duct can make or no log can show."""
     for axis in session.axes:
         if axis not in AXES:
-            raise BadInputError(f"--axis {axis}: expected {' or '.join(AXES)}")
+            raise InputError(f"--axis {axis}: expected {' or '.join(AXES)}")
     for size in session.amplitudes_deg:
         if not 0.0 < size < 180.0:
-            raise BadInputError(f"--amplitude {size:g}: expected degrees peak to peak, above 0")
+            raise InputError(f"--amplitude {size:g}: expected degrees peak to peak, above 0")
     for hz in session.frequencies_hz:
-        if not LOWEST_HZ <= hz <= HIGHEST_HZ:
-            raise BadInputError(f"--frequency {hz:g}: expected {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz")
+        if not MIN_HZ <= hz <= MAX_HZ:
+            raise InputError(f"--frequency {hz:g}: expected {MIN_HZ:g} to {MAX_HZ:g} Hz")
     if len(set(session.frequencies_hz)) < 2:
-        raise BadInputError(
+        raise InputError(
             "--frequency: expected at least two of them, or no lag can be told from a delay"
         )
 
@@ -100,7 +100,7 @@ def check(session: Session) -> None:
 def measure(
     session: Session,
     where: str | SimulatedVehicle,
-    watch: Callable[[Progress], None],
+    watch: Callable[[FlightProgress], None],
     key_file: Path | None = None,
 ) -> "dict[AxisName, AxisBench]":
     """Run a session and say what it shows. Raises AddressError, BadInputError, FailedError."""
@@ -109,33 +109,33 @@ def measure(
     from sysid.estimation import bench_test
 
     path = session.folder / "bench.mcap"
-    with flight.recorded(where, path, key_file=key_file) as (vehicle, recorder):
+    with flight.open_recorded_vehicle(where, path, key_file=key_file) as (vehicle, recorder):
         vehicle.connect()
-        _refuse_beyond_travel(session, vehicle.parameter("ACT_TRAVEL_DEG"))
-        with prepared(vehicle) as before:
+        _check_travel(session, vehicle.parameter("ACT_TRAVEL_DEG"))
+        with armed_without_thrust(vehicle) as before:
             recorder.attach_parameters(before | PARAMETERS)
             _sweep(session.sweeps, vehicle, recorder, watch)
     try:
         return bench_test.analyse(readers.read(path))
     except (bench_test.BenchError, LogError) as error:
-        raise FailedError(str(error)) from None
+        raise OperationError(str(error)) from None
 
 
-def _refuse_beyond_travel(session: Session, travel_deg: float) -> None:
+def _check_travel(session: Session, travel_deg: float) -> None:
     largest = max(session.amplitudes_deg)
     if largest > 2.0 * travel_deg:
-        raise BadInputError(
+        raise InputError(
             f"--amplitude {largest:g}: this duct's travel is {2.0 * travel_deg:g} deg peak to peak"
         )
 
 
 @contextmanager
-def prepared(vehicle: Vehicle) -> Iterator[dict[str, float]]:
+def armed_without_thrust(vehicle: VehicleClient) -> Iterator[dict[str, float]]:
     """The vehicle armed without thrust, and afterwards disarmed and with the parameters that it
     had."""
     before = vehicle.parameters()
     if vehicle.armed:
-        raise FailedError("the vehicle is armed; a bench test begins with a vehicle at rest")
+        raise OperationError("the vehicle is armed; a bench test begins with a vehicle at rest")
     for name, rate_hz in RATES_HZ.items():
         vehicle.set_interval(name, rate_hz)
     try:
@@ -152,18 +152,21 @@ def prepared(vehicle: Vehicle) -> Iterator[dict[str, float]]:
 
 
 def _sweep(
-    sweeps: list[Sweep], vehicle: Vehicle, recorder: Recorder, watch: Callable[[Progress], None]
+    sweeps: list[Sweep],
+    vehicle: VehicleClient,
+    recorder: Recorder,
+    watch: Callable[[FlightProgress], None],
 ) -> None:
-    until(vehicle, recorder, recorder.vehicle_s + LISTEN_S)
+    listen_until(vehicle, recorder, recorder.vehicle_s + LISTEN_S)
     if not recorder.heard(_SERVO, "ACTUATOR_OUTPUT_STATUS"):
-        raise FailedError(
+        raise OperationError(
             "nothing measures the duct's angle: fit an encoder that sends ACTUATOR_OUTPUT_STATUS as"
             " SERVO1"
         )
     began_s, vehicle_began_s = wall_s(), recorder.vehicle_s
     for number, sweep in enumerate(sweeps):
         watch(
-            Progress(
+            FlightProgress(
                 number,
                 len(sweeps),
                 recorder.vehicle_s - vehicle_began_s,
@@ -175,24 +178,24 @@ def _sweep(
         _play(sweep, vehicle, recorder)
 
 
-def _play(sweep: Sweep, vehicle: Vehicle, recorder: Recorder) -> None:
+def _play(sweep: Sweep, vehicle: VehicleClient, recorder: Recorder) -> None:
     """One test from its start to the vehicle's word that it is finished."""
-    told, late_s = len(vehicle.texts), recorder.vehicle_s + sweep.duration_s + LATE_S
+    told, late_s = len(vehicle.texts), recorder.vehicle_s + sweep.duration_s + TEST_END_TIMEOUT_S
     hz = sweep.frequency_hz
     axis, chirp = AXES[sweep.axis], SIGNALS["chirp"]
     vehicle.command(TEST, axis, 0.5 * sweep.amplitude_deg, hz, hz, sweep.duration_s, chirp, 0.0)
     while not any(text.text == "SystemID Finished" for text in vehicle.texts[told:]):
         for text in vehicle.texts[told:]:
             if text.text.startswith("SystemID Stopped"):
-                raise FailedError(f"{sweep.axis} at {hz:g} Hz: {text.text}")
+                raise OperationError(f"{sweep.axis} at {hz:g} Hz: {text.text}")
         if recorder.vehicle_s > late_s:
-            raise VehicleError(
+            raise VehicleClientError(
                 f"{sweep.axis} at {hz:g} Hz: the vehicle did not say that the test is finished"
             )
         vehicle.pump(0.02)
 
 
-def until(vehicle: Vehicle, recorder: Recorder, vehicle_s: float) -> None:
+def listen_until(vehicle: VehicleClient, recorder: Recorder, vehicle_s: float) -> None:
     """Listen until the vehicle's clock says so."""
     while recorder.vehicle_s < vehicle_s:
         vehicle.pump(0.02)
@@ -244,7 +247,7 @@ PAPER = {
 """1/(s^2/9 + 4s/10 + 1) with 0.3 s of delay, at no more than 15 deg/s."""
 
 
-def in_words(result: Mapping[str, Any], folder: Path) -> str:
+def format_text(result: Mapping[str, Any], folder: Path) -> str:
     """The result as a person reads it."""
     lines = []
     for name, axis in result.items():
@@ -257,12 +260,12 @@ def in_words(result: Mapping[str, Any], folder: Path) -> str:
             else:
                 lines.append(f"  {key:24s} {found:9.4f}")
         lines += ["  rate limit at            triangle Hz   sine Hz   -3 dB Hz    the paper Hz"]
-        lines += [_limit_in_words(limit) for limit in axis["limits"]]
+        lines += [_format_limit(limit) for limit in axis["limits"]]
         lines += [""]
     return "\n".join([*lines, f"{folder}: bench.mcap, bench.json, figure4.png"])
 
 
-def _limit_in_words(limit: Mapping[str, Any]) -> str:
+def _format_limit(limit: Mapping[str, Any]) -> str:
     half, paper = (
         f"{value:8.3f}" if value is not None else "       -"
         for value in (limit["half_power_hz"], limit["paper_hz"])

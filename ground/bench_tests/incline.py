@@ -12,20 +12,20 @@ import msgspec
 from ground.bench_tests import bench
 from ground.campaign import refit
 from ground.client import flight
-from ground.client.flight import Progress
-from ground.errors import BadInputError, FailedError
+from ground.client.flight import FlightProgress
+from ground.errors import InputError, OperationError
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import wall_s
 
 if TYPE_CHECKING:
     from sysid.estimation.inclining_test import Inclining
-    from sysid.estimation.inclining_test import Move as DatedMove
+    from sysid.estimation.inclining_test import WeightPeriod as DatedMove
 
 SHIPPED = files("ground.bench_tests") / "inclining.toml"
-HEAVIEST_KG, FARTHEST_M = 1000.0, 10.0
+MAX_MASS_KG, MAX_OFFSET_M = 1000.0, 10.0
 
 
-class Move(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class WeightMove(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """What is brought out of the middle; nothing, where both are left out."""
 
     mass_kg: float = 0.0
@@ -39,15 +39,15 @@ class Move(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         return f"{self.mass_kg:g} kg by {abs(self.to_port_m):g} m to {side}"
 
 
-class Plan(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class IncliningPlan(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A list of moves, each as long as the others."""
 
     duration_s: float
-    move: tuple[Move, ...]
+    move: tuple[WeightMove, ...]
 
     def dated(self) -> "list[DatedMove]":
         """When each stands, counted from arming."""
-        from sysid.estimation.inclining_test import Move as DatedMove
+        from sysid.estimation.inclining_test import WeightPeriod as DatedMove
 
         span = self.duration_s
         return [
@@ -56,39 +56,39 @@ class Plan(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         ]
 
 
-def load(path: Path | None) -> Plan:
+def load(path: Path | None) -> IncliningPlan:
     """Read a list of moves; None is the one that comes with the tool. Raises BadInputError."""
     source = path or SHIPPED
     try:
-        plan = msgspec.convert(tomllib.loads(source.read_text(encoding="utf-8")), Plan)
+        plan = msgspec.convert(tomllib.loads(source.read_text(encoding="utf-8")), IncliningPlan)
     except OSError as error:
-        raise BadInputError(
+        raise InputError(
             f"--moves {path}: {error.strerror}; give a TOML file of [[move]] tables"
         ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as error:
-        raise BadInputError(f"--moves {path}: {error}") from None
+        raise InputError(f"--moves {path}: {error}") from None
     if not 10.0 <= plan.duration_s <= 600.0:
-        raise BadInputError(f"--moves {path}: duration_s = {plan.duration_s:g}: expected 10 to 600")
+        raise InputError(f"--moves {path}: duration_s = {plan.duration_s:g}: expected 10 to 600")
     for number, move in enumerate(plan.move, start=1):
-        if not (0.0 <= move.mass_kg <= HEAVIEST_KG and abs(move.to_port_m) <= FARTHEST_M):
-            raise BadInputError(
+        if not (0.0 <= move.mass_kg <= MAX_MASS_KG and abs(move.to_port_m) <= MAX_OFFSET_M):
+            raise InputError(
                 f"--moves {path}: move {number}: mass_kg = {move.mass_kg:g}, to_port_m ="
-                f" {move.to_port_m:g}: expected 0 to {HEAVIEST_KG:g} kg, at most {FARTHEST_M:g} m"
+                f" {move.to_port_m:g}: expected 0 to {MAX_MASS_KG:g} kg, at most {MAX_OFFSET_M:g} m"
                 " to either side"
             )
     if len(plan.move) < 3 or len({move.mass_kg * move.to_port_m for move in plan.move}) < 2:
-        raise BadInputError(
+        raise InputError(
             f"--moves {path}: move: expected three or more, of two different moments at least"
         )
     return plan
 
 
 def measure(
-    plan: Plan,
+    plan: IncliningPlan,
     log: Path,
     prior: str,
     where: str | SimulatedVehicle,
-    watch: Callable[[Progress], None],
+    watch: Callable[[FlightProgress], None],
     announce: Callable[[str], None],
     key_file: Path | None = None,
 ) -> "Inclining":
@@ -99,15 +99,15 @@ def measure(
     from sysid.estimation import inclining_test
 
     vehicle_file = refit.read_vehicle(prior)
-    with flight.recorded(where, log, key_file=key_file) as (vehicle, recorder):
+    with flight.open_recorded_vehicle(where, log, key_file=key_file) as (vehicle, recorder):
         vehicle.connect()
-        with bench.prepared(vehicle) as before:
+        with bench.armed_without_thrust(vehicle) as before:
             recorder.attach_parameters(before | bench.PARAMETERS)
             began_s, armed_s = wall_s(), recorder.vehicle_s
             for number, move in enumerate(plan.move):
                 announce(move.in_words())
                 watch(
-                    Progress(
+                    FlightProgress(
                         number,
                         len(plan.move),
                         recorder.vehicle_s - armed_s,
@@ -116,11 +116,11 @@ def measure(
                         0.0,
                     )
                 )
-                bench.until(vehicle, recorder, armed_s + (number + 1) * plan.duration_s)
+                bench.listen_until(vehicle, recorder, armed_s + (number + 1) * plan.duration_s)
     try:
         return inclining_test.analyse(readers.read(log), plan.dated(), vehicle_file)
     except (inclining_test.InclineError, LogError) as error:
-        raise FailedError(str(error)) from None
+        raise OperationError(str(error)) from None
 
 
 def as_json(found: "Inclining", prior: str, file_z_cm_m: float) -> dict[str, Any]:
@@ -135,7 +135,7 @@ def as_json(found: "Inclining", prior: str, file_z_cm_m: float) -> dict[str, Any
     }
 
 
-def in_words(result: dict[str, Any], log: Path) -> str:
+def format_text(result: dict[str, Any], log: Path) -> str:
     """The result as a person reads it."""
     lines = ["to port, kg m   heel to starboard, deg   fitted"]
     lines += [

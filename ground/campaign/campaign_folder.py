@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from ground.campaign import prototype, refit
 from ground.client import param_file
-from ground.errors import BadInputError
+from ground.errors import InputError
 
 if TYPE_CHECKING:
     from sysid.data.dataset import Log
     from sysid.data.segments import Run
     from sysid.models.model_file import IdentifiedModel
-    from sysid.monitor.performance_spec import Promise
+    from sysid.monitor.performance_spec import PerformanceBaseline
 
 STAGES = {"initial": "baseline", "improved": "improved", "redesigned": "verification"}
 """Where the dives of each set of gains are kept; the paper's improved ones are flown where that was
@@ -37,11 +37,11 @@ class CampaignFolder:
                 (self.path / "summary.json").read_text(encoding="utf-8")
             )
         except OSError:
-            raise BadInputError(
+            raise InputError(
                 f"{self.path}: holds no summary.json; give the folder of a finished campaign"
             ) from None
         except json.JSONDecodeError as error:
-            raise BadInputError(f"{self.path / 'summary.json'}: not JSON: {error}") from None
+            raise InputError(f"{self.path / 'summary.json'}: not JSON: {error}") from None
         return found
 
     @cached_property
@@ -50,9 +50,9 @@ class CampaignFolder:
         return refit.read_model(self.path / "model.json")
 
     @cached_property
-    def promise(self) -> "Promise":
+    def promise(self) -> "PerformanceBaseline":
         """What ``param_file.param`` promises."""
-        return param_file.promised(self.path / "gains.param")
+        return param_file.require_baseline(self.path / "gains.param")
 
     @cached_property
     def asked(self) -> str:
@@ -60,7 +60,7 @@ class CampaignFolder:
         try:
             return (self.path / CAMPAIGN_FILE).read_text(encoding="utf-8")
         except OSError:
-            raise BadInputError(
+            raise InputError(
                 f"{self.path}: holds no {CAMPAIGN_FILE}; give the folder of a campaign"
             ) from None
 
@@ -71,10 +71,8 @@ class CampaignFolder:
         try:
             vehicle = tomllib.loads(self.asked)["vehicle"]
         except (tomllib.TOMLDecodeError, KeyError) as error:
-            raise BadInputError(
-                f"{self.path / CAMPAIGN_FILE}: names no vehicle ({error})"
-            ) from None
-        return prototype.known_beforehand(str(vehicle))
+            raise InputError(f"{self.path / CAMPAIGN_FILE}: names no vehicle ({error})") from None
+        return prototype.prior_file_of(str(vehicle))
 
     @cached_property
     def prior_config(self) -> Any:
@@ -96,4 +94,4 @@ class CampaignFolder:
         """The tests of one identification dive."""
         from sysid.data import segments as runs
 
-        return runs.cut(self.log("identification", mission))
+        return runs.cut_runs(self.log("identification", mission))

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 
-class Row(NamedTuple):
+class LimitRow(NamedTuple):
     limit: str
     asked: str
     reached: str
@@ -13,12 +13,15 @@ class Row(NamedTuple):
     """The loop, cut or vehicles that come closest to the limit."""
 
 
-def rows(design: Mapping[str, Any]) -> list[Row]:
+def rows(design: Mapping[str, Any]) -> list[LimitRow]:
     """``design``: as ``summary.of_design`` tells it."""
-    return [*_nominal(design["specification"], design["redesigned"]), *_of_vehicles(design)]
+    return [
+        *_nominal_rows(design["specification"], design["redesigned"]),
+        *_robustness_rows(design),
+    ]
 
 
-def in_words(design: Mapping[str, Any]) -> list[str]:
+def format_lines(design: Mapping[str, Any]) -> list[str]:
     """The rows as lines, and below them what else was held: a design that misses any of it is
     refused."""
     head = f"  {'':32s}{'asked':>9s}{'reached':>10s}"
@@ -26,10 +29,10 @@ def in_words(design: Mapping[str, Any]) -> list[str]:
         f"  {row.limit:32s}{row.asked:>9s}{row.reached:>10s}  {row.where}".rstrip()
         for row in rows(design)
     ]
-    return [head, *lines, f"  held besides: {others(design['specification'])}"]
+    return [head, *lines, f"  held besides: {describe_other_limits(design['specification'])}"]
 
 
-def others(spec: Mapping[str, Any]) -> str:
+def describe_other_limits(spec: Mapping[str, Any]) -> str:
     """Limits that a design keeps or is refused, of which there is no one figure."""
     return (
         f"a constant load gone but for {100 * spec['finish_left']:.0f} % in {spec['finish_s']:g} s,"
@@ -39,28 +42,28 @@ def others(spec: Mapping[str, Any]) -> str:
     )
 
 
-def _nominal(spec: Mapping[str, Any], reached: Mapping[str, Any]) -> Iterator[Row]:
+def _nominal_rows(spec: Mapping[str, Any], reached: Mapping[str, Any]) -> Iterator[LimitRow]:
     loop, damping = min(reached["damping"].items(), key=lambda item: item[1])
-    yield Row("damping", f">= {spec['damping']:g}", f"{damping:.2f}", loop)
+    yield LimitRow("damping", f">= {spec['damping']:g}", f"{damping:.2f}", loop)
     for name, key, digits in (("gain margin, dB", "gm_db", 1), ("phase margin, deg", "pm_deg", 0)):
         found = {cut: m[key] for cut, m in reached["margins"].items() if m[key] is not None}
         if found:
             cut, least = min(found.items(), key=lambda item: item[1])
-            yield Row(name, f">= {spec[key]:g}", f"{least:.{digits}f}", cut)
+            yield LimitRow(name, f">= {spec[key]:g}", f"{least:.{digits}f}", cut)
     cut, largest = max(
         ((cut, m["ms"]) for cut, m in reached["margins"].items()), key=lambda item: item[1]
     )
-    yield Row("largest sensitivity", f"<= {spec['ms']:g}", f"{largest:.2f}", cut)
+    yield LimitRow("largest sensitivity", f"<= {spec['ms']:g}", f"{largest:.2f}", cut)
 
 
-def _of_vehicles(design: Mapping[str, Any]) -> Iterator[Row]:
+def _robustness_rows(design: Mapping[str, Any]) -> Iterator[LimitRow]:
     spec, trust = design["specification"], design["trust"]
     limits = (
         f"GM {spec['least_gm_db']:g} dB, PM {spec['least_pm_deg']:g} deg, damping"
         f" {spec['damping']:g}"
     )
     if trust is None:
-        yield Row(
+        yield LimitRow(
             "vehicles that keep it",
             "",
             "",
@@ -70,8 +73,8 @@ def _of_vehicles(design: Mapping[str, Any]) -> Iterator[Row]:
     asked, kept = f">= {100 * spec['probability']:.0f} %", f"{100 * trust['specification']:.0f} %"
     most = f"; most others miss the {trust['worst']}" if trust["worst"] else ""
     of = f"of {trust['vehicles']} that the model allows for"
-    yield Row("vehicles that keep it", asked, kept, f"{of}: {limits}{most}")
-    yield Row(
+    yield LimitRow("vehicles that keep it", asked, kept, f"{of}: {limits}{most}")
+    yield LimitRow(
         "vehicles that keep it, relaxed",
         "",
         f"{100 * trust['relaxed']:.0f} %",

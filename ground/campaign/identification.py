@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from sysid.validation.results import Gate
 
 WIDTH = 118
-PAPERS_VEHICLE = "bench"
+PAPER_VEHICLE = "caribou_nominal"
 """The prior that is the paper's vehicle: beside it stand the paper's own columns."""
 
 
-def of_model(model: "IdentifiedModel") -> dict[str, Any]:
+def summarise_model(model: "IdentifiedModel") -> dict[str, Any]:
     """Planes, coefficients, errors on fitted and held-out runs, validation, verdict, and other
     methods beside."""
     import msgspec
@@ -71,7 +71,7 @@ def rate_errors(qualities: Any) -> dict[str, Any]:
     return found
 
 
-def in_words(model: "IdentifiedModel", out: Path) -> str:
+def format_text(model: "IdentifiedModel", out: Path) -> str:
     """The model as tables: what control rests on, the gates, other methods beside, and the
     verdict."""
     kept, held_out = sum(run.kept for run in model.screening), len(model.held_out)
@@ -106,7 +106,7 @@ def in_words(model: "IdentifiedModel", out: Path) -> str:
             "[bold]gates; a figure in brackets is a remark and does not decide",
             _gates(model.verdict.gates),
         ]
-    return _rendered([*lines, *verdict_lines(model)])
+    return _render([*lines, *verdict_lines(model)])
 
 
 def verdict_lines(model: "IdentifiedModel") -> list[str]:
@@ -121,13 +121,15 @@ def verdict_lines(model: "IdentifiedModel") -> list[str]:
     return lines
 
 
-def _way(method: str) -> str:
+def _method_name(method: str) -> str:
     return "the paper's way" if method == "paper" else method
 
 
 def _numbers(model: "IdentifiedModel") -> "Table":
     rivals = [(rival.method, rival.planes) for rival in model.beside]
-    table = _table("plane", "", f"{model.method}", "1 sd", *(_way(method) for method, _ in rivals))
+    table = _table(
+        "plane", "", f"{model.method}", "1 sd", *(_method_name(method) for method, _ in rivals)
+    )
     for plane, found in model.planes.items():
         for name in found.__struct_fields__:
             estimate = getattr(found, name)
@@ -146,7 +148,7 @@ def _errors(model: "IdentifiedModel") -> "Table":
         "runs",
         "first principles",
         model.method,
-        *(_way(rival.method) for rival in model.beside),
+        *(_method_name(rival.method) for rival in model.beside),
     )
     for what, of in (("fitted", "fit_quality"), ("held out", "held_out")):
         ours = rate_errors(getattr(model, of))
@@ -170,7 +172,7 @@ def _coefficients(model: "IdentifiedModel") -> "Table":
     same runs."""
     from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 
-    columns = (TABLE_1_INITIAL, TABLE_1_ADJUSTED) if model.vehicle.prior == PAPERS_VEHICLE else ()
+    columns = (TABLE_1_INITIAL, TABLE_1_ADJUSTED) if model.vehicle.prior == PAPER_VEHICLE else ()
     heads = ("paper, initial", "paper, adjusted")[: len(columns)]
     table = _table(
         "",
@@ -180,7 +182,7 @@ def _coefficients(model: "IdentifiedModel") -> "Table":
         "1 sd",
         "shrink",
         "",
-        *(_way(rival.method) for rival in model.beside),
+        *(_method_name(rival.method) for rival in model.beside),
         "unit",
     )
     for name, c in model.coefficients.items():
@@ -197,13 +199,13 @@ def _coefficients(model: "IdentifiedModel") -> "Table":
 def _gates(gates: Sequence["Gate"]) -> "Table":
     """One row a gate, one column a plane; what is not required is a remark, in brackets."""
     table = _table("", "yaw", "pitch", "limit", "")
-    for (name, limit), row in _by_name(gates).items():
+    for (name, limit), row in _gates_by_name(gates).items():
         failed = [
             "remark" if not gate.required else "FAILED" for gate in row.values() if not gate.passed
         ]
-        cells = [_figure(row[p]) if p in row else "" for p in ("yaw", "pitch")]
+        cells = [_format_value(row[p]) if p in row else "" for p in ("yaw", "pitch")]
         if None in row:
-            cells[0] = _figure(row[None])
+            cells[0] = _format_value(row[None])
         table.add_row(
             name,
             *cells,
@@ -213,7 +215,7 @@ def _gates(gates: Sequence["Gate"]) -> "Table":
     return table
 
 
-def _by_name(gates: Sequence["Gate"]) -> dict[tuple[str, str], dict[str | None, "Gate"]]:
+def _gates_by_name(gates: Sequence["Gate"]) -> dict[tuple[str, str], dict[str | None, "Gate"]]:
     rows: dict[tuple[str, str], dict[str | None, Gate]] = {}
     for name in dict.fromkeys(gate.name for gate in gates):
         same: dict[str | None, Gate] = {gate.plane: gate for gate in gates if gate.name == name}
@@ -223,7 +225,7 @@ def _by_name(gates: Sequence["Gate"]) -> dict[tuple[str, str], dict[str | None, 
     return rows
 
 
-def _figure(gate: "Gate") -> str:
+def _format_value(gate: "Gate") -> str:
     value = "not known" if gate.value is None else f"{gate.value:.3g}"
     return value if gate.required else f"({value})"
 
@@ -240,7 +242,7 @@ def _table(*heads: str) -> "Table":
     return table
 
 
-def _rendered(parts: Sequence["RenderableType"]) -> str:
+def _render(parts: Sequence["RenderableType"]) -> str:
     """As text; in colour where stdout is a terminal."""
     from rich.console import Console
 

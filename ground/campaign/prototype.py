@@ -2,12 +2,12 @@
 
 from typing import TYPE_CHECKING, Any
 
-from ground.errors import BadInputError, FailedError
+from ground.errors import InputError, OperationError
 
 if TYPE_CHECKING:
-    from sysid.design.initial import Prototype
+    from sysid.design.initial import InitialDesign
 
-CARIBOU = ("field", "bench")
+CARIBOU = ("caribou_truth", "caribou_nominal")
 """Vehicles for which the autopilot's defaults, the paper's prototype controller, were made."""
 
 TRIM_LEARNING = {"TRIM_AUTO_S": 10.0}
@@ -18,7 +18,7 @@ of rudder bias are carried within a minute.
 """
 
 
-def parameters_for(vehicle: str) -> dict[str, float]:
+def first_dive_parameters(vehicle: str) -> dict[str, float]:
     """What to set before a simulated vehicle's first dive: nothing for Caribou. Raises as
     ``design``."""
     return {} if vehicle in CARIBOU else design(vehicle).parameters
@@ -32,12 +32,12 @@ def trim_learning_for(vehicle: str) -> dict[str, float]:
     return dict(TRIM_LEARNING) if vehicle in CARIBOU else {}
 
 
-def known_beforehand(vehicle: str) -> str:
+def prior_file_of(vehicle: str) -> str:
     """The vehicle file that an engineer would have of a simulated vehicle."""
-    return "bench" if vehicle in CARIBOU else vehicle
+    return "caribou_nominal" if vehicle in CARIBOU else vehicle
 
 
-def design(vehicle: str) -> "Prototype":
+def design(vehicle: str) -> "InitialDesign":
     """The prototype controller of a vehicle file.
 
     Raises:
@@ -45,22 +45,23 @@ def design(vehicle: str) -> "Prototype":
         FailedError: no gains make this vehicle behave.
     """
     from sysid.design import initial
-    from sysid.design.pid import DesignRefused
-    from sysid.refit import VehicleError
+    from sysid.design.pid import DesignInfeasibleError
+    from sysid.refit import VehicleFileError
 
-    if vehicle == "field":
-        raise BadInputError(
-            "vehicle 'field': is the simulated truth; give bench, or a vehicle file"
+    if vehicle == "caribou_truth":
+        raise InputError(
+            "vehicle 'caribou_truth': is the simulated truth; "
+            "give caribou_nominal, or a vehicle file"
         )
     try:
-        return initial.prototype(vehicle)
-    except DesignRefused as refusal:
-        raise FailedError(f"{vehicle}: {refusal}") from None
-    except VehicleError as error:
-        raise BadInputError(str(error)) from None
+        return initial.design_initial_gains(vehicle)
+    except DesignInfeasibleError as refusal:
+        raise OperationError(f"{vehicle}: {refusal}") from None
+    except VehicleFileError as error:
+        raise InputError(str(error)) from None
 
 
-def in_words(found: "Prototype") -> str:
+def format_text(found: "InitialDesign") -> str:
     """Every parameter with its reason; how the loops stand; and Table 3's initial column beside
     them."""
     lines = [
@@ -75,7 +76,8 @@ def in_words(found: "Prototype") -> str:
     for loop, low in found.held.items():
         own = found.stands[loop]
         lines.append(
-            f"  {loop:8s}{own.damping:7.2f}{low.damping:7.2f}{own.gm_db:11.1f}{low.gm_db:7.1f}{own.pm_deg:13.0f}{low.pm_deg:7.0f}"
+            f"  {loop:8s}{own.damping:7.2f}{low.damping:7.2f}{own.gm_db:11.1f}{low.gm_db:7.1f}"
+            f"{own.pm_deg:13.0f}{low.pm_deg:7.0f}"
             f"   {100 * low.stable:.0f} % of {low.vehicles} stable"
         )
     lines += [
@@ -88,7 +90,7 @@ def in_words(found: "Prototype") -> str:
     return "\n".join(lines)
 
 
-def as_json(found: "Prototype") -> dict[str, Any]:
+def as_json(found: "InitialDesign") -> dict[str, Any]:
     return {
         "parameters": found.parameters,
         "reasons": found.reasons,

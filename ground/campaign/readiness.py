@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ground.campaign import prototype
-from ground.errors import BAD_INPUT, BadInputError, FailedError
+from ground.errors import BAD_INPUT, InputError, OperationError
 from ground.missions import plans, script
 
 CLEARANCE_M = 3.0
@@ -25,18 +25,18 @@ def scenario_content(scenario: str) -> dict[str, Any]:
         return content
     lines = done.stderr.strip().splitlines() or ["no reason given"]
     message = lines[-1].removeprefix("sitl: ")
-    raise BadInputError(message) if done.returncode == BAD_INPUT else FailedError(message)
+    raise InputError(message) if done.returncode == BAD_INPUT else OperationError(message)
 
 
-def refuse_scenario(scenario: str, content: Mapping[str, Any], missions: Sequence[str]) -> None:
+def check_scenario(scenario: str, content: Mapping[str, Any], missions: Sequence[str]) -> None:
     """Raise BadInputError where the vehicle is clamped, or a flat floor too near to a leg."""
     if content["rig"]["clamped"]:
-        raise BadInputError(f"--scenario {scenario}: rig.clamped = true: the vehicle cannot fly")
+        raise InputError(f"--scenario {scenario}: rig.clamped = true: the vehicle cannot fly")
     floor = content["floor"]
     legs = [(step.depth_m or 0.0, name) for name in missions for step in script.load(name).step]
     deepest_m, mission = max(legs)
     if not floor["file"] and not floor["slope_deg"] and floor["depth_m"] < deepest_m + CLEARANCE_M:
-        raise BadInputError(
+        raise InputError(
             f"--scenario {scenario}: floor.depth_m = {floor['depth_m']:g}: the mission {mission} "
             f"dives to {deepest_m:g} m; expected at least {deepest_m + CLEARANCE_M:g}"
         )
@@ -57,13 +57,13 @@ def first_parameters(
 
     try:
         parameters = prototype.design(vehicle).parameters
-    except FailedError as error:
-        raise BadInputError(f"--vehicle {vehicle}: no first gains: {error}") from None
+    except OperationError as error:
+        raise InputError(f"--vehicle {vehicle}: no first gains: {error}") from None
     items = {name: plans.load_items(name) for name in missions}
     prior = refit.vehicle_file(vehicle)
-    found = readiness.obstacle(prior, parameters, _moments(content), items, SEED)
+    found = readiness.find_obstacle(prior, parameters, _moments(content), items, SEED)
     if found is not None:
-        raise BadInputError(
+        raise InputError(
             f"--vehicle {vehicle}: cannot complete a campaign in scenario {scenario}: "
             f"{found.where}, rehearsed with the vehicle file: {found.reason}"
         )

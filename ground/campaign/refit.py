@@ -9,19 +9,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ground.errors import BadInputError, FailedError
+from ground.errors import InputError, OperationError
 
 if TYPE_CHECKING:
     from sysid.data.dataset import Log
-    from sysid.data.segments import Mark
-    from sysid.design.lqg import LawDesign
+    from sysid.data.segments import MarkedInterval
+    from sysid.design.lqg import LqgDesign
     from sysid.design.pid import Design, Spec
     from sysid.models.model_file import IdentifiedModel
-    from sysid.monitor import Kept
-    from sysid.monitor.performance_spec import Promise
+    from sysid.monitor import MonitorReport
+    from sysid.monitor.performance_spec import PerformanceBaseline
 
 Method = Literal["map", "paper", "output-error", "filter-error"]
-LARGEST_TRIM_DEG = 15.0
+MAX_TRIM_DEG = 15.0
 
 
 def initial_gains() -> dict[str, float]:
@@ -50,7 +50,7 @@ def measure_trims(path: Path, window_s: float) -> dict[str, float]:
     log = read_log(path)
     ends = [event.time_s for event in log.events if event.text == "Mode SURFACE"]
     if not ends:
-        raise FailedError(f"{path}: the mission did not end with the vehicle surfacing")
+        raise OperationError(f"{path}: the mission did not end with the vehicle surfacing")
     time_s = log.actuators.time_s
     window = (time_s > ends[0] - window_s) & (time_s <= ends[0])
     trims = {
@@ -58,10 +58,9 @@ def measure_trims(path: Path, window_s: float) -> dict[str, float]:
         "TRIM_ELE_DEG": float(np.degrees(np.mean(log.actuators.elevator_rad[window]))),
     }
     for name, value in trims.items():
-        if not abs(value) < LARGEST_TRIM_DEG:
-            raise FailedError(
-                f"{path}: {name} would be {value:.1f} deg, beyond the duct's"
-                f" {LARGEST_TRIM_DEG:g} deg"
+        if not abs(value) < MAX_TRIM_DEG:
+            raise OperationError(
+                f"{path}: {name} would be {value:.1f} deg, beyond the duct's {MAX_TRIM_DEG:g} deg"
             )
     return {name: round(value, 3) for name, value in trims.items()}
 
@@ -69,7 +68,7 @@ def measure_trims(path: Path, window_s: float) -> dict[str, float]:
 def refit(
     paths: Sequence[Path],
     held_out: Sequence[Path] = (),
-    prior: str = "bench",
+    prior: str = "caribou_nominal",
     method: Method = "map",
     progress: Callable[[str, float], None] | None = None,
     marked: Sequence[str] = (),
@@ -89,14 +88,14 @@ def refit(
     from sysid import refit as fitting
     from sysid.data.readers import servo_channels as chosen
 
-    with _translated():
+    with _translate_errors():
         model = fitting.refit(
             list(paths),
             prior=prior,
             method=method,
             held_out=list(held_out),
             progress=progress,
-            marks=[_mark(text) for text in marked],
+            marks=[_parse_mark(text) for text in marked],
             outputs=chosen.parse(outputs),
             beside=beside,
             tailcone=tailcone,
@@ -104,24 +103,24 @@ def refit(
         )
     if model.convergence.failures and not force:
         reasons = "; ".join(model.convergence.failures)
-        raise FailedError(
+        raise OperationError(
             f"the fit failed: {reasons}; `ground refit --force` writes it all the same"
         )
     return model
 
 
-def _mark(text: str) -> "Mark":
+def _parse_mark(text: str) -> "MarkedInterval":
     """A test by hand, ``[LOG:]START..STOP:rudder`` or ``:elevator``, in seconds of the log's own
     time."""
-    from sysid.data.segments import Mark
+    from sysid.data.segments import MarkedInterval
 
     found = re.fullmatch(r"(?:(.+):)?(\d+\.?\d*)\.\.(\d+\.?\d*):(rudder|elevator)", text)
     if found is None:
-        raise BadInputError(
+        raise InputError(
             f"--run {text}: give [LOG:]START..STOP:rudder or :elevator, in seconds of the log's"
             " time"
         )
-    return Mark(
+    return MarkedInterval(
         float(found[2]), float(found[3]), "yaw" if found[4] == "rudder" else "pitch", found[1] or ""
     )
 
@@ -143,33 +142,33 @@ def redesign(
     """
     from sysid.design import pid
 
-    _refuse_unfit(model, "redesign", force)
-    with _translated():
+    _check_fit_for_redesign(model, "redesign", force)
+    with _translate_errors():
         spec, vehicle = spec or specification(model, prior), read_vehicle(prior) if prior else None
-        return pid.redesign(model, spec, vehicle, _gains_before(model, prior))
+        return pid.redesign(model, spec, vehicle, _initial_gains_of(model, prior))
 
 
-def laws(
+def redesign_lqg(
     model: "IdentifiedModel",
     spec: "Spec | None" = None,
     prior: str | None = None,
     *,
     force: bool = False,
-) -> "LawDesign":
+) -> "LqgDesign":
     """LQG laws for a model; otherwise as ``redesign``."""
     from sysid.design import lqg
 
-    _refuse_unfit(model, "laws", force)
-    with _translated():
-        return lqg.design_laws(
-            model, spec, read_vehicle(prior) if prior else None, _gains_before(model, prior)
+    _check_fit_for_redesign(model, "laws", force)
+    with _translate_errors():
+        return lqg.design_lqg(
+            model, spec, read_vehicle(prior) if prior else None, _initial_gains_of(model, prior)
         )
 
 
-def _refuse_unfit(model: "IdentifiedModel", command: str, force: bool) -> None:
+def _check_fit_for_redesign(model: "IdentifiedModel", command: str, force: bool) -> None:
     if not force and (model.verdict is None or not model.verdict.fit_for_redesign):
         advice = f"fly what it asks for, or `ground {command} --force`"
-        raise FailedError(f"the model is not fit for redesign: {_reasons(model)}; {advice}")
+        raise OperationError(f"the model is not fit for redesign: {_reasons(model)}; {advice}")
 
 
 def specification(model: "IdentifiedModel", prior: str | None = None) -> "Spec":
@@ -181,26 +180,26 @@ def specification(model: "IdentifiedModel", prior: str | None = None) -> "Spec":
     """
     from sysid.design.pid import Spec
 
-    vehicle = _known_vehicle(model, prior)
+    vehicle = _vehicle_file_of(model, prior)
     if vehicle is None:
         return Spec()
     tail = read_vehicle(vehicle).tailcone
     return Spec(travel_deg=tail.travel_deg, rate_degps=tail.rate_degps)
 
 
-def _known_vehicle(model: "IdentifiedModel", prior: str | None) -> str | None:
+def _vehicle_file_of(model: "IdentifiedModel", prior: str | None) -> str | None:
     """The vehicle file behind a model; None where it is not shipped and nobody gives it."""
     from sysid.refit import SHIPPED
 
     return prior or (model.vehicle.prior if model.vehicle.prior in SHIPPED else None)
 
 
-def _gains_before(model: "IdentifiedModel", prior: str | None) -> dict[str, float]:
+def _initial_gains_of(model: "IdentifiedModel", prior: str | None) -> dict[str, float]:
     """What the vehicle flew with first: Table 3's gains on Caribou, on others the prototype of
     their file."""
     from ground.campaign import prototype
 
-    vehicle, table_3 = _known_vehicle(model, prior), initial_gains()
+    vehicle, table_3 = _vehicle_file_of(model, prior), initial_gains()
     if vehicle is None or vehicle in prototype.CARIBOU:
         return table_3
     first = prototype.design(vehicle).parameters
@@ -218,7 +217,7 @@ def read_log(path: Path) -> "Log":
     """Read a log for identification. Raises BadInputError."""
     from sysid.data import readers
 
-    with _translated():
+    with _translate_errors():
         return readers.read(path)
 
 
@@ -233,38 +232,38 @@ def tracking(log: "Log") -> dict[str, Any]:
 
     found = tracking_metrics.tracking(log)
     if found is None:
-        raise FailedError(f"{log.name}: no stretch of constant set-points outlasts its settling")
-    plain: dict[str, Any] = _plain(found)
+        raise OperationError(f"{log.name}: no stretch of constant set-points outlasts its settling")
+    plain: dict[str, Any] = _to_plain(found)
     return plain
 
 
-def kept(log: "Log", promise: "Promise") -> "Kept":
+def monitor_log(log: "Log", promise: "PerformanceBaseline") -> "MonitorReport":
     """How a dive kept what her gains promise."""
     from sysid import monitor
 
-    return monitor.of_log(log, promise)
+    return monitor.monitor_log(log, promise)
 
 
 def read_model(path: Path) -> "IdentifiedModel":
     """Read a model file. Raises BadInputError."""
     from sysid.models import model_file as model
 
-    with _translated():
+    with _translate_errors():
         return model.read(path)
 
 
-def digest(path: Path) -> str:
+def sha256_of_model(path: Path) -> str:
     """By which gains name the model in a file. Raises BadInputError."""
     from sysid.models import model_file as model
 
-    return model.digest(read_model(path))
+    return model.sha256_of_model(read_model(path))
 
 
 def read_vehicle(prior: str) -> Any:
     """What a vehicle file tells beforehand, as sysid takes it. Raises BadInputError."""
     from sysid import refit as fitting
 
-    with _translated():
+    with _translate_errors():
         return fitting.vehicle_file(prior)
 
 
@@ -276,34 +275,34 @@ def write_model(model: "IdentifiedModel", path: Path) -> None:
 
 
 @contextmanager
-def _translated() -> Iterator[None]:
+def _translate_errors() -> Iterator[None]:
     """sysid's refusals as this tool's: wrong files are bad input, a missed specification is failed
     work."""
     from numpy.linalg import LinAlgError
 
     from sysid.data.dataset import LogError
-    from sysid.design.pid import DesignRefused
+    from sysid.design.pid import DesignInfeasibleError
     from sysid.models.model_file import ModelError
     from sysid.refit import (
-        AshoreError,
+        BenchResultError,
         FitFailedError,
         NotUniqueError,
         RefitError,
-        VehicleError,
+        VehicleFileError,
     )
 
     try:
         yield
     except LinAlgError as error:
-        raise FailedError(f"the model is singular: {error}; fly more tests and refit") from None
-    except (AshoreError, LogError, ModelError, RefitError, VehicleError) as error:
-        raise BadInputError(str(error)) from None
-    except (DesignRefused, FitFailedError, NotUniqueError) as error:
-        raise FailedError(str(error)) from None
+        raise OperationError(f"the model is singular: {error}; fly more tests and refit") from None
+    except (BenchResultError, LogError, ModelError, RefitError, VehicleFileError) as error:
+        raise InputError(str(error)) from None
+    except (DesignInfeasibleError, FitFailedError, NotUniqueError) as error:
+        raise OperationError(str(error)) from None
 
 
-def _plain(value: Any) -> Any:
+def _to_plain(value: Any) -> Any:
     """Named tuples as dictionaries, all the way down."""
     if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        return {name: _plain(part) for name, part in value._asdict().items()}
-    return [_plain(part) for part in value] if isinstance(value, tuple) else value
+        return {name: _to_plain(part) for name, part in value._asdict().items()}
+    return [_to_plain(part) for part in value] if isinstance(value, tuple) else value

@@ -21,10 +21,10 @@ from typing import Any, NamedTuple
 from ground.campaign import prototype, readiness, refit, summary
 from ground.campaign.campaign_folder import CAMPAIGN_FILE, STAGES, CampaignFolder
 from ground.campaign.worker import Worker
-from ground.client.flight import Dive, Outcome, Progress, fly_simulated
-from ground.errors import BadInputError, FailedError
+from ground.client.flight import Dive, FlightProgress, FlightResult, fly_simulated
+from ground.errors import InputError, OperationError
 from ground.simulation.processes import SimulatedVehicle, Simulation
-from ground.simulation.subprocesses import Forked, cores
+from ground.simulation.subprocesses import ForkedProcess, cores
 from mavlink_io.clock import wall_s
 
 TRIM_MISSION = "trim"
@@ -44,11 +44,11 @@ DIVES = {
 """Missions by the folder in which their logs are kept."""
 RESULTS = ("report.html", "summary.json")
 """Files that only a campaign which came to its end has."""
-AT_ONCE = 2
+PARALLEL_DIVES = 2
 """Dives and computations that go on at the same time: each keeps about one core busy."""
 TRIM_WINDOW_S = 60.0
 """The end of the trim mission over which the commands are averaged."""
-COMPUTING = (
+PRELOADED_MODULES = (
     "sysid.refit",
     "sysid.design.pid",
     "sysid.data.readers",
@@ -58,11 +58,11 @@ COMPUTING = (
 _PACKAGES = ("numpy", "scipy", "numba", "control", "mcap", "pymavlink")
 
 
-class Request(NamedTuple):
+class CampaignRequest(NamedTuple):
     """What is asked of a campaign."""
 
     out: Path
-    vehicle: str = "field"
+    vehicle: str = "caribou_truth"
     scenario: str = "disturbed"
     seed: int = 1
     speed: str = "max"
@@ -72,16 +72,16 @@ class Request(NamedTuple):
     """Replace the campaign that the folder holds."""
 
 
-Watch = Callable[[str, Progress], None]
+WatchCallback = Callable[[str, FlightProgress], None]
 """Gets the name of a dive and where it stands."""
-Announce = Callable[[str], None]
+AnnounceCallback = Callable[[str], None]
 """Gets what begins now, in words."""
 
 
-def _cores_of_places() -> SimpleQueue[int | None]:
+def _worker_slots() -> SimpleQueue[int | None]:
     found, places = cores(), SimpleQueue[int | None]()
-    for place in range(AT_ONCE):
-        places.put(found[place] if len(found) == AT_ONCE else None)
+    for place in range(PARALLEL_DIVES):
+        places.put(found[place] if len(found) == PARALLEL_DIVES else None)
     return places
 
 
@@ -89,12 +89,12 @@ def _cores_of_places() -> SimpleQueue[int | None]:
 class Campaign:
     """One campaign under way."""
 
-    request: Request
-    watch: Watch
-    announce: Announce
-    outcomes: dict[str, Outcome] = field(default_factory=dict)
+    request: CampaignRequest
+    watch: WatchCallback
+    announce: AnnounceCallback
+    outcomes: dict[str, FlightResult] = field(default_factory=dict)
     _afloat: list[SimulatedVehicle] = field(default_factory=list)
-    _cores: SimpleQueue[int | None] = field(default_factory=_cores_of_places)
+    _cores: SimpleQueue[int | None] = field(default_factory=_worker_slots)
     _lock: Lock = field(default_factory=Lock)
     _cancelled: bool = False
     _prepared: bool = False
@@ -120,7 +120,7 @@ class Campaign:
             trims = self._measure_trims(places, worker, first)
             gains = self._first_gains(first, trims)
             self.announce("flying the tests with the initial gains")
-            _finish(self._begin(places, "identification", IDENTIFICATION, gains["initial"]))
+            _finish_dives(self._begin(places, "identification", IDENTIFICATION, gains["initial"]))
             self.announce(
                 f"refitting the model; flying the missions with the {' and the '.join(gains)} gains"
             )
@@ -137,7 +137,7 @@ class Campaign:
                 **_beside(design["gains"], gains["initial"]),
                 **trims,
             }
-            _finish(
+            _finish_dives(
                 [
                     *missions,
                     *self._begin(places, STAGES["redesigned"], MISSIONS, gains["redesigned"]),
@@ -168,11 +168,11 @@ class Campaign:
         """
         vehicle, scenario = self.request.vehicle, self.request.scenario
         content = readiness.scenario_content(scenario)
-        readiness.refuse_scenario(scenario, content, ALL_MISSIONS)
+        readiness.check_scenario(scenario, content, ALL_MISSIONS)
         if vehicle in prototype.CARIBOU:
             return refit.initial_gains()
         if self.request.beside_paper:
-            raise BadInputError(
+            raise InputError(
                 f"--beside-paper: the paper's gains are for Caribou; leave it out for {vehicle}"
             )
         self.announce("designing the first gains; rehearsing the missions with the vehicle file")
@@ -202,7 +202,7 @@ class Campaign:
         self, places: Executor, worker: Worker, first: Mapping[str, float]
     ) -> dict[str, float]:
         self.announce("prototype flight: measuring the trims")
-        _finish(self._begin(places, "prototype", (TRIM_MISSION,), first))
+        _finish_dives(self._begin(places, "prototype", (TRIM_MISSION,), first))
         return worker.call(
             refit.measure_trims, self.folder.log_path("prototype", TRIM_MISSION), TRIM_WINDOW_S
         )
@@ -228,7 +228,7 @@ class Campaign:
                 dive, self._launch(mission, core), lambda at: self.watch(name, at)
             )
         if outcome.failsafes:
-            raise FailedError(f"{name}: {outcome.failsafes[0]}")
+            raise OperationError(f"{name}: {outcome.failsafes[0]}")
         self.outcomes[name] = outcome
 
     @contextmanager
@@ -248,9 +248,9 @@ class Campaign:
         r = self.request
         with self._lock:
             if self._cancelled:
-                raise FailedError("cancelled")
+                raise OperationError("cancelled")
             simulation = Simulation(r.vehicle, r.scenario, dive_seed(r.seed, mission), r.speed)
-            simulated = SimulatedVehicle(simulation, start=partial(Forked, core=core))
+            simulated = SimulatedVehicle(simulation, start=partial(ForkedProcess, core=core))
             self._afloat.append(simulated)
         return simulated
 
@@ -259,8 +259,8 @@ class Campaign:
         """Places for dives and computations, and who computes; in the end all are free, whatever
         was under way."""
         with ExitStack() as stack:
-            places = stack.enter_context(ThreadPoolExecutor(AT_ONCE))
-            worker = stack.enter_context(Worker(COMPUTING))
+            places = stack.enter_context(ThreadPoolExecutor(PARALLEL_DIVES))
+            worker = stack.enter_context(Worker(PRELOADED_MODULES))
             stack.callback(self._stop_all)
             stack.callback(places.shutdown, wait=False, cancel_futures=True)
             yield places, worker
@@ -277,13 +277,13 @@ def dive_seed(seed: int, mission: str) -> int:
     return seed * 1000 + (TRIM_MISSION, *MISSIONS, *FITTED, *HELD_OUT).index(mission)
 
 
-def refuse_folder(request: Request) -> None:
+def refuse_folder(request: CampaignRequest) -> None:
     """Raise BadInputError where the folder cannot take this campaign: a file, other files, or a
     campaign to keep."""
     out = request.out
     if out.is_dir():
         if any(out.iterdir()) and not (out / CAMPAIGN_FILE).is_file():
-            raise BadInputError(
+            raise InputError(
                 f"--out {out}: holds files that are no campaign; give a new or an empty folder"
             )
         if (out / CAMPAIGN_FILE).is_file() and not request.force:
@@ -293,15 +293,15 @@ def refuse_folder(request: Request) -> None:
                 else "an interrupted"
             )
             logs = sum(path.suffix == ".mcap" for path in _campaign_files(out))
-            raise BadInputError(
+            raise InputError(
                 f"--out {out}: holds {state} campaign ({logs} logs); give a new folder, or --force"
                 " to replace it"
             )
     elif out.exists():
-        raise BadInputError(f"--out {out}: is a file; give a folder")
+        raise InputError(f"--out {out}: is a file; give a folder")
 
 
-def prepare_folder(request: Request) -> None:
+def prepare_folder(request: CampaignRequest) -> None:
     """Make the campaign folder, remove the campaign that it replaces, and note what was asked.
 
     Files that no campaign writes stay. Raises BadInputError as ``refuse_folder``.
@@ -329,7 +329,7 @@ def _campaign_files(out: Path) -> list[Path]:
     return [path for path in (*logs, *results) if path.is_file() or path.is_symlink()]
 
 
-def _campaign_toml(request: Request) -> str:
+def _campaign_toml(request: CampaignRequest) -> str:
     asked = request._asdict()
     lines = [
         f"{key} = {json.dumps(value)}"
@@ -366,7 +366,7 @@ def _design(folder: CampaignFolder) -> dict[str, Any]:
     """Write ``gains.param``; returns what there is to tell of them."""
     design = refit.redesign(folder.model, prior=folder.prior)
     design.write_params(folder.path / "gains.param")
-    return summary.of_design(design)
+    return summary.summarise_design(design)
 
 
 def _report(folder: CampaignFolder) -> None:
@@ -376,7 +376,7 @@ def _report(folder: CampaignFolder) -> None:
     page.write(folder)
 
 
-def _finish(dives: Sequence[Future[None]]) -> None:
+def _finish_dives(dives: Sequence[Future[None]]) -> None:
     """Wait for the dives, or raise what makes the first of them fail."""
     done, _ = wait(dives, return_when=FIRST_EXCEPTION)
     for dive in done:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ground.errors import BadInputError
+from ground.errors import InputError
 
 if TYPE_CHECKING:
     from sysid.design.pid import Spec
@@ -51,7 +51,7 @@ def read(
     table = _table(file) if file else {}
     unknown = next((name for name in table if name not in BOUNDS), None)
     if unknown:
-        raise BadInputError(
+        raise InputError(
             f"{file}: {unknown}: there is no such limit; there are {', '.join(BOUNDS)}"
         )
     given = {name: value for name, value in options.items() if value is not None}
@@ -66,13 +66,13 @@ def _table(file: Path) -> dict[str, object]:
     try:
         return tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
-        raise BadInputError(f"{file}: {error.strerror}") from None
+        raise InputError(f"{file}: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BadInputError(f"{file}: not TOML: {error}") from None
+        raise InputError(f"{file}: not TOML: {error}") from None
 
 
 def _number(where: str, name: str, value: object) -> float:
     low, high = BOUNDS[name]
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise BadInputError(f"{where} {value}: must be a number from {low:g} to {high:g}")
+        raise InputError(f"{where} {value}: must be a number from {low:g} to {high:g}")
     return float(value)

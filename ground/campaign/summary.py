@@ -27,22 +27,22 @@ def build(
     """Model, design and flights of a campaign, every quantity with its unit in its name.
 
     Args:
-        design: as ``of_design`` tells it.
+        design: as ``summarise_design`` tells it.
         gains: what was flown by set, as in ``STAGES``.
     """
     tracking = {mission: _tracking(folder, mission, list(gains)) for mission in missions}
     return {
         "trims": dict(trims),
         "gains": {name: dict(values) for name, values in gains.items()},
-        "model": identification.of_model(folder.model),
+        "model": identification.summarise_model(folder.model),
         "design": dict(design),
         "tracking": tracking,
-        "kept": {mission: _kept(folder, mission) for mission in missions},
+        "kept": {mission: _monitoring(folder, mission) for mission in missions},
         "steady_error": _steady(tracking["straight_run"]),
     }
 
 
-def of_design(design: "Design") -> dict[str, Any]:
+def summarise_design(design: "Design") -> dict[str, Any]:
     """Margins, poles and predicted errors of the initial and the redesigned gains on the identified
     model."""
     return {
@@ -50,7 +50,9 @@ def of_design(design: "Design") -> dict[str, Any]:
         "initial": {**_analysis(design.initial_analysis), "predicted": design.initial._asdict()},
         "gains": dict(design.gains),
         "reasons": dict(design.reasons),
-        "specification": {name: _finite(limit) for name, limit in design.spec._asdict().items()},
+        "specification": {
+            name: _finite_or_none(limit) for name, limit in design.spec._asdict().items()
+        },
         "trust": design.trust and design.trust._asdict(),
         "foretold": {
             name: {"mean": e.mean, "rms": e.rms, "p95": e.p95}
@@ -60,7 +62,7 @@ def of_design(design: "Design") -> dict[str, Any]:
     }
 
 
-def in_words(summary: Mapping[str, Any], out: Path) -> str:
+def format_text(summary: Mapping[str, Any], out: Path) -> str:
     """The result of a campaign in a few lines."""
     steady = summary["steady_error"]
     paper = {"heading_deg": "2.5 -> 2.0", "pitch_deg": "10 -> 2.5", "depth_m": "0.50 -> 0.10"}
@@ -75,7 +77,7 @@ def in_words(summary: Mapping[str, Any], out: Path) -> str:
     gains = ", ".join(f"{n} {v:.4g}" for n, v in summary["design"]["gains"].items())
     lines += [
         f"gains {gains}",
-        *_broken_promises(summary["kept"]),
+        *_performance_warnings(summary["kept"]),
         (
             f"{summary['vehicle_s']:.0f} s of vehicle time in {summary['wall_s']:.1f} s,"
             f" {summary['messages']} messages, {summary['lost_frames']} lost"
@@ -85,7 +87,7 @@ def in_words(summary: Mapping[str, Any], out: Path) -> str:
     return "\n".join(lines)
 
 
-def design_in_words(design: "Design", out: Path) -> str:
+def format_design(design: "Design", out: Path) -> str:
     """The gains with their reasons."""
     lines = [
         f"{out}:",
@@ -93,7 +95,7 @@ def design_in_words(design: "Design", out: Path) -> str:
     ]
     lines += [
         "on the identified model:",
-        *design_summary.in_words(of_design(design)),
+        *design_summary.format_lines(summarise_design(design)),
         "foretold in the sea of the tests, 95 %:",
     ]
     lines += [
@@ -103,7 +105,7 @@ def design_in_words(design: "Design", out: Path) -> str:
     return "\n".join(lines)
 
 
-def _broken_promises(kept: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def _performance_warnings(kept: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """A line for each mission and likely cause; one that says so where there is none."""
     lines = [
         f"{mission}: {'REFIT DUE: ' if cause['refit_due'] else ''}{cause['words']}"
@@ -132,20 +134,21 @@ def _analysis(found: "Analysis") -> dict[str, Any]:
             loop: [[p.real, p.imag] for p in poles] for loop, poles in found.shown.items()
         },
         "margins": {
-            cut: {k: _finite(v) for k, v in m._asdict().items()} for cut, m in found.margins.items()
+            cut: {k: _finite_or_none(v) for k, v in m._asdict().items()}
+            for cut, m in found.margins.items()
         },
     }
 
 
-def _finite(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     """A number that JSON can hold; None for infinity: no margin to lose, or no limit."""
     return value if math.isfinite(value) else None
 
 
-def _kept(folder: CampaignFolder, mission: str) -> dict[str, Any]:
+def _monitoring(folder: CampaignFolder, mission: str) -> dict[str, Any]:
     """Whether the redesigned gains kept their promise."""
     return monitor_view.as_json(
-        refit.kept(folder.log(STAGES["redesigned"], mission), folder.promise)
+        refit.monitor_log(folder.log(STAGES["redesigned"], mission), folder.promise)
     )
 
 

@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any, ParamSpec, Self, TypeVar
 
-from ground.errors import FailedError
+from ground.errors import OperationError
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -48,7 +48,7 @@ class Worker:
             self._connection.send((function, args, kwargs))
             result, error = self._connection.recv()
         except (EOFError, OSError):
-            raise FailedError(
+            raise OperationError(
                 f"the process of {function.__name__} ended before it was done"
             ) from None
         if error is not None:

@@ -11,11 +11,11 @@ from ground.cli.options import (
     Sign,
     Speed,
     VehicleName,
-    encode,
-    give,
     new_file,
+    print_result,
+    to_json,
 )
-from ground.errors import BadInputError
+from ground.errors import InputError
 
 BenchAddress = Annotated[
     str | None,
@@ -33,7 +33,7 @@ BenchAddress = Annotated[
 def bench(
     connect: BenchAddress = None,
     sign: Sign = None,
-    vehicle: VehicleName = "field",
+    vehicle: VehicleName = "caribou_truth",
     axis: Annotated[
         list[str] | None, typer.Option(help="rudder or elevator; repeatable. Default: both.")
     ] = None,
@@ -68,21 +68,21 @@ def bench(
     with progress.display("bench", quiet=json) as shown:
         found = procedure.measure(session, where, shown.watch, sign)
     result = procedure.as_json(found)
-    (out / "bench.json").write_text(encode(result), encoding="utf-8")
+    (out / "bench.json").write_text(to_json(result), encoding="utf-8")
     bode.draw(found, out / "figure4.png")
-    give(result, procedure.in_words(result, out), json)
+    print_result(result, procedure.format_text(result, out), json)
 
 
 def incline(
     connect: BenchAddress = None,
     sign: Sign = None,
-    vehicle: VehicleName = "field",
+    vehicle: VehicleName = "caribou_truth",
     moves: Annotated[
         Path | None, typer.Option(metavar="FILE.toml", help="Weights and levers; default: 1, 2 kg.")
     ] = None,
     prior: Annotated[
         str, typer.Option(help="bench, or the vehicle's file: mass and centre of buoyancy.")
-    ] = "bench",
+    ] = "caribou_nominal",
     seed: Seed = 1,
     speed: Speed = "max",
     log: Annotated[Path, typer.Option(metavar="FILE.mcap")] = Path("incline.mcap"),
@@ -101,12 +101,12 @@ def incline(
             plan, new_file(log), prior, where, shown.watch, shown.announce, sign
         )
     result = procedure.as_json(found, prior, refit.read_vehicle(prior).linear.z_CM_m)
-    give(result, procedure.in_words(result, log), json)
+    print_result(result, procedure.format_text(result, log), json)
 
 
 def _new_folder(path: Path) -> Path:
     if path.exists():
-        raise BadInputError(f"--out {path}: exists; give a new folder")
+        raise InputError(f"--out {path}: exists; give a new folder")
     if not path.parent.is_dir():
-        raise BadInputError(f"--out {path}: there is no folder {path.parent}")
+        raise InputError(f"--out {path}: there is no folder {path.parent}")
     return path

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import Json, Seed, give, new_file
-from ground.errors import BadInputError
+from ground.cli.options import Json, Seed, new_file, print_result
+from ground.errors import InputError
 
 if TYPE_CHECKING:
-    from sysid.test_design.safety_margins import Limits
+    from sysid.test_design.safety_margins import ExcursionLimits
 
 CRITERIA = ("d", "crossover")
 TRIM_WINDOW_S = 60.0
 """Of the trim flight's end, as in a campaign."""
-SHORTEST_MIN, LONGEST_MIN = 5.0, 600.0
+MIN_DURATION_MIN, MAX_DURATION_MIN = 5.0, 600.0
 
 
 def design_test(
@@ -23,8 +23,8 @@ def design_test(
         Path | None, typer.Argument(metavar="MODEL.json", help="What an earlier refit found.")
     ] = None,
     prior: Annotated[
-        str, typer.Option(help="Without a model: bench, or a vehicle file.")
-    ] = "bench",
+        str, typer.Option(help="Without a model: caribou_nominal, or a vehicle file.")
+    ] = "caribou_nominal",
     water_time: Annotated[
         float, typer.Option(metavar="MIN", help="Of both dives, settling and recovery included.")
     ] = 20.0,
@@ -80,29 +80,29 @@ def design_test(
     from ground import progress
     from ground.client import param_file as gain_files
     from ground.test_design import files, format, session
-    from ground.test_design.files import Dive
-    from sysid.test_design.plan import Request
+    from ground.test_design.files import TestDive
+    from sysid.test_design.plan import PlanRequest
 
     if out.suffix != ".toml":
-        raise BadInputError(f"--out {out}: must end in .toml, as missions do")
+        raise InputError(f"--out {out}: must end in .toml, as missions do")
     if criterion not in CRITERIA:
-        raise BadInputError(f"--criterion {criterion}: must be one of {', '.join(CRITERIA)}")
-    if not SHORTEST_MIN <= water_time <= LONGEST_MIN:
-        raise BadInputError(
-            f"--water-time {water_time:g}: must be {SHORTEST_MIN:g} to {LONGEST_MIN:g} min"
+        raise InputError(f"--criterion {criterion}: must be one of {', '.join(CRITERIA)}")
+    if not MIN_DURATION_MIN <= water_time <= MAX_DURATION_MIN:
+        raise InputError(
+            f"--water-time {water_time:g}: must be {MIN_DURATION_MIN:g} to {MAX_DURATION_MIN:g} min"
         )
-    paths = files.Files(*map(new_file, files.beside(out)))
-    belief = session.belief(model or prior, trim, TRIM_WINDOW_S)
+    paths = files.Files(*map(new_file, files.paths_beside(out)))
+    belief = session.design_prior(model or prior, trim, TRIM_WINDOW_S)
     aboard = gain_files.load(gains) if gains else session.first_gains(model, prior)
     limits = _limits(
         depth, ceiling, floor, clearance, depth_change, (heading, pitch, yaw_rate, pitch_rate)
     )
-    request = Request(
+    request = PlanRequest(
         60.0 * water_time, criterion, limits, samples, seed, session.loop_gains(aboard)
     )
     with progress.display("design-test", quiet=json) as shown:
-        plan = session.planned(belief, request, shown.share)
-    dive = Dive(depth, 100.0 * belief.config.operating_point.thrust_fraction)
+        plan = session.plan_tests(belief, request, shown.share)
+    dive = TestDive(depth, 100.0 * belief.config.operating_point.thrust_fraction)
     about = f"Tests designed on {belief.name} for {water_time:g} min of water time"
     parameters = files.envelope(plan, limits, dive) | session.trims(belief) | aboard
     paths.tests.write_text(
@@ -119,7 +119,7 @@ def design_test(
         f"ground fly {paths.tests} --params {paths.envelope}",
         f"ground fly {paths.held_out} --params {paths.envelope}",
     ]
-    give(format.as_json(plan, named, parameters), format.in_words(plan, parts), json)
+    print_result(format.as_json(plan, named, parameters), format.format_text(plan, parts), json)
 
 
 def _limits(
@@ -129,17 +129,17 @@ def _limits(
     clearance_m: float,
     change_m: float,
     degrees: tuple[float, float, float, float],
-) -> "Limits":
-    from sysid.test_design.safety_margins import Limits
+) -> "ExcursionLimits":
+    from sysid.test_design.safety_margins import ExcursionLimits
 
     up_m = min(change_m, depth_m - ceiling_m)
     down_m = change_m if floor_m is None else min(change_m, floor_m - clearance_m - depth_m)
     if up_m <= 0.0:
-        raise BadInputError(f"--depth {depth_m:g}: must be deeper than --ceiling {ceiling_m:g}")
+        raise InputError(f"--depth {depth_m:g}: must be deeper than --ceiling {ceiling_m:g}")
     if down_m <= 0.0:
-        raise BadInputError(
+        raise InputError(
             f"--depth {depth_m:g}: must be above --floor less --clearance, {floor_m} -"
             f" {clearance_m:g}"
         )
     heading, pitch, yaw_rate, pitch_rate = (math.radians(value) for value in degrees)
-    return Limits(heading, yaw_rate, pitch, pitch_rate, up_m, down_m)
+    return ExcursionLimits(heading, yaw_rate, pitch, pitch_rate, up_m, down_m)

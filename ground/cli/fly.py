@@ -16,16 +16,16 @@ from ground.cli.options import (
     Sign,
     Speed,
     VehicleName,
-    give,
     new_file,
+    print_result,
 )
-from ground.errors import BadInputError, FailedError
+from ground.errors import InputError, OperationError
 
 if TYPE_CHECKING:
     from ground.client.flight import Dive
-    from ground.live.performance_monitor import Keeping
-    from ground.live.session import Live
-    from ground.progress import Shown
+    from ground.live.performance_monitor import PerformanceMonitor
+    from ground.live.session import LiveSession
+    from ground.progress import ProgressDisplay
 
 
 def fly(
@@ -43,7 +43,7 @@ def fly(
     tlog: Annotated[
         Path | None, typer.Option(metavar="FILE.tlog", help="Also a MAVLink telemetry log.")
     ] = None,
-    vehicle: VehicleName = "field",
+    vehicle: VehicleName = "caribou_truth",
     scenario: ScenarioName = "calm",
     seed: Seed = 1,
     speed: Speed = "max",
@@ -89,44 +89,44 @@ def fly(
     from ground.campaign import prototype
     from ground.client import assessment, flight
     from ground.client.flight import Dive
-    from ground.live.listeners import Followers
+    from ground.live.listeners import Listeners
     from ground.simulation.processes import SimulatedVehicle, Simulation
 
     if sitl and sign:
-        raise BadInputError(
+        raise InputError(
             "--sign: is for --connect; the link to a vehicle of --sitl stays on this machine"
         )
     if truth and not sitl:
-        raise BadInputError(f"--truth {truth}: needs --sitl; nobody knows the truth of a real sea")
+        raise InputError(f"--truth {truth}: needs --sitl; nobody knows the truth of a real sea")
     target = new_file(log or Path(Path(mission).stem + ".mcap"))
     first = _parameters(params, gains, vehicle if sitl else None)
     dive = Dive.load(mission, target, parameters=first, tlog=tlog and new_file(tlog))
     if sitl and not (params or gains or _has_tests(dive)):
         dive = replace(dive, parameters={**prototype.trim_learning_for(vehicle), **dive.parameters})
     with progress.display(Path(mission).stem, quiet=json) as shown:
-        estimating = _estimating(dive, prior or _known_beforehand(vehicle if sitl else None), shown)
-        keeping = _keeping(gains, shown) if gains else None
-        following = Followers([each for each in (estimating, keeping) if each], shown.show)
+        estimating = _live_estimate(dive, prior or _prior_file(vehicle if sitl else None), shown)
+        keeping = _performance_monitor(gains, shown) if gains else None
+        following = Listeners([each for each in (estimating, keeping) if each], shown.show)
         if sitl:
             simulated = SimulatedVehicle(Simulation(vehicle, scenario, seed, speed, truth))
             outcome = flight.fly_simulated(dive, simulated, shown.watch, shown.hear, following)
         else:
             outcome = flight.fly(dive, connect, shown.watch, shown.hear, sign, following)
-    held = assessment.of_dive(outcome.log, outcome.texts)
+    held = assessment.assess_dive(outcome.log, outcome.texts)
     flown = {**outcome._asdict(), "log": str(outcome.log), "assessment": assessment.as_json(held)}
     told = {
         "estimates": estimating.as_json() if estimating else {},
         "kept": keeping.as_json() if keeping else None,
     }
-    give(
+    print_result(
         {**flown, **told},
         f"{outcome.log}: {outcome.vehicle_s:.0f} s flown in {outcome.wall_s:.1f} s, "
-        f"{outcome.messages} messages, {outcome.lost_frames} lost\n{assessment.in_words(held)}"
+        f"{outcome.messages} messages, {outcome.lost_frames} lost\n{assessment.format_text(held)}"
         + (f"\n{keeping.in_words()}" if keeping else ""),
         json,
     )
     if outcome.failsafes:
-        raise FailedError("; ".join(outcome.failsafes))
+        raise OperationError("; ".join(outcome.failsafes))
 
 
 def _parameters(
@@ -138,15 +138,19 @@ def _parameters(
     from ground.client import param_file as gains
 
     given = (
-        gains.load(params) if params else prototype.parameters_for(simulated) if simulated else {}
+        gains.load(params)
+        if params
+        else prototype.first_dive_parameters(simulated)
+        if simulated
+        else {}
     )
     return {**given, **(gains.load(gains_file) if gains_file else {})}
 
 
-def _known_beforehand(simulated: str | None) -> str:
+def _prior_file(simulated: str | None) -> str:
     from ground.campaign import prototype
 
-    return prototype.known_beforehand(simulated) if simulated else "bench"
+    return prototype.prior_file_of(simulated) if simulated else "caribou_nominal"
 
 
 def _has_tests(dive: "Dive") -> bool:
@@ -156,19 +160,19 @@ def _has_tests(dive: "Dive") -> bool:
     return any(item.command == script.TEST for item in dive.items)
 
 
-def _estimating(dive: "Dive", prior: str, shown: "Shown") -> "Live | None":
+def _live_estimate(dive: "Dive", prior: str, shown: "ProgressDisplay") -> "LiveSession | None":
     """Who estimates the vehicle while she is tested; nobody on a dive without tests."""
     if not _has_tests(dive):
         return None
-    from ground.live.session import Live
+    from ground.live.session import LiveSession
 
-    return Live(prior, None, shown.say)
+    return LiveSession(prior, None, shown.say)
 
 
-def _keeping(gains_file: Path, shown: "Shown") -> "Keeping":
+def _performance_monitor(gains_file: Path, shown: "ProgressDisplay") -> "PerformanceMonitor":
     """Who watches whether the gains keep their promise. Raises BadInputError where they make
     none."""
     from ground.client import param_file as gains
-    from ground.live.performance_monitor import Keeping
+    from ground.live.performance_monitor import PerformanceMonitor
 
-    return Keeping(gains.promised(gains_file), shown.say)
+    return PerformanceMonitor(gains.require_baseline(gains_file), shown.say)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Json, Sign, give, new_file
+from ground.cli.options import GROUND_LINK, Address, Json, Sign, new_file, print_result
 
 if TYPE_CHECKING:
     from ground.client.log_download import Download
@@ -26,7 +26,7 @@ def list_logs(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = Fa
         logs = log_download.list_logs(vehicle)
     rows = [{"number": log.number, "name": log.name, "bytes": log.bytes} for log in logs]
     lines = [f"{log.number:6d} {log.bytes / 1e6:9.2f} MB  {log.name}" for log in logs]
-    give({"logs": rows}, "\n".join(lines) or "the vehicle has no logs", json)
+    print_result({"logs": rows}, "\n".join(lines) or "the vehicle has no logs", json)
 
 
 @app.command()
@@ -47,13 +47,13 @@ def download(
     from ground.client.vehicle import connected
 
     with connected(connect, sign) as vehicle, progress.display("logs", quiet=json) as shown:
-        wanted = log_download.choose(log_download.list_logs(vehicle), which)
+        wanted = log_download.select_logs(log_download.list_logs(vehicle), which)
         fetched = [log_download.fetch(vehicle, log, out, shown.share) for log in wanted]
     rows = [{**each._asdict(), "file": str(each.file)} for each in fetched]
-    give({"logs": rows}, "\n".join(map(_in_words, fetched)), json)
+    print_result({"logs": rows}, "\n".join(map(_format_download, fetched)), json)
 
 
-def _in_words(fetched: "Download") -> str:
+def _format_download(fetched: "Download") -> str:
     how = "checked" if fetched.checked else "the vehicle gives no checksum"
     words = f"{fetched.file}: {fetched.bytes / 1e6:.2f} MB, {how}"
     if fetched.resumed_at:
@@ -67,7 +67,7 @@ def info(file: Path, json: Json = False) -> None:
     from ground.log_tools import foreign
     from ground.log_tools import mcap as logs
 
-    found = foreign.info(file) if foreign.is_other(file) else logs.info(file)
+    found = foreign.info(file) if foreign.is_foreign(file) else logs.info(file)
     lines = [f"{found['file']}: {found['vehicle_s']:.1f} s, {found['messages']} messages"]
     lines[0] += (
         f", {found['lost_frames']} lost"
@@ -77,7 +77,7 @@ def info(file: Path, json: Json = False) -> None:
     lines += [f"  {count:8d}  {topic}" for topic, count in found["topics"].items()]
     lines += [f"  attached  {name}" for name in found["attachments"]]
     lines += [f"  damaged   {text}" for text in found["damage"]]
-    give(found, "\n".join(lines), json)
+    print_result(found, "\n".join(lines), json)
 
 
 @app.command()
@@ -94,8 +94,8 @@ def monitor(
     from ground.client import param_file as files
     from ground.live import monitor_view
 
-    kept = refit.kept(refit.read_log(file), files.promised(gains))
-    give(monitor_view.as_json(kept), f"{file}: {monitor_view.in_words(kept)}", json)
+    kept = refit.monitor_log(refit.read_log(file), files.require_baseline(gains))
+    print_result(monitor_view.as_json(kept), f"{file}: {monitor_view.format_text(kept)}", json)
 
 
 @app.command()
@@ -110,9 +110,9 @@ def export(
     from ground.log_tools import foreign
     from ground.log_tools import mcap as logs
 
-    write = foreign.export_csv if foreign.is_other(file) else logs.export_csv
+    write = foreign.export_csv if foreign.is_foreign(file) else logs.export_csv
     tables = write(file, out or file.with_suffix(""))
-    give({"files": [str(t) for t in tables]}, "\n".join(str(t) for t in tables), json)
+    print_result({"files": [str(t) for t in tables]}, "\n".join(str(t) for t in tables), json)
 
 
 @app.command()
@@ -130,4 +130,4 @@ def recover(
     saved = logs.recover(file, target)
     lines = [f"{target}: {saved.messages} messages saved"]
     lines += [f"  damaged   {text}" for text in saved.damage]
-    give({"file": str(target), **saved._asdict()}, "\n".join(lines), json)
+    print_result({"file": str(target), **saved._asdict()}, "\n".join(lines), json)

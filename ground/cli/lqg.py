@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ground.cli.options import Force, Json, ModelFile, Prior, SpecFile, give
+from ground.cli.options import Force, Json, ModelFile, Prior, SpecFile, print_result
 
 if TYPE_CHECKING:
-    from sysid.design.lqg import LawDesign
+    from sysid.design.lqg import LqgDesign
 
 
-def laws(
+def design_lqg(
     model: ModelFile,
     out: Annotated[Path, typer.Option(metavar="LAWS.json")] = Path("laws.json"),
     prior: Prior = None,
@@ -27,12 +27,12 @@ def laws(
 
     identified = refit.read_model(model)
     asked = specification.read(spec, {}, refit.specification(identified, prior))
-    design = refit.laws(identified, asked, prior, force=force)
+    design = refit.redesign_lqg(identified, asked, prior, force=force)
     lqg.write(design, out)
-    give(_result(design), _words(design, out), json)
+    print_result(_result(design), _format_text(design, out), json)
 
 
-def _result(design: "LawDesign") -> dict[str, Any]:
+def _result(design: "LqgDesign") -> dict[str, Any]:
     return {
         "predicted": design.predicted._asdict(),
         "trust": design.trust and design.trust._asdict(),
@@ -42,7 +42,7 @@ def _result(design: "LawDesign") -> dict[str, Any]:
     }
 
 
-def _words(design: "LawDesign", out: Path) -> str:
+def _format_text(design: "LqgDesign", out: Path) -> str:
     found, sure = design.predicted, design.trust
     lines = [
         f"{out}: autopilot --laws {out}; LAW_ENABLE 0 gives the vehicle back to the PIDs",

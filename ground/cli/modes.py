@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Json, Sign, give
+from ground.cli.options import GROUND_LINK, Address, Json, Sign, print_result
 
 app = typer.Typer(invoke_without_command=True, help="The modes that a vehicle offers.")
 
@@ -21,7 +21,9 @@ def modes(
 
     with connected(connect, sign) as vehicle:
         offered = vehicle.modes()
-    give(offered, "\n".join(f"{name:16s} {number}" for name, number in offered.items()), json)
+    print_result(
+        offered, "\n".join(f"{name:16s} {number}" for name, number in offered.items()), json
+    )
 
 
 @app.command()
@@ -55,7 +57,7 @@ def install(
             f"  these replace pymavlink's own names for vehicles of type {kind}; delete {kind} to"
             " go back"
         )
-    give(
+    print_result(
         {"file": str(target), "added": change.added, "written": bool(change.added) and not dry_run},
         "\n".join(words),
         json,

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ground.errors import BadInputError
+from ground.errors import InputError
 
 Address = Annotated[
     str,
@@ -51,17 +51,17 @@ GROUND_LINK = "udpin:127.0.0.1:14550"
 def new_file(path: Path) -> Path:
     """The same path. Raises BadInputError where it would overwrite something or has no folder."""
     if path.exists():
-        raise BadInputError(f"{path}: exists; give a new name")
+        raise InputError(f"{path}: exists; give a new name")
     if not path.parent.is_dir():
-        raise BadInputError(f"{path}: there is no folder {path.parent}")
+        raise InputError(f"{path}: there is no folder {path.parent}")
     return path
 
 
-def give(result: dict[str, Any], words: str, as_json: bool) -> None:
+def print_result(result: dict[str, Any], words: str, as_json: bool) -> None:
     """Print a result: as words, or as JSON."""
-    print(encode(result) if as_json else words)
+    print(to_json(result) if as_json else words)
 
 
-def encode(result: dict[str, Any]) -> str:
+def to_json(result: dict[str, Any]) -> str:
     """A result as JSON."""
     return json.dumps(result, indent=1, default=str)

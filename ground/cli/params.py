@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Json, Sign, give, new_file
-from ground.errors import BadInputError
+from ground.cli.options import GROUND_LINK, Address, Json, Sign, new_file, print_result
+from ground.errors import InputError
 
 if TYPE_CHECKING:
-    from ground.client.param_rollback import Step
+    from ground.client.param_rollback import ParamChange
 
 UNDO = "`ground params rollback` undoes it"
 
@@ -26,7 +26,7 @@ def list_all(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = Fal
 
     with connected(connect, sign) as vehicle:
         values = vehicle.parameters()
-    give(values, "\n".join(f"{name:16s} {value:g}" for name, value in values.items()), json)
+    print_result(values, "\n".join(f"{name:16s} {value:g}" for name, value in values.items()), json)
 
 
 @app.command()
@@ -36,7 +36,7 @@ def get(name: str, connect: Address = GROUND_LINK, sign: Sign = None, json: Json
 
     with connected(connect, sign) as vehicle:
         value = vehicle.parameter(name)
-    give({name: value}, f"{value:g}", json)
+    print_result({name: value}, f"{value:g}", json)
 
 
 @app.command("set")
@@ -45,12 +45,12 @@ def set_one(
 ) -> None:
     """Set one parameter and read it back."""
     if not math.isfinite(value):
-        raise BadInputError(f"{name} = {value:g}: expected a number")
+        raise InputError(f"{name} = {value:g}: expected a number")
     from ground.client.vehicle import connected
 
     with connected(connect, sign) as vehicle:
         stored = vehicle.set_parameter(name, value)
-    give({name: stored}, f"{name} = {stored:g}", json)
+    print_result({name: stored}, f"{name} = {stored:g}", json)
 
 
 @app.command()
@@ -63,7 +63,9 @@ def save(file: Path, connect: Address = GROUND_LINK, sign: Sign = None, json: Js
     with connected(connect, sign) as vehicle:
         values = vehicle.parameters()
     param_file.save(target, values)
-    give({"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters", json)
+    print_result(
+        {"file": str(file), "parameters": len(values)}, f"{file}: {len(values)} parameters", json
+    )
 
 
 @app.command()
@@ -83,11 +85,11 @@ def load(
     from ground.client import param_file
 
     lines = param_file.load_lines(file)
-    promised = _model_of(file, model)
+    promised = _model_sha256(file, model)
     steps = upload(
         connect, sign, {name: line.value for name, line in lines.items()}, str(file), promised
     )
-    _tell(
+    _print_changes(
         steps,
         {name: line.reason for name, line in lines.items()},
         f"{file}: {len(steps)} parameters set; {UNDO}",
@@ -113,7 +115,7 @@ def rollback(
 
     with connected(connect, sign) as vehicle:
         undone, steps = param_rollback.rollback(vehicle, file, force=force)
-    _tell(steps, {}, f"{undone.source}: undone, {len(steps)} parameters put back", json)
+    _print_changes(steps, {}, f"{undone.source}: undone, {len(steps)} parameters put back", json)
 
 
 def upload(
@@ -122,7 +124,7 @@ def upload(
     values: Mapping[str, float],
     source: str,
     model_sha256: str = "",
-) -> "tuple[Step, ...]":
+) -> "tuple[ParamChange, ...]":
     """Set the values of a file or design as one change, on the vehicle at an address. Raises as
     ``param_rollback.upload``."""
     from ground.client import param_rollback
@@ -137,7 +139,7 @@ def upload(
         return param_rollback.upload(vehicle, values, source, model_sha256)
 
 
-def lines_of(steps: "Sequence[Step]", reasons: Mapping[str, str]) -> list[str]:
+def format_changes(steps: "Sequence[ParamChange]", reasons: Mapping[str, str]) -> list[str]:
     """Each parameter with its value before and now, and why."""
     return [
         f"  {s.name:16s} {s.before:10.5g} -> {s.after:10.5g}  {reasons.get(s.name, '')}".rstrip()
@@ -145,26 +147,28 @@ def lines_of(steps: "Sequence[Step]", reasons: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _tell(steps: "Sequence[Step]", reasons: Mapping[str, str], head: str, json: bool) -> None:
+def _print_changes(
+    steps: "Sequence[ParamChange]", reasons: Mapping[str, str], head: str, json: bool
+) -> None:
     values = {
         s.name: {"before": s.before, "now": s.after, "reason": reasons.get(s.name, "")}
         for s in steps
     }
-    give({"parameters": values}, "\n".join([*lines_of(steps, reasons), head]), json)
+    print_result({"parameters": values}, "\n".join([*format_changes(steps, reasons), head]), json)
 
 
-def _model_of(file: Path, model: Path | None) -> str:
+def _model_sha256(file: Path, model: Path | None) -> str:
     """The digest of the model that a file's gains were designed on. Raises BadInputError where it
     is not ``model``."""
     from ground.campaign import refit
     from ground.client import param_file
 
     if model is None:
-        return param_file.model_of(file)
-    promised, found = param_file.promise(file), refit.digest(model)
+        return param_file.model_sha256_of(file)
+    promised, found = param_file.read_baseline(file), refit.sha256_of_model(model)
     if promised is None or promised.model_sha256 != found:
         on = f"model {promised.model_sha256[:12]}" if promised else "no model that it names"
-        raise BadInputError(
+        raise InputError(
             f"{file}: was designed on {on}, and {model} is {found[:12]}; redesign on that one"
         )
     return found

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from ground.cli import params
-from ground.cli.options import Force, Json, ModelFile, Prior, Sign, SpecFile, give
+from ground.cli.options import Force, Json, ModelFile, Prior, Sign, SpecFile, print_result
 
 
 def redesign(
@@ -59,8 +59,8 @@ def redesign(
     asked = specification.read(spec, limits, refit.specification(identified, prior))
     design = refit.redesign(identified, asked, prior, force=force)
     design.write_params(out)
-    words = summary.design_in_words(design, out)
+    words = summary.format_design(design, out)
     if upload:
         steps = params.upload(upload, sign, design.gains, str(out), design.promise.model_sha256)
-        words = "\n".join([words, f"{upload}, {params.UNDO}:", *params.lines_of(steps, {})])
-    give(summary.of_design(design), words, json)
+        words = "\n".join([words, f"{upload}, {params.UNDO}:", *params.format_changes(steps, {})])
+    print_result(summary.summarise_design(design), words, json)

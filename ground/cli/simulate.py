@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import Json, ModelFile, Prior, Seed, give
-from ground.errors import BadInputError, FailedError
+from ground.cli.options import Json, ModelFile, Prior, Seed, print_result
+from ground.errors import InputError, OperationError
 
 if TYPE_CHECKING:
-    from sysid.monte_carlo.study import Told
+    from sysid.monte_carlo.study import SimulationSummary
 
 PROCESSES = 2
-ROUGHEST = 10.0
+MAX_DISTURBANCE_SCALE = 10.0
 
 
 def rehearse(
@@ -59,84 +59,84 @@ def rehearse(
     from sysid.monte_carlo import samples, study
     from sysid.monte_carlo.simulate import Sea
 
-    files = named([gains, *(against or ())])
-    seas = tuple(Sea(times, current, math.radians(bias_shift)) for times in _multiples(sea))
+    files = name_gain_sets([gains, *(against or ())])
+    seas = tuple(Sea(times, current, math.radians(bias_shift)) for times in _parse_scales(sea))
     sets = {name: gain_files.load(path) for name, path in files.items()}
     items, began_s = plans.load_items(mission), wall_s()
-    with _translated(mission), progress.display("rehearse", quiet=json) as shown:
+    with _translate_errors(mission), progress.display("rehearse", quiet=json) as shown:
         belief = samples.read(model, refit.read_vehicle(prior) if prior else None)
-        request = study.Request(items, sets, seas, vehicles, seed, PROCESSES)
+        request = study.StudyRequest(items, sets, seas, vehicles, seed, PROCESSES)
 
         def report(share: float, vehicle_s: float) -> None:
             shown.share(
                 f"{vehicle_s:.0f} s, {vehicle_s / (wall_s() - began_s):.0f} a second", share
             )
 
-        told = study.rehearse(belief, request, report)
+        told = study.simulate_samples(belief, request, report)
     if not json:
         vehicle_s = sum(one.vehicle_s for one in told)
         each = vehicle_s / (wall_s() - began_s)
         print(
             f"{vehicle_s:.0f} vehicle seconds, {each:.0f} in a second of the clock", file=sys.stderr
         )
-    give(
+    print_result(
         simulation.as_json(told, Path(mission).stem, seed),
-        simulation.in_words(told, Path(mission).stem),
+        simulation.format_text(told, Path(mission).stem),
         json,
     )
-    _fail_where_any_did(told)
+    _raise_if_any_failed(told)
 
 
-def named(paths: Sequence[Path]) -> dict[str, Path]:
+def name_gain_sets(paths: Sequence[Path]) -> dict[str, Path]:
     """Sets by the name of their file, by the whole path where two have one name. Raises
     BadInputError."""
     short = [path.name for path in paths]
     names = [str(path) if short.count(path.name) > 1 else path.name for path in paths]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice:
-        raise BadInputError(f"--against {twice}: is given twice; give other gains")
+        raise InputError(f"--against {twice}: is given twice; give other gains")
     return dict(zip(names, paths, strict=True))
 
 
-def _multiples(text: str) -> list[float]:
+def _parse_scales(text: str) -> list[float]:
     try:
         found = [float(part) for part in text.split(",")]
     except ValueError:
         found = []
     if (
         not found
-        or not all(0.0 <= times <= ROUGHEST for times in found)
+        or not all(0.0 <= times <= MAX_DISTURBANCE_SCALE for times in found)
         or len(set(found)) < len(found)
     ):
-        raise BadInputError(
-            f"--sea {text}: must be different numbers from 0 to {ROUGHEST:g}, with commas between"
-            " them"
+        raise InputError(
+            f"--sea {text}: must be different numbers from 0 to {MAX_DISTURBANCE_SCALE:g}, "
+            "with commas between them"
         )
     return found
 
 
-def _fail_where_any_did(told: "Sequence[Told]") -> None:
+def _raise_if_any_failed(told: "Sequence[SimulationSummary]") -> None:
     from ground.report import simulation
 
     failed = [one for one in told if one.failed]
     if failed:
-        raise FailedError(
+        raise OperationError(
             simulation.verdict(failed[0])
             + (f"; {len(failed) - 1} more failed" if len(failed) > 1 else "")
         )
 
 
 @contextmanager
-def _translated(mission: str) -> Iterator[None]:
+def _translate_errors(mission: str) -> Iterator[None]:
     """sysid's refusals as this tool's."""
     from sysid.models.model_file import ModelError
-    from sysid.monte_carlo.samples import UnknownError
-    from sysid.monte_carlo.simulate import RefusedError
+    from sysid.monte_carlo.samples import NoCovarianceError
+    from sysid.monte_carlo.simulate import MissionRejectedError
     from sysid.monte_carlo.study import GainsError
 
     try:
         yield
-    except RefusedError as error:
-        raise BadInputError(f"{mission}: {error}") from None
-    except (GainsError, ModelError, UnknownError) as error:
-        raise BadInputError(str(error)) from None
+    except MissionRejectedError as error:
+        raise InputError(f"{mission}: {error}") from None
+    except (GainsError, ModelError, NoCovarianceError) as error:
+        raise InputError(str(error)) from None

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import Json, give, new_file
-from ground.errors import BAD_INPUT, BadInputError, FailedError
+from ground.cli.options import Json, new_file, print_result
+from ground.errors import BAD_INPUT, InputError, OperationError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -41,14 +41,14 @@ def new(
     asked += ["--out", str(out), "--tail", tail]
     for option, value in (("--hull", hull), ("--length-m", length_m), ("--diameter-m", diameter_m)):
         asked += [option, str(value)] if value is not None else []
-    print(_ask_simulator("new", *asked))
+    print(_run_simulator_tool("new", *asked))
 
 
 @app.command()
 def check(vehicle: Vehicle, json: Json = False) -> None:
     """Refuse an impossible vehicle; print how a possible one floats, flies and swings, and her
     linear planes."""
-    print(_ask_simulator("check", vehicle, *(["--json"] if json else [])))
+    print(_run_simulator_tool("check", vehicle, *(["--json"] if json else [])))
 
 
 @app.command()
@@ -64,14 +64,14 @@ def gains(
     target = new_file(out)
     found = prototype.design(vehicle)
     found.write_params(target)
-    give(
+    print_result(
         {"file": str(target), **prototype.as_json(found)},
-        f"{prototype.in_words(found)}\n\n{target}",
+        f"{prototype.format_text(found)}\n\n{target}",
         json,
     )
 
 
-def _ask_simulator(*command: str) -> str:
+def _run_simulator_tool(*command: str) -> str:
     """What the simulator's own tool prints. Vehicles are the simulator's: ground asks, and does not
     look inside."""
     done = subprocess.run(
@@ -83,4 +83,4 @@ def _ask_simulator(*command: str) -> str:
     if done.returncode == 0:
         return done.stdout.rstrip("\n")
     said = (done.stderr.strip().splitlines() or ["no reason given"])[-1].removeprefix("vehicle: ")
-    raise BadInputError(said) if done.returncode == BAD_INPUT else FailedError(said)
+    raise InputError(said) if done.returncode == BAD_INPUT else OperationError(said)

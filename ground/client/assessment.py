@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ground.campaign import refit
-from ground.errors import BadInputError
+from ground.errors import InputError
 from sysid.monitor import tracking_metrics
-from sysid.monitor.tracking_metrics import Array, Spread, Window
+from sysid.monitor.tracking_metrics import Array, Spread, SteadyWindow
 from sysid.reproduction.paper_tables import TABLE_5_INITIAL
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ STOP_MARGIN_DEG = 0.5
 """A mean command this close to the travel is at its stop."""
 MIN_LEG_S = 5.0
 """Shorter stretches of constant set-points are parts of a turn, not legs."""
-_SHORTEST_JUDGED_S = tracking_metrics.SETTLING_S + tracking_metrics.SHORTEST_S
+_MIN_ASSESSED_S = tracking_metrics.SETTLING_S + tracking_metrics.MIN_WINDOW_S
 TRIM_LEARNED = "Trim learned: "
 """How the vehicle begins the text that names the trims it has learned."""
 
@@ -49,7 +49,7 @@ class Cause(StrEnum):
     UNKNOWN = "unknown"
 
 
-class Leg(NamedTuple):
+class AssessedLeg(NamedTuple):
     """One stretch of constant set-points, settling left out."""
 
     start_s: float
@@ -79,7 +79,7 @@ class Finding(NamedTuple):
 class Assessment(NamedTuple):
     """How well a dive held its set-points."""
 
-    legs: tuple[Leg, ...]
+    legs: tuple[AssessedLeg, ...]
     short_legs: int
     """Number of legs that ended before they could be judged."""
     findings: tuple[Finding, ...]
@@ -89,7 +89,7 @@ class Assessment(NamedTuple):
     """Why no leg can be judged; empty where one can."""
 
 
-def of_dive(log_file: Path, texts: Sequence[str] = ()) -> Assessment:
+def assess_dive(log_file: Path, texts: Sequence[str] = ()) -> Assessment:
     """Assess a dive that is over.
 
     Parameters
@@ -100,8 +100,8 @@ def of_dive(log_file: Path, texts: Sequence[str] = ()) -> Assessment:
         The vehicle's texts during the dive.
     """
     try:
-        return of_log(refit.read_log(log_file), texts)
-    except BadInputError as error:
+        return assess_log(refit.read_log(log_file), texts)
+    except InputError as error:
         reason = str(error)
     except (ArithmeticError, IndexError, ValueError) as error:
         # The dive went well; a log with holes where a test was must not end it in a traceback.
@@ -109,8 +109,8 @@ def of_dive(log_file: Path, texts: Sequence[str] = ()) -> Assessment:
     return Assessment((), 0, (), _trims_learned(texts), reason)
 
 
-def of_log(log: "Log", texts: Sequence[str] = ()) -> Assessment:
-    """Assess a dive by its log; otherwise as ``of_dive``."""
+def assess_log(log: "Log", texts: Sequence[str] = ()) -> Assessment:
+    """Assess a dive by its log; otherwise as ``assess_dive``."""
     tracking = tracking_metrics.tracking(log)
     windows = tracking.windows if tracking else ()
     recorded = [window for window in windows if _is_recorded(log, window)]
@@ -118,14 +118,14 @@ def of_log(log: "Log", texts: Sequence[str] = ()) -> Assessment:
     lengths_s = [stop - start for start, stop in tracking_metrics.stretches(log)]
     return Assessment(
         legs=tuple(leg for leg, _ in judged),
-        short_legs=sum(MIN_LEG_S <= length < _SHORTEST_JUDGED_S for length in lengths_s),
+        short_legs=sum(MIN_LEG_S <= length < _MIN_ASSESSED_S for length in lengths_s),
         findings=tuple(finding for axis in MAX_ERROR for finding in _findings(log, axis, judged)),
         trims_learned=_trims_learned(texts),
         reason="" if judged else _why_no_leg(log, windows),
     )
 
 
-def in_words(assessment: Assessment) -> str:
+def format_text(assessment: Assessment) -> str:
     """Return a table of the legs and what is to be done, in a few lines."""
     lines = []
     if assessment.legs:
@@ -140,7 +140,7 @@ def in_words(assessment: Assessment) -> str:
         lines += [f"how well set-points were held cannot be told: {assessment.reason}"]
     if assessment.short_legs and assessment.legs:
         legs = _count(assessment.short_legs, "leg")
-        lines += [f"too short to tell, less than {_SHORTEST_JUDGED_S:g} s: {legs}"]
+        lines += [f"too short to tell, less than {_MIN_ASSESSED_S:g} s: {legs}"]
     lines += [finding.words for finding in assessment.findings]
     if assessment.legs and not assessment.findings:
         limits = " and ".join(f"{MAX_ERROR[axis]:g} {UNIT[axis]} of {axis}" for axis in UNIT)
@@ -164,13 +164,13 @@ def as_json(assessment: Assessment) -> dict[str, Any]:
     }
 
 
-def _leg(log: "Log", window: Window) -> Leg:
+def _leg(log: "Log", window: SteadyWindow) -> AssessedLeg:
     def mean_deg(time_s: Array, angle_rad: Array) -> float:
         inside = (time_s >= window.start_s) & (time_s < window.stop_s)
         return float(np.degrees(np.mean(angle_rad[inside])))
 
     commands, attitude = log.actuators, log.attitude
-    return Leg(
+    return AssessedLeg(
         start_s=window.start_s,
         stop_s=window.stop_s,
         heading_setpoint_deg=window.heading_setpoint_deg,
@@ -183,7 +183,7 @@ def _leg(log: "Log", window: Window) -> Leg:
     )
 
 
-def _is_recorded(log: "Log", window: Window) -> bool:
+def _is_recorded(log: "Log", window: SteadyWindow) -> bool:
     """Whether either half of a window holds attitude, depth and commands."""
     middle_s = 0.5 * (window.start_s + window.stop_s)
     halves = (window.start_s, middle_s), (middle_s, window.stop_s)
@@ -191,7 +191,7 @@ def _is_recorded(log: "Log", window: Window) -> bool:
     return all(np.any((t >= start) & (t < stop)) for t in times for start, stop in halves)
 
 
-def _halves(log: "Log", window: Window) -> tuple[Window, Window]:
+def _halves(log: "Log", window: SteadyWindow) -> tuple[SteadyWindow, SteadyWindow]:
     start_s, stop_s = window.start_s, window.stop_s
     middle_s = 0.5 * (start_s + stop_s)
     return tracking_metrics.window(log, start_s, middle_s), tracking_metrics.window(
@@ -202,10 +202,10 @@ def _halves(log: "Log", window: Window) -> tuple[Window, Window]:
 def _findings(
     log: "Log",
     axis: str,
-    legs: Sequence[tuple[Leg, tuple[Window, Window]]],
+    legs: Sequence[tuple[AssessedLeg, tuple[SteadyWindow, SteadyWindow]]],
 ) -> list[Finding]:
     """One for each cause, in the words of the leg that was worst."""
-    by_cause: dict[Cause, list[Leg]] = {}
+    by_cause: dict[Cause, list[AssessedLeg]] = {}
     for leg, (first, second) in legs:
         cause = _cause(log, axis, leg, _error(first, axis), _error(second, axis))
         if cause is not None:
@@ -219,11 +219,11 @@ def _findings(
     return found
 
 
-def _error(of: Leg | Window, axis: str) -> Spread:
+def _error(of: AssessedLeg | SteadyWindow, axis: str) -> Spread:
     return of.heading_deg if axis == "heading" else of.depth_m
 
 
-def _cause(log: "Log", axis: str, leg: Leg, first: Spread, second: Spread) -> Cause | None:
+def _cause(log: "Log", axis: str, leg: AssessedLeg, first: Spread, second: Spread) -> Cause | None:
     error, limit = _error(leg, axis), MAX_ERROR[axis]
     if error.p95 <= limit:
         return None
@@ -234,10 +234,10 @@ def _cause(log: "Log", axis: str, leg: Leg, first: Spread, second: Spread) -> Ca
     about_mean = (max(0.0, error.rms**2 - error.mean**2)) ** 0.5
     if abs(error.mean) < about_mean:
         return Cause.SWINGING
-    return _cause_of_offset(log, axis, leg)
+    return _offset_cause(log, axis, leg)
 
 
-def _cause_of_offset(log: "Log", axis: str, leg: Leg) -> Cause:
+def _offset_cause(log: "Log", axis: str, leg: AssessedLeg) -> Cause:
     command, trim_name = _surface(axis, leg)
     travel, trim = log.parameters.get("ACT_TRAVEL_DEG"), log.parameters.get(trim_name)
     if travel is not None and abs(command) >= travel - STOP_MARGIN_DEG:
@@ -258,21 +258,21 @@ def _cause_of_offset(log: "Log", axis: str, leg: Leg) -> Cause:
     return Cause.LEARNING if _was_learning(log, leg) else Cause.TRIM
 
 
-def _surface(axis: str, leg: Leg) -> tuple[float, str]:
+def _surface(axis: str, leg: AssessedLeg) -> tuple[float, str]:
     """Return the mean command (deg) and the name of its trim parameter."""
     if axis == "heading":
         return leg.rudder_deg, "TRIM_RUD_DEG"
     return leg.elevator_deg, "TRIM_ELE_DEG"
 
 
-def _how_far(axis: str, cause: Cause, leg: Leg) -> str:
+def _how_far(axis: str, cause: Cause, leg: AssessedLeg) -> str:
     error, unit = _error(leg, axis), UNIT[axis]
     if cause in (Cause.LATE, Cause.UNSETTLED, Cause.SWINGING):
         return f"{error.p95:.2g} {unit} off (95 %)"
     return f"{abs(error.mean):.2g} {unit} off in the mean"
 
 
-def _explain(log: "Log", axis: str, cause: Cause, leg: Leg) -> str:
+def _explain(log: "Log", axis: str, cause: Cause, leg: AssessedLeg) -> str:
     """Return the likely cause and its remedy."""
     name = _SURFACE[axis]
     command_deg, parameter = _surface(axis, leg)
@@ -306,19 +306,19 @@ def _explain(log: "Log", axis: str, cause: Cause, leg: Leg) -> str:
             return f"the cause does not show in the telemetry: {known}"
 
 
-def _was_learning(log: "Log", leg: Leg) -> bool:
+def _was_learning(log: "Log", leg: AssessedLeg) -> bool:
     """Whether the leg began while the trims were being learned (several times TRIM_AUTO_S)."""
     learning_s = LEARNING_TIMES * log.parameters.get("TRIM_AUTO_S", 0.0)
     return leg.start_s - float(log.attitude.time_s[0]) < learning_s
 
 
-def _why_no_leg(log: "Log", windows: Sequence[Window]) -> str:
+def _why_no_leg(log: "Log", windows: Sequence[SteadyWindow]) -> str:
     points = log.setpoints
     if points.attitude_time_s.size == 0 or points.depth_time_s.size == 0:
         return "the vehicle sent no set-points of heading and depth"
     if windows:
         return "the telemetry has gaps of half a leg"
-    leg = f"leg under water lasted {_SHORTEST_JUDGED_S:g} s with unchanged set-points"
+    leg = f"leg under water lasted {_MIN_ASSESSED_S:g} s with unchanged set-points"
     return f"too short: no {leg}"
 
 
@@ -327,7 +327,7 @@ def _trims_learned(texts: Sequence[str]) -> str:
     return next(said, "").removeprefix(TRIM_LEARNED)
 
 
-def _row(leg: Leg) -> str:
+def _row(leg: AssessedLeg) -> str:
     span = f"{leg.start_s:.0f} - {leg.stop_s:.0f}"
     points = f"{leg.heading_setpoint_deg:.0f} deg, {leg.depth_setpoint_m:.1f} m"
     errors = "".join(f"{e.mean:9.2f}{e.p95:8.2f}" for e in (leg.heading_deg, leg.depth_m))

@@ -7,7 +7,7 @@ https://mavlink.io/en/services/standard_modes.html."""
 from typing import Any
 
 from mavlink_io.dialect import constant, enum_names
-from mavlink_io.request import Exchange, Party, Send
+from mavlink_io.request import Exchange, MavlinkId, Send
 
 ACCEPTED, IN_PROGRESS = constant("MAV_RESULT_ACCEPTED"), constant("MAV_RESULT_IN_PROGRESS")
 ARM, SET_MODE = constant("MAV_CMD_COMPONENT_ARM_DISARM"), constant("MAV_CMD_DO_SET_MODE")
@@ -25,13 +25,13 @@ _STANDARD_NAMES = {
 out."""
 
 
-class Command(Exchange[None]):
+class CommandExchange(Exchange[None]):
     """A COMMAND_LONG; done when the vehicle has accepted it and, for a long job, finished."""
 
     hears = frozenset(("COMMAND_ACK",))
 
     def __init__(
-        self, send: Send, own: Party, peer: Party, command: int, *parameters: float
+        self, send: Send, own: MavlinkId, peer: MavlinkId, command: int, *parameters: float
     ) -> None:
         super().__init__(send, own, peer)
         self._command = command
@@ -51,10 +51,10 @@ class Command(Exchange[None]):
         elif message.result == ACCEPTED:
             self._finish(None)
         else:
-            self._fail(f"{self._question()}: {spell(message.result, 'MAV_RESULT')}")
+            self._fail(f"{self._question()}: {readable_name(message.result, 'MAV_RESULT')}")
 
     def _question(self) -> str:
-        return spell(self._command, "MAV_CMD")
+        return readable_name(self._command, "MAV_CMD")
 
 
 class ModeList(Exchange[dict[str, int]]):
@@ -62,7 +62,7 @@ class ModeList(Exchange[dict[str, int]]):
 
     hears = frozenset(("AVAILABLE_MODES",))
 
-    def __init__(self, send: Send, own: Party, peer: Party) -> None:
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         super().__init__(send, own, peer)
         self._modes: dict[int, tuple[str, int]] = {}
         self._missing: set[int] | None = None
@@ -94,7 +94,7 @@ class ModeList(Exchange[dict[str, int]]):
         return "the list of modes"
 
 
-def spell(value: int, enum: str) -> str:
+def readable_name(value: int, enum: str) -> str:
     """An enum's entry in small words."""
     return (
         enum_names(enum)

@@ -4,7 +4,7 @@ from collections.abc import Collection
 from typing import Any
 
 from mavlink_io.dialect import constant
-from mavlink_io.request import Party
+from mavlink_io.request import MavlinkId
 from mavlink_io.transport import baud_rate
 
 GROUND_STATION, NO_AUTOPILOT = constant("MAV_TYPE_GCS"), constant("MAV_AUTOPILOT_INVALID")
@@ -15,7 +15,7 @@ def is_vehicle(heartbeat: Any) -> bool:
     return bool(heartbeat.type != GROUND_STATION and heartbeat.autopilot != NO_AUTOPILOT)
 
 
-def explain(address: str, senders: Collection[Party], skipped_bytes: int) -> str:
+def explain(address: str, senders: Collection[MavlinkId], skipped_bytes: int) -> str:
     """Of ``senders`` MAVLink was heard, but none is a vehicle; ``skipped_bytes`` were no MAVLink at
     all."""
     baud = baud_rate(address)

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from ground.client.recorder import Recorder
-from ground.client.signing import signing
-from ground.client.vehicle import Text, Vehicle, VehicleError
+from ground.client.signing import open_signing
+from ground.client.vehicle import StatusText, VehicleClient, VehicleClientError
 from ground.missions import plans
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import Every, wall_s
 from mavlink_io.codec import Frame
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 from mavlink_io.transport import open_transport, wait
 
 RATES_HZ = {
@@ -31,7 +31,7 @@ own rate."""
 PROGRESS_PERIOD_S = 0.1
 
 
-class Progress(NamedTuple):
+class FlightProgress(NamedTuple):
     """Where a dive stands."""
 
     item: int
@@ -69,7 +69,7 @@ class Dive:
         )
 
 
-class Outcome(NamedTuple):
+class FlightResult(NamedTuple):
     """What came of a dive."""
 
     log: Path
@@ -84,11 +84,11 @@ class Outcome(NamedTuple):
         return tuple(text for text in self.texts if text.startswith("Failsafe"))
 
 
-Watch = Callable[[Progress], None]
-Hear = Callable[[Text], None]
+WatchCallback = Callable[[FlightProgress], None]
+TextCallback = Callable[[StatusText], None]
 
 
-class Follower(Protocol):
+class TelemetryListener(Protocol):
     """Whoever makes something of what the vehicle tells while she flies."""
 
     def begin(self, parameters: Mapping[str, float]) -> None:
@@ -97,7 +97,7 @@ class Follower(Protocol):
     def hear(self, frame: Frame) -> None:
         """Each frame of the autopilot's."""
 
-    def say(self, text: Text) -> None:
+    def say(self, text: StatusText) -> None:
         """Each text."""
 
     def look(self, *, last: bool = False) -> None:
@@ -107,33 +107,33 @@ class Follower(Protocol):
 def fly(
     dive: Dive,
     address: str,
-    watch: Watch | None = None,
-    hear: Hear | None = None,
+    watch: WatchCallback | None = None,
+    hear: TextCallback | None = None,
     key_file: Path | None = None,
-    follower: Follower | None = None,
-) -> Outcome:
+    follower: TelemetryListener | None = None,
+) -> FlightResult:
     """Fly a vehicle that is already there. Raises AddressError, BadInputError, VehicleError."""
-    with recorded(address, dive.log, dive.tlog, key_file) as (vehicle, recorder):
+    with open_recorded_vehicle(address, dive.log, dive.tlog, key_file) as (vehicle, recorder):
         return _fly(dive, vehicle, recorder, watch, hear, follower)
 
 
 def fly_simulated(
     dive: Dive,
     simulated: SimulatedVehicle,
-    watch: Watch | None = None,
-    hear: Hear | None = None,
-    follower: Follower | None = None,
-) -> Outcome:
+    watch: WatchCallback | None = None,
+    hear: TextCallback | None = None,
+    follower: TelemetryListener | None = None,
+) -> FlightResult:
     """Fly a simulated vehicle and stop it. Raises BadInputError, VehicleError: with what its
     processes said."""
-    with recorded(simulated, dive.log, dive.tlog) as (vehicle, recorder):
+    with open_recorded_vehicle(simulated, dive.log, dive.tlog) as (vehicle, recorder):
         return _fly(dive, vehicle, recorder, watch, hear, follower)
 
 
 @contextmanager
-def recorded(
+def open_recorded_vehicle(
     where: str | SimulatedVehicle, log: Path, tlog: Path | None = None, key_file: Path | None = None
-) -> Iterator[tuple[Vehicle, Recorder]]:
+) -> Iterator[tuple[VehicleClient, Recorder]]:
     """A vehicle at an address, or a simulated one that is stopped at the end, with all it says kept
     in ``log``.
 
@@ -144,21 +144,23 @@ def recorded(
         simulated = None if isinstance(where, str) else stack.enter_context(where)
         transport = simulated.connect() if simulated else open_transport(str(where))
         stack.callback(transport.close)
-        signature = stack.enter_context(signing(key_file))
+        signature = stack.enter_context(open_signing(key_file))
         recorder = Recorder(log, tlog)
         stack.callback(recorder.finish)
         try:
             yield (
-                Vehicle(transport, recorder, simulated.check if simulated else None, signature),
+                VehicleClient(
+                    transport, recorder, simulated.check if simulated else None, signature
+                ),
                 recorder,
             )
-        except VehicleError:
+        except VehicleClientError:
             if simulated:
-                wait_for_last_words(simulated)
+                raise_process_error(simulated)
             raise
 
 
-def wait_for_last_words(simulated: SimulatedVehicle, patience_s: float = 1.0) -> None:
+def raise_process_error(simulated: SimulatedVehicle, patience_s: float = 1.0) -> None:
     """Raise what a dying process says in place of the lost link that it caused, if it dies in
     time."""
     deadline_s = wall_s() + patience_s
@@ -167,7 +169,7 @@ def wait_for_last_words(simulated: SimulatedVehicle, patience_s: float = 1.0) ->
         simulated.check()
 
 
-def prepare(vehicle: Vehicle, dive: Dive) -> dict[str, float]:
+def prepare(vehicle: VehicleClient, dive: Dive) -> dict[str, float]:
     """Do everything before arming: parameters, message rates, mission, mode.
 
     Returns the parameters that are in force.
@@ -189,12 +191,12 @@ def prepare(vehicle: Vehicle, dive: Dive) -> dict[str, float]:
 
 def _fly(
     dive: Dive,
-    vehicle: Vehicle,
+    vehicle: VehicleClient,
     recorder: Recorder,
-    watch: Watch | None,
-    hear: Hear | None,
-    follower: Follower | None,
-) -> Outcome:
+    watch: WatchCallback | None,
+    hear: TextCallback | None,
+    follower: TelemetryListener | None,
+) -> FlightResult:
     recorder.annotate("dive", {"mission": dive.mission, **dive.notes})
     recorder.attach("mission.plan", plans.write_plan(dive.items).encode(), "application/json")
     vehicle.connect()
@@ -205,9 +207,9 @@ def _fly(
         vehicle.on_frame = follower.hear
     began_s, vehicle_began_s = wall_s(), recorder.vehicle_s
     vehicle.arm()
-    vehicle.on_text = _both(hear, follower.say if follower else None)
+    vehicle.on_text = _call_both(hear, follower.say if follower else None)
     _until_disarmed(vehicle, recorder, len(dive.items), began_s, watch, follower)
-    return Outcome(
+    return FlightResult(
         log=dive.log,
         vehicle_s=recorder.vehicle_s - vehicle_began_s,
         wall_s=wall_s() - began_s,
@@ -217,8 +219,8 @@ def _fly(
     )
 
 
-def _both(first: Hear | None, second: Hear | None) -> Hear:
-    def hear(text: Text) -> None:
+def _call_both(first: TextCallback | None, second: TextCallback | None) -> TextCallback:
+    def hear(text: StatusText) -> None:
         for listener in (first, second):
             if listener is not None:
                 listener(text)
@@ -227,12 +229,12 @@ def _both(first: Hear | None, second: Hear | None) -> Hear:
 
 
 def _until_disarmed(
-    vehicle: Vehicle,
+    vehicle: VehicleClient,
     recorder: Recorder,
     items: int,
     began_s: float,
-    watch: Watch | None,
-    follower: Follower | None,
+    watch: WatchCallback | None,
+    follower: TelemetryListener | None,
 ) -> None:
     report = Every(PROGRESS_PERIOD_S)
     while not vehicle.disarmings:
@@ -245,11 +247,13 @@ def _until_disarmed(
         follower.look(last=True)
 
 
-def _progress(vehicle: Vehicle, recorder: Recorder, items: int, wall: float) -> Progress:
+def _progress(
+    vehicle: VehicleClient, recorder: Recorder, items: int, wall: float
+) -> FlightProgress:
     current = vehicle.latest("MISSION_CURRENT")
     position = vehicle.latest("LOCAL_POSITION_NED")
     attitude = vehicle.latest("ATTITUDE")
-    return Progress(
+    return FlightProgress(
         item=current.seq if current else 0,
         items=items,
         vehicle_s=recorder.vehicle_s,

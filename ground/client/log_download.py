@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from ground.client.vehicle import Vehicle, VehicleError
-from ground.errors import BadInputError, FailedError
+from ground.client.vehicle import VehicleClient, VehicleClientError
+from ground.errors import InputError, OperationError
 from mavlink_io.logging.mcap import MAGIC
 from mavlink_io.services.ftp import payload
 from mavlink_io.services.ftp.client import FileClient
@@ -22,11 +22,11 @@ FOLDER = "/logs"
 ATTEMPTS = 3
 """How often a log that has grown meanwhile, or came out wrong, is fetched on."""
 
-Watch = Callable[[str, float], None]
+WatchCallback = Callable[[str, float], None]
 """Is told what is being fetched and the share that is there."""
 
 
-class RemoteLog(NamedTuple):
+class LogOnVehicle(NamedTuple):
     """A log on board."""
 
     number: int
@@ -51,24 +51,24 @@ class Download(NamedTuple):
     recover`` mends it."""
 
 
-def list_logs(vehicle: Vehicle) -> list[RemoteLog]:
+def list_logs(vehicle: VehicleClient) -> list[LogOnVehicle]:
     """The logs on board, the oldest first. Raises VehicleError."""
     try:
         entries = vehicle.use(FileClient, lambda files: files.list(FOLDER))
-    except VehicleError:
-        return [_listed(log) for log in vehicle.use(LogClient, lambda logs: logs.list())]
+    except VehicleClientError:
+        return [_from_listing(log) for log in vehicle.use(LogClient, lambda logs: logs.list())]
     logs = [entry for entry in entries if entry.size is not None]
     return [
-        RemoteLog(_number(log.name), log.name, log.size or 0, f"{FOLDER}/{log.name}")
+        LogOnVehicle(_number(log.name), log.name, log.size or 0, f"{FOLDER}/{log.name}")
         for log in logs
     ]
 
 
-def choose(logs: list[RemoteLog], which: str) -> list[RemoteLog]:
+def select_logs(logs: list[LogOnVehicle], which: str) -> list[LogOnVehicle]:
     """``all``, ``latest``, or the one of a number. Raises BadInputError, and FailedError where
     there are none."""
     if not logs:
-        raise FailedError("the vehicle has no logs")
+        raise OperationError("the vehicle has no logs")
     if which == "all":
         return logs
     if which == "latest":
@@ -76,13 +76,13 @@ def choose(logs: list[RemoteLog], which: str) -> list[RemoteLog]:
     found = [log for log in logs if which.isdecimal() and log.number == int(which)]
     if not found:
         known = ", ".join(str(log.number) for log in logs)
-        raise BadInputError(
-            f"log {which}: the vehicle has {known}; give one of these, latest or all"
-        )
+        raise InputError(f"log {which}: the vehicle has {known}; give one of these, latest or all")
     return found
 
 
-def fetch(vehicle: Vehicle, log: RemoteLog, folder: Path, watch: Watch | None = None) -> Download:
+def fetch(
+    vehicle: VehicleClient, log: LogOnVehicle, folder: Path, watch: WatchCallback | None = None
+) -> Download:
     """Fetch a log into a folder; what lies there is kept.
 
     Raises:
@@ -100,35 +100,42 @@ def fetch(vehicle: Vehicle, log: RemoteLog, folder: Path, watch: Watch | None = 
         if log.path
         else _fetch_log(vehicle, log, part, watch)
     )
-    target = part.rename(_free(target))
+    target = part.rename(_unused_path(target))
     return Download(target, target.stat().st_size, begun, checked, _is_finished(target))
 
 
-def _fetch_file(vehicle: Vehicle, log: RemoteLog, part: Path, watch: Watch | None) -> bool:
+def _fetch_file(
+    vehicle: VehicleClient, log: LogOnVehicle, part: Path, watch: WatchCallback | None
+) -> bool:
     """Until the checksums agree: a log that is being written grows, and what is left of an older
     one is wrong."""
     for _ in range(ATTEMPTS):
         _append(vehicle, log, part, watch)
         if _is_same(vehicle, log, part):
             return True
-        if _size_on_board(vehicle, log) <= _size(part):
+        if _size_on_vehicle(vehicle, log) <= _size(part):
             part.unlink()
-    raise FailedError(
+    raise OperationError(
         f"{log.name}: the checksums differ; it may still be written: try again after disarming"
     )
 
 
-def _append(vehicle: Vehicle, log: RemoteLog, part: Path, watch: Watch | None) -> None:
-    if _size(part) > _size_on_board(vehicle, log):
+def _append(
+    vehicle: VehicleClient, log: LogOnVehicle, part: Path, watch: WatchCallback | None
+) -> None:
+    if _size(part) > _size_on_vehicle(vehicle, log):
         part.unlink()
     with part.open("ab") as sink:
         start = sink.tell()
         vehicle.use(
-            FileClient, lambda files: files.download(log.path, sink, start, _shares(log, watch))
+            FileClient,
+            lambda files: files.download(log.path, sink, start, _as_fraction(log, watch)),
         )
 
 
-def _fetch_log(vehicle: Vehicle, log: RemoteLog, part: Path, watch: Watch | None) -> bool:
+def _fetch_log(
+    vehicle: VehicleClient, log: LogOnVehicle, part: Path, watch: WatchCallback | None
+) -> bool:
     if _size(part) > log.bytes:
         part.unlink()
     with part.open("ab") as sink:
@@ -136,12 +143,12 @@ def _fetch_log(vehicle: Vehicle, log: RemoteLog, part: Path, watch: Watch | None
         listed = ListedLog(log.number, log.bytes, 0)
         if start < log.bytes:
             vehicle.use(
-                LogClient, lambda logs: logs.download(listed, sink, start, _shares(log, watch))
+                LogClient, lambda logs: logs.download(listed, sink, start, _as_fraction(log, watch))
             )
     return False
 
 
-def _is_same(vehicle: Vehicle, log: RemoteLog, file: Path) -> bool:
+def _is_same(vehicle: VehicleClient, log: LogOnVehicle, file: Path) -> bool:
     """Whether a file here is the log on board, by its checksum; by its size where the vehicle knows
     no checksums."""
     if not log.path:
@@ -154,7 +161,7 @@ def _is_same(vehicle: Vehicle, log: RemoteLog, file: Path) -> bool:
     return on_board == crc
 
 
-def _size_on_board(vehicle: Vehicle, log: RemoteLog) -> int:
+def _size_on_vehicle(vehicle: VehicleClient, log: LogOnVehicle) -> int:
     entries = vehicle.use(FileClient, lambda files: files.list(FOLDER))
     return next((entry.size or 0 for entry in entries if entry.name == log.name), 0)
 
@@ -163,11 +170,13 @@ def _size(file: Path) -> int:
     return file.stat().st_size if file.exists() else 0
 
 
-def _shares(log: RemoteLog, watch: Watch | None) -> Callable[[int, int], None] | None:
+def _as_fraction(
+    log: LogOnVehicle, watch: WatchCallback | None
+) -> Callable[[int, int], None] | None:
     return None if watch is None else lambda there, of: watch(log.name, there / max(1, of))
 
 
-def _free(target: Path) -> Path:
+def _unused_path(target: Path) -> Path:
     """A name of which nothing is here yet."""
     names = (target.with_name(f"{target.stem}-{n}{target.suffix}") for n in range(2, 1_000_000))
     return target if not target.exists() else next(name for name in names if not name.exists())
@@ -179,13 +188,13 @@ def _is_finished(file: Path) -> bool:
         return data.read() == MAGIC
 
 
-def _listed(log: ListedLog) -> RemoteLog:
+def _from_listing(log: ListedLog) -> LogOnVehicle:
     began = (
         datetime.fromtimestamp(log.began_unix_s, UTC).strftime("-%Y%m%dT%H%M%SZ")
         if log.began_unix_s
         else ""
     )
-    return RemoteLog(log.number, f"log-{log.number:05d}{began}.bin", log.bytes, "")
+    return LogOnVehicle(log.number, f"log-{log.number:05d}{began}.bin", log.bytes, "")
 
 
 def _number(name: str) -> int:

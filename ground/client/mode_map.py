@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from ground.errors import BadInputError
+from ground.errors import InputError
 
 ModeMap = dict[str, dict[str, str]]
 
@@ -18,7 +18,7 @@ DEFAULT_PATH = Path("~/.pymavlink/custom_mode_map.json")
 """Where pymavlink's ``mavutil`` reads it when it is imported."""
 
 
-class Change(NamedTuple):
+class ModeMapChange(NamedTuple):
     """A map as it is to be, and what of it is new: names by "type.custom_mode"."""
 
     merged: ModeMap
@@ -33,19 +33,15 @@ def read(path: Path) -> ModeMap:
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:
-        raise BadInputError(f"{path}: cannot be read: {error}; mend it or move it away") from None
+        raise InputError(f"{path}: cannot be read: {error}; mend it or move it away") from None
     if not isinstance(found, dict):
-        raise BadInputError(
-            f"{path}: holds no object; expected {{MAV_TYPE: {{custom_mode: name}}}}"
-        )
+        raise InputError(f"{path}: holds no object; expected {{MAV_TYPE: {{custom_mode: name}}}}")
     for kind, names in found.items():
         if not _is_number(kind) or not isinstance(names, dict):
-            raise BadInputError(
-                f"{path}: {kind}: expected a MAV_TYPE number and an object of names"
-            )
+            raise InputError(f"{path}: {kind}: expected a MAV_TYPE number and an object of names")
         for number, name in names.items():
             if not _is_number(number) or not isinstance(name, str):
-                raise BadInputError(
+                raise InputError(
                     f"{path}: {kind}.{number}: expected a custom_mode number and a name"
                 )
     return found
@@ -53,7 +49,7 @@ def read(path: Path) -> ModeMap:
 
 def merge(
     present: Mapping[str, Mapping[str, str]], kind: int, modes: Mapping[str, int], path: Path
-) -> Change:
+) -> ModeMapChange:
     """Add a vehicle's modes (custom_mode by name) to those of its MAV_TYPE ``kind``.
 
     Raises:
@@ -70,16 +66,16 @@ def merge(
         if there == name:
             continue
         if there is not None:
-            raise BadInputError(
+            raise InputError(
                 f"{path}: {key}: is {there!r} there, {name!r} on the vehicle; remove or rename one"
             )
         if name in numbers:
             key = f"{kind}.{numbers[name]}"
-            raise BadInputError(
+            raise InputError(
                 f"{path}: {key}: is {name!r} there, the vehicle's {name!r} is {number}; remove one"
             )
         names[str(number)] = added[key] = name
-    return Change(merged, added)
+    return ModeMapChange(merged, added)
 
 
 def write(path: Path, modes: ModeMap) -> None:
@@ -96,7 +92,7 @@ def write(path: Path, modes: ModeMap) -> None:
         Path(file.name).chmod(target.stat().st_mode & 0o777 if target.exists() else 0o644)
         Path(file.name).replace(target)
     except OSError as error:
-        raise BadInputError(f"{path}: cannot be written: {error.strerror}") from None
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def _is_number(key: str) -> bool:

@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from ground.errors import BadInputError
+from ground.errors import InputError
 
 if TYPE_CHECKING:
-    from sysid.monitor.performance_spec import Promise
+    from sysid.monitor.performance_spec import PerformanceBaseline
 
 
-class Line(NamedTuple):
+class ParamLine(NamedTuple):
     """One parameter of a file."""
 
     value: float
@@ -28,58 +28,58 @@ def load(path: Path) -> dict[str, float]:
     return {name: line.value for name, line in load_lines(path).items()}
 
 
-def load_lines(path: Path) -> dict[str, Line]:
+def load_lines(path: Path) -> dict[str, ParamLine]:
     """Parameters by name, with what is said of each.
 
     Raises:
         BadInputError: the file is unreadable, or a line of it is no parameter; names file, line and
         text.
     """
-    found: dict[str, Line] = {}
+    found: dict[str, ParamLine] = {}
     for number, line in enumerate(_text(path).splitlines(), start=1):
         text, _, comment = line.partition("#")
         if not text.strip():
             continue
         parsed = _parse(text)
         if parsed is None:
-            raise BadInputError(
+            raise InputError(
                 f"{path}: line {number}: {line.strip()!r} is no parameter; expected NAME,VALUE"
             )
-        found[parsed[0]] = Line(parsed[1], comment.strip())
+        found[parsed[0]] = ParamLine(parsed[1], comment.strip())
     return found
 
 
-def promise(path: Path) -> "Promise | None":
+def read_baseline(path: Path) -> "PerformanceBaseline | None":
     """What the gains in a file promise; None in files that nobody designed.
 
     Raises:
         BadInputError: the file cannot be read, or its values are no longer those that were
         designed.
     """
-    from sysid.monitor.performance_spec import PromiseError, decode
+    from sysid.monitor.performance_spec import BaselineError, decode
 
     try:
         return decode(_text(path), load(path))
-    except PromiseError as error:
-        raise BadInputError(f"{path}: {error}; `ground redesign` writes it anew") from None
+    except BaselineError as error:
+        raise InputError(f"{path}: {error}; `ground redesign` writes it anew") from None
 
 
-def promised(path: Path) -> "Promise":
+def require_baseline(path: Path) -> "PerformanceBaseline":
     """What the gains in a file promise. Raises BadInputError, also where they promise nothing."""
-    found = promise(path)
+    found = read_baseline(path)
     if found is None:
-        raise BadInputError(
+        raise InputError(
             f"{path}: promises nothing; give a gains.param that `ground redesign` wrote"
         )
     return found
 
 
-def model_of(path: Path) -> str:
+def model_sha256_of(path: Path) -> str:
     """The digest of the model that the gains in a file were designed on; empty where that is not
     known any more."""
     try:
-        found = promise(path)
-    except BadInputError:
+        found = read_baseline(path)
+    except InputError:
         return ""
     return found.model_sha256 if found else ""
 
@@ -95,7 +95,7 @@ def _text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInputError(
+        raise InputError(
             f"{path}: {getattr(error, 'strerror', None) or 'not a text file'}"
         ) from None
 

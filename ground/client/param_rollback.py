@@ -11,15 +11,15 @@ from typing import NamedTuple
 
 import msgspec
 
-from ground.client.vehicle import Vehicle, VehicleError
-from ground.errors import BadInputError, FailedError
-from mavlink_io.user_data_dir import replace_file, state_folder
+from ground.client.vehicle import VehicleClient, VehicleClientError
+from ground.errors import InputError, OperationError
+from mavlink_io.user_data_dir import replace_file, user_data_dir
 
-KEPT = 50
+MAX_HISTORY = 50
 """Changes of one vehicle that can be undone one after another."""
 
 
-class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class ParamUpload(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What one upload did: the values of its parameters before and after."""
 
     source: str
@@ -30,7 +30,7 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Of the model that the values were designed on; empty where nobody said."""
 
 
-class Step(NamedTuple):
+class ParamChange(NamedTuple):
     """One parameter, as the vehicle read it back."""
 
     name: str
@@ -39,8 +39,8 @@ class Step(NamedTuple):
 
 
 def upload(
-    vehicle: Vehicle, values: Mapping[str, float], source: str, model_sha256: str = ""
-) -> tuple[Step, ...]:
+    vehicle: VehicleClient, values: Mapping[str, float], source: str, model_sha256: str = ""
+) -> tuple[ParamChange, ...]:
     """Set parameters and keep what was there before; if one cannot be set, those before it are put
     back.
 
@@ -48,21 +48,21 @@ def upload(
         BadInputError: the vehicle has no parameter of a name; nothing was set. FailedError: a value
         was refused or the link was lost; names what was set, what not, and what is so now.
     """
-    before = _present(vehicle, values, source)
+    before = _current_values(vehicle, values, source)
     history = History.of(vehicle)
-    history.push(Change(source, before, dict(values), model_sha256))
-    done: list[Step] = []
+    history.push(ParamUpload(source, before, dict(values), model_sha256))
+    done: list[ParamChange] = []
     for name, value in values.items():
         try:
-            done.append(Step(name, before[name], vehicle.set_parameter(name, value)))
-        except VehicleError as error:
-            _put_back(vehicle, history, done, list(values)[len(done) :], error)
+            done.append(ParamChange(name, before[name], vehicle.set_parameter(name, value)))
+        except VehicleClientError as error:
+            _restore(vehicle, history, done, list(values)[len(done) :], error)
     return tuple(done)
 
 
 def rollback(
-    vehicle: Vehicle, file: Path | None = None, *, force: bool = False
-) -> tuple[Change, tuple[Step, ...]]:
+    vehicle: VehicleClient, file: Path | None = None, *, force: bool = False
+) -> tuple[ParamUpload, tuple[ParamChange, ...]]:
     """Undo the last change of this vehicle, or the one kept in a file.
 
     Raises:
@@ -71,18 +71,18 @@ def rollback(
     """
     history = History(file) if file else History.of(vehicle)
     change = history.last()
-    present = _present(vehicle, change.before, str(history.path))
-    if (strange := _strange(change, present)) and not force:
-        raise FailedError(
+    present = _current_values(vehicle, change.before, str(history.path))
+    if (strange := _unexpected_value(change, present)) and not force:
+        raise OperationError(
             f"{strange}; somebody changed it since. --force puts the old values back all the same"
         )
     steps = []
     for name, value in change.before.items():
         try:
-            steps.append(Step(name, present[name], vehicle.set_parameter(name, value)))
-        except VehicleError as error:
+            steps.append(ParamChange(name, present[name], vehicle.set_parameter(name, value)))
+        except VehicleClientError as error:
             left = ", ".join(list(change.before)[len(steps) :])
-            raise FailedError(
+            raise OperationError(
                 f"{error}; not put back yet: {left}. `ground params rollback` again goes on"
             ) from None
     history.pop()
@@ -96,54 +96,60 @@ class History:
         self.path = path
 
     @classmethod
-    def of(cls, vehicle: Vehicle) -> "History":
+    def of(cls, vehicle: VehicleClient) -> "History":
         system = vehicle.party.system if vehicle.party else 0
-        return cls(state_folder() / "changes" / f"system-{system}.json")
+        return cls(user_data_dir() / "changes" / f"system-{system}.json")
 
-    def last(self) -> Change:
+    def last(self) -> ParamUpload:
         """Raises BadInputError where there is none."""
         changes = self._read()
         if not changes:
-            raise BadInputError(f"{self.path}: keeps no change that could be undone")
+            raise InputError(f"{self.path}: keeps no change that could be undone")
         return changes[-1]
 
-    def push(self, change: Change) -> None:
+    def push(self, change: ParamUpload) -> None:
         """Raises OSError."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._write([*self._read(), change][-KEPT:])
+        self._write([*self._read(), change][-MAX_HISTORY:])
 
     def pop(self) -> None:
         """Raises OSError."""
         self._write(self._read()[:-1])
 
-    def _read(self) -> list[Change]:
+    def _read(self) -> list[ParamUpload]:
         try:
-            return msgspec.json.decode(self.path.read_bytes(), type=list[Change])
+            return msgspec.json.decode(self.path.read_bytes(), type=list[ParamUpload])
         except FileNotFoundError:
             return []
         except msgspec.MsgspecError as error:
-            raise BadInputError(
+            raise InputError(
                 f"{self.path}: {error}; expected a list of changes: mend it or move it away"
             ) from None
 
-    def _write(self, changes: list[Change]) -> None:
+    def _write(self, changes: list[ParamUpload]) -> None:
         replace_file(
             self.path, msgspec.json.format(msgspec.json.encode(changes), indent=1).decode() + "\n"
         )
 
 
-def _present(vehicle: Vehicle, wanted: Mapping[str, float], source: str) -> dict[str, float]:
+def _current_values(
+    vehicle: VehicleClient, wanted: Mapping[str, float], source: str
+) -> dict[str, float]:
     aboard = vehicle.parameters()
     unknown = [name for name in wanted if name not in aboard]
     if unknown:
-        raise BadInputError(
+        raise InputError(
             f"{source}: {', '.join(unknown)}: the vehicle has no such parameter; nothing was set"
         )
     return {name: aboard[name] for name in wanted}
 
 
-def _put_back(
-    vehicle: Vehicle, history: History, done: list[Step], left: list[str], error: VehicleError
+def _restore(
+    vehicle: VehicleClient,
+    history: History,
+    done: list[ParamChange],
+    left: list[str],
+    error: VehicleClientError,
 ) -> None:
     """Undo half a change; the value that failed may be aboard too. Raises FailedError in any
     case."""
@@ -152,18 +158,18 @@ def _put_back(
     try:
         for name in (left[0], *reversed(names)):
             vehicle.set_parameter(name, before[name])
-    except VehicleError:
-        raise FailedError(
+    except VehicleClientError:
+        raise OperationError(
             f"{error}; set: {told}; not set: {', '.join(left)}. "
             "Once she answers, `ground params rollback` puts back what was there before"
         ) from None
     history.pop()
-    raise FailedError(
+    raise OperationError(
         f"{error}; set and put back: {told}. She has the values that she had before"
     ) from None
 
 
-def _strange(change: Change, present: Mapping[str, float]) -> str:
+def _unexpected_value(change: ParamUpload, present: Mapping[str, float]) -> str:
     """The first value that is neither the one set nor the one before: half a change can be undone
     too."""
     for name, value in present.items():

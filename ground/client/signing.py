@@ -5,7 +5,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from ground.errors import BadInputError
+from ground.errors import InputError
 from mavlink_io.signing import (
     TIMESTAMP_FILE,
     KeyFileError,
@@ -13,14 +13,14 @@ from mavlink_io.signing import (
     Timestamp,
     load_key,
 )
-from mavlink_io.user_data_dir import state_folder
+from mavlink_io.user_data_dir import user_data_dir
 
 LINK_ID = 0
 """Ground speaks to one vehicle by one link."""
 
 
 @contextlib.contextmanager
-def signing(key_file: Path | None) -> Iterator[Signing | None]:
+def open_signing(key_file: Path | None) -> Iterator[Signing | None]:
     """The signature of one link, None without a key; its timestamp is kept at the end.
 
     Raises:
@@ -32,8 +32,8 @@ def signing(key_file: Path | None) -> Iterator[Signing | None]:
     try:
         key = load_key(key_file)
     except KeyFileError as error:
-        raise BadInputError(f"--sign {error}") from None
-    timestamp = Timestamp(state_folder() / TIMESTAMP_FILE)
+        raise InputError(f"--sign {error}") from None
+    timestamp = Timestamp(user_data_dir() / TIMESTAMP_FILE)
     try:
         yield Signing(key, LINK_ID, timestamp)
     finally:

@@ -9,19 +9,20 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from ground.client import commands, connection_diagnosis
-from ground.client.commands import Command, ModeList
+from ground.client.commands import CommandExchange, ModeList
 from ground.client.recorder import Recorder
-from ground.client.signing import signing
-from ground.errors import FailedError
+from ground.client.signing import open_signing
+from ground.errors import OperationError
 from mavlink_io import dialect
 from mavlink_io.clock import Every, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.logging.statustext import TextJoiner
+from mavlink_io.mission_items import MissionItem
 from mavlink_io.records import ARMED_FLAG
-from mavlink_io.request import Exchange, ExchangeError, Party
-from mavlink_io.services.missions import MissionClient, MissionItem
+from mavlink_io.request import Exchange, ExchangeError, MavlinkId
+from mavlink_io.services.missions import MissionClient
 from mavlink_io.services.params import ParamClient
 from mavlink_io.signing import Signing
 from mavlink_io.transport import LinkLostError, Transport, open_transport, wait
@@ -29,14 +30,14 @@ from mavlink_io.transport import LinkLostError, Transport, open_transport, wait
 T = TypeVar("T")
 C = TypeVar("C")
 
-GROUND = Party(250, constant("MAV_COMP_ID_MISSIONPLANNER"))
+GROUND = MavlinkId(250, constant("MAV_COMP_ID_MISSIONPLANNER"))
 """Ground's own address: not 255/190, whose frames MAVSDK drops as QGroundControl's."""
 HEARTBEAT_PERIOD_S = 1.0
 WATCHDOG_PERIOD_S = 0.2
-READY_WITHIN_S = 60.0
+READY_TIMEOUT_S = 60.0
 """Wall seconds a vehicle may take to stand by: on a new machine the simulator compiles its kernels
 first."""
-LOST_AFTER_S = 5.0
+HEARTBEAT_TIMEOUT_S = 5.0
 """Wall seconds without a heartbeat after which a vehicle counts as lost."""
 _STANDBY = constant("MAV_STATE_STANDBY")
 _HEARTBEAT, _STATUSTEXT = (
@@ -45,16 +46,16 @@ _HEARTBEAT, _STATUSTEXT = (
 )
 
 
-class VehicleError(FailedError):
+class VehicleClientError(OperationError):
     """The vehicle is not there, went away, or refused; the message says which and why."""
 
 
-class Text(NamedTuple):
+class StatusText(NamedTuple):
     severity: int
     text: str
 
 
-class Vehicle:
+class VehicleClient:
     """A connected vehicle. Raises VehicleError wherever it is lost or refuses."""
 
     def __init__(
@@ -74,17 +75,17 @@ class Vehicle:
         self._latest: dict[int, Frame] = {}
         self._modes: dict[str, int] = {}
         self._listener: Callable[[Frame], None] | None = None
-        self.on_text: Callable[[Text], None] | None = None
+        self.on_text: Callable[[StatusText], None] | None = None
         self.on_frame: Callable[[Frame], None] | None = None
         """Called with every frame of the autopilot's own."""
-        self.party: Party | None = None
+        self.party: MavlinkId | None = None
         self._status = 0
         self.kind = 0
         """MAV_TYPE."""
         self.armed = False
         self.disarmings = 0
         """How often the vehicle was seen to disarm."""
-        self.texts: list[Text] = []
+        self.texts: list[StatusText] = []
         self._joiner = TextJoiner()
 
     @property
@@ -101,7 +102,7 @@ class Vehicle:
         deadline_s = wall_s() + timeout_s
         while self.party is None:
             if wall_s() > deadline_s:
-                raise VehicleError(self._not_found(timeout_s))
+                raise VehicleClientError(self._not_found(timeout_s))
             self._heard_s = wall_s()
             self.pump(0.05)
 
@@ -115,15 +116,16 @@ class Vehicle:
             wait([transport], timeout_s)
             frames = self._endpoint.receive()
         except LinkLostError as error:
-            raise VehicleError(f"the vehicle is gone: {error}") from None
+            raise VehicleClientError(f"the vehicle is gone: {error}") from None
         self._take(frames)
         if self._watchdog is not None and self._check.due():
             self._watchdog()
         if self._recorder is not None:
             self._recorder.flush_when_due()
-        if wall_s() - self._heard_s > LOST_AFTER_S:
-            raise VehicleError(
-                f"the vehicle is gone: no heartbeat on {transport.address} for {LOST_AFTER_S:g} s"
+        if wall_s() - self._heard_s > HEARTBEAT_TIMEOUT_S:
+            raise VehicleClientError(
+                f"the vehicle is gone: no heartbeat on {transport.address} "
+                f"for {HEARTBEAT_TIMEOUT_S:g} s"
             )
 
     def latest(self, name: str) -> Any | None:
@@ -160,14 +162,14 @@ class Vehicle:
         """Change mode by name, as the vehicle calls it."""
         modes = self.modes()
         if name not in modes:
-            raise VehicleError(f"mode {name}: the vehicle offers {', '.join(sorted(modes))}")
+            raise VehicleClientError(f"mode {name}: the vehicle offers {', '.join(sorted(modes))}")
         self.command(commands.SET_MODE, 1.0, float(modes[name]))
 
     def set_interval(self, name: str, rate_hz: float) -> None:
         """Have a message sent ``rate_hz`` times a second of vehicle time."""
         self.command(commands.SET_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz)
 
-    def arm(self, patience_s: float = READY_WITHIN_S) -> None:
+    def arm(self, patience_s: float = READY_TIMEOUT_S) -> None:
         """Arm, giving a vehicle that is still starting up to ``patience_s`` to stand by; then its
         refusal counts."""
         deadline_s = wall_s() + patience_s
@@ -180,7 +182,7 @@ class Vehicle:
 
     def command(self, command: int, *parameters: float) -> None:
         """Send one command and wait until it is done."""
-        self._run(Command(self._endpoint.send, GROUND, self._peer, command, *parameters))
+        self._run(CommandExchange(self._endpoint.send, GROUND, self._peer, command, *parameters))
 
     def use(self, kind: Callable[..., C], ask: Callable[[C], Exchange[T]]) -> T:
         """Carry out what a service's client begins: ``use(FileClient, lambda files:
@@ -191,9 +193,9 @@ class Vehicle:
         self._endpoint.transport.close()
 
     @property
-    def _peer(self) -> Party:
+    def _peer(self) -> MavlinkId:
         if self.party is None:
-            raise VehicleError("not connected to a vehicle yet")
+            raise VehicleClientError("not connected to a vehicle yet")
         return self.party
 
     def _client(self, kind: Callable[..., T]) -> T:
@@ -208,9 +210,9 @@ class Vehicle:
                 self.pump(0.02)
             return exchange.result()
         except ExchangeError as error:
-            raise VehicleError(self._with_reason(error, told)) from None
+            raise VehicleClientError(self._with_reason(error, told)) from None
         except LinkLostError as error:
-            raise VehicleError(f"the vehicle is gone: {error}") from None
+            raise VehicleClientError(f"the vehicle is gone: {error}") from None
         finally:
             self._listener = None
 
@@ -236,7 +238,7 @@ class Vehicle:
 
     def _hear_heartbeat(self, frame: Frame) -> None:
         message = frame.decode()
-        sender = Party(frame.system, frame.component)
+        sender = MavlinkId(frame.system, frame.component)
         if self.party is None and connection_diagnosis.is_vehicle(message):
             self.party = sender
         if sender == self.party:
@@ -252,14 +254,14 @@ class Vehicle:
         whole = self._joiner.add(frame.system, message)
         if whole is None:
             return
-        text = Text(message.severity, whole)
+        text = StatusText(message.severity, whole)
         self.texts.append(text)
         if self.on_text is not None:
             self.on_text(text)
 
     def _not_found(self, timeout_s: float) -> str:
         address = self._endpoint.transport.address
-        senders = {Party(frame.system, frame.component) for frame in self._latest.values()}
+        senders = {MavlinkId(frame.system, frame.component) for frame in self._latest.values()}
         heard = connection_diagnosis.explain(address, senders, self._endpoint.skipped_bytes)
         return f"no vehicle on {address} within {timeout_s:g} s: {heard}"
 
@@ -276,14 +278,14 @@ class Vehicle:
 
 
 @contextmanager
-def connected(address: str, key_file: Path | None = None) -> Iterator[Vehicle]:
+def connected(address: str, key_file: Path | None = None) -> Iterator[VehicleClient]:
     """The vehicle at an address, let go of afterwards; with a key file, over a link that is signed.
 
     Raises:
         AddressError, BadInputError, VehicleError: there is no such address, key or vehicle.
     """
-    with signing(key_file) as signature:
-        vehicle = Vehicle(open_transport(address), signing=signature)
+    with open_signing(key_file) as signature:
+        vehicle = VehicleClient(open_transport(address), signing=signature)
         try:
             vehicle.connect()
             yield vehicle

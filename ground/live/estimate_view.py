@@ -7,8 +7,13 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from ground.live.estimate import PLANES, Standing
-from sysid.estimation.recursive.report import SURE_DB, SURE_DEG, Number, Reading
+from ground.live.estimate import PLANES, EstimateStatus
+from sysid.estimation.recursive.report import (
+    ENOUGH_GAIN_SD_DB,
+    ENOUGH_PHASE_SD_DEG,
+    Number,
+    PlaneReport,
+)
 
 ROWS = {
     "static_gain_per_s": "static gain, 1/s",
@@ -18,19 +23,20 @@ ROWS = {
     "delay_s": "delay, s",
     "actuator_bias_deg": "actuator bias, deg",
 }
-SURE, UNSURE, TROUBLE, LABEL = "green", "", "bold red", "cyan"
+ENOUGH_STYLE, NOT_ENOUGH_STYLE, ERROR_STYLE, LABEL_STYLE = "green", "", "bold red", "cyan"
 
 
-def table(standing: Standing) -> RenderableType:
+def table(standing: EstimateStatus) -> RenderableType:
     """Each number with its standard deviation, and how much of the one before the first test that
     is."""
     if not standing.readings:
         return Text(
-            standing.trouble or "no test yet", style=TROUBLE if standing.trouble else "bright_black"
+            standing.trouble or "no test yet",
+            style=ERROR_STYLE if standing.trouble else "bright_black",
         )
     shown = [plane for plane in PLANES if plane in standing.readings]
     drawn = Table(box=None, padding=(0, 2), title_justify="left")
-    drawn.add_column("and % of the prior's sd left", style=LABEL, header_style="bright_black")
+    drawn.add_column("and % of the prior's sd left", style=LABEL_STYLE, header_style="bright_black")
     for plane in shown:
         drawn.add_column(f"{plane}, under test" if plane in standing.testing else plane)
     readings = [standing.readings[plane] for plane in shown]
@@ -40,33 +46,44 @@ def table(standing: Standing) -> RenderableType:
     drawn.add_row("gain there, dB", *(_cell(found.gain_db) for found in readings))
     drawn.add_row("phase there, deg", *(_cell(found.phase_deg) for found in readings))
     drawn.add_row(
-        "", *(Text(verdict(found), style=SURE if found.enough else UNSURE) for found in readings)
+        "",
+        *(
+            Text(verdict(found), style=ENOUGH_STYLE if found.enough else NOT_ENOUGH_STYLE)
+            for found in readings
+        ),
     )
     if standing.trouble:
-        drawn.add_row("no estimate", Text(standing.trouble, style=TROUBLE))
+        drawn.add_row("no estimate", Text(standing.trouble, style=ERROR_STYLE))
     return drawn
 
 
-def verdict(found: Reading) -> str:
+def verdict(found: PlaneReport) -> str:
     """Whether the tests have told enough."""
     if found.enough:
         return "enough, you may stop"
-    lacking = [f"phase to +-{SURE_DEG:g} deg"] if found.phase_deg.sd > SURE_DEG else []
-    lacking += [f"gain to +-{SURE_DB:g} dB"] if found.gain_db.sd > SURE_DB else []
+    lacking = (
+        [f"phase to +-{ENOUGH_PHASE_SD_DEG:g} deg"]
+        if found.phase_deg.sd > ENOUGH_PHASE_SD_DEG
+        else []
+    )
+    lacking += (
+        [f"gain to +-{ENOUGH_GAIN_SD_DB:g} dB"] if found.gain_db.sd > ENOUGH_GAIN_SD_DB else []
+    )
     return f"go on: {' and '.join(lacking)}"
 
 
-def line(found: Reading) -> str:
+def line(found: PlaneReport) -> str:
     """A plane in one line."""
     b1, delay = found.numbers["b1_per_s2"], found.numbers["delay_s"]
     return (
-        f"{found.plane}: b1 {_spell(b1)} per s2 (prior +-{_few(b1.before)}), delay {_spell(delay)}"
-        f" s; at {found.crossover_radps:.2f} rad/s +-{_few(found.gain_db.sd)} dB,"
-        f" +-{_few(found.phase_deg.sd)} deg: {verdict(found)}"
+        f"{found.plane}: b1 {_format_value(b1)} per s2 (prior +-{_format_short(b1.before)}), "
+        f"delay {_format_value(delay)} s; at {found.crossover_radps:.2f} rad/s"
+        f" +-{_format_short(found.gain_db.sd)} dB,"
+        f" +-{_format_short(found.phase_deg.sd)} deg: {verdict(found)}"
     )
 
 
-def as_json(standing: Standing) -> dict[str, Any]:
+def as_json(standing: EstimateStatus) -> dict[str, Any]:
     """By plane and name: value, standard deviation, and that before the first test."""
     return {
         plane: {
@@ -81,15 +98,15 @@ def as_json(standing: Standing) -> dict[str, Any]:
 
 
 def _cell(number: Number) -> str:
-    return f"{_spell(number)}  {100.0 * number.sd / number.before:3.0f} %"
+    return f"{_format_value(number)}  {100.0 * number.sd / number.before:3.0f} %"
 
 
-def _spell(number: Number) -> str:
+def _format_value(number: Number) -> str:
     """A value to the digits that its standard deviation lets count."""
-    return f"{number.value:.{_digits(number.sd)}f} +- {_few(number.sd)}"
+    return f"{number.value:.{_digits(number.sd)}f} +- {_format_short(number.sd)}"
 
 
-def _few(value: float) -> str:
+def _format_short(value: float) -> str:
     return f"{value:.{_digits(value)}f}"
 
 

@@ -6,25 +6,25 @@ from typing import Protocol
 
 from rich.console import Group, RenderableType
 
-from ground.client.flight import Follower
-from ground.client.vehicle import Text
+from ground.client.flight import TelemetryListener
+from ground.client.vehicle import StatusText
 from mavlink_io.clock import Every
 from mavlink_io.codec import Frame
 
-SHOWN_EVERY_S = 0.5
+REFRESH_PERIOD_S = 0.5
 
 
-class Shows(Follower, Protocol):
+class VisibleListener(TelemetryListener, Protocol):
     """A follower whose findings can be looked at."""
 
     def picture(self) -> RenderableType: ...
 
 
-class Followers:
+class Listeners:
     def __init__(
-        self, each: Sequence[Shows], show: Callable[[RenderableType], None] | None = None
+        self, each: Sequence[VisibleListener], show: Callable[[RenderableType], None] | None = None
     ) -> None:
-        self._each, self._show, self._due = each, show, Every(SHOWN_EVERY_S)
+        self._each, self._show, self._due = each, show, Every(REFRESH_PERIOD_S)
 
     def begin(self, parameters: Mapping[str, float]) -> None:
         for follower in self._each:
@@ -34,7 +34,7 @@ class Followers:
         for follower in self._each:
             follower.hear(frame)
 
-    def say(self, text: Text) -> None:
+    def say(self, text: StatusText) -> None:
         for follower in self._each:
             follower.say(text)
 

@@ -7,7 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from sysid.monitor import Cause, Kept
+    from sysid.monitor import Cause, MonitorReport
 
 ROWS = {
     "heading_deg": "heading, deg",
@@ -16,23 +16,26 @@ ROWS = {
     "rudder_deg": "rudder, deg",
     "elevator_deg": "elevator, deg",
 }
-GOOD, BAD, LABEL, FAINT = "green", "bold red", "cyan", "bright_black"
+GOOD_STYLE, BAD_STYLE, LABEL_STYLE, FAINT_STYLE = "green", "bold red", "cyan", "bright_black"
 
 
-def table(kept: "Kept") -> RenderableType:
+def table(kept: "MonitorReport") -> RenderableType:
     """Each error's rms, measured and foretold, and what is likely the matter."""
     if not kept.blocks:
-        return Text("no steady flight yet to compare with what the gains promise", style=FAINT)
+        return Text(
+            "no steady flight yet to compare with what the gains promise", style=FAINT_STYLE
+        )
     drawn = Table(box=None, padding=(0, 2), title_justify="left")
-    drawn.add_column("rms about what was foretold", header_style=FAINT)
+    drawn.add_column("rms about what was foretold", header_style=FAINT_STYLE)
     for head in ("measured", "foretold"):
-        drawn.add_column(head, header_style=FAINT, justify="right")
+        drawn.add_column(head, header_style=FAINT_STYLE, justify="right")
     for name, label in ROWS.items():
         measured, foretold = kept.errors[name]
-        drawn.add_row(Text(label, style=LABEL), f"{measured:.3f}", f"{foretold:.3f}")
-    good = Text(f"  as foretold, {kept.steady_s:.0f} s of steady flight", style=GOOD)
+        drawn.add_row(Text(label, style=LABEL_STYLE), f"{measured:.3f}", f"{foretold:.3f}")
+    good = Text(f"  as foretold, {kept.steady_s:.0f} s of steady flight", style=GOOD_STYLE)
     causes = [
-        Text(f"  {line(cause)}", style=BAD if cause.refit_due else "") for cause in kept.causes
+        Text(f"  {line(cause)}", style=BAD_STYLE if cause.refit_due else "")
+        for cause in kept.causes
     ]
     return Group(drawn, *(causes or [good]))
 
@@ -41,7 +44,7 @@ def line(cause: "Cause") -> str:
     return f"{'REFIT DUE' if cause.refit_due else 'noticed'}: {cause.words}"
 
 
-def in_words(kept: "Kept") -> str:
+def format_text(kept: "MonitorReport") -> str:
     """A dive's result in a few lines."""
     if not kept.blocks:
         return "no steady flight to compare with what the gains promise"
@@ -58,7 +61,7 @@ def in_words(kept: "Kept") -> str:
     return "\n".join(lines)
 
 
-def as_json(kept: "Kept") -> dict[str, Any]:
+def as_json(kept: "MonitorReport") -> dict[str, Any]:
     return {
         "blocks": kept.blocks,
         "steady_s": kept.steady_s,

@@ -6,26 +6,28 @@ from typing import Any
 
 from rich.console import RenderableType
 
-from ground.client.vehicle import Text
+from ground.client.vehicle import StatusText
 from ground.live import monitor_view
-from ground.live.estimate import BACK_S
+from ground.live.estimate import CLOCK_RESTART_S
 from ground.live.telemetry import Telemetry
 from mavlink_io.clock import Every
 from mavlink_io.codec import Frame
 from sysid.data.readers.samples import DEFAULT_TRAVEL_DEG
 from sysid.monitor import Monitor
-from sysid.monitor.performance_spec import Promise
+from sysid.monitor.performance_spec import PerformanceBaseline
 
 LOOK_PERIOD_S = 0.5
 """Of the wall clock."""
-REMEMBERED_S = 2.0
+OVERLAP_S = 2.0
 """What a look needs of the time before it: the values told last."""
 
 
-class Keeping:
+class PerformanceMonitor:
     """Made with the promise that stands in the head of a ``gains.param``."""
 
-    def __init__(self, promise: Promise, announce: Callable[[str], None] | None = None) -> None:
+    def __init__(
+        self, promise: PerformanceBaseline, announce: Callable[[str], None] | None = None
+    ) -> None:
         """``announce`` gets a line for each likely cause, once."""
         self._promise, self._announce = promise, announce
         self._monitor, self._telemetry = Monitor(promise), Telemetry({})
@@ -42,12 +44,12 @@ class Keeping:
 
     def hear(self, frame: Frame) -> None:
         before_s = self._telemetry.now_s
-        if self._telemetry.hear(frame) < before_s - BACK_S:
+        if self._telemetry.hear(frame) < before_s - CLOCK_RESTART_S:
             self._telemetry.restart()
             self._monitor.interrupt()
             self._telemetry.hear(frame)
 
-    def say(self, text: Text) -> None:
+    def say(self, text: StatusText) -> None:
         self._telemetry.say(text.severity, text.text)
 
     def look(self, *, last: bool = False) -> None:
@@ -61,7 +63,7 @@ class Keeping:
             ValueError,
         ):  # not everything has been told yet; and who watches must not end a dive
             return
-        self._telemetry.forget(until_s - REMEMBERED_S)
+        self._telemetry.forget(until_s - OVERLAP_S)
         for cause in self._monitor.kept().causes:
             if self._announce is not None and cause.name not in self._told:
                 self._announce(monitor_view.line(cause))
@@ -76,4 +78,4 @@ class Keeping:
 
     def in_words(self) -> str:
         """The same in a few lines, for when the dive is over."""
-        return monitor_view.in_words(self._monitor.kept())
+        return monitor_view.format_text(self._monitor.kept())

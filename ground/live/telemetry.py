@@ -16,12 +16,12 @@ from mavlink_io import dialect
 from mavlink_io.codec import Frame
 from mavlink_io.logging import ros1 as schemas
 from sysid.data import ros1
-from sysid.data.dataset import Event, Log
+from sysid.data.dataset import Log, TextEvent
 from sysid.data.readers import messages
 from sysid.data.readers.messages import Messages
 from sysid.data.readers.servo_channels import FIRST_THREE
 
-LARGEST_GAP_S = {
+MAX_GAP_S = {
     "ATTITUDE": 0.25,
     "ACTUATOR_OUTPUT_STATUS": 0.12,
     "SERVO_OUTPUT_RAW": 0.12,
@@ -31,7 +31,7 @@ LARGEST_GAP_S = {
 may be: a surface moves in a moment, attitude does not."""
 SETPOINTS = ("ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED")
 """What she was asked for; identification goes without."""
-_KEPT = {dialect.by_name(name).message_id: name for name in (*LARGEST_GAP_S, *SETPOINTS)}
+_STORED_MESSAGES = {dialect.by_name(name).message_id: name for name in (*MAX_GAP_S, *SETPOINTS)}
 _NAME = Path("live")
 
 
@@ -49,13 +49,13 @@ class Telemetry:
     def __init__(self, parameters: Mapping[str, float]) -> None:
         self._parameters = dict(parameters)
         self._kept: dict[str, list[tuple[float, bytes]]] = {}
-        self.events: list[Event] = []
+        self.events: list[TextEvent] = []
         self.now_s = 0.0
         """Vehicle time of the newest message."""
 
     def hear(self, frame: Frame) -> float:
         """Take a frame. Returns its vehicle time; that of the newest one where it carries none."""
-        name = _KEPT.get(frame.message_id)
+        name = _STORED_MESSAGES.get(frame.message_id)
         if name is None:
             return self.now_s
         record, read_time_us = _decoder(name)
@@ -68,7 +68,7 @@ class Telemetry:
 
     def say(self, severity: int, text: str) -> None:
         """Take a text."""
-        self.events.append(Event(self.now_s, severity, text))
+        self.events.append(TextEvent(self.now_s, severity, text))
 
     @property
     def complete_s(self) -> float:
@@ -116,7 +116,7 @@ class Telemetry:
 def _first_gap(name: str, kept: list[tuple[float, bytes]]) -> Gap | None:
     latest_s = kept[0][0]
     for time_s, _ in kept:
-        if time_s - latest_s > LARGEST_GAP_S[name]:
+        if time_s - latest_s > MAX_GAP_S[name]:
             return Gap(name, latest_s, time_s)
         latest_s = max(latest_s, time_s)
     return None

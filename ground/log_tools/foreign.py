@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ground.errors import BadInputError
+from ground.errors import InputError
 
 if TYPE_CHECKING:
-    from sysid.data.readers.samples import Table
+    from sysid.data.readers.samples import MessageColumns
 
 
-def is_other(path: Path) -> bool:
+def is_foreign(path: Path) -> bool:
     """Whether a file is one of them; whoever reads MCAP says what is wrong with the rest."""
     from sysid.data import readers
     from sysid.data.dataset import LogError
 
     try:
-        return readers.kind(path) != "mcap"
+        return readers.format_of(path) != "mcap"
     except LogError:
         return False
 
@@ -58,26 +58,26 @@ def export_csv(path: Path, out: Path) -> list[Path]:
     return [_write(out, name, table) for name, table in sorted(found.items())]
 
 
-def _tables(path: Path) -> "dict[str, Table]":
+def _tables(path: Path) -> "dict[str, MessageColumns]":
     from sysid.data import readers
     from sysid.data.dataset import LogError
 
     try:
         return readers.tables(path)
     except LogError as error:
-        raise BadInputError(str(error)) from None
+        raise InputError(str(error)) from None
 
 
-def _write(out: Path, name: str, table: "Table") -> Path:
+def _write(out: Path, name: str, table: "MessageColumns") -> Path:
     target = out / f"{name.removeprefix('/mavlink/').replace('/', '-')}.csv"
-    columns = dict(_flat(table))
+    columns = dict(_flatten(table))
     with target.open("x", newline="") as file:
         rows = zip(table.time_s.tolist(), *columns.values(), strict=True)
         csv.writer(file).writerows([["time_s", *columns], *rows])
     return target
 
 
-def _flat(table: "Table") -> Iterator[tuple[str, list[Any]]]:
+def _flatten(table: "MessageColumns") -> Iterator[tuple[str, list[Any]]]:
     """Columns of single values: arrays as ``name[i]``, text as text."""
     for name, values in table.columns.items():
         if values.dtype.kind == "S":

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ground.errors import BadInputError
+from ground.errors import InputError
 from mavlink_io import dialect
 from mavlink_io.logging import mcap_reader, ros1
 from mavlink_io.logging.mavlink_log import PROFILE
@@ -31,7 +31,7 @@ class Recovered(NamedTuple):
     """What is lost, place by place."""
 
 
-class LogError(BadInputError):
+class McapFileError(InputError):
     """A file that is no log, or no finished one; the message says which and what to do."""
 
 
@@ -133,12 +133,12 @@ def read_parameters(path: Path) -> dict[str, float]:
     """The parameters that were flown; LogError when the log carries none."""
     data = read_attachment(path, "params.json")
     if data is None:
-        raise LogError(f"{path}: holds no attachment params.json")
+        raise McapFileError(f"{path}: holds no attachment params.json")
     try:
         values: dict[str, float] = json.loads(data)
     except (ValueError, RecursionError):
         needed = "must be an object of numbers by name"
-        raise LogError(f"{path}: attachment params.json {needed}") from None
+        raise McapFileError(f"{path}: attachment params.json {needed}") from None
     return values
 
 
@@ -174,7 +174,7 @@ def _opened(
     try:
         file = path.open("rb")
     except OSError as error:
-        raise LogError(f"{path}: {error.strerror}") from None
+        raise McapFileError(f"{path}: {error.strerror}") from None
     remedy = "" if unfinished else "; ground log recover saves what an unfinished one holds"
     with file:
         try:
@@ -184,13 +184,13 @@ def _opened(
             yield reader
         except McapError as error:
             what = "no readable MCAP file" if unfinished else "no finished MCAP log"
-            raise LogError(f"{path}: {what} ({error}){remedy}") from None
+            raise McapFileError(f"{path}: {what} ({error}){remedy}") from None
 
 
 def _refuse_damaged(path: Path, reader: McapReader) -> None:
     if reader.damage:
-        words = mcap_reader.damage_in_words(reader)
-        raise LogError(f"{path}: is damaged: {words}; ground log recover saves the rest")
+        words = mcap_reader.format_damage(reader)
+        raise McapFileError(f"{path}: is damaged: {words}; ground log recover saves the rest")
 
 
 def _is_mavlink(channel: McapChannel) -> bool:
@@ -204,8 +204,8 @@ def _fields(path: Path, topic: str, payload: bytes) -> list[Any]:
     message = dialect.by_name(topic.rsplit("/", 1)[1])
     if len(payload) != message.struct.size:
         sizes = f"{len(payload)} bytes long, MAVLink says {message.struct.size}"
-        raise LogError(f"{path}: {topic}: {sizes}")
-    return _flat(message.unpack(payload))
+        raise McapFileError(f"{path}: {topic}: {sizes}")
+    return _flatten(message.unpack(payload))
 
 
 def _copy(reader: McapReader, writer: McapWriter) -> int:
@@ -232,7 +232,7 @@ def _copy(reader: McapReader, writer: McapWriter) -> int:
     return saved
 
 
-def _flat(fields: Any) -> list[Any]:
+def _flatten(fields: Any) -> list[Any]:
     return [part for value in fields for part in (value if isinstance(value, tuple) else (value,))]
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from ground.missions import script
 from ground.missions.script import ScriptError
 from mavlink_io.dialect import has_location
-from mavlink_io.services.missions import (
+from mavlink_io.mission_items import (
     FRAME_LOCAL_NED,
     FRAME_MISSION,
     GLOBAL_FRAMES,
@@ -24,7 +24,7 @@ from mavlink_io.services.missions import (
 WPL_HEADER = "QGC WPL 110"
 SUBMARINE, GENERIC = 12, 0
 """MAV_TYPE and MAV_AUTOPILOT, for the plan's own note of its vehicle."""
-_PLACE_MOST, _FRAME_MOST, _COMMAND_MOST = 1 << 31, (1 << 8) - 1, (1 << 16) - 1
+_MAX_COORDINATE, _MAX_FRAME, _MAX_COMMAND = 1 << 31, (1 << 8) - 1, (1 << 16) - 1
 """What the fields of MISSION_ITEM_INT hold."""
 
 
@@ -147,7 +147,7 @@ def read_wpl(text: str, where: str) -> tuple[MissionItem, ...]:
             raise ScriptError(
                 f"{where}: line {number + 2}: {error}; expected numbers that an item can hold"
             ) from None
-    return _numbered(items[1:])
+    return _renumber(items[1:])
 
 
 def write_plan(items: Sequence[MissionItem]) -> str:
@@ -180,7 +180,7 @@ def read_plan(text: str, where: str) -> tuple[MissionItem, ...]:
             raise ScriptError(
                 f"{where}: mission.items: only SimpleItem can be flown; surveys and scans cannot"
             )
-        return _numbered([_from_plan(entry) for entry in entries])
+        return _renumber([_from_plan(entry) for entry in entries])
     except json.JSONDecodeError as error:
         raise ScriptError(f"{where}: not JSON: {error}") from None
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -252,9 +252,9 @@ def _location(item: MissionItem) -> tuple[float, float]:
 
 def _with_location(item: MissionItem, x: float, y: float) -> MissionItem:
     """The item at a place of a file. Raises ValueError where no message can carry it."""
-    if not (0 <= item.frame <= _FRAME_MOST and 0 <= item.command <= _COMMAND_MOST):
+    if not (0 <= item.frame <= _MAX_FRAME and 0 <= item.command <= _MAX_COMMAND):
         raise ValueError(f"frame {item.frame}, command {item.command}")
-    if not all(-_PLACE_MOST <= value * _scale(item) < _PLACE_MOST for value in (x, y)):
+    if not all(-_MAX_COORDINATE <= value * _scale(item) < _MAX_COORDINATE for value in (x, y)):
         raise ValueError(f"place {x:g}, {y:g}")
     return item._replace(x=round(x * _scale(item)), y=round(y * _scale(item)))
 
@@ -270,5 +270,5 @@ def _scale(item: MissionItem) -> int:
     return LOCAL_SCALE if item.frame == FRAME_LOCAL_NED else GLOBAL_SCALE
 
 
-def _numbered(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
+def _renumber(items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
     return tuple(item._replace(sequence=n, current=int(n == 0)) for n, item in enumerate(items))

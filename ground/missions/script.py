@@ -43,10 +43,10 @@ from typing import Literal
 
 import msgspec
 
-from ground.errors import BadInputError, out_of_range
+from ground.errors import InputError, out_of_range
 from ground.missions import signals
 from mavlink_io.dialect import constant
-from mavlink_io.services.missions import (
+from mavlink_io.mission_items import (
     FRAME_LOCAL_NED,
     FRAME_MISSION,
     GLOBAL_SCALE,
@@ -65,17 +65,17 @@ WAYPOINT = constant("MAV_CMD_NAV_WAYPOINT")
 RELATIVE_ALTITUDE = 3
 """MAV_FRAME_GLOBAL_RELATIVE_ALT: altitude above home, which lies at the water surface."""
 
-MOST_M = 100_000.0
+MAX_DISTANCE_M = 100_000.0
 """From home: the neighbourhood in which the earth counts as flat."""
 SHIPPED = files("ground") / "missions"
 
 
-class ScriptError(BadInputError):
+class ScriptError(InputError):
     """A mission that cannot be flown: names the file, the key, the value and what would be
     right."""
 
 
-class Step(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class MissionStep(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """One step: a leg, a test, or the surfacing at the end."""
 
     depth_m: float | None = None
@@ -88,7 +88,7 @@ class Step(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     lat_deg: float | None = None
     lon_deg: float | None = None
     accept_m: float | None = None
-    test: signals.Test | None = None
+    test: signals.TestSignal | None = None
     surface: Literal[True] | None = None
 
     @property
@@ -119,7 +119,7 @@ class Script(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A mission as its file says it."""
 
     name: str
-    step: tuple[Step, ...]
+    step: tuple[MissionStep, ...]
     about: str = ""
 
 
@@ -160,7 +160,7 @@ def parse(text: str, where: str) -> Script:
     except msgspec.ValidationError as error:
         raise ScriptError(f"{where}: {str(error).replace('`', '')}") from None
     for number, step in enumerate(script.step, start=1):
-        if wrong := _wrong(step, is_first=number == 1, is_last=number == len(script.step)):
+        if wrong := _step_fault(step, is_first=number == 1, is_last=number == len(script.step)):
             raise ScriptError(f"{where}: step {number}: {wrong}")
     if not script.step:
         raise ScriptError(
@@ -194,7 +194,7 @@ def _items_by_step(script: Script) -> Iterator[list[MissionItem]]:
         yield list(_items(step, depth_m))
 
 
-def _wrong(step: Step, *, is_first: bool, is_last: bool) -> str:
+def _step_fault(step: MissionStep, *, is_first: bool, is_last: bool) -> str:
     kinds = [bool(step.leg_keys), step.test is not None, step.surface is not None]
     if sum(kinds) != 1:
         return "must be a leg (depth_m, heading_deg, ...), a test or surface = true, one of them"
@@ -208,12 +208,12 @@ def _wrong(step: Step, *, is_first: bool, is_last: bool) -> str:
         return (
             "test: comes before any leg; the first step must be a leg"
             if is_first
-            else signals.wrong(step.test)
+            else signals.signal_fault(step.test)
         )
-    return _wrong_leg(step, is_first=is_first) if step.leg_keys else ""
+    return _leg_fault(step, is_first=is_first) if step.leg_keys else ""
 
 
-def _wrong_leg(step: Step, *, is_first: bool) -> str:
+def _leg_fault(step: MissionStep, *, is_first: bool) -> str:
     if step.thrust_pct is not None and step.speed_mps is not None:
         return "thrust_pct and speed_mps: give one of them"
     has_speed = step.thrust_pct is not None or step.speed_mps is not None
@@ -223,7 +223,7 @@ def _wrong_leg(step: Step, *, is_first: bool) -> str:
     if step.wait_depth and step.depth_m is None:
         return "wait_depth = true: needs depth_m"
     if step.goes_somewhere:
-        if wrong := _wrong_way(step):
+        if wrong := _place_fault(step):
             return wrong
     elif step.accept_m is not None:
         return "accept_m: needs to, or lat_deg and lon_deg"
@@ -238,12 +238,15 @@ def _wrong_leg(step: Step, *, is_first: bool) -> str:
         ("lat_deg", step.lat_deg, -90.0, 90.0),
         ("lon_deg", step.lon_deg, -180.0, 180.0),
         ("accept_m", step.accept_m, 0.5, 500.0),
-        *((f"to[{n}]", metres, -MOST_M, MOST_M) for n, metres in enumerate(step.to or ())),
+        *(
+            (f"to[{n}]", metres, -MAX_DISTANCE_M, MAX_DISTANCE_M)
+            for n, metres in enumerate(step.to or ())
+        ),
     )
     return next((fault for bound in bounds if (fault := out_of_range(*bound))), "")
 
 
-def _wrong_way(step: Step) -> str:
+def _place_fault(step: MissionStep) -> str:
     if (step.lat_deg is None) != (step.lon_deg is None):
         return "lat_deg and lon_deg: give both or none"
     if step.to is not None and step.lat_deg is not None:
@@ -254,24 +257,24 @@ def _wrong_way(step: Step) -> str:
     return f"{clash}: cannot stand beside a place; give it in a step of its own" if clash else ""
 
 
-def _items(step: Step, depth_m: float) -> Iterator[MissionItem]:
+def _items(step: MissionStep, depth_m: float) -> Iterator[MissionItem]:
     if step.surface:
         yield _item(LAND)
     elif step.test is not None:
         yield _test_item(step.test)
     else:
         yield from _speed_items(step)
-        yield from (_way_item(step, depth_m),) if step.goes_somewhere else _leg_items(step)
+        yield from (_waypoint_item(step, depth_m),) if step.goes_somewhere else _leg_items(step)
 
 
-def _speed_items(step: Step) -> Iterator[MissionItem]:
+def _speed_items(step: MissionStep) -> Iterator[MissionItem]:
     if step.thrust_pct is not None:
         yield _item(CHANGE_SPEED, 0.0, -1.0, step.thrust_pct)
     if step.speed_mps is not None:
         yield _item(CHANGE_SPEED, 0.0, step.speed_mps, -1.0)
 
 
-def _way_item(step: Step, depth_m: float) -> MissionItem:
+def _waypoint_item(step: MissionStep, depth_m: float) -> MissionItem:
     """A waypoint at the depth of this step, or else of the last that gave one."""
     item = _item(WAYPOINT, step.duration_s or 0.0, step.accept_m or 0.0)
     if step.to is not None:
@@ -283,7 +286,7 @@ def _way_item(step: Step, depth_m: float) -> MissionItem:
     return item._replace(frame=RELATIVE_ALTITUDE, x=lat, y=lon, z=-depth_m)
 
 
-def _leg_items(step: Step) -> Iterator[MissionItem]:
+def _leg_items(step: MissionStep) -> Iterator[MissionItem]:
     if step.depth_m is not None:
         yield _item(CHANGE_ALTITUDE, -step.depth_m, RELATIVE_ALTITUDE)
     if step.heading_deg is not None:
@@ -294,8 +297,8 @@ def _leg_items(step: Step) -> Iterator[MissionItem]:
         yield _item(DELAY, step.duration_s, -1.0, -1.0, -1.0)
 
 
-def _test_item(test: signals.Test) -> MissionItem:
-    axis, magnitude, p3, p4, duration_s, wave, fade_s = signals.numbers(test)
+def _test_item(test: signals.TestSignal) -> MissionItem:
+    axis, magnitude, p3, p4, duration_s, wave, fade_s = signals.command_parameters(test)
     return _item(TEST, axis, magnitude, p3, p4, fade_s)._replace(x=duration_s, y=wave)
 
 

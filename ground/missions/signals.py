@@ -15,9 +15,9 @@ AXES = {"rudder": 12, "elevator": 11}
 _MORE_AXES = {"thrust": 13, "both": 23}
 LOOP_ON = 100
 """Added to an axis: the loop stays on, and the signal is added to what it asks for."""
-FASTEST_HZ = 25.0
+MAX_HZ = 25.0
 """Half of the rate that the autopilot ticks at."""
-FASTEST_CLOCK_HZ = 10.0
+MAX_CLOCK_HZ = 10.0
 _DIGITS = 7
 """Runs of a square wave that one number carries, a digit each."""
 
@@ -25,7 +25,7 @@ _OWN_KEYS = {"clock_hz": "prbs", "seed": "prbs", "runs": "square"}
 """Keys that only one signal knows."""
 
 
-class Test(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class TestSignal(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A signal on one surface, on both, or on the thrust."""
 
     signal: Literal["chirp", "step", "doublet", "prbs", "multisine", "3211", "square"]
@@ -44,7 +44,7 @@ class Test(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     loop_on: bool = False
 
 
-class Numbers(NamedTuple):
+class SignalParameters(NamedTuple):
     """The parameters of MAV_CMD_USER_1."""
 
     axis: int
@@ -56,17 +56,22 @@ class Numbers(NamedTuple):
     fade_s: float
 
 
-def numbers(test: Test) -> Numbers:
+def command_parameters(test: TestSignal) -> SignalParameters:
     """What MAV_CMD_USER_1 says of a test that is right; its third and fourth number are the
     signal's own."""
     axis = (AXES | _MORE_AXES)[test.axis] + (LOOP_ON if test.loop_on else 0)
     magnitude = (test.magnitude_pct if test.axis == "thrust" else test.magnitude_deg) or 0.0
-    return Numbers(
-        axis, magnitude, *_own_numbers(test), test.duration_s, SIGNALS[test.signal], test.fade_s
+    return SignalParameters(
+        axis,
+        magnitude,
+        *_signal_parameters(test),
+        test.duration_s,
+        SIGNALS[test.signal],
+        test.fade_s,
     )
 
 
-def _own_numbers(test: Test) -> tuple[float, float]:
+def _signal_parameters(test: TestSignal) -> tuple[float, float]:
     if test.signal == "prbs":
         return float(test.seed or 0), test.clock_hz or 0.0
     if test.signal == "square":
@@ -75,12 +80,12 @@ def _own_numbers(test: Test) -> tuple[float, float]:
     return test.f_start_hz, test.f_stop_hz
 
 
-def wrong(test: Test) -> str:
+def signal_fault(test: TestSignal) -> str:
     """What is wrong with a test; empty when it can be flown."""
     return next((fault for fault in _faults(test) if fault), "")
 
 
-def _faults(test: Test) -> Iterator[str]:
+def _faults(test: TestSignal) -> Iterator[str]:
     size, other = (
         ("magnitude_pct", "magnitude_deg")
         if test.axis == "thrust"
@@ -102,21 +107,21 @@ def _faults(test: Test) -> Iterator[str]:
     for key, signal in _OWN_KEYS.items():
         if test.signal != signal and getattr(test, key) is not None:
             yield f"test.{key}: only {signal} takes it"
-    yield _wrong_band(test) if test.signal in ("chirp", "multisine") else ""
-    yield _wrong_runs(test.runs) if test.signal == "square" else ""
+    yield _band_fault(test) if test.signal in ("chirp", "multisine") else ""
+    yield _intervals_fault(test.runs) if test.signal == "square" else ""
     if test.signal == "prbs" and test.clock_hz is None:
         yield "test.clock_hz: is missing"
     most = 100.0 if test.axis == "thrust" else 15.0
     yield out_of_range(f"test.{size}", magnitude, -most, most)
     yield out_of_range("test.duration_s", float(test.duration_s), 1.0, 600.0)
-    yield out_of_range("test.f_start_hz", test.f_start_hz, 0.0, FASTEST_HZ)
-    yield out_of_range("test.f_stop_hz", test.f_stop_hz, 0.0, FASTEST_HZ)
+    yield out_of_range("test.f_start_hz", test.f_start_hz, 0.0, MAX_HZ)
+    yield out_of_range("test.f_stop_hz", test.f_stop_hz, 0.0, MAX_HZ)
     yield out_of_range("test.fade_s", test.fade_s, 0.0, test.duration_s / 2)
-    yield out_of_range("test.clock_hz", test.clock_hz, 0.001, FASTEST_CLOCK_HZ)
+    yield out_of_range("test.clock_hz", test.clock_hz, 0.001, MAX_CLOCK_HZ)
     yield out_of_range("test.seed", test.seed, 0, 2**24 - 1)
 
 
-def _wrong_band(test: Test) -> str:
+def _band_fault(test: TestSignal) -> str:
     if 0.0 < test.f_start_hz <= test.f_stop_hz:
         return ""
     return (
@@ -125,7 +130,7 @@ def _wrong_band(test: Test) -> str:
     )
 
 
-def _wrong_runs(runs: tuple[int, ...] | None) -> str:
+def _intervals_fault(runs: tuple[int, ...] | None) -> str:
     if runs and len(runs) <= 2 * _DIGITS and all(1 <= run <= 9 for run in runs):
         return ""
     return f"test.runs = {list(runs or ())}: must be 1 to {2 * _DIGITS} whole numbers from 1 to 9"

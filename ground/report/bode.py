@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ground.report import mpl_canvas
 
 if TYPE_CHECKING:
-    from sysid.estimation.bench_test import AxisBench, AxisName, Point
+    from sysid.estimation.bench_test import AxisBench, AxisName, FrequencyPoint
 
 COLORS = ("#0f6e84", "#c2542d", "#7a8b2f", "#7b4b94", "#b08a1e")
 GREY = "#4b4f55"
@@ -18,7 +18,7 @@ TICKS_HZ = (0.05, 0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
 
 def draw(found: "Mapping[AxisName, AxisBench]", target: Path) -> Path:
     """Draw into ``target``, a PNG or SVG file."""
-    with mpl_canvas.drawn(target, (5.6 * len(found), 7.0)) as figure:
+    with mpl_canvas.new_figure(target, (5.6 * len(found), 7.0)) as figure:
         axes = figure.subplots(2, len(found), sharex=True, sharey="row", squeeze=False)
         for column, (name, axis) in enumerate(found.items()):
             _axis(axes[:, column], name, axis)
@@ -62,7 +62,9 @@ def _axis(panels: Any, name: str, axis: "AxisBench") -> None:
         panel.grid(which="both", color=mpl_canvas.GRID, linewidth=0.8)
 
 
-def _amplitude(magnitude: Any, phase: Any, points: "list[Point]", label: str, color: str) -> None:
+def _amplitude(
+    magnitude: Any, phase: Any, points: "list[FrequencyPoint]", label: str, color: str
+) -> None:
     """Circles are measured, dashes the fitted model under the same commands."""
     import numpy as np
 

@@ -14,7 +14,7 @@ _GAP = 0.07
 Chart = dict[str, Any]
 
 
-def of_figure(figure: Figure) -> Chart:
+def figure_chart(figure: Figure) -> Chart:
     """Stacked panels with one legend and one x axis."""
     count = len(figure.panels)
     height = (1.0 - _GAP * (count - 1)) / count
@@ -37,13 +37,13 @@ def of_figure(figure: Figure) -> Chart:
     layout["xaxis"] = {"anchor": f"y{last}", "title": {"text": figure.x_label}}
     if figure.log_x:
         layout["xaxis"] |= {"type": "log"}
-    layout["shapes"] = [_stretch(*ends) for ends in figure.shaded]
+    layout["shapes"] = [_shaded_interval(*ends) for ends in figure.shaded]
     if figure.upright is not None:
-        layout["shapes"] += [_upright(figure.upright)]
+        layout["shapes"] += [_vertical_line(figure.upright)]
     return {"data": data, "layout": layout}
 
 
-def of_estimates(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
+def estimates_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
     """Each coefficient over its prior value, with one standard deviation before and after the
     tests."""
     free = {name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["prior"] != 0}
@@ -85,10 +85,10 @@ def of_estimates(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
     return {"data": [before, after], "layout": layout}
 
 
-def of_shrinks(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
+def posterior_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
     """Posterior over prior standard deviation of each coefficient; beyond the line it was not
     measured."""
-    from sysid.models.model_file import PRIOR_SHRINK
+    from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD
 
     free = {
         name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["shrink"] is not None
@@ -116,8 +116,8 @@ def of_shrinks(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
         "xref": "paper",
         "x0": 0,
         "x1": 1,
-        "y0": PRIOR_SHRINK,
-        "y1": PRIOR_SHRINK,
+        "y0": MAX_POSTERIOR_TO_PRIOR_SD,
+        "y1": MAX_POSTERIOR_TO_PRIOR_SD,
         "line": {"width": 1, "dash": "dot", "color": "rgba(128,128,128,0.9)"},
     }
     layout = {
@@ -130,7 +130,7 @@ def of_shrinks(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
     return {"data": data, "layout": layout}
 
 
-def of_poles(poles: Mapping[str, Mapping[str, Sequence[Sequence[float]]]], loop: str) -> Chart:
+def poles_chart(poles: Mapping[str, Mapping[str, Sequence[Sequence[float]]]], loop: str) -> Chart:
     """Closed-loop poles of one loop under both sets of gains, with the line of damping 0.6."""
     data: list[dict[str, Any]] = [_damping_line(0.6)]
     for role, symbol in (("initial", "x-thin-open"), ("redesigned", "circle-open")):
@@ -170,7 +170,7 @@ def _damping_line(ratio: float) -> dict[str, Any]:
     }
 
 
-def _stretch(start: float, end: float) -> dict[str, Any]:
+def _shaded_interval(start: float, end: float) -> dict[str, Any]:
     return {
         "type": "rect",
         "xref": "x",
@@ -185,7 +185,7 @@ def _stretch(start: float, end: float) -> dict[str, Any]:
     }
 
 
-def _upright(x: float) -> dict[str, Any]:
+def _vertical_line(x: float) -> dict[str, Any]:
     return {
         "type": "line",
         "xref": "x",
@@ -206,7 +206,7 @@ def _traces(curve: Curve, suffix: str, *, show_legend: bool) -> list[dict[str, A
     if curve.low is None or curve.high is None:
         return [line]
     edge = line | {"showlegend": False, "hoverinfo": "skip", "line": {"width": 0}}
-    low, high = ({**edge, "y": _rounded(values, 3)} for values in (curve.low, curve.high))
+    low, high = ({**edge, "y": _round(values, 3)} for values in (curve.low, curve.high))
     filled = high | {"fill": "tonexty", "showlegend": show_legend and curve.look == "band"}
     return [low, filled] if curve.look == "band" else [low, filled, line]
 
@@ -219,7 +219,7 @@ def _marks(curve: Curve, suffix: str, *, show_legend: bool) -> dict[str, Any]:
     if curve.high is not None:
         marks["error_y"] = {
             "type": "data",
-            "array": _rounded(curve.high - curve.y, 3),
+            "array": _round(curve.high - curve.y, 3),
             "thickness": 1.2,
             "width": 2,
         }
@@ -239,10 +239,10 @@ def _line(curve: Curve, suffix: str, *, show_legend: bool) -> dict[str, Any]:
         "showlegend": show_legend,
         "yaxis": f"y{suffix}",
         "line": line,
-        "x": _rounded(curve.x, 3),
-        "y": _rounded(curve.y, 3),
+        "x": _round(curve.x, 3),
+        "y": _round(curve.y, 3),
     }
 
 
-def _rounded(values: Any, digits: int) -> list[float | None]:
+def _round(values: Any, digits: int) -> list[float | None]:
     return [round(float(v), digits) if np.isfinite(v) else None for v in values]

@@ -66,10 +66,10 @@ def step_figures(folder: CampaignFolder) -> list[Figure]:
     """The paper's figures 8 and 9: the largest steps, measured and modelled; then a held-out run of
     each plane."""
     chosen = [
-        (_largest(folder.runs("rudder_steps")), "The paper's figure 8."),
-        (_largest(folder.runs("elevator_steps")), "The paper's figure 9."),
-        (_largest(folder.runs("rudder_heldout")), "Held out: no model was fitted to it."),
-        (_largest(folder.runs("elevator_heldout")), "Held out: no model was fitted to it."),
+        (_largest_step(folder.runs("rudder_steps")), "The paper's figure 8."),
+        (_largest_step(folder.runs("elevator_steps")), "The paper's figure 9."),
+        (_largest_step(folder.runs("rudder_heldout")), "Held out: no model was fitted to it."),
+        (_largest_step(folder.runs("elevator_heldout")), "Held out: no model was fitted to it."),
     ]
     return [_step_figure(folder, run, note) for run, note in chosen]
 
@@ -79,7 +79,7 @@ def mission_figures(folder: CampaignFolder, missions: list[str]) -> list[Figure]
     return [_mission_figure(folder, mission) for mission in missions]
 
 
-def _largest(runs: "list[Run]") -> "Run":
+def _largest_step(runs: "list[Run]") -> "Run":
     return max(runs, key=lambda run: (run.wave == "step", abs(run.magnitude_deg)))
 
 

@@ -24,7 +24,7 @@ def draw(folder: Path, target: Path) -> Path:
     Raises:
         BadInputError: another ending, or the folder is no finished campaign.
     """
-    summary_picture.check_format(target)
+    summary_picture.check_picture_format(target)
     campaign = CampaignFolder(folder)
     predictions = validation_figures.prediction_figures(campaign)
     half = (len(predictions) + 1) // 2
@@ -34,7 +34,7 @@ def draw(folder: Path, target: Path) -> Path:
         validation_figures.whiteness_figures(campaign),
     ]
     heights = [HEIGHT_IN + PANEL_IN * max(len(f.panels) for f in row) for row in rows if row]
-    with mpl_canvas.drawn(target, (11.0, sum(heights) + 3.0)) as whole:
+    with mpl_canvas.new_figure(target, (11.0, sum(heights) + 3.0)) as whole:
         bands = whole.subfigures(len(heights) + 1, 1, height_ratios=[*heights, 3.0])
         for band, row in zip(bands, [row for row in rows if row], strict=False):
             for place, figure in zip(
@@ -105,7 +105,7 @@ def _curve(axis: Any, curve: Curve) -> None:
 
 
 def _shrinks(axis: Any, coefficients: dict[str, Any]) -> None:
-    from sysid.models.model_file import PRIOR_SHRINK
+    from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD
 
     free = {
         name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["shrink"] is not None
@@ -114,7 +114,7 @@ def _shrinks(axis: Any, coefficients: dict[str, Any]) -> None:
         COLORS["redesigned" if c["status"] == "measured" else "initial"] for c in free.values()
     ]
     axis.bar(range(len(free)), [c["shrink"] for c in free.values()], color=colors, width=0.7)
-    axis.axhline(PRIOR_SHRINK, color="#808080", linewidth=1.0, linestyle=":")
+    axis.axhline(MAX_POSTERIOR_TO_PRIOR_SD, color="#808080", linewidth=1.0, linestyle=":")
     axis.set_xticks(range(len(free)), [_mathematical(name) for name in free])
     axis.set_ylim(0.0, 1.05)
     axis.set_ylabel("1 sd after over before")

@@ -9,7 +9,7 @@ GRID = "#ebe8e0"
 
 
 @contextmanager
-def drawn(target: Path, size_in: tuple[float, float]) -> Iterator[Any]:
+def new_figure(target: Path, size_in: tuple[float, float]) -> Iterator[Any]:
     """A Matplotlib figure to draw on, written into ``target``, a PNG or SVG file, at the end."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg

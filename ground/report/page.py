@@ -38,10 +38,10 @@ def _page(campaign: CampaignFolder) -> str:
     )
     predictions = validation_figures.prediction_figures(campaign)
     shown = (*missions, *steps, *responses, *predictions, *whiteness)
-    drawn = {figure.key: charts.of_figure(figure) for figure in shown}
-    drawn |= {f"poles-{loop}": charts.of_poles(poles, loop) for loop in poles["initial"]}
-    drawn["estimates"] = charts.of_estimates(summary["model"]["coefficients"])
-    drawn["shrinks"] = charts.of_shrinks(summary["model"]["coefficients"])
+    drawn = {figure.key: charts.figure_chart(figure) for figure in shown}
+    drawn |= {f"poles-{loop}": charts.poles_chart(poles, loop) for loop in poles["initial"]}
+    drawn["estimates"] = charts.estimates_chart(summary["model"]["coefficients"])
+    drawn["shrinks"] = charts.posterior_chart(summary["model"]["coefficients"])
     parts = {
         "title": escape(TITLE),
         "lead": _lead(summary),
@@ -53,7 +53,7 @@ def _page(campaign: CampaignFolder) -> str:
         "table_2": tables.table_2(summary["model"]),
         "verdict": tables.verdict(model),
         "gates": tables.gates(model),
-        "runs_judged": tables.runs_judged(model),
+        "runs_judged": tables.runs_table(model),
         "responses": "".join(map(_figure, responses)),
         "predictions": "".join(map(_figure, predictions)),
         "whiteness": "".join(map(_figure, whiteness)),
@@ -68,7 +68,7 @@ def _page(campaign: CampaignFolder) -> str:
         "specification": specification.specification(summary["design"]),
         "margins": tables.margins(analyses),
         "reasons": specification.reasons(summary["design"]),
-        "kept": specification.kept(summary["kept"]),
+        "kept": specification.monitoring(summary["kept"]),
         "trims": ", ".join(f"{name} {value:g}°" for name, value in summary["trims"].items()),
         "speed": f"{model.speed_mps:g}",
         "asked": escape(campaign.asked),

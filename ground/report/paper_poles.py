@@ -4,9 +4,9 @@ its poles ask for."""
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from sysid.reproduction.paper_poles import Alone, Case, Reading, Row
+    from sysid.reproduction.paper_poles import Case, PoleRow, SinglePoleCondition, TransferReading
 
-OURS = "bench"
+NOMINAL_VEHICLE = "caribou_nominal"
 """The first-principles vehicle."""
 CONTROLLERS = {
     "I": "Table 3's initial gains",
@@ -15,27 +15,32 @@ CONTROLLERS = {
 }
 
 
-class Found(NamedTuple):
-    rows: "list[Row]"
+class PolesComparison(NamedTuple):
+    rows: "list[PoleRow]"
     ours: "list[Case]"
     """Our vehicle with three controllers, as in CONTROLLERS."""
-    readings: "list[Reading]"
-    alone: "list[Alone]"
+    readings: "list[TransferReading]"
+    alone: "list[SinglePoleCondition]"
 
 
-def reckon() -> Found:
+def compute() -> PolesComparison:
     """A few seconds."""
     from sysid.reproduction import paper_poles
 
-    return Found(paper_poles.rows(), _ours(), paper_poles.readings(), paper_poles.alone())
+    return PolesComparison(
+        paper_poles.rows(),
+        _our_cases(),
+        paper_poles.readings(),
+        paper_poles.single_pole_conditions(),
+    )
 
 
-def _ours() -> "list[Case]":
-    from sysid.design.initial import on_loci
+def _our_cases() -> "list[Case]":
+    from sysid.design.initial import design_on_root_loci
     from sysid.reproduction.paper_poles import Case
     from sysid.reproduction.paper_tables import TABLE_3_IMPROVED, TABLE_3_INITIAL
 
-    vehicle, _, found = on_loci(OURS)
+    vehicle, _, found = design_on_root_loci(NOMINAL_VEHICLE)
     first = {**found["heading"].gains, **found["depth"].gains}
     gains = {"I": TABLE_3_INITIAL, "A": TABLE_3_IMPROVED, "P": first}
     return [
@@ -44,7 +49,7 @@ def _ours() -> "list[Case]":
     ]
 
 
-def as_json(found: Found) -> dict[str, Any]:
+def as_json(found: PolesComparison) -> dict[str, Any]:
     return {
         "table_4_radps": [
             {"loop": r.loop, "case": r.case, "paper": _pair(r.paper), "ours": _pair(r.ours)}
@@ -69,28 +74,32 @@ def as_json(found: Found) -> dict[str, Any]:
     }
 
 
-def in_words(found: Found) -> list[str]:
+def format_lines(found: PolesComparison) -> list[str]:
     """Lines."""
     return [
         (
             "Table 4, dominant closed-loop poles, rad/s: paper, ours (model/controller: I initial,"
             " A adjusted)"
         ),
-        *(f"  {r.loop:8s}{r.case}  {_spell(r.paper)}  {_spell(r.ours)}" for r in found.rows),
+        *(
+            f"  {r.loop:8s}{r.case}  {_format_pole(r.paper)}  {_format_pole(r.ours)}"
+            for r in found.rows
+        ),
         "  The pair of least damping; Tables 1 and 3 behind s^2/9 + 4s/10 + 1 and 0.3 s by Pade 2",
         "",
         (
             "The same of our first-principles vehicle"
             f" ({', '.join(f'{k} {words}' for k, words in CONTROLLERS.items())})"
         ),
-        *(f"  {loop:8s}{case}  {_spell(pole)}" for loop, case, pole in _our_poles(found)),
+        *(f"  {loop:8s}{case}  {_format_pole(pole)}" for loop, case, pole in _our_poles(found)),
         "",
         (
             "The tailcone that explains the nine printed poles best, by how the garbled transfer"
             " function is read"
         ),
         (
-            f"  {'lag':22s}{'delay':12s}{'rad/s':>6s}{'damping':>9s}{'delay, s':>10s}{'95 %':>13s}{'rms, rad/s':>12s}"
+            f"  {'lag':22s}{'delay':12s}{'rad/s':>6s}{'damping':>9s}"
+            f"{'delay, s':>10s}{'95 %':>13s}{'rms, rad/s':>12s}"
             "  rows within a tenth"
         ),
         *(_reading(reading, found.rows) for reading in found.readings),
@@ -107,19 +116,21 @@ def in_words(found: Found) -> list[str]:
     ]
 
 
-def _reading(found: "Reading", rows: "list[Row]") -> str:
+def _reading(found: "TransferReading", rows: "list[PoleRow]") -> str:
     low, high = found.delays_s
     explained = [
         f"{row.loop} {row.case}" for row in rows if (row.loop, row.case) not in found.remain
     ]
     lag, known = found.lag, ", ".join(explained) or "none"
     return (
-        f"  {found.lag_name:22s}{found.form:12s}{lag.natural_frequency_radps:6.2f}{lag.damping_ratio:9.2f}{lag.delay_s:10.2f}{f'{low:.2f}..{high:.2f}':>13s}{found.misfit_radps:12.2f}"
+        f"  {found.lag_name:22s}{found.form:12s}"
+        f"{lag.natural_frequency_radps:6.2f}{lag.damping_ratio:9.2f}"
+        f"{lag.delay_s:10.2f}{f'{low:.2f}..{high:.2f}':>13s}{found.misfit_radps:12.2f}"
         f"  {known}"
     )
 
 
-def _verdict(found: Found) -> str:
+def _verdict(found: PolesComparison) -> str:
     first, adjusted = (
         [a.delay_s for a in found.alone if a.case.startswith(model)] for model in "IA"
     )
@@ -131,7 +142,7 @@ def _verdict(found: Found) -> str:
     )
 
 
-def _our_poles(found: Found) -> list[tuple[str, str, complex]]:
+def _our_poles(found: PolesComparison) -> list[tuple[str, str, complex]]:
     from sysid.reproduction import paper_poles
 
     return [
@@ -145,5 +156,5 @@ def _pair(pole: complex) -> list[float]:
     return [round(pole.real, 4), round(pole.imag, 4)]
 
 
-def _spell(pole: complex) -> str:
+def _format_pole(pole: complex) -> str:
     return f"{pole.real:8.4f} +- {pole.imag:6.4f}i"

@@ -4,12 +4,12 @@ import subprocess
 import sys
 from typing import Any
 
-from ground.errors import FailedError
+from ground.errors import OperationError
 from ground.report import paper_poles
-from ground.report.paper_poles import Found
+from ground.report.paper_poles import PolesComparison
 
 
-def without_flying(poles: Found) -> dict[str, Any]:
+def collect(poles: PolesComparison) -> dict[str, Any]:
     """The printed tables, Table 4 as reckoned, and the first-principles derivation as text.
 
     Raises:
@@ -37,7 +37,7 @@ def without_flying(poles: Found) -> dict[str, Any]:
     }
 
 
-def in_words(found: dict[str, Any], poles: Found) -> str:
+def format_text(found: dict[str, Any], poles: PolesComparison) -> str:
     """The same, to be read."""
     lines = ["Table 1, initial and adjusted coefficients"]
     lines += [
@@ -55,7 +55,7 @@ def in_words(found: dict[str, Any], poles: Found) -> str:
         f"  {name:10s}{value:8g}{improved[name]:8g}"
         for name, value in found["table_3"]["initial"].items()
     ]
-    lines += ["", *paper_poles.in_words(poles)]
+    lines += ["", *paper_poles.format_lines(poles)]
     lines += ["", "Table 5, steady errors, initial and improved controller"]
     improved = found["table_5"]["improved"]
     lines += [
@@ -72,7 +72,7 @@ def _derivation() -> str:
     command = [sys.executable, "-m", "sitl.vehicle.first_principles"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise FailedError(
+        raise OperationError(
             "the derivation failed:"
             f" {(done.stderr.strip().splitlines() or ['no reason given'])[-1]}"
         )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from ground.report import mpl_canvas
 
 if TYPE_CHECKING:
-    from ground.report.paper_poles import Found
+    from ground.report.paper_poles import PolesComparison
     from sysid.reproduction.paper_poles import Case
 
 COLORS = {"I/I": "#c2542d", "A/I": "#b08a1e", "A/A": "#7a8b2f", "ours/P": "#0f6e84"}
@@ -24,11 +24,11 @@ DAMPINGS = (0.4, 0.6, 0.8)
 LEFT, RIGHT, TOP = -3.4, 0.8, 3.2
 
 
-def draw(found: "Found", folder: Path) -> list[Path]:
+def draw(found: "PolesComparison", folder: Path) -> list[Path]:
     """The files that were written."""
     from sysid.reproduction import paper_poles
 
-    cases = [*paper_poles.printed(), found.ours[-1]]
+    cases = [*paper_poles.printed_cases(), found.ours[-1]]
     files = [folder / f"table_4_{name}.png" for name in ("root_locus", "bode", "delay")]
     _root_loci(cases, files[0])
     _bode(cases, files[1])
@@ -39,7 +39,7 @@ def draw(found: "Found", folder: Path) -> list[Path]:
 def _root_loci(cases: "list[Case]", target: Path) -> None:
     from sysid.reproduction import paper_poles
 
-    with mpl_canvas.drawn(target, (3.4 * len(cases), 9.6)) as figure:
+    with mpl_canvas.new_figure(target, (3.4 * len(cases), 9.6)) as figure:
         panels = figure.subplots(len(paper_poles.LOOPS), len(cases), sharex=True, sharey=True)
         for row, loop in zip(panels, paper_poles.LOOPS, strict=True):
             for panel, case in zip(row, cases, strict=True):
@@ -61,10 +61,10 @@ def _locus(panel: Any, loop: str, case: "Case") -> None:
     from sysid.reproduction import paper_poles
     from sysid.reproduction.paper_tables import TABLE_4
 
-    closed = paper_poles.of_case(loop, case)
-    cut = paper_poles.opened(loop, closed)
+    closed = paper_poles.close_case(loop, case)
+    cut = paper_poles.open_loop(loop, closed)
     branches = root_locus.poles(cut, np.concatenate([[0.0], np.geomspace(1e-3, 3.0, 400)]))
-    _dampings(panel)
+    _draw_damping_rays(panel)
     for branch in branches.T:
         upper = np.where(branch.imag >= -1e-9, branch, np.nan)
         panel.plot(upper.real, upper.imag, color=COLORS[case.name], linewidth=1.4)
@@ -97,7 +97,7 @@ def _marks(panel: Any, poles: Any, marker: str, color: str, label: str, size: fl
     )
 
 
-def _dampings(panel: Any) -> None:
+def _draw_damping_rays(panel: Any) -> None:
     """Rays of equal damping ratio."""
     import numpy as np
 
@@ -120,7 +120,7 @@ def _bode(cases: "list[Case]", target: Path) -> None:
     """Opened at the surface, with the true delay."""
     from sysid.reproduction import paper_poles
 
-    with mpl_canvas.drawn(target, (13.0, 7.4)) as figure:
+    with mpl_canvas.new_figure(target, (13.0, 7.4)) as figure:
         panels = figure.subplots(2, len(paper_poles.LOOPS), sharex=True, sharey="row")
         for (magnitude, phase), loop in zip(panels.T, paper_poles.LOOPS, strict=True):
             for case in cases:
@@ -180,22 +180,22 @@ def _response(magnitude: Any, phase: Any, loop: str, case: "Case") -> None:
     phase.plot(loop_transfer.GRID_RADPS, angle, color=color, linewidth=1.4, label=label)
 
 
-def _delays(found: "Found", target: Path) -> None:
-    with mpl_canvas.drawn(target, (11.0, 4.6)) as figure:
+def _delays(found: "PolesComparison", target: Path) -> None:
+    with mpl_canvas.new_figure(target, (11.0, 4.6)) as figure:
         by_form, by_row = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
-        _misfits(by_form)
-        _alone(by_row, found)
+        _draw_misfits(by_form)
+        _draw_single_pole_conditions(by_row, found)
         for panel in (by_form, by_row):
             panel.grid(color=mpl_canvas.GRID, linewidth=0.8)
 
 
-def _misfits(panel: Any) -> None:
+def _draw_misfits(panel: Any) -> None:
     import numpy as np
 
     from sysid.reproduction import paper_poles
     from sysid.reproduction.paper_poles.search import FIGURE_4, LAGS
 
-    search, delays_s = paper_poles.Search(), np.linspace(0.02, 0.8, 40)
+    search, delays_s = paper_poles.TailconeSearch(), np.linspace(0.02, 0.8, 40)
     for form, color, line in zip(paper_poles.FORMS, FORM_COLORS, FORM_LINES, strict=True):
         misfits = [
             search.misfit(LAGS[FIGURE_4]._replace(delay_s=float(delay_s)), form)
@@ -207,7 +207,7 @@ def _misfits(panel: Any) -> None:
     panel.legend(frameon=False, fontsize=9)
 
 
-def _alone(panel: Any, found: "Found") -> None:
+def _draw_single_pole_conditions(panel: Any, found: "PolesComparison") -> None:
     rows = found.alone[::-1]
     for height, row in enumerate(rows):
         bars: Any = {"fmt": "o", "color": COLORS[row.case], "elinewidth": 1.4, "capsize": 3}

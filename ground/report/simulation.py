@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from sysid.monte_carlo.study import LegTold, Range, Told
+    from sysid.monte_carlo.study import LegSummary, Range, SimulationSummary
 
 WIDTH = 118
 
 
-def as_json(told: "Sequence[Told]", mission: str, seed: int) -> dict[str, Any]:
+def as_json(told: "Sequence[SimulationSummary]", mission: str, seed: int) -> dict[str, Any]:
     """Everything that is told, each number with its unit in its name; null for what no vehicle
     showed."""
-    return {"mission": mission, "seed": seed, "rehearsed": [_one(one) for one in told]}
+    return {"mission": mission, "seed": seed, "rehearsed": [_summary_json(one) for one in told]}
 
 
-def _one(told: "Told") -> dict[str, Any]:
+def _summary_json(told: "SimulationSummary") -> dict[str, Any]:
     return {
         "gains": told.gains,
         "sea_times": told.sea.times,
@@ -51,7 +51,7 @@ def _range(found: "Range | None") -> dict[str, float] | None:
     return found and found._asdict()
 
 
-def in_words(told: "Sequence[Told]", mission: str) -> str:
+def format_text(told: "Sequence[SimulationSummary]", mission: str) -> str:
     """Two tables: how steady, and how soon."""
     from rich.console import Console
 
@@ -66,7 +66,7 @@ def in_words(told: "Sequence[Told]", mission: str) -> str:
     return "\n".join(line.rstrip() for line in page.getvalue().splitlines() if line.strip())
 
 
-def _title(told: "Told", mission: str) -> str:
+def _title(told: "SimulationSummary", mission: str) -> str:
     drift = f", in a current of {told.sea.current_mps:g} m/s" if told.sea.current_mps else ""
     bent = (
         f", rudder bent by {math.degrees(told.sea.bias_shift_rad):g} deg"
@@ -76,7 +76,7 @@ def _title(told: "Told", mission: str) -> str:
     return f"[bold]{mission}, by {told.vehicles} vehicles that the model allows for{drift}{bent}"
 
 
-def _steady(told: "Sequence[Told]") -> "Table":
+def _steady(told: "Sequence[SimulationSummary]") -> "Table":
     """95 % of the errors once settled, and what else is worth knowing: median and worst vehicle."""
     table = _table(
         "gains",
@@ -96,7 +96,7 @@ def _steady(told: "Sequence[Told]") -> "Table":
     return table
 
 
-def _figures(told: "Told", which: str) -> list[str]:
+def _figures(told: "SimulationSummary", which: str) -> list[str]:
     return [
         f"{times * getattr(found, which):.{digits}f}" if found else "-"
         for found, digits, times in (
@@ -111,7 +111,7 @@ def _figures(told: "Told", which: str) -> list[str]:
     ]
 
 
-def _legs(told: "Sequence[Told]") -> "Table":
+def _legs(told: "Sequence[SimulationSummary]") -> "Table":
     longest = max((one.legs for one in told), key=len)
     table = _table("leg", *(f"{one.gains} x{one.sea.times:g}" for one in told))
     for number, leg in enumerate(longest):
@@ -123,7 +123,7 @@ def _legs(told: "Sequence[Told]") -> "Table":
     return table
 
 
-def _settled(leg: "LegTold", vehicles: int) -> str:
+def _settled(leg: "LegSummary", vehicles: int) -> str:
     """Median and worst of those that did, and how many did not."""
     if leg.settled_s is None:
         return f"{vehicles} did not"
@@ -131,7 +131,7 @@ def _settled(leg: "LegTold", vehicles: int) -> str:
     return f"{words}; {leg.unsettled} did not" if leg.unsettled else words
 
 
-def verdict(told: "Told") -> str:
+def verdict(told: "SimulationSummary") -> str:
     """What became of the vehicles, in one line."""
     parts = [f"{count} did not hold {what}" for what, count in told.diverged.items()]
     parts += [f"{told.broached} broached"] if told.broached else []

@@ -17,7 +17,7 @@ def specification(design: Mapping[str, Any]) -> str:
     ]
     note = (
         '<p class="note">Held besides:'
-        f" {escape(design_summary.others(design['specification']))}.</p>"
+        f" {escape(design_summary.describe_other_limits(design['specification']))}.</p>"
     )
     return table(["", "asked", "reached", "at"], rows, "named told") + note
 
@@ -31,7 +31,7 @@ def reasons(design: Mapping[str, Any]) -> str:
     return table(["parameter", "value", "reason"], rows, "named told")
 
 
-def kept(missions: Mapping[str, Mapping[str, Any]]) -> str:
+def monitoring(missions: Mapping[str, Mapping[str, Any]]) -> str:
     """Measured errors of each mission beside those foretold for steady flight, and what the monitor
     says of them."""
     rows = []

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ground.campaign.campaign_folder import CampaignFolder
-from ground.errors import BadInputError
+from ground.errors import InputError
 from ground.report import figures, mpl_canvas
 from ground.report.figures import Curve, Figure
 
@@ -26,10 +26,10 @@ def draw(folder: Path, target: Path) -> Path:
     Raises:
         BadInputError: another ending, or the folder is no finished campaign.
     """
-    check_format(target)
+    check_picture_format(target)
     campaign = CampaignFolder(folder)
     shown = figures.mission_figures(campaign, ["straight_run", "combined"])
-    with mpl_canvas.drawn(target, (11.0, 5.6)) as whole:
+    with mpl_canvas.new_figure(target, (11.0, 5.6)) as whole:
         axes = whole.subplots(2, 2, sharex="col")
         for column, figure in enumerate(shown):
             _column(axes[:, column], figure)
@@ -38,10 +38,10 @@ def draw(folder: Path, target: Path) -> Path:
     return target
 
 
-def check_format(target: Path) -> None:
+def check_picture_format(target: Path) -> None:
     """Raises BadInputError for a file that no picture can be written to."""
     if target.suffix not in _FORMATS:
-        raise BadInputError(f"--picture {target}: must end in .png or .svg")
+        raise InputError(f"--picture {target}: must end in .png or .svg")
 
 
 def _column(axes: Any, figure: Figure) -> None:

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
 _SUBSCRIPTS = {"dr": "δr", "de": "δe", "vdot": "v̇", "rdot": "ṙ", "wdot": "ẇ", "qdot": "q̇"}
 _LOOP_OF = {"heading": "Heading", "pitch": "Pitch to elevator", "depth": "Depth to pitch"}
 _GAIN_PREFIX = {"heading": "HDG", "pitch": "PTCH", "depth": "DPT"}
-_WAYS = {"paper": "the paper's way"}
-_FLOWN = {
+_METHOD_NAMES = {"paper": "the paper's way"}
+_GAIN_SET_NAMES = {
     "initial": "initial gains",
     "improved": "the paper's improved gains",
     "redesigned": "redesigned",
@@ -30,8 +30,8 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], name: str = "") ->
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
     kind = f' class="{name}"' if name else ""
     return (
-        "<div"
-        f' class="scroll"><table{kind}><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>'
+        f'<div class="scroll"><table{kind}><thead><tr>{cells}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
     )
 
 
@@ -65,7 +65,7 @@ def table_1(model: "IdentifiedModel") -> str:
                 escape(c.unit),
             ]
         )
-    rivals = [_WAYS.get(rival.method, rival.method) for rival in model.beside]
+    rivals = [_METHOD_NAMES.get(rival.method, rival.method) for rival in model.beside]
     head = [
         "",
         "paper, initial",
@@ -87,7 +87,10 @@ def table_2(model: Mapping[str, Any]) -> str:
 
     paper = dict(zip(("yaw", "pitch"), TABLE_2.values(), strict=True))
     names = {"yaw": "rudder tests", "pitch": "elevator tests"}
-    rivals = {_WAYS.get(m, m): found["held_out_rate_error"] for m, found in model["beside"].items()}
+    rivals = {
+        _METHOD_NAMES.get(m, m): found["held_out_rate_error"]
+        for m, found in model["beside"].items()
+    }
     rows = [
         [
             names[plane],
@@ -140,7 +143,7 @@ def _figure(gate: "Gate") -> str:
     return "not known" if gate.value is None else f"{gate.value:.3g}"
 
 
-def runs_judged(model: "IdentifiedModel") -> str:
+def runs_table(model: "IdentifiedModel") -> str:
     """Each run: its error beside what sea and sensors alone leave, Theil's coefficient, whether the
     rest is white."""
     errors = {q.run: q.model_mse_deg2ps2 for q in (*model.fit_quality, *model.held_out)}
@@ -261,7 +264,8 @@ def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
         for key, unit in units.items()
     ]
     return table(
-        ["error", "paper, initial", "paper, improved", *(_FLOWN[name] for name in steady)], rows
+        ["error", "paper, initial", "paper, improved", *(_GAIN_SET_NAMES[name] for name in steady)],
+        rows,
     )
 
 

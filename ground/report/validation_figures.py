@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sysid.models.model_file import IdentifiedModel
 
 Array = NDArray[np.float64]
-TWO_SIDED = 1.96
+NORMAL_95 = 1.96
 """Standard deviations on either side that hold 95 % of a normal quantity."""
 KOLMOGOROV = 1.358
 """Over the root of the number of ordinates: the distance that 5 % of white series exceed."""
@@ -41,7 +41,7 @@ def prediction_figures(campaign: CampaignFolder) -> list[Figure]:
     return [
         _prediction(campaign.model, run, campaign.prior_config)
         for mission in HELD_OUT_MISSIONS.values()
-        for run in _two_kinds(campaign.runs(mission))
+        for run in _select_runs(campaign.runs(mission))
     ]
 
 
@@ -59,23 +59,23 @@ def _response(model: "IdentifiedModel", plane: "Plane", prior: Any) -> Figure:
     from sysid.control_analysis.loop_transfer import GRID_RADPS
     from sysid.models import prediction as predict
     from sysid.validation import crossover
-    from sysid.validation.validate import believed
+    from sysid.validation.validate import uncertain_vehicle
 
     laid, crossed = model.validation[plane].overlay, model.validation[plane].crossover
     assert laid is not None
     w, points = GRID_RADPS, np.array(laid.frequency_radps)
     shown = (w >= points[0] / 1.3) & (w <= points[-1] * 1.3)
-    belief = believed(model, prior)
+    belief = uncertain_vehicle(model, prior)
     ours = crossover.response(belief.vehicle(belief.z), plane)[shown]
     first = crossover.response(predict.vehicles(model, prior)[1], plane)[shown]
-    gain_sd, phase_sd = (TWO_SIDED * sd[shown] for sd in crossover.band(belief, plane))
+    gain_sd, phase_sd = (NORMAL_95 * sd[shown] for sd in crossover.response_sd(belief, plane))
 
     def line(name: str, role: str, values: Array, sd: Array | None = None) -> Curve:
         low, high = (None, None) if sd is None else (values - sd, values + sd)
         return Curve(name, role, w[shown], values, low, high)
 
     def measured(values: Sequence[float], sds: Sequence[float]) -> Curve:
-        y, sd = np.array(values), TWO_SIDED * np.array(sds)
+        y, sd = np.array(values), NORMAL_95 * np.array(sds)
         return Curve("measured", "measured", points, y, y - sd, y + sd, look="marks")
 
     surface, motion = SURFACES[plane], MOTIONS[plane]
@@ -118,7 +118,7 @@ def _response(model: "IdentifiedModel", plane: "Plane", prior: Any) -> Figure:
             ),
         ),
         log_x=True,
-        shaded=_incoherent(points, np.array(laid.coherence)),
+        shaded=_incoherent_intervals(points, np.array(laid.coherence)),
         upright=crossed.crossover_radps if crossed else None,
     )
 
@@ -132,8 +132,8 @@ def _prediction(model: "IdentifiedModel", run: "Run", prior: Any) -> Figure:
     thin = slice(first, None, int(50.0 / SHOWN_HZ))
     t = run.time_s[thin]
     inside = slice(None, None, int(50.0 / SHOWN_HZ))
-    doubt = np.degrees(TWO_SIDED * band.estimate_radps[inside])
-    whole = np.degrees(TWO_SIDED * np.hypot(band.estimate_radps, band.sea_radps)[inside])
+    doubt = np.degrees(NORMAL_95 * band.estimate_radps[inside])
+    whole = np.degrees(NORMAL_95 * np.hypot(band.estimate_radps, band.sea_radps)[inside])
     ours = np.degrees(predicted.rate_radps[thin])
     outside = np.mean(np.abs(np.degrees(run.rate_radps[thin]) - ours)[t >= 0.0] > whole[t >= 0.0])
     return Figure(
@@ -209,13 +209,13 @@ def _whiteness(
     )
 
 
-def _two_kinds(runs: "Sequence[Run]") -> "list[Run]":
+def _select_runs(runs: "Sequence[Run]") -> "list[Run]":
     """The largest step and the largest of the other signals, where there are both."""
     kinds = [[run for run in runs if (run.wave == "step") == steps] for steps in (True, False)]
     return [max(kind, key=lambda run: abs(run.magnitude_deg)) for kind in kinds if kind]
 
 
-def _incoherent(x: Array, coherence: Array) -> tuple[tuple[float, float], ...]:
+def _incoherent_intervals(x: Array, coherence: Array) -> tuple[tuple[float, float], ...]:
     """Stretches of ``x``, evenly spaced by ratio, whose coherence is too low to count."""
     half = np.sqrt(x[1] / x[0])
     return tuple(

@@ -10,14 +10,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from ground.client.vehicle import VehicleError
-from ground.errors import BAD_INPUT, BadInputError
-from ground.simulation.subprocesses import Spawned, Start
+from ground.client.vehicle import VehicleClientError
+from ground.errors import BAD_INPUT, InputError
+from ground.simulation.subprocesses import ProcessFactory, SpawnedProcess
 from mavlink_io.clock import wall_s
 from mavlink_io.transport import AddressError, Transport, open_transport, wait
 
-STARTS_WITHIN_S = 60.0
-STOPS_WITHIN_S = 5.0
+START_TIMEOUT_S = 60.0
+STOP_TIMEOUT_S = 5.0
 PORTS = range(20_000, 32_000)
 """Below those that the system deals out by itself: what was free stays free until a child takes
 it."""
@@ -27,7 +27,7 @@ _given_ports: set[int] = set()
 class Simulation(NamedTuple):
     """What to simulate, as the simulator's command line names it."""
 
-    vehicle: str = "field"
+    vehicle: str = "caribou_truth"
     scenario: str = "calm"
     seed: int = 1
     speed: str = "max"
@@ -42,7 +42,10 @@ class SimulatedVehicle:
     armed."""
 
     def __init__(
-        self, simulation: Simulation, parameters: Path | None = None, start: Start = Spawned
+        self,
+        simulation: Simulation,
+        parameters: Path | None = None,
+        start: ProcessFactory = SpawnedProcess,
     ) -> None:
         hil, ground = free_port(), free_port(socket.SOCK_STREAM)
         self.address = f"tcp:127.0.0.1:{ground}"
@@ -82,15 +85,15 @@ class SimulatedVehicle:
             BadInputError: a process refused the vehicle, scenario or parameters.
             VehicleError: a process died, or did not come up in time.
         """
-        deadline_s = wall_s() + STARTS_WITHIN_S
+        deadline_s = wall_s() + START_TIMEOUT_S
         while True:
             self.check()
             try:
                 return open_transport(self.address)
             except AddressError:
                 if wall_s() > deadline_s:
-                    raise VehicleError(
-                        f"the autopilot did not listen within {STARTS_WITHIN_S:g} s"
+                    raise VehicleClientError(
+                        f"the autopilot did not listen within {START_TIMEOUT_S:g} s"
                     ) from None
                 wait([], 0.02)
 
@@ -110,7 +113,7 @@ class SimulatedVehicle:
 class _Program:
     """One of the two, and what it says."""
 
-    def __init__(self, name: str, arguments: Sequence[str], start: Start) -> None:
+    def __init__(self, name: str, arguments: Sequence[str], start: ProcessFactory) -> None:
         self._name = name
         self._said = tempfile.NamedTemporaryFile(prefix=f"{name}-")  # noqa: SIM115 - lives as long as the process
         self._child = start(name, arguments, Path(self._said.name))
@@ -121,19 +124,19 @@ class _Program:
             return
         said = self._last_words()
         if status == BAD_INPUT:
-            raise BadInputError(said or f"{self._name} refused its input")
+            raise InputError(said or f"{self._name} refused its input")
         how = (
             f"was killed by {signal.Signals(-status).name}"
             if status < 0
             else f"ended with status {status}"
         )
-        raise VehicleError(f"{self._name} {how}" + (f": {said}" if said else ""))
+        raise VehicleClientError(f"{self._name} {how}" + (f": {said}" if said else ""))
 
     def terminate(self) -> None:
         self._child.terminate()
 
     def wait(self) -> None:
-        self._child.end(STOPS_WITHIN_S)
+        self._child.end(STOP_TIMEOUT_S)
         self._said.close()
 
     def _last_words(self) -> str:

@@ -14,13 +14,13 @@ from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Protocol
 
-WARM = ("__main__", "autopilot.__main__", "sitl.preload")
+PRELOADED_MODULES = ("__main__", "autopilot.__main__", "sitl.preload")
 """What a process is loaded with before others are forked from it. ``__main__`` is the command under
 way, which multiprocessing would otherwise load in each of them."""
 _SOURCES = str(Path(__file__).parents[2])
 
 
-class Child(Protocol):
+class ChildProcess(Protocol):
     """A process that was started. Its standard input ends when this process does."""
 
     def poll(self) -> int | None:
@@ -33,14 +33,14 @@ class Child(Protocol):
         """Wait until it is gone, and kill it when that takes too long."""
 
 
-class Start(Protocol):
+class ProcessFactory(Protocol):
     """Runs ``python -m module`` with ``arguments``; what it says on standard error goes to the file
     ``said``."""
 
-    def __call__(self, module: str, arguments: Sequence[str], said: Path) -> Child: ...
+    def __call__(self, module: str, arguments: Sequence[str], said: Path) -> ChildProcess: ...
 
 
-class Spawned:
+class SpawnedProcess:
     """A child with an interpreter of its own."""
 
     def __init__(self, module: str, arguments: Sequence[str], said: Path) -> None:
@@ -72,15 +72,15 @@ class Spawned:
             self._process.stdin.close()
 
 
-class Forked:
-    """A child of a process that has loaded ``WARM``, which the first one starts."""
+class ForkedProcess:
+    """A child of a process that has loaded ``PRELOADED_MODULES``, which the first one starts."""
 
     def __init__(
         self, module: str, arguments: Sequence[str], said: Path, core: int | None = None
     ) -> None:
         """It keeps to ``core``, where one is given."""
         context = get_context("forkserver")
-        context.set_forkserver_preload(list(WARM))
+        context.set_forkserver_preload(list(PRELOADED_MODULES))
         self._process = context.Process(
             target=_run, args=(module, list(arguments), said, core), daemon=True
         )

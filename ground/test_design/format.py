@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from sysid.test_design.information import Numbers
-    from sysid.test_design.plan import Plan, Planned
+    from sysid.test_design.information import DesignUncertainty
+    from sysid.test_design.plan import Planned, TestPlan
 
 COLUMNS = {
     "static_gain_pct": "gain %",
@@ -20,15 +20,17 @@ COLUMNS = {
 }
 
 
-def as_json(plan: "Plan", files: dict[str, str], parameters: dict[str, float]) -> dict[str, Any]:
+def as_json(
+    plan: "TestPlan", files: dict[str, str], parameters: dict[str, float]
+) -> dict[str, Any]:
     """Everything of a plan, each number with its unit in its name."""
     return {
         "files": files,
         "parameters": parameters,
         "water_s": plan.water_s,
         "crossover_radps": dict(plan.crossover_radps),
-        "tests": [_one(planned) for planned in plan.tests],
-        "held_out": [_one(planned) for planned in plan.held_out],
+        "tests": [_test_json(planned) for planned in plan.tests],
+        "held_out": [_test_json(planned) for planned in plan.held_out],
         "standard_deviations": {
             plane: {when: numbers[plane]._asdict() for when, numbers in _stages(plan).items()}
             for plane in plan.before
@@ -36,11 +38,11 @@ def as_json(plan: "Plan", files: dict[str, str], parameters: dict[str, float]) -
     }
 
 
-def _stages(plan: "Plan") -> dict[str, "dict[Any, Numbers]"]:
+def _stages(plan: "TestPlan") -> dict[str, "dict[Any, DesignUncertainty]"]:
     return {"before": plan.before, "after": plan.after, "paper_steps": plan.paper}
 
 
-def _one(planned: "Planned") -> dict[str, Any]:
+def _test_json(planned: "Planned") -> dict[str, Any]:
     what = planned.manoeuvre._asdict() | {"surface": planned.manoeuvre.surface}
     return {
         **what,
@@ -50,7 +52,7 @@ def _one(planned: "Planned") -> dict[str, Any]:
     }
 
 
-def in_words(plan: "Plan", parts: list[str]) -> str:
+def format_text(plan: "TestPlan", parts: list[str]) -> str:
     """Two tables: the tests, and what would be known after them."""
     from rich.console import Console
 
@@ -60,7 +62,7 @@ def in_words(plan: "Plan", parts: list[str]) -> str:
     return "\n".join([*lines, *parts])
 
 
-def _tests(plan: "Plan") -> "Table":
+def _tests(plan: "TestPlan") -> "Table":
     from rich.table import Table
 
     table = Table(
@@ -96,7 +98,7 @@ def _tests(plan: "Plan") -> "Table":
     return table
 
 
-def _numbers(plan: "Plan") -> "Table":
+def _numbers(plan: "TestPlan") -> "Table":
     from rich.table import Table
 
     table = Table("sd, foretold", "", *COLUMNS.values(), box=None)

@@ -7,31 +7,31 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ground.campaign import prototype, refit
-from ground.errors import BadInputError, FailedError
+from ground.errors import InputError, OperationError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from sysid.test_design.plan import Plan, Request
-    from sysid.test_design.prior import Belief
+    from sysid.test_design.plan import PlanRequest, TestPlan
+    from sysid.test_design.prior import DesignPrior
 
 
-def belief(prior: str | Path, trim: Path | None, window_s: float) -> "Belief":
+def design_prior(prior: str | Path, trim: Path | None, window_s: float) -> "DesignPrior":
     """What is known beforehand, and from a trim flight where the surfaces stood. Raises
     BadInputError, FailedError."""
     from sysid.test_design import prior as beliefs
 
-    with _translated():
+    with _translate_errors():
         found = beliefs.read(prior)
         if trim is None:
             return found
         held = refit.measure_trims(trim, window_s)
-        return beliefs.trimmed(
+        return beliefs.with_trim(
             found, math.radians(held["TRIM_RUD_DEG"]), math.radians(held["TRIM_ELE_DEG"])
         )
 
 
-def trims(known: "Belief") -> dict[str, float]:
+def trims(known: "DesignPrior") -> dict[str, float]:
     """The parameters from which tests are counted, where they are known."""
     from sysid.test_design import prior as beliefs
 
@@ -39,15 +39,15 @@ def trims(known: "Belief") -> dict[str, float]:
         return {}
     vehicle = known.vehicle(known.mean)
     return {
-        "TRIM_RUD_DEG": math.degrees(beliefs.still(vehicle, "yaw").trim_rad),
-        "TRIM_ELE_DEG": math.degrees(beliefs.still(vehicle, "pitch").trim_rad),
+        "TRIM_RUD_DEG": math.degrees(beliefs.level_flight(vehicle, "yaw").trim_rad),
+        "TRIM_ELE_DEG": math.degrees(beliefs.level_flight(vehicle, "pitch").trim_rad),
     }
 
 
 def first_gains(model: Path | None, prior: str) -> dict[str, float]:
     """Of a vehicle's first dive, by parameter name; nothing for Caribou, whose autopilot has them.
     Raises as above."""
-    return {} if model else prototype.parameters_for(prior)
+    return {} if model else prototype.first_dive_parameters(prior)
 
 
 def loop_gains(aboard: Mapping[str, float]) -> dict[str, float] | None:
@@ -63,31 +63,33 @@ def loop_gains(aboard: Mapping[str, float]) -> dict[str, float] | None:
     if len(missing) == len(TABLE_3_INITIAL):
         return None
     if missing:
-        raise BadInputError(
+        raise InputError(
             f"--gains: has no {', '.join(missing)}; give all gains of the loops or none"
         )
     return {name: aboard[name] for name in TABLE_3_INITIAL}
 
 
-def planned(known: "Belief", request: "Request", report: Callable[[str, float], None]) -> "Plan":
+def plan_tests(
+    known: "DesignPrior", request: "PlanRequest", report: Callable[[str, float], None]
+) -> "TestPlan":
     """The plan. Raises FailedError where no set of tests is possible."""
     from sysid.test_design import plan
 
-    with _translated():
+    with _translate_errors():
         return plan.plan(known, request, report)
 
 
 @contextmanager
-def _translated() -> "Iterator[None]":
+def _translate_errors() -> "Iterator[None]":
     from sysid.data.dataset import LogError
     from sysid.models.model_file import ModelError
-    from sysid.refit import RefitError, VehicleError
-    from sysid.test_design.plan import PlanRefused
-    from sysid.test_design.safety_margins import NotHeldError
+    from sysid.refit import RefitError, VehicleFileError
+    from sysid.test_design.plan import PlanInfeasibleError
+    from sysid.test_design.safety_margins import UnstableLoopError
 
     try:
         yield
-    except (LogError, ModelError, RefitError, VehicleError) as error:
-        raise BadInputError(str(error)) from None
-    except (NotHeldError, PlanRefused) as error:
-        raise FailedError(str(error)) from None
+    except (LogError, ModelError, RefitError, VehicleFileError) as error:
+        raise InputError(str(error)) from None
+    except (UnstableLoopError, PlanInfeasibleError) as error:
+        raise OperationError(str(error)) from None

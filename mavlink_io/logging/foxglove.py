@@ -27,7 +27,7 @@ _LEVEL_OF_SEVERITY = (5, 5, 5, 4, 3, 2, 2, 1)
 ... 7 debug."""
 
 
-class View(NamedTuple):
+class ViewerTopic(NamedTuple):
     """A topic that viewers understand."""
 
     topic: str
@@ -45,7 +45,7 @@ def _vector(*names: str) -> dict[str, Any]:
     return {"type": "object", "properties": dict.fromkeys(names, _NUMBER)}
 
 
-LOG = View(
+LOG = ViewerTopic(
     "/log",
     "foxglove.Log",
     {
@@ -57,7 +57,7 @@ LOG = View(
         "line": _INTEGER,
     },
 )
-LOCATION = View(
+LOCATION = ViewerTopic(
     "/foxglove/location",
     "foxglove.LocationFix",
     {
@@ -70,7 +70,7 @@ LOCATION = View(
         "position_covariance_type": _INTEGER,
     },
 )
-TRANSFORM = View(
+TRANSFORM = ViewerTopic(
     "/tf",
     "foxglove.FrameTransform",
     {
@@ -83,11 +83,11 @@ TRANSFORM = View(
 )
 
 
-class Panels:
+class ViewerTopics:
     """Turns some MAVLink messages into what the panels draw: every text, position and pose a few
     times a second."""
 
-    def __init__(self, show: Callable[[View, bytes, int], None]) -> None:
+    def __init__(self, show: Callable[[ViewerTopic, bytes, int], None]) -> None:
         """``show`` gets the view, the JSON and the log time in nanoseconds."""
         self._show = show
         self._positions: dict[int, bytes] = {}
@@ -124,7 +124,7 @@ class Panels:
             position = dialect.by_name("LOCAL_POSITION_NED").unpack(self._positions[system])
             self._show(TRANSFORM, frame_transform(time_ns, attitude, position), time_ns)
 
-    def _due(self, system: int, view: View, time_ns: int) -> bool:
+    def _due(self, system: int, view: ViewerTopic, time_ns: int) -> bool:
         last_ns = self._shown_ns.get((system, view.topic))
         if last_ns is not None and 0 <= time_ns - last_ns < PERIOD_NS:
             return False

@@ -11,17 +11,17 @@ from typing import Any, NamedTuple
 
 from mavlink_io.dialect import MessageType
 from mavlink_io.logging import foxglove, ros1
-from mavlink_io.logging.foxglove import PERIOD_NS, Panels, View
+from mavlink_io.logging.foxglove import PERIOD_NS, ViewerTopic, ViewerTopics
 from mavlink_io.logging.mcap import (
     MESSAGE_HEAD_FORMAT,
-    Later,
     McapWriter,
+    Scheduler,
     Sink,
-    at_once,
     message_prefix,
+    run_immediately,
 )
 
-Show = Callable[[int, bytes, int], None]
+ViewCallback = Callable[[int, bytes, int], None]
 
 PROFILE = ""
 """MCAP profile of the file: none. ``ros1`` requires ROS 1 in every channel; the views are JSON.
@@ -37,7 +37,7 @@ class Channel(NamedTuple):
     system: int
     length: int
     """Of the payload at full length, in bytes."""
-    show: Show | None
+    show: ViewCallback | None
 
 
 class Column(NamedTuple):
@@ -55,12 +55,12 @@ class MavlinkLog:
     """A log under way. Call ``finish`` in every exit; what was flushed before can be recovered
     without."""
 
-    def __init__(self, file: Sink, later: Later = at_once) -> None:
+    def __init__(self, file: Sink, later: Scheduler = run_immediately) -> None:
         """``later`` does, now or later, all that touches the file."""
         self._writer = McapWriter(file, PROFILE, "caribou", later)
         self._schemas: dict[str, int] = {}
         self._views: dict[str, int] = {}
-        self._panels = Panels(self._show)
+        self._panels = ViewerTopics(self._show)
         self.message_count = 0
 
     def channel(self, system: int, component: int, message: MessageType) -> Channel:
@@ -80,9 +80,9 @@ class MavlinkLog:
         if channel.show is not None:
             channel.show(channel.system, payload, time_ns)
 
-    def table(self, columns: Sequence[Column]) -> "Table":
+    def table(self, columns: Sequence[Column]) -> "MessageTable":
         """Open channels whose messages are always written together."""
-        return Table(self, self._writer, columns)
+        return MessageTable(self, self._writer, columns)
 
     def attach(self, time_ns: int, name: str, data: bytes, media_type: str) -> None:
         """Keep a file inside the log, such as the mission that was flown."""
@@ -110,7 +110,7 @@ class MavlinkLog:
             self._schemas[name] = self._writer.register_schema(name, encoding, text.encode())
         return self._schemas[name]
 
-    def _show(self, view: View, data: bytes, time_ns: int) -> None:
+    def _show(self, view: ViewerTopic, data: bytes, time_ns: int) -> None:
         if view.topic not in self._views:
             schema = self._schema(view.schema_name, foxglove.SCHEMA_ENCODING, view.schema_text)
             self._views[view.topic] = self._writer.register_channel(
@@ -119,7 +119,7 @@ class MavlinkLog:
         self._writer.add_message(self._views[view.topic], time_ns, data, 0)
 
 
-class Table:
+class MessageTable:
     """Messages that are written together many times a second: packed in one go, several times
     faster than singly."""
 

@@ -43,11 +43,11 @@ class Sink(Protocol):
     def flush(self) -> None: ...
 
 
-Later = Callable[[Callable[[], None]], None]
+Scheduler = Callable[[Callable[[], None]], None]
 """Does some work now, or later and in order."""
 
 
-def at_once(work: Callable[[], None]) -> None:
+def run_immediately(work: Callable[[], None]) -> None:
     work()
 
 
@@ -90,7 +90,9 @@ class McapWriter:
     """An MCAP file under way. Numbers schemas and channels from 1, in the order in which they are
     registered."""
 
-    def __init__(self, file: Sink, profile: str, library: str, later: Later = at_once) -> None:
+    def __init__(
+        self, file: Sink, profile: str, library: str, later: Scheduler = run_immediately
+    ) -> None:
         """``later`` is given all work that compresses or writes; the file is used by nothing
         else."""
         self._file, self._later = file, later

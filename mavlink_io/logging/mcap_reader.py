@@ -23,7 +23,7 @@ MAX_EXPANSION = 100
 SMALL_FILE_UNPACKED_BYTES = 16_000_000
 """Added to that bound, so that a short log of constant values is read."""
 MAX_LISTED = 3
-"""Number of damaged places that ``damage_in_words`` lists."""
+"""Number of damaged places that ``format_damage`` lists."""
 
 _RECORD_HEAD = struct.Struct("<BQ")
 """Opcode and length of the content."""
@@ -105,14 +105,16 @@ class _Summary(NamedTuple):
     start_ns: int | None
 
 
-def _every(_: McapChannel) -> bool:
+def _any_channel(_: McapChannel) -> bool:
     return True
 
 
 class McapReader:
     """One pass over an MCAP file. Read ``damage`` when ``items`` is exhausted."""
 
-    def __init__(self, file: BinaryIO, wanted: Callable[[McapChannel], bool] = _every) -> None:
+    def __init__(
+        self, file: BinaryIO, wanted: Callable[[McapChannel], bool] = _any_channel
+    ) -> None:
         """``wanted`` chooses the channels whose messages are given.
 
         Raises:
@@ -248,7 +250,7 @@ class McapReader:
             stored = content[start + 8 :]
             if len(stored) != int.from_bytes(content[start : start + 8], "little"):
                 raise ValueError("its length is wrong")
-            records = _unpacked(stored, compression, size)
+            records = _decompress(stored, compression, size)
             self._count_unpacked(len(records))
             if crc not in (0, zlib.crc32(records)):
                 raise ValueError("its checksum is wrong")
@@ -310,7 +312,7 @@ class McapReader:
         return self._register(_channel(self._summary.channels[number], schemas))
 
 
-def damage_in_words(reader: McapReader) -> str:
+def format_damage(reader: McapReader) -> str:
     """Where a file is damaged and which seconds of the log are lost, in one line."""
     texts = damage_texts(reader)
     more = [f"and {len(texts) - MAX_LISTED} more places"] if len(texts) > MAX_LISTED else []
@@ -319,25 +321,25 @@ def damage_in_words(reader: McapReader) -> str:
 
 def damage_texts(reader: McapReader) -> list[str]:
     """What is damaged in a file, place by place; seconds count from the log's first message."""
-    return [_in_words(damage, reader.start_ns) for damage in reader.damage]
+    return [_format_damage(damage, reader.start_ns) for damage in reader.damage]
 
 
-def _in_words(damage: McapDamage, start_ns: int) -> str:
+def _format_damage(damage: McapDamage, start_ns: int) -> str:
     if damage.first_ns is None or damage.last_ns is None:
         return damage.reason
     first_s, last_s = ((ns - start_ns) / 1e9 for ns in (damage.first_ns, damage.last_ns))
     return f"{damage.reason} ({first_s:.2f} to {last_s:.2f} s of the log are lost)"
 
 
-def _unpacked(stored: bytes, compression: str, size: int) -> bytes:
+def _decompress(stored: bytes, compression: str, size: int) -> bytes:
     """The records of a chunk, for which at most ``size`` bytes are allocated. Raises ValueError."""
     if size > MAX_CHUNK_BYTES:
         limit = f"the limit is {MAX_CHUNK_BYTES / 1e6:.0f} MB"
         raise ValueError(f"it declares {size / 1e6:.0f} MB of unpacked records, {limit}")
     if compression == "zstd":
-        records = _unpacked_zstd(stored, size)
+        records = _decompress_zstd(stored, size)
     elif compression == "lz4":
-        records = _unpacked_lz4(stored, size)
+        records = _decompress_lz4(stored, size)
     elif compression == "":
         records = stored
     else:
@@ -347,7 +349,7 @@ def _unpacked(stored: bytes, compression: str, size: int) -> bytes:
     return records
 
 
-def _unpacked_zstd(stored: bytes, size: int) -> bytes:
+def _decompress_zstd(stored: bytes, size: int) -> bytes:
     # zstandard allocates what the frame declares, whatever bound it is given: compare that first
     try:
         if zstandard.frame_content_size(stored) not in (-1, size):
@@ -358,7 +360,7 @@ def _unpacked_zstd(stored: bytes, size: int) -> bytes:
         raise ValueError("its zstd data are broken") from None
 
 
-def _unpacked_lz4(stored: bytes, size: int) -> bytes:
+def _decompress_lz4(stored: bytes, size: int) -> bytes:
     import lz4.frame
 
     try:

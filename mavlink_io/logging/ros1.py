@@ -8,7 +8,7 @@ payload is stored as it came."""
 import struct
 from collections.abc import Callable
 
-from mavlink_io.dialect import Field, MessageType
+from mavlink_io.dialect import MessageField, MessageType
 
 SCHEMA_ENCODING = "ros1msg"
 MESSAGE_ENCODING = "ros1"
@@ -33,7 +33,7 @@ _TIME_SCALES_US = {
 }
 """Fields that hold vehicle time, and their unit. A ``time_usec`` of 32 bits wraps after 72 minutes
 and tells none."""
-_LONGEST_UPTIME_US = 10**14
+_MAX_UPTIME_US = 10**14
 """Three years: a larger ``time_usec`` is a UNIX time, which says nothing about the vehicle's
 clock."""
 
@@ -68,12 +68,12 @@ def vehicle_time_reader(message: MessageType) -> Callable[[bytes], int | None] |
 def _reader(number: struct.Struct, offset: int, scale: int) -> Callable[[bytes], int | None]:
     def read(payload: bytes) -> int | None:
         time_us: int = number.unpack_from(payload, offset)[0] * scale
-        return time_us if time_us < _LONGEST_UPTIME_US else None
+        return time_us if time_us < _MAX_UPTIME_US else None
 
     return read
 
 
-def _line(field: Field) -> str:
+def _line(field: MessageField) -> str:
     ros_type = _SCALARS[field.type][0]
     array = f"[{field.array_length}]" if field.array_length else ""
     notes = [

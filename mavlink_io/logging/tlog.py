@@ -39,7 +39,7 @@ class TelemetryLog:
         self._file.close()
 
 
-class Stream(NamedTuple):
+class MessageSeries(NamedTuple):
     """The messages of one name that one sender sent, in the order in which they came."""
 
     system: int
@@ -52,15 +52,17 @@ class Stream(NamedTuple):
     """At full length."""
 
 
-def read(data: bytes) -> list[Stream]:
+def read(data: bytes) -> list[MessageSeries]:
     """What a tlog holds. Bytes that belong to no frame are passed over, and so is a torn end."""
-    streams: dict[tuple[int, int, int], Stream] = {}
+    streams: dict[tuple[int, int, int], MessageSeries] = {}
     latest_us: dict[tuple[int, int], int] = {}
     for frame in Framer().feed(data + bytes(LARGEST_FRAME)):
         message = dialect.by_id(frame.message_id)
         assert message is not None, "a framer without senders refuses what the dialect lacks"
         key = frame.system, frame.component, frame.message_id
-        stream = streams.setdefault(key, Stream(frame.system, frame.component, message, [], []))
+        stream = streams.setdefault(
+            key, MessageSeries(frame.system, frame.component, message, [], [])
+        )
         payload = frame.payload[: message.struct.size].ljust(message.struct.size, b"\0")
         before_us = latest_us.get(key[:2], 0)
         read_time_us = _time_reader(frame.message_id)

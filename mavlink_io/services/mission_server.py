@@ -7,23 +7,25 @@ from typing import Any, NamedTuple, Protocol
 
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import has_location
-from mavlink_io.request import Client, Party, Send
-from mavlink_io.services.missions import (
-    ACCEPTED,
+from mavlink_io.mission_items import (
     ALL_TYPES,
-    CANCELLED,
-    CONDITION_CHANGE_ALTITUDE,
-    DENIED,
     FRAME_LOCAL_NED,
     FRAME_MISSION,
     GLOBAL_FRAMES,
+    MISSION_TYPE,
+    MissionItem,
+)
+from mavlink_io.request import Client, MavlinkId, Send
+from mavlink_io.services.missions import (
+    ACCEPTED,
+    CANCELLED,
+    CONDITION_CHANGE_ALTITUDE,
+    DENIED,
     INVALID_PARAM7,
     INVALID_SEQUENCE,
-    MISSION_TYPE,
     NO_SPACE,
     UNSUPPORTED,
     UNSUPPORTED_FRAME,
-    MissionItem,
     item_fields,
     item_from_message,
 )
@@ -45,7 +47,7 @@ class MissionProgress(NamedTuple):
     """1 in a mode that flies the mission, 2 in another."""
 
 
-class Verdict(NamedTuple):
+class MissionResult(NamedTuple):
     """What became of an offered mission: a MAV_MISSION_RESULT and, where it was refused, why."""
 
     result: int = ACCEPTED
@@ -61,7 +63,7 @@ class MissionStore(Protocol):
     @property
     def progress(self) -> MissionProgress: ...
 
-    def load(self, items: tuple[MissionItem, ...]) -> Verdict:
+    def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
         """Take a whole new mission, or none of it."""
         ...
 
@@ -75,7 +77,7 @@ class MissionStore(Protocol):
 
 
 @dataclass
-class _Session:
+class _UploadSession:
     """An upload under way: who sends it, what has come."""
 
     client: Client
@@ -125,8 +127,8 @@ class MissionServer:
 
     def __init__(self, store: MissionStore, capacity: int = 1000) -> None:
         self._store, self._capacity = store, capacity
-        self._session: _Session | None = None
-        self._finished: tuple[_Session, int] | None = None
+        self._session: _UploadSession | None = None
+        self._finished: tuple[_UploadSession, int] | None = None
         self._handlers = {
             "MISSION_COUNT": self._count,
             "MISSION_ITEM_INT": self._item,
@@ -143,7 +145,7 @@ class MissionServer:
         answers on it."""
         handler = self._handlers.get(frame.name)
         if handler is not None:
-            handler(frame.decode(), Client(Party(frame.system, frame.component), send), now_s)
+            handler(frame.decode(), Client(MavlinkId(frame.system, frame.component), send), now_s)
 
     def poll(self, now_s: float) -> None:
         """Ask again for an item that did not come, and give an abandoned upload up."""
@@ -155,7 +157,8 @@ class MissionServer:
             session.request(now_s)
         else:
             self._end(
-                session, Verdict(CANCELLED, "Mission upload abandoned: its sender fell silent")
+                session,
+                MissionResult(CANCELLED, "Mission upload abandoned: its sender fell silent"),
             )
 
     def _count(self, message: Any, client: Client, now_s: float) -> None:
@@ -167,7 +170,7 @@ class MissionServer:
             )
             _acknowledge(client, NO_SPACE)
         else:
-            self._begin(_Session(client, 0, message.count, now_s, whole=True), now_s)
+            self._begin(_UploadSession(client, 0, message.count, now_s, whole=True), now_s)
 
     def _partial(self, message: Any, client: Client, now_s: float) -> None:
         """New items in place of some that there are; the rest of the mission stays."""
@@ -178,9 +181,9 @@ class MissionServer:
             self._store.explain(f"Mission items {first} to {last} refused: the mission has {there}")
             _acknowledge(client, INVALID_SEQUENCE)
         else:
-            self._begin(_Session(client, first, last + 1, now_s, whole=False), now_s)
+            self._begin(_UploadSession(client, first, last + 1, now_s, whole=False), now_s)
 
-    def _begin(self, session: _Session, now_s: float) -> None:
+    def _begin(self, session: _UploadSession, now_s: float) -> None:
         """One upload at a time; its own sender may begin it again."""
         if self._session is not None and self._session.client != session.client:
             self._store.explain("Mission upload refused: another is under way")
@@ -199,7 +202,7 @@ class MissionServer:
         else:
             self._take(session, item_from_message(message), now_s)
 
-    def _take(self, session: _Session, item: MissionItem, now_s: float) -> None:
+    def _take(self, session: _UploadSession, item: MissionItem, now_s: float) -> None:
         fault = _fault(item)
         if fault.result != ACCEPTED:
             self._end(session, fault)
@@ -208,7 +211,7 @@ class MissionServer:
             session.left = RE_REQUESTS
             self._advance(session, now_s)
 
-    def _advance(self, session: _Session, now_s: float) -> None:
+    def _advance(self, session: _UploadSession, now_s: float) -> None:
         if session.wanted < session.stop:
             session.request(now_s)
             return
@@ -218,7 +221,7 @@ class MissionServer:
             items = there[: session.first] + items + there[session.stop :]
         self._end(session, self._store.load(items))
 
-    def _end(self, session: _Session, verdict: Verdict) -> None:
+    def _end(self, session: _UploadSession, verdict: MissionResult) -> None:
         self._session, self._finished = None, (session, verdict.result)
         if verdict.text:
             self._store.explain(verdict.text)
@@ -242,9 +245,9 @@ class MissionServer:
 
     def _clear(self, message: Any, client: Client, now_s: float) -> None:
         if message.mission_type not in (MISSION_TYPE, ALL_TYPES):
-            verdict = Verdict(UNSUPPORTED)
+            verdict = MissionResult(UNSUPPORTED)
         elif self._session is not None:
-            verdict = Verdict(DENIED, "Mission not cleared: an upload is under way")
+            verdict = MissionResult(DENIED, "Mission not cleared: an upload is under way")
         else:
             verdict = self._store.load(())
         if verdict.text:
@@ -270,23 +273,23 @@ def send_progress(send: Send, progress: MissionProgress) -> None:
     )
 
 
-def _fault(item: MissionItem) -> Verdict:
+def _fault(item: MissionItem) -> MissionResult:
     """What is wrong with an item whatever the vehicle can do: its frame, or a place above the
     water."""
     if item.frame not in GLOBAL_FRAMES and item.frame not in (FRAME_LOCAL_NED, FRAME_MISSION):
-        return Verdict(
+        return MissionResult(
             UNSUPPORTED_FRAME, f"Mission item {item.sequence}: frame {item.frame} is not supported"
         )
     if not (has_location(item.command) or item.command == CONDITION_CHANGE_ALTITUDE):
-        return Verdict()
+        return MissionResult()
     if item.frame in GLOBAL_FRAMES and item.z > 0.0:
         text = f"Mission item {item.sequence}: altitude {item.z:g} m; depth is given as <= 0"
-        return Verdict(INVALID_PARAM7, text)
+        return MissionResult(INVALID_PARAM7, text)
     if item.frame == FRAME_LOCAL_NED and item.z < 0.0:
-        return Verdict(
+        return MissionResult(
             INVALID_PARAM7, f"Mission item {item.sequence}: z {item.z:g} m; down is positive"
         )
-    return Verdict()
+    return MissionResult()
 
 
 def _acknowledge(client: Client, result: int, mission_type: int = MISSION_TYPE) -> None:

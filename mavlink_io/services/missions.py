@@ -5,10 +5,14 @@ Items are stored and given back as they came. What a mission means is the autopi
 file sees to it that it arrives whole or not at all."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from mavlink_io.dialect import constant, enum_names
-from mavlink_io.request import Exchange, Party, Send
+from mavlink_io.mission_items import (
+    MISSION_TYPE,
+    MissionItem,
+)
+from mavlink_io.request import Exchange, MavlinkId, Send
 
 ACCEPTED = constant("MAV_MISSION_ACCEPTED")
 NO_SPACE = constant("MAV_MISSION_NO_SPACE")
@@ -22,65 +26,8 @@ INVALID_SEQUENCE = constant("MAV_MISSION_INVALID_SEQUENCE")
 DENIED = constant("MAV_MISSION_DENIED")
 CANCELLED = constant("MAV_MISSION_OPERATION_CANCELLED")
 
-MISSION_TYPE, ALL_TYPES = 0, 255
-"""MAV_MISSION_TYPE: the only kind of plan that is kept here, and the one that means every kind."""
 
 CONDITION_CHANGE_ALTITUDE = constant("MAV_CMD_CONDITION_CHANGE_ALT")
-FRAME_LOCAL_NED, FRAME_MISSION = 1, 2
-GLOBAL_FRAMES = frozenset((0, 3, 5, 6))
-"""Global frames, with and without _INT, absolute and relative: alike to a vehicle whose home is the
-surface."""
-
-LOCAL_SCALE, GLOBAL_SCALE = 10**4, 10**7
-"""What an item counts for a metre in a local frame and for a degree in a global one."""
-NOT_GIVEN = (1 << 31) - 1
-"""In place of a latitude or longitude, of an item or of a COMMAND_INT."""
-
-
-class MissionItem(NamedTuple):
-    """One item as MISSION_ITEM_INT carries it. Parameters may be NaN: not given."""
-
-    sequence: int
-    frame: int
-    command: int
-    current: int = 0
-    autocontinue: int = 1
-    p1: float = 0.0
-    p2: float = 0.0
-    p3: float = 0.0
-    p4: float = 0.0
-    x: int = 0
-    """Latitude in 1e-7 degrees, 1e-4 m in local frames, the plain number in commands without a
-    location."""
-    y: int = 0
-    z: float = 0.0
-    """Altitude (minus the depth) in metres in global frames, depth in local ones."""
-    mission_type: int = MISSION_TYPE
-
-
-def place_fault(item: MissionItem) -> tuple[int, str]:
-    """Return what is wrong with the latitude and longitude of an item that has a place.
-
-    Returns
-    -------
-    parameter : int
-        5 for x, 6 for y, as MAV_MISSION_RESULT counts; 0 where nothing is wrong.
-    reason : str
-        With value and limits, "" where nothing is wrong.
-    """
-    if item.frame not in GLOBAL_FRAMES or (item.x == item.y == NOT_GIVEN):
-        return 0, ""
-    for parameter, value in ((5, item.x), (6, item.y)):
-        if value == NOT_GIVEN:
-            return parameter, "latitude and longitude: give both or none"
-    for parameter, name, value, limit_deg in (
-        (5, "latitude", item.x, 90),
-        (6, "longitude", item.y, 180),
-    ):
-        if abs(value) > limit_deg * GLOBAL_SCALE:
-            degrees = f"{value / GLOBAL_SCALE:.10g}"
-            return parameter, f"{name} {degrees}: must be -{limit_deg} to {limit_deg} deg"
-    return 0, ""
 
 
 def item_from_message(message: Any) -> MissionItem:
@@ -103,7 +50,7 @@ def item_from_message(message: Any) -> MissionItem:
     )
 
 
-def item_fields(item: MissionItem, receiver: Party) -> dict[str, Any]:
+def item_fields(item: MissionItem, receiver: MavlinkId) -> dict[str, Any]:
     """The fields of the MISSION_ITEM_INT that carries an item."""
     return {
         "target_system": receiver.system,
@@ -127,7 +74,7 @@ def item_fields(item: MissionItem, receiver: Party) -> dict[str, Any]:
 class MissionClient:
     """The ground's side: each method begins an exchange, to be fed and polled until it is done."""
 
-    def __init__(self, send: Send, own: Party, peer: Party) -> None:
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         self._line = send, own, peer
 
     def upload(self, items: Sequence[MissionItem]) -> Exchange[None]:
@@ -136,7 +83,7 @@ class MissionClient:
 
     def download(self) -> Exchange[tuple[MissionItem, ...]]:
         """Fetch the vehicle's mission."""
-        return _Download(*self._line)
+        return _MissionDownload(*self._line)
 
     def clear(self) -> Exchange[None]:
         """Empty the vehicle's mission."""
@@ -150,7 +97,9 @@ class MissionClient:
 class _Upload(Exchange[None]):
     hears = frozenset(("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"))
 
-    def __init__(self, send: Send, own: Party, peer: Party, items: tuple[MissionItem, ...]) -> None:
+    def __init__(
+        self, send: Send, own: MavlinkId, peer: MavlinkId, items: tuple[MissionItem, ...]
+    ) -> None:
         super().__init__(send, own, peer)
         self._items = tuple(
             item._replace(sequence=n, mission_type=MISSION_TYPE) for n, item in enumerate(items)
@@ -181,10 +130,10 @@ class _Upload(Exchange[None]):
         return f"the upload of {len(self._items)} mission items"
 
 
-class _Download(Exchange[tuple[MissionItem, ...]]):
+class _MissionDownload(Exchange[tuple[MissionItem, ...]]):
     hears = frozenset(("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"))
 
-    def __init__(self, send: Send, own: Party, peer: Party) -> None:
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         super().__init__(send, own, peer)
         self._count: int | None = None
         self._items: list[MissionItem] = []
@@ -242,7 +191,7 @@ class _Clear(Exchange[None]):
 class _SetCurrent(Exchange[int]):
     hears = frozenset(("MISSION_CURRENT",))
 
-    def __init__(self, send: Send, own: Party, peer: Party, sequence: int) -> None:
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, sequence: int) -> None:
         super().__init__(send, own, peer)
         self._sequence = sequence
 

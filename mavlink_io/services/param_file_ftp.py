@@ -20,12 +20,12 @@ _FLOAT, _HAS_DEFAULT = 4, 0x10
 _HEAD = struct.Struct("<HHH")
 
 
-class Parameter(NamedTuple):
+class PackedParameter(NamedTuple):
     value: float
     default: float
 
 
-def pack(parameters: Mapping[str, Parameter], with_defaults: bool = False) -> bytes:
+def pack(parameters: Mapping[str, PackedParameter], with_defaults: bool = False) -> bytes:
     """The file of some parameters, all of them REAL32. Names are 1 to 16 characters."""
     count = len(parameters)
     packed = [_HEAD.pack(_MAGIC_DEFAULTS if with_defaults else _MAGIC, count, count)]

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 from mavlink_io.codec import Frame, largest_frame
 from mavlink_io.dialect import by_name, constant
-from mavlink_io.request import Client, Exchange, Party, Room, Send
+from mavlink_io.request import Client, Exchange, MavlinkId, RoomBytes, Send
 
 REAL32 = constant("MAV_PARAM_TYPE_REAL32")
 DOES_NOT_EXIST = constant("MAV_PARAM_ERROR_DOES_NOT_EXIST")
@@ -19,11 +19,11 @@ _INTEGERS = range(constant("MAV_PARAM_TYPE_UINT8"), REAL32)
 
 NO_INDEX = 65_535
 """param_index of a value that is sent by name."""
-RE_ASK_AT_ONCE = 20
+MAX_RE_REQUESTS = 20
 """How many missing parameters a client asks for in one go."""
-BURST = 16
+MAX_VALUES_PER_POLL = 16
 """How many values of a list a server sends in one go where the link takes more."""
-_LARGEST = largest_frame(by_name("PARAM_VALUE"))
+_MAX_FRAME_BYTES = largest_frame(by_name("PARAM_VALUE"))
 
 _REASONS = {
     DOES_NOT_EXIST: "there is no such parameter",
@@ -38,7 +38,7 @@ def as_real32(value: float) -> float:
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
-class ParamTable(Protocol):
+class ParamProvider(Protocol):
     """The parameters of a vehicle."""
 
     def names(self) -> Sequence[str]:
@@ -56,12 +56,12 @@ class ParamTable(Protocol):
 class ParamClient:
     """The ground's side: each method begins an exchange, to be fed and polled until it is done."""
 
-    def __init__(self, send: Send, own: Party, peer: Party) -> None:
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         self._line = send, own, peer
 
     def list(self) -> Exchange[dict[str, float]]:
         """Every parameter by name; those that were lost on the way are asked for again by index."""
-        return _List(*self._line)
+        return _ParamList(*self._line)
 
     def get(self, name: str) -> Exchange[float]:
         """One parameter."""
@@ -73,10 +73,10 @@ class ParamClient:
         return _Set(*self._line, name, value)
 
 
-class _List(Exchange[dict[str, float]]):
+class _ParamList(Exchange[dict[str, float]]):
     hears = frozenset(("PARAM_VALUE",))
 
-    def __init__(self, send: Send, own: Party, peer: Party) -> None:
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         super().__init__(send, own, peer)
         self._values: dict[str, float] = {}
         self._missing: set[int] | None = None
@@ -84,7 +84,7 @@ class _List(Exchange[dict[str, float]]):
     def _ask(self) -> None:
         if self._missing is None:
             self._post("PARAM_REQUEST_LIST")
-        for index in sorted(self._missing or ())[:RE_ASK_AT_ONCE]:
+        for index in sorted(self._missing or ())[:MAX_RE_REQUESTS]:
             self._post("PARAM_REQUEST_READ", param_id="", param_index=index)
 
     def _hear(self, name: str, message: Any) -> None:
@@ -105,7 +105,7 @@ class _List(Exchange[dict[str, float]]):
 class _Get(Exchange[float]):
     hears = frozenset(("PARAM_VALUE", "PARAM_ERROR"))
 
-    def __init__(self, send: Send, own: Party, peer: Party, name: str) -> None:
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, name: str) -> None:
         super().__init__(send, own, peer)
         self._name = name
 
@@ -130,7 +130,9 @@ class _Get(Exchange[float]):
 
 
 class _Set(_Get):
-    def __init__(self, send: Send, own: Party, peer: Party, name: str, value: float) -> None:
+    def __init__(
+        self, send: Send, own: MavlinkId, peer: MavlinkId, name: str, value: float
+    ) -> None:
         super().__init__(send, own, peer, name)
         if not math.isfinite(value):
             raise ValueError(f"parameter {name}: {value} is no finite number")
@@ -154,7 +156,7 @@ class _Set(_Get):
 class _Listing(NamedTuple):
     """A list being sent: how much its link takes, and from where it goes on."""
 
-    room: Room
+    room: RoomBytes
     position: int
 
 
@@ -164,15 +166,17 @@ class ParamServer:
 
     hears = frozenset(("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"))
 
-    def __init__(self, table: ParamTable, broadcast: Send, explain: Callable[[str], None]) -> None:
+    def __init__(
+        self, table: ParamProvider, broadcast: Send, explain: Callable[[str], None]
+    ) -> None:
         self._table, self._broadcast, self._explain = table, broadcast, explain
         self._names = tuple(table.names())
         self._listings: dict[Client, _Listing] = {}
 
-    def feed(self, frame: Frame, send: Send, room: Room) -> None:
+    def feed(self, frame: Frame, send: Send, room: RoomBytes) -> None:
         """Serve one frame that is addressed to this vehicle; ``send`` and ``room`` are of the link
         it came by."""
-        sender = Party(frame.system, frame.component)
+        sender = MavlinkId(frame.system, frame.component)
         message = frame.decode()
         match frame.name:
             case "PARAM_REQUEST_LIST":
@@ -190,7 +194,10 @@ class ParamServer:
         """Send the next part of every list that was asked for, as far as its link has room."""
         for client, (room, start) in list(self._listings.items()):
             position = start
-            while position < min(start + BURST, len(self._names)) and room() >= _LARGEST:
+            while (
+                position < min(start + MAX_VALUES_PER_POLL, len(self._names))
+                and room() >= _MAX_FRAME_BYTES
+            ):
                 self._value(client.send, self._names[position], position)
                 position += 1
             if position < len(self._names):
@@ -198,7 +205,7 @@ class ParamServer:
             else:
                 del self._listings[client]
 
-    def _read(self, message: Any, sender: Party, send: Send) -> None:
+    def _read(self, message: Any, sender: MavlinkId, send: Send) -> None:
         by_index = message.param_index >= 0
         if by_index and message.param_index < len(self._names):
             self._value(send, self._names[message.param_index], message.param_index)
@@ -207,7 +214,7 @@ class ParamServer:
         else:
             _error(send, sender, message.param_id, message.param_index, DOES_NOT_EXIST)
 
-    def _set(self, message: Any, sender: Party, send: Send) -> None:
+    def _set(self, message: Any, sender: MavlinkId, send: Send) -> None:
         name = message.param_id
         if name not in self._names:
             self._explain(f"Parameter {name}: there is none of this name")
@@ -243,7 +250,7 @@ def _value_of(message: Any) -> float:
     return float(message.param_value)
 
 
-def _error(send: Send, receiver: Party, name: str, index: int, error: int) -> None:
+def _error(send: Send, receiver: MavlinkId, name: str, index: int, error: int) -> None:
     send(
         "PARAM_ERROR",
         target_system=receiver.system,

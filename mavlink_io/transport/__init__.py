@@ -13,8 +13,8 @@
 from typing import NamedTuple
 
 from mavlink_io.transport.base import (
-    EAGER_S,
     MAX_DATAGRAM,
+    SPIN_S,
     AddressError,
     Handle,
     LinkLostError,
@@ -25,13 +25,13 @@ from mavlink_io.transport.base import (
 )
 from mavlink_io.transport.memory import MemoryTransport
 from mavlink_io.transport.serial_line import SerialTransport
-from mavlink_io.transport.tcp import PATIENCE_S, TcpClient, TcpServer
+from mavlink_io.transport.tcp import SEND_TIMEOUT_S, TcpClient, TcpServer
 from mavlink_io.transport.udp import UdpClient, UdpTransport
 
 __all__ = (
-    "EAGER_S",
     "MAX_DATAGRAM",
-    "PATIENCE_S",
+    "SEND_TIMEOUT_S",
+    "SPIN_S",
     "AddressError",
     "Handle",
     "LinkLostError",
@@ -50,7 +50,7 @@ __all__ = (
 )
 
 _KINDS = ("udpin", "udpout", "tcp", "tcpin", "serial", "memory")
-_HIGHEST_PORT, _HIGHEST_BAUD = 65_535, (1 << 31) - 1
+_MAX_PORT, _MAX_BAUD = 65_535, (1 << 31) - 1
 
 
 class _Parts(NamedTuple):
@@ -61,7 +61,7 @@ class _Parts(NamedTuple):
 
 
 def open_transport(
-    address: str, *, awaited: bool = False, patience_s: float = PATIENCE_S
+    address: str, *, awaited: bool = False, patience_s: float = SEND_TIMEOUT_S
 ) -> Transport:
     """Open the transport that an address names.
 
@@ -109,7 +109,7 @@ def _parts(address: str) -> _Parts:
             " tcpin:HOST:PORT, serial:DEVICE:BAUD or memory:NAME"
         )
     least, most, meant = (
-        (1, _HIGHEST_BAUD, "baud rate") if kind == "serial" else (0, _HIGHEST_PORT, "port number")
+        (1, _MAX_BAUD, "baud rate") if kind == "serial" else (0, _MAX_PORT, "port number")
     )
     if not number.isdecimal() or not least <= int(number) <= most:
         raise AddressError(f"address {address!r}: {number!r} is no {meant}")

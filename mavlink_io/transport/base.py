@@ -16,14 +16,14 @@ Handle = Any
 Piece = tuple[Hashable, bytes]
 """Bytes and the peer that they came from; no bytes: the peer has left."""
 
-EAGER_S = 5e-3
+SPIN_S = 5e-3
 """How long an eager wait looks before it sleeps: many ticks of the other end, so that a third
 process in between does not put the two to sleep. Measured on two cores, a round trip of two
 sleeping processes takes 80 us, of two eager 9."""
 MAX_DATAGRAM = 65_535
 
 
-_give_way: Callable[[], None] = getattr(os, "sched_yield", lambda: time.sleep(0.0))
+_yield_cpu: Callable[[], None] = getattr(os, "sched_yield", lambda: time.sleep(0.0))
 
 
 class AddressError(ValueError):
@@ -73,7 +73,7 @@ def wait(
     """Those of the transports that have something to receive, as soon as one has or the timeout is
     over.
 
-    An ``eager`` wait looks again and again for its first ``EAGER_S`` before it sleeps, giving way
+    An ``eager`` wait looks again and again for its first ``SPIN_S`` before it sleeps, giving way
     to whoever else wants the processor: two ends in lockstep answer within that time, and are
     spared waking each other."""
     handles = {handle: transport for transport in transports for handle in transport.handles()}
@@ -82,16 +82,16 @@ def wait(
         return []
     ready = select.select(handles, (), (), 0.0)[0]
     if not ready and eager:
-        until_s = wall_s() + min(EAGER_S, timeout_s)
+        until_s = wall_s() + min(SPIN_S, timeout_s)
         while not ready and wall_s() < until_s:
-            _give_way()
+            _yield_cpu()
             ready = select.select(handles, (), (), 0.0)[0]
     if not ready and timeout_s > 0.0:
         ready = select.select(handles, (), (), timeout_s)[0]
     return list(dict.fromkeys(handles[handle] for handle in ready))
 
 
-def opened(address: str, opener: Callable[[], T]) -> T:
+def open_or_raise(address: str, opener: Callable[[], T]) -> T:
     """What ``opener`` gives; where it fails, an AddressError that names the address."""
     try:
         return opener()

@@ -17,7 +17,7 @@ READ_BYTES = 4096
 BACKLOG_BYTES = 4096
 """What may wait here once the driver takes no more: less than half a second at 115200 baud."""
 
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 _NOT_THERE = (errno.ENOENT, errno.ENXIO, errno.ENODEV)
 _FULL = (BlockingIOError, InterruptedError)
 
@@ -40,11 +40,11 @@ class SerialTransport:
         baud: int,
         *,
         awaited: bool = False,
-        tell: Tell | None = None,
+        tell: Report | None = None,
     ) -> None:
         """Raises AddressError: the device cannot be opened, or not at this baud rate."""
         self.address = address
-        self._device, self._baud, self._tell = device, baud, tell or _tell_on_stderr
+        self._device, self._baud, self._tell = device, baud, tell or _report_on_stderr
         self._backlog = b""
         self._port: serial.Serial | None = None
         self._retry_s = wall_s() + REOPEN_S
@@ -121,5 +121,5 @@ class SerialTransport:
         self._tell(f"{self.address}: back")
 
 
-def _tell_on_stderr(text: str) -> None:
+def _report_on_stderr(text: str) -> None:
     print(text, file=sys.stderr, flush=True)

@@ -5,9 +5,9 @@ import select
 import socket
 from collections.abc import Sequence
 
-from mavlink_io.transport.base import MAX_DATAGRAM, Handle, LinkLostError, Piece, opened
+from mavlink_io.transport.base import MAX_DATAGRAM, Handle, LinkLostError, Piece, open_or_raise
 
-PATIENCE_S = 10.0
+SEND_TIMEOUT_S = 10.0
 """How long a full pipe may hold its sender up, where nobody says otherwise."""
 
 
@@ -15,12 +15,12 @@ class TcpClient:
     """A connection to a TCP server. A full pipe blocks the sender for at most ``patience_s``."""
 
     def __init__(
-        self, address: str, host: str, port: int, *, patience_s: float = PATIENCE_S
+        self, address: str, host: str, port: int, *, patience_s: float = SEND_TIMEOUT_S
     ) -> None:
         self.address = address
         self._patience_s = patience_s
-        self._socket = opened(
-            address, lambda: socket.create_connection((host, port), timeout=PATIENCE_S)
+        self._socket = open_or_raise(
+            address, lambda: socket.create_connection((host, port), timeout=SEND_TIMEOUT_S)
         )
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -53,13 +53,13 @@ class TcpServer:
     stop the vehicle."""
 
     def __init__(
-        self, address: str, host: str, port: int, *, patience_s: float = PATIENCE_S
+        self, address: str, host: str, port: int, *, patience_s: float = SEND_TIMEOUT_S
     ) -> None:
         self.address = address
         self._patience_s = patience_s
         self._clients: list[socket.socket] = []
         self._left: list[socket.socket] = []
-        self._listener = opened(address, lambda: socket.create_server((host, port)))
+        self._listener = open_or_raise(address, lambda: socket.create_server((host, port)))
         self._listener.setblocking(False)
 
     @property

@@ -7,7 +7,7 @@ import socket
 from collections.abc import Sequence
 
 from mavlink_io.clock import wall_s
-from mavlink_io.transport.base import MAX_DATAGRAM, Handle, Piece, opened
+from mavlink_io.transport.base import MAX_DATAGRAM, Handle, Piece, open_or_raise
 
 PEER_IDLE_S = 10.0
 """A UDP peer that was silent for longer is forgotten."""
@@ -41,7 +41,7 @@ class UdpTransport:
         self.address = address
         self._peers: dict[Address, float] = {}
         self._socket = _udp_socket()
-        opened(address, lambda: self._socket.bind((host, port)))
+        open_or_raise(address, lambda: self._socket.bind((host, port)))
 
     def handles(self) -> Sequence[Handle]:
         return (self._socket,)
@@ -85,10 +85,10 @@ class UdpClient:
 
     def __init__(self, address: str, host: str, port: int) -> None:
         self.address = address
-        self._peer: Address = opened(address, lambda: (socket.gethostbyname(host), port))
+        self._peer: Address = open_or_raise(address, lambda: (socket.gethostbyname(host), port))
         self._socket: socket.socket | None = None
         self._retry_s = 0.0
-        opened(address, self._connect)
+        open_or_raise(address, self._connect)
 
     def handles(self) -> Sequence[Handle]:
         connected = self._connected()

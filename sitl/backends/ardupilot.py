@@ -15,18 +15,18 @@ from typing import NamedTuple
 
 from mavlink_io.records import ActuatorFrame, Altimeter, Battery
 from mavlink_io.transport import Transport, wait
-from sitl.backends.servo_outputs import Outputs, steer
-from sitl.core.plant import Plant, State
+from sitl.backends.servo_outputs import ServoOutputs, controls_from_outputs
+from sitl.core.plant import Plant, PlantState
 from sitl.core.sensors import Sensors
-from sitl.core.timestep import TICK_US, Pace
+from sitl.core.timestep import TICK_US, Timestep
 from sitl.core.truth import Truth
-from sitl.faults.failure_injection import Verdict
+from sitl.faults.failure_injection import InjectionResult
 
 MAGIC_16, MAGIC_32 = 18458, 29569
-NEUTRAL_US, REACH_US = 1500, 400
+NEUTRAL_US, FULL_TRAVEL_US = 1500, 400
 """A servo's pulse in the middle, and from there to either end: 1100 to 1900 us, as ArduPilot's own
 submarine has it."""
-SHORTEST_STEP_US = 100
+MIN_STEP_US = 100
 """No frame rate is taken that asks for shorter steps, nor for longer ones than our own
 autopilot's."""
 
@@ -34,7 +34,7 @@ _LAYOUTS = {
     struct.calcsize(f"<HHI{n}H"): (magic, struct.Struct(f"<HHI{n}H"))
     for magic, n in ((MAGIC_16, 16), (MAGIC_32, 32))
 }
-_LOOK_UP_S = 0.1
+_STOP_CHECK_S = 0.1
 """Wall time after which a wait for servos looks whether the process was told to stop."""
 
 
@@ -51,7 +51,7 @@ class ArduPilot:
     """Answers each frame of servos with the motion after the step that it asked for."""
 
     def __init__(
-        self, transport: Transport, stopped: Callable[[], bool], *, outputs: Outputs
+        self, transport: Transport, stopped: Callable[[], bool], *, outputs: ServoOutputs
     ) -> None:
         self._transport, self._stopped, self._outputs = transport, stopped, outputs
         self._asked: Servos | None = None
@@ -61,40 +61,47 @@ class ArduPilot:
         self._range: Altimeter | None = None
         self._battery: Battery | None = None
 
-    def meet(self) -> Pace | None:
+    def meet(self) -> Timestep | None:
         while self._asked is None and not self._stopped():
-            wait((self._transport,), _LOOK_UP_S)
+            wait((self._transport,), _STOP_CHECK_S)
             self._asked = self._newest()
         self._range = self._battery = None
-        return None if self._asked is None or self._stopped() else pace(self._asked.frame_rate_hz)
+        return (
+            None
+            if self._asked is None or self._stopped()
+            else timestep_for_rate(self._asked.frame_rate_hz)
+        )
 
-    def ask(self, sea: Plant, state: State, sensors: Sensors) -> ActuatorFrame | None:
+    def ask(self, sea: Plant, state: PlantState, sensors: Sensors) -> ActuatorFrame | None:
         self._range = sensors.altimeter or self._range
         self._battery = sensors.battery or self._battery
         if state.time_us > 0:
-            self._answer = answer(state.truth, self._range, self._battery)
+            self._answer = reply_json(state.truth, self._range, self._battery)
             self._transport.send(self._answer)
             if not self._is_asked_on():
                 return None
         assert self._asked is not None
         return ActuatorFrame(
-            state.time_us, 0, steer(self._outputs, demands(self._asked.pulses_us)), 0
+            state.time_us,
+            0,
+            controls_from_outputs(self._outputs, controls_from_pulses(self._asked.pulses_us)),
+            0,
         )
 
-    def take_orders(self) -> Sequence[Verdict]:
+    def take_orders(self) -> Sequence[InjectionResult]:
         return ()
 
     def _is_asked_on(self) -> bool:
         """Wait for the next frame; False when none comes, or the first of an ArduPilot that began
         anew."""
         while not self._stopped():
-            wait((self._transport,), _LOOK_UP_S)
+            wait((self._transport,), _STOP_CHECK_S)
             before, heard = self._asked, self._newest()
             if heard is None or before is None:
                 continue
             if heard.number == before.number:
                 self._transport.send(self._answer)
-            elif began_anew(heard, before):
+            elif is_restart(heard, before):
                 self._asked = heard
                 return False
             elif heard.number > before.number:
@@ -107,11 +114,11 @@ class ArduPilot:
         answer."""
         newest = None
         while datagram := self._transport.receive():
-            newest = servos(datagram) or newest
+            newest = parse_servos(datagram) or newest
         return newest
 
 
-def servos(datagram: bytes) -> Servos | None:
+def parse_servos(datagram: bytes) -> Servos | None:
     """A frame of servos, None of anything else."""
     magic, layout = _LAYOUTS.get(len(datagram), (0, None))
     if layout is None:
@@ -122,7 +129,7 @@ def servos(datagram: bytes) -> Servos | None:
     )
 
 
-def began_anew(heard: Servos, before: Servos) -> bool:
+def is_restart(heard: Servos, before: Servos) -> bool:
     """Whether a frame comes from an ArduPilot that was started since; one less than a second old is
     merely late."""
     return heard.number < before.number and (
@@ -130,21 +137,21 @@ def began_anew(heard: Servos, before: Servos) -> bool:
     )
 
 
-def pace(frame_rate_hz: int) -> Pace:
+def timestep_for_rate(frame_rate_hz: int) -> Timestep:
     """The steps of a frame rate, in whole microseconds; a voyage keeps the rate that it began
     with."""
-    return Pace(min(TICK_US, max(SHORTEST_STEP_US, round(1e6 / frame_rate_hz))))
+    return Timestep(min(TICK_US, max(MIN_STEP_US, round(1e6 / frame_rate_hz))))
 
 
-def demands(pulses_us: Sequence[int]) -> list[float]:
+def controls_from_pulses(pulses_us: Sequence[int]) -> list[float]:
     """Pulses as fractions of full deflection, -1 to 1."""
     return [
-        max(-1.0, min(1.0, (pulse - NEUTRAL_US) / REACH_US)) if pulse else 0.0
+        max(-1.0, min(1.0, (pulse - NEUTRAL_US) / FULL_TRAVEL_US)) if pulse else 0.0
         for pulse in pulses_us
     ]
 
 
-def answer(truth: Truth, echo: Altimeter | None, battery: Battery | None) -> bytes:
+def reply_json(truth: Truth, echo: Altimeter | None, battery: Battery | None) -> bytes:
     """The line of JSON that ArduPilot reads. It looks for ``"key":`` as text, so no blank may stand
     after the colon."""
     told = {

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple, cast, get_args
 
 from mavlink_io.transport import Transport
-from sitl.backends import Pilot
+from sitl.backends import Backend
 from sitl.backends.ardupilot import ArduPilot
 from sitl.backends.caribou import Caribou
 from sitl.backends.px4 import Barometer, Px4
@@ -14,15 +14,15 @@ from sitl.backends.servo_outputs import DEFAULT, parse
 from sitl.backends.wall_clock import WallClock
 
 PX4_RATE_HZ = 250
-SLOWEST_HZ, FASTEST_HZ = 50, 1000
+MIN_HZ, MAX_HZ = 50, 1000
 _SECOND_US = 1_000_000
 
 
-class PilotError(ValueError):
+class BackendError(ValueError):
     """There is no such pilot, or it takes no such option; the message says what would be right."""
 
 
-class Kind(NamedTuple):
+class BackendDefaults(NamedTuple):
     """What goes without saying of a pilot."""
 
     address: str
@@ -33,13 +33,17 @@ class Kind(NamedTuple):
 
 
 KINDS = {
-    "caribou": Kind("udpout:127.0.0.1:14560", "1", frozenset({"--wait-for-arm", "--no-lockstep"})),
-    "px4": Kind("tcpin:127.0.0.1:4560", "1", frozenset({"--rate", "--hil-baro", "--outputs"})),
-    "ardupilot": Kind("udpin:127.0.0.1:9002", "max", frozenset({"--outputs"})),
+    "caribou": BackendDefaults(
+        "udpout:127.0.0.1:14560", "1", frozenset({"--wait-for-arm", "--no-lockstep"})
+    ),
+    "px4": BackendDefaults(
+        "tcpin:127.0.0.1:4560", "1", frozenset({"--rate", "--hil-baro", "--outputs"})
+    ),
+    "ardupilot": BackendDefaults("udpin:127.0.0.1:9002", "max", frozenset({"--outputs"})),
 }
 
 
-class Choice(NamedTuple):
+class BackendOptions(NamedTuple):
     """A pilot and what it was told; None for what was not."""
 
     autopilot: str = "caribou"
@@ -50,15 +54,15 @@ class Choice(NamedTuple):
     lockstep: bool = True
 
 
-def kind(autopilot: str) -> Kind:
+def defaults_of(autopilot: str) -> BackendDefaults:
     """Raises PilotError: there is no such pilot."""
     found = KINDS.get(autopilot)
     if found is None:
-        raise PilotError(f"--autopilot {autopilot}: expected {', '.join(KINDS)}")
+        raise BackendError(f"--autopilot {autopilot}: expected {', '.join(KINDS)}")
     return found
 
 
-def check(choice: Choice) -> None:
+def check_options(choice: BackendOptions) -> None:
     """Raises PilotError, OutputsError: the pilot cannot be had in this way."""
     given = {
         "--wait-for-arm": choice.wait_for_arm or None,
@@ -67,27 +71,31 @@ def check(choice: Choice) -> None:
         "--outputs": choice.outputs,
         "--no-lockstep": None if choice.lockstep else True,
     }
-    known = kind(choice.autopilot).options
+    known = defaults_of(choice.autopilot).options
     for option, value in given.items():
         if value is not None and option not in known:
             users = [name for name, each in KINDS.items() if option in each.options]
-            raise PilotError(f"{option}: only with --autopilot {' or '.join(users)}")
+            raise BackendError(f"{option}: only with --autopilot {' or '.join(users)}")
     if choice.wait_for_arm and not choice.lockstep:
-        raise PilotError("--wait-for-arm: not with --no-lockstep: the wall clock stands for nobody")
+        raise BackendError(
+            "--wait-for-arm: not with --no-lockstep: the wall clock stands for nobody"
+        )
     rate_hz = PX4_RATE_HZ if choice.rate_hz is None else choice.rate_hz
-    if not SLOWEST_HZ <= rate_hz <= FASTEST_HZ or _SECOND_US % rate_hz:
-        raise PilotError(
+    if not MIN_HZ <= rate_hz <= MAX_HZ or _SECOND_US % rate_hz:
+        raise BackendError(
             f"--rate {choice.rate_hz}: expected steps of whole microseconds, such as 100, 200, 250,"
             " 400, 500 or 1000 Hz"
         )
     barometers = get_args(Barometer)
     if choice.barometer not in (None, *barometers):
-        raise PilotError(f"--hil-baro {choice.barometer}: expected {' or '.join(barometers)}")
+        raise BackendError(f"--hil-baro {choice.barometer}: expected {' or '.join(barometers)}")
     parse(choice.outputs or DEFAULT)
 
 
-def take_on(choice: Choice, transport: Transport, stopped: Callable[[], bool]) -> Pilot:
-    """The pilot of a choice that ``check`` let pass.
+def create_backend(
+    choice: BackendOptions, transport: Transport, stopped: Callable[[], bool]
+) -> Backend:
+    """The pilot of a choice that ``check_options`` let pass.
 
     Raises TooSlowError: what connects us cannot carry what the instruments say.
     """

@@ -29,8 +29,8 @@ from sitl.backends.messages import (
 )
 from sitl.core.sensors import Sensors
 from sitl.faults import failure_injection
-from sitl.faults.failure_injection import Verdict
-from sitl.faults.timeline import Change
+from sitl.faults.failure_injection import InjectionResult
+from sitl.faults.timeline import FaultChange
 
 _TEXT = dialect.by_name("STATUSTEXT")
 _WARNING, _NOTICE = (
@@ -39,14 +39,14 @@ _WARNING, _NOTICE = (
 )
 
 
-class HilLink:
+class HilClient:
     """Sends the sensors of one instant and hears the actuators that answer it."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
         self._endpoint = Endpoint(transport, SYSTEM, COMPONENT)
         self._devices: dict[int, Endpoint] = {}
-        self._orders: list[Verdict] = []
+        self._orders: list[InjectionResult] = []
 
     @property
     def address(self) -> str:
@@ -57,7 +57,7 @@ class HilLink:
         self._transport.send(datagram)
 
     def datagram(
-        self, sensors: Sensors, truth: TruthFrame | None, changes: Sequence[Change] = ()
+        self, sensors: Sensors, truth: TruthFrame | None, changes: Sequence[FaultChange] = ()
     ) -> bytes:
         """The frames of one instant. HIL_SENSOR comes last: who answers it has heard the others."""
         encode = self._endpoint.encode_values
@@ -104,7 +104,7 @@ class HilLink:
             )
         return frames
 
-    def _fault_frames(self, changes: Sequence[Change]) -> list[bytes]:
+    def _fault_frames(self, changes: Sequence[FaultChange]) -> list[bytes]:
         """Faults that begin and end are told to people; a link's is the autopilot's to carry
         out."""
         frames = []
@@ -115,11 +115,13 @@ class HilLink:
             )
             if change.fault.unit == "link":
                 frames.append(
-                    self._endpoint.encode_values(COMMAND, failure_injection.silence(change.began))
+                    self._endpoint.encode_values(
+                        COMMAND, failure_injection.link_silence_values(change.began)
+                    )
                 )
         return frames
 
-    def take_orders(self) -> list[Verdict]:
+    def take_orders(self) -> list[InjectionResult]:
         """The failures that were ordered since the last call, acknowledged already."""
         taken, self._orders = self._orders, []
         return taken
@@ -132,7 +134,7 @@ class HilLink:
             COMPONENT,
         ):
             return
-        verdict = failure_injection.judge(m.param1, m.param2, m.param3, m.param4)
+        verdict = failure_injection.parse_order(m.param1, m.param2, m.param3, m.param4)
         if verdict.result == failure_injection.ACCEPTED:
             self._orders.append(verdict)
         answer = (m.command, verdict.result, 0, 0, frame.system, frame.component)

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 from mavlink_io.clock import wall_s
 from mavlink_io.records import ActuatorFrame
-from sitl.backends.hil import HilLink
+from sitl.backends.hil import HilClient
 
-FIRST_ANSWER_S = 60.0
-SILENCE_S = 5.0
+FIRST_ANSWER_TIMEOUT_S = 60.0
+ANSWER_TIMEOUT_S = 5.0
 FREE_RUN_S = 0.02
 """Pace of frames that nobody answers yet, or that wait for the vehicle to be armed."""
 RESEND_S = 0.1
@@ -18,14 +18,14 @@ RESEND_GROWTH = 1.5
 RESEND_MAX_S = 0.5
 
 
-class AutopilotSilentError(ConnectionError):
+class AutopilotTimeoutError(ConnectionError):
     """Nobody answers, or nobody does any more."""
 
 
 class Lockstep:
     """Asks one question at a time and insists on its answer. All times here are wall time."""
 
-    def __init__(self, link: HilLink, stopped: Callable[[], bool]) -> None:
+    def __init__(self, link: HilClient, stopped: Callable[[], bool]) -> None:
         self._link, self._stopped = link, stopped
         self._has_answered = False
 
@@ -37,7 +37,7 @@ class Lockstep:
             AutopilotSilentError: no answer within 60 s at first, within 5 s later.
             LinkLostError: the other end is gone for good.
         """
-        give_up_s = wall_s() + (SILENCE_S if self._has_answered else FIRST_ANSWER_S)
+        give_up_s = wall_s() + (ANSWER_TIMEOUT_S if self._has_answered else FIRST_ANSWER_TIMEOUT_S)
         resend_s = RESEND_S if self._has_answered else FREE_RUN_S
         while not self._stopped():
             self._link.send(datagram)
@@ -46,7 +46,7 @@ class Lockstep:
                 self._has_answered = True
                 return answer
             if wall_s() > give_up_s:
-                raise AutopilotSilentError(self._complaint(time_us))
+                raise AutopilotTimeoutError(self._complaint(time_us))
             if self._has_answered:
                 resend_s = min(RESEND_MAX_S, RESEND_GROWTH * resend_s)
         return None
@@ -69,4 +69,6 @@ class Lockstep:
     def _complaint(self, time_us: int) -> str:
         if self._has_answered:
             return f"the autopilot stopped answering at vehicle time {time_us * 1e-6:.2f} s"
-        return f"no autopilot has answered on {self._link.address} for {FIRST_ANSWER_S:.0f} s"
+        return (
+            f"no autopilot has answered on {self._link.address} for {FIRST_ANSWER_TIMEOUT_S:.0f} s"
+        )

@@ -32,13 +32,13 @@ from sitl.backends.messages import (
     altimeter_values,
     gps_values,
 )
-from sitl.backends.rate_control import Rhythm
-from sitl.backends.servo_outputs import Outputs, steer
+from sitl.backends.rate_control import AnswerRate
+from sitl.backends.servo_outputs import ServoOutputs, controls_from_outputs
 from sitl.core import truth
-from sitl.core.plant import Plant, State
+from sitl.core.plant import Plant, PlantState
 from sitl.core.sensors import Sensors
-from sitl.core.timestep import Pace
-from sitl.faults.failure_injection import Verdict
+from sitl.core.timestep import Timestep
+from sitl.faults.failure_injection import InjectionResult
 
 Barometer = Literal["water", "air_equivalent"]
 """What HIL_SENSOR.abs_pressure tells: the water's pressure, or the air's at an altitude of minus
@@ -47,19 +47,19 @@ her depth."""
 SEA_LEVEL_HPA, SEA_LEVEL_K, LAPSE_KPM, EXPONENT = 1013.25, 288.15, 0.0065, 5.25588
 """Of the ISA's troposphere (ICAO Doc 7488): p = p0 (1 - L h / T0)^(g M / (R L))."""
 
-_LOOK_UP_S = 0.1
+_STOP_CHECK_S = 0.1
 """Wall time after which a wait for a connection looks whether the process was told to stop."""
 _SET_INTERVAL = constant("MAV_CMD_SET_MESSAGE_INTERVAL")
 _ACCEPTED, _UNSUPPORTED = constant("MAV_RESULT_ACCEPTED"), constant("MAV_RESULT_UNSUPPORTED")
 _NEUTRAL = (0.0, 0.0, 0.0)
 
 
-class _Talk:
+class _Connection:
     """One connection, from the first message to the last."""
 
     def __init__(self, caller: Handle, tick_us: int) -> None:
         self.caller = caller
-        self.rhythm = Rhythm(tick_us)
+        self.rhythm = AnswerRate(tick_us)
         self.truth_period_us = TRUTH_PERIOD_US
         """0 for none at all."""
         self.actuators = ActuatorFrame(0, 0, _NEUTRAL, 0)
@@ -78,7 +78,7 @@ class Px4:
         stopped: Callable[[], bool],
         *,
         rate_hz: int,
-        outputs: Outputs,
+        outputs: ServoOutputs,
         barometer: Barometer,
     ) -> None:
         self._transport, self._stopped, self._outputs, self._barometer = (
@@ -88,20 +88,20 @@ class Px4:
             barometer,
         )
         self._endpoint = Endpoint(transport, SYSTEM, COMPONENT)
-        self._pace = Pace(round(1e6 / rate_hz), brisk=True)
-        self._talk: _Talk | None = None
-        self._sailing: _Talk | None = None
+        self._pace = Timestep(round(1e6 / rate_hz), brisk=True)
+        self._talk: _Connection | None = None
+        self._sailing: _Connection | None = None
         """The talk that this voyage belongs to."""
 
-    def meet(self) -> Pace | None:
+    def meet(self) -> Timestep | None:
         self._listen()
         while self._talk is None and not self._stopped():
-            wait((self._transport,), _LOOK_UP_S)
+            wait((self._transport,), _STOP_CHECK_S)
             self._listen()
         self._sailing = self._talk
         return None if self._stopped() else self._pace
 
-    def ask(self, sea: Plant, state: State, sensors: Sensors) -> ActuatorFrame | None:
+    def ask(self, sea: Plant, state: PlantState, sensors: Sensors) -> ActuatorFrame | None:
         self._listen()  # what comes late still tells how late it comes
         talk = self._talk
         if talk is None or talk is not self._sailing or self._stopped():
@@ -112,7 +112,7 @@ class Px4:
             self._await(talk)
         return talk.actuators
 
-    def _await(self, talk: _Talk) -> None:
+    def _await(self, talk: _Connection) -> None:
         """Wait for the answer to the frame that was sent last, as long as it is worth it."""
         until_s = wall_s() + talk.rhythm.patience_s(talk.asked_us)
         self._listen()
@@ -122,7 +122,7 @@ class Px4:
         if not talk.is_answered:
             talk.rhythm.miss(talk.asked_us)
 
-    def take_orders(self) -> Sequence[Verdict]:
+    def take_orders(self) -> Sequence[InjectionResult]:
         return ()
 
     def _listen(self) -> None:
@@ -132,7 +132,7 @@ class Px4:
         if caller is None:
             self._talk = None
         elif self._talk is None or caller is not self._talk.caller:
-            self._talk = _Talk(caller, self._pace.tick_us)
+            self._talk = _Connection(caller, self._pace.tick_us)
         if (talk := self._talk) is None:
             return
         for frame in frames:
@@ -148,14 +148,14 @@ class Px4:
         somebody."""
         return self._transport.newest if isinstance(self._transport, TcpServer) else self._transport
 
-    def _hear(self, talk: _Talk, frame: Frame) -> None:
+    def _hear(self, talk: _Connection, frame: Frame) -> None:
         told = ActuatorFrame._make(frame.decode())
-        talk.actuators = told._replace(controls=steer(self._outputs, told.controls))
+        talk.actuators = told._replace(controls=controls_from_outputs(self._outputs, told.controls))
         talk.is_answered |= talk.rhythm.hear(
             told.time_us, talk.asked_us, bool(told.flags & LOCKSTEP_FLAG)
         )
 
-    def _obey(self, talk: _Talk, frame: Frame) -> None:
+    def _obey(self, talk: _Connection, frame: Frame) -> None:
         """Send the truth as often as PX4 asks for it: 0 is the rate it has anyway, a negative
         interval stops it."""
         m = frame.decode()
@@ -166,11 +166,11 @@ class Px4:
         values = (m.command, result, 0, 0, frame.system, frame.component)
         self._endpoint.send_values(ACKNOWLEDGEMENT, values)
 
-    def _frames(self, talk: _Talk, sea: Plant, state: State, sensors: Sensors) -> bytes:
+    def _frames(self, talk: _Connection, sea: Plant, state: PlantState, sensors: Sensors) -> bytes:
         """The frames of one instant. HIL_SENSOR comes last: when it moves PX4's clock, the others
         are there."""
         encode, frames = self._endpoint.encode_values, []
-        if _due(talk.truth_period_us, state.time_us, self._pace.tick_us):
+        if _is_due(talk.truth_period_us, state.time_us, self._pace.tick_us):
             frame = truth.to_frame(state.truth, sea.sea.latitude_deg, sea.sea.longitude_deg)
             frames.append(encode(TRUTH, frame))
         if sensors.gps is not None:
@@ -181,16 +181,16 @@ class Px4:
             sensors.dvl is not None and sensors.dvl.over_ground
         ):  # PX4 takes any velocity for one over ground
             frames.append(encode(device_messages.ODOMETRY, device_messages.dvl_values(sensors.dvl)))
-        frames.append(encode(SENSOR, _told(sensors.frame, self._barometer)))
+        frames.append(encode(SENSOR, _sensor_frame(sensors.frame, self._barometer)))
         return b"".join(frames)
 
 
-def _due(period_us: int, time_us: int, tick_us: int) -> bool:
+def _is_due(period_us: int, time_us: int, tick_us: int) -> bool:
     """Whether a multiple of the period has been reached in the tick that ends at ``time_us``."""
     return period_us > 0 and time_us // period_us > (time_us - tick_us) // period_us
 
 
-def _told(frame: SensorFrame, barometer: Barometer) -> SensorFrame:
+def _sensor_frame(frame: SensorFrame, barometer: Barometer) -> SensorFrame:
     return (
         frame
         if barometer == "water"

@@ -12,18 +12,18 @@ least lag that was seen."""
 
 from __future__ import annotations
 
-PATIENCE_S = 0.5
+ANSWER_TIMEOUT_S = 0.5
 """Wall time that an answer is waited for when it is due; PX4 itself complains after a second
 without data."""
-LONGEST_PERIOD_US = 100_000
+MAX_PERIOD_US = 100_000
 """Answers farther apart than this in vehicle time have no rhythm."""
-NEW_CLOCK_US = 1_000_000
+CLOCK_RESTART_US = 1_000_000
 """An answer later than this was stamped by a clock that began anew."""
 
 
-class Rhythm:
-    """What is known of the answers of one connection; all times but ``PATIENCE_S`` are vehicle
-    time."""
+class AnswerRate:
+    """What is known of the answers of one connection; all times but ``ANSWER_TIMEOUT_S`` are
+    vehicle time."""
 
     def __init__(self, tick_us: int) -> None:
         self._tick_us = tick_us
@@ -38,18 +38,22 @@ class Rhythm:
         """Wall time to wait for an answer to the frame of ``asked_us``."""
         if not self.lockstep:
             return self._tick_us * 1e-6
-        return PATIENCE_S if asked_us - self._answered_us >= self._period_us else 0.0
+        return ANSWER_TIMEOUT_S if asked_us - self._answered_us >= self._period_us else 0.0
 
     def hear(self, stamp_us: int, asked_us: int, lockstep: bool) -> bool:
         """Note an answer that came after the frame of ``asked_us`` was sent; True when it answers
         that frame."""
         lag_us = asked_us - stamp_us
-        if self._lag_us is None or lag_us < self._lag_us or lag_us - self._lag_us > NEW_CLOCK_US:
+        if (
+            self._lag_us is None
+            or lag_us < self._lag_us
+            or lag_us - self._lag_us > CLOCK_RESTART_US
+        ):
             self._lag_us = lag_us
         frame_us = stamp_us + self._lag_us
         if frame_us > self._answered_us:
             gap_us = frame_us - self._answered_us
-            self._period_us = gap_us if gap_us <= LONGEST_PERIOD_US else self._tick_us
+            self._period_us = gap_us if gap_us <= MAX_PERIOD_US else self._tick_us
             self._answered_us = frame_us
         self.lockstep = lockstep
         return frame_us == asked_us

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-MOST_OUTPUTS = 16
+MAX_OUTPUTS = 16
 DEFAULT = "1,2,3"
 """In the order of our own autopilot's controls."""
 
@@ -21,7 +21,7 @@ class Output(NamedTuple):
     """-1 where the autopilot means it the other way round."""
 
 
-class Outputs(NamedTuple):
+class ServoOutputs(NamedTuple):
     rudder: Output
     """Positive turns her to starboard."""
     elevator: Output
@@ -30,7 +30,7 @@ class Outputs(NamedTuple):
     """Positive drives her forward."""
 
 
-def parse(text: str) -> Outputs:
+def parse(text: str) -> ServoOutputs:
     """The outputs of rudder, elevator and thrust, counted from 1, as in ``1,2,3``; a minus turns
     one round: ``-4,2,3``.
 
@@ -38,24 +38,26 @@ def parse(text: str) -> Outputs:
     """
     words = [word.strip() for word in text.split(",")]
     numbers = [word.removeprefix("-") for word in words]
-    known = {str(number) for number in range(1, MOST_OUTPUTS + 1)}
+    known = {str(number) for number in range(1, MAX_OUTPUTS + 1)}
     if (
-        len(numbers) != len(Outputs._fields)
+        len(numbers) != len(ServoOutputs._fields)
         or len(set(numbers)) != len(numbers)
         or not known.issuperset(numbers)
     ):
         raise OutputsError(
             f"--outputs {text}: expected the outputs of rudder, elevator and thrust, three"
-            f" different numbers from 1 to {MOST_OUTPUTS} such as {DEFAULT}, with a minus before"
+            f" different numbers from 1 to {MAX_OUTPUTS} such as {DEFAULT}, with a minus before"
             " one that is to be turned round"
         )
     signs = [-1.0 if word.startswith("-") else 1.0 for word in words]
-    return Outputs(
+    return ServoOutputs(
         *(Output(int(number) - 1, sign) for number, sign in zip(numbers, signs, strict=True))
     )
 
 
-def steer(outputs: Outputs, values: Sequence[float]) -> tuple[float, float, float]:
+def controls_from_outputs(
+    outputs: ServoOutputs, values: Sequence[float]
+) -> tuple[float, float, float]:
     """Rudder, elevator and thrust as ``ActuatorFrame.controls`` has them, of an autopilot's
     ``values`` in [-1, 1]."""
     rudder, elevator, thrust = (sign * values[place] for place, sign in outputs)

@@ -12,17 +12,17 @@ from collections.abc import Callable, Sequence
 from mavlink_io.clock import wall_s
 from mavlink_io.records import ActuatorFrame
 from mavlink_io.transport import AddressError, Transport, baud_rate
-from sitl.backends.hil import HilLink
-from sitl.core.plant import Plant, State
+from sitl.backends.hil import HilClient
+from sitl.core.plant import Plant, PlantState
 from sitl.core.sensors import Sensors
-from sitl.core.timestep import OURS, Pace
-from sitl.faults.failure_injection import Verdict
+from sitl.core.timestep import DEFAULT_TIMESTEP, Timestep
+from sitl.faults.failure_injection import InjectionResult
 
-WATCHDOG_S = 1.0
+ACTUATOR_TIMEOUT_S = 1.0
 """Wall time without actuators after which the tailcone puts the duct straight and stops the
 propeller."""
 
-BITS_PER_BYTE, SHARE = 10, 0.75
+BITS_PER_BYTE, MAX_LINE_SHARE = 10, 0.75
 """A byte is ten bits on the line (8N1), and so much of the line is used: the rest is for what comes
 late at once."""
 SAMPLE_BYTES = 77
@@ -31,9 +31,9 @@ DEVICES_BYTES_PER_S = 2080
 """All devices at the rates of their data sheets; the Doppler log's ODOMETRY is more than half of
 it."""
 RATES_HZ = (50, 25, 10)
-SLOWEST_BAUD = 38_400
+MIN_BAUD = 38_400
 
-LATE_S = 1.0
+MAX_LAG_S = 1.0
 """Of vehicle time behind the wall clock; the clock in ``app`` does not make up for more."""
 
 _NEUTRAL = ActuatorFrame(0, 0, (0.0,) * 16, 0)
@@ -48,16 +48,16 @@ class WallClock:
 
     def __init__(self, transport: Transport, stopped: Callable[[], bool]) -> None:
         """Raises TooSlowError."""
-        self._pace = pace(transport.address)
-        self._link, self._stopped = HilLink(transport), stopped
-        self._watchdog = Watchdog(_tell_on_stderr, wall_s())
+        self._pace = timestep_for_line(transport.address)
+        self._link, self._stopped = HilClient(transport), stopped
+        self._watchdog = Watchdog(_report_on_stderr, wall_s())
         self._began_s = wall_s()
 
-    def meet(self) -> Pace | None:
+    def meet(self) -> Timestep | None:
         self._began_s = wall_s()
         return None if self._stopped() else self._pace
 
-    def ask(self, sea: Plant, state: State, sensors: Sensors) -> ActuatorFrame | None:
+    def ask(self, sea: Plant, state: PlantState, sensors: Sensors) -> ActuatorFrame | None:
         if self._stopped():
             return None
         self._look_at_the_clock(state.time_us * 1e-6)
@@ -67,11 +67,11 @@ class WallClock:
     def _look_at_the_clock(self, vehicle_s: float) -> None:
         """Say so where this machine is too slow: what is late for a second stays late."""
         late_s = wall_s() - self._began_s - vehicle_s
-        if late_s > LATE_S:
+        if late_s > MAX_LAG_S:
             self._began_s += late_s
-            _tell_on_stderr(f"too busy: vehicle time {vehicle_s:.1f} s comes {late_s:.1f} s late")
+            _report_on_stderr(f"too busy: vehicle time {vehicle_s:.1f} s comes {late_s:.1f} s late")
 
-    def take_orders(self) -> Sequence[Verdict]:
+    def take_orders(self) -> Sequence[InjectionResult]:
         return self._link.take_orders()
 
 
@@ -89,13 +89,15 @@ class Watchdog:
             if self._newest is None:
                 self._tell(f"actuators after {now_s - self._heard_s:.1f} s")
             self._newest, self._heard_s = heard, now_s
-        elif self._newest is not None and now_s - self._heard_s > WATCHDOG_S:
+        elif self._newest is not None and now_s - self._heard_s > ACTUATOR_TIMEOUT_S:
             self._newest = None
-            self._tell(f"no actuators for {WATCHDOG_S:g} s: duct straight, propeller stopped")
+            self._tell(
+                f"no actuators for {ACTUATOR_TIMEOUT_S:g} s: duct straight, propeller stopped"
+            )
         return self._newest or _NEUTRAL
 
 
-def pace(address: str) -> Pace:
+def timestep_for_line(address: str) -> Timestep:
     """The steps in which the line at an address can carry the instruments; without a baud rate, our
     autopilot's own.
 
@@ -103,16 +105,15 @@ def pace(address: str) -> Pace:
     """
     baud = baud_rate(address)
     if baud is None:
-        return OURS
-    room = SHARE * baud / BITS_PER_BYTE - DEVICES_BYTES_PER_S
+        return DEFAULT_TIMESTEP
+    room = MAX_LINE_SHARE * baud / BITS_PER_BYTE - DEVICES_BYTES_PER_S
     rate_hz = next((rate for rate in RATES_HZ if rate * SAMPLE_BYTES <= room), None)
     if rate_hz is None:
         raise TooSlowError(
-            f"address {address!r}: too slow for the instruments: expected {SLOWEST_BAUD} baud or"
-            " more"
+            f"address {address!r}: too slow for the instruments: expected {MIN_BAUD} baud or more"
         )
-    return Pace(1_000_000 // rate_hz)
+    return Timestep(1_000_000 // rate_hz)
 
 
-def _tell_on_stderr(text: str) -> None:
+def _report_on_stderr(text: str) -> None:
     print(f"sitl: {text}", file=sys.stderr, flush=True)

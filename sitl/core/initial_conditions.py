@@ -9,31 +9,31 @@ import numpy as np
 from mavlink_io.frames import quaternion_from_euler
 from sitl.core import environment
 from sitl.core.environment import Environment, Weather
-from sitl.core.environment.field import Local
-from sitl.scenario import Start
+from sitl.core.environment.field import LocalWater
+from sitl.scenario import StartTable
 from sitl.vehicle import restoring
 from sitl.vehicle.dynamics import NU, QUATERNION, rotation, state_at_rest
 from sitl.vehicle.jit import Vector
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 
 _BISECTIONS = 60
 _NEWTON_STEPS = 12
 _DIFFERENCE = 1e-6
 
 
-def start_state(
-    model: Model, start: Start, sea: Environment, weather: Weather
-) -> tuple[Vector, Local]:
+def initial_body_state(
+    model: VehicleModel, start: StartTable, sea: Environment, weather: Weather
+) -> tuple[Vector, LocalWater]:
     """Body state, shape (13,), FLU in NWU, that a scenario starts from, and the water there, which
     carries her."""
-    lying = _lying(model, start, sea)
-    here = environment.local(sea, weather, lying, 0.0)
+    lying = _rest_state(model, start, sea)
+    here = environment.sample_water(sea, weather, lying, 0.0)
     to_body = np.array(rotation(lying)).T
     lying[NU][:3] = to_body @ here.water.velocity_mps + (start.speed_mps, 0.0, 0.0)
     return lying, here
 
 
-def _lying(model: Model, start: Start, sea: Environment) -> Vector:
+def _rest_state(model: VehicleModel, start: StartTable, sea: Environment) -> Vector:
     """Where and how she lies, at rest: afloat in the still water's trim, under the ice if there is
     any, or at depth."""
     if start.depth_m is None:
@@ -47,7 +47,7 @@ def _lying(model: Model, start: Start, sea: Environment) -> Vector:
     return state
 
 
-def float_trim(model: Model, density_ratio: float = 1.0) -> tuple[float, float, float]:
+def float_trim(model: VehicleModel, density_ratio: float = 1.0) -> tuple[float, float, float]:
     """(height of the origin above the surface in m, roll and pitch in FLU, rad) at which she floats
     at rest.
 
@@ -60,19 +60,20 @@ def float_trim(model: Model, density_ratio: float = 1.0) -> tuple[float, float, 
         middle = 0.5 * (low + high)
         low, high = (
             (middle, high)
-            if _unbalance(np.array([middle, 0.0, 0.0]), model, density_ratio)[0] > 0.0
+            if _static_residual(np.array([middle, 0.0, 0.0]), model, density_ratio)[0] > 0.0
             else (low, middle)
         )
     trim = np.array([low, 0.0, 0.0])
     for _ in range(_NEWTON_STEPS):
         trim -= np.linalg.solve(
-            _stiffness(trim, model, density_ratio), _unbalance(trim, model, density_ratio)
+            _static_jacobian(trim, model, density_ratio),
+            _static_residual(trim, model, density_ratio),
         )
     z_up_m, roll_rad, pitch_rad = trim.tolist()
     return z_up_m, roll_rad, pitch_rad
 
 
-def _unbalance(trim: Vector, model: Model, density_ratio: float) -> Vector:
+def _static_residual(trim: Vector, model: VehicleModel, density_ratio: float) -> Vector:
     """Net upward force and the moments in roll and pitch of weight and buoyancy, N and N m."""
     z_up_m, roll, pitch = trim.tolist()
     up = (-sin(pitch), sin(roll) * cos(pitch), cos(roll) * cos(pitch))
@@ -82,11 +83,14 @@ def _unbalance(trim: Vector, model: Model, density_ratio: float) -> Vector:
     return np.array([X * up[0] + Y * up[1] + Z * up[2], K, M])
 
 
-def _stiffness(trim: Vector, model: Model, density_ratio: float) -> Vector:
-    """Jacobian of ``_unbalance`` by central differences, shape (3, 3)."""
+def _static_jacobian(trim: Vector, model: VehicleModel, density_ratio: float) -> Vector:
+    """Jacobian of ``_static_residual`` by central differences, shape (3, 3)."""
     steps = _DIFFERENCE * np.eye(3)
     columns = [
-        (_unbalance(trim + d, model, density_ratio) - _unbalance(trim - d, model, density_ratio))
+        (
+            _static_residual(trim + d, model, density_ratio)
+            - _static_residual(trim - d, model, density_ratio)
+        )
         / (2 * _DIFFERENCE)
         for d in steps
     ]

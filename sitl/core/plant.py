@@ -1,6 +1,6 @@
 """The plant: what a tick of the sea does to the vehicle. Pure but for the random streams handed in.
 
->>> sea = plant.build(config.load("field"), scenario.load("calm"))
+>>> sea = plant.build(config.load("caribou_truth"), scenario.load("calm"))
 >>> rng = plant.random_streams(seed=1)
 >>> state, sensors = plant.launch(sea, rng)
 >>> state, sensors = plant.step(sea, state, actuators, rng)  # once a tick
@@ -18,21 +18,21 @@ from mavlink_io.frames import flip, flip_quaternion
 from mavlink_io.records import ActuatorFrame
 from sitl.core import environment, initial_conditions, sensors, tailcone
 from sitl.core.environment import Environment, Weather, moments
-from sitl.core.environment.field import Local
+from sitl.core.environment.field import LocalWater
 from sitl.core.environment.moments import Disturbance
-from sitl.core.sensors import Memory, Sensors, SensorStreams, Suite
-from sitl.core.sensors.noise import Draws
-from sitl.core.tailcone import Servo, Turn
-from sitl.core.timestep import OURS, Pace
+from sitl.core.sensors import Sensors, SensorStreams, SensorSuite, SensorSuiteState
+from sitl.core.sensors.noise import NoiseStream
+from sitl.core.tailcone import AxisMotion, TailconeAxis
+from sitl.core.timestep import DEFAULT_TIMESTEP, Timestep
 from sitl.core.truth import Truth
 from sitl.faults import body as weights
 from sitl.faults import failure_injection, readings, timeline
 from sitl.faults import tailcone as tail
 from sitl.faults.catalogue import FaultError
-from sitl.faults.failure_injection import Verdict
+from sitl.faults.failure_injection import InjectionResult
 from sitl.faults.tailcone import Drives
 from sitl.faults.timeline import Timeline
-from sitl.scenario import Scenario, Start
+from sitl.scenario import Scenario, StartTable
 from sitl.scenario_types import ScenarioError
 from sitl.vehicle import build_model
 from sitl.vehicle.config import VehicleConfig
@@ -45,7 +45,7 @@ from sitl.vehicle.dynamics import (
     work_array,
 )
 from sitl.vehicle.jit import Native, Vector, Vector3, kernel, native
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.propeller import rps
 from sitl.vehicle.water import Water
 
@@ -55,23 +55,23 @@ RATES = slice(10, 13)
 """Part of the body state, FLU."""
 
 
-class Vessel(NamedTuple):
+class Body(NamedTuple):
     """What obeys the laws of physics: body and tailcone."""
 
-    model: Model
-    rudder: Servo
-    elevator: Servo
+    model: VehicleModel
+    rudder: TailconeAxis
+    elevator: TailconeAxis
 
 
 class Plant(NamedTuple):
     """All that stays the same through a run."""
 
-    vessel: Vessel
+    vessel: Body
     native: Native
-    """The same, for the kernels; ``fitted`` changes both."""
+    """The same, for the kernels; ``with_body`` changes both."""
     sea: Environment
-    suite: Suite
-    start: Start
+    suite: SensorSuite
+    start: StartTable
     clamped: bool
     """Held where she lies."""
     tick_us: int
@@ -82,7 +82,7 @@ class Plant(NamedTuple):
     """That are to come."""
 
 
-class State(NamedTuple):
+class PlantState(NamedTuple):
     """All that changes from tick to tick. The arrays are never written to once a state holds
     them."""
 
@@ -93,13 +93,13 @@ class State(NamedTuple):
     elevator: Vector
     disturbance: Disturbance
     weather: Weather
-    instruments: Memory
+    instruments: SensorSuiteState
     truth: Truth
     """The same in the axes of everyone else."""
     faults: Timeline
 
 
-class Streams(NamedTuple):
+class RandomStreams(NamedTuple):
     """The random streams of a run."""
 
     slow: Generator
@@ -114,7 +114,7 @@ class Streams(NamedTuple):
     """Of the run's waves, and of its current's variation."""
 
 
-def build(vehicle: VehicleConfig, scenario: Scenario, pace: Pace = OURS) -> Plant:
+def build(vehicle: VehicleConfig, scenario: Scenario, pace: Timestep = DEFAULT_TIMESTEP) -> Plant:
     """Put a vehicle into a scenario. Raises VehicleError or ScenarioError when one of them is
     impossible."""
     if scenario.rig.encoder:
@@ -125,7 +125,7 @@ def build(vehicle: VehicleConfig, scenario: Scenario, pace: Pace = OURS) -> Plan
         weights.refuse_impossible(model, scenario.faults)
     except FaultError as error:
         raise ScenarioError(f"scenario {scenario.title}: fault: {error}") from None
-    vessel = Vessel(
+    vessel = Body(
         model=model,
         rudder=tailcone.of_vehicle(
             vehicle.tailcone, vehicle.tailcone.rudder_bias_deg, pace.substep_s
@@ -154,57 +154,66 @@ def build(vehicle: VehicleConfig, scenario: Scenario, pace: Pace = OURS) -> Plan
     )
 
 
-def fitted(plant: Plant, vessel: Vessel) -> Plant:
+def with_body(plant: Plant, vessel: Body) -> Plant:
     """The same place and time with another vessel in it."""
     return plant._replace(vessel=vessel, native=native(vessel))
 
 
-def random_streams(seed: int) -> Streams:
+def random_streams(seed: int) -> RandomStreams:
     """Independent streams of one seed: what one of them draws leaves the others as they were."""
     slow, wave, *instruments, rudder, elevator, faults, swell, drift = [
         default_rng(child) for child in SeedSequence(seed).spawn(7 + len(SensorStreams._fields))
     ]
-    return Streams(
-        slow, wave, SensorStreams(*map(Draws, instruments)), rudder, elevator, faults, swell, drift
+    return RandomStreams(
+        slow,
+        wave,
+        SensorStreams(*map(NoiseStream, instruments)),
+        rudder,
+        elevator,
+        faults,
+        swell,
+        drift,
     )
 
 
-def launch(plant: Plant, rng: Streams) -> tuple[State, Sensors]:
+def initial_state(plant: Plant, rng: RandomStreams) -> tuple[PlantState, Sensors]:
     """The state at vehicle time zero, with what the instruments say of it."""
-    disturbance = moments.stationary(rng.slow, rng.wave)
-    weather = environment.settle(plant.sea, rng.swell, rng.drift)
+    disturbance = moments.sample_stationary(rng.slow, rng.wave)
+    weather = environment.initial_weather(plant.sea, rng.swell, rng.drift)
     model, *axes = plant.vessel
-    rudder, elevator = map(tailcone.neutral, axes)
-    start, here = initial_conditions.start_state(model, plant.start, plant.sea, weather)
-    body, truth = _move(plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance, here)
-    instruments = sensors.switch_on(plant.suite, plant.start.battery_pct / 100.0, rng.sensors)
+    rudder, elevator = map(tailcone.axis_at_rest, axes)
+    start, here = initial_conditions.initial_body_state(model, plant.start, plant.sea, weather)
+    body, truth = _step_body(plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance, here)
+    instruments = sensors.initial_state(plant.suite, plant.start.battery_pct / 100.0, rng.sensors)
     instruments, said = sensors.sample(plant.suite, truth, plant.sea, instruments, rng.sensors)
-    return State(
+    return PlantState(
         0, body, rudder.axis, elevator.axis, disturbance, weather, instruments, truth, plant.faults
     ), said
 
 
 def step(
-    plant: Plant, state: State, actuators: ActuatorFrame, rng: Streams
-) -> tuple[State, Sensors]:
+    plant: Plant, state: PlantState, actuators: ActuatorFrame, rng: RandomStreams
+) -> tuple[PlantState, Sensors]:
     """The state one tick later under ``actuators``, with what the instruments say of it."""
     time_us = state.time_us + plant.tick_us
     faults = timeline.advance(state.faults, plant.vessel.model, time_us)
     controls = actuators.controls
     if faults.running:
-        plant, controls, faults = _hurt(plant, controls, faults, rng.faults)
-    rudder, elevator = _turn(plant, state, controls, rng)
-    thrust = _demand(controls[THRUST])
+        plant, controls, faults = _apply_faults(plant, controls, faults, rng.faults)
+    rudder, elevator = _step_actuators(plant, state, controls, rng)
+    thrust = _limit_control(controls[THRUST])
     disturbance = moments.advance(plant.sea.moments, state.disturbance, rng.slow, rng.wave)
     weather = environment.advance(plant.sea, state.weather, rng.drift)
     if plant.clamped:
         body, truth = (
             state.body,
-            _hold(state.truth, time_us, rudder, elevator, rps(thrust, plant.vessel.model)),
+            _hold_clamped(state.truth, time_us, rudder, elevator, rps(thrust, plant.vessel.model)),
         )
     else:
-        here = environment.local(plant.sea, weather, state.body, time_us * 1e-6, plant.tick_s)
-        body, truth = _move(
+        here = environment.sample_water(
+            plant.sea, weather, state.body, time_us * 1e-6, plant.tick_s
+        )
+        body, truth = _step_body(
             plant,
             time_us,
             state.body,
@@ -221,36 +230,38 @@ def step(
         plant.suite, truth, plant.sea, state.instruments, rng.sensors
     )
     if faults.running:
-        said, running = readings.suffer(said, faults.running, time_us, plant.tick_s, rng.faults)
+        said, running = readings.apply(said, faults.running, time_us, plant.tick_s, rng.faults)
         faults = faults._replace(running=running)
-    return State(
+    return PlantState(
         time_us, body, rudder.axis, elevator.axis, disturbance, weather, instruments, truth, faults
     ), said
 
 
-def obey(state: State, verdict: Verdict) -> State:
+def inject_failure(state: PlantState, verdict: InjectionResult) -> PlantState:
     """The state after an accepted order of a ground station: what it breaks breaks at the next
     tick."""
-    return state._replace(faults=failure_injection.obey(state.faults, verdict, state.time_us))
+    return state._replace(
+        faults=failure_injection.apply_order(state.faults, verdict, state.time_us)
+    )
 
 
-def _hurt(
+def _apply_faults(
     plant: Plant, controls: tuple[float, ...], faults: Timeline, noise: Generator
 ) -> tuple[Plant, tuple[float, ...], Timeline]:
     """The vehicle and what reaches her drives under the faults of this tick."""
     asked, vessel = (controls[RUDDER], controls[ELEVATOR], controls[THRUST]), plant.vessel
-    drives, running = tail.suffer(
+    drives, running = tail.apply(
         Drives(vessel.rudder, vessel.elevator, asked), faults.running, noise
     )
-    hurt = Vessel(faults.model or vessel.model, drives.rudder, drives.elevator)
+    hurt = Body(faults.model or vessel.model, drives.rudder, drives.elevator)
     if any(part is not sound for part, sound in zip(hurt, vessel, strict=True)):
-        plant = fitted(plant, hurt)
+        plant = with_body(plant, hurt)
     return plant, drives.controls, faults._replace(running=running)
 
 
-def _turn(
-    plant: Plant, state: State, controls: tuple[float, ...], rng: Streams
-) -> tuple[Turn, Turn]:
+def _step_actuators(
+    plant: Plant, state: PlantState, controls: tuple[float, ...], rng: RandomStreams
+) -> tuple[AxisMotion, AxisMotion]:
     """Rudder and elevator one tick later."""
     _, rudder, elevator = plant.vessel
     substeps = plant.substeps
@@ -259,38 +270,40 @@ def _turn(
         state.elevator.copy(),
         np.empty((2, substeps)),
     )
-    _turn_axes(
+    _step_axes(
         plant.native,
         rudder_state,
         elevator_state,
         angles_rad,
-        _demand(controls[RUDDER]),
-        _demand(controls[ELEVATOR]),
-        tailcone.luck(rudder, rng.rudder, substeps),
-        tailcone.luck(elevator, rng.elevator, substeps),
+        _limit_control(controls[RUDDER]),
+        _limit_control(controls[ELEVATOR]),
+        tailcone.step_loss_draws(rudder, rng.rudder, substeps),
+        tailcone.step_loss_draws(elevator, rng.elevator, substeps),
     )
     return (
-        Turn(rudder_state, angles_rad[0], tailcone.duct_angle_rad(rudder, rudder_state)),
-        Turn(elevator_state, angles_rad[1], tailcone.duct_angle_rad(elevator, elevator_state)),
+        AxisMotion(rudder_state, angles_rad[0], tailcone.duct_angle_rad(rudder, rudder_state)),
+        AxisMotion(
+            elevator_state, angles_rad[1], tailcone.duct_angle_rad(elevator, elevator_state)
+        ),
     )
 
 
-def _demand(control: float) -> float:
+def _limit_control(control: float) -> float:
     """A control within [-1, 1]; not-a-number means no demand, as foreign autopilots send it for
     idle channels."""
     return 0.0 if control != control else max(-1.0, min(1.0, control))
 
 
-def _move(
+def _step_body(
     plant: Plant,
     time_us: int,
     body: Vector,
-    rudder: Turn,
-    elevator: Turn,
+    rudder: AxisMotion,
+    elevator: AxisMotion,
     thrust: float,
     before: Disturbance,
     after: Disturbance,
-    here: Local,
+    here: LocalWater,
 ) -> tuple[Vector, Truth]:
     """The body after as many substeps as the duct turned for, with its truth at ``time_us``.
 
@@ -305,8 +318,8 @@ def _move(
         rudder.end_rad,
         elevator.end_rad,
         thrust,
-        _wrench(sea, before),
-        _wrench(sea, after),
+        _disturbance_wrench(sea, before),
+        _disturbance_wrench(sea, after),
         here.water,
         plant.native,
         _WORK,
@@ -332,7 +345,9 @@ def _move(
     return moved, truth
 
 
-def _hold(truth: Truth, time_us: int, rudder: Turn, elevator: Turn, shaft_rps: float) -> Truth:
+def _hold_clamped(
+    truth: Truth, time_us: int, rudder: AxisMotion, elevator: AxisMotion, shaft_rps: float
+) -> Truth:
     """The truth of a body that nothing moves: only duct and propeller turn."""
     return truth._replace(
         time_us=time_us,
@@ -342,13 +357,13 @@ def _hold(truth: Truth, time_us: int, rudder: Turn, elevator: Turn, shaft_rps: f
     )
 
 
-def _wrench(sea: Environment, disturbance: Disturbance) -> Vector:
+def _disturbance_wrench(sea: Environment, disturbance: Disturbance) -> Vector:
     pitch_nm, yaw_nm = moments.moments_flu_nm(sea.moments, disturbance)
     return np.array((0.0, 0.0, 0.0, 0.0, pitch_nm, yaw_nm))
 
 
 @kernel
-def _turn_axes(
+def _step_axes(
     vessel: Native,
     rudder: Vector,
     elevator: Vector,

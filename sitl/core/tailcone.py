@@ -20,13 +20,13 @@ from numpy.random import Generator
 from sitl.vehicle.config import Tailcone
 from sitl.vehicle.jit import Vector, kernel
 
-ASKED, RATE, MOTOR, LOST, DUCT, QUEUE = range(6)
+COMMANDED, RATE, MOTOR, LOST_STEPS, DUCT, QUEUE = range(6)
 """An axis' state: the angle asked of the motor and its rate, the angle that the motor counts, what
 it has lost since, the duct's angle without its bias (rad, rad/s), and the commands on their way,
 newest first."""
 
 
-class Servo(NamedTuple):
+class TailconeAxis(NamedTuple):
     """One axis of the tailcone, discretised exactly over a substep in which its command stands
     still.
 
@@ -55,7 +55,7 @@ class Servo(NamedTuple):
     lost_step_above_radps: float
 
 
-class Turn(NamedTuple):
+class AxisMotion(NamedTuple):
     """What an axis did in a tick."""
 
     axis: Vector
@@ -66,7 +66,7 @@ class Turn(NamedTuple):
     """True duct angle at the end."""
 
 
-def servo(
+def discretise(
     *,
     natural_frequency_radps: float,
     damping: float,
@@ -79,7 +79,7 @@ def servo(
     backlash_rad: float = 0.0,
     lost_step_chance: float = 0.0,
     lost_step_above_radps: float = 0.0,
-) -> Servo:
+) -> TailconeAxis:
     """Discretise an axis, under- or overdamped; a delay need not be a whole number of substeps."""
     decay = exp(-damping * natural_frequency_radps * substep_s)
     damped_radps = natural_frequency_radps * sqrt(1.0 - damping * damping)
@@ -91,7 +91,7 @@ def servo(
     )
     substeps = delay_s / substep_s
     whole = int(substeps + 1e-9)
-    return Servo(
+    return TailconeAxis(
         angle_from_angle=c + damping * natural_frequency_radps * s,
         angle_from_rate_s=s,
         rate_from_angle_per_s=-natural_frequency_radps * natural_frequency_radps * s,
@@ -109,9 +109,9 @@ def servo(
     )
 
 
-def of_vehicle(tail: Tailcone, bias_deg: float, substep_s: float) -> Servo:
+def of_vehicle(tail: Tailcone, bias_deg: float, substep_s: float) -> TailconeAxis:
     """An axis as a vehicle file has it; rudder and elevator differ by their bias."""
-    return servo(
+    return discretise(
         natural_frequency_radps=tail.natural_frequency_radps,
         damping=tail.damping_ratio,
         delay_s=tail.delay_s,
@@ -126,31 +126,31 @@ def of_vehicle(tail: Tailcone, bias_deg: float, substep_s: float) -> Servo:
     )
 
 
-def at_rest(axis: Servo) -> Vector:
+def at_rest(axis: TailconeAxis) -> Vector:
     """The state of an axis at its neutral, the duct in the middle of its play."""
     return np.zeros(QUEUE + axis.delay_substeps + 1)
 
 
-def duct_angle_rad(axis: Servo, state: Vector) -> float:
+def duct_angle_rad(axis: TailconeAxis, state: Vector) -> float:
     """The true angle of the duct about this axis."""
     return float(state[DUCT]) + axis.bias_rad
 
 
-def luck(axis: Servo, rng: Generator, substeps: int) -> Vector | None:
+def step_loss_draws(axis: TailconeAxis, rng: Generator, substeps: int) -> Vector | None:
     """A number in [0, 1) for each substep, by which steps are lost; drawn only for an axis that may
     lose some."""
     return rng.random(substeps) if axis.lost_step_chance > 0.0 else None
 
 
-def neutral(axis: Servo) -> Turn:
+def axis_at_rest(axis: TailconeAxis) -> AxisMotion:
     """The axis before anything has moved."""
     state = at_rest(axis)
-    return Turn(state, np.empty(0), duct_angle_rad(axis, state))
+    return AxisMotion(state, np.empty(0), duct_angle_rad(axis, state))
 
 
 @kernel
 def advance(
-    axis: Servo,
+    axis: TailconeAxis,
     state: Vector,
     command_rad: float,
     duct_angles_rad: Vector,
@@ -159,7 +159,7 @@ def advance(
     """Carry an axis through the substeps that ``duct_angles_rad`` has room for, under one command.
 
     Each entry receives the mean true duct angle of its substep; ``state`` is changed in place.
-    ``luck`` holds a number for each substep; without it no step is lost."""
+    ``step_loss_draws`` holds a number for each substep; without it no step is lost."""
     command = min(max(command_rad, -axis.travel_rad), axis.travel_rad)
     oldest = QUEUE + axis.delay_substeps
     half_play = 0.5 * axis.backlash_rad
@@ -171,18 +171,18 @@ def advance(
         for i in range(oldest, QUEUE, -1):
             state[i] = state[i - 1]
         state[QUEUE] = command
-        _follow(axis, state, delayed)
-        _turn_motor(axis, state, 1.0 if luck is None else luck[k])
-        shaft, start = state[MOTOR] - state[LOST], state[DUCT]
+        _step_lag(axis, state, delayed)
+        _step_motor(axis, state, 1.0 if luck is None else luck[k])
+        shaft, start = state[MOTOR] - state[LOST_STEPS], state[DUCT]
         state[DUCT] = min(max(start, shaft - half_play), shaft + half_play)
         duct_angles_rad[k] = 0.5 * (start + state[DUCT]) + axis.bias_rad
 
 
 @kernel
-def _turn_motor(axis: Servo, state: Vector, luck: float) -> None:
+def _step_motor(axis: TailconeAxis, state: Vector, luck: float) -> None:
     """Bring the motor's count to the whole step nearest to what is asked; the shaft may lose some
     on the way."""
-    before, angle = state[MOTOR], state[ASKED]
+    before, angle = state[MOTOR], state[COMMANDED]
     if axis.step_rad > 0.0:
         # Steps are counted away from neutral, so that both sides are alike, and none leads beyond
         # the stop.
@@ -193,13 +193,14 @@ def _turn_motor(axis: Servo, state: Vector, luck: float) -> None:
         if luck < 1.0 and angle != before and abs(state[RATE]) > axis.lost_step_above_radps:
             turned = round(abs(angle - before) / axis.step_rad)
             lost = _lost_steps(turned, axis.lost_step_chance, luck) * axis.step_rad
-            state[LOST] += lost if angle > before else -lost
+            state[LOST_STEPS] += lost if angle > before else -lost
     state[MOTOR] = angle
 
 
 @kernel
 def _lost_steps(turned: int, chance: float, luck: float) -> int:
-    """How many of the steps turned are lost: the binomial distribution's quantile at ``luck``."""
+    """How many of the steps turned are lost: the binomial distribution's quantile at
+    ``step_loss_draws``."""
     if chance >= 1.0:
         return turned
     lost, share = 0, (1.0 - chance) ** turned
@@ -212,16 +213,16 @@ def _lost_steps(turned: int, chance: float, luck: float) -> int:
 
 
 @kernel
-def _follow(axis: Servo, state: Vector, command_rad: float) -> None:
+def _step_lag(axis: TailconeAxis, state: Vector, command_rad: float) -> None:
     """One substep of the lag towards a constant command, within the rate limit and the stops."""
-    error, rate = state[ASKED] - command_rad, state[RATE]
+    error, rate = state[COMMANDED] - command_rad, state[RATE]
     free_angle = command_rad + axis.angle_from_angle * error + axis.angle_from_rate_s * rate
     free_rate = axis.rate_from_angle_per_s * error + axis.rate_from_rate * rate
     reach = axis.rate_limit_radps * axis.substep_s
-    angle = state[ASKED] + min(max(free_angle - state[ASKED], -reach), reach)
+    angle = state[COMMANDED] + min(max(free_angle - state[COMMANDED], -reach), reach)
     # The rate itself is held within the limit, so that the axis turns round at once when the
     # command does.
     state[RATE] = min(max(free_rate, -axis.rate_limit_radps), axis.rate_limit_radps)
-    state[ASKED] = min(max(angle, -axis.travel_rad), axis.travel_rad)
-    if state[ASKED] != angle:
+    state[COMMANDED] = min(max(angle, -axis.travel_rad), axis.travel_rad)
+    if state[COMMANDED] != angle:
         state[RATE] = 0.0

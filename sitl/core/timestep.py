@@ -11,7 +11,7 @@ SUBSTEP_US = 5_000
 SUBSTEP_S = SUBSTEP_US * 1e-6
 
 
-class Pace(NamedTuple):
+class Timestep(NamedTuple):
     """How long a tick is, and who speaks in each."""
 
     tick_us: int = TICK_US
@@ -33,4 +33,4 @@ class Pace(NamedTuple):
         return self.tick_s / self.substeps
 
 
-OURS = Pace()
+DEFAULT_TIMESTEP = Timestep()

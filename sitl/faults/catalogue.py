@@ -45,7 +45,7 @@ class FaultError(ValueError):
 Kinds = Mapping[str, tuple[Size, ...]]
 
 _DEG = radians(1.0)
-_LONGEST_S = 1e6
+_MAX_S = 1e6
 
 _AXIS: Kinds = {
     "off": (),
@@ -80,7 +80,7 @@ def _instrument(offset: Size, drift: Size) -> Kinds:
         "stuck": (),
         "wrong": (offset,),
         "garbage": (),
-        "slow": (Size("period_s", 2.0, 0.0, _LONGEST_S),),
+        "slow": (Size("period_s", 2.0, 0.0, _MAX_S),),
         "delayed": (Size("delay_s", 1.0, 0.0, 60.0),),
         "intermittent": (Size("share", 0.5, 0.0, 0.99),),
         "drifting": (drift,),
@@ -171,6 +171,6 @@ def _value(size: Size, given: Mapping[str, float], name: str) -> float:
 
 
 def _microseconds(key: str, time_s: float | None) -> int | None:
-    if time_s is not None and not 0.0 <= time_s <= _LONGEST_S:
-        raise FaultError(f"{key} = {time_s:g}: expected 0 to {_LONGEST_S:g}")
+    if time_s is not None and not 0.0 <= time_s <= _MAX_S:
+        raise FaultError(f"{key} = {time_s:g}: expected 0 to {_MAX_S:g}")
     return None if time_s is None else round(time_s * 1e6)

@@ -59,7 +59,7 @@ _KINDS: dict[int, tuple[str, ...]] = {
 """FAILURE_TYPE to the kind that the unit knows."""
 
 
-class Verdict(NamedTuple):
+class InjectionResult(NamedTuple):
     """What becomes of an order."""
 
     result: int
@@ -73,46 +73,46 @@ class Verdict(NamedTuple):
     """Of the first key, NaN for its default."""
 
 
-def judge(unit: float, kind: float, instance: float, size: float) -> Verdict:
+def parse_order(unit: float, kind: float, instance: float, size: float) -> InjectionResult:
     """Read param1 to param4; what was not given is NaN."""
-    units = _named(_UNITS, unit)
+    units = _names(_UNITS, unit)
     if not units:
-        return Verdict(UNSUPPORTED, f"Failure unit {unit:g} is not simulated")
+        return InjectionResult(UNSUPPORTED, f"Failure unit {unit:g} is not simulated")
     if instance == instance and instance != 0:
         if instance not in range(1, len(units) + 1):
-            return Verdict(
+            return InjectionResult(
                 DENIED, f"Failure of instance {instance:g}: {', '.join(units)} is 1 to {len(units)}"
             )
         units = (units[int(instance) - 1],)
     if kind == OK:
-        return Verdict(ACCEPTED, units=units)
+        return InjectionResult(ACCEPTED, units=units)
     known = [
-        name for name in _named(_KINDS, kind) if all(name in CATALOGUE[each] for each in units)
+        name for name in _names(_KINDS, kind) if all(name in CATALOGUE[each] for each in units)
     ]
     if not known:
-        return Verdict(
+        return InjectionResult(
             UNSUPPORTED,
             f"Failure type {kind:g}: {units[0]} can be {', '.join(CATALOGUE[units[0]])}",
         )
-    verdict = Verdict(ACCEPTED, "", units, known[0], size or nan)
+    verdict = InjectionResult(ACCEPTED, "", units, known[0], size or nan)
     try:
         for name in units:
             _fault(verdict, name, 0)
     except FaultError as error:
-        return Verdict(DENIED, str(error))
+        return InjectionResult(DENIED, str(error))
     return verdict
 
 
-def obey(running: Timeline, verdict: Verdict, time_us: int) -> Timeline:
+def apply_order(running: Timeline, verdict: InjectionResult, time_us: int) -> Timeline:
     """The timeline after an accepted order of vehicle time ``time_us``."""
     if not verdict.kind:
-        return timeline.clear(running, verdict.units, time_us)
+        return timeline.end_faults(running, verdict.units, time_us)
     for unit in verdict.units:
-        running = timeline.order(running, _fault(verdict, unit, time_us))
+        running = timeline.add_fault(running, _fault(verdict, unit, time_us))
     return running
 
 
-def silence(wanted: bool) -> tuple[object, ...]:
+def link_silence_values(wanted: bool) -> tuple[object, ...]:
     """COMMAND_LONG's fields in wire order that have the autopilot's links to the ground fall
     silent, or speak again."""
     kind = OFF if wanted else OK
@@ -131,11 +131,11 @@ def silence(wanted: bool) -> tuple[object, ...]:
     )
 
 
-def _named(table: dict[int, tuple[str, ...]], number: float) -> tuple[str, ...]:
+def _names(table: dict[int, tuple[str, ...]], number: float) -> tuple[str, ...]:
     return table.get(int(number), ()) if isfinite(number) else ()
 
 
-def _fault(verdict: Verdict, unit: str, time_us: int) -> Fault:
+def _fault(verdict: InjectionResult, unit: str, time_us: int) -> Fault:
     sizes = CATALOGUE[unit][verdict.kind]
     if unit == "link":
         silent_s = LINK_SILENT_S if isnan(verdict.size) else verdict.size

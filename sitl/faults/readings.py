@@ -23,18 +23,18 @@ from mavlink_io.records import (
 )
 from sitl.core.sensors import Sensors
 from sitl.faults.catalogue import Fault
-from sitl.faults.timeline import Memory, Running
+from sitl.faults.timeline import FaultState, Running
 
 MEAN_OUTAGE_S = 1.0
 """Of an intermittent instrument."""
 HPA_PER_M = 1025.0 * STANDARD_GRAVITY_MPS2 / 100.0
 """What the pressure altitude of a lying pressure sensor is reckoned by."""
-FARTHEST_ECHO_M, HIGHEST_VOLTAGE_V = 600.0, 60.0
+MAX_RANGE_M, MAX_VOLTAGE_V = 600.0, 60.0
 """As far as a lie goes: the messages carry no more."""
 
-Record = Any
+SensorRecord = Any
 """One of ``mavlink_io.records``: a NamedTuple."""
-Shift = Callable[[Record, float], Record]
+AddError = Callable[[SensorRecord, float], SensorRecord]
 
 
 class Instrument(NamedTuple):
@@ -44,18 +44,18 @@ class Instrument(NamedTuple):
     """Field of ``Sensors``."""
     spans: dict[str, tuple[float, float]]
     """Fields of the record that hold what it measures, and between which values garbage lies."""
-    shift: Shift
+    shift: AddError
     fresh: int = 0
     """Bits of ``fields_updated``, for a part of the AHRS's sample."""
 
 
-def _added(*fields: str) -> Shift:
+def _add_to_fields(*fields: str) -> AddError:
     return lambda record, error: record._replace(
         **{name: getattr(record, name) + error for name in fields}
     )
 
 
-def _three(stem: str, unit: str) -> tuple[str, str, str]:
+def _vector_fields(stem: str, unit: str) -> tuple[str, str, str]:
     return f"{stem}_x_{unit}", f"{stem}_y_{unit}", f"{stem}_z_{unit}"
 
 
@@ -67,11 +67,11 @@ def _shift_pressure(frame: SensorFrame, error_hpa: float) -> SensorFrame:
 
 
 def _shift_echo(echo: Altimeter, error_m: float) -> Altimeter:
-    return echo._replace(range_m=min(max(0.0, echo.range_m + error_m), FARTHEST_ECHO_M))
+    return echo._replace(range_m=min(max(0.0, echo.range_m + error_m), MAX_RANGE_M))
 
 
 def _shift_charge(report: Battery, error_v: float) -> Battery:
-    return report._replace(voltage_v=min(max(0.0, report.voltage_v + error_v), HIGHEST_VOLTAGE_V))
+    return report._replace(voltage_v=min(max(0.0, report.voltage_v + error_v), MAX_VOLTAGE_V))
 
 
 def _shift_fix(fix: GpsFix, error_m: float) -> GpsFix:
@@ -79,21 +79,23 @@ def _shift_fix(fix: GpsFix, error_m: float) -> GpsFix:
     return fix._replace(lat_deg=latitude, lon_deg=longitude)
 
 
-_GYRO, _ACCELEROMETER = _three("gyro", "radps"), _three("accel", "mps2")
-_MAGNETOMETER, _DVL = _three("mag", "gauss"), _three("velocity", "mps")
+_GYRO, _ACCELEROMETER = _vector_fields("gyro", "radps"), _vector_fields("accel", "mps2")
+_MAGNETOMETER, _DVL = _vector_fields("mag", "gauss"), _vector_fields("velocity", "mps")
 
 INSTRUMENTS: dict[str, Instrument] = {
-    "gyro": Instrument("frame", dict.fromkeys(_GYRO, (-5.0, 5.0)), _added(*_GYRO), GYRO_FRESH),
+    "gyro": Instrument(
+        "frame", dict.fromkeys(_GYRO, (-5.0, 5.0)), _add_to_fields(*_GYRO), GYRO_FRESH
+    ),
     "accelerometer": Instrument(
         "frame",
         dict.fromkeys(_ACCELEROMETER, (-40.0, 40.0)),
-        _added(*_ACCELEROMETER),
+        _add_to_fields(*_ACCELEROMETER),
         ACCELEROMETER_FRESH,
     ),
     "magnetometer": Instrument(
         "frame",
         dict.fromkeys(_MAGNETOMETER, (-2.0, 2.0)),
-        _added(*_MAGNETOMETER),
+        _add_to_fields(*_MAGNETOMETER),
         MAGNETOMETER_FRESH,
     ),
     "pressure": Instrument(
@@ -103,18 +105,20 @@ INSTRUMENTS: dict[str, Instrument] = {
         PRESSURE_FRESH,
     ),
     "gps": Instrument("gps", {"lat_deg": (-90.0, 90.0), "lon_deg": (-180.0, 180.0)}, _shift_fix),
-    "dvl": Instrument("dvl", dict.fromkeys(_DVL, (-10.0, 10.0)), _added(*_DVL)),
+    "dvl": Instrument("dvl", dict.fromkeys(_DVL, (-10.0, 10.0)), _add_to_fields(*_DVL)),
     "altimeter": Instrument("altimeter", {"range_m": (0.3, 30.0)}, _shift_echo),
     "battery": Instrument(
         "battery", {"voltage_v": (0.0, 60.0), "remaining": (0.0, 1.0)}, _shift_charge
     ),
     "encoder": Instrument(
-        "duct", {"rudder": (-1.0, 1.0), "elevator": (-1.0, 1.0)}, _added("rudder", "elevator")
+        "duct",
+        {"rudder": (-1.0, 1.0), "elevator": (-1.0, 1.0)},
+        _add_to_fields("rudder", "elevator"),
     ),
 }
 
 
-def suffer(
+def apply(
     sensors: Sensors, running: tuple[Running, ...], time_us: int, tick_s: float, chance: Generator
 ) -> tuple[Sensors, tuple[Running, ...]]:
     """What is heard of ``sensors`` under ``running`` faults, which remember what they hold or hold
@@ -124,20 +128,24 @@ def suffer(
         instrument = INSTRUMENTS.get(each.fault.unit)
         if instrument is None:
             continue
-        record = _taken(sensors, instrument)
-        heard, memory = _pass(each.fault, each.memory, record, instrument, time_us, tick_s, chance)
-        sensors = _put(sensors, instrument, heard)
+        record = _new_record(sensors, instrument)
+        heard, memory = _apply_to_record(
+            each.fault, each.memory, record, instrument, time_us, tick_s, chance
+        )
+        sensors = _replace_record(sensors, instrument, heard)
         remembered[at] = Running(each.fault, memory)
     return sensors, tuple(remembered)
 
 
-def _taken(sensors: Sensors, instrument: Instrument) -> Record | None:
+def _new_record(sensors: Sensors, instrument: Instrument) -> SensorRecord | None:
     """The new record of an instrument; None where it is not due or already silenced."""
     record = getattr(sensors, instrument.record)
     return record if not instrument.fresh or record.fields_updated & instrument.fresh else None
 
 
-def _put(sensors: Sensors, instrument: Instrument, record: Record | None) -> Sensors:
+def _replace_record(
+    sensors: Sensors, instrument: Instrument, record: SensorRecord | None
+) -> Sensors:
     if not instrument.fresh:
         alone: dict[str, Any] = {instrument.record: record}
         return sensors._replace(**alone)
@@ -148,20 +156,20 @@ def _put(sensors: Sensors, instrument: Instrument, record: Record | None) -> Sen
     return sensors._replace(frame=frame._replace(**measured, fields_updated=fresh))
 
 
-def _pass(
+def _apply_to_record(
     fault: Fault,
-    memory: Memory,
-    record: Record | None,
+    memory: FaultState,
+    record: SensorRecord | None,
     instrument: Instrument,
     time_us: int,
     tick_s: float,
     chance: Generator,
-) -> tuple[Record | None, Memory]:
+) -> tuple[SensorRecord | None, FaultState]:
     """What a faulty instrument lets through of a record, None for nothing."""
     if fault.kind == "delayed":
-        return _delayed(fault, memory, record, time_us)
+        return _delay(fault, memory, record, time_us)
     if fault.kind == "intermittent":
-        memory = memory._replace(silent=_silent(memory.silent, fault.sizes[0], tick_s, chance))
+        memory = memory._replace(silent=_step_outage(memory.silent, fault.sizes[0], tick_s, chance))
         return (None if memory.silent else record), memory
     if record is None or fault.kind == "off":
         return None, memory
@@ -186,9 +194,9 @@ def _pass(
             return record, memory._replace(passed_us=time_us)
 
 
-def _delayed(
-    fault: Fault, memory: Memory, record: Record | None, time_us: int
-) -> tuple[Record | None, Memory]:
+def _delay(
+    fault: Fault, memory: FaultState, record: SensorRecord | None, time_us: int
+) -> tuple[SensorRecord | None, FaultState]:
     """The newest record whose delay is over; it keeps its own time."""
     queue = (
         memory.queue
@@ -199,7 +207,7 @@ def _delayed(
     return (due[-1] if due else None), memory._replace(queue=queue[len(due) :])
 
 
-def _silent(silent: bool, share: float, tick_s: float, chance: Generator) -> bool:
+def _step_outage(silent: bool, share: float, tick_s: float, chance: Generator) -> bool:
     """A two-state Markov chain that is silent for ``share`` of the time, ``MEAN_OUTAGE_S`` at
     once."""
     returning = tick_s / MEAN_OUTAGE_S

@@ -12,7 +12,7 @@ import typer
 
 from sitl.vehicle import check as checks
 from sitl.vehicle import config, initial_geometry
-from sitl.vehicle.config import VehicleError
+from sitl.vehicle.config import VehicleFileError
 from sitl.vehicle.export import write
 
 BAD_INPUT = 2
@@ -33,7 +33,7 @@ def check(
 ) -> None:
     """Refuse an impossible vehicle; print how a possible one lies, flies and swings."""
     found = checks.check(vehicle)
-    print(json.dumps(_as_json(found), indent=1) if as_json else checks.in_words(found))
+    print(json.dumps(_as_json(found), indent=1) if as_json else checks.format_text(found))
 
 
 @app.command()
@@ -55,7 +55,9 @@ def new(
 ) -> None:
     """Write a whole vehicle file from geometry, every coefficient with its formula and source."""
     if (geometry is None) == (hull is None):
-        raise VehicleError("give either GEOMETRY.toml, or --hull with --length-m and --diameter-m")
+        raise VehicleFileError(
+            "give either GEOMETRY.toml, or --hull with --length-m and --diameter-m"
+        )
     described = (
         config.describe(geometry)
         if geometry
@@ -68,7 +70,7 @@ def new(
             file.write(text)
     except OSError as error:
         reason = "exists; give a new name" if isinstance(error, FileExistsError) else error.strerror
-        raise VehicleError(f"{out}: {reason}") from None
+        raise VehicleFileError(f"{out}: {reason}") from None
     print(
         f"{out}: {len(described.steps)} numbers derived; ground vehicle check {out} tells how she"
         " flies"
@@ -83,9 +85,9 @@ def _start(
         ("--tail", tail, initial_geometry.Steering),
     ):
         if value not in get_args(known):
-            raise VehicleError(f"{option} {value}: expected {', '.join(get_args(known))}")
+            raise VehicleFileError(f"{option} {value}: expected {', '.join(get_args(known))}")
     if length_m is None or diameter_m is None or not 0.0 < diameter_m < length_m:
-        raise VehicleError(
+        raise VehicleFileError(
             f"--length-m {length_m} --diameter-m {diameter_m}: expected both, longer than wide"
         )
     tables = initial_geometry.starter(name, hull, tail, length_m, diameter_m)  # type: ignore[arg-type]
@@ -101,7 +103,7 @@ def _as_json(value: object) -> object:
     return None if isinstance(value, float) and abs(value) == float("inf") else value
 
 
-def _leave(problem: object) -> NoReturn:
+def _exit_with_error(problem: object) -> NoReturn:
     print(f"vehicle: {problem}", file=sys.stderr)
     raise SystemExit(BAD_INPUT)
 
@@ -110,8 +112,8 @@ def main() -> None:
     """The command line."""
     try:
         app()
-    except VehicleError as error:
-        _leave(error)
+    except VehicleFileError as error:
+        _exit_with_error(error)
 
 
 if __name__ == "__main__":

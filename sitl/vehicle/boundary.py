@@ -30,13 +30,18 @@ CREEP_MPS = 0.02
 STIFF_FROUDE, SOFT_FROUDE = 0.5, 0.85
 """On depth: up to the first the surface is a wall, from the second on it is none."""
 
-Rows = tuple[Vector3, Vector3, Vector3]
+RotationRows = tuple[Vector3, Vector3, Vector3]
 """R, body FLU to NWU, row by row."""
 
 
 @kernel
 def wrench(
-    state: Vector, rows: Rows, nu_r: Wrench, water: Water, hydrostatics: Hydrostatics, walls: Walls
+    state: Vector,
+    rows: RotationRows,
+    nu_r: Wrench,
+    water: Water,
+    hydrostatics: Hydrostatics,
+    walls: Walls,
 ) -> Wrench:
     """Contact and pull of floor, ice and surface, N and N m about the origin; ``nu_r`` is velocity
     through it."""
@@ -64,7 +69,7 @@ def wrench(
         touch = _contact(
             state, normal, water.ceiling_m - state[2] if above else ground, hydrostatics
         )
-        pull = _pull(
+        pull = _suction(
             nu_r, normal, lid if above else ground, share if above else 1.0, walls, hydrostatics
         )
         X += touch[0] + pull[0]
@@ -119,7 +124,7 @@ def _contact(
 
 
 @kernel
-def _pull(
+def _suction(
     nu_r: Wrench,
     normal: Vector3,
     distance_m: float,

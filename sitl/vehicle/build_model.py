@@ -19,7 +19,7 @@ from sitl.vehicle.file_schema import (
     DuctGeometry,
     FinGeometry,
     VehicleConfig,
-    VehicleError,
+    VehicleFileError,
 )
 from sitl.vehicle.model import (
     Duct,
@@ -27,17 +27,17 @@ from sitl.vehicle.model import (
     Hull,
     Hydrostatics,
     Inertia,
-    Model,
     Polar,
     Propeller,
     Stations,
+    VehicleModel,
 )
 
 STATION_NODES = (6, 4, 6)
 """Stations on nose, mid-body and tail."""
 
 
-def build(config: VehicleConfig, source: str | None = None) -> Model:
+def build(config: VehicleConfig, source: str | None = None) -> VehicleModel:
     """Make the model of ``config``.
 
     Raises:
@@ -48,9 +48,9 @@ def build(config: VehicleConfig, source: str | None = None) -> Model:
     try:
         inertia = _inertia(config)
         lift = _hull(config, inertia, duct, fins)
-    except VehicleError as error:
-        raise VehicleError(f"{source or config.name}: {error}") from None
-    return Model(
+    except VehicleFileError as error:
+        raise VehicleFileError(f"{source or config.name}: {error}") from None
+    return VehicleModel(
         inertia=inertia,
         stations=_stations(config),
         hull=lift,
@@ -83,7 +83,7 @@ def _inertia(config: VehicleConfig) -> Inertia:
     )
     smallest = float(np.linalg.eigvalsh(M_RB).min())
     if smallest <= 0:
-        raise VehicleError(
+        raise VehicleFileError(
             f"ballast.x_cm_m, y_cm_m, linear.z_CM_m = {x:.4g}, {y:.4g}, {z:.4g}: expected nearer to"
             " mid-length, or larger I_yy_kgm2, I_zz_kgm2: the rigid-body mass matrix has an"
             f" eigenvalue {smallest:.3g}"
@@ -209,7 +209,7 @@ def _hydrostatics(config: VehicleConfig) -> Hydrostatics:
     )
 
 
-class _Tail(NamedTuple):
+class _TailLift(NamedTuple):
     """What duct and fins do by themselves in straight flight, per unit of speed, with moments of
     place."""
 
@@ -220,7 +220,7 @@ class _Tail(NamedTuple):
     """Side force per radian of command over speed squared, and its moment."""
 
 
-def _tail(duct: Duct, fins: Fins, thrust_n: float, speed_mps: float) -> _Tail:
+def _tail(duct: Duct, fins: Fins, thrust_n: float, speed_mps: float) -> _TailLift:
     """k is lift slope and drag; thrust that turns with the command steers too."""
     lift = duct.half_rho_area_kgpm * duct.polar.lift_slope_per_rad
     drag = duct.half_rho_area_kgpm * duct.polar.drag_zero_lift
@@ -231,7 +231,7 @@ def _tail(duct: Duct, fins: Fins, thrust_n: float, speed_mps: float) -> _Tail:
     k_f, turned_f, x_f = standing * (fin_lift + fin_drag), answering * fin_lift, fins.x_m
     # A turning vehicle drags one fin faster than its twin on the other side.
     uneven = 2 * standing * fin_drag * fins.out_m**2
-    return _Tail(
+    return _TailLift(
         drag_kgpm=drag + fins.span_y.size * fin_drag,
         side=(k + k_f, k * x + k_f * x_f, k * x**2 + k_f * x_f**2 + uneven),
         steer=(turned + turned_f, turned * x + turned_f * x_f),
@@ -251,7 +251,7 @@ def _hull(config: VehicleConfig, inertia: Inertia, duct: Duct, fins: Fins) -> Hu
     A_u, A_v, A_w = (float(added) for added in np.diag(inertia.M_A)[:3])
     X_uu = T / U**2 - tail.drag_kgpm
     if X_uu <= 0:
-        raise VehicleError(
+        raise VehicleFileError(
             f"operating_point.thrust_n = {T:.4g}: expected more than the"
             f" {'duct' if config.fins is None else 'tail'}'s own drag, {T - X_uu * U**2:.3g} N"
         )

@@ -11,17 +11,17 @@ import numpy as np
 
 from sitl.vehicle import build_model, dynamics, hull
 from sitl.vehicle import config as files
-from sitl.vehicle.file_schema import VehicleConfig, VehicleError
+from sitl.vehicle.file_schema import VehicleConfig, VehicleFileError
 from sitl.vehicle.jit import Vector
 from sitl.vehicle.linearise import DEPTH_M, Plane, linearise
-from sitl.vehicle.model import Inertia, Model
+from sitl.vehicle.model import Inertia, VehicleModel
 from sitl.vehicle.water import STILL
 
 TRIANGLE_SLACK = 1e-9
 STEP = 1e-6
 
 
-class Mode(NamedTuple):
+class PoleMode(NamedTuple):
     """A pole of a linear plane at the operating point."""
 
     real_radps: float
@@ -36,7 +36,7 @@ class PlaneReport(NamedTuple):
     states: tuple[str, ...]
     A: list[list[float]]
     B: list[float]
-    poles: list[Mode]
+    poles: list[PoleMode]
     moment_hull_nm: float
     """Moment per radian of incidence that turns the hull across the flow (Munk's, less its
     lift's)."""
@@ -75,15 +75,15 @@ class Report(NamedTuple):
 
 
 def check(name_or_path: str | Path) -> Report:
-    """Everything there is to know about a vehicle file. Raises ``VehicleError`` for a vehicle that
-    cannot be."""
+    """Everything there is to know about a vehicle file. Raises ``VehicleFileError`` for a vehicle
+    that cannot be."""
     config = files.load(name_or_path)
     model = build_model.build(config, str(name_or_path))
-    warnings = refuse_impossible(config, model, str(name_or_path))
+    warnings = check_consistency(config, model, str(name_or_path))
     point = config.operating_point
     level_rad = level_flight(model, point.speed_mps, point.thrust_fraction)
     if level_rad is None:
-        raise VehicleError(
+        raise VehicleFileError(
             f"{name_or_path}: operating_point.speed_mps = {point.speed_mps:g}: expected a speed at"
             " which she can fly level with a net buoyancy of"
             f" {model.hydrostatics.buoyancy_n - model.hydrostatics.weight_n:.3g} N"
@@ -91,18 +91,18 @@ def check(name_or_path: str | Path) -> Report:
     return _report(config, model, level_rad, warnings)
 
 
-def refuse_impossible(config: VehicleConfig, model: Model, source: str) -> list[str]:
-    """Warnings about what is odd. Raises ``VehicleError`` for what no vehicle can be."""
+def check_consistency(config: VehicleConfig, model: VehicleModel, source: str) -> list[str]:
+    """Warnings about what is odd. Raises ``VehicleFileError`` for what no vehicle can be."""
     h, length = model.hydrostatics, hull.length_m(config.hull)
     if h.z_cm_m >= h.z_cb_m:
-        raise VehicleError(
+        raise VehicleFileError(
             f"{source}: linear.z_CM_m = {h.z_cm_m:.4g}: expected below the centre of buoyancy, "
             f"ballast.z_cb_m = {h.z_cb_m:.4g}; she would roll over"
         )
     for name, x, z in (("x_cm_m", h.x_cm_m, h.z_cm_m), ("x_cb_m", h.x_cb_m, h.z_cb_m)):
         radius = float(hull.radius_m(config.hull, np.array(x)))
         if abs(z) >= radius:
-            raise VehicleError(
+            raise VehicleFileError(
                 f"{source}: ballast.{name} = {x:.4g}, z {z:.4g}: expected inside the hull"
             )
     moments = principal_inertia(model.inertia)
@@ -114,7 +114,7 @@ def refuse_impossible(config: VehicleConfig, model: Model, source: str) -> list[
             " mass"
         )
         if not config.effective:
-            raise VehicleError(
+            raise VehicleFileError(
                 f"{source}: linear.I_yy_kgm2 and I_zz_kgm2: {words}: expected none above the sum of"
                 " the other two, or effective = true where they were identified so"
             )
@@ -143,7 +143,7 @@ def principal_inertia(inertia: Inertia) -> Vector:
 
 
 def _report(
-    config: VehicleConfig, model: Model, level_rad: tuple[float, float], warnings: list[str]
+    config: VehicleConfig, model: VehicleModel, level_rad: tuple[float, float], warnings: list[str]
 ) -> Report:
     h, U = model.hydrostatics, config.operating_point.speed_mps
     righting = h.z_cb_m - h.z_cm_m
@@ -190,7 +190,7 @@ def _report(
 _PITCH = ("w", "q", "theta", "depth")
 
 
-def _plane(plane: Plane, states: tuple[str, ...], model: Model, U: float) -> PlaneReport:
+def _plane(plane: Plane, states: tuple[str, ...], model: VehicleModel, U: float) -> PlaneReport:
     F, sign = plane.F, 1 if states[0] == "v" else -1
     A_u, A_v = (
         model.inertia.M_A[0, 0],
@@ -213,12 +213,12 @@ def _plane(plane: Plane, states: tuple[str, ...], model: Model, U: float) -> Pla
     )
 
 
-def _mode(pole: complex) -> Mode:
-    return Mode(pole.real, pole.imag, -1 / pole.real if abs(pole.real) > 1e-9 else inf)
+def _mode(pole: complex) -> PoleMode:
+    return PoleMode(pole.real, pole.imag, -1 / pole.real if abs(pole.real) > 1e-9 else inf)
 
 
 def _accelerations(
-    model: Model, nu: Vector, theta_rad: float, elevator_rad: float, shaft_rps: float
+    model: VehicleModel, nu: Vector, theta_rad: float, elevator_rad: float, shaft_rps: float
 ) -> Vector:
     """nu' deep in still water at pitch ``theta_rad``, positive nose down."""
     state, rate = dynamics.state_at_rest(-DEPTH_M), np.empty(dynamics.STATE_SIZE)
@@ -229,7 +229,7 @@ def _accelerations(
 
 
 def level_flight(
-    model: Model, speed_mps: float, thrust_fraction: float
+    model: VehicleModel, speed_mps: float, thrust_fraction: float
 ) -> tuple[float, float] | None:
     """(pitch nose up, elevator) in radians of level flight at constant depth, by Newton's method;
     None without one."""
@@ -255,7 +255,7 @@ def level_flight(
     return (float(x[0]), float(x[1])) if found else None
 
 
-def top_speed_mps(model: Model) -> float:
+def top_speed_mps(model: VehicleModel) -> float:
     """Steady straight speed at 100 % thrust, by bisection."""
     low, high = 0.0, 30.0
     for _ in range(60):
@@ -266,14 +266,14 @@ def top_speed_mps(model: Model) -> float:
     return (low + high) / 2
 
 
-def _roll_damping_nms(model: Model, speed_mps: float) -> float:
+def _roll_damping_nms(model: VehicleModel, speed_mps: float) -> float:
     """-dK/dp in straight flight."""
     rolling = [np.array([speed_mps, 0.0, 0.0, p, 0.0, 0.0]) for p in (STEP, -STEP)]
     ahead, behind = (_accelerations(model, nu, 0.0, 0.0, 0.0) for nu in rolling)
     return float(-(model.inertia.M @ (ahead - behind))[3] / (2 * STEP))
 
 
-def in_words(found: Report) -> str:
+def format_text(found: Report) -> str:
     """The report for people."""
     lines = [
         (
@@ -296,7 +296,7 @@ def in_words(found: Report) -> str:
         f"pitch        period {found.pitch_period_s:.2f} s at rest",
     ]
     for name, plane in (("yaw", found.yaw), ("pitch", found.pitch)):
-        poles = ", ".join(_spell(mode) for mode in plane.poles)
+        poles = ", ".join(_format_mode(mode) for mode in plane.poles)
         lines += [
             "",
             (
@@ -322,7 +322,7 @@ def _row(row: list[float]) -> str:
     return " ".join(f"{value:10.5g}" for value in row)
 
 
-def _spell(mode: Mode) -> str:
+def _format_mode(mode: PoleMode) -> str:
     oscillating = (
         f" {'+' if mode.imag_radps > 0 else '-'} {abs(mode.imag_radps):.3g}i"
         if mode.imag_radps

@@ -11,7 +11,7 @@ import numpy as np
 
 from sitl.vehicle import boundary, duct, fins, hydrodynamics, propeller, restoring
 from sitl.vehicle.jit import Vector, Vector3, Wrench, entry_point, kernel
-from sitl.vehicle.model import Inertia, Model
+from sitl.vehicle.model import Inertia, VehicleModel
 from sitl.vehicle.water import Water
 
 STATE_SIZE = 13
@@ -80,7 +80,7 @@ def tail(
     elevator_rad: float,
     shaft_rps: float,
     immersed: float,
-    model: Model,
+    model: VehicleModel,
 ) -> Wrench:
     """Ring wing and propeller, both at the duct and along or about its axis, and fins; N and N m
     about the origin."""
@@ -117,7 +117,7 @@ def _in_body(rows: tuple[Vector3, Vector3, Vector3], vector_nwu: Vector3) -> Vec
 
 
 @kernel
-def _turning(slope: Vector3) -> Vector3:
+def _line_rotation_rate(slope: Vector3) -> Vector3:
     """Rate of turn of the line of water along the hull whose velocity grows by ``slope`` per metre
     forward."""
     return 0.0, -slope[2], slope[1]
@@ -140,7 +140,7 @@ def _forces(
     rudder_rad: float,
     elevator_rad: float,
     shaft_rps: float,
-    model: Model,
+    model: VehicleModel,
 ) -> Wrench:
     """Coriolis, static, hull, tail and boundary forces, N and N m about the origin.
 
@@ -191,7 +191,7 @@ def _slope(
     propeller_rps: float,
     disturbance: Vector,
     water: Water,
-    model: Model,
+    model: VehicleModel,
     out: Vector,
 ) -> None:
     """State derivative for a duct whose axis is already known; see ``derivative``."""
@@ -200,7 +200,7 @@ def _slope(
     acceleration = _in_body(rows, water.acceleration_mps2)
     p, q, r = state[10], state[11], state[12]
     nu_r = (state[7] - c_x, state[8] - c_y, state[9] - c_z, p, q, r)
-    turning = _turning(_in_body(rows, water.slope_per_s))
+    turning = _line_rotation_rate(_in_body(rows, water.slope_per_s))
     f = _forces(
         state,
         rows,
@@ -230,7 +230,7 @@ def _slope(
     out[8] += acceleration[1] - (r * c_x - p * c_z)
     out[9] += acceleration[2] - (p * c_y - q * c_x)
     # A hull of the water's own inertia turns with the line of water it lies in.
-    spinning_up = _turning(_in_body(rows, water.slope_rate_per_s2))
+    spinning_up = _line_rotation_rate(_in_body(rows, water.slope_rate_per_s2))
     out[11] += spinning_up[1]
     out[12] += spinning_up[2]
 
@@ -243,7 +243,7 @@ def derivative(
     propeller_rps: float,
     disturbance: Vector,
     water: Water,
-    model: Model,
+    model: VehicleModel,
     out: Vector,
 ) -> None:
     """Write d(state)/dt, shape (13,), into ``out``.
@@ -269,7 +269,7 @@ def rk4_step(
     disturbance: Vector,
     water: Water,
     dt: float,
-    model: Model,
+    model: VehicleModel,
     work: Vector,
 ) -> None:
     """Advance ``state`` in place by ``dt`` seconds, inputs held; classical Runge-Kutta of order
@@ -299,7 +299,7 @@ def rk4_step(
 
 
 @entry_point
-def specific_force(state: Vector, rate: Vector, model: Model) -> Vector3:
+def specific_force(state: Vector, rate: Vector, model: VehicleModel) -> Vector3:
     """What an accelerometer at the origin reads, FLU axes, m/s2: v' + omega x v - g, ``rate`` from
     ``derivative``."""
     _, _, up = rotation(state)

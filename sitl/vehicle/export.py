@@ -10,11 +10,12 @@ from msgspec.structs import fields
 
 from sitl.vehicle.file_schema import VehicleConfig
 from sitl.vehicle.fill_missing import Completed
-from sitl.vehicle.slender_body import Step
+from sitl.vehicle.slender_body import Derivation
 
 HEAD = """\
-# {name}: derived from geometry; what is marked "given" was given. Replace any number by a better one and its comment by
-# where it comes from. Axes: x forward, y port, z up, origin on the hull axis at mid-length.
+# {name}: derived from geometry; what is marked "given" was given. Replace any number by a better
+# one and its comment by where it comes from.
+# Axes: x forward, y port, z up, origin on the hull axis at mid-length.
 """
 DIGITS = 9
 
@@ -32,7 +33,7 @@ def write(vehicle: Completed) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _table(name: str, table: dict[str, Any], steps: dict[tuple[str, str], Step]) -> list[str]:
+def _table(name: str, table: dict[str, Any], steps: dict[tuple[str, str], Derivation]) -> list[str]:
     written = {key: f"{key} = {_value(value)}" for key, value in table.items()}
     width = min(44, max(len(line) for line in written.values()))
     return [
@@ -40,7 +41,7 @@ def _table(name: str, table: dict[str, Any], steps: dict[tuple[str, str], Step])
     ]
 
 
-def _comment(step: Step | None) -> str:
+def _comment(step: Derivation | None) -> str:
     if step is None:
         return "given"
     constant = step.formula.replace(".", "").isdigit()

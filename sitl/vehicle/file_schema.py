@@ -18,26 +18,26 @@ Fraction = Annotated[float, Meta(gt=0, lt=1)]
 FullFraction = Annotated[float, Meta(gt=0, le=1)]
 
 
-class VehicleError(ValueError):
+class VehicleFileError(ValueError):
     """A vehicle file that cannot be used; the message is one line naming file, key, value and what
     would be right."""
 
 
-class Table(Struct, frozen=True, forbid_unknown_fields=True):
+class VehicleTable(Struct, frozen=True, forbid_unknown_fields=True):
     """A TOML table whose every key is known."""
 
 
-class Water(Table, frozen=True):
+class WaterProperties(VehicleTable, frozen=True):
     density_kgpm3: Positive
     gravity_mps2: Positive
 
 
-class Shape(Table, frozen=True, tag_field="shape"):
+class HullShape(VehicleTable, frozen=True, tag_field="shape"):
     """What every hull has: a body of revolution, cut at its widest section for a cylindrical
     payload section."""
 
 
-class Series58(Shape, frozen=True, tag="series58"):
+class Series58(HullShape, frozen=True, tag="series58"):
     """Series 58 body of revolution (Gertler 1950)."""
 
     base_length_m: Positive
@@ -49,7 +49,7 @@ class Series58(Shape, frozen=True, tag="series58"):
     max_section: Fraction
 
 
-class Myring(Shape, frozen=True, tag="myring"):
+class Myring(HullShape, frozen=True, tag="myring"):
     """Myring (1976) body: rounded nose, cylinder, pointed tail; the offsets cut off the tips of
     nose and tail."""
 
@@ -64,7 +64,7 @@ class Myring(Shape, frozen=True, tag="myring"):
     midbody_length_m: NonNegative = 0.0
 
 
-class Cylinder(Shape, frozen=True, tag="cylinder"):
+class Cylinder(HullShape, frozen=True, tag="cylinder"):
     """Cylinder with half-ellipsoid caps; ``length_m`` is overall, a cap as long as the radius is a
     hemisphere."""
 
@@ -76,7 +76,7 @@ class Cylinder(Shape, frozen=True, tag="cylinder"):
     midbody_length_m: NonNegative = 0.0
 
 
-class Profile(Shape, frozen=True, tag="profile"):
+class ProfileHull(HullShape, frozen=True, tag="profile"):
     """Radius over distance from the nose, straight between the points."""
 
     points_m: Annotated[tuple[tuple[NonNegative, NonNegative], ...], Meta(min_length=3)]
@@ -89,10 +89,10 @@ class Profile(Shape, frozen=True, tag="profile"):
         return 2 * max(radius for _, radius in self.points_m)
 
 
-HullGeometry = Series58 | Myring | Cylinder | Profile
+HullGeometry = Series58 | Myring | Cylinder | ProfileHull
 
 
-class Ballast(Table, frozen=True):
+class Ballast(VehicleTable, frozen=True):
     """Mass and where it sits; positions in FLU axes from mid-length."""
 
     mass_kg: Positive
@@ -103,7 +103,7 @@ class Ballast(Table, frozen=True):
     z_cb_m: float
 
 
-class OperatingPoint(Table, frozen=True):
+class OperatingPoint(VehicleTable, frozen=True):
     """Where ``linear`` holds."""
 
     speed_mps: Positive
@@ -111,7 +111,7 @@ class OperatingPoint(Table, frozen=True):
     thrust_n: Positive
 
 
-class Coefficients(Table, frozen=True):
+class Coefficients(VehicleTable, frozen=True):
     """Linear model at the operating point in the paper's axes: Table 1's column, under its own
     symbols."""
 
@@ -136,7 +136,7 @@ class Coefficients(Table, frozen=True):
     z_CM_m: float
 
 
-class DuctGeometry(Table, frozen=True):
+class DuctGeometry(VehicleTable, frozen=True):
     x_m: Negative
     diameter_m: Positive
     chord_m: Positive
@@ -161,7 +161,7 @@ class DuctGeometry(Table, frozen=True):
         return self.diameter_m * self.chord_m
 
 
-class FinGeometry(Table, frozen=True):
+class FinGeometry(VehicleTable, frozen=True):
     """Four equal all-moving fins at one station."""
 
     layout: Literal["cruciform", "x"]
@@ -212,7 +212,7 @@ class FinGeometry(Table, frozen=True):
         return self.hull_radius_m + self.span_m * taper / 3
 
 
-class PropellerCurve(Table, frozen=True):
+class PropellerCurve(VehicleTable, frozen=True):
     """K_T = kt_bollard - kt_slope J, with J on the inflow after the wake."""
 
     diameter_m: Positive
@@ -221,13 +221,13 @@ class PropellerCurve(Table, frozen=True):
     wake_fraction: Annotated[float, Meta(ge=0, lt=1)]
 
 
-class Damping(Table, frozen=True):
+class Damping(VehicleTable, frozen=True):
     crossflow_cd: NonNegative
     roll_linear_nms: NonNegative
     roll_quadratic_nms2: NonNegative
 
 
-class Tailcone(Table, frozen=True):
+class Tailcone(VehicleTable, frozen=True):
     """Actuator of the duct, alike in rudder and elevator but for the bias."""
 
     natural_frequency_radps: Positive
@@ -246,7 +246,7 @@ class Tailcone(Table, frozen=True):
     lost_step_above_degps: NonNegative = 0.0
 
 
-class Power(Table, frozen=True):
+class Power(VehicleTable, frozen=True):
     """What empties the battery."""
 
     hotel_w: NonNegative = 60.0
@@ -257,7 +257,7 @@ class Power(Table, frozen=True):
     and drive together."""
 
 
-class Instruments(Table, frozen=True):
+class Instruments(VehicleTable, frozen=True):
     """What the vehicle carries of each kind: a name of the simulator's catalogue of data sheets, or
     "none"."""
 
@@ -272,11 +272,11 @@ class Instruments(Table, frozen=True):
     encoder: str = "none"
 
 
-class VehicleConfig(Table, frozen=True):
+class VehicleConfig(VehicleTable, frozen=True):
     """One vehicle, nothing left out. It steers by duct, by fins, or by both."""
 
     name: Annotated[str, Meta(min_length=1)]
-    water: Water
+    water: WaterProperties
     hull: HullGeometry
     ballast: Ballast
     operating_point: OperatingPoint

@@ -18,7 +18,7 @@ from sitl.vehicle.file_schema import (
     FinGeometry,
     HullGeometry,
 )
-from sitl.vehicle.slender_body import Flow, Step, Tail
+from sitl.vehicle.slender_body import Derivation, Flow, Tail
 
 Tables = dict[str, Any]
 
@@ -30,7 +30,7 @@ class Completed(NamedTuple):
     """A vehicle file with nothing left out."""
 
     tables: Tables
-    steps: dict[tuple[str, str], Step]
+    steps: dict[tuple[str, str], Derivation]
     """What was derived, by table and key."""
 
 
@@ -38,10 +38,10 @@ class _Draft(NamedTuple):
     """A vehicle on its way to being complete."""
 
     tables: Tables
-    steps: dict[tuple[str, str], Step]
+    steps: dict[tuple[str, str], Derivation]
     hull: HullGeometry
 
-    def fill(self, name: str, derived: Iterable[Step]) -> SimpleNamespace:
+    def fill(self, name: str, derived: Iterable[Derivation]) -> SimpleNamespace:
         """The table ``name`` after the steps that it needs; each step may use those before it."""
         table = self.tables.setdefault(name, {})
         for step in derived:
@@ -70,10 +70,10 @@ def complete(given: Tables, shape: HullGeometry) -> Completed:
     return Completed(tables, draft.steps)
 
 
-def _water() -> list[Step]:
+def _water() -> list[Derivation]:
     return [
-        Step("density_kgpm3", "kg/m3", "1025", "", 1025.0, "sea water"),
-        Step("gravity_mps2", "m/s2", "9.80665", "", 9.80665, "standard"),
+        Derivation("density_kgpm3", "kg/m3", "1025", "", 1025.0, "sea water"),
+        Derivation("gravity_mps2", "m/s2", "9.80665", "", 9.80665, "standard"),
     ]
 
 
@@ -88,7 +88,7 @@ def _ballast(draft: _Draft, water: Any) -> SimpleNamespace:
     displaced, given = water.density_kgpm3 * whole.volume_m3, draft.tables.get("ballast", {})
     g = water.gravity_mps2
     net = (
-        Step(
+        Derivation(
             "net_buoyancy_n",
             "N",
             "g (rho int pi R^2 dx - m)",
@@ -97,7 +97,7 @@ def _ballast(draft: _Draft, water: Any) -> SimpleNamespace:
             "Archimedes",
         )
         if "mass_kg" in given
-        else Step(
+        else Derivation(
             "net_buoyancy_n",
             "N",
             "0.005 rho g V",
@@ -110,7 +110,7 @@ def _ballast(draft: _Draft, water: Any) -> SimpleNamespace:
     return draft.fill(
         "ballast",
         [
-            Step(
+            Derivation(
                 "mass_kg",
                 "kg",
                 "rho int pi R^2 dx - B_net/g",
@@ -123,18 +123,18 @@ def _ballast(draft: _Draft, water: Any) -> SimpleNamespace:
     )
 
 
-def _centres(given: Tables, centroid_m: float, size: str) -> list[Step]:
+def _centres(given: Tables, centroid_m: float, size: str) -> list[Derivation]:
     x_cb = given.get("x_cb_m", centroid_m)
     return [
-        Step("x_cb_m", "m", "int pi R^2 x dx / V", size, centroid_m, "centroid of the hull"),
-        Step("z_cb_m", "m", "0", "", 0.0, "on the axis: a body of revolution"),
-        Step("x_cm_m", "m", "x_cb", f"x_cb {x_cb:.4g} m", x_cb, "ballasted level"),
-        Step("y_cm_m", "m", "0", "", 0.0, "symmetry"),
+        Derivation("x_cb_m", "m", "int pi R^2 x dx / V", size, centroid_m, "centroid of the hull"),
+        Derivation("z_cb_m", "m", "0", "", 0.0, "on the axis: a body of revolution"),
+        Derivation("x_cm_m", "m", "x_cb", f"x_cb {x_cb:.4g} m", x_cb, "ballasted level"),
+        Derivation("y_cm_m", "m", "0", "", 0.0, "symmetry"),
     ]
 
 
 STALL = (
-    Step(
+    Derivation(
         "stall_deg",
         "deg",
         "20",
@@ -142,7 +142,7 @@ STALL = (
         20.0,
         "assumed; low aspect ratios stall late (Whicker and Fehlner 1958)",
     ),
-    Step("separated_deg", "deg", "30", "", 30.0, "assumed"),
+    Derivation("separated_deg", "deg", "30", "", 30.0, "assumed"),
 )
 
 
@@ -154,8 +154,10 @@ def _duct(draft: _Draft) -> DuctGeometry:
     draft.fill(
         "duct",
         [
-            Step("x_m", "m", "-l/2", slender_body.size(draft.hull), tail_m, "tail end of the hull"),
-            Step(
+            Derivation(
+                "x_m", "m", "-l/2", slender_body.size(draft.hull), tail_m, "tail end of the hull"
+            ),
+            Derivation(
                 "lift_slope_per_rad",
                 "1/rad",
                 "2 pi r/(1 + 2/sAR + 16/(pi (sAR)^2) ln(1 + pi e^(-9/8) sAR))",
@@ -163,11 +165,13 @@ def _duct(draft: _Draft) -> DuctGeometry:
                 slope,
                 "ring wing, van Dyke's form (the paper)",
             ),
-            Step("lift_quadratic_per_rad2", "1/rad2", "0.81", "", 0.81, "C_Dc of the paper's ring"),
-            Step("drag_zero_lift", "-", "0.010", "", 0.010, "C_do of the paper's ring"),
-            Step("oswald", "-", "0.90", "", 0.90, "e of the paper's ring"),
+            Derivation(
+                "lift_quadratic_per_rad2", "1/rad2", "0.81", "", 0.81, "C_Dc of the paper's ring"
+            ),
+            Derivation("drag_zero_lift", "-", "0.010", "", 0.010, "C_do of the paper's ring"),
+            Derivation("oswald", "-", "0.90", "", 0.90, "e of the paper's ring"),
             *STALL,
-            Step(
+            Derivation(
                 "separated_normal",
                 "-",
                 "1.8",
@@ -190,7 +194,7 @@ def _fins(draft: _Draft) -> FinGeometry:
     fins = draft.fill(
         "fins",
         [
-            Step(
+            Derivation(
                 "x_m",
                 "m",
                 "0.08 l - l/2",
@@ -198,20 +202,26 @@ def _fins(draft: _Draft) -> FinGeometry:
                 (FINS_AT - 0.5) * length,
                 "assumed place",
             ),
-            Step("tip_chord_m", "m", "root chord", "", given["root_chord_m"], "assumed untapered"),
+            Derivation(
+                "tip_chord_m", "m", "root chord", "", given["root_chord_m"], "assumed untapered"
+            ),
         ],
     )
     radius = float(hull.radius_m(draft.hull, fins.x_m))
     draft.fill(
         "fins",
-        [Step("hull_radius_m", "m", "R(x)", f"x {fins.x_m:.4g} m", radius, "profile of the hull")],
+        [
+            Derivation(
+                "hull_radius_m", "m", "R(x)", f"x {fins.x_m:.4g} m", radius, "profile of the hull"
+            )
+        ],
     )
     aspect = 4 * fins.span_m / (fins.root_chord_m + fins.tip_chord_m)
     inputs = f"AR_e {aspect:.4g}, twice the fin's: the hull mirrors it"
     draft.fill(
         "fins",
         [
-            Step(
+            Derivation(
                 "lift_slope_per_rad",
                 "1/rad",
                 "0.9 2 pi AR_e/(sqrt(AR_e^2 + 4) + 1.8)",
@@ -219,7 +229,7 @@ def _fins(draft: _Draft) -> FinGeometry:
                 empirical.fin_lift_slope_per_rad(aspect),
                 "Whicker and Fehlner 1958; downwash of the hull left out",
             ),
-            Step(
+            Derivation(
                 "lift_quadratic_per_rad2",
                 "1/rad2",
                 "0.8/AR_e",
@@ -227,7 +237,7 @@ def _fins(draft: _Draft) -> FinGeometry:
                 empirical.fin_crossflow_per_rad2(aspect),
                 "Whicker and Fehlner 1958, squared tips",
             ),
-            Step(
+            Derivation(
                 "drag_zero_lift",
                 "-",
                 "0.010",
@@ -235,9 +245,9 @@ def _fins(draft: _Draft) -> FinGeometry:
                 0.010,
                 "assumed: NACA 0012 to 0015 has 0.0065 smooth",
             ),
-            Step("oswald", "-", "0.90", "", 0.90, "Whicker and Fehlner 1958"),
+            Derivation("oswald", "-", "0.90", "", 0.90, "Whicker and Fehlner 1958"),
             *STALL,
-            Step(
+            Derivation(
                 "separated_normal",
                 "-",
                 "1.2",
@@ -257,8 +267,8 @@ def _operating_point(
     point = draft.fill(
         "operating_point",
         [
-            Step("speed_mps", "m/s", "1.5", "", 1.5, "assumed cruise"),
-            Step(
+            Derivation("speed_mps", "m/s", "1.5", "", 1.5, "assumed cruise"),
+            Derivation(
                 "thrust_fraction",
                 "-",
                 "0.6",
@@ -284,7 +294,7 @@ def _operating_point(
     return draft.fill(
         "operating_point",
         [
-            Step(
+            Derivation(
                 "thrust_n",
                 "N",
                 "1/2 rho U^2 (2 C_f form S + C_D A)",
@@ -332,7 +342,7 @@ def _linear(
         slender_body.yaw_inertia(shape, ballast.mass_kg),
         N_rdot,
     ]
-    z_cm = Step(
+    z_cm = Derivation(
         "z_CM",
         "m",
         "z_cb - 0.05 d",
@@ -353,14 +363,14 @@ def _tails(
     return (*rings, slender_body.fin_tail(fins, density_kgpm3)) if fins is not None else rings
 
 
-def _propeller(shape: HullGeometry, ring: DuctGeometry | None) -> list[Step]:
-    wake = Step("wake_fraction", "-", "0.20", "", 0.20, "assumed, slender body of revolution")
+def _propeller(shape: HullGeometry, ring: DuctGeometry | None) -> list[Derivation]:
+    wake = Derivation("wake_fraction", "-", "0.20", "", 0.20, "assumed, slender body of revolution")
     if ring is not None:
         return [
-            Step(
+            Derivation(
                 "diameter_m", "m", "0.92 duct diameter", "", 0.92 * ring.diameter_m, "fits the duct"
             ),
-            Step(
+            Derivation(
                 "kt_bollard",
                 "-",
                 "0.50",
@@ -368,11 +378,11 @@ def _propeller(shape: HullGeometry, ring: DuctGeometry | None) -> list[Step]:
                 0.50,
                 "assumed, about Ka 4-70 in nozzle 19A (Oosterveld 1970)",
             ),
-            Step("kt_slope", "-", "0.55", "", 0.55, "as above: no thrust at J of about 0.9"),
+            Derivation("kt_slope", "-", "0.55", "", 0.55, "as above: no thrust at J of about 0.9"),
             wake,
         ]
     return [
-        Step(
+        Derivation(
             "diameter_m",
             "m",
             "0.7 d",
@@ -380,7 +390,7 @@ def _propeller(shape: HullGeometry, ring: DuctGeometry | None) -> list[Step]:
             0.7 * shape.diameter_m,
             "assumed, behind a slender tail",
         ),
-        Step(
+        Derivation(
             "kt_bollard",
             "-",
             "0.40",
@@ -388,7 +398,7 @@ def _propeller(shape: HullGeometry, ring: DuctGeometry | None) -> list[Step]:
             0.40,
             "assumed, about B 3-50 of pitch ratio 0.9 (Oosterveld 1975)",
         ),
-        Step("kt_slope", "-", "0.42", "", 0.42, "as above: no thrust at J of about 0.95"),
+        Derivation("kt_slope", "-", "0.42", "", 0.42, "as above: no thrust at J of about 0.95"),
         wake,
     ]
 
@@ -397,14 +407,14 @@ ROLL_DAMPING = 0.1
 """Of critical, at rest; what fins add with speed comes on top."""
 
 
-def _damping(shape: HullGeometry, water: Any, ballast: Any, linear: Any) -> list[Step]:
+def _damping(shape: HullGeometry, water: Any, ballast: Any, linear: Any) -> list[Derivation]:
     whole = hull.integrals(shape)
     below = max(0.0, ballast.z_cb_m - linear.z_CM_m)
     I_xx = ballast.mass_kg * whole.roll_inertia_m5 / whole.volume_m3
     roll = 2 * ROLL_DAMPING * sqrt(I_xx * ballast.mass_kg * water.gravity_mps2 * below)
     inputs = f"I_xx {I_xx:.4g} kg m2, BG {below:.4g} m"
     return [
-        Step(
+        Derivation(
             "crossflow_cd",
             "-",
             "1.1",
@@ -412,7 +422,7 @@ def _damping(shape: HullGeometry, water: Any, ballast: Any, linear: Any) -> list
             1.1,
             "circular cylinder below the drag crisis (Hoerner 1965, ch. 3)",
         ),
-        Step(
+        Derivation(
             "roll_linear_nms",
             "N m s",
             "0.1 2 sqrt(I_xx m g BG)",
@@ -420,11 +430,13 @@ def _damping(shape: HullGeometry, water: Any, ballast: Any, linear: Any) -> list
             roll,
             "assumed: a tenth of critical",
         ),
-        Step("roll_quadratic_nms2", "N m s2", "K_p 0.5 s", inputs, roll / 2, "assumed, small"),
+        Derivation(
+            "roll_quadratic_nms2", "N m s2", "K_p 0.5 s", inputs, roll / 2, "assumed, small"
+        ),
     ]
 
 
-def _tailcone(ring: DuctGeometry | None) -> list[Step]:
+def _tailcone(ring: DuctGeometry | None) -> list[Derivation]:
     """Caribou's stepper motors where a duct is turned, common servos where fins are."""
     if ring is not None and ring.vectored:
         values, source = (3.0, 0.6, 0.3, 15.0, 15.0), "as Caribou's"
@@ -433,11 +445,11 @@ def _tailcone(ring: DuctGeometry | None) -> list[Step]:
     keys = ("natural_frequency_radps", "damping_ratio", "delay_s", "travel_deg", "rate_degps")
     units = ("rad/s", "-", "s", "deg", "deg/s")
     biases = [
-        Step(f"{name}_bias_deg", "deg", "0", "", 0.0, "none known")
+        Derivation(f"{name}_bias_deg", "deg", "0", "", 0.0, "none known")
         for name in ("rudder", "elevator")
     ]
     rows = zip(keys, units, values, strict=True)
     return [
-        *(Step(key, unit, f"{value:g}", "", value, source) for key, unit, value in rows),
+        *(Derivation(key, unit, f"{value:g}", "", value, source) for key, unit, value in rows),
         *biases,
     ]

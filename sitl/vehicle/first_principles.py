@@ -10,7 +10,7 @@ from math import exp, log, pi
 from sitl.vehicle import duct, hull, slender_body
 from sitl.vehicle.config import load
 from sitl.vehicle.file_schema import DuctGeometry, VehicleConfig
-from sitl.vehicle.slender_body import Flow, Step
+from sitl.vehicle.slender_body import Derivation, Flow
 
 HULL_LIFT_PER_RAD = 0.131
 """C_L' of the paper's body lift, on the rectangular planform l d."""
@@ -20,7 +20,7 @@ SCHOENHERR_FRICTION = 0.0040
 """Leading coefficient of the paper's axial drag formula."""
 
 
-def trace(config: VehicleConfig) -> list[Step]:
+def trace(config: VehicleConfig) -> list[Derivation]:
     """Every step from geometry to coefficients for a ducted vehicle whose ``linear`` table is to be
     compared with."""
     ring = config.duct
@@ -36,14 +36,14 @@ def trace(config: VehicleConfig) -> list[Step]:
     return [step._replace(table=printed.get(step.symbol, step.table)) for step in steps]
 
 
-def _geometry(config: VehicleConfig) -> list[Step]:
+def _geometry(config: VehicleConfig) -> list[Derivation]:
     shape, rho = hull.integrals(config.hull), config.water.density_kgpm3
     mass, friction = rho * shape.volume_m3, _printed_drag_coefficient(config)
     T, U = config.operating_point.thrust_n, config.operating_point.speed_mps
     balance = T / (rho / 2 * shape.frontal_m2 * U**2)
     size = slender_body.size(config.hull)
     return [
-        Step(
+        Derivation(
             "m",
             "kg",
             "rho int pi R^2 dx",
@@ -53,7 +53,7 @@ def _geometry(config: VehicleConfig) -> list[Step]:
             config.ballast.mass_kg,
         ),
         slender_body.yaw_inertia(config.hull, mass),
-        Step(
+        Derivation(
             "C_D",
             "-",
             "0.0040 pi A_p/A_f [1 + 60(d/l)^3 + 0.0025 l/d]",
@@ -62,7 +62,7 @@ def _geometry(config: VehicleConfig) -> list[Step]:
             "Hydat, as printed; its printed value does not follow",
             0.023,
         ),
-        Step(
+        Derivation(
             "C_D balance",
             "-",
             "T / (1/2 rho A_f U^2)",
@@ -73,7 +73,7 @@ def _geometry(config: VehicleConfig) -> list[Step]:
     ]
 
 
-def _duct(config: VehicleConfig, ring: DuctGeometry) -> list[Step]:
+def _duct(config: VehicleConfig, ring: DuctGeometry) -> list[Derivation]:
     aspect = f"AR {ring.aspect_ratio:.4g}"
     slope, slipped = (
         duct.ring_wing_lift_slope_per_rad(ring.aspect_ratio),
@@ -82,7 +82,7 @@ def _duct(config: VehicleConfig, ring: DuctGeometry) -> list[Step]:
     lift = slender_body.duct_tail(ring, 0.0, config.water.density_kgpm3).lift_kgpm
     area = f"rho {config.water.density_kgpm3:.4g} kg/m3, A_eff {ring.area_m2:.4g} m2"
     return [
-        Step(
+        Derivation(
             "dC_L/da",
             "1/rad",
             "2 pi r/(1 + 2/sAR + 16/(pi (sAR)^2) ln(1 + pi e^(-9/8) sAR))",
@@ -91,7 +91,7 @@ def _duct(config: VehicleConfig, ring: DuctGeometry) -> list[Step]:
             "van Dyke's form, as printed",
             5.1,
         ),
-        Step(
+        Derivation(
             "dC_L/da slip",
             "1/rad",
             "the same with 16/(pi sAR)^2",
@@ -100,11 +100,13 @@ def _duct(config: VehicleConfig, ring: DuctGeometry) -> list[Step]:
             "behind the paper's 5.1 and 131; the model's",
             5.1,
         ),
-        Step("duct lift", "kg/m", "1/2 rho A_eff dC_L/da", area, lift, "times U^2 alpha", 131.0),
+        Derivation(
+            "duct lift", "kg/m", "1/2 rho A_eff dC_L/da", area, lift, "times U^2 alpha", 131.0
+        ),
     ]
 
 
-def _yaw_plane(config: VehicleConfig, ring: DuctGeometry, X_udot: float) -> list[Step]:
+def _yaw_plane(config: VehicleConfig, ring: DuctGeometry, X_udot: float) -> list[Derivation]:
     """With the paper's own body coefficients, and the slip that explains the table's Y_v."""
     T, U, rho = (
         config.operating_point.thrust_n,
@@ -130,7 +132,7 @@ def _yaw_plane(config: VehicleConfig, ring: DuctGeometry, X_udot: float) -> list
     side = rho / 2 * length * diameter * HULL_LIFT_PER_RAD * U
     at = [step.symbol for step in steps].index("Y_v")
     Y_v = steps[at]
-    slip = Step(
+    slip = Derivation(
         "Y_v slip",
         "kg/s",
         "-k - 1/2 rho A_p C_L' U x U^2",
@@ -178,12 +180,13 @@ def report(config: VehicleConfig) -> str:
     return f"""{header}
 {chr(10).join(_row(step) for step in steps)}
 
-Y_v: the formula gives {Y_v.value:.0f}, {Y_v.difference_pct:.0f} % off the table's {Y_v.table:.0f}. With the hull term \
-multiplied by U^2 a second time it gives {slip.value:.0f}: the table applies U^2 twice.
+Y_v: the formula gives {Y_v.value:.0f}, {Y_v.difference_pct:.0f} % off the table's \
+{Y_v.table:.0f}. With the hull term multiplied by U^2 a \
+second time it gives {slip.value:.0f}: the table applies U^2 twice.
 The paper's controllers were designed on the table, so the vehicle is calibrated to the table."""
 
 
-def _row(step: Step) -> str:
+def _row(step: Derivation) -> str:
     table = "" if step.table is None else f"{step.table:.5g}"
     difference = "" if step.difference_pct is None else f"{step.difference_pct:+.1f}"
     value = f"{step.value:.5g}"
@@ -200,4 +203,4 @@ def _line(*columns: str) -> str:
 
 
 if __name__ == "__main__":
-    print(report(load("bench")))
+    print(report(load("caribou_nominal")))

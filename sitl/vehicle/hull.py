@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sitl.vehicle.file_schema import Cylinder, HullGeometry, Myring, Profile, Series58
+from sitl.vehicle.file_schema import Cylinder, HullGeometry, Myring, ProfileHull, Series58
 from sitl.vehicle.jit import Vector
 
 NODES_PER_SECTION = 64
@@ -48,7 +48,7 @@ def outline(hull: HullGeometry) -> Outline:
             return _myring_outline(hull)
         case Cylinder():
             return _cylinder_outline(hull)
-        case Profile():
+        case ProfileHull():
             return _profile_outline(hull)
 
 
@@ -124,7 +124,7 @@ def _cylinder_outline(hull: Cylinder) -> Outline:
     return Outline((nose,), middle, (tail,), nose + tail, radius, NODES_PER_SECTION)
 
 
-def _profile_outline(hull: Profile) -> Outline:
+def _profile_outline(hull: ProfileHull) -> Outline:
     along, radii = np.array(hull.points_m).T
     pieces, widest = np.diff(along).tolist(), int(radii.argmax())
 

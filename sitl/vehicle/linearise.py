@@ -12,7 +12,7 @@ import numpy as np
 
 from sitl.vehicle import dynamics
 from sitl.vehicle.jit import Vector
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import STILL
 
 STEP = 1e-8
@@ -34,7 +34,7 @@ class Plane(NamedTuple):
     B: Vector
 
 
-class Linearisation(NamedTuple):
+class LinearPlanes(NamedTuple):
     """Planes in the paper's axes and Table 1's coefficients.
 
     ``yaw``: states (v, r, psi), input rudder. ``pitch``: states (w, q, theta, depth), input
@@ -47,8 +47,8 @@ class Linearisation(NamedTuple):
 
 
 def linearise(
-    model: Model, u_mps: float = 1.3, thrust_fraction: float | None = None
-) -> Linearisation:
+    model: VehicleModel, u_mps: float = 1.3, thrust_fraction: float | None = None
+) -> LinearPlanes:
     """Linearise straight and level flight at ``u_mps``, deep, still water; ``thrust_fraction`` None
     balances drag.
 
@@ -65,14 +65,14 @@ def linearise(
     by_angle = np.column_stack([_slope_of(acceleration, turn=i) for i in range(3)])
     by_duct = np.column_stack([_slope_of(acceleration, duct=i) for i in range(2)])
     F, F_angle, G = M @ by_nu, M @ by_angle, M @ by_duct
-    return Linearisation(
+    return LinearPlanes(
         yaw=_yaw(M, F, G),
         pitch=_pitch(M, F, F_angle, G, u_mps),
         coefficients=_coefficients(model, M, F, F_angle, G, u_mps),
     )
 
 
-def _balanced_rps(model: Model, u_mps: float) -> float:
+def _balanced_rps(model: VehicleModel, u_mps: float) -> float:
     """Shaft speed whose thrust leaves no surge acceleration, by bisection on the full equations."""
     low, high = 0.0, 2 * model.propeller.full_rps * max(1.0, u_mps)
     for _ in range(80):
@@ -87,7 +87,7 @@ def _balanced_rps(model: Model, u_mps: float) -> float:
 Acceleration = Callable[[Vector, Vector, Vector, Vector], Vector]
 
 
-def _acceleration(model: Model, u_mps: float, shaft_rps: float) -> Acceleration:
+def _acceleration(model: VehicleModel, u_mps: float, shaft_rps: float) -> Acceleration:
     """nu' as a function of small departures in nu (6), rotation (3), duct angles (2), and of a
     disturbance (6)."""
 
@@ -166,7 +166,7 @@ def _pitch(M: Vector, F: Vector, F_angle: Vector, G: Vector, u_mps: float) -> Pl
 
 
 def _coefficients(
-    model: Model, M: Vector, F: Vector, F_angle: Vector, G: Vector, u_mps: float
+    model: VehicleModel, M: Vector, F: Vector, F_angle: Vector, G: Vector, u_mps: float
 ) -> dict[str, float]:
     """Table 1's column. Motion does not show how I_zz - N_rdot splits; I is taken from the model's
     rigid body."""

@@ -1,8 +1,8 @@
 """The numbers the kernels run on, each symbol declared once with its unit.
 
 Axes are the paper's: body x forward, y port, z up (FLU), origin on the hull axis at mid-length;
-inertial x north, y west, z up (NWU). ``calibrate.build`` makes a ``Model`` from a vehicle file;
-nothing else should."""
+inertial x north, y west, z up (NWU). ``calibrate.build`` makes a ``VehicleModel`` from a vehicle
+file; nothing else should."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ class Walls(NamedTuple):
     """Moment of that force, forward positive, per u^2."""
 
 
-class Model(NamedTuple):
+class VehicleModel(NamedTuple):
     """A whole vehicle, ready to be stepped."""
 
     inertia: Inertia

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from sitl.vehicle.jit import kernel
-from sitl.vehicle.model import Model, Propeller
+from sitl.vehicle.model import Propeller, VehicleModel
 
 
 @kernel
-def rps(thrust_fraction: float, model: Model) -> float:
+def rps(thrust_fraction: float, model: VehicleModel) -> float:
     """Shaft speed in rev/s for a thrust command of -1..1; the motor controller holds speed, linear
     in the command."""
     return thrust_fraction * model.propeller.full_rps

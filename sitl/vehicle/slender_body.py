@@ -12,7 +12,7 @@ from sitl.vehicle.file_schema import DuctGeometry, FinGeometry, HullGeometry
 from sitl.vehicle.hull import Integrals
 
 
-class Step(NamedTuple):
+class Derivation(NamedTuple):
     """One derived quantity."""
 
     symbol: str
@@ -80,7 +80,9 @@ def size(shape: HullGeometry) -> str:
     return f"l {hull.length_m(shape):.4g} m, d {shape.diameter_m:.4g} m"
 
 
-def added_mass(shape: HullGeometry, fins: FinGeometry | None, density_kgpm3: float) -> list[Step]:
+def added_mass(
+    shape: HullGeometry, fins: FinGeometry | None, density_kgpm3: float
+) -> list[Derivation]:
     """X_udot of the spheroid, Y_vdot and N_rdot by strips; N_rdot about mid-length."""
     whole, rho, of_size = hull.integrals(shape), density_kgpm3, size(shape)
     X_udot = -empirical.axial_added_mass_kg(hull.length_m(shape), shape.diameter_m, rho)
@@ -96,7 +98,7 @@ def added_mass(shape: HullGeometry, fins: FinGeometry | None, density_kgpm3: flo
         of_size += f", fins s {fins.tip_radius_m:.4g} m at {x:.4g} m"
     source = "strips, Newman 1977" + (", finned section, Blevins 1979" if fins is not None else "")
     return [
-        Step(
+        Derivation(
             "X_udot",
             "kg",
             "-k_1 rho pi/6 l d^2",
@@ -104,7 +106,7 @@ def added_mass(shape: HullGeometry, fins: FinGeometry | None, density_kgpm3: flo
             X_udot,
             "spheroid, Lamb 1932 sec. 114",
         ),
-        Step(
+        Derivation(
             "Y_vdot",
             "kg",
             f"-rho int pi R^2 dx{by_fins}",
@@ -112,7 +114,7 @@ def added_mass(shape: HullGeometry, fins: FinGeometry | None, density_kgpm3: flo
             -rho * whole.volume_m3 - finned,
             source,
         ),
-        Step(
+        Derivation(
             "N_rdot",
             "kg m2",
             f"-rho int pi R^2 x^2 dx{turning_by_fins}",
@@ -123,12 +125,12 @@ def added_mass(shape: HullGeometry, fins: FinGeometry | None, density_kgpm3: flo
     ]
 
 
-def yaw_inertia(shape: HullGeometry, mass_kg: float) -> Step:
+def yaw_inertia(shape: HullGeometry, mass_kg: float) -> Derivation:
     """Of the mass spread evenly over the hull, about mid-length."""
     whole: Integrals = hull.integrals(shape)
     inertia = mass_kg / whole.volume_m3 * whole.pitch_inertia_m5
     inputs = f"{size(shape)}, m {mass_kg:.4g} kg"
-    return Step(
+    return Derivation(
         "I_zz", "kg m2", "m/V int (pi R^2 x^2 + pi R^4/4) dx", inputs, inertia, "homogeneous hull"
     )
 
@@ -142,7 +144,7 @@ def hull_moment_per_rad(
     return munk + empirical.HULL_LIFT_AT * empirical.hull_lift_slope_per_rad()
 
 
-def yaw_plane(flow: Flow) -> list[Step]:
+def yaw_plane(flow: Flow) -> list[Derivation]:
     """Steering, damping and turning coefficients at ``flow.speed_mps``.
 
     Tail and hull lift are forces at a place on the cross flow met there, v + x r: they damp
@@ -159,7 +161,7 @@ def yaw_plane(flow: Flow) -> list[Step]:
     at = f"x {' and '.join(f'{tail.x_m:.5g}' for tail in tails)} m"
     tail, body = f"k {k:.4g} kg/s, {at}", f"A_p {planform:.4g} m2, U {U:.4g} m/s"
     return [
-        Step(
+        Derivation(
             "Y_dr",
             "N/rad",
             "k_d U + T, k_d = 1/2 rho A dC_L/dd U",
@@ -167,8 +169,8 @@ def yaw_plane(flow: Flow) -> list[Step]:
             Y_dr,
             "tail and the thrust that it turns",
         ),
-        Step("N_dr", "N m/rad", "x Y_dr", at, N_dr, "tail"),
-        Step(
+        Derivation("N_dr", "N m/rad", "x Y_dr", at, N_dr, "tail"),
+        Derivation(
             "Y_v",
             "kg/s",
             "-k - 1/2 rho A_p C_L' U",
@@ -176,7 +178,7 @@ def yaw_plane(flow: Flow) -> list[Step]:
             -k - side,
             f"tail and hull: {flow.hull_source}",
         ),
-        Step(
+        Derivation(
             "N_v",
             "kg m/s",
             "-x k - 1/2 rho A_p l C_M' U",
@@ -188,7 +190,9 @@ def yaw_plane(flow: Flow) -> list[Step]:
     ]
 
 
-def _turning(flow: Flow, side_kgps: float, tail: tuple[float, float], inputs: str) -> list[Step]:
+def _turning(
+    flow: Flow, side_kgps: float, tail: tuple[float, float], inputs: str
+) -> list[Derivation]:
     """Y_r and N_r of the tail's moments of place (x k, x^2 k) and of the hull's lift at its own."""
     (k_x, k_xx), x_h, U, X_udot = tail, flow.lift_at_m, flow.speed_mps, flow.X_udot_kg
     also, also_squared, source = "", "", "tail"
@@ -196,7 +200,7 @@ def _turning(flow: Flow, side_kgps: float, tail: tuple[float, float], inputs: st
         inputs += f", h = 1/2 rho A_p C_L' U {side_kgps:.4g} kg/s at x_h {x_h:.4g} m"
         also, also_squared, source = " - x_h h", " - x_h^2 h", "tail and hull"
     return [
-        Step(
+        Derivation(
             "Y_r",
             "kg m/s",
             f"-x k{also} + X_udot U",
@@ -204,7 +208,9 @@ def _turning(flow: Flow, side_kgps: float, tail: tuple[float, float], inputs: st
             -k_x - x_h * side_kgps + X_udot * U,
             f"{source}, and axial added mass",
         ),
-        Step("N_r", "kg m2/s", f"-x^2 k{also_squared}", inputs, -k_xx - x_h**2 * side_kgps, source),
+        Derivation(
+            "N_r", "kg m2/s", f"-x^2 k{also_squared}", inputs, -k_xx - x_h**2 * side_kgps, source
+        ),
     ]
 
 
@@ -223,7 +229,7 @@ TWINS = (
 and y to port."""
 
 
-def pitch_twins(yaw: list[Step]) -> list[Step]:
+def pitch_twins(yaw: list[Derivation]) -> list[Derivation]:
     """The pitch plane of ``yaw``'s steps: the same, a quarter turn about x."""
     by_symbol = {step.symbol: step for step in yaw}
     return [
@@ -231,7 +237,7 @@ def pitch_twins(yaw: list[Step]) -> list[Step]:
     ]
 
 
-def _mirrored(name: str, twin: Step, sign: int) -> Step:
+def _mirrored(name: str, twin: Derivation, sign: int) -> Derivation:
     formula = f"{'-' if sign < 0 else ''}{twin.symbol}"
     inputs = f"{twin.symbol} {twin.value:.4g}"
-    return Step(name, twin.unit, formula, inputs, sign * twin.value, "symmetry of revolution")
+    return Derivation(name, twin.unit, formula, inputs, sign * twin.value, "symmetry of revolution")

@@ -90,7 +90,7 @@ def responses(plane: LinearPlane, lag: Lag) -> Responses:
     return Responses(plane.states, (resolvent @ plane.B) * duct[:, None], resolvent @ plane.moment)
 
 
-def lead_of(gains: Gains) -> Lead | None:
+def actuator_lead(gains: Gains) -> Lead | None:
     """What the gains make of the tailcone's lag; None where they leave it as it is."""
     if not gains.get("ACT_LEAD_W"):
         return None
@@ -99,7 +99,7 @@ def lead_of(gains: Gains) -> Lead | None:
 
 def lead_response(gains: Gains) -> ComplexArray:
     """From what the loops want to what the tailcone is told, on ``GRID_RADPS``."""
-    lead = lead_of(gains)
+    lead = actuator_lead(gains)
     return np.ones(GRID_RADPS.size, dtype=np.complex128) if lead is None else _lead_response(lead)
 
 
@@ -110,16 +110,16 @@ def _lead_response(lead: Lead) -> ComplexArray:
     return np.asarray(undone * faster**2 / (s**2 + 2.0 * LEAD_DAMPING * faster * s + faster**2))
 
 
-def led(plant: Responses, gains: Gains) -> Responses:
+def with_lead(plant: Responses, gains: Gains) -> Responses:
     """``plant`` from what the loops want instead of from what the tailcone is told."""
-    if lead_of(gains) is None:
+    if actuator_lead(gains) is None:
         return plant
     return plant._replace(command=plant.command * lead_response(gains)[:, None])
 
 
 def heading_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
     """Loop transfer functions, opened at the rudder and at the heading error."""
-    s, command = 1j * GRID_RADPS, led(plant, gains).command
+    s, command = 1j * GRID_RADPS, with_lead(plant, gains).command
     r, psi = command[:, 1], command[:, 2]
     forward = gains["HDG_P"] + gains["HDG_I"] / s
     inner = gains["HDG_D"] * r
@@ -129,11 +129,11 @@ def heading_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
 def depth_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
     """Loop transfer functions, opened at the elevator and at the pitch command; "pitch" has no
     depth loop round it."""
-    s, command = 1j * GRID_RADPS, led(plant, gains).command
+    s, command = 1j * GRID_RADPS, with_lead(plant, gains).command
     q, theta = command[:, 1], command[:, 2]
     forward = gains["PTCH_P"] + gains["PTCH_I"] / s
     pitch = gains["PTCH_D"] * q + forward * theta
-    outer = -forward * depth_law(command, gains)
+    outer = -forward * pitch_command(command, gains)
     return {
         "elevator": pitch + outer,
         "depth": outer / (1.0 + pitch),
@@ -141,7 +141,7 @@ def depth_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
     }
 
 
-def depth_law(plant: ComplexArray, gains: Gains) -> ComplexArray:
+def pitch_command(plant: ComplexArray, gains: Gains) -> ComplexArray:
     """theta_c per unit of what drives ``plant``, the set-point held."""
     s = 1j * GRID_RADPS
     return (gains["DPT_P"] + gains["DPT_I"] / s + gains["DPT_D"] * s) * plant[:, 3]
@@ -155,13 +155,13 @@ def margins(loop: ComplexArray) -> Margins:
     distances = [abs(_wrap(_phase(loop, at) + math.pi)) for at in unit]
     # Phase crossings of any odd multiple of -180 degrees are zeros of the imaginary part on the
     # negative real axis.
-    real_axis = [at for at in _crossings(loop.imag) if _between(loop.real, at) < 0.0]
-    factors = [abs(_between(log_gain, at)) for at in real_axis]
+    real_axis = [at for at in _crossings(loop.imag) if _interpolate(loop.real, at) < 0.0]
+    factors = [abs(_interpolate(log_gain, at)) for at in real_axis]
     return Margins(
         gm_db=20.0 * min(factors, default=math.inf) / math.log(10.0),
         pm_deg=math.degrees(min(distances, default=math.inf)),
         ms=1.0 / float(np.min(np.abs(1.0 + loop))),
-        crossover_radps=_between(GRID_RADPS, unit[-1]) if unit else math.nan,
+        crossover_radps=_interpolate(GRID_RADPS, unit[-1]) if unit else math.nan,
     )
 
 
@@ -171,7 +171,7 @@ def _crossings(values: Array) -> list[float]:
     return [float(i + values[i] / (values[i] - values[i + 1])) for i in at]
 
 
-def _between(values: Array, at: float) -> float:
+def _interpolate(values: Array, at: float) -> float:
     """The value at a fractional index."""
     i = min(int(at), values.size - 2)
     return float(values[i] + (at - i) * (values[i + 1] - values[i]))
@@ -196,7 +196,9 @@ class ClosedLoop(NamedTuple):
 
 
 @cache
-def delay(delay_s: float, approximation: Approximation) -> tuple[Array, Array, Array, float]:
+def delay_state_space(
+    delay_s: float, approximation: Approximation
+) -> tuple[Array, Array, Array, float]:
     """State space (A, B, C, D) of a delay's rational approximation, by python-control."""
     if delay_s <= 0.0:
         return np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
@@ -214,12 +216,12 @@ def delay(delay_s: float, approximation: Approximation) -> tuple[Array, Array, A
     return system.A, system.B[:, 0], system.C[0], float(system.D[0, 0])
 
 
-def chain(
+def plane_with_tailcone(
     plane: LinearPlane, lag: Lag, order: Approximation, lead: Lead | None = None
 ) -> tuple[Array, Array]:
     """(A, B) from what is wanted to the states of plane, lag (angle, its rate), delay and lead
     (angle, its rate)."""
-    A, B = _tail(plane, lag, order)
+    A, B = _plane_with_lag(plane, lag, order)
     if lead is None:
         return A, B
     n, w, faster = len(B), lead.lag_radps, lead.lead_radps
@@ -238,11 +240,11 @@ def chain(
     return wide, drive
 
 
-def _tail(plane: LinearPlane, lag: Lag, order: Approximation) -> tuple[Array, Array]:
+def _plane_with_lag(plane: LinearPlane, lag: Lag, order: Approximation) -> tuple[Array, Array]:
     """(A, B) from command to the states of plane, lag (angle, its rate) and delay."""
     n = plane.A.shape[0]
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
-    Ad, Bd, Cd, Dd = delay(lag.delay_s, order)
+    Ad, Bd, Cd, Dd = delay_state_space(lag.delay_s, order)
     size = n + 2 + Ad.shape[0]
     A, B = np.zeros((size, size)), np.zeros(size)
     A[:n, :n], A[:n, n] = plane.A, plane.B
@@ -256,7 +258,7 @@ def close_heading(
     plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation = 4
 ) -> ClosedLoop:
     """Heading loop; its integrator is the last state and is left out when HDG_I is zero."""
-    A, B = chain(plane, lag, order, lead_of(gains))
+    A, B = plane_with_tailcone(plane, lag, order, actuator_lead(gains))
     error = _row(A, {2: -1.0})
     feedback = gains["HDG_P"] * error + _row(A, {1: -gains["HDG_D"]})
     return _close(A, B, feedback, gains["HDG_P"], [(gains["HDG_I"] * error, gains["HDG_I"], 1.0)])
@@ -265,11 +267,11 @@ def close_heading(
 def close_pitch(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation = 4) -> ClosedLoop:
     """Pitch loop alone, its set-point held by hand; depth, which it does not feed back, is left
     out."""
-    A, B = chain(
+    A, B = plane_with_tailcone(
         LinearPlane(plane.A[:3, :3], plane.B[:3], plane.states[:3], plane.moment[:3]),
         lag,
         order,
-        lead_of(gains),
+        actuator_lead(gains),
     )
     error = _row(A, {2: -1.0})
     feedback = gains["PTCH_P"] * error + _row(A, {1: -gains["PTCH_D"]})
@@ -280,7 +282,7 @@ def close_pitch(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation
 
 def close_depth(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation = 4) -> ClosedLoop:
     """Depth loop round the pitch loop; integrators as close_heading."""
-    A, B = chain(plane, lag, order, lead_of(gains))
+    A, B = plane_with_tailcone(plane, lag, order, actuator_lead(gains))
     p = gains["PTCH_P"]
     # theta_c from depth and its rate (a combination of states), with the set-point's part apart.
     wanted = _row(A, {3: gains["DPT_P"]}) + gains["DPT_D"] * _row(A, dict(enumerate(plane.A[3])))

@@ -10,7 +10,7 @@ from sysid.control_analysis.loop_transfer import Gains, Lag, Margins
 from sysid.control_analysis.modal import Modes
 from sysid.models.linear_planes import LinearPlane
 
-BAND_RADPS = 5.0
+MAX_POLE_RADPS = 5.0
 """Poles within it are the vehicle's and its loops'; what lies beyond belongs to the Pade
 approximation of the delay."""
 
@@ -35,25 +35,27 @@ def analyse(planes: Planes, gains: Gains, yaw: Lag, pitch: Lag, order: int = 4) 
     cuts = loop_transfer.heading_loops(loop_transfer.responses(planes.yaw, yaw), gains)
     cuts |= loop_transfer.depth_loops(loop_transfer.responses(planes.pitch, pitch), gains)
     closed = {
-        "heading": modal.of(loop_transfer.close_heading(planes.yaw, yaw, gains, order)),
-        "pitch": modal.of(loop_transfer.close_pitch(planes.pitch, pitch, gains, order)),
-        "depth": modal.of(loop_transfer.close_depth(planes.pitch, pitch, gains, order)),
+        "heading": modal.modes_of(loop_transfer.close_heading(planes.yaw, yaw, gains, order)),
+        "pitch": modal.modes_of(loop_transfer.close_pitch(planes.pitch, pitch, gains, order)),
+        "depth": modal.modes_of(loop_transfer.close_depth(planes.pitch, pitch, gains, order)),
     }
     return Analysis(
         poles={
-            name: _slowest_first(own, np.abs(own.values) < BAND_RADPS)
+            name: _sort_by_speed(own, np.abs(own.values) < MAX_POLE_RADPS)
             for name, own in closed.items()
         },
-        shown={name: _slowest_first(own, _anywhere(own, name)) for name, own in closed.items()},
+        shown={
+            name: _sort_by_speed(own, _visible_in_any(own, name)) for name, own in closed.items()
+        },
         margins={name: loop_transfer.margins(loop) for name, loop in cuts.items()},
     )
 
 
-def _anywhere(found: Modes, loop: str) -> NDArray[np.bool_]:
-    return np.asarray(np.any(list(modal.showing(found, loop).values()), axis=0))
+def _visible_in_any(found: Modes, loop: str) -> NDArray[np.bool_]:
+    return np.asarray(np.any(list(modal.visible_modes(found, loop).values()), axis=0))
 
 
-def _slowest_first(found: Modes, chosen: NDArray[np.bool_]) -> tuple[complex, ...]:
+def _sort_by_speed(found: Modes, chosen: NDArray[np.bool_]) -> tuple[complex, ...]:
     values = found.values[chosen]
     return tuple(complex(pole) for pole in values[np.argsort(np.abs(values), kind="stable")])
 

@@ -7,12 +7,16 @@ from numpy.typing import NDArray
 
 from sysid.control_analysis.loop_transfer import ClosedLoop
 
-SHOWS = 0.1
+MIN_VISIBLE_SHARE = 0.1
 """A mode with less than this share of the largest in what a disturbance does is hardly seen in the
 motion: so the tailcone's lag beside the zeros that undo it, which never quite meet."""
-STATES = {"heading": {"heading": 2}, "pitch": {"pitch": 2}, "depth": {"pitch": 2, "depth": 3}}
+OBSERVED_STATES = {
+    "heading": {"heading": 2},
+    "pitch": {"pitch": 2},
+    "depth": {"pitch": 2, "depth": 3},
+}
 """Of each closed loop the states that it moves, as they are counted there."""
-TURNING = 1
+RATE_STATE = 1
 """The state that a blow about the plane's axis changes: r or q."""
 
 
@@ -24,16 +28,18 @@ class Modes(NamedTuple):
     right: NDArray[np.complex128]
 
 
-def of(closed: ClosedLoop) -> Modes:
+def modes_of(closed: ClosedLoop) -> Modes:
     values, right = np.linalg.eig(closed.A)
     return Modes(values.astype(np.complex128), right.astype(np.complex128))
 
 
-def showing(found: Modes, loop: str) -> dict[str, NDArray[np.bool_]]:
+def visible_modes(found: Modes, loop: str) -> dict[str, NDArray[np.bool_]]:
     """Which modes of a closed loop (heading, pitch, depth) show in what a blow about the plane's
-    axis does to each of its ``STATES``."""
+    axis does to each of its ``OBSERVED_STATES``."""
     blow = np.zeros(found.values.size, dtype=np.complex128)
-    blow[TURNING] = 1.0
+    blow[RATE_STATE] = 1.0
     amounts = np.linalg.solve(found.right, blow)
-    sizes = {name: np.abs(found.right[state] * amounts) for name, state in STATES[loop].items()}
-    return {name: size > SHOWS * np.max(size) for name, size in sizes.items()}
+    sizes = {
+        name: np.abs(found.right[state] * amounts) for name, state in OBSERVED_STATES[loop].items()
+    }
+    return {name: size > MIN_VISIBLE_SHARE * np.max(size) for name, size in sizes.items()}

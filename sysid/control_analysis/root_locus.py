@@ -13,7 +13,7 @@ from sysid.control_analysis.loop_transfer import ClosedLoop, ComplexArray
 Array = NDArray[np.float64]
 
 
-class Opened(NamedTuple):
+class OpenLoop(NamedTuple):
     """A loop opened at one place."""
 
     A: Array
@@ -23,25 +23,25 @@ class Opened(NamedTuple):
     """The state that acted, (states,)."""
 
 
-def at_duct(closed: ClosedLoop, states: int) -> Opened:
+def open_at_duct(closed: ClosedLoop, states: int) -> OpenLoop:
     """Opened between the duct's angle and the vehicle, whose ``states`` come first in the loop and
     the angle next."""
-    return _opened(closed, states, slice(0, states))
+    return _open(closed, states, slice(0, states))
 
 
-def at_depth(closed: ClosedLoop) -> Opened:
+def open_at_depth(closed: ClosedLoop) -> OpenLoop:
     """Opened where depth is fed back, the pitch loop within left closed."""
-    return _opened(closed, 3, slice(None))
+    return _open(closed, 3, slice(None))
 
 
-def poles(opened: Opened, factors: Array) -> ComplexArray:
+def poles(opened: OpenLoop, factors: Array) -> ComplexArray:
     """Closed-loop poles by loop gain, (factors, states), each column one branch."""
     import control
 
     return np.asarray(control.root_locus_map(_system(opened), gains=factors).loci)
 
 
-def zeros(opened: Opened) -> ComplexArray:
+def zeros(opened: OpenLoop) -> ComplexArray:
     """Where branches end that do not leave."""
     import control
 
@@ -56,14 +56,14 @@ def damping(found: ComplexArray) -> Array:
     return np.asarray(np.min(np.where(~swings & (found.real > 0.0), -1.0, ratios), axis=1))
 
 
-def _system(opened: Opened) -> Any:
+def _system(opened: OpenLoop) -> Any:
     import control
 
     return control.ss(opened.A, opened.into[:, None], -opened.row[None, :], 0.0)
 
 
-def _opened(closed: ClosedLoop, state: int, rows: slice) -> Opened:
+def _open(closed: ClosedLoop, state: int, rows: slice) -> OpenLoop:
     A, into, row = closed.A.copy(), np.zeros(len(closed.A)), np.zeros(len(closed.A))
     into[rows], row[state] = closed.A[rows, state], 1.0
     A[rows, state] = 0.0
-    return Opened(A, into, row)
+    return OpenLoop(A, into, row)

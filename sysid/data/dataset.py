@@ -43,7 +43,7 @@ class Actuators:
 
 
 @dataclass(frozen=True)
-class Duct:
+class DuctAngles:
     """Where the duct really stood, by the tailcone's own encoder. Empty where it has none."""
 
     time_s: Array
@@ -73,7 +73,7 @@ class Setpoints:
 
 
 @dataclass(frozen=True)
-class Event:
+class TextEvent:
     """One text of the vehicle's, its chunks joined."""
 
     time_s: float
@@ -111,7 +111,7 @@ class Log:
     actuators: Actuators
     depth: Depth
     setpoints: Setpoints
-    events: tuple[Event, ...]
+    events: tuple[TextEvent, ...]
     parameters: dict[str, float]
-    duct: Duct
+    duct: DuctAngles
     clock: Clock = Clock()

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid.data.dataset import Log
-from sysid.data.segments import Mark, times_of_tests
+from sysid.data.segments import MarkedInterval, times_of_tests
 from sysid.models.model_file import DataFile
 
 MIN_SHARED_SAMPLES = 25
@@ -34,7 +34,7 @@ class NamedLog(NamedTuple):
     """Samples of attitude within tests."""
 
 
-def named(path: str | Path, log: Log, marks: Sequence[Mark]) -> NamedLog:
+def named_log(path: str | Path, log: Log, marks: Sequence[MarkedInterval]) -> NamedLog:
     """A log as `refusal` compares it; ``marks`` are the tests that it does not tell of itself."""
     return NamedLog(path, log, _samples(log, marks))
 
@@ -91,7 +91,7 @@ def _is_same(one: NamedLog, other: NamedLog) -> bool:
     return len(one.samples & other.samples) >= MIN_SHARED_SAMPLES
 
 
-def _samples(log: Log, marks: Sequence[Mark]) -> frozenset[bytes]:
+def _samples(log: Log, marks: Sequence[MarkedInterval]) -> frozenset[bytes]:
     """Every different sample of attitude within tests, without its time: copies may shift that."""
     a = log.attitude
     inside = np.zeros(a.time_s.size, bool)

@@ -13,13 +13,13 @@ import numpy as np
 
 from sysid.data.segments import RATE_HZ, Array, Run
 
-STEEPEST_RAD = math.radians(75.0)
+MAX_PITCH_RAD = math.radians(75.0)
 """Heading is no measure of anything beyond this pitch."""
-TELLING_M_PER_MPS = 0.5
+MIN_DEPTH_SENSITIVITY_S = 0.5
 """Depth tells of pitch where that would have moved the vehicle by so much at 1 m/s."""
 
 
-class Disagreement(NamedTuple):
+class AngleRateMismatch(NamedTuple):
     """What remains between an angle and its integrated rate."""
 
     rms_rad: float
@@ -29,7 +29,7 @@ class Disagreement(NamedTuple):
     """Between the angle's extremes."""
 
 
-class Sinking(NamedTuple):
+class DepthPitchMismatch(NamedTuple):
     """What remains between depth and what speed and pitch make of it."""
 
     rms_m: float
@@ -38,39 +38,41 @@ class Sinking(NamedTuple):
     excursion_m: float
 
 
-def heading(run: Run) -> Disagreement | None:
+def heading_mismatch(run: Run) -> AngleRateMismatch | None:
     """Heading against the rates; None where the vehicle stood too steeply to have one."""
-    if np.max(np.abs(run.pitch_rad)) > STEEPEST_RAD:
+    if np.max(np.abs(run.pitch_rad)) > MAX_PITCH_RAD:
         return None
     turning = run.q_radps * np.sin(run.roll_rad) + run.r_radps * np.cos(run.roll_rad)
-    return _disagreement(run.time_s, run.heading_rad, turning / np.cos(run.pitch_rad))
+    return _mismatch(run.time_s, run.heading_rad, turning / np.cos(run.pitch_rad))
 
 
-def pitch(run: Run) -> Disagreement:
+def pitch_mismatch(run: Run) -> AngleRateMismatch:
     """Pitch against the rates."""
     pitching = run.q_radps * np.cos(run.roll_rad) - run.r_radps * np.sin(run.roll_rad)
-    return _disagreement(run.time_s, run.pitch_rad, pitching)
+    return _mismatch(run.time_s, run.pitch_rad, pitching)
 
 
-def sinking(run: Run) -> Sinking | None:
+def depth_mismatch(run: Run) -> DepthPitchMismatch | None:
     """Depth against pitch; None where pitch hardly moved the vehicle.
 
     A straight line in time is left to w and to an offset of pitch.
     """
     way = -_integral(np.sin(run.pitch_rad))
     drift = np.stack([np.ones(run.time_s.size), run.time_s], axis=1)
-    if np.ptp(way - drift @ np.linalg.lstsq(drift, way, rcond=None)[0]) < TELLING_M_PER_MPS:
+    if np.ptp(way - drift @ np.linalg.lstsq(drift, way, rcond=None)[0]) < MIN_DEPTH_SENSITIVITY_S:
         return None
     base = np.column_stack([drift, way])
     found = np.linalg.lstsq(base, run.depth_m, rcond=None)[0]
-    return Sinking(_rms(run.depth_m - base @ found), float(found[2]), float(np.ptp(run.depth_m)))
+    return DepthPitchMismatch(
+        _rms(run.depth_m - base @ found), float(found[2]), float(np.ptp(run.depth_m))
+    )
 
 
-def _disagreement(time_s: Array, angle_rad: Array, rate_radps: Array) -> Disagreement:
+def _mismatch(time_s: Array, angle_rad: Array, rate_radps: Array) -> AngleRateMismatch:
     between = angle_rad - _integral(rate_radps)
     line = np.polynomial.Polynomial.fit(time_s, between, 1)
     bias = float(line.convert().coef[-1]) if time_s.size > 1 else 0.0
-    return Disagreement(_rms(between - line(time_s)), bias, float(np.ptp(angle_rad)))
+    return AngleRateMismatch(_rms(between - line(time_s)), bias, float(np.ptp(angle_rad)))
 
 
 def _integral(rate: Array) -> Array:

@@ -32,7 +32,7 @@ BOTH_AXIS, LOOP_ON = 23, 100
 
 AXIS_OF_PLANE = {plane: axis for axis, plane in PLANE_OF_AXIS.items()}
 
-STARTED, OVER = "SystemID Starting", ("SystemID Finished", "SystemID Stopped")
+START_TEXT, END_TEXTS = "SystemID Starting", ("SystemID Finished", "SystemID Stopped")
 """What a vehicle says first of a test, and last."""
 _STARTING = re.compile(r"SystemID Starting: axis=(\d+)(?: wave=(\w+) magnitude=(-?[\d.]+))?")
 """ArduPilot says the axis only; its wave is a chirp."""
@@ -127,7 +127,7 @@ _SERIES = tuple(field.name for field in fields(Run) if field.type is Array)
 
 
 @dataclass(frozen=True)
-class Span:
+class TestInterval:
     """When a test ran, and what the vehicle said of it."""
 
     start_s: float
@@ -141,7 +141,7 @@ class Span:
     both: bool = False
 
 
-class Mark(NamedTuple):
+class MarkedInterval(NamedTuple):
     """A test that a person has found in a log, in the log's own time."""
 
     start_s: float
@@ -151,7 +151,7 @@ class Mark(NamedTuple):
     """The name of the log; empty for the only one."""
 
 
-def cut(log: Log, marks: Sequence[Mark] = ()) -> list[Run]:
+def cut_runs(log: Log, marks: Sequence[MarkedInterval] = ()) -> list[Run]:
     """The tests of a log in the order they were run. Tests of other axes than rudder and elevator
     are left out.
 
@@ -163,8 +163,8 @@ def cut(log: Log, marks: Sequence[Mark] = ()) -> list[Run]:
     return [_run(log, span, f"{stem}/{number}") for number, span in numbered]
 
 
-def times_of_tests(log: Log, marks: Sequence[Mark] = ()) -> list[tuple[float, float]]:
-    """Start and end of each test that ``cut`` gives, in the log's own time (s).
+def times_of_tests(log: Log, marks: Sequence[MarkedInterval] = ()) -> list[tuple[float, float]]:
+    """Start and end of each test that ``cut_runs`` gives, in the log's own time (s).
 
     Raises:
         LogError: a mark lies outside the log.
@@ -172,13 +172,15 @@ def times_of_tests(log: Log, marks: Sequence[Mark] = ()) -> list[tuple[float, fl
     return [(span.start_s, span.stop_s) for span in _tests(log, marks)]
 
 
-def _tests(log: Log, marks: Sequence[Mark]) -> list[Span]:
+def _tests(log: Log, marks: Sequence[MarkedInterval]) -> list[TestInterval]:
     """The tests of rudder or elevator in the order in which they began."""
-    known = [part for span in spans(log) for part in _by_plane(span)]
-    return sorted([*known, *(_marked(log, mark) for mark in marks)], key=lambda span: span.start_s)
+    known = [part for span in intervals_of_tests(log) for part in _by_plane(span)]
+    return sorted(
+        [*known, *(_interval_of_mark(log, mark) for mark in marks)], key=lambda span: span.start_s
+    )
 
 
-def _by_plane(span: Span) -> list[Span]:
+def _by_plane(span: TestInterval) -> list[TestInterval]:
     """A test as one surface's: that of both is one of each. What counts is the command, not who
     gave it."""
     axis = span.axis % LOOP_ON
@@ -188,7 +190,7 @@ def _by_plane(span: Span) -> list[Span]:
     return [replace(span, axis=axis)] if axis in PLANE_OF_AXIS else []
 
 
-def spans(log: Log) -> Iterator[Span]:
+def intervals_of_tests(log: Log) -> Iterator[TestInterval]:
     """When which tests ran. A test that the log does not see stop ends with the log, and says
     so."""
     running: tuple[float, re.Match[str]] | None = None
@@ -196,24 +198,28 @@ def spans(log: Log) -> Iterator[Span]:
         starting, stopped = _STARTING.search(event.text), _STOPPED.search(event.text)
         if running and (starting or stopped or "SystemID Finished" in event.text):
             reason = "the log lost its end" if starting else stopped[1] if stopped else ""
-            yield _span(log, running, event.time_s, reason)
+            yield _interval(log, running, event.time_s, reason)
             running = None
         if starting:
             running = event.time_s, starting
     if running:
-        yield _span(log, running, float(log.attitude.time_s[-1]), "the log ended")
+        yield _interval(log, running, float(log.attitude.time_s[-1]), "the log ended")
 
 
-def _span(log: Log, running: tuple[float, re.Match[str]], stop_s: float, reason: str) -> Span:
+def _interval(
+    log: Log, running: tuple[float, re.Match[str]], stop_s: float, reason: str
+) -> TestInterval:
     start_s, match = running
     axis = int(match[1])
     magnitude_deg = float(match[3]) if match[3] else _size_deg(log, axis, start_s, stop_s)
     elevator = _ELEVATOR.search(match.string)
     elevator_deg = float(elevator[1]) if elevator else 0.0
-    return Span(start_s, stop_s, axis, match[2] or "chirp", magnitude_deg, reason, elevator_deg)
+    return TestInterval(
+        start_s, stop_s, axis, match[2] or "chirp", magnitude_deg, reason, elevator_deg
+    )
 
 
-def _marked(log: Log, mark: Mark) -> Span:
+def _interval_of_mark(log: Log, mark: MarkedInterval) -> TestInterval:
     first_s, last_s = float(log.attitude.time_s[0]), float(log.attitude.time_s[-1])
     if not first_s <= mark.start_s < mark.stop_s <= last_s:
         raise LogError(
@@ -221,7 +227,7 @@ def _marked(log: Log, mark: Mark) -> Span:
             f" {first_s:.1f}..{last_s:.1f} s"
         )
     axis = AXIS_OF_PLANE[mark.plane]
-    return Span(
+    return TestInterval(
         mark.start_s,
         mark.stop_s,
         axis,
@@ -240,7 +246,7 @@ def _size_deg(log: Log, axis: int, start_s: float, stop_s: float) -> float:
     return float(np.degrees(away[np.argmax(np.abs(away))]))
 
 
-def _run(log: Log, span: Span, name: str) -> Run:
+def _run(log: Log, span: TestInterval, name: str) -> Run:
     attitude, actuators, depth = log.attitude, log.actuators, log.depth
     first_s = max(attitude.time_s[0], actuators.time_s[0], depth.time_s[0])
     before = int(np.floor((span.start_s - max(span.start_s - PREROLL_S, first_s)) * RATE_HZ))
@@ -273,17 +279,17 @@ def _run(log: Log, span: Span, name: str) -> Run:
         depth_m=np.interp(grid_s, depth.time_s, depth.depth_m),
         stop_reason=span.stop_reason,
         longest_gap_s=max(
-            _longest_gap(t, grid_s) for t in (attitude.time_s, actuators.time_s, depth.time_s)
+            _max_gap_s(t, grid_s) for t in (attitude.time_s, actuators.time_s, depth.time_s)
         ),
         rudder_trim_rad=np.radians(log.parameters.get("TRIM_RUD_DEG", 0.0)),
         elevator_trim_rad=np.radians(log.parameters.get("TRIM_ELE_DEG", 0.0)),
-        clock_back=_clock_back(log, grid_s),
+        clock_back=_clock_step_reason(log, grid_s),
         clock_drift_s=_clock_drift_s(log, grid_s),
         both=span.both,
     )
 
 
-def _clock_back(log: Log, grid_s: Array) -> str:
+def _clock_step_reason(log: Log, grid_s: Array) -> str:
     steps = [step for step in log.clock.steps if grid_s[0] <= step.time_s <= grid_s[-1] + STEADY_S]
     return f"the time of {steps[0].what} went back by {steps[0].back_s:.1f} s" if steps else ""
 
@@ -296,7 +302,7 @@ def _clock_drift_s(log: Log, grid_s: Array) -> float:
     return float(np.median(ahead_s[-quarter:]) - np.median(ahead_s[:quarter])) if quarter else 0.0
 
 
-def _longest_gap(time_s: Array, grid_s: Array) -> float:
+def _max_gap_s(time_s: Array, grid_s: Array) -> float:
     """Largest step of ``time_s`` that touches the grid's span, its ends included."""
     inside = time_s[(time_s > grid_s[0]) & (time_s < grid_s[-1])]
     return float(np.max(np.diff(np.concatenate(([grid_s[0]], inside, [grid_s[-1]])))))

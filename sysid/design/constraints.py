@@ -11,10 +11,10 @@ from sysid.control_analysis.modal import Modes
 from sysid.design.specification import Spec
 
 Array = NDArray[np.float64]
-Misses = dict[str, float]
+ConstraintViolation = dict[str, float]
 
 STEP_S = 0.5
-LASTS = 2.0
+LOAD_RESPONSE_TIMES = 2.0
 """A load's answer is watched for so many times the time in which it must be over."""
 
 
@@ -31,7 +31,9 @@ def nominal(spec: Spec) -> Bounds:
     return Bounds(spec.damping, spec.gm_db, spec.pm_deg, spec.ms)
 
 
-def of_cut(loop: NDArray[np.complex128], name: str, bounds: Bounds) -> Misses:
+def margin_violations(
+    loop: NDArray[np.complex128], name: str, bounds: Bounds
+) -> ConstraintViolation:
     """Margins where a loop is opened."""
     found = loop_transfer.margins(loop)
     return {
@@ -41,16 +43,18 @@ def of_cut(loop: NDArray[np.complex128], name: str, bounds: Bounds) -> Misses:
     }
 
 
-def of_damping(found: Modes, loop: str, bounds: Bounds) -> Misses:
+def damping_violations(found: Modes, loop: str, bounds: Bounds) -> ConstraintViolation:
     """Damping of the modes of a closed loop that show, by the state that they show in."""
     ratios = -found.values.real / np.abs(found.values)
     return {
         f"damping of the {name} loop": 1.0 - float(np.min(ratios[shown])) / bounds.damping
-        for name, shown in modal.showing(found, loop).items()
+        for name, shown in modal.visible_modes(found, loop).items()
     }
 
 
-def of_load(found: Modes, surface: Array, state: int, name: str, spec: Spec) -> Misses:
+def load_violation(
+    found: Modes, surface: Array, state: int, name: str, spec: Spec
+) -> ConstraintViolation:
     """What is left of a constant surface offset's largest error once its integrator should be done.
 
     ``surface``: how the offset drives the first states.
@@ -58,7 +62,7 @@ def of_load(found: Modes, surface: Array, state: int, name: str, spec: Spec) -> 
     load = np.zeros(found.values.size, dtype=np.complex128)
     load[: surface.size] = surface
     shares = found.right[state] * np.linalg.solve(found.right, load) / found.values
-    times = np.arange(0.0, LASTS * spec.finish_s, STEP_S)
+    times = np.arange(0.0, LOAD_RESPONSE_TIMES * spec.finish_s, STEP_S)
     answer = np.abs(((np.exp(np.outer(times, found.values)) - 1.0) @ shares).real)
     left = float(np.max(answer[int(spec.finish_s / STEP_S) :]) / np.max(answer))
     return {f"rest of a load in the {name} loop": left / spec.finish_left - 1.0}

@@ -18,23 +18,23 @@ from sysid.models import prediction
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, pitch_plane, yaw_plane
 from sysid.models.model_file import IdentifiedModel, NoiseModel
-from sysid.models.parameters import Vehicle, possible
-from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, Coefficients
+from sysid.models.parameters import CandidateVehicle, feasible_samples
+from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, Table1Column
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-ASSUMED_SEA = NoiseModel(0.14, 3.0, 0.28, 0.15, 0.1, 0.05, 0.1, 0.005, 0.0)
+DEFAULT_DISTURBANCE = NoiseModel(0.14, 3.0, 0.28, 0.15, 0.1, 0.05, 0.1, 0.005, 0.0)
 """Disturbance assumed where a model carries none: 0.3 deg/s rms of rate from the slow part and as
 much from waves."""
 NOISE_STEP_S = 0.1
 """Samples of a model's sensor noise are so far apart; between them it is white."""
 SEED = 2001
-BEFORE_THE_TAIL = ("DPT_P", "DPT_D", "DPT_I", "ACT_LEAD_W")
+NOT_SCALED_BY_EFFECTIVENESS = ("DPT_P", "DPT_D", "DPT_I", "ACT_LEAD_W")
 """What does not turn an error into an angle of the duct."""
 
 
-class Plant(NamedTuple):
+class DesignModel(NamedTuple):
     """Planes, tailcone lags with sampling, the sea, and the planes' responses with all of it."""
 
     planes: Planes
@@ -45,10 +45,10 @@ class Plant(NamedTuple):
     pitch: Responses
 
 
-def assembled(
+def build(
     planes: Planes, yaw_lag: Lag, pitch_lag: Lag, sea: Mapping[Plane, NoiseModel]
-) -> Plant:
-    return Plant(
+) -> DesignModel:
+    return DesignModel(
         planes,
         yaw_lag,
         pitch_lag,
@@ -58,20 +58,23 @@ def assembled(
     )
 
 
-def scaled(
+def scale_starts(
     starts: Sequence[Mapping[str, float]], plane: LinearPlane
 ) -> tuple[dict[str, float], ...]:
     """Starts of a search, tried on Caribou: a livelier tail needs smaller gains for the same
     loop."""
     ratio = CARIBOU_TURN_PER_S2 / abs(float(plane.B[1]))
     return tuple(
-        {name: gain * (1.0 if name in BEFORE_THE_TAIL else ratio) for name, gain in start.items()}
+        {
+            name: gain * (1.0 if name in NOT_SCALED_BY_EFFECTIVENESS else ratio)
+            for name, gain in start.items()
+        }
         for start in starts
     )
 
 
-def plant(model: IdentifiedModel) -> Plant:
-    coefficients = Coefficients(**{name: c.value for name, c in model.coefficients.items()})
+def from_model(model: IdentifiedModel) -> DesignModel:
+    coefficients = Table1Column(**{name: c.value for name, c in model.coefficients.items()})
     planes = Planes(
         yaw_plane(coefficients, model.speed_mps, model.vehicle.mass_kg),
         pitch_plane(coefficients, model.speed_mps, model.vehicle.mass_kg),
@@ -83,12 +86,12 @@ def plant(model: IdentifiedModel) -> Plant:
             delay, model.vehicle.natural_frequency_radps.value, model.vehicle.damping_ratio.value
         )
 
-    return assembled(planes, lag("yaw"), lag("pitch"), _sea(model))
+    return build(planes, lag("yaw"), lag("pitch"), _disturbance_of(model))
 
 
-def allowed(
+def sample_models(
     model: IdentifiedModel, count: int, prior: VehicleConfig | None = None
-) -> Iterator[Plant]:
+) -> Iterator[DesignModel]:
     """Up to ``count`` vehicles that a model allows for: draws from what it says of z, without those
     that cannot be.
 
@@ -98,32 +101,35 @@ def allowed(
     if not np.any(covariance) or (prior is None and model.vehicle.prior not in SHIPPED):
         return
     draws = np.random.default_rng(SEED).standard_normal((count, len(covariance)))
-    for drawn in possible(
-        lambda z: prediction.moved(model, z, prior), np.array(model.joint.z), covariance, draws
+    for drawn in feasible_samples(
+        lambda z: prediction.perturb(model, z, prior), np.array(model.joint.z), covariance, draws
     ):
-        yield of_vehicle(drawn.vehicle, _sea(model))
+        yield from_vehicle(drawn.vehicle, _disturbance_of(model))
 
 
-def of_vehicle(vehicle: Vehicle, sea: Mapping[Plane, NoiseModel]) -> Plant:
+def from_vehicle(vehicle: CandidateVehicle, sea: Mapping[Plane, NoiseModel]) -> DesignModel:
     """Any vehicle of which everything is known."""
     planes = Planes(linear_plane(vehicle, "yaw"), linear_plane(vehicle, "pitch"))
-    return assembled(
-        planes, sampled(vehicle.actuators["yaw"]), sampled(vehicle.actuators["pitch"]), sea
+    return build(
+        planes,
+        lag_with_sampling(vehicle.actuators["yaw"]),
+        lag_with_sampling(vehicle.actuators["pitch"]),
+        sea,
     )
 
 
-def sampled(tail: Actuator) -> Lag:
+def lag_with_sampling(tail: Actuator) -> Lag:
     """A tailcone's lag, with what sampling adds to its delay."""
     return Lag(
         tail.delay_s + loop_transfer.SAMPLING_S, tail.natural_frequency_radps, tail.damping_ratio
     )
 
 
-def _sea(model: IdentifiedModel) -> Mapping[Plane, NoiseModel]:
-    return {plane: model.noise.get(plane, ASSUMED_SEA) for plane in ("yaw", "pitch")}
+def _disturbance_of(model: IdentifiedModel) -> Mapping[Plane, NoiseModel]:
+    return {plane: model.noise.get(plane, DEFAULT_DISTURBANCE) for plane in ("yaw", "pitch")}
 
 
-def judge(vehicle: Plant, gains: Gains) -> Analysis:
+def analyse_loops(vehicle: DesignModel, gains: Gains) -> Analysis:
     """Poles and margins with each plane's own delay."""
     return analyse(vehicle.planes, gains, vehicle.yaw_lag, vehicle.pitch_lag)
 
@@ -144,7 +150,7 @@ def spectrum(sea: NoiseModel) -> Array:
     )
 
 
-def respond(vehicle: Plant, gains: Gains) -> Response:
+def predict_response(vehicle: DesignModel, gains: Gains) -> Response:
     """Standard deviations in closed loop under the sea of the model (Parseval)."""
     heading, rudder = heading_rms(vehicle, gains)
     pitch, depth, elevator = depth_rms(vehicle, gains)
@@ -157,14 +163,14 @@ def respond(vehicle: Plant, gains: Gains) -> Response:
     )
 
 
-def heading_rms(vehicle: Plant, gains: Gains) -> tuple[float, float]:
+def heading_rms(vehicle: DesignModel, gains: Gains) -> tuple[float, float]:
     """(heading, rudder wanted), rad."""
     density = spectrum(vehicle.sea["yaw"])
-    heading, rudder = heading_answers(vehicle, gains)
+    heading, rudder = heading_responses(vehicle, gains)
     return _rms(heading, density), _rms(rudder, density)
 
 
-def heading_answers(vehicle: Plant, gains: Gains) -> tuple[ComplexArray, ComplexArray]:
+def heading_responses(vehicle: DesignModel, gains: Gains) -> tuple[ComplexArray, ComplexArray]:
     """(heading, rudder wanted) in closed loop to a unit of disturbing angular acceleration."""
     s = 1j * GRID_RADPS
     sensitivity = 1.0 / (1.0 + loop_transfer.heading_loops(vehicle.yaw, gains)["rudder"])
@@ -173,14 +179,16 @@ def heading_answers(vehicle: Plant, gains: Gains) -> tuple[ComplexArray, Complex
     return psi * sensitivity, rudder * sensitivity
 
 
-def depth_rms(vehicle: Plant, gains: Gains) -> tuple[float, float, float]:
+def depth_rms(vehicle: DesignModel, gains: Gains) -> tuple[float, float, float]:
     """(pitch, depth, elevator wanted), rad, m, rad."""
     density = spectrum(vehicle.sea["pitch"])
-    pitch, depth, elevator = depth_answers(vehicle, gains)
+    pitch, depth, elevator = depth_responses(vehicle, gains)
     return _rms(pitch, density), _rms(depth, density), _rms(elevator, density)
 
 
-def depth_answers(vehicle: Plant, gains: Gains) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+def depth_responses(
+    vehicle: DesignModel, gains: Gains
+) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """(pitch, depth, elevator wanted) in closed loop to a unit of disturbing angular
     acceleration."""
     s = 1j * GRID_RADPS
@@ -188,30 +196,30 @@ def depth_answers(vehicle: Plant, gains: Gains) -> tuple[ComplexArray, ComplexAr
     q, theta = vehicle.pitch.moment[:, 1], vehicle.pitch.moment[:, 2]
     forward = gains["PTCH_P"] + gains["PTCH_I"] / s
     elevator = gains["PTCH_D"] * q + forward * (
-        theta - loop_transfer.depth_law(vehicle.pitch.moment, gains)
+        theta - loop_transfer.pitch_command(vehicle.pitch.moment, gains)
     )
     # Every state answers to the moment and to the elevator's reply to it.
     reply = (
         vehicle.pitch.moment
-        - loop_transfer.led(vehicle.pitch, gains).command * (elevator * sensitivity)[:, None]
+        - loop_transfer.with_lead(vehicle.pitch, gains).command * (elevator * sensitivity)[:, None]
     )
     return reply[:, 2], reply[:, 3], elevator * sensitivity
 
 
-def command_noise_rad(vehicle: Plant, plane: Plane, gains: Gains) -> float:
+def command_noise_rad(vehicle: DesignModel, plane: Plane, gains: Gains) -> float:
     """What the gyro's noise moves the surface's command by, one standard deviation.
 
     Up to the grid's end in closed loop; beyond it, to half the tick's rate, no loop answers any
     more."""
     density = math.radians(vehicle.sea[plane].rate_noise_degps) ** 2 * NOISE_STEP_S
-    loop, gain = at_surface(vehicle, plane, gains)
+    loop, gain = loop_at_surface(vehicle, plane, gains)
     shaped = gain * loop_transfer.lead_response(gains)
     within = float(np.trapezoid(np.abs(shaped / (1.0 + loop)) ** 2, GRID_RADPS))
     beyond = abs(shaped[-1]) ** 2 * (math.pi / loop_transfer.TICK_S - GRID_RADPS[-1])
     return math.sqrt(density * (within + beyond) / math.pi)
 
 
-def at_surface(vehicle: Plant, plane: Plane, gains: Gains) -> tuple[ComplexArray, float]:
+def loop_at_surface(vehicle: DesignModel, plane: Plane, gains: Gains) -> tuple[ComplexArray, float]:
     """The loop opened at the surface, and the gain from gyro to what is wanted of it."""
     if plane == "yaw":
         return loop_transfer.heading_loops(vehicle.yaw, gains)["rudder"], gains["HDG_D"]

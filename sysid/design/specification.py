@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sysid.control_analysis.margins import Analysis
-from sysid.monitor.performance_spec import Promise, encode
+from sysid.monitor.performance_spec import PerformanceBaseline, encode
 
 
-class DesignRefused(Exception):  # noqa: N818 - a refusal is an outcome of the work, not an error in the program
+class DesignInfeasibleError(Exception):
     """No gains meet the specification on this model; the message says which limit fails and by how
     much."""
 
@@ -56,7 +56,7 @@ class Response(NamedTuple):
     elevator_deg: float
 
 
-class Trust(NamedTuple):
+class DesignRobustness(NamedTuple):
     """How many of the vehicles that a model allows for meet what is asked, as shares of
     ``vehicles``."""
 
@@ -77,9 +77,9 @@ class Design(NamedTuple):
     """What the gains of Table 3's initial column would let through on the same model."""
     initial_analysis: Analysis
     spec: Spec
-    trust: Trust | None
+    trust: DesignRobustness | None
     """None for a model that does not say how sure it is."""
-    promise: Promise
+    promise: PerformanceBaseline
 
     def write_params(self, path: str | Path) -> None:
         """Parameter file: ``NAME,VALUE  # reason``, headed by what the gains rest on and promise

@@ -15,13 +15,13 @@ from scipy.optimize import least_squares
 
 from sitl.vehicle.config import VehicleConfig
 from sysid.data.dataset import Log
-from sysid.models.model_file import Estimate
+from sysid.models.model_file import ParameterEstimate
 
 Array = NDArray[np.float64]
 
-READ_SHARE = 1.0 / 3.0
+AVERAGED_SHARE = 1.0 / 3.0
 """The last part of a move over which the heel is read: by then she has stopped rolling."""
-STILL_DEG = 0.5
+MAX_ROLL_RMS_DEG = 0.5
 """Rolling more than this, rms, she has not settled."""
 _LIKELY_HEIGHT_M = 0.02
 
@@ -30,7 +30,7 @@ class InclineError(RuntimeError):
     """The log shows no inclining test that can be used; the message says why."""
 
 
-class Move(NamedTuple):
+class WeightPeriod(NamedTuple):
     """What stood off the middle, and when, in vehicle seconds after arming."""
 
     moment_kgm: float
@@ -39,7 +39,7 @@ class Move(NamedTuple):
     until_s: float
 
 
-class Reading(NamedTuple):
+class InclinationReading(NamedTuple):
     moment_kgm: float
     roll_deg: float
     """Mean heel, to starboard."""
@@ -47,16 +47,16 @@ class Reading(NamedTuple):
 
 
 class Inclining(NamedTuple):
-    height_m: Estimate
+    height_m: ParameterEstimate
     """Of the centre of buoyancy above the centre of mass."""
-    z_cm_m: Estimate
+    z_cm_m: ParameterEstimate
     """Up from the hull axis, as vehicle files have it."""
     list_deg: float
     """Heel with nothing moved."""
-    readings: tuple[Reading, ...]
+    readings: tuple[InclinationReading, ...]
 
 
-def analyse(log: Log, moves: Sequence[Move], vehicle: VehicleConfig) -> Inclining:
+def analyse(log: Log, moves: Sequence[WeightPeriod], vehicle: VehicleConfig) -> Inclining:
     """Fit height and list to the heel of every move; mass and centre of buoyancy are the vehicle
     file's.
 
@@ -89,24 +89,24 @@ def analyse(log: Log, moves: Sequence[Move], vehicle: VehicleConfig) -> Inclinin
     variance = 2.0 * found.cost / (len(moves) - 2)
     share = math.sqrt(variance * np.linalg.inv(found.jac.T @ found.jac)[0, 0]) / per_moment
     height_m = 1.0 / (mass_kg * per_moment)
-    height = Estimate(height_m, height_m * share)
+    height = ParameterEstimate(height_m, height_m * share)
     readings = (
-        Reading(m, math.degrees(seen), math.degrees(fitted))
+        InclinationReading(m, math.degrees(seen), math.degrees(fitted))
         for m, seen, fitted in zip(moment.tolist(), roll, heel(found.x), strict=True)
     )
-    z_cm = Estimate(vehicle.ballast.z_cb_m - height_m, height.sd)
+    z_cm = ParameterEstimate(vehicle.ballast.z_cb_m - height_m, height.sd)
     return Inclining(height, z_cm, math.degrees(math.atan(own_list)), tuple(readings))
 
 
-def _heel_rad(log: Log, armed_s: float, move: Move) -> float:
+def _heel_rad(log: Log, armed_s: float, move: WeightPeriod) -> float:
     time_s = log.attitude.time_s - armed_s
-    read_from_s = move.until_s - READ_SHARE * (move.until_s - move.from_s)
+    read_from_s = move.until_s - AVERAGED_SHARE * (move.until_s - move.from_s)
     roll = log.attitude.roll_rad[(time_s >= read_from_s) & (time_s < move.until_s)]
     if roll.size == 0:
         raise InclineError(
             f"{log.name}: holds no ATTITUDE from {read_from_s:g} to {move.until_s:g} s after arming"
         )
-    if math.degrees(np.std(roll)) > STILL_DEG:
+    if math.degrees(np.std(roll)) > MAX_ROLL_RMS_DEG:
         raise InclineError(
             f"{log.name}: still rolling by {math.degrees(np.std(roll)):.1f} deg rms before"
             f" {move.until_s:g} s; give each move longer, or calmer water"

@@ -15,16 +15,16 @@ from scipy.stats import chi2
 
 Array = NDArray[np.float64]
 
-FARTHEST_SD = 30.0
+MAX_SD = 30.0
 """An end that lies farther than this is given up as infinite."""
-GROWTH = 1.6
+STRIDE_GROWTH = 1.6
 """Of the stride in search of an end."""
-HOLD = 1e-3
+CONSTRAINT_SD = 1e-3
 """Of a standard deviation: how firmly the quantity is held where it is pulled to."""
 TOLERANCE_SD = 0.01
 
 
-class Problem(NamedTuple):
+class LeastSquaresEstimate(NamedTuple):
     """A least-squares estimate: half the squared sum of residuals is the negative
     log-likelihood."""
 
@@ -34,15 +34,19 @@ class Problem(NamedTuple):
     highest: Array
 
 
-class Interval(NamedTuple):
+class ProfileInterval(NamedTuple):
     low: float
     """Minus infinity where the data set no end."""
     high: float
 
 
 def interval(
-    problem: Problem, best: Array, derived: Callable[[Array], float], sd: float, level: float = 0.95
-) -> Interval:
+    problem: LeastSquaresEstimate,
+    best: Array,
+    derived: Callable[[Array], float],
+    sd: float,
+    level: float = 0.95,
+) -> ProfileInterval:
     """Values of ``derived`` that the data allow.
 
     Args:
@@ -66,36 +70,42 @@ def interval(
             change its sign."""
             if away_sd not in excesses:
                 nearest = min(track, key=lambda known: abs(known - away_sd))
-                x = _held(problem, derived, track[nearest], centre + sign * away_sd * sd, sd)
+                x = _constrained_optimum(
+                    problem, derived, track[nearest], centre + sign * away_sd * sd, sd
+                )
                 track[away_sd] = x
                 excesses[away_sd] = 0.5 * float(np.sum(problem.residuals(x) ** 2)) - least - allowed
             return excesses[away_sd]
 
         inside, outside = 0.0, 1.0
         while excess(outside) < 0.0:
-            inside, outside = outside, GROWTH * outside
-            if outside > FARTHEST_SD:
+            inside, outside = outside, STRIDE_GROWTH * outside
+            if outside > MAX_SD:
                 return sign * math.inf
         return centre + sign * sd * float(brentq(excess, inside, outside, xtol=TOLERANCE_SD))
 
-    return Interval(end(-1.0), end(1.0))
+    return ProfileInterval(end(-1.0), end(1.0))
 
 
-def _held(
-    problem: Problem, derived: Callable[[Array], float], start: Array, value: float, sd: float
+def _constrained_optimum(
+    problem: LeastSquaresEstimate,
+    derived: Callable[[Array], float],
+    start: Array,
+    value: float,
+    sd: float,
 ) -> Array:
     """Parameters of least cost with ``derived`` at ``value``."""
     scale = np.maximum(np.abs(start), 1e-3)
 
     def residuals(u: Array) -> Array:
         x = u * scale
-        return np.append(problem.residuals(x), (derived(x) - value) / (HOLD * sd))
+        return np.append(problem.residuals(x), (derived(x) - value) / (CONSTRAINT_SD * sd))
 
     def jacobian(u: Array) -> Array:
         x = u * scale
         steps = np.diag(1e-6 * scale)
         slope = [(derived(x + h) - derived(x - h)) / (2.0 * np.max(h)) for h in steps]
-        return np.vstack([problem.jacobian(x), np.array(slope) / (HOLD * sd)]) * scale
+        return np.vstack([problem.jacobian(x), np.array(slope) / (CONSTRAINT_SD * sd)]) * scale
 
     inside = 1e-9 * (problem.highest - problem.lowest)
     first = np.clip(start, problem.lowest + inside, problem.highest - inside)

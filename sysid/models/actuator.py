@@ -16,25 +16,25 @@ from scipy.stats import t as student
 
 from sysid.data.segments import RATE_HZ
 from sysid.models import greybox
-from sysid.models.model_file import Estimate
+from sysid.models.model_file import ParameterEstimate
 
 Array = NDArray[np.float64]
 
-FINE = 4
+SUBSTEPS = 4
 """Substeps to a sample of the 50 Hz command, as the rate limit needs them."""
 BLOCK_S = 2.0
 """Residuals further apart than this count as independent."""
-CLOCK_S = 1e-3
+TIMESTAMP_SD_S = 1e-3
 """Of the time stamps of telemetry, which are whole milliseconds: no delay is told more surely than
 that."""
 DIFFERENCE = 0.02
 """Step of the sensitivities, in units of ``_SCALE``."""
-INSENSITIVE = 1e-6
+MIN_SENSITIVITY = 1e-6
 """A parameter that moves the duct by less than this, in radians rms over ``_SCALE``, is not in the
 data."""
 
 
-class Axis(NamedTuple):
+class AxisParameters(NamedTuple):
     """The model's parameters but for the bias."""
 
     gain: float
@@ -46,14 +46,14 @@ class Axis(NamedTuple):
     """From flank to flank."""
 
 
-PAPER = Axis(1.0, 3.0, 0.6, 0.3, math.radians(15.0), 0.0)
+PAPER = AxisParameters(1.0, 3.0, 0.6, 0.3, math.radians(15.0), 0.0)
 """``exp(-0.3 s) / (s^2/9 + 4s/10 + 1)`` at no more than 15 deg/s."""
 _SCALE = np.array([0.01, 0.1, 0.03, 0.01, math.radians(0.5), math.radians(0.05)])
-_LOWEST = np.array([0.1, 0.2, 0.05, 0.0, math.radians(0.5), 0.0])
-_HIGHEST = np.array([3.0, 60.0, 0.99, 2.0, math.radians(200.0), math.radians(8.0)])
+_LOWER_BOUND = np.array([0.1, 0.2, 0.05, 0.0, math.radians(0.5), 0.0])
+_UPPER_BOUND = np.array([3.0, 60.0, 0.99, 2.0, math.radians(200.0), math.radians(8.0)])
 
 
-class Record(NamedTuple):
+class BenchRecord(NamedTuple):
     """What one axis was told and did in a bench session. Times are vehicle time."""
 
     start_s: float
@@ -68,17 +68,17 @@ class Record(NamedTuple):
     travel_rad: float
 
 
-class Found(NamedTuple):
+class ActuatorFit(NamedTuple):
     """The fit of one axis. A standard deviation is null where the tests do not show the
     parameter."""
 
-    gain: Estimate
-    natural_frequency_radps: Estimate
-    damping_ratio: Estimate
-    delay_s: Estimate
-    rate_radps: Estimate
-    backlash_rad: Estimate
-    bias_rad: Estimate
+    gain: ParameterEstimate
+    natural_frequency_radps: ParameterEstimate
+    damping_ratio: ParameterEstimate
+    delay_s: ParameterEstimate
+    rate_radps: ParameterEstimate
+    backlash_rad: ParameterEstimate
+    bias_rad: ParameterEstimate
     """The mean over the tests, as the encoder shows it: its own zero error is not known."""
     bias_moved_rad: float
     """Last test less first."""
@@ -86,7 +86,7 @@ class Found(NamedTuple):
     """Root mean square."""
 
     @property
-    def axis(self) -> Axis:
+    def axis(self) -> AxisParameters:
         estimates = (
             self.gain,
             self.natural_frequency_radps,
@@ -95,12 +95,12 @@ class Found(NamedTuple):
             self.rate_radps,
             self.backlash_rad,
         )
-        return Axis(*(estimate.value for estimate in estimates))
+        return AxisParameters(*(estimate.value for estimate in estimates))
 
 
-def duct_angles(record: Record, axis: Axis) -> Array:
+def duct_angles(record: BenchRecord, axis: AxisParameters) -> Array:
     """The model's duct angle (rad, no bias) at the times of the measured ones."""
-    dt = 1.0 / (RATE_HZ * FINE)
+    dt = 1.0 / (RATE_HZ * SUBSTEPS)
     motor = greybox.Actuator(
         axis.delay_s,
         axis.natural_frequency_radps,
@@ -110,12 +110,12 @@ def duct_angles(record: Record, axis: Axis) -> Array:
         axis.rate_radps / axis.gain,
         axis.backlash_rad / axis.gain,
     )
-    duct = axis.gain * greybox.duct_angles(np.repeat(record.command_rad, FINE), motor, dt)
+    duct = axis.gain * greybox.duct_angles(np.repeat(record.command_rad, SUBSTEPS), motor, dt)
     grid_s = record.start_s + dt * np.arange(duct.size)
     return np.interp(record.time_s, grid_s, duct)
 
 
-def fit(record: Record, starts: Sequence[Axis] = (PAPER,)) -> Found:
+def fit(record: BenchRecord, starts: Sequence[AxisParameters] = (PAPER,)) -> ActuatorFit:
     """Least squares on every angle measured during the tests, each test with a bias of its own.
 
     Standard deviations allow for residuals that hang together (the sandwich of Liang and Zeger
@@ -127,7 +127,7 @@ def fit(record: Record, starts: Sequence[Axis] = (PAPER,)) -> Found:
     owner = np.repeat(np.arange(len(tests)), [len(test) for test in tests])
 
     def misfit(z: Array) -> Array:
-        return (record.angle_rad - duct_angles(record, Axis(*(z * _SCALE))))[inside]
+        return (record.angle_rad - duct_angles(record, AxisParameters(*(z * _SCALE))))[inside]
 
     def residual(z: Array) -> Array:
         off = misfit(z)
@@ -135,37 +135,39 @@ def fit(record: Record, starts: Sequence[Axis] = (PAPER,)) -> Found:
 
     def jacobian(z: Array) -> Array:
         base = residual(z)
-        steps = np.where(z * _SCALE + DIFFERENCE * _SCALE > _HIGHEST, -DIFFERENCE, DIFFERENCE)
+        steps = np.where(z * _SCALE + DIFFERENCE * _SCALE > _UPPER_BOUND, -DIFFERENCE, DIFFERENCE)
         return np.column_stack(
             [(residual(z + step) - base) / step[step != 0] for step in np.diag(steps)]
         )
 
-    bounds = _LOWEST / _SCALE, _HIGHEST / _SCALE
+    bounds = _LOWER_BOUND / _SCALE, _UPPER_BOUND / _SCALE
     tries = [
         least_squares(residual, np.clip(start / _SCALE, *bounds), jacobian, bounds)
         for start in starts
     ]
     best = min(tries, key=lambda found: float(found.cost))
-    clusterings = _blocks(record.time_s[inside], owner), owner
+    clusterings = _block_numbers(record.time_s[inside], owner), owner
     sd = [
-        _largest(of)
+        _max_deviation(of)
         for of in zip(*(_deviations(best.jac, best.fun, each) for each in clusterings), strict=True)
     ]
     off = misfit(best.x)
     biases = np.bincount(owner, off) / np.bincount(owner)
     gain, frequency, damping, delay, rate, play = (
-        Estimate(float(value), deviation)
+        ParameterEstimate(float(value), deviation)
         for value, deviation in zip(best.x * _SCALE, sd, strict=True)
     )
-    delay = Estimate(delay.value, None if delay.sd is None else math.hypot(delay.sd, CLOCK_S))
-    bias = Estimate(float(np.mean(biases)), _standard_error(biases))
+    delay = ParameterEstimate(
+        delay.value, None if delay.sd is None else math.hypot(delay.sd, TIMESTAMP_SD_S)
+    )
+    bias = ParameterEstimate(float(np.mean(biases)), _standard_error(biases))
     rms_rad = float(np.sqrt(np.mean(best.fun**2)))
-    return Found(
+    return ActuatorFit(
         gain, frequency, damping, delay, rate, play, bias, float(biases[-1] - biases[0]), rms_rad
     )
 
 
-def _largest(deviations: tuple[float | None, ...]) -> float | None:
+def _max_deviation(deviations: tuple[float | None, ...]) -> float | None:
     """None where the data do not show the parameter; they show it to every clustering or to
     none."""
     return max((sd for sd in deviations if sd is not None), default=None)
@@ -175,7 +177,7 @@ def _standard_error(values: Array) -> float | None:
     return float(np.std(values, ddof=1) / math.sqrt(values.size)) if values.size > 1 else None
 
 
-def _blocks(time_s: Array, owner: NDArray[np.int_]) -> NDArray[np.int_]:
+def _block_numbers(time_s: Array, owner: NDArray[np.int_]) -> NDArray[np.int_]:
     """The number of the block that each residual belongs to; none reaches over two tests."""
     _, blocks = np.unique(np.floor(time_s / BLOCK_S) + 1e9 * owner, return_inverse=True)
     return np.asarray(blocks, dtype=np.int_)
@@ -187,7 +189,7 @@ def _deviations(jacobian: Array, residual: Array, blocks: NDArray[np.int_]) -> l
 
     Of few blocks it is itself unsure: widened so that 1.96 of it reach as far as Student's t does
     (Cameron and Miller 2015, section VI)."""
-    shown = np.sqrt(np.mean(jacobian**2, axis=0)) > INSENSITIVE
+    shown = np.sqrt(np.mean(jacobian**2, axis=0)) > MIN_SENSITIVITY
     J = jacobian[:, shown]
     bread = np.linalg.pinv(J.T @ J)
     scores = np.column_stack([np.bincount(blocks, column * residual) for column in J.T])

@@ -22,16 +22,16 @@ T = TypeVar("T")
 AxisName = Literal["rudder", "elevator"]
 _PLANE_OF_AXIS: dict[AxisName, Plane] = {"rudder": "yaw", "elevator": "pitch"}
 
-SENSING_S = 0.03
+SENSOR_DELAY_S = 0.03
 """What sensors and computing may add to the tailcone's own delay, one standard deviation: no bench
 test sees it."""
-LEAST_SHARE = 0.005
+MIN_RELATIVE_SD = 0.005
 """No bench test is believed better than to half a per cent."""
-LEAST_PLAY_DEG = 0.02
+MIN_BACKLASH_DEG = 0.02
 """Play that cannot be told from none."""
 
 
-class AshoreError(ValueError):
+class BenchResultError(ValueError):
     """A file that is no bench or inclining result, or none of this vehicle: one line."""
 
 
@@ -56,7 +56,7 @@ class _Incline(msgspec.Struct, frozen=True):
     z_cm_m: _Value
 
 
-class Reading(NamedTuple):
+class BenchMeasurement(NamedTuple):
     """One parameter as measured ashore, in the unit of the vehicle file."""
 
     parameter: str
@@ -64,19 +64,23 @@ class Reading(NamedTuple):
     sd: float
 
 
-def read(tailcone: Path | None = None, inclining: Path | None = None) -> tuple[Reading, ...]:
+def read(
+    tailcone: Path | None = None, inclining: Path | None = None
+) -> tuple[BenchMeasurement, ...]:
     """What the two tests tell; nothing of either that is None. Raises AshoreError."""
-    found: list[Reading] = []
+    found: list[BenchMeasurement] = []
     if tailcone is not None:
         axes = _decode(tailcone, dict[AxisName, _Bench], "ground bench --json")
         for name, axis in axes.items():
             found += _readings(_PLANE_OF_AXIS[name], axis.model)
     if inclining is not None:
-        found += _told("z_CM", _decode(inclining, _Incline, "ground incline --json").z_cm_m)
+        found += _measurements_of(
+            "z_CM", _decode(inclining, _Incline, "ground incline --json").z_cm_m
+        )
     return tuple(found)
 
 
-def believed(prior: Prior, readings: Sequence[Reading]) -> Prior:
+def update_prior(prior: Prior, readings: Sequence[BenchMeasurement]) -> Prior:
     """The prior after these measurements, each one update of a Gaussian. Raises AshoreError."""
     for reading in readings:
         i = NAMES.index(reading.parameter)
@@ -89,23 +93,23 @@ def believed(prior: Prior, readings: Sequence[Reading]) -> Prior:
     return prior
 
 
-def _readings(plane: Plane, axis: _Axis) -> list[Reading]:
+def _readings(plane: Plane, axis: _Axis) -> list[BenchMeasurement]:
     play = axis.backlash_deg
     return [
-        *_told("natural_frequency", axis.natural_frequency_radps),
-        *_told("damping_ratio", axis.damping_ratio),
-        *_told("rate_limit", axis.rate_degps),
-        *_told("backlash", _Value(max(play.value, LEAST_PLAY_DEG), play.sd)),
-        *_told(f"delay_{plane}", axis.delay_s),
+        *_measurements_of("natural_frequency", axis.natural_frequency_radps),
+        *_measurements_of("damping_ratio", axis.damping_ratio),
+        *_measurements_of("rate_limit", axis.rate_degps),
+        *_measurements_of("backlash", _Value(max(play.value, MIN_BACKLASH_DEG), play.sd)),
+        *_measurements_of(f"delay_{plane}", axis.delay_s),
     ]
 
 
-def _told(parameter: str, value: _Value) -> list[Reading]:
+def _measurements_of(parameter: str, value: _Value) -> list[BenchMeasurement]:
     """Nothing, where the test did not show it."""
-    return [] if value.sd is None else [Reading(parameter, value.value, value.sd)]
+    return [] if value.sd is None else [BenchMeasurement(parameter, value.value, value.sd)]
 
 
-def _in_prior_deviations(config: VehicleConfig, reading: Reading) -> tuple[float, float]:
+def _in_prior_deviations(config: VehicleConfig, reading: BenchMeasurement) -> tuple[float, float]:
     """(z, sd of z) of a reading."""
     parameter, (_, value, sd), tail = (
         PARAMETERS[NAMES.index(reading.parameter)],
@@ -116,21 +120,21 @@ def _in_prior_deviations(config: VehicleConfig, reading: Reading) -> tuple[float
         "natural_frequency": tail.natural_frequency_radps,
         "damping_ratio": tail.damping_ratio,
         "rate_limit": tail.rate_degps,
-        "backlash": parameters.play_deg(config),
+        "backlash": parameters.backlash_deg(config),
         "delay_yaw": tail.delay_s,
         "delay_pitch": tail.delay_s,
         "z_CM": config.linear.z_CM_m,
     }[reading.parameter]
     if parameter.kind == "offset":
         return (value - nominal) / parameter.prior_sd, math.hypot(
-            sd, SENSING_S
+            sd, SENSOR_DELAY_S
         ) / parameter.prior_sd
     if not value / nominal > 0.0:
-        raise AshoreError(
+        raise BenchResultError(
             f"{reading.parameter} = {value:g} as measured ashore: expected the sign of the vehicle"
             f" file's {nominal:g}"
         )
-    share = max(sd / abs(value), LEAST_SHARE)
+    share = max(sd / abs(value), MIN_RELATIVE_SD)
     return math.log(value / nominal) / parameter.prior_sd, share / parameter.prior_sd
 
 
@@ -138,8 +142,8 @@ def _decode(path: Path, kind: type[T], source: str) -> T:
     try:
         return msgspec.json.decode(path.read_bytes(), type=kind)
     except OSError as error:
-        raise AshoreError(
+        raise BenchResultError(
             f"{path}: {error.strerror}; give the JSON that `{source}` prints"
         ) from None
     except msgspec.MsgspecError as error:
-        raise AshoreError(f"{path}: {error}; give the JSON that `{source}` prints") from None
+        raise BenchResultError(f"{path}: {error}; give the JSON that `{source}` prints") from None

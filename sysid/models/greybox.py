@@ -14,14 +14,14 @@ from scipy.signal import savgol_filter
 
 from sitl.vehicle import duct, dynamics, hydrodynamics, propeller, restoring
 from sitl.vehicle.jit import kernel
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from sysid.data.segments import RATE_HZ, Plane, Run
 
 Array = NDArray[np.float64]
 
 SUBMERGED_Z_M = -50.0
 """Where the plane model flies: far from a surface that no test may touch."""
-AROUND = 6
+N_COUPLING = 6
 """Columns of a run's surroundings: what the rest of the vehicle does meanwhile."""
 SMOOTHING = 101
 """Samples over which the other plane's motion is averaged: two seconds, in which a loop that is on
@@ -44,7 +44,7 @@ class Actuator(NamedTuple):
     """Play between motor and duct, from flank to flank."""
 
 
-class Start(NamedTuple):
+class InitialMotion(NamedTuple):
     """Measured motion at the first sample, in MAVLink's axes."""
 
     rate_radps: float
@@ -53,7 +53,7 @@ class Start(NamedTuple):
     depth_rate_mps: float
 
 
-class Motion(NamedTuple):
+class PlaneTrajectory(NamedTuple):
     """Simulated run, MAVLink's axes, one row for every ``stride`` samples of the run's grid."""
 
     rate_radps: Array
@@ -68,7 +68,7 @@ def duct_angles(command: Array, actuator: Actuator, dt: float) -> Array:
     limited."""
     n = command.size
     angles = np.empty(n)
-    c, s = swing(actuator, dt)
+    c, s = lag_coefficients(actuator, dt)
     late = actuator.delay_s / dt
     whole = int(late)
     part = late - whole
@@ -80,12 +80,12 @@ def duct_angles(command: Array, actuator: Actuator, dt: float) -> Array:
         newer = min(max(command[max(0, k - whole)], -actuator.travel_rad), actuator.travel_rad)
         older = min(max(command[max(0, k - whole - 1)], -actuator.travel_rad), actuator.travel_rad)
         # A command edge inside the interval: the lag sees the mean, exact to second order in dt.
-        angle, rate = follow(actuator, angle, rate, newer + part * (older - newer), c, s, dt)
+        angle, rate = step_actuator(actuator, angle, rate, newer + part * (older - newer), c, s, dt)
     return angles
 
 
 @kernel
-def swing(actuator: Actuator, dt: float) -> tuple[float, float]:
+def lag_coefficients(actuator: Actuator, dt: float) -> tuple[float, float]:
     """e^(-zeta wn dt) cos(wd dt) and e^(-zeta wn dt) sin(wd dt) / wd of a tailcone's lag."""
     wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
     damped = wn * math.sqrt(1.0 - zeta * zeta)
@@ -94,11 +94,11 @@ def swing(actuator: Actuator, dt: float) -> tuple[float, float]:
 
 
 @kernel
-def follow(
+def step_actuator(
     actuator: Actuator, angle: float, rate: float, target: float, c: float, s: float, dt: float
 ) -> tuple[float, float]:
     """The motor's angle and rate after ``dt`` towards a target that stands still; ``c`` and ``s``
-    are its ``swing``.
+    are its ``lag_coefficients``.
 
     The exact lag, within the rate limit and between the stops.
     """
@@ -127,7 +127,7 @@ def _slopes(
     rps: float,
     is_yaw: bool,
     inverse: Array,
-    model: Model,
+    model: VehicleModel,
     out: Array,
 ) -> None:
     """Derivative of (u, v, r, psi, -) or (u, w, q, theta, z), paper's axes, in deep and still
@@ -190,7 +190,7 @@ def integrate(
     dt: float,
     is_yaw: bool,
     inverse: Array,
-    model: Model,
+    model: VehicleModel,
     around: Array | None = None,
 ) -> Array:
     """Classical Runge-Kutta over ``stride`` samples a step; rows (u, v|w, rate, angle, z).
@@ -200,7 +200,7 @@ def integrate(
     rows = (duct.size - 1) // stride + 1
     track = np.empty((rows, 5))
     slope, between, total = np.empty(5), np.empty(5), np.empty(5)
-    near, x = np.zeros(AROUND), x0.copy()
+    near, x = np.zeros(N_COUPLING), x0.copy()
     track[0] = x
     h = dt * stride
     for row in range(1, rows):
@@ -210,7 +210,7 @@ def integrate(
             early = a + stride // 2 if 0 < stage < 3 else a + stride * (stage == 3)
             late = a + (stride + 1) // 2 if 0 < stage < 3 else early
             if around is not None:
-                for i in range(AROUND):
+                for i in range(N_COUPLING):
                     near[i] = 0.5 * (around[early, i] + around[late, i])
             reach = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
             for i in range(5):
@@ -236,7 +236,13 @@ def integrate(
 
 @kernel
 def slopes_along(
-    track: Array, duct: Array, rps: Array, is_yaw: bool, inverse: Array, model: Model, around: Array
+    track: Array,
+    duct: Array,
+    rps: Array,
+    is_yaw: bool,
+    inverse: Array,
+    model: VehicleModel,
+    around: Array,
 ) -> Array:
     """Derivatives of the states at every row of ``track``, whose duct angles, shaft speeds and
     surroundings match."""
@@ -249,33 +255,42 @@ def slopes_along(
 _IN_PLANE: dict[Plane, list[int]] = {"yaw": [0, 1, 5], "pitch": [0, 2, 4]}
 
 
-def constraint(model: Model, plane: Plane) -> Array:
+def constraint(model: VehicleModel, plane: Plane) -> Array:
     """(3, 3) from forces in the plane to accelerations: the inverse of the plane's own mass
     matrix."""
     rows = _IN_PLANE[plane]
     return np.ascontiguousarray(np.linalg.inv(model.inertia.M[np.ix_(rows, rows)]))
 
 
-def accelerations(model: Model, plane: Plane, state: Array, duct_rad: float, rps: float) -> Array:
+def accelerations(
+    model: VehicleModel, plane: Plane, state: Array, duct_rad: float, rps: float
+) -> Array:
     """(u', v' or w', rate') at one plane state (u, v|w, rate, angle, z), paper's axes."""
     out = np.empty(5)
     _slopes(
-        state, duct_rad, np.zeros(AROUND), rps, plane == "yaw", constraint(model, plane), model, out
+        state,
+        duct_rad,
+        np.zeros(N_COUPLING),
+        rps,
+        plane == "yaw",
+        constraint(model, plane),
+        model,
+        out,
     )
     return out[:3]
 
 
-def measured_start(run: Run) -> Start:
+def initial_motion(run: Run) -> InitialMotion:
     """Starting values of a run, averaged over its first moments."""
     few = max(2, int(SETTLING_S * RATE_HZ))
     slope = float(np.polyfit(run.time_s[: 2 * few], run.depth_m[: 2 * few], 1)[0])
     angle = run.heading_rad if run.plane == "yaw" else run.pitch_rad
-    return Start(
+    return InitialMotion(
         float(np.mean(run.rate_radps[:few])), float(angle[0]), float(run.depth_m[0]), slope
     )
 
 
-def first_state(run: Run, start: Start, speed_mps: float) -> Array:
+def first_state(run: Run, start: InitialMotion, speed_mps: float) -> Array:
     """(u, v|w, rate, angle, z) of the run's first sample, the paper's axes."""
     if run.plane == "yaw":
         return np.array([speed_mps, 0.0, -start.rate_radps, -start.angle_rad, SUBMERGED_Z_M])
@@ -284,7 +299,7 @@ def first_state(run: Run, start: Start, speed_mps: float) -> Array:
     return np.array([speed_mps, -w_frd, -start.rate_radps, -theta, SUBMERGED_Z_M])
 
 
-def standing(run: Run, speed_mps: float) -> Array | None:
+def heave_coupling(run: Run, speed_mps: float) -> Array | None:
     """Surroundings (samples, AROUND) of a yaw test: how the vehicle pitched meanwhile, and slipped
     through the water.
 
@@ -304,30 +319,30 @@ def standing(run: Run, speed_mps: float) -> Array | None:
 
 
 def simulate(
-    model: Model,
+    model: VehicleModel,
     actuator: Actuator,
     run: Run,
-    start: Start,
+    start: InitialMotion,
     stride: int,
     speed_mps: float,
     around: Array | None = None,
-) -> Motion:
+) -> PlaneTrajectory:
     """The run as the model would have flown it from ``start`` under the run's own commands.
 
     ``stride`` samples make one integration step: 1 for plots (20 ms), 5 for fitting (0.1 s).
     ``around`` are the run's surroundings, by default those of a plane whose loop stayed on."""
-    around = standing(run, speed_mps) if around is None else around
+    around = heave_coupling(run, speed_mps) if around is None else around
     x0 = first_state(run, start, speed_mps)
     angles = duct_along(run, run.plane, actuator)
     rps, inverse = run.thrust * propeller.rps(1.0, model), constraint(model, run.plane)
     track = integrate(
         x0, angles, rps, stride, 1.0 / RATE_HZ, run.plane == "yaw", inverse, model, around
     )
-    return motion(track, start)
+    return to_mavlink_axes(track, start)
 
 
-def motion(track: Array, start: Start) -> Motion:
+def to_mavlink_axes(track: Array, start: InitialMotion) -> PlaneTrajectory:
     """A track of states in MAVLink's axes, its depth counted from where the run began."""
-    return Motion(
+    return PlaneTrajectory(
         -track[:, 2], -track[:, 3], start.depth_m - (track[:, 4] - SUBMERGED_Z_M), track[:, 0]
     )

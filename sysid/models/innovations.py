@@ -10,7 +10,7 @@ from sitl.vehicle.jit import kernel
 
 Array = NDArray[np.float64]
 
-SETTLED = 1e-7
+GAIN_TOLERANCE = 1e-7
 """Change of a filter's gain from sample to sample, relative to the largest, at which it is taken to
 stand."""
 
@@ -55,7 +55,7 @@ def riccati(
             for j in range(outputs):
                 largest = max(largest, abs(gains[k, i, j]))
                 change = max(change, abs(gains[k, i, j] - gains[k - 1, i, j]) if k > 0 else np.inf)
-        settled = change < SETTLED * largest
+        settled = change < GAIN_TOLERANCE * largest
     return gains, whiteners, log_dets
 
 

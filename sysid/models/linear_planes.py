@@ -19,7 +19,7 @@ from sysid.reproduction.paper_tables import (
     CRUISE_SPEED_MPS,
     GRAVITY_MPS2,
     MASS_KG,
-    Coefficients,
+    Table1Column,
 )
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ class SmallSignal(NamedTuple):
 
 
 def yaw_plane(
-    c: Coefficients, speed_mps: float = CRUISE_SPEED_MPS, mass_kg: float = MASS_KG
+    c: Table1Column, speed_mps: float = CRUISE_SPEED_MPS, mass_kg: float = MASS_KG
 ) -> LinearPlane:
     """Sway, yaw rate, heading; A (3, 3), B (3,)."""
     across, about = mass_kg - c.Y_vdot, c.I_zz - c.N_rdot
@@ -72,7 +72,7 @@ def yaw_plane(
 
 
 def pitch_plane(
-    c: Coefficients,
+    c: Table1Column,
     speed_mps: float = CRUISE_SPEED_MPS,
     mass_kg: float = MASS_KG,
     gravity_mps2: float = GRAVITY_MPS2,

@@ -9,28 +9,28 @@ from numpy.typing import NDArray
 
 from sysid.data.segments import Plane
 from sysid.estimation.map import fit as fits
-from sysid.estimation.map.convergence import AGREEMENT, DESIGN_NUMBERS, failures
+from sysid.estimation.map.convergence import DESIGN_NUMBERS, START_COST_TOLERANCE, failures
 from sysid.estimation.map.fit import Fit, Prior
 from sysid.models import linear_planes, parameters
 from sysid.models.linear_planes import SmallSignal
 from sysid.models.model_file import (
     FORMAT,
-    PRIOR_SHRINK,
+    MAX_POSTERIOR_TO_PRIOR_SD,
     Coefficient,
     Convergence,
-    Covariance,
-    Estimate,
     IdentifiedModel,
     Joint,
     NoiseModel,
+    ParameterCovariance,
+    ParameterEstimate,
     PlaneModel,
     Status,
-    Vehicle,
+    VehicleRecord,
 )
 from sysid.models.noise import Noise
 from sysid.models.parameters import INERTIAS, NAMES, PARAMETERS
 from sysid.reproduction.paper_method import FREE, PlaneFit
-from sysid.reproduction.paper_tables import UNITS, Coefficients
+from sysid.reproduction.paper_tables import UNITS, Table1Column
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
     method."""
 
     def derive(z: Array) -> Array:
-        return _derived(parameters.vehicle(prior.config, prior.biases_rad, z))
+        return _derived(parameters.candidate_vehicle(prior.config, prior.biases_rad, z))
 
     values, slope = derive(found.z), _slope(derive, found.z)
     before, spread = (
@@ -53,7 +53,11 @@ def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
     )
     sds = np.sqrt(np.diag(spread))
     measured = set(found.experiments)
-    told = {p: (_of_design(p, before), _of_design(p, spread)) for p in PLANES if p in measured}
+    told = {
+        p: (_design_covariance(p, before), _design_covariance(p, spread))
+        for p in PLANES
+        if p in measured
+    }
     return IdentifiedModel(
         format=FORMAT,
         method="map",
@@ -71,7 +75,8 @@ def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
             cost=found.cost,
             start_costs=found.start_costs,
             agreed=all(
-                abs(cost - found.cost) <= AGREEMENT * found.cost for cost in found.start_costs
+                abs(cost - found.cost) <= START_COST_TOLERANCE * found.cost
+                for cost in found.start_costs
             ),
             at_bounds=found.at_bounds,
             failures=failures(found.cost, found.start_costs, found.at_bounds, told),
@@ -81,7 +86,7 @@ def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
         fit_quality=(),
         held_out=(),
         notes=(*_notes(found, measured), *_at_limits(sds)),
-        design={plane: _design(plane, spread) for plane in PLANES},
+        design={plane: _design_numbers_covariance(plane, spread) for plane in PLANES},
     )
 
 
@@ -93,7 +98,7 @@ def _derived_names() -> list[tuple[Plane, str]]:
     ]
 
 
-def _derived(vehicle: parameters.Vehicle) -> Array:
+def _derived(vehicle: parameters.CandidateVehicle) -> Array:
     rows: list[float] = []
     for plane in PLANES:
         actuator = vehicle.actuators[plane]
@@ -120,13 +125,13 @@ def _at_limits(sds: Array) -> list[str]:
     ]
 
 
-def _of_design(plane: Plane, spread: Array) -> Array:
+def _design_covariance(plane: Plane, spread: Array) -> Array:
     """Covariance of one plane's DESIGN_NUMBERS."""
     index = [_derived_names().index((plane, name)) for name in DESIGN_NUMBERS]
     return spread[np.ix_(index, index)]
 
 
-def _design(plane: Plane, spread: Array) -> Covariance:
+def _design_numbers_covariance(plane: Plane, spread: Array) -> ParameterCovariance:
     """Of one plane's numbers, of which yaw has no restoring moment."""
     chosen = [
         (i, name)
@@ -134,13 +139,17 @@ def _design(plane: Plane, spread: Array) -> Covariance:
         if of == plane and (of, name) != ("yaw", "restoring_per_s2")
     ]
     index = [i for i, _ in chosen]
-    return Covariance(tuple(name for _, name in chosen), _rows(spread[np.ix_(index, index)]))
+    return ParameterCovariance(
+        tuple(name for _, name in chosen), _rows(spread[np.ix_(index, index)])
+    )
 
 
 def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) -> PlaneModel:
-    def estimate(name: str) -> Estimate:
+    def estimate(name: str) -> ParameterEstimate:
         value, sd = derived[plane, name]
-        return Estimate(float(value), float(sd) if sd else None)  # 0: at a limit, not known exactly
+        return ParameterEstimate(
+            float(value), float(sd) if sd else None
+        )  # 0: at a limit, not known exactly
 
     return PlaneModel(
         static_gain_per_s=estimate("static_gain_per_s"),
@@ -155,11 +164,11 @@ def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) 
 
 def _coefficients(found: Fit, prior: Prior, measured: set[Plane]) -> dict[str, Coefficient]:
     before, after = (
-        parameters.short(prior.config.linear),
-        parameters.short(found.vehicle.config.linear),
+        parameters.to_table_1_column(prior.config.linear),
+        parameters.to_table_1_column(found.vehicle.config.linear),
     )
     report = {}
-    for name in Coefficients._fields:
+    for name in Table1Column._fields:
         value, first, unit = getattr(after, name), getattr(before, name), str(getattr(UNITS, name))
         if name not in NAMES:
             report[name] = Coefficient(value, 0.0, first, 0.0, 1.0, "prior", unit)
@@ -170,7 +179,9 @@ def _coefficients(found: Fit, prior: Prior, measured: set[Plane]) -> dict[str, C
         sd, prior_sd = math.sqrt(found.covariance[i, i]), math.sqrt(prior.covariance[i, i])
         shrink = sd / prior_sd
         status: Status = (
-            "measured" if shrink <= PRIOR_SHRINK and parameter.planes[0] in measured else "prior"
+            "measured"
+            if shrink <= MAX_POSTERIOR_TO_PRIOR_SD and parameter.planes[0] in measured
+            else "prior"
         )
         report[name] = Coefficient(
             value=value,
@@ -184,15 +195,15 @@ def _coefficients(found: Fit, prior: Prior, measured: set[Plane]) -> dict[str, C
     return report
 
 
-def _vehicle(found: Fit, prior: Prior, prior_name: str) -> Vehicle:
+def _vehicle(found: Fit, prior: Prior, prior_name: str) -> VehicleRecord:
     config, tailcone = found.vehicle.config, found.vehicle.actuators["yaw"]
 
-    def estimate(name: str, value: float) -> Estimate:
+    def estimate(name: str, value: float) -> ParameterEstimate:
         i = NAMES.index(name)
         scale = PARAMETERS[i].prior_sd * (value if PARAMETERS[i].kind == "ratio" else 1.0)
-        return Estimate(value, scale * math.sqrt(found.covariance[i, i]))
+        return ParameterEstimate(value, scale * math.sqrt(found.covariance[i, i]))
 
-    return Vehicle(
+    return VehicleRecord(
         prior=prior_name,
         mass_kg=config.ballast.mass_kg,
         prior_biases_deg={plane: math.degrees(b) for plane, b in prior.biases_rad.items()},
@@ -221,7 +232,7 @@ def _noise(level: Noise) -> NoiseModel:
 
 def _joint(found: Fit) -> Joint:
     sd = np.sqrt(np.diag(found.covariance))
-    used = parameters.of_planes(list(found.experiments))
+    used = parameters.parameters_of_planes(list(found.experiments))
     information = np.linalg.eigvalsh(found.data_information[np.ix_(used, used)])
     smallest, largest = float(information[0]), float(information[-1])
     return Joint(
@@ -255,11 +266,11 @@ def _notes(found: Fit, measured: set[Plane]) -> tuple[str, ...]:
 
 def from_paper(found: dict[Plane, PlaneFit], prior: Prior, prior_name: str) -> IdentifiedModel:
     """Report the paper's own fit. What it leaves undetermined carries no standard deviation."""
-    before = parameters.short(prior.config.linear)
+    before = parameters.to_table_1_column(prior.config.linear)
     after = before
     for plane_fit in found.values():
         after = plane_fit.coefficients
-    nominal = parameters.vehicle(prior.config, prior.biases_rad, np.zeros(len(NAMES)))
+    nominal = parameters.candidate_vehicle(prior.config, prior.biases_rad, np.zeros(len(NAMES)))
     config, zeros = prior.config, np.zeros((len(NAMES), len(NAMES)))
     free = [name for plane in found for name in FREE[plane]]
     rank = sum(f.rank for f in found.values())
@@ -276,15 +287,15 @@ def from_paper(found: dict[Plane, PlaneFit], prior: Prior, prior_name: str) -> I
         thrust_fraction=config.operating_point.thrust_fraction,
         planes={
             plane: PlaneModel(
-                static_gain_per_s=Estimate(numbers[plane].static_gain_per_s, None),
-                b1_per_s2=Estimate(numbers[plane].b1_per_s2, None),
-                p_fast_per_s=Estimate(numbers[plane].p_fast_per_s, None),
-                p_slow_per_s=Estimate(numbers[plane].p_slow_per_s, None),
-                restoring_per_s2=Estimate(numbers[plane].restoring_per_s2, None)
+                static_gain_per_s=ParameterEstimate(numbers[plane].static_gain_per_s, None),
+                b1_per_s2=ParameterEstimate(numbers[plane].b1_per_s2, None),
+                p_fast_per_s=ParameterEstimate(numbers[plane].p_fast_per_s, None),
+                p_slow_per_s=ParameterEstimate(numbers[plane].p_slow_per_s, None),
+                restoring_per_s2=ParameterEstimate(numbers[plane].restoring_per_s2, None)
                 if plane == "pitch"
                 else None,
-                delay_s=Estimate(nominal.actuators[plane].delay_s, 0.0),
-                actuator_bias_deg=Estimate(math.degrees(prior.biases_rad[plane]), None),
+                delay_s=ParameterEstimate(nominal.actuators[plane].delay_s, 0.0),
+                actuator_bias_deg=ParameterEstimate(math.degrees(prior.biases_rad[plane]), None),
             )
             for plane in PLANES
         },
@@ -298,16 +309,16 @@ def from_paper(found: dict[Plane, PlaneFit], prior: Prior, prior_name: str) -> I
                 status="unidentifiable" if name in free or name in INERTIAS else "prior",
                 unit=str(getattr(UNITS, name)),
             )
-            for name in Coefficients._fields
+            for name in Table1Column._fields
         },
-        vehicle=Vehicle(
+        vehicle=VehicleRecord(
             prior=prior_name,
             mass_kg=mass,
             prior_biases_deg={plane: math.degrees(b) for plane, b in prior.biases_rad.items()},
-            net_buoyancy_n=Estimate(config.ballast.net_buoyancy_n, 0.0),
-            crossflow_cd=Estimate(config.damping.crossflow_cd, 0.0),
-            natural_frequency_radps=Estimate(config.tailcone.natural_frequency_radps, 0.0),
-            damping_ratio=Estimate(config.tailcone.damping_ratio, 0.0),
+            net_buoyancy_n=ParameterEstimate(config.ballast.net_buoyancy_n, 0.0),
+            crossflow_cd=ParameterEstimate(config.damping.crossflow_cd, 0.0),
+            natural_frequency_radps=ParameterEstimate(config.tailcone.natural_frequency_radps, 0.0),
+            damping_ratio=ParameterEstimate(config.tailcone.damping_ratio, 0.0),
             level_elevator_deg=math.degrees(fits.level_elevator_rad(config, nominal.model)),
             level_pitch_deg=math.degrees(fits.level_pitch_rad(config, nominal.model)),
         ),

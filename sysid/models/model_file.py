@@ -11,12 +11,12 @@ from typing import Literal
 import msgspec
 
 from sysid.data.segments import Plane
-from sysid.validation.results import PlaneValidation, Verdict
+from sysid.validation.results import ModelAssessment, PlaneValidation
 
 FORMAT = 2
 Method = Literal["map", "paper", "output-error", "filter-error"]
 Status = Literal["measured", "prior", "unidentifiable"]
-PRIOR_SHRINK = 0.8
+MAX_POSTERIOR_TO_PRIOR_SD = 0.8
 """A coefficient whose posterior is wider than this share of its prior was not measured."""
 
 
@@ -25,17 +25,17 @@ class ModelError(ValueError):
     right."""
 
 
-class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class ModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pass
 
 
-class Estimate(Record, frozen=True):
+class ParameterEstimate(ModelRecord, frozen=True):
     value: float
     sd: float | None
     """One standard deviation; null where the data leave the value free."""
 
 
-class Coefficient(Record, frozen=True):
+class Coefficient(ModelRecord, frozen=True):
     """One physical coefficient in the paper's axes (body x forward, y port, z up), SI units, angles
     in radians."""
 
@@ -50,24 +50,24 @@ class Coefficient(Record, frozen=True):
     unit: str
 
 
-class PlaneModel(Record, frozen=True):
+class PlaneModel(ModelRecord, frozen=True):
     """One plane at the model's speed, in MAVLink's axes: positive angle, positive rate.
 
     Rate over duct angle is (b1 s + b0)/(s^2 + a1 s + a0), with poles p_fast and p_slow and static
     gain b0/a0; in pitch the restoring moment is kept out of it and stands by itself."""
 
-    static_gain_per_s: Estimate
-    b1_per_s2: Estimate
-    p_fast_per_s: Estimate
-    p_slow_per_s: Estimate
-    restoring_per_s2: Estimate | None
-    delay_s: Estimate
+    static_gain_per_s: ParameterEstimate
+    b1_per_s2: ParameterEstimate
+    p_fast_per_s: ParameterEstimate
+    p_slow_per_s: ParameterEstimate
+    restoring_per_s2: ParameterEstimate | None
+    delay_s: ParameterEstimate
     """Transport delay from command to duct, what sensors and computing add included."""
-    actuator_bias_deg: Estimate
+    actuator_bias_deg: ParameterEstimate
     """True duct angle at a command of zero."""
 
 
-class Covariance(Record, frozen=True):
+class ParameterCovariance(ModelRecord, frozen=True):
     """Of several estimates together."""
 
     names: tuple[str, ...]
@@ -75,7 +75,7 @@ class Covariance(Record, frozen=True):
     """Rows and columns in the order of ``names``, in the product of their units."""
 
 
-class NoiseModel(Record, frozen=True):
+class NoiseModel(ModelRecord, frozen=True):
     """Disturbance and sensor noise of one plane; standard deviations."""
 
     slow_accel_degps2: float
@@ -89,13 +89,13 @@ class NoiseModel(Record, frozen=True):
     force_noise_mps15: float
 
 
-class DataFile(Record, frozen=True):
+class DataFile(ModelRecord, frozen=True):
     name: str
     sha256: str
     """Of the vehicle's messages and parameters in the log (``log.Log.sha256``), not of the file."""
 
 
-class AnomalyTest(Record, frozen=True):
+class AnomalyTest(ModelRecord, frozen=True):
     """The likeliest anomaly of one kind in a run, were all other runs and the model clean
     (`sysid.screening.score_test`)."""
 
@@ -110,7 +110,7 @@ class AnomalyTest(Record, frozen=True):
     """Since the test began; null for what lasts throughout."""
 
 
-class ScreenedRun(Record, frozen=True):
+class ScreenedRun(ModelRecord, frozen=True):
     run: str
     plane: Plane
     wave: str
@@ -129,7 +129,7 @@ class ScreenedRun(Record, frozen=True):
     """The likeliest first."""
 
 
-class Shift(Record, frozen=True):
+class Shift(ModelRecord, frozen=True):
     """How far leaving runs out moved one of the design numbers."""
 
     plane: Plane
@@ -140,7 +140,7 @@ class Shift(Record, frozen=True):
     """Of the value's standard deviations."""
 
 
-class RunQuality(Record, frozen=True):
+class RunQuality(ModelRecord, frozen=True):
     """Mean squared rate error of one run after its start, (deg/s)^2, as in the paper's Table 2."""
 
     run: str
@@ -155,7 +155,7 @@ class RunQuality(Record, frozen=True):
     """1 - var(error)/var(rate) of the model."""
 
 
-class Joint(Record, frozen=True):
+class Joint(ModelRecord, frozen=True):
     """The joint estimate in its own coordinates: prior standard deviations away from the prior
     vehicle."""
 
@@ -171,7 +171,7 @@ class Joint(Record, frozen=True):
     """Of the data's information; null where it is singular to rounding."""
 
 
-class Convergence(Record, frozen=True):
+class Convergence(ModelRecord, frozen=True):
     cost: float
     start_costs: tuple[float, ...]
     """Costs that the other starts ended at."""
@@ -181,22 +181,22 @@ class Convergence(Record, frozen=True):
     """Why the fit cannot be believed, each in a sentence; such a file was asked for by force."""
 
 
-class Vehicle(Record, frozen=True):
+class VehicleRecord(ModelRecord, frozen=True):
     """What a simulation of the identified vehicle needs beyond its prior vehicle."""
 
     prior: str
     mass_kg: float
     prior_biases_deg: dict[Plane, float]
-    net_buoyancy_n: Estimate
-    crossflow_cd: Estimate
-    natural_frequency_radps: Estimate
-    damping_ratio: Estimate
+    net_buoyancy_n: ParameterEstimate
+    crossflow_cd: ParameterEstimate
+    natural_frequency_radps: ParameterEstimate
+    damping_ratio: ParameterEstimate
     level_elevator_deg: float
     level_pitch_deg: float
     """Duct angle and pitch (nose up) of level flight."""
 
 
-class Rival(Record, frozen=True):
+class AlternativeFit(ModelRecord, frozen=True):
     """The same runs fitted by another method, to be set beside the model."""
 
     method: Method
@@ -207,14 +207,14 @@ class Rival(Record, frozen=True):
     held_out: tuple[RunQuality, ...]
 
 
-class IdentifiedModel(Record, frozen=True):
+class IdentifiedModel(ModelRecord, frozen=True):
     format: int
     method: Method
     speed_mps: float
     thrust_fraction: float
     planes: dict[Plane, PlaneModel]
     coefficients: dict[str, Coefficient]
-    vehicle: Vehicle
+    vehicle: VehicleRecord
     noise: dict[Plane, NoiseModel]
     joint: Joint
     convergence: Convergence
@@ -228,13 +228,13 @@ class IdentifiedModel(Record, frozen=True):
     left_out_moved: tuple[Shift, ...] = ()
     """What leaving runs out that the fit itself found anomalous did to the numbers in ``planes``;
     empty for none."""
-    design: dict[Plane, Covariance] = {}
+    design: dict[Plane, ParameterCovariance] = {}
     """Of the numbers in ``planes``, each in the unit of its name; left out where the method gives
     none."""
     validation: dict[Plane, PlaneValidation] = {}
-    verdict: Verdict | None = None
+    verdict: ModelAssessment | None = None
     """Null for a model that nobody judged: one made by the library, not from logs."""
-    beside: tuple[Rival, ...] = ()
+    beside: tuple[AlternativeFit, ...] = ()
     versions: dict[str, str] = {}
     """Of the packages that computed it: the same logs and versions give the same bytes."""
 
@@ -247,7 +247,7 @@ def encode(model: IdentifiedModel) -> bytes:
     return msgspec.json.format(msgspec.json.encode(model), indent=1) + b"\n"
 
 
-def digest(model: IdentifiedModel) -> str:
+def sha256_of_model(model: IdentifiedModel) -> str:
     """SHA-256 of the model's file, by which gains name the model they come from."""
     return hashlib.sha256(encode(model)).hexdigest()
 

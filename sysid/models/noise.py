@@ -39,16 +39,16 @@ class Noise(NamedTuple):
     """Square root of the spectral density of sway or heave acceleration, (m/s^2)/sqrt(Hz)."""
 
 
-BELIEF = Noise(1.0, 1.0, 1.0, 1.0, 0.3, 1.0, 0.1, 0.3, 1.0)
+PRIOR_LOG_SD = Noise(1.0, 1.0, 1.0, 1.0, 0.3, 1.0, 0.1, 0.3, 1.0)
 """Prior standard deviation of the logarithm of each level: the shape of the spectrum is known
 better than its size."""
 
-MOST_SCORINGS = 30
-ENOUGH = 0.02
+MAX_SCORING_STEPS = 30
+MIN_IMPROVEMENT = 0.02
 """Fall of the negative log-likelihood that is not worth another step of the noise's search."""
 DIFFERENCE = 1e-4
 """Step of its slopes, in logarithms."""
-LEAST_DEPTH_NOISE_M = 0.01
+MIN_DEPTH_NOISE_M = 0.01
 """Depth comes as the vehicle's own filtered estimate: smooth to a millimetre, but off by more while
 it manoeuvres, in step with what is being identified. Believed to the millimetre it moved every
 coefficient of pitch by 1 to 3 sd."""
@@ -75,7 +75,7 @@ class Filter(NamedTuple):
     """(n,): log determinant of the innovation covariance."""
 
 
-def of_model(found: NoiseModel) -> Noise:
+def from_model(found: NoiseModel) -> Noise:
     """A model's noise in SI units."""
     return Noise(
         rate_radps=math.radians(found.rate_noise_degps),
@@ -146,36 +146,37 @@ def system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array
     return A, density, C, R, np.diag(spread) ** 2
 
 
-def whitened_block(block: Array, by: Filter) -> Array:
+def whiten_columns(block: Array, by: Filter) -> Array:
     """(samples, outputs, columns): each column whitened as a residual of its own."""
     return whiten_block(
         np.ascontiguousarray(block), by.transition, by.output, by.gains, by.whiteners
     )
 
 
-def whitened(residual: Array, by: Filter) -> Array:
+def whiten_residual(residual: Array, by: Filter) -> Array:
     return whiten(residual, by.transition, by.output, by.gains, by.whiteners)
 
 
 def cost(residuals: Sequence[Array], by: Filter) -> float:
     """Negative log-likelihood of the residuals, constants left out."""
     return sum(
-        0.5 * float(np.sum(whitened(r, by) ** 2) + np.sum(by.log_dets[: len(r)])) for r in residuals
+        0.5 * float(np.sum(whiten_residual(r, by) ** 2) + np.sum(by.log_dets[: len(r)]))
+        for r in residuals
     )
 
 
-class _Whitened(NamedTuple):
+class _CandidateLevels(NamedTuple):
     """Residuals under candidate levels, all runs end to end."""
 
     innovations: Array
     log_scales: Array
     """Logarithms of the whiteners' diagonals, one beside each innovation."""
     cost: float
-    """With what ``BELIEF`` says of the levels."""
+    """With what ``PRIOR_LOG_SD`` says of the levels."""
 
 
 def estimate(plane: LinearPlane, residuals: Sequence[Array], dt: float, start: Noise) -> Noise:
-    """Levels that make the residuals most likely, given ``BELIEF`` about the default ones.
+    """Levels that make the residuals most likely, given ``PRIOR_LOG_SD`` about the default ones.
 
     Fisher scoring on the logarithms: the information of a Gaussian record is the outer product of
     its innovations' slopes and of the logarithms' of their scales (Gupta and Mehra 1974, IEEE
@@ -183,29 +184,31 @@ def estimate(plane: LinearPlane, residuals: Sequence[Array], dt: float, start: N
     samples, mean, precision = (
         max(len(r) for r in residuals),
         np.log(Noise()),
-        1.0 / np.array(BELIEF) ** 2,
+        1.0 / np.array(PRIOR_LOG_SD) ** 2,
     )
-    lowest, highest = mean - 4.0 * np.array(BELIEF), mean + 4.0 * np.array(BELIEF)
-    lowest[Noise._fields.index("depth_m")] = math.log(LEAST_DEPTH_NOISE_M)
+    lowest, highest = mean - 4.0 * np.array(PRIOR_LOG_SD), mean + 4.0 * np.array(PRIOR_LOG_SD)
+    lowest[Noise._fields.index("depth_m")] = math.log(MIN_DEPTH_NOISE_M)
 
-    def at(levels: Array) -> _Whitened:
+    def at(levels: Array) -> _CandidateLevels:
         by = build(plane, Noise(*np.exp(levels)), dt, samples)
-        innovations = np.concatenate([whitened(r, by).ravel() for r in residuals])
+        innovations = np.concatenate([whiten_residual(r, by).ravel() for r in residuals])
         scales = np.log(np.diagonal(by.whiteners, axis1=1, axis2=2))
         log_scales = np.concatenate([scales[: len(r)].ravel() for r in residuals])
         away = levels - mean
         fit = 0.5 * float(innovations @ innovations) - float(np.sum(log_scales))
-        return _Whitened(innovations, log_scales, fit + 0.5 * float(away @ (precision * away)))
+        return _CandidateLevels(
+            innovations, log_scales, fit + 0.5 * float(away @ (precision * away))
+        )
 
     levels = np.clip(np.log(start), lowest, highest)
     here = at(levels)
-    for _ in range(MOST_SCORINGS):
+    for _ in range(MAX_SCORING_STEPS):
         step, promised = _scoring_step(
             at, here, levels, precision * (levels - mean), precision, (lowest, highest)
         )
-        if promised < ENOUGH:
+        if promised < MIN_IMPROVEMENT:
             break
-        while (there := at(levels + step)).cost > here.cost and promised > ENOUGH:
+        while (there := at(levels + step)).cost > here.cost and promised > MIN_IMPROVEMENT:
             step, promised = 0.3 * step, 0.3 * promised
         if there.cost > here.cost:
             break
@@ -214,8 +217,8 @@ def estimate(plane: LinearPlane, residuals: Sequence[Array], dt: float, start: N
 
 
 def _scoring_step(
-    at: Callable[[Array], _Whitened],
-    here: _Whitened,
+    at: Callable[[Array], _CandidateLevels],
+    here: _CandidateLevels,
     levels: Array,
     pull: Array,
     precision: Array,

@@ -15,17 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.vehicle import build_model
-from sitl.vehicle.config import DuctGeometry, FinGeometry, VehicleConfig, VehicleError
-from sitl.vehicle.model import Model
+from sitl.vehicle.config import DuctGeometry, FinGeometry, VehicleConfig, VehicleFileError
+from sitl.vehicle.model import VehicleModel
 from sysid.data.segments import Plane
 from sysid.models.greybox import Actuator
-from sysid.reproduction.paper_tables import Coefficients
+from sysid.reproduction.paper_tables import Table1Column
 
 Array = NDArray[np.float64]
 Kind = Literal["ratio", "offset"]
 Wing = TypeVar("Wing", DuctGeometry, FinGeometry)
 
-LARGEST_DAMPING = 0.99
+MAX_DAMPING = 0.99
 """The lag is simulated as an oscillation; one that creeps looks no different from here."""
 
 ASYMMETRY = 0.07
@@ -33,7 +33,7 @@ ASYMMETRY = 0.07
 1 sd)."""
 
 
-class Parameter(NamedTuple):
+class ModelParameter(NamedTuple):
     name: str
     planes: tuple[Plane, ...]
     kind: Kind
@@ -50,37 +50,37 @@ _YAW: tuple[Plane, ...] = ("yaw",)
 _PITCH: tuple[Plane, ...] = ("pitch",)
 _BOTH: tuple[Plane, ...] = ("yaw", "pitch")
 
-PARAMETERS: tuple[Parameter, ...] = (
-    Parameter("Y_v", _YAW, "ratio", 0.20),
-    Parameter("N_v", _YAW, "ratio", 0.40),
-    Parameter("Y_r", _YAW, "ratio", 0.40),
-    Parameter("N_r", _YAW, "ratio", 0.20),
-    Parameter("Y_dr", _YAW, "ratio", 0.20),
-    Parameter("N_dr", _YAW, "ratio", 0.25),
-    Parameter("Y_vdot", _YAW, "ratio", 0.08),
-    Parameter("I_zz", _YAW, "ratio", 0.20),
-    Parameter("delay_yaw", _YAW, "offset", 0.1, part="tailcone"),
-    Parameter("bias_rudder", _YAW, "offset", math.radians(1.0), part="tailcone"),
-    Parameter("Z_w", _PITCH, "ratio", 0.20, "Y_v"),
-    Parameter("M_w", _PITCH, "ratio", 0.40, "N_v"),
-    Parameter("Z_q", _PITCH, "ratio", 0.40, "Y_r"),
-    Parameter("M_q", _PITCH, "ratio", 0.20, "N_r"),
-    Parameter("Z_de", _PITCH, "ratio", 0.20, "Y_dr"),
-    Parameter("M_de", _PITCH, "ratio", 0.25, "N_dr"),
-    Parameter("Z_wdot", _PITCH, "ratio", 0.08, "Y_vdot"),
-    Parameter("I_yy", _PITCH, "ratio", 0.20, "I_zz"),
-    Parameter("z_CM", _PITCH, "ratio", 0.30),
-    Parameter("delay_pitch", _PITCH, "offset", 0.1, part="tailcone"),
-    Parameter("bias_elevator", _PITCH, "offset", math.radians(1.0), part="tailcone"),
-    Parameter("net_buoyancy", _PITCH, "offset", 5.0),
-    Parameter("crossflow_cd", _BOTH, "ratio", 0.25),
-    Parameter("natural_frequency", _BOTH, "ratio", 0.05, part="tailcone"),
-    Parameter("damping_ratio", _BOTH, "ratio", 0.05, part="tailcone"),
-    Parameter("rate_limit", _BOTH, "ratio", 0.1, part="tailcone"),
-    Parameter("backlash", _BOTH, "ratio", 1.0, part="tailcone"),
-    Parameter("axial_drag", _BOTH, "ratio", 0.2),
-    Parameter("lift_quadratic", _BOTH, "offset", 0.3),
-    Parameter("stall_angle", _BOTH, "ratio", 0.15),
+PARAMETERS: tuple[ModelParameter, ...] = (
+    ModelParameter("Y_v", _YAW, "ratio", 0.20),
+    ModelParameter("N_v", _YAW, "ratio", 0.40),
+    ModelParameter("Y_r", _YAW, "ratio", 0.40),
+    ModelParameter("N_r", _YAW, "ratio", 0.20),
+    ModelParameter("Y_dr", _YAW, "ratio", 0.20),
+    ModelParameter("N_dr", _YAW, "ratio", 0.25),
+    ModelParameter("Y_vdot", _YAW, "ratio", 0.08),
+    ModelParameter("I_zz", _YAW, "ratio", 0.20),
+    ModelParameter("delay_yaw", _YAW, "offset", 0.1, part="tailcone"),
+    ModelParameter("bias_rudder", _YAW, "offset", math.radians(1.0), part="tailcone"),
+    ModelParameter("Z_w", _PITCH, "ratio", 0.20, "Y_v"),
+    ModelParameter("M_w", _PITCH, "ratio", 0.40, "N_v"),
+    ModelParameter("Z_q", _PITCH, "ratio", 0.40, "Y_r"),
+    ModelParameter("M_q", _PITCH, "ratio", 0.20, "N_r"),
+    ModelParameter("Z_de", _PITCH, "ratio", 0.20, "Y_dr"),
+    ModelParameter("M_de", _PITCH, "ratio", 0.25, "N_dr"),
+    ModelParameter("Z_wdot", _PITCH, "ratio", 0.08, "Y_vdot"),
+    ModelParameter("I_yy", _PITCH, "ratio", 0.20, "I_zz"),
+    ModelParameter("z_CM", _PITCH, "ratio", 0.30),
+    ModelParameter("delay_pitch", _PITCH, "offset", 0.1, part="tailcone"),
+    ModelParameter("bias_elevator", _PITCH, "offset", math.radians(1.0), part="tailcone"),
+    ModelParameter("net_buoyancy", _PITCH, "offset", 5.0),
+    ModelParameter("crossflow_cd", _BOTH, "ratio", 0.25),
+    ModelParameter("natural_frequency", _BOTH, "ratio", 0.05, part="tailcone"),
+    ModelParameter("damping_ratio", _BOTH, "ratio", 0.05, part="tailcone"),
+    ModelParameter("rate_limit", _BOTH, "ratio", 0.1, part="tailcone"),
+    ModelParameter("backlash", _BOTH, "ratio", 1.0, part="tailcone"),
+    ModelParameter("axial_drag", _BOTH, "ratio", 0.2),
+    ModelParameter("lift_quadratic", _BOTH, "offset", 0.3),
+    ModelParameter("stall_angle", _BOTH, "ratio", 0.15),
 )
 """Prior standard deviations: strip and duct theory for the coefficients, the bench test for the
 tailcone's lag.
@@ -90,7 +90,7 @@ that balances it, it says how fast speed is lost in a turn and won back. Lift of
 its straight line by a few per cent in ten degrees, upwards by its edges (cross flow) or downwards
 by its boundary layer (Hoerner 1975, Fluid-Dynamic Lift, ch. 3), so ``lift_quadratic``, in shares of
 the slope per radian, is zero within 0.3; where it stalls is known to a seventh. """
-ASSUMED_PLAY_DEG = 0.2
+ASSUMED_BACKLASH_DEG = 0.2
 """From flank to flank, of a tailcone that nobody has measured: within a factor of e."""
 
 NAMES = tuple(parameter.name for parameter in PARAMETERS)
@@ -110,22 +110,24 @@ def prior_covariance() -> Array:
     return covariance
 
 
-def ratio(parameter: Parameter, z: float) -> float:
+def ratio(parameter: ModelParameter, z: float) -> float:
     return math.exp(parameter.prior_sd * z)
 
 
-class Vehicle(NamedTuple):
+class CandidateVehicle(NamedTuple):
     """A candidate: everything a run needs to be simulated."""
 
     config: VehicleConfig
-    model: Model
+    model: VehicleModel
     actuators: dict[Plane, Actuator]
 
 
-def vehicle(prior: VehicleConfig, biases_rad: dict[Plane, float], z: Array) -> Vehicle:
+def candidate_vehicle(
+    prior: VehicleConfig, biases_rad: dict[Plane, float], z: Array
+) -> CandidateVehicle:
     """The prior vehicle moved by z; ``biases_rad`` is the prior mean of the actuator bias in each
     plane."""
-    ratios, offsets = _moves(z)
+    ratios, offsets = _ratios_and_offsets(z)
     config = msgspec.structs.replace(
         prior,
         linear=_coefficients(prior, ratios),
@@ -141,58 +143,61 @@ def vehicle(prior: VehicleConfig, biases_rad: dict[Plane, float], z: Array) -> V
         duct=prior.duct and _wing(prior.duct, ratios, offsets),
         fins=prior.fins and _wing(prior.fins, ratios, offsets),
     )
-    return Vehicle(config, build_model.build(config), actuators(prior, biases_rad, z))
+    return CandidateVehicle(config, build_model.build(config), actuators(prior, biases_rad, z))
 
 
-class Drawn(NamedTuple):
+class SampledVehicle(NamedTuple):
     """A candidate by chance."""
 
     number: int
     """Of the draw, those that cannot be counted too."""
     z: Array
-    vehicle: Vehicle
+    vehicle: CandidateVehicle
 
 
-def possible(
-    build: Callable[[Array], Vehicle], mean: Array, covariance: Array, normals: Iterable[Array]
-) -> Iterator[Drawn]:
+def feasible_samples(
+    build: Callable[[Array], CandidateVehicle],
+    mean: Array,
+    covariance: Array,
+    normals: Iterable[Array],
+) -> Iterator[SampledVehicle]:
     """Candidates that ``build`` makes of draws from a belief about z, one of each of ``normals``,
     without those that cannot be."""
     spread = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(covariance)))
     for number, normal in enumerate(normals):
         z = mean + spread @ normal
-        with contextlib.suppress(VehicleError):
-            yield Drawn(number, z, build(z))
+        with contextlib.suppress(VehicleFileError):
+            yield SampledVehicle(number, z, build(z))
 
 
 def actuators(
     prior: VehicleConfig, biases_rad: dict[Plane, float], z: Array
 ) -> dict[Plane, Actuator]:
     """The tailcone's two axes of the same candidate."""
-    ratios, offsets = _moves(z)
+    ratios, offsets = _ratios_and_offsets(z)
     tailcone = prior.tailcone
 
     def actuator(plane: Plane, surface: str) -> Actuator:
         return Actuator(
             delay_s=max(0.0, tailcone.delay_s + offsets[f"delay_{plane}"]),
             natural_frequency_radps=tailcone.natural_frequency_radps * ratios["natural_frequency"],
-            damping_ratio=min(tailcone.damping_ratio * ratios["damping_ratio"], LARGEST_DAMPING),
+            damping_ratio=min(tailcone.damping_ratio * ratios["damping_ratio"], MAX_DAMPING),
             bias_rad=biases_rad[plane] + offsets[f"bias_{surface}"],
             travel_rad=math.radians(tailcone.travel_deg),
             rate_radps=math.radians(tailcone.rate_degps) * ratios["rate_limit"],
-            backlash_rad=math.radians(play_deg(prior)) * ratios["backlash"],
+            backlash_rad=math.radians(backlash_deg(prior)) * ratios["backlash"],
         )
 
     return {"yaw": actuator("yaw", "rudder"), "pitch": actuator("pitch", "elevator")}
 
 
-def play_deg(prior: VehicleConfig) -> float:
+def backlash_deg(prior: VehicleConfig) -> float:
     """Median of what is believed of the tailcone's play; a file that gives none has not looked for
     it."""
-    return prior.tailcone.backlash_deg or ASSUMED_PLAY_DEG
+    return prior.tailcone.backlash_deg or ASSUMED_BACKLASH_DEG
 
 
-def _moves(z: Array) -> tuple[dict[str, float], dict[str, float]]:
+def _ratios_and_offsets(z: Array) -> tuple[dict[str, float], dict[str, float]]:
     """(ratios, offsets) by name."""
     values = dict(zip(NAMES, z.tolist(), strict=True))
     return (
@@ -218,7 +223,7 @@ def _coefficients(prior: VehicleConfig, ratios: dict[str, float]) -> msgspec.Str
     for field in linear.__struct_fields__:
         name, value = symbol(field), getattr(linear, field)
         if name in INERTIAS:
-            added = getattr(short(linear), INERTIAS[name])
+            added = getattr(to_table_1_column(linear), INERTIAS[name])
             changed[field] = (value - added) * ratios[name] + added
         elif name in ratios:
             changed[field] = value * ratios[name]
@@ -230,13 +235,13 @@ def symbol(field: str) -> str:
     return field.rpartition("_")[0]
 
 
-def short(linear: msgspec.Struct) -> Coefficients:
+def to_table_1_column(linear: msgspec.Struct) -> Table1Column:
     """A vehicle file's linear column under Table 1's symbols."""
-    return Coefficients(
+    return Table1Column(
         **{symbol(field): getattr(linear, field) for field in linear.__struct_fields__}
     )
 
 
-def of_planes(planes: Sequence[Plane]) -> list[int]:
+def parameters_of_planes(planes: Sequence[Plane]) -> list[int]:
     """Indices of the parameters that runs in ``planes`` depend on."""
     return [i for i, parameter in enumerate(PARAMETERS) if set(parameter.planes) & set(planes)]

@@ -15,7 +15,7 @@ from sysid.data.segments import Plane, Run
 from sysid.estimation.map.fit import cruise_speed_mps
 from sysid.models import greybox, parameters
 from sysid.models.model_file import IdentifiedModel, RunQuality
-from sysid.models.parameters import NAMES, Vehicle
+from sysid.models.parameters import NAMES, CandidateVehicle
 from sysid.reproduction import paper_method
 
 Array = NDArray[np.float64]
@@ -50,14 +50,16 @@ def predict(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = None
     """Both models' run. ``prior`` is needed when the model was refitted from a vehicle file that is
     not shipped."""
     vehicle, first = vehicles(model, prior)
-    return between(vehicle, first, run, model)
+    return predict_with(vehicle, first, run, model)
 
 
-def between(vehicle: Vehicle, first: Vehicle, run: Run, model: IdentifiedModel) -> Prediction:
+def predict_with(
+    vehicle: CandidateVehicle, first: CandidateVehicle, run: Run, model: IdentifiedModel
+) -> Prediction:
     """As ``predict``, the two vehicles already at hand."""
     flown = run.since(-LEAD_S)
-    before = motion(first, flown)
-    after = of_model(model, vehicle, flown)
+    before = simulate(first, flown)
+    after = simulate_model(model, vehicle, flown)
     angle = run.heading_rad if run.plane == "yaw" else run.pitch_rad
 
     def whole(measured: Array, simulated: Array) -> Array:
@@ -73,14 +75,18 @@ def between(vehicle: Vehicle, first: Vehicle, run: Run, model: IdentifiedModel) 
     )
 
 
-def vehicles(model: IdentifiedModel, prior: VehicleConfig | None = None) -> tuple[Vehicle, Vehicle]:
+def vehicles(
+    model: IdentifiedModel, prior: VehicleConfig | None = None
+) -> tuple[CandidateVehicle, CandidateVehicle]:
     """The identified vehicle and its prior."""
-    return moved(model, np.array(model.joint.z), prior), moved(
+    return perturb(model, np.array(model.joint.z), prior), perturb(
         model, np.zeros(len(model.joint.z)), prior
     )
 
 
-def moved(model: IdentifiedModel, z: Array, prior: VehicleConfig | None = None) -> Vehicle:
+def perturb(
+    model: IdentifiedModel, z: Array, prior: VehicleConfig | None = None
+) -> CandidateVehicle:
     """The prior vehicle of a model moved by ``z``, which has the model's own names."""
     name = model.vehicle.prior
     config = prior or (
@@ -90,7 +96,9 @@ def moved(model: IdentifiedModel, z: Array, prior: VehicleConfig | None = None) 
         plane: math.radians(b) for plane, b in model.vehicle.prior_biases_deg.items()
     }
     known = dict(zip(model.joint.names, z.tolist(), strict=True))
-    return parameters.vehicle(config, biases, np.array([known.get(name, 0.0) for name in NAMES]))
+    return parameters.candidate_vehicle(
+        config, biases, np.array([known.get(name, 0.0) for name in NAMES])
+    )
 
 
 @cache
@@ -99,21 +107,23 @@ def _shipped(name: str) -> VehicleConfig:
     return vehicle_files.load(name)
 
 
-def of_model(model: IdentifiedModel, vehicle: Vehicle, run: Run) -> greybox.Motion:
+def simulate_model(
+    model: IdentifiedModel, vehicle: CandidateVehicle, run: Run
+) -> greybox.PlaneTrajectory:
     """The run by a model, whose identified vehicle is at hand: other methods know linear planes
     only."""
     return (
-        motion(vehicle, run)
+        simulate(vehicle, run)
         if model.method == "map"
         else paper_method.motion(model, vehicle.actuators[run.plane], run)
     )
 
 
-def motion(vehicle: Vehicle, run: Run) -> greybox.Motion:
+def simulate(vehicle: CandidateVehicle, run: Run) -> greybox.PlaneTrajectory:
     """The run as ``vehicle`` would have flown it from its first sample on, on its grid."""
     speed = cruise_speed_mps(vehicle, float(run.thrust[0]))
     return greybox.simulate(
-        vehicle.model, vehicle.actuators[run.plane], run, greybox.measured_start(run), 1, speed
+        vehicle.model, vehicle.actuators[run.plane], run, greybox.initial_motion(run), 1, speed
     )
 
 
@@ -122,10 +132,10 @@ def quality(
 ) -> tuple[RunQuality, ...]:
     """Rate errors of each run once its test has begun."""
     vehicle, first = vehicles(model, prior)
-    return tuple(_quality(run, between(vehicle, first, run, model)) for run in runs)
+    return tuple(_quality(run, predict_with(vehicle, first, run, model)) for run in runs)
 
 
-def held_out(
+def with_held_out_errors(
     model: IdentifiedModel, runs: Sequence[Run], prior: VehicleConfig | None = None
 ) -> IdentifiedModel:
     """The model with its errors on runs it was not fitted to."""

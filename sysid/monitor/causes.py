@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from sysid.monitor import sequential
-from sysid.monitor.performance_spec import Promise
+from sysid.monitor.performance_spec import PerformanceBaseline
 from sysid.monitor.sequential import Sums
 
-SWING_SHARE = 1.5
+RESONANCE_GROWTH = 1.5
 """A narrow band that grew by so much more than the whole is a loop's, not the sea's."""
 
 _PLANES = {"heading": "rudder", "pitch": "elevator"}
@@ -24,15 +24,15 @@ class Cause(NamedTuple):
     refit_due: bool
 
 
-def likely(promise: Promise, sums: Sums) -> tuple[Cause, ...]:
+def likely_causes(promise: PerformanceBaseline, sums: Sums) -> tuple[Cause, ...]:
     """What moved comes before what it has done to the errors, and before what got louder: a jump is
     loud."""
-    moved = sequential.moved(sums)
-    averages = tuple(_of_averages(promise, moved)) or tuple(_of_integrators(moved))
-    return averages or tuple(_of_spreads(sums))
+    moved = sequential.shifted_means(sums)
+    averages = tuple(_causes_from_means(promise, moved)) or tuple(_causes_from_integrators(moved))
+    return averages or tuple(_causes_from_spreads(sums))
 
 
-def _of_averages(promise: Promise, moved: Mapping[str, float]) -> Iterator[Cause]:
+def _causes_from_means(promise: PerformanceBaseline, moved: Mapping[str, float]) -> Iterator[Cause]:
     def off(name: str) -> str:
         mean = promise.predicted[name].mean
         return f"{mean + moved[name]:+.1f} deg on average, {mean:+.1f} identified"
@@ -58,7 +58,7 @@ def _of_averages(promise: Promise, moved: Mapping[str, float]) -> Iterator[Cause
         )
 
 
-def _of_integrators(moved: Mapping[str, float]) -> Iterator[Cause]:
+def _causes_from_integrators(moved: Mapping[str, float]) -> Iterator[Cause]:
     held = [
         f"{name.split('_')[0]} off by {moved[name]:+.2g} {name.split('_')[1]}"
         for name in _HELD
@@ -69,12 +69,12 @@ def _of_integrators(moved: Mapping[str, float]) -> Iterator[Cause]:
         yield Cause("integrator", words, refit_due=False)
 
 
-def _of_spreads(sums: Sums) -> Iterator[Cause]:
-    louder, hinted = sequential.louder(sums), sequential.louder(sums, hint=0.0)
+def _causes_from_spreads(sums: Sums) -> Iterator[Cause]:
+    louder, hinted = sequential.increased_rms(sums), sequential.increased_rms(sums, hint=0.0)
     rougher = []
     for plane, surface in _PLANES.items():
         swing, whole = louder.get(f"{plane}_swing_deg", 0.0), hinted.get(f"{plane}_deg", 1.0)
-        if swing > SWING_SHARE * whole:
+        if swing > RESONANCE_GROWTH * whole:
             words = (
                 f"{plane} swings {swing:.1f} times as much as foretold near crossover, {whole:.1f}"
                 " times over all"

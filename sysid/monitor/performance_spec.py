@@ -13,20 +13,20 @@ from collections.abc import Iterator, Mapping
 
 import msgspec
 
-from sysid.models.model_file import Record
+from sysid.models.model_file import ModelRecord
 
 FIRST_LINE = "# caribou gains 1"
 AVERAGED_S = 20.0
 """What is foretold of averages is foretold of those over this time."""
-SWING_WIDTH = 0.5
+RESONANCE_BANDWIDTH = 0.5
 """Bandwidth of the narrow band in which a swing is looked for, as a share of its frequency."""
 
 
-class PromiseError(ValueError):
+class BaselineError(ValueError):
     """A head that cannot be read; the message says what is wrong."""
 
 
-class Expected(Record, frozen=True):
+class PredictedStatistic(ModelRecord, frozen=True):
     """One quantity of steady flight in the identified sea, in the unit of its name."""
 
     mean: float
@@ -43,7 +43,7 @@ class Expected(Record, frozen=True):
     as new ones in an estimate of the variance."""
 
 
-class Kept(Record, frozen=True):
+class Robustness(ModelRecord, frozen=True):
     """Of the vehicles that the model allows for, what share keeps the specification."""
 
     specification: float
@@ -53,7 +53,7 @@ class Kept(Record, frozen=True):
     seed: int
 
 
-class Promise(Record, frozen=True):
+class PerformanceBaseline(ModelRecord, frozen=True):
     """What gains rest on, were asked for, and should come to."""
 
     model_sha256: str
@@ -66,14 +66,16 @@ class Promise(Record, frozen=True):
     pitch_swing_radps: float
     """Where a disturbance is answered worst: about there an ill-damped loop swings."""
     specification: dict[str, float]
-    predicted: dict[str, Expected]
+    predicted: dict[str, PredictedStatistic]
     """By quantity: heading_deg, heading_swing_deg, pitch_deg, ...; a swing is what a narrow band
     about it holds."""
-    kept: Kept | None = None
+    kept: Robustness | None = None
     """None where the model does not say how sure it is."""
 
 
-def encode(promise: Promise, gains: Mapping[str, float], reasons: Mapping[str, str]) -> str:
+def encode(
+    promise: PerformanceBaseline, gains: Mapping[str, float], reasons: Mapping[str, str]
+) -> str:
     """The whole file."""
     values = {name: f"{value:.6g}" for name, value in gains.items()}
     told = {"gains_sha256": _digest(values), **msgspec.to_builtins(promise)}
@@ -82,7 +84,7 @@ def encode(promise: Promise, gains: Mapping[str, float], reasons: Mapping[str, s
     return "\n".join(lines) + "\n"
 
 
-def decode(text: str, values: Mapping[str, float]) -> Promise | None:
+def decode(text: str, values: Mapping[str, float]) -> PerformanceBaseline | None:
     """The promise in a file's text whose parameters are ``values``; None where it makes none.
 
     Raises:
@@ -95,11 +97,11 @@ def decode(text: str, values: Mapping[str, float]) -> Promise | None:
     try:
         told = tomllib.loads("\n".join(_head(lines)))
         digest = told.pop("gains_sha256", "")
-        promise = msgspec.convert(told, Promise)
+        promise = msgspec.convert(told, PerformanceBaseline)
     except (tomllib.TOMLDecodeError, msgspec.ValidationError) as error:
-        raise PromiseError(f"its head cannot be read: {error}".replace("`", "")) from None
+        raise BaselineError(f"its head cannot be read: {error}".replace("`", "")) from None
     if digest != _digest({name: f"{value:.6g}" for name, value in values.items()}):
-        raise PromiseError(
+        raise BaselineError(
             "its values were changed since they were designed; what it foretells is not theirs"
         )
     return promise

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.dataset import Log
-from sysid.data.segments import STARTED, cut
+from sysid.data.segments import START_TEXT, cut_runs
 
 Array = NDArray[np.float64]
 
 SETTLING_S = 25.0
 """After each change of set-point, left out: a 3 m depth change takes about 10 s, an 80 deg turn
 about 15, and ringing out."""
-SHORTEST_S = 5.0
+MIN_WINDOW_S = 5.0
 SUBMERGED_M = 0.3
 """Set-points shallower than this are no dive."""
 HEADING_CHANGE_RAD = math.radians(0.5)
@@ -34,7 +34,7 @@ class Spread(NamedTuple):
     mean: float
 
 
-class Window(NamedTuple):
+class SteadyWindow(NamedTuple):
     """One stretch of constant set-points, its settling left out."""
 
     start_s: float
@@ -47,8 +47,8 @@ class Window(NamedTuple):
     depth_m: Spread
 
 
-class Tracking(NamedTuple):
-    windows: tuple[Window, ...]
+class TrackingMetrics(NamedTuple):
+    windows: tuple[SteadyWindow, ...]
     heading_deg: Spread
     """Over all windows together."""
     pitch_deg: Spread
@@ -63,8 +63,8 @@ class _Errors(NamedTuple):
 
 
 def tracking(
-    log: Log, settling_s: float = SETTLING_S, shortest_s: float = SHORTEST_S
-) -> Tracking | None:
+    log: Log, settling_s: float = SETTLING_S, shortest_s: float = MIN_WINDOW_S
+) -> TrackingMetrics | None:
     """Steady errors of a dive; None when no stretch outlasts its settling. Tests in the water are
     left out."""
     steady = [(at, _errors(log, *at)) for at in _steady(log, settling_s, shortest_s)]
@@ -72,7 +72,7 @@ def tracking(
     if not found:
         return None
     windows = tuple(_window(log, start, stop, errors) for (start, stop), errors in found)
-    return Tracking(
+    return TrackingMetrics(
         windows=windows,
         heading_deg=spread(np.concatenate([errors.heading_deg for _, errors in found])),
         pitch_deg=spread(np.concatenate([errors.pitch_deg for _, errors in found])),
@@ -81,7 +81,7 @@ def tracking(
     )
 
 
-def window(log: Log, start_s: float, stop_s: float) -> Window:
+def window(log: Log, start_s: float, stop_s: float) -> SteadyWindow:
     """Return the errors from ``start_s`` to ``stop_s`` (s), a part of a window of ``tracking``."""
     return _window(log, start_s, stop_s, _errors(log, start_s, stop_s))
 
@@ -112,7 +112,7 @@ def stretches(log: Log) -> Iterator[tuple[float, float]]:
     for start, stop in pairwise(edges):
         in_test = any(begin <= start < end for begin, end in tests)
         middle = 0.5 * (start + stop)
-        if not in_test and _held(points.depth_time_s, points.depth_m, middle) > SUBMERGED_M:
+        if not in_test and _value_at(points.depth_time_s, points.depth_m, middle) > SUBMERGED_M:
             yield start, stop
 
 
@@ -131,13 +131,14 @@ def _changes(time_s: Array, values: Array, least: float) -> list[float]:
 
 
 def _tests(log: Log) -> Sequence[tuple[float, float]]:
-    starts = [event.time_s for event in log.events if STARTED in event.text]
+    starts = [event.time_s for event in log.events if START_TEXT in event.text]
     return [
-        (start, start + float(run.time_s[-1])) for start, run in zip(starts, cut(log), strict=False)
+        (start, start + float(run.time_s[-1]))
+        for start, run in zip(starts, cut_runs(log), strict=False)
     ]
 
 
-def _held(time_s: Array, values: Array, at_s: float) -> float:
+def _value_at(time_s: Array, values: Array, at_s: float) -> float:
     return float(values[max(0, int(np.searchsorted(time_s, at_s, side="right")) - 1)])
 
 
@@ -152,7 +153,7 @@ def _followed(
 
     Guidance along a line turns the heading set-point in steps too small to count as changes.
     """
-    start = _held(time_s, values, start_s)
+    start = _value_at(time_s, values, start_s)
     if at_s.size == 0:
         return start
     rows = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, None)
@@ -178,16 +179,16 @@ def _errors(log: Log, start_s: float, stop_s: float) -> _Errors:
     )
 
 
-def _window(log: Log, start_s: float, stop_s: float, errors: _Errors) -> Window:
+def _window(log: Log, start_s: float, stop_s: float, errors: _Errors) -> SteadyWindow:
     points = log.setpoints
-    return Window(
+    return SteadyWindow(
         start_s=start_s,
         stop_s=stop_s,
         heading_setpoint_deg=math.degrees(
-            _held(points.attitude_time_s, points.heading_rad, start_s)
+            _value_at(points.attitude_time_s, points.heading_rad, start_s)
         )
         % 360.0,
-        depth_setpoint_m=_held(points.depth_time_s, points.depth_m, start_s),
+        depth_setpoint_m=_value_at(points.depth_time_s, points.depth_m, start_s),
         heading_deg=spread(errors.heading_deg),
         pitch_deg=spread(errors.pitch_deg),
         depth_m=spread(errors.depth_m),

@@ -26,7 +26,7 @@ def follow(
 ) -> None:
     """Carry ``axis`` through the substeps that ``duct_rad`` has room for; each receives its mean
     true angle."""
-    c, s = greybox.swing(actuator, substep_s)
+    c, s = greybox.lag_coefficients(actuator, substep_s)
     late, slack = actuator.delay_s / substep_s, 0.5 * actuator.backlash_rad
     whole = int(late)
     for k in range(duct_rad.size):
@@ -35,7 +35,7 @@ def follow(
         axis[QUEUE] = min(max(command_rad, -actuator.travel_rad), actuator.travel_rad)
         newer, older = axis[QUEUE + whole], axis[QUEUE + whole + 1]
         target = newer + (late - whole) * (older - newer)
-        axis[ANGLE], axis[RATE] = greybox.follow(
+        axis[ANGLE], axis[RATE] = greybox.step_actuator(
             actuator, axis[ANGLE], axis[RATE], target, c, s, substep_s
         )
         before = axis[DUCT]

@@ -12,7 +12,7 @@ from sysid.data.segments import Plane
 from sysid.estimation.map import fit
 from sysid.models import noise
 from sysid.models.noise import Noise
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ ACTS_ON: dict[Plane, tuple[int, int]] = {"yaw": (1, 5), "pitch": (2, 4)}
 """Rows of the generalised acceleration (FLU) that a plane's force and moment stand in."""
 
 
-class Colour(NamedTuple):
+class ShapingFilter(NamedTuple):
     """Slow moment, waves and their rate (``sysid.models.noise``), discrete."""
 
     transition: Array
@@ -32,17 +32,17 @@ class Colour(NamedTuple):
     """Standard deviations when it begins."""
 
 
-def of_plane(vehicle: Vehicle, plane: Plane, level: Noise) -> Colour:
+def of_plane(vehicle: CandidateVehicle, plane: Plane, level: Noise) -> ShapingFilter:
     linear = fit.linear_plane(vehicle, plane)
     A, density, _, _, P0 = noise.system(linear, level)
     n = len(linear.states)
     sea = slice(n, n + 3)
     transition, process = noise.discrete(A[sea, sea], density[sea, sea], TICK_S)
-    return Colour(transition, noise.root(process), np.sqrt(np.diag(P0)[sea]))
+    return ShapingFilter(transition, noise.root(process), np.sqrt(np.diag(P0)[sea]))
 
 
 def wrenches(
-    vehicle: Vehicle, levels: Mapping[Plane, Noise], times: float, rng: np.random.Generator
+    vehicle: CandidateVehicle, levels: Mapping[Plane, Noise], times: float, rng: np.random.Generator
 ) -> Iterator[Array]:
     """For every tick (6,), N and N m in FLU: such as give the accelerations of the noise model,
     ``times`` over.
@@ -56,7 +56,7 @@ def wrenches(
         for plane, colour in colours.items():
             force, moment = ACTS_ON[plane]
             kicks = rng.standard_normal((BLOCK, 3)) @ colour.root.T
-            accelerations[:, moment] = _play(colour.transition, kicks, states[plane])
+            accelerations[:, moment] = _generate(colour.transition, kicks, states[plane])
             accelerations[:, force] = (
                 levels[plane].force_mps15 / TICK_S**0.5 * rng.standard_normal(BLOCK)
             )
@@ -64,7 +64,7 @@ def wrenches(
 
 
 @entry_point
-def _play(transition: Array, kicks: Array, state: Array) -> Array:
+def _generate(transition: Array, kicks: Array, state: Array) -> Array:
     """Slow moment and waves together, tick by tick; ``state`` is left where the next block
     begins."""
     out = np.empty(len(kicks))

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from sitl.vehicle import dynamics, propeller
 from sitl.vehicle.jit import Native, entry_point, native
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import Water
 from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.models.greybox import Actuator
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import actuator
 
 Array = NDArray[np.float64]
@@ -20,16 +20,16 @@ Vector3 = tuple[float, float, float]
 
 SUBSTEPS = 4
 SUBSTEP_S = TICK_S / SUBSTEPS
-SEEN = 10
+N_OBSERVED = 10
 """What an observer aboard could tell: specific force, rates, field (each x, y, z in FRD) and
 depth."""
 FORCE, RATES, FIELD, DEPTH = slice(0, 3), slice(3, 6), slice(6, 9), 9
 
 
-class Vessel(NamedTuple):
+class SimulatedBody(NamedTuple):
     """What obeys the laws of physics, and where."""
 
-    model: Model
+    model: VehicleModel
     rudder: Actuator
     elevator: Actuator
     water: Water
@@ -37,7 +37,7 @@ class Vessel(NamedTuple):
     """The earth's magnetic field, gauss."""
 
 
-class Craft(NamedTuple):
+class SimulatedVehicleState(NamedTuple):
     """A vehicle on her way; the arrays change at every tick."""
 
     vessel: Native
@@ -51,19 +51,21 @@ class Craft(NamedTuple):
     work: Array
 
 
-def launch(vehicle: Vehicle, water: Water, field_nwu: Vector3) -> Craft:
+def initial_state(
+    vehicle: CandidateVehicle, water: Water, field_nwu: Vector3
+) -> SimulatedVehicleState:
     """Awash, level, at rest, heading north."""
     rudder, elevator = vehicle.actuators["yaw"], vehicle.actuators["pitch"]
-    vessel = Vessel(vehicle.model, rudder, elevator, water, field_nwu)
-    craft = Craft(
+    vessel = SimulatedBody(vehicle.model, rudder, elevator, water, field_nwu)
+    craft = SimulatedVehicleState(
         native(vessel),
         dynamics.state_at_rest(-vehicle.model.hydrostatics.radius_m),
         actuator.at_rest(rudder, SUBSTEP_S),
         actuator.at_rest(elevator, SUBSTEP_S),
-        np.empty(SEEN),
+        np.empty(N_OBSERVED),
         dynamics.work_array(),
     )
-    _look(
+    _observe(
         craft.vessel,
         craft.state,
         rudder.bias_rad,
@@ -77,7 +79,11 @@ def launch(vehicle: Vehicle, water: Water, field_nwu: Vector3) -> Craft:
 
 
 def advance(
-    craft: Craft, rudder_rad: float, elevator_rad: float, thrust: float, wrench: Array
+    craft: SimulatedVehicleState,
+    rudder_rad: float,
+    elevator_rad: float,
+    thrust: float,
+    wrench: Array,
 ) -> Array:
     """What is seen a tick later under these commands and an extra ``wrench``, (6,), FLU, N and N
     m."""
@@ -118,11 +124,11 @@ def _advance(
         )
     rudder_now = rudder[actuator.DUCT] + vessel.rudder.bias_rad
     elevator_now = elevator[actuator.DUCT] + vessel.elevator.bias_rad
-    _look(native_vessel, state, rudder_now, elevator_now, shaft_rps, wrench, seen, work)
+    _observe(native_vessel, state, rudder_now, elevator_now, shaft_rps, wrench, seen, work)
 
 
 @entry_point
-def _look(
+def _observe(
     native_vessel: Native,
     state: Array,
     rudder_rad: float,

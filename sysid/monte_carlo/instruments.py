@@ -19,7 +19,7 @@ from mavlink_io.records import SENSORS_ALL, SensorFrame
 from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.data.segments import Plane
 from sysid.models.noise import Noise
-from sysid.monte_carlo.dynamics import DEPTH, FIELD, FORCE, RATES, SEEN
+from sysid.monte_carlo.dynamics import DEPTH, FIELD, FORCE, N_OBSERVED, RATES
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ MEAN_S = 0.1
 """Over which the model's noise is a mean."""
 HORIZONTAL_GAUSS, DOWN_GAUSS = 0.2, 0.48
 """The earth's field in middle latitudes."""
-FLICKER = 1e-7
+LAST_DIGIT_NOISE = 1e-7
 """Of every last digit: an instrument whose reading stands still is taken for broken."""
 BLOCK = 1024
 TEMPERATURE_DEGC = 10.0
@@ -46,19 +46,19 @@ def field_nwu(config: Config) -> tuple[float, float, float]:
 def deviations(levels: Mapping[Plane, Noise]) -> Array:
     """(SEEN,) standard deviation of one tick's reading; roll's are taken to be pitch's."""
     yaw, pitch = levels["yaw"], levels["pitch"]
-    sd = np.empty(SEEN)
+    sd = np.empty(N_OBSERVED)
     sd[FORCE] = STANDARD_GRAVITY_MPS2 * pitch.angle_rad
     sd[RATES] = pitch.rate_radps, pitch.rate_radps, yaw.rate_radps
     sd[FIELD] = HORIZONTAL_GAUSS * yaw.angle_rad
     sd[DEPTH] = pitch.depth_m
-    return np.maximum(math.sqrt(MEAN_S / TICK_S) * sd, FLICKER)
+    return np.maximum(math.sqrt(MEAN_S / TICK_S) * sd, LAST_DIGIT_NOISE)
 
 
 def errors(levels: Mapping[Plane, Noise], rng: np.random.Generator) -> Iterator[Array]:
     """(SEEN,) for every tick."""
     sd = deviations(levels)
     while True:
-        yield from sd * rng.standard_normal((BLOCK, SEEN))
+        yield from sd * rng.standard_normal((BLOCK, N_OBSERVED))
 
 
 def frame(time_us: int, reading: Array, config: Config) -> SensorFrame:

@@ -17,23 +17,23 @@ from numpy.typing import NDArray
 
 from autopilot.control import params
 from autopilot.control.params import Config
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.data import segments
 from sysid.data.segments import Plane, Run
 from sysid.models import prediction
 from sysid.models.noise import Noise
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import samples as crew
 from sysid.monte_carlo import simulate as dive
 from sysid.monte_carlo.disturbance import ACTS_ON
-from sysid.monte_carlo.simulate import Dive, RefusedError, Sea
+from sysid.monte_carlo.simulate import MissionRejectedError, Sea, SimulatedDive
 from sysid.test_design import prior as beliefs
 from sysid.test_design.simulate import SURFACE
 from sysid.validation import crossover, frequency_response
 from sysid.validation.acceptance import COHERENCE
-from sysid.validation.crossover import Believed
+from sysid.validation.crossover import UncertainVehicle
 from sysid.validation.frequency_response import Pair
 from sysid.validation.validate import OCTAVE
 
@@ -63,15 +63,15 @@ class Obstacle(NamedTuple):
     reason: str
 
 
-class _Rehearsal(NamedTuple):
+class _Trial(NamedTuple):
     """Vehicle of the prior's mean, its parameters and the sea, for all missions alike."""
 
-    vehicle: Vehicle
+    vehicle: CandidateVehicle
     levels: dict[Plane, Noise]
     config: Config
 
 
-def noise_levels(vehicle: Vehicle, moments: Moments) -> dict[Plane, Noise]:
+def noise_levels(vehicle: CandidateVehicle, moments: Moments) -> dict[Plane, Noise]:
     """Return the disturbance of both planes as angular accelerations.
 
     Notes
@@ -92,7 +92,7 @@ def noise_levels(vehicle: Vehicle, moments: Moments) -> dict[Plane, Noise]:
     return levels
 
 
-def obstacle(
+def find_obstacle(
     prior: VehicleConfig, gains: Gains, moments: Moments, missions: Mapping[str, Items], seed: int
 ) -> Obstacle | None:
     """Return the first reason why this vehicle cannot complete the missions, or None.
@@ -105,15 +105,15 @@ def obstacle(
     missions: items by the mission's name, in the order of flying.
     seed: seed of the sea and the instruments.
     """
-    belief = beliefs.of_file(prior)
+    belief = beliefs.from_file(prior)
     vehicle = belief.vehicle(belief.mean)
     aboard = params.config({**gains, **crew.trims_deg(vehicle)})
-    rehearsal = _Rehearsal(vehicle, noise_levels(vehicle, moments), aboard)
-    flown: dict[str, Dive] = {}
+    rehearsal = _Trial(vehicle, noise_levels(vehicle, moments), aboard)
+    flown: dict[str, SimulatedDive] = {}
     for name, items in missions.items():
         try:
-            flown[name] = _fly(rehearsal, items, Sea(), seed)
-        except RefusedError as error:
+            flown[name] = _simulate(rehearsal, items, Sea(), seed)
+        except MissionRejectedError as error:
             return Obstacle(name, f"the autopilot refuses the mission ({error})")
         if flown[name].failsafe:
             cause = f"it ends with the failsafe {flown[name].failsafe!r}"
@@ -123,33 +123,33 @@ def obstacle(
     return _hidden_tests(rehearsal, gains, missions, flown, seed)
 
 
-def _fly(rehearsal: _Rehearsal, items: Items, sea: Sea, seed: int) -> Dive:
+def _simulate(rehearsal: _Trial, items: Items, sea: Sea, seed: int) -> SimulatedDive:
     return dive.fly(rehearsal.vehicle, rehearsal.levels, items, rehearsal.config, sea, (seed,))
 
 
-def _sea_in_words(rehearsal: _Rehearsal) -> str:
+def _sea_in_words(rehearsal: _Trial) -> str:
     yaw = rehearsal.levels["yaw"]
     rms = math.degrees(math.hypot(yaw.slow_radps2, yaw.wave_radps2))
     return f"the scenario's moments accelerate this vehicle by {rms:.2g} deg/s² rms in yaw"
 
 
 def _hidden_tests(
-    rehearsal: _Rehearsal,
+    rehearsal: _Trial,
     gains: Gains,
     missions: Mapping[str, Items],
-    flown: Mapping[str, Dive],
+    flown: Mapping[str, SimulatedDive],
     seed: int,
 ) -> Obstacle | None:
     """Return the tests that the sea hides: the verdict would refuse the model for coherence."""
     swept = {name: _sweeps(dive) for name, dive in flown.items()}
     for plane in PLANES:
         tested = [name for name, found in swept.items() if any(run.plane == plane for run in found)]
-        crossed = crossover.crossover(_known(rehearsal.vehicle), plane, gains)
+        crossed = crossover.crossover(_uncertain_vehicle(rehearsal.vehicle), plane, gains)
         if not tested or crossed is None:
             continue
         pairs: list[Pair] = []
         for name in tested:
-            calm = _fly(rehearsal, missions[name], Sea(0.0), seed)
+            calm = _simulate(rehearsal, missions[name], Sea(0.0), seed)
             pairs += _pairs(_sweeps(calm), swept[name], plane)
         low, high = (share * crossed.crossover_radps for share in OCTAVE)
         found = frequency_response.spectra(pairs, np.geomspace(low, high, FREQUENCIES))
@@ -163,14 +163,16 @@ def _hidden_tests(
     return None
 
 
-def _known(vehicle: Vehicle) -> Believed:
-    return Believed(lambda z: vehicle, np.zeros(0), None)
+def _uncertain_vehicle(vehicle: CandidateVehicle) -> UncertainVehicle:
+    return UncertainVehicle(lambda z: vehicle, np.zeros(0), None)
 
 
-def _sweeps(flown: Dive) -> list[Run]:
+def _sweeps(flown: SimulatedDive) -> list[Run]:
     """Tests of a dive that tell a response over frequency."""
     return [
-        run for run in segments.cut(flown.log) if run.wave not in frequency_response.STEADY_WAVES
+        run
+        for run in segments.cut_runs(flown.log)
+        if run.wave not in frequency_response.NARROWBAND_WAVES
     ]
 
 

@@ -9,25 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autopilot.control import core, modes, request_handler, requests
-from autopilot.control.mission import Command
 from autopilot.control.params import Config
-from autopilot.control.types import US_PER_S, Inputs, State, Trace
+from autopilot.control.types import US_PER_S, AutopilotState, Inputs, Trace
 from autopilot.control.types import Event as Said
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionCommand, MissionItem
 from sitl.vehicle.water import drifting
 from sysid.control_analysis.loop_transfer import TICK_S
-from sysid.data.dataset import Actuators, Attitude, Depth, Duct, Event, Log, Setpoints
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
 from sysid.data.segments import Plane
 from sysid.models.noise import Noise
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 from sysid.monte_carlo import disturbance, dynamics, instruments
 
 Array = NDArray[np.float64]
 
 TICK_US = round(TICK_S * US_PER_S)
-EVERY = 5
+LOG_DECIMATION = 5
 """Of so many ticks one is kept: 10 Hz."""
-GRACE_S = 300.0
+EXTRA_TIME_S = 300.0
 """Beyond the mission's own legs and tests, for ways, waits and turns."""
 COLUMNS = (
     "time_s",
@@ -49,7 +48,7 @@ COLUMNS = (
 )
 
 
-class RefusedError(ValueError):
+class MissionRejectedError(ValueError):
     """A mission that the autopilot does not take; the message says why."""
 
 
@@ -64,7 +63,7 @@ class Sea(NamedTuple):
     """Of the rudder: a bent duct."""
 
 
-class Dive(NamedTuple):
+class SimulatedDive(NamedTuple):
     log: Log
     """As told by the vehicle herself."""
     true_depth_m: Array
@@ -81,20 +80,24 @@ class Dive(NamedTuple):
 
 def limit_s(items: Sequence[MissionItem]) -> float:
     """Vehicle seconds after which a mission counts as unfinished."""
-    delays = sum(item.p1 for item in items if item.command in (Command.DELAY, Command.LOITER_TIME))
-    tests = sum(item.x for item in items if item.command == Command.TEST)
-    ways = sum(item.command == Command.WAYPOINT for item in items)
-    return delays + tests + (1 + ways) * GRACE_S
+    delays = sum(
+        item.p1
+        for item in items
+        if item.command in (MissionCommand.DELAY, MissionCommand.LOITER_TIME)
+    )
+    tests = sum(item.x for item in items if item.command == MissionCommand.TEST)
+    ways = sum(item.command == MissionCommand.WAYPOINT for item in items)
+    return delays + tests + (1 + ways) * EXTRA_TIME_S
 
 
 def fly(
-    vehicle: Vehicle,
+    vehicle: CandidateVehicle,
     levels: dict[Plane, Noise],
     items: tuple[MissionItem, ...],
     config: Config,
     sea: Sea,
     seed: tuple[int, ...],
-) -> Dive:
+) -> SimulatedDive:
     """From arming, awash, until the vehicle turns to the surface. The same ``seed`` is the same sea
     and instruments.
 
@@ -107,58 +110,64 @@ def fly(
     water = drifting(
         (sea.current_mps * math.cos(towards), sea.current_mps * math.sin(towards), 0.0)
     )
-    craft = dynamics.launch(
-        _bent(vehicle, sea.bias_shift_rad), water, instruments.field_nwu(config)
+    craft = dynamics.initial_state(
+        _with_bias_shift(vehicle, sea.bias_shift_rad), water, instruments.field_nwu(config)
     )
     wrenches, errors = (
         disturbance.wrenches(vehicle, levels, sea.times, push),
         instruments.errors(levels, err),
     )
-    said, rows = list[Event](), list[tuple[float, ...]]()
-    state, trace = _tick(core.start(), craft.seen + next(errors), config, said)
-    state = _sent_off(state, items, config)
+    said, rows = list[TextEvent](), list[tuple[float, ...]]()
+    state, trace = _tick(core.initial_state(), craft.seen + next(errors), config, said)
+    state = _arm_in_mission(state, items, config)
     most_us = limit_s(items) * US_PER_S
     while state.armed and state.mode == modes.MISSION.number and state.time_us < most_us:
         seen = dynamics.advance(
             craft, trace.rudder_rad, trace.elevator_rad, trace.thrust, next(wrenches)
         )
         state, trace = _tick(state, seen + next(errors), config, said)
-        if state.time_us % (EVERY * TICK_US) == 0:
+        if state.time_us % (LOG_DECIMATION * TICK_US) == 0:
             rows.append(_row(state, trace, float(seen[dynamics.DEPTH])))
     finished = state.mode != modes.MISSION.number and not state.failsafe
     rows = rows or [_row(state, trace, float(craft.seen[dynamics.DEPTH]))]
     columns = dict(zip(COLUMNS, np.array(rows).T, strict=True))
-    return Dive(_log(columns, said), columns["true_depth_m"], state.failsafe, finished)
+    return SimulatedDive(_log(columns, said), columns["true_depth_m"], state.failsafe, finished)
 
 
-def _bent(vehicle: Vehicle, shift_rad: float) -> Vehicle:
+def _with_bias_shift(vehicle: CandidateVehicle, shift_rad: float) -> CandidateVehicle:
     rudder = vehicle.actuators["yaw"]
     bent = rudder._replace(bias_rad=rudder.bias_rad + shift_rad)
     return vehicle._replace(actuators={**vehicle.actuators, "yaw": bent})
 
 
-def _tick(state: State, reading: Array, config: Config, said: list[Event]) -> tuple[State, Trace]:
+def _tick(
+    state: AutopilotState, reading: Array, config: Config, said: list[TextEvent]
+) -> tuple[AutopilotState, Trace]:
     time_us = state.time_us + TICK_US if state.time_us >= 0 else 0
     inputs = Inputs(instruments.frame(time_us, reading, config), None, None, None)
     state, _, trace, events = core.tick(state, inputs, config)
-    said += [Event(time_us / US_PER_S, e.severity, e.text) for e in events if isinstance(e, Said)]
+    said += [
+        TextEvent(time_us / US_PER_S, e.severity, e.text) for e in events if isinstance(e, Said)
+    ]
     return state, trace
 
 
-def _sent_off(state: State, items: tuple[MissionItem, ...], config: Config) -> State:
+def _arm_in_mission(
+    state: AutopilotState, items: tuple[MissionItem, ...], config: Config
+) -> AutopilotState:
     """Armed, in MISSION. Raises RefusedError."""
     for wish in (
         requests.LoadMission(items),
         requests.SetMode(modes.MISSION.number),
         requests.Arm(),
     ):
-        state, answer, _ = request_handler.request(state, wish, config)
+        state, answer, _ = request_handler.handle_request(state, wish, config)
         if answer.result:
-            raise RefusedError(answer.text)
+            raise MissionRejectedError(answer.text)
     return state
 
 
-def _row(state: State, trace: Trace, true_depth_m: float) -> tuple[float, ...]:
+def _row(state: AutopilotState, trace: Trace, true_depth_m: float) -> tuple[float, ...]:
     at, wanted = state.estimate, state.setpoint
     return (
         state.time_us / US_PER_S,
@@ -180,7 +189,7 @@ def _row(state: State, trace: Trace, true_depth_m: float) -> tuple[float, ...]:
     )
 
 
-def _log(c: dict[str, Array], said: Sequence[Event]) -> Log:
+def _log(c: dict[str, Array], said: Sequence[TextEvent]) -> Log:
     time_s = c["time_s"]
     return Log(
         name="rehearsal",
@@ -205,5 +214,5 @@ def _log(c: dict[str, Array], said: Sequence[Event]) -> Log:
         ),
         events=tuple(said),
         parameters={},
-        duct=Duct(np.empty(0), np.empty(0), np.empty(0)),
+        duct=DuctAngles(np.empty(0), np.empty(0), np.empty(0)),
     )

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from autopilot.control import params
 from autopilot.control.params import Config
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 from sysid.monte_carlo import metrics, samples, simulate
-from sysid.monte_carlo.metrics import Outcome
+from sysid.monte_carlo.metrics import DiveMetrics
 from sysid.monte_carlo.simulate import Sea
-from sysid.test_design.prior import Belief
+from sysid.test_design.prior import DesignPrior
 
 Array = NDArray[np.float64]
 Report = Callable[[float, float], None]
@@ -29,7 +29,7 @@ class GainsError(ValueError):
     be right."""
 
 
-class Request(NamedTuple):
+class StudyRequest(NamedTuple):
     """What to fly, by whom and where."""
 
     items: tuple[MissionItem, ...]
@@ -48,7 +48,7 @@ class Range(NamedTuple):
     worst: float
 
 
-class LegTold(NamedTuple):
+class LegSummary(NamedTuple):
     heading_deg: float
     depth_m: float
     settled_s: Range | None
@@ -56,7 +56,7 @@ class LegTold(NamedTuple):
     unsettled: int
 
 
-class Told(NamedTuple):
+class SimulationSummary(NamedTuple):
     """One set of gains in one sea. None is for what no vehicle showed."""
 
     gains: str
@@ -66,7 +66,7 @@ class Told(NamedTuple):
     """95 % of the steady error."""
     pitch_deg: Range | None
     depth_m: Range | None
-    legs: tuple[LegTold, ...]
+    legs: tuple[LegSummary, ...]
     rudder_deg: Range
     elevator_deg: Range
     stopped_pct: Range
@@ -85,8 +85,8 @@ class Told(NamedTuple):
         return max(self.broached, sum(self.diverged.values()), sum(self.failsafes.values()))
 
 
-class _Job(NamedTuple):
-    belief: Belief
+class _Trial(NamedTuple):
+    belief: DesignPrior
     items: tuple[MissionItem, ...]
     config: Config
     sea: Sea
@@ -94,7 +94,9 @@ class _Job(NamedTuple):
     seed: tuple[int, int]
 
 
-def rehearse(belief: Belief, request: Request, report: Report | None = None) -> tuple[Told, ...]:
+def simulate_samples(
+    belief: DesignPrior, request: StudyRequest, report: Report | None = None
+) -> tuple[SimulationSummary, ...]:
     """Fly ``request.vehicles`` draws of ``belief`` under every set of gains in every sea; the same
     draws and seas.
 
@@ -110,14 +112,15 @@ def rehearse(belief: Belief, request: Request, report: Report | None = None) -> 
     sets = [(name, sea) for name in request.gains for sea in request.seas]
     configs = {name: _config(name, {**trims, **values}) for name, values in request.gains.items()}
     jobs = [
-        _Job(belief, request.items, configs[name], sea, z, (request.seed, number))
+        _Trial(belief, request.items, configs[name], sea, z, (request.seed, number))
         for name, sea in sets
         for number, z in enumerate(drawn)
     ]
-    flown = list(_followed(_fly_all(jobs, request.processes), len(jobs), report))
+    flown = list(_with_progress(_fly_all(jobs, request.processes), len(jobs), report))
     each = len(drawn)
     return tuple(
-        _told(name, sea, flown[n * each : (n + 1) * each]) for n, (name, sea) in enumerate(sets)
+        _summarise(name, sea, flown[n * each : (n + 1) * each])
+        for n, (name, sea) in enumerate(sets)
     )
 
 
@@ -128,7 +131,7 @@ def _config(name: str, values: Mapping[str, float]) -> Config:
         raise GainsError(f"{name}: {error}") from None
 
 
-def _fly_all(jobs: Sequence[_Job], processes: int) -> Iterator[Outcome]:
+def _fly_all(jobs: Sequence[_Trial], processes: int) -> Iterator[DiveMetrics]:
     if processes == 1:
         yield from map(_fly, jobs)
         return
@@ -143,13 +146,15 @@ def _fly_all(jobs: Sequence[_Job], processes: int) -> Iterator[Outcome]:
             pool.shutdown(cancel_futures=True)
 
 
-def _fly(job: _Job) -> Outcome:
+def _fly(job: _Trial) -> DiveMetrics:
     vehicle = job.belief.vehicle(job.z)
     flown = simulate.fly(vehicle, job.belief.noise, job.items, job.config, job.sea, job.seed)
     return metrics.of_dive(flown, job.config.travel_rad, vehicle.model.hydrostatics.radius_m)
 
 
-def _followed(flown: Iterable[Outcome], count: int, report: Report | None) -> Iterator[Outcome]:
+def _with_progress(
+    flown: Iterable[DiveMetrics], count: int, report: Report | None
+) -> Iterator[DiveMetrics]:
     seconds = 0.0
     for number, one in enumerate(flown, start=1):
         seconds += one.seconds
@@ -158,10 +163,10 @@ def _followed(flown: Iterable[Outcome], count: int, report: Report | None) -> It
         yield one
 
 
-def _told(name: str, sea: Sea, flown: Sequence[Outcome]) -> Told:
+def _summarise(name: str, sea: Sea, flown: Sequence[DiveMetrics]) -> SimulationSummary:
     steady = [one.steady for one in flown if one.steady]
     shallowest = [one.shallowest_m for one in flown if one.shallowest_m is not None]
-    return Told(
+    return SimulationSummary(
         gains=name,
         sea=sea,
         vehicles=len(flown),
@@ -169,9 +174,9 @@ def _told(name: str, sea: Sea, flown: Sequence[Outcome]) -> Told:
         pitch_deg=_range([s.pitch_deg for s in steady]),
         depth_m=_range([s.depth_m for s in steady]),
         legs=_legs(flown),
-        rudder_deg=_over([one.rudder_deg for one in flown]),
-        elevator_deg=_over([one.elevator_deg for one in flown]),
-        stopped_pct=_over([100.0 * one.stopped for one in flown]),
+        rudder_deg=_range_of([one.rudder_deg for one in flown]),
+        elevator_deg=_range_of([one.elevator_deg for one in flown]),
+        stopped_pct=_range_of([100.0 * one.stopped for one in flown]),
         shallowest_m=Range(float(np.median(shallowest)), min(shallowest)) if shallowest else None,
         broached=sum(one.broached for one in flown),
         diverged=dict(sorted(Counter(one.diverged for one in flown if one.diverged).items())),
@@ -180,21 +185,23 @@ def _told(name: str, sea: Sea, flown: Sequence[Outcome]) -> Told:
     )
 
 
-def _legs(flown: Sequence[Outcome]) -> tuple[LegTold, ...]:
+def _legs(flown: Sequence[DiveMetrics]) -> tuple[LegSummary, ...]:
     """Leg by leg of the longest dive; a vehicle that did not come to one did not settle on it."""
     longest = max((one.legs for one in flown), key=len)
     return tuple(_leg(flown, number) for number in range(len(longest)))
 
 
-def _leg(flown: Sequence[Outcome], number: int) -> LegTold:
+def _leg(flown: Sequence[DiveMetrics], number: int) -> LegSummary:
     legs = [one.legs[number] for one in flown if len(one.legs) > number]
     settled = [leg.settled_s for leg in legs if leg.settled_s is not None]
-    return LegTold(legs[0].heading_deg, legs[0].depth_m, _range(settled), len(flown) - len(settled))
+    return LegSummary(
+        legs[0].heading_deg, legs[0].depth_m, _range(settled), len(flown) - len(settled)
+    )
 
 
 def _range(values: Sequence[float]) -> Range | None:
-    return _over(values) if values else None
+    return _range_of(values) if values else None
 
 
-def _over(values: Sequence[float]) -> Range:
+def _range_of(values: Sequence[float]) -> Range:
     return Range(float(np.median(values)), max(values))

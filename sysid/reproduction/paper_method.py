@@ -18,10 +18,10 @@ from sitl.vehicle.config import VehicleConfig
 from sitl.vehicle.jit import kernel
 from sysid.data.segments import RATE_HZ, Plane, Run
 from sysid.models import greybox, linear_planes, parameters
-from sysid.models.greybox import Actuator, Motion
+from sysid.models.greybox import Actuator, PlaneTrajectory
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel
-from sysid.reproduction.paper_tables import Coefficients
+from sysid.reproduction.paper_tables import Table1Column
 
 Array = NDArray[np.float64]
 
@@ -39,9 +39,9 @@ SEED = {
     "Z_wdot": ("Y_vdot", 1.0),
 }
 """Pitch coefficient from its yaw twin, with the sign that half the paper's axes give it."""
-FIRST_ANSWER_S = 2.0
+FIRST_RESPONSE_S = 2.0
 """After the delay: the part of a test from which the initial angular acceleration is read."""
-LEAST_ANSWER = 0.1
+MIN_RESPONSE = 0.1
 """Of the prior's angular acceleration; tests that move the vehicle less hold no answer."""
 RANK_TOLERANCE = 1e-3
 """Singular values below this share of the largest are no information: the coefficients then shift
@@ -49,7 +49,7 @@ without a trace."""
 
 
 class PlaneFit(NamedTuple):
-    coefficients: Coefficients
+    coefficients: Table1Column
     acceleration_per_s2: float
     """Measured angular acceleration per radian of duct, the paper's axes (the paper: -0.51 yaw,
     -0.46 pitch)."""
@@ -63,26 +63,30 @@ def fit(
     runs: Sequence[Run], prior: VehicleConfig, actuators: dict[Plane, Actuator]
 ) -> dict[Plane, PlaneFit]:
     """Yaw, then pitch started from yaw; a plane without runs is left out."""
-    coefficients = parameters.short(prior.linear)
+    coefficients = parameters.to_table_1_column(prior.linear)
     fits: dict[Plane, PlaneFit] = {}
     for plane in ("yaw", "pitch"):
         chosen = [run for run in runs if run.plane == plane]
         if chosen:
-            start = seeded(coefficients) if plane == "pitch" and "yaw" in fits else coefficients
+            start = (
+                seed_pitch_from_yaw(coefficients)
+                if plane == "pitch" and "yaw" in fits
+                else coefficients
+            )
             fits[plane] = _fit_plane(chosen, plane, start, prior, actuators[plane])
             coefficients = fits[plane].coefficients
     return fits
 
 
-def seeded(c: Coefficients) -> Coefficients:
+def seed_pitch_from_yaw(c: Table1Column) -> Table1Column:
     """Pitch coefficients as the mirror image of yaw's."""
     return c._replace(**{name: sign * getattr(c, twin) for name, (twin, sign) in SEED.items()})
 
 
-def motion(model: IdentifiedModel, actuator: Actuator, run: Run) -> Motion:
+def motion(model: IdentifiedModel, actuator: Actuator, run: Run) -> PlaneTrajectory:
     """A run by the linear plane of a model that was identified the paper's way, behind a
     tailcone."""
-    c = Coefficients(**{name: found.value for name, found in model.coefficients.items()})
+    c = Table1Column(**{name: found.value for name, found in model.coefficients.items()})
     return simulate(_plane(run.plane, c, model.speed_mps, model.vehicle.mass_kg), actuator, run)
 
 
@@ -92,34 +96,34 @@ def departure(actuator: Actuator, run: Run) -> Array:
     return delta - (np.mean(delta[run.preroll]) if run.preroll.any() else 0.0)
 
 
-class Step(NamedTuple):
+class DiscretePlane(NamedTuple):
     """A linear plane over one sample: x' = Phi x + Gamma delta."""
 
     Phi: Array
     Gamma: Array
 
 
-def step(plane: LinearPlane) -> Step:
+def step(plane: LinearPlane) -> DiscretePlane:
     """The exact step under a duct angle held over it."""
     n = plane.A.shape[0]
     transition = expm(np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n + 1))]]) / RATE_HZ)
-    return Step(np.ascontiguousarray(transition[:n, :n]), transition[:n, n].copy())
+    return DiscretePlane(np.ascontiguousarray(transition[:n, :n]), transition[:n, n].copy())
 
 
-def states(over: Step, delta: Array) -> Array:
+def states(over: DiscretePlane, delta: Array) -> Array:
     """States under duct angles, from rest, (samples, states)."""
     return _recursion(over.Phi, over.Gamma, delta)
 
 
-def simulate(plane: LinearPlane, actuator: Actuator, run: Run) -> Motion:
+def simulate(plane: LinearPlane, actuator: Actuator, run: Run) -> PlaneTrajectory:
     """The linear plane under a run's commands."""
     n, x, start = (
         plane.A.shape[0],
         states(step(plane), departure(actuator, run)),
-        greybox.measured_start(run),
+        greybox.initial_motion(run),
     )
     depth = start.depth_m + (x[:, 3] if n > 3 else 0.0 * x[:, 0])
-    return Motion(x[:, 1], start.angle_rad + x[:, 2], depth, np.full(len(x), np.nan))
+    return PlaneTrajectory(x[:, 1], start.angle_rad + x[:, 2], depth, np.full(len(x), np.nan))
 
 
 @kernel
@@ -135,26 +139,26 @@ def _recursion(Phi: Array, Gamma: Array, delta: Array) -> Array:
     return x
 
 
-def _plane(plane: Plane, c: Coefficients, speed_mps: float, mass_kg: float) -> LinearPlane:
+def _plane(plane: Plane, c: Table1Column, speed_mps: float, mass_kg: float) -> LinearPlane:
     return (linear_planes.yaw_plane if plane == "yaw" else linear_planes.pitch_plane)(
         c, speed_mps, mass_kg
     )
 
 
 def _fit_plane(
-    runs: Sequence[Run], plane: Plane, start: Coefficients, prior: VehicleConfig, actuator: Actuator
+    runs: Sequence[Run], plane: Plane, start: Table1Column, prior: VehicleConfig, actuator: Actuator
 ) -> PlaneFit:
     names, about = FREE[plane], (prior.operating_point.speed_mps, prior.ballast.mass_kg)
     acceleration = first_acceleration(
-        runs, _plane(plane, parameters.short(prior.linear), *about), actuator
+        runs, _plane(plane, parameters.to_table_1_column(prior.linear), *about), actuator
     )
 
-    def candidate(logs: Array) -> Coefficients:
+    def candidate(logs: Array) -> Table1Column:
         moved = {
             name: getattr(start, name) * float(np.exp(x))
             for name, x in zip(names, logs, strict=True)
         }
-        return tied(start._replace(**moved), plane, acceleration)
+        return tie_inertia(start._replace(**moved), plane, acceleration)
 
     departures = [departure(actuator, run) for run in runs]
 
@@ -176,7 +180,7 @@ def _fit_plane(
     return PlaneFit(candidate(found.x), acceleration, rank, found.jac, float(found.cost))
 
 
-def tied(c: Coefficients, plane: Plane, acceleration_per_s2: float) -> Coefficients:
+def tie_inertia(c: Table1Column, plane: Plane, acceleration_per_s2: float) -> Table1Column:
     """Inertia such that a step of the duct gives the measured angular acceleration."""
     if plane == "yaw":
         return c._replace(I_zz=c.N_dr / acceleration_per_s2 + c.N_rdot)
@@ -193,7 +197,7 @@ def first_acceleration(runs: Sequence[Run], plane: LinearPlane, actuator: Actuat
     expected, measured = [], []
     for run in runs:
         first = int(np.searchsorted(run.time_s, 0.0))
-        answer = slice(first, first + int((actuator.delay_s + FIRST_ANSWER_S) * RATE_HZ))
+        answer = slice(first, first + int((actuator.delay_s + FIRST_RESPONSE_S) * RATE_HZ))
         delta = greybox.duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
         expected.append(states(over, delta - delta[first])[answer, 1])
         measured.append(
@@ -201,4 +205,4 @@ def first_acceleration(runs: Sequence[Run], plane: LinearPlane, actuator: Actuat
         )
     x, y = np.concatenate(expected), np.concatenate(measured)
     scale = float(x @ y) / max(float(x @ x), 1e-12)
-    return -float(plane.B[1]) * max(scale, LEAST_ANSWER)
+    return -float(plane.B[1]) * max(scale, MIN_RESPONSE)

@@ -12,7 +12,7 @@ MASS_KG = 637.0
 GRAVITY_MPS2 = 9.81
 
 
-class Coefficients(NamedTuple):
+class Table1Column(NamedTuple):
     """One column of Table 1, SI units with angles in radians."""
 
     Y_v: float
@@ -36,7 +36,7 @@ class Coefficients(NamedTuple):
     z_CM: float
 
 
-TABLE_1_INITIAL = Coefficients(
+TABLE_1_INITIAL = Table1Column(
     -449,
     -239,
     266,
@@ -57,7 +57,7 @@ TABLE_1_INITIAL = Coefficients(
     -458,
     -0.021,
 )
-TABLE_1_ADJUSTED = Coefficients(
+TABLE_1_ADJUSTED = Table1Column(
     -445,
     -159,
     331,
@@ -79,7 +79,7 @@ TABLE_1_ADJUSTED = Coefficients(
     -0.015,
 )
 
-UNITS = Coefficients(
+UNITS = Table1Column(
     *("kg/s", "kg m/s", "kg m/s", "kg m2/s", "N/rad", "N m/rad", "kg", "kg m2", "kg m2"),  # type: ignore[arg-type]
     *("kg/s", "kg m/s", "kg m/s", "kg m2/s", "N/rad", "N m/rad", "kg", "kg m2", "kg m2", "m"),  # type: ignore[arg-type]
 )

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from sitl.vehicle import propeller
 from sysid.data.segments import RATE_HZ, Plane, Run
 from sysid.estimation.map import fit
-from sysid.estimation.map.fit import Experiment
+from sysid.estimation.map.fit import Dataset
 from sysid.models import greybox, linear_planes, noise
 from sysid.models.noise import Filter
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 
 Array = NDArray[np.float64]
 Kind = Literal["actuator slip", "actuator offset", "gain error", "gust", "speed off"]
@@ -43,19 +43,19 @@ class Signature(NamedTuple):
     unit: Literal["deg", "%", "deg/s2"]
 
 
-def signatures(vehicle: Vehicle, what: Experiment, by: Filter) -> list[Signature]:
+def signatures(vehicle: CandidateVehicle, what: Dataset, by: Filter) -> list[Signature]:
     """All that are looked for; angles at the duct in degrees, accelerations in deg/s^2, errors in
     percent."""
     run, actuator = what.run, vehicle.actuators[what.run.plane]
     speed_mps = fit.cruise_speed_mps(vehicle, float(run.thrust[0]))
     duct = greybox.duct_along(run, run.plane, actuator)
-    stretched = greybox.duct_along(_stretched(run), run.plane, actuator)
+    stretched = greybox.duct_along(_scale_deflections(run), run.plane, actuator)
     first, faster = (
         greybox.first_state(run, what.start, k * speed_mps) for k in (1.0, 1.0 + SMALL_SHARE)
     )
     before = _track(vehicle, what, first, duct)
     rows = np.arange(_rows(MARGIN_S), len(before) - _rows(MARGIN_S), _rows(EVERY_S))
-    slips = [_slipped(vehicle, what, before, duct, int(row)) for row in rows]
+    slips = [_simulate_slip(vehicle, what, before, duct, int(row)) for row in rows]
     offset, gain = (
         _track(vehicle, what, first, angles) for angles in (duct + SMALL_RAD, stretched)
     )
@@ -64,7 +64,7 @@ def signatures(vehicle: Vehicle, what: Experiment, by: Filter) -> list[Signature
     def white(tracks: Sequence[Array], size: float) -> Array:
         moves = [before - track for track in tracks]  # the other way round than in the paper's axes
         measured = [np.ascontiguousarray(move[:, 2 : 2 + what.measured.shape[1]]) for move in moves]
-        return np.stack([noise.whitened(move, by).ravel() for move in measured]) / size
+        return np.stack([noise.whiten_residual(move, by).ravel() for move in measured]) / size
 
     times_s, always = run.time_s[rows * fit.STRIDE], np.array([math.nan])
     by_degree, percents = white(slips, math.degrees(SMALL_RAD)), 100.0 * SMALL_SHARE
@@ -81,7 +81,9 @@ def _rows(seconds: float) -> int:
     return round(seconds * RATE_HZ / fit.STRIDE)
 
 
-def _slipped(vehicle: Vehicle, what: Experiment, before: Array, duct_rad: Array, row: int) -> Array:
+def _simulate_slip(
+    vehicle: CandidateVehicle, what: Dataset, before: Array, duct_rad: Array, row: int
+) -> Array:
     """The track from ``row`` on with the duct a little off; nothing differs earlier."""
     late = _track(
         vehicle, what, before[row], duct_rad[row * fit.STRIDE :] + SMALL_RAD, first_row=row
@@ -90,8 +92,8 @@ def _slipped(vehicle: Vehicle, what: Experiment, before: Array, duct_rad: Array,
 
 
 def _track(
-    vehicle: Vehicle,
-    what: Experiment,
+    vehicle: CandidateVehicle,
+    what: Dataset,
     first: Array,
     duct_rad: Array,
     faster: float = 1.0,
@@ -117,21 +119,21 @@ def _track(
 def departure_rad(run: Run) -> Array:
     """How far a test moved its surface from where the loop had held it, from the start of the test
     on."""
-    return (run.command_rad - _held_rad(run, run.plane))[~run.preroll]
+    return (run.command_rad - _held_deflection_rad(run, run.plane))[~run.preroll]
 
 
-def _held_rad(run: Run, plane: Plane) -> float:
+def _held_deflection_rad(run: Run, plane: Plane) -> float:
     """Where the loop held a surface before the test."""
     command = run.rudder_rad if plane == "yaw" else run.elevator_rad
     trim_rad = run.rudder_trim_rad if plane == "yaw" else run.elevator_trim_rad
     return float(np.mean(command[run.preroll])) if run.preroll.any() else trim_rad
 
 
-def _stretched(run: Run) -> Run:
+def _scale_deflections(run: Run) -> Run:
     """The same run, its surfaces a little farther from where they were held."""
 
     def farther(command_rad: Array, plane: Plane) -> Array:
-        return command_rad + SMALL_SHARE * (command_rad - _held_rad(run, plane))
+        return command_rad + SMALL_SHARE * (command_rad - _held_deflection_rad(run, plane))
 
     rudder, elevator = run.earlier_rad
     return replace(
@@ -149,6 +151,6 @@ def _pulses(steps: Array) -> Array:
     return steps - back
 
 
-def _push_per_s2(vehicle: Vehicle, run: Run) -> float:
+def _push_per_s2(vehicle: CandidateVehicle, run: Run) -> float:
     """Angular acceleration per unit of duct angle."""
     return linear_planes.small_signal(fit.linear_plane(vehicle, run.plane)).b1_per_s2

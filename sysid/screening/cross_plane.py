@@ -8,7 +8,7 @@ import numpy as np
 from scipy import signal
 
 from sysid.data.segments import RATE_HZ, STEADY_S, Array, Run
-from sysid.screening.limits import Limits
+from sysid.screening.limits import ScreeningLimits
 
 FALSE_ALARM = 0.01
 SEGMENTS = 7
@@ -20,28 +20,32 @@ EXCITED = 0.1
 """Of the surface's largest power: frequencies at which the test moved it."""
 
 
-def cross_plane(run: Run, limits: Limits, runs: Sequence[Run]) -> str:
+def cross_plane(run: Run, limits: ScreeningLimits, runs: Sequence[Run]) -> str:
     """A test of both surfaces means to move both planes; only rolling spoils it."""
     if run.both:
-        return _rolled(run, limits)
-    return _rolled(run, limits) or _moved(run, limits, runs) or _coherent(run, limits)
+        return _roll_reason(run, limits)
+    return (
+        _roll_reason(run, limits)
+        or _excursion_reason(run, limits, runs)
+        or _coherence_reason(run, limits)
+    )
 
 
-def _rolled(run: Run, limits: Limits) -> str:
+def _roll_reason(run: Run, limits: ScreeningLimits) -> str:
     roll = math.degrees(float(np.max(np.abs(run.roll_rad))))
-    return _told(
+    return _reason(
         f"roll reached {roll:.0f} deg, at most {limits.roll_deg:g}", roll > limits.roll_deg
     )
 
 
-def _moved(run: Run, limits: Limits, runs: Sequence[Run]) -> str:
+def _excursion_reason(run: Run, limits: ScreeningLimits, runs: Sequence[Run]) -> str:
     """The farthest that the other plane went, against what its loop and the sea make of it in such
     a time."""
     if run.plane == "pitch":
         swing, allowed = _degrees(
             run, run.heading_rad, [r.heading_rad for r in runs], runs, limits.cross_heading_deg
         )
-        return _told(f"heading moved {swing:.1f} deg, at most {allowed:.1f}", swing > allowed)
+        return _reason(f"heading moved {swing:.1f} deg, at most {allowed:.1f}", swing > allowed)
     pitched, allowed = _degrees(
         run, run.pitch_rad, [r.pitch_rad for r in runs], runs, limits.cross_pitch_deg
     )
@@ -49,9 +53,9 @@ def _moved(run: Run, limits: Limits, runs: Sequence[Run]) -> str:
         _excursion(run, run.depth_m),
         max(limits.cross_depth_m, band(runs, [r.depth_m for r in runs], run)),
     )
-    return _told(
+    return _reason(
         f"pitch moved {pitched:.1f} deg, at most {allowed:.1f}", pitched > allowed
-    ) or _told(f"depth moved {sunk:.2f} m, at most {deepest:.2f}", sunk > deepest)
+    ) or _reason(f"depth moved {sunk:.2f} m, at most {deepest:.2f}", sunk > deepest)
 
 
 def _degrees(
@@ -61,7 +65,7 @@ def _degrees(
     return math.degrees(_excursion(run, values)), max(least, math.degrees(band(runs, of_all, run)))
 
 
-def _told(what: str, broken: bool) -> str:
+def _reason(what: str, broken: bool) -> str:
     return f"cross-plane coupling: {what}" if broken else ""
 
 
@@ -96,14 +100,14 @@ def band(runs: Sequence[Run], values: Sequence[Array], run: Run) -> float:
     return spread * math.sqrt(2.0 * math.log(max(crossings, 1.0) / FALSE_ALARM))
 
 
-def _coherent(run: Run, limits: Limits) -> str:
+def _coherence_reason(run: Run, limits: ScreeningLimits) -> str:
     rate = run.q_radps if run.plane == "yaw" else run.r_radps
     coherent, bins = coherence(run, rate)
     allowed = max(limits.cross_coherence, significant(bins))
     follows = math.sqrt(coherent) * float(np.std(rate)) / max(float(np.std(run.rate_radps)), 1e-9)
     other = "pitch" if run.plane == "yaw" else "yaw"
     what = f"{other} rate follows the surface, coherence {coherent:.2f}, at most {allowed:.2f}"
-    return _told(what, coherent > allowed and follows > limits.cross_share)
+    return _reason(what, coherent > allowed and follows > limits.cross_share)
 
 
 def coherence(run: Run, rate_radps: Array) -> tuple[float, int]:

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from sysid.models.model_file import Estimate, IdentifiedModel, Shift
+from sysid.models.model_file import IdentifiedModel, ParameterEstimate, Shift
 
 
 def shifts(with_all: IdentifiedModel, without: IdentifiedModel) -> tuple[Shift, ...]:
@@ -11,7 +11,7 @@ def shifts(with_all: IdentifiedModel, without: IdentifiedModel) -> tuple[Shift, 
     for plane, numbers in without.planes.items():
         before = msgspec.structs.asdict(with_all.planes[plane])
         for number, after in msgspec.structs.asdict(numbers).items():
-            if isinstance(after, Estimate) and after.sd:
+            if isinstance(after, ParameterEstimate) and after.sd:
                 first = before[number].value
                 found.append(
                     Shift(plane, number, first, after.value, (first - after.value) / after.sd)

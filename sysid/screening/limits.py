@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 
-class Limits(NamedTuple):
+class ScreeningLimits(NamedTuple):
     """The paper's own rules ("little pitch and depth response") in numbers; most are the floor of a
     statistic."""
 

@@ -6,36 +6,38 @@ from typing import NamedTuple
 
 from sysid.data.segments import Run
 from sysid.estimation.map.fit import Fit, Prior
-from sysid.screening.outlier_tests import Verdict, sift
+from sysid.screening.outlier_tests import RunScreening, find_outliers
 
-ROUNDS = 2
+MAX_REFITS = 2
 """Fits beyond the first at most: what shows only then is told, and stays."""
 
 
-class Settled(NamedTuple):
+class RefitResult(NamedTuple):
     found: Fit
     kept: tuple[Run, ...]
-    verdicts: dict[str, Verdict]
+    verdicts: dict[str, RunScreening]
     """By the run's name, each from the last fit that it was in."""
     structure: tuple[str, ...]
     with_all: Fit | None
     """The fit of all runs, where some were left out of the last one."""
 
 
-def settle(runs: Sequence[Run], prior: Prior, fit_runs: Callable[[Sequence[Run]], Fit]) -> Settled:
+def refit_until_clean(
+    runs: Sequence[Run], prior: Prior, fit_runs: Callable[[Sequence[Run]], Fit]
+) -> RefitResult:
     """Fit ``runs`` without those that the fit itself finds out."""
-    kept, verdicts = tuple(runs), dict[str, Verdict]()
+    kept, verdicts = tuple(runs), dict[str, RunScreening]()
     found = with_all = fit_runs(kept)
-    for turn in range(ROUNDS + 1):
-        sifted = sift(found, prior, runs)
+    for turn in range(MAX_REFITS + 1):
+        sifted = find_outliers(found, prior, runs)
         verdicts |= {verdict.run: verdict for verdict in sifted.verdicts}
         out = {verdict.run for verdict in sifted.verdicts if verdict.reason}
-        if not out or turn == ROUNDS:
+        if not out or turn == MAX_REFITS:
             break
         kept = tuple(run for run in kept if run.name not in out)
         found = fit_runs(kept)
-    stayed = {run.name: _told(verdicts[run.name]) for run in kept}
-    return Settled(
+    stayed = {run.name: _warning_only(verdicts[run.name]) for run in kept}
+    return RefitResult(
         found,
         kept,
         verdicts | stayed,
@@ -44,7 +46,7 @@ def settle(runs: Sequence[Run], prior: Prior, fit_runs: Callable[[Sequence[Run]]
     )
 
 
-def _told(verdict: Verdict) -> Verdict:
+def _warning_only(verdict: RunScreening) -> RunScreening:
     """Of a run that stayed: what would have left it out in another round is a warning."""
     late = (verdict.reason,) if verdict.reason else ()
     return verdict._replace(reason="", warnings=(*late, *verdict.warnings))

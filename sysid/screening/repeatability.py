@@ -8,17 +8,17 @@ import numpy as np
 from sysid.estimation.map.fit import STRIDE
 from sysid.screening.anomaly_models import departure_rad
 from sysid.screening.score_test import Scores, scores
-from sysid.screening.whitened_residuals import Evidence, Exhibit
+from sysid.screening.whitened_residuals import Residuals, RunResiduals
 
 SAME_SIZE, SAME_TIME_S = 0.05, 0.2
 
 
-def partners(exhibit: Exhibit, exhibits: Sequence[Exhibit]) -> list[Exhibit]:
+def repeated_runs(exhibit: RunResiduals, exhibits: Sequence[RunResiduals]) -> list[RunResiduals]:
     """The other runs of the same plane, wave, size and duration, of either sign."""
     return [e for e in exhibits if e is not exhibit and _match(e, exhibit)]
 
 
-def _match(a: Exhibit, b: Exhibit) -> bool:
+def _match(a: RunResiduals, b: RunResiduals) -> bool:
     one, two = a.experiment.run, b.experiment.run
     return (
         (one.plane, one.wave) == (two.plane, two.wave)
@@ -28,9 +28,9 @@ def _match(a: Exhibit, b: Exhibit) -> bool:
     )
 
 
-def repeatability(exhibit: Exhibit, evidence: Evidence) -> Scores | None:
+def repeatability(exhibit: RunResiduals, evidence: Residuals) -> Scores | None:
     """Anomalies of a run's difference from the mean of its partners; None without any."""
-    others = partners(exhibit, evidence.exhibits)
+    others = repeated_runs(exhibit, evidence.exhibits)
     if not others:
         return None
     before = min(_before(e) for e in (exhibit, *others))
@@ -48,22 +48,22 @@ def repeatability(exhibit: Exhibit, evidence: Evidence) -> Scores | None:
     return scores(marks, residual, slopes, evidence.covariance, spread=1.0 + 1.0 / len(others))
 
 
-def _before(exhibit: Exhibit) -> int:
+def _before(exhibit: RunResiduals) -> int:
     """Samples before the test."""
     return -(-int(np.count_nonzero(exhibit.experiment.run.preroll)) // STRIDE)
 
 
-def _samples(exhibit: Exhibit) -> int:
+def _samples(exhibit: RunResiduals) -> int:
     return len(exhibit.experiment.measured)
 
 
-def _rows(exhibit: Exhibit, before: int, after: int) -> slice:
+def _rows(exhibit: RunResiduals, before: int, after: int) -> slice:
     """Of the flat residual: ``before`` and ``after`` samples about the start of the test."""
     outputs, start = exhibit.experiment.measured.shape[1], _before(exhibit)
     return slice((start - before) * outputs, (start + after) * outputs)
 
 
-def _direction(exhibit: Exhibit) -> float:
+def _direction(exhibit: RunResiduals) -> float:
     """The sign of a test's first clear move."""
     away = departure_rad(exhibit.experiment.run)
     first = int(np.argmax(np.abs(away) > 0.5 * np.max(np.abs(away))))

@@ -6,14 +6,14 @@ import math
 import numpy as np
 
 from sysid.data import kinematics
-from sysid.data.kinematics import Disagreement
+from sysid.data.kinematics import AngleRateMismatch
 from sysid.data.segments import Run
 from sysid.screening import preroll
-from sysid.screening.limits import Limits
-from sysid.screening.preroll import Calm
+from sysid.screening.limits import ScreeningLimits
+from sysid.screening.preroll import UsualPreroll
 
 
-def gap(run: Run, limits: Limits) -> str:
+def gap(run: Run, limits: ScreeningLimits) -> str:
     longest = run.longest_gap_s
     return (
         f"gap: {longest:.2f} s without data, at most {limits.gap_s:g}"
@@ -22,7 +22,7 @@ def gap(run: Run, limits: Limits) -> str:
     )
 
 
-def clock(run: Run, limits: Limits) -> str:
+def clock(run: Run, limits: ScreeningLimits) -> str:
     if run.clock_back:
         return f"clock: {run.clock_back}"
     if abs(run.clock_drift_s) <= limits.clock_drift_s:
@@ -33,7 +33,7 @@ def clock(run: Run, limits: Limits) -> str:
     )
 
 
-def aborted(run: Run, limits: Limits) -> str:
+def too_short(run: Run, limits: ScreeningLimits) -> str:
     lasted = float(run.time_s[-1])
     if lasted >= limits.shortest_s:
         return ""
@@ -43,7 +43,7 @@ def aborted(run: Run, limits: Limits) -> str:
     )
 
 
-def saturation(run: Run, limits: Limits) -> str:
+def saturation(run: Run, limits: ScreeningLimits) -> str:
     """The other surface at its stops has let go of its plane; the tested one at its stops was
     clipped by them."""
     other = run.elevator_rad if run.plane == "yaw" else run.rudder_rad
@@ -60,10 +60,10 @@ def saturation(run: Run, limits: Limits) -> str:
     )
 
 
-def unsteady_start(run: Run, calm: Calm) -> str:
+def unsteady_start(run: Run, calm: UsualPreroll) -> str:
     """The last seconds before the test against what the sea does to the vehicle before all
     tests."""
-    start = preroll.last(run)
+    start = preroll.last_window(run)
     if start is None:
         return "unsteady start: less than 1 s of motion before the test"
     rate, allowed = (
@@ -84,7 +84,7 @@ def unsteady_start(run: Run, calm: Calm) -> str:
     return ""
 
 
-def disturbance(run: Run, limits: Limits, typical_radps: float) -> str:
+def disturbance(run: Run, limits: ScreeningLimits, typical_radps: float) -> str:
     rough = preroll.roughness_radps(run)
     floor = math.radians(limits.rough_floor_degps)
     if rough <= max(limits.rough_factor * typical_radps, floor):
@@ -95,7 +95,7 @@ def disturbance(run: Run, limits: Limits, typical_radps: float) -> str:
     )
 
 
-def speed_off(run: Run, limits: Limits) -> str:
+def thrust_change(run: Run, limits: ScreeningLimits) -> str:
     """Thrust, which sets the speed, is known; what speed itself did is asked of the fit
     (`sysid.screening.anomaly_models`)."""
     spread = float(np.ptp(run.thrust))
@@ -107,14 +107,14 @@ def speed_off(run: Run, limits: Limits) -> str:
     )
 
 
-def turning(run: Run, limits: Limits) -> str:
+def attitude_rate_mismatch(run: Run, limits: ScreeningLimits) -> str:
     """Heading and pitch must be what the rates make of them."""
-    heading = kinematics.heading(run)
-    wrong = _apart(heading, "heading and yaw rate", limits) if heading else ""
-    return wrong or _apart(kinematics.pitch(run), "pitch and pitch rate", limits)
+    heading = kinematics.heading_mismatch(run)
+    wrong = _mismatch_reason(heading, "heading and yaw rate", limits) if heading else ""
+    return wrong or _mismatch_reason(kinematics.pitch_mismatch(run), "pitch and pitch rate", limits)
 
 
-def _apart(found: Disagreement, what: str, limits: Limits) -> str:
+def _mismatch_reason(found: AngleRateMismatch, what: str, limits: ScreeningLimits) -> str:
     rms, bias = math.degrees(found.rms_rad), math.degrees(found.bias_radps)
     allowed = max(limits.angle_rms_deg, limits.angle_share * math.degrees(found.excursion_rad))
     if rms > allowed:
@@ -126,9 +126,9 @@ def _apart(found: Disagreement, what: str, limits: Limits) -> str:
     return ""
 
 
-def sinking(run: Run, limits: Limits) -> str:
+def depth_pitch_mismatch(run: Run, limits: ScreeningLimits) -> str:
     """Depth must be what speed and pitch make of it."""
-    found = kinematics.sinking(run)
+    found = kinematics.depth_mismatch(run)
     if found is None:
         return ""
     allowed = max(limits.depth_rms_m, limits.depth_share * found.excursion_m)

@@ -19,7 +19,7 @@ from sysid.screening.anomaly_models import Kind, Signature
 
 Array = NDArray[np.float64]
 
-LEAST_INFORMATION = 0.01
+MIN_INFORMATION = 0.01
 """Of the best time's: anomalies at times that tell less are not looked for."""
 
 
@@ -43,7 +43,7 @@ class Scores(NamedTuple):
     """Chance that a clean run shows any of them so clearly, at whatever time."""
 
 
-class _Course(NamedTuple):
+class _StatisticOverTime(NamedTuple):
     """Statistics of one kind over time, and how alike neighbours are."""
 
     signature: Signature
@@ -65,28 +65,28 @@ def scores(
     What lasts throughout and what comes at some time share the chance of a false alarm by halves: a
     search over a minute would else take most of it, and a wrong gain would pay for the many times
     at which a slip may come."""
-    courses = [_course(s, residual, slopes, covariance, spread) for s in signatures]
+    courses = [_statistic_over_time(s, residual, slopes, covariance, spread) for s in signatures]
     families = [[c for c in courses if bool(c.alike.size) == timed] for timed in (False, True)]
-    chances = [_chance(family) for family in families if family]
-    anomalies = sorted((_likeliest(c) for c in courses), key=lambda a: -abs(a.statistic))
+    chances = [_false_alarm_bound(family) for family in families if family]
+    anomalies = sorted((_most_likely(c) for c in courses), key=lambda a: -abs(a.statistic))
     return Scores(tuple(anomalies), min(1.0, len(chances) * min(chances)))
 
 
-def _chance(family: Sequence[_Course]) -> float:
+def _false_alarm_bound(family: Sequence[_StatisticOverTime]) -> float:
     """Bound on the chance that a clean run shows any anomaly of a family as clearly as this one
     does."""
     highest = max(float(np.max(np.abs(course.statistic))) for course in family)
     return sum(exceedance(highest, course.alike) for course in family)
 
 
-def _course(
+def _statistic_over_time(
     signature: Signature, residual: Array, slopes: Array, covariance: Array, spread: float
-) -> _Course:
+) -> _StatisticOverTime:
     white = signature.white
     explained = white @ slopes
     through = explained @ covariance
     variance = spread * np.sum(white**2, axis=1) - np.sum(through * explained, axis=1)
-    telling = np.flatnonzero(variance > LEAST_INFORMATION * np.max(variance))
+    telling = np.flatnonzero(variance > MIN_INFORMATION * np.max(variance))
     white, variance, explained, through = (
         white[telling],
         variance[telling],
@@ -98,10 +98,12 @@ def _course(
     )
     sd = np.sqrt(variance)
     signature = signature._replace(times_s=signature.times_s[telling], white=white)
-    return _Course(signature, variance, white @ residual / sd, neighbours / (sd[1:] * sd[:-1]))
+    return _StatisticOverTime(
+        signature, variance, white @ residual / sd, neighbours / (sd[1:] * sd[:-1])
+    )
 
 
-def _likeliest(course: _Course) -> Anomaly:
+def _most_likely(course: _StatisticOverTime) -> Anomaly:
     k = int(np.argmax(np.abs(course.statistic)))
     sd = 1.0 / math.sqrt(course.variance[k])
     time_s = float(course.signature.times_s[k])

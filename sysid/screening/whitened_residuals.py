@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.fit import STRIDE, Experiment, Fit, Prior
-from sysid.estimation.map.problem import Problem
+from sysid.estimation.map.fit import STRIDE, Dataset, Fit, Prior
+from sysid.estimation.map.problem import MapProblem
 from sysid.screening.anomaly_models import Kind, Signature, departure_rad, signatures
 
 Array = NDArray[np.float64]
@@ -22,10 +22,10 @@ SIZES = 1.5
 """Largest over smallest test of a plane from which on growth can be told from gain."""
 
 
-class Exhibit(NamedTuple):
+class RunResiduals(NamedTuple):
     """One run, linear about the fit."""
 
-    experiment: Experiment
+    experiment: Dataset
     size_rad: float
     """The farthest that the test moved the surface from its trim."""
     residual: Array
@@ -36,25 +36,25 @@ class Exhibit(NamedTuple):
     signatures: tuple[Signature, ...]
 
 
-class Evidence(NamedTuple):
+class Residuals(NamedTuple):
     """Residuals and slopes where the parameters are best for the runs that are in it."""
 
-    exhibits: tuple[Exhibit, ...]
+    exhibits: tuple[RunResiduals, ...]
     covariance: Array
     """(p, p), posterior of the parameters."""
     shift: Array
     """(p,) from the fit to the best parameters, one Gauss-Newton step."""
 
-    def left(self, exhibit: Exhibit) -> Array:
+    def left(self, exhibit: RunResiduals) -> Array:
         """The exhibit's whitened residual at the best parameters."""
         return exhibit.residual + exhibit.slopes @ self.shift
 
 
-def gather(found: Fit, prior: Prior) -> tuple[Exhibit, ...]:
+def linearise_runs(found: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
     """Every run of a fit, linear about it."""
     filters = problems.filters(found.vehicle, found.experiments, found.noise, STRIDE)
-    problem = Problem(prior, found.experiments, filters, found.noise, STRIDE)
-    linear = problems.linearised(problem, found.z)
+    problem = MapProblem(prior, found.experiments, filters, found.noise, STRIDE)
+    linear = problems.linearise(problem, found.z)
     experiments = [(plane, e) for plane, group in found.experiments.items() for e in group]
     largest = {
         plane: max(_size_rad(e) for e in group) for plane, group in found.experiments.items()
@@ -68,15 +68,19 @@ def gather(found: Fit, prior: Prior) -> tuple[Exhibit, ...]:
         growth = np.zeros((white.size, 2))
         if largest[plane] > SIZES * smallest[plane]:
             growth[:, int(plane == "pitch")] = (
-                -100.0 * _only(marks, "gain error") * _size_rad(e) / largest[plane]
+                -100.0 * _single_signature(marks, "gain error") * _size_rad(e) / largest[plane]
             )
         vague = math.degrees(found.vehicle.actuators[plane].backlash_rad) / math.sqrt(12.0)
-        bare = Exhibit(e, _size_rad(e), white.ravel(), np.hstack([slopes, growth]), tuple(marks))
-        exhibits.append(_loosened(bare, vague * _only(marks, "actuator offset")))
+        bare = RunResiduals(
+            e, _size_rad(e), white.ravel(), np.hstack([slopes, growth]), tuple(marks)
+        )
+        exhibits.append(
+            _with_backlash_noise(bare, vague * _single_signature(marks, "actuator offset"))
+        )
     return tuple(exhibits)
 
 
-def weigh(exhibits: Sequence[Exhibit], found: Fit, prior: Prior) -> Evidence:
+def update_parameters(exhibits: Sequence[RunResiduals], found: Fit, prior: Prior) -> Residuals:
     """The best parameters for these runs, as far as the fit is linear."""
     p = found.z.size
     belief = np.zeros((p + 2, p + 2))
@@ -86,15 +90,15 @@ def weigh(exhibits: Sequence[Exhibit], found: Fit, prior: Prior) -> Evidence:
     away = np.concatenate([found.z - prior.mean, np.zeros(2)])
     gradient = belief @ away + sum(e.slopes.T @ e.residual for e in exhibits)
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return Evidence(tuple(exhibits), covariance, -covariance @ gradient)
+    return Residuals(tuple(exhibits), covariance, -covariance @ gradient)
 
 
-def _only(marks: Sequence[Signature], kind: Kind) -> Array:
+def _single_signature(marks: Sequence[Signature], kind: Kind) -> Array:
     """The signature of a kind that has but one."""
     return next(mark.white[0] for mark in marks if mark.kind == kind)
 
 
-def _loosened(exhibit: Exhibit, play: Array) -> Exhibit:
+def _with_backlash_noise(exhibit: RunResiduals, play: Array) -> RunResiduals:
     """The same, white although the duct stands anywhere within its play: ``play`` (n,) is one
     standard deviation of it.
 
@@ -114,5 +118,5 @@ def _loosened(exhibit: Exhibit, play: Array) -> Exhibit:
     )
 
 
-def _size_rad(e: Experiment) -> float:
+def _size_rad(e: Dataset) -> float:
     return float(np.max(np.abs(departure_rad(e.run))))

@@ -42,7 +42,7 @@ class Lengths(NamedTuple):
 def candidates(
     plane: Plane, crossover_radps: float, nominal_deg: float, lengths: Lengths
 ) -> list[Manoeuvre]:
-    """All of one plane at their nominal size but designed square waves (``squares``)."""
+    """All of one plane at their nominal size but designed square waves (``square_waves``)."""
     low, high = (round(share * crossover_radps / (2.0 * math.pi), 3) for share in BAND)
     clocks = [round(share * crossover_radps, 3) for share in CLOCKS]
     pulses = sorted({max(3, round(7.0 * pulse / crossover_radps)) for pulse in PULSES})
@@ -60,7 +60,7 @@ def candidates(
     return shapes
 
 
-def squares(plane: Plane, nominal_deg: float, lengths: Lengths) -> list[Manoeuvre]:
+def square_waves(plane: Plane, nominal_deg: float, lengths: Lengths) -> list[Manoeuvre]:
     """Plane, loop and length of the square waves that are to be designed."""
     free = [Manoeuvre(plane, "square", nominal_deg, seconds) for seconds in lengths.square_s]
     return free + [
@@ -68,7 +68,7 @@ def squares(plane: Plane, nominal_deg: float, lengths: Lengths) -> list[Manoeuvr
     ]
 
 
-def of_both(
+def dual_axis_tests(
     crossovers_radps: Sequence[float], nominal_deg: Sequence[float], lengths: Lengths
 ) -> list[Manoeuvre]:
     """Over the bands of both planes, yaw's numbers first; the sizes are nominal."""
@@ -81,5 +81,5 @@ def of_both(
     return [shape._replace(duration_s=seconds) for seconds in lengths.both_s]
 
 
-def held_out(plane: Plane, crossover_radps: float, nominal_deg: float) -> Manoeuvre:
+def held_out_test(plane: Plane, crossover_radps: float, nominal_deg: float) -> Manoeuvre:
     return Manoeuvre(plane, HELD_OUT, nominal_deg, max(6, round(8.0 / crossover_radps)))

@@ -18,7 +18,7 @@ from sysid.data.segments import RATE_HZ, Plane
 from sysid.estimation.map import fit
 from sysid.models import noise
 from sysid.models.noise import Noise
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class Loop(NamedTuple):
     """Standard deviation of x before the loops have held her."""
 
 
-def of_vehicle(vehicle: Vehicle, plane: Plane, gains: Gains, level: Noise) -> Loop:
+def of_vehicle(vehicle: CandidateVehicle, plane: Plane, gains: Gains, level: Noise) -> Loop:
     linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]
     sea, density, _, _, P0 = noise.system(linear, level)
     n, m = linear.A.shape[0], sea.shape[0]
@@ -58,12 +58,12 @@ def of_vehicle(vehicle: Vehicle, plane: Plane, gains: Gains, level: Noise) -> Lo
     held = expm(np.block([[A, B[:, None]], [np.zeros((1, m + 3))]]) * DT)[: m + 2, m + 2]
     spread = np.zeros(m + 2)
     spread[:m] = np.sqrt(np.diag(P0))
-    feedback, integral = _law(plane, linear.A, gains, m + 2)
+    feedback, integral = _feedback_rows(plane, linear.A, gains, m + 2)
     late = round((actuator.delay_s + SAMPLING_S) / DT)
     return Loop(transition, held, feedback, integral, late, noise.root(process), spread)
 
 
-def _law(plane: Plane, A: Array, gains: Gains, size: int) -> tuple[Array, Array]:
+def _feedback_rows(plane: Plane, A: Array, gains: Gains, size: int) -> tuple[Array, Array]:
     """Rows of the command and of its integrator's growth in a tick; a pitch integrator is left
     out."""
     feedback, integral = np.zeros(size), np.zeros(size)
@@ -81,7 +81,7 @@ def _law(plane: Plane, A: Array, gains: Gains, size: int) -> tuple[Array, Array]
     return feedback, integral
 
 
-class Flown(NamedTuple):
+class ClosedLoopResponse(NamedTuple):
     """On the 50 Hz grid."""
 
     motion: Array
@@ -90,22 +90,24 @@ class Flown(NamedTuple):
     """The test and the loop's answer, from trim."""
 
 
-def fly(loop: Loop, plane: Plane, signal_rad: Array, kicks: Array | None = None) -> Flown:
+def simulate(
+    loop: Loop, plane: Plane, signal_rad: Array, kicks: Array | None = None
+) -> ClosedLoopResponse:
     """A test that is added to the loop's command; ``kicks``, (ticks, n) of unit variance, are the
     sea's."""
     n = loop.feedback.size
     quiet = kicks is None
     draws = np.zeros((signal_rad.size, n)) if kicks is None else kicks @ loop.kick.T
     first = np.zeros(n) if quiet or kicks is None else loop.spread * kicks[0]
-    track, command = _fly(*loop[:5], signal_rad, draws, first)
+    track, command = _simulate(*loop[:5], signal_rad, draws, first)
     rows = 2 if plane == "yaw" else 3
     motion = np.zeros((signal_rad.size, 3))
     motion[:, :rows] = track[:, 1 : 1 + rows]
-    return Flown(motion, command)
+    return ClosedLoopResponse(motion, command)
 
 
 @entry_point
-def _fly(
+def _simulate(
     transition: Array,
     drive: Array,
     feedback: Array,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.segments import Plane
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 from sysid.validation.crossover import response
 
 Array = NDArray[np.float64]
@@ -16,18 +16,18 @@ Array = NDArray[np.float64]
 LAG_RAD = math.radians(120.0)
 """A loop that feeds back the rate keeps 60 deg of phase margin where the rate lags the command by
 this."""
-SLOWEST_RADPS, FASTEST_RADPS = 0.1, 20.0
+MIN_RADPS, MAX_RADPS = 0.1, 20.0
 
 
-def frequency_radps(vehicle: Vehicle, plane: Plane) -> float:
+def frequency_radps(vehicle: CandidateVehicle, plane: Plane) -> float:
     """The highest frequency at which the rate lags the command by no more than LAG_RAD."""
     gain_phase = _gain_and_phase(vehicle, plane)
-    low = (gain_phase[1] >= -LAG_RAD) & (GRID_RADPS > SLOWEST_RADPS) & (GRID_RADPS < FASTEST_RADPS)
+    low = (gain_phase[1] >= -LAG_RAD) & (GRID_RADPS > MIN_RADPS) & (GRID_RADPS < MAX_RADPS)
     found = np.flatnonzero(low)
-    return float(GRID_RADPS[found[-1]]) if found.size else SLOWEST_RADPS
+    return float(GRID_RADPS[found[-1]]) if found.size else MIN_RADPS
 
 
-def answer(vehicle: Vehicle, plane: Plane, frequency: float) -> Array:
+def gain_and_phase(vehicle: CandidateVehicle, plane: Plane, frequency: float) -> Array:
     """Gain (natural logarithm of 1/s) and phase (rad) of rate over command at a frequency in
     rad/s."""
     return np.array(
@@ -35,7 +35,7 @@ def answer(vehicle: Vehicle, plane: Plane, frequency: float) -> Array:
     )
 
 
-def _gain_and_phase(vehicle: Vehicle, plane: Plane) -> tuple[Array, Array]:
+def _gain_and_phase(vehicle: CandidateVehicle, plane: Plane) -> tuple[Array, Array]:
     """The phase lies between -3/2 pi and pi/2 at 1 rad/s: an unstable plane begins at half a
     turn."""
     found = response(vehicle, plane)

@@ -7,11 +7,11 @@ of the rudder's size the elevator gets."""
 import math
 from collections.abc import Sequence
 
-from sysid.test_design.safety_margins import rounded
+from sysid.test_design.safety_margins import round_down
 from sysid.test_design.simulate import Manoeuvre
 
 
-def share(largest: Sequence[tuple[Manoeuvre, Manoeuvre]]) -> float:
+def elevator_share(largest: Sequence[tuple[Manoeuvre, Manoeuvre]]) -> float:
     """The elevator's size over the rudder's, in whole percent, with which all of them lose little.
 
     Args:
@@ -22,7 +22,9 @@ def share(largest: Sequence[tuple[Manoeuvre, Manoeuvre]]) -> float:
     return min(100, max(1, math.floor(100.0 * ratios[len(ratios) // 2]))) / 100.0
 
 
-def sized(shape: Manoeuvre, rudder: Manoeuvre, elevator: Manoeuvre, share: float) -> Manoeuvre:
+def scale_to_limits(
+    shape: Manoeuvre, rudder: Manoeuvre, elevator: Manoeuvre, share: float
+) -> Manoeuvre:
     """``shape`` as large as both halves may be at this share."""
-    size_deg = rounded(min(rudder.size_deg, elevator.size_deg / share))
+    size_deg = round_down(min(rudder.size_deg, elevator.size_deg / share))
     return shape._replace(size_deg=size_deg, elevator_deg=round(share * size_deg, 4))

@@ -21,7 +21,7 @@ from sysid.test_design import closed_loop as loops
 from sysid.test_design import crossover
 from sysid.test_design import prior as beliefs
 from sysid.test_design.closed_loop import Loop
-from sysid.test_design.prior import Belief
+from sysid.test_design.prior import DesignPrior
 from sysid.test_design.simulate import Manoeuvre, as_run, signal_rad
 
 Array = NDArray[np.float64]
@@ -31,23 +31,27 @@ STEP = 1e-3
 """Of the differences, in prior standard deviations."""
 
 
-def of_runs(belief: Belief, manoeuvres: Sequence[Manoeuvre], gains: Gains) -> list[Array]:
+def information_of(
+    belief: DesignPrior, manoeuvres: Sequence[Manoeuvre], gains: Gains
+) -> list[Array]:
     """Information about z, (n, n), of each manoeuvre, all of one plane, flown from straight level
     flight."""
     flat = [told.reshape(-1, told.shape[2]) for told in sensitivities(belief, manoeuvres, gains)]
     return [jacobian.T @ jacobian for jacobian in flat]
 
 
-def sensitivities(belief: Belief, manoeuvres: Sequence[Manoeuvre], gains: Gains) -> list[Array]:
+def sensitivities(
+    belief: DesignPrior, manoeuvres: Sequence[Manoeuvre], gains: Gains
+) -> list[Array]:
     """(steps, outputs, n) of each manoeuvre: whitened outputs' derivatives by z, from LEAD_S before
     the test on."""
     if not manoeuvres:
         return []
     plane = manoeuvres[0].plane
     base = belief.vehicle(belief.mean)
-    at = beliefs.still(base, plane)
+    at = beliefs.level_flight(base, plane)
     loop = loops.of_vehicle(base, plane, gains, belief.noise[plane])
-    experiments = [fit.experiment(as_run(m, at, _command_rad(m, loop))) for m in manoeuvres]
+    experiments = [fit.dataset(as_run(m, at, _command_rad(m, loop))) for m in manoeuvres]
     longest = max(len(e.measured) for e in experiments)
     by = noise.build(
         fit.linear_plane(base, plane), belief.noise[plane], fit.STRIDE / RATE_HZ, longest
@@ -59,16 +63,18 @@ def sensitivities(belief: Belief, manoeuvres: Sequence[Manoeuvre], gains: Gains)
             continue
         moved = belief.vehicle(belief.mean + STEP * np.eye(len(NAMES))[i])
         for each, before, after in zip(told, first, fit.residuals(moved, experiments), strict=True):
-            each[:, :, i] = noise.whitened((after - before) / STEP, by)
+            each[:, :, i] = noise.whiten_residual((after - before) / STEP, by)
     return told
 
 
 def _command_rad(manoeuvre: Manoeuvre, loop: Loop) -> Array:
     signal = signal_rad(manoeuvre)
-    return loops.fly(loop, manoeuvre.plane, signal).command_rad if manoeuvre.loop_on else signal
+    return (
+        loops.simulate(loop, manoeuvre.plane, signal).command_rad if manoeuvre.loop_on else signal
+    )
 
 
-class Numbers(NamedTuple):
+class DesignUncertainty(NamedTuple):
     """Standard deviations of what design rests on, one plane."""
 
     static_gain_pct: float
@@ -90,10 +96,10 @@ class Slopes(NamedTuple):
     """(2, n): gain (natural logarithm) and phase (rad) at the crossover that the belief's mean
     allows."""
     reported: Array
-    """(5, n): of ``Numbers``, relative but for the delay."""
+    """(5, n): of ``DesignUncertainty``, relative but for the delay."""
 
 
-def slopes(belief: Belief, plane: Plane) -> Slopes:
+def slopes(belief: DesignPrior, plane: Plane) -> Slopes:
     frequency = crossover.frequency_radps(belief.vehicle(belief.mean), plane)
 
     def transfer(z: Array) -> Array:
@@ -106,7 +112,7 @@ def slopes(belief: Belief, plane: Plane) -> Slopes:
         )
 
     def answer(z: Array) -> Array:
-        return crossover.answer(belief.vehicle(z), plane, frequency)
+        return crossover.gain_and_phase(belief.vehicle(z), plane, frequency)
 
     def reported(z: Array) -> Array:
         vehicle = belief.vehicle(z)
@@ -128,13 +134,15 @@ def _slope(function: Callable[[Array], Array], z: Array) -> Array:
     )
 
 
-def numbers(slope: Slopes, covariance: Array) -> Numbers:
+def numbers(slope: Slopes, covariance: Array) -> DesignUncertainty:
     """What a covariance of z leaves unsure."""
     sd = np.sqrt(np.einsum("ij,jk,ik->i", slope.reported, covariance, slope.reported))
     gain, phase = np.sqrt(np.einsum("ij,jk,ik->i", slope.crossover, covariance, slope.crossover))
     gain_pct, b1_pct, fast_pct, slow_pct = (100.0 * float(part) for part in sd[:4])
     gain_db = 20.0 * float(gain) / math.log(10.0)
-    return Numbers(gain_pct, b1_pct, fast_pct, slow_pct, float(sd[4]), gain_db, math.degrees(phase))
+    return DesignUncertainty(
+        gain_pct, b1_pct, fast_pct, slow_pct, float(sd[4]), gain_db, math.degrees(phase)
+    )
 
 
 def determinant(slope: Slopes, covariance: Array) -> float:

@@ -28,10 +28,10 @@ from sysid.test_design import (
     safety_margins as excursions,
 )
 from sysid.test_design.candidates import Lengths
-from sysid.test_design.information import CRITERIA, PLANES, Numbers, Slopes
-from sysid.test_design.prior import Belief, room_rad
-from sysid.test_design.safety_margins import Excursion, Limits, Sample
-from sysid.test_design.selection import Candidate
+from sysid.test_design.information import CRITERIA, PLANES, DesignUncertainty, Slopes
+from sysid.test_design.prior import DesignPrior, available_travel_rad
+from sysid.test_design.safety_margins import Excursion, ExcursionLimits, VehicleSample
+from sysid.test_design.selection import SizedTest
 from sysid.test_design.simulate import Manoeuvre
 from sysid.validation.crossover import gains_for
 
@@ -46,19 +46,19 @@ HELD_RECOVERY_S = 30.0
 begins."""
 SETTLING_S = 75.0
 """From the surface to the first test of a dive."""
-GROWTH = 3.0
+MAX_LOG_GROWTH = 3.0
 """Natural logarithm of what a run's length may make of a small error in a plane that is
 unstable."""
 
 
-class Request(NamedTuple):
+class PlanRequest(NamedTuple):
     """What a plan is for."""
 
     water_s: float = 1200.0
     """Of both dives from the first leg on: settling, tests, recoveries."""
     criterion: str = "d"
     """A key of ``information.CRITERIA``."""
-    limits: Limits = Limits()
+    limits: ExcursionLimits = ExcursionLimits()
     samples: int = 128
     seed: int = 1
     gains: Gains | None = None
@@ -86,31 +86,31 @@ class Planned(NamedTuple):
         return (self.excursion,) if self.elevator is None else (self.excursion, self.elevator)
 
 
-class Plan(NamedTuple):
+class TestPlan(NamedTuple):
     tests: tuple[Planned, ...]
     """To be fitted, in the order in which they are flown."""
     held_out: tuple[Planned, ...]
     """Of another type: to be predicted, and flown in a dive of their own."""
     water_s: float
     crossover_radps: dict[Plane, float]
-    before: dict[Plane, Numbers]
-    after: dict[Plane, Numbers]
-    paper: dict[Plane, Numbers]
+    before: dict[Plane, DesignUncertainty]
+    after: dict[Plane, DesignUncertainty]
+    paper: dict[Plane, DesignUncertainty]
     """After the paper's steps of the same water time."""
 
 
-class PlanRefused(ValueError):  # noqa: N818 - a refusal is an outcome of the work, not an error in the program
+class PlanInfeasibleError(ValueError):
     """No set of tests fits; the message says what stands in the way."""
 
 
-class _Known(NamedTuple):
+class _PlaneKnowledge(NamedTuple):
     """What planning knows of one plane."""
 
-    belief: Belief
+    belief: DesignPrior
     plane: Plane
     gains: Gains
     slopes: Slopes
-    samples: list[Sample]
+    samples: list[VehicleSample]
     crossover_radps: float
     nominal_deg: float
     largest_deg: float
@@ -118,7 +118,7 @@ class _Known(NamedTuple):
     lean_rad: float
 
 
-def plan(belief: Belief, request: Request, progress: Progress | None = None) -> Plan:
+def plan(belief: DesignPrior, request: PlanRequest, progress: Progress | None = None) -> TestPlan:
     """The tests to fly next.
 
     Raises:
@@ -127,36 +127,36 @@ def plan(belief: Belief, request: Request, progress: Progress | None = None) -> 
     """
     report = progress or (lambda what, share: None)
     known = np.asarray(np.linalg.inv(belief.covariance), dtype=np.float64)
-    about = {plane: _known(belief, plane, request) for plane in PLANES}
+    about = {plane: _plane_knowledge(belief, plane, request) for plane in PLANES}
     left = selection.criterion(
         {plane: about[plane].slopes for plane in PLANES}, CRITERIA[request.criterion]
     )
-    candidates: list[Candidate] = []
-    held: list[Candidate] = []
+    candidates: list[SizedTest] = []
+    held: list[SizedTest] = []
     for number, plane in enumerate(PLANES):
         report(f"{plane}: flying candidates", 0.45 * number)
         candidates += _candidates(about[plane], request, known)
         held += _held_out(about[plane], request)
     report("both surfaces: flying candidates", 0.9)
-    candidates += _of_both(about, request)
+    candidates += _dual_axis_candidates(about, request)
     report("choosing", 0.95)
     dives = 2 if held else 1
-    free_s = request.water_s - dives * SETTLING_S - selection.water_of(held)
-    chosen = selection.choose(candidates, known, free_s, left)
-    _refuse_too_little(chosen, candidates, request, free_s)
+    free_s = request.water_s - dives * SETTLING_S - selection.total_test_time_s(held)
+    chosen = selection.select_tests(candidates, known, free_s, left)
+    _check_time(chosen, candidates, request, free_s)
     report("done", 1.0)
     return _plan(belief, request, about, known, chosen, held)
 
 
-def _known(belief: Belief, plane: Plane, request: Request) -> _Known:
+def _plane_knowledge(belief: DesignPrior, plane: Plane, request: PlanRequest) -> _PlaneKnowledge:
     mean = belief.vehicle(belief.mean)
     gains = request.gains or gains_for(mean)
     seed = 2 * request.seed + PLANES.index(plane)
     longest_s = max(
         *library.STEPS_S, *(float(seconds) for lengths in request.lengths for seconds in lengths)
     )
-    samples = excursions.draw(belief, plane, gains, request.samples, longest_s, seed)
-    return _Known(
+    samples = excursions.sample_vehicles(belief, plane, gains, request.samples, longest_s, seed)
+    return _PlaneKnowledge(
         belief=belief,
         plane=plane,
         gains=gains,
@@ -164,40 +164,40 @@ def _known(belief: Belief, plane: Plane, request: Request) -> _Known:
         samples=samples,
         crossover_radps=crossover.frequency_radps(mean, plane),
         nominal_deg=library.NOMINAL_DEG * scale(belief, plane),
-        largest_deg=float(np.degrees(room_rad(belief, plane))),
-        longest_s=_longest_s(samples, plane),
-        lean_rad=beliefs.still(mean, plane).trim_rad if belief.trims_known else 0.0,
+        largest_deg=float(np.degrees(available_travel_rad(belief, plane))),
+        longest_s=_max_duration_s(samples, plane),
+        lean_rad=beliefs.level_flight(mean, plane).trim_rad if belief.trims_known else 0.0,
     )
 
 
-def scale(belief: Belief, plane: Plane) -> float:
+def scale(belief: DesignPrior, plane: Plane) -> float:
     """What a degree of Caribou's surface comes to on this vehicle's."""
     linear = fit.linear_plane(belief.vehicle(belief.mean), plane)
     return CARIBOU_TURN_PER_S2 / abs(linear_planes.small_signal(linear).b1_per_s2)
 
 
-def _longest_s(samples: list[Sample], plane: Plane) -> float:
+def _max_duration_s(samples: list[VehicleSample], plane: Plane) -> float:
     """How long a run of a vehicle may be whose plane runs away: nine in ten of the samples'."""
     fastest = [
         float(np.max(np.linalg.eigvals(fit.linear_plane(s.vehicle, plane).A).real)) for s in samples
     ]
-    return GROWTH / max(float(np.quantile(fastest, 0.9)), 1e-3)
+    return MAX_LOG_GROWTH / max(float(np.quantile(fastest, 0.9)), 1e-3)
 
 
-def _candidates(at: _Known, request: Request, known: Array) -> list[Candidate]:
+def _candidates(at: _PlaneKnowledge, request: PlanRequest, known: Array) -> list[SizedTest]:
     """The library's and the designed ones. A square wave is designed beside the best of the
     library's, flown twice."""
-    ready = _sized(
+    ready = _size_all(
         at,
         library.candidates(at.plane, at.crossover_radps, at.nominal_deg, request.lengths),
         request,
     )
     left = selection.criterion({at.plane: at.slopes}, CRITERIA[request.criterion])
     if ready:
-        best = selection.choose(ready, known, 2.0 * max(c.water_s for c in ready), left)
+        best = selection.select_tests(ready, known, 2.0 * max(c.water_s for c in ready), left)
         known = selection.total(best, known)
     designs = [
-        switching_times.designed(
+        switching_times.design_square_wave(
             at.belief,
             shape,
             at.gains,
@@ -209,21 +209,23 @@ def _candidates(at: _Known, request: Request, known: Array) -> list[Candidate]:
             request.seed,
             3.0 / at.crossover_radps,
         )
-        for shape in library.squares(at.plane, at.nominal_deg, request.lengths)
+        for shape in library.square_waves(at.plane, at.nominal_deg, request.lengths)
         if shape.duration_s <= at.longest_s
     ]
-    return ready + _sized(at, designs, request)
+    return ready + _size_all(at, designs, request)
 
 
-def _of_both(about: dict[Plane, _Known], request: Request) -> list[Candidate]:
+def _dual_axis_candidates(
+    about: dict[Plane, _PlaneKnowledge], request: PlanRequest
+) -> list[SizedTest]:
     """Each surface as large as its plane allows, and the elevator's share of the rudder one for all
     of them."""
     known = [about[plane] for plane in PLANES]
-    shapes = library.of_both(
+    shapes = library.dual_axis_tests(
         [at.crossover_radps for at in known], [at.nominal_deg for at in known], request.lengths
     )
     found = [
-        [_sized(at, [half], request) for at, half in zip(known, shape.halves, strict=True)]
+        [_size_all(at, [half], request) for at, half in zip(known, shape.halves, strict=True)]
         for shape in shapes
     ]
     pairs = [
@@ -233,13 +235,13 @@ def _of_both(about: dict[Plane, _Known], request: Request) -> list[Candidate]:
     ]
     if not pairs:
         return []
-    share = dual_axis.share(
+    share = dual_axis.elevator_share(
         [(rudder.manoeuvre, elevator.manoeuvre) for _, rudder, elevator in pairs]
     )
     return [
-        _together(
+        _combine_axes(
             about,
-            dual_axis.sized(shape, rudder.manoeuvre, elevator.manoeuvre, share),
+            dual_axis.scale_to_limits(shape, rudder.manoeuvre, elevator.manoeuvre, share),
             rudder,
             elevator,
         )
@@ -247,77 +249,83 @@ def _of_both(about: dict[Plane, _Known], request: Request) -> list[Candidate]:
     ]
 
 
-def _together(
-    about: dict[Plane, _Known], what: Manoeuvre, rudder: Candidate, elevator: Candidate
-) -> Candidate:
+def _combine_axes(
+    about: dict[Plane, _PlaneKnowledge], what: Manoeuvre, rudder: SizedTest, elevator: SizedTest
+) -> SizedTest:
     """``rudder`` and ``elevator`` are the halves at their largest, of which ``what`` may be
     less."""
     told = [
-        information.of_runs(about[half.plane].belief, [half], about[half.plane].gains)[0]
+        information.information_of(about[half.plane].belief, [half], about[half.plane].gains)[0]
         for half in what.halves
     ]
-    return Candidate(what, rudder.excursion, told[0] + told[1], rudder.water_s, elevator.excursion)
+    return SizedTest(what, rudder.excursion, told[0] + told[1], rudder.water_s, elevator.excursion)
 
 
-def _held_out(at: _Known, request: Request) -> list[Candidate]:
+def _held_out(at: _PlaneKnowledge, request: PlanRequest) -> list[SizedTest]:
     if not request.held_out:
         return []
-    return _sized(at, [library.held_out(at.plane, at.crossover_radps, at.nominal_deg)], request)
+    return _size_all(
+        at, [library.held_out_test(at.plane, at.crossover_radps, at.nominal_deg)], request
+    )
 
 
-def _sized(at: _Known, shapes: list[Manoeuvre], request: Request) -> list[Candidate]:
+def _size_all(
+    at: _PlaneKnowledge, shapes: list[Manoeuvre], request: PlanRequest
+) -> list[SizedTest]:
     fit_in = [shape for shape in shapes if shape.duration_s <= at.longest_s]
     found = [
-        excursions.sized(one, at.largest_deg, at.samples, request.limits, at.lean_rad)
+        excursions.max_size_within_limits(
+            one, at.largest_deg, at.samples, request.limits, at.lean_rad
+        )
         for one in fit_in
     ]
     kept = [one for one in found if one is not None]
-    told = information.of_runs(at.belief, [manoeuvre for manoeuvre, _ in kept], at.gains)
+    told = information.information_of(at.belief, [manoeuvre for manoeuvre, _ in kept], at.gains)
     return [
-        Candidate(
+        SizedTest(
             manoeuvre, excursion, matrix, manoeuvre.duration_s + recovery_s(manoeuvre, request)
         )
         for (manoeuvre, excursion), matrix in zip(kept, told, strict=True)
     ]
 
 
-def recovery_s(manoeuvre: Manoeuvre, request: Request) -> float:
+def recovery_s(manoeuvre: Manoeuvre, request: PlanRequest) -> float:
     """Of the leg that follows a test."""
     return min(HELD_RECOVERY_S, request.recovery_s) if manoeuvre.loop_on else request.recovery_s
 
 
-def _refuse_too_little(
-    chosen: list[Candidate], candidates: list[Candidate], request: Request, free_s: float
+def _check_time(
+    chosen: list[SizedTest], candidates: list[SizedTest], request: PlanRequest, free_s: float
 ) -> None:
     for plane in PLANES:
         if not any(plane in c.manoeuvre.planes for c in candidates):
-            raise PlanRefused(
+            raise PlanInfeasibleError(
                 f"{plane}: no test keeps within the limits; widen them, or fly a calmer sea"
             )
         if not any(plane in c.manoeuvre.planes for c in chosen):
-            raise PlanRefused(
+            raise PlanInfeasibleError(
                 f"water time {request.water_s:.0f} s: leaves {max(free_s, 0.0):.0f} s for tests,"
                 f" too little for an opposite pair in {plane}; give more"
             )
 
 
 def _plan(
-    belief: Belief,
-    request: Request,
-    about: dict[Plane, _Known],
+    belief: DesignPrior,
+    request: PlanRequest,
+    about: dict[Plane, _PlaneKnowledge],
     known: Array,
-    chosen: list[Candidate],
-    held: list[Candidate],
-) -> Plan:
+    chosen: list[SizedTest],
+    held: list[SizedTest],
+) -> TestPlan:
     dives = 2 if held else 1
     slopes: dict[Plane, Slopes] = {plane: about[plane].slopes for plane in PLANES}
-    paper = known + of_set(
-        belief, paper_set(belief, selection.water_of(chosen)), about["yaw"].gains
+    paper = known + information_of_set(
+        belief, paper_set(belief, selection.total_test_time_s(chosen)), about["yaw"].gains
     )
-    return Plan(
-        tests=tuple(_planned(c, chosen, known, slopes) for c in _ordered(chosen)),
+    return TestPlan(
+        tests=tuple(_planned_test(c, chosen, known, slopes) for c in _order(chosen)),
         held_out=tuple(Planned(c.manoeuvre, c.excursion, {}) for c in held),
-        water_s=dives * SETTLING_S + selection.water_of([*chosen, *held]),
+        water_s=dives * SETTLING_S + selection.total_test_time_s([*chosen, *held]),
         crossover_radps={plane: about[plane].crossover_radps for plane in PLANES},
         before=_numbers(slopes, known),
         after=_numbers(slopes, selection.total(chosen, known)),
@@ -325,30 +333,30 @@ def _plan(
     )
 
 
-def paper_set(belief: Belief, water_s: float) -> list[Manoeuvre]:
+def paper_set(belief: DesignPrior, water_s: float) -> list[Manoeuvre]:
     """The paper's steps, sized for the vehicle, that fit into the same water time."""
     return paper_baseline.steps({plane: scale(belief, plane) for plane in PLANES}, water_s)
 
 
-def of_set(belief: Belief, manoeuvres: list[Manoeuvre], gains: Gains) -> Array:
+def information_of_set(belief: DesignPrior, manoeuvres: list[Manoeuvre], gains: Gains) -> Array:
     """Information about z of tests in both planes."""
     told = np.zeros((belief.mean.size, belief.mean.size))
     for plane in PLANES:
         told += sum(
-            information.of_runs(belief, [m for m in manoeuvres if m.plane == plane], gains),
+            information.information_of(belief, [m for m in manoeuvres if m.plane == plane], gains),
             np.zeros_like(told),
         )
     return told
 
 
-def _numbers(slopes: dict[Plane, Slopes], told: Array) -> dict[Plane, Numbers]:
+def _numbers(slopes: dict[Plane, Slopes], told: Array) -> dict[Plane, DesignUncertainty]:
     covariance = np.asarray(np.linalg.inv(told), dtype=np.float64)
     return {plane: information.numbers(slope, covariance) for plane, slope in slopes.items()}
 
 
-def _ordered(chosen: list[Candidate]) -> list[Candidate]:
+def _order(chosen: list[SizedTest]) -> list[SizedTest]:
     """Planes by turns, and every second flight of a shape to the other side."""
-    flights: list[Candidate] = []
+    flights: list[SizedTest] = []
     groups = [
         sorted((c for c in chosen if c.manoeuvre.plane == p), key=lambda c: c.manoeuvre)
         for p in PLANES
@@ -364,8 +372,8 @@ def _ordered(chosen: list[Candidate]) -> list[Candidate]:
     return flights
 
 
-def _planned(
-    what: Candidate, chosen: list[Candidate], known: Array, slopes: dict[Plane, Slopes]
+def _planned_test(
+    what: SizedTest, chosen: list[SizedTest], known: Array, slopes: dict[Plane, Slopes]
 ) -> Planned:
     whole = selection.total(chosen, known)
     all_sds, fewer = _numbers(slopes, whole), _numbers(slopes, whole - what.told)

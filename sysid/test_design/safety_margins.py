@@ -15,30 +15,30 @@ from sysid.data.segments import RATE_HZ, Plane
 from sysid.estimation.map import fit
 from sysid.models import greybox, noise
 from sysid.models.noise import Noise
-from sysid.models.parameters import Vehicle, possible
+from sysid.models.parameters import CandidateVehicle, feasible_samples
 from sysid.test_design import closed_loop as loops
 from sysid.test_design import prior as beliefs
 from sysid.test_design.closed_loop import Loop
-from sysid.test_design.prior import Belief
-from sysid.test_design.simulate import Manoeuvre, Still, as_run, signal_rad
+from sysid.test_design.prior import DesignPrior
+from sysid.test_design.simulate import LevelFlight, Manoeuvre, as_run, signal_rad
 
 Array = NDArray[np.float64]
 
 DT = fit.STRIDE / RATE_HZ
-TRIM_RAD = math.radians(0.15)
+TRIM_SD_RAD = math.radians(0.15)
 """How well a trim flight tells the trim (one standard deviation)."""
-HELD = 0.3
+HELD_MOTION_SHARE = 0.3
 """A vehicle whose loops held her starts this much steadier than what the fit must be ready for."""
 SETTLING_S = 40.0
 """In which the loop forgets how a simulation began."""
-FOLLOWERS = 8
+WATCHED_SAMPLES = 8
 """Samples whose surface is watched."""
 SHRINK = 0.95
-LEAST_DEG = 0.1
+MIN_SIZE_DEG = 0.1
 """Tests below this drown in the tailcone's play and motor steps."""
 
 
-class Limits(NamedTuple):
+class ExcursionLimits(NamedTuple):
     """What no test may exceed. Depths are changes from where it began."""
 
     heading_rad: float = math.radians(60.0)
@@ -55,24 +55,24 @@ class Limits(NamedTuple):
     """That a test leaves any of the excursions."""
 
 
-HOLDS = Limits(
+HOLDING_LIMITS = ExcursionLimits(
     math.radians(20.0), math.radians(4.0), math.radians(12.0), math.radians(3.0), 1.0, 1.0
 )
 """Within these a vehicle is held straight and level."""
-MOST_DRAWS = 10
+MAX_DRAWS_PER_SAMPLE = 10
 """For every sample that is wanted."""
 
 
-class NotHeldError(ValueError):
+class UnstableLoopError(ValueError):
     """Gains under which the vehicle cannot be imagined to fly; the message says in which plane."""
 
 
-class Sample(NamedTuple):
+class VehicleSample(NamedTuple):
     """One vehicle that the belief allows, and the sea that she meets: (steps, 3) at the fit's 10 Hz
     of rate, angle and depth."""
 
-    vehicle: Vehicle
-    still: Still
+    vehicle: CandidateVehicle
+    still: LevelFlight
     loop: Loop
     free: Array
     """With the loop off."""
@@ -94,29 +94,29 @@ class Excursion(NamedTuple):
     """Of leaving the limits."""
 
 
-def draw(
-    belief: Belief, plane: Plane, gains: Gains, count: int, longest_s: float, seed: int
-) -> list[Sample]:
+def sample_vehicles(
+    belief: DesignPrior, plane: Plane, gains: Gains, count: int, longest_s: float, seed: int
+) -> list[VehicleSample]:
     """``count`` vehicles in as many seas, the same for the same seed.
 
     A vehicle that cannot be, or that these gains cannot hold, would not have come as far as a test:
     draws of such are drawn again."""
     streams = np.random.SeedSequence(seed).spawn(2)
     vehicles, sea = (np.random.default_rng(stream) for stream in streams)
-    draws = vehicles.standard_normal((MOST_DRAWS * count, belief.mean.size + 1))
+    draws = vehicles.standard_normal((MAX_DRAWS_PER_SAMPLE * count, belief.mean.size + 1))
     level = belief.noise[plane]
-    samples = list[Sample]()
-    for number, _, vehicle in possible(
+    samples = list[VehicleSample]()
+    for number, _, vehicle in feasible_samples(
         belief.vehicle, belief.mean, belief.covariance, draws[:, :-1]
     ):
-        trim_rad = TRIM_RAD * draws[number, -1]
+        trim_rad = TRIM_SD_RAD * draws[number, -1]
         loop = loops.of_vehicle(vehicle, plane, gains, level)
-        held, busy_rad = _held(loop, plane, longest_s, sea)
-        free = _free(vehicle, plane, level, longest_s, sea)
-        if _share(plane, held, HOLDS) < 1.0:
-            at = beliefs.still(vehicle, plane)
+        held, busy_rad = _held_motion(loop, plane, longest_s, sea)
+        free = _free_motion(vehicle, plane, level, longest_s, sea)
+        if _worst_share(plane, held, HOLDING_LIMITS) < 1.0:
+            at = beliefs.level_flight(vehicle, plane)
             samples.append(
-                Sample(
+                VehicleSample(
                     vehicle,
                     at._replace(trim_rad=at.trim_rad + trim_rad),
                     loop,
@@ -127,20 +127,24 @@ def draw(
             )
         if len(samples) == count:
             return samples
-    raise NotHeldError(
+    raise UnstableLoopError(
         f"{plane}: the loops' gains hold hardly any vehicle that the model allows; give --gains"
     )
 
 
-def _free(
-    vehicle: Vehicle, plane: Plane, level: Noise, longest_s: float, rng: np.random.Generator
+def _free_motion(
+    vehicle: CandidateVehicle,
+    plane: Plane,
+    level: Noise,
+    longest_s: float,
+    rng: np.random.Generator,
 ) -> Array:
     """Motion under the noise model's moments and forces alone, once the loop is off."""
     linear = fit.linear_plane(vehicle, plane)
     A, density, _, _, P0 = noise.system(linear, level)
     transition, process = noise.discrete(A, density, DT)
     spread = np.sqrt(np.diag(P0))
-    spread[: len(linear.states)] *= HELD
+    spread[: len(linear.states)] *= HELD_MOTION_SHARE
     x = spread * rng.standard_normal(len(spread))
     kicks = rng.standard_normal((int(longest_s / DT) + 1, len(spread))) @ noise.root(process).T
     out = np.zeros((len(kicks), 3))
@@ -151,18 +155,18 @@ def _free(
     return out
 
 
-def _held(
+def _held_motion(
     loop: Loop, plane: Plane, longest_s: float, rng: np.random.Generator
 ) -> tuple[Array, float]:
     """Motion under the same while the loop stays on, once it has settled; and how busy the surface
     is."""
     settling, ticks = int(SETTLING_S * RATE_HZ), int(longest_s * RATE_HZ) + 1
     kicks = rng.standard_normal((settling + ticks, loop.feedback.size))
-    flown = loops.fly(loop, plane, np.zeros(len(kicks)), kicks)
+    flown = loops.simulate(loop, plane, np.zeros(len(kicks)), kicks)
     return flown.motion[settling :: fit.STRIDE], 2.0 * float(np.std(flown.command_rad[settling:]))
 
 
-class Answer(NamedTuple):
+class TestResponse(NamedTuple):
     """Of one sample to a test, (steps, 3): rate, angle and depth."""
 
     own: Array
@@ -171,7 +175,7 @@ class Answer(NamedTuple):
     """The motion that is there without it."""
 
 
-def excursion(plane: Plane, found: Sequence[Answer], limits: Limits) -> Excursion:
+def excursion(plane: Plane, found: Sequence[TestResponse], limits: ExcursionLimits) -> Excursion:
     """The probability is that of a log-normal through the samples' worst shares of a limit, and no
     less than their own share beyond it."""
     tracks = [own + rest for own, rest in found]
@@ -180,22 +184,26 @@ def excursion(plane: Plane, found: Sequence[Answer], limits: Limits) -> Excursio
     return Excursion(float(angle), float(rate), float(peaks[2]), _risk(plane, tracks, limits))
 
 
-def answers(manoeuvre: Manoeuvre, samples: Sequence[Sample]) -> list[Answer]:
+def responses(manoeuvre: Manoeuvre, samples: Sequence[VehicleSample]) -> list[TestResponse]:
     return [
-        _closed(manoeuvre, sample) if manoeuvre.loop_on else _open(manoeuvre, sample)
+        _closed_loop_response(manoeuvre, sample)
+        if manoeuvre.loop_on
+        else _open_loop_response(manoeuvre, sample)
         for sample in samples
     ]
 
 
-def _closed(manoeuvre: Manoeuvre, sample: Sample) -> Answer:
-    answer = loops.fly(sample.loop, manoeuvre.plane, signal_rad(manoeuvre)).motion[:: fit.STRIDE]
+def _closed_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestResponse:
+    answer = loops.simulate(sample.loop, manoeuvre.plane, signal_rad(manoeuvre)).motion[
+        :: fit.STRIDE
+    ]
     level = np.array([0.0, sample.still.pitch_rad, 0.0])
-    return Answer(answer, sample.held[: len(answer)] + level)
+    return TestResponse(answer, sample.held[: len(answer)] + level)
 
 
-def _open(manoeuvre: Manoeuvre, sample: Sample) -> Answer:
+def _open_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestResponse:
     run = as_run(manoeuvre, sample.still, signal_rad(manoeuvre)).since(0.0)
-    start = greybox.Start(0.0, sample.still.pitch_rad, sample.still.depth_m, 0.0)
+    start = greybox.InitialMotion(0.0, sample.still.pitch_rad, sample.still.depth_m, 0.0)
     actuator = sample.vehicle.actuators[manoeuvre.plane]
     found = greybox.simulate(
         sample.vehicle.model, actuator, run, start, fit.STRIDE, sample.still.speed_mps
@@ -206,17 +214,17 @@ def _open(manoeuvre: Manoeuvre, sample: Sample) -> Answer:
         else np.zeros(found.rate_radps.size)
     )
     track = np.column_stack([found.rate_radps, found.angle_rad, depth])
-    return Answer(track - track[0], track[0] + sample.free[: len(track)])
+    return TestResponse(track - track[0], track[0] + sample.free[: len(track)])
 
 
-def _risk(plane: Plane, tracks: Sequence[Array], limits: Limits) -> float:
-    shares = np.array([_share(plane, track, limits) for track in tracks])
+def _risk(plane: Plane, tracks: Sequence[Array], limits: ExcursionLimits) -> float:
+    shares = np.array([_worst_share(plane, track, limits) for track in tracks])
     logs = np.log(np.maximum(shares, 1e-9))
     beyond = float(ndtr(np.mean(logs) / max(float(np.std(logs)), 1e-9)))
     return max(beyond, float(np.mean(shares > 1.0)))
 
 
-def _share(plane: Plane, track: Array, limits: Limits) -> float:
+def _worst_share(plane: Plane, track: Array, limits: ExcursionLimits) -> float:
     """The worst excursion as a share of its limit."""
     rate, angle = np.max(np.abs(track[:, :2]), axis=0)
     if plane == "yaw":
@@ -230,8 +238,8 @@ def _can_follow(
     manoeuvre: Manoeuvre,
     largest_deg: float,
     lean_rad: float,
-    samples: Sequence[Sample],
-    limits: Limits,
+    samples: Sequence[VehicleSample],
+    limits: ExcursionLimits,
 ) -> bool:
     """Whether the surface can do what it is told: the test, and with the loop on its answer to test
     and sea.
@@ -243,7 +251,7 @@ def _can_follow(
 
 
 def _shares(
-    manoeuvre: Manoeuvre, largest_deg: float, lean_rad: float, sample: Sample
+    manoeuvre: Manoeuvre, largest_deg: float, lean_rad: float, sample: VehicleSample
 ) -> tuple[float, float]:
     """Of the test: in which the surface runs as fast as it can, and in which it stands at its
     stops."""
@@ -251,7 +259,7 @@ def _shares(
     command, busy_rad = signal_rad(manoeuvre), 0.0
     if manoeuvre.loop_on:
         command, busy_rad = (
-            loops.fly(sample.loop, manoeuvre.plane, command).command_rad,
+            loops.simulate(sample.loop, manoeuvre.plane, command).command_rad,
             sample.busy_rad,
         )
     moved = np.abs(np.diff(greybox.duct_angles(command, actuator, 1.0 / RATE_HZ))) * RATE_HZ
@@ -261,24 +269,24 @@ def _shares(
     return float(np.mean(moved > 0.99 * actuator.rate_radps)), float(np.mean(stopped))
 
 
-def sized(
+def max_size_within_limits(
     manoeuvre: Manoeuvre,
     largest_deg: float,
-    samples: Sequence[Sample],
-    limits: Limits,
+    samples: Sequence[VehicleSample],
+    limits: ExcursionLimits,
     lean_rad: float = 0.0,
 ) -> tuple[Manoeuvre, Excursion] | None:
     """The manoeuvre at the largest size that keeps within the limits, or None where none does.
 
     ``lean_rad`` is a known trim of the surface, ``largest_deg`` its travel beside that, to the
     nearer side."""
-    found = answers(manoeuvre, samples)
-    size = min(largest_deg, manoeuvre.size_deg * _room(manoeuvre.plane, found, limits))
-    while size >= LEAST_DEG:
-        tried = manoeuvre._replace(size_deg=rounded(size))
-        if _can_follow(tried, largest_deg, lean_rad, samples[:FOLLOWERS], limits):
+    found = responses(manoeuvre, samples)
+    size = min(largest_deg, manoeuvre.size_deg * _growth_factor(manoeuvre.plane, found, limits))
+    while size >= MIN_SIZE_DEG:
+        tried = manoeuvre._replace(size_deg=round_down(size))
+        if _can_follow(tried, largest_deg, lean_rad, samples[:WATCHED_SAMPLES], limits):
             there = excursion(
-                tried.plane, _at_size(tried, manoeuvre.size_deg, found, samples), limits
+                tried.plane, _responses_at_size(tried, manoeuvre.size_deg, found, samples), limits
             )
             if there.probability <= limits.probability:
                 return tried, there
@@ -286,18 +294,21 @@ def sized(
     return None
 
 
-def _at_size(
-    manoeuvre: Manoeuvre, size_deg: float, found: Sequence[Answer], samples: Sequence[Sample]
-) -> Sequence[Answer]:
+def _responses_at_size(
+    manoeuvre: Manoeuvre,
+    size_deg: float,
+    found: Sequence[TestResponse],
+    samples: Sequence[VehicleSample],
+) -> Sequence[TestResponse]:
     """With the loop off the vehicle is flown again; with it on the answer ``found`` at ``size_deg``
     is linear."""
     if not manoeuvre.loop_on:
-        return answers(manoeuvre, samples)
+        return responses(manoeuvre, samples)
     factor = manoeuvre.size_deg / size_deg
-    return [Answer(factor * own, rest) for own, rest in found]
+    return [TestResponse(factor * own, rest) for own, rest in found]
 
 
-def _room(plane: Plane, found: Sequence[Answer], limits: Limits) -> float:
+def _growth_factor(plane: Plane, found: Sequence[TestResponse], limits: ExcursionLimits) -> float:
     """By how much a test may be grown, were all answers as linear as they nearly are."""
 
     def excess(log_factor: float) -> float:
@@ -312,7 +323,7 @@ def _room(plane: Plane, found: Sequence[Answer], limits: Limits) -> float:
     return math.exp(most if excess(most) <= 0.0 else bisect(excess, least, most, xtol=0.02))
 
 
-def rounded(size_deg: float) -> float:
+def round_down(size_deg: float) -> float:
     """Down to what a mission file shows."""
     return math.floor(size_deg * (20.0 if size_deg < 2.0 else 10.0) + 1e-9) / (
         20.0 if size_deg < 2.0 else 10.0

@@ -15,16 +15,16 @@ from sysid.test_design.simulate import Manoeuvre
 
 Array = NDArray[np.float64]
 
-BEGINNINGS = 5
+N_STARTS = 5
 """Of the sets begun with each pair, how many are bettered. Of 20 000 made-up problems one in a
 thousand then ended short of the best of all sets, by .04 of the criterion at most; with one
 beginning it is one in a hundred, by .4."""
 
-GAINED = 1e-6
+MIN_IMPROVEMENT = 1e-6
 """Of the criterion; less is no gain."""
 
 
-class Candidate(NamedTuple):
+class SizedTest(NamedTuple):
     """A test at the size that limits allow."""
 
     manoeuvre: Manoeuvre
@@ -51,9 +51,9 @@ def criterion(slopes: dict[Plane, Slopes], judge: Callable[[Slopes, Array], floa
     return of_information
 
 
-def choose(
-    candidates: Sequence[Candidate], known: Array, water_s: float, left: Criterion
-) -> list[Candidate]:
+def select_tests(
+    candidates: Sequence[SizedTest], known: Array, water_s: float, left: Criterion
+) -> list[SizedTest]:
     """Tests that fit into ``water_s`` and leave least unknown beside ``known``, each plane's first
     one twice.
 
@@ -61,37 +61,37 @@ def choose(
     motion. No exchange gets far from a first pair, so each has its turn as that. Empty where no
     pair fits."""
 
-    def rank(chosen: Sequence[Candidate]) -> tuple[int, float]:
+    def rank(chosen: Sequence[SizedTest]) -> tuple[int, float]:
         return -len(planes(chosen)), left(total(chosen, known))
 
     pairs = [
-        _paired_up([c, c], candidates, known, water_s, left)
+        _add_pair([c, c], candidates, known, water_s, left)
         for c in candidates
         if 2.0 * c.water_s <= water_s
     ]
-    begun = [_filled(chosen, candidates, known, water_s, left) for chosen in pairs]
-    best = sorted(begun, key=rank)[:BEGINNINGS]
+    begun = [_greedy_fill(chosen, candidates, known, water_s, left) for chosen in pairs]
+    best = sorted(begun, key=rank)[:N_STARTS]
     return min(
-        (_bettered(chosen, candidates, known, water_s, left) for chosen in best),
+        (_exchange(chosen, candidates, known, water_s, left) for chosen in best),
         key=rank,
         default=[],
     )
 
 
-def total(chosen: Sequence[Candidate], known: Array) -> Array:
+def total(chosen: Sequence[SizedTest], known: Array) -> Array:
     return known + sum((c.told for c in chosen), np.zeros_like(known))
 
 
-def water_of(chosen: Sequence[Candidate]) -> float:
+def total_test_time_s(chosen: Sequence[SizedTest]) -> float:
     return sum(c.water_s for c in chosen)
 
 
-def planes(chosen: Sequence[Candidate]) -> set[Plane]:
+def planes(chosen: Sequence[SizedTest]) -> set[Plane]:
     """Those that are tested."""
     return {plane for c in chosen for plane in c.manoeuvre.planes}
 
 
-def paired(chosen: Sequence[Candidate]) -> bool:
+def has_repeats(chosen: Sequence[SizedTest]) -> bool:
     """Whether every plane that is tested at all has a test that is flown at least twice."""
     shapes = [c.manoeuvre for c in chosen]
     return planes(chosen) == {
@@ -99,73 +99,75 @@ def paired(chosen: Sequence[Candidate]) -> bool:
     }
 
 
-def _rate(c: Candidate, so_far: Array, known_left: float, left: Criterion, times: int = 1) -> float:
+def _improvement_rate(
+    c: SizedTest, so_far: Array, known_left: float, left: Criterion, times: int = 1
+) -> float:
     """What a test takes from the criterion in a second of water."""
     return (known_left - left(so_far + times * c.told)) / (times * c.water_s)
 
 
-def _paired_up(
-    pair: Sequence[Candidate],
-    candidates: Sequence[Candidate],
+def _add_pair(
+    pair: Sequence[SizedTest],
+    candidates: Sequence[SizedTest],
     known: Array,
     water_s: float,
     left: Criterion,
-) -> list[Candidate]:
+) -> list[SizedTest]:
     """``pair`` and, of each plane that it is not of, the most telling pair a second."""
     chosen = list(pair)
     for plane in sorted(planes(candidates) - planes(pair)):
         so_far = total(chosen, known)
         before = left(so_far)
         own = [c for c in candidates if plane in c.manoeuvre.planes]
-        fits = [c for c in own if water_of(chosen) + 2.0 * c.water_s <= water_s]
+        fits = [c for c in own if total_test_time_s(chosen) + 2.0 * c.water_s <= water_s]
         if fits:
-            best = max(fits, key=lambda c: _rate(c, so_far, before, left, 2))
+            best = max(fits, key=lambda c: _improvement_rate(c, so_far, before, left, 2))
             chosen += [best, best]
     return chosen
 
 
-def _filled(
-    chosen: Sequence[Candidate],
-    candidates: Sequence[Candidate],
+def _greedy_fill(
+    chosen: Sequence[SizedTest],
+    candidates: Sequence[SizedTest],
     known: Array,
     water_s: float,
     left: Criterion,
-) -> list[Candidate]:
+) -> list[SizedTest]:
     """The most telling test a second, again and again, while one fits."""
     full = list(chosen)
-    while fits := [c for c in candidates if water_of(full) + c.water_s <= water_s]:
+    while fits := [c for c in candidates if total_test_time_s(full) + c.water_s <= water_s]:
         so_far = total(full, known)
         before = left(so_far)
-        full.append(max(fits, key=lambda c: _rate(c, so_far, before, left)))
+        full.append(max(fits, key=lambda c: _improvement_rate(c, so_far, before, left)))
     return full
 
 
-def _bettered(
-    chosen: Sequence[Candidate],
-    candidates: Sequence[Candidate],
+def _exchange(
+    chosen: Sequence[SizedTest],
+    candidates: Sequence[SizedTest],
     known: Array,
     water_s: float,
     left: Criterion,
-) -> list[Candidate]:
+) -> list[SizedTest]:
     """By the best of all exchanges, again and again, until none betters it."""
     best = list(chosen)
     least = left(total(best, known))
     while True:
-        others = list(_exchanged(best, candidates, known, water_s, left))
+        others = list(_exchanges(best, candidates, known, water_s, left))
         telling = [left(total(other, known)) for other in others]
-        if min(telling, default=least) > least - GAINED:
+        if min(telling, default=least) > least - MIN_IMPROVEMENT:
             return best
         least = min(telling)
         best = others[telling.index(least)]
 
 
-def _exchanged(
-    chosen: Sequence[Candidate],
-    candidates: Sequence[Candidate],
+def _exchanges(
+    chosen: Sequence[SizedTest],
+    candidates: Sequence[SizedTest],
     known: Array,
     water_s: float,
     left: Criterion,
-) -> Iterator[list[Candidate]]:
+) -> Iterator[list[SizedTest]]:
     """Every set with another test for one or two of its own, and with what then fits."""
     kept = {}
     for count in (1, 2):
@@ -175,7 +177,7 @@ def _exchanged(
             ]
     for rest in kept.values():
         for c in candidates:
-            if water_of(rest) + c.water_s <= water_s:
-                full = _filled([*rest, c], candidates, known, water_s, left)
-                if paired(full):
+            if total_test_time_s(rest) + c.water_s <= water_s:
+                full = _greedy_fill([*rest, c], candidates, known, water_s, left)
+                if has_repeats(full):
                     yield full

@@ -62,7 +62,7 @@ class Manoeuvre(NamedTuple):
         return self._replace(size_deg=-self.size_deg, elevator_deg=-self.elevator_deg)
 
 
-class Still(NamedTuple):
+class LevelFlight(NamedTuple):
     """What the surfaces and the propeller do in straight level flight, and how the vehicle then
     lies."""
 
@@ -108,7 +108,7 @@ def _value(m: Manoeuvre, t_s: float) -> float:
     return 1.0
 
 
-def as_run(manoeuvre: Manoeuvre, still: Still, away_rad: Array) -> Run:
+def as_run(manoeuvre: Manoeuvre, still: LevelFlight, away_rad: Array) -> Run:
     """The run of a test that begins in straight level flight, with nothing measured in it but that.
 
     ``away_rad`` is the command from trim: ``signal_rad``, and with the loop on its answer to it.

@@ -19,22 +19,22 @@ from sysid.control_analysis.loop_transfer import Gains
 from sysid.data.segments import RATE_HZ, Plane
 from sysid.estimation.map import fit
 from sysid.test_design import information, safety_margins
-from sysid.test_design.prior import Belief
-from sysid.test_design.safety_margins import Limits, Sample
+from sysid.test_design.prior import DesignPrior
+from sysid.test_design.safety_margins import ExcursionLimits, VehicleSample
 from sysid.test_design.simulate import Manoeuvre
 
 Array = NDArray[np.float64]
 
-MOST_RUNS = 14
+MAX_SWITCHES = 14
 GENERATIONS, POPULATION = 12, 3
 """Of the search; a generation has POPULATION candidates for every run."""
-SCOUTS = 16
+N_SAMPLES = 16
 """Samples by which the search judges how large a wave may be; the final size rests on all of
 them."""
 STEP_HZ = RATE_HZ / fit.STRIDE
 
 
-class Steps(NamedTuple):
+class UnitStepResponse(NamedTuple):
     """What a step of one degree does that begins with the test."""
 
     told: Array
@@ -45,13 +45,13 @@ class Steps(NamedTuple):
     """(scouts, 3): the farthest that each goes without a test."""
 
 
-def designed(
-    belief: Belief,
+def design_square_wave(
+    belief: DesignPrior,
     shape: Manoeuvre,
     gains: Gains,
     largest_deg: float,
-    samples: Sequence[Sample],
-    limits: Limits,
+    samples: Sequence[VehicleSample],
+    limits: ExcursionLimits,
     left: Callable[[Array], float],
     known: Array,
     seed: int,
@@ -60,14 +60,14 @@ def designed(
     """The square wave of ``shape``'s plane, loop and length that, at the size that limits allow,
     leaves least unknown beside the information ``known``; a mean run is no shorter than
     ``shortest_s``."""
-    count = int(np.clip(shape.duration_s / shortest_s, 3, MOST_RUNS))
-    step = _steps(belief, shape, gains, samples[:SCOUTS])
-    most = _allowed(limits, shape.plane)
+    count = int(np.clip(shape.duration_s / shortest_s, 3, MAX_SWITCHES))
+    step = _steps(belief, shape, gains, samples[:N_SAMPLES])
+    most = _limits_of(limits, shape.plane)
 
     def badness(digits: Array) -> float:
         switches = switch_steps(digits, shape.duration_s)
-        size_deg = min(largest_deg, _size(step, switches, most))
-        flat = (size_deg * superposed(step.told, switches, 0)).reshape(-1, step.told.shape[2])
+        size_deg = min(largest_deg, _max_size(step, switches, most))
+        flat = (size_deg * superpose(step.told, switches, 0)).reshape(-1, step.told.shape[2])
         return left(known + flat.T @ flat)
 
     found = differential_evolution(
@@ -89,19 +89,21 @@ def switch_steps(digits: Array, duration_s: float) -> NDArray[np.int64]:
     return np.asarray(np.round(ends[:-1] / ends[-1] * duration_s * STEP_HZ), dtype=np.int64)
 
 
-def _steps(belief: Belief, shape: Manoeuvre, gains: Gains, scouts: Sequence[Sample]) -> Steps:
+def _steps(
+    belief: DesignPrior, shape: Manoeuvre, gains: Gains, scouts: Sequence[VehicleSample]
+) -> UnitStepResponse:
     """Taken at the shape's nominal size, where the answer is as large as it will be."""
     step = shape._replace(wave="step")
     (told,) = information.sensitivities(belief, [step], gains)
-    pairs = safety_margins.answers(step, scouts)
-    return Steps(
+    pairs = safety_margins.responses(step, scouts)
+    return UnitStepResponse(
         told[-int(shape.duration_s * STEP_HZ) - 1 :] / shape.size_deg,
         np.array([answer for answer, _ in pairs]) / shape.size_deg,
         np.array([np.max(np.abs(rest), axis=0) for _, rest in pairs]),
     )
 
 
-def superposed(step: Array, switches: NDArray[np.int64], axis: int) -> Array:
+def superpose(step: Array, switches: NDArray[np.int64], axis: int) -> Array:
     """Up at the start, down by twice as much at the first switch, up again at the next."""
     total = step.copy()
     moved = np.moveaxis(total, axis, 0)
@@ -111,15 +113,15 @@ def superposed(step: Array, switches: NDArray[np.int64], axis: int) -> Array:
     return total
 
 
-def _allowed(limits: Limits, plane: Plane) -> Array:
+def _limits_of(limits: ExcursionLimits, plane: Plane) -> Array:
     if plane == "yaw":
         return np.array([limits.yaw_rate_radps, limits.heading_rad, math.inf])
     return np.array([limits.pitch_rate_radps, limits.pitch_rad, min(limits.up_m, limits.down_m)])
 
 
-def _size(step: Steps, switches: NDArray[np.int64], most: Array) -> float:
+def _max_size(step: UnitStepResponse, switches: NDArray[np.int64], most: Array) -> float:
     """Size in degrees with which nearly all scouts stay within, their sea at its worst when their
     answer is."""
-    peaks = np.max(np.abs(superposed(step.answers, switches, 1)), axis=1)
+    peaks = np.max(np.abs(superpose(step.answers, switches, 1)), axis=1)
     sizes = np.min((most - step.rests) / np.maximum(peaks, 1e-12), axis=1)
-    return max(safety_margins.LEAST_DEG, float(np.quantile(sizes, 0.1)))
+    return max(safety_margins.MIN_SIZE_DEG, float(np.quantile(sizes, 0.1)))

@@ -18,9 +18,9 @@ from sysid.validation.results import (
     Correction,
     Excess,
     Gate,
+    ModelAssessment,
     NextTest,
     PlaneValidation,
-    Verdict,
 )
 
 Sense = Literal["at most", "at least"]
@@ -30,41 +30,41 @@ GAIN_DB, PHASE_DEG = 1.0, 5.0
 THEIL, COHERENCE, MISMATCH = 0.25, 0.6, 100.0
 START_COSTS_PERCENT = 1.0
 WHITE_P = 0.01
-OVER_FLOOR = 0.2
+MAX_EXCESS_OVER_FLOOR = 0.2
 """Share of the floor by which the held-out error may exceed it before it is worth a remark."""
-SURE = 1.645
+CONFIDENCE_SD = 1.645
 """Standard deviations added to a figure that may not exceed a limit: it holds with 95 %."""
-DECISIVE = "b1_per_s2"
+DECISIVE_NUMBER = "b1_per_s2"
 """What any loop's bandwidth rests on. The other numbers count by what they do to gain and phase at
 crossover; a share of a delay of nearly nothing, or of a pole near zero, says little."""
-OTHERS = ("static_gain_per_s", "p_fast_per_s", "p_slow_per_s", "delay_s")
+OTHER_NUMBERS = ("static_gain_per_s", "p_fast_per_s", "p_slow_per_s", "delay_s")
 WAVE_FOR_DYNAMICS, WAVE_FOR_GAIN, WAVE_TO_HOLD_OUT = "chirp", "step", "3211"
 SLOW_NUMBERS = ("static gain", "p slow")
 LONG_S, SHORT_S = 30.0, 20.0
-FAILURES = "failures of the fit"
-USUAL_DEG = 4.0
+FAILURES_GATE = "failures of the fit"
+DEFAULT_SIZE_DEG = 4.0
 """Where no run tells which size suits the vehicle."""
 
 
-def verdict(model: IdentifiedModel, validation: Mapping[Plane, PlaneValidation]) -> Verdict:
+def assess(model: IdentifiedModel, validation: Mapping[Plane, PlaneValidation]) -> ModelAssessment:
     """Of a model with what its runs say of it."""
     gates = (
         *_of_fit(model),
         *(g for plane in ("yaw", "pitch") for g in _of_plane(model, plane, validation.get(plane))),
     )
     failed = [gate for gate in gates if gate.required and not gate.passed]
-    return Verdict(
+    return ModelAssessment(
         fit_for_redesign=not failed,
         reasons=(
             *model.convergence.failures,
-            *(in_words(gate) for gate in failed if gate.name != FAILURES),
+            *(format_gate(gate) for gate in failed if gate.name != FAILURES_GATE),
         ),
         gates=gates,
         next_test=_next_test(model, failed, gates),
     )
 
 
-def in_words(gate: Gate) -> str:
+def format_gate(gate: Gate) -> str:
     """A gate in one line: what, how much, and what would do."""
     where = f"{gate.plane}: " if gate.plane else ""
     value = (
@@ -101,7 +101,7 @@ def _of_fit(model: IdentifiedModel) -> Iterator[Gate]:
         "%",
     )
     yield _gate("values at a bound", None, float(len(found.at_bounds)), "at most", 0.0)
-    yield _gate(FAILURES, None, float(len(found.failures)), "at most", 0.0)
+    yield _gate(FAILURES_GATE, None, float(len(found.failures)), "at most", 0.0)
 
 
 def _of_plane(
@@ -136,10 +136,10 @@ def _response(plane: Plane, found: PlaneValidation) -> Iterator[Gate]:
 
 def _precision(model: IdentifiedModel, plane: Plane) -> Iterator[Gate]:
     numbers = model.planes[plane]
-    for name in (DECISIVE, *OTHERS):
+    for name in (DECISIVE_NUMBER, *OTHER_NUMBERS):
         words = (name.rpartition("_per_")[0] or name.removesuffix("_s")).replace("_", " ")
         bound = _cramer_rao_percent(numbers, name)
-        decisive = name == DECISIVE
+        decisive = name == DECISIVE_NUMBER
         yield _gate(
             f"{words}, 1 sd", plane, bound, "at most", CRAMER_RAO_PERCENT, "%", required=decisive
         )
@@ -182,14 +182,14 @@ def _insensitivity_percent(model: IdentifiedModel, plane: Plane, name: str) -> f
 
 def _held_out(plane: Plane, found: Excess, changed: Correction | None) -> Iterator[Gate]:
     better = found.model_mse_deg2ps2 / found.prior_mse_deg2ps2
-    chance = SURE * (found.excess_sd_deg2ps2 or 0.0) / found.prior_mse_deg2ps2
+    chance = CONFIDENCE_SD * (found.excess_sd_deg2ps2 or 0.0) / found.prior_mse_deg2ps2
     yield _gate("held-out error over the prior's", plane, better, "at most", 1.0 + chance)
     yield _gate("Theil's coefficient, held out", plane, found.theil.coefficient, "at most", THEIL)
     yield from _by_held_out(plane, changed)
-    above, limit = None, OVER_FLOOR
+    above, limit = None, MAX_EXCESS_OVER_FLOOR
     if found.floor_deg2ps2 and found.model_excess_deg2ps2 is not None:
         above = found.model_excess_deg2ps2 / found.floor_deg2ps2
-        limit += SURE * (found.excess_sd_deg2ps2 or 0.0) / found.floor_deg2ps2
+        limit += CONFIDENCE_SD * (found.excess_sd_deg2ps2 or 0.0) / found.floor_deg2ps2
     yield _gate(
         "held-out error above sea and sensors", plane, above, "at most", limit, required=False
     )
@@ -235,19 +235,19 @@ def _next_test(
     worse = [gate for gate in failed if gate.plane]
     remarks = [gate for gate in gates if gate.plane and not gate.required and not gate.passed]
     candidates = worse or remarks or [gate for gate in gates if gate.plane and gate.required]
-    worst = max(candidates, key=_strain)
+    worst = max(candidates, key=_relative_violation)
     if worst.plane is None:
         return None
-    wave, seconds = _remedy(worst)
+    wave, seconds = _recommended_signal(worst)
     why = (
-        in_words(worst)
+        format_gate(worst)
         if not worst.passed
-        else f"every gate is passed; closest to its limit: {in_words(worst)}"
+        else f"every gate is passed; closest to its limit: {format_gate(worst)}"
     )
-    return NextTest(worst.plane, wave, _usual_size_deg(model, worst.plane), seconds, why)
+    return NextTest(worst.plane, wave, _median_size_deg(model, worst.plane), seconds, why)
 
 
-def _strain(gate: Gate) -> float:
+def _relative_violation(gate: Gate) -> float:
     """A figure in units of its limit; what is not known strains most."""
     if gate.value is None:
         return math.inf
@@ -255,7 +255,7 @@ def _strain(gate: Gate) -> float:
     return over / under if under > 0.0 else math.inf
 
 
-def _remedy(gate: Gate) -> tuple[str, float]:
+def _recommended_signal(gate: Gate) -> tuple[str, float]:
     """Signal and length: a chirp tells of the dynamics about crossover, long steps of what is
     slow."""
     if "held" in gate.name:
@@ -265,7 +265,7 @@ def _remedy(gate: Gate) -> tuple[str, float]:
     return WAVE_FOR_DYNAMICS, LONG_S
 
 
-def _usual_size_deg(model: IdentifiedModel, plane: Plane) -> float:
+def _median_size_deg(model: IdentifiedModel, plane: Plane) -> float:
     """The median of what was flown and kept, to half a degree."""
     sizes = [abs(run.magnitude_deg) for run in model.screening if run.plane == plane and run.kept]
-    return max(0.5, round(2.0 * float(np.median(sizes))) / 2.0) if sizes else USUAL_DEG
+    return max(0.5, round(2.0 * float(np.median(sizes))) / 2.0) if sizes else DEFAULT_SIZE_DEG

@@ -9,13 +9,13 @@ from sitl.vehicle.config import VehicleConfig
 from sysid.data.segments import Run
 from sysid.models import prediction
 from sysid.models.model_file import IdentifiedModel
-from sysid.validation.acceptance import verdict
+from sysid.validation.acceptance import assess
 from sysid.validation.validate import validate
 
 PACKAGES = ("caribou-auv", "numpy", "scipy", "numba", "msgspec")
 
 
-def judged(
+def with_assessment(
     model: IdentifiedModel,
     fitted: Sequence[Run],
     held_out: Sequence[Run],
@@ -29,6 +29,6 @@ def judged(
         model,
         held_out=prediction.quality(model, held_out, prior),
         validation=found,
-        verdict=verdict(model, found),
+        verdict=assess(model, found),
         versions={package: importlib.metadata.version(package) for package in PACKAGES},
     )

@@ -13,7 +13,7 @@ from sysid.control_analysis.loop_transfer import GRID_RADPS, Gains, Lag
 from sysid.data.segments import Plane
 from sysid.estimation.map import fit
 from sysid.models import linear_planes
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, TABLE_3_INITIAL
 from sysid.validation.results import Crossover
 
@@ -26,22 +26,24 @@ STEP = 1e-3
 """Of the central differences, in prior standard deviations."""
 
 
-class Believed(NamedTuple):
+class UncertainVehicle(NamedTuple):
     """A vehicle that depends on z, where z is thought to lie, and how surely."""
 
-    vehicle: Callable[[Array], Vehicle]
+    vehicle: Callable[[Array], CandidateVehicle]
     z: Array
     covariance: Array | None
     """None where nobody knows."""
 
 
-def response(vehicle: Vehicle, plane: Plane) -> ComplexArray:
+def response(vehicle: CandidateVehicle, plane: Plane) -> ComplexArray:
     """From command to rate on ``GRID_RADPS``, small motion, without the autopilot's own
     sampling."""
     return np.asarray(_responses(vehicle, plane, 0.0).command[:, 1])
 
 
-def _responses(vehicle: Vehicle, plane: Plane, more_delay_s: float) -> loop_transfer.Responses:
+def _responses(
+    vehicle: CandidateVehicle, plane: Plane, more_delay_s: float
+) -> loop_transfer.Responses:
     actuator = vehicle.actuators[plane]
     lag = Lag(
         actuator.delay_s + more_delay_s, actuator.natural_frequency_radps, actuator.damping_ratio
@@ -49,7 +51,7 @@ def _responses(vehicle: Vehicle, plane: Plane, more_delay_s: float) -> loop_tran
     return loop_transfer.responses(fit.linear_plane(vehicle, plane), lag)
 
 
-def loop(vehicle: Vehicle, plane: Plane, gains: Gains) -> ComplexArray:
+def loop(vehicle: CandidateVehicle, plane: Plane, gains: Gains) -> ComplexArray:
     """The plane's loop, opened at its surface, on ``GRID_RADPS``."""
     found = _responses(vehicle, plane, loop_transfer.SAMPLING_S)
     cuts = (
@@ -60,7 +62,7 @@ def loop(vehicle: Vehicle, plane: Plane, gains: Gains) -> ComplexArray:
     return cuts[LOOPS[plane][0]]
 
 
-def gains_for(first: Vehicle) -> dict[str, float]:
+def gains_for(first: CandidateVehicle) -> dict[str, float]:
     """Gains to judge by where those aboard are not known: the prototype's, as much weaker as the
     tail is livelier."""
     gains = dict(TABLE_3_INITIAL)
@@ -71,7 +73,7 @@ def gains_for(first: Vehicle) -> dict[str, float]:
     return gains
 
 
-def crossover(believed: Believed, plane: Plane, gains: Gains) -> Crossover | None:
+def crossover(believed: UncertainVehicle, plane: Plane, gains: Gains) -> Crossover | None:
     """Under ``gains``, by name as in Table 3; None where the loop never reaches unit gain."""
     nominal = loop(believed.vehicle(believed.z), plane, gains)
     margins = loop_transfer.margins(nominal)
@@ -95,7 +97,7 @@ def crossover(believed: Believed, plane: Plane, gains: Gains) -> Crossover | Non
 
     sds: list[float] | list[None] = [None] * 4
     if believed.covariance is not None:
-        sds = spread(figures, believed.z, believed.covariance).tolist()
+        sds = propagate_sd(figures, believed.z, believed.covariance).tolist()
     return Crossover(
         loop="rudder" if plane == "yaw" else "elevator",
         crossover_radps=margins.crossover_radps,
@@ -107,7 +109,7 @@ def crossover(believed: Believed, plane: Plane, gains: Gains) -> Crossover | Non
     )
 
 
-def spread(function: Callable[[Array], Array], z: Array, covariance: Array) -> Array:
+def propagate_sd(function: Callable[[Array], Array], z: Array, covariance: Array) -> Array:
     """Standard deviation of ``function(z)``, first order, central differences along the
     covariance's own axes."""
     values, axes = np.linalg.eigh(covariance)
@@ -118,7 +120,7 @@ def spread(function: Callable[[Array], Array], z: Array, covariance: Array) -> A
     return np.asarray(np.sqrt(np.sum(np.square(moves), axis=0)))
 
 
-def band(believed: Believed, plane: Plane) -> tuple[Array, Array]:
+def response_sd(believed: UncertainVehicle, plane: Plane) -> tuple[Array, Array]:
     """Standard deviation of ``response`` on its grid, dB and degrees; zeros where nobody knows."""
     nominal = response(believed.vehicle(believed.z), plane)
     if believed.covariance is None:
@@ -128,5 +130,5 @@ def band(believed: Believed, plane: Plane) -> tuple[Array, Array]:
         ratio = response(believed.vehicle(z), plane) / nominal
         return np.concatenate([20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))])
 
-    gain_db, phase_deg = np.split(spread(figures, believed.z, believed.covariance), 2)
+    gain_db, phase_deg = np.split(propagate_sd(figures, believed.z, believed.covariance), 2)
     return gain_db, phase_deg

@@ -17,10 +17,10 @@ from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.segments import Plane, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.datasets import among
+from sysid.estimation.map.datasets import with_coupling_inputs
 from sysid.estimation.map.fit import STRIDE, Prior
 from sysid.estimation.map.gauss_newton import descend
-from sysid.estimation.map.problem import Problem
+from sysid.estimation.map.problem import MapProblem
 from sysid.models import noise, parameters
 from sysid.models.model_file import IdentifiedModel
 from sysid.validation import crossover
@@ -44,7 +44,7 @@ def corrections(
     told = {plane: group for plane, group in groups.items() if group and plane in model.noise}
     if not told:
         return {}
-    belief = _as_before_any_test(model, prior)
+    belief = _original_prior(model, prior)
     problem = _problem(model, belief, told)
     end = descend(problem, belief.mean, TOLERANCE)
     covariance = np.linalg.inv(end.score.information + np.linalg.inv(belief.covariance))
@@ -54,7 +54,7 @@ def corrections(
     }
 
 
-def _as_before_any_test(model: IdentifiedModel, prior: VehicleConfig | None) -> Prior:
+def _original_prior(model: IdentifiedModel, prior: VehicleConfig | None) -> Prior:
     known = dict(zip(model.joint.names, model.joint.z, strict=True))
     return Prior(
         prior or vehicle_files.load(model.vehicle.prior),
@@ -64,13 +64,16 @@ def _as_before_any_test(model: IdentifiedModel, prior: VehicleConfig | None) -> 
     )
 
 
-def _problem(model: IdentifiedModel, belief: Prior, told: Mapping[Plane, Sequence[Run]]) -> Problem:
+def _problem(
+    model: IdentifiedModel, belief: Prior, told: Mapping[Plane, Sequence[Run]]
+) -> MapProblem:
     at = problems.vehicle(belief, belief.mean)
     experiments = {
-        plane: tuple(among(at, fit.experiment(run)) for run in runs) for plane, runs in told.items()
+        plane: tuple(with_coupling_inputs(at, fit.dataset(run)) for run in runs)
+        for plane, runs in told.items()
     }
-    levels = {plane: noise.of_model(model.noise[plane]) for plane in told}
-    return Problem(
+    levels = {plane: noise.from_model(model.noise[plane]) for plane in told}
+    return MapProblem(
         belief, experiments, problems.filters(at, experiments, levels, STRIDE), levels, STRIDE
     )
 
@@ -90,6 +93,6 @@ def _correction(
 
     (gain_db, phase_deg), (gain_sd_db, phase_sd_deg) = (
         change(z),
-        crossover.spread(change, z, covariance),
+        crossover.propagate_sd(change, z, covariance),
     )
     return Correction(float(gain_db), float(gain_sd_db), float(phase_deg), float(phase_sd_deg))

@@ -16,7 +16,7 @@ from scipy import signal
 
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.map.fit import STRIDE
-from sysid.validation.results import Overlay
+from sysid.validation.results import FrequencyComparison
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -26,11 +26,11 @@ POINTS = 20
 """Frequencies, evenly spaced by ratio: as many as the cost is defined on."""
 BAND = 0.3, 3.0
 """Of the crossover: beyond it neither margin nor speed of a loop is decided."""
-SMOOTHED, LEAST_HZ = 0.15, 0.03
+SMOOTHING_HALF_WIDTH, MIN_HALF_WIDTH_HZ = 0.15, 0.03
 """Half width over which spectra are averaged about a frequency, as a share of it and at least."""
-COHERENT = 0.6
+MIN_COHERENCE = 0.6
 """Least coherence of a frequency that counts (Tischler and Remple 2006, section 7.5)."""
-STEADY_WAVES = ("step",)
+NARROWBAND_WAVES = ("step",)
 """Signals that hold still tell little of a response over frequency."""
 _PADDED = 4096
 
@@ -77,7 +77,7 @@ def spectra(pairs: Sequence[Pair], frequency_radps: Array) -> Spectra:
     """Of simulated and measured rates, at least one pair."""
     total, seconds = np.zeros((3, _PADDED // 2 + 1), dtype=np.complex128), 0.0
     for pair in pairs:
-        simulated, measured = _thin(pair.simulated_radps), _thin(pair.measured_radps)
+        simulated, measured = _decimate(pair.simulated_radps), _decimate(pair.measured_radps)
         seconds += measured.size * DT_S
         for row, (x, y) in enumerate(
             ((simulated, simulated), (measured, measured), (simulated, measured))
@@ -85,7 +85,7 @@ def spectra(pairs: Sequence[Pair], frequency_radps: Array) -> Spectra:
             total[row] += measured.size * _cross(x, y)
     hz = np.fft.rfftfreq(_PADDED, DT_S)
     centre = frequency_radps / (2.0 * math.pi)
-    reach = np.maximum(SMOOTHED * centre, LEAST_HZ)
+    reach = np.maximum(SMOOTHING_HALF_WIDTH * centre, MIN_HALF_WIDTH_HZ)
     means = np.array(
         [
             total[:, np.abs(hz - f) <= half].mean(axis=1)
@@ -106,15 +106,15 @@ def _cross(x: Array, y: Array) -> ComplexArray:
     )
 
 
-def _thin(values: Array) -> Array:
+def _decimate(values: Array) -> Array:
     """Means of STRIDE samples."""
     whole = values.size // STRIDE * STRIDE
     return np.asarray(values[:whole].reshape(-1, STRIDE).mean(axis=1))
 
 
-def overlay(
+def compare_responses(
     pairs: Sequence[Pair], response: ComplexArray, grid_radps: Array, crossover_radps: float
-) -> Overlay:
+) -> FrequencyComparison:
     """Measured and modelled response about a crossover, from runs that sweep (at least one).
 
     Args:
@@ -124,16 +124,16 @@ def overlay(
     found = spectra(pairs, frequency)
     gain_db = np.interp(frequency, grid_radps, _db(response))
     phase_deg = np.degrees(np.interp(frequency, grid_radps, np.unwrap(np.angle(response))))
-    return Overlay(
+    return FrequencyComparison(
         runs=tuple(pair.run for pair in pairs),
-        frequency_radps=_plain(frequency),
-        coherence=_plain(found.coherence),
-        gain_db=_plain(gain_db + _db(found.factor)),
-        phase_deg=_plain(phase_deg + np.degrees(np.angle(found.factor))),
-        gain_sd_db=_plain(20.0 / math.log(10.0) * found.random_error),
-        phase_sd_deg=_plain(np.degrees(found.random_error)),
-        model_gain_db=_plain(gain_db),
-        model_phase_deg=_plain(phase_deg),
+        frequency_radps=_to_tuple(frequency),
+        coherence=_to_tuple(found.coherence),
+        gain_db=_to_tuple(gain_db + _db(found.factor)),
+        phase_deg=_to_tuple(phase_deg + np.degrees(np.angle(found.factor))),
+        gain_sd_db=_to_tuple(20.0 / math.log(10.0) * found.random_error),
+        phase_sd_deg=_to_tuple(np.degrees(found.random_error)),
+        model_gain_db=_to_tuple(gain_db),
+        model_phase_deg=_to_tuple(phase_deg),
         mismatch_cost=mismatch_cost(found),
     )
 
@@ -142,7 +142,7 @@ def mismatch_cost(found: Spectra) -> float | None:
     """J of Tischler and Remple (2006), equations 11.4 and 11.5: mean squared error of gain in dB
     and of phase in degrees, the latter weighted by 0.01745, both by coherence; None where no
     frequency is coherent."""
-    coherent = found.coherence >= COHERENT
+    coherent = found.coherence >= MIN_COHERENCE
     if not np.any(coherent):
         return None
     factor = found.factor[coherent]
@@ -155,5 +155,5 @@ def _db(response: ComplexArray) -> Array:
     return np.asarray(20.0 * np.log10(np.abs(response)))
 
 
-def _plain(values: Array) -> tuple[float, ...]:
+def _to_tuple(values: Array) -> tuple[float, ...]:
     return tuple(values.tolist())

@@ -16,11 +16,11 @@ from sysid.validation.results import Theil
 
 Array = NDArray[np.float64]
 
-SETTLED = 400
+SETTLING_STEPS = 400
 """Steps after which a filter of a plane knows as much as it ever will: 40 s."""
 
 
-class Floor(NamedTuple):
+class NoiseFloor(NamedTuple):
     """Mean squared rate error of a model without fault: expectation and standard deviation,
     (deg/s)^2."""
 
@@ -50,7 +50,7 @@ def rate_covariance(plane: LinearPlane, level: Noise, dt: float, lead: int, samp
     damps the sea's answer, and leaves up to a third less."""
     A, density, output, sensors, start = noise.system(plane, level)
     transition, process = noise.discrete(A, density, dt)
-    P = _settled(transition, process, output, sensors, start)
+    P = _steady_covariance(transition, process, output, sensors, start)
     moments = slice(plane.A.shape[0], plane.A.shape[0] + 3)
     P[moments, :] = P[:, moments] = 0.0
     P[moments, moments] = start[moments, moments]
@@ -69,17 +69,19 @@ def rate_covariance(plane: LinearPlane, level: Noise, dt: float, lead: int, samp
     return C
 
 
-def floor(covariance: Array) -> Floor:
+def noise_floor_of(covariance: Array) -> NoiseFloor:
     """Of the mean square over the samples of a test: for Gaussian noise its variance is 2
     sum(C_ij^2) / n^2."""
     scale = float(np.degrees(1.0)) ** 2
     sd = scale * float(np.sqrt(2.0 * np.sum(covariance**2))) / len(covariance)
-    return Floor(scale * float(np.mean(np.diag(covariance))), sd)
+    return NoiseFloor(scale * float(np.mean(np.diag(covariance))), sd)
 
 
-def _settled(transition: Array, process: Array, output: Array, sensors: Array, P: Array) -> Array:
+def _steady_covariance(
+    transition: Array, process: Array, output: Array, sensors: Array, P: Array
+) -> Array:
     """Covariance of the states once a Kalman filter has settled, after its last measurement."""
-    for _ in range(SETTLED):
+    for _ in range(SETTLING_STEPS):
         P = transition @ P @ transition.T + process
         gain = np.linalg.solve(output @ P @ output.T + sensors, output @ P).T
         P = P - gain @ output @ P
@@ -87,12 +89,12 @@ def _settled(transition: Array, process: Array, output: Array, sensors: Array, P
     return P
 
 
-def repeats_deg2ps2(runs: Sequence[Run]) -> float | None:
+def floor_from_repeats_deg2ps2(runs: Sequence[Run]) -> float | None:
     """The floor without any model: half the mean squared difference of runs of the same test; None
     without such."""
     found = []
     for one, other in combinations(runs, 2):
-        if _matched(one, other):
+        if _is_repeat(one, other):
             n = min(np.count_nonzero(~one.preroll), np.count_nonzero(~other.preroll))
             apart = np.degrees(
                 one.rate_radps[~one.preroll][:n] - other.rate_radps[~other.preroll][:n]
@@ -101,7 +103,7 @@ def repeats_deg2ps2(runs: Sequence[Run]) -> float | None:
     return float(np.mean(found)) if found else None
 
 
-def _matched(one: Run, other: Run) -> bool:
+def _is_repeat(one: Run, other: Run) -> bool:
     """The same surface, wave, size and, to a second, length."""
     alike = (one.plane, one.wave) == (other.plane, other.wave)
     alike = alike and abs(one.magnitude_deg - other.magnitude_deg) < 0.01

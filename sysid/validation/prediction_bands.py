@@ -13,7 +13,7 @@ from sysid.estimation.map.fit import STRIDE
 from sysid.models import noise, prediction
 from sysid.models.model_file import IdentifiedModel
 from sysid.validation import crossover, noise_floor
-from sysid.validation.validate import DT_S, believed
+from sysid.validation.validate import DT_S, uncertain_vehicle
 
 Array = NDArray[np.float64]
 
@@ -30,12 +30,12 @@ class Band(NamedTuple):
 
 def rate_band(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = None) -> Band:
     """Of the predicted rate of a run. ``prior`` as for ``prediction.predict``."""
-    belief = believed(model, prior)
+    belief = uncertain_vehicle(model, prior)
     flown = run.since(-prediction.LEAD_S)
     doubt = np.zeros(flown.time_s.size)
     if belief.covariance is not None:
-        doubt = crossover.spread(
-            lambda z: prediction.motion(belief.vehicle(z), flown).rate_radps,
+        doubt = crossover.propagate_sd(
+            lambda z: prediction.simulate(belief.vehicle(z), flown).rate_radps,
             belief.z,
             belief.covariance,
         )
@@ -45,9 +45,9 @@ def rate_band(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = No
 def _sea(model: IdentifiedModel, flown: Run, prior: VehicleConfig | None) -> Array:
     if flown.plane not in model.noise:
         return np.zeros(flown.time_s.size)
-    belief = believed(model, prior)
+    belief = uncertain_vehicle(model, prior)
     linear = fit.linear_plane(belief.vehicle(belief.z), flown.plane)
-    level = noise.of_model(model.noise[flown.plane])
+    level = noise.from_model(model.noise[flown.plane])
     steps = flown.time_s.size // STRIDE + 1
     sd = np.sqrt(np.diag(noise_floor.rate_covariance(linear, level, DT_S, 0, steps)))
     return np.interp(np.arange(flown.time_s.size), STRIDE * np.arange(steps), sd)
@@ -56,9 +56,9 @@ def _sea(model: IdentifiedModel, flown: Run, prior: VehicleConfig | None) -> Arr
 def innovations(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = None) -> Array:
     """Normalised innovations of the rate over a test, every ``DT_S``: white where model and noise
     model hold."""
-    belief = believed(model, prior)
+    belief = uncertain_vehicle(model, prior)
     vehicle = belief.vehicle(belief.z)
-    (residual,) = fit.residuals(vehicle, [fit.experiment(run)])
-    level = noise.of_model(model.noise[run.plane])
+    (residual,) = fit.residuals(vehicle, [fit.dataset(run)])
+    level = noise.from_model(model.noise[run.plane])
     by = noise.build(fit.linear_plane(vehicle, run.plane), level, DT_S, len(residual))
-    return noise.whitened(residual, by)[int(np.count_nonzero(run.preroll)) // STRIDE :, 0]
+    return noise.whiten_residual(residual, by)[int(np.count_nonzero(run.preroll)) // STRIDE :, 0]

@@ -8,11 +8,11 @@ import msgspec
 from sysid.data.segments import Plane
 
 
-class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class JsonRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pass
 
 
-class Theil(Record, frozen=True):
+class Theil(JsonRecord, frozen=True):
     """Inequality of measured and simulated rate (Theil 1966): 0 for equal series, 1 for no likeness
     at all.
 
@@ -28,7 +28,7 @@ class Theil(Record, frozen=True):
     """Unequal course: what disturbance and noise leave."""
 
 
-class Whiteness(Record, frozen=True):
+class Whiteness(JsonRecord, frozen=True):
     """Innovations of the rate: white, and of mean square one, where model and noise model hold."""
 
     mean_square: float
@@ -40,7 +40,7 @@ class Whiteness(Record, frozen=True):
     """Probability of such autocorrelations over two seconds in white noise."""
 
 
-class RunValidation(Record, frozen=True):
+class RunValidation(JsonRecord, frozen=True):
     """One run, fitted or held out. Mean squares are of the rate, (deg/s)^2, once the test has
     begun."""
 
@@ -57,7 +57,7 @@ class RunValidation(Record, frozen=True):
     whiteness: Whiteness | None
 
 
-class Excess(Record, frozen=True):
+class Excess(JsonRecord, frozen=True):
     """All held-out runs of a plane: mean squared rate error and what of it is not sea and sensors,
     (deg/s)^2."""
 
@@ -79,7 +79,7 @@ class Excess(Record, frozen=True):
     """How many of the runs have a wave form that no fitted run of the plane had."""
 
 
-class Overlay(Record, frozen=True):
+class FrequencyComparison(JsonRecord, frozen=True):
     """Rate over command as the runs show it, and as the model has it for small motion.
 
     One entry for each frequency; phase is continuous, delay included.
@@ -100,7 +100,7 @@ class Overlay(Record, frozen=True):
     excellent, 100 acceptable."""
 
 
-class Crossover(Record, frozen=True):
+class Crossover(JsonRecord, frozen=True):
     """Where a loop crosses unit gain, and how sure the model is of gain and phase there (one
     standard deviation)."""
 
@@ -113,7 +113,7 @@ class Crossover(Record, frozen=True):
     pm_sd_deg: float | None
 
 
-class Correction(Record, frozen=True):
+class Correction(JsonRecord, frozen=True):
     """What the held-out runs would change about the model's response at crossover, one standard
     deviation beside."""
 
@@ -123,10 +123,10 @@ class Correction(Record, frozen=True):
     phase_sd_deg: float
 
 
-class PlaneValidation(Record, frozen=True):
+class PlaneValidation(JsonRecord, frozen=True):
     runs: tuple[RunValidation, ...]
     held_out: Excess | None
-    overlay: Overlay | None
+    overlay: FrequencyComparison | None
     coherence_at_crossover: float | None
     """Smallest between half and twice the crossover."""
     crossover: Crossover | None
@@ -134,7 +134,7 @@ class PlaneValidation(Record, frozen=True):
     correction: Correction | None
 
 
-class Gate(Record, frozen=True):
+class Gate(JsonRecord, frozen=True):
     """One condition of the verdict."""
 
     name: str
@@ -150,7 +150,7 @@ class Gate(Record, frozen=True):
     """A gate that is not required is a remark: it does not decide."""
 
 
-class NextTest(Record, frozen=True):
+class NextTest(JsonRecord, frozen=True):
     """The test that would do most for the worst gate."""
 
     plane: Plane
@@ -167,7 +167,7 @@ class NextTest(Record, frozen=True):
         )
 
 
-class Verdict(Record, frozen=True):
+class ModelAssessment(JsonRecord, frozen=True):
     fit_for_redesign: bool
     reasons: tuple[str, ...]
     """One for each required gate that is not passed."""

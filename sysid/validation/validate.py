@@ -20,15 +20,15 @@ from sysid.models import prediction as predict
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel
 from sysid.models.noise import Filter, Noise
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 from sysid.validation import crossover, frequency_response, noise_floor
-from sysid.validation.crossover import Believed
+from sysid.validation.crossover import UncertainVehicle
 from sysid.validation.crossover_correction import corrections
 from sysid.validation.frequency_response import Pair
-from sysid.validation.noise_floor import Floor
+from sysid.validation.noise_floor import NoiseFloor
 from sysid.validation.results import (
     Excess,
-    Overlay,
+    FrequencyComparison,
     PlaneValidation,
     RunValidation,
     Whiteness,
@@ -39,13 +39,13 @@ Array = NDArray[np.float64]
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 DT_S = STRIDE / RATE_HZ
-HOLDING_WAVES = ("step",)
+NARROWBAND_WAVES = ("step",)
 """Signals that hold still tell little of a response over frequency; any other counts as a sweep."""
 OCTAVE = 0.5, 2.0
 """Of the crossover: where the runs must be coherent."""
 
 
-class _Sea(NamedTuple):
+class _NoiseReference(NamedTuple):
     """A model's noise, worked out for the longest of the runs."""
 
     level: Noise
@@ -53,19 +53,19 @@ class _Sea(NamedTuple):
     whitener: Filter
 
 
-class _Question(NamedTuple):
+class _PlaneModel(NamedTuple):
     """A model and one of its planes."""
 
     model: IdentifiedModel
-    belief: Believed
-    first: Vehicle
+    belief: UncertainVehicle
+    first: CandidateVehicle
     plane: Plane
-    vehicle: Vehicle
-    sea: _Sea | None
+    vehicle: CandidateVehicle
+    sea: _NoiseReference | None
     """None for a model that knows nothing of it."""
 
 
-class _Judged(NamedTuple):
+class _ComparedRun(NamedTuple):
     """One run beside what the models make of it; rates at ``RATE_HZ``, once the test has begun,
     deg/s."""
 
@@ -77,20 +77,22 @@ class _Judged(NamedTuple):
     record: RunValidation
 
 
-def believed(model: IdentifiedModel, prior: VehicleConfig | None = None) -> Believed:
+def uncertain_vehicle(
+    model: IdentifiedModel, prior: VehicleConfig | None = None
+) -> UncertainVehicle:
     """The identified vehicle as its estimates move. ``prior`` as for ``predict.predict``."""
     z, covariance = np.array(model.joint.z), np.array(model.joint.covariance)
     if model.method == "paper":
         only = _with_coefficients(model, predict.vehicles(model, prior)[1])
-        return Believed(lambda moved: only, z, None)
-    return Believed(
-        lambda moved: predict.moved(model, moved, prior),
+        return UncertainVehicle(lambda moved: only, z, None)
+    return UncertainVehicle(
+        lambda moved: predict.perturb(model, moved, prior),
         z,
         covariance if np.any(covariance) else None,
     )
 
 
-def _with_coefficients(model: IdentifiedModel, first: Vehicle) -> Vehicle:
+def _with_coefficients(model: IdentifiedModel, first: CandidateVehicle) -> CandidateVehicle:
     """The prior vehicle with the coefficients of a model that is not given by z."""
     linear = first.config.linear
     values = {
@@ -116,7 +118,7 @@ def validate(
             as the vehicle's tail allows.
         prior: needed when the model was refitted from a vehicle file that is not shipped.
     """
-    belief = believed(model, prior)
+    belief = uncertain_vehicle(model, prior)
     first = predict.vehicles(model, prior)[1]
     known = gains or crossover.gains_for(first)
     vehicle = belief.vehicle(belief.z)
@@ -127,11 +129,13 @@ def validate(
         if seen or unseen:
             level = model.noise.get(plane)
             sea = (
-                _sea(fit.linear_plane(vehicle, plane), noise.of_model(level), [*seen, *unseen])
+                _noise_reference(
+                    fit.linear_plane(vehicle, plane), noise.from_model(level), [*seen, *unseen]
+                )
                 if level
                 else None
             )
-            asked = _Question(model, belief, first, plane, vehicle, sea)
+            asked = _PlaneModel(model, belief, first, plane, vehicle, sea)
             found[plane] = _plane(asked, seen, unseen, known)
     crossed = {plane: it.crossover.crossover_radps for plane, it in found.items() if it.crossover}
     changed = corrections(model, held_out, crossed, prior)
@@ -142,22 +146,24 @@ def validate(
 
 
 def _plane(
-    asked: _Question, fitted: Sequence[Run], held_out: Sequence[Run], gains: Mapping[str, float]
+    asked: _PlaneModel, fitted: Sequence[Run], held_out: Sequence[Run], gains: Mapping[str, float]
 ) -> PlaneValidation:
     waves = {run.wave for run in fitted}
-    seen = [_judged(asked, run, held_out=False, new_type=False) for run in fitted]
+    seen = [_compare(asked, run, held_out=False, new_type=False) for run in fitted]
     unseen = [
-        _judged(asked, run, held_out=True, new_type=run.wave not in waves) for run in held_out
+        _compare(asked, run, held_out=True, new_type=run.wave not in waves) for run in held_out
     ]
     crossed = crossover.crossover(asked.belief, asked.plane, gains)
-    swept = [j.pair for j in (*seen, *unseen) if j.run.wave not in HOLDING_WAVES]
+    swept = [j.pair for j in (*seen, *unseen) if j.run.wave not in NARROWBAND_WAVES]
     laid = None
     if crossed and swept:
         response = crossover.response(asked.vehicle, asked.plane)
-        laid = frequency_response.overlay(swept, response, GRID_RADPS, crossed.crossover_radps)
+        laid = frequency_response.compare_responses(
+            swept, response, GRID_RADPS, crossed.crossover_radps
+        )
     return PlaneValidation(
         runs=tuple(j.record for j in (*seen, *unseen)),
-        held_out=_excess(unseen, noise_floor.repeats_deg2ps2([*fitted, *held_out]))
+        held_out=_excess(unseen, noise_floor.floor_from_repeats_deg2ps2([*fitted, *held_out]))
         if unseen
         else None,
         overlay=laid,
@@ -169,23 +175,23 @@ def _plane(
     )
 
 
-def _sea(linear: LinearPlane, level: Noise, runs: Sequence[Run]) -> _Sea:
+def _noise_reference(linear: LinearPlane, level: Noise, runs: Sequence[Run]) -> _NoiseReference:
     tests = [int(np.count_nonzero(~run.preroll)) // STRIDE for run in runs]
     lead, whole = round(predict.LEAD_S / DT_S), max(run.time_s.size // STRIDE + 1 for run in runs)
     covariance = noise_floor.rate_covariance(linear, level, DT_S, lead, max(1, *tests))
-    return _Sea(level, covariance, noise.build(linear, level, DT_S, whole))
+    return _NoiseReference(level, covariance, noise.build(linear, level, DT_S, whole))
 
 
-def _coherence(laid: Overlay, crossover_radps: float) -> float:
+def _coherence(laid: FrequencyComparison, crossover_radps: float) -> float:
     low, high = (share * crossover_radps for share in OCTAVE)
     return min(
         c for w, c in zip(laid.frequency_radps, laid.coherence, strict=True) if low <= w <= high
     )
 
 
-def _judged(asked: _Question, run: Run, *, held_out: bool, new_type: bool) -> _Judged:
+def _compare(asked: _PlaneModel, run: Run, *, held_out: bool, new_type: bool) -> _ComparedRun:
     after = ~run.preroll
-    prediction = predict.between(asked.vehicle, asked.first, run, asked.model)
+    prediction = predict.predict_with(asked.vehicle, asked.first, run, asked.model)
     measured, simulated, first = (
         np.degrees(rate[after])
         for rate in (run.rate_radps, prediction.rate_radps, prediction.prior_rate_radps)
@@ -203,27 +209,27 @@ def _judged(asked: _Question, run: Run, *, held_out: bool, new_type: bool) -> _J
         whiteness=_whiteness(asked.vehicle, asked.sea, run) if asked.sea else None,
     )
     pair = Pair(run.name, prediction.rate_radps[start:], run.rate_radps[start:])
-    return _Judged(run, measured, simulated, first, pair, record)
+    return _ComparedRun(run, measured, simulated, first, pair, record)
 
 
-def _floor(sea: _Sea, run: Run) -> Floor:
+def _floor(sea: _NoiseReference, run: Run) -> NoiseFloor:
     """On the run's own grid, whose samples carry STRIDE times the white noise of the fit's
     means."""
     samples = max(1, np.count_nonzero(~run.preroll) // STRIDE)
-    found = noise_floor.floor(sea.rate_covariance[:samples, :samples])
+    found = noise_floor.noise_floor_of(sea.rate_covariance[:samples, :samples])
     return found._replace(
         mean_deg2ps2=found.mean_deg2ps2 + (STRIDE - 1) * math.degrees(sea.level.rate_radps) ** 2
     )
 
 
-def _whiteness(vehicle: Vehicle, sea: _Sea, run: Run) -> Whiteness | None:
+def _whiteness(vehicle: CandidateVehicle, sea: _NoiseReference, run: Run) -> Whiteness | None:
     """Of the rate's innovations once the test has begun; before it the filter settles."""
-    (residual,) = fit.residuals(vehicle, [fit.experiment(run)])
-    white = noise.whitened(residual, sea.whitener)
+    (residual,) = fit.residuals(vehicle, [fit.dataset(run)])
+    white = noise.whiten_residual(residual, sea.whitener)
     return whiteness(white[int(np.count_nonzero(run.preroll)) // STRIDE :, 0], DT_S)
 
 
-def _excess(unseen: Sequence[_Judged], repeats_deg2ps2: float | None) -> Excess:
+def _excess(unseen: Sequence[_ComparedRun], repeats_deg2ps2: float | None) -> Excess:
     def mse(model_of: str) -> float:
         return float(np.mean([np.mean((j.measured - getattr(j, model_of)) ** 2) for j in unseen]))
 

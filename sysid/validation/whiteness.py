@@ -13,7 +13,7 @@ from sysid.validation.results import Whiteness
 
 Array = NDArray[np.float64]
 
-LEAST_SAMPLES = 40
+MIN_SAMPLES = 40
 """Fewer tell nothing; four seconds."""
 LAGS_S = 2.0
 
@@ -21,7 +21,7 @@ LAGS_S = 2.0
 def whiteness(innovations: Array, dt: float) -> Whiteness | None:
     """Of normalised innovations sampled every ``dt`` seconds, (samples,); None for too few of
     them."""
-    if innovations.size < LEAST_SAMPLES:
+    if innovations.size < MIN_SAMPLES:
         return None
     centred = innovations - np.mean(innovations)
     distance, p = _cumulative_periodogram(centred)

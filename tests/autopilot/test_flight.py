@@ -15,7 +15,7 @@ from autopilot.control.types import (
     UNSUPPORTED,
     ItemReached,
 )
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 from tests.helpers.missions import Flight, excitation_item, leg, under_way
 
 
@@ -207,13 +207,13 @@ def test_a_depth_is_minus_an_altitude_but_down_in_a_local_frame(
     item: MissionItem, depth_m: float
 ) -> None:
     flight = under_way()
-    assert mission.begin(item, flight.state, flight.config)[0].setpoint.depth_m == depth_m
+    assert mission.begin_item(item, flight.state, flight.config)[0].setpoint.depth_m == depth_m
     there, here = (
         flight.state._replace(estimate=flight.state.estimate._replace(depth_m=depth))
         for depth in (depth_m, 9.0)
     )
-    waits = item.command == mission.Command.CHANGE_ALTITUDE_WAIT
-    assert [mission.done(item, state, flight.config) for state in (here, there)] == [
+    waits = item.command == mission.MissionCommand.CHANGE_ALTITUDE_WAIT
+    assert [mission.item_done(item, state, flight.config) for state in (here, there)] == [
         not waits,
         True,
     ]
@@ -227,7 +227,7 @@ def test_a_relative_turn_is_clockwise_unless_it_says_otherwise(
 ) -> None:
     flight = under_way()
     item = MissionItem(0, 2, 115, p1=30.0, p3=direction, p4=1.0)
-    after = mission.begin(item, flight.state, flight.config)[0]
+    after = mission.begin_item(item, flight.state, flight.config)[0]
     turned = after.setpoint.heading_rad - flight.state.setpoint.heading_rad
     assert math.degrees(turned) == pytest.approx(turn_deg)
 

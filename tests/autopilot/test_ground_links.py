@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.signing_keys import Keys
-from autopilot.comms.stream_rates import BARE, FAST, HALF, profile_for
+from autopilot.comms.stream_rates import FAST, HALF, MINIMAL, profile_for
 from autopilot.control.params import PARAMETERS, ParamTable
 from autopilot.control.types import Inputs
 from autopilot.onboard_log import channels
@@ -46,9 +46,9 @@ def rates_hz(profile: Any) -> dict[str, float]:
 def test_the_profile_follows_from_the_baud_rate() -> None:
     assert [profile_for(baud) for baud in (None, 921_600, 115_200)] == [FAST] * 3
     assert [profile_for(baud) for baud in (57_600, 38_400)] == [HALF] * 2
-    assert [profile_for(baud) for baud in (19_200, 9600, 1200)] == [BARE] * 3
+    assert [profile_for(baud) for baud in (19_200, 9600, 1200)] == [MINIMAL] * 3
     assert rates_hz(FAST) == {stream.message.name: stream.rate_hz for stream in STREAMS}
-    assert rates_hz(BARE) == {
+    assert rates_hz(MINIMAL) == {
         "ATTITUDE": 1,
         "GLOBAL_POSITION_INT": 1,
         "VFR_HUD": 1,
@@ -61,7 +61,7 @@ def test_the_profile_follows_from_the_baud_rate() -> None:
 
 
 def test_a_profile_leaves_most_of_its_line_free() -> None:
-    for profile, baud in ((FAST, 115_200), (HALF, 57_600), (BARE, 9600)):
+    for profile, baud in ((FAST, 115_200), (HALF, 57_600), (MINIMAL, 9600)):
         sizes = {number: dialect.by_id(number).struct.size + 12 for number in profile.rates_hz}  # type: ignore[union-attr]
         wanted = sum(hz * sizes[number] for number, hz in profile.rates_hz.items())
         assert wanted < 0.7 * baud / 10, profile.name
@@ -314,7 +314,9 @@ def test_a_key_is_told_to_nobody(tmp_path: Path) -> None:
     deck.ask(setup(NEW_KEY, system=251), wire)
     assert sent
     assert NEW_KEY[:8] not in b"".join(sent)
-    assert mavlink.MAVLINK_MSG_ID_SETUP_SIGNING not in channels.HEARD, "nor is it logged"
+    assert mavlink.MAVLINK_MSG_ID_SETUP_SIGNING not in channels.LOGGED_FROM_GROUND, (
+        "nor is it logged"
+    )
 
 
 @pytest.mark.parametrize("word", ["key", "udp:1", "udpout:1=", "udpout:2=key", "=key"])

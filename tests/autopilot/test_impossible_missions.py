@@ -9,8 +9,8 @@ from pymavlink.dialects.v20 import all as mavlink
 from autopilot.control import guidance, mission, modes, requests
 from autopilot.control.params import Config
 from autopilot.control.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, Home
+from mavlink_io.mission_items import NOT_GIVEN, MissionItem
 from mavlink_io.records import GpsFix
-from mavlink_io.services.missions import NOT_GIVEN, MissionItem
 from tests.helpers.fake_hil import Deck, texts
 from tests.helpers.missions import Flight, leg
 
@@ -189,13 +189,13 @@ def test_command_deeper_than_the_failsafe_is_refused() -> None:
 def test_place_zero_zero_is_none_unless_home_is_near_it() -> None:
     """ArduPilot takes latitude and longitude 0 for "here"; near (0, 0) they are a place."""
     zero = MissionItem(0, 3, WAYPOINT, z=-4.0)
-    assert guidance.place_of(zero, HOME) is None
-    assert guidance.place_of(zero, Home()) is None
-    near = guidance.place_of(zero, Home(0.009, -0.009, True))
+    assert guidance.item_position(zero, HOME) is None
+    assert guidance.item_position(zero, Home()) is None
+    near = guidance.item_position(zero, Home(0.009, -0.009, True))
     assert near == pytest.approx(complex(-0.009, 0.009) * NORTH_M_PER_DEG, abs=1e-3)
-    assert guidance.place_of(zero, Home(0.0, 0.0, True)) == 0j
-    assert guidance.place_of(zero, Home(1.0, 0.0, True)) is None  # 111 km
-    assert guidance.place_of(zero._replace(x=1), HOME) is not None
+    assert guidance.item_position(zero, Home(0.0, 0.0, True)) == 0j
+    assert guidance.item_position(zero, Home(1.0, 0.0, True)) is None  # 111 km
+    assert guidance.item_position(zero._replace(x=1), HOME) is not None
 
 
 def test_mission_at_zero_zero_is_flown_to_it() -> None:
@@ -211,7 +211,7 @@ def test_mission_at_zero_zero_is_flown_to_it() -> None:
 def test_place_beyond_the_antimeridian_is_near() -> None:
     """0.02 degrees of longitude on the equator are 2224 m, also across 180 degrees."""
     fiji = Home(0.0, 179.99, True)
-    place = guidance.place_of(waypoint(lat_deg=0.0, lon_deg=-179.99), fiji)
+    place = guidance.item_position(waypoint(lat_deg=0.0, lon_deg=-179.99), fiji)
     assert place == pytest.approx(0.02j * NORTH_M_PER_DEG, abs=0.01)
 
 

@@ -6,23 +6,22 @@ from typing import Any
 
 import pytest
 
-from autopilot import lqg_file
-from autopilot.control import lqg
-from autopilot.control.lqg import Laws
-from autopilot.lqg_file import LawError
+from autopilot.control import lqg, lqg_file
+from autopilot.control.lqg import LqgControllers
+from autopilot.control.lqg_file import LqgFileError
 
-LAWS = Laws(
+LAWS = LqgControllers(
     1.3,
-    lqg.law(((0.9, 0.1, 0.02, 1.0 / 3.0),), (-1.5,), ((0.0, 1.0),), 0),
-    lqg.law(((0.9, 0.1, 0.2, -0.3, 0.05, 0.1),), (2.0,), ((0.0, 0.0, 1.0, 0.0),), 0),
+    lqg.from_matrices(((0.9, 0.1, 0.02, 1.0 / 3.0),), (-1.5,), ((0.0, 1.0),), 0),
+    lqg.from_matrices(((0.9, 0.1, 0.2, -0.3, 0.05, 0.1),), (2.0,), ((0.0, 0.0, 1.0, 0.0),), 0),
     0.2,
 )
-WHOLE = json.loads(lqg_file.text_of(LAWS, "f00d"))
+WHOLE = json.loads(lqg_file.to_json(LAWS, "f00d"))
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "laws.json"
-    path.write_text(lqg_file.text_of(LAWS, "f00d"))
+    path.write_text(lqg_file.to_json(LAWS, "f00d"))
     assert lqg_file.load(path) == LAWS
 
 
@@ -60,7 +59,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 def test_a_wrong_file_is_refused(tmp_path: Path, change: dict[str, Any], complaint: str) -> None:
     path = tmp_path / "laws.json"
     path.write_text(json.dumps(WHOLE | change))
-    with pytest.raises(LawError, match=rf"^{path}: {complaint}"):
+    with pytest.raises(LqgFileError, match=rf"^{path}: {complaint}"):
         lqg_file.load(path)
 
 
@@ -68,10 +67,10 @@ def test_a_wrong_file_is_refused(tmp_path: Path, change: dict[str, Any], complai
 def test_another_file_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "laws.json"
     path.write_text(text)
-    with pytest.raises(LawError, match=r"laws\.json: (no JSON|the file: expected an object)"):
+    with pytest.raises(LqgFileError, match=r"laws\.json: (no JSON|the file: expected an object)"):
         lqg_file.load(path)
 
 
 def test_a_missing_file_is_refused() -> None:
-    with pytest.raises(LawError, match=r"^nowhere\.json: No such file"):
+    with pytest.raises(LqgFileError, match=r"^nowhere\.json: No such file"):
         lqg_file.load(Path("nowhere.json"))

@@ -11,11 +11,11 @@ from autopilot import app
 from autopilot.app import App
 from autopilot.comms import hil
 from autopilot.control import modes, requests
-from autopilot.onboard_log.recorder import Logbook
+from autopilot.onboard_log.recorder import OnboardLog
 from mavlink_io import dialect
 from mavlink_io.records import GpsFix
 from mavlink_io.transport import MemoryTransport, open_transport
-from sitl.backends.hil import HilLink
+from sitl.backends.hil import HilClient
 from sitl.core.sensors import Sensors
 from tests.helpers.fake_hil import TICK_US, Deck, sensors, texts
 from tests.helpers.missions import leg
@@ -34,8 +34,8 @@ class Aboard:
 
     def __init__(self, ends: Ends, logs: Path) -> None:
         near, far = ends
-        self.sea, self.deck = HilLink(near), Deck()
-        self.logbook = Logbook(self.deck.vehicle, logs)
+        self.sea, self.deck = HilClient(near), Deck()
+        self.logbook = OnboardLog(self.deck.vehicle, logs)
         self.hil = hil.HilLink(far, 1)
         self.app = App(self.deck.vehicle, self.hil, self.deck.server, self.logbook)
         self.wall_s = 100.0

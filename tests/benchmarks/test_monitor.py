@@ -8,7 +8,7 @@ import pytest
 from msgspec import structs
 
 from benchmarks import monitor
-from sysid.monitor.performance_spec import Expected
+from sysid.monitor.performance_spec import PredictedStatistic
 from tests.sysid.monitor import made
 
 GAINS = {"HDG_I": 0.05, "HDG_IMAX": 0.1}
@@ -49,5 +49,5 @@ def test_a_rudder_that_bends_in_the_water_is_noticed_by_its_name(
     assert right == 1.0
 
 
-def wider(expected: Expected) -> Expected:
+def wider(expected: PredictedStatistic) -> PredictedStatistic:
     return structs.replace(expected, rms=2.0 * expected.rms, average_sd=2.0 * expected.average_sd)

@@ -90,26 +90,26 @@ def test_a_rough_sea_has_twice_the_moments_of_the_disturbed_one() -> None:
 
 def test_one_strange_vehicle_beyond_twice_the_targets_is_one_too_many() -> None:
     held = np.array([[0.0, *GOOD], [1.0, *GOOD], [2.0, *BAD._replace(heading_deg=2.3)]])
-    figures = robust.judge("field", held)
+    figures = robust.judge("caribou_truth", held)
     assert figures[0].value == 3.0
     assert missed(figures) == {
         "heading, 95 %: ours, worst dive",
         "depth, 95 %: ours, worst dive",
         "outside twice the targets",
     }
-    assert not missed(robust.judge("field", held[:2]))
-    assert "lost: ours" in missed(robust.judge("field", np.array([[0.0, *LOST]])))
+    assert not missed(robust.judge("caribou_truth", held[:2]))
+    assert "lost: ours" in missed(robust.judge("caribou_truth", np.array([[0.0, *LOST]])))
 
 
 def test_strange_vehicles_are_off_in_every_coefficient_by_a_fifth_at_most() -> None:
-    drawn, first = robust.draw("field", 7).vehicle, config.load("field")
+    drawn, first = robust.draw("caribou_truth", 7).vehicle, config.load("caribou_truth")
     ratios = [
         getattr(drawn.linear, name) / getattr(first.linear, name)
         for name in first.linear.__struct_fields__
     ]
     assert all(0.8 <= ratio <= 1.2 for ratio in ratios)
     assert len(set(ratios)) == len(ratios)
-    assert robust.draw("field", 7) == robust.draw("field", 7)
+    assert robust.draw("caribou_truth", 7) == robust.draw("caribou_truth", 7)
     assert drawn.tailcone.rudder_bias_deg == -6.0
 
 
@@ -148,8 +148,10 @@ def test_water_over_her_is_counted_from_her_highest_part_and_from_the_surface_as
 def test_a_probability_that_is_not_kept_is_no_honest_one() -> None:
     kept, broken = [1.0, 1.0, 0.9, 1.0, 0.99, 1.0, *GOOD], [1.0, 1.0, 0.9, 0.0, 0.99, 1.0, *GOOD]
     refused = [0.0, 0.0, *[np.nan] * (4 + len(Held._fields))]
-    assert not missed(probability.judge("field", np.array([kept, kept, kept, refused])))
-    assert missed(probability.judge("field", np.array([kept, broken, broken, refused]))) == {
+    assert not missed(probability.judge("caribou_truth", np.array([kept, kept, kept, refused])))
+    assert missed(
+        probability.judge("caribou_truth", np.array([kept, broken, broken, refused]))
+    ) == {
         "full specification kept by the vehicle that flew",
         "full specification, kept less stated",
     }
@@ -170,7 +172,7 @@ def test_a_short_flight_is_held_and_its_test_is_cut_from_what_she_tells() -> Non
     values = {**TABLE_3_IMPROVED, **TRIM}
     items = (*legs((3.0, 20.0, 90.0)), excitation_item(4, axis=12, magnitude_deg=5.0, duration_s=8))
     dive = Dive(items, values=values)
-    (run,) = segments.cut(campaign.log(dive, "short", values))
+    (run,) = segments.cut_runs(campaign.log(dive, "short", values))
     assert (run.plane, run.wave, run.magnitude_deg) == ("yaw", "step", 5.0)
     assert np.degrees(run.command_rad[~run.preroll][10:-10]) == pytest.approx(11.0, abs=0.01)
     dive.told = [(90.0, "Mode SURFACE")]

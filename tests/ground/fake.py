@@ -8,8 +8,8 @@ from typing import Any
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
-from mavlink_io.services.mission_server import MissionProgress, MissionServer, Verdict
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
+from mavlink_io.services.mission_server import MissionProgress, MissionResult, MissionServer
 from mavlink_io.services.params import ParamServer
 from mavlink_io.transport import MemoryTransport, open_transport
 
@@ -46,9 +46,9 @@ class Store:
         self.items: Sequence[MissionItem] = ()
         self.progress = MissionProgress(0, 0, 0, 0)
 
-    def load(self, items: tuple[MissionItem, ...]) -> Verdict:
+    def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
         self.items = items
-        return Verdict()
+        return MissionResult()
 
     def set_current(self, sequence: int) -> bool:
         return sequence < len(self.items)

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ground.client.vehicle import Text
+from ground.client.vehicle import StatusText
 from ground.live import estimate_view
-from ground.live.estimate import Estimate, Standing
+from ground.live.estimate import EstimateStatus, LiveEstimate
 from mavlink_io import dialect
 from mavlink_io.codec import Frame
 from sitl.vehicle import config
@@ -17,18 +17,20 @@ from sysid.estimation.recursive import prior
 from tests.sysid import sea
 
 TRAVEL_RAD = math.radians(15.0)
-START = Text(6, "SystemID Starting: axis=12 wave=doublet magnitude=5.00")
-FINISHED = Text(6, "SystemID Finished")
+START = StatusText(6, "SystemID Starting: axis=12 wave=doublet magnitude=5.00")
+FINISHED = StatusText(6, "SystemID Finished")
 
 
 @pytest.fixture(scope="module")
 def run() -> object:
-    return sea.fly(config.load("field"), "yaw", sea.doublet(5.0, 6.0), seed=1, trim_rad=(0.1, 0.0))
+    return sea.fly(
+        config.load("caribou_truth"), "yaw", sea.doublet(5.0, 6.0), seed=1, trim_rad=(0.1, 0.0)
+    )
 
 
 @pytest.fixture(scope="module")
 def known() -> object:
-    return prior.knowledge("bench")
+    return prior.knowledge("caribou_nominal")
 
 
 def frame(name: str, **fields: object) -> Frame:
@@ -61,13 +63,13 @@ def frames(
         )
 
 
-def heard(estimate: Estimate, told: Iterator[Frame]) -> None:
+def heard(estimate: LiveEstimate, told: Iterator[Frame]) -> None:
     for each in told:
         estimate.hear(each)
 
 
-def after_the_test(known, run, *, look_every_s: float = 100.0) -> Standing:
-    estimate = Estimate(known, {})
+def after_the_test(known, run, *, look_every_s: float = 100.0) -> EstimateStatus:
+    estimate = LiveEstimate(known, {})
     heard(estimate, frames(run, -15.0, 0.0))
     estimate.say(START)
     for first in np.arange(0.0, 12.0, look_every_s):
@@ -98,7 +100,7 @@ def test_often_looking_changes_nothing_in_the_end(known, run) -> None:
 
 
 def test_behind_a_gap_the_test_goes_on_and_is_told_less_of(known, run) -> None:
-    estimate = Estimate(known, {})
+    estimate = LiveEstimate(known, {})
     heard(estimate, frames(run, -15.0, 0.0))
     estimate.say(START)
     heard(estimate, frames(run, 0.0, 5.0))
@@ -115,7 +117,7 @@ def test_behind_a_gap_the_test_goes_on_and_is_told_less_of(known, run) -> None:
 
 
 def test_a_clock_that_goes_back_ends_the_test_and_the_next_one_is_told_of(known, run) -> None:
-    estimate = Estimate(known, {})
+    estimate = LiveEstimate(known, {})
     heard(estimate, frames(run, -15.0, 0.0))
     estimate.say(START)
     heard(estimate, frames(run, 0.0, 6.0))
@@ -132,7 +134,7 @@ def test_a_clock_that_goes_back_ends_the_test_and_the_next_one_is_told_of(known,
 
 
 def test_commands_too_seldom_for_an_estimate_are_named(known, run) -> None:
-    estimate = Estimate(known, {})
+    estimate = LiveEstimate(known, {})
     heard(estimate, frames(run, -15.0, 0.0, every=12))
     estimate.say(START)
     heard(estimate, frames(run, 0.0, 10.0, every=12))

@@ -8,13 +8,13 @@ import pytest
 
 from ground.client import flight
 from ground.client import vehicle as client
-from ground.client.vehicle import Vehicle, VehicleError
+from ground.client.vehicle import VehicleClient, VehicleClientError
 from ground.missions import plans, script
 from ground.missions.plans import Limits
 from ground.missions.script import ScriptError
+from mavlink_io.mission_items import NOT_GIVEN, MissionItem
 from mavlink_io.services import missions
-from mavlink_io.services.mission_server import Verdict
-from mavlink_io.services.missions import NOT_GIVEN, MissionItem
+from mavlink_io.services.mission_server import MissionResult
 from tests.ground.fake import FakeVehicle, attend
 
 START = "[[step]]\ndepth_m = 4.0\nheading_deg = 0.0\nthrust_pct = 58.0\nduration_s = 30.0\n"
@@ -35,8 +35,8 @@ def fake(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Ite
 
 
 @pytest.fixture
-def vehicle(fake: FakeVehicle) -> Vehicle:
-    vehicle = Vehicle(fake.ground_end)
+def vehicle(fake: FakeVehicle) -> VehicleClient:
+    vehicle = VehicleClient(fake.ground_end)
     fake.heartbeat()
     vehicle.connect()
     return vehicle
@@ -61,7 +61,7 @@ def dive(folder: Path, text: str, name: str = "m.toml") -> flight.Dive:
     ],
 )
 def test_mission_beyond_the_vehicles_limits_is_not_uploaded(
-    vehicle: Vehicle, fake: FakeVehicle, tmp_path: Path, text: str, why: str
+    vehicle: VehicleClient, fake: FakeVehicle, tmp_path: Path, text: str, why: str
 ) -> None:
     with pytest.raises(ScriptError) as refused:
         flight.prepare(vehicle, dive(tmp_path, text))
@@ -71,7 +71,7 @@ def test_mission_beyond_the_vehicles_limits_is_not_uploaded(
 
 
 def test_mission_of_another_file_is_refused_by_its_item(
-    vehicle: Vehicle, fake: FakeVehicle, tmp_path: Path
+    vehicle: VehicleClient, fake: FakeVehicle, tmp_path: Path
 ) -> None:
     items = (MissionItem(0, 2, 93, p1=1.0), MissionItem(1, 3, 16, x=1, y=1, z=-20.0))
     with pytest.raises(
@@ -82,7 +82,7 @@ def test_mission_of_another_file_is_refused_by_its_item(
 
 
 def test_limits_set_before_the_dive_are_those_that_count(
-    vehicle: Vehicle, fake: FakeVehicle, tmp_path: Path
+    vehicle: VehicleClient, fake: FakeVehicle, tmp_path: Path
 ) -> None:
     deep = dive(tmp_path, DEEP)
     flight.prepare(
@@ -93,23 +93,25 @@ def test_limits_set_before_the_dive_are_those_that_count(
 
 
 @pytest.mark.parametrize("fake", [{}], indirect=True)
-def test_vehicle_without_such_parameters_sets_no_limit(vehicle: Vehicle, tmp_path: Path) -> None:
+def test_vehicle_without_such_parameters_sets_no_limit(
+    vehicle: VehicleClient, tmp_path: Path
+) -> None:
     flight.prepare(vehicle, dive(tmp_path, FAR))
     assert Limits.from_parameters({"MIS_DIST_MAX": 0.0}) == Limits(math.inf, math.inf)
 
 
 def test_refusal_of_the_vehicle_is_reported_in_its_words(
-    vehicle: Vehicle, fake: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    vehicle: VehicleClient, fake: FakeVehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     reason = "Mission item 4: 15000 m from home: at most 10000"
 
-    def refuse(items: tuple[MissionItem, ...]) -> Verdict:
-        return Verdict(missions.INVALID_PARAM1 + 4, reason)
+    def refuse(items: tuple[MissionItem, ...]) -> MissionResult:
+        return MissionResult(missions.INVALID_PARAM1 + 4, reason)
 
     monkeypatch.setattr(fake.store, "load", refuse)
     monkeypatch.setattr(fake.store, "explain", fake.say)
     far = START + "[[step]]\nlat_deg = 50.0\nlon_deg = 1.0\n" + END
-    with pytest.raises(VehicleError, match=rf"MAV_MISSION_INVALID_PARAM5_X \({reason}\)"):
+    with pytest.raises(VehicleClientError, match=rf"MAV_MISSION_INVALID_PARAM5_X \({reason}\)"):
         flight.prepare(vehicle, dive(tmp_path, far))
     assert ARM not in [command.command for command in fake.commands]
 

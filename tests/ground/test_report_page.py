@@ -61,9 +61,9 @@ def small_report() -> str:
     poles = {role: {"heading": [[-1.0, 1.8], [-1.0, -1.8]]} for role in ("initial", "redesigned")}
     coefficients = ("Y_v", "Y_r", "N_v", "N_r", "M_q", "Z_w", "Y_dr", "M_de")
     known = dict.fromkeys(coefficients, COEFFICIENT)
-    drawn = {each.key: charts.of_figure(each) for each in (wide, *pair)}
-    drawn |= {"poles-heading": charts.of_poles(poles, "heading")}
-    drawn |= {"estimates": charts.of_estimates(known), "shrinks": charts.of_shrinks(known)}
+    drawn = {each.key: charts.figure_chart(each) for each in (wide, *pair)}
+    drawn |= {"poles-heading": charts.poles_chart(poles, "heading")}
+    drawn |= {"estimates": charts.estimates_chart(known), "shrinks": charts.posterior_chart(known)}
     template = (files("ground.report") / "page.html").read_text(encoding="utf-8")
     resources = ("style", "script", "plotly", "charts")
     names = [name for name in re.findall(r"\$(\w+)", template) if name not in resources]

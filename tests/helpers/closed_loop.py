@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from autopilot.control import core, modes, params, request_handler, requests
-from autopilot.control.lqg import Laws
+from autopilot.control.lqg import LqgControllers
 from autopilot.control.types import Event, Inputs, Trace
 from mavlink_io.frames import euler_from_quaternion
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 from sitl import scenario
 from sitl.core import plant
 from sitl.scenario import Scenario
@@ -50,11 +50,11 @@ class Dive:
         self,
         items: tuple[MissionItem, ...],
         *,
-        vehicle: str | VehicleConfig = "field",
+        vehicle: str | VehicleConfig = "caribou_truth",
         sea: str | Scenario = "calm",
         seed: int = 1,
         values: Mapping[str, float] | None = None,
-        laws: Laws | None = None,
+        laws: LqgControllers | None = None,
         limit_s: float = 900.0,
     ) -> None:
         self.config = replace(params.config(values or {}), laws=laws)
@@ -63,8 +63,8 @@ class Dive:
             scenario.load(sea) if isinstance(sea, str) else sea,
         )
         self._rng = plant.random_streams(seed)
-        self.body, reading = plant.launch(self._plant, self._rng)
-        self.state = core.start()
+        self.body, reading = plant.initial_state(self._plant, self._rng)
+        self.state = core.initial_state()
         self.told: list[tuple[float, str]] = []
         """When (s) she said what."""
         self._rows: list[tuple[float, ...]] = []
@@ -74,7 +74,7 @@ class Dive:
             requests.SetMode(modes.MISSION.number),
             requests.Arm(),
         ):
-            self.state, answer, _ = request_handler.request(self.state, wish, self.config)
+            self.state, answer, _ = request_handler.handle_request(self.state, wish, self.config)
             assert answer.result == 0, answer.text
         while self.state.armed and self.state.time_us < limit_s * 1e6:
             self.body, reading = plant.step(self._plant, self.body, frame, self._rng)

@@ -5,11 +5,11 @@ from typing import Any, TypeVar
 
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode
-from mavlink_io.request import Exchange, ExchangeError, Party
+from mavlink_io.request import Exchange, ExchangeError, MavlinkId
 
 T = TypeVar("T")
 
-GROUND, VEHICLE = Party(250, 190), Party(1, 1)
+GROUND, VEHICLE = MavlinkId(250, 190), MavlinkId(1, 1)
 ATTEMPTS = 5
 """So often an exchange asks before it gives up."""
 Lost = Callable[[int, str], bool]
@@ -23,7 +23,7 @@ def nothing(count: int, name: str) -> bool:
 class Wire:
     """One direction: what is sent becomes frames for the other end."""
 
-    def __init__(self, sender: Party, lost: Lost = nothing) -> None:
+    def __init__(self, sender: MavlinkId, lost: Lost = nothing) -> None:
         self._sender, self._lost = sender, lost
         self._framer = Framer()
         self._waiting: list[Frame] = []

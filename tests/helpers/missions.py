@@ -11,15 +11,15 @@ from autopilot.control.params import Config
 from autopilot.control.types import (
     ACCEPTED,
     Altimeter,
+    AutopilotState,
     Event,
     Inputs,
     ItemReached,
-    State,
     Trace,
 )
 from mavlink_io.frames import STANDARD_GRAVITY_MPS2, quaternion_from_euler, rotate_back
+from mavlink_io.mission_items import MissionItem
 from mavlink_io.records import SENSORS_ALL, ActuatorFrame, SensorFrame
-from mavlink_io.services.missions import MissionItem
 
 TICK_US = 20_000
 
@@ -62,7 +62,7 @@ class Flight:
     """Flies ``core.tick`` against the kinematic vehicle and keeps what was said."""
 
     config: Config = field(default_factory=Config)
-    state: State = field(default_factory=State)
+    state: AutopilotState = field(default_factory=AutopilotState)
     heading: float = 0.0
     pitch: float = 0.0
     depth_m: float = 5.0
@@ -75,11 +75,11 @@ class Flight:
     frame: ActuatorFrame | None = None
 
     def ask(self, wish: requests.Request) -> int:
-        self.state, answer, said = request_handler.request(self.state, wish, self.config)
+        self.state, answer, said = request_handler.handle_request(self.state, wish, self.config)
         self.events += said
         return answer.result
 
-    def step(self) -> State:
+    def step(self) -> AutopilotState:
         time_us = self.state.time_us + TICK_US if self.state.time_us >= 0 else 0
         pitch_rate, yaw_rate = 0.5 * self.trace.elevator_rad, 0.5 * self.trace.rudder_rad
         self.pitch += pitch_rate * 0.02
@@ -101,11 +101,11 @@ class Flight:
         self.events += said
         return self.state
 
-    def run(self, seconds: float) -> Iterator[State]:
+    def run(self, seconds: float) -> Iterator[AutopilotState]:
         for _ in range(round(seconds * 50)):
             yield self.step()
 
-    def run_until(self, wanted: Callable[[State], bool], limit_s: float) -> float:
+    def run_until(self, wanted: Callable[[AutopilotState], bool], limit_s: float) -> float:
         """Vehicle seconds until the wish holds; fails the test when it does not within the
         limit."""
         start = self.state.time_us

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from autopilot.control import core, modes, params, request_handler, requests
 from autopilot.control.types import ACCEPTED, Event, Inputs, Trace
 from mavlink_io.frames import euler_from_quaternion, geodetic_to_offset
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 from sitl import scenario
 from sitl.core import plant, timestep
 from sitl.environment_schema import Current, Variation
@@ -65,7 +65,7 @@ class Voyage:
         depth_m: float | None = None,
     ) -> None:
         self.config = params.config({**TRIM, **(values or {})})
-        vehicle = vehicles.load("field")
+        vehicle = vehicles.load("caribou_truth")
         carried = msgspec.structs.replace(vehicle.instruments, dvl="a50" if dvl else "none")
         if depth_m is not None:
             sea = msgspec.structs.replace(
@@ -73,8 +73,8 @@ class Voyage:
             )
         self._plant = plant.build(msgspec.structs.replace(vehicle, instruments=carried), sea)
         self._rng = plant.random_streams(seed)
-        self.body, reading = plant.launch(self._plant, self._rng)
-        self.state, self.trace, self.events = core.start(), Trace(), list[Any]()
+        self.body, reading = plant.initial_state(self._plant, self._rng)
+        self.state, self.trace, self.events = core.initial_state(), Trace(), list[Any]()
         self.silences: dict[str, float] = {}
         """Further fields of ``Inputs``."""
         self._rows: list[tuple[float, ...]] = []
@@ -83,7 +83,7 @@ class Voyage:
     def ask(self, *wishes: requests.Request) -> None:
         """Each must be granted."""
         for wish in wishes:
-            self.state, answer, said = request_handler.request(self.state, wish, self.config)
+            self.state, answer, said = request_handler.handle_request(self.state, wish, self.config)
             self.events += said
             assert answer.result == ACCEPTED, (wish, answer.text)
 

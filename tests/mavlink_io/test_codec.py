@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode
-from mavlink_io.dialect import Field, MessageType
+from mavlink_io.dialect import MessageField, MessageType
 
 MESSAGES = [
     dialect.by_name(name) for name in dialect.names() if hasattr(mavlink, f"MAVLINK_MSG_ID_{name}")
@@ -33,7 +33,7 @@ def numbers(kind: str) -> st.SearchStrategy[Any]:
     )
 
 
-def field_values(field: Field) -> st.SearchStrategy[Any]:
+def field_values(field: MessageField) -> st.SearchStrategy[Any]:
     if field.type == "char" and field.array_length:
         return st.text(
             st.characters(min_codepoint=32, max_codepoint=126), max_size=field.array_length

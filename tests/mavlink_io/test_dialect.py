@@ -15,7 +15,8 @@ from mavlink_io.codec import encode
 DEFINITION = """<?xml version="1.0"?>
 <mavlink><version>3</version><dialect>0</dialect><messages>
 <message id="80" name="COMMAND_CANCEL"><description/>
-<field type="uint8_t" name="target_system">-</field><field type="uint8_t" name="target_component">-</field>
+<field type="uint8_t" name="target_system">-</field>
+<field type="uint8_t" name="target_component">-</field>
 <field type="uint16_t" name="command">-</field></message>
 <message id="397" name="COMPONENT_METADATA"><description/>
 <field type="uint32_t" name="time_boot_ms">-</field><field type="uint32_t" name="file_crc">-</field>

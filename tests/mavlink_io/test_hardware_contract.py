@@ -6,7 +6,7 @@ from pathlib import Path
 from autopilot.control.params import PARAMETERS
 from mavlink_io import device_messages, dialect
 from sitl.backends.messages import COMPONENT
-from sitl.backends.wall_clock import WATCHDOG_S, pace
+from sitl.backends.wall_clock import ACTUATOR_TIMEOUT_S, timestep_for_line
 
 TEXT = (Path(__file__).parents[2] / "docs" / "hardware.md").read_text(encoding="utf-8")
 
@@ -35,7 +35,7 @@ def test_lines_carry_the_rates_that_the_table_gives() -> None:
     told = re.findall(r"\| (\d+) \| (\d+) Hz \|", TEXT)
     assert len(told) == 3
     for baud, rate_hz in told:
-        assert pace(f"serial:x:{baud}").tick_us == 1_000_000 / int(rate_hz)
+        assert timestep_for_line(f"serial:x:{baud}").tick_us == 1_000_000 / int(rate_hz)
 
 
 def test_sizes_are_those_of_the_wire() -> None:
@@ -55,4 +55,4 @@ def test_every_parameter_that_is_named_exists() -> None:
 
 
 def test_the_watchdog_is_the_one_told() -> None:
-    assert f"heard nothing for {WATCHDOG_S:g} s**" in TEXT
+    assert f"heard nothing for {ACTUATOR_TIMEOUT_S:g} s**" in TEXT

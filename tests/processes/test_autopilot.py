@@ -12,8 +12,9 @@ import pytest
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, encode
 from mavlink_io.endpoint import Endpoint
-from mavlink_io.request import Party, run
-from mavlink_io.services.missions import MissionClient, MissionItem
+from mavlink_io.mission_items import MissionItem
+from mavlink_io.request import MavlinkId, run
+from mavlink_io.services.missions import MissionClient
 from mavlink_io.services.params import ParamClient
 from mavlink_io.transport import Transport, open_transport, wait
 from tests.helpers.fake_hil import TICK_US, sensors
@@ -28,7 +29,7 @@ from tests.helpers.subprocesses import (
 pytestmark = pytest.mark.process
 
 SENSOR, CONTROLS = dialect.by_name("HIL_SENSOR"), dialect.by_name("HIL_ACTUATOR_CONTROLS")
-GROUND, VEHICLE = Party(250, 190), Party(1, 1)
+GROUND, VEHICLE = MavlinkId(250, 190), MavlinkId(1, 1)
 ARMED = 128
 
 
@@ -239,7 +240,9 @@ def test_parameters_come_from_the_file(tmp_path: Path) -> None:
         closing(open_transport(f"tcp:127.0.0.1:{ground}")) as transport,
     ):
         endpoint = Endpoint(transport, *GROUND)
-        assert run(ParamClient(endpoint.send, GROUND, Party(7, 1)).get("HDG_P"), endpoint) == 0.5
+        assert (
+            run(ParamClient(endpoint.send, GROUND, MavlinkId(7, 1)).get("HDG_P"), endpoint) == 0.5
+        )
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
     """A dive of the field vehicle with encoders at her duct."""
     folder = tmp_path_factory.mktemp("devices")
     vehicle, script = folder / "vehicle.toml", folder / "devices.toml"
-    shipped = Path(config.__file__).with_name("field.toml").read_text(encoding="utf-8")
+    shipped = Path(config.__file__).with_name("caribou_truth.toml").read_text(encoding="utf-8")
     vehicle.write_text(shipped + '\n[instruments]\nencoder = "as5048"\n', encoding="utf-8")
     script.write_text(MISSION, encoding="utf-8")
     flown = flight.Dive.load(str(script), folder / "dive.mcap", parameters={"TRIM_RUD_DEG": 6.0})

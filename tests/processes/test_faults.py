@@ -79,7 +79,7 @@ def texts(log: Path, component: int) -> list[str]:
 
 
 class Dive(NamedTuple):
-    flown: flight.Outcome
+    flown: flight.FlightResult
     truth: Path
     heard: list[str]
     """By the stock client, beside the one that flew her."""
@@ -94,7 +94,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Dive:
         folder / name for name in ("sea.toml", "faults.toml", "vehicle.toml", "truth.mcap")
     )
     scenario_of_every_fault(sea)
-    shipped = Path(config.__file__).with_name("field.toml").read_text(encoding="utf-8")
+    shipped = Path(config.__file__).with_name("caribou_truth.toml").read_text(encoding="utf-8")
     vehicle.write_text(shipped + '\n[instruments]\nencoder = "as5048"\n', encoding="utf-8")
     script.write_text(
         MISSION.format(duration_s=FIRST_S + APART_S * len(EVERY) + 2.0 * LASTING_S),

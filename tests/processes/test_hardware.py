@@ -150,7 +150,7 @@ def interrupt(folder: Path) -> Interrupted:
     script, port = folder / "short.toml", free_port(socket.SOCK_STREAM)
     script.write_text(MISSION)
     with rig(folder, 57_600, f"tcpin:127.0.0.1:{port}", NOISE) as aboard:
-        client = vehicle.Vehicle(open_transport(f"tcp:127.0.0.1:{port}"))
+        client = vehicle.VehicleClient(open_transport(f"tcp:127.0.0.1:{port}"))
         with closing(client):
             client.connect()
             flight.prepare(
@@ -172,19 +172,19 @@ def interrupt(folder: Path) -> Interrupted:
     return Interrupted(texts, armed, said, (before_m, after_m), Truth.read(aboard.truth))
 
 
-def pump(client: vehicle.Vehicle, done: Callable[[], bool], within_s: float = 60.0) -> None:
+def pump(client: vehicle.VehicleClient, done: Callable[[], bool], within_s: float = 60.0) -> None:
     deadline_s = time.monotonic() + within_s
     while not done():
         assert time.monotonic() < deadline_s, said_by(client)
         client.pump(0.05)
 
 
-def depth_m(client: vehicle.Vehicle) -> float:
+def depth_m(client: vehicle.VehicleClient) -> float:
     told = client.latest("LOCAL_POSITION_NED")
     return 0.0 if told is None else float(told.z)
 
 
-def said_by(client: vehicle.Vehicle) -> list[str]:
+def said_by(client: vehicle.VehicleClient) -> list[str]:
     return [text.text for text in client.texts]
 
 

@@ -17,7 +17,7 @@ import pytest
 
 from ground.client import flight
 from ground.client.flight import Dive
-from ground.client.vehicle import Vehicle
+from ground.client.vehicle import VehicleClient
 from ground.log_tools import mcap
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from mavlink_io.logging.mcap import MAGIC
@@ -114,7 +114,7 @@ def test_a_dive_without_any_link_is_flown_recorded_and_identified(
     board, home = folder / "silent", folder / "home"
     with simulated(board) as boat:
         with closing(boat.connect()) as transport:
-            vehicle = Vehicle(transport)
+            vehicle = VehicleClient(transport)
             vehicle.connect()
             flight.prepare(vehicle, Dive.load(mission, folder / "none.mcap"))
             vehicle.arm()
@@ -244,7 +244,7 @@ def test_a_killed_autopilot_loses_the_last_moment_only(tmp_path: Path) -> None:
             time.sleep(0.6)  # two flushes
             child.signal(signal.SIGKILL)
     (path,) = tmp_path.glob("*.mcap")
-    with pytest.raises(mcap.LogError, match="recover"):
+    with pytest.raises(mcap.McapFileError, match="recover"):
         mcap.info(path)
     saved = ask("log", "recover", str(path), "--out", str(tmp_path / "saved.mcap"))
     read = identification.read(tmp_path / "saved.mcap")

@@ -6,14 +6,14 @@ from pathlib import Path
 
 from autopilot.control.params import PARAMETERS
 from mavlink_io.endpoint import Endpoint
-from mavlink_io.request import Party, run
+from mavlink_io.request import MavlinkId, run
 from mavlink_io.services import params
 from mavlink_io.transport import open_transport
 from tests.clients.mavproxy_console import Console
 from tests.helpers.subprocesses import PATIENCE_S, autopilot, free_port, process
 
 METADATA_CLIENT = str(Path(__file__).with_name("mavsdk_metadata_client.py"))
-VEHICLE, GROUND = Party(1, 1), Party(250, 190)
+VEHICLE, GROUND = MavlinkId(1, 1), MavlinkId(250, 190)
 
 
 def test_mavproxy_fetches_the_whole_list_as_one_file(tmp_path: Path) -> None:

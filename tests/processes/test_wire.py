@@ -57,7 +57,7 @@ def flown(axis: str, folder: Path) -> Log:
 @pytest.mark.parametrize(("axis", "angle"), [("rudder", "heading"), ("elevator", "pitch")])
 def test_five_degrees_turn_to_starboard_and_pitch_up(axis: str, angle: str, tmp_path: Path) -> None:
     read = flown(axis, tmp_path)
-    (run,) = segments.cut(read)
+    (run,) = segments.cut_runs(read)
     told = read.attitude
     start_s = next(
         event.time_s for event in read.events if event.text.startswith("SystemID Starting")
@@ -71,7 +71,7 @@ def test_five_degrees_turn_to_starboard_and_pitch_up(axis: str, angle: str, tmp_
     assert commanded == pytest.approx(11.0 if axis == "rudder" else 5.0, abs=0.01)
 
 
-@pytest.mark.parametrize("vehicle", ["bench", "field"])
+@pytest.mark.parametrize("vehicle", ["caribou_nominal", "caribou_truth"])
 def test_58_percent_thrust_gives_1_30_mps_in_steady_level_flight(
     vehicle: str, tmp_path: Path
 ) -> None:
@@ -79,7 +79,7 @@ def test_58_percent_thrust_gives_1_30_mps_in_steady_level_flight(
     script = tmp_path / "level.toml"
     script.write_text(LEVEL)
     truth = tmp_path / "truth.mcap"
-    trim = {"TRIM_RUD_DEG": 6.0 if vehicle == "field" else 0.0}
+    trim = {"TRIM_RUD_DEG": 6.0 if vehicle == "caribou_truth" else 0.0}
     dive = flight.Dive.load(str(script), tmp_path / "level.mcap", parameters=trim)
     flight.fly_simulated(dive, SimulatedVehicle(Simulation(vehicle=vehicle, truth=truth)))
     with truth.open("rb") as file:

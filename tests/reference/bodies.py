@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import quad
 
-from sitl.vehicle.model import Inertia, Model
+from sitl.vehicle.model import Inertia, VehicleModel
 from tests.sitl.vehicle import flight
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ def lamb_factors(slenderness: float) -> LambFactors:
     return LambFactors(alpha / (2 - alpha), beta / (2 - beta), turning)
 
 
-def rigid_body(mass_kg: float, cm_m: ArrayLike, inertia_kgm2: Array) -> Model:
+def rigid_body(mass_kg: float, cm_m: ArrayLike, inertia_kgm2: Array) -> VehicleModel:
     """Nothing but a rigid body in empty space; moments of inertia about the origin."""
     x, y, z = np.asarray(cm_m, float)
     M = np.zeros((6, 6))
@@ -54,7 +54,7 @@ def rigid_body(mass_kg: float, cm_m: ArrayLike, inertia_kgm2: Array) -> Model:
     return _alone(mass_kg, M, np.zeros((6, 6)))
 
 
-def spheroid(length_m: float, diameter_m: float, mass_ratio: float = 1.0) -> Model:
+def spheroid(length_m: float, diameter_m: float, mass_ratio: float = 1.0) -> VehicleModel:
     """A homogeneous prolate spheroid in inviscid water, ``mass_ratio`` its density over that of the
     water."""
     displaced_kg = RHO_KGPM3 * pi / 6 * length_m * diameter_m**2
@@ -72,7 +72,7 @@ def spheroid(length_m: float, diameter_m: float, mass_ratio: float = 1.0) -> Mod
 
 def cylinder(
     length_m: float, diameter_m: float, crossflow_cd: float, mass_ratio: float = 1.0
-) -> Model:
+) -> VehicleModel:
     """A homogeneous circular cylinder with flat ends: strip theory's added mass, and drag across
     it."""
     displaced_kg = RHO_KGPM3 * pi / 4 * length_m * diameter_m**2
@@ -89,20 +89,20 @@ def cylinder(
     return model._replace(stations=model.stations._replace(drag_kgpm=drag))
 
 
-def _alone(mass_kg: float, M_RB: Array, M_A: Array) -> Model:
+def _alone(mass_kg: float, M_RB: Array, M_A: Array) -> VehicleModel:
     """Inertia only."""
     M = M_RB + M_A
-    model = flight.without_weight(flight.without_fluid_forces(flight.model("bench")))
+    model = flight.without_weight(flight.without_fluid_forces(flight.model("caribou_nominal")))
     return model._replace(inertia=Inertia(mass_kg, M_RB, M_A, M, np.linalg.inv(M)))
 
 
 def _floating(
-    model: Model,
+    model: VehicleModel,
     displaced_kg: float,
     x_m: Array,
     radius_m: Array,
     dx_m: Array,
-) -> Model:
+) -> VehicleModel:
     """The body with its weight, its buoyancy and its sections, centres of both at the origin."""
     share = radius_m**2 * dx_m / float(radius_m**2 @ dx_m)
     hydrostatics = model.hydrostatics._replace(

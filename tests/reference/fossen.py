@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.model import Fins, Model, Polar
+from sitl.vehicle.model import Fins, Polar, VehicleModel
 
 Array = NDArray[np.float64]
 
@@ -48,11 +48,11 @@ class Craft(NamedTuple):
     W: float
     B: float
     r_b: Array
-    model: Model
+    model: VehicleModel
     """For the geometry of strips, ring and fins."""
 
 
-def craft(model: Model) -> Craft:
+def craft(model: VehicleModel) -> Craft:
     """Read the numbers of a simulator's vehicle."""
     h, m = model.hydrostatics, model.inertia.mass_kg
     M_RB = FLIP @ model.inertia.M_RB @ FLIP

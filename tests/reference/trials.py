@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from sitl.vehicle import dynamics
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import STILL
 from tests.reference import fossen
 from tests.sitl.vehicle import flight
@@ -79,7 +79,7 @@ def zigzag(ship: Simulator, angle_rad: float) -> Zigzag:
     return Zigzag(overshoots[0], overshoots[1], reversals[3] - reversals[1])
 
 
-def kernels(model: Model, speed_mps: float, shaft_rps: float) -> Simulator:
+def kernels(model: VehicleModel, speed_mps: float, shaft_rps: float) -> Simulator:
     """The simulator itself: whole steps, then the part of one that ends at the event."""
     work, no_push = dynamics.work_array(), np.zeros(6)
 
@@ -116,7 +116,7 @@ def _root(event: Callable[[float], float]) -> float:
     return high
 
 
-def matrices(model: Model, speed_mps: float, shaft_rps: float) -> Simulator:
+def matrices(model: VehicleModel, speed_mps: float, shaft_rps: float) -> Simulator:
     """Fossen's equations in matrix form, integrated by scipy's DOP853."""
     ship, still = fossen.craft(model), np.zeros(3)
 

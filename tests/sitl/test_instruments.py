@@ -25,10 +25,10 @@ from sitl.core.sensors import (
     leak,
     sample_timing,
 )
-from sitl.core.sensors.noise import Draws
+from sitl.core.sensors.noise import NoiseStream
 from sitl.core.sensors.sample_timing import Timing
 from sitl.core.truth import Truth
-from sitl.environment_schema import Floor
+from sitl.environment_schema import FloorTable
 from sitl.scenario import Scenario
 from sitl.vehicle import config
 from tests.sitl.core.test_sensors import AT_REST, FIELD, SEA
@@ -37,12 +37,14 @@ TICK_US = timestep.TICK_US
 SHELF = datasheets.catalogue()
 
 
-def chance(seed: int) -> Draws:
-    return Draws(default_rng(seed))
+def chance(seed: int) -> NoiseStream:
+    return NoiseStream(default_rng(seed))
 
 
 def deep(floor_depth_m: float) -> Environment:
-    return environment.build(Scenario(floor=Floor(depth_m=floor_depth_m)), 9.81, timestep.TICK_S)
+    return environment.build(
+        Scenario(floor=FloorTable(depth_m=floor_depth_m)), 9.81, timestep.TICK_S
+    )
 
 
 def moving(velocity: tuple[float, float, float], depth_m: float = 5.0, **changes: Any) -> Truth:
@@ -66,7 +68,7 @@ def test_the_gyros_allan_deviation_falls_by_its_density_and_peaks_at_its_stabili
     peaks at 1.89 T."""
     sheet, stream = SHELF.imu["mti-300"], chance(11)
     imu = inertial.build(sheet, TICK_US)
-    memory, rates, wander = inertial.switch_on(imu, stream), [], []
+    memory, rates, wander = inertial.initial_state(imu, stream), [], []
     for truth in ticks(AT_REST, 50 * 600):
         memory, _ = inertial.sample(imu, truth, memory, stream)
         rates.append(memory.held.rates_radps)
@@ -97,8 +99,8 @@ def test_a_reading_arrives_exactly_so_many_ticks_after_it_was_taken(latency_tick
     arrivals = []
     for tick in range(40):
         time_us = tick * TICK_US
-        queue, heard = sample_timing.arrive(
-            when, queue, time_us if sample_timing.due(when, time_us) else None, time_us, stream
+        queue, heard = sample_timing.queue_reading(
+            when, queue, time_us if sample_timing.is_due(when, time_us) else None, time_us, stream
         )
         if heard is not None:
             arrivals.append((heard, time_us - heard))
@@ -117,7 +119,7 @@ def test_readings_are_lost_as_often_as_the_sheet_says(dropout: float) -> None:
     )
     heard = 0
     for tick in range(count):
-        queue, reading = sample_timing.arrive(when, queue, tick + 1, tick * TICK_US, stream)
+        queue, reading = sample_timing.queue_reading(when, queue, tick + 1, tick * TICK_US, stream)
         heard += reading is not None
     lost, spread = count - 2 - heard, math.sqrt(count * dropout * (1.0 - dropout))
     assert abs(lost - count * dropout) < 4.0 * spread
@@ -126,7 +128,7 @@ def test_readings_are_lost_as_often_as_the_sheet_says(dropout: float) -> None:
 def test_a_late_or_lost_sample_of_the_imu_is_not_called_new_and_the_last_is_held() -> None:
     sheet = SHELF.imu["mti-300"]
     imu = inertial.build(sheet, TICK_US)._replace(timing=Timing(TICK_US, 2 * TICK_US, 0.5))
-    stream, memory = chance(4), inertial.Memory()
+    stream, memory = chance(4), inertial.InertialState()
     before, seen = memory.held, []
     for truth in ticks(AT_REST, 400):
         memory, fresh = inertial.sample(imu, truth, memory, stream)
@@ -142,7 +144,7 @@ class Receiver:
 
     def __init__(self, name: str = "neo-m8") -> None:
         self.device = gps.build(SHELF.gps[name], TICK_US)
-        self.memory, self.stream, self.time_us = gps.Memory(), chance(3), 0
+        self.memory, self.stream, self.time_us = gps.GpsState(), chance(3), 0
 
     def fixes(self, seconds: float, depth_m: float) -> list[int]:
         """The fix types heard in so many seconds at a depth."""
@@ -178,7 +180,7 @@ def test_fixes_scatter_as_the_receiver_says_they_do() -> None:
     receiver, stream, fixes = Receiver(), chance(8), []
     for _ in range(3000):
         _, fix = gps.sample(
-            receiver.device, moving((0.3, -0.4, 0.0), 0.2), SEA, gps.Memory(), stream
+            receiver.device, moving((0.3, -0.4, 0.0), 0.2), SEA, gps.GpsState(), stream
         )
         assert fix is not None
         fixes.append(fix)
@@ -194,7 +196,7 @@ def pings(
     """What a log hears in so many pings, without delay or loss."""
     log = dvl.build(SHELF.dvl[name], TICK_US)
     log = log._replace(timing=Timing(TICK_US, 0, 0.0), water_period_us=TICK_US, **changes)
-    memory, stream, heard = dvl.Memory(), chance(5), []
+    memory, stream, heard = dvl.DvlState(), chance(5), []
     for _ in range(count):
         memory, velocity = dvl.sample(log, truth, sea, memory, stream)
         heard.append(velocity)
@@ -309,9 +311,7 @@ def test_the_altimeters_outliers_are_shorter_than_the_way_to_the_floor() -> None
 PACK = battery.build(SHELF.battery["lipo-1500wh"], FIELD, full_rps=6.5, tick_us=TICK_US)
 
 
-def test_power_at_the_operating_point_is_thrust_times_speed_over_efficiency_and_the_hotel_load() -> (
-    None
-):
+def test_operating_point_power_is_thrust_speed_over_efficiency_plus_hotel() -> None:
     at = FIELD.operating_point
     expected_w = at.thrust_n * at.speed_mps / 0.45 + 60.0
     voltage_v, current_a = battery.load(PACK, 0.5, 6.5 * at.thrust_fraction)
@@ -322,7 +322,7 @@ def test_power_at_the_operating_point_is_thrust_times_speed_over_efficiency_and_
 
 
 def test_a_pack_is_empty_after_its_capacity_was_drawn_and_its_voltage_falls_on_the_way() -> None:
-    stream, memory, reports = chance(7), battery.switch_on(PACK, 1.0, chance(7)), []
+    stream, memory, reports = chance(7), battery.initial_state(PACK, 1.0, chance(7)), []
     truth = AT_REST._replace(propeller_rps=3.77)
     for second in range(60_000):
         memory, report = battery.sample(
@@ -339,8 +339,8 @@ def test_a_pack_is_empty_after_its_capacity_was_drawn_and_its_voltage_falls_on_t
 
 
 def test_a_scenario_can_begin_on_a_half_empty_battery() -> None:
-    half = Scenario(start=scenario.Start(battery_pct=50.0))
-    _, reading = plant.launch(plant.build(FIELD, half), plant.random_streams(1))
+    half = Scenario(start=scenario.StartTable(battery_pct=50.0))
+    _, reading = plant.initial_state(plant.build(FIELD, half), plant.random_streams(1))
     assert reading.battery is not None
     assert reading.battery.remaining == pytest.approx(0.5, abs=0.03)
 
@@ -365,7 +365,7 @@ def test_encoders_read_the_true_angle_in_steps_as_a_fraction_of_the_travel() -> 
     )
     heard = []
     for _ in range(4000):
-        _, duct = encoder.sample(encoders, truth, encoder.Memory(), stream)
+        _, duct = encoder.sample(encoders, truth, encoder.EncoderState(), stream)
         assert duct is not None
         heard.append((15.0 * duct.rudder, 15.0 * duct.elevator))
     told = np.array(heard)
@@ -377,7 +377,11 @@ def test_encoders_read_the_true_angle_in_steps_as_a_fraction_of_the_travel() -> 
 
 def _gps_draws(stream: Any) -> None:
     gps.sample(
-        gps.build(SHELF.gps["neo-m8"], TICK_US), moving((0.0,) * 3, 0.2), SEA, gps.Memory(), stream
+        gps.build(SHELF.gps["neo-m8"], TICK_US),
+        moving((0.0,) * 3, 0.2),
+        SEA,
+        gps.GpsState(),
+        stream,
     )
 
 
@@ -398,7 +402,7 @@ def test_a_tick_in_which_an_instrument_is_not_due_draws_nothing(
 
 
 def test_every_sheet_can_be_carried() -> None:
-    vehicle = config.load("bench")
+    vehicle = config.load("caribou_nominal")
     for kind in (
         "imu",
         "magnetometer",

@@ -13,8 +13,9 @@ from sitl.vehicle import config
 
 
 def test_a_reader_finds_every_truth_at_its_vehicle_time(tmp_path: Path) -> None:
-    truth = plant.launch(
-        plant.build(config.load("field"), scenario.load("disturbed")), plant.random_streams(1)
+    truth = plant.initial_state(
+        plant.build(config.load("caribou_truth"), scenario.load("disturbed")),
+        plant.random_streams(1),
     )[0].truth
     log = TruthLog(tmp_path / "truth.mcap")
     for tick in range(5):

@@ -12,13 +12,13 @@ from tests.sysid import sea
 
 @pytest.fixture(scope="session")
 def bench() -> config.VehicleConfig:
-    return config.load("bench")
+    return config.load("caribou_nominal")
 
 
 @pytest.fixture(scope="session")
 def field() -> config.VehicleConfig:
     """The truth, which only tests may look at."""
-    return config.load("field")
+    return config.load("caribou_truth")
 
 
 @pytest.fixture(scope="session")

@@ -30,7 +30,7 @@ def found(campaign: list[Run], prior: Prior) -> Fit:
 
 
 def test_what_one_step_leaves_wide_is_told_with_its_ends(found: Fit, prior: Prior) -> None:
-    told = {each.name: each for each in intervals.wide(found, prior)}
+    told = {each.name: each for each in intervals.wide_intervals(found, prior)}
     assert "static_gain_per_s" in told
     assert "b1_per_s2" not in told
     gain = intervals._number(prior, "yaw", "static_gain_per_s")(found.z)
@@ -41,30 +41,30 @@ def test_what_one_step_leaves_wide_is_told_with_its_ends(found: Fit, prior: Prio
 def test_at_its_ends_the_least_cost_has_grown_by_the_quantile(found: Fit, prior: Prior) -> None:
     """And is the least: a generic constrained search on the residuals themselves ends no lower."""
     problem, number = (
-        intervals.at_optimum(found, prior),
+        intervals.problem_at_estimate(found, prior),
         intervals._number(prior, "yaw", "static_gain_per_s"),
     )
     least = problems.cost(problem, found.z)
     root = np.linalg.inv(np.linalg.cholesky(prior.covariance))
 
     def residuals(z: np.ndarray) -> np.ndarray:
-        white = [w.ravel() for w, _ in problems.linearised(problem, z)]
+        white = [w.ravel() for w, _ in problems.linearise(problem, z)]
         return np.concatenate([*white, root @ (z - prior.mean)])
 
     def jacobian(z: np.ndarray) -> np.ndarray:
-        return np.vstack([*(j for _, j in problems.linearised(problem, z)), root])
+        return np.vstack([*(j for _, j in problems.linearise(problem, z)), root])
 
     limits = np.full(len(NAMES), Z_LIMIT)
-    generic = profile_likelihood.Problem(residuals, jacobian, -limits, limits)
+    generic = profile_likelihood.LeastSquaresEstimate(residuals, jacobian, -limits, limits)
     sd = math.sqrt(
         intervals._slope(number, found.z) @ found.covariance @ intervals._slope(number, found.z)
     )
     for sign in (-1.0, 1.0):
-        end, z = intervals.end(problem, found, number, sign)
+        end, z = intervals.interval_end(problem, found, number, sign)
         assert number(z) == pytest.approx(end)
         grown = problems.cost(problem, z) - least
         assert grown == pytest.approx(0.5 * 1.96**2, rel=0.15)
-        rival = profile_likelihood._held(generic, number, z, end, sd)
+        rival = profile_likelihood._constrained_optimum(generic, number, z, end, sd)
         assert problems.cost(problem, rival) > least + 0.9 * grown
 
 
@@ -76,5 +76,5 @@ def test_where_data_abound_the_profile_is_the_standard_deviation(
     number = intervals._number(prior, "yaw", "b1_per_s2")
     slope = intervals._slope(number, rich.z)
     half = 1.96 * math.sqrt(slope @ rich.covariance @ slope)
-    low, high = intervals.interval(intervals.at_optimum(rich, prior), rich, number)
+    low, high = intervals.interval(intervals.problem_at_estimate(rich, prior), rich, number)
     assert high - low == pytest.approx(2 * half, rel=0.1)

@@ -14,11 +14,11 @@ from sysid.control_analysis.loop_transfer import TICK_S, Lag
 from sysid.control_analysis.margins import Planes
 from sysid.data.segments import Plane
 from sysid.design import lqg as optimal
-from sysid.design.design_model import ASSUMED_SEA, Plant, assembled
+from sysid.design.design_model import DEFAULT_DISTURBANCE, DesignModel, build
 from sysid.design.lqg import controller as laws
 from sysid.design.lqg import loop_analysis, synthesis, weights
-from sysid.design.lqg.controller import Law
-from sysid.design.lqg.synthesis import Model
+from sysid.design.lqg.controller import DiscreteController
+from sysid.design.lqg.synthesis import AugmentedModel
 from sysid.models import noise
 from sysid.models.linear_planes import pitch_plane, yaw_plane
 from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
@@ -26,18 +26,18 @@ from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 LAG = Lag(0.33)
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 WEIGHTS = {"yaw": weights.HEADING_STARTS[0], "pitch": weights.DEPTH_STARTS[0]}
-SEA = noise.of_model(ASSUMED_SEA)
+SEA = noise.from_model(DEFAULT_DISTURBANCE)
 
 
 @pytest.fixture(scope="module")
-def vehicle() -> Plant:
+def vehicle() -> DesignModel:
     planes = Planes(yaw_plane(TABLE_1_ADJUSTED), pitch_plane(TABLE_1_ADJUSTED))
-    return assembled(planes, LAG, LAG, {"yaw": ASSUMED_SEA, "pitch": ASSUMED_SEA})
+    return build(planes, LAG, LAG, {"yaw": DEFAULT_DISTURBANCE, "pitch": DEFAULT_DISTURBANCE})
 
 
-def designed(vehicle: Plant, plane: Plane) -> tuple[Model, Law]:
+def designed(vehicle: DesignModel, plane: Plane) -> tuple[AugmentedModel, DiscreteController]:
     linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
-    return synthesis.built(linear, LAG, SEA, WEIGHTS[plane]), synthesis.law(
+    return synthesis.build_model(linear, LAG, SEA, WEIGHTS[plane]), synthesis.controller(
         linear, LAG, SEA, WEIGHTS[plane]
     )
 
@@ -45,7 +45,7 @@ def designed(vehicle: Plant, plane: Plane) -> tuple[Model, Law]:
 def test_feedback_of_a_double_integrator_is_the_textbooks() -> None:
     """r' = u + load, psi' = r: F = -(sqrt(2/rho), 1/rho), and the load taken off."""
     A = np.array([[-1.0, 0, 0, 0], [0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, 0]])
-    model = Model(
+    model = AugmentedModel(
         A, np.array([0.0, 1, 0, 0]), np.zeros((2, 4)), np.zeros((4, 4)), np.eye(2), load=3
     )
     rho = 0.3
@@ -57,12 +57,12 @@ def test_filter_of_a_random_walk_is_the_textbooks() -> None:
     """x' = w, y = x + v: L = sqrt(q/r)."""
     one = np.eye(1)
     assert synthesis.filter_gains(
-        Model(0.0 * one, one[0], one, 0.02 * one, 0.5 * one, load=1)
+        AugmentedModel(0.0 * one, one[0], one, 0.02 * one, 0.5 * one, load=1)
     ) == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_gains_are_python_controls(vehicle: Plant, plane: Plane) -> None:
+def test_gains_are_python_controls(vehicle: DesignModel, plane: Plane) -> None:
     model, law = designed(vehicle, plane)
     K, _, _ = control.lqr(
         model.A[: model.load, : model.load], model.B[: model.load, None], *weighted(model, plane)
@@ -72,14 +72,14 @@ def test_gains_are_python_controls(vehicle: Plant, plane: Plane) -> None:
     assert np.allclose(L, law.L, rtol=1e-5, atol=1e-7)
 
 
-def weighted(model: Model, plane: Plane) -> tuple[np.ndarray, np.ndarray]:
+def weighted(model: AugmentedModel, plane: Plane) -> tuple[np.ndarray, np.ndarray]:
     w = WEIGHTS[plane]
     held = [0.0, w.rate_s, 1.0] if plane == "yaw" else [0.0, w.rate_s, w.pitch, 1.0]
     return np.diag(np.square(held + [0.0] * (model.load - len(held)))), np.array([[w.effort**2]])
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_filter_and_feedback_keep_their_own_poles(vehicle: Plant, plane: Plane) -> None:
+def test_filter_and_feedback_keep_their_own_poles(vehicle: DesignModel, plane: Plane) -> None:
     """The separation principle; no feedback moves the constant loads, which stay where they are in
     both."""
     model, law = designed(vehicle, plane)
@@ -91,7 +91,7 @@ def test_filter_and_feedback_keep_their_own_poles(vehicle: Plant, plane: Plane) 
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_response_is_python_controls(vehicle: Plant, plane: Plane) -> None:
+def test_response_is_python_controls(vehicle: DesignModel, plane: Plane) -> None:
     _, law = designed(vehicle, plane)
     frequencies = np.geomspace(0.01, 50.0, 30)
     system = control.ss(law.closed, law.L, law.F[None, :], 0)
@@ -100,13 +100,13 @@ def test_response_is_python_controls(vehicle: Plant, plane: Plane) -> None:
 
 @pytest.mark.parametrize("plane", PLANES)
 def test_ticks_answer_as_the_continuous_law_up_to_crossover_and_beyond(
-    vehicle: Plant, plane: Plane
+    vehicle: DesignModel, plane: Plane
 ) -> None:
     """Gain within 1 %, phase within a degree, at three times crossover still: so does what is told
     to the autopilot."""
     _, law = designed(vehicle, plane)
     linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
-    ticked, frequencies = optimal.ticked(law, linear), np.array([0.1, 0.9, 2.7])
+    ticked, frequencies = optimal.tick_controllers(law, linear), np.array([0.1, 0.9, 2.7])
     n, F = len(ticked.feedback), np.array(ticked.feedback)
     A, B, L = np.split(np.array(ticked.rows), [n, n + 1], axis=1)
     for omega, wanted in zip(frequencies, laws.response(law, frequencies), strict=True):
@@ -117,11 +117,13 @@ def test_ticks_answer_as_the_continuous_law_up_to_crossover_and_beyond(
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_no_constant_load_leaves_an_error_on_another_vehicle(vehicle: Plant, plane: Plane) -> None:
+def test_no_constant_load_leaves_an_error_on_another_vehicle(
+    vehicle: DesignModel, plane: Plane
+) -> None:
     """Of the surface, and in pitch of buoyancy, on coefficients that the law does not know."""
     _, law = designed(vehicle, plane)
     other = yaw_plane(TABLE_1_INITIAL) if plane == "yaw" else pitch_plane(TABLE_1_INITIAL)
-    A, B = loop_transfer.chain(other, LAG, loop_analysis.PADE_ORDER)
+    A, B = loop_transfer.plane_with_tailcone(other, LAG, loop_analysis.PADE_ORDER)
     C = np.zeros((law.L.shape[1], len(B)))
     C[:, : len(other.B)] = loop_analysis.outputs(other)
     closed = laws.close(law, A, B, C).A
@@ -135,29 +137,29 @@ def test_no_constant_load_leaves_an_error_on_another_vehicle(vehicle: Plant, pla
             assert abs(held) < 1e-6 * np.max(np.abs(rest))
 
 
-def test_predicted_heading_is_that_of_a_lyapunov_equation(vehicle: Plant) -> None:
+def test_predicted_heading_is_that_of_a_lyapunov_equation(vehicle: DesignModel) -> None:
     """Under the slow disturbance alone: frequency integral against the closed loop's covariance."""
-    sea = msgspec.structs.replace(ASSUMED_SEA, wave_accel_degps2=0.0)
+    sea = msgspec.structs.replace(DEFAULT_DISTURBANCE, wave_accel_degps2=0.0)
     _, law = designed(vehicle, "yaw")
-    seen = loop_analysis.view(vehicle._replace(sea={"yaw": sea, "pitch": sea}), "yaw")
-    closed = loop_analysis._closed(seen, law).A
+    seen = loop_analysis.measured_plane(vehicle._replace(sea={"yaw": sea, "pitch": sea}), "yaw")
+    closed = loop_analysis._close(seen, law).A
     n = len(closed)
     A, density = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     A[:n, :n], A[1, n], A[n, n] = closed, 1.0, -1.0 / sea.slow_time_s
     density[n, n] = 2.0 * math.radians(sea.slow_accel_degps2) ** 2 / sea.slow_time_s
     covariance = solve_continuous_lyapunov(A, -density)
-    assert loop_analysis.errors(seen, law).outputs[1] == pytest.approx(
+    assert loop_analysis.disturbance_response(seen, law).outputs[1] == pytest.approx(
         math.sqrt(covariance[2, 2]), rel=0.01
     )
 
 
-def test_margins_survive_a_true_delay(vehicle: Plant) -> None:
+def test_margins_survive_a_true_delay(vehicle: DesignModel) -> None:
     """The tick in time: just inside the gain margin at the rudder she settles, just outside she
     does not."""
     _, law = designed(vehicle, "yaw")
     margin = 10 ** (
         loop_transfer.margins(
-            loop_analysis.cuts(loop_analysis.view(vehicle, "yaw"), law).surface
+            loop_analysis.cuts(loop_analysis.measured_plane(vehicle, "yaw"), law).surface
         ).gm_db
         / 20.0
     )
@@ -165,10 +167,10 @@ def test_margins_survive_a_true_delay(vehicle: Plant) -> None:
         assert (growth(vehicle, law, factor) < 1.0) == stable
 
 
-def growth(vehicle: Plant, law: Law, factor: float) -> float:
+def growth(vehicle: DesignModel, law: DiscreteController, factor: float) -> float:
     """Late over earlier amplitude of the heading; the observer hears of the command that it asked
     for."""
-    dt, plane, ticked = TICK_S, vehicle.planes.yaw, laws.sampled(law, TICK_S)
+    dt, plane, ticked = TICK_S, vehicle.planes.yaw, laws.discretise(law, TICK_S)
     wn, zeta = LAG.natural_frequency_radps, LAG.damping_ratio
     block = np.zeros((6, 6))
     block[:3, :3], block[:3, 3], block[3, 4] = plane.A, plane.B, 1.0

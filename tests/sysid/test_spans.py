@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sysid.data import segments
-from sysid.data.dataset import Actuators, Attitude, Depth, Duct, Event, Log, Setpoints
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
 
 START_S, STOP_S = 20.0, 30.0
 RUDDER_DEG, ELEVATOR_DEG = 5.0, 3.0
@@ -26,13 +26,13 @@ def cut(what: str) -> list[segments.Run]:
         depth=Depth(time_s, none, none),
         setpoints=Setpoints(*(empty,) * 5),
         events=(
-            Event(START_S, 6, f"SystemID Starting: {what}"),
-            Event(STOP_S, 6, "SystemID Finished"),
+            TextEvent(START_S, 6, f"SystemID Starting: {what}"),
+            TextEvent(STOP_S, 6, "SystemID Finished"),
         ),
         parameters={},
-        duct=Duct(*(empty,) * 3),
+        duct=DuctAngles(*(empty,) * 3),
     )
-    return segments.cut(log)
+    return segments.cut_runs(log)
 
 
 @pytest.mark.parametrize(

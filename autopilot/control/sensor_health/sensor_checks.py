@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from autopilot.control.sensor_health.imu_checks import IMPLAUSIBLE
-from autopilot.control.sensor_health.types import Complaint, Device, Health
+from autopilot.control.sensor_health.types import Device, Fault, Health
 from autopilot.control.types import US_PER_S, Inputs
 from mavlink_io.records import Altimeter, Battery, Dvl, GpsFix
 
@@ -14,14 +14,14 @@ GPS, ALTIMETER, DVL, BATTERY, LEAK, DUCT = "GPS", "Altimeter", "DVL", "Battery",
 
 SILENT_US, BATTERY_SILENT_US, STUCK_US = 3 * US_PER_S, 10 * US_PER_S, 10 * US_PER_S
 """The least that is called silence or standing still; a device that speaks seldom is given more."""
-UNPACED_SILENT_US = 30 * US_PER_S
+DEFAULT_SILENT_US = 30 * US_PER_S
 """Silence after a first word, while nobody knows when the second is due."""
 SILENT_INTERVALS, STUCK_INTERVALS = 3, 5
-PACE_CHANGE = 1.5
+INTERVAL_CHANGE = 1.5
 """From word to word the usual interval follows by no more than this factor: an outage or a burst is
 not a pace."""
-SPEAKING_US = US_PER_S // 2
-FIX_JUMP_M, ECHO_JUMP_M, DVL_JUMP_MPS, DVL_MOST_MPS, CHARGE_JUMP = 50.0, 3.0, 1.0, 10.0, 0.2
+ACTIVE_US = US_PER_S // 2
+FIX_JUMP_M, ECHO_JUMP_M, DVL_JUMP_MPS, DVL_MAX_MPS, CHARGE_JUMP = 50.0, 3.0, 1.0, 10.0, 0.2
 JUMP_WITHIN_US = 2 * US_PER_S
 """Words further apart may differ by anything."""
 _METRES_PER_DEG = 111_000.0
@@ -29,14 +29,14 @@ _NEITHER, _NONE_OF_FOUR = (None,) * 2, (None,) * 4
 """GPS and altimeter; DVL, battery, leak and duct: as ``Inputs`` has them."""
 
 
-def spoke(inputs: Inputs) -> bool:
+def has_data(inputs: Inputs) -> bool:
     """Whether any device did since the last tick."""
     return inputs[1:3] != _NEITHER or inputs[5:9] != _NONE_OF_FOUR
 
 
-def hear(
+def update(
     health: Health, inputs: Inputs, excluded: frozenset[str]
-) -> tuple[Health, Inputs, tuple[Complaint, ...]]:
+) -> tuple[Health, Inputs, tuple[Fault, ...]]:
     """Take in what devices say; a record that cannot be, or that is of one ``excluded``, goes no
     further."""
     now_us = inputs.sensors.time_us
@@ -50,7 +50,7 @@ def hear(
         old: Device = getattr(health, field)
         lately = old.record if now_us - old.sound_us < JUMP_WITHIN_US else None
         interval_us = now_us - old.heard_us if old.heard_us >= 0 else 0
-        pace_us = _pace_us(old.pace_us, interval_us)
+        pace_us = _update_interval_us(old.pace_us, interval_us)
         if possible(record, lately):
             same = old.record is not None and reading(record) == reading(old.record)
             heard[field] = Device(
@@ -59,7 +59,7 @@ def hear(
             if name in excluded:
                 dropped[field] = None
         else:
-            complaints.append(Complaint(name, IMPLAUSIBLE))
+            complaints.append(Fault(name, IMPLAUSIBLE))
             heard[field] = Device(old.record, old.sound_us, now_us, now_us, interval_us, pace_us)
             dropped[field] = None
     return (
@@ -69,37 +69,37 @@ def hear(
     )
 
 
-def _pace_us(usual_us: int, interval_us: int) -> int:
+def _update_interval_us(usual_us: int, interval_us: int) -> int:
     """The usual interval, with the one that has just passed."""
     if not usual_us:
         return interval_us
-    return round(min(PACE_CHANGE * usual_us, max(usual_us / PACE_CHANGE, interval_us)))
+    return round(min(INTERVAL_CHANGE * usual_us, max(usual_us / INTERVAL_CHANGE, interval_us)))
 
 
-def silent(device: Device, now_us: int, at_least_us: int = SILENT_US) -> bool:
+def is_silent(device: Device, now_us: int, at_least_us: int = SILENT_US) -> bool:
     """Whether a device that has spoken does so no more, or only after far longer than is its own
     pace."""
     limit_us = (
-        max(at_least_us, SILENT_INTERVALS * device.pace_us) if device.pace_us else UNPACED_SILENT_US
+        max(at_least_us, SILENT_INTERVALS * device.pace_us) if device.pace_us else DEFAULT_SILENT_US
     )
     return device.heard_us >= 0 and limit_us < max(now_us - device.heard_us, device.interval_us)
 
 
-def stuck(device: Device, now_us: int) -> bool:
+def is_frozen(device: Device, now_us: int) -> bool:
     """Whether it still speaks, and says the same."""
     same_us = device.heard_us - device.changed_us
     return (
         same_us > max(STUCK_US, STUCK_INTERVALS * device.pace_us)
-        and now_us - device.heard_us < SPEAKING_US
+        and now_us - device.heard_us < ACTIVE_US
     )
 
 
-def is_fix(fix: GpsFix | None) -> bool:
+def has_fix(fix: GpsFix | None) -> bool:
     """Whether the receiver knows where it is."""
     return fix is not None and fix.fix_type >= 3
 
 
-def _possible_fix(fix: GpsFix, before: GpsFix | None) -> bool:
+def _plausible_fix(fix: GpsFix, before: GpsFix | None) -> bool:
     if fix.fix_type < 3 or before is None or before.fix_type < 3:
         return abs(fix.lat_deg) <= 90.0 and abs(fix.lon_deg) <= 180.0
     north_m = _METRES_PER_DEG * (fix.lat_deg - before.lat_deg)
@@ -107,15 +107,15 @@ def _possible_fix(fix: GpsFix, before: GpsFix | None) -> bool:
     return math.hypot(north_m, east_m) < FIX_JUMP_M
 
 
-def _possible_echo(echo: Altimeter, before: Altimeter | None) -> bool:
+def _plausible_range(echo: Altimeter, before: Altimeter | None) -> bool:
     if not echo.min_range_m <= echo.range_m <= echo.max_range_m:
         return False
     return before is None or abs(echo.range_m - before.range_m) < ECHO_JUMP_M
 
 
-def _possible_velocity(seen: Dvl, before: Dvl | None) -> bool:
+def _plausible_velocity(seen: Dvl, before: Dvl | None) -> bool:
     x, y, z = _velocity(seen)
-    if not (abs(x) < DVL_MOST_MPS and abs(y) < DVL_MOST_MPS and abs(z) < DVL_MOST_MPS):
+    if not (abs(x) < DVL_MAX_MPS and abs(y) < DVL_MAX_MPS and abs(z) < DVL_MAX_MPS):
         return False
     if before is None or before.over_ground != seen.over_ground:
         return True
@@ -127,13 +127,13 @@ def _possible_velocity(seen: Dvl, before: Dvl | None) -> bool:
     )
 
 
-def _possible_charge(seen: Battery, before: Battery | None) -> bool:
+def _plausible_battery(seen: Battery, before: Battery | None) -> bool:
     """A gauge that does not know what remains says NaN, and may."""
     change = seen.remaining - before.remaining if before else 0.0
     return seen.voltage_v > 0.0 and not abs(change) > CHARGE_JUMP
 
 
-def _any(record: object, before: object) -> bool:
+def _always_plausible(record: object, before: object) -> bool:
     return True
 
 
@@ -149,11 +149,11 @@ def _velocity(seen: Dvl) -> tuple[float, float, float]:
     return seen.velocity_x_mps, seen.velocity_y_mps, seen.velocity_z_mps
 
 
-def _whole(record: object) -> object:
+def _all_finite(record: object) -> object:
     return record
 
 
-class _Kind(NamedTuple):
+class _DeviceKind(NamedTuple):
     field: str
     """Of ``Inputs`` and of ``Health``."""
     name: str
@@ -164,10 +164,10 @@ class _Kind(NamedTuple):
 
 
 _DEVICES = (
-    _Kind("gps", GPS, _possible_fix, _place),
-    _Kind("altimeter", ALTIMETER, _possible_echo, _range),
-    _Kind("dvl", DVL, _possible_velocity, _velocity),
-    _Kind("battery", BATTERY, _possible_charge, _whole),
-    _Kind("leak", LEAK, _any, _whole),
-    _Kind("duct", DUCT, _any, _whole),
+    _DeviceKind("gps", GPS, _plausible_fix, _place),
+    _DeviceKind("altimeter", ALTIMETER, _plausible_range, _range),
+    _DeviceKind("dvl", DVL, _plausible_velocity, _velocity),
+    _DeviceKind("battery", BATTERY, _plausible_battery, _all_finite),
+    _DeviceKind("leak", LEAK, _always_plausible, _all_finite),
+    _DeviceKind("duct", DUCT, _always_plausible, _all_finite),
 )

@@ -48,17 +48,17 @@ class Device(NamedTuple):
     """The usual interval."""
 
 
-class Complaint(NamedTuple):
+class Fault(NamedTuple):
     """Something that looks wrong in one tick."""
 
     subject: str
     what: str
 
 
-class Doubt(NamedTuple):
+class FaultTracker(NamedTuple):
     """A complaint that lasts, or lasted until lately."""
 
-    complaint: Complaint
+    complaint: Fault
     since_us: int
     last_us: int
     times: int = 1
@@ -80,6 +80,6 @@ class Health(NamedTuple):
     gps_under_water: bool = False
     """The receiver was heard at depth: it speaks always, so its silence means something there
     too."""
-    doubts: tuple[Doubt, ...] = ()
+    doubts: tuple[FaultTracker, ...] = ()
     check_us: int = 0
     """When to look again at what changes slowly."""

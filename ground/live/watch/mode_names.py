@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ground.client import mode_map
-from ground.errors import BadInputError
+from ground.errors import InputError
 from mavlink_io.dialect import constant, enum_names
 
 CUSTOM_MODE_FLAG = constant("MAV_MODE_FLAG_CUSTOM_MODE_ENABLED")
@@ -73,7 +73,7 @@ def _installed(kind: int) -> Mapping[str, str]:
     """The names of this user's ``custom_mode_map.json``; none where it cannot be read."""
     try:
         return mode_map.read(mode_map.DEFAULT_PATH.expanduser()).get(str(kind), {})
-    except BadInputError:
+    except InputError:
         return {}
 
 

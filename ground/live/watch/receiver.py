@@ -7,21 +7,21 @@ from collections import deque
 from typing import Any, NamedTuple
 
 from ground.client import commands, connection_diagnosis
-from ground.client.flight import Follower
-from ground.client.vehicle import Text
+from ground.client.flight import TelemetryListener
+from ground.client.vehicle import StatusText
 from mavlink_io import dialect
 from mavlink_io.clock import Every, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.logging.statustext import TextJoiner
-from mavlink_io.request import ExchangeError, Party
+from mavlink_io.request import ExchangeError, MavlinkId
 from mavlink_io.signing import Signing
 from mavlink_io.transport import LinkLostError, Transport, wait
 
-WATCHER = Party(250, constant("MAV_COMP_ID_LOG"))
-TEXTS = 8
-SPAN_S = 5.0
+OWN_ID = MavlinkId(250, constant("MAV_COMP_ID_LOG"))
+MAX_TEXTS = 8
+RATE_WINDOW_S = 5.0
 """Over how long the link's rates are taken."""
 SMOOTHING = 0.2
 _OBSERVER = constant("MAV_TYPE_LOG")
@@ -39,7 +39,7 @@ FOLLOWED_HZ = {
 """What followers need; more than most vehicles tell a stranger of their own accord."""
 
 
-class Heard(NamedTuple):
+class LatestMessage(NamedTuple):
     """The newest message of a name."""
 
     message: Any
@@ -48,7 +48,7 @@ class Heard(NamedTuple):
     """The mean time between two of them; 0 after the first."""
 
 
-class Said(NamedTuple):
+class ReceivedText(NamedTuple):
     """A text of the vehicle's."""
 
     at_s: float
@@ -56,24 +56,24 @@ class Said(NamedTuple):
     text: str
 
 
-class Ears:
+class Receiver:
     """Everything that is known of the first vehicle that is heard."""
 
     def __init__(self, transport: Transport, signing: Signing | None = None) -> None:
         self.address = transport.address
-        self._endpoint = Endpoint(transport, *WATCHER, signing)
+        self._endpoint = Endpoint(transport, *OWN_ID, signing)
         self._heartbeat, self._questions = Every(1.0), Every(3.0)
         self._mode_list: commands.ModeList | None = None
         self._joiner = TextJoiner()
         self._arrivals: deque[tuple[float, int]] = deque()
-        self._senders: set[Party] = set()
+        self._senders: set[MavlinkId] = set()
         self.began_s = wall_s()
-        self.party: Party | None = None
-        self.latest: dict[str, Heard] = {}
-        self.texts: deque[Said] = deque(maxlen=TEXTS)
+        self.party: MavlinkId | None = None
+        self.latest: dict[str, LatestMessage] = {}
+        self.texts: deque[ReceivedText] = deque(maxlen=MAX_TEXTS)
         self.modes: dict[int, str] = {}
         self.frames = 0
-        self.follower: Follower | None = None
+        self.follower: TelemetryListener | None = None
         """Who estimates her while she is tested."""
         self.trouble = ""
         """Why nothing can come any more, where that is known."""
@@ -88,9 +88,9 @@ class Ears:
 
     def rates(self, now_s: float) -> tuple[float, float]:
         """Bytes and messages a second of late."""
-        while self._arrivals and now_s - self._arrivals[0][0] > SPAN_S:
+        while self._arrivals and now_s - self._arrivals[0][0] > RATE_WINDOW_S:
             self._arrivals.popleft()
-        span_s = max(1.0, min(SPAN_S, now_s - self.began_s))
+        span_s = max(1.0, min(RATE_WINDOW_S, now_s - self.began_s))
         return sum(size for _, size in self._arrivals) / span_s, len(self._arrivals) / span_s
 
     def why_nothing(self) -> str:
@@ -124,12 +124,12 @@ class Ears:
         if self.party is None:
             return
         if self._mode_list is None:
-            self._mode_list = commands.ModeList(self._endpoint.send, WATCHER, self.party)
+            self._mode_list = commands.ModeList(self._endpoint.send, OWN_ID, self.party)
         self._mode_list.poll(wall_s())
         if self._questions.due():
             self._ask(self.party)
 
-    def _ask(self, party: Party) -> None:
+    def _ask(self, party: MavlinkId) -> None:
         """For the version, and for telemetry of an autopilot that sends none to strangers."""
         if "AUTOPILOT_VERSION" not in self.latest:
             self._command(party, commands.REQUEST, _VERSION)
@@ -151,7 +151,7 @@ class Ears:
                 start_stop=1,
             )
 
-    def _command(self, party: Party, command: int, *parameters: float) -> None:
+    def _command(self, party: MavlinkId, command: int, *parameters: float) -> None:
         numbers = {f"param{n + 1}": (*parameters, *[0.0] * 7)[n] for n in range(7)}
         self._endpoint.send(
             "COMMAND_LONG",
@@ -163,7 +163,7 @@ class Ears:
         )
 
     def _take(self, frame: Frame, now_s: float) -> None:
-        sender = Party(frame.system, frame.component)
+        sender = MavlinkId(frame.system, frame.component)
         self._senders.add(sender)
         self._arrivals.append((now_s, len(frame.raw)))
         self.frames += 1
@@ -183,9 +183,9 @@ class Ears:
             frame.name == "STATUSTEXT"
             and (text := self._joiner.add(frame.system, message)) is not None
         ):
-            self.texts.append(Said(now_s, message.severity, text))
+            self.texts.append(ReceivedText(now_s, message.severity, text))
             if self.follower is not None:
-                self.follower.say(Text(message.severity, text))
+                self.follower.say(StatusText(message.severity, text))
         if self._mode_list is not None and not self.modes:
             self._learn_modes(self._mode_list, frame)
 
@@ -198,7 +198,7 @@ class Ears:
                 if before.period_s
                 else gap_s
             )
-        self.latest[name] = Heard(message, now_s, period_s)
+        self.latest[name] = LatestMessage(message, now_s, period_s)
 
     def _learn_modes(self, modes: commands.ModeList, frame: Frame) -> None:
         modes.feed(frame)

@@ -5,9 +5,9 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from ground.client.commands import spell
+from ground.client.commands import readable_name
 from ground.live.watch import mode_names
-from ground.live.watch.receiver import Ears, Heard
+from ground.live.watch.receiver import LatestMessage, Receiver
 from mavlink_io.dialect import constant, enum_names
 from mavlink_io.frames import euler_from_quaternion
 from mavlink_io.records import ARMED_FLAG
@@ -23,7 +23,7 @@ _UNKNOWN_U16, _UNKNOWN_HEADING = 65_535, 65_535
 _FIX_3D = 3
 
 
-class Seen(NamedTuple):
+class Cell(NamedTuple):
     """What a row says: for people, for programs (SI units, angles in degrees), and whether it is
     alarming."""
 
@@ -32,155 +32,155 @@ class Seen(NamedTuple):
     alarm: bool = False
 
 
-class Row(NamedTuple):
+class WatchRow(NamedTuple):
     """One line of the view. ``age_s`` is None where nothing was heard of it."""
 
     section: str
     label: str
-    seen: Seen | None
+    seen: Cell | None
     age_s: float | None
     stale: bool
 
 
-class Known(NamedTuple):
+class RowContext(NamedTuple):
     """What a reader needs besides its message."""
 
     under_water: bool
     modes: Mapping[int, str]
 
 
-Reader = Callable[[Any, Known], Seen | None]
+ReadCell = Callable[[Any, RowContext], Cell | None]
 
 
-def vehicle(m: Any, known: Known) -> Seen:
-    kind, autopilot = spell(m.type, "MAV_TYPE"), spell(m.autopilot, "MAV_AUTOPILOT")
-    return Seen(f"{kind} ({autopilot})", {"type": kind, "autopilot": autopilot})
+def vehicle(m: Any, known: RowContext) -> Cell:
+    kind, autopilot = readable_name(m.type, "MAV_TYPE"), readable_name(m.autopilot, "MAV_AUTOPILOT")
+    return Cell(f"{kind} ({autopilot})", {"type": kind, "autopilot": autopilot})
 
 
-def version(m: Any, known: Known) -> Seen:
+def version(m: Any, known: RowContext) -> Cell:
     number = m.flight_sw_version
     words = ".".join(str(number >> shift & 0xFF) for shift in (24, 16, 8))
-    return Seen(words, words)
+    return Cell(words, words)
 
 
-def mode(m: Any, known: Known) -> Seen:
+def mode(m: Any, known: RowContext) -> Cell:
     words = mode_names.name(m, known.modes)
-    return Seen(words, words)
+    return Cell(words, words)
 
 
-def armed(m: Any, known: Known) -> Seen:
+def armed(m: Any, known: RowContext) -> Cell:
     is_armed = bool(m.base_mode & ARMED_FLAG)
-    return Seen("ARMED" if is_armed else "disarmed", is_armed)
+    return Cell("ARMED" if is_armed else "disarmed", is_armed)
 
 
-def state(m: Any, known: Known) -> Seen:
-    words = spell(m.system_status, "MAV_STATE")
-    return Seen(words, words, m.system_status >= _CRITICAL)
+def state(m: Any, known: RowContext) -> Cell:
+    words = readable_name(m.system_status, "MAV_STATE")
+    return Cell(words, words, m.system_status >= _CRITICAL)
 
 
-def under_way(m: Any, known: Known) -> Seen:
-    words = spell(m.landed_state, "MAV_LANDED_STATE")
+def under_way(m: Any, known: RowContext) -> Cell:
+    words = readable_name(m.landed_state, "MAV_LANDED_STATE")
     if known.under_water:
         words = {"on ground": "moored", "in air": "under way"}.get(words, words)
-    return Seen(words, words)
+    return Cell(words, words)
 
 
-def _height(up_m: float, known: Known) -> Seen:
+def _height(up_m: float, known: RowContext) -> Cell:
     if known.under_water:
-        return Seen(f"{-up_m:.2f} m deep", {"depth_m": -up_m})
-    return Seen(f"{up_m:.1f} m up", {"altitude_m": up_m})
+        return Cell(f"{-up_m:.2f} m deep", {"depth_m": -up_m})
+    return Cell(f"{up_m:.1f} m up", {"altitude_m": up_m})
 
 
-def height_of_global_position(m: Any, known: Known) -> Seen:
+def height_of_global_position(m: Any, known: RowContext) -> Cell:
     return _height(m.relative_alt / 1000.0, known)
 
 
-def height_of_local_position(m: Any, known: Known) -> Seen:
+def height_of_local_position(m: Any, known: RowContext) -> Cell:
     return _height(-m.z, known)
 
 
-def height_of_hud(m: Any, known: Known) -> Seen:
+def height_of_hud(m: Any, known: RowContext) -> Cell:
     return _height(m.alt, known)
 
 
-def _attitude(roll_rad: float, pitch_rad: float) -> Seen:
+def _attitude(roll_rad: float, pitch_rad: float) -> Cell:
     roll_deg, pitch_deg = math.degrees(roll_rad), math.degrees(pitch_rad)
-    return Seen(
+    return Cell(
         f"roll {roll_deg:+.1f}, pitch {pitch_deg:+.1f} deg",
         {"roll_deg": roll_deg, "pitch_deg": pitch_deg},
     )
 
 
-def attitude(m: Any, known: Known) -> Seen:
+def attitude(m: Any, known: RowContext) -> Cell:
     return _attitude(m.roll, m.pitch)
 
 
-def attitude_of_quaternion(m: Any, known: Known) -> Seen:
+def attitude_of_quaternion(m: Any, known: RowContext) -> Cell:
     roll_rad, pitch_rad, _ = euler_from_quaternion(m.q1, m.q2, m.q3, m.q4)
     return _attitude(roll_rad, pitch_rad)
 
 
-def _heading(deg: float) -> Seen:
-    return Seen(f"{round(deg) % 360:03d} deg", deg % 360.0)
+def _heading(deg: float) -> Cell:
+    return Cell(f"{round(deg) % 360:03d} deg", deg % 360.0)
 
 
-def heading_of_attitude(m: Any, known: Known) -> Seen:
+def heading_of_attitude(m: Any, known: RowContext) -> Cell:
     return _heading(math.degrees(m.yaw))
 
 
-def heading_of_global_position(m: Any, known: Known) -> Seen | None:
+def heading_of_global_position(m: Any, known: RowContext) -> Cell | None:
     return None if m.hdg == _UNKNOWN_HEADING else _heading(m.hdg / 100.0)
 
 
-def speed(m: Any, known: Known) -> Seen:
+def speed(m: Any, known: RowContext) -> Cell:
     words = f"{m.airspeed:.2f} m/s, {m.groundspeed:.2f} over ground"
-    return Seen(words, {"through_mps": m.airspeed, "over_ground_mps": m.groundspeed})
+    return Cell(words, {"through_mps": m.airspeed, "over_ground_mps": m.groundspeed})
 
 
-def vertical_speed(m: Any, known: Known) -> Seen:
+def vertical_speed(m: Any, known: RowContext) -> Cell:
     way = "" if abs(m.climb) < LEVEL_MPS else " up" if m.climb > 0 else " down"
-    return Seen(f"{abs(m.climb):.2f} m/s{way}", {"climb_mps": m.climb})
+    return Cell(f"{abs(m.climb):.2f} m/s{way}", {"climb_mps": m.climb})
 
 
-def position(m: Any, known: Known) -> Seen | None:
+def position(m: Any, known: RowContext) -> Cell | None:
     if not m.lat and not m.lon:
         return None
-    return Seen(
+    return Cell(
         f"{m.lat / 1e7:.6f}, {m.lon / 1e7:.6f}", {"lat_deg": m.lat / 1e7, "lon_deg": m.lon / 1e7}
     )
 
 
-def offset(m: Any, known: Known) -> Seen:
-    return Seen(f"{m.x:+.1f} m north, {m.y:+.1f} m east", {"north_m": m.x, "east_m": m.y})
+def offset(m: Any, known: RowContext) -> Cell:
+    return Cell(f"{m.x:+.1f} m north, {m.y:+.1f} m east", {"north_m": m.x, "east_m": m.y})
 
 
-def gps(m: Any, known: Known) -> Seen:
-    fix = spell(m.fix_type, "GPS_FIX_TYPE")
+def gps(m: Any, known: RowContext) -> Cell:
+    fix = readable_name(m.fix_type, "GPS_FIX_TYPE")
     satellites = "" if m.satellites_visible in (0, 255) else f", {m.satellites_visible} satellites"
-    return Seen(fix + satellites, {"fix": fix, "good": m.fix_type >= _FIX_3D})
+    return Cell(fix + satellites, {"fix": fix, "good": m.fix_type >= _FIX_3D})
 
 
-def bottom(m: Any, known: Known) -> Seen | None:
+def bottom(m: Any, known: RowContext) -> Cell | None:
     if m.orientation != _LOOKING_DOWN:
         return None
     if not m.min_distance <= m.current_distance <= m.max_distance:
-        return Seen("out of range", None)
-    return Seen(f"{m.current_distance / 100.0:.1f} m below", m.current_distance / 100.0)
+        return Cell("out of range", None)
+    return Cell(f"{m.current_distance / 100.0:.1f} m below", m.current_distance / 100.0)
 
 
-def battery(m: Any, known: Known) -> Seen | None:
+def battery(m: Any, known: RowContext) -> Cell | None:
     cells_mv = [mv for mv in (*m.voltages, *m.voltages_ext) if mv not in (0, _UNKNOWN_U16)]
     return _battery(
         sum(cells_mv) / 1e3 if cells_mv else None, m.current_battery, m.battery_remaining
     )
 
 
-def battery_of_status(m: Any, known: Known) -> Seen | None:
+def battery_of_status(m: Any, known: RowContext) -> Cell | None:
     volts = None if m.voltage_battery == _UNKNOWN_U16 else m.voltage_battery / 1e3
     return _battery(volts, m.current_battery, m.battery_remaining)
 
 
-def _battery(volts: float | None, centiamperes: int, percent: int) -> Seen | None:
+def _battery(volts: float | None, centiamperes: int, percent: int) -> Cell | None:
     amperes = None if centiamperes == -1 else centiamperes / 100.0
     left = None if percent == -1 else percent
     parts = [
@@ -191,11 +191,11 @@ def _battery(volts: float | None, centiamperes: int, percent: int) -> Seen | Non
     if not any(parts):
         return None
     value = {"voltage_v": volts, "current_a": amperes, "remaining_pct": left}
-    return Seen(", ".join(filter(None, parts)), value, left is not None and left < 20)
+    return Cell(", ".join(filter(None, parts)), value, left is not None and left < 20)
 
 
-def mission(m: Any, known: Known) -> Seen:
-    stage = spell(m.mission_state, "MISSION_STATE") if m.mission_state else ""
+def mission(m: Any, known: RowContext) -> Cell:
+    stage = readable_name(m.mission_state, "MISSION_STATE") if m.mission_state else ""
     total = m.total if m.total not in (0, _UNKNOWN_U16) else None
     words = (
         f"item {m.seq + 1} of {total}"
@@ -205,15 +205,15 @@ def mission(m: Any, known: Known) -> Seen:
         else f"item {m.seq + 1}"
     )
     words += f", {stage}" if stage and stage != "no mission" else ""
-    return Seen(words, {"item": m.seq, "items": total, "state": stage or None})
+    return Cell(words, {"item": m.seq, "items": total, "state": stage or None})
 
 
-def aim(m: Any, known: Known) -> Seen:
+def aim(m: Any, known: RowContext) -> Cell:
     words = f"{m.target_bearing % 360:03d} deg, {m.wp_dist} m to go"
-    return Seen(words, {"bearing_deg": m.target_bearing % 360, "distance_m": m.wp_dist})
+    return Cell(words, {"bearing_deg": m.target_bearing % 360, "distance_m": m.wp_dist})
 
 
-def health(m: Any, known: Known) -> Seen:
+def health(m: Any, known: RowContext) -> Cell:
     """What is there and enabled and not well; the pre-arm check has a line of its own."""
     wrong = (
         m.onboard_control_sensors_enabled
@@ -232,14 +232,14 @@ def health(m: Any, known: Known) -> Seen:
             for bit in enum_names("MAV_SYS_STATUS_SENSOR_EXTENDED")
             if extended & bit
         ]
-    return Seen("not well: " + ", ".join(names) if names else "all well", names, bool(names))
+    return Cell("not well: " + ", ".join(names) if names else "all well", names, bool(names))
 
 
-def ready(m: Any, known: Known) -> Seen | None:
+def ready(m: Any, known: RowContext) -> Cell | None:
     if not m.onboard_control_sensors_present & _PREARM:
         return None
     good = bool(m.onboard_control_sensors_health & _PREARM)
-    return Seen("ready to arm" if good else "not ready to arm", good, not good)
+    return Cell("ready to arm" if good else "not ready to arm", good, not good)
 
 
 def _sensor(bit: int, extended: str = "") -> str:
@@ -251,7 +251,7 @@ def _sensor(bit: int, extended: str = "") -> str:
     return words.replace("_", " ").lower()
 
 
-ROWS: tuple[tuple[str, str, tuple[tuple[str, Reader], ...]], ...] = (
+ROWS: tuple[tuple[str, str, tuple[tuple[str, ReadCell], ...]], ...] = (
     ("vehicle", "identity", (("HEARTBEAT", vehicle),)),
     ("vehicle", "version", (("AUTOPILOT_VERSION", version),)),
     ("vehicle", "mode", (("HEARTBEAT", mode),)),
@@ -290,14 +290,14 @@ ROWS: tuple[tuple[str, str, tuple[tuple[str, Reader], ...]], ...] = (
     ("mission", "aim", (("NAV_CONTROLLER_OUTPUT", aim),)),
 )
 """(section, label, where to read it: of several messages the first that says something)."""
-SHOWN_FOR_EVER = frozenset(("AUTOPILOT_VERSION",))
+NEVER_STALE = frozenset(("AUTOPILOT_VERSION",))
 """Messages that are sent once, and do not age."""
 
 
-def rows(ears: Ears, now_s: float) -> list[Row]:
+def rows(ears: Receiver, now_s: float) -> list[WatchRow]:
     """Every line of the view, as things stand."""
     heartbeat = ears.latest.get("HEARTBEAT")
-    known = Known(heartbeat is not None and heartbeat.message.type == _SUBMARINE, ears.modes)
+    known = RowContext(heartbeat is not None and heartbeat.message.type == _SUBMARINE, ears.modes)
     return [
         _row(section, label, sources, ears.latest, known, now_s) for section, label, sources in ROWS
     ]
@@ -306,27 +306,27 @@ def rows(ears: Ears, now_s: float) -> list[Row]:
 def _row(
     section: str,
     label: str,
-    sources: tuple[tuple[str, Reader], ...],
-    latest: Mapping[str, Heard],
-    known: Known,
+    sources: tuple[tuple[str, ReadCell], ...],
+    latest: Mapping[str, LatestMessage],
+    known: RowContext,
     now_s: float,
-) -> Row:
+) -> WatchRow:
     for name, reader in sources:
         heard = latest.get(name)
         if heard is not None and (seen := reader(heard.message, known)) is not None:
             age_s = now_s - heard.at_s
-            return Row(
-                section, label, seen, age_s, name not in SHOWN_FOR_EVER and is_stale(heard, now_s)
+            return WatchRow(
+                section, label, seen, age_s, name not in NEVER_STALE and is_stale(heard, now_s)
             )
-    return Row(section, label, None, None, True)
+    return WatchRow(section, label, None, None, True)
 
 
-def is_stale(heard: Heard, now_s: float) -> bool:
+def is_stale(heard: LatestMessage, now_s: float) -> bool:
     """Whether a message has missed its turn several times."""
     return now_s - heard.at_s > max(STALE_AFTER_S, STALE_AFTER_PERIODS * heard.period_s)
 
 
-def as_json(ears: Ears, now_s: float) -> dict[str, Any]:
+def as_json(ears: Receiver, now_s: float) -> dict[str, Any]:
     """The same for programs: each row with its value and age."""
     rate_bytes, rate_messages = ears.rates(now_s)
     heard = {

@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.live import Live
 
-from ground.cli.options import give
-from ground.client.signing import signing
-from ground.errors import FailedError
+from ground.cli.options import print_result
+from ground.client.signing import open_signing
+from ground.errors import OperationError
 from ground.live.watch import rows, view
-from ground.live.watch.receiver import Ears
+from ground.live.watch.receiver import Receiver
 from mavlink_io.clock import wall_s
 from mavlink_io.transport import open_transport
 
 if TYPE_CHECKING:
-    from ground.live.listeners import Followers
+    from ground.live.listeners import Listeners
 
 REFRESH_S = 0.2
-PATIENCE_S = 5.0
+VEHICLE_TIMEOUT_S = 5.0
 """How long one look waits for a vehicle."""
-LOOK_S = 3.0
+LISTEN_S = 3.0
 """How long it then listens: long enough for what comes every two seconds."""
 
 
@@ -41,41 +41,41 @@ def watch(
     Raises:
         AddressError, BadInputError, FailedError: as one would expect of each.
     """
-    follower = _following(prior, gains)
+    follower = _listeners(prior, gains)
     stopped = _Stopped()
     console = Console()
-    with signing(sign) as key:
+    with open_signing(sign) as key:
         transport = open_transport(connect)
         try:
-            ears = Ears(transport, key)
+            ears = Receiver(transport, key)
             ears.follower = follower
             if once or json or not console.is_terminal:
-                _look(ears, stopped)
+                _listen_once(ears, stopped)
                 if json:
-                    give(rows.as_json(ears, wall_s()), "", json)
+                    print_result(rows.as_json(ears, wall_s()), "", json)
                 else:
                     console.print(view.draw(ears, wall_s()))
             else:
-                _live(ears, console, stopped, follower)
+                _show_live(ears, console, stopped, follower)
         finally:
             transport.close()
 
 
-def _following(prior: str | None, gains: Path | None) -> "Followers | None":
+def _listeners(prior: str | None, gains: Path | None) -> "Listeners | None":
     """Who makes something of what she tells; nobody unless asked. Raises BadInputError."""
-    from ground.live.listeners import Followers, Shows
+    from ground.live.listeners import Listeners, VisibleListener
 
-    each: list[Shows] = []
+    each: list[VisibleListener] = []
     if prior:
-        from ground.live.session import Live as Estimating
+        from ground.live.session import LiveSession as Estimating
 
         each.append(Estimating(prior))
     if gains:
-        from ground.client.param_file import promised
-        from ground.live.performance_monitor import Keeping
+        from ground.client.param_file import require_baseline
+        from ground.live.performance_monitor import PerformanceMonitor
 
-        each.append(Keeping(promised(gains)))
-    found = Followers(each)
+        each.append(PerformanceMonitor(require_baseline(gains)))
+    found = Listeners(each)
     found.begin({})
     return found if each else None
 
@@ -96,19 +96,21 @@ class _Stopped:
         self._stopped = True
 
 
-def _look(ears: Ears, stopped: _Stopped) -> None:
+def _listen_once(ears: Receiver, stopped: _Stopped) -> None:
     """Listen until a vehicle was heard for a while. Raises FailedError when there is none."""
-    until_s = wall_s() + PATIENCE_S
+    until_s = wall_s() + VEHICLE_TIMEOUT_S
     while ears.party is None and wall_s() < until_s and not stopped():
         ears.listen(REFRESH_S)
     if ears.party is None:
-        raise FailedError(f"no vehicle on {ears.address}: {ears.trouble or ears.why_nothing()}")
-    until_s = wall_s() + LOOK_S
+        raise OperationError(f"no vehicle on {ears.address}: {ears.trouble or ears.why_nothing()}")
+    until_s = wall_s() + LISTEN_S
     while wall_s() < until_s and not stopped():
         ears.listen(REFRESH_S)
 
 
-def _live(ears: Ears, console: Console, stopped: _Stopped, follower: "Followers | None") -> None:
+def _show_live(
+    ears: Receiver, console: Console, stopped: _Stopped, follower: "Listeners | None"
+) -> None:
     drawn_s = 0.0
     with Live(console=console, auto_refresh=False, screen=True) as live:
         while not stopped():

@@ -8,48 +8,48 @@ from typing import Any, BinaryIO, TypeVar
 
 from mavlink_io.clock import wall_s
 from mavlink_io.dialect import enum_names
-from mavlink_io.request import Exchange, Party, Send
+from mavlink_io.request import Exchange, MavlinkId, Send
 from mavlink_io.services.ftp import payload
-from mavlink_io.services.ftp.payload import ACK, MOST_DATA, NAK, Packet
-from mavlink_io.services.ftp.tree import Entry
+from mavlink_io.services.ftp.payload import ACK, MAX_DATA, NAK, Packet
+from mavlink_io.services.ftp.tree import ListingEntry
 
 T = TypeVar("T")
 
-CRC_PATIENCE_S = 5.0
+CRC_TIMEOUT_S = 5.0
 """A vehicle may have to read a large file from a slow disk."""
-REPAIRS_AT_ONCE = 32
+MAX_REPAIRS = 32
 """How many lost pieces are asked for in one go."""
 
-Watch = Callable[[int, int], None]
+ProgressCallback = Callable[[int, int], None]
 """Is told how many bytes are there, and of how many."""
 
 
 class FileClient:
     """Each method begins an exchange, to be fed and polled until it is done."""
 
-    def __init__(self, send: Send, own: Party, peer: Party) -> None:
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         self._line = send, own, peer
         self._sequences = count(
             int(1000.0 * wall_s())
         )  # a new program must not seem to repeat what the last one asked
 
-    def list(self, path: str) -> Exchange[list[Entry]]:
+    def list(self, path: str) -> Exchange[list[ListingEntry]]:
         """What lies in a directory."""
-        return _List(*self._line, self._sequences, path)
+        return _DirectoryList(*self._line, self._sequences, path)
 
     def checksum(self, path: str) -> Exchange[int]:
         """The CRC-32 of a file as ``link.files.wire.crc32`` counts it."""
         return _Checksum(*self._line, self._sequences, path)
 
     def download(
-        self, path: str, sink: BinaryIO, start: int = 0, watch: Watch | None = None
+        self, path: str, sink: BinaryIO, start: int = 0, watch: ProgressCallback | None = None
     ) -> Exchange[int]:
         """Append a file to ``sink``, which holds its first ``start`` bytes already; the result is
         the file's size.
 
         What is written is always the file's beginning without a gap: whoever is interrupted may go
         on from there."""
-        return _Download(*self._line, self._sequences, path, sink, start, watch)
+        return _FtpDownload(*self._line, self._sequences, path, sink, start, watch)
 
 
 class _Conversation(Exchange[T]):
@@ -60,8 +60,8 @@ class _Conversation(Exchange[T]):
     def __init__(
         self,
         send: Send,
-        own: Party,
-        peer: Party,
+        own: MavlinkId,
+        peer: MavlinkId,
         sequences: Iterator[int],
         path: str,
         retry_s: float = 1.0,
@@ -113,13 +113,13 @@ class _Conversation(Exchange[T]):
         self._put(self._current)
 
 
-class _List(_Conversation[list[Entry]]):
+class _DirectoryList(_Conversation[list[ListingEntry]]):
     def __init__(
-        self, send: Send, own: Party, peer: Party, sequences: Iterator[int], path: str
+        self, send: Send, own: MavlinkId, peer: MavlinkId, sequences: Iterator[int], path: str
     ) -> None:
         super().__init__(send, own, peer, sequences, path)
         self._lines = 0
-        self._entries: list[Entry] = []
+        self._entries: list[ListingEntry] = []
         self._current = self._next()
 
     def _take(self, packet: Packet) -> None:
@@ -149,9 +149,9 @@ class _List(_Conversation[list[Entry]]):
 
 class _Checksum(_Conversation[int]):
     def __init__(
-        self, send: Send, own: Party, peer: Party, sequences: Iterator[int], path: str
+        self, send: Send, own: MavlinkId, peer: MavlinkId, sequences: Iterator[int], path: str
     ) -> None:
-        super().__init__(send, own, peer, sequences, path, CRC_PATIENCE_S)
+        super().__init__(send, own, peer, sequences, path, CRC_TIMEOUT_S)
         data = path.encode()
         self._current = Packet(next(sequences) & 0xFFFF, 0, payload.CRC, len(data), 0, 0, 0, data)
 
@@ -167,19 +167,19 @@ class _Checksum(_Conversation[int]):
         return f"the checksum of {self._path}"
 
 
-class _Download(_Conversation[int]):
+class _FtpDownload(_Conversation[int]):
     """Opens, has bursts sent, asks again for what was lost in them, and closes."""
 
     def __init__(
         self,
         send: Send,
-        own: Party,
-        peer: Party,
+        own: MavlinkId,
+        peer: MavlinkId,
         sequences: Iterator[int],
         path: str,
         sink: BinaryIO,
         start: int,
-        watch: Watch | None,
+        watch: ProgressCallback | None,
     ) -> None:
         super().__init__(send, own, peer, sequences, path)
         self._sink, self._watch = sink, watch
@@ -227,8 +227,8 @@ class _Download(_Conversation[int]):
         self._progress()
         self._held[packet.offset] = packet.data
         if packet.offset > self._frontier:
-            for offset in range(self._frontier, packet.offset, MOST_DATA):
-                self._read(offset, min(MOST_DATA, packet.offset - offset))
+            for offset in range(self._frontier, packet.offset, MAX_DATA):
+                self._read(offset, min(MAX_DATA, packet.offset - offset))
         self._frontier = max(self._frontier, packet.offset + len(packet.data))
         self._write()
         if self._written >= self._size or (
@@ -257,10 +257,10 @@ class _Download(_Conversation[int]):
             self._request(payload.TERMINATE, session=self._session or 0)
             self._finish(self._size)
             return
-        for offset, length in self._gaps()[:REPAIRS_AT_ONCE]:
+        for offset, length in self._gaps()[:MAX_REPAIRS]:
             self._read(offset, length)
         if self._frontier < self._size:
-            self._request(payload.BURST, self._frontier, MOST_DATA, session=self._session or 0)
+            self._request(payload.BURST, self._frontier, MAX_DATA, session=self._session or 0)
 
     def _read(self, offset: int, length: int) -> None:
         self._request(payload.READ, offset, length, session=self._session or 0)
@@ -270,7 +270,7 @@ class _Download(_Conversation[int]):
         gaps, at = [], self._written
         for offset in (*sorted(self._held), self._frontier):
             gaps += [
-                (piece, min(MOST_DATA, offset - piece)) for piece in range(at, offset, MOST_DATA)
+                (piece, min(MAX_DATA, offset - piece)) for piece in range(at, offset, MAX_DATA)
             ]
             at = max(at, offset + len(self._held.get(offset, b"")))
         return gaps
@@ -290,6 +290,6 @@ class _Download(_Conversation[int]):
         return f"the request for {self._path}"
 
 
-def _entry(line: bytes) -> Entry:
+def _entry(line: bytes) -> ListingEntry:
     name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
-    return Entry(name, int(size) if line[:1] == b"F" and size.isdecimal() else None)
+    return ListingEntry(name, int(size) if line[:1] == b"F" and size.isdecimal() else None)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from mavlink_io.dialect import constant
 
-MOST_DATA = 239
+MAX_DATA = 239
 """Bytes of a file, or of a path, that one message holds."""
 PAYLOAD_LENGTH = 251
 
@@ -19,7 +19,7 @@ TERMINATE, RESET = (
 LIST, OPEN = constant("MAV_FTP_OPCODE_LISTDIRECTORY"), constant("MAV_FTP_OPCODE_OPENFILERO")
 READ, BURST = constant("MAV_FTP_OPCODE_READFILE"), constant("MAV_FTP_OPCODE_BURSTREADFILE")
 CRC = constant("MAV_FTP_OPCODE_CALCFILECRC")
-CHANGES = frozenset(
+WRITE_OPCODES = frozenset(
     constant(f"MAV_FTP_OPCODE_{name}")
     for name in (
         "CREATEFILE",
@@ -61,8 +61,8 @@ class Packet(NamedTuple):
 
     def encode(self) -> bytes:
         """The payload at full length. Raises ValueError for more data than fits."""
-        if len(self.data) > MOST_DATA:
-            raise ValueError(f"{len(self.data)} bytes of data; a message holds {MOST_DATA}")
+        if len(self.data) > MAX_DATA:
+            raise ValueError(f"{len(self.data)} bytes of data; a message holds {MAX_DATA}")
         return (_HEAD.pack(*self[:7]) + self.data).ljust(PAYLOAD_LENGTH, b"\0")
 
 

@@ -10,34 +10,34 @@ from typing import NamedTuple
 
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, largest_frame
-from mavlink_io.request import Client, Party, Room, Send
+from mavlink_io.request import Client, MavlinkId, RoomBytes, Send
 from mavlink_io.services.ftp import payload as wire
-from mavlink_io.services.ftp.payload import ACK, MOST_DATA, NAK, Packet
-from mavlink_io.services.ftp.tree import Entry, FileTree, OpenFile
+from mavlink_io.services.ftp.payload import ACK, MAX_DATA, NAK, Packet
+from mavlink_io.services.ftp.tree import FileTree, ListingEntry, OpenFile
 
 BURST_PACKETS = 256
 """After so many the client has to ask again: one that is gone is not sent a whole file."""
-MOST_SESSIONS = 16
+MAX_SESSIONS = 16
 SESSION_IDLE_S = 120.0
 """A session that was not used for longer may be closed: its client is gone."""
 CRC_BYTES = 1_000_000
 """How much of a file is checksummed in one go."""
 
-_MOST_SIZE = 0xFFFF_FFFF
-_LARGEST = largest_frame(dialect.by_name("FILE_TRANSFER_PROTOCOL"))
+_MAX_SIZE = 0xFFFF_FFFF
+_MAX_FRAME_BYTES = largest_frame(dialect.by_name("FILE_TRANSFER_PROTOCOL"))
 _size = struct.Struct("<I")
 
 
-class _Session(NamedTuple):
+class _FtpSession(NamedTuple):
     file: OpenFile
     used_s: float
 
 
-class _Job(NamedTuple):
+class _FtpJob(NamedTuple):
     """What takes several polls: a burst, or a checksum."""
 
     request: Packet
-    room: Room
+    room: RoomBytes
     file: OpenFile
     offset: int
     done: int = 0
@@ -59,9 +59,9 @@ class FileServer:
 
     def __init__(self, tree: FileTree) -> None:
         self.tree = tree
-        self._sessions: dict[tuple[Client, int], _Session] = {}
+        self._sessions: dict[tuple[Client, int], _FtpSession] = {}
         self._answered: dict[Client, tuple[bytes, bytes]] = {}
-        self._jobs: dict[Client, _Job] = {}
+        self._jobs: dict[Client, _FtpJob] = {}
         self._now_s = 0.0
         self._handlers: dict[int, Callable[[Client, Packet], bytes]] = {
             wire.NONE: lambda client, request: b"",
@@ -72,24 +72,27 @@ class FileServer:
             wire.READ: self._read,
         }
 
-    def feed(self, frame: Frame, send: Send, room: Room, now_s: float) -> None:
+    def feed(self, frame: Frame, send: Send, room: RoomBytes, now_s: float) -> None:
         """Serve one request that is addressed to this vehicle; ``send`` and ``room`` are of the
         link it came by."""
         self._now_s = now_s
         payload = bytes(frame.decode().payload)
-        client, request = Client(Party(frame.system, frame.component), send), wire.decode(payload)
+        client, request = (
+            Client(MavlinkId(frame.system, frame.component), send),
+            wire.decode(payload),
+        )
         if request.opcode in (ACK, NAK):
             return
         asked, answered = self._answered.get(client, (b"", b""))
         if asked == payload:
             if answered:
-                _post(client, answered)
+                _send_packet(client, answered)
             if answered or client in self._jobs:
                 return
         answer = self._serve(client, request, room)
         self._answered[client] = payload, b"" if answer is None else answer.encode()
         if answer is not None:
-            _post(client, answer.encode())
+            _send_packet(client, answer.encode())
 
     def poll(self, now_s: float) -> None:
         """Go on with bursts and checksums, as far as their links have room."""
@@ -103,17 +106,17 @@ class FileServer:
                 )
             except OSError:
                 _release(job)
-                _post(client, _refuse(job.request, wire.FAIL).encode())
+                _send_packet(client, _refuse(job.request, wire.FAIL).encode())
                 left = None
             if left is None:
                 del self._jobs[client]
             else:
                 self._jobs[client] = left
 
-    def _serve(self, client: Client, request: Packet, room: Room) -> Packet | None:
+    def _serve(self, client: Client, request: Packet, room: RoomBytes) -> Packet | None:
         """The answer to a request; None where it follows later."""
         try:
-            if request.size > MOST_DATA:
+            if request.size > MAX_DATA:
                 raise _RefusedError(wire.INVALID_SIZE)
             if request.opcode in (wire.BURST, wire.CRC):
                 self._jobs[client] = self._begin(client, request, room)
@@ -121,7 +124,7 @@ class FileServer:
             handler = self._handlers.get(request.opcode)
             if handler is None:
                 raise _RefusedError(
-                    wire.PROTECTED if request.opcode in wire.CHANGES else wire.UNKNOWN_COMMAND
+                    wire.PROTECTED if request.opcode in wire.WRITE_OPCODES else wire.UNKNOWN_COMMAND
                 )
             return _answer(request, handler(client, request))
         except _RefusedError as refusal:
@@ -148,7 +151,7 @@ class FileServer:
             raise _RefusedError(wire.END_OF_FILE)
         fitting = b""
         for line in lines:
-            if len(fitting) + len(line) > MOST_DATA:
+            if len(fitting) + len(line) > MAX_DATA:
                 break
             fitting += line
         return fitting or b"S\0"
@@ -157,54 +160,54 @@ class FileServer:
         """The session is the one that the client asked for: some ignore which they are given."""
         key = client, request.session
         self._close(key)
-        if len(self._sessions) >= MOST_SESSIONS:
+        if len(self._sessions) >= MAX_SESSIONS:
             self._forget_idle()
         file = self.tree.open(_path(request))
-        self._sessions[key] = _Session(file, self._now_s)
-        return _size.pack(min(file.size, _MOST_SIZE))
+        self._sessions[key] = _FtpSession(file, self._now_s)
+        return _size.pack(min(file.size, _MAX_SIZE))
 
     def _read(self, client: Client, request: Packet) -> bytes:
         file = self._session(client, request.session)
-        data = file.read(request.offset, request.size or MOST_DATA)
+        data = file.read(request.offset, request.size or MAX_DATA)
         if not data:
             raise _RefusedError(wire.END_OF_FILE)
         return data
 
-    def _begin(self, client: Client, request: Packet, room: Room) -> _Job:
+    def _begin(self, client: Client, request: Packet, room: RoomBytes) -> _FtpJob:
         """A job in place of the client's last one."""
         if old := self._jobs.pop(client, None):
             _release(old)
         if request.opcode == wire.CRC:
-            return _Job(request, room, self.tree.open(_path(request)), 0)
-        return _Job(request, room, self._session(client, request.session), request.offset)
+            return _FtpJob(request, room, self.tree.open(_path(request)), 0)
+        return _FtpJob(request, room, self._session(client, request.session), request.offset)
 
-    def _burst_on(self, client: Client, job: _Job) -> _Job | None:
-        length = job.request.size or MOST_DATA
-        while job.room() >= _LARGEST:
+    def _burst_on(self, client: Client, job: _FtpJob) -> _FtpJob | None:
+        length = job.request.size or MAX_DATA
+        while job.room() >= _MAX_FRAME_BYTES:
             data = job.file.read(job.offset, length)
             sequence = (job.request.sequence + 1 + job.done) & 0xFFFF
             if not data:
                 end = _refuse(job.request._replace(offset=job.offset), wire.END_OF_FILE)
-                _post(client, end._replace(sequence=sequence).encode())
+                _send_packet(client, end._replace(sequence=sequence).encode())
                 return None
             last = job.done + 1 == BURST_PACKETS
             packet = _answer(job.request, data)._replace(
                 sequence=sequence, offset=job.offset, burst_complete=int(last)
             )
-            _post(client, packet.encode())
+            _send_packet(client, packet.encode())
             if last:
                 return None
             job = job._replace(offset=job.offset + len(data), done=job.done + 1)
         return job
 
-    def _crc_on(self, client: Client, job: _Job) -> _Job | None:
+    def _crc_on(self, client: Client, job: _FtpJob) -> _FtpJob | None:
         data = job.file.read(job.offset, CRC_BYTES)
         if data:
             return job._replace(offset=job.offset + len(data), done=wire.crc32(data, job.done))
         job.file.close()
         answer = _answer(job.request, _size.pack(job.done)).encode()
         self._answered[client] = job.request.encode(), answer
-        _post(client, answer)
+        _send_packet(client, answer)
         return None
 
     def _session(self, client: Client, number: int) -> OpenFile:
@@ -236,7 +239,7 @@ class FileServer:
             self._close(key)
 
 
-def _release(job: _Job) -> None:
+def _release(job: _FtpJob) -> None:
     """A checksum has a file of its own; a burst's belongs to its session."""
     if job.request.opcode == wire.CRC:
         job.file.close()
@@ -250,11 +253,11 @@ def _path(request: Packet) -> str:
         raise FileNotFoundError(repr(request.data)) from None
 
 
-def _line(entry: Entry) -> bytes:
+def _line(entry: ListingEntry) -> bytes:
     """One entry of a listing; one whose name is too long for any message is skipped."""
     text = f"D{entry.name}" if entry.size is None else f"F{entry.name}\t{entry.size}"
     line = text.encode() + b"\0"
-    return line if len(line) <= MOST_DATA else b"S\0"
+    return line if len(line) <= MAX_DATA else b"S\0"
 
 
 def _answer(request: Packet, data: bytes) -> Packet:
@@ -271,7 +274,7 @@ def _refuse(request: Packet, error: int) -> Packet:
     )
 
 
-def _post(client: Client, payload: bytes) -> None:
+def _send_packet(client: Client, payload: bytes) -> None:
     client.send(
         "FILE_TRANSFER_PROTOCOL",
         target_network=0,

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 Parts = tuple[str, ...]
 
 
-class Entry(NamedTuple):
+class ListingEntry(NamedTuple):
     """One line of a listing."""
 
     name: str
@@ -47,7 +47,7 @@ class FileTree:
         """Show a file whose content is made when it is opened."""
         self._texts[parts(path)] = content
 
-    def entries(self, path: str) -> list[Entry]:
+    def entries(self, path: str) -> list[ListingEntry]:
         """What lies in a directory, sorted by name. Raises FileNotFoundError."""
         at = parts(path)
         if at in self._folders:
@@ -58,7 +58,7 @@ class FileTree:
         if not found and at:
             raise FileNotFoundError(path)
         return [
-            Entry(
+            ListingEntry(
                 name,
                 len(self._texts[mount]())
                 if mount in self._texts and len(mount) == len(at) + 1
@@ -94,11 +94,11 @@ def _below(mount: Parts, at: Parts) -> bool:
     return len(mount) > len(at) and mount[: len(at)] == at
 
 
-def _files(folder: Path) -> list[Entry]:
+def _files(folder: Path) -> list[ListingEntry]:
     try:
         found = [entry for entry in os.scandir(folder) if entry.is_file(follow_symlinks=False)]
         return sorted(
-            Entry(entry.name, entry.stat(follow_symlinks=False).st_size) for entry in found
+            ListingEntry(entry.name, entry.stat(follow_symlinks=False).st_size) for entry in found
         )
     except OSError:  # a folder that is not made yet is empty
         return []

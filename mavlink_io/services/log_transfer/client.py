@@ -4,14 +4,14 @@ checksums."""
 from collections.abc import Callable
 from typing import Any, BinaryIO, NamedTuple
 
-from mavlink_io.request import Exchange, Party, Send
+from mavlink_io.request import Exchange, MavlinkId, Send
 from mavlink_io.services.log_transfer.server import DATA_BYTES
 
 CHUNK_MESSAGES = 512
 """How many messages are asked for at a time."""
 LAST = 0xFFFF
 
-Watch = Callable[[int, int], None]
+ProgressCallback = Callable[[int, int], None]
 """Is told how many bytes are there, and of how many."""
 
 
@@ -27,25 +27,25 @@ class RemoteLog(NamedTuple):
 class LogClient:
     """Each method begins an exchange, to be fed and polled until it is done."""
 
-    def __init__(self, send: Send, own: Party, peer: Party) -> None:
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         self._line = send, own, peer
 
     def list(self) -> Exchange[list[RemoteLog]]:
         """The logs there are, the oldest first."""
-        return _List(*self._line)
+        return _LogList(*self._line)
 
     def download(
-        self, log: RemoteLog, sink: BinaryIO, start: int = 0, watch: Watch | None = None
+        self, log: RemoteLog, sink: BinaryIO, start: int = 0, watch: ProgressCallback | None = None
     ) -> Exchange[int]:
         """Append a log to ``sink``, which holds its first ``start`` bytes already, a multiple of
         90. The result is its size. What is written is always the log's beginning without a gap."""
-        return _Download(*self._line, log, sink, start, watch)
+        return _LogDownload(*self._line, log, sink, start, watch)
 
 
-class _List(Exchange[list[RemoteLog]]):
+class _LogList(Exchange[list[RemoteLog]]):
     hears = frozenset(("LOG_ENTRY",))
 
-    def __init__(self, send: Send, own: Party, peer: Party) -> None:
+    def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         super().__init__(send, own, peer)
         self._logs: dict[int, RemoteLog] = {}
 
@@ -63,18 +63,18 @@ class _List(Exchange[list[RemoteLog]]):
         return "the list of logs"
 
 
-class _Download(Exchange[int]):
+class _LogDownload(Exchange[int]):
     hears = frozenset(("LOG_DATA",))
 
     def __init__(
         self,
         send: Send,
-        own: Party,
-        peer: Party,
+        own: MavlinkId,
+        peer: MavlinkId,
         log: RemoteLog,
         sink: BinaryIO,
         start: int,
-        watch: Watch | None,
+        watch: ProgressCallback | None,
     ) -> None:
         super().__init__(send, own, peer)
         self._log, self._sink, self._watch = log, sink, watch

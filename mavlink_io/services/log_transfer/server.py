@@ -11,18 +11,18 @@ from typing import Any, BinaryIO, NamedTuple
 
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, largest_frame
-from mavlink_io.request import Client, Party, Room, Send
+from mavlink_io.request import Client, MavlinkId, RoomBytes, Send
 from mavlink_io.services.log_transfer.source import LogFile, LogSource
 
 DATA_BYTES = 90
 """Of a log in one LOG_DATA; fewer say that the log ends."""
 ALL = 0xFFFF_FFFF
-MOST_RANGES = 32
+MAX_RANGES = 32
 """MAVProxy asks for up to 20 at once where data was lost."""
-AT_ONCE = 200
+MAX_MESSAGES_PER_POLL = 200
 """How many messages a client is sent in one go where its link takes more."""
 
-_LARGEST = largest_frame(dialect.by_name("LOG_DATA"))
+_MAX_FRAME_BYTES = largest_frame(dialect.by_name("LOG_DATA"))
 
 
 class _Range(NamedTuple):
@@ -40,7 +40,7 @@ class _Reader:
         self.files, self.send = tuple(files), send
         self.entries: deque[int] = deque()
         self.ranges: deque[_Range] = deque()
-        self.room: Room
+        self.room: RoomBytes
 
 
 class LogServer:
@@ -60,10 +60,10 @@ class LogServer:
             "LOG_ERASE": self._erase,
         }
 
-    def feed(self, frame: Frame, send: Send, room: Room) -> None:
+    def feed(self, frame: Frame, send: Send, room: RoomBytes) -> None:
         """Serve one frame that is addressed to this vehicle; ``send`` and ``room`` are of the link
         it came by."""
-        client = Client(Party(frame.system, frame.component), send)
+        client = Client(MavlinkId(frame.system, frame.component), send)
         reader = self._readers.get(client) or _Reader(self._source.files(), send)
         self._readers[client], reader.room = reader, room
         self._handlers[frame.name](reader, frame.decode())
@@ -71,9 +71,9 @@ class LogServer:
     def poll(self) -> None:
         """Send on what was asked for, as far as there is room."""
         for reader in self._readers.values():
-            while reader.entries and reader.room() >= _LARGEST:
+            while reader.entries and reader.room() >= _MAX_FRAME_BYTES:
                 self._tell(reader, reader.entries.popleft())
-            if reader.ranges and reader.room() >= _LARGEST:
+            if reader.ranges and reader.room() >= _MAX_FRAME_BYTES:
                 _send_ranges(reader)
 
     def _list(self, reader: _Reader, message: Any) -> None:
@@ -102,14 +102,14 @@ class LogServer:
         size = reader.files[message.id].bytes if message.id < len(reader.files) else 0
         wanted = _Range(message.id, message.ofs, min(message.ofs + message.count, size))
         if wanted.start >= wanted.stop:
-            _say(reader, message.id, message.ofs, b"")
+            _send_data(reader, message.id, message.ofs, b"")
             return
         moved_on = message.count == ALL or any(
             waiting.log != message.id for waiting in reader.ranges
         )
         if moved_on:
             reader.ranges.clear()
-        if wanted not in reader.ranges and len(reader.ranges) < MOST_RANGES:
+        if wanted not in reader.ranges and len(reader.ranges) < MAX_RANGES:
             reader.ranges.append(wanted)
 
     def _end(self, reader: _Reader, message: Any) -> None:
@@ -131,18 +131,18 @@ def _send_ranges(reader: _Reader) -> None:
         with reader.files[number].path.open("rb") as file:
             _send_from(file, reader, number)
     except OSError:
-        _say(reader, number, reader.ranges[0].start, b"")
+        _send_data(reader, number, reader.ranges[0].start, b"")
         reader.ranges.clear()
 
 
 def _send_from(file: BinaryIO, reader: _Reader, number: int) -> None:
-    for _ in range(AT_ONCE):
-        if not reader.ranges or reader.ranges[0].log != number or reader.room() < _LARGEST:
+    for _ in range(MAX_MESSAGES_PER_POLL):
+        if not reader.ranges or reader.ranges[0].log != number or reader.room() < _MAX_FRAME_BYTES:
             return
         wanted = reader.ranges[0]
         file.seek(wanted.start)
         data = file.read(min(DATA_BYTES, wanted.stop - wanted.start))
-        _say(reader, number, wanted.start, data)
+        _send_data(reader, number, wanted.start, data)
         after = wanted.start + len(data)
         if data and after < wanted.stop:
             reader.ranges[0] = wanted._replace(start=after)
@@ -150,6 +150,6 @@ def _send_from(file: BinaryIO, reader: _Reader, number: int) -> None:
             reader.ranges.popleft()
 
 
-def _say(reader: _Reader, number: int, offset: int, data: bytes) -> None:
+def _send_data(reader: _Reader, number: int, offset: int, data: bytes) -> None:
     padded = tuple(data.ljust(DATA_BYTES, b"\0"))
     reader.send("LOG_DATA", id=number, ofs=offset, count=len(data), data=padded)

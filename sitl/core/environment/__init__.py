@@ -16,8 +16,8 @@ from numpy.random import Generator
 from mavlink_io.frames import Vector as Vector3
 from mavlink_io.frames import flip
 from sitl.core.environment import current, density, field, floor, moments, waves
-from sitl.core.environment.current import Drift, Swerve
-from sitl.core.environment.field import Field, Local
+from sitl.core.environment.current import CurrentVariation, Drift
+from sitl.core.environment.field import LocalWater, WaterField
 from sitl.core.environment.moments import Levels
 from sitl.core.environment.waves import Swell
 from sitl.scenario import Scenario
@@ -25,7 +25,7 @@ from sitl.vehicle.jit import Native, Vector, native
 from sitl.vehicle.water import Water
 
 PASCAL_PER_HPA = 100.0
-_NOTHING: Vector3 = (0.0, 0.0, 0.0)
+_ZERO: Vector3 = (0.0, 0.0, 0.0)
 
 
 class Environment(NamedTuple):
@@ -39,10 +39,10 @@ class Environment(NamedTuple):
     surface_pressure_hpa: float
     temperature_degc: float
     magnetic_field_ned_gauss: Vector3
-    field: Field
+    field: WaterField
     swell: Swell | None
     drift: Drift | None
-    uniform: Local | None
+    uniform: LocalWater | None
     """The water where it is the same everywhere and always, else None."""
     moments: Levels
 
@@ -51,10 +51,10 @@ class Weather(NamedTuple):
     """What a run has for itself: its own waves, and the current's variation as it stands at one
     instant."""
 
-    field: Field
+    field: WaterField
     native: Native
     """The same, for the kernels."""
-    swerve: Swerve | None
+    swerve: CurrentVariation | None
 
 
 def build(
@@ -70,8 +70,8 @@ def build(
     Gravity is the vehicle model's, so that accelerometer and pressure sensor live in one world.
     """
     ground = floor.build(scenario.floor)
-    depth_m = -floor.under(ground, 0.0, 0.0)[0]
-    still = Field(
+    depth_m = -floor.height_and_slope(ground, 0.0, 0.0)[0]
+    still = WaterField(
         sea=np.empty((0, 7)),
         profile=current.profile(scenario.current),
         column=density.column(scenario.density, scenario.water, gravity_mps2),
@@ -82,7 +82,7 @@ def build(
         half_length_m=half_length_m,
     )
     swell = waves.build(scenario.waves, depth_m, gravity_mps2)
-    drift = current.drift(scenario.current.variation, tick_s)
+    drift = current.current_drift(scenario.current.variation, tick_s)
     return Environment(
         latitude_deg=scenario.site.latitude_deg,
         longitude_deg=scenario.site.longitude_deg,
@@ -94,15 +94,17 @@ def build(
         field=still,
         swell=swell,
         drift=drift,
-        uniform=None if swell or drift else _uniform(still),
-        moments=_levels(scenario, tick_s),
+        uniform=None if swell or drift else _uniform_water(still),
+        moments=_disturbance_levels(scenario, tick_s),
     )
 
 
-def settle(sea: Environment, swell: Generator, drift: Generator) -> Weather:
+def initial_weather(sea: Environment, swell: Generator, drift: Generator) -> Weather:
     """The weather of a run at time zero, drawn from the streams of waves and current."""
-    drawn = sea.field._replace(sea=waves.draw(sea.swell, swell)) if sea.swell else sea.field
-    return Weather(drawn, native(drawn), current.stationary(drift) if sea.drift else None)
+    drawn = (
+        sea.field._replace(sea=waves.draw_components(sea.swell, swell)) if sea.swell else sea.field
+    )
+    return Weather(drawn, native(drawn), current.sample_stationary(drift) if sea.drift else None)
 
 
 def advance(sea: Environment, weather: Weather, drift: Generator) -> Weather:
@@ -112,23 +114,23 @@ def advance(sea: Environment, weather: Weather, drift: Generator) -> Weather:
     return weather._replace(swerve=current.advance(sea.drift, weather.swerve, drift))
 
 
-def local(
+def sample_water(
     sea: Environment, weather: Weather, body: Vector, time_s: float, ahead_s: float = 0.0
-) -> Local:
+) -> LocalWater:
     """The water round the vehicle at ``time_s``: where ``body`` (state of ``vehicle.dynamics``) is
     ``ahead_s`` on."""
     if sea.uniform is not None:
         return sea.uniform
-    swerve, swerving = _NOTHING, _NOTHING
+    swerve, swerving = _ZERO, _ZERO
     if sea.drift is not None and weather.swerve is not None:
-        swerve, swerving = current.swerving(sea.drift, weather.swerve)
-    return Local(*field.meet(weather.native, body, ahead_s, time_s, swerve, swerving))
+        swerve, swerving = current.variation_motion(sea.drift, weather.swerve)
+    return LocalWater(*field.sample_native(weather.native, body, ahead_s, time_s, swerve, swerving))
 
 
 def pressure_hpa(sea: Environment, depth_m: float, wave_pa: float = 0.0) -> float:
     """Absolute pressure at a depth under the still surface, waves included; never less than that of
     the air."""
-    _, still_pa = density.at(sea.field.column, depth_m, sea.gravity_mps2)
+    _, still_pa = density.density_and_pressure(sea.field.column, depth_m, sea.gravity_mps2)
     return sea.surface_pressure_hpa + max(0.0, still_pa + wave_pa) / PASCAL_PER_HPA
 
 
@@ -138,7 +140,7 @@ def floor_range_m(sea: Environment, position_ned_m: Vector3, direction_ned: Vect
     return floor.range_m(sea.field.floor, flip(*position_ned_m), flip(*direction_ned))
 
 
-def _uniform(still: Field) -> Local | None:
+def _uniform_water(still: WaterField) -> LocalWater | None:
     """Water without waves or variation, if nothing else in it changes from place to place."""
     ground = still.floor
     tilted = ground.grid.size or ground.north_slope or ground.west_slope
@@ -151,10 +153,10 @@ def _uniform(still: Field) -> Local | None:
         ceiling_m=still.ceiling_m,
         floor_m=ground.height_m,
     )
-    return Local(water, 0.0)
+    return LocalWater(water, 0.0)
 
 
-def _levels(scenario: Scenario, tick_s: float) -> Levels:
+def _disturbance_levels(scenario: Scenario, tick_s: float) -> Levels:
     slow, band = scenario.disturbance.slow, scenario.disturbance.waves
     return Levels(
         slow=moments.slow_moment(slow.time_constant_s, tick_s),

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from sitl.core.environment.moments import SecondOrder, second_order, stir
+from sitl.core.environment.moments import SecondOrder, second_order, step_second_order
 from sitl.environment_schema import Current, Variation
 from sitl.vehicle.jit import Vector, Vector3, kernel
 
@@ -29,7 +29,7 @@ class Drift(NamedTuple):
     rms_mps: float
 
 
-class Swerve(NamedTuple):
+class CurrentVariation(NamedTuple):
     """The variation at one instant: unit states (x, x'/omega) of north and west."""
 
     north: tuple[float, float]
@@ -47,7 +47,7 @@ def profile(current: Current) -> Vector:
 
 
 @kernel
-def steady(profile: Vector, z_m: float) -> tuple[float, float, float, float]:
+def steady_current(profile: Vector, z_m: float) -> tuple[float, float, float, float]:
     """(north, west) velocity at the height ``z_m`` and its increase per metre upwards, m/s and
     1/s."""
     depth, last = -z_m, len(profile) - 1
@@ -65,7 +65,7 @@ def steady(profile: Vector, z_m: float) -> tuple[float, float, float, float]:
     return profile[last, 1], profile[last, 2], 0.0, 0.0
 
 
-def drift(variation: Variation, tick_s: float) -> Drift | None:
+def current_drift(variation: Variation, tick_s: float) -> Drift | None:
     """None where the current is steady."""
     if not variation.rms_mps:
         return None
@@ -73,19 +73,22 @@ def drift(variation: Variation, tick_s: float) -> Drift | None:
     return Drift(second_order(omega, 1.0, tick_s), omega, variation.rms_mps)
 
 
-def stationary(stream: Generator) -> Swerve:
+def sample_stationary(stream: Generator) -> CurrentVariation:
     """A draw from the stationary distribution."""
     a, b, c, d = stream.standard_normal(4).tolist()
-    return Swerve((a, b), (c, d))
+    return CurrentVariation((a, b), (c, d))
 
 
-def advance(drift: Drift, swerve: Swerve, stream: Generator) -> Swerve:
+def advance(drift: Drift, swerve: CurrentVariation, stream: Generator) -> CurrentVariation:
     """The variation one tick later."""
     a, b, c, d = stream.standard_normal(4).tolist()
-    return Swerve(stir(drift.process, swerve.north, a, b), stir(drift.process, swerve.west, c, d))
+    return CurrentVariation(
+        step_second_order(drift.process, swerve.north, a, b),
+        step_second_order(drift.process, swerve.west, c, d),
+    )
 
 
-def swerving(drift: Drift, swerve: Swerve) -> tuple[Vector3, Vector3]:
+def variation_motion(drift: Drift, swerve: CurrentVariation) -> tuple[Vector3, Vector3]:
     """Velocity and acceleration of the variation, m/s and m/s2."""
     speed, rate = drift.rms_mps, drift.rms_mps * drift.omega_radps
     (north, north_rate), (west, west_rate) = swerve

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sitl.environment_schema import Density, Water
+from sitl.environment_schema import Density, WaterTable
 from sitl.vehicle.jit import Vector, entry_point
 
 
-def column(density: Density, water: Water, gravity_mps2: float) -> Vector:
+def column(density: Density, water: WaterTable, gravity_mps2: float) -> Vector:
     """Shape (layers, 3): depth in m, density in kg/m3, and pressure over that at the surface in Pa.
 
     Density is linear between the rows, so pressure, the integral of rho g dz, is exact by the
@@ -25,7 +25,9 @@ def column(density: Density, water: Water, gravity_mps2: float) -> Vector:
 
 
 @entry_point
-def at(column: Vector, depth_m: float, gravity_mps2: float) -> tuple[float, float]:
+def density_and_pressure(
+    column: Vector, depth_m: float, gravity_mps2: float
+) -> tuple[float, float]:
     """Density (kg/m3) and pressure over that at the still surface (Pa) at a depth; above the
     surface it is negative."""
     last = len(column) - 1

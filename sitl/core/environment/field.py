@@ -7,7 +7,7 @@ from math import sqrt
 from typing import NamedTuple
 
 from sitl.core.environment import current, density, floor, waves
-from sitl.core.environment.floor import Floor
+from sitl.core.environment.floor import SeaFloor
 from sitl.vehicle.dynamics import rotation
 from sitl.vehicle.jit import Native, Vector, Vector3, entry_point, kernel
 from sitl.vehicle.water import Water
@@ -17,7 +17,7 @@ _OUTER, _MIDDLE = 5.0 / 18.0, 8.0 / 18.0
 """Three Gauss points along the hull and their shares."""
 
 
-class Field(NamedTuple):
+class WaterField(NamedTuple):
     """Where the water changes from place to place and in time. NWU axes."""
 
     sea: Vector
@@ -26,7 +26,7 @@ class Field(NamedTuple):
     """Of the current, as ``current.profile`` has it."""
     column: Vector
     """As ``density.column`` has it."""
-    floor: Floor
+    floor: SeaFloor
     ceiling_m: float
     gravity_mps2: float
     ballast_density_kgpm3: float
@@ -34,7 +34,7 @@ class Field(NamedTuple):
     """Of the hull."""
 
 
-class Local(NamedTuple):
+class LocalWater(NamedTuple):
     """What the vehicle meets at one instant."""
 
     water: Water
@@ -43,7 +43,7 @@ class Local(NamedTuple):
 
 
 @kernel
-def _carried(vector: Vector3, gradient: waves.Motion) -> Vector3:
+def _advected(vector: Vector3, gradient: waves.WaveKinematics) -> Vector3:
     """(vector . grad) of the waves' velocity."""
     n, w, u = vector
     a, b, c = gradient.along_north, gradient.along_west, gradient.along_up
@@ -56,20 +56,20 @@ def _carried(vector: Vector3, gradient: waves.Motion) -> Vector3:
 
 @kernel
 def flow(
-    field: Field, point: Vector3, time_s: float, swerve: Vector3, swerving: Vector3
-) -> tuple[Vector3, Vector3, waves.Motion]:
+    field: WaterField, point: Vector3, time_s: float, swerve: Vector3, swerving: Vector3
+) -> tuple[Vector3, Vector3, waves.WaveKinematics]:
     """Velocity of the water at a point, its acceleration Dv/Dt, and the waves there.
 
     v = U(z) + V(t) + w(x - U_0 t, t), of which Dv/Dt = V' + w_t + ((v - U_0).grad) w + w_z dU/dz:
     current, its variation, and waves that ride on the current U_0 of the surface."""
-    drift_n, drift_w, _, _ = current.steady(field.profile, 0.0)
-    here_n, here_w, shear_n, shear_w = current.steady(field.profile, point[2])
+    drift_n, drift_w, _, _ = current.steady_current(field.profile, 0.0)
+    here_n, here_w, shear_n, shear_w = current.steady_current(field.profile, point[2])
     moved = waves.motion(
         field.sea, point[0] - drift_n * time_s, point[1] - drift_w * time_s, point[2], time_s
     )
     w = moved.velocity
     velocity = (here_n + swerve[0] + w[0], here_w + swerve[1] + w[1], w[2])
-    carried = _carried((velocity[0] - drift_n, velocity[1] - drift_w, velocity[2]), moved)
+    carried = _advected((velocity[0] - drift_n, velocity[1] - drift_w, velocity[2]), moved)
     acceleration = (
         swerving[0] + moved.change[0] + carried[0] + w[2] * shear_n,
         swerving[1] + moved.change[1] + carried[1] + w[2] * shear_w,
@@ -98,7 +98,12 @@ def _slope(behind: Vector3, ahead: Vector3, apart_m: float) -> Vector3:
 
 @entry_point
 def sample(
-    field: Field, body: Vector, ahead_s: float, time_s: float, swerve: Vector3, swerving: Vector3
+    field: WaterField,
+    body: Vector,
+    ahead_s: float,
+    time_s: float,
+    swerve: Vector3,
+    swerving: Vector3,
 ) -> tuple[Water, float]:
     """The water round the hull of ``body`` (state of ``vehicle.dynamics``) ``ahead_s`` on, and wave
     pressure there, Pa.
@@ -122,8 +127,8 @@ def sample(
         field, (place[0] - x, place[1] - y, place[2] - z), time_s, swerve, swerving
     )
     v, a, moved = flow(field, place, time_s, swerve, swerving)
-    rho, _ = density.at(field.column, -place[2], field.gravity_mps2)
-    height, north_slope, west_slope = floor.under(field.floor, place[0], place[1])
+    rho, _ = density.density_and_pressure(field.column, -place[2], field.gravity_mps2)
+    height, north_slope, west_slope = floor.height_and_slope(field.floor, place[0], place[1])
     water = Water(
         _mean(v_aft, v, v_fore),
         _mean(a_aft, a, a_fore),
@@ -140,7 +145,7 @@ def sample(
 
 
 @entry_point
-def meet(
+def sample_native(
     field: Native, body: Vector, ahead_s: float, time_s: float, swerve: Vector3, swerving: Vector3
 ) -> tuple[Water, float]:
     """``sample`` of a field kept where compiled code can reach it."""

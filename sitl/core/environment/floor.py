@@ -12,12 +12,12 @@ import numpy as np
 from sitl import bathymetry, environment_schema
 from sitl.vehicle.jit import Vector, Vector3, entry_point, kernel
 
-FARTHEST_M = 500.0
+MAX_RANGE_M = 500.0
 """Beyond this no beam is followed over a grid."""
 _HALVINGS = 40
 
 
-class Floor(NamedTuple):
+class SeaFloor(NamedTuple):
     """Heights over the still surface, negative."""
 
     height_m: float
@@ -35,11 +35,11 @@ class Floor(NamedTuple):
     cell_m: float
 
 
-def build(floor: environment_schema.Floor) -> Floor:
+def build(floor: environment_schema.FloorTable) -> SeaFloor:
     """Raises ScenarioError when its file is wrong."""
     if floor.file:
         grid = bathymetry.read(Path(floor.file))
-        return Floor(
+        return SeaFloor(
             float(grid.height_m.min()),
             0.0,
             0.0,
@@ -49,7 +49,7 @@ def build(floor: environment_schema.Floor) -> Floor:
             grid.cell_m,
         )
     fall, towards = tan(radians(floor.slope_deg)), radians(floor.deepens_towards_deg)
-    return Floor(
+    return SeaFloor(
         -floor.depth_m, -fall * cos(towards), fall * sin(towards), np.empty((0, 0)), 0.0, 0.0, 1.0
     )
 
@@ -63,7 +63,7 @@ def _cell(at_m: float, cell_m: float, nodes: int) -> tuple[int, float]:
 
 
 @kernel
-def under(floor: Floor, north_m: float, west_m: float) -> tuple[float, float, float]:
+def height_and_slope(floor: SeaFloor, north_m: float, west_m: float) -> tuple[float, float, float]:
     """(height, rise per metre north, rise per metre west) of the floor: bilinear in a grid, whose
     edges go on level."""
     rows, columns = floor.grid.shape
@@ -97,14 +97,14 @@ def normal(north_slope: float, west_slope: float) -> Vector3:
 
 
 @kernel
-def _clearance(floor: Floor, origin: Vector3, along: Vector3, range_m: float) -> float:
+def _clearance(floor: SeaFloor, origin: Vector3, along: Vector3, range_m: float) -> float:
     """Height over the floor of the point at ``range_m`` along a ray."""
     north, west = origin[0] + along[0] * range_m, origin[1] + along[1] * range_m
-    return origin[2] + along[2] * range_m - under(floor, north, west)[0]
+    return origin[2] + along[2] * range_m - height_and_slope(floor, north, west)[0]
 
 
 @entry_point
-def range_m(floor: Floor, origin: Vector3, along: Vector3) -> float:
+def range_m(floor: SeaFloor, origin: Vector3, along: Vector3) -> float:
     """Distance from ``origin`` (NWU, m) to the floor along a unit vector; infinite where the ray
     meets none.
 
@@ -120,11 +120,13 @@ def range_m(floor: Floor, origin: Vector3, along: Vector3) -> float:
         return above
     step, near = 0.25 * floor.cell_m, 0.0
     farthest = (
-        min(FARTHEST_M, (origin[2] - floor.height_m) / -along[2]) if along[2] < 0.0 else FARTHEST_M
+        min(MAX_RANGE_M, (origin[2] - floor.height_m) / -along[2])
+        if along[2] < 0.0
+        else MAX_RANGE_M
     )
     while near < farthest:
         far = min(near + step, farthest)
-        if _clearance(floor, origin, along, far) <= 0.0 or (far == farthest and far < FARTHEST_M):
+        if _clearance(floor, origin, along, far) <= 0.0 or (far == farthest and far < MAX_RANGE_M):
             for _ in range(_HALVINGS):
                 middle = 0.5 * (near + far)
                 if _clearance(floor, origin, along, middle) > 0.0:

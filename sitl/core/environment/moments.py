@@ -65,7 +65,7 @@ def second_order(frequency_radps: float, damping: float, tick_s: float) -> Secon
     return SecondOrder((a, b, -b, d), (first, q12 / first, sqrt(q22 - q12 * q12 / q11)))
 
 
-def stationary(slow: Generator, wave: Generator) -> Disturbance:
+def sample_stationary(slow: Generator, wave: Generator) -> Disturbance:
     """A draw of all four processes from their stationary distribution."""
     slow_yaw, slow_pitch = slow.standard_normal(2).tolist()
     a, b, c, d = wave.standard_normal(4).tolist()
@@ -82,8 +82,8 @@ def advance(
     return Disturbance(
         (keep * disturbance.slow[0] + renew * n_yaw, keep * disturbance.slow[1] + renew * n_pitch),
         (
-            stir(levels.wave, disturbance.wave[0], a, b),
-            stir(levels.wave, disturbance.wave[1], c, d),
+            step_second_order(levels.wave, disturbance.wave[0], a, b),
+            step_second_order(levels.wave, disturbance.wave[1], c, d),
         ),
     )
 
@@ -99,7 +99,9 @@ def moments_flu_nm(levels: Levels, disturbance: Disturbance) -> tuple[float, flo
     return pitch, yaw
 
 
-def stir(process: SecondOrder, x: tuple[float, float], n1: float, n2: float) -> tuple[float, float]:
+def step_second_order(
+    process: SecondOrder, x: tuple[float, float], n1: float, n2: float
+) -> tuple[float, float]:
     """The states of a second-order process one tick later under two draws of white noise."""
     p11, p12, p21, p22 = process.transition
     l11, l21, l22 = process.noise

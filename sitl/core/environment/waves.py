@@ -24,9 +24,9 @@ from sitl.vehicle.jit import Vector, Vector3, kernel
 
 FULLY_DEVELOPED = 0.4
 """Peak frequency over sqrt(g / H_s) of the Pierson-Moskowitz sea (Fossen 2021, sec. 10.2)."""
-_LOWEST, _HIGHEST = 0.3, 8.0
+_MIN_FREQUENCY_RATIO, _MAX_FREQUENCY_RATIO = 0.3, 8.0
 """Band of the spectrum, in peak frequencies; less than 0.1 % of the energy lies outside."""
-_FINE = 20_000
+_SPECTRUM_SAMPLES = 20_000
 _NEWTON_STEPS = 30
 NORTH, WEST, NUMBER, FREQUENCY, AMPLITUDE, PHASE, FAR = range(7)
 """Columns of a drawn sea: wave vector (1/m), wave number (1/m), frequency (rad/s), amplitude (m),
@@ -69,7 +69,7 @@ def build(waves: Waves, depth_m: float, gravity_mps2: float) -> Swell | None:
         return None
     fully_developed = 2.0 * pi / (FULLY_DEVELOPED * sqrt(gravity_mps2 / height))
     peak = 2.0 * pi / (waves.peak_period_s or fully_developed)
-    omega = np.linspace(_LOWEST * peak, _HIGHEST * peak, _FINE)
+    omega = np.linspace(_MIN_FREQUENCY_RATIO * peak, _MAX_FREQUENCY_RATIO * peak, _SPECTRUM_SAMPLES)
     density = spectrum(waves, peak, omega)
     energy, moment = np.cumsum(density), np.cumsum(density * omega)
     energy, moment = energy - energy[0], moment - moment[0]
@@ -90,7 +90,7 @@ def wave_number_pm(frequency_radps: float, depth_m: float, gravity_mps2: float) 
     return k
 
 
-def draw(swell: Swell, stream: Generator) -> Vector:
+def draw_components(swell: Swell, stream: Generator) -> Vector:
     """A sea of this kind, shape (components, 7), columns as above: phases at random, and directions
     where it spreads.
 
@@ -119,12 +119,12 @@ def draw(swell: Swell, stream: Generator) -> Vector:
 
 def spread_rad(share: Vector, spreading: float) -> Vector:
     """Angle off the mean direction below which that share of a cos^2s(angle/2) sea runs."""
-    angle = np.linspace(-pi, pi, _FINE)
+    angle = np.linspace(-pi, pi, _SPECTRUM_SAMPLES)
     below = np.cumsum(np.cos(0.5 * angle) ** (2.0 * spreading))
     return np.interp(share, below / below[-1], angle)
 
 
-class Motion(NamedTuple):
+class WaveKinematics(NamedTuple):
     """Water under waves at one point and instant."""
 
     velocity: Vector3
@@ -143,7 +143,7 @@ class Motion(NamedTuple):
 
 
 @kernel
-def motion(sea: Vector, north_m: float, west_m: float, z_m: float, time_s: float) -> Motion:
+def motion(sea: Vector, north_m: float, west_m: float, z_m: float, time_s: float) -> WaveKinematics:
     """Sum of the components at a point ``z_m`` above the still surface, in the frame of the
     surface's current."""
     u = v = w = ut = vt = wt = 0.0
@@ -175,7 +175,7 @@ def motion(sea: Vector, north_m: float, west_m: float, z_m: float, time_s: float
         rise_n -= a * kn * s
         rise_w -= a * kw * s
         head += a * c * (near + image) / (1.0 + far)
-    return Motion(
+    return WaveKinematics(
         (u, v, w),
         (ut, vt, wt),
         (xx, xy, xz),

@@ -38,7 +38,7 @@ from sitl.core.sensors import (
     magnetic,
     pressure,
 )
-from sitl.core.sensors.noise import Draws
+from sitl.core.sensors.noise import NoiseStream
 from sitl.core.sensors.sample_timing import Timing
 from sitl.core.truth import Truth
 from sitl.vehicle.config import VehicleConfig
@@ -46,7 +46,7 @@ from sitl.vehicle.config import VehicleConfig
 DAY_US = 86_400_000_000
 
 
-class Suite(NamedTuple):
+class SensorSuite(NamedTuple):
     """The instruments that are carried; None for each that is not."""
 
     imu: inertial.Imu | None
@@ -61,9 +61,9 @@ class Devices(NamedTuple):
     """The slower instruments, which speak in messages of their own."""
 
     gps: gps.Receiver | None
-    dvl: dvl.Log | None
-    altimeter: altimeter.Sounder | None
-    battery: battery.Pack | None
+    dvl: dvl.DvlSensor | None
+    altimeter: altimeter.AltimeterSensor | None
+    battery: battery.BatteryPack | None
     leak: Timing | None
     encoder: encoder.Encoders | None
 
@@ -71,34 +71,34 @@ class Devices(NamedTuple):
 class SensorStreams(NamedTuple):
     """One random stream for each instrument."""
 
-    imu: Draws
-    magnetometer: Draws
-    pressure: Draws
-    gps: Draws
-    dvl: Draws
-    altimeter: Draws
-    battery: Draws
-    leak: Draws
-    encoder: Draws
+    imu: NoiseStream
+    magnetometer: NoiseStream
+    pressure: NoiseStream
+    gps: NoiseStream
+    dvl: NoiseStream
+    altimeter: NoiseStream
+    battery: NoiseStream
+    leak: NoiseStream
+    encoder: NoiseStream
 
 
-class DeviceMemory(NamedTuple):
-    gps: gps.Memory
-    dvl: dvl.Memory
-    altimeter: altimeter.Memory
-    battery: battery.Memory
-    leak: leak.Memory
-    encoder: encoder.Memory
+class DeviceState(NamedTuple):
+    gps: gps.GpsState
+    dvl: dvl.DvlState
+    altimeter: altimeter.AltimeterState
+    battery: battery.BatteryState
+    leak: leak.LeakState
+    encoder: encoder.EncoderState
 
 
-class Memory(NamedTuple):
+class SensorSuiteState(NamedTuple):
     """What the instruments carry from tick to tick: this run's errors, the newest readings, those
     on their way."""
 
-    imu: inertial.Memory
-    magnetometer: magnetic.Memory
-    pressure: pressure.Memory
-    devices: DeviceMemory
+    imu: inertial.InertialState
+    magnetometer: magnetic.MagnetometerState
+    pressure: pressure.PressureState
+    devices: DeviceState
 
 
 class Sensors(NamedTuple):
@@ -115,7 +115,9 @@ class Sensors(NamedTuple):
     duct: DuctFeedback | None = None
 
 
-def build(vehicle: VehicleConfig, full_rps: float, tick_us: int, *, brisk: bool = False) -> Suite:
+def build(
+    vehicle: VehicleConfig, full_rps: float, tick_us: int, *, brisk: bool = False
+) -> SensorSuite:
     """What the vehicle carries; ``full_rps`` is the shaft's speed at full thrust. Raises
     VehicleError.
 
@@ -139,7 +141,7 @@ def build(vehicle: VehicleConfig, full_rps: float, tick_us: int, *, brisk: bool 
         leak.build(detector, tick_us) if detector else None,
         encoder.build(encoders, vehicle.tailcone.travel_deg, tick_us) if encoders else None,
     )
-    return Suite(
+    return SensorSuite(
         inertial.build(replace(imu, rate_hz=1e6 / tick_us) if brisk else imu, tick_us)
         if imu
         else None,
@@ -162,39 +164,43 @@ def _common_us(devices: Devices) -> int:
     )
 
 
-def switch_on(suite: Suite, charge: float, streams: SensorStreams) -> Memory:
+def initial_state(suite: SensorSuite, charge: float, streams: SensorStreams) -> SensorSuiteState:
     """The instruments before their first reading, with this run's errors; ``charge`` is what fills
     the battery."""
-    return Memory(
-        inertial.switch_on(suite.imu, streams.imu) if suite.imu else inertial.Memory(),
-        magnetic.switch_on(suite.magnetometer, streams.magnetometer)
+    return SensorSuiteState(
+        inertial.initial_state(suite.imu, streams.imu) if suite.imu else inertial.InertialState(),
+        magnetic.initial_state(suite.magnetometer, streams.magnetometer)
         if suite.magnetometer
-        else magnetic.Memory(),
-        pressure.switch_on(suite.pressure, streams.pressure)
+        else magnetic.MagnetometerState(),
+        pressure.initial_state(suite.pressure, streams.pressure)
         if suite.pressure
-        else pressure.Memory(),
-        _switch_on(suite.devices, charge, streams),
+        else pressure.PressureState(),
+        _initial_device_state(suite.devices, charge, streams),
     )
 
 
-def _switch_on(devices: Devices, charge: float, streams: SensorStreams) -> DeviceMemory:
-    return DeviceMemory(
-        gps.Memory(),
-        dvl.switch_on(devices.dvl, streams.dvl) if devices.dvl else dvl.Memory(),
+def _initial_device_state(devices: Devices, charge: float, streams: SensorStreams) -> DeviceState:
+    return DeviceState(
+        gps.GpsState(),
+        dvl.initial_state(devices.dvl, streams.dvl) if devices.dvl else dvl.DvlState(),
         (),
-        battery.switch_on(devices.battery, charge, streams.battery)
+        battery.initial_state(devices.battery, charge, streams.battery)
         if devices.battery
-        else battery.Memory(),
+        else battery.BatteryState(),
         (),
-        encoder.switch_on(devices.encoder, streams.encoder)
+        encoder.initial_state(devices.encoder, streams.encoder)
         if devices.encoder
-        else encoder.Memory(),
+        else encoder.EncoderState(),
     )
 
 
 def sample(
-    suite: Suite, truth: Truth, sea: Environment, memory: Memory, streams: SensorStreams
-) -> tuple[Memory, Sensors]:
+    suite: SensorSuite,
+    truth: Truth,
+    sea: Environment,
+    memory: SensorSuiteState,
+    streams: SensorStreams,
+) -> tuple[SensorSuiteState, Sensors]:
     """One tick of every instrument."""
     imu, compass, depth, devices = memory
     moved = turned = dived = False
@@ -206,21 +212,23 @@ def sample(
         )
     if suite.pressure:
         depth, dived = pressure.sample(suite.pressure, truth, sea, depth, streams.pressure)
-    frame = _frame(truth.time_us, imu.held, compass.held, depth.held, _fresh(moved, turned, dived))
+    frame = _frame(
+        truth.time_us, imu.held, compass.held, depth.held, _fields_updated(moved, turned, dived)
+    )
     if truth.time_us % suite.devices_us:
-        return Memory(imu, compass, depth, devices), Sensors(frame, None, None)
-    devices, sensors = _devices(suite.devices, truth, sea, devices, streams, frame)
-    return Memory(imu, compass, depth, devices), sensors
+        return SensorSuiteState(imu, compass, depth, devices), Sensors(frame, None, None)
+    devices, sensors = _sample_devices(suite.devices, truth, sea, devices, streams, frame)
+    return SensorSuiteState(imu, compass, depth, devices), sensors
 
 
-def _devices(
+def _sample_devices(
     carried: Devices,
     truth: Truth,
     sea: Environment,
-    memory: DeviceMemory,
+    memory: DeviceState,
     streams: SensorStreams,
     frame: SensorFrame,
-) -> tuple[DeviceMemory, Sensors]:
+) -> tuple[DeviceState, Sensors]:
     """What the devices say beside the ``frame`` of the same tick."""
     receiver, log, sounder, pack, bilge, duct = memory
     fix = velocity = echo = charge = wet = angles = None
@@ -237,14 +245,14 @@ def _devices(
     if carried.encoder:
         duct, angles = encoder.sample(carried.encoder, truth, duct, streams.encoder)
     sensors = Sensors(frame, fix, echo, velocity, charge, wet, angles)
-    return DeviceMemory(receiver, log, sounder, pack, bilge, duct), sensors
+    return DeviceState(receiver, log, sounder, pack, bilge, duct), sensors
 
 
 def _frame(
     time_us: int,
-    motion: inertial.Motion,
+    motion: inertial.InertialReading,
     field_gauss: tuple[float, float, float],
-    water: pressure.Water,
+    water: pressure.PressureReading,
     fresh: int,
 ) -> SensorFrame:
     return SensorFrame(
@@ -261,7 +269,7 @@ def _frame(
     )
 
 
-def _fresh(moved: bool, turned: bool, dived: bool) -> int:
+def _fields_updated(moved: bool, turned: bool, dived: bool) -> int:
     """HIL_SENSOR.fields_updated."""
     inertial_bits = ACCELEROMETER_FRESH | GYRO_FRESH if moved else 0
     return inertial_bits | (MAGNETOMETER_FRESH if turned else 0) | (PRESSURE_FRESH if dived else 0)

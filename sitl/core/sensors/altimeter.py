@@ -9,37 +9,43 @@ from mavlink_io.records import Altimeter
 from sitl.core.environment import Environment
 from sitl.core.sensors import echo
 from sitl.core.sensors.datasheets import AltimeterSheet
-from sitl.core.sensors.noise import Draws
-from sitl.core.sensors.sample_timing import Queue, Timing, arrive, due, timing
+from sitl.core.sensors.noise import NoiseStream
+from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
 from sitl.core.truth import Truth
 
 
-class Sounder(NamedTuple):
+class AltimeterSensor(NamedTuple):
     timing: Timing
     sheet: AltimeterSheet
     half_width_rad: float
     worst_tilt_cos: float
 
 
-Memory = Queue[Altimeter]
+AltimeterState = Queue[Altimeter]
 
 
-def build(sheet: AltimeterSheet, tick_us: int) -> Sounder:
+def build(sheet: AltimeterSheet, tick_us: int) -> AltimeterSensor:
     when = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
-    return Sounder(
+    return AltimeterSensor(
         when, sheet, 0.5 * radians(sheet.beam_width_deg), cos(radians(sheet.max_tilt_deg))
     )
 
 
 def sample(
-    sounder: Sounder, truth: Truth, sea: Environment, memory: Memory, stream: Draws
-) -> tuple[Memory, Altimeter | None]:
+    sounder: AltimeterSensor,
+    truth: Truth,
+    sea: Environment,
+    memory: AltimeterState,
+    stream: NoiseStream,
+) -> tuple[AltimeterState, Altimeter | None]:
     """The range that arrives now, if one does."""
-    taken = _ping(sounder, truth, sea, stream) if due(sounder.timing, truth.time_us) else None
-    return arrive(sounder.timing, memory, taken, truth.time_us, stream)
+    taken = _measure(sounder, truth, sea, stream) if is_due(sounder.timing, truth.time_us) else None
+    return queue_reading(sounder.timing, memory, taken, truth.time_us, stream)
 
 
-def _ping(sounder: Sounder, truth: Truth, sea: Environment, stream: Draws) -> Altimeter | None:
+def _measure(
+    sounder: AltimeterSensor, truth: Truth, sea: Environment, stream: NoiseStream
+) -> Altimeter | None:
     """None without an echo. An outlier is an echo off something that swims between the vehicle and
     the floor."""
     sheet, noise = sounder.sheet, stream.normal()

@@ -10,15 +10,15 @@ import numpy as np
 
 from mavlink_io.records import Battery
 from sitl.core.sensors.datasheets import BatterySheet
-from sitl.core.sensors.noise import Draws
-from sitl.core.sensors.sample_timing import Queue, Timing, arrive, due, timing
+from sitl.core.sensors.noise import NoiseStream
+from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
 from sitl.core.truth import Truth
 from sitl.vehicle.config import VehicleConfig
 
 SECONDS_PER_HOUR = 3600.0
 
 
-class Pack(NamedTuple):
+class BatteryPack(NamedTuple):
     timing: Timing
     sheet: BatterySheet
     hotel_w: float
@@ -26,7 +26,7 @@ class Pack(NamedTuple):
     """Power of the drive over shaft speed cubed, W s3."""
 
 
-class Memory(NamedTuple):
+class BatteryState(NamedTuple):
     charge: float = 1.0
     """What is really left, as a fraction of the capacity."""
     used_ah: float = 0.0
@@ -36,36 +36,38 @@ class Memory(NamedTuple):
     queue: Queue[Battery] = ()
 
 
-def build(sheet: BatterySheet, vehicle: VehicleConfig, full_rps: float, tick_us: int) -> Pack:
+def build(
+    sheet: BatterySheet, vehicle: VehicleConfig, full_rps: float, tick_us: int
+) -> BatteryPack:
     """The drive's power follows the cube of shaft speed through thrust times speed at the operating
     point."""
     at, power = vehicle.operating_point, vehicle.power
     drive_w = at.thrust_n * at.speed_mps / power.drive_efficiency
     when = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
-    return Pack(when, sheet, power.hotel_w, drive_w / (at.thrust_fraction * full_rps) ** 3)
+    return BatteryPack(when, sheet, power.hotel_w, drive_w / (at.thrust_fraction * full_rps) ** 3)
 
 
-def switch_on(pack: Pack, charge: float, stream: Draws) -> Memory:
+def initial_state(pack: BatteryPack, charge: float, stream: NoiseStream) -> BatteryState:
     """A pack filled to the fraction ``charge``, with this run's gauge."""
     used_ah = (1.0 - charge) * pack.sheet.capacity_ah
-    return Memory(charge, used_ah, 1.0 + pack.sheet.gauge_error * stream.normal())
+    return BatteryState(charge, used_ah, 1.0 + pack.sheet.gauge_error * stream.normal())
 
 
 def sample(
-    pack: Pack, truth: Truth, memory: Memory, stream: Draws
-) -> tuple[Memory, Battery | None]:
+    pack: BatteryPack, truth: Truth, memory: BatteryState, stream: NoiseStream
+) -> tuple[BatteryState, Battery | None]:
     """The gauge's report that arrives now, if one does. The pack is emptied from report to
     report."""
     taken = None
-    if due(pack.timing, truth.time_us):
+    if is_due(pack.timing, truth.time_us):
         voltage_v, current_a = load(pack, memory.charge, truth.propeller_rps)
-        taken = _gauge(pack, memory, voltage_v, current_a, stream)
-        memory = _drawn(pack, memory, current_a)
-    queue, report = arrive(pack.timing, memory.queue, taken, truth.time_us, stream)
+        taken = _read_gauge(pack, memory, voltage_v, current_a, stream)
+        memory = _discharge(pack, memory, current_a)
+    queue, report = queue_reading(pack.timing, memory.queue, taken, truth.time_us, stream)
     return (memory if queue is memory.queue else memory._replace(queue=queue)), report
 
 
-def load(pack: Pack, charge: float, shaft_rps: float) -> tuple[float, float]:
+def load(pack: BatteryPack, charge: float, shaft_rps: float) -> tuple[float, float]:
     """Voltage (V) at the terminals and current (A) of a constant-power load: V = E - R I, P = V I.
 
     A pack too weak for the load gives all it can, at half its open-circuit voltage.
@@ -79,14 +81,14 @@ def load(pack: Pack, charge: float, shaft_rps: float) -> tuple[float, float]:
     return voltage_v, (open_v - voltage_v) / pack.sheet.resistance_ohm
 
 
-def _drawn(pack: Pack, memory: Memory, current_a: float) -> Memory:
+def _discharge(pack: BatteryPack, memory: BatteryState, current_a: float) -> BatteryState:
     hours = pack.timing.period_us * 1e-6 / SECONDS_PER_HOUR
     used_ah = memory.used_ah + current_a * hours
     return memory._replace(charge=max(0.0, 1.0 - used_ah / pack.sheet.capacity_ah), used_ah=used_ah)
 
 
-def _gauge(
-    pack: Pack, memory: Memory, voltage_v: float, current_a: float, stream: Draws
+def _read_gauge(
+    pack: BatteryPack, memory: BatteryState, voltage_v: float, current_a: float, stream: NoiseStream
 ) -> Battery:
     n_voltage, n_current = stream.normals(2)
     counted_ah = memory.gauge_scale * memory.used_ah

@@ -9,14 +9,14 @@ from typing import Annotated, TypeVar
 from msgspec import Meta, Struct
 
 from sitl.vehicle import toml_io
-from sitl.vehicle.config import Instruments, VehicleError
+from sitl.vehicle.config import Instruments, VehicleFileError
 
 NONE = "none"
 """The name of an instrument that is not carried."""
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
-Chance = Annotated[float, Meta(ge=0, lt=1)]
+Probability = Annotated[float, Meta(ge=0, lt=1)]
 Angle = Annotated[float, Meta(gt=0, lt=90)]
 
 
@@ -29,7 +29,7 @@ class Sheet(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     rate_hz: Positive
     latency_s: NotNegative = 0.0
-    dropout: Chance = 0.0
+    dropout: Probability = 0.0
     """Probability that a reading never arrives."""
 
 
@@ -76,7 +76,7 @@ class DvlSheet(Sheet, frozen=True):
     noise_mps: NotNegative
     scale_error: NotNegative
     misalignment_deg: NotNegative
-    outlier_chance: Chance
+    outlier_chance: Probability
     outlier_mps: NotNegative
     water_rate_hz: Positive
     water_layer_m: Positive
@@ -89,7 +89,7 @@ class AltimeterSheet(Sheet, frozen=True):
     noise_m: NotNegative
     beam_width_deg: NotNegative
     max_tilt_deg: Angle
-    outlier_chance: Chance
+    outlier_chance: Probability
 
 
 class BatterySheet(Sheet, frozen=True):
@@ -141,7 +141,7 @@ def find(kind: str, sheets: dict[str, Kind], carried: Instruments, vehicle: str)
         return None
     if name not in sheets:
         known = ", ".join((*sheets, NONE))
-        raise VehicleError(
+        raise VehicleFileError(
             f"vehicle {vehicle}: instruments.{kind} = {name!r}: unknown; known here: {known}"
         )
     return sheets[name]

@@ -17,18 +17,18 @@ from mavlink_io.records import Dvl
 from sitl.core.environment import Environment
 from sitl.core.sensors import echo
 from sitl.core.sensors.datasheets import DvlSheet
-from sitl.core.sensors.noise import Draws
-from sitl.core.sensors.sample_timing import Queue, Timing, arrive, due, timing
+from sitl.core.sensors.noise import NoiseStream
+from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
 from sitl.core.truth import Truth
 
 _BEAMS = 4
-_LEAST_BEAMS = 3
+_MIN_BEAMS = 3
 _AZIMUTHS = tuple(radians(45.0 + 90.0 * k) for k in range(_BEAMS))
 _SIGNS = (1.0, -1.0, 1.0, -1.0)
 """Of the beams in their disagreement."""
 
 
-class Log(NamedTuple):
+class DvlSensor(NamedTuple):
     timing: Timing
     water_period_us: int
     sheet: DvlSheet
@@ -40,7 +40,7 @@ class Log(NamedTuple):
     worst_tilt_cos: float
 
 
-class Memory(NamedTuple):
+class DvlState(NamedTuple):
     scale: float = 1.0
     """Of all velocities: the error of the speed of sound."""
     misalignment_rad: float = 0.0
@@ -48,9 +48,9 @@ class Memory(NamedTuple):
     queue: Queue[Dvl] = ()
 
 
-def build(sheet: DvlSheet, tick_us: int) -> Log:
+def build(sheet: DvlSheet, tick_us: int) -> DvlSensor:
     sine, cosine = sin(radians(sheet.beam_angle_deg)), cos(radians(sheet.beam_angle_deg))
-    return Log(
+    return DvlSensor(
         timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us),
         timing(sheet.water_rate_hz, 0.0, 0.0, tick_us).period_us,
         sheet,
@@ -61,22 +61,24 @@ def build(sheet: DvlSheet, tick_us: int) -> Log:
     )
 
 
-def switch_on(log: Log, stream: Draws) -> Memory:
+def initial_state(log: DvlSensor, stream: NoiseStream) -> DvlState:
     """The errors that this run's instrument has."""
     scale, turn = stream.normals(2)
-    return Memory(1.0 + log.sheet.scale_error * scale, radians(log.sheet.misalignment_deg) * turn)
+    return DvlState(1.0 + log.sheet.scale_error * scale, radians(log.sheet.misalignment_deg) * turn)
 
 
 def sample(
-    log: Log, truth: Truth, sea: Environment, memory: Memory, stream: Draws
-) -> tuple[Memory, Dvl | None]:
+    log: DvlSensor, truth: Truth, sea: Environment, memory: DvlState, stream: NoiseStream
+) -> tuple[DvlState, Dvl | None]:
     """The velocity that arrives now, if one does."""
-    taken = _ping(log, truth, sea, memory, stream) if due(log.timing, truth.time_us) else None
-    queue, velocity = arrive(log.timing, memory.queue, taken, truth.time_us, stream)
+    taken = _measure(log, truth, sea, memory, stream) if is_due(log.timing, truth.time_us) else None
+    queue, velocity = queue_reading(log.timing, memory.queue, taken, truth.time_us, stream)
     return (memory if queue is memory.queue else memory._replace(queue=queue)), velocity
 
 
-def _ping(log: Log, truth: Truth, sea: Environment, memory: Memory, stream: Draws) -> Dvl | None:
+def _measure(
+    log: DvlSensor, truth: Truth, sea: Environment, memory: DvlState, stream: NoiseStream
+) -> Dvl | None:
     """Bottom track where there is bottom, else water track where there is water, else None."""
     sheet = log.sheet
     altitudes_m = [
@@ -88,7 +90,7 @@ def _ping(log: Log, truth: Truth, sea: Environment, memory: Memory, stream: Draw
         upright and sheet.min_altitude_m <= altitude <= sheet.max_altitude_m
         for altitude in altitudes_m
     ]
-    if sum(echoes) >= _LEAST_BEAMS:
+    if sum(echoes) >= _MIN_BEAMS:
         return _solve(
             log, truth, truth.velocity_ned_mps, echoes, True, sheet.noise_mps, memory, stream
         )
@@ -102,14 +104,14 @@ def _ping(log: Log, truth: Truth, sea: Environment, memory: Memory, stream: Draw
 
 
 def _solve(
-    log: Log,
+    log: DvlSensor,
     truth: Truth,
     velocity_ned_mps: Vector,
     echoes: Sequence[bool],
     over_ground: bool,
     noise_mps: float,
-    memory: Memory,
-    stream: Draws,
+    memory: DvlState,
+    stream: NoiseStream,
 ) -> Dvl:
     """Velocity in body axes from what the beams measure; one that has no echo is made up from the
     three others."""
@@ -138,7 +140,7 @@ def _disagreement(a: float, b: float, c: float, d: float) -> float:
     return a - b + c - d
 
 
-def _instrument_axes(truth: Truth, velocity_ned_mps: Vector, memory: Memory) -> Vector:
+def _instrument_axes(truth: Truth, velocity_ned_mps: Vector, memory: DvlState) -> Vector:
     """The velocity as a perfect set of beams would have it, mounted askew and scaled by the wrong
     speed of sound."""
     x, y, z = rotate_back(truth.attitude_q, velocity_ned_mps)
@@ -146,7 +148,9 @@ def _instrument_axes(truth: Truth, velocity_ned_mps: Vector, memory: Memory) -> 
     return c * x + s * y, c * y - s * x, memory.scale * z
 
 
-def _along_beams(log: Log, velocity: Vector, noise_mps: float, stream: Draws) -> list[float]:
+def _along_beams(
+    log: DvlSensor, velocity: Vector, noise_mps: float, stream: NoiseStream
+) -> list[float]:
     """Speed along each beam. ``noise_mps`` is that of the horizontal components; an outlier is a
     beam gone astray."""
     sheet, beam_noise = log.sheet, noise_mps * sqrt(2.0) * log.sine

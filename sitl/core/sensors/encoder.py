@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from mavlink_io.records import DuctFeedback
 from sitl.core.sensors.datasheets import EncoderSheet
-from sitl.core.sensors.noise import Draws
-from sitl.core.sensors.sample_timing import Queue, Timing, arrive, due, timing
+from sitl.core.sensors.noise import NoiseStream
+from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
 from sitl.core.truth import Truth
 
 
@@ -22,7 +22,7 @@ class Encoders(NamedTuple):
     travel_rad: float
 
 
-class Memory(NamedTuple):
+class EncoderState(NamedTuple):
     rudder_offset_rad: float = 0.0
     elevator_offset_rad: float = 0.0
     queue: Queue[DuctFeedback] = ()
@@ -36,18 +36,18 @@ def build(sheet: EncoderSheet, travel_deg: float, tick_us: int) -> Encoders:
     return Encoders(when, resolution, noise, offset, radians(travel_deg))
 
 
-def switch_on(encoders: Encoders, stream: Draws) -> Memory:
+def initial_state(encoders: Encoders, stream: NoiseStream) -> EncoderState:
     """The zero errors of this run."""
     rudder, elevator = (encoders.offset_rad * n for n in stream.normals(2))
-    return Memory(rudder, elevator)
+    return EncoderState(rudder, elevator)
 
 
 def sample(
-    encoders: Encoders, truth: Truth, memory: Memory, stream: Draws
-) -> tuple[Memory, DuctFeedback | None]:
+    encoders: Encoders, truth: Truth, memory: EncoderState, stream: NoiseStream
+) -> tuple[EncoderState, DuctFeedback | None]:
     """The angles that arrive now, if they do."""
     taken = None
-    if due(encoders.timing, truth.time_us):
+    if is_due(encoders.timing, truth.time_us):
         n_rudder, n_elevator = stream.normals(2)
         rudder = _read(
             encoders, truth.rudder_rad + memory.rudder_offset_rad + encoders.noise_rad * n_rudder
@@ -57,7 +57,7 @@ def sample(
             truth.elevator_rad + memory.elevator_offset_rad + encoders.noise_rad * n_elevator,
         )
         taken = DuctFeedback(truth.time_us, rudder, elevator)
-    queue, feedback = arrive(encoders.timing, memory.queue, taken, truth.time_us, stream)
+    queue, feedback = queue_reading(encoders.timing, memory.queue, taken, truth.time_us, stream)
     return (memory if queue is memory.queue else memory._replace(queue=queue)), feedback
 
 

@@ -9,8 +9,8 @@ from mavlink_io.frames import offset_to_geodetic
 from mavlink_io.records import GpsFix
 from sitl.core.environment import Environment
 from sitl.core.sensors.datasheets import GpsSheet
-from sitl.core.sensors.noise import Draws
-from sitl.core.sensors.sample_timing import Queue, Timing, arrive, due, timing
+from sitl.core.sensors.noise import NoiseStream
+from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
 from sitl.core.truth import Truth
 
 MAX_DEPTH_M = 0.4
@@ -28,7 +28,7 @@ class Receiver(NamedTuple):
     hot_within_us: int
 
 
-class Memory(NamedTuple):
+class GpsState(NamedTuple):
     """At vehicle time zero the receiver has had the sky: on deck, before she was launched."""
 
     fix_from_us: int | None = 0
@@ -48,15 +48,15 @@ def build(sheet: GpsSheet, tick_us: int) -> Receiver:
 
 
 def sample(
-    receiver: Receiver, truth: Truth, sea: Environment, memory: Memory, stream: Draws
-) -> tuple[Memory, GpsFix | None]:
+    receiver: Receiver, truth: Truth, sea: Environment, memory: GpsState, stream: NoiseStream
+) -> tuple[GpsState, GpsFix | None]:
     """The report that arrives now, if one does."""
     taken = None
-    if due(receiver.timing, truth.time_us):
-        memory = _looked(receiver, truth, memory)
+    if is_due(receiver.timing, truth.time_us):
+        memory = _update_sky_view(receiver, truth, memory)
         fixed = memory.fix_from_us is not None and memory.fix_from_us <= truth.time_us
-        taken = _fix(receiver.sheet, truth, sea, stream) if fixed else no_fix(truth.time_us)
-    queue, report = arrive(receiver.timing, memory.queue, taken, truth.time_us, stream)
+        taken = _measure(receiver.sheet, truth, sea, stream) if fixed else no_fix(truth.time_us)
+    queue, report = queue_reading(receiver.timing, memory.queue, taken, truth.time_us, stream)
     return (memory if queue is memory.queue else memory._replace(queue=queue)), report
 
 
@@ -65,7 +65,7 @@ def no_fix(time_us: int) -> GpsFix:
     return GpsFix(time_us, NO_FIX, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
 
 
-def _looked(receiver: Receiver, truth: Truth, memory: Memory) -> Memory:
+def _update_sky_view(receiver: Receiver, truth: Truth, memory: GpsState) -> GpsState:
     """Whether the sky is there, and if it has just come back, how long the search will take."""
     if truth.position_ned_m[2] + truth.surface_m >= MAX_DEPTH_M:
         return memory if memory.fix_from_us is None else memory._replace(fix_from_us=None)
@@ -74,10 +74,10 @@ def _looked(receiver: Receiver, truth: Truth, memory: Memory) -> Memory:
         away_us = truth.time_us - memory.lost_us
         hot = away_us <= receiver.hot_within_us
         fix_from_us = truth.time_us + (receiver.hot_start_us if hot else receiver.warm_start_us)
-    return Memory(fix_from_us, truth.time_us, memory.queue)
+    return GpsState(fix_from_us, truth.time_us, memory.queue)
 
 
-def _fix(sheet: GpsSheet, truth: Truth, sea: Environment, stream: Draws) -> GpsFix:
+def _measure(sheet: GpsSheet, truth: Truth, sea: Environment, stream: NoiseStream) -> GpsFix:
     north, east, up, v_north, v_east, v_down = stream.normals(6)
     latitude, longitude = offset_to_geodetic(
         truth.position_ned_m[0] + sheet.horizontal_noise_m * north,

@@ -13,16 +13,16 @@ from typing import NamedTuple
 
 from mavlink_io.frames import STANDARD_GRAVITY_MPS2, Vector
 from sitl.core.sensors.datasheets import ImuSheet
-from sitl.core.sensors.noise import Draws
-from sitl.core.sensors.sample_timing import Queue, Timing, arrive, due, timing
+from sitl.core.sensors.noise import NoiseStream
+from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
 from sitl.core.sensors.three_axis import (
-    NOTHING,
-    PERFECT,
+    IDENTITY,
+    ZERO,
     Matrix,
+    apply_errors,
     biases,
     imperfect_axes,
-    measured,
-    white,
+    white_noise_sd,
 )
 from sitl.core.truth import Truth
 
@@ -49,14 +49,14 @@ class Imu(NamedTuple):
     sheet: ImuSheet
 
 
-class Motion(NamedTuple):
+class InertialReading(NamedTuple):
     """One reading, FRD axes."""
 
-    specific_force_mps2: Vector = NOTHING
-    rates_radps: Vector = NOTHING
+    specific_force_mps2: Vector = ZERO
+    rates_radps: Vector = ZERO
 
 
-class Errors(NamedTuple):
+class InertialErrors(NamedTuple):
     gyro_axes: Matrix
     accelerometer_axes: Matrix
     gyro_turn_on_radps: Vector
@@ -66,11 +66,11 @@ class Errors(NamedTuple):
     """Turn-on bias and wander together, as they stand."""
 
 
-class Memory(NamedTuple):
-    errors: Errors = Errors(PERFECT, PERFECT, NOTHING, NOTHING, NOTHING, NOTHING)
-    held: Motion = Motion()
+class InertialState(NamedTuple):
+    errors: InertialErrors = InertialErrors(IDENTITY, IDENTITY, ZERO, ZERO, ZERO, ZERO)
+    held: InertialReading = InertialReading()
     """The newest reading that arrived."""
-    queue: Queue[Motion] = ()
+    queue: Queue[InertialReading] = ()
 
 
 def build(sheet: ImuSheet, tick_us: int) -> Imu:
@@ -79,8 +79,8 @@ def build(sheet: ImuSheet, tick_us: int) -> Imu:
     keep = exp(-WANDER_PERIOD_US * 1e-6 / sheet.wander_time_s)
     return Imu(
         when,
-        white(radians(sheet.gyro_density_degps_rthz), rate_hz),
-        white(sheet.accelerometer_density_ug_rthz * _MICRO_G, rate_hz),
+        white_noise_sd(radians(sheet.gyro_density_degps_rthz), rate_hz),
+        white_noise_sd(sheet.accelerometer_density_ug_rthz * _MICRO_G, rate_hz),
         radians(sheet.gyro_stability_degph) * _PER_HOUR / ALLAN_PEAK,
         sheet.accelerometer_stability_ug * _MICRO_G / ALLAN_PEAK,
         keep,
@@ -89,37 +89,39 @@ def build(sheet: ImuSheet, tick_us: int) -> Imu:
     )
 
 
-def switch_on(imu: Imu, stream: Draws) -> Memory:
+def initial_state(imu: Imu, stream: NoiseStream) -> InertialState:
     """The errors that this run's instrument has."""
     sheet = imu.sheet
     gyro = biases(radians(sheet.gyro_turn_on_degph) * _PER_HOUR, stream)
     accelerometer = biases(sheet.accelerometer_turn_on_ug * _MICRO_G, stream)
     scale, skew = 1e-6 * sheet.scale_ppm, radians(sheet.misalignment_deg)
-    errors = Errors(
+    errors = InertialErrors(
         imperfect_axes(scale, skew, stream),
         imperfect_axes(scale, skew, stream),
         gyro,
         accelerometer,
-        _plus(gyro, biases(imu.gyro_wander_radps, stream)),
-        _plus(accelerometer, biases(imu.accelerometer_wander_mps2, stream)),
+        _add(gyro, biases(imu.gyro_wander_radps, stream)),
+        _add(accelerometer, biases(imu.accelerometer_wander_mps2, stream)),
     )
-    return Memory(errors)
+    return InertialState(errors)
 
 
-def sample(imu: Imu, truth: Truth, memory: Memory, stream: Draws) -> tuple[Memory, bool]:
+def sample(
+    imu: Imu, truth: Truth, memory: InertialState, stream: NoiseStream
+) -> tuple[InertialState, bool]:
     """``memory.held`` is what the instrument reads; True when it is new."""
     errors, held, queue = memory
     time_us = truth.time_us
     if time_us % WANDER_PERIOD_US == 0:
-        errors = _wandered(imu, errors, stream)
-    taken = _read(imu, truth, errors, stream) if due(imu.timing, time_us) else None
-    queue, reading = arrive(imu.timing, queue, taken, time_us, stream)
-    return Memory(errors, reading or held, queue), reading is not None
+        errors = _step_wander(imu, errors, stream)
+    taken = _read(imu, truth, errors, stream) if is_due(imu.timing, time_us) else None
+    queue, reading = queue_reading(imu.timing, queue, taken, time_us, stream)
+    return InertialState(errors, reading or held, queue), reading is not None
 
 
-def _read(imu: Imu, truth: Truth, errors: Errors, stream: Draws) -> Motion:
+def _read(imu: Imu, truth: Truth, errors: InertialErrors, stream: NoiseStream) -> InertialReading:
     a, b, c, d, e, f = stream.normals(6)
-    force = measured(
+    force = apply_errors(
         truth.specific_force_mps2,
         errors.accelerometer_axes,
         errors.accelerometer_bias_mps2,
@@ -128,20 +130,20 @@ def _read(imu: Imu, truth: Truth, errors: Errors, stream: Draws) -> Motion:
         b,
         c,
     )
-    rates = measured(
+    rates = apply_errors(
         truth.rates_radps, errors.gyro_axes, errors.gyro_bias_radps, imu.gyro_noise_radps, d, e, f
     )
-    return Motion(force, rates)
+    return InertialReading(force, rates)
 
 
-def _wandered(imu: Imu, errors: Errors, stream: Draws) -> Errors:
+def _step_wander(imu: Imu, errors: InertialErrors, stream: NoiseStream) -> InertialErrors:
     n = stream.normals(6)
     gyro, force = imu.renew * imu.gyro_wander_radps, imu.renew * imu.accelerometer_wander_mps2
     return errors._replace(
-        gyro_bias_radps=_step(
+        gyro_bias_radps=_step_gauss_markov(
             errors.gyro_bias_radps, errors.gyro_turn_on_radps, imu.keep, gyro, n[:3]
         ),
-        accelerometer_bias_mps2=_step(
+        accelerometer_bias_mps2=_step_gauss_markov(
             errors.accelerometer_bias_mps2,
             errors.accelerometer_turn_on_mps2,
             imu.keep,
@@ -151,10 +153,12 @@ def _wandered(imu: Imu, errors: Errors, stream: Draws) -> Errors:
     )
 
 
-def _step(bias: Vector, centre: Vector, keep: float, renew: float, draws: list[float]) -> Vector:
+def _step_gauss_markov(
+    bias: Vector, centre: Vector, keep: float, renew: float, draws: list[float]
+) -> Vector:
     x, y, z = (c + keep * (b - c) + renew * n for b, c, n in zip(bias, centre, draws, strict=True))
     return x, y, z
 
 
-def _plus(a: Vector, b: Vector) -> Vector:
+def _add(a: Vector, b: Vector) -> Vector:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from mavlink_io.records import Leak
 from sitl.core.sensors.datasheets import Sheet
-from sitl.core.sensors.noise import Draws
-from sitl.core.sensors.sample_timing import Queue, Timing, arrive, due, timing
+from sitl.core.sensors.noise import NoiseStream
+from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
 from sitl.core.truth import Truth
 
-Memory = Queue[Leak]
+LeakState = Queue[Leak]
 
 
 def build(sheet: Sheet, tick_us: int) -> Timing:
@@ -16,8 +16,8 @@ def build(sheet: Sheet, tick_us: int) -> Timing:
 
 
 def sample(
-    detector: Timing, truth: Truth, memory: Memory, stream: Draws
-) -> tuple[Memory, Leak | None]:
+    detector: Timing, truth: Truth, memory: LeakState, stream: NoiseStream
+) -> tuple[LeakState, Leak | None]:
     """What arrives now, if anything does."""
-    taken = Leak(truth.flooding) if due(detector, truth.time_us) else None
-    return arrive(detector, memory, taken, truth.time_us, stream)
+    taken = Leak(truth.flooding) if is_due(detector, truth.time_us) else None
+    return queue_reading(detector, memory, taken, truth.time_us, stream)

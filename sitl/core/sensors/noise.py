@@ -8,7 +8,7 @@ BLOCK = 600
 """Normal draws fetched at a time: asking numpy for three costs as much as reading three axes."""
 
 
-class Draws:
+class NoiseStream:
     """A random stream whose normal draws are fetched ahead."""
 
     def __init__(self, stream: Generator) -> None:

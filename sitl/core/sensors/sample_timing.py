@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, TypeVar
 
-from sitl.core.sensors.noise import Draws
+from sitl.core.sensors.noise import NoiseStream
 
 Reading = TypeVar("Reading")
 Queue = tuple[tuple[int, Reading], ...]
@@ -26,13 +26,13 @@ def timing(rate_hz: float, latency_s: float, dropout: float, tick_us: int) -> Ti
     return Timing(period * tick_us, round(latency_s * 1e6 / tick_us) * tick_us, dropout)
 
 
-def due(when: Timing, time_us: int) -> bool:
+def is_due(when: Timing, time_us: int) -> bool:
     """Whether the instrument takes a reading at ``time_us``."""
     return time_us % when.period_us == 0
 
 
-def arrive(
-    when: Timing, queue: Queue[Reading], taken: Reading | None, time_us: int, stream: Draws
+def queue_reading(
+    when: Timing, queue: Queue[Reading], taken: Reading | None, time_us: int, stream: NoiseStream
 ) -> tuple[Queue[Reading], Reading | None]:
     """Send off what was ``taken`` at ``time_us``; the readings still on their way, and the one that
     arrives now."""

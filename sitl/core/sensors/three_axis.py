@@ -5,27 +5,27 @@ from __future__ import annotations
 from math import sqrt
 
 from mavlink_io.frames import Vector
-from sitl.core.sensors.noise import Draws
+from sitl.core.sensors.noise import NoiseStream
 
 Matrix = tuple[Vector, Vector, Vector]
 """Row by row."""
-PERFECT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-NOTHING: Vector = (0.0, 0.0, 0.0)
+IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+ZERO: Vector = (0.0, 0.0, 0.0)
 
 
-def white(density: float, rate_hz: float) -> float:
+def white_noise_sd(density: float, rate_hz: float) -> float:
     """Standard deviation of white noise of one-sided ``density``, sampled at a rate that passes all
     below its half."""
     return density * sqrt(0.5 * rate_hz)
 
 
-def biases(rms: float, stream: Draws) -> Vector:
+def biases(rms: float, stream: NoiseStream) -> Vector:
     """One draw for each axis."""
     x, y, z = stream.normals(3)
     return rms * x, rms * y, rms * z
 
 
-def imperfect_axes(scale_rms: float, skew_rms: float, stream: Draws) -> Matrix:
+def imperfect_axes(scale_rms: float, skew_rms: float, stream: NoiseStream) -> Matrix:
     """The identity but for the scale of each axis and the angles (rad) by which it leans on the two
     others."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz = stream.normals(9)
@@ -36,13 +36,13 @@ def imperfect_axes(scale_rms: float, skew_rms: float, stream: Draws) -> Matrix:
     )
 
 
-def soft_iron(rms: float, stream: Draws) -> Matrix:
+def soft_iron(rms: float, stream: NoiseStream) -> Matrix:
     """The identity plus a symmetric distortion: iron that the field itself magnetises."""
     xx, yy, zz, xy, xz, yz = (rms * n for n in stream.normals(6))
     return (1.0 + xx, xy, xz), (xy, 1.0 + yy, yz), (xz, yz, 1.0 + zz)
 
 
-def measured(
+def apply_errors(
     true: Vector, axes: Matrix, bias: Vector, noise: float, n_x: float, n_y: float, n_z: float
 ) -> Vector:
     """What the axes read of ``true`` with a unit draw of noise for each."""

@@ -19,38 +19,38 @@ from sysid.data.dataset import (
     Array,
     Attitude,
     Depth,
-    Event,
     Log,
     LogError,
     Setpoints,
+    TextEvent,
 )
 from sysid.data.readers.samples import (
     DEFAULT_TRAVEL_DEG,
-    Table,
-    beside,
+    MessageColumns,
     clock_steps,
     foreign_log,
-    increasing,
+    sample_nearest,
+    strictly_increasing,
 )
-from sysid.data.readers.servo_channels import Outputs, steer
+from sysid.data.readers.servo_channels import ServoChannels, surface_commands
 
 _HEAD = b"\xa3\x95"
 _HEAD_LENGTH = 3
 _FMT = 0x80
 _format = struct.Struct("<BB4s16s64s")
 """An FMT message: number, length, name, field codes and columns of another."""
-_NEEDED = "ATT, RATE or IMU, RCOU, and the altitude in CTUN, POS or BARO"
+_REQUIRED_MESSAGES = "ATT, RATE or IMU, RCOU, and the altitude in CTUN, POS or BARO"
 _ALTITUDES = (("CTUN", "Alt"), ("POS", "RelHomeAlt"), ("BARO", "Alt"))
 """Where altitude stands, the best first."""
 _MIXER_AXES = range(10, 14)
 """Of SIDS.Ax: those whose magnitude is a share of the output's travel, and no angle."""
-_MODE_OF_TEST_S = 0.5
+_TEST_MODE_WINDOW_S = 0.5
 """So long after the start of a test its own mode is told."""
 
-Tables = dict[str, Table]
+Tables = dict[str, MessageColumns]
 
 
-def read(path: Path, outputs: Outputs) -> Log:
+def read(path: Path, outputs: ServoChannels) -> Log:
     """Read one .bin.
 
     Raises:
@@ -84,7 +84,7 @@ def tables(path: Path) -> Tables:
     return tables
 
 
-class _Kind(NamedTuple):
+class _MessageFormat(NamedTuple):
     """A message type, as an FMT message tells it."""
 
     name: str
@@ -94,10 +94,10 @@ class _Kind(NamedTuple):
     columns: tuple[str, ...]
 
 
-def _index(data: bytes) -> list[tuple[_Kind, list[int]]]:
+def _index(data: bytes) -> list[tuple[_MessageFormat, list[int]]]:
     """Message types, and where their messages begin. What is between messages is passed over."""
     kinds, places, at = (
-        {_FMT: _Kind("FMT", _HEAD_LENGTH + _format.size, "", ())},
+        {_FMT: _MessageFormat("FMT", _HEAD_LENGTH + _format.size, "", ())},
         defaultdict[int, list[int]](list),
         0,
     )
@@ -113,12 +113,16 @@ def _index(data: bytes) -> list[tuple[_Kind, list[int]]]:
                 text.split(b"\0", 1)[0].decode("ascii", "replace") for text in texts
             )
             if length > _HEAD_LENGTH:
-                kinds.setdefault(number, _Kind(name, length, codes, tuple(columns.split(","))))
+                kinds.setdefault(
+                    number, _MessageFormat(name, length, codes, tuple(columns.split(",")))
+                )
         at += kind.length
     return [(kinds[number], found) for number, found in places.items()]
 
 
-def _decode(data: NDArray[np.uint8], kind: _Kind, places: list[int]) -> Table | None:
+def _decode(
+    data: NDArray[np.uint8], kind: _MessageFormat, places: list[int]
+) -> MessageColumns | None:
     """All messages of one type; None where they carry no time, or are not as long as their FMT
     says."""
     from pymavlink.DFReader import FORMAT_TO_STRUCT
@@ -142,7 +146,9 @@ def _decode(data: NDArray[np.uint8], kind: _Kind, places: list[int]) -> Table | 
     }
     if columns[time_column].dtype.kind not in "iuf":
         return None
-    return Table(columns[time_column] * (1e-6 if time_column == "TimeUS" else 1e-3), columns)
+    return MessageColumns(
+        columns[time_column] * (1e-6 if time_column == "TimeUS" else 1e-3), columns
+    )
 
 
 def _scalar(code: str) -> str:
@@ -150,18 +156,20 @@ def _scalar(code: str) -> str:
     return f"S{code[:-1]}" if code.endswith("s") else np.dtype(f"<{code}").str
 
 
-def _table(path: Path, found: Tables, name: str, *columns: str) -> Table:
+def _table(path: Path, found: Tables, name: str, *columns: str) -> MessageColumns:
     """The first instance of a message, its samples in order of time. Raises LogError where a column
     is missing."""
     missing = [
         column for column in columns if name not in found or column not in found[name].columns
     ]
     if missing:
-        raise LogError(f"{path}: holds no {name}.{missing[0]}; identification needs {_NEEDED}")
+        raise LogError(
+            f"{path}: holds no {name}.{missing[0]}; identification needs {_REQUIRED_MESSAGES}"
+        )
     time_s, values = found[name]
     first = values["I"] == 0 if "I" in values else np.ones(time_s.size, bool)
-    first[first] = increasing(time_s[first])
-    return Table(time_s[first], {column: array[first] for column, array in values.items()})
+    first[first] = strictly_increasing(time_s[first])
+    return MessageColumns(time_s[first], {column: array[first] for column, array in values.items()})
 
 
 def _attitude(path: Path, found: Tables) -> Attitude:
@@ -172,8 +180,8 @@ def _attitude(path: Path, found: Tables) -> Attitude:
     else:
         rates = _table(path, found, "IMU", "GyrX", "GyrY", "GyrZ")
         body = [rates.columns[name].astype(np.float64) for name in ("GyrX", "GyrY", "GyrZ")]
-    near = beside(time_s, rates.time_s, body[0])[0]
-    p, q, r = (beside(time_s, rates.time_s, values)[1][near] for values in body)
+    near = sample_nearest(time_s, rates.time_s, body[0])[0]
+    p, q, r = (sample_nearest(time_s, rates.time_s, values)[1][near] for values in body)
     roll, pitch, yaw = (
         np.radians(angles[name][near].astype(np.float64)) for name in ("Roll", "Pitch", "Yaw")
     )
@@ -182,13 +190,13 @@ def _attitude(path: Path, found: Tables) -> Attitude:
     return Attitude(time_s[near], roll, pitch, np.unwrap(yaw), p, q, r)
 
 
-def _actuators(path: Path, found: Tables, travel_deg: float, outputs: Outputs) -> Actuators:
+def _actuators(path: Path, found: Tables, travel_deg: float, outputs: ServoChannels) -> Actuators:
     time_s, columns = _table(path, found, "RCOU", "C1")
     names = sorted(
         (name for name in columns if re.fullmatch(r"C\d+", name)), key=lambda name: int(name[1:])
     )
     pulses = np.stack([columns[name].astype(np.float64) for name in names], axis=1)
-    rudder, elevator, thrust = steer(pulses, outputs, f"{path}: RCOU")
+    rudder, elevator, thrust = surface_commands(pulses, outputs, f"{path}: RCOU")
     return Actuators(
         time_s, rudder * np.radians(travel_deg), elevator * np.radians(travel_deg), thrust
     )
@@ -210,55 +218,57 @@ def _depth(path: Path, found: Tables) -> Depth:
 
 def _setpoints(found: Tables) -> Setpoints:
     (heading_s, heading), (_, pitch) = (
-        _asked(found, "ATT", "DesYaw"),
-        _asked(found, "ATT", "DesPitch"),
+        _setpoint_column(found, "ATT", "DesYaw"),
+        _setpoint_column(found, "ATT", "DesPitch"),
     )
-    depth_s, depth_m = _asked(found, "CTUN", "DAlt")
+    depth_s, depth_m = _setpoint_column(found, "CTUN", "DAlt")
     return Setpoints(
         heading_s, np.unwrap(np.radians(heading)), np.radians(pitch), depth_s, -depth_m
     )
 
 
-def _asked(found: Tables, name: str, column: str) -> tuple[Array, Array]:
+def _setpoint_column(found: Tables, name: str, column: str) -> tuple[Array, Array]:
     """Times and values of a column, empty where the log has none."""
     if name not in found or column not in found[name].columns:
         return np.empty(0), np.empty(0)
     time_s, columns = found[name]
-    keep = increasing(time_s)
+    keep = strictly_increasing(time_s)
     return time_s[keep], columns[column][keep].astype(np.float64)
 
 
-def _events(found: Tables, travel_deg: float) -> tuple[Event, ...]:
+def _events(found: Tables, travel_deg: float) -> tuple[TextEvent, ...]:
     """The texts, and tests in the words of our own logs: begun with SIDS, ended by text or by a
     change of mode."""
-    events: list[Event] = []
+    events: list[TextEvent] = []
     if "MSG" in found and "Message" in found["MSG"].columns:
         said = zip(found["MSG"].time_s, found["MSG"].columns["Message"], strict=True)
-        events += [Event(float(t), 6, bytes(text).decode("utf-8", "replace")) for t, text in said]
+        events += [
+            TextEvent(float(t), 6, bytes(text).decode("utf-8", "replace")) for t, text in said
+        ]
     if "SIDS" in found and {"Ax", "Mag"} <= found["SIDS"].columns.keys():
         time_s, columns = found["SIDS"]
         events = [event for event in events if not event.text.startswith("SystemID Starting")]
         for t, axis, size in zip(time_s, columns["Ax"], columns["Mag"], strict=True):
             magnitude = float(size) * (travel_deg if axis in _MIXER_AXES else 1.0)
             events.append(
-                Event(
+                TextEvent(
                     float(t),
                     6,
                     f"SystemID Starting: axis={axis} wave=chirp magnitude={magnitude:.4f}",
                 )
             )
-        events += _left(found, time_s)
+        events += _mode_changes(found, time_s)
     return tuple(sorted(events, key=lambda event: event.time_s))
 
 
-def _left(found: Tables, starts_s: Array) -> list[Event]:
+def _mode_changes(found: Tables, starts_s: Array) -> list[TextEvent]:
     """Changes of mode that are not those with which a test begins."""
     if "MODE" not in found:
         return []
     changes_s = found["MODE"].time_s
-    own = [bool(np.any((t >= starts_s) & (t - starts_s < _MODE_OF_TEST_S))) for t in changes_s]
+    own = [bool(np.any((t >= starts_s) & (t - starts_s < _TEST_MODE_WINDOW_S))) for t in changes_s]
     return [
-        Event(float(t), 6, "SystemID Stopped: the mode changed")
+        TextEvent(float(t), 6, "SystemID Stopped: the mode changed")
         for t, begins in zip(changes_s, own, strict=True)
         if not begins
     ]

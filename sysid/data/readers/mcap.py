@@ -15,7 +15,7 @@ from mavlink_io.logging.mcap_reader import (
     McapError,
     McapMessage,
     McapReader,
-    damage_in_words,
+    format_damage,
 )
 from sysid.data import ros1
 from sysid.data.dataset import Array, Log, LogError
@@ -25,12 +25,12 @@ from sysid.data.readers.messages import (
     DUCT_COMPONENT,
     Messages,
     assemble,
-    wanted,
+    messages_to_read,
 )
-from sysid.data.readers.servo_channels import Outputs
+from sysid.data.readers.servo_channels import ServoChannels
 
 
-def read(path: Path, outputs: Outputs) -> Log:
+def read(path: Path, outputs: ServoChannels) -> Log:
     """Read one MCAP log.
 
     Raises:
@@ -59,9 +59,9 @@ def _load(path: Path) -> tuple[Messages, dict[str, float], tuple[Array, Array]]:
         raise LogError(f"{path}: {error.strerror}; give an MCAP log") from None
     if reader.damage:
         remedy = "`ground log recover` saves the rest"
-        raise LogError(f"{path}: is damaged: {damage_in_words(reader)}; {remedy}")
+        raise LogError(f"{path}: is damaged: {format_damage(reader)}; {remedy}")
     messages = _decoded(streams, path)
-    return messages, _parameters(streams.parameters, path), _ahead(messages)
+    return messages, _parameters(streams.parameters, path), _clock_lead(messages)
 
 
 def _may_be_needed(channel: McapChannel) -> bool:
@@ -126,7 +126,7 @@ def _vehicle_topics(channels: dict[str, McapChannel], path: Path) -> dict[str, s
             f"{path}: {len(vehicles)} vehicles send ATTITUDE; a log for identification holds one"
         )
     sent = {t: p[4] for t, p in parts if len(p) == 5 and (p[2], p[3]) in vehicles}
-    names = wanted(set(sent.values()))
+    names = messages_to_read(set(sent.values()))
     ducts = {f"/mavlink/{system}/{DUCT_COMPONENT}/ACTUATOR_OUTPUT_STATUS" for system, _ in vehicles}
     return {t: name for t, name in sent.items() if name in names} | {
         t: DUCT for t in topics if t in ducts
@@ -146,7 +146,7 @@ def _start_ns(records: dict[str, NDArray[Any]], stamps: dict[str, list[int]], pa
     return int(stamps["ATTITUDE"][0]) - int(attitude["time_boot_ms"][0]) * 1_000_000
 
 
-def _ahead(messages: Messages) -> tuple[Array, Array]:
+def _clock_lead(messages: Messages) -> tuple[Array, Array]:
     """Times of ATTITUDE, and by how much they are ahead of those in the messages."""
     if "ATTITUDE" not in messages:
         return np.empty(0), np.empty(0)

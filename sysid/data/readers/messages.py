@@ -15,20 +15,20 @@ from sysid.data.dataset import (
     Attitude,
     Clock,
     Depth,
-    Duct,
-    Event,
+    DuctAngles,
     Log,
     LogError,
     Setpoints,
+    TextEvent,
 )
 from sysid.data.readers.samples import (
     DEFAULT_TRAVEL_DEG,
     clock_steps,
-    digest,
+    content_sha256,
     euler_rad,
-    increasing,
+    strictly_increasing,
 )
-from sysid.data.readers.servo_channels import Outputs, steer
+from sysid.data.readers.servo_channels import ServoChannels, surface_commands
 
 DUCT = "duct"
 """The name here of what the tailcone's component sends under the name of the autopilot's own
@@ -38,18 +38,18 @@ DUCT_COMPONENT = 140
 
 _SERVOS = "SERVO_OUTPUT_RAW"
 """What autopilots tell that do not send ACTUATOR_OUTPUT_STATUS: pulses."""
-_COMMANDED = "ACTUATOR_OUTPUT_STATUS"
-_NEEDED = ("ATTITUDE", _COMMANDED, "LOCAL_POSITION_NED")
-_WANTED = (*_NEEDED, "ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "STATUSTEXT")
-CANDIDATES = frozenset((*_WANTED, _SERVOS))
-"""Every message that ``wanted`` may choose."""
+_COMMANDS = "ACTUATOR_OUTPUT_STATUS"
+_REQUIRED = ("ATTITUDE", _COMMANDS, "LOCAL_POSITION_NED")
+_READ = (*_REQUIRED, "ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "STATUSTEXT")
+CANDIDATES = frozenset((*_READ, _SERVOS))
+"""Every message that ``messages_to_read`` may choose."""
 _FIELDS: dict[str, dict[str, int]] = {
     "ATTITUDE": dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0),
     "LOCAL_POSITION_NED": {"z": 0, "vz": 0},
     "ATTITUDE_TARGET": {"q": 4},
     "POSITION_TARGET_LOCAL_NED": {"z": 0},
     "STATUSTEXT": {"severity": 0, "text": 1, "id": 0, "chunk_seq": 0},
-    _COMMANDED: {"actuator": 1},
+    _COMMANDS: {"actuator": 1},
     _SERVOS: {"servo1_raw": 0},
     DUCT: {"actuator": 2},
 }
@@ -59,16 +59,16 @@ Messages = dict[str, tuple[Array, NDArray[Any]]]
 """Vehicle times and records by message name."""
 
 
-def wanted(sent: Container[str]) -> tuple[str, ...]:
+def messages_to_read(sent: Container[str]) -> tuple[str, ...]:
     """The messages to read of a vehicle that ``sent`` some."""
-    return (*_WANTED, _SERVOS) if _COMMANDED not in sent and _SERVOS in sent else _WANTED
+    return (*_READ, _SERVOS) if _COMMANDS not in sent and _SERVOS in sent else _READ
 
 
 def assemble(
     path: Path,
     messages: Messages,
     parameters: dict[str, float],
-    outputs: Outputs,
+    outputs: ServoChannels,
     ahead: tuple[Array, Array],
 ) -> Log:
     """The log of one vehicle. ``ahead``: times, and how far the recorder's clock is ahead of the
@@ -79,26 +79,26 @@ def assemble(
     """
     missing = [
         name
-        for name in _NEEDED
-        if name not in messages and (name != _COMMANDED or _SERVOS not in messages)
+        for name in _REQUIRED
+        if name not in messages and (name != _COMMANDS or _SERVOS not in messages)
     ]
     if missing:
         raise LogError(
             f"{path}: holds no {', '.join(missing)} of a vehicle; identification needs"
-            f" {', '.join(_NEEDED)}"
+            f" {', '.join(_REQUIRED)}"
         )
     travel_rad = math.radians(parameters.get("ACT_TRAVEL_DEG", DEFAULT_TRAVEL_DEG))
     _refuse_other_definitions(path, messages)
-    commanded = _COMMANDED if _COMMANDED in messages else _SERVOS
+    commanded = _COMMANDS if _COMMANDS in messages else _SERVOS
     steps = [
         step
-        for name in (*_NEEDED, _SERVOS)
+        for name in (*_REQUIRED, _SERVOS)
         if name in messages
         for step in clock_steps(name, messages[name][0])
     ]
     return Log(
         name=path.name,
-        sha256=digest(
+        sha256=content_sha256(
             {name: record.tobytes() for name, (_, record) in messages.items()}, parameters
         ),
         attitude=_attitude(*messages["ATTITUDE"]),
@@ -107,7 +107,9 @@ def assemble(
         setpoints=_setpoints(messages),
         events=_events(*messages["STATUSTEXT"]) if "STATUSTEXT" in messages else (),
         parameters=parameters,
-        duct=_duct(*messages[DUCT], travel_rad) if DUCT in messages else Duct(*(np.empty(0),) * 3),
+        duct=_duct(*messages[DUCT], travel_rad)
+        if DUCT in messages
+        else DuctAngles(*(np.empty(0),) * 3),
         clock=Clock(tuple(steps), *ahead),
     )
 
@@ -128,7 +130,7 @@ def _columns(record: NDArray[Any], keep: NDArray[np.bool_], *names: str) -> list
 
 
 def _attitude(time_s: Array, record: NDArray[Any]) -> Attitude:
-    keep = increasing(time_s)
+    keep = strictly_increasing(time_s)
     roll, pitch, yaw, p, q, r = _columns(
         record, keep, "roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"
     )
@@ -136,10 +138,10 @@ def _attitude(time_s: Array, record: NDArray[Any]) -> Attitude:
 
 
 def _actuators(
-    time_s: Array, record: NDArray[Any], travel_rad: float, outputs: Outputs, where: str
+    time_s: Array, record: NDArray[Any], travel_rad: float, outputs: ServoChannels, where: str
 ) -> Actuators:
-    keep = increasing(time_s)
-    rudder, elevator, thrust = steer(_outputs(record[keep]), outputs, where)
+    keep = strictly_increasing(time_s)
+    rudder, elevator, thrust = surface_commands(_outputs(record[keep]), outputs, where)
     return Actuators(time_s[keep], rudder * travel_rad, elevator * travel_rad, thrust)
 
 
@@ -153,14 +155,14 @@ def _outputs(record: NDArray[Any]) -> Array:
     return np.stack([record[name].astype(np.float64) for name in servos], axis=1)
 
 
-def _duct(time_s: Array, record: NDArray[Any], travel_rad: float) -> Duct:
-    keep = increasing(time_s)
+def _duct(time_s: Array, record: NDArray[Any], travel_rad: float) -> DuctAngles:
+    keep = strictly_increasing(time_s)
     angles = record["actuator"][keep].astype(np.float64) * travel_rad
-    return Duct(time_s[keep], angles[:, 0], angles[:, 1])
+    return DuctAngles(time_s[keep], angles[:, 0], angles[:, 1])
 
 
 def _depth(time_s: Array, record: NDArray[Any]) -> Depth:
-    keep = increasing(time_s)
+    keep = strictly_increasing(time_s)
     return Depth(time_s[keep], *_columns(record, keep, "z", "vz"))
 
 
@@ -169,27 +171,27 @@ def _setpoints(messages: Messages) -> Setpoints:
     attitude_time, heading, pitch, depth_time, depth = nothing, nothing, nothing, nothing, nothing
     if "ATTITUDE_TARGET" in messages:
         time_s, record = messages["ATTITUDE_TARGET"]
-        keep = increasing(time_s)
+        keep = strictly_increasing(time_s)
         _, pitch, heading = euler_rad(*record["q"][keep, :4].astype(np.float64).T)
         attitude_time, heading = time_s[keep], np.unwrap(heading)
     if "POSITION_TARGET_LOCAL_NED" in messages:
         time_s, record = messages["POSITION_TARGET_LOCAL_NED"]
-        keep = increasing(time_s)
+        keep = strictly_increasing(time_s)
         depth_time, (depth,) = time_s[keep], _columns(record, keep, "z")
     return Setpoints(attitude_time, heading, pitch, depth_time, depth)
 
 
-def _events(time_s: Array, record: NDArray[Any]) -> tuple[Event, ...]:
+def _events(time_s: Array, record: NDArray[Any]) -> tuple[TextEvent, ...]:
     """Status texts, the chunks of a long one (id not 0) joined in the order of their sequence
     numbers."""
-    events: list[Event] = []
+    events: list[TextEvent] = []
     open_id = 0
     for time, row in zip(time_s, record, strict=True):
         text = row["text"].tobytes().split(b"\0", 1)[0].decode("utf-8", "replace")
         if open_id and row["id"] == open_id and row["chunk_seq"] > 0:
             last = events.pop()
-            events.append(Event(last.time_s, last.severity, last.text + text))
+            events.append(TextEvent(last.time_s, last.severity, last.text + text))
         else:
-            events.append(Event(float(time), int(row["severity"]), text))
+            events.append(TextEvent(float(time), int(row["severity"]), text))
         open_id = int(row["id"])
     return tuple(events)

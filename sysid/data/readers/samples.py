@@ -16,30 +16,30 @@ from sysid.data.dataset import (
     Clock,
     ClockStep,
     Depth,
-    Duct,
-    Event,
+    DuctAngles,
     Log,
     Setpoints,
+    TextEvent,
 )
 
 DEFAULT_TRAVEL_DEG = 15.0
 """Duct travel that an output of 1 stands for, unless the log's parameters say otherwise
 (ACT_TRAVEL_DEG)."""
-LATE_SAMPLES = 5
+CLOCK_STEP_SAMPLES = 5
 """So many samples in a row that are older than one before are no longer late datagrams: the clock
 went back."""
-FAR_S = 0.1
+MAX_TIME_DIFFERENCE_S = 0.1
 """A sample further than this from those of another stream has no partner there."""
 
 
-class Table(NamedTuple):
+class MessageColumns(NamedTuple):
     """Every message of one name. Columns have the length of ``time_s``; text is bytes."""
 
     time_s: Array
     columns: Mapping[str, NDArray[Any]]
 
 
-def increasing(time_s: Array) -> NDArray[np.bool_]:
+def strictly_increasing(time_s: Array) -> NDArray[np.bool_]:
     """Samples that are later than every one before: repeated and reordered ones are left out."""
     latest = np.maximum.accumulate(time_s)
     return np.concatenate(([True], time_s[1:] > latest[:-1]))[: time_s.size]
@@ -47,24 +47,24 @@ def increasing(time_s: Array) -> NDArray[np.bool_]:
 
 def clock_steps(what: str, time_s: Array) -> list[ClockStep]:
     """Where a clock went back for good, as it does when an autopilot starts anew."""
-    stale = ~increasing(time_s)
+    stale = ~strictly_increasing(time_s)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], stale.astype(np.int8), [0]))))
     latest = np.maximum.accumulate(time_s)
     return [
         ClockStep(what, float(latest[first]), float(latest[first] - time_s[first]))
         for first, end in zip(edges[::2], edges[1::2], strict=True)
-        if end - first >= LATE_SAMPLES and latest[first] > time_s[first]
+        if end - first >= CLOCK_STEP_SAMPLES and latest[first] > time_s[first]
     ]
 
 
-def beside(time_s: Array, other_s: Array, values: Array) -> tuple[NDArray[np.bool_], Array]:
+def sample_nearest(time_s: Array, other_s: Array, values: Array) -> tuple[NDArray[np.bool_], Array]:
     """Another stream's ``values`` at the times of this one, and which of these times it has samples
     near to."""
     if other_s.size < 2:
         return np.zeros(time_s.size, bool), np.zeros(time_s.size)
     after = np.clip(np.searchsorted(other_s, time_s), 1, other_s.size - 1)
     nearest = np.minimum(np.abs(time_s - other_s[after - 1]), np.abs(time_s - other_s[after]))
-    return nearest <= FAR_S, np.interp(time_s, other_s, values)
+    return nearest <= MAX_TIME_DIFFERENCE_S, np.interp(time_s, other_s, values)
 
 
 def euler_rad(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
@@ -74,7 +74,7 @@ def euler_rad(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Arr
     return roll, pitch, np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
-def digest(parts: Mapping[str, bytes], parameters: Mapping[str, float]) -> str:
+def content_sha256(parts: Mapping[str, bytes], parameters: Mapping[str, float]) -> str:
     """SHA-256 of what identification reads, and of the parameters.
 
     Not of the file, which also carries the wall clock: a dive that is flown again has the same
@@ -92,7 +92,7 @@ def foreign_log(
     actuators: Actuators,
     depth: Depth,
     setpoints: Setpoints,
-    events: tuple[Event, ...],
+    events: tuple[TextEvent, ...],
     parameters: dict[str, float],
     steps: Iterable[ClockStep],
 ) -> Log:
@@ -105,13 +105,13 @@ def foreign_log(
     }
     return Log(
         name=path.name,
-        sha256=digest(read_from, parameters),
+        sha256=content_sha256(read_from, parameters),
         attitude=attitude,
         actuators=actuators,
         depth=depth,
         setpoints=setpoints,
         events=events,
         parameters=parameters,
-        duct=Duct(*(np.empty(0),) * 3),
+        duct=DuctAngles(*(np.empty(0),) * 3),
         clock=Clock(tuple(steps)),
     )

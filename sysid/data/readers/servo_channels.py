@@ -13,11 +13,11 @@ from sysid.data.dataset import Array, LogError
 
 PULSE_CENTRE_US = 1500.0
 PULSE_HALF_US = 400.0
-LARGEST_FRACTION = 2.0
+MAX_FRACTION = 2.0
 """An output beyond this is a servo's pulse in microseconds, not a fraction of its travel."""
 
 
-class Outputs(NamedTuple):
+class ServoChannels(NamedTuple):
     """Outputs counted from 1; negative: turned round."""
 
     rudder: int
@@ -25,10 +25,10 @@ class Outputs(NamedTuple):
     thrust: int
 
 
-FIRST_THREE = Outputs(1, 2, 3)
+FIRST_THREE = ServoChannels(1, 2, 3)
 
 
-def parse(text: str) -> Outputs:
+def parse(text: str) -> ServoChannels:
     """``RUDDER,ELEVATOR,THRUST``, as in ``1,-2,3``.
 
     Raises:
@@ -39,10 +39,12 @@ def parse(text: str) -> Outputs:
             f"outputs {text!r}: give RUDDER,ELEVATOR,THRUST counted from 1, with a minus where"
             " turned round"
         )
-    return Outputs(*(int(part) for part in text.split(",")))
+    return ServoChannels(*(int(part) for part in text.split(",")))
 
 
-def steer(values: NDArray[np.float64], outputs: Outputs, where: str) -> tuple[Array, Array, Array]:
+def surface_commands(
+    values: NDArray[np.float64], outputs: ServoChannels, where: str
+) -> tuple[Array, Array, Array]:
     """Rudder, elevator and thrust as fractions -1..1 from outputs of shape (n, outputs).
 
     Fractions are taken as they are; of pulses, 1500 us is the middle and 400 us the travel. An
@@ -58,7 +60,7 @@ def steer(values: NDArray[np.float64], outputs: Outputs, where: str) -> tuple[Ar
             " others"
         )
     chosen = values[:, [abs(number) - 1 for number in outputs]]
-    if np.nanmax(np.abs(chosen), initial=0.0) > LARGEST_FRACTION:
+    if np.nanmax(np.abs(chosen), initial=0.0) > MAX_FRACTION:
         pulses = np.where(chosen == 0.0, PULSE_CENTRE_US, chosen)
         chosen = np.clip((pulses - PULSE_CENTRE_US) / PULSE_HALF_US, -1.0, 1.0)
     chosen = np.nan_to_num(chosen) * np.sign(outputs)

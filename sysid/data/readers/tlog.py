@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from mavlink_io.logging import tlog
 from mavlink_io.logging.ros1 import schema_text
-from mavlink_io.logging.tlog import Stream
+from mavlink_io.logging.tlog import MessageSeries
 from sysid.data import ros1
 from sysid.data.dataset import Array, Log, LogError
-from sysid.data.readers.messages import DUCT, DUCT_COMPONENT, Messages, assemble, wanted
-from sysid.data.readers.samples import Table
-from sysid.data.readers.servo_channels import Outputs
+from sysid.data.readers.messages import DUCT, DUCT_COMPONENT, Messages, assemble, messages_to_read
+from sysid.data.readers.samples import MessageColumns
+from sysid.data.readers.servo_channels import ServoChannels
 
 
-def read(path: Path, outputs: Outputs) -> Log:
+def read(path: Path, outputs: ServoChannels) -> Log:
     """Read the one vehicle of a tlog.
 
     Raises:
@@ -33,32 +33,32 @@ def read(path: Path, outputs: Outputs) -> Log:
             f"{path}: {len(vehicles)} vehicles send ATTITUDE; a log for identification holds one"
         )
     own = {s.message.name: s for s in streams if (s.system, s.component) in vehicles}
-    messages: Messages = {name: _decoded(own[name]) for name in wanted(own) if name in own}
+    messages: Messages = {name: _decode(own[name]) for name in messages_to_read(own) if name in own}
     for stream in streams:
         duct = (
             stream.component == DUCT_COMPONENT and stream.message.name == "ACTUATOR_OUTPUT_STATUS"
         )
         if duct and any(stream.system == system for system, _ in vehicles):
-            messages[DUCT] = _decoded(stream)
+            messages[DUCT] = _decode(stream)
     nothing = np.empty(0)
     return assemble(
         path, messages, _parameters(own.get("PARAM_VALUE")), outputs, (nothing, nothing)
     )
 
 
-def tables(path: Path) -> dict[str, Table]:
+def tables(path: Path) -> dict[str, MessageColumns]:
     """Every message of every sender, by ``/mavlink/SYSTEM/COMPONENT/NAME``. Raises LogError."""
     found = {}
     for stream in _streams(path):
-        time_s, record = _decoded(stream)
+        time_s, record = _decode(stream)
         columns = {name: record[name] for name in record.dtype.names or ()}
-        found[f"/mavlink/{stream.system}/{stream.component}/{stream.message.name}"] = Table(
-            time_s, columns
+        found[f"/mavlink/{stream.system}/{stream.component}/{stream.message.name}"] = (
+            MessageColumns(time_s, columns)
         )
     return found
 
 
-def _streams(path: Path) -> list[Stream]:
+def _streams(path: Path) -> list[MessageSeries]:
     try:
         streams = tlog.read(path.read_bytes())
     except OSError as error:
@@ -68,17 +68,17 @@ def _streams(path: Path) -> list[Stream]:
     return streams
 
 
-def _decoded(stream: Stream) -> tuple[Array, NDArray[Any]]:
+def _decode(stream: MessageSeries) -> tuple[Array, NDArray[Any]]:
     record = ros1.decode(stream.payloads, ros1.record_type(schema_text(stream.message)))
     return np.array(stream.times_us, np.float64) * 1e-6, record
 
 
-def _parameters(stream: Stream | None) -> dict[str, float]:
+def _parameters(stream: MessageSeries | None) -> dict[str, float]:
     """The latest value of every parameter that was told; a REAL32, as ours and ArduPilot's all
     are."""
     if stream is None:
         return {}
-    _, record = _decoded(stream)
+    _, record = _decode(stream)
     names = (
         row.tobytes().split(b"\0", 1)[0].decode("ascii", "replace") for row in record["param_id"]
     )

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 _HEADER_LENGTH = 16
 _TYPES = frozenset(b"ABCDFILMOPQRST")
-_LARGEST = 10_000
+_MAX_MESSAGE_BYTES = 10_000
 """Bytes of a message that pyulog itself takes for undamaged."""
-_CHAIN = 3
+_RESYNC_MESSAGES = 3
 """So many messages in a row, where one was lost, are hardly there by chance."""
 _head = struct.Struct("<HB")
 MAX_FIELDS = 200_000
@@ -33,15 +33,15 @@ _FLAGS, _APPENDED = ord("B"), 16
 appended."""
 
 
-def mended(data: bytes) -> bytes:
+def keep_sound_messages(data: bytes) -> bytes:
     """The file with those of its messages that are sound, in their order; a sound file as it is."""
     kept, at, lost = [data[:_HEADER_LENGTH]], _HEADER_LENGTH, False
     while at < len(data):
         end = _end(data, at)
-        if end is None or (lost and not _chained(data, at)):
+        if end is None or (lost and not _is_message_sequence(data, at)):
             lost, at = True, at + 1
             continue
-        kept.append(_unappended(data[at:end]))
+        kept.append(_clear_appended_offsets(data[at:end]))
         at, lost = end, False
     return b"".join(kept)
 
@@ -52,13 +52,13 @@ def _end(data: bytes, at: int) -> int | None:
         return None
     size, kind = _head.unpack_from(data, at)
     end = at + _head.size + size
-    return end if kind in _TYPES and 0 < size <= _LARGEST and end <= len(data) else None
+    return end if kind in _TYPES and 0 < size <= _MAX_MESSAGE_BYTES and end <= len(data) else None
 
 
-def _chained(data: bytes, at: int) -> bool:
+def _is_message_sequence(data: bytes, at: int) -> bool:
     """Whether _CHAIN messages follow each other from here, or as many as there are up to the
     end."""
-    for _ in range(_CHAIN):
+    for _ in range(_RESYNC_MESSAGES):
         if at == len(data):
             return True
         end = _end(data, at)
@@ -68,7 +68,7 @@ def _chained(data: bytes, at: int) -> bool:
     return True
 
 
-def _unappended(message: bytes) -> bytes:
+def _clear_appended_offsets(message: bytes) -> bytes:
     """Flags without the places of appended data, which stand in the order of the file anyway."""
     if message[2] != _FLAGS or len(message) < _head.size + _APPENDED:
         return message

@@ -14,7 +14,7 @@ from sitl.vehicle import build_model
 from sitl.vehicle import config as vehicle_files
 from sysid.control_analysis.margins import Analysis
 from sysid.design import constraints, pid
-from sysid.design.design_model import Plant, judge
+from sysid.design.design_model import DesignModel, analyse_loops
 from sysid.design.initial import (
     paper_comparison as beside,
 )
@@ -24,23 +24,32 @@ from sysid.design.initial import (
     vehicle_parameters,
 )
 from sysid.design.initial.loop_structure import loop_of
-from sysid.design.initial.paper_comparison import Beside
-from sysid.design.initial.prior import Held, Stands
-from sysid.design.initial.root_locus import Point
+from sysid.design.initial.paper_comparison import GainComparison
+from sysid.design.initial.prior import LoopMargins, LoopRobustness
+from sysid.design.initial.root_locus import LocusPoint
 from sysid.design.pid import Loads, Spec, reference_models
 from sysid.estimation.map import fit
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
-__all__ = ["SPEC", "Beside", "Held", "OnLoci", "Prototype", "Stands", "on_loci", "prototype"]
+__all__ = [
+    "SPEC",
+    "GainComparison",
+    "InitialDesign",
+    "LoopMargins",
+    "LoopRobustness",
+    "RootLocusDesign",
+    "design_initial_gains",
+    "design_on_root_loci",
+]
 
 SPEC = Spec(damping=0.5, gm_db=8.0, pm_deg=50.0, ms=1.8)
 """What a loop through the tailcone's whole lag can keep. The lag is undone once it has been
 measured."""
-UNSURE_RAD = math.radians(2.0)
+TRIM_UNCERTAINTY_RAD = math.radians(2.0)
 """Rudder bias and elevator trim that nobody has measured yet."""
 
 
-class Prototype(NamedTuple):
+class InitialDesign(NamedTuple):
     """What a first dive sets, and how the loops stand on the vehicle's own linear planes and over
     the prior."""
 
@@ -48,10 +57,10 @@ class Prototype(NamedTuple):
     """By parameter name."""
     reasons: dict[str, str]
     analysis: Analysis
-    stands: dict[str, Stands]
+    stands: dict[str, LoopMargins]
     """By loop: heading, pitch, depth."""
-    held: dict[str, Held]
-    beside: dict[str, Beside]
+    held: dict[str, LoopRobustness]
+    beside: dict[str, GainComparison]
     """By gain: Table 3's initial one, and why ours differs."""
 
     def write_params(self, path: Path) -> None:
@@ -65,62 +74,66 @@ class Prototype(NamedTuple):
         )
 
 
-def prototype(name_or_path: str | Path) -> Prototype:
+def design_initial_gains(name_or_path: str | Path) -> InitialDesign:
     """Parameters for a vehicle file.
 
     Raises:
         VehicleError: the file cannot be used. DesignRefused: no gains meet the specification on
         this vehicle, or too few vehicles of the prior are held.
     """
-    vehicle, drawn, found = on_loci(name_or_path)
+    vehicle, drawn, found = design_on_root_loci(name_or_path)
     config = vehicle_files.load(name_or_path)
     model, spec = build_model.build(config), SPEC._replace(travel_deg=config.tailcone.travel_deg)
-    loads = Loads(fit.level_pitch_rad(config, model), UNSURE_RAD, UNSURE_RAD)
+    loads = Loads(fit.level_pitch_rad(config, model), TRIM_UNCERTAINTY_RAD, TRIM_UNCERTAINTY_RAD)
     gains = {**TABLE_3_INITIAL, **found["heading"].gains, **found["depth"].gains}
     gains |= pid.integrator_limits(loads, gains)
     gains |= reference_models.heading(vehicle, gains, loads, spec) | reference_models.depth(
         vehicle, gains, loads, spec
     )
-    about = vehicle_parameters.parameters(config, model)
+    about = vehicle_parameters.autopilot_parameters(config, model)
     stands = {
-        loop: prior.stands(point.shape, point.gains, vehicle) for loop, point in found.items()
+        loop: prior.loop_margins(point.shape, point.gains, vehicle) for loop, point in found.items()
     }
-    held = {loop: prior.held(point.shape, point.gains, drawn) for loop, point in found.items()}
-    compared = beside.table_3(vehicle, found)
-    return Prototype(
+    held = {
+        loop: prior.loop_robustness(point.shape, point.gains, drawn)
+        for loop, point in found.items()
+    }
+    compared = beside.compare_with_table_3(vehicle, found)
+    return InitialDesign(
         parameters={**gains, **{name: value for name, (value, _) in about.items()}},
         reasons={
             **{name: _reason(name, stands, held, compared) for name in gains},
             **{name: why for name, (_, why) in about.items()},
         },
-        analysis=judge(vehicle, gains),
+        analysis=analyse_loops(vehicle, gains),
         stands=stands,
         held=held,
         beside=compared,
     )
 
 
-class OnLoci(NamedTuple):
+class RootLocusDesign(NamedTuple):
     """Where the loops ended on their root loci."""
 
-    vehicle: Plant
+    vehicle: DesignModel
     """As the file gives her."""
-    drawn: list[Plant]
+    drawn: list[DesignModel]
     """Vehicles of the prior."""
-    found: dict[str, Point]
+    found: dict[str, LocusPoint]
     """By loop: heading, pitch, depth."""
 
 
-def on_loci(name_or_path: str | Path) -> OnLoci:
-    """The loops of a vehicle file, without their limits and ways. Raises as ``prototype``."""
+def design_on_root_loci(name_or_path: str | Path) -> RootLocusDesign:
+    """The loops of a vehicle file, without their limits and ways. Raises as
+    ``design_initial_gains``."""
     config, bounds = vehicle_files.load(name_or_path), constraints.nominal(SPEC)
-    vehicle, drawn = prior.nominal(config), list(prior.drawn(config))
+    vehicle, drawn = prior.nominal_model(config), list(prior.sample_models(config))
     pitch, depth = root_locus.depth(vehicle, drawn, bounds, math.radians(SPEC.pitch_per_metre_deg))
     heading = root_locus.heading(vehicle, drawn, bounds)
-    return OnLoci(vehicle, drawn, {"heading": heading, "pitch": pitch, "depth": depth})
+    return RootLocusDesign(vehicle, drawn, {"heading": heading, "pitch": pitch, "depth": depth})
 
 
-_OF_THE_LOADS = {
+_INTEGRATOR_REASONS = {
     "HDG_IMAX": "a rudder bias of 2 deg that nobody has measured, and 1 deg",
     "PTCH_I": "the depth integrator carries the constant load",
     "PTCH_IMAX": "no pitch integrator",
@@ -137,10 +150,13 @@ _OF_THE_LOADS = {
 
 
 def _reason(
-    name: str, stands: dict[str, Stands], held: dict[str, Held], compared: dict[str, Beside]
+    name: str,
+    stands: dict[str, LoopMargins],
+    held: dict[str, LoopRobustness],
+    compared: dict[str, GainComparison],
 ) -> str:
-    if name in _OF_THE_LOADS:
-        return _OF_THE_LOADS[name]
+    if name in _INTEGRATOR_REASONS:
+        return _INTEGRATOR_REASONS[name]
     of_table_3 = f"{compared[name].times} times Table 3's"
     if name not in ("HDG_D", "PTCH_D", "DPT_P"):
         return f"{compared[name].why}; {of_table_3}"

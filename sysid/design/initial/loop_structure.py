@@ -12,8 +12,8 @@ import numpy as np
 
 from sysid.control_analysis import loop_transfer, root_locus
 from sysid.control_analysis.loop_transfer import ClosedLoop, ComplexArray, Gains, Lag
-from sysid.control_analysis.root_locus import Opened
-from sysid.design.design_model import Plant
+from sysid.control_analysis.root_locus import OpenLoop
+from sysid.design.design_model import DesignModel
 
 PADE = 2
 """Order in root loci, as the paper's; margins are those of the true delay."""
@@ -25,7 +25,7 @@ INTEGRAL_S = {"heading": 25.0, "depth": 30.0}
 """Proportional over integral gain: so long after a load's worst a third of it is left."""
 
 
-class Shape(NamedTuple):
+class LoopStructure(NamedTuple):
     """One loop: what its gains are at a factor of one, and what stays."""
 
     loop: str
@@ -37,7 +37,7 @@ class Shape(NamedTuple):
         """All gains of the loop."""
         return {**self.fixed, **{name: factor * gain for name, gain in self.free.items()}}
 
-    def cuts(self, vehicle: Plant, gains: Gains) -> dict[str, ComplexArray]:
+    def cuts(self, vehicle: DesignModel, gains: Gains) -> dict[str, ComplexArray]:
         """Loop transfer functions by where they are opened, with the true delay."""
         if self.loop == "heading":
             return loop_transfer.heading_loops(vehicle.yaw, gains)
@@ -48,17 +48,19 @@ class Shape(NamedTuple):
             else {k: found[k] for k in ("elevator", "depth")}
         )
 
-    def closed(self, vehicle: Plant, gains: Gains) -> ClosedLoop:
+    def closed(self, vehicle: DesignModel, gains: Gains) -> ClosedLoop:
         if self.loop == "heading":
             return loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, gains, PADE)
         close = loop_transfer.close_pitch if self.loop == "pitch" else loop_transfer.close_depth
         return close(vehicle.planes.pitch, vehicle.pitch_lag, gains, PADE)
 
-    def opened(self, vehicle: Plant) -> Opened:
+    def opened(self, vehicle: DesignModel) -> OpenLoop:
         """At a factor of one, where the factor acts."""
         closed = self.closed(vehicle, self.at(1.0))
         return (
-            root_locus.at_depth(closed) if self.loop == "depth" else root_locus.at_duct(closed, 3)
+            root_locus.open_at_depth(closed)
+            if self.loop == "depth"
+            else root_locus.open_at_duct(closed, 3)
         )
 
 
@@ -67,23 +69,23 @@ def loop_of(gain: str) -> str:
     return {"HDG": "heading", "PTCH": "pitch", "DPT": "depth"}[gain.split("_")[0]]
 
 
-def heading(zero_radps: float) -> Shape:
+def heading(zero_radps: float) -> LoopStructure:
     integral = zero_radps / INTEGRAL_S["heading"]
-    return Shape("heading", {"HDG_P": zero_radps, "HDG_D": 1.0, "HDG_I": integral}, {})
+    return LoopStructure("heading", {"HDG_P": zero_radps, "HDG_D": 1.0, "HDG_I": integral}, {})
 
 
-def pitch(zero_radps: float) -> Shape:
+def pitch(zero_radps: float) -> LoopStructure:
     """Without an integrator: the depth loop's carries what is constant."""
-    return Shape(
+    return LoopStructure(
         "pitch",
         {"PTCH_P": zero_radps, "PTCH_D": 1.0},
         {"PTCH_I": 0.0, "DPT_P": 0.0, "DPT_D": 0.0, "DPT_I": 0.0},
     )
 
 
-def depth(pitch_gains: Gains) -> Shape:
+def depth(pitch_gains: Gains) -> LoopStructure:
     """Round a pitch loop; the pitch is depth's rate, so depth needs no lead of its own."""
-    return Shape(
+    return LoopStructure(
         "depth", {"DPT_P": 1.0, "DPT_I": 1.0 / INTEGRAL_S["depth"]}, {**pitch_gains, "DPT_D": 0.0}
     )
 

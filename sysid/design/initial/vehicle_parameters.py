@@ -5,14 +5,16 @@ import math
 import numpy as np
 
 from sitl.vehicle.config import VehicleConfig
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from sysid.estimation.map import fit
 from sysid.models import greybox
 
 STEP_MPS = 1e-4
 
 
-def parameters(config: VehicleConfig, model: Model) -> dict[str, tuple[float, str]]:
+def autopilot_parameters(
+    config: VehicleConfig, model: VehicleModel
+) -> dict[str, tuple[float, str]]:
     point = config.operating_point
     length_m = -2.0 * point.speed_mps / _surge_slope_per_s(config, model)
     return {
@@ -32,7 +34,7 @@ def parameters(config: VehicleConfig, model: Model) -> dict[str, tuple[float, st
     }
 
 
-def _surge_slope_per_s(config: VehicleConfig, model: Model) -> float:
+def _surge_slope_per_s(config: VehicleConfig, model: VehicleModel) -> float:
     """d(u')/du in straight flight at the operating point: drag, and the thrust lost to inflow."""
     point = config.operating_point
     rps = point.thrust_fraction * model.propeller.full_rps

@@ -1,6 +1,6 @@
 """LQG beside the PID redesign: the same model, measurements, limits and vehicles, another law.
 
-``design_laws`` reads top to bottom: what is known, weights within limits for heading and for depth,
+``design_lqg`` reads top to bottom: what is known, weights within limits for heading and for depth,
 and the share of the vehicles that the model allows for on which the laws keep what is asked of
 every one."""
 
@@ -12,53 +12,53 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from autopilot import lqg_file
 from autopilot.control import lqg as state_space
-from autopilot.control.lqg import Laws
+from autopilot.control import lqg_file
+from autopilot.control.lqg import LqgControllers
 from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.control_analysis.margins import Planes
 from sysid.data.segments import Plane
 from sysid.design import constraints, design_model
-from sysid.design.constrained_search import SLACK
-from sysid.design.constraints import Bounds, Misses
-from sysid.design.design_model import Plant
+from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
+from sysid.design.constraints import Bounds, ConstraintViolation
+from sysid.design.design_model import DesignModel
 from sysid.design.lqg import loop_analysis, synthesis
 from sysid.design.lqg import weights as tuning
-from sysid.design.lqg.controller import Law, sampled
+from sysid.design.lqg.controller import DiscreteController, discretise
 from sysid.design.lqg.weights import Reference, Task
-from sysid.design.pid import STRICTER, SURE, VEHICLES, refuse_unlikely
-from sysid.design.robustness import RELAXED, least, summed_up
-from sysid.design.specification import DesignRefused, Response, Spec, Trust
+from sysid.design.pid import DAMPING_FACTORS, ROBUST_ENOUGH, VEHICLES, check_robustness
+from sysid.design.robustness import RELAXED, min_bounds, summarise
+from sysid.design.specification import DesignInfeasibleError, DesignRobustness, Response, Spec
 from sysid.models import noise
 from sysid.models.linear_planes import LinearPlane
-from sysid.models.model_file import IdentifiedModel, digest
+from sysid.models.model_file import IdentifiedModel, sha256_of_model
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
 Array = NDArray[np.float64]
 
 
-class LawDesign(NamedTuple):
+class LqgDesign(NamedTuple):
     """Continuous laws of both planes, and what they promise."""
 
-    heading: Law
-    depth: Law
+    heading: DiscreteController
+    depth: DiscreteController
     weights: dict[Plane, dict[str, float]]
     planes: Planes
     speed_mps: float
     predicted: Response
-    trust: Trust | None
+    trust: DesignRobustness | None
     """None for a model that does not say how sure it is."""
     model_sha256: str
 
 
-def design_laws(
+def design_lqg(
     model: IdentifiedModel,
     spec: Spec | None = None,
     prior: VehicleConfig | None = None,
     initial: Gains = TABLE_3_INITIAL,
-) -> LawDesign:
+) -> LqgDesign:
     """LQG laws from an identified model; ``prior`` and ``initial`` as for
     ``sysid.design.redesign``.
 
@@ -67,73 +67,92 @@ def design_laws(
     """
     spec = spec or Spec()
     if not model.convergence.agreed:
-        raise DesignRefused(
+        raise DesignInfeasibleError(
             "the fit's starts disagree, so the model is not unique; record more tests and refit"
         )
-    vehicle, allowed = design_model.plant(model), list(design_model.allowed(model, VEHICLES, prior))
-    before = _errors_of(vehicle, initial)
-    heading = _tuned(vehicle, allowed, "yaw", spec, before)
-    depth = _tuned(vehicle, allowed, "pitch", spec, before)
-    sure = trust(allowed, heading.law, depth.law, spec)
-    refuse_unlikely(sure, model, spec)
-    return LawDesign(
+    vehicle, allowed = (
+        design_model.from_model(model),
+        list(design_model.sample_models(model, VEHICLES, prior)),
+    )
+    before = _reference_errors(vehicle, initial)
+    heading = _tune(vehicle, allowed, "yaw", spec, before)
+    depth = _tune(vehicle, allowed, "pitch", spec, before)
+    sure = robustness(allowed, heading.law, depth.law, spec)
+    check_robustness(sure, model, spec)
+    return LqgDesign(
         heading=heading.law,
         depth=depth.law,
         weights={"yaw": heading.weights, "pitch": depth.weights},
         planes=vehicle.planes,
         speed_mps=model.speed_mps,
-        predicted=respond(vehicle, heading.law, depth.law),
+        predicted=predict_response(vehicle, heading.law, depth.law),
         trust=sure,
-        model_sha256=digest(model),
+        model_sha256=sha256_of_model(model),
     )
 
 
-class _Tuned(NamedTuple):
+class _TunedController(NamedTuple):
     weights: dict[str, float]
-    law: Law
+    law: DiscreteController
 
 
-def _tuned(
-    vehicle: Plant, allowed: Sequence[Plant], plane: Plane, spec: Spec, before: Reference
-) -> _Tuned:
+def _tune(
+    vehicle: DesignModel,
+    allowed: Sequence[DesignModel],
+    plane: Plane,
+    spec: Spec,
+    before: Reference,
+) -> _TunedController:
     """Of stricter and stricter damping, as far as it can be met, until enough vehicles keep the
     least one."""
     task = Task(
-        loop_analysis.view(vehicle, plane), noise.of_model(vehicle.sea[plane]), before, spec
+        loop_analysis.measured_plane(vehicle, plane),
+        noise.from_model(vehicle.sea[plane]),
+        before,
+        spec,
     )
-    seen, asked = [loop_analysis.view(each, plane) for each in allowed], constraints.nominal(spec)
-    found: _Tuned | None = None
+    seen, asked = (
+        [loop_analysis.measured_plane(each, plane) for each in allowed],
+        constraints.nominal(spec),
+    )
+    found: _TunedController | None = None
     most, starts = -1.0, tuning.starts(task)
-    for factor in STRICTER:
+    for factor in DAMPING_FACTORS:
         try:
-            weights = tuning.tuned(task, asked._replace(damping=factor * asked.damping), starts)
-        except DesignRefused:
+            weights = tuning.tune(task, asked._replace(damping=factor * asked.damping), starts)
+        except DesignInfeasibleError:
             if found is None:
                 raise
             break
-        law = tuning.law_of(task, weights)
+        law = tuning.controller_of(task, weights)
         kept = [
-            max(loop_analysis.stability(each, law, least(spec)).values()) <= SLACK for each in seen
+            max(loop_analysis.violations(each, law, min_bounds(spec)).values())
+            <= CONSTRAINT_TOLERANCE
+            for each in seen
         ]
         share = sum(kept) / len(kept) if kept else 1.0
         if share > most:
-            found, most = _Tuned(weights, law), share
-        if share >= SURE:
+            found, most = _TunedController(weights, law), share
+        if share >= ROBUST_ENOUGH:
             break
         starts = (weights,)
     assert found is not None
     return found
 
 
-def _errors_of(vehicle: Plant, gains: Gains) -> Reference:
+def _reference_errors(vehicle: DesignModel, gains: Gains) -> Reference:
     pitch_rad, depth_m, _ = design_model.depth_rms(vehicle, gains)
     return Reference(design_model.heading_rms(vehicle, gains)[0], pitch_rad, depth_m)
 
 
-def respond(vehicle: Plant, heading: Law, depth: Law) -> Response:
+def predict_response(
+    vehicle: DesignModel, heading: DiscreteController, depth: DiscreteController
+) -> Response:
     """Standard deviations in closed loop under the sea of the model."""
-    yaw = loop_analysis.errors(loop_analysis.view(vehicle, "yaw"), heading)
-    pitch = loop_analysis.errors(loop_analysis.view(vehicle, "pitch"), depth)
+    yaw = loop_analysis.disturbance_response(loop_analysis.measured_plane(vehicle, "yaw"), heading)
+    pitch = loop_analysis.disturbance_response(
+        loop_analysis.measured_plane(vehicle, "pitch"), depth
+    )
     return Response(
         heading_deg=math.degrees(yaw.outputs[1]),
         pitch_deg=math.degrees(pitch.outputs[1]),
@@ -143,41 +162,51 @@ def respond(vehicle: Plant, heading: Law, depth: Law) -> Response:
     )
 
 
-def trust(vehicles: Sequence[Plant], heading: Law, depth: Law, spec: Spec) -> Trust | None:
+def robustness(
+    vehicles: Sequence[DesignModel],
+    heading: DiscreteController,
+    depth: DiscreteController,
+    spec: Spec,
+) -> DesignRobustness | None:
     """As ``sysid.design.trust.trust``; None where there are no vehicles to try."""
     if not vehicles:
         return None
     wanted, relaxed = (
-        [misses(each, heading, depth, bounds) for each in vehicles]
-        for bounds in (least(spec), RELAXED)
+        [violations(each, heading, depth, bounds) for each in vehicles]
+        for bounds in (min_bounds(spec), RELAXED)
     )
-    return summed_up(wanted, relaxed)
+    return summarise(wanted, relaxed)
 
 
-def misses(vehicle: Plant, heading: Law, depth: Law, bounds: Bounds) -> Misses:
-    yaw, pitch = loop_analysis.view(vehicle, "yaw"), loop_analysis.view(vehicle, "pitch")
+def violations(
+    vehicle: DesignModel, heading: DiscreteController, depth: DiscreteController, bounds: Bounds
+) -> ConstraintViolation:
+    yaw, pitch = (
+        loop_analysis.measured_plane(vehicle, "yaw"),
+        loop_analysis.measured_plane(vehicle, "pitch"),
+    )
     return {
-        **loop_analysis.stability(yaw, heading, bounds),
-        **loop_analysis.stability(pitch, depth, bounds),
+        **loop_analysis.violations(yaw, heading, bounds),
+        **loop_analysis.violations(pitch, depth, bounds),
     }
 
 
-def aboard(design: LawDesign) -> Laws:
+def autopilot_controllers(design: LqgDesign) -> LqgControllers:
     """The laws as the autopilot's tick closes them."""
     heading, depth = (
-        ticked(design.heading, design.planes.yaw),
-        ticked(design.depth, design.planes.pitch),
+        tick_controllers(design.heading, design.planes.yaw),
+        tick_controllers(design.depth, design.planes.pitch),
     )
-    return Laws(design.speed_mps, heading, depth, synthesis.pitch_per_metre(design.depth))
+    return LqgControllers(design.speed_mps, heading, depth, synthesis.pitch_per_metre(design.depth))
 
 
-def ticked(law: Law, plane: LinearPlane) -> state_space.Law:
-    step, measured = sampled(law, loop_transfer.TICK_S), loop_analysis.outputs(plane)
+def tick_controllers(law: DiscreteController, plane: LinearPlane) -> state_space.LqgController:
+    step, measured = discretise(law, loop_transfer.TICK_S), loop_analysis.outputs(plane)
     start = np.zeros((len(law.B), len(measured)))
     start[: len(plane.B)] = np.linalg.pinv(measured)
     rows = np.column_stack([step.A, step.B, step.L])
-    return state_space.law(
-        _tuples(rows), tuple(step.F.tolist()), _tuples(start), synthesis.loads(plane)
+    return state_space.from_matrices(
+        _tuples(rows), tuple(step.F.tolist()), _tuples(start), synthesis.count_loads(plane)
     )
 
 
@@ -185,6 +214,8 @@ def _tuples(matrix: Array) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in matrix.tolist())
 
 
-def write(design: LawDesign, path: str | Path) -> None:
+def write(design: LqgDesign, path: str | Path) -> None:
     """The file that `autopilot --laws` reads."""
-    Path(path).write_text(lqg_file.text_of(aboard(design), design.model_sha256), encoding="utf-8")
+    Path(path).write_text(
+        lqg_file.to_json(autopilot_controllers(design), design.model_sha256), encoding="utf-8"
+    )

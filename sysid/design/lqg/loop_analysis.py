@@ -14,10 +14,10 @@ from sysid.control_analysis import loop_transfer, modal
 from sysid.control_analysis.loop_transfer import GRID_RADPS, Lag
 from sysid.data.segments import Plane
 from sysid.design import constraints
-from sysid.design.constraints import Bounds, Misses
-from sysid.design.design_model import NOISE_STEP_S, Plant, spectrum
+from sysid.design.constraints import Bounds, ConstraintViolation
+from sysid.design.design_model import NOISE_STEP_S, DesignModel, spectrum
 from sysid.design.lqg import controller as laws
-from sysid.design.lqg.controller import Law
+from sysid.design.lqg.controller import DiscreteController
 from sysid.design.specification import Spec
 from sysid.models.linear_planes import LinearPlane
 
@@ -25,11 +25,11 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 PADE_ORDER = 4
-BEYOND_RADPS: Array = np.linspace(GRID_RADPS[-1], math.pi / loop_transfer.TICK_S, 40)
+HIGH_GRID_RADPS: Array = np.linspace(GRID_RADPS[-1], math.pi / loop_transfer.TICK_S, 40)
 """From the end of the grid to half the tick's rate."""
 
 
-class View(NamedTuple):
+class MeasuredPlane(NamedTuple):
     """One plane of a vehicle as a law meets it. Outputs: r, psi; in pitch q, theta, depth,
     depth'."""
 
@@ -50,13 +50,13 @@ class View(NamedTuple):
         return ("elevator", "depth") if "depth" in self.plane.states else ("rudder", "heading")
 
 
-def view(vehicle: Plant, plane: Plane) -> View:
+def measured_plane(vehicle: DesignModel, plane: Plane) -> MeasuredPlane:
     linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
     lag = vehicle.yaw_lag if plane == "yaw" else vehicle.pitch_lag
     responses = vehicle.yaw if plane == "yaw" else vehicle.pitch
     sea, measured = vehicle.sea[plane], outputs(linear).T
     noise = math.radians(sea.rate_noise_degps) * math.sqrt(NOISE_STEP_S)
-    return View(
+    return MeasuredPlane(
         linear, lag, spectrum(sea), noise, responses.command @ measured, responses.moment @ measured
     )
 
@@ -75,7 +75,7 @@ class Cuts(NamedTuple):
     outer: ComplexArray
 
 
-def cuts(seen: View, law: Law) -> Cuts:
+def cuts(seen: MeasuredPlane, law: DiscreteController) -> Cuts:
     parts = -laws.response(law, GRID_RADPS) * seen.command
     inner = 1 if seen.command.shape[1] == 2 else 2
     return Cuts(
@@ -83,36 +83,38 @@ def cuts(seen: View, law: Law) -> Cuts:
     )
 
 
-def stability(seen: View, law: Law, bounds: Bounds, finishing: Spec | None = None) -> Misses:
+def violations(
+    seen: MeasuredPlane, law: DiscreteController, bounds: Bounds, finishing: Spec | None = None
+) -> ConstraintViolation:
     """What the PID's loops are asked for, and that a change of buoyancy ends in time like an offset
     of the surface."""
     opened, (surface, outer) = cuts(seen, law), seen.names
-    own = modal.of(_closed(seen, law))
+    own = modal.modes_of(_close(seen, law))
     missed = {
         "stability": float(np.max(own.values.real)),
-        **constraints.of_cut(opened.surface, surface, bounds),
-        **constraints.of_cut(opened.outer, outer, bounds),
-        **constraints.of_damping(own, outer, bounds),
+        **constraints.margin_violations(opened.surface, surface, bounds),
+        **constraints.margin_violations(opened.outer, outer, bounds),
+        **constraints.damping_violations(own, outer, bounds),
     }
     if finishing is None:
         return missed
-    state = modal.STATES[outer][outer]
-    missed |= constraints.of_load(own, seen.plane.B, state, outer, finishing)
+    state = modal.OBSERVED_STATES[outer][outer]
+    missed |= constraints.load_violation(own, seen.plane.B, state, outer, finishing)
     if outer == "depth":
-        missed |= constraints.of_load(
+        missed |= constraints.load_violation(
             own, np.eye(1, 4)[0], state, "depth with new buoyancy", finishing
         )
     return missed
 
 
-def _closed(seen: View, law: Law) -> loop_transfer.ClosedLoop:
-    A, B = loop_transfer.chain(seen.plane, seen.lag, PADE_ORDER)
+def _close(seen: MeasuredPlane, law: DiscreteController) -> loop_transfer.ClosedLoop:
+    A, B = loop_transfer.plane_with_tailcone(seen.plane, seen.lag, PADE_ORDER)
     C = np.zeros((seen.command.shape[1], len(B)))
     C[:, : len(seen.plane.B)] = outputs(seen.plane)
     return laws.close(law, A, B, C)
 
 
-class Errors(NamedTuple):
+class DisturbanceResponse(NamedTuple):
     """Standard deviations in the model's sea (rad, m, s)."""
 
     outputs: Array
@@ -121,13 +123,13 @@ class Errors(NamedTuple):
     """Of the command by the gyro's noise alone."""
 
 
-def errors(seen: View, law: Law) -> Errors:
-    feedback, beyond = laws.response(law, GRID_RADPS), laws.response(law, BEYOND_RADPS)
+def disturbance_response(seen: MeasuredPlane, law: DiscreteController) -> DisturbanceResponse:
+    feedback, beyond = laws.response(law, GRID_RADPS), laws.response(law, HIGH_GRID_RADPS)
     sensitivity = 1.0 / (1.0 - (feedback * seen.command).sum(axis=1))
     command = (feedback * seen.moment).sum(axis=1) * sensitivity
     replies = seen.moment + seen.command * command[:, None]
-    noise = _power(feedback[:, 0] * sensitivity, GRID_RADPS) + _power(beyond[:, 0], BEYOND_RADPS)
-    return Errors(
+    noise = _power(feedback[:, 0] * sensitivity, GRID_RADPS) + _power(beyond[:, 0], HIGH_GRID_RADPS)
+    return DisturbanceResponse(
         np.array([math.sqrt(_power(reply, GRID_RADPS, seen.density)) for reply in replies.T]),
         math.sqrt(_power(command, GRID_RADPS, seen.density)),
         seen.noise_radps * math.sqrt(noise),

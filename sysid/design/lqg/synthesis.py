@@ -14,7 +14,7 @@ from scipy.linalg import solve_continuous_are
 from sysid.control_analysis import loop_transfer
 from sysid.control_analysis.loop_transfer import Lag
 from sysid.design.design_model import NOISE_STEP_S
-from sysid.design.lqg.controller import Law
+from sysid.design.lqg.controller import DiscreteController
 from sysid.design.lqg.loop_analysis import outputs
 from sysid.models import noise
 from sysid.models.linear_planes import LinearPlane
@@ -55,7 +55,7 @@ class Weights(NamedTuple):
     """The noise of depth and its rate as a multiple of the identified one."""
 
 
-class Model(NamedTuple):
+class AugmentedModel(NamedTuple):
     """x' = A x + B u + w, y = C x + v. States: plane, tailcone, sea, load, and in pitch
     buoyancy."""
 
@@ -69,17 +69,17 @@ class Model(NamedTuple):
     """Index of the surface's offset; what comes before it moves."""
 
 
-def law(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> Law:
+def controller(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> DiscreteController:
     """Raises numpy.linalg.LinAlgError where the weights have no solution."""
-    model = built(plane, lag, sea, weights)
+    model = build_model(plane, lag, sea, weights)
     L = filter_gains(model)
-    return Law(model.A - L @ model.C, model.B, L, feedback(model, weights))
+    return DiscreteController(model.A - L @ model.C, model.B, L, feedback(model, weights))
 
 
-def built(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> Model:
-    tail, drive = loop_transfer.chain(plane, lag, PADE_ORDER)
+def build_model(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> AugmentedModel:
+    tail, drive = loop_transfer.plane_with_tailcone(plane, lag, PADE_ORDER)
     n, load = len(plane.B), len(drive) + SEA_STATES
-    size = load + loads(plane)
+    size = load + count_loads(plane)
     A, B, process = np.zeros((size, size)), np.zeros(size), np.zeros((size, size))
     shaping, density, *_ = noise.system(
         plane, sea._replace(wave_radps2=sea.wave_radps2 * weights.wave)
@@ -99,21 +99,21 @@ def built(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> Model:
     sds = [weights.gyro * sea.rate_radps, sea.angle_rad, depth_m, depth_m / DEPTH_RATE_S][
         : len(seen)
     ]
-    return Model(A, B, C, process, np.diag(sds) ** 2 * NOISE_STEP_S, load)
+    return AugmentedModel(A, B, C, process, np.diag(sds) ** 2 * NOISE_STEP_S, load)
 
 
-def loads(plane: LinearPlane) -> int:
+def count_loads(plane: LinearPlane) -> int:
     """How many constant loads the filter knows of; they are its last states."""
     return 2 if "depth" in plane.states else 1
 
 
-def filter_gains(model: Model) -> Array:
+def filter_gains(model: AugmentedModel) -> Array:
     """Of the steady Kalman filter, (states, outputs)."""
     P = solve_continuous_are(model.A.T, model.C.T, model.process, model.measurement)
     return np.asarray(np.linalg.solve(model.measurement, model.C @ P).T)
 
 
-def feedback(model: Model, weights: Weights) -> Array:
+def feedback(model: AugmentedModel, weights: Weights) -> Array:
     """Optimal about the equilibrium that the believed constant loads ask for."""
     load, in_pitch = model.load, len(model.C) == 4
     A, B = model.A[:load, :load], model.B[:load, None]
@@ -125,7 +125,7 @@ def feedback(model: Model, weights: Weights) -> Array:
     return np.concatenate([F, command - F @ moved])
 
 
-def equilibrium(model: Model, held: int) -> tuple[Array, Array]:
+def equilibrium(model: AugmentedModel, held: int) -> tuple[Array, Array]:
     """States and command at which a unit of each constant load leaves state number ``held`` at
     zero."""
     load, loads = model.load, len(model.B) - model.load
@@ -140,6 +140,6 @@ def equilibrium(model: Model, held: int) -> tuple[Array, Array]:
     return at_rest[:load], at_rest[load]
 
 
-def pitch_per_metre(law: Law) -> float:
+def pitch_per_metre(law: DiscreteController) -> float:
     """What a metre of depth asks of the pitch, rad: elevator is the same for either."""
     return abs(float(law.F[3] / law.F[2]))

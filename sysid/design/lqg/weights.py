@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from sysid.design import constrained_search
-from sysid.design.constrained_search import WORST_MISS, Judged, Search
+from sysid.design.constrained_search import MAX_VIOLATION, ConstrainedProblem, CostAndConstraints
 from sysid.design.constraints import Bounds
 from sysid.design.lqg import loop_analysis, synthesis
-from sysid.design.lqg.controller import Law
-from sysid.design.lqg.loop_analysis import View
+from sysid.design.lqg.controller import DiscreteController
+from sysid.design.lqg.loop_analysis import MeasuredPlane
 from sysid.design.lqg.synthesis import Weights
 from sysid.design.specification import Spec
 from sysid.models.noise import Noise
@@ -36,7 +36,7 @@ DEPTH_STARTS = (
     ),
 )
 """Of Caribou's order."""
-OF_THE_SURFACE = ("load", "recovery")
+SURFACE_WEIGHTS = ("load", "recovery")
 """Radians of the surface; ``effort`` is per radian of it."""
 
 
@@ -51,7 +51,7 @@ class Reference(NamedTuple):
 class Task(NamedTuple):
     """One plane and what is asked of it."""
 
-    seen: View
+    seen: MeasuredPlane
     sea: Noise
     reference: Reference
     spec: Spec
@@ -62,44 +62,44 @@ def starts(task: Task) -> tuple[dict[str, float], ...]:
     in_pitch = task.seen.names[1] == "depth"
     names = Weights._fields if in_pitch else Weights._fields[:6]
     ratio = CARIBOU_TURN_PER_S2 / abs(float(task.seen.plane.B[1]))
-    scale = {"effort": 1.0 / ratio, **dict.fromkeys(OF_THE_SURFACE, ratio)}
+    scale = {"effort": 1.0 / ratio, **dict.fromkeys(SURFACE_WEIGHTS, ratio)}
     every = DEPTH_STARTS if in_pitch else HEADING_STARTS
     return tuple(
         {name: getattr(start, name) * scale.get(name, 1.0) for name in names} for start in every
     )
 
 
-def tuned(task: Task, bounds: Bounds, first: Sequence[Mapping[str, float]]) -> dict[str, float]:
+def tune(task: Task, bounds: Bounds, first: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """Weights by name, from the first of the starts that ends within the limits. Raises
     DesignRefused."""
-    names = tuple(judged(task, law_of(task, first[0]), bounds).misses)
+    names = tuple(evaluate(task, controller_of(task, first[0]), bounds).misses)
 
-    def judge(weights: Mapping[str, float]) -> Judged:
+    def judge(weights: Mapping[str, float]) -> CostAndConstraints:
         try:
-            return judged(task, law_of(task, weights), bounds)
+            return evaluate(task, controller_of(task, weights), bounds)
         except np.linalg.LinAlgError:  # a Riccati equation without a solution, to rounding
-            return Judged(WORST_MISS, dict.fromkeys(names, WORST_MISS))
+            return CostAndConstraints(MAX_VIOLATION, dict.fromkeys(names, MAX_VIOLATION))
 
-    return constrained_search.solve(Search({}, first, judge))
-
-
-def law_of(task: Task, weights: Mapping[str, float]) -> Law:
-    return synthesis.law(task.seen.plane, task.seen.lag, task.sea, Weights(**weights))
+    return constrained_search.solve(ConstrainedProblem({}, first, judge))
 
 
-def judged(task: Task, law: Law, bounds: Bounds) -> Judged:
-    spec, errors = task.spec, loop_analysis.errors(task.seen, law)
+def controller_of(task: Task, weights: Mapping[str, float]) -> DiscreteController:
+    return synthesis.controller(task.seen.plane, task.seen.lag, task.sea, Weights(**weights))
+
+
+def evaluate(task: Task, law: DiscreteController, bounds: Bounds) -> CostAndConstraints:
+    spec, errors = task.spec, loop_analysis.disturbance_response(task.seen, law)
     misses = {
-        **loop_analysis.stability(task.seen, law, bounds, spec),
+        **loop_analysis.violations(task.seen, law, bounds, spec),
         f"noise of the {task.seen.names[0]}'s command": math.degrees(errors.noise_rad)
         / spec.command_noise_deg
         - 1.0,
     }
     if task.seen.names[1] == "heading":
-        return Judged(float(errors.outputs[1]) / task.reference.heading_rad, misses)
+        return CostAndConstraints(float(errors.outputs[1]) / task.reference.heading_rad, misses)
     asked_deg = math.degrees(synthesis.pitch_per_metre(law))
     misses["pitch activity"] = (
         float(errors.outputs[1]) / task.reference.pitch_rad / spec.pitch_rms_growth - 1.0
     )
     misses["pitch asked by a metre"] = asked_deg / spec.pitch_per_metre_deg - 1.0
-    return Judged(float(errors.outputs[2]) / task.reference.depth_m, misses)
+    return CostAndConstraints(float(errors.outputs[2]) / task.reference.depth_m, misses)

@@ -13,17 +13,17 @@ from sitl.vehicle.config import VehicleConfig
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.design import constraints, design_model
 from sysid.design.constraints import Bounds
-from sysid.design.design_model import Plant
+from sysid.design.design_model import DesignModel
 from sysid.design.pid import depth, heading, predicted_performance, reference_models
-from sysid.design.pid.rationale import reasons
-from sysid.design.robustness import least, share_of, trust
+from sysid.design.pid.rationale import explain
+from sysid.design.robustness import fraction_satisfying, min_bounds, robustness
 from sysid.design.specification import (
     Design,
-    DesignRefused,
+    DesignInfeasibleError,
+    DesignRobustness,
     Loads,
     Response,
     Spec,
-    Trust,
 )
 from sysid.models.linear_planes import LinearPlane
 from sysid.models.model_file import IdentifiedModel
@@ -31,29 +31,29 @@ from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
 __all__ = [
     "Design",
-    "DesignRefused",
+    "DesignInfeasibleError",
+    "DesignRobustness",
     "Loads",
     "Response",
     "Spec",
-    "Trust",
     "constant_loads",
     "redesign",
 ]
 
 VEHICLES = 240
 """That are drawn from what the model says of itself."""
-STRICTER = (1.0, 1.08, 1.16)
+DAMPING_FACTORS = (1.0, 1.08, 1.16)
 """Factors on the nominal damping, tried until enough of the drawn vehicles keep the least one:
 margins have room between what the nominal model and what every vehicle is asked for, damping has
 none."""
-SURE = 0.9
+ROBUST_ENOUGH = 0.9
 """Share of vehicles above which that ends."""
-BEYOND_BIAS_RAD = math.radians(1.0)
+INTEGRATOR_ROOM_RAD = math.radians(1.0)
 """Room of the heading integrator beyond the measured rudder bias."""
 LEVEL_PITCH_ROOM = 1.25
 """Depth integrator over the pitch that level flight needs: ballast changes by a fourth of the net
 buoyancy or so."""
-MOST_IMAX_RAD = 0.25
+MAX_IMAX_RAD = 0.25
 
 
 def redesign(
@@ -72,38 +72,41 @@ def redesign(
     """
     spec = spec or Spec()
     if not model.convergence.agreed:
-        raise DesignRefused(
+        raise DesignInfeasibleError(
             "the fit's starts disagree, so the model is not unique; record more tests and refit"
         )
-    vehicle, loads = design_model.plant(model), constant_loads(model)
-    allowed = list(design_model.allowed(model, VEHICLES, prior))
+    vehicle, loads = design_model.from_model(model), constant_loads(model)
+    allowed = list(design_model.sample_models(model, VEHICLES, prior))
     try:
-        gains = _gains(vehicle, allowed, _first(vehicle, initial), spec)
-    except DesignRefused as refused:
-        raise DesignRefused(
-            f"{refused}; ask for less, or {_what_would_help(model)}, and refit"
+        gains = _gains(vehicle, allowed, _initial_values(vehicle, initial), spec)
+    except DesignInfeasibleError as refused:
+        raise DesignInfeasibleError(
+            f"{refused}; ask for less, or {_recommended_test(model)}, and refit"
         ) from None
-    sure = trust(allowed, gains, spec)
-    refuse_unlikely(sure, model, spec)
+    sure = robustness(allowed, gains, spec)
+    check_robustness(sure, model, spec)
     gains |= integrator_limits(loads, gains)
     gains |= reference_models.heading(vehicle, gains, loads, spec)
     gains |= reference_models.depth(vehicle, gains, loads, spec)
-    judged = design_model.judge(vehicle, gains)
-    before, after = design_model.respond(vehicle, initial), design_model.respond(vehicle, gains)
+    judged = design_model.analyse_loops(vehicle, gains)
+    before, after = (
+        design_model.predict_response(vehicle, initial),
+        design_model.predict_response(vehicle, gains),
+    )
     return Design(
         gains=gains,
-        reasons=reasons(model, gains, judged, before, after, spec),
+        reasons=explain(model, gains, judged, before, after, spec),
         analysis=judged,
         predicted=after,
         initial=before,
-        initial_analysis=design_model.judge(vehicle, initial),
+        initial_analysis=design_model.analyse_loops(vehicle, initial),
         spec=spec,
         trust=sure,
-        promise=predicted_performance.promise(model, vehicle, gains, spec, sure),
+        promise=predicted_performance.performance_baseline(model, vehicle, gains, spec, sure),
     )
 
 
-def _first(vehicle: Plant, initial: Gains) -> dict[str, float]:
+def _initial_values(vehicle: DesignModel, initial: Gains) -> dict[str, float]:
     """The initial gains, and the tailcone as it was identified."""
     lag = vehicle.yaw_lag
     tail = {
@@ -115,7 +118,7 @@ def _first(vehicle: Plant, initial: Gains) -> dict[str, float]:
 
 
 def _gains(
-    vehicle: Plant, allowed: Sequence[Plant], first: dict[str, float], spec: Spec
+    vehicle: DesignModel, allowed: Sequence[DesignModel], first: dict[str, float], spec: Spec
 ) -> dict[str, float]:
     """Of heading first, which settles how far the lag is undone, then of depth. Raises
     DesignRefused."""
@@ -125,18 +128,20 @@ def _gains(
     ) -> dict[str, float]:
         """Of stricter and stricter damping, as far as it can be met, until enough vehicles keep the
         least one."""
-        found, share, starts = known, -1.0, design_model.scaled(plane.STARTS, linear)
-        for factor in STRICTER:
+        found, share, starts = known, -1.0, design_model.scale_starts(plane.STARTS, linear)
+        for factor in DAMPING_FACTORS:
             try:
-                moved = plane.gains(vehicle, known, spec, _stricter(spec, factor), starts)
-            except DesignRefused:
+                moved = plane.gains(vehicle, known, spec, _tighten_damping(spec, factor), starts)
+            except DesignInfeasibleError:
                 if share < 0.0:
                     raise
                 break
-            kept = share_of(allowed, plane.stability, {**known, **moved}, least(spec))
+            kept = fraction_satisfying(
+                allowed, plane.stability, {**known, **moved}, min_bounds(spec)
+            )
             if kept > share:
                 found, share = {**known, **moved}, kept
-            if kept >= SURE:
+            if kept >= ROBUST_ENOUGH:
                 break
             starts = (moved,)
         return found
@@ -146,24 +151,24 @@ def _gains(
     )
 
 
-def _stricter(spec: Spec, factor: float) -> Bounds:
+def _tighten_damping(spec: Spec, factor: float) -> Bounds:
     asked = constraints.nominal(spec)
     return asked._replace(damping=factor * asked.damping)
 
 
-def refuse_unlikely(found: Trust | None, model: IdentifiedModel, spec: Spec) -> None:
+def check_robustness(found: DesignRobustness | None, model: IdentifiedModel, spec: Spec) -> None:
     """Raises DesignRefused where fewer vehicles keep the specification than it asks for; says what
     would help."""
     if found is None or found.specification >= spec.probability:
         return
-    raise DesignRefused(
+    raise DesignInfeasibleError(
         f"only {100 * found.specification:.0f} % of the vehicles that the model allows for keep the"
         f" specification, at least {100 * spec.probability:.0f} asked for; most miss the"
-        f" {found.worst}; {_what_would_help(model)}, and refit"
+        f" {found.worst}; {_recommended_test(model)}, and refit"
     )
 
 
-def _what_would_help(model: IdentifiedModel) -> str:
+def _recommended_test(model: IdentifiedModel) -> str:
     """The test that the model's own verdict asks for, where it has one."""
     following = model.verdict.next_test if model.verdict else None
     return (
@@ -190,7 +195,7 @@ def integrator_limits(loads: Loads, gains: dict[str, float]) -> dict[str, float]
     integrator carries the pitch of level flight, and TRIM_ELE_DEG the elevator."""
     room = LEVEL_PITCH_ROOM * abs(loads.level_pitch_rad) + loads.elevator_rad / gains["PTCH_P"]
     return {
-        "HDG_IMAX": min(MOST_IMAX_RAD, BEYOND_BIAS_RAD + loads.rudder_rad),
+        "HDG_IMAX": min(MAX_IMAX_RAD, INTEGRATOR_ROOM_RAD + loads.rudder_rad),
         "PTCH_IMAX": 0.0,
-        "DPT_IMAX": min(MOST_IMAX_RAD, room),
+        "DPT_IMAX": min(MAX_IMAX_RAD, room),
     }

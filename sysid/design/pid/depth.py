@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from sysid.control_analysis import loop_transfer, modal
 from sysid.control_analysis.loop_transfer import Gains
 from sysid.design import constrained_search, constraints
-from sysid.design.constrained_search import Judged, Search
-from sysid.design.constraints import Bounds, Misses
-from sysid.design.design_model import Plant, command_noise_rad, depth_rms
+from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints
+from sysid.design.constraints import Bounds, ConstraintViolation
+from sysid.design.design_model import DesignModel, command_noise_rad, depth_rms
 from sysid.design.specification import Spec
 
 STARTS: Sequence[Mapping[str, float]] = (
@@ -19,7 +19,7 @@ STARTS: Sequence[Mapping[str, float]] = (
 
 
 def gains(
-    vehicle: Plant,
+    vehicle: DesignModel,
     first: Gains,
     spec: Spec,
     bounds: Bounds,
@@ -29,30 +29,30 @@ def gains(
     DesignRefused."""
     pitch_0, depth_0, _ = depth_rms(vehicle, {**first, "ACT_LEAD_W": 0.0})
 
-    def judge(gains: Gains) -> Judged:
+    def judge(gains: Gains) -> CostAndConstraints:
         pitch, depth, _ = depth_rms(vehicle, gains)
         noise = math.degrees(command_noise_rad(vehicle, "pitch", gains))
         misses = {
-            **stability(vehicle, gains, bounds, spec),
+            **violations(vehicle, gains, bounds, spec),
             "pitch activity": pitch / pitch_0 / spec.pitch_rms_growth - 1.0,
             "pitch asked by a metre": math.degrees(gains["DPT_P"]) / spec.pitch_per_metre_deg - 1.0,
             "noise of the elevator's command": noise / spec.command_noise_deg - 1.0,
         }
-        return Judged(depth / depth_0, misses)
+        return CostAndConstraints(depth / depth_0, misses)
 
-    return constrained_search.solve(Search(first, starts, judge))
+    return constrained_search.solve(ConstrainedProblem(first, starts, judge))
 
 
-def stability(
-    vehicle: Plant, gains: Gains, bounds: Bounds, finishing: Spec | None = None
-) -> Misses:
+def violations(
+    vehicle: DesignModel, gains: Gains, bounds: Bounds, finishing: Spec | None = None
+) -> ConstraintViolation:
     """Margins at both cuts, damping in pitch and depth, and where ``finishing`` asks for it that
     the error in depth of an elevator offset goes in time."""
     cuts, plane = loop_transfer.depth_loops(vehicle.pitch, gains), vehicle.planes.pitch
-    own = modal.of(loop_transfer.close_depth(plane, vehicle.pitch_lag, gains))
+    own = modal.modes_of(loop_transfer.close_depth(plane, vehicle.pitch_lag, gains))
     return {
-        **constraints.of_cut(cuts["elevator"], "elevator", bounds),
-        **constraints.of_cut(cuts["depth"], "depth", bounds),
-        **constraints.of_damping(own, "depth", bounds),
-        **(constraints.of_load(own, plane.B, 3, "depth", finishing) if finishing else {}),
+        **constraints.margin_violations(cuts["elevator"], "elevator", bounds),
+        **constraints.margin_violations(cuts["depth"], "depth", bounds),
+        **constraints.damping_violations(own, "depth", bounds),
+        **(constraints.load_violation(own, plane.B, 3, "depth", finishing) if finishing else {}),
     }

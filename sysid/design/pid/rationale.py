@@ -5,7 +5,7 @@ from sysid.design.specification import Response, Spec
 from sysid.models.model_file import IdentifiedModel
 
 
-def reasons(
+def explain(
     model: IdentifiedModel,
     gains: dict[str, float],
     judged: Analysis,

@@ -17,16 +17,16 @@ from scipy.linalg import expm
 from autopilot.control import loops as aboard
 from autopilot.control import params
 from autopilot.control.setpoints import Setpoint
-from autopilot.control.types import Estimate, LoopMemory
+from autopilot.control.types import LoopMemory, VehicleEstimate
 from sysid.control_analysis.loop_transfer import SAMPLING_S, TICK_S, Lag
-from sysid.design.design_model import Plant
+from sysid.design.design_model import DesignModel
 from sysid.design.specification import Spec
 from sysid.models.linear_planes import LinearPlane
 
 Array = NDArray[np.float64]
 
 
-class Flown(NamedTuple):
+class StepResponse(NamedTuple):
     """One change of set-point, an entry a tick."""
 
     time_s: Array
@@ -37,19 +37,19 @@ class Flown(NamedTuple):
 
 
 def heading_step(
-    vehicle: Plant, values: Mapping[str, float], step_rad: float, seconds: float, spec: Spec
-) -> Flown:
+    vehicle: DesignModel, values: Mapping[str, float], step_rad: float, seconds: float, spec: Spec
+) -> StepResponse:
     """``values``: parameters by name. The rudder rests at its trim, which the bias takes from the
     travel."""
     config = params.config(values)
     states, commands, memory = [], [], LoopMemory()
-    tail = _Tail(vehicle.planes.yaw, vehicle.yaw_lag, spec)
+    tail = _PlaneWithTailcone(vehicle.planes.yaw, vehicle.yaw_lag, spec)
     for _ in range(round(seconds / TICK_S)):
         _, r, psi = tail.state
-        estimate = Estimate(
+        estimate = VehicleEstimate(
             heading_rad=float(psi), r_radps=float(r), speed_mps=config.cruise_speed_mps
         )
-        wanted, memory = aboard.close(
+        wanted, memory = aboard.step_loops(
             estimate,
             Setpoint(heading_rad=step_rad),
             memory,
@@ -62,49 +62,49 @@ def heading_step(
         tail.advance(command)
         states.append(tail.state[2])
         commands.append(command)
-    return _flown(states, commands)
+    return _step_response(states, commands)
 
 
 def depth_step(
-    vehicle: Plant,
+    vehicle: DesignModel,
     values: Mapping[str, float],
     step_m: float,
     seconds: float,
     spec: Spec,
     level_pitch_rad: float,
-) -> Flown:
+) -> StepResponse:
     """The vehicle flew level at ``level_pitch_rad``, which the depth integrator already carries."""
     config = params.config(values)
     carried = min(config.depth_i_max, max(-config.depth_i_max, -level_pitch_rad))
     states, commands, memory = [], [], LoopMemory(depth_rad=carried)
-    tail = _Tail(vehicle.planes.pitch, vehicle.pitch_lag, spec)
+    tail = _PlaneWithTailcone(vehicle.planes.pitch, vehicle.pitch_lag, spec)
     for _ in range(round(seconds / TICK_S)):
         _, q, theta, depth = tail.state
-        estimate = Estimate(
+        estimate = VehicleEstimate(
             pitch_rad=float(theta) + level_pitch_rad,
             q_radps=float(q),
             depth_m=float(depth),
             depth_rate_mps=float(vehicle.planes.pitch.A[3] @ tail.state),
             speed_mps=config.cruise_speed_mps,
         )
-        wanted, memory = aboard.close(
+        wanted, memory = aboard.step_loops(
             estimate, Setpoint(depth_m=step_m), memory, config, TICK_S, heading=False, depth=True
         )
         command = wanted.elevator_rad - config.elevator_trim_rad
         tail.advance(command)
         states.append(tail.state[3])
         commands.append(command)
-    return _flown(states, commands)
+    return _step_response(states, commands)
 
 
-def _flown(values: list[float], commands: list[float]) -> Flown:
+def _step_response(values: list[float], commands: list[float]) -> StepResponse:
     ticks = np.arange(1.0, len(values) + 1.0)
-    return Flown(
+    return StepResponse(
         TICK_S * ticks, np.array(values, dtype=np.float64), np.array(commands, dtype=np.float64)
     )
 
 
-class _Tail:
+class _PlaneWithTailcone:
     """A plane behind the tailcone's delay, lag, rate limit and travel; departures from level
     flight."""
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear import response
-from sysid.estimation.linear.linear_model import Plant
-from sysid.estimation.linear.response import Command
+from sysid.estimation.linear.linear_model import LinearModel
+from sysid.estimation.linear.response import SurfaceCommand
 from sysid.models import noise
 from sysid.models.noise import Noise
 
@@ -30,7 +30,7 @@ class Bound(NamedTuple):
     """Of gain, poles and the rest, in the order of ``plant.derived_names``."""
 
 
-def coloured(plant: Plant, commands: Sequence[Command], level: Noise) -> Bound:
+def bound_coloured(plant: LinearModel, commands: Sequence[SurfaceCommand], level: Noise) -> Bound:
     """Under the sea and the sensors of ``level``; starting states as uncertain as ``noise`` says.
 
     Args:
@@ -42,24 +42,24 @@ def coloured(plant: Plant, commands: Sequence[Command], level: Noise) -> Bound:
         ValueError: there is no test.
     """
     by, count = response.discretise(plant), plants.outputs(plant.frame.plane)
-    filtering = noise.build(plants.linear_plane(plant), level, response.DT, _longest(commands))
+    filtering = noise.build(plants.linear_plane(plant), level, response.DT, _max_steps(commands))
     information = bench_information(plant)
     for command in commands:
         slopes = response.slopes(
-            plant, by, response.driven(plant, command), np.zeros(len(by.transition)), count
+            plant, by, response.duct_motion(plant, command), np.zeros(len(by.transition)), count
         )
-        J = np.stack([noise.whitened(slope, filtering).ravel() for slope in slopes])
+        J = np.stack([noise.whiten_residual(slope, filtering).ravel() for slope in slopes])
         information += J @ J.T
     return of_information(plant, information)
 
 
-def white(plant: Plant, commands: Sequence[Command], level: Noise) -> Bound:
+def bound_white(plant: LinearModel, commands: Sequence[SurfaceCommand], level: Noise) -> Bound:
     """Under the sensors of ``level`` alone; starting states and gyro biases entirely unknown.
 
-    Arguments and errors as ``coloured``.
+    Arguments and errors as ``bound_coloured``.
     """
     by, count = response.discretise(plant), plants.outputs(plant.frame.plane)
-    sds, longest = sensors(level)[:count], _longest(commands)
+    sds, longest = sensor_sds(level)[:count], _max_steps(commands)
     unknown = response.nuisances(by, longest, count) / sds[:, None]
     information = bench_information(plant)
     for command in commands:
@@ -67,7 +67,7 @@ def white(plant: Plant, commands: Sequence[Command], level: Noise) -> Bound:
         Q = np.linalg.qr(unknown[:steps].reshape(steps * count, -1))[0]
         slopes = (
             response.slopes(
-                plant, by, response.driven(plant, command), np.zeros(len(by.transition)), count
+                plant, by, response.duct_motion(plant, command), np.zeros(len(by.transition)), count
             )
             / sds
         )
@@ -77,12 +77,12 @@ def white(plant: Plant, commands: Sequence[Command], level: Noise) -> Bound:
     return of_information(plant, information)
 
 
-def sensors(level: Noise) -> Array:
+def sensor_sds(level: Noise) -> Array:
     """Standard deviations of rate, angle and depth."""
     return np.array([level.rate_radps, level.angle_rad, level.depth_m])
 
 
-def bench_information(plant: Plant) -> Array:
+def bench_information(plant: LinearModel) -> Array:
     """What the bench test of the tailcone tells of its lag, (values, values)."""
     lag = plants.lag(plant.frame.plane)
     information = np.zeros((plant.values.size, plant.values.size))
@@ -90,14 +90,14 @@ def bench_information(plant: Plant) -> Array:
     return information
 
 
-def of_information(plant: Plant, information: Array) -> Bound:
+def of_information(plant: LinearModel, information: Array) -> Bound:
     """Inverted in units that make its diagonal one: values differ in size by powers of ten."""
     scale = 1.0 / np.sqrt(np.diag(information))
     covariance = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
     return Bound(information, covariance, plants.propagate(plant.frame, plant.values, covariance))
 
 
-def _longest(commands: Sequence[Command]) -> int:
+def _max_steps(commands: Sequence[SurfaceCommand]) -> int:
     if not commands:
         raise ValueError("a bound needs at least one test")
     return max(response.steps(command) for command in commands)

@@ -14,10 +14,10 @@ from sysid.estimation.linear import (
     objective,
     output_error,
 )
-from sysid.estimation.linear.linear_model import Plant
-from sysid.estimation.linear.multistart import Found
+from sysid.estimation.linear.linear_model import LinearModel
+from sysid.estimation.linear.multistart import SearchResult
 from sysid.estimation.linear.objective import Objective
-from sysid.estimation.linear.records import Belief, Record
+from sysid.estimation.linear.records import LinearPrior, LinearRun
 from sysid.models.noise import Noise
 
 Array = NDArray[np.float64]
@@ -29,17 +29,17 @@ before the test."""
 
 PASSES = 3
 """Outer iterations of filter error: values, then the noise that explains what they miss."""
-FINER = (1e-2, 1e-2, 1e-3)
+FINAL_TOLERANCES = (1e-2, 1e-2, 1e-3)
 """Relative cost changes that end output error's passes: under levels that are far off the least
 lies elsewhere."""
-SETTLED = 0.02
+NOISE_TOLERANCE = 0.02
 """Relative change of the sensors' levels that ends output error's passes."""
-COARSE = 1e-4
+COARSE_TOLERANCE = 1e-4
 """Relative cost change that ends a pass whose noise levels are about to be renewed."""
 
 
-class Estimate(NamedTuple):
-    plant: Plant
+class PlaneEstimate(NamedTuple):
+    plant: LinearModel
     covariance: Array
     """Of the values, the inverse of their information."""
     level: Noise | None
@@ -56,12 +56,12 @@ class Estimate(NamedTuple):
 
 
 def estimate(
-    records: Sequence[Record],
-    belief: Belief,
+    records: Sequence[LinearRun],
+    belief: LinearPrior,
     method: Method = "filter-error",
     start: Array | None = None,
     others: int = multistart.STARTS,
-) -> Estimate:
+) -> PlaneEstimate:
     """Values of one plane from its runs (at least one).
 
     Args:
@@ -80,24 +80,30 @@ def estimate(
     found, weighted, level, sensors = _passes(method)(
         records, belief, belief.plant.values if start is None else start
     )
-    best, costs = multistart.from_everywhere(weighted, belief, found, others)
+    best, costs = multistart.search_from_starts(weighted, belief, found, others)
     multistart.require_unique(weighted, belief, best, costs)
     return _estimate(best, weighted, level, sensors, belief)._replace(start_costs=tuple(costs))
 
 
-def descend(records: Sequence[Record], belief: Belief, method: Method, start: Array) -> Estimate:
+def descend(
+    records: Sequence[LinearRun], belief: LinearPrior, method: Method, start: Array
+) -> PlaneEstimate:
     """The same from one start, nobody asking whether the runs name one plant."""
     return _estimate(*_passes(method)(records, belief, start), belief)
 
 
 def _estimate(
-    found: Found, weighted: Objective, level: Noise | None, sensors: Array, belief: Belief
-) -> Estimate:
-    plant = Plant(belief.plant.frame, found.values)
+    found: SearchResult,
+    weighted: Objective,
+    level: Noise | None,
+    sensors: Array,
+    belief: LinearPrior,
+) -> PlaneEstimate:
+    plant = LinearModel(belief.plant.frame, found.values)
     covariance = cramer_rao.of_information(
         plant, multistart.information_at(weighted, found.values)
     ).covariance
-    return Estimate(
+    return PlaneEstimate(
         plant,
         covariance,
         level,
@@ -111,39 +117,44 @@ def _estimate(
     )
 
 
-Passed = tuple[Found, Objective, Noise | None, Array]
+PassResult = tuple[SearchResult, Objective, Noise | None, Array]
 
 
-def _passes(method: Method) -> Callable[[Sequence[Record], Belief, Array], Passed]:
+def _passes(method: Method) -> Callable[[Sequence[LinearRun], LinearPrior, Array], PassResult]:
     return _output_error if method == "output-error" else _filter_error
 
 
-def _output_error(records: Sequence[Record], belief: Belief, values: Array) -> Passed:
+def _output_error(records: Sequence[LinearRun], belief: LinearPrior, values: Array) -> PassResult:
     frame = belief.plant.frame
-    sds = cramer_rao.sensors(Noise())[: records[0].measured.shape[1]]
+    sds = cramer_rao.sensor_sds(Noise())[: records[0].measured.shape[1]]
 
     def weighted() -> Objective:
-        return objective.with_bench(output_error.reduced(frame, records, sds), belief.plant)
+        return objective.with_bench(output_error.reduce_by_qr(frame, records, sds), belief.plant)
 
-    for tolerance in FINER:
+    for tolerance in FINAL_TOLERANCES:
         values = multistart.search(weighted(), belief, values, tolerance).values
         before, sds = sds, output_error.levels(frame, records, sds, values)
-        if np.max(np.abs(sds / before - 1.0)) < SETTLED:
+        if np.max(np.abs(sds / before - 1.0)) < NOISE_TOLERANCE:
             break
     return multistart.search(weighted(), belief, values), weighted(), None, sds
 
 
-def _filter_error(records: Sequence[Record], belief: Belief, values: Array) -> Passed:
+def _filter_error(records: Sequence[LinearRun], belief: LinearPrior, values: Array) -> PassResult:
     frame, level = belief.plant.frame, Noise()
     for _ in range(PASSES):
-        units = filter_error.filtering(Plant(frame, values), records, level)
+        units = filter_error.build_filter(LinearModel(frame, values), records, level)
         data = filter_error.predictor(frame, records, level, units)
         values = multistart.search(
-            objective.with_bench(data, belief.plant), belief, values, COARSE
+            objective.with_bench(data, belief.plant), belief, values, COARSE_TOLERANCE
         ).values
         # From the default levels every time: those of a plane that was still wrong may be past
         # return.
-        level = filter_error.levels(Plant(frame, values), records, Noise())
-    by = filter_error.filtering(Plant(frame, values), records, level)
-    weighted = objective.with_bench(filter_error.whitened(frame, records, by), belief.plant)
-    return multistart.search(weighted, belief, values), weighted, level, cramer_rao.sensors(level)
+        level = filter_error.levels(LinearModel(frame, values), records, Noise())
+    by = filter_error.build_filter(LinearModel(frame, values), records, level)
+    weighted = objective.with_bench(filter_error.whiten_residuals(frame, records, by), belief.plant)
+    return (
+        multistart.search(weighted, belief, values),
+        weighted,
+        level,
+        cramer_rao.sensor_sds(level),
+    )

@@ -12,27 +12,29 @@ from numpy.typing import NDArray
 
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear import response
-from sysid.estimation.linear.linear_model import NUMBERS, Frame, Plant
+from sysid.estimation.linear.linear_model import NUMBERS, LinearModel, LinearModelStructure
 from sysid.estimation.linear.objective import Objective
-from sysid.estimation.linear.records import Record
+from sysid.estimation.linear.records import LinearRun
 from sysid.models import noise
 from sysid.models.noise import Filter, Noise
 
 Array = NDArray[np.float64]
 
-DIFFERENCE, LEAST_NUMBER = 1e-5, 0.03
+DIFFERENCE, MIN_NUMBER = 1e-5, 0.03
 """Step of the slopes by the equation's numbers, relative, and the least size that it is relative
 to."""
 
 
-def filtering(plant: Plant, records: Sequence[Record], level: Noise) -> Filter:
+def build_filter(plant: LinearModel, records: Sequence[LinearRun], level: Noise) -> Filter:
     """The filter that whitens what ``plant`` misses of the runs."""
     return noise.build(
         plants.linear_plane(plant), level, response.DT, max(len(r.measured) for r in records)
     )
 
 
-def predictor(frame: Frame, records: Sequence[Record], level: Noise, units: Filter) -> Objective:
+def predictor(
+    frame: LinearModelStructure, records: Sequence[LinearRun], level: Noise, units: Filter
+) -> Objective:
     """Innovations of the runs, each plane judged by its own filter, in the units of the filter
     ``units``.
 
@@ -42,24 +44,28 @@ def predictor(frame: Frame, records: Sequence[Record], level: Noise, units: Filt
     numbers = len(NUMBERS[frame.plane])
 
     def residuals(values: Array) -> Array:
-        plant = Plant(frame, values)
-        by = filtering(plant, records, level)._replace(whiteners=units.whiteners)
-        return np.concatenate([noise.whitened(e, by).ravel() for e in missed(plant, records)])
+        plant = LinearModel(frame, values)
+        by = build_filter(plant, records, level)._replace(whiteners=units.whiteners)
+        return np.concatenate(
+            [noise.whiten_residual(e, by).ravel() for e in plane_residuals(plant, records)]
+        )
 
     def jacobian(values: Array) -> Array:
-        plant, first = Plant(frame, values), residuals(values)
-        steps = DIFFERENCE * np.maximum(np.abs(values[:numbers]), LEAST_NUMBER)
+        plant, first = LinearModel(frame, values), residuals(values)
+        steps = DIFFERENCE * np.maximum(np.abs(values[:numbers]), MIN_NUMBER)
         ways = np.diag(steps) @ np.eye(numbers, values.size)
         moved = [
             (residuals(values + way) - first) / step for way, step in zip(ways, steps, strict=True)
         ]
-        by = filtering(plant, records, level)._replace(whiteners=units.whiteners)
+        by = build_filter(plant, records, level)._replace(whiteners=units.whiteners)
         return np.column_stack([*moved, _whitened_slopes(plant, records, by)[:, numbers:]])
 
     return Objective(residuals, jacobian)
 
 
-def whitened(frame: Frame, records: Sequence[Record], by_filter: Filter) -> Objective:
+def whiten_residuals(
+    frame: LinearModelStructure, records: Sequence[LinearRun], by_filter: Filter
+) -> Objective:
     """Residuals whitened by one filter, which stands still: generalised least squares.
 
     Nothing but what the commands caused counts as knowledge of the plane; what the sea's colour
@@ -67,40 +73,45 @@ def whitened(frame: Frame, records: Sequence[Record], by_filter: Filter) -> Obje
 
     def residuals(values: Array) -> Array:
         return np.concatenate(
-            [noise.whitened(e, by_filter).ravel() for e in missed(Plant(frame, values), records)]
+            [
+                noise.whiten_residual(e, by_filter).ravel()
+                for e in plane_residuals(LinearModel(frame, values), records)
+            ]
         )
 
     return Objective(
-        residuals, lambda values: _whitened_slopes(Plant(frame, values), records, by_filter)
+        residuals, lambda values: _whitened_slopes(LinearModel(frame, values), records, by_filter)
     )
 
 
-def _whitened_slopes(plant: Plant, records: Sequence[Record], by_filter: Filter) -> Array:
+def _whitened_slopes(plant: LinearModel, records: Sequence[LinearRun], by_filter: Filter) -> Array:
     """Of residuals by each value, (n, values)."""
     by = response.discretise(plant)
     rest = np.zeros(len(by.transition))
     runs = []
     for record in records:
         slopes = response.slopes(
-            plant, by, response.driven(plant, record.command), rest, _count(record)
+            plant, by, response.duct_motion(plant, record.command), rest, _count(record)
         )
         runs.append(
-            np.column_stack([noise.whitened(-slope, by_filter).ravel() for slope in slopes])
+            np.column_stack([noise.whiten_residual(-slope, by_filter).ravel() for slope in slopes])
         )
     return np.concatenate(runs)
 
 
-def missed(plant: Plant, records: Sequence[Record]) -> list[Array]:
+def plane_residuals(plant: LinearModel, records: Sequence[LinearRun]) -> list[Array]:
     """Measured less simulated from rest of each run, (steps, outputs)."""
     by = response.discretise(plant)
     rest = np.zeros(len(by.transition))
     return [r.measured - response.outputs(plant, by, r.command, rest, _count(r)) for r in records]
 
 
-def levels(plant: Plant, records: Sequence[Record], start: Noise) -> Noise:
+def levels(plant: LinearModel, records: Sequence[LinearRun], start: Noise) -> Noise:
     """Noise that makes what ``plant`` misses most likely."""
-    return noise.estimate(plants.linear_plane(plant), missed(plant, records), response.DT, start)
+    return noise.estimate(
+        plants.linear_plane(plant), plane_residuals(plant, records), response.DT, start
+    )
 
 
-def _count(record: Record) -> int:
+def _count(record: LinearRun) -> int:
     return int(record.measured.shape[1])

@@ -20,7 +20,7 @@ from sysid.estimation.map import fit
 from sysid.models import linear_planes
 from sysid.models.greybox import Actuator
 from sysid.models.linear_planes import LinearPlane, SmallSignal
-from sysid.models.parameters import PARAMETERS, Vehicle
+from sysid.models.parameters import PARAMETERS, CandidateVehicle
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ NUMBERS: dict[Plane, tuple[str, ...]] = {
     "pitch": ("zw", "zq", "mw", "mq", "k", "zd", "md"),
 }
 TAIL = ("delay_s", "bias_rad", "natural_frequency_radps", "damping_ratio")
-LEVEL = "level_rad"
+LEVEL_PITCH = "level_rad"
 """Pitch of level flight, about which pitch is linear. The bias is then the duct's angle at a
 command of zero less its angle in level flight."""
 LAG_SD = np.array(
@@ -39,12 +39,12 @@ LAG_SD = np.array(
 water hardly tell the lag from the delay, so the estimators take the bench's word as one more
 measurement instead of the lag as known."""
 
-LEAST_COUPLING = 1e-6
+MIN_COUPLING = 1e-6
 """Sway into yaw acceleration, 1/(m s): an uncoupled plane would need an infinite force to have its
 b0."""
 
 
-class Frame(NamedTuple):
+class LinearModelStructure(NamedTuple):
     """What is known of a plane beforehand."""
 
     plane: Plane
@@ -57,16 +57,16 @@ class Frame(NamedTuple):
     """Of the duct."""
 
 
-class Plant(NamedTuple):
+class LinearModel(NamedTuple):
     """A frame and the values in it, in the order of ``names``."""
 
-    frame: Frame
+    frame: LinearModelStructure
     values: Array
 
 
 def names(plane: Plane) -> tuple[str, ...]:
     """Of the values; lengths 8 in yaw and 12 in pitch."""
-    return NUMBERS[plane] + TAIL + ((LEVEL,) if plane == "pitch" else ())
+    return NUMBERS[plane] + TAIL + ((LEVEL_PITCH,) if plane == "pitch" else ())
 
 
 def lag(plane: Plane) -> slice:
@@ -80,7 +80,7 @@ def outputs(plane: Plane) -> int:
     return 3 if plane == "pitch" else 2
 
 
-def of_vehicle(vehicle: Vehicle, plane: Plane) -> Plant:
+def of_vehicle(vehicle: CandidateVehicle, plane: Plane) -> LinearModel:
     """The small-signal plant of a candidate, balanced at a duct angle of zero: its bias is that of
     the actuator."""
     return of_plane(
@@ -90,7 +90,7 @@ def of_vehicle(vehicle: Vehicle, plane: Plane) -> Plant:
     )
 
 
-def of_plane(linear: LinearPlane, actuator: Actuator, speed_mps: float) -> Plant:
+def of_plane(linear: LinearPlane, actuator: Actuator, speed_mps: float) -> LinearModel:
     """The plant of a linear plane and its tailcone. A pitch plane flies level at a pitch of
     zero."""
     plane: Plane = "yaw" if "psi" in linear.states else "pitch"
@@ -101,7 +101,7 @@ def of_plane(linear: LinearPlane, actuator: Actuator, speed_mps: float) -> Plant
         actuator.natural_frequency_radps,
         actuator.damping_ratio,
     ]
-    frame = Frame(
+    frame = LinearModelStructure(
         plane, speed_mps, (float(A[0, 0]), float(A[0, 1])), actuator.travel_rad, actuator.rate_radps
     )
     if plane == "yaw":
@@ -111,13 +111,13 @@ def of_plane(linear: LinearPlane, actuator: Actuator, speed_mps: float) -> Plant
             -A[0, 0] - A[1, 1],
             np.linalg.det(A[:2, :2]),
         ]
-        return Plant(frame, np.array([*numbers, *tail]))
-    return Plant(
+        return LinearModel(frame, np.array([*numbers, *tail]))
+    return LinearModel(
         frame, np.array([A[0, 0], A[0, 1], A[1, 0], A[1, 1], A[1, 2], B[0], B[1], *tail, 0.0])
     )
 
 
-def actuator(plant: Plant) -> Actuator:
+def actuator(plant: LinearModel) -> Actuator:
     delay_s, bias_rad, frequency_radps, damping = plant.values[len(NUMBERS[plant.frame.plane]) :][
         : len(TAIL)
     ].tolist()
@@ -126,12 +126,12 @@ def actuator(plant: Plant) -> Actuator:
     )
 
 
-def level_rad(plant: Plant) -> float:
+def level_rad(plant: LinearModel) -> float:
     """Pitch of level flight; zero in yaw."""
     return float(plant.values[-1]) if plant.frame.plane == "pitch" else 0.0
 
 
-def equations(frame: Frame, numbers: Array) -> tuple[Array, Array]:
+def equations(frame: LinearModelStructure, numbers: Array) -> tuple[Array, Array]:
     """(A, B) of x' = A x + B delta with x = (xi, r, psi) or (w, q, theta, depth); linear in
     ``numbers``.
 
@@ -152,7 +152,7 @@ def equations(frame: Frame, numbers: Array) -> tuple[Array, Array]:
     return np.array(A), np.array([zd, md, 0.0, 0.0])
 
 
-def linear_plane(plant: Plant) -> LinearPlane:
+def linear_plane(plant: LinearModel) -> LinearPlane:
     """The same plane in states that the sea can push: yaw with the prior's sway equation."""
     frame, numbers = plant.frame, plant.values[: len(NUMBERS[plant.frame.plane])]
     moment = np.array([0.0, 1.0, 0.0])
@@ -164,7 +164,7 @@ def linear_plane(plant: Plant) -> LinearPlane:
     yv, yr = frame.sway
     nr = -a1 - yv
     nv = (yv * nr - a0) / yr
-    nv = math.copysign(max(abs(nv), LEAST_COUPLING), nv)
+    nv = math.copysign(max(abs(nv), MIN_COUPLING), nv)
     A = np.array([[yv, yr, 0.0], [nv, nr, 0.0], [0.0, 1.0, 0.0]])
     return LinearPlane(A, np.array([(b0 + yv * b1) / nv, b1, 0.0]), ("v", "r", "psi"), moment)
 
@@ -184,14 +184,14 @@ def derived_names(plane: Plane) -> tuple[str, ...]:
     )
 
 
-def derived(frame: Frame, values: Array) -> Array:
+def derived(frame: LinearModelStructure, values: Array) -> Array:
     """Gain, initial acceleration, poles, restoring moment (pitch), delay and bias."""
-    signal, tail = small_signal(Plant(frame, values)), values[len(NUMBERS[frame.plane]) :][:2]
+    signal, tail = small_signal(LinearModel(frame, values)), values[len(NUMBERS[frame.plane]) :][:2]
     kept = signal if frame.plane == "pitch" else signal[:-1]
     return np.array([*kept, *tail])
 
 
-def small_signal(plant: Plant) -> SmallSignal:
+def small_signal(plant: LinearModel) -> SmallSignal:
     """The numbers that control design rests on; the real part of both poles where they are
     complex."""
     if plant.frame.plane == "pitch":
@@ -201,7 +201,7 @@ def small_signal(plant: Plant) -> SmallSignal:
     return SmallSignal(b0 / a0, b1, float(fast), float(slow), 0.0)
 
 
-def propagate(frame: Frame, values: Array, covariance: Array) -> Array:
+def propagate(frame: LinearModelStructure, values: Array, covariance: Array) -> Array:
     """Covariance of ``derived``, first order (delta method), from that of the values."""
     steps = 1e-6 * np.maximum(np.abs(values), 1e-3)
     columns = [(derived(frame, values + h) - derived(frame, values - h)) for h in np.diag(steps)]

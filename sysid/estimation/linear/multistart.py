@@ -10,20 +10,20 @@ from scipy.optimize import least_squares
 
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear.objective import Objective
-from sysid.estimation.linear.records import Belief
-from sysid.estimation.map.fit import AGREEMENT
+from sysid.estimation.linear.records import LinearPrior
+from sysid.estimation.map.fit import START_COST_TOLERANCE
 
 Array = NDArray[np.float64]
 
 STARTS = 8
-FINE = 1e-7
+FINE_TOLERANCE = 1e-7
 """Relative cost change that ends a search: a thousandth of a standard deviation in a fit of some
 thousand samples."""
-COARSE = 1e-4
+COARSE_TOLERANCE = 1e-4
 """Relative cost change that ends a search whose end is only compared."""
-SINGULAR = 1e-10
+SINGULAR_EIGENVALUE = 1e-10
 """Least eigenvalue of the information, scaled to a unit diagonal: below it rounding decides."""
-AT_BOUND = 1e-3
+BOUND_TOLERANCE = 1e-3
 """Share of the way between the bounds at which a value sits at one."""
 
 
@@ -32,15 +32,19 @@ class NotUniqueError(Exception):
     help."""
 
 
-class Found(NamedTuple):
+class SearchResult(NamedTuple):
     values: Array
     cost: float
     evaluations: int
 
 
 def search(
-    objective: Objective, belief: Belief, start: Array, ftol: float = FINE, most: int = 60
-) -> Found:
+    objective: Objective,
+    belief: LinearPrior,
+    start: Array,
+    ftol: float = FINE_TOLERANCE,
+    most: int = 60,
+) -> SearchResult:
     """Least squares from ``start`` within the belief's bounds (trust region reflective, Branch et
     al. 1999)."""
     scale, inside = belief.spread, 1e-6 * (belief.highest - belief.lowest)
@@ -53,10 +57,10 @@ def search(
         xtol=1e-6,
         max_nfev=most,
     )
-    return Found(scale * found.x, float(found.cost), int(found.nfev))
+    return SearchResult(scale * found.x, float(found.cost), int(found.nfev))
 
 
-def starts(belief: Belief, count: int = STARTS) -> list[Array]:
+def sample_starts(belief: LinearPrior, count: int = STARTS) -> list[Array]:
     """Draws from the belief, the same on every machine."""
     generator = np.random.default_rng(4154)
     scale = belief.spread
@@ -68,28 +72,32 @@ def starts(belief: Belief, count: int = STARTS) -> list[Array]:
     return [np.clip(draw, belief.lowest + inside, belief.highest - inside) for draw in draws]
 
 
-def from_everywhere(
-    objective: Objective, belief: Belief, best: Found, count: int
-) -> tuple[Found, list[float]]:
+def search_from_starts(
+    objective: Objective, belief: LinearPrior, best: SearchResult, count: int
+) -> tuple[SearchResult, list[float]]:
     """The best of ``best`` and of the searches from other starts, and the costs at which those
     ended.
 
     An end that disagrees is searched on from, in case it had only stopped early in a long valley.
     """
-    ends = [search(objective, belief, start, COARSE) for start in starts(belief, count)]
+    ends = [
+        search(objective, belief, start, COARSE_TOLERANCE) for start in sample_starts(belief, count)
+    ]
     least = min([best, *ends], key=lambda end: end.cost)
     ends = [
-        search(objective, belief, end.values) if end.cost > least.cost * (1.0 + AGREEMENT) else end
+        search(objective, belief, end.values)
+        if end.cost > least.cost * (1.0 + START_COST_TOLERANCE)
+        else end
         for end in ends
     ]
     least = min([best, *ends], key=lambda end: end.cost)
-    if least.cost < best.cost * (1.0 - AGREEMENT):
+    if least.cost < best.cost * (1.0 - START_COST_TOLERANCE):
         best = search(objective, belief, least.values)
     return best, [end.cost for end in ends]
 
 
 def require_unique(
-    objective: Objective, belief: Belief, best: Found, costs: Sequence[float]
+    objective: Objective, belief: LinearPrior, best: SearchResult, costs: Sequence[float]
 ) -> None:
     """Refuse an end that is not one place.
 
@@ -98,8 +106,8 @@ def require_unique(
         singular.
     """
     plane, names = belief.plant.frame.plane, plants.names(belief.plant.frame.plane)
-    weak = weakest(information_at(objective, best.values))
-    if weak.eigenvalue < SINGULAR:
+    weak = weakest_direction(information_at(objective, best.values))
+    if weak.eigenvalue < SINGULAR_EIGENVALUE:
         told = ", ".join(names[i] for i in weak.values)
         raise NotUniqueError(
             f"{plane}: the tests cannot tell {told} apart; record richer ones (3-2-1-1, doublets)"
@@ -108,20 +116,20 @@ def require_unique(
     for name, value, low, high in zip(
         names, best.values, belief.lowest, belief.highest, strict=True
     ):
-        if min(value - low, high - value) < AT_BOUND * reach[names.index(name)]:
+        if min(value - low, high - value) < BOUND_TOLERANCE * reach[names.index(name)]:
             raise NotUniqueError(
                 f"{plane}: {name} = {value:.4g} sits at its bound, {low:.4g} to {high:.4g}"
             )
     worst = max(costs, default=best.cost)
-    if worst > best.cost * (1.0 + AGREEMENT):
-        apart = sum(cost > best.cost * (1.0 + AGREEMENT) for cost in costs)
+    if worst > best.cost * (1.0 + START_COST_TOLERANCE):
+        apart = sum(cost > best.cost * (1.0 + START_COST_TOLERANCE) for cost in costs)
         raise NotUniqueError(
             f"{plane}: {apart} of {len(costs)} starts ended up to {worst / best.cost - 1.0:.0%}"
             " above the least cost; the tests allow more than one plant"
         )
 
 
-class Weakest(NamedTuple):
+class WeakestDirection(NamedTuple):
     """The direction in which the information is least."""
 
     eigenvalue: float
@@ -129,14 +137,14 @@ class Weakest(NamedTuple):
     """Indices of those that have a part in it."""
 
 
-def weakest(information: Array) -> Weakest:
+def weakest_direction(information: Array) -> WeakestDirection:
     """Of the information scaled to a unit diagonal, so that units do not decide."""
     size = np.sqrt(np.diag(information))
     blind = np.flatnonzero(size == 0.0)
     if blind.size:
-        return Weakest(0.0, tuple(blind.tolist()))
+        return WeakestDirection(0.0, tuple(blind.tolist()))
     eigenvalues, directions = np.linalg.eigh(information / np.outer(size, size))
-    return Weakest(
+    return WeakestDirection(
         float(eigenvalues[0]), tuple(np.flatnonzero(np.abs(directions[:, 0]) > 0.3).tolist())
     )
 

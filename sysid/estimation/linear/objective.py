@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation.linear import linear_model as plants
-from sysid.estimation.linear.linear_model import Plant
+from sysid.estimation.linear.linear_model import LinearModel
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ class Objective(NamedTuple):
     """Values to (n, values)."""
 
 
-def with_bench(data: Objective, bench: Plant) -> Objective:
+def with_bench(data: Objective, bench: LinearModel) -> Objective:
     """The same with the bench test of the tailcone as two more measurements, which ``bench``
     holds."""
     lag = plants.lag(bench.frame.plane)

@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation.linear import response
-from sysid.estimation.linear.linear_model import Frame, Plant
+from sysid.estimation.linear.linear_model import LinearModel, LinearModelStructure
 from sysid.estimation.linear.objective import Objective
-from sysid.estimation.linear.records import Record
-from sysid.estimation.linear.response import Discrete, Driven
+from sysid.estimation.linear.records import LinearRun
+from sysid.estimation.linear.response import Discrete, DuctMotion
 
 Array = NDArray[np.float64]
 
 
-class _Unknown(NamedTuple):
+class _NuisanceProjection(NamedTuple):
     """What a run's starting state and gyro bias leave in its outputs, and the QR factors of
     that."""
 
@@ -31,23 +31,23 @@ class _Unknown(NamedTuple):
     R: Array
 
 
-class _Part(NamedTuple):
+class _RunResiduals(NamedTuple):
     """One run under one plant, nuisances included."""
 
-    plant: Plant
+    plant: LinearModel
     by: Discrete
-    duct: Driven
+    duct: DuctMotion
     sds: Array
-    unknown: _Unknown
+    unknown: _NuisanceProjection
     residuals: Array
     """(n,): from rest."""
 
 
-def objective(frame: Frame, records: Sequence[Record], sds: Array) -> Objective:
+def objective(frame: LinearModelStructure, records: Sequence[LinearRun], sds: Array) -> Objective:
     """Projected residuals in units of the outputs' standard deviations ``sds``."""
 
-    def projected(values: Array, what: Callable[[_Part], Array]) -> Array:
-        parts = _parts(Plant(frame, values), records, sds)
+    def projected(values: Array, what: Callable[[_RunResiduals], Array]) -> Array:
+        parts = _all_run_residuals(LinearModel(frame, values), records, sds)
         return np.concatenate(
             [what(part) - part.unknown.Q @ (part.unknown.Q.T @ what(part)) for part in parts]
         )
@@ -58,7 +58,9 @@ def objective(frame: Frame, records: Sequence[Record], sds: Array) -> Objective:
     )
 
 
-def reduced(frame: Frame, records: Sequence[Record], sds: Array) -> Objective:
+def reduce_by_qr(
+    frame: LinearModelStructure, records: Sequence[LinearRun], sds: Array
+) -> Objective:
     """As many residuals as values and one more, with the cost, gradient and information of all of
     ``objective``.
 
@@ -72,14 +74,17 @@ def reduced(frame: Frame, records: Sequence[Record], sds: Array) -> Objective:
         key = values.tobytes()
         if key not in last:
             last.clear()
-            blocks = [_factor(part) for part in _parts(Plant(frame, values), records, sds)]
+            blocks = [
+                _factor(part)
+                for part in _all_run_residuals(LinearModel(frame, values), records, sds)
+            ]
             last[key] = _triangle(np.concatenate(blocks))
         return last[key]
 
     return Objective(lambda values: factor(values)[:, -1], lambda values: factor(values)[:, :-1])
 
 
-def _factor(part: _Part) -> Array:
+def _factor(part: _RunResiduals) -> Array:
     """Of slopes and residuals side by side: what stands below the nuisances is projected
     already."""
     known = part.unknown.columns.shape[1]
@@ -92,7 +97,9 @@ def _triangle(columns: Array) -> Array:
     return np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
 
 
-def levels(frame: Frame, records: Sequence[Record], sds: Array, values: Array) -> Array:
+def levels(
+    frame: LinearModelStructure, records: Sequence[LinearRun], sds: Array, values: Array
+) -> Array:
     """Standard deviations that make the residuals at ``values`` most likely, nuisances and values
     counted off."""
     count = sds.size
@@ -101,30 +108,38 @@ def levels(frame: Frame, records: Sequence[Record], sds: Array, values: Array) -
     return np.asarray(np.sqrt(np.sum(missed**2, axis=0) / max(len(missed) - spent, 1.0)))
 
 
-def frame_states(frame: Frame) -> int:
+def frame_states(frame: LinearModelStructure) -> int:
     return 4 if frame.plane == "pitch" else 3
 
 
-def _parts(plant: Plant, records: Sequence[Record], sds: Array) -> list[_Part]:
+def _all_run_residuals(
+    plant: LinearModel, records: Sequence[LinearRun], sds: Array
+) -> list[_RunResiduals]:
     by = response.discretise(plant)
     lengths = {len(record.measured) for record in records}
     every = response.nuisances(by, max(lengths), sds.size) / sds[:, None]
-    unknown = {n: _unknown(every[:n].reshape(n * sds.size, -1)) for n in lengths}
-    return [_part(plant, by, record, sds, unknown[len(record.measured)]) for record in records]
+    unknown = {n: _nuisance_projection(every[:n].reshape(n * sds.size, -1)) for n in lengths}
+    return [
+        _run_residuals(plant, by, record, sds, unknown[len(record.measured)]) for record in records
+    ]
 
 
-def _unknown(columns: Array) -> _Unknown:
+def _nuisance_projection(columns: Array) -> _NuisanceProjection:
     """One for each length of run: what a start leaves does not depend on the commands."""
-    return _Unknown(columns, *np.linalg.qr(columns))
+    return _NuisanceProjection(columns, *np.linalg.qr(columns))
 
 
-def _part(plant: Plant, by: Discrete, record: Record, sds: Array, unknown: _Unknown) -> _Part:
-    duct, rest = response.driven(plant, record.command), np.zeros(len(by.transition))
-    error = (record.measured - response.answer(plant, by, duct.angle_rad, rest, sds.size)) / sds
-    return _Part(plant, by, duct, sds, unknown, error.ravel())
+def _run_residuals(
+    plant: LinearModel, by: Discrete, record: LinearRun, sds: Array, unknown: _NuisanceProjection
+) -> _RunResiduals:
+    duct, rest = response.duct_motion(plant, record.command), np.zeros(len(by.transition))
+    error = (
+        record.measured - response.outputs_to_duct(plant, by, duct.angle_rad, rest, sds.size)
+    ) / sds
+    return _RunResiduals(plant, by, duct, sds, unknown, error.ravel())
 
 
-def _slopes(part: _Part) -> Array:
+def _slopes(part: _RunResiduals) -> Array:
     """Of the residuals, (n, values), from the start that fits best."""
     start = np.asarray(
         np.linalg.solve(part.unknown.R, part.unknown.Q.T @ part.residuals)[:-1], dtype=np.float64

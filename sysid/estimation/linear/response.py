@@ -15,7 +15,7 @@ from sitl.vehicle.jit import kernel
 from sysid.data.segments import RATE_HZ
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear import tailcone
-from sysid.estimation.linear.linear_model import NUMBERS, Plant
+from sysid.estimation.linear.linear_model import NUMBERS, LinearModel
 from sysid.estimation.map.fit import STRIDE
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ TERMS = 22
 times as fast."""
 
 
-class Command(NamedTuple):
+class SurfaceCommand(NamedTuple):
     """What a run was told."""
 
     angle_rad: Array
@@ -37,7 +37,7 @@ class Command(NamedTuple):
     begin."""
 
 
-class Driven(NamedTuple):
+class DuctMotion(NamedTuple):
     """What the tailcone makes of a command, at every sample from the command's lead on."""
 
     angle_rad: Array
@@ -60,21 +60,21 @@ class Discrete(NamedTuple):
     """(numbers, n, STRIDE + 1)"""
 
 
-def discretise(plant: Plant) -> Discrete:
+def discretise(plant: LinearModel) -> Discrete:
     """One output step of the plane, exact for an angle that is straight between samples of the 50
     Hz grid."""
     frame, numbers = plant.frame, plant.values[: len(NUMBERS[plant.frame.plane])]
     A, B = plants.equations(frame, numbers)
     origin = plants.equations(frame, np.zeros(numbers.size))
     units = [plants.equations(frame, unit) for unit in np.eye(numbers.size)]
-    slopes = np.stack([_held(dA - origin[0], dB - origin[1]) for dA, dB in units])
+    slopes = np.stack([_sample_generator(dA - origin[0], dB - origin[1]) for dA, dB in units])
     # A straight angle is a state with a constant slope: the last entry is what it gains over the
     # sample.
     n = A.shape[0]
-    M = _held(A, B)
+    M = _sample_generator(A, B)
     M[n, n + 1] = 1.0
     over, over_slopes = _exponential(M, slopes)
-    return _blocked(over[:n], over_slopes[:, :n])
+    return _combine_steps(over[:n], over_slopes[:, :n])
 
 
 def _exponential(M: Array, slopes: Array) -> tuple[Array, Array]:
@@ -90,7 +90,7 @@ def _exponential(M: Array, slopes: Array) -> tuple[Array, Array]:
     return total, total_slopes
 
 
-def _held(A: Array, B: Array) -> Array:
+def _sample_generator(A: Array, B: Array) -> Array:
     """Generator of one sample, (n + 2, n + 2): states, angle, gain of the angle."""
     n = A.shape[0]
     M = np.zeros((n + 2, n + 2))
@@ -98,7 +98,7 @@ def _held(A: Array, B: Array) -> Array:
     return M
 
 
-def _blocked(over: Array, slopes: Array) -> Discrete:
+def _combine_steps(over: Array, slopes: Array) -> Discrete:
     """STRIDE samples as one step. Value and slope travel together as the stacked pair (x, dx)."""
     n, count = over.shape[0], slopes.shape[0]
     pair = np.zeros((count, 2 * n, 2 * n))
@@ -135,7 +135,7 @@ def _advance(transition: Array, taps: Array, angles: Array, x0: Array) -> Array:
 
 
 @kernel
-def _advance_slopes(by: Discrete, driven: Driven, x: Array) -> Array:
+def _advance_slopes(by: Discrete, driven: DuctMotion, x: Array) -> Array:
     """Slopes of the states ``x`` by each number and each value of the tailcone, (numbers + TAIL,
     steps, n), from a start that does not depend on them."""
     count, n, width = by.taps_slopes.shape
@@ -159,36 +159,40 @@ def _advance_slopes(by: Discrete, driven: Driven, x: Array) -> Array:
     return slopes
 
 
-def duct(plant: Plant, command: Command) -> Array:
+def duct(plant: LinearModel, command: SurfaceCommand) -> Array:
     """Duct angle from that of level flight, at every sample from ``command.lead`` on."""
     return tailcone.angles(command.angle_rad, plants.actuator(plant))[command.lead :]
 
 
-def driven(plant: Plant, command: Command) -> Driven:
+def duct_motion(plant: LinearModel, command: SurfaceCommand) -> DuctMotion:
     """The same with its slopes."""
-    angle_rad, slopes = tailcone.moved(command.angle_rad, plants.actuator(plant))
-    return Driven(angle_rad[command.lead :], slopes[:, command.lead :])
+    angle_rad, slopes = tailcone.angle_sensitivity(command.angle_rad, plants.actuator(plant))
+    return DuctMotion(angle_rad[command.lead :], slopes[:, command.lead :])
 
 
-def steps(command: Command) -> int:
+def steps(command: SurfaceCommand) -> int:
     """Output steps of a run."""
     return (command.angle_rad.size - command.lead - 1) // STRIDE + 1
 
 
-def outputs(plant: Plant, by: Discrete, command: Command, x0: Array, count: int) -> Array:
+def outputs(
+    plant: LinearModel, by: Discrete, command: SurfaceCommand, x0: Array, count: int
+) -> Array:
     """(steps, count): rate, angle and, in pitch, depth, at every STRIDE-th sample, from the state
     ``x0``."""
-    return answer(plant, by, duct(plant, command), x0, count)
+    return outputs_to_duct(plant, by, duct(plant, command), x0, count)
 
 
-def answer(plant: Plant, by: Discrete, angle_rad: Array, x0: Array, count: int) -> Array:
+def outputs_to_duct(
+    plant: LinearModel, by: Discrete, angle_rad: Array, x0: Array, count: int
+) -> Array:
     """``outputs`` to the duct's angle."""
     x: Array = _advance(by.transition, by.taps, angle_rad, x0)[:, 1 : 1 + count]
     x[:, 1] += plants.level_rad(plant)
     return x
 
 
-def slopes(plant: Plant, by: Discrete, what: Driven, x0: Array, count: int) -> Array:
+def slopes(plant: LinearModel, by: Discrete, what: DuctMotion, x0: Array, count: int) -> Array:
     """(values, steps, count): how ``outputs`` change with each value, the starting state held."""
     x = _advance(by.transition, by.taps, what.angle_rad, x0)
     found = np.zeros((plant.values.size, x.shape[0], count))

@@ -19,17 +19,17 @@ from sysid.models.greybox import Actuator
 Array = NDArray[np.float64]
 
 DT = 1.0 / RATE_HZ
-CLOSE_S = 2e-3
+DELAY_STEP_S = 2e-3
 """Half the difference that gives a delayed command's slope: between samples it is straight, at them
 it has a kink."""
-IMAGINARY = 1e-30
+COMPLEX_STEP = 1e-30
 """Step of the lag's derivatives: complex, so nothing is lost to a difference."""
 
 
 DELAY, BIAS, FREQUENCY, DAMPING = range(4)
 
 
-class Moved(NamedTuple):
+class TailconeSensitivity(NamedTuple):
     angle_rad: Array
     """(samples,)"""
     slopes: Array
@@ -43,19 +43,19 @@ def angles(command_rad: Array, actuator: Actuator) -> Array:
     return found
 
 
-def moved(command_rad: Array, actuator: Actuator) -> Moved:
+def angle_sensitivity(command_rad: Array, actuator: Actuator) -> TailconeSensitivity:
     """The same and its slopes; of an actuator without play."""
     wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
-    by_frequency = _lag(wn + 1j * IMAGINARY, zeta).imag / IMAGINARY
-    by_damping = _lag(wn, zeta + 1j * IMAGINARY).imag / IMAGINARY
+    by_frequency = _lag(wn + 1j * COMPLEX_STEP, zeta).imag / COMPLEX_STEP
+    by_damping = _lag(wn, zeta + 1j * COMPLEX_STEP).imag / COMPLEX_STEP
     lag_slopes = np.stack([np.zeros(4), np.zeros(4), by_frequency, by_damping])
     told = np.clip(command_rad, -actuator.travel_rad, actuator.travel_rad)
-    early_s, late_s = max(actuator.delay_s - CLOSE_S, 0.0), actuator.delay_s + CLOSE_S
-    by_delay = (_delayed(told, late_s) - _delayed(told, early_s)) / (late_s - early_s)
+    early_s, late_s = max(actuator.delay_s - DELAY_STEP_S, 0.0), actuator.delay_s + DELAY_STEP_S
+    by_delay = (_delay(told, late_s) - _delay(told, early_s)) / (late_s - early_s)
     start_rad = float(command_rad[0])
-    return Moved(
-        *_moved(
-            _delayed(told, actuator.delay_s),
+    return TailconeSensitivity(
+        *_lag_sensitivity(
+            _delay(told, actuator.delay_s),
             by_delay,
             start_rad,
             actuator,
@@ -73,20 +73,20 @@ def _lag(wn: complex, zeta: complex) -> NDArray[np.complex128]:
     return np.array([c + zeta * wn * s, s, -wn * wn * s, c - zeta * wn * s])
 
 
-def _delayed(command: Array, delay_s: float) -> Array:
+def _delay(command: Array, delay_s: float) -> Array:
     """A command edge inside an interval: the lag sees the mean, exact to second order in DT."""
     whole = int(delay_s / DT)
-    newer, older = _shifted(command, whole), _shifted(command, whole + 1)
+    newer, older = _shift(command, whole), _shift(command, whole + 1)
     return newer + (delay_s / DT - whole) * (older - newer)
 
 
-def _shifted(command: Array, samples: int) -> Array:
+def _shift(command: Array, samples: int) -> Array:
     late = min(samples, command.size)
     return np.concatenate([np.full(late, command[0]), command[: command.size - late]])
 
 
 @kernel
-def _moved(
+def _lag_sensitivity(
     target: Array,
     target_slope: Array,
     start: float,

@@ -9,9 +9,9 @@ from sysid.data.segments import Plane
 
 Array = NDArray[np.float64]
 
-AGREEMENT = 0.01
+START_COST_TOLERANCE = 0.01
 """Relative cost by which other starts may differ from the best."""
-HANDED_BACK = 0.95
+MAX_PRIOR_SHARE = 0.95
 """A design number that keeps this share of its prior standard deviation was not measured."""
 DESIGN_NUMBERS = ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s", "delay_s")
 
@@ -28,12 +28,12 @@ def failures(
     and after the data."""
     found = []
     apart = [abs(other - cost) / cost for other in start_costs]
-    if apart and max(apart) > AGREEMENT:
-        strayed = sum(share > AGREEMENT for share in apart)
+    if apart and max(apart) > START_COST_TOLERANCE:
+        strayed = sum(share > START_COST_TOLERANCE for share in apart)
         found.append(
             f"{strayed} of {len(apart)} other starts end elsewhere, their costs up to"
-            f" {max(apart):.1%} away, at most {AGREEMENT:.0%}: the tests admit more than one"
-            " vehicle"
+            f" {max(apart):.1%} away, at most {START_COST_TOLERANCE:.0%}: "
+            "the tests admit more than one vehicle"
         )
     if at_bounds:
         found.append(
@@ -43,12 +43,12 @@ def failures(
     found += [
         reason
         for plane, (before, after) in spreads.items()
-        if (reason := _unmeasured(plane, before, after))
+        if (reason := _uninformed_numbers(plane, before, after))
     ]
     return tuple(found)
 
 
-def _unmeasured(plane: Plane, before: Array, after: Array) -> str:
+def _uninformed_numbers(plane: Plane, before: Array, after: Array) -> str:
     """Says which design numbers the data leave as they were."""
     # a number whose prior spread is zero stands at its limit (a delay of zero): nothing to hand
     # back
@@ -59,6 +59,6 @@ def _unmeasured(plane: Plane, before: Array, after: Array) -> str:
     left = [
         f"{name} ({share:.0%})"
         for name, share in zip(DESIGN_NUMBERS, kept, strict=True)
-        if share > HANDED_BACK
+        if share > MAX_PRIOR_SHARE
     ]
     return f"the {plane} tests leave the prior's uncertainty of {', '.join(left)}" if left else ""

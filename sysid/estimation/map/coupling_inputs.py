@@ -18,7 +18,7 @@ from sysid.models.linear_planes import LinearPlane
 Array = NDArray[np.float64]
 
 
-def moving(run: Run, other: LinearPlane, actuator: Actuator, speed_mps: float) -> Array:
+def cross_plane_inputs(run: Run, other: LinearPlane, actuator: Actuator, speed_mps: float) -> Array:
     """Surroundings (samples, greybox.AROUND) of one plane's half of a test of both, on the run's
     grid.
 
@@ -28,7 +28,7 @@ def moving(run: Run, other: LinearPlane, actuator: Actuator, speed_mps: float) -
     duct = greybox.duct_along(run, "pitch" if is_yaw else "yaw", actuator)
     rate = run.q_radps if is_yaw else run.r_radps
     across, pitch = cross_speed_mps(other, rate, duct), 0.0 * rate
-    if (standing := greybox.standing(run, speed_mps)) is not None:
+    if (standing := greybox.heave_coupling(run, speed_mps)) is not None:
         across, pitch = across - np.mean(across) - np.mean(standing[:, 0]), run.pitch_rad
     return np.column_stack([-across, -rate, -pitch, run.p_radps, run.roll_rad, duct])
 

@@ -10,39 +10,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation.map import problem as problems
-from sysid.estimation.map.problem import Problem, Score
+from sysid.estimation.map.problem import MapProblem, Score
 
 Array = NDArray[np.float64]
 
 Z_LIMIT = 4.0
 """Bounds, in prior standard deviations."""
-MOST_STEPS = 60
-FIRST_DAMPING, HARDER, EASIER, HARDEST = 1e-3, 10.0, 0.1, 1e8
+MAX_STEPS = 60
+INITIAL_DAMPING, DAMPING_INCREASE, DAMPING_DECREASE, MAX_DAMPING = 1e-3, 10.0, 0.1, 1e8
 
 
-class End(NamedTuple):
+class SearchEnd(NamedTuple):
     z: Array
     score: Score
     steps: int
 
 
-def descend(problem: Problem, start: Array, tolerance: float) -> End:
+def descend(problem: MapProblem, start: Array, tolerance: float) -> SearchEnd:
     """From ``start`` until a step promises less than ``tolerance`` of the cost, or none lowers
     it."""
     z = np.clip(start, -Z_LIMIT, Z_LIMIT)
-    here, damping, steps = problems.score(problem, z), FIRST_DAMPING, 0
+    here, damping, steps = problems.score(problem, z), INITIAL_DAMPING, 0
     precision = np.asarray(np.linalg.inv(problem.prior.covariance), np.float64)
-    while steps < MOST_STEPS and damping < HARDEST:
+    while steps < MAX_STEPS and damping < MAX_DAMPING:
         step, promised = _step(here, precision, z, damping)
         if promised <= tolerance * here.cost:
             break
         steps += 1
         there = z + step
         if problems.cost(problem, there) < here.cost:
-            z, here, damping = there, problems.score(problem, there), damping * EASIER
+            z, here, damping = there, problems.score(problem, there), damping * DAMPING_DECREASE
         else:
-            damping *= HARDER
-    return End(z, here, steps)
+            damping *= DAMPING_INCREASE
+    return SearchEnd(z, here, steps)
 
 
 def _step(here: Score, precision: Array, z: Array, damping: float) -> tuple[Array, float]:

@@ -8,21 +8,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.config import VehicleConfig, VehicleError
+from sitl.vehicle.config import VehicleConfig, VehicleFileError
 from sysid.data.segments import RATE_HZ, Plane
 from sysid.estimation.map import sensitivity
-from sysid.estimation.map.datasets import Experiment, linear_plane
-from sysid.estimation.map.sensitivity import Flight, Moved
+from sysid.estimation.map.datasets import Dataset, linear_plane
+from sysid.estimation.map.sensitivity import Perturbation, Trajectory
 from sysid.estimation.map.steady_state import cruise_speed_mps
 from sysid.models import noise, parameters
 from sysid.models.noise import Filter, Noise
-from sysid.models.parameters import PARAMETERS, Vehicle
+from sysid.models.parameters import PARAMETERS, CandidateVehicle
 
 Array = NDArray[np.float64]
 
 DIFFERENCE = 1e-4
 """Forward step of the sensitivities, in prior standard deviations."""
-CHANGES_SPEED = ("axial_drag",)
+SPEED_PARAMETERS = ("axial_drag",)
 """Parameters that move the steady speed at a thrust."""
 
 
@@ -35,11 +35,11 @@ class Prior(NamedTuple):
     covariance: Array
 
 
-class Problem(NamedTuple):
+class MapProblem(NamedTuple):
     """What is to be explained, and under which noise."""
 
     prior: Prior
-    experiments: Mapping[Plane, tuple[Experiment, ...]]
+    experiments: Mapping[Plane, tuple[Dataset, ...]]
     """Planes with runs only."""
     filters: Mapping[Plane, Filter]
     levels: Mapping[Plane, Noise]
@@ -57,13 +57,13 @@ class Score(NamedTuple):
     """Of the data about z."""
 
 
-def vehicle(prior: Prior, z: Array) -> Vehicle:
-    return parameters.vehicle(prior.config, prior.biases_rad, z)
+def vehicle(prior: Prior, z: Array) -> CandidateVehicle:
+    return parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
 
 
 def filters(
-    at: Vehicle,
-    experiments: Mapping[Plane, Sequence[Experiment]],
+    at: CandidateVehicle,
+    experiments: Mapping[Plane, Sequence[Dataset]],
     levels: Mapping[Plane, Noise],
     stride: int,
 ) -> dict[Plane, Filter]:
@@ -79,56 +79,56 @@ def filters(
     }
 
 
-def cost(problem: Problem, z: Array) -> float:
+def cost(problem: MapProblem, z: Array) -> float:
     """Infinite where no such vehicle can be."""
     try:
         at = vehicle(problem.prior, z)
-    except VehicleError:
+    except VehicleFileError:
         return math.inf
     left = sum(
         float(np.sum(white**2))
         for plane in problem.experiments
-        for white in _whitened(problem, plane, _fly(problem, at, plane))
+        for white in _whiten(problem, plane, _simulate(problem, at, plane))
     )
     away = z - problem.prior.mean
     return 0.5 * (left + float(away @ np.linalg.solve(problem.prior.covariance, away)))
 
 
-def score(problem: Problem, z: Array) -> Score:
+def score(problem: MapProblem, z: Array) -> Score:
     """Cost, its slope by z, and the Gauss-Newton information of the data."""
     prior = problem.prior
     away = z - prior.mean
     pull = np.asarray(np.linalg.solve(prior.covariance, away), np.float64)
     slope: Array = pull
     total, information = float(away @ pull), np.zeros((z.size, z.size))
-    for white, jacobian in linearised(problem, z):
+    for white, jacobian in linearise(problem, z):
         total += float(np.sum(white**2))
         slope = slope + jacobian.T @ white.ravel()
         information += jacobian.T @ jacobian
     return Score(0.5 * total, slope, information)
 
 
-def linearised(problem: Problem, z: Array) -> Iterator[tuple[Array, Array]]:
+def linearise(problem: MapProblem, z: Array) -> Iterator[tuple[Array, Array]]:
     """Each run's whitened residuals (samples, outputs) and their slopes by z, plane by plane."""
     at = vehicle(problem.prior, z)
-    moved = _moved(problem, at, z)
+    moved = _perturbations(problem, at, z)
     for plane in problem.experiments:
-        flown = _fly(problem, at, plane)
+        flown = _simulate(problem, at, plane)
         white, jacobians = (
-            _whitened(problem, plane, flown),
+            _whiten(problem, plane, flown),
             _jacobians(problem, plane, at, flown, moved),
         )
         yield from zip(white, jacobians, strict=True)
 
 
-def _speeds_mps(problem: Problem, at: Vehicle) -> dict[float, float]:
+def _cruise_speeds_mps(problem: MapProblem, at: CandidateVehicle) -> dict[float, float]:
     thrusts = {float(e.run.thrust[0]) for group in problem.experiments.values() for e in group}
     return {thrust: cruise_speed_mps(at, thrust) for thrust in thrusts}
 
 
-def _fly(problem: Problem, at: Vehicle, plane: Plane) -> list[Flight]:
-    return sensitivity.flights(
-        at, plane, problem.experiments[plane], problem.stride, _speeds_mps(problem, at)
+def _simulate(problem: MapProblem, at: CandidateVehicle, plane: Plane) -> list[Trajectory]:
+    return sensitivity.simulate(
+        at, plane, problem.experiments[plane], problem.stride, _cruise_speeds_mps(problem, at)
     )
 
 
@@ -138,7 +138,7 @@ def _outputs(plane: Plane) -> list[int]:
     return [2, 3] if plane == "yaw" else [2, 3, 4]
 
 
-def _whitened(problem: Problem, plane: Plane, flown: Sequence[Flight]) -> list[Array]:
+def _whiten(problem: MapProblem, plane: Plane, flown: Sequence[Trajectory]) -> list[Array]:
     """(samples, outputs) of each run."""
     by = problem.filters[plane]
     found = []
@@ -146,12 +146,16 @@ def _whitened(problem: Problem, plane: Plane, flown: Sequence[Flight]) -> list[A
         simulated = -flight.track[:, _outputs(plane)]
         if plane == "pitch":
             simulated[:, 2] += what.start.depth_m + flight.first[4]
-        found.append(noise.whitened(what.measured - simulated, by))
+        found.append(noise.whiten_residual(what.measured - simulated, by))
     return found
 
 
 def _jacobians(
-    problem: Problem, plane: Plane, at: Vehicle, flown: Sequence[Flight], moved: Sequence[Moved]
+    problem: MapProblem,
+    plane: Plane,
+    at: CandidateVehicle,
+    flown: Sequence[Trajectory],
+    moved: Sequence[Perturbation],
 ) -> list[Array]:
     """Of each run's whitened residuals by z, (samples x outputs, parameters)."""
     group, by = problem.experiments[plane], problem.filters[plane]
@@ -161,17 +165,17 @@ def _jacobians(
     for by_z in sensitivity.sensitivities(
         at, plane, group, flown, packed, DIFFERENCE, problem.stride
     ):
-        white = noise.whitened_block(by_z[:, _outputs(plane)], by)
+        white = noise.whiten_columns(by_z[:, _outputs(plane)], by)
         jacobian = np.zeros((white.shape[0] * white.shape[1], len(PARAMETERS)))
         jacobian[:, [each.column for each in used]] = white.reshape(len(jacobian), -1)
         found.append(jacobian)
     return found
 
 
-def _moved(problem: Problem, at: Vehicle, z: Array) -> list[Moved]:
+def _perturbations(problem: MapProblem, at: CandidateVehicle, z: Array) -> list[Perturbation]:
     """One candidate a step away for each parameter that the runs depend on."""
     prior, found = problem.prior, []
-    for i in parameters.of_planes(list(problem.experiments)):
+    for i in parameters.parameters_of_planes(list(problem.experiments)):
         beyond, part = z + DIFFERENCE * (np.arange(z.size) == i), PARAMETERS[i].part
         if part == "body":
             there = vehicle(prior, beyond)
@@ -180,11 +184,13 @@ def _moved(problem: Problem, at: Vehicle, z: Array) -> list[Moved]:
                 actuators=parameters.actuators(prior.config, prior.biases_rad, beyond)
             )
         found.append(
-            Moved(
+            Perturbation(
                 i,
                 part,
                 there,
-                _speeds_mps(problem, there) if PARAMETERS[i].name in CHANGES_SPEED else {},
+                _cruise_speeds_mps(problem, there)
+                if PARAMETERS[i].name in SPEED_PARAMETERS
+                else {},
             )
         )
     return found

@@ -14,20 +14,20 @@ from numpy.typing import NDArray
 from sitl.vehicle import propeller
 from sitl.vehicle.jit import kernel
 from sysid.data.segments import RATE_HZ, Plane
-from sysid.estimation.map.datasets import Experiment
+from sysid.estimation.map.datasets import Dataset
 from sysid.models import greybox
-from sysid.models.greybox import AROUND
-from sysid.models.parameters import Vehicle
+from sysid.models.greybox import N_COUPLING
+from sysid.models.parameters import CandidateVehicle
 
 Array = NDArray[np.float64]
 
 STATES = 5
-NUDGE = np.array([1e-6, 1e-6, 1e-6, 1e-6, 0.0])
+FD_STEP = np.array([1e-6, 1e-6, 1e-6, 1e-6, 0.0])
 """Steps of the differences by the states; depth acts on nothing."""
-DUCT_NUDGE_RAD = 1e-6
+FD_DUCT_STEP_RAD = 1e-6
 
 
-class Flight(NamedTuple):
+class Trajectory(NamedTuple):
     """One run as a candidate flies it."""
 
     track: Array
@@ -42,24 +42,24 @@ class Flight(NamedTuple):
     """(5,): where it starts."""
 
 
-class Moved(NamedTuple):
+class Perturbation(NamedTuple):
     """A candidate moved by a small step of one parameter."""
 
     column: int
     part: Literal["body", "tailcone"]
     """What that changes: the forces, or how the duct follows its command."""
-    vehicle: Vehicle
+    vehicle: CandidateVehicle
     speeds_mps: Mapping[float, float]
     """Cruise speeds by thrust, where they change."""
 
 
-def flights(
-    vehicle: Vehicle,
+def simulate(
+    vehicle: CandidateVehicle,
     plane: Plane,
-    experiments: Sequence[Experiment],
+    experiments: Sequence[Dataset],
     stride: int,
     speeds_mps: Mapping[float, float],
-) -> list[Flight]:
+) -> list[Trajectory]:
     """The runs of one plane, flown by a candidate; ``speeds_mps`` are its cruise speeds by
     thrust."""
     inverse, full_rps = greybox.constraint(vehicle.model, plane), propeller.rps(1.0, vehicle.model)
@@ -81,17 +81,17 @@ def flights(
             around,
         )
         rows = slice(0, stride * len(track), stride)
-        near = np.zeros((len(track), AROUND)) if around is None else around[rows]
-        found.append(Flight(track, duct, run.thrust[rows], near, first))
+        near = np.zeros((len(track), N_COUPLING)) if around is None else around[rows]
+        found.append(Trajectory(track, duct, run.thrust[rows], near, first))
     return found
 
 
 def sensitivities(
-    vehicle: Vehicle,
+    vehicle: CandidateVehicle,
     plane: Plane,
-    experiments: Sequence[Experiment],
-    flown: Sequence[Flight],
-    moved: Sequence[Moved],
+    experiments: Sequence[Dataset],
+    flown: Sequence[Trajectory],
+    moved: Sequence[Perturbation],
     step: float,
     stride: int,
 ) -> list[Array]:
@@ -103,7 +103,7 @@ def sensitivities(
     columns = len(moved)
     tracks = np.concatenate([flight.track for flight in flown])
     ducts = np.concatenate([flight.duct_rad[::stride][: len(flight.track)] for flight in flown])
-    slopes = _Slopes(
+    slopes = _SlopeInputs(
         tracks,
         ducts,
         np.concatenate([f.thrust for f in flown]),
@@ -112,11 +112,11 @@ def sensitivities(
     )
     base = slopes.of(vehicle)
     by_state = np.zeros((len(tracks), STATES, STATES))
-    for i in np.flatnonzero(NUDGE):
+    for i in np.flatnonzero(FD_STEP):
         by_state[:, :, i] = (
-            slopes.of(vehicle, track=tracks + NUDGE * (np.arange(STATES) == i)) - base
-        ) / NUDGE[i]
-    by_duct = (slopes.of(vehicle, duct_rad=ducts + DUCT_NUDGE_RAD) - base) / DUCT_NUDGE_RAD
+            slopes.of(vehicle, track=tracks + FD_STEP * (np.arange(STATES) == i)) - base
+        ) / FD_STEP[i]
+    by_duct = (slopes.of(vehicle, duct_rad=ducts + FD_DUCT_STEP_RAD) - base) / FD_DUCT_STEP_RAD
     by_parameter = np.zeros((len(tracks), STATES, columns))
     for each in moved:
         if each.part == "body":
@@ -140,7 +140,7 @@ def sensitivities(
     return found
 
 
-class _Slopes(NamedTuple):
+class _SlopeInputs(NamedTuple):
     """Where the equations of motion are to be evaluated: all rows of all runs."""
 
     track: Array
@@ -150,7 +150,7 @@ class _Slopes(NamedTuple):
     around: Array
 
     def of(
-        self, vehicle: Vehicle, track: Array | None = None, duct_rad: Array | None = None
+        self, vehicle: CandidateVehicle, track: Array | None = None, duct_rad: Array | None = None
     ) -> Array:
         return greybox.slopes_along(
             self.track if track is None else track,
@@ -164,7 +164,7 @@ class _Slopes(NamedTuple):
 
 
 def _inputs(
-    what: Experiment, flight: Flight, moved: Sequence[Moved], step: float, columns: int
+    what: Dataset, flight: Trajectory, moved: Sequence[Perturbation], step: float, columns: int
 ) -> tuple[Array, Array]:
     """How duct angle (samples, columns) and first state (5, columns) of a run move with each
     parameter."""

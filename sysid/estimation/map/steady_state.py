@@ -8,17 +8,17 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, fsolve
 
 from sitl.vehicle.config import VehicleConfig
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from sysid.data.segments import Plane, Run
 from sysid.models import greybox
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 
 Array = NDArray[np.float64]
 
-SLOWEST_MPS, FASTEST_MPS = 0.1, 10.0
+MIN_SPEED_MPS, MAX_SPEED_MPS = 0.1, 10.0
 
 
-def cruise_speed_mps(vehicle: Vehicle, thrust: float) -> float:
+def cruise_speed_mps(vehicle: CandidateVehicle, thrust: float) -> float:
     """Steady straight speed at a thrust (fraction of full), at least a crawl."""
     model, rps = vehicle.model, thrust * vehicle.model.propeller.full_rps
 
@@ -27,12 +27,14 @@ def cruise_speed_mps(vehicle: Vehicle, thrust: float) -> float:
             greybox.accelerations(model, "yaw", np.array([u, 0.0, 0.0, 0.0, 0.0]), 0.0, rps)[0]
         )
 
-    if surge(SLOWEST_MPS) <= 0.0:
-        return SLOWEST_MPS
-    return float(brentq(surge, SLOWEST_MPS, FASTEST_MPS, xtol=1e-9))
+    if surge(MIN_SPEED_MPS) <= 0.0:
+        return MIN_SPEED_MPS
+    return float(brentq(surge, MIN_SPEED_MPS, MAX_SPEED_MPS, xtol=1e-9))
 
 
-def trim_biases(config: VehicleConfig, model: Model, runs: Sequence[Run]) -> dict[Plane, float]:
+def trim_biases(
+    config: VehicleConfig, model: VehicleModel, runs: Sequence[Run]
+) -> dict[Plane, float]:
     """Actuator biases that make the prior vehicle balance where the measured one did: what a trim
     flight tells.
 
@@ -50,18 +52,18 @@ def trim_biases(config: VehicleConfig, model: Model, runs: Sequence[Run]) -> dic
     return {"yaw": -commands["yaw"], "pitch": level - commands["pitch"]}
 
 
-def level_elevator_rad(config: VehicleConfig, model: Model) -> float:
+def level_elevator_rad(config: VehicleConfig, model: VehicleModel) -> float:
     """Elevator at which the vehicle flies straight at constant depth, from its own nonlinear
     equations."""
     return float(_level_flight(config, model)[1])
 
 
-def level_pitch_rad(config: VehicleConfig, model: Model) -> float:
+def level_pitch_rad(config: VehicleConfig, model: VehicleModel) -> float:
     """Pitch (positive nose up) at which the vehicle flies straight at constant depth."""
     return float(_level_flight(config, model)[0])
 
 
-def _level_flight(config: VehicleConfig, model: Model) -> Array:
+def _level_flight(config: VehicleConfig, model: VehicleModel) -> Array:
     """(pitch nose up, elevator) of level flight at the operating point, from heave and pitch
     moment."""
     speed = config.operating_point.speed_mps

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.vehicle.jit import entry_point
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from sysid.data.segments import RATE_HZ, Plane, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.fit import STRIDE
@@ -29,13 +29,13 @@ STEP_S = STRIDE / RATE_HZ
 TICK_S = 1.0 / RATE_HZ
 SEA_STATES = 4
 """Of the filter behind those of the plane: slow moment, wave (two), gyro bias."""
-LEAST_GROWTH_PER_S = 1e-3
+MIN_GROWTH_PER_S = 1e-3
 """A plane whose heading and depth merely stay where they are put has poles at zero."""
 START_STEPS = 10
 """A test begins with the motion of its first second."""
 
 
-class Steps(NamedTuple):
+class TestSamples(NamedTuple):
     """Consecutive tenths of a second of a test, k of them; MAVLink's axes."""
 
     measured: Array
@@ -48,33 +48,35 @@ class Steps(NamedTuple):
     """(k,): over those ticks, fraction of full."""
 
 
-def none_yet(plane: Plane) -> Steps:
+def empty_samples(plane: Plane) -> TestSamples:
     """Of a test that has not begun."""
-    return Steps(np.zeros((0, 2 if plane == "yaw" else 3)), np.zeros((0, STRIDE)), np.zeros(0))
+    return TestSamples(
+        np.zeros((0, 2 if plane == "yaw" else 3)), np.zeros((0, STRIDE)), np.zeros(0)
+    )
 
 
-def steps(run: Run, first: int = 0) -> Steps:
+def steps(run: Run, first: int = 0) -> TestSamples:
     """A run's steps from the ``first`` on. The last one stands half a step before the run's end."""
-    what = fit.experiment(run)
+    what = fit.dataset(run)
     measured, command_rad = what.measured[:-1], what.run.command_rad
     ticks = command_rad[: STRIDE * (len(measured) - 1)].reshape(-1, STRIDE)
     command = np.concatenate([np.full((1, STRIDE), command_rad[0]), ticks])
-    return Steps(
+    return TestSamples(
         measured[first:],
         command[first:],
         what.run.thrust[: STRIDE * len(measured) : STRIDE][first:],
     )
 
 
-def joined(first: Steps, second: Steps) -> Steps:
+def concatenate(first: TestSamples, second: TestSamples) -> TestSamples:
     """One after the other."""
-    return Steps(*(np.concatenate(parts) for parts in zip(first, second, strict=True)))
+    return TestSamples(*(np.concatenate(parts) for parts in zip(first, second, strict=True)))
 
 
 class Candidate(NamedTuple):
     """A vehicle, confined to the plane of a test."""
 
-    model: Model
+    model: VehicleModel
     actuator: Actuator
     inverse: Array
     """Of the plane's mass matrix (`greybox.constraint`)."""
@@ -83,7 +85,7 @@ class Candidate(NamedTuple):
     """At which the test begins."""
 
 
-class Motion(NamedTuple):
+class CandidateState(NamedTuple):
     """Where a candidate stands after its last step."""
 
     plane: Array
@@ -92,7 +94,7 @@ class Motion(NamedTuple):
     """The states of the noise filter, MAVLink's axes: what is measured beside the plane."""
 
 
-def start(candidate: Candidate, steps: Steps) -> Motion:
+def start(candidate: Candidate, steps: TestSamples) -> CandidateState:
     """From the mean motion over the first START_STEPS, as `greybox.measured_start` takes it from a
     run."""
     few = steps.measured[: START_STEPS // 2 + 1]
@@ -104,21 +106,24 @@ def start(candidate: Candidate, steps: Steps) -> Motion:
         rate_mps = float(np.polyfit(STEP_S * np.arange(depth_m.size), depth_m, 1)[0])
         theta = float(few[0, 1])
         plane[1] = -(rate_mps + candidate.speed_mps * math.sin(theta)) / math.cos(theta)
-    return Motion(plane, np.zeros(steps.measured.shape[1] + 1 + SEA_STATES))
+    return CandidateState(plane, np.zeros(steps.measured.shape[1] + 1 + SEA_STATES))
 
 
 def leak(plane: LinearPlane) -> float:
     """Share of the filter's motion that an unstable plane takes over at each step; 0 for a stable
     one."""
     growth_per_s = float(np.max(np.linalg.eigvals(plane.A).real))
-    return (
-        1.0 - math.exp(-2.0 * growth_per_s * STEP_S) if growth_per_s > LEAST_GROWTH_PER_S else 0.0
-    )
+    return 1.0 - math.exp(-2.0 * growth_per_s * STEP_S) if growth_per_s > MIN_GROWTH_PER_S else 0.0
 
 
 def advance(
-    candidate: Candidate, at: Motion, steps: Steps, done: int, by: Filter, leaking: float
-) -> tuple[Motion, Array]:
+    candidate: Candidate,
+    at: CandidateState,
+    steps: TestSamples,
+    done: int,
+    by: Filter,
+    leaking: float,
+) -> tuple[CandidateState, Array]:
     """Through all ``steps`` but the first ``done``: where it stands then, and its white errors (k,
     outputs)."""
     command = np.append(
@@ -143,7 +148,7 @@ def advance(
         candidate.inverse,
         candidate.model,
     )
-    return Motion(plane, rest), white
+    return CandidateState(plane, rest), white
 
 
 @entry_point
@@ -159,7 +164,7 @@ def _advance(
     whiteners: Array,
     leaking: float,
     inverse: Array,
-    model: Model,
+    model: VehicleModel,
 ) -> Array:
     """Predict, compare, correct; ``x`` and ``rest`` are moved in place. The filter's axes are minus
     the paper's."""
@@ -191,11 +196,11 @@ def _advance(
 def free_error(white: Array, by: Filter) -> Array:
     """What a free simulation would leave, (k, outputs): the residual that the filter whitens to
     ``white``."""
-    return _coloured(white, by.transition, by.output, by.gains, by.whiteners)
+    return _unwhiten(white, by.transition, by.output, by.gains, by.whiteners)
 
 
 @entry_point
-def _coloured(
+def _unwhiten(
     white: Array, transition: Array, output: Array, gains: Array, whiteners: Array
 ) -> Array:
     """The inverse of `noise.whiten`."""

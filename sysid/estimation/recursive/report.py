@@ -15,7 +15,7 @@ from sysid.estimation.map.fit import DIFFERENCE, Prior
 from sysid.estimation.recursive import square_root_information
 from sysid.estimation.recursive.square_root_information import Information
 from sysid.models import linear_planes, parameters
-from sysid.models.parameters import Vehicle
+from sysid.models.parameters import CandidateVehicle
 from sysid.validation import crossover
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ NAMES = (
     "actuator_bias_deg",
 )
 """As in `model.PlaneModel`."""
-SURE_DEG, SURE_DB = 1.5, 0.25
+ENOUGH_PHASE_SD_DEG, ENOUGH_GAIN_SD_DB = 1.5, 0.25
 """Standard deviations of the plant's phase and gain at crossover that a redesign can rest on: two
 of them are 3 deg and half a decibel, small beside the margins that it keeps."""
 
@@ -41,7 +41,7 @@ class Number(NamedTuple):
     """Its standard deviation before the first test."""
 
 
-class Reading(NamedTuple):
+class PlaneReport(NamedTuple):
     """One plane, as things stand."""
 
     plane: Plane
@@ -54,10 +54,10 @@ class Reading(NamedTuple):
 
     @property
     def enough(self) -> bool:
-        return self.phase_deg.sd <= SURE_DEG and self.gain_db.sd <= SURE_DB
+        return self.phase_deg.sd <= ENOUGH_PHASE_SD_DEG and self.gain_db.sd <= ENOUGH_GAIN_SD_DB
 
 
-def read(prior: Prior, known: Information, plane: Plane, crossover_radps: float) -> Reading:
+def read(prior: Prior, known: Information, plane: Plane, crossover_radps: float) -> PlaneReport:
     """What is known of a plane, to first order."""
     z, covariance = square_root_information.mean(known), square_root_information.covariance(known)
     values, slopes = _derived(prior, z, plane, crossover_radps)
@@ -65,7 +65,7 @@ def read(prior: Prior, known: Information, plane: Plane, crossover_radps: float)
     first = _derived(prior, prior.mean, plane, crossover_radps)[1]
     before = np.sqrt(np.einsum("ij,jk,ik->i", first, prior.covariance, first))
     found = [Number(*map(float, row)) for row in zip(values, sds, before, strict=True)]
-    return Reading(
+    return PlaneReport(
         plane, dict(zip(NAMES, found, strict=False)), crossover_radps, *found[len(NAMES) :]
     )
 
@@ -73,26 +73,30 @@ def read(prior: Prior, known: Information, plane: Plane, crossover_radps: float)
 def crossover_radps(prior: Prior, plane: Plane, gains: Gains | None = None) -> float:
     """Where the loop of a plane crosses unit gain on the prior vehicle; without ``gains`` with
     those made for her."""
-    vehicle = parameters.vehicle(prior.config, prior.biases_rad, prior.mean)
+    vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, prior.mean)
     loop = crossover.loop(vehicle, plane, gains or crossover.gains_for(vehicle))
     return loop_transfer.margins(loop).crossover_radps
 
 
 def _derived(prior: Prior, z: Array, plane: Plane, crossover_radps: float) -> tuple[Array, Array]:
     """NAMES, gain (dB) and phase (deg) at crossover, and their slopes over z."""
-    values = numbers(parameters.vehicle(prior.config, prior.biases_rad, z), plane, crossover_radps)
+    values = numbers(
+        parameters.candidate_vehicle(prior.config, prior.biases_rad, z), plane, crossover_radps
+    )
     slopes = np.zeros((values.size, z.size))
-    for i in parameters.of_planes([plane]):
+    for i in parameters.parameters_of_planes([plane]):
         moved = z.copy()
         moved[i] += DIFFERENCE
         there = numbers(
-            parameters.vehicle(prior.config, prior.biases_rad, moved), plane, crossover_radps
+            parameters.candidate_vehicle(prior.config, prior.biases_rad, moved),
+            plane,
+            crossover_radps,
         )
         slopes[:, i] = (there - values) / DIFFERENCE
     return values, slopes
 
 
-def numbers(vehicle: Vehicle, plane: Plane, crossover_radps: float) -> Array:
+def numbers(vehicle: CandidateVehicle, plane: Plane, crossover_radps: float) -> Array:
     """NAMES, and gain (dB) and phase (deg) from command to rate at a frequency (rad/s), for small
     motion."""
     linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]

@@ -21,15 +21,15 @@ class Information(NamedTuple):
     """(n,)."""
 
 
-def nothing(size: int) -> Information:
+def empty(size: int) -> Information:
     """No knowledge of ``size`` numbers."""
     return Information(np.zeros((size, size)), np.zeros(size))
 
 
-def of_belief(mean: Array, covariance: Array) -> Information:
+def from_normal(mean: Array, covariance: Array) -> Information:
     """A normal belief, shapes (n,) and (n, n) positive definite."""
     root = np.linalg.inv(np.linalg.cholesky(covariance))
-    return absorb(nothing(mean.size), root, root @ mean)
+    return absorb(empty(mean.size), root, root @ mean)
 
 
 def absorb(known: Information, rows: Array, values: Array) -> Information:
@@ -41,7 +41,7 @@ def absorb(known: Information, rows: Array, values: Array) -> Information:
     return Information(np.triu(triangle[:n, :n]), triangle[:n, n].copy())
 
 
-def joined(known: Information, more: Information) -> Information:
+def combine(known: Information, more: Information) -> Information:
     """Two independent pieces of information as one."""
     return absorb(known, more.root, more.rhs)
 

@@ -3,45 +3,52 @@ printed ones ask for.
 
 The paper gives neither the mass nor which form of delay it used, and prints the actuator's transfer
 function garbled. ``rows`` reckons the table for a given tailcone, ``readings`` looks for the
-tailcone that explains all nine rows best, ``alone`` for what each row asks for by itself."""
+tailcone that explains all nine rows best, ``single_pole_conditions`` for what each row asks for by
+itself."""
 
-from sysid.reproduction.paper_poles.conditions import Alone, alone
+from sysid.reproduction.paper_poles.conditions import SinglePoleCondition, single_pole_conditions
 from sysid.reproduction.paper_poles.poles import (
     CASES,
     LAG,
     LOOPS,
     Case,
-    Row,
-    closed,
+    PoleRow,
+    close_case,
+    close_loop,
     dominant,
     models,
-    of_case,
-    opened,
+    open_loop,
     pole,
-    printed,
+    printed_cases,
     rows,
 )
-from sysid.reproduction.paper_poles.search import FORMS, Form, Reading, Search, readings
+from sysid.reproduction.paper_poles.search import (
+    FORMS,
+    Form,
+    TailconeSearch,
+    TransferReading,
+    readings,
+)
 
 __all__ = [
     "CASES",
     "FORMS",
     "LAG",
     "LOOPS",
-    "Alone",
     "Case",
     "Form",
-    "Reading",
-    "Row",
-    "Search",
-    "alone",
-    "closed",
+    "PoleRow",
+    "SinglePoleCondition",
+    "TailconeSearch",
+    "TransferReading",
+    "close_case",
+    "close_loop",
     "dominant",
     "models",
-    "of_case",
-    "opened",
+    "open_loop",
     "pole",
-    "printed",
+    "printed_cases",
     "readings",
     "rows",
+    "single_pole_conditions",
 ]

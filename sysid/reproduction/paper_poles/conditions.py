@@ -16,9 +16,9 @@ from sysid.models.parameters import PARAMETERS
 from sysid.reproduction.paper_poles.poles import (
     CONTROLLERS,
     LAG,
-    closed,
+    close_loop,
     models,
-    opened,
+    open_loop,
 )
 from sysid.reproduction.paper_tables import TABLE_4
 
@@ -28,7 +28,7 @@ BENCH_SD = {
 """How well a bench test knows the tailcone's lag, as shares."""
 
 
-class Alone(NamedTuple):
+class SinglePoleCondition(NamedTuple):
     loop: str
     case: str
     delay_s: float
@@ -38,7 +38,7 @@ class Alone(NamedTuple):
     """Over that of Tables 1 and 3."""
 
 
-def alone(lag: Lag = LAG) -> list[Alone]:
+def single_pole_conditions(lag: Lag = LAG) -> list[SinglePoleCondition]:
     """Of all nine rows, behind the lag's natural frequency and damping; its own delay is
     ignored."""
     known = models()
@@ -48,19 +48,26 @@ def alone(lag: Lag = LAG) -> list[Alone]:
     ]
 
 
-def asked(loop: str, planes: Planes, gains: Gains, pole: complex, lag: Lag) -> tuple[float, float]:
+def required_delay_and_gain(
+    loop: str, planes: Planes, gains: Gains, pole: complex, lag: Lag
+) -> tuple[float, float]:
     """(delay, loop gain) with which the loop has this pole."""
-    cut = opened(loop, closed(loop, planes, lag._replace(delay_s=0.0), gains))
+    cut = open_loop(loop, close_loop(loop, planes, lag._replace(delay_s=0.0), gains))
     at_pole = complex(-cut.row @ np.linalg.solve(pole * np.eye(len(cut.A)) - cut.A, cut.into))
     delay_s = cmath.phase(-at_pole) / pole.imag
     return delay_s, 1.0 / abs(at_pole * cmath.exp(-pole * delay_s))
 
 
-def _row(loop: str, case: str, pole: complex, planes: Planes, gains: Gains, lag: Lag) -> Alone:
-    delay_s, gain = asked(loop, planes, gains, pole, lag)
+def _row(
+    loop: str, case: str, pole: complex, planes: Planes, gains: Gains, lag: Lag
+) -> SinglePoleCondition:
+    delay_s, gain = required_delay_and_gain(loop, planes, gains, pole, lag)
     faster = lag._replace(
         natural_frequency_radps=lag.natural_frequency_radps * (1.0 + BENCH_SD["natural_frequency"])
     )
     calmer = lag._replace(damping_ratio=lag.damping_ratio * (1.0 + BENCH_SD["damping_ratio"]))
-    moved = [asked(loop, planes, gains, pole, other)[0] - delay_s for other in (faster, calmer)]
-    return Alone(loop, case, delay_s, math.hypot(*moved), gain)
+    moved = [
+        required_delay_and_gain(loop, planes, gains, pole, other)[0] - delay_s
+        for other in (faster, calmer)
+    ]
+    return SinglePoleCondition(loop, case, delay_s, math.hypot(*moved), gain)

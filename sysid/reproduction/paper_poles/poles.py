@@ -7,8 +7,8 @@ import numpy as np
 
 from sysid.control_analysis import loop_transfer, root_locus
 from sysid.control_analysis.loop_transfer import Approximation, ClosedLoop, Gains, Lag
-from sysid.control_analysis.margins import BAND_RADPS, Planes
-from sysid.control_analysis.root_locus import Opened
+from sysid.control_analysis.margins import MAX_POLE_RADPS, Planes
+from sysid.control_analysis.root_locus import OpenLoop
 from sysid.models.linear_planes import pitch_plane, yaw_plane
 from sysid.reproduction.paper_tables import (
     TABLE_1_ADJUSTED,
@@ -28,7 +28,7 @@ PADE = 2
 CONTROLLERS: Mapping[str, Gains] = {"I": TABLE_3_INITIAL, "A": TABLE_3_IMPROVED}
 
 
-class Row(NamedTuple):
+class PoleRow(NamedTuple):
     loop: str
     case: str
     paper: complex
@@ -54,32 +54,32 @@ class Case(NamedTuple):
     pitch_lag: Lag
 
 
-def printed(lag: Lag = LAG) -> list[Case]:
+def printed_cases(lag: Lag = LAG) -> list[Case]:
     """The paper's three, all behind one tailcone."""
     known = models()
     return [Case(case, known[case[0]], CONTROLLERS[case[2]], lag, lag) for case in CASES]
 
 
-def rows(lag: Lag = LAG, form: Approximation = PADE) -> list[Row]:
+def rows(lag: Lag = LAG, form: Approximation = PADE) -> list[PoleRow]:
     """All nine from Tables 1 and 3, loop by loop."""
-    cases = {case.name: case for case in printed(lag)}
+    cases = {case.name: case for case in printed_cases(lag)}
     return [
-        Row(loop, name, paper, pole(loop, cases[name], form))
+        PoleRow(loop, name, paper, pole(loop, cases[name], form))
         for (loop, name), paper in TABLE_4.items()
     ]
 
 
 def pole(loop: str, case: Case, form: Approximation = PADE) -> complex:
     """The dominant one."""
-    return dominant(loop_transfer.poles(of_case(loop, case, form)))
+    return dominant(loop_transfer.poles(close_case(loop, case, form)))
 
 
-def of_case(loop: str, case: Case, form: Approximation = PADE) -> ClosedLoop:
+def close_case(loop: str, case: Case, form: Approximation = PADE) -> ClosedLoop:
     lag = case.yaw_lag if loop == "heading" else case.pitch_lag
-    return closed(loop, case.planes, lag, case.gains, form)
+    return close_loop(loop, case.planes, lag, case.gains, form)
 
 
-def closed(
+def close_loop(
     loop: str, planes: Planes, lag: Lag, gains: Gains, form: Approximation = PADE
 ) -> ClosedLoop:
     """One of ``LOOPS``."""
@@ -90,13 +90,13 @@ def closed(
     )
 
 
-def opened(loop: str, whole: ClosedLoop) -> Opened:
+def open_loop(loop: str, whole: ClosedLoop) -> OpenLoop:
     """One of ``LOOPS`` at the duct."""
-    return root_locus.at_duct(whole, 4 if loop == "depth" else 3)
+    return root_locus.open_at_duct(whole, 4 if loop == "depth" else 3)
 
 
 def dominant(poles: Sequence[complex] | loop_transfer.ComplexArray) -> complex:
     """The pair that rings most, upper pole: of the oscillating ones within the band the least
     damped."""
-    pairs = [complex(pole) for pole in poles if pole.imag > 1e-6 and abs(pole) < BAND_RADPS]
+    pairs = [complex(pole) for pole in poles if pole.imag > 1e-6 and abs(pole) < MAX_POLE_RADPS]
     return max(pairs, key=lambda pole: pole.real / abs(pole), default=complex(np.nan, np.nan))

@@ -18,7 +18,7 @@ from sysid.control_analysis.loop_transfer import Approximation, Lag
 from sysid.reproduction.paper_poles.poles import (
     CONTROLLERS,
     LAG,
-    closed,
+    close_loop,
     dominant,
     models,
 )
@@ -56,18 +56,18 @@ LAGS = {
 """Denominators: with the cut-off of figure 4; with a power lost; as printed; and a lag too fast to
 matter."""
 DELAYS_S = np.arange(0.1, 1.01, 0.1)
-LEAST_S, MOST_S, STEP_S = 0.0, 1.1, 0.02
-FREE = "free, damping 0.6"
-FREER = "free, at least 0.2"
-SLOWEST_RADPS, FASTEST_RADPS, LEAST_DAMPING, MOST_DAMPING = 1.0, 20.0, 0.2, 1.2
-REMAINS = 0.1
+MIN_DELAY_S, MAX_DELAY_S, DELAY_STEP_S = 0.0, 1.1, 0.02
+FREE_FREQUENCY = "free, damping 0.6"
+FREE_DAMPING = "free, at least 0.2"
+MIN_FREQUENCY_RADPS, MAX_FREQUENCY_RADPS, MIN_DAMPING, MAX_DAMPING = 1.0, 20.0, 0.2, 1.2
+UNEXPLAINED_SHARE = 0.1
 """A row remains unexplained beyond this share of its printed pole."""
-WIDER = math.exp(3.84 / (4.0 * len(TABLE_4)))
+INTERVAL_MISFIT_RATIO = math.exp(3.84 / (4.0 * len(TABLE_4)))
 """The rms misfit at the ends of a delay's 95 % interval over its least, were the misfits
 independent and normal: two real numbers a row, n ln(sum of squares) up by 3.84."""
 
 
-class Reading(NamedTuple):
+class TransferReading(NamedTuple):
     lag_name: str
     form: str
     lag: Lag
@@ -79,10 +79,10 @@ class Reading(NamedTuple):
     """Rows missed by more than a tenth."""
 
 
-def readings(printed: Printed = TABLE_4) -> list[Reading]:
+def readings(printed: Printed = TABLE_4) -> list[TransferReading]:
     """The stated tailcone; then the best delay of all forms behind figure 4's lag, of the best form
     behind others."""
-    search = Search(printed)
+    search = TailconeSearch(printed)
     known = LAGS[FIGURE_4]
     found = [search.reading(STATED, FORMS[1], LAG), search.reading(FIGURE_4, NO_DELAY, known)]
     for name, lag in LAGS.items():
@@ -95,23 +95,26 @@ def readings(printed: Printed = TABLE_4) -> list[Reading]:
         found += [search.reading(name, form, delayed) for form, delayed in shown]
     exact = FORMS[-1]
     found += [
-        search.reading(name, exact, search.best_lag(exact, name == FREER)) for name in (FREE, FREER)
+        search.reading(name, exact, search.best_lag(exact, name == FREE_DAMPING))
+        for name in (FREE_FREQUENCY, FREE_DAMPING)
     ]
     return found
 
 
-class Search:
+class TailconeSearch:
     """Misfits of candidate tailcones to printed poles."""
 
     def __init__(self, printed: Printed = TABLE_4) -> None:
         self._printed, self._models = printed, models()
 
-    def reading(self, name: str, form: Form, lag: Lag) -> Reading:
+    def reading(self, name: str, form: Form, lag: Lag) -> TransferReading:
         misses = self._misses(lag, form)
         remain = tuple(
-            row for row, miss in misses.items() if not miss <= REMAINS * abs(self._printed[row])
+            row
+            for row, miss in misses.items()
+            if not miss <= UNEXPLAINED_SHARE * abs(self._printed[row])
         )
-        return Reading(
+        return TransferReading(
             name, form.name, lag, self.misfit(lag, form), self._interval(lag, form), remain
         )
 
@@ -132,8 +135,11 @@ class Search:
         def lag(x: Array) -> Lag:
             return Lag(float(x[0]), math.exp(x[1]), float(x[2]) if any_damping else 0.6)
 
-        bounds = [(LEAST_S, MOST_S), (math.log(SLOWEST_RADPS), math.log(FASTEST_RADPS))]
-        bounds += [(LEAST_DAMPING, MOST_DAMPING)] if any_damping else []
+        bounds = [
+            (MIN_DELAY_S, MAX_DELAY_S),
+            (math.log(MIN_FREQUENCY_RADPS), math.log(MAX_FREQUENCY_RADPS)),
+        ]
+        bounds += [(MIN_DAMPING, MAX_DAMPING)] if any_damping else []
         starts = [(0.1, math.log(3.0), 0.6), (0.5, math.log(6.0), 0.5)]
         ends = [
             minimize(
@@ -155,7 +161,7 @@ class Search:
         """Distances by row; a loop without an oscillating pair is as far off as the pole itself."""
         found = {}
         for (loop, case), pole in self._printed.items():
-            whole = closed(
+            whole = close_loop(
                 loop, self._models[case[0]], lag, CONTROLLERS[case[2]], form.approximation
             )
             miss = abs(dominant(loop_transfer.poles(whole)) - pole)
@@ -166,15 +172,15 @@ class Search:
         """As far as the misfit stays below WIDER times what it is."""
         if form is NO_DELAY:
             return 0.0, 0.0
-        most = WIDER * self.misfit(lag, form)
+        most = INTERVAL_MISFIT_RATIO * self.misfit(lag, form)
 
         def end(step_s: float) -> float:
             delay_s = lag.delay_s
             while (
-                LEAST_S <= delay_s + step_s <= MOST_S
+                MIN_DELAY_S <= delay_s + step_s <= MAX_DELAY_S
                 and self.misfit(lag._replace(delay_s=delay_s + step_s), form) <= most
             ):
                 delay_s += step_s
             return delay_s
 
-        return end(-STEP_S), end(STEP_S)
+        return end(-DELAY_STEP_S), end(DELAY_STEP_S)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from autopilot.comms.bandwidth_limiter import Budget, Queue, Waiting
-from autopilot.comms.ground_links import GATHER_S, GroundLink, MeteredLink, ground_link
+from autopilot.comms.ground_links import DATAGRAM_FILL_S, GroundLink, MeteredLink, ground_link
 from mavlink_io import dialect
 from mavlink_io.codec import LARGEST_FRAME, Frame, Framer, encode
 
@@ -168,7 +168,7 @@ def test_bulk_and_telemetry_share_what_there_is() -> None:
     line = Line("serial:/dev/x:57600")
     link = ground_link(line, 1)
     for stamp in range(3000):
-        line.now_s = stamp * GATHER_S
+        line.now_s = stamp * DATAGRAM_FILL_S
         while link.room_bytes() >= LARGEST_FRAME:
             say(link, Step("bulk", 0, 0.0), stamp)
         for number in range(3):

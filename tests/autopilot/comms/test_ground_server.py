@@ -364,7 +364,7 @@ def test_all_that_may_change_what_she_does_is_logged(deck: Deck) -> None:
     )
     names = {message.name for message in served if message and not harmless.fullmatch(message.name)}
     assert names == {
-        message.name for number in channels.HEARD if (message := dialect.by_id(number))
+        message.name for number in channels.LOGGED_FROM_GROUND if (message := dialect.by_id(number))
     }
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import pytest
 
 from autopilot.comms import hil
-from autopilot.comms.hil import Sample
+from autopilot.comms.hil import HilSample
 from mavlink_io import device_messages, dialect
 from mavlink_io.codec import Framer, encode
 from mavlink_io.records import (
@@ -23,7 +23,7 @@ from mavlink_io.records import (
 )
 from mavlink_io.records import Altimeter as Range
 from mavlink_io.transport import Transport, open_transport
-from sitl.backends.hil import HilLink
+from sitl.backends.hil import HilClient
 from sitl.core.sensors import Sensors
 from tests.helpers.fake_hil import Deck, Station, only, sensors
 
@@ -39,7 +39,7 @@ FULL = Sensors(
 
 
 class Line(NamedTuple):
-    sitl: HilLink
+    sitl: HilClient
     autopilot: hil.HilLink
     near: Transport
 
@@ -47,12 +47,12 @@ class Line(NamedTuple):
 @pytest.fixture
 def line() -> Iterator[Line]:
     near, far = open_transport("memory:hil"), open_transport("memory:hil")
-    yield Line(HilLink(near), hil.HilLink(far, 1), near)
+    yield Line(HilClient(near), hil.HilLink(far, 1), near)
     near.close()
     far.close()
 
 
-def heard(line: Line, said: Sensors) -> Sample:
+def heard(line: Line, said: Sensors) -> HilSample:
     line.near.send(line.sitl.datagram(said, None))
     (sample,) = line.autopilot.receive()
     return sample
@@ -70,13 +70,13 @@ def test_every_record_arrives_with_the_sample_of_its_tick(line: Line) -> None:
 def test_what_came_once_is_told_once(line: Line) -> None:
     heard(line, FULL)
     sample = heard(line, Sensors(sensors(40_000), None, None))
-    assert sample._replace(heard=()) == Sample(sensors=_again(40_000))
+    assert sample._replace(heard=()) == HilSample(sensors=_again(40_000))
     assert [frame.name for frame in sample.heard] == ["HIL_SENSOR"]
 
 
 def _again(time_us: int) -> object:
     near, far = open_transport("memory:alone"), open_transport("memory:alone")
-    near.send(HilLink(near).datagram(Sensors(sensors(time_us), None, None), None))
+    near.send(HilClient(near).datagram(Sensors(sensors(time_us), None, None), None))
     (sample,) = hil.HilLink(far, 1).receive()
     near.close()
     far.close()
@@ -128,13 +128,13 @@ def test_the_ground_hears_the_air_in_the_hull_where_a_device_measures_it(line: L
 
 def test_devices_that_outlive_the_ahrs_fill_no_memory(line: Line) -> None:
     hull = dialect.by_name("SCALED_PRESSURE")
-    for number in range(3 * hil.MOST_KEPT):
+    for number in range(3 * hil.MAX_QUEUED_FRAMES):
         line.near.send(encode(hull, (number, 985.5, 0.0, 2150, 0), number & 0xFF, 1, 158))
         assert line.autopilot.receive() == []
     line.near.send(line.sitl.datagram(Sensors(sensors(40_000), None, None), None))
     (sample,) = line.autopilot.receive()
     assert [frame.decode().time_boot_ms for frame in sample.relayed] == list(
-        range(2 * hil.MOST_KEPT, 3 * hil.MOST_KEPT)
+        range(2 * hil.MAX_QUEUED_FRAMES, 3 * hil.MAX_QUEUED_FRAMES)
     )
 
 

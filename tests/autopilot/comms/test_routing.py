@@ -9,16 +9,16 @@ from pymavlink.dialects.v20 import all as mavlink
 from autopilot.comms.routing import Router, target_of
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode
-from mavlink_io.request import Party
+from mavlink_io.request import MavlinkId
 
-OWN = Party(1, 1)
+OWN = MavlinkId(1, 1)
 LINKS = ("udp", "tcp", "serial")
 systems, components = st.integers(0, 4), st.integers(0, 3)
-parties = st.builds(Party, st.integers(1, 4), st.integers(1, 3))
+parties = st.builds(MavlinkId, st.integers(1, 4), st.integers(1, 3))
 traffic = st.lists(st.tuples(parties, st.sampled_from(LINKS)), max_size=12)
 
 
-def frame_to(target: Party, sender: Party) -> Frame:
+def frame_to(target: MavlinkId, sender: MavlinkId) -> Frame:
     message = mavlink.MAVLink_command_long_message(
         target.system, target.component, 400, 0, 1, 0, 0, 0, 0, 0, 0
     )
@@ -28,7 +28,7 @@ def frame_to(target: Party, sender: Party) -> Frame:
     return frame
 
 
-def routed(heard: list[tuple[Party, str]]) -> Router[str]:
+def routed(heard: list[tuple[MavlinkId, str]]) -> Router[str]:
     router: Router[str] = Router(OWN)
     for party, link in heard:
         router.learn(party, link)
@@ -37,9 +37,9 @@ def routed(heard: list[tuple[Party, str]]) -> Router[str]:
 
 @given(traffic, systems, components, parties, st.sampled_from(LINKS))
 def test_the_rules_hold(
-    heard: list[tuple[Party, str]], system: int, component: int, sender: Party, arrival: str
+    heard: list[tuple[MavlinkId, str]], system: int, component: int, sender: MavlinkId, arrival: str
 ) -> None:
-    onward = routed(heard).onward(frame_to(Party(system, component), sender), arrival, LINKS)
+    onward = routed(heard).onward(frame_to(MavlinkId(system, component), sender), arrival, LINKS)
     assert arrival not in onward, "never back"
     assert len(set(onward)) == len(onward), "once"
     if sender == OWN or (system, component) == OWN:
@@ -56,9 +56,9 @@ def test_the_rules_hold(
 
 
 def test_a_link_that_is_gone_is_forgotten() -> None:
-    router = routed([(Party(9, 1), "udp"), (Party(9, 1), "tcp")])
+    router = routed([(MavlinkId(9, 1), "udp"), (MavlinkId(9, 1), "tcp")])
     router.forget("udp")
-    assert router.onward(frame_to(Party(9, 1), Party(7, 7)), "serial", LINKS) == ["tcp"]
+    assert router.onward(frame_to(MavlinkId(9, 1), MavlinkId(7, 7)), "serial", LINKS) == ["tcp"]
 
 
 def test_keys_and_a_radios_own_state_stay_where_they_are() -> None:

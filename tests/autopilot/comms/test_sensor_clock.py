@@ -8,14 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from autopilot.comms import sensor_clock
-from autopilot.comms.hil import Sample
+from autopilot.comms.hil import HilSample
 from autopilot.comms.sensor_clock import (
     CONFIRM_SAMPLES,
-    LONGEST_INTERVAL_US,
     LOST_SAMPLES,
+    MAX_INTERVAL_US,
     SensorClock,
-    Verdict,
-    judge,
+    StampVerdict,
+    classify_stamp,
     rebase,
 )
 from mavlink_io import dialect
@@ -23,7 +23,7 @@ from mavlink_io.codec import Frame, Framer, encode
 from mavlink_io.records import Altimeter, DuctFeedback, Dvl, GpsFix
 from tests.helpers.fake_hil import TICK_US, sensors
 
-TAKEN = (Verdict.NEW, Verdict.RESTARTED)
+TAKEN = (StampVerdict.NEW, StampVerdict.RESTARTED)
 STAMPS = st.integers(0, 2**64 - 1)
 """Whatever HIL_SENSOR.time_usec may hold."""
 SETTLED = 40
@@ -32,14 +32,14 @@ AHEAD_US = LOST_SAMPLES * TICK_US
 """A stamp no further ahead than this looks like lost samples."""
 
 
-Verdicts = list[tuple[Verdict, int]]
+Verdicts = list[tuple[StampVerdict, int]]
 
 
 def run(stamps: Sequence[int], clock: SensorClock | None = None) -> tuple[SensorClock, Verdicts]:
     """The verdict on each stamp, with the vehicle time that goes with it."""
     clock, verdicts = clock or SensorClock(), []
     for stamp_us in stamps:
-        clock, verdict = judge(clock, stamp_us, 0)
+        clock, verdict = classify_stamp(clock, stamp_us, 0)
         verdicts.append((verdict, stamp_us + clock.offset_us))
     return clock, verdicts
 
@@ -55,8 +55,8 @@ def test_one_bad_stamp_has_no_effect(at: int, bad_us: int) -> None:
     if 0 < bad_us - newest_us <= AHEAD_US:
         return
     _, verdicts = run([*stamps[:at], bad_us, *stamps[at:]])
-    assert verdicts.pop(at)[0] in (Verdict.REFUSED, Verdict.REPEATED)
-    assert verdicts == [(Verdict.NEW, stamp_us) for stamp_us in stamps]
+    assert verdicts.pop(at)[0] in (StampVerdict.REFUSED, StampVerdict.REPEATED)
+    assert verdicts == [(StampVerdict.NEW, stamp_us) for stamp_us in stamps]
 
 
 @pytest.mark.parametrize("bad_us", [1_000_000, -1_000_000, 200_000, -20_000])
@@ -65,8 +65,8 @@ def test_bad_stamp_near_has_no_effect(bad_us: int) -> None:
     stamps = honest(100)
     bad = [*stamps[:80], stamps[79] + bad_us, *stamps[80:]]
     _, verdicts = run(bad)
-    assert verdicts.pop(80)[0] is Verdict.REFUSED
-    assert verdicts == [(Verdict.NEW, stamp_us) for stamp_us in stamps]
+    assert verdicts.pop(80)[0] is StampVerdict.REFUSED
+    assert verdicts == [(StampVerdict.NEW, stamp_us) for stamp_us in stamps]
 
 
 @given(ahead_us=st.integers(1, AHEAD_US))
@@ -75,9 +75,9 @@ def test_stamp_little_ahead_costs_few_samples(ahead_us: int) -> None:
     stamps = honest(SETTLED + 40)
     _, verdicts = run([*stamps[:SETTLED], stamps[SETTLED - 1] + ahead_us, *stamps[SETTLED:]])
     rest = verdicts[SETTLED + 1 :]
-    assert sum(verdict is not Verdict.NEW for verdict, _ in rest) <= CONFIRM_SAMPLES
-    assert Verdict.RESTARTED not in [verdict for verdict, _ in verdicts]
-    assert rest[-1] == (Verdict.NEW, stamps[-1])
+    assert sum(verdict is not StampVerdict.NEW for verdict, _ in rest) <= CONFIRM_SAMPLES
+    assert StampVerdict.RESTARTED not in [verdict for verdict, _ in verdicts]
+    assert rest[-1] == (StampVerdict.NEW, stamps[-1])
 
 
 @given(base_us=st.integers(0, 2**62))
@@ -88,7 +88,7 @@ def test_new_time_base_is_followed_without_gap(base_us: int) -> None:
         return
     clock, verdicts = run([*before, *honest(20, base_us)])
     after = verdicts[SETTLED:]
-    wanted = [Verdict.REFUSED] * 4 + [Verdict.RESTARTED] + [Verdict.NEW] * 15
+    wanted = [StampVerdict.REFUSED] * 4 + [StampVerdict.RESTARTED] + [StampVerdict.NEW] * 15
     assert [verdict for verdict, _ in after] == wanted
     times_us = [time_us for verdict, time_us in after if verdict in TAKEN]
     assert times_us == honest(16, newest_us + clock.interval_us + 4 * TICK_US)
@@ -108,40 +108,40 @@ def test_vehicle_time_increases_and_goes_on(stamps: list[int], base_us: int) -> 
 def test_bad_first_stamp_is_recovered_from(first_us: int) -> None:
     _, verdicts = run([first_us, *honest(20)])
     after = {verdict for verdict, _ in verdicts[CONFIRM_SAMPLES + 2 :]}
-    assert after <= {Verdict.NEW, Verdict.REPEATED}
+    assert after <= {StampVerdict.NEW, StampVerdict.REPEATED}
 
 
 def test_stamp_sent_again_until_answered_is_answered() -> None:
     """A simulator in lockstep repeats its sample: the fifth is taken at the latest."""
     for stamp_us in (0, 2**63):
         _, verdicts = run([*honest(SETTLED), *[stamp_us] * CONFIRM_SAMPLES])
-        assert verdicts[-1][0] is Verdict.RESTARTED
+        assert verdicts[-1][0] is StampVerdict.RESTARTED
 
 
 def test_gap_that_the_wall_clock_shows_too_is_an_outage() -> None:
     clock, _ = run(honest(SETTLED))
     stamp_us = clock.newest_us + 3_000_000
-    assert judge(clock, stamp_us, 0)[1] is Verdict.REFUSED
-    taken, verdict = judge(clock, stamp_us, 3_000_000)
-    assert (verdict, taken.offset_us) == (Verdict.NEW, 0)
+    assert classify_stamp(clock, stamp_us, 0)[1] is StampVerdict.REFUSED
+    taken, verdict = classify_stamp(clock, stamp_us, 3_000_000)
+    assert (verdict, taken.offset_us) == (StampVerdict.NEW, 0)
 
 
 @pytest.mark.parametrize("tick_us", [2_000, 10_000, 40_000, 100_000])
 def test_any_usual_rate_is_taken(tick_us: int) -> None:
     _, verdicts = run([n * tick_us for n in range(50)])
-    assert {verdict for verdict, _ in verdicts} == {Verdict.NEW}
+    assert {verdict for verdict, _ in verdicts} == {StampVerdict.NEW}
 
 
 def test_uneven_steps_are_taken() -> None:
     """A head that sends in threes: docs/hardware.md asks for no even interval."""
     stamps = [60_000 * burst + 1_000 * n for burst in range(50) for n in range(3)]
     _, verdicts = run(stamps)
-    assert {verdict for verdict, _ in verdicts} == {Verdict.NEW}
+    assert {verdict for verdict, _ in verdicts} == {StampVerdict.NEW}
 
 
 def test_longest_interval_is_that_of_the_slowest_line() -> None:
     """docs/hardware.md: 10 Hz at 38400 baud."""
-    assert LONGEST_INTERVAL_US == 100_000
+    assert MAX_INTERVAL_US == 100_000
 
 
 def device_frame(name: str, **fields: object) -> Frame:
@@ -155,7 +155,7 @@ def test_rebase_moves_every_stamp_of_a_sample() -> None:
     air = {"press_abs": 1013.0, "press_diff": 0.0, "temperature": 1200}
     hull = device_frame("SCALED_PRESSURE", time_boot_ms=90, **air)
     text = device_frame("STATUSTEXT", severity=4, text="Fault: gyro off")
-    sample = Sample(
+    sample = HilSample(
         sensors(100_000),
         GpsFix(99_000_000, 3, 42.35, -71.0, 0.0, 0.0, 0.0, 0.0, 10),
         Altimeter(80_000, 12.0, 0.3, 30.0),
@@ -184,7 +184,7 @@ def _imu(time_us: int) -> dict[str, object]:
 
 def test_rebase_never_makes_a_stamp_negative() -> None:
     """MAVLink's stamps have no sign."""
-    sample = Sample(sensors(10**9), GpsFix(5, 3, 42.35, -71.0, 0.0, 0.0, 0.0, 0.0, 10))
+    sample = HilSample(sensors(10**9), GpsFix(5, 3, 42.35, -71.0, 0.0, 0.0, 0.0, 0.0, 10))
     moved = sensor_clock.rebase(sample, -900_000_000)
     assert moved.gps is not None
     assert moved.gps.time_us == 0

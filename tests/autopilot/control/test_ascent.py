@@ -121,7 +121,7 @@ def test_surface_time_limit_zero_never_ends() -> None:
     hold_down(flight, 1.0)
     for second in range(1, 400):
         later = flight.state._replace(time_us=flight.state.time_us + second * 1_000_000)
-        assert ascent.surface(later, flight.config)[0].armed
+        assert ascent.step_surface(later, flight.config)[0].armed
 
 
 def test_surface_blind_without_fix_ends_at_time_limit() -> None:
@@ -134,7 +134,7 @@ def test_surface_blind_without_fix_ends_at_time_limit() -> None:
     ends = (began_us + 10_000_000, True), (limit_us, True), (limit_us + 20_000, False)
     for time_us, armed in ends:
         later = flight.state._replace(time_us=time_us, estimate=at)
-        flight.state, _ = ascent.surface(later, flight.config)
+        flight.state, _ = ascent.step_surface(later, flight.config)
         assert flight.state.armed == armed
         assert flight.state.setpoint.thrust == 0.0
 

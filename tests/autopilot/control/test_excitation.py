@@ -17,15 +17,15 @@ from autopilot.control.excitation import (
     WAVES,
     Wave,
     check,
-    configured,
     describe,
-    play,
-    prepare,
-    read,
-    runs_of,
+    from_config,
+    from_numbers,
+    precompute,
+    sample,
+    switch_intervals,
 )
 from autopilot.control.params import Config
-from autopilot.control.types import Excitation, State
+from autopilot.control.types import AutopilotState, Excitation
 
 SIZE_DEG = 6.0
 SIZE_RAD = math.radians(SIZE_DEG)
@@ -52,7 +52,7 @@ def a_test(
     elevator_pct: float = 50.0,
 ) -> Excitation:
     own = OWN_NUMBERS[Wave(wave)] if wave in WAVES else (0.0, 0.0)
-    wish = read(
+    wish = from_numbers(
         axis,
         size,
         own[0] if p3 is None else p3,
@@ -61,11 +61,11 @@ def a_test(
         wave,
         fade_s,
     )
-    return prepare(wish, State(), Config(sid_elevator_pct=elevator_pct))
+    return precompute(wish, AutopilotState(), Config(sid_elevator_pct=elevator_pct))
 
 
 def rudder(test: Excitation, t_s: float) -> float:
-    return play(test, t_s).rudder_rad
+    return sample(test, t_s).rudder_rad
 
 
 @given(
@@ -80,7 +80,7 @@ def test_no_signal_exceeds_its_size(t_s: float, wave: Wave, fade_s: float, axis:
         assert axis % LOOP_ON == BOTH_AXIS
         assert wave != Wave.MULTISINE
         return
-    played = play(test, t_s)
+    played = sample(test, t_s)
     assert abs(played.rudder_rad) <= SIZE_RAD * (1.0 + 1e-9)
     assert abs(played.elevator_rad) <= SIZE_RAD * (1.0 + 1e-9)
     assert abs(played.thrust) <= 0.01 * SIZE_DEG * (1.0 + 1e-9)
@@ -106,11 +106,11 @@ def test_fade_starts_and_ends_at_zero(wave: Wave) -> None:
 
 
 def test_thrust_fades_too() -> None:
-    assert play(a_test(THRUST_AXIS, fade_s=5.0), 2.5).thrust == pytest.approx(0.03)
+    assert sample(a_test(THRUST_AXIS, fade_s=5.0), 2.5).thrust == pytest.approx(0.03)
 
 
 def test_only_a_chirp_has_a_frequency() -> None:
-    assert [play(a_test(wave=wave), 0.0).frequency_hz for wave in Wave] == [0.02] + [0.0] * (
+    assert [sample(a_test(wave=wave), 0.0).frequency_hz for wave in Wave] == [0.02] + [0.0] * (
         len(Wave) - 1
     )
 
@@ -126,12 +126,12 @@ def test_only_a_chirp_has_a_frequency() -> None:
     ],
 )
 def test_an_axis_moves_what_it_says(axis: int, sizes: tuple[float, float, float]) -> None:
-    assert play(a_test(axis), 1.0)[:3] == pytest.approx(sizes)
+    assert sample(a_test(axis), 1.0)[:3] == pytest.approx(sizes)
 
 
 def test_both_axes_at_once_are_each_a_multisine_of_its_own_size() -> None:
     both = a_test(BOTH_AXIS, Wave.MULTISINE, elevator_pct=25.0)
-    played = [play(both, 0.02 * k) for k in range(5000)]
+    played = [sample(both, 0.02 * k) for k in range(5000)]
     product = sum(p.rudder_rad * p.elevator_rad for p in played)
     power = sum(p.rudder_rad**2 for p in played)
     assert abs(product) < 1e-9 * power
@@ -149,14 +149,14 @@ def test_seeds_and_runs_arrive_from_the_numbers_of_the_command_and_from_paramete
         sid_runs_1=3214,
         sid_runs_2=52,
     )
-    by_parameters = prepare(configured(set_up), State(), set_up)
+    by_parameters = precompute(from_config(set_up), AutopilotState(), set_up)
     assert [rudder(by_parameters, t) for t in range(100)] == [rudder(square, t) for t in range(100)]
     seeded = Config(
         sid_axis=12, sid_magnitude=6.0, sid_record_s=100.0, sid_wave=3, sid_stop_hz=0.5, sid_seed=7
     )
-    assert [rudder(prepare(configured(seeded), State(), seeded), t) for t in range(100)] == [
-        rudder(prbs, t) for t in range(100)
-    ]
+    assert [
+        rudder(precompute(from_config(seeded), AutopilotState(), seeded), t) for t in range(100)
+    ] == [rudder(prbs, t) for t in range(100)]
 
 
 def test_a_3211_needs_no_numbers() -> None:
@@ -217,13 +217,15 @@ def test_a_possible_test_is_not_refused(wave: Wave) -> None:
 def test_whatever_a_command_says_is_refused_or_can_be_played(
     size: float, p3: float, p4: float, axis: int, wave: int
 ) -> None:
-    test = prepare(
-        requests.StartTest(*read(axis, size, p3, p4, 30.0, wave, 0.0)), State(), Config()
+    test = precompute(
+        requests.StartTest(*from_numbers(axis, size, p3, p4, 30.0, wave, 0.0)),
+        AutopilotState(),
+        Config(),
     )
     if check(test, 15.0) == "":
-        assert all(math.isfinite(number) for t in (0.0, 7.7, 30.0) for number in play(test, t))
+        assert all(math.isfinite(number) for t in (0.0, 7.7, 30.0) for number in sample(test, t))
 
 
 @given(st.floats(), st.floats())
 def test_runs_are_digits_or_marked_as_none(first: float, second: float) -> None:
-    assert all(0 <= run <= 9 for run in runs_of(first, second))
+    assert all(0 <= run <= 9 for run in switch_intervals(first, second))

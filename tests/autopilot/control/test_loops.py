@@ -11,7 +11,7 @@ from autopilot.control.params import Config, ParamTable
 from autopilot.control.pid import Gains
 from autopilot.control.reference_model import Way
 from autopilot.control.setpoints import Setpoint
-from autopilot.control.types import Estimate, Event, LoopMemory, Trim
+from autopilot.control.types import Event, LoopMemory, Trim, VehicleEstimate
 from autopilot.vehicle import Vehicle
 from mavlink_io.frames import wrap_pi
 from tests.helpers.missions import under_way
@@ -26,12 +26,14 @@ def test_a_rolled_hull_turns_as_a_level_one_would(
     """The same turning about vertical and horizontal, whatever the roll: what is wanted there is
     the same."""
     config = Config(roll_compensated=1, travel_deg=45.0, heading_d=0.5, pitch_d=0.5)
-    level = Estimate(heading_rad=heading, pitch_rad=pitch, q_radps=q, r_radps=r)
+    level = VehicleEstimate(heading_rad=heading, pitch_rad=pitch, q_radps=q, r_radps=r)
     c, s = math.cos(roll), math.sin(roll)
     rolled = level._replace(roll_rad=roll, q_radps=q * c + r * s, r_radps=r * c - q * s)
     asked = Setpoint(heading_rad=wanted, pitch_rad=0.1)
-    flat, _ = loops.close(level, asked, LoopMemory(), config, 0.02, heading=True, depth=True)
-    turned, _ = loops.close(rolled, asked, LoopMemory(), config, 0.02, heading=True, depth=True)
+    flat, _ = loops.step_loops(level, asked, LoopMemory(), config, 0.02, heading=True, depth=True)
+    turned, _ = loops.step_loops(
+        rolled, asked, LoopMemory(), config, 0.02, heading=True, depth=True
+    )
     about_vertical = turned.rudder_rad * c + turned.elevator_rad * s
     about_horizontal = turned.elevator_rad * c - turned.rudder_rad * s
     assert about_vertical == pytest.approx(flat.rudder_rad, abs=1e-9)
@@ -41,14 +43,14 @@ def test_a_rolled_hull_turns_as_a_level_one_would(
 def test_slower_than_designed_the_loop_keeps_its_shape() -> None:
     """A vehicle at half speed with everything in her own time: gains per radian and per turned
     length stay."""
-    slow = loops.scheduled(Gains(0.6, 1.5, 0.02, 0.1), 0.5)
+    slow = loops.schedule_gains(Gains(0.6, 1.5, 0.02, 0.1), 0.5)
     assert (slow.p, slow.d, slow.i, slow.i_max) == (0.6, 3.0, 0.01, 0.1)
 
 
 def test_faster_than_designed_the_loop_keeps_its_gain() -> None:
-    fast = loops.scheduled(Gains(0.6, 1.5, 0.02, 0.1), 2.0)
+    fast = loops.schedule_gains(Gains(0.6, 1.5, 0.02, 0.1), 2.0)
     assert (fast.p, fast.d, fast.i) == (0.15, 0.375, 0.005)
-    assert loops.scheduled(Gains(0.6, 1.5, 0.02, 0.1), 50.0) == loops.scheduled(
+    assert loops.schedule_gains(Gains(0.6, 1.5, 0.02, 0.1), 50.0) == loops.schedule_gains(
         Gains(0.6, 1.5, 0.02, 0.1), 2.5
     )
 
@@ -87,16 +89,16 @@ def test_the_elevator_holds_the_pitch_that_a_way_in_depth_takes(speed: float, sh
     config = {"depth_way_radps": 0.5, "depth_way_mps": 0.1, "travel_deg": 45.0}
     held, bare = Config(pitch_stiffness=0.2, **config), Config(**config)
     on_her_way = LoopMemory(descent=Way(3.0, 0.1))
-    estimate, asked = Estimate(depth_m=3.0, speed_mps=speed), Setpoint(depth_m=9.0)
+    estimate, asked = VehicleEstimate(depth_m=3.0, speed_mps=speed), Setpoint(depth_m=9.0)
     with_it, without = (
-        loops.close(estimate, asked, on_her_way, each, 0.02, heading=False, depth=True)[
+        loops.step_loops(estimate, asked, on_her_way, each, 0.02, heading=False, depth=True)[
             0
         ].elevator_rad
         for each in (held, bare)
     )
     pitch = -min(math.radians(20.0), 0.1 / max(speed, 0.3))
     assert with_it - without == pytest.approx(0.2 * pitch * share, rel=1e-6)
-    level = loops.close(
+    level = loops.step_loops(
         estimate, asked._replace(depth_m=3.0), LoopMemory(), held, 0.02, heading=False, depth=True
     )[0]
     assert level.elevator_rad == 0.0
@@ -122,9 +124,9 @@ def test_set_point_weighting_is_the_textbook_law(weight: float) -> None:
     for tick in range(300):
         heading, depth = 0.4 * math.sin(0.02 * tick), 0.1 * math.sin(0.05 * tick)
         turn, sink = (0.3, 2.0) if tick > 10 else (0.0, 0.0)
-        estimate = Estimate(heading_rad=wrap_pi(3.0 + heading), depth_m=depth)
+        estimate = VehicleEstimate(heading_rad=wrap_pi(3.0 + heading), depth_m=depth)
         asked = Setpoint(heading_rad=wrap_pi(3.0 + turn), depth_m=sink)
-        wanted, memory = loops.close(
+        wanted, memory = loops.step_loops(
             estimate, asked, memory, config, 0.02, heading=True, depth=True
         )
         assert wanted.rudder_rad == pytest.approx(
@@ -141,10 +143,10 @@ def test_trims_are_learned_in_steady_flight_and_kept() -> None:
     """A rudder that is 4 deg off: the integrator holds it first, then the trim, and the heading
     stays where it was."""
     config = Config(trim_time_s=10.0, heading_i=0.05, heading_i_max=0.2)
-    memory, estimate, offset = LoopMemory(), Estimate(speed_mps=1.3), math.radians(4.0)
+    memory, estimate, offset = LoopMemory(), VehicleEstimate(speed_mps=1.3), math.radians(4.0)
     asked = Setpoint()
     for _ in range(50 * 120):
-        wanted, memory = loops.close(
+        wanted, memory = loops.step_loops(
             estimate, asked, memory, config, 0.02, heading=True, depth=True
         )
         rate = 0.5 * (wanted.rudder_rad - offset)
@@ -172,19 +174,19 @@ def test_trims_outlive_the_dive_when_they_were_learned_for_long_enough(
     assert told == (["Trim learned: TRIM_RUD_DEG 4.5, TRIM_ELE_DEG -1"] if kept_deg == 4.5 else [])
 
 
-STANDING = Estimate(heading_rad=math.radians(-9.0), speed_mps=1.3)
+STANDING = VehicleEstimate(heading_rad=math.radians(-9.0), speed_mps=1.3)
 
 
 def close_both(
-    estimate: Estimate, memory: LoopMemory, config: Config
-) -> tuple[loops.Surfaces, LoopMemory]:
-    return loops.close(estimate, Setpoint(), memory, config, 0.02, heading=True, depth=True)
+    estimate: VehicleEstimate, memory: LoopMemory, config: Config
+) -> tuple[loops.ControlOutput, LoopMemory]:
+    return loops.step_loops(estimate, Setpoint(), memory, config, 0.02, heading=True, depth=True)
 
 
 def test_standing_heading_error_with_a_limited_integrator_becomes_trim() -> None:
     """HDG_IMAX carries 0.57 of 6 deg of rudder: the trim must take out 8.4 deg of heading."""
     config = Config(trim_time_s=10.0)
-    memory, estimate, offset = LoopMemory(), Estimate(speed_mps=1.3), math.radians(6.0)
+    memory, estimate, offset = LoopMemory(), VehicleEstimate(speed_mps=1.3), math.radians(6.0)
     for _ in range(50 * 120):
         wanted, memory = close_both(estimate, memory, config)
         rate = 0.5 * (wanted.rudder_rad - offset)
@@ -202,15 +204,17 @@ def test_standing_heading_error_with_a_limited_integrator_becomes_trim() -> None
         pytest.param(STANDING._replace(r_radps=math.radians(1.0)), False, id="turning"),
     ],
 )
-def test_large_heading_error_is_learned_only_standing(estimate: Estimate, learned: bool) -> None:
+def test_large_heading_error_is_learned_only_standing(
+    estimate: VehicleEstimate, learned: bool
+) -> None:
     _, memory = close_both(estimate, LoopMemory(), Config(trim_time_s=10.0))
     assert (memory.trim.rudder_rad > 0.0) == learned
 
 
 def test_nothing_is_learned_while_turning() -> None:
     config = Config(trim_time_s=10.0)
-    turning = Estimate(r_radps=math.radians(5.0))
-    _, memory = loops.close(
+    turning = VehicleEstimate(r_radps=math.radians(5.0))
+    _, memory = loops.step_loops(
         turning, Setpoint(), LoopMemory(), config, 0.02, heading=True, depth=True
     )
     assert memory.trim == LoopMemory().trim
@@ -218,10 +222,12 @@ def test_nothing_is_learned_while_turning() -> None:
 
 def test_an_open_loop_forgets_its_way() -> None:
     config = Config(heading_way_radps=0.5, depth_way_radps=0.5, lead_radps=8.0)
-    _, closed = loops.close(
-        Estimate(), Setpoint(), LoopMemory(), config, 0.02, heading=True, depth=True
+    _, closed = loops.step_loops(
+        VehicleEstimate(), Setpoint(), LoopMemory(), config, 0.02, heading=True, depth=True
     )
     assert None not in (closed.course, closed.descent, closed.rudder, closed.elevator)
-    _, opened = loops.close(Estimate(), Setpoint(), closed, config, 0.02, heading=False, depth=True)
+    _, opened = loops.step_loops(
+        VehicleEstimate(), Setpoint(), closed, config, 0.02, heading=False, depth=True
+    )
     assert (opened.course, opened.rudder) == (None, None)
     assert opened.elevator is not None

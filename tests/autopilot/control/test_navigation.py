@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from autopilot.control import navigation
-from autopilot.control.navigation import Motion, Plot
+from autopilot.control.navigation import MotionInput, NavSolution
 from autopilot.control.params import Config
-from autopilot.control.types import Covariance, Home, Inputs, Navigation
+from autopilot.control.types import Home, Inputs, NavCovariance, Navigation
 from mavlink_io.frames import offset_to_geodetic, quaternion_from_euler
 from mavlink_io.records import Dvl, GpsFix
 from tests.helpers.missions import TICK_US, sensors
@@ -23,7 +23,7 @@ CONFIG = Config()
 SMALL = st.complex_numbers(max_magnitude=1.5, allow_nan=False, allow_infinity=False)
 
 
-def hermitian(c: Covariance) -> NDArray[np.complex128]:
+def hermitian(c: NavCovariance) -> NDArray[np.complex128]:
     """The covariance as a matrix, shape (4, 4)."""
     upper = np.array(
         [
@@ -36,9 +36,9 @@ def hermitian(c: Covariance) -> NDArray[np.complex128]:
     return upper + upper.conj().T
 
 
-def covariance(matrix: NDArray[np.complex128]) -> Covariance:
+def covariance(matrix: NDArray[np.complex128]) -> NavCovariance:
     m = matrix.tolist()
-    return Covariance(
+    return NavCovariance(
         m[0][0].real,
         m[1][1].real,
         m[2][2].real,
@@ -60,7 +60,7 @@ def real(matrix: NDArray[np.complex128]) -> NDArray[np.float64]:
 
 
 @st.composite
-def covariances(draw: st.DrawFn) -> Covariance:
+def covariances(draw: st.DrawFn) -> NavCovariance:
     parts = draw(st.lists(SMALL, min_size=16, max_size=16))
     root = np.array(parts).reshape(4, 4)
     return covariance(root @ root.conj().T + 0.01 * np.eye(4))
@@ -73,11 +73,11 @@ def covariances(draw: st.DrawFn) -> Covariance:
     variance=st.floats(0.01, 4.0),
 )
 def test_an_update_is_kalmans(
-    before: Covariance, row: list[complex], error: complex, variance: float
+    before: NavCovariance, row: list[complex], error: complex, variance: float
 ) -> None:
     """In eight real variables, by the textbook (Gelb 1974, table 4.2-1)."""
-    after = navigation._weigh(
-        Plot(0j, 0j, Navigation(covariance=before)), tuple(row), error, variance
+    after = navigation._kalman_update(
+        NavSolution(0j, 0j, Navigation(covariance=before)), tuple(row), error, variance
     )  # type: ignore[arg-type]
     p, h = real(hermitian(before)), real(np.array([row]))
     gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + variance * np.eye(2))
@@ -102,7 +102,7 @@ def test_an_update_is_kalmans(
     over_ground=st.booleans(),
 )
 def test_dead_reckoning_spreads_as_its_errors_do(
-    before: Covariance, way: complex, turn: float, heard: bool, over_ground: bool
+    before: NavCovariance, way: complex, turn: float, heard: bool, over_ground: bool
 ) -> None:
     """F P F' in complex numbers; noise only adds, so the rest stays as it is."""
     memory = Navigation(
@@ -111,8 +111,8 @@ def test_dead_reckoning_spreads_as_its_errors_do(
         ping_us=0 if heard else -1,
         over_ground=over_ground,
     )
-    motion = Motion(100_000, (1.0, 0.0, 0.0, 0.0), way / 0.2, True, turn, 0.0)
-    after = hermitian(navigation._settle(memory, 0.2, way, motion, CONFIG).covariance)
+    motion = MotionInput(100_000, (1.0, 0.0, 0.0, 0.0), way / 0.2, True, turn, 0.0)
+    after = hermitian(navigation._propagate_covariance(memory, 0.2, way, motion, CONFIG).covariance)
     f = np.eye(4, dtype=complex)
     f[0, 1:] = (0.2, way, 0.0)
     if heard:
@@ -136,11 +136,16 @@ def drive(
     gps: bool = False,
     start_us: int = 0,
     place: complex = 0j,
-) -> tuple[Plot, complex, int]:
+) -> tuple[NavSolution, complex, int]:
     """Straight on at 1.3 m/s by the thrust, of which the truth is ``water`` times; the plot and the
     true place."""
     ahead = cmath.rect(1.3, heading_rad)
-    true_mps, now_us, told, true = ahead * water + current, start_us, Plot(place, 0j, memory), place
+    true_mps, now_us, told, true = (
+        ahead * water + current,
+        start_us,
+        NavSolution(place, 0j, memory),
+        place,
+    )
     attitude = quaternion_from_euler(0.0, 0.0, heading_rad)
     for tick in range(round(seconds * 50)):
         now_us += TICK_US
@@ -158,14 +163,16 @@ def drive(
             else None
         )
         inputs = Inputs(sensors(now_us), fix if tick % 10 == 0 else None, None, None, dvl=ping)
-        motion = Motion(now_us, attitude, ahead, True, 0.0, 0.0)
-        told = navigation.reckon(told.place_m, told.memory, motion, inputs, HOME, CONFIG, 0.02)
+        motion = MotionInput(now_us, attitude, ahead, True, 0.0, 0.0)
+        told = navigation.predict_and_update(
+            told.place_m, told.memory, motion, inputs, HOME, CONFIG, 0.02
+        )
     return told, true, now_us
 
 
 def test_a_turn_tells_a_slow_propeller_from_a_current() -> None:
     """On one course 5 % of speed and 6.5 cm/s of current are the same; on two they are not."""
-    memory, place, now_us = navigation.begin(CONFIG), 0j, 0
+    memory, place, now_us = navigation.initial_solution(CONFIG), 0j, 0
     for heading in (0.0, 0.5 * math.pi, math.pi, 0.0):
         told, place, now_us = drive(
             memory,
@@ -185,7 +192,7 @@ def test_a_turn_tells_a_slow_propeller_from_a_current() -> None:
 
 def test_without_a_log_the_error_grows_as_is_told() -> None:
     told, true, _ = drive(
-        navigation.begin(CONFIG), seconds=100.0, heading_rad=0.3, current=0.2 + 0j
+        navigation.initial_solution(CONFIG), seconds=100.0, heading_rad=0.3, current=0.2 + 0j
     )
     assert abs(told.place_m - true) == pytest.approx(20.0, rel=0.01)
     assert navigation.sd_m(told.memory) == pytest.approx(
@@ -194,14 +201,18 @@ def test_without_a_log_the_error_grows_as_is_told() -> None:
 
 
 def test_an_outlier_is_refused_but_a_new_truth_is_taken() -> None:
-    told, true, now_us = drive(navigation.begin(CONFIG), seconds=20.0, heading_rad=0.0, gps=True)
+    told, true, now_us = drive(
+        navigation.initial_solution(CONFIG), seconds=20.0, heading_rad=0.0, gps=True
+    )
     for k in range(1, 40):
         now_us, true = now_us + 200_000, true + 0.26
         lat, lon = offset_to_geodetic(true.real + 40.0, true.imag, HOME.lat_deg, HOME.lon_deg)
         fix = GpsFix(now_us, 3, lat, lon, 0.0, 1.3, 0.0, 0.0, 10, 1.5)
-        motion = Motion(now_us, (1.0, 0.0, 0.0, 0.0), 1.3 + 0j, True, 0.0, 0.0)
+        motion = MotionInput(now_us, (1.0, 0.0, 0.0, 0.0), 1.3 + 0j, True, 0.0, 0.0)
         inputs = Inputs(sensors(now_us), fix, None, None)
-        told = navigation.reckon(told.place_m, told.memory, motion, inputs, HOME, CONFIG, 0.2)
+        told = navigation.predict_and_update(
+            told.place_m, told.memory, motion, inputs, HOME, CONFIG, 0.2
+        )
         if k == 10:
             assert abs(told.place_m - true) < 3.0
             assert told.memory.fixes_refused == 10
@@ -212,7 +223,7 @@ def test_an_outlier_is_refused_but_a_new_truth_is_taken() -> None:
 @given(north=st.floats(-500, 500), east=st.floats(-500, 500))
 def test_a_new_home_leaves_her_where_she_is(north: float, east: float) -> None:
     moved = Home(*offset_to_geodetic(north, east, HOME.lat_deg, HOME.lon_deg), True)
-    assert navigation.moved_home(3 + 4j, HOME, moved) == pytest.approx(
+    assert navigation.shift_home(3 + 4j, HOME, moved) == pytest.approx(
         3 - north + (4 - east) * 1j, abs=0.1
     )
-    assert navigation.moved_home(3 + 4j, Home(), moved) == 3 + 4j
+    assert navigation.shift_home(3 + 4j, Home(), moved) == 3 + 4j

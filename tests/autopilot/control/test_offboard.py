@@ -15,13 +15,13 @@ from autopilot.control.params import Config
 from autopilot.control.setpoints import (
     AttitudeTarget,
     Circle,
-    Line,
     MotionTarget,
     Targets,
+    TrackLine,
 )
 from autopilot.control.types import ACCEPTED, TEMPORARILY_REJECTED, Home, Inputs, Stick
 from mavlink_io.frames import offset_to_geodetic, quaternion_from_euler
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 from tests.helpers.missions import Flight, sensors
 
 HOME = Home(42.35, -71.0, True)
@@ -89,7 +89,7 @@ def test_without_set_points_offboard_is_refused_and_left() -> None:
 
 
 def test_a_stream_that_stops_beside_another_no_longer_counts() -> None:
-    kept = offboard.heard(
+    kept = offboard.drop_stale_targets(
         Targets(AttitudeTarget(0.0, 0.0), MotionTarget(depth_m=3.0)),
         Inputs(sensors(0), None, None, None, attitude_silent_s=5.0, motion_silent_s=0.1),
         Config(),
@@ -100,10 +100,10 @@ def test_a_stream_that_stops_beside_another_no_longer_counts() -> None:
 def test_a_place_is_gone_to_and_circled() -> None:
     flight = armed(modes.OFFBOARD, requests.SetTarget(MotionTarget(place_m=60 + 0j, depth_m=6.0)))
     flight.run_until(lambda s: isinstance(s.path, Circle), 90.0)
-    assert abs(guidance.here(flight.state.estimate) - 60.0) < 6.0
+    assert abs(guidance.current_position(flight.state.estimate) - 60.0) < 6.0
     target(flight, MotionTarget(place_m=0 + 60j))
     flight.step()
-    assert isinstance(flight.state.path, Line)
+    assert isinstance(flight.state.path, TrackLine)
     assert flight.state.path.to_m == 60j
     assert flight.state.setpoint.depth_m == 6.0
 
@@ -189,12 +189,12 @@ def test_rtl_and_places_need_a_home() -> None:
 
 def test_home_may_move_under_a_leg() -> None:
     flight = armed(modes.DEPTH, requests.SetHome(HOME.lat_deg, HOME.lon_deg))
-    path = Line(0j, 100 + 0j)
+    path = TrackLine(0j, 100 + 0j)
     flight.state = flight.state._replace(path=path)
     north = offset_to_geodetic(10.0, 0.0, HOME.lat_deg, HOME.lon_deg)
     assert flight.ask(requests.SetHome(*north)) == ACCEPTED
     assert flight.state.estimate.north_m == pytest.approx(-10.0, abs=1e-3)
-    assert isinstance(flight.state.path, Line)
+    assert isinstance(flight.state.path, TrackLine)
     assert flight.state.path.to_m == pytest.approx(90.0, abs=1e-3)
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from autopilot.control.params import PARAMETERS, Config, ParamError, ParamTable, config
-from autopilot.param_file import lines, load, text_of
+from autopilot.param_file import lines, load, to_text
 from mavlink_io.services.params import as_real32
 
 
@@ -89,7 +89,7 @@ def test_a_file_gives_back_every_float32(data: st.DataObject) -> None:
         st.floats(row.minimum, row.maximum).filter(lambda x: x == 0.0 or abs(x) > 1e-30)
     )
     ((_, name, read),) = lines(
-        text_of({row.name: min(row.maximum, max(row.minimum, as_real32(value)))})
+        to_text({row.name: min(row.maximum, max(row.minimum, as_real32(value)))})
     )
     assert not isinstance(read, ParamError)
     assert (name, as_real32(read)) == (row.name, as_real32(value))

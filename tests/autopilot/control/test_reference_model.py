@@ -7,16 +7,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from autopilot.control import reference_model
-from autopilot.control.reference_model import Servo, Way
+from autopilot.control.reference_model import ActuatorLead, Way
 
 DT = 0.02
-SERVO = Servo(3.0, 0.6, 8.0, math.radians(15.0), math.radians(15.0))
+SERVO = ActuatorLead(3.0, 0.6, 8.0, math.radians(15.0), math.radians(15.0))
 
 
 def followed(goal: float, w: float, fastest: float, seconds: float = 60.0) -> list[Way]:
     way, ways = Way(0.0), []
     for _ in range(round(seconds / DT)):
-        way = reference_model.approach(goal - way.at, way, w, fastest, DT)
+        way = reference_model.step_reference(goal - way.at, way, w, fastest, DT)
         ways.append(way)
     return ways
 
@@ -38,7 +38,7 @@ def test_an_unhurried_way_is_the_critically_damped_second_order_model() -> None:
     np.testing.assert_allclose(ways, 1.0 - (1.0 + 0.5 * t) * np.exp(-0.5 * t), atol=0.01)
 
 
-def through_the_tail(wanted: np.ndarray, servo: Servo) -> tuple[np.ndarray, np.ndarray]:
+def through_the_tail(wanted: np.ndarray, servo: ActuatorLead) -> tuple[np.ndarray, np.ndarray]:
     """(commands, duct angles) where the tailcone is the lag that the servo believes, with its
     limits."""
     angle = rate = 0.0

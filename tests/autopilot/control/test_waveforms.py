@@ -75,7 +75,7 @@ def test_a_multisine_has_no_mean_and_a_low_crest(part: int, parts: int) -> None:
 
 def test_a_band_of_very_many_tones_is_thinned_evenly() -> None:
     tones = waveforms.comb(0.02, 2.0, LENGTH_S, 0, 1)
-    assert len(tones.amplitudes) <= waveforms.MOST_TONES
+    assert len(tones.amplitudes) <= waveforms.MAX_TONES
     cycles = sorted(played_cycles(comb_signal(0, 1, stop_hz=2.0)))
     assert set(np.diff(cycles)) == {4}
     assert cycles[0] == 3
@@ -96,7 +96,7 @@ def test_no_multisine_exceeds_its_size(
     assert abs(waveforms.multisine(t * duration_s, tones, duration_s)) <= 1.0 + 1e-9
 
 
-@given(count=st.integers(1, waveforms.MOST_TONES))
+@given(count=st.integers(1, waveforms.MAX_TONES))
 def test_a_multisine_keeps_its_bound_between_the_points_where_its_peak_was_sought(
     count: int,
 ) -> None:

@@ -16,13 +16,13 @@ from autopilot.control import requests
 from autopilot.control.params import ParamTable
 from autopilot.control.types import Inputs
 from autopilot.onboard_log import recorder
-from autopilot.onboard_log.recorder import Logbook
+from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.telemetry.identity import AutopilotId
 from autopilot.vehicle import Vehicle
 from ground.log_tools import mcap
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 from sysid.data import readers as identification
 from tests.helpers.fake_hil import TICK_US, Station, sensors
 from tests.mavlink_io.logging import decoding
@@ -35,7 +35,7 @@ class Afloat:
 
     def __init__(self, folder: Path | None, **parameters: float) -> None:
         self.vehicle = Vehicle(ParamTable(parameters))
-        self.logbook = Logbook(self.vehicle, folder, "1.2.3")
+        self.logbook = OnboardLog(self.vehicle, folder, "1.2.3")
         self.station = Station()
         self.server = GroundServer(
             self.vehicle, [self.station], AutopilotId.GENERIC, logbook=self.logbook
@@ -168,26 +168,26 @@ def test_what_ground_says_and_what_came_of_it_is_in_the_log(tmp_path: Path) -> N
 def test_the_simulators_own_state_never_gets_near_a_log() -> None:
     from autopilot.comms import hil
 
-    assert dialect.by_name("HIL_STATE_QUATERNION").message_id not in hil._TAKEN_IN
+    assert dialect.by_name("HIL_STATE_QUATERNION").message_id not in hil._LOGGED_MESSAGES
 
 
 def test_a_log_goes_from_arming_to_a_little_after_disarming(
     tmp_path: Path, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(recorder, "TAIL_WALL_S", 60.0)
+    monkeypatch.setattr(recorder, "AFTER_DISARM_WALL_S", 60.0)
     boat = Afloat(tmp_path)
     boat.arm()
     boat.tick(50)
     boat.arm(False)
     boat.tick(500)
     (path,) = boat.end()
-    assert len(messages(path, "ATTITUDE")) == 50 + recorder.TAIL_US // TICK_US - 1
+    assert len(messages(path, "ATTITUDE")) == 50 + recorder.AFTER_DISARM_US // TICK_US - 1
 
 
 def test_time_that_stands_still_after_disarming_ends_a_log_too(
     tmp_path: Path, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(recorder, "TAIL_WALL_S", 0.0)
+    monkeypatch.setattr(recorder, "AFTER_DISARM_WALL_S", 0.0)
     boat = Afloat(tmp_path)
     boat.arm()
     boat.tick(5)

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from autopilot.onboard_log.storage import Limits, LogStore
+from autopilot.onboard_log.storage import LogStore, StorageLimits
 
-PLENTY = Limits(1000.0, 0.0)
+PLENTY = StorageLimits(1000.0, 0.0)
 START_S = 1_700_000_000.0
 
 
@@ -53,10 +53,10 @@ def test_two_vehicles_in_one_folder_do_not_share_a_log(tmp_path: Path) -> None:
 def test_the_oldest_make_room(tmp_path: Path) -> None:
     paths = fill(LogStore(tmp_path), 400, 400, 400)
     store = LogStore(tmp_path, lambda: paths[0])
-    store.make_room(Limits(1.0, 0.0))
+    store.make_room(StorageLimits(1.0, 0.0))
     assert [path.exists() for path in paths] == [True, False, True]
     with pytest.raises(OSError, match="no room left for logs"):
-        store.make_room(Limits(0.3, 0.0))
+        store.make_room(StorageLimits(0.3, 0.0))
     assert [path.exists() for path in paths] == [True, False, False]
 
 
@@ -67,7 +67,7 @@ def test_the_disk_keeps_what_it_must_keep(tmp_path: Path, monkeypatch: Any) -> N
     monkeypatch.setattr(
         "shutil.disk_usage", lambda folder: type("Usage", (), {"free": left.pop(0)})
     )
-    store.make_room(Limits(1000.0, 1.0))
+    store.make_room(StorageLimits(1000.0, 1.0))
     assert [path.exists() for path in paths] == [False, False, True]
 
 

@@ -7,8 +7,8 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.control import modes
-from autopilot.control.setpoints import Circle, Line
-from autopilot.control.types import Covariance, Navigation
+from autopilot.control.setpoints import Circle, TrackLine
+from autopilot.control.types import NavCovariance, Navigation
 from autopilot.vehicle import Snapshot
 from tests.autopilot.telemetry.test_streams import message, snapshot
 from tests.helpers.fake_hil import Deck, only, texts
@@ -17,13 +17,13 @@ IGNORE_RATES = 7
 Z_ONLY = 0xDFB
 
 
-def on(path: Line | Circle, north_m: float, east_m: float) -> Snapshot:
+def on(path: TrackLine | Circle, north_m: float, east_m: float) -> Snapshot:
     plain = snapshot(north_m=north_m, east_m=east_m)
     return plain._replace(state=plain.state._replace(path=path))
 
 
 def test_a_line_tells_its_end_and_how_far_she_is_beside_it() -> None:
-    s = on(Line(0j, 100 + 0j), 40.0, 3.0)
+    s = on(TrackLine(0j, 100 + 0j), 40.0, 3.0)
     told = message("NAV_CONTROLLER_OUTPUT", s)
     assert (told.wp_dist, told.target_bearing) == (60, -3)
     assert told.xtrack_error == pytest.approx(3.0)
@@ -41,7 +41,7 @@ def test_a_circle_tells_its_centre() -> None:
 
 def test_odometry_tells_velocity_over_ground_and_how_sure_it_is() -> None:
     quarter = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-    learned = Navigation(covariance=Covariance(9.0, 0.04, 0.0, 0.0))
+    learned = Navigation(covariance=NavCovariance(9.0, 0.04, 0.0, 0.0))
     s = snapshot(
         attitude=quarter,
         east_rate_mps=1.1,
@@ -58,7 +58,7 @@ def test_odometry_tells_velocity_over_ground_and_how_sure_it_is() -> None:
 
 def test_accuracy_current_and_refused_fixes_are_told() -> None:
     learned = Navigation(
-        current_mps=0.2 - 0.1j, covariance=Covariance(4.0, 0.01, 0.0, 0.0), fixes_refused=3
+        current_mps=0.2 - 0.1j, covariance=NavCovariance(4.0, 0.01, 0.0, 0.0), fixes_refused=3
     )
     s = snapshot(position_sd_m=2.0, navigation=learned, depth_time_us=12_340_000)
     told = message("ESTIMATOR_STATUS", s)

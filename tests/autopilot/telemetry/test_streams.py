@@ -10,9 +10,16 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.comms.stream_rates import Schedule
 from autopilot.control.params import Config
-from autopilot.control.sensor_health.types import Complaint, Doubt, Health
+from autopilot.control.sensor_health.types import Fault, FaultTracker, Health
 from autopilot.control.setpoints import Setpoint
-from autopilot.control.types import Covariance, Estimate, Home, Navigation, State, Trace
+from autopilot.control.types import (
+    AutopilotState,
+    Home,
+    NavCovariance,
+    Navigation,
+    Trace,
+    VehicleEstimate,
+)
 from autopilot.telemetry.encoding import int16
 from autopilot.telemetry.streams import BY_ID, STREAMS, Snapshot
 from mavlink_io import dialect
@@ -42,10 +49,10 @@ def message(name: str, snapshot: Snapshot) -> Any:
 
 
 def snapshot(**estimate: Any) -> Snapshot:
-    state = State(
+    state = AutopilotState(
         time_us=12_340_000,
         armed=True,
-        estimate=Estimate(initialised=True, **estimate),
+        estimate=VehicleEstimate(initialised=True, **estimate),
         setpoint=Setpoint(depth_m=4.0, heading_rad=-1.0, thrust=0.58),
         home=Home(41.5, -70.7, True),
     )
@@ -92,7 +99,7 @@ def test_a_low_battery_is_the_more_urgent_the_emptier_it_is(remaining: float, st
     quarter."""
     s = snapshot()._replace(battery=Battery(25.0, 4.0, 1.0, remaining))
     if state > 1:
-        low = Doubt(Complaint("Battery", "low"), 0, 12_000_000, told=True)
+        low = FaultTracker(Fault("Battery", "low"), 0, 12_000_000, told=True)
         s = s._replace(state=s.state._replace(health=Health(doubts=(low,))))
     assert message("BATTERY_STATUS", s).charge_state == state
 
@@ -188,8 +195,8 @@ def test_health_is_what_clients_wait_for() -> None:
 
 
 ESTIMATES = st.builds(
-    Estimate,
-    *(st.just(Estimate().attitude), *[st.floats(-3.2, 3.2)] * 6, st.just((0.0, 0.0, 0.0))),
+    VehicleEstimate,
+    *(st.just(VehicleEstimate().attitude), *[st.floats(-3.2, 3.2)] * 6, st.just((0.0, 0.0, 0.0))),
     depth_m=st.floats(-1e7, 1e7),
     depth_rate_mps=st.floats(-1e4, 1e4),
     accel_bias_mps2=st.just(0.0),
@@ -210,7 +217,7 @@ ESTIMATES = st.builds(
         slip=st.just(0j),
         unsteady_mps=st.floats(0, 1e4),
         covariance=st.builds(
-            Covariance,
+            NavCovariance,
             *(st.floats(0, 1e8) for _ in range(4)),
             *(st.just(0j) for _ in range(6)),
         ),
@@ -226,7 +233,7 @@ ESTIMATES = st.builds(
 
 
 @given(ESTIMATES)
-def test_no_estimate_overflows_a_field(estimate: Estimate) -> None:
+def test_no_estimate_overflows_a_field(estimate: VehicleEstimate) -> None:
     plain = snapshot()
     s = plain._replace(state=plain.state._replace(estimate=estimate))
     for stream in STREAMS:

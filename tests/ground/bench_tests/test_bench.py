@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from ground.bench_tests import bench, incline
-from ground.errors import BadInputError
+from ground.errors import InputError
 
 
 def ground(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -59,7 +59,7 @@ def test_a_short_bench_session_finds_the_field_vehicles_tailcone(tmp_path: Path)
 @pytest.mark.process
 def test_an_inclining_test_finds_the_centre_of_mass_that_is_simulated(tmp_path: Path) -> None:
     """The vehicle's own file is not told: the prior is the bench's, whose z_CM is another."""
-    ran = ground("incline", "--vehicle", "field", "--json", folder=tmp_path)
+    ran = ground("incline", "--vehicle", "caribou_truth", "--json", folder=tmp_path)
     assert ran.returncode == 0, ran.stderr
     result = json.loads(ran.stdout)
     assert beyond(result["z_cm_m"], -0.015) < 4.0
@@ -80,7 +80,7 @@ def test_an_inclining_test_finds_the_centre_of_mass_that_is_simulated(tmp_path: 
 def test_sweeps_that_cannot_be_made_are_refused(
     tmp_path: Path, session: dict[str, Any], reason: str
 ) -> None:
-    with pytest.raises(BadInputError, match=reason):
+    with pytest.raises(InputError, match=reason):
         bench.check(bench.Session(tmp_path, **session))
 
 
@@ -97,7 +97,7 @@ def test_sweeps_that_cannot_be_made_are_refused(
 def test_lists_of_moves_are_read_strictly(tmp_path: Path, text: str, reason: str) -> None:
     file = tmp_path / "moves.toml"
     file.write_text(text)
-    with pytest.raises(BadInputError, match=reason):
+    with pytest.raises(InputError, match=reason):
         incline.load(file)
 
 

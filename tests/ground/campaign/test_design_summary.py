@@ -8,7 +8,7 @@ import pytest
 
 from ground.campaign import design_summary
 from ground.report import specification
-from sysid.design.pid import Spec, Trust
+from sysid.design.pid import DesignRobustness, Spec
 
 
 def margins(gm_db: float | None, pm_deg: float | None, ms: float) -> dict[str, float | None]:
@@ -25,7 +25,7 @@ def design() -> dict[str, Any]:
     return {
         "specification": Spec()._asdict(),
         "redesigned": {"damping": {"heading": 0.66, "depth": 0.61}, "margins": cuts},
-        "trust": Trust(0.8333, 0.99, "damping of the heading loop", 240)._asdict(),
+        "trust": DesignRobustness(0.8333, 0.99, "damping of the heading loop", 240)._asdict(),
         "gains": {"HDG_P": 0.8046},
         "reasons": {"HDG_P": "GM 9.8 dB < infinity"},
     }
@@ -65,4 +65,4 @@ def test_a_mission_without_steady_flight_shows_no_figures() -> None:
         "found_s": None,
         "refit_due": False,
     }
-    assert specification.kept({"shallow_1m": kept}).count("–") == 5
+    assert specification.monitoring({"shallow_1m": kept}).count("–") == 5

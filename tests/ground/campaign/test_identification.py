@@ -11,14 +11,14 @@ from typer.testing import CliRunner
 
 from ground.__main__ import app
 from ground.campaign import identification, refit
-from ground.errors import FailedError
+from ground.errors import OperationError
 from sitl.vehicle import config
-from sitl.vehicle.config import VehicleError
+from sitl.vehicle.config import VehicleFileError
 from sysid import refit as fitting
 from sysid.models import model_file as models
 from sysid.models.model_file import IdentifiedModel
-from sysid.validation.assess import judged
-from sysid.validation.results import Verdict
+from sysid.validation.assess import with_assessment
+from sysid.validation.results import ModelAssessment
 from tests.sysid import sea
 
 TRIM = (math.radians(6.0), math.radians(1.0))
@@ -27,27 +27,27 @@ TRIM = (math.radians(6.0), math.radians(1.0))
 @pytest.fixture(scope="module")
 def told() -> IdentifiedModel:
     """A quick one, by the paper's way, which cannot vouch for itself; set beside itself."""
-    field = config.load("field")
+    field = config.load("caribou_truth")
     runs = [
         sea.fly(field, "yaw", sea.step(d), name=f"r/{d}", seed=int(d) + 20, trim_rad=TRIM)
         for d in (4.0, -4.0)
     ]
-    found = fitting.identify(runs, config.load("bench"), method="paper")
-    return judged(found, runs, runs)
+    found = fitting.identify(runs, config.load("caribou_nominal"), method="paper")
+    return with_assessment(found, runs, runs)
 
 
 def with_verdict(model: IdentifiedModel, fit: bool) -> IdentifiedModel:
     reasons = (
         () if fit else ("yaw: b1, 1 sd 25 %, at most 20 %", "pitch: runs held out 0, at least 1")
     )
-    return msgspec.structs.replace(model, verdict=Verdict(fit, reasons, (), None))
+    return msgspec.structs.replace(model, verdict=ModelAssessment(fit, reasons, (), None))
 
 
 @pytest.mark.parametrize(
     ("error", "said"),
     [
         (
-            VehicleError("bench: the mass matrix has an eigenvalue -0.007"),
+            VehicleFileError("bench: the mass matrix has an eigenvalue -0.007"),
             "edge of the vehicles that are possible",
         ),
         (np.linalg.LinAlgError("Singular matrix"), "undetermined"),
@@ -61,12 +61,12 @@ def test_refit_without_a_result_fails_in_one_line(
 
     monkeypatch.setattr(fitting, "_select", lambda *asked: ([], []))
     monkeypatch.setattr(fitting, "_identify", identify)
-    with pytest.raises(FailedError, match=f"prior bench: .*{said}.*own file as the prior"):
+    with pytest.raises(OperationError, match=f"prior bench: .*{said}.*own file as the prior"):
         refit.refit([])
 
 
 def test_the_words_hold_numbers_gates_and_verdict(told: IdentifiedModel) -> None:
-    words = identification.in_words(told, Path("model.json"))
+    words = identification.format_text(told, Path("model.json"))
     assert "b1_per_s2" in words
     assert "not fit for redesign" in words
     assert "pitch: runs fitted 0, at least 1" in words
@@ -74,7 +74,7 @@ def test_the_words_hold_numbers_gates_and_verdict(told: IdentifiedModel) -> None
 
 
 def test_the_numbers_are_json_without_gaps(told: IdentifiedModel) -> None:
-    plain = json.loads(json.dumps(identification.of_model(told), allow_nan=False))
+    plain = json.loads(json.dumps(identification.summarise_model(told), allow_nan=False))
     assert plain["verdict"]["fit_for_redesign"] is False
     assert plain["verdict"]["reasons"]
     assert set(plain["held_out_rate_error"]["yaw"]) == {
@@ -90,13 +90,13 @@ def test_an_unfit_model_is_refused_with_its_first_reason(
 ) -> None:
     models.write(with_verdict(told, fit=False), tmp_path / "model.json")
     with pytest.raises(
-        FailedError, match=r"not fit for redesign: yaw: b1, 1 sd 25 %.* \(and 1 more\).*--force"
+        OperationError, match=r"not fit for redesign: yaw: b1, 1 sd 25 %.* \(and 1 more\).*--force"
     ):
         CliRunner().invoke(app, ["redesign", str(tmp_path / "model.json")], catch_exceptions=False)
 
 
 def test_a_model_that_nobody_judged_is_refused(told: IdentifiedModel) -> None:
-    with pytest.raises(FailedError, match="nobody has judged it"):
+    with pytest.raises(OperationError, match="nobody has judged it"):
         refit.redesign(msgspec.structs.replace(told, verdict=None))
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from ground.campaign import readiness
-from ground.errors import BadInputError
+from ground.errors import InputError
 
 CONTENT: dict[str, Any] = {
     "rig": {"clamped": False},
@@ -20,7 +20,7 @@ def test_scenario_content_shipped_has_every_default() -> None:
 
 
 def test_scenario_content_missing_file_is_bad_input() -> None:
-    with pytest.raises(BadInputError, match=r"scenario nowhere\.toml: No such file"):
+    with pytest.raises(InputError, match=r"scenario nowhere\.toml: No such file"):
         readiness.scenario_content("nowhere.toml")
 
 
@@ -35,6 +35,6 @@ def test_scenario_content_missing_file_is_bad_input() -> None:
     ],
 )
 def test_refuse_scenario_names_key_and_value(changed: dict[str, Any], said: str) -> None:
-    with pytest.raises(BadInputError, match=said):
-        readiness.refuse_scenario("mine.toml", {**CONTENT, **changed}, ("trim", "elevator_steps"))
-    readiness.refuse_scenario("mine.toml", CONTENT, ("trim", "elevator_steps"))
+    with pytest.raises(InputError, match=said):
+        readiness.check_scenario("mine.toml", {**CONTENT, **changed}, ("trim", "elevator_steps"))
+    readiness.check_scenario("mine.toml", CONTENT, ("trim", "elevator_steps"))

@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 from ground.__main__ import app
 from ground.campaign import refit, run
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
-from ground.campaign.run import Campaign, Request
+from ground.campaign.run import Campaign, CampaignRequest
 from ground.client import param_file
-from ground.errors import BadInputError, FailedError
+from ground.errors import InputError, OperationError
 from ground.report import page, summary_picture
 from tests.browser import check_layout, needs_chromium, opened
 
@@ -25,7 +25,7 @@ from tests.browser import check_layout, needs_chromium, opened
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("campaign") / "out"
     Campaign(
-        Request(out, seed=1, beside_paper=True), lambda name, at: None, lambda words: None
+        CampaignRequest(out, seed=1, beside_paper=True), lambda name, at: None, lambda words: None
     ).run()
     page.write(out)
     return out
@@ -39,7 +39,7 @@ def summary(flown: Path) -> dict[str, Any]:
 
 @pytest.mark.process
 @pytest.mark.timeout(600)
-class TestCampaign:
+class CampaignTestCase:
     def test_the_folder_holds_what_was_asked_flown_and_found(self, flown: Path) -> None:
         files = {str(path.relative_to(flown)) for path in flown.rglob("*") if path.is_file()}
         missions = {f"{stage}/{m}.mcap" for stage in STAGES.values() for m in run.MISSIONS}
@@ -80,7 +80,7 @@ class TestCampaign:
         self, flown: Path, tmp_path: Path
     ) -> None:
         Campaign(
-            Request(tmp_path / "again", seed=1), lambda name, at: None, lambda words: None
+            CampaignRequest(tmp_path / "again", seed=1), lambda name, at: None, lambda words: None
         ).run()
         for name in ("model.json", "gains.param"):
             assert (tmp_path / "again" / name).read_bytes() == (flown / name).read_bytes()
@@ -130,8 +130,8 @@ def test_what_fails_elsewhere_ends_the_campaign_and_leaves_no_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Campaign, "_fly", lambda *dive: None)
-    with pytest.raises(BadInputError, match=r"trim\.mcap"):
-        Campaign(Request(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
+    with pytest.raises(InputError, match=r"trim\.mcap"):
+        Campaign(CampaignRequest(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
     assert multiprocessing.active_children() == []
 
 
@@ -139,18 +139,18 @@ def test_a_dive_that_fails_ends_the_campaign(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def sink(*dive: object) -> None:
-        raise FailedError("sunk")
+        raise OperationError("sunk")
 
     monkeypatch.setattr(Campaign, "_fly", sink)
-    with pytest.raises(FailedError, match="sunk"):
-        Campaign(Request(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
+    with pytest.raises(OperationError, match="sunk"):
+        Campaign(CampaignRequest(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
     assert multiprocessing.active_children() == []
 
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(BadInputError, match="no campaign"):
-        run.prepare_folder(Request(tmp_path))
+    with pytest.raises(InputError, match="no campaign"):
+        run.prepare_folder(CampaignRequest(tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
@@ -158,7 +158,7 @@ def old_campaign(out: Path, *, finished: bool) -> dict[str, str]:
     """Files of a campaign that was flown before, and of somebody else, by their path in the
     folder."""
     files = {
-        "campaign.toml": 'vehicle = "field"\n',
+        "campaign.toml": 'vehicle = "caribou_truth"\n',
         "model.json": "{}",
         "prototype/trim.mcap": "log",
         "identification/rudder_steps.mcap": "log",
@@ -189,7 +189,7 @@ def test_campaign_second_into_a_folder_is_refused_before_anything_flies(
     monkeypatch.setattr(Campaign, "_at_work", lambda *asked: pytest.fail("something was started"))
     asked = ["campaign", "--out", str(tmp_path)]
     ended = CliRunner().invoke(app, asked)
-    assert isinstance(ended.exception, BadInputError)  # exit status 2
+    assert isinstance(ended.exception, InputError)  # exit status 2
     assert (
         str(ended.exception)
         == f"--out {tmp_path}: holds {said} campaign (3 logs); give a new folder, or --force to"
@@ -200,22 +200,22 @@ def test_campaign_second_into_a_folder_is_refused_before_anything_flies(
 
 def test_campaign_by_force_removes_only_what_a_campaign_writes(tmp_path: Path) -> None:
     old_campaign(tmp_path, finished=True)
-    run.prepare_folder(Request(tmp_path, seed=7, force=True))
+    run.prepare_folder(CampaignRequest(tmp_path, seed=7, force=True))
     after = content(tmp_path)
     assert "seed = 7" in after.pop("campaign.toml")
     assert after == dict.fromkeys(
         ("notes.txt", "identification/notes.txt", "identification/more.mcap"), "mine"
     )
     assert not (tmp_path / "prototype").exists()
-    with pytest.raises(BadInputError, match="interrupted campaign"):
-        run.prepare_folder(Request(tmp_path))
+    with pytest.raises(InputError, match="interrupted campaign"):
+        run.prepare_folder(CampaignRequest(tmp_path))
 
 
 def test_campaign_by_force_refused_for_its_scenario_keeps_the_old_one(tmp_path: Path) -> None:
     before = old_campaign(tmp_path, finished=True)
-    with pytest.raises(BadInputError, match="clamped"):
+    with pytest.raises(InputError, match="clamped"):
         Campaign(
-            Request(tmp_path, scenario="bench", force=True),
+            CampaignRequest(tmp_path, scenario="caribou_nominal", force=True),
             lambda name, at: None,
             lambda words: None,
         ).run()
@@ -232,16 +232,16 @@ def test_campaign_stopped_while_reporting_leaves_no_result(
 
     monkeypatch.setattr(Campaign, "_run", stopped)
     with pytest.raises(KeyboardInterrupt):
-        Campaign(Request(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
+        Campaign(CampaignRequest(tmp_path / "out"), lambda name, at: None, lambda words: None).run()
     assert set(content(tmp_path / "out")) == {"campaign.toml"}
 
 
 @pytest.mark.parametrize(
     ("vehicle", "prior"),
     [
-        ("field", "bench"),
-        ("bench", "bench"),
-        ("xfin", "xfin"),
+        ("caribou_truth", "caribou_nominal"),
+        ("caribou_nominal", "caribou_nominal"),
+        ("xfin_auv", "xfin_auv"),
         ("docs/my_vehicle.toml", "docs/my_vehicle.toml"),
     ],
 )
@@ -254,7 +254,7 @@ def test_campaign_prior_is_the_vehicles_own_file(
     monkeypatch.setattr(refit, "refit", lambda *logs, prior, **more: handed.append(prior))
     monkeypatch.setattr(refit, "write_model", lambda *asked: None)
     monkeypatch.setattr(refit, "redesign", lambda model, prior: handed.append(prior))
-    run.prepare_folder(Request(tmp_path, vehicle=vehicle))
+    run.prepare_folder(CampaignRequest(tmp_path, vehicle=vehicle))
     folder = CampaignFolder(tmp_path)
     folder.__dict__["model"] = None
     run._identify(folder)
@@ -273,8 +273,8 @@ def test_campaign_redesigned_gains_keep_the_vehicles_own_parameters() -> None:
 
 
 def test_campaign_papers_gains_on_another_vehicle_are_refused(tmp_path: Path) -> None:
-    asked = Request(tmp_path / "out", vehicle="xfin", beside_paper=True)
-    with pytest.raises(BadInputError, match="--beside-paper: the paper's gains are for Caribou"):
+    asked = CampaignRequest(tmp_path / "out", vehicle="xfin_auv", beside_paper=True)
+    with pytest.raises(InputError, match="--beside-paper: the paper's gains are for Caribou"):
         Campaign(asked, lambda name, at: None, lambda words: None).run()
     assert not (tmp_path / "out").exists()
 
@@ -285,7 +285,7 @@ def test_campaign_impossible_vehicle_is_refused_before_its_first_dive(tmp_path: 
     ended = CliRunner().invoke(
         app, ["campaign", "--vehicle", "remus100", "--out", str(tmp_path / "out")]
     )
-    assert isinstance(ended.exception, BadInputError)
+    assert isinstance(ended.exception, InputError)
     assert str(ended.exception).startswith(
         "--vehicle remus100: cannot complete a campaign in scenario disturbed: trim"
     )
@@ -298,9 +298,11 @@ def test_campaign_impossible_vehicle_is_refused_before_its_first_dive(tmp_path: 
 def test_campaign_of_another_vehicle_completes(tmp_path: Path) -> None:
     """Of xfin the own file is the prior, and its own prototype design flies first."""
     out = tmp_path / "out"
-    found = Campaign(Request(out, vehicle="xfin"), lambda name, at: None, lambda words: None).run()
+    found = Campaign(
+        CampaignRequest(out, vehicle="xfin_auv"), lambda name, at: None, lambda words: None
+    ).run()
     model = CampaignFolder(out).model
-    assert (model.vehicle.prior, model.speed_mps) == ("xfin", 1.5)
+    assert (model.vehicle.prior, model.speed_mps) == ("xfin_auv", 1.5)
     assert found["gains"]["initial"]["HDG_P"] == pytest.approx(
         2.115, abs=0.01
     )  # `ground vehicle gains xfin`
@@ -334,7 +336,7 @@ def test_parameters_survive_a_file(tmp_path: Path) -> None:
 def test_a_wrong_line_is_named(line: str, tmp_path: Path) -> None:
     path = tmp_path / "gains.param"
     path.write_text(f"HDG_D,1\n{line}\n")
-    with pytest.raises(BadInputError, match=r"gains\.param: line 2: .* expected NAME,VALUE"):
+    with pytest.raises(InputError, match=r"gains\.param: line 2: .* expected NAME,VALUE"):
         param_file.load(path)
 
 

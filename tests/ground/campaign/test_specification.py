@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from ground.campaign import refit, specification
-from ground.errors import BadInputError
+from ground.errors import InputError
 from sitl.vehicle import config
 from sysid.design.pid import Spec
 
@@ -44,7 +44,7 @@ def test_an_option_goes_before_the_file_and_the_file_before_the_vehicle(file: Pa
 def test_what_cannot_be_meant_is_named(text: str, wrong: str, tmp_path: Path) -> None:
     path = tmp_path / "spec.toml"
     path.write_text(text)
-    with pytest.raises(BadInputError, match=wrong):
+    with pytest.raises(InputError, match=wrong):
         specification.read(path, {})
 
 
@@ -55,7 +55,7 @@ def test_every_limit_can_be_set() -> None:
 
 
 def test_an_option_is_named_as_it_was_typed() -> None:
-    with pytest.raises(BadInputError, match=r"--gm-db 99\.0: must be a number from 1 to 40"):
+    with pytest.raises(InputError, match=r"--gm-db 99\.0: must be a number from 1 to 40"):
         specification.read(None, {"gm_db": 99.0})
 
 

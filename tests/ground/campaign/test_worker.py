@@ -10,7 +10,7 @@ import pytest
 
 from ground.campaign.refit import read_log
 from ground.campaign.worker import Worker
-from ground.errors import BadInputError, FailedError
+from ground.errors import InputError, OperationError
 
 
 @pytest.fixture
@@ -25,13 +25,13 @@ def test_it_computes_elsewhere_and_can_be_asked_again(worker: Worker) -> None:
 
 
 def test_what_it_raises_is_raised_here(worker: Worker, tmp_path) -> None:
-    with pytest.raises(BadInputError, match=r"none\.mcap"):
+    with pytest.raises(InputError, match=r"none\.mcap"):
         worker.call(read_log, tmp_path / "none.mcap")
     assert worker.call(math.sqrt, 4.0) == 2.0
 
 
 def test_its_death_is_a_failure_that_names_what_it_did(worker: Worker) -> None:
-    with pytest.raises(FailedError, match="process of _exit ended"):
+    with pytest.raises(OperationError, match="process of _exit ended"):
         worker.call(os._exit, 3)
 
 
@@ -41,5 +41,5 @@ def test_it_can_be_stopped_at_work() -> None:
         asked = pool.submit(worker.call, time.sleep, 600.0)
         time.sleep(0.1)
         worker.stop()
-        with pytest.raises(FailedError):
+        with pytest.raises(OperationError):
             asked.result(timeout=60.0)

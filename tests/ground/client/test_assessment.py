@@ -67,7 +67,7 @@ def dive(
         setpoints=logs.Setpoints(t, setpoint_rad, zero, t, np.full(t.size, 3.0)),
         events=(),
         parameters=FIRST_GAINS | (parameters or {}),
-        duct=logs.Duct(EMPTY, EMPTY, EMPTY),
+        duct=logs.DuctAngles(EMPTY, EMPTY, EMPTY),
     )
 
 
@@ -80,7 +80,7 @@ def decay(size: float, time_s: float) -> Callable[[Array], Array]:
 
 
 def test_dive_held_well_has_no_findings() -> None:
-    found = assessment.of_log(dive(heading_error_deg=swing(1.0), depth_error_m=constant(-0.2)))
+    found = assessment.assess_log(dive(heading_error_deg=swing(1.0), depth_error_m=constant(-0.2)))
     assert (found.findings, found.reason, found.short_legs) == ((), "", 0)
     (leg,) = found.legs
     assert (leg.heading_setpoint_deg, leg.depth_setpoint_m) == pytest.approx((20.0, 3.0))
@@ -88,16 +88,16 @@ def test_dive_held_well_has_no_findings() -> None:
     assert leg.heading_deg.p95 == pytest.approx(0.997, abs=0.005)
     assert (leg.depth_m.mean, leg.depth_m.p95) == pytest.approx((-0.2, 0.2))
     words = "held well: 95 % within 2.5 deg of heading and 0.5 m of depth on every leg"
-    assert words in assessment.in_words(found)
+    assert words in assessment.format_text(found)
 
 
 def test_heading_offset_names_the_trim_that_is_not_set() -> None:
-    found = assessment.of_log(dive(heading_error_deg=constant(-8.4), rudder_deg=6.05))
+    found = assessment.assess_log(dive(heading_error_deg=constant(-8.4), rudder_deg=6.05))
     (finding,) = found.findings
     assert (finding.axis, finding.cause, finding.legs) == ("heading", Cause.TRIM, 1)
     assert "heading 8.4 deg off in the mean: the rudder trim is not set" in finding.words
     assert "set TRIM_RUD_DEG to 6.0" in finding.words or "set TRIM_RUD_DEG to 6.1" in finding.words
-    assert finding.words in assessment.in_words(found)
+    assert finding.words in assessment.format_text(found)
 
 
 CAUSES: list[tuple[Cause, dict[str, Any]]] = [
@@ -116,7 +116,7 @@ CAUSES: list[tuple[Cause, dict[str, Any]]] = [
 @pytest.mark.parametrize(("cause", "flown"), CAUSES)
 def test_poor_hold_names_its_cause_and_figures(cause: Cause, flown: dict[str, Any]) -> None:
     axis = "heading" if "heading_error_deg" in flown else "depth"
-    (finding,) = assessment.of_log(dive(**flown)).findings
+    (finding,) = assessment.assess_log(dive(**flown)).findings
     assert (finding.axis, finding.cause) == (axis, cause)
     assert finding.words.startswith(f"{axis} ")
 
@@ -125,25 +125,30 @@ def test_trim_being_learned_is_not_called_unset() -> None:
     """A leg of 40 s ends before 10 s of TRIM_AUTO_S have taken the error out."""
     aboard = {"TRIM_AUTO_S": 10.0}
     flown = dive(length_s=40.0, heading_error_deg=constant(-8.0), rudder_deg=6.0, parameters=aboard)
-    (finding,) = assessment.of_log(flown).findings
+    (finding,) = assessment.assess_log(flown).findings
     assert finding.cause == Cause.LEARNING
     assert "fly `trim` first" in finding.words
 
 
 def test_short_dive_cannot_be_told() -> None:
-    found = assessment.of_log(dive(length_s=20.0, heading_error_deg=constant(-8.4)))
+    found = assessment.assess_log(dive(length_s=20.0, heading_error_deg=constant(-8.4)))
     assert (found.legs, found.findings, found.short_legs) == ((), (), 1)
-    assert "cannot be told: too short: no leg under water lasted 30 s" in assessment.in_words(found)
+    assert "cannot be told: too short: no leg under water lasted 30 s" in assessment.format_text(
+        found
+    )
 
 
 def test_log_without_setpoints_cannot_be_told() -> None:
     silent = replace(dive(), setpoints=logs.Setpoints(EMPTY, EMPTY, EMPTY, EMPTY, EMPTY))
-    assert assessment.of_log(silent).reason == "the vehicle sent no set-points of heading and depth"
+    assert (
+        assessment.assess_log(silent).reason
+        == "the vehicle sent no set-points of heading and depth"
+    )
 
 
 def test_vehicle_of_unknown_parameters_names_no_trim() -> None:
     foreign = replace(dive(heading_error_deg=constant(-8.4), rudder_deg=6.0), parameters={})
-    (finding,) = assessment.of_log(foreign).findings
+    (finding,) = assessment.assess_log(foreign).findings
     assert finding.cause == Cause.UNKNOWN
 
 
@@ -153,7 +158,7 @@ def test_gap_of_half_a_leg_is_not_judged(axis: str) -> None:
     part = getattr(whole, axis)
     kept = (part.time_s < 25.0) | (part.time_s > 55.0)
     cut = type(part)(**{name: values[kept] for name, values in vars(part).items()})
-    found = assessment.of_log(replace(whole, **{axis: cut}))
+    found = assessment.assess_log(replace(whole, **{axis: cut}))
     assert found.legs == ()
     assert found.reason
 
@@ -161,20 +166,20 @@ def test_gap_of_half_a_leg_is_not_judged(axis: str) -> None:
 def test_heading_along_a_line_is_compared_with_its_moving_setpoint() -> None:
     """Line-of-sight guidance turns the set-point by 0.2 deg/s, in steps below those of a change."""
     moving = dive(turn_degps=0.2, heading_error_deg=constant(-1.0))
-    (leg,) = assessment.of_log(moving).legs
+    (leg,) = assessment.assess_log(moving).legs
     # the set-point of the sample before is up to 0.1 s old, which is 0.02 deg
     assert leg.heading_deg.mean == pytest.approx(-1.0, abs=0.03)
 
 
 def test_trims_that_the_vehicle_learned_are_reported() -> None:
     texts = ("Armed: MISSION", "Trim learned: TRIM_RUD_DEG 6.05, TRIM_ELE_DEG 0.4")
-    found = assessment.of_log(dive(), texts)
+    found = assessment.assess_log(dive(), texts)
     assert found.trims_learned == "TRIM_RUD_DEG 6.05, TRIM_ELE_DEG 0.4"
-    assert "learned its trims: TRIM_RUD_DEG 6.05" in assessment.in_words(found)
+    assert "learned its trims: TRIM_RUD_DEG 6.05" in assessment.format_text(found)
 
 
 def test_assessment_as_json_holds_plain_finite_values() -> None:
-    found = assessment.of_log(dive(heading_error_deg=constant(-8.4), rudder_deg=6.05))
+    found = assessment.assess_log(dive(heading_error_deg=constant(-8.4), rudder_deg=6.05))
     plain = json.loads(json.dumps(assessment.as_json(found), allow_nan=False))
     assert plain["findings"][0]["cause"] == "trim not set"
     assert plain["legs"][0]["heading_deg"]["mean"] == pytest.approx(-8.4)

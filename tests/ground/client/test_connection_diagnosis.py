@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import pytest
 
-from ground.client.vehicle import Vehicle, VehicleError
+from ground.client.vehicle import VehicleClient, VehicleClientError
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.transport import Transport, open_transport
 
@@ -31,8 +31,8 @@ def line() -> Iterator[Line]:
 
 
 def complaint(transport: Transport) -> str:
-    with pytest.raises(VehicleError) as refusal:
-        Vehicle(transport).connect(timeout_s=0.3)
+    with pytest.raises(VehicleClientError) as refusal:
+        VehicleClient(transport).connect(timeout_s=0.3)
     return str(refusal.value)
 
 

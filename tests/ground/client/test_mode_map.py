@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.client import mode_map
-from ground.errors import BadInputError
+from ground.errors import InputError
 
 OURS = {"MANUAL": 65536, "DEPTH": 131072}
 NUMBERS = st.integers(0, 2**32 - 1).map(str)
@@ -25,7 +25,7 @@ def test_a_merge_keeps_all_that_was_there_and_adds_all_that_the_vehicle_has_or_r
     present: mode_map.ModeMap, kind: int, modes: dict[str, int]
 ) -> None:
     before = json.dumps(present)
-    with contextlib.suppress(BadInputError):
+    with contextlib.suppress(InputError):
         merged = mode_map.merge(present, kind, modes, Path("map.json")).merged
         for key, names in present.items():
             assert names.items() <= merged[key].items()
@@ -43,7 +43,7 @@ def test_a_merge_keeps_all_that_was_there_and_adds_all_that_the_vehicle_has_or_r
     ],
 )
 def test_a_number_or_name_that_is_taken_is_named(theirs: dict[str, str], named: str) -> None:
-    with pytest.raises(BadInputError, match=named):
+    with pytest.raises(InputError, match=named):
         mode_map.merge({"12": theirs}, 12, OURS, Path("map.json"))
 
 
@@ -69,7 +69,7 @@ def test_a_file_that_pymavlink_could_not_read_is_refused_and_named(
 ) -> None:
     path = tmp_path / "map.json"
     path.write_text(text)
-    with pytest.raises(BadInputError, match=named) as refusal:
+    with pytest.raises(InputError, match=named) as refusal:
         mode_map.read(path)
     assert str(refusal.value).startswith(f"{path}: ")
 

@@ -8,9 +8,9 @@ import pytest
 
 from ground.client import param_rollback
 from ground.client import vehicle as client
-from ground.client.param_rollback import Change, History
-from ground.client.vehicle import Vehicle
-from ground.errors import BadInputError, FailedError
+from ground.client.param_rollback import History, ParamUpload
+from ground.client.vehicle import VehicleClient
+from ground.errors import InputError, OperationError
 from tests.ground.fake import FakeVehicle, attend
 
 NEW = {"HDG_P": 0.875, "DPT_P": 0.25}
@@ -33,8 +33,8 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeVehicle]:
 
 
 @pytest.fixture
-def vehicle(fake: FakeVehicle) -> Vehicle:
-    found = Vehicle(fake.ground_end)
+def vehicle(fake: FakeVehicle) -> VehicleClient:
+    found = VehicleClient(fake.ground_end)
     found.connect()
     return found
 
@@ -65,27 +65,29 @@ def fall_silent(fake: FakeVehicle, name: str, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_change_tells_what_was_there_and_what_is_now(
-    vehicle: Vehicle, fake: FakeVehicle, state: Path
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path
 ) -> None:
     steps = param_rollback.upload(vehicle, NEW, "gains.param", "ab")
     assert {step.name: step.after for step in steps} == NEW == fake.table.values
     assert {step.name: step.before for step in steps} == OLD
-    assert History(state).last() == Change("gains.param", History(state).last().before, NEW, "ab")
+    assert History(state).last() == ParamUpload(
+        "gains.param", History(state).last().before, NEW, "ab"
+    )
 
 
 def test_a_change_is_undone_and_then_there_is_none_left(
-    vehicle: Vehicle, fake: FakeVehicle
+    vehicle: VehicleClient, fake: FakeVehicle
 ) -> None:
     param_rollback.upload(vehicle, NEW, "gains.param")
     undone, steps = param_rollback.rollback(vehicle)
     assert undone.source == "gains.param"
     assert {step.name: step.after for step in steps} == OLD
     assert fake.table.values == OLD
-    with pytest.raises(BadInputError, match=r"system-1\.json: keeps no change"):
+    with pytest.raises(InputError, match=r"system-1\.json: keeps no change"):
         param_rollback.rollback(vehicle)
 
 
-def test_changes_are_undone_the_last_one_first(vehicle: Vehicle, fake: FakeVehicle) -> None:
+def test_changes_are_undone_the_last_one_first(vehicle: VehicleClient, fake: FakeVehicle) -> None:
     param_rollback.upload(vehicle, NEW, "first.param")
     param_rollback.upload(vehicle, {"HDG_P": 0.5}, "second.param")
     param_rollback.rollback(vehicle)
@@ -95,10 +97,10 @@ def test_changes_are_undone_the_last_one_first(vehicle: Vehicle, fake: FakeVehic
 
 
 def test_nothing_is_set_where_one_name_is_unknown(
-    vehicle: Vehicle, fake: FakeVehicle, state: Path
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path
 ) -> None:
     with pytest.raises(
-        BadInputError, match=r"gains\.param: NO_SUCH: the vehicle has no such parameter"
+        InputError, match=r"gains\.param: NO_SUCH: the vehicle has no such parameter"
     ):
         param_rollback.upload(vehicle, {**NEW, "NO_SUCH": 1.0}, "gains.param")
     assert fake.table.values == {"HDG_P": 0.65, "DPT_P": 0.13}
@@ -106,34 +108,34 @@ def test_nothing_is_set_where_one_name_is_unknown(
 
 
 def test_half_a_change_is_put_back(
-    vehicle: Vehicle, fake: FakeVehicle, state: Path, monkeypatch: pytest.MonkeyPatch
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refuse(fake, "DPT_P", monkeypatch)
-    with pytest.raises(FailedError, match=r"DPT_P.*set and put back: HDG_P\."):
+    with pytest.raises(OperationError, match=r"DPT_P.*set and put back: HDG_P\."):
         param_rollback.upload(vehicle, NEW, "gains.param")
     assert fake.table.values == OLD
-    with pytest.raises(BadInputError, match="keeps no change"):
+    with pytest.raises(InputError, match="keeps no change"):
         History(state).last()
 
 
 def test_a_link_that_is_lost_leaves_the_record_and_says_how_to_go_on(
-    vehicle: Vehicle, fake: FakeVehicle, state: Path, monkeypatch: pytest.MonkeyPatch
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(client, "LOST_AFTER_S", 0.3)
+    monkeypatch.setattr(client, "HEARTBEAT_TIMEOUT_S", 0.3)
     fall_silent(fake, "HDG_P", monkeypatch)
     with pytest.raises(
-        FailedError, match=r"set: nothing; not set: HDG_P, DPT_P\. .*`ground params rollback`"
+        OperationError, match=r"set: nothing; not set: HDG_P, DPT_P\. .*`ground params rollback`"
     ):
         param_rollback.upload(vehicle, NEW, "gains.param")
     assert History(state).last().before == OLD
 
 
 def test_what_somebody_changed_since_is_not_put_back_unasked(
-    vehicle: Vehicle, fake: FakeVehicle
+    vehicle: VehicleClient, fake: FakeVehicle
 ) -> None:
     param_rollback.upload(vehicle, NEW, "gains.param")
     vehicle.set_parameter("HDG_P", 0.75)
-    with pytest.raises(FailedError, match=r"HDG_P is 0\.75 aboard, and gains\.param set 0\.875"):
+    with pytest.raises(OperationError, match=r"HDG_P is 0\.75 aboard, and gains\.param set 0\.875"):
         param_rollback.rollback(vehicle)
     assert fake.table.values["HDG_P"] == 0.75
     param_rollback.rollback(vehicle, force=True)
@@ -141,15 +143,15 @@ def test_what_somebody_changed_since_is_not_put_back_unasked(
 
 
 def test_half_a_change_that_was_left_can_be_undone(
-    vehicle: Vehicle, fake: FakeVehicle, state: Path
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path
 ) -> None:
-    History(state).push(Change("gains.param", dict(fake.table.values), NEW))
+    History(state).push(ParamUpload("gains.param", dict(fake.table.values), NEW))
     vehicle.set_parameter("HDG_P", NEW["HDG_P"])
     param_rollback.rollback(vehicle)
     assert fake.table.values == OLD
 
 
-def test_a_record_that_is_none_is_named(vehicle: Vehicle, tmp_path: Path) -> None:
+def test_a_record_that_is_none_is_named(vehicle: VehicleClient, tmp_path: Path) -> None:
     (tmp_path / "mine.json").write_text("{}")
-    with pytest.raises(BadInputError, match=r"mine\.json: Expected `array`"):
+    with pytest.raises(InputError, match=r"mine\.json: Expected `array`"):
         param_rollback.rollback(vehicle, tmp_path / "mine.json")

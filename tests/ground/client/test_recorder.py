@@ -22,7 +22,7 @@ from ground.client.recorder import Recorder
 from ground.log_tools import mcap
 from mavlink_io import dialect
 from mavlink_io.codec import Frame, Framer, encode
-from mavlink_io.dialect import Field, MessageType
+from mavlink_io.dialect import MessageField, MessageType
 from mavlink_io.frames import rotate
 from tests.mavlink_io.logging import decoding
 
@@ -36,7 +36,7 @@ _INTEGERS = {"uint8_t": (0, 8), "uint16_t": (0, 16), "uint32_t": (0, 32), "uint6
 }
 
 
-def value_of(field: Field) -> st.SearchStrategy[Any]:
+def value_of(field: MessageField) -> st.SearchStrategy[Any]:
     if field.type == "char" and field.array_length:
         return st.text(
             st.characters(min_codepoint=32, max_codepoint=126), max_size=field.array_length
@@ -247,7 +247,7 @@ def test_a_killed_recorder_leaves_all_but_the_last_moment(tmp_path: Path) -> Non
         import sys, time
         sys.path[:0] = {sys.path!r}
         from pathlib import Path
-        from ground.recorder import Recorder
+        from ground.client.recorder import Recorder
         from tests.ground.test_recorder import attitude
         recorder = Recorder(Path({str(path)!r}))
         for n in range(100_000):
@@ -265,7 +265,7 @@ def test_a_killed_recorder_leaves_all_but_the_last_moment(tmp_path: Path) -> Non
                 process.send_signal(signal.SIGKILL)
                 break
         last = max([150, *(int(line) for line in process.stdout)])
-    with pytest.raises(mcap.LogError, match="recover"):
+    with pytest.raises(mcap.McapFileError, match="recover"):
         mcap.info(path)
     saved = mcap.recover(path, tmp_path / "saved.mcap").messages
     newest_ms = max(decoded.time_boot_ms for _, _, decoded in read(tmp_path / "saved.mcap"))
@@ -277,9 +277,9 @@ def test_what_is_no_log_is_said_in_one_line(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     path.write_bytes(b"not a log at all, but long enough")
     for use in (mcap.info, lambda p: mcap.recover(p, tmp_path / "saved.mcap")):
-        with pytest.raises(mcap.LogError, match=r"log\.mcap: no"):
+        with pytest.raises(mcap.McapFileError, match=r"log\.mcap: no"):
             use(path)
-    with pytest.raises(mcap.LogError, match="No such file"):
+    with pytest.raises(mcap.McapFileError, match="No such file"):
         mcap.info(tmp_path / "absent.mcap")
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from ground.client import vehicle as client
 from ground.client.recorder import Recorder
-from ground.client.vehicle import Vehicle, VehicleError
-from mavlink_io.services.missions import MissionItem
+from ground.client.vehicle import VehicleClient, VehicleClientError
+from mavlink_io.mission_items import MissionItem
 from tests.ground.fake import ACCEPTED, DENIED, REJECTED, FakeVehicle, attend
 
 ARM, SET_MODE, SET_INTERVAL = 400, 176, 511
@@ -40,8 +40,8 @@ def fake(meet: Meet) -> FakeVehicle:
     return meet()
 
 
-def connected(fake: FakeVehicle, recorder: Recorder | None = None) -> Vehicle:
-    vehicle = Vehicle(fake.ground_end, recorder)
+def connected(fake: FakeVehicle, recorder: Recorder | None = None) -> VehicleClient:
+    vehicle = VehicleClient(fake.ground_end, recorder)
     vehicle.connect()
     return vehicle
 
@@ -50,8 +50,8 @@ def test_a_ground_station_is_not_taken_for_a_vehicle(meet: Meet) -> None:
     fake = meet()
     fake.ground_end.receive()
     fake.heartbeat(kind=6, autopilot=8)
-    with pytest.raises(VehicleError, match="no vehicle on memory"):
-        Vehicle(fake.ground_end).connect(timeout_s=0.05)
+    with pytest.raises(VehicleClientError, match="no vehicle on memory"):
+        VehicleClient(fake.ground_end).connect(timeout_s=0.05)
 
 
 def test_parameters_are_listed_set_and_read_back(fake: FakeVehicle) -> None:
@@ -62,7 +62,7 @@ def test_parameters_are_listed_set_and_read_back(fake: FakeVehicle) -> None:
 
 
 def test_an_unknown_parameter_is_named(fake: FakeVehicle) -> None:
-    with pytest.raises(VehicleError, match="NO_SUCH"):
+    with pytest.raises(VehicleClientError, match="NO_SUCH"):
         connected(fake).set_parameter("NO_SUCH", 1.0)
 
 
@@ -79,7 +79,7 @@ def test_modes_are_learned_from_the_vehicle(fake: FakeVehicle) -> None:
     vehicle.set_mode("MISSION")
     (sent,) = (c for c in fake.commands if c.command == SET_MODE)
     assert (sent.param1, sent.param2) == (1.0, 67371008.0)
-    with pytest.raises(VehicleError, match="offers MANUAL, MISSION"):
+    with pytest.raises(VehicleClientError, match="offers MANUAL, MISSION"):
         vehicle.set_mode("LOITER")
 
 
@@ -106,13 +106,13 @@ def test_a_vehicle_that_never_stands_by_is_asked_for_its_reason(meet: Meet) -> N
     vehicle = connected(fake)
     fake.heartbeat(status=BOOT)
     vehicle.pump(0.0)
-    with pytest.raises(VehicleError, match=r"temporarily rejected \(Not armed: no sensors"):
+    with pytest.raises(VehicleClientError, match=r"temporarily rejected \(Not armed: no sensors"):
         vehicle.arm(patience_s=0.1)
 
 
 def test_a_denial_is_final(meet: Meet) -> None:
     fake = meet({ARM: [DENIED, ACCEPTED]})
-    with pytest.raises(VehicleError, match="denied"):
+    with pytest.raises(VehicleClientError, match="denied"):
         connected(fake).arm()
 
 
@@ -140,8 +140,8 @@ def test_arming_and_disarming_within_one_breath_is_noticed(fake: FakeVehicle) ->
 def test_a_silent_vehicle_is_lost(fake: FakeVehicle, monkeypatch: pytest.MonkeyPatch) -> None:
     vehicle = connected(fake)
     now = client.wall_s()
-    monkeypatch.setattr(client, "wall_s", lambda: now + client.LOST_AFTER_S + 1.0)
-    with pytest.raises(VehicleError, match="no heartbeat"):
+    monkeypatch.setattr(client, "wall_s", lambda: now + client.HEARTBEAT_TIMEOUT_S + 1.0)
+    with pytest.raises(VehicleClientError, match="no heartbeat"):
         vehicle.pump(0.0)
 
 

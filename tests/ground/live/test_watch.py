@@ -21,7 +21,7 @@ from rich.console import Console
 
 from ground.live.watch import mode_names, view
 from ground.live.watch import rows as reading
-from ground.live.watch.receiver import Ears
+from ground.live.watch.receiver import Receiver
 from mavlink_io import dialect
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.transport import open_transport
@@ -39,7 +39,7 @@ class Sea:
     def __init__(self) -> None:
         name = f"memory:watch-{next(_names)}"
         self._ends = open_transport(name), open_transport(name)
-        self.vehicle, self.ears = Endpoint(self._ends[0], 1, 1), Ears(self._ends[1])
+        self.vehicle, self.ears = Endpoint(self._ends[0], 1, 1), Receiver(self._ends[1])
 
     def close(self) -> None:
         for end in self._ends:
@@ -55,7 +55,7 @@ class Sea:
     def heartbeat(self, **fields: Any) -> None:
         self.say("HEARTBEAT", **{"type": SUBMARINE, "autopilot": GENERIC, "base_mode": 1, **fields})
 
-    def rows(self, later_s: float = 0.0) -> dict[str, reading.Row]:
+    def rows(self, later_s: float = 0.0) -> dict[str, reading.WatchRow]:
         return {row.label: row for row in reading.rows(self.ears, time.monotonic() + later_s)}
 
     def words(self, label: str) -> str:
@@ -93,7 +93,7 @@ def test_a_value_goes_stale_by_its_own_period(sea: Sea) -> None:
     assert sea.rows(later_s=4.0)["speed"].stale
     assert "4 s ago" in sea.drawn(later_s=4.0)
     assert "no heartbeat for 4 s" in sea.drawn(later_s=4.0)
-    slow = reading.Heard(None, 0.0, 5.0)
+    slow = reading.LatestMessage(None, 0.0, 5.0)
     assert not reading.is_stale(slow, 14.0)
     assert reading.is_stale(slow, 16.0)
 
@@ -193,7 +193,7 @@ def test_losses_and_texts_are_shown(sea: Sea) -> None:
 def test_no_message_whatever_its_bytes_upsets_the_view(name: str, payload: bytes) -> None:
     with closing(Sea()) as sea:
         sea.heartbeat()
-        sea.ears.latest[name] = reading.Heard(
+        sea.ears.latest[name] = reading.LatestMessage(
             dialect.by_name(name).unpack(payload), time.monotonic(), 0.0
         )
         assert "system 1" in sea.drawn()

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ground.__main__ import app
-from ground.errors import BadInputError
+from ground.errors import InputError
 from tests.sysid.data.readers import files
 
 
@@ -56,5 +56,5 @@ def test_info_and_export(tmp_path: Path, name: str, attitude: str) -> None:
 )
 def test_bad_input_is_named(tmp_path: Path, options: list[str], said: str) -> None:
     path = files.ulog(tmp_path / "a.ulg", texts=False)
-    with pytest.raises(BadInputError, match=said):
+    with pytest.raises(InputError, match=said):
         CliRunner().invoke(app, ["refit", str(path), *options], catch_exceptions=False)

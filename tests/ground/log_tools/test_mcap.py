@@ -43,7 +43,9 @@ def test_info_of_a_whole_log_reports_no_damage(tmp_path: Path) -> None:
 
 
 def test_export_of_a_damaged_log_is_refused(log: Path, tmp_path: Path) -> None:
-    with pytest.raises(mcap.LogError, match=r"dive\.mcap: is damaged: chunk at byte .*log recover"):
+    with pytest.raises(
+        mcap.McapFileError, match=r"dive\.mcap: is damaged: chunk at byte .*log recover"
+    ):
         mcap.export_csv(log, tmp_path / "csv")
     assert not (tmp_path / "csv").exists()
 
@@ -62,7 +64,7 @@ def test_recover_saves_what_is_whole_and_names_the_rest(log: Path, tmp_path: Pat
 
 def test_recover_of_a_file_of_another_kind_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"no log at all, but long enough")
-    with pytest.raises(mcap.LogError, match=r"a\.mcap: no readable MCAP file"):
+    with pytest.raises(mcap.McapFileError, match=r"a\.mcap: no readable MCAP file"):
         mcap.recover(tmp_path / "a.mcap", tmp_path / "saved.mcap")
     assert not (tmp_path / "saved.mcap").exists()
 
@@ -70,8 +72,8 @@ def test_recover_of_a_file_of_another_kind_leaves_nothing(tmp_path: Path) -> Non
 def test_bomb_is_refused_by_info_and_recover(tmp_path: Path) -> None:
     path = tmp_path / "bomb.mcap"
     path.write_bytes(damaged.messages_in_many_chunks())
-    with pytest.raises(mcap.LogError, match="bytes unpack to more than"):
+    with pytest.raises(mcap.McapFileError, match="bytes unpack to more than"):
         mcap.info(path)
-    with pytest.raises(mcap.LogError, match="bytes unpack to more than"):
+    with pytest.raises(mcap.McapFileError, match="bytes unpack to more than"):
         mcap.recover(path, tmp_path / "saved.mcap")
     assert not (tmp_path / "saved.mcap").exists()

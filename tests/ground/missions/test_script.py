@@ -10,11 +10,17 @@ from hypothesis import strategies as st
 
 from ground.missions import plans, script
 from ground.missions.script import ScriptError
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 
 END = "\n[[step]]\nsurface = true\n"
 CHIRP = """[[step]]
-test = { signal = "chirp", axis = "rudder", magnitude_deg = 5.0, duration_s = 12, f_start_hz = 0.1, f_stop_hz = 2.0 }
+[step.test]
+signal = "chirp"
+axis = "rudder"
+magnitude_deg = 5.0
+duration_s = 12
+f_start_hz = 0.1
+f_stop_hz = 2.0
 """
 LEG = "[[step]]\ndepth_m = 4.0\nheading_deg = -80.0\nthrust_pct = 58.0\nduration_s = 30.0\n"
 

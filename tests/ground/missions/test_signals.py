@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from autopilot.control import excitation, mission
 from autopilot.control.params import Config
-from autopilot.control.types import State
+from autopilot.control.types import AutopilotState
 from ground.missions import script, signals
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 
 LEG = (
     'name = "m"\n[[step]]\ndepth_m = 4.0\nheading_deg = 0.0\nthrust_pct = 58.0\nduration_s = 30.0\n'
@@ -84,7 +84,7 @@ def test_runs_arrive_on_board_in_their_order(runs: list[int]) -> None:
         f'signal = "square", axis = "rudder", magnitude_deg = 3, duration_s = 40, runs = {runs}'
     )
     assert mission.check((item,), Config()) == (-1, "")
-    assert mission.test_of(item, State(), Config()).runs == tuple(runs)
+    assert mission.excitation_of(item, AutopilotState(), Config()).runs == tuple(runs)
 
 
 @pytest.mark.parametrize("name", script.shipped_names())

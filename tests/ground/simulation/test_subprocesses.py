@@ -13,7 +13,14 @@ from pathlib import Path
 import pytest
 
 from ground.simulation.processes import free_port
-from ground.simulation.subprocesses import WARM, Child, Forked, Spawned, Start, cores
+from ground.simulation.subprocesses import (
+    PRELOADED_MODULES,
+    ChildProcess,
+    ForkedProcess,
+    ProcessFactory,
+    SpawnedProcess,
+    cores,
+)
 
 PARENT = """
 import sys, time
@@ -27,9 +34,9 @@ if __name__ == "__main__":
 """
 
 
-@pytest.fixture(params=[Spawned, Forked])
-def start(request: pytest.FixtureRequest) -> Start:
-    way: Start = request.param
+@pytest.fixture(params=[SpawnedProcess, ForkedProcess])
+def start(request: pytest.FixtureRequest) -> ProcessFactory:
+    way: ProcessFactory = request.param
     return way
 
 
@@ -54,7 +61,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-def afloat(start: Start, said: Path) -> Child:
+def afloat(start: ProcessFactory, said: Path) -> ChildProcess:
     """An autopilot that has opened its links."""
     child = start("autopilot", arguments(), said)
     wait_for(lambda: "autopilot: system 1" in said.read_text())
@@ -62,20 +69,20 @@ def afloat(start: Start, said: Path) -> Child:
     return child
 
 
-def test_it_ends_when_it_is_told_to(start: Start, said: Path) -> None:
+def test_it_ends_when_it_is_told_to(start: ProcessFactory, said: Path) -> None:
     child = afloat(start, said)
     child.terminate()
     child.end(10.0)
     assert child.poll() == 0
 
 
-def test_it_is_killed_when_it_does_not(start: Start, said: Path) -> None:
+def test_it_is_killed_when_it_does_not(start: ProcessFactory, said: Path) -> None:
     child = afloat(start, said)
     child.end(0.1)
     assert child.poll() == -signal.SIGKILL
 
 
-def test_bad_input_is_its_status_and_its_last_words(start: Start, said: Path) -> None:
+def test_bad_input_is_its_status_and_its_last_words(start: ProcessFactory, said: Path) -> None:
     child = start("sitl", ["--vehicle", "nobody"], said)
     wait_for(lambda: child.poll() is not None)
     assert child.poll() == 2
@@ -102,7 +109,7 @@ def test_it_does_not_outlive_a_killed_parent(way: str, said: Path, tmp_path: Pat
 @pytest.mark.skipif(not cores(), reason="the system does not tell of cores")
 def test_a_forked_one_keeps_to_its_core(said: Path) -> None:
     core = cores()[-1]
-    child = Forked("autopilot", arguments(), said, core)
+    child = ForkedProcess("autopilot", arguments(), said, core)
     wait_for(lambda: "autopilot: system 1" in said.read_text())
     pid = child._process.pid
     assert pid is not None
@@ -111,7 +118,7 @@ def test_a_forked_one_keeps_to_its_core(said: Path) -> None:
     child.end(0.0)
 
 
-@pytest.mark.parametrize("module", WARM)
+@pytest.mark.parametrize("module", PRELOADED_MODULES)
 def test_what_is_loaded_beforehand_is_there(module: str) -> None:
     """A module that is not would go unnoticed: multiprocessing carries on without it, and starts
     take longer."""

@@ -15,7 +15,7 @@ from mavlink_io.logging.mcap_reader import (
     McapItem,
     McapMessage,
     McapReader,
-    damage_in_words,
+    format_damage,
 )
 
 HOWEVER_WRITTEN = {
@@ -126,7 +126,7 @@ def test_damaged_chunk_is_left_out_and_named_with_its_times() -> None:
     assert values(items) == [*range(30), *range(60, 90)]
     (damage,) = reader.damage
     assert (damage.first_ns, damage.last_ns) == (FIRST_NS + 30 * STEP_NS, FIRST_NS + 59 * STEP_NS)
-    words = damage_in_words(reader)
+    words = format_damage(reader)
     assert words.startswith(f"chunk at byte {place(data, 6, 1) - 9}: ")
     assert words.endswith("(3.00 to 5.90 s of the log are lost)")
 
@@ -162,13 +162,13 @@ def test_chunk_of_unknown_kind_is_lost_and_named() -> None:
     data = written_by_us()
     items, reader = read(changed(data, place(data, 6, 1) - 9, 0x80))
     assert values(items) == [*range(30), *range(60, 90)]
-    assert "3.00 to 5.90 s" in damage_in_words(reader)
+    assert "3.00 to 5.90 s" in format_damage(reader)
 
 
 def test_damage_outside_the_chunks_is_found_by_the_data_sections_checksum() -> None:
     data = written_by_us()
     _, reader = read(changed(data, data.index(b"notes") + 1))
-    words = damage_in_words(reader)
+    words = format_damage(reader)
     assert words == "the checksum of its data section is wrong, its chunks are whole"
 
 
@@ -177,14 +177,14 @@ def test_damaged_summary_changes_no_message() -> None:
     start = struct.unpack_from("<Q", data, len(data) - 28)[0]
     items, reader = read(changed(data, start + 20))
     assert values(items) == list(range(90))
-    assert damage_in_words(reader) == "the checksum of its summary is wrong"
+    assert format_damage(reader) == "the checksum of its summary is wrong"
 
 
 def test_statistics_tell_of_a_chunk_that_is_missing() -> None:
     """No data checksum and no index; the second chunk became a record that readers skip."""
     data = written(chunk_size=200, index_types=IndexType.NONE)
     _, reader = read(changed(data, place(data, 6, 1) - 9, 0x80))
-    assert "its statistics say 90" in damage_in_words(reader)
+    assert "its statistics say 90" in format_damage(reader)
 
 
 def test_chunk_that_ends_within_a_record_is_damage() -> None:
@@ -193,7 +193,7 @@ def test_chunk_that_ends_within_a_record_is_damage() -> None:
     chunk += struct.pack("<Q", len(inner)) + inner
     header = b"\x89MCAP0\r\n" + struct.pack("<BQ", 1, 8) + bytes(8)
     _, reader = read(header + struct.pack("<BQ", 6, len(chunk)) + chunk)
-    assert "a record in it reaches beyond its end" in damage_in_words(reader)
+    assert "a record in it reaches beyond its end" in format_damage(reader)
 
 
 def test_file_of_another_kind_is_refused() -> None:

@@ -8,19 +8,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink_io.request import ExchangeError, Party
+from mavlink_io.mission_items import MissionItem
+from mavlink_io.request import ExchangeError, MavlinkId
 from mavlink_io.services import missions
 from mavlink_io.services.mission_server import (
     RE_REQUESTS,
     MissionProgress,
+    MissionResult,
     MissionServer,
-    Verdict,
 )
-from mavlink_io.services.missions import MissionClient, MissionItem
+from mavlink_io.services.missions import MissionClient
 from mavlink_io.services.params import as_real32
 from tests.helpers.lossy_link import GROUND, VEHICLE, Lost, Wire, nothing, settle
 
-OTHER_GROUND = Party(255, 230)
+OTHER_GROUND = MavlinkId(255, 230)
 
 
 class Store:
@@ -28,13 +29,13 @@ class Store:
         self.items: tuple[MissionItem, ...] = ()
         self.current = 0
         self.said: list[str] = []
-        self.verdict = Verdict()
+        self.verdict = MissionResult()
 
     @property
     def progress(self) -> MissionProgress:
         return MissionProgress(self.current, len(self.items), 2, 2)
 
-    def load(self, items: tuple[MissionItem, ...]) -> Verdict:
+    def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
         if self.verdict.result == missions.ACCEPTED:
             self.items = items
         return self.verdict
@@ -70,7 +71,7 @@ class Sea:
     def ask(
         self,
         name: str,
-        sender: Party = GROUND,
+        sender: MavlinkId = GROUND,
         now_s: float = 0.0,
         down: Wire | None = None,
         **fields: Any,
@@ -241,7 +242,9 @@ def test_other_frames_are_not_supported(frame: int) -> None:
 
 def test_the_vehicles_own_refusal_reaches_the_client() -> None:
     sea = Sea()
-    sea.store.verdict = Verdict(missions.UNSUPPORTED, "command 22 is not one this vehicle flies")
+    sea.store.verdict = MissionResult(
+        missions.UNSUPPORTED, "command 22 is not one this vehicle flies"
+    )
     with pytest.raises(ExchangeError, match="MAV_MISSION_UNSUPPORTED"):
         sea.run(sea.client.upload(leg()))
     assert sea.store.said == ["command 22 is not one this vehicle flies"]

@@ -13,7 +13,7 @@ from math import cosh, log, pi, sqrt, tanh
 import numpy as np
 
 from sitl.vehicle import dynamics
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from tests.reference import bodies
 from tests.reference.check import Check, relative
 from tests.sitl.vehicle import flight
@@ -25,7 +25,7 @@ SOURCE = "tanh solution"
 
 def checks() -> Iterator[Check]:
     """End on, then broadside."""
-    bench = _upright(flight.model("bench"))
+    bench = _upright(flight.model("caribou_nominal"))
     drag = bench.hull.X_uu_kgpm + bench.duct.half_rho_area_kgpm * bench.duct.polar.drag_zero_lift
     yield from _rise(
         "nose up",
@@ -48,7 +48,7 @@ def checks() -> Iterator[Check]:
     )
 
 
-def _upright(model: Model) -> Model:
+def _upright(model: VehicleModel) -> VehicleModel:
     """The vehicle with its weights on the axis and low in the tail, so that she rides upright like
     a spar buoy."""
     inertia = flight.balanced(model).inertia
@@ -59,7 +59,7 @@ def _upright(model: Model) -> Model:
 
 
 def _rise(
-    name: str, model: Model, nose_up: bool, net_n: float, k_kgpm: float, mass_kg: float
+    name: str, model: VehicleModel, nose_up: bool, net_n: float, k_kgpm: float, mass_kg: float
 ) -> Iterator[Check]:
     start = dynamics.state_at_rest(START_M)
     if nose_up:

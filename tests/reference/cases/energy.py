@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sitl.vehicle import config
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from tests.reference import energy, vehicles
 from tests.reference.check import Check, worst
 from tests.sitl.vehicle import flight
@@ -33,7 +33,7 @@ def checks() -> Iterator[Check]:
     yield from _lost(f"{vehicles.FLEET} random vehicles", vehicles.fleet())
 
 
-def _lost(label: str, models: list[Model]) -> Iterator[Check]:
+def _lost(label: str, models: list[VehicleModel]) -> Iterator[Check]:
     """What the worst motion gains; nothing, if all is well."""
     rng = np.random.default_rng(3)
     power, gain = 0.0, 0.0

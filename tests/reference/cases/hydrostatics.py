@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 
 from sitl.core.initial_conditions import float_trim
 from sitl.vehicle import config, hull
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from tests.reference import bodies
 from tests.reference.check import Check, relative, worst
 from tests.sitl.vehicle import flight
@@ -54,7 +54,7 @@ def checks() -> Iterator[Check]:
     )
 
 
-def _cylinder(load: float) -> Model:
+def _cylinder(load: float) -> VehicleModel:
     """Of ``load`` times the water's density, ballasted so that it knows which way is up."""
     body = bodies.cylinder(LENGTH_M, 2 * RADIUS_M, 0.0, mass_ratio=load)
     return body._replace(hydrostatics=body.hydrostatics._replace(z_cm_m=-RADIUS_M / 10))

@@ -14,7 +14,7 @@ from math import degrees, radians
 import numpy as np
 
 from sitl.vehicle import config
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import drifting
 from tests.reference import fossen, trials, vehicles
 from tests.reference.check import Check, relative, worst
@@ -50,7 +50,7 @@ def _compared(
         yield relative(f"{label}: {words.replace('_', ' ')}", unit, value, reference, 1e-5, SOURCE)
 
 
-def _accelerations(name: str, models: list[Model]) -> Check:
+def _accelerations(name: str, models: list[VehicleModel]) -> Check:
     """Random attitude, speeds, inputs and current."""
     rng, found, expected = np.random.default_rng(7), [], []
     for model in models * (STATES // len(models)):

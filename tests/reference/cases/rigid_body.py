@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from tests.reference import bodies
 from tests.reference.check import Check, worst
 from tests.sitl.vehicle import flight
@@ -84,7 +84,7 @@ def paper_equations(nu: Array, rates: Array) -> Array:
     )
 
 
-def _momenta(body: Model, state: Array, start: Array) -> Array:
+def _momenta(body: VehicleModel, state: Array, start: Array) -> Array:
     """Linear, and angular about a fixed point, in the inertial frame."""
     R, momentum = flight.rotation(state), body.inertia.M @ state[7:13]
     linear = R @ momentum[:3]

@@ -30,7 +30,7 @@ def checks() -> Iterator[Check]:
         yield relative(
             f"slope at aspect ratio {aspect}", "1/rad", slope, published, 1e-4, "published point"
         )
-    ring = flight.model("bench").duct
+    ring = flight.model("caribou_nominal").duct
     attitudes = product((0.9, 1.3, 2.5), (-0.1, 0.05), (0.02, 0.1), (-7, 3), (-4, 8))
     cases = [
         (np.array([u, v, w]), radians(rudder), radians(elevator))

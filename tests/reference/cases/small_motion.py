@@ -16,7 +16,7 @@ from scipy.linalg import expm
 
 from sitl.vehicle import config
 from sitl.vehicle.linearise import Plane, linearise
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from tests.reference.check import Check
 from tests.sitl.vehicle import flight
 
@@ -45,7 +45,7 @@ def checks() -> Iterator[Check]:
 
 
 def _miss(
-    model: Model,
+    model: VehicleModel,
     point: config.OperatingPoint,
     label: str,
     columns: tuple[int, int],
@@ -67,7 +67,7 @@ def _miss(
     return float(np.max(np.abs(difference) / np.abs(linear).max(axis=0)))
 
 
-def _planar(model: Model) -> Model:
+def _planar(model: VehicleModel) -> VehicleModel:
     """Neutrally buoyant, and nothing couples surge or roll with either plane."""
     h, M = model.hydrostatics, np.diag(np.diag(model.inertia.M))
     for pair in ([1, 5], [2, 4]):

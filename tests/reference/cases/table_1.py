@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sitl.vehicle.linearise import Linearisation, linearise
+from sitl.vehicle.linearise import LinearPlanes, linearise
 from tests.reference.check import Check, relative, worst
 from tests.sitl.vehicle import flight
 
@@ -41,7 +41,7 @@ TABLE = {
 
 def checks() -> Iterator[Check]:
     """Every number of both columns, then the planes."""
-    for column, vehicle in enumerate(("bench", "field")):
+    for column, vehicle in enumerate(("caribou_nominal", "caribou_truth")):
         found = linearise(flight.model(vehicle), SPEED_MPS, thrust_fraction=0.58)
         for key, printed in TABLE.items():
             symbol, _, unit = key.rpartition("_")
@@ -60,7 +60,7 @@ def checks() -> Iterator[Check]:
         )
 
 
-def _stacked(found: Linearisation) -> list[float]:
+def _stacked(found: LinearPlanes) -> list[float]:
     return np.concatenate(
         [m.ravel() for m in (found.yaw.A, found.yaw.B, found.pitch.A, found.pitch.B)]
     ).tolist()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from tests.reference import bodies
 from tests.reference.check import Check, relative, worst
 from tests.sitl.vehicle import flight
@@ -45,7 +45,9 @@ def checks() -> Iterator[Check]:
         1e-6,
         "4 K(m) / n",
     )
-    yield from _in_water(flight.without_weight(flight.without_fluid_forces(flight.model("bench"))))
+    yield from _in_water(
+        flight.without_weight(flight.without_fluid_forces(flight.model("caribou_nominal")))
+    )
 
 
 def _spin(start_radps: tuple[float, ...]) -> Array:
@@ -92,7 +94,7 @@ def _period_s(track: Array) -> float:
     return float(np.mean(np.diff([0.0, *crossings])))
 
 
-def _in_water(model: Model) -> Iterator[Check]:
+def _in_water(model: VehicleModel) -> Iterator[Check]:
     """Body and entrained water against Kirchhoff's equations."""
     M, start = model.inertia.M, flight.tumbling()
     track = flight.fly(model, start, SECONDS)
@@ -121,7 +123,7 @@ def _in_water(model: Model) -> Iterator[Check]:
     )
 
 
-def _impulses(model: Model, state: Array, start: Array) -> Array:
+def _impulses(model: VehicleModel, state: Array, start: Array) -> Array:
     """Linear and angular impulse in the inertial frame, the latter about where the body was at
     ``start``."""
     R, (P, H) = flight.rotation(state), np.split(model.inertia.M @ state[7:13], 2)

@@ -25,7 +25,7 @@ GRID = 4000
 
 def checks() -> Iterator[Check]:
     """Pull near and far, its work, and rest."""
-    for name in ("bench", "field"):
+    for name in ("caribou_nominal", "caribou_truth"):
         vehicle, model = config.load(name), flight.model(name)
         for distance in DISTANCES_M:
             state = flight.cruising(SPEED_MPS)
@@ -80,7 +80,7 @@ def _work(name: str) -> float:
 
 def _rest() -> Iterator[Check]:
     """A vehicle too heavy comes to rest on the floor, one too light under the ice, a radius off."""
-    model = flight.model("bench")
+    model = flight.model("caribou_nominal")
     h = model.hydrostatics
     for label, ratio, water in (
         ("floor", 0.99, Water(floor_m=-12.0)),

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.core.environment import current, density, field, floor, waves
-from sitl.core.environment.field import Field
-from sitl.environment_schema import Current, Density, Floor, Water, Waves
+from sitl.core.environment.field import WaterField
+from sitl.environment_schema import Current, Density, FloorTable, WaterTable, Waves
 from tests.reference import bodies
 from tests.reference.check import Check, relative, worst
 from tests.sitl.vehicle import flight
@@ -63,7 +63,7 @@ def _regular(depth_m: float, towards_rad: float) -> Array:
     swell = waves.Swell(
         np.array([sigma]), np.array([k]), np.array([AMPLITUDE_M]), towards_rad - pi, 0.0, depth_m
     )
-    return waves.draw(swell, np.random.default_rng(1))
+    return waves.draw_components(swell, np.random.default_rng(1))
 
 
 def _dispersion() -> Iterator[Check]:
@@ -144,7 +144,7 @@ def _statistics(spectrum: str) -> Iterator[Check]:
     weather = Waves(spectrum=spectrum, significant_height_m=1.5, peak_period_s=7.0, components=200)
     swell = waves.build(weather, DEEP_M, G)
     assert swell is not None
-    sea = waves.draw(swell, np.random.default_rng(2))
+    sea = waves.draw_components(swell, np.random.default_rng(2))
     times = np.arange(0.0, 3600.0, 0.5)
     height = np.array([waves.motion(sea, 0.0, 0.0, 0.0, t).elevation_m for t in times])
     yield relative(f"{spectrum}, 4 sigma of an hour", "m", 4 * height.std(), 1.5, 0.05, "H_s")
@@ -168,11 +168,11 @@ def _suction_n(sea: Array) -> float:
         bodies.cylinder(LENGTH_M, DIAMETER_M, 0.0),
         flight.dynamics.state_at_rest(-SUBMERGED_M),
     )
-    water = Field(
+    water = WaterField(
         sea=sea,
         profile=current.profile(Current()),
-        column=density.column(Density(), Water(), G),
-        floor=floor.build(Floor(depth_m=DEEP_M)),
+        column=density.column(Density(), WaterTable(), G),
+        floor=floor.build(FloorTable(depth_m=DEEP_M)),
         ceiling_m=inf,
         gravity_mps2=G,
         ballast_density_kgpm3=bodies.RHO_KGPM3,

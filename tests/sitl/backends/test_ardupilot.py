@@ -10,7 +10,14 @@ from hypothesis import strategies as st
 
 from mavlink_io.transport import Transport, open_transport
 from sitl import scenario
-from sitl.backends.ardupilot import ArduPilot, Servos, began_anew, demands, pace, servos
+from sitl.backends.ardupilot import (
+    ArduPilot,
+    Servos,
+    controls_from_pulses,
+    is_restart,
+    parse_servos,
+    timestep_for_rate,
+)
 from sitl.backends.servo_outputs import parse
 from sitl.core import plant
 from sitl.vehicle import config
@@ -37,10 +44,10 @@ def test_frames_that_heaped_up_get_one_answer(ends: tuple[Transport, Transport])
     steps = pilot.meet()
     assert steps is not None
     sea, rng = (
-        plant.build(config.load("field"), scenario.load("calm"), steps),
+        plant.build(config.load("caribou_truth"), scenario.load("calm"), steps),
         plant.random_streams(1),
     )
-    state, sensors = plant.launch(sea, rng)
+    state, sensors = plant.initial_state(sea, rng)
     actuators = pilot.ask(sea, state, sensors)
     assert actuators is not None
     for _ in range(5):
@@ -62,7 +69,7 @@ def test_a_wait_for_servos_ends_with_the_run(ends: tuple[Transport, Transport]) 
 
 @given(st.binary(max_size=100))
 def test_whatever_arrives_is_a_frame_or_nothing(datagram: bytes) -> None:
-    heard = servos(datagram)
+    heard = parse_servos(datagram)
     assert heard is None or (len(datagram) in (40, 72) and heard.frame_rate_hz > 0)
 
 
@@ -74,19 +81,19 @@ def test_whatever_arrives_is_a_frame_or_nothing(datagram: bytes) -> None:
 def test_frames_are_read_as_they_were_packed(
     rate_hz: int, number: int, pulses_us: list[int]
 ) -> None:
-    assert servos(struct.pack("<HHI16H", 18458, rate_hz, number, *pulses_us)) == (
+    assert parse_servos(struct.pack("<HHI16H", 18458, rate_hz, number, *pulses_us)) == (
         rate_hz,
         number,
         tuple(pulses_us),
     )
-    assert all(-1.0 <= demand <= 1.0 for demand in demands(pulses_us))
-    steps = pace(rate_hz)
+    assert all(-1.0 <= demand <= 1.0 for demand in controls_from_pulses(pulses_us))
+    steps = timestep_for_rate(rate_hz)
     assert 100 <= steps.tick_us <= 20_000
     assert steps.tick_us / steps.substeps <= 5000
 
 
 def test_pulses_from_end_to_end() -> None:
-    assert demands([1100, 1300, 1500, 1700, 1900, 0, 800, 2200]) == [
+    assert controls_from_pulses([1100, 1300, 1500, 1700, 1900, 0, 800, 2200]) == [
         -1.0,
         -0.5,
         0.0,
@@ -105,4 +112,4 @@ def test_pulses_from_end_to_end() -> None:
 def test_a_count_that_begins_anew_is_told_from_one_that_is_late(
     before: int, heard: int, anew: bool
 ) -> None:
-    assert began_anew(Servos(400, heard, ()), Servos(400, before, ())) is anew
+    assert is_restart(Servos(400, heard, ()), Servos(400, before, ())) is anew

@@ -11,9 +11,9 @@ from mavlink_io.codec import encode
 from mavlink_io.records import SENSORS_ALL, ActuatorFrame
 from mavlink_io.transport import open_transport
 from sitl import scenario
-from sitl.backends.hil import HilLink
+from sitl.backends.hil import HilClient
 from sitl.core import plant, truth
-from sitl.core.plant import State
+from sitl.core.plant import PlantState
 from sitl.core.sensors import Sensors
 from sitl.vehicle import config
 
@@ -21,9 +21,9 @@ CONTROLS = dialect.by_name("HIL_ACTUATOR_CONTROLS")
 
 
 @pytest.fixture
-def afloat() -> tuple[State, Sensors]:
-    return plant.launch(
-        plant.build(config.load("field"), scenario.load("calm")), plant.random_streams(1)
+def afloat() -> tuple[PlantState, Sensors]:
+    return plant.initial_state(
+        plant.build(config.load("caribou_truth"), scenario.load("calm")), plant.random_streams(1)
     )
 
 
@@ -33,11 +33,13 @@ def decoded(datagram: bytes) -> dict[str, Any]:
 
 
 def test_one_datagram_carries_all_that_is_due_and_the_sensors_last(
-    afloat: tuple[State, Sensors],
+    afloat: tuple[PlantState, Sensors],
 ) -> None:
     state, sensors = afloat
     near, far = open_transport("memory:datagram"), open_transport("memory:datagram")
-    HilLink(near).send(HilLink(near).datagram(sensors, truth.to_frame(state.truth, 42.35, -71.0)))
+    HilClient(near).send(
+        HilClient(near).datagram(sensors, truth.to_frame(state.truth, 42.35, -71.0))
+    )
     messages = decoded(far.receive())
     assert list(messages) == [
         "HIL_STATE_QUATERNION",
@@ -67,7 +69,7 @@ def test_one_datagram_carries_all_that_is_due_and_the_sensors_last(
     far.close()
 
 
-def test_truth_on_the_wire_is_truth_in_its_units(afloat: tuple[State, Sensors]) -> None:
+def test_truth_on_the_wire_is_truth_in_its_units(afloat: tuple[PlantState, Sensors]) -> None:
     state, sensors = afloat
     moving = state.truth._replace(
         velocity_ned_mps=(1.2, -0.5, 0.1),
@@ -75,7 +77,7 @@ def test_truth_on_the_wire_is_truth_in_its_units(afloat: tuple[State, Sensors]) 
         position_ned_m=(0.0, 0.0, 7.25),
     )
     near = open_transport("memory:truth")
-    message = decoded(HilLink(near).datagram(sensors, truth.to_frame(moving, 42.35, -71.0)))[
+    message = decoded(HilClient(near).datagram(sensors, truth.to_frame(moving, 42.35, -71.0)))[
         "HIL_STATE_QUATERNION"
     ]
     assert (message.vx, message.vy, message.vz, message.alt) == (120, -50, 10, -7250)
@@ -87,7 +89,7 @@ def test_truth_on_the_wire_is_truth_in_its_units(afloat: tuple[State, Sensors]) 
 
 def test_only_the_answer_to_the_asked_time_counts() -> None:
     near, far = open_transport("memory:answer"), open_transport("memory:answer")
-    link = HilLink(near)
+    link = HilClient(near)
     for time_us in (20_000, 60_000, 40_000):
         frame = ActuatorFrame(time_us, 1, (0.25, math.nan, 0.58, *(0.0,) * 13), 129)
         far.send(encode(CONTROLS, frame, 0, 1, 1))

@@ -6,8 +6,8 @@ import pytest
 
 from mavlink_io.transport import Transport, open_transport
 from sitl.backends import lockstep
-from sitl.backends.hil import HilLink
-from sitl.backends.lockstep import AutopilotSilentError, Lockstep
+from sitl.backends.hil import HilClient
+from sitl.backends.lockstep import AutopilotTimeoutError, Lockstep
 
 
 @pytest.fixture
@@ -21,13 +21,13 @@ def ends() -> Iterator[tuple[Transport, Transport]]:
 def test_nobody_there_is_told_apart_from_somebody_gone(
     ends: tuple[Transport, Transport], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lockstep, "FIRST_ANSWER_S", 0.1)
-    with pytest.raises(AutopilotSilentError, match="no autopilot has answered on memory:lockstep"):
-        Lockstep(HilLink(ends[0]), lambda: False).ask(b"sensors", 0)
+    monkeypatch.setattr(lockstep, "FIRST_ANSWER_TIMEOUT_S", 0.1)
+    with pytest.raises(AutopilotTimeoutError, match="no autopilot has answered on memory:lockstep"):
+        Lockstep(HilClient(ends[0]), lambda: False).ask(b"sensors", 0)
     assert ends[1].receive() == b"sensors"
     assert ends[1].receive() == b"sensors"
 
 
 def test_a_stop_ends_the_wait(ends: tuple[Transport, Transport]) -> None:
     answers = iter([False, False, True])
-    assert Lockstep(HilLink(ends[0]), lambda: next(answers)).ask(b"sensors", 0) is None
+    assert Lockstep(HilClient(ends[0]), lambda: next(answers)).ask(b"sensors", 0) is None

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sitl.backends.rate_control import NEW_CLOCK_US, PATIENCE_S, Rhythm
+from sitl.backends.rate_control import ANSWER_TIMEOUT_S, CLOCK_RESTART_US, AnswerRate
 
 TICK_US = 4000
 
 
-def fly(rhythm: Rhythm, frames: range, nth: int = 1, behind_us: int = 0) -> list[float]:
+def fly(rhythm: AnswerRate, frames: range, nth: int = 1, behind_us: int = 0) -> list[float]:
     """Every nth frame answered at once by a clock that stands ``behind_us`` behind; the patience
     with each."""
     patience = []
@@ -25,7 +25,7 @@ def fly(rhythm: Rhythm, frames: range, nth: int = 1, behind_us: int = 0) -> list
 
 
 def test_nobody_is_waited_for_longer_than_a_step_before_the_first_answer() -> None:
-    rhythm = Rhythm(TICK_US)
+    rhythm = AnswerRate(TICK_US)
     for number in range(1, 100):
         assert rhythm.patience_s(number * TICK_US) == pytest.approx(0.004)
         rhythm.miss(number * TICK_US)
@@ -34,53 +34,55 @@ def test_nobody_is_waited_for_longer_than_a_step_before_the_first_answer() -> No
 @pytest.mark.parametrize("behind_us", [0, TICK_US, 123_457])
 def test_once_answered_every_frame_is_waited_for(behind_us: int) -> None:
     """PX4's clock counts from its first HIL_SENSOR, or from zero."""
-    rhythm = Rhythm(TICK_US)
-    assert fly(rhythm, range(40, 100), behind_us=behind_us)[1:] == [PATIENCE_S] * 59
+    rhythm = AnswerRate(TICK_US)
+    assert fly(rhythm, range(40, 100), behind_us=behind_us)[1:] == [ANSWER_TIMEOUT_S] * 59
 
 
 @pytest.mark.parametrize("nth", [2, 5, 10])
 def test_the_frames_between_answers_are_not_waited_for_once_the_rhythm_is_known(nth: int) -> None:
-    rhythm = Rhythm(TICK_US)
+    rhythm = AnswerRate(TICK_US)
     fly(rhythm, range(1, 3 * nth + 1), nth)
     patience = fly(rhythm, range(3 * nth + 1, 8 * nth + 1), nth)
-    assert patience == ([0.0] * (nth - 1) + [PATIENCE_S]) * 5
+    assert patience == ([0.0] * (nth - 1) + [ANSWER_TIMEOUT_S]) * 5
     fly(rhythm, range(8 * nth + 1, 8 * nth + 3))
-    assert set(fly(rhythm, range(8 * nth + 3, 8 * nth + 20))) == {PATIENCE_S}, "back to every frame"
+    assert set(fly(rhythm, range(8 * nth + 3, 8 * nth + 20))) == {ANSWER_TIMEOUT_S}, (
+        "back to every frame"
+    )
 
 
 def test_after_a_pause_every_frame_is_waited_for_again() -> None:
-    rhythm = Rhythm(TICK_US)
+    rhythm = AnswerRate(TICK_US)
     fly(rhythm, range(1, 50))
     for number in range(50, 550):
         rhythm.miss(number * TICK_US)
     assert rhythm.patience_s(550 * TICK_US) == pytest.approx(0.004)
-    assert fly(rhythm, range(550, 600))[1:] == [PATIENCE_S] * 49
+    assert fly(rhythm, range(550, 600))[1:] == [ANSWER_TIMEOUT_S] * 49
 
 
 def test_a_late_answer_is_no_answer_to_the_frame_that_was_sent_since() -> None:
-    rhythm = Rhythm(TICK_US)
+    rhythm = AnswerRate(TICK_US)
     fly(rhythm, range(1, 10))
     assert not rhythm.hear(9 * TICK_US, 10 * TICK_US, lockstep=True)
     assert rhythm.hear(10 * TICK_US, 10 * TICK_US, lockstep=True)
 
 
 def test_a_lag_that_was_taken_for_too_much_is_mended_by_the_first_prompt_answer() -> None:
-    rhythm = Rhythm(TICK_US)
+    rhythm = AnswerRate(TICK_US)
     assert rhythm.hear(4 * TICK_US, 6 * TICK_US, lockstep=True)
     assert rhythm.hear(7 * TICK_US, 7 * TICK_US, lockstep=True)
     assert not rhythm.hear(7 * TICK_US, 8 * TICK_US, lockstep=True)
 
 
 def test_a_clock_that_begins_anew_is_believed() -> None:
-    rhythm = Rhythm(TICK_US)
+    rhythm = AnswerRate(TICK_US)
     fly(rhythm, range(1, 1000))
-    start_us = 1000 * TICK_US + NEW_CLOCK_US
+    start_us = 1000 * TICK_US + CLOCK_RESTART_US
     assert rhythm.hear(0, start_us, lockstep=True)
     assert rhythm.hear(TICK_US, start_us + TICK_US, lockstep=True)
 
 
 def test_without_lockstep_nobody_is_waited_for() -> None:
-    rhythm = Rhythm(TICK_US)
+    rhythm = AnswerRate(TICK_US)
     rhythm.hear(8000, 8000, lockstep=False)
     assert rhythm.patience_s(12_000) == pytest.approx(0.004)
 
@@ -92,14 +94,14 @@ def test_no_history_of_answers_makes_two_frames_in_a_row_wait_in_vain(
     history: list[tuple[bool, int, bool]],
 ) -> None:
     """A wait that was in vain is the last until somebody answers again."""
-    rhythm, in_vain = Rhythm(TICK_US), False
+    rhythm, in_vain = AnswerRate(TICK_US), False
     for number, (is_answered, late, lockstep) in enumerate(history, 1):
         patience_s = rhythm.patience_s(number * TICK_US)
-        assert 0.0 <= patience_s <= PATIENCE_S
+        assert 0.0 <= patience_s <= ANSWER_TIMEOUT_S
         assert not (in_vain and patience_s > 0.004 + 1e-9)
         if is_answered:
             rhythm.hear(max(0, number - late) * TICK_US, number * TICK_US, lockstep)
             in_vain = False
         else:
             rhythm.miss(number * TICK_US)
-            in_vain = patience_s == PATIENCE_S or (in_vain and patience_s < PATIENCE_S)
+            in_vain = patience_s == ANSWER_TIMEOUT_S or (in_vain and patience_s < ANSWER_TIMEOUT_S)

@@ -11,10 +11,10 @@ from mavlink_io.frames import euler_from_quaternion
 from mavlink_io.records import ActuatorFrame
 from sitl import scenario
 from sitl.core import plant, timestep
-from sitl.core.plant import Plant, State
+from sitl.core.plant import Plant, PlantState
 from sitl.core.sensors import Sensors
 from sitl.environment_schema import Current
-from sitl.scenario import Scenario, Start
+from sitl.scenario import Scenario, StartTable
 from sitl.vehicle import config
 
 TICKS_PER_S = round(1.0 / timestep.TICK_S)
@@ -30,25 +30,25 @@ def actuators(rudder: float = 0.0, elevator: float = 0.0, thrust: float = 0.0) -
 
 def fly(
     sea: Plant, frame: ActuatorFrame, seconds: float, seed: int = 1
-) -> Iterator[tuple[State, Sensors]]:
+) -> Iterator[tuple[PlantState, Sensors]]:
     rng = plant.random_streams(seed)
-    state, reading = plant.launch(sea, rng)
+    state, reading = plant.initial_state(sea, rng)
     yield state, reading
     for _ in range(round(seconds * TICKS_PER_S)):
         state, reading = plant.step(sea, state, frame, rng)
         yield state, reading
 
 
-def last(flight: Iterator[tuple[State, Sensors]]) -> State:
+def last(flight: Iterator[tuple[PlantState, Sensors]]) -> PlantState:
     *_, (state, _) = flight
     return state
 
 
-UNDER_WAY = Scenario(start=Start(depth_m=10.0, speed_mps=1.3))
+UNDER_WAY = Scenario(start=StartTable(depth_m=10.0, speed_mps=1.3))
 
 
 def test_same_seed_same_readings_and_another_seed_others() -> None:
-    sea = put("field", scenario.load("disturbed"))
+    sea = put("caribou_truth", scenario.load("disturbed"))
     flights = [
         [reading for _, reading in fly(sea, actuators(thrust=0.58), 5.0, seed)]
         for seed in (4, 4, 5)
@@ -58,7 +58,7 @@ def test_same_seed_same_readings_and_another_seed_others() -> None:
 
 
 def test_a_step_leaves_the_state_it_starts_from_alone() -> None:
-    sea = put("field", UNDER_WAY)
+    sea = put("caribou_truth", UNDER_WAY)
     before = last(fly(sea, actuators(0.5, 0.5, 0.58), 2.0))
     kept = before.body.copy(), before.rudder.copy(), before.elevator.copy()
     twice = [
@@ -73,13 +73,14 @@ def test_a_step_leaves_the_state_it_starts_from_alone() -> None:
 
 def test_vehicle_time_begins_at_zero_and_ticks_by_20_ms() -> None:
     times = [
-        reading.frame.time_us for _, reading in fly(put("bench", Scenario()), actuators(), 0.1)
+        reading.frame.time_us
+        for _, reading in fly(put("caribou_nominal", Scenario()), actuators(), 0.1)
     ]
     assert times == [0, 20_000, 40_000, 60_000, 80_000, 100_000]
 
 
 def test_positive_rudder_turns_to_starboard_and_positive_elevator_lifts_the_nose() -> None:
-    sea = put("bench", UNDER_WAY)
+    sea = put("caribou_nominal", UNDER_WAY)
     third = 5.0 / 15.0
     straight = euler_from_quaternion(
         *last(fly(sea, actuators(0.0, 0.0, 0.58), 5.0)).truth.attitude_q
@@ -95,14 +96,16 @@ def test_positive_rudder_turns_to_starboard_and_positive_elevator_lifts_the_nose
 
 
 def test_the_field_vehicles_rudder_is_six_degrees_off_and_her_elevator_is_not() -> None:
-    truth = last(fly(put("field", UNDER_WAY), actuators(rudder=5.0 / 15.0, thrust=0.58), 5.0)).truth
+    truth = last(
+        fly(put("caribou_truth", UNDER_WAY), actuators(rudder=5.0 / 15.0, thrust=0.58), 5.0)
+    ).truth
     assert math.degrees(truth.rudder_rad) == pytest.approx(-1.0, abs=0.01)
     assert truth.elevator_rad == 0.0
 
 
-@pytest.mark.parametrize("vehicle", ["bench", "field"])
+@pytest.mark.parametrize("vehicle", ["caribou_nominal", "caribou_truth"])
 def test_she_begins_afloat_in_trim_and_stays_there(vehicle: str) -> None:
-    sea = put(vehicle, Scenario(start=Start(heading_deg=77.0)))
+    sea = put(vehicle, Scenario(start=StartTable(heading_deg=77.0)))
     truths = [state.truth for state, _ in fly(sea, actuators(), 120.0)]
     roll, pitch, yaw = euler_from_quaternion(*truths[0].attitude_q)
     assert (roll, math.degrees(yaw)) == (pytest.approx(0.0, abs=1e-12), pytest.approx(77.0))
@@ -119,10 +122,10 @@ def test_she_begins_afloat_in_trim_and_stays_there(vehicle: str) -> None:
 def test_a_drifting_vehicle_goes_with_the_current_and_knows_nothing_of_it() -> None:
     current = (0.3 * math.cos(0.4), 0.3 * math.sin(0.4), 0.0)
     flowing = Current(speed_mps=0.3, towards_deg=math.degrees(0.4))
-    adrift = Scenario(start=Start(depth_m=10.0, heading_deg=40.0), current=flowing)
-    carried = [state.truth for state, _ in fly(put("bench", adrift), actuators(), 20.0)]
-    still = Scenario(start=Start(depth_m=10.0, heading_deg=40.0))
-    resting = [state.truth for state, _ in fly(put("bench", still), actuators(), 20.0)]
+    adrift = Scenario(start=StartTable(depth_m=10.0, heading_deg=40.0), current=flowing)
+    carried = [state.truth for state, _ in fly(put("caribou_nominal", adrift), actuators(), 20.0)]
+    still = Scenario(start=StartTable(depth_m=10.0, heading_deg=40.0))
+    resting = [state.truth for state, _ in fly(put("caribou_nominal", still), actuators(), 20.0)]
     for moving, resting_ in zip(carried[::50], resting[::50], strict=True):
         seconds = moving.time_us * 1e-6
         expected = np.array(resting_.position_ned_m) + seconds * np.array(current)
@@ -134,14 +137,14 @@ def test_a_drifting_vehicle_goes_with_the_current_and_knows_nothing_of_it() -> N
 
 
 def test_a_scenario_can_begin_at_depth_and_under_way() -> None:
-    under_way = Scenario(start=Start(depth_m=4.0, speed_mps=1.3, heading_deg=90.0))
-    state, _ = next(fly(put("bench", under_way), actuators(), 0.0))
+    under_way = Scenario(start=StartTable(depth_m=4.0, speed_mps=1.3, heading_deg=90.0))
+    state, _ = next(fly(put("caribou_nominal", under_way), actuators(), 0.0))
     np.testing.assert_allclose(state.truth.position_ned_m, (0.0, 0.0, 4.0), atol=1e-12)
     np.testing.assert_allclose(state.truth.velocity_ned_mps, (0.0, 1.3, 0.0), atol=1e-12)
 
 
 def test_a_vehicle_heavier_than_water_begins_awash_and_sinks() -> None:
-    vehicle = config.load("bench")
+    vehicle = config.load("caribou_nominal")
     heavy = replace(vehicle, ballast=replace(vehicle.ballast, net_buoyancy_n=-20.0))
     depths = [
         state.truth.position_ned_m[2]
@@ -152,7 +155,7 @@ def test_a_vehicle_heavier_than_water_begins_awash_and_sinks() -> None:
 
 
 def test_what_is_no_number_asks_for_nothing_and_too_much_is_full() -> None:
-    sea = put("bench", UNDER_WAY)
+    sea = put("caribou_nominal", UNDER_WAY)
     nothing = last(fly(sea, actuators(math.nan, math.nan, math.nan), 1.0)).truth
     assert nothing == last(fly(sea, actuators(), 1.0)).truth
     assert (
@@ -163,7 +166,7 @@ def test_what_is_no_number_asks_for_nothing_and_too_much_is_full() -> None:
 
 def test_on_the_bench_only_the_duct_turns_and_its_encoder_says_how_far() -> None:
     bench = scenario.load("bench")
-    flight = list(fly(put("field", bench), actuators(rudder=0.5, thrust=1.0), 4.0))
+    flight = list(fly(put("caribou_truth", bench), actuators(rudder=0.5, thrust=1.0), 4.0))
     (first, _), (end, _) = flight[0], flight[-1]
     assert np.array_equal(first.body, end.body)
     assert math.hypot(*end.truth.specific_force_mps2) == pytest.approx(9.80665, abs=1e-3)
@@ -172,5 +175,6 @@ def test_on_the_bench_only_the_duct_turns_and_its_encoder_says_how_far() -> None
     told = [reading.duct for _, reading in flight if reading.duct is not None]
     assert 15.0 * told[-1].rudder == pytest.approx(math.degrees(end.truth.rudder_rad), abs=0.5)
     assert all(
-        reading.duct is None for _, reading in fly(put("field", Scenario()), actuators(), 1.0)
+        reading.duct is None
+        for _, reading in fly(put("caribou_truth", Scenario()), actuators(), 1.0)
     )

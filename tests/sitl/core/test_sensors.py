@@ -15,9 +15,9 @@ from sitl.core import environment, plant, sensors, timestep
 from sitl.core.sensors import Sensors
 from sitl.core.truth import Truth
 from sitl.vehicle import config
-from sitl.vehicle.config import Instruments, VehicleError
+from sitl.vehicle.config import Instruments, VehicleFileError
 
-FIELD = config.load("field")
+FIELD = config.load("caribou_truth")
 SEA = environment.build(scenario.load("calm"), 9.81, timestep.TICK_S)
 FULL_RPS = 6.5
 AT_REST = Truth(
@@ -36,18 +36,18 @@ AT_REST = Truth(
 )
 
 
-def carrying(**instruments: str) -> sensors.Suite:
+def carrying(**instruments: str) -> sensors.SensorSuite:
     vehicle = replace(FIELD, instruments=Instruments(**instruments))
     return sensors.build(vehicle, FULL_RPS, timestep.TICK_US)
 
 
 def readings(
-    truth: Truth, ticks: int, suite: sensors.Suite | None = None, seed: int = 1
+    truth: Truth, ticks: int, suite: sensors.SensorSuite | None = None, seed: int = 1
 ) -> list[Sensors]:
     """What is heard while the vehicle does not change her state."""
     suite = suite or carrying()
     streams = plant.random_streams(seed).sensors
-    memory, heard = sensors.switch_on(suite, 1.0, streams), []
+    memory, heard = sensors.initial_state(suite, 1.0, streams), []
     for tick in range(ticks):
         memory, reading = sensors.sample(
             suite, truth._replace(time_us=tick * timestep.TICK_US), SEA, memory, streams
@@ -127,7 +127,7 @@ def test_an_instrument_that_is_not_carried_says_nothing() -> None:
 
 def test_an_unknown_instrument_is_refused_by_name() -> None:
     with pytest.raises(
-        VehicleError, match=r"instruments\.dvl = 'a5O': unknown; known here: a50, .*none"
+        VehicleFileError, match=r"instruments\.dvl = 'a5O': unknown; known here: a50, .*none"
     ):
         carrying(dvl="a5O")
 
@@ -135,10 +135,10 @@ def test_an_unknown_instrument_is_refused_by_name() -> None:
 def test_specific_force_is_acceleration_less_gravity_during_a_manoeuvre() -> None:
     """Differences of the true velocity, which is worked out another way, against the
     accelerometer's ideal."""
-    dive = scenario.Scenario(start=scenario.Start(depth_m=10.0, speed_mps=1.3))
+    dive = scenario.Scenario(start=scenario.StartTable(depth_m=10.0, speed_mps=1.3))
     sea = plant.build(FIELD, dive)
     rng = plant.random_streams(seed=1)
-    state, _ = plant.launch(sea, rng)
+    state, _ = plant.initial_state(sea, rng)
     truths = []
     for _ in range(400):
         state, _ = plant.step(

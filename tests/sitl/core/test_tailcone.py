@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import signal, stats
 
 from sitl.core import tailcone
-from sitl.core.tailcone import Servo
+from sitl.core.tailcone import TailconeAxis
 
 SUBSTEP_S = 0.005
 TRAVEL_RAD = RATE_RADPS = math.radians(15.0)
@@ -21,7 +21,7 @@ LAG = signal.TransferFunction([1.0], [1.0 / 9.0, 0.4, 1.0])
 FASTER_THAN_THE_LIMIT = {"natural_frequency_radps": 2000.0, "damping": 1.0, "delay_s": 0.0}
 
 
-def axis(**changes: float) -> Servo:
+def axis(**changes: float) -> TailconeAxis:
     caribou = {
         "natural_frequency_radps": 3.0,
         "damping": 0.6,
@@ -31,14 +31,14 @@ def axis(**changes: float) -> Servo:
         "bias_rad": 0.0,
         "substep_s": SUBSTEP_S,
     }
-    return tailcone.servo(**(caribou | changes))
+    return tailcone.discretise(**(caribou | changes))
 
 
-def drive(servo: Servo, commands: Any, seed: int = 0) -> NDArray[np.float64]:
+def drive(servo: TailconeAxis, commands: Any, seed: int = 0) -> NDArray[np.float64]:
     """Duct angle after each substep of as many commands."""
     state, angles, one, rng = tailcone.at_rest(servo), [], np.empty(1), np.random.default_rng(seed)
     for command in commands:
-        tailcone.advance(servo, state, float(command), one, tailcone.luck(servo, rng, 1))
+        tailcone.advance(servo, state, float(command), one, tailcone.step_loss_draws(servo, rng, 1))
         angles.append(tailcone.duct_angle_rad(servo, state))
     return np.array(angles)
 
@@ -205,8 +205,8 @@ def test_an_axis_without_steps_and_play_stands_where_it_is_asked_to_bit_for_bit(
     state, one = tailcone.at_rest(servo), np.empty(1)
     untouched = rng.bit_generator.state
     for command in np.repeat(np.random.default_rng(2).uniform(-0.4, 0.4, 60), 40):
-        tailcone.advance(servo, state, command, one, tailcone.luck(servo, rng, 1))
-        assert tailcone.duct_angle_rad(servo, state) == state[tailcone.ASKED]
+        tailcone.advance(servo, state, command, one, tailcone.step_loss_draws(servo, rng, 1))
+        assert tailcone.duct_angle_rad(servo, state) == state[tailcone.COMMANDED]
     assert rng.bit_generator.state == untouched
 
 

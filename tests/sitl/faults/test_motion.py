@@ -26,7 +26,7 @@ def control(tick: int) -> ActuatorFrame:
 
 
 def run(
-    vehicle: str = "bench", seconds: float = 15.0, idle: bool = False, **fault: object
+    vehicle: str = "caribou_nominal", seconds: float = 15.0, idle: bool = False, **fault: object
 ) -> list[Truth]:
     """The truth of every tick with one fault from ``FROM_S`` on, or none."""
     calm = scenario.load("calm")
@@ -34,7 +34,7 @@ def run(
     rows = ({"at_s": FROM_S, **fault},) if fault else ()
     sea = plant.build(config.load(vehicle), msgspec.structs.replace(calm, start=start, fault=rows))
     rng = plant.random_streams(2)
-    state, _ = plant.launch(sea, rng)
+    state, _ = plant.initial_state(sea, rng)
     truths = []
     for tick in range(round(seconds / timestep.TICK_S)):
         asked = ActuatorFrame(0, 1, (0.0,) * 16, 129) if idle else control(tick)
@@ -85,9 +85,9 @@ def test_the_propeller_stops_keeps_its_speed_or_pushes_less() -> None:
 
 
 def test_a_point_mass_has_the_kinetic_energy_of_a_point_mass() -> None:
-    model = build_model.build(config.load("field"))
+    model = build_model.build(config.load("caribou_truth"))
     r, m = np.array([0.4, -0.1, 0.07]), 3.0
-    laden = body.laden(model, m, (0.4, -0.1, 0.07))
+    laden = body.add_mass(model, m, (0.4, -0.1, 0.07))
     for nu in np.random.default_rng(1).standard_normal((5, 6)):
         v = nu[:3] + np.cross(nu[3:], r)
         gained = 0.5 * nu @ (laden.inertia.M - model.inertia.M) @ nu
@@ -101,11 +101,11 @@ def test_a_point_mass_has_the_kinetic_energy_of_a_point_mass() -> None:
 def test_a_shifted_weight_heels_her_as_an_inclining_test_says() -> None:
     """tan(heel) = m d / (M (z_CB - z_CM)): moments of weight and buoyancy about the axis, a weight
     moved sideways."""
-    model = build_model.build(config.load("field"))
+    model = build_model.build(config.load("caribou_truth"))
     h, m, d = model.hydrostatics, 4.0, 0.1
     mass_kg = model.inertia.mass_kg
     final = run(
-        "field", seconds=120.0, idle=True, unit="ballast", kind="shifted", mass_kg=m, y_m=d
+        "caribou_truth", seconds=120.0, idle=True, unit="ballast", kind="shifted", mass_kg=m, y_m=d
     )[-1]
     roll_rad, _, _ = euler_from_quaternion(*final.attitude_q)
     first_y = mass_kg * h.y_cm_m + m * d

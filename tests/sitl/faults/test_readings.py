@@ -68,7 +68,7 @@ def listen(unit: str, kind: str, ticks: int = 500, **sizes: float) -> list[float
     running: tuple[Running, ...] = (Running(make(unit, kind, 0, None, sizes)),)
     chance, told = np.random.default_rng(3), []
     for tick in range(ticks):
-        sensors, running = readings.suffer(spoken(tick), running, tick * TICK_US, TICK_S, chance)
+        sensors, running = readings.apply(spoken(tick), running, tick * TICK_US, TICK_S, chance)
         told.append(heard(unit, sensors))
     return told
 
@@ -137,6 +137,6 @@ def test_intermittent_is_silent_for_its_share_and_a_second_at_once(unit: str) ->
 @pytest.mark.parametrize("unit", sorted(FRESH))
 def test_one_group_of_the_sample_fails_alone(unit: str) -> None:
     running: tuple[Running, ...] = (Running(make(unit, "off", 0, None, {})),)
-    sensors, _ = readings.suffer(spoken(7), running, 0, TICK_S, np.random.default_rng(1))
+    sensors, _ = readings.apply(spoken(7), running, 0, TICK_S, np.random.default_rng(1))
     assert [name for name in FRESH if heard(name, sensors) is None] == [unit]
     assert sensors.gps == spoken(7).gps

@@ -9,25 +9,25 @@ from hypothesis import strategies as st
 
 from sitl.vehicle import boundary, config, wall_effects
 from sitl.vehicle.jit import Vector
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import Water
 from tests.reference import energy
 from tests.sitl.vehicle import flight
 
-FIELD = flight.model("field")
+FIELD = flight.model("caribou_truth")
 H = FIELD.hydrostatics
 RHO = 1025.0
-HULL = config.load("field").hull
+HULL = config.load("caribou_truth").hull
 FLOOR_M = -50.0
 SLOPE = np.array([-math.sin(0.2), 0.0, math.cos(0.2)])
 
 
-def frictionless(model: Model) -> Model:
+def frictionless(model: VehicleModel) -> VehicleModel:
     """Neither drag nor lift, but with walls that draw."""
     return flight.without_fluid_forces(model)._replace(walls=model.walls)
 
 
-def pulled(state: Vector, water: Water, model: Model = FIELD) -> Vector:
+def pulled(state: Vector, water: Water, model: VehicleModel = FIELD) -> Vector:
     """Wrench of the walls' pull alone: with walls, less without."""
     blind = model._replace(walls=model.walls._replace(far_m=0.0))
     difference = flight.rate(model, state, water=water) - flight.rate(blind, state, water=water)
@@ -115,7 +115,7 @@ def test_what_draws_her_gives_no_power(
     assert force @ state[7:13] == pytest.approx(0.0, abs=1e-9 * (1.0 + np.abs(force).max()))
 
 
-def spring_j(model: Model, track: Vector, floor_m: float, normal: Vector) -> Vector:
+def spring_j(model: VehicleModel, track: Vector, floor_m: float, normal: Vector) -> Vector:
     """Energy in the contact springs: both ends, rounded with the hull's radius."""
     h = model.hydrostatics
     arm, stiffness = (
@@ -131,7 +131,7 @@ def spring_j(model: Model, track: Vector, floor_m: float, normal: Vector) -> Vec
     return stored
 
 
-def thrown(normal: Vector) -> tuple[Model, Vector]:
+def thrown(normal: Vector) -> tuple[VehicleModel, Vector]:
     """A hull without drag that drifts down onto a floor; as in the plant, what is under her is told
     anew every tick."""
     model, state = frictionless(FIELD), flight.cruising()

@@ -17,7 +17,7 @@ WHOLE = FINNED + "[ballast]\nx_cm_m = 0.0\n[linear]\nz_CM_m = -0.01\n"
 def refused(text, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(text)
-    with pytest.raises(config.VehicleError) as refusal:
+    with pytest.raises(config.VehicleFileError) as refusal:
         check.check(file)
     assert "\n" not in str(refusal.value)
     return str(refusal.value)
@@ -81,17 +81,19 @@ def test_a_profile_may_lie_in_a_table_of_its_own(tmp_path):
     file.write_text(FINNED.replace('shape = "cylinder"\nlength_m = 2.0\ndiameter_m = 0.2\n', inner))
     assert check.check(file).length_m == pytest.approx(2.0)
     (tmp_path / "hull.csv").write_text("x_m,radius_m\n0.0;0.0\n")
-    with pytest.raises(config.VehicleError, match=r"hull\.file = 'hull\.csv'.*expected a CSV file"):
+    with pytest.raises(
+        config.VehicleFileError, match=r"hull\.file = 'hull\.csv'.*expected a CSV file"
+    ):
         check.check(file)
 
 
 def test_the_field_vehicle_is_effective_and_says_so():
-    assert any("effective" in text for text in check.check("field").warnings)
-    assert check.check("bench").warnings == []
+    assert any("effective" in text for text in check.check("caribou_truth").warnings)
+    assert check.check("caribou_nominal").warnings == []
 
 
 def test_periods_and_speeds_of_bench():
-    found = check.check("bench")
+    found = check.check("caribou_nominal")
     stiffness = 640.0 * 9.80665 * 0.021
     assert found.pitch_period_s == pytest.approx(
         2 * pi * sqrt((469.0 + 458.0) / stiffness), rel=1e-9
@@ -111,8 +113,8 @@ def test_level_flight_balances_and_stays_level():
     from sitl.vehicle import build_model
     from sysid.estimation.map import fit
 
-    vehicle = config.load("xfin")
-    model, found = build_model.build(vehicle), check.check("xfin")
+    vehicle = config.load("xfin_auv")
+    model, found = build_model.build(vehicle), check.check("xfin_auv")
     assert found.level_pitch_deg == pytest.approx(
         fit.level_pitch_rad(vehicle, model) * 180 / pi, rel=1e-6
     )

@@ -12,7 +12,7 @@ from sitl.vehicle import duct
 from tests.reference.cases.ring_wing import paper_force
 from tests.sitl.vehicle import flight
 
-DUCT = flight.model("bench").duct
+DUCT = flight.model("caribou_nominal").duct
 ANGLE = st.floats(-radians(15), radians(15))
 SPEED = st.floats(-3, 3)
 

@@ -111,7 +111,7 @@ def test_an_undisturbed_straight_run_never_leaves_its_plane(model):
 def test_the_hull_knows_no_preferred_roll_angle():
     """Quarter turn about x of velocity and duct gives the quarter-turned force, weight aside: yaw
     and pitch are one."""
-    model = flight.balanced(flight.model("bench"))
+    model = flight.balanced(flight.model("caribou_nominal"))
     yawing, pitching = flight.cruising(), flight.cruising()
     yawing[[8, 12]] = 0.3, 0.2
     pitching[[9, 11]] = 0.3, -0.2
@@ -125,7 +125,7 @@ def test_the_hull_knows_no_preferred_roll_angle():
 @given(st.tuples(*[st.floats(-1, 1)] * 3))
 @settings(max_examples=20)
 def test_a_vehicle_drifting_with_the_current_sees_nothing(current):
-    model, start = flight.model("field"), flight.tumbling(-500.0)
+    model, start = flight.model("caribou_truth"), flight.tumbling(-500.0)
     inputs = {"rudder_rad": 0.1, "elevator_rad": -0.05, "thrust_fraction": 0.6}
     still = flight.fly(model, start, 20.0, **inputs)
     carried = start.copy()

@@ -10,7 +10,7 @@ import pytest
 from sitl.vehicle import first_principles
 from sitl.vehicle.config import load
 
-STEPS = {step.symbol: step for step in first_principles.trace(load("bench"))}
+STEPS = {step.symbol: step for step in first_principles.trace(load("caribou_nominal"))}
 PERCENT = {
     "Y_vdot": 1.5,
     "N_rdot": 0.5,

@@ -8,7 +8,7 @@ from scipy.integrate import quad
 
 from sitl.vehicle import build_model, config, hull
 
-HULL = config.load("bench").hull
+HULL = config.load("caribou_nominal").hull
 NOSE, TAIL = hull.length_m(HULL) / 2, -hull.length_m(HULL) / 2
 BREAKS = (NOSE - 0.4 * HULL.base_length_m, NOSE - 0.4 * HULL.base_length_m - HULL.midbody_length_m)
 
@@ -36,7 +36,7 @@ def test_the_prismatic_coefficient_is_that_of_the_profile():
 
 
 @pytest.mark.parametrize(
-    ("field", "integrand"),
+    ("caribou_truth", "integrand"),
     [
         ("volume_m3", lambda x, R: pi * R**2),
         ("planform_m2", lambda x, R: 2 * R),
@@ -67,7 +67,7 @@ def test_there_is_no_hull_beyond_its_ends_and_the_middle_is_cylindrical():
 
 
 def test_the_stations_carry_the_whole_planform_and_volume():
-    stations = build_model.build(config.load("bench")).stations
+    stations = build_model.build(config.load("caribou_nominal")).stations
     crossflow = 1025.0 / 2 * 1.1
     assert stations.drag_kgpm.sum() / crossflow == pytest.approx(
         hull.integrals(HULL).planform_m2, rel=2e-3

@@ -47,7 +47,8 @@ def test_depth_and_attitude_integrate(model):
 
 
 @pytest.mark.parametrize(
-    ("name", "yaw", "pitch"), [("bench", -447 / 927, -447 / 927), ("field", -0.51, -0.46)]
+    ("name", "yaw", "pitch"),
+    [("caribou_nominal", -447 / 927, -447 / 927), ("caribou_truth", -0.51, -0.46)],
 )
 def test_a_step_gives_the_measured_initial_acceleration(name, yaw, pitch):
     """The paper measured -0.51 and -0.46 rad/s2 per rad, printed to two digits."""

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from sitl.vehicle import config, propeller
 from tests.sitl.vehicle import flight
 
-MODEL = flight.model("bench")
-CURVE = config.load("bench").propeller
+MODEL = flight.model("caribou_nominal")
+CURVE = config.load("caribou_nominal").propeller
 
 
 def test_58_percent_gives_the_operating_thrust():

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from sitl.vehicle import restoring
 from tests.sitl.vehicle import flight
 
-MODEL = flight.model("bench")
+MODEL = flight.model("caribou_nominal")
 H, STATIONS = MODEL.hydrostatics, MODEL.stations
 NET_BUOYANCY_N = 22.24
 

@@ -9,17 +9,17 @@ import pytest
 from scipy.integrate import quad
 
 from sitl.vehicle import config, hull
-from sitl.vehicle.config import Cylinder, Myring, Profile, Series58
+from sitl.vehicle.config import Cylinder, Myring, ProfileHull, Series58
 
 R, L = 0.1, 1.5
 CAPSULE = Cylinder(length_m=L, diameter_m=2 * R)
 REMUS = config.load("remus100").hull
 
 
-def spheroid(points: int = 2001) -> Profile:
+def spheroid(points: int = 2001) -> ProfileHull:
     """Half axes 1 and 0.2 m, as a table."""
     angles = np.linspace(0.0, pi, points)
-    return Profile(
+    return ProfileHull(
         tuple((1.0 - cos(a), 0.2 * float(np.sin(a)) if 0 < a < pi else 0.0) for a in angles)
     )
 
@@ -59,7 +59,7 @@ def test_a_table_of_a_spheroid_is_one():
 
 
 def test_a_table_of_two_cones_is_exact():
-    shape = hull.integrals(Profile(((0.0, 0.0), (1.0, 0.3), (3.0, 0.0))))
+    shape = hull.integrals(ProfileHull(((0.0, 0.0), (1.0, 0.3), (3.0, 0.0))))
     assert shape.volume_m3 == pytest.approx(pi * 0.3**2 * 3.0 / 3, rel=1e-12)
     assert shape.centroid_m == pytest.approx(1.5 - (0.75 * 1 + 1.5 * 2) / 3, rel=1e-12)
 
@@ -99,7 +99,7 @@ def test_myring_agrees_with_its_equations_and_with_the_published_remus():
         Series58(2.0, 0.4, 0.0, 0.5, 0.1, 0.65, 0.4),
         Myring(0.3, 0.0, 0.6, 0.2),
         CAPSULE,
-        Profile(((0.0, 0.0), (0.4, 0.2), (1.6, 0.0))),
+        ProfileHull(((0.0, 0.0), (0.4, 0.2), (1.6, 0.0))),
     ],
 )
 def test_a_payload_section_adds_a_cylinder_and_length(shape):

@@ -55,7 +55,7 @@ def test_poles_are_python_controls(gains: dict[str, float]) -> None:
     outer = -g["PTCH_P"] * (g["DPT_P"] + g["DPT_I"] / S) * transfer(PITCH, 3, 4)
     closed = control.poles(control.minreal(1 / (1 + pitch + outer), tol=1e-4, verbose=False))
     for pole in loop_transfer.poles(loop_transfer.close_depth(PITCH, LAG, g, 4)):
-        if abs(pole) < margins.BAND_RADPS:
+        if abs(pole) < margins.MAX_POLE_RADPS:
             assert np.min(np.abs(closed - pole)) < 1e-3 * max(1.0, abs(pole))
 
 

@@ -21,9 +21,9 @@ def test_a_locus_passes_through_the_loops_own_poles() -> None:
         loop_transfer.close_depth(PITCH, LAG, TABLE_3_INITIAL),
     )
     opened = (
-        (heading, root_locus.at_duct(heading, 3)),
-        (depth, root_locus.at_duct(depth, 4)),
-        (depth, root_locus.at_depth(depth)),
+        (heading, root_locus.open_at_duct(heading, 3)),
+        (depth, root_locus.open_at_duct(depth, 4)),
+        (depth, root_locus.open_at_depth(depth)),
     )
     for closed, cut in opened:
         found = root_locus.poles(cut, np.array([0.5, 1.0, 2.0]))[1]
@@ -34,7 +34,9 @@ def test_a_locus_passes_through_the_loops_own_poles() -> None:
 
 def test_the_locus_crosses_the_axis_at_the_gain_margin() -> None:
     """The delay is Pade's there and a true one here."""
-    cut = root_locus.at_duct(loop_transfer.close_heading(YAW, LAG, TABLE_3_INITIAL, order=6), 3)
+    cut = root_locus.open_at_duct(
+        loop_transfer.close_heading(YAW, LAG, TABLE_3_INITIAL, order=6), 3
+    )
     margins = loop_transfer.margins(
         loop_transfer.heading_loops(loop_transfer.responses(YAW, LAG), TABLE_3_INITIAL)["rudder"]
     )
@@ -44,7 +46,7 @@ def test_the_locus_crosses_the_axis_at_the_gain_margin() -> None:
 
 
 def test_without_gain_the_poles_are_the_vehicles_and_the_tailcones() -> None:
-    cut = root_locus.at_duct(loop_transfer.close_heading(YAW, LAG, TABLE_3_INITIAL), 3)
+    cut = root_locus.open_at_duct(loop_transfer.close_heading(YAW, LAG, TABLE_3_INITIAL), 3)
     found = root_locus.poles(cut, np.array([0.0, 1.0]))[0]
     for pole in (*np.linalg.eigvals(YAW.A), complex(-1.8, 2.4)):
         assert np.min(np.abs(found - pole)) < 1e-6
@@ -63,7 +65,7 @@ def test_a_real_pole_that_grows_is_no_damping() -> None:
 def test_a_delays_approximation_has_its_phase_at_slow_frequencies(
     form: loop_transfer.Approximation, tolerance: float
 ) -> None:
-    A, B, C, D = loop_transfer.delay(0.3, form)
+    A, B, C, D = loop_transfer.delay_state_space(0.3, form)
     s = 1j * 1.0
     answer = C @ np.linalg.solve(s * np.eye(len(A)) - A, B) + D
     assert abs(answer) == pytest.approx(1.0)

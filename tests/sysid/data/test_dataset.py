@@ -101,7 +101,7 @@ def test_a_long_text_is_joined(path: Path) -> None:
 
 
 def test_a_run_is_cut_on_an_even_grid(path: Path) -> None:
-    (run,) = segments.cut(readers.read(path))
+    (run,) = segments.cut_runs(readers.read(path))
     assert (run.name, run.plane, run.wave, run.magnitude_deg) == ("dive/1", "yaw", "step", -5.25)
     assert run.time_s[0] == pytest.approx(-segments.PREROLL_S)
     assert run.time_s[-1] == pytest.approx(10.0)
@@ -123,13 +123,13 @@ def test_a_run_is_cut_on_an_even_grid(path: Path) -> None:
 )
 def test_a_stop_keeps_its_reason(tmp_path: Path, ending: str, reason: str) -> None:
     entries = dive(test=(20.0, 25.0, ending))
-    (run,) = segments.cut(readers.read(recording.write(tmp_path / "a.mcap", entries, {})))
+    (run,) = segments.cut_runs(readers.read(recording.write(tmp_path / "a.mcap", entries, {})))
     assert run.stop_reason == reason
 
 
 def test_a_gap_is_measured(tmp_path: Path) -> None:
     entries = [e for e in dive() if not (24.0 < e[0] < 24.5 and e[1].msgname == "ATTITUDE")]
-    (run,) = segments.cut(readers.read(recording.write(tmp_path / "gap.mcap", entries, {})))
+    (run,) = segments.cut_runs(readers.read(recording.write(tmp_path / "gap.mcap", entries, {})))
     assert run.longest_gap_s == pytest.approx(0.5, abs=0.021)
 
 

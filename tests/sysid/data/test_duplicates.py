@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from sysid import refit
 from sysid.data import duplicates, readers
-from sysid.data.segments import Mark
+from sysid.data.segments import MarkedInterval
 from sysid.models.model_file import DataFile
 from tests.sysid import recording
 from tests.sysid.data.test_dataset import actuators, dive, position
@@ -107,8 +107,8 @@ def test_log_held_out_twice_is_refused(folder: Path) -> None:
         refit.refit([folder / "other.mcap"], held_out=[path, path])
 
 
-def found(paths: list[Path], marks: tuple[Mark, ...] = ()) -> list[duplicates.NamedLog]:
-    return [duplicates.named(path, readers.read(path), marks) for path in paths]
+def found(paths: list[Path], marks: tuple[MarkedInterval, ...] = ()) -> list[duplicates.NamedLog]:
+    return [duplicates.named_log(path, readers.read(path), marks) for path in paths]
 
 
 def test_two_dives_of_the_same_test_are_accepted(folder: Path) -> None:
@@ -131,7 +131,7 @@ def test_vehicle_at_rest_is_no_evidence_of_a_copy(tmp_path: Path) -> None:
         )
     ]
     paths = [mcap(tmp_path / "a.mcap", still), mcap(tmp_path / "b.mcap", still[:-300])]
-    one, other = found(paths, (Mark(10.0, 20.0, "yaw"),))
+    one, other = found(paths, (MarkedInterval(10.0, 20.0, "yaw"),))
     assert len(one.samples) == 1
     assert duplicates.refusal([one], [other]) == ""
 

@@ -39,7 +39,7 @@ def named(run: Run, name: str) -> list[str]:
 def test_a_simulated_vehicle_obeys_them(yaw: Run, pitch: Run) -> None:
     for run in (yaw, pitch):
         assert named(run, "kinematics") == []
-    sinking = kinematics.sinking(pitch)
+    sinking = kinematics.depth_mismatch(pitch)
     assert sinking is not None
     assert 0.5 < sinking.speed_mps < 1.5
 
@@ -71,7 +71,7 @@ def test_a_roll_is_taken_into_account(yaw: Run) -> None:
         r_radps=0.0 * yaw.r_radps,
         pitch_rad=0.0 * yaw.pitch_rad,
     )
-    found = kinematics.heading(rolled)
+    found = kinematics.heading_mismatch(rolled)
     assert found is not None
     assert math.degrees(found.rms_rad) < 1.0
 
@@ -85,10 +85,10 @@ def test_a_clock_that_went_back_is_told(tmp_path: Path) -> None:
     broken = readers.read(
         recording.write(tmp_path / "reborn.mcap", [*entries[:at], *reborn, *entries[at:]], {})
     )
-    (run,) = segments.cut(broken)
+    (run,) = segments.cut_runs(broken)
     assert named(run, "clock") == ["clock: the time of ATTITUDE went back by 2.0 s"]
     late = [*entries[:at], reborn[0], *entries[at:]]
-    (run,) = segments.cut(readers.read(recording.write(tmp_path / "late.mcap", late, {})))
+    (run,) = segments.cut_runs(readers.read(recording.write(tmp_path / "late.mcap", late, {})))
     assert named(run, "clock") == []
 
 
@@ -101,5 +101,5 @@ def test_a_recorder_that_runs_fast_is_told(tmp_path: Path, gain: float, refused:
         for time_s, message in dive()
         if isinstance(message, mavlink.MAVLink_message)
     ]
-    (run,) = segments.cut(readers.read(recording.write(tmp_path / "fast.mcap", entries, {})))
+    (run,) = segments.cut_runs(readers.read(recording.write(tmp_path / "fast.mcap", entries, {})))
     assert bool(named(run, "clock")) == refused

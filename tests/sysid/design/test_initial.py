@@ -10,9 +10,9 @@ import pytest
 from sitl.vehicle import config
 from sysid.control_analysis import loop_transfer
 from sysid.design import constraints, initial
-from sysid.design.design_model import Plant, assembled
-from sysid.design.initial import SPEC, Prototype, loop_structure, prior, root_locus
-from sysid.design.pid import DesignRefused
+from sysid.design.design_model import DesignModel, build
+from sysid.design.initial import SPEC, InitialDesign, loop_structure, prior, root_locus
+from sysid.design.pid import DesignInfeasibleError
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
 BOUNDS = constraints.nominal(SPEC)
@@ -20,16 +20,16 @@ STEEPEST_RAD = math.radians(SPEC.pitch_per_metre_deg)
 
 
 @pytest.fixture(scope="module")
-def bench() -> Prototype:
-    return initial.prototype("bench")
+def bench() -> InitialDesign:
+    return initial.design_initial_gains("caribou_nominal")
 
 
 @pytest.fixture(scope="module")
-def caribou() -> Plant:
-    return prior.nominal(config.load("bench"))
+def caribou() -> DesignModel:
+    return prior.nominal_model(config.load("caribou_nominal"))
 
 
-def test_caribous_first_gains_are_of_table_3s_kind(bench: Prototype) -> None:
+def test_caribous_first_gains_are_of_table_3s_kind(bench: InitialDesign) -> None:
     """Proportional and rate gains within a fourth; the integrators, which the paper all but leaves
     out, are larger."""
     for name in ("HDG_P", "HDG_D", "PTCH_P", "PTCH_D", "DPT_P"):
@@ -42,7 +42,7 @@ def test_caribous_first_gains_are_of_table_3s_kind(bench: Prototype) -> None:
     assert bench.beside["PTCH_D"].why.startswith("smaller: Table 3's would leave damping 0.3")
 
 
-def test_margins_hold_on_the_vehicle_of_the_file(bench: Prototype) -> None:
+def test_margins_hold_on_the_vehicle_of_the_file(bench: InitialDesign) -> None:
     """With the true delay at every cut; damping with a finer Pade than the locus has."""
     for cut in ("rudder", "heading", "elevator", "depth", "pitch"):
         margins = bench.analysis.margins[cut]
@@ -53,7 +53,7 @@ def test_margins_hold_on_the_vehicle_of_the_file(bench: Prototype) -> None:
         assert all(-pole.real / abs(pole) > 0.98 * SPEC.damping for pole in poles)
 
 
-def test_integrators_take_the_time_they_say(bench: Prototype, caribou: Plant) -> None:
+def test_integrators_take_the_time_they_say(bench: InitialDesign, caribou: DesignModel) -> None:
     """Offsets of rudder and elevator, in time: a third of the largest error is left so long after
     it."""
     planes = caribou.planes
@@ -83,12 +83,12 @@ def test_integrators_take_the_time_they_say(bench: Prototype, caribou: Plant) ->
 
 
 def test_fresh_vehicles_of_the_prior_are_held(
-    bench: Prototype, monkeypatch: pytest.MonkeyPatch
+    bench: InitialDesign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Other draws; the loops are still stable with 3 dB more gain, by poles, and with 20 degrees
     more delay."""
     monkeypatch.setattr(prior, "SEED", 7)
-    fresh, gains = list(prior.drawn(config.load("bench"), 60)), bench.parameters
+    fresh, gains = list(prior.sample_models(config.load("caribou_nominal"), 60)), bench.parameters
     more = {
         **gains,
         **{name: 1.41 * gains[name] for name in ("HDG_P", "HDG_D", "HDG_I", "PTCH_P", "PTCH_D")},
@@ -101,13 +101,13 @@ def test_fresh_vehicles_of_the_prior_are_held(
     assert np.mean([stable(vehicle, gains) for vehicle in fresh]) >= 0.97
 
 
-def stable(vehicle: Plant, gains: dict[str, float]) -> bool:
+def stable(vehicle: DesignModel, gains: dict[str, float]) -> bool:
     heading = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, gains, 5)
     depth = loop_transfer.close_depth(vehicle.planes.pitch, vehicle.pitch_lag, gains, 5)
     return all(np.max(loop_transfer.poles(loop).real) < 0.0 for loop in (heading, depth))
 
 
-def later(vehicle: Plant, gains: dict[str, float], angle_rad: float) -> Plant:
+def later(vehicle: DesignModel, gains: dict[str, float], angle_rad: float) -> DesignModel:
     """Delayed by an angle at each loop's crossover."""
     yaw = loop_transfer.margins(
         loop_transfer.heading_loops(vehicle.yaw, gains)["rudder"]
@@ -119,13 +119,13 @@ def later(vehicle: Plant, gains: dict[str, float], angle_rad: float) -> Plant:
         lag._replace(delay_s=lag.delay_s + angle_rad / crossover)
         for lag, crossover in ((vehicle.yaw_lag, yaw), (vehicle.pitch_lag, pitch))
     ]
-    return assembled(vehicle.planes, *lags, vehicle.sea)
+    return build(vehicle.planes, *lags, vehicle.sea)
 
 
-def test_doubt_about_the_delay_makes_gains_smaller(caribou: Plant) -> None:
+def test_doubt_about_the_delay_makes_gains_smaller(caribou: DesignModel) -> None:
     """Vehicles of up to four times the delay."""
     late = [
-        assembled(
+        build(
             caribou.planes, caribou.yaw_lag._replace(delay_s=delay), caribou.pitch_lag, caribou.sea
         )
         for delay in (0.35, 1.2, 1.4)
@@ -137,13 +137,13 @@ def test_doubt_about_the_delay_makes_gains_smaller(caribou: Plant) -> None:
         margins = loop_transfer.margins(
             loop_transfer.heading_loops(vehicle.yaw, doubtful.gains)["rudder"]
         )
-        assert margins.gm_db >= prior.LEAST_GM_DB
+        assert margins.gm_db >= prior.MIN_GM_DB
 
 
-def test_a_tail_twice_as_lively_needs_half_the_gain(caribou: Plant) -> None:
+def test_a_tail_twice_as_lively_needs_half_the_gain(caribou: DesignModel) -> None:
     yaw = caribou.planes.yaw
     planes = caribou.planes._replace(yaw=yaw._replace(B=2.0 * yaw.B))
-    lively = assembled(planes, caribou.yaw_lag, caribou.pitch_lag, caribou.sea)
+    lively = build(planes, caribou.yaw_lag, caribou.pitch_lag, caribou.sea)
     once, twice = (root_locus.heading(vehicle, [], BOUNDS).gains for vehicle in (caribou, lively))
     assert twice == pytest.approx({name: gain / 2.0 for name, gain in once.items()}, rel=1e-6)
 
@@ -159,42 +159,41 @@ def test_the_tailcones_bandwidth_is_where_it_lags_by_a_right_angle() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["remus100", "xfin", str(Path(__file__).parents[3] / "docs" / "my_vehicle.toml")]
+    "name", ["remus100", "xfin_auv", str(Path(__file__).parents[3] / "docs" / "my_vehicle.toml")]
 )
 def test_other_vehicles_have_first_gains(name: str) -> None:
     known = config.load(name)
-    vehicle, drawn = prior.nominal(known), list(prior.drawn(known, 20))
+    vehicle, drawn = prior.nominal_model(known), list(prior.sample_models(known, 20))
     heading, (pitch, depth) = (
         root_locus.heading(vehicle, drawn, BOUNDS),
         root_locus.depth(vehicle, drawn, BOUNDS, STEEPEST_RAD),
     )
     assert max(heading.misses.values()) < 0.01
     assert 0.05 < depth.gains["DPT_P"] <= STEEPEST_RAD
-    assert prior.held(pitch.shape, pitch.gains, drawn).stable > 0.9
+    assert prior.loop_robustness(pitch.shape, pitch.gains, drawn).stable > 0.9
 
 
-def test_a_loop_that_no_gain_steadies_is_refused_with_its_limit(caribou: Plant) -> None:
+def test_a_loop_that_no_gain_steadies_is_refused_with_its_limit(caribou: DesignModel) -> None:
     late = caribou.yaw_lag._replace(delay_s=3.0)
     with pytest.raises(
-        DesignRefused, match="no gains meet the specification: the best found miss the"
+        DesignInfeasibleError, match="no gains meet the specification: the best found miss the"
     ):
-        root_locus.heading(
-            assembled(caribou.planes, late, caribou.pitch_lag, caribou.sea), [], BOUNDS
-        )
+        root_locus.heading(build(caribou.planes, late, caribou.pitch_lag, caribou.sea), [], BOUNDS)
 
 
-def test_vehicles_that_no_gain_holds_are_refused_with_what_would_help(caribou: Plant) -> None:
+def test_vehicles_that_no_gain_holds_are_refused_with_what_would_help(caribou: DesignModel) -> None:
     """One whose rudder acts the wrong way round."""
     yaw = caribou.planes.yaw
     planes = caribou.planes._replace(yaw=yaw._replace(B=-yaw.B))
-    wrong = assembled(planes, caribou.yaw_lag, caribou.pitch_lag, caribou.sea)
+    wrong = build(planes, caribou.yaw_lag, caribou.pitch_lag, caribou.sea)
     with pytest.raises(
-        DesignRefused, match=r"no gains of the heading loop keep hold of 90 % .*`ground bench`"
+        DesignInfeasibleError,
+        match=r"no gains of the heading loop keep hold of 90 % .*`ground bench`",
     ):
         root_locus.heading(caribou, [wrong], BOUNDS)
 
 
-def test_parameters_are_written_with_their_reasons(bench: Prototype, tmp_path: Path) -> None:
+def test_parameters_are_written_with_their_reasons(bench: InitialDesign, tmp_path: Path) -> None:
     bench.write_params(tmp_path / "first.param")
     lines = (tmp_path / "first.param").read_text().splitlines()[1:]
     assert {line.split(",")[0] for line in lines} == set(bench.parameters)

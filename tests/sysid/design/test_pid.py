@@ -10,20 +10,20 @@ import pytest
 from scipy.linalg import expm
 
 from autopilot.control import reference_model
-from autopilot.control.reference_model import Servo, Way
+from autopilot.control.reference_model import ActuatorLead, Way
 from sysid.control_analysis import loop_transfer
 from sysid.design import constraints, pid
 from sysid.design.design_model import (
-    Plant,
-    allowed,
+    DesignModel,
+    analyse_loops,
     command_noise_rad,
-    judge,
-    plant,
-    respond,
+    from_model,
+    predict_response,
+    sample_models,
 )
-from sysid.design.pid import Design, DesignRefused, Spec, heading, step_response
-from sysid.design.robustness import trust
-from sysid.models.model_file import IdentifiedModel, digest
+from sysid.design.pid import Design, DesignInfeasibleError, Spec, heading, step_response
+from sysid.design.robustness import robustness
+from sysid.models.model_file import IdentifiedModel, sha256_of_model
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
 
@@ -33,7 +33,7 @@ def designed(model: IdentifiedModel) -> Design:
 
 
 def test_specification_holds_at_every_cut(model: IdentifiedModel, designed: Design) -> None:
-    spec, judged = designed.spec, judge(plant(model), designed.gains)
+    spec, judged = designed.spec, analyse_loops(from_model(model), designed.gains)
     assert (spec.damping, spec.gm_db, spec.pm_deg, spec.ms) == (0.6, 8.0, 55.0, 1.6)
     for cut in ("rudder", "heading", "elevator", "depth"):
         margins = judged.margins[cut]
@@ -45,7 +45,7 @@ def test_specification_holds_at_every_cut(model: IdentifiedModel, designed: Desi
 def test_what_the_sea_starts_dies_out_damped(model: IdentifiedModel, designed: Design) -> None:
     """A blow's answer in time, no eigenvalues asked: it swings back once, by less than 0.2, and no
     further."""
-    vehicle = plant(model)
+    vehicle = from_model(model)
     closed = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, designed.gains)
     blow, dt = np.zeros(len(closed.A)), 0.02
     blow[1] = 1.0
@@ -71,7 +71,7 @@ def test_redesign_leaves_less_error_than_the_prototype(designed: Design) -> None
 def test_a_quiet_gyro_lets_more_of_the_lag_be_undone(
     model: IdentifiedModel, designed: Design
 ) -> None:
-    vehicle, spec = plant(model), Spec(command_noise_deg=0.2)
+    vehicle, spec = from_model(model), Spec(command_noise_deg=0.2)
     first = {**designed.gains, "ACT_LEAD_W": 0.0}
     loud = {**first, **heading.gains(vehicle, first, spec, constraints.nominal(spec))}
     assert loud["ACT_LEAD_W"] < designed.gains["ACT_LEAD_W"]
@@ -82,8 +82,8 @@ def test_its_promise_holds_on_fresh_vehicles(model: IdentifiedModel, designed: D
     """Other draws than those it was designed on."""
     assert designed.trust is not None
     assert designed.trust.relaxed >= designed.trust.specification > 0.5
-    fresh = list(allowed(model, 2 * pid.VEHICLES))[pid.VEHICLES :]
-    again = trust(fresh, designed.gains, designed.spec)
+    fresh = list(sample_models(model, 2 * pid.VEHICLES))[pid.VEHICLES :]
+    again = robustness(fresh, designed.gains, designed.spec)
     assert again is not None
     assert abs(again.specification - designed.trust.specification) < 0.15
     assert again.relaxed > 0.9
@@ -92,7 +92,7 @@ def test_its_promise_holds_on_fresh_vehicles(model: IdentifiedModel, designed: D
 def test_a_new_heading_leaves_the_travel_alone(model: IdentifiedModel, designed: Design) -> None:
     """Flown by the autopilot's own loops: 20 deg with the rudder that the bias leaves; without a
     way it would not."""
-    vehicle, loads = plant(model), pid.constant_loads(model)
+    vehicle, loads = from_model(model), pid.constant_loads(model)
     room = math.radians(15.0) - loads.rudder_rad
     flown = step_response.heading_step(
         vehicle, designed.gains, math.radians(20.0), 30.0, designed.spec
@@ -111,7 +111,7 @@ def test_a_new_depth_is_hardly_passed(
 ) -> None:
     level = pid.constant_loads(model).level_pitch_rad
     flown = step_response.depth_step(
-        plant(model), designed.gains, step_m, 60.0, designed.spec, level
+        from_model(model), designed.gains, step_m, 60.0, designed.spec, level
     )
     way = math.copysign(1.0, step_m)
     assert np.max(way * flown.value) <= 1.1 * abs(step_m)
@@ -126,7 +126,9 @@ def test_a_long_way_down_is_kept_to_where_the_elevator_holds_its_pitch(
     missing = {}
     for stiffness in (0.0, designed.gains["PTCH_FF"]):
         values = {**designed.gains, "PTCH_FF": stiffness}
-        flown = step_response.depth_step(plant(model), values, step_m, 30.0, designed.spec, level)
+        flown = step_response.depth_step(
+            from_model(model), values, step_m, 30.0, designed.spec, level
+        )
         missing[stiffness] = (
             step_m
             - flown.value[np.searchsorted(flown.time_s, step_m / values["DPT_REF_RATE"] + 2.0)]
@@ -137,7 +139,7 @@ def test_a_long_way_down_is_kept_to_where_the_elevator_holds_its_pitch(
 def test_integrators_finish(model: IdentifiedModel, designed: Design) -> None:
     """A rudder and an elevator offset of half a degree, in time: 15 % of the largest error after
     half a minute."""
-    vehicle, offset = plant(model), math.radians(0.5)
+    vehicle, offset = from_model(model), math.radians(0.5)
     for closed, surface, state in (
         (
             loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, designed.gains),
@@ -159,16 +161,18 @@ def test_integrators_finish(model: IdentifiedModel, designed: Design) -> None:
 def test_margins_survive_a_true_delay(model: IdentifiedModel, designed: Design) -> None:
     """Independent of the frequency grid: just inside the gain margin the loop settles in time, just
     outside not."""
-    vehicle = plant(model)
+    vehicle = from_model(model)
     margin = 10 ** (designed.analysis.margins["rudder"].gm_db / 20)
     for factor, stable in ((0.93 * margin, True), (1.07 * margin, False)):
         assert (_growth(vehicle, designed.gains, factor) < 1.0) == stable
 
 
-def _growth(vehicle: Plant, gains: dict[str, float], factor: float) -> float:
+def _growth(vehicle: DesignModel, gains: dict[str, float], factor: float) -> float:
     """The lag undone as the autopilot does it, by its own function: no state space asked."""
     dt, lag = 0.01, vehicle.yaw_lag
-    servo = Servo(gains["ACT_LAG_W"], gains["ACT_LAG_Z"], gains["ACT_LEAD_W"], math.inf, math.inf)
+    servo = ActuatorLead(
+        gains["ACT_LAG_W"], gains["ACT_LAG_Z"], gains["ACT_LEAD_W"], math.inf, math.inf
+    )
     way: Way | None = None
     queue = [0.0] * round(lag.delay_s / dt)
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
@@ -195,7 +199,7 @@ def test_predicted_errors_are_those_of_a_lyapunov_equation(model: IdentifiedMode
     covariance."""
     from scipy.linalg import solve_continuous_lyapunov
 
-    vehicle = plant(model)
+    vehicle = from_model(model)
     sea = msgspec.structs.replace(vehicle.sea["yaw"], wave_accel_degps2=0.0)
     vehicle = vehicle._replace(sea={**vehicle.sea, "yaw": sea})
     closed = loop_transfer.close_heading(
@@ -207,14 +211,14 @@ def test_predicted_errors_are_those_of_a_lyapunov_equation(model: IdentifiedMode
     density = np.zeros_like(A)
     density[n, n] = 2.0 * math.radians(sea.slow_accel_degps2) ** 2 / sea.slow_time_s
     covariance = solve_continuous_lyapunov(A, -density)
-    assert respond(vehicle, TABLE_3_INITIAL).heading_deg == pytest.approx(
+    assert predict_response(vehicle, TABLE_3_INITIAL).heading_deg == pytest.approx(
         math.degrees(math.sqrt(covariance[2, 2])), rel=0.01
     )
 
 
 def test_an_impossible_specification_is_refused_with_its_reason(model: IdentifiedModel) -> None:
     with pytest.raises(
-        DesignRefused,
+        DesignInfeasibleError,
         match=(
             r"no gains meet the specification: the best found miss the .* ask for less, or .* and"
             r" refit"
@@ -228,7 +232,8 @@ def test_gains_that_few_vehicles_would_keep_are_refused_with_what_would_help(
 ) -> None:
     monkeypatch.setattr(pid, "VEHICLES", 20)
     with pytest.raises(
-        DesignRefused, match=r"of the vehicles that the model allows for .* most miss the .*refit"
+        DesignInfeasibleError,
+        match=r"of the vehicles that the model allows for .* most miss the .*refit",
     ):
         pid.redesign(model, Spec(probability=0.999))
 
@@ -237,7 +242,7 @@ def test_a_model_whose_fit_disagreed_is_refused(model: IdentifiedModel) -> None:
     doubtful = msgspec.structs.replace(
         model, convergence=msgspec.structs.replace(model.convergence, agreed=False)
     )
-    with pytest.raises(DesignRefused, match="starts disagree"):
+    with pytest.raises(DesignInfeasibleError, match="starts disagree"):
         pid.redesign(doubtful)
 
 
@@ -248,7 +253,7 @@ def test_gains_are_written_with_reasons_and_their_model(
     designed.write_params(path)
     text = path.read_text()
     lines = [line for line in text.splitlines() if not line.startswith("#")]
-    assert digest(model) in text.partition("HDG_P")[0]
+    assert sha256_of_model(model) in text.partition("HDG_P")[0]
     read = {line.split(",")[0]: float(line.split(",")[1].split("#")[0]) for line in lines}
     assert read == pytest.approx(designed.gains, rel=1e-5)
     assert set(read) > set(TABLE_3_INITIAL)

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from sitl.core import tailcone
 from sitl.vehicle import config
-from sysid.data.dataset import Actuators, Attitude, Depth, Duct, Event, Log, Setpoints
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
 from sysid.data.segments import RATE_HZ
 from sysid.estimation import bench_test, inclining_test
-from sysid.estimation.inclining_test import Move
+from sysid.estimation.inclining_test import WeightPeriod
 
 TRAVEL_RAD = math.radians(15.0)
 NOISE_RAD, RESOLUTION_RAD = math.radians(0.06), math.radians(0.0219)
@@ -55,7 +55,7 @@ def session(
     frequencies_hz: tuple[float, ...] = (0.05, 0.12, 0.25, 0.5, 0.75, 1.0),
 ) -> Log:
     """A rudder session as the log of a vehicle with an encoder would hold it."""
-    axis = tailcone.servo(travel_rad=TRAVEL_RAD, substep_s=0.25 / RATE_HZ, **servo)
+    axis = tailcone.discretise(travel_rad=TRAVEL_RAD, substep_s=0.25 / RATE_HZ, **servo)
     commands, events = [np.zeros(200)], []
     for size in amplitudes_deg:
         for hz in frequencies_hz:
@@ -63,11 +63,11 @@ def session(
             t = np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
             commands += [math.radians(size / 2.0) * np.sin(2.0 * math.pi * hz * t), np.zeros(40)]
             events.append(
-                Event(
+                TextEvent(
                     start_s, 6, f"SystemID Starting: axis=12 wave=chirp magnitude={size / 2.0:.2f}"
                 )
             )
-            events.append(Event(start_s + duration_s, 6, "SystemID Finished"))
+            events.append(TextEvent(start_s + duration_s, 6, "SystemID Finished"))
     command = np.concatenate(commands)
     time_s = np.arange(command.size) / RATE_HZ
     state, substeps, angles, rng = (
@@ -78,10 +78,10 @@ def session(
     )
     for value in command:
         angles.append(tailcone.duct_angle_rad(axis, state))
-        tailcone.advance(axis, state, value, substeps, tailcone.luck(axis, rng, 4))
+        tailcone.advance(axis, state, value, substeps, tailcone.step_loss_draws(axis, rng, 4))
     seen = slice(0, None, 5)
     read = np.array(angles)[seen] + NOISE_RAD * rng.standard_normal(time_s[seen].size)
-    duct = Duct(time_s[seen], np.round(read / RESOLUTION_RAD) * RESOLUTION_RAD, 0.0 * read)
+    duct = DuctAngles(time_s[seen], np.round(read / RESOLUTION_RAD) * RESOLUTION_RAD, 0.0 * read)
     return log_of(
         actuators=Actuators(time_s, command, 0.0 * command, 0.0 * command),
         duct=duct,
@@ -99,7 +99,7 @@ def log_of(**given: Any) -> Log:
         "setpoints": Setpoints(*(NOTHING,) * 5),
         "events": (),
         "parameters": {},
-        "duct": Duct(*(NOTHING,) * 3),
+        "duct": DuctAngles(*(NOTHING,) * 3),
     }
     return Log(**empty | given)
 
@@ -191,13 +191,13 @@ def test_a_rate_that_no_sweep_reaches_is_not_claimed() -> None:
 @pytest.mark.parametrize(
     ("broken", "reason"),
     [
-        ({"duct": Duct(*(NOTHING,) * 3)}, "no duct angles"),
+        ({"duct": DuctAngles(*(NOTHING,) * 3)}, "no duct angles"),
         ({"events": ()}, "no sweeps"),
         (
             {
                 "events": (
-                    Event(4.0, 6, "SystemID Starting: axis=12 wave=chirp magnitude=5.00"),
-                    Event(9.0, 4, "SystemID Stopped: depth 0.0 m above 1 m"),
+                    TextEvent(4.0, 6, "SystemID Starting: axis=12 wave=chirp magnitude=5.00"),
+                    TextEvent(9.0, 4, "SystemID Stopped: depth 0.0 m above 1 m"),
                 )
             },
             "ended early: depth 0.0 m above 1 m",
@@ -214,12 +214,18 @@ def test_a_log_without_a_bench_test_is_refused_with_the_reason(
 
 
 MOVES = [
-    Move(m, 60.0 * n, 60.0 * (n + 1)) for n, m in enumerate((0.0, 0.2, 0.4, 0.0, -0.2, -0.4, 0.0))
+    WeightPeriod(m, 60.0 * n, 60.0 * (n + 1))
+    for n, m in enumerate((0.0, 0.2, 0.4, 0.0, -0.2, -0.4, 0.0))
 ]
 
 
 def heeled(
-    height_m: float, mass_kg: float, list_kgm: float, noise_deg: float, seed: int, moves: list[Move]
+    height_m: float,
+    mass_kg: float,
+    list_kgm: float,
+    noise_deg: float,
+    seed: int,
+    moves: list[WeightPeriod],
 ) -> Log:
     """Heel as the balance of moments has it, with noise that lasts some seconds."""
     t = np.arange(0.0, moves[-1].until_s, 0.1)
@@ -228,7 +234,7 @@ def heeled(
     roll = np.arctan((list_kgm - moment) / (mass_kg * height_m)) + math.radians(noise_deg) * slow
     zero = 0.0 * t
     attitude = Attitude(t + 5.0, roll, zero, zero, zero, zero, zero)
-    return log_of(attitude=attitude, events=(Event(5.0, 6, "Armed: HOLD"),))
+    return log_of(attitude=attitude, events=(TextEvent(5.0, 6, "Armed: HOLD"),))
 
 
 @given(st.floats(0.005, 0.08), st.floats(-0.05, 0.05), st.integers(0, 1000))
@@ -236,7 +242,7 @@ def heeled(
 def test_an_inclining_test_finds_the_height_that_heels(
     height_m: float, list_kgm: float, seed: int
 ) -> None:
-    vehicle = config.load("bench")
+    vehicle = config.load("caribou_nominal")
     mass_kg = vehicle.ballast.mass_kg
     found = inclining_test.analyse(
         heeled(height_m, mass_kg, list_kgm, 0.02, seed, MOVES), MOVES, vehicle
@@ -249,7 +255,7 @@ def test_an_inclining_test_finds_the_height_that_heels(
 
 
 def test_an_inclining_test_that_shows_nothing_is_refused() -> None:
-    vehicle = config.load("bench")
+    vehicle = config.load("caribou_nominal")
     good = heeled(0.02, 640.0, 0.0, 0.0, 0, MOVES)
     with pytest.raises(inclining_test.InclineError, match="at least three moves"):
         inclining_test.analyse(good, [MOVES[0], MOVES[3]], vehicle)

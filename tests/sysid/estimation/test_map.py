@@ -12,10 +12,10 @@ from sysid.data.segments import Plane, Run
 from sysid.estimation.map import fit
 from sysid.estimation.map import problem as problems
 from sysid.estimation.map.convergence import failures
-from sysid.estimation.map.datasets import STRIDE, among, experiment
+from sysid.estimation.map.datasets import STRIDE, dataset, with_coupling_inputs
 from sysid.estimation.map.fit import Prior
 from sysid.estimation.map.gauss_newton import Z_LIMIT, descend
-from sysid.estimation.map.problem import Problem
+from sysid.estimation.map.problem import MapProblem
 from sysid.models import greybox, noise, parameters, prediction
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES
@@ -30,16 +30,17 @@ def prior_of(vehicle: config.VehicleConfig, runs: Sequence[Run]) -> Prior:
     return Prior(vehicle, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
 
 
-def problem_of(vehicle: config.VehicleConfig, runs: Sequence[Run], at: np.ndarray) -> Problem:
+def problem_of(vehicle: config.VehicleConfig, runs: Sequence[Run], at: np.ndarray) -> MapProblem:
     prior = prior_of(vehicle, runs)
     first = problems.vehicle(prior, prior.mean)
     planes: tuple[Plane, ...] = ("yaw", "pitch")
     groups = {
-        p: tuple(among(first, experiment(run)) for run in runs if run.plane == p) for p in planes
+        p: tuple(with_coupling_inputs(first, dataset(run)) for run in runs if run.plane == p)
+        for p in planes
     }
     levels = {plane: Noise() for plane in planes}
     by = problems.filters(problems.vehicle(prior, at), groups, levels, STRIDE)
-    return Problem(prior, groups, by, levels, STRIDE)
+    return MapProblem(prior, groups, by, levels, STRIDE)
 
 
 @pytest.fixture(scope="module")
@@ -53,13 +54,13 @@ def somewhere() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def problem(few: list[Run], bench: config.VehicleConfig, somewhere: np.ndarray) -> Problem:
+def problem(few: list[Run], bench: config.VehicleConfig, somewhere: np.ndarray) -> MapProblem:
     return problem_of(bench, few, somewhere)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_slopes_are_differences_of_the_cost(
-    problem: Problem, somewhere: np.ndarray, name: str
+    problem: MapProblem, somewhere: np.ndarray, name: str
 ) -> None:
     """The runs themselves, flown twice, against sensitivities taken along one track."""
     score, step = (
@@ -75,12 +76,12 @@ def test_slopes_are_differences_of_the_cost(
 
 
 def test_residuals_of_the_problem_are_those_of_whole_simulations(
-    problem: Problem, somewhere: np.ndarray
+    problem: MapProblem, somewhere: np.ndarray
 ) -> None:
     vehicle, total = problems.vehicle(problem.prior, somewhere), 0.0
     for plane, group in problem.experiments.items():
         total += sum(
-            float(np.sum(noise.whitened(r, problem.filters[plane]) ** 2))
+            float(np.sum(noise.whiten_residual(r, problem.filters[plane]) ** 2))
             for r in fit.residuals(vehicle, group)
         )
     away = np.linalg.solve(np.linalg.cholesky(problem.prior.covariance), somewhere)
@@ -88,7 +89,7 @@ def test_residuals_of_the_problem_are_those_of_whole_simulations(
 
 
 def test_a_search_ends_where_no_neighbour_is_better(
-    problem: Problem, somewhere: np.ndarray
+    problem: MapProblem, somewhere: np.ndarray
 ) -> None:
     end = descend(problem, somewhere, 1e-8)
     sd = 1.0 / np.sqrt(
@@ -159,10 +160,10 @@ def test_a_test_of_both_surfaces_is_simulated_with_the_other_planes_motion(
         "yaw": math.radians(tail.rudder_bias_deg),
         "pitch": math.radians(tail.elevator_bias_deg),
     }
-    vehicle = parameters.vehicle(field, biases, np.zeros(len(NAMES)))
+    vehicle = parameters.candidate_vehicle(field, biases, np.zeros(len(NAMES)))
     mse = []
     for both in (False, True):
-        what = among(vehicle, experiment(replace(run, both=both)))
+        what = with_coupling_inputs(vehicle, dataset(replace(run, both=both)))
         (left,) = fit.residuals(vehicle, [what])
         mse.append(float(np.mean(np.degrees(left[:, 0]) ** 2)))
     assert mse[1] < 0.3 * mse[0], mse
@@ -179,10 +180,10 @@ def test_a_vehicle_that_flies_nose_down_turns_as_her_plane_says(
     ).since(-1.0)
     tail = field.tailcone
     bias = math.radians(tail.rudder_bias_deg)
-    vehicle = parameters.vehicle(field, {"yaw": bias, "pitch": 0.0}, np.zeros(len(NAMES)))
-    speed, start = fit.cruise_speed_mps(vehicle, float(run.thrust[0])), greybox.measured_start(run)
-    still = np.zeros((run.time_s.size, greybox.AROUND))
-    known = prediction.motion(vehicle, run)
+    vehicle = parameters.candidate_vehicle(field, {"yaw": bias, "pitch": 0.0}, np.zeros(len(NAMES)))
+    speed, start = fit.cruise_speed_mps(vehicle, float(run.thrust[0])), greybox.initial_motion(run)
+    still = np.zeros((run.time_s.size, greybox.N_COUPLING))
+    known = prediction.simulate(vehicle, run)
     unknown = greybox.simulate(vehicle.model, vehicle.actuators["yaw"], run, start, 1, speed, still)
     errors = [float(np.mean((m.rate_radps - run.rate_radps) ** 2)) for m in (known, unknown)]
     assert errors[0] < 0.4 * errors[1]
@@ -243,5 +244,7 @@ def test_a_test_without_a_test_leaves_the_prior(
 
     run = sea.fly(field, "yaw", sea.step(0.0, 6.0), trim_rad=TRIM).since(-4.0)
     prior = prior_of(bench, [run])
-    found = model_export.from_fit(fit.fit([run], prior), prior, "bench").convergence.failures
+    found = model_export.from_fit(
+        fit.fit([run], prior), prior, "caribou_nominal"
+    ).convergence.failures
     assert any("static_gain_per_s" in reason for reason in found)

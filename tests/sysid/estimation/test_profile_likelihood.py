@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sysid.estimation import profile_likelihood
-from sysid.estimation.profile_likelihood import Problem
+from sysid.estimation.profile_likelihood import LeastSquaresEstimate
 
 WIDE = np.full(2, 1e6)
 
@@ -26,7 +26,7 @@ def test_a_gaussian_problem_has_symmetric_intervals(seed: int, level: float) -> 
     b = rng.standard_normal(12)
     best = np.linalg.lstsq(A, b, rcond=None)[0]
     sd = math.sqrt(weights @ np.linalg.inv(A.T @ A) @ weights)
-    problem = Problem(lambda x: A @ x - b, lambda x: A, -WIDE, WIDE)
+    problem = LeastSquaresEstimate(lambda x: A @ x - b, lambda x: A, -WIDE, WIDE)
     found = profile_likelihood.interval(problem, best, lambda x: float(weights @ x), sd, level)
     half = sd * norm.ppf(0.5 * (1.0 + level))
     assert found.low == pytest.approx(weights @ best - half, abs=0.02 * sd)
@@ -37,7 +37,9 @@ def test_a_ratio_has_fiellers_interval() -> None:
     """x/y of two Gaussian measurements: the exact interval is Fieller's (1954), and far from
     symmetric."""
     measured, sds = np.array([2.0, 1.0]), np.array([0.2, 0.3])
-    problem = Problem(lambda x: (x - measured) / sds, lambda x: np.diag(1.0 / sds), -WIDE, WIDE)
+    problem = LeastSquaresEstimate(
+        lambda x: (x - measured) / sds, lambda x: np.diag(1.0 / sds), -WIDE, WIDE
+    )
     sd = 2.0 * math.hypot(0.2 / 2.0, 0.3)
     found = profile_likelihood.interval(problem, measured, lambda x: float(x[0] / x[1]), sd)
     q = 1.959964**2
@@ -48,7 +50,9 @@ def test_a_ratio_has_fiellers_interval() -> None:
 def test_what_the_data_do_not_bound_is_infinite() -> None:
     """The same ratio with a denominator that may be zero: high values all fit."""
     measured, sds = np.array([2.0, 0.5]), np.array([0.2, 0.3])
-    problem = Problem(lambda x: (x - measured) / sds, lambda x: np.diag(1.0 / sds), -WIDE, WIDE)
+    problem = LeastSquaresEstimate(
+        lambda x: (x - measured) / sds, lambda x: np.diag(1.0 / sds), -WIDE, WIDE
+    )
     found = profile_likelihood.interval(problem, measured, lambda x: float(x[0] / x[1]), 2.5)
     assert math.isinf(found.high)
     assert 1.0 < found.low < 4.0

@@ -39,9 +39,10 @@ def test_each_number_is_weighed_against_what_was_known(prior: Prior, tmp_path: P
     """Of two independent normal estimates the mean weighs each by its information."""
     bench = written(tmp_path / "bench.json", {"elevator": {"model": AXIS, "points": []}})
     incline = written(
-        tmp_path / "incline.json", {"z_cm_m": {"value": -0.015, "sd": 0.0003}, "file": "bench"}
+        tmp_path / "incline.json",
+        {"z_cm_m": {"value": -0.015, "sd": 0.0003}, "file": "caribou_nominal"},
     )
-    after = bench_priors.believed(prior, bench_priors.read(bench, incline))
+    after = bench_priors.update_prior(prior, bench_priors.read(bench, incline))
     expected = {
         "natural_frequency": (math.log(1.1), 0.03 / 3.3),
         "rate_limit": (math.log(0.8), 0.3 / 12.0),
@@ -62,8 +63,8 @@ def test_each_number_is_weighed_against_what_was_known(prior: Prior, tmp_path: P
 
 
 def test_a_centre_of_mass_above_the_axis_is_no_news_of_this_vehicle(prior: Prior) -> None:
-    with pytest.raises(bench_priors.AshoreError, match=r"z_CM = 0.01 .*-0.021"):
-        bench_priors.believed(prior, [bench_priors.Reading("z_CM", 0.01, 0.001)])
+    with pytest.raises(bench_priors.BenchResultError, match=r"z_CM = 0.01 .*-0.021"):
+        bench_priors.update_prior(prior, [bench_priors.BenchMeasurement("z_CM", 0.01, 0.001)])
 
 
 @pytest.mark.parametrize("text", ["{", '{"rudder": {}}', '{"keel": {}}'])
@@ -71,6 +72,8 @@ def test_a_file_that_is_no_bench_test_is_refused_in_one_line(text: str, tmp_path
     path = tmp_path / "other.json"
     path.write_text(text, encoding="utf-8")
     for bad in (path, tmp_path / "missing.json"):
-        with pytest.raises(bench_priors.AshoreError, match=f"{bad.name}.*ground bench") as refusal:
+        with pytest.raises(
+            bench_priors.BenchResultError, match=f"{bad.name}.*ground bench"
+        ) as refusal:
             bench_priors.read(tailcone=bad)
         assert "\n" not in str(refusal.value)

@@ -37,7 +37,7 @@ def test_duct_follows_commands_as_the_tailcone_does(
     rng = np.random.default_rng(2)
     command = np.repeat(rng.uniform(-0.3, 0.3, 30), 40)
     actuator = nominal(bench, "yaw")._replace(delay_s=delay_s, backlash_rad=math.radians(play_deg))
-    axis = tailcone.servo(
+    axis = tailcone.discretise(
         natural_frequency_radps=3.0,
         damping=0.6,
         delay_s=delay_s,
@@ -68,7 +68,7 @@ def test_a_plane_alone_moves_as_the_whole_vehicle(
     run = sea.fly(bench, plane, sea.step(degrees, 8.0), level=sea.CALM, sensors=QUIET).since(-5.0)
     model = build_model.build(bench)
     motion = greybox.simulate(
-        model, nominal(bench, plane), run, greybox.measured_start(run), 1, 1.3
+        model, nominal(bench, plane), run, greybox.initial_motion(run), 1, 1.3
     )
     assert np.max(np.abs(np.degrees(motion.rate_radps - run.rate_radps))) < bound_degps
     assert np.ptp(np.degrees(run.rate_radps)) > 2.0
@@ -79,7 +79,7 @@ def test_the_fit_step_is_as_good_as_the_fine_one(bench: config.VehicleConfig) ->
     model, actuator, start = (
         build_model.build(bench),
         nominal(bench, "yaw"),
-        greybox.measured_start(run),
+        greybox.initial_motion(run),
     )
     fine = greybox.simulate(model, actuator, run, start, 1, 1.3)
     coarse = greybox.simulate(model, actuator, run, start, fit.STRIDE, 1.3)
@@ -89,7 +89,9 @@ def test_the_fit_step_is_as_good_as_the_fine_one(bench: config.VehicleConfig) ->
 def test_linear_planes_are_the_slope_of_the_nonlinear_ones(bench: config.VehicleConfig) -> None:
     """Within half a per cent: buoyancy's surge force, with z_CM off the axis, adds to the righting
     moment."""
-    vehicle = parameters.vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(parameters.NAMES)))
+    vehicle = parameters.candidate_vehicle(
+        bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(parameters.NAMES))
+    )
     rps = 0.58 * vehicle.model.propeller.full_rps
     for plane in ("yaw", "pitch"):
         linear = fit.linear_plane(vehicle, plane)

@@ -41,7 +41,7 @@ def test_innovations_are_white_and_of_unit_variance(name: str) -> None:
     rng = np.random.default_rng(7)
     plane, level = PLANES[name], Noise()
     by = noise.build(plane, level, DT, 400)
-    white = np.stack([noise.whitened(draw(plane, level, 400, rng), by) for _ in range(12)])
+    white = np.stack([noise.whiten_residual(draw(plane, level, 400, rng), by) for _ in range(12)])
     n = white.shape[0] * white.shape[1]
     for output in range(white.shape[2]):
         series = white[:, :, output]

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from sysid.data.dataset import Actuators, Attitude, Depth, Duct, Event, Log, Setpoints
-from sysid.monitor.performance_spec import AVERAGED_S, Expected, Promise
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
+from sysid.monitor.performance_spec import AVERAGED_S, PerformanceBaseline, PredictedStatistic
 
 Array = NDArray[np.float64]
 
@@ -31,23 +31,23 @@ UNSURE = {"pitch_deg": 0.1, "elevator_deg": 0.15, "rudder_deg": 0.04}
 DEPTH_M, HEADING_RAD, THRUST = 5.0, 3.1, 0.58
 
 
-def promise() -> Promise:
+def promise() -> PerformanceBaseline:
     """Of noise of first order; swings are as loud as the narrow band about 2 rad/s makes it."""
     share = AVERAGED_S / MEMORY_S
     averaged = 2.0 / share * (1.0 - (1.0 - math.exp(-share)) / share)
     band = 0.5 * math.pi * 0.5 * 2.0 * (2.0 * MEMORY_S / (1.0 + (2.0 * MEMORY_S) ** 2)) / math.pi
     told = {name: _expected(name, rms, averaged) for name, rms in RMS.items()}
     swings = {
-        f"{plane}_swing_deg": Expected(
+        f"{plane}_swing_deg": PredictedStatistic(
             0.0, 0.0, 0.4 * math.sqrt(band), 0.8 * math.sqrt(band), 1e-3, 5.0
         )
         for plane in ("heading", "pitch")
     }
-    return Promise("ab" * 32, "0", 1.3, THRUST, 2.0, 2.0, {}, {**told, **swings})
+    return PerformanceBaseline("ab" * 32, "0", 1.3, THRUST, 2.0, 2.0, {}, {**told, **swings})
 
 
-def _expected(name: str, rms: float, averaged: float) -> Expected:
-    return Expected(
+def _expected(name: str, rms: float, averaged: float) -> PredictedStatistic:
+    return PredictedStatistic(
         MEANS[name], UNSURE.get(name, 0.0), rms, 1.96 * rms, rms * math.sqrt(averaged), MEMORY_S
     )
 
@@ -88,9 +88,9 @@ def flight(
         setpoints=Setpoints(t, steady, zero, t, zero + DEPTH_M),
         events=(),
         parameters={},
-        duct=Duct(nothing, nothing, nothing),
+        duct=DuctAngles(nothing, nothing, nothing),
     )
 
 
-def event(time_s: float, text: str) -> Event:
-    return Event(time_s, 6, text)
+def event(time_s: float, text: str) -> TextEvent:
+    return TextEvent(time_s, 6, text)

@@ -6,11 +6,16 @@ import tomllib
 import pytest
 
 from sysid.monitor import performance_spec
-from sysid.monitor.performance_spec import Expected, Kept, Promise, PromiseError
+from sysid.monitor.performance_spec import (
+    BaselineError,
+    PerformanceBaseline,
+    PredictedStatistic,
+    Robustness,
+)
 
 GAINS = {"HDG_P": 0.8046312, "PTCH_I": 0.0, "DPT_I": 1.25e-5}
 REASONS = {"HDG_P": "GM 9.8 dB at the rudder", "PTCH_I": "no integrator", "DPT_I": "done in 30 s"}
-PROMISED = Promise(
+PROMISED = PerformanceBaseline(
     model_sha256="ab" * 32,
     version="0.1.0",
     speed_mps=1.3,
@@ -18,8 +23,8 @@ PROMISED = Promise(
     heading_swing_radps=2.25,
     pitch_swing_radps=1.75,
     specification={"damping": 0.6, "pitch_rms_growth": math.inf},
-    predicted={"heading_deg": Expected(0.0, 0.0, 0.375, 0.75, 0.125, 3.5)},
-    kept=Kept(0.875, 1.0, 240, 2001),
+    predicted={"heading_deg": PredictedStatistic(0.0, 0.0, 0.375, 0.75, 0.125, 3.5)},
+    kept=Robustness(0.875, 1.0, 240, 2001),
 )
 
 
@@ -54,18 +59,18 @@ def test_the_head_is_toml_behind_comment_marks(text: str) -> None:
 
 
 def test_a_value_that_somebody_changed_is_no_longer_promised_for(text: str) -> None:
-    with pytest.raises(PromiseError, match="values were changed"):
+    with pytest.raises(BaselineError, match="values were changed"):
         performance_spec.decode(text, {**values(text), "HDG_P": 0.9})
 
 
 def test_a_value_that_somebody_added_is_no_longer_promised_for(text: str) -> None:
-    with pytest.raises(PromiseError, match="values were changed"):
+    with pytest.raises(BaselineError, match="values were changed"):
         performance_spec.decode(text, {**values(text), "HDG_D": 1.0})
 
 
 @pytest.mark.parametrize("head", ["thrust = 0.58", "speed_mps = 1.3"])
 def test_a_head_that_lacks_something_names_it(text: str, head: str) -> None:
-    with pytest.raises(PromiseError, match=head.split()[0]):
+    with pytest.raises(BaselineError, match=head.split()[0]):
         performance_spec.decode(text.replace(f"# {head}\n", ""), values(text))
 
 

@@ -4,12 +4,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from mavlink_io.services.missions import MissionItem
+from mavlink_io.mission_items import MissionItem
 from sitl.vehicle import config
 from sysid.models.noise import Noise
 from sysid.models.parameters import NAMES
 from sysid.test_design import prior as beliefs
-from sysid.test_design.prior import Belief
+from sysid.test_design.prior import DesignPrior
 from tests.helpers.missions import leg
 
 HELD = {
@@ -34,10 +34,10 @@ def mission(depth_m: float, heading_deg: float, duration_s: float) -> tuple[Miss
 
 
 @pytest.fixture(scope="package")
-def known() -> Belief:
+def known() -> DesignPrior:
     """Caribou as her file has her, trimmed, without play: nothing about her is in doubt."""
-    trimmed = beliefs.trimmed(
-        beliefs.of_file(config.load("bench")), math.radians(6.0), math.radians(0.4)
+    trimmed = beliefs.with_trim(
+        beliefs.from_file(config.load("caribou_nominal")), math.radians(6.0), math.radians(0.4)
     )
     mean = np.zeros(len(NAMES))
     mean[NAMES.index("backlash")] = -9.0
@@ -45,9 +45,9 @@ def known() -> Belief:
 
 
 @pytest.fixture(scope="package")
-def believed(known: Belief) -> Belief:
+def believed(known: DesignPrior) -> DesignPrior:
     """The same, each of her numbers in some doubt."""
-    return known._replace(covariance=0.04 * beliefs.of_file(known.config).covariance)
+    return known._replace(covariance=0.04 * beliefs.from_file(known.config).covariance)
 
 
 silent = partial(Noise, 0.0, 0.0, 0.0, 0.0, wave_radps2=0.0, force_mps15=0.0)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sysid.data.dataset import Actuators, Attitude, Depth, Duct, Log, Setpoints
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints
 from sysid.monte_carlo import metrics
-from sysid.monte_carlo.metrics import Outcome
-from sysid.monte_carlo.simulate import Dive
+from sysid.monte_carlo.metrics import DiveMetrics
+from sysid.monte_carlo.simulate import SimulatedDive
 
 TIME_S = np.arange(0.1, 60.0, 0.1)
 TRAVEL_RAD, RADIUS_M = math.radians(15.0), 0.3
@@ -23,7 +23,7 @@ def told(
     failsafe: str = "",
     finished: bool = True,
     course_deg: NDArray[np.float64] | float = 0.0,
-) -> Outcome:
+) -> DiveMetrics:
     """Of a minute at 3 m, the heading to be held 0 where there is no course."""
     none, heading, depth = (
         np.zeros_like(TIME_S),
@@ -39,9 +39,9 @@ def told(
         Setpoints(TIME_S, np.radians(course_deg) + none, none, TIME_S, 3.0 + none),
         (),
         {},
-        Duct(none, none, none),
+        DuctAngles(none, none, none),
     )
-    return metrics.of_dive(Dive(log, depth, failsafe, finished), TRAVEL_RAD, RADIUS_M)
+    return metrics.of_dive(SimulatedDive(log, depth, failsafe, finished), TRAVEL_RAD, RADIUS_M)
 
 
 def test_a_leg_has_settled_when_the_last_excursion_is_over() -> None:
@@ -80,7 +80,7 @@ def test_on_a_path_the_error_is_from_the_course_of_the_moment() -> None:
         (told(finished=False, failsafe="depth 18.2 m"), ""),
     ],
 )
-def test_what_was_not_held_is_named(dive: Outcome, diverged: str) -> None:
+def test_what_was_not_held_is_named(dive: DiveMetrics, diverged: str) -> None:
     assert dive.diverged == diverged
 
 

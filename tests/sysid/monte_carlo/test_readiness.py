@@ -20,7 +20,7 @@ DISTURBED = Moments(
 CALM = DISTURBED._replace(slow_nm={"yaw": 0.0, "pitch": 0.0}, wave_nm={"yaw": 0.0, "pitch": 0.0})
 GAINS = {
     "remus100": (0.378, 0.668, 0.0151, 0.410, 0.594, 0.290, 0.0097, 13.6),
-    "xfin": (2.115, 3.065, 0.0846, 2.115, 3.065, 0.168, 0.0056, 15.0),
+    "xfin_auv": (2.115, 3.065, 0.0846, 2.115, 3.065, 0.168, 0.0056, 15.0),
     "docs/my_vehicle.toml": (0.647, 0.758, 0.0259, 0.673, 0.788, 0.248, 0.0083, 15.0),
 }
 """`ground vehicle gains`, rounded; the last is the travel, deg."""
@@ -37,7 +37,7 @@ def obstacle(vehicle: str, moments: Moments, *missions: str) -> Obstacle | None:
         "DPT_IMAX": 0.1,
     }
     items = {name: plans.load_items(name) for name in missions}
-    return readiness.obstacle(config.load(vehicle), gains, moments, items, seed=1)
+    return readiness.find_obstacle(config.load(vehicle), gains, moments, items, seed=1)
 
 
 def test_obstacle_sea_for_a_larger_vehicle_is_a_failsafe() -> None:
@@ -66,14 +66,14 @@ def test_obstacle_sea_that_hides_the_tests_is_told_by_coherence() -> None:
 
 
 def test_obstacle_heavy_vehicle_in_the_same_sea_is_none() -> None:
-    assert obstacle("xfin", DISTURBED, "trim", "rudder_sweeps") is None
+    assert obstacle("xfin_auv", DISTURBED, "trim", "rudder_sweeps") is None
 
 
 def test_noise_levels_are_moment_over_inertia() -> None:
     """Caribou: 4.96 N m over I_zz - N_rdot = 927 kg m2 (Table 1); sway adds less than 5 %."""
     from sysid.test_design import prior as beliefs
 
-    belief = beliefs.of_file(config.load("bench"))
+    belief = beliefs.from_file(config.load("caribou_nominal"))
     level = readiness.noise_levels(belief.vehicle(belief.mean), DISTURBED)["yaw"]
     assert level.wave_radps2 == pytest.approx(4.96 / 927.0, rel=0.05)
     assert math.degrees(level.slow_radps2) == pytest.approx(0.174, abs=0.01)

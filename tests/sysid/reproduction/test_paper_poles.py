@@ -10,7 +10,7 @@ from sysid.control_analysis import loop_transfer, margins
 from sysid.control_analysis.loop_transfer import Lag
 from sysid.reproduction import paper_poles
 from sysid.reproduction.paper_poles import search
-from sysid.reproduction.paper_poles.conditions import asked
+from sysid.reproduction.paper_poles.conditions import required_delay_and_gain
 from sysid.reproduction.paper_poles.poles import CONTROLLERS
 from sysid.reproduction.paper_tables import TABLE_4
 
@@ -46,7 +46,7 @@ def made_with(lag: Lag, form: loop_transfer.Approximation) -> dict[tuple[str, st
 def test_a_delay_is_found_again_from_poles_made_with_it(form: paper_poles.Form) -> None:
     """Each in its own form; that of the printed form is 5 % of its T."""
     true = Lag(0.24)
-    misfits = search.Search(made_with(true, form.approximation))
+    misfits = search.TailconeSearch(made_with(true, form.approximation))
     found = misfits.best_delay(Lag(0.0), form)
     assert found.delay_s == pytest.approx(0.24, abs=0.002)
     assert misfits.misfit(found, form) < 0.005
@@ -54,7 +54,7 @@ def test_a_delay_is_found_again_from_poles_made_with_it(form: paper_poles.Form) 
 
 def test_a_lag_is_found_again_with_its_delay() -> None:
     true, exact = Lag(0.2, 4.0, 0.5), paper_poles.FORMS[-1]
-    misfits = search.Search(made_with(true, exact.approximation))
+    misfits = search.TailconeSearch(made_with(true, exact.approximation))
     found = misfits.best_lag(exact, any_damping=True)
     assert found.delay_s == pytest.approx(true.delay_s, abs=0.01)
     assert found.natural_frequency_radps == pytest.approx(true.natural_frequency_radps, rel=0.02)
@@ -69,9 +69,9 @@ def test_one_pole_alone_tells_delay_and_loop_gain() -> None:
         gains = dict(CONTROLLERS["I"])
         weaker = {name: 0.9 * gain for name, gain in gains.items()}
         pole = paper_poles.dominant(
-            loop_transfer.poles(paper_poles.closed(loop, known["I"], lag, weaker, 6))
+            loop_transfer.poles(paper_poles.close_loop(loop, known["I"], lag, weaker, 6))
         )
-        delay_s, gain = asked(loop, known["I"], gains, pole, Lag(0.0))
+        delay_s, gain = required_delay_and_gain(loop, known["I"], gains, pole, Lag(0.0))
         assert delay_s == pytest.approx(0.25, abs=1e-3)
         assert gain == pytest.approx(0.9, rel=1e-3)
 
@@ -80,9 +80,9 @@ def test_the_exact_form_solves_the_equation_with_a_true_delay() -> None:
     """1 + L = 0 at the pole, the delay an exponential: no approximation is asked."""
     known, lag = paper_poles.models(), Lag(0.9)
     pole = paper_poles.dominant(
-        loop_transfer.poles(paper_poles.closed("pitch", known["I"], lag, CONTROLLERS["I"], 6))
+        loop_transfer.poles(paper_poles.close_loop("pitch", known["I"], lag, CONTROLLERS["I"], 6))
     )
-    delay_s, gain = asked("pitch", known["I"], CONTROLLERS["I"], pole, lag)
+    delay_s, gain = required_delay_and_gain("pitch", known["I"], CONTROLLERS["I"], pole, lag)
     turn = 2.0 * np.pi / pole.imag
     assert min(abs(delay_s - 0.9 + k * turn) for k in (-1, 0, 1)) < 1e-3
     assert gain == pytest.approx(1.0, rel=1e-3)
@@ -91,7 +91,7 @@ def test_the_exact_form_solves_the_equation_with_a_true_delay() -> None:
 def test_no_delay_explains_the_printed_poles() -> None:
     """The rows ask for delays further apart than the lag leaves open; those of the initial model
     for the shortest."""
-    by_row = {(a.loop, a.case): a for a in paper_poles.alone()}
+    by_row = {(a.loop, a.case): a for a in paper_poles.single_pole_conditions()}
     assert set(by_row) == set(TABLE_4)
     delays = [a.delay_s for a in by_row.values()]
     assert max(delays) - min(delays) > 5.0 * max(a.delay_sd_s for a in by_row.values())

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from sysid.models.model_file import Estimate, IdentifiedModel
+from sysid.models.model_file import IdentifiedModel, ParameterEstimate
 from sysid.screening.influence import shifts
 
 
@@ -11,7 +11,7 @@ def test_a_number_that_moved_is_told_in_its_standard_deviations(model: Identifie
     yaw = model.planes["yaw"]
     b1 = yaw.b1_per_s2
     assert b1.sd is not None
-    moved = msgspec.structs.replace(yaw, b1_per_s2=Estimate(b1.value + 2.0 * b1.sd, b1.sd))
+    moved = msgspec.structs.replace(yaw, b1_per_s2=ParameterEstimate(b1.value + 2.0 * b1.sd, b1.sd))
     before = msgspec.structs.replace(model, planes=model.planes | {"yaw": moved})
     told = {(s.plane, s.number): s for s in shifts(before, model)}
     assert abs(told["yaw", "b1_per_s2"].sds - 2.0) < 1e-9

@@ -12,10 +12,10 @@ from sitl.vehicle import config
 from sysid import refit
 from sysid.data.segments import Run
 from sysid.estimation.map import fit
-from sysid.estimation.map.datasets import among
+from sysid.estimation.map.datasets import with_coupling_inputs
 from sysid.estimation.map.fit import Fit, Prior
-from sysid.screening import Verdict, outlier_tests
-from sysid.screening.refit_loop import settle
+from sysid.screening import RunScreening, outlier_tests
+from sysid.screening.refit_loop import refit_until_clean
 from tests.sysid import sea
 from tests.sysid.sea import Fault
 
@@ -33,12 +33,16 @@ class Fitted(NamedTuple):
         itself."""
         planes = {run.plane for run in runs}
         experiments = {
-            p: tuple(among(self.found.vehicle, fit.experiment(r)) for r in runs if r.plane == p)
+            p: tuple(
+                with_coupling_inputs(self.found.vehicle, fit.dataset(r))
+                for r in runs
+                if r.plane == p
+            )
             for p in sorted(planes)
         }
         return self.found._replace(experiments=experiments)
 
-    def judged(self, runs: Sequence[Run]) -> dict[str, Verdict]:
+    def judged(self, runs: Sequence[Run]) -> dict[str, RunScreening]:
         return {
             verdict.run: verdict for verdict in outlier_tests(self.of(runs), self.prior).verdicts
         }
@@ -175,10 +179,10 @@ def test_a_run_found_out_is_left_out_and_the_rest_fitted_again(
         fits.append([run.name for run in chosen])
         return fitted.of(chosen)
 
-    settled = settle(runs, fitted.prior, fit_runs)
+    settled = refit_until_clean(runs, fitted.prior, fit_runs)
     assert (len(fits), settled.with_all, len(settled.kept)) == (1, None, len(runs))
     runs[3] = again(3, Fault(slip_rad=math.radians(1.5), slip_s=8.0))
-    settled = settle(runs, fitted.prior, fit_runs)
+    settled = refit_until_clean(runs, fitted.prior, fit_runs)
     assert len(fits) == 3
     assert settled.with_all is not None
     assert "rudder/3" not in fits[-1]

@@ -5,10 +5,10 @@ import pytest
 
 from autopilot.control import excitation, requests
 from autopilot.control.params import Config
-from autopilot.control.types import State
+from autopilot.control.types import AutopilotState
 from sysid.data.segments import RATE_HZ
 from sysid.test_design import simulate
-from sysid.test_design.simulate import Manoeuvre, Still
+from sysid.test_design.simulate import LevelFlight, Manoeuvre
 
 WAVES = [
     Manoeuvre("yaw", "step", 4.0, 6),
@@ -36,10 +36,10 @@ def test_the_autopilot_plays_what_was_planned(planned: Manoeuvre) -> None:
         planned.seed,
         planned.runs,
     )
-    test = excitation.prepare(wish, State(), Config())
+    test = excitation.precompute(wish, AutopilotState(), Config())
     assert excitation.check(test, 15.0) == ""
     signal = simulate.signal_rad(planned)
-    played = [excitation.play(test, k / RATE_HZ) for k in range(signal.size - 1)]
+    played = [excitation.sample(test, k / RATE_HZ) for k in range(signal.size - 1)]
     moved = [p.rudder_rad if planned.plane == "yaw" else p.elevator_rad for p in played]
     np.testing.assert_allclose(signal[:-1], moved, atol=1e-12)
     assert signal[-1] == 0.0
@@ -50,10 +50,10 @@ def test_the_autopilot_plays_both_surfaces_as_planned() -> None:
     planned = Manoeuvre("yaw", "multisine", 4.0, 30, 0.05, 0.5, loop_on=True, elevator_deg=1.4)
     number = {name: wave for wave, name in excitation.WAVES.items()}["multisine"]
     wish = requests.StartTest(123, 4.0, 0.05, 0.5, 30, number, 0.0, 0, ())
-    test = excitation.prepare(wish, State(), Config(sid_elevator_pct=35.0))
+    test = excitation.precompute(wish, AutopilotState(), Config(sid_elevator_pct=35.0))
     assert excitation.check(test, 15.0) == ""
     rudder, elevator = (simulate.signal_rad(half) for half in planned.halves)
-    played = [excitation.play(test, k / RATE_HZ) for k in range(rudder.size - 1)]
+    played = [excitation.sample(test, k / RATE_HZ) for k in range(rudder.size - 1)]
     np.testing.assert_allclose(rudder[:-1], [p.rudder_rad for p in played], atol=1e-12)
     np.testing.assert_allclose(elevator[:-1], [p.elevator_rad for p in played], atol=1e-12)
     assert abs(rudder @ elevator) < 1e-9 * (rudder @ rudder)
@@ -61,7 +61,7 @@ def test_the_autopilot_plays_both_surfaces_as_planned() -> None:
 
 
 def test_its_run_begins_straight_and_level() -> None:
-    still = Still(trim_rad=0.1, thrust=0.58, speed_mps=1.3, pitch_rad=0.02)
+    still = LevelFlight(trim_rad=0.1, thrust=0.58, speed_mps=1.3, pitch_rad=0.02)
     run = simulate.as_run(WAVES[1], still, simulate.signal_rad(WAVES[1]))
     before = run.preroll
     assert np.all(run.elevator_rad[before] == 0.1)

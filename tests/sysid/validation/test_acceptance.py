@@ -9,10 +9,10 @@ import pytest
 
 from sitl.vehicle import config
 from sysid.data.segments import Plane, Run
-from sysid.models.model_file import Covariance, Estimate, IdentifiedModel
-from sysid.validation.acceptance import in_words, verdict
-from sysid.validation.assess import judged
-from sysid.validation.results import Correction, Gate, Overlay, PlaneValidation
+from sysid.models.model_file import IdentifiedModel, ParameterCovariance, ParameterEstimate
+from sysid.validation.acceptance import assess, format_gate
+from sysid.validation.assess import with_assessment
+from sysid.validation.results import Correction, FrequencyComparison, Gate, PlaneValidation
 from tests.sysid import sea
 from tests.sysid.estimation.map.test_fit import TRIM
 
@@ -38,7 +38,7 @@ def held_out(field: config.VehicleConfig) -> list[Run]:
 
 @pytest.fixture(scope="module")
 def sound(model: IdentifiedModel, campaign: list[Run], held_out: list[Run]) -> IdentifiedModel:
-    return judged(model, campaign, held_out)
+    return with_assessment(model, campaign, held_out)
 
 
 def test_a_sound_model_is_fit(sound: IdentifiedModel) -> None:
@@ -79,7 +79,7 @@ def uncorrelated(m: IdentifiedModel) -> IdentifiedModel:
         tuple((0.3 * abs(getattr(m.planes["yaw"], n).value)) ** 2 * (n == o) for o in names)
         for n in names
     )
-    return replace(m, design={**m.design, "yaw": Covariance(names, rows)})
+    return replace(m, design={**m.design, "yaw": ParameterCovariance(names, rows)})
 
 
 def without_runs(kind: bool) -> Spoilt:
@@ -104,13 +104,15 @@ SPOILT: dict[str, Spoilt] = {
     ),
     "runs fitted": without_runs(kind=False),
     "runs held out": without_runs(kind=True),
-    "b1, 1 sd": planes(b1_per_s2=Estimate(0.5, 0.11)),
+    "b1, 1 sd": planes(b1_per_s2=ParameterEstimate(0.5, 0.11)),
     "b1, insensitivity": uncorrelated,
     "gain at crossover, 1 sd": within_yaw("crossover", gain_sd_db=1.2),
     "phase at crossover, 1 sd": within_yaw("crossover", phase_sd_deg=6.0),
     "coherence about crossover": of_yaw(coherence_at_crossover=0.4),
     "mismatch of the response": of_yaw(
-        overlay=Overlay((), (1.0,), (1.0,), (0.0,), (0.0,), (0.1,), (0.1,), (0.0,), (0.0,), 140.0)
+        overlay=FrequencyComparison(
+            (), (1.0,), (1.0,), (0.0,), (0.0,), (0.1,), (0.1,), (0.0,), (0.0,), 140.0
+        )
     ),
     "held-out error over the prior's": lambda m: within_yaw(
         "held_out",
@@ -136,7 +138,7 @@ def test_each_gate_can_fail(name: str, sound: IdentifiedModel) -> None:
     assert sound.verdict is not None
     already = {gate.name for gate in sound.verdict.gates if not gate.passed}
     worse = SPOILT[name](sound)
-    found = verdict(worse, worse.validation)
+    found = assess(worse, worse.validation)
     assert not found.fit_for_redesign
     failed = [gate for gate in found.gates if not gate.passed and gate.name not in already]
     assert [gate.name for gate in failed if gate.required and gate.name.startswith(name)], failed
@@ -153,10 +155,10 @@ def test_verdict_delay_without_spread_leaves_the_other_gates(sound: IdentifiedMo
     at = names.index("delay_s")
     for k in range(len(names)):
         rows[at][k] = rows[k][at] = 0.0
-    held = Covariance(names, tuple(map(tuple, rows)))
+    held = ParameterCovariance(names, tuple(map(tuple, rows)))
     clipped = replace(sound, design={**sound.design, "yaw": held})
     with np.errstate(all="raise"):
-        found = verdict(clipped, clipped.validation)
+        found = assess(clipped, clipped.validation)
     gate = next(g for g in found.gates if (g.name, g.plane) == ("b1, insensitivity", "yaw"))
     assert gate.value is not None
     assert 0.0 < gate.value < 20.0
@@ -170,9 +172,9 @@ def test_verdict_b1_without_finite_variance_is_not_known(
     at = names.index("b1_per_s2")
     rows[at][at] = value
     spoilt = replace(
-        sound, design={**sound.design, "yaw": Covariance(names, tuple(map(tuple, rows)))}
+        sound, design={**sound.design, "yaw": ParameterCovariance(names, tuple(map(tuple, rows)))}
     )
-    found = verdict(spoilt, spoilt.validation)
+    found = assess(spoilt, spoilt.validation)
     assert "yaw: b1, insensitivity not known, at most 10 %" in found.reasons
 
 
@@ -185,19 +187,19 @@ def test_no_gate_is_left_untried(sound: IdentifiedModel) -> None:
 
 
 def test_what_is_not_known_does_not_pass(sound: IdentifiedModel) -> None:
-    worse = planes(b1_per_s2=Estimate(0.5, None))(sound)
-    found = verdict(worse, worse.validation)
+    worse = planes(b1_per_s2=ParameterEstimate(0.5, None))(sound)
+    found = assess(worse, worse.validation)
     assert not found.fit_for_redesign
     assert found.reasons == ("yaw: b1, 1 sd not known, at most 20 %",)
 
 
 def test_the_next_test_serves_the_worst_gate(sound: IdentifiedModel) -> None:
     silent = of_yaw(coherence_at_crossover=None)(sound)
-    asked = verdict(silent, silent.validation).next_test
+    asked = assess(silent, silent.validation).next_test
     assert asked is not None
     assert (asked.plane, asked.signal) == ("yaw", "chirp")
     unproven = without_runs(kind=True)(sound)
-    asked = verdict(unproven, unproven.validation).next_test
+    asked = assess(unproven, unproven.validation).next_test
     assert asked is not None
     assert asked.signal == "3211"
     assert "runs held out" in asked.reason
@@ -208,7 +210,9 @@ def test_the_papers_way_cannot_vouch_for_itself(
 ) -> None:
     from sysid import refit
 
-    found = judged(refit.identify(campaign, bench, method="paper"), campaign, held_out, prior=bench)
+    found = with_assessment(
+        refit.identify(campaign, bench, method="paper"), campaign, held_out, prior=bench
+    )
     assert found.verdict is not None
     assert not found.verdict.fit_for_redesign
     assert any("not known" in reason for reason in found.verdict.reasons)
@@ -217,9 +221,10 @@ def test_the_papers_way_cannot_vouch_for_itself(
 
 def test_gates_read_as_lines() -> None:
     gate = Gate("b1, 1 sd", "yaw", 25.0, 20.0, "at most", "%", passed=False, required=True)
-    assert in_words(gate) == "yaw: b1, 1 sd 25 %, at most 20 %"
+    assert format_gate(gate) == "yaw: b1, 1 sd 25 %, at most 20 %"
     assert (
-        in_words(replace(gate, value=None, plane=None, unit="")) == "b1, 1 sd not known, at most 20"
+        format_gate(replace(gate, value=None, plane=None, unit=""))
+        == "b1, 1 sd not known, at most 20"
     )
 
 

@@ -22,7 +22,7 @@ from tests.sysid import sea
 DT_S = STRIDE / RATE_HZ
 
 
-class TestTheil:
+class TheilTestCase:
     def test_equal_series(self) -> None:
         y = np.sin(np.arange(50.0))
         assert noise_floor.theil(y, y).coefficient == 0.0
@@ -85,13 +85,13 @@ def test_the_floor_is_what_a_faultless_model_leaves(
 
     The step is small: in a tight turn quadratic damping lets less of the sea through than the
     linear plane does."""
-    vehicle = parameters.vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
+    vehicle = parameters.candidate_vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
     signal = sea.step(0.3, seconds)
     runs = [sea.fly(bench, plane, signal, seed=s, sensors=SENSORS) for s in range(60)]
     errors = [_mean_square(vehicle, run) for run in runs]
     samples = int(np.count_nonzero(~runs[0].preroll)) // STRIDE
     linear = fit.linear_plane(vehicle, plane)
-    found = noise_floor.floor(
+    found = noise_floor.noise_floor_of(
         noise_floor.rate_covariance(
             linear, KNOWN_SEA, DT_S, round(prediction.LEAD_S / DT_S), samples
         )
@@ -100,10 +100,10 @@ def test_the_floor_is_what_a_faultless_model_leaves(
     assert np.std(errors) == pytest.approx(found.sd_deg2ps2, rel=0.4)
 
 
-def _mean_square(vehicle: parameters.Vehicle, run: Run) -> float:
+def _mean_square(vehicle: parameters.CandidateVehicle, run: Run) -> float:
     """Of the rate error at 10 Hz, simulated as predictions are."""
     flown = run.since(-prediction.LEAD_S)
-    missed = np.degrees(flown.rate_radps - prediction.motion(vehicle, flown).rate_radps)[
+    missed = np.degrees(flown.rate_radps - prediction.simulate(vehicle, flown).rate_radps)[
         ~flown.preroll
     ]
     whole = missed.size // STRIDE * STRIDE
@@ -113,7 +113,7 @@ def _mean_square(vehicle: parameters.Vehicle, run: Run) -> float:
 def test_runs_of_the_same_test_give_the_floor_without_a_model(bench: config.VehicleConfig) -> None:
     runs = [sea.fly(bench, "yaw", sea.step(3.0, 20.0), seed=s) for s in range(12)]
     others = [replace(run, magnitude_deg=-3.0) for run in runs[:1]]
-    found = noise_floor.repeats_deg2ps2([*runs, *others])
+    found = noise_floor.floor_from_repeats_deg2ps2([*runs, *others])
     rates = np.array([np.degrees(run.rate_radps[~run.preroll]) for run in runs])
     assert found == pytest.approx(float(np.mean(np.var(rates, axis=0, ddof=1))), rel=1e-9)
-    assert noise_floor.repeats_deg2ps2([runs[0], *others]) is None
+    assert noise_floor.floor_from_repeats_deg2ps2([runs[0], *others]) is None

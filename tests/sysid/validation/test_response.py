@@ -13,10 +13,10 @@ from sysid.control_analysis.loop_transfer import GRID_RADPS
 from sysid.data.segments import RATE_HZ, Plane, Run
 from sysid.models import parameters, prediction
 from sysid.models.model_file import IdentifiedModel
-from sysid.models.parameters import NAMES, PARAMETERS, Vehicle
+from sysid.models.parameters import NAMES, PARAMETERS, CandidateVehicle
 from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 from sysid.validation import crossover, frequency_response
-from sysid.validation.crossover import Believed
+from sysid.validation.crossover import UncertainVehicle
 from sysid.validation.crossover_correction import corrections
 from sysid.validation.frequency_response import Pair
 from tests.sysid import sea
@@ -39,16 +39,18 @@ def chirp(
     return math.radians(degrees) * np.sin(2.0 * math.pi * swept)
 
 
-def moved(bench: config.VehicleConfig, **z: float) -> Vehicle:
+def moved(bench: config.VehicleConfig, **z: float) -> CandidateVehicle:
     """The bench vehicle, whose tailcone has no play, some coefficients moved by prior standard
     deviations."""
     z["backlash"] = -8.0
-    return parameters.vehicle(bench, NO_BIAS, np.array([z.get(name, 0.0) for name in NAMES]))
+    return parameters.candidate_vehicle(
+        bench, NO_BIAS, np.array([z.get(name, 0.0) for name in NAMES])
+    )
 
 
-def pair(vehicle: Vehicle, run: Run) -> Pair:
+def pair(vehicle: CandidateVehicle, run: Run) -> Pair:
     flown = run.since(-prediction.LEAD_S)
-    return Pair(run.name, prediction.motion(vehicle, flown).rate_radps, flown.rate_radps)
+    return Pair(run.name, prediction.simulate(vehicle, flown).rate_radps, flown.rate_radps)
 
 
 @pytest.mark.parametrize("plane", ["yaw", "pitch"])
@@ -68,7 +70,9 @@ def test_a_known_plane_is_recovered_under_a_wrong_model(
         sensors=sea.Sensors(1e-5, 1e-5, 1e-4, 0.0),
     )
     response = crossover.response(wrong, plane)
-    found = frequency_response.overlay([pair(wrong, run)], response, GRID_RADPS, CROSSOVER_RADPS)
+    found = frequency_response.compare_responses(
+        [pair(wrong, run)], response, GRID_RADPS, CROSSOVER_RADPS
+    )
     right = crossover.response(truth, plane)
     gain_db = np.interp(found.frequency_radps, GRID_RADPS, 20.0 * np.log10(np.abs(right)))
     phase_deg = np.interp(found.frequency_radps, GRID_RADPS, np.degrees(np.unwrap(np.angle(right))))
@@ -88,7 +92,7 @@ def test_bars_hold_what_the_sea_does(bench: config.VehicleConfig) -> None:
         runs = [
             sea.fly(bench, "yaw", chirp(3.0), wave="chirp", seed=50 * seed + k) for k in range(3)
         ]
-        laid = frequency_response.overlay(
+        laid = frequency_response.compare_responses(
             [pair(truth, run) for run in runs],
             crossover.response(truth, "yaw"),
             GRID_RADPS,
@@ -142,7 +146,7 @@ def test_held_out_runs_say_what_a_model_has_wrong(
         for k, (p, s) in enumerate(tests)
     ]
     found = corrections(candidate, runs, {"yaw": CROSSOVER_RADPS, "pitch": CROSSOVER_RADPS})
-    truth = parameters.vehicle(field, NO_BIAS, np.zeros(len(NAMES)))
+    truth = parameters.candidate_vehicle(field, NO_BIAS, np.zeros(len(NAMES)))
     for plane, told in found.items():
         ratio = crossover.response(truth, plane) / crossover.response(
             prediction.vehicles(candidate)[0], plane
@@ -165,7 +169,9 @@ def test_doubt_at_crossover_is_that_of_samples(plane: Plane, bench: config.Vehic
     free = [i for i, p in enumerate(PARAMETERS) if plane in p.planes and p.kind == "ratio"]
     z, covariance = np.zeros(len(NAMES)), np.zeros((len(NAMES), len(NAMES)))
     covariance[free, free] = 0.04
-    belief = Believed(lambda at: parameters.vehicle(bench, NO_BIAS, at), z, covariance)
+    belief = UncertainVehicle(
+        lambda at: parameters.candidate_vehicle(bench, NO_BIAS, at), z, covariance
+    )
     found = crossover.crossover(belief, plane, TABLE_3_INITIAL)
     assert found is not None
     rng = np.random.default_rng(3)

@@ -7,16 +7,19 @@ import pytest
 from autopilot.control import core
 from autopilot.control.params import Config
 from autopilot.control.sensor_health import monitor
-from autopilot.control.types import Event, Inputs, State
+from autopilot.control.types import AutopilotState, Event, Inputs
 from mavlink_io.records import Battery, Leak, SensorFrame
 from tests.helpers.missions import TICK_US, sensors
 
 
 def live(
-    seconds: float, config: Config | None = None, state: State | None = None, **devices: object
-) -> tuple[State, list[str]]:
+    seconds: float,
+    config: Config | None = None,
+    state: AutopilotState | None = None,
+    **devices: object,
+) -> tuple[AutopilotState, list[str]]:
     """Ticks with the same devices' word once a second; the state and what was said."""
-    state, said = state or State(), []
+    state, said = state or AutopilotState(), []
     for tick in range(round(seconds * 50)):
         time_us = state.time_us + TICK_US
         inputs = Inputs(sensors(time_us), None, None, None)
@@ -31,7 +34,7 @@ def test_a_low_battery_is_told_refuses_arming_and_under_way_brings_her_up() -> N
     low = Battery(28.0, 3.0, 1.0, 0.1)
     state, said = live(5.0, battery=low)
     assert said == ["Battery low"]
-    assert monitor.refusal(state.health) == "Battery low"
+    assert monitor.prearm_failure(state.health) == "Battery low"
     _, said = live(1.0, state=state._replace(armed=True), battery=low)
     assert said[0] == "Failsafe: Battery low -> SURFACE"
 
@@ -68,12 +71,12 @@ def test_no_nonsense_reaches_the_estimate(field: str, nonsense: float) -> None:
     )
     assert at.depth_m == pytest.approx(5.0, abs=0.1)
     assert abs(at.roll_rad) + abs(at.pitch_rad) + abs(at.heading_rad) < 0.02
-    assert len(monitor.troubles(state.health)) == 1
+    assert len(monitor.active_faults(state.health)) == 1
 
 
 def hear_battery(intervals_s: list[float]) -> list[tuple[float, str]]:
     """When what was said, with the gauge's words so far apart."""
-    due_us, words, state, said = TICK_US, list(intervals_s), State(), []
+    due_us, words, state, said = TICK_US, list(intervals_s), AutopilotState(), []
     while words:
         time_us = state.time_us + TICK_US
         inputs = Inputs(sensors(time_us), None, None, None)

@@ -16,7 +16,7 @@ from mavlink_io.request import Exchange, ExchangeError
 from mavlink_io.services.ftp.client import FileClient
 from mavlink_io.services.ftp.payload import crc32
 from mavlink_io.services.ftp.server import FileServer
-from mavlink_io.services.ftp.tree import Entry, FileTree
+from mavlink_io.services.ftp.tree import FileTree, ListingEntry
 from tests.helpers.lossy_link import GROUND, VEHICLE, Wire, insist, settle
 
 T = TypeVar("T")
@@ -96,7 +96,7 @@ def test_lists_and_checksums_outlive_losses(seed: int, share: float) -> None:
     rig = Rig(files, share, seed)
     listed = rig.insist(lambda: rig.client.list("/logs"))
     assert listed == [
-        Entry(path.rsplit("/", 1)[1], len(content)) for path, content in files.items()
+        ListingEntry(path.rsplit("/", 1)[1], len(content)) for path, content in files.items()
     ]
     assert rig.insist(lambda: rig.client.checksum("/logs/0007-a-rather-long-name")) == crc32(
         bytes(7)

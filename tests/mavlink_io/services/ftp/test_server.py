@@ -12,7 +12,7 @@ from mavlink_io.dialect import constant
 from mavlink_io.services.ftp.payload import crc32
 from mavlink_io.services.ftp.server import (
     BURST_PACKETS,
-    MOST_SESSIONS,
+    MAX_SESSIONS,
     SESSION_IDLE_S,
     FileServer,
 )
@@ -270,7 +270,7 @@ def test_every_client_has_sessions_of_its_own(tmp_path: Path, party: tuple[int, 
 
 
 def test_sessions_run_out_and_idle_ones_make_room(client: Client) -> None:
-    for session in range(MOST_SESSIONS):
+    for session in range(MAX_SESSIONS):
         assert client.ask("OPENFILERO", b"/logs/two.mcap", session=session).opcode == ACK
     assert client.ask("OPENFILERO", b"/logs/two.mcap", session=99).payload == error(
         "NOSESSIONSAVAILABLE"

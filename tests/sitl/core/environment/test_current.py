@@ -31,7 +31,7 @@ def test_layers_are_joined_by_straight_lines_and_go_on_above_and_below(
     depth_m: float, north: float, west: float
 ) -> None:
     profile = current.profile(Current(layer=LAYERS))
-    assert current.steady(profile, -depth_m)[:2] == pytest.approx((north, west), abs=1e-15)
+    assert current.steady_current(profile, -depth_m)[:2] == pytest.approx((north, west), abs=1e-15)
 
 
 @pytest.mark.parametrize("depth_m", [1.0, 3.0, 5.5, 8.0])
@@ -40,31 +40,31 @@ def test_shear_is_the_change_of_velocity_per_metre_upwards(depth_m: float) -> No
     north, west = (
         (above - below) / 2e-3
         for above, below in zip(
-            current.steady(profile, -depth_m + 1e-3)[:2],
-            current.steady(profile, -depth_m - 1e-3)[:2],
+            current.steady_current(profile, -depth_m + 1e-3)[:2],
+            current.steady_current(profile, -depth_m - 1e-3)[:2],
             strict=True,
         )
     )
-    assert current.steady(profile, -depth_m)[2:] == pytest.approx((north, west), abs=1e-12)
+    assert current.steady_current(profile, -depth_m)[2:] == pytest.approx((north, west), abs=1e-12)
 
 
 def test_a_steady_current_flows_where_it_is_said_to_at_every_depth() -> None:
     profile = current.profile(Current(speed_mps=0.5, towards_deg=30.0))
     for z_m in (0.0, -5.0, -500.0):
-        north, west, *shear = current.steady(profile, z_m)
+        north, west, *shear = current.steady_current(profile, z_m)
         assert (north, west) == pytest.approx((0.5 * math.cos(math.pi / 6), -0.25))
         assert shear == [0.0, 0.0]
 
 
 def test_the_variation_has_its_rms_forgets_in_its_time_and_moves_as_its_acceleration_says() -> None:
     """Correlation (1 + omega t) exp(-omega t), 1/e after the time constant; v' integrates to v."""
-    drift = current.drift(Variation(rms_mps=0.1, time_constant_s=2.0), TICK_S)
+    drift = current.current_drift(Variation(rms_mps=0.1, time_constant_s=2.0), TICK_S)
     assert drift is not None
     stream = default_rng(3)
-    swerve, velocity, rate = current.stationary(stream), [], []
+    swerve, velocity, rate = current.sample_stationary(stream), [], []
     for _ in range(400_000):
         swerve = current.advance(drift, swerve, stream)
-        v, a = current.swerving(drift, swerve)
+        v, a = current.variation_motion(drift, swerve)
         velocity.append(v)
         rate.append(a)
     v, a = np.array(velocity), np.array(rate)
@@ -80,4 +80,4 @@ def test_the_variation_has_its_rms_forgets_in_its_time_and_moves_as_its_accelera
 
 
 def test_without_rms_there_is_no_variation() -> None:
-    assert current.drift(Variation(), TICK_S) is None
+    assert current.current_drift(Variation(), TICK_S) is None

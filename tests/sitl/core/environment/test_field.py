@@ -15,17 +15,17 @@ from mavlink_io.records import ActuatorFrame
 from sitl import scenario
 from sitl.core import environment, plant, timestep
 from sitl.core.environment import current, field
-from sitl.core.environment.field import Field
+from sitl.core.environment.field import WaterField
 from sitl.environment_schema import (
     Current,
     CurrentLayer,
-    Floor,
+    FloorTable,
     Ice,
     Variation,
-    Water,
+    WaterTable,
     Waves,
 )
-from sitl.scenario import Scenario, Start
+from sitl.scenario import Scenario, StartTable
 from sitl.vehicle import config, dynamics
 from tests.reference import bodies
 from tests.sitl.vehicle import flight
@@ -47,12 +47,12 @@ LONG_WAVE = Waves(
 )
 
 
-def sea_of(what: Scenario, half_length_m: float = 1.0, seed: int = 1) -> Field:
+def sea_of(what: Scenario, half_length_m: float = 1.0, seed: int = 1) -> WaterField:
     sea = environment.build(what, bodies.GRAVITY_MPS2, timestep.TICK_S, half_length_m)
-    return environment.settle(sea, default_rng(seed), default_rng(seed)).field
+    return environment.initial_weather(sea, default_rng(seed), default_rng(seed)).field
 
 
-def velocity(sea: Field, place: Array, time_s: float) -> Array:
+def velocity(sea: WaterField, place: Array, time_s: float) -> Array:
     swerve = SWERVE + SWERVING * (time_s - 3.0)
     return np.array(field.flow(sea, tuple(place), time_s, tuple(swerve), tuple(SWERVING))[0])
 
@@ -113,13 +113,13 @@ def test_pressure_under_waves_is_what_moves_the_water_and_vanishes_at_the_surfac
     waves = Waves(significant_height_m=0.1, peak_period_s=5.0, from_deg=70.0)
     what = Scenario(waves=waves)
     sea = environment.build(what, bodies.GRAVITY_MPS2, timestep.TICK_S)
-    own = environment.settle(sea, default_rng(1), default_rng(1))
+    own = environment.initial_weather(sea, default_rng(1), default_rng(1))
     h = 1e-4
 
     def gauge_pa(place: Array) -> float:
         body = dynamics.state_at_rest()
         body[:3] = place
-        wave_pa = environment.local(sea, own, body, 3.0).wave_pressure_pa
+        wave_pa = environment.sample_water(sea, own, body, 3.0).wave_pressure_pa
         return 100.0 * (
             environment.pressure_hpa(sea, -place[2], wave_pa) - sea.surface_pressure_hpa
         )
@@ -139,7 +139,7 @@ def test_waves_draw_a_hull_near_the_surface_upwards(heading: float) -> None:
     """Mean Dv/Dt at a place: k omega^2 a^2 exp(-2 k h) upwards, for a hull short against the wave
     (Ogilvie 1963)."""
     sea, body = (
-        sea_of(Scenario(waves=LONG_WAVE, floor=Floor(depth_m=500.0)), 0.5),
+        sea_of(Scenario(waves=LONG_WAVE, floor=FloorTable(depth_m=500.0)), 0.5),
         dynamics.state_at_rest(-1.5),
     )
     body[3], body[6] = math.cos(math.radians(heading) / 2), -math.sin(math.radians(heading) / 2)
@@ -156,7 +156,7 @@ def test_a_neutral_body_goes_where_the_water_goes() -> None:
 
     The particle itself drifts by a^2 omega k exp(-2 k h) (Stokes 1847).
     """
-    sea = sea_of(Scenario(waves=LONG_WAVE, floor=Floor(depth_m=500.0)), 0.05)
+    sea = sea_of(Scenario(waves=LONG_WAVE, floor=FloorTable(depth_m=500.0)), 0.05)
     body, state, particle = (
         bodies.spheroid(0.1, 0.1),
         dynamics.state_at_rest(-4.0),
@@ -184,16 +184,16 @@ def test_uniform_water_is_not_computed_and_draws_nothing(name: str) -> None:
     sea = environment.build(scenario.load(name), 9.81, timestep.TICK_S)
     swell, drift = default_rng(1), default_rng(2)
     before: Any = swell.bit_generator.state, drift.bit_generator.state
-    own = environment.advance(sea, environment.settle(sea, swell, drift), drift)
+    own = environment.advance(sea, environment.initial_weather(sea, swell, drift), drift)
     assert (swell.bit_generator.state, drift.bit_generator.state) == before
-    assert environment.local(sea, own, dynamics.state_at_rest(-3.0), 5.0) is sea.uniform
+    assert environment.sample_water(sea, own, dynamics.state_at_rest(-3.0), 5.0) is sea.uniform
 
 
 def test_what_is_told_of_uniform_water_is_what_the_field_says() -> None:
     what = Scenario(
         current=Current(speed_mps=0.4, towards_deg=50.0),
         ice=Ice(draft_m=0.5),
-        floor=Floor(depth_m=12.0),
+        floor=FloorTable(depth_m=12.0),
     )
     sea = environment.build(what, 9.81, timestep.TICK_S, 1.0, 1000.0)
     assert sea.uniform is not None
@@ -210,7 +210,9 @@ def test_each_kind_of_weather_draws_from_its_own_stream() -> None:
     for what, draws in ((restless, (False, True)), (Scenario(waves=LONG_WAVE), (True, False))):
         sea = environment.build(what, 9.81, timestep.TICK_S)
         used, fresh = plant.random_streams(3), plant.random_streams(3)
-        environment.advance(sea, environment.settle(sea, used.swell, used.drift), used.drift)
+        environment.advance(
+            sea, environment.initial_weather(sea, used.swell, used.drift), used.drift
+        )
         assert (
             used.swell.random() != fresh.swell.random(),
             used.drift.random() != fresh.drift.random(),
@@ -218,12 +220,12 @@ def test_each_kind_of_weather_draws_from_its_own_stream() -> None:
 
 
 def test_the_same_seed_flies_the_same_dive_through_waves_and_another_seed_another() -> None:
-    vehicle = plant.build(config.load("field"), scenario.load("swell"))
+    vehicle = plant.build(config.load("caribou_truth"), scenario.load("swell"))
     idle = ActuatorFrame(0, 1, (0.4, 0.0, 0.58, *(0.0,) * 13), 129)
 
     def end(seed: int) -> tuple[float, ...]:
         streams = plant.random_streams(seed)
-        state, _ = plant.launch(vehicle, streams)
+        state, _ = plant.initial_state(vehicle, streams)
         for _ in range(250):
             state, _ = plant.step(vehicle, state, idle, streams)
         return tuple(state.body.tolist())
@@ -234,11 +236,11 @@ def test_the_same_seed_flies_the_same_dive_through_waves_and_another_seed_anothe
 
 def test_she_starts_in_the_water_of_her_depth() -> None:
     deep = Scenario(
-        start=Start(depth_m=4.0, speed_mps=1.0, heading_deg=90.0), current=ROUGH.current
+        start=StartTable(depth_m=4.0, speed_mps=1.0, heading_deg=90.0), current=ROUGH.current
     )
-    vehicle = plant.build(config.load("field"), deep)
-    state, _ = plant.launch(vehicle, plant.random_streams(1))
-    north, west, _, _ = current.steady(vehicle.sea.field.profile, -4.0)
+    vehicle = plant.build(config.load("caribou_truth"), deep)
+    state, _ = plant.initial_state(vehicle, plant.random_streams(1))
+    north, west, _, _ = current.steady_current(vehicle.sea.field.profile, -4.0)
     np.testing.assert_allclose(state.truth.velocity_ned_mps, (north, 1.0 - west, 0.0), atol=1e-12)
     np.testing.assert_allclose(state.truth.water_velocity_ned_mps, (north, -west, 0.0), atol=1e-12)
 
@@ -246,10 +248,13 @@ def test_she_starts_in_the_water_of_her_depth() -> None:
 @pytest.mark.parametrize(("density_kgpm3", "sinks"), [(1005.0, True), (1040.0, False)])
 def test_fresh_water_carries_less_and_brine_more(density_kgpm3: float, sinks: bool) -> None:
     """Net force at rest: rho / 1025 of the buoyancy less the weight."""
-    what = Scenario(start=Start(depth_m=8.0), water=Water(density_kgpm3=density_kgpm3))
-    vehicle = plant.build(config.load("bench"), what)
-    state, _ = plant.launch(vehicle, plant.random_streams(1))
-    h, inertia = flight.model("bench").hydrostatics, flight.model("bench").inertia
+    what = Scenario(start=StartTable(depth_m=8.0), water=WaterTable(density_kgpm3=density_kgpm3))
+    vehicle = plant.build(config.load("caribou_nominal"), what)
+    state, _ = plant.initial_state(vehicle, plant.random_streams(1))
+    h, inertia = (
+        flight.model("caribou_nominal").hydrostatics,
+        flight.model("caribou_nominal").inertia,
+    )
     force = np.array(state.truth.specific_force_mps2)
     net = density_kgpm3 / 1025.0 * h.buoyancy_n - h.weight_n
     sinking = force[2] + h.gravity_mps2

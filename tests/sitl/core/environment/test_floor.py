@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sitl import bathymetry
 from sitl.core.environment import floor
-from sitl.environment_schema import Floor
+from sitl.environment_schema import FloorTable
 from sitl.scenario_types import ScenarioError
 
 HEADER = "ncols 3\nnrows 2\nxllcorner -15\nyllcorner -10\ncellsize 10\nNODATA_value -9999\n"
@@ -24,8 +24,8 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def gridded(folder: Path, text: str = GRID) -> floor.Floor:
-    return floor.build(Floor(file=str(written(folder, text))))
+def gridded(folder: Path, text: str = GRID) -> floor.SeaFloor:
+    return floor.build(FloorTable(file=str(written(folder, text))))
 
 
 def test_a_grids_first_row_is_its_northern_edge_and_its_corner_half_a_cell_outside(
@@ -40,17 +40,17 @@ def test_a_grids_first_row_is_its_northern_edge_and_its_corner_half_a_cell_outsi
 def test_between_nodes_it_is_bilinear_and_beyond_the_edge_it_goes_on_level(tmp_path: Path) -> None:
     """Rises 1 m per metre north and falls 0.2 per metre east; west is positive."""
     ground = gridded(tmp_path)
-    assert floor.under(ground, 0.0, 0.0) == pytest.approx((-17.0, 1.0, 0.2))
-    assert floor.under(ground, 2.5, -5.0) == pytest.approx((-15.5, 1.0, 0.2))
-    assert floor.under(ground, 80.0, 0.0) == pytest.approx((-12.0, 0.0, 0.2))
-    assert floor.under(ground, 80.0, 80.0) == pytest.approx((-10.0, 0.0, 0.0))
+    assert floor.height_and_slope(ground, 0.0, 0.0) == pytest.approx((-17.0, 1.0, 0.2))
+    assert floor.height_and_slope(ground, 2.5, -5.0) == pytest.approx((-15.5, 1.0, 0.2))
+    assert floor.height_and_slope(ground, 80.0, 0.0) == pytest.approx((-12.0, 0.0, 0.2))
+    assert floor.height_and_slope(ground, 80.0, 80.0) == pytest.approx((-10.0, 0.0, 0.0))
 
 
 def test_a_slope_deepens_towards_where_it_is_said_to() -> None:
-    ground = floor.build(Floor(depth_m=20.0, slope_deg=10.0, deepens_towards_deg=90.0))
+    ground = floor.build(FloorTable(depth_m=20.0, slope_deg=10.0, deepens_towards_deg=90.0))
     fall = math.tan(math.radians(10.0))
-    assert floor.under(ground, 33.0, -5.0)[0] == pytest.approx(-20.0 - 5.0 * fall)
-    normal = floor.normal(*floor.under(ground, 0.0, 0.0)[1:])
+    assert floor.height_and_slope(ground, 33.0, -5.0)[0] == pytest.approx(-20.0 - 5.0 * fall)
+    normal = floor.normal(*floor.height_and_slope(ground, 0.0, 0.0)[1:])
     assert normal == pytest.approx(
         (0.0, -math.sin(math.radians(10.0)), math.cos(math.radians(10.0))), abs=1e-15
     )
@@ -58,7 +58,7 @@ def test_a_slope_deepens_towards_where_it_is_said_to() -> None:
 
 @given(st.floats(0.0, 45.0), st.floats(0.0, 360.0), st.floats(-0.9, 0.9), st.floats(-0.9, 0.9))
 def test_a_beam_ends_on_the_slope(slope: float, towards: float, north: float, west: float) -> None:
-    ground = floor.build(Floor(depth_m=20.0, slope_deg=slope, deepens_towards_deg=towards))
+    ground = floor.build(FloorTable(depth_m=20.0, slope_deg=slope, deepens_towards_deg=towards))
     origin, along = (
         np.array([1.0, 2.0, -5.0]),
         np.array([north, west, -1.0]) / math.hypot(north, west, 1.0),
@@ -66,10 +66,10 @@ def test_a_beam_ends_on_the_slope(slope: float, towards: float, north: float, we
     distance = floor.range_m(ground, tuple(origin), tuple(along))
     if math.isfinite(distance):
         end = origin + distance * along
-        assert end[2] == pytest.approx(floor.under(ground, end[0], end[1])[0], abs=1e-9)
+        assert end[2] == pytest.approx(floor.height_and_slope(ground, end[0], end[1])[0], abs=1e-9)
     else:
         far = origin + 1e4 * along
-        assert far[2] > floor.under(ground, far[0], far[1])[0]
+        assert far[2] > floor.height_and_slope(ground, far[0], far[1])[0]
 
 
 @given(st.floats(-12.0, 12.0), st.floats(-12.0, 12.0), st.floats(-0.9, 0.9), st.floats(-0.9, 0.9))
@@ -83,13 +83,13 @@ def test_a_beam_ends_on_the_grid_and_nowhere_before(
     )
     distance = floor.range_m(ground, tuple(origin), tuple(along))
     ends = origin + np.linspace(0.0, 1.0, 50)[:, None] * distance * along
-    above = [end[2] - floor.under(ground, end[0], end[1])[0] for end in ends]
+    above = [end[2] - floor.height_and_slope(ground, end[0], end[1])[0] for end in ends]
     assert above[-1] == pytest.approx(0.0, abs=1e-6)
     assert min(above[:-1]) > 0.0
 
 
 def test_upwards_there_is_no_floor_unless_a_wall_of_it_stands_ahead(tmp_path: Path) -> None:
-    flat, ground = floor.build(Floor(depth_m=20.0)), gridded(tmp_path)
+    flat, ground = floor.build(FloorTable(depth_m=20.0)), gridded(tmp_path)
     level, climbing = (1.0, 0.0, 0.0), (math.cos(0.1), 0.0, math.sin(0.1))
     assert floor.range_m(flat, (0.0, 0.0, -5.0), level) == math.inf
     assert floor.range_m(flat, (0.0, 0.0, -5.0), (0.0, 0.0, 1.0)) == math.inf

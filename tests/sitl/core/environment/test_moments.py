@@ -14,7 +14,7 @@ from sitl import scenario
 from sitl.core import environment, plant
 from sitl.core.environment import moments
 from sitl.core.plant import Plant
-from sitl.environment_schema import Floor
+from sitl.environment_schema import FloorTable
 from sitl.vehicle import build_model, config
 from sitl.vehicle.linearise import linearise
 
@@ -36,7 +36,7 @@ def yaw_rate_rms_degps(
 
     Lyapunov equation of plane and shaping filter together: A P + P A' + B B' = 0.
     """
-    plane = linearise(build_model.build(config.load("field"))).yaw
+    plane = linearise(build_model.build(config.load("caribou_truth"))).yaw
     A = plane.A[:2, :2]
     by_moment = np.linalg.inv(plane.M)[:2, 1]
     n = len(filter_F)
@@ -72,7 +72,7 @@ def fly_through(sea: Plant, minutes: int) -> tuple[Matrix, Matrix]:
     """True yaw rates and the yaw moments behind them; duct amidships, depth held at 100 m, 58 %
     thrust."""
     rng = plant.random_streams(seed=1)
-    state, _ = plant.launch(sea, rng)
+    state, _ = plant.initial_state(sea, rng)
     truths = [state.truth]
     for _ in range(minutes * 60 * 50):
         truth = state.truth
@@ -91,7 +91,7 @@ def fly_through(sea: Plant, minutes: int) -> tuple[Matrix, Matrix]:
 
 def linear_yaw_rates(moments_nm: Matrix) -> Matrix:
     """What the field vehicle's linear plane makes of the same moments, held from tick to tick."""
-    plane = linearise(build_model.build(config.load("field"))).yaw
+    plane = linearise(build_model.build(config.load("caribou_truth"))).yaw
     by_moment = np.linalg.inv(plane.M)[:2, 1:2]
     held = signal.cont2discrete(
         (plane.A[:2, :2], by_moment, np.array([[0.0, 1.0]]), np.zeros((1, 1))), TICK_S
@@ -107,15 +107,15 @@ def test_a_flight_through_the_disturbed_sea_yaws_as_linear_theory_says() -> None
     minutes of one seed the rms of the moments themselves is uncertain by some 2 %, hence the bound
     on the linear response."""
     disturbance = scenario.load("disturbed").disturbance
-    start = scenario.Start(depth_m=100.0, speed_mps=1.3)
-    deep = scenario.Scenario(start=start, floor=Floor(depth_m=200.0), disturbance=disturbance)
-    sea = plant.build(config.load("field"), deep)
+    start = scenario.StartTable(depth_m=100.0, speed_mps=1.3)
+    deep = scenario.Scenario(start=start, floor=FloorTable(depth_m=200.0), disturbance=disturbance)
+    sea = plant.build(config.load("caribou_truth"), deep)
     model = sea.vessel.model
     no_crossflow = model._replace(
         stations=model.stations._replace(drag_kgpm=np.zeros_like(model.stations.drag_kgpm))
     )
     rates, moments = fly_through(
-        plant.fitted(sea, sea.vessel._replace(model=no_crossflow)), minutes=40
+        plant.with_body(sea, sea.vessel._replace(model=no_crossflow)), minutes=40
     )
     linear = np.std(linear_yaw_rates(moments))
     assert math.degrees(linear) == pytest.approx(0.42, rel=0.06)
@@ -138,7 +138,7 @@ def test_disturbances_start_stationary_and_stay_so() -> None:
     start, later = [], []
     for seed in range(1500):
         streams = plant.random_streams(seed)
-        disturbance = moments.stationary(streams.slow, streams.wave)
+        disturbance = moments.sample_stationary(streams.slow, streams.wave)
         start.append([*disturbance.slow, *disturbance.wave[0], *disturbance.wave[1]])
         for _ in range(20):
             disturbance = moments.advance(sea.moments, disturbance, streams.slow, streams.wave)
@@ -155,7 +155,9 @@ def test_disturbances_start_stationary_and_stay_so() -> None:
 def test_calm_water_pushes_nobody() -> None:
     streams = plant.random_streams(seed=1)
     sea = sea_of("calm")
-    assert moments.moments_flu_nm(sea.moments, moments.stationary(streams.slow, streams.wave)) == (
+    assert moments.moments_flu_nm(
+        sea.moments, moments.sample_stationary(streams.slow, streams.wave)
+    ) == (
         0.0,
         0.0,
     )

@@ -61,7 +61,7 @@ def test_a_fully_developed_sea_needs_no_period() -> None:
 
 def test_waves_run_from_where_they_come_and_spread_as_they_should() -> None:
     """Mean of cos(angle) under cos^2s of half the angle is s / (s + 1)."""
-    drawn = waves.draw(swell(SPREAD), default_rng(1))
+    drawn = waves.draw_components(swell(SPREAD), default_rng(1))
     towards = np.arctan2(-drawn[:, WEST], drawn[:, NORTH])
     off = towards - math.radians(20.0)
     assert np.mean(np.cos(off)) == pytest.approx(8.0 / 9.0, abs=0.005)
@@ -70,7 +70,9 @@ def test_waves_run_from_where_they_come_and_spread_as_they_should() -> None:
 
 
 def test_the_same_seed_gives_the_same_sea_and_another_another() -> None:
-    first, again, other = (waves.draw(swell(SPREAD), default_rng(seed)) for seed in (4, 4, 5))
+    first, again, other = (
+        waves.draw_components(swell(SPREAD), default_rng(seed)) for seed in (4, 4, 5)
+    )
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
     np.testing.assert_array_equal(
@@ -79,7 +81,7 @@ def test_the_same_seed_gives_the_same_sea_and_another_another() -> None:
 
 
 def test_water_at_the_floor_moves_along_it_and_in_crests_as_at_the_still_surface() -> None:
-    shallow = waves.draw(swell(SPREAD, 6.0), default_rng(2))
+    shallow = waves.draw_components(swell(SPREAD, 6.0), default_rng(2))
     assert waves.motion(shallow, 3.0, 4.0, -6.0, 7.0).velocity[2] == pytest.approx(0.0, abs=1e-12)
     at_level = waves.motion(shallow, 3.0, 4.0, 0.0, 7.0)
     assert waves.motion(shallow, 3.0, 4.0, 0.4, 7.0) == at_level

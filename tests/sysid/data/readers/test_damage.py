@@ -160,7 +160,7 @@ def test_mcap_bomb_is_refused_in_bounded_memory(bomb: str, tmp_path: Path) -> No
     make, reason = BOMBS[bomb]
     path = tmp_path / "bomb.mcap"
     path.write_bytes(make())
-    readers.kind(path)
+    readers.format_of(path)
     tracemalloc.start()
     with pytest.raises(LogError, match=rf"bomb\.mcap: .*{reason}") as refusal:
         readers.read(path)

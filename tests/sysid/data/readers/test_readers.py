@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from sysid.data import readers, segments
 from sysid.data.dataset import LogError
 from sysid.data.readers import servo_channels, ulog_recovery
-from sysid.data.readers.servo_channels import FIRST_THREE, Outputs
-from sysid.data.segments import Mark, Run
+from sysid.data.readers.servo_channels import FIRST_THREE, ServoChannels
+from sysid.data.segments import MarkedInterval, Run
 from sysid.screening import screen
 from tests.sysid.data.readers import files
 
@@ -30,8 +30,10 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {suffix: write(folder / f"dive.{suffix}") for suffix, write in WRITERS.items()}
 
 
-def the_run(path: Path, marks: tuple[Mark, ...] = (), chosen: Outputs = FIRST_THREE) -> Run:
-    (run,) = segments.cut(readers.read(path, chosen), marks)
+def the_run(
+    path: Path, marks: tuple[MarkedInterval, ...] = (), chosen: ServoChannels = FIRST_THREE
+) -> Run:
+    (run,) = segments.cut_runs(readers.read(path, chosen), marks)
     return run
 
 
@@ -92,7 +94,7 @@ def test_outputs_are_chosen_and_turned_round(tmp_path: Path) -> None:
     with pytest.raises(
         LogError, match=r"servos\.tlog: SERVO_OUTPUT_RAW holds 16 outputs, none is number 17"
     ):
-        readers.read(path, Outputs(17, 1, 2))
+        readers.read(path, ServoChannels(17, 1, 2))
     for text in ("1,2", "0,1,2", "rudder"):
         with pytest.raises(LogError, match="give RUDDER,ELEVATOR,THRUST"):
             servo_channels.parse(text)
@@ -100,15 +102,15 @@ def test_outputs_are_chosen_and_turned_round(tmp_path: Path) -> None:
 
 def test_a_test_that_no_text_tells_of_is_marked(tmp_path: Path) -> None:
     path = files.ulog(tmp_path / "silent.ulg", texts=False)
-    assert segments.cut(readers.read(path)) == []
-    run = the_run(path, (Mark(120.0, 130.0, "yaw"),))
+    assert segments.cut_runs(readers.read(path)) == []
+    run = the_run(path, (MarkedInterval(120.0, 130.0, "yaw"),))
     assert (run.wave, run.plane) == ("marked", "yaw")
     assert run.magnitude_deg == pytest.approx(4.0, abs=0.01)
     assert run.rudder_rad[run.time_s >= 0.0][0] == pytest.approx(math.radians(4.0), abs=1e-3)
     with pytest.raises(
         LogError, match=r"silent\.ulg: run 120\.\.150 must lie within the log, 100\.0\.\.140\.0 s"
     ):
-        the_run(path, (Mark(120.0, 150.0, "yaw"),))
+        the_run(path, (MarkedInterval(120.0, 150.0, "yaw"),))
 
 
 def test_leaving_the_mode_ends_ardupilots_test(tmp_path: Path) -> None:
@@ -162,7 +164,7 @@ def test_a_broken_file_is_read_or_refused_in_one_line(
     path.write_bytes(torn)
     said = f"torn.{suffix}"
     try:
-        segments.cut(readers.read(path))
+        segments.cut_runs(readers.read(path))
     except LogError as error:
         said = str(error)
     assert f"torn.{suffix}" in said
@@ -214,4 +216,4 @@ def test_a_ulg_whose_topics_are_lost_is_refused_and_not_read_for_ever(tmp_path: 
 
 def test_a_sound_ulg_is_given_on_as_it_is(written: dict[str, Path]) -> None:
     whole = written["ulg"].read_bytes()
-    assert ulog_recovery.mended(whole) == whole
+    assert ulog_recovery.keep_sound_messages(whole) == whole

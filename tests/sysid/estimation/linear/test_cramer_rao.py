@@ -8,8 +8,8 @@ import pytest
 from sysid.data.segments import Plane
 from sysid.estimation.linear import cramer_rao, response
 from sysid.estimation.linear import linear_model as plants
-from sysid.estimation.linear.linear_model import Plant
-from sysid.estimation.linear.response import Command
+from sysid.estimation.linear.linear_model import LinearModel
+from sysid.estimation.linear.response import SurfaceCommand
 from sysid.models import noise
 from sysid.models.noise import Noise
 from tests.sysid.estimation.linear.conftest import TAIL_STEPS, commands, plant
@@ -17,15 +17,15 @@ from tests.sysid.estimation.linear.conftest import TAIL_STEPS, commands, plant
 LEVEL = Noise(rate_radps=math.radians(0.3), angle_rad=math.radians(0.3), depth_m=0.03)
 
 
-def outputs(plane: Plane, values: np.ndarray, command: Command) -> np.ndarray:
-    at = Plant(plant(plane).frame, values)
+def outputs(plane: Plane, values: np.ndarray, command: SurfaceCommand) -> np.ndarray:
+    at = LinearModel(plant(plane).frame, values)
     by = response.discretise(at)
     return response.outputs(
         at, by, command, np.zeros(len(by.transition)), plants.outputs(plane)
     ).ravel()
 
 
-def differences(plane: Plane, command: Command) -> np.ndarray:
+def differences(plane: Plane, command: SurfaceCommand) -> np.ndarray:
     """(outputs, values) by central differences."""
     values = plant(plane).values
     steps = [TAIL_STEPS.get(name, 1e-6) for name in plants.names(plane)]
@@ -41,7 +41,7 @@ def differences(plane: Plane, command: Command) -> np.ndarray:
 def test_coloured_information_is_that_of_the_dense_covariance(plane: Plane) -> None:
     """J' S^-1 J with S the covariance of a short run's outputs, summed from the noise's own
     steps."""
-    truth, command = plant(plane), Command(commands()[0].angle_rad[:500])
+    truth, command = plant(plane), SurfaceCommand(commands()[0].angle_rad[:500])
     A, density, C, R, P = noise.system(plants.linear_plane(truth), LEVEL)
     Phi, Q = noise.discrete(A, density, response.DT)
     steps, count = response.steps(command), len(C)
@@ -60,7 +60,7 @@ def test_coloured_information_is_that_of_the_dense_covariance(plane: Plane) -> N
     dense = J.T @ np.linalg.solve(S.reshape(steps * count, -1), J) + cramer_rao.bench_information(
         truth
     )
-    found = cramer_rao.coloured(truth, [command], LEVEL).information
+    found = cramer_rao.bound_coloured(truth, [command], LEVEL).information
     size = np.sqrt(np.diag(dense))
     np.testing.assert_allclose(
         found / np.outer(size, size), dense / np.outer(size, size), atol=2e-4
@@ -71,7 +71,7 @@ def test_white_information_leaves_nuisances_free(plane: Plane) -> None:
     """The values' block of the inverse of the joint information, nuisances beside them."""
     truth, told = plant(plane), commands()[:2]
     count = plants.outputs(plane)
-    by, sds = response.discretise(truth), cramer_rao.sensors(LEVEL)[:count]
+    by, sds = response.discretise(truth), cramer_rao.sensor_sds(LEVEL)[:count]
     information = np.zeros((0, 0))
     values = truth.values.size
     each = len(by.transition) + 1
@@ -87,15 +87,15 @@ def test_white_information_leaves_nuisances_free(plane: Plane) -> None:
         J /= np.tile(sds, steps)[:, None]
         information += J.T @ J
     expected = np.sqrt(np.diag(np.linalg.inv(information))[:values])
-    found = np.sqrt(np.diag(cramer_rao.white(truth, told, LEVEL).covariance))
+    found = np.sqrt(np.diag(cramer_rao.bound_white(truth, told, LEVEL).covariance))
     np.testing.assert_allclose(found, expected, rtol=2e-3)
 
 
 def test_twice_the_tests_halve_the_variance_but_the_benchs(plane: Plane) -> None:
     truth, told = plant(plane), commands()
     once, twice = (
-        cramer_rao.coloured(truth, told, LEVEL),
-        cramer_rao.coloured(truth, told * 2, LEVEL),
+        cramer_rao.bound_coloured(truth, told, LEVEL),
+        cramer_rao.bound_coloured(truth, told * 2, LEVEL),
     )
     bench = cramer_rao.bench_information(truth)
     np.testing.assert_allclose(
@@ -106,4 +106,4 @@ def test_twice_the_tests_halve_the_variance_but_the_benchs(plane: Plane) -> None
 
 def test_a_bound_needs_a_test() -> None:
     with pytest.raises(ValueError, match="at least one test"):
-        cramer_rao.white(plant("yaw"), [], LEVEL)
+        cramer_rao.bound_white(plant("yaw"), [], LEVEL)

@@ -12,7 +12,7 @@ from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear.estimate import Method
 from sysid.estimation.linear.linear_model import NUMBERS
 from sysid.estimation.linear.multistart import NotUniqueError
-from sysid.estimation.linear.response import Command
+from sysid.estimation.linear.response import SurfaceCommand
 from tests.sysid import sea
 from tests.sysid.estimation.linear.conftest import believed, commands, flown, plant
 
@@ -47,7 +47,7 @@ def test_claimed_errors_are_real_ones() -> None:
 
 def test_still_water_tells_nothing(plane: Plane) -> None:
     """Commands that never move, without noise: the first thing that cannot be told is named."""
-    told = [Command(sea.step(0.0, 20.0))] * 2
+    told = [SurfaceCommand(sea.step(0.0, 20.0))] * 2
     runs = flown(plant(plane), told, SDS, np.random.default_rng(4))
     with pytest.raises(NotUniqueError, match=rf"{plane}: .*(cannot tell|bound|starts)"):
         estimate.estimate(runs, believed(plane), "output-error", others=2)
@@ -56,7 +56,7 @@ def test_still_water_tells_nothing(plane: Plane) -> None:
 def test_a_value_at_its_bound_is_refused() -> None:
     """A belief that is far from the vehicle and too sure of itself."""
     belief = believed("yaw")
-    narrow = records.bounded(belief.plant, belief.covariance * 1e-4)
+    narrow = records.with_bounds(belief.plant, belief.covariance * 1e-4)
     runs = flown(plant("yaw"), commands(), SDS, np.random.default_rng(5))
     with pytest.raises(NotUniqueError, match=r"yaw: \w+ = .* sits at its bound"):
         estimate.estimate(runs, narrow, "output-error", others=0)

@@ -10,7 +10,7 @@ from sysid.data.segments import Plane
 from sysid.estimation.linear import cramer_rao, multistart, output_error, response
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear import objective as objectives
-from sysid.estimation.linear.linear_model import Plant
+from sysid.estimation.linear.linear_model import LinearModel
 from tests.sysid.estimation.linear.conftest import believed, commands, flown, plant
 
 SDS = np.array([math.radians(0.3), math.radians(0.3), 0.03])
@@ -27,7 +27,7 @@ def test_projection_equals_joint_least_squares(plane: Plane) -> None:
     each, values = len(response.discretise(truth).transition) + 1, truth.values.size
 
     def joint(x: np.ndarray) -> np.ndarray:
-        at = Plant(truth.frame, x[:values] * belief.spread)
+        at = LinearModel(truth.frame, x[:values] * belief.spread)
         by = response.discretise(at)
         errors = []
         for i, run in enumerate(runs):
@@ -44,7 +44,11 @@ def test_projection_equals_joint_least_squares(plane: Plane) -> None:
     sd_joint = np.sqrt(np.diag(np.linalg.inv(brute.jac.T @ brute.jac))[:values]) * belief.spread
     information = multistart.information_at(projected, found.values)
     sd = np.sqrt(
-        np.diag(cramer_rao.of_information(Plant(truth.frame, found.values), information).covariance)
+        np.diag(
+            cramer_rao.of_information(
+                LinearModel(truth.frame, found.values), information
+            ).covariance
+        )
     )
     assert abs(brute.cost - found.cost) < 1e-4 * brute.cost
     assert np.max(np.abs(brute.x[:values] * belief.spread - found.values) / sd) < 0.02
@@ -70,7 +74,7 @@ def test_reduced_has_the_cost_gradient_and_information_of_all_residuals(plane: P
     truth, count = plant(plane), plants.outputs(plane)
     runs = flown(truth, commands()[:5], SDS, np.random.default_rng(3))
     given = truth.frame, runs, SDS[:count]
-    whole, few = output_error.objective(*given), output_error.reduced(*given)
+    whole, few = output_error.objective(*given), output_error.reduce_by_qr(*given)
     values = believed(plane).plant.values
     J, r = whole.jacobian(values), whole.residuals(values)
     A, b = few.jacobian(values), few.residuals(values)

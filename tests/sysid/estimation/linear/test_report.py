@@ -14,7 +14,7 @@ from sysid.estimation.linear import estimate, records, report, response
 from sysid.models import linear_planes, prediction
 from sysid.models import model_file as models
 from sysid.models.model_file import IdentifiedModel
-from sysid.reproduction.paper_tables import Coefficients
+from sysid.reproduction.paper_tables import Table1Column
 from tests.sysid import sea
 
 TRIM = (math.radians(6.0), math.radians(1.0))
@@ -23,7 +23,7 @@ TRIM = (math.radians(6.0), math.radians(1.0))
 @pytest.fixture(scope="module")
 def flown() -> list[Run]:
     """Small tests of the bench vehicle, small enough for her to be nearly linear."""
-    bench = config.load("bench")
+    bench = config.load("caribou_nominal")
     runs = []
     for number, sign in enumerate((1.0, -1.0, 1.0, -1.0)):
         shape = sea.doublet(sign * 3.0, 4.0) if number > 1 else sea.step(sign * 1.5, 15.0)
@@ -38,12 +38,12 @@ def flown() -> list[Run]:
 
 @pytest.fixture(scope="module")
 def model(flown: list[Run]) -> IdentifiedModel:
-    return refit.identify(flown, config.load("bench"), "bench", "filter-error")
+    return refit.identify(flown, config.load("caribou_nominal"), "caribou_nominal", "filter-error")
 
 
 def test_planes_are_the_vehicles_own(model: IdentifiedModel) -> None:
     """Within four of the standard deviations it claims, and a twentieth for what is not linear."""
-    c = config.load("bench")
+    c = config.load("caribou_nominal")
     true = linear_planes.small_signal(linear_planes.yaw_plane(coefficients(c)))
     found = model.planes["yaw"]
     for name in ("b1_per_s2", "p_slow_per_s", "p_fast_per_s"):
@@ -53,15 +53,15 @@ def test_planes_are_the_vehicles_own(model: IdentifiedModel) -> None:
     assert found.b1_per_s2.sd < 0.1 * true.b1_per_s2
 
 
-def coefficients(vehicle: config.VehicleConfig) -> Coefficients:
+def coefficients(vehicle: config.VehicleConfig) -> Table1Column:
     from sysid.models import parameters
 
-    return parameters.short(vehicle.linear)
+    return parameters.to_table_1_column(vehicle.linear)
 
 
 def test_coefficients_reproduce_the_planes(model: IdentifiedModel) -> None:
     """Redesign takes the coefficients; they must be the planes that were identified."""
-    c = Coefficients(**{name: found.value for name, found in model.coefficients.items()})
+    c = Table1Column(**{name: found.value for name, found in model.coefficients.items()})
     again = {
         "yaw": linear_planes.small_signal(
             linear_planes.yaw_plane(c, model.speed_mps, model.vehicle.mass_kg)
@@ -99,11 +99,11 @@ def test_a_plane_without_runs_is_the_priors(flown: list[Run]) -> None:
     """By output error, which knows of no sea; in one it need not find one plane, so nobody asks
     here."""
     yaw = [run for run in flown if run.plane == "yaw"]
-    prior = refit.prior_of(yaw, config.load("bench"))
-    belief = records.belief(prior, "yaw")
-    records_of_yaw = [records.record(run, estimate.LEADS_S["output-error"]) for run in yaw]
+    prior = refit.prior_of(yaw, config.load("caribou_nominal"))
+    belief = records.linear_prior(prior, "yaw")
+    records_of_yaw = [records.linear_run(run, estimate.LEADS_S["output-error"]) for run in yaw]
     one = estimate.descend(records_of_yaw, belief, "output-error", belief.plant.values)
-    found = report.of_estimates({"yaw": one}, prior, "bench", "output-error")
+    found = report.of_estimates({"yaw": one}, prior, "caribou_nominal", "output-error")
     assert found.method == "output-error"
     assert found.noise == {}
     assert any("no run in pitch" in note for note in found.notes)
@@ -116,7 +116,7 @@ def test_a_record_holds_the_run_from_its_lead_on(flown: list[Run], plane: Plane)
     """Heading and depth from where they begin; outputs stand at every fifth sample after the
     command's lead."""
     run = next(run for run in flown if run.plane == plane)
-    what = records.record(run, 4.0)
+    what = records.linear_run(run, 4.0)
     begins_s = run.time_s[what.command.lead]
     assert begins_s == pytest.approx(-1.0, abs=0.02)
     assert response.steps(what.command) == len(what.measured)

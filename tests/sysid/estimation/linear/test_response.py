@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from sysid.data.segments import RATE_HZ, Plane
 from sysid.estimation.linear import linear_model as plants
 from sysid.estimation.linear import response
-from sysid.estimation.linear.linear_model import NUMBERS, Plant
-from sysid.estimation.linear.response import Command
+from sysid.estimation.linear.linear_model import NUMBERS, LinearModel
+from sysid.estimation.linear.response import SurfaceCommand
 from sysid.models.linear_planes import small_signal
 from tests.sysid.estimation.linear.conftest import TAIL_STEPS, commands, plant
 
@@ -58,15 +58,18 @@ def test_slopes_are_those_of_the_outputs(plane: Plane, away: list[float], start:
     values = truth.values.copy()
     values[:numbers] *= 1.0 + np.array(away[:numbers])
     values[numbers] = 0.311
-    here, command = Plant(truth.frame, values), Command(commands()[2].angle_rad, lead=30)
+    here, command = (
+        LinearModel(truth.frame, values),
+        SurfaceCommand(commands()[2].angle_rad, lead=30),
+    )
     by, count = response.discretise(here), plants.outputs(plane)
     x0 = np.full(len(by.transition), start)
-    slopes = response.slopes(here, by, response.driven(here, command), x0, count)
+    slopes = response.slopes(here, by, response.duct_motion(here, command), x0, count)
 
     def outputs(index: int, step: float) -> np.ndarray:
         moved = values.copy()
         moved[index] += step
-        at = Plant(truth.frame, moved)
+        at = LinearModel(truth.frame, moved)
         return response.outputs(at, response.discretise(at), command, x0, count)
 
     for index, name in enumerate(plants.names(plane)):

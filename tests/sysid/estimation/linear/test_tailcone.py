@@ -25,7 +25,7 @@ FREE = Actuator(0.311, 3.0, 0.6, 0.01, math.radians(30.0), math.radians(90.0))
 )
 def test_slopes_are_those_of_the_angle(actuator: Actuator) -> None:
     command = np.repeat(np.random.default_rng(1).normal(0.0, math.radians(6.0), 12), 60)
-    found = tailcone.moved(command, actuator)
+    found = tailcone.angle_sensitivity(command, actuator)
     np.testing.assert_array_equal(found.angle_rad, tailcone.angles(command, actuator))
     for slope, (name, step) in zip(found.slopes, VALUES.items(), strict=True):
         further = actuator._replace(**{name: getattr(actuator, name) + step})

@@ -23,7 +23,10 @@ TRIM = (math.radians(6.0), math.radians(1.0))
 def true_z(truth: config.VehicleConfig, prior: config.VehicleConfig) -> dict[str, float]:
     """Where the truth lies in the estimate's own coordinates, for the parameters that vehicle files
     hold."""
-    there, here = parameters.short(truth.linear)._asdict(), parameters.short(prior.linear)._asdict()
+    there, here = (
+        parameters.to_table_1_column(truth.linear)._asdict(),
+        parameters.to_table_1_column(prior.linear)._asdict(),
+    )
     z = {}
     for parameter in PARAMETERS:
         name = parameter.name
@@ -32,7 +35,7 @@ def true_z(truth: config.VehicleConfig, prior: config.VehicleConfig) -> dict[str
             z[name] = math.log((there[name] - added) / (here[name] - added)) / parameter.prior_sd
         elif name == "backlash":
             z[name] = (
-                math.log(truth.tailcone.backlash_deg / parameters.play_deg(prior))
+                math.log(truth.tailcone.backlash_deg / parameters.backlash_deg(prior))
                 / parameter.prior_sd
             )
         elif "bias" not in name:
@@ -57,7 +60,7 @@ def test_errors_are_as_large_as_claimed(
 def test_design_numbers_lie_within_three_standard_deviations(
     model: IdentifiedModel, field: config.VehicleConfig
 ) -> None:
-    vehicle = parameters.Vehicle(field, build_model.build(field), {})
+    vehicle = parameters.CandidateVehicle(field, build_model.build(field), {})
     for plane in ("yaw", "pitch"):
         true, found = (
             linear_planes.small_signal(fit.linear_plane(vehicle, plane)),
@@ -95,11 +98,11 @@ def test_what_motion_cannot_tell_is_not_called_measured(model: IdentifiedModel) 
 def test_scaling_an_equation_leaves_the_motion_as_it_was(bench: config.VehicleConfig) -> None:
     """The null direction itself: moment coefficients, inertia and righting moment grown
     together."""
-    vehicle = parameters.vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
+    vehicle = parameters.candidate_vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
     z = np.zeros(len(NAMES))
     for name in ("N_v", "N_r", "N_dr", "I_zz"):
         z[NAMES.index(name)] = math.log(1.2) / PARAMETERS[NAMES.index(name)].prior_sd
-    scaled = parameters.vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, z)
+    scaled = parameters.candidate_vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, z)
     before, after = (
         linear_planes.small_signal(fit.linear_plane(v, "yaw")) for v in (vehicle, scaled)
     )
@@ -134,7 +137,7 @@ def test_unseen_runs_are_predicted_better_than_by_first_principles(
         for k, (plane, signal) in enumerate(signals)
         for again in range(3)
     ]
-    scored = prediction.held_out(model, fresh).held_out
+    scored = prediction.with_held_out_errors(model, fresh).held_out
     for plane in ("yaw", "pitch"):
         errors = prediction.mean_rate_errors(scored, plane)
         assert errors is not None
@@ -149,7 +152,7 @@ def test_without_sea_or_sensor_noise_the_error_that_remains_is_structure(
     for plane in ("yaw", "pitch"):
         signal = sea.doublet(5.0, 4.0)
         run = sea.fly(field, plane, signal, level=sea.CALM, sensors=quiet, trim_rad=TRIM)
-        (score,) = prediction.held_out(model, [run]).held_out
+        (score,) = prediction.with_held_out_errors(model, [run]).held_out
         assert score.model_mse_deg2ps2 < 0.5 * score.prior_mse_deg2ps2, plane
         assert score.variance_accounted_for > 0.97
 
@@ -181,7 +184,7 @@ def test_the_papers_way_confesses_its_rank(
     assert any("no unique solution" in note for note in found.notes)
 
 
-@pytest.mark.parametrize("bad", ["field", "nowhere.toml", "nowhere.json"])
+@pytest.mark.parametrize("bad", ["caribou_truth", "nowhere.toml", "nowhere.json"])
 def test_a_prior_that_cannot_be_is_refused_in_one_line(bad: str) -> None:
     with pytest.raises(ValueError, match=bad.split(".")[0]) as refusal:
         refit.refit([], prior=bad)

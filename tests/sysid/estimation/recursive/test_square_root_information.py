@@ -22,7 +22,7 @@ def test_rows_taken_one_block_at_a_time_are_least_squares_with_a_prior(
     rng = np.random.default_rng(seed)
     mean, covariance = belief(rng)
     rows, values = rng.standard_normal((sum(blocks), SIZE)), rng.standard_normal(sum(blocks))
-    known, at = square_root_information.of_belief(mean, covariance), 0
+    known, at = square_root_information.from_normal(mean, covariance), 0
     for block in blocks:
         known = square_root_information.absorb(
             known, rows[at : at + block], values[at : at + block]
@@ -49,7 +49,7 @@ def test_a_covariance_keeps_its_positive_sign_and_only_shrinks(
     """Also where one direction is told of a million times better than the others."""
     rng = np.random.default_rng(seed)
     mean, covariance = belief(rng)
-    known = square_root_information.of_belief(mean, covariance)
+    known = square_root_information.from_normal(mean, covariance)
     row = scale * rng.standard_normal((1, SIZE))
     for _ in range(copies):
         known = square_root_information.absorb(known, row, rng.standard_normal(1))
@@ -71,15 +71,15 @@ def test_two_pieces_together_tell_what_both_told() -> None:
     mean, covariance = belief(rng)
     rows, values = rng.standard_normal((9, SIZE)), rng.standard_normal(9)
     first = square_root_information.absorb(
-        square_root_information.of_belief(mean, covariance), rows[:4], values[:4]
+        square_root_information.from_normal(mean, covariance), rows[:4], values[:4]
     )
     second = square_root_information.absorb(
-        square_root_information.nothing(SIZE), rows[4:], values[4:]
+        square_root_information.empty(SIZE), rows[4:], values[4:]
     )
     at_once = square_root_information.absorb(
-        square_root_information.of_belief(mean, covariance), rows, values
+        square_root_information.from_normal(mean, covariance), rows, values
     )
-    together = square_root_information.joined(first, second)
+    together = square_root_information.combine(first, second)
     np.testing.assert_allclose(
         square_root_information.mean(together), square_root_information.mean(at_once), rtol=1e-10
     )
