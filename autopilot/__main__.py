@@ -8,31 +8,31 @@ from typing import Annotated
 import typer
 
 from autopilot.app import App
-from autopilot.hil import HilLink
-from autopilot.identity import AutopilotId, version
-from autopilot.keys import Keys
-from autopilot.law_file import LawError
-from autopilot.law_file import load as load_laws
-from autopilot.logbook.book import Logbook
-from autopilot.logbook.store import default_folder
+from autopilot.comms.ground_server import GroundServer
+from autopilot.comms.hil import HilLink
+from autopilot.comms.signing_keys import Keys
+from autopilot.control.lqg_file import LqgFileError
+from autopilot.control.lqg_file import load as load_laws
+from autopilot.control.params import ParamError, ParamTable
+from autopilot.control.types import Severity
+from autopilot.onboard_log.recorder import OnboardLog
+from autopilot.onboard_log.storage import default_folder
 from autopilot.param_file import load
 from autopilot.param_store import ParamStore
-from autopilot.params import ParamError, ParamTable
-from autopilot.server import GroundServer
-from autopilot.types import Severity
+from autopilot.telemetry.identity import AutopilotId, version
 from autopilot.vehicle import Vehicle
-from link.lifeline import end_with_stdin
-from link.signing import KeyFileError
-from link.state import state_folder
-from link.transport import PATIENCE_S, AddressError, LinkLostError, open_transport
+from mavlink_io.parent_watch import end_with_stdin
+from mavlink_io.signing import KeyFileError
+from mavlink_io.transport import SEND_TIMEOUT_S, AddressError, LinkLostError, open_transport
+from mavlink_io.user_data_dir import user_data_dir
 
 DEFAULT_GROUND = ["udpout:127.0.0.1:14550", "udpout:127.0.0.1:14540"]
 """Where QGroundControl and MAVProxy, and where MAVSDK listen."""
 
-NOTHING = "off"
-HURRIED_S = 0.2
-"""The longest that a TCP client which reads nothing may hold up a vehicle that does not wait for her autopilot: what
-Wi-Fi leaves behind when she dives."""
+OFF = "off"
+MAX_SEND_BLOCK_S = 0.2
+"""The longest that a TCP client which reads nothing may hold up a vehicle that does not wait for
+her autopilot: what Wi-Fi leaves behind when she dives."""
 
 WORK_FAILED, BAD_INPUT = 1, 2
 
@@ -42,48 +42,74 @@ def fly(
         str, typer.Option(metavar="ADDRESS", help="Link to the simulator or the vehicle.")
     ] = "udpin:127.0.0.1:14560",
     gcs: Annotated[
-        list[str] | None, typer.Option(metavar="ADDRESS", help="Link to the ground; may be repeated.")
+        list[str] | None,
+        typer.Option(metavar="ADDRESS", help="Link to the ground; may be repeated."),
     ] = None,
-    params: Annotated[Path | None, typer.Option(metavar="FILE", help="Parameters: lines of NAME,VALUE.")] = None,
+    params: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Parameters: lines of NAME,VALUE.")
+    ] = None,
     laws: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Laws that fly in place of the PIDs, by `ground laws`.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Laws that fly in place of the PIDs, by `ground laws`."),
     ] = None,
     sign: Annotated[
-        list[str] | None, typer.Option(metavar="ADDRESS=KEYFILE", help="Sign that link to the ground; may be repeated.")
+        list[str] | None,
+        typer.Option(
+            metavar="ADDRESS=KEYFILE", help="Sign that link to the ground; may be repeated."
+        ),
     ] = None,
-    autopilot_id: Annotated[AutopilotId, typer.Option(help="Personality told in HEARTBEAT.")] = AutopilotId.GENERIC,
+    autopilot_id: Annotated[
+        AutopilotId, typer.Option(help="Personality told in HEARTBEAT.")
+    ] = AutopilotId.GENERIC,
     logs: Annotated[
         str,
         typer.Option(
             metavar="DIR|off",
-            help="Where the vehicle keeps her own logs; default: caribou/logs in the user's state directory.",
+            help=(
+                "Where the vehicle keeps her own logs; default: caribou/logs in the user's state"
+                " directory."
+            ),
         ),
     ] = "",
     state: Annotated[
         str,
         typer.Option(
             metavar="DIR|off",
-            help="Where parameters are kept for the next start; default: caribou in the user's state directory.",
+            help=(
+                "Where parameters are kept for the next start; default: caribou in the user's state"
+                " directory."
+            ),
         ),
     ] = "",
-    lifeline: Annotated[bool, typer.Option("--lifeline", help="End when standard input does.")] = False,
+    lifeline: Annotated[
+        bool, typer.Option("--lifeline", help="End when standard input does.")
+    ] = False,
 ) -> None:
     """Fly the vehicle: sensors in, actuators out, MAVLink to the ground."""
     try:
-        keeper = ParamStore(_folder(state, state_folder()))
+        keeper = ParamStore(_folder(state, user_data_dir()))
         kept = keeper.load()
-        table = ParamTable(kept | (load(params) if params else {}), kept, load_laws(laws) if laws else None)
+        table = ParamTable(
+            kept | (load(params) if params else {}), kept, load_laws(laws) if laws else None
+        )
         vehicle = Vehicle(table)
         keys = Keys.from_options(sign or (), gcs or DEFAULT_GROUND)
         hil_link = HilLink(open_transport(hil, awaited=True), vehicle.system)
-        patience_s = PATIENCE_S if hil_link.lockstep else HURRIED_S
-        transports = [open_transport(each, awaited=True, patience_s=patience_s) for each in gcs or DEFAULT_GROUND]
-        logbook = Logbook(vehicle, _folder(logs, default_folder()), version())
+        patience_s = SEND_TIMEOUT_S if hil_link.lockstep else MAX_SEND_BLOCK_S
+        transports = [
+            open_transport(each, awaited=True, patience_s=patience_s)
+            for each in gcs or DEFAULT_GROUND
+        ]
+        logbook = OnboardLog(vehicle, _folder(logs, default_folder()), version())
         ground = GroundServer(vehicle, transports, autopilot_id, keys, logbook, keeper)
-    except (AddressError, KeyFileError, LawError, ParamError) as error:
-        raise SystemExit(_complain(error, BAD_INPUT)) from None
+    except (AddressError, KeyFileError, LqgFileError, ParamError) as error:
+        raise SystemExit(_print_error(error, BAD_INPUT)) from None
     links = ", ".join(link.transport.address for link in ground.links)
-    print(f"autopilot: system {vehicle.system}, HIL {hil}, ground {links}", file=sys.stderr, flush=True)
+    print(
+        f"autopilot: system {vehicle.system}, HIL {hil}, ground {links}",
+        file=sys.stderr,
+        flush=True,
+    )
     if laws:
         vehicle.say(f"Laws: {laws.name}", Severity.INFO)
     for complaint in keeper.complaints:
@@ -95,7 +121,7 @@ def fly(
     try:
         App(vehicle, hil_link, ground, logbook).run(stop)
     except LinkLostError as error:
-        raise SystemExit(_complain(error, WORK_FAILED)) from None
+        raise SystemExit(_print_error(error, WORK_FAILED)) from None
     finally:
         for complaint in (keys.save(), keeper.close(table)):
             if complaint:
@@ -103,7 +129,7 @@ def fly(
 
 
 def _folder(given: str, default: Path) -> Path | None:
-    return None if given == NOTHING else Path(given) if given else default
+    return None if given == OFF else Path(given) if given else default
 
 
 class Stop:
@@ -121,7 +147,7 @@ class Stop:
         self._asked = True
 
 
-def _complain(error: Exception, status: int) -> int:
+def _print_error(error: Exception, status: int) -> int:
     print(f"autopilot: {error}", file=sys.stderr)
     return status
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from autopilot.params import ParamError, validate
+from autopilot.control.params import ParamError, validate
 
 
 def load(path: Path) -> dict[str, float]:
@@ -39,6 +39,6 @@ def lines(text: str) -> Iterator[tuple[int, str, float | ParamError]]:
             yield number, "", ParamError(f"expected NAME,VALUE, not {line.strip()!r}")
 
 
-def text_of(values: Mapping[str, float]) -> str:
+def to_text(values: Mapping[str, float]) -> str:
     """The file of some values, each as exact as a float32 is."""
     return "".join(f"{name},{value:.9g}\n" for name, value in sorted(values.items()))

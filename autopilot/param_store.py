@@ -1,23 +1,23 @@
-"""Parameters that outlive the program: what ground has set is on disk before long, and there at the next start.
+"""Parameters that outlive the program: what ground has set is on disk before long, and there at the
+next start.
 
-The file is written whole or not at all, by a thread of its own: a slow disk must not hold the vehicle up. One that
-cannot be read is told and put aside, never a reason not to start.
-"""
+The file is written whole or not at all, by a thread of its own: a slow disk must not hold the
+vehicle up. One that cannot be read is told and put aside, never a reason not to start."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import count
 from pathlib import Path
 
-from autopilot.param_file import lines, text_of
-from autopilot.params import ParamError, ParamTable
-from link.clock import Every
-from link.state import replace_file
+from autopilot.control.params import ParamError, ParamTable
+from autopilot.param_file import lines, to_text
+from mavlink_io.clock import Every
+from mavlink_io.user_data_dir import replace_file
 
 FILE = "parameters.param"
-GATHER_S = 0.2
+SAVE_DELAY_S = 0.2
 """Values that come one after the other are written at once."""
-_NOT_YET = -1
+_UNSAVED = -1
 
 
 class ParamStore:
@@ -31,12 +31,13 @@ class ParamStore:
         """The table's revision that is on disk, or on its way there."""
         self._failed = False
         """The last that was to be written was not."""
-        self._due = Every(GATHER_S)
+        self._due = Every(SAVE_DELAY_S)
         self.complaints: list[str] = []
         """What was wrong with the file."""
 
     def load(self) -> dict[str, float]:
-        """What was kept. A line that is wrong is left out; the file as it was then lies beside the new one."""
+        """What was kept. A line that is wrong is left out; the file as it was then lies beside the
+        new one."""
         if self._path is None:
             return {}
         try:
@@ -55,7 +56,7 @@ class ParamStore:
                 values[name] = value
         if self.complaints:
             self._put_aside(self._path)
-            self._written = _NOT_YET
+            self._written = _UNSAVED
         return values
 
     def poll(self, table: ParamTable, say: Callable[[str], None]) -> None:
@@ -65,10 +66,15 @@ class ParamStore:
             self._writing, self._failed = None, error is not None
             if error is not None:
                 say(f"Parameters are not kept: {getattr(error, 'strerror', None) or error}")
-        if self._path is None or self._writing is not None or table.revision == self._written or not self._due.due():
+        if (
+            self._path is None
+            or self._writing is not None
+            or table.revision == self._written
+            or not self._due.due()
+        ):
             return
         self._written = table.revision
-        self._writing = self._writer.submit(_write, self._path, text_of(table.kept))
+        self._writing = self._writer.submit(_write, self._path, to_text(table.kept))
 
     def close(self, table: ParamTable) -> str:
         """Write what is left, and wait for it; returns what went wrong, or nothing."""
@@ -77,7 +83,7 @@ class ParamStore:
         if self._path is None or (table.revision == self._written and not failed):
             return ""
         try:
-            _write(self._path, text_of(table.kept))
+            _write(self._path, to_text(table.kept))
         except OSError as error:
             return f"parameters are not kept: {error.strerror}"
         return ""

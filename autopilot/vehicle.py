@@ -3,29 +3,37 @@
 import math
 from typing import NamedTuple
 
-from autopilot import command, core, health, modes, requests
-from autopilot.params import Config, ParamError, ParamTable
-from autopilot.types import (
+from autopilot.control import core, modes, request_handler, requests
+from autopilot.control.params import Config, ParamError, ParamTable
+from autopilot.control.sensor_health import monitor
+from autopilot.control.types import (
     ACCEPTED,
     DENIED,
     UNSUPPORTED,
     Answer,
+    AutopilotState,
     Event,
     Inputs,
     ItemReached,
     Severity,
-    State,
     Trace,
     Trim,
 )
-from link import missions
-from link.mission_server import MissionProgress, Verdict
-from link.missions import MissionItem
-from link.records import ActuatorFrame, Altimeter, Battery, GpsFix, Leak, SensorFrame
+from mavlink_io.mission_items import MissionItem
+from mavlink_io.records import (
+    ActuatorFrame,
+    Altimeter,
+    Battery,
+    GpsFix,
+    Leak,
+    SensorFrame,
+)
+from mavlink_io.services import missions
+from mavlink_io.services.mission_server import MissionProgress, MissionResult
 
-LEARNED_TIMES = 2.0
+MAX_TRIM_REPORTS = 2.0
 """Trims are kept after so many times the time in which they are learned."""
-FIX_LASTS_US = 1_500_000
+FIX_TIMEOUT_US = 1_500_000
 """A satellite fix older than this is none: the vehicle has dived."""
 
 NO_MISSION, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = 1, 2, 3, 4, 5
@@ -37,7 +45,7 @@ NO_ITEMS = 0xFFFF
 class Snapshot(NamedTuple):
     """The vehicle after a tick, as telemetry tells it."""
 
-    state: State
+    state: AutopilotState
     trace: Trace
     actuators: ActuatorFrame
     sensors: SensorFrame | None
@@ -53,7 +61,8 @@ class Snapshot(NamedTuple):
 
 
 class Vehicle:
-    """The autopilot's state, moved by ticks and by requests; gathers what there is to say of them."""
+    """The autopilot's state, moved by ticks and by requests; gathers what there is to say of
+    them."""
 
     def __init__(self, params: ParamTable) -> None:
         self.params, self.system = params, params.config.system_id
@@ -61,7 +70,7 @@ class Vehicle:
         self._begin()
 
     def _begin(self) -> None:
-        self.state = core.start()
+        self.state = core.initial_state()
         self._trace = Trace()
         self._sensors: SensorFrame | None = None
         self._fix: GpsFix | None = None
@@ -69,12 +78,14 @@ class Vehicle:
         self._battery: Battery | None = None
         self._leak: Leak | None = None
         self._intended_mode = self.state.mode
-        self._actuators = core.actuators(self.state, self._trace, self.params.config)
+        self._actuators = core.actuator_frame(self.state, self._trace, self.params.config)
 
     def tick(self, inputs: Inputs) -> ActuatorFrame:
         """One step at the vehicle time of the sensors."""
         before = self.state
-        self.state, self._actuators, self._trace, events = core.tick(before, inputs, self.params.config)
+        self.state, self._actuators, self._trace, events = core.tick(
+            before, inputs, self.params.config
+        )
         self._sensors = inputs.sensors
         self._fix = inputs.gps or self._recent_fix()
         self._altimeter = inputs.altimeter or self._altimeter
@@ -88,12 +99,14 @@ class Vehicle:
 
     def again(self) -> ActuatorFrame:
         """The last answer for a sensor frame that came twice; arming since then shows in it."""
-        return core.actuators(self.state, self._trace, self.params.config)
+        return core.actuator_frame(self.state, self._trace, self.params.config)
 
     def request(self, wish: requests.Request) -> Answer:
         """Answer ground at once; a refusal is said aloud."""
         before = self.state
-        self.state, answer, events = command.request(before, wish, self.params.config)
+        self.state, answer, events = request_handler.handle_request(
+            before, wish, self.params.config
+        )
         self._events += events
         if before.armed and not self.state.armed:
             self._keep_trim(before.loops.trim)
@@ -106,12 +119,15 @@ class Vehicle:
         """Begin afresh, as after a reboot; parameters and mission stay."""
         items = self.state.mission.items
         self._begin()
-        self.state = command.request(self.state, requests.LoadMission(items), self.params.config)[0]
+        self.state = request_handler.handle_request(
+            self.state, requests.LoadMission(items), self.params.config
+        )[0]
         self.say(f"Restarted: {reason}", Severity.NOTICE)
 
     def lose_sensors(self) -> None:
-        """No sample comes any more: say so. Until they have come again for a while she is not to be armed."""
-        self.state = health.lose_sensors(self.state)
+        """No sample comes any more: say so. Until they have come again for a while she is not to be
+        armed."""
+        self.state = monitor.report_sensor_loss(self.state)
         self.say("Sensors silent", Severity.ERROR)
 
     def say(self, text: str, severity: Severity = Severity.WARNING) -> None:
@@ -125,21 +141,33 @@ class Vehicle:
 
     def snapshot(self) -> Snapshot:
         return Snapshot(
-            self.state, self._trace, self._actuators, self._sensors, self._fix, self.params.config, self._intended_mode,
-            self._altimeter, self._battery, self._leak,
-        )  # fmt: skip
+            self.state,
+            self._trace,
+            self._actuators,
+            self._sensors,
+            self._fix,
+            self.params.config,
+            self._intended_mode,
+            self._altimeter,
+            self._battery,
+            self._leak,
+        )
 
     def _keep_trim(self, trim: Trim) -> None:
-        """Trims that were learned for long enough become parameters when the vehicle is disarmed."""
+        """Trims that were learned for long enough become parameters when the vehicle is
+        disarmed."""
         config = self.params.config
-        if not config.trim_time_s or trim.learned_s < LEARNED_TIMES * config.trim_time_s:
+        if not config.trim_time_s or trim.learned_s < MAX_TRIM_REPORTS * config.trim_time_s:
             return
         learned = {
             "TRIM_RUD_DEG": config.rudder_trim_deg + math.degrees(trim.rudder_rad),
             "TRIM_ELE_DEG": config.elevator_trim_deg + math.degrees(trim.elevator_rad),
         }
         try:
-            kept = [f"{name} {self.params.set(name, round(value, 3)):g}" for name, value in learned.items()]
+            kept = [
+                f"{name} {self.params.set(name, round(value, 3)):g}"
+                for name, value in learned.items()
+            ]
         except ParamError as error:
             self.say(f"Trim not kept: {error}")
             return
@@ -147,14 +175,16 @@ class Vehicle:
 
     def _recent_fix(self) -> GpsFix | None:
         fix = self._fix
-        return fix if fix is not None and self.state.time_us - fix.time_us < FIX_LASTS_US else None
+        return (
+            fix if fix is not None and self.state.time_us - fix.time_us < FIX_TIMEOUT_US else None
+        )
 
     def _follow_mode(self) -> None:
         if not self.state.failsafe:
             self._intended_mode = self.state.mode
 
 
-class MissionStore:
+class VehicleMission:
     """The vehicle's mission as the mission protocol wants it."""
 
     def __init__(self, vehicle: Vehicle) -> None:
@@ -168,9 +198,9 @@ class MissionStore:
     def progress(self) -> MissionProgress:
         return progress(self._vehicle.state, self._vehicle.params.config)
 
-    def load(self, items: tuple[MissionItem, ...]) -> Verdict:
+    def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
         answer = self._vehicle.request(requests.LoadMission(items))
-        return Verdict(_MISSION_RESULTS.get(answer.result, missions.DENIED))
+        return MissionResult(_MISSION_RESULTS.get(answer.result, missions.DENIED))
 
     def set_current(self, sequence: int) -> bool:
         return self._vehicle.request(requests.SetMissionItem(sequence)).result == ACCEPTED
@@ -186,8 +216,9 @@ _MISSION_RESULTS = {
 }
 
 
-def progress(state: State, config: Config) -> MissionProgress:
-    """How far the mission has come, as MISSION_CURRENT tells it: home, where it is item 0, counts for nothing."""
+def progress(state: AutopilotState, config: Config) -> MissionProgress:
+    """How far the mission has come, as MISSION_CURRENT tells it: home, where it is item 0, counts
+    for nothing."""
     mission, total = state.mission, len(state.mission.items)
     flying = state.mode == modes.MISSION.number
     if not total:
@@ -199,4 +230,6 @@ def progress(state: State, config: Config) -> MissionProgress:
     else:
         stage = PAUSED if mission.reached >= 0 else NOT_STARTED
     counted = total - config.mission_seq0_home if total else NO_ITEMS
-    return MissionProgress(min(mission.current, max(0, total - 1)), counted, stage, 1 if flying else 2)
+    return MissionProgress(
+        min(mission.current, max(0, total - 1)), counted, stage, 1 if flying else 2
+    )

@@ -1,10 +1,10 @@
-"""Where a campaign's seconds go: wall and processor time of each of its stages, and how fast each dive flew.
+"""Where a campaign's seconds go: wall and processor time of each of its stages, and how fast each
+dive flew.
 
     python benchmarks/campaign.py [--seed N]
 
-Processor time is all that the machine spends meanwhile, whoever spends it, as Linux counts it: run nothing else. Over
-the number of cores it is what a stage would take if none were ever idle.
-"""
+Processor time is all that the machine spends meanwhile, whoever spends it, as Linux counts it: run
+nothing else. Over the number of cores it is what a stage would take if none were ever idle."""
 
 import argparse
 import os
@@ -18,8 +18,8 @@ from typing import NamedTuple
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """As the ``ground`` command has it, for the process that refits."""
 
-from ground.campaign import Campaign, Request  # noqa: E402 - the line above comes first
-from ground.flight import Outcome  # noqa: E402
+from ground.campaign.run import Campaign, CampaignRequest  # noqa: E402 - the line above comes first
+from ground.client.flight import FlightResult  # noqa: E402
 
 
 class Moment(NamedTuple):
@@ -32,15 +32,17 @@ class Moment(NamedTuple):
 
 
 def now(what: str) -> Moment:
-    user, nice, system, *_ = Path("/proc/stat").read_text(encoding="ascii").splitlines()[0].split()[1:]
+    user, nice, system, *_ = (
+        Path("/proc/stat").read_text(encoding="ascii").splitlines()[0].split()[1:]
+    )
     used = int(user) + int(nice) + int(system)
     return Moment(what, time.perf_counter(), used / os.sysconf("SC_CLK_TCK"))
 
 
-def fly(seed: int, folder: Path) -> tuple[list[Moment], dict[str, Outcome]]:
+def fly(seed: int, folder: Path) -> tuple[list[Moment], dict[str, FlightResult]]:
     """When each stage began, at last the end; and what came of each dive."""
     moments = [now("starting")]
-    asked = Request(folder / "campaign", seed=seed)
+    asked = CampaignRequest(folder / "campaign", seed=seed)
     campaign = Campaign(asked, lambda name, at: None, lambda words: moments.append(now(words)))
     campaign.run()
     return [*moments, now("the end")], campaign.outcomes
@@ -53,7 +55,7 @@ def stages_in_words(moments: list[Moment]) -> list[str]:
     return [*lines, _row("all", moments[0], moments[-1])]
 
 
-def dives_in_words(outcomes: dict[str, Outcome]) -> list[str]:
+def dives_in_words(outcomes: dict[str, FlightResult]) -> list[str]:
     """Vehicle time from arming on, over the wall time from the request to arm."""
     lines = [f"{'dive':64s}{'wall s':>8s}{'vehicle s':>13s}{'x real time':>13s}"]
     for name, flown in outcomes.items():
@@ -63,7 +65,9 @@ def dives_in_words(outcomes: dict[str, Outcome]) -> list[str]:
 
 
 def _row(what: str, began: Moment, ended: Moment) -> str:
-    return f"{what:64s}{ended.wall_s - began.wall_s:8.1f}{ended.processor_s - began.processor_s:13.1f}"
+    return (
+        f"{what:64s}{ended.wall_s - began.wall_s:8.1f}{ended.processor_s - began.processor_s:13.1f}"
+    )
 
 
 def main() -> None:

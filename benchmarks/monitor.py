@@ -1,10 +1,10 @@
-"""How seldom the monitor raises a false alarm, how soon it notices what has changed, and what it takes it for.
+"""How seldom the monitor raises a false alarm, how soon it notices what has changed, and what it
+takes it for.
 
     python -m benchmarks.monitor GAINS.param [--case NAME ...] [--runs N] [--out FILE.json]
 
-Straight runs of Caribou in the disturbed sea under gains that `ground redesign` wrote; what goes wrong does
-so after ``FROM_S``. Each figure is printed beside its target.
-"""
+Straight runs of Caribou in the disturbed sea under gains that `ground redesign` wrote; what goes
+wrong does so after ``FROM_S``. Each figure is printed beside its target."""
 
 import argparse
 import dataclasses
@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 from benchmarks import study
 from benchmarks.redesign import campaign, steady
 from benchmarks.study import Cell, Figure
-from ground import gains
+from ground.client import param_file
 from sitl import scenario
 from sitl.scenario import Scenario
 from sitl.vehicle import config
 from sysid import monitor
-from sysid.log import Log, Setpoints
-from sysid.promise import Promise
-from tests.autopilot.flights import leg
-from tests.closed_loop import Dive
+from sysid.data.dataset import Log, Setpoints
+from sysid.monitor.performance_spec import PerformanceBaseline
+from tests.helpers.closed_loop import Dive
+from tests.helpers.missions import leg
 
 Array = NDArray[np.float64]
 
@@ -41,9 +41,13 @@ FAULTS: dict[str, dict[str, float | str]] = {
     "ballast forward": {"unit": "ballast", "kind": "shifted", "mass_kg": 4.0, "x_m": 0.5},
 }
 CAUSES = {
-    "bent rudder": "rudder", "bent elevator": "elevator", "buoyancy": "ballast", "ballast forward": "ballast",
-    "late duct": "heading loop", "rough": "sea",
-}  # fmt: skip
+    "bent rudder": "rudder",
+    "bent elevator": "elevator",
+    "buoyancy": "ballast",
+    "ballast forward": "ballast",
+    "late duct": "heading loop",
+    "rough": "sea",
+}
 CASES = ("matched", *CAUSES)
 LATER_S = 0.7
 """Delay of the late duct over the vehicle's own."""
@@ -52,7 +56,9 @@ LATER_S = 0.7
 def dive(case: str, values: dict[str, float], seed: int) -> Dive:
     vehicle = config.load(campaign.VEHICLE)
     if case == "late duct":
-        tailcone = msgspec.structs.replace(vehicle.tailcone, delay_s=vehicle.tailcone.delay_s + LATER_S)
+        tailcone = msgspec.structs.replace(
+            vehicle.tailcone, delay_s=vehicle.tailcone.delay_s + LATER_S
+        )
         vehicle = msgspec.structs.replace(vehicle, tailcone=tailcone)
     items = leg(depth_m=DEPTH_M, heading_deg=0.0, duration_s=LASTS_S)
     return Dive(items, vehicle=vehicle, sea=_sea(case), seed=seed, values={**values, **TRIM})
@@ -65,32 +71,47 @@ def told(flown: Dive) -> Log:
     return dataclasses.replace(log, setpoints=points)
 
 
-def trial(promise: Promise, values: dict[str, float], case: str, seed: int) -> list[float]:
+def trial(
+    promise: PerformanceBaseline, values: dict[str, float], case: str, seed: int
+) -> list[float]:
     """(steady hours, seconds to the alarm or NaN, whether its cause is the right one)."""
-    kept = monitor.of_log(told(dive(case, values, seed)), promise)
-    after_s = math.nan if kept.found_s is None else kept.found_s - (FROM_S if case in FAULTS else 0.0)
-    return [kept.steady_s / 3600.0, after_s, float([cause.name for cause in kept.causes] == [CAUSES.get(case)])]
+    kept = monitor.monitor_log(told(dive(case, values, seed)), promise)
+    after_s = (
+        math.nan if kept.found_s is None else kept.found_s - (FROM_S if case in FAULTS else 0.0)
+    )
+    return [
+        kept.steady_s / 3600.0,
+        after_s,
+        float([cause.name for cause in kept.causes] == [CAUSES.get(case)]),
+    ]
 
 
 def judge(case: str, rows: Array) -> list[Figure]:
     hours, after_s, right = rows.T
     noticed = after_s[np.isfinite(after_s)]
     if case == "matched":
-        return [Figure("steady flight", float(hours.sum()), unit="h"),
-                Figure("false alarms", float(noticed.size), highest=0.0)]  # fmt: skip
-    median_s, last_s = (float(np.quantile(after_s, q)) if noticed.size == len(rows) else math.inf for q in (0.5, 1.0))
+        return [
+            Figure("steady flight", float(hours.sum()), unit="h"),
+            Figure("false alarms", float(noticed.size), highest=0.0),
+        ]
+    median_s, last_s = (
+        float(np.quantile(after_s, q)) if noticed.size == len(rows) else math.inf
+        for q in (0.5, 1.0)
+    )
     return [
         Figure("noticed", noticed.size / len(rows), lowest=1.0),
         Figure("after, median", median_s, unit="s"),
         Figure("after, slowest", last_s, unit="s"),
         # How late a duct must be to swing by more than the sea allows is for the reader to see.
-        Figure("cause named", float(np.mean(right)), lowest=-math.inf if case == "late duct" else 0.9),
+        Figure(
+            "cause named", float(np.mean(right)), lowest=-math.inf if case == "late duct" else 0.9
+        ),
     ]
 
 
 def main() -> None:
     asked = _arguments()
-    promise, values = gains.promise(asked.gains), gains.load(asked.gains)
+    promise, values = param_file.read_baseline(asked.gains), param_file.load(asked.gains)
     if promise is None:
         sys.exit(f"{asked.gains}: promises nothing; give a file that `ground redesign` wrote")
     cell = Cell("monitor", "straight runs", partial(trial, promise, values), judge, 20)

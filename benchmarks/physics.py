@@ -1,9 +1,10 @@
-"""What one Runge-Kutta step of the six-degree-of-freedom vehicle costs, beside two others, in one run on one machine.
+"""What one Runge-Kutta step of the six-degree-of-freedom vehicle costs, beside two others, in one
+run on one machine.
 
-The same equations in C (benchmarks/physics.c), compiled with ``cc -O3`` for any machine of the kind and for this one,
-and one Euler step of the REMUS 100 of Fossen's PythonVehicleSimulator, when a checkout of it is given
-(https://github.com/cybergalactic/PythonVehicleSimulator). Rounds of a few milliseconds alternate between the
-contestants; the least disturbed of each counts.
+The same equations in C (benchmarks/physics.c), compiled with ``cc -O3`` for any machine of the kind
+and for this one, and one Euler step of the REMUS 100 of Fossen's PythonVehicleSimulator, when a
+checkout of it is given (https://github.com/cybergalactic/PythonVehicleSimulator). Rounds of a few
+milliseconds alternate between the contestants; the least disturbed of each counts.
 
     python benchmarks/physics.py [--peer CHECKOUT] [--vehicle NAME|FILE] [--rounds N]
 """
@@ -23,17 +24,28 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from sitl.vehicle import calibrate, config, dynamics
-from sitl.vehicle.kernel import Vector
+from sitl.vehicle import build_model, config, dynamics
+from sitl.vehicle.jit import Vector
 from sitl.vehicle.water import STILL, Water
 
 STEP_S = 0.005
 STEPS = 2_000
 PEER_STEPS = 20
 RUDDER_RAD, ELEVATOR_RAD = 0.1, -0.05
-SHALLOW = Water((0.3, -0.1, 0.0), (0.02, 0.0, 0.01), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01), 1.01, 0.1, 0.02, -0.35, -2.0)
-"""All that water can do to a hull that also bumps on ice; timed is deep and still water, where she spends her life."""
-VEHICLES = ("bench", "remus100", "xfin")
+SHALLOW = Water(
+    (0.3, -0.1, 0.0),
+    (0.02, 0.0, 0.01),
+    (0.0, 0.01, 0.0),
+    (0.0, 0.0, 0.01),
+    1.01,
+    0.1,
+    0.02,
+    -0.35,
+    -2.0,
+)
+"""All that water can do to a hull that also bumps on ice; timed is deep and still water, where she
+spends her life."""
+VEHICLES = ("caribou_nominal", "remus100", "xfin_auv")
 DEEP_M = -500.0
 SAME = 1e-9
 """Two compilers round differently, and contact with ice is stiff."""
@@ -58,7 +70,9 @@ def mirrored(value: Any) -> Any:
     parts = [mirrored(part) for part in value]
     names = getattr(value, "_fields", tuple(f"_{i}" for i in range(len(value))))
     kind = type(
-        "Mirrored", (ctypes.Structure,), {"_fields_": [(n, type(p)) for n, p in zip(names, parts, strict=True)]}
+        "Mirrored",
+        (ctypes.Structure,),
+        {"_fields_": [(n, type(p)) for n, p in zip(names, parts, strict=True)]},
     )
     twin = kind(*parts)
     twin.keep = parts
@@ -79,7 +93,7 @@ def start(z_up_m: float) -> Vector:
 
 
 def in_numba(vehicle: str, water: Water, z_up_m: float) -> Callable[[int], Vector]:
-    model, push, work = calibrate.build(config.load(vehicle)), np.zeros(6), dynamics.work_array()
+    model, push, work = build_model.build(config.load(vehicle)), np.zeros(6), dynamics.work_array()
     shaft_rps = 0.58 * model.propeller.full_rps
 
     def run(steps: int) -> Vector:
@@ -92,7 +106,9 @@ def in_numba(vehicle: str, water: Water, z_up_m: float) -> Callable[[int], Vecto
 
 def compiled(flags: tuple[str, ...], folder: Path) -> Path:
     library = folder / f"physics{''.join(flags)}.so"
-    compiler = shutil.which("cc") or sys.exit("benchmarks/physics.py: no C compiler (cc) on the path")
+    compiler = shutil.which("cc") or sys.exit(
+        "benchmarks/physics.py: no C compiler (cc) on the path"
+    )
     source = Path(__file__).with_name("physics.c")
     subprocess.run([compiler, *flags, "-shared", "-fPIC", "-o", library, source, "-lm"], check=True)
     return library
@@ -101,16 +117,23 @@ def compiled(flags: tuple[str, ...], folder: Path) -> Path:
 def in_c(library: Path, vehicle: str, water: Water, z_up_m: float) -> Callable[[int], Vector]:
     entry = ctypes.CDLL(str(library)).fly
     entry.restype = None
-    model = calibrate.build(config.load(vehicle))
+    model = build_model.build(config.load(vehicle))
     shaft_rps, push = 0.58 * model.propeller.full_rps, np.zeros(6)
     c_model, c_water, double = mirrored(model), mirrored(water), ctypes.c_double
 
     def run(steps: int) -> Vector:
         state = start(z_up_m)
         entry(
-            state.ctypes, ctypes.c_long(steps), double(RUDDER_RAD), double(ELEVATOR_RAD), double(shaft_rps),
-            push.ctypes, ctypes.byref(c_water), double(STEP_S), ctypes.byref(c_model),
-        )  # fmt: skip
+            state.ctypes,
+            ctypes.c_long(steps),
+            double(RUDDER_RAD),
+            double(ELEVATOR_RAD),
+            double(shaft_rps),
+            push.ctypes,
+            ctypes.byref(c_water),
+            double(STEP_S),
+            ctypes.byref(c_model),
+        )
         return state
 
     return run
@@ -123,7 +146,11 @@ def of_peer(checkout: Path) -> Callable[[int], Vector]:
     attitude = importlib.import_module("python_vehicle_simulator.lib.gnc").attitudeEuler
 
     def run(steps: int) -> Vector:
-        eta, nu, actual = np.zeros(6), np.array([1.5, 0, 0, 0, 0, 0], float), np.array([0.0, 0.0, 1200.0])
+        eta, nu, actual = (
+            np.zeros(6),
+            np.array([1.5, 0, 0, 0, 0, 0], float),
+            np.array([0.0, 0.0, 1200.0]),
+        )
         command = np.array([RUDDER_RAD, ELEVATOR_RAD, 1200.0])
         for _ in range(steps):
             nu, actual = peer.dynamics(eta, nu, actual, command, STEP_S)
@@ -140,9 +167,12 @@ def microseconds(run: Callable[[int], Vector], steps: int) -> float:
 
 
 def apart(libraries: Iterable[Path], vehicle: str) -> float:
-    """The largest difference of a state between ours and the C's, deep and in shallow water, for finned hulls too."""
+    """The largest difference of a state between ours and the C's, deep and in shallow water, for
+    finned hulls too."""
     runs = [
-        (name, water, z_up_m) for name in (vehicle, *VEHICLES) for water, z_up_m in ((STILL, DEEP_M), (SHALLOW, -0.4))
+        (name, water, z_up_m)
+        for name in (vehicle, *VEHICLES)
+        for water, z_up_m in ((STILL, DEEP_M), (SHALLOW, -0.4))
     ]
     return max(
         float(np.abs(in_numba(*run)(steps) - in_c(library, *run)(steps)).max())
@@ -153,8 +183,10 @@ def apart(libraries: Iterable[Path], vehicle: str) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--vehicle", default="field")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--vehicle", default="caribou_truth")
     parser.add_argument("--peer", type=Path, help="checkout of PythonVehicleSimulator")
     parser.add_argument("--rounds", type=int, default=400)
     asked = parser.parse_args()
@@ -163,7 +195,8 @@ def main() -> None:
         difference = apart(libraries.values(), asked.vehicle)
         if not difference < SAME:
             sys.exit(
-                f"benchmarks/physics.py: physics.c is no longer the same vehicle: states differ by {difference:.2g}"
+                "benchmarks/physics.py: physics.c is no longer the same vehicle: states differ by"
+                f" {difference:.2g}"
             )
         deep = asked.vehicle, STILL, DEEP_M
         contestants = {"caribou": (in_numba(*deep), STEPS)}
@@ -172,11 +205,16 @@ def main() -> None:
             contestants["PythonVehicleSimulator"] = (of_peer(asked.peer), PEER_STEPS)
         for run, _ in contestants.values():
             run(1)
-        rounds = [{name: microseconds(*of) for name, of in contestants.items()} for _ in range(asked.rounds)]
+        rounds = [
+            {name: microseconds(*of) for name, of in contestants.items()}
+            for _ in range(asked.rounds)
+        ]
     least = {name: min(each[name] for each in rounds) for name in contestants}
     for name, cost in least.items():
         sys.stdout.write(f"{name:24}{cost:10.3f} us a step\n")
-    sys.stdout.write(f"states of all vehicles, deep and shallow, differ by {difference:.1e} at most\n")
+    sys.stdout.write(
+        f"states of all vehicles, deep and shallow, differ by {difference:.1e} at most\n"
+    )
     for name in list(contestants)[1:]:
         ratio = least["caribou"] / least[name]
         sys.stdout.write(f"caribou / {name}: {ratio:.4g} (1 / {1 / ratio:.4g})\n")

@@ -1,4 +1,5 @@
-"""Runs cells: the same trial under many seeds, side by side on all cores, and each figure beside its target."""
+"""Runs cells: the same trial under many seeds, side by side on all cores, and each figure beside
+its target."""
 
 import argparse
 import json
@@ -40,7 +41,11 @@ class Figure(NamedTuple):
         """In words; empty where there is none."""
         if math.isinf(self.lowest):
             return "" if math.isinf(self.highest) else f"<= {self.highest:g}"
-        return f">= {self.lowest:g}" if math.isinf(self.highest) else f"{self.lowest:g} to {self.highest:g}"
+        return (
+            f">= {self.lowest:g}"
+            if math.isinf(self.highest)
+            else f"{self.lowest:g} to {self.highest:g}"
+        )
 
 
 class Cell(NamedTuple):
@@ -64,7 +69,9 @@ class Outcome(NamedTuple):
 
 def parser(about: str | None, runs: str) -> argparse.ArgumentParser:
     """Takes what every study takes; ``runs`` tells what is run, and how often."""
-    options = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options = argparse.ArgumentParser(
+        description=about, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     options.add_argument("--runs", type=int, help=runs)
     options.add_argument("--seed", type=int, default=1, help="of the first run")
     options.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
@@ -75,7 +82,8 @@ def parser(about: str | None, runs: str) -> argparse.ArgumentParser:
 def ask(
     questions: Iterable[tuple[Cell, str]], asked: argparse.Namespace, known: Sequence[Outcome] = ()
 ) -> list[Outcome]:
-    """Run each cell for its case as ``parser``'s options say; show and write what has come of it after each.
+    """Run each cell for its case as ``parser``'s options say; show and write what has come of it
+    after each.
 
     ``known`` is what stands already, shown and written first.
     """
@@ -111,16 +119,32 @@ def show(outcome: Outcome) -> None:
     for figure in outcome.figures:
         mark = "" if not figure.target else "met" if figure.met else "MISSED"
         value = f"{figure.value:.4g} {figure.unit}".strip()
-        table.add_row(outcome.cell, f"{outcome.case} x {outcome.runs}", figure.name, value, figure.target, mark)
+        table.add_row(
+            outcome.cell,
+            f"{outcome.case} x {outcome.runs}",
+            figure.name,
+            value,
+            figure.target,
+            mark,
+        )
     Console(width=160).print(table)
 
 
 def as_json(outcomes: Sequence[Outcome], seed: int) -> str:
     """All figures, a row each."""
     rows = [
-        {"cell": o.cell, "case": o.case, "runs": o.runs, "seed": seed, "figure": f.name, "value": f.value,
-         "unit": f.unit, "target": f.target, "met": f.met}
+        {
+            "cell": o.cell,
+            "case": o.case,
+            "runs": o.runs,
+            "seed": seed,
+            "figure": f.name,
+            "value": f.value,
+            "unit": f.unit,
+            "target": f.target,
+            "met": f.met,
+        }
         for o in outcomes
         for f in o.figures
-    ]  # fmt: skip
+    ]
     return json.dumps(rows, indent=1) + "\n"

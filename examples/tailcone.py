@@ -1,10 +1,11 @@
-"""The far end of Caribou's HIL line: the sensors and the tailcone of a vehicle that lies on a bench, level and dry.
+"""The far end of Caribou's HIL line: the sensors and the tailcone of a vehicle that lies on a
+bench, level and dry.
 
     python examples/tailcone.py /dev/ttyUSB0 115200
 
-It needs pyserial and pymavlink, and nothing of Caribou. Put your own instruments into ``read_sensors`` and your own
-motors into ``drive``. What every field means, and what else a vehicle may say, is in docs/hardware.md.
-"""
+It needs pyserial and pymavlink, and nothing of Caribou. Put your own instruments into
+``read_sensors`` and your own motors into ``drive``. What every field means, and what else a vehicle
+may say, is in docs/hardware.md."""
 
 import random
 import sys
@@ -22,7 +23,8 @@ NEUTRAL = (0.0, 0.0, 0.0)
 
 
 def read_sensors():
-    """Specific force (m/s2), rates (rad/s), field (gauss), forward-right-down; pressure (hPa), temperature (degC)."""
+    """Specific force (m/s2), rates (rad/s), field (gauss), forward-right-down; pressure (hPa),
+    temperature (degC)."""
     readings = (0.0, 0.0, -9.81, 0.0, 0.0, 0.0, 0.19, -0.05, 0.48, 1013.25, 12.0)
     return [reading + random.gauss(0.0, 1e-3) for reading in readings]
 
@@ -39,12 +41,17 @@ def orders(link, data):
     heard = [m for m in link.parse_buffer(data) or () if m.get_type() == "HIL_ACTUATOR_CONTROLS"]
     if not heard:
         return None
-    return tuple(max(-1.0, min(1.0, c)) if c == c else 0.0 for c in heard[-1].controls[:3])  # not-a-number is no order
+    return tuple(
+        max(-1.0, min(1.0, c)) if c == c else 0.0 for c in heard[-1].controls[:3]
+    )  # not-a-number is no order
 
 
 def run(port):
     """Speak at a steady pace, do what was heard last, and let go when nothing is heard any more."""
-    head, duct = (mavlink.MAVLink(port, srcSystem=SYSTEM, srcComponent=component) for component in (HEAD, DUCT))
+    head, duct = (
+        mavlink.MAVLink(port, srcSystem=SYSTEM, srcComponent=component)
+        for component in (HEAD, DUCT)
+    )
     head.robust_parsing = True  # noise on the line is passed over
     in_force, position, heard_s = NEUTRAL, drive(*NEUTRAL), time.monotonic()
     began_s = next_s = time.monotonic()
@@ -53,8 +60,13 @@ def run(port):
         time_us = round(1e6 * (time.monotonic() - began_s))
         ax, ay, az, p, q, r, mx, my, mz, hpa, degc = read_sensors()
         if tick % FIX_EVERY == 0:
-            north, east = random.gauss(423600000.0, 50.0), random.gauss(-710900000.0, 50.0)  # degrees times 1e7
-            head.hil_gps_send(time_us, 3, round(north), round(east), 0, 150, 300, 0, 0, 0, 0, 65535, 9)
+            north, east = (
+                random.gauss(423600000.0, 50.0),
+                random.gauss(-710900000.0, 50.0),
+            )  # degrees times 1e7
+            head.hil_gps_send(
+                time_us, 3, round(north), round(east), 0, 150, 300, 0, 0, 0, 0, 65535, 9
+            )
         if tick % FEEDBACK_EVERY == 0:
             duct.actuator_output_status_send(time_us, 0b11, [*position, *[0.0] * 30])
         head.hil_sensor_send(time_us, ax, ay, az, p, q, r, mx, my, mz, hpa, 0.0, 0.0, degc, fresh)

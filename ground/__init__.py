@@ -1,1 +1,2 @@
-"""The people's tool: scripts missions, flies vehicles, records what they say, refits, redesigns and reports."""
+"""The people's tool: scripts missions, flies vehicles, records what they say, refits, redesigns and
+reports."""

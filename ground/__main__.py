@@ -1,8 +1,7 @@
 """``ground``: fly vehicles, keep what they say, refit, redesign and report.
 
-Every command says what it does on stderr and gives its result on stdout; with --json that is one JSON object.
-Exit status: 0 done, 1 the work failed, 2 bad input.
-"""
+Every command says what it does on stderr and gives its result on stdout; with --json that is one
+JSON object. Exit status: 0 done, 1 the work failed, 2 bad input."""
 
 from __future__ import annotations
 
@@ -15,8 +14,21 @@ from typing import Annotated
 
 import typer
 
-from ground import bench_cli, fly_cli, laws_cli, log_cli, modes_cli, params_cli, redesign_cli, vehicle_cli
-from ground.console import (
+from ground.cli import (
+    bench,
+    fly,
+    log,
+    lqg,
+    modes,
+    params,
+    redesign,
+)
+from ground.cli import design_test as experiment_cli
+from ground.cli import simulate as rehearsal_cli
+from ground.cli import (
+    vehicle as vehicle_cli,
+)
+from ground.cli.options import (
     GROUND_LINK,
     Address,
     Json,
@@ -25,15 +37,14 @@ from ground.console import (
     Sign,
     Speed,
     VehicleName,
-    encode,
-    give,
+    print_result,
+    to_json,
 )
-from ground.errors import BAD_INPUT, FAILED, BadInputError, FailedError
-from ground.experiment import cli as experiment_cli
-from ground.rehearsal import cli as rehearsal_cli
+from ground.errors import BAD_INPUT, FAILED, InputError, OperationError
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-"""Set before numpy is loaded: refits solve many small systems, which threads of their own slow down fivefold."""
+"""Set before numpy is loaded: refits solve many small systems, which threads of their own slow down
+fivefold."""
 
 
 class Method(StrEnum):
@@ -52,179 +63,238 @@ class Subject(StrEnum):
     MODEL = "model"
 
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
-app.add_typer(params_cli.app, name="params")
-app.add_typer(log_cli.app, name="log")
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__
+)
+app.add_typer(params.app, name="params")
+app.add_typer(log.app, name="log")
 app.add_typer(vehicle_cli.app, name="vehicle")
-app.add_typer(modes_cli.app, name="modes")
-app.command()(fly_cli.fly)
-app.command()(bench_cli.bench)
-app.command()(bench_cli.incline)
+app.add_typer(modes.app, name="modes")
+app.command()(fly.fly)
+app.command()(bench.bench)
+app.command()(bench.incline)
 app.command()(experiment_cli.design_test)
 app.command()(rehearsal_cli.rehearse)
-app.command()(redesign_cli.redesign)
-app.command()(laws_cli.laws)
+app.command()(redesign.redesign)
+app.command()(lqg.design_lqg)
 
 
 @app.command()
 def watch(
     connect: Address = GROUND_LINK,
     sign: Sign = None,
-    once: Annotated[bool, typer.Option("--once", help="One look, then end; so too without a terminal.")] = False,
+    once: Annotated[
+        bool, typer.Option("--once", help="One look, then end; so too without a terminal.")
+    ] = False,
     prior: Annotated[
         str | None,
         typer.Option(
             metavar="NAME|FILE|MODEL.json",
-            help="Show what her tests tell of her, from what is known before them: bench, a vehicle file, or a "
-            "model.json. She is asked for 20 Hz of what that needs.",
+            help=(
+                "Show the estimate of the vehicle under test, from this prior: caribou_nominal, a"
+                " vehicle file, or a "
+                "model.json. She is asked for 20 Hz of what that needs."
+            ),
         ),
     ] = None,
     gains: Annotated[
         Path | None,
-        typer.Option(metavar="GAINS.param", help="Show whether she keeps what these gains promise, which she flies."),
+        typer.Option(
+            metavar="GAINS.param",
+            help="Show whether she keeps what these gains promise, which she flies.",
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Watch any MAVLink vehicle live, without being its ground station; Ctrl-C ends. --json is one look."""
-    from ground.watch import session
+    """Watch any MAVLink vehicle live, without being its ground station; Ctrl-C ends. --json is one
+    look."""
+    from ground.live.watch import session
 
     session.watch(connect, sign, once=once, json=json, prior=prior, gains=gains)
 
 
 @app.command()
 def campaign(
-    vehicle: VehicleName = "field",
+    vehicle: VehicleName = "caribou_truth",
     scenario: ScenarioName = "disturbed",
     seed: Seed = 1,
     speed: Speed = "max",
     beside_paper: Annotated[
-        bool, typer.Option("--beside-paper", help="Fly the missions with the paper's improved gains too.")
+        bool,
+        typer.Option(
+            "--beside-paper", help="Fly the missions with the paper's improved gains too."
+        ),
     ] = False,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="The campaign's folder.")] = Path("campaign"),
+    out: Annotated[Path, typer.Option(metavar="DIR", help="The campaign's folder.")] = Path(
+        "campaign"
+    ),
     json: Json = False,
 ) -> None:
     """Prototype, identify, redesign, verify: fly them all, and report."""
-    from ground import progress, summary
-    from ground.campaign import Campaign, Request
+    from ground import progress
+    from ground.campaign import summary
+    from ground.campaign.run import Campaign, CampaignRequest
 
     with progress.display("campaign", quiet=json) as shown:
-        asked = Request(out, vehicle, scenario, seed, speed, beside_paper)
+        asked = CampaignRequest(out, vehicle, scenario, seed, speed, beside_paper)
         result = Campaign(asked, shown.watch_named, shown.announce).run()
-    give(result, summary.in_words(result, out), json)
+    print_result(result, summary.format_text(result, out), json)
 
 
 @app.command()
 def refit(
-    logs: Annotated[list[Path], typer.Argument(help="Logs with rudder or elevator tests: .mcap, .tlog, .bin, .ulg.")],
-    held_out: Annotated[list[Path] | None, typer.Option(help="A log to predict and not to fit; repeatable.")] = None,
-    prior: Annotated[str, typer.Option(help="bench, a vehicle file, or a model.json.")] = "bench",
-    method: Annotated[Method, typer.Option(help="map; *-error: linear planes; paper: its own way.")] = Method.MAP,
+    logs: Annotated[
+        list[Path],
+        typer.Argument(help="Logs with rudder or elevator tests: .mcap, .tlog, .bin, .ulg."),
+    ],
+    held_out: Annotated[
+        list[Path] | None, typer.Option(help="A log to predict and not to fit; repeatable.")
+    ] = None,
+    prior: Annotated[
+        str, typer.Option(help="caribou_nominal, a vehicle file, or a model.json.")
+    ] = "caribou_nominal",
+    method: Annotated[
+        Method, typer.Option(help="map; *-error: linear planes; paper: its own way.")
+    ] = Method.MAP,
     run: Annotated[
         list[str] | None,
-        typer.Option(metavar="[LOG:]START..STOP:rudder|elevator", help="A test that no log tells of; repeatable."),
+        typer.Option(
+            metavar="[LOG:]START..STOP:rudder|elevator",
+            help="A test that no log tells of; repeatable.",
+        ),
     ] = None,
     outputs: Annotated[
-        str, typer.Option(metavar="RUDDER,ELEVATOR,THRUST", help="The outputs that steer, as in sitl --outputs.")
+        str,
+        typer.Option(
+            metavar="RUDDER,ELEVATOR,THRUST", help="The outputs that steer, as in sitl --outputs."
+        ),
     ] = "1,2,3",
     beside: Annotated[
-        list[Method] | None, typer.Option(help="A method to set beside the model, on the same runs; repeatable.")
+        list[Method] | None,
+        typer.Option(help="A method to set beside the model, on the same runs; repeatable."),
     ] = None,
     tailcone: Annotated[
-        Path | None, typer.Option(metavar="BENCH.json", help="What `ground bench` measured, as a prior.")
+        Path | None,
+        typer.Option(metavar="BENCH.json", help="What `ground bench` measured, as a prior."),
     ] = None,
     inclining: Annotated[
-        Path | None, typer.Option(metavar="INCLINE.json", help="What `ground incline` measured, as a prior.")
+        Path | None,
+        typer.Option(metavar="INCLINE.json", help="What `ground incline` measured, as a prior."),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Write a model whose fit failed; it says so.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Write a model whose fit failed; it says so.")
+    ] = False,
     out: Annotated[Path, typer.Option(metavar="MODEL.json")] = Path("model.json"),
     json: Json = False,
 ) -> None:
     """Fit the model to the tests in logs, judge it, and say whether gains may be designed on it."""
-    from ground import identification, progress
-    from ground import refit as fitting
+    from ground import progress
+    from ground.campaign import identification
+    from ground.campaign import refit as fitting
 
     with progress.display("refit", quiet=json) as shown:
-        model = fitting.refit(logs, held_out or (), prior, method.value, shown.share, run or (), outputs,
-                              [other.value for other in beside or ()], tailcone, inclining, force=force)  # fmt: skip
+        model = fitting.refit(
+            logs,
+            held_out or (),
+            prior,
+            method.value,
+            shown.share,
+            run or (),
+            outputs,
+            [other.value for other in beside or ()],
+            tailcone,
+            inclining,
+            force=force,
+        )
     fitting.write_model(model, out)
-    give(identification.of_model(model), identification.in_words(model, out), json)
+    print_result(
+        identification.summarise_model(model), identification.format_text(model, out), json
+    )
 
 
 @app.command()
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A campaign's folder.")],
-    picture: Annotated[Path | None, typer.Option(metavar="FILE.png|svg", help="Draw one picture instead.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE.png|svg", help="Draw one picture instead.")
+    ] = None,
     of: Annotated[Subject, typer.Option(help="What the picture shows.")] = Subject.RESULT,
 ) -> None:
-    """Write report.html of a campaign, or one picture: of its result, or of the evidence for its model."""
-    from ground.report import drawn, page
-    from ground.report import picture as pictures
+    """Write report.html of a campaign, or one picture: of its result, or of the evidence for its
+    model."""
+    from ground.report import matplotlib_figures, page
+    from ground.report import summary_picture as pictures
 
-    draw = pictures.draw if of is Subject.RESULT else drawn.draw
+    draw = pictures.draw if of is Subject.RESULT else matplotlib_figures.draw
     print(draw(folder, picture) if picture else page.write(folder))
 
 
 @app.command()
 def paper(
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Also write paper.json and pictures of Table 4's loops here.")
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Also write paper.json and pictures of Table 4's loops here."
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
     """The paper's Tables 1 to 5 beside what this software derives, without flying."""
-    from ground import table_4, tables
-    from ground.report import poles
+    from ground.report import paper_poles, paper_tables, poles
 
-    found = table_4.reckon()
-    result = tables.without_flying(found)
-    words = tables.in_words(result, found)
+    found = paper_poles.compute()
+    result = paper_tables.collect(found)
+    words = paper_tables.format_text(result, found)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
-        (out / "paper.json").write_text(encode(result), encoding="utf-8")
+        (out / "paper.json").write_text(to_json(result), encoding="utf-8")
         words = "\n".join([words, "", *map(str, poles.draw(found, out))])
-    give(result, words, json)
+    print_result(result, words, json)
 
 
 @app.command()
 def missions(json: Json = False) -> None:
     """The missions that come with the tool."""
-    from ground import script
+    from ground.missions import script
 
     shipped = {name: script.load(name) for name in script.shipped_names()}
     lines = [f"{name:18s} {script.duration_s(m):5.0f} s  {m.about}" for name, m in shipped.items()]
-    result = {name: {"duration_s": script.duration_s(m), "about": m.about} for name, m in shipped.items()}
-    give(result, "\n".join(lines), json)
+    result = {
+        name: {"duration_s": script.duration_s(m), "about": m.about} for name, m in shipped.items()
+    }
+    print_result(result, "\n".join(lines), json)
 
 
 def main() -> None:
     """The console command."""
-    from link.transport import AddressError
+    from mavlink_io.transport import AddressError
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
     try:
         app()
-    except (BadInputError, AddressError) as error:
-        _leave(error, BAD_INPUT)
+    except (InputError, AddressError) as error:
+        _exit_with_error(error, BAD_INPUT)
     except FileExistsError as error:
-        _leave(f"{error.filename}: exists; give a new name", BAD_INPUT)
+        _exit_with_error(f"{error.filename}: exists; give a new name", BAD_INPUT)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError, PermissionError) as error:
-        _leave(f"{error.filename}: {error.strerror}", BAD_INPUT)
-    except (FailedError, OSError) as error:
-        _leave(error, FAILED)
+        _exit_with_error(f"{error.filename}: {error.strerror}", BAD_INPUT)
+    except (OperationError, OSError) as error:
+        _exit_with_error(error, FAILED)
     except _InterruptedError:
-        _leave("interrupted; what was recorded is kept", FAILED)
+        _exit_with_error("interrupted; what was recorded is kept", FAILED)
 
 
 class _InterruptedError(BaseException):
-    """Somebody wants this to end: unwinds through everything, so that logs are closed and processes stopped."""
+    """Somebody wants this to end: unwinds through everything, so that logs are closed and processes
+    stopped."""
 
 
 def _interrupt(number: int, frame: object) -> None:
     raise _InterruptedError
 
 
-def _leave(problem: object, status: int) -> None:
+def _exit_with_error(problem: object, status: int) -> None:
     print(f"ground: {problem}", file=sys.stderr)
     sys.exit(status)
 

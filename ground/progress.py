@@ -8,14 +8,14 @@ from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 
-from ground.flight import Progress as DiveProgress
-from ground.vehicle import Text
+from ground.client.flight import FlightProgress as DiveProgress
+from ground.client.vehicle import StatusText
 
 URGENT_SEVERITY = 4
 """MAV_SEVERITY_WARNING: texts as urgent as this are shown between the bars."""
 
 
-class Shown:
+class ProgressDisplay:
     """A live display: one line a dive, words about what begins, and a picture below."""
 
     def __init__(self, bars: Progress, *, quiet: bool) -> None:
@@ -35,9 +35,11 @@ class Shown:
         words = f"{at.depth_m:5.1f} m {at.heading_deg:4.0f} deg {at.vehicle_s:6.0f} s {ratio:4.0f}x"
         self._bars.update(self._task(name), completed=at.item + 1, total=at.items, words=words)
 
-    def hear(self, text: Text) -> None:
+    def hear(self, text: StatusText) -> None:
         """Show what the vehicle says, when it is urgent or about a test."""
-        if not self._quiet and (text.severity <= URGENT_SEVERITY or text.text.startswith("SystemID")):
+        if not self._quiet and (
+            text.severity <= URGENT_SEVERITY or text.text.startswith("SystemID")
+        ):
             self._bars.console.print(text.text, highlight=False)
 
     def show(self, picture: RenderableType) -> None:
@@ -70,16 +72,23 @@ class Shown:
 
 
 @contextmanager
-def display(name: str, *, quiet: bool) -> Iterator[Shown]:
-    """A display that is gone when the work is done; ``name`` is that of the only dive or work, if there is one."""
+def display(name: str, *, quiet: bool) -> Iterator[ProgressDisplay]:
+    """A display that is gone when the work is done; ``name`` is that of the only dive or work, if
+    there is one."""
     console = Console(stderr=True)
     bars = Progress(
-        SpinnerColumn(), TextColumn("{task.description:28s}"), BarColumn(20), TextColumn("{task.fields[words]}"),
-        TimeElapsedColumn(), console=console,
-    )  # fmt: skip
-    shown = Shown(bars, quiet=quiet)
+        SpinnerColumn(),
+        TextColumn("{task.description:28s}"),
+        BarColumn(20),
+        TextColumn("{task.fields[words]}"),
+        TimeElapsedColumn(),
+        console=console,
+    )
+    shown = ProgressDisplay(bars, quiet=quiet)
     shown.dive = name
     with ExitStack() as stack:
         if console.is_terminal and not quiet:
-            stack.enter_context(Live(get_renderable=shown.picture, console=console, refresh_per_second=10.0))
+            stack.enter_context(
+                Live(get_renderable=shown.picture, console=console, refresh_per_second=10.0)
+            )
         yield shown

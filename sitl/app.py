@@ -1,4 +1,5 @@
-"""The simulator process: the plant at one end, whoever steers at the other, and the clock between them."""
+"""The simulator process: the plant at one end, whoever steers at the other, and the clock between
+them."""
 
 from __future__ import annotations
 
@@ -10,18 +11,19 @@ from pathlib import Path
 from threading import Event
 from typing import NamedTuple
 
-from link.clock import Pacer
-from link.records import ActuatorFrame
-from link.transport import open_transport
-from sitl import plant, scenario
-from sitl.pace import OURS, Pace
-from sitl.pilots import Pilot
-from sitl.pilots.choice import Choice, take_on
-from sitl.plant import Plant
-from sitl.truth import Truth
+from mavlink_io.clock import Pacer
+from mavlink_io.records import ActuatorFrame
+from mavlink_io.transport import open_transport
+from sitl import scenario
+from sitl.backends import Backend
+from sitl.backends.factory import BackendOptions, create_backend
+from sitl.core import plant
+from sitl.core.plant import Plant
+from sitl.core.timestep import DEFAULT_TIMESTEP, Timestep
+from sitl.core.truth import Truth
 from sitl.vehicle import config
 
-Record = Callable[[Truth], None]
+RecordTruth = Callable[[Truth], None]
 """Takes note of what really happens, once a tick."""
 
 
@@ -39,7 +41,7 @@ class Options(NamedTuple):
     """Vehicle seconds a wall second; None runs free."""
     seed: int
     truth: Path | None
-    pilot: Choice
+    pilot: BackendOptions
     """One that ``pilots.choice.check`` let pass."""
 
 
@@ -50,29 +52,39 @@ def run(options: Options) -> None:
         VehicleError, ScenarioError, AddressError, TruthFileError: the options cannot be used.
         AutopilotSilentError, LinkLostError: the autopilot is gone.
     """
-    build = cache(partial(plant.build, config.load(options.vehicle), scenario.load(options.scenario)))
-    rehearse(build(OURS))  # bad input is told, and the physics compiled, before anybody waits for us
+    build = cache(
+        partial(plant.build, config.load(options.vehicle), scenario.load(options.scenario))
+    )
+    warm_up(
+        build(DEFAULT_TIMESTEP)
+    )  # bad input is told, and the physics compiled, before anybody waits for us
     stop = _stop_on_signals()
-    with closing(open_transport(options.hil)) as transport, _truth_record(options.truth) as record:
-        _fly(build, options, take_on(options.pilot, transport, stop.is_set), record)
+    with (
+        closing(open_transport(options.hil)) as transport,
+        _open_truth_log(options.truth) as record,
+    ):
+        _simulate(build, options, create_backend(options.pilot, transport, stop.is_set), record)
 
 
-def rehearse(sea: Plant) -> None:
+def warm_up(sea: Plant) -> None:
     """Fly one tick that nobody will know of."""
     rng = plant.random_streams(0)
-    state, _ = plant.launch(sea, rng)
+    state, _ = plant.initial_state(sea, rng)
     plant.step(sea, state, ActuatorFrame(0, 0, (0.0, 0.0, 0.0), 0), rng)
 
 
-def _fly(build: Callable[[Pace], Plant], options: Options, pilot: Pilot, record: Record) -> None:
-    """Put a vehicle into the sea for whoever comes to steer her, and a new one whenever he begins anew."""
+def _simulate(
+    build: Callable[[Timestep], Plant], options: Options, pilot: Backend, record: RecordTruth
+) -> None:
+    """Put a vehicle into the sea for whoever comes to steer her, and a new one whenever he begins
+    anew."""
     while (pace := pilot.meet()) is not None:
         sea, rng, pacer = build(pace), plant.random_streams(options.seed), Pacer(options.speed)
-        state, sensors = plant.launch(sea, rng)
+        state, sensors = plant.initial_state(sea, rng)
         record(state.truth)
         while (actuators := pilot.ask(sea, state, sensors)) is not None:
             for verdict in pilot.take_orders():
-                state = plant.obey(state, verdict)
+                state = plant.inject_failure(state, verdict)
             state, sensors = plant.step(sea, state, actuators, rng)
             pacer.wait(state.time_us * 1e-6)
             record(state.truth)
@@ -87,17 +99,23 @@ def _stop_on_signals() -> Event:
 
 
 @contextmanager
-def _truth_record(path: Path | None) -> Iterator[Record]:
+def _open_truth_log(path: Path | None) -> Iterator[RecordTruth]:
     """Where truths go: nowhere, or into an MCAP file that is closed whatever happens."""
     if path is None:
         yield lambda _: None
         return
-    from sitl.truth_log import TruthLog  # its libraries cost start-up time that most runs need not pay
+    from sitl.truth_log import (
+        TruthLog,  # its libraries cost start-up time that most runs need not pay
+    )
 
     try:
         log = TruthLog(path)
     except OSError as error:
-        reason = "the file exists; give a new one" if isinstance(error, FileExistsError) else error.strerror
+        reason = (
+            "the file exists; give a new one"
+            if isinstance(error, FileExistsError)
+            else error.strerror
+        )
         raise TruthFileError(f"--truth {path}: {reason}") from None
     with closing(log):
         yield log.write

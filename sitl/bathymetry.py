@@ -1,7 +1,7 @@
 """Sea floors from files: ESRI ASCII grids (.asc), in metres east and north of the scenario's site.
 
-Format: Esri, "ASCII raster format": a header of keys and numbers, then rows of heights from north to south.
-"""
+Format: Esri, "ASCII raster format": a header of keys and numbers, then rows of heights from north
+to south."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.tables import ScenarioError
+from sitl.scenario_types import ScenarioError
 
 _CORNER = ("xllcorner", "yllcorner")
 _CENTRE = ("xllcenter", "yllcenter")
@@ -31,7 +31,8 @@ class Grid(NamedTuple):
 
 
 def read(path: Path) -> Grid:
-    """Read a grid. Raises ScenarioError: it names the file, what is wrong in it and what would be right."""
+    """Read a grid. Raises ScenarioError: it names the file, what is wrong in it and what would be
+    right."""
     try:
         lines = path.read_text(encoding="ascii").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -61,9 +62,13 @@ def _header(path: Path, lines: list[str]) -> dict[str, float]:
             raise ScenarioError(f"floor {path}: {key}: missing key")
     for key, least in (("ncols", 2), ("nrows", 2)):
         if header[key] < least or header[key] != round(header[key]):
-            raise ScenarioError(f"floor {path}: {key} = {header[key]:g}: expected a whole number, {least} or more")
+            raise ScenarioError(
+                f"floor {path}: {key} = {header[key]:g}: expected a whole number, {least} or more"
+            )
     if header["cellsize"] <= 0.0:
-        raise ScenarioError(f"floor {path}: cellsize = {header['cellsize']:g}: expected metres, more than 0")
+        raise ScenarioError(
+            f"floor {path}: cellsize = {header['cellsize']:g}: expected metres, more than 0"
+        )
     return header
 
 
@@ -81,14 +86,22 @@ def _rows(path: Path, lines: list[str], header: dict[str, float]) -> NDArray[np.
     shape = round(header["nrows"]), round(header["ncols"])
     rows = [line.split() for line in lines if line.strip()]
     if len(rows) != shape[0]:
-        raise ScenarioError(f"floor {path}: nrows = {shape[0]}: expected as many rows, found {len(rows)}")
+        raise ScenarioError(
+            f"floor {path}: nrows = {shape[0]}: expected as many rows, found {len(rows)}"
+        )
     for number, row in enumerate(rows, 1):
         if len(row) != shape[1]:
-            raise ScenarioError(f"floor {path}: row {number}: expected ncols = {shape[1]} heights, found {len(row)}")
-    heights = np.array([[_number(path, f"row {n}", text) for text in row] for n, row in enumerate(rows, 1)])
+            raise ScenarioError(
+                f"floor {path}: row {number}: expected ncols = {shape[1]} heights, found {len(row)}"
+            )
+    heights = np.array(
+        [[_number(path, f"row {n}", text) for text in row] for n, row in enumerate(rows, 1)]
+    )
     if (heights == header.get("nodata_value", -9999.0)).any():
         row, column = np.argwhere(heights == header.get("nodata_value", -9999.0))[0] + 1
-        raise ScenarioError(f"floor {path}: row {row}, column {column}: no data; expected a height everywhere")
+        raise ScenarioError(
+            f"floor {path}: row {row}, column {column}: no data; expected a height everywhere"
+        )
     if (heights >= 0.0).any():
         row, column = np.argwhere(heights >= 0.0)[0] + 1
         raise ScenarioError(

@@ -12,25 +12,34 @@ from typing import Annotated, Any
 from msgspec import Meta
 from msgspec.structs import replace
 
-from sitl import bathymetry, waters
+from sitl import bathymetry, environment_schema
+from sitl.environment_schema import Current, Density, FloorTable, Ice, WaterTable, Waves
 from sitl.faults import catalogue
 from sitl.faults.catalogue import Fault, FaultError
-from sitl.tables import Angle, Damping, NotNegative, Positive, ScenarioError, Speed, Table
-from sitl.vehicle import strict_toml
-from sitl.waters import Current, Density, Floor, Ice, Water, Waves
+from sitl.scenario_types import (
+    Angle,
+    Damping,
+    NotNegative,
+    Positive,
+    ScenarioError,
+    ScenarioTable,
+    Speed,
+)
+from sitl.vehicle import toml_io
 
 Latitude = Annotated[float, Meta(ge=-89.0, le=89.0)]
 
 
-class Site(Table, frozen=True):
+class Site(ScenarioTable, frozen=True):
     """Where the surface point is from which north and east are counted."""
 
     latitude_deg: Latitude = 42.35
     longitude_deg: Angle = -71.0
 
 
-class Start(Table, frozen=True):
-    """How the vehicle lies when vehicle time begins. Without a depth she floats at the surface, in trim and at rest."""
+class StartTable(ScenarioTable, frozen=True):
+    """How the vehicle lies when vehicle time begins. Without a depth she floats at the surface, in
+    trim and at rest."""
 
     heading_deg: Angle = 0.0
     depth_m: NotNegative | None = None
@@ -39,16 +48,18 @@ class Start(Table, frozen=True):
     battery_pct: Annotated[float, Meta(ge=0.0, le=100.0)] = 100.0
 
 
-class Rig(Table, frozen=True):
+class Rig(ScenarioTable, frozen=True):
     """What holds and measures the vehicle on the bench."""
 
     clamped: bool = False
-    """She stays as she lies at the start, afloat and at rest, whatever acts on her; tailcone and instruments work."""
+    """She stays as she lies at the start, afloat and at rest, whatever acts on her; tailcone and
+    instruments work."""
     encoder: str = ""
-    """Fitted to the duct for the occasion, in place of the vehicle's own: a name of the instruments' catalogue."""
+    """Fitted to the duct for the occasion, in place of the vehicle's own: a name of the
+    instruments' catalogue."""
 
 
-class MagneticField(Table, frozen=True):
+class MagneticField(ScenarioTable, frozen=True):
     """Boston, of the order the World Magnetic Model gives."""
 
     declination_deg: Angle = -14.4
@@ -57,7 +68,7 @@ class MagneticField(Table, frozen=True):
     strength_gauss: Positive = 0.52
 
 
-class SlowDisturbance(Table, frozen=True):
+class SlowDisturbance(ScenarioTable, frozen=True):
     """First-order Gauss-Markov moments."""
 
     time_constant_s: Positive = 3.0
@@ -65,7 +76,7 @@ class SlowDisturbance(Table, frozen=True):
     pitch_rms_nm: NotNegative = 0.0
 
 
-class WaveDisturbance(Table, frozen=True):
+class WaveDisturbance(ScenarioTable, frozen=True):
     """Narrow-band moments at the frequency of the waves."""
 
     frequency_hz: Positive = 0.15
@@ -74,23 +85,23 @@ class WaveDisturbance(Table, frozen=True):
     pitch_rms_nm: NotNegative = 0.0
 
 
-class DisturbanceLevels(Table, frozen=True):
+class DisturbanceLevels(ScenarioTable, frozen=True):
     slow: SlowDisturbance = SlowDisturbance()
     waves: WaveDisturbance = WaveDisturbance()
 
 
-class Scenario(Table, frozen=True):
+class Scenario(ScenarioTable, frozen=True):
     """A whole scenario file."""
 
     title: str = ""
     site: Site = Site()
-    start: Start = Start()
+    start: StartTable = StartTable()
     rig: Rig = Rig()
-    water: Water = Water()
+    water: WaterTable = WaterTable()
     current: Current = Current()
     waves: Waves = Waves()
     density: Density = Density()
-    floor: Floor = Floor()
+    floor: FloorTable = FloorTable()
     ice: Ice = Ice()
     magnetic_field: MagneticField = MagneticField()
     disturbance: DisturbanceLevels = DisturbanceLevels()
@@ -105,7 +116,11 @@ class Scenario(Table, frozen=True):
 
 def names() -> list[str]:
     """The scenarios that come with the simulator."""
-    return sorted(path.name.removesuffix(".toml") for path in _shipped().iterdir() if path.name.endswith(".toml"))
+    return sorted(
+        path.name.removesuffix(".toml")
+        for path in _shipped().iterdir()
+        if path.name.endswith(".toml")
+    )
 
 
 def load(name_or_path: str) -> Scenario:
@@ -119,12 +134,17 @@ def load(name_or_path: str) -> Scenario:
     else:
         text = _read(name_or_path)
     source = f"scenario {name_or_path}"
-    scenario = strict_toml.decode(text, Scenario, source, ScenarioError)
+    scenario = toml_io.decode(text, Scenario, source, ScenarioError)
     if scenario.rig.clamped and (scenario.start.depth_m is not None or scenario.start.speed_mps):
-        raise ScenarioError(f"{source}: rig.clamped = true: expected no start.depth_m and no start.speed_mps with it")
+        raise ScenarioError(
+            f"{source}: rig.clamped = true: expected no start.depth_m and no start.speed_mps"
+            " with it"
+        )
     try:
-        waters.refuse_contradictions(scenario.current, scenario.waves, scenario.density, scenario.floor, scenario.ice)
-        _refuse_a_start_out_of_water(scenario)
+        environment_schema.check_consistency(
+            scenario.current, scenario.waves, scenario.density, scenario.floor, scenario.ice
+        )
+        _check_start_depth(scenario)
     except ScenarioError as error:
         raise ScenarioError(f"{source}: {error}") from None
     for number, row in enumerate(scenario.fault, 1):
@@ -135,23 +155,31 @@ def load(name_or_path: str) -> Scenario:
     return _with_floor_file(scenario, name_or_path)
 
 
-def _refuse_a_start_out_of_water(scenario: Scenario) -> None:
+def _check_start_depth(scenario: Scenario) -> None:
     depth_m, lid_m, floor_m = scenario.start.depth_m, scenario.ice.draft_m, scenario.floor.depth_m
     if depth_m is not None and depth_m < lid_m:
         raise ScenarioError(f"start.depth_m = {depth_m}: expected more than ice.draft_m = {lid_m}")
     if depth_m is not None and depth_m >= floor_m and not scenario.floor.file:
-        raise ScenarioError(f"start.depth_m = {depth_m}: expected less than floor.depth_m = {floor_m}")
+        raise ScenarioError(
+            f"start.depth_m = {depth_m}: expected less than floor.depth_m = {floor_m}"
+        )
 
 
 def _with_floor_file(scenario: Scenario, path: str) -> Scenario:
-    """The file of the floor by its full path, which in the scenario is told from where that itself lies."""
+    """The file of the floor by its full path, which in the scenario is told from where that itself
+    lies."""
     if not scenario.floor.file:
         return scenario
     floor = Path(path).parent / scenario.floor.file
     deepest_m = -float(bathymetry.read(floor).height_m.min())
-    for key, value in (("start.depth_m", scenario.start.depth_m), ("ice.draft_m", scenario.ice.draft_m)):
+    for key, value in (
+        ("start.depth_m", scenario.start.depth_m),
+        ("ice.draft_m", scenario.ice.draft_m),
+    ):
         if value is not None and value >= deepest_m:
-            raise ScenarioError(f"scenario {path}: {key} = {value}: expected less than the floor's {deepest_m:g}")
+            raise ScenarioError(
+                f"scenario {path}: {key} = {value}: expected less than the floor's {deepest_m:g}"
+            )
     return replace(scenario, floor=replace(scenario.floor, file=str(floor)))
 
 
@@ -164,4 +192,6 @@ def _read(path: str) -> str:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ScenarioError(f"scenario {path}: {reason}; expected {', '.join(names())} or a TOML file") from None
+        raise ScenarioError(
+            f"scenario {path}: {reason}; expected {', '.join(names())} or a TOML file"
+        ) from None

@@ -9,8 +9,8 @@ from typing import Any
 
 from mcap.writer import Writer
 
-from link.clock import Every
-from sitl.truth import Truth
+from mavlink_io.clock import Every
+from sitl.core.truth import Truth
 
 TOPIC = "/auv/truth"
 CHUNK_BYTES = 64_000
@@ -36,7 +36,9 @@ _SCALARS = (
 )
 _SCHEMA = {
     "title": "auv.Truth",
-    "description": "The simulated vehicle, FRD in NED, SI units; rudder and elevator are true duct angles.",
+    "description": (
+        "The simulated vehicle, FRD in NED, SI units; rudder and elevator are true duct angles."
+    ),
     "type": "object",
     "properties": {
         "time_us": {"type": "integer", "description": "vehicle time"},
@@ -52,7 +54,8 @@ _SCHEMA = {
 
 
 class TruthLog:
-    """One channel of JSON; log time is the UNIX time of the launch plus vehicle time, and never goes back."""
+    """One channel of JSON; log time is the UNIX time of the launch plus vehicle time, and never
+    goes back."""
 
     def __init__(self, path: Path) -> None:
         """Create the file. Raises OSError, also when it exists: a log is never written over."""
@@ -61,7 +64,9 @@ class TruthLog:
         self._flush = Every(FLUSH_PERIOD_S)
         self._writer: Any = Writer(self._file, chunk_size=CHUNK_BYTES)
         self._writer.start()
-        schema = self._writer.register_schema("auv.Truth", "jsonschema", json.dumps(_SCHEMA).encode())
+        schema = self._writer.register_schema(
+            "auv.Truth", "jsonschema", json.dumps(_SCHEMA).encode()
+        )
         self._channel = self._writer.register_channel(TOPIC, "json", schema)
 
     def write(self, truth: Truth) -> None:

@@ -1,10 +1,11 @@
-"""The JSON Schema of ``model.json`` from its records: ``python -m sysid.schema > docs/model.schema.json``."""
+"""The JSON Schema of ``model.json`` from its records: ``python -m sysid.schema >
+docs/model.schema.json``."""
 
 import sys
 
 import msgspec
 
-from sysid.model import FORMAT, IdentifiedModel
+from sysid.models.model_file import FORMAT, IdentifiedModel
 
 
 def schema() -> bytes:

@@ -1,8 +1,9 @@
-"""What every test keeps off, the state directory of whoever runs it; and the examples of properties.
+"""What every test keeps off, the state directory of whoever runs it; and the examples of
+properties.
 
-A checkout always tries the same ones; `make test PYTEST=--hypothesis-profile=search` tries new ones each time, and what
-it finds becomes an ``example`` of its test. None is timed: a kernel compiled on first call is no defect.
-"""
+A checkout always tries the same ones; `make test PYTEST=--hypothesis-profile=search` tries new ones
+each time, and what it finds becomes an ``example`` of its test. None is timed: a kernel compiled on
+first call is no defect."""
 
 import os
 from collections.abc import Iterator

@@ -1,4 +1,5 @@
-"""Autopilot and sea together: what the paper's missions and controllers do to the paper's vehicle."""
+"""Autopilot and sea together: what the paper's missions and controllers do to the paper's
+vehicle."""
 
 import math
 from itertools import pairwise
@@ -6,14 +7,21 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from link.missions import MissionItem
-from tests.autopilot.flights import excitation_item, leg
-from tests.closed_loop import Dive
+from mavlink_io.mission_items import MissionItem
+from tests.helpers.closed_loop import Dive
+from tests.helpers.missions import excitation_item, leg
 
 IMPROVED = {
-    "HDG_P": 0.55, "HDG_D": 1.35, "HDG_I": 0.01, "HDG_IMAX": 0.1, "PTCH_P": 0.55, "PTCH_D": 1.2,
-    "DPT_P": 0.12, "DPT_I": 0.004, "DPT_IMAX": 0.05,
-}  # fmt: skip
+    "HDG_P": 0.55,
+    "HDG_D": 1.35,
+    "HDG_I": 0.01,
+    "HDG_IMAX": 0.1,
+    "PTCH_P": 0.55,
+    "PTCH_D": 1.2,
+    "DPT_P": 0.12,
+    "DPT_I": 0.004,
+    "DPT_IMAX": 0.05,
+}
 """Table 3, improved column."""
 TRIM = {"TRIM_RUD_DEG": 6.0, "TRIM_ELE_DEG": 0.4}
 FIGURE_14 = ((4.0, -80.0, 30.0), (7.0, -40.0, 60.0), (1.0, -100.0, 60.0))
@@ -23,12 +31,15 @@ def legs(*wanted: tuple[float, float, float]) -> tuple[MissionItem, ...]:
     return tuple(
         item
         for k, (depth_m, heading_deg, duration_s) in enumerate(wanted)
-        for item in leg(depth_m=depth_m, heading_deg=heading_deg, duration_s=duration_s, first=4 * k)
+        for item in leg(
+            depth_m=depth_m, heading_deg=heading_deg, duration_s=duration_s, first=4 * k
+        )
     )
 
 
 def test_an_untrimmed_rudder_bias_costs_eight_degrees_with_the_papers_integrator() -> None:
-    """Bias over proportional gain, less what 0.01 rad of integrator takes: (6 - 0.57) / 0.65 = 8.4 deg."""
+    """Bias over proportional gain, less what 0.01 rad of integrator takes: (6 - 0.57) / 0.65 = 8.4
+    deg."""
     dive = Dive(legs((4.0, 30.0, 150.0)))
     steady = dive.during(100.0, 150.0)
     assert np.degrees(dive["heading"][steady].mean()) - 30.0 == pytest.approx(-8.4, abs=0.3)
@@ -42,7 +53,8 @@ def test_a_trimmed_vehicle_holds_heading_and_depth_in_calm_water() -> None:
 
 
 def test_speed_under_58_percent_thrust() -> None:
-    """1.30 m/s within 1 % in steady flight, with the elevator and the pitch that 22 N of buoyancy cost."""
+    """1.30 m/s within 1 % in steady flight, with the elevator and the pitch that 22 N of buoyancy
+    cost."""
     dive = Dive(legs((4.0, 0.0, 150.0)), values=TRIM)
     assert dive["surge_mps"][dive.during(100.0, 150.0)].mean() == pytest.approx(1.30, rel=0.01)
 
@@ -59,8 +71,8 @@ def test_the_estimate_follows_the_truth_in_a_seaway() -> None:
 def test_figure_14_reaches_every_leg() -> None:
     """4 m, -80 deg; 7 m, -40 deg; 1 m, -100 deg: heading and depth at the end of each leg.
 
-    The first leg starts from rest at the surface and gives the integrators, filled by the turn, 30 s to empty: 5 deg.
-    """
+    The first leg starts from rest at the surface and gives the integrators, filled by the turn, 30
+    s to empty: 5 deg."""
     dive = Dive(legs(*FIGURE_14), values={**IMPROVED, **TRIM})
     edges = [0.0, *np.cumsum([duration for *_, duration in FIGURE_14])]
     for (depth_m, heading_deg, _), (_, end_s) in zip(FIGURE_14, pairwise(edges), strict=True):
@@ -72,16 +84,27 @@ def test_figure_14_reaches_every_leg() -> None:
 
 @pytest.mark.parametrize("magnitude_deg", [5.0, -5.0])
 def test_a_rudder_step_turns_to_its_own_side(magnitude_deg: float) -> None:
-    items = (*legs((4.0, 0.0, 60.0)), excitation_item(4, axis=12, magnitude_deg=magnitude_deg, duration_s=8))
+    items = (
+        *legs((4.0, 0.0, 60.0)),
+        excitation_item(4, axis=12, magnitude_deg=magnitude_deg, duration_s=8),
+    )
     dive = Dive(items, values=TRIM)
-    turned = dive["true_heading"][dive.during(67.5, 68.0)].mean() - dive["true_heading"][dive.during(59.0, 60.0)].mean()
+    turned = (
+        dive["true_heading"][dive.during(67.5, 68.0)].mean()
+        - dive["true_heading"][dive.during(59.0, 60.0)].mean()
+    )
     assert math.copysign(1.0, turned) == math.copysign(1.0, magnitude_deg)
     assert abs(math.degrees(turned)) > 20.0
-    assert np.abs(dive["true_depth_m"][dive.during(60.0, 68.0)] - 4.0).max() < 0.6, "depth loop left on"
+    assert np.abs(dive["true_depth_m"][dive.during(60.0, 68.0)] - 4.0).max() < 0.6, (
+        "depth loop left on"
+    )
 
 
 def test_a_positive_elevator_step_lifts_the_nose_and_the_envelope_ends_it() -> None:
-    items = (*legs((9.0, 0.0, 70.0)), excitation_item(4, axis=11, magnitude_deg=15.0, duration_s=30))
+    items = (
+        *legs((9.0, 0.0, 70.0)),
+        excitation_item(4, axis=11, magnitude_deg=15.0, duration_s=30),
+    )
     dive = Dive(items, values=TRIM)
     assert [text for text in dive.texts() if text.startswith("SystemID Stopped: pitch")]
     assert math.degrees(dive["true_pitch"][dive.during(70.0, 100.0)].max()) > 30.0

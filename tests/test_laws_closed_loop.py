@@ -1,45 +1,62 @@
-"""Laws in the sea: they hold her closer than the PIDs do, take over without a blow and reach a new depth."""
+"""Laws in the sea: they hold her closer than the PIDs do, take over without a blow and reach a new
+depth."""
 
 import numpy as np
 import pytest
 
-from autopilot.state_space import Laws
-from sysid import noise
-from sysid.design.optimal import lqg, ticked, tuning
-from sysid.design.plant import ASSUMED_SEA
-from sysid.loops import SAMPLING_S, Lag
-from sysid.planes import pitch_plane, yaw_plane
-from sysid.tables import CRUISE_SPEED_MPS, TABLE_1_ADJUSTED
-from tests.autopilot.flights import leg
-from tests.closed_loop import Dive
+from autopilot.control.lqg import LqgControllers
+from sysid.control_analysis.loop_transfer import SAMPLING_S, Lag
+from sysid.design.design_model import DEFAULT_DISTURBANCE
+from sysid.design.lqg import synthesis, tick_controllers, weights
+from sysid.models import noise
+from sysid.models.linear_planes import pitch_plane, yaw_plane
+from sysid.reproduction.paper_tables import CRUISE_SPEED_MPS, TABLE_1_ADJUSTED
+from tests.helpers.closed_loop import Dive
+from tests.helpers.missions import leg
 from tests.test_shaped_loops import DEPTH_LOOP, LEAD, TRIMMED
 
 VALUES = TRIMMED | DEPTH_LOOP | LEAD | {"HDG_REF_W": 0.6, "DPT_REF_W": 0.3, "PTCH_FF": 0.2}
 
 
 @pytest.fixture(scope="module")
-def laws() -> Laws:
-    lag, sea = Lag(0.3 + SAMPLING_S), noise.of_model(ASSUMED_SEA)
+def laws() -> LqgControllers:
+    lag, sea = Lag(0.3 + SAMPLING_S), noise.from_model(DEFAULT_DISTURBANCE)
     yaw, pitch = yaw_plane(TABLE_1_ADJUSTED), pitch_plane(TABLE_1_ADJUSTED)
-    heading = lqg.law(yaw, lag, sea, tuning.HEADING_STARTS[0])
-    depth = lqg.law(pitch, lag, sea, tuning.DEPTH_STARTS[0])
-    return Laws(CRUISE_SPEED_MPS, ticked(heading, yaw), ticked(depth, pitch), lqg.pitch_per_metre(depth))
+    heading = synthesis.controller(yaw, lag, sea, weights.HEADING_STARTS[0])
+    depth = synthesis.controller(pitch, lag, sea, weights.DEPTH_STARTS[0])
+    return LqgControllers(
+        CRUISE_SPEED_MPS,
+        tick_controllers(heading, yaw),
+        tick_controllers(depth, pitch),
+        synthesis.pitch_per_metre(depth),
+    )
 
 
-def test_laws_hold_heading_and_depth_closer(laws: Laws) -> None:
-    def held(flown: Laws | None) -> tuple[float, float]:
-        dive = Dive(leg(depth_m=4.0, heading_deg=0.0, duration_s=100.0), sea="disturbed", values=VALUES, laws=flown)
+def test_laws_hold_heading_and_depth_closer(laws: LqgControllers) -> None:
+    def held(flown: LqgControllers | None) -> tuple[float, float]:
+        dive = Dive(
+            leg(depth_m=4.0, heading_deg=0.0, duration_s=100.0),
+            sea="disturbed",
+            values=VALUES,
+            laws=flown,
+        )
         steady = dive.during(40.0, 98.0)
-        return float(np.std(dive["true_heading"][steady])), float(np.std(dive["true_depth_m"][steady]))
+        return float(np.std(dive["true_heading"][steady])), float(
+            np.std(dive["true_depth_m"][steady])
+        )
 
     by_law, by_pid = held(laws), held(None)
     assert by_law[0] < 0.93 * by_pid[0]
     assert by_law[1] < 0.8 * by_pid[1]
 
 
-def test_laws_take_over_smoothly_and_reach_a_new_depth(laws: Laws) -> None:
+def test_laws_take_over_smoothly_and_reach_a_new_depth(laws: LqgControllers) -> None:
     items = leg(depth_m=3.0, heading_deg=0.0, duration_s=60.0)
-    dive = Dive(items + leg(depth_m=6.0, heading_deg=0.0, duration_s=50.0, first=4), values=VALUES, laws=laws)
+    dive = Dive(
+        items + leg(depth_m=6.0, heading_deg=0.0, duration_s=50.0, first=4),
+        values=VALUES,
+        laws=laws,
+    )
     rudder_deg = np.degrees(dive["rudder"])
     assert np.max(np.abs(np.diff(rudder_deg[dive.during(5.0, 95.0)]))) < 6.0
     after, end = dive.during(60.0, 110.0), dive.during(100.0, 110.0)

@@ -5,24 +5,30 @@ import math
 import numpy as np
 import pytest
 
-from autopilot import modes, requests
-from link.missions import MissionItem
-from tests.autopilot.flights import leg
-from tests.voyage import Voyage, water
+from autopilot.control import modes, requests
+from mavlink_io.mission_items import MissionItem
+from tests.helpers.missions import leg
+from tests.helpers.navigation_sim import Voyage, water
 
 NORTH_MPS, EAST_MPS = 0.2, -0.22
 """A current of 0.3 m/s."""
 DIVES = 30
 
 
-def waypoint(sequence: int, north_m: float, east_m: float, depth_m: float = 4.0, **more: float) -> MissionItem:
-    return MissionItem(sequence, 1, 16, x=round(north_m * 1e4), y=round(east_m * 1e4), z=depth_m, **more)
+def waypoint(
+    sequence: int, north_m: float, east_m: float, depth_m: float = 4.0, **more: float
+) -> MissionItem:
+    return MissionItem(
+        sequence, 1, 16, x=round(north_m * 1e4), y=round(east_m * 1e4), z=depth_m, **more
+    )
 
 
 def under_way(**how: object) -> Voyage:
     """Under way at 4 m in the current, a hundred metres from home."""
     voyage = Voyage(water("disturbed", NORTH_MPS, EAST_MPS), **how).sail(5.0)  # type: ignore[arg-type]
-    voyage.ask(requests.SetMode(modes.DEPTH.number), requests.Arm(), requests.ChangeTarget(4.0, 0.3, 0.58))
+    voyage.ask(
+        requests.SetMode(modes.DEPTH.number), requests.Arm(), requests.ChangeTarget(4.0, 0.3, 0.58)
+    )
     return voyage.sail(60.0)
 
 
@@ -42,8 +48,9 @@ def dive(seed: int, *, dvl: bool) -> Voyage:
 
 @pytest.mark.parametrize(("dvl", "worst_m"), [(True, 1.5), (False, 10.0)])
 def test_the_true_error_is_within_what_is_told(dvl: bool, worst_m: float) -> None:
-    """Of a circular normal error 86 % lie within two standard deviations; more may, for simulated fixes are kinder than
-    real ones, whose errors she takes to last. An error that is told three times too large helps nobody either."""
+    """Of a circular normal error 86 % lie within two standard deviations; more may, for simulated
+    fixes are kinder than real ones, whose errors she takes to last. An error that is told three
+    times too large helps nobody either."""
     dives = [dive(seed, dvl=dvl) for seed in range(1, DIVES + 1)]
     error_m = np.array([np.abs(voyage.error_m()) for voyage in dives])
     sd_m = np.array([voyage["sd_m"] for voyage in dives])
@@ -54,12 +61,15 @@ def test_the_true_error_is_within_what_is_told(dvl: bool, worst_m: float) -> Non
         assert within >= 0.86, after_s
         assert 0.3 < share < 1.0, after_s
     assert np.median(sd_m[:, -1]) < worst_m
-    current = np.array([complex(v["current_north_mps"][-1], v["current_east_mps"][-1]) for v in dives])
+    current = np.array(
+        [complex(v["current_north_mps"][-1], v["current_east_mps"][-1]) for v in dives]
+    )
     assert np.abs(current).max() > 0.2
 
 
 def test_surfacing_tells_what_the_current_was() -> None:
-    """Without a log, and with nothing known of the current but the fix before the dive and the one after it."""
+    """Without a log, and with nothing known of the current but the fix before the dive and the one
+    after it."""
     voyage = Voyage(water("calm", 0.0, 0.3), dvl=False, values={"NAV_SPD_PCT": 2.0})
     voyage.fly(*leg(depth_m=3.0, heading_deg=0.0, duration_s=150.0))
     voyage.sail(150.0)
@@ -73,7 +83,8 @@ def test_surfacing_tells_what_the_current_was() -> None:
 
 
 def test_a_square_closes_in_a_current() -> None:
-    """Half-way along each side, after the turn into it, she is on the line; at the end she is back."""
+    """Half-way along each side, after the turn into it, she is on the line; at the end she is
+    back."""
     voyage = Voyage(water("disturbed", NORTH_MPS, EAST_MPS)).sail(5.0)
     corners = (100 + 0j, 100 + 100j, 100j, 0j)
     voyage.fly(*(waypoint(n, corner.real, corner.imag) for n, corner in enumerate(corners)))
@@ -93,7 +104,11 @@ def test_a_square_closes_in_a_current() -> None:
 def test_station_is_a_circle_about_where_it_was_asked_for() -> None:
     voyage = under_way()
     voyage.ask(requests.SetMode(modes.STATION.number))
-    centre, depth_m, begun = complex(voyage["north_m"][-1], voyage["east_m"][-1]), voyage["depth_m"][-1], len(voyage)
+    centre, depth_m, begun = (
+        complex(voyage["north_m"][-1], voyage["east_m"][-1]),
+        voyage["depth_m"][-1],
+        len(voyage),
+    )
     voyage.sail(240.0)
     radius = np.abs(voyage["north_m"] + 1j * voyage["east_m"] - centre)[begun + 900 :]
     assert radius.min() > 17.0
@@ -105,11 +120,18 @@ def test_rtl_surfaces_near_home() -> None:
     voyage = under_way(dvl=False)
     voyage.ask(requests.SetMode(modes.RTL.number))
     voyage.sail(400.0, until_disarmed=True)
-    assert voyage.texts()[-4:] == ["Mode RTL", "RTL: home reached", "Mode SURFACE", "Surfaced: disarmed"]
+    assert voyage.texts()[-4:] == [
+        "Mode RTL",
+        "RTL: home reached",
+        "Mode SURFACE",
+        "Surfaced: disarmed",
+    ]
     arrived = np.flatnonzero(voyage["depth_m"] > 1.5)[-1]
     place = complex(voyage["north_m"][arrived], voyage["east_m"][arrived])
     sd_m = voyage["sd_m"][arrived]
-    assert abs(place) < 10.0 + 3.0 * math.sqrt(2.0) * sd_m + 10.0, "and what she goes while she rises"
+    assert abs(place) < 10.0 + 3.0 * math.sqrt(2.0) * sd_m + 10.0, (
+        "and what she goes while she rises"
+    )
 
 
 def test_a_waypoint_is_held_by_circling_and_turns_are_counted() -> None:

@@ -2,8 +2,8 @@
 
     python -m benchmarks.advanced [CASE ...] [--model FILE.json] [--runs N] [--out FILE.json]
 
-Without a model it flies a campaign first. Exit status 1 where no gains or laws meet the specification.
-"""
+Without a model it flies a campaign first. Exit status 1 where no gains or laws meet the
+specification."""
 
 import argparse
 from pathlib import Path
@@ -26,7 +26,12 @@ def main() -> None:
 
 def _arguments() -> argparse.Namespace:
     parser = study.parser(__doc__, "dives of each case; 20 unless told")
-    parser.add_argument("case", nargs="*", choices=[[], *flown.CASES], help="which seas or vehicles; all without one")
+    parser.add_argument(
+        "case",
+        nargs="*",
+        choices=[[], *flown.CASES],
+        help="which seas or vehicles; all without one",
+    )
     parser.add_argument("--model", type=Path, help="a model.json instead of a campaign's")
     return parser.parse_args()
 

@@ -4,20 +4,22 @@ from dataclasses import replace
 from time import process_time
 from typing import NamedTuple
 
-from autopilot import loops as aboard
-from autopilot import params
-from autopilot.state_space import Laws
-from autopilot.targets import Setpoint
-from autopilot.types import Estimate, LoopMemory
+from autopilot.control import loops as aboard
+from autopilot.control import params
+from autopilot.control.lqg import LqgControllers
+from autopilot.control.setpoints import Setpoint
+from autopilot.control.types import LoopMemory, VehicleEstimate
 from benchmarks.redesign.campaign import Values
 from benchmarks.study import Figure
-from sysid import design, loops
-from sysid.design import Design, optimal
-from sysid.design.optimal import LawDesign, view
-from sysid.design.plant import plant
-from sysid.design.spec import Response, Trust
-from sysid.loops import TICK_S, Margins
-from sysid.model import IdentifiedModel
+from sysid.control_analysis import loop_transfer
+from sysid.control_analysis.loop_transfer import TICK_S, Margins
+from sysid.design import lqg as optimal
+from sysid.design import pid as design
+from sysid.design.design_model import from_model
+from sysid.design.lqg import LqgDesign, loop_analysis
+from sysid.design.pid import Design
+from sysid.design.specification import DesignRobustness, Response
+from sysid.models.model_file import IdentifiedModel
 
 TICKS = 2000
 
@@ -26,7 +28,7 @@ class Contender(NamedTuple):
     """How one of the two flies."""
 
     values: Values
-    laws: Laws | None
+    laws: LqgControllers | None
 
 
 Contenders = dict[str, Contender]
@@ -34,42 +36,60 @@ Contenders = dict[str, Contender]
 
 class Designed(NamedTuple):
     pid: Design
-    lqg: LawDesign
+    lqg: LqgDesign
     contenders: Contenders
 
 
 def designed(model: IdentifiedModel, trims: Values) -> Designed:
     """Raises DesignRefused. The laws fly on the same ways to set-points, within the same limits."""
-    pid, lqg = design.redesign(model), optimal.design_laws(model)
+    pid, lqg = design.redesign(model), optimal.design_lqg(model)
     values = {**pid.gains, **trims}
-    return Designed(pid, lqg, {"PID": Contender(values, None), "LQG": Contender(values, optimal.aboard(lqg))})
+    return Designed(
+        pid,
+        lqg,
+        {
+            "PID": Contender(values, None),
+            "LQG": Contender(values, optimal.autopilot_controllers(lqg)),
+        },
+    )
 
 
 def promised(model: IdentifiedModel, found: Designed) -> list[Figure]:
-    """In the model's sea, one standard deviation; margins; shares of the vehicles that the model allows for."""
+    """In the model's sea, one standard deviation; margins; shares of the vehicles that the model
+    allows for."""
     pid, lqg = found.pid, found.lqg
     figures = [
-        *_response("PID", pid.predicted), *_response("LQG", lqg.predicted),
-        *_margins("PID", pid.analysis.margins), *_margins("LQG", _cuts(model, lqg)),
-        *_trust("PID", pid.trust), *_trust("LQG", lqg.trust),
-    ]  # fmt: skip
+        *_response("PID", pid.predicted),
+        *_response("LQG", lqg.predicted),
+        *_margins("PID", pid.analysis.margins),
+        *_margins("LQG", _cuts(model, lqg)),
+        *_trust("PID", pid.trust),
+        *_trust("LQG", lqg.trust),
+    ]
     return [*figures, *(_cost(name, each) for name, each in found.contenders.items())]
 
 
 def _response(name: str, found: Response) -> list[Figure]:
     return [
-        Figure(f"{name}: {field.rpartition('_')[0]} rms, predicted", value, unit=field.rpartition("_")[2])
+        Figure(
+            f"{name}: {field.rpartition('_')[0]} rms, predicted",
+            value,
+            unit=field.rpartition("_")[2],
+        )
         for field, value in found._asdict().items()
     ]
 
 
-def _cuts(model: IdentifiedModel, lqg: LawDesign) -> dict[str, Margins]:
-    vehicle = plant(model)
-    seen = {"yaw": (view.view(vehicle, "yaw"), lqg.heading), "pitch": (view.view(vehicle, "pitch"), lqg.depth)}
+def _cuts(model: IdentifiedModel, lqg: LqgDesign) -> dict[str, Margins]:
+    vehicle = from_model(model)
+    seen = {
+        "yaw": (loop_analysis.measured_plane(vehicle, "yaw"), lqg.heading),
+        "pitch": (loop_analysis.measured_plane(vehicle, "pitch"), lqg.depth),
+    }
     return {
-        name: loops.margins(cut)
+        name: loop_transfer.margins(cut)
         for each, law in seen.values()
-        for name, cut in zip(each.names, view.cuts(each, law), strict=True)
+        for name, cut in zip(each.names, loop_analysis.cuts(each, law), strict=True)
     }
 
 
@@ -82,11 +102,13 @@ def _margins(name: str, found: dict[str, Margins]) -> list[Figure]:
     ]
 
 
-def _trust(name: str, found: Trust | None) -> list[Figure]:
+def _trust(name: str, found: DesignRobustness | None) -> list[Figure]:
     if found is None:
         return []
     return [
-        Figure(f"{name}: vehicles that keep the specification", 100.0 * found.specification, unit="%"),
+        Figure(
+            f"{name}: vehicles that keep the specification", 100.0 * found.specification, unit="%"
+        ),
         Figure(f"{name}: vehicles that keep the relaxed one", 100.0 * found.relaxed, unit="%"),
     ]
 
@@ -94,8 +116,14 @@ def _trust(name: str, found: Trust | None) -> list[Figure]:
 def _cost(name: str, contender: Contender) -> Figure:
     """CPU time of closing the loops once."""
     config = replace(params.config(contender.values), laws=contender.laws)
-    estimate, memory = Estimate(speed_mps=config.cruise_speed_mps), LoopMemory()
+    estimate, memory = VehicleEstimate(speed_mps=config.cruise_speed_mps), LoopMemory()
     began_s = process_time()
     for _ in range(TICKS):
-        _, memory = aboard.close(estimate, Setpoint(), memory, config, TICK_S, heading=True, depth=True)
-    return Figure(f"{name}: CPU time of the loops in a tick", 1e6 * (process_time() - began_s) / TICKS, unit="us")
+        _, memory = aboard.step_loops(
+            estimate, Setpoint(), memory, config, TICK_S, heading=True, depth=True
+        )
+    return Figure(
+        f"{name}: CPU time of the loops in a tick",
+        1e6 * (process_time() - began_s) / TICKS,
+        unit="us",
+    )

@@ -1,4 +1,5 @@
-"""Cells: the same seeds flown by the PIDs and by the laws: straight runs, vehicles nobody identified, other swells."""
+"""Cells: the same seeds flown by the PIDs and by the laws: straight runs, vehicles nobody
+identified, other swells."""
 
 from functools import partial
 
@@ -11,18 +12,25 @@ from benchmarks.redesign import holding, robust
 from benchmarks.redesign.campaign import VEHICLE
 from benchmarks.redesign.holding import MISSION, STEADY_S
 from benchmarks.study import Cell, Figure
-from ground import script
+from ground.missions import script
 from sitl import scenario
 from sitl.scenario import Scenario
 from sitl.vehicle.config import VehicleConfig
-from tests.closed_loop import Dive
+from tests.helpers.closed_loop import Dive
 
 Array = NDArray[np.float64]
 
 SWELLS_HZ = {"slow swell": 0.10, "quick swell": 0.22}
 """The model was identified in one of 0.15 Hz, which the laws' filter reckons with."""
 CASES = ("disturbed", "calm", *SWELLS_HZ, "astray")
-WHAT = ("heading, 95 %", "depth, 95 %", "pitch about trim, 95 %", "lost", "rudder, rms", "elevator, rms")
+WHAT = (
+    "heading, 95 %",
+    "depth, 95 %",
+    "pitch about trim, 95 %",
+    "lost",
+    "rudder, rms",
+    "elevator, rms",
+)
 UNITS = ("deg", "cm", "deg", "", "deg", "deg")
 
 
@@ -44,18 +52,24 @@ def sea(case: str) -> Scenario:
     if case not in SWELLS_HZ:
         return found
     waves = msgspec.structs.replace(found.disturbance.waves, frequency_hz=SWELLS_HZ[case])
-    return msgspec.structs.replace(found, disturbance=msgspec.structs.replace(found.disturbance, waves=waves))
+    return msgspec.structs.replace(
+        found, disturbance=msgspec.structs.replace(found.disturbance, waves=waves)
+    )
 
 
 def fly(contender: Contender, water: Scenario, seed: int, vehicle: str | VehicleConfig) -> Dive:
     items = script.compile_items(script.load(MISSION))
-    return Dive(items, vehicle=vehicle, sea=water, seed=seed, values=contender.values, laws=contender.laws)
+    return Dive(
+        items, vehicle=vehicle, sea=water, seed=seed, values=contender.values, laws=contender.laws
+    )
 
 
 def effort_deg(dive: Dive) -> tuple[float, float]:
     end_s = next((time_s for time_s, text in dive.told if text == "Mode SURFACE"), dive["t_s"][-1])
     window = dive.during(STEADY_S, end_s)
-    return float(np.degrees(np.std(dive["rudder"][window]))), float(np.degrees(np.std(dive["elevator"][window])))
+    return float(np.degrees(np.std(dive["rudder"][window]))), float(
+        np.degrees(np.std(dive["elevator"][window]))
+    )
 
 
 def judge(names: tuple[str, ...], case: str, rows: Array) -> list[Figure]:
@@ -66,7 +80,8 @@ def judge(names: tuple[str, ...], case: str, rows: Array) -> list[Figure]:
         means = np.nanmean(by_name[:, :, column], axis=0)
         if what == "lost":
             figures += [
-                Figure(f"{name}: {what}", 100.0 * mean, unit="%") for name, mean in zip(names, means, strict=True)
+                Figure(f"{name}: {what}", 100.0 * mean, unit="%")
+                for name, mean in zip(names, means, strict=True)
             ]
             continue
         worst = np.nanmax(by_name[:, :, column], axis=0)
@@ -81,5 +96,9 @@ def judge(names: tuple[str, ...], case: str, rows: Array) -> list[Figure]:
 
 def cell(contenders: Contenders) -> Cell:
     return Cell(
-        "advanced", "PID and LQG on the same seeds", partial(trial, contenders), partial(judge, tuple(contenders)), 20
+        "advanced",
+        "PID and LQG on the same seeds",
+        partial(trial, contenders),
+        partial(judge, tuple(contenders)),
+        20,
     )

@@ -22,8 +22,12 @@ def main() -> None:
 
 def _arguments() -> argparse.Namespace:
     parser = study.parser(__doc__, "campaigns a cell; 200 for most")
-    parser.add_argument("cell", nargs="*", choices=[[], *CELLS], help="which cells; all without one")
-    parser.add_argument("--vehicle", action="append", choices=[case.name for case in vehicles.cases()])
+    parser.add_argument(
+        "cell", nargs="*", choices=[[], *CELLS], help="which cells; all without one"
+    )
+    parser.add_argument(
+        "--vehicle", action="append", choices=[case.name for case in vehicles.cases()]
+    )
     return parser.parse_args()
 
 

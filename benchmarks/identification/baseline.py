@@ -1,8 +1,9 @@
-"""What is commonly done with the same data: output error by a general simulator and a general optimiser.
+"""What is commonly done with the same data: output error by a general simulator and a general
+optimiser.
 
-`scipy.signal.lsim` simulates each run from rest after its mean has been taken off (a toolbox's "detrend"), the lag is
-taken from the bench as known, slopes are differences, noise is taken to be white, and intervals are the optimiser's.
-"""
+`scipy.signal.lsim` simulates each run from rest after its mean has been taken off (a toolbox's
+"detrend"), the lag is taken from the bench as known, slopes are differences, noise is taken to be
+white, and intervals are the optimiser's."""
 
 from collections.abc import Sequence
 
@@ -11,11 +12,11 @@ from numpy.typing import NDArray
 from scipy import signal
 from scipy.optimize import least_squares
 
-from sysid.linear import plant as plants
-from sysid.linear import response
-from sysid.linear.plant import NUMBERS, Plant
-from sysid.linear.records import Belief, Record
-from sysid.linear.response import DT, STRIDE
+from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import response
+from sysid.estimation.linear.linear_model import NUMBERS, LinearModel
+from sysid.estimation.linear.records import LinearPrior, LinearRun
+from sysid.estimation.linear.response import DT, STRIDE
 
 Array = NDArray[np.float64]
 
@@ -24,16 +25,18 @@ REST_S = 1.0
 REWEIGHTED = 1
 
 
-def estimate(records: Sequence[Record], belief: Belief) -> tuple[Array, Array]:
+def estimate(records: Sequence[LinearRun], belief: LinearPrior) -> tuple[Array, Array]:
     """Derived numbers, as ``plant.derived``, and their covariance."""
     first, free = belief.plant, _free(belief)
-    measured = [record.measured - np.mean(record.measured[: int(REST_S / DT)], axis=0) for record in records]
+    measured = [
+        record.measured - np.mean(record.measured[: int(REST_S / DT)], axis=0) for record in records
+    ]
     sds = np.ones(measured[0].shape[1])
 
-    def plant(u: Array) -> Plant:
+    def plant(u: Array) -> LinearModel:
         values = first.values.copy()
         values[free] = u * belief.spread[free]
-        return Plant(first.frame, values)
+        return LinearModel(first.frame, values)
 
     def errors(u: Array) -> Array:
         at = plant(u)
@@ -55,16 +58,18 @@ def estimate(records: Sequence[Record], belief: Belief) -> tuple[Array, Array]:
     return plants.derived(*at), plants.propagate(*at, covariance)
 
 
-def simulate(plant: Plant, record: Record) -> Array:
+def simulate(plant: LinearModel, record: LinearRun) -> Array:
     """Outputs of one run from rest, (steps, outputs)."""
     A, B = plants.equations(plant.frame, plant.values[: len(NUMBERS[plant.frame.plane])])
     count = record.measured.shape[1]
     C = np.eye(len(A))[1 : 1 + count]
     angles = response.duct(plant, record.command)[::STRIDE]
     time_s = DT * np.arange(angles.size)
-    return np.asarray(signal.lsim((A, B[:, None], C, np.zeros((count, 1))), angles, time_s)[1]).reshape(-1, count)
+    return np.asarray(
+        signal.lsim((A, B[:, None], C, np.zeros((count, 1))), angles, time_s)[1]
+    ).reshape(-1, count)
 
 
-def _free(belief: Belief) -> NDArray[np.int64]:
+def _free(belief: LinearPrior) -> NDArray[np.int64]:
     """Indices of what is searched for: the equation's numbers, delay and bias."""
     return np.arange(len(NUMBERS[belief.plant.frame.plane]) + 2)

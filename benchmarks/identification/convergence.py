@@ -1,4 +1,5 @@
-"""Cell: whether the linear estimators end where they end from the truth, whatever they start from."""
+"""Cell: whether the linear estimators end where they end from the truth, whatever they start
+from."""
 
 from collections.abc import Sequence
 
@@ -8,16 +9,17 @@ from numpy.typing import NDArray
 from benchmarks.identification import linear_truth
 from benchmarks.identification.linear_truth import PLANES, Campaign
 from benchmarks.study import Cell, Figure
-from sysid.linear import estimate
-from sysid.linear.estimate import Estimate, Method
-from sysid.linear.plant import NUMBERS
+from sysid.estimation.linear import estimate
+from sysid.estimation.linear.estimate import Method, PlaneEstimate
+from sysid.estimation.linear.linear_model import NUMBERS
 
 Array = NDArray[np.float64]
 
 ASTRAY = 0.3
 """Relative, of each of the equation's numbers, either way."""
 SAME = 0.1
-"""Distance of two ends in the metric of the estimate's covariance, per value: a tenth of a standard deviation."""
+"""Distance of two ends in the metric of the estimate's covariance, per value: a tenth of a standard
+deviation."""
 METHODS: dict[str, tuple[Method, linear_truth.Draw]] = {
     "output error, white": ("output-error", linear_truth.white),
     "filter error, coloured": ("filter-error", linear_truth.coloured),
@@ -25,7 +27,8 @@ METHODS: dict[str, tuple[Method, linear_truth.Draw]] = {
 
 
 def trial(vehicle: str, seed: int) -> list[float]:
-    """Whether the prior's plane, and one astray, led where the truth led: each method, planes in turn."""
+    """Whether the prior's plane, and one astray, led where the truth led: each method, planes in
+    turn."""
     plane, row = PLANES[seed % len(PLANES)], []
     for method, draw in METHODS.values():
         campaign = linear_truth.campaign(vehicle, plane, draw, seed)
@@ -33,16 +36,18 @@ def trial(vehicle: str, seed: int) -> list[float]:
         prior = campaign.belief.plant.values
         astray = prior.copy()
         numbers = len(NUMBERS[plane])
-        astray[:numbers] *= 1.0 + ASTRAY * np.random.default_rng([seed, 1]).choice([-1.0, 1.0], numbers)
+        astray[:numbers] *= 1.0 + ASTRAY * np.random.default_rng([seed, 1]).choice(
+            [-1.0, 1.0], numbers
+        )
         row += [float(_same(best, _from(campaign, method, start))) for start in (prior, astray)]
     return row
 
 
-def _from(campaign: Campaign, method: Method, start: Array) -> Estimate:
+def _from(campaign: Campaign, method: Method, start: Array) -> PlaneEstimate:
     return estimate.descend(campaign.records, campaign.belief, method, start)
 
 
-def _same(first: Estimate, second: Estimate) -> bool:
+def _same(first: PlaneEstimate, second: PlaneEstimate) -> bool:
     apart = second.plant.values - first.plant.values
     return bool(apart @ np.linalg.solve(first.covariance, apart) <= apart.size * SAME**2)
 
@@ -51,8 +56,17 @@ def judge(vehicle: str, rows: Array) -> Sequence[Figure]:
     share = 100.0 * np.mean(rows, axis=0)
     figures = []
     for i, name in enumerate(METHODS):
-        figures.append(Figure(f"{name}: converged from the prior's plane", float(share[2 * i]), lowest=100.0, unit="%"))
-        figures.append(Figure(f"{name}: from +-30 % of it", float(share[2 * i + 1]), lowest=99.0, unit="%"))
+        figures.append(
+            Figure(
+                f"{name}: converged from the prior's plane",
+                float(share[2 * i]),
+                lowest=100.0,
+                unit="%",
+            )
+        )
+        figures.append(
+            Figure(f"{name}: from +-30 % of it", float(share[2 * i + 1]), lowest=99.0, unit="%")
+        )
     return figures
 
 

@@ -1,4 +1,5 @@
-"""The frequency on which a controller's margins hang, and how well a model knows the vehicle there."""
+"""The frequency on which a controller's margins hang, and how well a model knows the vehicle
+there."""
 
 import cmath
 import math
@@ -8,12 +9,12 @@ from scipy.optimize import brentq
 
 from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
-from sysid import fit
-from sysid.parameters import Vehicle
-from sysid.runs import Plane
+from sysid.data.segments import Plane
+from sysid.estimation.map import fit
+from sysid.models.parameters import CandidateVehicle
 
 
-def response(vehicle: Vehicle, plane: Plane, omega_radps: float) -> complex:
+def response(vehicle: CandidateVehicle, plane: Plane, omega_radps: float) -> complex:
     """Rate over command for small motion: plane, lag and delay."""
     linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]
     s, wn = 1j * omega_radps, actuator.natural_frequency_radps
@@ -36,8 +37,9 @@ def crossover_radps(case: Case, plane: Plane) -> float:
     return math.exp(float(brentq(excess, grid[above[-1]], grid[above[-1] + 1])))
 
 
-def errors(case: Case, found: Vehicle, plane: Plane) -> tuple[float, float]:
-    """Gain (dB) and phase (deg) of a model over those of the true vehicle's small motion, at that frequency."""
+def errors(case: Case, found: CandidateVehicle, plane: Plane) -> tuple[float, float]:
+    """Gain (dB) and phase (deg) of a model over those of the true vehicle's small motion, at that
+    frequency."""
     omega = crossover_radps(case, plane)
     ratio = response(found, plane, omega) / response(vehicles.nominal(case.truth), plane, omega)
     return 20.0 * math.log10(abs(ratio)), math.degrees(cmath.phase(ratio))

@@ -1,8 +1,9 @@
-"""Cells on linear vehicles: variance over the Cramer-Rao bound and coverage, in white, coloured and unknown noise.
+"""Cells on linear vehicles: variance over the Cramer-Rao bound and coverage, in white, coloured and
+unknown noise.
 
-Figures are over the numbers that the tests can tell at all: those whose bound is within a quarter of the number, and
-the bias. Poles that may change places within their bounds are left out together. Beyond, no estimator has a meaningful
-standard deviation, and the tool reports profile likelihoods.
+Figures are over the numbers that the tests can tell at all: those whose bound is within a quarter
+of the number, and the bias. Poles that may change places within their bounds are left out together.
+Beyond, no estimator has a meaningful standard deviation, and the tool reports profile likelihoods.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,11 +15,11 @@ from numpy.typing import NDArray
 from benchmarks.identification import baseline, linear_truth
 from benchmarks.identification.linear_truth import PLANES, Campaign, Draw
 from benchmarks.study import Cell, Figure
-from sysid.linear import bound, estimate
-from sysid.linear import plant as plants
-from sysid.linear.estimate import Method
-from sysid.noise import Noise
-from sysid.runs import Plane
+from sysid.data.segments import Plane
+from sysid.estimation.linear import cramer_rao, estimate
+from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear.estimate import Method
+from sysid.models.noise import Noise
 
 Array = NDArray[np.float64]
 Way = Callable[[Campaign], tuple[Array, Array]]
@@ -36,7 +37,9 @@ LEVELS: dict[str, Noise] = {"white": linear_truth.WHITE, "coloured": linear_trut
 
 
 def _ours(campaign: Campaign, method: Method) -> tuple[Array, Array]:
-    found = estimate.descend(campaign.records, campaign.belief, method, campaign.belief.plant.values)
+    found = estimate.descend(
+        campaign.records, campaign.belief, method, campaign.belief.plant.values
+    )
     frame, values = found.plant
     return plants.derived(frame, values), plants.propagate(frame, values, found.covariance)
 
@@ -54,19 +57,23 @@ WAYS: dict[str, Way] = {
 
 @cache
 def bound_sds(vehicle: str, plane: Plane, noise: str) -> Array:
-    """Least standard deviations of the derived numbers; unknown noise is measured by the coloured one's."""
+    """Least standard deviations of the derived numbers; unknown noise is measured by the coloured
+    one's."""
     truth, commands = linear_truth.true_plant(vehicle, plane), linear_truth.commands(vehicle, plane)
     if noise == "white":
-        least = bound.white(truth, commands, linear_truth.WHITE)
+        least = cramer_rao.bound_white(truth, commands, linear_truth.WHITE)
     else:
-        least = bound.coloured(truth, commands, linear_truth.COLOURED)
+        least = cramer_rao.bound_coloured(truth, commands, linear_truth.COLOURED)
     return np.sqrt(np.diag(least.derived))
 
 
 @cache
 def tellable(vehicle: str, plane: Plane, noise: str) -> NDArray[np.bool_]:
     """Which derived numbers the tests can tell; the bias among them."""
-    truth, sds = plants.derived(*linear_truth.true_plant(vehicle, plane)), bound_sds(vehicle, plane, noise)
+    truth, sds = (
+        plants.derived(*linear_truth.true_plant(vehicle, plane)),
+        bound_sds(vehicle, plane, noise),
+    )
     told = np.asarray(sds <= TELLABLE * np.abs(truth))
     told[-1] = True
     names = plants.derived_names(plane)
@@ -77,9 +84,12 @@ def tellable(vehicle: str, plane: Plane, noise: str) -> NDArray[np.bool_]:
 
 
 def trial(vehicle: str, seed: int, noise: str, ways: Sequence[str]) -> list[float]:
-    """Errors in standard deviations of the bound, then in those that were claimed: way by way, plane by plane."""
+    """Errors in standard deviations of the bound, then in those that were claimed: way by way,
+    plane by plane."""
     row: list[float] = []
-    campaigns = {plane: linear_truth.campaign(vehicle, plane, DRAWS[noise], seed) for plane in PLANES}
+    campaigns = {
+        plane: linear_truth.campaign(vehicle, plane, DRAWS[noise], seed) for plane in PLANES
+    }
     for way in ways:
         for plane, campaign in campaigns.items():
             told = tellable(vehicle, plane, noise)
@@ -90,12 +100,14 @@ def trial(vehicle: str, seed: int, noise: str, ways: Sequence[str]) -> list[floa
     return row
 
 
-def judge(vehicle: str, rows: Array, noise: str, ways: Sequence[str], limits: Sequence[float]) -> list[Figure]:
-    """Figures of each way; ``limits`` are the first's targets: largest ratio, least and largest coverage.
+def judge(
+    vehicle: str, rows: Array, noise: str, ways: Sequence[str], limits: Sequence[float]
+) -> list[Figure]:
+    """Figures of each way; ``limits`` are the first's targets: largest ratio, least and largest
+    coverage.
 
-    Filter error stands beside output error in white noise without a target: it cannot believe in a sea that is not
-    there at all, and pays for that in gain and bias.
-    """
+    Filter error stands beside output error in white noise without a target: it cannot believe in a
+    sea that is not there at all, and pays for that in gain and bias."""
     counts = [int(np.count_nonzero(tellable(vehicle, plane, noise))) for plane in PLANES]
     total = sum(len(plants.derived_names(plane)) for plane in PLANES)
     figures = [Figure("numbers beyond the tests, left out", float(total - sum(counts)))]
@@ -111,7 +123,9 @@ def judge(vehicle: str, rows: Array, noise: str, ways: Sequence[str], limits: Se
         figures += _figures(way, shares[way], covered, limits if way == ways[0] else NO_LIMITS)
     if "baseline" in shares:
         gain = np.sqrt(shares["baseline"] / shares[ways[0]])
-        figures.append(Figure(f"baseline's error over {ways[0]}'s", float(np.exp(np.mean(np.log(gain))))))
+        figures.append(
+            Figure(f"baseline's error over {ways[0]}'s", float(np.exp(np.mean(np.log(gain)))))
+        )
     return figures
 
 
@@ -128,7 +142,9 @@ def _figures(way: str, ratios: Array, covered: Array, limits: Sequence[float]) -
     ]
 
 
-def _cell(name: str, about: str, noise: str, ways: Sequence[str], limits: Sequence[float], runs: int = 200) -> Cell:
+def _cell(
+    name: str, about: str, noise: str, ways: Sequence[str], limits: Sequence[float], runs: int = 200
+) -> Cell:
     return Cell(
         name,
         about,
@@ -142,7 +158,13 @@ OURS = ("output error", "filter error")
 CELLS = (
     _cell("linear-white", "sensor noise alone", "white", OURS, (1.15, 92.0, 98.0)),
     _cell("linear-coloured", "the noise model's own sea", "coloured", OURS[1:], (1.5, 92.0, 98.0)),
-    _cell("linear-misspecified", "waves and forces it does not know", "misspecified", OURS[1:], (np.inf, 90.0, np.inf)),
+    _cell(
+        "linear-misspecified",
+        "waves and forces it does not know",
+        "misspecified",
+        OURS[1:],
+        (np.inf, 90.0, np.inf),
+    ),
     _cell(
         "linear-baseline",
         "common practice on the same data",

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from benchmarks.identification import prediction, vehicles
 from benchmarks.study import Cell, Figure
-from sysid import fit, refit
-from sysid.runs import Run
+from sysid import refit
+from sysid.data.segments import Run
+from sysid.estimation.map import fit
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
@@ -23,8 +24,15 @@ SIZES_DEG = (2.0, 3.0, 4.0, 5.0, 6.0)
 def _runs(vehicle: str) -> tuple[Run, ...]:
     """A minute of log each, as long as the target counts: pre-roll and test."""
     case = vehicles.case(vehicle)
-    tests = [(plane, ("chirp", size, SECONDS - sea.PREROLL_S)) for plane in prediction.PLANES for size in SIZES_DEG]
-    return tuple(prediction.flown_test(case, plane, test, 900 + number) for number, (plane, test) in enumerate(tests))
+    tests = [
+        (plane, ("chirp", size, SECONDS - sea.PREROLL_S))
+        for plane in prediction.PLANES
+        for size in SIZES_DEG
+    ]
+    return tuple(
+        prediction.flown_test(case, plane, test, 900 + number)
+        for number, (plane, test) in enumerate(tests)
+    )
 
 
 def trial(vehicle: str, seed: int) -> list[float]:

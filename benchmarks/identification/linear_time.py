@@ -1,4 +1,5 @@
-"""Cell: seconds that a linear fit of ten runs of a minute takes, warm, beside common practice on the same data."""
+"""Cell: seconds that a linear fit of ten runs of a minute takes, warm, beside common practice on
+the same data."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -9,9 +10,9 @@ from numpy.typing import NDArray
 from benchmarks.identification import baseline, linear_truth
 from benchmarks.identification.linear_truth import Campaign
 from benchmarks.study import Cell, Figure
-from sysid.linear import estimate
-from sysid.linear.response import Command
-from sysid.runs import RATE_HZ
+from sysid.data.segments import RATE_HZ
+from sysid.estimation.linear import estimate
+from sysid.estimation.linear.response import SurfaceCommand
 
 Array = NDArray[np.float64]
 
@@ -19,7 +20,8 @@ RUN_S = 60.0
 
 
 def trial(vehicle: str, seed: int) -> list[float]:
-    """Seconds of output error, of filter error and of the baseline in yaw; each has run once before."""
+    """Seconds of output error, of filter error and of the baseline in yaw; each has run once
+    before."""
     minutes = tuple(_a_minute(command) for command in linear_truth.commands(vehicle, "yaw"))
     campaign = linear_truth.campaign(vehicle, "yaw", linear_truth.coloured, seed, minutes)
     start = campaign.belief.plant.values
@@ -34,11 +36,11 @@ def trial(vehicle: str, seed: int) -> list[float]:
     ]
 
 
-def _a_minute(command: Command) -> Command:
+def _a_minute(command: SurfaceCommand) -> SurfaceCommand:
     """Followed, or cut, to RUN_S."""
     samples = int(RUN_S * RATE_HZ) + 1
     padded = np.pad(command.angle_rad, (0, max(0, samples - command.angle_rad.size)))
-    return Command(padded[:samples])
+    return SurfaceCommand(padded[:samples])
 
 
 def _seconds(work: Callable[[Campaign], object], campaign: Campaign, warm: bool = True) -> float:

@@ -1,8 +1,8 @@
-"""Linear vehicles under known noise: the only ground on which an estimator's variance has a bound to be held to.
+"""Linear vehicles under known noise: the only ground on which an estimator's variance has a bound
+to be held to.
 
-A trial is one campaign of a plane: ten tests in about as much water time as the paper's, flown by the small-signal
-plane of the vehicle that the study's sea flies.
-"""
+A trial is one campaign of a plane: ten tests in about as much water time as the paper's, flown by
+the small-signal plane of the vehicle that the study's sea flies."""
 
 import math
 from collections.abc import Callable
@@ -14,21 +14,23 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from benchmarks.identification import vehicles
-from sysid import fit, noise, parameters
-from sysid.linear import plant as plants
-from sysid.linear import records, response
-from sysid.linear.plant import Plant
-from sysid.linear.records import Belief, Record
-from sysid.linear.response import DT, Command
-from sysid.noise import Noise
-from sysid.parameters import NAMES
-from sysid.planes import LinearPlane
-from sysid.runs import Plane
+from sysid.data.segments import Plane
+from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import records, response
+from sysid.estimation.linear.linear_model import LinearModel
+from sysid.estimation.linear.records import LinearPrior, LinearRun
+from sysid.estimation.linear.response import DT, SurfaceCommand
+from sysid.estimation.map import fit
+from sysid.models import noise, parameters
+from sysid.models.linear_planes import LinearPlane
+from sysid.models.noise import Noise
+from sysid.models.parameters import NAMES
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
 Draw = Callable[[LinearPlane, list[int], np.random.Generator], list[Array]]
-"""(plane, steps of each run, generator) to what noise adds to each run's outputs, (steps, outputs)."""
+"""(plane, steps of each run, generator) to what noise adds to each run's outputs, (steps,
+outputs)."""
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 WHITE = Noise(rate_radps=math.radians(0.3), angle_rad=math.radians(0.3), depth_m=0.03)
@@ -46,29 +48,41 @@ COLOURED = Noise(
 )
 """None of the levels that the estimators begin with."""
 STEADY = 0.3
-"""How far a run starts from rest, in the uncertainty of the estimators: the loops held the vehicle straight."""
+"""How far a run starts from rest, in the uncertainty of the estimators: the loops held the vehicle
+straight."""
 APPROACH_S, AFTER_S = 5.0, 8.0
 GROWTH = 0.12
-"""1/s: tests of a vehicle that runs away faster are shortened in proportion, as an abort envelope would."""
+"""1/s: tests of a vehicle that runs away faster are shortened in proportion, as an abort envelope
+would."""
 BIAS_RAD, LEVEL_RAD = math.radians(0.7), math.radians(1.0)
 
 
 class Campaign(NamedTuple):
-    truth: Plant
-    records: list[Record]
-    belief: Belief
+    truth: LinearModel
+    records: list[LinearRun]
+    belief: LinearPrior
     """The prior file's plane, and the lag as one bench test measured it."""
 
 
-def campaign(vehicle: str, plane: Plane, draw: Draw, seed: int, told: tuple[Command, ...] | None = None) -> Campaign:
+def campaign(
+    vehicle: str,
+    plane: Plane,
+    draw: Draw,
+    seed: int,
+    told: tuple[SurfaceCommand, ...] | None = None,
+) -> Campaign:
     """Tests of one plane, the usual ten without ``told``, under the noise that ``draw`` makes."""
     truth, rng = true_plant(vehicle, plane), np.random.default_rng([seed, PLANES.index(plane)])
-    by, linear, count = response.discretise(truth), plants.linear_plane(truth), plants.outputs(plane)
+    by, linear, count = (
+        response.discretise(truth),
+        plants.linear_plane(truth),
+        plants.outputs(plane),
+    )
     told = told or commands(vehicle, plane)
     rest = np.zeros(len(by.transition))
     clean = [response.outputs(truth, by, command, rest, count) for command in told]
     noises = draw(linear, [response.steps(command) for command in told], rng)
-    flown = [Record(command, y + e) for command, y, e in zip(told, clean, noises, strict=True)]
+    flown = [LinearRun(command, y + e) for command, y, e in zip(told, clean, noises, strict=True)]
     return Campaign(truth, flown, _bench_tested(prior_belief(vehicle, plane), truth, rng))
 
 
@@ -84,13 +98,16 @@ def coloured(linear: LinearPlane, steps: list[int], rng: np.random.Generator) ->
 
 
 def misspecified(linear: LinearPlane, steps: list[int], rng: np.random.Generator) -> list[Array]:
-    """Swell that the noise model does not know: eight tones about a random centre, in moment and force alike."""
+    """Swell that the noise model does not know: eight tones about a random centre, in moment and
+    force alike."""
     silent = COLOURED._replace(wave_radps2=0.0, force_mps15=0.0)
     base = _drawn(linear, silent, steps, rng)
     return [sensed + _swell(linear, len(sensed), rng)[:, : sensed.shape[1]] for sensed in base]
 
 
-def _drawn(linear: LinearPlane, level: Noise, steps: list[int], rng: np.random.Generator) -> list[Array]:
+def _drawn(
+    linear: LinearPlane, level: Noise, steps: list[int], rng: np.random.Generator
+) -> list[Array]:
     """Draws of the filter's own system, all runs side by side."""
     A, density, C, R, P0 = noise.system(linear, level)
     Phi, Q = noise.discrete(A, density, DT)
@@ -109,7 +126,8 @@ def _drawn(linear: LinearPlane, level: Noise, steps: list[int], rng: np.random.G
 
 
 def _swell(linear: LinearPlane, steps: int, rng: np.random.Generator) -> Array:
-    """(steps, 3): rate, angle and depth (zero in yaw) that eight wave tones cause through moment and force."""
+    """(steps, 3): rate, angle and depth (zero in yaw) that eight wave tones cause through moment
+    and force."""
     tones = 2.0 * math.pi * rng.uniform(0.1, 0.2) * rng.uniform(0.7, 1.3, 8)
     sizes, phases = rng.rayleigh(1.0, 8) / 4.0, rng.uniform(0.0, 2.0 * math.pi, (2, 8))
     time_s = DT * np.arange(steps)[:, None]
@@ -131,7 +149,7 @@ SWELL_MPS2 = 0.01
 
 
 @cache
-def true_plant(vehicle: str, plane: Plane) -> Plant:
+def true_plant(vehicle: str, plane: Plane) -> LinearModel:
     """The small-signal plane of the vehicle that flies, trimmed to half a degree."""
     flies = vehicles.case(vehicle)
     found = plants.of_vehicle(vehicles.nominal(flies.truth), plane)
@@ -139,31 +157,35 @@ def true_plant(vehicle: str, plane: Plane) -> Plant:
     values[plants.names(plane).index("bias_rad")] = BIAS_RAD * flies.scale(plane)
     if plane == "pitch":
         values[-1] = LEVEL_RAD
-    return Plant(found.frame, values)
+    return LinearModel(found.frame, values)
 
 
 @cache
-def prior_belief(vehicle: str, plane: Plane) -> Belief:
+def prior_belief(vehicle: str, plane: Plane) -> LinearPrior:
     """What the vehicle's file says, its bias and level pitch taken to be nothing."""
     prior = fit.Prior(
-        vehicles.case(vehicle).prior, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)), parameters.prior_covariance()
+        vehicles.case(vehicle).prior,
+        {"yaw": 0.0, "pitch": 0.0},
+        np.zeros(len(NAMES)),
+        parameters.prior_covariance(),
     )
-    found = records.belief(prior, plane)
+    found = records.linear_prior(prior, plane)
     values = found.plant.values.copy()
     values[plants.names(plane).index("bias_rad")] = 0.0
-    return records.bounded(Plant(found.plant.frame, values), found.covariance)
+    return records.with_bounds(LinearModel(found.plant.frame, values), found.covariance)
 
 
-def _bench_tested(belief: Belief, truth: Plant, rng: np.random.Generator) -> Belief:
+def _bench_tested(belief: LinearPrior, truth: LinearModel, rng: np.random.Generator) -> LinearPrior:
     lag = plants.lag(truth.frame.plane)
     values = belief.plant.values.copy()
     values[lag] = truth.values[lag] * (1.0 + plants.LAG_SD * rng.standard_normal(2))
-    return records.bounded(Plant(belief.plant.frame, values), belief.covariance)
+    return records.with_bounds(LinearModel(belief.plant.frame, values), belief.covariance)
 
 
 @cache
-def commands(vehicle: str, plane: Plane) -> tuple[Command, ...]:
-    """3-2-1-1 and doublets, slow and quick, both ways, and two steps; sized to the vehicle's prior."""
+def commands(vehicle: str, plane: Plane) -> tuple[SurfaceCommand, ...]:
+    """3-2-1-1 and doublets, slow and quick, both ways, and two steps; sized to the vehicle's
+    prior."""
     size = vehicles.case(vehicle).scale(plane)
     slow = plants.small_signal(true_plant(vehicle, plane)).p_slow_per_s
     pace = min(1.0, GROWTH / slow) if slow > 0.0 else 1.0
@@ -174,11 +196,18 @@ def commands(vehicle: str, plane: Plane) -> tuple[Command, ...]:
         (9.0, 2.5, (1, -1)),
         (6.0, 20.0, (1,)),
     )
-    return tuple(_command(sign * size * degrees, unit_s * pace, shape) for degrees, unit_s, shape in kinds
-                 for sign in (1.0, -1.0))  # fmt: skip
+    return tuple(
+        _command(sign * size * degrees, unit_s * pace, shape)
+        for degrees, unit_s, shape in kinds
+        for sign in (1.0, -1.0)
+    )
 
 
-def _command(degrees: float, unit_s: float, shape: tuple[int, ...]) -> Command:
+def _command(degrees: float, unit_s: float, shape: tuple[int, ...]) -> SurfaceCommand:
     """Pulses of ``abs(count)`` units each, between a straight approach and a straight end."""
-    pulses = [sea.step(math.copysign(degrees, count * degrees), abs(count) * unit_s) for count in shape]
-    return Command(np.concatenate([sea.step(0.0, APPROACH_S), *pulses, sea.step(0.0, AFTER_S)]))
+    pulses = [
+        sea.step(math.copysign(degrees, count * degrees), abs(count) * unit_s) for count in shape
+    ]
+    return SurfaceCommand(
+        np.concatenate([sea.step(0.0, APPROACH_S), *pulses, sea.step(0.0, AFTER_S)])
+    )

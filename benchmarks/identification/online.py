@@ -1,4 +1,5 @@
-"""The recursive estimate, shown while she flies: beside the batch estimate of the same runs, and beside the truth."""
+"""The recursive estimate, shown while she flies: beside the batch estimate of the same runs, and
+beside the truth."""
 
 import math
 from time import process_time
@@ -9,24 +10,35 @@ from numpy.typing import NDArray
 from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
-from sitl.vehicle.config import VehicleError
-from sysid import fit, parameters
-from sysid.fit import Fit, Prior
-from sysid.online import estimator, information, prediction, reading
-from sysid.online.reading import Reading
-from sysid.parameters import NAMES
-from sysid.runs import Plane, Run
+from sitl.vehicle.config import VehicleFileError
+from sysid.data.segments import Plane, Run
+from sysid.estimation.map import fit
+from sysid.estimation.map.fit import Fit, Prior
+from sysid.estimation.recursive import (
+    estimator,
+    prediction,
+    report,
+    square_root_information,
+)
+from sysid.estimation.recursive.report import PlaneReport
+from sysid.models import parameters
+from sysid.models.parameters import NAMES
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 TESTS: tuple[tuple[Plane, float, float], ...] = (
-    ("yaw", 3.0, 10.0), ("yaw", -5.0, 5.0), ("yaw", 7.0, 5.0), ("yaw", 5.0, 2.5),
-    ("pitch", 2.0, 5.0), ("pitch", -4.0, 2.5), ("pitch", 6.0, 5.0),
-)  # fmt: skip
+    ("yaw", 3.0, 10.0),
+    ("yaw", -5.0, 5.0),
+    ("yaw", 7.0, 5.0),
+    ("yaw", 5.0, 2.5),
+    ("pitch", 2.0, 5.0),
+    ("pitch", -4.0, 2.5),
+    ("pitch", 6.0, 5.0),
+)
 """Doublets: degrees for Caribou, seconds of each half."""
-FIGURES = (*reading.NAMES, "gain_db", "phase_deg")
+FIGURES = (*report.NAMES, "gain_db", "phase_deg")
 COUNT = len(PLANES) * len(FIGURES)
 AGREED_SD = 1.0
 
@@ -35,22 +47,31 @@ def campaign(case: Case, seed: int) -> list[Run]:
     """Doublets of both planes in the disturbed sea, in the order in which they are flown."""
     return [
         sea.fly(
-            case.truth, plane, sea.doublet(degrees * case.scale(plane), half_s), name=f"test/{number}",
-            wave="doublet", seed=100 * seed + number, trim_rad=case.trim_rad, hold=case.hold,
+            case.truth,
+            plane,
+            sea.doublet(degrees * case.scale(plane), half_s),
+            name=f"test/{number}",
+            wave="doublet",
+            seed=100 * seed + number,
+            trim_rad=case.trim_rad,
+            hold=case.hold,
         )
         for number, (plane, degrees, half_s) in enumerate(TESTS)
-    ]  # fmt: skip
+    ]
 
 
 def trial(vehicle: str, seed: int) -> list[float]:
-    """Differences from the batch estimate in its sds, errors in own sds, and CPU seconds a second flown."""
+    """Differences from the batch estimate in its sds, errors in own sds, and CPU seconds a second
+    flown."""
     case = vehicles.case(vehicle)
     runs = campaign(case, seed)
     first = vehicles.nominal(case.prior)
     zeros: dict[Plane, float] = {"yaw": 0.0, "pitch": 0.0}
     prior = Prior(case.prior, zeros, np.zeros(len(NAMES)), parameters.prior_covariance())
-    estimator.update(estimator.begin(estimator.learned(prior), "yaw", 0.0), prediction.steps(runs[0]))  # compiles
-    began_s, known = process_time(), estimator.learned(prior)
+    estimator.update(
+        estimator.begin(estimator.prior_knowledge(prior), "yaw", 0.0), prediction.steps(runs[0])
+    )  # compiles
+    began_s, known = process_time(), estimator.prior_knowledge(prior)
     for run in runs:
         state = estimator.begin(known, run.plane, float(np.mean(run.command_rad[run.preroll])))
         known = estimator.finish(estimator.update(state, prediction.steps(run)))
@@ -58,23 +79,23 @@ def trial(vehicle: str, seed: int) -> list[float]:
     together = prior._replace(biases_rad=fit.trim_biases(case.prior, first.model, runs))
     try:
         batch: Fit | None = fit.fit(runs, together)
-    except VehicleError:  # a search of the batch estimate left the vehicles that can be
+    except VehicleFileError:  # a search of the batch estimate left the vehicles that can be
         batch = None
     differences, errors = [], []
     for plane in PLANES:
-        at = reading.crossover_radps(prior, plane)
-        online = _figures(reading.read(known.prior, known.whole, plane, at))
+        at = report.crossover_radps(prior, plane)
+        online = _figures(report.read(known.prior, known.whole, plane, at))
         beside = np.full_like(online, math.nan)
         if batch is not None:
-            told = information.of_belief(batch.z, batch.covariance)
-            beside = _figures(reading.read(together, told, plane, at))
+            told = square_root_information.from_normal(batch.z, batch.covariance)
+            beside = _figures(report.read(together, told, plane, at))
         differences += ((online[0] - beside[0]) / beside[1]).tolist()
         errors += ((online[0] - _truth(case, plane, at)) / online[1]).tolist()
     flown_s = sum(float(run.time_s[-1] - run.time_s[0]) for run in runs)
     return [*differences, *errors, spent_s / flown_s]
 
 
-def _figures(found: Reading) -> Array:
+def _figures(found: PlaneReport) -> Array:
     """Values and standard deviations, (2, FIGURES)."""
     numbers = [*found.numbers.values(), found.gain_db, found.phase_deg]
     return np.array([[n.value for n in numbers], [n.sd for n in numbers]])
@@ -82,8 +103,10 @@ def _figures(found: Reading) -> Array:
 
 def _truth(case: Case, plane: Plane, crossover_radps: float) -> Array:
     tail = case.truth.tailcone
-    values = reading.numbers(vehicles.nominal(case.truth), plane, crossover_radps)
-    values[FIGURES.index("actuator_bias_deg")] = tail.rudder_bias_deg if plane == "yaw" else tail.elevator_bias_deg
+    values = report.numbers(vehicles.nominal(case.truth), plane, crossover_radps)
+    values[FIGURES.index("actuator_bias_deg")] = (
+        tail.rudder_bias_deg if plane == "yaw" else tail.elevator_bias_deg
+    )
     return values
 
 
@@ -95,10 +118,20 @@ def judge(vehicle: str, trials: Array) -> list[Figure]:
     plane, name = PLANES[worst // len(FIGURES)], FIGURES[worst % len(FIGURES)]
     return [
         Figure(
-            "rms difference from the batch estimate", float(np.sqrt(np.nanmean(differences**2))), 0.0, AGREED_SD, "sd"
+            "rms difference from the batch estimate",
+            float(np.sqrt(np.nanmean(differences**2))),
+            0.0,
+            AGREED_SD,
+            "sd",
         ),
         Figure(f"largest of them, {plane} {name}", float(apart[worst]), unit="sd"),
-        Figure("coverage of 95 % intervals", 100.0 * float(np.nanmean(np.abs(errors) < 1.96)), 90.0, 100.0, "%"),
+        Figure(
+            "coverage of 95 % intervals",
+            100.0 * float(np.nanmean(np.abs(errors) < 1.96)),
+            90.0,
+            100.0,
+            "%",
+        ),
         Figure("CPU seconds a second of test", float(np.nanmean(trials[:, -1])), 0.0, 0.05),
     ]
 

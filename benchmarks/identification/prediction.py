@@ -1,9 +1,10 @@
-"""The joint estimate on vehicles that are not linear: what it predicts of tests that it has not seen.
+"""The joint estimate on vehicles that are not linear: what it predicts of tests that it has not
+seen.
 
-A trial is one campaign, the shipped missions' steps and sweeps in the disturbed sea, each test sized to the vehicle and
-ended where an autopilot's envelope would end it. The fit then predicts fresh steps, and a signal of a kind that it was
-never shown, open loop. Those are flown in still water with perfect sensors, so that all of the error is the model's.
-"""
+A trial is one campaign, the shipped missions' steps and sweeps in the disturbed sea, each test
+sized to the vehicle and ended where an autopilot's envelope would end it. The fit then predicts
+fresh steps, and a signal of a kind that it was never shown, open loop. Those are flown in still
+water with perfect sensors, so that all of the error is the model's."""
 
 import math
 from time import perf_counter
@@ -15,30 +16,51 @@ from numpy.typing import NDArray
 from benchmarks.identification import crossover, vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
-from sysid import assemble, fit, parameters, planes, predict, refit
-from sysid.fit import Fit, Prior
-from sysid.parameters import NAMES, Vehicle
-from sysid.runs import RATE_HZ, Plane, Run
+from sysid import refit
+from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.estimation.map import fit
+from sysid.estimation.map.fit import Fit, Prior
+from sysid.models import linear_planes, model_export, parameters, prediction
+from sysid.models.parameters import NAMES, CandidateVehicle
 from tests.sysid import sea
 
 Array = NDArray[np.float64]
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 ENVELOPE_RAD = {"yaw": math.radians(180.0), "pitch": math.radians(35.0)}
-"""Change of heading and pitch at which the autopilot's own envelope ends a test (SID_HDG_MAX, SID_PITCH_MAX)."""
+"""Change of heading and pitch at which the autopilot's own envelope ends a test (SID_HDG_MAX,
+SID_PITCH_MAX)."""
 SHORTEST_S = 5.0
 FITTED: dict[Plane, tuple[tuple[str, float, float], ...]] = {
     "yaw": (
-        ("step", 3.0, 20.0), ("step", -3.0, 20.0), ("step", 5.0, 20.0), ("step", -5.0, 20.0), ("step", 7.0, 20.0),
-        ("step", -7.0, 20.0), ("step", 9.0, 20.0), ("step", -12.0, 20.0), ("chirp", 4.0, 28.0), ("chirp", 7.0, 28.0),
-        ("doublet", 5.0, 24.0), ("doublet", -5.0, 24.0),
+        ("step", 3.0, 20.0),
+        ("step", -3.0, 20.0),
+        ("step", 5.0, 20.0),
+        ("step", -5.0, 20.0),
+        ("step", 7.0, 20.0),
+        ("step", -7.0, 20.0),
+        ("step", 9.0, 20.0),
+        ("step", -12.0, 20.0),
+        ("chirp", 4.0, 28.0),
+        ("chirp", 7.0, 28.0),
+        ("doublet", 5.0, 24.0),
+        ("doublet", -5.0, 24.0),
     ),
     "pitch": (
-        ("step", 2.0, 8.0), ("step", 3.0, 8.0), ("step", 4.0, 8.0), ("step", 5.0, 8.0), ("step", 7.0, 8.0),
-        ("step", 9.0, 8.0), ("step", 12.0, 6.0), ("step", 14.0, 6.0), ("chirp", 3.0, 25.0), ("chirp", 5.0, 25.0),
-        ("doublet", 4.0, 10.0), ("doublet", 6.0, 8.0),
+        ("step", 2.0, 8.0),
+        ("step", 3.0, 8.0),
+        ("step", 4.0, 8.0),
+        ("step", 5.0, 8.0),
+        ("step", 7.0, 8.0),
+        ("step", 9.0, 8.0),
+        ("step", 12.0, 6.0),
+        ("step", 14.0, 6.0),
+        ("chirp", 3.0, 25.0),
+        ("chirp", 5.0, 25.0),
+        ("doublet", 4.0, 10.0),
+        ("doublet", 6.0, 8.0),
     ),
-}  # fmt: skip
+}
 """Signal, degrees for Caribou, seconds: ground/missions/{rudder,elevator}_{steps,sweeps}.toml."""
 CHIRP_HZ = {"yaw": (0.06, 0.35), "pitch": (0.08, 0.4)}
 FRESH: dict[Plane, tuple[tuple[str, float, float], ...]] = {
@@ -88,9 +110,15 @@ def campaign(case: Case, seed: int) -> Campaign:
 def _fly(case: Case, plane: Plane, test: tuple[str, float, float], seed: int, calm: bool) -> Run:
     level, sensors = (sea.CALM, sea.Sensors(0.0, 0.0, 0.0, 0.0)) if calm else (sea.ROUGH, None)
     return sea.fly(
-        case.truth, plane, _signal(plane, test, case.scale(plane)), seed=seed, level=level, sensors=sensors,
-        trim_rad=case.trim_rad, hold=case.hold,
-    )  # fmt: skip
+        case.truth,
+        plane,
+        _signal(plane, test, case.scale(plane)),
+        seed=seed,
+        level=level,
+        sensors=sensors,
+        trim_rad=case.trim_rad,
+        hold=case.hold,
+    )
 
 
 def _signal(plane: Plane, test: tuple[str, float, float], scale: float) -> Array:
@@ -102,10 +130,14 @@ def _signal(plane: Plane, test: tuple[str, float, float], scale: float) -> Array
         return sea.doublet(degrees, seconds / 2.0)
     if kind == "3211":
         unit_s = seconds / 7.0
-        return np.concatenate([sea.step(degrees * sign, n * unit_s) for n, sign in ((3, 1), (2, -1), (1, 1), (1, -1))])
+        return np.concatenate(
+            [sea.step(degrees * sign, n * unit_s) for n, sign in ((3, 1), (2, -1), (1, 1), (1, -1))]
+        )
     time_s, (low, high) = np.arange(int(seconds * RATE_HZ)) / RATE_HZ, CHIRP_HZ[plane]
     growth = math.log(high / low) / seconds
-    return np.asarray(math.radians(degrees) * np.sin(2.0 * math.pi * low * np.expm1(growth * time_s) / growth))
+    return np.asarray(
+        math.radians(degrees) * np.sin(2.0 * math.pi * low * np.expm1(growth * time_s) / growth)
+    )
 
 
 def within(run: Run) -> Run:
@@ -121,23 +153,32 @@ def within(run: Run) -> Run:
 
 def factor(campaign: Campaign, plane: Plane, tests: tuple[tuple[str, float, float], ...]) -> float:
     """Mean squared rate error of the first-principles vehicle over that of the refitted one."""
-    first = parameters.vehicle(campaign.prior.config, campaign.prior.biases_rad, np.zeros(len(NAMES)))
-    runs = [within(_fly(campaign.case, plane, test, 0, calm=True)).since(-predict.LEAD_S) for test in tests]
-    before, after = (sum(_error(vehicle, run) for run in runs) for vehicle in (first, campaign.found.vehicle))
+    first = parameters.candidate_vehicle(
+        campaign.prior.config, campaign.prior.biases_rad, np.zeros(len(NAMES))
+    )
+    runs = [
+        within(_fly(campaign.case, plane, test, 0, calm=True)).since(-prediction.LEAD_S)
+        for test in tests
+    ]
+    before, after = (
+        sum(_error(vehicle, run) for run in runs) for vehicle in (first, campaign.found.vehicle)
+    )
     return before / after
 
 
-def _error(vehicle: Vehicle, run: Run) -> float:
-    error = run.rate_radps - predict.motion(vehicle, run).rate_radps
+def _error(vehicle: CandidateVehicle, run: Run) -> float:
+    error = run.rate_radps - prediction.simulate(vehicle, run).rate_radps
     return float(np.mean(error[~run.preroll] ** 2))
 
 
 def covered(campaign: Campaign) -> list[float]:
     """Of each plane's design numbers, 1.0 where the 95 % interval holds the truth."""
-    model = assemble.from_fit(campaign.found, campaign.prior, campaign.case.name)
+    model = model_export.from_fit(campaign.found, campaign.prior, campaign.case.name)
     held = []
     for plane in PLANES:
-        true = planes.small_signal(fit.linear_plane(vehicles.nominal(campaign.case.truth), plane))
+        true = linear_planes.small_signal(
+            fit.linear_plane(vehicles.nominal(campaign.case.truth), plane)
+        )
         values = {**true._asdict(), "delay_s": campaign.case.truth.tailcone.delay_s}
         for name in DESIGN:
             estimate = getattr(model.planes[plane], name)
@@ -146,22 +187,46 @@ def covered(campaign: Campaign) -> list[float]:
 
 
 def trial(vehicle: str, seed: int) -> list[float]:
-    """Factors (4), crossover errors (4: dB and degrees of yaw, of pitch), coverage (10), converged, seconds."""
+    """Factors (4), crossover errors (4: dB and degrees of yaw, of pitch), coverage (10), converged,
+    seconds."""
     done = campaign(vehicles.case(vehicle), seed)
     factors = [factor(done, plane, tests[plane]) for tests in (FRESH, UNSHOWN) for plane in PLANES]
-    errors = [value for plane in PLANES for value in crossover.errors(done.case, done.found.vehicle, plane)]
-    agreed = all(abs(cost - done.found.cost) <= fit.AGREEMENT * done.found.cost for cost in done.found.start_costs)
-    return [*factors, *errors, *covered(done), float(agreed and not done.found.at_bounds), done.seconds]
+    errors = [
+        value
+        for plane in PLANES
+        for value in crossover.errors(done.case, done.found.vehicle, plane)
+    ]
+    agreed = all(
+        abs(cost - done.found.cost) <= fit.START_COST_TOLERANCE * done.found.cost
+        for cost in done.found.start_costs
+    )
+    return [
+        *factors,
+        *errors,
+        *covered(done),
+        float(agreed and not done.found.at_bounds),
+        done.seconds,
+    ]
 
 
 def judge(vehicle: str, rows: Array) -> list[Figure]:
     figures = []
-    names = [f"{plane}, {kind}" for kind in ("fresh steps", "3-2-1-1, not fitted") for plane in PLANES]
+    names = [
+        f"{plane}, {kind}" for kind in ("fresh steps", "3-2-1-1, not fitted") for plane in PLANES
+    ]
     least = [LEAST_FACTOR["yaw"], LEAST_FACTOR["pitch"], LEAST_UNSHOWN, LEAST_UNSHOWN]
     for column, (name, wanted) in enumerate(zip(names, least, strict=True)):
         factors = rows[:, column]
-        figures.append(Figure(f"{name}: error, prior over refitted", _geometric_mean(factors), lowest=wanted))
-        figures.append(Figure(f"{name}: campaigns that meet it", 100.0 * float(np.mean(factors >= wanted)), unit="%"))
+        figures.append(
+            Figure(f"{name}: error, prior over refitted", _geometric_mean(factors), lowest=wanted)
+        )
+        figures.append(
+            Figure(
+                f"{name}: campaigns that meet it",
+                100.0 * float(np.mean(factors >= wanted)),
+                unit="%",
+            )
+        )
     for column, plane in ((4, "yaw"), (6, "pitch")):
         gain, phase = (float(np.sqrt(np.mean(rows[:, column + k] ** 2))) for k in (0, 1))
         bias = np.mean(rows[:, column : column + 2], axis=0)
@@ -170,12 +235,27 @@ def judge(vehicle: str, rows: Array) -> list[Figure]:
         figures.append(Figure(f"{plane}: gain at crossover, mean", float(bias[0]), unit="dB"))
         figures.append(Figure(f"{plane}: phase at crossover, mean", float(bias[1]), unit="deg"))
     for column, name in enumerate(f"{plane} {number}" for plane in PLANES for number in DESIGN):
-        figures.append(Figure(f"{name}: in its 95 % interval", 100.0 * float(np.mean(rows[:, 8 + column])), unit="%"))
+        figures.append(
+            Figure(
+                f"{name}: in its 95 % interval",
+                100.0 * float(np.mean(rows[:, 8 + column])),
+                unit="%",
+            )
+        )
     figures.append(
-        Figure("design numbers in their 95 % intervals", 100.0 * float(np.mean(rows[:, 8:18])), 90.0, unit="%")
+        Figure(
+            "design numbers in their 95 % intervals",
+            100.0 * float(np.mean(rows[:, 8:18])),
+            90.0,
+            unit="%",
+        )
     )
-    figures.append(Figure("converged from all starts", 100.0 * float(np.mean(rows[:, 18])), 99.0, unit="%"))
-    figures.append(Figure("fit, eight other starts included", float(np.median(rows[:, 19])), unit="s"))
+    figures.append(
+        Figure("converged from all starts", 100.0 * float(np.mean(rows[:, 18])), 99.0, unit="%")
+    )
+    figures.append(
+        Figure("fit, eight other starts included", float(np.median(rows[:, 19])), unit="s")
+    )
     return figures
 
 
@@ -183,4 +263,6 @@ def _geometric_mean(values: Array) -> float:
     return float(np.exp(np.mean(np.log(values))))
 
 
-PREDICTION = Cell("prediction", "held-out prediction and crossover of the joint estimate", trial, judge)
+PREDICTION = Cell(
+    "prediction", "held-out prediction and crossover of the joint estimate", trial, judge
+)

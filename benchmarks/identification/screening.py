@@ -1,10 +1,11 @@
-"""How often an anomaly in one run of a campaign is found, and how often a clean run is blamed for one.
+"""How often an anomaly in one run of a campaign is found, and how often a clean run is blamed for
+one.
 
-Each campaign is flown by the nonlinear truth in the disturbed sea; then one rudder and one elevator run are flown
-again in the same water, once with a slip in the middle and once with a gain error. All are judged from one fit of a
-campaign of another seed, moved to the best parameters of the campaign at hand by one Gauss-Newton step, as `sift`
-always does: a fit for every campaign would find the same and take a hundred times as long.
-"""
+Each campaign is flown by the nonlinear truth in the disturbed sea; then one rudder and one elevator
+run are flown again in the same water, once with a slip in the middle and once with a gain error.
+All are judged from one fit of a campaign of another seed, moved to the best parameters of the
+campaign at hand by one Gauss-Newton step, as `find_outliers` always does: a fit for every campaign
+would find the same and take a hundred times as long."""
 
 import math
 from collections.abc import Sequence
@@ -17,16 +18,17 @@ from numpy.typing import NDArray
 from benchmarks.identification import vehicles
 from benchmarks.identification.vehicles import Case
 from benchmarks.study import Cell, Figure
-from sitl.vehicle import calibrate
-from sysid import fit, parameters
-from sysid.fit import Fit, Prior
-from sysid.joint.experiments import among
-from sysid.parameters import NAMES
-from sysid.runs import RATE_HZ, Plane, Run
-from sysid.screen.evidence import Evidence, gather, weigh
-from sysid.screen.score import scores
-from sysid.screen.sift import FALSE_ALARM, Sifting, Verdict, sift
-from sysid.screen.signature import Kind
+from sitl.vehicle import build_model
+from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.estimation.map import fit
+from sysid.estimation.map.datasets import with_coupling_inputs
+from sysid.estimation.map.fit import Fit, Prior
+from sysid.models import parameters
+from sysid.models.parameters import NAMES
+from sysid.screening.anomaly_models import Kind
+from sysid.screening.outlier_tests import FALSE_ALARM, RunScreening, ScreeningResult, find_outliers
+from sysid.screening.score_test import scores
+from sysid.screening.whitened_residuals import Residuals, linearise_runs, update_parameters
 from tests.sysid import sea
 from tests.sysid.sea import Fault
 
@@ -63,7 +65,8 @@ def tests(case: Case, wave: Wave) -> list[Test]:
 
 
 def _signal(plane: Plane, wave: Wave, degrees: float) -> Array:
-    """Steps of 40 s in yaw and 8 s in pitch; in yaw three 3-2-1-1 of 2.5 s a unit, in pitch two of 1.5 s."""
+    """Steps of 40 s in yaw and 8 s in pitch; in yaw three 3-2-1-1 of 2.5 s a unit, in pitch two of
+    1.5 s."""
     if wave == "step":
         return sea.step(degrees, 40.0 if plane == "yaw" else 8.0)
     unit_s, times = (2.5, 3) if plane == "yaw" else (1.5, 2)
@@ -73,9 +76,16 @@ def _signal(plane: Plane, wave: Wave, degrees: float) -> Array:
 
 def flown(case: Case, test: Test, wave: Wave, seed: int, fault: Fault | None = None) -> Run:
     return sea.fly(
-        case.truth, test.plane, test.signal_rad, name=f"{test.plane}/{seed}", wave=wave, seed=seed,
-        trim_rad=case.trim_rad, hold=case.hold, fault=fault,
-    )  # fmt: skip
+        case.truth,
+        test.plane,
+        test.signal_rad,
+        name=f"{test.plane}/{seed}",
+        wave=wave,
+        seed=seed,
+        trim_rad=case.trim_rad,
+        hold=case.hold,
+        fault=fault,
+    )
 
 
 @cache
@@ -83,25 +93,34 @@ def reference(vehicle: str, wave: Wave) -> tuple[Fit, Prior]:
     """A fit of a clean campaign, with which all of a cell are judged."""
     case = vehicles.case(vehicle)
     runs = [flown(case, test, wave, REFERENCE_SEED + k) for k, test in enumerate(tests(case, wave))]
-    biases = fit.trim_biases(case.prior, calibrate.build(case.prior), runs)
+    biases = fit.trim_biases(case.prior, build_model.build(case.prior), runs)
     prior = Prior(case.prior, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
     return fit.fit(runs, prior), prior
 
 
 def trial(wave: Wave, vehicle: str, seed: int) -> Sequence[float]:
-    """Clean runs, flagged ones, dropped ones; then for slips and gain errors, plane by plane, whether the run was
-    flagged, whether it was left out, and whether one test of this kind at this time would have shown it."""
+    """Clean runs, flagged ones, dropped ones; then for slips and gain errors, plane by plane,
+    whether the run was flagged, whether it was left out, and whether one test of this kind at this
+    time would have shown it."""
     case, asked = vehicles.case(vehicle), tests(vehicles.case(vehicle), wave)
     seeds = [1000 * seed + k for k in range(len(asked))]
     clean = [flown(case, test, wave, s) for test, s in zip(asked, seeds, strict=True)]
     struck = {plane: _struck(plane, asked, seed) for plane in PLANES}
     before = _sifted(vehicle, wave, clean).verdicts
-    numbers = [float(len(clean)), float(sum(map(_flagged, before))), float(sum(bool(v.reason) for v in before))]
+    numbers = [
+        float(len(clean)),
+        float(sum(map(_flagged, before))),
+        float(sum(bool(v.reason) for v in before)),
+    ]
     for kind in KINDS:
         runs = list(clean)
         for plane, k in struck.items():
             slip_rad = math.radians(SLIP_DEG) * case.scale(plane)
-            fault = Fault(gain=GAIN) if kind == "gain error" else Fault(1.0, slip_rad, asked[k].middle_s)
+            fault = (
+                Fault(gain=GAIN)
+                if kind == "gain error"
+                else Fault(1.0, slip_rad, asked[k].middle_s)
+            )
             runs[k] = flown(case, asked[k], wave, seeds[k], fault)
         verdicts = {v.run: v for v in _sifted(vehicle, wave, runs).verdicts}
         evidence = _evidence(vehicle, wave, runs)
@@ -112,17 +131,21 @@ def trial(wave: Wave, vehicle: str, seed: int) -> Sequence[float]:
     return numbers
 
 
-def _flagged(verdict: Verdict) -> bool:
+def _flagged(verdict: RunScreening) -> bool:
     return verdict.scores.p_value <= FALSE_ALARM
 
 
-def _told(evidence: Evidence, run: Run, kind: Kind, at_s: float) -> bool:
-    """Whether the run shows an anomaly of one kind, were that and its time given beforehand: what theory computes."""
+def _told(evidence: Residuals, run: Run, kind: Kind, at_s: float) -> bool:
+    """Whether the run shows an anomaly of one kind, were that and its time given beforehand: what
+    theory computes."""
     exhibit = next(e for e in evidence.exhibits if e.experiment.run.name == run.name)
     mark = next(s for s in exhibit.signatures if s.kind == kind)
     k = int(np.argmin(np.abs(mark.times_s - at_s))) if mark.times_s.size > 1 else 0
     mark = mark._replace(times_s=mark.times_s[k : k + 1], white=mark.white[k : k + 1])
-    return scores([mark], evidence.left(exhibit), exhibit.slopes, evidence.covariance).p_value <= FALSE_ALARM
+    return (
+        scores([mark], evidence.left(exhibit), exhibit.slopes, evidence.covariance).p_value
+        <= FALSE_ALARM
+    )
 
 
 def _struck(plane: Plane, asked: Sequence[Test], seed: int) -> int:
@@ -131,19 +154,22 @@ def _struck(plane: Plane, asked: Sequence[Test], seed: int) -> int:
     return there[seed % len(there)]
 
 
-def _sifted(vehicle: str, wave: Wave, runs: Sequence[Run]) -> Sifting:
+def _sifted(vehicle: str, wave: Wave, runs: Sequence[Run]) -> ScreeningResult:
     found, prior = reference(vehicle, wave)
-    return sift(_of(found, runs), prior)
+    return find_outliers(_of(found, runs), prior)
 
 
-def _evidence(vehicle: str, wave: Wave, runs: Sequence[Run]) -> Evidence:
+def _evidence(vehicle: str, wave: Wave, runs: Sequence[Run]) -> Residuals:
     found, prior = reference(vehicle, wave)
-    return weigh(gather(_of(found, runs), prior), found, prior)
+    return update_parameters(linearise_runs(_of(found, runs), prior), found, prior)
 
 
 def _of(found: Fit, runs: Sequence[Run]) -> Fit:
     experiments = {
-        plane: tuple(among(found.vehicle, fit.experiment(r)) for r in runs if r.plane == plane) for plane in PLANES
+        plane: tuple(
+            with_coupling_inputs(found.vehicle, fit.dataset(r)) for r in runs if r.plane == plane
+        )
+        for plane in PLANES
     }
     return found._replace(experiments=experiments)
 
@@ -167,6 +193,11 @@ def judge(vehicle: str, rows: Array) -> Sequence[Figure]:
 
 
 CELLS = tuple(
-    Cell(f"screening-{wave}", "anomalies found in one run, and clean runs blamed", partial(trial, wave), judge)
+    Cell(
+        f"screening-{wave}",
+        "anomalies found in one run, and clean runs blamed",
+        partial(trial, wave),
+        judge,
+    )
     for wave in WAVES
 )

@@ -1,8 +1,9 @@
-"""The vehicles of the study: what is known of each beforehand, and the one that flies, which only the sea may read.
+"""The vehicles of the study: what is known of each beforehand, and the one that flies, which only
+the sea may read.
 
-Caribou flies as the shipped ``field``. The others differ from her in hull, speed and actuator; each flies as its own
-file moved by one draw from the prior of identification, with play, motor steps and biases that the file does not know.
-"""
+Caribou flies as the shipped ``field``. The others differ from her in hull, speed and actuator; each
+flies as its own file moved by one draw from the prior of identification, with play, motor steps and
+biases that the file does not know."""
 
 import math
 from functools import cache
@@ -14,10 +15,11 @@ import numpy as np
 
 from sitl.vehicle import config
 from sitl.vehicle.config import VehicleConfig
-from sysid import fit, parameters, planes
-from sysid.parameters import NAMES
-from sysid.runs import Plane
-from sysid.tables import CARIBOU_TURN_PER_S2
+from sysid.data.segments import Plane
+from sysid.estimation.map import fit
+from sysid.models import linear_planes, parameters
+from sysid.models.parameters import NAMES
+from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2
 from tests.sysid.sea import Hold
 
 MY_VEHICLE = str(Path(__file__).parents[2] / "docs" / "my_vehicle.toml")
@@ -38,31 +40,41 @@ class Case(NamedTuple):
 
     def scale(self, plane: Plane) -> float:
         """A test of one degree for Caribou is so many here: a livelier tail is moved less."""
-        return CARIBOU_TURN_PER_S2 / abs(planes.small_signal(fit.linear_plane(nominal(self.prior), plane)).b1_per_s2)
+        return CARIBOU_TURN_PER_S2 / abs(
+            linear_planes.small_signal(fit.linear_plane(nominal(self.prior), plane)).b1_per_s2
+        )
 
     @property
     def trim_rad(self) -> tuple[float, float]:
         """Trims that a trim flight would have measured, to half a degree."""
         half = math.radians(0.5)
         level = fit.level_elevator_rad(self.truth, nominal(self.truth).model)
-        wanted = (-math.radians(self.truth.tailcone.rudder_bias_deg),
-                  level - math.radians(self.truth.tailcone.elevator_bias_deg))  # fmt: skip
+        wanted = (
+            -math.radians(self.truth.tailcone.rudder_bias_deg),
+            level - math.radians(self.truth.tailcone.elevator_bias_deg),
+        )
         return round(wanted[0] / half) * half, round(wanted[1] / half) * half
 
 
-def nominal(vehicle: VehicleConfig) -> parameters.Vehicle:
+def nominal(vehicle: VehicleConfig) -> parameters.CandidateVehicle:
     """A vehicle file as identification simulates it, without biases."""
-    return parameters.vehicle(vehicle, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
+    return parameters.candidate_vehicle(vehicle, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
 
 
 @cache
 def cases() -> tuple[Case, ...]:
     return (
-        Case("caribou", "bench", config.load("bench"), config.load("field"), Hold()),
+        Case(
+            "caribou",
+            "caribou_nominal",
+            config.load("caribou_nominal"),
+            config.load("caribou_truth"),
+            Hold(),
+        ),
         _strayed("remus100", "remus100", Hold(0.49, 0.76, 0.04, 0.54, 0.67, 0.2, 0.01), seed=1),
-        _strayed("xfin", "xfin", Hold(0.75, 1.79, 0.04, 0.77, 1.3, 0.2, 0.008), seed=2),
+        _strayed("xfin_auv", "xfin_auv", Hold(0.75, 1.79, 0.04, 0.77, 1.3, 0.2, 0.008), seed=2),
         _strayed("my_vehicle", MY_VEHICLE, Hold(0.75, 0.93, 0.05, 0.86, 0.78, 0.2, 0.01), seed=3),
-    )  # fmt: skip
+    )
 
 
 def case(name: str) -> Case:
@@ -74,7 +86,7 @@ def _strayed(name: str, prior_file: str, hold: Hold, seed: int) -> Case:
     prior = config.load(prior_file)
     rng = np.random.default_rng(seed)
     away = np.linalg.cholesky(parameters.prior_covariance()) @ rng.standard_normal(len(NAMES))
-    moved = parameters.vehicle(prior, {"yaw": 0.0, "pitch": 0.0}, STRAY * away)
+    moved = parameters.candidate_vehicle(prior, {"yaw": 0.0, "pitch": 0.0}, STRAY * away)
     lag = moved.actuators["yaw"]
     tail = msgspec.structs.replace(
         prior.tailcone,

@@ -1,10 +1,10 @@
 """The Monte-Carlo study of redesigned gains in the water.
 
-    python -m benchmarks.redesign [CELL ...] [--case NAME ...] [--runs N] [--model FILE.json] [--out FILE.json]
+    python -m benchmarks.redesign [CELL ...] [--case NAME ...] [--runs N] [--model FILE.json] [--out
+    FILE.json]
 
-Without a model it flies a campaign first. Each figure is printed beside its target; a missed one is marked, and makes
-the exit status 1.
-"""
+Without a model it flies a campaign first. Each figure is printed beside its target; a missed one is
+marked, and makes the exit status 1."""
 
 import argparse
 import sys
@@ -28,9 +28,15 @@ def main() -> None:
 def _arguments() -> argparse.Namespace:
     cases = sorted({case for question in QUESTIONS.values() for case in question.cases})
     parser = study.parser(__doc__, "of each case; 20 for most")
-    parser.add_argument("cell", nargs="*", choices=[[], *QUESTIONS], help="which cells; all without one")
-    parser.add_argument("--case", action="append", choices=cases, metavar="NAME", help=", ".join(cases))
-    parser.add_argument("--model", type=Path, help="redesign from this model.json instead of a campaign's")
+    parser.add_argument(
+        "cell", nargs="*", choices=[[], *QUESTIONS], help="which cells; all without one"
+    )
+    parser.add_argument(
+        "--case", action="append", choices=cases, metavar="NAME", help=", ".join(cases)
+    )
+    parser.add_argument(
+        "--model", type=Path, help="redesign from this model.json instead of a campaign's"
+    )
     return parser.parse_args()
 
 

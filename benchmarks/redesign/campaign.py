@@ -1,8 +1,8 @@
-"""From nothing to gains: what `ground campaign` flies, fits and designs, without processes and sockets.
+"""From nothing to gains: what `ground campaign` flies, fits and designs, without processes and
+sockets.
 
-The dives are the shipped missions, flown by the autopilot's own tick through the simulator's own step; what she tells
-of them is read, screened, fitted and judged as a log is.
-"""
+The dives are the shipped missions, flown by the autopilot's own tick through the simulator's own
+step; what she tells of them is read, screened, fitted and judged as a log is."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -12,22 +12,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ground import script
-from ground.campaign import FITTED, HELD_OUT, TRIM_MISSION, TRIM_WINDOW_S, dive_seed
+from ground.campaign.run import FITTED, HELD_OUT, TRIM_MISSION, TRIM_WINDOW_S, dive_seed
+from ground.missions import script
 from sitl.vehicle import config
-from sysid import assemble, design, fit, refit, runs
-from sysid import model as models
-from sysid.design import Design, DesignRefused
-from sysid.judge.judged import judged
-from sysid.log import Actuators, Attitude, Depth, Duct, Event, Log, Setpoints
-from sysid.model import IdentifiedModel, ModelError
-from sysid.runs import Run
-from sysid.screen import screen
-from sysid.screen.rounds import settle
-from sysid.tables import TABLE_3_IMPROVED, TABLE_3_INITIAL
-from tests.closed_loop import Dive
+from sysid import refit
+from sysid.data import segments
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
+from sysid.data.segments import Run
+from sysid.design import pid
+from sysid.design.pid import Design, DesignInfeasibleError
+from sysid.estimation.map import fit
+from sysid.models import model_export
+from sysid.models import model_file as models
+from sysid.models.model_file import IdentifiedModel, ModelError
+from sysid.reproduction.paper_tables import TABLE_3_IMPROVED, TABLE_3_INITIAL
+from sysid.screening import screen
+from sysid.screening.refit_loop import refit_until_clean
+from sysid.validation.assess import with_assessment
+from tests.helpers.closed_loop import Dive
 
-VEHICLE, PRIOR, SEA = "field", "bench", "disturbed"
+VEHICLE, PRIOR, SEA = "caribou_truth", "caribou_nominal", "disturbed"
 LONGEST_S = 3600.0
 OURS = "ours"
 GAIN_SETS = ("initial", "paper", OURS)
@@ -55,7 +59,7 @@ def refusals() -> Iterator[None]:
     except ModelError as error:
         print(error, file=sys.stderr)
         sys.exit(2)
-    except DesignRefused as refusal:
+    except DesignInfeasibleError as refusal:
         print(refusal, file=sys.stderr)
         sys.exit(1)
 
@@ -67,9 +71,11 @@ def fly(seed: int) -> Campaign:
     fitted, held_out = (_kept(missions, seed, values) for missions in (FITTED, HELD_OUT))
     prior_file = config.load(PRIOR)
     prior = refit.prior_of(fitted, prior_file)
-    settled = settle(fitted, prior, lambda chosen: fit.fit(chosen, prior))
-    model = assemble.from_fit(settled.found, prior, PRIOR)
-    return Campaign(judged(model, settled.kept, held_out, TABLE_3_INITIAL, prior_file), trims)
+    settled = refit_until_clean(fitted, prior, lambda chosen: fit.fit(chosen, prior))
+    model = model_export.from_fit(settled.found, prior, PRIOR)
+    return Campaign(
+        with_assessment(model, settled.kept, held_out, TABLE_3_INITIAL, prior_file), trims
+    )
 
 
 def measured_trims(seed: int) -> Values:
@@ -77,20 +83,33 @@ def measured_trims(seed: int) -> Values:
     dive = flown(TRIM_MISSION, seed, TABLE_3_INITIAL)
     end_s = next(time_s for time_s, text in dive.told if text == "Mode SURFACE")
     window = dive.during(end_s - TRIM_WINDOW_S, end_s)
-    rudder_deg, elevator_deg = (float(np.degrees(dive[name][window].mean())) for name in ("rudder", "elevator"))
+    rudder_deg, elevator_deg = (
+        float(np.degrees(dive[name][window].mean())) for name in ("rudder", "elevator")
+    )
     return {"TRIM_RUD_DEG": round(rudder_deg, 3), "TRIM_ELE_DEG": round(elevator_deg, 3)}
 
 
 def flown(mission: str, seed: int, values: Values) -> Dive:
     """A shipped mission in the sea that the campaign of ``seed`` has for it."""
     items = script.compile_items(script.load(mission))
-    return Dive(items, vehicle=VEHICLE, sea=SEA, seed=dive_seed(seed, mission), values=values, limit_s=LONGEST_S)
+    return Dive(
+        items,
+        vehicle=VEHICLE,
+        sea=SEA,
+        seed=dive_seed(seed, mission),
+        values=values,
+        limit_s=LONGEST_S,
+    )
 
 
 def _kept(missions: Sequence[str], seed: int, values: Values) -> list[Run]:
     """The tests of the missions that pass screening."""
     logs = [log(flown(mission, seed, values), mission, values) for mission in missions]
-    return [each.run for each in screen([run for log in logs for run in runs.cut(log)]) if each.kept]
+    return [
+        each.run
+        for each in screen([run for log in logs for run in segments.cut_runs(log)])
+        if each.kept
+    ]
 
 
 def log(dive: Dive, name: str, values: Values) -> Log:
@@ -104,18 +123,19 @@ def log(dive: Dive, name: str, values: Values) -> Log:
         actuators=Actuators(t, dive["rudder"], dive["elevator"], dive["thrust"]),
         depth=Depth(t, dive["depth_m"], dive["depth_rate_mps"]),
         setpoints=Setpoints(nothing, nothing, nothing, nothing, nothing),
-        events=tuple(Event(time_s, 6, text) for time_s, text in dive.told),
+        events=tuple(TextEvent(time_s, 6, text) for time_s, text in dive.told),
         parameters=dict(values),
-        duct=Duct(nothing, nothing, nothing),
+        duct=DuctAngles(nothing, nothing, nothing),
     )
 
 
 def redesigned(flown: Campaign) -> Design:
     """Raises DesignRefused."""
-    return design.redesign(flown.model)
+    return pid.redesign(flown.model)
 
 
 def gain_sets(trims: Values, ours: Values) -> dict[str, Values]:
-    """The gains that are compared, with the same trims: Table 3's two columns, and what was designed."""
+    """The gains that are compared, with the same trims: Table 3's two columns, and what was
+    designed."""
     paper = TABLE_3_INITIAL, TABLE_3_IMPROVED
     return {name: {**gains, **trims} for name, gains in zip(GAIN_SETS, (*paper, ours), strict=True)}

@@ -1,4 +1,5 @@
-"""Cell: a straight run on which something breaks that a dive may survive, with each set of gains."""
+"""Cell: a straight run on which something breaks that a dive may survive, with each set of
+gains."""
 
 from functools import partial
 
@@ -52,4 +53,6 @@ def judge(case: str, rows: Array) -> list[Figure]:
 
 
 def cell(gains: dict[str, Values]) -> Cell:
-    return Cell("faults", "a straight run on which something breaks", partial(trial, gains), judge, runs=5)
+    return Cell(
+        "faults", "a straight run on which something breaks", partial(trial, gains), judge, runs=5
+    )

@@ -1,4 +1,5 @@
-"""How well a straight run is held, by the truth: 95 % of the steady part, and whether she got lost."""
+"""How well a straight run is held, by the truth: 95 % of the steady part, and whether she got
+lost."""
 
 from typing import NamedTuple
 
@@ -7,10 +8,10 @@ from numpy.typing import NDArray
 
 from benchmarks.redesign.campaign import GAIN_SETS, OURS, VEHICLE, Values
 from benchmarks.study import Figure
-from ground import script
+from ground.missions import script
 from sitl.scenario import Scenario
 from sitl.vehicle.config import VehicleConfig
-from tests.closed_loop import Dive
+from tests.helpers.closed_loop import Dive
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,9 @@ CALM, DISTURBED = Held(0.3, 2.0, 0.3, 0.0), Held(1.1, 7.0, 1.4, 0.0)
 ANYTHING = Held(np.inf, np.inf, np.inf, np.inf)
 
 
-def straight_run(values: Values, sea: Scenario, seed: int, vehicle: str | VehicleConfig = VEHICLE) -> Dive:
+def straight_run(
+    values: Values, sea: Scenario, seed: int, vehicle: str | VehicleConfig = VEHICLE
+) -> Dive:
     items = script.compile_items(script.load(MISSION))
     return Dive(items, vehicle=vehicle, sea=sea, seed=seed, values=values)
 
@@ -54,7 +57,9 @@ def held(dive: Dive, start_s: float = STEADY_S) -> Held:
     depth_m = dive["true_depth_m"][window] - DEPTH_M
     failed = any(text.startswith("Failsafe") for text in dive.texts())
     lost = failed or np.abs(heading_deg).max() > LOST_DEG or np.abs(depth_m).max() > LOST_M
-    return Held(p95(heading_deg), 100.0 * p95(depth_m), p95(pitch_deg - pitch_deg.mean()), float(lost))
+    return Held(
+        p95(heading_deg), 100.0 * p95(depth_m), p95(pitch_deg - pitch_deg.mean()), float(lost)
+    )
 
 
 def turned(angle_rad: Array) -> Array:
@@ -71,8 +76,11 @@ def by_set(rows: Array) -> dict[str, Array]:
     return dict(zip(GAIN_SETS, np.split(rows, len(GAIN_SETS), axis=1), strict=True))
 
 
-def figures(held: dict[str, Array], target: Held = ANYTHING, worst: Held = ANYTHING) -> list[Figure]:
-    """Mean over the dives and the worst one, set of gains beside set of gains; ours beside what they may be at most."""
+def figures(
+    held: dict[str, Array], target: Held = ANYTHING, worst: Held = ANYTHING
+) -> list[Figure]:
+    """Mean over the dives and the worst one, set of gains beside set of gains; ours beside what
+    they may be at most."""
     found = []
     for column, (what, unit) in enumerate(zip(WHAT, UNITS, strict=True)):
         for name, rows in held.items():
@@ -87,5 +95,8 @@ def figures(held: dict[str, Array], target: Held = ANYTHING, worst: Held = ANYTH
 
 def _lost(name: str, rows: Array) -> Figure:
     return Figure(
-        f"lost: {name}", 100.0 * float(np.mean(rows[:, -1])), highest=0.0 if name == OURS else np.inf, unit="%"
+        f"lost: {name}",
+        100.0 * float(np.mean(rows[:, -1])),
+        highest=0.0 if name == OURS else np.inf,
+        unit="%",
     )

@@ -1,8 +1,8 @@
-"""Cell: the paper's missions of its figures 14 and 15: does every leg settle, and does she stay under water?
+"""Cell: the paper's missions of its figures 14 and 15: does every leg settle, and does she stay
+under water?
 
-Depth counts from the surface as it stands over her: so near to it waves carry her up and down with the water, which
-neither shows on a pressure sensor nor needs to be fought.
-"""
+Depth counts from the surface as it stands over her: so near to it waves carry her up and down with
+the water, which neither shows on a pressure sensor nor needs to be fought."""
 
 from functools import partial
 from itertools import product
@@ -14,10 +14,10 @@ from benchmarks.redesign import holding
 from benchmarks.redesign.campaign import GAIN_SETS, OURS, VEHICLE, Values
 from benchmarks.redesign.holding import CALM, DISTURBED
 from benchmarks.study import Cell, Figure
-from ground import script
-from ground.script import Step
+from ground.missions import script
+from ground.missions.script import MissionStep
 from sitl.vehicle import config, hull
-from tests.closed_loop import Dive
+from tests.helpers.closed_loop import Dive
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,8 @@ STATIONS = 41
 
 
 def trial(gains: dict[str, Values], case: str, seed: int) -> list[float]:
-    """Of each set: 95 % of heading (deg) and depth (cm) at each leg's end, and the least water over her (m)."""
+    """Of each set: 95 % of heading (deg) and depth (cm) at each leg's end, and the least water over
+    her (m)."""
     mission, sea = case.split("/")
     steps = script.load(mission)
     row = []
@@ -43,13 +44,13 @@ def trial(gains: dict[str, Values], case: str, seed: int) -> list[float]:
     return row
 
 
-def _legs(steps: tuple[Step, ...]) -> list[tuple[Step, float]]:
+def _legs(steps: tuple[MissionStep, ...]) -> list[tuple[MissionStep, float]]:
     """With the time at which each ends; all give their heading and depth."""
     legs = [step for step in steps if step.duration_s]
     return list(zip(legs, np.cumsum([leg.duration_s for leg in legs]).tolist(), strict=True))
 
 
-def _at_its_end(dive: Dive, leg: Step, end_s: float) -> tuple[float, float]:
+def _at_its_end(dive: Dive, leg: MissionStep, end_s: float) -> tuple[float, float]:
     assert leg.heading_deg is not None
     assert leg.depth_m is not None
     window = dive.during(end_s - END_S, end_s)
@@ -61,17 +62,21 @@ def _at_its_end(dive: Dive, leg: Step, end_s: float) -> tuple[float, float]:
 
 
 def water_over_her_m(dive: Dive) -> float:
-    """The least over the highest part of hull and duct, from when she has left the surface until she is to surface."""
+    """The least over the highest part of hull and duct, from when she has left the surface until
+    she is to surface."""
     pitch, depth_m = dive["true_pitch"], dive["true_depth_m"]
     x_m, radius_m = outline_m(VEHICLE)
     highest_m = np.max(np.outer(np.sin(pitch), x_m) + np.outer(np.cos(pitch), radius_m), axis=1)
     over_m = depth_m + dive["surface_m"] - highest_m
     end_s = next((time_s for time_s, text in dive.told if text == "Mode SURFACE"), np.inf)
-    return float(np.min(over_m[(np.cumsum(over_m > UNDER_M) > 0) & (dive["t_s"] < end_s)], initial=np.inf))
+    return float(
+        np.min(over_m[(np.cumsum(over_m > UNDER_M) > 0) & (dive["t_s"] < end_s)], initial=np.inf)
+    )
 
 
 def outline_m(vehicle: str) -> tuple[Array, Array]:
-    """Places along her, forward of mid-length, and how far she reaches from the axis there; the duct's ring last."""
+    """Places along her, forward of mid-length, and how far she reaches from the axis there; the
+    duct's ring last."""
     described = config.load(vehicle)
     half = hull.length_m(described.hull) / 2.0
     x_m = np.linspace(-half, half, STATIONS)
@@ -87,10 +92,14 @@ def judge(case: str, rows: Array) -> list[Figure]:
     by_set = dict(zip(GAIN_SETS, np.split(rows, len(GAIN_SETS), axis=1), strict=True))
     legs = (rows.shape[1] // len(GAIN_SETS) - 1) // 2
     found = []
-    for column, (leg, (what, unit)) in enumerate(product(range(1, legs + 1), (("heading", "deg"), ("depth", "cm")))):
+    for column, (leg, (what, unit)) in enumerate(
+        product(range(1, legs + 1), (("heading", "deg"), ("depth", "cm")))
+    ):
         for name, mine in by_set.items():
             limit = most[column % 2] if name == OURS else np.inf
-            figure = Figure(f"leg {leg}, {what}, 95 %: {name}", float(np.mean(mine[:, column])), unit=unit)
+            figure = Figure(
+                f"leg {leg}, {what}, 95 %: {name}", float(np.mean(mine[:, column])), unit=unit
+            )
             found.append(figure._replace(highest=limit))
     for name, mine in by_set.items():
         share = 100.0 * float(np.mean(np.all(mine[:, :-1] <= np.tile(most, legs), axis=1)))
@@ -98,7 +107,11 @@ def judge(case: str, rows: Array) -> list[Figure]:
         found.append(Figure(f"every leg settled: {name}", share, lowest=lowest, unit="%"))
     for name, mine in by_set.items():
         least = 0.0 if name == OURS else -np.inf
-        found.append(Figure(f"least water over her: {name}", float(np.min(mine[:, -1])), lowest=least, unit="m"))
+        found.append(
+            Figure(
+                f"least water over her: {name}", float(np.min(mine[:, -1])), lowest=least, unit="m"
+            )
+        )
     return found
 
 

@@ -1,9 +1,10 @@
-"""Cell: how often a campaign ends in gains that keep the specification on the vehicle that flew, and what they say.
+"""Cell: how often a campaign ends in gains that keep the specification on the vehicle that flew,
+and what they say.
 
-A trial is a whole campaign: trims, tests, fit, verdict, redesign. What is asked of every vehicle that a model allows
-for is then asked of the one vehicle that flew, in small motion; the probability that the design states is set beside
-the share of campaigns that succeed. The gains fly a straight run as well.
-"""
+A trial is a whole campaign: trims, tests, fit, verdict, redesign. What is asked of every vehicle
+that a model allows for is then asked of the one vehicle that flew, in small motion; the probability
+that the design states is set beside the share of campaigns that succeed. The gains fly a straight
+run as well."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,10 @@ from benchmarks.redesign.holding import DISTURBED, Held
 from benchmarks.study import Cell, Figure
 from sitl import scenario
 from sitl.vehicle import config
-from sysid.design import Design, DesignRefused
-from sysid.design.plant import ASSUMED_SEA, of_vehicle
-from sysid.design.search import SLACK
-from sysid.design.trust import RELAXED, least, misses
+from sysid.design.constrained_search import CONSTRAINT_TOLERANCE
+from sysid.design.design_model import DEFAULT_DISTURBANCE, from_vehicle
+from sysid.design.pid import Design, DesignInfeasibleError
+from sysid.design.robustness import RELAXED, min_bounds, violations
 
 Array = NDArray[np.float64]
 
@@ -29,12 +30,13 @@ HONEST = 10.0
 
 
 def trial(case: str, seed: int) -> list[float]:
-    """Fit for redesign, designed; stated and true, of the full specification and of the relaxed one; ``Held``."""
+    """Fit for redesign, designed; stated and true, of the full specification and of the relaxed
+    one; ``Held``."""
     flown = campaign.fly(seed)
     fit = float(flown.model.verdict is not None and flown.model.verdict.fit_for_redesign)
     try:
         designed = campaign.redesigned(flown)
-    except DesignRefused:
+    except DesignInfeasibleError:
         return [fit, 0.0, *(np.nan,) * (4 + len(Held._fields))]
     dive = holding.straight_run({**designed.gains, **flown.trims}, scenario.load(SEA), seed)
     return [fit, 1.0, *_kept(designed, case), *holding.held(dive)]
@@ -43,27 +45,47 @@ def trial(case: str, seed: int) -> list[float]:
 def _kept(designed: Design, vehicle: str) -> tuple[float, float, float, float]:
     """Stated probability and truth, of the full specification and of the relaxed one."""
     assert designed.trust is not None
-    plane = of_vehicle(vehicles.nominal(config.load(vehicle)), {"yaw": ASSUMED_SEA, "pitch": ASSUMED_SEA})
+    plane = from_vehicle(
+        vehicles.nominal(config.load(vehicle)),
+        {"yaw": DEFAULT_DISTURBANCE, "pitch": DEFAULT_DISTURBANCE},
+    )
     full, relaxed = (
-        float(max(misses(plane, designed.gains, bounds).values()) <= SLACK)
-        for bounds in (least(designed.spec), RELAXED)
+        float(max(violations(plane, designed.gains, bounds).values()) <= CONSTRAINT_TOLERANCE)
+        for bounds in (min_bounds(designed.spec), RELAXED)
     )
     return designed.trust.specification, full, designed.trust.relaxed, relaxed
 
 
 def judge(case: str, rows: Array) -> list[Figure]:
     fit, done = rows[:, 0], rows[rows[:, 1] == 1.0]
-    stated_full, full, stated_relaxed, relaxed = (100.0 * float(np.mean(done[:, k])) for k in range(2, 6))
+    stated_full, full, stated_relaxed, relaxed = (
+        100.0 * float(np.mean(done[:, k])) for k in range(2, 6)
+    )
     return [
         Figure("models fit for redesign", 100.0 * float(np.mean(fit)), unit="%"),
         Figure("redesigns refused", 100.0 * float(np.mean(rows[:, 1] == 0.0)), unit="%"),
-        Figure("full specification kept by the vehicle that flew", full, lowest=LEAST_FULL, unit="%"),
+        Figure(
+            "full specification kept by the vehicle that flew", full, lowest=LEAST_FULL, unit="%"
+        ),
         Figure("full specification, stated", stated_full, lowest=LEAST_FULL, unit="%"),
-        Figure("full specification, kept less stated", full - stated_full, -HONEST, np.inf, unit="%"),
-        Figure("relaxed specification kept by the vehicle that flew", relaxed, lowest=LEAST_RELAXED, unit="%"),
+        Figure(
+            "full specification, kept less stated", full - stated_full, -HONEST, np.inf, unit="%"
+        ),
+        Figure(
+            "relaxed specification kept by the vehicle that flew",
+            relaxed,
+            lowest=LEAST_RELAXED,
+            unit="%",
+        ),
         Figure("relaxed specification, stated", stated_relaxed, lowest=LEAST_RELAXED, unit="%"),
         *holding.figures({OURS: done[:, 6:]}, DISTURBED),
     ]
 
 
-CELL = Cell("probability", f"campaigns on the {VEHICLE} vehicle, designed from {PRIOR}", trial, judge, runs=20)
+CELL = Cell(
+    "probability",
+    f"campaigns on the {VEHICLE} vehicle, designed from {PRIOR}",
+    trial,
+    judge,
+    runs=20,
+)

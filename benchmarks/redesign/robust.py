@@ -1,7 +1,7 @@
 """Cell: our gains on a hundred vehicles whose every coefficient is off by up to a fifth.
 
-All have the field vehicle's rudder bias of -6 degrees and 22 N of buoyancy, and all fly on her trims.
-"""
+All have the field vehicle's rudder bias of -6 degrees and 22 N of buoyancy, and all fly on her
+trims."""
 
 from functools import partial
 from typing import NamedTuple
@@ -15,8 +15,8 @@ from benchmarks.redesign.campaign import OURS, SEA, VEHICLE, Values
 from benchmarks.redesign.holding import DISTURBED, Held
 from benchmarks.study import Cell, Figure
 from sitl import scenario
-from sitl.vehicle import calibrate, config
-from sitl.vehicle.config import VehicleConfig, VehicleError
+from sitl.vehicle import build_model, config
+from sitl.vehicle.config import VehicleConfig, VehicleFileError
 
 Array = NDArray[np.float64]
 
@@ -37,12 +37,16 @@ def draw(name: str, seed: int) -> Drawn:
     first, rng, refused = config.load(name), np.random.default_rng(seed), 0
     while True:
         names = first.linear.__struct_fields__
-        factors = dict(zip(names, rng.uniform(1.0 - ASTRAY, 1.0 + ASTRAY, len(names)).tolist(), strict=True))
+        factors = dict(
+            zip(names, rng.uniform(1.0 - ASTRAY, 1.0 + ASTRAY, len(names)).tolist(), strict=True)
+        )
         moved = {name: getattr(first.linear, name) * factor for name, factor in factors.items()}
-        vehicle = msgspec.structs.replace(first, linear=msgspec.structs.replace(first.linear, **moved))
+        vehicle = msgspec.structs.replace(
+            first, linear=msgspec.structs.replace(first.linear, **moved)
+        )
         try:
-            calibrate.build(vehicle)
-        except VehicleError:
+            build_model.build(vehicle)
+        except VehicleFileError:
             refused += 1
         else:
             return Drawn(vehicle, refused)
@@ -51,7 +55,10 @@ def draw(name: str, seed: int) -> Drawn:
 def trial(values: Values, case: str, seed: int) -> list[float]:
     """Draws that were refused, then ``Held``."""
     vehicle, refused = draw(case, seed)
-    return [float(refused), *holding.held(holding.straight_run(values, scenario.load(SEA), seed, vehicle))]
+    return [
+        float(refused),
+        *holding.held(holding.straight_run(values, scenario.load(SEA), seed, vehicle)),
+    ]
 
 
 def judge(case: str, rows: Array) -> list[Figure]:
@@ -65,4 +72,10 @@ def judge(case: str, rows: Array) -> list[Figure]:
 
 
 def cell(gains: dict[str, Values]) -> Cell:
-    return Cell("robust", "a straight run of vehicles nobody identified", partial(trial, gains[OURS]), judge, runs=100)
+    return Cell(
+        "robust",
+        "a straight run of vehicles nobody identified",
+        partial(trial, gains[OURS]),
+        judge,
+        runs=100,
+    )

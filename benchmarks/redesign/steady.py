@@ -11,8 +11,8 @@ from benchmarks.redesign.campaign import Values
 from benchmarks.redesign.holding import ANYTHING, CALM, DISTURBED
 from benchmarks.study import Cell, Figure
 from sitl import scenario
+from sitl.environment_schema import Current, Variation
 from sitl.scenario import Scenario
-from sitl.waters import Current, Variation
 
 Array = NDArray[np.float64]
 
@@ -20,18 +20,23 @@ SEAS = ("calm", "disturbed", "rough", "current", "swell")
 TARGETS = {"calm": CALM, "disturbed": DISTURBED}
 ROUGHER = 2.0
 """Moments of the rough sea over those of the disturbed one."""
-CURRENT = Current(speed_mps=0.3, towards_deg=110.0, variation=Variation(rms_mps=0.1, time_constant_s=60.0))
+CURRENT = Current(
+    speed_mps=0.3, towards_deg=110.0, variation=Variation(rms_mps=0.1, time_constant_s=60.0)
+)
 
 
 def sea(name: str) -> Scenario:
-    """A shipped scenario, or the disturbed one made rough or with a current across the course that comes and goes."""
+    """A shipped scenario, or the disturbed one made rough or with a current across the course that
+    comes and goes."""
     if name not in ("rough", "current"):
         return scenario.load(name)
     disturbed = scenario.load("disturbed")
     if name == "current":
         return msgspec.structs.replace(disturbed, current=CURRENT)
     slow, waves = (
-        msgspec.structs.replace(part, yaw_rms_nm=ROUGHER * part.yaw_rms_nm, pitch_rms_nm=ROUGHER * part.pitch_rms_nm)
+        msgspec.structs.replace(
+            part, yaw_rms_nm=ROUGHER * part.yaw_rms_nm, pitch_rms_nm=ROUGHER * part.pitch_rms_nm
+        )
         for part in (disturbed.disturbance.slow, disturbed.disturbance.waves)
     )
     moments = msgspec.structs.replace(disturbed.disturbance, slow=slow, waves=waves)
@@ -41,7 +46,11 @@ def sea(name: str) -> Scenario:
 def trial(gains: dict[str, Values], case: str, seed: int) -> list[float]:
     """``Held`` of each set of gains in turn."""
     water = sea(case)
-    return [number for values in gains.values() for number in holding.held(holding.straight_run(values, water, seed))]
+    return [
+        number
+        for values in gains.values()
+        for number in holding.held(holding.straight_run(values, water, seed))
+    ]
 
 
 def judge(case: str, rows: Array) -> list[Figure]:
@@ -49,4 +58,6 @@ def judge(case: str, rows: Array) -> list[Figure]:
 
 
 def cell(gains: dict[str, Values]) -> Cell:
-    return Cell("steady", "a straight run in calm and in rough water", partial(trial, gains), judge, runs=20)
+    return Cell(
+        "steady", "a straight run in calm and in rough water", partial(trial, gains), judge, runs=20
+    )

@@ -6,30 +6,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ground.live.telemetry import LARGEST_GAP_S, Gap, Telemetry
-from ground.vehicle import Text
-from link.codec import Frame
-from sysid import runs
-from sysid.log import LogError
-from sysid.online import estimator, prediction, reading
-from sysid.online.estimator import Knowledge, State
-from sysid.online.information import Information
-from sysid.online.reading import Reading
-from sysid.runs import OVER, PREROLL_S, STARTED, Plane, Run
+from ground.client.vehicle import StatusText
+from ground.live.telemetry import MAX_GAP_S, Gap, Telemetry
+from mavlink_io.codec import Frame
+from sysid.data import segments
+from sysid.data.dataset import LogError
+from sysid.data.segments import END_TEXTS, PREROLL_S, START_TEXT, Plane, Run
+from sysid.estimation.recursive import estimator, prediction, report
+from sysid.estimation.recursive.estimator import Knowledge, TestState
+from sysid.estimation.recursive.report import PlaneReport
+from sysid.estimation.recursive.square_root_information import Information
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
-SHORTEST = 60
+MIN_RUN_TICKS = 60
 """Ticks of a run that is worth looking at."""
-BACK_S = 1.0
+CLOCK_RESTART_S = 1.0
 """A clock that goes back by more has been started anew; by less, a datagram was late."""
-UNFINISHED = "the log ended"
+LOG_ENDED_REASON = "the log ended"
 """How `runs.cut` calls a test that its log does not see stop."""
 
 
-class Standing(NamedTuple):
+class EstimateStatus(NamedTuple):
     """What there is to show."""
 
-    readings: dict[Plane, Reading]
+    readings: dict[Plane, PlaneReport]
     """Planes of which a test has told something."""
     testing: tuple[Plane, ...]
     """Under test now."""
@@ -37,35 +37,35 @@ class Standing(NamedTuple):
     """Why a test that runs tells nothing; empty when it does."""
 
 
-class Estimate:
+class LiveEstimate:
     """Grows with each test. It looks at what it heard only in ``look``: that is the dear part."""
 
     def __init__(self, knowledge: Knowledge, parameters: Mapping[str, float]) -> None:
         """``parameters`` are those aboard, as far as they are known."""
         self._knowledge = knowledge
         self._telemetry = Telemetry(parameters)
-        self._states: dict[Plane, State] = {}
+        self._states: dict[Plane, TestState] = {}
         self._told: dict[Plane, Information] = {}
         """Since the last look."""
-        self._readings: dict[Plane, Reading] = {}
+        self._readings: dict[Plane, PlaneReport] = {}
         self._trouble = ""
         gains = parameters if "HDG_P" in parameters else None
         self._crossover_radps: dict[Plane, float] = {
-            plane: reading.crossover_radps(knowledge.prior, plane, gains) for plane in PLANES
+            plane: report.crossover_radps(knowledge.prior, plane, gains) for plane in PLANES
         }
 
     def hear(self, frame: Frame) -> None:
         """Take a frame of the vehicle's autopilot."""
         before_s = self._telemetry.now_s
-        if self._telemetry.hear(frame) < before_s - BACK_S:
+        if self._telemetry.hear(frame) < before_s - CLOCK_RESTART_S:
             self._begin_anew(frame)
 
-    def say(self, text: Text) -> None:
+    def say(self, text: StatusText) -> None:
         """Take a text of the vehicle's."""
-        if text.text.startswith((STARTED, *OVER)):
+        if text.text.startswith((START_TEXT, *END_TEXTS)):
             self._telemetry.say(text.severity, text.text)
 
-    def look(self) -> Standing:
+    def look(self) -> EstimateStatus:
         """What has been told up to now."""
         self._trouble = ""
         while (gap := self._telemetry.gap()) is not None:
@@ -74,25 +74,29 @@ class Estimate:
         if not self._telemetry.events:
             self._telemetry.forget(self._telemetry.now_s - PREROLL_S - 1.0)
         self._read()
-        return Standing(dict(self._readings), tuple(self._states), self._trouble)
+        return EstimateStatus(dict(self._readings), tuple(self._states), self._trouble)
 
     def _begin_anew(self, frame: Frame) -> None:
-        """The vehicle's clock has gone back: her test is over, and what she told of it before stays."""
+        """The vehicle's clock has gone back: her test is over, and what she told of it before
+        stays."""
         self._end()
         self._telemetry.restart()
         self._telemetry.hear(frame)
 
     def _pass_over(self, gap: Gap) -> None:
-        """A test that was under way goes on behind the gap as one of its own; what it told before stays."""
+        """A test that was under way goes on behind the gap as one of its own; what it told before
+        stays."""
         telemetry = self._telemetry
         self._follow(gap.start_s)
         self._end()
         heard = [event for event in telemetry.events if event.time_s < gap.end_s]
         telemetry.events = [event for event in telemetry.events if event.time_s >= gap.end_s]
-        if heard and heard[-1].text.startswith(STARTED):
+        if heard and heard[-1].text.startswith(START_TEXT):
             telemetry.events.insert(0, replace(heard[-1], time_s=gap.end_s))
-            limit_s = LARGEST_GAP_S[gap.what]
-            self._trouble = f"{gap.end_s - gap.start_s:.2f} s without {gap.what}, at most {limit_s:g}"
+            limit_s = MAX_GAP_S[gap.what]
+            self._trouble = (
+                f"{gap.end_s - gap.start_s:.2f} s without {gap.what}, at most {limit_s:g}"
+            )
         telemetry.forget(gap.end_s)
 
     def _follow(self, until_s: float) -> None:
@@ -101,26 +105,28 @@ class Estimate:
         if not telemetry.events:
             return
         try:
-            found = runs.cut(telemetry.log(until_s))
+            found = segments.cut_runs(telemetry.log(until_s))
         except LogError as error:
             self._trouble = str(error)
             return
         for run in found:
             self._advance(run)
         heard = [event for event in telemetry.events if event.time_s <= until_s]
-        if heard and not heard[-1].text.startswith(STARTED):
+        if heard and not heard[-1].text.startswith(START_TEXT):
             telemetry.events = telemetry.events[len(heard) :]
         elif len(heard) > 1:
             telemetry.events = telemetry.events[len(heard) - 1 :]
 
     def _advance(self, run: Run) -> None:
-        if run.time_s.size > SHORTEST:
-            state = self._states.get(run.plane) or estimator.begin(self._knowledge, run.plane, _held_rad(run))
+        if run.time_s.size > MIN_RUN_TICKS:
+            state = self._states.get(run.plane) or estimator.begin(
+                self._knowledge, run.plane, _held_rad(run)
+            )
             self._knowledge = state.knowledge
             state = estimator.update(state, prediction.steps(run, len(state.steps.thrust)))
             self._states[run.plane] = state
-            self._told[run.plane] = estimator.whole(state)
-        if run.stop_reason != UNFINISHED:
+            self._told[run.plane] = estimator.information_with_test(state)
+        if run.stop_reason != LOG_ENDED_REASON:
             self._end([run.plane])
 
     def _end(self, planes: Iterable[Plane] = PLANES) -> None:
@@ -134,7 +140,7 @@ class Estimate:
     def _read(self) -> None:
         prior = self._knowledge.prior
         for plane, known in self._told.items():
-            self._readings[plane] = reading.read(prior, known, plane, self._crossover_radps[plane])
+            self._readings[plane] = report.read(prior, known, plane, self._crossover_radps[plane])
         self._told = {}
 
 

@@ -1,4 +1,5 @@
-"""The live estimate of a dive: follows her frames, and shows what they tell as often as somebody could read it."""
+"""The live estimate of a dive: follows her frames, and shows what they tell as often as somebody
+could read it."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -6,25 +7,27 @@ from typing import Any
 import numpy as np
 from rich.console import RenderableType
 
-from ground.errors import BadInputError
-from ground.live import view
-from ground.live.estimate import PLANES, Estimate, Standing
-from ground.vehicle import Text
-from link.clock import Every
-from link.codec import Frame
-from sysid.fit import STRIDE
-from sysid.model import ModelError
-from sysid.online import estimator, prior, reading
-from sysid.online.estimator import Knowledge
-from sysid.online.prediction import START_STEPS, Steps
-from sysid.refit import RefitError, VehicleError
+from ground.client.vehicle import StatusText
+from ground.errors import InputError
+from ground.live import estimate_view
+from ground.live.estimate import PLANES, EstimateStatus, LiveEstimate
+from mavlink_io.clock import Every
+from mavlink_io.codec import Frame
+from sysid.estimation.map.fit import STRIDE
+from sysid.estimation.recursive import estimator, prior, report
+from sysid.estimation.recursive.estimator import Knowledge
+from sysid.estimation.recursive.prediction import START_STEPS, TestSamples
+from sysid.models.model_file import ModelError
+from sysid.refit import RefitError, VehicleFileError
 
 LOOK_PERIOD_S = 0.5
-"""Of the wall clock: at high speed a look has many seconds of a test to take in, and is the cheaper for it."""
+"""Of the wall clock: at high speed a look has many seconds of a test to take in, and is the cheaper
+for it."""
 
 
-class Live:
-    """Made before the vehicle is connected, as it compiles what it needs; a vehicle must not wait for that."""
+class LiveSession:
+    """Made before the vehicle is connected, as it compiles what it needs; a vehicle must not wait
+    for that."""
 
     def __init__(
         self,
@@ -37,22 +40,22 @@ class Live:
         Raises:
             BadInputError: there is no such prior.
         """
-        self._knowledge = _known(prior_name)
-        _warm(self._knowledge)
+        self._knowledge = _read_prior(prior_name)
+        _compile_kernels(self._knowledge)
         self._show, self._announce = show, announce
-        self._estimate: Estimate | None = None
-        self._standing = Standing({}, (), "")
+        self._estimate: LiveEstimate | None = None
+        self._standing = EstimateStatus({}, (), "")
         self._due = Every(LOOK_PERIOD_S)
 
     def begin(self, parameters: Mapping[str, float]) -> None:
         """The vehicle is there; ``parameters`` are those aboard, as far as they are known."""
-        self._estimate = Estimate(self._knowledge, parameters)
+        self._estimate = LiveEstimate(self._knowledge, parameters)
 
     def hear(self, frame: Frame) -> None:
         if self._estimate is not None:
             self._estimate.hear(frame)
 
-    def say(self, text: Text) -> None:
+    def say(self, text: StatusText) -> None:
         if self._estimate is not None:
             self._estimate.say(text)
 
@@ -70,29 +73,29 @@ class Live:
         for plane, found in self._standing.readings.items():
             over = plane not in self._standing.testing and before.readings.get(plane) != found
             if over and self._announce is not None:
-                self._announce(view.line(found))
+                self._announce(estimate_view.line(found))
 
     def picture(self) -> RenderableType:
         """The table as things stand."""
-        return view.table(self._standing)
+        return estimate_view.table(self._standing)
 
     def as_json(self) -> dict[str, Any]:
         """What has been told in the end."""
-        return view.as_json(self._standing)
+        return estimate_view.as_json(self._standing)
 
 
-def _known(prior_name: str) -> Knowledge:
+def _read_prior(prior_name: str) -> Knowledge:
     try:
         return prior.knowledge(prior_name)
-    except (ModelError, RefitError, VehicleError) as error:
-        raise BadInputError(f"--prior: {error}") from None
+    except (ModelError, RefitError, VehicleFileError) as error:
+        raise InputError(f"--prior: {error}") from None
 
 
-def _warm(knowledge: Knowledge) -> None:
+def _compile_kernels(knowledge: Knowledge) -> None:
     """Have everything compiled that a test will need, by a second of standing still."""
     for plane in PLANES:
         rows, outputs = START_STEPS + 2, 2 if plane == "yaw" else 3
         thrust = np.full(rows, knowledge.prior.config.operating_point.thrust_fraction)
-        steps = Steps(np.zeros((rows, outputs)), np.zeros((rows, STRIDE)), thrust)
+        steps = TestSamples(np.zeros((rows, outputs)), np.zeros((rows, STRIDE)), thrust)
         told = estimator.finish(estimator.update(estimator.begin(knowledge, plane, 0.0), steps))
-        reading.read(told.prior, told.whole, plane, 1.0)
+        report.read(told.prior, told.whole, plane, 1.0)

@@ -1,7 +1,8 @@
-"""Telemetry as it arrives, kept as the log that identification would read: tests are cut out of it as everywhere.
+"""Telemetry as it arrives, kept as the log that identification would read: tests are cut out of it
+as everywhere.
 
-Frames are kept as they came, and decoded together when somebody asks: listening costs next to nothing.
-"""
+Frames are kept as they came, and decoded together when somebody asks: listening costs next to
+nothing."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -11,21 +12,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from link import dialect
-from link.codec import Frame
-from link.log import ros1 as schemas
-from sysid import ros1
-from sysid.log import Event, Log
-from sysid.logs import messages
-from sysid.logs.messages import Messages
-from sysid.logs.outputs import FIRST_THREE
+from mavlink_io import dialect
+from mavlink_io.codec import Frame
+from mavlink_io.logging import ros1 as schemas
+from sysid.data import ros1
+from sysid.data.dataset import Log, TextEvent
+from sysid.data.readers import messages
+from sysid.data.readers.messages import Messages
+from sysid.data.readers.servo_channels import FIRST_THREE
 
-LARGEST_GAP_S = {"ATTITUDE": 0.25, "ACTUATOR_OUTPUT_STATUS": 0.12, "SERVO_OUTPUT_RAW": 0.12, "LOCAL_POSITION_NED": 0.5}
-"""What identification needs (of the two in the middle one is enough), and how far apart two of them may be: a surface
-moves in a moment, attitude does not."""
+MAX_GAP_S = {
+    "ATTITUDE": 0.25,
+    "ACTUATOR_OUTPUT_STATUS": 0.12,
+    "SERVO_OUTPUT_RAW": 0.12,
+    "LOCAL_POSITION_NED": 0.5,
+}
+"""What identification needs (of the two in the middle one is enough), and how far apart two of them
+may be: a surface moves in a moment, attitude does not."""
 SETPOINTS = ("ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED")
 """What she was asked for; identification goes without."""
-_KEPT = {dialect.by_name(name).message_id: name for name in (*LARGEST_GAP_S, *SETPOINTS)}
+_STORED_MESSAGES = {dialect.by_name(name).message_id: name for name in (*MAX_GAP_S, *SETPOINTS)}
 _NAME = Path("live")
 
 
@@ -43,13 +49,13 @@ class Telemetry:
     def __init__(self, parameters: Mapping[str, float]) -> None:
         self._parameters = dict(parameters)
         self._kept: dict[str, list[tuple[float, bytes]]] = {}
-        self.events: list[Event] = []
+        self.events: list[TextEvent] = []
         self.now_s = 0.0
         """Vehicle time of the newest message."""
 
     def hear(self, frame: Frame) -> float:
         """Take a frame. Returns its vehicle time; that of the newest one where it carries none."""
-        name = _KEPT.get(frame.message_id)
+        name = _STORED_MESSAGES.get(frame.message_id)
         if name is None:
             return self.now_s
         record, read_time_us = _decoder(name)
@@ -62,22 +68,28 @@ class Telemetry:
 
     def say(self, severity: int, text: str) -> None:
         """Take a text."""
-        self.events.append(Event(self.now_s, severity, text))
+        self.events.append(TextEvent(self.now_s, severity, text))
 
     @property
     def complete_s(self) -> float:
         """The vehicle time up to which every one of the messages has told its part."""
-        return min((kept[-1][0] for name, kept in self._used().items() if name not in SETPOINTS), default=0.0)
+        return min(
+            (kept[-1][0] for name, kept in self._used().items() if name not in SETPOINTS),
+            default=0.0,
+        )
 
     def log(self, until_s: float) -> Log:
-        """What is kept up to a time. Raises LogError where a message is missing that identification needs."""
+        """What is kept up to a time. Raises LogError where a message is missing that identification
+        needs."""
         messages_then: Messages = {}
         for name, kept in self._used().items():
             told = [(time_s, raw) for time_s, raw in kept if time_s <= until_s]
             if told:
                 record = ros1.decode([raw for _, raw in told], _decoder(name)[0])
                 messages_then[name] = np.array([time_s for time_s, _ in told]), record
-        log = messages.assemble(_NAME, messages_then, self._parameters, FIRST_THREE, (np.empty(0), np.empty(0)))
+        log = messages.assemble(
+            _NAME, messages_then, self._parameters, FIRST_THREE, (np.empty(0), np.empty(0))
+        )
         return replace(log, events=tuple(event for event in self.events if event.time_s <= until_s))
 
     def forget(self, before_s: float) -> None:
@@ -104,7 +116,7 @@ class Telemetry:
 def _first_gap(name: str, kept: list[tuple[float, bytes]]) -> Gap | None:
     latest_s = kept[0][0]
     for time_s, _ in kept:
-        if time_s - latest_s > LARGEST_GAP_S[name]:
+        if time_s - latest_s > MAX_GAP_S[name]:
             return Gap(name, latest_s, time_s)
         latest_s = max(latest_s, time_s)
     return None

@@ -1,14 +1,15 @@
-"""Figure 4 of the paper from a bench session: magnitude and phase at several amplitudes, with the models."""
+"""Figure 4 of the paper from a bench session: magnitude and phase at several amplitudes, with the
+models."""
 
 from collections.abc import Mapping
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ground.report import canvas
+from ground.report import mpl_canvas
 
 if TYPE_CHECKING:
-    from sysid.bench import AxisBench, AxisName, Point
+    from sysid.estimation.bench_test import AxisBench, AxisName, FrequencyPoint
 
 COLORS = ("#0f6e84", "#c2542d", "#7a8b2f", "#7b4b94", "#b08a1e")
 GREY = "#4b4f55"
@@ -17,26 +18,32 @@ TICKS_HZ = (0.05, 0.1, 0.25, 0.5, 0.75, 1.0, 1.5)
 
 def draw(found: "Mapping[AxisName, AxisBench]", target: Path) -> Path:
     """Draw into ``target``, a PNG or SVG file."""
-    with canvas.drawn(target, (5.6 * len(found), 7.0)) as figure:
+    with mpl_canvas.new_figure(target, (5.6 * len(found), 7.0)) as figure:
         axes = figure.subplots(2, len(found), sharex=True, sharey="row", squeeze=False)
         for column, (name, axis) in enumerate(found.items()):
             _axis(axes[:, column], name, axis)
         handles, names = axes[0, 0].get_legend_handles_labels()
-        figure.legend(handles, names, loc="outside lower center", ncols=2 * len(found), frameon=False)
+        figure.legend(
+            handles, names, loc="outside lower center", ncols=2 * len(found), frameon=False
+        )
     return target
 
 
 def _axis(panels: Any, name: str, axis: "AxisBench") -> None:
     import numpy as np
 
-    from sysid import actuator
+    from sysid.models import actuator
 
     magnitude, phase = panels
     sizes = sorted({point.amplitude_deg for point in axis.points})
     for color, size in zip(cycle(COLORS), sizes, strict=False):
-        points = sorted((p for p in axis.points if p.amplitude_deg == size), key=lambda p: p.frequency_hz)
+        points = sorted(
+            (p for p in axis.points if p.amplitude_deg == size), key=lambda p: p.frequency_hz
+        )
         _amplitude(magnitude, phase, points, f"{size:g} deg peak to peak", color)
-    hz = np.geomspace(min(p.frequency_hz for p in axis.points), max(p.frequency_hz for p in axis.points), 200)
+    hz = np.geomspace(
+        min(p.frequency_hz for p in axis.points), max(p.frequency_hz for p in axis.points), 200
+    )
     for model, line, label in (
         (axis.model.axis, "-", "fitted, small motion"),
         (actuator.PAPER, ":", "the paper's model"),
@@ -52,10 +59,12 @@ def _axis(panels: Any, name: str, axis: "AxisBench") -> None:
         panel.set_xscale("log")
         panel.set_xticks(TICKS_HZ, [f"{tick:g}" for tick in TICKS_HZ])
         panel.minorticks_off()
-        panel.grid(which="both", color=canvas.GRID, linewidth=0.8)
+        panel.grid(which="both", color=mpl_canvas.GRID, linewidth=0.8)
 
 
-def _amplitude(magnitude: Any, phase: Any, points: "list[Point]", label: str, color: str) -> None:
+def _amplitude(
+    magnitude: Any, phase: Any, points: "list[FrequencyPoint]", label: str, color: str
+) -> None:
     """Circles are measured, dashes the fitted model under the same commands."""
     import numpy as np
 
@@ -72,8 +81,10 @@ def _amplitude(magnitude: Any, phase: Any, points: "list[Point]", label: str, co
 def _small_motion(magnitude: Any, phase: Any, hz: Any, model: Any, line: str, label: str) -> None:
     import numpy as np
 
-    from sysid import bench
+    from sysid.estimation import bench_test
 
-    response = np.array([bench.linear_response(model, float(f)) for f in hz])
-    magnitude.plot(hz, 20.0 * np.log10(np.abs(response)), line, color=GREY, linewidth=1.2, label=label)
+    response = np.array([bench_test.linear_response(model, float(f)) for f in hz])
+    magnitude.plot(
+        hz, 20.0 * np.log10(np.abs(response)), line, color=GREY, linewidth=1.2, label=label
+    )
     phase.plot(hz, np.degrees(np.unwrap(np.angle(response))), line, color=GREY, linewidth=1.2)

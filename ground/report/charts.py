@@ -1,4 +1,5 @@
-"""Figures as Plotly's JSON. Colours are names of roles: the page's script gives them the theme's."""
+"""Figures as Plotly's JSON. Colours are names of roles: the page's script gives them the
+theme's."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,7 +14,7 @@ _GAP = 0.07
 Chart = dict[str, Any]
 
 
-def of_figure(figure: Figure) -> Chart:
+def figure_chart(figure: Figure) -> Chart:
     """Stacked panels with one legend and one x axis."""
     count = len(figure.panels)
     height = (1.0 - _GAP * (count - 1)) / count
@@ -22,7 +23,10 @@ def of_figure(figure: Figure) -> Chart:
     for row, panel in enumerate(figure.panels):
         suffix = "" if row == 0 else str(row + 1)
         top = 1.0 - row * (height + _GAP)
-        layout[f"yaxis{suffix}"] = {"domain": [round(top - height, 4), round(top, 4)], "title": {"text": panel.label}}
+        layout[f"yaxis{suffix}"] = {
+            "domain": [round(top - height, 4), round(top, 4)],
+            "title": {"text": panel.label},
+        }
         if panel.title == "depth":
             layout[f"yaxis{suffix}"]["autorange"] = "reversed"
         if panel.limits:
@@ -33,33 +37,46 @@ def of_figure(figure: Figure) -> Chart:
     layout["xaxis"] = {"anchor": f"y{last}", "title": {"text": figure.x_label}}
     if figure.log_x:
         layout["xaxis"] |= {"type": "log"}
-    layout["shapes"] = [_stretch(*ends) for ends in figure.shaded]
+    layout["shapes"] = [_shaded_interval(*ends) for ends in figure.shaded]
     if figure.upright is not None:
-        layout["shapes"] += [_upright(figure.upright)]
+        layout["shapes"] += [_vertical_line(figure.upright)]
     return {"data": data, "layout": layout}
 
 
-def of_estimates(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
-    """Each coefficient over its prior value, with one standard deviation before and after the tests."""
+def estimates_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
+    """Each coefficient over its prior value, with one standard deviation before and after the
+    tests."""
     free = {name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["prior"] != 0}
     names = [tables.symbol(name) for name in free]
 
-    def points(label: str, role: str, values: Sequence[float], sds: Sequence[float], symbol: str) -> dict[str, Any]:
+    def points(
+        label: str, role: str, values: Sequence[float], sds: Sequence[float], symbol: str
+    ) -> dict[str, Any]:
         return {
-            "type": "scatter", "mode": "markers", "name": label, "role": role, "x": names, "y": values,
+            "type": "scatter",
+            "mode": "markers",
+            "name": label,
+            "role": role,
+            "x": names,
+            "y": values,
             "error_y": {"type": "data", "array": sds, "thickness": 1.6, "width": 4},
             "marker": {"size": 8, "symbol": symbol},
-        }  # fmt: skip
+        }
 
     before = points(
-        "before the tests", "initial",
-        [1.0] * len(free), [round(c["prior_sd"] / abs(c["prior"]), 4) for c in free.values()], "circle-open",
-    )  # fmt: skip
+        "before the tests",
+        "initial",
+        [1.0] * len(free),
+        [round(c["prior_sd"] / abs(c["prior"]), 4) for c in free.values()],
+        "circle-open",
+    )
     after = points(
-        "after", "redesigned",
+        "after",
+        "redesigned",
         [round(c["value"] / c["prior"], 4) for c in free.values()],
-        [round((c["sd"] or 0.0) / abs(c["prior"]), 4) for c in free.values()], "circle",
-    )  # fmt: skip
+        [round((c["sd"] or 0.0) / abs(c["prior"]), 4) for c in free.values()],
+        "circle",
+    )
     layout = {
         "height": 360,
         "yaxis": {"title": {"text": "value over the initial value"}},
@@ -68,36 +85,67 @@ def of_estimates(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
     return {"data": [before, after], "layout": layout}
 
 
-def of_shrinks(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
-    """Posterior over prior standard deviation of each coefficient; beyond the line it was not measured."""
-    from sysid.model import PRIOR_SHRINK
+def posterior_chart(coefficients: Mapping[str, Mapping[str, Any]]) -> Chart:
+    """Posterior over prior standard deviation of each coefficient; beyond the line it was not
+    measured."""
+    from sysid.models.model_file import MAX_POSTERIOR_TO_PRIOR_SD
 
-    free = {name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["shrink"] is not None}
+    free = {
+        name: c for name, c in coefficients.items() if c["prior_sd"] > 0 and c["shrink"] is not None
+    }
     names = [tables.symbol(name) for name in free]
     data = [
-        {"type": "bar", "name": label, "role": role, "x": names, "showlegend": True,
-         "y": [round(c["shrink"], 3) if (c["status"] == "measured") == measured else None for c in free.values()]}
-        for label, role, measured in (("measured", "redesigned", True), ("the prior's", "initial", False))
-    ]  # fmt: skip
-    limit = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": PRIOR_SHRINK, "y1": PRIOR_SHRINK,
-             "line": {"width": 1, "dash": "dot", "color": "rgba(128,128,128,0.9)"}}  # fmt: skip
+        {
+            "type": "bar",
+            "name": label,
+            "role": role,
+            "x": names,
+            "showlegend": True,
+            "y": [
+                round(c["shrink"], 3) if (c["status"] == "measured") == measured else None
+                for c in free.values()
+            ],
+        }
+        for label, role, measured in (
+            ("measured", "redesigned", True),
+            ("the prior's", "initial", False),
+        )
+    ]
+    limit = {
+        "type": "line",
+        "xref": "paper",
+        "x0": 0,
+        "x1": 1,
+        "y0": MAX_POSTERIOR_TO_PRIOR_SD,
+        "y1": MAX_POSTERIOR_TO_PRIOR_SD,
+        "line": {"width": 1, "dash": "dot", "color": "rgba(128,128,128,0.9)"},
+    }
     layout = {
-        "height": 300, "barmode": "overlay", "shapes": [limit],
-        "yaxis": {"title": {"text": "1 sd after over 1 sd before"}, "range": [0, 1.05]}, "xaxis": {"type": "category"},
-    }  # fmt: skip
+        "height": 300,
+        "barmode": "overlay",
+        "shapes": [limit],
+        "yaxis": {"title": {"text": "1 sd after over 1 sd before"}, "range": [0, 1.05]},
+        "xaxis": {"type": "category"},
+    }
     return {"data": data, "layout": layout}
 
 
-def of_poles(poles: Mapping[str, Mapping[str, Sequence[Sequence[float]]]], loop: str) -> Chart:
+def poles_chart(poles: Mapping[str, Mapping[str, Sequence[Sequence[float]]]], loop: str) -> Chart:
     """Closed-loop poles of one loop under both sets of gains, with the line of damping 0.6."""
     data: list[dict[str, Any]] = [_damping_line(0.6)]
     for role, symbol in (("initial", "x-thin-open"), ("redesigned", "circle-open")):
         found = poles[role][loop]
-        data.append({
-            "type": "scatter", "mode": "markers", "name": f"{role} gains", "role": role,
-            "x": [round(p[0], 4) for p in found], "y": [round(p[1], 4) for p in found],
-            "marker": {"size": 10, "symbol": symbol, "line": {"width": 2}},
-        })  # fmt: skip
+        data.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "name": f"{role} gains",
+                "role": role,
+                "x": [round(p[0], 4) for p in found],
+                "y": [round(p[1], 4) for p in found],
+                "marker": {"size": 10, "symbol": symbol, "line": {"width": 2}},
+            }
+        )
     layout = {
         "height": 320,
         "margin": {"l": 58, "r": 14, "t": 62, "b": 44},
@@ -111,23 +159,43 @@ def _damping_line(ratio: float) -> dict[str, Any]:
     rise = float(np.sqrt(1.0 - ratio**2)) / ratio
     x = [-4.0, 0.0, -4.0]
     return {
-        "type": "scatter", "mode": "lines", "name": f"damping {ratio}", "role": "set_point",
-        "x": x, "y": [-x[0] * rise, 0.0, x[2] * rise], "line": {"dash": "dot", "width": 1.2}, "hoverinfo": "skip",
-    }  # fmt: skip
+        "type": "scatter",
+        "mode": "lines",
+        "name": f"damping {ratio}",
+        "role": "set_point",
+        "x": x,
+        "y": [-x[0] * rise, 0.0, x[2] * rise],
+        "line": {"dash": "dot", "width": 1.2},
+        "hoverinfo": "skip",
+    }
 
 
-def _stretch(start: float, end: float) -> dict[str, Any]:
+def _shaded_interval(start: float, end: float) -> dict[str, Any]:
     return {
-        "type": "rect", "xref": "x", "yref": "paper", "x0": start, "x1": end, "y0": 0, "y1": 1,
-        "fillcolor": "rgba(128,128,128,0.15)", "line": {"width": 0}, "layer": "below",
-    }  # fmt: skip
+        "type": "rect",
+        "xref": "x",
+        "yref": "paper",
+        "x0": start,
+        "x1": end,
+        "y0": 0,
+        "y1": 1,
+        "fillcolor": "rgba(128,128,128,0.15)",
+        "line": {"width": 0},
+        "layer": "below",
+    }
 
 
-def _upright(x: float) -> dict[str, Any]:
+def _vertical_line(x: float) -> dict[str, Any]:
     return {
-        "type": "line", "xref": "x", "yref": "paper", "x0": x, "x1": x, "y0": 0, "y1": 1,
+        "type": "line",
+        "xref": "x",
+        "yref": "paper",
+        "x0": x,
+        "x1": x,
+        "y0": 0,
+        "y1": 1,
         "line": {"width": 1, "dash": "dot", "color": "rgba(128,128,128,0.9)"},
-    }  # fmt: skip
+    }
 
 
 def _traces(curve: Curve, suffix: str, *, show_legend: bool) -> list[dict[str, Any]]:
@@ -138,15 +206,23 @@ def _traces(curve: Curve, suffix: str, *, show_legend: bool) -> list[dict[str, A
     if curve.low is None or curve.high is None:
         return [line]
     edge = line | {"showlegend": False, "hoverinfo": "skip", "line": {"width": 0}}
-    low, high = ({**edge, "y": _rounded(values, 3)} for values in (curve.low, curve.high))
+    low, high = ({**edge, "y": _round(values, 3)} for values in (curve.low, curve.high))
     filled = high | {"fill": "tonexty", "showlegend": show_legend and curve.look == "band"}
     return [low, filled] if curve.look == "band" else [low, filled, line]
 
 
 def _marks(curve: Curve, suffix: str, *, show_legend: bool) -> dict[str, Any]:
-    marks = _line(curve, suffix, show_legend=show_legend) | {"mode": "markers", "marker": {"size": 6}}
+    marks = _line(curve, suffix, show_legend=show_legend) | {
+        "mode": "markers",
+        "marker": {"size": 6},
+    }
     if curve.high is not None:
-        marks["error_y"] = {"type": "data", "array": _rounded(curve.high - curve.y, 3), "thickness": 1.2, "width": 2}
+        marks["error_y"] = {
+            "type": "data",
+            "array": _round(curve.high - curve.y, 3),
+            "thickness": 1.2,
+            "width": 2,
+        }
     return marks
 
 
@@ -155,11 +231,18 @@ def _line(curve: Curve, suffix: str, *, show_legend: bool) -> dict[str, Any]:
     if curve.role == "set_point":
         line |= {"dash": "dash", "width": 1.2}  # type: ignore[dict-item]
     return {
-        "type": "scatter", "mode": "lines", "name": curve.name, "role": curve.role, "legendgroup": curve.name,
-        "showlegend": show_legend, "yaxis": f"y{suffix}", "line": line,
-        "x": _rounded(curve.x, 3), "y": _rounded(curve.y, 3),
-    }  # fmt: skip
+        "type": "scatter",
+        "mode": "lines",
+        "name": curve.name,
+        "role": curve.role,
+        "legendgroup": curve.name,
+        "showlegend": show_legend,
+        "yaxis": f"y{suffix}",
+        "line": line,
+        "x": _round(curve.x, 3),
+        "y": _round(curve.y, 3),
+    }
 
 
-def _rounded(values: Any, digits: int) -> list[float | None]:
+def _round(values: Any, digits: int) -> list[float | None]:
     return [round(float(v), digits) if np.isfinite(v) else None for v in values]

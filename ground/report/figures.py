@@ -1,15 +1,16 @@
-"""The data behind the page's charts and the README's picture: which curves, in which units, under which name."""
+"""The data behind the page's charts and the README's picture: which curves, in which units, under
+which name."""
 
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.folder import STAGES, CampaignFolder
+from ground.campaign.campaign_folder import STAGES, CampaignFolder
 
 if TYPE_CHECKING:
-    from sysid.log import Log
-    from sysid.runs import Run
+    from sysid.data.dataset import Log
+    from sysid.data.segments import Run
 
 Array = NDArray[np.float64]
 CURVE_HZ = 5.0
@@ -62,12 +63,13 @@ class Figure(NamedTuple):
 
 
 def step_figures(folder: CampaignFolder) -> list[Figure]:
-    """The paper's figures 8 and 9: the largest steps, measured and modelled; then a held-out run of each plane."""
+    """The paper's figures 8 and 9: the largest steps, measured and modelled; then a held-out run of
+    each plane."""
     chosen = [
-        (_largest(folder.runs("rudder_steps")), "The paper's figure 8."),
-        (_largest(folder.runs("elevator_steps")), "The paper's figure 9."),
-        (_largest(folder.runs("rudder_heldout")), "Held out: no model was fitted to it."),
-        (_largest(folder.runs("elevator_heldout")), "Held out: no model was fitted to it."),
+        (_largest_step(folder.runs("rudder_steps")), "The paper's figure 8."),
+        (_largest_step(folder.runs("elevator_steps")), "The paper's figure 9."),
+        (_largest_step(folder.runs("rudder_heldout")), "Held out: no model was fitted to it."),
+        (_largest_step(folder.runs("elevator_heldout")), "Held out: no model was fitted to it."),
     ]
     return [_step_figure(folder, run, note) for run, note in chosen]
 
@@ -77,16 +79,18 @@ def mission_figures(folder: CampaignFolder, missions: list[str]) -> list[Figure]
     return [_mission_figure(folder, mission) for mission in missions]
 
 
-def _largest(runs: "list[Run]") -> "Run":
+def _largest_step(runs: "list[Run]") -> "Run":
     return max(runs, key=lambda run: (run.wave == "step", abs(run.magnitude_deg)))
 
 
 def _step_figure(folder: CampaignFolder, run: "Run", note: str) -> Figure:
-    from sysid.predict import predict
+    from sysid.models.prediction import predict
 
     predicted = predict(folder.model, run)
     axis, motion = ("rudder", "yaw") if run.plane == "yaw" else ("elevator", "pitch")
-    angle = run.heading_rad - run.heading_rad[~run.preroll][0] if run.plane == "yaw" else run.pitch_rad
+    angle = (
+        run.heading_rad - run.heading_rad[~run.preroll][0] if run.plane == "yaw" else run.pitch_rad
+    )
     began = int(np.argmax(~run.preroll))
     thin = slice(0, None, 5)
     t = run.time_s[thin]
@@ -104,18 +108,26 @@ def _step_figure(folder: CampaignFolder, run: "Run", note: str) -> Figure:
         note=note,
         x_label="seconds since the test began",
         panels=(
-            Panel(f"{motion} rate", "°/s", (
-                rate("measured", "measured", run.rate_radps),
-                rate("initial model", "initial", predicted.prior_rate_radps),
-                rate("refitted model", "redesigned", predicted.rate_radps),
-            )),
-            Panel("heading change" if run.plane == "yaw" else "pitch", "°", (
-                Curve("measured", "measured", t, np.degrees(angle)[thin]),
-                turned("initial model", "initial", predicted.prior_angle_rad),
-                turned("refitted model", "redesigned", predicted.angle_rad),
-            )),
+            Panel(
+                f"{motion} rate",
+                "°/s",
+                (
+                    rate("measured", "measured", run.rate_radps),
+                    rate("initial model", "initial", predicted.prior_rate_radps),
+                    rate("refitted model", "redesigned", predicted.rate_radps),
+                ),
+            ),
+            Panel(
+                "heading change" if run.plane == "yaw" else "pitch",
+                "°",
+                (
+                    Curve("measured", "measured", t, np.degrees(angle)[thin]),
+                    turned("initial model", "initial", predicted.prior_angle_rad),
+                    turned("refitted model", "redesigned", predicted.angle_rad),
+                ),
+            ),
         ),
-    )  # fmt: skip
+    )
 
 
 def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
@@ -125,11 +137,19 @@ def _mission_figure(folder: CampaignFolder, mission: str) -> Figure:
     reference = logs["redesigned"]
     span = ends["redesigned"]
     depth = [_curve(n, n, log.depth.time_s, log.depth.depth_m, ends[n]) for n, log in logs.items()]
-    heading = [_curve(n, n, log.attitude.time_s, np.degrees(log.attitude.yaw_rad), ends[n]) for n, log in logs.items()]
-    pitch = [_curve(n, n, log.attitude.time_s, np.degrees(log.attitude.pitch_rad), ends[n]) for n, log in logs.items()]
+    heading = [
+        _curve(n, n, log.attitude.time_s, np.degrees(log.attitude.yaw_rad), ends[n])
+        for n, log in logs.items()
+    ]
+    pitch = [
+        _curve(n, n, log.attitude.time_s, np.degrees(log.attitude.pitch_rad), ends[n])
+        for n, log in logs.items()
+    ]
     wanted = reference.setpoints
     asked_depth = _curve("set-point", "set_point", wanted.depth_time_s, wanted.depth_m, span)
-    asked_heading = _curve("set-point", "set_point", wanted.attitude_time_s, np.degrees(wanted.heading_rad), span)
+    asked_heading = _curve(
+        "set-point", "set_point", wanted.attitude_time_s, np.degrees(wanted.heading_rad), span
+    )
     return Figure(
         key=f"mission-{mission}",
         title=_TITLES.get(mission, mission),
@@ -159,9 +179,17 @@ _NOTES = {
 
 def _end_s(log: "Log") -> float:
     """When the mission ended and the surfacing began."""
-    return next((event.time_s for event in log.events if event.text == SURFACED_TEXT), float(log.attitude.time_s[-1]))
+    return next(
+        (event.time_s for event in log.events if event.text == SURFACED_TEXT),
+        float(log.attitude.time_s[-1]),
+    )
 
 
 def _curve(name: str, role: str, time_s: Array, values: Array, end_s: float) -> Curve:
     thin = np.arange(0.0, end_s, 1.0 / CURVE_HZ)
-    return Curve(name, role, thin, np.interp(thin, time_s, values) if time_s.size else np.full(thin.size, np.nan))
+    return Curve(
+        name,
+        role,
+        thin,
+        np.interp(thin, time_s, values) if time_s.size else np.full(thin.size, np.nan),
+    )

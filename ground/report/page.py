@@ -7,8 +7,8 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from ground.folder import CampaignFolder
-from ground.report import charts, evidence, figures, promised, tables
+from ground.campaign.campaign_folder import CampaignFolder
+from ground.report import charts, figures, specification, tables, validation_figures
 from ground.report.figures import Figure
 
 TITLE = "Caribou: from first trial to precise control"
@@ -17,7 +17,8 @@ _PAPER = {"heading_deg": "2.5° → 2.0°", "pitch_deg": "10° → 2.5°", "dept
 
 
 def write(folder: Path | CampaignFolder) -> Path:
-    """Write ``report.html`` into a campaign's folder. Raises BadInputError when the folder is no finished campaign."""
+    """Write ``report.html`` into a campaign's folder. Raises BadInputError when the folder is no
+    finished campaign."""
     campaign = folder if isinstance(folder, CampaignFolder) else CampaignFolder(folder)
     target = campaign.path / "report.html"
     target.write_text(_page(campaign), encoding="utf-8")
@@ -30,13 +31,16 @@ def _page(campaign: CampaignFolder) -> str:
     steps = figures.step_figures(campaign)
     analyses = {role: summary["design"][role] for role in ("initial", "redesigned")}
     poles = {role: found["poles_radps"] for role, found in analyses.items()}
-    responses, whiteness = evidence.response_figures(model), evidence.whiteness_figures(campaign)
-    predictions = evidence.prediction_figures(campaign)
+    responses, whiteness = (
+        validation_figures.response_figures(model),
+        validation_figures.whiteness_figures(campaign),
+    )
+    predictions = validation_figures.prediction_figures(campaign)
     shown = (*missions, *steps, *responses, *predictions, *whiteness)
-    drawn = {figure.key: charts.of_figure(figure) for figure in shown}
-    drawn |= {f"poles-{loop}": charts.of_poles(poles, loop) for loop in poles["initial"]}
-    drawn["estimates"] = charts.of_estimates(summary["model"]["coefficients"])
-    drawn["shrinks"] = charts.of_shrinks(summary["model"]["coefficients"])
+    drawn = {figure.key: charts.figure_chart(figure) for figure in shown}
+    drawn |= {f"poles-{loop}": charts.poles_chart(poles, loop) for loop in poles["initial"]}
+    drawn["estimates"] = charts.estimates_chart(summary["model"]["coefficients"])
+    drawn["shrinks"] = charts.posterior_chart(summary["model"]["coefficients"])
     parts = {
         "title": escape(TITLE),
         "lead": _lead(summary),
@@ -48,20 +52,22 @@ def _page(campaign: CampaignFolder) -> str:
         "table_2": tables.table_2(summary["model"]),
         "verdict": tables.verdict(model),
         "gates": tables.gates(model),
-        "runs_judged": tables.runs_judged(model),
+        "runs_judged": tables.runs_table(model),
         "responses": "".join(map(_figure, responses)),
         "predictions": "".join(map(_figure, predictions)),
         "whiteness": "".join(map(_figure, whiteness)),
         "table_3": tables.table_3(summary["gains"]),
-        "table_4": tables.table_4({role: found["shown_poles_radps"] for role, found in analyses.items()}),
+        "table_4": tables.table_4(
+            {role: found["shown_poles_radps"] for role, found in analyses.items()}
+        ),
         "table_5": tables.table_5(summary["steady_error"]),
         "tracking": tables.tracking(summary["tracking"]),
         "small_signal": tables.small_signal(model),
         "screening": tables.screening(model),
-        "specification": promised.specification(summary["design"]),
+        "specification": specification.specification(summary["design"]),
         "margins": tables.margins(analyses),
-        "reasons": promised.reasons(summary["design"]),
-        "kept": promised.kept(summary["kept"]),
+        "reasons": specification.reasons(summary["design"]),
+        "kept": specification.monitoring(summary["kept"]),
         "trims": ", ".join(f"{name} {value:g}°" for name, value in summary["trims"].items()),
         "speed": f"{model.speed_mps:g}",
         "asked": escape(campaign.asked),
@@ -79,9 +85,10 @@ def _page(campaign: CampaignFolder) -> str:
 def _lead(summary: dict[str, Any]) -> str:
     model = summary["model"]
     return (
-        f"A prototype controller was flown, {model['runs_kept']} tests were run, the model was refitted to them, "
-        "the gains were redesigned, and the missions were flown again: "
-        f"{summary['vehicle_s'] / 60:.0f} minutes at sea, {summary['wall_s']:.0f} seconds of computing."
+        f"A prototype controller was flown, {model['runs_kept']} tests were run, the model was"
+        " refitted to them, the gains were redesigned, and the missions were flown again:"
+        f" {summary['vehicle_s'] / 60:.0f} minutes at sea, {summary['wall_s']:.0f} seconds of"
+        " computing."
     )
 
 
@@ -89,8 +96,9 @@ def _headline(steady: dict[str, dict[str, float]]) -> str:
     def box(what: str, key: str, show: Any) -> str:
         was, now = show(steady["initial"][key]), show(steady["redesigned"][key])
         return (
-            f'<div><span class="what">{what}</span><br><span class="big"><span class="was">{was}</span> → '
-            f'<span class="is">{now}</span></span><br><span class="paper">the paper: {_PAPER[key]}</span></div>'
+            f'<div><span class="what">{what}</span><br><span class="big"><span'
+            f' class="was">{was}</span> → <span class="is">{now}</span></span><br><span'
+            f' class="paper">the paper: {_PAPER[key]}</span></div>'
         )
 
     return (
@@ -108,13 +116,16 @@ def _figure(figure: Figure) -> str:
 
 
 def _poles(loop: str) -> str:
-    return f'<div><p class="note">{loop.capitalize()} loop</p><div class="chart" id="poles-{loop}"></div></div>'
+    return (
+        f'<div><p class="note">{loop.capitalize()} loop</p><div class="chart"'
+        f' id="poles-{loop}"></div></div>'
+    )
 
 
 def _footer(summary: dict[str, Any]) -> str:
     return (
-        f"Seed {summary['seed']}. {summary['messages']} MAVLink messages recorded, {summary['lost_frames']} lost. "
-        f"Model {summary['design']['model_sha256'][:12]}."
+        f"Seed {summary['seed']}. {summary['messages']} MAVLink messages recorded,"
+        f" {summary['lost_frames']} lost. Model {summary['design']['model_sha256'][:12]}."
     )
 
 

@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ground.report import canvas
+from ground.report import mpl_canvas
 
 if TYPE_CHECKING:
-    from ground.table_4 import Found
-    from sysid.table_4 import Case
+    from ground.report.paper_poles import PolesComparison
+    from sysid.reproduction.paper_poles import Case
 
 COLORS = {"I/I": "#c2542d", "A/I": "#b08a1e", "A/A": "#7a8b2f", "ours/P": "#0f6e84"}
 NAMES = {
@@ -24,11 +24,11 @@ DAMPINGS = (0.4, 0.6, 0.8)
 LEFT, RIGHT, TOP = -3.4, 0.8, 3.2
 
 
-def draw(found: "Found", folder: Path) -> list[Path]:
+def draw(found: "PolesComparison", folder: Path) -> list[Path]:
     """The files that were written."""
-    from sysid import table_4
+    from sysid.reproduction import paper_poles
 
-    cases = [*table_4.printed(), found.ours[-1]]
+    cases = [*paper_poles.printed_cases(), found.ours[-1]]
     files = [folder / f"table_4_{name}.png" for name in ("root_locus", "bode", "delay")]
     _root_loci(cases, files[0])
     _bode(cases, files[1])
@@ -37,11 +37,11 @@ def draw(found: "Found", folder: Path) -> list[Path]:
 
 
 def _root_loci(cases: "list[Case]", target: Path) -> None:
-    from sysid import table_4
+    from sysid.reproduction import paper_poles
 
-    with canvas.drawn(target, (3.4 * len(cases), 9.6)) as figure:
-        panels = figure.subplots(len(table_4.LOOPS), len(cases), sharex=True, sharey=True)
-        for row, loop in zip(panels, table_4.LOOPS, strict=True):
+    with mpl_canvas.new_figure(target, (3.4 * len(cases), 9.6)) as figure:
+        panels = figure.subplots(len(paper_poles.LOOPS), len(cases), sharex=True, sharey=True)
+        for row, loop in zip(panels, paper_poles.LOOPS, strict=True):
             for panel, case in zip(row, cases, strict=True):
                 _locus(panel, loop, case)
             row[0].set_ylabel(f"{loop}: imaginary, rad/s")
@@ -57,33 +57,47 @@ def _locus(panel: Any, loop: str, case: "Case") -> None:
     """Upper half of the plane, over the loop's gain from nothing to three times its own."""
     import numpy as np
 
-    from sysid import locus, loops, table_4
-    from sysid.tables import TABLE_4
+    from sysid.control_analysis import loop_transfer, root_locus
+    from sysid.reproduction import paper_poles
+    from sysid.reproduction.paper_tables import TABLE_4
 
-    closed = table_4.of_case(loop, case)
-    cut = table_4.opened(loop, closed)
-    branches = locus.poles(cut, np.concatenate([[0.0], np.geomspace(1e-3, 3.0, 400)]))
-    _dampings(panel)
+    closed = paper_poles.close_case(loop, case)
+    cut = paper_poles.open_loop(loop, closed)
+    branches = root_locus.poles(cut, np.concatenate([[0.0], np.geomspace(1e-3, 3.0, 400)]))
+    _draw_damping_rays(panel)
     for branch in branches.T:
         upper = np.where(branch.imag >= -1e-9, branch, np.nan)
         panel.plot(upper.real, upper.imag, color=COLORS[case.name], linewidth=1.4)
     _marks(panel, branches[0], "x", GREY, "without gain", 6)
-    _marks(panel, locus.zeros(cut), "o", GREY, "zeros", 6)
-    _marks(panel, loops.poles(closed), "s", INK, "at the gains' own", 5)
+    _marks(panel, root_locus.zeros(cut), "o", GREY, "zeros", 6)
+    _marks(panel, loop_transfer.poles(closed), "s", INK, "at the gains' own", 5)
     if (loop, case.name) in TABLE_4:
         _marks(panel, np.array([TABLE_4[loop, case.name]]), "*", "#111111", "as Table 4 prints", 12)
     panel.set_xlim(LEFT, RIGHT)
     panel.set_ylim(-0.1, TOP)
-    panel.grid(color=canvas.GRID, linewidth=0.8)
+    panel.grid(color=mpl_canvas.GRID, linewidth=0.8)
 
 
 def _marks(panel: Any, poles: Any, marker: str, color: str, label: str, size: float) -> None:
-    shown = poles[(poles.imag >= -1e-9) & (poles.real > LEFT) & (poles.real < RIGHT) & (poles.imag < TOP)]
-    panel.plot(shown.real, shown.imag, marker, color=color, markersize=size, fillstyle="none", label=label,
-               markeredgewidth=1.3, linestyle="none", clip_on=False, zorder=3)  # fmt: skip
+    shown = poles[
+        (poles.imag >= -1e-9) & (poles.real > LEFT) & (poles.real < RIGHT) & (poles.imag < TOP)
+    ]
+    panel.plot(
+        shown.real,
+        shown.imag,
+        marker,
+        color=color,
+        markersize=size,
+        fillstyle="none",
+        label=label,
+        markeredgewidth=1.3,
+        linestyle="none",
+        clip_on=False,
+        zorder=3,
+    )
 
 
-def _dampings(panel: Any) -> None:
+def _draw_damping_rays(panel: Any) -> None:
     """Rays of equal damping ratio."""
     import numpy as np
 
@@ -92,79 +106,118 @@ def _dampings(panel: Any) -> None:
         reach = min(-LEFT, TOP * ratio / np.sqrt(1.0 - ratio**2))
         end = -reach, reach * np.sqrt(1.0 - ratio**2) / ratio
         panel.plot([0.0, end[0]], [0.0, end[1]], color=GREY, linewidth=0.7, linestyle=(0, (1, 3)))
-        panel.annotate(f"{ratio:g}", (0.9 * end[0], 0.9 * end[1]), color=GREY, fontsize=8, ha="left", va="bottom")
+        panel.annotate(
+            f"{ratio:g}",
+            (0.9 * end[0], 0.9 * end[1]),
+            color=GREY,
+            fontsize=8,
+            ha="left",
+            va="bottom",
+        )
 
 
 def _bode(cases: "list[Case]", target: Path) -> None:
     """Opened at the surface, with the true delay."""
-    from sysid import table_4
+    from sysid.reproduction import paper_poles
 
-    with canvas.drawn(target, (13.0, 7.4)) as figure:
-        panels = figure.subplots(2, len(table_4.LOOPS), sharex=True, sharey="row")
-        for (magnitude, phase), loop in zip(panels.T, table_4.LOOPS, strict=True):
+    with mpl_canvas.new_figure(target, (13.0, 7.4)) as figure:
+        panels = figure.subplots(2, len(paper_poles.LOOPS), sharex=True, sharey="row")
+        for (magnitude, phase), loop in zip(panels.T, paper_poles.LOOPS, strict=True):
             for case in cases:
                 _response(magnitude, phase, loop, case)
-            magnitude.set_title(f"{loop}, opened at the {'rudder' if loop == 'heading' else 'elevator'}", loc="left")
+            magnitude.set_title(
+                f"{loop}, opened at the {'rudder' if loop == 'heading' else 'elevator'}", loc="left"
+            )
             magnitude.axhline(0.0, color=GREY, linewidth=0.8)
             phase.axhline(-180.0, color=GREY, linewidth=0.8)
             phase.set_xlabel("rad/s")
-            phase.legend(frameon=False, fontsize=8, loc="lower left", title="gain and phase margin", title_fontsize=8)
+            phase.legend(
+                frameon=False,
+                fontsize=8,
+                loc="lower left",
+                title="gain and phase margin",
+                title_fontsize=8,
+            )
         panels[0, 0].set(ylabel="loop gain, dB", ylim=(-40, 40), xlim=(0.02, 10.0), xscale="log")
         panels[1, 0].set(ylabel="phase, deg", ylim=(-450, 0), yticks=range(-450, 1, 90))
         for panel in panels.flat:
-            panel.grid(which="both", color=canvas.GRID, linewidth=0.7)
+            panel.grid(which="both", color=mpl_canvas.GRID, linewidth=0.7)
         handles, _ = panels[0, 0].get_legend_handles_labels()
-        figure.legend(handles, [NAMES[case.name] for case in cases], loc="outside lower center", ncols=2, frameon=False)
+        figure.legend(
+            handles,
+            [NAMES[case.name] for case in cases],
+            loc="outside lower center",
+            ncols=2,
+            frameon=False,
+        )
 
 
 def _response(magnitude: Any, phase: Any, loop: str, case: "Case") -> None:
     import numpy as np
 
-    from sysid import loops
+    from sysid.control_analysis import loop_transfer
 
-    plane, lag = (case.planes.yaw, case.yaw_lag) if loop == "heading" else (case.planes.pitch, case.pitch_lag)
-    opened = loops.heading_loops if loop == "heading" else loops.depth_loops
-    cut = opened(loops.responses(plane, lag), case.gains)[CUTS[loop]]
-    found = loops.margins(cut)
+    plane, lag = (
+        (case.planes.yaw, case.yaw_lag)
+        if loop == "heading"
+        else (case.planes.pitch, case.pitch_lag)
+    )
+    opened = loop_transfer.heading_loops if loop == "heading" else loop_transfer.depth_loops
+    cut = opened(loop_transfer.responses(plane, lag), case.gains)[CUTS[loop]]
+    found = loop_transfer.margins(cut)
     color, label = COLORS[case.name], f"{case.name}: {found.gm_db:.1f} dB, {found.pm_deg:.0f}°"
-    magnitude.plot(loops.GRID_RADPS, 20.0 * np.log10(np.abs(cut)), color=color, linewidth=1.4, label=label)
+    magnitude.plot(
+        loop_transfer.GRID_RADPS,
+        20.0 * np.log10(np.abs(cut)),
+        color=color,
+        linewidth=1.4,
+        label=label,
+    )
     angle = np.degrees(np.unwrap(np.angle(cut)))
-    # The loop begins at some multiple of a right angle below zero, whichever branch unwrapping began on.
+    # The loop begins at some multiple of a right angle below zero, whichever branch unwrapping
+    # began on.
     angle -= 360.0 * np.ceil((angle[0] - 1.0) / 360.0)
-    phase.plot(loops.GRID_RADPS, angle, color=color, linewidth=1.4, label=label)
+    phase.plot(loop_transfer.GRID_RADPS, angle, color=color, linewidth=1.4, label=label)
 
 
-def _delays(found: "Found", target: Path) -> None:
-    with canvas.drawn(target, (11.0, 4.6)) as figure:
+def _delays(found: "PolesComparison", target: Path) -> None:
+    with mpl_canvas.new_figure(target, (11.0, 4.6)) as figure:
         by_form, by_row = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
-        _misfits(by_form)
-        _alone(by_row, found)
+        _draw_misfits(by_form)
+        _draw_single_pole_conditions(by_row, found)
         for panel in (by_form, by_row):
-            panel.grid(color=canvas.GRID, linewidth=0.8)
+            panel.grid(color=mpl_canvas.GRID, linewidth=0.8)
 
 
-def _misfits(panel: Any) -> None:
+def _draw_misfits(panel: Any) -> None:
     import numpy as np
 
-    from sysid import table_4
-    from sysid.table_4.search import FIGURE_4, LAGS
+    from sysid.reproduction import paper_poles
+    from sysid.reproduction.paper_poles.search import FIGURE_4, LAGS
 
-    search, delays_s = table_4.Search(), np.linspace(0.02, 0.8, 40)
-    for form, color, line in zip(table_4.FORMS, FORM_COLORS, FORM_LINES, strict=True):
-        misfits = [search.misfit(LAGS[FIGURE_4]._replace(delay_s=float(delay_s)), form) for delay_s in delays_s]
+    search, delays_s = paper_poles.TailconeSearch(), np.linspace(0.02, 0.8, 40)
+    for form, color, line in zip(paper_poles.FORMS, FORM_COLORS, FORM_LINES, strict=True):
+        misfits = [
+            search.misfit(LAGS[FIGURE_4]._replace(delay_s=float(delay_s)), form)
+            for delay_s in delays_s
+        ]
         panel.plot(delays_s, misfits, line, color=color, linewidth=1.5, label=form.name)
     panel.set(xlabel="delay, s", ylabel="rad/s", ylim=(0.0, 1.2), xlim=(0.0, 0.8))
     panel.set_title(f"printed poles less reckoned, rms, behind {FIGURE_4}", loc="left", fontsize=10)
     panel.legend(frameon=False, fontsize=9)
 
 
-def _alone(panel: Any, found: "Found") -> None:
+def _draw_single_pole_conditions(panel: Any, found: "PolesComparison") -> None:
     rows = found.alone[::-1]
     for height, row in enumerate(rows):
         bars: Any = {"fmt": "o", "color": COLORS[row.case], "elinewidth": 1.4, "capsize": 3}
         panel.errorbar(row.delay_s, height, xerr=row.delay_sd_s, **bars)
-        panel.annotate(f"gain × {row.loop_gain:.2f}", (0.7, height), va="center", fontsize=9, color=INK)
+        panel.annotate(
+            f"gain × {row.loop_gain:.2f}", (0.7, height), va="center", fontsize=9, color=INK
+        )
     panel.axvline(0.3, color=GREY, linewidth=1.0, linestyle="--")
     panel.set_yticks(range(len(rows)), [f"{row.loop} {row.case}" for row in rows])
     panel.set(xlabel="delay, s (dashed: as stated)", xlim=(0.0, 0.88))
-    panel.set_title("what each printed pole asks for alone, ± 1 sd of the lag", loc="left", fontsize=10)
+    panel.set_title(
+        "what each printed pole asks for alone, ± 1 sd of the lag", loc="left", fontsize=10
+    )

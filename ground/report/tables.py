@@ -5,15 +5,23 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sysid.judge.records import Gate
-    from sysid.model import IdentifiedModel
+    from sysid.models.model_file import IdentifiedModel
+    from sysid.validation.results import Gate
 
 _SUBSCRIPTS = {"dr": "δr", "de": "δe", "vdot": "v̇", "rdot": "ṙ", "wdot": "ẇ", "qdot": "q̇"}
 _LOOP_OF = {"heading": "Heading", "pitch": "Pitch to elevator", "depth": "Depth to pitch"}
 _GAIN_PREFIX = {"heading": "HDG", "pitch": "PTCH", "depth": "DPT"}
-_WAYS = {"paper": "the paper's way"}
-_FLOWN = {"initial": "initial gains", "improved": "the paper's improved gains", "redesigned": "redesigned"}
-_CASES = {"I/I": "initial model, initial gains", "A/I": "adjusted, initial", "A/A": "adjusted, improved"}
+_METHOD_NAMES = {"paper": "the paper's way"}
+_GAIN_SET_NAMES = {
+    "initial": "initial gains",
+    "improved": "the paper's improved gains",
+    "redesigned": "redesigned",
+}
+_CASES = {
+    "I/I": "initial model, initial gains",
+    "A/I": "adjusted, initial",
+    "A/A": "adjusted, improved",
+}
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], name: str = "") -> str:
@@ -21,7 +29,10 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], name: str = "") ->
     cells = "".join(f"<th>{label}</th>" for label in head)
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
     kind = f' class="{name}"' if name else ""
-    return f'<div class="scroll"><table{kind}><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>'
+    return (
+        f'<div class="scroll"><table{kind}><thead><tr>{cells}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )
 
 
 def symbol(name: str) -> str:
@@ -31,8 +42,9 @@ def symbol(name: str) -> str:
 
 
 def table_1(model: "IdentifiedModel") -> str:
-    """Coefficients: the paper's two columns, ours with uncertainty and status, and other methods on the same runs."""
-    from sysid.tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
+    """Coefficients: the paper's two columns, ours with uncertainty and status, and other methods on
+    the same runs."""
+    from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 
     rows = []
     for name, c in model.coefficients.items():
@@ -41,25 +53,58 @@ def table_1(model: "IdentifiedModel") -> str:
         paper = [_short(getattr(column, name)) for column in (TABLE_1_INITIAL, TABLE_1_ADJUSTED)]
         status = f'<span class="tag {c.status}">{c.status}</span>'
         others = [_short(rival.coefficients[name]) for rival in model.beside]
-        rows.append([symbol(name), *paper, f"<b>{_short(c.value)}</b>", sd, shrink, status, *others, escape(c.unit)])
-    rivals = [_WAYS.get(rival.method, rival.method) for rival in model.beside]
-    head = ["", "paper, initial", "paper, adjusted", "identified", "1 sd", "shrink", "", *rivals, "unit"]
+        rows.append(
+            [
+                symbol(name),
+                *paper,
+                f"<b>{_short(c.value)}</b>",
+                sd,
+                shrink,
+                status,
+                *others,
+                escape(c.unit),
+            ]
+        )
+    rivals = [_METHOD_NAMES.get(rival.method, rival.method) for rival in model.beside]
+    head = [
+        "",
+        "paper, initial",
+        "paper, adjusted",
+        "identified",
+        "1 sd",
+        "shrink",
+        "",
+        *rivals,
+        "unit",
+    ]
     return table(head, rows)
 
 
 def table_2(model: Mapping[str, Any]) -> str:
-    """Mean squared rate errors of the initial and the refitted model, and of other methods, on held-out runs."""
-    from sysid.tables import TABLE_2
+    """Mean squared rate errors of the initial and the refitted model, and of other methods, on
+    held-out runs."""
+    from sysid.reproduction.paper_tables import TABLE_2
 
     paper = dict(zip(("yaw", "pitch"), TABLE_2.values(), strict=True))
     names = {"yaw": "rudder tests", "pitch": "elevator tests"}
-    rivals = {_WAYS.get(m, m): found["held_out_rate_error"] for m, found in model["beside"].items()}
+    rivals = {
+        _METHOD_NAMES.get(m, m): found["held_out_rate_error"]
+        for m, found in model["beside"].items()
+    }
     rows = [
-        [names[plane], f"{paper[plane].initial:g}", f"{paper[plane].adjusted:g}", _errors(pair, "initial"),
-         f"<b>{_errors(pair, 'refitted')}</b>", *(_errors(errors[plane], "refitted") for errors in rivals.values())]
+        [
+            names[plane],
+            f"{paper[plane].initial:g}",
+            f"{paper[plane].adjusted:g}",
+            _errors(pair, "initial"),
+            f"<b>{_errors(pair, 'refitted')}</b>",
+            *(_errors(errors[plane], "refitted") for errors in rivals.values()),
+        ]
         for plane, pair in model["held_out_rate_error"].items()
-    ]  # fmt: skip
-    return table(["", "paper, initial", "paper, improved", "initial model", "refitted model", *rivals], rows)
+    ]
+    return table(
+        ["", "paper, initial", "paper, improved", "initial model", "refitted model", *rivals], rows
+    )
 
 
 def _errors(pair: Mapping[str, float], which: str) -> str:
@@ -68,7 +113,7 @@ def _errors(pair: Mapping[str, float], which: str) -> str:
 
 def verdict(model: "IdentifiedModel") -> str:
     """Yes or no, why, and the test to fly next, as paragraphs."""
-    from ground.identification import verdict_lines
+    from ground.campaign.identification import verdict_lines
 
     first, *others = (escape(line.strip()) for line in verdict_lines(model))
     lead = f'<p class="lead">{first.capitalize().rstrip(":")}.</p>'
@@ -88,7 +133,9 @@ def gates(model: "IdentifiedModel") -> str:
         kind = "measured" if not missed else "prior" if missed[0].required else ""
         word = "passed" if not missed else "failed" if missed[0].required else "remark"
         tag = f'<span class="tag {kind}">{word}</span>'
-        rows.append([escape(name), cells.get("yaw", ""), cells.get("pitch", ""), escape(limit), tag])
+        rows.append(
+            [escape(name), cells.get("yaw", ""), cells.get("pitch", ""), escape(limit), tag]
+        )
     return table(["gate", "yaw", "pitch", "limit", ""], rows)
 
 
@@ -96,67 +143,130 @@ def _figure(gate: "Gate") -> str:
     return "not known" if gate.value is None else f"{gate.value:.3g}"
 
 
-def runs_judged(model: "IdentifiedModel") -> str:
-    """Each run: its error beside what sea and sensors alone leave, Theil's coefficient, whether the rest is white."""
+def runs_table(model: "IdentifiedModel") -> str:
+    """Each run: its error beside what sea and sensors alone leave, Theil's coefficient, whether the
+    rest is white."""
     errors = {q.run: q.model_mse_deg2ps2 for q in (*model.fit_quality, *model.held_out)}
     rows = []
     for found in model.validation.values():
         for run in found.runs:
-            floor = "" if run.floor_deg2ps2 is None else f"{run.floor_deg2ps2:.3f} ± {run.floor_sd_deg2ps2:.3f}"
-            white = ["", ""] if run.whiteness is None else [
-                f"{run.whiteness.periodogram_p:.2f}", f"{run.whiteness.ljung_box_p:.2f}"]  # fmt: skip
-            use = '<span class="tag">held out</span>' if run.held_out else '<span class="tag measured">fitted</span>'
-            rows.append(
-                [run.run, run.wave, f"{errors[run.run]:.3f}", floor, f"{run.theil.coefficient:.3f}", *white, use]
+            floor = (
+                ""
+                if run.floor_deg2ps2 is None
+                else f"{run.floor_deg2ps2:.3f} ± {run.floor_sd_deg2ps2:.3f}"
             )
-    head = ["run", "signal", "rate error, (°/s)²", "sea and sensors alone", "Theil", "periodogram, p",
-            "Ljung–Box, p", ""]  # fmt: skip
+            white = (
+                ["", ""]
+                if run.whiteness is None
+                else [f"{run.whiteness.periodogram_p:.2f}", f"{run.whiteness.ljung_box_p:.2f}"]
+            )
+            use = (
+                '<span class="tag">held out</span>'
+                if run.held_out
+                else '<span class="tag measured">fitted</span>'
+            )
+            rows.append(
+                [
+                    run.run,
+                    run.wave,
+                    f"{errors[run.run]:.3f}",
+                    floor,
+                    f"{run.theil.coefficient:.3f}",
+                    *white,
+                    use,
+                ]
+            )
+    head = [
+        "run",
+        "signal",
+        "rate error, (°/s)²",
+        "sea and sensors alone",
+        "Theil",
+        "periodogram, p",
+        "Ljung–Box, p",
+        "",
+    ]
     return table(head, rows, "named")
 
 
 def table_3(gains: Mapping[str, Mapping[str, float]]) -> str:
     """Controller gains."""
-    from sysid.tables import TABLE_3_IMPROVED
+    from sysid.reproduction.paper_tables import TABLE_3_IMPROVED
 
-    sets = {"initial": gains["initial"], "paper, improved": TABLE_3_IMPROVED, "redesigned": gains["redesigned"]}
+    sets = {
+        "initial": gains["initial"],
+        "paper, improved": TABLE_3_IMPROVED,
+        "redesigned": gains["redesigned"],
+    }
     rows = []
     for loop, prefix in _GAIN_PREFIX.items():
         for number, (name, values) in enumerate(sets.items()):
             numbers = [f"{values[f'{prefix}_{part}']:.4g}" for part in ("P", "D", "I", "IMAX")]
-            rows.append([_LOOP_OF[loop] if number == 0 else "", name, *_strong(numbers, name == "redesigned")])
+            rows.append(
+                [
+                    _LOOP_OF[loop] if number == 0 else "",
+                    name,
+                    *_strong(numbers, name == "redesigned"),
+                ]
+            )
     return table(["loop", "gains", "Kp", "Kd", "Ki", "Ki limit"], rows, "named")
 
 
 def table_4(poles: Mapping[str, Any]) -> str:
-    """Dominant closed-loop poles: the paper's nine, the same reckoned by us, and ours of those that show."""
-    from sysid.table_4 import dominant
-    from sysid.table_4 import rows as reckoned
+    """Dominant closed-loop poles: the paper's nine, the same reckoned by us, and ours of those that
+    show."""
+    from sysid.reproduction.paper_poles import dominant
+    from sysid.reproduction.paper_poles import rows as reckoned
 
     rows = [
-        [_LOOP_OF[r.loop].split()[0] if r.case == "I/I" else "", _CASES[r.case], _pole(r.paper), _pole(r.ours),
-         f"{_damping(r.paper):.2f}", f"{_damping(r.ours):.2f}"]
+        [
+            _LOOP_OF[r.loop].split()[0] if r.case == "I/I" else "",
+            _CASES[r.case],
+            _pole(r.paper),
+            _pole(r.ours),
+            f"{_damping(r.paper):.2f}",
+            f"{_damping(r.ours):.2f}",
+        ]
         for r in reckoned()
-    ]  # fmt: skip
+    ]
     for role in ("initial", "redesigned"):
         for loop, found in poles[role].items():
             pole = dominant(tuple(complex(*p) for p in found))
             name = f"identified, {role}"
-            rows.append([loop.capitalize(), name, "", f"<b>{_pole(pole)}</b>", "", f"<b>{_damping(pole):.2f}</b>"])
+            rows.append(
+                [
+                    loop.capitalize(),
+                    name,
+                    "",
+                    f"<b>{_pole(pole)}</b>",
+                    "",
+                    f"<b>{_damping(pole):.2f}</b>",
+                ]
+            )
     return table(["loop", "model, gains", "paper", "ours", "damping, paper", "ours"], rows, "named")
 
 
 def table_5(steady: Mapping[str, Mapping[str, float]]) -> str:
     """Steady errors of the straight run."""
-    from sysid.tables import TABLE_5_IMPROVED, TABLE_5_INITIAL
+    from sysid.reproduction.paper_tables import TABLE_5_IMPROVED, TABLE_5_INITIAL
 
     units = {"heading_deg": "°", "pitch_deg": "°", "depth_m": " m"}
     rows = [
-        [key.split("_")[0].capitalize(), f"± {getattr(TABLE_5_INITIAL, key):g}{unit}",
-         f"± {getattr(TABLE_5_IMPROVED, key):g}{unit}",
-         *(_strong([f"± {found[key]:.2f}{unit}"], name == "redesigned")[0] for name, found in steady.items())]
+        [
+            key.split("_")[0].capitalize(),
+            f"± {getattr(TABLE_5_INITIAL, key):g}{unit}",
+            f"± {getattr(TABLE_5_IMPROVED, key):g}{unit}",
+            *(
+                _strong([f"± {found[key]:.2f}{unit}"], name == "redesigned")[0]
+                for name, found in steady.items()
+            ),
+        ]
         for key, unit in units.items()
-    ]  # fmt: skip
-    return table(["error", "paper, initial", "paper, improved", *(_FLOWN[name] for name in steady)], rows)
+    ]
+    return table(
+        ["error", "paper, initial", "paper, improved", *(_GAIN_SET_NAMES[name] for name in steady)],
+        rows,
+    )
 
 
 def small_signal(model: "IdentifiedModel") -> str:
@@ -180,8 +290,14 @@ def margins(analyses: Mapping[str, Any]) -> str:
             m = analyses[role]["margins"][cut]
             numbers = [_number(m["gm_db"], 1), _number(m["pm_deg"], 0), _number(m["ms"], 2)]
             numbers.append(_number(m["crossover_radps"], 2))
-            rows.append([cut if role == "initial" else "", role, *_strong(numbers, role == "redesigned")])
-    return table(["opened at", "gains", "gain margin, dB", "phase margin, °", "Ms", "crossover, rad/s"], rows, "named")
+            rows.append(
+                [cut if role == "initial" else "", role, *_strong(numbers, role == "redesigned")]
+            )
+    return table(
+        ["opened at", "gains", "gain margin, dB", "phase margin, °", "Ms", "crossover, rad/s"],
+        rows,
+        "named",
+    )
 
 
 def screening(model: "IdentifiedModel") -> str:
@@ -191,26 +307,59 @@ def screening(model: "IdentifiedModel") -> str:
     rows = []
     for run in model.screening:
         q = quality.get(run.run)
-        errors = ["", ""] if q is None else [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
-        verdict = '<span class="tag measured">fitted</span>' if run.kept else '<span class="tag prior">rejected</span>'
+        errors = (
+            ["", ""] if q is None else [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
+        )
+        verdict = (
+            '<span class="tag measured">fitted</span>'
+            if run.kept
+            else '<span class="tag prior">rejected</span>'
+        )
         why = escape("; ".join((*run.reasons, *run.warnings)))
-        rows.append([run.run, f"{run.wave} {run.magnitude_deg:+g}°", f"{run.duration_s:.1f} s", *errors, verdict, why])
+        rows.append(
+            [
+                run.run,
+                f"{run.wave} {run.magnitude_deg:+g}°",
+                f"{run.duration_s:.1f} s",
+                *errors,
+                verdict,
+                why,
+            ]
+        )
     for q in model.held_out:
         errors = [f"{q.prior_mse_deg2ps2:.3f}", f"{q.model_mse_deg2ps2:.3f}"]
-        rows.append([q.run, waves.get(q.run, q.plane), "", *errors, '<span class="tag">held out</span>', ""])
-    return table(["run", "test", "length", "initial model", "refitted model", "", "reason"], rows, "named told")
+        rows.append(
+            [q.run, waves.get(q.run, q.plane), "", *errors, '<span class="tag">held out</span>', ""]
+        )
+    return table(
+        ["run", "test", "length", "initial model", "refitted model", "", "reason"],
+        rows,
+        "named told",
+    )
 
 
 def tracking(missions: Mapping[str, Mapping[str, Any]]) -> str:
     """Steady errors of every leg of every mission."""
     rows = []
     for mission, sets in missions.items():
-        for number, windows in enumerate(zip(*(found["windows"] for found in sets.values()), strict=False)):
-            errors = ([window[e]["p95"] for window in windows] for e in ("heading_deg", "pitch_deg", "depth_m"))
-            cells = [" → ".join((*(f"{p95:.2f}" for p95 in before), f"<b>{now:.2f}</b>")) for *before, now in errors]
+        for number, windows in enumerate(
+            zip(*(found["windows"] for found in sets.values()), strict=False)
+        ):
+            errors = (
+                [window[e]["p95"] for window in windows]
+                for e in ("heading_deg", "pitch_deg", "depth_m")
+            )
+            cells = [
+                " → ".join((*(f"{p95:.2f}" for p95 in before), f"<b>{now:.2f}</b>"))
+                for *before, now in errors
+            ]
             window = f"{windows[-1]['start_s']:.0f}–{windows[-1]['stop_s']:.0f} s"
             rows.append([mission.replace("_", " ") if number == 0 else "", window, *cells])
-    return table(["mission", "steady window", "heading, °", "pitch about its mean, °", "depth, m"], rows, "named")
+    return table(
+        ["mission", "steady window", "heading, °", "pitch about its mean, °", "depth, m"],
+        rows,
+        "named",
+    )
 
 
 def _strong(cells: Sequence[str], strong: bool) -> list[str]:

@@ -1,4 +1,5 @@
-"""The one table of faults: what can fail, in which ways, and what sizes each takes, with units and limits."""
+"""The one table of faults: what can fail, in which ways, and what sizes each takes, with units and
+limits."""
 
 from __future__ import annotations
 
@@ -44,7 +45,7 @@ class FaultError(ValueError):
 Kinds = Mapping[str, tuple[Size, ...]]
 
 _DEG = radians(1.0)
-_LONGEST_S = 1e6
+_MAX_S = 1e6
 
 _AXIS: Kinds = {
     "off": (),
@@ -54,10 +55,12 @@ _AXIS: Kinds = {
     "biased": (Size("angle_deg", 3.0, -90.0, 90.0, _DEG),),
     "noisy": (Size("rms_deg", 1.0, 0.0, 90.0, _DEG),),
 }
-"""Off: the flow turns the duct back to neutral. Stuck: where it stands, or having run to an angle. Slipping: the motor
-loses that share of its steps. Biased: the duct stands off its count. Noisy: white, renewed every tick."""
+"""Off: the flow turns the duct back to neutral. Stuck: where it stands, or having run to an angle.
+Slipping: the motor loses that share of its steps. Biased: the duct stands off its count. Noisy:
+white, renewed every tick."""
 _PROPELLER: Kinds = {"off": (), "stuck": (), "loss": (Size("share", 0.5, 0.0, 1.0),)}
-"""Stuck: the shaft keeps the speed it had. Loss: that share of the thrust is gone, as by a fouled blade."""
+"""Stuck: the shaft keeps the speed it had. Loss: that share of the thrust is gone, as by a fouled
+blade."""
 _BALLAST: Kinds = dict.fromkeys(
     ("added", "shifted"),
     (
@@ -65,8 +68,9 @@ _BALLAST: Kinds = dict.fromkeys(
         *(Size(key, 0.0, -10.0, 10.0) for key in ("x_m", "y_m", "z_m")),
     ),
 )
-"""Added: a point mass more (less, where negative) at a place, in the vehicle file's axes: x forward, y port, z up from
-the hull axis at mid-length. Shifted: so much of her own mass carried there from that origin."""
+"""Added: a point mass more (less, where negative) at a place, in the vehicle file's axes: x
+forward, y port, z up from the hull axis at mid-length. Shifted: so much of her own mass carried
+there from that origin."""
 
 
 def _instrument(offset: Size, drift: Size) -> Kinds:
@@ -76,7 +80,7 @@ def _instrument(offset: Size, drift: Size) -> Kinds:
         "stuck": (),
         "wrong": (offset,),
         "garbage": (),
-        "slow": (Size("period_s", 2.0, 0.0, _LONGEST_S),),
+        "slow": (Size("period_s", 2.0, 0.0, _MAX_S),),
         "delayed": (Size("delay_s", 1.0, 0.0, 60.0),),
         "intermittent": (Size("share", 0.5, 0.0, 0.99),),
         "drifting": (drift,),
@@ -100,8 +104,9 @@ CATALOGUE: Mapping[str, Kinds] = {
     "ballast": _BALLAST,
     "link": {"off": ()},
 }
-"""Unit, kind, sizes. Slow: a sample each period. Intermittent: silent for that share of the time, a second or so at
-once. Wrong and drifting: the error of every component; the encoder's is in percent of the duct's travel."""
+"""Unit, kind, sizes. Slow: a sample each period. Intermittent: silent for that share of the time, a
+second or so at once. Wrong and drifting: the error of every component; the encoder's is in percent
+of the duct's travel."""
 
 
 def read(row: Mapping[str, float | str]) -> Fault:
@@ -110,7 +115,11 @@ def read(row: Mapping[str, float | str]) -> Fault:
     numbers = {key: value for key, value in row.items() if not isinstance(value, str)}
     for key in row:
         if (key in words) != (key in ("unit", "kind")):
-            shown = f"{words[key]!r}: expected a number" if key in words else f"{numbers[key]:g}: expected a name"
+            shown = (
+                f"{words[key]!r}: expected a number"
+                if key in words
+                else f"{numbers[key]:g}: expected a name"
+            )
             raise FaultError(f"{key} = {shown}")
     for key in ("at_s", "unit", "kind"):
         if key not in row:
@@ -119,16 +128,28 @@ def read(row: Mapping[str, float | str]) -> Fault:
     return make(words["unit"], words["kind"], from_us or 0, until_us, numbers)
 
 
-def make(unit: str, kind: str, from_us: int, until_us: int | None, given: Mapping[str, float]) -> Fault:
+def make(
+    unit: str, kind: str, from_us: int, until_us: int | None, given: Mapping[str, float]
+) -> Fault:
     """A fault of the table with the sizes ``given`` by key. Raises ``FaultError``."""
     sizes = _sizes(unit, kind)
     known = [size.key for size in sizes]
     for key in given:
         if key not in known:
-            raise FaultError(f"{key} = {given[key]:g}: {unit} {kind} takes {', '.join(known) or 'no size'}")
+            raise FaultError(
+                f"{key} = {given[key]:g}: {unit} {kind} takes {', '.join(known) or 'no size'}"
+            )
     if until_us is not None and until_us <= from_us:
-        raise FaultError(f"until_s = {until_us * 1e-6:g}: expected more than at_s = {from_us * 1e-6:g}")
-    return Fault(unit, kind, from_us, until_us, tuple(_value(size, given, f"{unit} {kind}") for size in sizes))
+        raise FaultError(
+            f"until_s = {until_us * 1e-6:g}: expected more than at_s = {from_us * 1e-6:g}"
+        )
+    return Fault(
+        unit,
+        kind,
+        from_us,
+        until_us,
+        tuple(_value(size, given, f"{unit} {kind}") for size in sizes),
+    )
 
 
 def _sizes(unit: str, kind: str) -> tuple[Size, ...]:
@@ -150,6 +171,6 @@ def _value(size: Size, given: Mapping[str, float], name: str) -> float:
 
 
 def _microseconds(key: str, time_s: float | None) -> int | None:
-    if time_s is not None and not 0.0 <= time_s <= _LONGEST_S:
-        raise FaultError(f"{key} = {time_s:g}: expected 0 to {_LONGEST_S:g}")
+    if time_s is not None and not 0.0 <= time_s <= _MAX_S:
+        raise FaultError(f"{key} = {time_s:g}: expected 0 to {_MAX_S:g}")
     return None if time_s is None else round(time_s * 1e6)

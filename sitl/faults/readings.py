@@ -1,7 +1,7 @@
 """Faults of the instruments, between what they measure and what the autopilot hears.
 
-A silent instrument leaves no record, or in the sample of the AHRS no freshness bits and zeros in its place.
-"""
+A silent instrument leaves no record, or in the sample of the AHRS no freshness bits and zeros in
+its place."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from numpy.random import Generator
 
-from link.frames import STANDARD_GRAVITY_MPS2, offset_to_geodetic
-from link.records import (
+from mavlink_io.frames import STANDARD_GRAVITY_MPS2, offset_to_geodetic
+from mavlink_io.records import (
     ACCELEROMETER_FRESH,
     GYRO_FRESH,
     MAGNETOMETER_FRESH,
@@ -21,20 +21,20 @@ from link.records import (
     GpsFix,
     SensorFrame,
 )
+from sitl.core.sensors import Sensors
 from sitl.faults.catalogue import Fault
-from sitl.faults.timeline import Memory, Running
-from sitl.sensors import Sensors
+from sitl.faults.timeline import FaultState, Running
 
 MEAN_OUTAGE_S = 1.0
 """Of an intermittent instrument."""
 HPA_PER_M = 1025.0 * STANDARD_GRAVITY_MPS2 / 100.0
 """What the pressure altitude of a lying pressure sensor is reckoned by."""
-FARTHEST_ECHO_M, HIGHEST_VOLTAGE_V = 600.0, 60.0
+MAX_RANGE_M, MAX_VOLTAGE_V = 600.0, 60.0
 """As far as a lie goes: the messages carry no more."""
 
-Record = Any
-"""One of ``link.records``: a NamedTuple."""
-Shift = Callable[[Record, float], Record]
+SensorRecord = Any
+"""One of ``mavlink_io.records``: a NamedTuple."""
+AddError = Callable[[SensorRecord, float], SensorRecord]
 
 
 class Instrument(NamedTuple):
@@ -44,30 +44,34 @@ class Instrument(NamedTuple):
     """Field of ``Sensors``."""
     spans: dict[str, tuple[float, float]]
     """Fields of the record that hold what it measures, and between which values garbage lies."""
-    shift: Shift
+    shift: AddError
     fresh: int = 0
     """Bits of ``fields_updated``, for a part of the AHRS's sample."""
 
 
-def _added(*fields: str) -> Shift:
-    return lambda record, error: record._replace(**{name: getattr(record, name) + error for name in fields})
+def _add_to_fields(*fields: str) -> AddError:
+    return lambda record, error: record._replace(
+        **{name: getattr(record, name) + error for name in fields}
+    )
 
 
-def _three(stem: str, unit: str) -> tuple[str, str, str]:
+def _vector_fields(stem: str, unit: str) -> tuple[str, str, str]:
     return f"{stem}_x_{unit}", f"{stem}_y_{unit}", f"{stem}_z_{unit}"
 
 
 def _shift_pressure(frame: SensorFrame, error_hpa: float) -> SensorFrame:
     altitude_m = frame.pressure_altitude_m - error_hpa / HPA_PER_M
-    return frame._replace(pressure_hpa=frame.pressure_hpa + error_hpa, pressure_altitude_m=altitude_m)
+    return frame._replace(
+        pressure_hpa=frame.pressure_hpa + error_hpa, pressure_altitude_m=altitude_m
+    )
 
 
 def _shift_echo(echo: Altimeter, error_m: float) -> Altimeter:
-    return echo._replace(range_m=min(max(0.0, echo.range_m + error_m), FARTHEST_ECHO_M))
+    return echo._replace(range_m=min(max(0.0, echo.range_m + error_m), MAX_RANGE_M))
 
 
 def _shift_charge(report: Battery, error_v: float) -> Battery:
-    return report._replace(voltage_v=min(max(0.0, report.voltage_v + error_v), HIGHEST_VOLTAGE_V))
+    return report._replace(voltage_v=min(max(0.0, report.voltage_v + error_v), MAX_VOLTAGE_V))
 
 
 def _shift_fix(fix: GpsFix, error_m: float) -> GpsFix:
@@ -75,51 +79,73 @@ def _shift_fix(fix: GpsFix, error_m: float) -> GpsFix:
     return fix._replace(lat_deg=latitude, lon_deg=longitude)
 
 
-_GYRO, _ACCELEROMETER = _three("gyro", "radps"), _three("accel", "mps2")
-_MAGNETOMETER, _DVL = _three("mag", "gauss"), _three("velocity", "mps")
+_GYRO, _ACCELEROMETER = _vector_fields("gyro", "radps"), _vector_fields("accel", "mps2")
+_MAGNETOMETER, _DVL = _vector_fields("mag", "gauss"), _vector_fields("velocity", "mps")
 
 INSTRUMENTS: dict[str, Instrument] = {
-    "gyro": Instrument("frame", dict.fromkeys(_GYRO, (-5.0, 5.0)), _added(*_GYRO), GYRO_FRESH),
+    "gyro": Instrument(
+        "frame", dict.fromkeys(_GYRO, (-5.0, 5.0)), _add_to_fields(*_GYRO), GYRO_FRESH
+    ),
     "accelerometer": Instrument(
-        "frame", dict.fromkeys(_ACCELEROMETER, (-40.0, 40.0)), _added(*_ACCELEROMETER), ACCELEROMETER_FRESH
+        "frame",
+        dict.fromkeys(_ACCELEROMETER, (-40.0, 40.0)),
+        _add_to_fields(*_ACCELEROMETER),
+        ACCELEROMETER_FRESH,
     ),
     "magnetometer": Instrument(
-        "frame", dict.fromkeys(_MAGNETOMETER, (-2.0, 2.0)), _added(*_MAGNETOMETER), MAGNETOMETER_FRESH
+        "frame",
+        dict.fromkeys(_MAGNETOMETER, (-2.0, 2.0)),
+        _add_to_fields(*_MAGNETOMETER),
+        MAGNETOMETER_FRESH,
     ),
     "pressure": Instrument(
-        "frame", {"pressure_hpa": (0.0, 5000.0), "pressure_altitude_m": (-40.0, 10.0)}, _shift_pressure, PRESSURE_FRESH
+        "frame",
+        {"pressure_hpa": (0.0, 5000.0), "pressure_altitude_m": (-40.0, 10.0)},
+        _shift_pressure,
+        PRESSURE_FRESH,
     ),
     "gps": Instrument("gps", {"lat_deg": (-90.0, 90.0), "lon_deg": (-180.0, 180.0)}, _shift_fix),
-    "dvl": Instrument("dvl", dict.fromkeys(_DVL, (-10.0, 10.0)), _added(*_DVL)),
+    "dvl": Instrument("dvl", dict.fromkeys(_DVL, (-10.0, 10.0)), _add_to_fields(*_DVL)),
     "altimeter": Instrument("altimeter", {"range_m": (0.3, 30.0)}, _shift_echo),
-    "battery": Instrument("battery", {"voltage_v": (0.0, 60.0), "remaining": (0.0, 1.0)}, _shift_charge),
-    "encoder": Instrument("duct", {"rudder": (-1.0, 1.0), "elevator": (-1.0, 1.0)}, _added("rudder", "elevator")),
+    "battery": Instrument(
+        "battery", {"voltage_v": (0.0, 60.0), "remaining": (0.0, 1.0)}, _shift_charge
+    ),
+    "encoder": Instrument(
+        "duct",
+        {"rudder": (-1.0, 1.0), "elevator": (-1.0, 1.0)},
+        _add_to_fields("rudder", "elevator"),
+    ),
 }
 
 
-def suffer(
+def apply(
     sensors: Sensors, running: tuple[Running, ...], time_us: int, tick_s: float, chance: Generator
 ) -> tuple[Sensors, tuple[Running, ...]]:
-    """What is heard of ``sensors`` under ``running`` faults, which remember what they hold or hold back."""
+    """What is heard of ``sensors`` under ``running`` faults, which remember what they hold or hold
+    back."""
     remembered = list(running)
     for at, each in enumerate(running):
         instrument = INSTRUMENTS.get(each.fault.unit)
         if instrument is None:
             continue
-        record = _taken(sensors, instrument)
-        heard, memory = _pass(each.fault, each.memory, record, instrument, time_us, tick_s, chance)
-        sensors = _put(sensors, instrument, heard)
+        record = _new_record(sensors, instrument)
+        heard, memory = _apply_to_record(
+            each.fault, each.memory, record, instrument, time_us, tick_s, chance
+        )
+        sensors = _replace_record(sensors, instrument, heard)
         remembered[at] = Running(each.fault, memory)
     return sensors, tuple(remembered)
 
 
-def _taken(sensors: Sensors, instrument: Instrument) -> Record | None:
+def _new_record(sensors: Sensors, instrument: Instrument) -> SensorRecord | None:
     """The new record of an instrument; None where it is not due or already silenced."""
     record = getattr(sensors, instrument.record)
     return record if not instrument.fresh or record.fields_updated & instrument.fresh else None
 
 
-def _put(sensors: Sensors, instrument: Instrument, record: Record | None) -> Sensors:
+def _replace_record(
+    sensors: Sensors, instrument: Instrument, record: SensorRecord | None
+) -> Sensors:
     if not instrument.fresh:
         alone: dict[str, Any] = {instrument.record: record}
         return sensors._replace(**alone)
@@ -130,15 +156,20 @@ def _put(sensors: Sensors, instrument: Instrument, record: Record | None) -> Sen
     return sensors._replace(frame=frame._replace(**measured, fields_updated=fresh))
 
 
-def _pass(
-    fault: Fault, memory: Memory, record: Record | None, instrument: Instrument, time_us: int, tick_s: float,
+def _apply_to_record(
+    fault: Fault,
+    memory: FaultState,
+    record: SensorRecord | None,
+    instrument: Instrument,
+    time_us: int,
+    tick_s: float,
     chance: Generator,
-) -> tuple[Record | None, Memory]:  # fmt: skip
+) -> tuple[SensorRecord | None, FaultState]:
     """What a faulty instrument lets through of a record, None for nothing."""
     if fault.kind == "delayed":
-        return _delayed(fault, memory, record, time_us)
+        return _delay(fault, memory, record, time_us)
     if fault.kind == "intermittent":
-        memory = memory._replace(silent=_silent(memory.silent, fault.sizes[0], tick_s, chance))
+        memory = memory._replace(silent=_step_outage(memory.silent, fault.sizes[0], tick_s, chance))
         return (None if memory.silent else record), memory
     if record is None or fault.kind == "off":
         return None, memory
@@ -150,24 +181,35 @@ def _pass(
         case "wrong":
             return instrument.shift(record, fault.sizes[0]), memory
         case "drifting":
-            return instrument.shift(record, fault.sizes[0] * (time_us - fault.from_us) * 1e-6), memory
+            return instrument.shift(
+                record, fault.sizes[0] * (time_us - fault.from_us) * 1e-6
+            ), memory
         case "garbage":
-            return record._replace(**{name: chance.uniform(*span) for name, span in instrument.spans.items()}), memory
+            return record._replace(
+                **{name: chance.uniform(*span) for name, span in instrument.spans.items()}
+            ), memory
         case _:
             if time_us - memory.passed_us < fault.sizes[0] * 1e6:
                 return None, memory
             return record, memory._replace(passed_us=time_us)
 
 
-def _delayed(fault: Fault, memory: Memory, record: Record | None, time_us: int) -> tuple[Record | None, Memory]:
+def _delay(
+    fault: Fault, memory: FaultState, record: SensorRecord | None, time_us: int
+) -> tuple[SensorRecord | None, FaultState]:
     """The newest record whose delay is over; it keeps its own time."""
-    queue = memory.queue if record is None else (*memory.queue, (time_us + round(fault.sizes[0] * 1e6), record))
+    queue = (
+        memory.queue
+        if record is None
+        else (*memory.queue, (time_us + round(fault.sizes[0] * 1e6), record))
+    )
     due = [waiting for at_us, waiting in queue if at_us <= time_us]
     return (due[-1] if due else None), memory._replace(queue=queue[len(due) :])
 
 
-def _silent(silent: bool, share: float, tick_s: float, chance: Generator) -> bool:
-    """A two-state Markov chain that is silent for ``share`` of the time, ``MEAN_OUTAGE_S`` at once."""
+def _step_outage(silent: bool, share: float, tick_s: float, chance: Generator) -> bool:
+    """A two-state Markov chain that is silent for ``share`` of the time, ``MEAN_OUTAGE_S`` at
+    once."""
     returning = tick_s / MEAN_OUTAGE_S
     leaving = returning * share / (1.0 - share)
     return chance.random() >= returning if silent else chance.random() < leaving

@@ -1,4 +1,5 @@
-"""``python -m sitl.vehicle``: describe a vehicle from her geometry, and check one that is described."""
+"""``python -m sitl.vehicle``: describe a vehicle from her geometry, and check one that is
+described."""
 
 from __future__ import annotations
 
@@ -10,37 +11,58 @@ from typing import Annotated, NoReturn, get_args
 import typer
 
 from sitl.vehicle import check as checks
-from sitl.vehicle import config, starter
-from sitl.vehicle.config import VehicleError
-from sitl.vehicle.write import write
+from sitl.vehicle import config, initial_geometry
+from sitl.vehicle.config import VehicleFileError
+from sitl.vehicle.export import write
 
 BAD_INPUT = 2
-app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False, no_args_is_help=True)
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+)
 
 
 @app.command()
 def check(
     vehicle: Annotated[str, typer.Argument(metavar="NAME|FILE")],
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")
+    ] = False,
 ) -> None:
     """Refuse an impossible vehicle; print how a possible one lies, flies and swings."""
     found = checks.check(vehicle)
-    print(json.dumps(_as_json(found), indent=1) if as_json else checks.in_words(found))
+    print(json.dumps(_as_json(found), indent=1) if as_json else checks.format_text(found))
 
 
 @app.command()
 def new(
-    out: Annotated[Path, typer.Option(metavar="FILE.toml", help="Where to write; never overwrites.")],
-    geometry: Annotated[str | None, typer.Argument(metavar="GEOMETRY.toml", help="What is known of her.")] = None,
-    hull: Annotated[str | None, typer.Option(metavar="|".join(get_args(starter.Kind)))] = None,
-    tail: Annotated[str, typer.Option(metavar="|".join(get_args(starter.Steering)))] = "cruciform",
+    out: Annotated[
+        Path, typer.Option(metavar="FILE.toml", help="Where to write; never overwrites.")
+    ],
+    geometry: Annotated[
+        str | None, typer.Argument(metavar="GEOMETRY.toml", help="What is known of her.")
+    ] = None,
+    hull: Annotated[
+        str | None, typer.Option(metavar="|".join(get_args(initial_geometry.Kind)))
+    ] = None,
+    tail: Annotated[
+        str, typer.Option(metavar="|".join(get_args(initial_geometry.Steering)))
+    ] = "cruciform",
     length_m: Annotated[float | None, typer.Option()] = None,
     diameter_m: Annotated[float | None, typer.Option()] = None,
 ) -> None:
     """Write a whole vehicle file from geometry, every coefficient with its formula and source."""
     if (geometry is None) == (hull is None):
-        raise VehicleError("give either GEOMETRY.toml, or --hull with --length-m and --diameter-m")
-    described = config.describe(geometry) if geometry else _start(out.stem, hull or "", tail, length_m, diameter_m)
+        raise VehicleFileError(
+            "give either GEOMETRY.toml, or --hull with --length-m and --diameter-m"
+        )
+    described = (
+        config.describe(geometry)
+        if geometry
+        else _start(out.stem, hull or "", tail, length_m, diameter_m)
+    )
     text = write(described)
     config.parse(text, str(out))
     try:
@@ -48,17 +70,27 @@ def new(
             file.write(text)
     except OSError as error:
         reason = "exists; give a new name" if isinstance(error, FileExistsError) else error.strerror
-        raise VehicleError(f"{out}: {reason}") from None
-    print(f"{out}: {len(described.steps)} numbers derived; ground vehicle check {out} tells how she flies")
+        raise VehicleFileError(f"{out}: {reason}") from None
+    print(
+        f"{out}: {len(described.steps)} numbers derived; ground vehicle check {out} tells how she"
+        " flies"
+    )
 
 
-def _start(name: str, hull: str, tail: str, length_m: float | None, diameter_m: float | None) -> config.Completed:
-    for option, value, known in (("--hull", hull, starter.Kind), ("--tail", tail, starter.Steering)):
+def _start(
+    name: str, hull: str, tail: str, length_m: float | None, diameter_m: float | None
+) -> config.Completed:
+    for option, value, known in (
+        ("--hull", hull, initial_geometry.Kind),
+        ("--tail", tail, initial_geometry.Steering),
+    ):
         if value not in get_args(known):
-            raise VehicleError(f"{option} {value}: expected {', '.join(get_args(known))}")
+            raise VehicleFileError(f"{option} {value}: expected {', '.join(get_args(known))}")
     if length_m is None or diameter_m is None or not 0.0 < diameter_m < length_m:
-        raise VehicleError(f"--length-m {length_m} --diameter-m {diameter_m}: expected both, longer than wide")
-    tables = starter.starter(name, hull, tail, length_m, diameter_m)  # type: ignore[arg-type]
+        raise VehicleFileError(
+            f"--length-m {length_m} --diameter-m {diameter_m}: expected both, longer than wide"
+        )
+    tables = initial_geometry.starter(name, hull, tail, length_m, diameter_m)  # type: ignore[arg-type]
     return config.finish(tables, name)
 
 
@@ -71,7 +103,7 @@ def _as_json(value: object) -> object:
     return None if isinstance(value, float) and abs(value) == float("inf") else value
 
 
-def _leave(problem: object) -> NoReturn:
+def _exit_with_error(problem: object) -> NoReturn:
     print(f"vehicle: {problem}", file=sys.stderr)
     raise SystemExit(BAD_INPUT)
 
@@ -80,8 +112,8 @@ def main() -> None:
     """The command line."""
     try:
         app()
-    except VehicleError as error:
-        _leave(error)
+    except VehicleFileError as error:
+        _exit_with_error(error)
 
 
 if __name__ == "__main__":

@@ -1,26 +1,27 @@
 """What bounds the water: ice or the surface above, the sea floor below. FLU axes.
 
-Ice and floor push where nose or tail touch them, and rub. They and the surface draw a hull that moves along them
-(``walls``). The surface is such a wall as long as waves of the hull's own making are short against its depth: gravity
-holds it flat. A dipole under a surface feels, against one under a rigid lid, 1.1 of its pull at a Froude number
-U / sqrt(g h) of 0.2 and 1.3 at 0.3, then up to 3 times and from 0.85 on a push (Havelock's reflection
-(k_0 + k)/(k_0 - k) with k_0 = g / U^2 sec^2, integrated). Here it counts once up to 0.5 and no more from 0.85 on.
+Ice and floor push where nose or tail touch them, and rub. They and the surface draw a hull that
+moves along them (``walls``). The surface is such a wall as long as waves of the hull's own making
+are short against its depth: gravity holds it flat. A dipole under a surface feels, against one
+under a rigid lid, 1.1 of its pull at a Froude number U / sqrt(g h) of 0.2 and 1.3 at 0.3, then up
+to 3 times and from 0.85 on a push (Havelock's reflection (k_0 + k)/(k_0 - k) with k_0 = g / U^2
+sec^2, integrated). Here it counts once up to 0.5 and no more from 0.85 on.
 
-No boundary gives energy: contact is a damped spring that never pulls, rubbing opposes motion, and what the pull of a
-wall does in drawing the hull closer is taken from her way.
-"""
+No boundary gives energy: contact is a damped spring that never pulls, rubbing opposes motion, and
+what the pull of a wall does in drawing the hull closer is taken from her way."""
 
 from __future__ import annotations
 
 from math import sqrt
 
 from sitl.vehicle import restoring
-from sitl.vehicle.kernel import Vector, Vector3, Wrench, kernel
+from sitl.vehicle.jit import Vector, Vector3, Wrench, kernel
 from sitl.vehicle.model import Hydrostatics, Walls
 from sitl.vehicle.water import Water
 
 CONTACT_STIFFNESS_PER_S2 = 100.0
-"""Of each end of the hull, per kilogram of vehicle: ten radians a second, stiff to a vehicle and slow to a step."""
+"""Of each end of the hull, per kilogram of vehicle: ten radians a second, stiff to a vehicle and
+slow to a step."""
 CONTACT_DAMPING_PER_S = 10.0
 FRICTION = 0.2
 """Of wet hull on ice or sediment; assumed."""
@@ -29,13 +30,21 @@ CREEP_MPS = 0.02
 STIFF_FROUDE, SOFT_FROUDE = 0.5, 0.85
 """On depth: up to the first the surface is a wall, from the second on it is none."""
 
-Rows = tuple[Vector3, Vector3, Vector3]
+RotationRows = tuple[Vector3, Vector3, Vector3]
 """R, body FLU to NWU, row by row."""
 
 
 @kernel
-def wrench(state: Vector, rows: Rows, nu_r: Wrench, water: Water, hydrostatics: Hydrostatics, walls: Walls) -> Wrench:
-    """Contact and pull of floor, ice and surface, N and N m about the origin; ``nu_r`` is velocity through it."""
+def wrench(
+    state: Vector,
+    rows: RotationRows,
+    nu_r: Wrench,
+    water: Water,
+    hydrostatics: Hydrostatics,
+    walls: Walls,
+) -> Wrench:
+    """Contact and pull of floor, ice and surface, N and N m about the origin; ``nu_r`` is velocity
+    through it."""
     up = rows[2]
     lid = min(water.ceiling_m, water.surface_m) - state[2]
     ground = (state[2] - water.floor_m) * water.floor_normal[2]
@@ -52,12 +61,17 @@ def wrench(state: Vector, rows: Rows, nu_r: Wrench, water: Water, hydrostatics: 
     if water.surface_m <= water.ceiling_m:
         share = _stiffness(nu_r[0], lid, hydrostatics)
     X = Y = Z = M = N = 0.0
-    # One body of code for both sides: written out twice the step outgrows the compiler and costs two and a half times.
+    # One body of code for both sides: written out twice the step outgrows the compiler and costs
+    # two and a half times.
     for side in range(2):
         above = side == 0
         normal = down if above else floor
-        touch = _contact(state, normal, water.ceiling_m - state[2] if above else ground, hydrostatics)
-        pull = _pull(nu_r, normal, lid if above else ground, share if above else 1.0, walls, hydrostatics)
+        touch = _contact(
+            state, normal, water.ceiling_m - state[2] if above else ground, hydrostatics
+        )
+        pull = _suction(
+            nu_r, normal, lid if above else ground, share if above else 1.0, walls, hydrostatics
+        )
         X += touch[0] + pull[0]
         Y += touch[1] + pull[1]
         Z += touch[2] + pull[2]
@@ -76,8 +90,11 @@ def _stiffness(u: float, depth_m: float, hydrostatics: Hydrostatics) -> float:
 
 
 @kernel
-def _contact(state: Vector, normal: Vector3, distance_m: float, hydrostatics: Hydrostatics) -> Wrench:
-    """Push and rubbing of a wall ``distance_m`` from the origin on nose and tail, rounded with the hull's radius.
+def _contact(
+    state: Vector, normal: Vector3, distance_m: float, hydrostatics: Hydrostatics
+) -> Wrench:
+    """Push and rubbing of a wall ``distance_m`` from the origin on nose and tail, rounded with the
+    hull's radius.
 
     ``normal`` points out of the wall, body axes.
     """
@@ -92,7 +109,9 @@ def _contact(state: Vector, normal: Vector3, distance_m: float, hydrostatics: Hy
             if into > 0.0:
                 u, v, w = state[7], state[8] + x * state[12], state[9] - x * state[11]
                 leaving = nx * u + ny * v + nz * w
-                push = half_kg * max(0.0, CONTACT_STIFFNESS_PER_S2 * into - CONTACT_DAMPING_PER_S * leaving)
+                push = half_kg * max(
+                    0.0, CONTACT_STIFFNESS_PER_S2 * into - CONTACT_DAMPING_PER_S * leaving
+                )
                 u, v, w = u - leaving * nx, v - leaving * ny, w - leaving * nz
                 rub = FRICTION * push / sqrt(u * u + v * v + w * w + CREEP_MPS * CREEP_MPS)
                 fy, fz = push * ny - rub * v, push * nz - rub * w
@@ -105,8 +124,13 @@ def _contact(state: Vector, normal: Vector3, distance_m: float, hydrostatics: Hy
 
 
 @kernel
-def _pull(
-    nu_r: Wrench, normal: Vector3, distance_m: float, share: float, walls: Walls, hydrostatics: Hydrostatics
+def _suction(
+    nu_r: Wrench,
+    normal: Vector3,
+    distance_m: float,
+    share: float,
+    walls: Walls,
+    hydrostatics: Hydrostatics,
 ) -> Wrench:
     """What draws a moving hull to a wall, less what it costs her way; work-free to rounding."""
     if distance_m >= walls.far_m or share == 0.0:

@@ -1,4 +1,5 @@
-"""Whether a vehicle can be built, and how she will lie, fly and swing: what to know before wetting her."""
+"""Whether a vehicle can be built, and how she will lie, fly and swing: what to know before wetting
+her."""
 
 from __future__ import annotations
 
@@ -8,19 +9,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sitl.vehicle import calibrate, dynamics, hull
+from sitl.vehicle import build_model, dynamics, hull
 from sitl.vehicle import config as files
-from sitl.vehicle.kernel import Vector
+from sitl.vehicle.file_schema import VehicleConfig, VehicleFileError
+from sitl.vehicle.jit import Vector
 from sitl.vehicle.linearise import DEPTH_M, Plane, linearise
-from sitl.vehicle.model import Inertia, Model
-from sitl.vehicle.schema import VehicleConfig, VehicleError
+from sitl.vehicle.model import Inertia, VehicleModel
 from sitl.vehicle.water import STILL
 
 TRIANGLE_SLACK = 1e-9
 STEP = 1e-6
 
 
-class Mode(NamedTuple):
+class PoleMode(NamedTuple):
     """A pole of a linear plane at the operating point."""
 
     real_radps: float
@@ -35,13 +36,15 @@ class PlaneReport(NamedTuple):
     states: tuple[str, ...]
     A: list[list[float]]
     B: list[float]
-    poles: list[Mode]
+    poles: list[PoleMode]
     moment_hull_nm: float
-    """Moment per radian of incidence that turns the hull across the flow (Munk's, less its lift's)."""
+    """Moment per radian of incidence that turns the hull across the flow (Munk's, less its
+    lift's)."""
     moment_tail_nm: float
     """The same of the tail, which turns it back."""
     straight_line_index: float
-    """1 - N_v (Y_r - m U)/(Y_v (N_r - m x U)), and its twin: positive where a straight course is stable by itself."""
+    """1 - N_v (Y_r - m U)/(Y_v (N_r - m x U)), and its twin: positive where a straight course is
+    stable by itself."""
 
 
 class Report(NamedTuple):
@@ -72,46 +75,57 @@ class Report(NamedTuple):
 
 
 def check(name_or_path: str | Path) -> Report:
-    """Everything there is to know about a vehicle file. Raises ``VehicleError`` for a vehicle that cannot be."""
+    """Everything there is to know about a vehicle file. Raises ``VehicleFileError`` for a vehicle
+    that cannot be."""
     config = files.load(name_or_path)
-    model = calibrate.build(config, str(name_or_path))
-    warnings = refuse_impossible(config, model, str(name_or_path))
+    model = build_model.build(config, str(name_or_path))
+    warnings = check_consistency(config, model, str(name_or_path))
     point = config.operating_point
     level_rad = level_flight(model, point.speed_mps, point.thrust_fraction)
     if level_rad is None:
-        raise VehicleError(
-            f"{name_or_path}: operating_point.speed_mps = {point.speed_mps:g}: expected a speed at which she can fly "
-            f"level with a net buoyancy of {model.hydrostatics.buoyancy_n - model.hydrostatics.weight_n:.3g} N"
+        raise VehicleFileError(
+            f"{name_or_path}: operating_point.speed_mps = {point.speed_mps:g}: expected a speed at"
+            " which she can fly level with a net buoyancy of"
+            f" {model.hydrostatics.buoyancy_n - model.hydrostatics.weight_n:.3g} N"
         )
     return _report(config, model, level_rad, warnings)
 
 
-def refuse_impossible(config: VehicleConfig, model: Model, source: str) -> list[str]:
-    """Warnings about what is odd. Raises ``VehicleError`` for what no vehicle can be."""
+def check_consistency(config: VehicleConfig, model: VehicleModel, source: str) -> list[str]:
+    """Warnings about what is odd. Raises ``VehicleFileError`` for what no vehicle can be."""
     h, length = model.hydrostatics, hull.length_m(config.hull)
     if h.z_cm_m >= h.z_cb_m:
-        raise VehicleError(
+        raise VehicleFileError(
             f"{source}: linear.z_CM_m = {h.z_cm_m:.4g}: expected below the centre of buoyancy, "
             f"ballast.z_cb_m = {h.z_cb_m:.4g}; she would roll over"
         )
     for name, x, z in (("x_cm_m", h.x_cm_m, h.z_cm_m), ("x_cb_m", h.x_cb_m, h.z_cb_m)):
         radius = float(hull.radius_m(config.hull, np.array(x)))
         if abs(z) >= radius:
-            raise VehicleError(f"{source}: ballast.{name} = {x:.4g}, z {z:.4g}: expected inside the hull")
+            raise VehicleFileError(
+                f"{source}: ballast.{name} = {x:.4g}, z {z:.4g}: expected inside the hull"
+            )
     moments = principal_inertia(model.inertia)
     beyond = moments[2] / (moments[0] + moments[1]) - 1
     warnings = []
     if beyond > TRIANGLE_SLACK:
-        words = f"I = {moments[0]:.4g}, {moments[1]:.4g}, {moments[2]:.4g} kg m2 about the centre of mass"
+        words = (
+            f"I = {moments[0]:.4g}, {moments[1]:.4g}, {moments[2]:.4g} kg m2 about the centre of"
+            " mass"
+        )
         if not config.effective:
-            raise VehicleError(
-                f"{source}: linear.I_yy_kgm2 and I_zz_kgm2: {words}: expected none above the sum of the other two, "
-                "or effective = true where they were identified so"
+            raise VehicleFileError(
+                f"{source}: linear.I_yy_kgm2 and I_zz_kgm2: {words}: expected none above the sum of"
+                " the other two, or effective = true where they were identified so"
             )
         warnings.append(f"effective coefficients: {words}, which no body has")
-    displaced_n = config.water.density_kgpm3 * hull.integrals(config.hull).volume_m3 * h.gravity_mps2
+    displaced_n = (
+        config.water.density_kgpm3 * hull.integrals(config.hull).volume_m3 * h.gravity_mps2
+    )
     if abs(h.buoyancy_n / displaced_n - 1) > 0.02:
-        warnings.append(f"buoyancy is {h.buoyancy_n:.0f} N, and the hull displaces {displaced_n:.0f} N")
+        warnings.append(
+            f"buoyancy is {h.buoyancy_n:.0f} N, and the hull displaces {displaced_n:.0f} N"
+        )
     if h.buoyancy_n < h.weight_n:
         warnings.append(f"she sinks: {h.weight_n - h.buoyancy_n:.3g} N heavier than water")
     if length / config.hull.diameter_m < 4:
@@ -128,19 +142,30 @@ def principal_inertia(inertia: Inertia) -> Vector:
     return np.asarray(np.linalg.eigvalsh(about_origin - m * (r @ r * np.eye(3) - np.outer(r, r))))
 
 
-def _report(config: VehicleConfig, model: Model, level_rad: tuple[float, float], warnings: list[str]) -> Report:
+def _report(
+    config: VehicleConfig, model: VehicleModel, level_rad: tuple[float, float], warnings: list[str]
+) -> Report:
     h, U = model.hydrostatics, config.operating_point.speed_mps
     righting = h.z_cb_m - h.z_cm_m
     pitch, elevator = level_rad
     if abs(degrees(elevator)) > config.tailcone.travel_deg:
-        warnings = [*warnings, f"level flight asks for {degrees(elevator):.0f} deg of elevator, beyond its travel"]
+        warnings = [
+            *warnings,
+            f"level flight asks for {degrees(elevator):.0f} deg of elevator, beyond its travel",
+        ]
     stiffness = h.weight_n * righting
     roll = sqrt(stiffness / model.inertia.M[3, 3])
     planes = linearise(model, U)
-    yaw, nod = _plane(planes.yaw, ("v", "r", "psi"), model, U), _plane(planes.pitch, _PITCH, model, U)
+    yaw, nod = (
+        _plane(planes.yaw, ("v", "r", "psi"), model, U),
+        _plane(planes.pitch, _PITCH, model, U),
+    )
     for name, plane in (("yaw", yaw), ("pitch", nod)):
         if plane.straight_line_index < 0:
-            warnings = [*warnings, f"no straight course by itself in {name}: the loops must hold it"]
+            warnings = [
+                *warnings,
+                f"no straight course by itself in {name}: the loops must hold it",
+            ]
     return Report(
         name=config.name,
         length_m=hull.length_m(config.hull),
@@ -165,9 +190,12 @@ def _report(config: VehicleConfig, model: Model, level_rad: tuple[float, float],
 _PITCH = ("w", "q", "theta", "depth")
 
 
-def _plane(plane: Plane, states: tuple[str, ...], model: Model, U: float) -> PlaneReport:
+def _plane(plane: Plane, states: tuple[str, ...], model: VehicleModel, U: float) -> PlaneReport:
     F, sign = plane.F, 1 if states[0] == "v" else -1
-    A_u, A_v = model.inertia.M_A[0, 0], model.inertia.M_A[1 if sign > 0 else 2, 1 if sign > 0 else 2]
+    A_u, A_v = (
+        model.inertia.M_A[0, 0],
+        model.inertia.M_A[1 if sign > 0 else 2, 1 if sign > 0 else 2],
+    )
     lift = model.hull.N_uv_kg if sign > 0 else -model.hull.M_uw_kg
     body = U**2 * (lift - (A_v - A_u))
     whole = sign * F[1, 0] * U
@@ -175,18 +203,23 @@ def _plane(plane: Plane, states: tuple[str, ...], model: Model, U: float) -> Pla
         states=states,
         A=plane.A.tolist(),
         B=plane.B[:, 0].tolist(),
-        poles=[_mode(complex(pole)) for pole in sorted(np.linalg.eigvals(plane.A), key=abs, reverse=True)],
+        poles=[
+            _mode(complex(pole))
+            for pole in sorted(np.linalg.eigvals(plane.A), key=abs, reverse=True)
+        ],
         moment_hull_nm=-body,
         moment_tail_nm=whole - body,
         straight_line_index=float(1 - F[1, 0] * F[0, 1] / (F[0, 0] * F[1, 1])),
     )
 
 
-def _mode(pole: complex) -> Mode:
-    return Mode(pole.real, pole.imag, -1 / pole.real if abs(pole.real) > 1e-9 else inf)
+def _mode(pole: complex) -> PoleMode:
+    return PoleMode(pole.real, pole.imag, -1 / pole.real if abs(pole.real) > 1e-9 else inf)
 
 
-def _accelerations(model: Model, nu: Vector, theta_rad: float, elevator_rad: float, shaft_rps: float) -> Vector:
+def _accelerations(
+    model: VehicleModel, nu: Vector, theta_rad: float, elevator_rad: float, shaft_rps: float
+) -> Vector:
     """nu' deep in still water at pitch ``theta_rad``, positive nose down."""
     state, rate = dynamics.state_at_rest(-DEPTH_M), np.empty(dynamics.STATE_SIZE)
     state[3], state[5] = cos(theta_rad / 2), sin(theta_rad / 2)
@@ -195,17 +228,24 @@ def _accelerations(model: Model, nu: Vector, theta_rad: float, elevator_rad: flo
     return rate[dynamics.NU]
 
 
-def level_flight(model: Model, speed_mps: float, thrust_fraction: float) -> tuple[float, float] | None:
-    """(pitch nose up, elevator) in radians of level flight at constant depth, by Newton's method; None without one."""
+def level_flight(
+    model: VehicleModel, speed_mps: float, thrust_fraction: float
+) -> tuple[float, float] | None:
+    """(pitch nose up, elevator) in radians of level flight at constant depth, by Newton's method;
+    None without one."""
 
     def unbalanced(x: Vector) -> Vector:
         theta, elevator = -float(x[0]), float(x[1])
         nu = np.array([speed_mps * cos(theta), 0.0, speed_mps * sin(theta), 0.0, 0.0, 0.0])
-        return _accelerations(model, nu, theta, elevator, thrust_fraction * model.propeller.full_rps)[[2, 4]]
+        return _accelerations(
+            model, nu, theta, elevator, thrust_fraction * model.propeller.full_rps
+        )[[2, 4]]
 
     x = np.zeros(2)
     for _ in range(20):
-        slopes = np.column_stack([unbalanced(x + STEP * e) - unbalanced(x - STEP * e) for e in np.eye(2)]) / (2 * STEP)
+        slopes = np.column_stack(
+            [unbalanced(x + STEP * e) - unbalanced(x - STEP * e) for e in np.eye(2)]
+        ) / (2 * STEP)
         try:
             step = np.linalg.solve(slopes, unbalanced(x))
         except np.linalg.LinAlgError:
@@ -215,7 +255,7 @@ def level_flight(model: Model, speed_mps: float, thrust_fraction: float) -> tupl
     return (float(x[0]), float(x[1])) if found else None
 
 
-def top_speed_mps(model: Model) -> float:
+def top_speed_mps(model: VehicleModel) -> float:
     """Steady straight speed at 100 % thrust, by bisection."""
     low, high = 0.0, 30.0
     for _ in range(60):
@@ -226,36 +266,54 @@ def top_speed_mps(model: Model) -> float:
     return (low + high) / 2
 
 
-def _roll_damping_nms(model: Model, speed_mps: float) -> float:
+def _roll_damping_nms(model: VehicleModel, speed_mps: float) -> float:
     """-dK/dp in straight flight."""
     rolling = [np.array([speed_mps, 0.0, 0.0, p, 0.0, 0.0]) for p in (STEP, -STEP)]
     ahead, behind = (_accelerations(model, nu, 0.0, 0.0, 0.0) for nu in rolling)
     return float(-(model.inertia.M @ (ahead - behind))[3] / (2 * STEP))
 
 
-def in_words(found: Report) -> str:
+def format_text(found: Report) -> str:
     """The report for people."""
     lines = [
-        f"{found.name}: {found.length_m:.3f} m, {found.mass_kg:.4g} kg, {found.net_buoyancy_n:+.3g} N net buoyancy",
-        f"floats at    pitch {found.float_pitch_deg:+.2f} deg, heel {found.float_heel_deg:+.2f} deg",
-        f"flies level  at {found.speed_mps:.3g} m/s with pitch {found.level_pitch_deg:+.2f} deg, "
-        f"elevator {found.level_elevator_deg:+.2f} deg; {found.full_speed_mps:.2f} m/s at 100 % thrust",
-        f"roll         period {found.roll_period_s:.2f} s, damping ratio {found.roll_damping:.2f} at rest, "
-        f"{found.roll_damping_under_way:.2f} under way",
+        (
+            f"{found.name}: {found.length_m:.3f} m, {found.mass_kg:.4g} kg,"
+            f" {found.net_buoyancy_n:+.3g} N net buoyancy"
+        ),
+        (
+            f"floats at    pitch {found.float_pitch_deg:+.2f} deg, heel"
+            f" {found.float_heel_deg:+.2f} deg"
+        ),
+        (
+            f"flies level  at {found.speed_mps:.3g} m/s with pitch {found.level_pitch_deg:+.2f}"
+            f" deg, elevator {found.level_elevator_deg:+.2f} deg; {found.full_speed_mps:.2f} m/s at"
+            " 100 % thrust"
+        ),
+        (
+            f"roll         period {found.roll_period_s:.2f} s, damping ratio"
+            f" {found.roll_damping:.2f} at rest, {found.roll_damping_under_way:.2f} under way"
+        ),
         f"pitch        period {found.pitch_period_s:.2f} s at rest",
     ]
     for name, plane in (("yaw", found.yaw), ("pitch", found.pitch)):
-        poles = ", ".join(_spell(mode) for mode in plane.poles)
+        poles = ", ".join(_format_mode(mode) for mode in plane.poles)
         lines += [
             "",
-            f"{name} plane at {found.speed_mps:.3g} m/s; x' = A x + B {'rudder' if name == 'yaw' else 'elevator'}, "
-            f"x = ({', '.join(plane.states)}), SI units and radians, axes forward, port, up",
+            (
+                f"{name} plane at {found.speed_mps:.3g} m/s; x' = A x + B"
+                f" {'rudder' if name == 'yaw' else 'elevator'}, x = ({', '.join(plane.states)}), SI"
+                " units and radians, axes forward, port, up"
+            ),
             *(f"  A {_row(row)}   B {b:10.5g}" for row, b in zip(plane.A, plane.B, strict=True)),
             f"  poles, rad/s (time constant, s): {poles}",
-            f"  moment per radian of incidence, N m: hull {plane.moment_hull_nm:+.4g} turning away, "
-            f"tail {plane.moment_tail_nm:+.4g} turning back",
-            f"  straight-line stability index {plane.straight_line_index:+.3f} "
-            f"({'stable' if plane.straight_line_index > 0 else 'unstable'} by itself)",
+            (
+                f"  moment per radian of incidence, N m: hull {plane.moment_hull_nm:+.4g} turning"
+                f" away, tail {plane.moment_tail_nm:+.4g} turning back"
+            ),
+            (
+                f"  straight-line stability index {plane.straight_line_index:+.3f} "
+                f"({'stable' if plane.straight_line_index > 0 else 'unstable'} by itself)"
+            ),
         ]
     return "\n".join([*lines, *(f"warning: {text}" for text in found.warnings)])
 
@@ -264,6 +322,10 @@ def _row(row: list[float]) -> str:
     return " ".join(f"{value:10.5g}" for value in row)
 
 
-def _spell(mode: Mode) -> str:
-    oscillating = f" {'+' if mode.imag_radps > 0 else '-'} {abs(mode.imag_radps):.3g}i" if mode.imag_radps else ""
+def _format_mode(mode: PoleMode) -> str:
+    oscillating = (
+        f" {'+' if mode.imag_radps > 0 else '-'} {abs(mode.imag_radps):.3g}i"
+        if mode.imag_radps
+        else ""
+    )
     return f"{mode.real_radps:.3g}{oscillating} ({mode.time_constant_s:.3g})"

@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from sitl.vehicle import complete, hull, strict_toml
-from sitl.vehicle.complete import Completed
+from sitl.vehicle import fill_missing, hull, toml_io
 from sitl.vehicle.description import Description
-from sitl.vehicle.schema import (
+from sitl.vehicle.file_schema import (
     Ballast,
     Coefficients,
     Cylinder,
@@ -20,14 +19,15 @@ from sitl.vehicle.schema import (
     Myring,
     OperatingPoint,
     Power,
-    Profile,
+    ProfileHull,
     PropellerCurve,
     Series58,
     Tailcone,
     VehicleConfig,
-    VehicleError,
-    Water,
+    VehicleFileError,
+    WaterProperties,
 )
+from sitl.vehicle.fill_missing import Completed
 
 __all__ = [
     "SHIPPED",
@@ -43,45 +43,49 @@ __all__ = [
     "Myring",
     "OperatingPoint",
     "Power",
-    "Profile",
+    "ProfileHull",
     "PropellerCurve",
     "Series58",
     "Tailcone",
     "VehicleConfig",
-    "VehicleError",
-    "Water",
+    "VehicleFileError",
+    "WaterProperties",
     "describe",
     "finish",
     "load",
     "parse",
-]  # fmt: skip
+]
 
-SHIPPED = ("bench", "field", "remus100", "xfin")
+SHIPPED = ("caribou_nominal", "caribou_truth", "remus100", "xfin_auv")
 """Vehicles that need no path."""
 
 
 def load(name_or_path: str | Path) -> VehicleConfig:
     """Read a shipped vehicle by name, or a vehicle file by path.
 
-    Raises ``VehicleError`` for a missing file, bad TOML, an unknown or missing key, or a value out of range.
-    """
+    Raises ``VehicleFileError`` for a missing file, bad TOML, an unknown or missing key, or a value
+    out of range."""
     source, text, folder = _read(name_or_path)
     return parse(text, source, folder)
 
 
 def describe(name_or_path: str | Path) -> Completed:
-    """The tables of the same file with what it leaves out derived, each with its formula. Raises ``VehicleError``."""
+    """The tables of the same file with what it leaves out derived, each with its formula. Raises
+    ``VehicleFileError``."""
     source, text, folder = _read(name_or_path)
     return _complete(text, source, folder)
 
 
 def parse(text: str, source: str, folder: Path | None = None) -> VehicleConfig:
-    """Decode a vehicle file's ``text``; ``source`` names it in errors, ``folder`` holds its profile, if it has one.
+    """Decode a vehicle file's ``text``; ``source`` names it in errors, ``folder`` holds its
+    profile, if it has one.
 
-    Raises ``VehicleError``.
+    Raises ``VehicleFileError``.
     """
-    config = strict_toml.convert(_complete(text, source, folder).tables, VehicleConfig, source, VehicleError)
-    _refuse_contradictions(config, source)
+    config = toml_io.convert(
+        _complete(text, source, folder).tables, VehicleConfig, source, VehicleFileError
+    )
+    _check_consistency(config, source)
     return config
 
 
@@ -94,23 +98,27 @@ def _read(name_or_path: str | Path) -> tuple[str, str, Path]:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         names = f"{', '.join(SHIPPED[:-1])} or {SHIPPED[-1]}"
-        raise VehicleError(f"{path}: cannot be read ({reason}); give {names}, or a TOML file") from None
+        raise VehicleFileError(
+            f"{path}: cannot be read ({reason}); give {names}, or a TOML file"
+        ) from None
     return (path.name if shipped else str(path)), text, path.parent
 
 
 def _complete(text: str, source: str, folder: Path | None) -> Completed:
-    return finish(strict_toml.read(text, source, VehicleError), source, folder)
+    return finish(toml_io.read(text, source, VehicleFileError), source, folder)
 
 
 def finish(tables: dict[str, Any], source: str, folder: Path | None = None) -> Completed:
-    """``tables`` of a vehicle file, checked and completed. Raises ``VehicleError``."""
+    """``tables`` of a vehicle file, checked and completed. Raises ``VehicleFileError``."""
     if isinstance(shape := tables.get("hull"), dict):
         tables["hull"] = _with_points({"shape": "series58", **shape}, source, folder)
-    described: Any = strict_toml.convert(tables, Description, source, VehicleError)
-    _refuse_shape(described.hull, source)
+    described: Any = toml_io.convert(tables, Description, source, VehicleFileError)
+    _check_shape(described.hull, source)
     if "duct" not in tables and "fins" not in tables:
-        raise VehicleError(f"{source}: neither a table duct nor fins: expected one of them, to steer by")
-    return complete.complete(tables, described.hull)
+        raise VehicleFileError(
+            f"{source}: neither a table duct nor fins: expected one of them, to steer by"
+        )
+    return fill_missing.complete(tables, described.hull)
 
 
 def _with_points(shape: dict[str, Any], source: str, folder: Path | None) -> dict[str, Any]:
@@ -119,10 +127,14 @@ def _with_points(shape: dict[str, Any], source: str, folder: Path | None) -> dic
         return shape
     path = (folder or Path()) / name
     try:
-        rows = [line.split(",") for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        rows = [
+            line.split(",")
+            for line in path.read_text(encoding="utf-8").splitlines()
+            if line.strip()
+        ]
         points = [[float(cell) for cell in row] for row in rows[not _is_number(rows[0][0]) :]]
     except (OSError, UnicodeDecodeError, ValueError, IndexError) as error:
-        raise VehicleError(
+        raise VehicleFileError(
             f"{source}: hull.file = {name!r}: {getattr(error, 'strerror', None) or error}; "
             "expected a CSV file of distance from the nose and radius, in metres"
         ) from None
@@ -137,54 +149,73 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _refuse_shape(shape: HullGeometry, source: str) -> None:
+def _check_shape(shape: HullGeometry, source: str) -> None:
     """Hulls that no drawing could show."""
     match shape:
-        case Myring() if shape.nose_offset_m >= shape.nose_length_m or shape.tail_offset_m >= shape.tail_length_m:
-            raise VehicleError(f"{source}: hull.nose_offset_m and tail_offset_m: expected less than nose and tail")
+        case Myring() if (
+            shape.nose_offset_m >= shape.nose_length_m or shape.tail_offset_m >= shape.tail_length_m
+        ):
+            raise VehicleFileError(
+                f"{source}: hull.nose_offset_m and tail_offset_m: expected less than nose and tail"
+            )
         case Cylinder() if hull.outline(shape).middle_m < 0.0:
-            raise VehicleError(f"{source}: hull.length_m = {shape.length_m}: expected more than its two caps together")
-        case Profile() if not _ascends(shape):
-            raise VehicleError(f"{source}: hull.points_m: expected finite distances from the nose that grow, and width")
+            raise VehicleFileError(
+                f"{source}: hull.length_m = {shape.length_m}: expected more than its two caps"
+                " together"
+            )
+        case ProfileHull() if not _is_ascending(shape):
+            raise VehicleFileError(
+                f"{source}: hull.points_m: expected finite distances from the nose that grow, and"
+                " width"
+            )
     length = hull.length_m(shape)
     if length <= shape.diameter_m:
-        raise VehicleError(
-            f"{source}: hull: {length:.4g} m long and {shape.diameter_m:.4g} m wide: expected longer than wide"
+        raise VehicleFileError(
+            f"{source}: hull: {length:.4g} m long and {shape.diameter_m:.4g} m wide: expected"
+            " longer than wide"
         )
 
 
-def _ascends(shape: Profile) -> bool:
-    steps = [after[0] - before[0] for before, after in zip(shape.points_m[:-1], shape.points_m[1:], strict=True)]
-    return all(0.0 < step < float("inf") for step in steps) and 0.0 < shape.diameter_m < float("inf")
+def _is_ascending(shape: ProfileHull) -> bool:
+    steps = [
+        after[0] - before[0]
+        for before, after in zip(shape.points_m[:-1], shape.points_m[1:], strict=True)
+    ]
+    return all(0.0 < step < float("inf") for step in steps) and 0.0 < shape.diameter_m < float(
+        "inf"
+    )
 
 
-def _refuse_contradictions(config: VehicleConfig, source: str) -> None:
+def _check_consistency(config: VehicleConfig, source: str) -> None:
     """Values that are each in range but cannot stand together."""
     duct, fins, propeller, tail = config.duct, config.fins, config.propeller, config.tailcone
     if tail.lost_step_chance > 0.0 and tail.step_deg == 0.0:
-        raise VehicleError(
+        raise VehicleFileError(
             f"{source}: tailcone.lost_step_chance = {tail.lost_step_chance}: "
             "expected tailcone.step_deg above 0 with it, or there is no step to lose"
         )
     for name, wing in (("duct", duct), ("fins", fins)):
         if wing is not None and wing.separated_deg <= wing.stall_deg:
-            raise VehicleError(
+            raise VehicleFileError(
                 f"{source}: {name}.separated_deg = {wing.separated_deg}: "
                 f"expected more than {name}.stall_deg = {wing.stall_deg}"
             )
     if duct is not None and propeller.diameter_m >= duct.diameter_m:
-        raise VehicleError(
+        raise VehicleFileError(
             f"{source}: propeller.diameter_m = {propeller.diameter_m}: "
             f"expected less than duct.diameter_m = {duct.diameter_m}, it turns inside"
         )
     if fins is None and duct is not None and not duct.vectored:
-        raise VehicleError(f"{source}: duct.vectored = false: expected true, or fins to steer by")
+        raise VehicleFileError(
+            f"{source}: duct.vectored = false: expected true, or fins to steer by"
+        )
     if fins is not None and fins.x_m < -hull.length_m(config.hull) / 2 - fins.root_chord_m:
-        raise VehicleError(
+        raise VehicleFileError(
             f"{source}: fins.x_m = {fins.x_m}: expected on the hull, "
             f"which ends at {-hull.length_m(config.hull) / 2:.4g}"
         )
     if config.ballast.net_buoyancy_n <= -config.ballast.mass_kg * config.water.gravity_mps2:
-        raise VehicleError(
-            f"{source}: ballast.net_buoyancy_n = {config.ballast.net_buoyancy_n}: expected more than minus the weight"
+        raise VehicleFileError(
+            f"{source}: ballast.net_buoyancy_n = {config.ballast.net_buoyancy_n}: expected more"
+            " than minus the weight"
         )

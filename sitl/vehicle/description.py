@@ -1,4 +1,5 @@
-"""A vehicle file as it is written: the tables of ``schema``, nearly every key of which may be left out."""
+"""A vehicle file as it is written: the tables of ``schema``, nearly every key of which may be left
+out."""
 
 from __future__ import annotations
 
@@ -7,9 +8,9 @@ from typing import Any, get_args
 from msgspec import UNSET, UnsetType, defstruct
 from msgspec.structs import fields
 
-from sitl.vehicle.schema import DuctGeometry, FinGeometry, Table, VehicleConfig
+from sitl.vehicle.file_schema import DuctGeometry, FinGeometry, VehicleConfig, VehicleTable
 
-_GEOMETRY: dict[type[Table], tuple[str, ...]] = {
+_GEOMETRY: dict[type[VehicleTable], tuple[str, ...]] = {
     VehicleConfig: ("name", "hull"),
     DuctGeometry: ("diameter_m", "chord_m"),
     FinGeometry: ("layout", "span_m", "root_chord_m"),
@@ -17,11 +18,13 @@ _GEOMETRY: dict[type[Table], tuple[str, ...]] = {
 """What nothing else tells: a vehicle file may leave out every key but these."""
 
 
-def _described(kind: type[Table]) -> Any:
+def _with_optional_keys(kind: type[VehicleTable]) -> Any:
     """``kind`` as a vehicle file may give it, with what it can leave out."""
     needed = _GEOMETRY.get(kind, ())
     keys = [
-        (field.name, field.type) if field.name in needed else (field.name, _optional(field.type), UNSET)
+        (field.name, field.type)
+        if field.name in needed
+        else (field.name, _optional(field.type), UNSET)
         for field in fields(kind)
     ]
     return defstruct(kind.__name__, keys, frozen=True, forbid_unknown_fields=True, kw_only=True)
@@ -29,8 +32,8 @@ def _described(kind: type[Table]) -> Any:
 
 def _optional(annotation: Any) -> Any:
     kinds = (annotation, *get_args(annotation))
-    tables = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Table)]
-    return (_described(tables[0]) if tables else annotation) | UnsetType
+    tables = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, VehicleTable)]
+    return (_with_optional_keys(tables[0]) if tables else annotation) | UnsetType
 
 
-Description = _described(VehicleConfig)
+Description = _with_optional_keys(VehicleConfig)

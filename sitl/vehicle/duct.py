@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import atan2, cos, exp, log, pi, sin, sqrt
 
 from sitl.vehicle import wing
-from sitl.vehicle.kernel import Vector3, kernel
+from sitl.vehicle.jit import Vector3, kernel
 from sitl.vehicle.model import Duct
 
 SLOPE_SCALE_PER_RAD = 5.927
@@ -17,9 +17,8 @@ ASPECT_SCALE = 4.305
 def ring_wing_lift_slope_per_rad(aspect_ratio: float) -> float:
     """dC_L/dalpha of a ring wing of ``aspect_ratio`` = diameter / chord, per radian.
 
-    Van Dyke's form fitted by McEwen and Streitlien to Milewski's and the DSRV report's points, as printed in the paper
-    ("Tailcone"); the logarithm is natural.
-    """
+    Van Dyke's form fitted by McEwen and Streitlien to Milewski's and the DSRV report's points, as
+    printed in the paper ("Tailcone"); the logarithm is natural."""
     a = ASPECT_SCALE * aspect_ratio
     return SLOPE_SCALE_PER_RAD / (1 + 2 / a + 16 / (pi * a**2) * log(1 + pi * exp(-9 / 8) * a))
 
@@ -33,11 +32,12 @@ def ring_axis(rudder_rad: float, elevator_rad: float) -> Vector3:
 
 @kernel
 def force(velocity: Vector3, axis: Vector3, duct: Duct) -> Vector3:
-    """Lift and drag of the ring moving at ``velocity`` (m/s, through the water) with its axis along ``axis``, N.
+    """Lift and drag of the ring moving at ``velocity`` (m/s, through the water) with its axis along
+    ``axis``, N.
 
-    Lift is 1/2 rho A (C_L/sin alpha) V x (e x V), which is the paper's -L t3 without its unit vectors, undefined at
-    zero incidence. A ring moving backwards is a ring whose axis points the other way.
-    """
+    Lift is 1/2 rho A (C_L/sin alpha) V x (e x V), which is the paper's -L t3 without its unit
+    vectors, undefined at zero incidence. A ring moving backwards is a ring whose axis points the
+    other way."""
     vx, vy, vz = velocity
     ex, ey, ez = axis
     along = vx * ex + vy * ey + vz * ez

@@ -1,22 +1,23 @@
-"""All-moving fins round the tail, cruciform or X: each a plane wing that stands out from the hull axis. FLU axes."""
+"""All-moving fins round the tail, cruciform or X: each a plane wing that stands out from the hull
+axis. FLU axes."""
 
 from __future__ import annotations
 
 from math import atan2, cos, sin, sqrt
 
 from sitl.vehicle import wing
-from sitl.vehicle.kernel import Wrench, kernel
+from sitl.vehicle.jit import Wrench, kernel
 from sitl.vehicle.model import Fins
 
 
 @kernel
 def wrench(nu: Wrench, rudder_rad: float, elevator_rad: float, fins: Fins) -> Wrench:
-    """Lift and drag of all fins for the body moving at ``nu`` through the water, N and N m about the origin.
+    """Lift and drag of all fins for the body moving at ``nu`` through the water, N and N m about
+    the origin.
 
-    A fin turns about its span by its share of rudder and elevator, its leading edge towards (0, -span_z, span_y).
-    Lift acts across the flow met in the plane of chord and normal; flow along the span does nothing. A fin moving
-    backwards is a fin whose chord points the other way.
-    """
+    A fin turns about its span by its share of rudder and elevator, its leading edge towards (0,
+    -span_z, span_y). Lift acts across the flow met in the plane of chord and normal; flow along the
+    span does nothing. A fin moving backwards is a fin whose chord points the other way."""
     u, v, w, p, q, r = nu
     X = Y = Z = K = M = N = 0.0
     for i in range(fins.span_y.size):
@@ -32,7 +33,9 @@ def wrench(nu: Wrench, rudder_rad: float, elevator_rad: float, fins: Fins) -> Wr
         lift_over_sin, drag = wing.coefficients(atan2(abs(across), abs(chordwise)), fins.polar)
         # C_L V^2 = (C_L / sin alpha) V |across|: the sine's V cancels one of the speed's.
         speed = sqrt(chordwise * chordwise + across * across)
-        lift = fins.half_rho_area_kgpm * lift_over_sin * across * (1.0 if chordwise >= 0.0 else -1.0)
+        lift = (
+            fins.half_rho_area_kgpm * lift_over_sin * across * (1.0 if chordwise >= 0.0 else -1.0)
+        )
         resist = fins.half_rho_area_kgpm * drag * speed
         on_chord = lift * across - resist * chordwise
         on_normal = -lift * chordwise - resist * across

@@ -12,11 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sitl.vehicle.kernel import Vector
-from sitl.vehicle.schema import Cylinder, HullGeometry, Myring, Profile, Series58
+from sitl.vehicle.file_schema import Cylinder, HullGeometry, Myring, ProfileHull, Series58
+from sitl.vehicle.jit import Vector
 
 NODES_PER_SECTION = 64
-"""Gauss-Legendre nodes for nose, mid-body and tail; the profile squared is a polynomial, so volumes come out exact."""
+"""Gauss-Legendre nodes for nose, mid-body and tail; the profile squared is a polynomial, so volumes
+come out exact."""
 NODES_PER_FRUSTUM = 4
 """Exact for the polynomials of a straight-sided piece."""
 
@@ -47,19 +48,23 @@ def outline(hull: HullGeometry) -> Outline:
             return _myring_outline(hull)
         case Cylinder():
             return _cylinder_outline(hull)
-        case Profile():
+        case ProfileHull():
             return _profile_outline(hull)
 
 
-def series_58(nose_radius: float, tail_radius: float, prismatic: float, max_section: float) -> Vector:
-    """Coefficients a_1..a_6 of (R/D)^2 = sum a_k X^k, X = 0 at the nose and 1 at the tail; shape (6,).
+def series_58(
+    nose_radius: float, tail_radius: float, prismatic: float, max_section: float
+) -> Vector:
+    """Coefficients a_1..a_6 of (R/D)^2 = sum a_k X^k, X = 0 at the nose and 1 at the tail; shape
+    (6,).
 
-    Gertler (1950), DTMB report C-297: end radii r = R_end l/D^2, prismatic coefficient, and the place of the maximum
-    section fix the six coefficients.
-    """
+    Gertler (1950), DTMB report C-297: end radii r = R_end l/D^2, prismatic coefficient, and the
+    place of the maximum section fix the six coefficients."""
     k = np.arange(1, 7)
     m = max_section
-    conditions = np.array([np.eye(6)[0], k, np.ones(6), m**k, k * m ** (k - 1), 1 / (k + 1)], dtype=float)
+    conditions = np.array(
+        [np.eye(6)[0], k, np.ones(6), m**k, k * m ** (k - 1), 1 / (k + 1)], dtype=float
+    )
     values = np.array([2 * nose_radius, -2 * tail_radius, 0.0, 0.25, 0.0, prismatic / 4])
     return np.linalg.solve(conditions, values)
 
@@ -73,18 +78,30 @@ def _series_58_outline(hull: Series58) -> Outline:
         return np.asarray(hull.diameter_m * np.sqrt(np.maximum(squared, 0.0)))
 
     nose, tail = hull.max_section * hull.base_length_m, (1 - hull.max_section) * hull.base_length_m
-    return Outline((nose,), hull.midbody_length_m, (tail,), hull.base_length_m, radius, NODES_PER_SECTION)
+    return Outline(
+        (nose,), hull.midbody_length_m, (tail,), hull.base_length_m, radius, NODES_PER_SECTION
+    )
 
 
 def _myring_outline(hull: Myring) -> Outline:
-    """Myring (1976), "A theoretical study of body drag in subcritical axisymmetric flow"; nose and tail curves."""
+    """Myring (1976), "A theoretical study of body drag in subcritical axisymmetric flow"; nose and
+    tail curves."""
     a, c, d = hull.nose_length_m, hull.tail_length_m, hull.diameter_m
-    nose, tail, slope = a - hull.nose_offset_m, c - hull.tail_offset_m, tan(radians(hull.tail_angle_deg))
+    nose, tail, slope = (
+        a - hull.nose_offset_m,
+        c - hull.tail_offset_m,
+        tan(radians(hull.tail_angle_deg)),
+    )
 
     def radius(along_m: Vector) -> Vector:
-        to_shoulder, behind = np.clip((nose - along_m) / a, 0.0, 1.0), np.maximum(along_m - nose, 0.0)
+        to_shoulder, behind = (
+            np.clip((nose - along_m) / a, 0.0, 1.0),
+            np.maximum(along_m - nose, 0.0),
+        )
         rounded = d / 2 * (1 - to_shoulder**2) ** (1 / hull.nose_exponent)
-        pointed = d / 2 - (1.5 * d / c**2 - slope / c) * behind**2 + (d / c**3 - slope / c**2) * behind**3
+        pointed = (
+            d / 2 - (1.5 * d / c**2 - slope / c) * behind**2 + (d / c**3 - slope / c**2) * behind**3
+        )
         return np.where(along_m < nose, rounded, np.maximum(pointed, 0.0))
 
     middle = hull.mid_length_m + hull.midbody_length_m
@@ -98,14 +115,16 @@ def _cylinder_outline(hull: Cylinder) -> Outline:
 
     def radius(along_m: Vector) -> Vector:
         before, behind = nose - along_m, along_m - nose
-        reach = np.where(before > 0.0, before / (nose or 1.0), np.maximum(behind, 0.0) / (tail or 1.0))
+        reach = np.where(
+            before > 0.0, before / (nose or 1.0), np.maximum(behind, 0.0) / (tail or 1.0)
+        )
         return np.asarray(half * np.sqrt(np.maximum(1 - reach**2, 0.0)))
 
     middle = hull.length_m - nose - tail + hull.midbody_length_m
     return Outline((nose,), middle, (tail,), nose + tail, radius, NODES_PER_SECTION)
 
 
-def _profile_outline(hull: Profile) -> Outline:
+def _profile_outline(hull: ProfileHull) -> Outline:
     along, radii = np.array(hull.points_m).T
     pieces, widest = np.diff(along).tolist(), int(radii.argmax())
 
@@ -133,16 +152,22 @@ def radius_m(hull: HullGeometry, x_m: Vector) -> Vector:
 
 
 _gauss_legendre = cache(np.polynomial.legendre.leggauss)
-"""Nodes and weights on [-1, 1]: an eigenvalue problem that need not be solved for every vehicle anew."""
+"""Nodes and weights on [-1, 1]: an eigenvalue problem that need not be solved for every vehicle
+anew."""
 
 
 def quadrature(hull: HullGeometry, nodes: tuple[int, int, int]) -> tuple[Vector, Vector]:
-    """(abscissae x_m, weights in m) for integrals over the hull; ``nodes`` for nose, mid-body and tail, nose first."""
+    """(abscissae x_m, weights in m) for integrals over the hull; ``nodes`` for nose, mid-body and
+    tail, nose first."""
     whole = outline(hull)
-    return _quadrature(length_m(hull), (sum(whole.nose_m), whole.middle_m, sum(whole.tail_m)), nodes)
+    return _quadrature(
+        length_m(hull), (sum(whole.nose_m), whole.middle_m, sum(whole.tail_m)), nodes
+    )
 
 
-def _quadrature(length: float, pieces_m: tuple[float, ...], nodes: tuple[int, ...]) -> tuple[Vector, Vector]:
+def _quadrature(
+    length: float, pieces_m: tuple[float, ...], nodes: tuple[int, ...]
+) -> tuple[Vector, Vector]:
     """Gauss-Legendre on each piece, nose first."""
     ends = length / 2 - np.cumsum([0.0, *pieces_m])
     x, dx = [], []

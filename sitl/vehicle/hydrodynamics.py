@@ -1,19 +1,21 @@
-"""Forces of the water on the hull: drag along it, drag across it, and lift. FLU axes, speeds through the water."""
+"""Forces of the water on the hull: drag along it, drag across it, and lift. FLU axes, speeds
+through the water."""
 
 from __future__ import annotations
 
 from math import sqrt
 
-from sitl.vehicle.kernel import Wrench, kernel
+from sitl.vehicle.jit import Wrench, kernel
 from sitl.vehicle.model import Hull, Stations
 
 
 @kernel
 def crossflow_drag(v: float, w: float, q: float, r: float, stations: Stations) -> Wrench:
-    """Drag of each section in the cross flow it meets (strip theory; Hoerner 1965, ch. 3), N and N m.
+    """Drag of each section in the cross flow it meets (strip theory; Hoerner 1965, ch. 3), N and N
+    m.
 
-    The magnitude combines sway and heave, so the force turns with the vehicle: it knows no preferred roll angle.
-    """
+    The magnitude combines sway and heave, so the force turns with the vehicle: it knows no
+    preferred roll angle."""
     Y = Z = M = N = 0.0
     for i in range(stations.x_m.size):
         x = stations.x_m[i]
@@ -31,8 +33,8 @@ def crossflow_drag(v: float, w: float, q: float, r: float, stations: Stations) -
 def lift_and_drag(u: float, v: float, w: float, p: float, q: float, r: float, hull: Hull) -> Wrench:
     """Axial drag, hull lift and roll damping, N and N m.
 
-    A hull alike fore and aft must answer alike when it backs: with the sign of u, side force keeps its sign for v and
-    changes it for r, the moment the reverse. Hence |u| v, u r, u v and |u| r.
+    A hull alike fore and aft must answer alike when it backs: with the sign of u, side force keeps
+    its sign for v and changes it for r, the moment the reverse. Hence |u| v, u r, u v and |u| r.
     """
     speed = abs(u)
     return (
@@ -47,7 +49,8 @@ def lift_and_drag(u: float, v: float, w: float, p: float, q: float, r: float, hu
 
 @kernel
 def duct_interaction(pressure: float, rudder_rad: float, elevator_rad: float, hull: Hull) -> Wrench:
-    """What a turned duct does beyond the isolated ring wing: its effect on the flow round the tail, N and N m.
+    """What a turned duct does beyond the isolated ring wing: its effect on the flow round the tail,
+    N and N m.
 
     ``pressure`` is u|u| in m2/s2, less where the duct is out of the water.
     """

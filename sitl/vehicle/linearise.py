@@ -1,8 +1,7 @@
 """Linear yaw and pitch planes, differentiated from the nonlinear equations of motion.
 
-Only ``dynamics.derivative`` is used, never the formulas of the calibration: central differences in state and duct
-angles, and the response to unit disturbances for the mass matrix.
-"""
+Only ``dynamics.derivative`` is used, never the formulas of the calibration: central differences in
+state and duct angles, and the response to unit disturbances for the mass matrix."""
 
 from __future__ import annotations
 
@@ -12,12 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from sitl.vehicle import dynamics
-from sitl.vehicle.kernel import Vector
-from sitl.vehicle.model import Model
+from sitl.vehicle.jit import Vector
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import STILL
 
 STEP = 1e-8
-"""Half width of the differences: crossflow drag and the quadratic duct lift leave an error proportional to it."""
+"""Half width of the differences: crossflow drag and the quadratic duct lift leave an error
+proportional to it."""
 DEPTH_M = 100.0
 
 SURGE, SWAY, HEAVE, _, PITCH, YAW = range(6)
@@ -34,12 +34,11 @@ class Plane(NamedTuple):
     B: Vector
 
 
-class Linearisation(NamedTuple):
+class LinearPlanes(NamedTuple):
     """Planes in the paper's axes and Table 1's coefficients.
 
-    ``yaw``: states (v, r, psi), input rudder. ``pitch``: states (w, q, theta, depth), input elevator; theta positive
-    nose down, depth positive down. SI units and radians.
-    """
+    ``yaw``: states (v, r, psi), input rudder. ``pitch``: states (w, q, theta, depth), input
+    elevator; theta positive nose down, depth positive down. SI units and radians."""
 
     yaw: Plane
     pitch: Plane
@@ -47,31 +46,40 @@ class Linearisation(NamedTuple):
     """By the names of the vehicle file's ``linear`` table."""
 
 
-def linearise(model: Model, u_mps: float = 1.3, thrust_fraction: float | None = None) -> Linearisation:
-    """Linearise straight and level flight at ``u_mps``, deep, still water; ``thrust_fraction`` None balances drag.
+def linearise(
+    model: VehicleModel, u_mps: float = 1.3, thrust_fraction: float | None = None
+) -> LinearPlanes:
+    """Linearise straight and level flight at ``u_mps``, deep, still water; ``thrust_fraction`` None
+    balances drag.
 
     The operating point is the paper's: the few newtons of net buoyancy are left to the trim.
     """
-    shaft_rps = _balanced_rps(model, u_mps) if thrust_fraction is None else thrust_fraction * model.propeller.full_rps
+    shaft_rps = (
+        _balanced_rps(model, u_mps)
+        if thrust_fraction is None
+        else thrust_fraction * model.propeller.full_rps
+    )
     acceleration = _acceleration(model, u_mps, shaft_rps)
     M = _mass_matrix(acceleration)
     by_nu = np.column_stack([_slope_of(acceleration, nu=i) for i in range(6)])
     by_angle = np.column_stack([_slope_of(acceleration, turn=i) for i in range(3)])
     by_duct = np.column_stack([_slope_of(acceleration, duct=i) for i in range(2)])
     F, F_angle, G = M @ by_nu, M @ by_angle, M @ by_duct
-    return Linearisation(
+    return LinearPlanes(
         yaw=_yaw(M, F, G),
         pitch=_pitch(M, F, F_angle, G, u_mps),
         coefficients=_coefficients(model, M, F, F_angle, G, u_mps),
     )
 
 
-def _balanced_rps(model: Model, u_mps: float) -> float:
+def _balanced_rps(model: VehicleModel, u_mps: float) -> float:
     """Shaft speed whose thrust leaves no surge acceleration, by bisection on the full equations."""
     low, high = 0.0, 2 * model.propeller.full_rps * max(1.0, u_mps)
     for _ in range(80):
         middle = (low + high) / 2
-        surge = _acceleration(model, u_mps, middle)(np.zeros(6), np.zeros(3), np.zeros(2), np.zeros(6))[SURGE]
+        surge = _acceleration(model, u_mps, middle)(
+            np.zeros(6), np.zeros(3), np.zeros(2), np.zeros(6)
+        )[SURGE]
         low, high = (middle, high) if surge < 0 else (low, middle)
     return (low + high) / 2
 
@@ -79,8 +87,9 @@ def _balanced_rps(model: Model, u_mps: float) -> float:
 Acceleration = Callable[[Vector, Vector, Vector, Vector], Vector]
 
 
-def _acceleration(model: Model, u_mps: float, shaft_rps: float) -> Acceleration:
-    """nu' as a function of small departures in nu (6), rotation (3), duct angles (2), and of a disturbance (6)."""
+def _acceleration(model: VehicleModel, u_mps: float, shaft_rps: float) -> Acceleration:
+    """nu' as a function of small departures in nu (6), rotation (3), duct angles (2), and of a
+    disturbance (6)."""
 
     def nu_rate(nu: Vector, turn: Vector, duct: Vector, disturbance: Vector) -> Vector:
         state, rate = dynamics.state_at_rest(-DEPTH_M), np.empty(dynamics.STATE_SIZE)
@@ -94,7 +103,10 @@ def _acceleration(model: Model, u_mps: float, shaft_rps: float) -> Acceleration:
 
 
 def _slope_of(
-    acceleration: Acceleration, nu: int | None = None, turn: int | None = None, duct: int | None = None
+    acceleration: Acceleration,
+    nu: int | None = None,
+    turn: int | None = None,
+    duct: int | None = None,
 ) -> Vector:
     """Derivative of nu' by one component, shape (6,)."""
     d_nu, d_turn, d_duct = (_unit(size, i) * STEP for size, i in ((6, nu), (3, turn), (2, duct)))
@@ -114,11 +126,19 @@ def _mass_matrix(acceleration: Acceleration) -> Vector:
     """What resists a disturbance: the inverse of the accelerations to unit wrenches."""
     none = np.zeros(6), np.zeros(3), np.zeros(2)
     start = acceleration(*none, np.zeros(6))
-    return np.linalg.inv(np.column_stack([acceleration(*none, _unit(6, i)) - start for i in range(6)]))
+    return np.linalg.inv(
+        np.column_stack([acceleration(*none, _unit(6, i)) - start for i in range(6)])
+    )
 
 
 def _plane(M: Vector, F: Vector, G: Vector) -> Plane:
-    return Plane(M=M, F=F, G=G, A=np.asarray(np.linalg.solve(M, F), float), B=np.asarray(np.linalg.solve(M, G), float))
+    return Plane(
+        M=M,
+        F=F,
+        G=G,
+        A=np.asarray(np.linalg.solve(M, F), float),
+        B=np.asarray(np.linalg.solve(M, G), float),
+    )
 
 
 def _yaw(M: Vector, F: Vector, G: Vector) -> Plane:
@@ -145,8 +165,11 @@ def _pitch(M: Vector, F: Vector, F_angle: Vector, G: Vector, u_mps: float) -> Pl
     return _plane(mass, force, effect)
 
 
-def _coefficients(model: Model, M: Vector, F: Vector, F_angle: Vector, G: Vector, u_mps: float) -> dict[str, float]:
-    """Table 1's column. Motion does not show how I_zz - N_rdot splits; I is taken from the model's rigid body."""
+def _coefficients(
+    model: VehicleModel, M: Vector, F: Vector, F_angle: Vector, G: Vector, u_mps: float
+) -> dict[str, float]:
+    """Table 1's column. Motion does not show how I_zz - N_rdot splits; I is taken from the model's
+    rigid body."""
     body, m, h = model.inertia.M_RB, model.inertia.mass_kg, model.hydrostatics
     m_x_U = m * h.x_cm_m * u_mps
     table = {

@@ -1,15 +1,15 @@
 """The numbers the kernels run on, each symbol declared once with its unit.
 
-Axes are the paper's: body x forward, y port, z up (FLU), origin on the hull axis at mid-length; inertial x north, y
-west, z up (NWU). ``calibrate.build`` makes a ``Model`` from a vehicle file; nothing else should.
-"""
+Axes are the paper's: body x forward, y port, z up (FLU), origin on the hull axis at mid-length;
+inertial x north, y west, z up (NWU). ``calibrate.build`` makes a ``VehicleModel`` from a vehicle
+file; nothing else should."""
 
 from __future__ import annotations
 
 from math import inf
 from typing import NamedTuple
 
-from sitl.vehicle.kernel import Vector
+from sitl.vehicle.jit import Vector
 
 
 class Inertia(NamedTuple):
@@ -19,7 +19,8 @@ class Inertia(NamedTuple):
     M_RB: Vector
     """Rigid-body mass matrix about the origin, (6, 6), kg, kg m, kg m2."""
     M_A: Vector
-    """Added mass matrix, (6, 6); diagonal (-X_udot, -Y_vdot, -Z_wdot, -K_pdot, -M_qdot, -N_rdot)."""
+    """Added mass matrix, (6, 6); diagonal (-X_udot, -Y_vdot, -Z_wdot, -K_pdot, -M_qdot,
+    -N_rdot)."""
     M: Vector
     """M_RB + M_A."""
     M_inverse: Vector
@@ -39,7 +40,8 @@ class Stations(NamedTuple):
 
 
 class Hull(NamedTuple):
-    """Hull forces beside added mass; lift is what remains of Table 1 when added mass and duct are accounted for."""
+    """Hull forces beside added mass; lift is what remains of Table 1 when added mass and duct are
+    accounted for."""
 
     X_uu_kgpm: float
     """Axial drag is -X_uu u|u|."""
@@ -52,7 +54,8 @@ class Hull(NamedTuple):
     M_uw_kg: float
     M_uq_kgm: float
     Y_uudr_kgpm: float
-    """Duct and hull interaction: side force per u|u| and radian of rudder, beyond the isolated duct's."""
+    """Duct and hull interaction: side force per u|u| and radian of rudder, beyond the isolated
+    duct's."""
     N_uudr_kg: float
     Z_uude_kgpm: float
     M_uude_kg: float
@@ -89,7 +92,8 @@ class Duct(NamedTuple):
 
 
 class Fins(NamedTuple):
-    """Equal fins round the hull axis at one station; arrays of one entry a fin, empty where there are none."""
+    """Equal fins round the hull axis at one station; arrays of one entry a fin, empty where there
+    are none."""
 
     x_m: float
     out_m: float
@@ -101,7 +105,8 @@ class Fins(NamedTuple):
     """Direction of each fin's span, (0, span_y, span_z), a unit vector."""
     rudder: Vector
     elevator: Vector
-    """Turn of each fin, leading edge towards (0, -span_z, span_y), per radian of rudder and of elevator."""
+    """Turn of each fin, leading edge towards (0, -span_z, span_y), per radian of rudder and of
+    elevator."""
     travel_rad: float = inf
     """Where the sum of the two ends."""
 
@@ -145,7 +150,7 @@ class Walls(NamedTuple):
     """Moment of that force, forward positive, per u^2."""
 
 
-class Model(NamedTuple):
+class VehicleModel(NamedTuple):
     """A whole vehicle, ready to be stepped."""
 
     inertia: Inertia

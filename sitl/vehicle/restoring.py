@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from math import asin, pi, sqrt
 
-from sitl.vehicle.kernel import Vector3, Wrench, kernel
+from sitl.vehicle.jit import Vector3, Wrench, kernel
 from sitl.vehicle.model import Hydrostatics, Stations
 
 
 @kernel
 def immersion(z_up_m: float, radius_m: float) -> float:
-    """Fraction of a section under water, its axis ``z_up_m`` above the surface: a circular segment's area."""
+    """Fraction of a section under water, its axis ``z_up_m`` above the surface: a circular
+    segment's area."""
     y = -z_up_m / radius_m
     if y >= 1.0:
         return 1.0
@@ -20,8 +21,11 @@ def immersion(z_up_m: float, radius_m: float) -> float:
 
 
 @kernel
-def lost_buoyancy(z_m: float, climb: float, hydrostatics: Hydrostatics, stations: Stations) -> tuple[float, float]:
-    """(buoyancy lost in N, its first moment along x in N m) of the stations that stand out of the water.
+def lost_buoyancy(
+    z_m: float, climb: float, hydrostatics: Hydrostatics, stations: Stations
+) -> tuple[float, float]:
+    """(buoyancy lost in N, its first moment along x in N m) of the stations that stand out of the
+    water.
 
     ``z_m`` is the origin's height above the surface, ``climb`` what a metre forward adds to it.
     """
@@ -39,13 +43,18 @@ def lost_buoyancy(z_m: float, climb: float, hydrostatics: Hydrostatics, stations
 
 @kernel
 def wrench(
-    z_m: float, climb: float, up: Vector3, density_ratio: float, hydrostatics: Hydrostatics, stations: Stations
+    z_m: float,
+    climb: float,
+    up: Vector3,
+    density_ratio: float,
+    hydrostatics: Hydrostatics,
+    stations: Stations,
 ) -> Wrench:
     """Weight at the centre of mass and buoyancy at the centre of volume, N and N m.
 
-    Both act along ``up``, opposite to gravity as felt in the water's own frame: the inertial z axis in body axes, plus
-    the water's acceleration in units of g (Froude-Krylov force). ``z_m`` and ``climb`` as for ``lost_buoyancy``.
-    """
+    Both act along ``up``, opposite to gravity as felt in the water's own frame: the inertial z axis
+    in body axes, plus the water's acceleration in units of g (Froude-Krylov force). ``z_m`` and
+    ``climb`` as for ``lost_buoyancy``."""
     up_x, up_y, up_z = up
     h = hydrostatics
     lost, lost_moment = lost_buoyancy(z_m, climb, h, stations)

@@ -1,18 +1,19 @@
-"""The water about the hull, as the equations of motion need it: one value that the sea fills anew every tick."""
+"""The water about the hull, as the equations of motion need it: one value that the sea fills anew
+every tick."""
 
 from __future__ import annotations
 
 from math import inf
 from typing import NamedTuple
 
-from sitl.vehicle.kernel import Vector3
+from sitl.vehicle.jit import Vector3
 
 
 class Water(NamedTuple):
     """Water and its boundaries at the hull, NWU axes; held through a step of the integrator.
 
-    Along the hull the velocity is taken as linear: ``velocity_mps + x slope_per_s`` at x metres forward of the origin.
-    """
+    Along the hull the velocity is taken as linear: ``velocity_mps + x slope_per_s`` at x metres
+    forward of the origin."""
 
     velocity_mps: Vector3 = (0.0, 0.0, 0.0)
     acceleration_mps2: Vector3 = (0.0, 0.0, 0.0)

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from math import cos, sin
 
-from sitl.vehicle.kernel import kernel
+from sitl.vehicle.jit import kernel
 from sitl.vehicle.model import Polar
 
 
 @kernel
 def coefficients(alpha_rad: float, polar: Polar) -> tuple[float, float]:
-    """(C_L / sin alpha, C_D) at incidence 0 <= alpha <= pi/2; both finite and continuous throughout.
+    """(C_L / sin alpha, C_D) at incidence 0 <= alpha <= pi/2; both finite and continuous
+    throughout.
 
-    Attached: C_L = a alpha + C_Dc alpha^2, C_D = C_do + C_L^2/(pi AR e) (the paper, after Principles of Naval
-    Architecture). Separated: a normal force C_n sin alpha across the wing. A smooth step joins the two past stall.
-    """
+    Attached: C_L = a alpha + C_Dc alpha^2, C_D = C_do + C_L^2/(pi AR e) (the paper, after
+    Principles of Naval Architecture). Separated: a normal force C_n sin alpha across the wing. A
+    smooth step joins the two past stall."""
     sin_a = sin(alpha_rad)
-    lift = polar.lift_slope_per_rad * alpha_rad + polar.lift_quadratic_per_rad2 * alpha_rad * alpha_rad
+    lift = (
+        polar.lift_slope_per_rad * alpha_rad + polar.lift_quadratic_per_rad2 * alpha_rad * alpha_rad
+    )
     lift_over_sin = lift / sin_a if sin_a > 1e-9 else polar.lift_slope_per_rad
     drag = polar.drag_zero_lift + polar.induced_drag * lift * lift
     if alpha_rad <= polar.stall_rad:

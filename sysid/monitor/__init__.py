@@ -1,25 +1,26 @@
-"""Does a vehicle keep what her gains promise? Steady flight block by block, tests that add up, and a likely cause.
+"""Does a vehicle keep what her gains promise? Steady flight block by block, tests that add up, and
+a likely cause.
 
-Pure: a log in, or what was told of late, findings out. What is promised stands in the head of ``gains.param``
-(`sysid.promise`); what is compared is the same at sea, in a simulation and in an old log.
-"""
+Pure: a log in, or what was told of late, findings out. What is promised stands in the head of
+``gains.param`` (`sysid.monitor.performance_spec`); what is compared is the same at sea, in a
+simulation and in an old log."""
 
 from typing import NamedTuple
 
-from sysid.log import Log
+from sysid.data.dataset import Log
 from sysid.monitor import causes, sequential
-from sysid.monitor.blocks import Block, Cutter, sample
+from sysid.monitor.blocks import Block, BlockCutter, sample
 from sysid.monitor.causes import Cause
+from sysid.monitor.performance_spec import PerformanceBaseline
 from sysid.monitor.sequential import Sums
-from sysid.promise import Promise
 
-__all__ = ["Block", "Cause", "Kept", "Monitor", "of_log"]
+__all__ = ["Block", "Cause", "Monitor", "MonitorReport", "monitor_log"]
 
 SPEED_TOLERANCE = 0.1
 """Share of the thrust by which a block may be off: beyond it the promise is for another speed."""
 
 
-class Kept(NamedTuple):
+class MonitorReport(NamedTuple):
     """How a promise is kept up to now."""
 
     blocks: int
@@ -40,10 +41,10 @@ class Kept(NamedTuple):
 class Monitor:
     """Takes stretches of telemetry in order of time."""
 
-    def __init__(self, promise: Promise) -> None:
+    def __init__(self, promise: PerformanceBaseline) -> None:
         self._promise = promise
-        self._cutter = Cutter(promise)
-        self._sums: Sums = sequential.begin(promise)
+        self._cutter = BlockCutter(promise)
+        self._sums: Sums = sequential.initial_sums(promise)
         self._blocks: list[Block] = []
         self._causes: tuple[Cause, ...] = ()
         self._found_s: float | None = None
@@ -55,15 +56,17 @@ class Monitor:
         if len(rows):
             self._until_s = float(rows[-1].time_s)
         for block in self._cutter.take(rows):
-            if abs(block.thrust - self._promise.thrust) <= SPEED_TOLERANCE * abs(self._promise.thrust):
+            if abs(block.thrust - self._promise.thrust) <= SPEED_TOLERANCE * abs(
+                self._promise.thrust
+            ):
                 self._judge(block)
 
     def interrupt(self) -> None:
         """Her clock has begun anew; what was seen before stays."""
-        self._cutter, self._until_s = Cutter(self._promise), None
+        self._cutter, self._until_s = BlockCutter(self._promise), None
 
-    def kept(self) -> Kept:
-        return Kept(
+    def kept(self) -> MonitorReport:
+        return MonitorReport(
             blocks=len(self._blocks),
             steady_s=sum(block.stop_s - block.start_s for block in self._blocks),
             errors=sequential.errors(self._promise, self._blocks),
@@ -73,14 +76,14 @@ class Monitor:
 
     def _judge(self, block: Block) -> None:
         self._blocks.append(block)
-        self._sums = sequential.add(self._promise, self._sums, block)
-        if sequential.alarmed(self._sums):
+        self._sums = sequential.update(self._promise, self._sums, block)
+        if sequential.has_alarm(self._sums):
             self._found_s = block.stop_s if self._found_s is None else self._found_s
         if self._found_s is not None:
-            self._causes = causes.likely(self._promise, self._sums) or self._causes
+            self._causes = causes.likely_causes(self._promise, self._sums) or self._causes
 
 
-def of_log(log: Log, promise: Promise) -> Kept:
+def monitor_log(log: Log, promise: PerformanceBaseline) -> MonitorReport:
     """A whole dive at once."""
     monitor = Monitor(promise)
     monitor.take(log, float(log.attitude.time_s[-1]))

@@ -1,4 +1,5 @@
-"""Steady flight cut into blocks: set-points that stay, the settling after their change left out, no test under way."""
+"""Steady flight cut into blocks: set-points that stay, the settling after their change left out, no
+test under way."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -8,10 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import iirpeak, lfilter
 
-from sysid.log import Log
-from sysid.promise import AVERAGED_S, SWING_WIDTH, Promise
-from sysid.runs import OVER, STARTED
-from sysid.verify import DEPTH_CHANGE_M, HEADING_CHANGE_RAD, SETTLING_S
+from sysid.data.dataset import Log
+from sysid.data.segments import END_TEXTS, START_TEXT
+from sysid.monitor.performance_spec import AVERAGED_S, RESONANCE_BANDWIDTH, PerformanceBaseline
+from sysid.monitor.tracking_metrics import (
+    DEPTH_CHANGE_M,
+    HEADING_CHANGE_RAD,
+    SETTLING_S,
+)
 
 Array = NDArray[np.float64]
 
@@ -20,11 +25,12 @@ STALE_S = 1.0
 """Older than this nothing is known."""
 NEAR_SURFACE_M = 2.0
 """Less deep, waves and suction are not those of the tests, and suction looks like buoyancy."""
-ARRIVED_RAD, ARRIVED_M = math.radians(8.0), 0.5
-"""She is on her way to new set-points until she has been so near; from then on every error counts."""
+SETTLED_RAD, SETTLED_M = math.radians(8.0), 0.5
+"""She is on her way to new set-points until she has been so near; from then on every error
+counts."""
 
 
-class Row(NamedTuple):
+class MotionRow(NamedTuple):
     """The vehicle at one moment; not a number where nothing was told of late."""
 
     time_s: float
@@ -54,7 +60,7 @@ class Block(NamedTuple):
     """About the block's own mean."""
 
 
-def sample(log: Log, after_s: float | None, until_s: float) -> list[Row]:
+def sample(log: Log, after_s: float | None, until_s: float) -> list[MotionRow]:
     """A log every ``STEP_S`` of vehicle time."""
     first_s = float(log.attitude.time_s[0]) if after_s is None else after_s
     ticks = range(math.floor(first_s / STEP_S + 1e-6) + 1, math.floor(until_s / STEP_S + 1e-6) + 1)
@@ -71,34 +77,38 @@ def sample(log: Log, after_s: float | None, until_s: float) -> list[Row]:
         _latest(time_s, points.attitude_time_s, points.heading_rad),
         _latest(time_s, points.depth_time_s, points.depth_m),
     )
-    rows = zip(*(column.tolist() for column in columns), _testing(log, time_s).tolist(), strict=True)
-    return [Row(*row) for row in rows]
+    rows = zip(
+        *(column.tolist() for column in columns), _test_running(log, time_s).tolist(), strict=True
+    )
+    return [MotionRow(*row) for row in rows]
 
 
-class Cutter:
+class BlockCutter:
     """Takes rows in order of time, gives blocks as they fill."""
 
-    def __init__(self, promise: Promise) -> None:
+    def __init__(self, promise: PerformanceBaseline) -> None:
         self._bands = {
             "heading": _band(promise.heading_swing_radps),
             "pitch": _band(promise.pitch_swing_radps),
         }
-        self._rows: list[Row] = []
+        self._rows: list[MotionRow] = []
 
-    def take(self, rows: Sequence[Row]) -> Iterator[Block]:
+    def take(self, rows: Sequence[MotionRow]) -> Iterator[Block]:
         settling, whole = round(SETTLING_S / STEP_S), round(AVERAGED_S / STEP_S)
         for row in rows:
-            if not _goes_on(self._rows, row):
+            if not _continues(self._rows, row):
                 self._rows = []
-            if _is_steady(row) and (self._rows or _has_arrived(row)):
+            if _is_steady(row) and (self._rows or _is_settled(row)):
                 self._rows.append(row)
             if len(self._rows) == settling + whole:
                 yield self._block(self._rows, whole)
                 self._rows = self._rows[whole:]
 
-    def _block(self, rows: Sequence[Row], whole: int) -> Block:
+    def _block(self, rows: Sequence[MotionRow], whole: int) -> Block:
         """Of the last rows; those before let the narrow bands come to rest."""
-        heading = np.degrees(np.unwrap([row.heading_rad - row.heading_setpoint_rad for row in rows]))
+        heading = np.degrees(
+            np.unwrap([row.heading_rad - row.heading_setpoint_rad for row in rows])
+        )
         heading -= 360.0 * np.round(np.mean(heading) / 360.0)
         pitch = np.degrees([row.pitch_rad for row in rows])
         told = {
@@ -121,7 +131,7 @@ class Cutter:
 
 
 def _band(radps: float) -> tuple[Array, Array]:
-    numerator, denominator = iirpeak(radps, 1.0 / SWING_WIDTH, fs=2.0 * math.pi / STEP_S)
+    numerator, denominator = iirpeak(radps, 1.0 / RESONANCE_BANDWIDTH, fs=2.0 * math.pi / STEP_S)
     return numerator, denominator
 
 
@@ -135,37 +145,38 @@ def _latest(at_s: Array, time_s: Array, values: Array) -> Array:
     return np.where(fresh, found, math.nan)
 
 
-def _testing(log: Log, at_s: Array) -> NDArray[np.bool_]:
+def _test_running(log: Log, at_s: Array) -> NDArray[np.bool_]:
     testing = np.zeros(at_s.size, dtype=np.bool_)
     for event in log.events:
-        if event.text.startswith(STARTED):
+        if event.text.startswith(START_TEXT):
             testing |= at_s >= event.time_s
-        elif event.text.startswith(OVER):
+        elif event.text.startswith(END_TEXTS):
             testing &= at_s < event.time_s
     return testing
 
 
-def _goes_on(rows: Sequence[Row], row: Row) -> bool:
+def _continues(rows: Sequence[MotionRow], row: MotionRow) -> bool:
     """Whether a row is flown as those before it."""
     if not rows:
         return True
     first = rows[0]
     return (
         row.time_s - rows[-1].time_s < 1.5 * STEP_S
-        and _apart_rad(row.heading_setpoint_rad, first.heading_setpoint_rad) <= HEADING_CHANGE_RAD
+        and _angle_difference(row.heading_setpoint_rad, first.heading_setpoint_rad)
+        <= HEADING_CHANGE_RAD
         and abs(row.depth_setpoint_m - first.depth_setpoint_m) <= DEPTH_CHANGE_M
         and _is_steady(row)
     )
 
 
-def _is_steady(row: Row) -> bool:
+def _is_steady(row: MotionRow) -> bool:
     return row.known and not row.testing and row.depth_setpoint_m >= NEAR_SURFACE_M
 
 
-def _has_arrived(row: Row) -> bool:
-    near = _apart_rad(row.heading_rad, row.heading_setpoint_rad) <= ARRIVED_RAD
-    return near and abs(row.depth_m - row.depth_setpoint_m) <= ARRIVED_M
+def _is_settled(row: MotionRow) -> bool:
+    near = _angle_difference(row.heading_rad, row.heading_setpoint_rad) <= SETTLED_RAD
+    return near and abs(row.depth_m - row.depth_setpoint_m) <= SETTLED_M
 
 
-def _apart_rad(one: float, other: float) -> float:
+def _angle_difference(one: float, other: float) -> float:
     return abs(math.remainder(one - other, 2.0 * math.pi))

@@ -1,4 +1,5 @@
-"""QGroundControl's end of the line, as its source of 2026 has it (github.com/mavlink/qgroundcontrol)."""
+"""QGroundControl's end of the line, as its source of 2026 has it
+(github.com/mavlink/qgroundcontrol)."""
 
 import math
 import struct
@@ -6,9 +7,9 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from autopilot.identity import AutopilotId
-from link.records import GpsFix
-from tests.autopilot.deck import Deck, only
+from autopilot.telemetry.identity import AutopilotId
+from mavlink_io.records import GpsFix
+from tests.helpers.fake_hil import Deck, only
 
 FIX = GpsFix(0, 3, 41.5, -70.7, 12.0, 0.0, 0.0, 0.0, 9)
 REQUEST_MESSAGE, AUTOPILOT, MISSION = 512, 1, 0
@@ -32,8 +33,13 @@ class Connection(NamedTuple):
         """Vehicle::requestMessage: an acknowledgement that accepts, and the message."""
         heard = self.command(REQUEST_MESSAGE, number, parameter)
         acknowledgement = only(heard, "COMMAND_ACK")
-        assert (acknowledgement.command, acknowledgement.result) == (REQUEST_MESSAGE, mavlink.MAV_RESULT_ACCEPTED)
-        (answer,) = [m for m in heard if m.get_msgId() == number or m.get_type() == f"UNKNOWN_{number}"]
+        assert (acknowledgement.command, acknowledgement.result) == (
+            REQUEST_MESSAGE,
+            mavlink.MAV_RESULT_ACCEPTED,
+        )
+        (answer,) = [
+            m for m in heard if m.get_msgId() == number or m.get_type() == f"UNKNOWN_{number}"
+        ]
         return answer
 
 
@@ -55,13 +61,27 @@ class Ftp:
         self._qgc, self._sequence = qgc, 0
 
     def ask(
-        self, opcode: int, session: int = 0, offset: int = 0, data: bytes = b"", size: int | None = None
+        self,
+        opcode: int,
+        session: int = 0,
+        offset: int = 0,
+        data: bytes = b"",
+        size: int | None = None,
     ) -> list[Any]:
         head = struct.pack(
-            "<HBBBBBxI", self._sequence, session, opcode, len(data) if size is None else size, 0, 0, offset
+            "<HBBBBBxI",
+            self._sequence,
+            session,
+            opcode,
+            len(data) if size is None else size,
+            0,
+            0,
+            offset,
         )
         heard = self._qgc.ask(
-            mavlink.MAVLink_file_transfer_protocol_message(0, 1, AUTOPILOT, (head + data).ljust(251, b"\0"))
+            mavlink.MAVLink_file_transfer_protocol_message(
+                0, 1, AUTOPILOT, (head + data).ljust(251, b"\0")
+            )
         )
         answers = [bytes(m.payload) for m in heard if m.get_type() == "FILE_TRANSFER_PROTOCOL"]
         for answer in answers:
@@ -71,19 +91,26 @@ class Ftp:
         return answers
 
     def download(self, path: str) -> bytes:
-        """``_openFileROBegin``, ``_burstReadFileBegin``, ``_resetSessionsBegin`` and what follows each."""
+        """``_openFileROBegin``, ``_burstReadFileBegin``, ``_resetSessionsBegin`` and what follows
+        each."""
         (opened,) = self.ask(mavlink.MAV_FTP_OPCODE_OPENFILERO, data=path.encode())
-        assert (opened[3], opened[4]) == (mavlink.MAV_FTP_OPCODE_ACK, 4), "ack, with the size of the file"
+        assert (opened[3], opened[4]) == (mavlink.MAV_FTP_OPCODE_ACK, 4), (
+            "ack, with the size of the file"
+        )
         session, size = opened[2], struct.unpack_from("<I", opened, 12)[0]
         content, over = b"", False
         while not over:
-            for packet in self.ask(mavlink.MAV_FTP_OPCODE_BURSTREADFILE, session, len(content), size=239):
+            for packet in self.ask(
+                mavlink.MAV_FTP_OPCODE_BURSTREADFILE, session, len(content), size=239
+            ):
                 if packet[3] == mavlink.MAV_FTP_OPCODE_NAK:
                     assert packet[12] == mavlink.MAV_FTP_ERR_EOF
                     over = True
                     continue
                 assert packet[2] == session
-                assert struct.unpack_from("<I", packet, 8)[0] == len(content), "a hole would be filled by single reads"
+                assert struct.unpack_from("<I", packet, 8)[0] == len(content), (
+                    "a hole would be filled by single reads"
+                )
                 content += packet[12 : 12 + packet[4]]
         (reset,) = self.ask(mavlink.MAV_FTP_OPCODE_RESETSESSION)
         assert reset[3] == mavlink.MAV_FTP_OPCODE_ACK

@@ -1,13 +1,14 @@
-"""Tests for identification, flown through the pure tick: what they move, which loops they open, what ends them."""
+"""Tests for identification, flown through the pure tick: what they move, which loops they open,
+what ends them."""
 
 import math
 
 import pytest
 
-from autopilot import modes, requests
-from autopilot.params import Config
-from autopilot.types import ACCEPTED
-from tests.autopilot.flights import Flight, excitation_item, leg, under_way
+from autopilot.control import modes, requests
+from autopilot.control.params import Config
+from autopilot.control.types import ACCEPTED
+from tests.helpers.missions import Flight, excitation_item, leg, under_way
 
 
 def test_a_step_test_opens_its_plane_alone_and_ends_by_itself() -> None:
@@ -68,7 +69,8 @@ def test_a_mission_goes_on_after_a_test_that_was_stopped() -> None:
 
 
 def test_a_signal_that_is_added_to_its_loop_leaves_the_loop_on() -> None:
-    """Beside one that flies without: the same command but for the signal; later the loop balances it with its error."""
+    """Beside one that flies without: the same command but for the signal; later the loop balances
+    it with its error."""
     flight, plain = under_way(), under_way()
     for each in (flight, plain):
         each.ask(requests.ChangeTarget(heading_rad=math.radians(3.0)))
@@ -79,7 +81,9 @@ def test_a_signal_that_is_added_to_its_loop_leaves_the_loop_on() -> None:
     assert flight.trace.excitation_rad == pytest.approx(math.radians(5.0))
     for _ in flight.run(38.0):
         pass
-    assert math.degrees(flight.heading) == pytest.approx(3.0 + 5.0 / flight.config.heading_p, abs=1.0)
+    assert math.degrees(flight.heading) == pytest.approx(
+        3.0 + 5.0 / flight.config.heading_p, abs=1.0
+    )
 
 
 def test_both_surfaces_are_moved_at_once_with_both_loops_off() -> None:

@@ -6,11 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autopilot import mission, modes, requests
-from autopilot.params import Config
-from autopilot.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED, ItemReached
-from link.missions import MissionItem
-from tests.autopilot.flights import Flight, excitation_item, leg, under_way
+from autopilot.control import mission, modes, requests
+from autopilot.control.params import Config
+from autopilot.control.types import (
+    ACCEPTED,
+    DENIED,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+    ItemReached,
+)
+from mavlink_io.mission_items import MissionItem
+from tests.helpers.missions import Flight, excitation_item, leg, under_way
 
 
 def test_disarmed_actuators_rest() -> None:
@@ -49,7 +55,7 @@ def test_signs_too_shallow_asks_nose_down_and_left_of_course_asks_starboard() ->
 
 @given(rudder=st.floats(-9, 9), elevator=st.floats(-9, 9), thrust=st.floats(-9, 9))
 def test_controls_never_leave_their_range(rudder: float, elevator: float, thrust: float) -> None:
-    from autopilot import core
+    from autopilot.control import core
 
     limited = core.limit(rudder, elevator, thrust, Config())
     assert all(abs(value) <= math.radians(15.0) for value in limited[:2])
@@ -59,7 +65,9 @@ def test_controls_never_leave_their_range(rudder: float, elevator: float, thrust
 def test_mission_flies_its_legs_in_order_and_then_surfaces_and_disarms() -> None:
     flight = Flight()
     flight.step()
-    items = leg(depth_m=4, heading_deg=-80, duration_s=45) + leg(depth_m=7, heading_deg=-40, duration_s=60, first=4)
+    items = leg(depth_m=4, heading_deg=-80, duration_s=45) + leg(
+        depth_m=7, heading_deg=-40, duration_s=60, first=4
+    )
     assert flight.ask(requests.LoadMission(items)) == ACCEPTED
     assert flight.ask(requests.SetMode(modes.MISSION.number)) == ACCEPTED
     assert flight.ask(requests.Arm()) == ACCEPTED
@@ -102,10 +110,15 @@ def test_a_mission_that_was_paused_goes_on_with_its_own_targets() -> None:
         (requests.LoadMission((MissionItem(0, 2, 186, p1=4.0),)), DENIED),
         (requests.LoadMission((MissionItem(0, 2, 113, z=4.0),)), DENIED),
         (requests.LoadMission((MissionItem(0, 2, 177, p1=7.0),)), DENIED),
-        (requests.LoadMission((excitation_item(0, axis=9, magnitude_deg=5.0, duration_s=4),)), DENIED),
+        (
+            requests.LoadMission((excitation_item(0, axis=9, magnitude_deg=5.0, duration_s=4),)),
+            DENIED,
+        ),
     ],
 )
-def test_an_impossible_wish_is_refused_and_changes_nothing(wish: requests.Request, result: int) -> None:
+def test_an_impossible_wish_is_refused_and_changes_nothing(
+    wish: requests.Request, result: int
+) -> None:
     flight = Flight()
     flight.step()
     before = flight.state
@@ -115,7 +128,11 @@ def test_an_impossible_wish_is_refused_and_changes_nothing(wish: requests.Reques
 
 @given(
     command=st.sampled_from(sorted(mission.COMMANDS)),
-    numbers=st.lists(st.sampled_from([math.nan, math.inf, -math.inf, 0.0, 1.0, -3.0, 12.0]), min_size=5, max_size=5),
+    numbers=st.lists(
+        st.sampled_from([math.nan, math.inf, -math.inf, 0.0, 1.0, -3.0, 12.0]),
+        min_size=5,
+        max_size=5,
+    ),
     frame=st.sampled_from([0, 1, 2, 3]),
 )
 def test_no_item_that_is_accepted_makes_the_actuators_anything_but_numbers(
@@ -124,7 +141,10 @@ def test_no_item_that_is_accepted_makes_the_actuators_anything_but_numbers(
     flight = Flight()
     flight.step()
     p1, p2, p3, p4, z = numbers
-    items = (MissionItem(0, frame, command, p1=p1, p2=p2, p3=p3, p4=p4, x=10, y=1, z=z), MissionItem(1, 2, 93, p1=1.0))
+    items = (
+        MissionItem(0, frame, command, p1=p1, p2=p2, p3=p3, p4=p4, x=10, y=1, z=z),
+        MissionItem(1, 2, 93, p1=1.0),
+    )
     if flight.ask(requests.LoadMission(items)) != ACCEPTED:
         return
     flight.ask(requests.SetMode(modes.MISSION.number))
@@ -165,7 +185,10 @@ def test_failsafe_surfaces_with_its_cause_and_stays_until_disarmed(
     flight = under_way(**changes)
     flight.altitude_m = altitude_m
     flight.run_until(lambda s: s.mode == modes.SURFACE.number, 10.0)
-    assert any(text.startswith(f"Failsafe: {cause}") and text.endswith("-> SURFACE") for text in flight.texts())
+    assert any(
+        text.startswith(f"Failsafe: {cause}") and text.endswith("-> SURFACE")
+        for text in flight.texts()
+    )
     assert flight.ask(requests.SetMode(modes.DEPTH.number)) == TEMPORARILY_REJECTED
     flight.altitude_m = None
     flight.run_until(lambda s: not s.armed, 60.0)
@@ -180,21 +203,31 @@ def test_failsafe_surfaces_with_its_cause_and_stays_until_disarmed(
         (MissionItem(0, 1, 113, z=4.0), 4.0),
     ],
 )
-def test_a_depth_is_minus_an_altitude_but_down_in_a_local_frame(item: MissionItem, depth_m: float) -> None:
+def test_a_depth_is_minus_an_altitude_but_down_in_a_local_frame(
+    item: MissionItem, depth_m: float
+) -> None:
     flight = under_way()
-    assert mission.begin(item, flight.state, flight.config)[0].setpoint.depth_m == depth_m
+    assert mission.begin_item(item, flight.state, flight.config)[0].setpoint.depth_m == depth_m
     there, here = (
-        flight.state._replace(estimate=flight.state.estimate._replace(depth_m=depth)) for depth in (depth_m, 9.0)
+        flight.state._replace(estimate=flight.state.estimate._replace(depth_m=depth))
+        for depth in (depth_m, 9.0)
     )
-    waits = item.command == mission.Command.CHANGE_ALTITUDE_WAIT
-    assert [mission.done(item, state, flight.config) for state in (here, there)] == [not waits, True]
+    waits = item.command == mission.MissionCommand.CHANGE_ALTITUDE_WAIT
+    assert [mission.item_done(item, state, flight.config) for state in (here, there)] == [
+        not waits,
+        True,
+    ]
 
 
-@pytest.mark.parametrize(("direction", "turn_deg"), [(1.0, 30.0), (0.0, 30.0), (math.nan, 30.0), (-1.0, -30.0)])
-def test_a_relative_turn_is_clockwise_unless_it_says_otherwise(direction: float, turn_deg: float) -> None:
+@pytest.mark.parametrize(
+    ("direction", "turn_deg"), [(1.0, 30.0), (0.0, 30.0), (math.nan, 30.0), (-1.0, -30.0)]
+)
+def test_a_relative_turn_is_clockwise_unless_it_says_otherwise(
+    direction: float, turn_deg: float
+) -> None:
     flight = under_way()
     item = MissionItem(0, 2, 115, p1=30.0, p3=direction, p4=1.0)
-    after = mission.begin(item, flight.state, flight.config)[0]
+    after = mission.begin_item(item, flight.state, flight.config)[0]
     turned = after.setpoint.heading_rad - flight.state.setpoint.heading_rad
     assert math.degrees(turned) == pytest.approx(turn_deg)
 

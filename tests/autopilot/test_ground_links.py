@@ -7,18 +7,25 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from autopilot.identity import AutopilotId
-from autopilot.keys import Keys
-from autopilot.logbook import content
-from autopilot.params import PARAMETERS, ParamTable
-from autopilot.schedule import BARE, FAST, HALF, profile_for
-from autopilot.server import GroundServer
-from autopilot.telemetry import STREAMS
-from autopilot.types import Inputs
+from autopilot.comms.ground_server import GroundServer
+from autopilot.comms.signing_keys import Keys
+from autopilot.comms.stream_rates import FAST, HALF, MINIMAL, profile_for
+from autopilot.control.params import PARAMETERS, ParamTable
+from autopilot.control.types import Inputs
+from autopilot.onboard_log import channels
+from autopilot.telemetry.identity import AutopilotId
+from autopilot.telemetry.streams import STREAMS
 from autopilot.vehicle import Vehicle
-from link import dialect
-from link.signing import EPOCH_UNIX_S, UNITS_PER_S, KeyFileError, Timestamp, key_from_passphrase, load_key
-from tests.autopilot.deck import TICK_US, Deck, Station, sensors, texts
+from mavlink_io import dialect
+from mavlink_io.signing import (
+    EPOCH_UNIX_S,
+    UNITS_PER_S,
+    KeyFileError,
+    Timestamp,
+    key_from_passphrase,
+    load_key,
+)
+from tests.helpers.fake_hil import TICK_US, Deck, Station, sensors, texts
 
 KEY, NEW_KEY = key_from_passphrase("old"), key_from_passphrase("new")
 NOW_S = 1_700_000_000.0
@@ -39,22 +46,30 @@ def rates_hz(profile: Any) -> dict[str, float]:
 def test_the_profile_follows_from_the_baud_rate() -> None:
     assert [profile_for(baud) for baud in (None, 921_600, 115_200)] == [FAST] * 3
     assert [profile_for(baud) for baud in (57_600, 38_400)] == [HALF] * 2
-    assert [profile_for(baud) for baud in (19_200, 9600, 1200)] == [BARE] * 3
+    assert [profile_for(baud) for baud in (19_200, 9600, 1200)] == [MINIMAL] * 3
     assert rates_hz(FAST) == {stream.message.name: stream.rate_hz for stream in STREAMS}
-    assert rates_hz(BARE) == {"ATTITUDE": 1, "GLOBAL_POSITION_INT": 1, "VFR_HUD": 1, "SYS_STATUS": 0.2}
+    assert rates_hz(MINIMAL) == {
+        "ATTITUDE": 1,
+        "GLOBAL_POSITION_INT": 1,
+        "VFR_HUD": 1,
+        "SYS_STATUS": 0.2,
+    }
     absent = {"ODOMETRY", "HIGHRES_IMU", "ACTUATOR_OUTPUT_STATUS"}
-    assert rates_hz(HALF) == {name: hz / 2 for name, hz in rates_hz(FAST).items() if name not in absent}
+    assert rates_hz(HALF) == {
+        name: hz / 2 for name, hz in rates_hz(FAST).items() if name not in absent
+    }
 
 
 def test_a_profile_leaves_most_of_its_line_free() -> None:
-    for profile, baud in ((FAST, 115_200), (HALF, 57_600), (BARE, 9600)):
+    for profile, baud in ((FAST, 115_200), (HALF, 57_600), (MINIMAL, 9600)):
         sizes = {number: dialect.by_id(number).struct.size + 12 for number in profile.rates_hz}  # type: ignore[union-attr]
         wanted = sum(hz * sizes[number] for number, hz in profile.rates_hz.items())
         assert wanted < 0.7 * baud / 10, profile.name
 
 
 def heard_in(deck: Deck, seconds: int) -> list[Any]:
-    """What the first station hears while vehicle time goes on and the wall clock, for the budget's sake, does too."""
+    """What the first station hears while vehicle time goes on and the wall clock, for the budget's
+    sake, does too."""
     link = deck.server.links[0]
     first = deck.time_us < 0  # the first tick only sets the phase
     for _ in range(seconds * SECOND_TICKS + first):
@@ -68,16 +83,26 @@ def heard_in(deck: Deck, seconds: int) -> list[Any]:
 def test_a_slow_link_gets_its_profile_and_what_is_asked_for() -> None:
     deck = Deck(serial_station(9600))
     kinds = [m.get_type() for m in heard_in(deck, 10)]
-    assert {kind: kinds.count(kind) for kind in ("ATTITUDE", "VFR_HUD", "SYS_STATUS", "ODOMETRY")} == {
-        "ATTITUDE": 10, "VFR_HUD": 10, "SYS_STATUS": 2, "ODOMETRY": 0,
-    }  # fmt: skip
+    assert {
+        kind: kinds.count(kind) for kind in ("ATTITUDE", "VFR_HUD", "SYS_STATUS", "ODOMETRY")
+    } == {
+        "ATTITUDE": 10,
+        "VFR_HUD": 10,
+        "SYS_STATUS": 2,
+        "ODOMETRY": 0,
+    }
     deck.server.links[0].schedule.set_interval(mavlink.MAVLINK_MSG_ID_ALTITUDE, 500_000)
     kinds = [m.get_type() for m in heard_in(deck, 10)]
     assert kinds.count("ALTITUDE") == 20
     deck.server.links[0].schedule.set_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE, TICK_US)
     flooded = heard_in(deck, 10)
     assert sum(len(m.get_msgbuf()) for m in flooded) < 672 * 10 + 280
-    assert {m.get_type() for m in flooded} >= {"ATTITUDE", "GLOBAL_POSITION_INT", "VFR_HUD", "ALTITUDE"}
+    assert {m.get_type() for m in flooded} >= {
+        "ATTITUDE",
+        "GLOBAL_POSITION_INT",
+        "VFR_HUD",
+        "ALTITUDE",
+    }
     times = [m.time_boot_ms for m in flooded if m.get_type() == "ATTITUDE"]
     assert 50 < len(times) < 300
     assert times == sorted(times)
@@ -149,14 +174,20 @@ def test_a_device_behind_a_link_is_reached_and_shares_the_vehicles_system() -> N
     deck.ask(mavlink.MAVLink_command_long_message(1, 100, 2000, 0, 1, 0, 0, 0, 0, 0, 0))
     assert [m.command for m in camera.heard() if m.get_type() == "COMMAND_LONG"] == [2000]
     heard = deck.command(400, 1, component=0)
-    assert [m.get_srcComponent() for m in heard if m.get_type() == "COMMAND_ACK"] == [1], "the vehicle obeys"
-    assert [m.command for m in camera.heard() if m.get_type() == "COMMAND_LONG"] == [400], "and all others hear it"
+    assert [m.get_srcComponent() for m in heard if m.get_type() == "COMMAND_ACK"] == [1], (
+        "the vehicle obeys"
+    )
+    assert [m.command for m in camera.heard() if m.get_type() == "COMMAND_LONG"] == [400], (
+        "and all others hear it"
+    )
 
 
 def test_messages_nobody_here_knows_go_on_as_they_came() -> None:
     deck = two_stations()
     one, two = deck.stations
-    body = struct.pack("<BBBBBBBHB", 4, 0, 0, 9, 255, 190, 0x34, 0xABCD, 0)[:9] + b"\x01\x02\x03\x04"
+    body = (
+        struct.pack("<BBBBBBBHB", 4, 0, 0, 9, 255, 190, 0x34, 0xABCD, 0)[:9] + b"\x01\x02\x03\x04"
+    )
     crc = mavlink.x25crc(body + bytes((77,))).crc
     raw = b"\xfd" + body + struct.pack("<H", crc)
     stranger = b"\xfd" + body.replace(b"\xff\xbe", b"\xfe\xbe") + struct.pack("<H", crc)
@@ -165,7 +196,9 @@ def test_messages_nobody_here_knows_go_on_as_they_came() -> None:
     two.send = sent.append  # type: ignore[method-assign]
     deck.serve()
     assert raw in b"".join(sent)
-    assert b"".join(sent).count(body[-4:]) == 1, "of a sender that is known, and with a CRC that some seed explains"
+    assert b"".join(sent).count(body[-4:]) == 1, (
+        "of a sender that is known, and with a CRC that some seed explains"
+    )
 
 
 def test_routing_is_off_when_it_is_not_wanted() -> None:
@@ -179,7 +212,11 @@ def test_routing_is_off_when_it_is_not_wanted() -> None:
 def sign(station: Station, key: bytes = KEY, timestamp: int = NOW) -> None:
     """Have a station sign what it says, and believe only what is signed."""
     for end in (station._mavlink, station._reader):
-        end.signing.secret_key, end.signing.timestamp, end.signing.sign_outgoing = key, timestamp, True
+        end.signing.secret_key, end.signing.timestamp, end.signing.sign_outgoing = (
+            key,
+            timestamp,
+            True,
+        )
     station._reader.robust_parsing = True
 
 
@@ -258,7 +295,9 @@ def test_a_key_is_refused_where_anybody_might_listen_or_lose_the_vehicle(tmp_pat
     if lost != ["Signing key changed on 1 link"]:  # as root nothing is unwritable
         assert lost == ["Signing key refused: it cannot be kept: Permission denied"]
         assert "COMMAND_ACK" in kinds(deck.command(400, 1)), "the old key still holds"
-    assert texts(Deck(wire).ask(setup(NEW_KEY), wire)) == ["Signing key refused: no link is signed; start with --sign"]
+    assert texts(Deck(wire).ask(setup(NEW_KEY), wire)) == [
+        "Signing key refused: no link is signed; start with --sign"
+    ]
 
 
 def test_a_key_is_told_to_nobody(tmp_path: Path) -> None:
@@ -274,10 +313,15 @@ def test_a_key_is_told_to_nobody(tmp_path: Path) -> None:
     deck.ask(setup(NEW_KEY, system=251), wire)
     assert sent
     assert NEW_KEY[:8] not in b"".join(sent)
-    assert mavlink.MAVLINK_MSG_ID_SETUP_SIGNING not in content.HEARD, "nor is it logged"
+    assert mavlink.MAVLINK_MSG_ID_SETUP_SIGNING not in channels.LOGGED_FROM_GROUND, (
+        "nor is it logged"
+    )
 
 
 @pytest.mark.parametrize("word", ["key", "udp:1", "udpout:1=", "udpout:2=key", "=key"])
 def test_what_is_to_be_signed_is_a_link_and_a_file(word: str) -> None:
-    with pytest.raises(KeyFileError, match=r"expected ADDRESS=KEYFILE, where ADDRESS is one of udpout:1, serial:x:9"):
+    with pytest.raises(
+        KeyFileError,
+        match=r"expected ADDRESS=KEYFILE, where ADDRESS is one of udpout:1, serial:x:9",
+    ):
         Keys.from_options([word], ["udpout:1", "serial:x:9"])

@@ -1,4 +1,5 @@
-"""Parameters that outlive the program: kept as they are set, whole or not at all, and never in the way."""
+"""Parameters that outlive the program: kept as they are set, whole or not at all, and never in the
+way."""
 
 import time
 from collections.abc import Callable
@@ -7,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from autopilot.control.params import ParamTable
 from autopilot.param_store import FILE, ParamStore
-from autopilot.params import ParamTable
 
 
 def restart(folder: Path) -> tuple[ParamTable, ParamStore]:
@@ -40,7 +41,11 @@ def test_what_was_set_is_there_at_the_next_start(tmp_path: Path) -> None:
     assert again.get("HDG_D") == ParamTable().get("HDG_D")
     again.set("DPT_P", 0.2)
     store.close(again)
-    assert restart(tmp_path / "not" / "yet")[0].kept == {"HDG_P": 0.7, "MIS_END_ACT": 2.0, "DPT_P": 0.2}
+    assert restart(tmp_path / "not" / "yet")[0].kept == {
+        "HDG_P": 0.7,
+        "MIS_END_ACT": 2.0,
+        "DPT_P": 0.2,
+    }
 
 
 def test_it_is_on_disk_without_an_end(tmp_path: Path) -> None:
@@ -93,9 +98,12 @@ def test_without_a_folder_nothing_is_kept() -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [b"\xff\xfe\x00", b"HDG_P,0.7\nGARBAGE\nHDG_D,99\nGONE_WITH_AN_UPDATE,1\nDPT_P,0.2\n"]
+    "content",
+    [b"\xff\xfe\x00", b"HDG_P,0.7\nGARBAGE\nHDG_D,99\nGONE_WITH_AN_UPDATE,1\nDPT_P,0.2\n"],
 )
-def test_a_broken_file_is_put_aside_and_what_is_sound_in_it_used(tmp_path: Path, content: bytes) -> None:
+def test_a_broken_file_is_put_aside_and_what_is_sound_in_it_used(
+    tmp_path: Path, content: bytes
+) -> None:
     for turn in (1, 2):
         (tmp_path / FILE).write_bytes(content)
         table, store = restart(tmp_path)
@@ -106,7 +114,9 @@ def test_a_broken_file_is_put_aside_and_what_is_sound_in_it_used(tmp_path: Path,
 
 
 @pytest.mark.parametrize("ends", [True, False])
-def test_what_was_sound_in_a_broken_file_is_kept_on_also_without_an_end(tmp_path: Path, ends: bool) -> None:
+def test_what_was_sound_in_a_broken_file_is_kept_on_also_without_an_end(
+    tmp_path: Path, ends: bool
+) -> None:
     (tmp_path / FILE).write_text("HDG_P,0.7\nnonsense\n")
     table, store = restart(tmp_path)
     if ends:
@@ -116,7 +126,9 @@ def test_what_was_sound_in_a_broken_file_is_kept_on_also_without_an_end(tmp_path
     assert restart(tmp_path)[0].kept == {"HDG_P": 0.7}
 
 
-def test_a_folder_that_may_not_be_looked_into_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_may_not_be_looked_into_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise PermissionError(EACCES, "Permission denied")
 
@@ -124,7 +136,10 @@ def test_a_folder_that_may_not_be_looked_into_is_told(tmp_path: Path, monkeypatc
         monkeypatch.setattr(Path, name, refuse)
     store = ParamStore(tmp_path)
     assert store.load() == {}
-    assert store.complaints == [f"{tmp_path / FILE}: Permission denied", "cannot be put aside: Permission denied"]
+    assert store.complaints == [
+        f"{tmp_path / FILE}: Permission denied",
+        "cannot be put aside: Permission denied",
+    ]
 
 
 def test_a_disk_that_takes_nothing_is_told_once_a_value_and_the_value_holds(tmp_path: Path) -> None:

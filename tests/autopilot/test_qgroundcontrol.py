@@ -1,14 +1,15 @@
-"""What QGroundControl needs, message by message, as its source of 2026 has it (github.com/mavlink/qgroundcontrol).
+"""What QGroundControl needs, message by message, as its source of 2026 has it
+(github.com/mavlink/qgroundcontrol).
 
-QGroundControl itself does not run here: its questions are put to the real server one after the other, as the files and
-functions named in each test put them, and the answers judged as those judge them. The order is that of
-``InitialConnectStateMachine``: version, standard modes, component information, parameters, mission, geofence, rally
-points.
+QGroundControl itself does not run here: its questions are put to the real server one after the
+other, as the files and functions named in each test put them, and the answers judged as those judge
+them. The order is that of ``InitialConnectStateMachine``: version, standard modes, component
+information, parameters, mission, geofence, rally points.
 
-Three things it cannot do with this vehicle, whatever she answers, for its ``FirmwarePlugin`` decides them by
-HEARTBEAT.autopilot: with ``generic`` no mode buttons (``FirmwarePlugin::setFlightMode`` returns false) and no "start
-mission"; with ``px4`` both work, but the setup pages complain of PX4 parameters that she does not have.
-"""
+Three things it cannot do with this vehicle, whatever she answers, for its ``FirmwarePlugin``
+decides them by HEARTBEAT.autopilot: with ``generic`` no mode buttons
+(``FirmwarePlugin::setFlightMode`` returns false) and no "start mission"; with ``px4`` both work,
+but the setup pages complain of PX4 parameters that she does not have."""
 
 import json
 import struct
@@ -17,10 +18,9 @@ import zlib
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from autopilot import modes
-from autopilot.identity import AutopilotId
-from autopilot.params import PARAMETERS
-from tests.autopilot.deck import only, texts
+from autopilot.control import modes
+from autopilot.control.params import PARAMETERS
+from autopilot.telemetry.identity import AutopilotId
 from tests.autopilot.qgroundcontrol import (
     AUTOPILOT,
     MISSION,
@@ -30,6 +30,7 @@ from tests.autopilot.qgroundcontrol import (
     legs,
     write_mission,
 )
+from tests.helpers.fake_hil import only, texts
 
 ALL_COMPONENTS = 0
 COMPONENT_METADATA, COMPONENT_INFORMATION, AVAILABLE_MODES = 397, 395, 435
@@ -41,7 +42,8 @@ SAFE_RECOVERY, STANDARD_MISSION, LAND = 5, 6, 7
 
 
 def test_a_vehicle_is_made_of_a_heartbeat_of_component_1(qgc: Connection) -> None:
-    """``MultiVehicleManager::_vehicleHeartbeatInfo`` ignores every component but MAV_COMP_ID_AUTOPILOT1.
+    """``MultiVehicleManager::_vehicleHeartbeatInfo`` ignores every component but
+    MAV_COMP_ID_AUTOPILOT1.
 
     ``VehicleLinkManager``: 3500 ms without one is a lost link.
     """
@@ -49,29 +51,39 @@ def test_a_vehicle_is_made_of_a_heartbeat_of_component_1(qgc: Connection) -> Non
     qgc.deck.serve()
     beat = only(qgc.deck.station.heard(), "HEARTBEAT")
     assert beat.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
-    assert beat.type == mavlink.MAV_TYPE_SUBMARINE, "its vehicle class, and the toolbar that goes with it"
+    assert beat.type == mavlink.MAV_TYPE_SUBMARINE, (
+        "its vehicle class, and the toolbar that goes with it"
+    )
     assert beat.autopilot == {AutopilotId.GENERIC: 0, AutopilotId.PX4: 12}[qgc.autopilot]
-    assert beat.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, "or no flight mode has a name"
+    assert beat.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, (
+        "or no flight mode has a name"
+    )
 
 
 # InitialConnectStateMachine.cc
 
 
 def test_the_version_tells_what_to_ask_for_next(qgc: Connection) -> None:
-    """``_autopilotVersionRequestMessageHandler``, ``Vehicle::_setCapabilities``, ``GeoFenceManager::supported``."""
+    """``_autopilotVersionRequestMessageHandler``, ``Vehicle::_setCapabilities``,
+    ``GeoFenceManager::supported``."""
     version = qgc.message(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
     able = version.capabilities
     for name in ("MISSION_INT", "COMMAND_INT", "MAVLINK2", "FTP"):
         assert able & getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_{name}"), name
     for name in ("MISSION_FENCE", "MISSION_RALLY"):
-        assert not able & getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_{name}"), "it would ask for a plan she has not"
+        assert not able & getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_{name}"), (
+            "it would ask for a plan she has not"
+        )
     assert version.flight_sw_version >> 8, "major, minor and patch: zero is taken for unknown"
 
 
 def test_modes_come_all_at_once_or_one_by_one(qgc: Connection) -> None:
-    """``StandardModes::request`` asks for index 0 and is done at the last; of older releases, for one after another."""
+    """``StandardModes::request`` asks for index 0 and is done at the last; of older releases, for
+    one after another."""
     heard = qgc.command(REQUEST_MESSAGE, AVAILABLE_MODES, 0)
-    assert heard[0].get_type() == "COMMAND_ACK", "commandResultHandler: anything but ACCEPTED ends the request"
+    assert heard[0].get_type() == "COMMAND_ACK", (
+        "commandResultHandler: anything but ACCEPTED ends the request"
+    )
     assert heard[0].result == mavlink.MAV_RESULT_ACCEPTED
     listed = heard[1:]
     assert [m.mode_index for m in listed] == list(range(1, listed[0].number_modes + 1))
@@ -80,7 +92,8 @@ def test_modes_come_all_at_once_or_one_by_one(qgc: Connection) -> None:
 
 
 def test_every_mode_has_one_name_and_a_number_that_can_be_set(qgc: Connection) -> None:
-    """``StandardModes::availableModesReceived`` names the standard ones itself; ``ensureUniqueModeNames``."""
+    """``StandardModes::availableModesReceived`` names the standard ones itself;
+    ``ensureUniqueModeNames``."""
     listed = qgc.command(REQUEST_MESSAGE, AVAILABLE_MODES, 0)[1:]
     given = {SAFE_RECOVERY: "Safe Recovery", STANDARD_MISSION: "Mission", LAND: "Land"}
     names = [given.get(m.standard_mode, m.mode_name) for m in listed]
@@ -92,32 +105,40 @@ def test_every_mode_has_one_name_and_a_number_that_can_be_set(qgc: Connection) -
 
 
 def test_parameter_metadata_is_found_fetched_and_read(qgc: Connection) -> None:
-    """``RequestMetaDataTypeStateMachine``, ``CompInfoGeneral::setJson``, ``CompInfoParam::setJson``."""
+    """``RequestMetaDataTypeStateMachine``, ``CompInfoGeneral::setJson``,
+    ``CompInfoParam::setJson``."""
     answer = qgc.message(COMPONENT_METADATA)
     _, crc, padded = struct.unpack("<II100s", bytes(answer.data)[10:-2].ljust(108, b"\0"))
     uri = padded.rstrip(b"\0").decode()
     assert uri.startswith("mftp://")
     ftp = Ftp(qgc)
     content = ftp.download(uri.removeprefix("mftp://"))
-    assert crc == zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF, "by which it keeps the file for the next time"
+    assert crc == zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF, (
+        "by which it keeps the file for the next time"
+    )
     general = json.loads(content)
     assert general["version"] == 1, "'Metadata json unsupported version' otherwise"
     uris = {row["type"]: row["uri"] for row in general["metadataTypes"]}
     parameters = json.loads(ftp.download(uris[1].removeprefix("mftp://")))
     assert parameters["version"] == 1
     assert [row["name"] for row in parameters["parameters"]] == [row.name for row in PARAMETERS]
-    assert all(row["type"] == "Float" for row in parameters["parameters"]), "the type of PARAM_VALUE, or no metadata"
+    assert all(row["type"] == "Float" for row in parameters["parameters"]), (
+        "the type of PARAM_VALUE, or no metadata"
+    )
 
 
 def test_what_it_would_ask_without_metadata_is_answered_at_once(qgc: Connection) -> None:
-    """``_requestCompInfoDeprecated``: UNSUPPORTED is an answer, silence costs three tries of three seconds."""
+    """``_requestCompInfoDeprecated``: UNSUPPORTED is an answer, silence costs three tries of three
+    seconds."""
     (acknowledgement,) = qgc.command(REQUEST_MESSAGE, COMPONENT_INFORMATION)
     assert acknowledgement.result == mavlink.MAV_RESULT_UNSUPPORTED
 
 
 def test_a_file_that_is_not_there_is_refused_at_once(qgc: Connection) -> None:
     """``FTPManager::_openFileROAckOrNak``."""
-    (answer,) = Ftp(qgc).ask(mavlink.MAV_FTP_OPCODE_OPENFILERO, data=b"/etc/extras/parameters.json.xz")
+    (answer,) = Ftp(qgc).ask(
+        mavlink.MAV_FTP_OPCODE_OPENFILERO, data=b"/etc/extras/parameters.json.xz"
+    )
     assert (answer[3], answer[12]) == (mavlink.MAV_FTP_OPCODE_NAK, mavlink.MAV_FTP_ERR_FILENOTFOUND)
 
 
@@ -125,12 +146,17 @@ def test_a_file_that_is_not_there_is_refused_at_once(qgc: Connection) -> None:
 
 
 def test_the_parameter_list_is_whole_and_numbered(qgc: Connection) -> None:
-    """``refreshAllParameters`` asks component 0; ``_parameterUpdate`` waits for every index below param_count."""
+    """``refreshAllParameters`` asks component 0; ``_parameterUpdate`` waits for every index below
+    param_count."""
     heard = qgc.ask(mavlink.MAVLink_param_request_list_message(1, ALL_COMPONENTS))
     values = [m for m in heard if m.get_type() == "PARAM_VALUE"]
     assert {m.param_count for m in values} == {len(PARAMETERS)}
-    assert [m.param_index for m in values] == list(range(len(PARAMETERS))), "65535 is disregarded before the list"
-    assert values[0].param_id != "_HASH_CHECK", "WaitForHashCheckParamValue: another name ends the wait for a cache"
+    assert [m.param_index for m in values] == list(range(len(PARAMETERS))), (
+        "65535 is disregarded before the list"
+    )
+    assert values[0].param_id != "_HASH_CHECK", (
+        "WaitForHashCheckParamValue: another name ends the wait for a cache"
+    )
     assert {m.param_type for m in values} == {mavlink.MAV_PARAM_TYPE_REAL32}
     assert {m.get_srcComponent() for m in values} == {AUTOPILOT}
 
@@ -138,16 +164,28 @@ def test_the_parameter_list_is_whole_and_numbered(qgc: Connection) -> None:
 def test_a_missing_parameter_is_asked_for_by_index(qgc: Connection) -> None:
     """``_fillIndexBatchQueue`` after 3 s: up to ten at once, param_id empty."""
     for index in (0, 7, len(PARAMETERS) - 1):
-        value = only(qgc.ask(mavlink.MAVLink_param_request_read_message(1, AUTOPILOT, b"", index)), "PARAM_VALUE")
+        value = only(
+            qgc.ask(mavlink.MAVLink_param_request_read_message(1, AUTOPILOT, b"", index)),
+            "PARAM_VALUE",
+        )
         assert (value.param_index, value.param_id) == (index, PARAMETERS[index].name)
 
 
 def test_a_parameter_that_is_set_is_told_with_the_value_she_keeps(qgc: Connection) -> None:
-    """``_valueUpdated``: the write is open until PARAM_VALUE of that name; ``fact->_containerSetRawValue(value)``."""
-    told = only(qgc.ask(mavlink.MAVLink_param_set_message(1, AUTOPILOT, b"HDG_P", 0.75, 9)), "PARAM_VALUE")
-    assert (told.param_id, told.param_value, told.param_index) == ("HDG_P", 0.75, only_index("HDG_P"))
+    """``_valueUpdated``: the write is open until PARAM_VALUE of that name;
+    ``fact->_containerSetRawValue(value)``."""
+    told = only(
+        qgc.ask(mavlink.MAVLink_param_set_message(1, AUTOPILOT, b"HDG_P", 0.75, 9)), "PARAM_VALUE"
+    )
+    assert (told.param_id, told.param_value, told.param_index) == (
+        "HDG_P",
+        0.75,
+        only_index("HDG_P"),
+    )
     refused = qgc.ask(mavlink.MAVLink_param_set_message(1, AUTOPILOT, b"HDG_P", 99.0, 9))
-    assert only(refused, "PARAM_VALUE").param_value == 0.75, "so that the page shows what is in force"
+    assert only(refused, "PARAM_VALUE").param_value == 0.75, (
+        "so that the page shows what is in force"
+    )
     assert texts(refused)
 
 
@@ -156,7 +194,8 @@ def only_index(name: str) -> int:
 
 
 def test_the_hash_it_may_ask_px4_for_is_refused_at_once(qgc: Connection) -> None:
-    """``ParamHashCheckStateMachine`` is for autopilots that cache; PARAM_ERROR ends it without a second's wait."""
+    """``ParamHashCheckStateMachine`` is for autopilots that cache; PARAM_ERROR ends it without a
+    second's wait."""
     heard = qgc.ask(mavlink.MAVLink_param_request_read_message(1, AUTOPILOT, b"_HASH_CHECK", -1))
     assert only(heard, "PARAM_ERROR").error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
 
@@ -166,38 +205,72 @@ def test_the_hash_it_may_ask_px4_for_is_refused_at_once(qgc: Connection) -> None
 
 @pytest.mark.parametrize("kind", [MISSION, FENCE, RALLY])
 def test_every_kind_of_plan_has_a_count(qgc: Connection, kind: int) -> None:
-    """``_handleMissionCount``: of the kind that was asked for, or it is disregarded; 0 is read to its end at once."""
-    count = only(qgc.ask(mavlink.MAVLink_mission_request_list_message(1, AUTOPILOT, kind)), "MISSION_COUNT")
+    """``_handleMissionCount``: of the kind that was asked for, or it is disregarded; 0 is read to
+    its end at once."""
+    count = only(
+        qgc.ask(mavlink.MAVLink_mission_request_list_message(1, AUTOPILOT, kind)), "MISSION_COUNT"
+    )
     assert (count.mission_type, count.count) == (kind, 0)
     assert (count.target_system, count.target_component) == (255, 190)
-    assert qgc.ask(mavlink.MAVLink_mission_ack_message(1, AUTOPILOT, mavlink.MAV_MISSION_ACCEPTED, kind)) == []
+    assert (
+        qgc.ask(
+            mavlink.MAVLink_mission_ack_message(1, AUTOPILOT, mavlink.MAV_MISSION_ACCEPTED, kind)
+        )
+        == []
+    )
 
 
 def test_a_mission_is_written_item_by_item_and_read_back(qgc: Connection) -> None:
     """``_handleMissionAck`` when all were asked for, ``_handleMissionItem``."""
     items, heard = legs(), write_mission(qgc)
     acknowledgement = only(heard, "MISSION_ACK")
-    assert (acknowledgement.type, acknowledgement.mission_type) == (mavlink.MAV_MISSION_ACCEPTED, MISSION)
-    count = only(qgc.ask(mavlink.MAVLink_mission_request_list_message(1, AUTOPILOT, MISSION)), "MISSION_COUNT")
+    assert (acknowledgement.type, acknowledgement.mission_type) == (
+        mavlink.MAV_MISSION_ACCEPTED,
+        MISSION,
+    )
+    count = only(
+        qgc.ask(mavlink.MAVLink_mission_request_list_message(1, AUTOPILOT, MISSION)),
+        "MISSION_COUNT",
+    )
     assert count.count == len(items)
     for n, item in enumerate(items):
-        back = only(qgc.ask(mavlink.MAVLink_mission_request_int_message(1, AUTOPILOT, n, MISSION)), "MISSION_ITEM_INT")
-        fields = back.frame, back.command, back.param1, back.param2, back.param3, back.param4, back.x, back.y, back.z
+        back = only(
+            qgc.ask(mavlink.MAVLink_mission_request_int_message(1, AUTOPILOT, n, MISSION)),
+            "MISSION_ITEM_INT",
+        )
+        fields = (
+            back.frame,
+            back.command,
+            back.param1,
+            back.param2,
+            back.param3,
+            back.param4,
+            back.x,
+            back.y,
+            back.z,
+        )
         assert repr(tuple(map(float, fields))) == repr(tuple(map(float, item)))
         assert (back.seq, back.mission_type, back.current) == (n, MISSION, int(n == 0))
 
 
 def test_a_refused_item_is_named_in_words(qgc: Connection) -> None:
-    """``_handleMissionAck`` shows the result, and the item that was requested last; the reason comes as a text."""
+    """``_handleMissionAck`` shows the result, and the item that was requested last; the reason
+    comes as a text."""
     qgc.ask(mavlink.MAVLink_mission_count_message(1, AUTOPILOT, 1, MISSION))
-    camera = mavlink.MAVLink_mission_item_int_message(1, AUTOPILOT, 0, 2, 2000, 1, 1, 0, 0, 0, 0, 0, 0, 0, MISSION)
+    camera = mavlink.MAVLink_mission_item_int_message(
+        1, AUTOPILOT, 0, 2, 2000, 1, 1, 0, 0, 0, 0, 0, 0, 0, MISSION
+    )
     heard = qgc.ask(camera)
     assert only(heard, "MISSION_ACK").type == mavlink.MAV_MISSION_UNSUPPORTED
     assert texts(heard) == ["Mission item 0: command 2000 is not one this vehicle flies"]
 
 
 @pytest.mark.parametrize(("kind", "result"), [(MISSION, 0), (ALL_PLANS, 0), (FENCE, 3), (RALLY, 3)])
-def test_removing_a_plan_is_acknowledged_with_its_kind(qgc: Connection, kind: int, result: int) -> None:
+def test_removing_a_plan_is_acknowledged_with_its_kind(
+    qgc: Connection, kind: int, result: int
+) -> None:
     """``_removeAllWorker`` and ``_handleMissionAck``, AckMissionClearAll."""
-    acknowledgement = only(qgc.ask(mavlink.MAVLink_mission_clear_all_message(1, AUTOPILOT, kind)), "MISSION_ACK")
+    acknowledgement = only(
+        qgc.ask(mavlink.MAVLink_mission_clear_all_message(1, AUTOPILOT, kind)), "MISSION_ACK"
+    )
     assert (acknowledgement.type, acknowledgement.mission_type) == (result, kind)

@@ -1,18 +1,20 @@
-"""Sensors that fall silent on a serial line: noticed by the wall clock, for vehicle time stands still meanwhile."""
+"""Sensors that fall silent on a serial line: noticed by the wall clock, for vehicle time stands
+still meanwhile."""
 
 from collections.abc import Iterator
 
 import pytest
 
-from autopilot import app, hil
-from autopilot.app import SILENT_S, App
-from autopilot.health import RECOVERY_US
-from autopilot.logbook.book import Logbook
-from link.records import LOCKSTEP_FLAG, SensorFrame
-from link.transport import MemoryTransport, open_transport
-from sitl.pilots.hil import HilLink
-from sitl.sensors import Sensors
-from tests.autopilot.deck import TICK_US, Deck, only, sensors, texts
+from autopilot import app
+from autopilot.app import SENSOR_SILENCE_S, App
+from autopilot.comms import hil
+from autopilot.control.sensor_health.monitor import RECOVERY_US
+from autopilot.onboard_log.recorder import OnboardLog
+from mavlink_io.records import LOCKSTEP_FLAG, SensorFrame
+from mavlink_io.transport import MemoryTransport, open_transport
+from sitl.backends.hil import HilClient
+from sitl.core.sensors import Sensors
+from tests.helpers.fake_hil import TICK_US, Deck, only, sensors, texts
 
 ARM = 400
 ACCEPTED, REJECTED = 0, 1
@@ -28,9 +30,14 @@ class Aboard:
     """An autopilot whose wall clock the test turns, and the far end of its HIL link."""
 
     def __init__(self, near: MemoryTransport, far: MemoryTransport) -> None:
-        self.near, self.sea = near, HilLink(near)
+        self.near, self.sea = near, HilClient(near)
         self.deck = Deck()
-        self.app = App(self.deck.vehicle, hil.HilLink(far, 1), self.deck.server, Logbook(self.deck.vehicle, None))
+        self.app = App(
+            self.deck.vehicle,
+            hil.HilLink(far, 1),
+            self.deck.server,
+            OnboardLog(self.deck.vehicle, None),
+        )
         self.time_us, self.wall_s = 0, 100.0
 
     def sample(self, count: int = 1) -> int:
@@ -81,10 +88,10 @@ def cable(ends: tuple[MemoryTransport, MemoryTransport], monkeypatch: pytest.Mon
 
 def test_silence_is_told_once_keeps_her_from_arming_and_passes(cable: Aboard) -> None:
     cable.sample(50)
-    assert cable.silence(0.9 * SILENT_S) == []
+    assert cable.silence(0.9 * SENSOR_SILENCE_S) == []
     cable.sample(50)
-    assert cable.silence(3.0 * SILENT_S) == ["Sensors silent"]
-    assert cable.silence(3.0 * SILENT_S) == []
+    assert cable.silence(3.0 * SENSOR_SILENCE_S) == ["Sensors silent"]
+    assert cable.silence(3.0 * SENSOR_SILENCE_S) == []
     assert cable.arm() == REJECTED
     cable.sample(50)
     assert cable.said() == ["Sensors recovered"]
@@ -93,7 +100,7 @@ def test_silence_is_told_once_keeps_her_from_arming_and_passes(cable: Aboard) ->
 
 def test_after_a_short_silence_sensors_have_to_speak_for_a_while(cable: Aboard) -> None:
     cable.sample(50)
-    assert cable.silence(2.0 * SILENT_S) == ["Sensors silent"]
+    assert cable.silence(2.0 * SENSOR_SILENCE_S) == ["Sensors silent"]
     cable.sample(50)
     assert cable.said() == []
     assert cable.arm() == REJECTED
@@ -108,12 +115,12 @@ def test_sensors_that_never_spoke_are_waited_for(cable: Aboard) -> None:
 
 def test_a_head_of_another_baud_rate_is_told_once_and_noise_is_not(cable: Aboard) -> None:
     cable.near.send(b"noise" * 20)
-    assert cable.silence(SILENT_S) == []
+    assert cable.silence(SENSOR_SILENCE_S) == []
     for _ in range(2):
         cable.near.send(bytes(range(256)) * 8)
         cable.app.step(0.0)
     assert cable.said() == ["HIL: no MAVLink in what is heard: baud rate?"]
-    assert cable.silence(SILENT_S) == []
+    assert cable.silence(SENSOR_SILENCE_S) == []
 
 
 def test_a_simulator_in_lockstep_may_pause_as_long_as_it_likes(

@@ -1,4 +1,5 @@
-"""The monitor's study: its figures from made-up rows, and one dive on which something breaks in the water."""
+"""The monitor's study: its figures from made-up rows, and one dive on which something breaks in the
+water."""
 
 import math
 
@@ -7,7 +8,7 @@ import pytest
 from msgspec import structs
 
 from benchmarks import monitor
-from sysid.promise import Expected
+from sysid.monitor.performance_spec import PredictedStatistic
 from tests.sysid.monitor import made
 
 GAINS = {"HDG_I": 0.05, "HDG_IMAX": 0.1}
@@ -19,7 +20,10 @@ def figures(case: str, rows: list[list[float]]) -> dict[str, float]:
 
 def test_one_false_alarm_is_one_too_many() -> None:
     found = monitor.judge("matched", np.array([[0.2, math.nan, 0.0], [0.2, 130.0, 0.0]]))
-    assert [(figure.name, figure.met) for figure in found] == [("steady flight", True), ("false alarms", False)]
+    assert [(figure.name, figure.met) for figure in found] == [
+        ("steady flight", True),
+        ("false alarms", False),
+    ]
 
 
 def test_what_is_noticed_late_or_never_counts() -> None:
@@ -28,17 +32,22 @@ def test_what_is_noticed_late_or_never_counts() -> None:
     assert (never["noticed"], never["after, median"], never["cause named"]) == (0.5, math.inf, 0.5)
 
 
-def test_a_rudder_that_bends_in_the_water_is_noticed_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Gains and promise by hand, twice as wide as a design's: three degrees stand out all the same."""
+def test_a_rudder_that_bends_in_the_water_is_noticed_by_its_name(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Gains and promise by hand, twice as wide as a design's: three degrees stand out all the
+    same."""
     monkeypatch.setattr(monitor, "FROM_S", 120.0)
     monkeypatch.setattr(monitor, "LASTS_S", 240.0)
     promise = made.promise()
     wide = {name: wider(expected) for name, expected in promise.predicted.items()}
-    hours, after_s, right = monitor.trial(structs.replace(promise, predicted=wide), GAINS, "bent rudder", 1)
+    hours, after_s, right = monitor.trial(
+        structs.replace(promise, predicted=wide), GAINS, "bent rudder", 1
+    )
     assert hours > 0.04
     assert 0.0 < after_s < 60.0
     assert right == 1.0
 
 
-def wider(expected: Expected) -> Expected:
+def wider(expected: PredictedStatistic) -> PredictedStatistic:
     return structs.replace(expected, rms=2.0 * expected.rms, average_sd=2.0 * expected.average_sd)

@@ -1,19 +1,28 @@
-"""The study of redesigned gains judges as it should: made-up rows, made-up dives, and a short real one."""
+"""The study of redesigned gains judges as it should: made-up rows, made-up dives, and a short real
+one."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 
-from benchmarks.redesign import campaign, faults, holding, missions, probability, robust, steady
+from benchmarks.redesign import (
+    campaign,
+    faults,
+    holding,
+    missions,
+    probability,
+    robust,
+    steady,
+)
 from benchmarks.redesign.campaign import GAIN_SETS, OURS
 from benchmarks.redesign.holding import Held
 from benchmarks.study import Figure
 from sitl.vehicle import config
-from sysid import runs
-from sysid.tables import TABLE_3_IMPROVED
-from tests.autopilot.flights import excitation_item
-from tests.closed_loop import Dive
+from sysid.data import segments
+from sysid.reproduction.paper_tables import TABLE_3_IMPROVED
+from tests.helpers.closed_loop import Dive
+from tests.helpers.missions import excitation_item
 from tests.test_closed_loop import TRIM, legs
 
 GOOD, BAD = Held(1.0, 6.0, 1.0, 0.0), Held(1.5, 20.0, 1.0, 0.0)
@@ -42,8 +51,15 @@ class MadeUpDive(dict[str, Any]):
 
 def made_up(**columns: float) -> MadeUpDive:
     t = np.arange(0.0, 200.0, 0.1)
-    level = {"true_pitch": 0.0, "true_heading": np.radians(20.0), "true_depth_m": 3.0, "surface_m": 0.0}
-    return MadeUpDive(t_s=t, **{name: np.full(t.size, value) for name, value in {**level, **columns}.items()})
+    level = {
+        "true_pitch": 0.0,
+        "true_heading": np.radians(20.0),
+        "true_depth_m": 3.0,
+        "surface_m": 0.0,
+    }
+    return MadeUpDive(
+        t_s=t, **{name: np.full(t.size, value) for name, value in {**level, **columns}.items()}
+    )
 
 
 def test_a_run_that_holds_its_set_points_has_no_error_and_one_across_north_is_not_lost() -> None:
@@ -74,41 +90,57 @@ def test_a_rough_sea_has_twice_the_moments_of_the_disturbed_one() -> None:
 
 def test_one_strange_vehicle_beyond_twice_the_targets_is_one_too_many() -> None:
     held = np.array([[0.0, *GOOD], [1.0, *GOOD], [2.0, *BAD._replace(heading_deg=2.3)]])
-    figures = robust.judge("field", held)
+    figures = robust.judge("caribou_truth", held)
     assert figures[0].value == 3.0
     assert missed(figures) == {
-        "heading, 95 %: ours, worst dive", "depth, 95 %: ours, worst dive", "outside twice the targets",
-    }  # fmt: skip
-    assert not missed(robust.judge("field", held[:2]))
-    assert "lost: ours" in missed(robust.judge("field", np.array([[0.0, *LOST]])))
+        "heading, 95 %: ours, worst dive",
+        "depth, 95 %: ours, worst dive",
+        "outside twice the targets",
+    }
+    assert not missed(robust.judge("caribou_truth", held[:2]))
+    assert "lost: ours" in missed(robust.judge("caribou_truth", np.array([[0.0, *LOST]])))
 
 
 def test_strange_vehicles_are_off_in_every_coefficient_by_a_fifth_at_most() -> None:
-    drawn, first = robust.draw("field", 7).vehicle, config.load("field")
-    ratios = [getattr(drawn.linear, name) / getattr(first.linear, name) for name in first.linear.__struct_fields__]
+    drawn, first = robust.draw("caribou_truth", 7).vehicle, config.load("caribou_truth")
+    ratios = [
+        getattr(drawn.linear, name) / getattr(first.linear, name)
+        for name in first.linear.__struct_fields__
+    ]
     assert all(0.8 <= ratio <= 1.2 for ratio in ratios)
     assert len(set(ratios)) == len(ratios)
-    assert robust.draw("field", 7) == robust.draw("field", 7)
+    assert robust.draw("caribou_truth", 7) == robust.draw("caribou_truth", 7)
     assert drawn.tailcone.rudder_bias_deg == -6.0
 
 
 def test_a_leg_that_does_not_settle_and_a_back_out_of_water_are_misses() -> None:
     settled, late = [1.0, 10.0, 1.0, 13.9, 0.4], [1.0, 10.0, 1.0, 14.1, -0.1]
-    figures = missions.judge("combined/disturbed", np.array([late + late + settled, late + late + settled]))
+    figures = missions.judge(
+        "combined/disturbed", np.array([late + late + settled, late + late + settled])
+    )
     assert not missed(figures)
-    shares = {figure.name: figure.value for figure in figures if figure.name.startswith("every leg")}
+    shares = {
+        figure.name: figure.value for figure in figures if figure.name.startswith("every leg")
+    }
     assert [shares[f"every leg settled: {name}"] for name in GAIN_SETS] == [0.0, 0.0, 100.0]
     figures = missions.judge("combined/disturbed", np.array([settled + settled + late]))
     assert missed(figures) == {
-        "leg 2, depth, 95 %: ours", "every leg settled: ours", "least water over her: ours",
-    }  # fmt: skip
+        "leg 2, depth, 95 %: ours",
+        "every leg settled: ours",
+        "least water over her: ours",
+    }
 
 
-def test_water_over_her_is_counted_from_her_highest_part_and_from_the_surface_as_it_stands() -> None:
-    """Level, half her diameter over the axis; nose up, half her length; a trough takes off what it is deep."""
+def test_water_over_her_is_counted_from_her_highest_part_and_from_the_surface_as_it_stands() -> (
+    None
+):
+    """Level, half her diameter over the axis; nose up, half her length; a trough takes off what it
+    is deep."""
     level = missions.water_over_her_m(made_up(true_depth_m=2.0))
     assert level == pytest.approx(2.0 - 0.5334 / 2, abs=0.01)
-    assert missions.water_over_her_m(made_up(true_depth_m=2.0, surface_m=-0.3)) == pytest.approx(level - 0.3)
+    assert missions.water_over_her_m(made_up(true_depth_m=2.0, surface_m=-0.3)) == pytest.approx(
+        level - 0.3
+    )
     upright = missions.water_over_her_m(made_up(true_depth_m=2.5, true_pitch=np.radians(90.0)))
     assert upright == pytest.approx(2.5 - 3.543 / 2, abs=0.01)
 
@@ -116,10 +148,13 @@ def test_water_over_her_is_counted_from_her_highest_part_and_from_the_surface_as
 def test_a_probability_that_is_not_kept_is_no_honest_one() -> None:
     kept, broken = [1.0, 1.0, 0.9, 1.0, 0.99, 1.0, *GOOD], [1.0, 1.0, 0.9, 0.0, 0.99, 1.0, *GOOD]
     refused = [0.0, 0.0, *[np.nan] * (4 + len(Held._fields))]
-    assert not missed(probability.judge("field", np.array([kept, kept, kept, refused])))
-    assert missed(probability.judge("field", np.array([kept, broken, broken, refused]))) == {
-        "full specification kept by the vehicle that flew", "full specification, kept less stated",
-    }  # fmt: skip
+    assert not missed(probability.judge("caribou_truth", np.array([kept, kept, kept, refused])))
+    assert missed(
+        probability.judge("caribou_truth", np.array([kept, broken, broken, refused]))
+    ) == {
+        "full specification kept by the vehicle that flew",
+        "full specification, kept less stated",
+    }
 
 
 def test_a_fault_that_loses_her_is_a_miss_with_our_gains_alone() -> None:
@@ -137,7 +172,7 @@ def test_a_short_flight_is_held_and_its_test_is_cut_from_what_she_tells() -> Non
     values = {**TABLE_3_IMPROVED, **TRIM}
     items = (*legs((3.0, 20.0, 90.0)), excitation_item(4, axis=12, magnitude_deg=5.0, duration_s=8))
     dive = Dive(items, values=values)
-    (run,) = runs.cut(campaign.log(dive, "short", values))
+    (run,) = segments.cut_runs(campaign.log(dive, "short", values))
     assert (run.plane, run.wave, run.magnitude_deg) == ("yaw", "step", 5.0)
     assert np.degrees(run.command_rad[~run.preroll][10:-10]) == pytest.approx(11.0, abs=0.01)
     dive.told = [(90.0, "Mode SURFACE")]

@@ -1,4 +1,5 @@
-"""Every client on every link at every speed, with whole lists of checks: prints the table of pass counts.
+"""Every client on every link at every speed, with whole lists of checks: prints the table of pass
+counts.
 
 Usage: python -m tests.clients [--out FILE.json]. Exit status 1 when a check failed.
 """
@@ -13,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.clients.checklist import failed, score
-from tests.clients.scene import ACTS, PROGRAMS, Verdicts, all_at_once
+from tests.clients.fixture import ACTS, PROGRAMS, Verdicts, all_at_once
 
 
 def carry_out(where: str) -> dict[str, Verdicts]:
@@ -22,7 +23,9 @@ def carry_out(where: str) -> dict[str, Verdicts]:
         homes = {client: Path(folder) / client for client in PROGRAMS}
         for home in homes.values():
             home.mkdir()
-        with all_at_once({client: ACTS[where](client, home) for client, home in homes.items()}) as acts:
+        with all_at_once(
+            {client: ACTS[where](client, home) for client, home in homes.items()}
+        ) as acts:
             return {client: act.verdicts() for client, act in acts.items()}
 
 

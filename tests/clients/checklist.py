@@ -1,4 +1,5 @@
-"""A list of named checks that a client program carries out, one after the other, and prints as one JSON object."""
+"""A list of named checks that a client program carries out, one after the other, and prints as one
+JSON object."""
 
 import json
 import time
@@ -13,7 +14,8 @@ class RefutedError(AssertionError):
 
 
 def require(seen: object, what: str) -> None:
-    """Raises RefutedError unless ``seen``: plain assertions would vanish under ``python -O``, and say nothing here."""
+    """Raises RefutedError unless ``seen``: plain assertions would vanish under ``python -O``, and
+    say nothing here."""
     if not seen:
         raise RefutedError(what)
 
@@ -23,7 +25,10 @@ def equal(seen: object, expected: object, what: str) -> None:
 
 
 def close(seen: float, expected: float, tolerance: float, what: str) -> None:
-    require(abs(seen - expected) <= tolerance, f"{what} is {seen:g}, not {expected:g} within {tolerance:g}")
+    require(
+        abs(seen - expected) <= tolerance,
+        f"{what} is {seen:g}, not {expected:g} within {tolerance:g}",
+    )
 
 
 def name_of(check: Check) -> str:
@@ -36,7 +41,11 @@ def report(verdicts: dict[str, dict[str, Any]]) -> str:
 
 
 def verdict(problem: BaseException | None, began_s: float) -> dict[str, Any]:
-    why = "" if problem is None else f"{type(problem).__name__}: {problem}".replace("RefutedError: ", "")
+    why = (
+        ""
+        if problem is None
+        else f"{type(problem).__name__}: {problem}".replace("RefutedError: ", "")
+    )
     return {"pass": problem is None, "why": why, "s": round(time.monotonic() - began_s, 2)}
 
 

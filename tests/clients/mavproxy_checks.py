@@ -1,6 +1,8 @@
-"""What a person at MAVProxy's prompt can do with the vehicle, check by check: prints one JSON object.
+"""What a person at MAVProxy's prompt can do with the vehicle, check by check: prints one JSON
+object.
 
-Usage: python -m tests.clients.mavproxy_checks FOLDER MASTER [--baud N] [--speed N] [--slow] [--short]
+Usage: python -m tests.clients.mavproxy_checks FOLDER MASTER [--baud N] [--speed N] [--slow]
+[--short]
 
 FOLDER becomes MAVProxy's home: ``ground modes install`` has put the names of the modes there.
 """
@@ -17,9 +19,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from autopilot.params import PARAMETERS
-from link.params import as_real32
-from tests.clients.checklist import RefutedError, close, equal, name_of, report, require, verdict
+from autopilot.control.params import PARAMETERS
+from mavlink_io.services.params import as_real32
+from tests.clients.checklist import (
+    RefutedError,
+    close,
+    equal,
+    name_of,
+    report,
+    require,
+    verdict,
+)
 from tests.clients.mavproxy_console import Console
 from tests.clients.streams import BY_THEMSELVES, SENSES, check_rate
 
@@ -35,7 +45,8 @@ ITEMS = [
     (115, 40.0, 0.0, 0.0, 0.0),
     (93, 1e4, -1.0, -1.0, -1.0),
 ]
-"""Thrust, depth, heading, and more time than any list of checks takes: command and first four parameters."""
+"""Thrust, depth, heading, and more time than any list of checks takes: command and first four
+parameters."""
 
 
 class Person:
@@ -51,7 +62,8 @@ class Person:
         return self.console.ask(line, pattern, attempts=4 if self.slow else 1, within_s=within_s)
 
     def until(self, wanted: Callable[[], bool], what: str, within_s: float = 15.0) -> None:
-        """Wait for something. Raises RefutedError, saying ``what`` is wrong, when it never comes."""
+        """Wait for something. Raises RefutedError, saying ``what`` is wrong, when it never
+        comes."""
         deadline_s = time.monotonic() + within_s
         while not wanted():
             require(time.monotonic() < deadline_s, what)
@@ -65,7 +77,9 @@ class Person:
 Check = Callable[[Person], None]
 
 
-def write_plan(path: Path, items: list[tuple[float, ...]], *, frame: int = 2, z: float = 0.0) -> Path:
+def write_plan(
+    path: Path, items: list[tuple[float, ...]], *, frame: int = 2, z: float = 0.0
+) -> Path:
     """A QGC WPL 110 file, as waypoint editors write it."""
     lines = [
         f"{n}\t{int(n == 0)}\t{frame}\t{command}\t{p1}\t{p2}\t{p3}\t{p4}\t0\t0\t{z}\t1"
@@ -85,15 +99,22 @@ def detects_the_vehicle(p: Person) -> None:
 
 
 def receives_the_parameters(p: Person) -> None:
-    """By file or one by one, as MAVProxy likes; on a noisy line it may have to ask again for some."""
+    """By file or one by one, as MAVProxy likes; on a noisy line it may have to ask again for
+    some."""
     p.ask("param fetch", f"Received {len(DEFAULTS)} parameters", 60.0)
     wrong = list(DEFAULTS)
 
     def right() -> bool:
         p.console.say("param show *")
         time.sleep(1.0)
-        shown = dict(re.findall(r"^(?:\S*> )?([A-Z][A-Z0-9_]+) +(-?[\d.]+)", p.console.said, re.MULTILINE))
-        wrong[:] = [n for n, v in DEFAULTS.items() if not math.isclose(float(shown.get(n, "nan")), v, abs_tol=1e-6)]
+        shown = dict(
+            re.findall(r"^(?:\S*> )?([A-Z][A-Z0-9_]+) +(-?[\d.]+)", p.console.said, re.MULTILINE)
+        )
+        wrong[:] = [
+            n
+            for n, v in DEFAULTS.items()
+            if not math.isclose(float(shown.get(n, "nan")), v, abs_tol=1e-6)
+        ]
         return not wrong
 
     with contextlib.suppress(RefutedError):
@@ -112,7 +133,9 @@ def sets_a_parameter(p: Person) -> None:
 
 def is_refused_a_parameter_out_of_range(p: Person) -> None:
     p.ask("param set DPT_P 99999999", r"DPT_P = 1e\+08: must be|Failed to set DPT_P", 20.0)
-    close(float(p.ask("param fetch DPT_P", r"DPT_P = ([\d.]+)")[1]), DEFAULTS["DPT_P"], 1e-6, "DPT_P")
+    close(
+        float(p.ask("param fetch DPT_P", r"DPT_P = ([\d.]+)")[1]), DEFAULTS["DPT_P"], 1e-6, "DPT_P"
+    )
 
 
 def is_told_of_an_unknown_parameter(p: Person) -> None:
@@ -145,7 +168,11 @@ def is_refused_a_mode_that_does_not_exist(p: Person) -> None:
 
 def sends_the_mission(p: Person) -> None:
     plan = write_plan(p.console.folder / "leg.txt", ITEMS)
-    p.ask(f"wp load {plan}", rf"Sent all {len(ITEMS)} waypoints[\s\S]*MISSION_ACK: TYPE_MISSION: ACCEPTED", 40.0)
+    p.ask(
+        f"wp load {plan}",
+        rf"Sent all {len(ITEMS)} waypoints[\s\S]*MISSION_ACK: TYPE_MISSION: ACCEPTED",
+        40.0,
+    )
 
 
 def fetches_the_mission(p: Person) -> None:
@@ -179,7 +206,10 @@ def arms_and_disarms(p: Person) -> None:
 def starts_the_mission(p: Person) -> None:
     p.ask("arm throttle", "^(?:.*> )?ARMED")
     p.ask("long MISSION_START 0 0", "MISSION_START: ACCEPTED")
-    p.until(lambda: p.latest("HEARTBEAT")["custom_mode"] == MISSION_MODE, "the heartbeat never told of MISSION")
+    p.until(
+        lambda: p.latest("HEARTBEAT")["custom_mode"] == MISSION_MODE,
+        "the heartbeat never told of MISSION",
+    )
 
 
 def dives(p: Person) -> None:
@@ -206,8 +236,14 @@ def stream(name: str) -> Check:
         sense, heard = SENSES[name], {key: fields for key, (_, fields) in p.counted.items()}
         span_s = p.counted_s if name == "HEARTBEAT" else p.counted_vehicle_s
         come = p.counted[name][0] - p.before.get(name, (0, {}))[0]
-        two_speak = name == "ODOMETRY"  # the Doppler log sends its own, and MAVProxy counts both as one
-        if sense.rate_hz * span_s >= 5 and not two_speak and not sense.must_be_asked_for(slow=p.slow):
+        two_speak = (
+            name == "ODOMETRY"
+        )  # the Doppler log sends its own, and MAVProxy counts both as one
+        if (
+            sense.rate_hz * span_s >= 5
+            and not two_speak
+            and not sense.must_be_asked_for(slow=p.slow)
+        ):
             check_rate(name, come / span_s, slow=p.slow)
         if not (two_speak and math.isnan(heard[name]["x"])):
             sense.check(heard[name], heard)
@@ -225,7 +261,9 @@ def hears_every_stream(p: Person) -> None:
 
 def sets_a_rate(p: Person) -> None:
     p.ask("messagerate set ATTITUDE 4", "SET_MESSAGE_INTERVAL: ACCEPTED")
-    equal(float(p.ask("messagerate get ATTITUDE", r"Msg:ATTITUDE +rate:([\d.]+)Hz")[1]), 4.0, "rate")
+    equal(
+        float(p.ask("messagerate get ATTITUDE", r"Msg:ATTITUDE +rate:([\d.]+)Hz")[1]), 4.0, "rate"
+    )
     p.ask("messagerate set ATTITUDE 0", "SET_MESSAGE_INTERVAL: ACCEPTED")
 
 
@@ -275,7 +313,9 @@ def reads_why(p: Person) -> None:
 
 def keeps_time(p: Person) -> None:
     p.ask("module load timesync", "Loaded module timesync|already loaded")
-    first, then = [int(p.ask(f"timesync {n}", rf"TIMESYNC {{tc1 : (\d+), ts1 : {n}")[1]) for n in (4711, 4712)]
+    first, then = [
+        int(p.ask(f"timesync {n}", rf"TIMESYNC {{tc1 : (\d+), ts1 : {n}")[1]) for n in (4711, 4712)
+    ]
     require(0 < then - first < 20e9, "tc1 does not go forward with the wall clock")
 
 
@@ -288,7 +328,11 @@ def downloads_a_log(p: Person) -> None:
     size = int(p.ask("log list", LOG_ROW, 20.0)[2])
     path = p.console.folder / "log.mcap"
     p.console.say(f"log download 0 {path}")
-    p.until(lambda: path.exists() and path.stat().st_size == size, f"the log of {size} bytes is not whole", 200.0)
+    p.until(
+        lambda: path.exists() and path.stat().st_size == size,
+        f"the log of {size} bytes is not whole",
+        200.0,
+    )
     p.console.hear("Finished downloading", 60.0)
     log = path.read_bytes()
     equal((log[:8], log[-8:]), (MCAP_MAGIC, MCAP_MAGIC), "first and last bytes")
@@ -330,22 +374,60 @@ def keeps_a_log_that_pymavlink_reads(p: Person) -> None:
 
 
 EVERY: list[Check] = [
-    detects_the_vehicle, receives_the_parameters, sets_a_parameter, is_told_of_an_unknown_parameter,
-    is_refused_a_parameter_out_of_range, names_every_mode, sets_every_mode_by_name, shows_every_mode_by_name,
-    is_refused_a_mode_that_does_not_exist, sends_the_mission, fetches_the_mission,
-    is_refused_an_altitude_above_the_water, is_refused_a_command_that_is_not_flown,
-    finds_no_fence_and_no_rally_points, arms_and_disarms, starts_the_mission, dives,
-    *(stream(name) for name in SENSES), sets_a_rate, is_refused_the_rate_of_no_stream,
-    is_not_upset_by_its_stream_requests, chooses_a_mission_item, asks_for_a_message, is_refused_to_take_off,
-    is_refused_a_reboot_under_way, is_refused_to_disarm_under_water, reads_why, keeps_time, disarms_by_force,
-    clears_the_mission, lists_logs, downloads_a_log, lists_files, is_told_at_once_of_a_missing_file,
-    never_sees_a_breach_or_a_lost_link, keeps_a_log_that_pymavlink_reads,
-]  # fmt: skip
+    detects_the_vehicle,
+    receives_the_parameters,
+    sets_a_parameter,
+    is_told_of_an_unknown_parameter,
+    is_refused_a_parameter_out_of_range,
+    names_every_mode,
+    sets_every_mode_by_name,
+    shows_every_mode_by_name,
+    is_refused_a_mode_that_does_not_exist,
+    sends_the_mission,
+    fetches_the_mission,
+    is_refused_an_altitude_above_the_water,
+    is_refused_a_command_that_is_not_flown,
+    finds_no_fence_and_no_rally_points,
+    arms_and_disarms,
+    starts_the_mission,
+    dives,
+    *(stream(name) for name in SENSES),
+    sets_a_rate,
+    is_refused_the_rate_of_no_stream,
+    is_not_upset_by_its_stream_requests,
+    chooses_a_mission_item,
+    asks_for_a_message,
+    is_refused_to_take_off,
+    is_refused_a_reboot_under_way,
+    is_refused_to_disarm_under_water,
+    reads_why,
+    keeps_time,
+    disarms_by_force,
+    clears_the_mission,
+    lists_logs,
+    downloads_a_log,
+    lists_files,
+    is_told_at_once_of_a_missing_file,
+    never_sees_a_breach_or_a_lost_link,
+    keeps_a_log_that_pymavlink_reads,
+]
 SHORT: list[Check] = [
-    detects_the_vehicle, receives_the_parameters, sets_a_parameter, names_every_mode, sets_every_mode_by_name,
-    sends_the_mission, fetches_the_mission, arms_and_disarms, starts_the_mission, hears_every_stream, keeps_time,
-    disarms_by_force, lists_logs, downloads_a_log, never_sees_a_breach_or_a_lost_link,
-]  # fmt: skip
+    detects_the_vehicle,
+    receives_the_parameters,
+    sets_a_parameter,
+    names_every_mode,
+    sets_every_mode_by_name,
+    sends_the_mission,
+    fetches_the_mission,
+    arms_and_disarms,
+    starts_the_mission,
+    hears_every_stream,
+    keeps_time,
+    disarms_by_force,
+    lists_logs,
+    downloads_a_log,
+    never_sees_a_breach_or_a_lost_link,
+]
 
 
 def carry_out(checks: list[Check], person: Person) -> dict[str, dict[str, Any]]:
@@ -371,7 +453,9 @@ if __name__ == "__main__":
     asked = parser.parse_args()
     console = Console(asked.folder, asked.master, asked.baud)
     try:
-        found = carry_out(SHORT if asked.short else EVERY, Person(console, speed=asked.speed, slow=asked.slow))
+        found = carry_out(
+            SHORT if asked.short else EVERY, Person(console, speed=asked.speed, slow=asked.slow)
+        )
     finally:
         console.close()
     (asked.folder / "said.txt").write_text(console.said)

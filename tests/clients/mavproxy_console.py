@@ -17,10 +17,20 @@ PROGRAM = str(Path(sys.executable).with_name("mavproxy.py"))
 
 
 class Console:
-    """A running MAVProxy whose home directory is ``folder``. What it has said is read on from where it was left."""
+    """A running MAVProxy whose home directory is ``folder``. What it has said is read on from where
+    it was left."""
 
     def __init__(self, folder: Path, master: str, baud: int | None = None) -> None:
-        command = [sys.executable, PROGRAM, "--master", master, "--state-basedir", str(folder), "--aircraft", "test"]
+        command = [
+            sys.executable,
+            PROGRAM,
+            "--master",
+            master,
+            "--state-basedir",
+            str(folder),
+            "--aircraft",
+            "test",
+        ]
         command += ["--baudrate", str(baud)] if baud else []
         environment = {**os.environ, "HOME": str(folder), "PYTHONUNBUFFERED": "1"}
         self.folder = folder
@@ -57,12 +67,17 @@ class Console:
         deadline_s = time.monotonic() + within_s
         while (match := re.compile(pattern, re.MULTILINE).search(self.said, self._mark)) is None:
             if time.monotonic() > deadline_s:
-                raise TimeoutError(f"{pattern!r} was not said within {within_s:g} s, but {self.said[self._mark :]!r}")
+                raise TimeoutError(
+                    f"{pattern!r} was not said within {within_s:g} s, but"
+                    f" {self.said[self._mark :]!r}"
+                )
             time.sleep(POLL_S)
         self._mark = match.end()
         return match
 
-    def ask(self, line: str, pattern: str, *, attempts: int = 1, within_s: float = PATIENCE_S) -> re.Match[str]:
+    def ask(
+        self, line: str, pattern: str, *, attempts: int = 1, within_s: float = PATIENCE_S
+    ) -> re.Match[str]:
         """Type a line and read the answer; again, where the line may be lost on the way."""
         for _ in range(attempts - 1):
             self.say(line)

@@ -2,8 +2,8 @@
 
 Usage: python -m tests.clients.mavsdk_checks ADDRESS [--speed N] [--slow] [--short]
 
-``--slow`` expects the rates of a 57600 baud link, ``--short`` makes do with one check of each service.
-"""
+``--slow`` expects the rates of a 57600 baud link, ``--short`` makes do with one check of each
+service."""
 
 import argparse
 import asyncio
@@ -25,12 +25,12 @@ from mavsdk.plugins.mission_raw import MissionItem
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawError
 from mavsdk.plugins.param.param import ParamError
 
-from autopilot.params import PARAMETERS
-from link.dialect import by_name
-from link.params import as_real32
+from autopilot.control.params import PARAMETERS
+from mavlink_io.dialect import by_name
+from mavlink_io.services.params import as_real32
 from tests.clients.checklist import close, equal, name_of, report, require, verdict
-from tests.clients.mavsdk_ears import REQUEST_MESSAGE, Client, connected, first
 from tests.clients.streams import BY_THEMSELVES, SENSES, check_rate
+from tests.clients.telemetry_recorder import REQUEST_MESSAGE, Client, connected, first
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
 DO_SET_MODE, DO_SET_STANDARD_MODE, SET_INTERVAL, GET_INTERVAL = 176, 262, 511, 510
@@ -64,7 +64,9 @@ T = TypeVar("T")
 Check = Callable[[Client], Awaitable[None]]
 
 
-def item(seq: int, command: int, *p: float, frame: int = 2, z: float = 0.0, kind: int = 0) -> MissionItem:
+def item(
+    seq: int, command: int, *p: float, frame: int = 2, z: float = 0.0, kind: int = 0
+) -> MissionItem:
     p1, p2, p3, p4 = (*p, *(0.0,) * (4 - len(p)))
     return MissionItem(seq, frame, command, int(seq == 0), 1, p1, p2, p3, p4, 0, 0, z, kind)
 
@@ -80,7 +82,10 @@ def leg(depth_m: float = 4.0, seconds: float = 10_000.0) -> list[MissionItem]:
 
 
 def rows(items: list[MissionItem]) -> list[tuple[Any, ...]]:
-    return [(i.seq, i.frame, i.command, i.param1, i.param2, i.param3, i.param4, i.x, i.y, i.z) for i in items]
+    return [
+        (i.seq, i.frame, i.command, i.param1, i.param2, i.param3, i.param4, i.x, i.y, i.z)
+        for i in items
+    ]
 
 
 async def refused(result: str, attempt: Awaitable[Any], kind: type[Exception]) -> None:
@@ -93,7 +98,8 @@ async def refused(result: str, attempt: Awaitable[Any], kind: type[Exception]) -
 
 
 async def patiently(c: Client, attempt: Callable[[], Awaitable[T]], passing: str) -> T:
-    """Again where the line is noisy and all that came of an attempt is ``passing``: as its user would."""
+    """Again where the line is noisy and all that came of an attempt is ``passing``: as its user
+    would."""
     for _ in range(NOISY_ATTEMPTS if c.slow else 0):
         try:
             return await attempt()
@@ -104,7 +110,8 @@ async def patiently(c: Client, attempt: Callable[[], Awaitable[T]], passing: str
 
 
 async def upload(c: Client, items: list[MissionItem]) -> None:
-    """MAVSDK never repeats its last item: where the acknowledgement is lost it gives up after 2.5 s."""
+    """MAVSDK never repeats its last item: where the acknowledgement is lost it gives up after 2.5
+    s."""
     await patiently(c, lambda: c.missions.upload_mission(items), "TIMEOUT")
 
 
@@ -131,13 +138,25 @@ async def reads_the_modes_on_offer(c: Client) -> None:
     total, index = 1, 1
     while index <= total:
         offered[index] = await c.request(
-            AVAILABLE_MODES, "AVAILABLE_MODES", index, lambda m, wanted=index: m["mode_index"] == wanted
+            AVAILABLE_MODES,
+            "AVAILABLE_MODES",
+            index,
+            lambda m, wanted=index: m["mode_index"] == wanted,
         )
         total, index = offered[index]["number_modes"], index + 1
-    require({m["standard_mode"] for m in offered.values()} <= {0, 5, 6, 7}, "a standard mode that submarines lack")
+    require(
+        {m["standard_mode"] for m in offered.values()} <= {0, 5, 6, 7},
+        "a standard mode that submarines lack",
+    )
     numbers = {m["custom_mode"] for m in offered.values()}
-    require({main << 16 | sub << 24 for main, sub, _ in MODES.values()} <= numbers, f"modes are {numbers}")
-    require(await c.command(REQUEST_MESSAGE, AVAILABLE_MODES, total + 1) != ACCEPTED, "there is one mode too many")
+    require(
+        {main << 16 | sub << 24 for main, sub, _ in MODES.values()} <= numbers,
+        f"modes are {numbers}",
+    )
+    require(
+        await c.command(REQUEST_MESSAGE, AVAILABLE_MODES, total + 1) != ACCEPTED,
+        "there is one mode too many",
+    )
 
 
 async def lists_parameters(c: Client) -> None:
@@ -182,8 +201,22 @@ async def carries_a_long_mission(c: Client) -> None:
 async def carries_a_plan_of_waypoints(c: Client) -> None:
     """MAVSDK's own mission plugin, with depth as a negative altitude; it sends frame 3 and NaN."""
     nan = math.nan
-    place = PlanItem(42.35, -71.05, -3.0, 1.2, True, nan, nan, PlanItem.CameraAction.NONE, nan, nan, 5.0, nan, nan,
-                     PlanItem.VehicleAction.NONE)  # fmt: skip
+    place = PlanItem(
+        42.35,
+        -71.05,
+        -3.0,
+        1.2,
+        True,
+        nan,
+        nan,
+        PlanItem.CameraAction.NONE,
+        nan,
+        nan,
+        5.0,
+        nan,
+        nan,
+        PlanItem.VehicleAction.NONE,
+    )
     await patiently(c, lambda: c.plans.upload_mission(MissionPlan([place])), "TIMEOUT")
     (back,) = (await c.plans.download_mission()).mission_items
     close(back.relative_altitude_m, -3.0, 1e-3, "relative_altitude_m")
@@ -224,9 +257,14 @@ async def clears_the_mission(c: Client) -> None:
 
 
 async def sees_all_healthy(c: Client) -> None:
-    require(await first(c.telemetry.subscribe_health_all_ok(), bool, 30.0 * c.stretch), "never all healthy")
+    require(
+        await first(c.telemetry.subscribe_health_all_ok(), bool, 30.0 * c.stretch),
+        "never all healthy",
+    )
     health = await first(c.telemetry.subscribe_health())
-    lacking = [name for name in vars(health) if name.startswith("is_") and not getattr(health, name)]
+    lacking = [
+        name for name in vars(health) if name.startswith("is_") and not getattr(health, name)
+    ]
     equal(lacking, [], "what is not healthy")
 
 
@@ -246,7 +284,11 @@ async def sets_each_mode_by_main_and_sub_number(c: Client) -> None:
 async def sets_each_mode_by_its_whole_number(c: Client) -> None:
     for name, (main, sub, seen) in MODES.items():
         if name not in NOT_WHEN_MOORED:
-            equal(await c.command(DO_SET_MODE, 1, float(main << 16 | sub << 24)), ACCEPTED, f"result of {name}")
+            equal(
+                await c.command(DO_SET_MODE, 1, float(main << 16 | sub << 24)),
+                ACCEPTED,
+                f"result of {name}",
+            )
             await c.becomes(mode=seen)
 
 
@@ -255,8 +297,14 @@ async def sets_a_mode_the_old_way(c: Client) -> None:
     acks = len(c.times["COMMAND_ACK"])
     depth = 2 << 16
     told = asyncio.create_task(c.next("CURRENT_MODE", lambda m: m["custom_mode"] == depth))
-    await c.ask("HEARTBEAT", lambda m: m["custom_mode"] == depth, "SET_MODE", target_system=1, base_mode=1,
-                custom_mode=depth)  # fmt: skip
+    await c.ask(
+        "HEARTBEAT",
+        lambda m: m["custom_mode"] == depth,
+        "SET_MODE",
+        target_system=1,
+        base_mode=1,
+        custom_mode=depth,
+    )
     await told
     equal(len(c.times["COMMAND_ACK"]), acks, "count of acknowledgements")
 
@@ -270,7 +318,9 @@ async def sets_standard_modes(c: Client) -> None:
 
 
 async def is_refused_modes_that_do_not_exist(c: Client) -> None:
-    require(await c.command(DO_SET_MODE, 1, 9, 0) in (DENIED, UNSUPPORTED), "mode 9 was not refused")
+    require(
+        await c.command(DO_SET_MODE, 1, 9, 0) in (DENIED, UNSUPPORTED), "mode 9 was not refused"
+    )
     equal(await c.command(DO_SET_MODE, 0, 1, 0), DENIED, "result without the custom mode flag")
 
 
@@ -336,12 +386,21 @@ async def dives(c: Client) -> None:
     """Counting streams on the way; what does not come by itself is asked for first."""
     for name, sense in SENSES.items():
         if sense.must_be_asked_for(slow=c.slow):
-            equal(await c.command(SET_INTERVAL, by_name(name).message_id, 1e6), ACCEPTED, f"result for {name}")
+            equal(
+                await c.command(SET_INTERVAL, by_name(name).message_id, 1e6),
+                ACCEPTED,
+                f"result for {name}",
+            )
     for times in c.times.values():
         times.clear()
     began_s, vehicle_began_s = time.monotonic(), c.vehicle_s
-    await first(c.telemetry.subscribe_position(), lambda p: p.relative_altitude_m < -1.5, 60.0 * c.stretch)
-    require((await first(c.telemetry.subscribe_position_velocity_ned())).position.down_m > 1.0, "down is not positive")
+    await first(
+        c.telemetry.subscribe_position(), lambda p: p.relative_altitude_m < -1.5, 60.0 * c.stretch
+    )
+    require(
+        (await first(c.telemetry.subscribe_position_velocity_ned())).position.down_m > 1.0,
+        "down is not positive",
+    )
     await asyncio.sleep(max(0.0, began_s + STREAMS_COUNTED_S - time.monotonic()))
     c.counted_s, c.counted_vehicle_s = time.monotonic() - began_s, c.vehicle_s - vehicle_began_s
     c.counted = {name: len(times) for name, times in c.times.items()}
@@ -365,28 +424,56 @@ def stream(name: str) -> Check:
 async def subscribes_to_all_that_mavsdk_offers(c: Client) -> None:
     t = c.telemetry
     streams = {
-        "attitude_euler": t.subscribe_attitude_euler(), "attitude_quaternion": t.subscribe_attitude_quaternion(),
-        "body rates": t.subscribe_attitude_angular_velocity_body(), "velocity_ned": t.subscribe_velocity_ned(),
-        "position": t.subscribe_position(), "position_velocity_ned": t.subscribe_position_velocity_ned(),
-        "heading": t.subscribe_heading(), "altitude": t.subscribe_altitude(), "battery": t.subscribe_battery(),
-        "fixedwing_metrics": t.subscribe_fixedwing_metrics(), "imu": t.subscribe_imu(),
-        "odometry": t.subscribe_odometry(), "distance_sensor": t.subscribe_distance_sensor(),
-        "actuator_output_status": t.subscribe_actuator_output_status(), "raw_gps": t.subscribe_raw_gps(),
-        "gps_info": t.subscribe_gps_info(), "landed_state": t.subscribe_landed_state(),
-        "flight_mode": t.subscribe_flight_mode(), "armed": t.subscribe_armed(), "health": t.subscribe_health(),
-    }  # fmt: skip
+        "attitude_euler": t.subscribe_attitude_euler(),
+        "attitude_quaternion": t.subscribe_attitude_quaternion(),
+        "body rates": t.subscribe_attitude_angular_velocity_body(),
+        "velocity_ned": t.subscribe_velocity_ned(),
+        "position": t.subscribe_position(),
+        "position_velocity_ned": t.subscribe_position_velocity_ned(),
+        "heading": t.subscribe_heading(),
+        "altitude": t.subscribe_altitude(),
+        "battery": t.subscribe_battery(),
+        "fixedwing_metrics": t.subscribe_fixedwing_metrics(),
+        "imu": t.subscribe_imu(),
+        "odometry": t.subscribe_odometry(),
+        "distance_sensor": t.subscribe_distance_sensor(),
+        "actuator_output_status": t.subscribe_actuator_output_status(),
+        "raw_gps": t.subscribe_raw_gps(),
+        "gps_info": t.subscribe_gps_info(),
+        "landed_state": t.subscribe_landed_state(),
+        "flight_mode": t.subscribe_flight_mode(),
+        "armed": t.subscribe_armed(),
+        "health": t.subscribe_health(),
+    }
     found = await asyncio.gather(*(first(s) for s in streams.values()), return_exceptions=True)
-    equal([n for n, value in zip(streams, found, strict=True) if isinstance(value, Exception)], [], "silent streams")
+    equal(
+        [n for n, value in zip(streams, found, strict=True) if isinstance(value, Exception)],
+        [],
+        "silent streams",
+    )
     seen = dict(zip(streams, found, strict=True))
-    close(seen["position"].relative_altitude_m, seen["altitude"].altitude_relative_m, 1.0, "altitude")
+    close(
+        seen["position"].relative_altitude_m, seen["altitude"].altitude_relative_m, 1.0, "altitude"
+    )
     require(0.0 <= seen["heading"].heading_deg < 360.0, "heading")
     equal(seen["landed_state"].name, "IN_AIR", "landed_state")
     equal(seen["actuator_output_status"].active, 7, "active")
 
 
 async def interval_of_attitude_us(c: Client) -> float:
-    ask = {f"param{n}": 0.0 for n in range(2, 8)} | {"command": GET_INTERVAL, "confirmation": 0, "param1": ATTITUDE}
-    told = await c.ask("MESSAGE_INTERVAL", lambda m: True, "COMMAND_LONG", target_system=1, target_component=1, **ask)
+    ask = {f"param{n}": 0.0 for n in range(2, 8)} | {
+        "command": GET_INTERVAL,
+        "confirmation": 0,
+        "param1": ATTITUDE,
+    }
+    told = await c.ask(
+        "MESSAGE_INTERVAL",
+        lambda m: True,
+        "COMMAND_LONG",
+        target_system=1,
+        target_component=1,
+        **ask,
+    )
     return float(told["interval_us"])
 
 
@@ -398,7 +485,12 @@ async def sets_rates(c: Client) -> None:
     c.times["ATTITUDE"].clear()
     began_s = c.vehicle_s
     await asyncio.sleep(3.0 * c.stretch)
-    close(len(c.times["ATTITUDE"]) / (c.vehicle_s - began_s), rate_hz, 0.4 * rate_hz, "rate of ATTITUDE")
+    close(
+        len(c.times["ATTITUDE"]) / (c.vehicle_s - began_s),
+        rate_hz,
+        0.4 * rate_hz,
+        "rate of ATTITUDE",
+    )
 
 
 async def stops_and_restores_a_stream(c: Client) -> None:
@@ -409,20 +501,38 @@ async def stops_and_restores_a_stream(c: Client) -> None:
     equal(len(c.times["ATTITUDE"]), 0, "count of ATTITUDE when stopped")
     equal(await c.command(SET_INTERVAL, ATTITUDE, 0), ACCEPTED, "result of 0")
     await c.next("ATTITUDE")
-    equal(await c.command(SET_INTERVAL, NO_STREAM, 1e6), UNSUPPORTED, "result for a message that is no stream")
+    equal(
+        await c.command(SET_INTERVAL, NO_STREAM, 1e6),
+        UNSUPPORTED,
+        "result for a message that is no stream",
+    )
 
 
 async def is_not_upset_by_request_data_stream(c: Client) -> None:
     for _ in range(5):
-        await c.send("REQUEST_DATA_STREAM", target_system=1, target_component=1, req_stream_id=0, req_message_rate=1,
-                     start_stop=1)  # fmt: skip
+        await c.send(
+            "REQUEST_DATA_STREAM",
+            target_system=1,
+            target_component=1,
+            req_stream_id=0,
+            req_message_rate=1,
+            start_stop=1,
+        )
     require(await interval_of_attitude_us(c) <= 400_000, "the rate of ATTITUDE was changed")
 
 
 async def keeps_time(c: Client) -> None:
     own_ns = time.time_ns() & 0xFFFF_FFFF
     first_ns, then_ns = [
-        (await c.ask("TIMESYNC", lambda m, ts1=ts1: m["ts1"] == ts1 and m["tc1"], "TIMESYNC", tc1=0, ts1=ts1))["tc1"]
+        (
+            await c.ask(
+                "TIMESYNC",
+                lambda m, ts1=ts1: m["ts1"] == ts1 and m["tc1"],
+                "TIMESYNC",
+                tc1=0,
+                ts1=ts1,
+            )
+        )["tc1"]
         for ts1 in (own_ns, own_ns + 1)
     ]
     require(0 < then_ns - first_ns < 20e9, "tc1 does not go forward with the wall clock")
@@ -450,7 +560,8 @@ async def hears_the_answer_after_the_acknowledgement(c: Client) -> None:
 
 
 async def may_leave_parameters_out(c: Client) -> None:
-    """NaN means "not given" everywhere; JSON has no NaN, so MAVSDK's own plugins send it: they fill with NaN."""
+    """NaN means "not given" everywhere; JSON has no NaN, so MAVSDK's own plugins send it: they fill
+    with NaN."""
     await c.action.hold()
     require((await c.info.get_version()).flight_sw_major is not None, "no version")
     await c.missions.start_mission()
@@ -519,7 +630,10 @@ async def downloads_a_log(c: Client) -> None:
 
 async def lists_files(c: Client) -> None:
     found = await c.ftp.list_directory("/")
-    require("logs" in [entry.name for entry in found.entries], f"the root holds {[e.name for e in found.entries]}")
+    require(
+        "logs" in [entry.name for entry in found.entries],
+        f"the root holds {[e.name for e in found.entries]}",
+    )
 
 
 async def downloads_a_file(c: Client) -> None:
@@ -532,7 +646,10 @@ async def downloads_a_file(c: Client) -> None:
             pass
         path = Path(folder) / smallest.name
         equal(path.stat().st_size, smallest.size_bytes, "size")
-        require(await c.ftp.are_files_identical(str(path), f"{where}/{smallest.name}"), "checksums differ")
+        require(
+            await c.ftp.are_files_identical(str(path), f"{where}/{smallest.name}"),
+            "checksums differ",
+        )
 
 
 async def is_told_at_once_of_a_missing_file(c: Client) -> None:
@@ -562,36 +679,94 @@ async def hears_a_heartbeat_every_second(c: Client) -> None:
 
 
 BEFORE_THE_DIVE: list[Check] = [
-    discovers, reads_the_version, reads_the_capabilities, reads_the_modes_on_offer, lists_parameters,
-    reads_a_parameter, sets_a_parameter, is_told_at_once_of_an_unknown_parameter,
-    is_refused_a_parameter_out_of_range, sees_all_healthy, sees_home_at_the_surface, carries_a_mission_both_ways,
-    carries_a_plan_of_waypoints, is_refused_an_altitude_above_the_water, is_refused_a_command_that_is_not_flown,
-    is_refused_a_geofence, finds_no_geofence, sets_each_mode_by_main_and_sub_number,
-    sets_each_mode_by_its_whole_number, sets_a_mode_the_old_way, sets_standard_modes,
-    is_refused_modes_that_do_not_exist, holds, returns, lands_at_the_surface, is_refused_to_take_off, arms_and_disarms,
-]  # fmt: skip
+    discovers,
+    reads_the_version,
+    reads_the_capabilities,
+    reads_the_modes_on_offer,
+    lists_parameters,
+    reads_a_parameter,
+    sets_a_parameter,
+    is_told_at_once_of_an_unknown_parameter,
+    is_refused_a_parameter_out_of_range,
+    sees_all_healthy,
+    sees_home_at_the_surface,
+    carries_a_mission_both_ways,
+    carries_a_plan_of_waypoints,
+    is_refused_an_altitude_above_the_water,
+    is_refused_a_command_that_is_not_flown,
+    is_refused_a_geofence,
+    finds_no_geofence,
+    sets_each_mode_by_main_and_sub_number,
+    sets_each_mode_by_its_whole_number,
+    sets_a_mode_the_old_way,
+    sets_standard_modes,
+    is_refused_modes_that_do_not_exist,
+    holds,
+    returns,
+    lands_at_the_surface,
+    is_refused_to_take_off,
+    arms_and_disarms,
+]
 UNDER_WATER: list[Check] = [
-    starts_the_mission, dives, *(stream(name) for name in SENSES), subscribes_to_all_that_mavsdk_offers,
-    follows_the_progress, is_refused_a_mission_while_one_is_flown,
-    sets_rates, stops_and_restores_a_stream, is_not_upset_by_request_data_stream, keeps_time, pings,
-    is_acknowledged_by_address, hears_the_answer_after_the_acknowledgement, may_leave_parameters_out,
-    commands_by_command_int, commands_component_zero, keeps_home_at_the_surface, is_refused_a_reboot_under_way,
-    pauses_and_goes_on, chooses_a_mission_item, reads_what_the_vehicle_says,
-]  # fmt: skip
+    starts_the_mission,
+    dives,
+    *(stream(name) for name in SENSES),
+    subscribes_to_all_that_mavsdk_offers,
+    follows_the_progress,
+    is_refused_a_mission_while_one_is_flown,
+    sets_rates,
+    stops_and_restores_a_stream,
+    is_not_upset_by_request_data_stream,
+    keeps_time,
+    pings,
+    is_acknowledged_by_address,
+    hears_the_answer_after_the_acknowledgement,
+    may_leave_parameters_out,
+    commands_by_command_int,
+    commands_component_zero,
+    keeps_home_at_the_surface,
+    is_refused_a_reboot_under_way,
+    pauses_and_goes_on,
+    chooses_a_mission_item,
+    reads_what_the_vehicle_says,
+]
 AFTER_THE_DIVE: list[Check] = [
-    kills, carries_a_long_mission, clears_the_mission, lists_logs, downloads_a_log, lists_files,
-    downloads_a_file, is_told_at_once_of_a_missing_file, hears_a_heartbeat_every_second,
-]  # fmt: skip
+    kills,
+    carries_a_long_mission,
+    clears_the_mission,
+    lists_logs,
+    downloads_a_log,
+    lists_files,
+    downloads_a_file,
+    is_told_at_once_of_a_missing_file,
+    hears_a_heartbeat_every_second,
+]
 EVERY = [*BEFORE_THE_DIVE, *UNDER_WATER, *AFTER_THE_DIVE]
 SHORT: list[Check] = [
-    discovers, reads_the_version, reads_the_modes_on_offer, lists_parameters, reads_a_parameter, sets_a_parameter,
-    carries_a_mission_both_ways, sets_each_mode_by_main_and_sub_number, arms_and_disarms, starts_the_mission,
-    follows_the_progress, hears_every_stream, keeps_time, pauses_and_goes_on, kills, lists_logs,
-    downloads_a_log, hears_a_heartbeat_every_second,
-]  # fmt: skip
+    discovers,
+    reads_the_version,
+    reads_the_modes_on_offer,
+    lists_parameters,
+    reads_a_parameter,
+    sets_a_parameter,
+    carries_a_mission_both_ways,
+    sets_each_mode_by_main_and_sub_number,
+    arms_and_disarms,
+    starts_the_mission,
+    follows_the_progress,
+    hears_every_stream,
+    keeps_time,
+    pauses_and_goes_on,
+    kills,
+    lists_logs,
+    downloads_a_log,
+    hears_a_heartbeat_every_second,
+]
 
 
-async def carry_out(checks: list[Check], address: str, *, speed: float, slow: bool) -> dict[str, dict[str, Any]]:
+async def carry_out(
+    checks: list[Check], address: str, *, speed: float, slow: bool
+) -> dict[str, dict[str, Any]]:
     began_s = time.monotonic()
     try:
         client = await connected(address, speed=speed, slow=slow)
@@ -615,6 +790,10 @@ if __name__ == "__main__":
     parser.add_argument("--slow", action="store_true")
     parser.add_argument("--short", action="store_true")
     asked = parser.parse_args()
-    found = asyncio.run(carry_out(SHORT if asked.short else EVERY, asked.address, speed=asked.speed, slow=asked.slow))
+    found = asyncio.run(
+        carry_out(
+            SHORT if asked.short else EVERY, asked.address, speed=asked.speed, slow=asked.slow
+        )
+    )
     print(report(found), flush=True)
     os._exit(0)  # MAVSDK's own threads need not be waited for

@@ -1,4 +1,5 @@
-"""A stock MAVSDK program that injects failures and listens to what is said of them: prints one JSON object.
+"""A stock MAVSDK program that injects failures and listens to what is said of them: prints one JSON
+object.
 
 Usage: python mavsdk_failures.py ADDRESS simulated|real|listen
 """
@@ -85,10 +86,14 @@ async def inject(failure: Any, unit: FailureUnit, kind: FailureType, instance: i
 
 
 async def break_and_mend(failure: Any, params: Any, ears: Ears) -> dict[str, Any]:
-    seen: dict[str, Any] = {"while_off": await inject(failure, FailureUnit.SENSOR_GYRO, FailureType.OFF)}
+    seen: dict[str, Any] = {
+        "while_off": await inject(failure, FailureUnit.SENSOR_GYRO, FailureType.OFF)
+    }
     await params.set_param_float("SYS_FAILURE_EN", 1.0)
     seen["ordered"] = {
-        f"{unit.name} {kind.name}": await inject(failure, unit, kind, int(unit == FailureUnit.SYSTEM_SERVO))
+        f"{unit.name} {kind.name}": await inject(
+            failure, unit, kind, int(unit == FailureUnit.SYSTEM_SERVO)
+        )
         for unit, kind in BROKEN
     }
     seen["unsupported"] = await inject(failure, FailureUnit.SENSOR_AIRSPEED, FailureType.OFF)
@@ -100,7 +105,9 @@ async def break_and_mend(failure: Any, params: Any, ears: Ears) -> dict[str, Any
     await until(lambda: all(ears.healthy().values()))
     seen["healthy_when_mended"] = ears.healthy()
     ears.longest_silence_s = 0.0
-    seen["ordered"]["link"] = await inject(failure, FailureUnit.SYSTEM_MAVLINK_SIGNAL, FailureType.OFF)
+    seen["ordered"]["link"] = await inject(
+        failure, FailureUnit.SYSTEM_MAVLINK_SIGNAL, FailureType.OFF
+    )
     await until(lambda: ears.longest_silence_s > 2.0)
     seen["back"] = await until(lambda: "Fault over: link off" in ears.texts and ears.silent_s < 1.0)
     seen["longest_silence_s"] = ears.longest_silence_s
@@ -114,7 +121,9 @@ async def main(address: str, plan: str) -> dict[str, Any]:
     failure, params, ears = FailureAsync(system), ParamAsync(system), Ears(TelemetryAsync(system))
     if plan == "listen":
         print("listening", flush=True)
-        seen: dict[str, Any] = {"down": await until(lambda: "Surfaced: disarmed" in ears.texts, DIVE_S)}
+        seen: dict[str, Any] = {
+            "down": await until(lambda: "Surfaced: disarmed" in ears.texts, DIVE_S)
+        }
     elif plan == "real":
         await params.set_param_float("SYS_FAILURE_EN", 1.0)
         seen = {"real": await inject(failure, FailureUnit.SENSOR_GYRO, FailureType.OFF)}

@@ -1,4 +1,5 @@
-"""Every telemetry stream, as any client hears it: how often, and whether its numbers make sense beside the others'.
+"""Every telemetry stream, as any client hears it: how often, and whether its numbers make sense
+beside the others'.
 
 The vehicle is meant to be under way in the simulator, some way down: so that a wrong sign shows.
 """
@@ -39,7 +40,12 @@ def system_status(m: Fields, heard: Heard) -> None:
 
 
 def system_time(m: Fields, heard: Heard) -> None:
-    close(m["time_boot_ms"], heard["ATTITUDE"]["time_boot_ms"], 60_000, "time_boot_ms beside ATTITUDE's")
+    close(
+        m["time_boot_ms"],
+        heard["ATTITUDE"]["time_boot_ms"],
+        60_000,
+        "time_boot_ms beside ATTITUDE's",
+    )
 
 
 def extended_state(m: Fields, heard: Heard) -> None:
@@ -73,7 +79,9 @@ def home(m: Fields, heard: Heard) -> None:
 
 
 def attitude(m: Fields, heard: Heard) -> None:
-    require(abs(m["roll"]) < 1.0 and abs(m["pitch"]) < 1.0, f"rolls {m['roll']}, pitches {m['pitch']}")
+    require(
+        abs(m["roll"]) < 1.0 and abs(m["pitch"]) < 1.0, f"rolls {m['roll']}, pitches {m['pitch']}"
+    )
     require(-math.pi <= m["yaw"] <= math.pi, f"yaw is {m['yaw']}")
 
 
@@ -145,7 +153,10 @@ def servos(m: Fields, heard: Heard) -> None:
 
 def actuators(m: Fields, heard: Heard) -> None:
     equal(m["active"], 0b111, "active")
-    require(all(-1.0 <= a <= 1.0 for a in m["actuator"]) and m["actuator"][2] > 0.1, f"{m['actuator'][:3]}")
+    require(
+        all(-1.0 <= a <= 1.0 for a in m["actuator"]) and m["actuator"][2] > 0.1,
+        f"{m['actuator'][:3]}",
+    )
 
 
 def imu(m: Fields, heard: Heard) -> None:
@@ -164,7 +175,9 @@ def estimator(m: Fields, heard: Heard) -> None:
 
 
 def current(m: Fields, heard: Heard) -> None:
-    require(math.hypot(m["wind_x"], m["wind_y"]) < 3.0, f"the current is {m['wind_x']}, {m['wind_y']}")
+    require(
+        math.hypot(m["wind_x"], m["wind_y"]) < 3.0, f"the current is {m['wind_x']}, {m['wind_y']}"
+    )
 
 
 def named_value(m: Fields, heard: Heard) -> None:
@@ -178,7 +191,8 @@ def loops_inside(m: Fields, heard: Heard) -> None:
 
 
 class Sense(NamedTuple):
-    """One row: how often the message comes on a fast link, whether a slow one leaves it out, what its numbers mean."""
+    """One row: how often the message comes on a fast link, whether a slow one leaves it out, what
+    its numbers mean."""
 
     rate_hz: float
     """Zero for a message that is sent on request only."""
@@ -225,7 +239,8 @@ SLOW_SHARE = 0.5
 
 
 def check_rate(name: str, heard_hz: float, *, slow: bool) -> None:
-    """Between 60 and 130 % of the rate in the table; a noisy line may lose a good part more, and is never faster."""
+    """Between 60 and 130 % of the rate in the table; a noisy line may lose a good part more, and is
+    never faster."""
     promised_hz = SENSES[name].rate_hz * (SLOW_SHARE if slow and name != "HEARTBEAT" else 1.0)
     least = 0.35 if slow else 0.6
     require(

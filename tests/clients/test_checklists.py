@@ -1,12 +1,13 @@
-"""MAVSDK and MAVProxy, as they are, go down their whole lists: over UDP, a noisy serial line, and at every speed."""
+"""MAVSDK and MAVProxy, as they are, go down their whole lists: over UDP, a noisy serial line, and
+at every speed."""
 
 from collections.abc import Iterator
 
 import pytest
 
-from autopilot import telemetry
+from autopilot.telemetry import streams
 from tests.clients.checklist import failed, score
-from tests.clients.scene import ACTS, Act, all_at_once
+from tests.clients.fixture import ACTS, Act, all_at_once
 from tests.clients.streams import SENSES
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(500)]
@@ -21,7 +22,9 @@ NOISE_SPOILS = {"vehicle": 20, "ground": 1}
 def acts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[tuple[str, str], Act]]:
     """All at once, each with a vehicle of its own: clients spend their time waiting."""
     stages = {
-        (client, where): start(client, tmp_path_factory.mktemp("act"), *(["--short"] if where == "udp 0.2x" else []))
+        (client, where): start(
+            client, tmp_path_factory.mktemp("act"), *(["--short"] if where == "udp 0.2x" else [])
+        )
         for client in CHECKS
         for where, start in ACTS.items()
     }
@@ -30,7 +33,7 @@ def acts(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[tuple[str, s
 
 
 def test_every_stream_of_the_vehicle_is_on_the_lists() -> None:
-    assert {stream.message.name for stream in telemetry.STREAMS} | {"HEARTBEAT"} == set(SENSES)
+    assert {stream.message.name for stream in streams.STREAMS} | {"HEARTBEAT"} == set(SENSES)
 
 
 @pytest.mark.parametrize("where", ACTS)

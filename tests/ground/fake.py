@@ -1,16 +1,17 @@
-"""A vehicle that answers as told, on the other end of a memory transport: the link's own servers, no autopilot."""
+"""A vehicle that answers as told, on the other end of a memory transport: the link's own servers,
+no autopilot."""
 
 from collections.abc import Callable, Sequence
 from itertools import count
 from typing import Any
 
-from link.codec import Frame
-from link.dialect import constant
-from link.endpoint import Endpoint
-from link.mission_server import MissionProgress, MissionServer, Verdict
-from link.missions import MissionItem
-from link.params import ParamServer
-from link.transport import MemoryTransport, open_transport
+from mavlink_io.codec import Frame
+from mavlink_io.dialect import constant
+from mavlink_io.endpoint import Endpoint
+from mavlink_io.mission_items import MissionItem
+from mavlink_io.services.mission_server import MissionProgress, MissionResult, MissionServer
+from mavlink_io.services.params import ParamServer
+from mavlink_io.transport import MemoryTransport, open_transport
 
 ACCEPTED, REJECTED, DENIED = 0, 1, 2
 MODES = (("", 6, 67371008), ("MANUAL", 0, 65536))
@@ -45,9 +46,9 @@ class Store:
         self.items: Sequence[MissionItem] = ()
         self.progress = MissionProgress(0, 0, 0, 0)
 
-    def load(self, items: tuple[MissionItem, ...]) -> Verdict:
+    def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
         self.items = items
-        return Verdict()
+        return MissionResult()
 
     def set_current(self, sequence: int) -> bool:
         return sequence < len(self.items)
@@ -57,7 +58,8 @@ class Store:
 
 
 class FakeVehicle:
-    """Call ``turn`` whenever ground waits; ``answers`` maps a command to its results, the last one for good."""
+    """Call ``turn`` whenever ground waits; ``answers`` maps a command to its results, the last one
+    for good."""
 
     def __init__(self, answers: dict[int, list[int]] | None = None) -> None:
         name = f"memory:fake-{next(_names)}"
@@ -72,10 +74,14 @@ class FakeVehicle:
         self.commands: list[Any] = []
         self.mute = False
 
-    def heartbeat(self, *, armed: bool = False, kind: int = 12, autopilot: int = 0, status: int = 4) -> None:
+    def heartbeat(
+        self, *, armed: bool = False, kind: int = 12, autopilot: int = 0, status: int = 4
+    ) -> None:
         base_mode = 1 | (128 if armed else 0)
         fields = {"custom_mode": 0, "system_status": status, "mavlink_version": 3}
-        self._endpoint.send("HEARTBEAT", type=kind, autopilot=autopilot, base_mode=base_mode, **fields)
+        self._endpoint.send(
+            "HEARTBEAT", type=kind, autopilot=autopilot, base_mode=base_mode, **fields
+        )
 
     def say(self, text: str, **fields: int) -> None:
         self._endpoint.send("STATUSTEXT", severity=4, text=text, **fields)
@@ -106,15 +112,25 @@ class FakeVehicle:
         result = results.pop(0) if len(results) > 1 else results[0]
         if result == REJECTED:
             self.say("Not armed: no sensors")
-        addressed = {"target_system": 250, "target_component": 190, "result_param2": 0, "progress": 0}
+        addressed = {
+            "target_system": 250,
+            "target_component": 190,
+            "result_param2": 0,
+            "progress": 0,
+        }
         self._endpoint.send("COMMAND_ACK", command=message.command, result=result, **addressed)
 
     def _send_modes(self) -> None:
         for index, (name, standard, custom) in enumerate(MODES, start=1):
             self._endpoint.send(
-                "AVAILABLE_MODES", number_modes=len(MODES), mode_index=index, standard_mode=standard,
-                custom_mode=custom, properties=0, mode_name=name,
-            )  # fmt: skip
+                "AVAILABLE_MODES",
+                number_modes=len(MODES),
+                mode_index=index,
+                standard_mode=standard,
+                custom_mode=custom,
+                properties=0,
+                mode_name=name,
+            )
 
 
 def attend(fake: FakeVehicle) -> Callable[..., None]:

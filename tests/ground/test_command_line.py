@@ -1,4 +1,5 @@
-"""The command line as people meet it: real processes, exit status, one line for a mistake, clean JSON."""
+"""The command line as people meet it: real processes, exit status, one line for a mistake, clean
+JSON."""
 
 import json
 import os
@@ -12,8 +13,8 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from ground import logs
-from ground.processes import SimulatedVehicle, Simulation
+from ground.log_tools import mcap
+from ground.simulation.processes import SimulatedVehicle, Simulation
 
 pytestmark = pytest.mark.process
 ROOT = Path(__file__).parents[2]
@@ -35,12 +36,19 @@ surface = true
 
 
 def ground(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command(*words), cwd=cwd, env=environment(), capture_output=True, text=True, check=False)
+    return subprocess.run(
+        command(*words), cwd=cwd, env=environment(), capture_output=True, text=True, check=False
+    )
 
 
 def start(*words: str, cwd: Path) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        command(*words), cwd=cwd, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command(*words),
+        cwd=cwd,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
 
 
@@ -59,16 +67,18 @@ def mission(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_simulated_dive_loses_no_message_and_says_what_came_of_it(tmp_path: Path, mission: Path) -> None:
+def test_a_simulated_dive_loses_no_message_and_says_what_came_of_it(
+    tmp_path: Path, mission: Path
+) -> None:
     done = ground("fly", "short.toml", "--sitl", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["lost_frames"] == 0
     assert told["texts"].count("SystemID Finished") == 1
-    found = logs.info(tmp_path / "short.mcap")
+    found = mcap.info(tmp_path / "short.mcap")
     assert found["lost_frames"] == 0
     assert found["attachments"] == ["mission.plan", "params.json"]
-    assert logs.read_parameters(tmp_path / "short.mcap")["HDG_P"] == pytest.approx(0.65)
+    assert mcap.read_parameters(tmp_path / "short.mcap")["HDG_P"] == pytest.approx(0.65)
     flown_s = told["vehicle_s"]
     assert found["topics"]["/mavlink/1/1/ATTITUDE"] >= 50 * flown_s - 2
     assert {"/log", "/tf", "/foxglove/location"} <= set(found["topics"])
@@ -76,7 +86,17 @@ def test_a_simulated_dive_loses_no_message_and_says_what_came_of_it(tmp_path: Pa
 
 def test_the_same_seed_gives_the_same_telemetry(tmp_path: Path, mission: Path) -> None:
     def flown(name: str, seed: str) -> list[tuple[str, bytes]]:
-        words = ("fly", "short.toml", "--sitl", "--scenario", "disturbed", "--seed", seed, "--log", name)
+        words = (
+            "fly",
+            "short.toml",
+            "--sitl",
+            "--scenario",
+            "disturbed",
+            "--seed",
+            seed,
+            "--log",
+            name,
+        )
         done = ground(*words, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         return telemetry(tmp_path / name)
@@ -88,12 +108,26 @@ def test_the_same_seed_gives_the_same_telemetry(tmp_path: Path, mission: Path) -
 
 
 def telemetry(path: Path) -> list[tuple[str, bytes]]:
-    """What the vehicle sent of itself: all but heartbeats, which follow the wall clock, and answers to ground."""
-    answers = {"COMMAND_ACK", "PARAM_VALUE", "AVAILABLE_MODES", "MISSION_ACK", "MISSION_REQUEST_INT", "HOME_POSITION"}
+    """What the vehicle sent of itself: all but heartbeats, which follow the wall clock, and answers
+    to ground."""
+    answers = {
+        "COMMAND_ACK",
+        "PARAM_VALUE",
+        "AVAILABLE_MODES",
+        "MISSION_ACK",
+        "MISSION_REQUEST_INT",
+        "HOME_POSITION",
+    }
     with path.open("rb") as file:
         found = make_reader(file).iter_messages(log_time_order=False)
-        sent = [(channel.topic, message.data) for _, channel, message in found if "/mavlink/1/1/" in channel.topic]
-    return [(topic, data) for topic, data in sent if topic.split("/")[-1] not in answers | {"HEARTBEAT"}]
+        sent = [
+            (channel.topic, message.data)
+            for _, channel, message in found
+            if "/mavlink/1/1/" in channel.topic
+        ]
+    return [
+        (topic, data) for topic, data in sent if topic.split("/")[-1] not in answers | {"HEARTBEAT"}
+    ]
 
 
 @pytest.mark.parametrize(
@@ -177,7 +211,7 @@ def test_a_killed_process_is_named_and_the_log_is_closed(
     assert flying.returncode == 1, said
     assert f"{victim} was killed by SIGKILL" in said
     assert "Traceback" not in said
-    assert logs.info(tmp_path / "short.mcap")["messages"] > 1000
+    assert mcap.info(tmp_path / "short.mcap")["messages"] > 1000
     assert not any(is_alive(pid) for pid in started.values())
 
 
@@ -190,7 +224,7 @@ def test_a_terminated_ground_closes_its_log_and_stops_what_it_started(
     _, said = flying.communicate(timeout=60)
     assert flying.returncode == 1
     assert "interrupted" in said
-    assert logs.info(tmp_path / "short.mcap")["lost_frames"] == 0
+    assert mcap.info(tmp_path / "short.mcap")["lost_frames"] == 0
     assert not any(is_alive(pid) for pid in started.values())
 
 
@@ -207,15 +241,20 @@ def test_a_killed_ground_takes_what_it_started_along_and_leaves_a_log_to_recover
         time.sleep(0.05)
     done = ground("log", "recover", "short.mcap", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    saved = logs.info(tmp_path / "short-recovered.mcap")
+    saved = mcap.info(tmp_path / "short-recovered.mcap")
     assert saved["messages"] == json.loads(done.stdout)["messages"] > 1000
     assert saved["lost_frames"] == 0
 
 
 def test_help_does_not_wait_for_the_numerics(tmp_path: Path) -> None:
-    probe = "import sys; import ground.__main__; print([m for m in ('numpy', 'scipy', 'numba') if m in sys.modules])"
+    probe = (
+        "import sys; import ground.__main__; print([m for m in ('numpy', 'scipy', 'numba') if m in"
+        " sys.modules])"
+    )
     words = [sys.executable, "-c", probe]
-    done = subprocess.run(words, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        words, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
+    )
     assert done.stdout.strip() == "[]"
 
 
@@ -224,8 +263,12 @@ def test_parameters_are_saved_changed_and_loaded_over_the_link(tmp_path: Path) -
         simulated.connect().close()
         link = ("--connect", simulated.address)
         assert ground("params", "save", "before.param", *link, cwd=tmp_path).returncode == 0
-        assert ground("params", "set", "HDG_P", "0.5", *link, cwd=tmp_path).stdout == "HDG_P = 0.5\n"
-        assert json.loads(ground("params", "get", "HDG_P", "--json", *link, cwd=tmp_path).stdout) == {"HDG_P": 0.5}
+        assert (
+            ground("params", "set", "HDG_P", "0.5", *link, cwd=tmp_path).stdout == "HDG_P = 0.5\n"
+        )
+        assert json.loads(
+            ground("params", "get", "HDG_P", "--json", *link, cwd=tmp_path).stdout
+        ) == {"HDG_P": 0.5}
         assert ground("params", "load", "before.param", *link, cwd=tmp_path).returncode == 0
         listed = json.loads(ground("params", "list", "--json", *link, cwd=tmp_path).stdout)
         assert listed["HDG_P"] == pytest.approx(0.65)
@@ -234,7 +277,9 @@ def test_parameters_are_saved_changed_and_loaded_over_the_link(tmp_path: Path) -
         undone = ground("params", "rollback", "--json", *link, cwd=tmp_path).stdout
         other = ground("params", "load", "new.param", "--model", "absent.json", *link, cwd=tmp_path)
         refused = ground("params", "set", "HDG_P", "99", *link, cwd=tmp_path)
-    assert [line.split() for line in loaded.splitlines()[:1]] == [["HDG_P", "0.65", "->", "0.75", "because"]]
+    assert [line.split() for line in loaded.splitlines()[:1]] == [
+        ["HDG_P", "0.65", "->", "0.75", "because"]
+    ]
     assert json.loads(undone)["parameters"]["HDG_P"]["now"] == pytest.approx(0.65)
     assert other.returncode == 2
     assert "absent.json" in other.stderr
@@ -248,7 +293,12 @@ def test_the_papers_tables_need_no_flight(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["table_1"]["Y_v"] == {"initial": -449, "adjusted": -445}
-    assert len(told["table_4_radps"]) == len(told["table_4_our_vehicle_radps"]) == len(told["table_4_alone"]) == 9
+    assert (
+        len(told["table_4_radps"])
+        == len(told["table_4_our_vehicle_radps"])
+        == len(told["table_4_alone"])
+        == 9
+    )
     assert all(reading["remain"] for reading in told["table_4_tailcones"])
     assert json.loads((tmp_path / "paper" / "paper.json").read_text()) == told
     for picture in ("root_locus", "bode", "delay"):
@@ -257,13 +307,13 @@ def test_the_papers_tables_need_no_flight(tmp_path: Path) -> None:
 
 
 def test_first_gains_are_set_beside_the_papers(tmp_path: Path) -> None:
-    done = ground("vehicle", "gains", "bench", "--out", "first.param", cwd=tmp_path)
+    done = ground("vehicle", "gains", "caribou_nominal", "--out", "first.param", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     stands, _, beside = done.stdout.partition("Beside Table 3's initial gains")
     assert "stable" in stands
     for gain in ("HDG_P", "HDG_D", "HDG_I", "PTCH_P", "PTCH_D", "DPT_P", "DPT_I"):
         assert f"\n{gain}," in (tmp_path / "first.param").read_text()
         assert f"  {gain} " in beside
-    refused = ground("vehicle", "gains", "bench", "--out", "first.param", cwd=tmp_path)
+    refused = ground("vehicle", "gains", "caribou_nominal", "--out", "first.param", cwd=tmp_path)
     assert refused.returncode == 2
     assert refused.stderr == "ground: first.param: exists; give a new name\n"

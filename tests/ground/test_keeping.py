@@ -1,4 +1,5 @@
-"""Who watches a promise live: fed by frames, it says what the log would say, once, and as the dive goes on."""
+"""Who watches a promise live: fed by frames, it says what the log would say, once, and as the dive
+goes on."""
 
 import math
 from collections.abc import Iterator
@@ -8,15 +9,15 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from ground import gains
-from ground.errors import BadInputError
-from ground.live import kept_view
-from ground.live.followers import Followers
-from ground.live.keeping import Keeping
-from ground.vehicle import Text
-from link.codec import Frame
+from ground.client import param_file
+from ground.client.vehicle import StatusText
+from ground.errors import InputError
+from ground.live import monitor_view
+from ground.live.listeners import Listeners
+from ground.live.performance_monitor import PerformanceMonitor
+from mavlink_io.codec import Frame
 from sysid import monitor
-from sysid.log import Log
+from sysid.data.dataset import Log
 from tests.ground.test_live import TRAVEL_RAD, frame
 from tests.sysid.monitor import made
 
@@ -29,23 +30,33 @@ def frames(log: Log, shift_s: float = 0.0) -> Iterator[Frame]:
     for k, time_s in enumerate(log.attitude.time_s):
         ms = round((time_s + shift_s) * 1000)
         actuators = log.actuators
-        outputs = [actuators.rudder_rad[k] / TRAVEL_RAD, actuators.elevator_rad[k] / TRAVEL_RAD, actuators.thrust[k]]
-        yield frame("ATTITUDE_TARGET", time_boot_ms=ms, q=[math.cos(half), 0.0, 0.0, math.sin(half)])
+        outputs = [
+            actuators.rudder_rad[k] / TRAVEL_RAD,
+            actuators.elevator_rad[k] / TRAVEL_RAD,
+            actuators.thrust[k],
+        ]
+        yield frame(
+            "ATTITUDE_TARGET", time_boot_ms=ms, q=[math.cos(half), 0.0, 0.0, math.sin(half)]
+        )
         yield frame("POSITION_TARGET_LOCAL_NED", time_boot_ms=ms, z=made.DEPTH_M)
-        yield frame("ACTUATOR_OUTPUT_STATUS", time_usec=ms * 1000, active=7, actuator=outputs + [0.0] * 29)
+        yield frame(
+            "ACTUATOR_OUTPUT_STATUS", time_usec=ms * 1000, active=7, actuator=outputs + [0.0] * 29
+        )
         yield frame("LOCAL_POSITION_NED", time_boot_ms=ms, z=log.depth.depth_m[k])
         yaw = math.remainder(log.attitude.yaw_rad[k], 2.0 * math.pi)
         yield frame("ATTITUDE", time_boot_ms=ms, pitch=log.attitude.pitch_rad[k], yaw=yaw)
 
 
-def watched(log: Log, announced: list[str] | None = None, shift_s: float = 0.0) -> Keeping:
-    keeping = Keeping(made.promise(), None if announced is None else announced.append)
+def watched(
+    log: Log, announced: list[str] | None = None, shift_s: float = 0.0
+) -> PerformanceMonitor:
+    keeping = PerformanceMonitor(made.promise(), None if announced is None else announced.append)
     keeping.begin({})
     follow(keeping, log, shift_s)
     return keeping
 
 
-def follow(keeping: Keeping, log: Log, shift_s: float = 0.0) -> None:
+def follow(keeping: PerformanceMonitor, log: Log, shift_s: float = 0.0) -> None:
     for count, each in enumerate(frames(log, shift_s)):
         keeping.hear(each)
         if count % 700 == 699:
@@ -56,10 +67,12 @@ def follow(keeping: Keeping, log: Log, shift_s: float = 0.0) -> None:
 def test_live_it_says_what_the_log_says_and_says_it_once() -> None:
     announced: list[str] = []
     told = watched(BENT, announced).as_json()
-    after = kept_view.as_json(monitor.of_log(BENT, made.promise()))
+    after = monitor_view.as_json(monitor.monitor_log(BENT, made.promise()))
     assert [cause["name"] for cause in told["causes"]] == ["rudder"]
     assert told["found_s"] == pytest.approx(after["found_s"])
-    assert told["rms"]["rudder_deg"]["measured"] == pytest.approx(after["rms"]["rudder_deg"]["measured"], rel=1e-3)
+    assert told["rms"]["rudder_deg"]["measured"] == pytest.approx(
+        after["rms"]["rudder_deg"]["measured"], rel=1e-3
+    )
     assert len(announced) == 1
     assert announced[0].startswith("REFIT DUE: bent duct")
 
@@ -73,16 +86,16 @@ def test_a_clock_that_begins_anew_loses_nothing_that_was_seen() -> None:
 
 
 def test_a_test_in_the_water_is_not_judged() -> None:
-    keeping = Keeping(made.promise())
+    keeping = PerformanceMonitor(made.promise())
     keeping.begin({})
-    keeping.say(Text(6, "SystemID Starting: axis=12"))
+    keeping.say(StatusText(6, "SystemID Starting: axis=12"))
     follow(keeping, made.flight(200.0, seed=1))
     assert keeping.as_json()["blocks"] == 0
 
 
 def test_the_picture_sets_measured_beside_foretold() -> None:
     shown: list[object] = []
-    followers = Followers([watched(BENT)], shown.append)
+    followers = Listeners([watched(BENT)], shown.append)
     followers.look(last=True)
     console = Console(width=120, record=True, file=StringIO())
     console.print(shown[-1])
@@ -98,5 +111,5 @@ def test_before_any_steady_flight_there_is_nothing_to_compare() -> None:
 
 def test_gains_that_nobody_designed_cannot_be_watched(tmp_path: Path) -> None:
     (tmp_path / "mine.param").write_text("HDG_P,0.5\n")
-    with pytest.raises(BadInputError, match=r"mine\.param: promises nothing; give a gains\.param"):
-        gains.promised(tmp_path / "mine.param")
+    with pytest.raises(InputError, match=r"mine\.param: promises nothing; give a gains\.param"):
+        param_file.require_baseline(tmp_path / "mine.param")

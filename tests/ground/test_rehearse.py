@@ -1,4 +1,5 @@
-"""``ground rehearse`` as people meet it: clean JSON, the failure told in a line, one line for a mistake."""
+"""``ground rehearse`` as people meet it: clean JSON, the failure told in a line, one line for a
+mistake."""
 
 import json
 import math
@@ -7,18 +8,19 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from ground import gains, plans
 from ground.__main__ import app
-from ground.console import encode
-from ground.errors import BadInputError, FailedError
-from ground.rehearsal import words
+from ground.cli.options import to_json
+from ground.client import param_file
+from ground.errors import InputError, OperationError
+from ground.missions import plans
+from ground.report import simulation
 from sitl.vehicle import config
-from sysid import model as models
-from sysid.experiment import belief
-from sysid.rehearsal import crew, study
-from sysid.rehearsal.dive import Sea
-from sysid.rehearsal.study import LegTold, Range, Told
-from tests.sysid.rehearsal.files import model_of
+from sysid.models import model_file as models
+from sysid.monte_carlo import samples, study
+from sysid.monte_carlo.simulate import Sea
+from sysid.monte_carlo.study import LegSummary, Range, SimulationSummary
+from sysid.test_design import prior
+from tests.sysid.monte_carlo.files import model_of
 
 SHORT = """
 name = "short"
@@ -37,8 +39,12 @@ surface = true
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A model, two sets of gains and a mission."""
-    known = belief.trimmed(belief.of_file(config.load("bench")), math.radians(6.0), math.radians(0.4))
-    models.write(model_of(known._replace(covariance=0.01 * known.covariance)), tmp_path / "model.json")
+    known = prior.with_trim(
+        prior.from_file(config.load("caribou_nominal")), math.radians(6.0), math.radians(0.4)
+    )
+    models.write(
+        model_of(known._replace(covariance=0.01 * known.covariance)), tmp_path / "model.json"
+    )
     (tmp_path / "held.param").write_text("HDG_P,0.6\nHDG_D,1.5\n")
     (tmp_path / "wild.param").write_text("HDG_P,4.0\nHDG_D,1.5\n")
     (tmp_path / "short.toml").write_text(SHORT)
@@ -54,15 +60,22 @@ def rehearse(folder: Path, *options: str) -> tuple[str, BaseException | None]:
 @pytest.mark.process
 def test_sets_stand_side_by_side_in_clean_json_and_the_unstable_one_is_named(folder: Path) -> None:
     held, wild = (folder / name for name in ("held.param", "wild.param"))
-    out, failure = rehearse(folder, "--gains", str(held), "--against", str(wild), "--vehicles", "2", "--json")
+    out, failure = rehearse(
+        folder, "--gains", str(held), "--against", str(wild), "--vehicles", "2", "--json"
+    )
     first, second = json.loads(out)["rehearsed"]
     assert (first["gains"], first["diverged"], first["vehicles"]) == ("held.param", {}, 2)
     assert (second["gains"], second["diverged"]) == ("wild.param", {"heading": 2})
-    assert isinstance(failure, FailedError)
+    assert isinstance(failure, OperationError)
     assert str(failure) == "wild.param, sea x1: of 2 vehicles 2 did not hold heading"
-    alone = study.Request(plans.load_items(str(folder / "short.toml")), {held.name: gains.load(held)}, vehicles=2)
-    (in_one_process,) = study.rehearse(crew.read(folder / "model.json"), alone)
-    assert first == json.loads(encode(words.as_json([in_one_process], "short", 1)))["rehearsed"][0]
+    alone = study.StudyRequest(
+        plans.load_items(str(folder / "short.toml")), {held.name: param_file.load(held)}, vehicles=2
+    )
+    (in_one_process,) = study.simulate_samples(samples.read(folder / "model.json"), alone)
+    assert (
+        first
+        == json.loads(to_json(simulation.as_json([in_one_process], "short", 1)))["rehearsed"][0]
+    )
 
 
 @pytest.mark.parametrize(
@@ -73,7 +86,7 @@ def test_sets_stand_side_by_side_in_clean_json_and_the_unstable_one_is_named(fol
         (("--sea", "11"), "--sea 11: must be"),
         (("--against", "held.param"), "held.param: is given twice"),
         (("--mission", "nowhere"), "nowhere: no readable mission"),
-        (("--prior", "field"), "is the simulated truth"),
+        (("--prior", "caribou_truth"), "is the simulated truth"),
     ],
 )
 def test_a_mistake_is_told_in_a_line(folder: Path, options: tuple[str, str], said: str) -> None:
@@ -81,7 +94,7 @@ def test_a_mistake_is_told_in_a_line(folder: Path, options: tuple[str, str], sai
     given = str(folder / value) if value.endswith(".param") else value
     out, failure = rehearse(folder, "--gains", str(folder / "held.param"), option, given)
     assert out == ""
-    assert isinstance(failure, BadInputError)
+    assert isinstance(failure, InputError)
     assert said in str(failure)
     assert "\n" not in str(failure)
 
@@ -89,25 +102,46 @@ def test_a_mistake_is_told_in_a_line(folder: Path, options: tuple[str, str], sai
 def test_gains_that_no_autopilot_takes_are_named_with_their_file(folder: Path) -> None:
     (folder / "odd.param").write_text("HDG_Q,1\n")
     _, failure = rehearse(folder, "--gains", str(folder / "odd.param"))
-    assert isinstance(failure, BadInputError)
+    assert isinstance(failure, InputError)
     assert str(failure) == "odd.param: parameter HDG_Q does not exist"
 
 
 def test_a_model_that_does_not_say_how_sure_it_is_is_bad_input(folder: Path) -> None:
-    known = belief.of_file(config.load("bench"))
+    known = prior.from_file(config.load("caribou_nominal"))
     models.write(model_of(known._replace(covariance=0.0 * known.covariance)), folder / "model.json")
     _, failure = rehearse(folder, "--gains", str(folder / "held.param"))
-    assert isinstance(failure, BadInputError)
+    assert isinstance(failure, InputError)
     assert "joint.covariance" in str(failure)
 
 
 def test_the_words_hold_figures_legs_and_verdict() -> None:
     two = Range(1.0, 2.0)
-    leg = LegTold(340.0, 3.0, Range(21.0, 25.0), 1)
-    told = Told(
-        "new.param", Sea(1.5), 9, two, two, Range(0.05, 0.07), (leg,), two, two, two, None, 1, {}, {"pitch": 2}, 9.0
+    leg = LegSummary(340.0, 3.0, Range(21.0, 25.0), 1)
+    told = SimulationSummary(
+        "new.param",
+        Sea(1.5),
+        9,
+        two,
+        two,
+        Range(0.05, 0.07),
+        (leg,),
+        two,
+        two,
+        two,
+        None,
+        1,
+        {},
+        {"pitch": 2},
+        9.0,
     )
-    page = words.in_words([told], "square")
-    for expected in ("square, by 9 vehicles", "x1.5", "5.0", "7.0", "3 m, 340 deg", "21, worst 25; 1 did not"):
+    page = simulation.format_text([told], "square")
+    for expected in (
+        "square, by 9 vehicles",
+        "x1.5",
+        "5.0",
+        "7.0",
+        "3 m, 340 deg",
+        "21, worst 25; 1 did not",
+    ):
         assert expected in page
     assert page.endswith("new.param, sea x1.5: of 9 vehicles 1 broached, 2 surfaced for pitch")

@@ -1,9 +1,10 @@
-"""ArduPilot's end of its JSON backend, written from libraries/SITL/examples/JSON/readme.md and the reader of SIM_JSON.
+"""ArduPilot's end of its JSON backend, written from libraries/SITL/examples/JSON/readme.md and the
+reader of SIM_JSON.
 
-Nothing of Caribou's is used. What is imitated of ArduPilot: it sends its servos from a port of its own, counts a frame
-when its answer has come, and sends it again when none comes; it takes the last whole line of what it has received, and
-finds its numbers there by searching for text, not by parsing JSON.
-"""
+Nothing of Caribou's is used. What is imitated of ArduPilot: it sends its servos from a port of its
+own, counts a frame when its answer has come, and sends it again when none comes; it takes the last
+whole line of what it has received, and finds its numbers there by searching for text, not by
+parsing JSON."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 START_S = 180.0
-"""Until the simulator answers the first frame: on a busy machine it may have to compile its physics first."""
+"""Until the simulator answers the first frame: on a busy machine it may have to compile its physics
+first."""
 PATIENCE_S = 30.0
 RESEND_S = 1.0
 NEUTRAL = 1500
@@ -46,7 +48,8 @@ class ArduPilot:
         """Of the next frame."""
 
     def restart(self, frame_rate_hz: int) -> None:
-        """The same program started again: it counts from the beginning, and speaks from another port."""
+        """The same program started again: it counts from the beginning, and speaks from another
+        port."""
         self._socket.close()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._frame_rate_hz, self.count = frame_rate_hz, 0
@@ -88,7 +91,8 @@ class ArduPilot:
 
 
 def read(datagram: bytes) -> Motion:
-    """The last line between two line feeds, searched as ArduPilot does: section, key, then what follows ``":``."""
+    """The last line between two line feeds, searched as ArduPilot does: section, key, then what
+    follows ``":``."""
     *_, before, line, after = datagram.decode().split("\n")
     assert (before, after) == ("", "")
     return Motion(

@@ -1,9 +1,10 @@
-"""PX4's end of its simulator API, written from PX4's documentation and the behaviour of its module simulator_mavlink.
+"""PX4's end of its simulator API, written from PX4's documentation and the behaviour of its module
+simulator_mavlink.
 
-Nothing of Caribou's is used: pymavlink reads and writes. What is imitated of PX4: it connects by TCP and keeps trying;
-it says HEARTBEAT and asks for HIL_STATE_QUATERNION every 5 ms; it has no time of its own, HIL_SENSOR moves its clock,
-which counts from the first of them; its controls are all zero while it is disarmed.
-"""
+Nothing of Caribou's is used: pymavlink reads and writes. What is imitated of PX4: it connects by
+TCP and keeps trying; it says HEARTBEAT and asks for HIL_STATE_QUATERNION every 5 ms; it has no time
+of its own, HIL_SENSOR moves its clock, which counts from the first of them; its controls are all
+zero while it is disarmed."""
 
 from __future__ import annotations
 
@@ -52,13 +53,19 @@ class Px4:
         self._start_us: int | None = None
         self._clock_us = 0
         self.sensor_ids: set[int] = set()
-        self._say(self._mavlink.heartbeat_encode(mavlink.MAV_TYPE_SUBMARINE, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 0))
+        self._say(
+            self._mavlink.heartbeat_encode(
+                mavlink.MAV_TYPE_SUBMARINE, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 0
+            )
+        )
         self.ask_for_truth(TRUTH_INTERVAL_US)
 
     def ask_for_truth(self, interval_us: float) -> None:
         wanted = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
         command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-        self._say(self._mavlink.command_long_encode(0, 0, command, 0, wanted, interval_us, 0, 0, 0, 0, 0))
+        self._say(
+            self._mavlink.command_long_encode(0, 0, command, 0, wanted, interval_us, 0, 0, 0, 0, 0)
+        )
 
     def hear(self, patience_s: float = PATIENCE_S) -> Instant:
         """Block until HIL_SENSOR, as PX4 does. Raises TimeoutError when none comes."""
@@ -89,13 +96,17 @@ class Px4:
         self._clock_us = sensor.time_usec - self._start_us
         return Instant(sensor.time_usec, tuple(messages), time.monotonic())
 
-    def answer(self, controls: Sequence[float] = (), *, armed: bool = True, lockstep: bool = True) -> None:
+    def answer(
+        self, controls: Sequence[float] = (), *, armed: bool = True, lockstep: bool = True
+    ) -> None:
         """HIL_ACTUATOR_CONTROLS of the clock as it stands."""
         outputs = [*controls, *(0.0,) * (16 - len(controls))] if armed else [0.0] * 16
         mode, flags = CUSTOM | (ARMED if armed else 0), LOCKSTEP if lockstep else 0
         self._say(self._mavlink.hil_actuator_controls_encode(self._clock_us, outputs, mode, flags))
 
-    def fly(self, count: int, controls: Sequence[float] = (), *, armed: bool = True) -> Iterator[Instant]:
+    def fly(
+        self, count: int, controls: Sequence[float] = (), *, armed: bool = True
+    ) -> Iterator[Instant]:
         """Answer so many instants, each before the next."""
         for _ in range(count):
             instant = self.hear()

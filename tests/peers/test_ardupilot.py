@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import pytest
 
+from tests.helpers.subprocesses import free_port, process
 from tests.peers.ardupilot import ArduPilot, Motion, read
-from tests.processes.fleet import free_port, process
 
 pytestmark = pytest.mark.process
 
@@ -24,7 +24,9 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     scenario, port = tmp_path_factory.mktemp("ardupilot") / "deep.toml", free_port()
     scenario.write_text(DEEP)
     address = f"udpin:127.0.0.1:{port}"
-    with process("-m", "sitl", "--autopilot", "ardupilot", "--hil", address, "--scenario", str(scenario)) as sitl:
+    with process(
+        "-m", "sitl", "--autopilot", "ardupilot", "--hil", address, "--scenario", str(scenario)
+    ) as sitl:
         yield port
         assert sitl.running, "nobody but the simulator was to answer here"
 
@@ -73,14 +75,23 @@ def test_position_velocity_and_attitude_belong_together(ardupilot: ArduPilot) ->
     """Each is the integral of the next, by the trapezoid rule over 2.5 ms."""
     motions = ardupilot.fly(800, (1600, 1450, 1732))
     for axis in range(3):
-        gone = sum(0.5 * (a.velocity_ned_mps[axis] + b.velocity_ned_mps[axis]) / 400 for a, b in pairwise(motions))
-        assert motions[-1].position_ned_m[axis] - motions[0].position_ned_m[axis] == pytest.approx(gone, abs=1e-4)
+        gone = sum(
+            0.5 * (a.velocity_ned_mps[axis] + b.velocity_ned_mps[axis]) / 400
+            for a, b in pairwise(motions)
+        )
+        assert motions[-1].position_ned_m[axis] - motions[0].position_ned_m[axis] == pytest.approx(
+            gone, abs=1e-4
+        )
     turned = sum(0.5 * (a.gyro_radps[2] + b.gyro_radps[2]) / 400 for a, b in pairwise(motions))
     assert heading_rad(motions[-1]) - heading_rad(motions[0]) == pytest.approx(turned, abs=2e-3)
 
 
-@pytest.mark.parametrize(("frame_rate_hz", "step_s"), [(50, 0.02), (400, 0.0025), (1200, 0.000833), (10, 0.02)])
-def test_every_frame_is_one_step_of_the_frame_rate(port: int, frame_rate_hz: int, step_s: float) -> None:
+@pytest.mark.parametrize(
+    ("frame_rate_hz", "step_s"), [(50, 0.02), (400, 0.0025), (1200, 0.000833), (10, 0.02)]
+)
+def test_every_frame_is_one_step_of_the_frame_rate(
+    port: int, frame_rate_hz: int, step_s: float
+) -> None:
     with closing(ArduPilot(port, frame_rate_hz)) as ardupilot:
         motions = ardupilot.fly(120)
     assert motions[0].timestamp_s == pytest.approx(step_s, abs=1e-9)
@@ -123,7 +134,13 @@ def test_lost_frames_leave_no_gap_in_time_and_nobody_waits_for_them(ardupilot: A
 
 def test_late_and_foreign_datagrams_are_passed_over(ardupilot: ArduPilot) -> None:
     before = ardupilot.fly(30)[-1]
-    junk = (b"", b"hello", ardupilot.frame()[:-1], b"\x00\x00" + ardupilot.frame()[2:], ardupilot.frame(count=25))
+    junk = (
+        b"",
+        b"hello",
+        ardupilot.frame()[:-1],
+        b"\x00\x00" + ardupilot.frame()[2:],
+        ardupilot.frame(count=25),
+    )
     for datagram in junk:
         ardupilot.send(datagram)
     with pytest.raises(TimeoutError):
@@ -159,13 +176,17 @@ def test_servos_steer(port: int) -> None:
     assert heading_rad(to_port) < heading_rad(straight) - math.radians(3.0)
     assert pitch_rad(steered(port, 1500, 1740, 1732)) > pitch_rad(straight) + math.radians(2.0)
     assert speed_mps(straight) > speed_mps(steered(port, 1500, 1500, 1500)) + 0.2
-    assert steered(port, 0, 0, 0) == steered(port, 1500, 1500, 1500), "an output that is not in use asks for nothing"
+    assert steered(port, 0, 0, 0) == steered(port, 1500, 1500, 1500), (
+        "an output that is not in use asks for nothing"
+    )
     assert steered(port, 1500, 1500, 2200) == steered(port, 1500, 1500, 1900), "no more than all"
 
 
 def test_a_stop_while_nobody_asks_ends_the_run_cleanly() -> None:
     port = free_port()
-    with process("-m", "sitl", "--autopilot", "ardupilot", "--hil", f"udpin:127.0.0.1:{port}") as sitl:
+    with process(
+        "-m", "sitl", "--autopilot", "ardupilot", "--hil", f"udpin:127.0.0.1:{port}"
+    ) as sitl:
         with closing(ArduPilot(port)) as ardupilot:
             ardupilot.step()
         sitl.signal(signal.SIGTERM)

@@ -11,8 +11,8 @@ from socket import SOCK_STREAM
 
 import pytest
 
+from tests.helpers.subprocesses import free_port, process
 from tests.peers.px4 import Instant, Px4, UdpPx4
-from tests.processes.fleet import free_port, process
 
 pytestmark = pytest.mark.process
 
@@ -20,7 +20,8 @@ STEP_US = 4000
 GROUPS = {"accel": 0x07, "gyro": 0x38, "mag": 0x1C0, "baro": 0x1A00}
 """HIL_SENSOR.fields_updated: PX4 takes each of them whole or not at all."""
 NOTHING_S = 0.15
-"""Seconds after which a frame that has not come is held back: less than PX4 is waited for, many steps of the clock."""
+"""Seconds after which a frame that has not come is held back: less than PX4 is waited for, many
+steps of the clock."""
 DEEP = "[start]\ndepth_m = 5.0\nheading_deg = 90.0\nspeed_mps = 1.0\n"
 
 
@@ -28,7 +29,9 @@ DEEP = "[start]\ndepth_m = 5.0\nheading_deg = 90.0\nspeed_mps = 1.0\n"
 def port() -> Iterator[int]:
     """One simulator for all of this file: every connection finds a vehicle that begins anew."""
     port = free_port(SOCK_STREAM)
-    with process("-m", "sitl", "--autopilot", "px4", "--hil", f"tcpin:127.0.0.1:{port}", "--speed", "max") as sitl:
+    with process(
+        "-m", "sitl", "--autopilot", "px4", "--hil", f"tcpin:127.0.0.1:{port}", "--speed", "max"
+    ) as sitl:
         yield port
         assert sitl.running, "nobody but the simulator was to answer here"
 
@@ -44,8 +47,9 @@ def steps_us(instants: list[Instant]) -> set[int]:
 
 
 def is_waited_for(px4: Px4, nth: int = 1) -> bool:
-    """Whether no further frame comes while the n-th is unanswered. One try of three will do: where nobody waits, frames
-    come every few milliseconds, but on a busy machine the peer itself may be too late for the simulator's patience."""
+    """Whether no further frame comes while the n-th is unanswered. One try of three will do: where
+    nobody waits, frames come every few milliseconds, but on a busy machine the peer itself may be
+    too late for the simulator's patience."""
     for _ in range(3):
         for _ in range(nth):
             px4.hear()
@@ -78,8 +82,12 @@ def test_units_are_those_that_px4_reads(px4: Px4) -> None:
     assert 1013.0 < sensor.abs_pressure < 1060.0, "hPa, afloat"
     assert 0.0 < sensor.temperature < 30.0
     fixes = [fix for instant in instants if (fix := instant.find("HIL_GPS"))]
-    assert [after.time_usec - before.time_usec for before, after in pairwise(fixes)] == [200_000] * (len(fixes) - 1)
-    assert (fixes[-1].fix_type, fixes[-1].eph, fixes[-1].epv) == (3, 150, 300), "1.5 m and 3 m in centimetres"
+    assert [after.time_usec - before.time_usec for before, after in pairwise(fixes)] == [
+        200_000
+    ] * (len(fixes) - 1)
+    assert (fixes[-1].fix_type, fixes[-1].eph, fixes[-1].epv) == (3, 150, 300), (
+        "1.5 m and 3 m in centimetres"
+    )
     assert fixes[-1].lat * 1e-7 == pytest.approx(42.35, abs=1e-3)
     ranges = [echo for instant in instants if (echo := instant.find("DISTANCE_SENSOR"))]
     assert {echo.orientation for echo in ranges} == {25}
@@ -104,9 +112,12 @@ def test_truth_comes_as_often_as_px4_asks(px4: Px4) -> None:
 
 
 def test_the_sensors_of_an_instant_come_last(px4: Px4) -> None:
-    """PX4 stamps what it hears by the clock as it stands: what is of this instant must not come in the next."""
+    """PX4 stamps what it hears by the clock as it stands: what is of this instant must not come in
+    the next."""
     instants = list(px4.fly(250))
-    fixes = [(instant.time_us, fix.time_usec) for instant in instants if (fix := instant.find("HIL_GPS"))]
+    fixes = [
+        (instant.time_us, fix.time_usec) for instant in instants if (fix := instant.find("HIL_GPS"))
+    ]
     assert fixes
     assert all(heard_us == fix_us for heard_us, fix_us in fixes)
 
@@ -130,7 +141,9 @@ def test_before_the_first_answer_time_flows_at_the_pace_of_the_clock(px4: Px4) -
 
 
 @pytest.mark.parametrize("nth", [2, 5])
-def test_answers_to_every_nth_frame_are_waited_for_and_the_frames_between_are_not(px4: Px4, nth: int) -> None:
+def test_answers_to_every_nth_frame_are_waited_for_and_the_frames_between_are_not(
+    px4: Px4, nth: int
+) -> None:
     """Waiting for each that never comes would take half a second a frame."""
     instants = list(px4.fly(20))
     for _ in range(40):
@@ -168,7 +181,10 @@ def test_one_that_hangs_for_two_seconds_finds_every_step_in_its_queue(px4: Px4) 
 def test_a_new_connection_finds_a_vehicle_that_begins_anew(port: int) -> None:
     def told() -> list[list[str]]:
         with closing(Px4(port)) as px4:
-            return [[message.to_json() for message in each.messages] for each in px4.fly(200, (0.5, 0.2, 0.6))]
+            return [
+                [message.to_json() for message in each.messages]
+                for each in px4.fly(200, (0.5, 0.2, 0.6))
+            ]
 
     first, second = told(), told()
     assert [each[-1] for each in first] == [each[-1] for each in second]
@@ -182,28 +198,54 @@ def test_without_lockstep_nobody_is_waited_for(px4: Px4) -> None:
         instants += [px4.hear() for _ in range(gap)]
         px4.answer(lockstep=False)
     assert steps_us(instants) == {STEP_US}
-    assert instants[-1].wall_s - instants[0].wall_s < 4.0, "waiting in vain would take half a second each time"
+    assert instants[-1].wall_s - instants[0].wall_s < 4.0, (
+        "waiting in vain would take half a second each time"
+    )
 
 
 @pytest.fixture(scope="module")
 def deep_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
-    """A simulator with options: under water and under way, 100 Hz, outputs of its own, air for a barometer."""
+    """A simulator with options: under water and under way, 100 Hz, outputs of its own, air for a
+    barometer."""
     scenario, port = tmp_path_factory.mktemp("px4") / "deep.toml", free_port(SOCK_STREAM)
     scenario.write_text(DEEP)
-    options = ("--rate", "100", "--outputs", "4,-6,1", "--hil-baro", "air_equivalent", "--scenario", str(scenario))
+    options = (
+        "--rate",
+        "100",
+        "--outputs",
+        "4,-6,1",
+        "--hil-baro",
+        "air_equivalent",
+        "--scenario",
+        str(scenario),
+    )
     with process(
-        "-m", "sitl", "--autopilot", "px4", "--hil", f"tcpin:127.0.0.1:{port}", "--speed", "max", *options
+        "-m",
+        "sitl",
+        "--autopilot",
+        "px4",
+        "--hil",
+        f"tcpin:127.0.0.1:{port}",
+        "--speed",
+        "max",
+        *options,
     ) as sitl:
         yield port
         assert sitl.running, "nobody but the simulator was to answer here"
 
 
-def steered(port: int, rudder: float = 0.0, elevator: float = 0.0, thrust: float = 0.0, armed: bool = True) -> Instant:
+def steered(
+    port: int, rudder: float = 0.0, elevator: float = 0.0, thrust: float = 0.0, armed: bool = True
+) -> Instant:
     """The last instant with truth of eight seconds with these orders."""
     controls = [0.0] * 6
     controls[3], controls[5], controls[0] = rudder, -elevator, thrust
     with closing(Px4(port)) as px4:
-        told = [instant for instant in px4.fly(800, controls, armed=armed) if instant.find("HIL_STATE_QUATERNION")]
+        told = [
+            instant
+            for instant in px4.fly(800, controls, armed=armed)
+            if instant.find("HIL_STATE_QUATERNION")
+        ]
     return told[-1]
 
 
@@ -216,7 +258,10 @@ def test_outputs_steer_as_they_are_assigned(deep_port: int) -> None:
     assert upwards.sensor.xacc > straight.sensor.xacc + 0.3, (
         "the nose is up: gravity pulls aft, the hull pushes forward"
     )
-    moving, adrift = straight.find("HIL_STATE_QUATERNION"), steered(deep_port).find("HIL_STATE_QUATERNION")
+    moving, adrift = (
+        straight.find("HIL_STATE_QUATERNION"),
+        steered(deep_port).find("HIL_STATE_QUATERNION"),
+    )
     assert moving.vy > 100, "cm/s, eastward"
     assert adrift.vy < moving.vy - 20
     disarmed = steered(deep_port, thrust=0.58, armed=False).find("HIL_STATE_QUATERNION")
@@ -227,8 +272,17 @@ def test_the_air_equivalent_barometer_gives_px4_the_depth(deep_port: int) -> Non
     """PX4's own formula: the standard atmosphere's, whatever it measures."""
     with closing(Px4(deep_port)) as px4:
         instants = list(px4.fly(20))
-    pressure_pa = 100.0 * [each.sensor for each in instants if each.sensor.fields_updated & 0x1A00][-1].abs_pressure
-    lapse, air_constant, gravity, sea_level_k, sea_level_pa = -0.0065, 287.1, 9.80665, 288.15, 101_325.0
+    pressure_pa = (
+        100.0
+        * [each.sensor for each in instants if each.sensor.fields_updated & 0x1A00][-1].abs_pressure
+    )
+    lapse, air_constant, gravity, sea_level_k, sea_level_pa = (
+        -0.0065,
+        287.1,
+        9.80665,
+        288.15,
+        101_325.0,
+    )
     exponent = -lapse * air_constant / gravity
     altitude_m = ((pressure_pa / sea_level_pa) ** exponent * sea_level_k - sea_level_k) / lapse
     assert altitude_m == pytest.approx(-5.0, abs=0.1)
@@ -237,7 +291,16 @@ def test_the_air_equivalent_barometer_gives_px4_the_depth(deep_port: int) -> Non
 def test_px4_that_binds_udp_is_spoken_to_first(tmp_path: Path) -> None:
     with (
         closing(UdpPx4()) as px4,
-        process("-m", "sitl", "--autopilot", "px4", "--hil", f"udpout:127.0.0.1:{px4.port}", "--speed", "max") as sitl,
+        process(
+            "-m",
+            "sitl",
+            "--autopilot",
+            "px4",
+            "--hil",
+            f"udpout:127.0.0.1:{px4.port}",
+            "--speed",
+            "max",
+        ) as sitl,
     ):
         px4.wait_for_simulator()
         instants = list(px4.fly(200))

@@ -1,4 +1,5 @@
-"""A stock MAVSDK program that steers by streamed set-points: prints one JSON object. Run as a program of its own.
+"""A stock MAVSDK program that steers by streamed set-points: prints one JSON object. Run as a
+program of its own.
 
 Usage: python mavsdk_offboard_client.py udpin://127.0.0.1:PORT
 """
@@ -37,24 +38,35 @@ async def steer(address: str) -> dict[str, Any]:
     await action.arm()
     await offboard.set_attitude(Attitude(0.0, -8.0, 40.0, 0.6))
     await offboard.start()
-    seen["mode"] = (await until(telemetry.subscribe_flight_mode(), lambda m: m.name == "OFFBOARD")).name
-    turned = await until(telemetry.subscribe_attitude_euler(), lambda a: abs(a.yaw_deg - 40.0) < 12.0)
+    seen["mode"] = (
+        await until(telemetry.subscribe_flight_mode(), lambda m: m.name == "OFFBOARD")
+    ).name
+    turned = await until(
+        telemetry.subscribe_attitude_euler(), lambda a: abs(a.yaw_deg - 40.0) < 12.0
+    )
     seen["attitude"] = [turned.yaw_deg, turned.pitch_deg]
     dived = await until(telemetry.subscribe_position(), lambda p: p.relative_altitude_m < -2.0)
     seen["altitude_m"] = dived.relative_altitude_m
     await offboard.set_position_ned(PositionNedYaw(60.0, 0.0, 3.0, 0.0))
     near = await until(
         telemetry.subscribe_position_velocity_ned(),
-        lambda o: abs(o.position.north_m - 60.0) + abs(o.position.east_m) < 12.0 and abs(o.position.down_m - 3.0) < 0.5,
+        lambda o: (
+            abs(o.position.north_m - 60.0) + abs(o.position.east_m) < 12.0
+            and abs(o.position.down_m - 3.0) < 0.5
+        ),
     )
     seen["position"] = [near.position.north_m, near.position.east_m, near.position.down_m]
     told = telemetry.subscribe_odometry()  # the Doppler log's own too: it knows no position
     odometry = await until(told, lambda o: next(iter(o.pose_covariance.covariance_matrix)) > 0.0)
     seen["variance"] = next(iter(odometry.pose_covariance.covariance_matrix))
     await offboard.stop()
-    seen["after"] = (await until(telemetry.subscribe_flight_mode(), lambda m: m.name == "HOLD")).name
+    seen["after"] = (
+        await until(telemetry.subscribe_flight_mode(), lambda m: m.name == "HOLD")
+    ).name
     await action.return_to_launch()
-    seen["home"] = (await until(telemetry.subscribe_flight_mode(), lambda m: m.name == "RETURN_TO_LAUNCH")).name
+    seen["home"] = (
+        await until(telemetry.subscribe_flight_mode(), lambda m: m.name == "RETURN_TO_LAUNCH")
+    ).name
     seen["disarmed"] = not await until(telemetry.subscribe_armed(), lambda armed: not armed)
     return seen
 

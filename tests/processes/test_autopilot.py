@@ -9,20 +9,27 @@ from typing import Any
 
 import pytest
 
-from link import dialect
-from link.codec import Frame, encode
-from link.endpoint import Endpoint
-from link.exchange import Party, run
-from link.missions import MissionClient, MissionItem
-from link.params import ParamClient
-from link.transport import Transport, open_transport, wait
-from tests.autopilot.deck import TICK_US, sensors
-from tests.processes.fleet import PATIENCE_S, Process, autopilot, free_port, process
+from mavlink_io import dialect
+from mavlink_io.codec import Frame, encode
+from mavlink_io.endpoint import Endpoint
+from mavlink_io.mission_items import MissionItem
+from mavlink_io.request import MavlinkId, run
+from mavlink_io.services.missions import MissionClient
+from mavlink_io.services.params import ParamClient
+from mavlink_io.transport import Transport, open_transport, wait
+from tests.helpers.fake_hil import TICK_US, sensors
+from tests.helpers.subprocesses import (
+    PATIENCE_S,
+    Process,
+    autopilot,
+    free_port,
+    process,
+)
 
 pytestmark = pytest.mark.process
 
 SENSOR, CONTROLS = dialect.by_name("HIL_SENSOR"), dialect.by_name("HIL_ACTUATOR_CONTROLS")
-GROUND, VEHICLE = Party(250, 190), Party(1, 1)
+GROUND, VEHICLE = MavlinkId(250, 190), MavlinkId(1, 1)
 ARMED = 128
 
 
@@ -152,7 +159,9 @@ def test_a_simulator_that_begins_again_is_served_afresh(deck: Deck, ticks: int) 
 
 
 def test_ground_is_served_while_no_sensors_come(deck: Deck) -> None:
-    listed = run(ParamClient(deck.ground.endpoint.send, GROUND, VEHICLE).list(), deck.ground.endpoint)
+    listed = run(
+        ParamClient(deck.ground.endpoint.send, GROUND, VEHICLE).list(), deck.ground.endpoint
+    )
     assert listed["MAV_SYS_ID"] == 1.0
     items = (MissionItem(0, 2, 93, p1=5.0),)
     client = MissionClient(deck.ground.endpoint.send, GROUND, VEHICLE)
@@ -200,18 +209,27 @@ def test_parameters_come_from_the_file(tmp_path: Path) -> None:
     file.write_text("HDG_P,0.5  # from the sea trial\nMAV_SYS_ID 7\n")
     ground = free_port(socket.SOCK_STREAM)
     with (
-        autopilot(f"udpin:127.0.0.1:{free_port()}", f"tcpin:127.0.0.1:{ground}", options=("--params", str(file))),
+        autopilot(
+            f"udpin:127.0.0.1:{free_port()}",
+            f"tcpin:127.0.0.1:{ground}",
+            options=("--params", str(file)),
+        ),
         closing(open_transport(f"tcp:127.0.0.1:{ground}")) as transport,
     ):
         endpoint = Endpoint(transport, *GROUND)
-        assert run(ParamClient(endpoint.send, GROUND, Party(7, 1)).get("HDG_P"), endpoint) == 0.5
+        assert (
+            run(ParamClient(endpoint.send, GROUND, MavlinkId(7, 1)).get("HDG_P"), endpoint) == 0.5
+        )
 
 
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
         (("--hil", "udpin:here"), "autopilot: address 'udpin:here': expected udpin:HOST:PORT"),
-        (("--gcs", "tcpin:127.0.0.1:x"), "autopilot: address 'tcpin:127.0.0.1:x': 'x' is no port number"),
+        (
+            ("--gcs", "tcpin:127.0.0.1:x"),
+            "autopilot: address 'tcpin:127.0.0.1:x': 'x' is no port number",
+        ),
         (("--gcs", "serial:/dev/null:57600"), "autopilot: address 'serial:/dev/null:57600':"),
         (("--params", "nowhere.param"), "autopilot: nowhere.param: No such file"),
     ],

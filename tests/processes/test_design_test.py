@@ -1,4 +1,5 @@
-"""From a vehicle's file to a model: tests designed, flown and fitted by the command line, and none of them lost."""
+"""From a vehicle's file to a model: tests designed, flown and fitted by the command line, and none
+of them lost."""
 
 import json
 import subprocess
@@ -15,7 +16,11 @@ FLIGHT = ["--sitl", "--scenario", "disturbed"]
 
 def ground(folder: Path, *asked: str) -> dict[str, Any]:
     done = subprocess.run(
-        [sys.executable, "-m", "ground", *asked, "--json"], cwd=folder, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "ground", *asked, "--json"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode in (0, 1), done.stderr
     result: dict[str, Any] = json.loads(done.stdout)
@@ -25,7 +30,9 @@ def ground(folder: Path, *asked: str) -> dict[str, Any]:
 @pytest.mark.timeout(900)
 def test_every_designed_test_is_flown_to_its_end_and_fitted(tmp_path: Path) -> None:
     ground(tmp_path, "fly", "trim", *FLIGHT, "--log", "trim.mcap")
-    plan = ground(tmp_path, "design-test", "--trim", "trim.mcap", "--water-time", "10", "--samples", "60")
+    plan = ground(
+        tmp_path, "design-test", "--trim", "trim.mcap", "--water-time", "10", "--samples", "60"
+    )
     flown = ("--params", "tests.param", *FLIGHT)
     ground(tmp_path, "fly", "tests.toml", *flown, "--log", "tests.mcap")
     ground(tmp_path, "refit", "tests.mcap", "--out", "model.json")

@@ -1,4 +1,5 @@
-"""The vehicle's devices through the wire: what a dive's log holds of them, under their own component ids."""
+"""The vehicle's devices through the wire: what a dive's log holds of them, under their own
+component ids."""
 
 from pathlib import Path
 from typing import Any
@@ -7,9 +8,9 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from ground import flight
-from ground.processes import SimulatedVehicle, Simulation
-from link import dialect
+from ground.client import flight
+from ground.simulation.processes import SimulatedVehicle, Simulation
+from mavlink_io import dialect
 from sitl.vehicle import config
 
 pytestmark = pytest.mark.process
@@ -44,7 +45,7 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
     """A dive of the field vehicle with encoders at her duct."""
     folder = tmp_path_factory.mktemp("devices")
     vehicle, script = folder / "vehicle.toml", folder / "devices.toml"
-    shipped = Path(config.__file__).with_name("field.toml").read_text(encoding="utf-8")
+    shipped = Path(config.__file__).with_name("caribou_truth.toml").read_text(encoding="utf-8")
     vehicle.write_text(shipped + '\n[instruments]\nencoder = "as5048"\n', encoding="utf-8")
     script.write_text(MISSION, encoding="utf-8")
     flown = flight.Dive.load(str(script), folder / "dive.mcap", parameters={"TRIM_RUD_DEG": 6.0})
@@ -72,23 +73,35 @@ def test_the_log_holds_the_battery_as_it_empties(dive: dict[str, list[Any]]) -> 
     assert 28_000 < told[-1].voltages[0] < 33_600
     status = dive["/mavlink/1/1/SYS_STATUS"][-1]
     assert abs(status.voltage_battery - told[-1].voltages[0]) < 500
-    assert status.onboard_control_sensors_health_extended == dialect.constant("MAV_SYS_STATUS_SENSOR_LEAK")
+    assert status.onboard_control_sensors_health_extended == dialect.constant(
+        "MAV_SYS_STATUS_SENSOR_LEAK"
+    )
 
 
 def test_the_log_holds_where_the_duct_really_stood(dive: dict[str, list[Any]]) -> None:
     """The field vehicle's rudder stands 6 deg to the side of its command, of 15 deg of travel."""
-    commanded = np.median([m.actuator[0] for m in dive["/mavlink/1/1/ACTUATOR_OUTPUT_STATUS"][20:-20]])
-    measured = np.median([m.actuator[0] for m in dive["/mavlink/1/140/ACTUATOR_OUTPUT_STATUS"][50:-50]])
+    commanded = np.median(
+        [m.actuator[0] for m in dive["/mavlink/1/1/ACTUATOR_OUTPUT_STATUS"][20:-20]]
+    )
+    measured = np.median(
+        [m.actuator[0] for m in dive["/mavlink/1/140/ACTUATOR_OUTPUT_STATUS"][50:-50]]
+    )
     assert 15.0 * (measured - commanded) == pytest.approx(-6.0, abs=0.6)
 
 
 def test_altimeter_and_depth_add_up_to_the_floor(dive: dict[str, list[Any]]) -> None:
     """Pitched, the echo of the beam that is 3 deg to either side comes slantwise."""
     depths_m = {m.time_boot_ms: m.z for m in dive["/mavlink/1/1/LOCAL_POSITION_NED"]}
-    slants_rad = {m.time_boot_ms: max(0.0, abs(m.pitch) - np.radians(3.0)) for m in dive["/mavlink/1/1/ATTITUDE"]}
+    slants_rad = {
+        m.time_boot_ms: max(0.0, abs(m.pitch) - np.radians(3.0))
+        for m in dive["/mavlink/1/1/ATTITUDE"]
+    }
     told = [m for m in dive["/mavlink/1/1/DISTANCE_SENSOR"] if m.signal_quality == 100]
     told = [m for m in told if m.time_boot_ms in depths_m and m.time_boot_ms in slants_rad]
     assert {(m.min_distance, m.max_distance) for m in told} == {(30, 3000)}
-    floors_m = [1e-2 * m.current_distance * np.cos(slants_rad[m.time_boot_ms]) + depths_m[m.time_boot_ms] for m in told]
+    floors_m = [
+        1e-2 * m.current_distance * np.cos(slants_rad[m.time_boot_ms]) + depths_m[m.time_boot_ms]
+        for m in told
+    ]
     assert len(floors_m) > 100
     assert np.median(floors_m) == pytest.approx(20.0, abs=0.05)

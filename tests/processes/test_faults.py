@@ -1,4 +1,5 @@
-"""Faults through real processes: a scenario of every kind in one dive, and a stock client that orders its own."""
+"""Faults through real processes: a scenario of every kind in one dive, and a stock client that
+orders its own."""
 
 import json
 import signal
@@ -9,11 +10,11 @@ from typing import Any, NamedTuple
 import pytest
 from mcap.reader import make_reader
 
-from ground import flight
-from link import dialect
+from ground.client import flight
+from mavlink_io import dialect
 from sitl.faults.catalogue import CATALOGUE
 from sitl.vehicle import config
-from tests.processes.fleet import Finished, autopilot, free_port, process
+from tests.helpers.subprocesses import Finished, autopilot, free_port, process
 
 pytestmark = pytest.mark.process
 
@@ -47,7 +48,8 @@ EVERY = [
     ),
     "link off",
 ]
-"""In turns, so that a unit has recovered when its next fault comes; what falls into the link's silence nobody hears."""
+"""In turns, so that a unit has recovered when its next fault comes; what falls into the link's
+silence nobody hears."""
 FIRST_S, APART_S, LASTING_S = 5.0, 0.9, 1.6
 TELL_ONLY = {"FS_LEAK_ACT": 0.0, "FS_PRESS_ACT": 0.0, "FS_BATT_ACT": 0.0, "TRIM_RUD_DEG": 6.0}
 
@@ -58,7 +60,10 @@ def scenario_of_every_fault(file: Path) -> None:
     for number, name in enumerate(EVERY):
         unit, kind = name.split()
         at_s = FIRST_S + APART_S * number + (LASTING_S if name == "link off" else 0.0)
-        rows.append(f'[[fault]]\nunit = "{unit}"\nkind = "{kind}"\nat_s = {at_s}\nuntil_s = {at_s + LASTING_S}\n')
+        rows.append(
+            f'[[fault]]\nunit = "{unit}"\nkind = "{kind}"\nat_s = {at_s}\nuntil_s ='
+            f" {at_s + LASTING_S}\n"
+        )
         rows += [f"{key} = {value}\n" for key, value in SIZES.get(name, {}).items()]
     file.write_text("".join(rows), encoding="utf-8")
 
@@ -74,7 +79,7 @@ def texts(log: Path, component: int) -> list[str]:
 
 
 class Dive(NamedTuple):
-    flown: flight.Outcome
+    flown: flight.FlightResult
     truth: Path
     heard: list[str]
     """By the stock client, beside the one that flew her."""
@@ -82,18 +87,36 @@ class Dive(NamedTuple):
 
 @pytest.fixture(scope="module")
 def dive(tmp_path_factory: pytest.TempPathFactory) -> Dive:
-    """One dive through every fault at full speed, recorded by ground while a MAVSDK program listens."""
+    """One dive through every fault at full speed, recorded by ground while a MAVSDK program
+    listens."""
     folder = tmp_path_factory.mktemp("dive")
-    sea, script, vehicle, truth = (folder / name for name in ("sea.toml", "faults.toml", "vehicle.toml", "truth.mcap"))
+    sea, script, vehicle, truth = (
+        folder / name for name in ("sea.toml", "faults.toml", "vehicle.toml", "truth.mcap")
+    )
     scenario_of_every_fault(sea)
-    shipped = Path(config.__file__).with_name("field.toml").read_text(encoding="utf-8")
+    shipped = Path(config.__file__).with_name("caribou_truth.toml").read_text(encoding="utf-8")
     vehicle.write_text(shipped + '\n[instruments]\nencoder = "as5048"\n', encoding="utf-8")
-    script.write_text(MISSION.format(duration_s=FIRST_S + APART_S * len(EVERY) + 2.0 * LASTING_S), encoding="utf-8")
+    script.write_text(
+        MISSION.format(duration_s=FIRST_S + APART_S * len(EVERY) + 2.0 * LASTING_S),
+        encoding="utf-8",
+    )
     hil, ground, beside = free_port(), free_port(socket.SOCK_STREAM), free_port(socket.SOCK_STREAM)
-    simulator = ("--hil", f"udpout:127.0.0.1:{hil}", "--speed", "max", "--wait-for-arm", "--truth", str(truth))
+    simulator = (
+        "--hil",
+        f"udpout:127.0.0.1:{hil}",
+        "--speed",
+        "max",
+        "--wait-for-arm",
+        "--truth",
+        str(truth),
+    )
     with (
-        autopilot(f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{ground}", f"tcpin:127.0.0.1:{beside}"),
-        process("-m", "sitl", *simulator, "--vehicle", str(vehicle), "--scenario", str(sea)) as simulated,
+        autopilot(
+            f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{ground}", f"tcpin:127.0.0.1:{beside}"
+        ),
+        process(
+            "-m", "sitl", *simulator, "--vehicle", str(vehicle), "--scenario", str(sea)
+        ) as simulated,
         process(str(CLIENT), f"tcpout://127.0.0.1:{beside}", "listen") as listener,
     ):
         listener.hear("listening")
@@ -114,21 +137,30 @@ def every_fault(texts: list[str], prefix: str) -> list[str]:
 def test_a_stock_client_hears_of_every_fault_and_of_its_end(dive: Dive) -> None:
     assert every_fault(dive.heard, "Fault: ") == EVERY
     assert every_fault(dive.heard, "Fault over: ") == EVERY
-    assert {"Gyro silent", "Magnetometer stuck", "Pressure sensor implausible", "Leak detected"} <= set(dive.heard)
+    assert {
+        "Gyro silent",
+        "Magnetometer stuck",
+        "Pressure sensor implausible",
+        "Leak detected",
+    } <= set(dive.heard)
     assert dive.heard[-1] == "Surfaced: disarmed"
 
 
 def test_the_log_of_a_dive_holds_every_fault_and_what_the_vehicle_found_out(dive: Dive) -> None:
     told = texts(dive.flown.log, 25)
     assert every_fault(told, "Fault: ") == every_fault(told, "Fault over: ") == EVERY
-    assert {"Gyro recovered", "Accelerometer silent", "Leak recovered"} <= set(texts(dive.flown.log, 1))
+    assert {"Gyro recovered", "Accelerometer silent", "Leak recovered"} <= set(
+        texts(dive.flown.log, 1)
+    )
     assert dive.flown.failsafes == ()
 
 
 def test_the_truth_names_every_fault(dive: Dive) -> None:
     with dive.truth.open("rb") as file:
         seen = {
-            name for _, _, message in make_reader(file).iter_messages() for name in json.loads(message.data)["faults"]
+            name
+            for _, _, message in make_reader(file).iter_messages()
+            for name in json.loads(message.data)["faults"]
         }
     assert seen == set(EVERY)
 
@@ -150,13 +182,28 @@ def test_a_stock_client_breaks_and_mends_what_it_likes_and_reads_what_became_of_
     assert seen["while_off"] == "DENIED"
     assert set(seen["ordered"].values()) == {"SUCCESS"}
     assert seen["unsupported"] == "UNSUPPORTED"
-    for name in ("gyro off", "magnetometer stuck", "rudder stuck", "propeller off", "gps off", "link off"):
+    for name in (
+        "gyro off",
+        "magnetometer stuck",
+        "rudder stuck",
+        "propeller off",
+        "gps off",
+        "link off",
+    ):
         assert f"Fault: {name}" in seen["texts"]
         assert f"Fault over: {name}" in seen["texts"]
     assert "Gyro silent" in seen["texts"]
     assert "Magnetometer stuck" in seen["texts"]
-    assert seen["healthy_while_broken"] == {"gyro": False, "magnetometer": False, "accelerometer": True}
-    assert seen["healthy_when_mended"] == {"gyro": True, "magnetometer": True, "accelerometer": True}
+    assert seen["healthy_while_broken"] == {
+        "gyro": False,
+        "magnetometer": False,
+        "accelerometer": True,
+    }
+    assert seen["healthy_when_mended"] == {
+        "gyro": True,
+        "magnetometer": True,
+        "accelerometer": True,
+    }
     assert seen["longest_silence_s"] > 2.0
     assert seen["back"]
 

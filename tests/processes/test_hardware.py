@@ -17,11 +17,12 @@ from typing import Any, NamedTuple
 import pytest
 from mcap.reader import make_reader
 
-from ground import flight, plans, vehicle
-from link.endpoint import Endpoint
-from link.transport import open_transport
-from tests.processes.fleet import Finished, Process, autopilot, free_port, process
-from tests.processes.line import Line, Noise, line
+from ground.client import flight, vehicle
+from ground.missions import plans
+from mavlink_io.endpoint import Endpoint
+from mavlink_io.transport import open_transport
+from tests.helpers.pty_pair import Line, Noise, line
+from tests.helpers.subprocesses import Finished, Process, autopilot, free_port, process
 
 pytestmark = pytest.mark.process
 
@@ -52,7 +53,9 @@ class Truth(NamedTuple):
     @classmethod
     def read(cls, log: Path) -> "Truth":
         with log.open("rb") as file:
-            return cls([json.loads(message.data) for _, _, message in make_reader(file).iter_messages()])
+            return cls(
+                [json.loads(message.data) for _, _, message in make_reader(file).iter_messages()]
+            )
 
     @property
     def depths_m(self) -> list[float]:
@@ -83,9 +86,17 @@ def rig(folder: Path, baud: int, ground: str, noise: Noise) -> Iterator[Rig]:
     truth = folder / "truth.mcap"
     with (
         line(folder, baud, noise) as hil,
-        autopilot(f"serial:{hil.device['vehicle']}:{baud}", ground, options=("--logs", "off")) as child,
+        autopilot(
+            f"serial:{hil.device['vehicle']}:{baud}", ground, options=("--logs", "off")
+        ) as child,
         process(
-            "-m", "sitl", "--hil", f"serial:{hil.device['ground']}:{baud}", "--no-lockstep", "--truth", str(truth)
+            "-m",
+            "sitl",
+            "--hil",
+            f"serial:{hil.device['ground']}:{baud}",
+            "--no-lockstep",
+            "--truth",
+            str(truth),
         ) as sea,
     ):
         yield Rig(child, sea, hil, truth)
@@ -108,10 +119,17 @@ def fly(folder: Path, hil_baud: int, ground_baud: int) -> Flown:
         line(cables, ground_baud, NOISE, seed=2) as radio,
         rig(folder, hil_baud, f"serial:{radio.device['vehicle']}:{ground_baud}", NOISE) as aboard,
         process(
-            "-m", "ground", "fly", str(script), "--connect", f"serial:{radio.device['ground']}:{ground_baud}",
-            "--log", str(log), "--json",
+            "-m",
+            "ground",
+            "fly",
+            str(script),
+            "--connect",
+            f"serial:{radio.device['ground']}:{ground_baud}",
+            "--log",
+            str(log),
+            "--json",
         ) as ground,
-    ):  # fmt: skip
+    ):
         finished = ground.finish(patience_s=120.0)
         said = aboard.stop()
     return Flown(finished, said, Truth.read(aboard.truth), log)
@@ -132,10 +150,12 @@ def interrupt(folder: Path) -> Interrupted:
     script, port = folder / "short.toml", free_port(socket.SOCK_STREAM)
     script.write_text(MISSION)
     with rig(folder, 57_600, f"tcpin:127.0.0.1:{port}", NOISE) as aboard:
-        client = vehicle.Vehicle(open_transport(f"tcp:127.0.0.1:{port}"))
+        client = vehicle.VehicleClient(open_transport(f"tcp:127.0.0.1:{port}"))
         with closing(client):
             client.connect()
-            flight.prepare(client, flight.Dive("short", plans.load_items(str(script)), folder / "unused.mcap"))
+            flight.prepare(
+                client, flight.Dive("short", plans.load_items(str(script)), folder / "unused.mcap")
+            )
             client.arm()
             pump(client, lambda: depth_m(client) > 0.6)
             before_m = depth_m(client)
@@ -143,25 +163,28 @@ def interrupt(folder: Path) -> Interrupted:
             until_s = time.monotonic() + OUTAGE_S
             pump(client, lambda: time.monotonic() > until_s)
             aboard.hil.plug("vehicle")
-            pump(client, lambda: "Sensors recovered" in said_by(client) and depth_m(client) > before_m + 0.2)
+            pump(
+                client,
+                lambda: "Sensors recovered" in said_by(client) and depth_m(client) > before_m + 0.2,
+            )
             texts, armed, after_m = said_by(client), client.armed, depth_m(client)
         said = aboard.stop()
     return Interrupted(texts, armed, said, (before_m, after_m), Truth.read(aboard.truth))
 
 
-def pump(client: vehicle.Vehicle, done: Callable[[], bool], within_s: float = 60.0) -> None:
+def pump(client: vehicle.VehicleClient, done: Callable[[], bool], within_s: float = 60.0) -> None:
     deadline_s = time.monotonic() + within_s
     while not done():
         assert time.monotonic() < deadline_s, said_by(client)
         client.pump(0.05)
 
 
-def depth_m(client: vehicle.Vehicle) -> float:
+def depth_m(client: vehicle.VehicleClient) -> float:
     told = client.latest("LOCAL_POSITION_NED")
     return 0.0 if told is None else float(told.z)
 
 
-def said_by(client: vehicle.Vehicle) -> list[str]:
+def said_by(client: vehicle.VehicleClient) -> list[str]:
     return [text.text for text in client.texts]
 
 
@@ -180,13 +203,19 @@ def try_example(folder: Path) -> OnTheBench:
     with ExitStack() as stack:
         cable = stack.enter_context(line(folder, 115_200, NOISE))
         hil = f"serial:{cable.device['vehicle']}:115200"
-        child = stack.enter_context(autopilot(hil, f"udpout:127.0.0.1:{port}", options=("--logs", "off")))
+        child = stack.enter_context(
+            autopilot(hil, f"udpout:127.0.0.1:{port}", options=("--logs", "off"))
+        )
         tail = stack.enter_context(process(EXAMPLE, cable.device["ground"], "115200"))
-        ground = Endpoint(stack.enter_context(closing(open_transport(f"udpin:127.0.0.1:{port}"))), 250, 190)
+        ground = Endpoint(
+            stack.enter_context(closing(open_transport(f"udpin:127.0.0.1:{port}"))), 250, 190
+        )
         told: list[str] = []
         hear(ground, told, lambda frame: frame.name == "ATTITUDE")
         begin_test(ground, rudder=0.5, seconds=3.0)
-        moved = hear(ground, told, lambda frame: frame.component == DUCT and frame.decode().actuator[0] > 0.1)
+        moved = hear(
+            ground, told, lambda frame: frame.component == DUCT and frame.decode().actuator[0] > 0.1
+        )
         tail.hear(r"rudder \+7\.5 deg, elevator \+0\.0 deg, thrust \+0 %")
         child.kill()
         died_s = time.monotonic()
@@ -197,9 +226,19 @@ def try_example(folder: Path) -> OnTheBench:
 def begin_test(ground: Endpoint, rudder: float, seconds: float) -> None:
     """ACTUATOR_TEST of the rudder."""
     ground.send(
-        "COMMAND_LONG", target_system=1, target_component=1, command=310, confirmation=0, param1=rudder,
-        param2=seconds, param3=0, param4=0, param5=SERVO_1, param6=0, param7=0,
-    )  # fmt: skip
+        "COMMAND_LONG",
+        target_system=1,
+        target_component=1,
+        command=310,
+        confirmation=0,
+        param1=rudder,
+        param2=seconds,
+        param3=0,
+        param4=0,
+        param5=SERVO_1,
+        param6=0,
+        param7=0,
+    )
 
 
 def hear(ground: Endpoint, told: list[str], wanted: Callable[[Any], bool]) -> Any:
@@ -237,7 +276,9 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scenes]:
 
 
 @pytest.mark.parametrize("width", ["wide", "narrow"])
-def test_a_dive_over_two_noisy_serial_lines_holds_its_depth_and_is_logged(scenes: Scenes, width: str) -> None:
+def test_a_dive_over_two_noisy_serial_lines_holds_its_depth_and_is_logged(
+    scenes: Scenes, width: str
+) -> None:
     flown: Flown = getattr(scenes, width).result()
     assert flown.ground.status == 0, flown.ground
     outcome = json.loads(flown.ground.stdout)
@@ -256,7 +297,9 @@ def test_a_dive_over_two_noisy_serial_lines_holds_its_depth_and_is_logged(scenes
     assert autopilot_said == ""
     told = [text for text in sea_said.splitlines() if not text.startswith("sitl: too busy")]
     assert re.fullmatch(r"sitl: actuators after \d+\.\d s", told[0])
-    assert len(told) % 2 == 1, "a busy machine may let the watchdog bite, and each time orders come again"
+    assert len(told) % 2 == 1, (
+        "a busy machine may let the watchdog bite, and each time orders come again"
+    )
 
 
 def test_time_runs_on_the_wall_clock_at_the_rate_that_the_line_can_carry(scenes: Scenes) -> None:
@@ -284,9 +327,13 @@ def test_without_orders_the_propeller_stops_until_there_are_some_again(scenes: S
     started = turning.index(True)
     stopped = turning.index(False, started)
     again = turning.index(True, stopped)
-    assert OUTAGE_S - 1.5 < 1e-6 * (rows[again]["time_us"] - rows[stopped]["time_us"]) < OUTAGE_S + 1.5
+    assert (
+        OUTAGE_S - 1.5 < 1e-6 * (rows[again]["time_us"] - rows[stopped]["time_us"]) < OUTAGE_S + 1.5
+    )
     for axis in ("rudder_rad", "elevator_rad"):
-        assert rows[again][axis] == pytest.approx(rows[0][axis], abs=0.03), "straight, but for what the motors lost"
+        assert rows[again][axis] == pytest.approx(rows[0][axis], abs=0.03), (
+            "straight, but for what the motors lost"
+        )
 
 
 def test_the_example_turns_its_duct_and_lets_go_when_the_autopilot_dies(scenes: Scenes) -> None:
@@ -299,11 +346,19 @@ def test_the_example_turns_its_duct_and_lets_go_when_the_autopilot_dies(scenes: 
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        (("--speed", "2"), "sitl: --speed 2: not with --no-lockstep: the wall clock is the vehicle's own\n"),
-        (("--wait-for-arm",), "sitl: --wait-for-arm: not with --no-lockstep: the wall clock stands for nobody\n"),
+        (
+            ("--speed", "2"),
+            "sitl: --speed 2: not with --no-lockstep: the wall clock is the vehicle's own\n",
+        ),
+        (
+            ("--wait-for-arm",),
+            "sitl: --wait-for-arm: not with --no-lockstep: the wall clock stands for nobody\n",
+        ),
     ],
 )
-def test_what_does_not_go_with_a_clock_of_ones_own_is_refused(options: tuple[str, ...], complaint: str) -> None:
+def test_what_does_not_go_with_a_clock_of_ones_own_is_refused(
+    options: tuple[str, ...], complaint: str
+) -> None:
     with process("-m", "sitl", "--no-lockstep", *options) as sea:
         assert sea.finish() == (2, "", complaint)
 

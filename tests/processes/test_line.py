@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import serial
 
-from tests.processes.line import QUANTUM_S, Line, Noise, line
+from tests.helpers.pty_pair import QUANTUM_S, Line, Noise, line
 
 BAUD = 57_600
 TEXT = bytes(range(256)) * 16

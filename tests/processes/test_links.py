@@ -1,4 +1,5 @@
-"""Links between real processes: signed ones, and a serial cable that is slow, pulled out and put back."""
+"""Links between real processes: signed ones, and a serial cable that is slow, pulled out and put
+back."""
 
 import contextlib
 import itertools
@@ -12,14 +13,14 @@ from typing import NamedTuple
 
 import pytest
 
-from autopilot.params import PARAMETERS
-from link import dialect
-from link.endpoint import Endpoint
-from link.transport import open_transport, wait
-from tests.autopilot.deck import TICK_US, sensors
+from autopilot.control.params import PARAMETERS
+from mavlink_io import dialect
+from mavlink_io.endpoint import Endpoint
+from mavlink_io.transport import open_transport, wait
 from tests.clients.mavproxy_console import Console
-from tests.processes.fleet import Finished, Process, autopilot, free_port, process
-from tests.processes.line import Line, line
+from tests.helpers.fake_hil import TICK_US, sensors
+from tests.helpers.pty_pair import Line, line
+from tests.helpers.subprocesses import Finished, Process, autopilot, free_port, process
 
 pytestmark = pytest.mark.process
 
@@ -74,7 +75,9 @@ def aboard(state: Path, key_file: Path) -> Iterator[Aboard]:
         yield Aboard(child, *(f"tcp:127.0.0.1:{port}" for port in ports))
 
 
-def test_ground_signs_with_its_key_and_is_refused_without(aboard: Aboard, key_file: Path, state: Path) -> None:
+def test_ground_signs_with_its_key_and_is_refused_without(
+    aboard: Aboard, key_file: Path, state: Path
+) -> None:
     signed = get_parameter(aboard.signed, "--sign", str(key_file))
     assert (signed.status, json.loads(signed.stdout)) == (0, {"HDG_P": pytest.approx(0.65)})
     assert get_parameter(aboard.open).status == 0
@@ -89,7 +92,10 @@ def test_ground_signs_with_its_key_and_is_refused_without(aboard: Aboard, key_fi
 
 def test_a_bad_key_file_is_one_clear_line(tmp_path: Path) -> None:
     finished = get_parameter("udpin:127.0.0.1:14550", "--sign", str(tmp_path / "none"))
-    assert (finished.status, finished.stderr) == (2, f"ground: --sign {tmp_path}/none: No such file or directory\n")
+    assert (finished.status, finished.stderr) == (
+        2,
+        f"ground: --sign {tmp_path}/none: No such file or directory\n",
+    )
     with process("-m", "autopilot", "--sign", f"serial:x:9={tmp_path}/none") as child:
         finished = child.finish()
     assert finished.status == 2
@@ -97,11 +103,15 @@ def test_a_bad_key_file_is_one_clear_line(tmp_path: Path) -> None:
     assert finished.stderr.count("\n") == 1
 
 
-def test_mavproxy_reads_without_a_key_and_commands_with_it(state: Path, key_file: Path, tmp_path: Path) -> None:
+def test_mavproxy_reads_without_a_key_and_commands_with_it(
+    state: Path, key_file: Path, tmp_path: Path
+) -> None:
     port = free_port()
     address = f"udpout:127.0.0.1:{port}"
     with (
-        autopilot(f"udpin:127.0.0.1:{free_port()}", address, options=("--sign", f"{address}={key_file}")),
+        autopilot(
+            f"udpin:127.0.0.1:{free_port()}", address, options=("--sign", f"{address}={key_file}")
+        ),
         contextlib.closing(Console(tmp_path, f"udpin:127.0.0.1:{port}")) as mavproxy,
     ):
         mavproxy.hear("Detected vehicle 1:1 on link 0", PATIENCE_S)
@@ -111,7 +121,11 @@ def test_mavproxy_reads_without_a_key_and_commands_with_it(state: Path, key_file
         mavproxy.ask(f"signing key {PASSPHRASE}", "Setup signing key")
         mavproxy.hear(f"Received {len(PARAMETERS)} parameters", PATIENCE_S)
         mavproxy.say("param set HDG_P 0.75")
-        eventually(lambda: float(mavproxy.ask("param fetch HDG_P", r"HDG_P = ([\d.]+)", attempts=5)[1]) == 0.75)
+        eventually(
+            lambda: (
+                float(mavproxy.ask("param fetch HDG_P", r"HDG_P = ([\d.]+)", attempts=5)[1]) == 0.75
+            )
+        )
 
 
 @pytest.fixture
@@ -140,7 +154,9 @@ def processor_s(child: Process) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def test_sensors_that_are_pulled_out_are_answered_when_they_are_back(cable: Line, state: Path) -> None:
+def test_sensors_that_are_pulled_out_are_answered_when_they_are_back(
+    cable: Line, state: Path
+) -> None:
     hil = f"serial:{cable.device['vehicle']}:57600"
     far = open_transport(f"serial:{cable.device['ground']}:57600")
     controller = Endpoint(far, 1, 200)

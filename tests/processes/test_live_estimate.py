@@ -30,7 +30,9 @@ surface = true
 def test_a_test_in_a_dive_is_estimated_while_it_is_flown(tmp_path: Path, as_json: bool) -> None:
     (tmp_path / "one.toml").write_text(MISSION, encoding="utf-8")
     asked = ["fly", "one.toml", "--sitl", "--scenario", "calm", *(["--json"] if as_json else [])]
-    done = subprocess.run([sys.executable, "-m", "ground", *asked], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "ground", *asked], cwd=tmp_path, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     if not as_json:
         assert "yaw: b1 " in done.stderr

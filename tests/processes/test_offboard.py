@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.fleet import free_port, process, vehicle
+from tests.helpers.subprocesses import free_port, process, vehicle
 
 pytestmark = pytest.mark.process
 
@@ -22,8 +22,11 @@ def test_mavsdk_steers_by_set_points_and_sends_her_home() -> None:
     assert finished.status == 0, finished.stderr
     seen = json.loads(finished.stdout.splitlines()[-1])
     assert (seen["mode"], seen["after"], seen["home"], seen["disarmed"]) == (
-        "OFFBOARD", "HOLD", "RETURN_TO_LAUNCH", True,
-    )  # fmt: skip
+        "OFFBOARD",
+        "HOLD",
+        "RETURN_TO_LAUNCH",
+        True,
+    )
     assert seen["attitude"][1] < -2.0, "nose down, as asked"
     assert seen["altitude_m"] < -2.0
     assert 0.01 < seen["variance"] < 9.0

@@ -1,4 +1,5 @@
-"""What the vehicle records herself, with real processes: a dive without any link, downloads that break off, kills."""
+"""What the vehicle records herself, with real processes: a dive without any link, downloads that
+break off, kills."""
 
 import json
 import random
@@ -14,15 +15,16 @@ from typing import Any
 
 import pytest
 
-from ground import flight, logs
-from ground.flight import Dive
-from ground.processes import SimulatedVehicle, Simulation
-from ground.vehicle import Vehicle
-from link.log.mcap import MAGIC
-from sysid import logs as identification
-from tests.autopilot.deck import TICK_US
-from tests.processes.fleet import Finished, autopilot, free_port, process
-from tests.processes.line import Noise, line
+from ground.client import flight
+from ground.client.flight import Dive
+from ground.client.vehicle import VehicleClient
+from ground.log_tools import mcap
+from ground.simulation.processes import SimulatedVehicle, Simulation
+from mavlink_io.logging.mcap import MAGIC
+from sysid.data import readers as identification
+from tests.helpers.fake_hil import TICK_US
+from tests.helpers.pty_pair import Noise, line
+from tests.helpers.subprocesses import Finished, autopilot, free_port, process
 from tests.processes.test_autopilot import Deck
 
 pytestmark = pytest.mark.process
@@ -82,7 +84,9 @@ def told(folder: Path, mission: str) -> tuple[Path, Path]:
 
 
 def ground(*words: str) -> Finished:
-    done = subprocess.run([sys.executable, "-m", "ground", *words], capture_output=True, text=True, timeout=LONGEST_S)
+    done = subprocess.run(
+        [sys.executable, "-m", "ground", *words], capture_output=True, text=True, timeout=LONGEST_S
+    )
     return Finished(done.returncode, done.stdout, done.stderr)
 
 
@@ -110,7 +114,7 @@ def test_a_dive_without_any_link_is_flown_recorded_and_identified(
     board, home = folder / "silent", folder / "home"
     with simulated(board) as boat:
         with closing(boat.connect()) as transport:
-            vehicle = Vehicle(transport)
+            vehicle = VehicleClient(transport)
             vehicle.connect()
             flight.prepare(vehicle, Dive.load(mission, folder / "none.mcap"))
             vehicle.arm()
@@ -137,7 +141,12 @@ def refitted(log: Path) -> dict[str, float]:
     finished = ground("refit", str(log), "--method", "paper", "--out", str(out))
     assert finished.status == 0, finished.stderr
     planes = json.loads(out.read_text())["planes"]
-    return {f"{plane} {name}": found["value"] for plane, row in planes.items() for name, found in row.items() if found}
+    return {
+        f"{plane} {name}": found["value"]
+        for plane, row in planes.items()
+        for name, found in row.items()
+        if found
+    }
 
 
 @contextmanager
@@ -167,12 +176,17 @@ def test_logs_are_listed_and_chosen(tmp_path: Path) -> None:
         (out / "00001-20260131T120000Z.mcap").write_bytes(b"another vehicle's")
         every = ask("log", "download", "all", *link, "--out", str(out))["logs"]
         assert [Path(log["file"]).name for log in every] == [
-            "00001-20260131T120000Z-2.mcap", "00002-20260131T120000Z.mcap", "00003-20260131T120000Z.mcap",
-        ]  # fmt: skip
+            "00001-20260131T120000Z-2.mcap",
+            "00002-20260131T120000Z.mcap",
+            "00003-20260131T120000Z.mcap",
+        ]
         assert (out / "00001-20260131T120000Z.mcap").read_bytes() == b"another vehicle's"
         refused = ground("log", "download", "7", *link, "--out", str(out))
         assert (refused.status, refused.stdout) == (2, "")
-        assert refused.stderr == "ground: log 7: the vehicle has 1, 2, 3; give one of these, latest or all\n"
+        assert (
+            refused.stderr
+            == "ground: log 7: the vehicle has 1, 2, 3; give one of these, latest or all\n"
+        )
 
 
 def test_a_download_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
@@ -230,8 +244,8 @@ def test_a_killed_autopilot_loses_the_last_moment_only(tmp_path: Path) -> None:
             time.sleep(0.6)  # two flushes
             child.signal(signal.SIGKILL)
     (path,) = tmp_path.glob("*.mcap")
-    with pytest.raises(logs.LogError, match="recover"):
-        logs.info(path)
+    with pytest.raises(mcap.McapFileError, match="recover"):
+        mcap.info(path)
     saved = ask("log", "recover", str(path), "--out", str(tmp_path / "saved.mcap"))
     read = identification.read(tmp_path / "saved.mcap")
     assert read.attitude.time_s == pytest.approx([0.02 * tick for tick in range(1, 101)])

@@ -1,4 +1,5 @@
-"""A vehicle that a newcomer describes in a few lines is flown by the command line, and goes where she is told."""
+"""A vehicle that a newcomer describes in a few lines is flown by the command line, and goes where
+she is told."""
 
 import json
 import subprocess
@@ -57,7 +58,9 @@ def test_a_vehicle_of_thirty_lines_holds_depth_and_heading(tmp_path: Path) -> No
     (tmp_path / "mine.toml").write_text(VEHICLE, encoding="utf-8")
     (tmp_path / "legs.toml").write_text(MISSION, encoding="utf-8")
     asked = ["fly", "legs.toml", "--sitl", "--vehicle", "mine.toml", "--truth", "truth.mcap"]
-    done = subprocess.run([sys.executable, "-m", "ground", *asked], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "ground", *asked], cwd=tmp_path, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     with (tmp_path / "truth.mcap").open("rb") as file:
         states = [json.loads(message.data) for _, _, message in make_reader(file).iter_messages()]

@@ -1,18 +1,19 @@
-"""Parameters through other people's programs: fetched as one file, and kept from one start to the next."""
+"""Parameters through other people's programs: fetched as one file, and kept from one start to the
+next."""
 
 import json
 from pathlib import Path
 
-from autopilot.params import PARAMETERS
-from link import params
-from link.endpoint import Endpoint
-from link.exchange import Party, run
-from link.transport import open_transport
+from autopilot.control.params import PARAMETERS
+from mavlink_io.endpoint import Endpoint
+from mavlink_io.request import MavlinkId, run
+from mavlink_io.services import params
+from mavlink_io.transport import open_transport
 from tests.clients.mavproxy_console import Console
-from tests.processes.fleet import PATIENCE_S, autopilot, free_port, process
+from tests.helpers.subprocesses import PATIENCE_S, autopilot, free_port, process
 
 METADATA_CLIENT = str(Path(__file__).with_name("mavsdk_metadata_client.py"))
-VEHICLE, GROUND = Party(1, 1), Party(250, 190)
+VEHICLE, GROUND = MavlinkId(1, 1), MavlinkId(250, 190)
 
 
 def test_mavproxy_fetches_the_whole_list_as_one_file(tmp_path: Path) -> None:
@@ -37,14 +38,18 @@ def test_mavsdk_fetches_what_parameters_mean() -> None:
         finished = client.finish()
     assert finished.status == 0, finished.stderr
     described = json.loads(finished.stdout.splitlines()[-1])["parameters"]
-    assert {row["name"]: row["max"] for row in described} == {row.name: row.maximum for row in PARAMETERS}
+    assert {row["name"]: row["max"] for row in described} == {
+        row.name: row.maximum for row in PARAMETERS
+    }
 
 
 def test_what_ground_sets_outlives_a_kill(tmp_path: Path) -> None:
     def ask(value: float | None) -> float:
         port = free_port()
         options = ("--state", str(tmp_path))
-        with autopilot(f"udpin:127.0.0.1:{free_port()}", f"tcpin:127.0.0.1:{port}", options=options) as process:
+        with autopilot(
+            f"udpin:127.0.0.1:{free_port()}", f"tcpin:127.0.0.1:{port}", options=options
+        ) as process:
             endpoint = Endpoint(open_transport(f"tcp:127.0.0.1:{port}"), *GROUND)
             client = params.ParamClient(endpoint.send, GROUND, VEHICLE)
             if value is not None:
@@ -53,7 +58,9 @@ def test_what_ground_sets_outlives_a_kill(tmp_path: Path) -> None:
             found = run(client.get("HDG_P"), endpoint)
             endpoint.transport.close()
             kept = tmp_path / "parameters.param"
-            while value is not None and f"HDG_D,{value + 1.0:g}" not in (kept.read_text() if kept.exists() else ""):
+            while value is not None and f"HDG_D,{value + 1.0:g}" not in (
+                kept.read_text() if kept.exists() else ""
+            ):
                 assert process.running
             process.kill()
             return found

@@ -15,8 +15,8 @@ from mcap.exceptions import EndOfFile
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
-from link import dialect
-from link.codec import Framer, encode
+from mavlink_io import dialect
+from mavlink_io.codec import Framer, encode
 
 pytestmark = pytest.mark.process
 
@@ -38,12 +38,17 @@ class Peer:
     def hear(self) -> tuple[int, bytes]:
         """(vehicle time, datagram) of the next datagram, which holds exactly one HIL_SENSOR."""
         datagram, self._from = self._socket.recvfrom(65_535)
-        times = [frame.decode().time_usec for frame in Framer().feed(datagram) if frame.name == "HIL_SENSOR"]
+        times = [
+            frame.decode().time_usec
+            for frame in Framer().feed(datagram)
+            if frame.name == "HIL_SENSOR"
+        ]
         assert len(times) == 1
         return times[0], datagram
 
     def hear_of(self, time_us: int) -> bytes:
-        """The next datagram of a vehicle time; those of earlier times, sent again, are passed over."""
+        """The next datagram of a vehicle time; those of earlier times, sent again, are passed
+        over."""
         while (heard := self.hear())[0] != time_us:
             assert heard[0] < time_us
         return heard[1]
@@ -80,7 +85,10 @@ def sitl() -> Iterator[Start]:
 
     def start(*arguments: str) -> subprocess.Popen[str]:
         process = subprocess.Popen(
-            [sys.executable, "-m", "sitl", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [sys.executable, "-m", "sitl", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
         )
         started.append(process)
         return process
@@ -98,11 +106,15 @@ def flown(sitl: Start, fly: Callable[[Peer], list[bytes]], *arguments: str) -> l
         return fly(peer)
 
 
-def test_vehicle_time_waits_for_each_answer_and_the_same_seed_gives_the_same_bytes(sitl: Start) -> None:
+def test_vehicle_time_waits_for_each_answer_and_the_same_seed_gives_the_same_bytes(
+    sitl: Start,
+) -> None:
     rough = ("--scenario", "disturbed", "--seed", "7")
     first = flown(sitl, lambda peer: peer.fly(200), *rough)
     assert first == flown(sitl, lambda peer: peer.fly(200), *rough)
-    assert first != flown(sitl, lambda peer: peer.fly(200), "--scenario", "disturbed", "--seed", "8")
+    assert first != flown(
+        sitl, lambda peer: peer.fly(200), "--scenario", "disturbed", "--seed", "8"
+    )
 
 
 def test_lost_and_repeated_datagrams_change_nothing(sitl: Start) -> None:
@@ -127,7 +139,9 @@ def test_before_the_first_answer_frames_of_time_zero_flow(sitl: Start, peer: Pee
     assert [peer.hear()[0] for _ in range(20)] == [0] * 20
 
 
-def test_with_wait_for_arm_time_stands_until_armed_and_after_disarming(sitl: Start, peer: Peer) -> None:
+def test_with_wait_for_arm_time_stands_until_armed_and_after_disarming(
+    sitl: Start, peer: Peer
+) -> None:
     sitl("--hil", peer.address, "--speed", "max", "--wait-for-arm")
     standing = []
     for _ in range(10):
@@ -160,7 +174,9 @@ def test_an_autopilot_that_falls_silent_ends_the_run_with_a_reason(sitl: Start, 
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_stop_signal_ends_the_run_cleanly(sitl: Start, peer: Peer, tmp_path: Path, number: signal.Signals) -> None:
+def test_a_stop_signal_ends_the_run_cleanly(
+    sitl: Start, peer: Peer, tmp_path: Path, number: signal.Signals
+) -> None:
     log = tmp_path / "truth.mcap"
     process = sitl("--hil", peer.address, "--speed", "max", "--truth", str(log))
     peer.fly(100)
@@ -171,7 +187,9 @@ def test_a_stop_signal_ends_the_run_cleanly(sitl: Start, peer: Peer, tmp_path: P
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal here")
-def test_a_killed_run_leaves_its_truth_up_to_the_last_flush(sitl: Start, peer: Peer, tmp_path: Path) -> None:
+def test_a_killed_run_leaves_its_truth_up_to_the_last_flush(
+    sitl: Start, peer: Peer, tmp_path: Path
+) -> None:
     log = tmp_path / "truth.mcap"
     process = sitl("--hil", peer.address, "--speed", "1", "--truth", str(log))
     peer.fly(150)
@@ -187,7 +205,9 @@ def truth_times(log: Path) -> list[int]:
     times: list[int] = []
     with log.open("rb") as file, suppress(EndOfFile):
         records = StreamReader(file).records
-        times.extend(json.loads(record.data)["time_us"] for record in records if isinstance(record, Message))
+        times.extend(
+            json.loads(record.data)["time_us"] for record in records if isinstance(record, Message)
+        )
     return times
 
 
@@ -198,10 +218,15 @@ def truth_times(log: Path) -> list[int]:
         (("--scenario", "stormy"), "scenario stormy"),
         (("--hil", "udpout:nowhere"), "address 'udpout:nowhere'"),
         (("--speed", "fast"), "--speed fast: expected a number from 0.01 to 10000, or max"),
-        (("--truth", "/no/such/folder/truth.mcap"), "--truth /no/such/folder/truth.mcap: No such file or directory"),
+        (
+            ("--truth", "/no/such/folder/truth.mcap"),
+            "--truth /no/such/folder/truth.mcap: No such file or directory",
+        ),
     ],
 )
-def test_bad_input_gets_one_line_and_status_2(sitl: Start, arguments: tuple[str, str], named: str) -> None:
+def test_bad_input_gets_one_line_and_status_2(
+    sitl: Start, arguments: tuple[str, str], named: str
+) -> None:
     process = sitl(*arguments)
     output, complaint = process.communicate(timeout=30.0)
     assert (process.returncode, output) == (2, "")

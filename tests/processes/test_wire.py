@@ -1,4 +1,5 @@
-"""The whole vehicle through the wire: signs as ground sees them, speed as the simulator's own log tells it."""
+"""The whole vehicle through the wire: signs as ground sees them, speed as the simulator's own log
+tells it."""
 
 import json
 from pathlib import Path
@@ -7,10 +8,10 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from ground import flight
-from ground.processes import SimulatedVehicle, Simulation
-from sysid import logs, runs
-from sysid.log import Log
+from ground.client import flight
+from ground.simulation.processes import SimulatedVehicle, Simulation
+from sysid.data import readers, segments
+from sysid.data.dataset import Log
 
 pytestmark = pytest.mark.process
 
@@ -50,15 +51,17 @@ def flown(axis: str, folder: Path) -> Log:
     dive = flight.Dive.load(str(script), folder / f"{axis}.mcap", parameters={"TRIM_RUD_DEG": 6.0})
     outcome = flight.fly_simulated(dive, SimulatedVehicle(Simulation()))
     assert outcome.lost_frames == 0
-    return logs.read(dive.log)
+    return readers.read(dive.log)
 
 
 @pytest.mark.parametrize(("axis", "angle"), [("rudder", "heading"), ("elevator", "pitch")])
 def test_five_degrees_turn_to_starboard_and_pitch_up(axis: str, angle: str, tmp_path: Path) -> None:
     read = flown(axis, tmp_path)
-    (run,) = runs.cut(read)
+    (run,) = segments.cut_runs(read)
     told = read.attitude
-    start_s = next(event.time_s for event in read.events if event.text.startswith("SystemID Starting"))
+    start_s = next(
+        event.time_s for event in read.events if event.text.startswith("SystemID Starting")
+    )
     before, after = (np.argmin(np.abs(told.time_s - t)) for t in (start_s, start_s + 5.5))
     values = told.yaw_rad if angle == "heading" else told.pitch_rad
     assert run.plane == ("yaw" if axis == "rudder" else "pitch")
@@ -68,13 +71,15 @@ def test_five_degrees_turn_to_starboard_and_pitch_up(axis: str, angle: str, tmp_
     assert commanded == pytest.approx(11.0 if axis == "rudder" else 5.0, abs=0.01)
 
 
-@pytest.mark.parametrize("vehicle", ["bench", "field"])
-def test_58_percent_thrust_gives_1_30_mps_in_steady_level_flight(vehicle: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("vehicle", ["caribou_nominal", "caribou_truth"])
+def test_58_percent_thrust_gives_1_30_mps_in_steady_level_flight(
+    vehicle: str, tmp_path: Path
+) -> None:
     """Within 1 %, as the simulator's truth log has it: the vehicle's own speed is an estimate."""
     script = tmp_path / "level.toml"
     script.write_text(LEVEL)
     truth = tmp_path / "truth.mcap"
-    trim = {"TRIM_RUD_DEG": 6.0 if vehicle == "field" else 0.0}
+    trim = {"TRIM_RUD_DEG": 6.0 if vehicle == "caribou_truth" else 0.0}
     dive = flight.Dive.load(str(script), tmp_path / "level.mcap", parameters=trim)
     flight.fly_simulated(dive, SimulatedVehicle(Simulation(vehicle=vehicle, truth=truth)))
     with truth.open("rb") as file:

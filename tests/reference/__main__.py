@@ -1,4 +1,5 @@
-"""Every check-case's figure beside its reference and tolerance: ``python -m tests.reference [--json]``.
+"""Every check-case's figure beside its reference and tolerance: ``python -m tests.reference
+[--json]``.
 
 Exit status 1 when one of them misses.
 """
@@ -33,7 +34,9 @@ def main() -> int:
     progress = Console(stderr=True)
     rows = [
         Row(title(case), check)
-        for case in track(CASES, "check-cases", console=progress, transient=True, disable=not progress.is_terminal)
+        for case in track(
+            CASES, "check-cases", console=progress, transient=True, disable=not progress.is_terminal
+        )
         for check in run(case)
     ]
     print(json.dumps(_document(rows), indent=1)) if as_json else _print(rows)
@@ -43,7 +46,9 @@ def main() -> int:
 def _document(rows: list[Row]) -> dict[str, object]:
     return {
         "passed": all(row.check.passed for row in rows),
-        "checks": [{"case": row.case, **row.check._asdict(), "passed": row.check.passed} for row in rows],
+        "checks": [
+            {"case": row.case, **row.check._asdict(), "passed": row.check.passed} for row in rows
+        ],
     }
 
 
@@ -62,7 +67,14 @@ def _print(rows: list[Row]) -> None:
     for case, check in rows:
         figures = (_figure(check.value), _figure(check.reference), f"{check.tolerance:.2g}")
         verdict = "pass" if check.passed else "[bold red]MISS[/]"
-        table.add_row("" if case == before else case, check.quantity, *figures, check.unit, verdict, check.source)
+        table.add_row(
+            "" if case == before else case,
+            check.quantity,
+            *figures,
+            check.unit,
+            verdict,
+            check.source,
+        )
         before = case
     console.print(table)
     missed = sum(not row.check.passed for row in rows)

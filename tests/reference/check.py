@@ -1,9 +1,9 @@
 """What a check-case yields, and what of it counts as a pass.
 
-A case is a module of ``tests.reference.cases``. Its docstring says what it verifies, what it leaves out, where the
-reference comes from and how the tolerance was chosen, as NASA's flight check-cases do (NESC 2015, "Check-cases for
-verification of 6-degree-of-freedom flight vehicle simulations"). Its ``checks()`` yields a ``Check`` for every figure.
-"""
+A case is a module of ``tests.reference.cases``. Its docstring says what it verifies, what it leaves
+out, where the reference comes from and how the tolerance was chosen, as NASA's flight check-cases
+do (NESC 2015, "Check-cases for verification of 6-degree-of-freedom flight vehicle simulations").
+Its ``checks()`` yields a ``Check`` for every figure."""
 
 from __future__ import annotations
 
@@ -36,14 +36,32 @@ class Check(NamedTuple):
         return bool(abs(self.value - self.reference) <= self.tolerance)
 
 
-def relative(quantity: str, unit: str, value: float, reference: float, part: float, source: str) -> Check:
+def relative(
+    quantity: str, unit: str, value: float, reference: float, part: float, source: str
+) -> Check:
     """A figure allowed to miss its reference by ``part`` of it."""
-    return Check(quantity, unit, float(value), float(reference), part * abs(float(reference)), source)
+    return Check(
+        quantity, unit, float(value), float(reference), part * abs(float(reference)), source
+    )
 
 
-def worst(quantity: str, unit: str, values: ArrayLike, references: ArrayLike, tolerance: float, source: str) -> Check:
+def worst(
+    quantity: str,
+    unit: str,
+    values: ArrayLike,
+    references: ArrayLike,
+    tolerance: float,
+    source: str,
+) -> Check:
     """The largest difference between many figures and their references, which should be nothing."""
-    return Check(quantity, unit, float(np.max(np.abs(np.subtract(values, references)))), 0.0, tolerance, source)
+    return Check(
+        quantity,
+        unit,
+        float(np.max(np.abs(np.subtract(values, references)))),
+        0.0,
+        tolerance,
+        source,
+    )
 
 
 def title(case: ModuleType) -> str:

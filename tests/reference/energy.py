@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from tests.sitl.vehicle import flight
 
 Array = NDArray[np.float64]
 
 
-def kinetic_j(model: Model, state: Array) -> float:
+def kinetic_j(model: VehicleModel, state: Array) -> float:
     """Of body and entrained water."""
     return float(state[7:13] @ model.inertia.M @ state[7:13] / 2)
 
 
-def potential_j(model: Model, state: Array) -> float:
+def potential_j(model: VehicleModel, state: Array) -> float:
     """Of weight and buoyancy, deep under water."""
     h = model.hydrostatics
     up = flight.rotation(state)[2]
@@ -25,23 +25,26 @@ def potential_j(model: Model, state: Array) -> float:
     return float(h.weight_n * cm - h.buoyancy_n * cb)
 
 
-def mechanical_j(model: Model, track: Array) -> Array:
+def mechanical_j(model: VehicleModel, track: Array) -> Array:
     """Of each state of a track; zero for a body at rest at the track's beginning."""
     ground = potential_j(model, track[0])
-    return np.array([kinetic_j(model, state) + potential_j(model, state) - ground for state in track])
+    return np.array(
+        [kinetic_j(model, state) + potential_j(model, state) - ground for state in track]
+    )
 
 
-def power_w(model: Model, nu: Array) -> float:
-    """Rate of change of kinetic energy at rest relative to gravity: weight and buoyancy taken away, no thrust."""
+def power_w(model: VehicleModel, nu: Array) -> float:
+    """Rate of change of kinetic energy at rest relative to gravity: weight and buoyancy taken away,
+    no thrust."""
     return float(nu @ model.inertia.M @ _rate(model, nu))
 
 
-def power_scale_w(model: Model, nu: Array) -> float:
+def power_scale_w(model: VehicleModel, nu: Array) -> float:
     """All that is added up in ``power_w``, whatever its sign: the measure of its rounding."""
     return float(np.abs(nu) @ np.abs(model.inertia.M) @ np.abs(_rate(model, nu)))
 
 
-def _rate(model: Model, nu: Array) -> Array:
+def _rate(model: VehicleModel, nu: Array) -> Array:
     state = flight.cruising()
     state[7:13] = nu
     return flight.rate(flight.without_weight(model), state)[7:13]

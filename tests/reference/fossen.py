@@ -1,10 +1,12 @@
 """A second opinion: the same vehicle by Fossen's equations in matrix form.
 
-Written from T. I. Fossen, "Handbook of Marine Craft Hydrodynamics and Motion Control", 2nd ed., 2021, in his axes and
-structure: NED and FRD, Euler angles, rigid body over ground and added mass through the water kept apart, Coriolis and
-damping as matrices, numpy. Of the simulator it shares the vehicle's numbers and nothing else: no kernel is called.
+Written from T. I. Fossen, "Handbook of Marine Craft Hydrodynamics and Motion Control", 2nd ed.,
+2021, in his axes and structure: NED and FRD, Euler angles, rigid body over ground and added mass
+through the water kept apart, Coriolis and damping as matrices, numpy. Of the simulator it shares
+the vehicle's numbers and nothing else: no kernel is called.
 
-    M_RB nu' + C_RB(nu) nu + M_A nu_r' + C_A(nu_r) nu_r + D(nu_r) nu_r + g(eta) = tau            (ch. 6 and 10)
+    M_RB nu' + C_RB(nu) nu + M_A nu_r' + C_A(nu_r) nu_r + D(nu_r) nu_r + g(eta) = tau
+    (ch. 6 and 10)
 
 Deep water only: no surface, floor or waves.
 """
@@ -17,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.model import Fins, Model, Polar
+from sitl.vehicle.model import Fins, Polar, VehicleModel
 
 Array = NDArray[np.float64]
 
@@ -46,11 +48,11 @@ class Craft(NamedTuple):
     W: float
     B: float
     r_b: Array
-    model: Model
+    model: VehicleModel
     """For the geometry of strips, ring and fins."""
 
 
-def craft(model: Model) -> Craft:
+def craft(model: VehicleModel) -> Craft:
     """Read the numbers of a simulator's vehicle."""
     h, m = model.hydrostatics, model.inertia.mass_kg
     M_RB = FLIP @ model.inertia.M_RB @ FLIP
@@ -97,7 +99,9 @@ def C_RB(nu: Array, ship: Craft) -> Array:
     """Rigid-body Coriolis matrix (ch. 3, Lagrangian parametrisation)."""
     nu1, nu2 = nu[:3], nu[3:]
     corner = -ship.m * S(nu1) - ship.m * S(S(nu2) @ ship.r_g)
-    return np.block([[np.zeros((3, 3)), corner], [corner, ship.m * S(S(nu1) @ ship.r_g) - S(ship.I_b @ nu2)]])
+    return np.block(
+        [[np.zeros((3, 3)), corner], [corner, ship.m * S(S(nu1) @ ship.r_g) - S(ship.I_b @ nu2)]]
+    )
 
 
 def C_A(nu_r: Array, ship: Craft) -> Array:
@@ -107,7 +111,8 @@ def C_A(nu_r: Array, ship: Craft) -> Array:
 
 
 def D(nu_r: Array, ship: Craft) -> Array:
-    """Damping of the hull beside the cross flow (ch. 6): lift in proportion to speed, quadratic drag, roll."""
+    """Damping of the hull beside the cross flow (ch. 6): lift in proportion to speed, quadratic
+    drag, roll."""
     u, p = nu_r[0], nu_r[3]
     h, forward = ship.model.hull, abs(u)
     in_flu = -np.array(
@@ -160,7 +165,8 @@ def polar_coefficients(alpha: float, polar: Polar) -> tuple[float, float]:
 
 
 def wing(flow: Array, chord: Array, pressure_area: float, polar: Polar) -> Array:
-    """Lift and drag of a wing moving at ``flow`` with its chord along ``chord``: the paper's t1, t2, t3 frame."""
+    """Lift and drag of a wing moving at ``flow`` with its chord along ``chord``: the paper's t1,
+    t2, t3 frame."""
     V = float(np.linalg.norm(flow))
     if V == 0.0:
         return np.zeros(3)
@@ -184,28 +190,39 @@ def tail(nu_r: Array, inputs: Inputs, ship: Craft) -> Array:
     rudder, elevator, n = inputs
     r = np.array([duct.x_m, 0.0, 0.0])
     flow = nu_r[:3] + S(nu_r[3:]) @ r
-    # FRD: positive rudder throws the tail to port, so the ring's forward axis leans to port; elevator leans it down.
+    # FRD: positive rudder throws the tail to port, so the ring's forward axis leans to port;
+    # elevator leans it down.
     turned = R(np.array([0.0, 0.0, -duct.vectored * rudder])) @ [1.0, 0.0, 0.0]
     axis = R(np.array([0.0, -duct.vectored * elevator, 0.0])) @ turned
     thrust = propeller.thrust_nn_kgm * n * abs(n) - propeller.thrust_nv_kg * abs(n) * (flow @ axis)
     total = at_point(wing(flow, axis, duct.half_rho_area_kgpm, duct.polar) + thrust * axis, r)
     pressure = nu_r[0] * abs(nu_r[0])
-    interaction = [0, hull.Y_uudr_kgpm * rudder, hull.Z_uude_kgpm * elevator, 0, hull.M_uude_kg * elevator,
-                   hull.N_uudr_kg * rudder]  # fmt: skip
+    interaction = [
+        0,
+        hull.Y_uudr_kgpm * rudder,
+        hull.Z_uude_kgpm * elevator,
+        0,
+        hull.M_uude_kg * elevator,
+        hull.N_uudr_kg * rudder,
+    ]
     return total + FLIP @ np.multiply(pressure, interaction) + fins(nu_r, inputs, ship.model.fins)
 
 
 def fins(nu_r: Array, inputs: Inputs, tail: Fins) -> Array:
     """Each fin a wing in the plane of its chord and normal; flow along its span does nothing."""
     total = np.zeros(6)
-    for y, z, by_rudder, by_elevator in zip(tail.span_y, tail.span_z, tail.rudder, tail.elevator, strict=True):
+    for y, z, by_rudder, by_elevator in zip(
+        tail.span_y, tail.span_z, tail.rudder, tail.elevator, strict=True
+    ):
         span, lead = TURN @ [0.0, y, z], TURN @ [0.0, -z, y]
         r = TURN @ [tail.x_m, tail.out_m * y, tail.out_m * z]
         turned = by_rudder * inputs.rudder_rad + by_elevator * inputs.elevator_rad
         turn = float(np.clip(turned, -tail.travel_rad, tail.travel_rad))
         chord = np.array([cos(turn), 0.0, 0.0]) + sin(turn) * lead
         flow = nu_r[:3] + S(nu_r[3:]) @ r
-        total += at_point(wing(flow - (flow @ span) * span, chord, tail.half_rho_area_kgpm, tail.polar), r)
+        total += at_point(
+            wing(flow - (flow @ span) * span, chord, tail.half_rho_area_kgpm, tail.polar), r
+        )
     return total
 
 
@@ -218,9 +235,16 @@ def rates(eta_nu: Array, inputs: Inputs, ship: Craft, current_ned: Array) -> Arr
     v_c_rate = np.concatenate([-S(nu[3:]) @ v_c, np.zeros(3)])
     tau = tail(nu_r, inputs, ship) + crossflow(nu_r, ship)
     force = (
-        tau - C_RB(nu, ship) @ nu - C_A(nu_r, ship) @ nu_r - D(nu_r, ship) @ nu_r - g(Theta, ship) + ship.M_A @ v_c_rate
+        tau
+        - C_RB(nu, ship) @ nu
+        - C_A(nu_r, ship) @ nu_r
+        - D(nu_r, ship) @ nu_r
+        - g(Theta, ship)
+        + ship.M_A @ v_c_rate
     )
-    return np.concatenate([J @ nu[:3], T(Theta) @ nu[3:], np.linalg.solve(ship.M_RB + ship.M_A, force)])
+    return np.concatenate(
+        [J @ nu[:3], T(Theta) @ nu[3:], np.linalg.solve(ship.M_RB + ship.M_A, force)]
+    )
 
 
 def from_state(state: Array) -> Array:

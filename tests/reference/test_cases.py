@@ -1,4 +1,5 @@
-"""Every figure of every check-case stands within its tolerance, and every case says what it is worth."""
+"""Every figure of every check-case stands within its tolerance, and every case says what it is
+worth."""
 
 from types import ModuleType
 
@@ -22,7 +23,9 @@ def test_a_case_says_what_it_verifies_and_what_it_leaves_out(case: ModuleType):
     assert places == sorted(places)
 
 
-@pytest.mark.parametrize(("value", "passed"), [(1.0, True), (1.1, True), (1.11, False), (float("nan"), False)])
+@pytest.mark.parametrize(
+    ("value", "passed"), [(1.0, True), (1.1, True), (1.11, False), (float("nan"), False)]
+)
 def test_what_passes(value, passed):
     assert Check("", "", value, 1.0, 0.1000001, "").passed is passed
     assert relative("", "", value, 1.0, 0.1000001, "").passed is passed

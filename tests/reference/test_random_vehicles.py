@@ -1,4 +1,5 @@
-"""What must hold for any vehicle: ring-ducted or finned, of any size, ballast and shape that could be built.
+"""What must hold for any vehicle: ring-ducted or finned, of any size, ballast and shape that could
+be built.
 
 The vehicles are those of ``tests/reference/vehicles.py``; hypothesis draws one, and how it moves.
 """
@@ -17,9 +18,16 @@ from tests.reference.vehicles import random_vehicles
 from tests.sitl.vehicle import flight
 
 VEHICLE = random_vehicles()
-SPEED, RATE, ANGLE, THRUST = st.floats(-3, 3), st.floats(-2, 2), st.floats(-0.3, 0.3), st.floats(-1, 1)
+SPEED, RATE, ANGLE, THRUST = (
+    st.floats(-3, 3),
+    st.floats(-2, 2),
+    st.floats(-0.3, 0.3),
+    st.floats(-1, 1),
+)
 MOTION = st.tuples(SPEED, SPEED, SPEED, RATE, RATE, RATE).map(np.array)
-ATTITUDE = st.tuples(*[st.floats(-1, 1)] * 4).map(np.array).filter(lambda q: np.linalg.norm(q) > 0.1)
+ATTITUDE = (
+    st.tuples(*[st.floats(-1, 1)] * 4).map(np.array).filter(lambda q: np.linalg.norm(q) > 0.1)
+)
 any_vehicle = settings(max_examples=100)
 flown = settings(max_examples=20)
 
@@ -55,7 +63,8 @@ def test_still_water_takes_energy_at_every_motion(model, nu):
 @given(VEHICLE, ATTITUDE, MOTION)
 @settings(max_examples=30)
 def test_no_vehicle_gains_energy(model, attitude, motion):
-    """Adrift in still water without thrust, weight and buoyancy on: mechanical energy falls from step to step."""
+    """Adrift in still water without thrust, weight and buoyancy on: mechanical energy falls from
+    step to step."""
     kept = energy.mechanical_j(model, flight.fly(model, state_of(attitude, motion), 30.0)[::10])
     moved = np.abs(kept).max() + energy.kinetic_j(model, state_of(attitude, motion)) + 1e-9
     assert np.diff(kept).max() <= 1e-10 * moved
@@ -63,10 +72,14 @@ def test_no_vehicle_gains_energy(model, attitude, motion):
 
 @given(VEHICLE, ATTITUDE, MOTION, ANGLE, ANGLE, THRUST)
 @flown
-def test_the_mirror_image_is_flown_as_the_mirror_image(model, attitude, motion, rudder, elevator, thrust):
+def test_the_mirror_image_is_flown_as_the_mirror_image(
+    model, attitude, motion, rudder, elevator, thrust
+):
     start, push = state_of(attitude, motion), np.array([3.0, -5.0, 2.0, 0.1, -0.6, 0.7])
     inputs = {"elevator_rad": elevator, "thrust_fraction": thrust}
-    track = flight.fly(model, start, 5.0, rudder, disturbance=push, water=drifting((0.3, -0.2, 0.05)), **inputs)
+    track = flight.fly(
+        model, start, 5.0, rudder, disturbance=push, water=drifting((0.3, -0.2, 0.05)), **inputs
+    )
     mirrored = flight.fly(
         model,
         start * MIRROR,
@@ -76,26 +89,37 @@ def test_the_mirror_image_is_flown_as_the_mirror_image(model, attitude, motion, 
         water=drifting((0.3, 0.2, 0.05)),
         **inputs,
     )
-    assert mirrored == pytest.approx(track * MIRROR, rel=1e-9, abs=1e-9), "fins are summed in another order"
+    assert mirrored == pytest.approx(track * MIRROR, rel=1e-9, abs=1e-9), (
+        "fins are summed in another order"
+    )
 
 
 @given(VEHICLE, ATTITUDE, MOTION, ANGLE, THRUST, st.tuples(*[st.floats(-1, 1)] * 3))
 @flown
-def test_a_vehicle_drifting_with_the_current_sees_nothing(model, attitude, motion, rudder, thrust, current):
+def test_a_vehicle_drifting_with_the_current_sees_nothing(
+    model, attitude, motion, rudder, thrust, current
+):
     start = state_of(attitude, motion)
     still = flight.fly(model, start, 10.0, rudder, thrust_fraction=thrust)
     carried = start.copy()
     carried[7:10] += flight.rotation(start).T @ current
-    moving = flight.fly(model, carried, 10.0, rudder, thrust_fraction=thrust, water=drifting(current))
+    moving = flight.fly(
+        model, carried, 10.0, rudder, thrust_fraction=thrust, water=drifting(current)
+    )
     assert moving[-1, 3:7] == pytest.approx(still[-1, 3:7], abs=1e-7)
     assert moving[-1, :3] - 10.0 * np.array(current) == pytest.approx(still[-1, :3], abs=1e-6)
 
 
 @given(VEHICLE, ATTITUDE, MOTION, ANGLE, ANGLE, THRUST, st.tuples(*[st.floats(-1, 1)] * 3))
 @any_vehicle
-def test_accelerations_are_those_of_fossens_matrices(model, attitude, motion, rudder, elevator, thrust, current):
+def test_accelerations_are_those_of_fossens_matrices(
+    model, attitude, motion, rudder, elevator, thrust, current
+):
     state, shaft_rps = state_of(attitude, motion), thrust * model.propeller.full_rps
-    found = fossen.FLIP @ flight.rate(model, state, rudder, elevator, shaft_rps, water=drifting(current))[7:]
+    found = (
+        fossen.FLIP
+        @ flight.rate(model, state, rudder, elevator, shaft_rps, water=drifting(current))[7:]
+    )
     eta_nu, inputs = fossen.from_state(state), fossen.Inputs(rudder, elevator, shaft_rps)
     if abs(np.cos(eta_nu[4])) > 1e-3:  # Euler angles end where the nose points straight up
         expected = fossen.rates(eta_nu, inputs, fossen.craft(model), fossen.TURN @ current)[6:]
@@ -126,6 +150,9 @@ def test_forces_of_small_motion_are_the_linear_ones(model, u_mps):
     rudder, v, r = 1e-7, 3e-7, -2e-7
     ahead, state = flight.cruising(u_mps), flight.cruising(u_mps)
     state[8], state[12] = v, r
-    found = model.inertia.M @ (flight.rate(model, state, rudder_rad=rudder) - flight.rate(model, ahead))[7:13]
+    found = (
+        model.inertia.M
+        @ (flight.rate(model, state, rudder_rad=rudder) - flight.rate(model, ahead))[7:13]
+    )
     expected = plane.F[:2] @ [v, r, 0.0] + plane.G[:2, 0] * rudder
     assert found[[1, 5]] == pytest.approx(expected, rel=1e-4, abs=1e-9)

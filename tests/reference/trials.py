@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from sitl.vehicle import dynamics
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import STILL
 from tests.reference import fossen
 from tests.sitl.vehicle import flight
@@ -32,7 +32,8 @@ class Simulator(NamedTuple):
 
     start: Array
     run: Callable[[Array, float, float, Event | None], tuple[float, Array]]
-    """State, rudder (rad, positive to starboard), longest time (s) and event to time taken and state at the end."""
+    """State, rudder (rad, positive to starboard), longest time (s) and event to time taken and
+    state at the end."""
     read: Callable[[Array], Array]
     """State to (eta, nu)."""
 
@@ -78,7 +79,7 @@ def zigzag(ship: Simulator, angle_rad: float) -> Zigzag:
     return Zigzag(overshoots[0], overshoots[1], reversals[3] - reversals[1])
 
 
-def kernels(model: Model, speed_mps: float, shaft_rps: float) -> Simulator:
+def kernels(model: VehicleModel, speed_mps: float, shaft_rps: float) -> Simulator:
     """The simulator itself: whole steps, then the part of one that ends at the event."""
     work, no_push = dynamics.work_array(), np.zeros(6)
 
@@ -87,11 +88,18 @@ def kernels(model: Model, speed_mps: float, shaft_rps: float) -> Simulator:
         dynamics.rk4_step(after, rudder, 0.0, shaft_rps, no_push, STILL, dt_s, model, work)
         return after
 
-    def run(state: Array, rudder: float, seconds: float, event: Event | None) -> tuple[float, Array]:
+    def run(
+        state: Array, rudder: float, seconds: float, event: Event | None
+    ) -> tuple[float, Array]:
         if event is None:
-            return seconds, flight.fly(model, state, seconds, rudder, 0.0, shaft_rps / model.propeller.full_rps)[-1]
+            return seconds, flight.fly(
+                model, state, seconds, rudder, 0.0, shaft_rps / model.propeller.full_rps
+            )[-1]
         before, after, steps = state, step(state, rudder, STEP_S), 0
-        while event(fossen.from_state(before)) * event(fossen.from_state(after)) > 0 and steps * STEP_S < seconds:
+        while (
+            event(fossen.from_state(before)) * event(fossen.from_state(after)) > 0
+            and steps * STEP_S < seconds
+        ):
             before, after, steps = after, step(after, rudder, STEP_S), steps + 1
         part = _root(lambda dt_s: event(fossen.from_state(step(before, rudder, dt_s))))
         return steps * STEP_S + part, step(before, rudder, part)
@@ -108,11 +116,13 @@ def _root(event: Callable[[float], float]) -> float:
     return high
 
 
-def matrices(model: Model, speed_mps: float, shaft_rps: float) -> Simulator:
+def matrices(model: VehicleModel, speed_mps: float, shaft_rps: float) -> Simulator:
     """Fossen's equations in matrix form, integrated by scipy's DOP853."""
     ship, still = fossen.craft(model), np.zeros(3)
 
-    def run(state: Array, rudder: float, seconds: float, event: Event | None) -> tuple[float, Array]:
+    def run(
+        state: Array, rudder: float, seconds: float, event: Event | None
+    ) -> tuple[float, Array]:
         inputs = fossen.Inputs(rudder, 0.0, shaft_rps)
 
         def reached(_: float, x: Array) -> float:
@@ -120,9 +130,14 @@ def matrices(model: Model, speed_mps: float, shaft_rps: float) -> Simulator:
 
         reached.terminal = True  # type: ignore[attr-defined]
         found = solve_ivp(
-            lambda _, x: fossen.rates(x, inputs, ship, still), (0.0, seconds), state, method="DOP853",
-            events=reached, rtol=1e-7, atol=1e-9,
-        )  # fmt: skip
+            lambda _, x: fossen.rates(x, inputs, ship, still),
+            (0.0, seconds),
+            state,
+            method="DOP853",
+            events=reached,
+            rtol=1e-7,
+            atol=1e-9,
+        )
         return float(found.t[-1]), np.asarray(found.y[:, -1])
 
     return Simulator(fossen.from_state(flight.cruising(speed_mps)), run, lambda state: state)

@@ -7,8 +7,8 @@ import pytest
 from msgspec.structs import replace
 
 from sitl import scenario
-from sitl.tables import ScenarioError
-from sitl.waters import Current
+from sitl.environment_schema import Current
+from sitl.scenario_types import ScenarioError
 
 
 @pytest.mark.parametrize("name", scenario.names())
@@ -41,7 +41,10 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
             "disturbance.waves.height_m = 2: unknown key; known here: frequency_hz, damping",
         ),
         ("swell = 3", "swell = 3: unknown key; known here: title, site"),
-        ("[current]\nspeed_mps = [1.0, 2.0]", "current.speed_mps = [1.0, 2.0]: expected float, got array"),
+        (
+            "[current]\nspeed_mps = [1.0, 2.0]",
+            "current.speed_mps = [1.0, 2.0]: expected float, got array",
+        ),
         ("[start]\nspeed_mps = 9.0", "start.speed_mps = 9.0: expected float <= 5.0"),
         ("[start]\nspeed_mps = inf", "start.speed_mps = inf: expected a finite number"),
         ("[start]\ndepth_m = nan", "start.depth_m = nan: expected a finite number"),
@@ -59,30 +62,47 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
             "density.layer[1].depth_m = 2.0: expected more than 2.0, that of the layer before",
         ),
         (
-            "[current]\nspeed_mps = 0.1\n[[current.layer]]\ndepth_m = 1\nspeed_mps = 0.2\ntowards_deg = 0",
+            (
+                "[current]\nspeed_mps = 0.1\n[[current.layer]]\ndepth_m = 1\nspeed_mps ="
+                " 0.2\ntowards_deg = 0"
+            ),
             "current.speed_mps = 0.1: expected this or current.layer, not both",
         ),
         (
             "[waves]\nsignificant_height_m = 1",
             "waves.peak_period_s: missing key; a JONSWAP sea is not known by its height",
         ),
-        ("[waves]\nspectrum = 'itu'", "waves.spectrum = 'itu': expected pierson-moskowitz or jonswap"),
+        (
+            "[waves]\nspectrum = 'itu'",
+            "waves.spectrum = 'itu': expected pierson-moskowitz or jonswap",
+        ),
         (
             "[waves]\nsignificant_height_m = 1\npeak_period_s = 5\n[ice]\ndraft_m = 1",
             "ice.draft_m = 1.0: expected no [waves]",
         ),
         (
             "[waves]\nsignificant_height_m = 4.0\npeak_period_s = 4.0",
-            "waves.significant_height_m = 4.0: expected at most 3.6 with peak_period_s = 4.0: they break",
+            (
+                "waves.significant_height_m = 4.0: expected at most 3.6 with peak_period_s = 4.0:"
+                " they break"
+            ),
         ),
-        ("[[fault]]\nunit = 'gyro'\nat_s = true", "fault[0] = {'unit': 'gyro', 'at_s': True}: expected float"),
+        (
+            "[[fault]]\nunit = 'gyro'\nat_s = true",
+            "fault[0] = {'unit': 'gyro', 'at_s': True}: expected float",
+        ),
         ("[ice]\ndraft_m = 21", "ice.draft_m = 21.0: expected less than floor.depth_m = 20.0"),
         ("[start]\ndepth_m = 30", "start.depth_m = 30.0: expected less than floor.depth_m = 20.0"),
-        ("[start]\ndepth_m = 0.5\n[ice]\ndraft_m = 1", "start.depth_m = 0.5: expected more than ice.draft_m = 1.0"),
+        (
+            "[start]\ndepth_m = 0.5\n[ice]\ndraft_m = 1",
+            "start.depth_m = 0.5: expected more than ice.draft_m = 1.0",
+        ),
         ("=", "not valid TOML: "),
     ],
 )
-def test_a_mistake_is_named_by_file_key_and_value(tmp_path: Path, text: str, complaint: str) -> None:
+def test_a_mistake_is_named_by_file_key_and_value(
+    tmp_path: Path, text: str, complaint: str
+) -> None:
     file = tmp_path / "mistake.toml"
     file.write_text(text)
     with pytest.raises(ScenarioError) as caught:
@@ -92,7 +112,9 @@ def test_a_mistake_is_named_by_file_key_and_value(tmp_path: Path, text: str, com
 
 
 def test_an_unknown_name_is_answered_with_those_that_exist() -> None:
-    with pytest.raises(ScenarioError, match=r"stormy: No such file.*calm, disturbed,.*or a TOML file"):
+    with pytest.raises(
+        ScenarioError, match=r"stormy: No such file.*calm, disturbed,.*or a TOML file"
+    ):
         scenario.load("stormy")
 
 
@@ -104,11 +126,15 @@ def test_a_clamped_vehicle_lies_at_rest(tmp_path: Path) -> None:
 
 
 def test_the_file_of_a_floor_lies_beside_its_scenario(tmp_path: Path) -> None:
-    (tmp_path / "bay.asc").write_text("ncols 2\nnrows 2\nxllcenter 0\nyllcenter 0\ncellsize 50\n-8 -9\n-7 -8\n")
+    (tmp_path / "bay.asc").write_text(
+        "ncols 2\nnrows 2\nxllcenter 0\nyllcenter 0\ncellsize 50\n-8 -9\n-7 -8\n"
+    )
     (tmp_path / "bay.toml").write_text("[floor]\nfile = 'bay.asc'\n")
     assert scenario.load(str(tmp_path / "bay.toml")).floor.file == str(tmp_path / "bay.asc")
     (tmp_path / "ice.toml").write_text("[floor]\nfile = 'bay.asc'\n[ice]\ndraft_m = 9.0\n")
-    with pytest.raises(ScenarioError, match=r"ice\.toml: ice\.draft_m = 9\.0: expected less than the floor's 9"):
+    with pytest.raises(
+        ScenarioError, match=r"ice\.toml: ice\.draft_m = 9\.0: expected less than the floor's 9"
+    ):
         scenario.load(str(tmp_path / "ice.toml"))
     (tmp_path / "bay.asc").write_text("ncols two\n")
     with pytest.raises(ScenarioError, match=r"bay\.asc: ncols = 'two': expected a number"):

@@ -6,25 +6,34 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from sitl import pace, plant, scenario
+from sitl import scenario
+from sitl.core import plant, timestep
 from sitl.truth_log import TOPIC, TruthLog
 from sitl.vehicle import config
 
 
 def test_a_reader_finds_every_truth_at_its_vehicle_time(tmp_path: Path) -> None:
-    truth = plant.launch(plant.build(config.load("field"), scenario.load("disturbed")), plant.random_streams(1))[
-        0
-    ].truth
+    truth = plant.initial_state(
+        plant.build(config.load("caribou_truth"), scenario.load("disturbed")),
+        plant.random_streams(1),
+    )[0].truth
     log = TruthLog(tmp_path / "truth.mcap")
     for tick in range(5):
-        log.write(truth._replace(time_us=tick * pace.TICK_US))
+        log.write(truth._replace(time_us=tick * timestep.TICK_US))
     log.close()
     with (tmp_path / "truth.mcap").open("rb") as file:
         found = [
-            (message.log_time, json.loads(message.data)) for _, _, message in make_reader(file).iter_messages(TOPIC)
+            (message.log_time, json.loads(message.data))
+            for _, _, message in make_reader(file).iter_messages(TOPIC)
         ]
     assert [values["time_us"] for _, values in found] == [0, 20_000, 40_000, 60_000, 80_000]
-    assert [at - found[0][0] for at, _ in found] == [0, 20_000_000, 40_000_000, 60_000_000, 80_000_000]
+    assert [at - found[0][0] for at, _ in found] == [
+        0,
+        20_000_000,
+        40_000_000,
+        60_000_000,
+        80_000_000,
+    ]
     assert found[0][1] == json.loads(json.dumps(truth._asdict()))
     assert found[0][1]["rudder_rad"] == truth.rudder_rad
 

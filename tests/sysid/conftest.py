@@ -1,23 +1,24 @@
-"""One identification campaign in a disturbed sea, flown and fitted once for all tests that look at it."""
+"""One identification campaign in a disturbed sea, flown and fitted once for all tests that look at
+it."""
 
 import pytest
 
 from sitl.vehicle import config
 from sysid import refit
-from sysid.model import IdentifiedModel
-from sysid.runs import Run
+from sysid.data.segments import Run
+from sysid.models.model_file import IdentifiedModel
 from tests.sysid import sea
 
 
 @pytest.fixture(scope="session")
 def bench() -> config.VehicleConfig:
-    return config.load("bench")
+    return config.load("caribou_nominal")
 
 
 @pytest.fixture(scope="session")
 def field() -> config.VehicleConfig:
     """The truth, which only tests may look at."""
-    return config.load("field")
+    return config.load("caribou_truth")
 
 
 @pytest.fixture(scope="session")

@@ -10,10 +10,18 @@ from pymavlink.dialects.v20 import all as mavlink
 
 START_NS = 1_700_000_000_000_000_000
 _ROS = {
-    "uint8_t": "uint8", "int8_t": "int8", "uint16_t": "uint16", "int16_t": "int16", "uint32_t": "uint32",
-    "int32_t": "int32", "uint64_t": "uint64", "int64_t": "int64", "float": "float32", "double": "float64",
+    "uint8_t": "uint8",
+    "int8_t": "int8",
+    "uint16_t": "uint16",
+    "int16_t": "int16",
+    "uint32_t": "uint32",
+    "int32_t": "int32",
+    "uint64_t": "uint64",
+    "int64_t": "int64",
+    "float": "float32",
+    "double": "float64",
     "char": "uint8",
-}  # fmt: skip
+}
 
 Entry = tuple[float, Any]
 """Vehicle time in seconds and a pymavlink message."""
@@ -25,7 +33,9 @@ def schema(message: Any) -> str:
     kinds = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
     for name, length in zip(message.ordered_fieldnames, message.array_lengths, strict=True):
         array = f"[{length}]" if length else ""
-        lines.append(f"{_ROS[kinds[name]]}{array} {name}  # {message.fieldunits_by_name.get(name, '')}")
+        lines.append(
+            f"{_ROS[kinds[name]]}{array} {name}  # {message.fieldunits_by_name.get(name, '')}"
+        )
     return "\n".join(lines)
 
 
@@ -35,7 +45,9 @@ def payload(message: Any) -> bytes:
     return bytes(frame[10:-2]).ljust(message.unpacker.size, b"\0")
 
 
-def write(path: Path, entries: Iterable[Entry], parameters: dict[str, float], system: int = 1) -> Path:
+def write(
+    path: Path, entries: Iterable[Entry], parameters: dict[str, float], system: int = 1
+) -> Path:
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start()
@@ -43,11 +55,17 @@ def write(path: Path, entries: Iterable[Entry], parameters: dict[str, float], sy
         for time_s, message in entries:
             name = message.msgname
             if name not in channels:
-                number = writer.register_schema(f"mavlink/{name}", "ros1msg", schema(message).encode())
-                channels[name] = writer.register_channel(f"/mavlink/{system}/1/{name}", "ros1", number)
+                number = writer.register_schema(
+                    f"mavlink/{name}", "ros1msg", schema(message).encode()
+                )
+                channels[name] = writer.register_channel(
+                    f"/mavlink/{system}/1/{name}", "ros1", number
+                )
             stamp = START_NS + round(time_s * 1e9)
             writer.add_message(channels[name], stamp, payload(message), stamp)
-        writer.add_attachment(START_NS, START_NS, "params.json", "application/json", json.dumps(parameters).encode())
+        writer.add_attachment(
+            START_NS, START_NS, "params.json", "application/json", json.dumps(parameters).encode()
+        )
         writer.finish()
     return path
 

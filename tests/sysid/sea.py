@@ -7,10 +7,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl import tailcone
-from sitl.vehicle import calibrate, config, dynamics, propeller
+from sitl.core import tailcone
+from sitl.vehicle import build_model, config, dynamics, propeller
 from sitl.vehicle.water import STILL
-from sysid.runs import RATE_HZ, Plane, Run
+from sysid.data.segments import RATE_HZ, Plane, Run
 
 Array = NDArray[np.float64]
 DT = 1.0 / RATE_HZ
@@ -27,7 +27,8 @@ SLOW_RADPS2, WAVE_RADPS2 = math.radians(0.128), math.radians(0.261)
 
 
 class Hold(NamedTuple):
-    """Gains of the loops that hold heading and depth: before a test, and in the plane that is not tested."""
+    """Gains of the loops that hold heading and depth: before a test, and in the plane that is not
+    tested."""
 
     heading_p: float = 0.6
     heading_d: float = 1.3
@@ -66,12 +67,17 @@ class Fault(NamedTuple):
 
 
 def accelerations(seconds: float, level: float, rng: np.random.Generator) -> Array:
-    """(samples, 2): about pitch and yaw, rad/s^2: a 3 s Gauss-Markov process and a 0.15 Hz band, by Euler-Maruyama."""
+    """(samples, 2): about pitch and yaw, rad/s^2: a 3 s Gauss-Markov process and a 0.15 Hz band, by
+    Euler-Maruyama."""
     n = int(seconds * RATE_HZ)
     out = np.zeros((n, 2))
     omega, zeta = 2 * math.pi * 0.15, 0.1
     for axis in range(2):
-        slow, wave, speed = rng.standard_normal(), rng.standard_normal(), omega * rng.standard_normal()
+        slow, wave, speed = (
+            rng.standard_normal(),
+            rng.standard_normal(),
+            omega * rng.standard_normal(),
+        )
         draws = rng.standard_normal((n, 2))
         out[:, axis] = level * _coloured(draws, slow, wave, speed, omega, zeta)
     return out
@@ -92,10 +98,25 @@ def _coloured(draws, slow, wave, speed, omega, zeta):
 
 @numba.njit(cache=True)
 def _fly(
-    model, rudder_axis, elevator_axis, rudder_state, elevator_state, rudder_test, elevator_test, trim, travel, hold,
-    moments, rps, speed, gains, slips, added,
-):  # fmt: skip
-    """Ticks of (time index): rates, angles, depth, commands. The loops hold heading 0 and DEPTH_M."""
+    model,
+    rudder_axis,
+    elevator_axis,
+    rudder_state,
+    elevator_state,
+    rudder_test,
+    elevator_test,
+    trim,
+    travel,
+    hold,
+    moments,
+    rps,
+    speed,
+    gains,
+    slips,
+    added,
+):
+    """Ticks of (time index): rates, angles, depth, commands. The loops hold heading 0 and
+    DEPTH_M."""
     n = rudder_test.size
     log = np.empty((n, 9))
     state = np.zeros(13)
@@ -122,14 +143,24 @@ def _fly(
         rudder, elevator = min(max(rudder, -travel), travel), min(max(elevator, -travel), travel)
         log[k] = np.array([p, q, r, roll, theta, psi, depth, rudder, elevator])
         disturbance[4], disturbance[5] = moments[k, 0], moments[k, 1]
-        rudder, elevator = trim[0] + gains[0] * (rudder - trim[0]), trim[1] + gains[1] * (elevator - trim[1])
+        rudder, elevator = (
+            trim[0] + gains[0] * (rudder - trim[0]),
+            trim[1] + gains[1] * (elevator - trim[1]),
+        )
         tailcone.advance(rudder_axis, rudder_state, rudder, rudder_angle)
         tailcone.advance(elevator_axis, elevator_state, elevator, elevator_angle)
         for i in range(SUBSTEPS):
             dynamics.rk4_step(
-                state, rudder_angle[i] + slips[k, 0], elevator_angle[i] + slips[k, 1], rps, disturbance, STILL,
-                DT / SUBSTEPS, model, work,
-            )  # fmt: skip
+                state,
+                rudder_angle[i] + slips[k, 0],
+                elevator_angle[i] + slips[k, 1],
+                rps,
+                disturbance,
+                STILL,
+                DT / SUBSTEPS,
+                model,
+                work,
+            )
     return log
 
 
@@ -146,29 +177,46 @@ def fly_tests(
     faults: tuple[Fault, Fault] = (Fault(), Fault()),
     added: Tests | None = None,
 ) -> Array:
-    """(samples, 9) measured from PREROLL_S before the tests on, 50 Hz: p, q, r, roll, pitch, heading (rad and rad/s),
-    depth (m), and rudder and elevator as commanded (rad).
+    """(samples, 9) measured from PREROLL_S before the tests on, 50 Hz: p, q, r, roll, pitch,
+    heading (rad and rad/s), depth (m), and rudder and elevator as commanded (rad).
 
-    ``sea_radps2``, (SETTLE_S and the tests, 2), takes the place of the usual sea about pitch and yaw; ``faults`` are
-    the rudder's and the elevator's. ``added`` signals come on top of what the loops ask for.
-    """
+    ``sea_radps2``, (SETTLE_S and the tests, 2), takes the place of the usual sea about pitch and
+    yaw; ``faults`` are the rudder's and the elevator's. ``added`` signals come on top of what the
+    loops ask for."""
     sensors = sensors or Sensors()
     settling = np.full(int(SETTLE_S * RATE_HZ), np.nan)
     signals = [np.concatenate([settling, signal]) for signal in tests]
-    model = calibrate.build(vehicle)
+    model = build_model.build(vehicle)
     tail, point = vehicle.tailcone, vehicle.operating_point
-    axes = [tailcone.of_vehicle(tail, bias, DT / SUBSTEPS) for bias in (tail.rudder_bias_deg, tail.elevator_bias_deg)]
-    pushed = accelerations(signals[0].size / RATE_HZ, level, rng) if sea_radps2 is None else sea_radps2
+    axes = [
+        tailcone.of_vehicle(tail, bias, DT / SUBSTEPS)
+        for bias in (tail.rudder_bias_deg, tail.elevator_bias_deg)
+    ]
+    pushed = (
+        accelerations(signals[0].size / RATE_HZ, level, rng) if sea_radps2 is None else sea_radps2
+    )
     since_s = np.arange(signals[0].size) / RATE_HZ - SETTLE_S
     extra = np.zeros((signals[0].size, 2))
     if added is not None:
         extra[settling.size :] = np.column_stack(added)
-    slips = np.column_stack([np.where(since_s >= fault.slip_s, fault.slip_rad, 0.0) for fault in faults])
+    slips = np.column_stack(
+        [np.where(since_s >= fault.slip_s, fault.slip_rad, 0.0) for fault in faults]
+    )
     log = _fly(
-        model, *axes, *map(tailcone.at_rest, axes), *signals, np.array(trim_rad), math.radians(tail.travel_deg),
-        hold or Hold(), pushed * np.diag(model.inertia.M)[4:6], propeller.rps(point.thrust_fraction, model),
-        point.speed_mps, np.array([fault.gain for fault in faults]), slips, extra,
-    )  # fmt: skip
+        model,
+        *axes,
+        *map(tailcone.at_rest, axes),
+        *signals,
+        np.array(trim_rad),
+        math.radians(tail.travel_deg),
+        hold or Hold(),
+        pushed * np.diag(model.inertia.M)[4:6],
+        propeller.rps(point.thrust_fraction, model),
+        point.speed_mps,
+        np.array([fault.gain for fault in faults]),
+        slips,
+        extra,
+    )
     log = log[settling.size - int(PREROLL_S * RATE_HZ) :]
     log[:, :3] += sensors.gyro_bias_radps * rng.standard_normal(3)
     log[:, :3] += sensors.rate_radps * rng.standard_normal((len(log), 3))
@@ -195,24 +243,37 @@ def fly(
 ) -> Run:
     """One test of ``signal_rad`` (50 Hz, relative to trim) as identification would receive it.
 
-    ``fault`` is the tested surface's; with ``loop_on`` the signal is added to what the plane's loop asks for.
-    """
+    ``fault`` is the tested surface's; with ``loop_on`` the signal is added to what the plane's loop
+    asks for."""
     closed, none = np.full(signal_rad.size, np.nan), np.zeros(signal_rad.size)
     tests = Tests(signal_rad, closed) if plane == "yaw" else Tests(closed, signal_rad)
     added = Tests(signal_rad, none) if plane == "yaw" else Tests(none, signal_rad)
     sound, tested = Fault(), fault or Fault()
     log = fly_tests(
-        vehicle, Tests(closed, closed) if loop_on else tests, rng=np.random.default_rng(seed), level=level,
-        sensors=sensors, trim_rad=trim_rad, hold=hold, sea_radps2=sea_radps2,
-        faults=(tested, sound) if plane == "yaw" else (sound, tested), added=added if loop_on else None,
-    )  # fmt: skip
+        vehicle,
+        Tests(closed, closed) if loop_on else tests,
+        rng=np.random.default_rng(seed),
+        level=level,
+        sensors=sensors,
+        trim_rad=trim_rad,
+        hold=hold,
+        sea_radps2=sea_radps2,
+        faults=(tested, sound) if plane == "yaw" else (sound, tested),
+        added=added if loop_on else None,
+    )
     return run_of(log, vehicle, plane, signal_rad, name=name, wave=wave, trim_rad=trim_rad)
 
 
 def run_of(
-    log: Array, vehicle: config.VehicleConfig, plane: Plane, signal_rad: Array, *, name: str, wave: str,
+    log: Array,
+    vehicle: config.VehicleConfig,
+    plane: Plane,
+    signal_rad: Array,
+    *,
+    name: str,
+    wave: str,
     trim_rad: tuple[float, float],
-) -> Run:  # fmt: skip
+) -> Run:
     """What ``fly_tests`` measured, as the run of one plane."""
     n = len(log)
     return Run(
@@ -247,13 +308,28 @@ def doublet(degrees: float, half_s: float = 5.0) -> Array:
 
 
 def campaign(vehicle: config.VehicleConfig, seed: int = 0, level: float = ROUGH) -> list[Run]:
-    """The paper's kind of set: rudder steps of both signs, elevator steps nose up, from a trimmed vehicle."""
+    """The paper's kind of set: rudder steps of both signs, elevator steps nose up, from a trimmed
+    vehicle."""
     trim = -math.radians(vehicle.tailcone.rudder_bias_deg), math.radians(1.0)
     runs = []
     for number, degrees in enumerate((3.0, -3.0, 5.0, -5.0, 7.0, -7.0, 9.0)):
         name, signal = f"rudder/{number}", step(degrees, 20.0)
-        runs.append(fly(vehicle, "yaw", signal, name=name, seed=seed + number, level=level, trim_rad=trim))
-    for number, (degrees, seconds) in enumerate(((2.0, 8.0), (4.0, 8.0), (6.0, 7.0), (9.0, 6.0), (15.0, 5.0))):
+        runs.append(
+            fly(vehicle, "yaw", signal, name=name, seed=seed + number, level=level, trim_rad=trim)
+        )
+    for number, (degrees, seconds) in enumerate(
+        ((2.0, 8.0), (4.0, 8.0), (6.0, 7.0), (9.0, 6.0), (15.0, 5.0))
+    ):
         name, signal = f"elevator/{number}", step(degrees, seconds)
-        runs.append(fly(vehicle, "pitch", signal, name=name, seed=seed + 50 + number, level=level, trim_rad=trim))
+        runs.append(
+            fly(
+                vehicle,
+                "pitch",
+                signal,
+                name=name,
+                seed=seed + 50 + number,
+                level=level,
+                trim_rad=trim,
+            )
+        )
     return runs

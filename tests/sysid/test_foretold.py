@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.signal import iirpeak, lfilter
 
-from sysid import loops
-from sysid.design import Spec, Trust, foretold, plant
-from sysid.model import IdentifiedModel, NoiseModel, digest
-from sysid.promise import AVERAGED_S, SWING_WIDTH, Promise
-from sysid.tables import TABLE_3_IMPROVED
+from sysid.control_analysis import loop_transfer
+from sysid.design import design_model
+from sysid.design.pid import DesignRobustness, Spec, predicted_performance
+from sysid.models.model_file import IdentifiedModel, NoiseModel, sha256_of_model
+from sysid.monitor.performance_spec import AVERAGED_S, RESONANCE_BANDWIDTH, PerformanceBaseline
+from sysid.reproduction.paper_tables import TABLE_3_IMPROVED
 
 Array = NDArray[np.float64]
 
@@ -20,16 +21,18 @@ STEP_S, LASTS_S = 0.1, 20_000.0
 
 
 @pytest.fixture(scope="module")
-def promised(model: IdentifiedModel) -> Promise:
-    sure = Trust(0.9, 1.0, "", 240)
-    return foretold.promise(model, plant.plant(model), TABLE_3_IMPROVED, Spec(), sure)
+def promised(model: IdentifiedModel) -> PerformanceBaseline:
+    sure = DesignRobustness(0.9, 1.0, "", 240)
+    return predicted_performance.performance_baseline(
+        model, design_model.from_model(model), TABLE_3_IMPROVED, Spec(), sure
+    )
 
 
 @pytest.fixture(scope="module")
 def heading_deg(model: IdentifiedModel) -> Array:
     """Heading in closed loop, pushed by the sea of the model and seen through its noise."""
-    vehicle = plant.plant(model)
-    closed = loops.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_IMPROVED)
+    vehicle = design_model.from_model(model)
+    closed = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_IMPROVED)
     rng, sea = np.random.default_rng(5), vehicle.sea["yaw"]
     pushed = disturbance(sea, rng, round(LASTS_S / STEP_S))
     moment = np.zeros(len(closed.A))
@@ -43,7 +46,8 @@ def heading_deg(model: IdentifiedModel) -> Array:
 
 
 def disturbance(sea: NoiseModel, rng: np.random.Generator, count: int) -> Array:
-    """The slow and the narrow-band angular acceleration, rad/s^2, each as its differential equation says."""
+    """The slow and the narrow-band angular acceleration, rad/s^2, each as its differential equation
+    says."""
     fine, dt = 10, STEP_S / 10
     keep = math.exp(-dt / sea.slow_time_s)
     slow = lfilter([math.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(count * fine))
@@ -56,7 +60,9 @@ def disturbance(sea: NoiseModel, rng: np.random.Generator, count: int) -> Array:
     return np.asarray(np.radians(both[::fine]))
 
 
-def test_rms_and_averages_come_to_what_is_foretold(promised: Promise, heading_deg: Array) -> None:
+def test_rms_and_averages_come_to_what_is_foretold(
+    promised: PerformanceBaseline, heading_deg: Array
+) -> None:
     expected, whole = promised.predicted["heading_deg"], round(AVERAGED_S / STEP_S)
     averages = heading_deg[: heading_deg.size // whole * whole].reshape(-1, whole).mean(axis=1)
     assert np.std(heading_deg) == pytest.approx(expected.rms, rel=0.1)
@@ -64,7 +70,9 @@ def test_rms_and_averages_come_to_what_is_foretold(promised: Promise, heading_de
     assert np.quantile(np.abs(heading_deg), 0.95) == pytest.approx(expected.p95, rel=0.1)
 
 
-def test_variances_vary_as_much_as_the_memory_says(promised: Promise, heading_deg: Array) -> None:
+def test_variances_vary_as_much_as_the_memory_says(
+    promised: PerformanceBaseline, heading_deg: Array
+) -> None:
     """Chi-square: a variance over T has 2 memory / T of itself squared as its variance."""
     expected, whole = promised.predicted["heading_deg"], round(AVERAGED_S / STEP_S)
     variances = heading_deg[: heading_deg.size // whole * whole].reshape(-1, whole).var(axis=1)
@@ -72,16 +80,24 @@ def test_variances_vary_as_much_as_the_memory_says(promised: Promise, heading_de
     assert spread == pytest.approx(2.0 * expected.memory_s / AVERAGED_S, rel=0.3)
 
 
-def test_the_swing_is_what_a_narrow_band_holds(promised: Promise, heading_deg: Array) -> None:
-    band = iirpeak(promised.heading_swing_radps, 1.0 / SWING_WIDTH, fs=2.0 * math.pi / STEP_S)
-    assert np.std(lfilter(*band, heading_deg)) == pytest.approx(promised.predicted["heading_swing_deg"].rms, rel=0.1)
+def test_the_swing_is_what_a_narrow_band_holds(
+    promised: PerformanceBaseline, heading_deg: Array
+) -> None:
+    band = iirpeak(
+        promised.heading_swing_radps, 1.0 / RESONANCE_BANDWIDTH, fs=2.0 * math.pi / STEP_S
+    )
+    assert np.std(lfilter(*band, heading_deg)) == pytest.approx(
+        promised.predicted["heading_swing_deg"].rms, rel=0.1
+    )
 
 
-def test_averages_are_those_of_level_flight(promised: Promise, model: IdentifiedModel) -> None:
+def test_averages_are_those_of_level_flight(
+    promised: PerformanceBaseline, model: IdentifiedModel
+) -> None:
     bias, level = model.planes["yaw"].actuator_bias_deg, model.vehicle
     assert promised.predicted["rudder_deg"].mean == -bias.value
     assert promised.predicted["pitch_deg"].mean == level.level_pitch_deg
     assert promised.predicted["pitch_deg"].mean_sd > 0.0
-    assert promised.model_sha256 == digest(model)
+    assert promised.model_sha256 == sha256_of_model(model)
     assert promised.kept is not None
     assert (promised.kept.specification, promised.kept.vehicles) == (0.9, 240)

@@ -1,4 +1,5 @@
-"""LQG by other means: closed forms, python-control, the separation principle, a Lyapunov equation, the tick in time."""
+"""LQG by other means: closed forms, python-control, the separation principle, a Lyapunov equation,
+the tick in time."""
 
 import math
 
@@ -8,69 +9,79 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
 
-from sysid import loops, noise
-from sysid.analysis import Planes
-from sysid.design import optimal
-from sysid.design.optimal import law as laws
-from sysid.design.optimal import lqg, tuning, view
-from sysid.design.optimal.law import Law
-from sysid.design.optimal.lqg import Model
-from sysid.design.plant import ASSUMED_SEA, Plant, assembled
-from sysid.loops import TICK_S, Lag
-from sysid.planes import pitch_plane, yaw_plane
-from sysid.runs import Plane
-from sysid.tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
+from sysid.control_analysis import loop_transfer
+from sysid.control_analysis.loop_transfer import TICK_S, Lag
+from sysid.control_analysis.margins import Planes
+from sysid.data.segments import Plane
+from sysid.design import lqg as optimal
+from sysid.design.design_model import DEFAULT_DISTURBANCE, DesignModel, build
+from sysid.design.lqg import controller as laws
+from sysid.design.lqg import loop_analysis, synthesis, weights
+from sysid.design.lqg.controller import DiscreteController
+from sysid.design.lqg.synthesis import AugmentedModel
+from sysid.models import noise
+from sysid.models.linear_planes import pitch_plane, yaw_plane
+from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 
 LAG = Lag(0.33)
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
-WEIGHTS = {"yaw": tuning.HEADING_STARTS[0], "pitch": tuning.DEPTH_STARTS[0]}
-SEA = noise.of_model(ASSUMED_SEA)
+WEIGHTS = {"yaw": weights.HEADING_STARTS[0], "pitch": weights.DEPTH_STARTS[0]}
+SEA = noise.from_model(DEFAULT_DISTURBANCE)
 
 
 @pytest.fixture(scope="module")
-def vehicle() -> Plant:
+def vehicle() -> DesignModel:
     planes = Planes(yaw_plane(TABLE_1_ADJUSTED), pitch_plane(TABLE_1_ADJUSTED))
-    return assembled(planes, LAG, LAG, {"yaw": ASSUMED_SEA, "pitch": ASSUMED_SEA})
+    return build(planes, LAG, LAG, {"yaw": DEFAULT_DISTURBANCE, "pitch": DEFAULT_DISTURBANCE})
 
 
-def designed(vehicle: Plant, plane: Plane) -> tuple[Model, Law]:
+def designed(vehicle: DesignModel, plane: Plane) -> tuple[AugmentedModel, DiscreteController]:
     linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
-    return lqg.built(linear, LAG, SEA, WEIGHTS[plane]), lqg.law(linear, LAG, SEA, WEIGHTS[plane])
+    return synthesis.build_model(linear, LAG, SEA, WEIGHTS[plane]), synthesis.controller(
+        linear, LAG, SEA, WEIGHTS[plane]
+    )
 
 
 def test_feedback_of_a_double_integrator_is_the_textbooks() -> None:
     """r' = u + load, psi' = r: F = -(sqrt(2/rho), 1/rho), and the load taken off."""
     A = np.array([[-1.0, 0, 0, 0], [0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, 0]])
-    model = Model(A, np.array([0.0, 1, 0, 0]), np.zeros((2, 4)), np.zeros((4, 4)), np.eye(2), load=3)
+    model = AugmentedModel(
+        A, np.array([0.0, 1, 0, 0]), np.zeros((2, 4)), np.zeros((4, 4)), np.eye(2), load=3
+    )
     rho = 0.3
-    F = lqg.feedback(model, WEIGHTS["yaw"]._replace(effort=rho, rate_s=0.0))
+    F = synthesis.feedback(model, WEIGHTS["yaw"]._replace(effort=rho, rate_s=0.0))
     assert pytest.approx([0.0, -math.sqrt(2.0 / rho), -1.0 / rho, -1.0]) == F
 
 
 def test_filter_of_a_random_walk_is_the_textbooks() -> None:
     """x' = w, y = x + v: L = sqrt(q/r)."""
     one = np.eye(1)
-    assert lqg.filter_gains(Model(0.0 * one, one[0], one, 0.02 * one, 0.5 * one, load=1)) == pytest.approx(0.2)
+    assert synthesis.filter_gains(
+        AugmentedModel(0.0 * one, one[0], one, 0.02 * one, 0.5 * one, load=1)
+    ) == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_gains_are_python_controls(vehicle: Plant, plane: Plane) -> None:
+def test_gains_are_python_controls(vehicle: DesignModel, plane: Plane) -> None:
     model, law = designed(vehicle, plane)
-    K, _, _ = control.lqr(model.A[: model.load, : model.load], model.B[: model.load, None], *weighted(model, plane))
+    K, _, _ = control.lqr(
+        model.A[: model.load, : model.load], model.B[: model.load, None], *weighted(model, plane)
+    )
     assert np.allclose(-K[0], law.F[: model.load], rtol=1e-6, atol=1e-9)
     L, _, _ = control.lqe(model.A, np.eye(len(model.A)), model.C, model.process, model.measurement)
     assert np.allclose(L, law.L, rtol=1e-5, atol=1e-7)
 
 
-def weighted(model: Model, plane: Plane) -> tuple[np.ndarray, np.ndarray]:
+def weighted(model: AugmentedModel, plane: Plane) -> tuple[np.ndarray, np.ndarray]:
     w = WEIGHTS[plane]
     held = [0.0, w.rate_s, 1.0] if plane == "yaw" else [0.0, w.rate_s, w.pitch, 1.0]
     return np.diag(np.square(held + [0.0] * (model.load - len(held)))), np.array([[w.effort**2]])
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_filter_and_feedback_keep_their_own_poles(vehicle: Plant, plane: Plane) -> None:
-    """The separation principle; no feedback moves the constant loads, which stay where they are in both."""
+def test_filter_and_feedback_keep_their_own_poles(vehicle: DesignModel, plane: Plane) -> None:
+    """The separation principle; no feedback moves the constant loads, which stay where they are in
+    both."""
     model, law = designed(vehicle, plane)
     closed = laws.close(law, model.A, model.B, model.C).A
     apart = block_diag(model.A + np.outer(model.B, law.F), law.A)
@@ -80,7 +91,7 @@ def test_filter_and_feedback_keep_their_own_poles(vehicle: Plant, plane: Plane) 
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_response_is_python_controls(vehicle: Plant, plane: Plane) -> None:
+def test_response_is_python_controls(vehicle: DesignModel, plane: Plane) -> None:
     _, law = designed(vehicle, plane)
     frequencies = np.geomspace(0.01, 50.0, 30)
     system = control.ss(law.closed, law.L, law.F[None, :], 0)
@@ -88,11 +99,14 @@ def test_response_is_python_controls(vehicle: Plant, plane: Plane) -> None:
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_ticks_answer_as_the_continuous_law_up_to_crossover_and_beyond(vehicle: Plant, plane: Plane) -> None:
-    """Gain within 1 %, phase within a degree, at three times crossover still: so does what is told to the autopilot."""
+def test_ticks_answer_as_the_continuous_law_up_to_crossover_and_beyond(
+    vehicle: DesignModel, plane: Plane
+) -> None:
+    """Gain within 1 %, phase within a degree, at three times crossover still: so does what is told
+    to the autopilot."""
     _, law = designed(vehicle, plane)
     linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
-    ticked, frequencies = optimal.ticked(law, linear), np.array([0.1, 0.9, 2.7])
+    ticked, frequencies = optimal.tick_controllers(law, linear), np.array([0.1, 0.9, 2.7])
     n, F = len(ticked.feedback), np.array(ticked.feedback)
     A, B, L = np.split(np.array(ticked.rows), [n, n + 1], axis=1)
     for omega, wanted in zip(frequencies, laws.response(law, frequencies), strict=True):
@@ -103,13 +117,15 @@ def test_ticks_answer_as_the_continuous_law_up_to_crossover_and_beyond(vehicle: 
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_no_constant_load_leaves_an_error_on_another_vehicle(vehicle: Plant, plane: Plane) -> None:
+def test_no_constant_load_leaves_an_error_on_another_vehicle(
+    vehicle: DesignModel, plane: Plane
+) -> None:
     """Of the surface, and in pitch of buoyancy, on coefficients that the law does not know."""
     _, law = designed(vehicle, plane)
     other = yaw_plane(TABLE_1_INITIAL) if plane == "yaw" else pitch_plane(TABLE_1_INITIAL)
-    A, B = loops.chain(other, LAG, view.PADE_ORDER)
+    A, B = loop_transfer.plane_with_tailcone(other, LAG, loop_analysis.PADE_ORDER)
     C = np.zeros((law.L.shape[1], len(B)))
-    C[:, : len(other.B)] = view.outputs(other)
+    C[:, : len(other.B)] = loop_analysis.outputs(other)
     closed = laws.close(law, A, B, C).A
     assert np.max(np.linalg.eigvals(closed).real) < 0.0
     for load in (other.B, np.eye(len(other.B))[0]):
@@ -121,31 +137,40 @@ def test_no_constant_load_leaves_an_error_on_another_vehicle(vehicle: Plant, pla
             assert abs(held) < 1e-6 * np.max(np.abs(rest))
 
 
-def test_predicted_heading_is_that_of_a_lyapunov_equation(vehicle: Plant) -> None:
+def test_predicted_heading_is_that_of_a_lyapunov_equation(vehicle: DesignModel) -> None:
     """Under the slow disturbance alone: frequency integral against the closed loop's covariance."""
-    sea = msgspec.structs.replace(ASSUMED_SEA, wave_accel_degps2=0.0)
+    sea = msgspec.structs.replace(DEFAULT_DISTURBANCE, wave_accel_degps2=0.0)
     _, law = designed(vehicle, "yaw")
-    seen = view.view(vehicle._replace(sea={"yaw": sea, "pitch": sea}), "yaw")
-    closed = view._closed(seen, law).A
+    seen = loop_analysis.measured_plane(vehicle._replace(sea={"yaw": sea, "pitch": sea}), "yaw")
+    closed = loop_analysis._close(seen, law).A
     n = len(closed)
     A, density = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     A[:n, :n], A[1, n], A[n, n] = closed, 1.0, -1.0 / sea.slow_time_s
     density[n, n] = 2.0 * math.radians(sea.slow_accel_degps2) ** 2 / sea.slow_time_s
     covariance = solve_continuous_lyapunov(A, -density)
-    assert view.errors(seen, law).outputs[1] == pytest.approx(math.sqrt(covariance[2, 2]), rel=0.01)
+    assert loop_analysis.disturbance_response(seen, law).outputs[1] == pytest.approx(
+        math.sqrt(covariance[2, 2]), rel=0.01
+    )
 
 
-def test_margins_survive_a_true_delay(vehicle: Plant) -> None:
-    """The tick in time: just inside the gain margin at the rudder she settles, just outside she does not."""
+def test_margins_survive_a_true_delay(vehicle: DesignModel) -> None:
+    """The tick in time: just inside the gain margin at the rudder she settles, just outside she
+    does not."""
     _, law = designed(vehicle, "yaw")
-    margin = 10 ** (loops.margins(view.cuts(view.view(vehicle, "yaw"), law).surface).gm_db / 20.0)
+    margin = 10 ** (
+        loop_transfer.margins(
+            loop_analysis.cuts(loop_analysis.measured_plane(vehicle, "yaw"), law).surface
+        ).gm_db
+        / 20.0
+    )
     for factor, stable in ((0.93 * margin, True), (1.07 * margin, False)):
         assert (growth(vehicle, law, factor) < 1.0) == stable
 
 
-def growth(vehicle: Plant, law: Law, factor: float) -> float:
-    """Late over earlier amplitude of the heading; the observer hears of the command that it asked for."""
-    dt, plane, ticked = TICK_S, vehicle.planes.yaw, laws.sampled(law, TICK_S)
+def growth(vehicle: DesignModel, law: DiscreteController, factor: float) -> float:
+    """Late over earlier amplitude of the heading; the observer hears of the command that it asked
+    for."""
+    dt, plane, ticked = TICK_S, vehicle.planes.yaw, laws.discretise(law, TICK_S)
     wn, zeta = LAG.natural_frequency_radps, LAG.damping_ratio
     block = np.zeros((6, 6))
     block[:3, :3], block[:3, 3], block[3, 4] = plane.A, plane.B, 1.0
@@ -153,7 +178,13 @@ def growth(vehicle: Plant, law: Law, factor: float) -> float:
     step = expm(block * dt)
     # Half a tick of hold is what sampling has here: nothing is late by its computing.
     queue = [0.0] * round(LAG.delay_s / dt)
-    x, belief, before, u, sizes = np.array([0.0, 0.0, 0.1, 0.0, 0.0]), np.zeros(len(law.B)), np.zeros(2), 0.0, []
+    x, belief, before, u, sizes = (
+        np.array([0.0, 0.0, 0.1, 0.0, 0.0]),
+        np.zeros(len(law.B)),
+        np.zeros(2),
+        0.0,
+        [],
+    )
     for _ in range(round(120.0 / dt)):
         measured = x[1:3]
         belief = ticked.A @ belief + ticked.B * u + ticked.L @ (0.5 * (before + measured))

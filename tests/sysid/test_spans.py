@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from sysid import runs
-from sysid.log import Actuators, Attitude, Depth, Duct, Event, Log, Setpoints
+from sysid.data import segments
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
 
 START_S, STOP_S = 20.0, 30.0
 RUDDER_DEG, ELEVATOR_DEG = 5.0, 3.0
 
 
-def cut(what: str) -> list[runs.Run]:
+def cut(what: str) -> list[segments.Run]:
     """The tests of forty seconds in which both surfaces step between the texts of one test."""
     time_s = np.arange(0.0, 40.0, 0.02)
     none, empty = np.zeros_like(time_s), np.empty(0)
@@ -25,11 +25,14 @@ def cut(what: str) -> list[runs.Run]:
         actuators=Actuators(time_s, rudder_rad, elevator_rad, none),
         depth=Depth(time_s, none, none),
         setpoints=Setpoints(*(empty,) * 5),
-        events=(Event(START_S, 6, f"SystemID Starting: {what}"), Event(STOP_S, 6, "SystemID Finished")),
+        events=(
+            TextEvent(START_S, 6, f"SystemID Starting: {what}"),
+            TextEvent(STOP_S, 6, "SystemID Finished"),
+        ),
         parameters={},
-        duct=Duct(*(empty,) * 3),
+        duct=DuctAngles(*(empty,) * 3),
     )
-    return runs.cut(log)
+    return segments.cut_runs(log)
 
 
 @pytest.mark.parametrize(
@@ -38,15 +41,21 @@ def cut(what: str) -> list[runs.Run]:
         ("axis=12 wave=3211 magnitude=5.00", [("yaw", "3211", 5.0)]),
         ("axis=112 wave=prbs magnitude=-4.00", [("yaw", "prbs", -4.0)]),
         ("axis=111 wave=square magnitude=1.50", [("pitch", "square", 1.5)]),
-        ("axis=23 wave=multisine magnitude=5.00 elevator=1.50",
-         [("yaw", "multisine", 5.0), ("pitch", "multisine", 1.5)]),
-        ("axis=123 wave=multisine magnitude=4.00 elevator=-2.00",
-         [("yaw", "multisine", 4.0), ("pitch", "multisine", -2.0)]),
+        (
+            "axis=23 wave=multisine magnitude=5.00 elevator=1.50",
+            [("yaw", "multisine", 5.0), ("pitch", "multisine", 1.5)],
+        ),
+        (
+            "axis=123 wave=multisine magnitude=4.00 elevator=-2.00",
+            [("yaw", "multisine", 4.0), ("pitch", "multisine", -2.0)],
+        ),
         ("axis=13 wave=step magnitude=12.00", []),
         ("axis=10 wave=chirp magnitude=12.00", []),
     ],
-)  # fmt: skip
-def test_each_test_is_of_the_planes_that_it_moves(what: str, told: list[tuple[str, str, float]]) -> None:
+)
+def test_each_test_is_of_the_planes_that_it_moves(
+    what: str, told: list[tuple[str, str, float]]
+) -> None:
     assert [(run.plane, run.wave, run.magnitude_deg) for run in cut(what)] == told
 
 

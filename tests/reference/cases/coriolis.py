@@ -1,11 +1,9 @@
 """Coriolis power.
 
-Verifies: that the Coriolis and centripetal terms of body and entrained water, Munk moment included, do no work, and
-that they are the ones Fossen's matrices give.
-Leaves out: everything else.
-Reference: nu^T C(nu) nu = 0 for any skew-symmetric C (Fossen 2021, ch. 3 and 6); C_RB and C_A as written there.
-Tolerance: rounding.
-"""
+Verifies: that the Coriolis and centripetal terms of body and entrained water, Munk moment included,
+do no work, and that they are the ones Fossen's matrices give. Leaves out: everything else.
+Reference: nu^T C(nu) nu = 0 for any skew-symmetric C (Fossen 2021, ch. 3 and 6); C_RB and C_A as
+written there. Tolerance: rounding."""
 
 from collections.abc import Iterator
 
@@ -27,7 +25,9 @@ def checks() -> Iterator[Check]:
         wrenches = np.array([dynamics.coriolis(tuple(nu), inertia) for nu in motions.tolist()])
         terms = wrenches * motions
         power = terms.sum(axis=1) / np.abs(terms).sum(axis=1)
-        yield worst(f"{name}, power of {MOTIONS} motions", "part", power, 0.0, 1e-14, "skew symmetry")
+        yield worst(
+            f"{name}, power of {MOTIONS} motions", "part", power, 0.0, 1e-14, "skew symmetry"
+        )
         ship = fossen.craft(flight.model(name))
         flipped = motions @ fossen.FLIP
         expected = [-(fossen.C_RB(nu, ship) + fossen.C_A(nu, ship)) @ nu for nu in flipped]

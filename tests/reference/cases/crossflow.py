@@ -1,12 +1,11 @@
 """Crossflow drag.
 
-Verifies: strip drag of a cylinder in pure sway, pure yaw and both together, in the plane and out of it; the stations of
-the shipped hulls against adaptive quadrature over their profile.
-Leaves out: how C_d depends on Reynolds number and incidence; ends.
-Reference: integrals of 1/2 rho C_d d (v + x r)|v + x r| over the length in closed form; scipy's adaptive quadrature.
-Tolerance: the Gauss rule is exact for polynomials and loses where the flow turns round within the length, at a kink: up
-to 2 % of the force in the worst place shown. Half a percent for hulls.
-"""
+Verifies: strip drag of a cylinder in pure sway, pure yaw and both together, in the plane and out of
+it; the stations of the shipped hulls against adaptive quadrature over their profile. Leaves out:
+how C_d depends on Reynolds number and incidence; ends. Reference: integrals of 1/2 rho C_d d (v + x
+r)|v + x r| over the length in closed form; scipy's adaptive quadrature. Tolerance: the Gauss rule
+is exact for polynomials and loses where the flow turns round within the length, at a kink: up to 2
+% of the force in the worst place shown. Half a percent for hulls."""
 
 from collections.abc import Iterator
 from math import hypot
@@ -34,21 +33,33 @@ def checks() -> Iterator[Check]:
     yield relative("pure yaw, moment", "N m", N, -K * r**2 * L**4 / 32, 2e-3, "k r^2 L^4 / 32")
     v = 0.6  # more than r L/2: the flow nowhere turns round
     _, Y, *_, N = hydrodynamics.crossflow_drag(v, 0.0, 0.0, r, stations)
-    yield relative("sway over yaw, force", "N", Y, -K * (v**2 * L + r**2 * L**3 / 12), 1e-12, "k (v^2 L + r^2 L^3/12)")
+    yield relative(
+        "sway over yaw, force",
+        "N",
+        Y,
+        -K * (v**2 * L + r**2 * L**3 / 12),
+        1e-12,
+        "k (v^2 L + r^2 L^3/12)",
+    )
     yield relative("sway over yaw, moment", "N m", N, -K * v * r * L**3 / 6, 1e-12, "k v r L^3 / 6")
     v = 0.1  # the flow turns round at x = -v/r
     a, b = (v + r * L / 2) ** 3, (r * L / 2 - v) ** 3
     _, Y, *_, N = hydrodynamics.crossflow_drag(v, 0.0, 0.0, r, stations)
-    yield relative("yaw over sway, force", "N", Y, -K * (a - b) / (3 * r), 0.02, "k (a^3 - b^3) / 3r")
+    yield relative(
+        "yaw over sway, force", "N", Y, -K * (a - b) / (3 * r), 0.02, "k (a^3 - b^3) / 3r"
+    )
     yield relative("yaw over sway, moment", "N m", N, -K * _moment(v, r), 0.02, "closed form")
     _, Y, Z, *_ = hydrodynamics.crossflow_drag(0.3, 0.4, 0.0, 0.0, stations)
-    yield relative("oblique, size of force", "N", hypot(Y, Z), K * L * 0.25, 1e-12, "k L (v^2 + w^2)")
+    yield relative(
+        "oblique, size of force", "N", hypot(Y, Z), K * L * 0.25, 1e-12, "k L (v^2 + w^2)"
+    )
     for name in config.SHIPPED:
         yield from _hull(name)
 
 
 def _moment(v: float, r: float) -> float:
-    """Integral of x (v + x r)|v + x r| with s = v + x r: r^-2 [ s^3|s|/4 - v s^2|s|/3 ] between the ends."""
+    """Integral of x (v + x r)|v + x r| with s = v + x r: r^-2 [ s^3|s|/4 - v s^2|s|/3 ] between the
+    ends."""
 
     def antiderivative(s: float) -> float:
         return (abs(s) * s**3 / 4 - v * abs(s) ** 3 / 3) / r**2

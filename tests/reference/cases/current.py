@@ -1,12 +1,11 @@
 """Current and accelerating water.
 
-Verifies: that a vehicle drifting with a uniform current, moving and turning in it, sees nothing of it; that water which
-speeds up carries a neutral body along and a light or heavy one as added mass and pressure have it.
-Leaves out: shear along the hull; how a current varies with depth, which belongs to the environment.
-Reference: Galilean invariance; (rho V + m_a) / (m + m_a) of the water's acceleration for a free body (Batchelor 1967,
-sec. 6.8), 3/2 and 9/13 for spheres of half and 5/3 the water's density.
-Tolerance: rounding, as it grows in 60 s.
-"""
+Verifies: that a vehicle drifting with a uniform current, moving and turning in it, sees nothing of
+it; that water which speeds up carries a neutral body along and a light or heavy one as added mass
+and pressure have it. Leaves out: shear along the hull; how a current varies with depth, which
+belongs to the environment. Reference: Galilean invariance; (rho V + m_a) / (m + m_a) of the water's
+acceleration for a free body (Batchelor 1967, sec. 6.8), 3/2 and 9/13 for spheres of half and 5/3
+the water's density. Tolerance: rounding, as it grows in 60 s."""
 
 from collections.abc import Iterator
 
@@ -30,13 +29,27 @@ def checks() -> Iterator[Check]:
     neutral, state = bodies.spheroid(3.0, 0.5), flight.tumbling()
     state[7:13] = 0.0
     gained = flight.rotation(state) @ flight.rate(neutral, state, water=SURGING)[7:10]
-    yield worst("neutral spheroid against the water", "m/s2", gained, SURGING.acceleration_mps2, 1e-14, "rides along")
+    yield worst(
+        "neutral spheroid against the water",
+        "m/s2",
+        gained,
+        SURGING.acceleration_mps2,
+        1e-14,
+        "rides along",
+    )
     for ratio, reference in ((0.5, 3 / 2), (5 / 3, 9 / 13)):
         sphere = bodies.spheroid(1.0, 1.0, mass_ratio=ratio)
         ashore = flight.rate(sphere, state)[7:10]
         gained = flight.rotation(state) @ (flight.rate(sphere, state, water=SURGING)[7:10] - ashore)
         quotient = gained[0] / SURGING.acceleration_mps2[0]
-        yield relative(f"sphere of {ratio:.3g} the density", "-", quotient, reference, 1e-12, "Batchelor 1967, 6.8")
+        yield relative(
+            f"sphere of {ratio:.3g} the density",
+            "-",
+            quotient,
+            reference,
+            1e-12,
+            "Batchelor 1967, 6.8",
+        )
 
 
 def _drifting(name: str) -> Iterator[Check]:
@@ -46,5 +59,14 @@ def _drifting(name: str) -> Iterator[Check]:
     start[7:10] += flight.rotation(start).T @ current
     carried = flight.fly(model, start, SECONDS, water=drifting(CURRENT_MPS), **inputs)
     offset = np.linspace(0, SECONDS, len(still))[:, None] * current
-    yield worst(f"{name}, attitude", "-", carried[:, 3:7], still[:, 3:7], 1e-7, "Galilean invariance")
-    yield worst(f"{name}, place less drift", "m", carried[:, :3] - offset, still[:, :3], 1e-6, "Galilean invariance")
+    yield worst(
+        f"{name}, attitude", "-", carried[:, 3:7], still[:, 3:7], 1e-7, "Galilean invariance"
+    )
+    yield worst(
+        f"{name}, place less drift",
+        "m",
+        carried[:, :3] - offset,
+        still[:, :3],
+        1e-6,
+        "Galilean invariance",
+    )

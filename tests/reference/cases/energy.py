@@ -1,19 +1,18 @@
 """Energy.
 
-Verifies: that mechanical energy of body and entrained water is kept where nothing damps, that water at rest only takes
-energy from a vehicle without thrust, and that this holds for any vehicle, not for the shipped ones.
-Leaves out: thrust; the surface, where waves would carry energy away.
-Reference: conservation; the second law. Sixty random vehicles, ring-ducted and finned, each at 40 random motions
-and through a minute of free flight.
-Tolerance: 1e-6 of the energy moved for conservation; rounding for gains.
-"""
+Verifies: that mechanical energy of body and entrained water is kept where nothing damps, that water
+at rest only takes energy from a vehicle without thrust, and that this holds for any vehicle, not
+for the shipped ones. Leaves out: thrust; the surface, where waves would carry energy away.
+Reference: conservation; the second law. Sixty random vehicles, ring-ducted and finned, each at 40
+random motions and through a minute of free flight. Tolerance: 1e-6 of the energy moved for
+conservation; rounding for gains."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from sitl.vehicle import config
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from tests.reference import energy, vehicles
 from tests.reference.check import Check, worst
 from tests.sitl.vehicle import flight
@@ -27,12 +26,14 @@ def checks() -> Iterator[Check]:
     for name in config.SHIPPED:
         model = flight.without_fluid_forces(flight.model(name))
         kept = energy.mechanical_j(model, flight.fly(model, start, 100.0, dt_s=STEP_S)[::500])
-        yield worst(f"{name}, kept for 100 s undamped", "part", kept / kept[0], 1.0, 1e-6, "conservation")
+        yield worst(
+            f"{name}, kept for 100 s undamped", "part", kept / kept[0], 1.0, 1e-6, "conservation"
+        )
         yield from _lost(name, [flight.model(name)])
     yield from _lost(f"{vehicles.FLEET} random vehicles", vehicles.fleet())
 
 
-def _lost(label: str, models: list[Model]) -> Iterator[Check]:
+def _lost(label: str, models: list[VehicleModel]) -> Iterator[Check]:
     """What the worst motion gains; nothing, if all is well."""
     rng = np.random.default_rng(3)
     power, gain = 0.0, 0.0

@@ -1,12 +1,10 @@
 """Added-mass impulse.
 
-Verifies: that a short push meets body and entrained water together, in all six directions and across them; a sphere's
-apparent mass, the oldest result there is.
-Leaves out: every force that grows with speed, by pushing a body at rest for one step.
-Reference: M^-1 J with M = M_RB + M_A assembled here from mass, centre of mass and inertia; 3/2 of the displaced mass
-for a sphere (Lamb 1932, sec. 92).
-Tolerance: 1e-6 of the change of speed: what one step of Coriolis force adds.
-"""
+Verifies: that a short push meets body and entrained water together, in all six directions and
+across them; a sphere's apparent mass, the oldest result there is. Leaves out: every force that
+grows with speed, by pushing a body at rest for one step. Reference: M^-1 J with M = M_RB + M_A
+assembled here from mass, centre of mass and inertia; 3/2 of the displaced mass for a sphere (Lamb
+1932, sec. 92). Tolerance: 1e-6 of the change of speed: what one step of Coriolis force adds."""
 
 from collections.abc import Iterator
 
@@ -34,8 +32,12 @@ def checks() -> Iterator[Check]:
             gained = flight.fly(model, flight.cruising(0.0), STEP_S, disturbance=push)[-1, 7:13]
             expected = fossen.FLIP @ np.linalg.solve(M, fossen.FLIP @ push * STEP_S)
             size = np.linalg.norm(expected)
-            yield worst(f"{name}, {direction}", "part", gained / size, expected / size, 1e-6, "M^-1 J")
-    yield relative("sphere, apparent mass / displaced mass", "-", _sphere(), 1.5, 1e-9, "Lamb 1932, sec. 92")
+            yield worst(
+                f"{name}, {direction}", "part", gained / size, expected / size, 1e-6, "M^-1 J"
+            )
+    yield relative(
+        "sphere, apparent mass / displaced mass", "-", _sphere(), 1.5, 1e-9, "Lamb 1932, sec. 92"
+    )
 
 
 def _sphere() -> float:

@@ -1,13 +1,12 @@
 """Turning circle and zig-zag.
 
-Verifies: everything that acts on a vehicle under way, together and in large motion: the kernels against a second
-implementation that shares the vehicle's numbers and no line of code; the same of accelerations at random states.
-Leaves out: the tailcone (the duct turns at once), the surface; whether the coefficients are right, which other cases
-ask.
-Reference: Fossen's equations in matrix form with Euler angles (``tests/reference/fossen.py``), integrated by scipy's
-DOP853 at a tolerance of 1e-7.
-Tolerance: rounding for accelerations; for manoeuvres 1e-5 of the figure, what two integrators leave.
-"""
+Verifies: everything that acts on a vehicle under way, together and in large motion: the kernels
+against a second implementation that shares the vehicle's numbers and no line of code; the same of
+accelerations at random states. Leaves out: the tailcone (the duct turns at once), the surface;
+whether the coefficients are right, which other cases ask. Reference: Fossen's equations in matrix
+form with Euler angles (``tests/reference/fossen.py``), integrated by scipy's DOP853 at a tolerance
+of 1e-7. Tolerance: rounding for accelerations; for manoeuvres 1e-5 of the figure, what two
+integrators leave."""
 
 from collections.abc import Iterator
 from math import degrees, radians
@@ -15,7 +14,7 @@ from math import degrees, radians
 import numpy as np
 
 from sitl.vehicle import config
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import drifting
 from tests.reference import fossen, trials, vehicles
 from tests.reference.check import Check, relative, worst
@@ -51,7 +50,7 @@ def _compared(
         yield relative(f"{label}: {words.replace('_', ' ')}", unit, value, reference, 1e-5, SOURCE)
 
 
-def _accelerations(name: str, models: list[Model]) -> Check:
+def _accelerations(name: str, models: list[VehicleModel]) -> Check:
     """Random attitude, speeds, inputs and current."""
     rng, found, expected = np.random.default_rng(7), [], []
     for model in models * (STATES // len(models)):
@@ -60,6 +59,15 @@ def _accelerations(name: str, models: list[Model]) -> Check:
         state[7:13] = rng.uniform(-1.5, 1.5, 6)
         inputs = fossen.Inputs(*rng.uniform(-0.25, 0.25, 2).tolist(), float(rng.uniform(-4, 6)))
         current = rng.uniform(-1, 1, 3)
-        found.append(fossen.FLIP @ flight.rate(model, state, *inputs, water=drifting(tuple(current.tolist())))[7:])
-        expected.append(fossen.rates(fossen.from_state(state), inputs, fossen.craft(model), fossen.TURN @ current)[6:])
-    return worst(f"{name}, accelerations at {STATES} states", "m/s2", found, expected, 1e-10, SOURCE)
+        found.append(
+            fossen.FLIP
+            @ flight.rate(model, state, *inputs, water=drifting(tuple(current.tolist())))[7:]
+        )
+        expected.append(
+            fossen.rates(
+                fossen.from_state(state), inputs, fossen.craft(model), fossen.TURN @ current
+            )[6:]
+        )
+    return worst(
+        f"{name}, accelerations at {STATES} states", "m/s2", found, expected, 1e-10, SOURCE
+    )

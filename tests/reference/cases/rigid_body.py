@@ -1,18 +1,16 @@
 """The rigid body.
 
-Verifies: the six equations of a rigid body with its centre of mass off the origin and a full inertia tensor; that
-without forces it keeps its momenta.
-Leaves out: water.
-Reference: the six scalar equations that the source paper prints under "Overall Vehicle Modeling"; Newton's first law.
-Tolerance: rounding for accelerations; for a minute's tumble what steps of 2 ms leave.
-"""
+Verifies: the six equations of a rigid body with its centre of mass off the origin and a full
+inertia tensor; that without forces it keeps its momenta. Leaves out: water. Reference: the six
+scalar equations that the source paper prints under "Overall Vehicle Modeling"; Newton's first law.
+Tolerance: rounding for accelerations; for a minute's tumble what steps of 2 ms leave."""
 
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from tests.reference import bodies
 from tests.reference.check import Check, worst
 from tests.sitl.vehicle import flight
@@ -38,9 +36,14 @@ def checks() -> Iterator[Check]:
         misses.append(paper_equations(state[7:13], rates) - wrench)
     yield worst(f"wrench of {MOTIONS} motions", "N", misses, 0.0, 1e-9, "paper, six equations")
     start = flight.tumbling()
-    momenta = [_momenta(body, state, start) for state in flight.fly(body, start, SECONDS, dt_s=0.002)[::1000]]
+    momenta = [
+        _momenta(body, state, start)
+        for state in flight.fly(body, start, SECONDS, dt_s=0.002)[::1000]
+    ]
     size = np.linalg.norm(momenta[0])
-    yield worst("momenta over 60 s", "part", np.array(momenta) / size, momenta[0] / size, 1e-9, "Newton")
+    yield worst(
+        "momenta over 60 s", "part", np.array(momenta) / size, momenta[0] / size, 1e-9, "Newton"
+    )
 
 
 def paper_equations(nu: Array, rates: Array) -> Array:
@@ -48,20 +51,40 @@ def paper_equations(nu: Array, rates: Array) -> Array:
     (u, v, w, p, q, r), (du, dv, dw, dp, dq, dr), m = nu, rates, MASS
     x, y, z = CM
     (Ixx, Ixy, Ixz), (Iyx, Iyy, Iyz), (Izx, Izy, Izz) = INERTIA
-    return np.array([
-        m * (du + q * w - r * v + dq * z - dr * y + (q * y + r * z) * p - (q**2 + r**2) * x),
-        m * (dv + r * u - p * w + dr * x - dp * z + (r * z + p * x) * q - (r**2 + p**2) * y),
-        m * (dw + p * v - q * u + dp * y - dq * x + (p * x + q * y) * r - (p**2 + q**2) * z),
-        Ixx * dp + Ixy * dq + Ixz * dr + (Izz - Iyy) * r * q + Iyz * (q**2 - r**2) + Ixz * p * q - Ixy * p * r
-        + m * (y * (dw + p * v - q * u) - z * (dv + r * u - p * w)),
-        Iyx * dp + Iyy * dq + Iyz * dr + (Ixx - Izz) * p * r + Ixz * (r**2 - p**2) + Ixy * q * r - Iyz * q * p
-        + m * (z * (du + q * w - r * v) - x * (dw + p * v - q * u)),
-        Izx * dp + Izy * dq + Izz * dr + (Iyy - Ixx) * p * q + Ixy * (p**2 - q**2) + Iyz * p * r - Ixz * q * r
-        + m * (x * (dv + r * u - p * w) - y * (du + q * w - r * v)),
-    ])  # fmt: skip
+    return np.array(
+        [
+            m * (du + q * w - r * v + dq * z - dr * y + (q * y + r * z) * p - (q**2 + r**2) * x),
+            m * (dv + r * u - p * w + dr * x - dp * z + (r * z + p * x) * q - (r**2 + p**2) * y),
+            m * (dw + p * v - q * u + dp * y - dq * x + (p * x + q * y) * r - (p**2 + q**2) * z),
+            Ixx * dp
+            + Ixy * dq
+            + Ixz * dr
+            + (Izz - Iyy) * r * q
+            + Iyz * (q**2 - r**2)
+            + Ixz * p * q
+            - Ixy * p * r
+            + m * (y * (dw + p * v - q * u) - z * (dv + r * u - p * w)),
+            Iyx * dp
+            + Iyy * dq
+            + Iyz * dr
+            + (Ixx - Izz) * p * r
+            + Ixz * (r**2 - p**2)
+            + Ixy * q * r
+            - Iyz * q * p
+            + m * (z * (du + q * w - r * v) - x * (dw + p * v - q * u)),
+            Izx * dp
+            + Izy * dq
+            + Izz * dr
+            + (Iyy - Ixx) * p * q
+            + Ixy * (p**2 - q**2)
+            + Iyz * p * r
+            - Ixz * q * r
+            + m * (x * (dv + r * u - p * w) - y * (du + q * w - r * v)),
+        ]
+    )
 
 
-def _momenta(body: Model, state: Array, start: Array) -> Array:
+def _momenta(body: VehicleModel, state: Array, start: Array) -> Array:
     """Linear, and angular about a fixed point, in the inertial frame."""
     R, momentum = flight.rotation(state), body.inertia.M @ state[7:13]
     linear = R @ momentum[:3]

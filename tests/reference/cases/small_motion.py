@@ -1,14 +1,12 @@
 """Linear against nonlinear for small motion.
 
-Verifies: that the linear yaw and pitch planes, on which controllers are designed and models fitted, are what the
-nonlinear vehicle does for small duct angles.
-Leaves out: quadratic drag and lift, which vanish with the motion; roll and surge, which the planes do not hold: weight
-and buoyancy cancel and the centre of mass couples nothing but pitch.
-Reference: x(t) of x' = A x + B delta for a step, by the matrix exponential, A and B differentiated from the equations
-of motion.
-Tolerance: 1e-4 of the largest response at a microradian over seven hull lengths, 1e-2 at a hundred: what is left out
-grows with the angle.
-"""
+Verifies: that the linear yaw and pitch planes, on which controllers are designed and models fitted,
+are what the nonlinear vehicle does for small duct angles. Leaves out: quadratic drag and lift,
+which vanish with the motion; roll and surge, which the planes do not hold: weight and buoyancy
+cancel and the centre of mass couples nothing but pitch. Reference: x(t) of x' = A x + B delta for a
+step, by the matrix exponential, A and B differentiated from the equations of motion. Tolerance:
+1e-4 of the largest response at a microradian over seven hull lengths, 1e-2 at a hundred: what is
+left out grows with the angle."""
 
 from collections.abc import Iterator
 
@@ -18,7 +16,7 @@ from scipy.linalg import expm
 
 from sitl.vehicle import config
 from sitl.vehicle.linearise import Plane, linearise
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from tests.reference.check import Check
 from tests.sitl.vehicle import flight
 
@@ -33,35 +31,51 @@ def checks() -> Iterator[Check]:
     for name in config.SHIPPED:
         model, point = flight.model(name), config.load(name).operating_point
         planes = linearise(model, point.speed_mps, point.thrust_fraction)
-        for plane, label, columns in ((planes.yaw, "yaw", (8, 12)), (planes.pitch, "pitch", (9, 11))):
+        for plane, label, columns in (
+            (planes.yaw, "yaw", (8, 12)),
+            (planes.pitch, "pitch", (9, 11)),
+        ):
             seconds = LENGTHS * 2 * model.hydrostatics.half_length_m / point.speed_mps
             linear = _step_response(plane, seconds)[:, :2]
             for angle, tolerance in ANGLES:
                 miss = _miss(model, point, label, columns, angle, linear)
-                yield Check(f"{name}, {label} step of {angle} rad", "part", miss, 0.0, tolerance, SOURCE)
+                yield Check(
+                    f"{name}, {label} step of {angle} rad", "part", miss, 0.0, tolerance, SOURCE
+                )
 
 
 def _miss(
-    model: Model, point: config.OperatingPoint, label: str, columns: tuple[int, int], angle_rad: float,
+    model: VehicleModel,
+    point: config.OperatingPoint,
+    label: str,
+    columns: tuple[int, int],
+    angle_rad: float,
     linear: NDArray[np.float64],
-) -> float:  # fmt: skip
+) -> float:
     """Largest difference of speed and rate, in parts of the largest linear response."""
     angles = {"rudder_rad" if label == "yaw" else "elevator_rad": angle_rad}
     start = flight.cruising(point.speed_mps)
     track = flight.fly(
-        _planar(model), start, (len(linear) - 1) * STEP_S, thrust_fraction=point.thrust_fraction, dt_s=STEP_S, **angles
+        _planar(model),
+        start,
+        (len(linear) - 1) * STEP_S,
+        thrust_fraction=point.thrust_fraction,
+        dt_s=STEP_S,
+        **angles,
     )
     difference = track[:, columns] / angle_rad - linear
     return float(np.max(np.abs(difference) / np.abs(linear).max(axis=0)))
 
 
-def _planar(model: Model) -> Model:
+def _planar(model: VehicleModel) -> VehicleModel:
     """Neutrally buoyant, and nothing couples surge or roll with either plane."""
     h, M = model.hydrostatics, np.diag(np.diag(model.inertia.M))
     for pair in ([1, 5], [2, 4]):
         M[np.ix_(pair, pair)] = model.inertia.M[np.ix_(pair, pair)]
     inertia = model.inertia._replace(M=M, M_inverse=np.linalg.inv(M))
-    return model._replace(inertia=inertia, hydrostatics=h._replace(buoyancy_n=h.weight_n, x_cm_m=0.0, x_cb_m=0.0))
+    return model._replace(
+        inertia=inertia, hydrostatics=h._replace(buoyancy_n=h.weight_n, x_cm_m=0.0, x_cb_m=0.0)
+    )
 
 
 def _step_response(plane: Plane, seconds: float) -> NDArray[np.float64]:

@@ -1,11 +1,10 @@
 """Mirror symmetry.
 
-Verifies: that the mirror image of a manoeuvre, disturbance and current included, is flown as the mirror image, to the
-last bit, so that no sign error hides and nothing turns by itself.
-Leaves out: a centre of mass off the plane of symmetry, and motion with no mirror image of its own.
-Reference: the same run, reflected in the vertical plane through north.
-Tolerance: none with a duct; with fins rounding, for they are summed in turn.
-"""
+Verifies: that the mirror image of a manoeuvre, disturbance and current included, is flown as the
+mirror image, to the last bit, so that no sign error hides and nothing turns by itself. Leaves out:
+a centre of mass off the plane of symmetry, and motion with no mirror image of its own. Reference:
+the same run, reflected in the vertical plane through north. Tolerance: none with a duct; with fins
+rounding, for they are summed in turn."""
 
 from collections.abc import Iterator
 
@@ -29,11 +28,24 @@ def checks() -> Iterator[Check]:
     for name in config.SHIPPED:
         model, start = flight.model(name), flight.tumbling(-50.0)
         track = flight.fly(
-            model, start, SECONDS, rudder_rad=0.2, disturbance=push, water=drifting((0.3, -0.2, 0.05)), **inputs
+            model,
+            start,
+            SECONDS,
+            rudder_rad=0.2,
+            disturbance=push,
+            water=drifting((0.3, -0.2, 0.05)),
+            **inputs,
         )
         mirrored = flight.fly(
-            model, start * MIRROR, SECONDS, rudder_rad=-0.2, disturbance=push * MIRROR_WRENCH,
-            water=drifting((0.3, 0.2, 0.05)), **inputs,
-        )  # fmt: skip
+            model,
+            start * MIRROR,
+            SECONDS,
+            rudder_rad=-0.2,
+            disturbance=push * MIRROR_WRENCH,
+            water=drifting((0.3, 0.2, 0.05)),
+            **inputs,
+        )
         rounding = 1e-10 if model.fins.span_y.size else 0.0
-        yield worst(f"{name}, state over 60 s", "SI", mirrored, track * MIRROR, rounding, "reflected run")
+        yield worst(
+            f"{name}, state over 60 s", "SI", mirrored, track * MIRROR, rounding, "reflected run"
+        )

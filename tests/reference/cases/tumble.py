@@ -1,13 +1,12 @@
 """Torque-free tumble.
 
-Verifies: the rigid body's rotational equations and their integration, about a stable axis and through the flips of the
-intermediate one; the same with added mass, where a body in inviscid water tumbles and darts by Kirchhoff's equations;
-that linear and angular impulse stay constant in the inertial frame.
-Leaves out: weight, buoyancy, drag, lift.
-Reference: Euler's equations solved by Jacobi's elliptic functions (Landau and Lifshitz 1976, Mechanics, sec. 37);
-Kirchhoff's equations in the impulses (Lamb 1932, sec. 124) integrated by scipy's DOP853 at a tolerance of 1e-12.
-Tolerance: what steps of 5 ms leave after a minute, with a factor of a few to spare.
-"""
+Verifies: the rigid body's rotational equations and their integration, about a stable axis and
+through the flips of the intermediate one; the same with added mass, where a body in inviscid water
+tumbles and darts by Kirchhoff's equations; that linear and angular impulse stay constant in the
+inertial frame. Leaves out: weight, buoyancy, drag, lift. Reference: Euler's equations solved by
+Jacobi's elliptic functions (Landau and Lifshitz 1976, Mechanics, sec. 37); Kirchhoff's equations in
+the impulses (Lamb 1932, sec. 124) integrated by scipy's DOP853 at a tolerance of 1e-12. Tolerance:
+what steps of 5 ms leave after a minute, with a factor of a few to spare."""
 
 from collections.abc import Iterator
 
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
-from sitl.vehicle.model import Model
+from sitl.vehicle.model import VehicleModel
 from tests.reference import bodies
 from tests.reference.check import Check, relative, worst
 from tests.sitl.vehicle import flight
@@ -35,12 +34,20 @@ def checks() -> Iterator[Check]:
     for name, start in (("stable axis", STABLE_RADPS), ("flipping axis", NEAR_SEPARATRIX_RADPS)):
         track = _spin(start)
         found, expected = track[:, 10:13], euler_radps(start, _time(track))
-        yield worst(f"{name}, rates over 60 s", "rad/s", found, expected, 1e-7, "Jacobi elliptic functions")
+        yield worst(
+            f"{name}, rates over 60 s", "rad/s", found, expected, 1e-7, "Jacobi elliptic functions"
+        )
     yield relative(
-        "flipping axis, period", "s", _period_s(track), 4 * ellipk(_parameter(start)) / _pace(start), 1e-6,
+        "flipping axis, period",
+        "s",
+        _period_s(track),
+        4 * ellipk(_parameter(start)) / _pace(start),
+        1e-6,
         "4 K(m) / n",
-    )  # fmt: skip
-    yield from _in_water(flight.without_weight(flight.without_fluid_forces(flight.model("bench"))))
+    )
+    yield from _in_water(
+        flight.without_weight(flight.without_fluid_forces(flight.model("caribou_nominal")))
+    )
 
 
 def _spin(start_radps: tuple[float, ...]) -> Array:
@@ -70,7 +77,8 @@ def _pace(start_radps: tuple[float, ...]) -> float:
 
 
 def euler_radps(start_radps: tuple[float, ...], time_s: Array) -> Array:
-    """Rates of a free body, principal moments ascending, that starts without spin about the middle axis."""
+    """Rates of a free body, principal moments ascending, that starts without spin about the middle
+    axis."""
     (_, B, C), (twice_E, LL) = INERTIA_KGM2, _invariants(start_radps)
     sn, cn, dn, _ = ellipj(_pace(start_radps) * time_s, _parameter(start_radps))
     p, r = start_radps[0], start_radps[2]
@@ -86,7 +94,7 @@ def _period_s(track: Array) -> float:
     return float(np.mean(np.diff([0.0, *crossings])))
 
 
-def _in_water(model: Model) -> Iterator[Check]:
+def _in_water(model: VehicleModel) -> Iterator[Check]:
     """Body and entrained water against Kirchhoff's equations."""
     M, start = model.inertia.M, flight.tumbling()
     track = flight.fly(model, start, SECONDS)
@@ -96,16 +104,28 @@ def _in_water(model: Model) -> Iterator[Check]:
         P, H = np.split(impulses, 2)
         return np.concatenate([np.cross(P, omega), np.cross(H, omega) + np.cross(P, v)])
 
-    kirchhoff = solve_ivp(impulse_rates, (0, SECONDS), M @ start[7:13], method="DOP853", rtol=1e-12, atol=1e-10)
+    kirchhoff = solve_ivp(
+        impulse_rates, (0, SECONDS), M @ start[7:13], method="DOP853", rtol=1e-12, atol=1e-10
+    )
     end = np.linalg.solve(M, kirchhoff.y[:, -1])
-    yield worst("in water, speeds after 60 s", "m/s", track[-1, 7:13], end, 1e-6, "Kirchhoff's equations, DOP853")
+    yield worst(
+        "in water, speeds after 60 s",
+        "m/s",
+        track[-1, 7:13],
+        end,
+        1e-6,
+        "Kirchhoff's equations, DOP853",
+    )
     impulses = np.array([_impulses(model, state, start) for state in track[::500]])
     size = np.linalg.norm(impulses[0])
-    yield worst("in water, impulses", "part", impulses / size, impulses[0] / size, 1e-8, "conservation")
+    yield worst(
+        "in water, impulses", "part", impulses / size, impulses[0] / size, 1e-8, "conservation"
+    )
 
 
-def _impulses(model: Model, state: Array, start: Array) -> Array:
-    """Linear and angular impulse in the inertial frame, the latter about where the body was at ``start``."""
+def _impulses(model: VehicleModel, state: Array, start: Array) -> Array:
+    """Linear and angular impulse in the inertial frame, the latter about where the body was at
+    ``start``."""
     R, (P, H) = flight.rotation(state), np.split(model.inertia.M @ state[7:13], 2)
     linear = R @ P
     return np.concatenate([linear, R @ H + np.cross(state[0:3] - start[0:3], linear)])

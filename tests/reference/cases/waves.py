@@ -1,16 +1,15 @@
 """Waves.
 
-Verifies: the dispersion relation; that the motion decays with depth, is free of divergence and spin, and obeys the
-free-surface condition; height and period of a drawn sea; the force of second order that draws a body held near the
-surface upwards.
-Leaves out: what linear theory leaves out: steepness, breaking, what the hull does to the waves.
-Reference: linear wave theory (Airy 1845; Newman 1977, ch. 6); differences of the velocity field itself; H_s = 4 sigma,
-T_z / T_p of both spectra (DNV-RP-C205, 2010, sec. 3.5.5); the long-wave limit 2 rho V k sigma^2 a^2 exp(-2 k h) of the
-mean force on a slender body held under waves (Ogilvie 1963, J. Fluid Mech. 16; Lee and Newman 1971, J. Ship Res. 15).
-Tolerance: rounding and differences; 5 % of height and period for an hour of 200 components, the last of which
-stands for all of the spectrum's tail; 1 % of the suction, whose limit is
-that of waves long against the hull.
-"""
+Verifies: the dispersion relation; that the motion decays with depth, is free of divergence and
+spin, and obeys the free-surface condition; height and period of a drawn sea; the force of second
+order that draws a body held near the surface upwards. Leaves out: what linear theory leaves out:
+steepness, breaking, what the hull does to the waves. Reference: linear wave theory (Airy 1845;
+Newman 1977, ch. 6); differences of the velocity field itself; H_s = 4 sigma, T_z / T_p of both
+spectra (DNV-RP-C205, 2010, sec. 3.5.5); the long-wave limit 2 rho V k sigma^2 a^2 exp(-2 k h) of
+the mean force on a slender body held under waves (Ogilvie 1963, J. Fluid Mech. 16; Lee and Newman
+1971, J. Ship Res. 15). Tolerance: rounding and differences; 5 % of height and period for an hour of
+200 components, the last of which stands for all of the spectrum's tail; 1 % of the suction, whose
+limit is that of waves long against the hull."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -19,9 +18,9 @@ from math import exp, inf, pi, sqrt, tanh
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.environment import current, density, field, floor, waves
-from sitl.environment.field import Field
-from sitl.waters import Current, Density, Floor, Water, Waves
+from sitl.core.environment import current, density, field, floor, waves
+from sitl.core.environment.field import WaterField
+from sitl.environment_schema import Current, Density, FloorTable, WaterTable, Waves
 from tests.reference import bodies
 from tests.reference.check import Check, relative, worst
 from tests.sitl.vehicle import flight
@@ -45,7 +44,14 @@ def checks() -> Iterator[Check]:
     for label, towards in (("head", pi), ("beam", pi / 2), ("quartering", pi / 4)):
         k = (2 * pi / PERIOD_S) ** 2 / G
         body = bodies.cylinder(LENGTH_M, DIAMETER_M, 0.0)
-        reference = 2 * body.inertia.mass_kg * k * (2 * pi / PERIOD_S) ** 2 * AMPLITUDE_M**2 * exp(-2 * k * SUBMERGED_M)
+        reference = (
+            2
+            * body.inertia.mass_kg
+            * k
+            * (2 * pi / PERIOD_S) ** 2
+            * AMPLITUDE_M**2
+            * exp(-2 * k * SUBMERGED_M)
+        )
         found = _suction_n(_regular(DEEP_M, towards))
         yield relative(f"suction in a {label} sea", "N", found, reference, 0.01, "Ogilvie 1963")
 
@@ -54,15 +60,23 @@ def _regular(depth_m: float, towards_rad: float) -> Array:
     """A sea of one component."""
     sigma = 2 * pi / PERIOD_S
     k = waves.wave_number_pm(sigma, depth_m, G)
-    swell = waves.Swell(np.array([sigma]), np.array([k]), np.array([AMPLITUDE_M]), towards_rad - pi, 0.0, depth_m)
-    return waves.draw(swell, np.random.default_rng(1))
+    swell = waves.Swell(
+        np.array([sigma]), np.array([k]), np.array([AMPLITUDE_M]), towards_rad - pi, 0.0, depth_m
+    )
+    return waves.draw_components(swell, np.random.default_rng(1))
 
 
 def _dispersion() -> Iterator[Check]:
     for depth, period in ((DEEP_M, 6.0), (10.0, 6.0), (5.0, 12.0)):
         k, sigma = waves.wave_number_pm(2 * pi / period, depth, G), 2 * pi / period
-        yield relative(f"sigma^2 of {period:.0f} s in {depth:.0f} m", "1/s2", G * k * tanh(k * depth), sigma**2, 1e-9,
-                       "g k tanh kd")  # fmt: skip
+        yield relative(
+            f"sigma^2 of {period:.0f} s in {depth:.0f} m",
+            "1/s2",
+            G * k * tanh(k * depth),
+            sigma**2,
+            1e-9,
+            "g k tanh kd",
+        )
     shallow = 2 * pi / 60.0 / waves.wave_number_pm(2 * pi / 60.0, 1.0, G)
     yield relative("speed of a minute's wave in 1 m", "m/s", shallow, sqrt(G), 0.01, "sqrt(g d)")
 
@@ -74,21 +88,51 @@ def _kinematics(sea: Array) -> Iterator[Check]:
     for depth in (0.0, 5.0, 20.0):
         speed = [np.linalg.norm(waves.motion(sea, 3.0, 7.0, -depth, t).velocity) for t in times]
         reference = AMPLITUDE_M * sigma * exp(-k * depth)
-        yield relative(f"orbital speed at {depth:.0f} m", "m/s", float(np.mean(speed)), reference, 1e-9, "a s exp(-kz)")
-        yield worst(f"orbit at {depth:.0f} m, roundness", "m/s", speed, reference, 1e-12, "deep water")
+        yield relative(
+            f"orbital speed at {depth:.0f} m",
+            "m/s",
+            float(np.mean(speed)),
+            reference,
+            1e-9,
+            "a s exp(-kz)",
+        )
+        yield worst(
+            f"orbit at {depth:.0f} m, roundness", "m/s", speed, reference, 1e-12, "deep water"
+        )
     here, h = np.array([3.0, 7.0, -2.0]), 1e-5
     moving = waves.motion(sea, *here, 1.3)
-    slopes = [(_velocity(sea, here + h * e, 1.3) - _velocity(sea, here - h * e, 1.3)) / (2 * h) for e in np.eye(3)]
-    yield worst("gradient of velocity", "1/s", [moving.along_north, moving.along_west, moving.along_up], slopes, 1e-9,
-                "differences")  # fmt: skip
-    yield worst("divergence and spin", "1/s", [np.trace(slopes), *(slopes - np.transpose(slopes)).ravel()], 0.0, 1e-9,
-                "Laplace")  # fmt: skip
+    slopes = [
+        (_velocity(sea, here + h * e, 1.3) - _velocity(sea, here - h * e, 1.3)) / (2 * h)
+        for e in np.eye(3)
+    ]
+    yield worst(
+        "gradient of velocity",
+        "1/s",
+        [moving.along_north, moving.along_west, moving.along_up],
+        slopes,
+        1e-9,
+        "differences",
+    )
+    yield worst(
+        "divergence and spin",
+        "1/s",
+        [np.trace(slopes), *(slopes - np.transpose(slopes)).ravel()],
+        0.0,
+        1e-9,
+        "Laplace",
+    )
     change = (_velocity(sea, here, 1.3 + h) - _velocity(sea, here, 1.3 - h)) / (2 * h)
     yield worst("change of velocity", "m/s2", moving.change, change, 1e-9, "differences")
     heights = [waves.motion(sea, 3.0, 7.0, 0.0, t).elevation_m for t in (1.3 - h, 1.3 + h)]
     rising = (heights[1] - heights[0]) / (2 * h)
-    yield worst("rise of the surface", "m/s", _velocity(sea, np.array([3.0, 7.0, 0.0]), 1.3)[2], rising, 1e-9,
-                "kinematic condition")  # fmt: skip
+    yield worst(
+        "rise of the surface",
+        "m/s",
+        _velocity(sea, np.array([3.0, 7.0, 0.0]), 1.3)[2],
+        rising,
+        1e-9,
+        "kinematic condition",
+    )
 
 
 def _velocity(sea: Array, place: Array, time_s: float) -> Array:
@@ -100,7 +144,7 @@ def _statistics(spectrum: str) -> Iterator[Check]:
     weather = Waves(spectrum=spectrum, significant_height_m=1.5, peak_period_s=7.0, components=200)
     swell = waves.build(weather, DEEP_M, G)
     assert swell is not None
-    sea = waves.draw(swell, np.random.default_rng(2))
+    sea = waves.draw_components(swell, np.random.default_rng(2))
     times = np.arange(0.0, 3600.0, 0.5)
     height = np.array([waves.motion(sea, 0.0, 0.0, 0.0, t).elevation_m for t in times])
     yield relative(f"{spectrum}, 4 sigma of an hour", "m", 4 * height.std(), 1.5, 0.05, "H_s")
@@ -108,17 +152,27 @@ def _statistics(spectrum: str) -> Iterator[Check]:
     yield relative(f"{spectrum}, 4 sqrt(m_0)", "m", 4 * sqrt(energy), 1.5, 1e-9, "H_s")
     crossings = np.array([i for i, (a, b) in enumerate(pairwise(height)) if a < 0 <= b])
     period = float(np.mean(np.diff(times[crossings])))
-    yield relative(f"{spectrum}, T_z of an hour", "s", period, 7.0 * PERIOD_RATIOS[spectrum], 0.05, "DNV-RP-C205")
+    yield relative(
+        f"{spectrum}, T_z of an hour",
+        "s",
+        period,
+        7.0 * PERIOD_RATIOS[spectrum],
+        0.05,
+        "DNV-RP-C205",
+    )
 
 
 def _suction_n(sea: Array) -> float:
     """Mean upward force on a neutral cylinder held where it lies, over a period."""
-    body, state = bodies.cylinder(LENGTH_M, DIAMETER_M, 0.0), flight.dynamics.state_at_rest(-SUBMERGED_M)
-    water = Field(
+    body, state = (
+        bodies.cylinder(LENGTH_M, DIAMETER_M, 0.0),
+        flight.dynamics.state_at_rest(-SUBMERGED_M),
+    )
+    water = WaterField(
         sea=sea,
         profile=current.profile(Current()),
-        column=density.column(Density(), Water(), G),
-        floor=floor.build(Floor(depth_m=DEEP_M)),
+        column=density.column(Density(), WaterTable(), G),
+        floor=floor.build(FloorTable(depth_m=DEEP_M)),
         ceiling_m=inf,
         gravity_mps2=G,
         ballast_density_kgpm3=bodies.RHO_KGPM3,
@@ -127,4 +181,6 @@ def _suction_n(sea: Array) -> float:
     still = (0.0, 0.0, 0.0)
     times = np.arange(0.0, PERIOD_S, PERIOD_S / 64)
     met = [field.sample(water, state, 0.0, t, still, still)[0] for t in times]
-    return float(np.mean([body.inertia.M[2, 2] * flight.rate(body, state, water=now)[9] for now in met]))
+    return float(
+        np.mean([body.inertia.M[2, 2] * flight.rate(body, state, water=now)[9] for now in met])
+    )

@@ -1,15 +1,17 @@
-"""Faults in scenario files and in MAV_CMD_INJECT_FAILURE: what is read, and what a mistake is answered with."""
+"""Faults in scenario files and in MAV_CMD_INJECT_FAILURE: what is read, and what a mistake is
+answered with."""
 
 from math import isnan, nan, radians
 from pathlib import Path
 
 import pytest
 
-from sitl import plant, scenario
-from sitl.faults import orders, timeline
+from sitl import scenario
+from sitl.core import plant
+from sitl.faults import failure_injection, timeline
 from sitl.faults.catalogue import CATALOGUE, Fault, make
 from sitl.scenario import ScenarioError
-from sitl.vehicle import calibrate, config
+from sitl.vehicle import build_model, config
 
 EVERY = [(unit, kind) for unit, kinds in CATALOGUE.items() for kind in kinds]
 
@@ -25,18 +27,22 @@ def row(**keys: object) -> str:
 
 
 def test_sizes_are_read_in_si(tmp_path: Path) -> None:
-    text = row(at_s=2.5, until_s=9, unit="rudder", kind="stuck", angle_deg=-4.0) + row(at_s=0, unit="gps", kind="off")
+    text = row(at_s=2.5, until_s=9, unit="rudder", kind="stuck", angle_deg=-4.0) + row(
+        at_s=0, unit="gps", kind="off"
+    )
     first, second = load(tmp_path, text)
     assert first == Fault("rudder", "stuck", 2_500_000, 9_000_000, (radians(-4.0),))
     assert second == Fault("gps", "off", 0, None, ())
 
 
 @pytest.mark.parametrize(("unit", "kind"), EVERY)
-def test_every_fault_of_the_catalogue_can_be_asked_for(unit: str, kind: str, tmp_path: Path) -> None:
+def test_every_fault_of_the_catalogue_can_be_asked_for(
+    unit: str, kind: str, tmp_path: Path
+) -> None:
     needed = {size.key: 1.5 for size in CATALOGUE[unit][kind] if size.default is None}
     (fault,) = load(tmp_path, row(at_s=1, unit=unit, kind=kind, **needed))
     assert fault.name == f"{unit} {kind}"
-    assert len(timeline.Change(fault, False).text) <= 50
+    assert len(timeline.FaultChange(fault, False).text) <= 50
 
 
 @pytest.mark.parametrize(
@@ -44,16 +50,37 @@ def test_every_fault_of_the_catalogue_can_be_asked_for(unit: str, kind: str, tmp
     [
         ({"unit": "rudder", "kind": "off"}, "missing key at_s"),
         ({"at_s": 1, "kind": "off"}, "missing key unit"),
-        ({"at_s": 1, "unit": "ruder", "kind": "off"}, "unit = 'ruder': expected rudder, elevator, propeller"),
+        (
+            {"at_s": 1, "unit": "ruder", "kind": "off"},
+            "unit = 'ruder': expected rudder, elevator, propeller",
+        ),
         ({"at_s": 1, "unit": "leak", "kind": "off"}, "kind = 'off': leak can be wet"),
-        ({"at_s": 1, "unit": "gps", "kind": "off", "period_s": 2}, "period_s = 2: gps off takes no size"),
-        ({"at_s": 1, "unit": "gps", "kind": "slow", "delay_s": 2}, "delay_s = 2: gps slow takes period_s"),
-        ({"at_s": 5, "until_s": 5, "unit": "gps", "kind": "off"}, "until_s = 5: expected more than at_s = 5"),
+        (
+            {"at_s": 1, "unit": "gps", "kind": "off", "period_s": 2},
+            "period_s = 2: gps off takes no size",
+        ),
+        (
+            {"at_s": 1, "unit": "gps", "kind": "slow", "delay_s": 2},
+            "delay_s = 2: gps slow takes period_s",
+        ),
+        (
+            {"at_s": 5, "until_s": 5, "unit": "gps", "kind": "off"},
+            "until_s = 5: expected more than at_s = 5",
+        ),
         ({"at_s": -1, "unit": "gps", "kind": "off"}, "at_s = -1: expected 0 to 1e+06"),
-        ({"at_s": 1, "unit": "dvl", "kind": "intermittent", "share": 1.5}, "share = 1.5: expected 0 to 0.99"),
-        ({"at_s": 1, "unit": "dvl", "kind": "slow", "period_s": "often"}, "period_s = 'often': expected a number"),
+        (
+            {"at_s": 1, "unit": "dvl", "kind": "intermittent", "share": 1.5},
+            "share = 1.5: expected 0 to 0.99",
+        ),
+        (
+            {"at_s": 1, "unit": "dvl", "kind": "slow", "period_s": "often"},
+            "period_s = 'often': expected a number",
+        ),
         ({"at_s": 1, "unit": 3, "kind": "off"}, "unit = 3: expected a name"),
-        ({"at_s": 1, "unit": "ballast", "kind": "added"}, "missing key mass_kg: ballast added needs it"),
+        (
+            {"at_s": 1, "unit": "ballast", "kind": "added"},
+            "missing key mass_kg: ballast added needs it",
+        ),
     ],
 )
 def test_a_mistake_is_answered_with_what_would_be_right(
@@ -64,34 +91,51 @@ def test_a_mistake_is_answered_with_what_would_be_right(
     assert str(error.value).startswith(f"scenario {tmp_path}/faults.toml: fault 2: {complaint}")
 
 
-@pytest.mark.parametrize(("kind", "mass_kg", "x_m"), [("added", -700.0, 0.0), ("shifted", 900.0, 2.0)])
-def test_weights_that_leave_no_vehicle_are_refused(tmp_path: Path, kind: str, mass_kg: float, x_m: float) -> None:
+@pytest.mark.parametrize(
+    ("kind", "mass_kg", "x_m"), [("added", -700.0, 0.0), ("shifted", 900.0, 2.0)]
+)
+def test_weights_that_leave_no_vehicle_are_refused(
+    tmp_path: Path, kind: str, mass_kg: float, x_m: float
+) -> None:
     load(tmp_path, row(at_s=1, unit="ballast", kind=kind, mass_kg=mass_kg, x_m=x_m))
-    asked, vehicle = scenario.load(str(tmp_path / "faults.toml")), config.load("field")
-    with pytest.raises(ScenarioError, match=f"ballast {kind} {mass_kg:g}: expected less, of a vehicle of"):
+    asked, vehicle = scenario.load(str(tmp_path / "faults.toml")), config.load("caribou_truth")
+    with pytest.raises(
+        ScenarioError, match=f"ballast {kind} {mass_kg:g}: expected less, of a vehicle of"
+    ):
         plant.build(vehicle, asked)
 
 
 def test_faults_begin_and_end_in_the_tick_of_their_time() -> None:
-    model = calibrate.build(config.load("field"))
-    line = timeline.schedule([make("gyro", "off", 40_000, 80_000, {}), make("gps", "off", 80_000, None, {})])
+    model = build_model.build(config.load("caribou_truth"))
+    line = timeline.schedule(
+        [make("gyro", "off", 40_000, 80_000, {}), make("gps", "off", 80_000, None, {})]
+    )
     told = []
     for time_us in range(0, 200_000, 20_000):
         line = timeline.advance(line, model, time_us)
         told += [(time_us, change.text) for change in line.changes]
-    assert told == [(40_000, "Fault: gyro off"), (80_000, "Fault over: gyro off"), (80_000, "Fault: gps off")]
+    assert told == [
+        (40_000, "Fault: gyro off"),
+        (80_000, "Fault over: gyro off"),
+        (80_000, "Fault: gps off"),
+    ]
     assert line.names == ("gps off",)
 
 
 def test_an_order_given_twice_is_meant_once_and_ok_clears() -> None:
-    model = calibrate.build(config.load("field"))
-    off, ok = orders.judge(4, 1, nan, nan), orders.judge(4, 0, 0, nan)
-    line = orders.obey(orders.obey(timeline.schedule([]), off, 0), off, 0)
+    model = build_model.build(config.load("caribou_truth"))
+    off, ok = (
+        failure_injection.parse_order(4, 1, nan, nan),
+        failure_injection.parse_order(4, 0, 0, nan),
+    )
+    line = failure_injection.apply_order(
+        failure_injection.apply_order(timeline.schedule([]), off, 0), off, 0
+    )
     line = timeline.advance(line, model, 20_000)
     assert line.names == ("gps off",)
-    line = timeline.advance(orders.obey(line, ok, 20_000), model, 40_000)
+    line = timeline.advance(failure_injection.apply_order(line, ok, 20_000), model, 40_000)
     assert (line.names, [change.text for change in line.changes]) == ((), ["Fault over: gps off"])
-    line = timeline.advance(orders.obey(line, off, 40_000), model, 60_000)
+    line = timeline.advance(failure_injection.apply_order(line, off, 40_000), model, 60_000)
     assert line.names == ("gps off",)
 
 
@@ -115,7 +159,7 @@ def test_an_order_given_twice_is_meant_once_and_ok_clears() -> None:
 def test_orders_are_judged_by_mavlinks_numbers(
     parameters: tuple[float, float, float, float], result: int, units: tuple[str, ...], kind: str
 ) -> None:
-    verdict = orders.judge(*parameters)
+    verdict = failure_injection.parse_order(*parameters)
     assert verdict.result == result
     assert bool(verdict.text) == (result != 0)
     if result == 0:
@@ -123,14 +167,22 @@ def test_orders_are_judged_by_mavlinks_numbers(
 
 
 def test_param4_sizes_a_fault_and_zero_is_not_given() -> None:
-    (slow,) = orders.obey(timeline.schedule([]), orders.judge(102, 5, 1, 4.0), 0).waiting
+    (slow,) = failure_injection.apply_order(
+        timeline.schedule([]), failure_injection.parse_order(102, 5, 1, 4.0), 0
+    ).waiting
     assert slow.sizes == (radians(4.0),)
-    (usual,) = orders.obey(timeline.schedule([]), orders.judge(102, 5, 1, 0.0), 0).waiting
+    (usual,) = failure_injection.apply_order(
+        timeline.schedule([]), failure_injection.parse_order(102, 5, 1, 0.0), 0
+    ).waiting
     assert usual.sizes == (radians(2.0),)
-    (stuck,) = orders.obey(timeline.schedule([]), orders.judge(102, 2, 1, nan), 0).waiting
+    (stuck,) = failure_injection.apply_order(
+        timeline.schedule([]), failure_injection.parse_order(102, 2, 1, nan), 0
+    ).waiting
     assert isnan(stuck.sizes[0])
 
 
 def test_a_link_ordered_silent_speaks_again_by_itself() -> None:
-    (silent,) = orders.obey(timeline.schedule([]), orders.judge(105, 1, 0, 4.0), 1_000_000).waiting
+    (silent,) = failure_injection.apply_order(
+        timeline.schedule([]), failure_injection.parse_order(105, 1, 0, 4.0), 1_000_000
+    ).waiting
     assert (silent.from_us, silent.until_us) == (1_000_000, 5_000_000)

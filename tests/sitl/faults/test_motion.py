@@ -1,4 +1,5 @@
-"""What broken drives and shifted weights do to the duct, the shaft and the vehicle, under controls that are known."""
+"""What broken drives and shifted weights do to the duct, the shaft and the vehicle, under controls
+that are known."""
 
 from math import atan2, degrees, pi, radians, sin
 
@@ -6,32 +7,36 @@ import msgspec
 import numpy as np
 import pytest
 
-from link.frames import euler_from_quaternion
-from link.records import ActuatorFrame
-from sitl import pace, plant, scenario
+from mavlink_io.frames import euler_from_quaternion
+from mavlink_io.records import ActuatorFrame
+from sitl import scenario
+from sitl.core import plant, timestep
+from sitl.core.truth import Truth
 from sitl.faults import body
-from sitl.truth import Truth
-from sitl.vehicle import calibrate, config
+from sitl.vehicle import build_model, config
 
 FROM_S = 5.0
 
 
 def control(tick: int) -> ActuatorFrame:
-    """A slow weave of half the travel about both axes, and a thrust that changes after ten seconds."""
-    turn = 0.5 * sin(2 * pi * 0.1 * tick * pace.TICK_S)
+    """A slow weave of half the travel about both axes, and a thrust that changes after ten
+    seconds."""
+    turn = 0.5 * sin(2 * pi * 0.1 * tick * timestep.TICK_S)
     return ActuatorFrame(0, 1, (turn, -turn, 0.58 if tick < 500 else 0.3, *(0.0,) * 13), 129)
 
 
-def run(vehicle: str = "bench", seconds: float = 15.0, idle: bool = False, **fault: object) -> list[Truth]:
+def run(
+    vehicle: str = "caribou_nominal", seconds: float = 15.0, idle: bool = False, **fault: object
+) -> list[Truth]:
     """The truth of every tick with one fault from ``FROM_S`` on, or none."""
     calm = scenario.load("calm")
     start = msgspec.structs.replace(calm.start, depth_m=6.0)
     rows = ({"at_s": FROM_S, **fault},) if fault else ()
     sea = plant.build(config.load(vehicle), msgspec.structs.replace(calm, start=start, fault=rows))
     rng = plant.random_streams(2)
-    state, _ = plant.launch(sea, rng)
+    state, _ = plant.initial_state(sea, rng)
     truths = []
-    for tick in range(round(seconds / pace.TICK_S)):
+    for tick in range(round(seconds / timestep.TICK_S)):
         asked = ActuatorFrame(0, 1, (0.0,) * 16, 129) if idle else control(tick)
         state, _ = plant.step(sea, state, asked, rng)
         truths.append(state.truth)
@@ -39,7 +44,9 @@ def run(vehicle: str = "bench", seconds: float = 15.0, idle: bool = False, **fau
 
 
 def angles_deg(truths: list[Truth], unit: str) -> np.ndarray:
-    return np.degrees([getattr(truth, f"{unit}_rad") for truth in truths if truth.time_us >= FROM_S * 1e6])
+    return np.degrees(
+        [getattr(truth, f"{unit}_rad") for truth in truths if truth.time_us >= FROM_S * 1e6]
+    )
 
 
 @pytest.mark.parametrize("unit", ["rudder", "elevator"])
@@ -57,7 +64,7 @@ def test_axes_fail_in_their_ways(unit: str) -> None:
     assert broken("off")[-1] == pytest.approx(0.0, abs=0.1)
     assert broken("biased", angle_deg=2.5) - sound == pytest.approx(np.full(sound.size, 2.5))
     slow = broken("slow", rate_degps=1.0)
-    assert np.abs(np.diff(slow)).max() == pytest.approx(1.0 * pace.TICK_S, rel=1e-6)
+    assert np.abs(np.diff(slow)).max() == pytest.approx(1.0 * timestep.TICK_S, rel=1e-6)
     noise = broken("noisy", rms_deg=0.5) - sound
     assert noise.std() == pytest.approx(0.5, rel=0.1)
     assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 0.15
@@ -78,23 +85,28 @@ def test_the_propeller_stops_keeps_its_speed_or_pushes_less() -> None:
 
 
 def test_a_point_mass_has_the_kinetic_energy_of_a_point_mass() -> None:
-    model = calibrate.build(config.load("field"))
+    model = build_model.build(config.load("caribou_truth"))
     r, m = np.array([0.4, -0.1, 0.07]), 3.0
-    laden = body.laden(model, m, (0.4, -0.1, 0.07))
+    laden = body.add_mass(model, m, (0.4, -0.1, 0.07))
     for nu in np.random.default_rng(1).standard_normal((5, 6)):
         v = nu[:3] + np.cross(nu[3:], r)
         gained = 0.5 * nu @ (laden.inertia.M - model.inertia.M) @ nu
         assert gained == pytest.approx(0.5 * m * v @ v, rel=1e-9)
-    assert laden.hydrostatics.weight_n - model.hydrostatics.weight_n == pytest.approx(m * 9.81, rel=1e-3)
+    assert laden.hydrostatics.weight_n - model.hydrostatics.weight_n == pytest.approx(
+        m * 9.81, rel=1e-3
+    )
     assert laden.inertia.M_inverse @ laden.inertia.M == pytest.approx(np.eye(6), abs=1e-9)
 
 
 def test_a_shifted_weight_heels_her_as_an_inclining_test_says() -> None:
-    """tan(heel) = m d / (M (z_CB - z_CM)): moments of weight and buoyancy about the axis, a weight moved sideways."""
-    model = calibrate.build(config.load("field"))
+    """tan(heel) = m d / (M (z_CB - z_CM)): moments of weight and buoyancy about the axis, a weight
+    moved sideways."""
+    model = build_model.build(config.load("caribou_truth"))
     h, m, d = model.hydrostatics, 4.0, 0.1
     mass_kg = model.inertia.mass_kg
-    final = run("field", seconds=120.0, idle=True, unit="ballast", kind="shifted", mass_kg=m, y_m=d)[-1]
+    final = run(
+        "caribou_truth", seconds=120.0, idle=True, unit="ballast", kind="shifted", mass_kg=m, y_m=d
+    )[-1]
     roll_rad, _, _ = euler_from_quaternion(*final.attitude_q)
     first_y = mass_kg * h.y_cm_m + m * d
     first_z = (h.buoyancy_n * h.z_cb_m - h.weight_n * h.z_cm_m) / h.gravity_mps2

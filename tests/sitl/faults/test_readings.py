@@ -6,19 +6,40 @@ from typing import Any
 import numpy as np
 import pytest
 
-from link.records import SENSORS_ALL, Altimeter, Battery, DuctFeedback, Dvl, GpsFix, SensorFrame
+from mavlink_io.records import (
+    SENSORS_ALL,
+    Altimeter,
+    Battery,
+    DuctFeedback,
+    Dvl,
+    GpsFix,
+    SensorFrame,
+)
+from sitl.core.sensors import Sensors
 from sitl.faults import readings
 from sitl.faults.catalogue import CATALOGUE, make
 from sitl.faults.timeline import Running
-from sitl.sensors import Sensors
 
 TICK_US, TICK_S = 20_000, 0.02
 FRESH = {"accelerometer": 0x07, "gyro": 0x38, "magnetometer": 0x1C0, "pressure": 0x1A00}
 FIELD = {
-    "gyro": "gyro_y_radps", "accelerometer": "accel_z_mps2", "magnetometer": "mag_x_gauss", "pressure": "pressure_hpa",
-    "gps": "lat_deg", "dvl": "velocity_z_mps", "altimeter": "range_m", "battery": "voltage_v", "encoder": "elevator",
-}  # fmt: skip
-RECORD = {"gps": "gps", "dvl": "dvl", "altimeter": "altimeter", "battery": "battery", "encoder": "duct"}
+    "gyro": "gyro_y_radps",
+    "accelerometer": "accel_z_mps2",
+    "magnetometer": "mag_x_gauss",
+    "pressure": "pressure_hpa",
+    "gps": "lat_deg",
+    "dvl": "velocity_z_mps",
+    "altimeter": "range_m",
+    "battery": "voltage_v",
+    "encoder": "elevator",
+}
+RECORD = {
+    "gps": "gps",
+    "dvl": "dvl",
+    "altimeter": "altimeter",
+    "battery": "battery",
+    "encoder": "duct",
+}
 INSTRUMENTS = sorted(FIELD)
 
 
@@ -47,7 +68,7 @@ def listen(unit: str, kind: str, ticks: int = 500, **sizes: float) -> list[float
     running: tuple[Running, ...] = (Running(make(unit, kind, 0, None, sizes)),)
     chance, told = np.random.default_rng(3), []
     for tick in range(ticks):
-        sensors, running = readings.suffer(spoken(tick), running, tick * TICK_US, TICK_S, chance)
+        sensors, running = readings.apply(spoken(tick), running, tick * TICK_US, TICK_S, chance)
         told.append(heard(unit, sensors))
     return told
 
@@ -105,7 +126,9 @@ def test_delayed_tells_what_was(unit: str) -> None:
 
 @pytest.mark.parametrize("unit", INSTRUMENTS)
 def test_intermittent_is_silent_for_its_share_and_a_second_at_once(unit: str) -> None:
-    told = np.array([value is None for value in listen(unit, "intermittent", ticks=60_000, share=0.3)])
+    told = np.array(
+        [value is None for value in listen(unit, "intermittent", ticks=60_000, share=0.3)]
+    )
     outages = sum(not before and after for before, after in pairwise(told.tolist()))
     assert told.mean() == pytest.approx(0.3, abs=0.05)
     assert told.sum() * TICK_S / outages == pytest.approx(1.0, rel=0.2)
@@ -114,6 +137,6 @@ def test_intermittent_is_silent_for_its_share_and_a_second_at_once(unit: str) ->
 @pytest.mark.parametrize("unit", sorted(FRESH))
 def test_one_group_of_the_sample_fails_alone(unit: str) -> None:
     running: tuple[Running, ...] = (Running(make(unit, "off", 0, None, {})),)
-    sensors, _ = readings.suffer(spoken(7), running, 0, TICK_S, np.random.default_rng(1))
+    sensors, _ = readings.apply(spoken(7), running, 0, TICK_S, np.random.default_rng(1))
     assert [name for name in FRESH if heard(name, sensors) is None] == [unit]
     assert sensors.gps == spoken(7).gps

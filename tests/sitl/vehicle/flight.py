@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sitl.vehicle import calibrate, config, dynamics
-from sitl.vehicle.kernel import Vector
-from sitl.vehicle.model import Model
+from sitl.vehicle import build_model, config, dynamics
+from sitl.vehicle.jit import Vector
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import STILL, Water
 
 DEEP_M = -200.0
-SHIPPED = ("bench", "field")
+SHIPPED = ("caribou_nominal", "caribou_truth")
 
 
-def model(name: str) -> Model:
+def model(name: str) -> VehicleModel:
     """A shipped vehicle."""
-    return calibrate.build(config.load(name))
+    return build_model.build(config.load(name))
 
 
 def cruising(u_mps: float = 1.3) -> Vector:
@@ -34,7 +34,7 @@ def tumbling(z_up_m: float = -1000.0) -> Vector:
     return state
 
 
-def without_fluid_forces(model: Model) -> Model:
+def without_fluid_forces(model: VehicleModel) -> VehicleModel:
     """Added mass, weight and buoyancy only: no drag, no lift, no thrust, no pull of walls."""
     return model._replace(
         hull=model.hull._replace(**dict.fromkeys(model.hull._fields, 0.0)),
@@ -45,12 +45,12 @@ def without_fluid_forces(model: Model) -> Model:
     )
 
 
-def without_weight(model: Model) -> Model:
+def without_weight(model: VehicleModel) -> VehicleModel:
     """Neither weight nor buoyancy."""
     return model._replace(hydrostatics=model.hydrostatics._replace(weight_n=0.0, buoyancy_n=0.0))
 
 
-def balanced(model: Model) -> Model:
+def balanced(model: VehicleModel) -> VehicleModel:
     """Neither weight nor buoyancy, centre of mass on the axis: yaw and pitch do not stir roll."""
     M = np.diag(np.diag(model.inertia.M))
     inertia = model.inertia._replace(M=M, M_inverse=np.linalg.inv(M))
@@ -58,7 +58,7 @@ def balanced(model: Model) -> Model:
 
 
 def rate(
-    model: Model,
+    model: VehicleModel,
     state: Vector,
     rudder_rad: float = 0.0,
     elevator_rad: float = 0.0,
@@ -77,11 +77,13 @@ def rate(
 def _record(state, rudder_rad, elevator_rad, shaft_rps, disturbance, water, dt, model, work, track):
     for i in range(len(track)):
         track[i] = state
-        dynamics.rk4_step(state, rudder_rad, elevator_rad, shaft_rps, disturbance, water, dt, model, work)
+        dynamics.rk4_step(
+            state, rudder_rad, elevator_rad, shaft_rps, disturbance, water, dt, model, work
+        )
 
 
 def fly(
-    model: Model,
+    model: VehicleModel,
     state: Vector,
     seconds: float,
     rudder_rad: float = 0.0,
@@ -96,7 +98,9 @@ def fly(
     push = np.zeros(6) if disturbance is None else disturbance
     shaft_rps = thrust_fraction * model.propeller.full_rps
     work = dynamics.work_array()
-    _record(state.copy(), rudder_rad, elevator_rad, shaft_rps, push, water, dt_s, model, work, track)
+    _record(
+        state.copy(), rudder_rad, elevator_rad, shaft_rps, push, water, dt_s, model, work, track
+    )
     return track
 
 

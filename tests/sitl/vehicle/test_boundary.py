@@ -7,27 +7,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sitl.vehicle import boundary, config, walls
-from sitl.vehicle.kernel import Vector
-from sitl.vehicle.model import Model
+from sitl.vehicle import boundary, config, wall_effects
+from sitl.vehicle.jit import Vector
+from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import Water
 from tests.reference import energy
 from tests.sitl.vehicle import flight
 
-FIELD = flight.model("field")
+FIELD = flight.model("caribou_truth")
 H = FIELD.hydrostatics
 RHO = 1025.0
-HULL = config.load("field").hull
+HULL = config.load("caribou_truth").hull
 FLOOR_M = -50.0
 SLOPE = np.array([-math.sin(0.2), 0.0, math.cos(0.2)])
 
 
-def frictionless(model: Model) -> Model:
+def frictionless(model: VehicleModel) -> VehicleModel:
     """Neither drag nor lift, but with walls that draw."""
     return flight.without_fluid_forces(model)._replace(walls=model.walls)
 
 
-def pulled(state: Vector, water: Water, model: Model = FIELD) -> Vector:
+def pulled(state: Vector, water: Water, model: VehicleModel = FIELD) -> Vector:
     """Wrench of the walls' pull alone: with walls, less without."""
     blind = model._replace(walls=model.walls._replace(far_m=0.0))
     difference = flight.rate(model, state, water=water) - flight.rate(blind, state, water=water)
@@ -36,12 +36,13 @@ def pulled(state: Vector, water: Water, model: Model = FIELD) -> Vector:
 
 @pytest.mark.parametrize("distance_m", [0.4, 1.0, 2.0])
 def test_the_pull_is_the_suction_on_the_wall_itself(distance_m: float) -> None:
-    """Bernoulli on the wall: what the wall feels is 1/2 rho v^2 over all of it, v the flow of hull and mirror image.
+    """Bernoulli on the wall: what the wall feels is 1/2 rho v^2 over all of it, v the flow of hull
+    and mirror image.
 
     The part of the pressure linear in v is that of sources in pairs and sums to nothing.
     """
-    x, dx = walls.geometry.quadrature(HULL, walls.NODES)
-    source = -walls._section_growth(HULL, x) * dx / (4 * math.pi)
+    x, dx = wall_effects.geometry.quadrature(HULL, wall_effects.NODES)
+    source = -wall_effects._section_growth(HULL, x) * dx / (4 * math.pi)
     nodes, weights = np.polynomial.legendre.leggauss(160)
     stretch, size = 2.0 * np.tan(nodes * 1.5), 2.0 * 1.5 / np.cos(nodes * 1.5) ** 2 * weights
     along, across = np.meshgrid(stretch, stretch, indexing="ij")
@@ -50,17 +51,17 @@ def test_the_pull_is_the_suction_on_the_wall_itself(distance_m: float) -> None:
     cubed = (apart**2 + (across**2 + distance_m**2)[..., None]) ** 1.5
     v_x, v_y = 2 * (source * apart / cubed).sum(-1), 2 * across * (source / cubed).sum(-1)
     suction = RHO / 2 * float(((v_x**2 + v_y**2) * area).sum())
-    assert walls.pull(HULL, RHO, distance_m)[0] == pytest.approx(suction, rel=0.01)
+    assert wall_effects.pull(HULL, RHO, distance_m)[0] == pytest.approx(suction, rel=0.01)
 
 
 def test_the_table_is_the_integral_less_what_is_left_a_length_off() -> None:
-    rest = walls.pull(HULL, RHO, FIELD.walls.far_m)
+    rest = wall_effects.pull(HULL, RHO, FIELD.walls.far_m)
     assert rest[0] < 0.003 * FIELD.walls.pull_kgpm[-1]
     for distance_m in (0.3, 0.5, 1.0, 2.0):
         state = flight.cruising()
         state[2] = -50.0
         force = -pulled(state, Water(floor_m=-50.0 - distance_m))
-        exact = np.array(walls.pull(HULL, RHO, distance_m)) - rest
+        exact = np.array(wall_effects.pull(HULL, RHO, distance_m)) - rest
         assert force[2] / 1.3**2 == pytest.approx(exact[0], rel=0.01)
         assert force[4] / 1.3**2 == pytest.approx(-exact[1], rel=0.02, abs=1e-3)
 
@@ -89,9 +90,12 @@ def test_a_hull_that_rests_or_drifts_with_the_water_is_not_drawn() -> None:
 
 
 @given(
-    st.tuples(*[st.floats(-1.0, 1.0)] * 6), st.floats(0.3, 3.0), st.floats(-0.6, 0.6), st.floats(-3.0, 3.0),
+    st.tuples(*[st.floats(-1.0, 1.0)] * 6),
+    st.floats(0.3, 3.0),
+    st.floats(-0.6, 0.6),
+    st.floats(-3.0, 3.0),
     st.sampled_from(["floor", "slope", "ice"]),
-)  # fmt: skip
+)
 def test_what_draws_her_gives_no_power(
     nu: tuple[float, ...], distance_m: float, pitch: float, roll: float, wall: str
 ) -> None:
@@ -102,15 +106,22 @@ def test_what_draws_her_gives_no_power(
     state[7:13] = nu
     normal = tuple(SLOPE.tolist()) if wall == "slope" else (0.0, 0.0, 1.0)
     ice = wall == "ice"
-    water = Water(ceiling_m=-50.0 + distance_m) if ice else Water(floor_m=-50.0 - distance_m, floor_normal=normal)
+    water = (
+        Water(ceiling_m=-50.0 + distance_m)
+        if ice
+        else Water(floor_m=-50.0 - distance_m, floor_normal=normal)
+    )
     force = pulled(state, water)
     assert force @ state[7:13] == pytest.approx(0.0, abs=1e-9 * (1.0 + np.abs(force).max()))
 
 
-def spring_j(model: Model, track: Vector, floor_m: float, normal: Vector) -> Vector:
+def spring_j(model: VehicleModel, track: Vector, floor_m: float, normal: Vector) -> Vector:
     """Energy in the contact springs: both ends, rounded with the hull's radius."""
     h = model.hydrostatics
-    arm, stiffness = h.half_length_m - h.radius_m, 0.5 * h.weight_n / h.gravity_mps2 * boundary.CONTACT_STIFFNESS_PER_S2
+    arm, stiffness = (
+        h.half_length_m - h.radius_m,
+        0.5 * h.weight_n / h.gravity_mps2 * boundary.CONTACT_STIFFNESS_PER_S2,
+    )
     stored = np.zeros(len(track))
     for i, state in enumerate(track):
         forward = flight.rotation(state)[:, 0]
@@ -120,8 +131,9 @@ def spring_j(model: Model, track: Vector, floor_m: float, normal: Vector) -> Vec
     return stored
 
 
-def thrown(normal: Vector) -> tuple[Model, Vector]:
-    """A hull without drag that drifts down onto a floor; as in the plant, what is under her is told anew every tick."""
+def thrown(normal: Vector) -> tuple[VehicleModel, Vector]:
+    """A hull without drag that drifts down onto a floor; as in the plant, what is under her is told
+    anew every tick."""
     model, state = frictionless(FIELD), flight.cruising()
     heavy = model.hydrostatics._replace(weight_n=1.01 * model.hydrostatics.buoyancy_n)
     model = model._replace(hydrostatics=heavy)
@@ -131,7 +143,9 @@ def thrown(normal: Vector) -> tuple[Model, Vector]:
     tracks = []
     for _ in range(round(30.0 / 0.02)):
         under = FLOOR_M - float(state[:2] @ normal[:2]) / normal[2]
-        flown = flight.fly(model, state, 0.02, water=Water(floor_m=under, floor_normal=tuple(normal.tolist())))
+        flown = flight.fly(
+            model, state, 0.02, water=Water(floor_m=under, floor_normal=tuple(normal.tolist()))
+        )
         state = flown[-1]
         tracks.append(flown[:-1])
     return model, np.concatenate(tracks)
@@ -149,7 +163,9 @@ def test_a_hull_thrown_on_the_floor_bounces_slides_and_loses_energy(normal: Vect
 
 
 def test_ice_holds_a_buoyant_vehicle_down_flat_against_it() -> None:
-    track = flight.fly(FIELD, flight.dynamics.state_at_rest(-3.0), 120.0, water=Water(ceiling_m=-0.5))
+    track = flight.fly(
+        FIELD, flight.dynamics.state_at_rest(-3.0), 120.0, water=Water(ceiling_m=-0.5)
+    )
     assert track[-1, 2] == pytest.approx(-0.5 - H.radius_m, abs=0.005)
     assert track[:, 2].max() < -0.5 - H.radius_m + 0.02
     np.testing.assert_allclose(track[-1, 7:], 0.0, atol=1e-3)

@@ -1,4 +1,5 @@
-"""A vehicle that cannot be is refused in one line; of one that can be, the report agrees with known vehicles."""
+"""A vehicle that cannot be is refused in one line; of one that can be, the report agrees with known
+vehicles."""
 
 import json
 import subprocess
@@ -8,7 +9,7 @@ from math import pi, sqrt
 import pytest
 
 from sitl.vehicle import check, config
-from tests.sitl.vehicle.test_complete import FINNED
+from tests.sitl.vehicle.test_fill_missing import FINNED
 
 WHOLE = FINNED + "[ballast]\nx_cm_m = 0.0\n[linear]\nz_CM_m = -0.01\n"
 
@@ -16,7 +17,7 @@ WHOLE = FINNED + "[ballast]\nx_cm_m = 0.0\n[linear]\nz_CM_m = -0.01\n"
 def refused(text, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(text)
-    with pytest.raises(config.VehicleError) as refusal:
+    with pytest.raises(config.VehicleFileError) as refusal:
         check.check(file)
     assert "\n" not in str(refusal.value)
     return str(refusal.value)
@@ -32,8 +33,16 @@ def refused(text, tmp_path):
         ("x_cm_m = 0.0", "x_cm_m = 1.2", "mass matrix has an eigenvalue -"),
         ("diameter_m = 0.2", "diameter_m = 2.5", "expected more than its two caps together"),
         ('layout = "cruciform"', 'layout = "y"', "fins.layout = 'y': expected cruciform or x"),
-        ("root_chord_m = 0.10", "root_chord_m = 0.10\nx_m = -1.5", "fins.x_m = -1.5: expected on the hull"),
-        ('shape = "cylinder"', 'shape = "cube"', "hull.shape = 'cube': expected series58, myring, cylinder, profile"),
+        (
+            "root_chord_m = 0.10",
+            "root_chord_m = 0.10\nx_m = -1.5",
+            "fins.x_m = -1.5: expected on the hull",
+        ),
+        (
+            'shape = "cylinder"',
+            'shape = "cube"',
+            "hull.shape = 'cube': expected series58, myring, cylinder, profile",
+        ),
         ("[fins]", "[wings]", "wings = {"),
         ("span_m = 0.12", "", "fins: missing key span_m"),
     ],
@@ -51,7 +60,10 @@ def test_a_vehicle_needs_something_to_steer_by(tmp_path):
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        ("[[0.0, 0.0], [0.5, 0.1], [0.5, 0.1], [1.0, 0.0]]", "hull.points_m: expected finite distances"),
+        (
+            "[[0.0, 0.0], [0.5, 0.1], [0.5, 0.1], [1.0, 0.0]]",
+            "hull.points_m: expected finite distances",
+        ),
         ("[[0.0, 0.0], [0.5, 0.6], [1.0, 0.0]]", "expected longer than wide"),
         ("[[0.0, 0.0], [1.0, 0.0]]", "hull.points_m = "),
     ],
@@ -69,34 +81,46 @@ def test_a_profile_may_lie_in_a_table_of_its_own(tmp_path):
     file.write_text(FINNED.replace('shape = "cylinder"\nlength_m = 2.0\ndiameter_m = 0.2\n', inner))
     assert check.check(file).length_m == pytest.approx(2.0)
     (tmp_path / "hull.csv").write_text("x_m,radius_m\n0.0;0.0\n")
-    with pytest.raises(config.VehicleError, match=r"hull\.file = 'hull\.csv'.*expected a CSV file"):
+    with pytest.raises(
+        config.VehicleFileError, match=r"hull\.file = 'hull\.csv'.*expected a CSV file"
+    ):
         check.check(file)
 
 
 def test_the_field_vehicle_is_effective_and_says_so():
-    assert any("effective" in text for text in check.check("field").warnings)
-    assert check.check("bench").warnings == []
+    assert any("effective" in text for text in check.check("caribou_truth").warnings)
+    assert check.check("caribou_nominal").warnings == []
 
 
 def test_periods_and_speeds_of_bench():
-    found = check.check("bench")
+    found = check.check("caribou_nominal")
     stiffness = 640.0 * 9.80665 * 0.021
-    assert found.pitch_period_s == pytest.approx(2 * pi * sqrt((469.0 + 458.0) / stiffness), rel=1e-9)
-    assert found.full_speed_mps == pytest.approx(1.3 / 0.58, rel=0.01)  # drag and thrust both grow with speed squared
+    assert found.pitch_period_s == pytest.approx(
+        2 * pi * sqrt((469.0 + 458.0) / stiffness), rel=1e-9
+    )
+    assert found.full_speed_mps == pytest.approx(
+        1.3 / 0.58, rel=0.01
+    )  # drag and thrust both grow with speed squared
     yaw = (-449 * -525 - (266 - 640 * 1.3) * -239) / (-449 * -525)
     assert found.yaw.straight_line_index == pytest.approx(yaw, rel=1e-6)
-    assert found.yaw.moment_tail_nm - found.yaw.moment_hull_nm == pytest.approx(-239 * 1.3, rel=1e-6)
+    assert found.yaw.moment_tail_nm - found.yaw.moment_hull_nm == pytest.approx(
+        -239 * 1.3, rel=1e-6
+    )
 
 
 def test_level_flight_balances_and_stays_level():
     """Against identification's own solver of the same equations."""
-    from sitl.vehicle import calibrate
-    from sysid import fit
+    from sitl.vehicle import build_model
+    from sysid.estimation.map import fit
 
-    vehicle = config.load("xfin")
-    model, found = calibrate.build(vehicle), check.check("xfin")
-    assert found.level_pitch_deg == pytest.approx(fit.level_pitch_rad(vehicle, model) * 180 / pi, rel=1e-6)
-    assert found.level_elevator_deg == pytest.approx(fit.level_elevator_rad(vehicle, model) * 180 / pi, rel=1e-6)
+    vehicle = config.load("xfin_auv")
+    model, found = build_model.build(vehicle), check.check("xfin_auv")
+    assert found.level_pitch_deg == pytest.approx(
+        fit.level_pitch_rad(vehicle, model) * 180 / pi, rel=1e-6
+    )
+    assert found.level_elevator_deg == pytest.approx(
+        fit.level_elevator_rad(vehicle, model) * 180 / pi, rel=1e-6
+    )
 
 
 def test_a_vehicle_that_cannot_fly_level_is_refused(tmp_path):
@@ -106,13 +130,28 @@ def test_a_vehicle_that_cannot_fly_level_is_refused(tmp_path):
 
 def run(*arguments):
     return subprocess.run(
-        [sys.executable, "-m", "sitl.vehicle", *arguments], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "sitl.vehicle", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
 def test_the_command_line_writes_once_and_checks(tmp_path):
     out = str(tmp_path / "mine.toml")
-    options = ["new", "--hull", "myring", "--tail", "x", "--length-m", "2.0", "--diameter-m", "0.25", "--out", out]
+    options = [
+        "new",
+        "--hull",
+        "myring",
+        "--tail",
+        "x",
+        "--length-m",
+        "2.0",
+        "--diameter-m",
+        "0.25",
+        "--out",
+        out,
+    ]
     assert run(*options).returncode == 0
     assert run("check", out).stdout.startswith("mine: 2.000 m, ")
     assert json.loads(run("check", out, "--json").stdout)["yaw"]["states"] == ["v", "r", "psi"]

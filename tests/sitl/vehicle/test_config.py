@@ -1,14 +1,15 @@
-"""A vehicle file is taken whole or refused in one line that names file, key, value and what would be right."""
+"""A vehicle file is taken whole or refused in one line that names file, key, value and what would
+be right."""
 
 import re
 from pathlib import Path
 
 import pytest
 
-from sitl.vehicle import calibrate, config
+from sitl.vehicle import build_model, config
 from tests.sitl.vehicle import flight
 
-BENCH = (Path(config.__file__).parent / "bench.toml").read_text()
+BENCH = (Path(config.__file__).parent / "caribou_nominal.toml").read_text()
 
 
 def altered(key: str, value: str) -> str:
@@ -25,14 +26,14 @@ def test_shipped_vehicles_load_by_name(name):
 
 
 def test_only_the_field_vehicle_carries_the_rudder_bias():
-    assert config.load("bench").tailcone.rudder_bias_deg == 0.0
-    assert config.load("field").tailcone.rudder_bias_deg == -6.0
+    assert config.load("caribou_nominal").tailcone.rudder_bias_deg == 0.0
+    assert config.load("caribou_truth").tailcone.rudder_bias_deg == -6.0
 
 
 def test_any_other_name_is_a_path(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(BENCH)
-    assert config.load(file) == config.load("bench")
+    assert config.load(file) == config.load("caribou_nominal")
 
 
 @pytest.mark.parametrize(
@@ -45,66 +46,95 @@ def test_any_other_name_is_a_path(tmp_path):
         ("mass_kg", "nan", r"ballast\.mass_kg = nan: expected a finite number"),
         ("Y_v_kgps", "inf", r"linear\.Y_v_kgps = inf: expected a finite number"),
         ("prismatic", "", r"hull: missing key prismatic"),
-        ("separated_deg", "15.0", r"duct\.separated_deg = 15\.0: expected more than duct\.stall_deg = 20\.0"),
+        (
+            "separated_deg",
+            "15.0",
+            r"duct\.separated_deg = 15\.0: expected more than duct\.stall_deg = 20\.0",
+        ),
         (
             "max_section",
             "0.4\nmax_sektion = 0.4",
             r"hull\.max_sektion = 0\.4: unknown key; known here: base_length_m, ",
         ),
-        ("name", '"bench"\ncolour = "red"', r"colour = 'red': unknown key; known here: name, water, "),
-        ("net_buoyancy_n", "-7000.0", r"ballast\.net_buoyancy_n = -7000\.0: expected more than minus the weight"),
+        (
+            "name",
+            '"caribou_nominal"\ncolour = "red"',
+            r"colour = 'red': unknown key; known here: name, water, ",
+        ),
+        (
+            "net_buoyancy_n",
+            "-7000.0",
+            r"ballast\.net_buoyancy_n = -7000\.0: expected more than minus the weight",
+        ),
     ],
 )
 def test_a_bad_value_is_refused_by_name(key, value, message):
-    with pytest.raises(config.VehicleError, match=rf"^mine\.toml: {message}") as refusal:
+    with pytest.raises(config.VehicleFileError, match=rf"^mine\.toml: {message}") as refusal:
         config.parse(altered(key, value), "mine.toml")
     assert "\n" not in str(refusal.value)
 
 
 def test_a_propeller_must_fit_its_duct():
     text = BENCH.replace("diameter_m = 0.38 ", "diameter_m = 0.50 ")
-    with pytest.raises(config.VehicleError, match=r"propeller\.diameter_m = 0\.5: expected less than duct\.diameter_m"):
+    with pytest.raises(
+        config.VehicleFileError,
+        match=r"propeller\.diameter_m = 0\.5: expected less than duct\.diameter_m",
+    ):
         config.parse(text, "mine.toml")
 
 
 def test_a_table_in_place_of_a_number_is_refused_by_name():
-    with pytest.raises(config.VehicleError, match=r"^mine\.toml: water = 3: expected object, got int"):
+    with pytest.raises(
+        config.VehicleFileError, match=r"^mine\.toml: water = 3: expected object, got int"
+    ):
         config.parse(
-            re.sub(r"(?s)\[water\].*?\n\n", "", BENCH.replace('name = "bench"', 'name = "x"\nwater = 3')), "mine.toml"
+            re.sub(
+                r"(?s)\[water\].*?\n\n",
+                "",
+                BENCH.replace('name = "caribou_nominal"', 'name = "x"\nwater = 3'),
+            ),
+            "mine.toml",
         )
 
 
 def test_broken_toml_names_the_line():
-    with pytest.raises(config.VehicleError, match=r"^mine\.toml: not valid TOML: .*line 2"):
+    with pytest.raises(config.VehicleFileError, match=r"^mine\.toml: not valid TOML: .*line 2"):
         config.parse("name = 'x'\nwater =\n", "mine.toml")
 
 
 @pytest.mark.parametrize("name", ["no_such_vehicle", "no/such/file.toml", "."])
 def test_a_file_that_cannot_be_read_says_what_to_give(name):
-    with pytest.raises(config.VehicleError, match=r"cannot be read .* give .*bench.*, or a TOML file"):
+    with pytest.raises(
+        config.VehicleFileError, match=r"cannot be read .* give .*bench.*, or a TOML file"
+    ):
         config.load(name)
 
 
 def test_a_file_that_is_not_text_is_refused(tmp_path):
     file = tmp_path / "vehicle.toml"
     file.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(config.VehicleError, match="not UTF-8 text"):
+    with pytest.raises(config.VehicleFileError, match="not UTF-8 text"):
         config.load(file)
 
 
 def test_a_mass_matrix_that_is_not_positive_definite_is_refused():
-    with pytest.raises(config.VehicleError, match="mass matrix has an eigenvalue -"):
-        calibrate.build(config.parse(altered("z_CM_m", "-0.5"), "mine.toml"))
+    with pytest.raises(config.VehicleFileError, match="mass matrix has an eigenvalue -"):
+        build_model.build(config.parse(altered("z_CM_m", "-0.5"), "mine.toml"))
 
 
 def test_thrust_below_the_duct_drag_is_refused():
-    with pytest.raises(config.VehicleError, match=r"thrust_n = 0\.1: expected more than the duct's own drag"):
-        calibrate.build(config.parse(altered("thrust_n", "0.1"), "mine.toml"))
+    with pytest.raises(
+        config.VehicleFileError, match=r"thrust_n = 0\.1: expected more than the duct's own drag"
+    ):
+        build_model.build(config.parse(altered("thrust_n", "0.1"), "mine.toml"))
 
 
 def test_steps_are_lost_only_by_a_tailcone_that_steps():
     text = altered("lost_step_chance", "0.01")
-    with pytest.raises(config.VehicleError, match=r"tailcone\.lost_step_chance = 0\.01: expected tailcone\.step_deg"):
+    with pytest.raises(
+        config.VehicleFileError,
+        match=r"tailcone\.lost_step_chance = 0\.01: expected tailcone\.step_deg",
+    ):
         config.parse(text, "mine.toml")
     stepping = text.replace("step_deg = 0.0 ", "step_deg = 0.05 ")
     assert config.parse(stepping, "mine.toml").tailcone.lost_step_chance == 0.01

@@ -1,4 +1,5 @@
-"""The ring duct against the published slopes, the paper's own transformation matrices, and common sense past stall."""
+"""The ring duct against the published slopes, the paper's own transformation matrices, and common
+sense past stall."""
 
 from math import cos, pi, radians, sin
 
@@ -11,12 +12,18 @@ from sitl.vehicle import duct
 from tests.reference.cases.ring_wing import paper_force
 from tests.sitl.vehicle import flight
 
-DUCT = flight.model("bench").duct
+DUCT = flight.model("caribou_nominal").duct
 ANGLE = st.floats(-radians(15), radians(15))
 SPEED = st.floats(-3, 3)
 
 
-@given(st.floats(0.5, 3), st.floats(-0.1, 0.1), st.floats(0.01, 0.1), ANGLE, st.floats(-radians(15), -radians(1)))
+@given(
+    st.floats(0.5, 3),
+    st.floats(-0.1, 0.1),
+    st.floats(0.01, 0.1),
+    ANGLE,
+    st.floats(-radians(15), -radians(1)),
+)
 def test_attached_flow_is_the_papers(u, v, w, rudder, elevator):
     velocity = (u, v, w)
     axis = duct.ring_axis(rudder, elevator)

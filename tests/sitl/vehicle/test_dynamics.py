@@ -83,12 +83,23 @@ def test_a_mirrored_manoeuvre_gives_the_mirrored_track_to_the_bit(model):
     push = np.array([3.0, -5.0, 2.0, 4.0, -6.0, 7.0])
     inputs = {"elevator_rad": 0.1, "thrust_fraction": 0.8}
     track = flight.fly(
-        model, start, 60.0, rudder_rad=0.2, disturbance=push, water=drifting((0.3, -0.2, 0.05)), **inputs
+        model,
+        start,
+        60.0,
+        rudder_rad=0.2,
+        disturbance=push,
+        water=drifting((0.3, -0.2, 0.05)),
+        **inputs,
     )
     mirrored = flight.fly(
-        model, start * MIRROR, 60.0, rudder_rad=-0.2, disturbance=push * [1, -1, 1, -1, 1, -1],
-        water=drifting((0.3, 0.2, 0.05)), **inputs,
-    )  # fmt: skip
+        model,
+        start * MIRROR,
+        60.0,
+        rudder_rad=-0.2,
+        disturbance=push * [1, -1, 1, -1, 1, -1],
+        water=drifting((0.3, 0.2, 0.05)),
+        **inputs,
+    )
     assert np.array_equal(mirrored, track * MIRROR)
 
 
@@ -98,20 +109,23 @@ def test_an_undisturbed_straight_run_never_leaves_its_plane(model):
 
 
 def test_the_hull_knows_no_preferred_roll_angle():
-    """Quarter turn about x of velocity and duct gives the quarter-turned force, weight aside: yaw and pitch are one."""
-    model = flight.balanced(flight.model("bench"))
+    """Quarter turn about x of velocity and duct gives the quarter-turned force, weight aside: yaw
+    and pitch are one."""
+    model = flight.balanced(flight.model("caribou_nominal"))
     yawing, pitching = flight.cruising(), flight.cruising()
     yawing[[8, 12]] = 0.3, 0.2
     pitching[[9, 11]] = 0.3, -0.2
     in_yaw = flight.rate(model, yawing, rudder_rad=0.1, shaft_rps=3.7)[7:]
     in_pitch = flight.rate(model, pitching, elevator_rad=-0.1, shaft_rps=3.7)[7:]
-    assert in_pitch == pytest.approx([in_yaw[0], 0, in_yaw[1], 0, -in_yaw[5], 0], rel=1e-12, abs=1e-15)
+    assert in_pitch == pytest.approx(
+        [in_yaw[0], 0, in_yaw[1], 0, -in_yaw[5], 0], rel=1e-12, abs=1e-15
+    )
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 3))
 @settings(max_examples=20)
 def test_a_vehicle_drifting_with_the_current_sees_nothing(current):
-    model, start = flight.model("field"), flight.tumbling(-500.0)
+    model, start = flight.model("caribou_truth"), flight.tumbling(-500.0)
     inputs = {"rudder_rad": 0.1, "elevator_rad": -0.05, "thrust_fraction": 0.6}
     still = flight.fly(model, start, 20.0, **inputs)
     carried = start.copy()
@@ -127,10 +141,16 @@ STATE = st.tuples(
     st.tuples(*[st.floats(-1, 1)] * 4),
     st.tuples(*[st.floats(-4, 4)] * 3),
     st.tuples(*[st.floats(-2, 2)] * 3),
-)  # fmt: skip
+)
 
 
-@given(STATE, st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-1, 1), st.sampled_from(flight.SHIPPED))
+@given(
+    STATE,
+    st.floats(-0.3, 0.3),
+    st.floats(-0.3, 0.3),
+    st.floats(-1, 1),
+    st.sampled_from(flight.SHIPPED),
+)
 @settings(max_examples=60)
 def test_no_state_makes_it_blow_up(start, rudder, elevator, thrust, name):
     z, quaternion, velocity, rates = start
@@ -149,13 +169,17 @@ def test_at_rest_the_accelerometer_reads_gravity_upwards(model):
     state = flight.tumbling()
     state[7:13] = 0.0
     held = np.zeros(dynamics.STATE_SIZE)
-    assert dynamics.specific_force(state, held, model) == pytest.approx(9.80665 * flight.rotation(state)[2], rel=1e-12)
+    assert dynamics.specific_force(state, held, model) == pytest.approx(
+        9.80665 * flight.rotation(state)[2], rel=1e-12
+    )
 
 
 def test_the_accelerometer_reads_inertial_acceleration_less_gravity(model):
     """Against the second difference of position along a manoeuvre."""
     dt = 1e-3
-    track = flight.fly(model, flight.tumbling(-50.0), 1.0, rudder_rad=0.1, thrust_fraction=0.5, dt_s=dt)
+    track = flight.fly(
+        model, flight.tumbling(-50.0), 1.0, rudder_rad=0.1, thrust_fraction=0.5, dt_s=dt
+    )
     i = 500
     acceleration = (track[i + 1, 0:3] - 2 * track[i, 0:3] + track[i - 1, 0:3]) / dt**2
     expected = flight.rotation(track[i]).T @ (acceleration + np.array([0, 0, 9.80665]))

@@ -11,7 +11,7 @@ from sitl.vehicle import fins
 from tests.sitl.vehicle import flight
 
 CRUISE = (1.5, 0.0, 0.0, 0.0, 0.0, 0.0)
-MODELS = {name: flight.model(name).fins for name in ("remus100", "xfin")}
+MODELS = {name: flight.model(name).fins for name in ("remus100", "xfin_auv")}
 LAYOUT = st.sampled_from(sorted(MODELS))
 SMALL = st.floats(-0.2, 0.2)
 
@@ -34,7 +34,9 @@ def test_positive_rudder_pushes_the_tail_to_port_and_elevator_down(name):
 def test_the_mirror_image_meets_the_mirror_image(name, v, w, p, q, r, rudder, elevator):
     here = wrench(name, (1.5, v, w, p, q, r), rudder, elevator)
     there = wrench(name, (1.5, -v, w, -p, q, -r), -rudder, elevator)
-    assert there == pytest.approx(here * [1, -1, 1, -1, 1, -1], abs=1e-11 * (1 + np.abs(here).max()))
+    assert there == pytest.approx(
+        here * [1, -1, 1, -1, 1, -1], abs=1e-11 * (1 + np.abs(here).max())
+    )
 
 
 @given(LAYOUT, SMALL, SMALL)
@@ -52,9 +54,12 @@ def test_fins_brake_roll(name):
 
 def test_demands_of_both_planes_end_at_the_travel_of_a_fin():
     full = radians(15.0)
-    both, more = wrench("xfin", rudder=full, elevator=full), wrench("xfin", rudder=2 * full, elevator=2 * full)
+    both, more = (
+        wrench("xfin_auv", rudder=full, elevator=full),
+        wrench("xfin_auv", rudder=2 * full, elevator=2 * full),
+    )
     assert more == pytest.approx(both, rel=1e-12)
-    assert wrench("xfin", rudder=full)[1] > wrench("xfin", rudder=0.99 * full / 2**0.5)[1]
+    assert wrench("xfin_auv", rudder=full)[1] > wrench("xfin_auv", rudder=0.99 * full / 2**0.5)[1]
 
 
 @given(LAYOUT, SMALL, SMALL, SMALL, SMALL, SMALL)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from sitl.vehicle import calibrate, config, hull
+from sitl.vehicle import build_model, config, hull
 
-HULL = config.load("bench").hull
+HULL = config.load("caribou_nominal").hull
 NOSE, TAIL = hull.length_m(HULL) / 2, -hull.length_m(HULL) / 2
 BREAKS = (NOSE - 0.4 * HULL.base_length_m, NOSE - 0.4 * HULL.base_length_m - HULL.midbody_length_m)
 
@@ -30,11 +30,13 @@ def test_model_4154_has_its_published_coefficients():
 
 def test_the_prismatic_coefficient_is_that_of_the_profile():
     base = config.Series58(2.1336, 0.5334, 0.0, 0.5, 0.1, 0.65, 0.4)
-    assert hull.integrals(base).volume_m3 == pytest.approx(0.65 * pi / 4 * 0.5334**2 * 2.1336, rel=1e-12)
+    assert hull.integrals(base).volume_m3 == pytest.approx(
+        0.65 * pi / 4 * 0.5334**2 * 2.1336, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize(
-    ("field", "integrand"),
+    ("caribou_truth", "integrand"),
     [
         ("volume_m3", lambda x, R: pi * R**2),
         ("planform_m2", lambda x, R: 2 * R),
@@ -49,19 +51,27 @@ def test_integrals_agree_with_adaptive_quadrature(field, integrand):
 
 def test_the_centroid_lies_forward_of_mid_length():
     shape = hull.integrals(HULL)
-    assert shape.centroid_m == pytest.approx(integrate(lambda x, R: pi * R**2 * x) / shape.volume_m3, rel=1e-6)
+    assert shape.centroid_m == pytest.approx(
+        integrate(lambda x, R: pi * R**2 * x) / shape.volume_m3, rel=1e-6
+    )
     assert shape.centroid_m == pytest.approx(0.084, abs=1e-3)
 
 
 def test_there_is_no_hull_beyond_its_ends_and_the_middle_is_cylindrical():
-    radii = hull.radius_m(HULL, np.array([NOSE + 0.01, NOSE, BREAKS[0], 0.0, BREAKS[1], TAIL - 0.01]))
-    assert radii == pytest.approx([0.0, 0.0, HULL.diameter_m / 2, HULL.diameter_m / 2, HULL.diameter_m / 2, 0.0])
+    radii = hull.radius_m(
+        HULL, np.array([NOSE + 0.01, NOSE, BREAKS[0], 0.0, BREAKS[1], TAIL - 0.01])
+    )
+    assert radii == pytest.approx(
+        [0.0, 0.0, HULL.diameter_m / 2, HULL.diameter_m / 2, HULL.diameter_m / 2, 0.0]
+    )
 
 
 def test_the_stations_carry_the_whole_planform_and_volume():
-    stations = calibrate.build(config.load("bench")).stations
+    stations = build_model.build(config.load("caribou_nominal")).stations
     crossflow = 1025.0 / 2 * 1.1
-    assert stations.drag_kgpm.sum() / crossflow == pytest.approx(hull.integrals(HULL).planform_m2, rel=2e-3)
+    assert stations.drag_kgpm.sum() / crossflow == pytest.approx(
+        hull.integrals(HULL).planform_m2, rel=2e-3
+    )
     assert (stations.drag_kgpm @ np.abs(stations.x_m) ** 3) / crossflow == pytest.approx(
         integrate(lambda x, R: 2 * R * abs(x) ** 3), rel=5e-3
     )

@@ -1,4 +1,5 @@
-"""The linear planes: their structure, their speed dependence, and the nonlinear vehicle for small motion."""
+"""The linear planes: their structure, their speed dependence, and the nonlinear vehicle for small
+motion."""
 
 import control
 import numpy as np
@@ -16,7 +17,9 @@ def model(request):
 def test_small_rudder_steps_follow_the_linear_plane(model):
     plane = linearise(model).yaw
     rudder, seconds = 1e-6, 20.0
-    track = flight.fly(flight.balanced(model), flight.cruising(), seconds, rudder_rad=rudder, thrust_fraction=0.58)
+    track = flight.fly(
+        flight.balanced(model), flight.cruising(), seconds, rudder_rad=rudder, thrust_fraction=0.58
+    )
     system = control.ss(plane.A, plane.B, np.eye(3), 0)
     time = np.linspace(0, seconds, len(track))
     linear = np.asarray(control.step_response(system, time).states)[:, 0] * rudder
@@ -43,7 +46,10 @@ def test_depth_and_attitude_integrate(model):
     assert linearise(model).yaw.A[2].tolist() == [0, 1, 0]
 
 
-@pytest.mark.parametrize(("name", "yaw", "pitch"), [("bench", -447 / 927, -447 / 927), ("field", -0.51, -0.46)])
+@pytest.mark.parametrize(
+    ("name", "yaw", "pitch"),
+    [("caribou_nominal", -447 / 927, -447 / 927), ("caribou_truth", -0.51, -0.46)],
+)
 def test_a_step_gives_the_measured_initial_acceleration(name, yaw, pitch):
     """The paper measured -0.51 and -0.46 rad/s2 per rad, printed to two digits."""
     planes = linearise(flight.model(name))

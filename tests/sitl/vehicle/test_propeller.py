@@ -7,12 +7,14 @@ from hypothesis import strategies as st
 from sitl.vehicle import config, propeller
 from tests.sitl.vehicle import flight
 
-MODEL = flight.model("bench")
-CURVE = config.load("bench").propeller
+MODEL = flight.model("caribou_nominal")
+CURVE = config.load("caribou_nominal").propeller
 
 
 def test_58_percent_gives_the_operating_thrust():
-    assert propeller.thrust_n(propeller.rps(0.58, MODEL), 1.3, MODEL.propeller) == pytest.approx(29.61, rel=1e-12)
+    assert propeller.thrust_n(propeller.rps(0.58, MODEL), 1.3, MODEL.propeller) == pytest.approx(
+        29.61, rel=1e-12
+    )
 
 
 @given(st.floats(0.5, 10), st.floats(-1, 4))
@@ -20,12 +22,16 @@ def test_thrust_is_the_open_water_curve(n, speed):
     J = speed * (1 - CURVE.wake_fraction) / (n * CURVE.diameter_m)
     K_T = CURVE.kt_bollard - CURVE.kt_slope * J
     expected = K_T * 1025 * n**2 * CURVE.diameter_m**4
-    assert propeller.thrust_n(n, speed, MODEL.propeller) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert propeller.thrust_n(n, speed, MODEL.propeller) == pytest.approx(
+        expected, rel=1e-9, abs=1e-9
+    )
 
 
 @given(st.floats(-10, 10), st.floats(-3, 3))
 def test_astern_is_the_mirror_of_ahead(n, speed):
-    assert propeller.thrust_n(-n, -speed, MODEL.propeller) == -propeller.thrust_n(n, speed, MODEL.propeller)
+    assert propeller.thrust_n(-n, -speed, MODEL.propeller) == -propeller.thrust_n(
+        n, speed, MODEL.propeller
+    )
 
 
 def test_a_stopped_shaft_gives_no_thrust():

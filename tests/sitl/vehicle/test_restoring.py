@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from sitl.vehicle import restoring
 from tests.sitl.vehicle import flight
 
-MODEL = flight.model("bench")
+MODEL = flight.model("caribou_nominal")
 H, STATIONS = MODEL.hydrostatics, MODEL.stations
 NET_BUOYANCY_N = 22.24
 
@@ -38,7 +38,8 @@ def test_pitch_and_roll_are_righted_by_the_low_centre_of_mass():
 
 @given(st.floats(-1.5, 1.5), st.floats(-1.2, 1.2))
 def test_surface_forces_derive_from_a_potential(z, pitch):
-    """Moment in pitch and force in heave are one potential's slopes: their cross derivatives agree."""
+    """Moment in pitch and force in heave are one potential's slopes: their cross derivatives
+    agree."""
 
     def heave_and_pitch(z, pitch):
         up = (-np.sin(pitch), 0.0, np.cos(pitch))
@@ -54,7 +55,13 @@ def test_surface_forces_derive_from_a_potential(z, pitch):
 @pytest.mark.parametrize("thrust", [0.0, 0.58, 1.0])
 @pytest.mark.parametrize("elevator", [0.0, 0.2])
 def test_a_surfaced_vehicle_floats(thrust, elevator):
-    track = flight.fly(MODEL, flight.dynamics.state_at_rest(-3.0), 300.0, elevator_rad=elevator, thrust_fraction=thrust)
+    track = flight.fly(
+        MODEL,
+        flight.dynamics.state_at_rest(-3.0),
+        300.0,
+        elevator_rad=elevator,
+        thrust_fraction=thrust,
+    )
     assert np.isfinite(track).all()
     assert track[:, 2].max() < 1.0
     if thrust == 0.0:
@@ -64,6 +71,8 @@ def test_a_surfaced_vehicle_floats(thrust, elevator):
         assert (late < 0.0).all()
 
 
-@pytest.mark.parametrize(("z", "fraction"), [(-1.0, 1.0), (-0.3, 1.0), (0.0, 0.5), (0.3, 0.0), (5.0, 0.0)])
+@pytest.mark.parametrize(
+    ("z", "fraction"), [(-1.0, 1.0), (-0.3, 1.0), (0.0, 0.5), (0.3, 0.0), (5.0, 0.0)]
+)
 def test_immersion(z, fraction):
     assert restoring.immersion(z, 0.3) == fraction

@@ -1,4 +1,5 @@
-"""Every hull shape against bodies with integrals in closed form, and Myring's against adaptive quadrature."""
+"""Every hull shape against bodies with integrals in closed form, and Myring's against adaptive
+quadrature."""
 
 from math import cos, pi, radians, tan
 
@@ -8,17 +9,19 @@ import pytest
 from scipy.integrate import quad
 
 from sitl.vehicle import config, hull
-from sitl.vehicle.config import Cylinder, Myring, Profile, Series58
+from sitl.vehicle.config import Cylinder, Myring, ProfileHull, Series58
 
 R, L = 0.1, 1.5
 CAPSULE = Cylinder(length_m=L, diameter_m=2 * R)
 REMUS = config.load("remus100").hull
 
 
-def spheroid(points: int = 2001) -> Profile:
+def spheroid(points: int = 2001) -> ProfileHull:
     """Half axes 1 and 0.2 m, as a table."""
     angles = np.linspace(0.0, pi, points)
-    return Profile(tuple((1.0 - cos(a), 0.2 * float(np.sin(a)) if 0 < a < pi else 0.0) for a in angles))
+    return ProfileHull(
+        tuple((1.0 - cos(a), 0.2 * float(np.sin(a)) if 0 < a < pi else 0.0) for a in angles)
+    )
 
 
 def test_a_capsule_is_a_cylinder_and_a_sphere():
@@ -27,13 +30,17 @@ def test_a_capsule_is_a_cylinder_and_a_sphere():
     assert shape.planform_m2 == pytest.approx(2 * R * (L - 2 * R) + pi * R**2, rel=1e-5)
     assert shape.centroid_m == pytest.approx(0.0, abs=1e-12)
     cylinder = pi * R**4 / 2 * (L - 2 * R)
-    assert shape.roll_inertia_m5 == pytest.approx(cylinder + 2 / 5 * R**2 * 4 / 3 * pi * R**3, rel=1e-12)
+    assert shape.roll_inertia_m5 == pytest.approx(
+        cylinder + 2 / 5 * R**2 * 4 / 3 * pi * R**3, rel=1e-12
+    )
 
 
 def test_flat_ends_leave_a_plain_cylinder():
     shape = hull.integrals(Cylinder(length_m=L, diameter_m=2 * R, nose_cap_m=0.0, tail_cap_m=0.0))
     assert shape.volume_m3 == pytest.approx(pi * R**2 * L, rel=1e-12)
-    assert shape.pitch_inertia_m5 == pytest.approx(pi * R**2 * L * (R**2 / 4 + L**2 / 12), rel=1e-12)
+    assert shape.pitch_inertia_m5 == pytest.approx(
+        pi * R**2 * L * (R**2 / 4 + L**2 / 12), rel=1e-12
+    )
 
 
 def test_ellipsoid_caps_hold_two_thirds_of_their_cylinders():
@@ -52,7 +59,7 @@ def test_a_table_of_a_spheroid_is_one():
 
 
 def test_a_table_of_two_cones_is_exact():
-    shape = hull.integrals(Profile(((0.0, 0.0), (1.0, 0.3), (3.0, 0.0))))
+    shape = hull.integrals(ProfileHull(((0.0, 0.0), (1.0, 0.3), (3.0, 0.0))))
     assert shape.volume_m3 == pytest.approx(pi * 0.3**2 * 3.0 / 3, rel=1e-12)
     assert shape.centroid_m == pytest.approx(1.5 - (0.75 * 1 + 1.5 * 2) / 3, rel=1e-12)
 
@@ -65,14 +72,18 @@ def myring_radius(s: float) -> float:
     t, theta = s - (a + b - ahead), radians(25.0)
     if t < 0:
         return d / 2
-    return d / 2 - (3 * d / (2 * c**2) - tan(theta) / c) * t**2 + (d / c**3 - tan(theta) / c**2) * t**3
+    return (
+        d / 2 - (3 * d / (2 * c**2) - tan(theta) / c) * t**2 + (d / c**3 - tan(theta) / c**2) * t**3
+    )
 
 
 def test_myring_agrees_with_its_equations_and_with_the_published_remus():
     length = 0.191 + 0.654 + 0.541 - 0.0165 - 0.0368
     shape, breaks = hull.integrals(REMUS), (0.1745, 0.8285)
     volume = quad(lambda s: pi * myring_radius(s) ** 2, 0, length, points=breaks)[0]
-    first = quad(lambda s: pi * myring_radius(s) ** 2 * (length / 2 - s), 0, length, points=breaks)[0]
+    first = quad(lambda s: pi * myring_radius(s) ** 2 * (length / 2 - s), 0, length, points=breaks)[
+        0
+    ]
     assert hull.length_m(REMUS) == pytest.approx(length, rel=1e-12)
     assert shape.volume_m3 == pytest.approx(volume, rel=1e-9)
     assert shape.centroid_m == pytest.approx(first / volume, rel=1e-9)
@@ -85,10 +96,12 @@ def test_myring_agrees_with_its_equations_and_with_the_published_remus():
 @pytest.mark.parametrize(
     "shape",
     [
-        Series58(2.0, 0.4, 0.0, 0.5, 0.1, 0.65, 0.4), Myring(0.3, 0.0, 0.6, 0.2), CAPSULE,
-        Profile(((0.0, 0.0), (0.4, 0.2), (1.6, 0.0))),
+        Series58(2.0, 0.4, 0.0, 0.5, 0.1, 0.65, 0.4),
+        Myring(0.3, 0.0, 0.6, 0.2),
+        CAPSULE,
+        ProfileHull(((0.0, 0.0), (0.4, 0.2), (1.6, 0.0))),
     ],
-)  # fmt: skip
+)
 def test_a_payload_section_adds_a_cylinder_and_length(shape):
     longer = msgspec.structs.replace(shape, midbody_length_m=0.7)
     grown = hull.integrals(longer).volume_m3 - hull.integrals(shape).volume_m3

@@ -7,33 +7,49 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from sysid.log import Actuators, Attitude, Depth, Duct, Event, Log, Setpoints
-from sysid.promise import AVERAGED_S, Expected, Promise
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
+from sysid.monitor.performance_spec import AVERAGED_S, PerformanceBaseline, PredictedStatistic
 
 Array = NDArray[np.float64]
 
 STEP_S, MEMORY_S = 0.1, 3.0
-RMS = {"heading_deg": 0.4, "pitch_deg": 0.4, "depth_m": 0.03, "rudder_deg": 0.7, "elevator_deg": 0.7}
-MEANS = {"heading_deg": 0.0, "pitch_deg": -1.9, "depth_m": 0.0, "rudder_deg": 6.0, "elevator_deg": 0.3}
+RMS = {
+    "heading_deg": 0.4,
+    "pitch_deg": 0.4,
+    "depth_m": 0.03,
+    "rudder_deg": 0.7,
+    "elevator_deg": 0.7,
+}
+MEANS = {
+    "heading_deg": 0.0,
+    "pitch_deg": -1.9,
+    "depth_m": 0.0,
+    "rudder_deg": 6.0,
+    "elevator_deg": 0.3,
+}
 UNSURE = {"pitch_deg": 0.1, "elevator_deg": 0.15, "rudder_deg": 0.04}
 DEPTH_M, HEADING_RAD, THRUST = 5.0, 3.1, 0.58
 
 
-def promise() -> Promise:
+def promise() -> PerformanceBaseline:
     """Of noise of first order; swings are as loud as the narrow band about 2 rad/s makes it."""
     share = AVERAGED_S / MEMORY_S
     averaged = 2.0 / share * (1.0 - (1.0 - math.exp(-share)) / share)
     band = 0.5 * math.pi * 0.5 * 2.0 * (2.0 * MEMORY_S / (1.0 + (2.0 * MEMORY_S) ** 2)) / math.pi
     told = {name: _expected(name, rms, averaged) for name, rms in RMS.items()}
     swings = {
-        f"{plane}_swing_deg": Expected(0.0, 0.0, 0.4 * math.sqrt(band), 0.8 * math.sqrt(band), 1e-3, 5.0)
+        f"{plane}_swing_deg": PredictedStatistic(
+            0.0, 0.0, 0.4 * math.sqrt(band), 0.8 * math.sqrt(band), 1e-3, 5.0
+        )
         for plane in ("heading", "pitch")
     }
-    return Promise("ab" * 32, "0", 1.3, THRUST, 2.0, 2.0, {}, {**told, **swings})
+    return PerformanceBaseline("ab" * 32, "0", 1.3, THRUST, 2.0, 2.0, {}, {**told, **swings})
 
 
-def _expected(name: str, rms: float, averaged: float) -> Expected:
-    return Expected(MEANS[name], UNSURE.get(name, 0.0), rms, 1.96 * rms, rms * math.sqrt(averaged), MEMORY_S)
+def _expected(name: str, rms: float, averaged: float) -> PredictedStatistic:
+    return PredictedStatistic(
+        MEANS[name], UNSURE.get(name, 0.0), rms, 1.96 * rms, rms * math.sqrt(averaged), MEMORY_S
+    )
 
 
 def noise(rng: np.random.Generator, count: int, rms: float) -> Array:
@@ -44,12 +60,18 @@ def noise(rng: np.random.Generator, count: int, rms: float) -> Array:
 
 
 def flight(
-    seconds: float, seed: int, moved: Mapping[str, float] | None = None, louder: float = 1.0, from_s: float = 0.0
+    seconds: float,
+    seed: int,
+    moved: Mapping[str, float] | None = None,
+    louder: float = 1.0,
+    from_s: float = 0.0,
 ) -> Log:
     """``moved``: what is added to the averages from a time on."""
     rng, t = np.random.default_rng(seed), STEP_S * np.arange(1.0, round(seconds / STEP_S) + 1.0)
     told = {
-        name: MEANS[name] + (t >= from_s) * (moved or {}).get(name, 0.0) + louder * noise(rng, t.size, rms)
+        name: MEANS[name]
+        + (t >= from_s) * (moved or {}).get(name, 0.0)
+        + louder * noise(rng, t.size, rms)
         for name, rms in RMS.items()
     }
     zero, nothing = np.zeros_like(t), np.empty(0)
@@ -59,14 +81,16 @@ def flight(
         name="made",
         sha256="",
         attitude=Attitude(t, zero, np.radians(told["pitch_deg"]), yaw, zero, zero, zero),
-        actuators=Actuators(t, np.radians(told["rudder_deg"]), np.radians(told["elevator_deg"]), zero + THRUST),
+        actuators=Actuators(
+            t, np.radians(told["rudder_deg"]), np.radians(told["elevator_deg"]), zero + THRUST
+        ),
         depth=Depth(t, DEPTH_M + told["depth_m"], zero),
         setpoints=Setpoints(t, steady, zero, t, zero + DEPTH_M),
         events=(),
         parameters={},
-        duct=Duct(nothing, nothing, nothing),
+        duct=DuctAngles(nothing, nothing, nothing),
     )
 
 
-def event(time_s: float, text: str) -> Event:
-    return Event(time_s, 6, text)
+def event(time_s: float, text: str) -> TextEvent:
+    return TextEvent(time_s, 6, text)

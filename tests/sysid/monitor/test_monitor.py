@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from sysid import monitor
-from sysid.log import Log
+from sysid.data.dataset import Log
 from sysid.monitor import Monitor, sequential
-from sysid.monitor.blocks import Cutter, sample
-from sysid.promise import AVERAGED_S
-from sysid.verify import SETTLING_S
+from sysid.monitor.blocks import BlockCutter, sample
+from sysid.monitor.performance_spec import AVERAGED_S
+from sysid.monitor.tracking_metrics import SETTLING_S
 from tests.sysid.monitor import made
 
 HOUR_S = 3600.0
@@ -18,11 +18,11 @@ PROMISE = made.promise()
 
 
 def blocks(log: Log) -> list[monitor.Block]:
-    return list(Cutter(PROMISE).take(sample(log, None, float(log.attitude.time_s[-1]))))
+    return list(BlockCutter(PROMISE).take(sample(log, None, float(log.attitude.time_s[-1]))))
 
 
 def test_hours_as_promised_raise_no_alarm() -> None:
-    kept = monitor.of_log(made.flight(4.0 * HOUR_S, seed=1), PROMISE)
+    kept = monitor.monitor_log(made.flight(4.0 * HOUR_S, seed=1), PROMISE)
     assert kept.steady_s > 3.9 * HOUR_S
     assert kept.causes == ()
     assert kept.found_s is None
@@ -31,15 +31,18 @@ def test_hours_as_promised_raise_no_alarm() -> None:
 
 
 def test_the_threshold_keeps_its_rate_at_the_edge_of_what_is_allowed() -> None:
-    """Averages off by all that is allowed, where the sums rise as often as they may: h for one alarm in 40 blocks."""
+    """Averages off by all that is allowed, where the sums rise as often as they may: h for one
+    alarm in 40 blocks."""
     expected = PROMISE.predicted["rudder_deg"]
     rng, crossings, count, h = np.random.default_rng(3), 0, 40_000, np.log(40.0)
-    allowed = sequential.MEANT["rudder_deg"] + 2.0 * expected.mean_sd
+    allowed = sequential.MIN_SHIFT["rudder_deg"] + 2.0 * expected.mean_sd
     block = blocks(made.flight(100.0, seed=1))[0]
     found = sequential.Sum()
     for departure in rng.normal(allowed, expected.average_sd, count):
         means = {**block.means, "rudder_deg": expected.mean + departure}
-        found = sequential._added("rudder_deg", "more", expected, found, block._replace(means=means))
+        found = sequential._update_sum(
+            "rudder_deg", "more", expected, found, block._replace(means=means)
+        )
         if found.value > h:
             crossings, found = crossings + 1, sequential.Sum()
     assert 0 < crossings < count / 40
@@ -58,7 +61,7 @@ def test_the_threshold_keeps_its_rate_at_the_edge_of_what_is_allowed() -> None:
     ],
 )
 def test_what_moved_is_named_within_two_minutes(moved: dict[str, float], cause: str) -> None:
-    kept = monitor.of_log(made.flight(900.0, seed=2, moved=moved, from_s=400.0), PROMISE)
+    kept = monitor.monitor_log(made.flight(900.0, seed=2, moved=moved, from_s=400.0), PROMISE)
     assert [found.name for found in kept.causes] == [cause]
     assert kept.found_s is not None
     assert 400.0 < kept.found_s < 520.0
@@ -66,13 +69,13 @@ def test_what_moved_is_named_within_two_minutes(moved: dict[str, float], cause: 
 
 
 def test_a_rougher_sea_is_no_reason_to_refit() -> None:
-    kept = monitor.of_log(made.flight(900.0, seed=2, louder=2.5), PROMISE)
+    kept = monitor.monitor_log(made.flight(900.0, seed=2, louder=2.5), PROMISE)
     assert [found.name for found in kept.causes] == ["sea"]
     assert not kept.refit_due
 
 
 def test_a_sea_a_little_rougher_is_nothing_to_speak_of() -> None:
-    assert monitor.of_log(made.flight(2.0 * HOUR_S, seed=2, louder=1.25), PROMISE).causes == ()
+    assert monitor.monitor_log(made.flight(2.0 * HOUR_S, seed=2, louder=1.25), PROMISE).causes == ()
 
 
 @pytest.mark.parametrize("plane", ["heading", "pitch"])
@@ -82,15 +85,20 @@ def test_a_loop_that_swings_is_told_from_the_sea(plane: str) -> None:
     swing = np.radians(0.5) * np.sin(2.0 * t)
     column = {"heading": "yaw_rad", "pitch": "pitch_rad"}[plane]
     swinging = replace(log.attitude, **{column: getattr(log.attitude, column) + swing})
-    kept = monitor.of_log(replace(log, attitude=swinging), PROMISE)
+    kept = monitor.monitor_log(replace(log, attitude=swinging), PROMISE)
     assert [found.name for found in kept.causes] == [f"{plane} loop"]
     assert kept.refit_due
 
 
 def test_a_surface_that_is_busier_than_the_errors_say_is_not_the_seas_doing() -> None:
     log = made.flight(900.0, seed=2)
-    busy = replace(log.actuators, rudder_rad=np.radians(6.0) + 3.0 * (log.actuators.rudder_rad - np.radians(6.0)))
-    assert [c.name for c in monitor.of_log(replace(log, actuators=busy), PROMISE).causes] == ["rudder noise"]
+    busy = replace(
+        log.actuators,
+        rudder_rad=np.radians(6.0) + 3.0 * (log.actuators.rudder_rad - np.radians(6.0)),
+    )
+    assert [c.name for c in monitor.monitor_log(replace(log, actuators=busy), PROMISE).causes] == [
+        "rudder noise"
+    ]
 
 
 def test_piece_by_piece_it_says_what_it_says_at_once() -> None:
@@ -99,7 +107,7 @@ def test_piece_by_piece_it_says_what_it_says_at_once() -> None:
     for until_s in np.arange(0.7, 701.0, 3.3):
         piecewise.take(log, min(float(until_s), 700.0))
     piecewise.take(log, 700.0)
-    assert piecewise.kept() == monitor.of_log(log, PROMISE)
+    assert piecewise.kept() == monitor.monitor_log(log, PROMISE)
 
 
 def test_settling_is_left_out_after_each_change_of_set_point() -> None:
@@ -115,7 +123,11 @@ def test_tests_in_the_water_are_left_out() -> None:
     log = made.flight(400.0, seed=1)
     told = made.event(100.0, "SystemID Starting: axis=10"), made.event(200.0, "SystemID Finished")
     found = blocks(replace(log, events=told))
-    assert not [block for block in found if block.stop_s > 100.0 and block.start_s < 200.0 + SETTLING_S - 0.5]
+    assert not [
+        block
+        for block in found
+        if block.stop_s > 100.0 and block.start_s < 200.0 + SETTLING_S - 0.5
+    ]
     assert len([block for block in found if block.start_s > 200.0]) >= 8
 
 
@@ -124,20 +136,24 @@ def test_a_silence_begins_the_settling_anew() -> None:
     heard = (log.attitude.time_s < 100.0) | (log.attitude.time_s > 104.0)
     thin = log.attitude.__class__(*(values[heard] for values in vars(log.attitude).values()))
     found = blocks(replace(log, attitude=thin))
-    assert not [block for block in found if block.stop_s > 101.5 and block.start_s < 104.0 + SETTLING_S - 0.5]
+    assert not [
+        block
+        for block in found
+        if block.stop_s > 101.5 and block.start_s < 104.0 + SETTLING_S - 0.5
+    ]
 
 
 def test_another_speed_is_not_judged() -> None:
     log = made.flight(400.0, seed=1, moved={"pitch_deg": 3.0})
     fast = replace(log.actuators, thrust=log.actuators.thrust * 1.3)
-    assert monitor.of_log(replace(log, actuators=fast), PROMISE).blocks == 0
+    assert monitor.monitor_log(replace(log, actuators=fast), PROMISE).blocks == 0
 
 
 def test_near_the_surface_nothing_is_judged() -> None:
     log = made.flight(400.0, seed=1)
     points = replace(log.setpoints, depth_m=np.full_like(log.setpoints.depth_m, 1.0))
     shallow = replace(log.depth, depth_m=log.depth.depth_m - 4.0)
-    assert monitor.of_log(replace(log, setpoints=points, depth=shallow), PROMISE).blocks == 0
+    assert monitor.monitor_log(replace(log, setpoints=points, depth=shallow), PROMISE).blocks == 0
 
 
 def test_a_vehicle_on_her_way_is_not_judged_until_she_has_arrived() -> None:

@@ -1,0 +1,105 @@
+"""A MAV_CMD as it came, and what became of it."""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from autopilot.comms.stream_rates import Schedule
+from autopilot.control.manual_control import Helm
+from autopilot.control.types import ACCEPTED, Severity
+from autopilot.vehicle import Vehicle
+from mavlink_io.dialect import MessageType, Values
+from mavlink_io.mission_items import NOT_GIVEN
+
+_INT32_LIMIT = 1 << 31
+_LOWEST_CUSTOM_MODE = 65_536
+"""DO_SET_MODE.param2 from here on is a whole custom_mode, below it is PX4's main mode."""
+
+
+class MavCommand(NamedTuple):
+    """A command as it came. Parameters may be NaN: not given."""
+
+    number: int
+    p1: float
+    p2: float
+    p3: float
+    p4: float
+    p5: float
+    p6: float
+    p7: float
+    scaled: bool
+    """COMMAND_INT: p5 and p6 are whole numbers, 1e-7 degrees where they are a place."""
+    repetition: bool = False
+    """COMMAND_LONG: its sender says that it was sent before."""
+
+
+class JobProgress(NamedTuple):
+    """How far a long job is: IN_PROGRESS with its share done, or the MAV_RESULT that ends it."""
+
+    result: int
+    percent: int = 0
+
+
+Job = Callable[[], JobProgress]
+"""Tells how far a long job is whenever it is asked."""
+
+
+class CommandResult(NamedTuple):
+    """MAV_RESULT, the messages to send to the requester after the acknowledgement, and a job that
+    goes on."""
+
+    result: int
+    messages: tuple[tuple[MessageType, Values], ...] = ()
+    job: Job | None = None
+
+
+class Desk(NamedTuple):
+    """All that the handlers of commands may use."""
+
+    vehicle: Vehicle
+    helm: Helm
+    build: Callable[[MessageType], tuple[Values, ...]]
+    """The fields of any message that can be asked for, several times where it takes several; empty
+    for others."""
+    tell_parameter: Callable[[str], None]
+    """Tell every link what a parameter is now."""
+
+    def ask(self, wish: Any) -> CommandResult:
+        """Ask the vehicle, which says aloud why it refuses."""
+        return CommandResult(self.vehicle.request(wish).result)
+
+    def refuse(self, result: int, text: str) -> CommandResult:
+        self.vehicle.say(text)
+        return CommandResult(result)
+
+    def remark(self, text: str) -> CommandResult:
+        """Accept, and say what came of it."""
+        self.vehicle.say(text, Severity.NOTICE)
+        return CommandResult(ACCEPTED)
+
+
+Handler = Callable[[Desk, MavCommand, Schedule], CommandResult]
+"""Carries a command out; the schedule is that of the link it came by."""
+
+
+def command_from_message(message: Any) -> MavCommand:
+    """The command in a decoded COMMAND_LONG or COMMAND_INT."""
+    m = message
+    if not hasattr(m, "x"):
+        given = m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7
+        return MavCommand(m.command, *given, scaled=False, repetition=m.confirmation > 0)
+    x, y = (math.nan if n == NOT_GIVEN else n for n in (m.x, m.y))
+    return MavCommand(m.command, m.param1, m.param2, m.param3, m.param4, x, y, m.z, scaled=True)
+
+
+def custom_mode(main: float, sub: float) -> int:
+    """DO_SET_MODE's second and third parameter as a custom_mode."""
+    main_number, sub_number = integer_parameter(main), integer_parameter(sub)
+    return (
+        main_number if main_number >= _LOWEST_CUSTOM_MODE else main_number << 16 | sub_number << 24
+    )
+
+
+def integer_parameter(value: float, default: int = 0) -> int:
+    """The value as a whole number, ``default`` where none was given or no int32 holds it."""
+    return int(value) if abs(value) < _INT32_LIMIT else default

@@ -1,0 +1,1 @@
+"""Links: the HIL link, the links to the ground, and the services on them."""

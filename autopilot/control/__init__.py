@@ -1,0 +1,1 @@
+"""The pure tick: sensor checks, estimator, navigation, modes, missions, guidance and loops."""

@@ -1,0 +1,301 @@
+"""Flies the uploaded items: each begins once, then is asked every tick whether it is done."""
+
+import math
+
+from autopilot.control import excitation, guidance, modes, offboard
+from autopilot.control.params import Config
+from autopilot.control.setpoints import Circle, TrackLine
+from autopilot.control.types import (
+    US_PER_S,
+    AutopilotState,
+    Event,
+    Excitation,
+    Home,
+    ItemReached,
+    MissionState,
+    Severity,
+)
+from mavlink_io.frames import wrap_pi
+from mavlink_io.mission_items import GLOBAL_FRAMES, MissionCommand, MissionItem
+
+COMMANDS = frozenset(MissionCommand)
+
+DEPTH_REACHED_M = 0.3
+
+_POSITION_COMMANDS = frozenset(
+    (
+        MissionCommand.WAYPOINT,
+        MissionCommand.LOITER_UNLIMITED,
+        MissionCommand.LOITER_TURNS,
+        MissionCommand.LOITER_TIME,
+        MissionCommand.LAND,
+    )
+)
+"""Items that may give a place."""
+_DEPTH_COMMANDS = _POSITION_COMMANDS | {MissionCommand.CHANGE_ALTITUDE_WAIT}
+"""Items whose z is a depth or an altitude."""
+
+StepResult = tuple[AutopilotState, tuple[Event | ItemReached, ...]]
+
+
+def check(items: tuple[MissionItem, ...], config: Config) -> tuple[int, str]:
+    """The first item that this vehicle cannot fly and why; (-1, "") when it can fly them all."""
+    for item in _items_to_fly(items, config):
+        if wrong := _item_fault(item, len(items), config):
+            return item.sequence, wrong
+    return -1, ""
+
+
+_REQUIRED_PARAMETERS: dict[int, tuple[str, ...]] = {
+    MissionCommand.DELAY: ("p1",),
+    MissionCommand.LOITER_TIME: ("p1",),
+    MissionCommand.LOITER_TURNS: ("p1",),
+    MissionCommand.YAW: ("p1",),
+    MissionCommand.JUMP: ("p1", "p2"),
+    MissionCommand.CHANGE_ALTITUDE: ("p1",),
+    MissionCommand.CHANGE_ALTITUDE_WAIT: ("z",),
+    MissionCommand.TEST: ("p1", "p2"),
+}
+"""The numbers without which an item means nothing; NaN in any other field means "not given"."""
+
+
+def _item_fault(item: MissionItem, count: int, config: Config) -> str:
+    """What is wrong with an item; empty when it can be flown."""
+    if item.command not in COMMANDS:
+        return f"command {item.command} is not one this vehicle flies"
+    for name in _REQUIRED_PARAMETERS.get(item.command, ()):
+        if not math.isfinite(getattr(item, name)):
+            return f"{name} of command {item.command}: must be a number"
+    if any(math.isinf(value) for value in (item.p1, item.p2, item.p3, item.p4, item.z)):
+        return f"command {item.command}: infinite"
+    if item.command == MissionCommand.JUMP and not 0 <= item.p1 < count:
+        return f"DO_JUMP to {item.p1:g}: there is no such item"
+    if item.command == MissionCommand.CHANGE_ALTITUDE and item.p1 > 0.0:
+        return f"altitude {item.p1:g} m: must be 0 or negative, depth is minus altitude"
+    if item.command in _DEPTH_COMMANDS and guidance.item_depth_m(item, 0.0) < 0.0:
+        return (
+            f"depth {guidance.item_depth_m(item, 0.0):g} m: must be 0 or more; z is down in a local"
+            " frame, else up"
+        )
+    if item.command == MissionCommand.TEST:
+        return excitation.check(excitation_of(item, AutopilotState(), config), config.travel_deg)
+    return ""
+
+
+def needs_home(items: tuple[MissionItem, ...], config: Config) -> bool:
+    """Whether an item that is flown is told by latitude and longitude, or is the way home."""
+    return any(
+        item.command == MissionCommand.RETURN
+        or (
+            item.command in _POSITION_COMMANDS
+            and item.frame in GLOBAL_FRAMES
+            and guidance.item_position(item, Home()) is not None
+        )
+        for item in _items_to_fly(items, config)
+    )
+
+
+def restart(mission: MissionState, config: Config) -> MissionState:
+    """The same items from their first."""
+    first = len(mission.items) - len(_items_to_fly(mission.items, config))
+    return MissionState(mission.items, first)
+
+
+def step(state: AutopilotState, config: Config) -> StepResult:
+    """Begin and finish as many items as this tick allows."""
+    events: list[Event | ItemReached] = []
+    for _ in range(len(state.mission.items) + 1):
+        mission = state.mission
+        if mission.current >= len(mission.items):
+            state, ended = _complete(state, config)
+            return state, (*events, *ended)
+        item = mission.items[mission.current]
+        if mission.entered_us is None:
+            state, begun = begin_item(item, state, config)
+            events += begun
+        state = _start_waypoint_orbit(item, state, config)
+        if state.mode != modes.MISSION.number or not item_done(item, state, config):
+            break
+        if item.command == MissionCommand.LAND:
+            state, surfacing = modes.enter(state, modes.SURFACE)
+            return state, (*events, *surfacing)
+        state = _advance_item(item, state)
+        events.append(ItemReached(item.sequence))
+    return state, tuple(events)
+
+
+def begin_item(item: MissionItem, state: AutopilotState, config: Config) -> StepResult:
+    """Put an item's wishes in force."""
+    state = state._replace(mission=state.mission._replace(entered_us=state.time_us), path=None)
+    setpoint = state.setpoint
+    match item.command:
+        case MissionCommand.CHANGE_ALTITUDE | MissionCommand.CHANGE_ALTITUDE_WAIT:
+            setpoint = setpoint._replace(depth_m=_new_depth_m(item))
+        case MissionCommand.YAW:
+            setpoint = setpoint._replace(heading_rad=_heading(item, state))
+        case MissionCommand.CHANGE_SPEED:
+            setpoint = setpoint._replace(thrust=_thrust(item, setpoint.thrust, config))
+        case MissionCommand.RETURN:
+            return begin_rtl(state, config)
+        case MissionCommand.LAND if guidance.item_position(item, state.home) is None:
+            return modes.enter(state, modes.SURFACE)
+        case _ if item.command in _POSITION_COMMANDS:
+            return _begin_leg(item, state, config), ()
+        case MissionCommand.TEST:
+            return start_test(excitation_of(item, state, config), state)
+    return state._replace(setpoint=setpoint), ()
+
+
+def begin_rtl(state: AutopilotState, config: Config) -> StepResult:
+    """RTL where home is known, else up."""
+    if not state.home.known:
+        state, events = modes.enter(state, modes.SURFACE)
+        return state, (Event(Severity.WARNING, "RTL refused: home is not known"), *events)
+    state, events = modes.enter(state, modes.RTL)
+    return guidance.hold_current(state, config), events
+
+
+def _begin_leg(item: MissionItem, state: AutopilotState, config: Config) -> AutopilotState:
+    """Set out to the place of an item: by the line from the last waypoint where she is near it, or
+    from here."""
+    here = guidance.current_position(state.estimate)
+    place = guidance.item_position(item, state.home)
+    to_m = here if place is None else place
+    if item.command != MissionCommand.LAND:  # its altitude is that of the end
+        depth_m = guidance.item_depth_m(item, state.setpoint.depth_m)
+        state = state._replace(setpoint=state.setpoint._replace(depth_m=depth_m))
+    if item.command in (MissionCommand.WAYPOINT, MissionCommand.LAND):
+        left_m = state.mission.left_m
+        near = left_m is not None and abs(here - left_m) <= config.lookahead_m
+        return state._replace(path=TrackLine(left_m if left_m is not None and near else here, to_m))
+    return state._replace(path=guidance.circle(to_m, item.p3, config))
+
+
+def _start_waypoint_orbit(
+    item: MissionItem, state: AutopilotState, config: Config
+) -> AutopilotState:
+    """A waypoint that is to be held is circled once it is reached: she cannot hover."""
+    path = state.path
+    if (
+        item.command != MissionCommand.WAYPOINT
+        or not item.p1 > 0.0
+        or not isinstance(path, TrackLine)
+    ):
+        return state
+    if not guidance.reached(path, state.estimate, _acceptance_m(item, config)):
+        return state
+    return state._replace(path=guidance.circle(path.to_m, 0.0, config, since_us=state.time_us))
+
+
+def _acceptance_m(item: MissionItem, config: Config) -> float:
+    given = item.p2 if item.command == MissionCommand.WAYPOINT else 0.0
+    return given if given > 0.0 else config.acceptance_m
+
+
+def item_done(item: MissionItem, state: AutopilotState, config: Config) -> bool:
+    """Whether an item that was begun has come to its end."""
+    path, entered_us = state.path, state.mission.entered_us
+    match item.command:
+        case MissionCommand.DELAY:
+            return (
+                state.time_us - (state.time_us if entered_us is None else entered_us)
+            ) / US_PER_S >= item.p1
+        case MissionCommand.CHANGE_ALTITUDE_WAIT:
+            return abs(state.estimate.depth_m - _new_depth_m(item)) < DEPTH_REACHED_M
+        case MissionCommand.TEST:
+            return state.test is None
+        case MissionCommand.LOITER_UNLIMITED:
+            return False
+    if isinstance(path, TrackLine):
+        return guidance.reached(path, state.estimate, _acceptance_m(item, config))
+    if isinstance(path, Circle):
+        turns = item.command == MissionCommand.LOITER_TURNS
+        return (
+            path.turned_rad >= 2.0 * math.pi * item.p1 if turns else _orbit_done(path, item, state)
+        )
+    return True
+
+
+def _orbit_done(path: Circle, item: MissionItem, state: AutopilotState) -> bool:
+    return path.since_us is not None and guidance.orbit_time_s(path, state.time_us) >= item.p1
+
+
+def excitation_of(item: MissionItem, state: AutopilotState, config: Config) -> Excitation:
+    """The excitation that a MAV_CMD_USER_1 item describes (x: whole seconds, y: wave, z: fade)."""
+    fade_s = 0.0 if math.isnan(item.z) else item.z
+    wish = excitation.from_numbers(
+        int(item.p1), item.p2, item.p3, item.p4, float(item.x), item.y, fade_s
+    )
+    return excitation.precompute(wish, state, config)
+
+
+def start_test(test: Excitation, state: AutopilotState) -> tuple[AutopilotState, tuple[Event, ...]]:
+    """Begin an excitation."""
+    return state._replace(test=test), (
+        Event(Severity.INFO, f"SystemID Starting: {excitation.describe(test)}"),
+    )
+
+
+def _items_to_fly(items: tuple[MissionItem, ...], config: Config) -> tuple[MissionItem, ...]:
+    return items[1:] if config.mission_seq0_home else items
+
+
+def _advance_item(item: MissionItem, state: AutopilotState) -> AutopilotState:
+    mission = state.mission
+    index, jumps = mission.current + 1, mission.jumps
+    if item.command == MissionCommand.JUMP:
+        taken = dict(jumps)
+        count = taken.get(item.sequence, 0)
+        if item.p2 < 0 or count < item.p2:
+            index = int(item.p1)
+            jumps = tuple(sorted({**taken, item.sequence: count + 1}.items()))
+    return state._replace(
+        mission=mission._replace(
+            current=index,
+            entered_us=None,
+            jumps=jumps,
+            reached=item.sequence,
+            left_m=_last_waypoint_m(item, state),
+        )
+    )
+
+
+def _last_waypoint_m(item: MissionItem, state: AutopilotState) -> complex | None:
+    """The last waypoint that was reached."""
+    if item.command == MissionCommand.WAYPOINT and isinstance(state.path, TrackLine):
+        return state.path.to_m
+    return state.mission.left_m
+
+
+def _complete(state: AutopilotState, config: Config) -> tuple[AutopilotState, tuple[Event, ...]]:
+    said = Event(Severity.INFO, "Mission complete")
+    if config.mission_end == 2:
+        return modes.disarm(state), (said, Event(Severity.INFO, "Disarmed"))
+    state, events = modes.enter(state, modes.SURFACE if config.mission_end == 1 else modes.HOLD)
+    return state, (said, *events)
+
+
+def _new_depth_m(item: MissionItem) -> float:
+    """What a change of altitude asks for."""
+    return (
+        -item.p1
+        if item.command == MissionCommand.CHANGE_ALTITUDE
+        else guidance.item_depth_m(item, 0.0)
+    )
+
+
+def _heading(item: MissionItem, state: AutopilotState) -> float:
+    """A turn without a direction is clockwise."""
+    angle = math.radians(item.p1)
+    if item.p4 == 1:
+        return wrap_pi(state.setpoint.heading_rad + (-angle if item.p3 < 0 else angle))
+    return wrap_pi(angle)
+
+
+def _thrust(item: MissionItem, thrust: float, config: Config) -> float:
+    """A percentage where one is given, else from the speed."""
+    if item.p3 >= 0:
+        return min(1.0, item.p3 / 100.0)
+    if item.p2 >= 0:
+        return offboard.thrust_for(item.p2, config)
+    return config.cruise_thrust_pct / 100.0 if item.p2 == -2 else thrust

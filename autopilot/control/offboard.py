@@ -1,0 +1,158 @@
+"""Flying by set-points that someone outside streams, and by a pilot's stick. Pure.
+
+An attitude target and a motion target may both stream: then depth, and what there is of place,
+velocity or heading, are the motion's, and the rest the attitude's. A stream that falls silent no
+longer counts; with none left OFFBOARD ends in HOLD."""
+
+import cmath
+import math
+
+from autopilot.control import guidance
+from autopilot.control.params import Config
+from autopilot.control.setpoints import (
+    AttitudeTarget,
+    Circle,
+    MotionTarget,
+    Setpoint,
+    Targets,
+    TrackLine,
+)
+from autopilot.control.types import AutopilotState, Inputs, Stick
+from mavlink_io.frames import wrap_pi
+
+MIN_SPEED_MPS = 0.05
+"""Slower than this is standing still."""
+LEAD_RAD = math.radians(30.0)
+"""How far a heading that is moved by a rate may run ahead of the vehicle."""
+
+
+def drop_stale_targets(targets: Targets, inputs: Inputs, config: Config) -> Targets:
+    """The targets whose streams go on."""
+    if targets.attitude and _is_stale(inputs.attitude_silent_s, config):
+        targets = targets._replace(attitude=None)
+    if targets.motion and _is_stale(inputs.motion_silent_s, config):
+        targets = targets._replace(motion=None)
+    return targets
+
+
+def _is_stale(silent_s: float | None, config: Config) -> bool:
+    return silent_s is not None and silent_s > config.offboard_timeout_s
+
+
+def step(state: AutopilotState, config: Config, dt_s: float) -> AutopilotState:
+    """Put the targets in force."""
+    attitude, motion = state.targets
+    if motion is None:
+        state = state._replace(path=None)
+    if attitude is not None:
+        state = state._replace(setpoint=_attitude(attitude, state, config, dt_s))
+    if motion is not None:
+        state = _motion(
+            motion, state, config, dt_s, thrust=None if attitude is None else attitude.thrust
+        )
+    return state
+
+
+def stabilize(
+    state: AutopilotState, stick: Stick | None, config: Config, dt_s: float
+) -> AutopilotState:
+    """The stick sets pitch and rate of turn; let go, she keeps her heading, level and without
+    thrust."""
+    hand = stick or Stick(0.0, 0.0, 0.0)
+    rate = AttitudeTarget(
+        pitch_rad=hand.elevator * config.pitch_limit_rad,
+        heading_rate_radps=hand.rudder * math.radians(config.stick_rate_degps),
+        thrust=hand.thrust,
+    )
+    return state._replace(setpoint=_attitude(rate, state, config, dt_s))
+
+
+def _attitude(
+    target: AttitudeTarget, state: AutopilotState, config: Config, dt_s: float
+) -> Setpoint:
+    """Pitch and heading as they are, or as they become by their rates."""
+    old, limit = state.setpoint, config.pitch_limit_rad
+    heading, pitch, thrust = target.heading_rad, target.pitch_rad, target.thrust
+    if heading is None:
+        heading = integrate_yaw_rate(state, target.heading_rate_radps, dt_s)
+    if pitch is None:
+        pitch = (old.pitch_rad or 0.0) + target.pitch_rate_radps * dt_s
+    return old._replace(
+        heading_rad=heading,
+        pitch_rad=max(-limit, min(limit, pitch)),
+        thrust=old.thrust if thrust is None else thrust,
+    )
+
+
+def integrate_yaw_rate(state: AutopilotState, rate_radps: float, dt_s: float) -> float:
+    """The heading asked for, moved on, but not far from where she looks."""
+    is_rad = state.estimate.heading_rad
+    ahead = wrap_pi(state.setpoint.heading_rad + rate_radps * dt_s - is_rad)
+    return wrap_pi(is_rad + max(-LEAD_RAD, min(LEAD_RAD, ahead)))
+
+
+def _motion(
+    target: MotionTarget, state: AutopilotState, config: Config, dt_s: float, thrust: float | None
+) -> AutopilotState:
+    """Depth, then the way to a place, or a velocity, or a heading."""
+    setpoint = state.setpoint._replace(
+        thrust=config.cruise_thrust_pct / 100.0 if thrust is None else thrust
+    )
+    if target.depth_m is not None:
+        setpoint = setpoint._replace(depth_m=target.depth_m, pitch_rad=None)
+    elif target.depth_rate_mps is not None:
+        depth_m = max(0.0, setpoint.depth_m + target.depth_rate_mps * dt_s)
+        setpoint = setpoint._replace(depth_m=depth_m, pitch_rad=None)
+    if target.speed_mps is not None:
+        setpoint = setpoint._replace(thrust=thrust_for(target.speed_mps, config))
+    if target.place_m is not None:
+        return state._replace(setpoint=setpoint, path=_path(target.place_m, state, config))
+    if target.velocity_mps is not None:
+        setpoint = _track_velocity(target.velocity_mps, target.heading_rad, setpoint, state, config)
+    elif target.heading_rad is not None:
+        setpoint = setpoint._replace(heading_rad=target.heading_rad)
+    elif target.heading_rate_radps is not None:
+        setpoint = setpoint._replace(
+            heading_rad=integrate_yaw_rate(state, target.heading_rate_radps, dt_s)
+        )
+    return state._replace(setpoint=setpoint, path=None)
+
+
+def _path(place_m: complex, state: AutopilotState, config: Config) -> TrackLine | Circle:
+    """The line to a place from where she was when it was first asked for; there she circles, for
+    she cannot hover."""
+    path, at = state.path, state.estimate
+    if isinstance(path, Circle) and path.centre_m == place_m:
+        return path
+    line = (
+        path
+        if isinstance(path, TrackLine) and path.to_m == place_m
+        else TrackLine(guidance.current_position(at), place_m)
+    )
+    if guidance.reached(line, at, config.acceptance_m):
+        return guidance.circle(place_m, config.station_radius_m, config)
+    return line
+
+
+def _track_velocity(
+    velocity_mps: complex,
+    heading_rad: float | None,
+    setpoint: Setpoint,
+    state: AutopilotState,
+    config: Config,
+) -> Setpoint:
+    """Heading and thrust for a velocity over ground; standing still she keeps the heading that is
+    asked for."""
+    learned = state.estimate.navigation
+    if abs(velocity_mps) < MIN_SPEED_MPS:
+        heading = setpoint.heading_rad if heading_rad is None else heading_rad
+        return setpoint._replace(heading_rad=heading, thrust=0.0)
+    through_water = (velocity_mps - learned.current_mps) / (1.0 + learned.water_error)
+    speed, heading = cmath.polar(through_water)
+    return setpoint._replace(heading_rad=wrap_pi(heading), thrust=thrust_for(speed, config))
+
+
+def thrust_for(speed_mps: float, config: Config) -> float:
+    """The thrust of a speed through the water: a propeller's speed grows with its revolutions."""
+    ahead = speed_mps / config.cruise_speed_mps * config.cruise_thrust_pct / 100.0
+    return max(-1.0, min(1.0, ahead))

@@ -1,0 +1,537 @@
+"""The one table of parameters: the fields of ``Config`` with name, default, range, unit and
+meaning.
+
+A tick reads the fields; ground sees the names. All travel as MAVLink REAL32.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, NamedTuple, get_type_hints
+
+from autopilot.control.lqg import LqgControllers
+from autopilot.control.pid import Gains
+from autopilot.control.reference_model import ActuatorLead
+
+
+class Doc(NamedTuple):
+    name: str
+    minimum: float
+    maximum: float
+    unit: str
+    doc: str
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Every parameter as a tick reads it, and what follows from them. Gains are the paper's Table
+    3, initial column."""
+
+    system_id: Annotated[
+        int, Doc("MAV_SYS_ID", 1, 255, "", "MAVLink system id, read at the start")
+    ] = 1
+    forwards: Annotated[
+        int, Doc("MAV_FORWARD", 0, 1, "", "1: pass messages on from one ground link to another")
+    ] = 1
+
+    heading_p: Annotated[float, Doc("HDG_P", 0, 5, "rad/rad", "Rudder per heading error")] = 0.65
+    heading_d: Annotated[float, Doc("HDG_D", 0, 10, "s", "Rudder per yaw rate")] = 1.5
+    heading_i: Annotated[float, Doc("HDG_I", 0, 1, "1/s", "Rudder rate per heading error")] = 0.001
+    heading_i_max: Annotated[
+        float, Doc("HDG_IMAX", 0, 0.26, "rad", "Limit of the heading integrator")
+    ] = 0.01
+    heading_i_rate_degps: Annotated[
+        float,
+        Doc("HDG_I_RATE", 0, 90, "deg/s", "Turning faster than this, the heading integrator waits"),
+    ] = 2.0
+    pitch_p: Annotated[float, Doc("PTCH_P", 0, 5, "rad/rad", "Elevator per pitch error")] = 0.8
+    pitch_d: Annotated[float, Doc("PTCH_D", 0, 10, "s", "Elevator per pitch rate")] = 1.9
+    pitch_i: Annotated[float, Doc("PTCH_I", 0, 1, "1/s", "Elevator rate per pitch error")] = 0.0
+    pitch_i_max: Annotated[
+        float, Doc("PTCH_IMAX", 0, 0.26, "rad", "Limit of the pitch integrator")
+    ] = 0.0
+    depth_p: Annotated[float, Doc("DPT_P", 0, 2, "rad/m", "Pitch per depth error")] = 0.13
+    depth_d: Annotated[float, Doc("DPT_D", 0, 5, "rad s/m", "Pitch per depth rate")] = 0.0
+    depth_i: Annotated[float, Doc("DPT_I", 0, 1, "rad/(m s)", "Pitch rate per depth error")] = 0.001
+    depth_i_max: Annotated[
+        float, Doc("DPT_IMAX", 0, 0.5, "rad", "Limit of the depth integrator")
+    ] = 0.004
+    pitch_limit_deg: Annotated[
+        float, Doc("PTCH_LIM_DEG", 1, 60, "deg", "Largest pitch the depth loop may ask")
+    ] = 20.0
+
+    law_enabled: Annotated[
+        int, Doc("LAW_ENABLE", 0, 1, "", "1: the laws of --laws, where given, in place of PIDs")
+    ] = 1
+    laws: LqgControllers | None = None
+    """No parameter: a file that was read at the start."""
+
+    heading_way_radps: Annotated[
+        float, Doc("HDG_REF_W", 0, 5, "rad/s", "Bandwidth of the heading's reference model; 0 off")
+    ] = 0.0
+    heading_way_degps: Annotated[
+        float,
+        Doc("HDG_REF_RATE", 0.1, 90, "deg/s", "Rate of turn of the heading's reference model"),
+    ] = 6.0
+    depth_way_radps: Annotated[
+        float, Doc("DPT_REF_W", 0, 5, "rad/s", "Bandwidth of the depth's reference model; 0 off")
+    ] = 0.0
+    depth_way_mps: Annotated[
+        float, Doc("DPT_REF_RATE", 0.01, 5, "m/s", "Rate of change of the depth's reference model")
+    ] = 0.3
+    heading_weight: Annotated[
+        float,
+        Doc(
+            "HDG_SPW",
+            0,
+            1,
+            "",
+            "Weight of a new heading in HDG_P, without a reference model; 1 off",
+        ),
+    ] = 1.0
+    depth_weight: Annotated[
+        float,
+        Doc(
+            "DPT_SPW", 0, 1, "", "Weight of a new depth in DPT_P, without a reference model; 1 off"
+        ),
+    ] = 1.0
+    pitch_stiffness: Annotated[
+        float,
+        Doc(
+            "PTCH_FF",
+            0,
+            5,
+            "rad/rad",
+            "Elevator per pitch that a way in depth takes, at cruise speed; 0 off",
+        ),
+    ] = 0.0
+    schedule_mps: Annotated[
+        float, Doc("GAIN_SPD_MPS", 0, 5, "m/s", "Speed at which the gains hold; 0: at any speed")
+    ] = 0.0
+    roll_compensated: Annotated[
+        int, Doc("ROLL_COMP", 0, 1, "", "1: turn what the loops want by the roll angle")
+    ] = 0
+
+    rudder_trim_deg: Annotated[
+        float, Doc("TRIM_RUD_DEG", -15, 15, "deg", "Rudder that holds a straight course")
+    ] = 0.0
+    elevator_trim_deg: Annotated[
+        float, Doc("TRIM_ELE_DEG", -15, 15, "deg", "Elevator that holds a level run")
+    ] = 0.0
+    travel_deg: Annotated[
+        float, Doc("ACT_TRAVEL_DEG", 1, 45, "deg", "Duct travel at full control")
+    ] = 15.0
+    trim_time_s: Annotated[
+        float, Doc("TRIM_AUTO_S", 0, 600, "s", "Time in which trims are learned under way; 0 off")
+    ] = 0.0
+    lag_radps: Annotated[
+        float, Doc("ACT_LAG_W", 0.5, 100, "rad/s", "Natural frequency of the tailcone's lag")
+    ] = 3.0
+    lag_damping: Annotated[
+        float, Doc("ACT_LAG_Z", 0.1, 2, "", "Damping ratio of the tailcone's lag")
+    ] = 0.6
+    lead_radps: Annotated[
+        float,
+        Doc(
+            "ACT_LEAD_W",
+            0,
+            100,
+            "rad/s",
+            "Natural frequency that the tailcone is to seem to have; 0: its own",
+        ),
+    ] = 0.0
+    rate_degps: Annotated[
+        float, Doc("ACT_RATE_DEGPS", 1, 360, "deg/s", "Rate limit of the tailcone")
+    ] = 15.0
+    cruise_thrust_pct: Annotated[
+        float, Doc("THR_CRUISE_PCT", 0, 100, "%", "Thrust where a mission gives none")
+    ] = 58.0
+    cruise_speed_mps: Annotated[
+        float, Doc("SPD_CRUISE_MPS", 0.1, 5, "m/s", "Speed at cruise thrust")
+    ] = 1.3
+    speed_length_m: Annotated[
+        float, Doc("SPD_LENGTH_M", 1, 500, "m", "Way in which a speed is reached")
+    ] = 12.0
+
+    declination_deg: Annotated[
+        float, Doc("MAG_DECL_DEG", -180, 180, "deg", "Magnetic declination, east positive")
+    ] = -14.4
+    attitude_gain: Annotated[
+        float, Doc("EST_ATT_GAIN", 0, 5, "1/s", "Pull of the accelerometer on attitude")
+    ] = 0.15
+    heading_gain: Annotated[
+        float, Doc("EST_HDG_GAIN", 0, 5, "1/s", "Pull of the magnetometer on heading")
+    ] = 0.15
+    bias_gain: Annotated[
+        float, Doc("EST_BIAS_GAIN", 0, 1, "1/s2", "Speed of the gyro bias estimate")
+    ] = 0.005
+    depth_time_s: Annotated[
+        float, Doc("EST_DPT_TIME", 0.05, 10, "s", "Time constant of the depth estimate")
+    ] = 0.7
+    surface_pressure_hpa: Annotated[
+        float, Doc("EST_SURF_HPA", 800, 1100, "hPa", "Air pressure at the surface")
+    ] = 1013.25
+    water_density_kgpm3: Annotated[
+        float, Doc("EST_DENSITY", 950, 1100, "kg/m3", "Density of the water")
+    ] = 1025.0
+
+    current_sd_mps: Annotated[
+        float, Doc("NAV_CUR_SD", 0, 3, "m/s", "Current to be reckoned with before any is measured")
+    ] = 0.2
+    current_walk_mps: Annotated[
+        float,
+        Doc("NAV_CUR_WALK", 0, 1, "m/s", "Change of the current to be reckoned with in a minute"),
+    ] = 0.05
+    speed_error_pct: Annotated[
+        float, Doc("NAV_SPD_PCT", 0, 50, "%", "Error of the speed by thrust to be reckoned with")
+    ] = 5.0
+    log_error_pct: Annotated[
+        float,
+        Doc("NAV_DVL_PCT", 0, 10, "%", "Error of Doppler log and heading to be reckoned with"),
+    ] = 0.6
+
+    lookahead_m: Annotated[
+        float, Doc("NAV_LOS_M", 1, 500, "m", "Look-ahead of line-of-sight guidance")
+    ] = 15.0
+    los_integral_mps: Annotated[
+        float, Doc("NAV_LOS_I", 0, 10, "m/s", "Integral gain of line-of-sight guidance; 0 off")
+    ] = 0.3
+    acceptance_m: Annotated[
+        float, Doc("NAV_ACC_RAD_M", 0.5, 500, "m", "A place is reached within this")
+    ] = 5.0
+    station_radius_m: Annotated[
+        float, Doc("STN_RADIUS_M", 5, 1000, "m", "Circle about a place to stay at")
+    ] = 20.0
+    rtl_depth_m: Annotated[float, Doc("RTL_DEPTH_M", 0, 6000, "m", "Depth of the way home")] = 2.0
+    rtl_radius_m: Annotated[
+        float, Doc("RTL_RADIUS_M", 1, 1000, "m", "Closer to home than this: surface")
+    ] = 10.0
+    offboard_timeout_s: Annotated[
+        float,
+        Doc("OFB_TIMEOUT_S", 0.1, 60, "s", "Wall time without a set-point that ends OFFBOARD"),
+    ] = 1.0
+    stick_rate_degps: Annotated[
+        float,
+        Doc("STB_RATE_DEGPS", 0.5, 30, "deg/s", "Rate of turn of the full stick in STABILIZE"),
+    ] = 8.0
+
+    surfaced_depth_m: Annotated[
+        float, Doc("SURF_DEPTH_M", 0.1, 3, "m", "Shallower than this is surfaced")
+    ] = 0.5
+    mission_end: Annotated[
+        int, Doc("MIS_END_ACT", 0, 2, "", "After a mission: 0 HOLD, 1 SURFACE, 2 disarm")
+    ] = 1
+    mission_seq0_home: Annotated[
+        int, Doc("MIS_SEQ0_HOME", 0, 1, "", "1: item 0 is home and is not flown")
+    ] = 0
+
+    fs_depth_m: Annotated[float, Doc("FS_DEPTH_M", 1, 6000, "m", "Deeper than this: surface")] = (
+        18.0
+    )
+    fs_altitude_m: Annotated[
+        float, Doc("FS_ALT_M", 0, 100, "m", "Closer to the sea floor: surface; 0 off")
+    ] = 1.0
+    fs_pitch_deg: Annotated[
+        float, Doc("FS_PITCH_DEG", 10, 90, "deg", "Steeper than this: surface")
+    ] = 75.0
+    fs_time_s: Annotated[
+        float, Doc("FS_TIME_S", 0, 864_000, "s", "Longest armed time: surface; 0 off")
+    ] = 7200.0
+    fs_ground_s: Annotated[
+        float, Doc("FS_GCS_TIMEOUT", 0, 86_400, "s", "Wall time without ground: FS_GCS_ACT; 0 off")
+    ] = 0.0
+    fs_ground_action: Annotated[
+        int, Doc("FS_GCS_ACT", 0, 2, "", "Ground lost: 0 HOLD, 1 SURFACE, 2 RTL")
+    ] = 1
+    fs_leak_action: Annotated[
+        int, Doc("FS_LEAK_ACT", 0, 1, "", "A leak: 0 only tell, 1 surface")
+    ] = 1
+    fs_battery_action: Annotated[
+        int, Doc("FS_BATT_ACT", 0, 1, "", "Battery low: 0 only tell, 1 surface")
+    ] = 1
+    fs_battery_pct: Annotated[
+        float, Doc("FS_BATT_PCT", 0, 100, "%", "Less charge than this is low; 0 off")
+    ] = 15.0
+    fs_battery_v: Annotated[
+        float, Doc("FS_BATT_V", 0, 1000, "V", "Less voltage than this is low; 0 off")
+    ] = 0.0
+    fs_pressure_action: Annotated[
+        int,
+        Doc(
+            "FS_PRESS_ACT",
+            0,
+            1,
+            "",
+            "Depth unknown: 0 only tell, 1 stop and let buoyancy raise her",
+        ),
+    ] = 1
+    fs_pressure_s: Annotated[
+        float,
+        Doc("FS_PRESS_S", 0.5, 600, "s", "Depth not measured for longer than this is unknown"),
+    ] = 5.0
+
+    health_lost_s: Annotated[
+        float, Doc("HLTH_LOST_S", 0.05, 60, "s", "AHRS reading older than this is lost")
+    ] = 0.5
+    health_stuck_s: Annotated[
+        float,
+        Doc(
+            "HLTH_STUCK_S",
+            0,
+            600,
+            "s",
+            "AHRS reading that stays the same for longer is stuck; 0 off",
+        ),
+    ] = 1.0
+    health_duct_pct: Annotated[
+        float,
+        Doc(
+            "HLTH_DUCT_PCT",
+            1,
+            200,
+            "%",
+            "Duct feedback further off than this share of the travel is wrong",
+        ),
+    ] = 60.0
+    health_depth_s: Annotated[
+        float, Doc("HLTH_DPT_S", 0, 600, "s", "A depth error that stays for longer is told; 0 off")
+    ] = 30.0
+    failure_enabled: Annotated[
+        int,
+        Doc("SYS_FAILURE_EN", 0, 1, "", "1: MAV_CMD_INJECT_FAILURE is passed on to the simulator"),
+    ] = 0
+
+    log_enabled: Annotated[int, Doc("LOG_ENABLE", 0, 1, "", "1: a log is kept on board")] = 1
+    log_disarmed: Annotated[int, Doc("LOG_DISARMED", 0, 1, "", "1: also while disarmed")] = 0
+    log_max_mb: Annotated[
+        float, Doc("LOG_MAX_MB", 1, 1e6, "MB", "Room for logs; then the oldest are removed")
+    ] = 4000.0
+    log_free_mb: Annotated[
+        float, Doc("LOG_FREE_MB", 0, 1e6, "MB", "Room that logs leave free on the disk")
+    ] = 200.0
+
+    sid_axis: Annotated[
+        int,
+        Doc(
+            "SID_AXIS",
+            0,
+            123,
+            "",
+            "Test axis: 0 none, 11 elevator, 12 rudder, 13 thrust, 23 both; +100: loop on",
+        ),
+    ] = 0
+    sid_magnitude: Annotated[
+        float, Doc("SID_MAGNITUDE", -100, 100, "deg", "Size of the test, from trim; of thrust in %")
+    ] = 3.0
+    sid_elevator_pct: Annotated[
+        float, Doc("SID_ELE_PCT", 1, 100, "%", "Elevator's share of the size where both are tested")
+    ] = 50.0
+    sid_start_hz: Annotated[
+        float,
+        Doc("SID_F_START_HZ", 0.001, 10, "Hz", "First frequency of a chirp, lowest of a multisine"),
+    ] = 0.02
+    sid_stop_hz: Annotated[
+        float,
+        Doc(
+            "SID_F_STOP_HZ",
+            0.001,
+            10,
+            "Hz",
+            "Last frequency of a chirp, highest of a multisine, clock of a PRBS",
+        ),
+    ] = 0.5
+    sid_fade_in_s: Annotated[
+        float, Doc("SID_T_FADE_IN", 0, 20, "s", "Fade at both ends of a test")
+    ] = 0.0
+    sid_record_s: Annotated[float, Doc("SID_T_REC", 1, 600, "s", "Length of a test")] = 20.0
+    sid_wave: Annotated[
+        int,
+        Doc(
+            "SID_WAVE",
+            0,
+            6,
+            "",
+            "0 chirp, 1 step, 2 doublet, 3 PRBS, 4 multisine, 5 3211, 6 square",
+        ),
+    ] = 1
+    sid_seed: Annotated[int, Doc("SID_SEED", 0, 16_777_215, "", "Which PRBS")] = 0
+    sid_runs_1: Annotated[
+        int, Doc("SID_RUNS_1", 0, 9_999_999, "", "First runs of a square wave, a digit each")
+    ] = 0
+    sid_runs_2: Annotated[
+        int, Doc("SID_RUNS_2", 0, 9_999_999, "", "Further runs of a square wave, a digit each")
+    ] = 0
+    sid_depth_min_m: Annotated[
+        float,
+        Doc("SID_DEPTH_MIN", -10, 100, "m", "Shallower than this stops a test; -10 on the bench"),
+    ] = 1.0
+    sid_depth_max_m: Annotated[
+        float, Doc("SID_DEPTH_MAX", 1, 6000, "m", "Deeper than this stops a test")
+    ] = 15.0
+    sid_altitude_min_m: Annotated[
+        float, Doc("SID_ALT_MIN", 0, 100, "m", "Closer to the floor stops a test")
+    ] = 3.0
+    sid_pitch_max_deg: Annotated[
+        float, Doc("SID_PITCH_MAX", 1, 90, "deg", "Steeper than this stops a test")
+    ] = 35.0
+    sid_heading_max_deg: Annotated[
+        float, Doc("SID_HDG_MAX", 1, 180, "deg", "More heading change stops a test")
+    ] = 180.0
+    sid_rate_max_degps: Annotated[
+        float,
+        Doc("SID_RATE_MAX", 1, 360, "deg/s", "Pitching or yawing faster than this stops a test"),
+    ] = 60.0
+    sid_time_max_s: Annotated[
+        float, Doc("SID_TIME_MAX", 1, 600, "s", "Longest a test may last")
+    ] = 120.0
+
+    travel_rad: float = field(init=False)
+    rudder_trim_rad: float = field(init=False)
+    elevator_trim_rad: float = field(init=False)
+    declination_rad: float = field(init=False)
+    pitch_limit_rad: float = field(init=False)
+    fs_pitch_rad: float = field(init=False)
+    turn_most_radps: float = field(init=False)
+    servo: ActuatorLead = field(init=False)
+    heading_gains: Gains = field(init=False)
+    pitch_gains: Gains = field(init=False)
+    depth_gains: Gains = field(init=False)
+
+    def __post_init__(self) -> None:
+        turning = math.radians(self.heading_i_rate_degps)
+        for name, value in (
+            ("travel_rad", math.radians(self.travel_deg)),
+            ("rudder_trim_rad", math.radians(self.rudder_trim_deg)),
+            ("elevator_trim_rad", math.radians(self.elevator_trim_deg)),
+            ("declination_rad", math.radians(self.declination_deg)),
+            ("pitch_limit_rad", math.radians(self.pitch_limit_deg)),
+            ("fs_pitch_rad", math.radians(self.fs_pitch_deg)),
+            ("turn_most_radps", math.radians(self.heading_way_degps)),
+            ("servo", self._servo()),
+            (
+                "heading_gains",
+                Gains(self.heading_p, self.heading_d, self.heading_i, self.heading_i_max, turning),
+            ),
+            ("pitch_gains", Gains(self.pitch_p, self.pitch_d, self.pitch_i, self.pitch_i_max)),
+            ("depth_gains", Gains(self.depth_p, self.depth_d, self.depth_i, self.depth_i_max)),
+        ):
+            object.__setattr__(self, name, value)
+
+    def _servo(self) -> ActuatorLead:
+        rate, travel = math.radians(self.rate_degps), math.radians(self.travel_deg)
+        return ActuatorLead(self.lag_radps, self.lag_damping, self.lead_radps, rate, travel)
+
+
+class ParamInfo(NamedTuple):
+    """One row of the table as ground sees it."""
+
+    name: str
+    field: str
+    default: float
+    minimum: float
+    maximum: float
+    unit: str
+    doc: str
+    integer: bool
+
+
+class ParamError(ValueError):
+    """A parameter that does not exist or a value out of range; the message says what would be
+    right."""
+
+
+def _table() -> tuple[ParamInfo, ...]:
+    rows = []
+    hints = get_type_hints(Config, include_extras=True)
+    defaults = Config()
+    for name in (column.name for column in fields(Config) if column.init and column.name != "laws"):
+        doc: Doc = hints[name].__metadata__[0]
+        integer = hints[name].__origin__ is int
+        rows.append(
+            ParamInfo(
+                doc.name,
+                name,
+                getattr(defaults, name),
+                doc.minimum,
+                doc.maximum,
+                doc.unit,
+                doc.doc,
+                integer,
+            )
+        )
+    return tuple(sorted(rows))
+
+
+PARAMETERS = _table()
+"""Every parameter, sorted by name."""
+
+_BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
+
+
+def validate(name: str, value: float) -> float:
+    """The value as it will be stored (integers rounded).
+
+    Raises:
+        ParamError: the parameter does not exist, or the value is no number or out of range.
+    """
+    row = _BY_NAME.get(name)
+    if row is None:
+        raise ParamError(f"parameter {name} does not exist")
+    if not math.isfinite(value) or not row.minimum <= value <= row.maximum:
+        raise ParamError(
+            f"{name} = {value:g}: must be {row.minimum:g} to {row.maximum:g} {row.unit}".rstrip()
+        )
+    return float(round(value)) if row.integer else value
+
+
+def config(values: Mapping[str, float]) -> Config:
+    """The configuration with ``values`` (by parameter name) in place of the defaults. Raises
+    ParamError."""
+    changed = {}
+    for name, value in values.items():
+        stored = validate(name, value)
+        row = _BY_NAME[name]
+        changed[row.field] = int(stored) if row.integer else stored
+    return Config(**changed)  # type: ignore[arg-type]
+
+
+class ParamTable:
+    """The values in force, by name; ``config`` is what the tick reads."""
+
+    def __init__(
+        self,
+        values: Mapping[str, float] | None = None,
+        kept: Mapping[str, float] | None = None,
+        laws: LqgControllers | None = None,
+    ) -> None:
+        """``values`` are in force from the start; ``kept`` are those among all that are to outlive
+        the program."""
+        self.config = replace(config(values or {}), laws=laws)
+        self.kept = dict(kept or {})
+        self.revision = 0
+        """Counts the changes to ``kept``."""
+
+    def names(self) -> list[str]:
+        return list(_BY_NAME)
+
+    def get(self, name: str) -> float:
+        """The value in force. Raises ParamError where there is no such parameter."""
+        if name not in _BY_NAME:
+            raise ParamError(f"parameter {name} does not exist")
+        return float(getattr(self.config, _BY_NAME[name].field))
+
+    def set(self, name: str, value: float) -> float:
+        """Put a value in force; returns it as stored. Raises ParamError, and then nothing has
+        changed."""
+        stored = validate(name, value)
+        row = _BY_NAME[name]
+        self.config = replace(self.config, **{row.field: int(stored) if row.integer else stored})  # type: ignore[arg-type]
+        self.kept[name] = stored
+        self.revision += 1
+        return stored
+
+    def reset(self) -> list[str]:
+        """Put every default in force; returns the names of those that changed."""
+        before, self.config = self.config, Config(laws=self.config.laws)
+        self.kept, self.revision = {}, self.revision + 1
+        return [row.name for row in PARAMETERS if getattr(before, row.field) != row.default]

@@ -1,0 +1,1 @@
+"""Sensor checks: implausible, frozen, silent or inconsistent samples."""

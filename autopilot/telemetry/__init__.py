@@ -1,0 +1,1 @@
+"""Telemetry messages and the vehicle's identity."""

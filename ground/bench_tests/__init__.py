@@ -1,0 +1,1 @@
+"""Tests on the bench: tailcone sweep and inclining test."""

@@ -1,0 +1,150 @@
+"""The inclining test: she floats without thrust, a weight goes to one side and the other, and her
+heel is read."""
+
+import tomllib
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from ground.bench_tests import bench
+from ground.campaign import refit
+from ground.client import flight
+from ground.client.flight import FlightProgress
+from ground.errors import InputError, OperationError
+from ground.simulation.processes import SimulatedVehicle
+from mavlink_io.clock import wall_s
+
+if TYPE_CHECKING:
+    from sysid.estimation.inclining_test import Inclining
+    from sysid.estimation.inclining_test import WeightPeriod as DatedMove
+
+SHIPPED = files("ground.bench_tests") / "inclining.toml"
+MAX_MASS_KG, MAX_OFFSET_M = 1000.0, 10.0
+
+
+class WeightMove(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What is brought out of the middle; nothing, where both are left out."""
+
+    mass_kg: float = 0.0
+    to_port_m: float = 0.0
+
+    def in_words(self) -> str:
+        """What the person at the vehicle has to do."""
+        if not self.mass_kg * self.to_port_m:
+            return "all weights amidships"
+        side = "port" if self.to_port_m > 0.0 else "starboard"
+        return f"{self.mass_kg:g} kg by {abs(self.to_port_m):g} m to {side}"
+
+
+class IncliningPlan(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A list of moves, each as long as the others."""
+
+    duration_s: float
+    move: tuple[WeightMove, ...]
+
+    def dated(self) -> "list[DatedMove]":
+        """When each stands, counted from arming."""
+        from sysid.estimation.inclining_test import WeightPeriod as DatedMove
+
+        span = self.duration_s
+        return [
+            DatedMove(m.mass_kg * m.to_port_m, n * span, (n + 1) * span)
+            for n, m in enumerate(self.move)
+        ]
+
+
+def load(path: Path | None) -> IncliningPlan:
+    """Read a list of moves; None is the one that comes with the tool. Raises BadInputError."""
+    source = path or SHIPPED
+    try:
+        plan = msgspec.convert(tomllib.loads(source.read_text(encoding="utf-8")), IncliningPlan)
+    except OSError as error:
+        raise InputError(
+            f"--moves {path}: {error.strerror}; give a TOML file of [[move]] tables"
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as error:
+        raise InputError(f"--moves {path}: {error}") from None
+    if not 10.0 <= plan.duration_s <= 600.0:
+        raise InputError(f"--moves {path}: duration_s = {plan.duration_s:g}: expected 10 to 600")
+    for number, move in enumerate(plan.move, start=1):
+        if not (0.0 <= move.mass_kg <= MAX_MASS_KG and abs(move.to_port_m) <= MAX_OFFSET_M):
+            raise InputError(
+                f"--moves {path}: move {number}: mass_kg = {move.mass_kg:g}, to_port_m ="
+                f" {move.to_port_m:g}: expected 0 to {MAX_MASS_KG:g} kg, at most {MAX_OFFSET_M:g} m"
+                " to either side"
+            )
+    if len(plan.move) < 3 or len({move.mass_kg * move.to_port_m for move in plan.move}) < 2:
+        raise InputError(
+            f"--moves {path}: move: expected three or more, of two different moments at least"
+        )
+    return plan
+
+
+def measure(
+    plan: IncliningPlan,
+    log: Path,
+    prior: str,
+    where: str | SimulatedVehicle,
+    watch: Callable[[FlightProgress], None],
+    announce: Callable[[str], None],
+    key_file: Path | None = None,
+) -> "Inclining":
+    """Run the test and say where the centre of mass is. Raises AddressError, BadInputError,
+    FailedError."""
+    from sysid.data import readers
+    from sysid.data.dataset import LogError
+    from sysid.estimation import inclining_test
+
+    vehicle_file = refit.read_vehicle(prior)
+    with flight.open_recorded_vehicle(where, log, key_file=key_file) as (vehicle, recorder):
+        vehicle.connect()
+        with bench.armed_without_thrust(vehicle) as before:
+            recorder.attach_parameters(before | bench.PARAMETERS)
+            began_s, armed_s = wall_s(), recorder.vehicle_s
+            for number, move in enumerate(plan.move):
+                announce(move.in_words())
+                watch(
+                    FlightProgress(
+                        number,
+                        len(plan.move),
+                        recorder.vehicle_s - armed_s,
+                        wall_s() - began_s,
+                        0.0,
+                        0.0,
+                    )
+                )
+                bench.listen_until(vehicle, recorder, armed_s + (number + 1) * plan.duration_s)
+    try:
+        return inclining_test.analyse(readers.read(log), plan.dated(), vehicle_file)
+    except (inclining_test.InclineError, LogError) as error:
+        raise OperationError(str(error)) from None
+
+
+def as_json(found: "Inclining", prior: str, file_z_cm_m: float) -> dict[str, Any]:
+    """The result beside what the vehicle's file says."""
+    return {
+        "z_cm_m": {"value": found.z_cm_m.value, "sd": found.z_cm_m.sd},
+        "height_m": {"value": found.height_m.value, "sd": found.height_m.sd},
+        "list_deg": found.list_deg,
+        "file": prior,
+        "file_z_cm_m": file_z_cm_m,
+        "readings": [reading._asdict() for reading in found.readings],
+    }
+
+
+def format_text(result: dict[str, Any], log: Path) -> str:
+    """The result as a person reads it."""
+    lines = ["to port, kg m   heel to starboard, deg   fitted"]
+    lines += [
+        f"{r['moment_kgm']:13.3f} {r['roll_deg']:24.3f} {r['fitted_deg']:8.3f}"
+        for r in result["readings"]
+    ]
+    z_cm, file = result["z_cm_m"], result["file"]
+    lines += [
+        f"z_CM = {z_cm['value']:.5f} +- {z_cm['sd']:.5f} m; the file {file} says"
+        f" {result['file_z_cm_m']:g}"
+    ]
+    return "\n".join([*lines, str(log)])

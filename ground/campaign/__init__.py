@@ -1,0 +1,1 @@
+"""The campaign: prototype flight, tests, refit, redesign and verification."""

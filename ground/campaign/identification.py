@@ -1,0 +1,262 @@
+"""What an identified model comes to: as numbers for ``--json`` and ``summary.json``, and as tables
+for people."""
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+    from sysid.models.model_file import IdentifiedModel
+    from sysid.validation.results import Gate
+
+WIDTH = 118
+PAPER_VEHICLE = "caribou_nominal"
+"""The prior that is the paper's vehicle: beside it stand the paper's own columns."""
+
+
+def summarise_model(model: "IdentifiedModel") -> dict[str, Any]:
+    """Planes, coefficients, errors on fitted and held-out runs, validation, verdict, and other
+    methods beside."""
+    import msgspec
+
+    validation: Any = msgspec.to_builtins(model.validation)
+    for plane in validation.values():
+        del plane["runs"], plane["overlay"]
+    return {
+        "method": model.method,
+        "speed_mps": model.speed_mps,
+        "planes": msgspec.to_builtins(model.planes),
+        "coefficients": msgspec.to_builtins(model.coefficients),
+        "rank": model.joint.rank,
+        "condition_number": model.joint.condition_number,
+        "fitted_rate_error": rate_errors(model.fit_quality),
+        "held_out_rate_error": rate_errors(model.held_out),
+        "runs_kept": sum(run.kept for run in model.screening),
+        "runs_rejected": sum(not run.kept for run in model.screening),
+        "validation": validation,
+        "verdict": msgspec.to_builtins(model.verdict),
+        "beside": {
+            rival.method: {
+                "planes": msgspec.to_builtins(rival.planes),
+                "coefficients": rival.coefficients,
+                "rank": rival.rank,
+                "fitted_rate_error": rate_errors(rival.fit_quality),
+                "held_out_rate_error": rate_errors(rival.held_out),
+            }
+            for rival in model.beside
+        },
+    }
+
+
+def rate_errors(qualities: Any) -> dict[str, Any]:
+    """By plane: mean squared rate errors of the initial and the refitted model, the whole tests and
+    their opening."""
+    from sysid.models.prediction import mean_rate_errors, opening_rate_errors
+
+    found = {}
+    for plane in ("yaw", "pitch"):
+        whole, opening = mean_rate_errors(qualities, plane), opening_rate_errors(qualities, plane)
+        if whole and opening:
+            found[plane] = {
+                "initial_model_deg2ps2": whole[0],
+                "refitted_model_deg2ps2": whole[1],
+                "opening_initial_model_deg2ps2": opening[0],
+                "opening_refitted_model_deg2ps2": opening[1],
+            }
+    return found
+
+
+def format_text(model: "IdentifiedModel", out: Path) -> str:
+    """The model as tables: what control rests on, the gates, other methods beside, and the
+    verdict."""
+    kept, held_out = sum(run.kept for run in model.screening), len(model.held_out)
+    lines: list[RenderableType] = [
+        f"{out}: {kept} of {len(model.screening)} runs fitted, {held_out} held out"
+    ]
+    lines += [
+        f"  rejected {run.run}: {'; '.join(run.reasons)}" for run in model.screening if not run.kept
+    ]
+    lines += [
+        f"  rejected {run.run} (held out): {'; '.join(run.reasons)}"
+        for run in model.held_out_screening
+        if not run.kept
+    ]
+    lines += [
+        f"  kept {run.run}, with doubt: {'; '.join(run.warnings)}"
+        for run in model.screening
+        if run.warnings
+    ]
+    if model.left_out_moved:
+        most = max(model.left_out_moved, key=lambda shift: abs(shift.sds))
+        lines.append(
+            f"  leaving them out moved {most.plane} {most.number} by {most.sds:+.1f} sd, the others"
+            " less"
+        )
+    lines += [f"[bold]what control rests on, at {model.speed_mps:g} m/s", _numbers(model)]
+    if model.beside:
+        lines += ["[bold]coefficients", _coefficients(model)]
+    lines += ["[bold]mean squared rate error, (deg/s)²; in brackets the first 10 s", _errors(model)]
+    if model.verdict:
+        lines += [
+            "[bold]gates; a figure in brackets is a remark and does not decide",
+            _gates(model.verdict.gates),
+        ]
+    return _render([*lines, *verdict_lines(model)])
+
+
+def verdict_lines(model: "IdentifiedModel") -> list[str]:
+    """The verdict, and the test to fly next."""
+    found = model.verdict
+    if found is None:
+        return ["nobody has judged this model: refit it from its logs"]
+    lines = ["fit for redesign"] if found.fit_for_redesign else ["not fit for redesign:"]
+    lines += [f"  {reason}" for reason in found.reasons]
+    if found.next_test:
+        lines += [f"next test: {found.next_test}", f"  why: {found.next_test.reason}"]
+    return lines
+
+
+def _method_name(method: str) -> str:
+    return "the paper's way" if method == "paper" else method
+
+
+def _numbers(model: "IdentifiedModel") -> "Table":
+    rivals = [(rival.method, rival.planes) for rival in model.beside]
+    table = _table(
+        "plane", "", f"{model.method}", "1 sd", *(_method_name(method) for method, _ in rivals)
+    )
+    for plane, found in model.planes.items():
+        for name in found.__struct_fields__:
+            estimate = getattr(found, name)
+            if estimate is not None:
+                sd = "not known" if estimate.sd is None else f"{estimate.sd:.2g}"
+                others = [f"{getattr(planes[plane], name).value:.4g}" for _, planes in rivals]
+                table.add_row(plane, name, f"{estimate.value:.4g}", sd, *others)
+    return table
+
+
+def _errors(model: "IdentifiedModel") -> "Table":
+    """Table 2's figures: whole tests, and their first ten seconds, which the paper's comparison
+    cannot exceed."""
+    table = _table(
+        "plane",
+        "runs",
+        "first principles",
+        model.method,
+        *(_method_name(rival.method) for rival in model.beside),
+    )
+    for what, of in (("fitted", "fit_quality"), ("held out", "held_out")):
+        ours = rate_errors(getattr(model, of))
+        others = [rate_errors(getattr(rival, of)) for rival in model.beside]
+        for plane, errors in ours.items():
+            cells = [
+                _error(errors, "initial"),
+                *(_error(e[plane], "refitted") for e in (ours, *others)),
+            ]
+            table.add_row(plane, what, *cells)
+    return table
+
+
+def _error(errors: Mapping[str, float], which: str) -> str:
+    whole, opening = errors[f"{which}_model_deg2ps2"], errors[f"opening_{which}_model_deg2ps2"]
+    return f"{whole:.3f} ({opening:.3f})"
+
+
+def _coefficients(model: "IdentifiedModel") -> "Table":
+    """Table 1: the paper's columns for its own vehicle, the prior, ours, and other methods on the
+    same runs."""
+    from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
+
+    columns = (TABLE_1_INITIAL, TABLE_1_ADJUSTED) if model.vehicle.prior == PAPER_VEHICLE else ()
+    heads = ("paper, initial", "paper, adjusted")[: len(columns)]
+    table = _table(
+        "",
+        *heads,
+        "prior",
+        model.method,
+        "1 sd",
+        "shrink",
+        "",
+        *(_method_name(rival.method) for rival in model.beside),
+        "unit",
+    )
+    for name, c in model.coefficients.items():
+        sd = f"{c.sd:.2g}" if c.sd else "-"
+        shrink = f"{c.shrink:.2f}" if c.shrink is not None and c.prior_sd else "-"
+        paper = [f"{getattr(column, name):.4g}" for column in columns]
+        others = [f"{rival.coefficients[name]:.4g}" for rival in model.beside]
+        table.add_row(
+            name, *paper, f"{c.prior:.4g}", f"{c.value:.4g}", sd, shrink, c.status, *others, c.unit
+        )
+    return table
+
+
+def _gates(gates: Sequence["Gate"]) -> "Table":
+    """One row a gate, one column a plane; what is not required is a remark, in brackets."""
+    table = _table("", "yaw", "pitch", "limit", "")
+    for (name, limit), row in _gates_by_name(gates).items():
+        failed = [
+            "remark" if not gate.required else "FAILED" for gate in row.values() if not gate.passed
+        ]
+        cells = [_format_value(row[p]) if p in row else "" for p in ("yaw", "pitch")]
+        if None in row:
+            cells[0] = _format_value(row[None])
+        table.add_row(
+            name,
+            *cells,
+            limit,
+            "FAILED" if "FAILED" in failed else failed[0] if failed else "passed",
+        )
+    return table
+
+
+def _gates_by_name(gates: Sequence["Gate"]) -> dict[tuple[str, str], dict[str | None, "Gate"]]:
+    rows: dict[tuple[str, str], dict[str | None, Gate]] = {}
+    for name in dict.fromkeys(gate.name for gate in gates):
+        same: dict[str | None, Gate] = {gate.plane: gate for gate in gates if gate.name == name}
+        limits = " / ".join(dict.fromkeys(f"{gate.limit:.3g}" for gate in same.values()))
+        first = next(iter(same.values()))
+        rows[name, f"{first.sense} {limits} {first.unit}".rstrip()] = same
+    return rows
+
+
+def _format_value(gate: "Gate") -> str:
+    value = "not known" if gate.value is None else f"{gate.value:.3g}"
+    return value if gate.required else f"({value})"
+
+
+def _table(*heads: str) -> "Table":
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for number, head in enumerate(heads):
+        table.add_column(
+            head, justify="left" if number == 0 or not head or head == "runs" else "right"
+        )
+    return table
+
+
+def _render(parts: Sequence["RenderableType"]) -> str:
+    """As text; in colour where stdout is a terminal."""
+    from rich.console import Console
+
+    page = StringIO()
+    console = Console(file=page, width=WIDTH, force_terminal=sys.stdout.isatty(), highlight=False)
+    for part in parts:
+        console.print(part)
+    return "\n".join(_without_blanks(page.getvalue().splitlines()))
+
+
+def _without_blanks(lines: Sequence[str]) -> Iterator[str]:
+    """No spaces at the ends, and no more than one empty line in a row."""
+    last = " "
+    for line in (text.rstrip() for text in lines):
+        if line or last:
+            yield line
+        last = line

@@ -1,0 +1,78 @@
+"""What a redesign is asked for: the tool's own specification, a file that changes some of it,
+options that change more.
+
+The file is TOML, one ``name = number`` a line with the names of `sysid.design.Spec`.
+"""
+
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ground.errors import InputError
+
+if TYPE_CHECKING:
+    from sysid.design.pid import Spec
+
+BOUNDS = {
+    "damping": (0.05, 0.95),
+    "gm_db": (1.0, 40.0),
+    "pm_deg": (5.0, 90.0),
+    "ms": (1.05, 10.0),
+    "least_gm_db": (0.0, 40.0),
+    "least_pm_deg": (0.0, 90.0),
+    "probability": (0.0, 1.0),
+    "finish_s": (1.0, 3600.0),
+    "finish_left": (0.01, 1.0),
+    "heading_step_deg": (1.0, 180.0),
+    "travel_deg": (1.0, 45.0),
+    "rate_degps": (0.1, 720.0),
+    "depth_step_m": (0.1, 100.0),
+    "depth_overshoot": (0.0, 1.0),
+    "pitch_rms_growth": (0.1, math.inf),
+    "pitch_per_metre_deg": (0.1, 90.0),
+    "command_noise_deg": (0.01, 10.0),
+}
+"""Beyond these a number was meant in another unit, or for something else."""
+
+
+def read(
+    file: Path | None, options: Mapping[str, float | None], first: "Spec | None" = None
+) -> "Spec":
+    """A specification: ``first`` or the default, then what the file says, then the options that are
+    given.
+
+    Raises:
+        BadInputError: names the file or option, the name, the value and what would be right.
+    """
+    from sysid.design.pid import Spec
+
+    table = _table(file) if file else {}
+    unknown = next((name for name in table if name not in BOUNDS), None)
+    if unknown:
+        raise InputError(
+            f"{file}: {unknown}: there is no such limit; there are {', '.join(BOUNDS)}"
+        )
+    given = {name: value for name, value in options.items() if value is not None}
+    asked = {name: _number(f"{file}: {name} =", name, value) for name, value in table.items()}
+    asked |= {
+        name: _number(f"--{name.replace('_', '-')}", name, value) for name, value in given.items()
+    }
+    return (first or Spec())._replace(**asked)
+
+
+def _table(file: Path) -> dict[str, object]:
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{file}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{file}: not TOML: {error}") from None
+
+
+def _number(where: str, name: str, value: object) -> float:
+    low, high = BOUNDS[name]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        raise InputError(f"{where} {value}: must be a number from {low:g} to {high:g}")
+    return float(value)

@@ -1,0 +1,64 @@
+"""``ground modes``: what modes a vehicle offers, and their names for programs that cannot ask."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ground.cli.options import GROUND_LINK, Address, Json, Sign, print_result
+
+app = typer.Typer(invoke_without_command=True, help="The modes that a vehicle offers.")
+
+
+@app.callback()
+def modes(
+    context: typer.Context, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False
+) -> None:
+    """Every mode and its number (custom_mode), as the vehicle itself lists them."""
+    if context.invoked_subcommand is not None:
+        return
+    from ground.client.vehicle import connected
+
+    with connected(connect, sign) as vehicle:
+        offered = vehicle.modes()
+    print_result(
+        offered, "\n".join(f"{name:16s} {number}" for name, number in offered.items()), json
+    )
+
+
+@app.command()
+def install(
+    connect: Address = GROUND_LINK,
+    sign: Sign = None,
+    path: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Default: where pymavlink looks.")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say what would be added.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Teach MAVProxy and other pymavlink programs the names of this vehicle's modes; what is there
+    already stays."""
+    from ground.client import mode_map
+    from ground.client.vehicle import connected
+
+    target = (path or mode_map.DEFAULT_PATH).expanduser()
+    present = mode_map.read(target)
+    with connected(connect, sign) as vehicle:
+        offered, kind = vehicle.modes(), vehicle.kind
+    change = mode_map.merge(present, kind, offered, target)
+    if change.added and not dry_run:
+        mode_map.write(target, change.merged)
+    words = [f"{target}: {'nothing' if not change.added else 'would add' if dry_run else 'added'}"]
+    words += [f"  {key} {name}" for key, name in change.added.items()]
+    if change.added and str(kind) not in present:
+        words.append(
+            f"  these replace pymavlink's own names for vehicles of type {kind}; delete {kind} to"
+            " go back"
+        )
+    print_result(
+        {"file": str(target), "added": change.added, "written": bool(change.added) and not dry_run},
+        "\n".join(words),
+        json,
+    )

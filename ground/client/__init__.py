@@ -1,0 +1,1 @@
+"""Client of one MAVLink vehicle: parameters, missions, logs, commands and recording."""

@@ -1,0 +1,139 @@
+"""Writes every MAVLink frame that arrives into an MCAP file, as it came (`mavlink_io.logging`).
+
+``log_time`` is the UNIX time at which the vehicle's clock stood at zero plus vehicle time; a
+message that carries no time has that of the last one of its system that did. Chunks are small and
+handed to the operating system several times a second, so that a killed process loses next to
+nothing."""
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from mavlink_io import dialect
+from mavlink_io.clock import Every, wall_s
+from mavlink_io.codec import Frame
+from mavlink_io.logging import ros1
+from mavlink_io.logging.mavlink_log import Channel, MavlinkLog
+from mavlink_io.logging.tlog import TelemetryLog
+
+FLUSH_PERIOD_S = 0.2
+RESTART_US = 10_000_000
+"""A step back of vehicle time by more than this is a restart, by less an old sample such as a
+satellite fix."""
+
+
+class _Stream(NamedTuple):
+    channel: Channel
+    read_time_us: Callable[[bytes], int | None] | None
+
+
+class _Clock:
+    """The vehicle time of one sending system, and where it stands in UNIX time."""
+
+    def __init__(self, start_unix_ns: int) -> None:
+        self.start_unix_ns = start_unix_ns
+        self.known = False
+        self.vehicle_us = 0
+
+
+class Recorder:
+    """An open log. Close it with ``finish`` in every exit; what was flushed before can be recovered
+    without."""
+
+    def __init__(
+        self, path: Path, tlog: Path | None = None, now_unix_ns: Callable[[], int] = time.time_ns
+    ) -> None:
+        self.path = path
+        self._now_unix_ns = now_unix_ns
+        self._opened_unix_ns = now_unix_ns()
+        self._streams: dict[tuple[int, int, int], _Stream] = {}
+        self._clocks: dict[int, _Clock] = {}
+        self._file = path.open("wb")
+        self._tlog = TelemetryLog(tlog) if tlog else None
+        self._log = MavlinkLog(self._file)
+        self._flush = Every(FLUSH_PERIOD_S, wall_s)
+        self._finished = False
+
+    @property
+    def message_count(self) -> int:
+        return self._log.message_count
+
+    @property
+    def vehicle_s(self) -> float:
+        """Vehicle time of the newest message, over all systems."""
+        return max((clock.vehicle_us for clock in self._clocks.values()), default=0) / 1e6
+
+    def heard(self, component: int, name: str) -> bool:
+        """Whether any system's ``component`` has sent a message of that name."""
+        message_id = dialect.by_name(name).message_id
+        return any(key[1:] == (component, message_id) for key in self._streams)
+
+    def record(self, frame: Frame) -> None:
+        """Write one received frame."""
+        key = frame.system, frame.component, frame.message_id
+        stream = self._streams.get(key) or self._open_stream(frame)
+        clock = self._clocks.get(frame.system) or self._clocks.setdefault(
+            frame.system, _Clock(self._opened_unix_ns)
+        )
+        own_us = None
+        if stream.read_time_us is not None:
+            own_us = stream.read_time_us(frame.payload.ljust(stream.channel.length, b"\0"))
+        if own_us is not None:
+            self._set_clock(frame.system, clock, own_us)
+        time_ns = clock.start_unix_ns + (clock.vehicle_us if own_us is None else own_us) * 1000
+        self._log.write(stream.channel, time_ns, frame.payload, frame.sequence)
+        if self._tlog is not None:
+            self._tlog.write(time_ns // 1000, frame.raw)
+
+    def attach(self, name: str, data: bytes, media_type: str) -> None:
+        """Keep a file inside the log, such as the mission that was flown."""
+        self._log.attach(self._now_unix_ns(), name, data, media_type)
+
+    def attach_parameters(self, values: Mapping[str, float]) -> None:
+        """Keep the vehicle's parameters as ``params.json``."""
+        self._log.attach_parameters(self._now_unix_ns(), values)
+
+    def annotate(self, name: str, values: Mapping[str, str]) -> None:
+        """Keep named texts inside the log, such as versions and seeds."""
+        self._log.annotate(name, values)
+
+    def flush_when_due(self) -> None:
+        """Hand what was recorded to the operating system, a few times a second. Call it often, also
+        in silence."""
+        if self._flush.due():
+            self.flush()
+
+    def flush(self) -> None:
+        """Hand what was recorded to the operating system now."""
+        self._log.flush()
+        if self._tlog is not None:
+            self._tlog.flush()
+
+    def finish(self) -> None:
+        """Write the index and close the file; a second call does nothing."""
+        if self._finished:
+            return
+        self._finished = True
+        self._log.finish()
+        self._file.close()
+        if self._tlog is not None:
+            self._tlog.close()
+
+    def _set_clock(self, system: int, clock: _Clock, vehicle_us: int) -> None:
+        if not clock.known:
+            clock.known = True
+            clock.start_unix_ns = self._now_unix_ns() - vehicle_us * 1000
+            self.annotate(
+                f"clock/{system}", {"vehicle_time_zero_unix_ns": str(clock.start_unix_ns)}
+            )
+        if not 0 < clock.vehicle_us - vehicle_us < RESTART_US:
+            clock.vehicle_us = vehicle_us
+
+    def _open_stream(self, frame: Frame) -> _Stream:
+        message = dialect.by_id(frame.message_id)
+        assert message is not None, "the codec lets only known messages pass"
+        channel = self._log.channel(frame.system, frame.component, message)
+        stream = _Stream(channel, ros1.vehicle_time_reader(message))
+        self._streams[frame.system, frame.component, frame.message_id] = stream
+        return stream

@@ -1,0 +1,41 @@
+"""How ground signs what it says to a vehicle (MAVLink 2 message signing,
+``mavlink_io.signing``)."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from ground.errors import InputError
+from mavlink_io.signing import (
+    TIMESTAMP_FILE,
+    KeyFileError,
+    Signing,
+    Timestamp,
+    load_key,
+)
+from mavlink_io.user_data_dir import user_data_dir
+
+LINK_ID = 0
+"""Ground speaks to one vehicle by one link."""
+
+
+@contextlib.contextmanager
+def open_signing(key_file: Path | None) -> Iterator[Signing | None]:
+    """The signature of one link, None without a key; its timestamp is kept at the end.
+
+    Raises:
+        BadInputError: the file holds no key.
+    """
+    if key_file is None:
+        yield None
+        return
+    try:
+        key = load_key(key_file)
+    except KeyFileError as error:
+        raise InputError(f"--sign {error}") from None
+    timestamp = Timestamp(user_data_dir() / TIMESTAMP_FILE)
+    try:
+        yield Signing(key, LINK_ID, timestamp)
+    finally:
+        with contextlib.suppress(OSError):  # the clock alone is nearly as good
+            timestamp.save()

@@ -1,0 +1,209 @@
+"""Listens to one vehicle: the newest of each message, how old it is, and what the link carries.
+
+A watcher only looks: its heartbeat is not a ground station's, so that a vehicle whose ground falls
+silent still notices while somebody watches."""
+
+from collections import deque
+from typing import Any, NamedTuple
+
+from ground.client import commands, connection_diagnosis
+from ground.client.flight import TelemetryListener
+from ground.client.vehicle import StatusText
+from mavlink_io import dialect
+from mavlink_io.clock import Every, wall_s
+from mavlink_io.codec import Frame
+from mavlink_io.dialect import constant
+from mavlink_io.endpoint import Endpoint
+from mavlink_io.logging.statustext import TextJoiner
+from mavlink_io.request import ExchangeError, MavlinkId
+from mavlink_io.signing import Signing
+from mavlink_io.transport import LinkLostError, Transport, wait
+
+OWN_ID = MavlinkId(250, constant("MAV_COMP_ID_LOG"))
+MAX_TEXTS = 8
+RATE_WINDOW_S = 5.0
+"""Over how long the link's rates are taken."""
+SMOOTHING = 0.2
+_OBSERVER = constant("MAV_TYPE_LOG")
+_ARDUPILOT = constant("MAV_AUTOPILOT_ARDUPILOTMEGA")
+_VERSION = float(constant("MAVLINK_MSG_ID_AUTOPILOT_VERSION"))
+
+
+FOLLOWED_HZ = {
+    "ATTITUDE": 20.0,
+    "ACTUATOR_OUTPUT_STATUS": 20.0,
+    "LOCAL_POSITION_NED": 20.0,
+    "ATTITUDE_TARGET": 2.0,
+    "POSITION_TARGET_LOCAL_NED": 2.0,
+}
+"""What followers need; more than most vehicles tell a stranger of their own accord."""
+
+
+class LatestMessage(NamedTuple):
+    """The newest message of a name."""
+
+    message: Any
+    at_s: float
+    period_s: float
+    """The mean time between two of them; 0 after the first."""
+
+
+class ReceivedText(NamedTuple):
+    """A text of the vehicle's."""
+
+    at_s: float
+    severity: int
+    text: str
+
+
+class Receiver:
+    """Everything that is known of the first vehicle that is heard."""
+
+    def __init__(self, transport: Transport, signing: Signing | None = None) -> None:
+        self.address = transport.address
+        self._endpoint = Endpoint(transport, *OWN_ID, signing)
+        self._heartbeat, self._questions = Every(1.0), Every(3.0)
+        self._mode_list: commands.ModeList | None = None
+        self._joiner = TextJoiner()
+        self._arrivals: deque[tuple[float, int]] = deque()
+        self._senders: set[MavlinkId] = set()
+        self.began_s = wall_s()
+        self.party: MavlinkId | None = None
+        self.latest: dict[str, LatestMessage] = {}
+        self.texts: deque[ReceivedText] = deque(maxlen=MAX_TEXTS)
+        self.modes: dict[int, str] = {}
+        self.frames = 0
+        self.follower: TelemetryListener | None = None
+        """Who estimates her while she is tested."""
+        self.trouble = ""
+        """Why nothing can come any more, where that is known."""
+
+    @property
+    def lost_frames(self) -> int:
+        return self._endpoint.lost_frames
+
+    @property
+    def rejected_frames(self) -> int:
+        return self._endpoint.rejected_frames
+
+    def rates(self, now_s: float) -> tuple[float, float]:
+        """Bytes and messages a second of late."""
+        while self._arrivals and now_s - self._arrivals[0][0] > RATE_WINDOW_S:
+            self._arrivals.popleft()
+        span_s = max(1.0, min(RATE_WINDOW_S, now_s - self.began_s))
+        return sum(size for _, size in self._arrivals) / span_s, len(self._arrivals) / span_s
+
+    def why_nothing(self) -> str:
+        """Why no vehicle was found."""
+        return connection_diagnosis.explain(
+            self.address, self._senders, self._endpoint.skipped_bytes
+        )
+
+    def listen(self, timeout_s: float) -> None:
+        """Take what arrives within a time, and ask what can be asked."""
+        try:
+            self._speak()
+            wait([self._endpoint.transport], timeout_s)
+            for frame in self._endpoint.receive():
+                self._take(frame, wall_s())
+        except LinkLostError as error:
+            self.trouble = str(error)
+            wait([], timeout_s)
+
+    def _speak(self) -> None:
+        if self._heartbeat.due():
+            self._endpoint.send(
+                "HEARTBEAT",
+                type=_OBSERVER,
+                autopilot=connection_diagnosis.NO_AUTOPILOT,
+                base_mode=0,
+                custom_mode=0,
+                system_status=0,
+                mavlink_version=3,
+            )
+        if self.party is None:
+            return
+        if self._mode_list is None:
+            self._mode_list = commands.ModeList(self._endpoint.send, OWN_ID, self.party)
+        self._mode_list.poll(wall_s())
+        if self._questions.due():
+            self._ask(self.party)
+
+    def _ask(self, party: MavlinkId) -> None:
+        """For the version, and for telemetry of an autopilot that sends none to strangers."""
+        if "AUTOPILOT_VERSION" not in self.latest:
+            self._command(party, commands.REQUEST, _VERSION)
+        for name, rate_hz in FOLLOWED_HZ.items() if self.follower else ():
+            if name not in self.latest or self.latest[name].period_s > 1.5 / rate_hz:
+                self._command(
+                    party, commands.SET_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz
+                )
+        if (
+            self.latest["HEARTBEAT"].message.autopilot == _ARDUPILOT
+            and "ATTITUDE" not in self.latest
+        ):
+            self._endpoint.send(
+                "REQUEST_DATA_STREAM",
+                target_system=party.system,
+                target_component=party.component,
+                req_stream_id=0,
+                req_message_rate=2,
+                start_stop=1,
+            )
+
+    def _command(self, party: MavlinkId, command: int, *parameters: float) -> None:
+        numbers = {f"param{n + 1}": (*parameters, *[0.0] * 7)[n] for n in range(7)}
+        self._endpoint.send(
+            "COMMAND_LONG",
+            target_system=party.system,
+            target_component=party.component,
+            command=command,
+            confirmation=0,
+            **numbers,
+        )
+
+    def _take(self, frame: Frame, now_s: float) -> None:
+        sender = MavlinkId(frame.system, frame.component)
+        self._senders.add(sender)
+        self._arrivals.append((now_s, len(frame.raw)))
+        self.frames += 1
+        message = frame.decode() if not frame.name.startswith("UNKNOWN") else None
+        if (
+            self.party is None
+            and frame.name == "HEARTBEAT"
+            and connection_diagnosis.is_vehicle(message)
+        ):
+            self.party = sender
+        if message is None or sender != self.party:
+            return
+        self._note(frame.name, message, now_s)
+        if self.follower is not None:
+            self.follower.hear(frame)
+        if (
+            frame.name == "STATUSTEXT"
+            and (text := self._joiner.add(frame.system, message)) is not None
+        ):
+            self.texts.append(ReceivedText(now_s, message.severity, text))
+            if self.follower is not None:
+                self.follower.say(StatusText(message.severity, text))
+        if self._mode_list is not None and not self.modes:
+            self._learn_modes(self._mode_list, frame)
+
+    def _note(self, name: str, message: Any, now_s: float) -> None:
+        before, period_s = self.latest.get(name), 0.0
+        if before is not None:
+            gap_s = now_s - before.at_s
+            period_s = (
+                before.period_s + SMOOTHING * (gap_s - before.period_s)
+                if before.period_s
+                else gap_s
+            )
+        self.latest[name] = LatestMessage(message, now_s, period_s)
+
+    def _learn_modes(self, modes: commands.ModeList, frame: Frame) -> None:
+        modes.feed(frame)
+        if modes.done:
+            try:
+                self.modes = {number: name for name, number in modes.result().items()}
+            except ExchangeError:  # she does not list them: the tables must do
+                return

@@ -1,0 +1,357 @@
+"""What a vehicle's messages say, in words and numbers: one table of rows, and what each is read
+from."""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from ground.client.commands import readable_name
+from ground.live.watch import mode_names
+from ground.live.watch.receiver import LatestMessage, Receiver
+from mavlink_io.dialect import constant, enum_names
+from mavlink_io.frames import euler_from_quaternion
+from mavlink_io.records import ARMED_FLAG
+
+LEVEL_MPS = 0.005
+STALE_AFTER_S, STALE_AFTER_PERIODS = 3.0, 3.0
+_SUBMARINE = constant("MAV_TYPE_SUBMARINE")
+_CRITICAL = constant("MAV_STATE_CRITICAL")
+_LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
+_EXTENSION_USED = constant("MAV_SYS_STATUS_EXTENSION_USED")
+_GEOFENCE, _PREARM = constant("MAV_SYS_STATUS_GEOFENCE"), constant("MAV_SYS_STATUS_PREARM_CHECK")
+_UNKNOWN_U16, _UNKNOWN_HEADING = 65_535, 65_535
+_FIX_3D = 3
+
+
+class Cell(NamedTuple):
+    """What a row says: for people, for programs (SI units, angles in degrees), and whether it is
+    alarming."""
+
+    words: str
+    value: Any
+    alarm: bool = False
+
+
+class WatchRow(NamedTuple):
+    """One line of the view. ``age_s`` is None where nothing was heard of it."""
+
+    section: str
+    label: str
+    seen: Cell | None
+    age_s: float | None
+    stale: bool
+
+
+class RowContext(NamedTuple):
+    """What a reader needs besides its message."""
+
+    under_water: bool
+    modes: Mapping[int, str]
+
+
+ReadCell = Callable[[Any, RowContext], Cell | None]
+
+
+def vehicle(m: Any, known: RowContext) -> Cell:
+    kind, autopilot = readable_name(m.type, "MAV_TYPE"), readable_name(m.autopilot, "MAV_AUTOPILOT")
+    return Cell(f"{kind} ({autopilot})", {"type": kind, "autopilot": autopilot})
+
+
+def version(m: Any, known: RowContext) -> Cell:
+    number = m.flight_sw_version
+    words = ".".join(str(number >> shift & 0xFF) for shift in (24, 16, 8))
+    return Cell(words, words)
+
+
+def mode(m: Any, known: RowContext) -> Cell:
+    words = mode_names.name(m, known.modes)
+    return Cell(words, words)
+
+
+def armed(m: Any, known: RowContext) -> Cell:
+    is_armed = bool(m.base_mode & ARMED_FLAG)
+    return Cell("ARMED" if is_armed else "disarmed", is_armed)
+
+
+def state(m: Any, known: RowContext) -> Cell:
+    words = readable_name(m.system_status, "MAV_STATE")
+    return Cell(words, words, m.system_status >= _CRITICAL)
+
+
+def under_way(m: Any, known: RowContext) -> Cell:
+    words = readable_name(m.landed_state, "MAV_LANDED_STATE")
+    if known.under_water:
+        words = {"on ground": "moored", "in air": "under way"}.get(words, words)
+    return Cell(words, words)
+
+
+def _height(up_m: float, known: RowContext) -> Cell:
+    if known.under_water:
+        return Cell(f"{-up_m:.2f} m deep", {"depth_m": -up_m})
+    return Cell(f"{up_m:.1f} m up", {"altitude_m": up_m})
+
+
+def height_of_global_position(m: Any, known: RowContext) -> Cell:
+    return _height(m.relative_alt / 1000.0, known)
+
+
+def height_of_local_position(m: Any, known: RowContext) -> Cell:
+    return _height(-m.z, known)
+
+
+def height_of_hud(m: Any, known: RowContext) -> Cell:
+    return _height(m.alt, known)
+
+
+def _attitude(roll_rad: float, pitch_rad: float) -> Cell:
+    roll_deg, pitch_deg = math.degrees(roll_rad), math.degrees(pitch_rad)
+    return Cell(
+        f"roll {roll_deg:+.1f}, pitch {pitch_deg:+.1f} deg",
+        {"roll_deg": roll_deg, "pitch_deg": pitch_deg},
+    )
+
+
+def attitude(m: Any, known: RowContext) -> Cell:
+    return _attitude(m.roll, m.pitch)
+
+
+def attitude_of_quaternion(m: Any, known: RowContext) -> Cell:
+    roll_rad, pitch_rad, _ = euler_from_quaternion(m.q1, m.q2, m.q3, m.q4)
+    return _attitude(roll_rad, pitch_rad)
+
+
+def _heading(deg: float) -> Cell:
+    return Cell(f"{round(deg) % 360:03d} deg", deg % 360.0)
+
+
+def heading_of_attitude(m: Any, known: RowContext) -> Cell:
+    return _heading(math.degrees(m.yaw))
+
+
+def heading_of_global_position(m: Any, known: RowContext) -> Cell | None:
+    return None if m.hdg == _UNKNOWN_HEADING else _heading(m.hdg / 100.0)
+
+
+def speed(m: Any, known: RowContext) -> Cell:
+    words = f"{m.airspeed:.2f} m/s, {m.groundspeed:.2f} over ground"
+    return Cell(words, {"through_mps": m.airspeed, "over_ground_mps": m.groundspeed})
+
+
+def vertical_speed(m: Any, known: RowContext) -> Cell:
+    way = "" if abs(m.climb) < LEVEL_MPS else " up" if m.climb > 0 else " down"
+    return Cell(f"{abs(m.climb):.2f} m/s{way}", {"climb_mps": m.climb})
+
+
+def position(m: Any, known: RowContext) -> Cell | None:
+    if not m.lat and not m.lon:
+        return None
+    return Cell(
+        f"{m.lat / 1e7:.6f}, {m.lon / 1e7:.6f}", {"lat_deg": m.lat / 1e7, "lon_deg": m.lon / 1e7}
+    )
+
+
+def offset(m: Any, known: RowContext) -> Cell:
+    return Cell(f"{m.x:+.1f} m north, {m.y:+.1f} m east", {"north_m": m.x, "east_m": m.y})
+
+
+def gps(m: Any, known: RowContext) -> Cell:
+    fix = readable_name(m.fix_type, "GPS_FIX_TYPE")
+    satellites = "" if m.satellites_visible in (0, 255) else f", {m.satellites_visible} satellites"
+    return Cell(fix + satellites, {"fix": fix, "good": m.fix_type >= _FIX_3D})
+
+
+def bottom(m: Any, known: RowContext) -> Cell | None:
+    if m.orientation != _LOOKING_DOWN:
+        return None
+    if not m.min_distance <= m.current_distance <= m.max_distance:
+        return Cell("out of range", None)
+    return Cell(f"{m.current_distance / 100.0:.1f} m below", m.current_distance / 100.0)
+
+
+def battery(m: Any, known: RowContext) -> Cell | None:
+    cells_mv = [mv for mv in (*m.voltages, *m.voltages_ext) if mv not in (0, _UNKNOWN_U16)]
+    return _battery(
+        sum(cells_mv) / 1e3 if cells_mv else None, m.current_battery, m.battery_remaining
+    )
+
+
+def battery_of_status(m: Any, known: RowContext) -> Cell | None:
+    volts = None if m.voltage_battery == _UNKNOWN_U16 else m.voltage_battery / 1e3
+    return _battery(volts, m.current_battery, m.battery_remaining)
+
+
+def _battery(volts: float | None, centiamperes: int, percent: int) -> Cell | None:
+    amperes = None if centiamperes == -1 else centiamperes / 100.0
+    left = None if percent == -1 else percent
+    parts = [
+        f"{volts:.2f} V" if volts is not None else "",
+        f"{amperes:.1f} A" if amperes is not None else "",
+    ]
+    parts.append(f"{left} % left" if left is not None else "")
+    if not any(parts):
+        return None
+    value = {"voltage_v": volts, "current_a": amperes, "remaining_pct": left}
+    return Cell(", ".join(filter(None, parts)), value, left is not None and left < 20)
+
+
+def mission(m: Any, known: RowContext) -> Cell:
+    stage = readable_name(m.mission_state, "MISSION_STATE") if m.mission_state else ""
+    total = m.total if m.total not in (0, _UNKNOWN_U16) else None
+    words = (
+        f"item {m.seq + 1} of {total}"
+        if total
+        else "none"
+        if stage == "no mission"
+        else f"item {m.seq + 1}"
+    )
+    words += f", {stage}" if stage and stage != "no mission" else ""
+    return Cell(words, {"item": m.seq, "items": total, "state": stage or None})
+
+
+def aim(m: Any, known: RowContext) -> Cell:
+    words = f"{m.target_bearing % 360:03d} deg, {m.wp_dist} m to go"
+    return Cell(words, {"bearing_deg": m.target_bearing % 360, "distance_m": m.wp_dist})
+
+
+def health(m: Any, known: RowContext) -> Cell:
+    """What is there and enabled and not well; the pre-arm check has a line of its own."""
+    wrong = (
+        m.onboard_control_sensors_enabled
+        & m.onboard_control_sensors_present
+        & ~m.onboard_control_sensors_health
+    )
+    wrong &= ~(_EXTENSION_USED | _GEOFENCE | _PREARM)
+    names = [_sensor(bit) for bit in enum_names("MAV_SYS_STATUS_SENSOR") if wrong & bit]
+    if m.onboard_control_sensors_present & _EXTENSION_USED:
+        extended = (
+            m.onboard_control_sensors_enabled_extended & m.onboard_control_sensors_present_extended
+        )
+        extended &= ~m.onboard_control_sensors_health_extended
+        names += [
+            _sensor(bit, "_EXTENDED")
+            for bit in enum_names("MAV_SYS_STATUS_SENSOR_EXTENDED")
+            if extended & bit
+        ]
+    return Cell("not well: " + ", ".join(names) if names else "all well", names, bool(names))
+
+
+def ready(m: Any, known: RowContext) -> Cell | None:
+    if not m.onboard_control_sensors_present & _PREARM:
+        return None
+    good = bool(m.onboard_control_sensors_health & _PREARM)
+    return Cell("ready to arm" if good else "not ready to arm", good, not good)
+
+
+def _sensor(bit: int, extended: str = "") -> str:
+    words = (
+        enum_names(f"MAV_SYS_STATUS_SENSOR{extended}")[bit]
+        .removeprefix("MAV_SYS_STATUS_")
+        .removeprefix("SENSOR_")
+    )
+    return words.replace("_", " ").lower()
+
+
+ROWS: tuple[tuple[str, str, tuple[tuple[str, ReadCell], ...]], ...] = (
+    ("vehicle", "identity", (("HEARTBEAT", vehicle),)),
+    ("vehicle", "version", (("AUTOPILOT_VERSION", version),)),
+    ("vehicle", "mode", (("HEARTBEAT", mode),)),
+    ("vehicle", "armed", (("HEARTBEAT", armed),)),
+    ("vehicle", "state", (("HEARTBEAT", state),)),
+    ("vehicle", "is", (("EXTENDED_SYS_STATE", under_way),)),
+    ("vehicle", "health", (("SYS_STATUS", health),)),
+    ("vehicle", "checks", (("SYS_STATUS", ready),)),
+    ("vehicle", "battery", (("BATTERY_STATUS", battery), ("SYS_STATUS", battery_of_status))),
+    (
+        "motion",
+        "height",
+        (
+            ("GLOBAL_POSITION_INT", height_of_global_position),
+            ("LOCAL_POSITION_NED", height_of_local_position),
+            ("VFR_HUD", height_of_hud),
+        ),
+    ),
+    ("motion", "climb", (("VFR_HUD", vertical_speed),)),
+    (
+        "motion",
+        "heading",
+        (("ATTITUDE", heading_of_attitude), ("GLOBAL_POSITION_INT", heading_of_global_position)),
+    ),
+    (
+        "motion",
+        "attitude",
+        (("ATTITUDE", attitude), ("ATTITUDE_QUATERNION", attitude_of_quaternion)),
+    ),
+    ("motion", "speed", (("VFR_HUD", speed),)),
+    ("motion", "position", (("GLOBAL_POSITION_INT", position),)),
+    ("motion", "offset", (("LOCAL_POSITION_NED", offset),)),
+    ("motion", "gps", (("GPS_RAW_INT", gps),)),
+    ("motion", "bottom", (("DISTANCE_SENSOR", bottom),)),
+    ("mission", "mission", (("MISSION_CURRENT", mission),)),
+    ("mission", "aim", (("NAV_CONTROLLER_OUTPUT", aim),)),
+)
+"""(section, label, where to read it: of several messages the first that says something)."""
+NEVER_STALE = frozenset(("AUTOPILOT_VERSION",))
+"""Messages that are sent once, and do not age."""
+
+
+def rows(ears: Receiver, now_s: float) -> list[WatchRow]:
+    """Every line of the view, as things stand."""
+    heartbeat = ears.latest.get("HEARTBEAT")
+    known = RowContext(heartbeat is not None and heartbeat.message.type == _SUBMARINE, ears.modes)
+    return [
+        _row(section, label, sources, ears.latest, known, now_s) for section, label, sources in ROWS
+    ]
+
+
+def _row(
+    section: str,
+    label: str,
+    sources: tuple[tuple[str, ReadCell], ...],
+    latest: Mapping[str, LatestMessage],
+    known: RowContext,
+    now_s: float,
+) -> WatchRow:
+    for name, reader in sources:
+        heard = latest.get(name)
+        if heard is not None and (seen := reader(heard.message, known)) is not None:
+            age_s = now_s - heard.at_s
+            return WatchRow(
+                section, label, seen, age_s, name not in NEVER_STALE and is_stale(heard, now_s)
+            )
+    return WatchRow(section, label, None, None, True)
+
+
+def is_stale(heard: LatestMessage, now_s: float) -> bool:
+    """Whether a message has missed its turn several times."""
+    return now_s - heard.at_s > max(STALE_AFTER_S, STALE_AFTER_PERIODS * heard.period_s)
+
+
+def as_json(ears: Receiver, now_s: float) -> dict[str, Any]:
+    """The same for programs: each row with its value and age."""
+    rate_bytes, rate_messages = ears.rates(now_s)
+    heard = {
+        row.label: {
+            "value": row.seen.value,
+            "words": row.seen.words,
+            "age_s": round(row.age_s or 0.0, 2),
+            "stale": row.stale,
+        }
+        for row in rows(ears, now_s)
+        if row.seen is not None
+    }
+    return {
+        "system": ears.party.system if ears.party else None,
+        "component": ears.party.component if ears.party else None,
+        **heard,
+        "link": {
+            "address": ears.address,
+            "bytes_per_s": round(rate_bytes),
+            "messages_per_s": round(rate_messages, 1),
+            "lost_messages": ears.lost_frames,
+            "rejected_messages": ears.rejected_frames,
+        },
+        "texts": [
+            {"severity": said.severity, "text": said.text, "age_s": round(now_s - said.at_s, 1)}
+            for said in ears.texts
+        ],
+    }

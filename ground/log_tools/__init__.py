@@ -1,0 +1,1 @@
+"""Inspect, export, repair and convert logs."""

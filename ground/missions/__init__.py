@@ -1,0 +1,1 @@
+"""Mission scripts and the mission items they compile to."""

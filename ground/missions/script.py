@@ -1,0 +1,297 @@
+"""Missions in people's terms, and the standard MAVLink items they compile to.
+
+A script is a TOML file: a name, what it is for, and steps in order::
+
+    name = "combined"
+    about = "a depth and heading change together"
+
+    [[step]]                 # a leg; what it leaves out stays as it was
+    depth_m = 4.0
+    heading_deg = -80.0
+    thrust_pct = 58.0        # or speed_mps
+    duration_s = 30.0
+    wait_depth = false       # true: the duration counts from when the depth is reached
+
+    [[step]]                 # a way over ground; heading_deg is not given
+    to = [120.0, -40.0]      # metres north and east of home; or lat_deg and lon_deg
+    accept_m = 5.0           # how near is near enough
+    duration_s = 60.0        # how long to circle there
+
+    [[step]]                 # an open-loop test about the trim, the other plane's loop left on
+    test = { signal = "step", axis = "rudder", magnitude_deg = 5.0, duration_s = 15 }
+
+    # signal      its own keys # step, doublet, 3211 # chirp       f_start_hz, f_stop_hz # multisine
+    f_start_hz, f_stop_hz; with axis = "both" on rudder and elevator at once # prbs        clock_hz,
+    seed # square      runs = [3, 2, 1, 1]: up and down by turns, in parts of the whole # axis =
+    "thrust" takes magnitude_pct instead of magnitude_deg; fade_s at both ends suits all of them; #
+    loop_on = true leaves the loops on and adds the signal to what they ask for
+
+    [[step]]
+    surface = true           # always the last step
+
+A leg becomes DO_CHANGE_SPEED, DO_CHANGE_ALTITUDE, CONDITION_YAW and NAV_DELAY, a way NAV_WAYPOINT,
+a test MAV_CMD_USER_1, the end NAV_LAND, so that any vehicle of the same vocabulary can fly a script
+and any ground station can show it."""
+
+import math
+import tomllib
+from collections.abc import Iterator
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from ground.errors import InputError, out_of_range
+from ground.missions import signals
+from mavlink_io.dialect import constant
+from mavlink_io.mission_items import (
+    FRAME_LOCAL_NED,
+    FRAME_MISSION,
+    GLOBAL_SCALE,
+    LOCAL_SCALE,
+    MissionItem,
+)
+
+CHANGE_SPEED = constant("MAV_CMD_DO_CHANGE_SPEED")
+CHANGE_ALTITUDE = constant("MAV_CMD_DO_CHANGE_ALTITUDE")
+WAIT_ALTITUDE = constant("MAV_CMD_CONDITION_CHANGE_ALT")
+YAW = constant("MAV_CMD_CONDITION_YAW")
+DELAY = constant("MAV_CMD_NAV_DELAY")
+TEST = constant("MAV_CMD_USER_1")
+LAND = constant("MAV_CMD_NAV_LAND")
+WAYPOINT = constant("MAV_CMD_NAV_WAYPOINT")
+RELATIVE_ALTITUDE = 3
+"""MAV_FRAME_GLOBAL_RELATIVE_ALT: altitude above home, which lies at the water surface."""
+
+MAX_DISTANCE_M = 100_000.0
+"""From home: the neighbourhood in which the earth counts as flat."""
+SHIPPED = files("ground") / "missions"
+
+
+class ScriptError(InputError):
+    """A mission that cannot be flown: names the file, the key, the value and what would be
+    right."""
+
+
+class MissionStep(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """One step: a leg, a test, or the surfacing at the end."""
+
+    depth_m: float | None = None
+    heading_deg: float | None = None
+    thrust_pct: float | None = None
+    speed_mps: float | None = None
+    duration_s: float | None = None
+    wait_depth: bool | None = None
+    to: tuple[float, float] | None = None
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    accept_m: float | None = None
+    test: signals.TestSignal | None = None
+    surface: Literal[True] | None = None
+
+    @property
+    def leg_keys(self) -> list[str]:
+        """The keys of a leg that this step gives."""
+        return [key for key in _LEG_KEYS if getattr(self, key) is not None]
+
+    @property
+    def goes_somewhere(self) -> bool:
+        return self.to is not None or self.lat_deg is not None or self.lon_deg is not None
+
+
+_LEG_KEYS = (
+    "depth_m",
+    "heading_deg",
+    "thrust_pct",
+    "speed_mps",
+    "duration_s",
+    "wait_depth",
+    "to",
+    "lat_deg",
+    "lon_deg",
+    "accept_m",
+)
+
+
+class Script(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A mission as its file says it."""
+
+    name: str
+    step: tuple[MissionStep, ...]
+    about: str = ""
+
+
+def shipped_names() -> list[str]:
+    """The missions that come with the tool."""
+    return sorted(
+        entry.name.removesuffix(".toml")
+        for entry in SHIPPED.iterdir()
+        if entry.name.endswith(".toml")
+    )
+
+
+def load(name_or_path: str) -> Script:
+    """Read a shipped mission by its name, or a file by its path.
+
+    Raises:
+        ScriptError: there is no such mission, or its text is wrong.
+    """
+    source: Traversable = SHIPPED / f"{name_or_path}.toml"
+    if not source.is_file():
+        source = Path(name_or_path)
+    try:
+        text = source.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        known = ", ".join(shipped_names())
+        raise ScriptError(
+            f"{name_or_path}: no readable mission file, and none of {known}"
+        ) from None
+    return parse(text, name_or_path)
+
+
+def parse(text: str, where: str) -> Script:
+    """Read a mission from TOML text; ``where`` names it in errors. Raises ScriptError."""
+    try:
+        script = msgspec.convert(tomllib.loads(text), Script)
+    except tomllib.TOMLDecodeError as error:
+        raise ScriptError(f"{where}: not TOML: {error}") from None
+    except msgspec.ValidationError as error:
+        raise ScriptError(f"{where}: {str(error).replace('`', '')}") from None
+    for number, step in enumerate(script.step, start=1):
+        if wrong := _step_fault(step, is_first=number == 1, is_last=number == len(script.step)):
+            raise ScriptError(f"{where}: step {number}: {wrong}")
+    if not script.step:
+        raise ScriptError(
+            f"{where}: step: is empty; give at least one [[step]] and a last one with surface ="
+            " true"
+        )
+    return script
+
+
+def compile_items(script: Script) -> tuple[MissionItem, ...]:
+    """The standard mission items of a script, numbered from 0, the first one current."""
+    depth_m, items = 0.0, list[MissionItem]()
+    for step in script.step:
+        depth_m = depth_m if step.depth_m is None else step.depth_m
+        items += _items(step, depth_m)
+    return tuple(item._replace(sequence=n, current=int(n == 0)) for n, item in enumerate(items))
+
+
+def duration_s(script: Script) -> float:
+    """Seconds of legs and tests, without the ways between places, down and up."""
+    return sum((s.duration_s or 0.0) + (s.test.duration_s if s.test else 0) for s in script.step)
+
+
+def _step_fault(step: MissionStep, *, is_first: bool, is_last: bool) -> str:
+    kinds = [bool(step.leg_keys), step.test is not None, step.surface is not None]
+    if sum(kinds) != 1:
+        return "must be a leg (depth_m, heading_deg, ...), a test or surface = true, one of them"
+    if is_last != bool(step.surface):
+        return (
+            "surface = true must be the last step"
+            if step.surface
+            else "the last step must be surface = true"
+        )
+    if step.test is not None:
+        return (
+            "test: comes before any leg; the first step must be a leg"
+            if is_first
+            else signals.signal_fault(step.test)
+        )
+    return _leg_fault(step, is_first=is_first) if step.leg_keys else ""
+
+
+def _leg_fault(step: MissionStep, *, is_first: bool) -> str:
+    if step.thrust_pct is not None and step.speed_mps is not None:
+        return "thrust_pct and speed_mps: give one of them"
+    has_speed = step.thrust_pct is not None or step.speed_mps is not None
+    headed = step.heading_deg is not None or step.goes_somewhere
+    if is_first and (step.depth_m is None or not headed or not has_speed):
+        return "the first leg must give depth_m, heading_deg (or to) and thrust_pct or speed_mps"
+    if step.wait_depth and step.depth_m is None:
+        return "wait_depth = true: needs depth_m"
+    if step.goes_somewhere:
+        if wrong := _place_fault(step):
+            return wrong
+    elif step.accept_m is not None:
+        return "accept_m: needs to, or lat_deg and lon_deg"
+    elif step.duration_s is None:
+        return "duration_s: is missing; give the seconds to hold this leg"
+    bounds = (
+        ("depth_m", step.depth_m, 0.0, 6000.0),
+        ("heading_deg", step.heading_deg, -180.0, 360.0),
+        ("thrust_pct", step.thrust_pct, 0.0, 100.0),
+        ("speed_mps", step.speed_mps, 0.0, 10.0),
+        ("duration_s", step.duration_s, 0.0, 86_400.0),
+        ("lat_deg", step.lat_deg, -90.0, 90.0),
+        ("lon_deg", step.lon_deg, -180.0, 180.0),
+        ("accept_m", step.accept_m, 0.5, 500.0),
+        *(
+            (f"to[{n}]", metres, -MAX_DISTANCE_M, MAX_DISTANCE_M)
+            for n, metres in enumerate(step.to or ())
+        ),
+    )
+    return next((fault for bound in bounds if (fault := out_of_range(*bound))), "")
+
+
+def _place_fault(step: MissionStep) -> str:
+    if (step.lat_deg is None) != (step.lon_deg is None):
+        return "lat_deg and lon_deg: give both or none"
+    if step.to is not None and step.lat_deg is not None:
+        return "to, and lat_deg and lon_deg: give one of them"
+    clash = next(
+        (key for key in ("heading_deg", "wait_depth") if getattr(step, key) is not None), ""
+    )
+    return f"{clash}: cannot stand beside a place; give it in a step of its own" if clash else ""
+
+
+def _items(step: MissionStep, depth_m: float) -> Iterator[MissionItem]:
+    if step.surface:
+        yield _item(LAND)
+    elif step.test is not None:
+        yield _test_item(step.test)
+    else:
+        yield from _speed_items(step)
+        yield from (_waypoint_item(step, depth_m),) if step.goes_somewhere else _leg_items(step)
+
+
+def _speed_items(step: MissionStep) -> Iterator[MissionItem]:
+    if step.thrust_pct is not None:
+        yield _item(CHANGE_SPEED, 0.0, -1.0, step.thrust_pct)
+    if step.speed_mps is not None:
+        yield _item(CHANGE_SPEED, 0.0, step.speed_mps, -1.0)
+
+
+def _waypoint_item(step: MissionStep, depth_m: float) -> MissionItem:
+    """A waypoint at the depth of this step, or else of the last that gave one."""
+    item = _item(WAYPOINT, step.duration_s or 0.0, step.accept_m or 0.0)
+    if step.to is not None:
+        north, east = (round(metres * LOCAL_SCALE) for metres in step.to)
+        return item._replace(frame=FRAME_LOCAL_NED, x=north, y=east, z=depth_m)
+    lat, lon = (round((angle or 0.0) * GLOBAL_SCALE) for angle in (step.lat_deg, step.lon_deg))
+    return item._replace(frame=RELATIVE_ALTITUDE, x=lat, y=lon, z=-depth_m)
+
+
+def _leg_items(step: MissionStep) -> Iterator[MissionItem]:
+    if step.depth_m is not None:
+        yield _item(CHANGE_ALTITUDE, -step.depth_m, RELATIVE_ALTITUDE)
+    if step.heading_deg is not None:
+        yield _item(YAW, step.heading_deg % 360.0)
+    if step.wait_depth and step.depth_m is not None:
+        yield _item(WAIT_ALTITUDE, z=-step.depth_m)._replace(frame=RELATIVE_ALTITUDE)
+    if step.duration_s:
+        yield _item(DELAY, step.duration_s, -1.0, -1.0, -1.0)
+
+
+def _test_item(test: signals.TestSignal) -> MissionItem:
+    axis, magnitude, p3, p4, duration_s, wave, fade_s = signals.command_parameters(test)
+    return _item(TEST, axis, magnitude, p3, p4, fade_s)._replace(x=duration_s, y=wave)
+
+
+def _item(
+    command: int, p1: float = 0.0, p2: float = 0.0, p3: float = 0.0, p4: float = 0.0, z: float = 0.0
+) -> MissionItem:
+    assert all(map(math.isfinite, (p1, p2, p3, p4, z)))
+    return MissionItem(0, FRAME_MISSION, command, p1=p1, p2=p2, p3=p3, p4=p4, z=z)

@@ -1,0 +1,136 @@
+"""Tests in a mission script: signals, axes, and the numbers in which MAV_CMD_USER_1 carries
+them."""
+
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
+
+import msgspec
+
+from ground.errors import out_of_range
+
+SIGNALS = {"chirp": 0, "step": 1, "doublet": 2, "prbs": 3, "multisine": 4, "3211": 5, "square": 6}
+"""SID_WAVE by name."""
+AXES = {"rudder": 12, "elevator": 11}
+"""SID_AXIS by name: the mixer's pitch and yaw inputs."""
+_MORE_AXES = {"thrust": 13, "both": 23}
+LOOP_ON = 100
+"""Added to an axis: the loop stays on, and the signal is added to what it asks for."""
+MAX_HZ = 25.0
+"""Half of the rate that the autopilot ticks at."""
+MAX_CLOCK_HZ = 10.0
+_DIGITS = 7
+"""Runs of a square wave that one number carries, a digit each."""
+
+_OWN_KEYS = {"clock_hz": "prbs", "seed": "prbs", "runs": "square"}
+"""Keys that only one signal knows."""
+
+
+class TestSignal(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A signal on one surface, on both, or on the thrust."""
+
+    signal: Literal["chirp", "step", "doublet", "prbs", "multisine", "3211", "square"]
+    axis: Literal["rudder", "elevator", "thrust", "both"]
+    duration_s: int
+    magnitude_deg: float | None = None
+    magnitude_pct: float | None = None
+    """Of full thrust."""
+    f_start_hz: float = 0.0
+    f_stop_hz: float = 0.0
+    fade_s: float = 0.0
+    clock_hz: float | None = None
+    seed: int | None = None
+    runs: tuple[int, ...] | None = None
+    """Up and down by turns, in parts of the whole length."""
+    loop_on: bool = False
+
+
+class SignalParameters(NamedTuple):
+    """The parameters of MAV_CMD_USER_1."""
+
+    axis: int
+    magnitude: float
+    p3: float
+    p4: float
+    duration_s: int
+    wave: int
+    fade_s: float
+
+
+def command_parameters(test: TestSignal) -> SignalParameters:
+    """What MAV_CMD_USER_1 says of a test that is right; its third and fourth number are the
+    signal's own."""
+    axis = (AXES | _MORE_AXES)[test.axis] + (LOOP_ON if test.loop_on else 0)
+    magnitude = (test.magnitude_pct if test.axis == "thrust" else test.magnitude_deg) or 0.0
+    return SignalParameters(
+        axis,
+        magnitude,
+        *_signal_parameters(test),
+        test.duration_s,
+        SIGNALS[test.signal],
+        test.fade_s,
+    )
+
+
+def _signal_parameters(test: TestSignal) -> tuple[float, float]:
+    if test.signal == "prbs":
+        return float(test.seed or 0), test.clock_hz or 0.0
+    if test.signal == "square":
+        digits = "".join(map(str, test.runs or ()))
+        return float(digits[:_DIGITS] or 0), float(digits[_DIGITS:] or 0)
+    return test.f_start_hz, test.f_stop_hz
+
+
+def signal_fault(test: TestSignal) -> str:
+    """What is wrong with a test; empty when it can be flown."""
+    return next((fault for fault in _faults(test) if fault), "")
+
+
+def _faults(test: TestSignal) -> Iterator[str]:
+    size, other = (
+        ("magnitude_pct", "magnitude_deg")
+        if test.axis == "thrust"
+        else ("magnitude_deg", "magnitude_pct")
+    )
+    magnitude = getattr(test, size)
+    if magnitude is None or getattr(test, other) is not None:
+        yield (
+            f"test.{size}: is missing"
+            if magnitude is None
+            else f"test.{other}: {test.axis} takes {size}"
+        )
+    if magnitude == 0.0:
+        yield f"test.{size} = 0: must not be 0"
+    if test.axis == "both" and test.signal != "multisine":
+        yield f"test.signal = {test.signal}: must be multisine where axis = both"
+    if test.axis == "thrust" and test.loop_on:
+        yield "test.loop_on = true: thrust has no loop"
+    for key, signal in _OWN_KEYS.items():
+        if test.signal != signal and getattr(test, key) is not None:
+            yield f"test.{key}: only {signal} takes it"
+    yield _band_fault(test) if test.signal in ("chirp", "multisine") else ""
+    yield _intervals_fault(test.runs) if test.signal == "square" else ""
+    if test.signal == "prbs" and test.clock_hz is None:
+        yield "test.clock_hz: is missing"
+    most = 100.0 if test.axis == "thrust" else 15.0
+    yield out_of_range(f"test.{size}", magnitude, -most, most)
+    yield out_of_range("test.duration_s", float(test.duration_s), 1.0, 600.0)
+    yield out_of_range("test.f_start_hz", test.f_start_hz, 0.0, MAX_HZ)
+    yield out_of_range("test.f_stop_hz", test.f_stop_hz, 0.0, MAX_HZ)
+    yield out_of_range("test.fade_s", test.fade_s, 0.0, test.duration_s / 2)
+    yield out_of_range("test.clock_hz", test.clock_hz, 0.001, MAX_CLOCK_HZ)
+    yield out_of_range("test.seed", test.seed, 0, 2**24 - 1)
+
+
+def _band_fault(test: TestSignal) -> str:
+    if 0.0 < test.f_start_hz <= test.f_stop_hz:
+        return ""
+    return (
+        f"test.f_start_hz = {test.f_start_hz:g}: a {test.signal} must rise from above 0 to"
+        " f_stop_hz"
+    )
+
+
+def _intervals_fault(runs: tuple[int, ...] | None) -> str:
+    if runs and len(runs) <= 2 * _DIGITS and all(1 <= run <= 9 for run in runs):
+        return ""
+    return f"test.runs = {list(runs or ())}: must be 1 to {2 * _DIGITS} whole numbers from 1 to 9"

@@ -1,1 +1,0 @@
-"""``ground rehearse``: a mission flown beforehand by the vehicles that a model allows for."""

@@ -1,0 +1,68 @@
+"""One picture of a campaign's result, for a README: the straight run and a depth change, before and
+after."""
+
+from pathlib import Path
+from typing import Any
+
+from ground.campaign.campaign_folder import CampaignFolder
+from ground.errors import InputError
+from ground.report import figures, mpl_canvas
+from ground.report.figures import Curve, Figure
+
+COLORS = {
+    "measured": "#9aa3ab",
+    "initial": "#c2542d",
+    "improved": "#a3852b",
+    "redesigned": "#0f6e84",
+    "set_point": "#4b4f55",
+}
+WIDTHS = {"set_point": 1.0, "initial": 1.4, "improved": 1.4, "redesigned": 1.6}
+_FORMATS = (".png", ".svg")
+
+
+def draw(folder: Path, target: Path) -> Path:
+    """Draw into ``target``, whose ending chooses PNG or SVG.
+
+    Raises:
+        BadInputError: another ending, or the folder is no finished campaign.
+    """
+    check_picture_format(target)
+    campaign = CampaignFolder(folder)
+    shown = figures.mission_figures(campaign, ["straight_run", "combined"])
+    with mpl_canvas.new_figure(target, (11.0, 5.6)) as whole:
+        axes = whole.subplots(2, 2, sharex="col")
+        for column, figure in enumerate(shown):
+            _column(axes[:, column], figure)
+        handles, names = axes[0, 0].get_legend_handles_labels()
+        whole.legend(handles, names, loc="outside upper left", ncols=len(names), frameon=False)
+    return target
+
+
+def check_picture_format(target: Path) -> None:
+    """Raises BadInputError for a file that no picture can be written to."""
+    if target.suffix not in _FORMATS:
+        raise InputError(f"--picture {target}: must end in .png or .svg")
+
+
+def _column(axes: Any, figure: Figure) -> None:
+    panels = {panel.title: panel for panel in figure.panels}
+    for axis, title in zip(axes, ("depth", "heading"), strict=True):
+        for curve in panels[title].curves:
+            _line(axis, curve)
+        axis.set_ylabel(panels[title].label)
+        axis.grid(color=mpl_canvas.GRID, linewidth=0.8)
+    axes[0].invert_yaxis()
+    axes[0].set_title(figure.title, loc="left")
+    axes[-1].set_xlabel("seconds")
+
+
+def _line(axis: Any, curve: Curve) -> None:
+    style = "--" if curve.role == "set_point" else "-"
+    axis.plot(
+        curve.x,
+        curve.y,
+        style,
+        color=COLORS[curve.role],
+        linewidth=WIDTHS[curve.role],
+        label=curve.name,
+    )

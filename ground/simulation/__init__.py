@@ -1,0 +1,1 @@
+"""Simulated dives: start and stop simulator and autopilot processes."""

@@ -1,0 +1,175 @@
+"""MAVLink 2 frames: bytes to frames and back, several times faster than pymavlink's own class, byte
+for byte equal.
+
+The lockstep link and full-rate telemetry spend most of their time here; everything the format needs
+of a message (packing, CRC seed) comes from the dialect. MAVLink 1 frames are read too, as old
+radios still send them."""
+
+import struct
+from collections.abc import Container
+from typing import Any, NamedTuple
+
+from fastcrc import crc16
+
+from mavlink_io import dialect
+from mavlink_io.dialect import Message, MessageType
+
+MAGIC_V2 = 0xFD
+MAGIC_V1 = 0xFE
+SIGNED_FLAG = 0x01
+SIGNATURE_LENGTH = 13
+OVERHEAD = 12
+"""Bytes of a MAVLink 2 frame around its payload, without a signature."""
+LARGEST_FRAME = OVERHEAD + 255 + SIGNATURE_LENGTH
+"""Bytes of the longest MAVLink 2 frame."""
+
+_HEAD = struct.Struct("<BBBBBBHB")
+"""What stands between the magic byte and the payload: six bytes, and a message number of three."""
+_CRC = struct.Struct("<H")
+_crc = crc16.mcrf4xx
+
+
+class Frame(NamedTuple):
+    """One received frame whose CRC was right. ``payload`` may lack trailing zeros, as MAVLink 2
+    cuts them off."""
+
+    system: int
+    component: int
+    message_id: int
+    sequence: int
+    payload: bytes
+    raw: bytes
+
+    @property
+    def name(self) -> str:
+        known = dialect.by_id(self.message_id)
+        return known.name if known else f"UNKNOWN_{self.message_id}"
+
+    def decode(self) -> Message:
+        """The message's fields as a namedtuple; KeyError for a message that the dialect lacks."""
+        known = dialect.by_id(self.message_id)
+        if known is None:
+            raise KeyError(f"the MAVLink dialect has no message number {self.message_id}")
+        return known.unpack(self.payload)
+
+    @property
+    def signature(self) -> bytes:
+        """The signature's 13 bytes, b"" for a frame without one."""
+        signed = self.raw[0] == MAGIC_V2 and self.raw[2] & SIGNED_FLAG
+        return self.raw[-SIGNATURE_LENGTH:] if signed else b""
+
+
+def largest_frame(message: MessageType) -> int:
+    """Bytes of a message's longest frame, signature and all."""
+    return OVERHEAD + message.struct.size + SIGNATURE_LENGTH
+
+
+def encode(
+    message: MessageType,
+    values: tuple[Any, ...],
+    sequence: int,
+    system: int,
+    component: int,
+    flags: int = 0,
+) -> bytes:
+    """One MAVLink 2 frame of a message's fields in wire order. With SIGNED_FLAG a signature has to
+    follow it."""
+    payload = message.pack(values).rstrip(b"\0") or b"\0"
+    number = message.message_id
+    body = (
+        _HEAD.pack(
+            len(payload), flags, 0, sequence, system, component, number & 0xFFFF, number >> 16
+        )
+        + payload
+    )
+    return b"\xfd" + body + _CRC.pack(_crc(body + message.crc_seed))
+
+
+class Framer:
+    """Cuts a byte stream into frames: skips noise, refuses a wrong CRC, waits for the rest of a
+    frame.
+
+    The CRC of a message that the dialect lacks cannot be checked, for its seed is part of the
+    definition. Such a frame passes when ``senders`` holds its system and component, and some seed
+    explains its CRC: noise does both once in 16 million times."""
+
+    def __init__(self, senders: Container[tuple[int, int]] = ()) -> None:
+        self._senders = senders
+        self._buffer = b""
+        self.rejected_frames = 0
+        """Frames whose CRC was wrong."""
+        self.skipped_bytes = 0
+        """Bytes that belonged to no frame."""
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """The frames that ``data`` completes, in the order of arrival."""
+        buffer = self._buffer + data if self._buffer else data
+        frames: list[Frame] = []
+        at, end = 0, len(buffer)
+        while at < end:
+            if buffer[at] not in (MAGIC_V2, MAGIC_V1):
+                at = self._skip(buffer, at)
+                continue
+            length = _frame_length(buffer, at)
+            if length == 0 or at + length > end:
+                break
+            frame = _check(buffer[at : at + length], self._senders)
+            if frame is None:
+                self.rejected_frames += 1
+                self.skipped_bytes += 1
+                at += 1
+            else:
+                frames.append(frame)
+                at += length
+        self._buffer = buffer[at:]
+        return frames
+
+    def _skip(self, buffer: bytes, at: int) -> int:
+        found = [index for magic in (b"\xfd", b"\xfe") if (index := buffer.find(magic, at)) >= 0]
+        start = min(found, default=len(buffer))
+        self.skipped_bytes += start - at
+        return start
+
+
+def _frame_length(buffer: bytes, at: int) -> int:
+    """The whole length of the frame that starts at ``at``; 0 while too little of it is there to
+    tell."""
+    if len(buffer) - at < 3:
+        return 0
+    if buffer[at] == MAGIC_V1:
+        return buffer[at + 1] + 8
+    return int(
+        buffer[at + 1] + OVERHEAD + (SIGNATURE_LENGTH if buffer[at + 2] & SIGNED_FLAG else 0)
+    )
+
+
+def _check(raw: bytes, senders: Container[tuple[int, int]]) -> Frame | None:
+    if raw[0] == MAGIC_V2:
+        if raw[2] > SIGNED_FLAG:  # made in a way that we do not know
+            return None
+        end = 10 + raw[1]
+        message_id, system, component, sequence = (
+            raw[7] | raw[8] << 8 | raw[9] << 16,
+            raw[5],
+            raw[6],
+            raw[4],
+        )
+        payload = raw[10:end]
+    else:
+        end = 6 + raw[1]
+        message_id, system, component, sequence = raw[5], raw[3], raw[4], raw[2]
+        payload = raw[6:end]
+    known = dialect.by_id(message_id)
+    told = raw[end] | raw[end + 1] << 8
+    if known is None:
+        if (system, component) not in senders or not _has_matching_seed(raw[1:end], told):
+            return None
+    elif _crc(raw[1:end] + known.crc_seed) != told:
+        return None
+    return Frame(system, component, message_id, sequence, payload, raw)
+
+
+def _has_matching_seed(body: bytes, told: int) -> bool:
+    """Whether there is a seed with which the CRC of ``body`` is the one that was told."""
+    begun = _crc(body)
+    return any(_crc(bytes((seed,)), begun) == told for seed in range(256))

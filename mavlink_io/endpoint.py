@@ -1,0 +1,82 @@
+"""A MAVLink participant on one transport: its identity, its outgoing sequence, the gaps in what it
+hears."""
+
+from typing import Any
+
+from mavlink_io import dialect
+from mavlink_io.codec import SIGNED_FLAG, Frame, Framer, encode
+from mavlink_io.signing import Signing
+from mavlink_io.transport import Transport
+
+
+class Endpoint:
+    """Sends as one system and component, receives from all: with ``signing``, from all who hold its
+    key."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        system: int,
+        component: int,
+        signing: Signing | None = None,
+        *,
+        strangers: bool = False,
+    ) -> None:
+        """With ``strangers``, messages that the dialect lacks are received too, for whoever may
+        know them."""
+        self.transport, self.system, self.component = transport, system, component
+        self.signing = signing
+        self._sequence = 0
+        self._expected: dict[tuple[int, int], int] = {}
+        self._framer = Framer(self._expected if strangers else ())
+        self.lost_frames = 0
+        """Frames that other participants sent and that never arrived, by their sequence numbers."""
+
+    def send(self, name: str, **fields: Any) -> None:
+        """Send one message; extension fields may be left out."""
+        message = dialect.by_name(name)
+        self.send_values(message, message.values(**fields))
+
+    def send_values(self, message: dialect.MessageType, values: tuple[Any, ...]) -> None:
+        """Send one message whose fields stand in wire order: the fast path."""
+        self.transport.send(self.encode_values(message, values))
+
+    def encode_values(self, message: dialect.MessageType, values: tuple[Any, ...]) -> bytes:
+        """One message as the next frame of this participant, for a caller that sends several in one
+        datagram."""
+        self._sequence = (self._sequence + 1) & 0xFF
+        if self.signing is None:
+            return encode(message, values, self._sequence, self.system, self.component)
+        return self.signing.sign(
+            encode(message, values, self._sequence, self.system, self.component, SIGNED_FLAG)
+        )
+
+    def receive(self) -> list[Frame]:
+        """The frames that have arrived since the last call. Raises LinkLostError when the other end
+        is gone."""
+        data = self.transport.receive()
+        if not data:
+            return []
+        frames = self._framer.feed(data)
+        if self.signing is not None:
+            frames = [frame for frame in frames if self.signing.accepts(frame)]
+        for frame in frames:
+            self._count(frame)
+        return frames
+
+    @property
+    def rejected_frames(self) -> int:
+        """Received frames whose CRC was wrong."""
+        return self._framer.rejected_frames
+
+    @property
+    def skipped_bytes(self) -> int:
+        """Received bytes that belonged to no frame."""
+        return self._framer.skipped_bytes
+
+    def _count(self, frame: Frame) -> None:
+        sender = frame.system, frame.component
+        expected = self._expected.get(sender)
+        if expected is not None:
+            self.lost_frames += (frame.sequence - expected) & 0xFF
+        self._expected[sender] = (frame.sequence + 1) & 0xFF

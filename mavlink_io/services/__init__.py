@@ -1,0 +1,1 @@
+"""MAVLink services: parameters, missions, file transfer and log transfer."""

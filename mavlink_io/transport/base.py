@@ -1,0 +1,87 @@
+"""What every transport is, and waiting for several at once."""
+
+import os
+import select
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, TypeVar
+
+from mavlink_io.clock import wall_s
+
+T = TypeVar("T")
+
+Handle = Any
+"""What ``select`` waits for: a socket or an open serial port."""
+
+SPIN_S = 5e-3
+"""How long an eager wait looks before it sleeps: many ticks of the other end, so that a third
+process in between does not put the two to sleep. Measured on two cores, a round trip of two
+sleeping processes takes 80 us, of two eager 9."""
+MAX_DATAGRAM = 65_535
+
+
+_yield_cpu: Callable[[], None] = getattr(os, "sched_yield", lambda: time.sleep(0.0))
+
+
+class AddressError(ValueError):
+    """An address that names no transport; the message says what is wrong and what would be
+    right."""
+
+
+class LinkLostError(ConnectionError):
+    """The other end is gone for good."""
+
+
+class Transport(Protocol):
+    """One verb each way. ``receive`` never blocks: ``wait`` does, for several transports at
+    once."""
+
+    address: str
+
+    def handles(self) -> Sequence[Handle]:
+        """What to wait for now. Asked before every wait: a line that is closed tries to open again
+        here."""
+        ...
+
+    def send(self, data: bytes) -> None:
+        """Send whole frames. Raises LinkLostError when the other end is gone for good."""
+        ...
+
+    def receive(self) -> bytes:
+        """What has arrived, b"" for nothing. Raises LinkLostError when the other end is gone for
+        good."""
+        ...
+
+    def close(self) -> None: ...
+
+
+def wait(
+    transports: Sequence[Transport], timeout_s: float, *, eager: bool = False
+) -> list[Transport]:
+    """Those of the transports that have something to receive, as soon as one has or the timeout is
+    over.
+
+    An ``eager`` wait looks again and again for its first ``SPIN_S`` before it sleeps, giving way
+    to whoever else wants the processor: two ends in lockstep answer within that time, and are
+    spared waking each other."""
+    handles = {handle: transport for transport in transports for handle in transport.handles()}
+    if not handles:
+        time.sleep(max(0.0, timeout_s))
+        return []
+    ready = select.select(handles, (), (), 0.0)[0]
+    if not ready and eager:
+        until_s = wall_s() + min(SPIN_S, timeout_s)
+        while not ready and wall_s() < until_s:
+            _yield_cpu()
+            ready = select.select(handles, (), (), 0.0)[0]
+    if not ready and timeout_s > 0.0:
+        ready = select.select(handles, (), (), timeout_s)[0]
+    return list(dict.fromkeys(handles[handle] for handle in ready))
+
+
+def open_or_raise(address: str, opener: Callable[[], T]) -> T:
+    """What ``opener`` gives; where it fails, an AddressError that names the address."""
+    try:
+        return opener()
+    except OSError as error:
+        raise AddressError(f"address {address!r}: {error}") from None

@@ -1,0 +1,113 @@
+"""Which pilot the command line asks for, and what it may be told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, cast, get_args
+
+from mavlink_io.transport import Transport
+from sitl.backends import Backend
+from sitl.backends.ardupilot import ArduPilot
+from sitl.backends.caribou import Caribou
+from sitl.backends.px4 import Barometer, Px4
+from sitl.backends.servo_outputs import DEFAULT, parse
+from sitl.backends.wall_clock import WallClock
+
+PX4_RATE_HZ = 250
+MIN_HZ, MAX_HZ = 50, 1000
+_SECOND_US = 1_000_000
+
+
+class BackendError(ValueError):
+    """There is no such pilot, or it takes no such option; the message says what would be right."""
+
+
+class BackendDefaults(NamedTuple):
+    """What goes without saying of a pilot."""
+
+    address: str
+    speed: str
+    """As ``--speed`` has it: who sets the pace himself is not to be held back."""
+    options: frozenset[str]
+    """That it takes, beside those of every pilot."""
+
+
+KINDS = {
+    "caribou": BackendDefaults(
+        "udpout:127.0.0.1:14560", "1", frozenset({"--wait-for-arm", "--no-lockstep"})
+    ),
+    "px4": BackendDefaults(
+        "tcpin:127.0.0.1:4560", "1", frozenset({"--rate", "--hil-baro", "--outputs"})
+    ),
+    "ardupilot": BackendDefaults("udpin:127.0.0.1:9002", "max", frozenset({"--outputs"})),
+}
+
+
+class BackendOptions(NamedTuple):
+    """A pilot and what it was told; None for what was not."""
+
+    autopilot: str = "caribou"
+    wait_for_arm: bool = False
+    rate_hz: int | None = None
+    barometer: str | None = None
+    outputs: str | None = None
+    lockstep: bool = True
+
+
+def defaults_of(autopilot: str) -> BackendDefaults:
+    """Raises PilotError: there is no such pilot."""
+    found = KINDS.get(autopilot)
+    if found is None:
+        raise BackendError(f"--autopilot {autopilot}: expected {', '.join(KINDS)}")
+    return found
+
+
+def check_options(choice: BackendOptions) -> None:
+    """Raises PilotError, OutputsError: the pilot cannot be had in this way."""
+    given = {
+        "--wait-for-arm": choice.wait_for_arm or None,
+        "--rate": choice.rate_hz,
+        "--hil-baro": choice.barometer,
+        "--outputs": choice.outputs,
+        "--no-lockstep": None if choice.lockstep else True,
+    }
+    known = defaults_of(choice.autopilot).options
+    for option, value in given.items():
+        if value is not None and option not in known:
+            users = [name for name, each in KINDS.items() if option in each.options]
+            raise BackendError(f"{option}: only with --autopilot {' or '.join(users)}")
+    if choice.wait_for_arm and not choice.lockstep:
+        raise BackendError(
+            "--wait-for-arm: not with --no-lockstep: the wall clock stands for nobody"
+        )
+    rate_hz = PX4_RATE_HZ if choice.rate_hz is None else choice.rate_hz
+    if not MIN_HZ <= rate_hz <= MAX_HZ or _SECOND_US % rate_hz:
+        raise BackendError(
+            f"--rate {choice.rate_hz}: expected steps of whole microseconds, such as 100, 200, 250,"
+            " 400, 500 or 1000 Hz"
+        )
+    barometers = get_args(Barometer)
+    if choice.barometer not in (None, *barometers):
+        raise BackendError(f"--hil-baro {choice.barometer}: expected {' or '.join(barometers)}")
+    parse(choice.outputs or DEFAULT)
+
+
+def create_backend(
+    choice: BackendOptions, transport: Transport, stopped: Callable[[], bool]
+) -> Backend:
+    """The pilot of a choice that ``check_options`` let pass.
+
+    Raises TooSlowError: what connects us cannot carry what the instruments say.
+    """
+    outputs = parse(choice.outputs or DEFAULT)
+    match choice.autopilot:
+        case "px4":
+            barometer = cast(Barometer, choice.barometer or "water")
+            rate_hz = choice.rate_hz or PX4_RATE_HZ
+            return Px4(transport, stopped, rate_hz=rate_hz, outputs=outputs, barometer=barometer)
+        case "ardupilot":
+            return ArduPilot(transport, stopped, outputs=outputs)
+        case _ if not choice.lockstep:
+            return WallClock(transport, stopped)
+        case _:
+            return Caribou(transport, stopped, wait_for_arm=choice.wait_for_arm)

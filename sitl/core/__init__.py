@@ -1,0 +1,1 @@
+"""The pure simulation step: actuators, body, sensors and environment."""

@@ -1,0 +1,81 @@
+"""The pressure transmitter: absolute pressure of the water at the hull axis, and the temperature of
+its own cell."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from sitl.core.environment import PASCAL_PER_HPA, Environment, pressure_hpa
+from sitl.core.sensors.datasheets import PressureSheet
+from sitl.core.sensors.noise import NoiseStream
+from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading, timing
+from sitl.core.truth import Truth
+
+
+class PressureSensor(NamedTuple):
+    timing: Timing
+    noise_hpa: float
+    offset_hpa: float
+    """One standard deviation over runs."""
+    resolution_hpa: float
+    temperature_noise_degc: float
+
+
+class PressureReading(NamedTuple):
+    """One reading."""
+
+    pressure_hpa: float = 0.0
+    altitude_m: float = 0.0
+    """Height above the surface that the pressure means in water of the sea's density."""
+    temperature_degc: float = 0.0
+
+
+class PressureState(NamedTuple):
+    offset_hpa: float = 0.0
+    held: PressureReading = PressureReading()
+    """The newest reading that arrived."""
+    queue: Queue[PressureReading] = ()
+
+
+def build(sheet: PressureSheet, tick_us: int) -> PressureSensor:
+    when = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
+    return PressureSensor(
+        when, sheet.noise_hpa, sheet.offset_hpa, sheet.resolution_hpa, sheet.temperature_noise_degc
+    )
+
+
+def initial_state(sensor: PressureSensor, stream: NoiseStream) -> PressureState:
+    """The zero error of this run."""
+    return PressureState(sensor.offset_hpa * stream.normal())
+
+
+def sample(
+    sensor: PressureSensor,
+    truth: Truth,
+    sea: Environment,
+    memory: PressureState,
+    stream: NoiseStream,
+) -> tuple[PressureState, bool]:
+    """``memory.held`` is what the instrument reads; True when it is new."""
+    offset, held, queue = memory
+    taken = (
+        _read(sensor, truth, sea, offset, stream) if is_due(sensor.timing, truth.time_us) else None
+    )
+    queue, reading = queue_reading(sensor.timing, queue, taken, truth.time_us, stream)
+    return PressureState(offset, reading or held, queue), reading is not None
+
+
+def _read(
+    sensor: PressureSensor, truth: Truth, sea: Environment, offset_hpa: float, stream: NoiseStream
+) -> PressureReading:
+    n_pressure, n_temperature = stream.normals(2)
+    true_hpa = pressure_hpa(sea, truth.position_ned_m[2], truth.wave_pressure_pa)
+    pressure = true_hpa + offset_hpa + sensor.noise_hpa * n_pressure
+    if sensor.resolution_hpa:
+        pressure = round(pressure / sensor.resolution_hpa) * sensor.resolution_hpa
+    gauge_pa = (pressure - sea.surface_pressure_hpa) * PASCAL_PER_HPA
+    return PressureReading(
+        pressure,
+        -gauge_pa / (sea.density_kgpm3 * sea.gravity_mps2),
+        sea.temperature_degc + sensor.temperature_noise_degc * n_temperature,
+    )

@@ -1,0 +1,24 @@
+"""What the tables of a scenario file are made of: strict structs, and numbers with their ranges."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
+NotNegative = Annotated[float, Meta(ge=0.0, le=1e6)]
+Speed = Annotated[float, Meta(ge=-5.0, le=5.0)]
+Temperature = Annotated[float, Meta(ge=-2.0, le=40.0)]
+Angle = Annotated[float, Meta(ge=-360.0, le=360.0)]
+Damping = Annotated[float, Meta(gt=0.0, lt=1.0)]
+
+
+class ScenarioError(ValueError):
+    """A scenario that cannot be used; the message names file, key, value and what would be
+    right."""
+
+
+class ScenarioTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of a scenario file."""

@@ -1,0 +1,54 @@
+"""A first geometry from length and diameter alone, in proportions that vehicles of each kind
+have."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+Kind = Literal["series58", "myring", "cylinder"]
+Steering = Literal["duct", "cruciform", "x"]
+
+DUCT_DIAMETER, DUCT_CHORD = 0.78, 0.23
+"""Of the hull's diameter; Caribou's."""
+FIN_SPAN, FIN_CHORD = 0.50, 0.45
+"""Of the hull's diameter; between a REMUS 100's (0.45, 0.39) and an Explorer's (0.52, 0.52)."""
+
+
+def starter(
+    name: str, kind: Kind, steering: Steering, length_m: float, diameter_m: float
+) -> dict[str, Any]:
+    """The tables of a vehicle file that says no more than it must."""
+    steer = (
+        {"duct": {"diameter_m": DUCT_DIAMETER * diameter_m, "chord_m": DUCT_CHORD * diameter_m}}
+        if steering == "duct"
+        else {
+            "fins": {
+                "layout": steering,
+                "span_m": FIN_SPAN * diameter_m,
+                "root_chord_m": FIN_CHORD * diameter_m,
+            }
+        }
+    )
+    return {"name": name, "hull": {"shape": kind, **_hull(kind, length_m, diameter_m)}, **steer}
+
+
+def _hull(kind: Kind, length_m: float, diameter_m: float) -> dict[str, float]:
+    if kind == "series58":
+        return {
+            "base_length_m": length_m,
+            "diameter_m": diameter_m,
+            "midbody_length_m": 0.0,
+            "nose_radius": 0.5,
+            "tail_radius": 0.1,
+            "prismatic": 0.65,
+            "max_section": 0.4,
+        }
+    if kind == "myring":
+        nose, tail = min(1.0 * diameter_m, 0.25 * length_m), min(2.5 * diameter_m, 0.4 * length_m)
+        return {
+            "nose_length_m": nose,
+            "mid_length_m": length_m - nose - tail,
+            "tail_length_m": tail,
+            "diameter_m": diameter_m,
+        }
+    return {"length_m": length_m, "diameter_m": diameter_m}

@@ -1,0 +1,1 @@
+"""Loop transfer functions, margins, root loci and modes."""

@@ -1,0 +1,1 @@
+"""Logs as arrays: readers, test segments and data checks."""

@@ -1,0 +1,172 @@
+"""A vehicle's MAVLink messages, decoded, as a ``Log``: what MCAP logs and tlogs have in common."""
+
+import math
+from collections.abc import Container
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid.data.dataset import (
+    Actuators,
+    Array,
+    Attitude,
+    Clock,
+    Depth,
+    DuctAngles,
+    Log,
+    LogError,
+    Setpoints,
+    TextEvent,
+)
+from sysid.data.readers.samples import (
+    DEFAULT_TRAVEL_DEG,
+    clock_steps,
+    content_sha256,
+    euler_rad,
+    strictly_increasing,
+)
+from sysid.data.readers.servo_channels import ServoChannels, surface_commands
+
+DUCT = "duct"
+"""The name here of what the tailcone's component sends under the name of the autopilot's own
+message."""
+DUCT_COMPONENT = 140
+"""MAV_COMP_ID_SERVO1."""
+
+_SERVOS = "SERVO_OUTPUT_RAW"
+"""What autopilots tell that do not send ACTUATOR_OUTPUT_STATUS: pulses."""
+_COMMANDS = "ACTUATOR_OUTPUT_STATUS"
+_REQUIRED = ("ATTITUDE", _COMMANDS, "LOCAL_POSITION_NED")
+_READ = (*_REQUIRED, "ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "STATUSTEXT")
+
+Messages = dict[str, tuple[Array, NDArray[Any]]]
+"""Vehicle times and records by message name."""
+
+
+def messages_to_read(sent: Container[str]) -> tuple[str, ...]:
+    """The messages to read of a vehicle that ``sent`` some."""
+    return (*_READ, _SERVOS) if _COMMANDS not in sent and _SERVOS in sent else _READ
+
+
+def assemble(
+    path: Path,
+    messages: Messages,
+    parameters: dict[str, float],
+    outputs: ServoChannels,
+    ahead: tuple[Array, Array],
+) -> Log:
+    """The log of one vehicle. ``ahead``: times, and how far the recorder's clock is ahead of the
+    vehicle's.
+
+    Raises:
+        LogError: a message is missing that identification needs.
+    """
+    missing = [
+        name
+        for name in _REQUIRED
+        if name not in messages and (name != _COMMANDS or _SERVOS not in messages)
+    ]
+    if missing:
+        raise LogError(
+            f"{path}: holds no {', '.join(missing)} of a vehicle; identification needs"
+            f" {', '.join(_REQUIRED)}"
+        )
+    travel_rad = math.radians(parameters.get("ACT_TRAVEL_DEG", DEFAULT_TRAVEL_DEG))
+    commanded = _COMMANDS if _COMMANDS in messages else _SERVOS
+    steps = [
+        step
+        for name in (*_REQUIRED, _SERVOS)
+        if name in messages
+        for step in clock_steps(name, messages[name][0])
+    ]
+    return Log(
+        name=path.name,
+        sha256=content_sha256(
+            {name: record.tobytes() for name, (_, record) in messages.items()}, parameters
+        ),
+        attitude=_attitude(*messages["ATTITUDE"]),
+        actuators=_actuators(*messages[commanded], travel_rad, outputs, f"{path}: {commanded}"),
+        depth=_depth(*messages["LOCAL_POSITION_NED"]),
+        setpoints=_setpoints(messages),
+        events=_events(*messages["STATUSTEXT"]) if "STATUSTEXT" in messages else (),
+        parameters=parameters,
+        duct=_duct(*messages[DUCT], travel_rad)
+        if DUCT in messages
+        else DuctAngles(*(np.empty(0),) * 3),
+        clock=Clock(tuple(steps), *ahead),
+    )
+
+
+def _columns(record: NDArray[Any], keep: NDArray[np.bool_], *names: str) -> list[Array]:
+    return [record[name][keep].astype(np.float64) for name in names]
+
+
+def _attitude(time_s: Array, record: NDArray[Any]) -> Attitude:
+    keep = strictly_increasing(time_s)
+    roll, pitch, yaw, p, q, r = _columns(
+        record, keep, "roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"
+    )
+    return Attitude(time_s[keep], roll, pitch, np.unwrap(yaw), p, q, r)
+
+
+def _actuators(
+    time_s: Array, record: NDArray[Any], travel_rad: float, outputs: ServoChannels, where: str
+) -> Actuators:
+    keep = strictly_increasing(time_s)
+    rudder, elevator, thrust = surface_commands(_outputs(record[keep]), outputs, where)
+    return Actuators(time_s[keep], rudder * travel_rad, elevator * travel_rad, thrust)
+
+
+def _outputs(record: NDArray[Any]) -> Array:
+    """Every output of a message, shape (n, outputs)."""
+    names = record.dtype.names or ()
+    if "actuator" in names:
+        return np.asarray(record["actuator"], np.float64)
+    servos = sorted(
+        (name for name in names if name.startswith("servo")), key=lambda name: int(name[5:-4])
+    )
+    return np.stack([record[name].astype(np.float64) for name in servos], axis=1)
+
+
+def _duct(time_s: Array, record: NDArray[Any], travel_rad: float) -> DuctAngles:
+    keep = strictly_increasing(time_s)
+    angles = record["actuator"][keep].astype(np.float64) * travel_rad
+    return DuctAngles(time_s[keep], angles[:, 0], angles[:, 1])
+
+
+def _depth(time_s: Array, record: NDArray[Any]) -> Depth:
+    keep = strictly_increasing(time_s)
+    return Depth(time_s[keep], *_columns(record, keep, "z", "vz"))
+
+
+def _setpoints(messages: Messages) -> Setpoints:
+    nothing = np.empty(0)
+    attitude_time, heading, pitch, depth_time, depth = nothing, nothing, nothing, nothing, nothing
+    if "ATTITUDE_TARGET" in messages:
+        time_s, record = messages["ATTITUDE_TARGET"]
+        keep = strictly_increasing(time_s)
+        _, pitch, heading = euler_rad(*record["q"][keep].astype(np.float64).T)
+        attitude_time, heading = time_s[keep], np.unwrap(heading)
+    if "POSITION_TARGET_LOCAL_NED" in messages:
+        time_s, record = messages["POSITION_TARGET_LOCAL_NED"]
+        keep = strictly_increasing(time_s)
+        depth_time, (depth,) = time_s[keep], _columns(record, keep, "z")
+    return Setpoints(attitude_time, heading, pitch, depth_time, depth)
+
+
+def _events(time_s: Array, record: NDArray[Any]) -> tuple[TextEvent, ...]:
+    """Status texts, the chunks of a long one (id not 0) joined in the order of their sequence
+    numbers."""
+    events: list[TextEvent] = []
+    open_id = 0
+    for time, row in zip(time_s, record, strict=True):
+        text = row["text"].tobytes().split(b"\0", 1)[0].decode("utf-8", "replace")
+        if open_id and row["id"] == open_id and row["chunk_seq"] > 0:
+            last = events.pop()
+            events.append(TextEvent(last.time_s, last.severity, last.text + text))
+        else:
+            events.append(TextEvent(float(time), int(row["severity"]), text))
+        open_id = int(row["id"])
+    return tuple(events)

@@ -1,0 +1,85 @@
+"""MAVLink telemetry logs (.tlog) of QGroundControl, Mission Planner, MAVProxy and ground.
+
+Times are those that the vehicle put in her messages; when they were received does not count, as a
+radio delays them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavlink_io.logging import tlog
+from mavlink_io.logging.ros1 import schema_text
+from mavlink_io.logging.tlog import MessageSeries
+from sysid.data import ros1
+from sysid.data.dataset import Array, Log, LogError
+from sysid.data.readers.messages import DUCT, DUCT_COMPONENT, Messages, assemble, messages_to_read
+from sysid.data.readers.samples import MessageColumns
+from sysid.data.readers.servo_channels import ServoChannels
+
+
+def read(path: Path, outputs: ServoChannels) -> Log:
+    """Read the one vehicle of a tlog.
+
+    Raises:
+        LogError: the file cannot be read, holds several vehicles, or lacks a message that
+        identification needs.
+    """
+    streams = _streams(path)
+    vehicles = sorted({(s.system, s.component) for s in streams if s.message.name == "ATTITUDE"})
+    if len(vehicles) > 1:
+        raise LogError(
+            f"{path}: {len(vehicles)} vehicles send ATTITUDE; a log for identification holds one"
+        )
+    own = {s.message.name: s for s in streams if (s.system, s.component) in vehicles}
+    messages: Messages = {name: _decode(own[name]) for name in messages_to_read(own) if name in own}
+    for stream in streams:
+        duct = (
+            stream.component == DUCT_COMPONENT and stream.message.name == "ACTUATOR_OUTPUT_STATUS"
+        )
+        if duct and any(stream.system == system for system, _ in vehicles):
+            messages[DUCT] = _decode(stream)
+    nothing = np.empty(0)
+    return assemble(
+        path, messages, _parameters(own.get("PARAM_VALUE")), outputs, (nothing, nothing)
+    )
+
+
+def tables(path: Path) -> dict[str, MessageColumns]:
+    """Every message of every sender, by ``/mavlink/SYSTEM/COMPONENT/NAME``. Raises LogError."""
+    found = {}
+    for stream in _streams(path):
+        time_s, record = _decode(stream)
+        columns = {name: record[name] for name in record.dtype.names or ()}
+        found[f"/mavlink/{stream.system}/{stream.component}/{stream.message.name}"] = (
+            MessageColumns(time_s, columns)
+        )
+    return found
+
+
+def _streams(path: Path) -> list[MessageSeries]:
+    try:
+        streams = tlog.read(path.read_bytes())
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}; give a tlog") from None
+    if not streams:
+        raise LogError(f"{path}: holds no MAVLink message; is it a tlog?")
+    return streams
+
+
+def _decode(stream: MessageSeries) -> tuple[Array, NDArray[Any]]:
+    record = ros1.decode(stream.payloads, ros1.record_type(schema_text(stream.message)))
+    return np.array(stream.times_us, np.float64) * 1e-6, record
+
+
+def _parameters(stream: MessageSeries | None) -> dict[str, float]:
+    """The latest value of every parameter that was told; a REAL32, as ours and ArduPilot's all
+    are."""
+    if stream is None:
+        return {}
+    _, record = _decode(stream)
+    names = (
+        row.tobytes().split(b"\0", 1)[0].decode("ascii", "replace") for row in record["param_id"]
+    )
+    return dict(zip(names, map(float, record["param_value"]), strict=True))

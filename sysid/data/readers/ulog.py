@@ -1,0 +1,157 @@
+"""PX4's own logs (.ulg), read with pyulog. Messages are PX4's uORB topics: FRD, NED and radians
+already."""
+
+import contextlib
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.data.dataset import (
+    Actuators,
+    Attitude,
+    Depth,
+    Log,
+    LogError,
+    Setpoints,
+    TextEvent,
+)
+from sysid.data.readers.samples import (
+    DEFAULT_TRAVEL_DEG,
+    MessageColumns,
+    clock_steps,
+    euler_rad,
+    foreign_log,
+    sample_nearest,
+    strictly_increasing,
+)
+from sysid.data.readers.servo_channels import ServoChannels, surface_commands
+from sysid.data.readers.ulog_recovery import keep_sound_messages
+
+_OUTPUTS = ("actuator_outputs_sim", "actuator_outputs")
+"""What went to the simulator, fractions, or to the servos, pulses."""
+_TOPICS = ("vehicle_attitude", "vehicle_angular_velocity", "vehicle_local_position")
+_SETPOINTS = ("vehicle_attitude_setpoint", "vehicle_local_position_setpoint")
+_QUATERNION = ("[0]", "[1]", "[2]", "[3]")
+
+Tables = dict[str, MessageColumns]
+
+
+def read(path: Path, outputs: ServoChannels) -> Log:
+    """Read one .ulg.
+
+    Raises:
+        LogError: the file is broken, or lacks a topic that identification needs.
+    """
+    log = _parse(path, [*_TOPICS, *_OUTPUTS, *_SETPOINTS])
+    found = _tables(log)
+    parameters = {str(name): float(value) for name, value in log.initial_parameters.items()}
+    travel_rad = float(np.radians(parameters.get("ACT_TRAVEL_DEG", DEFAULT_TRAVEL_DEG)))
+    attitude, actuators = _attitude(path, found), _actuators(path, found, travel_rad, outputs)
+    depth = _depth(path, found)
+    steps = [
+        step
+        for name in (*_TOPICS, *_OUTPUTS)
+        if name in found
+        for step in clock_steps(name, found[name].time_s)
+    ]
+    said = sorted(log.logged_messages, key=lambda message: message.timestamp)
+    events = tuple(TextEvent(m.timestamp * 1e-6, m.log_level - ord("0"), m.message) for m in said)
+    return foreign_log(
+        path, attitude, actuators, depth, _setpoints(found), events, parameters, steps
+    )
+
+
+def tables(path: Path) -> Tables:
+    """Every topic; a second instance of it as ``name.1``. Raises LogError."""
+    return _tables(_parse(path, None))
+
+
+def _parse(path: Path, topics: list[str] | None) -> Any:
+    from pyulog import ULog
+
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            return ULog(io.BytesIO(keep_sound_messages(path.read_bytes())), topics)
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}; give a PX4 .ulg") from None
+    except Exception as error:  # pyulog fails in as many ways as a file can be broken
+        raise LogError(
+            f"{path}: is no readable PX4 log ({type(error).__name__}: {error})"
+        ) from None
+
+
+def _tables(log: Any) -> Tables:
+    """Times are those at which the data were sampled, where a topic tells them."""
+    found = {}
+    for topic in log.data_list:
+        sampled = topic.data.get("timestamp_sample")
+        if sampled is None and "timestamp" not in topic.data:
+            continue  # a topic whose format a broken file has lost tells nothing of time
+        stamps = sampled if sampled is not None and np.all(sampled > 0) else topic.data["timestamp"]
+        name = f"{topic.name}.{topic.multi_id}" if topic.multi_id else topic.name
+        found[name] = MessageColumns(stamps * 1e-6, topic.data)
+    return found
+
+
+def _table(path: Path, found: Tables, name: str, *columns: str) -> MessageColumns:
+    """A topic, its samples in order of time. Raises LogError where it, or a field of it, is
+    missing."""
+    missing = [
+        column for column in columns if name not in found or column not in found[name].columns
+    ]
+    if missing:
+        needed = ", ".join((*_TOPICS, _OUTPUTS[1]))
+        raise LogError(f"{path}: holds no {name}.{missing[0]}; identification needs {needed}")
+    time_s, values = found[name]
+    keep = strictly_increasing(time_s)
+    return MessageColumns(time_s[keep], {column: array[keep] for column, array in values.items()})
+
+
+def _attitude(path: Path, found: Tables) -> Attitude:
+    time_s, columns = _table(path, found, "vehicle_attitude", *(f"q{part}" for part in _QUATERNION))
+    rates = _table(path, found, "vehicle_angular_velocity", "xyz[0]", "xyz[1]", "xyz[2]")
+    body = [rates.columns[f"xyz[{k}]"].astype(np.float64) for k in range(3)]
+    near = sample_nearest(time_s, rates.time_s, body[0])[0]
+    if not near.any():
+        raise LogError(
+            f"{path}: vehicle_attitude and vehicle_angular_velocity were never logged at the same"
+            " time"
+        )
+    p, q, r = (sample_nearest(time_s, rates.time_s, values)[1][near] for values in body)
+    roll, pitch, yaw = euler_rad(
+        *(columns[f"q{part}"][near].astype(np.float64) for part in _QUATERNION)
+    )
+    return Attitude(time_s[near], roll, pitch, np.unwrap(yaw), p, q, r)
+
+
+def _actuators(path: Path, found: Tables, travel_rad: float, outputs: ServoChannels) -> Actuators:
+    name = next((topic for topic in _OUTPUTS if topic in found), _OUTPUTS[1])
+    time_s, columns = _table(path, found, name, "output[0]")
+    count = sum(column.startswith("output[") for column in columns)
+    values = np.stack([columns[f"output[{k}]"].astype(np.float64) for k in range(count)], axis=1)
+    rudder, elevator, thrust = surface_commands(values, outputs, f"{path}: {name}")
+    return Actuators(time_s, rudder * travel_rad, elevator * travel_rad, thrust)
+
+
+def _depth(path: Path, found: Tables) -> Depth:
+    time_s, columns = _table(path, found, "vehicle_local_position", "z", "vz")
+    return Depth(time_s, columns["z"].astype(np.float64), columns["vz"].astype(np.float64))
+
+
+def _setpoints(found: Tables) -> Setpoints:
+    nothing = np.empty(0)
+    attitude_s, heading, pitch, depth_s, depth_m = nothing, nothing, nothing, nothing, nothing
+    attitude, position = (found.get(name) for name in _SETPOINTS)
+    if attitude and "q_d[3]" in attitude.columns:
+        keep = strictly_increasing(attitude.time_s)
+        attitude_s = attitude.time_s[keep]
+        quaternion = (
+            attitude.columns[f"q_d{part}"][keep].astype(np.float64) for part in _QUATERNION
+        )
+        _, pitch, heading = euler_rad(*quaternion)
+    if position and "z" in position.columns:
+        keep = strictly_increasing(position.time_s)
+        depth_s, depth_m = position.time_s[keep], position.columns["z"][keep].astype(np.float64)
+    return Setpoints(attitude_s, np.unwrap(heading), pitch, depth_s, depth_m)

@@ -1,0 +1,105 @@
+"""Weights, searched for as the PID's gains are: the smallest answer to the sea within the same
+limits."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sysid.design import constrained_search
+from sysid.design.constrained_search import MAX_VIOLATION, ConstrainedProblem, CostAndConstraints
+from sysid.design.constraints import Bounds
+from sysid.design.lqg import loop_analysis, synthesis
+from sysid.design.lqg.controller import DiscreteController
+from sysid.design.lqg.loop_analysis import MeasuredPlane
+from sysid.design.lqg.synthesis import Weights
+from sysid.design.specification import Spec
+from sysid.models.noise import Noise
+from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2
+
+HEADING_STARTS = (
+    Weights(effort=0.61, rate_s=1.8, load=0.0019, recovery=0.022, wave=1.0, gyro=0.95),
+)
+DEPTH_STARTS = (
+    Weights(
+        effort=5.9,
+        rate_s=12.9,
+        load=0.005,
+        recovery=0.0165,
+        wave=0.34,
+        gyro=0.69,
+        pitch=6.3,
+        buoyancy=0.014,
+        heave=0.0068,
+        depth=0.02,
+    ),
+)
+"""Of Caribou's order."""
+SURFACE_WEIGHTS = ("load", "recovery")
+"""Radians of the surface; ``effort`` is per radian of it."""
+
+
+class Reference(NamedTuple):
+    """Errors under the initial gains, by which the PID redesign measures its own."""
+
+    heading_rad: float
+    pitch_rad: float
+    depth_m: float
+
+
+class Task(NamedTuple):
+    """One plane and what is asked of it."""
+
+    seen: MeasuredPlane
+    sea: Noise
+    reference: Reference
+    spec: Spec
+
+
+def starts(task: Task) -> tuple[dict[str, float], ...]:
+    """A livelier tail needs less of its surface."""
+    in_pitch = task.seen.names[1] == "depth"
+    names = Weights._fields if in_pitch else Weights._fields[:6]
+    ratio = CARIBOU_TURN_PER_S2 / abs(float(task.seen.plane.B[1]))
+    scale = {"effort": 1.0 / ratio, **dict.fromkeys(SURFACE_WEIGHTS, ratio)}
+    every = DEPTH_STARTS if in_pitch else HEADING_STARTS
+    return tuple(
+        {name: getattr(start, name) * scale.get(name, 1.0) for name in names} for start in every
+    )
+
+
+def tune(task: Task, bounds: Bounds, first: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Weights by name, from the first of the starts that ends within the limits. Raises
+    DesignRefused."""
+    names = tuple(evaluate(task, controller_of(task, first[0]), bounds).misses)
+
+    def judge(weights: Mapping[str, float]) -> CostAndConstraints:
+        try:
+            return evaluate(task, controller_of(task, weights), bounds)
+        except np.linalg.LinAlgError:  # a Riccati equation without a solution, to rounding
+            return CostAndConstraints(MAX_VIOLATION, dict.fromkeys(names, MAX_VIOLATION))
+
+    return constrained_search.solve(ConstrainedProblem({}, first, judge))
+
+
+def controller_of(task: Task, weights: Mapping[str, float]) -> DiscreteController:
+    return synthesis.controller(task.seen.plane, task.seen.lag, task.sea, Weights(**weights))
+
+
+def evaluate(task: Task, law: DiscreteController, bounds: Bounds) -> CostAndConstraints:
+    spec, errors = task.spec, loop_analysis.disturbance_response(task.seen, law)
+    misses = {
+        **loop_analysis.violations(task.seen, law, bounds, spec),
+        f"noise of the {task.seen.names[0]}'s command": math.degrees(errors.noise_rad)
+        / spec.command_noise_deg
+        - 1.0,
+    }
+    if task.seen.names[1] == "heading":
+        return CostAndConstraints(float(errors.outputs[1]) / task.reference.heading_rad, misses)
+    asked_deg = math.degrees(synthesis.pitch_per_metre(law))
+    misses["pitch activity"] = (
+        float(errors.outputs[1]) / task.reference.pitch_rad / spec.pitch_rms_growth - 1.0
+    )
+    misses["pitch asked by a metre"] = asked_deg / spec.pitch_per_metre_deg - 1.0
+    return CostAndConstraints(float(errors.outputs[2]) / task.reference.depth_m, misses)

@@ -1,0 +1,325 @@
+"""From an estimate to ``model.json``: derived quantities, standard deviations, and what was
+measured at all."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid.data.segments import Plane
+from sysid.estimation.map import fit as fits
+from sysid.estimation.map.convergence import DESIGN_NUMBERS, START_COST_TOLERANCE, failures
+from sysid.estimation.map.fit import Fit, Prior
+from sysid.models import linear_planes, parameters
+from sysid.models.linear_planes import SmallSignal
+from sysid.models.model_file import (
+    FORMAT,
+    MAX_POSTERIOR_TO_PRIOR_SD,
+    Coefficient,
+    Convergence,
+    IdentifiedModel,
+    Joint,
+    NoiseModel,
+    ParameterCovariance,
+    ParameterEstimate,
+    PlaneModel,
+    Status,
+    VehicleRecord,
+)
+from sysid.models.noise import Noise
+from sysid.models.parameters import INERTIAS, NAMES, PARAMETERS
+from sysid.reproduction.paper_method import FREE, PlaneFit
+from sysid.reproduction.paper_tables import UNITS, Table1Column
+
+Array = NDArray[np.float64]
+
+PLANES: tuple[Plane, ...] = ("yaw", "pitch")
+RANK_TOLERANCE = 1e-6
+"""Relative eigenvalue of the data's information below which a direction counts as unknown to the
+data."""
+
+
+def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
+    """Report a maximum a posteriori estimate; standard deviations of derived values by the delta
+    method."""
+
+    def derive(z: Array) -> Array:
+        return _derived(parameters.candidate_vehicle(prior.config, prior.biases_rad, z))
+
+    values, slope = derive(found.z), _slope(derive, found.z)
+    before, spread = (
+        slope @ covariance @ slope.T for covariance in (prior.covariance, found.covariance)
+    )
+    sds = np.sqrt(np.diag(spread))
+    measured = set(found.experiments)
+    told = {
+        p: (_design_covariance(p, before), _design_covariance(p, spread))
+        for p in PLANES
+        if p in measured
+    }
+    return IdentifiedModel(
+        format=FORMAT,
+        method="map",
+        speed_mps=prior.config.operating_point.speed_mps,
+        thrust_fraction=prior.config.operating_point.thrust_fraction,
+        planes={
+            p: _plane(p, dict(zip(_derived_names(), zip(values, sds, strict=True), strict=True)))
+            for p in PLANES
+        },
+        coefficients=_coefficients(found, prior, measured),
+        vehicle=_vehicle(found, prior, prior_name),
+        noise={plane: _noise(level) for plane, level in found.noise.items()},
+        joint=_joint(found),
+        convergence=Convergence(
+            cost=found.cost,
+            start_costs=found.start_costs,
+            agreed=all(
+                abs(cost - found.cost) <= START_COST_TOLERANCE * found.cost
+                for cost in found.start_costs
+            ),
+            at_bounds=found.at_bounds,
+            failures=failures(found.cost, found.start_costs, found.at_bounds, told),
+        ),
+        data=(),
+        screening=(),
+        fit_quality=(),
+        held_out=(),
+        notes=_notes(found, measured),
+        design={plane: _design_numbers_covariance(plane, spread) for plane in PLANES},
+    )
+
+
+def _derived_names() -> list[tuple[Plane, str]]:
+    return [
+        (plane, name)
+        for plane in PLANES
+        for name in (*SmallSignal._fields, "delay_s", "actuator_bias_deg")
+    ]
+
+
+def _derived(vehicle: parameters.CandidateVehicle) -> Array:
+    rows: list[float] = []
+    for plane in PLANES:
+        actuator = vehicle.actuators[plane]
+        rows += linear_planes.small_signal(fits.linear_plane(vehicle, plane))
+        rows += [actuator.delay_s, math.degrees(actuator.bias_rad)]
+    return np.array(rows)
+
+
+def _slope(function: Callable[[Array], Array], z: Array) -> Array:
+    """Derivatives of ``function`` by z, central differences."""
+    h = 1e-4
+    return np.column_stack(
+        [(function(z + h * e) - function(z - h * e)) / (2.0 * h) for e in np.eye(z.size)]
+    )
+
+
+def _design_covariance(plane: Plane, spread: Array) -> Array:
+    """Covariance of one plane's DESIGN_NUMBERS."""
+    index = [_derived_names().index((plane, name)) for name in DESIGN_NUMBERS]
+    return spread[np.ix_(index, index)]
+
+
+def _design_numbers_covariance(plane: Plane, spread: Array) -> ParameterCovariance:
+    """Of one plane's numbers, of which yaw has no restoring moment."""
+    chosen = [
+        (i, name)
+        for i, (of, name) in enumerate(_derived_names())
+        if of == plane and (of, name) != ("yaw", "restoring_per_s2")
+    ]
+    index = [i for i, _ in chosen]
+    return ParameterCovariance(
+        tuple(name for _, name in chosen), _rows(spread[np.ix_(index, index)])
+    )
+
+
+def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) -> PlaneModel:
+    def estimate(name: str) -> ParameterEstimate:
+        value, sd = derived[plane, name]
+        return ParameterEstimate(float(value), float(sd))
+
+    return PlaneModel(
+        static_gain_per_s=estimate("static_gain_per_s"),
+        b1_per_s2=estimate("b1_per_s2"),
+        p_fast_per_s=estimate("p_fast_per_s"),
+        p_slow_per_s=estimate("p_slow_per_s"),
+        restoring_per_s2=estimate("restoring_per_s2") if plane == "pitch" else None,
+        delay_s=estimate("delay_s"),
+        actuator_bias_deg=estimate("actuator_bias_deg"),
+    )
+
+
+def _coefficients(found: Fit, prior: Prior, measured: set[Plane]) -> dict[str, Coefficient]:
+    before, after = (
+        parameters.to_table_1_column(prior.config.linear),
+        parameters.to_table_1_column(found.vehicle.config.linear),
+    )
+    report = {}
+    for name in Table1Column._fields:
+        value, first, unit = getattr(after, name), getattr(before, name), str(getattr(UNITS, name))
+        if name not in NAMES:
+            report[name] = Coefficient(value, 0.0, first, 0.0, 1.0, "prior", unit)
+            continue
+        i = NAMES.index(name)
+        parameter = PARAMETERS[i]
+        added = getattr(after, INERTIAS[name]) if name in INERTIAS else 0.0
+        sd, prior_sd = math.sqrt(found.covariance[i, i]), math.sqrt(prior.covariance[i, i])
+        shrink = sd / prior_sd
+        status: Status = (
+            "measured"
+            if shrink <= MAX_POSTERIOR_TO_PRIOR_SD and parameter.planes[0] in measured
+            else "prior"
+        )
+        report[name] = Coefficient(
+            value=value,
+            sd=abs(value - added) * parameter.prior_sd * sd,
+            prior=first,
+            prior_sd=abs(first - added) * parameter.prior_sd * prior_sd,
+            shrink=shrink,
+            status=status,
+            unit=unit,
+        )
+    return report
+
+
+def _vehicle(found: Fit, prior: Prior, prior_name: str) -> VehicleRecord:
+    config, tailcone = found.vehicle.config, found.vehicle.actuators["yaw"]
+
+    def estimate(name: str, value: float) -> ParameterEstimate:
+        i = NAMES.index(name)
+        scale = PARAMETERS[i].prior_sd * (value if PARAMETERS[i].kind == "ratio" else 1.0)
+        return ParameterEstimate(value, scale * math.sqrt(found.covariance[i, i]))
+
+    return VehicleRecord(
+        prior=prior_name,
+        mass_kg=config.ballast.mass_kg,
+        prior_biases_deg={plane: math.degrees(b) for plane, b in prior.biases_rad.items()},
+        net_buoyancy_n=estimate("net_buoyancy", config.ballast.net_buoyancy_n),
+        crossflow_cd=estimate("crossflow_cd", config.damping.crossflow_cd),
+        natural_frequency_radps=estimate("natural_frequency", tailcone.natural_frequency_radps),
+        damping_ratio=estimate("damping_ratio", tailcone.damping_ratio),
+        level_elevator_deg=math.degrees(fits.level_elevator_rad(config, found.vehicle.model)),
+        level_pitch_deg=math.degrees(fits.level_pitch_rad(config, found.vehicle.model)),
+    )
+
+
+def _noise(level: Noise) -> NoiseModel:
+    return NoiseModel(
+        slow_accel_degps2=math.degrees(level.slow_radps2),
+        slow_time_s=level.slow_time_s,
+        wave_accel_degps2=math.degrees(level.wave_radps2),
+        wave_frequency_hz=level.wave_frequency_hz,
+        wave_damping=level.wave_damping,
+        rate_noise_degps=math.degrees(level.rate_radps),
+        angle_noise_deg=math.degrees(level.angle_rad),
+        depth_noise_m=level.depth_m,
+        force_noise_mps15=level.force_mps15,
+    )
+
+
+def _joint(found: Fit) -> Joint:
+    sd = np.sqrt(np.diag(found.covariance))
+    used = parameters.parameters_of_planes(list(found.experiments))
+    information = np.linalg.eigvalsh(found.data_information[np.ix_(used, used)])
+    smallest, largest = float(information[0]), float(information[-1])
+    return Joint(
+        names=NAMES,
+        z=tuple(found.z.tolist()),
+        covariance=_rows(found.covariance),
+        correlation=_rows(found.covariance / np.outer(sd, sd)),
+        rank=int(np.count_nonzero(information > RANK_TOLERANCE * largest)),
+        informed_directions=int(np.count_nonzero(information > 1.0)),
+        condition_number=largest / smallest if smallest > 1e-14 * largest else None,
+    )
+
+
+def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+def _notes(found: Fit, measured: set[Plane]) -> tuple[str, ...]:
+    unseen = [plane for plane in PLANES if plane not in measured]
+    notes = [
+        f"no run in {plane}: its values come from the prior and from the other plane"
+        for plane in unseen
+    ]
+    if found.at_bounds:
+        notes.append(f"at a bound of four prior standard deviations: {', '.join(found.at_bounds)}")
+    notes.append(
+        "speed was not measured: coefficients hold at the prior's speed for the thrust flown"
+    )
+    return tuple(notes)
+
+
+def from_paper(found: dict[Plane, PlaneFit], prior: Prior, prior_name: str) -> IdentifiedModel:
+    """Report the paper's own fit. What it leaves undetermined carries no standard deviation."""
+    before = parameters.to_table_1_column(prior.config.linear)
+    after = before
+    for plane_fit in found.values():
+        after = plane_fit.coefficients
+    nominal = parameters.candidate_vehicle(prior.config, prior.biases_rad, np.zeros(len(NAMES)))
+    config, zeros = prior.config, np.zeros((len(NAMES), len(NAMES)))
+    free = [name for plane in found for name in FREE[plane]]
+    rank = sum(f.rank for f in found.values())
+    mass, speed = config.ballast.mass_kg, config.operating_point.speed_mps
+    linear = {
+        "yaw": linear_planes.yaw_plane(after, speed, mass),
+        "pitch": linear_planes.pitch_plane(after, speed, mass),
+    }
+    numbers = {plane: linear_planes.small_signal(linear[plane]) for plane in PLANES}
+    return IdentifiedModel(
+        format=FORMAT,
+        method="paper",
+        speed_mps=speed,
+        thrust_fraction=config.operating_point.thrust_fraction,
+        planes={
+            plane: PlaneModel(
+                static_gain_per_s=ParameterEstimate(numbers[plane].static_gain_per_s, None),
+                b1_per_s2=ParameterEstimate(numbers[plane].b1_per_s2, None),
+                p_fast_per_s=ParameterEstimate(numbers[plane].p_fast_per_s, None),
+                p_slow_per_s=ParameterEstimate(numbers[plane].p_slow_per_s, None),
+                restoring_per_s2=ParameterEstimate(numbers[plane].restoring_per_s2, None)
+                if plane == "pitch"
+                else None,
+                delay_s=ParameterEstimate(nominal.actuators[plane].delay_s, 0.0),
+                actuator_bias_deg=ParameterEstimate(math.degrees(prior.biases_rad[plane]), None),
+            )
+            for plane in PLANES
+        },
+        coefficients={
+            name: Coefficient(
+                value=getattr(after, name),
+                sd=None,
+                prior=getattr(before, name),
+                prior_sd=0.0,
+                shrink=None,
+                status="unidentifiable" if name in free or name in INERTIAS else "prior",
+                unit=str(getattr(UNITS, name)),
+            )
+            for name in Table1Column._fields
+        },
+        vehicle=VehicleRecord(
+            prior=prior_name,
+            mass_kg=mass,
+            prior_biases_deg={plane: math.degrees(b) for plane, b in prior.biases_rad.items()},
+            net_buoyancy_n=ParameterEstimate(config.ballast.net_buoyancy_n, 0.0),
+            crossflow_cd=ParameterEstimate(config.damping.crossflow_cd, 0.0),
+            natural_frequency_radps=ParameterEstimate(config.tailcone.natural_frequency_radps, 0.0),
+            damping_ratio=ParameterEstimate(config.tailcone.damping_ratio, 0.0),
+            level_elevator_deg=math.degrees(fits.level_elevator_rad(config, nominal.model)),
+            level_pitch_deg=math.degrees(fits.level_pitch_rad(config, nominal.model)),
+        ),
+        noise={},
+        joint=Joint(NAMES, tuple([0.0] * len(NAMES)), _rows(zeros), _rows(zeros), rank, rank, None),
+        convergence=Convergence(sum(f.cost for f in found.values()), (), True, ()),
+        data=(),
+        screening=(),
+        fit_quality=(),
+        held_out=(),
+        notes=tuple(
+            f"{plane}: {len(FREE[plane])} coefficients fitted, rank {f.rank}: no unique solution; "
+            f"measured acceleration {f.acceleration_per_s2:.3f} per s2 and radian of duct"
+            for plane, f in found.items()
+        ),
+    )

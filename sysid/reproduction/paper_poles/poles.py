@@ -1,0 +1,102 @@
+"""The nine rows for a given tailcone, beside the printed ones."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sysid.control_analysis import loop_transfer, root_locus
+from sysid.control_analysis.loop_transfer import Approximation, ClosedLoop, Gains, Lag
+from sysid.control_analysis.margins import MAX_POLE_RADPS, Planes
+from sysid.control_analysis.root_locus import OpenLoop
+from sysid.models.linear_planes import pitch_plane, yaw_plane
+from sysid.reproduction.paper_tables import (
+    TABLE_1_ADJUSTED,
+    TABLE_1_INITIAL,
+    TABLE_3_IMPROVED,
+    TABLE_3_INITIAL,
+    TABLE_4,
+)
+
+LOOPS = ("heading", "pitch", "depth")
+CASES = ("I/I", "A/I", "A/A")
+"""Model/controller: I initial, A adjusted or improved."""
+LAG = Lag(0.3)
+"""The delay that the paper prints, behind the actuator whose cut-off agrees with its figure 4."""
+PADE = 2
+"""Order: the printed transfer function has a delay of the second order."""
+CONTROLLERS: Mapping[str, Gains] = {"I": TABLE_3_INITIAL, "A": TABLE_3_IMPROVED}
+
+
+class PoleRow(NamedTuple):
+    loop: str
+    case: str
+    paper: complex
+    """Upper pole of the printed pair, rad/s."""
+    ours: complex
+
+
+def models() -> dict[str, Planes]:
+    """Table 1's two columns as linear planes."""
+    columns = {"I": TABLE_1_INITIAL, "A": TABLE_1_ADJUSTED}
+    return {
+        name: Planes(yaw_plane(column), pitch_plane(column)) for name, column in columns.items()
+    }
+
+
+class Case(NamedTuple):
+    """A model and its controller."""
+
+    name: str
+    planes: Planes
+    gains: Gains
+    yaw_lag: Lag
+    pitch_lag: Lag
+
+
+def printed_cases(lag: Lag = LAG) -> list[Case]:
+    """The paper's three, all behind one tailcone."""
+    known = models()
+    return [Case(case, known[case[0]], CONTROLLERS[case[2]], lag, lag) for case in CASES]
+
+
+def rows(lag: Lag = LAG, form: Approximation = PADE) -> list[PoleRow]:
+    """All nine from Tables 1 and 3, loop by loop."""
+    cases = {case.name: case for case in printed_cases(lag)}
+    return [
+        PoleRow(loop, name, paper, pole(loop, cases[name], form))
+        for (loop, name), paper in TABLE_4.items()
+    ]
+
+
+def pole(loop: str, case: Case, form: Approximation = PADE) -> complex:
+    """The dominant one."""
+    return dominant(loop_transfer.poles(close_case(loop, case, form)))
+
+
+def close_case(loop: str, case: Case, form: Approximation = PADE) -> ClosedLoop:
+    lag = case.yaw_lag if loop == "heading" else case.pitch_lag
+    return close_loop(loop, case.planes, lag, case.gains, form)
+
+
+def close_loop(
+    loop: str, planes: Planes, lag: Lag, gains: Gains, form: Approximation = PADE
+) -> ClosedLoop:
+    """One of ``LOOPS``."""
+    if loop == "heading":
+        return loop_transfer.close_heading(planes.yaw, lag, gains, form)
+    return (loop_transfer.close_pitch if loop == "pitch" else loop_transfer.close_depth)(
+        planes.pitch, lag, gains, form
+    )
+
+
+def open_loop(loop: str, whole: ClosedLoop) -> OpenLoop:
+    """One of ``LOOPS`` at the duct."""
+    return root_locus.open_at_duct(whole, 4 if loop == "depth" else 3)
+
+
+def dominant(poles: Sequence[complex] | loop_transfer.ComplexArray) -> complex:
+    """The pair that rings most, upper pole: of the oscillating ones within the band the least
+    damped."""
+    pairs = [complex(pole) for pole in poles if pole.imag > 1e-6 and abs(pole) < MAX_POLE_RADPS]
+    return max(pairs, key=lambda pole: pole.real / abs(pole), default=complex(np.nan, np.nan))

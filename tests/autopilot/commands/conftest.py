@@ -1,0 +1,32 @@
+"""A vehicle that is asked for things, and a wall clock that jumps."""
+
+from collections.abc import Callable
+
+import pytest
+
+from autopilot.comms import ground_server, services, statustext
+from mavlink_io.clock import wall_s
+from tests.helpers.commands import FIX
+from tests.helpers.fake_hil import Deck
+
+
+@pytest.fixture
+def deck() -> Deck:
+    deck = Deck()
+    deck.tick(3, fix=FIX)
+    deck.serve()
+    deck.station.heard()
+    return deck
+
+
+@pytest.fixture
+def pass_time(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """Lets the wall clock jump."""
+    now = [wall_s()]
+    for module in (ground_server, services, statustext):
+        monkeypatch.setattr(module, "wall_s", lambda: now[0])
+
+    def pass_time(seconds: float) -> None:
+        now[0] += seconds
+
+    return pass_time

@@ -1,0 +1,62 @@
+"""What is streamed, what is told on request, and how many texts."""
+
+from collections.abc import Callable
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from autopilot.control.types import Severity
+from tests.helpers.commands import ACCEPTED, DENIED, results, under_way
+from tests.helpers.fake_hil import Deck, only, texts
+
+
+def test_the_heartbeats_interval_can_be_read_and_not_changed(deck: Deck) -> None:
+    assert only(deck.command(510, 0), "MESSAGE_INTERVAL").interval_us == 1_000_000
+    assert results(deck.command(511, 0, 0)) == [ACCEPTED]
+    assert results(deck.command(511, 0, 1_000_000)) == [ACCEPTED]
+    for interval in (-1, 200_000):
+        assert results(deck.command(511, 0, interval)) == [DENIED]
+
+
+def test_old_stream_requests_change_nothing_and_are_not_answered(deck: Deck) -> None:
+    before = [link.schedule.interval_us(30) for link in deck.server.links]
+    answers = deck.ask(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 4, 1))
+    assert [m.get_type() for m in answers] == ["HEARTBEAT"], (
+        "the greeting of a newcomer, and nothing else"
+    )
+    assert [link.schedule.interval_us(30) for link in deck.server.links] == before
+
+
+def test_numbers_of_the_loops_come_to_who_asks(deck: Deck) -> None:
+    under_way(deck)
+    deck.command(511, 251, 100_000)
+    deck.command(511, 350, 100_000)
+    deck.station.heard()
+    deck.tick(10, depth_m=5.0)
+    heard = deck.station.heard()
+    named = {m.name: m.value for m in heard if m.get_type() == "NAMED_VALUE_FLOAT"}
+    assert set(named) == {"DPT_ERR", "PTCH_ERR", "HDG_ERR", "SID_IN", "SID_FREQ"}
+    trace = deck.vehicle.snapshot().trace
+    assert named["DPT_ERR"] == pytest.approx(trace.depth_error_m, abs=0.05)
+    arrays = [m for m in heard if m.get_type() == "DEBUG_FLOAT_ARRAY"]
+    assert len(arrays) == 2
+    assert (arrays[-1].name, arrays[-1].array_id) == ("TRACE", 1)
+    assert arrays[-1].data[: len(trace)] == pytest.approx(list(trace), abs=0.05)
+
+
+def test_a_flood_of_texts_is_cut_and_what_is_critical_is_not(
+    deck: Deck, pass_time: Callable[[float], None]
+) -> None:
+    for number in range(100):
+        deck.vehicle.say(f"text {number}")
+    deck.vehicle.say("Leak detected", Severity.EMERGENCY)
+    deck.serve()
+    said = texts(deck.station.heard())
+    assert said[:3] == ["text 0", "text 1", "text 2"]
+    assert 15 <= len(said) <= 25
+    assert said[-1] == "Leak detected"
+    assert f"{100 - (len(said) - 2)} messages left out" in said
+    pass_time(10.0)
+    deck.vehicle.say("later")
+    deck.serve()
+    assert texts(deck.station.heard()) == ["later"]

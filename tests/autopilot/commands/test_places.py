@@ -1,0 +1,83 @@
+"""Home, and coordinates in COMMAND_INT."""
+
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from autopilot.control import modes
+from tests.helpers.commands import (
+    ACCEPTED,
+    DENIED,
+    IN_PROGRESS,
+    INT32_MAX,
+    NAN,
+    UNSUPPORTED,
+    results,
+    under_way,
+)
+from tests.helpers.fake_hil import Deck, only, texts
+
+
+def test_home_is_set_with_a_float32_degree_or_an_exact_integer(deck: Deck) -> None:
+    message = mavlink.MAVLink_command_int_message(
+        1, 1, 0, 179, 0, 0, 0, 0, 0, 0, 415_123_456, -707_654_321, 0
+    )
+    assert results(deck.ask(message)) == [ACCEPTED]
+    home = only(deck.command(512, 242), "HOME_POSITION")
+    assert (home.latitude, home.longitude, home.altitude) == (415_123_456, -707_654_321, 0)
+
+
+def test_home_is_told_as_it_moves(deck: Deck) -> None:
+    heard = deck.command(179, 0, 0, 0, 0, 41.25, -70.5, 0)
+    assert only(heard, "HOME_POSITION").latitude == 412_500_000
+    assert only(heard, "GPS_GLOBAL_ORIGIN").longitude == -705_000_000
+    again = deck.command(179, 0, 0, 0, 0, 41.25, -70.5, 0)
+    assert [m.get_type() for m in again] == ["COMMAND_ACK"]
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        mavlink.MAVLink_set_home_position_message(
+            1, 412_500_000, -705_000_000, 7000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0
+        ),
+        mavlink.MAVLink_set_gps_global_origin_message(1, 412_500_000, -705_000_000, 7000),
+    ],
+    ids=lambda message: str(message.get_type()),
+)
+def test_home_and_origin_may_be_set_by_message_and_stay_at_the_surface(
+    deck: Deck, message: Any
+) -> None:
+    heard = deck.ask(message)
+    home = only(heard, "HOME_POSITION")
+    assert (home.latitude, home.longitude, home.altitude) == (412_500_000, -705_000_000, 0)
+    assert texts(heard) == ["Home stays at the surface: altitude ignored"]
+    assert {m.latitude for m in heard if m.get_type() == "GPS_GLOBAL_ORIGIN"} == {412_500_000}
+
+
+def test_a_place_that_is_not_given_is_no_place(deck: Deck) -> None:
+    message = mavlink.MAVLink_command_int_message(
+        1, 1, 0, 179, 0, 0, 0, 0, 0, 0, INT32_MAX, INT32_MAX, NAN
+    )
+    assert results(deck.ask(message)) == [DENIED]
+
+
+def test_a_tests_duration_is_whole_seconds_in_a_command_int(deck: Deck) -> None:
+    under_way(deck)
+    message = mavlink.MAVLink_command_int_message(
+        1, 1, 0, 31010, 0, 0, 12, 5.0, NAN, NAN, 8, 1, NAN
+    )
+    assert results(deck.ask(message)) == [IN_PROGRESS]
+    assert deck.vehicle.state.test is not None
+    assert deck.vehicle.state.test.duration_s == 8.0
+
+
+def test_repositioning_without_a_place_holds_and_with_one_is_not_done(deck: Deck) -> None:
+    under_way(deck)
+    pause = mavlink.MAVLink_command_int_message(
+        1, 1, 0, 192, 0, 0, -1, 1, 0, NAN, INT32_MAX, INT32_MAX, NAN
+    )
+    assert results(deck.ask(pause)) == [ACCEPTED]
+    assert deck.vehicle.state.mode == modes.HOLD.number
+    assert results(deck.command(192, -1, 1, 0, NAN, 41.5, -70.7, 0)) == [UNSUPPORTED]

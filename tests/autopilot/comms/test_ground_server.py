@@ -1,0 +1,412 @@
+"""The ground side as pymavlink sees it: identity, commands, modes and the small services."""
+
+import math
+import re
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from autopilot.control import modes
+from autopilot.control.params import PARAMETERS
+from autopilot.onboard_log import channels
+from autopilot.telemetry.identity import AutopilotId
+from mavlink_io import dialect
+from mavlink_io.records import GpsFix
+from tests.helpers.fake_hil import Deck, Station, only, texts
+
+NAN = math.nan
+FIX = GpsFix(0, 3, 41.5, -70.7, 12.0, 0.0, 0.0, 0.0, 9)
+
+
+@pytest.fixture
+def deck() -> Deck:
+    """A vehicle that has had its first seconds at the surface."""
+    deck = Deck()
+    deck.station.say(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
+    deck.tick(3, fix=FIX)
+    deck.serve()
+    deck.station.heard()
+    return deck
+
+
+def result(messages: list[Any]) -> int:
+    return int(only(messages, "COMMAND_ACK").result)
+
+
+@pytest.mark.parametrize(
+    ("personality", "number"), [(AutopilotId.GENERIC, 0), (AutopilotId.PX4, 12)]
+)
+def test_the_heartbeat_is_that_of_a_submarine(personality: AutopilotId, number: int) -> None:
+    deck = Deck(autopilot=personality)
+    deck.tick()
+    deck.serve()
+    beat = deck.station.heard_of("HEARTBEAT")[-1]
+    assert (beat.get_srcSystem(), beat.get_srcComponent()) == (1, 1)
+    assert (beat.type, beat.autopilot, beat.custom_mode) == (12, number, modes.HOLD.number)
+    assert beat.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    assert not beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+
+
+def test_a_newcomer_is_greeted_at_once() -> None:
+    deck = Deck()
+    deck.serve()
+    deck.station.heard()
+    beats = deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
+    assert [m.get_type() for m in beats] == ["HEARTBEAT"]
+    assert deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)) == []
+
+
+def test_the_version_tells_what_the_vehicle_can(deck: Deck) -> None:
+    answers = deck.command(512, 148)
+    assert [m.get_type() for m in answers] == ["COMMAND_ACK", "AUTOPILOT_VERSION"]
+    capabilities = only(answers, "AUTOPILOT_VERSION").capabilities
+    for name in ("MISSION_INT", "COMMAND_INT", "PARAM_ENCODE_BYTEWISE", "FTP", "MAVLINK2"):
+        assert capabilities & getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_{name}")
+    assert [m.get_type() for m in deck.command(520, 1)] == ["COMMAND_ACK", "AUTOPILOT_VERSION"]
+
+
+def test_every_mode_can_be_listed_and_taken(deck: Deck) -> None:
+    listed = [m for m in deck.command(512, 435, 0) if m.get_type() == "AVAILABLE_MODES"]
+    assert [m.mode_index for m in listed] == list(range(1, listed[0].number_modes + 1))
+    assert {m.custom_mode: m.standard_mode for m in listed if m.standard_mode} == {
+        84148224: 5,
+        67371008: 6,
+        100925440: 7,
+    }
+    assert all(bool(m.mode_name) == (m.standard_mode == 0) for m in listed)
+    assert only(deck.command(512, 435, 2), "AVAILABLE_MODES").mode_index == 2
+    refused = deck.command(512, 435, 99)
+    assert result(refused) == mavlink.MAV_RESULT_DENIED
+    assert texts(refused) == ["AVAILABLE_MODES: param2 is 99, must be 0 to 10"]
+    for mode in listed:
+        if mode.mode_name != "SYSID":
+            assert result(deck.command(176, 1, mode.custom_mode)) == mavlink.MAV_RESULT_ACCEPTED
+            assert deck.vehicle.state.mode == mode.custom_mode
+
+
+@pytest.mark.parametrize(
+    ("parameters", "mode"),
+    [
+        ((1, 4, 4), modes.MISSION),
+        ((1, 4, 3), modes.HOLD),
+        ((1, 4, 6), modes.SURFACE),
+        ((1, 1), modes.MANUAL),
+        ((1, 2, NAN), modes.DEPTH),
+        ((129, 2, 0), modes.DEPTH),
+        ((1, float(modes.MISSION.number)), modes.MISSION),
+    ],
+)
+def test_modes_are_set_by_number(
+    deck: Deck, parameters: tuple[float, ...], mode: modes.Mode
+) -> None:
+    start = modes.MANUAL if mode == modes.HOLD else modes.HOLD
+    deck.command(176, 1, float(start.number))
+    heard = deck.command(176, *parameters)
+    assert result(heard) == mavlink.MAV_RESULT_ACCEPTED
+    assert [m.custom_mode for m in heard if m.get_type() == "HEARTBEAT"][:1] == [mode.number]
+    assert only(heard, "CURRENT_MODE").custom_mode == mode.number
+    assert texts(heard) == [f"Mode {mode.name}"]
+
+
+def test_a_mode_that_is_none_is_refused_with_those_there_are(deck: Deck) -> None:
+    heard = deck.command(176, 1, 9, 9)
+    assert result(heard) == mavlink.MAV_RESULT_UNSUPPORTED
+    assert ", ".join(mode.name for mode in modes.MODES) in "".join(texts(heard))
+    assert result(deck.command(176, 0, 4, 4)) == mavlink.MAV_RESULT_DENIED
+    assert deck.vehicle.state.mode == modes.HOLD.number
+
+
+def test_set_mode_is_answered_by_a_heartbeat_and_never_acknowledged(deck: Deck) -> None:
+    heard = deck.ask(mavlink.MAVLink_set_mode_message(1, 1, modes.SURFACE.number))
+    assert {m.get_type() for m in heard} == {"STATUSTEXT", "CURRENT_MODE", "HEARTBEAT"}
+    assert only(heard, "HEARTBEAT").custom_mode == modes.SURFACE.number
+    again = deck.ask(mavlink.MAVLink_set_mode_message(1, 1, modes.SURFACE.number))
+    assert {m.get_type() for m in again} == {"CURRENT_MODE", "HEARTBEAT"}
+
+
+@pytest.mark.parametrize(
+    ("number", "parameters", "mode"),
+    [
+        (20, (), modes.RTL),
+        (21, (), modes.SURFACE),
+        (17, (), modes.HOLD),
+        (192, (-1, 1), modes.HOLD),
+        (193, (0,), modes.HOLD),
+        (193, (1,), modes.MISSION),
+        (300, (0, 0), modes.MISSION),
+        (262, (5,), modes.RTL),
+        (262, (6,), modes.MISSION),
+        (262, (7,), modes.SURFACE),
+    ],
+)
+def test_commands_that_mean_a_mode(
+    deck: Deck, number: int, parameters: tuple[float, ...], mode: modes.Mode
+) -> None:
+    deck.command(176, 1, 1)
+    assert result(deck.command(number, *parameters)) == mavlink.MAV_RESULT_ACCEPTED
+    assert deck.vehicle.state.mode == mode.number
+
+
+@pytest.mark.parametrize("standard", [1, 2, 3, 4, 8, NAN])
+def test_standard_modes_of_other_vehicles_are_refused(deck: Deck, standard: float) -> None:
+    assert result(deck.command(262, standard)) == mavlink.MAV_RESULT_FAILED
+
+
+@pytest.mark.parametrize("component", [0, 1])
+def test_arms_and_disarms(deck: Deck, component: int) -> None:
+    armed = deck.command(400, 1, component=component)
+    assert result(armed) == mavlink.MAV_RESULT_ACCEPTED
+    assert only(armed, "HEARTBEAT").base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    assert result(deck.command(400, 1)) == mavlink.MAV_RESULT_ACCEPTED
+    disarmed = deck.command(400, 0, component=component)
+    assert result(disarmed) == mavlink.MAV_RESULT_ACCEPTED
+    assert not only(disarmed, "HEARTBEAT").base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+
+
+def test_arming_without_sensors_is_refused_and_says_why() -> None:
+    deck = Deck()
+    heard = deck.command(400, 1)
+    assert result(heard) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    assert texts(heard) == ["Not armed: no sensors"]
+    kinds = [m.get_type() for m in heard]
+    assert kinds.index("STATUSTEXT") < kinds.index("COMMAND_ACK")
+
+
+def test_disarming_under_water_takes_force(deck: Deck) -> None:
+    deck.command(400, 1)
+    deck.command(176, 1, 2)
+    deck.tick(200, depth_m=5.0)
+    assert result(deck.command(400, 0)) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    assert deck.vehicle.state.armed
+    assert result(deck.command(400, 0, 21196)) == mavlink.MAV_RESULT_ACCEPTED
+    assert not deck.vehicle.state.armed
+
+
+@pytest.mark.parametrize("value", [NAN, 2.0, -1.0])
+def test_arming_takes_one_or_nought(deck: Deck, value: float) -> None:
+    assert result(deck.command(400, value)) == mavlink.MAV_RESULT_DENIED
+
+
+@pytest.mark.parametrize("number", range(0, 33_000, 61))
+def test_no_command_of_nothing_but_nan_brings_the_vehicle_down(deck: Deck, number: int) -> None:
+    assert only(deck.command(number), "COMMAND_ACK").command == number
+
+
+def test_every_command_it_knows_survives_nan_and_infinity(deck: Deck) -> None:
+    known = (
+        400,
+        176,
+        262,
+        300,
+        224,
+        193,
+        20,
+        21,
+        17,
+        31010,
+        115,
+        186,
+        178,
+        179,
+        511,
+        510,
+        512,
+        520,
+        410,
+        246,
+    )
+    for fill in (NAN, math.inf, -math.inf, 3.4e38):
+        for number in known:
+            heard = deck.command(number, *[fill] * 7)
+            assert result(heard) != mavlink.MAV_RESULT_UNSUPPORTED or number in (511, 510, 512, 246)
+    deck.tick(10)
+
+
+def test_an_unknown_command_is_unsupported(deck: Deck) -> None:
+    acknowledgement = only(deck.command(22), "COMMAND_ACK")
+    assert acknowledgement.result == mavlink.MAV_RESULT_UNSUPPORTED
+    assert (acknowledgement.target_system, acknowledgement.target_component) == (255, 190)
+
+
+def test_commands_for_others_are_left_alone(deck: Deck) -> None:
+    for system, component in ((2, 1), (1, 100)):
+        message = mavlink.MAVLink_command_long_message(
+            system, component, 400, 0, 1, 0, 0, 0, 0, 0, 0
+        )
+        assert deck.ask(message) == []
+    assert not deck.vehicle.state.armed
+
+
+def test_command_int_goes_the_same_way(deck: Deck) -> None:
+    message = mavlink.MAVLink_command_int_message(1, 1, 0, 400, 0, 0, 1, 0, NAN, NAN, 0, 0, NAN)
+    assert result(deck.ask(message)) == mavlink.MAV_RESULT_ACCEPTED
+    assert deck.vehicle.state.armed
+
+
+@pytest.mark.parametrize(
+    ("number", "parameters", "target"),
+    [
+        (186, (-4.0, 3), (4.0, 0.3, 0.58)),
+        (115, (90.0, 0, 0, 0), (1.0, math.radians(90), 0.58)),
+        (115, (30.0, 0, -1, 1), (1.0, 0.3 - math.radians(30), 0.58)),
+        (178, (1, -1, 40), (1.0, 0.3, 0.4)),
+        (178, (NAN, NAN, 40), (1.0, 0.3, 0.4)),
+    ],
+)
+def test_a_legs_commands_change_the_target(
+    deck: Deck, number: int, parameters: tuple[float, ...], target: tuple[float, float, float]
+) -> None:
+    deck.command(400, 1)
+    deck.command(176, 1, 2)
+    state = deck.vehicle.state
+    setpoint = state.setpoint._replace(depth_m=1.0, heading_rad=0.3, thrust=0.58)
+    deck.vehicle.state = state._replace(setpoint=setpoint)
+    assert result(deck.command(number, *parameters)) == mavlink.MAV_RESULT_ACCEPTED
+    wanted = deck.vehicle.state.setpoint
+    assert (wanted.depth_m, wanted.heading_rad, wanted.thrust) == pytest.approx(target)
+
+
+def test_a_depth_above_the_water_or_not_given_is_denied(deck: Deck) -> None:
+    deck.command(400, 1)
+    for altitude in (3.0, NAN):
+        heard = deck.command(186, altitude, 3)
+        assert result(heard) == mavlink.MAV_RESULT_DENIED
+        assert texts(heard)
+
+
+def test_a_test_is_started_and_stopped(deck: Deck) -> None:
+    refused = deck.command(31010, 12, 5, 0, 0, 10, 1, 0)
+    assert result(refused) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    deck.command(400, 1)
+    deck.command(176, 1, 2)
+    deck.tick(200, depth_m=5.0)
+    started = deck.command(31010, 12, 5, NAN, NAN, 10, 1, NAN)
+    assert result(started) == mavlink.MAV_RESULT_IN_PROGRESS
+    assert "SystemID Starting: axis=12 wave=step magnitude=5.00" in texts(started)
+    assert deck.vehicle.state.test is not None
+    deck.command(31010, 0)
+    assert deck.vehicle.state.test is None
+
+
+def test_home_is_at_the_surface_wherever_it_is_put(deck: Deck) -> None:
+    home = only(deck.command(410), "HOME_POSITION")
+    assert (home.latitude, home.longitude, home.altitude) == (415_000_000, -707_000_000, 0)
+    message = mavlink.MAVLink_command_int_message(
+        1, 1, 0, 179, 0, 0, 0, 0, 0, 0, 420_000_000, -700_000_000, 55.0
+    )
+    heard = deck.ask(message)
+    assert result(heard) == mavlink.MAV_RESULT_ACCEPTED
+    assert texts(heard) == ["Home stays at the surface: altitude ignored"]
+    home = only(deck.command(512, 242), "HOME_POSITION")
+    assert (home.latitude, home.longitude, home.altitude) == (420_000_000, -700_000_000, 0)
+    assert result(deck.command(179, 0, 0, 0, 0, 91.0, 0.0)) == mavlink.MAV_RESULT_DENIED
+
+
+def test_rebooting_is_for_the_disarmed_and_keeps_the_mission(deck: Deck) -> None:
+    deck.ask(mavlink.MAVLink_param_set_message(1, 1, b"HDG_P", 0.5, 9))
+    deck.command(400, 1)
+    assert result(deck.command(246, 1)) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    deck.command(400, 0)
+    assert result(deck.command(246, 1)) == mavlink.MAV_RESULT_ACCEPTED
+    assert not deck.vehicle.state.estimate.initialised
+    assert deck.vehicle.params.config.heading_p == 0.5
+
+
+def test_parameters_are_listed_set_and_told_to_every_link() -> None:
+    deck = Deck(Station(255, 190), Station(250, 190))
+    listed = [
+        m
+        for m in deck.ask(mavlink.MAVLink_param_request_list_message(1, 1))
+        if m.get_type() == "PARAM_VALUE"
+    ]
+    assert [m.param_id for m in listed] == [p.name for p in PARAMETERS]
+    assert [m.param_index for m in listed] == list(range(len(PARAMETERS)))
+    assert {m.param_type for m in listed} == {mavlink.MAV_PARAM_TYPE_REAL32}
+    deck.stations[1].heard()
+    deck.ask(mavlink.MAVLink_param_set_message(1, 1, b"HDG_P", 0.75, 9))
+    told = only(deck.stations[1].heard(), "PARAM_VALUE")
+    assert (told.param_id, told.param_value) == ("HDG_P", 0.75)
+    refused = deck.ask(mavlink.MAVLink_param_set_message(1, 1, b"HDG_P", 99.0, 9))
+    assert only(refused, "PARAM_ERROR").error == mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+    assert texts(refused) == ["HDG_P = 99: must be 0 to 5 rad/rad"]
+    assert deck.vehicle.params.config.heading_p == 0.75
+
+
+def test_small_services_answer(deck: Deck) -> None:
+    ping = only(deck.ask(mavlink.MAVLink_ping_message(123, 9, 0, 0)), "PING")
+    assert (ping.time_usec, ping.seq, ping.target_system, ping.target_component) == (
+        123,
+        9,
+        255,
+        190,
+    )
+    time = only(deck.ask(mavlink.MAVLink_timesync_message(0, 456)), "TIMESYNC")
+    assert (time.ts1, time.tc1 > 0) == (456, True)
+    assert deck.ask(mavlink.MAVLink_timesync_message(5, 6)) == []
+    entry = only(deck.ask(mavlink.MAVLink_log_request_list_message(1, 1, 0, 0xFFFF)), "LOG_ENTRY")
+    assert entry.num_logs == 0
+
+
+def test_a_pilots_hand_steers_in_manual(deck: Deck) -> None:
+    deck.ask(mavlink.MAVLink_manual_control_message(1, -500, 0, 1000, 250, 0))
+    stick = deck.server.stick
+    assert stick is not None
+    assert (stick.rudder, stick.elevator, stick.thrust) == (0.25, 0.5, 1.0)
+    deck.ask(mavlink.MAVLink_manual_control_message(2, 1000, 0, 0, 1000, 0))
+    assert deck.server.stick == stick
+
+
+def test_all_that_may_change_what_she_does_is_logged(deck: Deck) -> None:
+    served = {dialect.by_id(number) for number in deck.server._services._table}
+    harmless = re.compile(
+        "HEARTBEAT|TIMESYNC|PING|SETUP_SIGNING|MISSION_ACK|(MISSION|PARAM|LOG)_REQUEST.*|FILE_.*|LOG_ERASE"
+    )
+    names = {message.name for message in served if message and not harmless.fullmatch(message.name)}
+    assert names == {
+        message.name for number in channels.LOGGED_FROM_GROUND if (message := dialect.by_id(number))
+    }
+
+
+def test_a_new_system_id_waits_for_the_next_start(deck: Deck) -> None:
+    deck.ask(mavlink.MAVLink_param_set_message(1, 1, b"MAV_SYS_ID", 7.0, 9))
+    deck.ask(mavlink.MAVLink_manual_control_message(7, 0, 0, 0, 0, 0))
+    assert deck.server.stick is None
+    answers = deck.ask(mavlink.MAVLink_manual_control_message(1, 0, 0, 0, 0, 0)) + deck.command(
+        512, 148
+    )
+    assert deck.server.stick is not None
+    version = only(answers, "AUTOPILOT_VERSION")
+    assert (version.get_srcSystem(), version.uid) == (1, 1)
+
+
+def test_a_long_text_is_sent_in_chunks(deck: Deck) -> None:
+    deck.vehicle.say("depth " * 20)
+    deck.serve()
+    chunks = deck.station.heard_of("STATUSTEXT")
+    assert [m.chunk_seq for m in chunks] == [0, 1, 2]
+    assert len({m.id for m in chunks}) == 1
+    assert chunks[0].id > 0
+    assert "".join(m.text for m in chunks).strip() == ("depth " * 20).strip()
+
+
+def test_a_mission_goes_up_and_comes_back(deck: Deck) -> None:
+    (request, *_) = deck.ask(mavlink.MAVLink_mission_count_message(1, 1, 1, 0))
+    assert request.get_type() == "MISSION_REQUEST_INT"
+    item = mavlink.MAVLink_mission_item_int_message(
+        1, 1, 0, 2, 93, 1, 1, 10, NAN, NAN, NAN, 0, 0, NAN, 0
+    )
+    assert only(deck.ask(item), "MISSION_ACK").type == mavlink.MAV_MISSION_ACCEPTED
+    back = only(
+        deck.ask(mavlink.MAVLink_mission_request_int_message(1, 1, 0, 0)), "MISSION_ITEM_INT"
+    )
+    assert (back.command, back.param1, back.frame, back.current) == (93, 10.0, 2, 1)
+    assert math.isnan(back.z)
+    progress = only(deck.command(512, 42), "MISSION_CURRENT")
+    assert (progress.seq, progress.total) == (0, 1)
+    unknown = mavlink.MAVLink_mission_item_int_message(1, 1, 0, 2, 22, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0)
+    deck.ask(mavlink.MAVLink_mission_count_message(1, 1, 1, 0))
+    refused = deck.ask(unknown)
+    assert only(refused, "MISSION_ACK").type == mavlink.MAV_MISSION_UNSUPPORTED
+    assert texts(refused) == ["Mission item 0: command 22 is not one this vehicle flies"]
+    assert only(deck.command(512, 42), "MISSION_CURRENT").total == 1

@@ -1,0 +1,110 @@
+"""The estimator against motions whose truth is known."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from autopilot.control import estimator
+from autopilot.control.params import Config
+from autopilot.control.types import Home, Inputs, VehicleEstimate
+from mavlink_io.frames import offset_to_geodetic, wrap_pi
+from mavlink_io.records import GpsFix
+from tests.helpers.missions import TICK_US, sensors
+
+NO_HOME = Home()
+
+
+def run(
+    estimate: VehicleEstimate, seconds: float, thrust: float = 0.0, **reading: object
+) -> VehicleEstimate:
+    for k in range(round(seconds * 50)):
+        sample = sensors((k + 1) * TICK_US, **reading)  # type: ignore[arg-type]
+        estimate = estimator.update(
+            estimate, Inputs(sample, None, None, None), thrust, NO_HOME, Config(), 0.02
+        )
+    return estimate
+
+
+@given(
+    roll=st.floats(-0.5, 0.5),
+    pitch=st.floats(-1.2, 1.2),
+    heading=st.floats(-3.14, 3.14),
+    depth_m=st.floats(0.0, 50.0),
+)
+def test_the_first_estimate_is_right_at_any_attitude(
+    roll: float, pitch: float, heading: float, depth_m: float
+) -> None:
+    estimate = estimator.initial_estimate(
+        sensors(0, roll=roll, pitch=pitch, heading=heading, depth_m=depth_m), Config()
+    )
+    assert estimate.roll_rad == pytest.approx(roll, abs=1e-9)
+    assert estimate.pitch_rad == pytest.approx(pitch, abs=1e-9)
+    assert abs(wrap_pi(estimate.heading_rad - heading)) < 1e-9
+    assert estimate.depth_m == pytest.approx(depth_m, abs=1e-9)
+
+
+def test_a_wrong_attitude_is_pulled_to_the_measured_one() -> None:
+    wrong = estimator.initial_estimate(sensors(0, roll=0.2, pitch=-0.2, heading=1.0), Config())
+    estimate = run(wrong, 120.0, roll=-0.05, pitch=0.1, heading=0.8)
+    assert estimate.roll_rad == pytest.approx(-0.05, abs=2e-3)
+    assert estimate.pitch_rad == pytest.approx(0.1, abs=2e-3)
+    assert estimate.heading_rad == pytest.approx(0.8, abs=2e-3)
+
+
+def test_gyro_bias_is_found_and_taken_off() -> None:
+    bias = (0.002, -0.003, 0.004)
+    estimate = run(estimator.initial_estimate(sensors(0), Config()), 300.0, rates=bias)
+    assert estimate.gyro_bias_radps == pytest.approx(bias, abs=1e-4)
+    assert estimate.r_radps == pytest.approx(0.0, abs=1e-4)
+    assert estimate.heading_rad == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_steady_turn_does_not_roll_the_estimate() -> None:
+    """A level turn at 1.3 m/s and 10 deg/s pulls the accelerometer 1.3 deg off; the filter must
+    know."""
+    rate, speed, config = math.radians(10.0), 1.3, Config()
+    estimate = estimator.initial_estimate(sensors(0), config)._replace(speed_mps=speed)
+    for k in range(1, 3000):
+        level = sensors(k * TICK_US, heading=wrap_pi(rate * 0.02 * k), rates=(0.0, 0.0, rate))
+        turning = level._replace(accel_y_mps2=level.accel_y_mps2 + rate * speed)
+        estimate = estimator.update(
+            estimate, Inputs(turning, None, None, None), 0.58, NO_HOME, config, 0.02
+        )
+    assert abs(estimate.roll_rad) < math.radians(0.05)
+    assert abs(estimate.pitch_rad) < math.radians(0.05)
+
+
+def test_depth_follows_a_dive_without_lag_and_knows_its_rate() -> None:
+    estimate = estimator.initial_estimate(sensors(0, depth_m=1.0), Config())
+    for k in range(1, 1000):
+        reading = sensors(k * TICK_US, depth_m=1.0 + 0.3 * 0.02 * k)
+        estimate = estimator.update(
+            estimate, Inputs(reading, None, None, None), 0.0, NO_HOME, Config(), 0.02
+        )
+    assert estimate.depth_rate_mps == pytest.approx(0.3, abs=1e-3)
+    assert estimate.depth_m == pytest.approx(1.0 + 0.3 * 0.02 * 999, abs=2e-3)
+
+
+def test_speed_settles_at_cruise_under_cruise_thrust() -> None:
+    assert run(
+        estimator.initial_estimate(sensors(0), Config()), 200.0, thrust=0.58
+    ).speed_mps == pytest.approx(1.3, rel=1e-3)
+
+
+def test_dead_reckoning_counts_the_way_and_a_fix_resets_it() -> None:
+    start = estimator.initial_estimate(sensors(0, heading=math.pi / 2), Config())._replace(
+        speed_mps=1.3
+    )
+    estimate = run(start, 100.0, thrust=0.58, heading=math.pi / 2)
+    assert estimate.east_m == pytest.approx(130.0, rel=0.01)
+    assert abs(estimate.north_m) < 0.5
+    assert estimate.position_sd_m > 10.0
+    lat, lon = offset_to_geodetic(5.0, 120.0, 42.35, -71.0)
+    fix = GpsFix(0, 3, lat, lon, 0.0, 0.0, 0.0, 0.0, 10)
+    seen = Inputs(sensors(0, heading=math.pi / 2), fix, None, None)
+    estimate = estimator.update(estimate, seen, 0.58, Home(42.35, -71.0, True), Config(), 0.02)
+    assert estimate.east_m == pytest.approx(120.0, abs=0.01)
+    assert estimate.north_m == pytest.approx(5.0, abs=0.01)
+    assert estimate.position_sd_m < 5.0

@@ -1,0 +1,196 @@
+"""The loops' structure: each part does what it is for, and nothing where its parameter is off."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from autopilot.control import loops, modes, requests
+from autopilot.control.params import Config, ParamTable
+from autopilot.control.pid import Gains
+from autopilot.control.reference_model import Way
+from autopilot.control.setpoints import Setpoint
+from autopilot.control.types import Event, LoopMemory, Trim, VehicleEstimate
+from autopilot.vehicle import Vehicle
+from mavlink_io.frames import wrap_pi
+from tests.helpers.missions import under_way
+
+angle = st.floats(-0.5, 0.5)
+
+
+@given(heading=angle, pitch=angle, q=angle, r=angle, roll=st.floats(-1.0, 1.0), wanted=angle)
+def test_a_rolled_hull_turns_as_a_level_one_would(
+    heading: float, pitch: float, q: float, r: float, roll: float, wanted: float
+) -> None:
+    """The same turning about vertical and horizontal, whatever the roll: what is wanted there is
+    the same."""
+    config = Config(roll_compensated=1, travel_deg=45.0, heading_d=0.5, pitch_d=0.5)
+    level = VehicleEstimate(heading_rad=heading, pitch_rad=pitch, q_radps=q, r_radps=r)
+    c, s = math.cos(roll), math.sin(roll)
+    rolled = level._replace(roll_rad=roll, q_radps=q * c + r * s, r_radps=r * c - q * s)
+    asked = Setpoint(heading_rad=wanted, pitch_rad=0.1)
+    flat, _ = loops.step_loops(level, asked, LoopMemory(), config, 0.02, heading=True, depth=True)
+    turned, _ = loops.step_loops(
+        rolled, asked, LoopMemory(), config, 0.02, heading=True, depth=True
+    )
+    about_vertical = turned.rudder_rad * c + turned.elevator_rad * s
+    about_horizontal = turned.elevator_rad * c - turned.rudder_rad * s
+    assert about_vertical == pytest.approx(flat.rudder_rad, abs=1e-9)
+    assert about_horizontal == pytest.approx(flat.elevator_rad, abs=1e-9)
+
+
+def test_slower_than_designed_the_loop_keeps_its_shape() -> None:
+    """A vehicle at half speed with everything in her own time: gains per radian and per turned
+    length stay."""
+    slow = loops.schedule_gains(Gains(0.6, 1.5, 0.02, 0.1), 0.5)
+    assert (slow.p, slow.d, slow.i, slow.i_max) == (0.6, 3.0, 0.01, 0.1)
+
+
+def test_faster_than_designed_the_loop_keeps_its_gain() -> None:
+    fast = loops.schedule_gains(Gains(0.6, 1.5, 0.02, 0.1), 2.0)
+    assert (fast.p, fast.d, fast.i) == (0.15, 0.375, 0.005)
+    assert loops.schedule_gains(Gains(0.6, 1.5, 0.02, 0.1), 50.0) == loops.schedule_gains(
+        Gains(0.6, 1.5, 0.02, 0.1), 2.5
+    )
+
+
+def test_a_big_turn_on_a_way_leaves_the_travel_alone() -> None:
+    """The kinematic vehicle turns at once with her rudder: on the way no more rudder is asked than
+    its rate takes."""
+    direct, shaped = (under_way(modes.DEPTH, heading_way_radps=w) for w in (0.0, 0.5))
+    most = {}
+    for name, flight in (("direct", direct), ("shaped", shaped)):
+        flight.state = flight.state._replace(
+            setpoint=flight.state.setpoint._replace(heading_rad=1.5)
+        )
+        most[name] = max(abs(flight.trace.rudder_rad) for _ in flight.run(60.0))
+        assert abs(flight.heading - 1.5) < 0.02
+    assert most["direct"] == pytest.approx(math.radians(15.0))
+    assert most["shaped"] < math.radians(14.0)
+
+
+def test_a_change_of_depth_on_a_way_is_no_faster_than_it_may() -> None:
+    fastest = {}
+    for w in (0.0, 0.3):
+        flight = under_way(modes.DEPTH, depth_way_radps=w, depth_way_mps=0.2, depth_i=0.0)
+        list(flight.run(30.0))
+        flight.state = flight.state._replace(setpoint=flight.state.setpoint._replace(depth_m=9.0))
+        depths = [flight.depth_m for _ in flight.run(90.0)]
+        fastest[w] = max((b - a) / 0.5 for a, b in zip(depths[::25], depths[25::25], strict=False))
+        assert depths[-1] == pytest.approx(9.0, abs=0.1)
+    assert fastest[0.3] < 0.26 < fastest[0.0]
+
+
+@pytest.mark.parametrize(("speed", "share"), [(1.3, 1.0), (0.65, 4.0), (0.1, 6.25), (2.6, 0.25)])
+def test_the_elevator_holds_the_pitch_that_a_way_in_depth_takes(speed: float, share: float) -> None:
+    """On top of what the loops ask: 0.2 of the pitch at cruise speed, more as the flow on the duct
+    gets less."""
+    config = {"depth_way_radps": 0.5, "depth_way_mps": 0.1, "travel_deg": 45.0}
+    held, bare = Config(pitch_stiffness=0.2, **config), Config(**config)
+    on_her_way = LoopMemory(descent=Way(3.0, 0.1))
+    estimate, asked = VehicleEstimate(depth_m=3.0, speed_mps=speed), Setpoint(depth_m=9.0)
+    with_it, without = (
+        loops.step_loops(estimate, asked, on_her_way, each, 0.02, heading=False, depth=True)[
+            0
+        ].elevator_rad
+        for each in (held, bare)
+    )
+    pitch = -min(math.radians(20.0), 0.1 / max(speed, 0.3))
+    assert with_it - without == pytest.approx(0.2 * pitch * share, rel=1e-6)
+    level = loops.step_loops(
+        estimate, asked._replace(depth_m=3.0), LoopMemory(), held, 0.02, heading=False, depth=True
+    )[0]
+    assert level.elevator_rad == 0.0
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.4, 0.9])
+def test_set_point_weighting_is_the_textbook_law(weight: float) -> None:
+    """P (b r - y) + I integral(r - y), for heading past south and for depth."""
+    config = Config(
+        heading_weight=weight,
+        depth_weight=weight,
+        heading_i=0.05,
+        heading_i_max=0.26,
+        heading_i_rate_degps=90.0,
+        depth_i=0.02,
+        depth_i_max=0.5,
+        heading_p=0.2,
+        heading_d=0.0,
+        depth_p=0.05,
+        pitch_limit_deg=60.0,
+    )
+    memory, rudder_i, nose_down_i = LoopMemory(), 0.0, 0.0
+    for tick in range(300):
+        heading, depth = 0.4 * math.sin(0.02 * tick), 0.1 * math.sin(0.05 * tick)
+        turn, sink = (0.3, 2.0) if tick > 10 else (0.0, 0.0)
+        estimate = VehicleEstimate(heading_rad=wrap_pi(3.0 + heading), depth_m=depth)
+        asked = Setpoint(heading_rad=wrap_pi(3.0 + turn), depth_m=sink)
+        wanted, memory = loops.step_loops(
+            estimate, asked, memory, config, 0.02, heading=True, depth=True
+        )
+        assert wanted.rudder_rad == pytest.approx(
+            0.2 * (weight * turn - heading) + rudder_i, abs=1e-9
+        )
+        assert -wanted.pitch_setpoint_rad == pytest.approx(
+            0.05 * (weight * sink - depth) + nose_down_i, abs=1e-9
+        )
+        rudder_i += 0.05 * (turn - heading) * 0.02
+        nose_down_i += 0.02 * (sink - depth) * 0.02
+
+
+def test_trims_are_learned_in_steady_flight_and_kept() -> None:
+    """A rudder that is 4 deg off: the integrator holds it first, then the trim, and the heading
+    stays where it was."""
+    config = Config(trim_time_s=10.0, heading_i=0.05, heading_i_max=0.2)
+    memory, estimate, offset = LoopMemory(), VehicleEstimate(speed_mps=1.3), math.radians(4.0)
+    asked = Setpoint()
+    for _ in range(50 * 120):
+        wanted, memory = loops.step_loops(
+            estimate, asked, memory, config, 0.02, heading=True, depth=True
+        )
+        rate = 0.5 * (wanted.rudder_rad - offset)
+        estimate = estimate._replace(heading_rad=estimate.heading_rad + 0.02 * rate, r_radps=rate)
+    assert memory.trim.rudder_rad == pytest.approx(offset, rel=0.02)
+    assert abs(memory.heading_rad) < math.radians(0.1)
+    assert abs(estimate.heading_rad) < math.radians(0.2)
+    assert memory.trim.learned_s > 60.0
+
+
+@pytest.mark.parametrize(("learned_s", "kept_deg"), [(25.0, 4.5), (15.0, 2.0)])
+def test_trims_outlive_the_dive_when_they_were_learned_for_long_enough(
+    learned_s: float, kept_deg: float
+) -> None:
+    vehicle = Vehicle(ParamTable({"TRIM_AUTO_S": 10.0, "TRIM_RUD_DEG": 2.0}))
+    trim = Trim(math.radians(2.5), math.radians(-1.0), learned_s)
+    vehicle.state = vehicle.state._replace(armed=True, loops=LoopMemory(trim=trim))
+    vehicle.request(requests.Disarm(force=True))
+    assert vehicle.params.get("TRIM_RUD_DEG") == pytest.approx(kept_deg)
+    told = [
+        event.text
+        for event in vehicle.take_events()
+        if isinstance(event, Event) and "Trim" in event.text
+    ]
+    assert told == (["Trim learned: TRIM_RUD_DEG 4.5, TRIM_ELE_DEG -1"] if kept_deg == 4.5 else [])
+
+
+def test_nothing_is_learned_while_turning() -> None:
+    config = Config(trim_time_s=10.0)
+    turning = VehicleEstimate(r_radps=math.radians(5.0))
+    _, memory = loops.step_loops(
+        turning, Setpoint(), LoopMemory(), config, 0.02, heading=True, depth=True
+    )
+    assert memory.trim == LoopMemory().trim
+
+
+def test_an_open_loop_forgets_its_way() -> None:
+    config = Config(heading_way_radps=0.5, depth_way_radps=0.5, lead_radps=8.0)
+    _, closed = loops.step_loops(
+        VehicleEstimate(), Setpoint(), LoopMemory(), config, 0.02, heading=True, depth=True
+    )
+    assert None not in (closed.course, closed.descent, closed.rudder, closed.elevator)
+    _, opened = loops.step_loops(
+        VehicleEstimate(), Setpoint(), closed, config, 0.02, heading=False, depth=True
+    )
+    assert (opened.course, opened.rudder) == (None, None)
+    assert opened.elevator is not None

@@ -1,0 +1,150 @@
+"""Laws aboard: the arithmetic against numpy, limits, and when the PIDs fly instead."""
+
+import math
+
+import numpy as np
+import pytest
+
+from autopilot.control import loops, lqg
+from autopilot.control.lqg import LqgControllers, LqgReference
+from autopilot.control.params import Config, ParamTable
+from autopilot.control.setpoints import Setpoint
+from autopilot.control.types import LoopMemory, VehicleEstimate
+
+TURNS = lqg.from_matrices(
+    rows=((0.9, 0.1, 0.3, 0.02, 0.3), (0.0, 0.8, 0.1, 0.1, -0.2)),
+    feedback=(-1.5, -0.4),
+    start=((1.0, 0.3), (0.0, 1.0)),
+    loads=1,
+)
+DIVES = lqg.from_matrices(
+    rows=((0.9, 0.1, 0.2, -0.3, 0.05, 0.1),),
+    feedback=(0.05,),
+    start=((0.0, 0.0, 1.0, 0.0),),
+    loads=0,
+)
+STILL = LqgReference((0.0, 0.0), 0.0, -0.2, 0.2)
+LAWS = LqgControllers(speed_mps=1.3, heading=TURNS, depth=DIVES, pitch_per_metre=0.2)
+LEFT = Setpoint(heading_rad=-0.1)
+
+
+def rudder(estimate: VehicleEstimate, config: Config, asked: Setpoint = LEFT) -> float:
+    wanted, _ = loops.step_loops(
+        estimate, asked, LoopMemory(), config, 0.02, heading=True, depth=False
+    )
+    return wanted.rudder_rad
+
+
+def test_a_law_is_its_matrices() -> None:
+    matrix, feedback, start = np.array(TURNS.rows), np.array(TURNS.feedback), np.array(TURNS.start)
+    target, rng = STILL._replace(wanted=(0.01, 0.05), ahead_rad=0.02), np.random.default_rng(1)
+    belief, states, before, command = None, np.empty(0), np.empty(0), 0.0
+    for measured in rng.standard_normal((20, 2)):
+        u, belief = lqg.step(TURNS, belief, tuple(measured.tolist()), target)
+        told = (
+            np.concatenate([states, [command], 0.5 * (before + measured)]) if states.size else None
+        )
+        states = start @ measured if told is None else matrix @ told
+        command = float(np.clip(feedback @ (states - start @ target.wanted) + 0.02, -0.2, 0.2))
+        before = measured
+        assert u == pytest.approx(command, abs=1e-14)
+    assert belief is not None
+    assert belief.states == pytest.approx(states, abs=1e-14)
+
+
+def test_a_new_set_point_moves_the_command_alone() -> None:
+    _, belief = lqg.step(TURNS, None, (0.01, 0.02), STILL)
+    held, moved = (
+        lqg.step(TURNS, belief, (0.01, 0.02), STILL._replace(wanted=wanted))
+        for wanted in ((0.0, 0.0), (0.0, 0.05))
+    )
+    assert moved[0] != held[0]
+    assert moved[1].states == held[1].states
+
+
+def test_on_the_way_no_constant_load_is_learnt() -> None:
+    _, belief = lqg.step(TURNS, None, (0.01, 0.02), STILL)
+    _, held = lqg.step(TURNS, belief, (0.03, 0.05), STILL)
+    _, turning = lqg.step(TURNS, belief, (0.03, 0.05), STILL._replace(under_way=True))
+    assert turning.states == (held.states[0], belief.states[1])
+    assert held.states[1] != belief.states[1]
+
+
+def test_headings_past_south_are_counted_on() -> None:
+    """From 179 to 181 degrees she turns by two, not by 358."""
+    config = Config(laws=LAWS)
+    seen, memory = VehicleEstimate(speed_mps=1.3, heading_rad=math.radians(179.0)), LoopMemory()
+    asked = Setpoint(heading_rad=math.radians(-179.0))
+    for heading_deg in (179.0, 180.5, -178.5):
+        seen = seen._replace(heading_rad=math.radians(heading_deg))
+        _, memory = loops.step_loops(seen, asked, memory, config, 0.02, heading=True, depth=False)
+        assert memory.rudder_belief is not None
+    assert memory.rudder_belief.measured[1] == pytest.approx(math.radians(181.5))
+
+
+def test_a_law_flies_about_its_speed_and_the_pid_elsewhere() -> None:
+    law, pid = Config(laws=LAWS), Config()
+    for speed, flies in (
+        (1.3, True),
+        (1.1, True),
+        (1.6, True),
+        (0.9, False),
+        (1.7, False),
+        (0.0, False),
+    ):
+        seen = VehicleEstimate(speed_mps=speed, r_radps=0.01)
+        assert (rudder(seen, law) == rudder(seen, pid)) != flies, speed
+
+
+def test_the_pid_is_one_parameter_away() -> None:
+    table, seen = ParamTable(laws=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.01)
+    by_law = rudder(seen, table.config)
+    table.set("LAW_ENABLE", 0.0)
+    assert rudder(seen, table.config) == rudder(seen, Config()) != by_law
+    table.reset()
+    assert rudder(seen, table.config) == by_law
+
+
+def test_the_command_keeps_to_the_travel_that_the_trim_leaves() -> None:
+    config = Config(laws=LAWS, rudder_trim_deg=6.0)
+    for heading in (-3.0, 3.0):
+        seen = VehicleEstimate(
+            speed_mps=1.3, r_radps=math.copysign(30.0, heading), heading_rad=heading
+        )
+        wanted = rudder(seen, config, Setpoint())
+        assert abs(wanted) <= math.radians(15.0) + 1e-12
+    assert abs(wanted) == pytest.approx(math.radians(15.0))
+
+
+def test_a_depth_error_counts_as_far_as_the_pitch_limit_goes() -> None:
+    config, seen = Config(laws=LAWS, pitch_limit_deg=20.0), VehicleEstimate(speed_mps=1.3)
+    metres = math.radians(20.0) / LAWS.pitch_per_metre
+
+    def elevator(depth_m: float) -> float:
+        wanted, _ = loops.step_loops(
+            seen, Setpoint(depth_m=depth_m), LoopMemory(), config, 0.02, heading=False, depth=True
+        )
+        assert abs(wanted.pitch_setpoint_rad) <= math.radians(20.0) + 1e-12
+        return wanted.elevator_rad
+
+    assert elevator(0.5 * metres) == pytest.approx(0.5 * elevator(metres))
+    assert elevator(5.0 * metres) == elevator(metres)
+
+
+def test_a_pitch_that_is_asked_for_is_held_by_the_pid() -> None:
+    """Stabilize and the rise without a depth ask for one; the law knows none."""
+    seen, asked = VehicleEstimate(speed_mps=1.3, depth_m=1.0), Setpoint(pitch_rad=0.1)
+    by_law, by_pid = (
+        loops.step_loops(seen, asked, LoopMemory(), config, 0.02, heading=False, depth=True)[0]
+        for config in (Config(laws=LAWS), Config())
+    )
+    assert by_law == by_pid
+
+
+def test_a_loop_that_was_open_begins_anew() -> None:
+    config, seen = Config(laws=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.02)
+    _, memory = loops.step_loops(seen, LEFT, LoopMemory(), config, 0.02, heading=True, depth=True)
+    assert memory.rudder_belief is not None
+    assert memory.elevator_belief is not None
+    _, memory = loops.step_loops(seen, LEFT, memory, config, 0.02, heading=False, depth=False)
+    assert memory.rudder_belief is memory.elevator_belief is None

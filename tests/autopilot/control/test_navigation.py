@@ -1,0 +1,229 @@
+"""The plot's filter against a plain Kalman filter of real matrices, and against errors that are
+known."""
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from autopilot.control import navigation
+from autopilot.control.navigation import MotionInput, NavSolution
+from autopilot.control.params import Config
+from autopilot.control.types import Home, Inputs, NavCovariance, Navigation
+from mavlink_io.frames import offset_to_geodetic, quaternion_from_euler
+from mavlink_io.records import Dvl, GpsFix
+from tests.helpers.missions import TICK_US, sensors
+
+HOME = Home(42.35, -71.0, True)
+CONFIG = Config()
+SMALL = st.complex_numbers(max_magnitude=1.5, allow_nan=False, allow_infinity=False)
+
+
+def hermitian(c: NavCovariance) -> NDArray[np.complex128]:
+    """The covariance as a matrix, shape (4, 4)."""
+    upper = np.array(
+        [
+            [c.place / 2, c.place_current, c.place_water, c.place_log],
+            [0, c.current / 2, c.current_water, c.current_log],
+            [0, 0, c.water / 2, c.water_log],
+            [0, 0, 0, c.log / 2],
+        ]
+    )
+    return upper + upper.conj().T
+
+
+def covariance(matrix: NDArray[np.complex128]) -> NavCovariance:
+    m = matrix.tolist()
+    return NavCovariance(
+        m[0][0].real,
+        m[1][1].real,
+        m[2][2].real,
+        m[3][3].real,
+        m[0][1],
+        m[0][2],
+        m[0][3],
+        m[1][2],
+        m[1][3],
+        m[2][3],
+    )
+
+
+def real(matrix: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Complex numbers as two by two blocks of reals."""
+    return np.block(
+        [[np.array([[z.real, -z.imag], [z.imag, z.real]]) for z in row] for row in matrix]
+    )
+
+
+@st.composite
+def covariances(draw: st.DrawFn) -> NavCovariance:
+    parts = draw(st.lists(SMALL, min_size=16, max_size=16))
+    root = np.array(parts).reshape(4, 4)
+    return covariance(root @ root.conj().T + 0.01 * np.eye(4))
+
+
+@given(
+    before=covariances(),
+    row=st.lists(SMALL, min_size=4, max_size=4),
+    error=SMALL,
+    variance=st.floats(0.01, 4.0),
+)
+def test_an_update_is_kalmans(
+    before: NavCovariance, row: list[complex], error: complex, variance: float
+) -> None:
+    """In eight real variables, by the textbook (Gelb 1974, table 4.2-1)."""
+    after = navigation._kalman_update(
+        NavSolution(0j, 0j, Navigation(covariance=before)), tuple(row), error, variance
+    )  # type: ignore[arg-type]
+    p, h = real(hermitian(before)), real(np.array([row]))
+    gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + variance * np.eye(2))
+    step = gain @ np.array([error.real, error.imag])
+    moved = (
+        after.place_m,
+        after.memory.current_mps,
+        after.memory.water_error,
+        after.memory.log_error,
+    )
+    np.testing.assert_allclose([part for z in moved for part in (z.real, z.imag)], step, atol=1e-9)
+    np.testing.assert_allclose(
+        real(hermitian(after.memory.covariance)), (np.eye(8) - gain @ h) @ p, atol=1e-9
+    )
+
+
+@given(
+    before=covariances(),
+    way=SMALL,
+    turn=st.floats(-0.5, 0.5),
+    heard=st.booleans(),
+    over_ground=st.booleans(),
+)
+def test_dead_reckoning_spreads_as_its_errors_do(
+    before: NavCovariance, way: complex, turn: float, heard: bool, over_ground: bool
+) -> None:
+    """F P F' in complex numbers; noise only adds, so the rest stays as it is."""
+    memory = Navigation(
+        current_mps=0.1 - 0.2j,
+        covariance=before,
+        ping_us=0 if heard else -1,
+        over_ground=over_ground,
+    )
+    motion = MotionInput(100_000, (1.0, 0.0, 0.0, 0.0), way / 0.2, True, turn, 0.0)
+    after = hermitian(navigation._propagate_covariance(memory, 0.2, way, motion, CONFIG).covariance)
+    f = np.eye(4, dtype=complex)
+    f[0, 1:] = (0.2, way, 0.0)
+    if heard:
+        f[0, 1:] = (
+            (0.0, 0.0, -(way + memory.current_mps * 0.2)) if over_ground else (0.2, 0.0, -way)
+        )
+    noise = after - f @ hermitian(before) @ f.conj().T
+    off_diagonal = noise - np.diag(np.diag(noise))
+    assert np.abs(off_diagonal).max() < 1e-12
+    assert np.diag(noise).real.min() > -1e-12
+
+
+def drive(
+    memory: Navigation,
+    *,
+    seconds: float,
+    heading_rad: float,
+    current: complex = 0j,
+    water: complex = 1 + 0j,
+    dvl: bool = False,
+    gps: bool = False,
+    start_us: int = 0,
+    place: complex = 0j,
+) -> tuple[NavSolution, complex, int]:
+    """Straight on at 1.3 m/s by the thrust, of which the truth is ``water`` times; the plot and the
+    true place."""
+    ahead = cmath.rect(1.3, heading_rad)
+    true_mps, now_us, told, true = (
+        ahead * water + current,
+        start_us,
+        NavSolution(place, 0j, memory),
+        place,
+    )
+    attitude = quaternion_from_euler(0.0, 0.0, heading_rad)
+    for tick in range(round(seconds * 50)):
+        now_us += TICK_US
+        true += true_mps * 0.02
+        body = true_mps * cmath.rect(1.0, -heading_rad)
+        ping = (
+            Dvl(now_us, body.real, body.imag, 0.0, True, 0.01, 100)
+            if dvl and tick % 10 == 0
+            else None
+        )
+        lat, lon = offset_to_geodetic(true.real, true.imag, HOME.lat_deg, HOME.lon_deg)
+        fix = (
+            GpsFix(now_us, 3, lat, lon, 0.0, true_mps.real, true_mps.imag, 0.0, 10, 1.5)
+            if gps
+            else None
+        )
+        inputs = Inputs(sensors(now_us), fix if tick % 10 == 0 else None, None, None, dvl=ping)
+        motion = MotionInput(now_us, attitude, ahead, True, 0.0, 0.0)
+        told = navigation.predict_and_update(
+            told.place_m, told.memory, motion, inputs, HOME, CONFIG, 0.02
+        )
+    return told, true, now_us
+
+
+def test_a_turn_tells_a_slow_propeller_from_a_current() -> None:
+    """On one course 5 % of speed and 6.5 cm/s of current are the same; on two they are not."""
+    memory, place, now_us = navigation.initial_solution(CONFIG), 0j, 0
+    for heading in (0.0, 0.5 * math.pi, math.pi, 0.0):
+        told, place, now_us = drive(
+            memory,
+            seconds=60.0,
+            heading_rad=heading,
+            current=0.1j,
+            water=0.96 + 0.02j,
+            dvl=True,
+            start_us=now_us,
+            place=place,
+        )
+        memory = told.memory
+    assert memory.current_mps == pytest.approx(0.1j, abs=0.01)
+    assert memory.water_error == pytest.approx(-0.04 + 0.02j, abs=0.01)
+    assert abs(told.place_m - place) < 0.02 * abs(place) + 1.0
+
+
+def test_without_a_log_the_error_grows_as_is_told() -> None:
+    told, true, _ = drive(
+        navigation.initial_solution(CONFIG), seconds=100.0, heading_rad=0.3, current=0.2 + 0j
+    )
+    assert abs(told.place_m - true) == pytest.approx(20.0, rel=0.01)
+    assert navigation.sd_m(told.memory) == pytest.approx(
+        math.hypot(100 * 0.2, 130 * 0.05), rel=0.02
+    )
+
+
+def test_an_outlier_is_refused_but_a_new_truth_is_taken() -> None:
+    told, true, now_us = drive(
+        navigation.initial_solution(CONFIG), seconds=20.0, heading_rad=0.0, gps=True
+    )
+    for k in range(1, 40):
+        now_us, true = now_us + 200_000, true + 0.26
+        lat, lon = offset_to_geodetic(true.real + 40.0, true.imag, HOME.lat_deg, HOME.lon_deg)
+        fix = GpsFix(now_us, 3, lat, lon, 0.0, 1.3, 0.0, 0.0, 10, 1.5)
+        motion = MotionInput(now_us, (1.0, 0.0, 0.0, 0.0), 1.3 + 0j, True, 0.0, 0.0)
+        inputs = Inputs(sensors(now_us), fix, None, None)
+        told = navigation.predict_and_update(
+            told.place_m, told.memory, motion, inputs, HOME, CONFIG, 0.2
+        )
+        if k == 10:
+            assert abs(told.place_m - true) < 3.0
+            assert told.memory.fixes_refused == 10
+    assert abs(told.place_m - (true + 40.0)) < 10.0
+
+
+@settings(max_examples=20)
+@given(north=st.floats(-500, 500), east=st.floats(-500, 500))
+def test_a_new_home_leaves_her_where_she_is(north: float, east: float) -> None:
+    moved = Home(*offset_to_geodetic(north, east, HOME.lat_deg, HOME.lon_deg), True)
+    assert navigation.shift_home(3 + 4j, HOME, moved) == pytest.approx(
+        3 - north + (4 - east) * 1j, abs=0.1
+    )
+    assert navigation.shift_home(3 + 4j, Home(), moved) == 3 + 4j

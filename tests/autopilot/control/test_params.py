@@ -1,0 +1,100 @@
+"""The parameter table: MAVLink's rules for names and values, ranges, and files."""
+
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from autopilot.control.params import PARAMETERS, Config, ParamError, ParamTable, config
+from autopilot.param_file import lines, load, to_text
+from mavlink_io.services.params import as_real32
+
+
+def test_every_parameter_can_travel_as_mavlink_real32() -> None:
+    names = [row.name for row in PARAMETERS]
+    assert names == sorted(set(names))
+    for row in PARAMETERS:
+        assert re.fullmatch(r"[A-Z][A-Z0-9_]{0,15}", row.name)
+        assert row.minimum <= row.default <= row.maximum
+        assert row.doc
+    assert {row.field for row in PARAMETERS} | {"laws"} == set(inspect.signature(Config).parameters)
+
+
+def test_defaults_are_the_papers_initial_gains() -> None:
+    """Table 3, initial column."""
+    table = ParamTable()
+    given_gains = {
+        "HDG": (0.65, 1.5, 0.001, 0.01),
+        "PTCH": (0.8, 1.9, 0.0, 0.0),
+        "DPT": (0.13, 0.0, 0.001, 0.004),
+    }
+    for loop, gains in given_gains.items():
+        assert tuple(table.get(f"{loop}_{name}") for name in ("P", "D", "I", "IMAX")) == gains
+
+
+@given(st.data())
+def test_a_value_in_range_is_kept_and_one_out_of_range_changes_nothing(data: st.DataObject) -> None:
+    row = data.draw(st.sampled_from(PARAMETERS))
+    table = ParamTable()
+    value = data.draw(st.floats(row.minimum, row.maximum))
+    stored = table.set(row.name, value)
+    assert table.get(row.name) == stored == (round(value) if row.integer else value)
+    for wrong in (
+        float("nan"),
+        row.maximum + 1.0 + abs(row.maximum),
+        row.minimum - 1.0 - abs(row.minimum),
+    ):
+        with pytest.raises(ParamError, match=row.name):
+            table.set(row.name, wrong)
+    assert table.get(row.name) == stored
+
+
+def test_unknown_names_are_refused() -> None:
+    with pytest.raises(ParamError, match="HDG_Q"):
+        config({"HDG_Q": 1.0})
+    with pytest.raises(ParamError, match="HDG_Q"):
+        ParamTable().get("HDG_Q")
+
+
+def test_files_take_commas_spaces_and_comments(tmp_path: Path) -> None:
+    path = tmp_path / "gains.param"
+    path.write_text("# gains\nHDG_P,0.55\nHDG_D 1.35  # faster\n\n")
+    assert load(path) == {"HDG_P": 0.55, "HDG_D": 1.35}
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("HDG_P 9", "must be 0 to 5"),
+        ("NOPE,1", "does not exist"),
+        ("HDG_P", "expected NAME,VALUE"),
+        ("HDG_P,x", "NAME,VALUE"),
+    ],
+)
+def test_a_bad_line_is_named(tmp_path: Path, line: str, words: str) -> None:
+    path = tmp_path / "bad.param"
+    path.write_text(f"HDG_D,1\n{line}\n")
+    with pytest.raises(ParamError, match=words) as error:
+        load(path)
+    assert f"{path}:2" in str(error.value)
+
+
+@given(st.data())
+def test_a_file_gives_back_every_float32(data: st.DataObject) -> None:
+    row = data.draw(st.sampled_from([row for row in PARAMETERS if not row.integer]))
+    value = data.draw(
+        st.floats(row.minimum, row.maximum).filter(lambda x: x == 0.0 or abs(x) > 1e-30)
+    )
+    ((_, name, read),) = lines(
+        to_text({row.name: min(row.maximum, max(row.minimum, as_real32(value)))})
+    )
+    assert not isinstance(read, ParamError)
+    assert (name, as_real32(read)) == (row.name, as_real32(value))
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ParamError, match=r"none\.param"):
+        load(tmp_path / "none.param")

@@ -1,0 +1,290 @@
+"""The vehicle's own log: what is in it, when it begins and ends, and that no disk ever stops a
+flight."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros1.decoder import DecoderFactory
+from pymavlink.dialects.v20 import all as mavlink
+
+from autopilot.comms.ground_server import GroundServer
+from autopilot.control import requests
+from autopilot.control.params import ParamTable
+from autopilot.control.types import Inputs
+from autopilot.onboard_log import recorder
+from autopilot.onboard_log.recorder import OnboardLog
+from autopilot.telemetry.identity import AutopilotId
+from autopilot.vehicle import Vehicle
+from ground.log_tools import mcap
+from mavlink_io import dialect
+from mavlink_io.codec import Frame, Framer, encode
+from mavlink_io.mission_items import MissionItem
+from sysid.data import readers as identification
+from tests.helpers.fake_hil import TICK_US, Station, sensors
+
+SENSOR = dialect.by_name("HIL_SENSOR")
+
+
+class Afloat:
+    """A vehicle whose sensors come as frames, with a server and a log."""
+
+    def __init__(self, folder: Path | None, **parameters: float) -> None:
+        self.vehicle = Vehicle(ParamTable(parameters))
+        self.logbook = OnboardLog(self.vehicle, folder, "1.2.3")
+        self.station = Station()
+        self.server = GroundServer(
+            self.vehicle, [self.station], AutopilotId.GENERIC, logbook=self.logbook
+        )
+        self.time_us = -TICK_US
+        self.sent: list[Frame] = []
+        self.tick(3)
+
+    def tick(self, count: int = 1, depth_m: float = 0.0) -> None:
+        for _ in range(count):
+            self.time_us += TICK_US
+            record = sensors(self.time_us, depth_m)
+            (frame,) = Framer().feed(encode(SENSOR, record, self.time_us // TICK_US & 255, 1, 25))
+            self.sent.append(frame)
+            self.vehicle.tick(Inputs(record, None, None, None))
+            self.server.tell()
+            self.logbook.tick((frame,))
+
+    def ask(self, message: Any) -> None:
+        self.station.say(message)
+        self.server.receive(self.server.links[0])
+        self.server.poll()
+
+    def arm(self, wanted: bool = True) -> None:
+        self.ask(
+            mavlink.MAVLink_command_long_message(
+                1, 1, 400, 0, float(wanted), 21196.0, 0, 0, 0, 0, 0
+            )
+        )
+        assert self.vehicle.state.armed == wanted
+
+    def end(self) -> list[Path]:
+        self.logbook.close()
+        store = self.logbook.store
+        return [log.path for log in store.files()] if store else []
+
+    def said(self) -> list[str]:
+        self.server.poll()
+        self.server.flush()
+        return [m.text for m in self.station.heard() if m.get_type() == "STATUSTEXT"]
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + 10.0
+        while not condition():
+            assert time.monotonic() < deadline
+            self.logbook.poll()
+            time.sleep(0.01)
+
+
+def messages(path: Path, name: str, sender: str = "1/1") -> list[Any]:
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
+        topic = f"/mavlink/{sender}/{name}"
+        return [m for _, _, _, m in reader.iter_decoded_messages([topic], log_time_order=False)]
+
+
+def test_every_tick_of_a_dive_is_in_the_log(tmp_path: Path) -> None:
+    boat = Afloat(tmp_path)
+    before = len(boat.sent)
+    boat.arm()
+    boat.tick(500, depth_m=2.0)
+    (path,) = boat.end()
+    flown = boat.sent[before:]
+    sensed = messages(path, "HIL_SENSOR", "1/25")
+    assert [m.time_usec for m in sensed] == [n.decode().time_usec for n in flown]
+    assert [m.abs_pressure for m in sensed] == [n.decode().abs_pressure for n in flown]
+    for name in ("ATTITUDE", "LOCAL_POSITION_NED", "ACTUATOR_OUTPUT_STATUS", "DEBUG_FLOAT_ARRAY"):
+        assert len(messages(path, name)) == 500, name
+    assert messages(path, "LOCAL_POSITION_NED")[-1].z == pytest.approx(
+        boat.vehicle.state.estimate.depth_m, abs=1e-6
+    )
+    trace = messages(path, "DEBUG_FLOAT_ARRAY")[-1]
+    snapshot = boat.vehicle.snapshot()
+    assert list(trace.data[: len(snapshot.trace)]) == pytest.approx(list(snapshot.trace), abs=1e-6)
+    assert set(trace.data[len(snapshot.trace) :]) == {0.0}
+    outputs = messages(path, "ACTUATOR_OUTPUT_STATUS")[-1]
+    assert list(outputs.actuator[:3]) == pytest.approx(
+        list(snapshot.actuators.controls[:3]), abs=1e-6
+    )
+    report = mcap.info(path)
+    assert (report["lost_frames"], report["attachments"]) == (0, ["params.json"])
+    assert report["metadata"]["vehicle"] == {"system": "1", "autopilot": "caribou 1.2.3"}
+    assert list(report["metadata"]["trace"].values()) == list(snapshot.trace._fields)
+
+
+def test_identification_reads_it_as_it_reads_grounds(tmp_path: Path) -> None:
+    boat = Afloat(tmp_path, HDG_P=0.5)
+    boat.arm()
+    boat.tick(200, depth_m=2.0)
+    (path,) = boat.end()
+    read = identification.read(path)
+    assert read.parameters == {
+        name: boat.vehicle.params.get(name) for name in boat.vehicle.params.names()
+    }
+    assert read.parameters["HDG_P"] == 0.5
+    assert read.attitude.time_s == pytest.approx([0.06 + 0.02 * n for n in range(200)])
+    assert read.depth.depth_m[-1] == pytest.approx(boat.vehicle.state.estimate.depth_m, abs=1e-6)
+    assert [event.text for event in read.events][:1] == ["Armed: HOLD"]
+
+
+def test_what_ground_says_and_what_came_of_it_is_in_the_log(tmp_path: Path) -> None:
+    boat = Afloat(tmp_path)
+    items = tuple(MissionItem(n, 2, 93, p1=5.0 + n) for n in range(3))
+    boat.vehicle.request(requests.LoadMission(items))
+    boat.arm()
+    boat.tick(10)
+    boat.ask(mavlink.MAVLink_param_set_message(1, 1, b"HDG_P", 0.75, 9))
+    boat.ask(mavlink.MAVLink_ping_message(5, 1, 0, 0))
+    boat.tick(10)
+    (path,) = boat.end()
+    assert [m.command for m in messages(path, "COMMAND_LONG", "255/190")] == [400]
+    assert [m.param_value for m in messages(path, "PARAM_SET", "255/190")] == [0.75]
+    assert [m.param_value for m in messages(path, "PARAM_VALUE")] == [0.75]
+    assert [(m.command, m.result) for m in messages(path, "COMMAND_ACK")] == [(400, 0)]
+    assert [m.param1 for m in messages(path, "MISSION_ITEM_INT")] == [5.0, 6.0, 7.0]
+    assert not messages(path, "PING", "255/190")
+
+
+def test_the_simulators_own_state_never_gets_near_a_log() -> None:
+    from autopilot.comms import hil
+
+    assert dialect.by_name("HIL_STATE_QUATERNION").message_id not in hil._LOGGED_MESSAGES
+
+
+def test_a_log_goes_from_arming_to_a_little_after_disarming(
+    tmp_path: Path, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(recorder, "AFTER_DISARM_WALL_S", 60.0)
+    boat = Afloat(tmp_path)
+    boat.arm()
+    boat.tick(50)
+    boat.arm(False)
+    boat.tick(500)
+    (path,) = boat.end()
+    assert len(messages(path, "ATTITUDE")) == 50 + recorder.AFTER_DISARM_US // TICK_US - 1
+
+
+def test_time_that_stands_still_after_disarming_ends_a_log_too(
+    tmp_path: Path, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(recorder, "AFTER_DISARM_WALL_S", 0.0)
+    boat = Afloat(tmp_path)
+    boat.arm()
+    boat.tick(5)
+    boat.arm(False)
+    boat.until(lambda: boat.logbook._entry is None)
+    assert mcap.info(boat.end()[0])["attachments"] == ["params.json"]
+
+
+def test_every_dive_has_a_number_of_its_own(tmp_path: Path) -> None:
+    boat = Afloat(tmp_path)
+    for _ in range(3):
+        boat.arm()
+        boat.tick(5)
+        boat.arm(False)
+        boat.tick(5)
+    paths = boat.end()
+    boat = Afloat(tmp_path)
+    boat.arm()
+    boat.tick(5)
+    assert [path.name[:6] for path in paths] == ["00001-", "00002-", "00003-"]
+    assert [path.name[:6] for path in boat.end()] == ["00001-", "00002-", "00003-", "00004-"]
+
+
+def test_vehicle_time_that_begins_again_begins_a_log(tmp_path: Path) -> None:
+    boat = Afloat(tmp_path, LOG_DISARMED=1)
+    boat.tick(20)
+    boat.vehicle.restart("vehicle time fell back")
+    boat.time_us = -TICK_US
+    boat.tick(30)
+    first, second = boat.end()
+    assert [len(messages(path, "ATTITUDE")) for path in (first, second)] == [23, 30]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "armed", "logged"),
+    [({}, False, 0), ({"LOG_DISARMED": 1}, False, 1), ({"LOG_ENABLE": 0}, True, 0), ({}, True, 1)],
+)
+def test_parameters_say_when_to_log(
+    tmp_path: Path, parameters: dict[str, float], armed: bool, logged: int
+) -> None:
+    boat = Afloat(tmp_path, **parameters)
+    if armed:
+        boat.arm()
+    boat.tick(10)
+    assert len(boat.end()) == logged
+
+
+def test_without_a_folder_nothing_is_logged() -> None:
+    boat = Afloat(None)
+    boat.arm()
+    boat.tick(10)
+    assert (boat.end(), boat.said()[-1:]) == ([], ["Armed: HOLD"])
+
+
+def test_a_folder_that_cannot_be_made_is_told_once_and_the_flight_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    boat = Afloat(tmp_path / "file")
+    boat.arm()
+    boat.tick(10)
+    boat.until(lambda: boat.logbook._given_up)
+    boat.tick(10)
+    assert [text for text in boat.said() if text.startswith("Log")] == [
+        f"Log stopped: File exists: {tmp_path}/file"[:50]
+    ]
+    assert boat.vehicle.state.armed
+    assert boat.said() == []
+
+
+def test_a_disk_that_fills_up_is_told_and_what_is_written_can_be_saved(
+    tmp_path: Path, monkeypatch: Any
+) -> None:
+    boat = Afloat(tmp_path)
+    assert boat.logbook.store
+    boat.arm()
+    boat.tick(2000)
+    monkeypatch.setattr("autopilot.logbook.disk.ROOM_CHECK_BYTES", 1000)
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: type("Usage", (), {"free": 0}))
+    boat.tick(500)
+    boat.until(lambda: boat.logbook._given_up)
+    boat.tick(100)
+    assert [text for text in boat.said() if "no room" in text] == [
+        f"Log stopped: no room left for logs in {tmp_path}"[:50]
+    ]
+    (path,) = boat.end()
+    assert mcap.recover(path, tmp_path / "saved.mcap") > 1000
+
+
+def test_a_disk_too_slow_is_told_and_never_waited_for(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setattr("autopilot.logbook.entry.LATE_CHUNKS", 3)
+    boat = Afloat(tmp_path)
+    boat.arm()
+    slow = time.sleep
+    monkeypatch.setattr("os.fsync", lambda file: slow(1.0))
+    boat.until(lambda: boat.logbook._entry is not None)
+    began = time.monotonic()
+    for _ in range(20):
+        boat.tick(150)
+        assert boat.logbook._entry
+        boat.logbook._entry.flush()
+    assert time.monotonic() - began < 5.0
+    boat.until(lambda: any("too slow" in text for text in boat.said()))
+
+
+def test_the_same_dive_gives_the_same_log(tmp_path: Path) -> None:
+    digests = []
+    for name in ("one", "other"):
+        boat = Afloat(tmp_path / name)
+        boat.arm()
+        boat.tick(300, depth_m=1.0)
+        (path,) = boat.end()
+        digests.append(identification.read(path).sha256)
+    assert digests[0] == digests[1]

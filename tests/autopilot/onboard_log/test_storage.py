@@ -1,0 +1,77 @@
+"""The folder of logs: the oldest make room, the one being written never."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from autopilot.onboard_log.storage import LogStore, StorageLimits
+
+PLENTY = StorageLimits(1000.0, 0.0)
+START_S = 1_700_000_000.0
+
+
+def fill(store: LogStore, *kilobytes: int) -> list[Path]:
+    paths = []
+    for number, size in enumerate(kilobytes):
+        path, file = store.create(START_S + number, PLENTY)
+        with file:
+            file.write(bytes(1000 * size))
+        paths.append(path)
+    return paths
+
+
+def test_logs_are_numbered_and_dated(tmp_path: Path) -> None:
+    store = LogStore(tmp_path / "made" / "on demand")
+    assert store.files() == []
+    fill(store, 3, 0)
+    assert [(log.path.name, log.number, log.bytes, log.began_unix_s) for log in store.files()] == [
+        ("00001-20231114T221320Z.mcap", 1, 3000, 1_700_000_000),
+        ("00002-20231114T221321Z.mcap", 2, 0, 1_700_000_001),
+    ]
+
+
+def test_what_is_no_log_is_left_alone(tmp_path: Path) -> None:
+    store = LogStore(tmp_path)
+    fill(store, 1)
+    for name in ("notes.txt", "1.mcap", "00009-20231114T221320Z.mcap.part"):
+        (tmp_path / name).write_text("mine")
+    (tmp_path / "00077-20231114T221320Z.mcap").mkdir()
+    (tmp_path / "00078-20231114T221320Z.mcap").symlink_to(tmp_path / "notes.txt")
+    assert [log.number for log in store.files()] == [1]
+    assert store.erase() == ""
+    assert (tmp_path / "notes.txt").exists()
+    assert store.files() == []
+
+
+def test_two_vehicles_in_one_folder_do_not_share_a_log(tmp_path: Path) -> None:
+    stores = LogStore(tmp_path), LogStore(tmp_path)
+    paths = [fill(store, 1)[0] for store in stores for _ in range(3)]
+    assert len(set(paths)) == 6
+
+
+def test_the_oldest_make_room(tmp_path: Path) -> None:
+    paths = fill(LogStore(tmp_path), 400, 400, 400)
+    store = LogStore(tmp_path, lambda: paths[0])
+    store.make_room(StorageLimits(1.0, 0.0))
+    assert [path.exists() for path in paths] == [True, False, True]
+    with pytest.raises(OSError, match="no room left for logs"):
+        store.make_room(StorageLimits(0.3, 0.0))
+    assert [path.exists() for path in paths] == [True, False, False]
+
+
+def test_the_disk_keeps_what_it_must_keep(tmp_path: Path, monkeypatch: Any) -> None:
+    store = LogStore(tmp_path)
+    paths = fill(store, 400, 400, 400)
+    left = [700_000, 700_000, 1_100_000]
+    monkeypatch.setattr(
+        "shutil.disk_usage", lambda folder: type("Usage", (), {"free": left.pop(0)})
+    )
+    store.make_room(StorageLimits(1000.0, 1.0))
+    assert [path.exists() for path in paths] == [False, False, True]
+
+
+def test_erasing_spares_the_log_that_is_written(tmp_path: Path) -> None:
+    paths = fill(LogStore(tmp_path), 1, 1, 1)
+    assert LogStore(tmp_path, lambda: paths[1]).erase() == ""
+    assert [path.exists() for path in paths] == [False, True, False]

@@ -1,0 +1,118 @@
+"""What is told of position and way, and set-points as they come over the wire: read by
+pymavlink."""
+
+import math
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from autopilot.control import modes
+from autopilot.control.setpoints import Circle, TrackLine
+from autopilot.control.types import NavCovariance, Navigation
+from autopilot.vehicle import Snapshot
+from tests.autopilot.telemetry.test_streams import message, snapshot
+from tests.helpers.fake_hil import Deck, only, texts
+
+IGNORE_RATES = 7
+Z_ONLY = 0xDFB
+
+
+def on(path: TrackLine | Circle, north_m: float, east_m: float) -> Snapshot:
+    plain = snapshot(north_m=north_m, east_m=east_m)
+    return plain._replace(state=plain.state._replace(path=path))
+
+
+def test_a_line_tells_its_end_and_how_far_she_is_beside_it() -> None:
+    s = on(TrackLine(0j, 100 + 0j), 40.0, 3.0)
+    told = message("NAV_CONTROLLER_OUTPUT", s)
+    assert (told.wp_dist, told.target_bearing) == (60, -3)
+    assert told.xtrack_error == pytest.approx(3.0)
+    assert told.nav_bearing == round(math.degrees(-1.0))
+    target = message("POSITION_TARGET_LOCAL_NED", s)
+    assert (target.x, target.y, target.z) == (100.0, 0.0, 4.0)
+    assert not target.type_mask & mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
+
+
+def test_a_circle_tells_its_centre() -> None:
+    told = message("NAV_CONTROLLER_OUTPUT", on(Circle(10 + 0j, 20.0), 10.0, -25.0))
+    assert (told.wp_dist, told.target_bearing) == (25, 90)
+    assert told.xtrack_error == pytest.approx(5.0)
+
+
+def test_odometry_tells_velocity_over_ground_and_how_sure_it_is() -> None:
+    quarter = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+    learned = Navigation(covariance=NavCovariance(9.0, 0.04, 0.0, 0.0))
+    s = snapshot(
+        attitude=quarter,
+        east_rate_mps=1.1,
+        north_rate_mps=0.2,
+        position_sd_m=3.0,
+        navigation=learned,
+    )
+    told = message("ODOMETRY", s)
+    assert (told.vx, told.vy) == pytest.approx((1.1, -0.2), abs=1e-6), "she looks east"
+    assert (told.pose_covariance[0], told.pose_covariance[6]) == (9.0, 9.0)
+    assert told.pose_covariance[1] == 0.0
+    assert told.velocity_covariance[0] == pytest.approx(0.04, abs=1e-3)
+
+
+def test_accuracy_current_and_refused_fixes_are_told() -> None:
+    learned = Navigation(
+        current_mps=0.2 - 0.1j, covariance=NavCovariance(4.0, 0.01, 0.0, 0.0), fixes_refused=3
+    )
+    s = snapshot(position_sd_m=2.0, navigation=learned, depth_time_us=12_340_000)
+    told = message("ESTIMATOR_STATUS", s)
+    assert told.pos_horiz_accuracy == 2.0
+    for flag in ("POS_HORIZ_REL", "POS_HORIZ_ABS", "POS_VERT_ABS", "GPS_GLITCH"):
+        assert told.flags & getattr(mavlink, f"ESTIMATOR_{flag}"), flag
+    assert not told.flags & mavlink.ESTIMATOR_POS_VERT_AGL
+    current = message("WIND_COV", s)
+    assert (current.wind_x, current.wind_y, current.horiz_accuracy) == pytest.approx(
+        (0.2, -0.1, 0.1)
+    )
+
+
+def test_set_points_over_the_wire_open_offboard() -> None:
+    deck = Deck()
+    deck.tick(5)
+    attitude = mavlink.MAVLink_set_attitude_target_message(
+        0, 1, 1, IGNORE_RATES, [1.0, 0.0, 0.0, 0.0], 0, 0, 0, 0.5
+    )
+    depth = mavlink.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, 1, Z_ONLY, 0, 0, 6.0, *[0.0] * 8
+    )
+    assert only(deck.command(400, 1), "COMMAND_ACK").result == 0
+    assert (
+        only(deck.command(176, 1, 6, 0), "COMMAND_ACK").result
+        == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    )
+    assert texts(deck.ask(attitude)) == []
+    assert texts(deck.ask(depth)) == []
+    assert only(deck.command(176, 1, 6, 0), "COMMAND_ACK").result == 0
+    deck.tick(2)
+    state = deck.vehicle.state
+    assert state.mode == modes.OFFBOARD.number
+    assert (state.setpoint.depth_m, state.setpoint.thrust, state.setpoint.pitch_rad) == (
+        6.0,
+        0.5,
+        None,
+    )
+
+
+def test_a_set_point_that_cannot_be_followed_is_told_of_once() -> None:
+    deck = Deck()
+    deck.tick(5)
+    sideways = mavlink.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, 7, Z_ONLY, 0, 0, 6.0, *[0.0] * 8
+    )
+    (told,) = texts(deck.ask(sideways))
+    assert told.startswith("Set-point ignored: frame 7")
+    assert texts(deck.ask(sideways)) == []
+
+
+def test_capabilities_say_that_set_points_are_followed() -> None:
+    deck = Deck()
+    deck.tick(1)
+    capabilities = only(deck.command(512, 148), "AUTOPILOT_VERSION").capabilities
+    for name in ("ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "POSITION_TARGET_GLOBAL_INT"):
+        assert capabilities & getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_SET_{name}"), name

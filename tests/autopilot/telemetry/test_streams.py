@@ -1,0 +1,370 @@
+"""Telemetry: due by vehicle time, equal for equal flights, right in sign and unit."""
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
+
+from autopilot.comms.stream_rates import Schedule
+from autopilot.control.params import Config
+from autopilot.control.sensor_health.types import Fault, FaultTracker, Health
+from autopilot.control.setpoints import Setpoint
+from autopilot.control.types import (
+    AutopilotState,
+    Home,
+    NavCovariance,
+    Navigation,
+    Trace,
+    VehicleEstimate,
+)
+from autopilot.telemetry.encoding import int16
+from autopilot.telemetry.streams import BY_ID, STREAMS, Snapshot
+from mavlink_io import dialect
+from mavlink_io.codec import encode
+from mavlink_io.records import (
+    LOCKSTEP_FLAG,
+    ActuatorFrame,
+    Altimeter,
+    Battery,
+    GpsFix,
+    Leak,
+)
+from tests.helpers.fake_hil import TICK_US, Deck, Station, sensors
+
+ATTITUDE, OUTPUTS, HOME = (
+    dialect.by_name(n).message_id for n in ("ATTITUDE", "ACTUATOR_OUTPUT_STATUS", "HOME_POSITION")
+)
+SECOND_TICKS = 50
+
+
+def message(name: str, snapshot: Snapshot) -> Any:
+    """A stream's message as pymavlink reads it."""
+    stream = BY_ID[dialect.by_name(name).message_id]
+    frame = encode(stream.message, stream.build(snapshot), 0, 1, 1)
+    (decoded,) = mavlink.MAVLink(None).parse_buffer(frame)
+    return decoded
+
+
+def snapshot(**estimate: Any) -> Snapshot:
+    state = AutopilotState(
+        time_us=12_340_000,
+        armed=True,
+        estimate=VehicleEstimate(initialised=True, **estimate),
+        setpoint=Setpoint(depth_m=4.0, heading_rad=-1.0, thrust=0.58),
+        home=Home(41.5, -70.7, True),
+    )
+    trace = Trace(depth_error_m=1.5, pitch_setpoint_rad=-0.1, thrust=0.58, rudder_rad=0.1)
+    actuators = ActuatorFrame(12_340_000, LOCKSTEP_FLAG, (0.5, -0.25, 0.58, *(0.0,) * 13), 129)
+    return Snapshot(state, trace, actuators, sensors(12_340_000), None, Config(), state.mode)
+
+
+def test_battery_leak_and_altimeter_are_told_as_they_were_measured() -> None:
+    s = snapshot(altitude_m=12.5)._replace(
+        altimeter=Altimeter(0, 12.4, 0.3, 30.0),
+        battery=Battery(29.6, 4.25, 1.5, 0.42),
+        leak=Leak(False),
+    )
+    status = message("SYS_STATUS", s)
+    assert (status.voltage_battery, status.current_battery, status.battery_remaining) == (
+        29_600,
+        425,
+        42,
+    )
+    assert status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+    for bits in ("present", "enabled", "health"):
+        extended = getattr(status, f"onboard_control_sensors_{bits}_extended")
+        assert extended == mavlink.MAV_SYS_STATUS_SENSOR_LEAK, bits
+        assert (
+            getattr(status, f"onboard_control_sensors_{bits}")
+            & mavlink.MAV_SYS_STATUS_EXTENSION_USED
+        )
+    wet = message("SYS_STATUS", s._replace(leak=Leak(True)))
+    assert (
+        wet.onboard_control_sensors_enabled_extended,
+        wet.onboard_control_sensors_health_extended,
+    ) == (2, 0)
+    gauge = message("BATTERY_STATUS", s)
+    assert (gauge.voltages[0], gauge.current_battery, gauge.current_consumed) == (29_600, 425, 1500)
+    assert gauge.battery_remaining == 42
+    floor = message("DISTANCE_SENSOR", s)
+    assert (floor.min_distance, floor.current_distance, floor.max_distance) == (30, 1250, 3000)
+
+
+@pytest.mark.parametrize(("remaining", "state"), [(0.5, 1), (0.14, 2), (0.07, 3), (0.03, 4)])
+def test_a_low_battery_is_the_more_urgent_the_emptier_it_is(remaining: float, state: int) -> None:
+    """MAV_BATTERY_CHARGE_STATE: OK, LOW, CRITICAL, EMERGENCY; below FS_BATT_PCT, half of it, a
+    quarter."""
+    s = snapshot()._replace(battery=Battery(25.0, 4.0, 1.0, remaining))
+    if state > 1:
+        low = FaultTracker(Fault("Battery", "low"), 0, 12_000_000, told=True)
+        s = s._replace(state=s.state._replace(health=Health(doubts=(low,))))
+    assert message("BATTERY_STATUS", s).charge_state == state
+
+
+@pytest.mark.parametrize(
+    ("value", "number"),
+    [(math.nan, -32_768), (math.inf, 32_767), (-math.inf, -32_768), (1.6, 2), (-40_000.0, -32_768)],
+)
+def test_numbers_are_put_within_their_field(value: float, number: int) -> None:
+    assert int16(value) == number
+
+
+def test_what_is_not_carried_is_unknown() -> None:
+    status, gauge = message("SYS_STATUS", snapshot()), message("BATTERY_STATUS", snapshot())
+    assert (status.voltage_battery, status.current_battery, status.battery_remaining) == (
+        65_535,
+        -1,
+        -1,
+    )
+    assert status.onboard_control_sensors_present_extended == 0
+    assert not status.onboard_control_sensors_present & mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+    assert (set(gauge.voltages), gauge.current_battery, gauge.battery_remaining) == (
+        {65_535},
+        -1,
+        -1,
+    )
+
+
+def test_depth_is_negative_altitude_and_positive_down() -> None:
+    s = snapshot(depth_m=2.5, depth_rate_mps=0.3, speed_mps=1.3, altitude_m=17.5)
+    assert message("GLOBAL_POSITION_INT", s).relative_alt == -2500
+    assert message("GLOBAL_POSITION_INT", s).alt == -2500
+    assert message("GLOBAL_POSITION_INT", s).vz == 30
+    assert message("LOCAL_POSITION_NED", s).z == 2.5
+    hud = message("VFR_HUD", s)
+    assert (hud.alt, hud.climb, hud.throttle) == pytest.approx((-2.5, -0.3, 58))
+    assert message("ALTITUDE", s).altitude_relative == -2.5
+    assert message("ALTITUDE", s).bottom_clearance == 17.5
+    assert message("DISTANCE_SENSOR", s).current_distance == 1750
+    assert message("NAV_CONTROLLER_OUTPUT", s).alt_error == -1.5
+    assert message("POSITION_TARGET_LOCAL_NED", s).z == 4.0
+    assert message("HOME_POSITION", s).altitude == 0
+
+
+def test_positions_are_counted_from_home() -> None:
+    at = message("GLOBAL_POSITION_INT", snapshot(north_m=111.19, east_m=0.0))
+    assert (at.lat, at.lon) == (pytest.approx(415_010_000, abs=20), -707_000_000)
+
+
+@pytest.mark.parametrize(
+    ("heading_rad", "centidegrees"), [(0.0, 0), (-0.5 * math.pi, 27_000), (-1e-6, 0), (3.0, 17_189)]
+)
+def test_heading_is_told_within_its_range(heading_rad: float, centidegrees: int) -> None:
+    at = message("GLOBAL_POSITION_INT", snapshot(heading_rad=heading_rad))
+    assert at.hdg == centidegrees
+    assert 0 <= message("VFR_HUD", snapshot(heading_rad=heading_rad)).heading < 360
+
+
+def test_actuators_stand_in_their_channels() -> None:
+    s = snapshot()
+    outputs = message("ACTUATOR_OUTPUT_STATUS", s)
+    assert outputs.active == 0b111
+    assert list(outputs.actuator[:4]) == pytest.approx([0.5, -0.25, 0.58, 0.0])
+    pulses = message("SERVO_OUTPUT_RAW", s)
+    assert (pulses.servo1_raw, pulses.servo2_raw, pulses.servo3_raw, pulses.servo4_raw) == (
+        1700,
+        1400,
+        1732,
+        0,
+    )
+
+
+def test_targets_say_which_fields_count() -> None:
+    target = message("POSITION_TARGET_LOCAL_NED", snapshot())
+    ignored = target.type_mask
+    assert not ignored & mavlink.POSITION_TARGET_TYPEMASK_Z_IGNORE
+    assert not ignored & mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
+    assert ignored & mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
+    assert ignored & mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+    attitude = message("ATTITUDE_TARGET", snapshot())
+    w, x, y, z = attitude.q
+    assert math.asin(2 * (w * y - z * x)) == pytest.approx(-0.1, abs=1e-6)
+    assert math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) == pytest.approx(-1.0, abs=1e-6)
+
+
+def test_health_is_what_clients_wait_for() -> None:
+    status = message("SYS_STATUS", snapshot())
+    for name in ("3D_GYRO", "3D_ACCEL", "3D_MAG", "GPS"):
+        bit = getattr(mavlink, f"MAV_SYS_STATUS_SENSOR_{name}")
+        assert status.onboard_control_sensors_present & status.onboard_control_sensors_health & bit
+    assert status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    assert status.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_GEOFENCE
+
+
+ESTIMATES = st.builds(
+    VehicleEstimate,
+    *(st.just(VehicleEstimate().attitude), *[st.floats(-3.2, 3.2)] * 6, st.just((0.0, 0.0, 0.0))),
+    depth_m=st.floats(-1e7, 1e7),
+    depth_rate_mps=st.floats(-1e4, 1e4),
+    accel_bias_mps2=st.just(0.0),
+    speed_mps=st.floats(-10, 10),
+    north_m=st.floats(-1e5, 1e5),
+    east_m=st.floats(-1e5, 1e5),
+    north_rate_mps=st.floats(-1e4, 1e4),
+    east_rate_mps=st.floats(-1e4, 1e4),
+    position_sd_m=st.floats(0, 1e4),
+    altitude_m=st.one_of(st.none(), st.floats(0, 1e6)),
+    altitude_time_us=st.just(0),
+    initialised=st.booleans(),
+    navigation=st.builds(
+        Navigation,
+        current_mps=st.complex_numbers(max_magnitude=1e4, allow_nan=False),
+        water_error=st.just(0j),
+        log_error=st.just(0j),
+        slip=st.just(0j),
+        unsteady_mps=st.floats(0, 1e4),
+        covariance=st.builds(
+            NavCovariance,
+            *(st.floats(0, 1e8) for _ in range(4)),
+            *(st.just(0j) for _ in range(6)),
+        ),
+        span_s=st.just(0.0),
+        way_m=st.just(0j),
+        fix_us=st.just(-1),
+        ping_us=st.integers(-1, 20_000_000),
+        over_ground=st.booleans(),
+        fixes_refused=st.integers(0, 99),
+        pings_refused=st.just(0),
+    ),
+)
+
+
+@given(ESTIMATES)
+def test_no_estimate_overflows_a_field(estimate: VehicleEstimate) -> None:
+    plain = snapshot()
+    s = plain._replace(state=plain.state._replace(estimate=estimate))
+    for stream in STREAMS:
+        stream.message.pack(stream.build(s))
+
+
+@pytest.mark.parametrize("nonsense", [math.nan, 1e12, -1e12])
+def test_no_nonsense_in_the_vehicle_keeps_a_message_from_being_sent(nonsense: float) -> None:
+    plain = snapshot()
+    floats = {
+        name: nonsense
+        for name, value in plain.state.estimate._asdict().items()
+        if isinstance(value, float)
+    }
+    state = plain.state._replace(
+        estimate=plain.state.estimate._replace(**floats, altitude_m=nonsense),
+        setpoint=Setpoint(nonsense, nonsense, nonsense),
+    )
+    s = plain._replace(
+        state=state,
+        trace=Trace(*[nonsense] * len(Trace._fields)),
+        actuators=plain.actuators._replace(controls=(nonsense,) * 16),
+        altimeter=Altimeter(0, nonsense, nonsense, nonsense),
+        battery=Battery(1e5, 1e5, math.nan, math.nan),
+        fix=GpsFix(
+            0, 3, 41.5, -70.7, nonsense, nonsense, nonsense, nonsense, 9, nonsense, nonsense
+        ),
+    )
+    for stream in STREAMS:
+        for build in stream.builders:
+            stream.message.pack(build(s))
+
+
+def test_before_the_first_tick_every_message_can_be_told() -> None:
+    deck = Deck()
+    for stream in STREAMS:
+        told = [
+            m
+            for m in deck.command(512, stream.message.message_id)
+            if m.get_type() == stream.message.name
+        ]
+        assert len(told) == len(stream.builders)
+
+
+def counts(deck: Deck, ticks: int) -> dict[str, int]:
+    deck.station.heard()
+    deck.tick(ticks)
+    heard = [m.get_type() for m in deck.station.heard()]
+    return {name: heard.count(name) for name in heard}
+
+
+def test_every_stream_has_its_rate() -> None:
+    deck = Deck()
+    deck.tick()
+    seen = counts(deck, 10 * SECOND_TICKS)
+    for stream in STREAMS:
+        assert seen.get(stream.message.name, 0) == round(10 * stream.rate_hz), stream.message.name
+
+
+def test_a_client_may_choose_its_rates() -> None:
+    deck = Deck()
+    deck.tick()
+    deck.command(511, ATTITUDE, 20_000)
+    deck.command(511, HOME, -1)
+    assert deck.command(510, ATTITUDE)[-1].interval_us == 20_000
+    assert deck.command(510, HOME)[-1].interval_us == -1
+    seen = counts(deck, 10 * SECOND_TICKS)
+    assert (seen["ATTITUDE"], "HOME_POSITION" in seen) == (500, False)
+    deck.command(511, ATTITUDE, 0)
+    assert counts(deck, 10 * SECOND_TICKS)["ATTITUDE"] == 100
+    assert deck.command(511, 99_999, 20_000)[-1].result == mavlink.MAV_RESULT_UNSUPPORTED
+
+
+def test_each_link_has_rates_and_sequence_of_its_own() -> None:
+    deck = Deck(Station(255, 190), Station(250, 190))
+    deck.tick()
+    deck.command(511, ATTITUDE, 20_000)
+    for station in deck.stations:
+        station.heard()
+    deck.tick(10 * SECOND_TICKS)
+    one, two = (station.heard() for station in deck.stations)
+    assert [sum(m.get_type() == "ATTITUDE" for m in heard) for heard in (one, two)] == [500, 100]
+    for heard in (one, two):
+        numbers = [m.get_seq() for m in heard]
+        assert numbers == [(numbers[0] + n) % 256 for n in range(len(numbers))]
+
+
+@given(st.integers(0, 10_000), st.integers(1, 200).map(lambda n: n * 10_000), st.integers(1, 400))
+def test_phase_does_not_depend_on_when_a_rate_was_asked_for(
+    start: int, interval_us: int, ticks: int
+) -> None:
+    schedule = Schedule()
+    schedule.due(start * TICK_US)
+    schedule.set_interval(ATTITUDE, interval_us)
+    times = [(start + n) * TICK_US for n in range(1, ticks)]
+    due = [t for t in times if any(s.message.message_id == ATTITUDE for s in schedule.due(t))]
+    assert due == [t for t in times if t // interval_us > (t - TICK_US) // interval_us]
+
+
+def telemetry_of_a_flight(chatter: bool) -> list[bytes]:
+    deck = Deck()
+    deck.tick()
+    deck.command(511, ATTITUDE, 20_000)
+    if chatter:
+        deck.command(512, 148)
+        deck.serve()
+    deck.command(400, 1)
+    deck.command(176, 1, 2)
+    deck.station.heard()
+    deck.tick(5 * SECOND_TICKS, depth_m=1.0)
+    return [bytes(m.get_payload()) for m in deck.station.heard()]
+
+
+def test_equal_flights_tell_equal_bytes_whatever_was_asked_before() -> None:
+    assert telemetry_of_a_flight(chatter=False) == telemetry_of_a_flight(chatter=True)
+
+
+def test_telemetry_comes_before_the_texts_of_its_tick() -> None:
+    deck = Deck()
+    deck.tick()
+    deck.command(511, ATTITUDE, 20_000)
+    deck.station.heard()
+    deck.vehicle.say("in this tick")
+    deck.tick()
+    kinds = [m.get_type() for m in deck.station.heard()]
+    assert kinds.index("ATTITUDE") < kinds.index("STATUSTEXT")
+
+
+def test_time_that_begins_again_sets_a_new_phase() -> None:
+    schedule = Schedule()
+    schedule.due(0)
+    assert schedule.due(10_000_000)
+    assert schedule.due(0) == []
+    assert [s.message.message_id for s in schedule.due(100_000)][:1] == [ATTITUDE]

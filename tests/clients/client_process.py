@@ -1,0 +1,94 @@
+"""A stock MAVSDK program that does what it is told, a line at a time, and prints what came of it as
+JSON.
+
+Usage: python -m tests.clients.mavsdk_puppet ADDRESS, then lines on stdin: see ``ORDERS``.
+"""
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from mavsdk.exceptions import MavsdkError
+from mavsdk.plugins.mission_raw import MissionItem
+
+from tests.clients.telemetry_recorder import Client, connected
+
+PATIENCE_S = 40.0
+POLL_S = 0.02
+DELAY = 93
+
+
+def mission(count: int, base: int) -> list[MissionItem]:
+    """Delays that tell by their length whose they are and where they stand."""
+    return [
+        MissionItem(n, 2, DELAY, int(n == 0), 1, float(base + n), -1, -1, 0, 0, 0, 0.0, 0)
+        for n in range(count)
+    ]
+
+
+async def upload(c: Client, count: str, base: str) -> str:
+    await c.missions.upload_mission(mission(int(count), int(base)))
+    return "SUCCESS"
+
+
+async def download(c: Client) -> list[int]:
+    return [round(item.param1) for item in await c.missions.download_mission()]
+
+
+async def read(c: Client, name: str) -> float:
+    return float(await c.params.get_param_float(name))
+
+
+async def write(c: Client, name: str, value: str) -> str:
+    await c.params.set_param_float(name, float(value))
+    return "SUCCESS"
+
+
+async def count(c: Client) -> int:
+    return len((await c.params.get_all_params()).float_params)
+
+
+async def overhear(c: Client, name: str, value: str) -> bool:
+    """Wait until somebody's setting of a parameter was told."""
+    while c.parameters.get(name) != float(value):
+        await asyncio.sleep(POLL_S)
+    return True
+
+
+async def hold(c: Client) -> str:
+    await c.action.hold()
+    return "SUCCESS"
+
+
+async def see(c: Client, connection: str) -> bool:
+    """Wait until MAVSDK holds the vehicle for ``connected`` or ``lost``."""
+    while await c.system.is_connected() != (connection == "connected"):
+        await asyncio.sleep(POLL_S)
+    return True
+
+
+ORDERS: dict[str, Callable[..., Awaitable[Any]]] = {
+    order.__name__: order for order in (upload, download, read, write, count, overhear, hold, see)
+}
+
+
+async def serve(address: str) -> None:
+    client = await connected(address)
+    print(json.dumps({"result": "connected"}), flush=True)
+    while line := await asyncio.to_thread(sys.stdin.readline):
+        name, *words = line.split()
+        try:
+            told = {"result": await asyncio.wait_for(ORDERS[name](client, *words), PATIENCE_S)}
+        except MavsdkError as error:
+            told = {"result": error.result.name}
+        except TimeoutError:
+            told = {"result": "nothing came of it"}
+        print(json.dumps(told), flush=True)
+
+
+if __name__ == "__main__":
+    asyncio.run(serve(sys.argv[1]))
+    os._exit(0)  # MAVSDK's own threads need not be waited for

@@ -1,0 +1,181 @@
+"""Stages on which stock clients act: a vehicle afloat, a link to it, and a client program that goes
+down its list."""
+
+import contextlib
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from mavlink_io.endpoint import Endpoint
+from mavlink_io.transport import open_transport, wait
+from tests.helpers.pty_pair import Line, Noise, line
+from tests.helpers.subprocesses import (
+    PATIENCE_S,
+    Process,
+    autopilot,
+    free_port,
+    process,
+)
+
+BAUD, NOISE = 57_600, Noise(drop=3e-4, flip=3e-4)
+"""A radio's line: of each ten thousand bytes three are lost and three arrive wrong."""
+STANDBY = 3
+STARTS_WITHIN_S = 180.0
+"""On a new machine the simulator compiles its kernels first, and several may do so at once."""
+PROGRAMS = {"mavsdk": "tests.clients.mavsdk_checks", "mavproxy": "tests.clients.mavproxy_checks"}
+Verdicts = dict[str, dict[str, Any]]
+Key, T = TypeVar("Key", bound=Hashable), TypeVar("T")
+
+
+class Afloat:
+    """A simulated vehicle; on ``spare``, a UDP port, ours may listen to it."""
+
+    def __init__(self, links: tuple[str, ...], speed: str) -> None:
+        hil, spare = free_port(), free_port()
+        self.spare = f"udpin:127.0.0.1:{spare}"
+        self._hil, self._speed = hil, speed
+        self._links = (*links, f"udpout:127.0.0.1:{spare}")
+        self._processes = contextlib.ExitStack()
+
+    def start(self) -> None:
+        """Put her afloat; done when she stands by, with her sensors going."""
+        sea = (
+            "-m",
+            "sitl",
+            "--hil",
+            f"udpout:127.0.0.1:{self._hil}",
+            "--speed",
+            self._speed,
+            "--seed",
+            "1",
+        )
+        logs = self._processes.enter_context(tempfile.TemporaryDirectory())
+        own = autopilot(f"udpin:127.0.0.1:{self._hil}", *self._links, options=("--logs", logs))
+        self._processes.enter_context(own)
+        self._processes.enter_context(process(*sea))
+        wait_for_heartbeat(self.spare, STANDBY)
+
+    def kill(self) -> None:
+        """The power fails."""
+        self._processes.close()
+
+
+@contextlib.contextmanager
+def afloat(*links: str, speed: str = "1") -> Iterator[Afloat]:
+    """A vehicle that stands by in the simulator."""
+    vehicle = Afloat(links, speed)
+    try:
+        vehicle.start()
+        yield vehicle
+    finally:
+        vehicle.kill()
+
+
+def wait_for_heartbeat(address: str, status: int = 0, within_s: float = STARTS_WITHIN_S) -> Any:
+    """The first heartbeat of a vehicle that is at least as ready as ``status`` (MAV_STATE)."""
+    transport = open_transport(address)
+    with contextlib.closing(transport):
+        endpoint, deadline_s = Endpoint(transport, 250, 191), time.monotonic() + within_s
+        while time.monotonic() < deadline_s:
+            wait([transport], 0.2)
+            for frame in endpoint.receive():
+                if frame.name == "HEARTBEAT" and frame.decode().system_status >= status:
+                    return frame.decode()
+    raise AssertionError(f"no vehicle stands by on {address}")
+
+
+class Act(NamedTuple):
+    """A client program under way, and the line it talks by, if it is one."""
+
+    program: Process
+    line: Line | None
+    vehicle: Afloat
+
+    def verdicts(self) -> Verdicts:
+        """What it found, when it is done."""
+        finished = self.program.finish(patience_s=400.0)
+        assert finished.status == 0, finished.stderr[-3000:]
+        found: Verdicts = json.loads(finished.stdout.splitlines()[-1])
+        return found
+
+
+@contextlib.contextmanager
+def over_udp(client: str, folder: Path, *options: str, speed: str = "1") -> Iterator[Act]:
+    """A client that goes down its list on a UDP link."""
+    port = free_port()
+    with (
+        afloat(f"udpout:127.0.0.1:{port}", speed=speed) as vehicle,
+        run(client, folder, vehicle, f"127.0.0.1:{port}", "--speed", speed, *options) as program,
+    ):
+        yield Act(program, None, vehicle)
+
+
+@contextlib.contextmanager
+def over_serial(client: str, folder: Path, *options: str) -> Iterator[Act]:
+    """A client that goes down its list on a noisy serial line."""
+    with (
+        line(folder, BAUD, NOISE) as cable,
+        afloat(f"serial:{cable.device['vehicle']}:{BAUD}") as vehicle,
+        run(client, folder, vehicle, cable.device["ground"], "--slow", *options) as program,
+    ):
+        yield Act(program, cable, vehicle)
+
+
+ACTS: dict[str, Callable[..., AbstractContextManager[Act]]] = {
+    "udp": over_udp,
+    "serial": over_serial,
+    "udp 0.2x": partial(over_udp, speed="0.2"),
+    "udp 10x": partial(over_udp, speed="10"),
+    "udp 50x": partial(over_udp, speed="50"),
+}
+"""Every link and speed on which a client goes down its list."""
+
+
+@contextlib.contextmanager
+def all_at_once(acts: Mapping[Key, AbstractContextManager[T]]) -> Iterator[dict[Key, T]]:
+    """Several stages set up side by side: most of it is waiting for programs to start."""
+    with contextlib.ExitStack() as stack:
+        with ThreadPoolExecutor(len(acts)) as pool:
+            entered = {key: pool.submit(act.__enter__) for key, act in acts.items()}
+        for key, act in acts.items():
+            if entered[key].exception() is None:
+                stack.push(act)
+        yield {key: future.result() for key, future in entered.items()}
+
+
+@contextlib.contextmanager
+def run(client: str, folder: Path, vehicle: Afloat, where: str, *options: str) -> Iterator[Process]:
+    """A client's list of checks as a program; ``where`` is HOST:PORT to listen on, or a device."""
+    serial = where.startswith("/")
+    if client == "mavsdk":
+        arguments = [f"serial://{where}:{BAUD}" if serial else f"udpin://{where}"]
+    else:
+        install_modes(folder, vehicle)
+        arguments = [str(folder), *([where, "--baud", str(BAUD)] if serial else [f"udpin:{where}"])]
+    with process("-m", PROGRAMS[client], *arguments, *options) as program:
+        yield program
+
+
+def install_modes(home: Path, vehicle: Afloat) -> None:
+    """What ``ground modes install`` does for somebody with this home directory."""
+    path = home / ".pymavlink" / "custom_mode_map.json"
+    command = [
+        sys.executable,
+        "-m",
+        "ground",
+        "modes",
+        "install",
+        "--path",
+        str(path),
+        "--connect",
+        vehicle.spare,
+    ]
+    subprocess.run(command, check=True, capture_output=True, timeout=PATIENCE_S)

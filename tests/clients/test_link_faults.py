@@ -1,0 +1,164 @@
+"""What happens to real clients: others at the same time, sudden ends, a power failure, a loose
+cable.
+
+One vehicle is talked to by two MAVSDK programs on UDP and by MAVProxy on a noisy serial line.
+"""
+
+import contextlib
+import json
+import time
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import pytest
+
+from autopilot.control.params import PARAMETERS
+from tests.clients.fixture import BAUD, NOISE, Afloat, afloat, install_modes
+from tests.clients.mavproxy_console import Console
+from tests.helpers.pty_pair import Line, line
+from tests.helpers.subprocesses import Process, free_port, process
+
+pytestmark = [pytest.mark.process, pytest.mark.timeout(300)]
+
+
+class Puppet:
+    """A MAVSDK program that does as it is told."""
+
+    def __init__(self, program: Process) -> None:
+        self.program = program
+
+    def begin(self, *order: object) -> None:
+        self.program.say(" ".join(str(word) for word in order))
+
+    def result(self) -> Any:
+        return json.loads(self.program.hear(r'^\{"result"').string)["result"]
+
+    def do(self, *order: object) -> Any:
+        self.begin(*order)
+        return self.result()
+
+
+class Scene(NamedTuple):
+    vehicle: Afloat
+    anna: Puppet
+    bert: Puppet
+    person: Console
+    cable: Line
+    spare_line: str
+    """The ground's end of a second serial line, which is clean and free."""
+
+
+@contextlib.contextmanager
+def puppet(address: str) -> Iterator[Puppet]:
+    with process("-m", "tests.clients.client_process", address) as program:
+        yield Puppet(program)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scene]:
+    folder, anna, bert = tmp_path_factory.mktemp("scene"), free_port(), free_port()
+    with (
+        line(folder, BAUD, NOISE) as cable,
+        line(tmp_path_factory.mktemp("spare"), BAUD) as spare,
+        afloat(
+            f"udpout:127.0.0.1:{anna}",
+            f"udpout:127.0.0.1:{bert}",
+            *(f"serial:{each.device['vehicle']}:{BAUD}" for each in (cable, spare)),
+        ) as vehicle,
+        puppet(f"udpin://127.0.0.1:{anna}") as first,
+        puppet(f"udpin://127.0.0.1:{bert}") as second,
+    ):
+        install_modes(folder, vehicle)
+        with contextlib.closing(Console(folder, cable.device["ground"], BAUD)) as person:
+            person.hear("Detected vehicle 1:1", 30.0)
+            assert [first.result(), second.result()] == ["connected", "connected"]
+            yield Scene(vehicle, first, second, person, cable, spare.device["ground"])
+
+
+def ask(person: Console, line_typed: str, pattern: str) -> str:
+    return person.ask(line_typed, pattern, attempts=4, within_s=30.0)[0]
+
+
+def test_three_clients_read_every_parameter_at_once(scene: Scene) -> None:
+    scene.person.say("param fetch")
+    scene.anna.begin("count")
+    scene.bert.begin("count")
+    assert scene.anna.result() == scene.bert.result() == len(PARAMETERS)
+    scene.person.hear(f"Received {len(PARAMETERS)} parameters", 60.0)
+
+
+def test_what_one_client_sets_all_others_are_told(scene: Scene) -> None:
+    assert scene.anna.do("write", "HDG_P", 0.75) == "SUCCESS"
+    assert scene.bert.do("overhear", "HDG_P", 0.75)
+    scene.person.say("param set HDG_P 0.5")
+    assert scene.anna.do("overhear", "HDG_P", 0.5)
+    assert scene.bert.do("read", "HDG_P") == 0.5
+
+
+def test_of_two_missions_sent_at_once_one_arrives_whole_and_the_other_is_refused_or_follows(
+    scene: Scene,
+) -> None:
+    scene.anna.begin("upload", 300, 1000)
+    scene.bert.begin("upload", 300, 5000)
+    results = {1000: scene.anna.result(), 5000: scene.bert.result()}
+    assert "SUCCESS" in results.values()
+    assert set(results.values()) <= {"SUCCESS", "DENIED"}
+    aboard = scene.anna.do("download")
+    assert results[aboard[0]] == "SUCCESS"
+    assert aboard == [aboard[0] + n for n in range(300)]
+    assert scene.bert.do("download") == aboard
+    for client, base in ((scene.anna, 1000), (scene.bert, 5000)):
+        assert client.do("upload", 5, base) == "SUCCESS"
+        assert scene.anna.do("download") == [base + n for n in range(5)]
+
+
+def test_a_client_killed_in_mid_upload_leaves_the_old_mission_and_the_way_free(
+    scene: Scene,
+) -> None:
+    """It is killed on the slow line, where 500 items take many seconds."""
+    assert scene.anna.do("upload", 4, 70) == "SUCCESS"
+    with puppet(f"serial://{scene.spare_line}:{BAUD}") as victim:
+        assert victim.result() == "connected"
+        victim.begin("upload", 500, 2000)
+        time.sleep(2.0)
+        assert scene.bert.do("upload", 4, 80) == "DENIED", (
+            "the upload was over already, or never began"
+        )
+        victim.program.kill()
+    assert scene.anna.do("download") == [70, 71, 72, 73]
+    deadline_s = time.monotonic() + 20.0
+    while (result := scene.bert.do("upload", 4, 80)) == "DENIED":
+        assert time.monotonic() < deadline_s, "the dead client's upload was never given up"
+        time.sleep(0.5)
+    assert result == "SUCCESS"
+    assert scene.anna.do("download") == [80, 81, 82, 83]
+
+
+def test_a_cable_pulled_at_the_vehicle_and_put_back_carries_on(scene: Scene) -> None:
+    scene.cable.unplug("vehicle")
+    scene.person.hear("link 1 down|no link", 30.0)
+    scene.cable.plug("vehicle")
+    scene.person.hear("link 1 OK|heartbeat OK", 30.0)
+    ask(scene.person, "mode DEPTH", "Mode DEPTH")
+
+
+def test_a_cable_pulled_at_the_client_and_put_back_carries_on(scene: Scene) -> None:
+    scene.cable.unplug("ground")
+    scene.person.hear("is dead", 30.0)
+    scene.cable.plug("ground")
+    scene.person.hear("reopened OK", 30.0)
+    ask(scene.person, "mode MANUAL", "Mode MANUAL")
+
+
+def test_every_client_finds_a_vehicle_again_whose_power_failed(scene: Scene) -> None:
+    scene.vehicle.kill()
+    assert scene.anna.do("see", "lost")
+    assert scene.bert.do("see", "lost")
+    scene.person.hear("link 1 down|no link", 30.0)
+    scene.vehicle.start()
+    assert scene.anna.do("see", "connected")
+    assert scene.bert.do("see", "connected")
+    scene.person.hear("link 1 OK|heartbeat OK", 30.0)
+    assert scene.anna.do("upload", 3, 40) == "SUCCESS"
+    assert scene.bert.do("download") == [40, 41, 42]
+    ask(scene.person, "mode DEPTH", "Mode DEPTH")

@@ -1,0 +1,114 @@
+"""``ground bench`` and ``ground incline`` from end to end: real processes, a simulated
+laboratory."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground.bench_tests import bench, incline
+from ground.errors import InputError
+
+
+def ground(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "ground", *arguments]
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=200, check=False
+    )
+
+
+def beyond(found: dict[str, Any], expected: float) -> float:
+    """Off by how many standard deviations."""
+    return abs(found["value"] - expected) / float(found["sd"])
+
+
+@pytest.mark.process
+def test_a_short_bench_session_finds_the_field_vehicles_tailcone(tmp_path: Path) -> None:
+    sweeps = ["--amplitude", "10", "--amplitude", "30", "--frequency", "0.2", "--frequency", "0.5"]
+    ran = ground("bench", "--axis", "elevator", *sweeps, "--json", folder=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    result = json.loads(ran.stdout)
+    assert list(result) == ["elevator"]
+    assert json.loads((tmp_path / "bench" / "bench.json").read_text()) == result
+    assert (tmp_path / "bench" / "figure4.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "bench" / "bench.mcap").stat().st_size > 10_000
+    model = result["elevator"]["model"]
+    simulated = {
+        "gain": 1.0,
+        "natural_frequency_radps": 3.0,
+        "damping_ratio": 0.6,
+        "delay_s": 0.3,
+        "rate_degps": 15.0,
+    }
+    for name, value in simulated.items():
+        assert beyond(model[name], value) < 4.0, (name, model[name])
+        assert model[name]["value"] == pytest.approx(value, rel=0.03)
+    assert [point["frequency_hz"] for point in result["elevator"]["points"]] == pytest.approx(
+        [0.2, 0.5] * 2, rel=1e-2
+    )
+    again = ground("bench", folder=tmp_path)
+    assert (again.returncode, again.stderr) == (
+        2,
+        "ground: --out bench: exists; give a new folder\n",
+    )
+
+
+@pytest.mark.process
+def test_an_inclining_test_finds_the_centre_of_mass_that_is_simulated(tmp_path: Path) -> None:
+    """The vehicle's own file is not told: the prior is the bench's, whose z_CM is another."""
+    ran = ground("incline", "--vehicle", "caribou_truth", "--json", folder=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    result = json.loads(ran.stdout)
+    assert beyond(result["z_cm_m"], -0.015) < 4.0
+    assert result["z_cm_m"]["value"] == pytest.approx(-0.015, abs=0.0005)
+    assert result["file_z_cm_m"] == -0.021
+    assert len(result["readings"]) == 7
+
+
+@pytest.mark.parametrize(
+    ("session", "reason"),
+    [
+        ({"axes": ("keel",)}, "--axis keel: expected rudder or elevator"),
+        ({"amplitudes_deg": (0.0,)}, "--amplitude 0: expected degrees peak to peak, above 0"),
+        ({"frequencies_hz": (0.1, 9.0)}, "--frequency 9: expected 0.005 to 4 Hz"),
+        ({"frequencies_hz": (0.1, 0.1)}, "--frequency: expected at least two"),
+    ],
+)
+def test_sweeps_that_cannot_be_made_are_refused(
+    tmp_path: Path, session: dict[str, Any], reason: str
+) -> None:
+    with pytest.raises(InputError, match=reason):
+        bench.check(bench.Session(tmp_path, **session))
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("duration_s = 5.0\nmove = []", "duration_s = 5: expected 10 to 600"),
+        ("duration_s = 60.0\n[[move]]\nmas_kg = 1.0", "unknown field `mas_kg`"),
+        ("duration_s =", "Invalid value"),
+        ("duration_s = 60.0\n[[move]]\nmass_kg = nan", "move 1: mass_kg = nan"),
+        ("duration_s = 60.0\nmove = []", "three or more"),
+    ],
+)
+def test_lists_of_moves_are_read_strictly(tmp_path: Path, text: str, reason: str) -> None:
+    file = tmp_path / "moves.toml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=reason):
+        incline.load(file)
+
+
+def test_the_shipped_moves_are_those_of_the_shipped_scenario() -> None:
+    """What the simulator does to the vehicle, and what ground believes was done."""
+    from sitl import scenario
+
+    plan = incline.load(None)
+    done = {(fault.from_us, fault.until_us): fault for fault in scenario.load("inclining").faults}
+    for move in plan.dated():
+        fault = done.pop((round(move.from_s * 1e6), round(move.until_s * 1e6)), None)
+        mass_kg, _, y_m, _ = fault.sizes if fault else (0.0,) * 4
+        assert mass_kg * y_m == pytest.approx(move.moment_kgm)
+    assert not done

@@ -1,0 +1,89 @@
+"""What is said of a model, and that nobody designs on one that is not fit without saying so."""
+
+import json
+import math
+from pathlib import Path
+
+import msgspec
+import pytest
+from typer.testing import CliRunner
+
+from ground.__main__ import app
+from ground.campaign import identification, refit
+from ground.errors import OperationError
+from sitl.vehicle import config
+from sysid import refit as fitting
+from sysid.models import model_file as models
+from sysid.models.model_file import IdentifiedModel
+from sysid.validation.assess import with_assessment
+from sysid.validation.results import ModelAssessment
+from tests.sysid import sea
+
+TRIM = (math.radians(6.0), math.radians(1.0))
+
+
+@pytest.fixture(scope="module")
+def told() -> IdentifiedModel:
+    """A quick one, by the paper's way, which cannot vouch for itself; set beside itself."""
+    field = config.load("caribou_truth")
+    runs = [
+        sea.fly(field, "yaw", sea.step(d), name=f"r/{d}", seed=int(d) + 20, trim_rad=TRIM)
+        for d in (4.0, -4.0)
+    ]
+    found = fitting.identify(runs, config.load("caribou_nominal"), method="paper")
+    return with_assessment(found, runs, runs)
+
+
+def with_verdict(model: IdentifiedModel, fit: bool) -> IdentifiedModel:
+    reasons = (
+        () if fit else ("yaw: b1, 1 sd 25 %, at most 20 %", "pitch: runs held out 0, at least 1")
+    )
+    return msgspec.structs.replace(model, verdict=ModelAssessment(fit, reasons, (), None))
+
+
+def test_the_words_hold_numbers_gates_and_verdict(told: IdentifiedModel) -> None:
+    words = identification.format_text(told, Path("model.json"))
+    assert "b1_per_s2" in words
+    assert "not fit for redesign" in words
+    assert "pitch: runs fitted 0, at least 1" in words
+    assert max(len(line) for line in words.splitlines()) <= 160
+
+
+def test_the_numbers_are_json_without_gaps(told: IdentifiedModel) -> None:
+    plain = json.loads(json.dumps(identification.summarise_model(told), allow_nan=False))
+    assert plain["verdict"]["fit_for_redesign"] is False
+    assert plain["verdict"]["reasons"]
+    assert set(plain["held_out_rate_error"]["yaw"]) == {
+        "initial_model_deg2ps2",
+        "refitted_model_deg2ps2",
+        "opening_initial_model_deg2ps2",
+        "opening_refitted_model_deg2ps2",
+    }
+
+
+def test_an_unfit_model_is_refused_with_its_first_reason(
+    told: IdentifiedModel, tmp_path: Path
+) -> None:
+    models.write(with_verdict(told, fit=False), tmp_path / "model.json")
+    with pytest.raises(
+        OperationError, match=r"not fit for redesign: yaw: b1, 1 sd 25 %.* \(and 1 more\).*--force"
+    ):
+        CliRunner().invoke(app, ["redesign", str(tmp_path / "model.json")], catch_exceptions=False)
+
+
+def test_a_model_that_nobody_judged_is_refused(told: IdentifiedModel) -> None:
+    with pytest.raises(OperationError, match="nobody has judged it"):
+        refit.redesign(msgspec.structs.replace(told, verdict=None))
+
+
+@pytest.mark.parametrize(("fit", "force"), [(True, False), (False, True)])
+def test_a_fit_or_a_forced_model_is_designed_on(
+    fit: bool, force: bool, told: IdentifiedModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sysid.design import pid
+
+    asked: list[IdentifiedModel] = []
+    monkeypatch.setattr(pid, "redesign", lambda model, *rest, **named: asked.append(model))
+    candidate = with_verdict(told, fit)
+    refit.redesign(candidate, force=force)
+    assert asked == [candidate]

@@ -1,0 +1,68 @@
+"""A vehicle that is not found: what was heard instead tells where to look."""
+
+import os
+from collections.abc import Iterator
+from contextlib import closing
+from typing import NamedTuple
+
+import pytest
+
+from ground.client.vehicle import VehicleClient, VehicleClientError
+from mavlink_io.endpoint import Endpoint
+from mavlink_io.transport import Transport, open_transport
+
+CHATTER = bytes(range(256)) * 8
+
+
+class Line(NamedTuple):
+    """A serial line that ground listens on, and its other end."""
+
+    ground: Transport
+    far_end: int
+
+
+@pytest.fixture
+def line() -> Iterator[Line]:
+    far_end, device = os.openpty()
+    with closing(open_transport(f"serial:{os.ttyname(device)}:57600")) as transport:
+        yield Line(transport, far_end)
+    os.close(far_end)
+    os.close(device)
+
+
+def complaint(transport: Transport) -> str:
+    with pytest.raises(VehicleClientError) as refusal:
+        VehicleClient(transport).connect(timeout_s=0.3)
+    return str(refusal.value)
+
+
+def test_a_dumb_serial_line_asks_for_power_and_wiring(line: Line) -> None:
+    told = complaint(line.ground)
+    assert told.startswith(f"no vehicle on {line.ground.address} within 0.3 s: nothing was heard: ")
+    assert "switched on" in told
+    assert "TX wired to RX" in told
+
+
+def test_bytes_without_mavlink_ask_for_the_baud_rate(line: Line) -> None:
+    os.write(line.far_end, CHATTER)
+    told = complaint(line.ground)
+    assert "bytes were heard and no MAVLink in them: is 57600 the vehicle's baud rate?" in told
+
+
+def test_others_than_vehicles_are_named() -> None:
+    with (
+        closing(open_transport("memory:others")) as near,
+        closing(open_transport("memory:others")) as far,
+    ):
+        Endpoint(far, 255, 190).send(
+            "PING", time_usec=0, seq=0, target_system=0, target_component=0
+        )
+        Endpoint(far, 1, 100).send("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=0)
+        told = complaint(near)
+        assert "no autopilot's HEARTBEAT" in told
+        assert "heard of 1/100, 255/190 (system/component)" in told
+
+
+def test_without_a_baud_rate_nobody_asks_for_wiring() -> None:
+    with closing(open_transport("memory:nobody")) as near:
+        assert complaint(near).endswith(": nothing was heard")

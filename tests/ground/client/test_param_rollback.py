@@ -1,0 +1,157 @@
+"""Parameters as one change: kept first, read back, put back when half of it fails, undone on
+request."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from ground.client import param_rollback
+from ground.client import vehicle as client
+from ground.client.param_rollback import History, ParamUpload
+from ground.client.vehicle import VehicleClient
+from ground.errors import InputError, OperationError
+from tests.ground.fake import FakeVehicle, attend
+
+NEW = {"HDG_P": 0.875, "DPT_P": 0.25}
+OLD = {"HDG_P": pytest.approx(0.65), "DPT_P": pytest.approx(0.13)}
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    return tmp_path / "caribou" / "changes" / "system-1.json"
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeVehicle]:
+    vehicle = FakeVehicle()
+    monkeypatch.setattr(client, "wait", attend(vehicle))
+    vehicle.heartbeat()
+    yield vehicle
+    vehicle.close()
+
+
+@pytest.fixture
+def vehicle(fake: FakeVehicle) -> VehicleClient:
+    found = VehicleClient(fake.ground_end)
+    found.connect()
+    return found
+
+
+def refuse(fake: FakeVehicle, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """She refuses a parameter's new value, and takes the old one."""
+    store = fake.table.set
+
+    def refusing(asked: str, value: float) -> float:
+        if asked == name and value == pytest.approx(NEW[name]):
+            raise ValueError("too much")
+        return store(asked, value)
+
+    monkeypatch.setattr(fake.table, "set", refusing)
+
+
+def fall_silent(fake: FakeVehicle, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """She stores a parameter, and nothing is heard of her any more."""
+    store = fake.table.set
+
+    def losing(asked: str, value: float) -> float:
+        stored = store(asked, value)
+        if asked == name:
+            monkeypatch.setattr(fake._endpoint, "send_values", lambda *told: None)
+        return stored
+
+    monkeypatch.setattr(fake.table, "set", losing)
+
+
+def test_a_change_tells_what_was_there_and_what_is_now(
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path
+) -> None:
+    steps = param_rollback.upload(vehicle, NEW, "gains.param", "ab")
+    assert {step.name: step.after for step in steps} == NEW == fake.table.values
+    assert {step.name: step.before for step in steps} == OLD
+    assert History(state).last() == ParamUpload(
+        "gains.param", History(state).last().before, NEW, "ab"
+    )
+
+
+def test_a_change_is_undone_and_then_there_is_none_left(
+    vehicle: VehicleClient, fake: FakeVehicle
+) -> None:
+    param_rollback.upload(vehicle, NEW, "gains.param")
+    undone, steps = param_rollback.rollback(vehicle)
+    assert undone.source == "gains.param"
+    assert {step.name: step.after for step in steps} == OLD
+    assert fake.table.values == OLD
+    with pytest.raises(InputError, match=r"system-1\.json: keeps no change"):
+        param_rollback.rollback(vehicle)
+
+
+def test_changes_are_undone_the_last_one_first(vehicle: VehicleClient, fake: FakeVehicle) -> None:
+    param_rollback.upload(vehicle, NEW, "first.param")
+    param_rollback.upload(vehicle, {"HDG_P": 0.5}, "second.param")
+    param_rollback.rollback(vehicle)
+    assert fake.table.values == NEW
+    param_rollback.rollback(vehicle)
+    assert fake.table.values == OLD
+
+
+def test_nothing_is_set_where_one_name_is_unknown(
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path
+) -> None:
+    with pytest.raises(
+        InputError, match=r"gains\.param: NO_SUCH: the vehicle has no such parameter"
+    ):
+        param_rollback.upload(vehicle, {**NEW, "NO_SUCH": 1.0}, "gains.param")
+    assert fake.table.values == {"HDG_P": 0.65, "DPT_P": 0.13}
+    assert not state.exists()
+
+
+def test_half_a_change_is_put_back(
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse(fake, "DPT_P", monkeypatch)
+    with pytest.raises(OperationError, match=r"DPT_P.*set and put back: HDG_P\."):
+        param_rollback.upload(vehicle, NEW, "gains.param")
+    assert fake.table.values == OLD
+    with pytest.raises(InputError, match="keeps no change"):
+        History(state).last()
+
+
+def test_a_link_that_is_lost_leaves_the_record_and_says_how_to_go_on(
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "HEARTBEAT_TIMEOUT_S", 0.3)
+    fall_silent(fake, "HDG_P", monkeypatch)
+    with pytest.raises(
+        OperationError, match=r"set: nothing; not set: HDG_P, DPT_P\. .*`ground params rollback`"
+    ):
+        param_rollback.upload(vehicle, NEW, "gains.param")
+    assert History(state).last().before == OLD
+
+
+def test_what_somebody_changed_since_is_not_put_back_unasked(
+    vehicle: VehicleClient, fake: FakeVehicle
+) -> None:
+    param_rollback.upload(vehicle, NEW, "gains.param")
+    vehicle.set_parameter("HDG_P", 0.75)
+    with pytest.raises(OperationError, match=r"HDG_P is 0\.75 aboard, and gains\.param set 0\.875"):
+        param_rollback.rollback(vehicle)
+    assert fake.table.values["HDG_P"] == 0.75
+    param_rollback.rollback(vehicle, force=True)
+    assert fake.table.values == OLD
+
+
+def test_half_a_change_that_was_left_can_be_undone(
+    vehicle: VehicleClient, fake: FakeVehicle, state: Path
+) -> None:
+    History(state).push(ParamUpload("gains.param", dict(fake.table.values), NEW))
+    vehicle.set_parameter("HDG_P", NEW["HDG_P"])
+    param_rollback.rollback(vehicle)
+    assert fake.table.values == OLD
+
+
+def test_a_record_that_is_none_is_named(vehicle: VehicleClient, tmp_path: Path) -> None:
+    (tmp_path / "mine.json").write_text("{}")
+    with pytest.raises(InputError, match=r"mine\.json: Expected `array`"):
+        param_rollback.rollback(vehicle, tmp_path / "mine.json")

@@ -1,0 +1,158 @@
+"""The vehicle client against a vehicle that answers as the test tells it to."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from threading import Timer
+
+import pytest
+
+from ground.client import vehicle as client
+from ground.client.recorder import Recorder
+from ground.client.vehicle import VehicleClient, VehicleClientError
+from mavlink_io.mission_items import MissionItem
+from tests.ground.fake import ACCEPTED, DENIED, REJECTED, FakeVehicle, attend
+
+ARM, SET_MODE, SET_INTERVAL = 400, 176, 511
+BOOT, STANDBY = 1, 3
+
+
+Meet = Callable[..., FakeVehicle]
+
+
+@pytest.fixture
+def meet(monkeypatch: pytest.MonkeyPatch) -> Iterator[Meet]:
+    """Makes a fake vehicle that acts whenever ground waits, and has said that it is there."""
+    with ExitStack() as stack:
+
+        def make(answers: dict[int, list[int]] | None = None) -> FakeVehicle:
+            fake = FakeVehicle(answers)
+            stack.callback(fake.close)
+            monkeypatch.setattr(client, "wait", attend(fake))
+            fake.heartbeat()
+            return fake
+
+        yield make
+
+
+@pytest.fixture
+def fake(meet: Meet) -> FakeVehicle:
+    return meet()
+
+
+def connected(fake: FakeVehicle, recorder: Recorder | None = None) -> VehicleClient:
+    vehicle = VehicleClient(fake.ground_end, recorder)
+    vehicle.connect()
+    return vehicle
+
+
+def test_a_ground_station_is_not_taken_for_a_vehicle(meet: Meet) -> None:
+    fake = meet()
+    fake.ground_end.receive()
+    fake.heartbeat(kind=6, autopilot=8)
+    with pytest.raises(VehicleClientError, match="no vehicle on memory"):
+        VehicleClient(fake.ground_end).connect(timeout_s=0.05)
+
+
+def test_parameters_are_listed_set_and_read_back(fake: FakeVehicle) -> None:
+    vehicle = connected(fake)
+    assert vehicle.parameters() == pytest.approx({"DPT_P": 0.13, "HDG_P": 0.65}, rel=1e-6)
+    assert vehicle.set_parameter("HDG_P", 0.5) == 0.5
+    assert vehicle.parameter("HDG_P") == fake.table.values["HDG_P"] == 0.5
+
+
+def test_an_unknown_parameter_is_named(fake: FakeVehicle) -> None:
+    with pytest.raises(VehicleClientError, match="NO_SUCH"):
+        connected(fake).set_parameter("NO_SUCH", 1.0)
+
+
+def test_a_mission_goes_up_and_comes_back(fake: FakeVehicle) -> None:
+    items = tuple(MissionItem(n, 2, 93, int(n == 0), 1, 5.0 + n) for n in range(7))
+    vehicle = connected(fake)
+    vehicle.upload(items)
+    assert vehicle.download() == items == tuple(fake.store.items)
+
+
+def test_modes_are_learned_from_the_vehicle(fake: FakeVehicle) -> None:
+    vehicle = connected(fake)
+    assert vehicle.modes() == {"MISSION": 67371008, "MANUAL": 65536}
+    vehicle.set_mode("MISSION")
+    (sent,) = (c for c in fake.commands if c.command == SET_MODE)
+    assert (sent.param1, sent.param2) == (1.0, 67371008.0)
+    with pytest.raises(VehicleClientError, match="offers MANUAL, MISSION"):
+        vehicle.set_mode("LOITER")
+
+
+def test_a_rate_is_asked_for_as_an_interval(fake: FakeVehicle) -> None:
+    connected(fake).set_interval("ATTITUDE", 50.0)
+    (sent,) = (c for c in fake.commands if c.command == SET_INTERVAL)
+    assert (sent.param1, sent.param2) == (30.0, 20_000.0)
+
+
+def test_arming_waits_for_a_vehicle_that_is_still_starting(meet: Meet) -> None:
+    fake = meet()
+    vehicle = connected(fake)
+    fake.heartbeat(status=BOOT)
+    vehicle.pump(0.0)
+    later = Timer(0.2, lambda: fake.heartbeat(status=STANDBY))
+    later.start()
+    vehicle.arm()
+    later.join()
+    assert sum(c.command == ARM for c in fake.commands) == 1, "asked once, when it was ready"
+
+
+def test_a_vehicle_that_never_stands_by_is_asked_for_its_reason(meet: Meet) -> None:
+    fake = meet({ARM: [REJECTED]})
+    vehicle = connected(fake)
+    fake.heartbeat(status=BOOT)
+    vehicle.pump(0.0)
+    with pytest.raises(VehicleClientError, match=r"temporarily rejected \(Not armed: no sensors"):
+        vehicle.arm(patience_s=0.1)
+
+
+def test_a_denial_is_final(meet: Meet) -> None:
+    fake = meet({ARM: [DENIED, ACCEPTED]})
+    with pytest.raises(VehicleClientError, match="denied"):
+        connected(fake).arm()
+
+
+def test_a_long_text_is_one_text(fake: FakeVehicle) -> None:
+    vehicle = connected(fake)
+    fake.say("SystemID Starting: axis=12 wave=doublet magnitude=", id=3, chunk_seq=0)
+    fake.say("4.00", id=3, chunk_seq=1)
+    fake.say("SystemID Finished")
+    vehicle.pump(0.0)
+    vehicle.pump(0.0)
+    vehicle.pump(0.0)
+    heard = [text.text for text in vehicle.texts]
+    assert heard == ["SystemID Starting: axis=12 wave=doublet magnitude=4.00", "SystemID Finished"]
+
+
+def test_arming_and_disarming_within_one_breath_is_noticed(fake: FakeVehicle) -> None:
+    vehicle = connected(fake)
+    fake.heartbeat(armed=True)
+    fake.heartbeat(armed=False)
+    vehicle.pump(0.0)
+    vehicle.pump(0.0)
+    assert (vehicle.armed, vehicle.disarmings) == (False, 1)
+
+
+def test_a_silent_vehicle_is_lost(fake: FakeVehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    vehicle = connected(fake)
+    now = client.wall_s()
+    monkeypatch.setattr(client, "wall_s", lambda: now + client.HEARTBEAT_TIMEOUT_S + 1.0)
+    with pytest.raises(VehicleClientError, match="no heartbeat"):
+        vehicle.pump(0.0)
+
+
+def test_everything_is_recorded_while_a_question_is_open(fake: FakeVehicle, tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "log.mcap")
+    vehicle = connected(fake, recorder)
+    fake.say("meanwhile")
+    vehicle.parameters()
+    recorder.finish()
+    from ground.log_tools import mcap
+
+    topics = mcap.info(tmp_path / "log.mcap")["topics"]
+    assert topics["/mavlink/1/1/STATUSTEXT"] == 1
+    assert topics["/mavlink/1/1/PARAM_VALUE"] == 2

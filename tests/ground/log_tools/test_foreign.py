@@ -1,0 +1,60 @@
+"""Logs of other vehicles through ground's own commands."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from ground.__main__ import app
+from ground.errors import InputError
+from tests.sysid.data.readers import files
+
+
+@pytest.mark.parametrize(
+    ("name", "attitude"),
+    [("a.tlog", "/mavlink/1/1/ATTITUDE"), ("a.bin", "ATT"), ("a.ulg", "vehicle_attitude")],
+)
+def test_info_and_export(tmp_path: Path, name: str, attitude: str) -> None:
+    path = {"a.tlog": files.tlog, "a.bin": files.dataflash, "a.ulg": files.ulog}[name](
+        tmp_path / name
+    )
+    told = json.loads(CliRunner().invoke(app, ["log", "info", str(path), "--json"]).stdout)
+    assert told["topics"][attitude] == files.SECONDS * files.RATE_HZ
+    assert told["lost_frames"] is None
+    exported = CliRunner().invoke(
+        app, ["log", "export", str(path), "--out", str(tmp_path / "csv"), "--json"]
+    )
+    (table,) = [
+        f
+        for f in json.loads(exported.stdout)["files"]
+        if f.endswith(f"{attitude.rsplit('/', 1)[-1]}.csv")
+    ]
+    with Path(table).open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == files.SECONDS * files.RATE_HZ
+    yaw = {"a.tlog": "yaw", "a.bin": "Yaw", "a.ulg": "q[0]"}[name]
+    assert float(rows[0]["time_s"]) in (files.BOOTED_S, 0.0)
+    assert float(rows[0][yaw]) == pytest.approx(
+        {"yaw": 3.0, "Yaw": 171.89, "q[0]": 0.0707}[yaw], abs=0.01
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--run", "1..2:fin"], r"--run 1\.\.2:fin: give \[LOG:\]START\.\.STOP:rudder"),
+        (["--run", "b.ulg:1..2:rudder"], r"run 1\.\.2: b\.ulg is none of the logs a\.ulg"),
+        (
+            ["--run", "10..500:rudder"],
+            r"a\.ulg: run 10\.\.500 must lie within the log, 100\.0\.\.140\.0 s",
+        ),
+        (["--outputs", "1,2"], "outputs '1,2': give RUDDER,ELEVATOR,THRUST"),
+        ([], r"a\.ulg: no test found"),
+    ],
+)
+def test_bad_input_is_named(tmp_path: Path, options: list[str], said: str) -> None:
+    path = files.ulog(tmp_path / "a.ulg", texts=False)
+    with pytest.raises(InputError, match=said):
+        CliRunner().invoke(app, ["refit", str(path), *options], catch_exceptions=False)

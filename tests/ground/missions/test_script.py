@@ -1,0 +1,261 @@
+"""Scripts compile to the vocabulary that vehicles share; mistakes are named with file, step, key
+and value."""
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.missions import plans, script
+from ground.missions.script import ScriptError
+from mavlink_io.mission_items import MissionItem
+
+END = "\n[[step]]\nsurface = true\n"
+CHIRP = """[[step]]
+[step.test]
+signal = "chirp"
+axis = "rudder"
+magnitude_deg = 5.0
+duration_s = 12
+f_start_hz = 0.1
+f_stop_hz = 2.0
+"""
+LEG = "[[step]]\ndepth_m = 4.0\nheading_deg = -80.0\nthrust_pct = 58.0\nduration_s = 30.0\n"
+
+
+def parse(steps: str) -> script.Script:
+    return script.parse(f'name = "m"\n{steps}', "m.toml")
+
+
+def test_a_leg_is_speed_depth_course_and_delay() -> None:
+    items = script.compile_items(parse(LEG + END))
+    assert [item.command for item in items] == [178, 186, 115, 93, 21]
+    speed, depth, course, delay, _ = items
+    assert (speed.p2, speed.p3) == (-1, 58)
+    assert (depth.p1, depth.p2) == (-4, 3)
+    assert (course.p1, course.p4) == (280, 0)
+    assert delay.p1 == 30
+    assert [item.sequence for item in items] == [0, 1, 2, 3, 4]
+    assert [item.current for item in items] == [1, 0, 0, 0, 0]
+
+
+def test_a_leg_that_waits_for_its_depth_asks_the_vehicle_to() -> None:
+    items = script.compile_items(parse(LEG + "wait_depth = true\n" + END))
+    assert [item.command for item in items] == [178, 186, 115, 113, 93, 21]
+    assert items[3].z == -4.0
+
+
+def test_a_test_carries_axis_size_length_and_wave() -> None:
+    test = (
+        'signal = "doublet", axis = "rudder", magnitude_deg = -5.0, duration_s = 12, fade_s = 1.0'
+    )
+    step = f"[[step]]\ntest = {{ {test} }}\n"
+    item = script.compile_items(parse(LEG + step + END))[4]
+    assert (item.command, item.p1, item.p2, item.x, item.y, item.z) == (31010, 12, -5.0, 12, 2, 1.0)
+
+
+@pytest.mark.parametrize("name", script.shipped_names())
+def test_shipped_missions_load_and_end_at_the_surface(name: str) -> None:
+    loaded = script.load(name)
+    assert loaded.name == name
+    assert script.compile_items(loaded)[-1].command == script.LAND
+
+
+def test_the_papers_missions_are_shipped() -> None:
+    combined = [
+        (s.depth_m, s.heading_deg, s.duration_s) for s in script.load("combined").step if s.leg_keys
+    ]
+    assert combined == [(4.0, -80.0, 30.0), (7.0, -40.0, 60.0), (1.0, -100.0, 60.0)]
+    elevator = [s.test.magnitude_deg for s in script.load("elevator_steps").step if s.test]
+    assert min(elevator) > 0, "the paper's elevator steps never point at the bottom"
+    rudder = {s.test.magnitude_deg for s in script.load("rudder_steps").step if s.test}
+    held_out = {
+        s.test.magnitude_deg
+        for s in script.load("rudder_heldout").step
+        if s.test and s.test.signal == "step"
+    }
+    assert min(rudder) < 0 < max(rudder)
+    assert not rudder & held_out
+
+
+@pytest.mark.parametrize(
+    ("steps", "message"),
+    [
+        (LEG, "step 1: the last step must be surface = true"),
+        (LEG.replace("4.0", "-4.0") + END, "step 1: depth_m = -4: must be 0 to 6000"),
+        (LEG.replace("58.0", "158.0") + END, "step 1: thrust_pct = 158: must be 0 to 100"),
+        (LEG.replace("duration_s = 30.0", "") + END, "duration_s: is missing"),
+        (LEG.replace("depth_m = 4.0", "") + END, "first leg must give depth_m"),
+        (LEG + "speed_mps = 1.0\n" + END, "thrust_pct and speed_mps: give one"),
+        (LEG + "depht_m = 1.0\n" + END, "depht_m"),
+        (LEG.replace("4.0", '"four"') + END, "step[0].depth_m"),
+        (LEG + END + LEG + END, "surface = true must be the last step"),
+        ("step = []", "is empty"),
+        (LEG + CHIRP.replace("2.0", "inf") + END, "f_stop_hz = inf: must be 0 to 25"),
+        ("= 3", "not TOML"),
+        (
+            LEG + '[[step]]\ntest = { signal = "step", axis = "rudder", magnitude_deg = 40.0,'
+            " duration_s = 9 }" + END,
+            "step 2: test.magnitude_deg = 40: must be -15 to 15",
+        ),
+        (
+            LEG
+            + '[[step]]\ntest = { signal = "step", axis = "sail", magnitude_deg = 4.0, duration_s'
+            " = 9 }" + END,
+            "sail",
+        ),
+    ],
+)
+def test_a_mistake_is_named_in_one_line(steps: str, message: str) -> None:
+    with pytest.raises(ScriptError) as caught:
+        parse(steps)
+    said = str(caught.value)
+    assert said.startswith("m.toml: ")
+    assert message in said
+    assert "\n" not in said
+
+
+def test_an_unknown_mission_is_answered_with_those_there_are() -> None:
+    with pytest.raises(ScriptError, match="straight_run"):
+        script.load("no_such_mission")
+
+
+numbers = st.floats(-1e6, 1e6, width=32)
+items_of_a_file = st.builds(
+    MissionItem,
+    sequence=st.just(0),
+    frame=st.sampled_from([0, 2, 3]),
+    command=st.integers(0, 40_000),
+    current=st.just(0),
+    autocontinue=st.integers(0, 1),
+    p1=numbers,
+    p2=numbers,
+    p3=numbers,
+    p4=numbers,
+    x=st.integers(-(2**31), 2**31 - 1),
+    y=st.integers(-(2**31), 2**31 - 1),
+    z=numbers,
+    mission_type=st.just(0),
+)
+
+
+@given(st.lists(items_of_a_file, min_size=1, max_size=5))
+def test_both_file_formats_keep_every_item(items: list[MissionItem]) -> None:
+    numbered = tuple(item._replace(sequence=n, current=int(n == 0)) for n, item in enumerate(items))
+    assert plans.read_wpl(plans.write_wpl(numbered), "m.waypoints") == numbered
+    assert plans.read_plan(plans.write_plan(numbered), "m.plan") == numbered
+
+
+def test_a_plan_may_leave_numbers_out() -> None:
+    item = MissionItem(0, 2, 93, 1, 1, 5.0, math.nan, math.nan, math.nan)
+    (read,) = plans.read_plan(plans.write_plan([item]), "m.plan")
+    assert read.p1 == 5.0
+    assert math.isnan(read.p2)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        (
+            "m.waypoints",
+            "QGC WPL 110\n0 1 0 16 0 0 0 0 0 0 0 1\n1 0 3 16 x 0 0 0 0 0 0 1\n",
+            "line 3",
+        ),
+        ("m.waypoints", "QGC WPL 110\n0 1 0\n", "line 2: has 3 columns"),
+        (
+            "m.waypoints",
+            "QGC WPL 110\n0 1 0 16 0 0 0 0 0 0 0 1\n1 0 3 16 0 0 0 0 500 0 0 1\n",
+            "line 3: place 500, 0",
+        ),
+        (
+            "m.waypoints",
+            "QGC WPL 110\n0 1 0 16 0 0 0 0 0 0 0 1\n1 0 3 16 0 0 0 0 inf 0 0 1\n",
+            "line 3: place inf, 0",
+        ),
+        (
+            "m.waypoints",
+            "QGC WPL 110\n0 1 0 16 0 0 0 0 0 0 0 1\n1 0 999 16 0 0 0 0 0 0 0 1\n",
+            "frame 999",
+        ),
+        ("m.plan", '{"mission": {"items": [{"type": "ComplexItem"}]}}', "only SimpleItem"),
+        ("m.plan", "{broken", "not JSON"),
+        ("m.plan", '{"mission": 3}', "not a QGroundControl plan"),
+        ("m.txt", "hello", "neither"),
+    ],
+)
+def test_a_wrong_file_is_named(
+    name: str, content: str, message: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp("plans") / name
+    path.write_text(content)
+    with pytest.raises(ScriptError, match=message):
+        plans.load_items(str(path))
+
+
+WAYS = """
+name = "ways"
+[[step]]
+to = [120.0, -40.5]
+depth_m = 4.0
+thrust_pct = 58.0
+[[step]]
+lat_deg = 42.351
+lon_deg = -71.0
+accept_m = 8.0
+duration_s = 60.0
+[[step]]
+surface = true
+"""
+
+
+def test_ways_become_waypoints_at_the_depth_that_was_last_given() -> None:
+    items = script.compile_items(script.parse(WAYS, "ways"))
+    speed, first, second, end = items
+    assert (speed.command, end.command) == (178, 21)
+    assert (first.command, first.frame, first.x, first.y, first.z) == (
+        16,
+        1,
+        1_200_000,
+        -405_000,
+        4.0,
+    )
+    assert (second.command, second.frame, second.x, second.y, second.z) == (
+        16,
+        3,
+        423_510_000,
+        -710_000_000,
+        -4.0,
+    )
+    assert (second.p1, second.p2) == (60.0, 8.0)
+
+
+@pytest.mark.parametrize(
+    ("write", "read"), [(plans.write_plan, plans.read_plan), (plans.write_wpl, plans.read_wpl)]
+)
+def test_ways_survive_other_tools_files(write: Any, read: Any) -> None:
+    items = script.compile_items(script.parse(WAYS, "ways"))
+    assert read(write(items), "file") == items
+
+
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ("to = [1.0, 2.0]\nlat_deg = 1.0\nlon_deg = 1.0", "one of them"),
+        ("lat_deg = 1.0", "both or none"),
+        ("to = [1.0, 2.0]\nheading_deg = 3.0", "heading_deg"),
+        ("to = [1.0, 2e6]", "to[1]"),
+        ("to = [1.0]", "length 2"),
+        ("heading_deg = 1.0\nduration_s = 1.0\naccept_m = 5.0", "accept_m"),
+    ],
+)
+def test_an_impossible_way_is_refused(wrong: str, word: str) -> None:
+    text = (
+        f'name = "w"\n[[step]]\ndepth_m = 3.0\nthrust_pct = 58.0\n{wrong}\n[[step]]\nsurface ='
+        " true\n"
+    )
+    with pytest.raises(script.ScriptError) as caught:
+        script.parse(text, "w.toml")
+    assert word in str(caught.value)
+    assert "step" in str(caught.value)

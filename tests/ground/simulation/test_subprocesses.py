@@ -1,0 +1,129 @@
+"""Both ways to start a process: each ends as it is told to, says why it failed, and does not
+outlive who started it."""
+
+import importlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from ground.simulation.processes import free_port
+from ground.simulation.subprocesses import (
+    PRELOADED_MODULES,
+    ChildProcess,
+    ForkedProcess,
+    ProcessFactory,
+    SpawnedProcess,
+    cores,
+)
+
+PARENT = """
+import sys, time
+from pathlib import Path
+from ground.children import Forked, Spawned
+
+if __name__ == "__main__":
+    child = {start}("autopilot", sys.argv[2:], Path(sys.argv[1]))
+    print(child._process.pid, flush=True)
+    time.sleep(60.0)
+"""
+
+
+@pytest.fixture(params=[SpawnedProcess, ForkedProcess])
+def start(request: pytest.FixtureRequest) -> ProcessFactory:
+    way: ProcessFactory = request.param
+    return way
+
+
+@pytest.fixture
+def said(tmp_path: Path) -> Path:
+    """The file of a child's last words."""
+    path = tmp_path / "said"
+    path.touch()
+    return path
+
+
+def arguments() -> list[str]:
+    """Of an autopilot that nobody talks to."""
+    links = ("--hil", f"udpin:127.0.0.1:{free_port()}", "--gcs", f"udpin:127.0.0.1:{free_port()}")
+    return [*links, "--lifeline", "--state", "off", "--logs", "off"]
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + 30.0
+    while not condition():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)
+
+
+def afloat(start: ProcessFactory, said: Path) -> ChildProcess:
+    """An autopilot that has opened its links."""
+    child = start("autopilot", arguments(), said)
+    wait_for(lambda: "autopilot: system 1" in said.read_text())
+    assert child.poll() is None
+    return child
+
+
+def test_it_ends_when_it_is_told_to(start: ProcessFactory, said: Path) -> None:
+    child = afloat(start, said)
+    child.terminate()
+    child.end(10.0)
+    assert child.poll() == 0
+
+
+def test_it_is_killed_when_it_does_not(start: ProcessFactory, said: Path) -> None:
+    child = afloat(start, said)
+    child.end(0.1)
+    assert child.poll() == -signal.SIGKILL
+
+
+def test_bad_input_is_its_status_and_its_last_words(start: ProcessFactory, said: Path) -> None:
+    child = start("sitl", ["--vehicle", "nobody"], said)
+    wait_for(lambda: child.poll() is not None)
+    assert child.poll() == 2
+    assert said.read_text().splitlines()[-1].startswith("sitl: ")
+    assert "nobody" in said.read_text()
+    child.end(0.0)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads processes from /proc")
+@pytest.mark.parametrize("way", ["Spawned", "Forked"])
+def test_it_does_not_outlive_a_killed_parent(way: str, said: Path, tmp_path: Path) -> None:
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT.format(start=way))
+    command = [sys.executable, str(script), str(said), *arguments()]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        pid = int(parent.stdout.readline())
+        wait_for(lambda: "autopilot: system 1" in said.read_text())
+        assert Path(f"/proc/{pid}").exists()
+        parent.kill()
+    wait_for(lambda: not Path(f"/proc/{pid}").exists() or _is_zombie(pid))
+
+
+@pytest.mark.skipif(not cores(), reason="the system does not tell of cores")
+def test_a_forked_one_keeps_to_its_core(said: Path) -> None:
+    core = cores()[-1]
+    child = ForkedProcess("autopilot", arguments(), said, core)
+    wait_for(lambda: "autopilot: system 1" in said.read_text())
+    pid = child._process.pid
+    assert pid is not None
+    assert os.sched_getaffinity(pid) == {core}
+    assert cores() == sorted(os.sched_getaffinity(0))
+    child.end(0.0)
+
+
+@pytest.mark.parametrize("module", PRELOADED_MODULES)
+def test_what_is_loaded_beforehand_is_there(module: str) -> None:
+    """A module that is not would go unnoticed: multiprocessing carries on without it, and starts
+    take longer."""
+    importlib.import_module(module)
+
+
+def _is_zombie(pid: int) -> bool:
+    return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"

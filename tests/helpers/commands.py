@@ -1,0 +1,30 @@
+"""Commands as pymavlink sends them, and what their acknowledgements say."""
+
+import math
+from typing import Any
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from mavlink_io.records import GpsFix
+from tests.helpers.fake_hil import Deck
+
+NAN = math.nan
+FIX = GpsFix(0, 3, 41.5, -70.7, 12.0, 0.0, 0.0, 0.0, 9)
+ACCEPTED, REJECTED, DENIED = 0, 1, 2
+UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = 3, 4, 5, 6
+INT32_MAX = 2**31 - 1
+
+
+def under_way(deck: Deck, depth_m: float = 5.0) -> None:
+    deck.command(400, 1)
+    deck.command(176, 1, 2)
+    deck.tick(200, depth_m=depth_m)
+
+
+def results(messages: list[Any]) -> list[int]:
+    return [m.result for m in messages if m.get_type() == "COMMAND_ACK"]
+
+
+def long(command: int, *parameters: float, confirmation: int = 0) -> Any:
+    filled = [*parameters, *[NAN] * (7 - len(parameters))]
+    return mavlink.MAVLink_command_long_message(1, 1, command, confirmation, *filled)

@@ -1,0 +1,138 @@
+"""An autopilot server in memory with a ground station on each link, read and written by
+pymavlink."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from autopilot.comms.ground_server import GroundServer
+from autopilot.control.params import ParamTable
+from autopilot.control.types import Inputs
+from autopilot.telemetry.identity import AutopilotId
+from autopilot.vehicle import Vehicle
+from mavlink_io.records import SENSORS_ALL, GpsFix, SensorFrame
+
+TICK_US = 20_000
+SURFACE_HPA = 1013.25
+HPA_PER_M = 100.5525
+
+
+def sensors(time_us: int, depth_m: float = 0.0) -> SensorFrame:
+    """A level vehicle at rest that looks to magnetic north; the last digit flickers as an
+    instrument's does."""
+    pressure = SURFACE_HPA + HPA_PER_M * depth_m
+    dither = 1e-4 if time_us // TICK_US % 2 else -1e-4
+    return SensorFrame(
+        time_us,
+        0.0,
+        0.0,
+        -9.80665 + dither,
+        0.0,
+        0.0,
+        dither,
+        0.2 + dither,
+        0.0,
+        0.4,
+        pressure + dither,
+        0.0,
+        0.0,
+        10.0,
+        SENSORS_ALL,
+        0,
+    )
+
+
+class Station:
+    """A ground station at the far end of a link; a transport for the server."""
+
+    def __init__(self, system: int = 255, component: int = 190) -> None:
+        self.address = f"station {system}/{component}"
+        self._mavlink = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._reader = mavlink.MAVLink(None)
+        self._reader.robust_parsing = False
+        self._outgoing: list[bytes] = []
+        self._incoming = b""
+
+    def handles(self) -> tuple[()]:
+        return ()
+
+    def send(self, data: bytes) -> None:
+        self._incoming += data
+
+    def receive(self) -> bytes:
+        return self._outgoing.pop(0) if self._outgoing else b""
+
+    def close(self) -> None:
+        pass
+
+    def say(self, message: Any) -> None:
+        self._outgoing.append(message.pack(self._mavlink))
+
+    def heard(self) -> list[Any]:
+        data, self._incoming = self._incoming, b""
+        return list(self._reader.parse_buffer(data) or ()) if data else []
+
+    def heard_of(self, name: str) -> list[Any]:
+        return [message for message in self.heard() if message.get_type() == name]
+
+
+class Deck:
+    """A vehicle, its server, and one station for each link."""
+
+    def __init__(self, *stations: Station, autopilot: AutopilotId = AutopilotId.GENERIC) -> None:
+        self.stations = stations or (Station(),)
+        self.vehicle = Vehicle(ParamTable())
+        self.server = GroundServer(self.vehicle, self.stations, autopilot)
+        self.time_us = -TICK_US
+
+    @property
+    def station(self) -> Station:
+        return self.stations[0]
+
+    def tick(self, count: int = 1, depth_m: float = 0.0, fix: GpsFix | None = None) -> None:
+        for _ in range(count):
+            self.time_us += TICK_US
+            self.vehicle.tick(Inputs(sensors(self.time_us, depth_m), fix, None, None))
+            self.server.tell()
+        self.server.flush()
+
+    def serve(self) -> None:
+        """Have the server read everything that the stations have said."""
+        for link in self.server.links:
+            for _ in range(20):
+                self.server.receive(link)
+        for _ in range(10):
+            self.server.poll()
+        self.server.flush()
+
+    def ask(self, message: Any, station: Station | None = None) -> list[Any]:
+        """What a station hears when it says one thing."""
+        asker = station or self.station
+        asker.heard()
+        asker.say(message)
+        self.serve()
+        return asker.heard()
+
+    def command(self, number: int, *parameters: float, component: int = 1) -> list[Any]:
+        """What is heard after a COMMAND_LONG whose other parameters are NaN."""
+        filled = [*parameters, *[float("nan")] * (7 - len(parameters))]
+        return self.ask(mavlink.MAVLink_command_long_message(1, component, number, 0, *filled))
+
+
+def only(messages: Sequence[Any], name: str) -> Any:
+    """The one message of a name."""
+    (message,) = [m for m in messages if m.get_type() == name]
+    return message
+
+
+def texts(messages: Sequence[Any]) -> list[str]:
+    """The texts of STATUSTEXTs, chunks put together again."""
+    whole: list[str] = []
+    for message in messages:
+        if message.get_type() == "STATUSTEXT":
+            if message.chunk_seq:
+                whole[-1] += message.text
+            else:
+                whole.append(message.text)
+    return whole

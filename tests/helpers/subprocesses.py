@@ -1,0 +1,104 @@
+"""Real processes for tests: an autopilot, a simulator, and programs that nobody here wrote."""
+
+import contextlib
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from ground.simulation.processes import free_port as free_port
+
+PATIENCE_S = 60.0
+
+
+class Finished(NamedTuple):
+    status: int
+    stdout: str
+    stderr: str
+
+
+class Process:
+    """A child process whose output is read when it has ended."""
+
+    def __init__(self, *arguments: str) -> None:
+        self._popen = subprocess.Popen(
+            [sys.executable, *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    @property
+    def running(self) -> bool:
+        return self._popen.poll() is None
+
+    def wait_for_line(self) -> str:
+        """The next line on stderr: a process that is ready says so there."""
+        assert self._popen.stderr is not None
+        return self._popen.stderr.readline()
+
+    def say(self, line: str) -> None:
+        """Type a line."""
+        assert self._popen.stdin is not None
+        self._popen.stdin.write(line + "\n")
+        self._popen.stdin.flush()
+
+    def hear(self, pattern: str) -> re.Match[str]:
+        """Read stdout up to the first line that matches."""
+        assert self._popen.stdout is not None
+        heard = []
+        for line in self._popen.stdout:
+            heard.append(line)
+            if match := re.search(pattern, line):
+                return match
+        raise AssertionError(f"{pattern!r} was never said in:\n{''.join(heard)}")
+
+    def signal(self, number: signal.Signals) -> None:
+        self._popen.send_signal(number)
+
+    def finish(self, text: str = "", patience_s: float = PATIENCE_S) -> Finished:
+        """Give it the rest of its input and wait for its end."""
+        stdout, stderr = self._popen.communicate(text, timeout=patience_s)
+        return Finished(self._popen.returncode, stdout, stderr)
+
+    def kill(self) -> None:
+        if self.running:
+            self._popen.kill()
+        self._popen.communicate()
+
+
+@contextlib.contextmanager
+def process(*arguments: str) -> Iterator[Process]:
+    """A process that does not outlive the test."""
+    child = Process(*arguments)
+    try:
+        yield child
+    finally:
+        child.kill()
+
+
+@contextlib.contextmanager
+def autopilot(hil: str, *ground: str, options: tuple[str, ...] = ()) -> Iterator[Process]:
+    """An autopilot that is ready to be spoken to; unless it is told otherwise, it knows nothing of
+    those before it."""
+    links = [word for address in ground for word in ("--gcs", address)]
+    with process(
+        "-m", "autopilot", "--hil", hil, *links, "--state", "off", "--logs", "off", *options
+    ) as child:
+        line = child.wait_for_line()
+        assert line.startswith("autopilot: system"), line
+        yield child
+
+
+@contextlib.contextmanager
+def vehicle(*ground: str, speed: str = "1", options: tuple[str, ...] = ()) -> Iterator[Process]:
+    """An autopilot afloat in the simulator."""
+    port = free_port()
+    with (
+        autopilot(f"udpin:127.0.0.1:{port}", *ground, options=options) as child,
+        process("-m", "sitl", "--hil", f"udpout:127.0.0.1:{port}", "--speed", speed, "--seed", "1"),
+    ):
+        yield child

@@ -1,0 +1,121 @@
+"""Downloads over a link that loses messages: all arrives, and what is there at any moment is the
+file's beginning."""
+
+import io
+import random
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mavlink_io.codec import Frame
+from mavlink_io.request import Exchange, ExchangeError
+from mavlink_io.services.ftp.client import FileClient
+from mavlink_io.services.ftp.payload import crc32
+from mavlink_io.services.ftp.server import FileServer
+from mavlink_io.services.ftp.tree import FileTree, ListingEntry
+from tests.helpers.lossy_link import GROUND, VEHICLE, Wire, insist, settle
+
+T = TypeVar("T")
+QUIET = settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+class Rig:
+    """A client and a server with a seeded share of losses each way."""
+
+    def __init__(self, files: dict[str, bytes], share: float = 0.0, seed: int = 0) -> None:
+        chance = random.Random(seed)
+        self.up, self.down = (
+            Wire(party, lambda n, name: chance.random() < share) for party in (GROUND, VEHICLE)
+        )
+        tree = FileTree()
+        for path, content in files.items():
+            tree.add_file(path, lambda content=content: content)  # type: ignore[misc]
+        self.server = FileServer(tree)
+        self.client = FileClient(self.up.send, GROUND, VEHICLE)
+
+    def settle(self, exchange: Exchange[T]) -> T:
+        return settle(exchange, self.up, self.down, self._serve, self.server.poll)
+
+    def insist(self, ask: Callable[[], Exchange[T]]) -> T:
+        return insist(lambda: self.settle(ask()), self.up, self.down)
+
+    def _serve(self, frame: Frame, now_s: float) -> None:
+        self.server.feed(frame, self.down.send, lambda: 10**6, now_s)
+
+
+@QUIET
+@given(st.integers(0, 40_000), st.integers(0, 40_000), st.floats(0.0, 0.2), st.integers(0, 1000))
+def test_a_download_goes_on_where_it_was_and_misses_nothing(
+    size: int, start: int, share: float, seed: int
+) -> None:
+    content = random.Random(seed).randbytes(size)
+    rig, start = Rig({"/logs/a": content}, share, seed), min(start, size)
+    sink = Prefix(content, start)
+    assert rig.insist(lambda: rig.client.download("/logs/a", sink, start + sink.tell())) == size
+    assert sink.getvalue() == content[start:]
+
+
+class Prefix(io.BytesIO):
+    """Accepts nothing but what comes next."""
+
+    def __init__(self, content: bytes, start: int) -> None:
+        super().__init__()
+        self._content, self._start = content, start
+
+    def write(self, data: bytes, /) -> int:  # type: ignore[override]
+        at = self._start + self.tell()
+        assert data == self._content[at : at + len(data)]
+        return super().write(data)
+
+
+def test_a_vehicle_that_begins_anew_is_asked_again() -> None:
+    content = random.Random(1).randbytes(100_000)
+    rig, sink, watched = Rig({"/a": content}), io.BytesIO(), list[int]()
+
+    def watch(there: int, of: int) -> None:
+        assert of == len(content)
+        watched.append(there)
+        if there > 30_000 and rig.server._sessions and len(watched) < 1000:
+            rig.server._sessions.clear()
+            rig.server._jobs.clear()
+            watched.extend([there] * 1000)
+
+    assert rig.settle(rig.client.download("/a", sink, 0, watch)) == len(content)
+    assert sink.getvalue() == content
+    assert sorted(watched) == watched
+
+
+@QUIET
+@given(st.integers(0, 1000), st.floats(0.0, 0.1))
+def test_lists_and_checksums_outlive_losses(seed: int, share: float) -> None:
+    files = {f"/logs/{n:04d}-a-rather-long-name": bytes(n) for n in range(30)}
+    rig = Rig(files, share, seed)
+    listed = rig.insist(lambda: rig.client.list("/logs"))
+    assert listed == [
+        ListingEntry(path.rsplit("/", 1)[1], len(content)) for path, content in files.items()
+    ]
+    assert rig.insist(lambda: rig.client.checksum("/logs/0007-a-rather-long-name")) == crc32(
+        bytes(7)
+    )
+
+
+@pytest.mark.parametrize("ask", ["list", "checksum", "download"])
+def test_what_is_not_there_is_said(ask: str, tmp_path: Path) -> None:
+    rig = Rig({"/logs/a": b"x"})
+    exchange = {
+        "list": lambda: rig.client.list("/nowhere"),
+        "checksum": lambda: rig.client.checksum("/logs/b"),
+        "download": lambda: rig.client.download("/logs/b", io.BytesIO()),
+    }[ask]()
+    with pytest.raises(ExchangeError, match="filenotfound"):
+        rig.settle(exchange)  # type: ignore[arg-type]
+
+
+def test_a_file_shorter_than_what_is_here_is_another_file() -> None:
+    rig = Rig({"/logs/a": b"short"})
+    with pytest.raises(ExchangeError, match="holds 5 bytes, fewer than the 9 that are here"):
+        rig.settle(rig.client.download("/logs/a", io.BytesIO(), 9))

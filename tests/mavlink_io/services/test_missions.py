@@ -1,0 +1,332 @@
+"""The mission protocol: whole or not at all, over links that lose messages, against pymavlink's
+reading of the wire."""
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mavlink_io.mission_items import MissionItem
+from mavlink_io.request import ExchangeError, MavlinkId
+from mavlink_io.services import missions
+from mavlink_io.services.mission_server import (
+    RE_REQUESTS,
+    MissionProgress,
+    MissionResult,
+    MissionServer,
+)
+from mavlink_io.services.missions import MissionClient
+from mavlink_io.services.params import as_real32
+from tests.helpers.lossy_link import GROUND, VEHICLE, Lost, Wire, nothing, settle
+
+OTHER_GROUND = MavlinkId(255, 230)
+
+
+class Store:
+    def __init__(self) -> None:
+        self.items: tuple[MissionItem, ...] = ()
+        self.current = 0
+        self.said: list[str] = []
+        self.verdict = MissionResult()
+
+    @property
+    def progress(self) -> MissionProgress:
+        return MissionProgress(self.current, len(self.items), 2, 2)
+
+    def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
+        if self.verdict.result == missions.ACCEPTED:
+            self.items = items
+        return self.verdict
+
+    def set_current(self, sequence: int) -> bool:
+        if sequence >= len(self.items):
+            return False
+        self.current = sequence
+        return True
+
+    def explain(self, text: str) -> None:
+        self.said.append(text)
+
+
+class Sea:
+    """A client and a server with a lossy link between them."""
+
+    def __init__(self, lost_up: Lost = nothing, lost_down: Lost = nothing) -> None:
+        self.up, self.down = Wire(GROUND, lost_up), Wire(VEHICLE, lost_down)
+        self.store = Store()
+        self.server = MissionServer(self.store)
+        self.client = MissionClient(self.up.send, GROUND, VEHICLE)
+
+    def run(self, exchange: Any) -> Any:
+        return settle(
+            exchange,
+            self.up,
+            self.down,
+            lambda f, now: self.server.feed(f, self.down.send, now),
+            self.server.poll,
+        )
+
+    def ask(
+        self,
+        name: str,
+        sender: MavlinkId = GROUND,
+        now_s: float = 0.0,
+        down: Wire | None = None,
+        **fields: Any,
+    ) -> list[Any]:
+        """Send one raw message; what the vehicle answers on the link ``down``, decoded."""
+        wire, down = Wire(sender), down or self.down
+        wire.send(name, **{"target_system": 1, "target_component": 1, **fields})
+        for frame in wire.take():
+            self.server.feed(frame, down.send, now_s)
+        return [frame.decode() for frame in down.take()]
+
+
+reals = st.floats(width=32, allow_nan=True, allow_infinity=False)
+items = st.builds(
+    MissionItem,
+    sequence=st.just(0),
+    frame=st.sampled_from([1, 2]),
+    command=st.integers(0, 65_535),
+    current=st.integers(0, 1),
+    autocontinue=st.integers(0, 1),
+    p1=reals,
+    p2=reals,
+    p3=reals,
+    p4=reals,
+    x=st.integers(-(2**31), 2**31 - 1),
+    y=st.integers(-(2**31), 2**31 - 1),
+    z=reals,
+    mission_type=st.just(0),
+)
+below = items.filter(lambda item: not (item.frame == 1 and item.z < 0.0))
+plans = st.lists(below, max_size=12).map(
+    lambda plan: [item._replace(sequence=n) for n, item in enumerate(plan)]
+)
+
+
+def leg(count: int = 4) -> list[MissionItem]:
+    return [MissionItem(n, 2, 93, p1=10.0 + n) for n in range(count)]
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equal field by field, NaN being equal to NaN."""
+    return repr(tuple(a)) == repr(tuple(b))
+
+
+@given(plans)
+def test_what_is_uploaded_comes_back_verbatim(plan: list[MissionItem]) -> None:
+    sea = Sea()
+    sea.run(sea.client.upload(plan))
+    assert same(sea.store.items, plan)
+    assert same(sea.run(sea.client.download()), plan)
+
+
+@given(plans, st.sets(st.integers(0, 12), max_size=2), st.sets(st.integers(0, 12), max_size=2))
+def test_lost_messages_are_asked_for_again(
+    plan: list[MissionItem], up: set[int], down: set[int]
+) -> None:
+    sea = Sea(lambda n, name: n in up, lambda n, name: n in down)
+    sea.run(sea.client.upload(plan))
+    assert same(sea.store.items, plan)
+    assert same(sea.run(sea.client.download()), plan)
+
+
+@pytest.mark.parametrize(
+    "lost", ["MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_REQUEST_INT", "MISSION_ACK"]
+)
+def test_a_link_that_never_carries_a_message_ends_in_an_error(lost: str) -> None:
+    sea = Sea(lambda n, name: name == lost, lambda n, name: name == lost)
+    with pytest.raises(ExchangeError, match=r"no answer to the upload of 4|OPERATION_CANCELLED"):
+        sea.run(sea.client.upload(leg()))
+
+
+def test_the_server_asks_with_request_int_only() -> None:
+    sea = Sea()
+    sea.run(sea.client.upload(leg()))
+    assert sea.down.names == ["MISSION_REQUEST_INT"] * 4 + ["MISSION_ACK"]
+
+
+def test_an_abandoned_upload_keeps_the_old_mission() -> None:
+    sea = Sea()
+    sea.run(sea.client.upload(leg(3)))
+    sea.ask("MISSION_COUNT", count=5, mission_type=0)
+    asked = 0
+    for tenth in range(200):
+        sea.server.poll(tenth * 0.1)
+        for frame in sea.down.take():
+            asked += frame.name == "MISSION_REQUEST_INT"
+            last = frame
+    assert asked == RE_REQUESTS
+    assert last.decode().type == missions.CANCELLED
+    assert sea.store.items == tuple(leg(3))
+    sea.run(sea.client.upload(leg(2)))
+    assert sea.store.items == tuple(leg(2))
+
+
+def test_a_second_uploader_is_denied_and_the_first_goes_on() -> None:
+    sea = Sea()
+    (request,) = sea.ask("MISSION_COUNT", count=1, mission_type=0)
+    assert (request.seq, request.target_system) == (0, GROUND.system)
+    (denied,) = sea.ask("MISSION_COUNT", OTHER_GROUND, count=9, mission_type=0)
+    assert (denied.type, denied.target_system) == (missions.DENIED, OTHER_GROUND.system)
+    fields = missions.item_fields(leg(1)[0], VEHICLE)
+    del fields["target_system"], fields["target_component"]
+    (accepted,) = sea.ask("MISSION_ITEM_INT", **fields)
+    assert accepted.type == missions.ACCEPTED
+    assert sea.store.items == tuple(leg(1))
+
+
+def test_a_second_uploader_of_the_same_ids_on_another_link_is_denied_too() -> None:
+    """Every MAVSDK program is 245/190."""
+    sea, elsewhere = Sea(), Wire(VEHICLE)
+    sea.ask("MISSION_COUNT", count=1, mission_type=0)
+    (denied,) = sea.ask("MISSION_COUNT", down=elsewhere, count=9, mission_type=0)
+    assert denied.type == missions.DENIED
+    fields = missions.item_fields(leg(1)[0], VEHICLE)
+    del fields["target_system"], fields["target_component"]
+    assert sea.ask("MISSION_ITEM_INT", down=elsewhere, **{**fields, "param1": 77.0}) == []
+    (accepted,) = sea.ask("MISSION_ITEM_INT", **fields)
+    assert accepted.type == missions.ACCEPTED
+    assert sea.store.items == tuple(leg(1))
+
+
+@pytest.mark.parametrize("frame", [0, 3, 5, 6])
+def test_an_altitude_above_the_water_is_refused_whole(frame: int) -> None:
+    sea = Sea()
+    sea.run(sea.client.upload(leg(2)))
+    plan = [*leg(1), MissionItem(1, frame, 16, z=3.0)]
+    with pytest.raises(
+        ExchangeError, match="refused the mission at item 1: MAV_MISSION_INVALID_PARAM7"
+    ):
+        sea.run(sea.client.upload(plan))
+    assert sea.store.said == ["Mission item 1: altitude 3 m; depth is given as <= 0"]
+    assert sea.store.items == tuple(leg(2))
+
+
+@pytest.mark.parametrize("command", [16, 113])
+def test_a_height_above_a_local_origin_is_refused(command: int) -> None:
+    sea = Sea()
+    with pytest.raises(ExchangeError, match="MAV_MISSION_INVALID_PARAM7"):
+        sea.run(sea.client.upload([MissionItem(0, 1, command, z=-1.0)]))
+    assert sea.store.said == ["Mission item 0: z -1 m; down is positive"]
+
+
+@pytest.mark.parametrize("command", [31_010, 115, 178])
+def test_z_is_no_height_in_a_command_without_a_place(command: int) -> None:
+    sea = Sea()
+    plan = [MissionItem(0, frame, command, z=2.0) for frame in (0, 3)]
+    sea.run(sea.client.upload(plan))
+    assert [item.z for item in sea.store.items] == [2.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("frame", "z"), [(0, 0.0), (3, -5.0), (6, math.nan), (5, -1.0), (1, 7.0), (2, 7.0)]
+)
+def test_depths_are_taken_in_every_frame(frame: int, z: float) -> None:
+    sea = Sea()
+    plan = [MissionItem(0, frame, 16, z=z)]
+    sea.run(sea.client.upload(plan))
+    assert same(sea.store.items, plan)
+
+
+@pytest.mark.parametrize("frame", [4, 10, 11, 8])
+def test_other_frames_are_not_supported(frame: int) -> None:
+    sea = Sea()
+    with pytest.raises(ExchangeError, match="UNSUPPORTED_FRAME"):
+        sea.run(sea.client.upload([MissionItem(0, frame, 16)]))
+    assert sea.store.items == ()
+
+
+def test_the_vehicles_own_refusal_reaches_the_client() -> None:
+    sea = Sea()
+    sea.store.verdict = MissionResult(
+        missions.UNSUPPORTED, "command 22 is not one this vehicle flies"
+    )
+    with pytest.raises(ExchangeError, match="MAV_MISSION_UNSUPPORTED"):
+        sea.run(sea.client.upload(leg()))
+    assert sea.store.said == ["command 22 is not one this vehicle flies"]
+
+
+def test_clear_and_the_empty_mission() -> None:
+    sea = Sea()
+    sea.run(sea.client.upload(leg()))
+    sea.run(sea.client.clear())
+    assert sea.store.items == ()
+    assert sea.run(sea.client.download()) == ()
+    sea.run(sea.client.upload(leg()))
+    sea.run(sea.client.upload([]))
+    assert sea.store.items == ()
+
+
+def test_set_current_is_answered_by_mission_current() -> None:
+    sea = Sea()
+    sea.run(sea.client.upload(leg()))
+    assert sea.run(sea.client.set_current(2)) == 2
+    (answer,) = sea.ask("MISSION_SET_CURRENT", seq=9)
+    assert (answer.seq, answer.total) == (2, 4)
+    assert sea.store.said == ["No mission item 9: the mission has 4"]
+
+
+@pytest.mark.parametrize("kind", [1, 2])
+def test_fences_and_rally_points_are_answered_as_empty(kind: int) -> None:
+    sea = Sea()
+    sea.run(sea.client.upload(leg()))
+    (count,) = sea.ask("MISSION_REQUEST_LIST", mission_type=kind)
+    assert (count.count, count.mission_type) == (0, kind)
+    (refusal,) = sea.ask("MISSION_COUNT", count=3, mission_type=kind)
+    assert (refusal.type, refusal.mission_type) == (missions.UNSUPPORTED, kind)
+    (kept,) = sea.ask("MISSION_CLEAR_ALL", mission_type=kind)
+    assert kept.type == missions.UNSUPPORTED
+    assert sea.store.items == tuple(leg())
+
+
+def test_every_kind_may_be_cleared_at_once() -> None:
+    sea = Sea()
+    sea.run(sea.client.upload(leg()))
+    (cleared,) = sea.ask("MISSION_CLEAR_ALL", mission_type=255)
+    assert (cleared.type, cleared.mission_type) == (missions.ACCEPTED, 255)
+    assert sea.store.items == ()
+
+
+def test_some_items_may_be_changed_and_the_rest_stay() -> None:
+    sea = Sea()
+    sea.run(sea.client.upload(leg(5)))
+    new = [item._replace(p1=100.0 + item.sequence) for item in leg(5)]
+    (asked,) = sea.ask("MISSION_WRITE_PARTIAL_LIST", start_index=2, end_index=3)
+    assert asked.seq == 2
+    (asked,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(new[2], VEHICLE))
+    assert asked.seq == 3
+    assert sea.store.items == tuple(leg(5))
+    (accepted,) = sea.ask("MISSION_ITEM_INT", **missions.item_fields(new[3], VEHICLE))
+    assert accepted.type == missions.ACCEPTED
+    assert [item.p1 for item in sea.store.items] == [10.0, 11.0, 102.0, 103.0, 14.0]
+    assert [item.sequence for item in sea.store.items] == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(("first", "last"), [(-1, 0), (3, 2), (4, 5), (0, 5)])
+def test_items_that_are_not_there_cannot_be_changed(first: int, last: int) -> None:
+    sea = Sea()
+    sea.run(sea.client.upload(leg(5)))
+    (refused,) = sea.ask("MISSION_WRITE_PARTIAL_LIST", start_index=first, end_index=last)
+    assert refused.type == missions.INVALID_SEQUENCE
+    assert sea.store.said == [f"Mission items {first} to {last} refused: the mission has 5"]
+
+
+def test_an_item_that_does_not_exist_is_an_invalid_sequence() -> None:
+    (refusal,) = Sea().ask("MISSION_REQUEST_INT", seq=0, mission_type=0)
+    assert refusal.type == missions.INVALID_SEQUENCE
+
+
+def test_too_long_a_mission_has_no_space() -> None:
+    sea = Sea()
+    (refusal,) = sea.ask("MISSION_COUNT", count=1001, mission_type=0)
+    assert refusal.type == missions.NO_SPACE
+
+
+def test_numbers_are_kept_as_float32() -> None:
+    sea = Sea()
+    sea.run(sea.client.upload([MissionItem(0, 2, 93, p1=0.1)]))
+    assert sea.store.items[0].p1 == as_real32(0.1)

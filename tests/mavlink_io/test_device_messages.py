@@ -1,0 +1,137 @@
+"""The devices' records on the wire and back, and as pymavlink, which nobody here wrote, decodes
+them."""
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
+
+from mavlink_io import device_messages
+from mavlink_io.codec import Framer, encode
+from mavlink_io.dialect import Message, MessageType
+from mavlink_io.records import Battery, DuctFeedback, Dvl, Leak
+
+SPEED = st.floats(-5.0, 5.0, width=32)
+
+
+def across(message: MessageType, values: device_messages.Values) -> Message:
+    (frame,) = Framer().feed(encode(message, values, 0, 1, 1))
+    return frame.decode()
+
+
+def decoded(message: MessageType, values: device_messages.Values) -> Any:
+    (read,) = mavlink.MAVLink(None).parse_buffer(encode(message, values, 0, 1, 1))
+    return read
+
+
+@given(
+    st.builds(
+        Dvl,
+        st.integers(0, 10**13),
+        SPEED,
+        SPEED,
+        SPEED,
+        st.booleans(),
+        st.floats(0.001, 3.0),
+        st.integers(1, 100),
+    )
+)
+def test_a_doppler_velocity_comes_back(dvl: Dvl) -> None:
+    back = device_messages.dvl_record(
+        across(device_messages.ODOMETRY, device_messages.dvl_values(dvl))
+    )
+    assert back is not None
+    assert back._replace(figure_of_merit_mps=0.0) == dvl._replace(figure_of_merit_mps=0.0)
+    assert back.figure_of_merit_mps == pytest.approx(dvl.figure_of_merit_mps, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("over_ground", "frame"),
+    [(True, mavlink.MAV_FRAME_LOCAL_FRD), (False, mavlink.MAV_FRAME_BODY_FRD)],
+)
+def test_the_frame_says_what_the_velocity_is_relative_to(over_ground: bool, frame: int) -> None:
+    m = decoded(
+        device_messages.ODOMETRY,
+        device_messages.dvl_values(Dvl(7, 1.25, -0.5, 0.0, over_ground, 0.25, 75)),
+    )
+    assert (m.frame_id, m.child_frame_id) == (frame, mavlink.MAV_FRAME_BODY_FRD)
+    assert all(
+        math.isnan(value) for value in (m.x, m.y, m.z, m.rollspeed, m.pose_covariance[0], *m.q)
+    )
+    assert [m.velocity_covariance[i] for i in (0, 6, 11)] == pytest.approx([0.0625] * 3)
+    assert (m.vx, m.vy, m.quality) == (1.25, -0.5, 75)
+
+
+def test_a_pose_is_no_doppler_velocity() -> None:
+    values = device_messages.ODOMETRY.record._make(
+        device_messages.dvl_values(Dvl(7, 1.0, 0.0, 0.0, True, 0.1, 100))
+    )
+    in_the_world = values._replace(child_frame_id=mavlink.MAV_FRAME_LOCAL_NED)
+    assert device_messages.dvl_record(across(device_messages.ODOMETRY, in_the_world)) is None
+
+
+@given(
+    st.builds(
+        Battery,
+        st.floats(0.0, 500.0),
+        st.floats(0.0, 300.0),
+        st.floats(0.0, 1000.0),
+        st.floats(0.0, 1.0),
+    ),
+)
+def test_a_battery_comes_back_within_the_fields_resolution(battery: Battery) -> None:
+    back = device_messages.battery_record(
+        across(device_messages.BATTERY_STATUS, device_messages.battery_values(battery))
+    )
+    assert back is not None
+    for value, told, step in zip(back, battery, (1e-3, 1e-2, 1e-3, 1e-2), strict=True):
+        assert value == pytest.approx(told, abs=0.51 * step)
+
+
+def test_what_a_gauge_does_not_know_stays_unknown() -> None:
+    unknown = Battery(24.0, math.nan, math.nan, math.nan)
+    back = device_messages.battery_record(
+        across(device_messages.BATTERY_STATUS, device_messages.battery_values(unknown))
+    )
+    assert back is not None
+    assert back.voltage_v == 24.0
+    assert all(math.isnan(value) for value in back[1:])
+
+
+@pytest.mark.parametrize("wet", [True, False])
+def test_a_leak_detector_is_healthy_while_dry(wet: bool) -> None:
+    m = decoded(device_messages.SYS_STATUS, device_messages.leak_values(Leak(wet)))
+    assert m.onboard_control_sensors_present & mavlink.MAV_SYS_STATUS_EXTENSION_USED
+    assert m.onboard_control_sensors_present_extended == mavlink.MAV_SYS_STATUS_SENSOR_LEAK
+    assert (
+        bool(m.onboard_control_sensors_health_extended & mavlink.MAV_SYS_STATUS_SENSOR_LEAK)
+        is not wet
+    )
+    assert device_messages.leak_record(
+        across(device_messages.SYS_STATUS, device_messages.leak_values(Leak(wet)))
+    ) == Leak(wet)
+
+
+def test_a_status_without_a_leak_detector_tells_of_none() -> None:
+    other = device_messages.SYS_STATUS.record._make(device_messages.leak_values(Leak(False)))
+    silent = other._replace(onboard_control_sensors_present_extended=0)
+    assert device_messages.leak_record(across(device_messages.SYS_STATUS, silent)) is None
+
+
+def test_duct_angles_stand_in_the_channels_that_command_them() -> None:
+    duct = DuctFeedback(40_000, 0.5, -0.25)
+    m = decoded(device_messages.ACTUATOR_OUTPUTS, device_messages.duct_values(duct))
+    assert (m.active, m.actuator[0], m.actuator[1]) == (0b11, 0.5, -0.25)
+    assert (
+        device_messages.duct_record(
+            across(device_messages.ACTUATOR_OUTPUTS, device_messages.duct_values(duct))
+        )
+        == duct
+    )
+    one_axis = device_messages.ACTUATOR_OUTPUTS.record._make(
+        device_messages.duct_values(duct)
+    )._replace(active=0b01)
+    assert device_messages.duct_record(across(device_messages.ACTUATOR_OUTPUTS, one_axis)) is None

@@ -1,0 +1,77 @@
+"""The messages that pymavlink lacks, against what its generator makes of their definition."""
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+from pymavlink.generator import mavgen
+
+from mavlink_io import dialect
+from mavlink_io.codec import encode
+
+DEFINITION = """<?xml version="1.0"?>
+<mavlink><version>3</version><dialect>0</dialect><messages>
+<message id="80" name="COMMAND_CANCEL"><description/>
+<field type="uint8_t" name="target_system">-</field>
+<field type="uint8_t" name="target_component">-</field>
+<field type="uint16_t" name="command">-</field></message>
+<message id="397" name="COMPONENT_METADATA"><description/>
+<field type="uint32_t" name="time_boot_ms">-</field><field type="uint32_t" name="file_crc">-</field>
+<field type="char[100]" name="uri">-</field></message>
+</messages></mavlink>"""
+"""Numbers, names, types and order of common.xml (https://mavlink.io/en/messages/common.html)."""
+
+
+@pytest.fixture(scope="module")
+def generated(tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
+    """The dialect of these messages alone, as pymavlink would have it."""
+    folder: Path = tmp_path_factory.mktemp("dialect")
+    (folder / "added.xml").write_text(DEFINITION)
+    options = mavgen.Opts(
+        str(folder / "added"), wire_protocol="2.0", language="Python3", validate=False
+    )
+    mavgen.mavgen(options, [str(folder / "added.xml")])
+    specification = importlib.util.spec_from_file_location("added", folder / "added.py")
+    assert specification is not None
+    assert specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("name", "fields"),
+    [
+        ("COMMAND_CANCEL", {"target_system": 1, "target_component": 2, "command": 31_010}),
+        (
+            "COMPONENT_METADATA",
+            {"time_boot_ms": 12_345, "file_crc": 0xDEADBEEF, "uri": "mftp:///general.json"},
+        ),
+    ],
+)
+def test_an_added_message_is_packed_as_the_generator_packs_it(
+    generated: ModuleType, name: str, fields: dict[str, Any]
+) -> None:
+    assert not hasattr(mavlink, f"MAVLINK_MSG_ID_{name}"), (
+        "pymavlink knows it now: drop the addition"
+    )
+    message = dialect.by_name(name)
+    for given in fields, dict.fromkeys(fields, 0) | ({"uri": ""} if "uri" in fields else {}):
+        raw = {
+            field: value.encode() if isinstance(value, str) else value
+            for field, value in given.items()
+        }
+        peer = generated.MAVLink(None, srcSystem=7, srcComponent=9)
+        frame = getattr(generated, f"MAVLink_{name.lower()}_message")(**raw).pack(peer)
+        assert encode(message, message.values(**given), 0, 7, 9) == frame
+        assert message.unpack(frame[10:-2])._asdict() == given
+
+
+def test_a_command_that_names_a_place_is_told_from_one_that_does_not() -> None:
+    assert [n for n in (16, 20, 21, 93, 115, 178, 31_010, 65_535) if dialect.has_location(n)] == [
+        16,
+        21,
+    ]

@@ -1,0 +1,58 @@
+"""docs/hardware.md, which people build vehicles from, against the code."""
+
+import re
+from pathlib import Path
+
+from autopilot.control.params import PARAMETERS
+from mavlink_io import device_messages, dialect
+from sitl.backends.messages import COMPONENT
+from sitl.backends.wall_clock import ACTUATOR_TIMEOUT_S, timestep_for_line
+
+TEXT = (Path(__file__).parents[2] / "docs" / "hardware.md").read_text(encoding="utf-8")
+
+
+def test_messages_have_their_numbers_and_seeds() -> None:
+    told = re.findall(r"([A-Z_]+) \((\d+), (\d+)\)", TEXT)
+    assert len(told) == 9
+    for name, number, seed in told:
+        message = dialect.by_name(name)
+        assert (int(number), int(seed)) == (message.message_id, message.crc_extra), name
+
+
+def test_components_have_their_ids() -> None:
+    told = dict(re.findall(r"^\| ([^|`\n]+) \| (\d+)(?: \([A-Z0-9_]+\))? \|$", TEXT, re.MULTILINE))
+    assert told == {
+        "autopilot": "1",
+        "head: inertial, magnetic, pressure, GPS, altimeter": str(COMPONENT),
+        "Doppler log": str(device_messages.DVL_COMPONENT),
+        "battery's gauge": str(device_messages.BATTERY_COMPONENT),
+        "leak detector": str(device_messages.LEAK_COMPONENT),
+        "encoders at the duct": str(device_messages.DUCT_COMPONENT),
+    }
+
+
+def test_lines_carry_the_rates_that_the_table_gives() -> None:
+    told = re.findall(r"\| (\d+) \| (\d+) Hz \|", TEXT)
+    assert len(told) == 3
+    for baud, rate_hz in told:
+        assert timestep_for_line(f"serial:x:{baud}").tick_us == 1_000_000 / int(rate_hz)
+
+
+def test_sizes_are_those_of_the_wire() -> None:
+    sizes = {
+        name: dialect.by_name(name).struct.size + 12
+        for name in ("HIL_SENSOR", "HIL_ACTUATOR_CONTROLS")
+    }
+    assert f"{sizes['HIL_SENSOR']} bytes (HIL_SENSOR)" in TEXT
+    assert f"{sizes['HIL_ACTUATOR_CONTROLS']} (HIL_ACTUATOR_CONTROLS)" in TEXT
+
+
+def test_every_parameter_that_is_named_exists() -> None:
+    known = {parameter.name for parameter in PARAMETERS}
+    named = set(re.findall(r"`((?:MAV|FS|ACT|TRIM|HLTH|EST)_[A-Z_]+)`", TEXT))
+    assert len(named) >= 8
+    assert named <= known
+
+
+def test_the_watchdog_is_the_one_told() -> None:
+    assert f"heard nothing for {ACTUATOR_TIMEOUT_S:g} s**" in TEXT

@@ -1,0 +1,145 @@
+"""A serial line that is pulled out, put back, blocked and missing: over pseudo terminals."""
+
+import os
+import select
+import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from mavlink_io.transport import AddressError, SerialTransport, open_transport, wait
+from mavlink_io.transport.serial_line import BACKLOG_BYTES, REOPEN_S
+from tests.helpers.pty_pair import Line, line
+
+BAUD = 115_200
+PATIENCE_S = 10.0
+
+
+@pytest.fixture
+def cable(tmp_path: Path) -> Iterator[Line]:
+    with line(tmp_path, BAUD) as laid:
+        yield laid
+
+
+def opened(cable: Line, end: str, told: list[str], *, awaited: bool = False) -> SerialTransport:
+    return SerialTransport(
+        f"serial:{end}", cable.device[end], BAUD, awaited=awaited, tell=told.append
+    )
+
+
+def until(happened: Callable[[], bool], transport: SerialTransport) -> None:
+    """Wait on a transport, as its owner does, until something has happened."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not happened():
+        assert time.monotonic() < deadline_s
+        if wait([transport], 0.02):
+            transport.receive()
+
+
+def test_a_line_that_was_unplugged_comes_back(cable: Line) -> None:
+    told: list[str] = []
+    with (
+        closing(opened(cable, "vehicle", told)) as vehicle,
+        closing(opened(cable, "ground", [])) as ground,
+    ):
+        cable.unplug("vehicle")
+        until(lambda: bool(told), vehicle)
+        assert vehicle.handles() == ()
+        vehicle.send(b"into the sea")
+        assert vehicle.receive() == b""
+        cable.plug("vehicle")
+        until(lambda: len(told) == 2, vehicle)
+        assert [text.split(" (")[0] for text in told] == [
+            "serial:vehicle: lost",
+            "serial:vehicle: back",
+        ]
+        vehicle.send(b"here again")
+        assert wait([ground], PATIENCE_S) == [ground]
+        assert ground.receive().startswith(b"here")
+
+
+def test_a_loss_that_shows_in_writing_is_told_once(cable: Line) -> None:
+    told: list[str] = []
+    with closing(opened(cable, "vehicle", told)) as vehicle:
+        cable.unplug("vehicle")
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not told:
+            assert time.monotonic() < deadline_s
+            vehicle.send(b"anybody there")
+        vehicle.send(b"nobody")
+        assert len(told) == 1
+        assert told[0].startswith("serial:vehicle: lost")
+
+
+def test_a_lost_line_is_tried_once_a_second(cable: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s, attempts = [100.0], 0
+    monkeypatch.setattr("link.transport.serial_line.wall_s", lambda: now_s[0])
+    told: list[str] = []
+    with closing(opened(cable, "vehicle", told)) as vehicle:
+
+        def refused() -> None:
+            nonlocal attempts
+            attempts += 1
+            raise OSError("not yet")
+
+        monkeypatch.setattr(vehicle, "_open", refused)
+        cable.unplug("vehicle")
+        until(lambda: bool(told), vehicle)
+        for _ in range(1000):
+            now_s[0] += 0.01
+            assert vehicle.handles() == ()
+        assert round(10.0 / REOPEN_S) - 1 <= attempts <= round(10.0 / REOPEN_S)
+
+
+def test_writing_to_a_blocked_line_never_waits_and_cuts_no_send() -> None:
+    far, near = os.openpty()
+    tty.setraw(near)
+    blocks = [b"<%06d>" % n * 8 for n in range(20_000)]
+    with closing(open_transport(f"serial:{os.ttyname(near)}:{BAUD}")) as transport:
+        began_s = time.monotonic()
+        for block in blocks:
+            transport.send(block)
+        assert time.monotonic() - began_s < 2.0
+        read = b""
+        while select.select((far,), (), (), 0.3)[0]:
+            read += os.read(far, 65_536)
+            transport.handles()
+    os.close(far)
+    os.close(near)
+    assert len(read) >= BACKLOG_BYTES
+    size = len(blocks[0])
+    arrived = [read[at : at + size] for at in range(0, len(read) - size, size)]
+    assert set(arrived) <= set(blocks)
+    assert arrived == sorted(arrived)
+
+
+def test_a_device_that_does_not_exist_is_an_error_or_waited_for(cable: Line) -> None:
+    cable.unplug("vehicle")
+    with pytest.raises(AddressError, match=r"serial:vehicle.*No such file"):
+        opened(cable, "vehicle", [])
+    told: list[str] = []
+    with closing(opened(cable, "vehicle", told, awaited=True)) as vehicle:
+        assert told == ["serial:vehicle: not there yet; trying every second"]
+        cable.plug("vehicle")
+        until(lambda: told[1:] == ["serial:vehicle: back"], vehicle)
+
+
+@pytest.mark.parametrize("awaited", [False, True])
+def test_what_is_no_serial_line_or_taken_is_an_error_all_the_same(
+    cable: Line, awaited: bool
+) -> None:
+    with pytest.raises(AddressError, match="/dev/null"):
+        open_transport("serial:/dev/null:57600", awaited=awaited)
+    with closing(opened(cable, "vehicle", [])), pytest.raises(AddressError, match="lock"):
+        opened(cable, "vehicle", [], awaited=awaited)
+
+
+def test_a_closed_line_stays_closed(cable: Line) -> None:
+    vehicle = opened(cable, "vehicle", [])
+    vehicle.close()
+    assert vehicle.handles() == ()
+    assert vehicle.receive() == b""
+    vehicle.send(b"x")

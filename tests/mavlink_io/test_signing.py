@@ -1,0 +1,244 @@
+"""Signatures against pymavlink's, which nobody here wrote, in both directions; and the rules on
+timestamps."""
+
+import stat
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
+
+from mavlink_io import dialect
+from mavlink_io.codec import SIGNED_FLAG, Frame, Framer, encode
+from mavlink_io.endpoint import Endpoint
+from mavlink_io.signing import (
+    EPOCH_UNIX_S,
+    UNITS_PER_S,
+    KeyFileError,
+    Signing,
+    Timestamp,
+    key_from_passphrase,
+    load_key,
+    save_key,
+)
+from tests.mavlink_io.test_endpoint import Inbox
+
+KEY, OTHER_KEY = key_from_passphrase("under the ice"), key_from_passphrase("over the ice")
+NOW_S = 1_700_000_000.0
+NOW = round((NOW_S - EPOCH_UNIX_S) * UNITS_PER_S)
+HEARTBEAT = dialect.by_name("HEARTBEAT")
+VALUES = (0, 12, 0, 1, 3, 3)
+
+
+def peer(key: bytes = KEY, timestamp: int = NOW, link_id: int = 3) -> Any:
+    """Pymavlink's own end of a signed link, as system 7."""
+    other = mavlink.MAVLink(None, srcSystem=7, srcComponent=9)
+    other.robust_parsing = True
+    other.signing.secret_key, other.signing.link_id, other.signing.timestamp = (
+        key,
+        link_id,
+        timestamp,
+    )
+    other.signing.sign_outgoing = True
+    return other
+
+
+def beat(other: Any) -> bytes:
+    return bytes(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3).pack(other))
+
+
+def framed(raw: bytes) -> Frame:
+    (frame,) = Framer().feed(raw)
+    return frame
+
+
+def signing(key: bytes = KEY, unix_s: float = NOW_S) -> Signing:
+    return Signing(key, 5, Timestamp(unix_s=lambda: unix_s))
+
+
+def signed(signer: Signing) -> bytes:
+    return signer.sign(encode(HEARTBEAT, VALUES, 0, 1, 1, SIGNED_FLAG))
+
+
+@given(
+    st.binary(min_size=32, max_size=32),
+    st.integers(0, 255),
+    st.floats(EPOCH_UNIX_S, EPOCH_UNIX_S + 2.8e9),
+)
+def test_pymavlink_makes_the_same_signature(key: bytes, link_id: int, unix_s: float) -> None:
+    ours = Signing(key, link_id, Timestamp(unix_s=lambda: unix_s)).sign(
+        encode(HEARTBEAT, VALUES, 0, 7, 9, SIGNED_FLAG)
+    )
+    stamp = int.from_bytes(ours[-12:-6], "little")
+    assert abs(stamp - (unix_s - EPOCH_UNIX_S) * UNITS_PER_S) <= 2
+    theirs = mavlink.MAVLink_heartbeat_message(12, 0, 1, 0, 3, 3).pack(peer(key, stamp, link_id))
+    assert ours == theirs
+
+
+def test_pymavlink_accepts_what_we_sign_and_no_other_key() -> None:
+    signer, stranger = signing(), signing(OTHER_KEY)
+    listener = peer()
+    listener.signing.timestamp = NOW
+    for _ in range(3):
+        assert listener.parse_buffer(signed(signer))[0].get_type() == "HEARTBEAT"
+    assert listener.parse_buffer(signed(stranger))[0].get_type() == "BAD_DATA"
+
+
+def test_what_pymavlink_signs_is_accepted_once() -> None:
+    ours, theirs = signing(), peer()
+    first, second = framed(beat(theirs)), framed(beat(theirs))
+    assert ours.accepts(first)
+    assert not ours.accepts(first), "said again"
+    assert ours.accepts(second)
+    assert not ours.accepts(first), "said later"
+    assert ours.refused_frames == 2
+
+
+@pytest.mark.parametrize("field", [0, 12, -13, -7, -1])
+def test_a_signature_covers_every_byte(field: int) -> None:
+    raw = bytearray(beat(peer()))
+    frame = framed(bytes(raw))
+    raw[field] ^= 1
+    assert signing().accepts(frame)
+    assert not signing().accepts(frame._replace(raw=bytes(raw)))
+
+
+def test_what_is_not_signed_or_with_another_key_does_not_count() -> None:
+    ours = signing()
+    assert not ours.accepts(framed(encode(HEARTBEAT, VALUES, 0, 7, 9)))
+    assert not ours.accepts(framed(beat(peer(OTHER_KEY))))
+
+
+def test_a_radio_may_tell_of_itself_without_a_key() -> None:
+    plain = peer()
+    plain.signing.sign_outgoing = False
+    status = mavlink.MAVLink_radio_status_message(100, 100, 90, 20, 20, 0, 0)
+    assert signing().accepts(framed(status.pack(plain)))
+    plain.signing.sign_outgoing, plain.signing.secret_key = True, OTHER_KEY
+    assert not signing().accepts(framed(status.pack(plain)))
+
+
+@pytest.mark.parametrize(("behind_s", "accepted"), [(59.9, True), (60.1, False), (-3600.0, True)])
+def test_a_stream_may_begin_a_minute_behind_at_most(behind_s: float, accepted: bool) -> None:
+    assert (
+        signing().accepts(framed(beat(peer(timestamp=NOW - round(behind_s * UNITS_PER_S)))))
+        is accepted
+    )
+
+
+def test_each_stream_grows_by_itself() -> None:
+    ours = signing()
+    assert ours.accepts(framed(beat(peer(timestamp=NOW + 10, link_id=1))))
+    assert ours.accepts(framed(beat(peer(timestamp=NOW + 5, link_id=2))))
+    assert not ours.accepts(framed(beat(peer(timestamp=NOW + 4, link_id=2))))
+
+
+def test_time_moves_on_to_that_of_whoever_is_ahead_and_is_known_to_hold_the_key() -> None:
+    ours = signing()
+    ahead = NOW + 3600 * UNITS_PER_S
+    ours.accepts(framed(beat(peer(OTHER_KEY, timestamp=ahead))))
+    assert stamp(signed(ours)) < ahead
+    ours.accepts(framed(beat(peer(timestamp=ahead))))
+    assert stamp(signed(ours)) > ahead
+
+
+def stamp(raw: bytes) -> int:
+    return int.from_bytes(framed(raw).signature[1:7], "little")
+
+
+@given(st.lists(st.one_of(st.just("send"), st.floats(-1e6, 1e6)), max_size=40))
+def test_no_two_frames_have_one_timestamp_however_the_clock_is_set(steps: list[Any]) -> None:
+    unix_s = NOW_S
+    timestamp = Timestamp(unix_s=lambda: unix_s)
+    given_out = []
+    for step in steps:
+        if step == "send":
+            given_out.append(timestamp.next())
+        else:
+            unix_s += step
+    assert given_out == sorted(set(given_out))
+
+
+def test_a_timestamp_outlives_its_program(tmp_path: Path) -> None:
+    path = tmp_path / "state" / "timestamp"
+    first = Timestamp(path, lambda: NOW_S)
+    first.hear(NOW + 77)
+    first.save()
+    assert Timestamp(path, lambda: NOW_S - 1e6).next() == NOW + 78
+    older = Timestamp(None, lambda: NOW_S - 1e6)
+    older._path = path
+    older.save()
+    assert Timestamp(path, lambda: 0.0).next() == NOW + 78, (
+        "another program's newer one was taken back"
+    )
+    path.write_text("what?")
+    assert Timestamp(path, lambda: NOW_S).next() == NOW
+    assert [file.name for file in path.parent.iterdir()] == ["timestamp"]
+
+
+def test_a_timestamp_is_kept_once_a_minute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wall_s = [0.0]
+    monkeypatch.setattr("link.clock.wall_s", lambda: wall_s[0])
+    path = tmp_path / "timestamp"
+    timestamp = Timestamp(path, lambda: NOW_S + wall_s[0])
+    timestamp._save._now = lambda: wall_s[0]
+    timestamp._save.hasten()
+    kept = set()
+    for second in range(181):
+        wall_s[0] = float(second)
+        timestamp.next()
+        timestamp.save_when_due()
+        kept.add(path.read_text())
+    assert len(kept) == 4
+
+
+def test_an_endpoint_hears_only_those_with_the_key() -> None:
+    plain = encode(HEARTBEAT, VALUES, 0, 9, 9)
+    endpoint = Endpoint(
+        Inbox(plain + beat(peer()) + beat(peer(OTHER_KEY))), 1, 1, Signing(KEY, 0, Timestamp(None))
+    )
+    now = round((time.time() - EPOCH_UNIX_S) * UNITS_PER_S)
+    endpoint.transport = Inbox(
+        plain + beat(peer(timestamp=now)) + beat(peer(OTHER_KEY, timestamp=now))
+    )
+    assert [(f.system, f.component) for f in endpoint.receive()] == [(7, 9)]
+    assert endpoint.lost_frames == 0
+
+
+@given(
+    st.lists(st.tuples(st.binary(max_size=30), st.booleans()), min_size=1, max_size=8), st.data()
+)
+def test_signed_frames_come_whole_out_of_noise(
+    parts: list[tuple[bytes, bool]], data: st.DataObject
+) -> None:
+    signer = signing()
+    frames = [signed(signer) if sign else encode(HEARTBEAT, VALUES, 0, 1, 1) for _, sign in parts]
+    stream = b"".join(
+        noise + frame for (noise, _), frame in zip(parts, frames, strict=True)
+    ) + bytes(300)
+    cut = data.draw(st.integers(0, len(stream)))
+    framer = Framer()
+    heard = [frame.raw for part in (stream[:cut], stream[cut:]) for frame in framer.feed(part)]
+    assert [raw for raw in heard if raw in frames] == frames
+
+
+def test_keys_come_from_a_passphrase_or_as_they_are(tmp_path: Path) -> None:
+    file = tmp_path / "key"
+    file.write_text("under the ice\n")
+    assert load_key(file) == KEY
+    save_key(file, OTHER_KEY)
+    assert load_key(file) == OTHER_KEY
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize("text", [b"", b"\n", b"one\ntwo", b"\xff\xfe"])
+def test_a_file_without_a_key_is_named(tmp_path: Path, text: bytes) -> None:
+    file = tmp_path / "key"
+    file.write_bytes(text)
+    with pytest.raises(KeyFileError, match=r"key: (must hold one line|no text)"):
+        load_key(file)
+    with pytest.raises(KeyFileError, match="No such file"):
+        load_key(tmp_path / "none")

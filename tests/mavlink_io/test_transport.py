@@ -1,0 +1,199 @@
+"""Transports over real sockets and a real pseudo-terminal."""
+
+import os
+import socket
+import threading
+import tty
+from collections.abc import Iterator
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from mavlink_io.transport import (
+    AddressError,
+    LinkLostError,
+    MemoryTransport,
+    SerialTransport,
+    TcpServer,
+    Transport,
+    open_transport,
+    wait,
+)
+
+PATIENCE_S = 10.0
+
+
+def free_port(kind: int = socket.SOCK_STREAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def receive(transport: Transport) -> bytes:
+    assert wait([transport], PATIENCE_S) == [transport]
+    return transport.receive()
+
+
+@pytest.fixture
+def server() -> Iterator[TcpServer]:
+    with closing(TcpServer("tcpin:127.0.0.1:0", "127.0.0.1", 0)) as tcp:
+        yield tcp
+
+
+def client(server: TcpServer) -> Any:
+    connection = closing(open_transport(f"tcp:127.0.0.1:{server.port}"))
+    receive(server)
+    return connection
+
+
+def test_udp_answers_whoever_spoke() -> None:
+    port = free_port(socket.SOCK_DGRAM)
+    with (
+        closing(open_transport(f"udpin:127.0.0.1:{port}")) as vehicle,
+        closing(open_transport(f"udpout:127.0.0.1:{port}")) as one,
+        closing(open_transport(f"udpout:127.0.0.1:{port}")) as two,
+    ):
+        vehicle.send(b"to nobody yet")
+        one.send(b"first")
+        assert receive(vehicle) == b"first"
+        two.send(b"second")
+        assert receive(vehicle) == b"second"
+        vehicle.send(b"to both")
+        assert (receive(one), receive(two)) == (b"to both", b"to both")
+
+
+def test_nothing_to_receive_is_no_bytes() -> None:
+    port = free_port(socket.SOCK_DGRAM)
+    with closing(open_transport(f"udpin:127.0.0.1:{port}")) as transport:
+        assert wait([transport], 0.0) == []
+        assert transport.receive() == b""
+
+
+def test_wait_names_those_that_are_ready() -> None:
+    with (
+        closing(open_transport("memory:a")) as a,
+        closing(open_transport("memory:a")) as far_a,
+        closing(open_transport("memory:b")) as b,
+        closing(open_transport("memory:b")) as far_b,
+    ):
+        far_b.send(b"x")
+        assert wait([a, b], PATIENCE_S) == [b]
+        far_a.send(b"y")
+        assert wait([a, b], PATIENCE_S) == [a, b]
+
+
+def test_a_tcp_server_serves_every_client(server: TcpServer) -> None:
+    with client(server) as one, client(server) as two:
+        server.send(b"to all")
+        assert (receive(one), receive(two)) == (b"to all", b"to all")
+        one.send(b"from one")
+        assert receive(server) == b"from one"
+
+
+def test_a_tcp_server_outlives_its_clients(server: TcpServer) -> None:
+    with client(server):
+        pass
+    with client(server) as other:
+        server.send(b"still here")
+        assert receive(other) == b"still here"
+
+
+def test_tcp_loses_nothing_and_pushes_back(server: TcpServer) -> None:
+    blocks = [bytes([n % 256]) * 50_000 for n in range(400)]
+    received = bytearray()
+    with client(server) as ground:
+
+        def read_slowly() -> None:
+            while len(received) < 400 * 50_000:
+                received.extend(receive(ground))
+
+        reader = threading.Thread(target=read_slowly)
+        reader.start()
+        for block in blocks:
+            server.send(block)
+        reader.join(PATIENCE_S)
+    assert bytes(received) == b"".join(blocks)
+
+
+def test_a_client_that_never_reads_is_dropped_in_the_end() -> None:
+    server = open_transport("tcpin:127.0.0.1:0", patience_s=0.05)
+    assert isinstance(server, TcpServer)
+    with closing(server), client(server):
+        for _ in range(200):
+            server.send(bytes(100_000))
+        assert len(server.handles()) == 1
+
+
+def test_a_closed_server_is_a_lost_link(server: TcpServer) -> None:
+    with client(server) as ground:
+        server.close()
+        assert wait([ground], PATIENCE_S) == [ground]
+        with pytest.raises(LinkLostError, match=r"^tcp:127.0.0.1:\d+: closed by the other end$"):
+            ground.receive()
+
+
+@pytest.fixture
+def serial_line() -> Iterator[tuple[int, SerialTransport]]:
+    far, near = os.openpty()
+    tty.setraw(near)
+    device = os.ttyname(near)
+    transport = open_transport(f"serial:{device}:57600")
+    assert isinstance(transport, SerialTransport)
+    with closing(transport):
+        os.close(near)
+        yield far, transport
+    os.close(far)
+
+
+def test_a_serial_line_carries_every_byte(serial_line: tuple[int, SerialTransport]) -> None:
+    far, transport = serial_line
+    every = bytes(range(256))
+    os.write(far, every)
+    received = b""
+    while len(received) < len(every):
+        received += receive(transport)
+    assert received == every
+    transport.send(every)
+    assert os.read(far, 4096) == every
+
+
+def test_a_memory_pair_keeps_datagrams_whole() -> None:
+    with (
+        closing(open_transport("memory:pair")) as one,
+        closing(open_transport("memory:pair")) as two,
+    ):
+        assert isinstance(one, MemoryTransport)
+        one.send(b"a")
+        one.send(b"b")
+        assert (two.receive(), two.receive(), two.receive()) == (b"a", b"b", b"")
+
+
+@pytest.mark.parametrize(
+    ("address", "complaint"),
+    [
+        ("", "expected udpin:HOST:PORT"),
+        ("14550", "expected udpin:HOST:PORT"),
+        ("udp:127.0.0.1:14550", "expected udpin:HOST:PORT"),
+        ("udpin:14550", "expected udpin:HOST:PORT"),
+        ("udpin:127.0.0.1:http", "'http' is no port number"),
+        ("udpin:127.0.0.1:70000", "'70000' is no port number"),
+        ("udpout:vehicle..example:14550", "'vehicle..example' is no host name"),
+        ("tcpin:é..:5760", "'é..' is no host name"),
+        ("serial:/dev/nothing:fast", "'fast' is no baud rate"),
+        ("serial:/dev/nothing:0", "'0' is no baud rate"),
+        ("serial:/dev/nothing:99999999999", "'99999999999' is no baud rate"),
+        ("serial:/dev/nothing:57600", "/dev/nothing"),
+        ("memory:", "expected udpin:HOST:PORT"),
+    ],
+)
+def test_a_bad_address_is_named_with_what_would_be_right(address: str, complaint: str) -> None:
+    with pytest.raises(AddressError) as error:
+        open_transport(address)
+    assert repr(address) in str(error.value)
+    assert complaint in str(error.value)
+
+
+def test_a_port_in_use_is_an_address_error(server: TcpServer) -> None:
+    with pytest.raises(AddressError, match="in use"):
+        open_transport(f"tcpin:127.0.0.1:{server.port}")

@@ -1,0 +1,33 @@
+"""Patience with an autopilot that never answers, on a link inside the test."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from mavlink_io.transport import Transport, open_transport
+from sitl.backends import lockstep
+from sitl.backends.hil import HilClient
+from sitl.backends.lockstep import AutopilotTimeoutError, Lockstep
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[Transport, Transport]]:
+    near, far = open_transport("memory:lockstep"), open_transport("memory:lockstep")
+    yield near, far
+    near.close()
+    far.close()
+
+
+def test_nobody_there_is_told_apart_from_somebody_gone(
+    ends: tuple[Transport, Transport], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lockstep, "FIRST_ANSWER_TIMEOUT_S", 0.1)
+    with pytest.raises(AutopilotTimeoutError, match="no autopilot has answered on memory:lockstep"):
+        Lockstep(HilClient(ends[0]), lambda: False).ask(b"sensors", 0)
+    assert ends[1].receive() == b"sensors"
+    assert ends[1].receive() == b"sensors"
+
+
+def test_a_stop_ends_the_wait(ends: tuple[Transport, Transport]) -> None:
+    answers = iter([False, False, True])
+    assert Lockstep(HilClient(ends[0]), lambda: next(answers)).ask(b"sensors", 0) is None

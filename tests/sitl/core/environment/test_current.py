@@ -1,0 +1,83 @@
+"""The current: layers, and the statistics of its variation."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.random import default_rng
+
+from sitl.core.environment import current
+from sitl.environment_schema import Current, CurrentLayer, Variation
+
+TICK_S = 0.02
+LAYERS = (
+    CurrentLayer(depth_m=2.0, speed_mps=0.4, towards_deg=90.0),
+    CurrentLayer(depth_m=6.0, speed_mps=0.2, towards_deg=0.0),
+)
+
+
+@pytest.mark.parametrize(
+    ("depth_m", "north", "west"),
+    [
+        (0.0, 0.0, -0.4),
+        (2.0, 0.0, -0.4),
+        (3.0, 0.05, -0.3),
+        (4.0, 0.1, -0.2),
+        (6.0, 0.2, 0.0),
+        (50.0, 0.2, 0.0),
+    ],
+)
+def test_layers_are_joined_by_straight_lines_and_go_on_above_and_below(
+    depth_m: float, north: float, west: float
+) -> None:
+    profile = current.profile(Current(layer=LAYERS))
+    assert current.steady_current(profile, -depth_m)[:2] == pytest.approx((north, west), abs=1e-15)
+
+
+@pytest.mark.parametrize("depth_m", [1.0, 3.0, 5.5, 8.0])
+def test_shear_is_the_change_of_velocity_per_metre_upwards(depth_m: float) -> None:
+    profile = current.profile(Current(layer=LAYERS))
+    north, west = (
+        (above - below) / 2e-3
+        for above, below in zip(
+            current.steady_current(profile, -depth_m + 1e-3)[:2],
+            current.steady_current(profile, -depth_m - 1e-3)[:2],
+            strict=True,
+        )
+    )
+    assert current.steady_current(profile, -depth_m)[2:] == pytest.approx((north, west), abs=1e-12)
+
+
+def test_a_steady_current_flows_where_it_is_said_to_at_every_depth() -> None:
+    profile = current.profile(Current(speed_mps=0.5, towards_deg=30.0))
+    for z_m in (0.0, -5.0, -500.0):
+        north, west, *shear = current.steady_current(profile, z_m)
+        assert (north, west) == pytest.approx((0.5 * math.cos(math.pi / 6), -0.25))
+        assert shear == [0.0, 0.0]
+
+
+def test_the_variation_has_its_rms_forgets_in_its_time_and_moves_as_its_acceleration_says() -> None:
+    """Correlation (1 + omega t) exp(-omega t), 1/e after the time constant; v' integrates to v."""
+    drift = current.current_drift(Variation(rms_mps=0.1, time_constant_s=2.0), TICK_S)
+    assert drift is not None
+    stream = default_rng(3)
+    swerve, velocity, rate = current.sample_stationary(stream), [], []
+    for _ in range(400_000):
+        swerve = current.advance(drift, swerve, stream)
+        v, a = current.variation_motion(drift, swerve)
+        velocity.append(v)
+        rate.append(a)
+    v, a = np.array(velocity), np.array(rate)
+    assert v.std(axis=0)[:2] == pytest.approx([0.1, 0.1], rel=0.03)
+    assert (v[:, 2] == 0.0).all()
+    for seconds, correlation in ((0.5, 0.897), (2.0, math.exp(-1.0)), (4.0, 0.0725)):
+        lag = round(seconds / TICK_S)
+        found = [np.mean(v[lag:, i] * v[:-lag, i]) / np.mean(v[:, i] ** 2) for i in range(2)]
+        assert np.mean(found) == pytest.approx(correlation, abs=0.03)
+    assert abs(np.corrcoef(v[:, 0], v[:, 1])[0, 1]) < 0.03
+    gained = TICK_S * 0.5 * (a[1:] + a[:-1])
+    assert np.std(np.diff(v, axis=0)[:, :2] - gained[:, :2]) < 0.1 * np.std(gained[:, :2])
+
+
+def test_without_rms_there_is_no_variation() -> None:
+    assert current.current_drift(Variation(), TICK_S) is None

@@ -1,0 +1,262 @@
+"""The water at the hull: acceleration along a particle's path, what a hull makes of it, and calm
+that costs nothing."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.random import default_rng
+from numpy.typing import NDArray
+
+from mavlink_io.records import ActuatorFrame
+from sitl import scenario
+from sitl.core import environment, plant, timestep
+from sitl.core.environment import current, field
+from sitl.core.environment.field import WaterField
+from sitl.environment_schema import (
+    Current,
+    CurrentLayer,
+    FloorTable,
+    Ice,
+    Variation,
+    WaterTable,
+    Waves,
+)
+from sitl.scenario import Scenario, StartTable
+from sitl.vehicle import config, dynamics
+from tests.reference import bodies
+from tests.sitl.vehicle import flight
+
+Array = NDArray[np.float64]
+NOTHING = (0.0, 0.0, 0.0)
+ROUGH = Scenario(
+    current=Current(
+        layer=(
+            CurrentLayer(depth_m=0.0, speed_mps=0.6, towards_deg=30.0),
+            CurrentLayer(depth_m=10.0, speed_mps=0.1, towards_deg=150.0),
+        )
+    ),
+    waves=Waves(significant_height_m=1.0, peak_period_s=5.0, spreading=6.0, from_deg=70.0),
+)
+SWERVE, SWERVING = np.array([0.1, -0.2, 0.0]), np.array([0.03, 0.02, 0.0])
+LONG_WAVE = Waves(
+    spectrum="pierson-moskowitz", significant_height_m=1.0, peak_period_s=8.0, components=1
+)
+
+
+def sea_of(what: Scenario, half_length_m: float = 1.0, seed: int = 1) -> WaterField:
+    sea = environment.build(what, bodies.GRAVITY_MPS2, timestep.TICK_S, half_length_m)
+    return environment.initial_weather(sea, default_rng(seed), default_rng(seed)).field
+
+
+def velocity(sea: WaterField, place: Array, time_s: float) -> Array:
+    swerve = SWERVE + SWERVING * (time_s - 3.0)
+    return np.array(field.flow(sea, tuple(place), time_s, tuple(swerve), tuple(SWERVING))[0])
+
+
+@given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(0.1, 9.0))
+def test_the_acceleration_is_that_of_a_particle_of_the_water(
+    north: float, west: float, depth_m: float
+) -> None:
+    """A particle's velocity a little before and after, on its path, in waves on a sheared and
+    swerving current."""
+    sea, place, h = sea_of(ROUGH), np.array([north, west, -depth_m]), 1e-4
+    v = velocity(sea, place, 3.0)
+    _, acceleration, _ = field.flow(sea, tuple(place), 3.0, tuple(SWERVE), tuple(SWERVING))
+    bend = 0.5 * h * h * np.array(acceleration)
+    later, earlier = (
+        velocity(sea, place + h * v + bend, 3.0 + h),
+        velocity(sea, place - h * v + bend, 3.0 - h),
+    )
+    np.testing.assert_allclose(acceleration, (later - earlier) / (2 * h), atol=1e-5)
+
+
+def test_who_drifts_with_the_surface_meets_waves_as_if_there_were_no_current() -> None:
+    waves = Waves(significant_height_m=1.0, peak_period_s=5.0, from_deg=70.0)
+    still = sea_of(Scenario(waves=waves))
+    flowing = sea_of(Scenario(waves=waves, current=Current(speed_mps=0.8, towards_deg=0.0)))
+    for time_s in (0.0, 2.0, 30.0):
+        at_rest = field.flow(still, (3.0, 4.0, -2.0), time_s, NOTHING, NOTHING)
+        adrift = field.flow(flowing, (3.0 + 0.8 * time_s, 4.0, -2.0), time_s, NOTHING, NOTHING)
+        np.testing.assert_allclose(np.array(adrift[0]) - (0.8, 0.0, 0.0), at_rest[0], atol=1e-12)
+        np.testing.assert_allclose(adrift[1], at_rest[1], atol=1e-12)
+
+
+def test_a_pitched_hull_in_a_sheared_current_lies_in_water_that_turns() -> None:
+    """Twenty degrees nose up: shear times the height that a metre forward gains."""
+    layers = tuple(
+        CurrentLayer(depth_m=z, speed_mps=v, towards_deg=0.0) for z, v in ((0.0, 0.5), (10.0, 0.0))
+    )
+    sea, body = sea_of(Scenario(current=Current(layer=layers)), 1.7), dynamics.state_at_rest(-4.0)
+    body[3:7] = math.cos(math.radians(10.0)), 0.0, -math.sin(math.radians(10.0)), 0.0
+    water, _ = field.sample(sea, body, 0.0, 0.0, NOTHING, NOTHING)
+    assert water.velocity_mps == pytest.approx((0.3, 0.0, 0.0))
+    assert water.slope_per_s == pytest.approx((0.05 * math.sin(math.radians(20.0)), 0.0, 0.0))
+
+
+def test_mean_and_slope_along_the_hull_are_those_of_the_least_squares_line() -> None:
+    sea, body, half = sea_of(ROUGH, 1.7), dynamics.state_at_rest(-2.0), 1.7
+    water, _ = field.sample(sea, body, 0.0, 3.0, NOTHING, NOTHING)
+    x = np.linspace(-half, half, 401)
+    along = np.array([field.flow(sea, (at, 0.0, -2.0), 3.0, NOTHING, NOTHING)[0] for at in x])
+    slope, mean = np.polyfit(x, along, 1)
+    np.testing.assert_allclose(water.velocity_mps, mean, atol=2e-3)
+    np.testing.assert_allclose(water.slope_per_s, slope, atol=2e-3)
+
+
+def test_pressure_under_waves_is_what_moves_the_water_and_vanishes_at_the_surface() -> None:
+    """Linearised Euler: rho v_t = -grad p; and no gauge pressure at the elevation, to second
+    order."""
+    waves = Waves(significant_height_m=0.1, peak_period_s=5.0, from_deg=70.0)
+    what = Scenario(waves=waves)
+    sea = environment.build(what, bodies.GRAVITY_MPS2, timestep.TICK_S)
+    own = environment.initial_weather(sea, default_rng(1), default_rng(1))
+    h = 1e-4
+
+    def gauge_pa(place: Array) -> float:
+        body = dynamics.state_at_rest()
+        body[:3] = place
+        wave_pa = environment.sample_water(sea, own, body, 3.0).wave_pressure_pa
+        return 100.0 * (
+            environment.pressure_hpa(sea, -place[2], wave_pa) - sea.surface_pressure_hpa
+        )
+
+    place = np.array([2.0, 5.0, -3.0])
+    gradient = [(gauge_pa(place + h * e) - gauge_pa(place - h * e)) / (2 * h) for e in np.eye(3)]
+    north, west, up = field.flow(own.field, tuple(place), 3.0, NOTHING, NOTHING)[2].change
+    expected = -1025.0 * np.array([north, west, up + sea.gravity_mps2])
+    np.testing.assert_allclose(gradient, expected, rtol=1e-5, atol=0.02)
+    elevation = field.flow(own.field, (2.0, 5.0, 0.0), 3.0, NOTHING, NOTHING)[2].elevation_m
+    assert abs(elevation) > 0.01
+    assert gauge_pa(np.array([2.0, 5.0, elevation])) == pytest.approx(0.0, abs=2.0)
+
+
+@pytest.mark.parametrize("heading", [0.0, 90.0, 200.0])
+def test_waves_draw_a_hull_near_the_surface_upwards(heading: float) -> None:
+    """Mean Dv/Dt at a place: k omega^2 a^2 exp(-2 k h) upwards, for a hull short against the wave
+    (Ogilvie 1963)."""
+    sea, body = (
+        sea_of(Scenario(waves=LONG_WAVE, floor=FloorTable(depth_m=500.0)), 0.5),
+        dynamics.state_at_rest(-1.5),
+    )
+    body[3], body[6] = math.cos(math.radians(heading) / 2), -math.sin(math.radians(heading) / 2)
+    _, _, k, omega, a, _, _ = sea.sea[0]
+    times = np.arange(64) / 64 * 2.0 * math.pi / omega
+    lift = [field.sample(sea, body, 0.0, t, NOTHING, NOTHING)[0].acceleration_mps2 for t in times]
+    expected = k * omega**2 * a**2 * math.exp(-2.0 * k * 1.5)
+    assert np.mean(lift, axis=0) == pytest.approx((0.0, 0.0, expected), rel=0.01, abs=1e-6)
+
+
+def test_a_neutral_body_goes_where_the_water_goes() -> None:
+    """A small neutral sphere against a particle followed by differences, two minutes of a swell:
+    orbit and drift.
+
+    The particle itself drifts by a^2 omega k exp(-2 k h) (Stokes 1847).
+    """
+    sea = sea_of(Scenario(waves=LONG_WAVE, floor=FloorTable(depth_m=500.0)), 0.05)
+    body, state, particle = (
+        bodies.spheroid(0.1, 0.1),
+        dynamics.state_at_rest(-4.0),
+        np.array([0.0, 0.0, -4.0]),
+    )
+    work, push, tick = dynamics.work_array(), np.zeros(6), 0.01
+    state[7:10] = field.flow(sea, (0.0, 0.0, -4.0), 0.0, NOTHING, NOTHING)[0]
+    for n in range(12_000):
+        water, _ = field.sample(sea, state, tick / 2, (n + 0.5) * tick, NOTHING, NOTHING)
+        dynamics.rk4_step(state, 0.0, 0.0, 0.0, push, water, tick, body, work)
+        half = particle + tick / 2 * np.array(
+            field.flow(sea, tuple(particle), n * tick, NOTHING, NOTHING)[0]
+        )
+        particle = particle + tick * np.array(
+            field.flow(sea, tuple(half), (n + 0.5) * tick, NOTHING, NOTHING)[0]
+        )
+    drifted = math.hypot(particle[0], particle[1])
+    _, _, k, omega, a, _, _ = sea.sea[0]
+    assert drifted == pytest.approx(120.0 * a**2 * omega * k * math.exp(-8.0 * k), abs=0.5 * a)
+    np.testing.assert_allclose(state[:3], particle, atol=0.02 * drifted)
+
+
+@pytest.mark.parametrize("name", ["calm", "disturbed", "under_ice"])
+def test_uniform_water_is_not_computed_and_draws_nothing(name: str) -> None:
+    sea = environment.build(scenario.load(name), 9.81, timestep.TICK_S)
+    swell, drift = default_rng(1), default_rng(2)
+    before: Any = swell.bit_generator.state, drift.bit_generator.state
+    own = environment.advance(sea, environment.initial_weather(sea, swell, drift), drift)
+    assert (swell.bit_generator.state, drift.bit_generator.state) == before
+    assert environment.sample_water(sea, own, dynamics.state_at_rest(-3.0), 5.0) is sea.uniform
+
+
+def test_what_is_told_of_uniform_water_is_what_the_field_says() -> None:
+    what = Scenario(
+        current=Current(speed_mps=0.4, towards_deg=50.0),
+        ice=Ice(draft_m=0.5),
+        floor=FloorTable(depth_m=12.0),
+    )
+    sea = environment.build(what, 9.81, timestep.TICK_S, 1.0, 1000.0)
+    assert sea.uniform is not None
+    water, wave_pa = field.sample(
+        sea.field, dynamics.state_at_rest(-3.0), 0.02, 5.0, NOTHING, NOTHING
+    )
+    assert wave_pa == sea.uniform.wave_pressure_pa == 0.0
+    for told, found in zip(sea.uniform.water, water, strict=True):
+        np.testing.assert_allclose(found, told, atol=1e-15)
+
+
+def test_each_kind_of_weather_draws_from_its_own_stream() -> None:
+    restless = Scenario(current=Current(variation=Variation(rms_mps=0.1)))
+    for what, draws in ((restless, (False, True)), (Scenario(waves=LONG_WAVE), (True, False))):
+        sea = environment.build(what, 9.81, timestep.TICK_S)
+        used, fresh = plant.random_streams(3), plant.random_streams(3)
+        environment.advance(
+            sea, environment.initial_weather(sea, used.swell, used.drift), used.drift
+        )
+        assert (
+            used.swell.random() != fresh.swell.random(),
+            used.drift.random() != fresh.drift.random(),
+        ) == draws
+
+
+def test_the_same_seed_flies_the_same_dive_through_waves_and_another_seed_another() -> None:
+    vehicle = plant.build(config.load("caribou_truth"), scenario.load("swell"))
+    idle = ActuatorFrame(0, 1, (0.4, 0.0, 0.58, *(0.0,) * 13), 129)
+
+    def end(seed: int) -> tuple[float, ...]:
+        streams = plant.random_streams(seed)
+        state, _ = plant.initial_state(vehicle, streams)
+        for _ in range(250):
+            state, _ = plant.step(vehicle, state, idle, streams)
+        return tuple(state.body.tolist())
+
+    assert end(1) == end(1)
+    assert end(1) != end(2)
+
+
+def test_she_starts_in_the_water_of_her_depth() -> None:
+    deep = Scenario(
+        start=StartTable(depth_m=4.0, speed_mps=1.0, heading_deg=90.0), current=ROUGH.current
+    )
+    vehicle = plant.build(config.load("caribou_truth"), deep)
+    state, _ = plant.initial_state(vehicle, plant.random_streams(1))
+    north, west, _, _ = current.steady_current(vehicle.sea.field.profile, -4.0)
+    np.testing.assert_allclose(state.truth.velocity_ned_mps, (north, 1.0 - west, 0.0), atol=1e-12)
+    np.testing.assert_allclose(state.truth.water_velocity_ned_mps, (north, -west, 0.0), atol=1e-12)
+
+
+@pytest.mark.parametrize(("density_kgpm3", "sinks"), [(1005.0, True), (1040.0, False)])
+def test_fresh_water_carries_less_and_brine_more(density_kgpm3: float, sinks: bool) -> None:
+    """Net force at rest: rho / 1025 of the buoyancy less the weight."""
+    what = Scenario(start=StartTable(depth_m=8.0), water=WaterTable(density_kgpm3=density_kgpm3))
+    vehicle = plant.build(config.load("caribou_nominal"), what)
+    state, _ = plant.initial_state(vehicle, plant.random_streams(1))
+    h, inertia = (
+        flight.model("caribou_nominal").hydrostatics,
+        flight.model("caribou_nominal").inertia,
+    )
+    force = np.array(state.truth.specific_force_mps2)
+    net = density_kgpm3 / 1025.0 * h.buoyancy_n - h.weight_n
+    sinking = force[2] + h.gravity_mps2
+    assert (sinking > 0.0) == sinks == (net < 0.0)
+    assert sinking == pytest.approx(-net / inertia.M[2, 2], rel=1e-3)

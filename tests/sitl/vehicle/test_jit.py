@@ -1,0 +1,63 @@
+"""Cached machine code is never older than the physics it was made from."""
+
+import importlib.util
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+from sitl.vehicle import jit
+
+SOURCE = """
+from sitl.vehicle.kernel import entry_point
+
+
+@entry_point
+def doubled(x):
+    return 2.0 * x
+"""
+
+
+def load(path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_cache_older_than_the_physics_is_dropped(tmp_path):
+    path = tmp_path / "doubling.py"
+    path.write_text(SOURCE)
+    assert load(path).doubled(2.0) == 4.0
+    (index,) = tmp_path.rglob("doubling.doubled-*.nbi")
+    os.utime(index, ns=(0, jit._NEWEST_PHYSICS_NS - 1))
+    load(path)
+    assert not index.exists()
+
+
+def test_a_cache_newer_than_the_physics_is_used(tmp_path):
+    path = tmp_path / "doubling.py"
+    path.write_text(SOURCE)
+    load(path).doubled(2.0)
+    again = load(path).doubled
+    assert again(2.0) == 4.0
+    assert sum(again.stats.cache_hits.values()) == 1
+
+
+class One(NamedTuple):
+    number: float
+
+
+class Two(NamedTuple):
+    number: float
+
+
+def test_what_is_cached_of_one_type_does_not_name_another():
+    # Reading an index imports the modules of all types in it: the simulator would load whoever else
+    # packs a value.
+    for kind in (One, Two):
+        jit.native(kind(1.0))
+    packer = jit._packer(One)
+    indices = Path(packer.stats.cache_path).glob(f"kernel.{packer.py_func.__qualname__}-*.nbi")
+    (content,) = [index.read_bytes() for index in indices]
+    assert b"One" in content
+    assert b"Two" not in content

@@ -1,0 +1,159 @@
+"""Loops by other means: python-control's margins and feedback, a true delay in time, the paper's
+poles."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sysid.control_analysis import loop_transfer, margins
+from sysid.control_analysis.loop_transfer import Lag
+from sysid.models import linear_planes
+from sysid.reproduction.paper_tables import (
+    TABLE_1_ADJUSTED,
+    TABLE_1_INITIAL,
+    TABLE_3_IMPROVED,
+    TABLE_3_INITIAL,
+)
+
+LAG = Lag(0.33)
+YAW, PITCH = linear_planes.yaw_plane(TABLE_1_ADJUSTED), linear_planes.pitch_plane(TABLE_1_ADJUSTED)
+S = control.tf("s")
+
+
+def transfer(
+    plane: linear_planes.LinearPlane, state: int, order: int = 6
+) -> control.TransferFunction:
+    """From command to a state, assembled by python-control."""
+    C = np.eye(plane.A.shape[0])[[state]]
+    body = control.ss2tf(control.ss(plane.A, plane.B[:, None], C, 0))
+    duct = 9.0 / (S**2 + 3.6 * S + 9.0) * control.tf(*control.pade(LAG.delay_s, order))
+    return body * duct
+
+
+def test_margins_are_python_controls() -> None:
+    g = TABLE_3_IMPROVED
+    loop = transfer(YAW, 2) * (g["HDG_P"] + g["HDG_I"] / S + g["HDG_D"] * S)
+    gm, pm, _, _, crossover, _ = control.stability_margins(control.minreal(loop, verbose=False))[:6]
+    _, _, sm, *_ = control.stability_margins(control.minreal(loop, verbose=False))
+    found = loop_transfer.margins(
+        loop_transfer.heading_loops(loop_transfer.responses(YAW, LAG), g)["rudder"]
+    )
+    assert found.gm_db == pytest.approx(20 * math.log10(gm), abs=0.05)
+    assert found.pm_deg == pytest.approx(pm, abs=0.2)
+    assert found.ms == pytest.approx(1 / sm, rel=5e-3)
+    assert np.isfinite(crossover)
+
+
+@pytest.mark.parametrize("gains", [TABLE_3_INITIAL, TABLE_3_IMPROVED])
+def test_poles_are_python_controls(gains: dict[str, float]) -> None:
+    g = gains
+    pitch = transfer(PITCH, 2, 4) * (g["PTCH_P"] + g["PTCH_D"] * S)
+    outer = -g["PTCH_P"] * (g["DPT_P"] + g["DPT_I"] / S) * transfer(PITCH, 3, 4)
+    closed = control.poles(control.minreal(1 / (1 + pitch + outer), tol=1e-4, verbose=False))
+    for pole in loop_transfer.poles(loop_transfer.close_depth(PITCH, LAG, g, 4)):
+        if abs(pole) < margins.MAX_POLE_RADPS:
+            assert np.min(np.abs(closed - pole)) < 1e-3 * max(1.0, abs(pole))
+
+
+def fly(
+    plane: linear_planes.LinearPlane, gains: dict[str, float], factor: float, seconds: float = 150.0
+) -> float:
+    """Heading loop with its gain scaled, simulated with a true delay: late amplitude over early
+    amplitude."""
+    dt = 0.005
+    late = round(LAG.delay_s / dt)
+    queue = [0.0] * late
+    x, angle, rate, integral = np.array([0.0, 0.0, 0.1]), 0.0, 0.0, 0.0
+    sizes = []
+    for _ in range(int(seconds / dt)):
+        integral -= gains["HDG_I"] * x[2] * dt
+        queue.append(factor * (-gains["HDG_P"] * x[2] - gains["HDG_D"] * x[1] + integral))
+        command = queue.pop(0)
+        rate += dt * (9.0 * (command - angle) - 3.6 * rate)
+        angle += dt * rate
+        x = x + dt * (plane.A @ x + plane.B * angle)
+        sizes.append(abs(x[2]))
+    third = len(sizes) // 3
+    return float(max(sizes[-third:]) / max(sizes[third : 2 * third]))
+
+
+def test_the_gain_margin_is_where_a_true_delay_loop_goes_unstable() -> None:
+    cut = loop_transfer.heading_loops(loop_transfer.responses(YAW, LAG), TABLE_3_IMPROVED)["rudder"]
+    limit = 10 ** (loop_transfer.margins(cut).gm_db / 20)
+    assert fly(YAW, TABLE_3_IMPROVED, 0.95 * limit) < 1.0
+    assert fly(YAW, TABLE_3_IMPROVED, 1.05 * limit) > 1.0
+
+
+@settings(max_examples=40)
+@given(st.floats(0.1, 2.5), st.floats(0.2, 5.0), st.floats(0.01, 0.1))
+def test_pade_poles_agree_with_nyquist_of_the_true_delay(p: float, d: float, i: float) -> None:
+    """Argument principle: over 0 < w < inf the phase of 1 + L grows by k pi/2 - Z pi, with k = 2
+    integrators in L."""
+    gains = {**TABLE_3_INITIAL, "HDG_P": p, "HDG_D": d, "HDG_I": i}
+    cut = loop_transfer.heading_loops(loop_transfer.responses(YAW, LAG), gains)["rudder"]
+    if np.min(np.abs(1 + cut)) < 0.05:
+        return  # too near the border for a grid to count
+    turned = np.unwrap(np.angle(1 + cut))
+    unstable_by_nyquist = round((math.pi - (turned[-1] - turned[0])) / math.pi)
+    poles = loop_transfer.poles(loop_transfer.close_heading(YAW, LAG, gains, order=6))
+    assert int(np.count_nonzero(poles.real > 0)) == unstable_by_nyquist
+
+
+def test_step_response_is_the_integrated_closed_loop() -> None:
+    closed = loop_transfer.close_depth(PITCH, LAG, TABLE_3_IMPROVED)
+    response = loop_transfer.step_response(closed, 3, 60.0)
+    system = control.ss(closed.A, closed.reference[:, None], np.eye(len(closed.A))[[3]], 0)
+    _, expected = control.step_response(system, T=np.arange(0, 60.0, 0.1))
+    np.testing.assert_allclose(response, np.squeeze(expected), atol=1e-6)
+    assert response[-1] == pytest.approx(1.0, abs=0.05)
+
+
+def test_the_initial_model_is_less_damped_under_a_longer_delay() -> None:
+    model = margins.Planes(
+        linear_planes.yaw_plane(TABLE_1_INITIAL), linear_planes.pitch_plane(TABLE_1_INITIAL)
+    )
+    dampings = [
+        margins.damping(
+            margins.analyse(model, TABLE_3_INITIAL, Lag(delay), Lag(delay)).poles["pitch"]
+        )
+        for delay in (0.1, 0.3, 0.5)
+    ]
+    assert dampings == sorted(dampings, reverse=True)
+
+
+def test_a_lag_that_is_undone_is_the_faster_lag() -> None:
+    """Exactly, where the tailcone is as believed: the frequency response and every pole."""
+    gains = {**TABLE_3_INITIAL, "ACT_LAG_W": 3.0, "ACT_LAG_Z": 0.6, "ACT_LEAD_W": 8.0}
+    faster = LAG._replace(natural_frequency_radps=8.0, damping_ratio=loop_transfer.LEAD_DAMPING)
+    for plane, cuts in ((YAW, loop_transfer.heading_loops), (PITCH, loop_transfer.depth_loops)):
+        undone, fast = (
+            cuts(loop_transfer.responses(plane, LAG), gains),
+            cuts(loop_transfer.responses(plane, faster), TABLE_3_INITIAL),
+        )
+        for name, loop in fast.items():
+            np.testing.assert_allclose(undone[name], loop, rtol=1e-9)
+    undone_poles = loop_transfer.poles(loop_transfer.close_heading(YAW, LAG, gains))
+    cancelled = np.roots([1.0, 2 * 0.6 * 3.0, 9.0])
+    expected = np.concatenate(
+        [loop_transfer.poles(loop_transfer.close_heading(YAW, faster, TABLE_3_INITIAL)), cancelled]
+    )
+    np.testing.assert_allclose(np.sort_complex(undone_poles), np.sort_complex(expected), rtol=1e-6)
+
+
+def test_the_lag_that_the_commands_undo_does_not_show() -> None:
+    """Its pair is there, beside the zeros that undo it; what shows is the faster lag's and the
+    loop's own."""
+    both, pair = margins.Planes(YAW, PITCH), 3.0 * (-0.6 + 0.8j)
+    lead = {**TABLE_3_INITIAL, "ACT_LAG_W": 3.0, "ACT_LAG_Z": 0.6, "ACT_LEAD_W": 6.0}
+    undone, whole = (margins.analyse(both, gains, LAG, LAG) for gains in (lead, TABLE_3_INITIAL))
+    for loop in ("heading", "pitch", "depth"):
+        assert min(abs(pole - pair) for pole in undone.poles[loop]) < 1e-6
+        assert min(abs(pole - pair) for pole in undone.shown[loop]) > 0.5
+        assert margins.damping(undone.shown[loop]) > margins.damping(whole.shown[loop])
+        assert margins.damping(whole.shown[loop]) == pytest.approx(
+            margins.damping(whole.poles[loop])
+        )

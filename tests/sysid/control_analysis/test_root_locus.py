@@ -1,0 +1,73 @@
+"""Root loci against the loops' own poles, the margins of their frequency responses, and a delay's
+textbook forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sysid.control_analysis import loop_transfer, root_locus
+from sysid.control_analysis.loop_transfer import Lag
+from sysid.models import linear_planes
+from sysid.reproduction.paper_tables import TABLE_1_INITIAL, TABLE_3_INITIAL
+
+LAG = Lag(0.3)
+YAW, PITCH = linear_planes.yaw_plane(TABLE_1_INITIAL), linear_planes.pitch_plane(TABLE_1_INITIAL)
+
+
+def test_a_locus_passes_through_the_loops_own_poles() -> None:
+    heading, depth = (
+        loop_transfer.close_heading(YAW, LAG, TABLE_3_INITIAL),
+        loop_transfer.close_depth(PITCH, LAG, TABLE_3_INITIAL),
+    )
+    opened = (
+        (heading, root_locus.open_at_duct(heading, 3)),
+        (depth, root_locus.open_at_duct(depth, 4)),
+        (depth, root_locus.open_at_depth(depth)),
+    )
+    for closed, cut in opened:
+        found = root_locus.poles(cut, np.array([0.5, 1.0, 2.0]))[1]
+        np.testing.assert_allclose(
+            np.sort_complex(found), np.sort_complex(loop_transfer.poles(closed)), atol=1e-9
+        )
+
+
+def test_the_locus_crosses_the_axis_at_the_gain_margin() -> None:
+    """The delay is Pade's there and a true one here."""
+    cut = root_locus.open_at_duct(
+        loop_transfer.close_heading(YAW, LAG, TABLE_3_INITIAL, order=6), 3
+    )
+    margins = loop_transfer.margins(
+        loop_transfer.heading_loops(loop_transfer.responses(YAW, LAG), TABLE_3_INITIAL)["rudder"]
+    )
+    limit = 10 ** (margins.gm_db / 20)
+    least = root_locus.damping(root_locus.poles(cut, np.array([0.99 * limit, 1.01 * limit])))
+    assert least[0] > 0.0 > least[1]
+
+
+def test_without_gain_the_poles_are_the_vehicles_and_the_tailcones() -> None:
+    cut = root_locus.open_at_duct(loop_transfer.close_heading(YAW, LAG, TABLE_3_INITIAL), 3)
+    found = root_locus.poles(cut, np.array([0.0, 1.0]))[0]
+    for pole in (*np.linalg.eigvals(YAW.A), complex(-1.8, 2.4)):
+        assert np.min(np.abs(found - pole)) < 1e-6
+
+
+def test_a_real_pole_that_grows_is_no_damping() -> None:
+    assert root_locus.damping(
+        np.array([[0.1, -1.0], [-0.1, -1.0]], dtype=np.complex128)
+    ).tolist() == [-1.0, 1.0]
+    assert root_locus.damping(np.array([[-0.6 + 0.8j, -0.6 - 0.8j]]))[0] == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize(
+    ("form", "tolerance"), [(1, 0.01), (2, 1e-4), (6, 1e-9), ((1.0, 0.5, 1 / 12), 1e-4)]
+)
+def test_a_delays_approximation_has_its_phase_at_slow_frequencies(
+    form: loop_transfer.Approximation, tolerance: float
+) -> None:
+    A, B, C, D = loop_transfer.delay_state_space(0.3, form)
+    s = 1j * 1.0
+    answer = C @ np.linalg.solve(s * np.eye(len(A)) - A, B) + D
+    assert abs(answer) == pytest.approx(1.0)
+    assert abs(np.angle(answer) + 0.3) < tolerance
+    assert math.isfinite(D)

@@ -1,0 +1,221 @@
+"""Writes one dive in each format, from the formats' own documents: nothing of the product's writes
+or reads here.
+
+tlog: QGroundControl's (8 bytes of UNIX microseconds, big-endian, then the frame). .bin: ArduPilot's
+LogStructure.h. .ulg: docs.px4.io, "ULog File Format"."""
+
+import math
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from tests.sysid import recording
+
+RATE_HZ = 50
+SECONDS = 40.0
+TEST = (20.0, 30.0)
+BOOTED_S = 100.0
+"""Time since boot at which the logs begin."""
+
+
+class Sample(NamedTuple):
+    """What the vehicle did at one time. The rudder, a third of its travel within the test, turns
+    her at 3 deg/s."""
+
+    time_s: float
+    rudder: float
+    elevator: float
+    thrust: float
+    pitch_rad: float
+    yaw_rad: float
+    yaw_rate_radps: float
+    depth_m: float
+
+
+def samples() -> Iterator[Sample]:
+    for k in range(int(SECONDS * RATE_HZ)):
+        t = k / RATE_HZ
+        inside = TEST[0] <= t < TEST[1]
+        turned = math.radians(3.0) * min(max(t - TEST[0], 0.0), TEST[1] - TEST[0])
+        yaw = math.remainder(3.0 + turned, math.tau)
+        rate = math.radians(3.0) if inside else 0.0
+        yield Sample(
+            BOOTED_S + t, 1 / 3 if inside else 0.0, 0.1, 0.58, -0.03, yaw, rate, 4.0 + 0.05 * t
+        )
+
+
+def pulse(fraction: float) -> int:
+    return round(1500 + 400 * fraction)
+
+
+def tlog(
+    path: Path, commands: Callable[[Sample], object] | None = None, texts: bool = True
+) -> Path:
+    """``commands`` makes the message that tells what was commanded; ACTUATOR_OUTPUT_STATUS if left
+    out."""
+    link = mavlink.MAVLink(None, 1, 1)
+    data = b""
+    for entry in _messages(commands or _output_status, texts):
+        stamp = struct.pack(">Q", 1_700_000_000_000_000 + round(1e6 * entry[0]) + 250_000)
+        data += stamp + bytes(entry[1].pack(link))
+    path.write_bytes(data)
+    return path
+
+
+def _messages(commands: Callable[[Sample], object], texts: bool) -> Iterator[recording.Entry]:
+    yield BOOTED_S, mavlink.MAVLink_param_value_message(b"ACT_TRAVEL_DEG", 12.0, 9, 1, 0)
+    for k, s in enumerate(samples()):
+        ms = round(1e3 * s.time_s)
+        yield (
+            s.time_s,
+            mavlink.MAVLink_attitude_message(
+                ms, 0.0, s.pitch_rad, s.yaw_rad, 0, 0, s.yaw_rate_radps
+            ),
+        )
+        yield s.time_s, commands(s)
+        if k % 5 == 0:
+            yield (
+                s.time_s,
+                mavlink.MAVLink_local_position_ned_message(ms, 0, 0, s.depth_m, 1.3, 0, 0.05),
+            )
+        if texts and math.isclose(s.time_s, BOOTED_S + TEST[0]):
+            yield from recording.texts(
+                s.time_s, "SystemID Starting: axis=12 wave=step magnitude=4.00", 7
+            )
+        if texts and math.isclose(s.time_s, BOOTED_S + TEST[1]):
+            yield from recording.texts(s.time_s, "SystemID Finished", 8)
+
+
+def _output_status(s: Sample) -> object:
+    controls = [s.rudder, s.elevator, s.thrust, *[0.0] * 29]
+    return mavlink.MAVLink_actuator_output_status_message(round(1e6 * s.time_s), 7, controls)
+
+
+def servo_pulses(s: Sample) -> object:
+    """SERVO_OUTPUT_RAW with the elevator on output 1 turned round, thrust on 2, rudder on 3."""
+    us = (pulse(-s.elevator), pulse(s.thrust), pulse(s.rudder))
+    return mavlink.MAVLink_servo_output_raw_message(round(1e6 * s.time_s), 0, *us, *[0] * 5)
+
+
+_FMT = 0x80
+_DATAFLASH: dict[str, tuple[int, str, str]] = {
+    "PARM": (1, "QNff", "TimeUS,Name,Value,Default"),
+    "ATT": (2, "QccccCCccB", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw,ErrRP,ErrYaw,AEKF"),
+    "RATE": (3, "Qffffff", "TimeUS,RDes,R,PDes,P,YDes,Y"),
+    "RCOU": (4, "QHHHH", "TimeUS,C1,C2,C3,C4"),
+    "CTUN": (5, "Qff", "TimeUS,DAlt,Alt"),
+    "MSG": (6, "QZ", "TimeUS,Message"),
+    "SIDS": (7, "QBfffffff", "TimeUS,Ax,Mag,FSt,FSp,TFin,TC,TR,TFout"),
+    "MODE": (8, "QMBB", "TimeUS,Mode,ModeNum,Rsn"),
+}
+_DATAFLASH_CODES = {
+    "Q": "Q",
+    "N": "16s",
+    "Z": "64s",
+    "f": "f",
+    "c": "h",
+    "C": "H",
+    "B": "B",
+    "H": "H",
+    "M": "B",
+}
+
+
+def dataflash(path: Path, ending: str = "SystemID Finished", sids: bool = True) -> Path:
+    """``ending``: the text that ends the test, or MODE for a change of mode."""
+    data = b"".join(_format(name) for name in _DATAFLASH)
+    data += _record("PARM", 0, b"ACT_TRAVEL_DEG", 12.0, 15.0)
+    for k, s in enumerate(samples()):
+        us = round(1e6 * s.time_s)
+        yaw, pitch = (
+            round(math.degrees(s.yaw_rad) % 360.0 * 100),
+            round(math.degrees(s.pitch_rad) * 100),
+        )
+        data += _record("ATT", us, 0, 0, 0, pitch, 9000, yaw, 0, 0, 3)
+        data += _record("RATE", us, 0.0, 0.0, 0.0, 0.0, 0.0, math.degrees(s.yaw_rate_radps))
+        data += _record("RCOU", us, pulse(s.rudder), pulse(s.elevator), pulse(s.thrust), 0)
+        if k % 5 == 0:
+            data += _record("CTUN", us, -4.0, -s.depth_m)
+        if sids and math.isclose(s.time_s, BOOTED_S + TEST[0]):
+            data += _record("MSG", us, b"SystemID Starting: axis=12")
+            data += _record("SIDS", us, 12, 1 / 3, 0.1, 1.0, 0.0, 0.0, 10.0, 0.0)
+            data += _record("MODE", us + 2000, 25, 25, 1)
+        if sids and math.isclose(s.time_s, BOOTED_S + TEST[1]):
+            data += (
+                _record("MODE", us, 0, 0, 1)
+                if ending == "MODE"
+                else _record("MSG", us, ending.encode())
+            )
+    path.write_bytes(data)
+    return path
+
+
+def _format(name: str) -> bytes:
+    number, codes, columns = _DATAFLASH[name]
+    length = 3 + struct.calcsize("<" + "".join(_DATAFLASH_CODES[c] for c in codes))
+    body = struct.pack(
+        "<BB4s16s64s", number, length, name.encode(), codes.encode(), columns.encode()
+    )
+    return bytes((0xA3, 0x95, _FMT)) + body
+
+
+def _record(name: str, *values: object) -> bytes:
+    number, codes, _ = _DATAFLASH[name]
+    layout = "<" + "".join(_DATAFLASH_CODES[c] for c in codes)
+    return bytes((0xA3, 0x95, number)) + struct.pack(layout, *values)
+
+
+_ULOG: dict[str, tuple[int, str, str]] = {
+    "vehicle_attitude": (0, "QQ4f", "uint64_t timestamp;uint64_t timestamp_sample;float[4] q;"),
+    "vehicle_angular_velocity": (
+        1,
+        "QQ3f",
+        "uint64_t timestamp;uint64_t timestamp_sample;float[3] xyz;",
+    ),
+    "vehicle_local_position": (2, "Qff", "uint64_t timestamp;float z;float vz;"),
+    "actuator_outputs": (3, "Q16f", "uint64_t timestamp;float[16] output;"),
+}
+LATENCY_S = 0.012
+"""By which a topic's time stamp is later than the sample that it tells of."""
+
+
+def ulog(path: Path, texts: bool = True) -> Path:
+    data = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", round(1e6 * BOOTED_S))
+    data += _block("B", bytes(40))
+    for name, (_, _, fields) in _ULOG.items():
+        data += _block("F", f"{name}:{fields}".encode())
+    key = b"float ACT_TRAVEL_DEG"
+    data += _block("P", bytes((len(key),)) + key + struct.pack("<f", 12.0))
+    for name, (number, _, _) in _ULOG.items():
+        data += _block("A", struct.pack("<BH", 0, number) + name.encode())
+    for k, s in enumerate(samples()):
+        us, late = round(1e6 * s.time_s), round(1e6 * (s.time_s + LATENCY_S))
+        data += _topic("vehicle_attitude", late, us, *_quaternion(s.pitch_rad, s.yaw_rad))
+        data += _topic("vehicle_angular_velocity", late, us, 0.0, 0.0, s.yaw_rate_radps)
+        pulses = (float(pulse(v)) for v in (s.rudder, s.elevator, s.thrust))
+        data += _topic("actuator_outputs", us, *pulses, *[0.0] * 13)
+        if k % 5 == 0:
+            data += _topic("vehicle_local_position", us, s.depth_m, 0.05)
+        if texts and math.isclose(s.time_s, BOOTED_S + TEST[0]):
+            data += _block("L", struct.pack("<BQ", ord("6"), us) + b"SystemID Starting: axis=12")
+        if texts and math.isclose(s.time_s, BOOTED_S + TEST[1]):
+            data += _block("L", struct.pack("<BQ", ord("6"), us) + b"SystemID Finished")
+    path.write_bytes(data)
+    return path
+
+
+def _block(kind: str, body: bytes) -> bytes:
+    return struct.pack("<HB", len(body), ord(kind)) + body
+
+
+def _topic(name: str, *values: float) -> bytes:
+    number, layout, _ = _ULOG[name]
+    return _block("D", struct.pack("<H", number) + struct.pack("<" + layout, *values))
+
+
+def _quaternion(pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    cp, sp, cy, sy = math.cos(pitch / 2), math.sin(pitch / 2), math.cos(yaw / 2), math.sin(yaw / 2)
+    return cp * cy, -sp * sy, sp * cy, cp * sy

@@ -1,0 +1,219 @@
+"""One dive, written in every format by its document, reads back as one and the same run."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sysid.data import readers, segments
+from sysid.data.dataset import LogError
+from sysid.data.readers import servo_channels, ulog_recovery
+from sysid.data.readers.servo_channels import FIRST_THREE, ServoChannels
+from sysid.data.segments import MarkedInterval, Run
+from sysid.screening import screen
+from tests.sysid.data.readers import files
+
+WRITERS: dict[str, Callable[[Path], Path]] = {
+    "tlog": files.tlog,
+    "bin": files.dataflash,
+    "ulg": files.ulog,
+}
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("logs")
+    return {suffix: write(folder / f"dive.{suffix}") for suffix, write in WRITERS.items()}
+
+
+def the_run(
+    path: Path, marks: tuple[MarkedInterval, ...] = (), chosen: ServoChannels = FIRST_THREE
+) -> Run:
+    (run,) = segments.cut_runs(readers.read(path, chosen), marks)
+    return run
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_every_format_tells_of_the_same_run(written: dict[str, Path], suffix: str) -> None:
+    """To the resolution of the format: a hundredth of a degree in ATT, a microsecond in pulses."""
+    run = the_run(written[suffix])
+    testing = (run.time_s >= 0.0) & (run.time_s < 9.99)
+    assert (run.plane, run.stop_reason) == ("yaw", "")
+    assert run.magnitude_deg == pytest.approx(4.0, abs=0.01)
+    assert run.time_s[-1] == pytest.approx(10.0, abs=0.03)
+    assert run.time_s[0] == pytest.approx(-15.0, abs=0.03)
+    np.testing.assert_allclose(np.degrees(run.rudder_rad[testing]), 4.0, atol=0.02)
+    np.testing.assert_allclose(np.degrees(run.elevator_rad), 1.2, atol=0.02)
+    np.testing.assert_allclose(run.thrust, 0.58, atol=0.002)
+    np.testing.assert_allclose(np.degrees(run.r_radps[testing]), 3.0, atol=1e-4)
+    np.testing.assert_allclose(np.degrees(run.pitch_rad), math.degrees(-0.03), atol=0.006)
+    turned = np.degrees(run.heading_rad - run.heading_rad[0])
+    np.testing.assert_allclose(turned[testing], 3.0 * run.time_s[testing], atol=0.03)
+    np.testing.assert_allclose(run.depth_m, 4.0 + 0.05 * (20.0 + run.time_s), atol=1e-3)
+    assert run.longest_gap_s < 0.11
+    (screening,) = screen([run])
+    assert screening.reasons == ()
+
+
+def test_a_sample_counts_from_when_it_was_taken(written: dict[str, Path]) -> None:
+    """PX4's topics are stamped later than their samples, whose times they carry."""
+    read = readers.read(written["ulg"])
+    assert read.attitude.time_s[0] == pytest.approx(files.BOOTED_S, abs=1e-6)
+    turning = read.attitude.time_s[np.flatnonzero(read.attitude.r_radps > 0.01)[0]]
+    assert turning == pytest.approx(files.BOOTED_S + files.TEST[0], abs=1e-6)
+
+
+def test_the_contents_say_what_a_file_is(written: dict[str, Path], tmp_path: Path) -> None:
+    for suffix, path in written.items():
+        renamed = tmp_path / f"{suffix}.log"
+        renamed.write_bytes(path.read_bytes())
+        assert readers.read(renamed).sha256 == readers.read(path).sha256
+    for name, data in (("notes.txt", b"no log of any kind"), ("empty", b"")):
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(
+            LogError, match=rf"{name}: begins like no log; give an MCAP log, .*\.ulg"
+        ):
+            readers.read(tmp_path / name)
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_parameters_come_along(written: dict[str, Path], suffix: str) -> None:
+    assert readers.read(written[suffix]).parameters == {"ACT_TRAVEL_DEG": 12.0}
+
+
+def test_outputs_are_chosen_and_turned_round(tmp_path: Path) -> None:
+    path = files.tlog(tmp_path / "servos.tlog", files.servo_pulses)
+    run = the_run(path, chosen=servo_channels.parse("3,-1,2"))
+    assert np.degrees(run.rudder_rad[run.time_s == 0.0]) == pytest.approx(4.0, abs=0.02)
+    np.testing.assert_allclose(np.degrees(run.elevator_rad), 1.2, atol=0.02)
+    np.testing.assert_allclose(run.thrust, 0.58, atol=0.002)
+    with pytest.raises(
+        LogError, match=r"servos\.tlog: SERVO_OUTPUT_RAW holds 16 outputs, none is number 17"
+    ):
+        readers.read(path, ServoChannels(17, 1, 2))
+    for text in ("1,2", "0,1,2", "rudder"):
+        with pytest.raises(LogError, match="give RUDDER,ELEVATOR,THRUST"):
+            servo_channels.parse(text)
+
+
+def test_a_test_that_no_text_tells_of_is_marked(tmp_path: Path) -> None:
+    path = files.ulog(tmp_path / "silent.ulg", texts=False)
+    assert segments.cut_runs(readers.read(path)) == []
+    run = the_run(path, (MarkedInterval(120.0, 130.0, "yaw"),))
+    assert (run.wave, run.plane) == ("marked", "yaw")
+    assert run.magnitude_deg == pytest.approx(4.0, abs=0.01)
+    assert run.rudder_rad[run.time_s >= 0.0][0] == pytest.approx(math.radians(4.0), abs=1e-3)
+    with pytest.raises(
+        LogError, match=r"silent\.ulg: run 120\.\.150 must lie within the log, 100\.0\.\.140\.0 s"
+    ):
+        the_run(path, (MarkedInterval(120.0, 150.0, "yaw"),))
+
+
+def test_leaving_the_mode_ends_ardupilots_test(tmp_path: Path) -> None:
+    """The mode that the test itself begins with does not."""
+    run = the_run(files.dataflash(tmp_path / "left.bin", ending="MODE"))
+    assert run.stop_reason == "the mode changed"
+    assert run.time_s[-1] == pytest.approx(10.0, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "lost", "named"),
+    [
+        ("bin", b"RCOU", "RCOU"),
+        ("bin", b"RATE", "IMU"),
+        ("ulg", b"actuator_outputs", "actuator_outputs"),
+    ],
+)
+def test_what_is_missing_is_named(
+    written: dict[str, Path], tmp_path: Path, suffix: str, lost: bytes, named: str
+) -> None:
+    path = tmp_path / f"less.{suffix}"
+    path.write_bytes(written[suffix].read_bytes().replace(lost, b"X" * len(lost)))
+    with pytest.raises(
+        LogError, match=rf"less\.{suffix}: holds no {named}\..*identification needs"
+    ):
+        readers.read(path)
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_tables_hold_every_message(written: dict[str, Path], suffix: str) -> None:
+    found = readers.tables(written[suffix])
+    attitude = {"tlog": "/mavlink/1/1/ATTITUDE", "bin": "ATT", "ulg": "vehicle_attitude"}[suffix]
+    assert found[attitude].time_s.size == files.SECONDS * files.RATE_HZ
+    assert found[attitude].time_s[0] == pytest.approx(files.BOOTED_S)
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_a_broken_file_is_read_or_refused_in_one_line(
+    written: dict[str, Path], tmp_path: Path, suffix: str, data: st.DataObject
+) -> None:
+    whole = written[suffix].read_bytes()
+    torn = bytearray(whole[: data.draw(st.integers(0, len(whole)))])
+    for at, byte in data.draw(
+        st.lists(st.tuples(st.integers(0, 2**20), st.integers(0, 255)), max_size=8)
+    ):
+        if torn:
+            torn[at % len(torn)] = byte
+    path = tmp_path / f"torn.{suffix}"
+    path.write_bytes(torn)
+    said = f"torn.{suffix}"
+    try:
+        segments.cut_runs(readers.read(path))
+    except LogError as error:
+        said = str(error)
+    assert f"torn.{suffix}" in said
+    assert "\n" not in said
+
+
+def test_a_torn_end_costs_only_the_end(written: dict[str, Path], tmp_path: Path) -> None:
+    for suffix, path in written.items():
+        whole = path.read_bytes()
+        torn = tmp_path / f"torn.{suffix}"
+        torn.write_bytes(whole[: len(whole) * 9 // 10 + 3])
+        assert readers.read(torn).attitude.time_s[-1] == pytest.approx(
+            files.BOOTED_S + 36.0, abs=0.5
+        )
+        assert the_run(torn).stop_reason == ""
+
+
+def test_a_ulg_with_wrong_sizes_is_read_on_behind_them(
+    written: dict[str, Path], tmp_path: Path
+) -> None:
+    whole = written["ulg"].read_bytes()
+    torn = bytearray(whole)
+    for at in range(len(whole) // 2, len(whole), len(whole) // 7):
+        torn[at : at + 4] = b"\xff\xff\xff\xff"
+    torn[16:18] = b"\xff\xff"
+    path = tmp_path / "wrong.ulg"
+    path.write_bytes(torn)
+    read, sound = readers.read(path), readers.read(written["ulg"])
+    assert read.attitude.time_s[-1] == sound.attitude.time_s[-1]
+    assert read.attitude.time_s.size > 0.99 * sound.attitude.time_s.size
+
+
+@pytest.mark.timeout(60)
+def test_a_ulg_whose_topics_are_lost_is_refused_and_not_read_for_ever(tmp_path: Path) -> None:
+    """pyulog by itself goes on to look for them, and from a size that reaches beyond the end it
+    steps back."""
+    path = files.ulog(tmp_path / "lost.ulg", texts=False)
+    torn, at, starts = bytearray(path.read_bytes()), 16, []
+    while at < len(torn):
+        starts.append(at)
+        if torn[at + 2] == ord("A"):
+            torn[at + 2] = 0
+        at += 3 + int.from_bytes(torn[at : at + 2], "little")
+    torn[starts[-3] : starts[-3] + 3] = b"\xff\xff\0"
+    path.write_bytes(torn)
+    with pytest.raises(LogError, match=r"lost\.ulg: holds no vehicle_attitude"):
+        readers.read(path)
+
+
+def test_a_sound_ulg_is_given_on_as_it_is(written: dict[str, Path]) -> None:
+    whole = written["ulg"].read_bytes()
+    assert ulog_recovery.keep_sound_messages(whole) == whole

@@ -1,0 +1,184 @@
+"""A log written by pymavlink and the mcap library reads back as what was sent."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from sysid import refit
+from sysid.data import readers, segments
+from sysid.data.dataset import LogError
+from sysid.monitor import tracking_metrics
+from tests.sysid import recording
+from tests.sysid.recording import Entry
+
+ALL = 0b1111
+
+
+def attitude(time_s: float, yaw: float, rate: float) -> Entry:
+    return time_s, mavlink.MAVLink_attitude_message(
+        round(1e3 * time_s), 0.01, -0.03, yaw, 0.001, 0.002, rate
+    )
+
+
+def actuators(time_s: float, rudder: float, elevator: float) -> Entry:
+    controls = [rudder, elevator, 0.58, *[0.0] * 29]
+    return time_s, mavlink.MAVLink_actuator_output_status_message(round(1e6 * time_s), 7, controls)
+
+
+def position(time_s: float, depth: float) -> Entry:
+    return time_s, mavlink.MAVLink_local_position_ned_message(
+        round(1e3 * time_s), 0, 0, depth, 1.3, 0, 0.05
+    )
+
+
+def heading_target(time_s: float, yaw: float) -> Entry:
+    q = [math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)]
+    return time_s, mavlink.MAVLink_attitude_target_message(
+        round(1e3 * time_s), ALL, q, 0, 0, 0, 0.58
+    )
+
+
+def depth_target(time_s: float, depth: float) -> Entry:
+    return time_s, mavlink.MAVLink_position_target_local_ned_message(
+        round(1e3 * time_s), 1, 0, 0, 0, depth, 0, 0, 0, 0, 0, 0, 0, 0
+    )
+
+
+Test = tuple[float, float, str]
+"""Start, end, and the text of its end."""
+
+
+def dive(
+    seconds: float = 40.0, test: Test | None = (20.0, 30.0, "SystemID Finished")
+) -> list[Entry]:
+    """Yaw grows past pi at 0.1 rad/s; rudder steps to 1/3 of its travel within the test."""
+    entries: list[Entry] = []
+    for k in range(int(seconds * 50)):
+        t = k / 50
+        inside = test is not None and test[0] <= t < test[1]
+        yaw = (3.0 + 0.1 * t + math.pi) % (2 * math.pi) - math.pi
+        entries += [attitude(t, yaw, 0.1), actuators(t, 1 / 3 if inside else 0.0, 0.1)]
+        if k % 5 == 0:
+            entries += [position(t, 4.0 + 0.001 * k), heading_target(t, -2.0), depth_target(t, 4.0)]
+        if test and t == test[0]:
+            entries += recording.texts(t, "SystemID Starting: axis=12 wave=step magnitude=-5.25", 9)
+        if test and t == test[1]:
+            entries += recording.texts(t, test[2], 10)
+    return entries
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return recording.write(
+        tmp_path / "dive.mcap", dive(), {"ACT_TRAVEL_DEG": 12.0, "TRIM_RUD_DEG": 6.0}
+    )
+
+
+def test_values_come_back(path: Path) -> None:
+    read = readers.read(path)
+    assert read.name == "dive.mcap"
+    assert read.parameters == {"ACT_TRAVEL_DEG": 12.0, "TRIM_RUD_DEG": 6.0}
+    assert read.attitude.time_s[-1] == pytest.approx(39.98, abs=1e-6)
+    np.testing.assert_allclose(read.attitude.yaw_rad, 3.0 + 0.1 * read.attitude.time_s, atol=1e-5)
+    np.testing.assert_allclose(read.attitude.pitch_rad, -0.03, atol=1e-7)
+    np.testing.assert_allclose(read.attitude.r_radps, 0.1, atol=1e-7)
+    during = (read.actuators.time_s >= 20.0) & (read.actuators.time_s < 30.0)
+    np.testing.assert_allclose(np.degrees(read.actuators.rudder_rad[during]), 4.0, atol=1e-5)
+    np.testing.assert_allclose(read.actuators.thrust, 0.58, atol=1e-7)
+    np.testing.assert_allclose(read.depth.depth_m, 4.0 + 0.05 * read.depth.time_s, atol=1e-5)
+    np.testing.assert_allclose(read.setpoints.heading_rad, -2.0, atol=1e-6)
+    np.testing.assert_allclose(read.setpoints.depth_m, 4.0)
+
+
+def test_a_long_text_is_joined(path: Path) -> None:
+    assert [event.text for event in readers.read(path).events] == [
+        "SystemID Starting: axis=12 wave=step magnitude=-5.25",
+        "SystemID Finished",
+    ]
+
+
+def test_a_run_is_cut_on_an_even_grid(path: Path) -> None:
+    (run,) = segments.cut_runs(readers.read(path))
+    assert (run.name, run.plane, run.wave, run.magnitude_deg) == ("dive/1", "yaw", "step", -5.25)
+    assert run.time_s[0] == pytest.approx(-segments.PREROLL_S)
+    assert run.time_s[-1] == pytest.approx(10.0)
+    np.testing.assert_allclose(np.diff(run.time_s), 0.02, atol=1e-12)
+    stepped = run.time_s[np.flatnonzero(run.rudder_rad > 0.01)]
+    assert stepped[0] == pytest.approx(0.0)
+    assert run.stop_reason == ""
+    assert run.longest_gap_s < 0.11
+    assert math.degrees(run.rudder_trim_rad) == pytest.approx(6.0)
+    assert run.since(-1.0).time_s[0] == pytest.approx(-1.0)
+
+
+@pytest.mark.parametrize(
+    ("ending", "reason"),
+    [
+        ("SystemID Stopped: depth 2.0 m: above 3.0 m", "depth 2.0 m: above 3.0 m"),
+        ("nothing of note", "the log ended"),
+    ],
+)
+def test_a_stop_keeps_its_reason(tmp_path: Path, ending: str, reason: str) -> None:
+    entries = dive(test=(20.0, 25.0, ending))
+    (run,) = segments.cut_runs(readers.read(recording.write(tmp_path / "a.mcap", entries, {})))
+    assert run.stop_reason == reason
+
+
+def test_a_gap_is_measured(tmp_path: Path) -> None:
+    entries = [e for e in dive() if not (24.0 < e[0] < 24.5 and e[1].msgname == "ATTITUDE")]
+    (run,) = segments.cut_runs(readers.read(recording.write(tmp_path / "gap.mcap", entries, {})))
+    assert run.longest_gap_s == pytest.approx(0.5, abs=0.021)
+
+
+def test_repeated_and_late_samples_are_left_out(tmp_path: Path) -> None:
+    entries = dive(seconds=2.0, test=None)
+    stale = attitude(0.5, 3.05, 0.1)
+    read = readers.read(recording.write(tmp_path / "late.mcap", [*entries, stale], {}))
+    assert np.all(np.diff(read.attitude.time_s) > 0)
+
+
+def test_errors_name_the_file_and_the_remedy(tmp_path: Path, path: Path) -> None:
+    with pytest.raises(LogError, match=r"nowhere\.mcap: No such file.*give an MCAP log"):
+        readers.read(tmp_path / "nowhere.mcap")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(path.read_bytes()[:-4000])
+    with pytest.raises(LogError, match=r"cut\.mcap: .*ground log recover"):
+        readers.read(cut)
+    still = recording.write(
+        tmp_path / "still.mcap", [e for e in dive() if e[1].msgname != "ATTITUDE"], {}
+    )
+    with pytest.raises(LogError, match=r"still\.mcap: holds no .*ATTITUDE"):
+        readers.read(still)
+    quiet = recording.write(tmp_path / "quiet.mcap", dive(test=None), {})
+    with pytest.raises(refit.RefitError, match=r"quiet\.mcap: no test found"):
+        refit.refit([quiet])
+
+
+def test_tracking_leaves_out_settling_and_tests(tmp_path: Path) -> None:
+    """Heading error is 0.5 deg throughout, depth error 0.1 m after an excursion of a metre at each
+    change."""
+    entries: list[Entry] = []
+    for k in range(100 * 50):
+        t = k / 50
+        wanted = 0.0 if t < 50 else 1.0
+        settling = 1.0 if (t % 50.0) < 20.0 else 0.0
+        entries.append(attitude(t, wanted + math.radians(0.5), 0.0))
+        entries.append(actuators(t, 0.0, 0.0))
+        if k % 5 == 0:
+            entries += [
+                position(t, 5.1 + settling),
+                heading_target(t, wanted),
+                depth_target(t, 5.0),
+            ]
+    found = tracking_metrics.tracking(
+        readers.read(recording.write(tmp_path / "hold.mcap", entries, {}))
+    )
+    assert found is not None
+    assert [round(w.stop_s - w.start_s) for w in found.windows] == [25, 25]
+    assert found.heading_deg.p95 == pytest.approx(0.5, abs=1e-4)
+    assert found.depth_m.largest == pytest.approx(0.1, abs=1e-5)
+    assert found.depth_m.mean == pytest.approx(0.1, abs=1e-5)
+    assert found.pitch_deg.largest == pytest.approx(0.0, abs=1e-6)

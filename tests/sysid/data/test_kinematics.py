@@ -1,0 +1,105 @@
+"""Data that cannot be of one body are refused by name, before any model sees them; so are clocks
+that slipped."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from sitl.vehicle import config
+from sysid.data import kinematics, readers, segments
+from sysid.data.segments import Run
+from sysid.screening import screen
+from tests.sysid import recording, sea
+from tests.sysid.data.test_dataset import attitude, dive
+
+
+@pytest.fixture(scope="module")
+def yaw(field: config.VehicleConfig) -> Run:
+    return sea.fly(
+        field, "yaw", sea.step(4.0, 10.0), level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
+    )
+
+
+@pytest.fixture(scope="module")
+def pitch(field: config.VehicleConfig) -> Run:
+    return sea.fly(
+        field, "pitch", sea.step(4.0, 10.0), level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
+    )
+
+
+def named(run: Run, name: str) -> list[str]:
+    (screening,) = screen([run])
+    return [reason for reason in screening.reasons if reason.startswith(f"{name}: ")]
+
+
+def test_a_simulated_vehicle_obeys_them(yaw: Run, pitch: Run) -> None:
+    for run in (yaw, pitch):
+        assert named(run, "kinematics") == []
+    sinking = kinematics.depth_mismatch(pitch)
+    assert sinking is not None
+    assert 0.5 < sinking.speed_mps < 1.5
+
+
+def test_what_no_body_does_is_refused(yaw: Run, pitch: Run) -> None:
+    impossible = {
+        "heading and yaw rate": [
+            replace(yaw, r_radps=-yaw.r_radps),
+            replace(yaw, r_radps=np.degrees(yaw.r_radps)),
+            replace(yaw, r_radps=yaw.r_radps + math.radians(2.0)),
+            replace(yaw, heading_rad=np.full_like(yaw.heading_rad, yaw.heading_rad[0])),
+            replace(yaw, r_radps=np.roll(yaw.r_radps, 100)),
+        ],
+        "pitch and pitch rate": [replace(pitch, q_radps=-pitch.q_radps)],
+        "depth": [replace(pitch, depth_m=-pitch.depth_m)],
+    }
+    for what, broken in impossible.items():
+        for run in broken:
+            assert any(what in reason for reason in named(run, "kinematics")), what
+
+
+def test_a_roll_is_taken_into_account(yaw: Run) -> None:
+    """On her side, a vehicle turns by her pitch rate."""
+    side = math.radians(90.0)
+    rolled = replace(
+        yaw,
+        roll_rad=np.full_like(yaw.roll_rad, side),
+        q_radps=yaw.r_radps,
+        r_radps=0.0 * yaw.r_radps,
+        pitch_rad=0.0 * yaw.pitch_rad,
+    )
+    found = kinematics.heading_mismatch(rolled)
+    assert found is not None
+    assert math.degrees(found.rms_rad) < 1.0
+
+
+def test_a_clock_that_went_back_is_told(tmp_path: Path) -> None:
+    """An autopilot that starts anew in the middle of a test; a single late datagram is no such
+    thing."""
+    entries = dive()
+    reborn = [attitude(24.0 + k / 50, 3.0, 0.1) for k in range(100)]
+    at = next(k for k, entry in enumerate(entries) if entry[0] >= 26.0)
+    broken = readers.read(
+        recording.write(tmp_path / "reborn.mcap", [*entries[:at], *reborn, *entries[at:]], {})
+    )
+    (run,) = segments.cut_runs(broken)
+    assert named(run, "clock") == ["clock: the time of ATTITUDE went back by 2.0 s"]
+    late = [*entries[:at], reborn[0], *entries[at:]]
+    (run,) = segments.cut_runs(readers.read(recording.write(tmp_path / "late.mcap", late, {})))
+    assert named(run, "clock") == []
+
+
+@pytest.mark.parametrize(("gain", "refused"), [(1.0, False), (1.001, False), (1.02, True)])
+def test_a_recorder_that_runs_fast_is_told(tmp_path: Path, gain: float, refused: bool) -> None:
+    """Stamps of the recorder's that gain 2 % on the vehicle's own; 0.1 % is a quartz of the
+    cheapest sort."""
+    entries = [
+        (time_s * gain, message)
+        for time_s, message in dive()
+        if isinstance(message, mavlink.MAVLink_message)
+    ]
+    (run,) = segments.cut_runs(readers.read(recording.write(tmp_path / "fast.mcap", entries, {})))
+    assert bool(named(run, "clock")) == refused

@@ -1,0 +1,201 @@
+"""A first design lands near Table 3's, keeps its margins by other means, and keeps hold of vehicles
+it never saw."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sitl.vehicle import config
+from sysid.control_analysis import loop_transfer
+from sysid.design import constraints, initial
+from sysid.design.design_model import DesignModel, build
+from sysid.design.initial import SPEC, InitialDesign, loop_structure, prior, root_locus
+from sysid.design.pid import DesignInfeasibleError
+from sysid.reproduction.paper_tables import TABLE_3_INITIAL
+
+BOUNDS = constraints.nominal(SPEC)
+STEEPEST_RAD = math.radians(SPEC.pitch_per_metre_deg)
+
+
+@pytest.fixture(scope="module")
+def bench() -> InitialDesign:
+    return initial.design_initial_gains("caribou_nominal")
+
+
+@pytest.fixture(scope="module")
+def caribou() -> DesignModel:
+    return prior.nominal_model(config.load("caribou_nominal"))
+
+
+def test_caribous_first_gains_are_of_table_3s_kind(bench: InitialDesign) -> None:
+    """Proportional and rate gains within a fourth; the integrators, which the paper all but leaves
+    out, are larger."""
+    for name in ("HDG_P", "HDG_D", "PTCH_P", "PTCH_D", "DPT_P"):
+        assert 0.8 < bench.parameters[name] / TABLE_3_INITIAL[name] < 1.25, name
+        assert bench.beside[name].ratio == pytest.approx(
+            bench.parameters[name] / TABLE_3_INITIAL[name], rel=1e-3
+        )
+    assert bench.parameters["DPT_D"] == bench.parameters["PTCH_I"] == 0.0
+    assert bench.parameters["HDG_I"] > TABLE_3_INITIAL["HDG_I"]
+    assert bench.beside["PTCH_D"].why.startswith("smaller: Table 3's would leave damping 0.3")
+
+
+def test_margins_hold_on_the_vehicle_of_the_file(bench: InitialDesign) -> None:
+    """With the true delay at every cut; damping with a finer Pade than the locus has."""
+    for cut in ("rudder", "heading", "elevator", "depth", "pitch"):
+        margins = bench.analysis.margins[cut]
+        assert margins.gm_db > SPEC.gm_db - 0.05
+        assert margins.pm_deg > SPEC.pm_deg - 0.3
+        assert margins.ms < SPEC.ms + 0.01
+    for poles in bench.analysis.poles.values():
+        assert all(-pole.real / abs(pole) > 0.98 * SPEC.damping for pole in poles)
+
+
+def test_integrators_take_the_time_they_say(bench: InitialDesign, caribou: DesignModel) -> None:
+    """Offsets of rudder and elevator, in time: a third of the largest error is left so long after
+    it."""
+    planes = caribou.planes
+    for closed, surface, state, proportional, integral in (
+        (
+            loop_transfer.close_heading(planes.yaw, caribou.yaw_lag, bench.parameters),
+            planes.yaw.B,
+            2,
+            "HDG_P",
+            "HDG_I",
+        ),
+        (
+            loop_transfer.close_depth(planes.pitch, caribou.pitch_lag, bench.parameters),
+            planes.pitch.B,
+            3,
+            "DPT_P",
+            "DPT_I",
+        ),
+    ):
+        load = np.zeros(len(closed.A))
+        load[: surface.size] = surface
+        answer = np.abs(loop_transfer.step_response(closed._replace(reference=load), state, 120.0))
+        later = round(10.0 * bench.parameters[proportional] / bench.parameters[integral])
+        assert answer[int(np.argmax(answer)) + later] / np.max(answer) == pytest.approx(
+            1 / 3, abs=0.06
+        )
+
+
+def test_fresh_vehicles_of_the_prior_are_held(
+    bench: InitialDesign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Other draws; the loops are still stable with 3 dB more gain, by poles, and with 20 degrees
+    more delay."""
+    monkeypatch.setattr(prior, "SEED", 7)
+    fresh, gains = list(prior.sample_models(config.load("caribou_nominal"), 60)), bench.parameters
+    more = {
+        **gains,
+        **{name: 1.41 * gains[name] for name in ("HDG_P", "HDG_D", "HDG_I", "PTCH_P", "PTCH_D")},
+    }
+    assert np.mean([stable(vehicle, more) for vehicle in fresh]) >= 0.85
+    assert (
+        np.mean([stable(later(vehicle, gains, math.radians(20.0)), gains) for vehicle in fresh])
+        >= 0.85
+    )
+    assert np.mean([stable(vehicle, gains) for vehicle in fresh]) >= 0.97
+
+
+def stable(vehicle: DesignModel, gains: dict[str, float]) -> bool:
+    heading = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, gains, 5)
+    depth = loop_transfer.close_depth(vehicle.planes.pitch, vehicle.pitch_lag, gains, 5)
+    return all(np.max(loop_transfer.poles(loop).real) < 0.0 for loop in (heading, depth))
+
+
+def later(vehicle: DesignModel, gains: dict[str, float], angle_rad: float) -> DesignModel:
+    """Delayed by an angle at each loop's crossover."""
+    yaw = loop_transfer.margins(
+        loop_transfer.heading_loops(vehicle.yaw, gains)["rudder"]
+    ).crossover_radps
+    pitch = loop_transfer.margins(
+        loop_transfer.depth_loops(vehicle.pitch, gains)["elevator"]
+    ).crossover_radps
+    lags = [
+        lag._replace(delay_s=lag.delay_s + angle_rad / crossover)
+        for lag, crossover in ((vehicle.yaw_lag, yaw), (vehicle.pitch_lag, pitch))
+    ]
+    return build(vehicle.planes, *lags, vehicle.sea)
+
+
+def test_doubt_about_the_delay_makes_gains_smaller(caribou: DesignModel) -> None:
+    """Vehicles of up to four times the delay."""
+    late = [
+        build(
+            caribou.planes, caribou.yaw_lag._replace(delay_s=delay), caribou.pitch_lag, caribou.sea
+        )
+        for delay in (0.35, 1.2, 1.4)
+    ]
+    sure = root_locus.heading(caribou, [], BOUNDS)
+    doubtful = root_locus.heading(caribou, late, BOUNDS)
+    assert doubtful.gains["HDG_P"] < 0.9 * sure.gains["HDG_P"]
+    for vehicle in late:
+        margins = loop_transfer.margins(
+            loop_transfer.heading_loops(vehicle.yaw, doubtful.gains)["rudder"]
+        )
+        assert margins.gm_db >= prior.MIN_GM_DB
+
+
+def test_a_tail_twice_as_lively_needs_half_the_gain(caribou: DesignModel) -> None:
+    yaw = caribou.planes.yaw
+    planes = caribou.planes._replace(yaw=yaw._replace(B=2.0 * yaw.B))
+    lively = build(planes, caribou.yaw_lag, caribou.pitch_lag, caribou.sea)
+    once, twice = (root_locus.heading(vehicle, [], BOUNDS).gains for vehicle in (caribou, lively))
+    assert twice == pytest.approx({name: gain / 2.0 for name, gain in once.items()}, rel=1e-6)
+
+
+def test_the_tailcones_bandwidth_is_where_it_lags_by_a_right_angle() -> None:
+    """Without a delay that is a second-order lag's natural frequency."""
+    assert loop_structure.bandwidth_radps(loop_transfer.Lag(0.0, 3.0, 0.6)) == pytest.approx(
+        3.0, rel=1e-3
+    )
+    assert loop_structure.bandwidth_radps(loop_transfer.Lag(0.3, 3.0, 0.6)) == pytest.approx(
+        2.0, rel=0.02
+    )
+
+
+@pytest.mark.parametrize(
+    "name", ["remus100", "xfin_auv", str(Path(__file__).parents[3] / "docs" / "my_vehicle.toml")]
+)
+def test_other_vehicles_have_first_gains(name: str) -> None:
+    known = config.load(name)
+    vehicle, drawn = prior.nominal_model(known), list(prior.sample_models(known, 20))
+    heading, (pitch, depth) = (
+        root_locus.heading(vehicle, drawn, BOUNDS),
+        root_locus.depth(vehicle, drawn, BOUNDS, STEEPEST_RAD),
+    )
+    assert max(heading.misses.values()) < 0.01
+    assert 0.05 < depth.gains["DPT_P"] <= STEEPEST_RAD
+    assert prior.loop_robustness(pitch.shape, pitch.gains, drawn).stable > 0.9
+
+
+def test_a_loop_that_no_gain_steadies_is_refused_with_its_limit(caribou: DesignModel) -> None:
+    late = caribou.yaw_lag._replace(delay_s=3.0)
+    with pytest.raises(
+        DesignInfeasibleError, match="no gains meet the specification: the best found miss the"
+    ):
+        root_locus.heading(build(caribou.planes, late, caribou.pitch_lag, caribou.sea), [], BOUNDS)
+
+
+def test_vehicles_that_no_gain_holds_are_refused_with_what_would_help(caribou: DesignModel) -> None:
+    """One whose rudder acts the wrong way round."""
+    yaw = caribou.planes.yaw
+    planes = caribou.planes._replace(yaw=yaw._replace(B=-yaw.B))
+    wrong = build(planes, caribou.yaw_lag, caribou.pitch_lag, caribou.sea)
+    with pytest.raises(
+        DesignInfeasibleError,
+        match=r"no gains of the heading loop keep hold of 90 % .*`ground bench`",
+    ):
+        root_locus.heading(caribou, [wrong], BOUNDS)
+
+
+def test_parameters_are_written_with_their_reasons(bench: InitialDesign, tmp_path: Path) -> None:
+    bench.write_params(tmp_path / "first.param")
+    lines = (tmp_path / "first.param").read_text().splitlines()[1:]
+    assert {line.split(",")[0] for line in lines} == set(bench.parameters)
+    assert all(len(line.partition("  # ")[2]) > 5 for line in lines)
+    assert any("times Table 3's" in line and line.startswith("HDG_D") for line in lines)

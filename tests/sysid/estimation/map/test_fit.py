@@ -1,0 +1,191 @@
+"""The estimate against a truth that it never saw: errors within what it claims, and no claim
+without data."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sitl.vehicle import build_model, config
+from sysid import refit
+from sysid.data.segments import Plane, Run
+from sysid.estimation.map import fit
+from sysid.models import linear_planes, parameters, prediction
+from sysid.models import model_file as models
+from sysid.models.model_file import IdentifiedModel
+from sysid.models.parameters import INERTIAS, NAMES, PARAMETERS
+from tests.sysid import sea
+
+TRIM = (math.radians(6.0), math.radians(1.0))
+
+
+def true_z(truth: config.VehicleConfig, prior: config.VehicleConfig) -> dict[str, float]:
+    """Where the truth lies in the estimate's own coordinates, for the parameters that vehicle files
+    hold."""
+    there, here = (
+        parameters.to_table_1_column(truth.linear)._asdict(),
+        parameters.to_table_1_column(prior.linear)._asdict(),
+    )
+    z = {}
+    for parameter in PARAMETERS:
+        name = parameter.name
+        added = here[INERTIAS[name]] if name in INERTIAS else 0.0
+        if name in here:
+            z[name] = math.log((there[name] - added) / (here[name] - added)) / parameter.prior_sd
+        elif name == "backlash":
+            z[name] = (
+                math.log(truth.tailcone.backlash_deg / parameters.backlash_deg(prior))
+                / parameter.prior_sd
+            )
+        elif "bias" not in name:
+            z[name] = 0.0
+    return z
+
+
+def test_errors_are_as_large_as_claimed(
+    model: IdentifiedModel, field: config.VehicleConfig, bench: config.VehicleConfig
+) -> None:
+    """Squared error in the metric of the stated covariance: its mean is one for an honest
+    estimate."""
+    truth = true_z(field, bench)
+    index = [NAMES.index(name) for name in truth]
+    covariance = np.array(model.joint.covariance)[np.ix_(index, index)]
+    error = np.array(model.joint.z)[index] - np.array(list(truth.values()))
+    size = error @ np.linalg.solve(covariance, error) / len(error)
+    assert 0.2 < size < 2.5
+    assert np.max(np.abs(error) / np.sqrt(np.diag(covariance))) < 3.5
+
+
+def test_design_numbers_lie_within_three_standard_deviations(
+    model: IdentifiedModel, field: config.VehicleConfig
+) -> None:
+    vehicle = parameters.CandidateVehicle(field, build_model.build(field), {})
+    for plane in ("yaw", "pitch"):
+        true, found = (
+            linear_planes.small_signal(fit.linear_plane(vehicle, plane)),
+            model.planes[plane],
+        )
+        for name in ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s"):
+            estimate = getattr(found, name)
+            assert abs(estimate.value - getattr(true, name)) < 3 * estimate.sd, (plane, name)
+        assert abs(found.delay_s.value - 0.3) < 3 * found.delay_s.sd
+    bias = model.planes["yaw"].actuator_bias_deg
+    assert abs(bias.value + 6.0) < 3 * bias.sd
+    assert bias.sd < 0.3
+
+
+def test_the_data_narrow_what_control_rests_on(model: IdentifiedModel) -> None:
+    for plane in ("yaw", "pitch"):
+        assert model.planes[plane].b1_per_s2.sd / model.planes[plane].b1_per_s2.value < 0.06
+        assert model.planes[plane].delay_s.sd < 0.03
+    assert model.convergence.agreed
+    assert model.convergence.at_bounds == ()
+
+
+def test_what_motion_cannot_tell_is_not_called_measured(model: IdentifiedModel) -> None:
+    """Added mass against mass, and the scale of each equation, leave no trace in the motion."""
+    coefficients = model.coefficients
+    for name in ("Y_vdot", "N_rdot", "M_qdot", "Z_wdot"):
+        assert coefficients[name].status == "prior", name
+        assert coefficients[name].shrink > 0.8
+    for name, coefficient in coefficients.items():
+        assert (coefficient.status == "measured") == (coefficient.shrink <= 0.8), name
+    assert model.joint.informed_directions < len(NAMES)
+    assert model.joint.condition_number is None or model.joint.condition_number > 1e4
+
+
+def test_scaling_an_equation_leaves_the_motion_as_it_was(bench: config.VehicleConfig) -> None:
+    """The null direction itself: moment coefficients, inertia and righting moment grown
+    together."""
+    vehicle = parameters.candidate_vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
+    z = np.zeros(len(NAMES))
+    for name in ("N_v", "N_r", "N_dr", "I_zz"):
+        z[NAMES.index(name)] = math.log(1.2) / PARAMETERS[NAMES.index(name)].prior_sd
+    scaled = parameters.candidate_vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, z)
+    before, after = (
+        linear_planes.small_signal(fit.linear_plane(v, "yaw")) for v in (vehicle, scaled)
+    )
+    np.testing.assert_allclose(after, before, rtol=1e-9)
+
+
+def test_a_plane_without_runs_is_not_called_measured(
+    campaign: list[Run], bench: config.VehicleConfig
+) -> None:
+    half = refit.identify([run for run in campaign if run.plane == "yaw"][:3], bench)
+    assert all(
+        half.coefficients[name].status == "prior"
+        for name in ("Z_w", "M_w", "Z_q", "M_q", "M_de", "z_CM")
+    )
+    assert any("no run in pitch" in note for note in half.notes)
+    assert "pitch" not in half.noise
+
+
+def test_unseen_runs_are_predicted_better_than_by_first_principles(
+    model: IdentifiedModel, field: config.VehicleConfig
+) -> None:
+    signals: list[tuple[Plane, np.ndarray]] = [
+        ("yaw", sea.step(4.0, 20.0)),
+        ("yaw", sea.step(-6.0, 20.0)),
+        ("yaw", sea.doublet(6.0, 6.0)),
+        ("pitch", sea.step(2.5, 8.0)),
+        ("pitch", sea.step(10.0, 6.0)),
+        ("pitch", sea.doublet(4.0, 3.0)),
+    ]
+    fresh = [
+        sea.fly(field, plane, signal, name=f"unseen/{k}", seed=5000 + 10 * k + again, trim_rad=TRIM)
+        for k, (plane, signal) in enumerate(signals)
+        for again in range(3)
+    ]
+    scored = prediction.with_held_out_errors(model, fresh).held_out
+    for plane in ("yaw", "pitch"):
+        errors = prediction.mean_rate_errors(scored, plane)
+        assert errors is not None
+        prior, refitted = errors
+        assert refitted < prior, plane
+
+
+def test_without_sea_or_sensor_noise_the_error_that_remains_is_structure(
+    model: IdentifiedModel, field: config.VehicleConfig
+) -> None:
+    quiet = sea.Sensors(0.0, 0.0, 0.0, 0.0)
+    for plane in ("yaw", "pitch"):
+        signal = sea.doublet(5.0, 4.0)
+        run = sea.fly(field, plane, signal, level=sea.CALM, sensors=quiet, trim_rad=TRIM)
+        (score,) = prediction.with_held_out_errors(model, [run]).held_out
+        assert score.model_mse_deg2ps2 < 0.5 * score.prior_mse_deg2ps2, plane
+        assert score.variance_accounted_for > 0.97
+
+
+def test_the_same_runs_give_the_same_bytes(
+    campaign: list[Run], bench: config.VehicleConfig, tmp_path: Path
+) -> None:
+    few = [campaign[0], campaign[1], campaign[7], campaign[8]]
+    first, second = (refit.identify(few, bench) for _ in range(2))
+    assert models.encode(first) == models.encode(second)
+    models.write(first, tmp_path / "model.json")
+    assert models.read(tmp_path / "model.json") == first
+
+
+def test_an_earlier_model_serves_as_prior(campaign: list[Run], bench: config.VehicleConfig) -> None:
+    """Half of the runs, then the other half on top: surer than the first half alone, about where
+    all of them lead."""
+    first = refit.identify(campaign[:3] + campaign[7:9], bench)
+    both = refit.identify(campaign[3:7] + campaign[9:], bench, earlier=first)
+    assert np.all(np.diag(both.joint.covariance) <= np.diag(first.joint.covariance) * 1.001)
+
+
+def test_the_papers_way_confesses_its_rank(
+    campaign: list[Run], bench: config.VehicleConfig
+) -> None:
+    found = refit.identify(campaign, bench, method="paper")
+    assert found.joint.rank < 15
+    assert all(c.status != "measured" and c.sd is None for c in found.coefficients.values())
+    assert any("no unique solution" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("bad", ["caribou_truth", "nowhere.toml", "nowhere.json"])
+def test_a_prior_that_cannot_be_is_refused_in_one_line(bad: str) -> None:
+    with pytest.raises(ValueError, match=bad.split(".")[0]) as refusal:
+        refit.refit([], prior=bad)
+    assert "\n" not in str(refusal.value)

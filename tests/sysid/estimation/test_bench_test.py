@@ -1,0 +1,269 @@
+"""The bench analysis against the tailcone that was simulated, textbook harmonics, and the paper's
+arithmetic."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sitl.core import tailcone
+from sitl.vehicle import config
+from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
+from sysid.data.segments import RATE_HZ
+from sysid.estimation import bench_test, inclining_test
+from sysid.estimation.inclining_test import WeightPeriod
+
+TRAVEL_RAD = math.radians(15.0)
+NOISE_RAD, RESOLUTION_RAD = math.radians(0.06), math.radians(0.0219)
+PAPER: dict[str, float] = {
+    "natural_frequency_radps": 3.0,
+    "damping": 0.6,
+    "delay_s": 0.3,
+    "rate_limit_radps": math.radians(15.0),
+    "bias_rad": 0.0,
+}
+WORN = PAPER | {
+    "bias_rad": math.radians(-6.0),
+    "step_rad": math.radians(0.05),
+    "backlash_rad": math.radians(0.3),
+    "lost_step_chance": 0.002,
+    "lost_step_above_radps": math.radians(8.0),
+}
+BRISK = PAPER | {
+    "natural_frequency_radps": 8.0,
+    "damping": 0.85,
+    "delay_s": 0.12,
+    "rate_limit_radps": math.radians(30.0),
+    "backlash_rad": math.radians(0.8),
+}
+SLUGGISH = PAPER | {
+    "natural_frequency_radps": 1.8,
+    "damping": 0.4,
+    "delay_s": 0.5,
+    "backlash_rad": math.radians(0.1),
+}
+NOTHING = np.empty(0)
+
+
+def session(
+    servo: dict[str, float],
+    seed: int,
+    amplitudes_deg: tuple[float, ...] = (5.0, 10.0, 30.0),
+    frequencies_hz: tuple[float, ...] = (0.05, 0.12, 0.25, 0.5, 0.75, 1.0),
+) -> Log:
+    """A rudder session as the log of a vehicle with an encoder would hold it."""
+    axis = tailcone.discretise(travel_rad=TRAVEL_RAD, substep_s=0.25 / RATE_HZ, **servo)
+    commands, events = [np.zeros(200)], []
+    for size in amplitudes_deg:
+        for hz in frequencies_hz:
+            start_s, duration_s = sum(map(len, commands)) / RATE_HZ, 3.3 + max(7.0, 2.0 / hz)
+            t = np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
+            commands += [math.radians(size / 2.0) * np.sin(2.0 * math.pi * hz * t), np.zeros(40)]
+            events.append(
+                TextEvent(
+                    start_s, 6, f"SystemID Starting: axis=12 wave=chirp magnitude={size / 2.0:.2f}"
+                )
+            )
+            events.append(TextEvent(start_s + duration_s, 6, "SystemID Finished"))
+    command = np.concatenate(commands)
+    time_s = np.arange(command.size) / RATE_HZ
+    state, substeps, angles, rng = (
+        tailcone.at_rest(axis),
+        np.empty(4),
+        [],
+        np.random.default_rng(seed),
+    )
+    for value in command:
+        angles.append(tailcone.duct_angle_rad(axis, state))
+        tailcone.advance(axis, state, value, substeps, tailcone.step_loss_draws(axis, rng, 4))
+    seen = slice(0, None, 5)
+    read = np.array(angles)[seen] + NOISE_RAD * rng.standard_normal(time_s[seen].size)
+    duct = DuctAngles(time_s[seen], np.round(read / RESOLUTION_RAD) * RESOLUTION_RAD, 0.0 * read)
+    return log_of(
+        actuators=Actuators(time_s, command, 0.0 * command, 0.0 * command),
+        duct=duct,
+        events=tuple(events),
+    )
+
+
+def log_of(**given: Any) -> Log:
+    empty: dict[str, Any] = {
+        "name": "bench.mcap",
+        "sha256": "",
+        "attitude": Attitude(*(NOTHING,) * 7),
+        "actuators": Actuators(*(NOTHING,) * 4),
+        "depth": Depth(*(NOTHING,) * 3),
+        "setpoints": Setpoints(*(NOTHING,) * 5),
+        "events": (),
+        "parameters": {},
+        "duct": DuctAngles(*(NOTHING,) * 3),
+    }
+    return Log(**empty | given)
+
+
+@pytest.mark.parametrize(
+    "servo", [PAPER, WORN, BRISK, SLUGGISH], ids=["paper", "worn", "brisk", "sluggish"]
+)
+def test_the_fit_finds_the_actuator_that_was_simulated(servo: dict[str, float]) -> None:
+    found = bench_test.analyse(session(servo, seed=3))["rudder"].model
+    simulated = {
+        "gain": 1.0,
+        "natural_frequency_radps": servo["natural_frequency_radps"],
+        "damping_ratio": servo["damping"],
+        "delay_s": servo["delay_s"],
+        "rate_radps": servo["rate_limit_radps"],
+        "backlash_rad": servo.get("backlash_rad", 0.0),
+    }
+    off = {
+        name: (getattr(found, name).value - value) / getattr(found, name).sd
+        for name, value in simulated.items()
+    }
+    assert all(abs(z) < 3.0 for z in off.values()), off
+    assert math.sqrt(np.mean(np.square(list(off.values())))) < 1.7, off
+    assert all(
+        getattr(found, name).sd < 0.03 * max(value, 0.3) for name, value in simulated.items()
+    )
+    assert found.residual_rad < 1.3 * NOISE_RAD
+
+
+def test_lost_steps_show_as_a_bias_that_moves() -> None:
+    losing = PAPER | {
+        "bias_rad": math.radians(-6.0),
+        "step_rad": math.radians(0.1),
+        "lost_step_chance": 0.01,
+    }
+    steady = bench_test.analyse(session(losing | {"lost_step_chance": 0.0}, seed=1))["rudder"].model
+    moving = bench_test.analyse(session(losing, seed=1))["rudder"].model
+    assert steady.bias_rad.value == pytest.approx(math.radians(-6.0), abs=math.radians(0.02))
+    assert abs(steady.bias_moved_rad) < math.radians(0.03)
+    assert steady.bias_rad.sd is not None
+    assert moving.bias_rad.sd is not None
+    assert moving.bias_rad.sd > 10.0 * steady.bias_rad.sd
+    assert moving.delay_s.value == pytest.approx(0.3, abs=0.01)
+
+
+def test_figure_4_and_its_limits() -> None:
+    found = bench_test.analyse(session(PAPER, seed=2, amplitudes_deg=(5.0, 10.0, 30.0)))["rudder"]
+    small = [point for point in found.points if point.amplitude_deg == 5.0]
+    late_deg = []
+    for point in small:
+        s = 2j * math.pi * point.frequency_hz
+        expected = np.exp(-0.3 * s) / (s * s / 9.0 + 0.4 * s + 1.0)
+        assert point.gain == pytest.approx(abs(expected), abs=4.0 * point.gain_sd + 0.005)
+        turned = math.degrees(np.angle(expected)) - point.phase_deg
+        late_deg.append((turned + 180.0) % 360.0 - 180.0)
+        assert late_deg[-1] == pytest.approx(0.0, abs=4.0 * point.phase_sd_deg)
+    hz = np.array([point.frequency_hz for point in small])
+    assert abs(late_deg @ hz) / (360.0 * hz @ hz) < 0.004, (
+        "seconds by which the phases are off together"
+    )
+    assert sorted(p.phase_deg for p in small) == [p.phase_deg for p in small][::-1]
+    limits = {limit.amplitude_deg: limit for limit in found.limits}
+    for size, hz in ((30.0, 0.25), (10.0, 0.75)):
+        assert limits[size].paper_hz == hz
+        assert limits[size].triangle_hz.value == pytest.approx(hz, rel=0.005)
+        assert limits[size].sine_hz.value == pytest.approx(hz * 2.0 / math.pi, rel=0.005)
+    # Small motion falls by 3 dB where the lag alone does; the widest falls far earlier.
+    assert limits[5.0].half_power_hz == pytest.approx(0.548, abs=0.02)
+    assert limits[30.0].half_power_hz is not None
+    assert limits[30.0].half_power_hz < 0.3
+
+
+@given(st.floats(0.03, 3.0), st.floats(0.0, 6.28), st.floats(-0.2, 0.2))
+@settings(max_examples=40)
+def test_the_frequency_of_a_sinusoid_is_found(hz: float, phase: float, offset: float) -> None:
+    t = np.arange(0.0, max(7.0, 2.0 / hz), 1.0 / RATE_HZ)
+    assert bench_test.frequency_hz(
+        t, offset + np.sin(2.0 * math.pi * hz * t + phase)
+    ) == pytest.approx(hz, rel=2e-3)
+
+
+def test_a_rate_that_no_sweep_reaches_is_not_claimed() -> None:
+    slow = session(PAPER | {"rate_limit_radps": math.radians(90.0)}, 1, (4.0,), (0.1, 0.3, 0.6))
+    found = bench_test.analyse(slow)["rudder"]
+    assert found.model.rate_radps.sd is None
+    assert all(limit.triangle_hz.sd is None for limit in found.limits)
+
+
+@pytest.mark.parametrize(
+    ("broken", "reason"),
+    [
+        ({"duct": DuctAngles(*(NOTHING,) * 3)}, "no duct angles"),
+        ({"events": ()}, "no sweeps"),
+        (
+            {
+                "events": (
+                    TextEvent(4.0, 6, "SystemID Starting: axis=12 wave=chirp magnitude=5.00"),
+                    TextEvent(9.0, 4, "SystemID Stopped: depth 0.0 m above 1 m"),
+                )
+            },
+            "ended early: depth 0.0 m above 1 m",
+        ),
+    ],
+)
+def test_a_log_without_a_bench_test_is_refused_with_the_reason(
+    broken: dict[str, Any], reason: str
+) -> None:
+    whole = session(PAPER, 1, (10.0,), (0.5, 1.0))
+    fields = {"actuators": whole.actuators, "duct": whole.duct, "events": whole.events} | broken
+    with pytest.raises(bench_test.BenchError, match=reason):
+        bench_test.analyse(log_of(**fields))
+
+
+MOVES = [
+    WeightPeriod(m, 60.0 * n, 60.0 * (n + 1))
+    for n, m in enumerate((0.0, 0.2, 0.4, 0.0, -0.2, -0.4, 0.0))
+]
+
+
+def heeled(
+    height_m: float,
+    mass_kg: float,
+    list_kgm: float,
+    noise_deg: float,
+    seed: int,
+    moves: list[WeightPeriod],
+) -> Log:
+    """Heel as the balance of moments has it, with noise that lasts some seconds."""
+    t = np.arange(0.0, moves[-1].until_s, 0.1)
+    moment = np.array([next(m.moment_kgm for m in moves if time < m.until_s + 1e-9) for time in t])
+    slow = np.repeat(np.random.default_rng(seed).standard_normal(t.size // 50 + 1), 50)[: t.size]
+    roll = np.arctan((list_kgm - moment) / (mass_kg * height_m)) + math.radians(noise_deg) * slow
+    zero = 0.0 * t
+    attitude = Attitude(t + 5.0, roll, zero, zero, zero, zero, zero)
+    return log_of(attitude=attitude, events=(TextEvent(5.0, 6, "Armed: HOLD"),))
+
+
+@given(st.floats(0.005, 0.08), st.floats(-0.05, 0.05), st.integers(0, 1000))
+@settings(max_examples=30)
+def test_an_inclining_test_finds_the_height_that_heels(
+    height_m: float, list_kgm: float, seed: int
+) -> None:
+    vehicle = config.load("caribou_nominal")
+    mass_kg = vehicle.ballast.mass_kg
+    found = inclining_test.analyse(
+        heeled(height_m, mass_kg, list_kgm, 0.02, seed, MOVES), MOVES, vehicle
+    )
+    assert found.height_m.sd is not None
+    # Student's t with five degrees of freedom goes beyond 7 standard deviations once in a thousand.
+    assert abs(found.height_m.value - height_m) < 7.0 * found.height_m.sd + 1e-9
+    assert found.height_m.sd < 0.05 * height_m + 2e-3 * (height_m / 0.02) ** 2
+    assert found.z_cm_m.value == pytest.approx(vehicle.ballast.z_cb_m - found.height_m.value)
+
+
+def test_an_inclining_test_that_shows_nothing_is_refused() -> None:
+    vehicle = config.load("caribou_nominal")
+    good = heeled(0.02, 640.0, 0.0, 0.0, 0, MOVES)
+    with pytest.raises(inclining_test.InclineError, match="at least three moves"):
+        inclining_test.analyse(good, [MOVES[0], MOVES[3]], vehicle)
+    with pytest.raises(inclining_test.InclineError, match="never said that it was armed"):
+        inclining_test.analyse(log_of(attitude=good.attitude), MOVES, vehicle)
+    with pytest.raises(inclining_test.InclineError, match="still rolling"):
+        inclining_test.analyse(heeled(0.02, 640.0, 0.0, 3.0, 0, MOVES), MOVES, vehicle)
+    with pytest.raises(inclining_test.InclineError, match="heels away"):
+        inclining_test.analyse(
+            good, [move._replace(moment_kgm=-move.moment_kgm) for move in MOVES], vehicle
+        )

@@ -1,0 +1,232 @@
+"""The joint problem: its slopes against differences of its cost, both surfaces at once, and
+failures said aloud."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from sitl.vehicle import build_model, config
+from sysid.data.segments import Plane, Run
+from sysid.estimation.map import fit
+from sysid.estimation.map import problem as problems
+from sysid.estimation.map.convergence import failures
+from sysid.estimation.map.datasets import STRIDE, dataset, with_coupling_inputs
+from sysid.estimation.map.fit import Prior
+from sysid.estimation.map.gauss_newton import Z_LIMIT, descend
+from sysid.estimation.map.problem import MapProblem
+from sysid.models import greybox, noise, parameters, prediction
+from sysid.models.noise import Noise
+from sysid.models.parameters import NAMES
+from tests.sysid import sea
+
+QUIET = sea.Sensors(0.0, 0.0, 0.0, 0.0)
+TRIM = (math.radians(6.0), math.radians(1.0))
+
+
+def prior_of(vehicle: config.VehicleConfig, runs: Sequence[Run]) -> Prior:
+    biases = fit.trim_biases(vehicle, build_model.build(vehicle), runs)
+    return Prior(vehicle, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
+
+
+def problem_of(vehicle: config.VehicleConfig, runs: Sequence[Run], at: np.ndarray) -> MapProblem:
+    prior = prior_of(vehicle, runs)
+    first = problems.vehicle(prior, prior.mean)
+    planes: tuple[Plane, ...] = ("yaw", "pitch")
+    groups = {
+        p: tuple(with_coupling_inputs(first, dataset(run)) for run in runs if run.plane == p)
+        for p in planes
+    }
+    levels = {plane: Noise() for plane in planes}
+    by = problems.filters(problems.vehicle(prior, at), groups, levels, STRIDE)
+    return MapProblem(prior, groups, by, levels, STRIDE)
+
+
+@pytest.fixture(scope="module")
+def few(campaign: list[Run]) -> list[Run]:
+    return [campaign[0], campaign[6], campaign[8], campaign[10]]
+
+
+@pytest.fixture(scope="module")
+def somewhere() -> np.ndarray:
+    return 0.5 * np.random.default_rng(3).standard_normal(len(NAMES))
+
+
+@pytest.fixture(scope="module")
+def problem(few: list[Run], bench: config.VehicleConfig, somewhere: np.ndarray) -> MapProblem:
+    return problem_of(bench, few, somewhere)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_slopes_are_differences_of_the_cost(
+    problem: MapProblem, somewhere: np.ndarray, name: str
+) -> None:
+    """The runs themselves, flown twice, against sensitivities taken along one track."""
+    score, step = (
+        problems.score(problem, somewhere),
+        1e-3 * (np.arange(len(NAMES)) == NAMES.index(name)),
+    )
+    by_difference = (
+        problems.cost(problem, somewhere + step) - problems.cost(problem, somewhere - step)
+    ) / 2e-3
+    # Play and rate limit have corners, which a difference of two runs rounds off.
+    assert score.slope[NAMES.index(name)] == pytest.approx(by_difference, abs=0.2, rel=2e-3)
+    assert score.cost == pytest.approx(problems.cost(problem, somewhere), rel=1e-12)
+
+
+def test_residuals_of_the_problem_are_those_of_whole_simulations(
+    problem: MapProblem, somewhere: np.ndarray
+) -> None:
+    vehicle, total = problems.vehicle(problem.prior, somewhere), 0.0
+    for plane, group in problem.experiments.items():
+        total += sum(
+            float(np.sum(noise.whiten_residual(r, problem.filters[plane]) ** 2))
+            for r in fit.residuals(vehicle, group)
+        )
+    away = np.linalg.solve(np.linalg.cholesky(problem.prior.covariance), somewhere)
+    assert problems.cost(problem, somewhere) == pytest.approx(0.5 * (total + away @ away), rel=1e-9)
+
+
+def test_a_search_ends_where_no_neighbour_is_better(
+    problem: MapProblem, somewhere: np.ndarray
+) -> None:
+    end = descend(problem, somewhere, 1e-8)
+    sd = 1.0 / np.sqrt(
+        np.diag(end.score.information) + np.diag(np.linalg.inv(problem.prior.covariance))
+    )
+    for i in range(len(NAMES)):
+        for side in (-1.0, 1.0):
+            beside = end.z + side * sd[i] * (np.arange(len(NAMES)) == i)
+            assert problems.cost(problem, beside) > end.score.cost, NAMES[i]
+
+
+def test_a_search_stays_within_its_bounds(few: list[Run], bench: config.VehicleConfig) -> None:
+    """A prior that is surer than right, its mean beyond the bounds in one parameter."""
+    problem = problem_of(bench, few, np.zeros(len(NAMES)))
+    i = NAMES.index("stall_angle")
+    sure = problem.prior._replace(mean=9.0 * (np.arange(len(NAMES)) == i))
+    end = descend(problem._replace(prior=sure), np.zeros(len(NAMES)), 1e-6)
+    assert end.z[i] == pytest.approx(Z_LIMIT)
+    assert np.max(np.abs(end.z)) <= Z_LIMIT
+
+
+def test_the_noises_levels_are_those_that_were_drawn(
+    few: list[Run], bench: config.VehicleConfig
+) -> None:
+    """White noise of one size on a plane that nothing else disturbs."""
+    rng, vehicle = (
+        np.random.default_rng(5),
+        problems.vehicle(prior_of(bench, few), np.zeros(len(NAMES))),
+    )
+    drawn = [math.radians(0.3) * rng.standard_normal((600, 2)) for _ in range(3)]
+    found = noise.estimate(fit.linear_plane(vehicle, "yaw"), drawn, 0.1, Noise())
+    assert found.rate_radps == pytest.approx(math.radians(0.3), rel=0.05)
+    assert found.angle_rad == pytest.approx(math.radians(0.3), rel=0.05)
+    assert found.slow_radps2 < 0.5 * Noise().slow_radps2
+
+
+def two_at_once(vehicle: config.VehicleConfig) -> tuple[Run, Run]:
+    """Rudder and elevator swung at the same time, in still water."""
+    time_s = np.arange(int(30.0 * 50)) / 50.0
+    rudder = math.radians(7.0) * np.sign(np.sin(2.0 * math.pi * time_s / 15.0) + 0.3)
+    elevator = math.radians(6.0) * np.sign(np.sin(2.0 * math.pi * time_s / 8.0 + 0.4))
+    log = sea.fly_tests(
+        vehicle,
+        sea.Tests(rudder, elevator),
+        rng=np.random.default_rng(0),
+        level=sea.CALM,
+        sensors=QUIET,
+        trim_rad=TRIM,
+    )
+    yaw, pitch = (
+        sea.run_of(log, vehicle, plane, signal, name=plane, wave="multisine", trim_rad=TRIM)
+        for plane, signal in (("yaw", rudder), ("pitch", elevator))
+    )
+    return yaw, pitch
+
+
+@pytest.mark.parametrize("plane", ["yaw", "pitch"])
+def test_a_test_of_both_surfaces_is_simulated_with_the_other_planes_motion(
+    plane: Plane, field: config.VehicleConfig
+) -> None:
+    """The true vehicle's own plane explains its half of the test far better once it knows of the
+    other half."""
+    from dataclasses import replace
+
+    run = two_at_once(field)[0 if plane == "yaw" else 1]
+    tail = field.tailcone
+    biases: dict[Plane, float] = {
+        "yaw": math.radians(tail.rudder_bias_deg),
+        "pitch": math.radians(tail.elevator_bias_deg),
+    }
+    vehicle = parameters.candidate_vehicle(field, biases, np.zeros(len(NAMES)))
+    mse = []
+    for both in (False, True):
+        what = with_coupling_inputs(vehicle, dataset(replace(run, both=both)))
+        (left,) = fit.residuals(vehicle, [what])
+        mse.append(float(np.mean(np.degrees(left[:, 0]) ** 2)))
+    assert mse[1] < 0.3 * mse[0], mse
+    assert mse[1] < 0.02
+
+
+def test_a_vehicle_that_flies_nose_down_turns_as_her_plane_says(
+    field: config.VehicleConfig,
+) -> None:
+    """She slips through the water by her pitch, and drag across her hull holds sway: known, it is
+    no error."""
+    run = sea.fly(
+        field, "yaw", sea.doublet(4.0, 6.0), level=sea.CALM, sensors=QUIET, trim_rad=TRIM
+    ).since(-1.0)
+    tail = field.tailcone
+    bias = math.radians(tail.rudder_bias_deg)
+    vehicle = parameters.candidate_vehicle(field, {"yaw": bias, "pitch": 0.0}, np.zeros(len(NAMES)))
+    speed, start = fit.cruise_speed_mps(vehicle, float(run.thrust[0])), greybox.initial_motion(run)
+    still = np.zeros((run.time_s.size, greybox.N_COUPLING))
+    known = prediction.simulate(vehicle, run)
+    unknown = greybox.simulate(vehicle.model, vehicle.actuators["yaw"], run, start, 1, speed, still)
+    errors = [float(np.mean((m.rate_radps - run.rate_radps) ** 2)) for m in (known, unknown)]
+    assert errors[0] < 0.4 * errors[1]
+
+
+def test_the_duct_of_a_cut_run_follows_what_came_before(campaign: list[Run]) -> None:
+    run, actuator = campaign[1], greybox.Actuator(0.3, 3.0, 0.6, 0.0, 0.26, 0.26)
+    late = run.since(-4.0)
+    whole = greybox.duct_along(run, "yaw", actuator)[-late.time_s.size :]
+    np.testing.assert_array_equal(greybox.duct_along(late, "yaw", actuator), whole)
+    np.testing.assert_array_equal(
+        greybox.duct_along(late.since(-2.0), "yaw", actuator), whole[100:]
+    )
+
+
+@pytest.mark.parametrize(
+    ("starts", "bounds", "kept", "said"),
+    [
+        ((100.0, 100.5), (), 0.5, ""),
+        ((100.0, 103.0), (), 0.5, "1 of 2 other starts end elsewhere"),
+        ((100.0,), ("N_v",), 0.5, "N_v at a bound"),
+        ((100.0,), (), 0.99, "the yaw tests leave the prior's uncertainty of b1_per_s2"),
+    ],
+)
+def test_a_fit_that_failed_says_why(
+    starts: tuple[float, ...], bounds: tuple[str, ...], kept: float, said: str
+) -> None:
+    after = np.diag([0.25, kept**2, 0.25, 0.25, 0.25])
+    found = failures(100.0, starts, bounds, {"yaw": (np.eye(5), after)})
+    assert len(found) == bool(said)
+    assert said in "".join(found)
+
+
+def test_a_test_without_a_test_leaves_the_prior(
+    field: config.VehicleConfig, bench: config.VehicleConfig
+) -> None:
+    """The rudder stood still: nothing of the plane can be measured, and the fit must not
+    pretend."""
+    from sysid.models import model_export
+
+    run = sea.fly(field, "yaw", sea.step(0.0, 6.0), trim_rad=TRIM).since(-4.0)
+    prior = prior_of(bench, [run])
+    found = model_export.from_fit(
+        fit.fit([run], prior), prior, "caribou_nominal"
+    ).convergence.failures
+    assert any("static_gain_per_s" in reason for reason in found)

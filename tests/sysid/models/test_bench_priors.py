@@ -1,0 +1,79 @@
+"""What was measured ashore, as belief: one Gaussian update a number, and bad files refused in one
+line."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sitl.vehicle import config
+from sysid.estimation.map.fit import Prior
+from sysid.models import bench_priors, parameters
+from sysid.models.parameters import NAMES, PARAMETERS
+
+AXIS = {
+    "natural_frequency_radps": {"value": 3.3, "sd": 0.03},
+    "damping_ratio": {"value": 0.6, "sd": None},
+    "delay_s": {"value": 0.25, "sd": 0.04},
+    "rate_degps": {"value": 12.0, "sd": 0.3},
+    "backlash_deg": {"value": 0.0, "sd": 0.01},
+    "gain": {"value": 1.0, "sd": 0.01},
+}
+
+
+@pytest.fixture
+def prior(bench: config.VehicleConfig) -> Prior:
+    return Prior(
+        bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)), parameters.prior_covariance()
+    )
+
+
+def written(path: Path, value: object) -> Path:
+    path.write_text(json.dumps(value), encoding="utf-8")
+    return path
+
+
+def test_each_number_is_weighed_against_what_was_known(prior: Prior, tmp_path: Path) -> None:
+    """Of two independent normal estimates the mean weighs each by its information."""
+    bench = written(tmp_path / "bench.json", {"elevator": {"model": AXIS, "points": []}})
+    incline = written(
+        tmp_path / "incline.json",
+        {"z_cm_m": {"value": -0.015, "sd": 0.0003}, "file": "caribou_nominal"},
+    )
+    after = bench_priors.update_prior(prior, bench_priors.read(bench, incline))
+    expected = {
+        "natural_frequency": (math.log(1.1), 0.03 / 3.3),
+        "rate_limit": (math.log(0.8), 0.3 / 12.0),
+        "z_CM": (math.log(0.015 / 0.021), 0.02),
+        "delay_pitch": (-0.05, 0.05),
+    }
+    for name, (moved, sd) in expected.items():
+        i = NAMES.index(name)
+        scale = PARAMETERS[i].prior_sd
+        weight = scale**2 / (scale**2 + sd**2)
+        assert after.mean[i] * scale == pytest.approx(weight * moved), name
+        assert math.sqrt(after.covariance[i, i]) * scale == pytest.approx(math.sqrt(weight) * sd), (
+            name
+        )
+    for name in ("damping_ratio", "delay_yaw", "Y_v"):
+        assert after.mean[NAMES.index(name)] == 0.0
+        assert after.covariance[NAMES.index(name), NAMES.index(name)] == 1.0
+
+
+def test_a_centre_of_mass_above_the_axis_is_no_news_of_this_vehicle(prior: Prior) -> None:
+    with pytest.raises(bench_priors.BenchResultError, match=r"z_CM = 0.01 .*-0.021"):
+        bench_priors.update_prior(prior, [bench_priors.BenchMeasurement("z_CM", 0.01, 0.001)])
+
+
+@pytest.mark.parametrize("text", ["{", '{"rudder": {}}', '{"keel": {}}'])
+def test_a_file_that_is_no_bench_test_is_refused_in_one_line(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "other.json"
+    path.write_text(text, encoding="utf-8")
+    for bad in (path, tmp_path / "missing.json"):
+        with pytest.raises(
+            bench_priors.BenchResultError, match=f"{bad.name}.*ground bench"
+        ) as refusal:
+            bench_priors.read(tailcone=bad)
+        assert "\n" not in str(refusal.value)

@@ -1,0 +1,70 @@
+"""``model.json`` as a format: its schema is published, it survives a file, and other formats are
+refused in a line."""
+
+import json
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from sysid.models import model_file as models
+from sysid.models.model_file import IdentifiedModel, ModelError
+from sysid.schema import schema
+
+PUBLISHED = Path(__file__).parents[3] / "docs" / "model.schema.json"
+DESCRIBED = PUBLISHED.with_name("model.md")
+
+
+def test_the_published_schema_is_that_of_the_records() -> None:
+    told = "python -m sysid.schema > docs/model.schema.json"
+    assert PUBLISHED.read_bytes() == schema(), f"the records have changed; {told}"
+
+
+def test_every_field_is_described() -> None:
+    text = DESCRIBED.read_text(encoding="utf-8")
+    fields = {
+        name
+        for record in json.loads(schema())["$defs"].values()
+        for name in record.get("properties", {})
+    }
+    assert {name for name in fields if f"`{name}`" not in text} == set()
+
+
+def test_a_model_survives_its_file(model: IdentifiedModel, tmp_path: Path) -> None:
+    models.write(model, tmp_path / "model.json")
+    assert models.read(tmp_path / "model.json") == model
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('{"format": 1, "method": "map"}', r"format = 1; this version reads format \d"),
+        ('{"format": 99}', "format = 99"),
+        ("{}", "format = 0"),
+        ('{"format": 2}', "missing required field"),
+        ("not json", "malformed"),
+    ],
+)
+def test_what_is_no_model_of_this_format_is_refused_in_one_line(
+    text: str, said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(text)
+    with pytest.raises(ModelError, match=said) as refusal:
+        models.read(path)
+    assert str(refusal.value).startswith(str(path))
+    assert "\n" not in str(refusal.value)
+
+
+def test_the_design_numbers_covariance_is_that_of_their_sds(model: IdentifiedModel) -> None:
+    for plane, found in model.design.items():
+        for i, name in enumerate(found.names):
+            sd = getattr(model.planes[plane], name).sd
+            assert found.matrix[i][i] ** 0.5 == pytest.approx(sd, rel=1e-9), (plane, name)
+
+
+def test_an_unknown_key_is_named(model: IdentifiedModel, tmp_path: Path) -> None:
+    plain = msgspec.to_builtins(model) | {"colour": "blue"}
+    (tmp_path / "model.json").write_text(json.dumps(plain))
+    with pytest.raises(ModelError, match="colour"):
+        models.read(tmp_path / "model.json")

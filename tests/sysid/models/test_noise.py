@@ -1,0 +1,95 @@
+"""The whitening filter against draws from the very process it describes, and against a dense
+covariance."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from sysid.models import linear_planes, noise
+from sysid.models.noise import Noise
+from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED
+
+DT = 0.1
+PLANES = {
+    "yaw": linear_planes.yaw_plane(TABLE_1_ADJUSTED),
+    "pitch": linear_planes.pitch_plane(TABLE_1_ADJUSTED),
+}
+
+
+def draw(
+    plane: linear_planes.LinearPlane, level: Noise, samples: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Residuals simulated at a step twenty times finer than the filter's."""
+    A, density, C, R, P0 = noise.system(plane, level)
+    fine = 20
+    h = DT / fine
+    Phi = expm(A * h)
+    root = np.sqrt(np.diag(density) * h)
+    x = np.sqrt(np.diag(P0)) * rng.standard_normal(A.shape[0])
+    out = np.empty((samples, C.shape[0]))
+    for k in range(samples):
+        out[k] = C @ x + np.sqrt(np.diag(R)) * rng.standard_normal(C.shape[0])
+        for _ in range(fine):
+            x = Phi @ x + root * rng.standard_normal(x.size)
+    return out
+
+
+@pytest.mark.parametrize("name", ["yaw", "pitch"])
+def test_innovations_are_white_and_of_unit_variance(name: str) -> None:
+    rng = np.random.default_rng(7)
+    plane, level = PLANES[name], Noise()
+    by = noise.build(plane, level, DT, 400)
+    white = np.stack([noise.whiten_residual(draw(plane, level, 400, rng), by) for _ in range(12)])
+    n = white.shape[0] * white.shape[1]
+    for output in range(white.shape[2]):
+        series = white[:, :, output]
+        # Four standard deviations of the estimates' own scatter.
+        assert np.var(series) == pytest.approx(1.0, abs=4 * math.sqrt(2 / n))
+        for lag in (1, 3, 10, 60):
+            assert abs(np.mean(series[:, lag:] * series[:, :-lag])) < 4 / math.sqrt(n)
+        for other in range(output):
+            assert abs(np.mean(series * white[:, :, other])) < 4 / math.sqrt(n)
+
+
+def test_cost_is_the_gaussian_likelihood() -> None:
+    """Against the dense covariance of a short record, built without any filter."""
+    plane, level, samples = PLANES["yaw"], Noise(), 25
+    A, density, C, R, P0 = noise.system(plane, level)
+    n, steps = A.shape[0], 400
+    h = DT / steps
+    Phi_h, Phi = expm(A * h), expm(A * DT)
+    Q = np.zeros((n, n))
+    for _ in range(steps):
+        Q = Phi_h @ Q @ Phi_h.T + density * h
+    P, covariances = P0, [P0]
+    for _ in range(samples):
+        P = Phi @ P @ Phi.T + Q
+        covariances.append(P)
+    dense = np.zeros((2 * samples, 2 * samples))
+    for i in range(samples):
+        for j in range(i + 1):
+            block = C @ np.linalg.matrix_power(Phi, i - j) @ covariances[j] @ C.T + (
+                R if i == j else 0.0
+            )
+            dense[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] = block
+            dense[2 * j : 2 * j + 2, 2 * i : 2 * i + 2] = block.T
+    residual = draw(plane, level, samples, np.random.default_rng(3))
+    y = residual.ravel()
+    expected = 0.5 * (y @ np.linalg.solve(dense, y) + np.linalg.slogdet(dense)[1])
+    assert noise.cost([residual], noise.build(plane, level, DT, samples)) == pytest.approx(
+        expected, rel=1e-3
+    )
+
+
+def test_levels_are_found_again() -> None:
+    rng = np.random.default_rng(5)
+    plane = PLANES["yaw"]
+    truth = Noise(rate_radps=0.004, slow_radps2=0.008, wave_radps2=0.012, wave_frequency_hz=0.17)
+    records = [draw(plane, truth, 400, rng) for _ in range(6)]
+    found = noise.estimate(plane, records, DT, Noise())
+    assert found.rate_radps == pytest.approx(truth.rate_radps, rel=0.1)
+    assert found.slow_radps2 == pytest.approx(truth.slow_radps2, rel=0.35)
+    assert found.wave_radps2 == pytest.approx(truth.wave_radps2, rel=0.35)
+    assert found.wave_frequency_hz == pytest.approx(truth.wave_frequency_hz, rel=0.08)

@@ -1,0 +1,79 @@
+"""What gains promise survives its file, and stays with the values that it was written for."""
+
+import math
+import tomllib
+
+import pytest
+
+from sysid.monitor import performance_spec
+from sysid.monitor.performance_spec import (
+    BaselineError,
+    PerformanceBaseline,
+    PredictedStatistic,
+    Robustness,
+)
+
+GAINS = {"HDG_P": 0.8046312, "PTCH_I": 0.0, "DPT_I": 1.25e-5}
+REASONS = {"HDG_P": "GM 9.8 dB at the rudder", "PTCH_I": "no integrator", "DPT_I": "done in 30 s"}
+PROMISED = PerformanceBaseline(
+    model_sha256="ab" * 32,
+    version="0.1.0",
+    speed_mps=1.3,
+    thrust=0.58,
+    heading_swing_radps=2.25,
+    pitch_swing_radps=1.75,
+    specification={"damping": 0.6, "pitch_rms_growth": math.inf},
+    predicted={"heading_deg": PredictedStatistic(0.0, 0.0, 0.375, 0.75, 0.125, 3.5)},
+    kept=Robustness(0.875, 1.0, 240, 2001),
+)
+
+
+def values(text: str) -> dict[str, float]:
+    lines = [line.partition("#")[0] for line in text.splitlines()]
+    return {
+        name: float(value) for name, value in (line.split(",") for line in lines if line.strip())
+    }
+
+
+@pytest.fixture
+def text() -> str:
+    return performance_spec.encode(PROMISED, GAINS, REASONS)
+
+
+def test_a_file_says_again_what_was_promised(text: str) -> None:
+    assert performance_spec.decode(text, values(text)) == PROMISED
+    assert "HDG_P,0.804631  # GM 9.8 dB at the rudder" in text
+
+
+def test_a_model_that_is_not_sure_of_itself_leaves_the_probability_out() -> None:
+    bare = PROMISED.__class__(
+        **{**{n: getattr(PROMISED, n) for n in PROMISED.__struct_fields__}, "kept": None}
+    )
+    text = performance_spec.encode(bare, GAINS, REASONS)
+    assert performance_spec.decode(text, values(text)) == bare
+
+
+def test_the_head_is_toml_behind_comment_marks(text: str) -> None:
+    head = [line.removeprefix("#") for line in text.splitlines()[1:] if line.startswith("#")]
+    assert tomllib.loads("\n".join(head))["predicted"]["heading_deg"]["rms"] == 0.375
+
+
+def test_a_value_that_somebody_changed_is_no_longer_promised_for(text: str) -> None:
+    with pytest.raises(BaselineError, match="values were changed"):
+        performance_spec.decode(text, {**values(text), "HDG_P": 0.9})
+
+
+def test_a_value_that_somebody_added_is_no_longer_promised_for(text: str) -> None:
+    with pytest.raises(BaselineError, match="values were changed"):
+        performance_spec.decode(text, {**values(text), "HDG_D": 1.0})
+
+
+@pytest.mark.parametrize("head", ["thrust = 0.58", "speed_mps = 1.3"])
+def test_a_head_that_lacks_something_names_it(text: str, head: str) -> None:
+    with pytest.raises(BaselineError, match=head.split()[0]):
+        performance_spec.decode(text.replace(f"# {head}\n", ""), values(text))
+
+
+@pytest.mark.parametrize("other", ["", "HDG_P,0.5\n", "# gains of my own\nHDG_P,0.5  # why\n"])
+def test_a_file_that_nobody_designed_promises_nothing(other: str) -> None:
+    assert performance_spec.decode(other, values(other)) is None

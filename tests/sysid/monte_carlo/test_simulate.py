@@ -1,0 +1,133 @@
+"""A vehicle that is rehearsed: her tailcone is the identified one, and what is known of her leaves
+no error."""
+
+import math
+
+import numpy as np
+import pytest
+
+from autopilot.control import estimator, params
+from sysid.models import greybox
+from sysid.monitor import tracking_metrics
+from sysid.monte_carlo import (
+    actuator as tail,
+)
+from sysid.monte_carlo import (
+    dynamics,
+    instruments,
+    samples,
+)
+from sysid.monte_carlo import (
+    simulate as dive,
+)
+from sysid.monte_carlo.simulate import MissionRejectedError, Sea, SimulatedDive
+from sysid.test_design.prior import DesignPrior
+from tests.sysid.monte_carlo.conftest import HELD, mission, silent
+
+
+def flown(
+    known: DesignPrior, sea: Sea, *, calm: bool = True, duration_s: float = 60.0, **more: float
+) -> SimulatedDive:
+    vehicle = known.vehicle(known.mean)
+    config = params.config({**samples.trims_deg(vehicle), **HELD, **more})
+    levels = {"yaw": silent(), "pitch": silent()} if calm else known.noise
+    return dive.fly(vehicle, levels, mission(3.0, 20.0, duration_s), config, sea, seed=(1,))  # type: ignore[arg-type]
+
+
+def test_a_known_vehicle_in_no_sea_is_held_without_error(known: DesignPrior) -> None:
+    dive = flown(known, Sea(0.0), duration_s=150.0)
+    assert dive.finished
+    assert dive.log.setpoints.depth_m[0] == 3.0
+    steady = tracking_metrics.tracking(dive.log, settling_s=110.0)
+    assert steady is not None
+    assert steady.heading_deg.largest < 0.02
+    assert steady.depth_m.largest < 0.01
+    assert steady.pitch_deg.largest < 0.02
+
+
+def test_a_rougher_sea_costs_more(known: DesignPrior) -> None:
+    calm, rough = (
+        tracking_metrics.tracking(flown(known, Sea(times), calm=False).log) for times in (0.5, 2.0)
+    )
+    assert calm is not None
+    assert rough is not None
+    assert rough.heading_deg.rms > 2.0 * calm.heading_deg.rms
+
+
+def test_a_bent_rudder_is_carried_by_the_integrator(known: DesignPrior) -> None:
+    rudder = [
+        float(
+            np.mean(
+                np.degrees(
+                    flown(
+                        known, Sea(0.0, bias_shift_rad=math.radians(shift))
+                    ).log.actuators.rudder_rad[-50:]
+                )
+            )
+        )
+        for shift in (0.0, -3.0)
+    ]
+    assert rudder[1] - rudder[0] == pytest.approx(3.0, abs=0.3)
+
+
+def test_a_failsafe_ends_the_dive_and_is_named(known: DesignPrior) -> None:
+    found = flown(known, Sea(0.0), FS_DEPTH_M=2.0)
+    assert found.failsafe.startswith("depth")
+    assert not found.finished
+
+
+def test_a_mission_that_is_over_at_once_is_a_dive_too(known: DesignPrior) -> None:
+    found = dive.fly(
+        known.vehicle(known.mean),
+        known.noise,
+        mission(2.0, 0.0, 0.0),
+        params.config({}),
+        Sea(),
+        (1,),
+    )
+    assert found.finished
+    assert found.seconds < 0.1
+
+
+def test_a_mission_that_the_autopilot_does_not_take_is_refused(known: DesignPrior) -> None:
+    items = (mission(3.0, 20.0, 10.0)[0]._replace(command=5000),)
+    vehicle = known.vehicle(known.mean)
+    with pytest.raises(MissionRejectedError, match="command 5000"):
+        dive.fly(vehicle, known.noise, items, params.config({}), Sea(), (1,))
+
+
+def test_the_tailcone_is_the_identified_one() -> None:
+    actuator = greybox.Actuator(
+        0.313, 3.0, 0.6, math.radians(-6.0), math.radians(15.0), math.radians(9.0), 0.02
+    )
+    steps = np.concatenate([[0.0], np.random.default_rng(1).uniform(-0.3, 0.3, 40).repeat(25)])
+    expected = greybox.duct_angles(steps.repeat(dynamics.SUBSTEPS), actuator, dynamics.SUBSTEP_S)
+    axis, angles = (
+        tail.at_rest(actuator, dynamics.SUBSTEP_S),
+        np.empty((steps.size, dynamics.SUBSTEPS)),
+    )
+    for command, each in zip(steps, angles, strict=True):
+        tail.follow(actuator, axis, command, dynamics.SUBSTEP_S, each)
+    between = 0.5 * (expected[1:] + expected[:-1])
+    assert angles.ravel()[:-1] == pytest.approx(between, abs=1e-9)
+
+
+def test_her_instruments_tell_how_she_lies(known: DesignPrior) -> None:
+    config = params.config({})
+    craft = dynamics.initial_state(
+        known.vehicle(known.mean), dive.drifting((0.0, 0.0, 0.0)), instruments.field_nwu(config)
+    )
+    at = estimator.initial_estimate(instruments.frame(0, craft.seen, config), config)
+    assert at.depth_m == pytest.approx(-craft.state[2], abs=1e-6)
+    assert at.heading_rad == pytest.approx(0.0, abs=1e-9)
+
+
+def test_noise_is_what_the_model_found_in_a_tenth_of_a_second(known: DesignPrior) -> None:
+    told = instruments.errors(known.noise, np.random.default_rng(1))
+    means = (
+        np.array([next(told) for _ in range(20_000)])
+        .reshape(-1, 5, dynamics.N_OBSERVED)
+        .mean(axis=1)
+    )
+    assert np.std(means[:, 5]) == pytest.approx(known.noise["yaw"].rate_radps, rel=0.05)
+    assert np.std(means[:, dynamics.DEPTH]) == pytest.approx(known.noise["pitch"].depth_m, rel=0.05)

@@ -1,0 +1,66 @@
+"""What an unsteady start is depends on the sea: told by the pre-rolls of the other runs."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sitl.vehicle import config
+from sysid.data.segments import Run
+from sysid.screening import screen
+from tests.sysid import sea
+
+
+@pytest.fixture(scope="module")
+def calm(field: config.VehicleConfig) -> list[Run]:
+    return _set(field, sea.CALM)
+
+
+@pytest.fixture(scope="module")
+def rough(field: config.VehicleConfig) -> list[Run]:
+    return _set(field, 2.5 * sea.ROUGH)
+
+
+def _set(field: config.VehicleConfig, level: float) -> list[Run]:
+    trim = (math.radians(6.0), 0.0)
+    return [
+        sea.fly(field, "yaw", sea.step(4.0, 8.0), name=f"{k}", seed=k, level=level, trim_rad=trim)
+        for k in range(4)
+    ]
+
+
+def unsteady(runs: list[Run], turning_degps: float) -> bool:
+    """Whether the first run is refused for a turn that was on before its test."""
+    turn = math.radians(turning_degps) * runs[0].approach
+    (first, *_) = screen([replace(runs[0], r_radps=runs[0].r_radps + turn), *runs[1:]])
+    return any(reason.startswith("unsteady start: mean rate") for reason in first.reasons)
+
+
+def test_the_same_turn_is_unsteady_in_a_calm_and_nothing_in_a_rough_sea(
+    calm: list[Run], rough: list[Run]
+) -> None:
+    for runs in (calm, rough):
+        assert not unsteady(runs, 0.0)
+    assert unsteady(calm, 0.7)
+    assert not unsteady(rough, 0.7)
+    assert unsteady(rough, 4.0)
+
+
+def test_a_gyro_bias_that_all_runs_share_is_no_turn(calm: list[Run]) -> None:
+    biased = [replace(run, r_radps=run.r_radps + math.radians(0.7)) for run in calm]
+    assert not unsteady(biased, 0.0)
+    assert unsteady(biased, 0.7)
+
+
+def test_without_other_runs_a_fixed_limit_holds(calm: list[Run]) -> None:
+    assert not unsteady(calm[:1], 0.7)
+    assert unsteady(calm[:1], 1.3)
+
+
+def test_one_wild_approach_does_not_excuse_the_next(calm: list[Run]) -> None:
+    wild = replace(
+        calm[1],
+        r_radps=calm[1].r_radps + math.radians(5.0) * np.sin(calm[1].time_s) * calm[1].preroll,
+    )
+    assert unsteady([calm[0], wild, *calm[2:]], 0.7)

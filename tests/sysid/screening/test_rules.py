@@ -1,0 +1,86 @@
+"""Every rejection names its cause, and a clean run has none."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sitl.vehicle import config
+from sysid.data.segments import Run
+from sysid.screening import screen
+from tests.sysid import sea
+
+
+@pytest.fixture(scope="module")
+def yaw(field: config.VehicleConfig) -> Run:
+    return sea.fly(
+        field, "yaw", sea.step(4.0, 10.0), level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
+    )
+
+
+@pytest.fixture(scope="module")
+def pitch(field: config.VehicleConfig) -> Run:
+    return sea.fly(
+        field, "pitch", sea.step(4.0, 6.0), level=sea.CALM, trim_rad=(math.radians(6.0), 0.0)
+    )
+
+
+def reasons(run: Run) -> tuple[str, ...]:
+    (screening,) = screen([run])
+    assert screening.kept == (not screening.reasons)
+    return screening.reasons
+
+
+def test_clean_runs_are_kept(yaw: Run, pitch: Run) -> None:
+    assert all(s.kept for s in screen([yaw, pitch]))
+
+
+def during(run: Run, values: np.ndarray, change: float) -> np.ndarray:
+    return values + change * (run.time_s > 2.0)
+
+
+def test_each_fault_is_called_by_its_name(yaw: Run, pitch: Run) -> None:
+    faults = {
+        "gap": replace(yaw, longest_gap_s=0.5),
+        "aborted too soon": replace(
+            yaw, time_s=yaw.time_s - yaw.time_s[-1] + 2.0, stop_reason="pitch 31 deg"
+        ),
+        "saturation": replace(
+            yaw, elevator_rad=during(yaw, 0.0 * yaw.elevator_rad, math.radians(15.0))
+        ),
+        "speed off": replace(yaw, thrust=during(yaw, yaw.thrust, 0.1)),
+        "unsteady start": replace(yaw, r_radps=yaw.r_radps + math.radians(2.0)),
+        "cross-plane coupling": replace(
+            yaw, pitch_rad=during(yaw, yaw.pitch_rad, math.radians(12.0))
+        ),
+    }
+    for name, run in faults.items():
+        assert any(reason.startswith(f"{name}: ") for reason in reasons(run)), name
+    assert any(
+        "depth moved" in r for r in reasons(replace(yaw, depth_m=during(yaw, yaw.depth_m, 2.0)))
+    )
+    assert any(
+        "heading moved" in r
+        for r in reasons(replace(pitch, heading_rad=during(pitch, pitch.heading_rad, 0.5)))
+    )
+    assert any("depth changing" in r for r in reasons(replace(yaw, depth_m=0.4 * yaw.time_s)))
+    assert any(
+        "roll reached" in r for r in reasons(replace(yaw, roll_rad=during(yaw, yaw.roll_rad, 0.5)))
+    )
+
+
+def test_a_gust_before_one_test_of_several_is_seen(yaw: Run) -> None:
+    gust = np.radians(1.5) * np.sin(2.0 * yaw.time_s) * (yaw.time_s < 0)
+    results = screen([yaw, replace(yaw, r_radps=yaw.r_radps + gust), yaw])
+    assert [s.kept for s in results] == [True, False, True]
+    assert results[1].reasons[0].startswith("disturbance: ")
+
+
+def test_a_poorly_explained_run_is_not_dropped_for_it(yaw: Run) -> None:
+    """Twice the answer to the rudder is a finding about the vehicle, not a fault of the run."""
+    rate = yaw.r_radps * np.where(yaw.time_s > 0, 2.0, 1.0)
+    heading = yaw.heading_rad + np.maximum(
+        yaw.heading_rad - yaw.heading_rad[np.argmax(yaw.time_s > 0)], 0.0
+    )
+    assert reasons(replace(yaw, r_radps=rate, heading_rad=heading)) == ()

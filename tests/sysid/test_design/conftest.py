@@ -1,0 +1,43 @@
+import math
+
+import pytest
+
+from sitl.vehicle import config
+from sysid.data.segments import Plane
+from sysid.test_design import plan, prior, safety_margins
+from sysid.test_design.prior import DesignPrior
+from sysid.test_design.safety_margins import VehicleSample
+from sysid.validation.crossover import gains_for
+
+
+@pytest.fixture(scope="package")
+def bench() -> DesignPrior:
+    """What the file tells, after a trim flight."""
+    found = prior.from_file(config.load("caribou_nominal"))
+    return prior.with_trim(found, math.radians(6.0), math.radians(0.5))
+
+
+@pytest.fixture(scope="package")
+def gains(bench: DesignPrior) -> dict[str, float]:
+    return gains_for(bench.vehicle(bench.mean))
+
+
+@pytest.fixture(scope="package")
+def samples(bench: DesignPrior, gains: dict[str, float]) -> dict[Plane, list[VehicleSample]]:
+    return {
+        plane: safety_margins.sample_vehicles(bench, plane, gains, 128, 30.0, seed=3)
+        for plane in ("yaw", "pitch")
+    }
+
+
+@pytest.fixture(scope="package")
+def few(bench: DesignPrior) -> plan.TestPlan:
+    """A short plan of few candidates."""
+    return plan.plan(bench, SHORT)
+
+
+SHORT = plan.PlanRequest(
+    water_s=600.0,
+    samples=60,
+    lengths=plan.Lengths(free_s=(15,), held_s=(30,), both_s=(), square_s=(12,)),
+)

@@ -1,0 +1,65 @@
+"""Tests of both surfaces at once, from their sizes to the mission that flies them."""
+
+import tomllib
+
+import pytest
+
+from ground.missions import script
+from ground.test_design import files, format
+from ground.test_design.files import TestDive
+from sysid.test_design import dual_axis, plan
+from sysid.test_design.prior import DesignPrior
+from sysid.test_design.simulate import Manoeuvre
+
+DIVE = TestDive(6.0, 58.0)
+RUDDER = Manoeuvre("yaw", "multisine", 6.0, 100, 0.05, 0.5, loop_on=True)
+ELEVATOR = RUDDER._replace(plane="pitch", size_deg=2.0)
+
+
+def test_neither_surface_moves_farther_than_alone() -> None:
+    largest = [(RUDDER, ELEVATOR), (RUDDER._replace(size_deg=5.0), ELEVATOR._replace(size_deg=2.2))]
+    share = dual_axis.elevator_share(largest)
+    for rudder, elevator in largest:
+        found = dual_axis.scale_to_limits(RUDDER, rudder, elevator, share)
+        assert 0.0 < found.size_deg <= rudder.size_deg
+        assert 0.0 < found.elevator_deg <= elevator.size_deg + 1e-9
+        assert found.elevator_deg == pytest.approx(share * found.size_deg)
+        assert found.surface == "both"
+
+
+def test_the_elevator_never_gets_more_than_the_rudder() -> None:
+    """Which the parameter aboard could not say."""
+    assert dual_axis.elevator_share([(RUDDER, ELEVATOR._replace(size_deg=9.0))]) == 1.0
+
+
+@pytest.fixture(scope="module")
+def together(bench: DesignPrior) -> plan.TestPlan:
+    lengths = plan.Lengths(free_s=(), held_s=(), both_s=(40,), square_s=())
+    request = plan.PlanRequest(
+        water_s=500.0, criterion="crossover", samples=40, lengths=lengths, held_out=False
+    )
+    return plan.plan(bench, request)
+
+
+def test_both_at_once_tell_more_of_both_planes(together: plan.TestPlan) -> None:
+    shapes = [one.manoeuvre for one in together.tests]
+    (shape,) = {m for m in shapes if m.elevator_deg > 0.0}
+    assert shape.mirrored in shapes
+    for plane in ("yaw", "pitch"):
+        assert together.after[plane].crossover_deg < together.paper[plane].crossover_deg
+
+
+def test_the_mission_flies_both_at_the_share_that_goes_with_it(together: plan.TestPlan) -> None:
+    request = plan.PlanRequest(water_s=500.0)
+    text = files.mission(together.tests, DIVE, request, "tests", "about")
+    tests = [step.test for step in script.parse(text, "tests.toml").step if step.test]
+    flown = [one.manoeuvre for one in together.tests]
+    assert [(t.axis, t.magnitude_deg) for t in tests] == [(m.surface, m.size_deg) for m in flown]
+    (shape,) = {m for m in flown if m.elevator_deg > 0.0}
+    share = files.envelope(together, request.limits, DIVE)["SID_ELE_PCT"]
+    assert shape.elevator_deg == pytest.approx(share / 100.0 * shape.size_deg)
+    assert text.count("stay within pitch") == sum("pitch" in m.planes for m in flown)
+    assert tomllib.loads(text)["step"]
+    assert format.format_text(together, []).count("elevator") >= sum(
+        "pitch" in m.planes for m in flown
+    )

@@ -1,0 +1,116 @@
+"""What a test tells, against the fit's own account of the same run, and what knowledge is worth."""
+
+import numpy as np
+import pytest
+
+from sysid.control_analysis.loop_transfer import GRID_RADPS
+from sysid.data.segments import RATE_HZ, Plane
+from sysid.estimation.map import fit
+from sysid.estimation.map import problem as problems
+from sysid.models import noise
+from sysid.test_design import closed_loop, crossover, information, switching_times
+from sysid.test_design import prior as beliefs
+from sysid.test_design.prior import DesignPrior
+from sysid.test_design.simulate import Manoeuvre, as_run, signal_rad
+from sysid.validation.crossover import response
+
+PLANES: tuple[Plane, ...] = ("yaw", "pitch")
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_it_is_the_information_that_the_fit_finds(
+    bench: DesignPrior, gains: dict[str, float], plane: Plane
+) -> None:
+    """The fit's sensitivities come from slopes along the track, these from differences of whole
+    flights."""
+    what = Manoeuvre(plane, "3211", 2.0, 11)
+    (ours,) = information.information_of(bench, [what], gains)
+    base = bench.vehicle(bench.mean)
+    run = as_run(what, beliefs.level_flight(base, plane), signal_rad(what))
+    experiments = {plane: (fit.dataset(run),)}
+    prior = fit.Prior(bench.config, bench.biases_rad, bench.mean, bench.covariance)
+    levels = {plane: bench.noise[plane]}
+    by = problems.filters(base, experiments, levels, fit.STRIDE)
+    theirs = problems.score(
+        problems.MapProblem(prior, experiments, by, levels, fit.STRIDE), bench.mean
+    ).information
+    seen = np.sqrt(np.diag(theirs)) > 0.05
+    block = np.ix_(seen, seen)
+    np.testing.assert_allclose(ours[block], theirs[block], rtol=0.05, atol=0.02 * theirs.max())
+
+
+def test_information_adds_up_and_never_hurts(bench: DesignPrior, gains: dict[str, float]) -> None:
+    tests = [Manoeuvre("yaw", "step", 3.0, 6), Manoeuvre("yaw", "3211", 3.0, 11)]
+    step, pulses = information.information_of(bench, tests, gains)
+    known = np.linalg.inv(bench.covariance)
+    slope = information.slopes(bench, "yaw")
+    alone = [information.numbers(slope, np.linalg.inv(known + told)) for told in (step, pulses)]
+    both = information.numbers(slope, np.linalg.inv(known + step + pulses))
+    for name in both._fields:
+        assert getattr(both, name) < min(getattr(numbers, name) for numbers in alone)
+
+
+def test_twice_as_large_a_test_halves_what_it_alone_leaves_open(
+    bench: DesignPrior, gains: dict[str, float]
+) -> None:
+    """Motion well above the tailcone's play is nearly linear: information grows with the square of
+    the size."""
+    small, large = information.information_of(
+        bench, [Manoeuvre("yaw", "3211", size, 11) for size in (2.0, 4.0)], gains
+    )
+    b1 = information.NAMES.index("N_dr")
+    assert large[b1, b1] == pytest.approx(4.0 * small[b1, b1], rel=0.25)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_the_crossover_is_where_the_rate_lags_by_two_thirds_of_half_a_turn(
+    bench: DesignPrior, plane: Plane
+) -> None:
+    vehicle = bench.vehicle(bench.mean)
+    frequency = crossover.frequency_radps(vehicle, plane)
+    angle = np.angle(response(vehicle, plane))
+    assert np.degrees(np.interp(frequency, GRID_RADPS, angle)) == pytest.approx(-120.0, abs=1.5)
+    later = (frequency * 1.05 < GRID_RADPS) & (frequency * 1.4 > GRID_RADPS)
+    assert np.all(np.degrees(angle[later]) < -120.0)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_square_wave_is_the_sum_of_its_steps(
+    bench: DesignPrior, gains: dict[str, float], held: bool
+) -> None:
+    """What the search takes for the wave's sensitivities: right to a fifth, as the duct has play
+    and the plane drag."""
+    digits = np.array([3.0, 1.0, 4.0, 2.0])
+    step = Manoeuvre("yaw", "step", 3.0, 20, loop_on=held)
+    wave = step._replace(wave="square", runs=(3, 1, 4, 2))
+    of_step, of_wave = information.sensitivities(bench, [step, wave], gains)
+    after = -20 * int(switching_times.STEP_HZ) - 1
+    summed = switching_times.superpose(
+        of_step[after:], switching_times.switch_steps(digits, 20.0), 0
+    )
+    index = information.NAMES.index("N_dr")
+    ours, theirs = (told[:, :, index] for told in (summed, of_wave[after:]))
+    assert np.linalg.norm(ours - theirs) < 0.2 * np.linalg.norm(theirs)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_the_sea_is_the_noise_model_s(
+    bench: DesignPrior, gains: dict[str, float], plane: Plane
+) -> None:
+    """With no feedback the loop's draws are the process that the whitening filter describes:
+    innovations are white."""
+    vehicle, level = bench.vehicle(bench.mean), bench.noise[plane]
+    nothing = dict.fromkeys(gains, 0.0)
+    free = closed_loop.of_vehicle(vehicle, plane, nothing, level)
+    rng = np.random.default_rng(3)
+    by = noise.build(fit.linear_plane(vehicle, plane), level, fit.STRIDE / RATE_HZ, 300)
+    outputs = 2 if plane == "yaw" else 3
+    sds = np.array([level.rate_radps, level.angle_rad, level.depth_m])[:outputs]
+    whites = []
+    for _ in range(20):
+        motion = closed_loop.simulate(
+            free, plane, np.zeros(1500), rng.standard_normal((1500, free.feedback.size))
+        ).motion
+        measured = motion[:: fit.STRIDE, :outputs] + sds * rng.standard_normal((300, outputs))
+        whites.append(noise.whiten_residual(np.ascontiguousarray(measured), by)[50:])
+    assert np.mean(np.square(whites), axis=(0, 1)) == pytest.approx(np.ones(outputs), abs=0.1)

@@ -1,0 +1,76 @@
+"""A whole plan: its promises, its mission, and that nothing in it is chance."""
+
+import tomllib
+
+import pytest
+
+from ground.missions import script
+from ground.test_design import files, format
+from ground.test_design.files import TestDive
+from sysid.test_design import plan
+from sysid.test_design.prior import DesignPrior
+from tests.sysid.test_design.conftest import SHORT
+
+DIVE = TestDive(6.0, 58.0)
+
+
+def test_the_same_seed_gives_the_same_bytes(bench: DesignPrior, few: plan.TestPlan) -> None:
+    again = plan.plan(bench, SHORT)
+    assert files.mission(again.tests, DIVE, SHORT, "a", "b") == files.mission(
+        few.tests, DIVE, SHORT, "a", "b"
+    )
+    assert format.as_json(again, {}, {}) == format.as_json(few, {}, {})
+
+
+def test_it_tells_more_than_the_paper_s_steps(few: plan.TestPlan) -> None:
+    for plane in ("yaw", "pitch"):
+        before, after, paper = few.before[plane], few.after[plane], few.paper[plane]
+        assert after.crossover_deg < paper.crossover_deg < before.crossover_deg
+        assert after.b1_pct < paper.b1_pct < before.b1_pct
+
+
+def test_each_plane_has_an_opposite_pair_and_a_held_out_test_of_another_type(
+    few: plan.TestPlan,
+) -> None:
+    for plane in ("yaw", "pitch"):
+        flown = [one.manoeuvre for one in few.tests if one.manoeuvre.plane == plane]
+        assert any(m._replace(size_deg=-m.size_deg) in flown for m in flown)
+        (held,) = (one.manoeuvre for one in few.held_out if one.manoeuvre.plane == plane)
+        assert held.wave not in {m.wave for m in flown}
+
+
+def test_it_keeps_its_water_time_and_its_limits(few: plan.TestPlan) -> None:
+    assert few.water_s <= SHORT.water_s
+    for one in (*few.tests, *few.held_out):
+        assert one.excursion.probability <= SHORT.limits.probability
+
+
+def test_the_mission_compiles_to_the_planned_tests(few: plan.TestPlan) -> None:
+    text = files.mission(few.tests, DIVE, SHORT, "tests", "about")
+    flown = script.parse(text, "tests.toml")
+    tests = [step.test for step in flown.step if step.test]
+    assert [(t.signal, t.axis, t.magnitude_deg, t.duration_s, t.loop_on) for t in tests] == [
+        (m.wave, m.surface, m.size_deg, m.duration_s, m.loop_on)
+        for m in (one.manoeuvre for one in few.tests)
+    ]
+    assert script.compile_items(flown)
+    held_out = script.parse(
+        files.mission(few.held_out, DIVE, SHORT, "tests", "about"), "held_out.toml"
+    )
+    assert script.duration_s(flown) + script.duration_s(held_out) == pytest.approx(few.water_s)
+    assert tomllib.loads(text)["step"][0]["thrust_pct"] == 58
+
+
+def test_the_envelope_is_the_limits(few: plan.TestPlan) -> None:
+    found = files.envelope(few, SHORT.limits, DIVE)
+    assert found["SID_HDG_MAX"] == pytest.approx(60.0)
+    assert found["SID_PITCH_MAX"] == pytest.approx(15.0)
+    assert found["SID_RATE_MAX"] == pytest.approx(10.0)
+    assert found["SID_DEPTH_MIN"] == pytest.approx(3.7)
+    assert found["SID_DEPTH_MAX"] == pytest.approx(8.3)
+    assert found["SID_TIME_MAX"] > max(one.manoeuvre.duration_s for one in few.tests)
+
+
+def test_too_little_water_is_refused_with_what_is_left_of_it(bench: DesignPrior) -> None:
+    with pytest.raises(plan.PlanInfeasibleError, match=r"water time 320 s: leaves \d+ s"):
+        plan.plan(bench, SHORT._replace(water_s=320.0))

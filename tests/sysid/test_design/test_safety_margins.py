@@ -1,0 +1,119 @@
+"""Sizes that limits allow: kept by vehicles that the planner has not seen, and no smaller than they
+must be."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sitl.vehicle.config import VehicleFileError
+from sysid.data.segments import Plane
+from sysid.test_design import safety_margins
+from sysid.test_design.prior import DesignPrior
+from sysid.test_design.safety_margins import ExcursionLimits, VehicleSample
+from sysid.test_design.simulate import Manoeuvre
+
+TESTS = [
+    Manoeuvre("yaw", "3211", 3.0, 11),
+    Manoeuvre("yaw", "prbs", 3.0, 30, stop_hz=0.5, seed=3, loop_on=True),
+    Manoeuvre("pitch", "3211", 3.0, 7),
+    Manoeuvre("pitch", "prbs", 3.0, 30, stop_hz=0.5, seed=3, loop_on=True),
+]
+
+
+@pytest.mark.parametrize("what", TESTS, ids=lambda m: f"{m.plane} {m.wave}")
+def test_promises_hold_on_fresh_samples(
+    bench: DesignPrior,
+    gains: dict[str, float],
+    samples: dict[Plane, list[VehicleSample]],
+    what: Manoeuvre,
+) -> None:
+    """Promised: 1 in 100 at most. Of 300 fresh ones 10 beyond would be a chance of one in a
+    thousand."""
+    limits = ExcursionLimits()
+    found = safety_margins.max_size_within_limits(what, 9.0, samples[what.plane], limits)
+    assert found is not None
+    sized, _ = found
+    fresh = safety_margins.sample_vehicles(bench, what.plane, gains, 300, 30.0, seed=77)
+    left = [
+        safety_margins.excursion(what.plane, [one], limits).probability > 0.5
+        for one in safety_margins.responses(sized, fresh)
+    ]
+    assert np.sum(left) <= 10
+
+
+@pytest.mark.parametrize("what", TESTS, ids=lambda m: f"{m.plane} {m.wave}")
+def test_half_more_would_leave_limits(
+    samples: dict[Plane, list[VehicleSample]], what: Manoeuvre
+) -> None:
+    limits = ExcursionLimits(rate_limited=1.0, stopped=1.0)
+    found = safety_margins.max_size_within_limits(what, 15.0, samples[what.plane], limits)
+    assert found is not None
+    grown = found[0]._replace(size_deg=1.5 * found[0].size_deg)
+    beyond = safety_margins.excursion(
+        what.plane, safety_margins.responses(grown, samples[what.plane]), limits
+    ).probability
+    assert beyond > limits.probability
+
+
+def test_tighter_limits_make_smaller_tests(samples: dict[Plane, list[VehicleSample]]) -> None:
+    sizes = []
+    for pitch_deg in (15.0, 8.0):
+        found = safety_margins.max_size_within_limits(
+            TESTS[2], 9.0, samples["pitch"], ExcursionLimits(pitch_rad=math.radians(pitch_deg))
+        )
+        assert found is not None
+        sizes.append(found[0].size_deg)
+    assert sizes[1] < 0.8 * sizes[0]
+
+
+def test_a_limit_that_the_sea_alone_leaves_allows_no_test(
+    samples: dict[Plane, list[VehicleSample]],
+) -> None:
+    assert (
+        safety_margins.max_size_within_limits(
+            TESTS[2], 9.0, samples["pitch"], ExcursionLimits(pitch_rate_radps=math.radians(0.2))
+        )
+        is None
+    )
+
+
+def test_a_surface_has_room_for_test_and_loop(samples: dict[Plane, list[VehicleSample]]) -> None:
+    """With 3 deg beside the trim a held test cannot have 3 deg: the loop moves the surface as
+    well."""
+    found = safety_margins.max_size_within_limits(TESTS[1], 3.0, samples["yaw"], ExcursionLimits())
+    assert found is not None
+    assert found[0].size_deg < 2.8
+
+
+def test_vehicles_that_cannot_be_are_drawn_again(
+    bench: DesignPrior, gains: dict[str, float]
+) -> None:
+    """A wider prior than the file's own allows for masses that no hull of her size has."""
+    wide = bench._replace(covariance=9.0 * bench.covariance)
+    drawn = (
+        np.random.default_rng(0).standard_normal((40, bench.mean.size))
+        @ np.linalg.cholesky(wide.covariance).T
+    )
+    assert any(_cannot_be(wide, z) for z in drawn)
+    assert len(safety_margins.sample_vehicles(wide, "yaw", gains, 10, 5.0, seed=1)) == 10
+
+
+def _cannot_be(belief: DesignPrior, z: np.ndarray) -> bool:
+    try:
+        belief.vehicle(z)
+    except VehicleFileError:
+        return True
+    return False
+
+
+def test_the_same_seed_draws_the_same_vehicles_and_seas(
+    bench: DesignPrior, gains: dict[str, float]
+) -> None:
+    first, again, other = (
+        safety_margins.sample_vehicles(bench, "yaw", gains, 3, 10.0, seed) for seed in (1, 1, 2)
+    )
+    for one, same in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one.held, same.held)
+        np.testing.assert_array_equal(one.free, same.free)
+    assert not np.array_equal(first[0].held, other[0].held)

@@ -1,0 +1,69 @@
+"""Which tests together tell most: against every test repeated, and against all sets there are."""
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from sysid.test_design import selection
+from sysid.test_design.safety_margins import Excursion
+from sysid.test_design.selection import SizedTest
+from sysid.test_design.simulate import Manoeuvre
+
+NOWHERE = Excursion(0.0, 0.0, 0.0, 0.0)
+
+
+def candidates(seed: int, count: int) -> list[SizedTest]:
+    """Tests of a made-up plane with three unknowns, each telling of two directions."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for number in range(count):
+        rows = rng.standard_normal((2, 3)) * rng.uniform(0.3, 3.0)
+        shape = Manoeuvre("yaw", "step", 1.0 + number, 10)
+        found.append(SizedTest(shape, NOWHERE, rows.T @ rows, float(rng.integers(30, 80))))
+    return found
+
+
+def left(information: np.ndarray) -> float:
+    return -float(np.linalg.slogdet(information)[1])
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6))
+def test_a_chosen_set_beats_every_test_repeated(seed: int) -> None:
+    offered, known, water_s = candidates(seed, 6), np.eye(3), 400.0
+    chosen = selection.select_tests(offered, known, water_s, left)
+    assert selection.total_test_time_s(chosen) <= water_s
+    assert selection.has_repeats(chosen)
+    best = left(selection.total(chosen, known))
+    for one in offered:
+        repeated = [one] * int(water_s // one.water_s)
+        assert best <= left(selection.total(repeated, known)) + 0.02
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 10**6))
+@example(421)
+@example(486)
+@example(509)
+def test_it_is_near_the_best_of_all_sets(seed: int) -> None:
+    offered, known, water_s = candidates(seed, 4), np.eye(3), 250.0
+    best = min(
+        left(selection.total(some, known))
+        for size in range(2, 9)
+        for some in combinations_with_replacement(offered, size)
+        if selection.total_test_time_s(some) <= water_s and selection.has_repeats(some)
+    )
+    assert (
+        left(selection.total(selection.select_tests(offered, known, water_s, left), known))
+        <= best + 0.1
+    )
+
+
+def test_water_for_less_than_a_pair_holds_nothing() -> None:
+    offered = candidates(1, 3)
+    assert (
+        selection.select_tests(offered, np.eye(3), 1.5 * min(c.water_s for c in offered), left)[2:]
+        == []
+    )

@@ -1,0 +1,70 @@
+"""A test as it is planned is the test that the autopilot plays."""
+
+import numpy as np
+import pytest
+
+from autopilot.control import excitation, requests
+from autopilot.control.params import Config
+from autopilot.control.types import AutopilotState
+from sysid.data.segments import RATE_HZ
+from sysid.test_design import simulate
+from sysid.test_design.simulate import LevelFlight, Manoeuvre
+
+WAVES = [
+    Manoeuvre("yaw", "step", 4.0, 6),
+    Manoeuvre("pitch", "doublet", 2.0, 7),
+    Manoeuvre("yaw", "3211", -3.0, 11),
+    Manoeuvre("pitch", "chirp", 2.0, 20, 0.05, 0.5),
+    Manoeuvre("yaw", "multisine", 5.0, 30, 0.05, 0.5, loop_on=True),
+    Manoeuvre("pitch", "prbs", 1.5, 20, stop_hz=0.6, seed=3),
+    Manoeuvre("yaw", "square", 3.0, 17, runs=(3, 1, 4, 1, 5, 9, 2, 6)),
+]
+
+
+@pytest.mark.parametrize("planned", WAVES, ids=lambda m: m.wave)
+def test_the_autopilot_plays_what_was_planned(planned: Manoeuvre) -> None:
+    number = {name: wave for wave, name in excitation.WAVES.items()}[planned.wave]
+    axis = 12 if planned.plane == "yaw" else 11
+    wish = requests.StartTest(
+        axis,
+        planned.size_deg,
+        planned.start_hz,
+        planned.stop_hz,
+        planned.duration_s,
+        number,
+        0.0,
+        planned.seed,
+        planned.runs,
+    )
+    test = excitation.precompute(wish, AutopilotState(), Config())
+    assert excitation.check(test, 15.0) == ""
+    signal = simulate.signal_rad(planned)
+    played = [excitation.sample(test, k / RATE_HZ) for k in range(signal.size - 1)]
+    moved = [p.rudder_rad if planned.plane == "yaw" else p.elevator_rad for p in played]
+    np.testing.assert_allclose(signal[:-1], moved, atol=1e-12)
+    assert signal[-1] == 0.0
+
+
+def test_the_autopilot_plays_both_surfaces_as_planned() -> None:
+    """Each its own tones, the elevator at the share that the parameter says."""
+    planned = Manoeuvre("yaw", "multisine", 4.0, 30, 0.05, 0.5, loop_on=True, elevator_deg=1.4)
+    number = {name: wave for wave, name in excitation.WAVES.items()}["multisine"]
+    wish = requests.StartTest(123, 4.0, 0.05, 0.5, 30, number, 0.0, 0, ())
+    test = excitation.precompute(wish, AutopilotState(), Config(sid_elevator_pct=35.0))
+    assert excitation.check(test, 15.0) == ""
+    rudder, elevator = (simulate.signal_rad(half) for half in planned.halves)
+    played = [excitation.sample(test, k / RATE_HZ) for k in range(rudder.size - 1)]
+    np.testing.assert_allclose(rudder[:-1], [p.rudder_rad for p in played], atol=1e-12)
+    np.testing.assert_allclose(elevator[:-1], [p.elevator_rad for p in played], atol=1e-12)
+    assert abs(rudder @ elevator) < 1e-9 * (rudder @ rudder)
+    assert planned.mirrored.halves[1].size_deg == -1.4
+
+
+def test_its_run_begins_straight_and_level() -> None:
+    still = LevelFlight(trim_rad=0.1, thrust=0.58, speed_mps=1.3, pitch_rad=0.02)
+    run = simulate.as_run(WAVES[1], still, simulate.signal_rad(WAVES[1]))
+    before = run.preroll
+    assert np.all(run.elevator_rad[before] == 0.1)
+    assert np.all(run.pitch_rad == 0.02)
+    assert run.time_s[-1] == pytest.approx(7.0)
+    assert np.max(run.elevator_rad) == pytest.approx(0.1 + np.radians(2.0))

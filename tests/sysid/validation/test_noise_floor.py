@@ -1,0 +1,119 @@
+"""Theil against its closed forms, and the floor against what a sea of known roughness does to
+runs."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sitl.vehicle import config
+from sysid.data.segments import RATE_HZ, Plane, Run
+from sysid.estimation.map import fit
+from sysid.estimation.map.fit import STRIDE
+from sysid.models import parameters, prediction
+from sysid.models.noise import Noise
+from sysid.models.parameters import NAMES
+from sysid.validation import noise_floor
+from tests.sysid import sea
+
+DT_S = STRIDE / RATE_HZ
+
+
+class TheilTestCase:
+    def test_equal_series(self) -> None:
+        y = np.sin(np.arange(50.0))
+        assert noise_floor.theil(y, y).coefficient == 0.0
+
+    def test_opposite_series_have_no_likeness(self) -> None:
+        y = np.sin(np.arange(50.0))
+        found = noise_floor.theil(y, -y)
+        assert found.coefficient == pytest.approx(1.0)
+
+    def test_an_offset_is_bias_alone(self) -> None:
+        y = np.sin(np.arange(50.0))
+        found = noise_floor.theil(y, y + 0.5)
+        assert found.bias_share == pytest.approx(1.0)
+        expected = 0.5 / (math.sqrt(np.mean(y**2)) + math.sqrt(np.mean((y + 0.5) ** 2)))
+        assert found.coefficient == pytest.approx(expected)
+
+    def test_a_factor_is_variance_alone(self) -> None:
+        y = np.sin(np.arange(50.0))
+        y -= np.mean(y)
+        found = noise_floor.theil(y, 1.5 * y)
+        assert found.variance_share == pytest.approx(1.0)
+        assert found.coefficient == pytest.approx(0.2), "0.5 rms over 1 rms and 1.5 rms"
+
+    @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=3, max_size=30))
+    def test_the_shares_make_a_whole(self, pairs: list[tuple[float, float]]) -> None:
+        y, simulated = np.array(pairs).T
+        if np.mean((y - simulated) ** 2) < 1e-6:
+            return
+        found = noise_floor.theil(y, simulated)
+        rho = np.mean((y - y.mean()) * (simulated - simulated.mean()))
+        unlike = 2.0 * (y.std() * simulated.std() - rho) / np.mean((y - simulated) ** 2)
+        assert found.bias_share + found.variance_share + found.covariance_share == pytest.approx(
+            1.0
+        )
+        assert found.covariance_share == pytest.approx(unlike, abs=1e-6)
+        assert 0.0 <= found.coefficient <= 1.0 + 1e-12
+
+
+SENSORS = sea.Sensors(gyro_bias_radps=0.0)
+KNOWN_SEA = Noise(
+    rate_radps=SENSORS.rate_radps / math.sqrt(STRIDE),
+    angle_rad=SENSORS.angle_rad / math.sqrt(STRIDE),
+    depth_m=0.01,
+    slow_radps2=sea.SLOW_RADPS2,
+    slow_time_s=3.0,
+    wave_radps2=sea.WAVE_RADPS2,
+    wave_frequency_hz=0.15,
+    wave_damping=0.1,
+    force_mps15=1e-4,
+)
+"""The sea that ``tests.sysid.sea`` makes at level 1, as the noise model writes it."""
+
+
+@pytest.mark.parametrize(("plane", "seconds"), [("yaw", 20.0), ("pitch", 8.0)])
+def test_the_floor_is_what_a_faultless_model_leaves(
+    plane: Plane, seconds: float, bench: config.VehicleConfig
+) -> None:
+    """The vehicle that flies is the model; the sea's levels are known. Mean and scatter of the mean
+    square agree.
+
+    The step is small: in a tight turn quadratic damping lets less of the sea through than the
+    linear plane does."""
+    vehicle = parameters.candidate_vehicle(bench, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
+    signal = sea.step(0.3, seconds)
+    runs = [sea.fly(bench, plane, signal, seed=s, sensors=SENSORS) for s in range(60)]
+    errors = [_mean_square(vehicle, run) for run in runs]
+    samples = int(np.count_nonzero(~runs[0].preroll)) // STRIDE
+    linear = fit.linear_plane(vehicle, plane)
+    found = noise_floor.noise_floor_of(
+        noise_floor.rate_covariance(
+            linear, KNOWN_SEA, DT_S, round(prediction.LEAD_S / DT_S), samples
+        )
+    )
+    assert np.mean(errors) == pytest.approx(found.mean_deg2ps2, rel=0.25)
+    assert np.std(errors) == pytest.approx(found.sd_deg2ps2, rel=0.4)
+
+
+def _mean_square(vehicle: parameters.CandidateVehicle, run: Run) -> float:
+    """Of the rate error at 10 Hz, simulated as predictions are."""
+    flown = run.since(-prediction.LEAD_S)
+    missed = np.degrees(flown.rate_radps - prediction.simulate(vehicle, flown).rate_radps)[
+        ~flown.preroll
+    ]
+    whole = missed.size // STRIDE * STRIDE
+    return float(np.mean(missed[:whole].reshape(-1, STRIDE).mean(axis=1) ** 2))
+
+
+def test_runs_of_the_same_test_give_the_floor_without_a_model(bench: config.VehicleConfig) -> None:
+    runs = [sea.fly(bench, "yaw", sea.step(3.0, 20.0), seed=s) for s in range(12)]
+    others = [replace(run, magnitude_deg=-3.0) for run in runs[:1]]
+    found = noise_floor.floor_from_repeats_deg2ps2([*runs, *others])
+    rates = np.array([np.degrees(run.rate_radps[~run.preroll]) for run in runs])
+    assert found == pytest.approx(float(np.mean(np.var(rates, axis=0, ddof=1))), rel=1e-9)
+    assert noise_floor.floor_from_repeats_deg2ps2([runs[0], *others]) is None
