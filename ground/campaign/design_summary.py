@@ -4,6 +4,10 @@ campaign's page."""
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+LIMITED_CUTS = ("rudder", "heading", "elevator", "depth")
+"""Where the specification limits margins and sensitivity. The pitch loop by itself, opened at the
+pitch error with no depth loop around it, is analysed and reported but not limited."""
+
 
 class LimitRow(NamedTuple):
     limit: str
@@ -45,14 +49,13 @@ def describe_other_limits(spec: Mapping[str, Any]) -> str:
 def _nominal_rows(spec: Mapping[str, Any], reached: Mapping[str, Any]) -> Iterator[LimitRow]:
     loop, damping = min(reached["damping"].items(), key=lambda item: item[1])
     yield LimitRow("damping", f">= {spec['damping']:g}", f"{damping:.2f}", loop)
+    margins = {cut: m for cut, m in reached["margins"].items() if cut in LIMITED_CUTS}
     for name, key, digits in (("gain margin, dB", "gm_db", 1), ("phase margin, deg", "pm_deg", 0)):
-        found = {cut: m[key] for cut, m in reached["margins"].items() if m[key] is not None}
+        found = {cut: m[key] for cut, m in margins.items() if m[key] is not None}
         if found:
             cut, least = min(found.items(), key=lambda item: item[1])
             yield LimitRow(name, f">= {spec[key]:g}", f"{least:.{digits}f}", cut)
-    cut, largest = max(
-        ((cut, m["ms"]) for cut, m in reached["margins"].items()), key=lambda item: item[1]
-    )
+    cut, largest = max(((cut, m["ms"]) for cut, m in margins.items()), key=lambda item: item[1])
     yield LimitRow("largest sensitivity", f"<= {spec['ms']:g}", f"{largest:.2f}", cut)
 
 

@@ -12,9 +12,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
-from queue import SimpleQueue
 from threading import Lock
 from typing import Any, NamedTuple
 
@@ -24,7 +23,7 @@ from ground.campaign.worker import Worker
 from ground.client.flight import Dive, FlightProgress, FlightResult, fly_simulated
 from ground.errors import InputError, OperationError
 from ground.simulation.processes import SimulatedVehicle, Simulation
-from ground.simulation.subprocesses import ForkedProcess, cores
+from ground.simulation.subprocesses import ForkedProcess
 from mavlink_io.clock import wall_s
 
 TRIM_MISSION = "trim"
@@ -78,13 +77,6 @@ AnnounceCallback = Callable[[str], None]
 """Gets what begins now, in words."""
 
 
-def _worker_slots() -> SimpleQueue[int | None]:
-    found, places = cores(), SimpleQueue[int | None]()
-    for place in range(PARALLEL_DIVES):
-        places.put(found[place] if len(found) == PARALLEL_DIVES else None)
-    return places
-
-
 @dataclass
 class Campaign:
     """One campaign under way."""
@@ -94,7 +86,6 @@ class Campaign:
     announce: AnnounceCallback
     outcomes: dict[str, FlightResult] = field(default_factory=dict)
     _afloat: list[SimulatedVehicle] = field(default_factory=list)
-    _cores: SimpleQueue[int | None] = field(default_factory=_worker_slots)
     _lock: Lock = field(default_factory=Lock)
     _cancelled: bool = False
     _prepared: bool = False
@@ -223,34 +214,18 @@ class Campaign:
         name = f"{stage}/{mission}"
         notes = {"stage": stage, "seed": str(dive_seed(self.request.seed, mission))}
         dive = Dive.load(mission, log, parameters=parameters, notes=notes)
-        with self._core() as core:
-            outcome = fly_simulated(
-                dive, self._launch(mission, core), lambda at: self.watch(name, at)
-            )
+        outcome = fly_simulated(dive, self._launch(mission), lambda at: self.watch(name, at))
         if outcome.failsafes:
             raise OperationError(f"{name}: {outcome.failsafes[0]}")
         self.outcomes[name] = outcome
 
-    @contextmanager
-    def _core(self) -> Iterator[int | None]:
-        """The core that a dive's two processes share while there is one for each dive, None where
-        there are more.
-
-        They take turns; on different cores each would keep its own busy with waiting for the other.
-        """
-        core = self._cores.get()
-        try:
-            yield core
-        finally:
-            self._cores.put(core)
-
-    def _launch(self, mission: str, core: int | None) -> SimulatedVehicle:
+    def _launch(self, mission: str) -> SimulatedVehicle:
         r = self.request
         with self._lock:
             if self._cancelled:
                 raise OperationError("cancelled")
             simulation = Simulation(r.vehicle, r.scenario, dive_seed(r.seed, mission), r.speed)
-            simulated = SimulatedVehicle(simulation, start=partial(ForkedProcess, core=core))
+            simulated = SimulatedVehicle(simulation, start=ForkedProcess)
             self._afloat.append(simulated)
         return simulated
 

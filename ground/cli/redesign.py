@@ -21,9 +21,18 @@ def redesign(
     damping: Annotated[
         float | None, typer.Option(help="Least of any mode that shows; 0.6.")
     ] = None,
-    gm_db: Annotated[float | None, typer.Option(help="Gain margin at every cut; 8.")] = None,
-    pm_deg: Annotated[float | None, typer.Option(help="Phase margin at every cut; 55.")] = None,
-    ms: Annotated[float | None, typer.Option(help="Largest sensitivity at every cut; 1.6.")] = None,
+    gm_db: Annotated[
+        float | None,
+        typer.Option(help="Gain margin at rudder, heading, elevator and depth; 8."),
+    ] = None,
+    pm_deg: Annotated[
+        float | None,
+        typer.Option(help="Phase margin at the same four, deg; 55."),
+    ] = None,
+    ms: Annotated[
+        float | None,
+        typer.Option(help="Largest sensitivity at the same four; 1.6."),
+    ] = None,
     least_gm_db: Annotated[
         float | None, typer.Option(help="On each vehicle that the model allows for; 6.")
     ] = None,

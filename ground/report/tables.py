@@ -4,6 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from ground.campaign import design_summary
+
 if TYPE_CHECKING:
     from sysid.models.model_file import IdentifiedModel
     from sysid.validation.results import Gate
@@ -283,16 +285,16 @@ def small_signal(model: "IdentifiedModel") -> str:
 
 
 def margins(analyses: Mapping[str, Any]) -> str:
-    """Stability margins at every place where a loop can be opened."""
+    """Return the stability margins at each cut, whether the specification limits it or not."""
     rows = []
     for cut in analyses["redesigned"]["margins"]:
+        name = cut if cut in design_summary.LIMITED_CUTS else f"{cut}, not limited"
         for role in ("initial", "redesigned"):
             m = analyses[role]["margins"][cut]
             numbers = [_number(m["gm_db"], 1), _number(m["pm_deg"], 0), _number(m["ms"], 2)]
             numbers.append(_number(m["crossover_radps"], 2))
-            rows.append(
-                [cut if role == "initial" else "", role, *_strong(numbers, role == "redesigned")]
-            )
+            cells = _strong(numbers, role == "redesigned")
+            rows.append([name if role == "initial" else "", role, *cells])
     return table(
         ["opened at", "gains", "gain margin, dB", "phase margin, °", "Ms", "crossover, rad/s"],
         rows,

@@ -12,6 +12,7 @@ from typing import NamedTuple, Self
 
 from ground.client.vehicle import VehicleClientError
 from ground.errors import BAD_INPUT, InputError
+from ground.simulation import affinity
 from ground.simulation.subprocesses import ProcessFactory, SpawnedProcess
 from mavlink_io.clock import wall_s
 from mavlink_io.transport import AddressError, Transport, open_transport, wait
@@ -38,8 +39,10 @@ class Simulation(NamedTuple):
 
 
 class SimulatedVehicle:
-    """sitl and autopilot, started and stopped together. The vehicle's time begins when it is
-    armed."""
+    """sitl and autopilot, started and stopped together. The vehicle's time begins when it is armed.
+
+    Both run on one core (`ground.simulation.affinity`) from `connect` on. While they load their
+    libraries they use whatever cores are free."""
 
     def __init__(
         self,
@@ -64,6 +67,7 @@ class SimulatedVehicle:
         autopilot += ["--lifeline", "--state", "off", "--logs", str(simulation.logs or "off")]
         if parameters is not None:
             autopilot += ["--params", str(parameters)]
+        self._core = affinity.take_core()
         self._autopilot = _Program("autopilot", autopilot, start)
         self._sitl = _Program("sitl", [*sitl, "--hil", f"udpout:127.0.0.1:{hil}"], start)
 
@@ -89,13 +93,16 @@ class SimulatedVehicle:
         while True:
             self.check()
             try:
-                return open_transport(self.address)
+                transport = open_transport(self.address)
             except AddressError:
                 if wall_s() > deadline_s:
                     raise VehicleClientError(
                         f"the autopilot did not listen within {START_TIMEOUT_S:g} s"
                     ) from None
                 wait([], 0.02)
+            else:
+                self._pin()
+                return transport
 
     def check(self) -> None:
         """Raise when one of the two has died, with what it said."""
@@ -108,6 +115,15 @@ class SimulatedVehicle:
             child.terminate()
         for child in (self._sitl, self._autopilot):
             child.wait()
+        core, self._core = self._core, None
+        if core is not None:
+            affinity.release_core(core)
+
+    def _pin(self) -> None:
+        """Restrict both processes to one core, where the system can."""
+        if self._core is not None:
+            for child in (self._sitl, self._autopilot):
+                child.pin(self._core)
 
 
 class _Program:
@@ -131,6 +147,9 @@ class _Program:
             else f"ended with status {status}"
         )
         raise VehicleClientError(f"{self._name} {how}" + (f": {said}" if said else ""))
+
+    def pin(self, core: int) -> None:
+        self._child.pin(core)
 
     def terminate(self) -> None:
         self._child.terminate()

@@ -14,6 +14,8 @@ from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Protocol
 
+from ground.simulation import affinity
+
 PRELOADED_MODULES = ("__main__", "autopilot.__main__", "sitl.preload")
 """What a process is loaded with before others are forked from it. ``__main__`` is the command under
 way, which multiprocessing would otherwise load in each of them."""
@@ -25,6 +27,9 @@ class ChildProcess(Protocol):
 
     def poll(self) -> int | None:
         """Its exit status, negative for a signal; None while it runs."""
+
+    def pin(self, core: int) -> None:
+        """Restrict it to a core; one that has ended is left alone."""
 
     def terminate(self) -> None:
         """Ask it to end."""
@@ -58,6 +63,10 @@ class SpawnedProcess:
     def poll(self) -> int | None:
         return self._process.poll()
 
+    def pin(self, core: int) -> None:
+        if self._process.poll() is None:
+            affinity.pin(self._process.pid, core)
+
     def terminate(self) -> None:
         if self._process.poll() is None:
             self._process.terminate()
@@ -75,19 +84,20 @@ class SpawnedProcess:
 class ForkedProcess:
     """A child of a process that has loaded ``PRELOADED_MODULES``, which the first one starts."""
 
-    def __init__(
-        self, module: str, arguments: Sequence[str], said: Path, core: int | None = None
-    ) -> None:
-        """It keeps to ``core``, where one is given."""
+    def __init__(self, module: str, arguments: Sequence[str], said: Path) -> None:
         context = get_context("forkserver")
         context.set_forkserver_preload(list(PRELOADED_MODULES))
         self._process = context.Process(
-            target=_run, args=(module, list(arguments), said, core), daemon=True
+            target=_run, args=(module, list(arguments), said), daemon=True
         )
         self._process.start()
 
     def poll(self) -> int | None:
         return self._process.exitcode
+
+    def pin(self, core: int) -> None:
+        if self._process.pid is not None and self._process.exitcode is None:
+            affinity.pin(self._process.pid, core)
 
     def terminate(self) -> None:
         self._process.terminate()
@@ -99,15 +109,8 @@ class ForkedProcess:
             self._process.join()
 
 
-def cores() -> list[int]:
-    """Those that this process may use; none where the system does not tell."""
-    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
-
-
-def _run(module: str, arguments: list[str], said: Path, core: int | None) -> None:
+def _run(module: str, arguments: list[str], said: Path) -> None:
     """Become the process that ``python -m module`` would be."""
-    if core is not None:
-        os.sched_setaffinity(0, {core})
     parent = parent_process()
     assert parent is not None
     os.dup2(parent.sentinel, 0)

@@ -20,10 +20,11 @@ class Spec(NamedTuple):
     gm_db: float = 8.0
     pm_deg: float = 55.0
     ms: float = 1.6
-    """At every cut of the nominal model's loops."""
+    """Largest sensitivity. Like `gm_db` and `pm_deg` it is asked of the nominal model at four cuts:
+    rudder, heading error, elevator and depth error. The pitch error is not limited."""
     least_gm_db: float = 6.0
     least_pm_deg: float = 45.0
-    """At every cut of the loops of the vehicles that the model allows for, with ``damping``."""
+    """At the same four cuts on the vehicles that the model allows for, together with `damping`."""
     probability: float = 0.5
     """Of such a vehicle meeting them; below it a design is refused."""
     finish_s: float = 30.0

@@ -22,6 +22,7 @@ from tests.helpers.subprocesses import (
     Process,
     autopilot,
     free_port,
+    on_one_core,
     process,
 )
 
@@ -59,8 +60,8 @@ class Afloat:
         )
         logs = self._processes.enter_context(tempfile.TemporaryDirectory())
         own = autopilot(f"udpin:127.0.0.1:{self._hil}", *self._links, options=("--logs", logs))
-        self._processes.enter_context(own)
-        self._processes.enter_context(process(*sea))
+        programs = self._processes.enter_context(own), self._processes.enter_context(process(*sea))
+        self._processes.enter_context(on_one_core(*programs))
         wait_for_heartbeat(self.spare, STANDBY)
 
     def kill(self) -> None:

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from ground.simulation import affinity
 from ground.simulation.processes import free_port as free_port
 
 PATIENCE_S = 60.0
@@ -56,6 +57,10 @@ class Process:
                 return match
         raise AssertionError(f"{pattern!r} was never said in:\n{''.join(heard)}")
 
+    def pin(self, core: int) -> None:
+        """Restrict it to a core."""
+        affinity.pin(self._popen.pid, core)
+
     def signal(self, number: signal.Signals) -> None:
         self._popen.send_signal(number)
 
@@ -94,11 +99,29 @@ def autopilot(hil: str, *ground: str, options: tuple[str, ...] = ()) -> Iterator
 
 
 @contextlib.contextmanager
+def on_one_core(*programs: Process) -> Iterator[None]:
+    """Restrict the autopilot and the simulator of a vehicle to one core, as ground does."""
+    core = affinity.take_core()
+    if core is None:
+        yield
+        return
+    for program in programs:
+        program.pin(core)
+    try:
+        yield
+    finally:
+        affinity.release_core(core)
+
+
+@contextlib.contextmanager
 def vehicle(*ground: str, speed: str = "1", options: tuple[str, ...] = ()) -> Iterator[Process]:
     """An autopilot afloat in the simulator."""
     port = free_port()
     with (
         autopilot(f"udpin:127.0.0.1:{port}", *ground, options=options) as child,
-        process("-m", "sitl", "--hil", f"udpout:127.0.0.1:{port}", "--speed", speed, "--seed", "1"),
+        process(
+            "-m", "sitl", "--hil", f"udpout:127.0.0.1:{port}", "--speed", speed, "--seed", "1"
+        ) as sea,
+        on_one_core(child, sea),
     ):
         yield child

@@ -3,6 +3,7 @@
 import os
 import socket
 import threading
+import time
 import tty
 from collections.abc import Iterator
 from contextlib import closing
@@ -11,12 +12,14 @@ from typing import Any
 import pytest
 
 from mavlink_io.transport import (
+    SPIN_S,
     AddressError,
     LinkLostError,
     MemoryTransport,
     SerialTransport,
     TcpServer,
     Transport,
+    base,
     open_transport,
     wait,
 )
@@ -81,6 +84,53 @@ def test_wait_names_those_that_are_ready() -> None:
         assert wait([a, b], PATIENCE_S) == [b]
         far_a.send(b"y")
         assert wait([a, b], PATIENCE_S) == [a, b]
+
+
+@pytest.fixture
+def one_core() -> Iterator[None]:
+    """Restrict this thread to one core."""
+    usable = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(usable)})
+    yield
+    os.sched_setaffinity(0, usable)
+
+
+def processor_time_of_eager_waits_s() -> float:
+    """Ten waits of 10 ms for what never arrives; polling for `SPIN_S` each takes up to 50 ms."""
+    port = free_port(socket.SOCK_DGRAM)
+    with closing(open_transport(f"udpin:127.0.0.1:{port}")) as transport:
+        began_s = time.thread_time()
+        for _ in range(10):
+            assert wait([transport], 0.01, eager=True) == []
+        return time.thread_time() - began_s
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system cannot restrict cores")
+@pytest.mark.usefixtures("one_core")
+def test_eager_wait_on_one_core_blocks() -> None:
+    # Blocking takes about 20 us a wait, 0.2 ms in all; a fifth of what polling takes is far above.
+    assert processor_time_of_eager_waits_s() < 0.2 * 10 * SPIN_S
+
+
+@pytest.mark.usefixtures("one_core")
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system cannot restrict cores")
+def test_eager_wait_on_one_core_receives() -> None:
+    with (
+        closing(open_transport("memory:one")) as near,
+        closing(open_transport("memory:one")) as far,
+    ):
+        timer = threading.Timer(0.02, far.send, [b"x"])
+        timer.start()
+        assert wait([near], PATIENCE_S, eager=True) == [near]
+        timer.join()
+
+
+@pytest.mark.skipif(not base._has_several_cores(), reason="needs two cores")
+def test_eager_wait_on_two_cores_polls(monkeypatch: pytest.MonkeyPatch) -> None:
+    polls: list[None] = []
+    monkeypatch.setattr(base, "_yield_cpu", lambda: polls.append(None))
+    processor_time_of_eager_waits_s()
+    assert len(polls) > 10, "one poll would be no polling"
 
 
 def test_a_tcp_server_serves_every_client(server: TcpServer) -> None:

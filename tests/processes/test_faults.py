@@ -14,7 +14,13 @@ from ground.client import flight
 from mavlink_io import dialect
 from sitl.faults.catalogue import CATALOGUE
 from sitl.vehicle import config
-from tests.helpers.subprocesses import Finished, autopilot, free_port, process
+from tests.helpers.subprocesses import (
+    Finished,
+    autopilot,
+    free_port,
+    on_one_core,
+    process,
+)
 
 pytestmark = pytest.mark.process
 
@@ -113,10 +119,11 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> Dive:
     with (
         autopilot(
             f"udpin:127.0.0.1:{hil}", f"tcpin:127.0.0.1:{ground}", f"tcpin:127.0.0.1:{beside}"
-        ),
+        ) as steering,
         process(
             "-m", "sitl", *simulator, "--vehicle", str(vehicle), "--scenario", str(sea)
         ) as simulated,
+        on_one_core(steering, simulated),
         process(str(CLIENT), f"tcpout://127.0.0.1:{beside}", "listen") as listener,
     ):
         listener.hear("listening")
@@ -173,8 +180,11 @@ def client(*plan: str, ground: int) -> Finished:
 def test_a_stock_client_breaks_and_mends_what_it_likes_and_reads_what_became_of_it() -> None:
     hil, ground = free_port(), free_port()
     with (
-        autopilot(f"udpin:127.0.0.1:{hil}", f"udpout:127.0.0.1:{ground}"),
-        process("-m", "sitl", "--hil", f"udpout:127.0.0.1:{hil}", "--speed", "4", "--seed", "1"),
+        autopilot(f"udpin:127.0.0.1:{hil}", f"udpout:127.0.0.1:{ground}") as steering,
+        process(
+            "-m", "sitl", "--hil", f"udpout:127.0.0.1:{hil}", "--speed", "4", "--seed", "1"
+        ) as simulated,
+        on_one_core(steering, simulated),
     ):
         finished = client("simulated", ground=ground)
     assert finished.status == 0, finished.stderr

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from ground.campaign import design_summary
-from ground.report import specification
+from ground.report import specification, tables
 from sysid.design.pid import DesignRobustness, Spec
 
 
@@ -39,6 +39,23 @@ def test_the_worst_of_loops_and_cuts_stands_for_all(design: dict[str, Any]) -> N
     assert rows["largest sensitivity"][1:] == ("<= 1.6", "1.60", "rudder")
     assert rows["vehicles that keep it"].reached == "83 %"
     assert "most others miss the damping of the heading loop" in rows["vehicles that keep it"].where
+
+
+def test_rows_with_a_worse_pitch_cut_leave_it_out(design: dict[str, Any]) -> None:
+    """The specification limits four cuts (`sysid/design/heading.py`, `depth.py`); pitch is not
+    one."""
+    design["redesigned"]["margins"]["pitch"] = margins(7.0, 50.0, 1.9)
+    rows = {row.limit: row for row in design_summary.rows(design)}
+    assert rows["gain margin, dB"].where == "rudder"
+    assert rows["phase margin, deg"].where == "elevator"
+    assert rows["largest sensitivity"][1:] == ("<= 1.6", "1.60", "rudder")
+
+
+def test_the_page_marks_the_cut_that_is_not_limited(design: dict[str, Any]) -> None:
+    cuts = design["redesigned"]["margins"]
+    page = tables.margins({"initial": {"margins": cuts}, "redesigned": {"margins": cuts}})
+    assert "pitch, not limited" in page
+    assert "rudder, not limited" not in page
 
 
 def test_what_a_model_does_not_know_is_said_to_be_unknown(design: dict[str, Any]) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from ground.simulation.affinity import cores
 from ground.simulation.processes import free_port
 from ground.simulation.subprocesses import (
     PRELOADED_MODULES,
@@ -19,7 +20,6 @@ from ground.simulation.subprocesses import (
     ForkedProcess,
     ProcessFactory,
     SpawnedProcess,
-    cores,
 )
 
 PARENT = """
@@ -107,15 +107,15 @@ def test_it_does_not_outlive_a_killed_parent(way: str, said: Path, tmp_path: Pat
 
 
 @pytest.mark.skipif(not cores(), reason="the system does not tell of cores")
-def test_a_forked_one_keeps_to_its_core(said: Path) -> None:
+def test_a_child_keeps_to_the_core_it_is_given(start: ProcessFactory, said: Path) -> None:
     core = cores()[-1]
-    child = ForkedProcess("autopilot", arguments(), said, core)
-    wait_for(lambda: "autopilot: system 1" in said.read_text())
-    pid = child._process.pid
-    assert pid is not None
+    child = afloat(start, said)
+    child.pin(core)
+    pid = child._process.pid  # type: ignore[attr-defined]
     assert os.sched_getaffinity(pid) == {core}
     assert cores() == sorted(os.sched_getaffinity(0))
     child.end(0.0)
+    child.pin(core)
 
 
 @pytest.mark.parametrize("module", PRELOADED_MODULES)
