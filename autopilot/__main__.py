@@ -22,6 +22,7 @@ from autopilot.param_store import ParamStore
 from autopilot.telemetry.identity import AutopilotId, version
 from autopilot.vehicle import Vehicle
 from mavlink_io.parent_watch import end_with_stdin
+from mavlink_io.printable import printable
 from mavlink_io.signing import KeyFileError
 from mavlink_io.transport import SEND_TIMEOUT_S, AddressError, LinkLostError, open_transport
 from mavlink_io.user_data_dir import user_data_dir
@@ -114,7 +115,7 @@ def fly(
         vehicle.say(f"Laws: {laws.name}", Severity.INFO)
     for complaint in keeper.complaints:
         vehicle.say(f"Parameters: {complaint}")
-        print(f"autopilot: {complaint}", file=sys.stderr, flush=True)
+        print(f"autopilot: {printable(complaint)}", file=sys.stderr, flush=True)
     stop = Stop()
     if lifeline:
         end_with_stdin()
@@ -125,7 +126,7 @@ def fly(
     finally:
         for complaint in (keys.save(), keeper.close(table)):
             if complaint:
-                print(f"autopilot: {complaint}", file=sys.stderr)
+                print(f"autopilot: {printable(complaint)}", file=sys.stderr)
 
 
 def _folder(given: str, default: Path) -> Path | None:
@@ -148,7 +149,7 @@ class Stop:
 
 
 def _print_error(error: Exception, status: int) -> int:
-    print(f"autopilot: {error}", file=sys.stderr)
+    print(f"autopilot: {printable(error)}", file=sys.stderr)
     return status
 
 

@@ -1,7 +1,7 @@
 """``ground``: fly vehicles, keep what they say, refit, redesign and report.
 
 Every command says what it does on stderr and gives its result on stdout; with --json that is one
-JSON object. Exit status: 0 done, 1 the work failed, 2 bad input."""
+JSON object. Exit status: 0 done, 1 the work failed, 2 bad input, 130 interrupted by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import os
 import signal
 import sys
 from enum import StrEnum
+from io import TextIOWrapper
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer import rich_utils
 
 from ground.cli import (
     bench,
@@ -22,6 +24,7 @@ from ground.cli import (
     modes,
     params,
     redesign,
+    stop,
 )
 from ground.cli import design_test as experiment_cli
 from ground.cli import simulate as rehearsal_cli
@@ -38,9 +41,19 @@ from ground.cli.options import (
     Speed,
     VehicleName,
     print_result,
+    remark,
+    say,
     to_json,
 )
-from ground.errors import BAD_INPUT, FAILED, InputError, OperationError
+from ground.errors import (
+    BAD_INPUT,
+    FAILED,
+    INTERRUPTED,
+    InputError,
+    Interrupted,
+    OperationError,
+)
+from mavlink_io.printable import printable
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """Set before numpy is loaded: refits solve many small systems, which threads of their own slow down
@@ -71,6 +84,8 @@ app.add_typer(log.app, name="log")
 app.add_typer(vehicle_cli.app, name="vehicle")
 app.add_typer(modes.app, name="modes")
 app.command()(fly.fly)
+app.command()(stop.surface)
+app.command()(stop.hold)
 app.command()(bench.bench)
 app.command()(bench.incline)
 app.command()(experiment_cli.design_test)
@@ -229,7 +244,7 @@ def report(
     from ground.report import summary_picture as pictures
 
     draw = pictures.draw if of is Subject.RESULT else matplotlib_figures.draw
-    print(draw(folder, picture) if picture else page.write(folder))
+    say(str(draw(folder, picture) if picture else page.write(folder)))
 
 
 @app.command()
@@ -272,10 +287,15 @@ def main() -> None:
     """The console command."""
     from mavlink_io.transport import AddressError
 
+    if isinstance(
+        sys.stdout, TextIOWrapper
+    ):  # letters that stdout's encoding lacks are escaped too
+        sys.stdout.reconfigure(errors="backslashreplace")
+
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
     try:
-        app()
+        _run()
     except (InputError, AddressError) as error:
         _exit_with_error(error, BAD_INPUT)
     except FileExistsError as error:
@@ -284,21 +304,33 @@ def main() -> None:
         _exit_with_error(f"{error.filename}: {error.strerror}", BAD_INPUT)
     except (OperationError, OSError) as error:
         _exit_with_error(error, FAILED)
-    except _InterruptedError:
-        _exit_with_error("interrupted; what was recorded is kept", FAILED)
+    except Interrupted as interruption:
+        notes = getattr(interruption, "__notes__", [])
+        _exit_with_error(
+            "; ".join(["interrupted; what was recorded is kept", *notes]), interruption.status
+        )
 
 
-class _InterruptedError(BaseException):
-    """Somebody wants this to end: unwinds through everything, so that logs are closed and processes
-    stopped."""
+def _run() -> None:
+    """Run the command that the arguments name, and exit. A usage error quotes arguments: escape
+    it."""
+    usage_error: type[Any] = typer.BadParameter.__bases__[
+        0
+    ]  # click's, which typer has under changing names
+    try:
+        sys.exit(app(standalone_mode=False))
+    except usage_error as error:
+        error.message = printable(error.message)
+        rich_utils.rich_format_error(error)
+        sys.exit(error.exit_code)
 
 
 def _interrupt(number: int, frame: object) -> None:
-    raise _InterruptedError
+    raise Interrupted(INTERRUPTED if number == signal.SIGINT else FAILED)
 
 
 def _exit_with_error(problem: object, status: int) -> None:
-    print(f"ground: {problem}", file=sys.stderr)
+    remark(problem)
     sys.exit(status)
 
 

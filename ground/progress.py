@@ -4,12 +4,21 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from threading import Lock
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.live import Live
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
 
 from ground.client.flight import FlightProgress as DiveProgress
 from ground.client.vehicle import StatusText
+from ground.terminal import Escaped, console, heading, literal
 
 URGENT_SEVERITY = 4
 """MAV_SEVERITY_WARNING: texts as urgent as this are shown between the bars."""
@@ -40,7 +49,7 @@ class ProgressDisplay:
         if not self._quiet and (
             text.severity <= URGENT_SEVERITY or text.text.startswith("SystemID")
         ):
-            self._bars.console.print(text.text, highlight=False)
+            self._bars.console.print(literal(text.text))
 
     def show(self, picture: RenderableType) -> None:
         """Show a picture below the bars, in place of the one before."""
@@ -48,17 +57,17 @@ class ProgressDisplay:
 
     def picture(self) -> RenderableType:
         """The whole display."""
-        return Group(self._bars, *([self._below] if self._below else []))
+        return Escaped(Group(self._bars, *([self._below] if self._below else [])))
 
     def say(self, words: str) -> None:
         """Leave a line."""
         if not self._quiet:
-            self._bars.console.print(words, highlight=False)
+            self._bars.console.print(literal(words))
 
     def announce(self, words: str) -> None:
         """Say what begins."""
         if not self._quiet:
-            self._bars.console.print(f"[bold]{words}")
+            self._bars.console.print(heading(words))
 
     def share(self, words: str, share: float) -> None:
         """Show how much of a computation is done."""
@@ -71,24 +80,28 @@ class ProgressDisplay:
             return self._tasks[name]
 
 
+def columns() -> tuple[ProgressColumn, ...]:
+    """Return the columns of a line: the work, its share done, where the vehicle is, the time."""
+    return (
+        SpinnerColumn(),
+        TextColumn("{task.description:28s}", markup=False),
+        BarColumn(20),
+        TextColumn("{task.fields[words]}", markup=False),
+        TimeElapsedColumn(),
+    )
+
+
 @contextmanager
 def display(name: str, *, quiet: bool) -> Iterator[ProgressDisplay]:
     """A display that is gone when the work is done; ``name`` is that of the only dive or work, if
     there is one."""
-    console = Console(stderr=True)
-    bars = Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description:28s}"),
-        BarColumn(20),
-        TextColumn("{task.fields[words]}"),
-        TimeElapsedColumn(),
-        console=console,
-    )
+    page = console(stderr=True)
+    bars = Progress(*columns(), console=page)
     shown = ProgressDisplay(bars, quiet=quiet)
     shown.dive = name
     with ExitStack() as stack:
-        if console.is_terminal and not quiet:
+        if page.is_terminal and not quiet:
             stack.enter_context(
-                Live(get_renderable=shown.picture, console=console, refresh_per_second=10.0)
+                Live(get_renderable=shown.picture, console=page, refresh_per_second=10.0)
             )
         yield shown

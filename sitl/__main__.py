@@ -9,6 +9,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from mavlink_io.parent_watch import end_with_stdin
+from mavlink_io.printable import printable
 from mavlink_io.transport import AddressError, LinkLostError
 from sitl.app import Options, TruthFileError, run
 from sitl.backends.factory import BackendError, BackendOptions, check_options, defaults_of
@@ -118,7 +119,7 @@ def _speed(text: str) -> float | None:
 
 
 def _exit_with_error(problem: object, status: int) -> NoReturn:
-    print(f"sitl: {problem}", file=sys.stderr)
+    print(f"sitl: {printable(problem)}", file=sys.stderr)
     raise typer.Exit(status)
 
 

@@ -1,11 +1,11 @@
 """What an identified model comes to: as numbers for ``--json`` and ``summary.json``, and as tables
 for people."""
 
-import sys
 from collections.abc import Iterator, Mapping, Sequence
-from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from ground.terminal import Rendered, heading, render
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -71,7 +71,7 @@ def rate_errors(qualities: Any) -> dict[str, Any]:
     return found
 
 
-def format_text(model: "IdentifiedModel", out: Path) -> str:
+def format_text(model: "IdentifiedModel", out: Path) -> Rendered:
     """The model as tables: what control rests on, the gates, other methods beside, and the
     verdict."""
     kept, held_out = sum(run.kept for run in model.screening), len(model.held_out)
@@ -97,13 +97,16 @@ def format_text(model: "IdentifiedModel", out: Path) -> str:
             f"  leaving them out moved {most.plane} {most.number} by {most.sds:+.1f} sd, the others"
             " less"
         )
-    lines += [f"[bold]what control rests on, at {model.speed_mps:g} m/s", _numbers(model)]
+    lines += [heading(f"what control rests on, at {model.speed_mps:g} m/s"), _numbers(model)]
     if model.beside:
-        lines += ["[bold]coefficients", _coefficients(model)]
-    lines += ["[bold]mean squared rate error, (deg/s)²; in brackets the first 10 s", _errors(model)]
+        lines += [heading("coefficients"), _coefficients(model)]
+    lines += [
+        heading("mean squared rate error, (deg/s)²; in brackets the first 10 s"),
+        _errors(model),
+    ]
     if model.verdict:
         lines += [
-            "[bold]gates; a figure in brackets is a remark and does not decide",
+            heading("gates; a figure in brackets is a remark and does not decide"),
             _gates(model.verdict.gates),
         ]
     return _render([*lines, *verdict_lines(model)])
@@ -242,15 +245,9 @@ def _table(*heads: str) -> "Table":
     return table
 
 
-def _render(parts: Sequence["RenderableType"]) -> str:
+def _render(parts: Sequence["RenderableType"]) -> Rendered:
     """As text; in colour where stdout is a terminal."""
-    from rich.console import Console
-
-    page = StringIO()
-    console = Console(file=page, width=WIDTH, force_terminal=sys.stdout.isatty(), highlight=False)
-    for part in parts:
-        console.print(part)
-    return "\n".join(_without_blanks(page.getvalue().splitlines()))
+    return Rendered("\n".join(_without_blanks(render(parts, WIDTH).split("\n"))))
 
 
 def _without_blanks(lines: Sequence[str]) -> Iterator[str]:

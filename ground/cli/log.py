@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ground.cli.options import GROUND_LINK, Address, Json, Sign, new_file, print_result
+from mavlink_io.printable import printable
 
 if TYPE_CHECKING:
     from ground.client.log_download import Download
@@ -74,9 +75,9 @@ def info(file: Path, json: Json = False) -> None:
         if found["lost_frames"] is not None
         else f" from {found['first_s']:.1f} s"
     )
-    lines += [f"  {count:8d}  {topic}" for topic, count in found["topics"].items()]
-    lines += [f"  attached  {name}" for name in found["attachments"]]
-    lines += [f"  damaged   {text}" for text in found["damage"]]
+    lines += [f"  {count:8d}  {printable(topic)}" for topic, count in found["topics"].items()]
+    lines += [f"  attached  {printable(name)}" for name in found["attachments"]]
+    lines += [f"  damaged   {printable(text)}" for text in found["damage"]]
     print_result(found, "\n".join(lines), json)
 
 

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from ground.cli.options import GROUND_LINK, Address, Json, Sign, print_result
+from mavlink_io.printable import printable
 
 app = typer.Typer(invoke_without_command=True, help="The modes that a vehicle offers.")
 
@@ -22,7 +23,9 @@ def modes(
     with connected(connect, sign) as vehicle:
         offered = vehicle.modes()
     print_result(
-        offered, "\n".join(f"{name:16s} {number}" for name, number in offered.items()), json
+        offered,
+        "\n".join(f"{printable(name):16s} {number}" for name, number in offered.items()),
+        json,
     )
 
 
@@ -46,12 +49,15 @@ def install(
     target = (path or mode_map.DEFAULT_PATH).expanduser()
     present = mode_map.read(target)
     with connected(connect, sign) as vehicle:
-        offered, kind = vehicle.modes(), vehicle.kind
+        offered, kind = (
+            {printable(name): number for name, number in vehicle.modes().items()},
+            vehicle.kind,
+        )
     change = mode_map.merge(present, kind, offered, target)
     if change.added and not dry_run:
         mode_map.write(target, change.merged)
     words = [f"{target}: {'nothing' if not change.added else 'would add' if dry_run else 'added'}"]
-    words += [f"  {key} {name}" for key, name in change.added.items()]
+    words += [f"  {key} {printable(name)}" for key, name in change.added.items()]
     if change.added and str(kind) not in present:
         words.append(
             f"  these replace pymavlink's own names for vehicles of type {kind}; delete {kind} to"

@@ -1,12 +1,15 @@
 """What the commands share: their options, how they take a new file, and how they give a result."""
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from ground.errors import InputError
+from ground.terminal import Rendered
+from mavlink_io.printable import printable, printable_lines
 
 Address = Annotated[
     str,
@@ -59,9 +62,20 @@ def new_file(path: Path) -> Path:
 
 def print_result(result: dict[str, Any], words: str, as_json: bool) -> None:
     """Print a result: as words, or as JSON."""
-    print(to_json(result) if as_json else words)
+    say(to_json(result) if as_json else words)
+
+
+def say(words: str) -> None:
+    """Print lines on stdout: as `terminal.render` made them, else with control characters
+    escaped."""
+    print(words if isinstance(words, Rendered) else printable_lines(words))
+
+
+def remark(words: object) -> None:
+    """Print one line on stderr under this program's name."""
+    print(f"ground: {printable(words)}", file=sys.stderr)
 
 
 def to_json(result: dict[str, Any]) -> str:
-    """A result as JSON."""
-    return json.dumps(result, indent=1, default=str)
+    """Return a result as JSON in ASCII, with every control character escaped."""
+    return json.dumps(result, indent=1, default=str).replace("\x7f", "\\u007f")

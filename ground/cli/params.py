@@ -1,15 +1,15 @@
 """``ground params``: read and set a vehicle's parameters."""
 
 import math
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ground.cli.options import GROUND_LINK, Address, Json, Sign, new_file, print_result
+from ground.cli.options import GROUND_LINK, Address, Json, Sign, new_file, print_result, remark
 from ground.errors import InputError
+from mavlink_io.printable import printable
 
 if TYPE_CHECKING:
     from ground.client.param_rollback import ParamChange
@@ -26,7 +26,11 @@ def list_all(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = Fal
 
     with connected(connect, sign) as vehicle:
         values = vehicle.parameters()
-    print_result(values, "\n".join(f"{name:16s} {value:g}" for name, value in values.items()), json)
+    print_result(
+        values,
+        "\n".join(f"{printable(name):16s} {value:g}" for name, value in values.items()),
+        json,
+    )
 
 
 @app.command()
@@ -132,17 +136,15 @@ def upload(
 
     with connected(address, key_file) as vehicle:
         if vehicle.armed:
-            print(
-                "ground: she is under way: loops take new gains without a bump, trims at once",
-                file=sys.stderr,
-            )
+            remark("she is under way: loops take new gains without a bump, trims at once")
         return param_rollback.upload(vehicle, values, source, model_sha256)
 
 
 def format_changes(steps: "Sequence[ParamChange]", reasons: Mapping[str, str]) -> list[str]:
     """Each parameter with its value before and now, and why."""
     return [
-        f"  {s.name:16s} {s.before:10.5g} -> {s.after:10.5g}  {reasons.get(s.name, '')}".rstrip()
+        f"  {printable(s.name):16s} {s.before:10.5g} -> {s.after:10.5g} "
+        f" {printable(reasons.get(s.name, ''))}".rstrip()
         for s in steps
     ]
 

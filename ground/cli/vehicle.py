@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ground.cli.options import Json, new_file, print_result
+from ground.cli.options import Json, new_file, print_result, say
 from ground.errors import BAD_INPUT, InputError, OperationError
 
 app = typer.Typer(
@@ -41,14 +41,14 @@ def new(
     asked += ["--out", str(out), "--tail", tail]
     for option, value in (("--hull", hull), ("--length-m", length_m), ("--diameter-m", diameter_m)):
         asked += [option, str(value)] if value is not None else []
-    print(_run_simulator_tool("new", *asked))
+    say(_run_simulator_tool("new", *asked))
 
 
 @app.command()
 def check(vehicle: Vehicle, json: Json = False) -> None:
     """Refuse an impossible vehicle; print how a possible one floats, flies and swings, and her
     linear planes."""
-    print(_run_simulator_tool("check", vehicle, *(["--json"] if json else [])))
+    say(_run_simulator_tool("check", vehicle, *(["--json"] if json else [])))
 
 
 @app.command()

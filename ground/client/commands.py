@@ -10,6 +10,7 @@ from mavlink_io.dialect import constant, enum_names
 from mavlink_io.request import Exchange, MavlinkId, Send
 
 ACCEPTED, IN_PROGRESS = constant("MAV_RESULT_ACCEPTED"), constant("MAV_RESULT_IN_PROGRESS")
+TEMPORARILY_REJECTED = constant("MAV_RESULT_TEMPORARILY_REJECTED")
 ARM, SET_MODE = constant("MAV_CMD_COMPONENT_ARM_DISARM"), constant("MAV_CMD_DO_SET_MODE")
 SET_INTERVAL, REQUEST = (
     constant("MAV_CMD_SET_MESSAGE_INTERVAL"),
@@ -37,6 +38,8 @@ class CommandExchange(Exchange[None]):
         self._command = command
         self._parameters = (*parameters, *(0.0,) * (7 - len(parameters)))
         self._confirmation = 0
+        self.refusal: int | None = None
+        """MAV_RESULT of a refusal; None where there was none."""
 
     def _ask(self) -> None:
         fields = {f"param{n}": value for n, value in enumerate(self._parameters, start=1)}
@@ -51,6 +54,7 @@ class CommandExchange(Exchange[None]):
         elif message.result == ACCEPTED:
             self._finish(None)
         else:
+            self.refusal = message.result
             self._fail(f"{self._question()}: {readable_name(message.result, 'MAV_RESULT')}")
 
     def _question(self) -> str:

@@ -10,7 +10,9 @@ from typing import NamedTuple, Protocol
 
 from ground.client.recorder import Recorder
 from ground.client.signing import open_signing
+from ground.client.stopping import left_behind
 from ground.client.vehicle import StatusText, VehicleClient, VehicleClientError
+from ground.errors import Interrupted
 from ground.missions import plans
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import Every, wall_s
@@ -114,7 +116,12 @@ def fly(
 ) -> FlightResult:
     """Fly a vehicle that is already there. Raises AddressError, BadInputError, VehicleError."""
     with open_recorded_vehicle(address, dive.log, dive.tlog, key_file) as (vehicle, recorder):
-        return _fly(dive, vehicle, recorder, watch, hear, follower)
+        try:
+            return _fly(dive, vehicle, recorder, watch, hear, follower)
+        except Interrupted as interruption:
+            if state := left_behind(vehicle, address, key_file):
+                interruption.add_note(state)
+            raise
 
 
 def fly_simulated(

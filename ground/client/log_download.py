@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
+from ground.client.file_names import safe_file_name
 from ground.client.vehicle import VehicleClient, VehicleClientError
 from ground.errors import InputError, OperationError
 from mavlink_io.logging.mcap import MAGIC
@@ -31,7 +32,8 @@ class LogOnVehicle(NamedTuple):
 
     number: int
     name: str
-    """What it will be called here."""
+    """The name of the file that is written here: a safe base name, whatever the vehicle calls
+    it."""
     bytes: int
     path: str
     """On the file server; empty where there is none."""
@@ -59,7 +61,9 @@ def list_logs(vehicle: VehicleClient) -> list[LogOnVehicle]:
         return [_from_listing(log) for log in vehicle.use(LogClient, lambda logs: logs.list())]
     logs = [entry for entry in entries if entry.size is not None]
     return [
-        LogOnVehicle(_number(log.name), log.name, log.size or 0, f"{FOLDER}/{log.name}")
+        LogOnVehicle(
+            _number(log.name), safe_file_name(log.name), log.size or 0, f"{FOLDER}/{log.name}"
+        )
         for log in logs
     ]
 
@@ -91,7 +95,7 @@ def fetch(
     """
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / log.name
-    if target.exists() and _is_same(vehicle, log, target):
+    if target.is_file() and _is_same(vehicle, log, target):
         return Download(target, log.bytes, log.bytes, True, _is_finished(target))
     part = folder / f"{log.name}.part"
     begun = part.stat().st_size if part.exists() else 0
@@ -163,7 +167,7 @@ def _is_same(vehicle: VehicleClient, log: LogOnVehicle, file: Path) -> bool:
 
 def _size_on_vehicle(vehicle: VehicleClient, log: LogOnVehicle) -> int:
     entries = vehicle.use(FileClient, lambda files: files.list(FOLDER))
-    return next((entry.size or 0 for entry in entries if entry.name == log.name), 0)
+    return next((entry.size or 0 for entry in entries if f"{FOLDER}/{entry.name}" == log.path), 0)
 
 
 def _size(file: Path) -> int:

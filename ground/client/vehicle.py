@@ -13,6 +13,7 @@ from ground.client.commands import CommandExchange, ModeList
 from ground.client.recorder import Recorder
 from ground.client.signing import open_signing
 from ground.errors import OperationError
+from ground.live.watch import mode_names
 from mavlink_io import dialect
 from mavlink_io.clock import Every, wall_s
 from mavlink_io.codec import Frame
@@ -35,19 +36,34 @@ GROUND = MavlinkId(250, constant("MAV_COMP_ID_MISSIONPLANNER"))
 HEARTBEAT_PERIOD_S = 1.0
 WATCHDOG_PERIOD_S = 0.2
 READY_TIMEOUT_S = 60.0
-"""Wall seconds a vehicle may take to stand by: on a new machine the simulator compiles its kernels
-first."""
+"""Maximum wall time (s) in which a vehicle may reach MAV_STATE_STANDBY before it is armed."""
+SIMULATED_READY_WITHIN_S = 300.0
+"""The same of a simulated vehicle, whose processes are watched: on a new or busy machine the
+simulator may take minutes to compile its kernels before the first sensor sample."""
+ARM_RETRY_S, ARM_RETRY_PERIOD_S = 15.0, 1.0
+"""Wall time (s) in which a temporary refusal to arm is asked again, and the time between
+attempts."""
 HEARTBEAT_TIMEOUT_S = 5.0
 """Wall seconds without a heartbeat after which a vehicle counts as lost."""
 _STANDBY = constant("MAV_STATE_STANDBY")
+_PREARM = constant("MAV_SYS_STATUS_PREARM_CHECK")
 _HEARTBEAT, _STATUSTEXT = (
     constant("MAVLINK_MSG_ID_HEARTBEAT"),
     constant("MAVLINK_MSG_ID_STATUSTEXT"),
 )
+_SYS_STATUS = constant("MAVLINK_MSG_ID_SYS_STATUS")
 
 
 class VehicleClientError(OperationError):
     """The vehicle is not there, went away, or refused; the message says which and why."""
+
+
+class RefusedError(VehicleClientError):
+    """The vehicle refused a command; `result` is its MAV_RESULT."""
+
+    def __init__(self, reason: str, result: int) -> None:
+        super().__init__(reason)
+        self.result = result
 
 
 class StatusText(NamedTuple):
@@ -80,9 +96,17 @@ class VehicleClient:
         """Called with every frame of the autopilot's own."""
         self.party: MavlinkId | None = None
         self._status = 0
+        self._own_status: Frame | None = None
+        """The autopilot's newest SYS_STATUS; its devices send that message too."""
         self.kind = 0
         """MAV_TYPE."""
         self.armed = False
+        self.arm_requested = False
+        """Whether it was asked to arm and has not refused: it may be armed before a HEARTBEAT says
+        so."""
+        self.heartbeats = 0
+        """How many were received of the vehicle."""
+        self._last_heartbeat: Any = None
         self.disarmings = 0
         """How often the vehicle was seen to disarm."""
         self.texts: list[StatusText] = []
@@ -94,27 +118,47 @@ class VehicleClient:
         return self._endpoint.lost_frames
 
     @property
+    def custom_mode(self) -> int:
+        """HEARTBEAT.custom_mode as last received."""
+        return 0 if self._last_heartbeat is None else int(self._last_heartbeat.custom_mode)
+
+    @property
+    def mode(self) -> str:
+        """The mode of the last HEARTBEAT, by the vehicle's own name as far as `modes` has been
+        asked."""
+        if self._last_heartbeat is None:
+            return "unknown"
+        return mode_names.name(
+            self._last_heartbeat, {number: name for name, number in self._modes.items()}
+        )
+
+    @property
     def recorder(self) -> Recorder | None:
         return self._recorder
 
     def connect(self, timeout_s: float = 30.0) -> None:
         """Wait for the heartbeat of an autopilot."""
         deadline_s = wall_s() + timeout_s
-        while self.party is None:
-            if wall_s() > deadline_s:
-                raise VehicleClientError(self._not_found(timeout_s))
+        while True:
             self._heard_s = wall_s()
-            self.pump(0.05)
+            is_all = self.pump(0.05)
+            if self.party is not None:
+                return
+            if is_all and wall_s() > deadline_s:
+                raise VehicleClientError(self._not_found(timeout_s))
 
-    def pump(self, timeout_s: float) -> None:
+    def pump(self, timeout_s: float) -> bool:
         """Receive what has come, waiting for it for at most ``timeout_s``: record it, take note of
-        it."""
+        it.
+
+        Returns whether nothing is left unread. Silence is judged only then: after a pause of this
+        process the wall clock is ahead of the messages that wait in the socket."""
         transport = self._endpoint.transport
         try:
             if self._heartbeat.due():
                 self._send_heartbeat()
             wait([transport], timeout_s)
-            frames = self._endpoint.receive()
+            frames, is_all = connection_diagnosis.receive_all(self._endpoint)
         except LinkLostError as error:
             raise VehicleClientError(f"the vehicle is gone: {error}") from None
         self._take(frames)
@@ -122,11 +166,12 @@ class VehicleClient:
             self._watchdog()
         if self._recorder is not None:
             self._recorder.flush_when_due()
-        if wall_s() - self._heard_s > HEARTBEAT_TIMEOUT_S:
+        if is_all and wall_s() - self._heard_s > HEARTBEAT_TIMEOUT_S:
             raise VehicleClientError(
                 f"the vehicle is gone: no heartbeat on {transport.address} "
                 f"for {HEARTBEAT_TIMEOUT_S:g} s"
             )
+        return is_all
 
     def latest(self, name: str) -> Any | None:
         """The newest message of a name, decoded; None when none has come."""
@@ -158,9 +203,22 @@ class VehicleClient:
             self._modes = self._run(ModeList(self._endpoint.send, GROUND, self._peer))
         return self._modes
 
+    def offered_modes(self) -> dict[str, int]:
+        """Return `modes`; of a vehicle that does not list them, those that are known for its
+        type."""
+        try:
+            return self.modes()
+        except VehicleClientError:
+            self._modes = (
+                {} if self._last_heartbeat is None else mode_names.known(self._last_heartbeat)
+            )
+            if not self._modes:
+                raise
+            return self._modes
+
     def set_mode(self, name: str) -> None:
         """Change mode by name, as the vehicle calls it."""
-        modes = self.modes()
+        modes = self.offered_modes()
         if name not in modes:
             raise VehicleClientError(f"mode {name}: the vehicle offers {', '.join(sorted(modes))}")
         self.command(commands.SET_MODE, 1.0, float(modes[name]))
@@ -169,25 +227,86 @@ class VehicleClient:
         """Have a message sent ``rate_hz`` times a second of vehicle time."""
         self.command(commands.SET_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz)
 
-    def arm(self, patience_s: float = READY_TIMEOUT_S) -> None:
-        """Arm, giving a vehicle that is still starting up to ``patience_s`` to stand by; then its
-        refusal counts."""
-        deadline_s = wall_s() + patience_s
-        while self._status < _STANDBY and wall_s() < deadline_s:
-            self.pump(0.05)
-        self.command(commands.ARM, 1.0)
+    def arm(self, patience_s: float | None = None) -> None:
+        """Arm as soon as the vehicle is ready.
+
+        Parameters
+        ----------
+        patience_s : float, optional
+            Wall time (s) in which a vehicle that starts may reach MAV_STATE_STANDBY. The default is
+            `READY_TIMEOUT_S`, for a simulated vehicle `SIMULATED_READY_WITHIN_S`.
+
+        Raises
+        ------
+        RefusedError
+            The refusal is final; the vehicle reports that its pre-arm checks pass and refuses twice
+            all the same; or a temporary refusal has lasted for `ARM_RETRY_S`.
+        """
+        if patience_s is None:
+            patience_s = READY_TIMEOUT_S if self._watchdog is None else SIMULATED_READY_WITHIN_S
+        self.pump_until(lambda: self._status >= _STANDBY, patience_s)
+        deadline_s, passed = wall_s() + ARM_RETRY_S, False
+        while True:
+            self.arm_requested = True
+            try:
+                self.command(commands.ARM, 1.0)
+                return
+            except RefusedError as refusal:
+                self.arm_requested = False
+                if refusal.result != commands.TEMPORARILY_REJECTED or wall_s() > deadline_s:
+                    raise
+                # The checks may have passed since the refusal: one more attempt decides.
+                passed_before, passed = passed, bool(self._passes_prearm())
+                if passed and passed_before:
+                    raise
+                if not passed:
+                    self._wait_for_prearm(deadline_s)
 
     def disarm(self, *, force: bool = False) -> None:
         self.command(commands.ARM, 0.0, 21196.0 if force else 0.0)
 
     def command(self, command: int, *parameters: float) -> None:
-        """Send one command and wait until it is done."""
-        self._run(CommandExchange(self._endpoint.send, GROUND, self._peer, command, *parameters))
+        """Send one command and wait until it is done. Raises RefusedError, VehicleError."""
+        exchange = CommandExchange(self._endpoint.send, GROUND, self._peer, command, *parameters)
+        try:
+            self._run(exchange)
+        except VehicleClientError as error:
+            if exchange.refusal is None:
+                raise
+            raise RefusedError(str(error), exchange.refusal) from None
 
     def use(self, kind: Callable[..., C], ask: Callable[[C], Exchange[T]]) -> T:
         """Carry out what a service's client begins: ``use(FileClient, lambda files:
         files.list("/logs"))``."""
         return self._run(ask(self._client(kind)))
+
+    def _wait_for_prearm(self, deadline_s: float) -> None:
+        """Wait until the vehicle reports that its checks pass; one period where it reports
+        nothing."""
+        while wall_s() < deadline_s:
+            self.pump_until(lambda: False, ARM_RETRY_PERIOD_S)
+            if self._passes_prearm() is not False:
+                return
+
+    def _passes_prearm(self) -> bool | None:
+        """Ask for the vehicle's own verdict on its pre-arm checks; None where it does not report
+        one."""
+        self._own_status = None
+        CommandExchange(
+            self._endpoint.send, GROUND, self._peer, commands.REQUEST, _SYS_STATUS
+        ).poll(wall_s())
+        self.pump_until(lambda: self._own_status is not None, ARM_RETRY_PERIOD_S)
+        status = None if self._own_status is None else self._own_status.decode()
+        if status is None or not status.onboard_control_sensors_present & _PREARM:
+            return None
+        return bool(status.onboard_control_sensors_health & _PREARM)
+
+    def pump_until(self, is_done: Callable[[], bool], timeout_s: float) -> bool:
+        """Receive until something is so, for at most a wall time (s). Returns whether it is so."""
+        deadline_s = wall_s() + timeout_s
+        while not is_done() and wall_s() < deadline_s:
+            self.pump(0.05)
+        return is_done()
 
     def close(self) -> None:
         self._endpoint.transport.close()
@@ -231,6 +350,8 @@ class VehicleClient:
                 self._hear_heartbeat(frame)
             elif frame.message_id == _STATUSTEXT:
                 self._hear_text(frame)
+            elif frame.message_id == _SYS_STATUS and (frame.system, frame.component) == self.party:
+                self._own_status = frame
             if listener is not None:
                 listener(frame)
             if self.on_frame is not None and (frame.system, frame.component) == self.party:
@@ -244,9 +365,13 @@ class VehicleClient:
         if sender == self.party:
             self._heard_s = wall_s()
             self.kind = message.type
+            self.heartbeats += 1
+            self._last_heartbeat = message
             armed = bool(message.base_mode & ARMED_FLAG)
             self._status = message.system_status
-            self.disarmings += self.armed and not armed
+            if self.armed and not armed:
+                self.disarmings += 1
+                self.arm_requested = False
             self.armed = armed
 
     def _hear_text(self, frame: Frame) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ground.client.file_names import safe_file_name
 from ground.errors import InputError
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def _tables(path: Path) -> "dict[str, MessageColumns]":
 
 
 def _write(out: Path, name: str, table: "MessageColumns") -> Path:
-    target = out / f"{name.removeprefix('/mavlink/').replace('/', '-')}.csv"
+    target = out / safe_file_name(name.removeprefix("/mavlink/").replace("/", "-") + ".csv")
     columns = dict(_flatten(table))
     with target.open("x", newline="") as file:
         rows = zip(table.time_s.tolist(), *columns.values(), strict=True)

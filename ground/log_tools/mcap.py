@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ground.client.file_names import safe_file_name
 from ground.errors import InputError
 from mavlink_io import dialect
 from mavlink_io.logging import mcap_reader, ros1
@@ -237,8 +238,7 @@ def _flatten(fields: Any) -> list[Any]:
 
 
 def _write_csv(out: Path, topic: str, rows: list[list[Any]]) -> Path:
-    name = topic.removeprefix("/mavlink/").replace("/", "-")
-    target = out / f"{name}.csv"
+    target = out / safe_file_name(topic.removeprefix("/mavlink/").replace("/", "-") + ".csv")
     header = ["time_s"]
     for field in dialect.by_name(topic.rsplit("/", 1)[1]).fields:
         is_array = field.array_length and field.type != "char"

@@ -1,12 +1,13 @@
 """A rehearsal as tables for people and as plain numbers."""
 
 import math
-import sys
 from collections.abc import Sequence
-from io import StringIO
 from typing import TYPE_CHECKING, Any
 
+from ground.terminal import Rendered, heading, render
+
 if TYPE_CHECKING:
+    from rich.console import RenderableType
     from rich.table import Table
 
     from sysid.monte_carlo.study import LegSummary, Range, SimulationSummary
@@ -51,19 +52,15 @@ def _range(found: "Range | None") -> dict[str, float] | None:
     return found and found._asdict()
 
 
-def format_text(told: "Sequence[SimulationSummary]", mission: str) -> str:
+def format_text(told: "Sequence[SimulationSummary]", mission: str) -> Rendered:
     """Two tables: how steady, and how soon."""
-    from rich.console import Console
-
-    page = StringIO()
-    console = Console(width=WIDTH, file=page, force_terminal=sys.stdout.isatty(), highlight=False)
-    legs = (
-        ["[bold]seconds until each leg had settled", _legs(told)]
-        if any(one.legs for one in told)
-        else []
+    legs: list[RenderableType] = []
+    if any(one.legs for one in told):
+        legs = [heading("seconds until each leg had settled"), _legs(told)]
+    page = render(
+        [heading(_title(told[0], mission)), _steady(told), *legs, *map(verdict, told)], WIDTH
     )
-    console.print(_title(told[0], mission), _steady(told), *legs, *map(verdict, told), sep="\n")
-    return "\n".join(line.rstrip() for line in page.getvalue().splitlines() if line.strip())
+    return Rendered("\n".join(line.rstrip() for line in page.split("\n") if line.strip()))
 
 
 def _title(told: "SimulationSummary", mission: str) -> str:
@@ -73,7 +70,7 @@ def _title(told: "SimulationSummary", mission: str) -> str:
         if told.sea.bias_shift_rad
         else ""
     )
-    return f"[bold]{mission}, by {told.vehicles} vehicles that the model allows for{drift}{bent}"
+    return f"{mission}, by {told.vehicles} vehicles that the model allows for{drift}{bent}"
 
 
 def _steady(told: "Sequence[SimulationSummary]") -> "Table":

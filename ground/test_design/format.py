@@ -1,7 +1,9 @@
 """A plan as a table for people and as plain numbers."""
 
-from io import StringIO
 from typing import TYPE_CHECKING, Any
+
+from ground.terminal import Rendered, render
+from mavlink_io.printable import printable
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -9,6 +11,7 @@ if TYPE_CHECKING:
     from sysid.test_design.information import DesignUncertainty
     from sysid.test_design.plan import Planned, TestPlan
 
+WIDTH = 130
 COLUMNS = {
     "static_gain_pct": "gain %",
     "b1_pct": "b1 %",
@@ -52,14 +55,13 @@ def _test_json(planned: "Planned") -> dict[str, Any]:
     }
 
 
-def format_text(plan: "TestPlan", parts: list[str]) -> str:
+def format_text(plan: "TestPlan", parts: list[str]) -> Rendered:
     """Two tables: the tests, and what would be known after them."""
-    from rich.console import Console
-
-    page = StringIO()
-    Console(width=130, file=page).print(_tests(plan), _numbers(plan), sep="\n")
-    lines = [line.rstrip() for line in page.getvalue().splitlines()]
-    return "\n".join([*lines, *parts])
+    lines = [
+        line.rstrip()
+        for line in render([_tests(plan), _numbers(plan)], WIDTH).rstrip("\n").split("\n")
+    ]
+    return Rendered("\n".join([*lines, *map(printable, parts)]))
 
 
 def _tests(plan: "TestPlan") -> "Table":

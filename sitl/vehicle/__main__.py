@@ -10,6 +10,7 @@ from typing import Annotated, NoReturn, get_args
 
 import typer
 
+from mavlink_io.printable import printable, printable_lines
 from sitl.vehicle import check as checks
 from sitl.vehicle import config, initial_geometry
 from sitl.vehicle.config import VehicleFileError
@@ -33,7 +34,11 @@ def check(
 ) -> None:
     """Refuse an impossible vehicle; print how a possible one lies, flies and swings."""
     found = checks.check(vehicle)
-    print(json.dumps(_as_json(found), indent=1) if as_json else checks.format_text(found))
+    print(
+        json.dumps(_as_json(found), indent=1)
+        if as_json
+        else printable_lines(checks.format_text(found))
+    )
 
 
 @app.command()
@@ -71,10 +76,11 @@ def new(
     except OSError as error:
         reason = "exists; give a new name" if isinstance(error, FileExistsError) else error.strerror
         raise VehicleFileError(f"{out}: {reason}") from None
-    print(
+    words = (
         f"{out}: {len(described.steps)} numbers derived; ground vehicle check {out} tells how she"
         " flies"
     )
+    print(printable(words))
 
 
 def _start(
@@ -104,7 +110,7 @@ def _as_json(value: object) -> object:
 
 
 def _exit_with_error(problem: object) -> NoReturn:
-    print(f"vehicle: {problem}", file=sys.stderr)
+    print(f"vehicle: {printable(problem)}", file=sys.stderr)
     raise SystemExit(BAD_INPUT)
 
 

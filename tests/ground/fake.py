@@ -6,7 +6,7 @@ from itertools import count
 from typing import Any
 
 from mavlink_io.codec import Frame
-from mavlink_io.dialect import constant
+from mavlink_io.dialect import by_name, constant
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.mission_items import MissionItem
 from mavlink_io.services.mission_server import MissionProgress, MissionResult, MissionServer
@@ -74,15 +74,23 @@ class FakeVehicle:
         self.store = Store()
         self._params = ParamServer(self.table, self._endpoint.send, self.say)
         self._missions = MissionServer(self.store)
-        self._answers = answers or {}
+        self.answers = answers or {}
         self.commands: list[Any] = []
         self.mute = False
+        self.modes = MODES
+        self.lists_modes, self.obeys = True, True
+        """Whether it answers for AVAILABLE_MODES, and whether it enters a mode that it accepts."""
+        self.armed, self.custom_mode = False, 0
+        self.prearm: bool | None = None
+        """What SYS_STATUS says of the pre-arm checks when it is requested; None: it is never
+        sent."""
 
     def heartbeat(
-        self, *, armed: bool = False, kind: int = 12, autopilot: int = 0, status: int = 4
+        self, *, armed: bool | None = None, kind: int = 12, autopilot: int = 0, status: int = 4
     ) -> None:
-        base_mode = 1 | (128 if armed else 0)
-        fields = {"custom_mode": 0, "system_status": status, "mavlink_version": 3}
+        self.armed = self.armed if armed is None else armed
+        base_mode = 1 | (128 if self.armed else 0)
+        fields = {"custom_mode": self.custom_mode, "system_status": status, "mavlink_version": 3}
         self._endpoint.send(
             "HEARTBEAT", type=kind, autopilot=autopilot, base_mode=base_mode, **fields
         )
@@ -111,8 +119,11 @@ class FakeVehicle:
     def _command(self, message: Any) -> None:
         self.commands.append(message)
         if message.command == constant("MAV_CMD_REQUEST_MESSAGE"):
-            self._send_modes()
-        results = self._answers.get(message.command, [ACCEPTED])
+            if message.param1 == constant("MAVLINK_MSG_ID_SYS_STATUS"):
+                self._send_status()
+            else:
+                self._send_modes()
+        results = self.answers.get(message.command, [ACCEPTED])
         result = results.pop(0) if len(results) > 1 else results[0]
         if result == REJECTED:
             self.say("Not armed: no sensors")
@@ -123,12 +134,25 @@ class FakeVehicle:
             "progress": 0,
         }
         self._endpoint.send("COMMAND_ACK", command=message.command, result=result, **addressed)
+        if message.command == constant("MAV_CMD_DO_SET_MODE") and result == ACCEPTED:
+            self.custom_mode = int(message.param2) if self.obeys else self.custom_mode
+            self.heartbeat()
+
+    def _send_status(self) -> None:
+        if self.prearm is not None:
+            prearm = constant("MAV_SYS_STATUS_PREARM_CHECK")
+            fields = dict.fromkeys((field.name for field in by_name("SYS_STATUS").fields), 0)
+            fields["onboard_control_sensors_present"] = prearm
+            fields["onboard_control_sensors_health"] = prearm if self.prearm else 0
+            self._endpoint.send("SYS_STATUS", **fields)
 
     def _send_modes(self) -> None:
-        for index, (name, standard, custom) in enumerate(MODES, start=1):
+        for index, (name, standard, custom) in enumerate(
+            self.modes if self.lists_modes else (), start=1
+        ):
             self._endpoint.send(
                 "AVAILABLE_MODES",
-                number_modes=len(MODES),
+                number_modes=len(self.modes),
                 mode_index=index,
                 standard_mode=standard,
                 custom_mode=custom,

@@ -69,6 +69,15 @@ def name(heartbeat: Any, offered: Mapping[int, str]) -> str:
     )
 
 
+def known(heartbeat: Any) -> dict[str, int]:
+    """Return custom_mode by name of a vehicle that does not list its modes: installed and
+    published."""
+    table = _TABLE_BY_TYPE.get(heartbeat.type) if heartbeat.autopilot == _ARDUPILOT else None
+    published = enum_names(table) if table else {}
+    found = {entry.removeprefix(f"{table}_"): number for number, entry in published.items()}
+    return found | {entry: int(number) for number, entry in _installed(heartbeat.type).items()}
+
+
 def _installed(kind: int) -> Mapping[str, str]:
     """The names of this user's ``custom_mode_map.json``; none where it cannot be read."""
     try:

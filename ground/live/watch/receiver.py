@@ -104,7 +104,7 @@ class Receiver:
         try:
             self._speak()
             wait([self._endpoint.transport], timeout_s)
-            for frame in self._endpoint.receive():
+            for frame in connection_diagnosis.receive_all(self._endpoint).frames:
                 self._take(frame, wall_s())
         except LinkLostError as error:
             self.trouble = str(error)

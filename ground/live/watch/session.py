@@ -13,6 +13,7 @@ from ground.client.signing import open_signing
 from ground.errors import OperationError
 from ground.live.watch import rows, view
 from ground.live.watch.receiver import Receiver
+from ground.terminal import console
 from mavlink_io.clock import wall_s
 from mavlink_io.transport import open_transport
 
@@ -43,20 +44,20 @@ def watch(
     """
     follower = _listeners(prior, gains)
     stopped = _Stopped()
-    console = Console()
+    page = console()
     with open_signing(sign) as key:
         transport = open_transport(connect)
         try:
             ears = Receiver(transport, key)
             ears.follower = follower
-            if once or json or not console.is_terminal:
+            if once or json or not page.is_terminal:
                 _listen_once(ears, stopped)
                 if json:
                     print_result(rows.as_json(ears, wall_s()), "", json)
                 else:
-                    console.print(view.draw(ears, wall_s()))
+                    page.print(view.draw(ears, wall_s()))
             else:
-                _show_live(ears, console, stopped, follower)
+                _show_live(ears, page, stopped, follower)
         finally:
             transport.close()
 
@@ -99,6 +100,7 @@ class _Stopped:
 def _listen_once(ears: Receiver, stopped: _Stopped) -> None:
     """Listen until a vehicle was heard for a while. Raises FailedError when there is none."""
     until_s = wall_s() + VEHICLE_TIMEOUT_S
+    ears.listen(REFRESH_S)
     while ears.party is None and wall_s() < until_s and not stopped():
         ears.listen(REFRESH_S)
     if ears.party is None:
@@ -109,10 +111,10 @@ def _listen_once(ears: Receiver, stopped: _Stopped) -> None:
 
 
 def _show_live(
-    ears: Receiver, console: Console, stopped: _Stopped, follower: "Listeners | None"
+    ears: Receiver, page: Console, stopped: _Stopped, follower: "Listeners | None"
 ) -> None:
     drawn_s = 0.0
-    with Live(console=console, auto_refresh=False, screen=True) as live:
+    with Live(console=page, auto_refresh=False, screen=True) as live:
         while not stopped():
             ears.listen(REFRESH_S)
             if wall_s() - drawn_s > REFRESH_S:

@@ -9,6 +9,7 @@ from rich.text import Text
 
 from ground.live.watch.receiver import ReceivedText, Receiver
 from ground.live.watch.rows import WatchRow, rows
+from ground.terminal import Escaped, literal
 
 HEARTBEAT_TIMEOUT_S = 3.0
 """Without a heartbeat: when ground stations say that a vehicle is lost."""
@@ -21,7 +22,9 @@ def draw(ears: Receiver, now_s: float, followed: RenderableType | None = None) -
     """The whole view; what was made of ``followed`` telemetry comes first: a low terminal cuts off
     what comes last."""
     if ears.party is None:
-        return Panel(_waiting_text(ears, now_s), title=ears.address, border_style="yellow")
+        return Escaped(
+            Panel(_waiting_text(ears, now_s), title=literal(ears.address), border_style="yellow")
+        )
     every = rows(ears, now_s)
     sides = Table.grid(expand=True, padding=(0, 1))
     sides.add_column(ratio=1)
@@ -34,9 +37,8 @@ def draw(ears: Receiver, now_s: float, followed: RenderableType | None = None) -
         _section("mission", every), Panel(_link(ears, now_s), title="link", border_style="blue")
     )
     told = [] if followed is None else [Panel(followed, border_style="blue")]
-    return Group(
-        _headline(ears, now_s), *told, sides, below, Panel(_texts(ears.texts, now_s), title="texts")
-    )
+    texts = Panel(_texts(ears.texts, now_s), title="texts")
+    return Escaped(Group(_headline(ears, now_s), *told, sides, below, texts))
 
 
 def _waiting_text(ears: Receiver, now_s: float) -> Text:

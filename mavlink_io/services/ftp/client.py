@@ -69,6 +69,8 @@ class _Conversation(Exchange[T]):
         super().__init__(send, own, peer, retry_s=retry_s)
         self._sequences, self._path = sequences, path
         self._current = Packet(0, 0, payload.NONE)
+        if len(path.encode()) > MAX_DATA:
+            self._fail(f"{path}: is longer than the {MAX_DATA} bytes that a request can hold")
 
     def _hear(self, name: str, message: Any) -> None:
         packet = payload.decode(bytes(message.payload))

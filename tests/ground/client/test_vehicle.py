@@ -1,7 +1,8 @@
 """The vehicle client against a vehicle that answers as the test tells it to."""
 
+import socket
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from threading import Timer
 
@@ -10,7 +11,12 @@ import pytest
 from ground.client import vehicle as client
 from ground.client.recorder import Recorder
 from ground.client.vehicle import VehicleClient, VehicleClientError
+from ground.simulation.processes import free_port
+from mavlink_io.codec import encode
+from mavlink_io.dialect import by_name
+from mavlink_io.endpoint import Endpoint
 from mavlink_io.mission_items import MissionItem
+from mavlink_io.transport import open_transport
 from tests.ground.fake import ACCEPTED, DENIED, REJECTED, FakeVehicle, attend
 
 ARM, SET_MODE, SET_INTERVAL = 400, 176, 511
@@ -101,13 +107,87 @@ def test_arming_waits_for_a_vehicle_that_is_still_starting(meet: Meet) -> None:
     assert sum(c.command == ARM for c in fake.commands) == 1, "asked once, when it was ready"
 
 
-def test_a_vehicle_that_never_stands_by_is_asked_for_its_reason(meet: Meet) -> None:
+def test_a_vehicle_that_never_stands_by_is_asked_for_its_reason(
+    meet: Meet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "ARM_RETRY_S", 0.1)
     fake = meet({ARM: [REJECTED]})
     vehicle = connected(fake)
     fake.heartbeat(status=BOOT)
     vehicle.pump(0.0)
     with pytest.raises(VehicleClientError, match=r"temporarily rejected \(Not armed: no sensors"):
         vehicle.arm(patience_s=0.1)
+
+
+@pytest.fixture
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Attempts to arm follow each other faster than a person could bear to watch in a test."""
+    monkeypatch.setattr(client, "ARM_RETRY_PERIOD_S", 0.02)
+
+
+def asked_to_arm(fake: FakeVehicle) -> int:
+    return sum(c.command == ARM for c in fake.commands)
+
+
+@pytest.mark.usefixtures("hasty")
+def test_arm_temporary_refusal_is_asked_again(meet: Meet) -> None:
+    fake = meet({ARM: [REJECTED, REJECTED, ACCEPTED]})
+    connected(fake).arm()
+    assert asked_to_arm(fake) == 3
+
+
+@pytest.mark.usefixtures("hasty")
+def test_arm_waits_until_prearm_check_passes(meet: Meet) -> None:
+    """The second attempt is made when SYS_STATUS says that the checks pass, and not before."""
+    fake = meet({ARM: [REJECTED, ACCEPTED]})
+    fake.prearm = False
+    vehicle = connected(fake)
+    later = Timer(0.3, lambda: setattr(fake, "prearm", True))
+    later.start()
+    vehicle.arm()
+    later.join()
+    assert fake.prearm
+    assert asked_to_arm(fake) == 2
+
+
+def test_arm_refusal_of_ready_vehicle_is_final(meet: Meet) -> None:
+    """The pre-arm checks pass: the reason, such as a missing mission, does not go away by
+    itself."""
+    fake = meet({ARM: [REJECTED, REJECTED, ACCEPTED]})
+    fake.prearm = True
+    with pytest.raises(client.RefusedError, match="temporarily rejected"):
+        connected(fake).arm()
+    assert asked_to_arm(fake) == 2, (
+        "once more, as the checks may have passed since the first refusal"
+    )
+
+
+@pytest.mark.usefixtures("hasty")
+def test_arm_lasting_refusal_ends_with_its_reason(
+    meet: Meet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "ARM_RETRY_S", 0.1)
+    fake = meet({ARM: [REJECTED]})
+    with pytest.raises(VehicleClientError, match="no sensors"):
+        connected(fake).arm()
+    assert asked_to_arm(fake) > 1
+
+
+def test_arm_simulated_vehicle_may_start_for_longer(
+    meet: Meet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The watchdog, which looks after the processes, is what tells a simulated vehicle."""
+    monkeypatch.setattr(client, "READY_TIMEOUT_S", 0.05)
+    fake = meet()
+    vehicle = VehicleClient(fake.ground_end, watchdog=lambda: None)
+    vehicle.connect()
+    fake.heartbeat(status=BOOT)
+    vehicle.pump(0.0)
+    later = Timer(0.4, lambda: fake.heartbeat(status=STANDBY))
+    later.start()
+    vehicle.arm()
+    later.join()
+    assert asked_to_arm(fake) == 1
 
 
 def test_a_denial_is_final(meet: Meet) -> None:
@@ -143,6 +223,97 @@ def test_a_silent_vehicle_is_lost(fake: FakeVehicle, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(client, "wall_s", lambda: now + client.HEARTBEAT_TIMEOUT_S + 1.0)
     with pytest.raises(VehicleClientError, match="no heartbeat"):
         vehicle.pump(0.0)
+
+
+class Backlog:
+    """A vehicle whose datagrams lie unread in a UDP socket while ground is not scheduled."""
+
+    def __init__(self) -> None:
+        port = free_port()
+        self.ground_end = open_transport(f"udpin:127.0.0.1:{port}")
+        self._end = open_transport(f"udpout:127.0.0.1:{port}")
+        self.vehicle, self.other = Endpoint(self._end, 1, 1), Endpoint(self._end, 9, 1)
+
+    def heartbeat(self) -> None:
+        self._heartbeat(self.vehicle, kind=12, autopilot=0)
+
+    def chatter(self, datagrams: int) -> None:
+        """Ground stations speak: what says nothing about the vehicle."""
+        for _ in range(datagrams):
+            self._heartbeat(self.other, kind=6, autopilot=8)
+
+    def close(self) -> None:
+        self._end.close()
+        self.ground_end.close()
+
+    @staticmethod
+    def _heartbeat(sender: Endpoint, kind: int, autopilot: int) -> None:
+        fields = {"base_mode": 1, "custom_mode": 0, "system_status": 4, "mavlink_version": 3}
+        sender.send("HEARTBEAT", type=kind, autopilot=autopilot, **fields)
+
+
+def pump(vehicle: VehicleClient, times: int) -> None:
+    for _ in range(times):
+        vehicle.pump(0.02)
+
+
+@pytest.fixture
+def backlog() -> Iterator[Backlog]:
+    with closing(Backlog()) as backlog:
+        yield backlog
+
+
+def test_pump_late_reader_finds_vehicle_alive(
+    backlog: Backlog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The clock has passed the limit of silence; the heartbeat waits behind 200 other datagrams."""
+    vehicle = VehicleClient(backlog.ground_end)
+    backlog.heartbeat()
+    vehicle.connect()
+    backlog.chatter(200)
+    backlog.heartbeat()
+    late_s = client.wall_s() + client.HEARTBEAT_TIMEOUT_S + 1.0
+    monkeypatch.setattr(client, "wall_s", lambda: late_s)
+    pump(vehicle, 10)
+    assert vehicle.party == (1, 1)
+
+
+def test_pump_late_reader_finds_silent_vehicle_gone(
+    backlog: Backlog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Others chatter, the vehicle does not: with everything read it is declared gone."""
+    vehicle = VehicleClient(backlog.ground_end)
+    backlog.heartbeat()
+    vehicle.connect()
+    backlog.chatter(200)
+    late_s = client.wall_s() + client.HEARTBEAT_TIMEOUT_S + 1.0
+    monkeypatch.setattr(client, "wall_s", lambda: late_s)
+    with pytest.raises(VehicleClientError, match="no heartbeat"):
+        pump(vehicle, 10)
+
+
+def test_connect_late_reader_finds_vehicle(backlog: Backlog) -> None:
+    """No time is left, and the heartbeat waits behind 200 other datagrams."""
+    vehicle = VehicleClient(backlog.ground_end)
+    backlog.chatter(200)
+    backlog.heartbeat()
+    vehicle.connect(timeout_s=0.0)
+    assert vehicle.party == (1, 1)
+
+
+def test_last_words_before_a_broken_link_are_received() -> None:
+    """What arrived before the other end closed is read first, then the link is lost."""
+    with closing(socket.create_server(("127.0.0.1", 0))) as server:
+        ground_end = open_transport(f"tcp:127.0.0.1:{server.getsockname()[1]}")
+        connection, _ = server.accept()
+    with closing(ground_end), closing(connection):
+        text = by_name("STATUSTEXT")
+        connection.sendall(encode(text, (2, b"Leak", 0, 0), 0, 1, 1))
+        connection.close()
+        vehicle = VehicleClient(ground_end)
+        with pytest.raises(VehicleClientError, match="gone"):
+            pump(vehicle, 10)
+    assert [said.text for said in vehicle.texts] == ["Leak"]
 
 
 def test_everything_is_recorded_while_a_question_is_open(fake: FakeVehicle, tmp_path: Path) -> None:

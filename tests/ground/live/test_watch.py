@@ -86,6 +86,17 @@ def test_depth_is_told_of_a_submarine_and_height_of_others(sea: Sea) -> None:
     assert sea.words("height") == "-4.2 m up"
 
 
+def test_listen_reads_what_has_arrived_before_it_judges(sea: Sea) -> None:
+    """One call reads the heartbeat that waits behind other messages; memory links queue ten
+    datagrams."""
+    for n in range(8):
+        sea.vehicle.send("STATUSTEXT", severity=6, text=f"text {n}")
+    fields = {"base_mode": 1, "custom_mode": 0, "system_status": 4, "mavlink_version": 3}
+    sea.vehicle.send("HEARTBEAT", type=SUBMARINE, autopilot=GENERIC, **fields)
+    sea.ears.listen(0.0)
+    assert sea.ears.party == (1, 1)
+
+
 def test_a_value_goes_stale_by_its_own_period(sea: Sea) -> None:
     sea.heartbeat()
     sea.say("VFR_HUD", airspeed=1.3)

@@ -1,0 +1,67 @@
+"""What reaches a terminal: no markup and no control characters of anyone but this program."""
+
+import sys
+from collections.abc import Sequence
+from io import StringIO
+from typing import IO
+
+from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+from rich.segment import Segment
+from rich.text import Text
+
+from mavlink_io.printable import printable, printable_lines
+
+
+class Rendered(str):
+    """Words that `render` made: escaped, with no control sequences but those of colour."""
+
+    __slots__ = ()
+
+
+class Escaped:
+    """A renderable whose text is escaped when it is drawn, whatever it is made of."""
+
+    def __init__(self, renderable: RenderableType) -> None:
+        self._renderable = renderable
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for segment in console.render(self._renderable, options):
+            if segment.control or segment.text.isprintable():
+                yield segment
+            else:
+                yield Segment(printable_lines(segment.text), segment.style)
+
+
+def console(
+    *, file: IO[str] | None = None, stderr: bool = False, width: int | None = None
+) -> Console:
+    """Return a console that takes square brackets and colons in a text for what they are."""
+    return Console(
+        file=file, stderr=stderr, width=width, markup=False, emoji=False, highlight=False
+    )
+
+
+def literal(text: object, style: str = "") -> Text:
+    """Return a text for rich that is drawn as it stands, with its control characters escaped."""
+    return Text(printable(text), style=style)
+
+
+def heading(text: object) -> Text:
+    """Return a text for rich in bold letters."""
+    return literal(text, "bold")
+
+
+def render(parts: Sequence[RenderableType], width: int) -> Rendered:
+    """Draw parts one below the other, in colour where stdout is a terminal."""
+    page = StringIO()
+    drawing = Console(
+        file=page,
+        width=width,
+        force_terminal=sys.stdout.isatty(),
+        markup=False,
+        emoji=False,
+        highlight=False,
+    )
+    for part in parts:
+        drawing.print(Escaped(part))
+    return Rendered(page.getvalue())

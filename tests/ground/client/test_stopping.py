@@ -1,0 +1,175 @@
+"""Stopping a vehicle that is under way, by commands of their own and after Ctrl-C."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Timer
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from ground.__main__ import app
+from ground.client import stopping
+from ground.client import vehicle as client
+from ground.client.vehicle import RefusedError, VehicleClient, VehicleClientError
+from ground.errors import OperationError
+from tests.ground.fake import DENIED, FakeVehicle, attend
+
+SET_MODE = 176
+HOLD, MISSION, SURFACE = 50_593_792, 67_371_008, 100_925_440
+"""As in docs/clients.md; MISSION and SURFACE are the standard modes 6 and 7."""
+MODES = (("HOLD", 0, HOLD), ("", 6, MISSION), ("", 7, SURFACE))
+SUBMARINE, ARDUPILOT, ARDUSUB_SURFACE = 12, 3, 9
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeVehicle]:
+    """A vehicle that flies a mission, at the address of any command."""
+    fake = FakeVehicle()
+    fake.modes, fake.custom_mode = MODES, MISSION
+    monkeypatch.setattr(client, "wait", attend(fake))
+    monkeypatch.setattr(client, "open_transport", lambda address: fake.ground_end)
+    monkeypatch.setattr(stopping, "CONFIRM_WITHIN_S", 0.2)
+    fake.heartbeat(armed=True)
+    yield fake
+    fake.close()
+
+
+def ground(*words: str) -> Result:
+    return CliRunner().invoke(app, [*words])
+
+
+def modes_set(fake: FakeVehicle) -> list[tuple[float, float]]:
+    return [(c.param1, c.param2) for c in fake.commands if c.command == SET_MODE]
+
+
+@pytest.mark.parametrize(("command", "number"), [("surface", SURFACE), ("hold", HOLD)])
+def test_stop_command_mode_is_set_and_confirmed(
+    command: str, number: int, fake: FakeVehicle
+) -> None:
+    done = ground(command, "--json")
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout) == {"mode": command.upper(), "armed": True, "depth_m": None}
+    assert modes_set(fake) == [(1.0, float(number))]
+
+
+def test_surface_refusal_is_an_error(fake: FakeVehicle) -> None:
+    fake.answers[SET_MODE] = [DENIED]
+    done = ground("surface")
+    assert isinstance(done.exception, RefusedError)
+    assert str(done.exception) == "do set mode: denied"
+
+
+def test_surface_accepted_but_not_entered_is_an_error(fake: FakeVehicle) -> None:
+    fake.obeys = False
+    done = ground("surface")
+    assert isinstance(done.exception, OperationError)
+    assert (
+        str(done.exception)
+        == "mode SURFACE: the vehicle accepted it, and 0.2 s later reports MISSION"
+    )
+
+
+def test_hold_not_offered_names_what_is(fake: FakeVehicle) -> None:
+    fake.modes = MODES[1:]
+    done = ground("hold")
+    assert isinstance(done.exception, VehicleClientError)
+    assert str(done.exception) == "mode HOLD: the vehicle offers MISSION, SURFACE"
+    assert modes_set(fake) == []
+
+
+def test_surface_mode_of_any_case_is_found(fake: FakeVehicle) -> None:
+    fake.modes = (("Surface", 0, 7),)
+    assert ground("surface").exit_code == 0
+    assert modes_set(fake) == [(1.0, 7.0)]
+
+
+def test_surface_without_mode_list_uses_published_names(
+    fake: FakeVehicle, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """ArduSub does not answer for AVAILABLE_MODES; its SURFACE is 9 (ArduPilot, SUB_MODE)."""
+    fake.lists_modes = False
+    monkeypatch.setattr(client.mode_names.mode_map, "DEFAULT_PATH", tmp_path / "none.json")
+    vehicle = VehicleClient(fake.ground_end)
+    vehicle.connect()
+    monkeypatch.setattr(
+        vehicle, "modes", lambda: (_ for _ in ()).throw(VehicleClientError("no answer"))
+    )
+    fake.heartbeat(kind=SUBMARINE, autopilot=ARDUPILOT)
+    vehicle.pump(0.0)
+    stopping.enter(vehicle, stopping.SURFACE)
+    assert modes_set(fake) == [(1.0, float(ARDUSUB_SURFACE))]
+
+
+def test_surface_at_the_surface_counts_the_end_as_done(fake: FakeVehicle) -> None:
+    """There SURFACE disarms at once, and what the vehicle reports next is HOLD."""
+    fake.obeys = False
+    later = Timer(0.05, lambda: fake.heartbeat(armed=False))
+    later.start()
+    done = ground("surface")
+    later.join()
+    assert done.exit_code == 0, done.output
+    assert "the vehicle is disarmed" in done.stdout
+
+
+def test_surface_wait_ends_when_disarmed(fake: FakeVehicle) -> None:
+    later = Timer(0.3, lambda: fake.heartbeat(armed=False))
+    later.start()
+    done = ground("surface", "--wait", "--json")
+    later.join()
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["armed"] is False
+
+
+def test_surface_wait_fails_when_the_mode_is_left(fake: FakeVehicle) -> None:
+    def back_to_mission() -> None:
+        fake.custom_mode = MISSION
+        fake.heartbeat()
+
+    later = Timer(0.3, back_to_mission)
+    later.start()
+    done = ground("surface", "--wait")
+    later.join()
+    assert isinstance(done.exception, OperationError)
+    assert str(done.exception) == "the vehicle has left SURFACE for MISSION and is still under way"
+
+
+ADDRESS = "udpin:127.0.0.1:14550"
+STOP = (
+    f"`ground surface --connect {ADDRESS}` ends the dive, "
+    f"`ground hold --connect {ADDRESS}` keeps depth, heading and thrust"
+)
+
+
+def connected(fake: FakeVehicle) -> VehicleClient:
+    vehicle = VehicleClient(fake.ground_end)
+    vehicle.connect()
+    vehicle.modes()
+    return vehicle
+
+
+def test_left_behind_under_way_names_mode_and_commands(fake: FakeVehicle) -> None:
+    said = stopping.left_behind(connected(fake), ADDRESS, None)
+    assert said == f"the vehicle is still under way in mode MISSION: {STOP}"
+
+
+def test_left_behind_signed_link_repeats_its_key(fake: FakeVehicle) -> None:
+    said = stopping.left_behind(connected(fake), ADDRESS, Path("my key"))
+    assert said.count(f"--connect {ADDRESS} --sign 'my key'`") == 2
+
+
+def test_left_behind_disarmed(fake: FakeVehicle) -> None:
+    fake.heartbeat(armed=False)
+    assert stopping.left_behind(connected(fake), ADDRESS, None) == "the vehicle is disarmed"
+
+
+def test_left_behind_between_arming_and_heartbeat_is_no_disarmed_vehicle(fake: FakeVehicle) -> None:
+    fake.heartbeat(armed=False)
+    vehicle = connected(fake)
+    vehicle.arm()
+    assert not vehicle.armed, "no heartbeat has come yet"
+    assert stopping.left_behind(vehicle, ADDRESS, None) == f"the vehicle was about to arm: {STOP}"
+
+
+def test_left_behind_before_any_vehicle_says_nothing(fake: FakeVehicle) -> None:
+    assert stopping.left_behind(VehicleClient(fake.ground_end), ADDRESS, None) == ""
