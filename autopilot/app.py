@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.hil import HilLink, HilSample
-from autopilot.control.types import US_PER_S, Inputs
+from autopilot.control.types import US_PER_S, Inputs, Severity
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.vehicle import Vehicle
 from mavlink_io.clock import wall_s
@@ -56,11 +56,13 @@ class App:
             for sample in self._hil.receive():
                 self._take(sample)
                 self._sampled_s = self._heard_s
+            if complaint := self._hil.take_complaint():
+                self._vehicle.say(complaint, Severity.ERROR)
             for result in self._hil.take_verdicts():
-                self._ground.failures.judged(result)
-        for transport in ready:
-            if transport in links:
-                self._ground.receive(links[transport])
+                self._ground.guard.run("failure injection", self._ground.failures.judged, result)
+        for transport, link in links.items():
+            if link.backlog or transport in ready:
+                self._ground.receive(link)
         for order in self._ground.failures.take_orders():
             self._hil.order_failure(order)
         self._look_for_silence()
@@ -113,8 +115,8 @@ class App:
         self._hil.answer(self._vehicle.tick(inputs))
         if sample.links_silent is False:
             self._ground.silence(False)
-        self._ground.relay(sample.relayed)
-        self._ground.tell()
+        self._ground.guard.run("relay of devices", self._ground.relay, sample.relayed)
+        self._ground.guard.run("telemetry", self._ground.tell)
         self._logbook.tick(sample.heard)
         if sample.links_silent:
             self._ground.silence(True)

@@ -267,10 +267,10 @@ def missions(json: Json = False) -> None:
 
 def main() -> None:
     """The console command."""
+    from mavlink_io.parent_watch import on_end_signals
     from mavlink_io.transport import AddressError
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _interrupt)
+    on_end_signals(_interrupt)
     try:
         app()
     except (InputError, AddressError) as error:
@@ -291,6 +291,9 @@ class _InterruptedError(BaseException):
 
 
 def _interrupt(number: int, frame: object) -> None:
+    if number == signal.SIGHUP:
+        # A terminal that closes may send it twice: the second must not interrupt the unwinding.
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     raise _InterruptedError
 
 
