@@ -1,6 +1,5 @@
 """The ``autopilot`` command."""
 
-import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -21,7 +20,7 @@ from autopilot.param_file import load
 from autopilot.param_store import ParamStore
 from autopilot.telemetry.identity import AutopilotId, version
 from autopilot.vehicle import Vehicle
-from mavlink_io.parent_watch import end_with_stdin
+from mavlink_io.parent_watch import end_with_stdin, on_end_signals
 from mavlink_io.printable import printable
 from mavlink_io.signing import KeyFileError
 from mavlink_io.transport import SEND_TIMEOUT_S, AddressError, LinkLostError, open_transport
@@ -138,8 +137,7 @@ class Stop:
 
     def __init__(self) -> None:
         self._asked = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._ask)
+        on_end_signals(self._ask)
 
     def __call__(self) -> bool:
         return self._asked

@@ -6,7 +6,7 @@ from autopilot.comms import sensor_clock
 from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.hil import HilLink, HilSample
 from autopilot.comms.sensor_clock import SensorClock, StampVerdict
-from autopilot.control.types import US_PER_S, Inputs
+from autopilot.control.types import US_PER_S, Inputs, Severity
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.vehicle import Vehicle
 from mavlink_io.clock import wall_s
@@ -55,11 +55,13 @@ class App:
             for sample in self._hil.receive():
                 if self._take(sample, silent_us):
                     self._taken_s, self._silence_told = self._heard_s, False
+            if complaint := self._hil.take_complaint():
+                self._vehicle.say(complaint, Severity.ERROR)
             for result in self._hil.take_verdicts():
-                self._ground.failures.judged(result)
-        for transport in ready:
-            if transport in links:
-                self._ground.receive(links[transport])
+                self._ground.guard.run("failure injection", self._ground.failures.judged, result)
+        for transport, link in links.items():
+            if link.backlog or transport in ready:
+                self._ground.receive(link)
         for order in self._ground.failures.take_orders():
             self._hil.order_failure(order)
         self._look_for_silence()
@@ -133,8 +135,8 @@ class App:
         self._answer(self._vehicle.tick(inputs), stamp_us)
         if sample.links_silent is False:
             self._ground.silence(False)
-        self._ground.relay(sample.relayed)
-        self._ground.tell()
+        self._ground.guard.run("relay of devices", self._ground.relay, sample.relayed)
+        self._ground.guard.run("telemetry", self._ground.tell)
         self._logbook.tick(sample.heard)
         if sample.links_silent:
             self._ground.silence(True)

@@ -51,7 +51,7 @@ class ParamStore:
         values: dict[str, float] = {}
         for number, name, value in lines(text):
             if isinstance(value, ParamError):
-                self.complaints.append(f"{self._path}:{number}: {value}")
+                self.complaints.append(f"{self._path}:{number}: {value}; its default is used")
             else:
                 values[name] = value
         if self.complaints:

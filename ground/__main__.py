@@ -285,15 +285,14 @@ def missions(json: Json = False) -> None:
 
 def main() -> None:
     """The console command."""
+    from mavlink_io.parent_watch import on_end_signals
     from mavlink_io.transport import AddressError
 
-    if isinstance(
-        sys.stdout, TextIOWrapper
-    ):  # letters that stdout's encoding lacks are escaped too
+    if isinstance(sys.stdout, TextIOWrapper):
+        # letters that stdout's encoding lacks are escaped too
         sys.stdout.reconfigure(errors="backslashreplace")
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _interrupt)
+    on_end_signals(_interrupt)
     try:
         _run()
     except (InputError, AddressError) as error:
@@ -326,6 +325,9 @@ def _run() -> None:
 
 
 def _interrupt(number: int, frame: object) -> None:
+    if number == signal.SIGHUP:
+        # A terminal that closes may send it twice: the second must not interrupt the unwinding.
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     raise Interrupted(INTERRUPTED if number == signal.SIGINT else FAILED)
 
 

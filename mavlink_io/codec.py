@@ -13,15 +13,16 @@ from fastcrc import crc16
 
 from mavlink_io import dialect
 from mavlink_io.dialect import Message, MessageType
-
-MAGIC_V2 = 0xFD
-MAGIC_V1 = 0xFE
-SIGNED_FLAG = 0x01
-SIGNATURE_LENGTH = 13
-OVERHEAD = 12
-"""Bytes of a MAVLink 2 frame around its payload, without a signature."""
-LARGEST_FRAME = OVERHEAD + 255 + SIGNATURE_LENGTH
-"""Bytes of the longest MAVLink 2 frame."""
+from mavlink_io.framing import LARGEST_FRAME as LARGEST_FRAME
+from mavlink_io.framing import (
+    MAGIC_V1,
+    MAGIC_V2,
+    SIGNATURE_LENGTH,
+    frame_length,
+    next_magic,
+)
+from mavlink_io.framing import OVERHEAD as OVERHEAD
+from mavlink_io.framing import SIGNED_FLAG as SIGNED_FLAG
 
 MAX_PARTIAL_STREAMS = 64
 """Streams of which a framer keeps the begun frame, at most LARGEST_FRAME bytes each."""
@@ -125,7 +126,7 @@ class Framer:
             if buffer[at] not in (MAGIC_V2, MAGIC_V1):
                 at = self._skip(buffer, at)
                 continue
-            length = _frame_length(buffer, at)
+            length = frame_length(buffer, at)
             if length == 0 or at + length > end:
                 break
             frame = _check(buffer[at : at + length], self._senders)
@@ -146,22 +147,9 @@ class Framer:
         self._begun[stream] = begun
 
     def _skip(self, buffer: bytes, at: int) -> int:
-        found = [index for magic in (b"\xfd", b"\xfe") if (index := buffer.find(magic, at)) >= 0]
-        start = min(found, default=len(buffer))
+        start = next_magic(buffer, at)
         self.skipped_bytes += start - at
         return start
-
-
-def _frame_length(buffer: bytes, at: int) -> int:
-    """The whole length of the frame that starts at ``at``; 0 while too little of it is there to
-    tell."""
-    if len(buffer) - at < 3:
-        return 0
-    if buffer[at] == MAGIC_V1:
-        return buffer[at + 1] + 8
-    return int(
-        buffer[at + 1] + OVERHEAD + (SIGNATURE_LENGTH if buffer[at + 2] & SIGNED_FLAG else 0)
-    )
 
 
 def _check(raw: bytes, senders: Container[tuple[int, int]]) -> Frame | None:
@@ -190,7 +178,10 @@ def _check(raw: bytes, senders: Container[tuple[int, int]]) -> Frame | None:
     return Frame(system, component, message_id, sequence, payload, raw)
 
 
+_SEED_EFFECTS = frozenset(_crc(bytes((seed,)), 0) for seed in range(256))
+"""What a last byte can add: CRC-16/MCRF4XX taken byte by byte is ``(begun >> 8) ^ effect``."""
+
+
 def _has_matching_seed(body: bytes, told: int) -> bool:
     """Whether there is a seed with which the CRC of ``body`` is the one that was told."""
-    begun = _crc(body)
-    return any(_crc(bytes((seed,)), begun) == told for seed in range(256))
+    return told ^ _crc(body) >> 8 in _SEED_EFFECTS

@@ -5,6 +5,7 @@ The dialect is ``all``: pymavlink's ``common`` lacks AVAILABLE_MODES and CURRENT
 of ``common.xml`` that even ``all`` lacks are added here."""
 
 import inspect
+import math
 import struct
 from collections import namedtuple
 from functools import cache, cached_property
@@ -101,6 +102,13 @@ class MessageType:
                 flat.append(value)
         return self.struct.pack(*flat)
 
+    def clamped(self, values: Values) -> Values:
+        """Return the values; a number that its field cannot hold becomes the nearest that it
+        can."""
+        return tuple(
+            _clamped(field, value) for field, value in zip(self.fields, values, strict=True)
+        )
+
     def unpack(self, payload: bytes) -> Message:
         """The fields of a payload, whose trailing zeros may have been cut off."""
         size = self.struct.size
@@ -117,6 +125,27 @@ class MessageType:
             )
             for start, stop, count in self._slices
         )
+
+
+_INTEGER_LIMITS = {
+    f"{sign}int{bits}_t": (0, (1 << bits) - 1) if sign else (-(1 << bits - 1), (1 << bits - 1) - 1)
+    for sign in ("u", "")
+    for bits in (8, 16, 32, 64)
+} | {"uint8_t_mavlink_version": (0, 255)}
+"""Smallest and largest number of an integer field, by MAVLink's type."""
+_LARGEST_FLOAT = 3.402_823_466_385_288_6e38
+"""The largest finite float32: (2 - 2^-23) 2^127 (IEEE 754)."""
+
+
+def _clamped(field: MessageField, value: Any) -> Any:
+    if field.array_length and field.type != "char":
+        return tuple(_clamped(field._replace(array_length=0), each) for each in value)
+    if field.type == "float" and math.isfinite(value):
+        return max(-_LARGEST_FLOAT, min(_LARGEST_FLOAT, value))
+    if field.type in _INTEGER_LIMITS and isinstance(value, int):
+        least, most = _INTEGER_LIMITS[field.type]
+        return max(least, min(most, value))
+    return value
 
 
 def _definition(

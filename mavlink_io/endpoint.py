@@ -45,12 +45,10 @@ class Endpoint:
     def encode_values(self, message: dialect.MessageType, values: tuple[Any, ...]) -> bytes:
         """One message as the next frame of this participant, for a caller that sends several in one
         datagram."""
-        self._sequence = (self._sequence + 1) & 0xFF
-        if self.signing is None:
-            return encode(message, values, self._sequence, self.system, self.component)
-        return self.signing.sign(
-            encode(message, values, self._sequence, self.system, self.component, SIGNED_FLAG)
-        )
+        sequence, flags = (self._sequence + 1) & 0xFF, 0 if self.signing is None else SIGNED_FLAG
+        frame = encode(message, values, sequence, self.system, self.component, flags)
+        self._sequence = sequence  # a message that could not be packed leaves no gap
+        return frame if self.signing is None else self.signing.sign(frame)
 
     def receive(self) -> list[Frame]:
         """The frames that have arrived since the last call. Raises LinkLostError when the other end

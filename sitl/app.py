@@ -3,7 +3,6 @@ them."""
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from functools import cache, partial
@@ -12,6 +11,7 @@ from threading import Event
 from typing import NamedTuple
 
 from mavlink_io.clock import Pacer
+from mavlink_io.parent_watch import on_end_signals
 from mavlink_io.records import ActuatorFrame
 from mavlink_io.transport import open_transport
 from sitl import scenario
@@ -46,7 +46,7 @@ class Options(NamedTuple):
 
 
 def run(options: Options) -> None:
-    """Simulate until SIGINT or SIGTERM.
+    """Simulate until SIGINT, SIGTERM or SIGHUP.
 
     Raises:
         VehicleError, ScenarioError, AddressError, TruthFileError: the options cannot be used.
@@ -91,10 +91,9 @@ def _simulate(
 
 
 def _stop_on_signals() -> Event:
-    """An event that SIGINT and SIGTERM set: the tick under way is finished and the log closed."""
+    """Return an event that end signals set: the tick under way is finished and the log closed."""
     stop = Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    on_end_signals(lambda *_: stop.set())
     return stop
 
 

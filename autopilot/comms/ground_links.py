@@ -1,5 +1,6 @@
 """The ways to the ground: what leaves by each, when, and how much at a time."""
 
+from collections import deque
 from collections.abc import Sequence
 from functools import partial
 
@@ -11,6 +12,7 @@ from autopilot.comms.bandwidth_limiter import (
     Waiting,
 )
 from autopilot.comms.stream_rates import Schedule, profile_for
+from autopilot.telemetry.encoding import encoded
 from autopilot.telemetry.identity import COMPONENT
 from mavlink_io import dialect
 from mavlink_io.codec import LARGEST_FRAME, Frame, largest_frame
@@ -55,6 +57,8 @@ class GroundLink:
         self._largest = DATAGRAM_BYTES if transport.address.startswith("udp") else STREAM_BYTES
         self._devices: dict[int, Endpoint] = {}
         self._outbox: list[bytes] = []
+        self.backlog: deque[Frame] = deque()
+        """Received frames that are not served yet, in the order of arrival."""
         self._due_s = 0.0
         self._known: set[MavlinkId] = set()
 
@@ -70,20 +74,28 @@ class GroundLink:
         self._known.add(sender)
         return True
 
+    def take_in(self) -> None:
+        """Read what has arrived, once all that was read before is served. Raises LinkLostError.
+
+        Meanwhile the rest waits in the operating system, which holds back a sender on TCP.
+        """
+        if not self.backlog:
+            self.backlog.extend(self.endpoint.receive())
+
     def write(self, message: MessageType, values: Values) -> None:
         """Add a message to what leaves at the next flush. It may wait, and is never dropped."""
-        self._outbox.append(self.endpoint.encode_values(message, values))
+        self._outbox.append(encoded(self.endpoint, message, values))
 
     def stream(self, message: MessageType, values: Values, part: int = 0) -> None:
         """Add a message of the telemetry: on a slow line only the newest of its kind, and part,
         leaves."""
-        self._outbox.append(self.endpoint.encode_values(message, values))
+        self._outbox.append(encoded(self.endpoint, message, values))
 
     def relay(self, frame: Frame) -> None:
         """Add what one of the vehicle's devices said, as that component of the vehicle's system."""
         message = dialect.by_id(frame.message_id)
         assert message is not None, "the HIL link lets only known messages pass"
-        self._outbox.append(self._device(frame.component).encode_values(message, frame.decode()))
+        self._outbox.append(encoded(self._device(frame.component), message, frame.decode()))
 
     def forward(self, frame: Frame) -> None:
         """Add what somebody said on another link, byte for byte."""
@@ -200,4 +212,4 @@ def ground_link(transport: Transport, system: int, signing: Signing | None = Non
 
 
 def _queue_entry(endpoint: Endpoint, message: MessageType, values: Values) -> Waiting:
-    return Waiting(largest_frame(message), partial(endpoint.encode_values, message, values))
+    return Waiting(largest_frame(message), partial(encoded, endpoint, message, values))

@@ -4,12 +4,12 @@ Heartbeats and protocol timers run on the wall clock, whatever the speed of vehi
 runs on vehicle time. A link is one ``Endpoint``, with its own sequence numbers and its own message
 intervals."""
 
-import sys
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from autopilot.commands.failure_injection import FailureRelay
 from autopilot.comms.ground_links import GroundLink, ground_link
+from autopilot.comms.guard import Guard, print_error
 from autopilot.comms.routing import Router
 from autopilot.comms.services import Arrival, Services
 from autopilot.comms.signing_keys import Keys
@@ -30,6 +30,9 @@ from mavlink_io.transport import LinkLostError, Transport
 HEARTBEAT_S = 1.0
 IDLE_S = 0.05
 """How long the wall-clock side may be left alone."""
+FRAMES_PER_POLL, SERVE_S = 16, 3e-3
+"""Frames of one link, and wall time, that are served before the sensors are looked at again; at
+least one frame is. 3 ms are a sixth of a tick of 20 ms."""
 
 _HEARTBEAT = dialect.by_name("HEARTBEAT")
 
@@ -65,6 +68,7 @@ class GroundServer:
         self._answers = {link: self._sender(link) for link in self.links}
         """The way back of each link, always the same one: by it services tell apart two clients of
         the same ids."""
+        self.guard = Guard(vehicle.say)
         self._silent = False
         self._heartbeat = Every(HEARTBEAT_S)
 
@@ -110,19 +114,20 @@ class GroundServer:
     def poll(self) -> float:
         """Keep the wall-clock side going: heartbeats, services, and what waits to be sent.
 
-        Returns after how many seconds it wants to be polled again.
+        Returns after how many seconds it wants to be polled again: 0 while received frames wait.
         """
-        now_s = wall_s()
+        now_s, run = wall_s(), self.guard.run
         if self._heartbeat.due():
-            for values in self._library.build(_HEARTBEAT):
-                self._broadcast(_HEARTBEAT, values)
-        self._services.poll(now_s)
+            run("heartbeat", self._beat)
+        run("ground services", self._services.poll, now_s)
         self._logbook.poll()
-        self._store.poll(self._vehicle.params, self._vehicle.say)
-        self._announcer.announce()
+        run("parameter store", self._store.poll, self._vehicle.params, self._vehicle.say)
+        run("announcements", self._announcer.announce)
         if any(link.wait_s(now_s) == 0.0 for link in self.links):
             self.flush()
-        self._services.poll_bulk(now_s)
+        run("bulk services", self._services.poll_bulk, now_s)
+        if any(link.backlog for link in self.links):
+            return 0.0
         return min(
             (wait_s for link in self.links if (wait_s := link.wait_s(now_s))), default=IDLE_S
         )
@@ -140,16 +145,26 @@ class GroundServer:
                 link.flush(wall_s(), lost=self._silent)
             except LinkLostError as error:
                 self._drop(link, error)
+            except Exception as error:
+                self.guard.report("ground link", error)
 
     def receive(self, link: GroundLink) -> None:
-        """Serve what has arrived on a link."""
+        """Serve what has arrived on a link, up to the quota; the rest waits in its backlog."""
         try:
-            frames = link.endpoint.receive()
+            link.take_in()
         except LinkLostError as error:
             self._drop(link, error)
             return
-        for frame in () if self._silent else frames:
-            self._serve(link, frame)
+        except Exception as error:
+            self.guard.report("ground link", error)
+            return
+        if self._silent:
+            link.backlog.clear()
+        until_s = wall_s() + SERVE_S
+        for _ in range(min(FRAMES_PER_POLL, len(link.backlog))):
+            self.guard.run("ground service", self._serve, link, link.backlog.popleft())
+            if wall_s() > until_s:
+                return
 
     def _serve(self, link: GroundLink, frame: Frame) -> None:
         sender = MavlinkId(frame.system, frame.component)
@@ -170,6 +185,10 @@ class GroundServer:
             self._logbook.hear(frame)
             self._announcer.announce()
             link.hasten()
+
+    def _beat(self) -> None:
+        for values in self._library.build(_HEARTBEAT):
+            self._broadcast(_HEARTBEAT, values)
 
     def _sender(self, link: GroundLink) -> Send:
         """How a service answers on a link: what happened is told before the answer that came of
@@ -192,4 +211,4 @@ class GroundServer:
             self.links.remove(link)
             self._router.forget(link)
             link.transport.close()
-            print(f"autopilot: ground link lost: {error}", file=sys.stderr, flush=True)
+            print_error(f"ground link lost: {error}")

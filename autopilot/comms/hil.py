@@ -39,6 +39,9 @@ _RELAYED_MESSAGES = frozenset(
 )
 """What devices say that the ground hears under their own names: nothing in the autopilot's own
 telemetry tells it."""
+MAX_TIME_US = 4_102_444_800_000_000
+"""The latest sample time that is taken in: 2100-01-01 as UNIX time, for an AHRS that stamps that.
+Log times, in whole nanoseconds since 1970 with vehicle time added, then fit 63 bits."""
 MAX_QUEUED_FRAMES = 500
 """Of what devices say before the next sample, the newest: where the AHRS has failed none may ever
 come."""
@@ -77,13 +80,18 @@ class HilLink:
         self._relayed: deque[Frame] = deque(maxlen=MAX_QUEUED_FRAMES)
         self._heard: deque[Frame] = deque(maxlen=MAX_QUEUED_FRAMES)
         self._verdicts: list[int] = []
+        self._refused, self._complaint = False, ""
 
     def receive(self) -> list[HilSample]:
         """The samples that have arrived. Raises LinkLostError when the other end is gone."""
         samples: list[HilSample] = []
         for frame in self._endpoint.receive():
             if frame.message_id == _SENSOR.message_id:
-                samples.append(self._sample(frame))
+                sensors = SensorFrame._make(_SENSOR.unpack(frame.payload))
+                if sensors.time_us <= MAX_TIME_US:
+                    samples.append(self._sample(frame, sensors))
+                else:
+                    self._refuse(sensors.time_us)
             else:
                 self._gather(frame)
         return samples
@@ -120,9 +128,20 @@ class HilLink:
         taken, self._verdicts = self._verdicts, []
         return taken
 
-    def _sample(self, frame: Frame) -> HilSample:
+    def take_complaint(self) -> str:
+        """Return what was wrong with samples, once; nothing where all is well."""
+        complaint, self._complaint = self._complaint, ""
+        return complaint
+
+    def _refuse(self, time_us: int) -> None:
+        """Drop a sample of an impossible time: every timer on board would run out. Reported
+        once."""
+        if not self._refused:
+            self._refused = True
+            self._complaint = f"HIL: sample time {time_us} us ignored: must be 0 to {MAX_TIME_US}"
+
+    def _sample(self, frame: Frame, sensors: SensorFrame) -> HilSample:
         """Slower devices go with the first sample that follows them."""
-        sensors = SensorFrame._make(_SENSOR.unpack(frame.payload))
         if not self._heard:
             return HilSample(sensors, heard=(frame,))
         sample = HilSample(

@@ -116,13 +116,17 @@ def depth_of(pressure_hpa: float, config: Config) -> float:
 
 
 def _speed(speed_mps: float, thrust: float, config: Config, dt_s: float) -> float:
-    """Forward speed through the water: thrust against quadratic drag."""
+    """Forward speed through the water: thrust against quadratic drag.
+
+    An Euler step that is too long for a fast vehicle would pass the steady speed and diverge: it
+    ends there.
+    """
     cruise_pct = config.cruise_thrust_pct
     steady = config.cruise_speed_mps * 100.0 * thrust / cruise_pct if cruise_pct else 0.0
-    return (
-        speed_mps
-        + (steady * abs(steady) - speed_mps * abs(speed_mps)) / config.speed_length_m * dt_s
-    )
+    change = (steady * abs(steady) - speed_mps * abs(speed_mps)) / config.speed_length_m * dt_s
+    if abs(change) > abs(steady - speed_mps):
+        return steady
+    return speed_mps + change
 
 
 def _attitude(

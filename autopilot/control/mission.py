@@ -1,6 +1,7 @@
 """Flies the uploaded items: each begins once, then is asked every tick whether it is done."""
 
 import math
+from bisect import bisect_left
 from typing import NamedTuple
 
 from autopilot.control import excitation, guidance, modes, offboard
@@ -30,6 +31,9 @@ COMMANDS = frozenset(MissionCommand)
 DEPTH_REACHED_M = 0.3
 DEPTH_ROUNDING_M = 1e-3
 """Rounding of a depth in a float32: half of 0.5 mm at the 6000 m that FS_DEPTH_M may be at most."""
+ITEMS_PER_TICK = 10
+"""Items, jumps among them, that a tick may complete; the next tick goes on. Jumps in a circle would
+otherwise delay every tick."""
 
 _POSITION_COMMANDS = frozenset(
     (
@@ -167,7 +171,7 @@ def restart(mission: MissionState, config: Config) -> MissionState:
 def step(state: AutopilotState, config: Config) -> StepResult:
     """Begin and finish as many items as this tick allows."""
     events: list[Event | ItemReached] = []
-    for _ in range(len(state.mission.items) + 1):
+    for _ in range(ITEMS_PER_TICK):
         mission = state.mission
         if mission.current >= len(mission.items):
             state, ended = _complete(state, config)
@@ -307,11 +311,11 @@ def _advance_item(item: MissionItem, state: AutopilotState) -> AutopilotState:
     mission = state.mission
     index, jumps = mission.current + 1, mission.jumps
     if item.command == MissionCommand.JUMP:
-        taken = dict(jumps)
-        count = taken.get(item.sequence, 0)
+        at = bisect_left(jumps, (item.sequence,))
+        count = jumps[at][1] if at < len(jumps) and jumps[at][0] == item.sequence else 0
         if item.p2 < 0 or count < item.p2:
             index = int(item.p1)
-            jumps = tuple(sorted({**taken, item.sequence: count + 1}.items()))
+            jumps = (*jumps[:at], (item.sequence, count + 1), *jumps[at + (count > 0) :])
     return state._replace(
         mission=mission._replace(
             current=index,

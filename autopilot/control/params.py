@@ -5,6 +5,7 @@ A tick reads the fields; ground sees the names. All travel as MAVLink REAL32.
 """
 
 import math
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, NamedTuple, get_type_hints
@@ -12,6 +13,27 @@ from typing import Annotated, NamedTuple, get_type_hints
 from autopilot.control.lqg import LqgControllers
 from autopilot.control.pid import Gains
 from autopilot.control.reference_model import ActuatorLead
+
+MIN_MAGNITUDE = 1e-6
+"""Smallest magnitude of a value other than 0: a smaller one is a mistake of the sender, and its
+reciprocal may overflow."""
+MIN_WHEN_ON = {
+    "ACT_LEAD_W": 0.5,
+    "DPT_REF_W": 0.01,
+    "FS_ALT_M": 0.1,
+    "FS_BATT_PCT": 0.1,
+    "FS_BATT_V": 0.1,
+    "FS_GCS_TIMEOUT": 0.1,
+    "FS_TIME_S": 1.0,
+    "GAIN_SPD_MPS": 0.1,
+    "HDG_REF_W": 0.01,
+    "HLTH_DPT_S": 1.0,
+    "HLTH_STUCK_S": 0.1,
+    "NAV_LOS_I": 0.001,
+    "THR_CRUISE_PCT": 1.0,
+    "TRIM_AUTO_S": 1.0,
+}
+"""Smallest useful value, in its own unit, of a parameter whose minimum 0 means off."""
 
 
 class Doc(NamedTuple):
@@ -451,6 +473,35 @@ class ParamInfo(NamedTuple):
     doc: str
     integer: bool
 
+    @property
+    def smallest(self) -> float:
+        """Smallest magnitude of a value other than 0."""
+        return 1.0 if self.integer else MIN_WHEN_ON.get(self.name, MIN_MAGNITUDE)
+
+    def accepts(self, value: float) -> bool:
+        """Return whether a value is a number in the range.
+
+        A limit may come rounded to REAL32, as it travels; integers are rounded later.
+        """
+        least = min(self.minimum, _as_real32(self.minimum))
+        most = max(self.maximum, _as_real32(self.maximum))
+        if not least <= value <= most:  # NaN is in no range
+            return False
+        smallest = min(self.smallest, _as_real32(self.smallest))
+        return self.integer or value == 0.0 or abs(value) >= smallest
+
+    @property
+    def range(self) -> str:
+        """The values that are accepted, in words."""
+        if self.name in MIN_WHEN_ON:
+            return f"0, or {self.smallest:g} to {self.maximum:g} {self.unit}".rstrip()
+        return f"{self.minimum:g} to {self.maximum:g} {self.unit}".rstrip()
+
+
+def _as_real32(value: float) -> float:
+    """Return a limit of the table as it is once it has travelled in a REAL32."""
+    return float(struct.unpack("<f", struct.pack("<f", value))[0])
+
 
 class ParamError(ValueError):
     """A parameter that does not exist or a value out of range; the message says what would be
@@ -494,10 +545,10 @@ def validate(name: str, value: float) -> float:
     row = _BY_NAME.get(name)
     if row is None:
         raise ParamError(f"parameter {name} does not exist")
-    if not math.isfinite(value) or not row.minimum <= value <= row.maximum:
-        raise ParamError(
-            f"{name} = {value:g}: must be {row.minimum:g} to {row.maximum:g} {row.unit}".rstrip()
-        )
+    if not row.accepts(value):
+        tiny = not row.integer and 0.0 < abs(value) < MIN_MAGNITUDE and name not in MIN_WHEN_ON
+        hint = f", and not within {MIN_MAGNITUDE:g} of 0" if tiny else ""
+        raise ParamError(f"{name} = {value:g}: must be {row.range}{hint}")
     return float(round(value)) if row.integer else value
 
 

@@ -42,9 +42,9 @@ def chirp(t_s: float, start_hz: float, stop_hz: float, duration_s: float) -> tup
     """A sine whose frequency grows exponentially after a lead of whole cycles: its value and its
     frequency."""
     lead_s = min(CHIRP_LEAD_CYCLES / start_hz, 0.5 * duration_s)
-    if t_s < lead_s or stop_hz == start_hz:
-        return math.sin(2.0 * math.pi * start_hz * t_s), start_hz
     growth = math.log(stop_hz / start_hz) / (duration_s - lead_s)
+    if t_s < lead_s or growth == 0.0:
+        return math.sin(2.0 * math.pi * start_hz * t_s), start_hz
     frequency = start_hz * math.exp(growth * (t_s - lead_s))
     cycles = start_hz * lead_s + (frequency - start_hz) / growth
     return math.sin(2.0 * math.pi * cycles), frequency

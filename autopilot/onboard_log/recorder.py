@@ -1,11 +1,12 @@
 """When a log begins and ends: from arming to a little after disarming, or always."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, ParamSpec
 
+from autopilot.comms.guard import Guard
 from autopilot.control.types import US_PER_S
 from autopilot.onboard_log import channels
 from autopilot.onboard_log.session import LogSession
@@ -16,6 +17,8 @@ from mavlink_io.clock import Every, wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import MessageType
 from mavlink_io.services.log_transfer.source import LogFile
+
+P = ParamSpec("P")
 
 FLUSH_S = 0.2
 """A killed process loses no more than what it did since."""
@@ -31,6 +34,7 @@ class OnboardLog:
         """Without a ``folder`` nothing is logged."""
         self._vehicle, self._version = vehicle, version
         self.store = LogStore(folder, self._being_written) if folder else None
+        self._guard = Guard(vehicle.say)
         self._entry: LogSession | None = None
         self._file: BackgroundFile | None = None
         self._path: Path | None = None
@@ -42,27 +46,37 @@ class OnboardLog:
 
     def tick(self, heard: Sequence[Frame]) -> None:
         """Log what became of the frames that came for a tick, the sensors' last."""
-        if self.store is not None and (entry := self._follow()):
-            entry.tick(heard)
+        if self.store is not None:
+            self._run(self._tick, heard)
 
     def note(self, message: MessageType, values: tuple[Any, ...]) -> None:
         """Log what the vehicle says: an event, a changed parameter, an acknowledgement."""
-        if self.store is not None and (entry := self._follow()):
-            entry.message(message, values)
+        if self.store is not None:
+            self._run(self._note, message, values)
 
     def hear(self, frame: Frame) -> None:
         """Log what ground says, if it can change what the vehicle does."""
-        if (
-            self.store is not None
-            and frame.message_id in channels.LOGGED_FROM_GROUND
-            and (entry := self._follow())
-        ):
-            entry.frame(frame)
+        if self.store is not None and frame.message_id in channels.LOGGED_FROM_GROUND:
+            self._run(self._hear, frame)
 
     def poll(self) -> None:
         """Hand on what was logged, a few times a second, and say what went wrong with it."""
-        if self.store is None or not self._flush.due():
-            return
+        if self.store is not None and self._flush.due():
+            self._run(self._poll)
+
+    def _tick(self, heard: Sequence[Frame]) -> None:
+        if entry := self._follow():
+            entry.tick(heard)
+
+    def _note(self, message: MessageType, values: tuple[Any, ...]) -> None:
+        if entry := self._follow():
+            entry.message(message, values)
+
+    def _hear(self, frame: Frame) -> None:
+        if entry := self._follow():
+            entry.frame(frame)
+
+    def _poll(self) -> None:
         entry = self._follow()
         if entry is None:
             return
@@ -84,9 +98,17 @@ class OnboardLog:
 
     def close(self) -> None:
         """End the log that is under way, and wait until it is on disk."""
-        self._finish()
+        self._run(self._finish)
         if self._file is not None:
             self._file.wait()
+
+    def _run(self, work: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
+        """Do some work on the log; an unexpected exception ends the log and never the flight."""
+        if self._guard.run("onboard log", work, *args, **kwargs):
+            return
+        entry, self._entry, self._given_up = self._entry, None, True
+        if entry is not None and not self._guard.run("onboard log", entry.finish):
+            entry.file.close()
 
     def _follow(self) -> LogSession | None:
         """The log that is to be written now, begun and ended as the vehicle is armed and

@@ -6,6 +6,7 @@ from typing import Any
 
 from autopilot.onboard_log import channels
 from autopilot.onboard_log.writer import BackgroundFile
+from autopilot.telemetry.encoding import packed
 from autopilot.telemetry.identity import COMPONENT
 from autopilot.vehicle import Vehicle
 from mavlink_io import dialect
@@ -64,7 +65,7 @@ class LogSession:
 
     def message(self, message: MessageType, values: tuple[Any, ...]) -> None:
         """Write something that the autopilot says."""
-        self._write(self._system, COMPONENT, message, message.pack(values))
+        self._write(self._system, COMPONENT, message, packed(message, values))
 
     def frame(self, frame: Frame, system: int | None = None) -> None:
         """Write something that others say; what the vehicle's own devices say counts as of her

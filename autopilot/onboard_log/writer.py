@@ -88,7 +88,7 @@ class BackgroundFile:
             self._before = None
         try:
             file = self._open()
-        except OSError as error:
+        except Exception as error:
             self.error = _reason(error)
             return
         finally:
@@ -98,9 +98,11 @@ class BackgroundFile:
                 while work := self._queue.get():
                     work()
                     self._done += 1
-        except OSError as error:
+        except Exception as error:
             self.error = _reason(error)
 
 
-def _reason(error: OSError) -> str:
+def _reason(error: Exception) -> str:
+    if not isinstance(error, OSError):
+        return f"internal error: {type(error).__name__} {error}"
     return f"{error.strerror or error}" + (f": {error.filename}" if error.filename else "")

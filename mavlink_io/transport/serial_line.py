@@ -1,15 +1,15 @@
 """A serial line that survives being unplugged, and never holds its owner back."""
 
+import contextlib
 import errno
 import os
-import select
 import sys
 from collections.abc import Callable, Sequence
 
 import serial
 
 from mavlink_io.clock import wall_s
-from mavlink_io.transport.base import AddressError, Handle
+from mavlink_io.transport.base import AddressError, Handle, readable
 
 REOPEN_S = 1.0
 """Wall seconds from one attempt to open a lost device to the next."""
@@ -70,7 +70,7 @@ class SerialTransport:
         self._drain()
 
     def receive(self) -> bytes:
-        if self._port is None or not select.select((self._port,), (), (), 0.0)[0]:
+        if self._port is None or not readable(self._port):
             return b""
         try:
             data = os.read(self._port.fileno(), READ_BYTES)
@@ -122,4 +122,5 @@ class SerialTransport:
 
 
 def _report_on_stderr(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
+    with contextlib.suppress(OSError, ValueError):  # a terminal that is gone must not end its owner
+        print(text, file=sys.stderr, flush=True)

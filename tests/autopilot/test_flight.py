@@ -243,6 +243,37 @@ def test_jump_repeats_as_often_as_it_says() -> None:
     assert [e.sequence for e in flight.events if isinstance(e, ItemReached)].count(0) == 4
 
 
+def circle_of_jumps(count: int) -> tuple[MissionItem, ...]:
+    """Every item jumps to the next, for ever."""
+    return tuple(MissionItem(n, 2, 177, p1=float((n + 1) % count), p2=-1.0) for n in range(count))
+
+
+def test_mission_of_endless_jumps_completes_a_bounded_number_of_items_a_tick() -> None:
+    flight = under_way()
+    flight.ask(requests.LoadMission(circle_of_jumps(1000)))
+    assert flight.ask(requests.SetMode(modes.MISSION.number)) == ACCEPTED
+    for tick in range(250):
+        flight.events.clear()
+        state = flight.step()
+        reached = [event.sequence for event in flight.events if isinstance(event, ItemReached)]
+        first = tick * mission.ITEMS_PER_TICK % 1000
+        assert reached == list(range(first, first + mission.ITEMS_PER_TICK))  # none is left out
+    assert state.mode == modes.MISSION.number
+    taken = dict(state.mission.jumps)
+    assert list(taken) == sorted(taken)
+    assert sum(taken.values()) == 250 * mission.ITEMS_PER_TICK
+
+
+def test_items_beyond_a_ticks_bound_are_done_in_the_next() -> None:
+    flight = under_way()
+    count = 2 * mission.ITEMS_PER_TICK + 3
+    items = tuple(MissionItem(n, 2, 178, p1=1.0, p2=-1.0, p3=float(n)) for n in range(count))
+    flight.ask(requests.LoadMission((*items, MissionItem(count, 2, 93, p1=60.0))))
+    flight.ask(requests.SetMode(modes.MISSION.number))
+    thrusts = [round(100.0 * flight.step().setpoint.thrust) for _ in range(3)]
+    assert thrusts == [mission.ITEMS_PER_TICK - 1, 2 * mission.ITEMS_PER_TICK - 1, count - 1]
+
+
 def test_seq0_home_is_stored_but_not_flown() -> None:
     flight = Flight(config=Config(mission_seq0_home=1))
     flight.step()

@@ -216,11 +216,12 @@ def test_a_killed_process_is_named_and_the_log_is_closed(
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="reads child processes from /proc")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_terminated_ground_closes_its_log_and_stops_what_it_started(
-    flying: subprocess.Popen[str], tmp_path: Path
+    flying: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
 ) -> None:
     started = children(flying)
-    flying.terminate()
+    flying.send_signal(number)
     _, said = flying.communicate(timeout=60)
     assert flying.returncode == 1
     assert "interrupted" in said

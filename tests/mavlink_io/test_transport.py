@@ -1,16 +1,22 @@
 """Transports over real sockets and a real pseudo-terminal."""
 
+import errno
+import fcntl
 import os
+import resource
 import socket
 import threading
 import time
 import tty
 from collections.abc import Iterator
 from contextlib import closing
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from mavlink_io import dialect
+from mavlink_io.codec import LARGEST_FRAME, Framer, encode
 from mavlink_io.transport import (
     SPIN_S,
     AddressError,
@@ -23,8 +29,11 @@ from mavlink_io.transport import (
     open_transport,
     wait,
 )
+from mavlink_io.transport.tcp import ACCEPT_PAUSE_S, MAX_CLIENTS, READ_BYTES
 
 PATIENCE_S = 10.0
+SELECT_LIMIT = 1024
+"""FD_SETSIZE of Linux: `select` takes handle numbers below it."""
 
 
 def free_port(kind: int = socket.SOCK_STREAM) -> int:
@@ -242,6 +251,126 @@ def test_a_bad_address_is_named_with_what_would_be_right(address: str, complaint
         open_transport(address)
     assert repr(address) in str(error.value)
     assert complaint in str(error.value)
+
+
+@pytest.fixture
+def many_files() -> Iterator[None]:
+    """Let this process have handles that `select` refuses: 1,024 and above."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and hard < SELECT_LIMIT + 100:
+        pytest.skip(f"only {hard} files may be open here")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, SELECT_LIMIT + 100), hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+class HighHandle:
+    """A transport whose handle has a number beyond those that `select` can watch."""
+
+    def __init__(self, number: int) -> None:
+        self.address, self._socket = "high", socket.socket(fileno=number)
+
+    def handles(self) -> list[socket.socket]:
+        return [self._socket]
+
+    def send(self, data: bytes) -> None:
+        self._socket.send(data)
+
+    def receive(self) -> bytes:
+        return self._socket.recv(100)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+@pytest.mark.usefixtures("many_files")
+def test_wait_handle_number_above_1023_is_ready_with_data() -> None:
+    near, far = socket.socketpair()
+    with closing(near), closing(far):
+        number = fcntl.fcntl(far, fcntl.F_DUPFD_CLOEXEC, SELECT_LIMIT)
+        with closing(HighHandle(number)) as high:
+            assert wait([high], 0.0) == []
+            near.send(b"data")
+            assert wait([high], PATIENCE_S, eager=True) == [high]
+
+
+def connected(server: TcpServer, count: int) -> list[socket.socket]:
+    sockets = [socket.create_connection(("127.0.0.1", server.port)) for _ in range(count)]
+    for connection in sockets:
+        connection.settimeout(PATIENCE_S)
+    return sockets
+
+
+def test_tcp_server_keeps_the_first_clients_and_closes_the_rest(server: TcpServer) -> None:
+    sockets = connected(server, MAX_CLIENTS + 20)
+    receive(server)  # one call takes in all that wait
+    server.send(b"to all")
+    assert [s.recv(100) for s in sockets[:MAX_CLIENTS]] == [b"to all"] * MAX_CLIENTS
+    assert [s.recv(100) for s in sockets[MAX_CLIENTS:]] == [b""] * 20
+    sockets[0].close()
+    receive(server)
+    (late,) = connected(server, 1)  # room again
+    receive(server)
+    server.send(b"again")
+    assert late.recv(100) == b"again"
+    for each in (*sockets, late):
+        each.close()
+
+
+def test_tcp_server_without_files_pauses_and_serves_its_clients(
+    server: TcpServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def accept() -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    now_s = [0.0]
+    monkeypatch.setattr("link.transport.tcp.wall_s", lambda: now_s[0])
+    (first,) = connected(server, 1)
+    receive(server)
+    real = server._listener
+    monkeypatch.setattr(server, "_listener", SimpleNamespace(accept=accept))
+    second = socket.create_connection(real.getsockname())
+    server.receive()
+    assert len(server.handles()) == 1  # the listener is not watched: it would be ready for ever
+    first.send(b"still here")
+    assert wait([server], PATIENCE_S) == [server]
+    assert server.receive() == b"still here"
+    monkeypatch.setattr(server, "_listener", real)
+    now_s[0] = ACCEPT_PAUSE_S
+    receive(server)
+    assert len(server.handles()) == 3
+    first.close()
+    second.close()
+
+
+def test_tcp_server_half_a_frame_does_not_spoil_another_clients(server: TcpServer) -> None:
+    heartbeat = encode(dialect.by_name("HEARTBEAT"), (0, 6, 8, 0, 0, 3), 0, 255, 190)
+    slow, quick = connected(server, 2)
+    receive(server)
+    framer, heard = Framer(), []
+    for sender, data in ((slow, heartbeat[:7]), (quick, heartbeat), (slow, heartbeat[7:])):
+        sender.send(data)
+        heard.append(len(framer.feed(receive(server))))
+    assert (heard, framer.rejected_frames) == ([0, 1, 1], 0)
+    slow.close()
+    quick.close()
+
+
+def test_tcp_server_reads_a_bounded_amount_and_loses_nothing(server: TcpServer) -> None:
+    heartbeat = encode(dialect.by_name("HEARTBEAT"), (0, 6, 8, 0, 0, 3), 0, 255, 190)
+    count = 3 * READ_BYTES // len(heartbeat)
+    senders = connected(server, 2)
+    receive(server)
+    for sender in senders:
+        sender.sendall(count * heartbeat)
+    framer, frames = Framer(), 0
+    while frames < 2 * count:
+        data = receive(server)
+        assert len(data) <= READ_BYTES + LARGEST_FRAME * len(senders)
+        frames += len(framer.feed(data))
+    assert (frames, framer.rejected_frames) == (2 * count, 0)
+    for sender in senders:
+        sender.close()
 
 
 def test_a_port_in_use_is_an_address_error(server: TcpServer) -> None:

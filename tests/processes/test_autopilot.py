@@ -219,7 +219,7 @@ def test_a_ground_station_that_goes_away_is_no_matter(deck: Deck) -> None:
     assert deck.process.running
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_ends_cleanly_when_asked_to(deck: Deck, number: signal.Signals) -> None:
     deck.simulator.ask(0)
     deck.process.signal(number)

@@ -173,7 +173,7 @@ def test_an_autopilot_that_falls_silent_ends_the_run_with_a_reason(sitl: Start, 
     assert complaint == "sitl: the autopilot stopped answering at vehicle time 1.00 s\n"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_stop_signal_ends_the_run_cleanly(
     sitl: Start, peer: Peer, tmp_path: Path, number: signal.Signals
 ) -> None:

@@ -1,6 +1,5 @@
 """One session of ``ground watch``: a look, or a live view until Ctrl-C."""
 
-import signal
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
@@ -15,6 +14,7 @@ from ground.live.watch import rows, view
 from ground.live.watch.receiver import Receiver
 from ground.terminal import console
 from mavlink_io.clock import wall_s
+from mavlink_io.parent_watch import on_end_signals
 from mavlink_io.transport import open_transport
 
 if TYPE_CHECKING:
@@ -87,8 +87,7 @@ class _Stopped:
 
     def __init__(self) -> None:
         self._stopped = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._stop)
+        on_end_signals(self._stop)
 
     def __call__(self) -> bool:
         return self._stopped

@@ -8,7 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autopilot.control.params import PARAMETERS, Config, ParamError, ParamTable, config
+from autopilot.control.params import (
+    PARAMETERS,
+    Config,
+    ParamError,
+    ParamInfo,
+    ParamTable,
+    config,
+)
 from autopilot.param_file import lines, load, to_text
 from mavlink_io.services.params import as_real32
 
@@ -39,7 +46,7 @@ def test_defaults_are_the_papers_initial_gains() -> None:
 def test_a_value_in_range_is_kept_and_one_out_of_range_changes_nothing(data: st.DataObject) -> None:
     row = data.draw(st.sampled_from(PARAMETERS))
     table = ParamTable()
-    value = data.draw(st.floats(row.minimum, row.maximum))
+    value = data.draw(st.floats(row.minimum, row.maximum).filter(lambda x: far_from_zero(row, x)))
     stored = table.set(row.name, value)
     assert table.get(row.name) == stored == (round(value) if row.integer else value)
     for wrong in (
@@ -50,6 +57,11 @@ def test_a_value_in_range_is_kept_and_one_out_of_range_changes_nothing(data: st.
         with pytest.raises(ParamError, match=row.name):
             table.set(row.name, wrong)
     assert table.get(row.name) == stored
+
+
+def far_from_zero(row: ParamInfo, value: float) -> bool:
+    """Whether a value in the range of a parameter is not so close to 0 that it is refused."""
+    return row.integer or value == 0.0 or abs(value) >= row.smallest
 
 
 def test_unknown_names_are_refused() -> None:
@@ -85,9 +97,7 @@ def test_a_bad_line_is_named(tmp_path: Path, line: str, words: str) -> None:
 @given(st.data())
 def test_a_file_gives_back_every_float32(data: st.DataObject) -> None:
     row = data.draw(st.sampled_from([row for row in PARAMETERS if not row.integer]))
-    value = data.draw(
-        st.floats(row.minimum, row.maximum).filter(lambda x: x == 0.0 or abs(x) > 1e-30)
-    )
+    value = data.draw(st.floats(row.minimum, row.maximum).filter(lambda x: far_from_zero(row, x)))
     ((_, name, read),) = lines(
         to_text({row.name: min(row.maximum, max(row.minimum, as_real32(value)))})
     )

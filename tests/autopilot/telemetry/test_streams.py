@@ -1,6 +1,7 @@
 """Telemetry: due by vehicle time, equal for equal flights, right in sign and unit."""
 
 import math
+import struct
 from typing import Any
 
 import pytest
@@ -15,6 +16,7 @@ from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import (
     AutopilotState,
     Home,
+    Inputs,
     NavCovariance,
     Navigation,
     Trace,
@@ -31,6 +33,7 @@ from mavlink_io.records import (
     Battery,
     GpsFix,
     Leak,
+    SensorFrame,
 )
 from tests.helpers.fake_hil import TICK_US, Deck, Station, sensors
 
@@ -368,3 +371,65 @@ def test_time_that_begins_again_sets_a_new_phase() -> None:
     assert schedule.due(10_000_000)
     assert schedule.due(0) == []
     assert [s.message.message_id for s in schedule.due(100_000)][:1] == [ATTITUDE]
+
+
+def test_numbers_beyond_their_field_are_sent_as_the_nearest_that_it_holds() -> None:
+    """Two's complement limits of int32 and uint16, and the largest finite float32 (IEEE 754)."""
+    deck = Deck()
+    (link,) = deck.server.links
+    message = dialect.by_name("COMMAND_ACK")
+    link.write(message, (1 << 20, 300, -1, 1 << 40, 0, 0))
+    link.write(dialect.by_name("GPS_GLOBAL_ORIGIN"), (1 << 63, -(1 << 63), 0, -5))
+    link.write(dialect.by_name("ATTITUDE"), (1 << 33, 1e300, -1e300, math.nan, math.inf, 0.0, 0.0))
+    deck.server.flush()
+    ack, origin, attitude = deck.station.heard()
+    assert (ack.command, ack.result, ack.progress, ack.result_param2) == (
+        0xFFFF,
+        255,
+        0,
+        (1 << 31) - 1,
+    )
+    assert (origin.latitude, origin.longitude, origin.time_usec) == ((1 << 31) - 1, -(1 << 31), 0)
+    largest = 3.4028234663852886e38
+    assert (attitude.time_boot_ms, attitude.roll, attitude.pitch) == (
+        0xFFFF_FFFF,
+        largest,
+        -largest,
+    )
+    assert math.isnan(attitude.yaw)
+    assert attitude.rollspeed == math.inf
+    assert (
+        attitude.get_seq() == (origin.get_seq() + 1) & 0xFF == (ack.get_seq() + 2) & 0xFF
+    )  # no gap
+
+
+def test_values_of_another_shape_are_still_a_mistake() -> None:
+    (link,) = Deck().server.links
+    with pytest.raises(struct.error):
+        link.write(dialect.by_name("SYSTEM_TIME"), (0.5, 0))
+
+
+@given(
+    st.lists(
+        st.sampled_from([math.nan, math.inf, -math.inf, 3.4e38, -3.4e38, 0.0]),
+        min_size=13,
+        max_size=13,
+    )
+)
+def test_no_sensor_value_stops_the_tick_or_its_telemetry(values: list[float]) -> None:
+    deck = Deck()
+    deck.tick(3)
+    state = deck.vehicle.state
+    deck.time_us += TICK_US
+    reading = sensors(deck.time_us)._replace(
+        **dict(zip(SensorFrame._fields[1:14], values, strict=True))
+    )
+    for _ in range(3):
+        reading = reading._replace(time_us=deck.time_us)
+        frame = deck.vehicle.tick(Inputs(reading, None, None, None))
+        assert all(map(math.isfinite, frame.controls))
+        for stream in STREAMS:
+            for build in stream.builders:
+                stream.message.pack(build(deck.vehicle.snapshot()))
+        deck.time_us += TICK_US
+    assert state.estimate.initialised

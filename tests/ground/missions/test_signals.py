@@ -88,6 +88,21 @@ def test_runs_arrive_on_board_in_their_order(runs: list[int]) -> None:
 
 
 @pytest.mark.parametrize("name", script.shipped_names())
+def test_shipped_missions_begin_each_leg_in_one_tick(name: str) -> None:
+    """Items that are done as soon as they are begun stand between two that take time."""
+    longest = at_once = 0
+    for item in script.compile_items(script.load(name)):
+        instant = item.command in (
+            mission.MissionCommand.CHANGE_ALTITUDE,
+            mission.MissionCommand.CHANGE_SPEED,
+            mission.MissionCommand.YAW,
+        )
+        at_once = at_once + 1 if instant else 0
+        longest = max(longest, at_once)
+    assert longest < mission.ITEMS_PER_TICK
+
+
+@pytest.mark.parametrize("name", script.shipped_names())
 def test_the_vehicle_takes_every_shipped_mission(name: str) -> None:
     assert mission.check(script.compile_items(script.load(name)), Config()) == (-1, "")
 

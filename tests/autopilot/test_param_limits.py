@@ -1,0 +1,138 @@
+"""Every parameter at the ends of its range: every mode flies with finite actuators."""
+
+import math
+
+import pytest
+
+from autopilot.control import core, modes, request_handler, requests
+from autopilot.control.params import (
+    PARAMETERS,
+    Config,
+    ParamError,
+    ParamInfo,
+    ParamTable,
+    config,
+    validate,
+)
+from autopilot.control.setpoints import MotionTarget
+from autopilot.control.types import AutopilotState, Inputs, Stick
+from mavlink_io.mission_items import MissionItem
+from mavlink_io.records import Altimeter, Battery, DuctFeedback, Dvl, GpsFix, Leak
+from mavlink_io.services.params import as_real32
+from tests.helpers.missions import leg, sensors
+
+TICKS = 6
+"""Ticks flown in each mode: enough for every loop and the excitation to act more than once."""
+STEPS_US = (20_000, 200_000)
+"""The tick of the simulator, and the longest step that the estimator takes (`core.MAX_STEP_S`)."""
+FIX = GpsFix(0, 3, 41.5, -70.7, 0.0, 0.5, 0.1, 0.0, 9, 1.5, 2.0)
+ITEMS = (
+    *leg(depth_m=4.0, heading_deg=90.0, duration_s=0.1),
+    MissionItem(4, 2, 178, p1=1.0, p2=1.0, p3=-1.0),
+)
+FULL_THRUST = MissionItem(5, 2, 178, p1=1.0, p2=-1.0, p3=100.0)
+
+
+def ends(row: ParamInfo) -> list[float]:
+    """Minimum, maximum, and the smallest accepted value beside the minimum, as REAL32."""
+    if row.integer:
+        return [row.minimum, min(row.minimum + 1, row.maximum), row.maximum]
+    above = math.nextafter(row.minimum, math.inf)
+    smallest = row.smallest if row.minimum <= 0.0 else row.minimum
+    return [row.minimum, as_real32(above) if above > 1e-30 else smallest, smallest, row.maximum]
+
+
+def accepted_config(row: ParamInfo, value: float) -> Config:
+    return config({"SYS_FAILURE_EN": 0.0, row.name: value})
+
+
+def inputs(time_us: int, tick: int) -> Inputs:
+    """Instruments that all report something, none of it special."""
+    reading = sensors(
+        time_us, roll=0.05, pitch=0.02 * tick, heading=0.1 * tick, depth_m=5.0 + 0.1 * tick
+    )
+    return Inputs(
+        reading,
+        FIX._replace(time_us=time_us) if tick % 3 == 0 else None,
+        Altimeter(time_us, 12.0 + 0.1 * tick, 0.3, 30.0),
+        0.5,
+        stick=Stick(0.5, -0.5, 0.8),
+        dvl=Dvl(time_us, 1.2, 0.1, 0.0, True, 0.02, 90),
+        battery=Battery(30.0, 2.0, 1.0, 0.5),
+        leak=Leak(wet=False),
+        duct=DuctFeedback(time_us, 0.1, -0.1),
+        attitude_silent_s=0.01,
+        motion_silent_s=0.01,
+    )
+
+
+def fly(mode: modes.Mode, config: Config, step_us: int) -> AutopilotState:
+    """Fly some ticks in a mode; fails where an actuator is not a number within its range."""
+    state = core.initial_state()
+    tick = 0
+
+    def step() -> None:
+        nonlocal state, tick
+        state, frame, _, _ = core.tick(state, inputs(tick * step_us, tick), config)
+        tick += 1
+        assert all(-1.0 <= control <= 1.0 for control in frame.controls), (mode.name, frame)
+
+    def ask(wish: requests.Request) -> None:
+        nonlocal state
+        state = request_handler.handle_request(state, wish, config)[0]
+
+    step()
+    ask(requests.LoadMission((*ITEMS, FULL_THRUST)))
+    ask(requests.SetTarget(MotionTarget(depth_m=6.0, velocity_mps=complex(1.0, 0.5))))
+    ask(requests.Arm(force=True))
+    ask(requests.SetMode(mode.number))
+    for _ in range(TICKS):
+        step()
+    ask(requests.ChangeTarget(depth_m=8.0, heading_rad=-2.0, thrust=1.0))
+    for _ in range(TICKS):
+        step()
+    ask(requests.Disarm(force=True))
+    step()
+    return state
+
+
+@pytest.mark.parametrize("row", PARAMETERS, ids=lambda row: row.name)
+def test_parameter_at_its_ends_flies_every_mode_with_finite_actuators(row: ParamInfo) -> None:
+    for value in dict.fromkeys(ends(row)):
+        flown = accepted_config(row, value)
+        for mode in modes.MODES:
+            for step_us in STEPS_US:
+                state = fly(mode, flown, step_us)
+                numbers = (state.estimate.speed_mps, state.estimate.depth_m, state.estimate.north_m)
+                assert all(map(math.isfinite, numbers)), (
+                    row.name,
+                    value,
+                    mode.name,
+                    step_us,
+                    numbers,
+                )
+
+
+@pytest.mark.parametrize("row", PARAMETERS, ids=lambda row: row.name)
+def test_parameter_limits_travel_as_real32_and_nonsense_is_refused(row: ParamInfo) -> None:
+    table = ParamTable()
+    for limit in (row.minimum, row.maximum):
+        assert table.set(row.name, as_real32(limit)) == pytest.approx(limit, rel=1e-6)
+    before = table.get(row.name)
+    for nonsense in (math.nan, math.inf, -math.inf, 1e-40, -1e-40, 5e-324):
+        if row.integer and abs(nonsense) < 1.0 and row.minimum <= 0:
+            continue  # rounds to the whole number 0
+        with pytest.raises(ParamError, match=row.name):
+            table.set(row.name, nonsense)
+    assert table.get(row.name) == before
+
+
+def test_a_parameter_whose_zero_is_off_names_both_ranges() -> None:
+    with pytest.raises(ParamError) as error:
+        validate("THR_CRUISE_PCT", 1e-40)
+    assert str(error.value) == "THR_CRUISE_PCT = 1e-40: must be 0, or 1 to 100 %"
+    with pytest.raises(ParamError) as error:
+        validate("TRIM_RUD_DEG", 1e-40)
+    assert (
+        str(error.value) == "TRIM_RUD_DEG = 1e-40: must be -15 to 15 deg, and not within 1e-06 of 0"
+    )
