@@ -22,6 +22,7 @@ from ground.campaign.campaign_folder import CAMPAIGN_FILE, STAGES, CampaignFolde
 from ground.campaign.worker import Worker
 from ground.client.flight import Dive, FlightProgress, FlightResult, fly_simulated
 from ground.errors import InputError, OperationError
+from ground.report import page
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess
 from mavlink_io.clock import wall_s
@@ -346,7 +347,6 @@ def _design(folder: CampaignFolder) -> dict[str, Any]:
 
 def _report(folder: CampaignFolder) -> None:
     """Write ``report.html``."""
-    from ground.report import page
 
     page.write(folder)
 

@@ -8,12 +8,9 @@ import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ground.errors import InputError
-
-if TYPE_CHECKING:
-    from sysid.design.pid import Spec
+from sysid.design.pid import Spec
 
 BOUNDS = {
     "damping": (0.05, 0.95),
@@ -37,16 +34,13 @@ BOUNDS = {
 """Beyond these a number was meant in another unit, or for something else."""
 
 
-def read(
-    file: Path | None, options: Mapping[str, float | None], first: "Spec | None" = None
-) -> "Spec":
+def read(file: Path | None, options: Mapping[str, float | None], first: Spec | None = None) -> Spec:
     """A specification: ``first`` or the default, then what the file says, then the options that are
     given.
 
     Raises:
         BadInputError: names the file or option, the name, the value and what would be right.
     """
-    from sysid.design.pid import Spec
 
     table = _table(file) if file else {}
     unknown = next((name for name in table if name not in BOUNDS), None)

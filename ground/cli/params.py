@@ -162,11 +162,12 @@ def _print_changes(
 def _model_sha256(file: Path, model: Path | None) -> str:
     """The digest of the model that a file's gains were designed on. Raises BadInputError where it
     is not ``model``."""
-    from ground.campaign import refit
     from ground.client import param_file
 
     if model is None:
         return param_file.model_sha256_of(file)
+    from ground.campaign import refit
+
     promised, found = param_file.read_baseline(file), refit.sha256_of_model(model)
     if promised is None or promised.model_sha256 != found:
         on = f"model {promised.model_sha256[:12]}" if promised else "no model that it names"

@@ -6,18 +6,16 @@ The errors are those of ``sysid.monitor.tracking_metrics``, by the vehicle's own
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ground.campaign import refit
 from ground.errors import InputError
+from sysid.data.dataset import Log
 from sysid.monitor import tracking_metrics
 from sysid.monitor.tracking_metrics import Array, Spread, SteadyWindow
 from sysid.reproduction.paper_tables import TABLE_5_INITIAL
-
-if TYPE_CHECKING:
-    from sysid.data.dataset import Log
 
 MAX_ERROR = {"heading": TABLE_5_INITIAL.heading_deg, "depth": TABLE_5_INITIAL.depth_m}
 """Largest 95 % error (deg, m) that is good: the paper's with its first gains (Table 5)."""
@@ -109,7 +107,7 @@ def assess_dive(log_file: Path, texts: Sequence[str] = ()) -> Assessment:
     return Assessment((), 0, (), _trims_learned(texts), reason)
 
 
-def assess_log(log: "Log", texts: Sequence[str] = ()) -> Assessment:
+def assess_log(log: Log, texts: Sequence[str] = ()) -> Assessment:
     """Assess a dive by its log; otherwise as ``assess_dive``."""
     tracking = tracking_metrics.tracking(log)
     windows = tracking.windows if tracking else ()
@@ -164,7 +162,7 @@ def as_json(assessment: Assessment) -> dict[str, Any]:
     }
 
 
-def _leg(log: "Log", window: SteadyWindow) -> AssessedLeg:
+def _leg(log: Log, window: SteadyWindow) -> AssessedLeg:
     def mean_deg(time_s: Array, angle_rad: Array) -> float:
         inside = (time_s >= window.start_s) & (time_s < window.stop_s)
         return float(np.degrees(np.mean(angle_rad[inside])))
@@ -183,7 +181,7 @@ def _leg(log: "Log", window: SteadyWindow) -> AssessedLeg:
     )
 
 
-def _is_recorded(log: "Log", window: SteadyWindow) -> bool:
+def _is_recorded(log: Log, window: SteadyWindow) -> bool:
     """Whether either half of a window holds attitude, depth and commands."""
     middle_s = 0.5 * (window.start_s + window.stop_s)
     halves = (window.start_s, middle_s), (middle_s, window.stop_s)
@@ -191,7 +189,7 @@ def _is_recorded(log: "Log", window: SteadyWindow) -> bool:
     return all(np.any((t >= start) & (t < stop)) for t in times for start, stop in halves)
 
 
-def _halves(log: "Log", window: SteadyWindow) -> tuple[SteadyWindow, SteadyWindow]:
+def _halves(log: Log, window: SteadyWindow) -> tuple[SteadyWindow, SteadyWindow]:
     start_s, stop_s = window.start_s, window.stop_s
     middle_s = 0.5 * (start_s + stop_s)
     return tracking_metrics.window(log, start_s, middle_s), tracking_metrics.window(
@@ -200,7 +198,7 @@ def _halves(log: "Log", window: SteadyWindow) -> tuple[SteadyWindow, SteadyWindo
 
 
 def _findings(
-    log: "Log",
+    log: Log,
     axis: str,
     legs: Sequence[tuple[AssessedLeg, tuple[SteadyWindow, SteadyWindow]]],
 ) -> list[Finding]:
@@ -223,7 +221,7 @@ def _error(of: AssessedLeg | SteadyWindow, axis: str) -> Spread:
     return of.heading_deg if axis == "heading" else of.depth_m
 
 
-def _cause(log: "Log", axis: str, leg: AssessedLeg, first: Spread, second: Spread) -> Cause | None:
+def _cause(log: Log, axis: str, leg: AssessedLeg, first: Spread, second: Spread) -> Cause | None:
     error, limit = _error(leg, axis), MAX_ERROR[axis]
     if error.p95 <= limit:
         return None
@@ -237,7 +235,7 @@ def _cause(log: "Log", axis: str, leg: AssessedLeg, first: Spread, second: Sprea
     return _offset_cause(log, axis, leg)
 
 
-def _offset_cause(log: "Log", axis: str, leg: AssessedLeg) -> Cause:
+def _offset_cause(log: Log, axis: str, leg: AssessedLeg) -> Cause:
     command, trim_name = _surface(axis, leg)
     travel, trim = log.parameters.get("ACT_TRAVEL_DEG"), log.parameters.get(trim_name)
     if travel is not None and abs(command) >= travel - STOP_MARGIN_DEG:
@@ -272,7 +270,7 @@ def _how_far(axis: str, cause: Cause, leg: AssessedLeg) -> str:
     return f"{abs(error.mean):.2g} {unit} off in the mean"
 
 
-def _explain(log: "Log", axis: str, cause: Cause, leg: AssessedLeg) -> str:
+def _explain(log: Log, axis: str, cause: Cause, leg: AssessedLeg) -> str:
     """Return the likely cause and its remedy."""
     name = _SURFACE[axis]
     command_deg, parameter = _surface(axis, leg)
@@ -306,13 +304,13 @@ def _explain(log: "Log", axis: str, cause: Cause, leg: AssessedLeg) -> str:
             return f"the cause does not show in the telemetry: {known}"
 
 
-def _was_learning(log: "Log", leg: AssessedLeg) -> bool:
+def _was_learning(log: Log, leg: AssessedLeg) -> bool:
     """Whether the leg began while the trims were being learned (several times TRIM_AUTO_S)."""
     learning_s = LEARNING_TIMES * log.parameters.get("TRIM_AUTO_S", 0.0)
     return leg.start_s - float(log.attitude.time_s[0]) < learning_s
 
 
-def _why_no_leg(log: "Log", windows: Sequence[SteadyWindow]) -> str:
+def _why_no_leg(log: Log, windows: Sequence[SteadyWindow]) -> str:
     points = log.setpoints
     if points.attitude_time_s.size == 0 or points.depth_time_s.size == 0:
         return "the vehicle sent no set-points of heading and depth"

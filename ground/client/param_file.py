@@ -7,12 +7,10 @@ promise (`sysid.monitor.performance_spec`)."""
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from ground.errors import InputError
-
-if TYPE_CHECKING:
-    from sysid.monitor.performance_spec import PerformanceBaseline
+from sysid.monitor.performance_spec import BaselineError, PerformanceBaseline, decode
 
 
 class ParamLine(NamedTuple):
@@ -49,22 +47,20 @@ def load_lines(path: Path) -> dict[str, ParamLine]:
     return found
 
 
-def read_baseline(path: Path) -> "PerformanceBaseline | None":
+def read_baseline(path: Path) -> PerformanceBaseline | None:
     """What the gains in a file promise; None in files that nobody designed.
 
     Raises:
         BadInputError: the file cannot be read, or its values are no longer those that were
         designed.
     """
-    from sysid.monitor.performance_spec import BaselineError, decode
-
     try:
         return decode(_text(path), load(path))
     except BaselineError as error:
         raise InputError(f"{path}: {error}; `ground redesign` writes it anew") from None
 
 
-def require_baseline(path: Path) -> "PerformanceBaseline":
+def require_baseline(path: Path) -> PerformanceBaseline:
     """What the gains in a file promise. Raises BadInputError, also where they promise nothing."""
     found = read_baseline(path)
     if found is None:
