@@ -17,12 +17,12 @@ import typer
 from typer import rich_utils
 
 from ground.cli import (
-    bench,
+    bench_test,
     campaign,
     design_test,
     fly,
+    inclining_test,
     log,
-    lqg,
     missions,
     modes,
     paper,
@@ -67,12 +67,11 @@ app.add_typer(modes.app, name="modes")
 app.command()(fly.fly)
 app.command()(stop.surface)
 app.command()(stop.hold)
-app.command()(bench.bench)
-app.command()(bench.incline)
+app.command()(bench_test.bench_test)
+app.command()(inclining_test.inclining_test)
 app.command()(design_test.design_test)
-app.command()(simulate.rehearse)
+app.command()(simulate.simulate)
 app.command()(redesign.redesign)
-app.command("laws")(lqg.design_lqg)
 app.command()(watch.watch)
 app.command()(campaign.campaign)
 app.command()(refit.refit)

@@ -128,7 +128,7 @@ def _parse_mark(text: str) -> MarkedInterval:
     found = re.fullmatch(r"(?:(.+):)?(\d+\.?\d*)\.\.(\d+\.?\d*):(rudder|elevator)", text)
     if found is None:
         raise InputError(
-            f"--run {text}: give [LOG:]START..STOP:rudder or :elevator, in seconds of the log's"
+            f"--segment {text}: give [LOG:]START..STOP:rudder or :elevator, in seconds of the log's"
             " time"
         )
     return MarkedInterval(
@@ -167,7 +167,7 @@ def redesign_lqg(
 ) -> LqgDesign:
     """LQG laws for a model; otherwise as ``redesign``."""
 
-    _check_fit_for_redesign(model, "laws", force)
+    _check_fit_for_redesign(model, "redesign --method lqg", force)
     with _translate_errors():
         return lqg.design_lqg(
             model, spec, read_vehicle(prior) if prior else None, _initial_gains_of(model, prior)

@@ -66,7 +66,7 @@ class CampaignRequest(NamedTuple):
     scenario: str = "disturbed"
     seed: int = 1
     speed: str = "max"
-    beside_paper: bool = False
+    include_paper_gains: bool = False
     """The paper's improved gains fly the missions too."""
     force: bool = False
     """Replace the campaign that the folder holds."""
@@ -163,9 +163,10 @@ class Campaign:
         readiness.check_scenario(scenario, content, ALL_MISSIONS)
         if vehicle in prototype.CARIBOU:
             return refit.initial_gains()
-        if self.request.beside_paper:
+        if self.request.include_paper_gains:
             raise InputError(
-                f"--beside-paper: the paper's gains are for Caribou; leave it out for {vehicle}"
+                "--include-paper-gains: the paper's gains are for Caribou; "
+                f"leave it out for {vehicle}"
             )
         self.announce("designing the first gains; rehearsing the missions with the vehicle file")
         return worker.call(readiness.first_parameters, vehicle, scenario, content, ALL_MISSIONS)
@@ -175,7 +176,7 @@ class Campaign:
     ) -> dict[str, dict[str, float]]:
         """The sets of gains that are there before any model, by name."""
         gains = {"initial": {**first, **trims}}
-        if self.request.beside_paper:
+        if self.request.include_paper_gains:
             gains["improved"] = {**refit.improved_gains(), **trims}
         return gains
 

@@ -31,7 +31,15 @@ BOUNDS = {
     "pitch_per_metre_deg": (0.1, 90.0),
     "command_noise_deg": (0.01, 10.0),
 }
-"""Beyond these a number was meant in another unit, or for something else."""
+"""Plausible range of each limit; a value outside was probably meant in another unit."""
+OPTIONS = {
+    "ms": "--max-sensitivity",
+    "least_gm_db": "--robust-gm-db",
+    "least_pm_deg": "--robust-pm-deg",
+    "probability": "--robust-fraction",
+    "finish_s": "--integral-settling-s",
+}
+"""Options of `ground redesign` whose names differ from the limit's, by the name of the limit."""
 
 
 def read(file: Path | None, options: Mapping[str, float | None], first: Spec | None = None) -> Spec:
@@ -51,7 +59,8 @@ def read(file: Path | None, options: Mapping[str, float | None], first: Spec | N
     given = {name: value for name, value in options.items() if value is not None}
     asked = {name: _number(f"{file}: {name} =", name, value) for name, value in table.items()}
     asked |= {
-        name: _number(f"--{name.replace('_', '-')}", name, value) for name, value in given.items()
+        name: _number(OPTIONS.get(name, f"--{name.replace('_', '-')}"), name, value)
+        for name, value in given.items()
     }
     return (first or Spec())._replace(**asked)
 

@@ -13,26 +13,34 @@ def campaign(
     scenario: ScenarioName = "disturbed",
     seed: Seed = 1,
     speed: Speed = "max",
-    beside_paper: Annotated[
+    include_paper_gains: Annotated[
         bool,
         typer.Option(
-            "--beside-paper", help="Fly the missions with the paper's improved gains too."
+            "--include-paper-gains", help="Also fly the missions with the paper's improved gains."
         ),
     ] = False,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="The campaign's folder.")] = Path(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the campaign.")] = Path(
         "campaign"
     ),
     force: Annotated[
-        bool, typer.Option("--force", help="Replace the campaign that the folder holds.")
+        bool, typer.Option("--force", help="Replace the campaign that is in the folder.")
     ] = False,
     json: Json = False,
 ) -> None:
-    """Prototype, identify, redesign, verify: fly them all, and report."""
+    """Fly a simulated campaign: trims, tests, refit, redesign, verification and report."""
     from ground import progress
     from ground.campaign import summary
     from ground.campaign.run import Campaign, CampaignRequest
 
-    with progress.display("campaign", quiet=json) as shown:
-        asked = CampaignRequest(out, vehicle, scenario, seed, speed, beside_paper, force)
-        result = Campaign(asked, shown.watch_named, shown.announce).run()
+    request = CampaignRequest(
+        out=out,
+        vehicle=vehicle,
+        scenario=scenario,
+        seed=seed,
+        speed=speed,
+        include_paper_gains=include_paper_gains,
+        force=force,
+    )
+    with progress.display("campaign", quiet=json) as display:
+        result = Campaign(request, display.watch_named, display.announce).run()
     print_result(result, summary.format_text(result, out), json)

@@ -1,10 +1,10 @@
-"""`ground missions`: list the missions that are shipped."""
+"""`ground missions`: list the shipped missions."""
 
 from ground.cli.options import Json, print_result
 
 
 def missions(json: Json = False) -> None:
-    """The missions that come with the tool."""
+    """List the shipped missions with their durations."""
     from ground.missions import script
 
     shipped = {name: script.load(name) for name in script.shipped_names()}

@@ -12,19 +12,20 @@ def paper(
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Also write paper.json and pictures of Table 4's loops here."
+            metavar="DIR",
+            help="Also write paper.json and figures of the loops of Table 4 to this folder.",
         ),
     ] = None,
     json: Json = False,
 ) -> None:
-    """The paper's Tables 1 to 5 beside what this software derives, without flying."""
+    """Compare Tables 1 to 5 of the paper with the values that this software derives."""
     from ground.report import paper_poles, paper_tables, poles
 
-    found = paper_poles.compute()
-    result = paper_tables.collect(found)
-    words = paper_tables.format_text(result, found)
+    table_4 = paper_poles.compute()
+    result = paper_tables.collect(table_4)
+    text = paper_tables.format_text(result, table_4)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         (out / "paper.json").write_text(to_json(result), encoding="utf-8")
-        words = "\n".join([words, "", *map(str, poles.draw(found, out))])
-    print_result(result, words, json)
+        text = "\n".join([text, "", *map(str, poles.draw(table_4, out))])
+    print_result(result, text, json)

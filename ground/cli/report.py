@@ -10,23 +10,25 @@ from ground.cli.options import say
 
 
 class Subject(StrEnum):
-    """Of a picture."""
+    """Subject of a figure."""
 
     RESULT = "result"
     MODEL = "model"
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A campaign's folder.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished campaign.")],
     picture: Annotated[
-        Path | None, typer.Option(metavar="FILE.png|svg", help="Draw one picture instead.")
+        Path | None,
+        typer.Option(metavar="FILE.png|svg", help="Draw one figure instead of the report."),
     ] = None,
-    of: Annotated[Subject, typer.Option(help="What the picture shows.")] = Subject.RESULT,
+    of: Annotated[
+        Subject,
+        typer.Option(help="Subject of the figure: the result, or the validation of the model."),
+    ] = Subject.RESULT,
 ) -> None:
-    """Write report.html of a campaign, or one picture: of its result, or of the evidence for its
-    model."""
-    from ground.report import matplotlib_figures, page
-    from ground.report import summary_picture as pictures
+    """Write report.html of a campaign, or draw one figure of its result or of its model."""
+    from ground.report import matplotlib_figures, page, summary_picture
 
-    draw = pictures.draw if of is Subject.RESULT else matplotlib_figures.draw
+    draw = summary_picture.draw if of is Subject.RESULT else matplotlib_figures.draw
     say(str(draw(folder, picture) if picture else page.write(folder)))

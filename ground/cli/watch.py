@@ -12,16 +12,18 @@ def watch(
     connect: Address = GROUND_LINK,
     sign: Sign = None,
     once: Annotated[
-        bool, typer.Option("--once", help="One look, then end; so too without a terminal.")
+        bool,
+        typer.Option(
+            "--once", help="Print the state once and exit; the default if stdout is no terminal."
+        ),
     ] = False,
     prior: Annotated[
         str | None,
         typer.Option(
             metavar="NAME|FILE|MODEL.json",
             help=(
-                "Show the estimate of the vehicle under test, from this prior: caribou_nominal, a"
-                " vehicle file, or a "
-                "model.json. She is asked for 20 Hz of what that needs."
+                "Show the estimate of the vehicle's dynamics during tests, from this prior:"
+                " caribou_nominal, a vehicle file, or a model.json. Requests telemetry at 20 Hz."
             ),
         ),
     ] = None,
@@ -29,13 +31,18 @@ def watch(
         Path | None,
         typer.Option(
             metavar="GAINS.param",
-            help="Show whether she keeps what these gains promise, which she flies.",
+            help=(
+                "Warn when performance leaves the range predicted for these gains, with which the"
+                " vehicle flies."
+            ),
         ),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Watch any MAVLink vehicle live, without being its ground station; Ctrl-C ends. --json is one
-    look."""
+    """Watch any MAVLink vehicle live, without being its ground station; Ctrl-C ends.
+
+    --json prints the state once.
+    """
     from ground.live.watch import session
 
     session.watch(connect, sign, once=once, json=json, prior=prior, gains=gains)
