@@ -67,7 +67,9 @@ def test_a_wrong_file_is_refused(tmp_path: Path, change: dict[str, Any], complai
 def test_another_file_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "controller.json"
     path.write_text(text)
-    with pytest.raises(LqgFileError, match=r"controller\.json: (no JSON|the file: expected an object)"):
+    with pytest.raises(
+        LqgFileError, match=r"controller\.json: (no JSON|the file: expected an object)"
+    ):
         lqg_file.load(path)
 
 
