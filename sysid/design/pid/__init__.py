@@ -137,7 +137,7 @@ def _gains(
                     raise
                 break
             kept = fraction_satisfying(
-                allowed, plane.stability, {**known, **moved}, min_bounds(spec)
+                allowed, plane.violations, {**known, **moved}, min_bounds(spec)
             )
             if kept > share:
                 found, share = {**known, **moved}, kept
