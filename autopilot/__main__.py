@@ -48,9 +48,12 @@ def fly(
     params: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Parameters: lines of NAME,VALUE.")
     ] = None,
-    laws: Annotated[
+    controller: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Laws that fly in place of the PIDs, by `ground laws`."),
+        typer.Option(
+            metavar="FILE",
+            help="LQG controller that replaces the PIDs, from `ground redesign --method lqg`.",
+        ),
     ] = None,
     sign: Annotated[
         list[str] | None,
@@ -90,7 +93,9 @@ def fly(
         keeper = ParamStore(_folder(state, user_data_dir()))
         kept = keeper.load()
         table = ParamTable(
-            kept | (load(params) if params else {}), kept, load_laws(laws) if laws else None
+            kept | (load(params) if params else {}),
+            kept,
+            load_laws(controller) if controller else None,
         )
         vehicle = Vehicle(table)
         keys = Keys.from_options(sign or (), gcs or DEFAULT_GROUND)
@@ -110,8 +115,8 @@ def fly(
         file=sys.stderr,
         flush=True,
     )
-    if laws:
-        vehicle.say(f"Laws: {laws.name}", Severity.INFO)
+    if controller:
+        vehicle.say(f"Laws: {controller.name}", Severity.INFO)
     for complaint in keeper.complaints:
         vehicle.say(f"Parameters: {complaint}")
         print(f"autopilot: {printable(complaint)}", file=sys.stderr, flush=True)

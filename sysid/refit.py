@@ -91,8 +91,8 @@ def refit(
         held_out: logs whose tests are predicted, not fitted. progress: called with what is being
         done and the share that is behind. marks: tests that the logs do not tell of themselves.
         outputs: those of the autopilot's outputs that steer. beside: methods by which the same runs
-        are fitted as well, for comparison. tailcone, inclining: what `ground bench` and `ground
-        incline` printed, as priors of method ``map``.
+        are fitted as well, for comparison. tailcone, inclining: what `ground bench-test` and
+        `ground inclining-test` printed, as priors of method ``map``.
 
     Raises:
         AshoreError, LogError, VehicleError, ModelError, RefitError: bad input, each in one line.

@@ -112,7 +112,7 @@ def foreign_mode(number: int) -> str:
     """Return why a mode number of another autopilot is refused, for a person."""
     return (
         f"Mode {number} refused: not a number of this vehicle's (AVAILABLE_MODES); "
-        "MAVProxy needs `ground modes install`"
+        "MAVProxy needs `ground modes export-mavproxy`"
     )
 
 

@@ -37,7 +37,9 @@ def parse(text: str) -> LqgControllers:
     try:
         found = json.loads(text)
     except ValueError as error:
-        raise LqgFileError(f"no JSON: {error}; give a file that `ground laws` wrote") from None
+        raise LqgFileError(
+            f"no JSON: {error}; give a file that `ground redesign --method lqg` wrote"
+        ) from None
     found = _parse_object(found, "the file")
     if found.get("format") != FORMAT:
         raise LqgFileError(f"format = {found.get('format')}: expected {FORMAT}")

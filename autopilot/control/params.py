@@ -83,7 +83,7 @@ class Config:
     ] = 20.0
 
     law_enabled: Annotated[
-        int, Doc("LAW_ENABLE", 0, 1, "", "1: the laws of --laws, where given, in place of PIDs")
+        int, Doc("LAW_ENABLE", 0, 1, "", "1: the LQG of --controller, where given, replaces PIDs")
     ] = 1
     laws: LqgControllers | None = None
     """No parameter: a file that was read at the start."""

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from ground.client import flight
 from ground.client.flight import FlightProgress
@@ -21,9 +21,10 @@ from ground.missions.signals import AXES, SIGNALS
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import wall_s
 from mavlink_io.dialect import constant
-
-if TYPE_CHECKING:
-    from sysid.estimation.bench_test import AxisBench, AxisName
+from sysid.data import readers
+from sysid.data.dataset import LogError
+from sysid.estimation import bench_test
+from sysid.estimation.bench_test import AxisBench, AxisName
 
 AMPLITUDES_DEG = (5.0, 10.0, 20.0, 30.0)
 """Peak to peak; the paper fitted its model to 10 and gives limits for 10 and 30."""
@@ -102,11 +103,8 @@ def measure(
     where: str | SimulatedVehicle,
     watch: Callable[[FlightProgress], None],
     key_file: Path | None = None,
-) -> "dict[AxisName, AxisBench]":
+) -> dict[AxisName, AxisBench]:
     """Run a session and say what it shows. Raises AddressError, BadInputError, FailedError."""
-    from sysid.data import readers
-    from sysid.data.dataset import LogError
-    from sysid.estimation import bench_test
 
     path = session.folder / "bench.mcap"
     with flight.open_recorded_vehicle(where, path, key_file=key_file) as (vehicle, recorder):
@@ -201,12 +199,12 @@ def listen_until(vehicle: VehicleClient, recorder: Recorder, vehicle_s: float) -
         vehicle.pump(0.02)
 
 
-def as_json(found: "Mapping[AxisName, AxisBench]") -> dict[str, Any]:
+def as_json(found: Mapping[AxisName, AxisBench]) -> dict[str, Any]:
     """The result with degrees where people read them."""
     return {name: _axis_json(axis) for name, axis in found.items()}
 
 
-def _axis_json(axis: "AxisBench") -> dict[str, Any]:
+def _axis_json(axis: AxisBench) -> dict[str, Any]:
     model = axis.model
     return {
         "model": {

@@ -1,5 +1,4 @@
-"""Exchanges of the command protocol: a command with its acknowledgement, and the modes a vehicle
-offers.
+"""Requests of the MAVLink command protocol: a command with acknowledgement, and the mode list.
 
 Sources: https://mavlink.io/en/services/command.html and
 https://mavlink.io/en/services/standard_modes.html."""
@@ -22,12 +21,11 @@ _STANDARD_NAMES = {
     constant("MAV_STANDARD_MODE_MISSION"): "MISSION",
     constant("MAV_STANDARD_MODE_LAND"): "SURFACE",
 }
-"""What the standard modes that a submarine may offer are called where the vehicle leaves their name
-out."""
+"""Names of standard modes, used if the vehicle sends no name for them."""
 
 
 class CommandExchange(Exchange[None]):
-    """A COMMAND_LONG; done when the vehicle has accepted it and, for a long job, finished."""
+    """A COMMAND_LONG; done when the vehicle reports that it has accepted and finished it."""
 
     hears = frozenset(("COMMAND_ACK",))
 
@@ -39,7 +37,7 @@ class CommandExchange(Exchange[None]):
         self._parameters = (*parameters, *(0.0,) * (7 - len(parameters)))
         self._confirmation = 0
         self.refusal: int | None = None
-        """MAV_RESULT of a refusal; None where there was none."""
+        """MAV_RESULT of a refusal; None without one."""
 
     def _ask(self) -> None:
         fields = {f"param{n}": value for n, value in enumerate(self._parameters, start=1)}
@@ -62,7 +60,7 @@ class CommandExchange(Exchange[None]):
 
 
 class ModeList(Exchange[dict[str, int]]):
-    """Every mode's custom_mode by name, from AVAILABLE_MODES."""
+    """Request for AVAILABLE_MODES; the result is `custom_mode` by mode name."""
 
     hears = frozenset(("AVAILABLE_MODES",))
 
@@ -99,7 +97,7 @@ class ModeList(Exchange[dict[str, int]]):
 
 
 def readable_name(value: int, enum: str) -> str:
-    """An enum's entry in small words."""
+    """Return the name of an enum entry without prefix, in lower case with spaces."""
     return (
         enum_names(enum)
         .get(value, f"{enum}_{value}")

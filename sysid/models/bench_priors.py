@@ -1,8 +1,9 @@
 """What was measured ashore, as belief before the first dive: the tailcone's bench test and the
 inclining test.
 
-Both come as the JSON that ``ground bench`` and ``ground incline`` print. Each number enters as a
-measurement of one parameter, so that a prior that already knows it better is not spoilt."""
+Both come as the JSON that ``ground bench-test`` and ``ground inclining-test`` print. Each number
+enters as a measurement of one parameter, so that a prior that already knows it better is not
+spoilt."""
 
 import math
 from collections.abc import Sequence
@@ -70,12 +71,12 @@ def read(
     """What the two tests tell; nothing of either that is None. Raises AshoreError."""
     found: list[BenchMeasurement] = []
     if tailcone is not None:
-        axes = _decode(tailcone, dict[AxisName, _Bench], "ground bench --json")
+        axes = _decode(tailcone, dict[AxisName, _Bench], "ground bench-test --json")
         for name, axis in axes.items():
             found += _readings(_PLANE_OF_AXIS[name], axis.model)
     if inclining is not None:
         found += _measurements_of(
-            "z_CM", _decode(inclining, _Incline, "ground incline --json").z_cm_m
+            "z_CM", _decode(inclining, _Incline, "ground inclining-test --json").z_cm_m
         )
     return tuple(found)
 

@@ -20,7 +20,7 @@ WHOLE = json.loads(lqg_file.to_json(LAWS, "f00d"))
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
-    path = tmp_path / "laws.json"
+    path = tmp_path / "controller.json"
     path.write_text(lqg_file.to_json(LAWS, "f00d"))
     assert lqg_file.load(path) == LAWS
 
@@ -57,7 +57,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     ],
 )
 def test_a_wrong_file_is_refused(tmp_path: Path, change: dict[str, Any], complaint: str) -> None:
-    path = tmp_path / "laws.json"
+    path = tmp_path / "controller.json"
     path.write_text(json.dumps(WHOLE | change))
     with pytest.raises(LqgFileError, match=rf"^{path}: {complaint}"):
         lqg_file.load(path)
@@ -65,9 +65,11 @@ def test_a_wrong_file_is_refused(tmp_path: Path, change: dict[str, Any], complai
 
 @pytest.mark.parametrize("text", ["", "[1]", "HDG_P,1\n"])
 def test_another_file_is_refused(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "laws.json"
+    path = tmp_path / "controller.json"
     path.write_text(text)
-    with pytest.raises(LqgFileError, match=r"laws\.json: (no JSON|the file: expected an object)"):
+    with pytest.raises(
+        LqgFileError, match=r"controller\.json: (no JSON|the file: expected an object)"
+    ):
         lqg_file.load(path)
 
 

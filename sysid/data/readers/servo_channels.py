@@ -36,8 +36,8 @@ def parse(text: str) -> ServoChannels:
     """
     if not re.fullmatch(r"-?[1-9]\d?(,-?[1-9]\d?){2}", text):
         raise LogError(
-            f"outputs {text!r}: give RUDDER,ELEVATOR,THRUST counted from 1, with a minus where"
-            " turned round"
+            f"--servo-channels {text}: give RUDDER,ELEVATOR,THRUST, counted from 1, with a minus"
+            " where the sign is reversed"
         )
     return ServoChannels(*(int(part) for part in text.split(",")))
 
@@ -56,8 +56,8 @@ def surface_commands(
     largest = max(abs(number) for number in outputs)
     if largest > values.shape[1]:
         raise LogError(
-            f"{where} holds {values.shape[1]} outputs, none is number {largest}; --outputs names"
-            " others"
+            f"{where} holds {values.shape[1]} outputs, none is number {largest}; give"
+            " others with --servo-channels"
         )
     chosen = values[:, [abs(number) - 1 for number in outputs]]
     if np.nanmax(np.abs(chosen), initial=0.0) > MAX_FRACTION:

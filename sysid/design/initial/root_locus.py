@@ -105,5 +105,5 @@ def _select_max_gain(
     raise DesignInfeasibleError(
         f"no gains of the {within[0].shape.loop} loop keep hold of "
         f"{100 * prior.MIN_STABLE_FRACTION:.0f} % of the vehicles "
-        "that the prior allows for; measure the tailcone by `ground bench`"
+        "that the prior allows for; measure the tailcone by `ground bench-test`"
     )

@@ -215,7 +215,7 @@ def _tuples(matrix: Array) -> tuple[tuple[float, ...], ...]:
 
 
 def write(design: LqgDesign, path: str | Path) -> None:
-    """The file that `autopilot --laws` reads."""
+    """The file that `autopilot --controller` reads."""
     Path(path).write_text(
         lqg_file.to_json(autopilot_controllers(design), design.model_sha256), encoding="utf-8"
     )

@@ -174,7 +174,7 @@ def _recommended_test(model: IdentifiedModel) -> str:
     return (
         f"fly {following}"
         if following
-        else "record more tests, or sweep the tailcone by `ground bench`"
+        else "record more tests, or sweep the tailcone by `ground bench-test`"
     )
 
 

@@ -45,7 +45,7 @@ def test_ardusub_number_is_refused_and_moves_nothing(
     assert results(heard) == ([] if way is by_message else [DENIED])
     assert texts(heard) == [
         f"Mode {number} refused: not a number of this vehicle's (AVAILABLE_MODES); "
-        "MAVProxy needs `ground modes install`"
+        "MAVProxy needs `ground modes export-mavproxy`"
     ]
 
 
@@ -60,7 +60,7 @@ def test_mavsdk_main_mode_is_set(deck: Deck, mode: modes.Mode) -> None:
 @pytest.mark.parametrize("mode", [m for m in modes.MODES if m not in (modes.SYSID, modes.OFFBOARD)])
 @pytest.mark.parametrize("way", [set_mode_apm, by_message])
 def test_mode_of_the_map_is_set_by_its_whole_number(deck: Deck, mode: modes.Mode, way: Any) -> None:
-    """MAVProxy after ``ground modes install``; QGroundControl by SET_MODE."""
+    """MAVProxy after ``ground modes export-mavproxy``; QGroundControl by SET_MODE."""
     deck.command(176, 1, float(modes.MANUAL.number if mode == modes.HOLD else modes.HOLD.number))
     deck.ask(way(mode.number))
     assert deck.vehicle.state.mode == mode.number

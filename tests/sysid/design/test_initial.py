@@ -188,7 +188,7 @@ def test_vehicles_that_no_gain_holds_are_refused_with_what_would_help(caribou: D
     wrong = build(planes, caribou.yaw_lag, caribou.pitch_lag, caribou.sea)
     with pytest.raises(
         DesignInfeasibleError,
-        match=r"no gains of the heading loop keep hold of 90 % .*`ground bench`",
+        match=r"no gains of the heading loop keep hold of 90 % .*`ground bench-test`",
     ):
         root_locus.heading(caribou, [wrong], BOUNDS)
 
