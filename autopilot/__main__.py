@@ -111,9 +111,9 @@ def fly(
         flush=True,
     )
     if laws:
-        vehicle.say(f"Laws: {laws.name}", Severity.INFO)
+        vehicle.send_statustext(f"Laws: {laws.name}", Severity.INFO)
     for complaint in keeper.complaints:
-        vehicle.say(f"Parameters: {complaint}")
+        vehicle.send_statustext(f"Parameters: {complaint}")
         print(f"autopilot: {printable(complaint)}", file=sys.stderr, flush=True)
     stop = Stop()
     if lifeline:

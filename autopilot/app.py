@@ -56,7 +56,7 @@ class App:
                 if self._take(sample, silent_us):
                     self._taken_s, self._silence_told = self._heard_s, False
             if complaint := self._hil.take_complaint():
-                self._vehicle.say(complaint, Severity.ERROR)
+                self._vehicle.send_statustext(complaint, Severity.ERROR)
             for result in self._hil.take_verdicts():
                 self._ground.guard.run("failure injection", self._ground.failures.judged, result)
         for transport, link in links.items():
@@ -75,12 +75,12 @@ class App:
             self._look_for_gibberish()
         elif not self._silence_told and wall_s() - self._taken_s >= SENSOR_SILENCE_S:
             self._silence_told = True
-            self._vehicle.lose_sensors()
+            self._vehicle.on_sensor_loss()
 
     def _look_for_gibberish(self) -> None:
         if not self._gibberish_told and self._hil.gibberish_bytes > WRONG_BAUD_BYTES:
             self._gibberish_told = True
-            self._vehicle.say("HIL: no MAVLink in what is heard: baud rate?")
+            self._vehicle.send_statustext("HIL: no MAVLink in what is heard: baud rate?")
 
     def _take(self, sample: HilSample, silent_us: int) -> bool:
         """Answer a sample: a new one with a tick, a repeated one as before. True where it is new.
@@ -93,7 +93,7 @@ class App:
         if verdict is StampVerdict.REFUSED:
             return False
         if verdict is StampVerdict.REPEATED:
-            self._answer(self._vehicle.again(), stamp_us)
+            self._answer(self._vehicle.repeat_last(), stamp_us)
             return False
         if verdict is StampVerdict.RESTARTED:
             self._restart(before, stamp_us)
@@ -113,7 +113,7 @@ class App:
             self._vehicle.restart("vehicle time fell back")
             return
         jump_s = (before.offset_us - self._clock.offset_us) / US_PER_S
-        self._vehicle.say(f"Sensor clock jumped {jump_s:+.1f} s: vehicle time goes on")
+        self._vehicle.send_statustext(f"Sensor clock jumped {jump_s:+.1f} s: vehicle time goes on")
 
     def _answer(self, frame: ActuatorFrame, stamp_us: int) -> None:
         """Send actuators with the stamp of the sample they answer: a simulator waits for it."""
@@ -136,7 +136,7 @@ class App:
         if sample.links_silent is False:
             self._ground.silence(False)
         self._ground.guard.run("relay of devices", self._ground.relay, sample.relayed)
-        self._ground.guard.run("telemetry", self._ground.tell)
+        self._ground.guard.run("telemetry", self._ground.publish_telemetry)
         self._logbook.tick(sample.heard)
         if sample.links_silent:
             self._ground.silence(True)

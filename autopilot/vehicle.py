@@ -98,21 +98,21 @@ class Vehicle:
             self._keep_trim(before.loops.trim)
         return self._actuators
 
-    def again(self) -> ActuatorFrame:
+    def repeat_last(self) -> ActuatorFrame:
         """The last answer for a sensor frame that came twice; arming since then shows in it."""
         return core.actuator_frame(self.state, self._trace, self.params.config)
 
-    def request(self, wish: requests.Request) -> Answer:
+    def handle_request(self, request: requests.Request) -> Answer:
         """Answer ground at once; a refusal is said aloud."""
         before = self.state
         self.state, answer, events = request_handler.handle_request(
-            before, wish, self.params.config
+            before, request, self.params.config
         )
         self._events += events
         if before.armed and not self.state.armed:
             self._keep_trim(before.loops.trim)
         if answer.result != ACCEPTED and answer.text:
-            self.say(answer.text)
+            self.send_statustext(answer.text)
         self._follow_mode()
         return answer
 
@@ -122,19 +122,19 @@ class Vehicle:
         self._begin()
         loaded = mission.restart(MissionState(items), self.params.config)
         self.state = self.state._replace(mission=loaded)
-        self.say(f"Restarted: {reason}", Severity.NOTICE)
+        self.send_statustext(f"Restarted: {reason}", Severity.NOTICE)
 
-    def lose_sensors(self) -> None:
+    def on_sensor_loss(self) -> None:
         """No sample comes any more: say so. Until they have come again for a while she is not to be
         armed."""
         self.state = monitor.report_sensor_loss(self.state)
-        self.say("Sensors silent", Severity.ERROR)
+        self.send_statustext("Sensors silent", Severity.ERROR)
 
-    def say(self, text: str, severity: Severity = Severity.WARNING) -> None:
+    def send_statustext(self, text: str, severity: Severity = Severity.WARNING) -> None:
         """Tell every ground station."""
         self._events.append(Event(severity, text))
 
-    def take_events(self) -> list[Event | ItemReached]:
+    def pop_events(self) -> list[Event | ItemReached]:
         """What happened since the last call, in order."""
         events, self._events = self._events, []
         return events
@@ -169,9 +169,9 @@ class Vehicle:
                 for name, value in learned.items()
             ]
         except ParamError as error:
-            self.say(f"Trim not kept: {error}")
+            self.send_statustext(f"Trim not kept: {error}")
             return
-        self.say(f"Trim learned: {', '.join(kept)}", Severity.NOTICE)
+        self.send_statustext(f"Trim learned: {', '.join(kept)}", Severity.NOTICE)
 
     def _recent_fix(self) -> GpsFix | None:
         fix = self._fix
@@ -199,16 +199,16 @@ class VehicleMission:
         return progress(self._vehicle.state, self._vehicle.params.config)
 
     def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
-        answer = self._vehicle.request(requests.LoadMission(items))
+        answer = self._vehicle.handle_request(requests.LoadMission(items))
         if answer.parameter:
             return MissionResult(missions.INVALID_PARAM1 + answer.parameter - 1)
         return MissionResult(_MISSION_RESULTS.get(answer.result, missions.DENIED))
 
     def set_current(self, sequence: int) -> bool:
-        return self._vehicle.request(requests.SetMissionItem(sequence)).result == ACCEPTED
+        return self._vehicle.handle_request(requests.SetMissionItem(sequence)).result == ACCEPTED
 
     def explain(self, text: str) -> None:
-        self._vehicle.say(text)
+        self._vehicle.send_statustext(text)
 
 
 _MISSION_RESULTS = {

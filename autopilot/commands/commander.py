@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from autopilot.commands import actuators, flight, maintenance, messages, sysid_commands
 from autopilot.commands.jobs import AnswerCallback, Jobs
-from autopilot.commands.types import CommandResult, Desk, Handler, JobProgress, MavCommand
+from autopilot.commands.types import CommandContext, CommandResult, Handler, JobProgress, MavCommand
 from autopilot.comms.stream_rates import Schedule
 from autopilot.control.requests import StopTest
 from autopilot.control.types import ACCEPTED, UNSUPPORTED
@@ -46,8 +46,8 @@ class _LastCommand(NamedTuple):
 class Commander:
     """The vehicle's end of the command protocol."""
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, context: CommandContext) -> None:
+        self._context = context
         self._jobs = Jobs()
         self._heard: dict[MavlinkId, _LastCommand] = {}
 
@@ -77,7 +77,7 @@ class Commander:
         """COMMAND_CANCEL: end a long job, which whoever asked for it is told. Without one there is
         nothing to do."""
         if self._jobs.cancel(number, now_s):
-            self._desk.vehicle.request(StopTest())
+            self._context.vehicle.handle_request(StopTest())
 
     def poll(self, now_s: float) -> None:
         self._jobs.poll(now_s)
@@ -95,12 +95,12 @@ class Commander:
         if handler is None:
             return CommandResult(UNSUPPORTED)
         if command.number not in _NOT_IDEMPOTENT:
-            return handler(self._desk, command, schedule)
+            return handler(self._context, command, schedule)
         if self._done(command, repetition, asker, now_s):
             return CommandResult(ACCEPTED)
-        outcome = handler(self._desk, command, schedule)
+        outcome = handler(self._context, command, schedule)
         if outcome.result == ACCEPTED:
-            self._heard[asker] = _LastCommand(command, self._desk.vehicle.state.mode, now_s)
+            self._heard[asker] = _LastCommand(command, self._context.vehicle.state.mode, now_s)
         return outcome
 
     def _done(self, command: MavCommand, repetition: bool, asker: MavlinkId, now_s: float) -> bool:
@@ -109,7 +109,7 @@ class Commander:
         before = self._heard.get(asker)
         if (
             before is None
-            or before.mode != self._desk.vehicle.state.mode
+            or before.mode != self._context.vehicle.state.mode
             or repr(before.command) != repr(command)
         ):
             return False

@@ -3,8 +3,8 @@
 import math
 
 from autopilot.commands.types import (
+    CommandContext,
     CommandResult,
-    Desk,
     Handler,
     Job,
     JobProgress,
@@ -34,44 +34,44 @@ _AXES = {
 """By DO_AUTOTUNE_ENABLE.param2: one at a time, 0 leaves the choice to the vehicle."""
 
 
-def test(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
+def test(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
     """MAV_CMD_USER_1: axis, size, two numbers of the wave's own, duration, wave, fade; axis 0
     stops."""
     axis = integer_parameter(command.p1)
     if axis == 0:
-        return desk.ask(requests.StopTest())
+        return context.ask(requests.StopTest())
     p3, p4, duration_s, fade_s = (
         float(value) if math.isfinite(value) else 0.0
         for value in (command.p3, command.p4, command.p5, command.p7)
     )
     return begin(
-        desk,
+        context,
         excitation.from_numbers(
             axis, command.p2, p3, p4, duration_s, integer_parameter(command.p6), fade_s
         ),
     )
 
 
-def autotune(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
+def autotune(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
     """Plays the test that the SID_* parameters describe: gains are designed ashore, from the log of
     it."""
     if command.p1 == 0:
-        return desk.ask(requests.StopTest())
+        return context.ask(requests.StopTest())
     axis = _AXES.get(integer_parameter(command.p2))
     if command.p1 != 1 or axis is None:
         known = ", ".join(map(str, _AXES))
-        return desk.refuse(
+        return context.refuse(
             DENIED, f"DO_AUTOTUNE_ENABLE: param1 must be 0 or 1, param2 one of {known}"
         )
-    return begin(desk, excitation.from_config(desk.vehicle.params.config)._replace(axis=axis))
+    return begin(context, excitation.from_config(context.vehicle.params.config)._replace(axis=axis))
 
 
-def begin(desk: Desk, wish: requests.StartTest) -> CommandResult:
-    outcome = desk.ask(wish)
-    started = desk.vehicle.state.test
+def begin(context: CommandContext, wish: requests.StartTest) -> CommandResult:
+    outcome = context.ask(wish)
+    started = context.vehicle.state.test
     if outcome.result != ACCEPTED or started is None:
         return outcome
-    return CommandResult(IN_PROGRESS, job=job(desk.vehicle, started))
+    return CommandResult(IN_PROGRESS, job=job(context.vehicle, started))
 
 
 def job(vehicle: Vehicle, started: Excitation) -> Job:

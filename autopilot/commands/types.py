@@ -53,7 +53,7 @@ class CommandResult(NamedTuple):
     job: Job | None = None
 
 
-class Desk(NamedTuple):
+class CommandContext(NamedTuple):
     """All that the handlers of commands may use."""
 
     vehicle: Vehicle
@@ -66,19 +66,19 @@ class Desk(NamedTuple):
 
     def ask(self, wish: Any) -> CommandResult:
         """Ask the vehicle, which says aloud why it refuses."""
-        return CommandResult(self.vehicle.request(wish).result)
+        return CommandResult(self.vehicle.handle_request(wish).result)
 
     def refuse(self, result: int, text: str) -> CommandResult:
-        self.vehicle.say(text)
+        self.vehicle.send_statustext(text)
         return CommandResult(result)
 
-    def remark(self, text: str) -> CommandResult:
+    def accept_with_notice(self, text: str) -> CommandResult:
         """Accept, and say what came of it."""
-        self.vehicle.say(text, Severity.NOTICE)
+        self.vehicle.send_statustext(text, Severity.NOTICE)
         return CommandResult(ACCEPTED)
 
 
-Handler = Callable[[Desk, MavCommand, Schedule], CommandResult]
+Handler = Callable[[CommandContext, MavCommand, Schedule], CommandResult]
 """Carries a command out; the schedule is that of the link it came by."""
 
 

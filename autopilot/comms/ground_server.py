@@ -18,7 +18,7 @@ from autopilot.control.types import Stick
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.param_store import ParamStore
 from autopilot.telemetry.identity import COMPONENT, AutopilotId
-from autopilot.telemetry.request_message import Library
+from autopilot.telemetry.request_message import MessageBuilder
 from autopilot.vehicle import Vehicle
 from mavlink_io import dialect
 from mavlink_io.clock import Every, wall_s
@@ -58,17 +58,17 @@ class GroundServer:
             for transport in transports
         ]
         self._router: Router[GroundLink] = Router(self._own)
-        self._library = Library(vehicle, autopilot)
+        self._message_builder = MessageBuilder(vehicle, autopilot)
         self._announcer = Announcer(
-            vehicle, self._library.build, self._broadcast, self._logbook.note
+            vehicle, self._message_builder.build, self._broadcast, self._logbook.note
         )
         self._services = Services(
-            vehicle, self._announcer, self._library, self._broadcast, keys, self._logbook
+            vehicle, self._announcer, self._message_builder, self._broadcast, keys, self._logbook
         )
         self._answers = {link: self._sender(link) for link in self.links}
         """The way back of each link, always the same one: by it services tell apart two clients of
         the same ids."""
-        self.guard = Guard(vehicle.say)
+        self.guard = Guard(vehicle.send_statustext)
         self._silent = False
         self._heartbeat = Every(HEARTBEAT_S)
 
@@ -93,7 +93,7 @@ class GroundServer:
         first."""
         return self._services.setpoints.silent_s
 
-    def tell(self) -> None:
+    def publish_telemetry(self) -> None:
         """After a tick: the telemetry that is due, then what happened in it."""
         time_us = self._vehicle.state.time_us
         for link in self.links:
@@ -121,7 +121,9 @@ class GroundServer:
             run("heartbeat", self._beat)
         run("ground services", self._services.poll, now_s)
         self._logbook.poll()
-        run("parameter store", self._store.poll, self._vehicle.params, self._vehicle.say)
+        run(
+            "parameter store", self._store.poll, self._vehicle.params, self._vehicle.send_statustext
+        )
         run("announcements", self._announcer.announce)
         if any(link.wait_s(now_s) == 0.0 for link in self.links):
             self.flush()
@@ -171,7 +173,7 @@ class GroundServer:
         if sender == self._own:
             return
         if link.meets(sender):
-            for values in self._library.build(_HEARTBEAT):
+            for values in self._message_builder.build(_HEARTBEAT):
                 link.write(_HEARTBEAT, values)
             self._router.learn(sender, link)
         if len(self.links) > 1 and self._vehicle.params.config.forwards:
@@ -187,7 +189,7 @@ class GroundServer:
             link.hasten()
 
     def _beat(self) -> None:
-        for values in self._library.build(_HEARTBEAT):
+        for values in self._message_builder.build(_HEARTBEAT):
             self._broadcast(_HEARTBEAT, values)
 
     def _sender(self, link: GroundLink) -> Send:

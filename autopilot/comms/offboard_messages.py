@@ -50,10 +50,10 @@ class SetpointStreams:
         except TargetError as error:
             if str(error) != self._complaint:
                 self._complaint = str(error)
-                self._vehicle.say(f"Set-point ignored: {error}")
+                self._vehicle.send_statustext(f"Set-point ignored: {error}")
             return
         self._heard_s[type(target)] = wall_s()
-        self._vehicle.request(SetTarget(target))
+        self._vehicle.handle_request(SetTarget(target))
 
     @property
     def silent_s(self) -> tuple[float | None, float | None]:

@@ -9,7 +9,7 @@ from autopilot.commands.failure_injection import INJECT_FAILURE, FailureRelay
 from autopilot.commands.flight import move_home
 from autopilot.commands.types import (
     LOWEST_CUSTOM_MODE,
-    Desk,
+    CommandContext,
     JobProgress,
     command_from_message,
     foreign_mode,
@@ -23,7 +23,7 @@ from autopilot.comms.statustext import Announcer, Publish
 from autopilot.control.manual_control import Helm
 from autopilot.control.requests import SetMode
 from autopilot.onboard_log.recorder import OnboardLog
-from autopilot.telemetry.request_message import Library
+from autopilot.telemetry.request_message import MessageBuilder
 from autopilot.vehicle import Vehicle, VehicleMission
 from mavlink_io import dialect
 from mavlink_io.clock import wall_s
@@ -61,24 +61,24 @@ class Services:
         self,
         vehicle: Vehicle,
         announcer: Announcer,
-        library: Library,
+        message_builder: MessageBuilder,
         broadcast: Publish,
         keys: Keys,
         logbook: OnboardLog,
     ) -> None:
-        self._vehicle, self._announcer, self._library = vehicle, announcer, library
+        self._vehicle, self._announcer, self._message_builder = vehicle, announcer, message_builder
         self._keys, self._logbook = keys, logbook
         self.helm = Helm()
         self.setpoints = SetpointStreams(vehicle)
         self.ground_heard_s: float | None = None
         """When a ground station's heartbeat was last heard, by the wall clock."""
-        self.failures = FailureRelay(vehicle.say)
+        self.failures = FailureRelay(vehicle.send_statustext)
         self._missions = MissionServer(VehicleMission(vehicle))
-        self._params = ParamServer(vehicle.params, by_name(broadcast), vehicle.say)
+        self._params = ParamServer(vehicle.params, by_name(broadcast), vehicle.send_statustext)
         self._files = FileServer(file_tree(vehicle.params, logbook))
-        self._logs = LogServer(logbook, vehicle.say, lambda: vehicle.state.armed)
-        self._desk = Desk(vehicle, self.helm, library.build, self._params.tell)
-        self._commander = Commander(self._desk)
+        self._logs = LogServer(logbook, vehicle.send_statustext, lambda: vehicle.state.armed)
+        self._context = CommandContext(vehicle, self.helm, message_builder.build, self._params.tell)
+        self._commander = Commander(self._context)
         self._table = self._handlers()
 
     def _handlers(self) -> dict[int, Callable[[Arrival], None]]:
@@ -124,7 +124,7 @@ class Services:
         self._commander.poll(now_s)
         self.failures.poll(now_s)
         if complaint := self._keys.save_when_due():
-            self._vehicle.say(complaint)
+            self._vehicle.send_statustext(complaint)
 
     def poll_bulk(self, now_s: float) -> None:
         """Go on with what is as long as its links have room: files and logs."""
@@ -161,16 +161,16 @@ class Services:
         """Set a mode the old way: never acknowledged, so the heartbeat reports the result."""
         number = arrival.message.custom_mode
         if number < LOWEST_CUSTOM_MODE:
-            self._vehicle.say(foreign_mode(number))
+            self._vehicle.send_statustext(foreign_mode(number))
         else:
-            self._vehicle.request(SetMode(number))
+            self._vehicle.handle_request(SetMode(number))
         self._announcer.remind()
 
     def _set_home(self, arrival: Arrival) -> None:
         """Messages without an acknowledgement: where home is now tells what became of them."""
         m = arrival.message
-        move_home(self._desk, m.latitude * 1e-7, m.longitude * 1e-7, m.altitude * 1e-3)
-        for values in self._library.build(_ORIGIN):
+        move_home(self._context, m.latitude * 1e-7, m.longitude * 1e-7, m.altitude * 1e-3)
+        for values in self._message_builder.build(_ORIGIN):
             arrival.link.write(_ORIGIN, values)
 
     def _take_stick(self, arrival: Arrival) -> None:
@@ -182,7 +182,7 @@ class Services:
 
     def _change_key(self, arrival: Arrival) -> None:
         link, armed = arrival.link, self._vehicle.state.armed
-        self._vehicle.say(
+        self._vehicle.send_statustext(
             self._keys.change(arrival.message, link.endpoint.signing, link.trusted, armed)
         )
 

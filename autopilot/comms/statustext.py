@@ -40,7 +40,7 @@ class Announcer:
 
     def announce(self) -> None:
         """Tell what happened since the last call, mode and home at once when they changed."""
-        for event in self._vehicle.take_events():
+        for event in self._vehicle.pop_events():
             if isinstance(event, ItemReached):
                 self._broadcast(_ITEM_REACHED, (event.sequence,))
             else:

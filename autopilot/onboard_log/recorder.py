@@ -34,7 +34,7 @@ class OnboardLog:
         """Without a ``folder`` nothing is logged."""
         self._vehicle, self._version = vehicle, version
         self.store = LogStore(folder, self._being_written) if folder else None
-        self._guard = Guard(vehicle.say)
+        self._guard = Guard(vehicle.send_statustext)
         self._entry: LogSession | None = None
         self._file: BackgroundFile | None = None
         self._path: Path | None = None
@@ -82,11 +82,11 @@ class OnboardLog:
             return
         entry.flush()
         if entry.file.error:
-            self._vehicle.say(f"Log stopped: {entry.file.error}")
+            self._vehicle.send_statustext(f"Log stopped: {entry.file.error}")
             self._entry, self._given_up = None, True
         elif entry.late:
             entry.late = False
-            self._vehicle.say("Log: the disk is too slow, something is left out")
+            self._vehicle.send_statustext("Log: the disk is too slow, something is left out")
 
     def files(self) -> Sequence[LogFile]:
         """The logs there are, the oldest first."""

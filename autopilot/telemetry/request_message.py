@@ -9,7 +9,7 @@ from mavlink_io import dialect
 from mavlink_io.dialect import MessageType, Values
 
 
-class Library:
+class MessageBuilder:
     """Makes the fields of messages in wire order from the vehicle as it is now."""
 
     def __init__(self, vehicle: Vehicle, autopilot: AutopilotId) -> None:

@@ -75,7 +75,7 @@ def heard_in(deck: Deck, seconds: int) -> list[Any]:
     for _ in range(seconds * SECOND_TICKS + first):
         deck.time_us += TICK_US
         deck.vehicle.tick(Inputs(sensors(deck.time_us), None, None, None))
-        deck.server.tell()
+        deck.server.publish_telemetry()
         link.flush(deck.time_us * 1e-6)
     return deck.station.heard()
 

@@ -55,7 +55,7 @@ class Aboard:
         items = leg(depth_m=DEPTH_M, heading_deg=0.0, duration_s=60.0)
         mode = requests.SetMode(modes.MISSION.number)
         for wish in (requests.LoadMission(items), mode, requests.Arm()):
-            assert self.deck.vehicle.request(wish).result == 0
+            assert self.deck.vehicle.handle_request(wish).result == 0
 
     def said(self) -> list[str]:
         self.deck.serve()

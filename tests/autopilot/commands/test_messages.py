@@ -48,8 +48,8 @@ def test_a_flood_of_texts_is_cut_and_what_is_critical_is_not(
     deck: Deck, pass_time: Callable[[float], None]
 ) -> None:
     for number in range(100):
-        deck.vehicle.say(f"text {number}")
-    deck.vehicle.say("Leak detected", Severity.EMERGENCY)
+        deck.vehicle.send_statustext(f"text {number}")
+    deck.vehicle.send_statustext("Leak detected", Severity.EMERGENCY)
     deck.serve()
     said = texts(deck.station.heard())
     assert said[:3] == ["text 0", "text 1", "text 2"]
@@ -57,6 +57,6 @@ def test_a_flood_of_texts_is_cut_and_what_is_critical_is_not(
     assert said[-1] == "Leak detected"
     assert f"{100 - (len(said) - 2)} messages left out" in said
     pass_time(10.0)
-    deck.vehicle.say("later")
+    deck.vehicle.send_statustext("later")
     deck.serve()
     assert texts(deck.station.heard()) == ["later"]

@@ -381,7 +381,7 @@ def test_a_new_system_id_waits_for_the_next_start(deck: Deck) -> None:
 
 
 def test_a_long_text_is_sent_in_chunks(deck: Deck) -> None:
-    deck.vehicle.say("depth " * 20)
+    deck.vehicle.send_statustext("depth " * 20)
     deck.serve()
     chunks = deck.station.heard_of("STATUSTEXT")
     assert [m.chunk_seq for m in chunks] == [0, 1, 2]

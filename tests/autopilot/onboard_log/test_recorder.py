@@ -51,7 +51,7 @@ class Afloat:
             (frame,) = Framer().feed(encode(SENSOR, record, self.time_us // TICK_US & 255, 1, 25))
             self.sent.append(frame)
             self.vehicle.tick(Inputs(record, None, None, None))
-            self.server.tell()
+            self.server.publish_telemetry()
             self.logbook.tick((frame,))
 
     def ask(self, message: Any) -> None:
@@ -150,7 +150,7 @@ def test_identification_reads_it_as_it_reads_grounds(tmp_path: Path) -> None:
 def test_what_ground_says_and_what_came_of_it_is_in_the_log(tmp_path: Path) -> None:
     boat = Afloat(tmp_path)
     items = tuple(MissionItem(n, 2, 93, p1=5.0 + n) for n in range(3))
-    boat.vehicle.request(requests.LoadMission(items))
+    boat.vehicle.handle_request(requests.LoadMission(items))
     boat.arm()
     boat.tick(10)
     boat.ask(mavlink.MAVLink_param_set_message(1, 1, b"HDG_P", 0.75, 9))

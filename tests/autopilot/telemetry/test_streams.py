@@ -359,7 +359,7 @@ def test_telemetry_comes_before_the_texts_of_its_tick() -> None:
     deck.tick()
     deck.command(511, ATTITUDE, 20_000)
     deck.station.heard()
-    deck.vehicle.say("in this tick")
+    deck.vehicle.send_statustext("in this tick")
     deck.tick()
     kinds = [m.get_type() for m in deck.station.heard()]
     assert kinds.index("ATTITUDE") < kinds.index("STATUSTEXT")
