@@ -102,7 +102,7 @@ NEXT_US = BEGAN_US + 150 * TICK_US
 """Stamp of the next honest sample."""
 
 
-@pytest.mark.parametrize("bad_us", [NEXT_US + 1_000_000, NEXT_US - 2_000_000, 0, 2**63])
+@pytest.mark.parametrize("bad_us", [NEXT_US + 1_000_000, NEXT_US - 2_000_000, 0])
 def test_one_bad_stamp_leaves_arming_and_answers_alone(aboard: Aboard, bad_us: int) -> None:
     assert aboard.send(bad_us) is None
     honest = [NEXT_US + n * TICK_US for n in range(100)]
