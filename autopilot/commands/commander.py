@@ -30,7 +30,7 @@ _NOT_IDEMPOTENT = frozenset(
     )
 )
 """Turn by so much, go to that item: the second time means more than the first."""
-REPEATED_WITHIN_S = 0.9
+REPETITION_TIMEOUT_S = 0.9
 """Wall time in which the same words from the same sender are the same command: MAVSDK repeats after
 half a second."""
 
@@ -113,4 +113,4 @@ class Commander:
             or repr(before.command) != repr(command)
         ):
             return False
-        return repetition or now_s - before.heard_s < REPEATED_WITHIN_S
+        return repetition or now_s - before.heard_s < REPETITION_TIMEOUT_S

@@ -10,8 +10,8 @@ from autopilot.commands.types import (
     Handler,
     MavCommand,
     custom_mode,
-    foreign_mode,
     integer_parameter,
+    unknown_mode_text,
 )
 from autopilot.comms.stream_rates import Schedule
 from autopilot.control import guidance, mission, modes, requests
@@ -47,7 +47,7 @@ def set_mode(context: CommandContext, command: MavCommand, schedule: Schedule) -
         return context.refuse(DENIED, "DO_SET_MODE: param1 lacks the custom mode flag (1)")
     number = custom_mode(command)
     if number is None:
-        return context.refuse(DENIED, foreign_mode(integer_parameter(command.p2)))
+        return context.refuse(DENIED, unknown_mode_text(integer_parameter(command.p2)))
     return context.ask(requests.SetMode(number))
 
 

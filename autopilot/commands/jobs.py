@@ -10,7 +10,7 @@ from mavlink_io.request import MavlinkId
 PROGRESS_PERIOD_S = 0.4
 """Clients repeat a command that nobody answers after half a second, and give up three seconds after
 the last word."""
-REPEATED_WITHIN_S = 3.5
+REPETITION_TIMEOUT_S = 3.5
 """The longest that clients wait before they repeat: QGroundControl's three seconds."""
 
 AnswerCallback = Callable[[JobProgress], None]
@@ -59,7 +59,7 @@ class Jobs:
         if seen is not None and seen.result == IN_PROGRESS:
             return seen
         last = self._ended.get(asker)
-        if last is None or not repetition or now_s - last.ended_s > REPEATED_WITHIN_S:
+        if last is None or not repetition or now_s - last.ended_s > REPETITION_TIMEOUT_S:
             return None
         return last.result if last.job.was(asker, command) else None
 

@@ -108,7 +108,7 @@ def custom_mode(command: MavCommand) -> int | None:
     return main << 16 | sub << 24
 
 
-def foreign_mode(number: int) -> str:
+def unknown_mode_text(number: int) -> str:
     """Return why a mode number of another autopilot is refused, for a person."""
     return (
         f"Mode {number} refused: not a number of this vehicle's (AVAILABLE_MODES); "

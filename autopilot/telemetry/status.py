@@ -12,7 +12,7 @@ from autopilot.control.sensor_health.sensor_checks import (
 )
 from autopilot.telemetry import identity
 from autopilot.telemetry.encoding import clamp, int32, time_us, uint16
-from autopilot.vehicle import Snapshot, progress
+from autopilot.vehicle import Snapshot, mission_progress
 from mavlink_io import device_messages
 from mavlink_io.dialect import Values, constant
 from mavlink_io.records import Battery
@@ -129,7 +129,7 @@ def extended_state(s: Snapshot) -> Values:
 
 
 def mission_current(s: Snapshot) -> Values:
-    return progress(s.state, s.config)
+    return mission_progress(s.state, s.config)
 
 
 def current_mode(s: Snapshot) -> Values:

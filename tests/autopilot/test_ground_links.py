@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.comms.ground_server import GroundServer
-from autopilot.comms.signing_keys import Keys
+from autopilot.comms.signing_keys import SigningKeys
 from autopilot.comms.stream_rates import FAST, HALF, MINIMAL, profile_for
 from autopilot.control.params import PARAMETERS, ParamTable
 from autopilot.control.types import Inputs
@@ -228,7 +228,7 @@ class SignedDeck(Deck):
         self.file = folder / "key"
         self.file.touch(0o600)
         self.file.write_text("old")
-        keys = Keys({self.station.address: self.file}, Timestamp(unix_s=lambda: NOW_S))
+        keys = SigningKeys({self.station.address: self.file}, Timestamp(unix_s=lambda: NOW_S))
         self.vehicle = Vehicle(ParamTable())
         self.server = GroundServer(self.vehicle, self.stations, AutopilotId.GENERIC, keys)
         self.tick(3)
@@ -280,9 +280,9 @@ def test_a_key_is_refused_where_anybody_might_listen_or_lose_the_vehicle(tmp_pat
     open_link, wire = Station(251, 190), serial_station(115_200, 250)
     deck = SignedDeck(tmp_path, Station(255, 190), open_link, wire)
     refused = texts(deck.ask(setup(NEW_KEY), open_link))
-    assert refused == ["Signing key refused: not over a link that others can hear"]
+    assert refused == ["Signing key refused: the link is neither signed nor serial"]
     zero = texts(deck.ask(setup(bytes(32)), wire))
-    assert zero == ["Signing stays: what is signed is decided at the start, by --sign"]
+    assert zero == ["Signing unchanged: it is configured at the start, by --sign"]
     sign(deck.station)
     deck.command(400, 1)
     wire.heard()
@@ -294,7 +294,7 @@ def test_a_key_is_refused_where_anybody_might_listen_or_lose_the_vehicle(tmp_pat
     lost = texts(deck.ask(setup(NEW_KEY), wire))
     tmp_path.chmod(0o700)
     if lost != ["Signing key changed on 1 link"]:  # as root nothing is unwritable
-        assert lost == ["Signing key refused: it cannot be kept: Permission denied"]
+        assert lost == ["Signing key refused: it cannot be stored: Permission denied"]
         assert "COMMAND_ACK" in kinds(deck.command(400, 1)), "the old key still holds"
     assert texts(Deck(wire).ask(setup(NEW_KEY), wire)) == [
         "Signing key refused: no link is signed; start with --sign"
@@ -325,4 +325,4 @@ def test_what_is_to_be_signed_is_a_link_and_a_file(word: str) -> None:
         KeyFileError,
         match=r"expected ADDRESS=KEYFILE, where ADDRESS is one of udpout:1, serial:x:9",
     ):
-        Keys.from_options([word], ["udpout:1", "serial:x:9"])
+        SigningKeys.from_options([word], ["udpout:1", "serial:x:9"])

@@ -37,7 +37,7 @@ def test_what_was_set_is_there_at_the_next_start(tmp_path: Path) -> None:
     table.set("HDG_P", 0.7)
     assert store.close(table) == ""
     again, store = restart(tmp_path / "not" / "yet")
-    assert (again.get("HDG_P"), again.get("MIS_END_ACT"), store.complaints) == (0.7, 2.0, [])
+    assert (again.get("HDG_P"), again.get("MIS_END_ACT"), store.problems) == (0.7, 2.0, [])
     assert again.get("HDG_D") == ParamTable().get("HDG_D")
     again.set("DPT_P", 0.2)
     store.close(again)
@@ -107,7 +107,7 @@ def test_a_broken_file_is_put_aside_and_what_is_sound_in_it_used(
     for turn in (1, 2):
         (tmp_path / FILE).write_bytes(content)
         table, store = restart(tmp_path)
-        assert len(store.complaints) == (4 if b"HDG_P" in content else 2)
+        assert len(store.problems) == (4 if b"HDG_P" in content else 2)
         assert (tmp_path / f"{FILE}.broken-{turn}").read_bytes() == content
         assert not (tmp_path / FILE).exists()
         assert table.kept == ({"HDG_P": 0.7, "DPT_P": 0.2} if b"HDG_P" in content else {})
@@ -136,9 +136,9 @@ def test_a_folder_that_may_not_be_looked_into_is_told(
         monkeypatch.setattr(Path, name, refuse)
     store = ParamStore(tmp_path)
     assert store.load() == {}
-    assert store.complaints == [
+    assert store.problems == [
         f"{tmp_path / FILE}: Permission denied",
-        "cannot be put aside: Permission denied",
+        "cannot be renamed: Permission denied",
     ]
 
 
@@ -153,6 +153,6 @@ def test_a_disk_that_takes_nothing_is_told_once_a_value_and_the_value_holds(tmp_
         store.poll(table, said.append)
         time.sleep(0.005)
     assert len(said) == 1
-    assert said[0].startswith("Parameters are not kept: ")
+    assert said[0].startswith("Parameters are not stored: ")
     assert table.get("HDG_P") == 0.7
-    assert store.close(table).startswith("parameters are not kept: ")
+    assert store.close(table).startswith("parameters are not stored: ")

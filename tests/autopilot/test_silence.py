@@ -119,7 +119,7 @@ def test_a_head_of_another_baud_rate_is_told_once_and_noise_is_not(cable: Aboard
     for _ in range(2):
         cable.near.send(bytes(range(256)) * 8)
         cable.app.step(0.0)
-    assert cable.said() == ["HIL: no MAVLink in what is heard: baud rate?"]
+    assert cable.said() == ["HIL: no MAVLink in received bytes: check baud rate"]
     assert cable.silence(SENSOR_SILENCE_S) == []
 
 

@@ -35,9 +35,9 @@ class Aboard:
     def __init__(self, ends: Ends, logs: Path) -> None:
         near, far = ends
         self.sea, self.deck = HilClient(near), Deck()
-        self.logbook = OnboardLog(self.deck.vehicle, logs)
+        self.onboard_log = OnboardLog(self.deck.vehicle, logs)
         self.hil = hil.HilLink(far, 1)
-        self.app = App(self.deck.vehicle, self.hil, self.deck.server, self.logbook)
+        self.app = App(self.deck.vehicle, self.hil, self.deck.server, self.onboard_log)
         self.wall_s = 100.0
 
     def send(self, stamp_us: int, fix: GpsFix | None = None) -> int | None:
@@ -174,7 +174,7 @@ def test_bad_first_stamp_does_not_keep_from_arming(switched_on: Aboard, first_us
 def test_onboard_log_has_one_time_over_a_new_time_base(aboard: Aboard, tmp_path: Path) -> None:
     """One file; its times and the stamps of what the sensors sent are vehicle time, in order."""
     aboard.sail(50, 0)
-    aboard.logbook.close()
+    aboard.onboard_log.close()
     (log,) = tmp_path.glob("*.mcap")
     sensor = dialect.by_name("HIL_SENSOR")
     with log.open("rb") as file:

@@ -7,8 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autopilot.comms.bandwidth_limiter import Budget, Queue, Waiting
-from autopilot.comms.ground_links import DATAGRAM_FILL_S, GroundLink, MeteredLink, ground_link
+from autopilot.comms.bandwidth_limiter import QueuedFrame, SendQueue, TokenBucket
+from autopilot.comms.ground_links import (
+    BATCH_S,
+    BandwidthLimitedLink,
+    GroundLink,
+    ground_link,
+)
 from mavlink_io import dialect
 from mavlink_io.codec import LARGEST_FRAME, Frame, Framer, encode
 
@@ -83,7 +88,7 @@ def run(baud: int, said: list[Step]) -> Line:
     """A link that is flushed as the server does, until nothing waits."""
     line = Line(f"serial:/dev/x:{baud}")
     link = ground_link(line, 1)
-    assert isinstance(link, MeteredLink)
+    assert isinstance(link, BandwidthLimitedLink)
 
     def pass_time(duration_s: float) -> None:
         until_s = line.now_s + duration_s
@@ -168,7 +173,7 @@ def test_bulk_and_telemetry_share_what_there_is() -> None:
     line = Line("serial:/dev/x:57600")
     link = ground_link(line, 1)
     for stamp in range(3000):
-        line.now_s = stamp * DATAGRAM_FILL_S
+        line.now_s = stamp * BATCH_S
         while link.room_bytes() >= LARGEST_FRAME:
             say(link, Step("bulk", 0, 0.0), stamp)
         for number in range(3):
@@ -210,7 +215,7 @@ def test_what_is_lost_does_not_come_later() -> None:
     link = ground_link(line, 1)
     for stamp, kind in enumerate(("vital", "telemetry", "bulk")):
         say(link, Step(kind, 0, 0.0), stamp)
-    link.flush(0.0, lost=True)
+    link.flush(0.0, discard=True)
     link.flush(9.0)
     assert line.written == []
     assert link.wait_s(9.0) is None
@@ -241,15 +246,15 @@ def test_what_others_say_is_left_out_by_the_same_rule() -> None:
 
 
 def test_a_frame_that_does_not_fit_holds_up_what_comes_after_it() -> None:
-    queue = Queue()
-    queue.add_vital(Waiting(100, lambda: b"a"))
-    queue.add_telemetry("kind", Waiting(1, lambda: b"b"))
-    assert queue.take(99) is None
-    assert (queue.take(100), queue.take(1), queue.take(1000)) == (b"a", b"b", None)
+    queue = SendQueue()
+    queue.add_reply(QueuedFrame(100, lambda: b"a"))
+    queue.add_telemetry("kind", QueuedFrame(1, lambda: b"b"))
+    assert queue.pop(99) is None
+    assert (queue.pop(100), queue.pop(1), queue.pop(1000)) == (b"a", b"b", None)
 
 
 def test_a_budget_saves_no_more_than_its_burst() -> None:
-    budget = Budget(10_000.0)
-    assert budget.left(5.0) == 1000.0
+    budget = TokenBucket(10_000.0)
+    assert budget.available_bytes(5.0) == 1000.0
     budget.spend(1000)
-    assert [budget.left(now_s) for now_s in (5.0, 5.0625, 1e9)] == [0.0, 625.0, 1000.0]
+    assert [budget.available_bytes(now_s) for now_s in (5.0, 5.0625, 1e9)] == [0.0, 625.0, 1000.0]

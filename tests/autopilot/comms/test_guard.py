@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.app import App
-from autopilot.comms.ground_server import FRAMES_PER_POLL, GroundServer
+from autopilot.comms.ground_server import MAX_FRAMES_PER_POLL, GroundServer
 from autopilot.comms.guard import MAX_TEXT, Guard
 from autopilot.comms.hil import MAX_TIME_US, HilLink
 from autopilot.comms.services import Services
@@ -40,9 +40,11 @@ class Aboard:
         self._station = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         self._framer = Framer()
         self.vehicle = Vehicle(ParamTable())
-        self.logbook = OnboardLog(self.vehicle, folder)
-        self.server = GroundServer(self.vehicle, [gcs], AutopilotId.GENERIC, logbook=self.logbook)
-        self.app = App(self.vehicle, HilLink(far, 1), self.server, self.logbook)
+        self.onboard_log = OnboardLog(self.vehicle, folder)
+        self.server = GroundServer(
+            self.vehicle, [gcs], AutopilotId.GENERIC, onboard_log=self.onboard_log
+        )
+        self.app = App(self.vehicle, HilLink(far, 1), self.server, self.onboard_log)
 
     def close(self) -> None:
         for end in self._ends:
@@ -111,7 +113,7 @@ def test_guard_reports_each_place_once_and_says_whether_it_was_done() -> None:
         ("ground service", Services, "feed"),
         ("ground services", Services, "poll"),
         ("bulk services", Services, "poll_bulk"),
-        ("heartbeat", GroundServer, "_beat"),
+        ("heartbeat", GroundServer, "_send_heartbeat"),
     ],
 )
 def test_ticks_go_on_where_a_part_beside_them_fails(
@@ -155,7 +157,7 @@ def test_a_log_that_fails_is_given_up_and_the_flight_goes_on(
         assert aboard.tick(tick * TICK_US).time_usec == tick * TICK_US
     (report,) = aboard.reports()
     assert report.text.startswith("Internal error in onboard log: ValueError")
-    aboard.logbook.close()  # returns at once: the thread that writes has ended
+    aboard.onboard_log.close()  # returns at once: the thread that writes has ended
     assert [path.suffix for path in tmp_path.iterdir()] == [".mcap"]
 
 
@@ -163,7 +165,7 @@ def test_more_commands_than_a_poll_serves_wait_in_order_while_samples_are_answer
     aboard: Aboard,
 ) -> None:
     aboard.tick(0)
-    count = 20 * FRAMES_PER_POLL
+    count = 20 * MAX_FRAMES_PER_POLL
     intervals = range(1_000_000, 1_000_000 + count)
     aboard.heard()
     aboard.say(
@@ -179,7 +181,7 @@ def test_more_commands_than_a_poll_serves_wait_in_order_while_samples_are_answer
         assert ticks <= count
         assert aboard.tick(ticks * TICK_US).time_usec == ticks * TICK_US
         served = [frame for frame in aboard.heard() if frame.name == "COMMAND_ACK"]
-        assert len(served) <= FRAMES_PER_POLL
+        assert len(served) <= MAX_FRAMES_PER_POLL
         acknowledged += len(served)
         interval_us = link.schedule.interval_us(30)
         assert interval_us == intervals[acknowledged - 1]  # the newest served, in order

@@ -70,8 +70,8 @@ def test_every_record_arrives_with_the_sample_of_its_tick(line: Line) -> None:
 def test_what_came_once_is_told_once(line: Line) -> None:
     heard(line, FULL)
     sample = heard(line, Sensors(sensors(40_000), None, None))
-    assert sample._replace(heard=()) == HilSample(sensors=_again(40_000))
-    assert [frame.name for frame in sample.heard] == ["HIL_SENSOR"]
+    assert sample._replace(frames=()) == HilSample(sensors=_again(40_000))
+    assert [frame.name for frame in sample.frames] == ["HIL_SENSOR"]
 
 
 def _again(time_us: int) -> object:

@@ -162,7 +162,7 @@ def test_rebase_moves_every_stamp_of_a_sample() -> None:
         Dvl(0, 1.0, 0.0, 0.0, True, 0.1, 100),
         duct=DuctFeedback(90_000, 0.0, 0.0),
         relayed=(hull, text),
-        heard=(hull, device_frame("HIL_SENSOR", **_imu(100_000))),
+        frames=(hull, device_frame("HIL_SENSOR", **_imu(100_000))),
     )
     moved = rebase(sample, 5_000_000)
     assert moved.sensors == sample.sensors._replace(time_us=5_100_000)
@@ -174,7 +174,7 @@ def test_rebase_moves_every_stamp_of_a_sample() -> None:
     assert moved.duct == DuctFeedback(5_090_000, 0.0, 0.0)
     assert moved.relayed[0].decode() == hull.decode()._replace(time_boot_ms=5_090)
     assert moved.relayed[1] == text
-    assert moved.heard[1].decode().time_usec == 5_100_000
+    assert moved.frames[1].decode().time_usec == 5_100_000
 
 
 def _imu(time_us: int) -> dict[str, object]:

@@ -35,10 +35,10 @@ class Afloat:
 
     def __init__(self, folder: Path | None, **parameters: float) -> None:
         self.vehicle = Vehicle(ParamTable(parameters))
-        self.logbook = OnboardLog(self.vehicle, folder, "1.2.3")
+        self.onboard_log = OnboardLog(self.vehicle, folder, "1.2.3")
         self.station = Station()
         self.server = GroundServer(
-            self.vehicle, [self.station], AutopilotId.GENERIC, logbook=self.logbook
+            self.vehicle, [self.station], AutopilotId.GENERIC, onboard_log=self.onboard_log
         )
         self.time_us = -TICK_US
         self.sent: list[Frame] = []
@@ -52,7 +52,7 @@ class Afloat:
             self.sent.append(frame)
             self.vehicle.tick(Inputs(record, None, None, None))
             self.server.publish_telemetry()
-            self.logbook.tick((frame,))
+            self.onboard_log.tick((frame,))
 
     def ask(self, message: Any) -> None:
         self.station.say(message)
@@ -68,8 +68,8 @@ class Afloat:
         assert self.vehicle.state.armed == wanted
 
     def end(self) -> list[Path]:
-        self.logbook.close()
-        store = self.logbook.store
+        self.onboard_log.close()
+        store = self.onboard_log.store
         return [log.path for log in store.files()] if store else []
 
     def said(self) -> list[str]:
@@ -81,7 +81,7 @@ class Afloat:
         deadline = time.monotonic() + 10.0
         while not condition():
             assert time.monotonic() < deadline
-            self.logbook.poll()
+            self.onboard_log.poll()
             time.sleep(0.01)
 
 
@@ -192,7 +192,7 @@ def test_time_that_stands_still_after_disarming_ends_a_log_too(
     boat.arm()
     boat.tick(5)
     boat.arm(False)
-    boat.until(lambda: boat.logbook._entry is None)
+    boat.until(lambda: boat.onboard_log._session is None)
     assert mcap.info(boat.end()[0])["attachments"] == ["params.json"]
 
 
@@ -247,7 +247,7 @@ def test_a_folder_that_cannot_be_made_is_told_once_and_the_flight_goes_on(tmp_pa
     boat = Afloat(tmp_path / "file")
     boat.arm()
     boat.tick(10)
-    boat.until(lambda: boat.logbook._given_up)
+    boat.until(lambda: boat.onboard_log._failed)
     boat.tick(10)
     assert [text for text in boat.said() if text.startswith("Log")] == [
         f"Log stopped: File exists: {tmp_path}/file"[:50]
@@ -260,13 +260,13 @@ def test_a_disk_that_fills_up_is_told_and_what_is_written_can_be_saved(
     tmp_path: Path, monkeypatch: Any
 ) -> None:
     boat = Afloat(tmp_path)
-    assert boat.logbook.store
+    assert boat.onboard_log.store
     boat.arm()
     boat.tick(2000)
     monkeypatch.setattr("autopilot.onboard_log.writer.FREE_SPACE_CHECK_BYTES", 1000)
     monkeypatch.setattr("shutil.disk_usage", lambda folder: type("Usage", (), {"free": 0}))
     boat.tick(500)
-    boat.until(lambda: boat.logbook._given_up)
+    boat.until(lambda: boat.onboard_log._failed)
     boat.tick(100)
     assert [text for text in boat.said() if "no room" in text] == [
         f"Log stopped: no room left for logs in {tmp_path}"[:50]
@@ -281,12 +281,12 @@ def test_a_disk_too_slow_is_told_and_never_waited_for(tmp_path: Path, monkeypatc
     boat.arm()
     slow = time.sleep
     monkeypatch.setattr("os.fsync", lambda file: slow(1.0))
-    boat.until(lambda: boat.logbook._entry is not None)
+    boat.until(lambda: boat.onboard_log._session is not None)
     began = time.monotonic()
     for _ in range(20):
         boat.tick(150)
-        assert boat.logbook._entry
-        boat.logbook._entry.flush()
+        assert boat.onboard_log._session
+        boat.onboard_log._session.flush()
     assert time.monotonic() - began < 5.0
     boat.until(lambda: any("too slow" in text for text in boat.said()))
 
