@@ -12,7 +12,7 @@ from autopilot.comms.bandwidth_limiter import (
     TokenBucket,
 )
 from autopilot.comms.stream_rates import Schedule, profile_for
-from autopilot.telemetry.encoding import encoded
+from autopilot.telemetry.encoding import encode_frame
 from autopilot.telemetry.identity import COMPONENT
 from mavlink_io import dialect
 from mavlink_io.codec import LARGEST_FRAME, Frame, largest_frame
@@ -86,17 +86,17 @@ class GroundLink:
 
     def write(self, message: MessageType, values: Values) -> None:
         """Queue a message that is never dropped."""
-        self._outbox.append(encoded(self.endpoint, message, values))
+        self._outbox.append(encode_frame(self.endpoint, message, values))
 
     def stream(self, message: MessageType, values: Values, part: int = 0) -> None:
         """Queue telemetry; on a slow line only the newest of each message and part is sent."""
-        self._outbox.append(encoded(self.endpoint, message, values))
+        self._outbox.append(encode_frame(self.endpoint, message, values))
 
     def relay(self, frame: Frame) -> None:
         """Queue a message of an onboard device, with the device's component id."""
         message = dialect.by_id(frame.message_id)
         assert message is not None, "the HIL link lets only known messages pass"
-        self._outbox.append(encoded(self._device(frame.component), message, frame.decode()))
+        self._outbox.append(encode_frame(self._device(frame.component), message, frame.decode()))
 
     def forward(self, frame: Frame) -> None:
         """Queue a frame received on another link, byte for byte."""
@@ -216,4 +216,4 @@ def ground_link(transport: Transport, system: int, signing: Signing | None = Non
 
 def _queue_entry(endpoint: Endpoint, message: MessageType, values: Values) -> QueuedFrame:
     """Return a queue entry that encodes a message when it is sent."""
-    return QueuedFrame(largest_frame(message), partial(encoded, endpoint, message, values))
+    return QueuedFrame(largest_frame(message), partial(encode_frame, endpoint, message, values))

@@ -107,7 +107,7 @@ class GroundServer:
                 snapshot = self._vehicle.snapshot()
                 for stream in due:
                     link.stream(stream.message, stream.build(snapshot))
-                    for part, build in enumerate(stream.further, 1):
+                    for part, build in enumerate(stream.more_builders, 1):
                         link.stream(stream.message, build(snapshot), part)
         self._event_publisher.publish()
 

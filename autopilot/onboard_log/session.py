@@ -6,7 +6,7 @@ from typing import Any
 
 from autopilot.onboard_log import channels
 from autopilot.onboard_log.writer import BackgroundFile
-from autopilot.telemetry.encoding import packed
+from autopilot.telemetry.encoding import pack_payload
 from autopilot.telemetry.identity import COMPONENT
 from autopilot.vehicle import Vehicle
 from mavlink_io import dialect
@@ -67,7 +67,7 @@ class LogSession:
 
     def message(self, message: MessageType, values: tuple[Any, ...]) -> None:
         """Write a message of the autopilot."""
-        self._write(self._system, COMPONENT, message, packed(message, values))
+        self._write(self._system, COMPONENT, message, pack_payload(message, values))
 
     def frame(self, frame: Frame, system: int | None = None) -> None:
         """Write a received frame; ``system`` replaces its system id (for onboard devices)."""
