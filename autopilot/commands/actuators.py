@@ -1,4 +1,4 @@
-"""Commands that move the actuators themselves: by hand under way, and one by one on the bench."""
+"""Commands that set actuators directly: in MANUAL mode, and one by one on the bench."""
 
 import math
 
@@ -15,22 +15,24 @@ from autopilot.control.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSU
 from mavlink_io.dialect import constant
 
 MAX_TEST_S = 3.0
+"""Longest actuator test."""
 _MOTOR, _SERVO = (
     constant("ACTUATOR_OUTPUT_FUNCTION_MOTOR1"),
     constant("ACTUATOR_OUTPUT_FUNCTION_SERVO1"),
 )
 _CHANNELS = {_SERVO: 0, _SERVO + 1: 1, _MOTOR: 2}
-"""Rudder, elevator and propeller, in the order of the actuator messages."""
+"""Channel by actuator function: rudder, elevator, propeller."""
 
 
 def set_actuators(
     context: CommandContext, command: MavCommand, schedule: Schedule
 ) -> CommandResult:
-    """DO_SET_ACTUATOR: rudder, elevator and thrust in -1..1 until somebody else steers; NaN leaves
-    one as it is."""
+    """DO_SET_ACTUATOR: set rudder, elevator and thrust (-1..1) until another input replaces them.
+
+    NaN leaves an actuator unchanged."""
     values = command.p1, command.p2, command.p3
-    further = command.p4, command.p5, command.p6
-    if any(math.isfinite(value) and value != 0.0 for value in further) or integer_parameter(
+    unused = command.p4, command.p5, command.p6
+    if any(math.isfinite(value) and value != 0.0 for value in unused) or integer_parameter(
         command.p7
     ):
         return context.refuse(
@@ -40,7 +42,9 @@ def set_actuators(
         return context.refuse(DENIED, "DO_SET_ACTUATOR: values must be -1 to 1")
     state = context.vehicle.state
     if not state.armed or state.mode != modes.MANUAL.number:
-        return context.refuse(TEMPORARILY_REJECTED, "DO_SET_ACTUATOR refused: arm, and take MANUAL")
+        return context.refuse(
+            TEMPORARILY_REJECTED, "DO_SET_ACTUATOR refused: requires armed, MANUAL"
+        )
     context.helm.fix(*values)
     return CommandResult(ACCEPTED)
 
@@ -48,7 +52,7 @@ def set_actuators(
 def test_actuator(
     context: CommandContext, command: MavCommand, schedule: Schedule
 ) -> CommandResult:
-    """ACTUATOR_TEST: one actuator for at most 3 s, disarmed; NaN or no time lets it go."""
+    """ACTUATOR_TEST: move one actuator for at most MAX_TEST_S; NaN or 0 s stops it."""
     channel = _CHANNELS.get(integer_parameter(command.p5))
     if channel is None:
         known = ", ".join(map(str, _CHANNELS))

@@ -1,4 +1,4 @@
-"""Commands that move the vehicle: arming, modes, the mission, new targets, home."""
+"""Commands for flight: arming, modes, mission, set-points and home."""
 
 import math
 from dataclasses import replace
@@ -27,13 +27,15 @@ from autopilot.telemetry import streams
 from mavlink_io.mission_items import FRAME_MISSION, MissionCommand, MissionItem
 
 _FORCE = 21_196
-"""COMPONENT_ARM_DISARM.param2 that skips the checks."""
+"""Value of COMPONENT_ARM_DISARM.param2 that skips the checks."""
 _PAUSE, _CONTINUE = 0, 1
+"""Values of DO_PAUSE_CONTINUE.param1."""
 _CHANGE_MODE = 1
-"""DO_REPOSITION.param2: leave the mode for one that goes to the place."""
+"""Bit of DO_REPOSITION.param2: change the mode."""
 
 
 def arm(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """COMPONENT_ARM_DISARM."""
     force = command.p2 == _FORCE
     if command.p1 == 1:
         return context.ask(requests.Arm(force))
@@ -43,6 +45,7 @@ def arm(context: CommandContext, command: MavCommand, schedule: Schedule) -> Com
 
 
 def set_mode(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """DO_SET_MODE with a custom mode."""
     if not integer_parameter(command.p1) & 1:
         return context.refuse(DENIED, "DO_SET_MODE: param1 lacks the custom mode flag (1)")
     number = custom_mode(command)
@@ -57,7 +60,7 @@ def set_standard_mode(
     for mode in modes.MODES:
         if mode.standard_mode and mode.standard_mode == command.p1:
             return context.ask(requests.SetMode(mode.number))
-    return context.refuse(FAILED, f"Standard mode {command.p1:g} is not one this vehicle has")
+    return context.refuse(FAILED, f"Standard mode {command.p1:g} is not supported")
 
 
 def enter(
@@ -92,7 +95,7 @@ def pause(context: CommandContext, command: MavCommand, schedule: Schedule) -> C
 
 
 def reposition(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
-    """Without a place it is the pause button of QGroundControl's PX4 personality."""
+    """DO_REPOSITION without a position: HOLD (QGroundControl's pause button for PX4)."""
     if (
         math.isfinite(command.p5)
         or math.isfinite(command.p6)
@@ -100,7 +103,7 @@ def reposition(context: CommandContext, command: MavCommand, schedule: Schedule)
     ):
         return context.refuse(
             UNSUPPORTED,
-            "DO_REPOSITION: only without a place, to hold; fly a mission to go somewhere",
+            "DO_REPOSITION: a position is not supported; use a mission",
         )
     return context.ask(requests.SetMode(modes.HOLD.number))
 
@@ -108,23 +111,25 @@ def reposition(context: CommandContext, command: MavCommand, schedule: Schedule)
 def change_target(
     context: CommandContext, command: MavCommand, schedule: Schedule
 ) -> CommandResult:
-    """A leg's command means the same now as it does in a mission."""
+    """CONDITION_YAW, DO_CHANGE_ALTITUDE, DO_CHANGE_SPEED: change a set-point as in a mission."""
     c = command
     if c.number != MissionCommand.CHANGE_SPEED and not math.isfinite(c.p1):
         return context.refuse(DENIED, f"Command {c.number}: param1 is not given")
     item = MissionItem(0, FRAME_MISSION, c.number, p1=c.p1, p2=c.p2, p3=c.p3, p4=c.p4)
     vehicle, config = context.vehicle, context.vehicle.params.config
-    _, wrong = mission.check((item,), replace(config, mission_seq0_home=0))
-    if wrong:
-        return context.refuse(DENIED, f"Command {c.number}: {wrong}")
+    _, error = mission.check((item,), replace(config, mission_seq0_home=0))
+    if error:
+        return context.refuse(DENIED, f"Command {c.number}: {error}")
     if not vehicle.state.armed:
         return context.refuse(TEMPORARILY_REJECTED, f"Command {c.number} refused: not armed")
-    wanted = mission.begin_item(item, vehicle.state, config)[0].setpoint
-    return context.ask(requests.ChangeTarget(wanted.depth_m, wanted.heading_rad, wanted.thrust))
+    setpoint = mission.begin_item(item, vehicle.state, config)[0].setpoint
+    return context.ask(
+        requests.ChangeTarget(setpoint.depth_m, setpoint.heading_rad, setpoint.thrust)
+    )
 
 
 def set_home(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
-    """Home may be moved, never lifted from the surface: depth is counted from there."""
+    """DO_SET_HOME: set home at the surface, at a position or at the vehicle (param1 = 1)."""
     scale = 1e-7 if command.scaled else 1.0
     lat_deg, lon_deg = command.p5 * scale, command.p6 * scale
     if command.p1 == 1:
@@ -137,13 +142,13 @@ def set_home(context: CommandContext, command: MavCommand, schedule: Schedule) -
 def move_home(
     context: CommandContext, lat_deg: float, lon_deg: float, altitude_m: float
 ) -> CommandResult:
-    """Put home at a place of the surface, whatever altitude somebody has in mind."""
+    """Set home at the surface; an altitude is ignored with a notice, as depth is relative to it."""
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
-        return context.refuse(DENIED, f"Home refused: {lat_deg:g}, {lon_deg:g} is no place")
+        return context.refuse(DENIED, f"Home refused: {lat_deg:g}, {lon_deg:g} is not a position")
     home = context.vehicle.state.home
     if lat_deg == lon_deg == 0.0 and home.known and not guidance.near_zero_zero(home):
         return context.refuse(
-            DENIED, "Home refused: 0, 0 counts as no place unless home is within 100 km of it"
+            DENIED, "Home refused: 0, 0 means no position unless home is within 100 km of it"
         )
     outcome = context.ask(requests.SetHome(lat_deg, lon_deg))
     if not math.isnan(altitude_m) and altitude_m != 0.0:

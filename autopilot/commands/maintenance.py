@@ -1,5 +1,4 @@
-"""Commands for a vehicle that lies at the quay: restart, parameters back to their defaults,
-calibration."""
+"""Maintenance commands for a disarmed vehicle: restart, parameter reset and calibration."""
 
 import math
 
@@ -11,31 +10,33 @@ from autopilot.control.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSU
 from mavlink_io.frames import STANDARD_GRAVITY_MPS2
 
 _READ, _WRITE, _RESET, _FACTORY_RESET = 0, 1, 2, 4
-"""PREFLIGHT_STORAGE.param1."""
+"""Values of PREFLIGHT_STORAGE.param1."""
 _SAVE = -1
 _CLEAR = 2
 _PA_PER_HPA = 100.0
 MAX_PRESSURE_CHANGE_HPA = 60.0
-"""Air pressure differs by less from day to day; more is water."""
+"""Largest plausible change of air pressure; a larger one means that the vehicle is submerged."""
 GROUND_PRESSURE = "EST_SURF_HPA"
+"""Parameter of the air pressure at the surface."""
 
 
 def reboot(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """PREFLIGHT_REBOOT_SHUTDOWN: reset the state; shutdown is not supported."""
     if context.vehicle.state.armed:
         return context.refuse(TEMPORARILY_REJECTED, "Reboot refused: armed")
     if command.p1 == 1:
-        context.vehicle.restart("asked by ground")
+        context.vehicle.restart("requested by ground")
     return CommandResult(ACCEPTED if command.p1 in (0, 1) else UNSUPPORTED)
 
 
 def store(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
-    """Parameters are stored as they are set; what is left to ask for is their defaults."""
+    """PREFLIGHT_STORAGE: reset parameters to their defaults; reading and writing is automatic."""
     if context.vehicle.state.armed:
         return context.refuse(TEMPORARILY_REJECTED, "Storage refused: armed")
     if command.p1 in (_RESET, _FACTORY_RESET):
         for name in context.vehicle.params.reset():
-            context.tell_parameter(name)
-        context.accept_with_notice("Parameters are at their defaults")
+            context.publish_parameter(name)
+        context.accept_with_notice("Parameters reset to defaults")
     elif not (command.p1 in (_READ, _WRITE, _SAVE) or math.isnan(command.p1)):
         return context.refuse(
             DENIED, f"PREFLIGHT_STORAGE: param1 is {command.p1:g}, must be 0, 1, 2 or 4"
@@ -46,15 +47,16 @@ def store(context: CommandContext, command: MavCommand, schedule: Schedule) -> C
 
 
 def calibrate(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
-    """Only the air pressure needs it, at the surface: what the depth gauge reads now is depth
-    zero."""
-    wanted = [n for n, p in enumerate(command[1:8], 1) if math.isfinite(p) and p != 0.0]
-    if not wanted:
+    """PREFLIGHT_CALIBRATION of the ground pressure (param3): the present depth becomes zero.
+
+    Pressure change (hPa) = depth (m) * density (kg/m3) * g (m/s2) / 100."""
+    requested = [n for n, p in enumerate(command[1:8], 1) if math.isfinite(p) and p != 0.0]
+    if not requested:
         return CommandResult(ACCEPTED)
-    if wanted != [3] or command.p3 != 1.0:
+    if requested != [3] or command.p3 != 1.0:
         text = (
-            "Calibration: only param3 = 1, ground pressure; gyro, accelerometer and compass correct"
-            " themselves"
+            "Calibration: only param3 = 1 (ground pressure); gyro, accelerometer and compass are"
+            " corrected automatically"
         )
         return context.refuse(DENIED, text)
     state, params = context.vehicle.state, context.vehicle.params
@@ -65,13 +67,13 @@ def calibrate(context: CommandContext, command: MavCommand, schedule: Schedule) 
     if abs(change_hpa) > MAX_PRESSURE_CHANGE_HPA:
         return context.refuse(
             TEMPORARILY_REJECTED,
-            f"Calibration refused: {change_hpa:+.0f} hPa is no change of weather",
+            f"Calibration refused: {change_hpa:+.0f} hPa is not air pressure",
         )
     try:
         now_hpa = params.set(GROUND_PRESSURE, params.get(GROUND_PRESSURE) + change_hpa)
     except ParamError as refusal:
         return context.refuse(DENIED, f"Calibration refused: {refusal}")
-    context.tell_parameter(GROUND_PRESSURE)
+    context.publish_parameter(GROUND_PRESSURE)
     return context.accept_with_notice(f"Ground pressure is {now_hpa:.1f} hPa")
 
 

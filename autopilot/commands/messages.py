@@ -1,4 +1,4 @@
-"""Commands that ask for messages: once, or at an interval."""
+"""Commands that request messages, once or at an interval."""
 
 from autopilot.commands.types import (
     CommandContext,
@@ -17,9 +17,9 @@ from mavlink_io.dialect import MessageType
 HEARTBEAT_US = US_PER_S
 _HEARTBEAT, _INTERVAL = dialect.by_name("HEARTBEAT"), dialect.by_name("MESSAGE_INTERVAL")
 _ALL_MODES = 0
+"""Index that requests all AVAILABLE_MODES messages."""
 _DEFAULT, _OFF, _NOT_AVAILABLE = 0, -1, 0
-"""SET_MESSAGE_INTERVAL's marks, and that of MESSAGE_INTERVAL for a message that is never
-streamed."""
+"""Special intervals: default, stopped, and (in MESSAGE_INTERVAL) not available."""
 
 
 def set_interval(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
@@ -28,7 +28,7 @@ def set_interval(context: CommandContext, command: MavCommand, schedule: Schedul
         if interval in (_DEFAULT, HEARTBEAT_US):
             return CommandResult(ACCEPTED)
         return context.refuse(
-            DENIED, "HEARTBEAT stays at 1 Hz: clients take its absence for a loss"
+            DENIED, "HEARTBEAT stays at 1 Hz: without it clients report a lost link"
         )
     try:
         schedule.set_interval(number, None if interval == _DEFAULT else max(0, interval))
@@ -60,9 +60,11 @@ def request_message(
 
 
 def request_modes(context: CommandContext, message: MessageType, index: int) -> CommandResult:
-    wanted = range(1, len(modes.MODES) + 1) if index == _ALL_MODES else (index,)
+    indexes = range(1, len(modes.MODES) + 1) if index == _ALL_MODES else (index,)
     try:
-        return CommandResult(ACCEPTED, tuple((message, identity.available_mode(n)) for n in wanted))
+        return CommandResult(
+            ACCEPTED, tuple((message, identity.available_mode(n)) for n in indexes)
+        )
     except IndexError:
         return context.refuse(
             DENIED, f"AVAILABLE_MODES: param2 is {index}, must be 0 to {len(modes.MODES)}"

@@ -1,4 +1,4 @@
-"""Commands that begin or end an excitation for identification: long jobs."""
+"""Commands that start or stop an identification test; they are long-running."""
 
 import math
 
@@ -25,18 +25,20 @@ from autopilot.control.types import (
 from autopilot.vehicle import Vehicle
 
 _PITCH, _YAW = 2, 4
-"""AUTOTUNE_AXIS of common.xml, which pymavlink lacks."""
+"""Values of AUTOTUNE_AXIS in common.xml; pymavlink has no constants for them."""
 _AXES = {
     0: excitation.ELEVATOR_AXIS,
     _PITCH: excitation.ELEVATOR_AXIS,
     _YAW: excitation.RUDDER_AXIS,
 }
-"""By DO_AUTOTUNE_ENABLE.param2: one at a time, 0 leaves the choice to the vehicle."""
+"""Test axis by DO_AUTOTUNE_ENABLE.param2; 0 (all axes) selects the elevator."""
 
 
 def test(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
-    """MAV_CMD_USER_1: axis, size, two numbers of the wave's own, duration, wave, fade; axis 0
-    stops."""
+    """MAV_CMD_USER_1: start a test, or stop it with axis 0.
+
+    Parameters 1 to 7: axis, magnitude, two parameters of the waveform, duration (s), waveform,
+    fade (s)."""
     axis = integer_parameter(command.p1)
     if axis == 0:
         return context.ask(requests.StopTest())
@@ -53,8 +55,9 @@ def test(context: CommandContext, command: MavCommand, schedule: Schedule) -> Co
 
 
 def autotune(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
-    """Plays the test that the SID_* parameters describe: gains are designed ashore, from the log of
-    it."""
+    """DO_AUTOTUNE_ENABLE: start or stop the test of the SID_* parameters.
+
+    The vehicle does not change its gains; they are designed on the ground from the log."""
     if command.p1 == 0:
         return context.ask(requests.StopTest())
     axis = _AXES.get(integer_parameter(command.p2))
@@ -66,8 +69,9 @@ def autotune(context: CommandContext, command: MavCommand, schedule: Schedule) -
     return begin(context, excitation.from_config(context.vehicle.params.config)._replace(axis=axis))
 
 
-def begin(context: CommandContext, wish: requests.StartTest) -> CommandResult:
-    outcome = context.ask(wish)
+def begin(context: CommandContext, request: requests.StartTest) -> CommandResult:
+    """Start a test; return IN_PROGRESS with its job, or the refusal."""
+    outcome = context.ask(request)
     started = context.vehicle.state.test
     if outcome.result != ACCEPTED or started is None:
         return outcome
@@ -75,18 +79,18 @@ def begin(context: CommandContext, wish: requests.StartTest) -> CommandResult:
 
 
 def job(vehicle: Vehicle, started: Excitation) -> Job:
-    """Done when the test has run its time; cancelled or failed where it was stopped before."""
+    """Return the progress function of a test: accepted at its end, else cancelled or failed."""
 
-    def look() -> JobProgress:
+    def read_progress() -> JobProgress:
         state = vehicle.state
-        share = (state.time_us - started.started_us) / US_PER_S / started.duration_s
+        fraction = (state.time_us - started.started_us) / US_PER_S / started.duration_s
         if state.test == started:
-            return JobProgress(IN_PROGRESS, max(0, min(99, int(100.0 * share))))
-        if share >= 1.0:
+            return JobProgress(IN_PROGRESS, max(0, min(99, int(100.0 * fraction))))
+        if fraction >= 1.0:
             return JobProgress(ACCEPTED)
         return JobProgress(FAILED if state.failsafe else CANCELLED)
 
-    return look
+    return read_progress
 
 
 HANDLERS: dict[str, Handler] = {"USER_1": test, "DO_AUTOTUNE_ENABLE": autotune}

@@ -226,7 +226,7 @@ def test_home_is_not_moved_to_zero_zero_from_afar(deck: Deck) -> None:
     before = deck.vehicle.state.home
     assert set_home(deck, 0, 0, 0, 0, 0.0, 0.0, 0.0) == (
         DENIED,
-        ["Home refused: 0, 0 counts as no place unless home is within 100 km of it"],
+        ["Home refused: 0, 0 means no position unless home is within 100 km of it"],
     )
     assert deck.vehicle.state.home == before
     assert set_home(deck, 0, 0, 0, 0, 0.5, 0.0, 0.0)[0] == ACCEPTED

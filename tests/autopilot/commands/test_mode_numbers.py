@@ -44,7 +44,7 @@ def test_ardusub_number_is_refused_and_moves_nothing(
     assert (state.mode, state.setpoint.thrust, state.thrust) == (modes.HOLD.number, 0.0, 0.0)
     assert results(heard) == ([] if way is by_message else [DENIED])
     assert texts(heard) == [
-        f"Mode {number} refused: not a number of this vehicle's (AVAILABLE_MODES); "
+        f"Mode {number} refused: not a mode of this vehicle (AVAILABLE_MODES); "
         "MAVProxy needs `ground modes install`"
     ]
 
