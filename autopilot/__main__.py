@@ -158,7 +158,7 @@ def _folder(option: str, default: Path) -> Path | None:
 
 
 class Stop:
-    """Flag that becomes true at the first signal that asks the process to end."""
+    """Flag that becomes true at the first end signal (SIGINT, SIGTERM or SIGHUP)."""
 
     def __init__(self) -> None:
         self._requested = False
@@ -168,6 +168,7 @@ class Stop:
         return self._requested
 
     def _request(self, *_: object) -> None:
+        """Set the flag; called by the signal handler."""
         self._requested = True
 
 

@@ -57,6 +57,7 @@ def set_mode(context: CommandContext, command: MavCommand, schedule: Schedule) -
 def set_standard_mode(
     context: CommandContext, command: MavCommand, schedule: Schedule
 ) -> CommandResult:
+    """DO_SET_STANDARD_MODE: select the mode with a MAVLink standard mode."""
     for mode in modes.MODES:
         if mode.standard_mode and mode.standard_mode == command.p1:
             return context.ask(requests.SetMode(mode.number))
@@ -66,12 +67,14 @@ def set_standard_mode(
 def enter(
     mode: modes.Mode, context: CommandContext, command: MavCommand, schedule: Schedule
 ) -> CommandResult:
+    """Select a mode; handler of commands that each mean one mode."""
     return context.ask(requests.SetMode(mode.number))
 
 
 def start_mission(
     context: CommandContext, command: MavCommand, schedule: Schedule
 ) -> CommandResult:
+    """MISSION_START: fly the mission, from the item of param1 if it is not 0."""
     if first := integer_parameter(command.p1):
         outcome = context.ask(requests.SetMissionItem(first))
         if outcome.result != ACCEPTED:
@@ -82,10 +85,12 @@ def start_mission(
 def set_mission_item(
     context: CommandContext, command: MavCommand, schedule: Schedule
 ) -> CommandResult:
+    """DO_SET_MISSION_CURRENT: continue the mission at the item of param1."""
     return context.ask(requests.SetMissionItem(integer_parameter(command.p1, -1)))
 
 
 def pause(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """DO_PAUSE_CONTINUE: HOLD (0) or MISSION (1)."""
     if command.p1 not in (_PAUSE, _CONTINUE):
         return context.refuse(
             DENIED, f"DO_PAUSE_CONTINUE: param1 is {command.p1:g}, must be 0 or 1"

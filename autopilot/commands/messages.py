@@ -23,6 +23,7 @@ _DEFAULT, _OFF, _NOT_AVAILABLE = 0, -1, 0
 
 
 def set_interval(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """SET_MESSAGE_INTERVAL on the link of the command: interval in us."""
     number, interval = integer_parameter(command.p1), integer_parameter(command.p2)
     if number == _HEARTBEAT.message_id:
         if interval in (_DEFAULT, HEARTBEAT_US):
@@ -38,6 +39,7 @@ def set_interval(context: CommandContext, command: MavCommand, schedule: Schedul
 
 
 def get_interval(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """GET_MESSAGE_INTERVAL: reply with MESSAGE_INTERVAL."""
     number = integer_parameter(command.p1)
     if number == _HEARTBEAT.message_id:
         return CommandResult(ACCEPTED, ((_INTERVAL, (HEARTBEAT_US, number)),))
@@ -51,6 +53,7 @@ def get_interval(context: CommandContext, command: MavCommand, schedule: Schedul
 def request_message(
     context: CommandContext, command: MavCommand, schedule: Schedule
 ) -> CommandResult:
+    """REQUEST_MESSAGE: send a message once."""
     message = dialect.by_id(integer_parameter(command.p1))
     if message is None:
         return CommandResult(UNSUPPORTED)
@@ -60,6 +63,7 @@ def request_message(
 
 
 def request_modes(context: CommandContext, message: MessageType, index: int) -> CommandResult:
+    """Return AVAILABLE_MODES of one mode, or of all modes for index 0."""
     indexes = range(1, len(modes.MODES) + 1) if index == _ALL_MODES else (index,)
     try:
         return CommandResult(
@@ -74,14 +78,17 @@ def request_modes(context: CommandContext, message: MessageType, index: int) -> 
 def request_version(
     context: CommandContext, command: MavCommand, schedule: Schedule
 ) -> CommandResult:
+    """REQUEST_AUTOPILOT_CAPABILITIES: send AUTOPILOT_VERSION."""
     return _send_message(dialect.by_name("AUTOPILOT_VERSION"), context)
 
 
 def request_home(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """GET_HOME_POSITION: send HOME_POSITION."""
     return _send_message(dialect.by_name("HOME_POSITION"), context)
 
 
 def _send_message(message: MessageType, context: CommandContext) -> CommandResult:
+    """Return a result with the message; UNSUPPORTED when it cannot be requested."""
     built = tuple((message, values) for values in context.build(message))
     return CommandResult(ACCEPTED if built else UNSUPPORTED, built)
 

@@ -82,6 +82,7 @@ def job(vehicle: Vehicle, started: Excitation) -> Job:
     """Return the progress function of a test: accepted at its end, else cancelled or failed."""
 
     def read_progress() -> JobProgress:
+        """Return the elapsed percentage, or the result of the ended test."""
         state = vehicle.state
         fraction = (state.time_us - started.started_us) / US_PER_S / started.duration_s
         if state.test == started:

@@ -155,6 +155,7 @@ class BandwidthLimitedLink(GroundLink):
         self._queue = SendQueue()
 
     def write(self, message: MessageType, values: Values) -> None:
+        """Queue a message as a reply, or as bulk by its type."""
         entry = _queue_entry(self.endpoint, message, values)
         if message.message_id in _BULK:
             self._queue.add_bulk(entry)
@@ -162,10 +163,12 @@ class BandwidthLimitedLink(GroundLink):
             self._queue.add_reply(entry)
 
     def stream(self, message: MessageType, values: Values, part: int = 0) -> None:
+        """Queue telemetry; it replaces a waiting message of the same type and part."""
         kind = self.endpoint.system, COMPONENT, message.message_id, part
         self._queue.add_telemetry(kind, _queue_entry(self.endpoint, message, values))
 
     def relay(self, frame: Frame) -> None:
+        """Queue a device message as a reply or as telemetry, by its type."""
         message = dialect.by_id(frame.message_id)
         assert message is not None, "the HIL link lets only known messages pass"
         entry = _queue_entry(self._device(frame.component), message, frame.decode())
@@ -177,6 +180,7 @@ class BandwidthLimitedLink(GroundLink):
             )
 
     def forward(self, frame: Frame) -> None:
+        """Queue a forwarded frame as a reply, telemetry or bulk, by its type."""
         entry = QueuedFrame(len(frame.raw), lambda: frame.raw)
         if frame.message_id in _HIGH_PRIORITY:
             self._queue.add_reply(entry)
@@ -187,10 +191,12 @@ class BandwidthLimitedLink(GroundLink):
             self._queue.add_bulk(entry)
 
     def room_bytes(self) -> int:
+        """Return how many bytes of bulk data may be queued now."""
         limit_bytes = max(LARGEST_FRAME, BULK_BACKLOG_S * self._budget.bytes_per_s)
         return max(0, round(limit_bytes) - self._queue.committed_bytes)
 
     def flush(self, now_s: float, discard: bool = False) -> None:
+        """Send as many queued frames as the rate allows."""
         self._due_s = now_s + BATCH_S
         if discard:
             self._queue.clear()
@@ -201,6 +207,7 @@ class BandwidthLimitedLink(GroundLink):
         self._send(frames)
 
     def wait_s(self, now_s: float) -> float | None:
+        """Return the seconds until the next flush; None when the queue is empty."""
         return max(0.0, self._due_s - now_s) if self._queue else None
 
 

@@ -206,6 +206,7 @@ class GroundServer:
         Pending events are sent before the reply."""
 
         def send(name: str, **fields: Any) -> None:
+            """Queue a reply by message name and fields."""
             self._event_publisher.publish()
             message = dialect.by_name(name)
             link.write(message, message.values(**fields))

@@ -1,4 +1,4 @@
-"""The HIL link: receives sensor samples and sends actuators; never reads the simulated truth."""
+"""The HIL link: sensor samples in, actuators out; the simulated truth is never read."""
 
 import math
 from collections import deque

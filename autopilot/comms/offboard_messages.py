@@ -176,10 +176,10 @@ def _body(fields: dict[str, float]) -> MotionTarget:
 
 def _pair(fields: dict[str, float], first: str, second: str, name: str) -> complex | None:
     """Return two components as one complex number; both or neither must be given."""
-    given = {first, second} & fields.keys()
-    if len(given) == 1:
+    present = {first, second} & fields.keys()
+    if len(present) == 1:
         raise TargetError(f"{name}: {first} and {second} must be given together")
-    return complex(fields[first], fields[second]) if given else None
+    return complex(fields[first], fields[second]) if present else None
 
 
 def _finite(value: float, name: str) -> float:

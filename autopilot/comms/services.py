@@ -203,6 +203,7 @@ def send_by_name(publish: Publish) -> Send:
     """Return a send function that takes message name and fields, as ``mavlink_io`` expects."""
 
     def send(name: str, **fields: Any) -> None:
+        """Publish a message by name and fields."""
         message = dialect.by_name(name)
         publish(message, message.values(**fields))
 

@@ -64,18 +64,22 @@ class OnboardLog:
             self._run(self._poll)
 
     def _tick(self, frames: Sequence[Frame]) -> None:
+        """Log a tick when a log is open."""
         if session := self._update_session():
             session.tick(frames)
 
     def _log_sent(self, message: MessageType, values: tuple[Any, ...]) -> None:
+        """Log a sent message when a log is open."""
         if session := self._update_session():
             session.message(message, values)
 
     def _log_received(self, frame: Frame) -> None:
+        """Log a received message when a log is open."""
         if session := self._update_session():
             session.frame(frame)
 
     def _poll(self) -> None:
+        """Flush the open log, and report its errors."""
         session = self._update_session()
         if session is None:
             return
