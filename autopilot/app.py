@@ -5,7 +5,7 @@ from collections.abc import Callable
 from autopilot.comms import sensor_clock
 from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.hil import HilLink, HilSample
-from autopilot.comms.sensor_clock import SensorClock, StampVerdict
+from autopilot.comms.sensor_clock import SensorClock, StampClass
 from autopilot.control.types import US_PER_S, Inputs, Severity
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.vehicle import Vehicle
@@ -94,13 +94,13 @@ class App:
         """
         stamp_us = sample.sensors.time_us
         previous_clock = self._clock if self._vehicle.state.time_us >= 0 else SensorClock()
-        self._clock, verdict = sensor_clock.classify_stamp(previous_clock, stamp_us, silent_us)
-        if verdict is StampVerdict.REFUSED:
+        self._clock, stamp_class = sensor_clock.classify_stamp(previous_clock, stamp_us, silent_us)
+        if stamp_class is StampClass.REFUSED:
             return False
-        if verdict is StampVerdict.REPEATED:
+        if stamp_class is StampClass.REPEATED:
             self._answer(self._vehicle.repeat_last(), stamp_us)
             return False
-        if verdict is StampVerdict.RESTARTED:
+        if stamp_class is StampClass.RESTARTED:
             self._restart(previous_clock, stamp_us)
         offset_us = self._clock.offset_us
         self._tick(sensor_clock.rebase(sample, offset_us) if offset_us else sample, stamp_us)

@@ -43,7 +43,7 @@ def set_actuators(
     state = context.vehicle.state
     if not state.armed or state.mode != modes.MANUAL.number:
         return context.refuse(
-            TEMPORARILY_REJECTED, "DO_SET_ACTUATOR refused: requires armed, MANUAL"
+            TEMPORARILY_REJECTED, "DO_SET_ACTUATOR refused: arm and select MANUAL"
         )
     context.helm.fix(*values)
     return CommandResult(ACCEPTED)

@@ -67,7 +67,7 @@ def calibrate(context: CommandContext, command: MavCommand, schedule: Schedule) 
     if abs(change_hpa) > MAX_PRESSURE_CHANGE_HPA:
         return context.refuse(
             TEMPORARILY_REJECTED,
-            f"Calibration refused: {change_hpa:+.0f} hPa is not air pressure",
+            f"Calibration refused: {change_hpa:+.0f} hPa exceeds {MAX_PRESSURE_CHANGE_HPA:.0f} hPa",
         )
     try:
         now_hpa = params.set(GROUND_PRESSURE, params.get(GROUND_PRESSURE) + change_hpa)

@@ -27,7 +27,7 @@ INTERVAL_DECAY = 0.9
 """Decay factor per sample of the usual interval, which is the largest recent interval."""
 
 
-class StampVerdict(Enum):
+class StampClass(Enum):
     """Classification of a stamp by the stamps before it."""
 
     NEW = auto()
@@ -59,7 +59,7 @@ class SensorClock(NamedTuple):
 
 def classify_stamp(
     clock: SensorClock, stamp_us: int, silent_us: int
-) -> tuple[SensorClock, StampVerdict]:
+) -> tuple[SensorClock, StampClass]:
     """Classify the stamp of a sample.
 
     Parameters
@@ -74,29 +74,27 @@ def classify_stamp(
 
     Returns
     -------
-    tuple of SensorClock and StampVerdict
+    tuple of SensorClock and StampClass
         State after this sample. After NEW and RESTARTED the vehicle time of the sample is
         ``stamp_us + offset_us`` and greater than that of every sample before.
     """
     if clock.newest_us < 0:
-        return clock._replace(newest_us=stamp_us), StampVerdict.NEW
+        return clock._replace(newest_us=stamp_us), StampClass.NEW
     step_us = stamp_us - clock.newest_us
     if 0 < step_us <= LOST_SAMPLES * clock.interval_us + silent_us:
         usual_us = max(round(INTERVAL_DECAY * clock.interval_us), min(step_us, MAX_INTERVAL_US))
-        return clock._replace(newest_us=stamp_us, interval_us=usual_us, refused=0), StampVerdict.NEW
+        return clock._replace(newest_us=stamp_us, interval_us=usual_us, refused=0), StampClass.NEW
     if step_us == 0:
-        return clock._replace(refused=0), StampVerdict.REPEATED
+        return clock._replace(refused=0), StampClass.REPEATED
     first_us, refused = stamp_us, 1
     if clock.refused and 0 <= stamp_us - clock.refused_us <= CONFIRM_GAP_US:
         first_us, refused = clock.refused_first_us, clock.refused + 1
     if refused < CONFIRM_SAMPLES:
         updated = clock._replace(refused=refused, refused_first_us=first_us, refused_us=stamp_us)
-        return updated, StampVerdict.REFUSED
+        return updated, StampClass.REFUSED
     # The first sample on the new time base follows the last one on the old by one usual interval.
     offset_us = clock.newest_us + clock.offset_us + clock.interval_us - first_us
-    return clock._replace(
-        newest_us=stamp_us, offset_us=offset_us, refused=0
-    ), StampVerdict.RESTARTED
+    return clock._replace(newest_us=stamp_us, offset_us=offset_us, refused=0), StampClass.RESTARTED
 
 
 def begin(stamp_us: int) -> SensorClock:

@@ -61,7 +61,7 @@ def test_water_is_not_taken_for_weather(deck: Deck) -> None:
     deck.tick(300, depth_m=(maintenance.MAX_PRESSURE_CHANGE_HPA + 5.0) / HPA_PER_M)
     heard = deck.command(241, 0, 0, 1, 0, 0, 0, 0)
     assert results(heard) == [REJECTED]
-    assert "is not air pressure" in texts(heard)[0]
+    assert "hPa exceeds 60 hPa" in texts(heard)[0]
     assert deck.vehicle.params.get("EST_SURF_HPA") == SURFACE_HPA
 
 

@@ -14,7 +14,7 @@ from autopilot.comms.sensor_clock import (
     LOST_SAMPLES,
     MAX_INTERVAL_US,
     SensorClock,
-    StampVerdict,
+    StampClass,
     classify_stamp,
     rebase,
 )
@@ -23,7 +23,7 @@ from mavlink_io.codec import Frame, Framer, encode
 from mavlink_io.records import Altimeter, DuctFeedback, Dvl, GpsFix
 from tests.helpers.fake_hil import TICK_US, sensors
 
-TAKEN = (StampVerdict.NEW, StampVerdict.RESTARTED)
+TAKEN = (StampClass.NEW, StampClass.RESTARTED)
 STAMPS = st.integers(0, 2**64 - 1)
 """Whatever HIL_SENSOR.time_usec may hold."""
 SETTLED = 40
@@ -32,7 +32,7 @@ AHEAD_US = LOST_SAMPLES * TICK_US
 """A stamp no further ahead than this looks like lost samples."""
 
 
-Verdicts = list[tuple[StampVerdict, int]]
+Verdicts = list[tuple[StampClass, int]]
 
 
 def run(stamps: Sequence[int], clock: SensorClock | None = None) -> tuple[SensorClock, Verdicts]:
@@ -55,8 +55,8 @@ def test_one_bad_stamp_has_no_effect(at: int, bad_us: int) -> None:
     if 0 < bad_us - newest_us <= AHEAD_US:
         return
     _, verdicts = run([*stamps[:at], bad_us, *stamps[at:]])
-    assert verdicts.pop(at)[0] in (StampVerdict.REFUSED, StampVerdict.REPEATED)
-    assert verdicts == [(StampVerdict.NEW, stamp_us) for stamp_us in stamps]
+    assert verdicts.pop(at)[0] in (StampClass.REFUSED, StampClass.REPEATED)
+    assert verdicts == [(StampClass.NEW, stamp_us) for stamp_us in stamps]
 
 
 @pytest.mark.parametrize("bad_us", [1_000_000, -1_000_000, 200_000, -20_000])
@@ -65,8 +65,8 @@ def test_bad_stamp_near_has_no_effect(bad_us: int) -> None:
     stamps = honest(100)
     bad = [*stamps[:80], stamps[79] + bad_us, *stamps[80:]]
     _, verdicts = run(bad)
-    assert verdicts.pop(80)[0] is StampVerdict.REFUSED
-    assert verdicts == [(StampVerdict.NEW, stamp_us) for stamp_us in stamps]
+    assert verdicts.pop(80)[0] is StampClass.REFUSED
+    assert verdicts == [(StampClass.NEW, stamp_us) for stamp_us in stamps]
 
 
 @given(ahead_us=st.integers(1, AHEAD_US))
@@ -75,9 +75,9 @@ def test_stamp_little_ahead_costs_few_samples(ahead_us: int) -> None:
     stamps = honest(SETTLED + 40)
     _, verdicts = run([*stamps[:SETTLED], stamps[SETTLED - 1] + ahead_us, *stamps[SETTLED:]])
     rest = verdicts[SETTLED + 1 :]
-    assert sum(verdict is not StampVerdict.NEW for verdict, _ in rest) <= CONFIRM_SAMPLES
-    assert StampVerdict.RESTARTED not in [verdict for verdict, _ in verdicts]
-    assert rest[-1] == (StampVerdict.NEW, stamps[-1])
+    assert sum(verdict is not StampClass.NEW for verdict, _ in rest) <= CONFIRM_SAMPLES
+    assert StampClass.RESTARTED not in [verdict for verdict, _ in verdicts]
+    assert rest[-1] == (StampClass.NEW, stamps[-1])
 
 
 @given(base_us=st.integers(0, 2**62))
@@ -88,7 +88,7 @@ def test_new_time_base_is_followed_without_gap(base_us: int) -> None:
         return
     clock, verdicts = run([*before, *honest(20, base_us)])
     after = verdicts[SETTLED:]
-    wanted = [StampVerdict.REFUSED] * 4 + [StampVerdict.RESTARTED] + [StampVerdict.NEW] * 15
+    wanted = [StampClass.REFUSED] * 4 + [StampClass.RESTARTED] + [StampClass.NEW] * 15
     assert [verdict for verdict, _ in after] == wanted
     times_us = [time_us for verdict, time_us in after if verdict in TAKEN]
     assert times_us == honest(16, newest_us + clock.interval_us + 4 * TICK_US)
@@ -108,35 +108,35 @@ def test_vehicle_time_increases_and_goes_on(stamps: list[int], base_us: int) -> 
 def test_bad_first_stamp_is_recovered_from(first_us: int) -> None:
     _, verdicts = run([first_us, *honest(20)])
     after = {verdict for verdict, _ in verdicts[CONFIRM_SAMPLES + 2 :]}
-    assert after <= {StampVerdict.NEW, StampVerdict.REPEATED}
+    assert after <= {StampClass.NEW, StampClass.REPEATED}
 
 
 def test_stamp_sent_again_until_answered_is_answered() -> None:
     """A simulator in lockstep repeats its sample: the fifth is taken at the latest."""
     for stamp_us in (0, 2**63):
         _, verdicts = run([*honest(SETTLED), *[stamp_us] * CONFIRM_SAMPLES])
-        assert verdicts[-1][0] is StampVerdict.RESTARTED
+        assert verdicts[-1][0] is StampClass.RESTARTED
 
 
 def test_gap_that_the_wall_clock_shows_too_is_an_outage() -> None:
     clock, _ = run(honest(SETTLED))
     stamp_us = clock.newest_us + 3_000_000
-    assert classify_stamp(clock, stamp_us, 0)[1] is StampVerdict.REFUSED
+    assert classify_stamp(clock, stamp_us, 0)[1] is StampClass.REFUSED
     taken, verdict = classify_stamp(clock, stamp_us, 3_000_000)
-    assert (verdict, taken.offset_us) == (StampVerdict.NEW, 0)
+    assert (verdict, taken.offset_us) == (StampClass.NEW, 0)
 
 
 @pytest.mark.parametrize("tick_us", [2_000, 10_000, 40_000, 100_000])
 def test_any_usual_rate_is_taken(tick_us: int) -> None:
     _, verdicts = run([n * tick_us for n in range(50)])
-    assert {verdict for verdict, _ in verdicts} == {StampVerdict.NEW}
+    assert {verdict for verdict, _ in verdicts} == {StampClass.NEW}
 
 
 def test_uneven_steps_are_taken() -> None:
     """A head that sends in threes: docs/hardware.md asks for no even interval."""
     stamps = [60_000 * burst + 1_000 * n for burst in range(50) for n in range(3)]
     _, verdicts = run(stamps)
-    assert {verdict for verdict, _ in verdicts} == {StampVerdict.NEW}
+    assert {verdict for verdict, _ in verdicts} == {StampClass.NEW}
 
 
 def test_longest_interval_is_that_of_the_slowest_line() -> None:
