@@ -43,23 +43,47 @@ class MissionItem(NamedTuple):
     mission_type: int = MISSION_TYPE
 
 
-class MissionCommand(IntEnum):
-    """MAV_CMD of the items that this vehicle flies."""
+class MavCmd(IntEnum):
+    """The MAV_CMD numbers that the programs use; each name is the dialect's without MAV_CMD_.
 
-    WAYPOINT = 16
-    LOITER_UNLIMITED = 17
-    LOITER_TURNS = 18
-    LOITER_TIME = 19
-    RETURN = 20
-    LAND = 21
-    DELAY = 93
-    CHANGE_ALTITUDE_WAIT = 113
-    YAW = 115
-    JUMP = 177
-    CHANGE_SPEED = 178
-    CHANGE_ALTITUDE = 186
-    TEST = 31010
-    """MAV_CMD_USER_1."""
+    Source: https://mavlink.io/en/messages/common.html#mav_commands.
+    """
+
+    NAV_WAYPOINT = 16
+    NAV_LOITER_UNLIM = 17
+    NAV_LOITER_TURNS = 18
+    NAV_LOITER_TIME = 19
+    NAV_RETURN_TO_LAUNCH = 20
+    NAV_LAND = 21
+    NAV_DELAY = 93
+    CONDITION_CHANGE_ALT = 113
+    """Continue with the next item when the depth is reached."""
+    CONDITION_YAW = 115
+    DO_SET_MODE = 176
+    DO_JUMP = 177
+    DO_CHANGE_SPEED = 178
+    DO_SET_HOME = 179
+    DO_CHANGE_ALTITUDE = 186
+    DO_SET_ACTUATOR = 187
+    DO_REPOSITION = 192
+    DO_PAUSE_CONTINUE = 193
+    DO_AUTOTUNE_ENABLE = 212
+    DO_SET_MISSION_CURRENT = 224
+    PREFLIGHT_CALIBRATION = 241
+    PREFLIGHT_STORAGE = 245
+    PREFLIGHT_REBOOT_SHUTDOWN = 246
+    DO_SET_STANDARD_MODE = 262
+    MISSION_START = 300
+    ACTUATOR_TEST = 310
+    COMPONENT_ARM_DISARM = 400
+    GET_HOME_POSITION = 410
+    INJECT_FAILURE = 420
+    GET_MESSAGE_INTERVAL = 510
+    SET_MESSAGE_INTERVAL = 511
+    REQUEST_MESSAGE = 512
+    REQUEST_AUTOPILOT_CAPABILITIES = 520
+    USER_1 = 31010
+    """An excitation for system identification."""
 
 
 def place_fault(item: MissionItem) -> tuple[int, str]:

@@ -23,6 +23,7 @@ from autopilot.control.types import (
     Excitation,
 )
 from autopilot.vehicle import Vehicle
+from mavlink_io.mission_items import MavCmd
 
 _PITCH, _YAW = 2, 4
 """AUTOTUNE_AXIS of common.xml, which pymavlink lacks."""
@@ -89,4 +90,4 @@ def job(vehicle: Vehicle, started: Excitation) -> Job:
     return look
 
 
-HANDLERS: dict[str, Handler] = {"USER_1": test, "DO_AUTOTUNE_ENABLE": autotune}
+HANDLERS: dict[MavCmd, Handler] = {MavCmd.USER_1: test, MavCmd.DO_AUTOTUNE_ENABLE: autotune}

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from autopilot.commands.commander import Commander
-from autopilot.commands.failure_injection import INJECT_FAILURE, FailureRelay
+from autopilot.commands.failure_injection import FailureRelay
 from autopilot.commands.flight import move_home
 from autopilot.commands.types import (
     LOWEST_CUSTOM_MODE,
@@ -29,6 +29,7 @@ from mavlink_io import dialect
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.request import MavlinkId, Send
 from mavlink_io.services.ftp.server import FileServer
 from mavlink_io.services.log_transfer.server import LogServer
@@ -146,7 +147,7 @@ class Services:
             link.hasten()
 
         command, now_s = command_from_message(message), wall_s()
-        if command.number == INJECT_FAILURE:
+        if command.number == MavCmd.INJECT_FAILURE:
             enabled = bool(self._vehicle.params.config.failure_enabled)
             self.failures.ask(
                 command, asker, lambda result: acknowledge(JobProgress(result)), enabled, now_s

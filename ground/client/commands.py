@@ -7,15 +7,11 @@ https://mavlink.io/en/services/standard_modes.html."""
 from typing import Any
 
 from mavlink_io.dialect import constant, enum_names
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.request import Exchange, MavlinkId, Send
 
 ACCEPTED, IN_PROGRESS = constant("MAV_RESULT_ACCEPTED"), constant("MAV_RESULT_IN_PROGRESS")
 TEMPORARILY_REJECTED = constant("MAV_RESULT_TEMPORARILY_REJECTED")
-ARM, SET_MODE = constant("MAV_CMD_COMPONENT_ARM_DISARM"), constant("MAV_CMD_DO_SET_MODE")
-SET_INTERVAL, REQUEST = (
-    constant("MAV_CMD_SET_MESSAGE_INTERVAL"),
-    constant("MAV_CMD_REQUEST_MESSAGE"),
-)
 
 _STANDARD_NAMES = {
     constant("MAV_STANDARD_MODE_SAFE_RECOVERY"): "RTL",
@@ -77,7 +73,7 @@ class ModeList(Exchange[dict[str, int]]):
             number = constant("MAVLINK_MSG_ID_AVAILABLE_MODES")
             self._post(
                 "COMMAND_LONG",
-                command=REQUEST,
+                command=MavCmd.REQUEST_MESSAGE,
                 confirmation=0,
                 param1=number,
                 param2=index,

@@ -13,13 +13,13 @@ from mavlink_io.mission_items import (
     FRAME_MISSION,
     GLOBAL_FRAMES,
     MISSION_TYPE,
+    MavCmd,
     MissionItem,
 )
 from mavlink_io.request import Client, MavlinkId, Send
 from mavlink_io.services.missions import (
     ACCEPTED,
     CANCELLED,
-    CONDITION_CHANGE_ALTITUDE,
     DENIED,
     INVALID_PARAM7,
     INVALID_SEQUENCE,
@@ -280,7 +280,7 @@ def _fault(item: MissionItem) -> MissionResult:
         return MissionResult(
             UNSUPPORTED_FRAME, f"Mission item {item.sequence}: frame {item.frame} is not supported"
         )
-    if not (has_location(item.command) or item.command == CONDITION_CHANGE_ALTITUDE):
+    if not (has_location(item.command) or item.command == MavCmd.CONDITION_CHANGE_ALT):
         return MissionResult()
     if item.frame in GLOBAL_FRAMES and item.z > 0.0:
         text = f"Mission item {item.sequence}: altitude {item.z:g} m; depth is given as <= 0"

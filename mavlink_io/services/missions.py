@@ -27,9 +27,6 @@ DENIED = constant("MAV_MISSION_DENIED")
 CANCELLED = constant("MAV_MISSION_OPERATION_CANCELLED")
 
 
-CONDITION_CHANGE_ALTITUDE = constant("MAV_CMD_CONDITION_CHANGE_ALT")
-
-
 def item_from_message(message: Any) -> MissionItem:
     """The item in a decoded MISSION_ITEM_INT."""
     m = message
