@@ -94,10 +94,10 @@ def fly(
         )
         vehicle = Vehicle(table)
         keys = Keys.from_options(sign or (), gcs or DEFAULT_GROUND)
-        hil_link = HilLink(open_transport(hil, awaited=True), vehicle.system)
-        patience_s = SEND_TIMEOUT_S if hil_link.lockstep else MAX_SEND_BLOCK_S
+        hil_link = HilLink(open_transport(hil, wait_for_device=True), vehicle.system)
+        send_timeout_s = SEND_TIMEOUT_S if hil_link.lockstep else MAX_SEND_BLOCK_S
         transports = [
-            open_transport(each, awaited=True, patience_s=patience_s)
+            open_transport(each, wait_for_device=True, send_timeout_s=send_timeout_s)
             for each in gcs or DEFAULT_GROUND
         ]
         logbook = OnboardLog(vehicle, _folder(logs, default_folder()), version())

@@ -99,13 +99,19 @@ class Services:
             "SETUP_SIGNING": self._change_key,
         }
         for names, serve in (
-            (MissionServer.hears, lambda a: self._missions.feed(a.frame, a.send, now_s())),
-            (ParamServer.hears, lambda a: self._params.feed(a.frame, a.send, a.link.room_bytes)),
+            (MissionServer.message_names, lambda a: self._missions.feed(a.frame, a.send, now_s())),
             (
-                FileServer.hears,
+                ParamServer.message_names,
+                lambda a: self._params.feed(a.frame, a.send, a.link.room_bytes),
+            ),
+            (
+                FileServer.message_names,
                 lambda a: self._files.feed(a.frame, a.send, a.link.room_bytes, now_s()),
             ),
-            (LogServer.hears, lambda a: self._logs.feed(a.frame, a.send, a.link.room_bytes)),
+            (
+                LogServer.message_names,
+                lambda a: self._logs.feed(a.frame, a.send, a.link.room_bytes),
+            ),
         ):
             handlers |= dict.fromkeys(names, serve)
         return {dialect.by_name(name).message_id: handler for name, handler in handlers.items()}

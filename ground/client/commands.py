@@ -25,7 +25,7 @@ out."""
 class CommandExchange(Exchange[None]):
     """A COMMAND_LONG; done when the vehicle has accepted it and, for a long job, finished."""
 
-    hears = frozenset(("COMMAND_ACK",))
+    message_names = frozenset(("COMMAND_ACK",))
 
     def __init__(
         self, send: Send, own: MavlinkId, peer: MavlinkId, command: int, *parameters: float
@@ -37,41 +37,43 @@ class CommandExchange(Exchange[None]):
         self.refusal: int | None = None
         """MAV_RESULT of a refusal; None where there was none."""
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         fields = {f"param{n}": value for n, value in enumerate(self._parameters, start=1)}
-        self._post("COMMAND_LONG", command=self._command, confirmation=self._confirmation, **fields)
+        self._send_to_peer(
+            "COMMAND_LONG", command=self._command, confirmation=self._confirmation, **fields
+        )
         self._confirmation = min(255, self._confirmation + 1)
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.command != self._command:
             return
         if message.result == IN_PROGRESS:
-            self._progress()
+            self._note_progress()
         elif message.result == ACCEPTED:
             self._finish(None)
         else:
             self.refusal = message.result
-            self._fail(f"{self._question()}: {readable_name(message.result, 'MAV_RESULT')}")
+            self._fail(f"{self._describe()}: {readable_name(message.result, 'MAV_RESULT')}")
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return readable_name(self._command, "MAV_CMD")
 
 
 class ModeList(Exchange[dict[str, int]]):
     """Every mode's custom_mode by name, from AVAILABLE_MODES."""
 
-    hears = frozenset(("AVAILABLE_MODES",))
+    message_names = frozenset(("AVAILABLE_MODES",))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         super().__init__(send, own, peer)
         self._modes: dict[int, tuple[str, int]] = {}
         self._missing: set[int] | None = None
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         for index in (0,) if self._missing is None else sorted(self._missing):
             fields = {f"param{n}": 0.0 for n in range(3, 8)}
             number = constant("MAVLINK_MSG_ID_AVAILABLE_MODES")
-            self._post(
+            self._send_to_peer(
                 "COMMAND_LONG",
                 command=MavCmd.REQUEST_MESSAGE,
                 confirmation=0,
@@ -80,17 +82,17 @@ class ModeList(Exchange[dict[str, int]]):
                 **fields,
             )
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         mode_name = message.mode_name or _STANDARD_NAMES.get(
             message.standard_mode, f"MODE_{message.custom_mode}"
         )
         self._modes[message.mode_index] = mode_name, message.custom_mode
         self._missing = set(range(1, message.number_modes + 1)) - set(self._modes)
-        self._progress()
+        self._note_progress()
         if not self._missing:
             self._finish(dict(self._modes[index] for index in sorted(self._modes)))
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return "the list of modes"
 
 

@@ -95,8 +95,8 @@ class _UploadSession:
         self.due_s = now_s + RE_REQUEST_S
         self.client.send(
             "MISSION_REQUEST_INT",
-            target_system=self.client.party.system,
-            target_component=self.client.party.component,
+            target_system=self.client.mavlink_id.system,
+            target_component=self.client.mavlink_id.component,
             seq=self.wanted,
             mission_type=MISSION_TYPE,
         )
@@ -111,7 +111,7 @@ class MissionServer:
     """The vehicle's side. One upload at a time; until it is complete and accepted the old mission
     stays."""
 
-    hears = frozenset(
+    message_names = frozenset(
         (
             "MISSION_COUNT",
             "MISSION_ITEM_INT",
@@ -230,8 +230,8 @@ class MissionServer:
     def _list(self, message: Any, client: Client, now_s: float) -> None:
         client.send(
             "MISSION_COUNT",
-            target_system=client.party.system,
-            target_component=client.party.component,
+            target_system=client.mavlink_id.system,
+            target_component=client.mavlink_id.component,
             count=len(self._store.items) if message.mission_type == MISSION_TYPE else 0,
             mission_type=message.mission_type,
         )
@@ -239,7 +239,7 @@ class MissionServer:
     def _give(self, message: Any, client: Client, now_s: float) -> None:
         items = self._store.items
         if message.mission_type == MISSION_TYPE and message.seq < len(items):
-            client.send("MISSION_ITEM_INT", **item_fields(items[message.seq], client.party))
+            client.send("MISSION_ITEM_INT", **item_fields(items[message.seq], client.mavlink_id))
         else:
             _acknowledge(client, INVALID_SEQUENCE, message.mission_type)
 
@@ -295,8 +295,8 @@ def _fault(item: MissionItem) -> MissionResult:
 def _acknowledge(client: Client, result: int, mission_type: int = MISSION_TYPE) -> None:
     client.send(
         "MISSION_ACK",
-        target_system=client.party.system,
-        target_component=client.party.component,
+        target_system=client.mavlink_id.system,
+        target_component=client.mavlink_id.component,
         type=result,
         mission_type=mission_type,
     )

@@ -92,7 +92,7 @@ class MissionClient:
 
 
 class _Upload(Exchange[None]):
-    hears = frozenset(("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"))
+    message_names = frozenset(("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"))
 
     def __init__(
         self, send: Send, own: MavlinkId, peer: MavlinkId, items: tuple[MissionItem, ...]
@@ -103,45 +103,47 @@ class _Upload(Exchange[None]):
         )
         self._wanted: int | None = None
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         if self._wanted is None:
-            self._post("MISSION_COUNT", count=len(self._items), mission_type=MISSION_TYPE)
+            self._send_to_peer("MISSION_COUNT", count=len(self._items), mission_type=MISSION_TYPE)
         else:
             self._send("MISSION_ITEM_INT", **item_fields(self._items[self._wanted], self._peer))
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.mission_type != MISSION_TYPE:
             return
         if name != "MISSION_ACK":
             if message.seq < len(self._items):
                 self._wanted = message.seq
-                self._ask()
-                self._progress()
+                self._send_request()
+                self._note_progress()
         elif message.type != ACCEPTED:
             where = "" if self._wanted is None else f" at item {self._wanted}"
             self._fail(f"the vehicle refused the mission{where}: {_result_name(message.type)}")
         elif not self._items or self._wanted == len(self._items) - 1:
             self._finish(None)
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the upload of {len(self._items)} mission items"
 
 
 class _MissionDownload(Exchange[tuple[MissionItem, ...]]):
-    hears = frozenset(("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"))
+    message_names = frozenset(("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         super().__init__(send, own, peer)
         self._count: int | None = None
         self._items: list[MissionItem] = []
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         if self._count is None:
-            self._post("MISSION_REQUEST_LIST", mission_type=MISSION_TYPE)
+            self._send_to_peer("MISSION_REQUEST_LIST", mission_type=MISSION_TYPE)
         else:
-            self._post("MISSION_REQUEST_INT", seq=len(self._items), mission_type=MISSION_TYPE)
+            self._send_to_peer(
+                "MISSION_REQUEST_INT", seq=len(self._items), mission_type=MISSION_TYPE
+            )
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.mission_type != MISSION_TYPE:
             return
         if name == "MISSION_ACK":
@@ -158,48 +160,48 @@ class _MissionDownload(Exchange[tuple[MissionItem, ...]]):
             self._items.append(item_from_message(message))
         else:
             return
-        self._progress()
+        self._note_progress()
         if len(self._items) < self._count:
-            self._ask()
+            self._send_request()
         else:
-            self._post("MISSION_ACK", type=ACCEPTED, mission_type=MISSION_TYPE)
+            self._send_to_peer("MISSION_ACK", type=ACCEPTED, mission_type=MISSION_TYPE)
             self._finish(tuple(self._items))
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return "the mission download"
 
 
 class _Clear(Exchange[None]):
-    hears = frozenset(("MISSION_ACK",))
+    message_names = frozenset(("MISSION_ACK",))
 
-    def _ask(self) -> None:
-        self._post("MISSION_CLEAR_ALL", mission_type=MISSION_TYPE)
+    def _send_request(self) -> None:
+        self._send_to_peer("MISSION_CLEAR_ALL", mission_type=MISSION_TYPE)
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.type == ACCEPTED:
             self._finish(None)
         else:
             self._fail(f"the vehicle kept its mission: {_result_name(message.type)}")
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return "the clearing of the mission"
 
 
 class _SetCurrent(Exchange[int]):
-    hears = frozenset(("MISSION_CURRENT",))
+    message_names = frozenset(("MISSION_CURRENT",))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, sequence: int) -> None:
         super().__init__(send, own, peer)
         self._sequence = sequence
 
-    def _ask(self) -> None:
-        self._post("MISSION_SET_CURRENT", seq=self._sequence)
+    def _send_request(self) -> None:
+        self._send_to_peer("MISSION_SET_CURRENT", seq=self._sequence)
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.seq == self._sequence:
             self._finish(message.seq)
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the choice of mission item {self._sequence}"
 
 

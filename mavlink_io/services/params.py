@@ -74,45 +74,45 @@ class ParamClient:
 
 
 class _ParamList(Exchange[dict[str, float]]):
-    hears = frozenset(("PARAM_VALUE",))
+    message_names = frozenset(("PARAM_VALUE",))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         super().__init__(send, own, peer)
         self._values: dict[str, float] = {}
         self._missing: set[int] | None = None
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         if self._missing is None:
-            self._post("PARAM_REQUEST_LIST")
+            self._send_to_peer("PARAM_REQUEST_LIST")
         for index in sorted(self._missing or ())[:MAX_RE_REQUESTS]:
-            self._post("PARAM_REQUEST_READ", param_id="", param_index=index)
+            self._send_to_peer("PARAM_REQUEST_READ", param_id="", param_index=index)
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         self._values[message.param_id] = message.param_value
         if message.param_index == NO_INDEX:
             return
         if self._missing is None:
             self._missing = set(range(message.param_count))
         self._missing.discard(message.param_index)
-        self._progress()
+        self._note_progress()
         if not self._missing:
             self._finish(dict(sorted(self._values.items())))
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return "the parameter list"
 
 
 class _Get(Exchange[float]):
-    hears = frozenset(("PARAM_VALUE", "PARAM_ERROR"))
+    message_names = frozenset(("PARAM_VALUE", "PARAM_ERROR"))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, name: str) -> None:
         super().__init__(send, own, peer)
         self._name = name
 
-    def _ask(self) -> None:
-        self._post("PARAM_REQUEST_READ", param_id=self._name, param_index=-1)
+    def _send_request(self) -> None:
+        self._send_to_peer("PARAM_REQUEST_READ", param_id=self._name, param_index=-1)
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.param_id != self._name:
             return
         if name == "PARAM_ERROR":
@@ -125,7 +125,7 @@ class _Get(Exchange[float]):
     def _take(self, value: float) -> None:
         self._finish(value)
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the request for parameter {self._name}"
 
 
@@ -138,8 +138,10 @@ class _Set(_Get):
             raise ValueError(f"parameter {name}: {value} is no finite number")
         self._value = as_real32(value)
 
-    def _ask(self) -> None:
-        self._post("PARAM_SET", param_id=self._name, param_value=self._value, param_type=REAL32)
+    def _send_request(self) -> None:
+        self._send_to_peer(
+            "PARAM_SET", param_id=self._name, param_value=self._value, param_type=REAL32
+        )
 
     def _take(self, value: float) -> None:
         if value == self._value:
@@ -149,7 +151,7 @@ class _Set(_Get):
                 f"parameter {self._name}: the vehicle keeps {value:g} and not {self._value:g}"
             )
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the setting of parameter {self._name}"
 
 
@@ -164,7 +166,7 @@ class ParamServer:
     """The vehicle's side. A changed value is told to every link, so that no client shows an old
     one."""
 
-    hears = frozenset(("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"))
+    message_names = frozenset(("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"))
 
     def __init__(
         self, table: ParamProvider, broadcast: Send, explain: Callable[[str], None]

@@ -55,7 +55,7 @@ class FileClient:
 class _Conversation(Exchange[T]):
     """Requests with an answer each."""
 
-    hears = frozenset(("FILE_TRANSFER_PROTOCOL",))
+    message_names = frozenset(("FILE_TRANSFER_PROTOCOL",))
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class _Conversation(Exchange[T]):
         if len(path.encode()) > MAX_DATA:
             self._fail(f"{path}: is longer than the {MAX_DATA} bytes that a request can hold")
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         packet = payload.decode(bytes(message.payload))
         if packet.opcode in (ACK, NAK):
             self._take(packet)
@@ -92,7 +92,7 @@ class _Conversation(Exchange[T]):
         return packet
 
     def _put(self, packet: Packet) -> None:
-        self._post("FILE_TRANSFER_PROTOCOL", target_network=0, payload=packet.encode())
+        self._send_to_peer("FILE_TRANSFER_PROTOCOL", target_network=0, payload=packet.encode())
 
     def _answers(self, packet: Packet) -> bool:
         """Whether this is what the current request waits for."""
@@ -109,9 +109,9 @@ class _Conversation(Exchange[T]):
             .removeprefix("MAV_FTP_ERR_")
             .lower()
         )
-        self._fail(f"{self._question()}: {reason}")
+        self._fail(f"{self._describe()}: {reason}")
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         self._put(self._current)
 
 
@@ -133,7 +133,7 @@ class _DirectoryList(_Conversation[list[ListingEntry]]):
             self._entries += [_entry(line) for line in lines if line[:1] in (b"F", b"D")]
             self._current = self._next()
             self._put(self._current)
-            self._progress()
+            self._note_progress()
         elif packet.opcode == ACK or packet.data[:1] == bytes((payload.END_OF_FILE,)):
             self._finish(self._entries)
         else:
@@ -145,7 +145,7 @@ class _DirectoryList(_Conversation[list[ListingEntry]]):
             next(self._sequences) & 0xFFFF, 0, payload.LIST, len(path), 0, 0, self._lines, path
         )
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the list of {self._path}"
 
 
@@ -165,7 +165,7 @@ class _Checksum(_Conversation[int]):
         else:
             self._refused(packet)
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the checksum of {self._path}"
 
 
@@ -192,10 +192,10 @@ class _FtpDownload(_Conversation[int]):
         data = path.encode()
         self._current = Packet(next(sequences) & 0xFFFF, 0, payload.OPEN, len(data), 0, 0, 0, data)
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         """At the start, and when nothing has come for a while."""
         if self._session is None:
-            super()._ask()
+            super()._send_request()
         else:
             self._go_on()
 
@@ -222,11 +222,11 @@ class _FtpDownload(_Conversation[int]):
                 " here already"
             )
             return
-        self._progress()
+        self._note_progress()
         self._go_on()
 
     def _arrived(self, packet: Packet) -> None:
-        self._progress()
+        self._note_progress()
         self._held[packet.offset] = packet.data
         if packet.offset > self._frontier:
             for offset in range(self._frontier, packet.offset, MAX_DATA):
@@ -288,7 +288,7 @@ class _FtpDownload(_Conversation[int]):
         if self._watch is not None:
             self._watch(self._written, self._size)
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the request for {self._path}"
 
 

@@ -55,7 +55,7 @@ class FileServer:
     """Serves a tree of files. Sessions belong to who opened them; two clients may use the same
     session number."""
 
-    hears = frozenset(("FILE_TRANSFER_PROTOCOL",))
+    message_names = frozenset(("FILE_TRANSFER_PROTOCOL",))
 
     def __init__(self, tree: FileTree) -> None:
         self.tree = tree
@@ -278,7 +278,7 @@ def _send_packet(client: Client, payload: bytes) -> None:
     client.send(
         "FILE_TRANSFER_PROTOCOL",
         target_network=0,
-        target_system=client.party.system,
-        target_component=client.party.component,
+        target_system=client.mavlink_id.system,
+        target_component=client.mavlink_id.component,
         payload=payload,
     )

@@ -43,28 +43,28 @@ class LogClient:
 
 
 class _LogList(Exchange[list[RemoteLog]]):
-    hears = frozenset(("LOG_ENTRY",))
+    message_names = frozenset(("LOG_ENTRY",))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         super().__init__(send, own, peer)
         self._logs: dict[int, RemoteLog] = {}
 
-    def _ask(self) -> None:
-        self._post("LOG_REQUEST_LIST", start=0, end=LAST)
+    def _send_request(self) -> None:
+        self._send_to_peer("LOG_REQUEST_LIST", start=0, end=LAST)
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.num_logs:
             self._logs[message.id] = RemoteLog(message.id, message.size, message.time_utc)
-            self._progress()
+            self._note_progress()
         if len(self._logs) >= message.num_logs:
             self._finish([self._logs[number] for number in sorted(self._logs)])
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return "the list of logs"
 
 
 class _LogDownload(Exchange[int]):
-    hears = frozenset(("LOG_DATA",))
+    message_names = frozenset(("LOG_DATA",))
 
     def __init__(
         self,
@@ -82,21 +82,21 @@ class _LogDownload(Exchange[int]):
         self._held: dict[int, bytes] = {}
         self._asked_to = start
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         """The first gap, or the next chunk."""
         stop = min(
             [offset for offset in self._held if offset > self._written], default=self._log.bytes
         )
         stop = min(stop, self._written + CHUNK_MESSAGES * DATA_BYTES)
         self._asked_to = max(self._asked_to, stop)
-        self._post(
+        self._send_to_peer(
             "LOG_REQUEST_DATA", id=self._log.number, ofs=self._written, count=stop - self._written
         )
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.id != self._log.number or not message.count:
             return
-        self._progress()
+        self._note_progress()
         if message.ofs >= self._written:
             self._held[message.ofs] = bytes(message.data[: message.count])
         while (data := self._held.pop(self._written, None)) is not None:
@@ -105,10 +105,10 @@ class _LogDownload(Exchange[int]):
         if self._watch is not None:
             self._watch(self._written, self._log.bytes)
         if self._written >= self._log.bytes:
-            self._post("LOG_REQUEST_END")
+            self._send_to_peer("LOG_REQUEST_END")
             self._finish(self._log.bytes)
         elif message.ofs + message.count >= self._asked_to:
-            self._ask()
+            self._send_request()
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the request for log {self._log.number}"

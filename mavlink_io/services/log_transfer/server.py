@@ -46,7 +46,9 @@ class _Reader:
 class LogServer:
     """Lists and sends the logs of a source."""
 
-    hears = frozenset(("LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END", "LOG_ERASE"))
+    message_names = frozenset(
+        ("LOG_REQUEST_LIST", "LOG_REQUEST_DATA", "LOG_REQUEST_END", "LOG_ERASE")
+    )
 
     def __init__(
         self, source: LogSource, explain: Callable[[str], None], armed: Callable[[], bool]
