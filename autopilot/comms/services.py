@@ -78,7 +78,7 @@ class Services:
         self._params = ParamServer(vehicle.params, by_name(broadcast), vehicle.say)
         self._files = FileServer(file_tree(vehicle.params, logbook))
         self._logs = LogServer(logbook, vehicle.say, lambda: vehicle.state.armed)
-        self._desk = Desk(vehicle, self.helm, library.build, self._params.tell)
+        self._desk = Desk(vehicle, self.helm, library.build, self._params.announce)
         self._commander = Commander(self._desk)
         self._table = self._handlers()
 
