@@ -41,9 +41,9 @@ class MissionItem(NamedTuple):
     p3: float = 0.0
     p4: float = 0.0
     x: int = 0
-    """Latitude in 1e-7 deg (global frame), north in 1e-4 m (local), or parameter 5 (no position)."""
+    """Latitude in 1e-7 deg (global), north in 1e-4 m (local), or parameter 5 (no position)."""
     y: int = 0
-    """Longitude in 1e-7 deg (global frame), east in 1e-4 m (local), or parameter 6 (no position)."""
+    """Longitude in 1e-7 deg (global), east in 1e-4 m (local), or parameter 6 (no position)."""
     z: float = 0.0
     """Altitude (global frames) or depth (local frames), in m, or parameter 7 (no position)."""
     mission_type: int = MISSION_TYPE
