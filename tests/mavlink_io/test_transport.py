@@ -324,7 +324,7 @@ def test_tcp_server_without_files_pauses_and_serves_its_clients(
         raise OSError(errno.EMFILE, "Too many open files")
 
     now_s = [0.0]
-    monkeypatch.setattr("link.transport.tcp.wall_s", lambda: now_s[0])
+    monkeypatch.setattr("mavlink_io.transport.tcp.wall_s", lambda: now_s[0])
     (first,) = connected(server, 1)
     receive(server)
     real = server._listener

@@ -120,7 +120,7 @@ def test_udpout_without_a_network_waits_for_one(
         connect(self, address)
 
     monkeypatch.setattr(socket.socket, "connect", connect_when_up)
-    monkeypatch.setattr("link.transport.udp.RECONNECT_S", 0.0)
+    monkeypatch.setattr("mavlink_io.transport.udp.RECONNECT_S", 0.0)
     with closing(open_transport(f"udpout:127.0.0.1:{port_of(ground)}")) as vehicle:
         vehicle.send(b"lost")
         assert vehicle.handles() == ()
