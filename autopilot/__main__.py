@@ -120,10 +120,10 @@ def fly(
         )
         vehicle = Vehicle(table)
         keys = SigningKeys.from_options(sign or (), gcs or DEFAULT_GROUND)
-        hil_link = HilLink(open_transport(hil, awaited=True), vehicle.system)
+        hil_link = HilLink(open_transport(hil, wait_for_device=True), vehicle.system)
         send_timeout_s = SEND_TIMEOUT_S if hil_link.lockstep else MAX_SEND_BLOCK_S
         transports = [
-            open_transport(address, awaited=True, patience_s=send_timeout_s)
+            open_transport(address, wait_for_device=True, send_timeout_s=send_timeout_s)
             for address in gcs or DEFAULT_GROUND
         ]
         onboard_log = OnboardLog(vehicle, _folder(logs, default_folder()), version())

@@ -13,6 +13,7 @@ from autopilot.comms.stream_rates import Schedule
 from autopilot.control import modes, requests
 from autopilot.control.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED
 from mavlink_io.dialect import constant
+from mavlink_io.mission_items import MavCmd
 
 MAX_TEST_S = 3.0
 """Longest actuator test."""
@@ -66,4 +67,7 @@ def test_actuator(
     return context.ask(requests.TestActuator(channel, value, min(MAX_TEST_S, max(0.0, seconds))))
 
 
-HANDLERS: dict[str, Handler] = {"DO_SET_ACTUATOR": set_actuators, "ACTUATOR_TEST": test_actuator}
+HANDLERS: dict[MavCmd, Handler] = {
+    MavCmd.DO_SET_ACTUATOR: set_actuators,
+    MavCmd.ACTUATOR_TEST: test_actuator,
+}

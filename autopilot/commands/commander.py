@@ -12,21 +12,20 @@ from autopilot.commands.types import CommandContext, CommandResult, Handler, Job
 from autopilot.comms.stream_rates import Schedule
 from autopilot.control.requests import StopTest
 from autopilot.control.types import ACCEPTED, UNSUPPORTED
-from mavlink_io.dialect import constant
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.request import MavlinkId
 
 _TABLE: dict[int, Handler] = {
-    constant(f"MAV_CMD_{name}"): handler
-    for module in (flight, sysid_commands, actuators, messages, maintenance)
-    for name, handler in module.HANDLERS.items()
+    command: handler
+    for part in (flight, sysid_commands, actuators, messages, maintenance)
+    for command, handler in part.HANDLERS.items()
 }
 _NOT_IDEMPOTENT = frozenset(
-    constant(f"MAV_CMD_{name}")
-    for name in (
-        "CONDITION_YAW",
-        "MISSION_START",
-        "DO_SET_MISSION_CURRENT",
-        "PREFLIGHT_REBOOT_SHUTDOWN",
+    (
+        MavCmd.CONDITION_YAW,
+        MavCmd.MISSION_START,
+        MavCmd.DO_SET_MISSION_CURRENT,
+        MavCmd.PREFLIGHT_REBOOT_SHUTDOWN,
     )
 )
 """Commands whose second execution has a further effect, for example a relative turn."""

@@ -8,10 +8,8 @@ from typing import Any, NamedTuple
 
 from autopilot.commands.jobs import PROGRESS_PERIOD_S
 from autopilot.control.types import DENIED, IN_PROGRESS, UNSUPPORTED
-from mavlink_io.dialect import constant
 from mavlink_io.request import MavlinkId
 
-INJECT_FAILURE = constant("MAV_CMD_INJECT_FAILURE")
 ANSWER_TIMEOUT_S = 3.0
 """Wall time within which the simulator must reply."""
 

@@ -24,7 +24,7 @@ from autopilot.control.types import (
     Severity,
 )
 from autopilot.telemetry import streams
-from mavlink_io.mission_items import FRAME_MISSION, MissionCommand, MissionItem
+from mavlink_io.mission_items import FRAME_MISSION, MavCmd, MissionItem
 
 _FORCE = 21_196
 """Value of COMPONENT_ARM_DISARM.param2 that skips the checks."""
@@ -118,7 +118,7 @@ def change_target(
 ) -> CommandResult:
     """CONDITION_YAW, DO_CHANGE_ALTITUDE, DO_CHANGE_SPEED: change a set-point as in a mission."""
     c = command
-    if c.number != MissionCommand.CHANGE_SPEED and not math.isfinite(c.p1):
+    if c.number != MavCmd.DO_CHANGE_SPEED and not math.isfinite(c.p1):
         return context.refuse(DENIED, f"Command {c.number}: param1 is not given")
     item = MissionItem(0, FRAME_MISSION, c.number, p1=c.p1, p2=c.p2, p3=c.p3, p4=c.p4)
     vehicle, config = context.vehicle, context.vehicle.params.config
@@ -163,19 +163,19 @@ def move_home(
     return outcome
 
 
-HANDLERS: dict[str, Handler] = {
-    "COMPONENT_ARM_DISARM": arm,
-    "DO_SET_MODE": set_mode,
-    "DO_SET_STANDARD_MODE": set_standard_mode,
-    "MISSION_START": start_mission,
-    "DO_SET_MISSION_CURRENT": set_mission_item,
-    "DO_PAUSE_CONTINUE": pause,
-    "DO_REPOSITION": reposition,
-    "NAV_RETURN_TO_LAUNCH": partial(enter, modes.RTL),
-    "NAV_LAND": partial(enter, modes.SURFACE),
-    "NAV_LOITER_UNLIM": partial(enter, modes.HOLD),
-    "CONDITION_YAW": change_target,
-    "DO_CHANGE_ALTITUDE": change_target,
-    "DO_CHANGE_SPEED": change_target,
-    "DO_SET_HOME": set_home,
+HANDLERS: dict[MavCmd, Handler] = {
+    MavCmd.COMPONENT_ARM_DISARM: arm,
+    MavCmd.DO_SET_MODE: set_mode,
+    MavCmd.DO_SET_STANDARD_MODE: set_standard_mode,
+    MavCmd.MISSION_START: start_mission,
+    MavCmd.DO_SET_MISSION_CURRENT: set_mission_item,
+    MavCmd.DO_PAUSE_CONTINUE: pause,
+    MavCmd.DO_REPOSITION: reposition,
+    MavCmd.NAV_RETURN_TO_LAUNCH: partial(enter, modes.RTL),
+    MavCmd.NAV_LAND: partial(enter, modes.SURFACE),
+    MavCmd.NAV_LOITER_UNLIM: partial(enter, modes.HOLD),
+    MavCmd.CONDITION_YAW: change_target,
+    MavCmd.DO_CHANGE_ALTITUDE: change_target,
+    MavCmd.DO_CHANGE_SPEED: change_target,
+    MavCmd.DO_SET_HOME: set_home,
 }

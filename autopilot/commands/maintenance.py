@@ -8,6 +8,7 @@ from autopilot.control import requests
 from autopilot.control.params import ParamError
 from autopilot.control.types import ACCEPTED, DENIED, TEMPORARILY_REJECTED, UNSUPPORTED
 from mavlink_io.frames import STANDARD_GRAVITY_MPS2
+from mavlink_io.mission_items import MavCmd
 
 _READ, _WRITE, _RESET, _FACTORY_RESET = 0, 1, 2, 4
 """Values of PREFLIGHT_STORAGE.param1."""
@@ -77,8 +78,8 @@ def calibrate(context: CommandContext, command: MavCommand, schedule: Schedule) 
     return context.accept_with_notice(f"Ground pressure is {now_hpa:.1f} hPa")
 
 
-HANDLERS: dict[str, Handler] = {
-    "PREFLIGHT_REBOOT_SHUTDOWN": reboot,
-    "PREFLIGHT_STORAGE": store,
-    "PREFLIGHT_CALIBRATION": calibrate,
+HANDLERS: dict[MavCmd, Handler] = {
+    MavCmd.PREFLIGHT_REBOOT_SHUTDOWN: reboot,
+    MavCmd.PREFLIGHT_STORAGE: store,
+    MavCmd.PREFLIGHT_CALIBRATION: calibrate,
 }

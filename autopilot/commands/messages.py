@@ -13,6 +13,7 @@ from autopilot.control.types import ACCEPTED, DENIED, UNSUPPORTED, US_PER_S
 from autopilot.telemetry import identity
 from mavlink_io import dialect
 from mavlink_io.dialect import MessageType
+from mavlink_io.mission_items import MavCmd
 
 HEARTBEAT_US = US_PER_S
 _HEARTBEAT, _INTERVAL = dialect.by_name("HEARTBEAT"), dialect.by_name("MESSAGE_INTERVAL")
@@ -93,10 +94,10 @@ def _send_message(message: MessageType, context: CommandContext) -> CommandResul
     return CommandResult(ACCEPTED if built else UNSUPPORTED, built)
 
 
-HANDLERS: dict[str, Handler] = {
-    "SET_MESSAGE_INTERVAL": set_interval,
-    "GET_MESSAGE_INTERVAL": get_interval,
-    "REQUEST_MESSAGE": request_message,
-    "REQUEST_AUTOPILOT_CAPABILITIES": request_version,
-    "GET_HOME_POSITION": request_home,
+HANDLERS: dict[MavCmd, Handler] = {
+    MavCmd.SET_MESSAGE_INTERVAL: set_interval,
+    MavCmd.GET_MESSAGE_INTERVAL: get_interval,
+    MavCmd.REQUEST_MESSAGE: request_message,
+    MavCmd.REQUEST_AUTOPILOT_CAPABILITIES: request_version,
+    MavCmd.GET_HOME_POSITION: request_home,
 }

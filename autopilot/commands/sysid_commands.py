@@ -23,6 +23,7 @@ from autopilot.control.types import (
     Excitation,
 )
 from autopilot.vehicle import Vehicle
+from mavlink_io.mission_items import MavCmd
 
 _PITCH, _YAW = 2, 4
 """Values of AUTOTUNE_AXIS in common.xml; pymavlink has no constants for them."""
@@ -94,4 +95,4 @@ def job(vehicle: Vehicle, started: Excitation) -> Job:
     return read_progress
 
 
-HANDLERS: dict[str, Handler] = {"USER_1": test, "DO_AUTOTUNE_ENABLE": autotune}
+HANDLERS: dict[MavCmd, Handler] = {MavCmd.USER_1: test, MavCmd.DO_AUTOTUNE_ENABLE: autotune}

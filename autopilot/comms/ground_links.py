@@ -51,7 +51,7 @@ class GroundLink:
 
     def __init__(self, transport: Transport, system: int, signing: Signing | None = None) -> None:
         self.transport = transport
-        self.endpoint = Endpoint(transport, system, COMPONENT, signing, strangers=True)
+        self.endpoint = Endpoint(transport, system, COMPONENT, signing, accept_unknown=True)
         self.profile = profile_for(baud_rate(transport.address))
         self.schedule = Schedule(self.profile)
         self._max_packet_bytes = (

@@ -5,12 +5,13 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from autopilot.commands.failure_injection import INJECT_FAILURE, InjectionOrder
+from autopilot.commands.failure_injection import InjectionOrder
 from autopilot.telemetry.identity import COMPONENT
 from mavlink_io import device_messages, dialect
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import Message, constant
 from mavlink_io.endpoint import Endpoint
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.records import (
     ActuatorFrame,
     Altimeter,
@@ -105,7 +106,7 @@ class HilLink:
             "COMMAND_LONG",
             target_system=self._endpoint.system,
             target_component=0,
-            command=INJECT_FAILURE,
+            command=MavCmd.INJECT_FAILURE,
             confirmation=0,
             param1=unit,
             param2=kind,
@@ -200,7 +201,7 @@ def _altimeter(m: Message) -> Altimeter | None:
 
 def _links_silent(m: Message) -> bool | None:
     """Return whether a command starts or ends a loss of the ground links; None for others."""
-    if m.command != INJECT_FAILURE or m.param1 != _LINK:
+    if m.command != MavCmd.INJECT_FAILURE or m.param1 != _LINK:
         return None
     return bool(m.param2 == _OFF)
 

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from autopilot.commands.commander import Commander
-from autopilot.commands.failure_injection import INJECT_FAILURE, FailureRelay
+from autopilot.commands.failure_injection import FailureRelay
 from autopilot.commands.flight import move_home
 from autopilot.commands.types import (
     LOWEST_CUSTOM_MODE,
@@ -29,6 +29,7 @@ from mavlink_io import dialect
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.request import MavlinkId, Send
 from mavlink_io.services.ftp.server import FileServer
 from mavlink_io.services.log_transfer.server import LogServer
@@ -82,7 +83,9 @@ class Services:
         self._params = ParamServer(vehicle.params, send_by_name(broadcast), vehicle.send_statustext)
         self._files = FileServer(file_tree(vehicle.params, onboard_log))
         self._logs = LogServer(onboard_log, vehicle.send_statustext, lambda: vehicle.state.armed)
-        self._context = CommandContext(vehicle, self.helm, message_builder.build, self._params.tell)
+        self._context = CommandContext(
+            vehicle, self.helm, message_builder.build, self._params.announce
+        )
         self._commander = Commander(self._context)
         self._table = self._handlers()
 
@@ -104,13 +107,19 @@ class Services:
             "SETUP_SIGNING": self._on_setup_signing,
         }
         for names, serve in (
-            (MissionServer.hears, lambda a: self._missions.feed(a.frame, a.send, now_s())),
-            (ParamServer.hears, lambda a: self._params.feed(a.frame, a.send, a.link.room_bytes)),
+            (MissionServer.message_names, lambda a: self._missions.feed(a.frame, a.send, now_s())),
             (
-                FileServer.hears,
+                ParamServer.message_names,
+                lambda a: self._params.feed(a.frame, a.send, a.link.room_bytes),
+            ),
+            (
+                FileServer.message_names,
                 lambda a: self._files.feed(a.frame, a.send, a.link.room_bytes, now_s()),
             ),
-            (LogServer.hears, lambda a: self._logs.feed(a.frame, a.send, a.link.room_bytes)),
+            (
+                LogServer.message_names,
+                lambda a: self._logs.feed(a.frame, a.send, a.link.room_bytes),
+            ),
         ):
             handlers |= dict.fromkeys(names, serve)
         return {dialect.by_name(name).message_id: handler for name, handler in handlers.items()}
@@ -155,7 +164,7 @@ class Services:
             link.flush_soon()
 
         command, now_s = command_from_message(message), wall_s()
-        if command.number == INJECT_FAILURE:
+        if command.number == MavCmd.INJECT_FAILURE:
             enabled = bool(self._vehicle.params.config.failure_enabled)
             self.failures.submit(
                 command, requester, lambda result: acknowledge(JobProgress(result)), enabled, now_s

@@ -92,7 +92,7 @@ class SigningKeys:
         changed = [address for address, file in self._files.items() if file in files]
         for address in changed:
             self._signing[address].change_key(key)
-        self._timestamp.hear(message.initial_timestamp)
+        self._timestamp.advance_to(message.initial_timestamp)
         return f"Signing key changed on {len(changed)} link{'s' if len(changed) > 1 else ''}"
 
     def save_when_due(self) -> str:

@@ -12,6 +12,7 @@ from mavlink_io import device_messages, dialect
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import MessageType, Values
 from mavlink_io.endpoint import Endpoint
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.records import ActuatorFrame, TruthFrame
 from mavlink_io.transport import Transport, wait
 from sitl.backends.messages import (
@@ -129,7 +130,7 @@ class HilClient:
     def _judge(self, frame: Frame) -> None:
         """Answer a MAV_CMD_INJECT_FAILURE at once; vehicle time may stand still."""
         m = frame.decode()
-        if m.command != failure_injection.INJECT_FAILURE or m.target_component not in (
+        if m.command != MavCmd.INJECT_FAILURE or m.target_component not in (
             0,
             COMPONENT,
         ):

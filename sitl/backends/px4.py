@@ -16,6 +16,7 @@ from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.records import LOCKSTEP_FLAG, ActuatorFrame, SensorFrame
 from mavlink_io.transport import Handle, TcpServer, Transport, wait
 from sitl.backends.messages import (
@@ -49,7 +50,6 @@ SEA_LEVEL_HPA, SEA_LEVEL_K, LAPSE_KPM, EXPONENT = 1013.25, 288.15, 0.0065, 5.255
 
 _STOP_CHECK_S = 0.1
 """Wall time after which a wait for a connection looks whether the process was told to stop."""
-_SET_INTERVAL = constant("MAV_CMD_SET_MESSAGE_INTERVAL")
 _ACCEPTED, _UNSUPPORTED = constant("MAV_RESULT_ACCEPTED"), constant("MAV_RESULT_UNSUPPORTED")
 _NEUTRAL = (0.0, 0.0, 0.0)
 
@@ -159,7 +159,11 @@ class Px4:
         """Send the truth as often as PX4 asks for it: 0 is the rate it has anyway, a negative
         interval stops it."""
         m = frame.decode()
-        known = m.command == _SET_INTERVAL and m.param1 == TRUTH.message_id and isfinite(m.param2)
+        known = (
+            m.command == MavCmd.SET_MESSAGE_INTERVAL
+            and m.param1 == TRUTH.message_id
+            and isfinite(m.param2)
+        )
         if known:
             talk.truth_period_us = max(0, round(m.param2)) if m.param2 else TRUTH_PERIOD_US
         result = _ACCEPTED if known else _UNSUPPORTED

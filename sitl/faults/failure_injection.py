@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 from mavlink_io import dialect
 from mavlink_io.dialect import constant
+from mavlink_io.mission_items import MavCmd
 from sitl.faults import timeline
 from sitl.faults.catalogue import CATALOGUE, Fault, FaultError, make
 from sitl.faults.timeline import Timeline
 
 _COMMAND, _AUTOPILOT = dialect.by_name("COMMAND_LONG"), constant("MAV_COMP_ID_AUTOPILOT1")
-INJECT_FAILURE = constant("MAV_CMD_INJECT_FAILURE")
 ACCEPTED, DENIED, UNSUPPORTED = (
     constant(f"MAV_RESULT_{name}") for name in ("ACCEPTED", "DENIED", "UNSUPPORTED")
 )
@@ -124,7 +124,7 @@ def link_silence_values(wanted: bool) -> tuple[object, ...]:
         param5=nan,
         param6=nan,
         param7=nan,
-        command=INJECT_FAILURE,
+        command=MavCmd.INJECT_FAILURE,
         target_system=0,
         target_component=_AUTOPILOT,
         confirmation=0,

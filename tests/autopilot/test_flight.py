@@ -15,7 +15,7 @@ from autopilot.control.types import (
     UNSUPPORTED,
     ItemReached,
 )
-from mavlink_io.mission_items import MissionItem
+from mavlink_io.mission_items import MavCmd, MissionItem
 from tests.helpers.missions import Flight, excitation_item, leg, under_way
 
 
@@ -208,7 +208,7 @@ def test_item_altitude_sign_depends_on_frame(item: MissionItem, depth_m: float) 
         flight.state._replace(estimate=flight.state.estimate._replace(depth_m=depth))
         for depth in (depth_m, 9.0)
     )
-    waits = item.command == mission.MissionCommand.CHANGE_ALTITUDE_WAIT
+    waits = item.command == MavCmd.CONDITION_CHANGE_ALT
     assert [mission.item_done(item, state, flight.config) for state in (here, there)] == [
         not waits,
         True,
