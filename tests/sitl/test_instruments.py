@@ -71,7 +71,7 @@ def test_the_gyros_allan_deviation_falls_by_its_density_and_peaks_at_its_stabili
     memory, rates, wander = inertial.initial_state(imu, stream), [], []
     for truth in ticks(AT_REST, 50 * 600):
         memory, _ = inertial.sample(imu, truth, memory, stream)
-        rates.append(memory.held.rates_radps)
+        rates.append(memory.latest.rates_radps)
     noise = np.mean([allan_deviation(axis, 50) for axis in np.array(rates).T])
     assert noise == pytest.approx(math.radians(0.01) / math.sqrt(2.0), rel=0.1)
     for second in range(60_000):
@@ -129,11 +129,11 @@ def test_a_late_or_lost_sample_of_the_imu_is_not_called_new_and_the_last_is_held
     sheet = SHELF.imu["mti-300"]
     imu = inertial.build(sheet, TICK_US)._replace(timing=Timing(TICK_US, 2 * TICK_US, 0.5))
     stream, memory = chance(4), inertial.InertialState()
-    before, seen = memory.held, []
+    before, seen = memory.latest, []
     for truth in ticks(AT_REST, 400):
         memory, fresh = inertial.sample(imu, truth, memory, stream)
-        assert fresh == (memory.held != before)
-        before = memory.held
+        assert fresh == (memory.latest != before)
+        before = memory.latest
         seen.append(fresh)
     assert seen[:2] == [False, False]
     assert 140 < sum(seen) < 260

@@ -70,7 +70,7 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
         ),
         (
             "[waves]\nsignificant_height_m = 1",
-            "waves.peak_period_s: missing key; a JONSWAP sea is not known by its height",
+            "waves.peak_period_s: missing key; a JONSWAP spectrum needs its peak period",
         ),
         (
             "[waves]\nspectrum = 'itu'",
@@ -84,7 +84,7 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
             "[waves]\nsignificant_height_m = 4.0\npeak_period_s = 4.0",
             (
                 "waves.significant_height_m = 4.0: expected at most 3.6 with peak_period_s = 4.0:"
-                " they break"
+                " steeper waves break"
             ),
         ),
         (

@@ -39,22 +39,22 @@ def test_frames_that_heaped_up_get_one_answer(ends: tuple[Transport, Transport])
     """One answer for each would leave ArduPilot behind for ever: it takes the first for the one it
     waits for."""
     near, far = ends
-    pilot = ArduPilot(near, lambda: False, outputs=parse("1,2,3"))
+    backend = ArduPilot(near, lambda: False, outputs=parse("1,2,3"))
     far.send(frame(0))
-    steps = pilot.meet()
+    steps = backend.wait_for_autopilot()
     assert steps is not None
     sea, rng = (
         plant.build(config.load("caribou_truth"), scenario.load("calm"), steps),
         plant.random_streams(1),
     )
     state, sensors = plant.initial_state(sea, rng)
-    actuators = pilot.ask(sea, state, sensors)
+    actuators = backend.exchange(sea, state, sensors)
     assert actuators is not None
     for _ in range(5):
         far.send(frame(0))
     far.send(frame(1, rudder_us=1700))
     state, sensors = plant.step(sea, state, actuators, rng)
-    actuators = pilot.ask(sea, state, sensors)
+    actuators = backend.exchange(sea, state, sensors)
     assert actuators is not None
     assert actuators.controls == (0.5, 0.0, 0.0)
     assert far.receive().count(b"timestamp") == 1
@@ -63,8 +63,8 @@ def test_frames_that_heaped_up_get_one_answer(ends: tuple[Transport, Transport])
 
 def test_a_wait_for_servos_ends_with_the_run(ends: tuple[Transport, Transport]) -> None:
     calls = count()
-    pilot = ArduPilot(ends[0], lambda: next(calls) > 2, outputs=parse("1,2,3"))
-    assert pilot.meet() is None
+    backend = ArduPilot(ends[0], lambda: next(calls) > 2, outputs=parse("1,2,3"))
+    assert backend.wait_for_autopilot() is None
 
 
 @given(st.binary(max_size=100))

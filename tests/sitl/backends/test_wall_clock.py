@@ -63,13 +63,13 @@ def test_a_link_without_a_baud_rate_has_the_autopilots_own_pace() -> None:
 def test_the_watchdog_lets_go_after_its_time_and_says_both_once() -> None:
     said: list[str] = []
     dog = Watchdog(said.append, 100.0)
-    assert dog.obey(None, 130.0).controls[:3] == REST
+    assert dog.update(None, 130.0).controls[:3] == REST
     assert said == [], "nobody was there yet"
-    assert dog.obey(AHEAD, 131.0) is AHEAD
-    assert dog.obey(None, 131.0 + 0.9 * ACTUATOR_TIMEOUT_S) is AHEAD
+    assert dog.update(AHEAD, 131.0) is AHEAD
+    assert dog.update(None, 131.0 + 0.9 * ACTUATOR_TIMEOUT_S) is AHEAD
     for late_s in (1.1, 2.0, 3.0):
-        assert dog.obey(None, 131.0 + late_s * ACTUATOR_TIMEOUT_S).controls[:3] == REST
-    assert dog.obey(AHEAD, 135.0) is AHEAD
+        assert dog.update(None, 131.0 + late_s * ACTUATOR_TIMEOUT_S).controls[:3] == REST
+    assert dog.update(AHEAD, 135.0) is AHEAD
     assert said == [
         "actuators after 31.0 s",
         "no actuators for 1 s: duct straight, propeller stopped",
@@ -78,21 +78,21 @@ def test_the_watchdog_lets_go_after_its_time_and_says_both_once() -> None:
 
 
 def test_the_newest_actuators_count_whatever_they_answer(ends: tuple[Transport, Transport]) -> None:
-    pilot = WallClock(ends[0], lambda: False)
+    backend = WallClock(ends[0], lambda: False)
     autopilot = Endpoint(ends[1], 1, 1)
     sea, rng = (
         plant.build(config.load("caribou_nominal"), scenario.load("calm")),
         plant.random_streams(1),
     )
     state, said = plant.initial_state(sea, rng)
-    asked = pilot.ask(sea, state, said)
+    asked = backend.exchange(sea, state, said)
     assert asked is not None
     assert asked.controls[:3] == REST
     for thrust in (0.1, 0.2, 0.3):
         autopilot.send_values(
             CONTROLS, AHEAD._replace(time_us=7, controls=(0.0, 0.0, thrust, *(0.0,) * 13))
         )
-    asked = pilot.ask(sea, state, said)
+    asked = backend.exchange(sea, state, said)
     assert asked is not None
     assert asked.controls[2] == pytest.approx(0.3)
 
@@ -103,7 +103,7 @@ def test_the_newest_actuators_count_whatever_they_answer(ends: tuple[Transport, 
         (BackendOptions("px4", lockstep=False), "--no-lockstep: only with --autopilot caribou"),
         (
             BackendOptions(wait_for_arm=True, lockstep=False),
-            "--wait-for-arm: not with --no-lockstep",
+            "--wait-for-arm cannot be combined with --no-lockstep",
         ),
     ],
 )

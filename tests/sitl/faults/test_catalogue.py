@@ -125,17 +125,17 @@ def test_faults_begin_and_end_in_the_tick_of_their_time() -> None:
 def test_an_order_given_twice_is_meant_once_and_ok_clears() -> None:
     model = build_model.build(config.load("caribou_truth"))
     off, ok = (
-        failure_injection.parse_order(4, 1, nan, nan),
-        failure_injection.parse_order(4, 0, 0, nan),
+        failure_injection.parse_command(4, 1, nan, nan),
+        failure_injection.parse_command(4, 0, 0, nan),
     )
-    line = failure_injection.apply_order(
-        failure_injection.apply_order(timeline.schedule([]), off, 0), off, 0
+    line = failure_injection.apply_injection(
+        failure_injection.apply_injection(timeline.schedule([]), off, 0), off, 0
     )
     line = timeline.advance(line, model, 20_000)
     assert line.names == ("gps off",)
-    line = timeline.advance(failure_injection.apply_order(line, ok, 20_000), model, 40_000)
+    line = timeline.advance(failure_injection.apply_injection(line, ok, 20_000), model, 40_000)
     assert (line.names, [change.text for change in line.changes]) == ((), ["Fault over: gps off"])
-    line = timeline.advance(failure_injection.apply_order(line, off, 40_000), model, 60_000)
+    line = timeline.advance(failure_injection.apply_injection(line, off, 40_000), model, 60_000)
     assert line.names == ("gps off",)
 
 
@@ -159,7 +159,7 @@ def test_an_order_given_twice_is_meant_once_and_ok_clears() -> None:
 def test_orders_are_judged_by_mavlinks_numbers(
     parameters: tuple[float, float, float, float], result: int, units: tuple[str, ...], kind: str
 ) -> None:
-    verdict = failure_injection.parse_order(*parameters)
+    verdict = failure_injection.parse_command(*parameters)
     assert verdict.result == result
     assert bool(verdict.text) == (result != 0)
     if result == 0:
@@ -167,22 +167,22 @@ def test_orders_are_judged_by_mavlinks_numbers(
 
 
 def test_param4_sizes_a_fault_and_zero_is_not_given() -> None:
-    (slow,) = failure_injection.apply_order(
-        timeline.schedule([]), failure_injection.parse_order(102, 5, 1, 4.0), 0
+    (slow,) = failure_injection.apply_injection(
+        timeline.schedule([]), failure_injection.parse_command(102, 5, 1, 4.0), 0
     ).waiting
     assert slow.sizes == (radians(4.0),)
-    (usual,) = failure_injection.apply_order(
-        timeline.schedule([]), failure_injection.parse_order(102, 5, 1, 0.0), 0
+    (usual,) = failure_injection.apply_injection(
+        timeline.schedule([]), failure_injection.parse_command(102, 5, 1, 0.0), 0
     ).waiting
     assert usual.sizes == (radians(2.0),)
-    (stuck,) = failure_injection.apply_order(
-        timeline.schedule([]), failure_injection.parse_order(102, 2, 1, nan), 0
+    (stuck,) = failure_injection.apply_injection(
+        timeline.schedule([]), failure_injection.parse_command(102, 2, 1, nan), 0
     ).waiting
     assert isnan(stuck.sizes[0])
 
 
 def test_a_link_ordered_silent_speaks_again_by_itself() -> None:
-    (silent,) = failure_injection.apply_order(
-        timeline.schedule([]), failure_injection.parse_order(105, 1, 0, 4.0), 1_000_000
+    (silent,) = failure_injection.apply_injection(
+        timeline.schedule([]), failure_injection.parse_command(105, 1, 0, 4.0), 1_000_000
     ).waiting
     assert (silent.from_us, silent.until_us) == (1_000_000, 5_000_000)

@@ -104,7 +104,7 @@ def test_drifting_grows_with_time(unit: str) -> None:
 @pytest.mark.parametrize("unit", INSTRUMENTS)
 def test_garbage_has_nothing_to_do_with_the_truth(unit: str) -> None:
     told = np.array(listen(unit, "garbage"), dtype=float)
-    low, high = readings.INSTRUMENTS[unit].spans[FIELD[unit]]
+    low, high = readings.INSTRUMENTS[unit].ranges[FIELD[unit]]
     assert ((low <= told) & (told <= high)).all()
     assert told.std() == pytest.approx((high - low) / 12**0.5, rel=0.1)
     assert abs(np.corrcoef(told, np.arange(500))[0, 1]) < 0.15

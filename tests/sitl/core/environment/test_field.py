@@ -126,7 +126,9 @@ def test_pressure_under_waves_is_what_moves_the_water_and_vanishes_at_the_surfac
 
     place = np.array([2.0, 5.0, -3.0])
     gradient = [(gauge_pa(place + h * e) - gauge_pa(place - h * e)) / (2 * h) for e in np.eye(3)]
-    north, west, up = field.flow(own.field, tuple(place), 3.0, NOTHING, NOTHING)[2].change
+    north, west, up = field.flow(own.field, tuple(place), 3.0, NOTHING, NOTHING)[
+        2
+    ].local_acceleration
     expected = -1025.0 * np.array([north, west, up + sea.gravity_mps2])
     np.testing.assert_allclose(gradient, expected, rtol=1e-5, atol=0.02)
     elevation = field.flow(own.field, (2.0, 5.0, 0.0), 3.0, NOTHING, NOTHING)[2].elevation_m
