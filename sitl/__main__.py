@@ -26,6 +26,7 @@ MIN_SPEED, MAX_SPEED = 0.01, 10_000.0
 
 
 def _print_version(requested: bool) -> None:
+    """Print name and version and exit, if requested."""
     if requested:
         print(f"sitl {version('caribou-auv')}")
         raise typer.Exit
@@ -166,6 +167,7 @@ def _parse_speed(text: str) -> float | None:
 
 
 def _exit_with_error(problem: object, status: int) -> NoReturn:
+    """Print an error and exit."""
     print(f"sitl: {printable(problem)}", file=sys.stderr)
     raise typer.Exit(status)
 

@@ -203,6 +203,7 @@ def _shipped() -> Any:
 
 
 def _read(path: str) -> str:
+    """Return the text of a scenario file. Raises ScenarioError."""
     try:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -49,6 +49,7 @@ def gps_values(fix: GpsFix) -> tuple[object, ...]:
 
 
 def _centimetres(error_m: float) -> int:
+    """Convert an accuracy to whole centimetres; NaN becomes MAVLink's value for unknown."""
     return device_messages.UNKNOWN_U16 if isnan(error_m) else round(1e2 * error_m)
 
 

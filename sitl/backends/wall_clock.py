@@ -124,4 +124,5 @@ def timestep_for_line(address: str) -> Timestep:
 
 
 def _report_on_stderr(text: str) -> None:
+    """Print a message of the simulator."""
     print(f"sitl: {text}", file=sys.stderr, flush=True)
