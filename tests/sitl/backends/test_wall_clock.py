@@ -1,4 +1,4 @@
-"""Without lockstep: what a line carries, and what the tailcone does when it hears nothing."""
+"""Without lockstep: load of the serial line, and the actuator watchdog of the tailcone."""
 
 from collections.abc import Iterator
 
@@ -33,7 +33,7 @@ def ends() -> Iterator[tuple[Transport, Transport]]:
 @pytest.mark.parametrize(
     ("baud", "rate_hz"), [(921_600, 50), (115_200, 50), (57_600, 25), (38_400, 10)]
 )
-def test_every_instrument_aboard_leaves_a_quarter_of_the_line_free(
+def test_all_sensors_use_less_than_line_share(
     ends: tuple[Transport, Transport], baud: int, rate_hz: int
 ) -> None:
     steps = timestep_for_line(f"serial:/dev/ttyUSB0:{baud}")
@@ -49,18 +49,18 @@ def test_every_instrument_aboard_leaves_a_quarter_of_the_line_free(
     assert sent / 20.0 < 0.75 * baud / 10
 
 
-def test_a_line_that_is_too_slow_is_named_with_one_that_is_not() -> None:
+def test_too_slow_line_error_names_lowest_baud_rate() -> None:
     with pytest.raises(
         AddressError, match=r"serial:/dev/ttyS0:19200.*too slow .*expected 38400 baud or more"
     ):
         timestep_for_line("serial:/dev/ttyS0:19200")
 
 
-def test_a_link_without_a_baud_rate_has_the_autopilots_own_pace() -> None:
+def test_link_without_baud_rate_has_default_timestep() -> None:
     assert timestep_for_line("udpout:127.0.0.1:14560") == DEFAULT_TIMESTEP
 
 
-def test_the_watchdog_lets_go_after_its_time_and_says_both_once() -> None:
+def test_watchdog_times_out_and_reports_once() -> None:
     said: list[str] = []
     dog = Watchdog(said.append, 100.0)
     assert dog.update(None, 130.0).controls[:3] == REST
@@ -77,7 +77,7 @@ def test_the_watchdog_lets_go_after_its_time_and_says_both_once() -> None:
     ]
 
 
-def test_the_newest_actuators_count_whatever_they_answer(ends: tuple[Transport, Transport]) -> None:
+def test_newest_actuators_are_applied(ends: tuple[Transport, Transport]) -> None:
     backend = WallClock(ends[0], lambda: False)
     autopilot = Endpoint(ends[1], 1, 1)
     sea, rng = (
@@ -107,8 +107,6 @@ def test_the_newest_actuators_count_whatever_they_answer(ends: tuple[Transport, 
         ),
     ],
 )
-def test_a_clock_that_nobody_holds_goes_with_our_own_autopilot_only(
-    asked: BackendOptions, complaint: str
-) -> None:
+def test_no_lockstep_rejects_incompatible_options(asked: BackendOptions, complaint: str) -> None:
     with pytest.raises(BackendError, match=complaint):
         factory.check_options(asked)
