@@ -1,4 +1,4 @@
-"""How long to wait for an answer of PX4: an unlimited wait can deadlock, no wait is not lockstep.
+"""Wait times for the answers of PX4: no wait is not lockstep, an unlimited wait can deadlock.
 
 PX4 answers HIL_SENSOR with HIL_ACTUATOR_CONTROLS only while its modules run, and need not answer
 every frame: it sends controls when its outputs are updated, which may be every n-th frame.

@@ -198,14 +198,14 @@ def random_streams(seed: int) -> RandomStreams:
         default_rng(child) for child in SeedSequence(seed).spawn(7 + len(SensorStreams._fields))
     ]
     return RandomStreams(
-        slow,
-        wave,
-        SensorStreams(*map(NoiseStream, instruments)),
-        rudder,
-        elevator,
-        faults,
-        swell,
-        drift,
+        slow=slow,
+        wave=wave,
+        sensors=SensorStreams(*map(NoiseStream, instruments)),
+        rudder=rudder,
+        elevator=elevator,
+        faults=faults,
+        swell=swell,
+        drift=drift,
     )
 
 

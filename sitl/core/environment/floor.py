@@ -39,17 +39,23 @@ def build(floor: environment_schema.FloorTable) -> SeaFloor:
     if floor.file:
         grid = bathymetry.read(Path(floor.file))
         return SeaFloor(
-            float(grid.height_m.min()),
-            0.0,
-            0.0,
-            grid.height_m,
-            grid.south_m,
-            grid.west_m,
-            grid.cell_m,
+            height_m=float(grid.height_m.min()),
+            north_slope=0.0,
+            west_slope=0.0,
+            grid=grid.height_m,
+            south_m=grid.south_m,
+            west_edge_m=grid.west_m,
+            cell_m=grid.cell_m,
         )
     fall, towards = tan(radians(floor.slope_deg)), radians(floor.deepens_towards_deg)
     return SeaFloor(
-        -floor.depth_m, -fall * cos(towards), fall * sin(towards), np.empty((0, 0)), 0.0, 0.0, 1.0
+        height_m=-floor.depth_m,
+        north_slope=-fall * cos(towards),
+        west_slope=fall * sin(towards),
+        grid=np.empty((0, 0)),
+        south_m=0.0,
+        west_edge_m=0.0,
+        cell_m=1.0,
     )
 
 

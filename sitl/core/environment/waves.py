@@ -88,7 +88,14 @@ def build(waves: Waves, depth_m: float, gravity_mps2: float) -> Swell | None:
     frequency = np.diff(np.interp(edges, omega, moment)) / (energy[-1] / count)
     number = np.array([wave_number_pm(w, depth_m, gravity_mps2) for w in frequency])
     amplitude = np.full(count, height / 4.0 * sqrt(2.0 / count))
-    return Swell(frequency, number, amplitude, radians(waves.from_deg), waves.spreading, depth_m)
+    return Swell(
+        frequency_radps=frequency,
+        number_pm=number,
+        amplitude_m=amplitude,
+        from_rad=radians(waves.from_deg),
+        spreading=waves.spreading,
+        depth_m=depth_m,
+    )
 
 
 def wave_number_pm(frequency_radps: float, depth_m: float, gravity_mps2: float) -> float:

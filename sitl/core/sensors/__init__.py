@@ -147,22 +147,22 @@ def build(
     pack = datasheets.find("battery", catalogue.battery, fitted, name)
     detector = datasheets.find("leak", catalogue.leak, fitted, name)
     encoders = datasheets.find("encoder", catalogue.encoder, fitted, name)
+    if imu and imu_every_tick:
+        imu = replace(imu, rate_hz=1e6 / tick_us)
     devices = Devices(
-        gps.build(receiver, tick_us) if receiver else None,
-        dvl.build(log, tick_us) if log else None,
-        altimeter.build(sounder, tick_us) if sounder else None,
-        battery.build(pack, vehicle, full_rps, tick_us) if pack else None,
-        leak.build(detector, tick_us) if detector else None,
-        encoder.build(encoders, vehicle.tailcone.travel_deg, tick_us) if encoders else None,
+        gps=gps.build(receiver, tick_us) if receiver else None,
+        dvl=dvl.build(log, tick_us) if log else None,
+        altimeter=altimeter.build(sounder, tick_us) if sounder else None,
+        battery=battery.build(pack, vehicle, full_rps, tick_us) if pack else None,
+        leak=leak.build(detector, tick_us) if detector else None,
+        encoder=encoder.build(encoders, vehicle.tailcone.travel_deg, tick_us) if encoders else None,
     )
     return SensorSuite(
-        inertial.build(replace(imu, rate_hz=1e6 / tick_us) if imu_every_tick else imu, tick_us)
-        if imu
-        else None,
-        magnetic.build(compass, tick_us) if compass else None,
-        pressure.build(depth, tick_us) if depth else None,
-        devices,
-        _common_us(devices),
+        imu=inertial.build(imu, tick_us) if imu else None,
+        magnetometer=magnetic.build(compass, tick_us) if compass else None,
+        pressure=pressure.build(depth, tick_us) if depth else None,
+        devices=devices,
+        devices_us=_common_us(devices),
     )
 
 

@@ -66,13 +66,13 @@ def build(sheet: DvlSheet, tick_us: int) -> DvlSensor:
     """Build the DVL from its data sheet."""
     sine, cosine = sin(radians(sheet.beam_angle_deg)), cos(radians(sheet.beam_angle_deg))
     return DvlSensor(
-        timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us),
-        timing(sheet.water_rate_hz, 0.0, 0.0, tick_us).period_us,
-        sheet,
-        tuple((sine * cos(azimuth), sine * sin(azimuth), cosine) for azimuth in _AZIMUTHS),
-        sine,
-        cosine,
-        cos(radians(sheet.max_tilt_deg)),
+        timing=timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us),
+        water_period_us=timing(sheet.water_rate_hz, 0.0, 0.0, tick_us).period_us,
+        sheet=sheet,
+        beams=tuple((sine * cos(azimuth), sine * sin(azimuth), cosine) for azimuth in _AZIMUTHS),
+        sine=sine,
+        cosine=cosine,
+        worst_tilt_cos=cos(radians(sheet.max_tilt_deg)),
     )
 
 

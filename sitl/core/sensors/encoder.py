@@ -38,7 +38,13 @@ def build(sheet: EncoderSheet, travel_deg: float, tick_us: int) -> Encoders:
         radians(d) for d in (sheet.resolution_deg, sheet.noise_deg, sheet.offset_deg)
     )
     schedule = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
-    return Encoders(schedule, resolution, noise, offset, radians(travel_deg))
+    return Encoders(
+        timing=schedule,
+        resolution_rad=resolution,
+        noise_rad=noise,
+        offset_rad=offset,
+        travel_rad=radians(travel_deg),
+    )
 
 
 def initial_state(encoders: Encoders, stream: NoiseStream) -> EncoderState:

@@ -44,7 +44,11 @@ def build(sheet: GpsSheet, tick_us: int) -> Receiver:
         round(1e6 * s) for s in (sheet.hot_start_s, sheet.warm_start_s, sheet.hot_within_s)
     )
     return Receiver(
-        timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us), sheet, hot, warm, within
+        timing=timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us),
+        sheet=sheet,
+        hot_start_us=hot,
+        warm_start_us=warm,
+        hot_within_us=within,
     )
 
 
@@ -65,7 +69,17 @@ def sample(
 
 def no_fix(time_us: int) -> GpsFix:
     """Return the report of a receiver without a fix."""
-    return GpsFix(time_us, NO_FIX, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+    return GpsFix(
+        time_us=time_us,
+        fix_type=NO_FIX,
+        lat_deg=0.0,
+        lon_deg=0.0,
+        alt_m=0.0,
+        velocity_north_mps=0.0,
+        velocity_east_mps=0.0,
+        velocity_down_mps=0.0,
+        satellites=0,
+    )
 
 
 def _update_sky_view(receiver: Receiver, truth: Truth, state: GpsState) -> GpsState:

@@ -88,14 +88,16 @@ def build(sheet: ImuSheet, tick_us: int) -> Imu:
     rate_hz = 1e6 / schedule.period_us
     decay = exp(-WANDER_PERIOD_US * 1e-6 / sheet.wander_time_s)
     return Imu(
-        schedule,
-        white_noise_sd(radians(sheet.gyro_density_degps_rthz), rate_hz),
-        white_noise_sd(sheet.accelerometer_density_ug_rthz * _MICRO_G, rate_hz),
-        radians(sheet.gyro_stability_degph) * _PER_HOUR / ALLAN_PEAK,
-        sheet.accelerometer_stability_ug * _MICRO_G / ALLAN_PEAK,
-        decay,
-        sqrt(1.0 - decay * decay),
-        sheet,
+        timing=schedule,
+        gyro_noise_radps=white_noise_sd(radians(sheet.gyro_density_degps_rthz), rate_hz),
+        accelerometer_noise_mps2=white_noise_sd(
+            sheet.accelerometer_density_ug_rthz * _MICRO_G, rate_hz
+        ),
+        gyro_wander_radps=radians(sheet.gyro_stability_degph) * _PER_HOUR / ALLAN_PEAK,
+        accelerometer_wander_mps2=sheet.accelerometer_stability_ug * _MICRO_G / ALLAN_PEAK,
+        wander_decay=decay,
+        wander_noise_gain=sqrt(1.0 - decay * decay),
+        sheet=sheet,
     )
 
 
@@ -106,12 +108,12 @@ def initial_state(imu: Imu, stream: NoiseStream) -> InertialState:
     accelerometer = biases(sheet.accelerometer_turn_on_ug * _MICRO_G, stream)
     scale, skew = 1e-6 * sheet.scale_ppm, radians(sheet.misalignment_deg)
     errors = InertialErrors(
-        imperfect_axes(scale, skew, stream),
-        imperfect_axes(scale, skew, stream),
-        gyro,
-        accelerometer,
-        _add(gyro, biases(imu.gyro_wander_radps, stream)),
-        _add(accelerometer, biases(imu.accelerometer_wander_mps2, stream)),
+        gyro_axes=imperfect_axes(scale, skew, stream),
+        accelerometer_axes=imperfect_axes(scale, skew, stream),
+        gyro_turn_on_radps=gyro,
+        accelerometer_turn_on_mps2=accelerometer,
+        gyro_bias_radps=_add(gyro, biases(imu.gyro_wander_radps, stream)),
+        accelerometer_bias_mps2=_add(accelerometer, biases(imu.accelerometer_wander_mps2, stream)),
     )
     return InertialState(errors)
 

@@ -44,11 +44,11 @@ def build(sheet: PressureSheet, tick_us: int) -> PressureSensor:
     """Build the sensor from its data sheet."""
     schedule = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
     return PressureSensor(
-        schedule,
-        sheet.noise_hpa,
-        sheet.offset_hpa,
-        sheet.resolution_hpa,
-        sheet.temperature_noise_degc,
+        timing=schedule,
+        noise_hpa=sheet.noise_hpa,
+        offset_hpa=sheet.offset_hpa,
+        resolution_hpa=sheet.resolution_hpa,
+        temperature_noise_degc=sheet.temperature_noise_degc,
     )
 
 

@@ -12,7 +12,7 @@ Queue = tuple[tuple[int, Reading], ...]
 
 
 class Timing(NamedTuple):
-    """When a sensor samples and when its readings arrive."""
+    """Sample times of a sensor and arrival times of its readings."""
 
     period_us: int
     latency_us: int

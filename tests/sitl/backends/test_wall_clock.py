@@ -64,7 +64,7 @@ def test_watchdog_times_out_and_reports_once() -> None:
     said: list[str] = []
     dog = Watchdog(said.append, 100.0)
     assert dog.update(None, 130.0).controls[:3] == REST
-    assert said == [], "nobody was there yet"
+    assert said == [], "no report before the first actuators"
     assert dog.update(AHEAD, 131.0) is AHEAD
     assert dog.update(None, 131.0 + 0.9 * ACTUATOR_TIMEOUT_S) is AHEAD
     for late_s in (1.1, 2.0, 3.0):

@@ -172,8 +172,8 @@ def test_clamped_body_rests_and_encoder_measures_duct() -> None:
     assert math.hypot(*end.truth.specific_force_mps2) == pytest.approx(9.80665, abs=1e-3)
     assert math.degrees(end.truth.rudder_rad) == pytest.approx(7.5 - 6.0, abs=0.2)
     assert end.truth.propeller_rps > 0.0
-    told = [reading.duct for _, reading in flight if reading.duct is not None]
-    assert 15.0 * told[-1].rudder == pytest.approx(math.degrees(end.truth.rudder_rad), abs=0.5)
+    angles = [reading.duct for _, reading in flight if reading.duct is not None]
+    assert 15.0 * angles[-1].rudder == pytest.approx(math.degrees(end.truth.rudder_rad), abs=0.5)
     assert all(
         reading.duct is None
         for _, reading in fly(put("caribou_truth", Scenario()), actuators(), 1.0)

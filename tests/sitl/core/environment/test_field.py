@@ -198,8 +198,8 @@ def test_uniform_water_equals_sampled_field() -> None:
         sea.field, dynamics.state_at_rest(-3.0), 0.02, 5.0, NOTHING, NOTHING
     )
     assert wave_pa == sea.uniform.wave_pressure_pa == 0.0
-    for told, found in zip(sea.uniform.water, water, strict=True):
-        np.testing.assert_allclose(found, told, atol=1e-15)
+    for uniform, sampled in zip(sea.uniform.water, water, strict=True):
+        np.testing.assert_allclose(sampled, uniform, atol=1e-15)
 
 
 def test_waves_and_variation_use_separate_streams() -> None:
