@@ -1,7 +1,8 @@
-"""Root loci by python-control: where a closed loop's poles go as its gain grows from nothing.
+"""Root loci by python-control: closed-loop poles as the loop gain grows from zero.
 
-A loop is opened where one of its states acts on the others, x' = (A + k into row) x, and closed
-again at k = 1. Nothing else of it changes, so the poles at k = 1 are its own."""
+A loop is opened where one of its states acts on the others: x' = (A + k into row) x. At k = 1 the
+loop is closed again, so the poles at k = 1 are those of the original loop (Evans 1948).
+"""
 
 from typing import Any, NamedTuple
 
@@ -18,51 +19,57 @@ class OpenLoop(NamedTuple):
 
     A: Array
     into: Array
-    """What was acted on, (states,)."""
+    """Direction in which the feedback acts, (states,)."""
     row: Array
-    """The state that acted, (states,)."""
+    """Row that selects the state which is fed back, (states,)."""
 
 
 def open_at_duct(closed: ClosedLoop, states: int) -> OpenLoop:
-    """Opened between the duct's angle and the vehicle, whose ``states`` come first in the loop and
-    the angle next."""
+    """Open a loop between duct angle and vehicle.
+
+    The first `states` states are the vehicle's; the duct angle is the next one.
+    """
     return _open(closed, states, slice(0, states))
 
 
 def open_at_depth(closed: ClosedLoop) -> OpenLoop:
-    """Opened where depth is fed back, the pitch loop within left closed."""
+    """Open a loop at the depth feedback; the inner pitch loop stays closed."""
     return _open(closed, 3, slice(None))
 
 
 def poles(opened: OpenLoop, factors: Array) -> ComplexArray:
-    """Closed-loop poles by loop gain, (factors, states), each column one branch."""
+    """Return the closed-loop poles by loop gain, (factors, states); each column is one branch."""
     import control
 
     return np.asarray(control.root_locus_map(_system(opened), gains=factors).loci)
 
 
 def zeros(opened: OpenLoop) -> ComplexArray:
-    """Where branches end that do not leave."""
+    """Return the open-loop zeros (rad/s), where the finite branches end."""
     import control
 
     return np.asarray(control.zeros(_system(opened)))
 
 
-def damping(found: ComplexArray) -> Array:
-    """Least damping ratio of the oscillating poles by loop gain, (factors,); 1 where none
-    oscillates, -1 where a real one grows."""
-    swings = np.abs(found.imag) > 1e-6
-    ratios = np.where(swings, -found.real / np.maximum(np.abs(found), 1e-12), 1.0)
-    return np.asarray(np.min(np.where(~swings & (found.real > 0.0), -1.0, ratios), axis=1))
+def damping(loci: ComplexArray) -> Array:
+    """Return the smallest damping ratio of the oscillatory poles for each loop gain, (factors,).
+
+    The value is 1 where no pole oscillates and -1 where a real pole is unstable.
+    """
+    oscillatory = np.abs(loci.imag) > 1e-6
+    ratios = np.where(oscillatory, -loci.real / np.maximum(np.abs(loci), 1e-12), 1.0)
+    return np.asarray(np.min(np.where(~oscillatory & (loci.real > 0.0), -1.0, ratios), axis=1))
 
 
 def _system(opened: OpenLoop) -> Any:
+    """Return the opened loop as a python-control state space."""
     import control
 
     return control.ss(opened.A, opened.into[:, None], -opened.row[None, :], 0.0)
 
 
 def _open(closed: ClosedLoop, state: int, rows: slice) -> OpenLoop:
+    """Remove the action of `state` on the states in `rows`."""
     A, into, row = closed.A.copy(), np.zeros(len(closed.A)), np.zeros(len(closed.A))
     into[rows], row[state] = closed.A[rows, state], 1.0
     A[rows, state] = 0.0
