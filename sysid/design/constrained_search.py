@@ -68,7 +68,7 @@ def solve(search: ConstrainedProblem) -> dict[str, float]:
     nearest = min((end.judged.misses for end in ends), key=_max_violation)
     worst, miss = max(nearest.items(), key=lambda item: item[1])
     raise DesignInfeasibleError(
-        f"no gains meet the specification: the best found miss the {worst} by {100 * miss:.1f} %"
+        f"no gains meet the specification: the best ones violate the {worst} by {100 * miss:.1f} %"
     )
 
 

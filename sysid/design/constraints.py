@@ -124,4 +124,4 @@ def load_violation(
     times = np.arange(0.0, LOAD_RESPONSE_TIMES * spec.finish_s, STEP_S)
     response = np.abs(((np.exp(np.outer(times, modes.values)) - 1.0) @ shares).real)
     residual = float(np.max(response[int(spec.finish_s / STEP_S) :]) / np.max(response))
-    return {f"rest of a load in the {name} loop": residual / spec.finish_left - 1.0}
+    return {f"residual of a load in the {name} loop": residual / spec.finish_left - 1.0}

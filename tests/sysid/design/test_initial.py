@@ -176,7 +176,7 @@ def test_other_vehicles_have_first_gains(name: str) -> None:
 def test_a_loop_that_no_gain_steadies_is_refused_with_its_limit(caribou: DesignModel) -> None:
     late = caribou.yaw_lag._replace(delay_s=3.0)
     with pytest.raises(
-        DesignInfeasibleError, match="no gains meet the specification: the best found miss the"
+        DesignInfeasibleError, match="no gains meet the specification: the best ones violate the"
     ):
         root_locus.heading(build(caribou.planes, late, caribou.pitch_lag, caribou.sea), [], BOUNDS)
 
@@ -188,7 +188,7 @@ def test_vehicles_that_no_gain_holds_are_refused_with_what_would_help(caribou: D
     wrong = build(planes, caribou.yaw_lag, caribou.pitch_lag, caribou.sea)
     with pytest.raises(
         DesignInfeasibleError,
-        match=r"no gains of the heading loop keep hold of 90 % .*`ground bench`",
+        match=r"no gains of the heading loop stabilise 90 % .*`ground bench`",
     ):
         root_locus.heading(caribou, [wrong], BOUNDS)
 

@@ -220,7 +220,8 @@ def test_an_impossible_specification_is_refused_with_its_reason(model: Identifie
     with pytest.raises(
         DesignInfeasibleError,
         match=(
-            r"no gains meet the specification: the best found miss the .* ask for less, or .* and"
+            r"no gains meet the specification: the best ones violate the .* relax the"
+            r" specification, or .* and"
             r" refit"
         ),
     ):
@@ -233,7 +234,7 @@ def test_gains_that_few_vehicles_would_keep_are_refused_with_what_would_help(
     monkeypatch.setattr(pid, "VEHICLES", 20)
     with pytest.raises(
         DesignInfeasibleError,
-        match=r"of the vehicles that the model allows for .* most miss the .*refit",
+        match=r"of the vehicles sampled from the model .* most violate the .*refit",
     ):
         pid.redesign(model, Spec(probability=0.999))
 
