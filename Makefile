@@ -1,5 +1,5 @@
-# Everything sets itself up: a virtual environment with pinned packages, then the work.
-# Needs Python >= 3.11 and make; PYTHON names another interpreter.
+# Every target sets up what it needs: a virtual environment with pinned packages, then the work.
+# Needs Python >= 3.11 and make. PYTHON selects another interpreter.
 
 PYTHON ?= python3
 VENV   := .venv
@@ -8,32 +8,52 @@ OUT    ?= campaign
 SEED   ?= 1
 # FORCE=1 replaces the campaign that $(OUT) holds; without it `ground campaign` refuses
 FORCE  ?=
+# Further arguments of pytest
+PYTEST ?=
 
-.PHONY: campaign test clients verify study flights check lock clean
+.PHONY: help campaign test test-fast test-clients check check-physics benchmark-sysid benchmark-control \
+        format coverage audit lock clean
+
+help:                                ## list the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/	/' | expand -t 20
 
 campaign: $(VENV)/run.stamp          ## fly, identify, redesign, fly again; report in $(OUT)/report.html
 	$(BIN)/ground campaign --seed $(SEED) --out $(OUT) $(if $(FORCE),--force)
 
-test: $(VENV)/dev.stamp check        ## every check and test
+test: $(VENV)/dev.stamp check        ## run all checks and tests
 	$(BIN)/python -m pytest -n 2 --dist loadfile $(PYTEST)
 
-clients: $(VENV)/dev.stamp           ## MAVSDK and MAVProxy down their whole lists on every link and speed: pass counts
+test-fast: $(VENV)/dev.stamp check   ## run the checks and the tests without processes
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not process and not client and not slow" $(PYTEST)
+
+test-clients: $(VENV)/dev.stamp      ## MAVSDK and MAVProxy on every link and speed: pass counts
 	$(BIN)/python -m tests.clients
 
-verify: $(VENV)/dev.stamp            ## every check-case of the physics: figure, reference, tolerance
-	$(BIN)/python -m tests.reference
-
-study: $(VENV)/dev.stamp             ## what identification achieves: 200 campaigns a cell, which takes hours
-	$(BIN)/python -m benchmarks.identification $(STUDY)
-
-flights: $(VENV)/dev.stamp           ## what redesigned gains achieve in the water, beside the paper's: an hour or so
-	$(BIN)/python -m benchmarks.redesign $(FLIGHTS)
-
-check: $(VENV)/dev.stamp
+check: $(VENV)/dev.stamp             ## lint, formatter, types, import contracts, language
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.language
+
+check-physics: $(VENV)/dev.stamp     ## every physics check: value, reference, tolerance
+	$(BIN)/python -m tests.reference
+
+benchmark-sysid: $(VENV)/dev.stamp   ## identification accuracy over 200 campaigns a cell (hours)
+	$(BIN)/python -m benchmarks.identification $(STUDY)
+
+benchmark-control: $(VENV)/dev.stamp ## redesigned gains against the paper's gains in many seas (an hour)
+	$(BIN)/python -m benchmarks.redesign $(FLIGHTS)
+
+format: $(VENV)/dev.stamp            ## apply the formatter and the safe lint fixes
+	$(BIN)/ruff check --fix -q . || true
+	$(BIN)/ruff format .
+
+coverage: $(VENV)/dev.stamp          ## line coverage of the tests without processes
+	$(BIN)/python -m pytest -n 2 -m "not process and not client" --cov --cov-report=term $(PYTEST)
+
+audit: $(VENV)/dev.stamp             ## known vulnerabilities of the pinned packages (needs a network)
+	$(BIN)/python -m pip_audit -r requirements/run.lock --no-deps --disable-pip
 
 lock:                                ## renew the pinned versions (needs pip-tools)
 	pip-compile -q --strip-extras --no-header --annotation-style=line --no-emit-index-url --no-emit-find-links \
@@ -41,7 +61,7 @@ lock:                                ## renew the pinned versions (needs pip-too
 	pip-compile -q --extra dev --strip-extras --no-header --annotation-style=line --no-emit-index-url \
 	  --no-emit-find-links --no-emit-trusted-host -o requirements/dev.lock pyproject.toml
 
-clean:
+clean:                               ## remove the virtual environment and $(OUT)
 	rm -rf $(VENV) $(OUT)
 
 $(VENV)/bin/python:

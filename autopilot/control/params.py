@@ -14,9 +14,9 @@ from autopilot.control.lqg import LqgControllers
 from autopilot.control.pid import Gains
 from autopilot.control.reference_model import ActuatorLead
 
-MIN_MAGNITUDE = 1e-6
-"""Smallest magnitude of a value other than 0: a smaller one is a mistake of the sender, and its
-reciprocal may overflow."""
+MIN_MAGNITUDE = 2.0**-126
+"""Smallest magnitude of a value other than 0: the smallest normal REAL32 (IEEE 754). A design may
+give a gain or a trim close to 0; a denormal number is a mistake of the sender."""
 MIN_WHEN_ON = {
     "ACT_LEAD_W": 0.5,
     "DPT_REF_W": 0.01,
@@ -547,7 +547,7 @@ def validate(name: str, value: float) -> float:
         raise ParamError(f"parameter {name} does not exist")
     if not row.accepts(value):
         tiny = not row.integer and 0.0 < abs(value) < MIN_MAGNITUDE and name not in MIN_WHEN_ON
-        hint = f", and not within {MIN_MAGNITUDE:g} of 0" if tiny else ""
+        hint = ", not a denormal number" if tiny else ""
         raise ParamError(f"{name} = {value:g}: must be {row.range}{hint}")
     return float(round(value)) if row.integer else value
 

@@ -118,7 +118,7 @@ def test_the_old_way_to_ask_for_rates_changes_nothing() -> None:
 
 def test_an_answer_does_not_wait_for_a_list_to_be_over(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = 0.0
-    monkeypatch.setattr("autopilot.server.wall_s", lambda: now_s)
+    monkeypatch.setattr("autopilot.comms.ground_server.wall_s", lambda: now_s)
     deck, heard = Deck(serial_station(9600)), list[str]()
     deck.station.say(mavlink.MAVLink_param_request_list_message(1, 1))
 

@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 from autopilot import app
 from autopilot.app import App
 from autopilot.comms import hil
+from autopilot.comms.hil import MAX_TIME_US
 from autopilot.control import modes, requests
 from autopilot.onboard_log.recorder import OnboardLog
 from mavlink_io import dialect
@@ -109,7 +110,8 @@ def test_one_bad_stamp_leaves_arming_and_answers_alone(aboard: Aboard, bad_us: i
     assert aboard.sail(100, NEXT_US) == honest
     assert aboard.state.armed
     assert aboard.state.time_us == honest[-1]
-    assert aboard.said() == []
+    reports = [f"HIL: sample time {bad_us} us ignored: must be 0 to {MAX_TIME_US}"]
+    assert aboard.said() == (reports if bad_us > MAX_TIME_US else [])
 
 
 @pytest.mark.parametrize("base_us", [0, 20_000_000, NEXT_US + 5_000_000, 1_800_000_000_000_000])

@@ -76,7 +76,7 @@ def test_a_loss_that_shows_in_writing_is_told_once(cable: Line) -> None:
 
 def test_a_lost_line_is_tried_once_a_second(cable: Line, monkeypatch: pytest.MonkeyPatch) -> None:
     now_s, attempts = [100.0], 0
-    monkeypatch.setattr("link.transport.serial_line.wall_s", lambda: now_s[0])
+    monkeypatch.setattr("mavlink_io.transport.serial_line.wall_s", lambda: now_s[0])
     told: list[str] = []
     with closing(opened(cable, "vehicle", told)) as vehicle:
 

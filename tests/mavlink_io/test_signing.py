@@ -182,7 +182,7 @@ def test_a_timestamp_outlives_its_program(tmp_path: Path) -> None:
 
 def test_a_timestamp_is_kept_once_a_minute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wall_s = [0.0]
-    monkeypatch.setattr("link.clock.wall_s", lambda: wall_s[0])
+    monkeypatch.setattr("mavlink_io.clock.wall_s", lambda: wall_s[0])
     path = tmp_path / "timestamp"
     timestamp = Timestamp(path, lambda: NOW_S + wall_s[0])
     timestamp._save._now = lambda: wall_s[0]

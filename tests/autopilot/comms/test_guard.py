@@ -199,14 +199,15 @@ def test_a_sample_beyond_the_latest_time_is_not_flown_and_reported_once(
     assert texts.count(f"sample time {time_us} us ignored") == 1
 
 
-def test_the_latest_time_and_the_wrap_of_boot_time_are_flown(aboard: Aboard) -> None:
-    wrap_us = (1 << 32) * 1000  # time_boot_ms is a uint32: 49.7 days
-    for time_us in (
-        wrap_us - TICK_US,
-        wrap_us,
-        wrap_us + TICK_US,
-        MAX_TIME_US - TICK_US,
-        MAX_TIME_US,
-    ):
+WRAP_US = (1 << 32) * 1000
+"""time_boot_ms is a uint32: it wraps after 49.7 days."""
+
+
+@pytest.mark.parametrize(
+    "times_us",
+    [(WRAP_US - TICK_US, WRAP_US, WRAP_US + TICK_US), (MAX_TIME_US - TICK_US, MAX_TIME_US)],
+)
+def test_time_at_wrap_and_at_maximum_is_answered(aboard: Aboard, times_us: tuple[int, ...]) -> None:
+    for time_us in times_us:
         assert aboard.tick(time_us).time_usec == time_us
     assert aboard.reports() == []

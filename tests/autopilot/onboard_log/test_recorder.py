@@ -263,7 +263,7 @@ def test_a_disk_that_fills_up_is_told_and_what_is_written_can_be_saved(
     assert boat.logbook.store
     boat.arm()
     boat.tick(2000)
-    monkeypatch.setattr("autopilot.logbook.disk.ROOM_CHECK_BYTES", 1000)
+    monkeypatch.setattr("autopilot.onboard_log.writer.FREE_SPACE_CHECK_BYTES", 1000)
     monkeypatch.setattr("shutil.disk_usage", lambda folder: type("Usage", (), {"free": 0}))
     boat.tick(500)
     boat.until(lambda: boat.logbook._given_up)
@@ -276,7 +276,7 @@ def test_a_disk_that_fills_up_is_told_and_what_is_written_can_be_saved(
 
 
 def test_a_disk_too_slow_is_told_and_never_waited_for(tmp_path: Path, monkeypatch: Any) -> None:
-    monkeypatch.setattr("autopilot.logbook.entry.LATE_CHUNKS", 3)
+    monkeypatch.setattr("autopilot.onboard_log.session.MAX_UNWRITTEN_CHUNKS", 3)
     boat = Afloat(tmp_path)
     boat.arm()
     slow = time.sleep

@@ -61,7 +61,9 @@ def test_refit_without_a_result_fails_in_one_line(
 
     monkeypatch.setattr(fitting, "_select", lambda *asked: ([], []))
     monkeypatch.setattr(fitting, "_identify", identify)
-    with pytest.raises(OperationError, match=f"prior bench: .*{said}.*own file as the prior"):
+    with pytest.raises(
+        OperationError, match=f"prior caribou_nominal: .*{said}.*own file as the prior"
+    ):
         refit.refit([])
 
 

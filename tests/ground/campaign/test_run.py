@@ -215,7 +215,7 @@ def test_campaign_by_force_refused_for_its_scenario_keeps_the_old_one(tmp_path: 
     before = old_campaign(tmp_path, finished=True)
     with pytest.raises(InputError, match="clamped"):
         Campaign(
-            CampaignRequest(tmp_path, scenario="caribou_nominal", force=True),
+            CampaignRequest(tmp_path, scenario="bench", force=True),
             lambda name, at: None,
             lambda words: None,
         ).run()

@@ -248,7 +248,7 @@ def test_a_killed_recorder_leaves_all_but_the_last_moment(tmp_path: Path) -> Non
         sys.path[:0] = {sys.path!r}
         from pathlib import Path
         from ground.client.recorder import Recorder
-        from tests.ground.test_recorder import attitude
+        from tests.ground.client.test_recorder import attitude
         recorder = Recorder(Path({str(path)!r}))
         for n in range(100_000):
             recorder.record(attitude(20 * n))

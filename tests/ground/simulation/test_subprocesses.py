@@ -25,7 +25,7 @@ from ground.simulation.subprocesses import (
 PARENT = """
 import sys, time
 from pathlib import Path
-from ground.children import Forked, Spawned
+from ground.simulation.subprocesses import ForkedProcess, SpawnedProcess
 
 if __name__ == "__main__":
     child = {start}("autopilot", sys.argv[2:], Path(sys.argv[1]))
@@ -92,7 +92,7 @@ def test_bad_input_is_its_status_and_its_last_words(start: ProcessFactory, said:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads processes from /proc")
-@pytest.mark.parametrize("way", ["Spawned", "Forked"])
+@pytest.mark.parametrize("way", ["SpawnedProcess", "ForkedProcess"])
 def test_it_does_not_outlive_a_killed_parent(way: str, said: Path, tmp_path: Path) -> None:
     script = tmp_path / "parent.py"
     script.write_text(PARENT.format(start=way))

@@ -44,7 +44,8 @@ class Fitted(NamedTuple):
 
     def judged(self, runs: Sequence[Run]) -> dict[str, RunScreening]:
         return {
-            verdict.run: verdict for verdict in outlier_tests(self.of(runs), self.prior).verdicts
+            verdict.run: verdict
+            for verdict in outlier_tests.find_outliers(self.of(runs), self.prior).verdicts
         }
 
     def left_out(self, runs: Sequence[Run]) -> set[str]:
@@ -129,7 +130,7 @@ def test_what_grows_with_size_is_structure_and_no_run_is_left_out_for_it(
     runs = list(fitted.runs)
     for k, degrees in enumerate(SIZES_DEG):
         runs[k] = again(k, Fault(gain=0.8 + 0.06 * abs(degrees)))
-    sifted = outlier_tests(fitted.of(runs), fitted.prior)
+    sifted = outlier_tests.find_outliers(fitted.of(runs), fitted.prior)
     assert [v.run for v in sifted.verdicts if v.reason] == []
     assert any(
         text.startswith("structure: the largest yaw test is answered by +")
