@@ -19,7 +19,9 @@ EXEMPT = ("tests/language.py", "CHANGELOG.md")
 
 def main() -> int:
     """Print every line with a listed word, and return 1 if there is one."""
-    listed = subprocess.run(["git", "ls-files", *CHECKED], capture_output=True, text=True, check=True)
+    listed = subprocess.run(
+        ["git", "ls-files", *CHECKED], capture_output=True, text=True, check=True
+    )
     found = [
         f"{name}:{number}: {match[0]}: {line.strip()}"
         for name in listed.stdout.split()
