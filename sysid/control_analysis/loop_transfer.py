@@ -435,7 +435,9 @@ def close_pitch(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation
         The integrator is the last state; it is left out if PTCH_I is zero.
     """
     A, B = plane_with_tailcone(
-        LinearPlane(plane.A[:3, :3], plane.B[:3], plane.states[:3], plane.moment[:3]),
+        LinearPlane(
+            A=plane.A[:3, :3], B=plane.B[:3], states=plane.states[:3], moment=plane.moment[:3]
+        ),
         lag,
         order,
         actuator_lead(gains),

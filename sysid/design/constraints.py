@@ -33,7 +33,7 @@ class Bounds(NamedTuple):
 
 def nominal(spec: Spec) -> Bounds:
     """Return the bounds that a specification sets for the nominal model."""
-    return Bounds(spec.damping, spec.gm_db, spec.pm_deg, spec.ms)
+    return Bounds(damping=spec.damping, gm_db=spec.gm_db, pm_deg=spec.pm_deg, ms=spec.ms)
 
 
 def margin_violations(

@@ -24,7 +24,17 @@ from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, Table1Column
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-DEFAULT_DISTURBANCE = NoiseModel(0.14, 3.0, 0.28, 0.15, 0.1, 0.05, 0.1, 0.005, 0.0)
+DEFAULT_DISTURBANCE = NoiseModel(
+    slow_accel_degps2=0.14,
+    slow_time_s=3.0,
+    wave_accel_degps2=0.28,
+    wave_frequency_hz=0.15,
+    wave_damping=0.1,
+    rate_noise_degps=0.05,
+    angle_noise_deg=0.1,
+    depth_noise_m=0.005,
+    force_noise_mps15=0.0,
+)
 """Disturbance assumed for a model without a noise model.
 
 It causes 0.3 deg/s rms of rate by the slow part and as much by waves.
@@ -68,12 +78,12 @@ def build(
         With the frequency responses of both planes.
     """
     return DesignModel(
-        planes,
-        yaw_lag,
-        pitch_lag,
-        sea,
-        loop_transfer.responses(planes.yaw, yaw_lag),
-        loop_transfer.responses(planes.pitch, pitch_lag),
+        planes=planes,
+        yaw_lag=yaw_lag,
+        pitch_lag=pitch_lag,
+        sea=sea,
+        yaw=loop_transfer.responses(planes.yaw, yaw_lag),
+        pitch=loop_transfer.responses(planes.pitch, pitch_lag),
     )
 
 
@@ -236,11 +246,11 @@ def predict_response(vehicle: DesignModel, gains: Gains) -> Response:
     heading, rudder = heading_rms(vehicle, gains)
     pitch, depth, elevator = depth_rms(vehicle, gains)
     return Response(
-        math.degrees(heading),
-        math.degrees(pitch),
-        depth,
-        math.degrees(rudder),
-        math.degrees(elevator),
+        heading_deg=math.degrees(heading),
+        pitch_deg=math.degrees(pitch),
+        depth_m=depth,
+        rudder_deg=math.degrees(rudder),
+        elevator_deg=math.degrees(elevator),
     )
 
 

@@ -20,7 +20,9 @@ RELAXED = Bounds(damping=0.5, gm_db=5.0, pm_deg=40.0, ms=UNLIMITED)
 
 def min_bounds(spec: Spec) -> Bounds:
     """Return the bounds for every sampled vehicle; those of the nominal model are stricter."""
-    return Bounds(spec.damping, spec.least_gm_db, spec.least_pm_deg, UNLIMITED)
+    return Bounds(
+        damping=spec.damping, gm_db=spec.least_gm_db, pm_deg=spec.least_pm_deg, ms=UNLIMITED
+    )
 
 
 def robustness(
@@ -59,7 +61,12 @@ def summarise(
         if max(vehicle.values()) > CONSTRAINT_TOLERANCE
     )
     worst = worst_counts.most_common(1)[0][0] if worst_counts else ""
-    return DesignRobustness(_fraction(specified), _fraction(relaxed), worst, len(specified))
+    return DesignRobustness(
+        specification=_fraction(specified),
+        relaxed=_fraction(relaxed),
+        worst=worst,
+        vehicles=len(specified),
+    )
 
 
 def fraction_satisfying(

@@ -49,13 +49,35 @@ def candidates(
     low, high = (round(share * crossover_radps / (2.0 * math.pi), 3) for share in BAND)
     clocks = [round(share * crossover_radps, 3) for share in CLOCKS]
     pulses = sorted({max(3, round(7.0 * pulse / crossover_radps)) for pulse in PULSES})
-    shapes = [Manoeuvre(plane, "step", nominal_deg, seconds) for seconds in STEPS_S]
-    shapes += [Manoeuvre(plane, "3211", nominal_deg, seconds) for seconds in pulses]
+    shapes = [
+        Manoeuvre(plane=plane, wave="step", size_deg=nominal_deg, duration_s=seconds)
+        for seconds in STEPS_S
+    ]
     shapes += [
-        Manoeuvre(plane, "multisine", nominal_deg, seconds, low, high) for seconds in lengths.free_s
+        Manoeuvre(plane=plane, wave="3211", size_deg=nominal_deg, duration_s=seconds)
+        for seconds in pulses
+    ]
+    shapes += [
+        Manoeuvre(
+            plane=plane,
+            wave="multisine",
+            size_deg=nominal_deg,
+            duration_s=seconds,
+            start_hz=low,
+            stop_hz=high,
+        )
+        for seconds in lengths.free_s
     ]
     for seconds in lengths.held_s:
-        closed_loop = Manoeuvre(plane, "multisine", nominal_deg, seconds, low, high, loop_on=True)
+        closed_loop = Manoeuvre(
+            plane=plane,
+            wave="multisine",
+            size_deg=nominal_deg,
+            duration_s=seconds,
+            start_hz=low,
+            stop_hz=high,
+            loop_on=True,
+        )
         shapes += [closed_loop, closed_loop._replace(wave="chirp")]
         shapes += [
             closed_loop._replace(wave="prbs", start_hz=0.0, stop_hz=clock, seed=3)
@@ -66,9 +88,15 @@ def candidates(
 
 def square_waves(plane: Plane, nominal_deg: float, lengths: Lengths) -> list[Manoeuvre]:
     """Return plane, loop and length of the square waves to design."""
-    open_loop = [Manoeuvre(plane, "square", nominal_deg, seconds) for seconds in lengths.square_s]
+    open_loop = [
+        Manoeuvre(plane=plane, wave="square", size_deg=nominal_deg, duration_s=seconds)
+        for seconds in lengths.square_s
+    ]
     return open_loop + [
-        Manoeuvre(plane, "square", nominal_deg, seconds, loop_on=True) for seconds in lengths.held_s
+        Manoeuvre(
+            plane=plane, wave="square", size_deg=nominal_deg, duration_s=seconds, loop_on=True
+        )
+        for seconds in lengths.held_s
     ]
 
 
@@ -83,11 +111,23 @@ def dual_axis_tests(
     high = round(BAND[1] * max(crossovers_radps) / (2.0 * math.pi), 3)
     rudder_deg, elevator_deg = nominal_deg
     shape = Manoeuvre(
-        "yaw", "multisine", rudder_deg, 0, low, high, loop_on=True, elevator_deg=elevator_deg
+        plane="yaw",
+        wave="multisine",
+        size_deg=rudder_deg,
+        duration_s=0,
+        start_hz=low,
+        stop_hz=high,
+        loop_on=True,
+        elevator_deg=elevator_deg,
     )
     return [shape._replace(duration_s=seconds) for seconds in lengths.both_s]
 
 
 def held_out_test(plane: Plane, crossover_radps: float, nominal_deg: float) -> Manoeuvre:
     """Return the validation test of one plane at nominal size."""
-    return Manoeuvre(plane, HELD_OUT, nominal_deg, max(6, round(8.0 / crossover_radps)))
+    return Manoeuvre(
+        plane=plane,
+        wave=HELD_OUT,
+        size_deg=nominal_deg,
+        duration_s=max(6, round(8.0 / crossover_radps)),
+    )

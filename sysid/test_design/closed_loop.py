@@ -81,7 +81,15 @@ def of_vehicle(vehicle: CandidateVehicle, plane: Plane, gains: Gains, level: Noi
     spread[:m] = np.sqrt(np.diag(P0))
     feedback, integral = _feedback_rows(plane, linear.A, gains, m + 2)
     late = round((actuator.delay_s + SAMPLING_S) / DT)
-    return Loop(transition, held_input, feedback, integral, late, noise.root(process), spread)
+    return Loop(
+        transition=transition,
+        drive=held_input,
+        feedback=feedback,
+        integral=integral,
+        late=late,
+        kick=noise.root(process),
+        spread=spread,
+    )
 
 
 def _feedback_rows(plane: Plane, A: Array, gains: Gains, size: int) -> tuple[Array, Array]:

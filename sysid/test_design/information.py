@@ -171,7 +171,13 @@ def numbers(slope: Slopes, covariance: Array) -> DesignUncertainty:
     gain_pct, b1_pct, fast_pct, slow_pct = (100.0 * float(part) for part in sd[:4])
     gain_db = 20.0 * float(gain) / math.log(10.0)
     return DesignUncertainty(
-        gain_pct, b1_pct, fast_pct, slow_pct, float(sd[4]), gain_db, math.degrees(phase)
+        static_gain_pct=gain_pct,
+        b1_pct=b1_pct,
+        p_fast_pct=fast_pct,
+        p_slow_pct=slow_pct,
+        delay_s=float(sd[4]),
+        crossover_db=gain_db,
+        crossover_deg=math.degrees(phase),
     )
 
 

@@ -28,5 +28,7 @@ def steps(scale: dict[Plane, float], water_s: float) -> list[Manoeuvre]:
         if used_s > water_s:
             return manoeuvres
         size_deg = scale[plane] * sizes[number // 2 % len(sizes)]
-        manoeuvres.append(Manoeuvre(plane, "step", size_deg, seconds))
+        manoeuvres.append(
+            Manoeuvre(plane=plane, wave="step", size_deg=size_deg, duration_s=seconds)
+        )
         number += 1

@@ -297,11 +297,11 @@ def _combine_axes(
         for half in manoeuvre.halves
     ]
     return SizedTest(
-        manoeuvre,
-        rudder.excursion,
-        information_matrices[0] + information_matrices[1],
-        rudder.water_s,
-        elevator.excursion,
+        manoeuvre=manoeuvre,
+        excursion=rudder.excursion,
+        told=information_matrices[0] + information_matrices[1],
+        water_s=rudder.water_s,
+        elevator=elevator.excursion,
     )
 
 
@@ -333,7 +333,10 @@ def _size_all(
     )
     return [
         SizedTest(
-            manoeuvre, excursion, matrix, manoeuvre.duration_s + recovery_s(manoeuvre, request)
+            manoeuvre=manoeuvre,
+            excursion=excursion,
+            told=matrix,
+            water_s=manoeuvre.duration_s + recovery_s(manoeuvre, request),
         )
         for (manoeuvre, excursion), matrix in zip(accepted, matrices, strict=True)
     ]
@@ -437,4 +440,6 @@ def _planned_test(
     whole = selection.total(selected, prior_information)
     with_all, without = _numbers(slopes, whole), _numbers(slopes, whole - test.told)
     share = {p: without[p].crossover_deg / with_all[p].crossover_deg - 1.0 for p in PLANES}
-    return Planned(test.manoeuvre, test.excursion, share, test.elevator)
+    return Planned(
+        manoeuvre=test.manoeuvre, excursion=test.excursion, share=share, elevator=test.elevator
+    )

@@ -82,7 +82,12 @@ def from_file(config: VehicleConfig, name: str = "caribou_nominal") -> DesignPri
     biases: dict[Plane, float] = {"yaw": 0.0, "pitch": 0.0}
     disturbance: dict[Plane, Noise] = {"yaw": Noise(), "pitch": Noise()}
     return DesignPrior(
-        name, config, biases, np.zeros(len(NAMES)), parameters.prior_covariance(), disturbance
+        name=name,
+        config=config,
+        biases_rad=biases,
+        mean=np.zeros(len(NAMES)),
+        covariance=parameters.prior_covariance(),
+        noise=disturbance,
     )
 
 
@@ -98,13 +103,13 @@ def from_model(
         plane: noise.from_model(model_noise) for plane, model_noise in model.noise.items()
     }
     return DesignPrior(
-        name,
-        config,
-        biases,
-        np.array(model.joint.z),
-        np.array(model.joint.covariance),
-        disturbance,
-        True,
+        name=name,
+        config=config,
+        biases_rad=biases,
+        mean=np.array(model.joint.z),
+        covariance=np.array(model.joint.covariance),
+        noise=disturbance,
+        trims_known=True,
     )
 
 
@@ -125,10 +130,13 @@ def level_flight(vehicle: CandidateVehicle, plane: Plane) -> LevelFlight:
     speed_mps = fit.cruise_speed_mps(vehicle, thrust)
     bias_rad = vehicle.actuators[plane].bias_rad
     if plane == "yaw":
-        return LevelFlight(-bias_rad, thrust, speed_mps, 0.0)
+        return LevelFlight(trim_rad=-bias_rad, thrust=thrust, speed_mps=speed_mps, pitch_rad=0.0)
     level_rad = fit.level_elevator_rad(vehicle.config, vehicle.model)
     return LevelFlight(
-        level_rad - bias_rad, thrust, speed_mps, fit.level_pitch_rad(vehicle.config, vehicle.model)
+        trim_rad=level_rad - bias_rad,
+        thrust=thrust,
+        speed_mps=speed_mps,
+        pitch_rad=fit.level_pitch_rad(vehicle.config, vehicle.model),
     )
 
 

@@ -57,7 +57,12 @@ class ExcursionLimits(NamedTuple):
 
 
 HOLDING_LIMITS = ExcursionLimits(
-    math.radians(20.0), math.radians(4.0), math.radians(12.0), math.radians(3.0), 1.0, 1.0
+    heading_rad=math.radians(20.0),
+    yaw_rate_radps=math.radians(4.0),
+    pitch_rad=math.radians(12.0),
+    pitch_rate_radps=math.radians(3.0),
+    up_m=1.0,
+    down_m=1.0,
 )
 """Limits within which a vehicle counts as held straight and level."""
 MAX_DRAWS_PER_SAMPLE = 10
@@ -143,12 +148,12 @@ def sample_vehicles(
             trim = design_priors.level_flight(vehicle, plane)
             samples.append(
                 VehicleSample(
-                    vehicle,
-                    trim._replace(trim_rad=trim.trim_rad + trim_rad),
-                    loop,
-                    free_motion,
-                    held_motion,
-                    command_2sd_rad,
+                    vehicle=vehicle,
+                    still=trim._replace(trim_rad=trim.trim_rad + trim_rad),
+                    loop=loop,
+                    free=free_motion,
+                    held=held_motion,
+                    busy_rad=command_2sd_rad,
                 )
             )
         if len(samples) == count:
@@ -213,7 +218,12 @@ def excursion(
     tracks = [own + rest for own, rest in test_responses]
     peaks = np.quantile([np.max(np.abs(track), axis=0) for track in tracks], 0.99, axis=0)
     rate, angle = np.degrees(peaks[:2])
-    return Excursion(float(angle), float(rate), float(peaks[2]), _risk(plane, tracks, limits))
+    return Excursion(
+        angle_deg=float(angle),
+        rate_degps=float(rate),
+        depth_m=float(peaks[2]),
+        probability=_risk(plane, tracks, limits),
+    )
 
 
 def responses(manoeuvre: Manoeuvre, samples: Sequence[VehicleSample]) -> list[TestResponse]:
@@ -238,7 +248,12 @@ def _closed_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestRe
 def _open_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestResponse:
     """Return the nonlinear response with the loop off."""
     run = as_run(manoeuvre, sample.still, signal_rad(manoeuvre)).since(0.0)
-    start = greybox.InitialMotion(0.0, sample.still.pitch_rad, sample.still.depth_m, 0.0)
+    start = greybox.InitialMotion(
+        rate_radps=0.0,
+        angle_rad=sample.still.pitch_rad,
+        depth_m=sample.still.depth_m,
+        depth_rate_mps=0.0,
+    )
     actuator = sample.vehicle.actuators[manoeuvre.plane]
     simulated = greybox.simulate(
         sample.vehicle.model, actuator, run, start, fit.STRIDE, sample.still.speed_mps

@@ -62,10 +62,10 @@ def compare_with_table_3(
         ours = points[loop].gains[name]
         ratio = ours / paper[name]
         comparisons[name] = GainComparison(
-            ours,
-            paper[name],
-            ratio,
-            _explain_difference(name, ratio, vehicle, points[loop], paper),
+            ours=ours,
+            paper=paper[name],
+            ratio=ratio,
+            why=_explain_difference(name, ratio, vehicle, points[loop], paper),
         )
     return comparisons
 

@@ -54,13 +54,16 @@ def _design_model(vehicle: CandidateVehicle) -> DesignModel:
     linear = linearise(vehicle.model, vehicle.config.operating_point.speed_mps)
     flu_to_frd = np.diag([-1.0, -1.0, -1.0, 1.0])
     yaw = LinearPlane(
-        linear.yaw.A, -linear.yaw.B[:, 0], ("v", "r", "psi"), np.array([0.0, 1.0, 0.0])
+        A=linear.yaw.A,
+        B=-linear.yaw.B[:, 0],
+        states=("v", "r", "psi"),
+        moment=np.array([0.0, 1.0, 0.0]),
     )
     pitch = LinearPlane(
-        flu_to_frd @ linear.pitch.A @ flu_to_frd,
-        flu_to_frd @ linear.pitch.B[:, 0],
-        ("w", "q", "theta", "depth"),
-        np.array([0.0, 1.0, 0.0, 0.0]),
+        A=flu_to_frd @ linear.pitch.A @ flu_to_frd,
+        B=flu_to_frd @ linear.pitch.B[:, 0],
+        states=("w", "q", "theta", "depth"),
+        moment=np.array([0.0, 1.0, 0.0, 0.0]),
     )
     lags = {plane: lag_with_sampling(tail) for plane, tail in vehicle.actuators.items()}
     return build(
@@ -121,4 +124,6 @@ def loop_robustness(
     achieved = [loop_margins(shape, gains, vehicle) for vehicle in vehicles]
     damping, gm_db, pm_deg = np.quantile(np.array(achieved), LOW_QUANTILE, axis=0).tolist()
     stable = float(np.mean([loop.damping > 0.0 for loop in achieved]))
-    return LoopRobustness(damping, gm_db, pm_deg, stable, len(achieved))
+    return LoopRobustness(
+        damping=damping, gm_db=gm_db, pm_deg=pm_deg, stable=stable, vehicles=len(achieved)
+    )

@@ -125,10 +125,10 @@ def _tune(
 ) -> _TunedController:
     """Increase the nominal damping until enough sampled vehicles meet the limits."""
     task = Task(
-        loop_analysis.measured_plane(vehicle, plane),
-        noise.from_model(vehicle.sea[plane]),
-        reference,
-        spec,
+        seen=loop_analysis.measured_plane(vehicle, plane),
+        sea=noise.from_model(vehicle.sea[plane]),
+        reference=reference,
+        spec=spec,
     )
     measured_planes, bounds = (
         [loop_analysis.measured_plane(sample, plane) for sample in vehicles],
@@ -218,7 +218,12 @@ def autopilot_controllers(design: LqgDesign) -> LqgControllers:
         tick_controllers(design.heading, design.planes.yaw),
         tick_controllers(design.depth, design.planes.pitch),
     )
-    return LqgControllers(design.speed_mps, heading, depth, synthesis.pitch_per_metre(design.depth))
+    return LqgControllers(
+        speed_mps=design.speed_mps,
+        heading=heading,
+        depth=depth,
+        pitch_per_metre=synthesis.pitch_per_metre(design.depth),
+    )
 
 
 def tick_controllers(

@@ -50,7 +50,7 @@ def discretise(controller: DiscreteController, dt_s: float) -> SampledController
     block = np.zeros((n + m, n + m))
     block[:n, :n], block[:n, n], block[:n, n + 1 :] = controller.A, controller.B, controller.L
     step = expm(block * dt_s)
-    return SampledController(step[:n, :n], step[:n, n], step[:n, n + 1 :], controller.F)
+    return SampledController(A=step[:n, :n], B=step[:n, n], L=step[:n, n + 1 :], F=controller.F)
 
 
 def response(controller: DiscreteController, frequencies_radps: Array) -> ComplexArray:

@@ -61,12 +61,12 @@ def measured_plane(vehicle: DesignModel, plane: Plane) -> MeasuredPlane:
     disturbance, measured = vehicle.sea[plane], outputs(linear).T
     noise = math.radians(disturbance.rate_noise_degps) * math.sqrt(NOISE_STEP_S)
     return MeasuredPlane(
-        linear,
-        lag,
-        spectrum(disturbance),
-        noise,
-        responses.command @ measured,
-        responses.moment @ measured,
+        plane=linear,
+        lag=lag,
+        density=spectrum(disturbance),
+        noise_radps=noise,
+        command=responses.command @ measured,
+        moment=responses.moment @ measured,
     )
 
 

@@ -103,7 +103,7 @@ def controller(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> Di
     """
     model = build_model(plane, lag, sea, weights)
     L = filter_gains(model)
-    return DiscreteController(model.A - L @ model.C, model.B, L, feedback(model, weights))
+    return DiscreteController(A=model.A - L @ model.C, B=model.B, L=L, F=feedback(model, weights))
 
 
 def build_model(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> AugmentedModel:
@@ -140,7 +140,9 @@ def build_model(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> A
     sds = [weights.gyro * sea.rate_radps, sea.angle_rad, depth_m, depth_m / DEPTH_RATE_S][
         : len(C_plane)
     ]
-    return AugmentedModel(A, B, C, process, np.diag(sds) ** 2 * NOISE_STEP_S, load)
+    return AugmentedModel(
+        A=A, B=B, C=C, process=process, measurement=np.diag(sds) ** 2 * NOISE_STEP_S, load=load
+    )
 
 
 def count_loads(plane: LinearPlane) -> int:

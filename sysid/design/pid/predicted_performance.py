@@ -102,7 +102,13 @@ def performance_baseline(
         pitch_swing_radps=resonances_radps[1],
         specification=spec._asdict(),
         predicted={name: _predict_statistic(quantity) for name, quantity in quantities.items()},
-        kept=sure and Robustness(sure.specification, sure.relaxed, sure.vehicles, SEED),
+        kept=sure
+        and Robustness(
+            specification=sure.specification,
+            relaxed=sure.relaxed,
+            vehicles=sure.vehicles,
+            seed=SEED,
+        ),
     )
 
 

@@ -61,7 +61,7 @@ def test_obstacle_sea_that_hides_the_tests_is_told_by_coherence() -> None:
     found = obstacle("docs/my_vehicle.toml", DISTURBED, "rudder_sweeps")
     assert found is not None
     assert found.where == "rudder tests"
-    assert "the sea hides them: coherence about crossover" in found.reason
+    assert "the disturbance masks them: coherence about crossover" in found.reason
     assert obstacle("docs/my_vehicle.toml", CALM, "rudder_sweeps") is None
 
 
