@@ -30,7 +30,7 @@ class CostAndConstraints(NamedTuple):
 
     objective: float
     """Normalised cost, of the order of one; smaller is better."""
-    misses: ConstraintViolation
+    violations: ConstraintViolation
     """Relative violation by constraint; positive is a violation."""
 
 
@@ -39,7 +39,7 @@ class ConstrainedProblem(NamedTuple):
 
     fixed: Mapping[str, float]
     starts: Sequence[Mapping[str, float]]
-    judge: Callable[[Mapping[str, float]], CostAndConstraints]
+    evaluate: Callable[[Mapping[str, float]], CostAndConstraints]
 
 
 def solve(search: ConstrainedProblem) -> dict[str, float]:
@@ -63,12 +63,13 @@ def solve(search: ConstrainedProblem) -> dict[str, float]:
     ends = []
     for start in search.starts:
         ends.append(_restart_until_converged(start, search))
-        if _max_violation(ends[-1].judged.misses) <= CONSTRAINT_TOLERANCE:
+        if _max_violation(ends[-1].evaluated.violations) <= CONSTRAINT_TOLERANCE:
             return ends[-1].gains
-    nearest = min((end.judged.misses for end in ends), key=_max_violation)
-    worst, miss = max(nearest.items(), key=lambda item: item[1])
+    nearest = min((end.evaluated.violations for end in ends), key=_max_violation)
+    worst, violation = max(nearest.items(), key=lambda item: item[1])
     raise DesignInfeasibleError(
-        f"no gains meet the specification: the best ones violate the {worst} by {100 * miss:.1f} %"
+        f"no gains meet the specification: the best ones violate the {worst} by"
+        f" {100 * violation:.1f} %"
     )
 
 
@@ -76,7 +77,7 @@ class _End(NamedTuple):
     """Result of one search."""
 
     gains: dict[str, float]
-    judged: CostAndConstraints
+    evaluated: CostAndConstraints
 
 
 def _restart_until_converged(start: Mapping[str, float], search: ConstrainedProblem) -> _End:
@@ -85,10 +86,10 @@ def _restart_until_converged(start: Mapping[str, float], search: ConstrainedProb
     for _ in range(RESTARTS):
         restarted = _minimise_from(end.gains, search)
         improved = (
-            _max_violation(end.judged.misses) > CONSTRAINT_TOLERANCE
-            or restarted.judged.objective < (1.0 - MIN_IMPROVEMENT) * end.judged.objective
+            _max_violation(end.evaluated.violations) > CONSTRAINT_TOLERANCE
+            or restarted.evaluated.objective < (1.0 - MIN_IMPROVEMENT) * end.evaluated.objective
         )
-        if _max_violation(restarted.judged.misses) > CONSTRAINT_TOLERANCE or not improved:
+        if _max_violation(restarted.evaluated.violations) > CONSTRAINT_TOLERANCE or not improved:
             break
         end = restarted
     return end
@@ -103,16 +104,19 @@ def _minimise_from(start: Mapping[str, float], search: ConstrainedProblem) -> _E
     names, cache = tuple(start), dict[bytes, CostAndConstraints]()
 
     def gains_at(logs: Array) -> dict[str, float]:
+        """Return the gains of their logarithms."""
         return dict(zip(names, np.exp(np.clip(logs, -12.0, 6.0)).tolist(), strict=True))
 
     def evaluate(logs: Array) -> CostAndConstraints:
+        """Return cost and violations, from the cache where possible."""
         key = logs.tobytes()
         if key not in cache:
-            cache[key] = search.judge({**search.fixed, **gains_at(logs)})
+            cache[key] = search.evaluate({**search.fixed, **gains_at(logs)})
         return cache[key]
 
     def constrained(logs: Array) -> Array:
-        violations = np.array(list(evaluate(logs).misses.values()))
+        """Return finite violations."""
+        violations = np.array(list(evaluate(logs).violations.values()))
         return np.asarray(
             np.nan_to_num(np.clip(violations, -1.0, MAX_VIOLATION), nan=MAX_VIOLATION)
         )
@@ -127,6 +131,6 @@ def _minimise_from(start: Mapping[str, float], search: ConstrainedProblem) -> _E
     return _End(gains_at(optimum.x), evaluate(np.asarray(optimum.x)))
 
 
-def _max_violation(misses: ConstraintViolation) -> float:
+def _max_violation(violations: ConstraintViolation) -> float:
     """Return the largest relative violation."""
-    return max(misses.values())
+    return max(violations.values())

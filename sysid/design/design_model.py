@@ -53,13 +53,13 @@ class DesignModel(NamedTuple):
     planes: Planes
     yaw_lag: Lag
     pitch_lag: Lag
-    sea: Mapping[Plane, NoiseModel]
+    disturbance: Mapping[Plane, NoiseModel]
     yaw: Responses
     pitch: Responses
 
 
 def build(
-    planes: Planes, yaw_lag: Lag, pitch_lag: Lag, sea: Mapping[Plane, NoiseModel]
+    planes: Planes, yaw_lag: Lag, pitch_lag: Lag, disturbance: Mapping[Plane, NoiseModel]
 ) -> DesignModel:
     """Return the design model of two planes.
 
@@ -69,7 +69,7 @@ def build(
         Linear yaw and pitch plane, FRD axes.
     yaw_lag, pitch_lag : Lag
         Tailcone of each plane, with the delay of sampling.
-    sea : Mapping
+    disturbance : Mapping
         Disturbance model of each plane.
 
     Returns
@@ -81,7 +81,7 @@ def build(
         planes=planes,
         yaw_lag=yaw_lag,
         pitch_lag=pitch_lag,
-        sea=sea,
+        disturbance=disturbance,
         yaw=loop_transfer.responses(planes.yaw, yaw_lag),
         pitch=loop_transfer.responses(planes.pitch, pitch_lag),
     )
@@ -117,16 +117,19 @@ def scale_starts(
 
 def from_model(model: IdentifiedModel) -> DesignModel:
     """Return the design model of an identified model."""
-    coefficients = Table1Column(**{name: c.value for name, c in model.coefficients.items()})
+    coefficients = Table1Column(
+        **{name: coefficient.value for name, coefficient in model.coefficients.items()}
+    )
     planes = Planes(
         yaw_plane(coefficients, model.speed_mps, model.vehicle.mass_kg),
         pitch_plane(coefficients, model.speed_mps, model.vehicle.mass_kg),
     )
 
     def lag(plane: Plane) -> Lag:
-        delay = model.planes[plane].delay_s.value + loop_transfer.SAMPLING_S
+        """Return the identified tailcone of a plane."""
+        delay_s = model.planes[plane].delay_s.value + loop_transfer.SAMPLING_S
         return Lag(
-            delay, model.vehicle.natural_frequency_radps.value, model.vehicle.damping_ratio.value
+            delay_s, model.vehicle.natural_frequency_radps.value, model.vehicle.damping_ratio.value
         )
 
     return build(planes, lag("yaw"), lag("pitch"), _disturbance_of(model))
@@ -161,14 +164,14 @@ def sample_models(
         yield from_vehicle(sample.vehicle, _disturbance_of(model))
 
 
-def from_vehicle(vehicle: CandidateVehicle, sea: Mapping[Plane, NoiseModel]) -> DesignModel:
+def from_vehicle(vehicle: CandidateVehicle, disturbance: Mapping[Plane, NoiseModel]) -> DesignModel:
     """Return the design model of a fully known vehicle."""
     planes = Planes(linear_plane(vehicle, "yaw"), linear_plane(vehicle, "pitch"))
     return build(
         planes,
         lag_with_sampling(vehicle.actuators["yaw"]),
         lag_with_sampling(vehicle.actuators["pitch"]),
-        sea,
+        disturbance,
     )
 
 
@@ -189,12 +192,12 @@ def analyse_loops(vehicle: DesignModel, gains: Gains) -> Analysis:
     return analyse(vehicle.planes, gains, vehicle.yaw_lag, vehicle.pitch_lag)
 
 
-def spectrum(sea: NoiseModel) -> Array:
+def spectrum(disturbance: NoiseModel) -> Array:
     """Return the two-sided power spectral density of the disturbing angular acceleration.
 
     Parameters
     ----------
-    sea : NoiseModel
+    disturbance : NoiseModel
         Identified disturbance of one plane.
 
     Returns
@@ -210,17 +213,21 @@ def spectrum(sea: NoiseModel) -> Array:
         S(w) = 2 s^2 tau / (1 + (w tau)^2)
              + 4 zeta w0^3 a^2 / ((w0^2 - w^2)^2 + (2 zeta w0 w)^2)
     """
-    w, wave_radps = GRID_RADPS, 2.0 * math.pi * sea.wave_frequency_hz
+    w, wave_radps = GRID_RADPS, 2.0 * math.pi * disturbance.wave_frequency_hz
     slow = (
         2.0
-        * math.radians(sea.slow_accel_degps2) ** 2
-        * sea.slow_time_s
-        / (1.0 + (w * sea.slow_time_s) ** 2)
+        * math.radians(disturbance.slow_accel_degps2) ** 2
+        * disturbance.slow_time_s
+        / (1.0 + (w * disturbance.slow_time_s) ** 2)
     )
-    band = (wave_radps**2 - w**2) ** 2 + (2.0 * sea.wave_damping * wave_radps * w) ** 2
+    band = (wave_radps**2 - w**2) ** 2 + (2.0 * disturbance.wave_damping * wave_radps * w) ** 2
     return np.asarray(
         slow
-        + 4.0 * sea.wave_damping * wave_radps**3 * math.radians(sea.wave_accel_degps2) ** 2 / band
+        + 4.0
+        * disturbance.wave_damping
+        * wave_radps**3
+        * math.radians(disturbance.wave_accel_degps2) ** 2
+        / band
     )
 
 
@@ -256,7 +263,7 @@ def predict_response(vehicle: DesignModel, gains: Gains) -> Response:
 
 def heading_rms(vehicle: DesignModel, gains: Gains) -> tuple[float, float]:
     """Return the rms of heading and commanded rudder (rad)."""
-    density = spectrum(vehicle.sea["yaw"])
+    density = spectrum(vehicle.disturbance["yaw"])
     heading, rudder = heading_responses(vehicle, gains)
     return _rms(heading, density), _rms(rudder, density)
 
@@ -278,7 +285,7 @@ def heading_responses(vehicle: DesignModel, gains: Gains) -> tuple[ComplexArray,
 
 def depth_rms(vehicle: DesignModel, gains: Gains) -> tuple[float, float, float]:
     """Return the rms of pitch (rad), depth (m) and commanded elevator (rad)."""
-    density = spectrum(vehicle.sea["pitch"])
+    density = spectrum(vehicle.disturbance["pitch"])
     pitch, depth, elevator = depth_responses(vehicle, gains)
     return _rms(pitch, density), _rms(depth, density), _rms(elevator, density)
 
@@ -329,7 +336,7 @@ def command_noise_rad(vehicle: DesignModel, plane: Plane, gains: Gains) -> float
     sigma^2 = (n^2 / pi) integral of |K F / (1 + L)|^2 dw with the gyro's density n^2, the rate
     gain K and the actuator lead F. Above the grid, up to half the sample rate, L is taken as zero.
     """
-    density = math.radians(vehicle.sea[plane].rate_noise_degps) ** 2 * NOISE_STEP_S
+    density = math.radians(vehicle.disturbance[plane].rate_noise_degps) ** 2 * NOISE_STEP_S
     loop, gain = loop_at_surface(vehicle, plane, gains)
     shaped = gain * loop_transfer.lead_response(gains)
     on_grid = float(np.trapezoid(np.abs(shaped / (1.0 + loop)) ** 2, GRID_RADPS))

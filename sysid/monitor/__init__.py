@@ -28,7 +28,7 @@ class MonitorReport(NamedTuple):
     """Number of evaluated blocks of steady flight."""
     steady_s: float
     errors: dict[str, tuple[float, float]]
-    """By quantity, the measured rms about the predicted mean and the predicted rms."""
+    """Measured rms about the predicted mean, and predicted rms, by quantity."""
     causes: tuple[Cause, ...]
     """Likely causes of a deviation; empty while performance is as predicted."""
     found_s: float | None
@@ -67,7 +67,7 @@ class Monitor:
         """Discard the block in progress after the vehicle clock restarted; results are kept."""
         self._cutter, self._until_s = BlockCutter(self._baseline), None
 
-    def kept(self) -> MonitorReport:
+    def report(self) -> MonitorReport:
         """Return the result up to now."""
         return MonitorReport(
             blocks=len(self._blocks),
@@ -104,4 +104,4 @@ def monitor_log(log: Log, baseline: PerformanceBaseline) -> MonitorReport:
     """
     monitor = Monitor(baseline)
     monitor.take(log, float(log.attitude.time_s[-1]))
-    return monitor.kept()
+    return monitor.report()

@@ -59,6 +59,7 @@ def _causes_from_means(
     """Yield causes of shifted means."""
 
     def describe(name: str) -> str:
+        """Return measured and identified mean as text."""
         mean = baseline.predicted[name].mean
         return f"{mean + shifts[name]:+.1f} deg on average, {mean:+.1f} identified"
 

@@ -19,7 +19,7 @@ from sysid.monitor.performance_spec import AVERAGED_S, PerformanceBaseline, Pred
 
 FALSE_ALARM_H = 100.0
 """Minimum expected time between false alarms (hours of steady flight)."""
-ChangeKind = Literal["more", "less", "louder"]
+ChangeKind = Literal["higher", "lower", "variance"]
 """Positive or negative shift of the mean, or increase of the variance."""
 MIN_SHIFT = {
     "heading_deg": 0.5,
@@ -63,8 +63,8 @@ def initial_sums(baseline: PerformanceBaseline) -> Sums:
     sums: dict[tuple[str, ChangeKind], Sum] = {}
     for name in baseline.predicted:
         if name in MIN_SHIFT:
-            sums |= {(name, "more"): Sum(), (name, "less"): Sum()}
-        sums[name, "louder"] = Sum()
+            sums |= {(name, "higher"): Sum(), (name, "lower"): Sum()}
+        sums[name, "variance"] = Sum()
     return sums
 
 
@@ -94,7 +94,7 @@ def shifted_means(sums: Sums) -> dict[str, float]:
     return {
         name: test.mean
         for (name, kind), test in sums.items()
-        if kind != "louder" and test.value > max(HINT, sums[name, "louder"].value)
+        if kind != "variance" and test.value > max(HINT, sums[name, "variance"].value)
     }
 
 
@@ -103,7 +103,7 @@ def increased_rms(sums: Sums, hint: float = HINT) -> dict[str, float]:
     return {
         name: math.sqrt(test.mean)
         for (name, kind), test in sums.items()
-        if kind == "louder" and test.value > hint
+        if kind == "variance" and test.value > hint
     }
 
 
@@ -115,6 +115,7 @@ def errors(
         return {}
 
     def measured(name: str, mean: float) -> float:
+        """Return the rms about `mean` over all blocks."""
         squares = [block.variances[name] + (block.means[name] - mean) ** 2 for block in blocks]
         return math.sqrt(sum(squares) / len(squares))
 
@@ -128,13 +129,13 @@ def _update_sum(
     name: str, kind: ChangeKind, expected: PredictedStatistic, before: Sum, block: Block
 ) -> Sum:
     """Return one test updated with one block."""
-    if kind == "louder":
+    if kind == "variance":
         statistic = block.variances[name] / (expected.rms**2 - expected.average_sd**2)
         gain = _variance_log_likelihood_ratio(statistic, AVERAGED_S / expected.memory_s)
     else:
         statistic = block.means[name] - expected.mean
         gain = _mean_log_likelihood_ratio(
-            statistic if kind == "more" else -statistic, name, expected
+            statistic if kind == "higher" else -statistic, name, expected
         )
     value = max(0.0, before.value + gain)
     return Sum(value, before.blocks + 1, before.total + statistic) if value > 0.0 else Sum()

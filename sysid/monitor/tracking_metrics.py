@@ -65,6 +65,8 @@ class TrackingMetrics(NamedTuple):
 
 
 class _Errors(NamedTuple):
+    """Errors at the samples of a window."""
+
     heading_deg: Array
     pitch_deg: Array
     depth_m: Array

@@ -26,11 +26,10 @@ from sysid.data.segments import Plane, Run
 from sysid.models import prediction
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle
-from sysid.monte_carlo import samples as crew
-from sysid.monte_carlo import simulate as dive
+from sysid.monte_carlo import samples, simulate
 from sysid.monte_carlo.disturbance import ACTS_ON
 from sysid.monte_carlo.simulate import MissionRejectedError, Sea, SimulatedDive
-from sysid.test_design import prior as beliefs
+from sysid.test_design import prior as design_priors
 from sysid.test_design.simulate import SURFACE
 from sysid.validation import crossover, frequency_response
 from sysid.validation.acceptance import COHERENCE
@@ -106,9 +105,9 @@ def find_obstacle(
     missions: items by the mission's name, in the order of flying.
     seed: seed of disturbance and sensor noise.
     """
-    design_prior = beliefs.from_file(prior)
+    design_prior = design_priors.from_file(prior)
     vehicle = design_prior.vehicle(design_prior.mean)
-    config = params.config({**gains, **crew.trims_deg(vehicle)})
+    config = params.config({**gains, **samples.trims_deg(vehicle)})
     trial = _Trial(vehicle, noise_levels(vehicle, moments), config)
     dives: dict[str, SimulatedDive] = {}
     for name, items in missions.items():
@@ -126,9 +125,9 @@ def find_obstacle(
     return _hidden_tests(trial, gains, missions, dives, seed)
 
 
-def _simulate(trial: _Trial, items: Items, sea: Sea, seed: int) -> SimulatedDive:
+def _simulate(trial: _Trial, items: Items, condition: Sea, seed: int) -> SimulatedDive:
     """Simulate one mission."""
-    return dive.fly(trial.vehicle, trial.levels, items, trial.config, sea, (seed,))
+    return simulate.fly(trial.vehicle, trial.levels, items, trial.config, condition, (seed,))
 
 
 def _describe_disturbance(trial: _Trial) -> str:
@@ -177,11 +176,11 @@ def _uncertain_vehicle(vehicle: CandidateVehicle) -> UncertainVehicle:
     return UncertainVehicle(lambda z: vehicle, np.zeros(0), None)
 
 
-def _sweeps(dive: SimulatedDive) -> list[Run]:
+def _sweeps(simulate: SimulatedDive) -> list[Run]:
     """Return the broadband tests of a dive."""
     return [
         run
-        for run in segments.cut_runs(dive.log)
+        for run in segments.cut_runs(simulate.log)
         if run.wave not in frequency_response.NARROWBAND_WAVES
     ]
 

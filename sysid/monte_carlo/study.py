@@ -93,7 +93,7 @@ class SimulationSummary(NamedTuple):
 class _Trial(NamedTuple):
     """One dive of the study."""
 
-    belief: DesignPrior
+    posterior: DesignPrior
     items: tuple[MissionItem, ...]
     config: Config
     sea: Sea
@@ -136,7 +136,7 @@ def simulate_samples(
     configs = {name: _config(name, {**trims, **values}) for name, values in request.gains.items()}
     jobs = [
         _Trial(
-            belief=posterior,
+            posterior=posterior,
             items=request.items,
             config=configs[name],
             sea=sea,
@@ -180,8 +180,8 @@ def _fly_all(jobs: Sequence[_Trial], processes: int) -> Iterator[DiveMetrics]:
 
 def _fly(job: _Trial) -> DiveMetrics:
     """Simulate one dive and return its metrics."""
-    vehicle = job.belief.vehicle(job.z)
-    dive = simulate.fly(vehicle, job.belief.noise, job.items, job.config, job.sea, job.seed)
+    vehicle = job.posterior.vehicle(job.z)
+    dive = simulate.fly(vehicle, job.posterior.noise, job.items, job.config, job.sea, job.seed)
     return metrics.of_dive(dive, job.config.travel_rad, vehicle.model.hydrostatics.radius_m)
 
 

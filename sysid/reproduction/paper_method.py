@@ -189,6 +189,7 @@ def _fit_plane(
     )
 
     def candidate(logs: Array) -> Table1Column:
+        """Return the coefficients scaled by exp(logs), with tied inertia."""
         scaled = {
             name: getattr(start, name) * float(np.exp(x))
             for name, x in zip(names, logs, strict=True)
@@ -198,6 +199,7 @@ def _fit_plane(
     departures = [departure(actuator, run) for run in runs]
 
     def errors(logs: Array) -> Array:
+        """Return the rate errors of all runs (deg/s)."""
         discrete = step(_plane(plane, candidate(logs), *speed_and_mass))
         simulated = [states(discrete, delta)[:, 1] for delta in departures]
         rate_errors = [

@@ -132,6 +132,7 @@ def slopes(prior: DesignPrior, plane: Plane) -> Slopes:
     frequency = crossover.frequency_radps(prior.vehicle(prior.mean), plane)
 
     def transfer(z: Array) -> Array:
+        """Return b1, b0, a1, a0 and the delay."""
         vehicle = prior.vehicle(z)
         linear = fit.linear_plane(vehicle, plane)
         A, B = linear.A[:2, :2], linear.B[:2]
@@ -140,10 +141,12 @@ def slopes(prior: DesignPrior, plane: Plane) -> Slopes:
             [B[1], b0, -np.trace(A), np.linalg.det(A), vehicle.actuators[plane].delay_s]
         )
 
-    def answer(z: Array) -> Array:
+    def crossover_response(z: Array) -> Array:
+        """Return ln gain and phase at the crossover."""
         return crossover.gain_and_phase(prior.vehicle(z), plane, frequency)
 
     def reported(z: Array) -> Array:
+        """Return the reported parameters."""
         vehicle = prior.vehicle(z)
         small_signal = linear_planes.small_signal(fit.linear_plane(vehicle, plane))
         return np.array([*small_signal[:4], vehicle.actuators[plane].delay_s])
@@ -152,7 +155,7 @@ def slopes(prior: DesignPrior, plane: Plane) -> Slopes:
     sizes[4] = 1.0
     return Slopes(
         _slope(transfer, prior.mean),
-        _slope(answer, prior.mean),
+        _slope(crossover_response, prior.mean),
         _slope(reported, prior.mean) / sizes[:, None],
     )
 

@@ -105,7 +105,7 @@ class PlanInfeasibleError(ValueError):
 class _PlaneKnowledge(NamedTuple):
     """Everything that planning needs about one plane."""
 
-    belief: DesignPrior
+    prior: DesignPrior
     plane: Plane
     gains: Gains
     slopes: Slopes
@@ -116,7 +116,7 @@ class _PlaneKnowledge(NamedTuple):
     """Available travel of the surface (deg)."""
     longest_s: float
     """Maximum length of a test with an unstable plane (s)."""
-    lean_rad: float
+    trim_offset_rad: float
     """Known trim of the surface (rad)."""
 
 
@@ -178,7 +178,7 @@ def _plane_knowledge(prior: DesignPrior, plane: Plane, request: PlanRequest) -> 
     )
     samples = safety_margins.sample_vehicles(prior, plane, gains, request.samples, longest_s, seed)
     return _PlaneKnowledge(
-        belief=prior,
+        prior=prior,
         plane=plane,
         gains=gains,
         slopes=information.slopes(prior, plane),
@@ -187,7 +187,7 @@ def _plane_knowledge(prior: DesignPrior, plane: Plane, request: PlanRequest) -> 
         nominal_deg=candidate_tests.NOMINAL_DEG * scale(prior, plane),
         largest_deg=float(np.degrees(available_travel_rad(prior, plane))),
         longest_s=_max_duration_s(samples, plane),
-        lean_rad=design_priors.level_flight(mean_vehicle, plane).trim_rad
+        trim_offset_rad=design_priors.level_flight(mean_vehicle, plane).trim_rad
         if prior.trims_known
         else 0.0,
     )
@@ -233,7 +233,7 @@ def _candidates(
         prior_information = selection.total(selected, prior_information)
     designs = [
         switching_times.design_square_wave(
-            plane.belief,
+            plane.prior,
             shape,
             plane.gains,
             plane.largest_deg,
@@ -293,13 +293,13 @@ def _combine_axes(
 ) -> SizedTest:
     """Return a test of both surfaces, given its halves at their largest size."""
     information_matrices = [
-        information.information_of(planes[half.plane].belief, [half], planes[half.plane].gains)[0]
+        information.information_of(planes[half.plane].prior, [half], planes[half.plane].gains)[0]
         for half in manoeuvre.halves
     ]
     return SizedTest(
         manoeuvre=manoeuvre,
         excursion=rudder.excursion,
-        told=information_matrices[0] + information_matrices[1],
+        information=information_matrices[0] + information_matrices[1],
         water_s=rudder.water_s,
         elevator=elevator.excursion,
     )
@@ -323,19 +323,19 @@ def _size_all(
     feasible = [shape for shape in shapes if shape.duration_s <= plane.longest_s]
     sized = [
         safety_margins.max_size_within_limits(
-            shape, plane.largest_deg, plane.samples, request.limits, plane.lean_rad
+            shape, plane.largest_deg, plane.samples, request.limits, plane.trim_offset_rad
         )
         for shape in feasible
     ]
     accepted = [shape for shape in sized if shape is not None]
     matrices = information.information_of(
-        plane.belief, [manoeuvre for manoeuvre, _ in accepted], plane.gains
+        plane.prior, [manoeuvre for manoeuvre, _ in accepted], plane.gains
     )
     return [
         SizedTest(
             manoeuvre=manoeuvre,
             excursion=excursion,
-            told=matrix,
+            information=matrix,
             water_s=manoeuvre.duration_s + recovery_s(manoeuvre, request),
         )
         for (manoeuvre, excursion), matrix in zip(accepted, matrices, strict=True)
@@ -438,7 +438,7 @@ def _planned_test(
 ) -> Planned:
     """Return a selected test with the effect of leaving it out."""
     whole = selection.total(selected, prior_information)
-    with_all, without = _numbers(slopes, whole), _numbers(slopes, whole - test.told)
+    with_all, without = _numbers(slopes, whole), _numbers(slopes, whole - test.information)
     share = {p: without[p].crossover_deg / with_all[p].crossover_deg - 1.0 for p in PLANES}
     return Planned(
         manoeuvre=test.manoeuvre, excursion=test.excursion, share=share, elevator=test.elevator

@@ -82,11 +82,11 @@ class VehicleSample(NamedTuple):
     vehicle: CandidateVehicle
     still: LevelFlight
     loop: Loop
-    free: Array
+    free_motion: Array
     """Disturbance motion with the loop off."""
-    held: Array
+    held_motion: Array
     """Disturbance motion with the loop on."""
-    busy_rad: float
+    command_2sd_rad: float
     """Two standard deviations of the surface command against the disturbance (rad)."""
 
 
@@ -133,8 +133,8 @@ def sample_vehicles(
         The gains hold hardly any vehicle.
     """
     streams = np.random.SeedSequence(seed).spawn(2)
-    vehicles, sea = (np.random.default_rng(stream) for stream in streams)
-    draws = vehicles.standard_normal((MAX_DRAWS_PER_SAMPLE * count, prior.mean.size + 1))
+    vehicle_rng, disturbance_rng = (np.random.default_rng(stream) for stream in streams)
+    draws = vehicle_rng.standard_normal((MAX_DRAWS_PER_SAMPLE * count, prior.mean.size + 1))
     level = prior.noise[plane]
     samples = list[VehicleSample]()
     for index, _, vehicle in feasible_samples(
@@ -142,8 +142,8 @@ def sample_vehicles(
     ):
         trim_rad = TRIM_SD_RAD * draws[index, -1]
         loop = loops.of_vehicle(vehicle, plane, gains, level)
-        held_motion, command_2sd_rad = _held_motion(loop, plane, longest_s, sea)
-        free_motion = _free_motion(vehicle, plane, level, longest_s, sea)
+        held_motion, command_2sd_rad = _held_motion(loop, plane, longest_s, disturbance_rng)
+        free_motion = _free_motion(vehicle, plane, level, longest_s, disturbance_rng)
         if _worst_share(plane, held_motion, HOLDING_LIMITS) < 1.0:
             trim = design_priors.level_flight(vehicle, plane)
             samples.append(
@@ -151,9 +151,9 @@ def sample_vehicles(
                     vehicle=vehicle,
                     still=trim._replace(trim_rad=trim.trim_rad + trim_rad),
                     loop=loop,
-                    free=free_motion,
-                    held=held_motion,
-                    busy_rad=command_2sd_rad,
+                    free_motion=free_motion,
+                    held_motion=held_motion,
+                    command_2sd_rad=command_2sd_rad,
                 )
             )
         if len(samples) == count:
@@ -201,9 +201,9 @@ def _held_motion(
 class TestResponse(NamedTuple):
     """Response of one sample to a test, (steps, 3): rate, angle and depth."""
 
-    own: Array
+    response: Array
     """Response to the test alone."""
-    rest: Array
+    background: Array
     """Motion without the test."""
 
 
@@ -215,7 +215,7 @@ def excursion(
     The probability is that of a log-normal distribution fitted to the samples' largest share of a
     limit, and at least the share of samples beyond a limit.
     """
-    tracks = [own + rest for own, rest in test_responses]
+    tracks = [response + background for response, background in test_responses]
     peaks = np.quantile([np.max(np.abs(track), axis=0) for track in tracks], 0.99, axis=0)
     rate, angle = np.degrees(peaks[:2])
     return Excursion(
@@ -242,7 +242,7 @@ def _closed_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestRe
         :: fit.STRIDE
     ]
     level = np.array([0.0, sample.still.pitch_rad, 0.0])
-    return TestResponse(answer, sample.held[: len(answer)] + level)
+    return TestResponse(answer, sample.held_motion[: len(answer)] + level)
 
 
 def _open_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestResponse:
@@ -264,7 +264,7 @@ def _open_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestResp
         else np.zeros(simulated.rate_radps.size)
     )
     track = np.column_stack([simulated.rate_radps, simulated.angle_rad, depth])
-    return TestResponse(track - track[0], track[0] + sample.free[: len(track)])
+    return TestResponse(track - track[0], track[0] + sample.free_motion[: len(track)])
 
 
 def _risk(plane: Plane, tracks: Sequence[Array], limits: ExcursionLimits) -> float:
@@ -291,21 +291,23 @@ def _worst_share(plane: Plane, track: Array, limits: ExcursionLimits) -> float:
 def _can_follow(
     manoeuvre: Manoeuvre,
     largest_deg: float,
-    lean_rad: float,
+    trim_offset_rad: float,
     samples: Sequence[VehicleSample],
     limits: ExcursionLimits,
 ) -> bool:
     """Return whether surface rate and travel suffice, in the median of the samples.
 
-    With the loop on, the feedback is included. ``lean_rad`` is a known trim: to the other side the
-    surface has twice as much additional travel.
+    With the loop on, the feedback is included. ``trim_offset_rad`` is a known trim: to the other
+    side the surface has twice as much additional travel.
     """
-    shares = np.array([_shares(manoeuvre, largest_deg, lean_rad, sample) for sample in samples])
+    shares = np.array(
+        [_shares(manoeuvre, largest_deg, trim_offset_rad, sample) for sample in samples]
+    )
     return bool(np.all(np.median(shares, axis=0) <= (limits.rate_limited, limits.stopped)))
 
 
 def _shares(
-    manoeuvre: Manoeuvre, largest_deg: float, lean_rad: float, sample: VehicleSample
+    manoeuvre: Manoeuvre, largest_deg: float, trim_offset_rad: float, sample: VehicleSample
 ) -> tuple[float, float]:
     """Return the shares of a test at maximum surface rate and at a stop."""
     actuator = sample.vehicle.actuators[manoeuvre.plane]
@@ -313,13 +315,14 @@ def _shares(
     if manoeuvre.loop_on:
         command, busy_rad = (
             loops.simulate(sample.loop, manoeuvre.plane, command).command_rad,
-            sample.busy_rad,
+            sample.command_2sd_rad,
         )
     duct_rate_radps = (
         np.abs(np.diff(greybox.duct_angles(command, actuator, 1.0 / RATE_HZ))) * RATE_HZ
     )
     at_stop = (
-        np.abs(command + lean_rad) + busy_rad > math.radians(largest_deg) + abs(lean_rad) + 1e-9
+        np.abs(command + trim_offset_rad) + busy_rad
+        > math.radians(largest_deg) + abs(trim_offset_rad) + 1e-9
     )
     return float(np.mean(duct_rate_radps > 0.99 * actuator.rate_radps)), float(np.mean(at_stop))
 
@@ -329,7 +332,7 @@ def max_size_within_limits(
     largest_deg: float,
     samples: Sequence[VehicleSample],
     limits: ExcursionLimits,
-    lean_rad: float = 0.0,
+    trim_offset_rad: float = 0.0,
 ) -> tuple[Manoeuvre, Excursion] | None:
     """Return the manoeuvre at its largest size within the limits, with its excursion.
 
@@ -343,7 +346,7 @@ def max_size_within_limits(
         Sampled vehicles.
     limits : ExcursionLimits
         Limits.
-    lean_rad : float
+    trim_offset_rad : float
         Known trim of the surface (rad).
 
     Returns
@@ -357,7 +360,7 @@ def max_size_within_limits(
     )
     while size >= MIN_SIZE_DEG:
         candidate = manoeuvre._replace(size_deg=round_down(size))
-        if _can_follow(candidate, largest_deg, lean_rad, samples[:WATCHED_SAMPLES], limits):
+        if _can_follow(candidate, largest_deg, trim_offset_rad, samples[:WATCHED_SAMPLES], limits):
             found_excursion = excursion(
                 candidate.plane,
                 _responses_at_size(candidate, manoeuvre.size_deg, test_responses, samples),
@@ -379,7 +382,7 @@ def _responses_at_size(
     if not manoeuvre.loop_on:
         return responses(manoeuvre, samples)
     factor = manoeuvre.size_deg / size_deg
-    return [TestResponse(factor * own, rest) for own, rest in test_responses]
+    return [TestResponse(factor * response, background) for response, background in test_responses]
 
 
 def _growth_factor(
@@ -388,9 +391,14 @@ def _growth_factor(
     """Return the factor on the size at which the probability reaches its limit (linear scaling)."""
 
     def excess(log_factor: float) -> float:
+        """Return the probability above its limit at a factor on the size."""
         factor = math.exp(log_factor)
         return (
-            _risk(plane, [factor * own + rest for own, rest in test_responses], limits)
+            _risk(
+                plane,
+                [factor * response + background for response, background in test_responses],
+                limits,
+            )
             - limits.probability
         )
 

@@ -34,7 +34,7 @@ class SizedTest(NamedTuple):
 
     manoeuvre: Manoeuvre
     excursion: Excursion
-    told: Array
+    information: Array
     """Information matrix of z."""
     water_s: float
     """Time of the test and of the recovery after it (s)."""
@@ -52,6 +52,7 @@ def criterion(
     """Return the sum of a criterion over both planes, as a function of the information matrix."""
 
     def evaluate(information: Array) -> float:
+        """Return the criterion of the covariance of z."""
         covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
         return sum([plane_criterion(slope, covariance) for slope in slopes.values()])
 
@@ -82,6 +83,7 @@ def select_tests(
     """
 
     def rank(selected: Sequence[SizedTest]) -> tuple[int, float]:
+        """Return a sort key: most planes first, then the smallest criterion."""
         return -len(planes(selected)), criterion(total(selected, prior_information))
 
     starts = [
@@ -107,7 +109,7 @@ def select_tests(
 def total(selected: Sequence[SizedTest], prior_information: Array) -> Array:
     """Return the information matrix of prior and tests."""
     return prior_information + sum(
-        (test.told for test in selected), np.zeros_like(prior_information)
+        (test.information for test in selected), np.zeros_like(prior_information)
     )
 
 
@@ -133,7 +135,7 @@ def _improvement_rate(
     test: SizedTest, information: Array, value: float, criterion: Criterion, times: int = 1
 ) -> float:
     """Return the decrease of the criterion per second of test time."""
-    return (value - criterion(information + times * test.told)) / (times * test.water_s)
+    return (value - criterion(information + times * test.information)) / (times * test.water_s)
 
 
 def _add_pair(

@@ -37,11 +37,11 @@ STEP_HZ = RATE_HZ / fit.STRIDE
 class UnitStepResponse(NamedTuple):
     """Response to a step of one degree at the start of the test."""
 
-    told: Array
+    sensitivities: Array
     """Sensitivities from the start of the test, (steps, outputs, n)."""
-    answers: Array
+    motion: Array
     """Motion of each sample, (samples, steps, 3)."""
-    rests: Array
+    background: Array
     """Largest motion of each sample without a test, (samples, 3)."""
 
 
@@ -92,10 +92,11 @@ def design_square_wave(
     max_motion = _limits_of(limits, shape.plane)
 
     def cost(digits: Array) -> float:
+        """Return the criterion of a wave at its largest safe size."""
         switches = switch_steps(digits, shape.duration_s)
         size_deg = min(largest_deg, _max_size(step_response, switches, max_motion))
-        jacobian = (size_deg * superpose(step_response.told, switches, 0)).reshape(
-            -1, step_response.told.shape[2]
+        jacobian = (size_deg * superpose(step_response.sensitivities, switches, 0)).reshape(
+            -1, step_response.sensitivities.shape[2]
         )
         return criterion(prior_information + jacobian.T @ jacobian)
 
@@ -159,6 +160,6 @@ def _max_size(step: UnitStepResponse, switches: NDArray[np.int64], max_motion: A
     The disturbance motion is added at its largest, as if it coincided with the peak of the
     response.
     """
-    peaks = np.max(np.abs(superpose(step.answers, switches, 1)), axis=1)
-    sizes = np.min((max_motion - step.rests) / np.maximum(peaks, 1e-12), axis=1)
+    peaks = np.max(np.abs(superpose(step.motion, switches, 1)), axis=1)
+    sizes = np.min((max_motion - step.background) / np.maximum(peaks, 1e-12), axis=1)
     return max(safety_margins.MIN_SIZE_DEG, float(np.quantile(sizes, 0.1)))

@@ -33,7 +33,7 @@ def heading_deg(model: IdentifiedModel) -> Array:
     """Heading in closed loop, pushed by the sea of the model and seen through its noise."""
     vehicle = design_model.from_model(model)
     closed = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_IMPROVED)
-    rng, sea = np.random.default_rng(5), vehicle.sea["yaw"]
+    rng, sea = np.random.default_rng(5), vehicle.disturbance["yaw"]
     pushed = disturbance(sea, rng, round(LASTS_S / STEP_S))
     moment = np.zeros(len(closed.A))
     moment[: vehicle.planes.yaw.moment.size] = vehicle.planes.yaw.moment

@@ -141,7 +141,9 @@ def test_predicted_heading_is_that_of_a_lyapunov_equation(vehicle: DesignModel) 
     """Under the slow disturbance alone: frequency integral against the closed loop's covariance."""
     sea = msgspec.structs.replace(DEFAULT_DISTURBANCE, wave_accel_degps2=0.0)
     _, law = designed(vehicle, "yaw")
-    seen = loop_analysis.measured_plane(vehicle._replace(sea={"yaw": sea, "pitch": sea}), "yaw")
+    seen = loop_analysis.measured_plane(
+        vehicle._replace(disturbance={"yaw": sea, "pitch": sea}), "yaw"
+    )
     closed = loop_analysis._close(seen, law).A
     n = len(closed)
     A, density = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))

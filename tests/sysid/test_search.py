@@ -8,10 +8,10 @@ from sysid.design.constrained_search import ConstrainedProblem, CostAndConstrain
 
 
 def test_a_search_ends_on_its_limit_and_judges_no_gains_twice_on_the_way() -> None:
-    judged: list[tuple[float, ...]] = []
+    evaluated: list[tuple[float, ...]] = []
 
     def judge(gains: Mapping[str, float]) -> CostAndConstraints:
-        judged.append((gains["P"], gains["D"]))
+        evaluated.append((gains["P"], gains["D"]))
         return CostAndConstraints(
             1.0 / gains["P"] + 0.1 * gains["D"], {"stiffness": gains["P"] / gains["D"] - 1.0}
         )
@@ -20,4 +20,4 @@ def test_a_search_ends_on_its_limit_and_judges_no_gains_twice_on_the_way() -> No
     assert found["P"] == pytest.approx(found["D"], rel=0.01)
     assert found["P"] == pytest.approx(10.0**0.5, rel=0.05)
     # A search judges its end again, and the next one sets out from there.
-    assert len(judged) <= len(set(judged)) + 8
+    assert len(evaluated) <= len(set(evaluated)) + 8

@@ -52,7 +52,7 @@ class InitialDesign(NamedTuple):
     """Parameters of the first dive, with the margins of each loop."""
 
     parameters: dict[str, float]
-    """By parameter name."""
+    """Value by parameter name."""
     reasons: dict[str, str]
     """Reason for each parameter, one line each."""
     analysis: Analysis

@@ -34,7 +34,7 @@ class LocusPoint(NamedTuple):
 
     shape: LoopStructure
     gains: dict[str, float]
-    misses: ConstraintViolation
+    violations: ConstraintViolation
     """Relative constraint violations."""
 
 
@@ -97,25 +97,28 @@ def _point(
     bounds: Bounds,
 ) -> LocusPoint:
     """Return one point with its constraint violations."""
-    misses = {f"damping of the {loop.loop} loop": 1.0 - damping / bounds.damping}
+    violations = {f"damping of the {loop.loop} loop": 1.0 - damping / bounds.damping}
     for name, cut in loop.cuts(vehicle, gains).items():
-        misses |= constraints.margin_violations(cut, name, bounds)
-    return LocusPoint(loop, gains, misses)
+        violations |= constraints.margin_violations(cut, name, bounds)
+    return LocusPoint(loop, gains, violations)
 
 
 def _select_max_gain(
     gain: str, candidates: Sequence[LocusPoint], samples: Sequence[DesignModel]
 ) -> LocusPoint:
     """Return the feasible point with the largest `gain` that is robust over the prior."""
-    feasible = [point for point in candidates if max(point.misses.values()) <= CONSTRAINT_TOLERANCE]
+    feasible = [
+        point for point in candidates if max(point.violations.values()) <= CONSTRAINT_TOLERANCE
+    ]
     if not feasible:
         least_violations = min(
-            (point.misses for point in candidates), key=lambda misses: max(misses.values())
+            (point.violations for point in candidates),
+            key=lambda violations: max(violations.values()),
         )
-        worst, miss = max(least_violations.items(), key=lambda item: item[1])
+        worst, violation = max(least_violations.items(), key=lambda item: item[1])
         raise DesignInfeasibleError(
             f"no gains meet the specification: the best ones violate the {worst} by"
-            f" {100 * miss:.1f} %"
+            f" {100 * violation:.1f} %"
         )
     for point in sorted(feasible, key=lambda point: -point.gains[gain]):
         if prior.is_robust(point.shape, point.gains, samples):

@@ -55,6 +55,7 @@ def _surge_slope_per_s(config: VehicleConfig, model: VehicleModel) -> float:
     rps = operating_point.thrust_fraction * model.propeller.full_rps
 
     def surge(u_mps: float) -> float:
+        """Return the surge acceleration at a speed (m/s^2)."""
         return float(
             greybox.accelerations(model, "yaw", np.array([u_mps, 0.0, 0.0, 0.0, 0.0]), 0.0, rps)[0]
         )

@@ -125,8 +125,8 @@ def _tune(
 ) -> _TunedController:
     """Increase the nominal damping until enough sampled vehicles meet the limits."""
     task = Task(
-        seen=loop_analysis.measured_plane(vehicle, plane),
-        sea=noise.from_model(vehicle.sea[plane]),
+        plane=loop_analysis.measured_plane(vehicle, plane),
+        disturbance=noise.from_model(vehicle.disturbance[plane]),
         reference=reference,
         spec=spec,
     )

@@ -58,7 +58,7 @@ def measured_plane(vehicle: DesignModel, plane: Plane) -> MeasuredPlane:
     linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
     lag = vehicle.yaw_lag if plane == "yaw" else vehicle.pitch_lag
     responses = vehicle.yaw if plane == "yaw" else vehicle.pitch
-    disturbance, measured = vehicle.sea[plane], outputs(linear).T
+    disturbance, measured = vehicle.disturbance[plane], outputs(linear).T
     noise = math.radians(disturbance.rate_noise_degps) * math.sqrt(NOISE_STEP_S)
     return MeasuredPlane(
         plane=linear,

@@ -77,7 +77,9 @@ class AugmentedModel(NamedTuple):
     """Index of the surface offset; all states before it are dynamic."""
 
 
-def controller(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> DiscreteController:
+def controller(
+    plane: LinearPlane, lag: Lag, disturbance: Noise, weights: Weights
+) -> DiscreteController:
     """Return the LQG controller of one plane.
 
     Parameters
@@ -86,7 +88,7 @@ def controller(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> Di
         Linear plane, FRD axes.
     lag : Lag
         Tailcone with the delay of sampling.
-    sea : Noise
+    disturbance : Noise
         Identified disturbance and sensor noise.
     weights : Weights
         Design weights.
@@ -101,19 +103,21 @@ def controller(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> Di
     numpy.linalg.LinAlgError
         The Riccati equations have no solution for these weights.
     """
-    model = build_model(plane, lag, sea, weights)
+    model = build_model(plane, lag, disturbance, weights)
     L = filter_gains(model)
     return DiscreteController(A=model.A - L @ model.C, B=model.B, L=L, F=feedback(model, weights))
 
 
-def build_model(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> AugmentedModel:
+def build_model(
+    plane: LinearPlane, lag: Lag, disturbance: Noise, weights: Weights
+) -> AugmentedModel:
     """Return the filter model of one plane with disturbance, loads and noise densities."""
     A_plane, B_plane = loop_transfer.plane_with_tailcone(plane, lag, PADE_ORDER)
     n, load = len(plane.B), len(B_plane) + SEA_STATES
     size = load + count_loads(plane)
     A, B, process = np.zeros((size, size)), np.zeros(size), np.zeros((size, size))
     shaping, density, *_ = noise.system(
-        plane, sea._replace(wave_radps2=sea.wave_radps2 * weights.wave)
+        plane, disturbance._replace(wave_radps2=disturbance.wave_radps2 * weights.wave)
     )
     disturbance_in, disturbance_states = slice(n, n + SEA_STATES), slice(len(B_plane), load)
     A[: len(B_plane), : len(B_plane)], A[: len(B_plane), load], B[: len(B_plane)] = (
@@ -136,12 +140,15 @@ def build_model(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> A
     if len(C_plane) == 4:
         process[0, 0] += weights.heave**2
         A[0, load + 1], process[load + 1, load + 1] = 1.0, weights.buoyancy**2
-    depth_m = weights.depth * sea.depth_m
-    sds = [weights.gyro * sea.rate_radps, sea.angle_rad, depth_m, depth_m / DEPTH_RATE_S][
-        : len(C_plane)
-    ]
+    depth_m = weights.depth * disturbance.depth_m
+    noise_sd = [
+        weights.gyro * disturbance.rate_radps,
+        disturbance.angle_rad,
+        depth_m,
+        depth_m / DEPTH_RATE_S,
+    ][: len(C_plane)]
     return AugmentedModel(
-        A=A, B=B, C=C, process=process, measurement=np.diag(sds) ** 2 * NOISE_STEP_S, load=load
+        A=A, B=B, C=C, process=process, measurement=np.diag(noise_sd) ** 2 * NOISE_STEP_S, load=load
     )
 
 

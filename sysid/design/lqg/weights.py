@@ -51,17 +51,19 @@ class Reference(NamedTuple):
 class Task(NamedTuple):
     """One plane and its requirements."""
 
-    seen: MeasuredPlane
-    sea: Noise
+    plane: MeasuredPlane
+    """Plane with its measured outputs."""
+    disturbance: Noise
+    """Identified disturbance and sensor noise."""
     reference: Reference
     spec: Spec
 
 
 def starts(task: Task) -> tuple[dict[str, float], ...]:
     """Return the starting weights, scaled with the vehicle's control effectiveness."""
-    in_pitch = task.seen.names[1] == "depth"
+    in_pitch = task.plane.names[1] == "depth"
     names = Weights._fields if in_pitch else Weights._fields[:6]
-    ratio = CARIBOU_TURN_PER_S2 / abs(float(task.seen.plane.B[1]))
+    ratio = CARIBOU_TURN_PER_S2 / abs(float(task.plane.plane.B[1]))
     scale = {"effort": 1.0 / ratio, **dict.fromkeys(SURFACE_WEIGHTS, ratio)}
     every = DEPTH_STARTS if in_pitch else HEADING_STARTS
     return tuple(
@@ -74,36 +76,39 @@ def tune(task: Task, bounds: Bounds, first: Sequence[Mapping[str, float]]) -> di
 
     Raises DesignInfeasibleError.
     """
-    names = tuple(evaluate(task, controller_of(task, first[0]), bounds).misses)
+    names = tuple(evaluate(task, controller_of(task, first[0]), bounds).violations)
 
-    def judge(weights: Mapping[str, float]) -> CostAndConstraints:
+    def evaluate_weights(weights: Mapping[str, float]) -> CostAndConstraints:
+        """Return cost and violations; the largest violation if no controller exists."""
         try:
             return evaluate(task, controller_of(task, weights), bounds)
         except np.linalg.LinAlgError:  # no numerical solution of a Riccati equation
             return CostAndConstraints(MAX_VIOLATION, dict.fromkeys(names, MAX_VIOLATION))
 
-    return constrained_search.solve(ConstrainedProblem({}, first, judge))
+    return constrained_search.solve(ConstrainedProblem({}, first, evaluate_weights))
 
 
 def controller_of(task: Task, weights: Mapping[str, float]) -> DiscreteController:
     """Return the controller of given weights."""
-    return synthesis.controller(task.seen.plane, task.seen.lag, task.sea, Weights(**weights))
+    return synthesis.controller(
+        task.plane.plane, task.plane.lag, task.disturbance, Weights(**weights)
+    )
 
 
 def evaluate(task: Task, controller: DiscreteController, bounds: Bounds) -> CostAndConstraints:
     """Return the relative error and the constraint violations of a controller."""
-    spec, errors = task.spec, loop_analysis.disturbance_response(task.seen, controller)
-    misses = {
-        **loop_analysis.violations(task.seen, controller, bounds, spec),
-        f"noise of the {task.seen.names[0]}'s command": math.degrees(errors.noise_rad)
+    spec, errors = task.spec, loop_analysis.disturbance_response(task.plane, controller)
+    violations = {
+        **loop_analysis.violations(task.plane, controller, bounds, spec),
+        f"noise of the {task.plane.names[0]}'s command": math.degrees(errors.noise_rad)
         / spec.command_noise_deg
         - 1.0,
     }
-    if task.seen.names[1] == "heading":
-        return CostAndConstraints(float(errors.outputs[1]) / task.reference.heading_rad, misses)
+    if task.plane.names[1] == "heading":
+        return CostAndConstraints(float(errors.outputs[1]) / task.reference.heading_rad, violations)
     pitch_deg = math.degrees(synthesis.pitch_per_metre(controller))
-    misses["pitch activity"] = (
+    violations["pitch activity"] = (
         float(errors.outputs[1]) / task.reference.pitch_rad / spec.pitch_rms_growth - 1.0
     )
-    misses["pitch per metre of depth"] = pitch_deg / spec.pitch_per_metre_deg - 1.0
-    return CostAndConstraints(float(errors.outputs[2]) / task.reference.depth_m, misses)
+    violations["pitch per metre of depth"] = pitch_deg / spec.pitch_per_metre_deg - 1.0
+    return CostAndConstraints(float(errors.outputs[2]) / task.reference.depth_m, violations)

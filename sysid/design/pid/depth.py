@@ -52,19 +52,20 @@ def gains(
     """
     initial_pitch, initial_depth, _ = depth_rms(vehicle, {**first, "ACT_LEAD_W": 0.0})
 
-    def judge(gains: Gains) -> CostAndConstraints:
+    def evaluate(gains: Gains) -> CostAndConstraints:
+        """Return relative depth rms and violations."""
         pitch, depth, _ = depth_rms(vehicle, gains)
         noise = math.degrees(command_noise_rad(vehicle, "pitch", gains))
-        misses = {
+        constraint_violations = {
             **violations(vehicle, gains, bounds, spec),
             "pitch activity": pitch / initial_pitch / spec.pitch_rms_growth - 1.0,
             "pitch per metre of depth": math.degrees(gains["DPT_P"]) / spec.pitch_per_metre_deg
             - 1.0,
             "noise of the elevator's command": noise / spec.command_noise_deg - 1.0,
         }
-        return CostAndConstraints(depth / initial_depth, misses)
+        return CostAndConstraints(depth / initial_depth, constraint_violations)
 
-    return constrained_search.solve(ConstrainedProblem(first, starts, judge))
+    return constrained_search.solve(ConstrainedProblem(first, starts, evaluate))
 
 
 def violations(

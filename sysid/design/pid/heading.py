@@ -53,19 +53,24 @@ def gains(
     """
     reference = heading_rms(vehicle, {**first, "ACT_LEAD_W": 0.0})[0]
 
-    def judge(gains: Gains) -> CostAndConstraints:
+    def evaluate(gains: Gains) -> CostAndConstraints:
+        """Return relative heading rms and violations."""
         noise = math.degrees(command_noise_rad(vehicle, "yaw", gains))
-        misses = {
+        constraint_violations = {
             **violations(vehicle, gains, bounds, spec),
             "noise of the rudder's command": noise / spec.command_noise_deg - 1.0,
         }
         if lead := gains.get("ACT_LEAD_W", 0.0):
             lag_radps = gains["ACT_LAG_W"]
-            misses["lower bound of the actuator lead"] = MIN_LEAD_RATIO * lag_radps / lead - 1.0
-            misses["upper bound of the actuator lead"] = lead / (MAX_LEAD_RATIO * lag_radps) - 1.0
-        return CostAndConstraints(heading_rms(vehicle, gains)[0] / reference, misses)
+            constraint_violations["lower bound of the actuator lead"] = (
+                MIN_LEAD_RATIO * lag_radps / lead - 1.0
+            )
+            constraint_violations["upper bound of the actuator lead"] = (
+                lead / (MAX_LEAD_RATIO * lag_radps) - 1.0
+            )
+        return CostAndConstraints(heading_rms(vehicle, gains)[0] / reference, constraint_violations)
 
-    return constrained_search.solve(ConstrainedProblem(first, starts, judge))
+    return constrained_search.solve(ConstrainedProblem(first, starts, evaluate))
 
 
 def violations(

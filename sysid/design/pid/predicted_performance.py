@@ -63,7 +63,7 @@ def performance_baseline(
     vehicle: DesignModel,
     gains: Gains,
     spec: Spec,
-    sure: DesignRobustness | None,
+    robust: DesignRobustness | None,
 ) -> PerformanceBaseline:
     """Return the performance baseline of gains that were designed on a model.
 
@@ -77,7 +77,7 @@ def performance_baseline(
         Designed parameters by name.
     spec : Spec
         Specification of the design.
-    sure : DesignRobustness or None
+    robust : DesignRobustness or None
         Robustness of the design; None for a model without covariance.
 
     Returns
@@ -102,11 +102,11 @@ def performance_baseline(
         pitch_swing_radps=resonances_radps[1],
         specification=spec._asdict(),
         predicted={name: _predict_statistic(quantity) for name, quantity in quantities.items()},
-        kept=sure
+        kept=robust
         and Robustness(
-            specification=sure.specification,
-            relaxed=sure.relaxed,
-            vehicles=sure.vehicles,
+            specification=robust.specification,
+            relaxed=robust.relaxed,
+            vehicles=robust.vehicles,
             seed=SEED,
         ),
     )
@@ -126,7 +126,10 @@ def _yaw_quantities(
 ) -> dict[str, _MeasuredQuantity]:
     """Return heading, its resonance band and rudder."""
     heading, rudder = heading_responses(vehicle, gains)
-    disturbance, noise = spectrum(vehicle.sea["yaw"]), vehicle.sea["yaw"].angle_noise_deg
+    disturbance, noise = (
+        spectrum(vehicle.disturbance["yaw"]),
+        vehicle.disturbance["yaw"].angle_noise_deg,
+    )
     psd = _psd_deg2(heading, disturbance) + _sampled_noise_psd(noise)
     bias = model.planes["yaw"].actuator_bias_deg
     return {
@@ -143,7 +146,7 @@ def _pitch_quantities(
 ) -> dict[str, _MeasuredQuantity]:
     """Return pitch, its resonance band, depth and elevator."""
     pitch, depth, elevator = depth_responses(vehicle, gains)
-    disturbance, noise = spectrum(vehicle.sea["pitch"]), vehicle.sea["pitch"]
+    disturbance, noise = spectrum(vehicle.disturbance["pitch"]), vehicle.disturbance["pitch"]
     psd = _psd_deg2(pitch, disturbance) + _sampled_noise_psd(noise.angle_noise_deg)
     bias, level = model.planes["pitch"].actuator_bias_deg, model.vehicle
     return {
@@ -182,7 +185,7 @@ def _sampled_noise_psd(sd: float) -> Array:
 
 def _command_psd(vehicle: DesignModel, plane: Plane, command: ComplexArray, gains: Gains) -> Array:
     """Return the density of the surface command: response to the disturbance, plus gyro noise."""
-    lead, disturbance = loop_transfer.lead_response(gains), vehicle.sea[plane]
+    lead, disturbance = loop_transfer.lead_response(gains), vehicle.disturbance[plane]
     loop, gain = loop_at_surface(vehicle, plane, gains)
     noise = disturbance.rate_noise_degps**2 * NOISE_STEP_S
     return (

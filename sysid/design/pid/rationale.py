@@ -16,8 +16,12 @@ def explain(
     """Return the reason for each parameter in `gains`, for the parameter file."""
 
     def cut(name: str) -> str:
-        m = analysis.margins[name]
-        return f"GM {m.gm_db:.1f} dB, PM {m.pm_deg:.0f} deg, Ms {m.ms:.2f} at the {name}"
+        """Return the margins at one cut as text."""
+        margins = analysis.margins[name]
+        return (
+            f"GM {margins.gm_db:.1f} dB, PM {margins.pm_deg:.0f} deg, Ms {margins.ms:.2f} at the"
+            f" {name}"
+        )
 
     rudder_bias_deg, level_pitch_deg = (
         model.planes["yaw"].actuator_bias_deg.value,

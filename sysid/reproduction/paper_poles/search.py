@@ -144,6 +144,7 @@ class TailconeSearch:
         """Return the lag with the delay of the smallest misfit."""
 
         def misfit(delay_s: float) -> float:
+            """Return the misfit with this delay."""
             return self.misfit(lag._replace(delay_s=delay_s), form)
 
         coarse = float(min(DELAYS_S, key=misfit))
@@ -157,6 +158,7 @@ class TailconeSearch:
         """Return the best delay and natural frequency, and the best damping if it is free."""
 
         def lag(x: Array) -> Lag:
+            """Return the lag of the search variables."""
             return Lag(float(x[0]), math.exp(x[1]), float(x[2]) if any_damping else 0.6)
 
         bounds = [
@@ -199,6 +201,7 @@ class TailconeSearch:
         max_misfit = INTERVAL_MISFIT_RATIO * self.misfit(lag, form)
 
         def end(step_s: float) -> float:
+            """Return the last delay within the bound in one direction."""
             delay_s = lag.delay_s
             while (
                 MIN_DELAY_S <= delay_s + step_s <= MAX_DELAY_S

@@ -200,8 +200,8 @@ def test_predicted_errors_are_those_of_a_lyapunov_equation(model: IdentifiedMode
     from scipy.linalg import solve_continuous_lyapunov
 
     vehicle = from_model(model)
-    sea = msgspec.structs.replace(vehicle.sea["yaw"], wave_accel_degps2=0.0)
-    vehicle = vehicle._replace(sea={**vehicle.sea, "yaw": sea})
+    sea = msgspec.structs.replace(vehicle.disturbance["yaw"], wave_accel_degps2=0.0)
+    vehicle = vehicle._replace(disturbance={**vehicle.disturbance, "yaw": sea})
     closed = loop_transfer.close_heading(
         vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_INITIAL, order=6
     )

@@ -41,7 +41,7 @@ def test_the_threshold_keeps_its_rate_at_the_edge_of_what_is_allowed() -> None:
     for departure in rng.normal(allowed, expected.average_sd, count):
         means = {**block.means, "rudder_deg": expected.mean + departure}
         found = sequential._update_sum(
-            "rudder_deg", "more", expected, found, block._replace(means=means)
+            "rudder_deg", "higher", expected, found, block._replace(means=means)
         )
         if found.value > h:
             crossings, found = crossings + 1, sequential.Sum()
@@ -107,7 +107,7 @@ def test_piece_by_piece_it_says_what_it_says_at_once() -> None:
     for until_s in np.arange(0.7, 701.0, 3.3):
         piecewise.take(log, min(float(until_s), 700.0))
     piecewise.take(log, 700.0)
-    assert piecewise.kept() == monitor.monitor_log(log, PROMISE)
+    assert piecewise.report() == monitor.monitor_log(log, PROMISE)
 
 
 def test_settling_is_left_out_after_each_change_of_set_point() -> None:

@@ -117,7 +117,7 @@ def test_her_instruments_tell_how_she_lies(known: DesignPrior) -> None:
     craft = dynamics.initial_state(
         known.vehicle(known.mean), dive.drifting((0.0, 0.0, 0.0)), instruments.field_nwu(config)
     )
-    at = estimator.initial_estimate(instruments.frame(0, craft.seen, config), config)
+    at = estimator.initial_estimate(instruments.frame(0, craft.observed, config), config)
     assert at.depth_m == pytest.approx(-craft.state[2], abs=1e-6)
     assert at.heading_rad == pytest.approx(0.0, abs=1e-9)
 
