@@ -44,7 +44,7 @@ def trial(case: str, seed: int) -> list[float]:
 
 def _kept(designed: Design, vehicle: str) -> tuple[float, float, float, float]:
     """Stated probability and truth, of the full specification and of the relaxed one."""
-    assert designed.trust is not None
+    assert designed.robustness is not None
     plane = from_vehicle(
         vehicles.nominal(config.load(vehicle)),
         {"yaw": DEFAULT_DISTURBANCE, "pitch": DEFAULT_DISTURBANCE},
@@ -53,7 +53,7 @@ def _kept(designed: Design, vehicle: str) -> tuple[float, float, float, float]:
         float(max(violations(plane, designed.gains, bounds).values()) <= CONSTRAINT_TOLERANCE)
         for bounds in (min_bounds(designed.spec), RELAXED)
     )
-    return designed.trust.specification, full, designed.trust.relaxed, relaxed
+    return designed.robustness.specification, full, designed.robustness.relaxed, relaxed
 
 
 def judge(case: str, rows: Array) -> list[Figure]:

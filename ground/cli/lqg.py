@@ -35,7 +35,7 @@ def design_lqg(
 def _result(design: "LqgDesign") -> dict[str, Any]:
     return {
         "predicted": design.predicted._asdict(),
-        "trust": design.trust and design.trust._asdict(),
+        "trust": design.robustness and design.robustness._asdict(),
         "weights": design.weights,
         "speed_mps": design.speed_mps,
         "model_sha256": design.model_sha256,
@@ -43,7 +43,7 @@ def _result(design: "LqgDesign") -> dict[str, Any]:
 
 
 def _format_text(design: "LqgDesign", out: Path) -> str:
-    found, sure = design.predicted, design.trust
+    found, sure = design.predicted, design.robustness
     lines = [
         f"{out}: autopilot --laws {out}; LAW_ENABLE 0 gives the vehicle back to the PIDs",
         (

@@ -70,6 +70,6 @@ def redesign(
     design.write_params(out)
     words = summary.format_design(design, out)
     if upload:
-        steps = params.upload(upload, sign, design.gains, str(out), design.promise.model_sha256)
+        steps = params.upload(upload, sign, design.gains, str(out), design.baseline.model_sha256)
         words = "\n".join([words, f"{upload}, {params.UNDO}:", *params.format_changes(steps, {})])
     print_result(summary.summarise_design(design), words, json)

@@ -22,7 +22,7 @@ class Analysis(NamedTuple):
 
     poles: dict[str, tuple[complex, ...]]
     """Poles (rad/s) by loop (heading, pitch, depth), up to `MAX_POLE_RADPS`, slowest first."""
-    shown: dict[str, tuple[complex, ...]]
+    visible: dict[str, tuple[complex, ...]]
     """Poles that are visible in the loop's motion (see `modal`), slowest first."""
     margins: dict[str, Margins]
     """Margins by the place where the loop is opened: rudder, heading, elevator, depth, pitch."""
@@ -66,7 +66,7 @@ def analyse(planes: Planes, gains: Gains, yaw: Lag, pitch: Lag, order: int = 4) 
             name: _sort_by_speed(loop_modes, np.abs(loop_modes.values) < MAX_POLE_RADPS)
             for name, loop_modes in modes.items()
         },
-        shown={
+        visible={
             name: _sort_by_speed(loop_modes, _visible_in_any(loop_modes, name))
             for name, loop_modes in modes.items()
         },

@@ -97,9 +97,9 @@ class Design(NamedTuple):
     """Predicted response of the initial gains on the same model."""
     initial_analysis: Analysis
     spec: Spec
-    trust: DesignRobustness | None
+    robustness: DesignRobustness | None
     """Robustness over the model's posterior; None for a model without covariance."""
-    promise: PerformanceBaseline
+    baseline: PerformanceBaseline
     """Performance baseline for monitoring."""
 
     def write_params(self, path: str | Path) -> None:
@@ -107,7 +107,7 @@ class Design(NamedTuple):
 
         The header holds the performance baseline (`sysid.monitor.performance_spec`).
         """
-        Path(path).write_text(encode(self.promise, self.gains, self.reasons), encoding="utf-8")
+        Path(path).write_text(encode(self.baseline, self.gains, self.reasons), encoding="utf-8")
 
 
 class Loads(NamedTuple):

@@ -56,11 +56,11 @@ class InitialDesign(NamedTuple):
     reasons: dict[str, str]
     """Reason for each parameter, one line each."""
     analysis: Analysis
-    stands: dict[str, LoopMargins]
+    nominal: dict[str, LoopMargins]
     """Margins on the nominal vehicle by loop: heading, pitch, depth."""
-    held: dict[str, LoopRobustness]
+    over_prior: dict[str, LoopRobustness]
     """Margins over the prior by loop."""
-    beside: dict[str, GainComparison]
+    comparison: dict[str, GainComparison]
     """Comparison with Table 3's initial column, by gain."""
 
     def write_params(self, path: Path) -> None:
@@ -120,9 +120,9 @@ def design_initial_gains(name_or_path: str | Path) -> InitialDesign:
             **{name: reason for name, (_, reason) in vehicle_values.items()},
         },
         analysis=analyse_loops(vehicle, gains),
-        stands=nominal,
-        held=over_prior,
-        beside=comparison,
+        nominal=nominal,
+        over_prior=over_prior,
+        comparison=comparison,
     )
 
 
@@ -131,9 +131,9 @@ class RootLocusDesign(NamedTuple):
 
     vehicle: DesignModel
     """Nominal vehicle of the file."""
-    drawn: list[DesignModel]
+    samples: list[DesignModel]
     """Vehicles sampled from the prior."""
-    found: dict[str, LocusPoint]
+    points: dict[str, LocusPoint]
     """Selected point by loop: heading, pitch, depth."""
 
 

@@ -48,7 +48,7 @@ class LqgDesign(NamedTuple):
     planes: Planes
     speed_mps: float
     predicted: Response
-    trust: DesignRobustness | None
+    robustness: DesignRobustness | None
     """Robustness over the model's posterior; None for a model without covariance."""
     model_sha256: str
 
@@ -104,7 +104,7 @@ def design_lqg(
         planes=vehicle.planes,
         speed_mps=model.speed_mps,
         predicted=predict_response(vehicle, heading.controller, depth.controller),
-        trust=robust,
+        robustness=robust,
         model_sha256=sha256_of_model(model),
     )
 

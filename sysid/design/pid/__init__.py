@@ -125,8 +125,8 @@ def redesign(
         initial=before,
         initial_analysis=design_model.analyse_loops(vehicle, initial),
         spec=spec,
-        trust=robust,
-        promise=predicted_performance.performance_baseline(model, vehicle, gains, spec, robust),
+        robustness=robust,
+        baseline=predicted_performance.performance_baseline(model, vehicle, gains, spec, robust),
     )
 
 

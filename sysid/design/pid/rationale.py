@@ -36,7 +36,7 @@ def explain(
             f"heading {initial.heading_deg:.2f} -> {predicted.heading_deg:.2f} deg rms predicted;"
             f" {cut('rudder')}"
         ),
-        "HDG_D": f"damping {damping(analysis.shown['heading']):.2f}",
+        "HDG_D": f"damping {damping(analysis.visible['heading']):.2f}",
         "HDG_I": integral_reason,
         "HDG_IMAX": (
             f"the rudder bias of {rudder_bias_deg:.1f} deg, its uncertainty and 1 deg, in case the"
@@ -46,7 +46,7 @@ def explain(
             f"pitch {initial.pitch_deg:.2f} -> {predicted.pitch_deg:.2f} deg rms predicted;"
             f" {cut('elevator')}"
         ),
-        "PTCH_D": f"damping {damping(analysis.shown['depth']):.2f}",
+        "PTCH_D": f"damping {damping(analysis.visible['depth']):.2f}",
         "PTCH_I": "the depth integrator compensates the constant load",
         "PTCH_IMAX": "no pitch integrator",
         "DPT_P": (

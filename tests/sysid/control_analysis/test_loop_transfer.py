@@ -152,8 +152,8 @@ def test_the_lag_that_the_commands_undo_does_not_show() -> None:
     undone, whole = (margins.analyse(both, gains, LAG, LAG) for gains in (lead, TABLE_3_INITIAL))
     for loop in ("heading", "pitch", "depth"):
         assert min(abs(pole - pair) for pole in undone.poles[loop]) < 1e-6
-        assert min(abs(pole - pair) for pole in undone.shown[loop]) > 0.5
-        assert margins.damping(undone.shown[loop]) > margins.damping(whole.shown[loop])
-        assert margins.damping(whole.shown[loop]) == pytest.approx(
+        assert min(abs(pole - pair) for pole in undone.visible[loop]) > 0.5
+        assert margins.damping(undone.visible[loop]) > margins.damping(whole.visible[loop])
+        assert margins.damping(whole.visible[loop]) == pytest.approx(
             margins.damping(whole.poles[loop])
         )

@@ -34,12 +34,12 @@ def test_caribous_first_gains_are_of_table_3s_kind(bench: InitialDesign) -> None
     out, are larger."""
     for name in ("HDG_P", "HDG_D", "PTCH_P", "PTCH_D", "DPT_P"):
         assert 0.8 < bench.parameters[name] / TABLE_3_INITIAL[name] < 1.25, name
-        assert bench.beside[name].ratio == pytest.approx(
+        assert bench.comparison[name].ratio == pytest.approx(
             bench.parameters[name] / TABLE_3_INITIAL[name], rel=1e-3
         )
     assert bench.parameters["DPT_D"] == bench.parameters["PTCH_I"] == 0.0
     assert bench.parameters["HDG_I"] > TABLE_3_INITIAL["HDG_I"]
-    assert bench.beside["PTCH_D"].why.startswith("smaller: Table 3's would leave damping 0.3")
+    assert bench.comparison["PTCH_D"].why.startswith("smaller: Table 3's would leave damping 0.3")
 
 
 def test_margins_hold_on_the_vehicle_of_the_file(bench: InitialDesign) -> None:

@@ -80,12 +80,12 @@ def test_a_quiet_gyro_lets_more_of_the_lag_be_undone(
 
 def test_its_promise_holds_on_fresh_vehicles(model: IdentifiedModel, designed: Design) -> None:
     """Other draws than those it was designed on."""
-    assert designed.trust is not None
-    assert designed.trust.relaxed >= designed.trust.specification > 0.5
+    assert designed.robustness is not None
+    assert designed.robustness.relaxed >= designed.robustness.specification > 0.5
     fresh = list(sample_models(model, 2 * pid.VEHICLES))[pid.VEHICLES :]
     again = robustness(fresh, designed.gains, designed.spec)
     assert again is not None
-    assert abs(again.specification - designed.trust.specification) < 0.15
+    assert abs(again.specification - designed.robustness.specification) < 0.15
     assert again.relaxed > 0.9
 
 
