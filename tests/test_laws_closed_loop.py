@@ -36,7 +36,7 @@ def test_laws_hold_heading_and_depth_closer(laws: LqgControllers) -> None:
     def held(flown: LqgControllers | None) -> tuple[float, float]:
         dive = Dive(
             leg(depth_m=4.0, heading_deg=0.0, duration_s=100.0),
-            disturbance="disturbed",
+            sea="disturbed",
             values=VALUES,
             laws=flown,
         )
