@@ -524,7 +524,18 @@ def _close(
 
 
 def poles(loop: ClosedLoop) -> ComplexArray:
-    """Return the eigenvalues of a closed loop (rad/s), slowest first."""
+    """Return the poles of a closed loop.
+
+    Parameters
+    ----------
+    loop : ClosedLoop
+        Closed loop.
+
+    Returns
+    -------
+    ndarray
+        Eigenvalues of A (rad/s), slowest first.
+    """
     eigenvalues = np.linalg.eigvals(loop.A).astype(np.complex128)
     return eigenvalues[np.argsort(np.abs(eigenvalues), kind="stable")]
 

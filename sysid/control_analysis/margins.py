@@ -86,5 +86,16 @@ def _sort_by_speed(modes: Modes, selected: NDArray[np.bool_]) -> tuple[complex, 
 
 
 def damping(poles: tuple[complex, ...]) -> float:
-    """Return the smallest damping ratio; negative for an unstable pole, 1 without poles."""
+    """Return the smallest damping ratio.
+
+    Parameters
+    ----------
+    poles : tuple of complex
+        Poles (rad/s).
+
+    Returns
+    -------
+    float
+        Smallest -Re(s) / |s|; negative for an unstable pole, 1 without poles.
+    """
     return min((-pole.real / abs(pole) for pole in poles), default=1.0)

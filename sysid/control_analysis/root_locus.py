@@ -38,14 +38,38 @@ def open_at_depth(closed: ClosedLoop) -> OpenLoop:
 
 
 def poles(opened: OpenLoop, factors: Array) -> ComplexArray:
-    """Return the closed-loop poles by loop gain, (factors, states); each column is one branch."""
+    """Return the closed-loop poles for each loop gain.
+
+    Parameters
+    ----------
+    opened : OpenLoop
+        Opened loop.
+    factors : ndarray
+        Loop gains, (factors,); 1 is the original loop.
+
+    Returns
+    -------
+    ndarray
+        Poles (rad/s), (factors, states); each column is one branch.
+    """
     import control
 
     return np.asarray(control.root_locus_map(_system(opened), gains=factors).loci)
 
 
 def zeros(opened: OpenLoop) -> ComplexArray:
-    """Return the open-loop zeros (rad/s), where the finite branches end."""
+    """Return the open-loop zeros, where the finite branches end.
+
+    Parameters
+    ----------
+    opened : OpenLoop
+        Opened loop.
+
+    Returns
+    -------
+    ndarray
+        Zeros (rad/s).
+    """
     import control
 
     return np.asarray(control.zeros(_system(opened)))

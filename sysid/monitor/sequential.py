@@ -128,7 +128,11 @@ def errors(
 def _update_sum(
     name: str, kind: ChangeKind, expected: PredictedStatistic, before: Sum, block: Block
 ) -> Sum:
-    """Return one test updated with one block."""
+    """Return one test updated with one block.
+
+    The variance of a block is compared with the predicted variance about the block's mean, rms^2 -
+    average_sd^2.
+    """
     if kind == "variance":
         statistic = block.variances[name] / (expected.rms**2 - expected.average_sd**2)
         gain = _variance_log_likelihood_ratio(statistic, AVERAGED_S / expected.memory_s)

@@ -114,7 +114,20 @@ def tracking(
 
 
 def window(log: Log, start_s: float, stop_s: float) -> SteadyWindow:
-    """Return the errors from ``start_s`` to ``stop_s`` (s), a part of a window of ``tracking``."""
+    """Return the errors over a part of a window of `tracking`.
+
+    Parameters
+    ----------
+    log : Log
+        Log of the dive.
+    start_s, stop_s : float
+        Interval (s).
+
+    Returns
+    -------
+    SteadyWindow
+        Errors in this interval.
+    """
     return _window(log, start_s, stop_s, _errors(log, start_s, stop_s))
 
 
@@ -130,7 +143,18 @@ def spread(error: Array) -> Spread:
 
 
 def stretches(log: Log) -> Iterator[tuple[float, float]]:
-    """Yield start and stop (s) of constant set-points below the surface, without tests."""
+    """Yield each stretch of constant set-points below the surface, without identification tests.
+
+    Parameters
+    ----------
+    log : Log
+        Log of the dive.
+
+    Yields
+    ------
+    tuple of float
+        Start and stop (s).
+    """
     points = log.setpoints
     if points.attitude_time_s.size == 0 or points.depth_time_s.size == 0:
         return

@@ -29,7 +29,12 @@ def at_rest(actuator: Actuator, substep_s: float) -> Array:
 def follow(
     actuator: Actuator, axis: Array, command_rad: float, substep_s: float, duct_rad: Array
 ) -> None:
-    """Advance `axis` by the substeps of `duct_rad`; each element receives its mean duct angle."""
+    """Advance `axis` by the substeps of `duct_rad`; each element receives its mean duct angle.
+
+    Lag: a'' = wn^2 (u(t - T) - a) - 2 zeta wn a', with rate limit (``greybox.step_actuator``). The
+    command u is limited to the travel and delayed by linear interpolation. Play: the duct moves
+    only when the motor is more than half the play away. Angles in rad.
+    """
     c, s = greybox.lag_coefficients(actuator, substep_s)
     delay_steps, half_play = actuator.delay_s / substep_s, 0.5 * actuator.backlash_rad
     whole_steps = int(delay_steps)

@@ -74,6 +74,18 @@ class _Trial(NamedTuple):
 def noise_levels(vehicle: CandidateVehicle, moments: Moments) -> dict[Plane, Noise]:
     """Return the disturbance of both planes as angular accelerations.
 
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle with its mass matrix.
+    moments : Moments
+        Disturbing moments (N m).
+
+    Returns
+    -------
+    dict
+        Noise model of each plane, without sensor noise.
+
     Notes
     -----
     rms = moment (N m) x (M^-1)_ii, M the mass matrix with added mass, i the row of yaw or pitch.
@@ -99,11 +111,21 @@ def find_obstacle(
 
     Parameters
     ----------
-    prior: the vehicle file.
-    gains: parameters of the first dive, by name; trims are those of the prior.
-    moments: the scenario's disturbance.
-    missions: items by the mission's name, in the order of flying.
-    seed: seed of disturbance and sensor noise.
+    prior : VehicleConfig
+        Vehicle file.
+    gains : Gains
+        Parameters of the first dive, by name; trims are those of the prior.
+    moments : Moments
+        Disturbing moments of the scenario.
+    missions : Mapping
+        Mission items by the mission's name, in the order of the dives.
+    seed : int
+        Seed of disturbance and sensor noise.
+
+    Returns
+    -------
+    Obstacle or None
+        Mission or test with the reason.
     """
     design_prior = design_priors.from_file(prior)
     vehicle = design_prior.vehicle(design_prior.mean)

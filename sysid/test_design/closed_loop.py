@@ -161,7 +161,11 @@ def _simulate(
     draws: Array,
     first: Array,
 ) -> tuple[Array, Array]:
-    """Run the recursion tick by tick; returns states (ticks, n) and commands (ticks,)."""
+    """Run the recursion tick by tick; returns states (ticks, n) and commands (ticks,).
+
+    u[k] = signal[k] + integral_rad[k] + feedback x[k]; integral_rad[k+1] = integral_rad[k] +
+    integral x[k]; x[k+1] = transition x[k] + drive u[k - late] + draws[k].
+    """
     ticks, n = draws.shape
     states, command = np.empty((ticks, n)), np.empty(ticks)
     x, next_x, integral_rad = first.copy(), np.empty(n), 0.0

@@ -343,7 +343,20 @@ def _size_all(
 
 
 def recovery_s(manoeuvre: Manoeuvre, request: PlanRequest) -> float:
-    """Return the length (s) of the leg after a test."""
+    """Return the length of the leg after a test.
+
+    Parameters
+    ----------
+    manoeuvre : Manoeuvre
+        Test.
+    request : PlanRequest
+        Request with the recovery time of tests with the loop off.
+
+    Returns
+    -------
+    float
+        Length (s).
+    """
     return min(HELD_RECOVERY_S, request.recovery_s) if manoeuvre.loop_on else request.recovery_s
 
 

@@ -116,7 +116,17 @@ def from_model(
 def with_trim(prior: DesignPrior, rudder_rad: float, elevator_rad: float) -> DesignPrior:
     """Return the prior after a trim flight.
 
-    Biases follow from the surface angles in level flight: bias = level elevator minus measured one.
+    Parameters
+    ----------
+    prior : DesignPrior
+        Prior before the flight.
+    rudder_rad, elevator_rad : float
+        Mean surface commands in straight level flight (rad).
+
+    Returns
+    -------
+    DesignPrior
+        Prior with the biases that explain them: command plus bias is the angle of level flight.
     """
     unbiased = prior._replace(biases_rad={"yaw": 0.0, "pitch": 0.0})
     level_rad = level_flight(unbiased.vehicle(prior.mean), "pitch").trim_rad
@@ -125,7 +135,20 @@ def with_trim(prior: DesignPrior, rudder_rad: float, elevator_rad: float) -> Des
 
 
 def level_flight(vehicle: CandidateVehicle, plane: Plane) -> LevelFlight:
-    """Return the straight level flight of a candidate at its operating point."""
+    """Return the straight level flight of a candidate at its operating point.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle.
+    plane : str
+        Plane whose surface is trimmed: yaw or pitch.
+
+    Returns
+    -------
+    LevelFlight
+        Trim of the surface (rad), thrust, speed (m/s) and pitch (rad).
+    """
     thrust = vehicle.config.operating_point.thrust_fraction
     speed_mps = fit.cruise_speed_mps(vehicle, thrust)
     bias_rad = vehicle.actuators[plane].bias_rad

@@ -170,7 +170,10 @@ def _free_motion(
     longest_s: float,
     rng: np.random.Generator,
 ) -> Array:
-    """Return the disturbance motion after the loop is switched off."""
+    """Return the disturbance motion after the loop is switched off, (steps, 3).
+
+    x[k+1] = Phi x[k] + w[k] with the covariance Q of w from the noise model (Van Loan 1978).
+    """
     linear = fit.linear_plane(vehicle, plane)
     A, density, _, _, P0 = noise.system(linear, level)
     transition, process = noise.discrete(A, density, DT)

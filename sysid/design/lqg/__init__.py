@@ -251,7 +251,15 @@ def _tuples(matrix: Array) -> tuple[tuple[float, ...], ...]:
 
 
 def write(design: LqgDesign, path: str | Path) -> None:
-    """Write the controller file that `autopilot --laws` reads."""
+    """Write the controller file that `autopilot --laws` reads.
+
+    Parameters
+    ----------
+    design : LqgDesign
+        Designed controllers.
+    path : str or Path
+        JSON file to write.
+    """
     Path(path).write_text(
         lqg_file.to_json(autopilot_controllers(design), design.model_sha256), encoding="utf-8"
     )

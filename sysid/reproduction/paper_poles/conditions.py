@@ -42,7 +42,18 @@ class SinglePoleCondition(NamedTuple):
 
 
 def single_pole_conditions(lag: Lag = LAG) -> list[SinglePoleCondition]:
-    """Return the conditions of all nine rows behind a lag; its own delay is ignored."""
+    """Return delay and loop gain that each of the nine rows implies.
+
+    Parameters
+    ----------
+    lag : Lag
+        Lag of the tailcone; its own delay is ignored.
+
+    Returns
+    -------
+    list of SinglePoleCondition
+        One condition per row.
+    """
     planes = models()
     return [
         _row(loop, case, pole, planes[case[0]], CONTROLLERS[case[2]], lag)

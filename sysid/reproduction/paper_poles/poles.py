@@ -60,7 +60,18 @@ class Case(NamedTuple):
 
 
 def printed_cases(lag: Lag = LAG) -> list[Case]:
-    """Return the paper's three cases behind one tailcone."""
+    """Return the paper's three cases behind one tailcone.
+
+    Parameters
+    ----------
+    lag : Lag
+        Lag and delay of the tailcone.
+
+    Returns
+    -------
+    list of Case
+        Cases in the order of `CASES`.
+    """
     planes = models()
     return [
         Case(
@@ -75,7 +86,20 @@ def printed_cases(lag: Lag = LAG) -> list[Case]:
 
 
 def rows(lag: Lag = LAG, form: Approximation = PADE) -> list[PoleRow]:
-    """Return all nine rows from Tables 1 and 3."""
+    """Return all nine rows, computed from Tables 1 and 3.
+
+    Parameters
+    ----------
+    lag : Lag
+        Lag and delay of the tailcone.
+    form : int or tuple
+        Approximation of the delay.
+
+    Returns
+    -------
+    list of PoleRow
+        Printed and computed poles, in the order of Table 4.
+    """
     cases = {case.name: case for case in printed_cases(lag)}
     return [
         PoleRow(loop=loop, case=name, paper=paper, ours=pole(loop, cases[name], form))
@@ -84,12 +108,42 @@ def rows(lag: Lag = LAG, form: Approximation = PADE) -> list[PoleRow]:
 
 
 def pole(loop: str, case: Case, form: Approximation = PADE) -> complex:
-    """Return the dominant pole of a loop (rad/s)."""
+    """Return the dominant pole of a loop.
+
+    Parameters
+    ----------
+    loop : str
+        One of `LOOPS`.
+    case : Case
+        Model and controller.
+    form : int or tuple
+        Approximation of the delay.
+
+    Returns
+    -------
+    complex
+        Upper pole of the dominant pair (rad/s).
+    """
     return dominant(loop_transfer.poles(close_case(loop, case, form)))
 
 
 def close_case(loop: str, case: Case, form: Approximation = PADE) -> ClosedLoop:
-    """Return the closed loop of a case."""
+    """Return the closed loop of a case.
+
+    Parameters
+    ----------
+    loop : str
+        One of `LOOPS`.
+    case : Case
+        Model and controller.
+    form : int or tuple
+        Approximation of the delay.
+
+    Returns
+    -------
+    ClosedLoop
+        Closed loop.
+    """
     lag = case.yaw_lag if loop == "heading" else case.pitch_lag
     return close_loop(loop, case.planes, lag, case.gains, form)
 
@@ -105,15 +159,36 @@ def close_loop(
     )
 
 
-def open_loop(loop: str, whole: ClosedLoop) -> OpenLoop:
-    """Return one of the `LOOPS`, opened at the duct."""
-    return root_locus.open_at_duct(whole, 4 if loop == "depth" else 3)
+def open_loop(loop: str, closed: ClosedLoop) -> OpenLoop:
+    """Return a loop opened at the duct.
+
+    Parameters
+    ----------
+    loop : str
+        One of `LOOPS`.
+    closed : ClosedLoop
+        Closed loop.
+
+    Returns
+    -------
+    OpenLoop
+        Opened loop.
+    """
+    return root_locus.open_at_duct(closed, 4 if loop == "depth" else 3)
 
 
 def dominant(poles: Sequence[complex] | loop_transfer.ComplexArray) -> complex:
     """Return the upper pole of the oscillatory pair with the smallest damping ratio.
 
-    Poles beyond `MAX_POLE_RADPS` are ignored; NaN without an oscillatory pair.
+    Parameters
+    ----------
+    poles : Sequence of complex
+        Poles (rad/s); those beyond `MAX_POLE_RADPS` are ignored.
+
+    Returns
+    -------
+    complex
+        Pole (rad/s); NaN without an oscillatory pair.
     """
     pairs = [complex(pole) for pole in poles if pole.imag > 1e-6 and abs(pole) < MAX_POLE_RADPS]
     return max(pairs, key=lambda pole: pole.real / abs(pole), default=complex(np.nan, np.nan))

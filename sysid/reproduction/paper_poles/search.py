@@ -90,10 +90,18 @@ class TransferReading(NamedTuple):
 
 
 def readings(printed: Printed = TABLE_4) -> list[TransferReading]:
-    """Return the readings with their best delays.
+    """Return the readings of the transfer function with their best delays.
 
-    The first is the stated tailcone; then all forms behind figure 4's lag, and the best form behind
-    the other lags.
+    Parameters
+    ----------
+    printed : Mapping
+        Printed poles (rad/s) by (loop, model/controller).
+
+    Returns
+    -------
+    list of TransferReading
+        The stated tailcone; then all forms behind figure 4's lag, the best form behind the other
+        lags, and free lags.
     """
     search = TailconeSearch(printed)
     figure_4_lag = LAGS[FIGURE_4]
