@@ -290,8 +290,8 @@ def _interpolate(values: Array, index: float) -> float:
 def _phase(loop: ComplexArray, index: float) -> float:
     """Return the phase (rad) at a fractional index, interpolated along the shorter arc."""
     i = min(int(index), loop.size - 2)
-    first = cmath.phase(loop[i])
-    return first + (index - i) * _wrap(cmath.phase(loop[i + 1]) - first)
+    lower_phase = cmath.phase(loop[i])
+    return lower_phase + (index - i) * _wrap(cmath.phase(loop[i + 1]) - lower_phase)
 
 
 def _wrap(angle_rad: float) -> float:

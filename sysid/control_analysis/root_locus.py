@@ -1,7 +1,8 @@
 """Root loci by python-control: closed-loop poles as the loop gain grows from zero.
 
-A loop is opened where one of its states acts on the others: x' = (A + k into row) x. At k = 1 the
-loop is closed again, so the poles at k = 1 are those of the original loop (Evans 1948).
+A loop is opened where one of its states acts on the others: x' = (A + k b c) x with the input
+vector b and the output vector c. At k = 1 the loop is closed again, so the poles at k = 1 are those
+of the original loop (Evans 1948).
 """
 
 from typing import Any, NamedTuple
@@ -18,10 +19,10 @@ class OpenLoop(NamedTuple):
     """A loop opened at one place."""
 
     A: Array
-    into: Array
-    """Direction in which the feedback acts, (states,)."""
-    row: Array
-    """Row that selects the state which is fed back, (states,)."""
+    input_vector: Array
+    """Direction b in which the feedback acts, (states,)."""
+    output_vector: Array
+    """Row c that selects the state which is fed back, (states,)."""
 
 
 def open_at_duct(closed: ClosedLoop, states: int) -> OpenLoop:
@@ -89,12 +90,16 @@ def _system(opened: OpenLoop) -> Any:
     """Return the opened loop as a python-control state space."""
     import control
 
-    return control.ss(opened.A, opened.into[:, None], -opened.row[None, :], 0.0)
+    return control.ss(opened.A, opened.input_vector[:, None], -opened.output_vector[None, :], 0.0)
 
 
 def _open(closed: ClosedLoop, state: int, rows: slice) -> OpenLoop:
     """Remove the action of `state` on the states in `rows`."""
-    A, into, row = closed.A.copy(), np.zeros(len(closed.A)), np.zeros(len(closed.A))
-    into[rows], row[state] = closed.A[rows, state], 1.0
+    A, input_vector, output_vector = (
+        closed.A.copy(),
+        np.zeros(len(closed.A)),
+        np.zeros(len(closed.A)),
+    )
+    input_vector[rows], output_vector[state] = closed.A[rows, state], 1.0
     A[rows, state] = 0.0
-    return OpenLoop(A, into, row)
+    return OpenLoop(A, input_vector, output_vector)

@@ -105,7 +105,11 @@ class Design(NamedTuple):
     def write_params(self, path: str | Path) -> None:
         """Write the parameter file: ``NAME,VALUE  # reason``.
 
-        The header holds the performance baseline (`sysid.monitor.performance_spec`).
+        Parameters
+        ----------
+        path : str or Path
+            File to write; its header holds the performance baseline
+            (`sysid.monitor.performance_spec`).
         """
         Path(path).write_text(encode(self.baseline, self.gains, self.reasons), encoding="utf-8")
 

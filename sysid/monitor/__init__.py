@@ -41,7 +41,13 @@ class MonitorReport(NamedTuple):
 
 
 class Monitor:
-    """Monitor that takes stretches of telemetry in order of time."""
+    """Monitor that takes stretches of telemetry in order of time.
+
+    Parameters
+    ----------
+    baseline : PerformanceBaseline
+        Predicted performance of the current gains.
+    """
 
     def __init__(self, baseline: PerformanceBaseline) -> None:
         self._baseline = baseline
@@ -53,7 +59,15 @@ class Monitor:
         self._until_s: float | None = None
 
     def take(self, log: Log, until_s: float) -> None:
-        """Evaluate a log from the end of the last call up to `until_s` (s of vehicle time)."""
+        """Evaluate telemetry from the end of the last call.
+
+        Parameters
+        ----------
+        log : Log
+            Log or recent telemetry.
+        until_s : float
+            End of the evaluated stretch (s of vehicle time).
+        """
         rows = sample(log, self._until_s, until_s)
         if len(rows):
             self._until_s = float(rows[-1].time_s)

@@ -102,17 +102,17 @@ class BlockCutter:
 
     def take(self, rows: Sequence[MotionRow]) -> Iterator[Block]:
         """Yield the blocks that the rows complete."""
-        settling, whole = round(SETTLING_S / STEP_S), round(AVERAGED_S / STEP_S)
+        settling_rows, block_rows = round(SETTLING_S / STEP_S), round(AVERAGED_S / STEP_S)
         for row in rows:
             if not _continues(self._rows, row):
                 self._rows = []
             if _is_steady(row) and (self._rows or _is_settled(row)):
                 self._rows.append(row)
-            if len(self._rows) == settling + whole:
-                yield self._block(self._rows, whole)
-                self._rows = self._rows[whole:]
+            if len(self._rows) == settling_rows + block_rows:
+                yield self._block(self._rows, block_rows)
+                self._rows = self._rows[block_rows:]
 
-    def _block(self, rows: Sequence[MotionRow], whole: int) -> Block:
+    def _block(self, rows: Sequence[MotionRow], block_rows: int) -> Block:
         """Return the statistics of the last rows; the earlier rows let the band filters settle."""
         heading = np.degrees(
             np.unwrap([row.heading_rad - row.heading_setpoint_rad for row in rows])
@@ -128,13 +128,13 @@ class BlockCutter:
             "rudder_deg": np.degrees([row.rudder_rad for row in rows]),
             "elevator_deg": np.degrees([row.elevator_rad for row in rows]),
         }
-        last = {name: np.asarray(values[-whole:]) for name, values in series.items()}
+        block_series = {name: np.asarray(values[-block_rows:]) for name, values in series.items()}
         return Block(
-            start_s=rows[-whole].time_s - STEP_S,
+            start_s=rows[-block_rows].time_s - STEP_S,
             stop_s=rows[-1].time_s,
-            thrust=float(np.mean([row.thrust for row in rows[-whole:]])),
-            means={name: float(np.mean(values)) for name, values in last.items()},
-            variances={name: float(np.var(values)) for name, values in last.items()},
+            thrust=float(np.mean([row.thrust for row in rows[-block_rows:]])),
+            means={name: float(np.mean(values)) for name, values in block_series.items()},
+            variances={name: float(np.var(values)) for name, values in block_series.items()},
         )
 
 
@@ -148,9 +148,9 @@ def _latest(at_s: Array, time_s: Array, values: Array) -> Array:
     """Return the latest value before each time; NaN if it is older than `STALE_S`."""
     if not time_s.size:
         return np.full(at_s.size, math.nan)
-    last = np.searchsorted(time_s, at_s, side="right") - 1
-    latest = values[np.maximum(last, 0)]
-    fresh = (last >= 0) & (at_s - time_s[np.maximum(last, 0)] <= STALE_S)
+    indices = np.searchsorted(time_s, at_s, side="right") - 1
+    latest = values[np.maximum(indices, 0)]
+    fresh = (indices >= 0) & (at_s - time_s[np.maximum(indices, 0)] <= STALE_S)
     return np.where(fresh, latest, math.nan)
 
 
@@ -169,12 +169,12 @@ def _continues(rows: Sequence[MotionRow], row: MotionRow) -> bool:
     """Return whether a row has the same set-points as the rows before it, without a gap."""
     if not rows:
         return True
-    first = rows[0]
+    first_row = rows[0]
     return (
         row.time_s - rows[-1].time_s < 1.5 * STEP_S
-        and _angle_difference(row.heading_setpoint_rad, first.heading_setpoint_rad)
+        and _angle_difference(row.heading_setpoint_rad, first_row.heading_setpoint_rad)
         <= HEADING_CHANGE_RAD
-        and abs(row.depth_setpoint_m - first.depth_setpoint_m) <= DEPTH_CHANGE_M
+        and abs(row.depth_setpoint_m - first_row.depth_setpoint_m) <= DEPTH_CHANGE_M
         and _is_steady(row)
     )
 
@@ -190,6 +190,6 @@ def _is_settled(row: MotionRow) -> bool:
     return near and abs(row.depth_m - row.depth_setpoint_m) <= SETTLED_M
 
 
-def _angle_difference(one: float, other: float) -> float:
+def _angle_difference(first_rad: float, second_rad: float) -> float:
     """Return the absolute difference of two angles (rad)."""
-    return abs(math.remainder(one - other, 2.0 * math.pi))
+    return abs(math.remainder(first_rad - second_rad, 2.0 * math.pi))

@@ -126,7 +126,7 @@ def errors(
 
 
 def _update_sum(
-    name: str, kind: ChangeKind, expected: PredictedStatistic, before: Sum, block: Block
+    name: str, kind: ChangeKind, expected: PredictedStatistic, test: Sum, block: Block
 ) -> Sum:
     """Return one test updated with one block.
 
@@ -141,8 +141,8 @@ def _update_sum(
         gain = _mean_log_likelihood_ratio(
             statistic if kind == "higher" else -statistic, name, expected
         )
-    value = max(0.0, before.value + gain)
-    return Sum(value, before.blocks + 1, before.total + statistic) if value > 0.0 else Sum()
+    value = max(0.0, test.value + gain)
+    return Sum(value, test.blocks + 1, test.total + statistic) if value > 0.0 else Sum()
 
 
 def _mean_log_likelihood_ratio(departure: float, name: str, expected: PredictedStatistic) -> float:

@@ -181,9 +181,9 @@ def _steady(log: Log, settling_s: float, shortest_s: float) -> Iterator[tuple[fl
             yield settled, stop
 
 
-def _changes(time_s: Array, values: Array, least: float) -> list[float]:
+def _changes(time_s: Array, values: Array, min_change: float) -> list[float]:
     """Return the times of the first sample and of every sample that differs from the last."""
-    indices = np.flatnonzero(np.abs(np.diff(values)) > least) + 1
+    indices = np.flatnonzero(np.abs(np.diff(values)) > min_change) + 1
     return [float(time_s[0]), *time_s[indices].tolist()]
 
 

@@ -27,8 +27,9 @@ DT = 1.0 / RATE_HZ
 
 
 class Loop(NamedTuple):
-    """Discrete-time loop of one plane: x[k+1] = transition x[k] + drive u[k - late] + kick w[k].
+    """Discrete-time loop of one plane.
 
+    x[k+1] = transition x[k] + drive u[k - delay_ticks] + kick w[k] with w standard normal. States
     x: plane, disturbance, angle and rate of the surface.
     """
 
@@ -39,8 +40,8 @@ class Loop(NamedTuple):
     """Command per state."""
     integral: Array
     """Increase of the integrator's command per tick and state."""
-    late: int
-    """Delay in ticks."""
+    delay_ticks: int
+    """Delay of tailcone and sampling in ticks."""
     kick: Array
     """Square root of the covariance of the process noise per tick, (n, n)."""
     spread: Array
@@ -80,13 +81,13 @@ def of_vehicle(vehicle: CandidateVehicle, plane: Plane, gains: Gains, level: Noi
     spread = np.zeros(m + 2)
     spread[:m] = np.sqrt(np.diag(P0))
     feedback, integral = _feedback_rows(plane, linear.A, gains, m + 2)
-    late = round((actuator.delay_s + SAMPLING_S) / DT)
+    delay_ticks = round((actuator.delay_s + SAMPLING_S) / DT)
     return Loop(
         transition=transition,
         drive=held_input,
         feedback=feedback,
         integral=integral,
-        late=late,
+        delay_ticks=delay_ticks,
         kick=noise.root(process),
         spread=spread,
     )
@@ -156,19 +157,19 @@ def _simulate(
     drive: Array,
     feedback: Array,
     integral: Array,
-    late: int,
+    delay_ticks: int,
     signal: Array,
     draws: Array,
-    first: Array,
+    initial: Array,
 ) -> tuple[Array, Array]:
     """Run the recursion tick by tick; returns states (ticks, n) and commands (ticks,).
 
     u[k] = signal[k] + integral_rad[k] + feedback x[k]; integral_rad[k+1] = integral_rad[k] +
-    integral x[k]; x[k+1] = transition x[k] + drive u[k - late] + draws[k].
+    integral x[k]; x[k+1] = transition x[k] + drive u[k - delay_ticks] + draws[k].
     """
     ticks, n = draws.shape
     states, command = np.empty((ticks, n)), np.empty(ticks)
-    x, next_x, integral_rad = first.copy(), np.empty(n), 0.0
+    x, next_x, integral_rad = initial.copy(), np.empty(n), 0.0
     for k in range(ticks):
         states[k] = x
         command_rad = signal[k] + integral_rad
@@ -176,7 +177,7 @@ def _simulate(
             command_rad += feedback[j] * x[j]
             integral_rad += integral[j] * x[j]
         command[k] = command_rad
-        delayed_rad = command[k - late] if k >= late else 0.0
+        delayed_rad = command[k - delay_ticks] if k >= delay_ticks else 0.0
         for i in range(n):
             next_x[i] = drive[i] * delayed_rad + draws[k, i]
             for j in range(n):

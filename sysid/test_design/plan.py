@@ -161,10 +161,10 @@ def plan(prior: DesignPrior, request: PlanRequest, progress: Progress | None = N
     report("choosing", 0.95)
     dives = 2 if held_out else 1
     free_s = request.water_s - dives * SETTLING_S - selection.total_test_time_s(held_out)
-    chosen = selection.select_tests(candidates, prior_information, free_s, criterion)
-    _check_time(chosen, candidates, request, free_s)
+    selected = selection.select_tests(candidates, prior_information, free_s, criterion)
+    _check_time(selected, candidates, request, free_s)
     report("done", 1.0)
-    return _plan(prior, request, planes, prior_information, chosen, held_out)
+    return _plan(prior, request, planes, prior_information, selected, held_out)
 
 
 def _plane_knowledge(prior: DesignPrior, plane: Plane, request: PlanRequest) -> _PlaneKnowledge:
@@ -361,7 +361,7 @@ def recovery_s(manoeuvre: Manoeuvre, request: PlanRequest) -> float:
 
 
 def _check_time(
-    chosen: list[SizedTest], candidates: list[SizedTest], request: PlanRequest, free_s: float
+    selected: list[SizedTest], candidates: list[SizedTest], request: PlanRequest, free_s: float
 ) -> None:
     """Raise PlanInfeasibleError if a plane has no candidate or no selected test."""
     for plane in PLANES:
@@ -369,7 +369,7 @@ def _check_time(
             raise PlanInfeasibleError(
                 f"{plane}: no test stays within the limits; widen them, or test in calmer water"
             )
-        if not any(plane in c.manoeuvre.planes for c in chosen):
+        if not any(plane in c.manoeuvre.planes for c in selected):
             raise PlanInfeasibleError(
                 f"water time {request.water_s:.0f} s: leaves {max(free_s, 0.0):.0f} s for tests,"
                 f" too little for an opposite pair in {plane}; give more"
@@ -436,9 +436,13 @@ def _order(selected: list[SizedTest]) -> list[SizedTest]:
         for group in groups:
             if number < len(group):
                 c = group[number]
-                again = sum(c.manoeuvre == earlier.manoeuvre for earlier in group[:number])
+                earlier_flights = sum(
+                    c.manoeuvre == earlier.manoeuvre for earlier in group[:number]
+                )
                 flights.append(
-                    c._replace(manoeuvre=c.manoeuvre.mirrored if again % 2 else c.manoeuvre)
+                    c._replace(
+                        manoeuvre=c.manoeuvre.mirrored if earlier_flights % 2 else c.manoeuvre
+                    )
                 )
     return flights
 
@@ -450,8 +454,8 @@ def _planned_test(
     slopes: dict[Plane, Slopes],
 ) -> Planned:
     """Return a selected test with the effect of leaving it out."""
-    whole = selection.total(selected, prior_information)
-    with_all, without = _numbers(slopes, whole), _numbers(slopes, whole - test.information)
+    total = selection.total(selected, prior_information)
+    with_all, without = _numbers(slopes, total), _numbers(slopes, total - test.information)
     share = {p: without[p].crossover_deg / with_all[p].crossover_deg - 1.0 for p in PLANES}
     return Planned(
         manoeuvre=test.manoeuvre, excursion=test.excursion, share=share, elevator=test.elevator

@@ -194,7 +194,7 @@ def _exchange(
     min_value = criterion(total(best, prior_information))
     while True:
         neighbours = list(_exchanges(best, candidates, prior_information, water_s, criterion))
-        values = [criterion(total(other, prior_information)) for other in neighbours]
+        values = [criterion(total(neighbour, prior_information)) for neighbour in neighbours]
         if min(values, default=min_value) > min_value - MIN_IMPROVEMENT:
             return best
         min_value = min(values)
@@ -215,11 +215,11 @@ def _exchanges(
             remaining[tuple(sorted(id(selected[index]) for index in removed))] = [
                 test for index, test in enumerate(selected) if index not in removed
             ]
-    for rest in remaining.values():
+    for remaining_tests in remaining.values():
         for test in candidates:
-            if total_test_time_s(rest) + test.water_s <= water_s:
+            if total_test_time_s(remaining_tests) + test.water_s <= water_s:
                 filled = _greedy_fill(
-                    [*rest, test], candidates, prior_information, water_s, criterion
+                    [*remaining_tests, test], candidates, prior_information, water_s, criterion
                 )
                 if has_repeats(filled):
                     yield filled

@@ -129,10 +129,10 @@ def as_run(manoeuvre: Manoeuvre, trim: LevelFlight, command_from_trim_rad: Array
     Run
         With `LEAD_S` of level flight before the test.
     """
-    before = int(LEAD_S * RATE_HZ)
-    samples = before + command_from_trim_rad.size
+    lead_samples = int(LEAD_S * RATE_HZ)
+    samples = lead_samples + command_from_trim_rad.size
     command = np.full(samples, trim.trim_rad)
-    command[before:] += command_from_trim_rad
+    command[lead_samples:] += command_from_trim_rad
     zeros = np.zeros(samples)
     is_yaw = manoeuvre.plane == "yaw"
     return Run(
@@ -140,7 +140,7 @@ def as_run(manoeuvre: Manoeuvre, trim: LevelFlight, command_from_trim_rad: Array
         plane=manoeuvre.plane,
         wave=manoeuvre.wave,
         magnitude_deg=manoeuvre.size_deg,
-        time_s=(np.arange(samples) - before) / RATE_HZ,
+        time_s=(np.arange(samples) - lead_samples) / RATE_HZ,
         rudder_rad=command if is_yaw else zeros,
         elevator_rad=zeros if is_yaw else command,
         thrust=np.full(samples, trim.thrust),

@@ -64,7 +64,13 @@ class InitialDesign(NamedTuple):
     """Comparison with Table 3's initial column, by gain."""
 
     def write_params(self, path: Path) -> None:
-        """Parameter file: ``NAME,VALUE  # reason``."""
+        """Write the parameter file: ``NAME,VALUE  # reason``.
+
+        Parameters
+        ----------
+        path : Path
+            File to write.
+        """
         lines = [
             f"{name},{value:.6g}  # {self.reasons[name]}" for name, value in self.parameters.items()
         ]
@@ -158,10 +164,12 @@ def design_on_root_loci(name_or_path: str | Path) -> RootLocusDesign:
         No gains meet the specification, or too few vehicles of the prior are stable.
     """
     config, bounds = vehicle_files.load(name_or_path), constraints.nominal(SPEC)
-    vehicle, drawn = prior.nominal_model(config), list(prior.sample_models(config))
-    pitch, depth = root_locus.depth(vehicle, drawn, bounds, math.radians(SPEC.pitch_per_metre_deg))
-    heading = root_locus.heading(vehicle, drawn, bounds)
-    return RootLocusDesign(vehicle, drawn, {"heading": heading, "pitch": pitch, "depth": depth})
+    vehicle, samples = prior.nominal_model(config), list(prior.sample_models(config))
+    pitch, depth = root_locus.depth(
+        vehicle, samples, bounds, math.radians(SPEC.pitch_per_metre_deg)
+    )
+    heading = root_locus.heading(vehicle, samples, bounds)
+    return RootLocusDesign(vehicle, samples, {"heading": heading, "pitch": pitch, "depth": depth})
 
 
 _INTEGRATOR_REASONS = {

@@ -179,18 +179,18 @@ def feedback(model: AugmentedModel, weights: Weights) -> Array:
     weights_held = (weights.rate_s, weights.pitch, 1.0) if in_pitch else (weights.rate_s, 1.0)
     Q[range(1, 1 + len(weights_held)), range(1, 1 + len(weights_held))] = np.square(weights_held)
     F = -np.linalg.solve(R, B.T @ solve_continuous_are(A, B, Q, R))[0]
-    state, command = equilibrium(model, held=len(weights_held))
+    state, command = equilibrium(model, held_state=len(weights_held))
     return np.concatenate([F, command - F @ state])
 
 
-def equilibrium(model: AugmentedModel, held: int) -> tuple[Array, Array]:
-    """Return states and command per unit of each load that keep state `held` at zero.
+def equilibrium(model: AugmentedModel, held_state: int) -> tuple[Array, Array]:
+    """Return states and command per unit of each load that keep `held_state` at zero.
 
     Solves [A B; e_held 0] [x; u] = [-A_load; 0].
     """
     load, loads = model.load, len(model.B) - model.load
     balance = np.zeros((load + 1, load + 1))
-    balance[:load, :load], balance[:load, load], balance[load, held] = (
+    balance[:load, :load], balance[:load, load], balance[load, held_state] = (
         model.A[:load, :load],
         model.B[:load],
         1.0,

@@ -113,16 +113,16 @@ def redesign(
     gains |= reference_models.heading(vehicle, gains, loads, spec)
     gains |= reference_models.depth(vehicle, gains, loads, spec)
     analysis = design_model.analyse_loops(vehicle, gains)
-    before, after = (
+    initial_response, predicted_response = (
         design_model.predict_response(vehicle, initial),
         design_model.predict_response(vehicle, gains),
     )
     return Design(
         gains=gains,
-        reasons=explain(model, gains, analysis, before, after, spec),
+        reasons=explain(model, gains, analysis, initial_response, predicted_response, spec),
         analysis=analysis,
-        predicted=after,
-        initial=before,
+        predicted=predicted_response,
+        initial=initial_response,
         initial_analysis=design_model.analyse_loops(vehicle, initial),
         spec=spec,
         robustness=robust,
@@ -142,7 +142,7 @@ def _initial_values(vehicle: DesignModel, initial: Gains) -> dict[str, float]:
 
 
 def _gains(
-    vehicle: DesignModel, vehicles: Sequence[DesignModel], first: dict[str, float], spec: Spec
+    vehicle: DesignModel, vehicles: Sequence[DesignModel], initial: dict[str, float], spec: Spec
 ) -> dict[str, float]:
     """Return the gains of heading, which also sets the actuator lead, then of depth.
 
@@ -150,38 +150,38 @@ def _gains(
     """
 
     def design_plane(
-        plane: ModuleType, linear: LinearPlane, known: dict[str, float]
+        plane: ModuleType, linear: LinearPlane, gains: dict[str, float]
     ) -> dict[str, float]:
         """Increase the nominal damping until enough sampled vehicles meet the limits."""
-        best, best_fraction, starts = known, -1.0, design_model.scale_starts(plane.STARTS, linear)
+        best, best_fraction, starts = gains, -1.0, design_model.scale_starts(plane.STARTS, linear)
         for factor in DAMPING_FACTORS:
             try:
                 candidate = plane.gains(
-                    vehicle, known, spec, _tighten_damping(spec, factor), starts
+                    vehicle, gains, spec, _tighten_damping(spec, factor), starts
                 )
             except DesignInfeasibleError:
                 if best_fraction < 0.0:
                     raise
                 break
             fraction = fraction_satisfying(
-                vehicles, plane.violations, {**known, **candidate}, min_bounds(spec)
+                vehicles, plane.violations, {**gains, **candidate}, min_bounds(spec)
             )
             if fraction > best_fraction:
-                best, best_fraction = {**known, **candidate}, fraction
+                best, best_fraction = {**gains, **candidate}, fraction
             if fraction >= ROBUST_ENOUGH:
                 break
             starts = (candidate,)
         return best
 
     return design_plane(
-        depth, vehicle.planes.pitch, design_plane(heading, vehicle.planes.yaw, first)
+        depth, vehicle.planes.pitch, design_plane(heading, vehicle.planes.yaw, initial)
     )
 
 
 def _tighten_damping(spec: Spec, factor: float) -> Bounds:
     """Return the nominal bounds with the damping ratio scaled."""
-    asked = constraints.nominal(spec)
-    return asked._replace(damping=factor * asked.damping)
+    bounds = constraints.nominal(spec)
+    return bounds._replace(damping=factor * bounds.damping)
 
 
 def check_robustness(robust: DesignRobustness | None, model: IdentifiedModel, spec: Spec) -> None:

@@ -20,7 +20,7 @@ STARTS: Sequence[Mapping[str, float]] = (
 
 def gains(
     vehicle: DesignModel,
-    first: Gains,
+    reference: Gains,
     spec: Spec,
     bounds: Bounds,
     starts: Sequence[Mapping[str, float]] = STARTS,
@@ -31,7 +31,7 @@ def gains(
     ----------
     vehicle : DesignModel
         Nominal model.
-    first : Gains
+    reference : Gains
         Gains of the reference design and the actuator lead.
     spec : Spec
         Limits.
@@ -50,7 +50,7 @@ def gains(
     DesignInfeasibleError
         No gains meet the limits.
     """
-    initial_pitch, initial_depth, _ = depth_rms(vehicle, {**first, "ACT_LEAD_W": 0.0})
+    initial_pitch, initial_depth, _ = depth_rms(vehicle, {**reference, "ACT_LEAD_W": 0.0})
 
     def evaluate(gains: Gains) -> CostAndConstraints:
         """Return relative depth rms and violations."""
@@ -65,7 +65,7 @@ def gains(
         }
         return CostAndConstraints(depth / initial_depth, constraint_violations)
 
-    return constrained_search.solve(ConstrainedProblem(first, starts, evaluate))
+    return constrained_search.solve(ConstrainedProblem(reference, starts, evaluate))
 
 
 def violations(

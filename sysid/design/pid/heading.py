@@ -21,7 +21,7 @@ MIN_LEAD_RATIO, MAX_LEAD_RATIO = 1.2, 6.0
 
 def gains(
     vehicle: DesignModel,
-    first: Gains,
+    reference: Gains,
     spec: Spec,
     bounds: Bounds,
     starts: Sequence[Mapping[str, float]] = STARTS,
@@ -32,7 +32,7 @@ def gains(
     ----------
     vehicle : DesignModel
         Nominal model.
-    first : Gains
+    reference : Gains
         Gains of the reference design and the identified lag of the tailcone.
     spec : Spec
         Limits.
@@ -51,7 +51,7 @@ def gains(
     DesignInfeasibleError
         No gains meet the limits.
     """
-    reference = heading_rms(vehicle, {**first, "ACT_LEAD_W": 0.0})[0]
+    reference_rms_rad = heading_rms(vehicle, {**reference, "ACT_LEAD_W": 0.0})[0]
 
     def evaluate(gains: Gains) -> CostAndConstraints:
         """Return relative heading rms and violations."""
@@ -68,9 +68,11 @@ def gains(
             constraint_violations["upper bound of the actuator lead"] = (
                 lead / (MAX_LEAD_RATIO * lag_radps) - 1.0
             )
-        return CostAndConstraints(heading_rms(vehicle, gains)[0] / reference, constraint_violations)
+        return CostAndConstraints(
+            heading_rms(vehicle, gains)[0] / reference_rms_rad, constraint_violations
+        )
 
-    return constrained_search.solve(ConstrainedProblem(first, starts, evaluate))
+    return constrained_search.solve(ConstrainedProblem(reference, starts, evaluate))
 
 
 def violations(

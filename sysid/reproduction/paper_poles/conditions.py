@@ -67,7 +67,8 @@ def required_delay_and_gain(
     """Return the delay (s) and the loop gain with which a loop has this pole."""
     opened = open_loop(loop, close_loop(loop, planes, lag._replace(delay_s=0.0), gains))
     at_pole = complex(
-        -opened.row @ np.linalg.solve(pole * np.eye(len(opened.A)) - opened.A, opened.into)
+        -opened.output_vector
+        @ np.linalg.solve(pole * np.eye(len(opened.A)) - opened.A, opened.input_vector)
     )
     delay_s = cmath.phase(-at_pole) / pole.imag
     return delay_s, 1.0 / abs(at_pole * cmath.exp(-pole * delay_s))
