@@ -64,8 +64,8 @@ def promised(model: IdentifiedModel, found: Designed) -> list[Figure]:
         *_response("LQG", lqg.predicted),
         *_margins("PID", pid.analysis.margins),
         *_margins("LQG", _cuts(model, lqg)),
-        *_trust("PID", pid.trust),
-        *_trust("LQG", lqg.trust),
+        *_trust("PID", pid.robustness),
+        *_trust("LQG", lqg.robustness),
     ]
     return [*figures, *(_cost(name, each) for name, each in found.contenders.items())]
 

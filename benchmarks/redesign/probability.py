@@ -43,7 +43,7 @@ def trial(case: str, seed: int) -> list[float]:
 
 def _kept(designed: Design, vehicle: str) -> tuple[float, float, float, float]:
     """Return predicted probability and result of the full and of the relaxed specification."""
-    assert designed.trust is not None
+    assert designed.robustness is not None
     plane = from_vehicle(
         vehicles.nominal(config.load(vehicle)),
         {"yaw": DEFAULT_DISTURBANCE, "pitch": DEFAULT_DISTURBANCE},
@@ -52,7 +52,7 @@ def _kept(designed: Design, vehicle: str) -> tuple[float, float, float, float]:
         float(max(violations(plane, designed.gains, bounds).values()) <= CONSTRAINT_TOLERANCE)
         for bounds in (min_bounds(designed.spec), RELAXED)
     )
-    return designed.trust.specification, full, designed.trust.relaxed, relaxed
+    return designed.robustness.specification, full, designed.robustness.relaxed, relaxed
 
 
 def judge(case: str, rows: Array) -> list[Figure]:
