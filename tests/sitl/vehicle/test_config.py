@@ -105,7 +105,7 @@ def test_broken_toml_names_the_line():
 @pytest.mark.parametrize("name", ["no_such_vehicle", "no/such/file.toml", "."])
 def test_a_file_that_cannot_be_read_says_what_to_give(name):
     with pytest.raises(
-        config.VehicleFileError, match=r"cannot be read .* give .*bench.*, or a TOML file"
+        config.VehicleFileError, match=r"cannot be read .* give .*caribou_nominal.*, or a TOML file"
     ):
         config.load(name)
 

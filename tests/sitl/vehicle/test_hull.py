@@ -36,7 +36,7 @@ def test_the_prismatic_coefficient_is_that_of_the_profile():
 
 
 @pytest.mark.parametrize(
-    ("caribou_truth", "integrand"),
+    ("field", "integrand"),
     [
         ("volume_m3", lambda x, R: pi * R**2),
         ("planform_m2", lambda x, R: 2 * R),

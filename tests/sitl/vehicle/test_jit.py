@@ -8,7 +8,7 @@ from typing import NamedTuple
 from sitl.vehicle import jit
 
 SOURCE = """
-from sitl.vehicle.kernel import entry_point
+from sitl.vehicle.jit import entry_point
 
 
 @entry_point
@@ -57,7 +57,7 @@ def test_what_is_cached_of_one_type_does_not_name_another():
     for kind in (One, Two):
         jit.native(kind(1.0))
     packer = jit._packer(One)
-    indices = Path(packer.stats.cache_path).glob(f"kernel.{packer.py_func.__qualname__}-*.nbi")
+    indices = Path(packer.stats.cache_path).glob(f"jit.{packer.py_func.__qualname__}-*.nbi")
     (content,) = [index.read_bytes() for index in indices]
     assert b"One" in content
     assert b"Two" not in content
