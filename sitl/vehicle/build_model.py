@@ -90,7 +90,7 @@ def _inertia(config: VehicleConfig) -> Inertia:
 
     Roll inertia is that of the homogeneous hull; added roll inertia is that of the fins alone.
     """
-    # Fossen 2021, with r = r_CM = (x, y, z):  M_RB = [[m I, -m S(r)], [m S(r), I_o]],
+    # Fossen 2021, ch. 3, with r = r_CM = (x, y, z):  M_RB = [[m I, -m S(r)], [m S(r), I_o]],
     # S(r) a = r x a; I_o (diagonal) are the moments of inertia about the origin.
     # M_A = -diag(X_udot, Y_vdot, Z_wdot, K_pdot, M_qdot, N_rdot).
     m, linear, ballast = config.ballast.mass_kg, config.linear, config.ballast

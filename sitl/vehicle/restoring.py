@@ -66,7 +66,7 @@ def wrench(
     ``climb`` are as for ``lost_buoyancy``; ``density_ratio`` is the density over that of the water
     in which the vehicle was ballasted.
     """
-    # With weight W at r_CM and buoyancy B at r_CB, both along "up" (Fossen 2021):
+    # With weight W at r_CM and buoyancy B at r_CB, both along "up" (Fossen 2021, ch. 4):
     #     force  = (B - W) up,
     #     moment = (B r_CB - W r_CM) x up.
     up_x, up_y, up_z = up
