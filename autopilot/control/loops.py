@@ -111,7 +111,7 @@ def step_loops(
         else (steered[0], dived[0])
     )
     rudder_way = elevator_way = None
-    if config.lead_radps:
+    if config.actuator_lead_radps:
         if heading and steered.belief is None:
             rudder, rudder_way = reference_model.lead(rudder, memory.rudder, config.servo, dt_s)
         if depth and dived.belief is None:
@@ -162,19 +162,19 @@ def heading_loop(
     gains, travel = config.heading_gains, config.travel_rad
     if config.schedule_mps:
         gains = schedule_gains(gains, estimate.speed_mps / config.schedule_mps)
-    if bandwidth := config.heading_way_radps:
+    if bandwidth := config.heading_ref_radps:
         start = memory.course or Way(estimate.heading_rad, estimate.r_radps)
         to_go = wrap_pi(setpoint.heading_rad - start.at)
         course = reference_model.step_reference(
-            to_go, start, bandwidth, config.turn_most_radps, dt_s
+            to_go, start, bandwidth, config.heading_ref_rate_radps, dt_s
         )
         error, rate = wrap_pi(course.at - estimate.heading_rad), rate - course.rate
         if abs(course.rate) > INTEGRATOR_HOLD_RADPS:
             gains = gains._replace(i=0.0)
-    elif config.heading_weight < 1.0:
+    elif config.heading_setpoint_weight < 1.0:
         start = memory.course or Way(estimate.heading_rad)
         to_go = wrap_pi(setpoint.heading_rad - start.at)
-        error = wrap_pi(start.at - estimate.heading_rad) + config.heading_weight * to_go
+        error = wrap_pi(start.at - estimate.heading_rad) + config.heading_setpoint_weight * to_go
         course = reference_model.follow_reference(to_go, start, gains, dt_s)
     if laws := scheduled_controllers(config, estimate):
         turn = YawReference(turning, turning - rate, error)
@@ -209,7 +209,7 @@ def heading_lqg(
 
 def scheduled_controllers(config: Config, estimate: VehicleEstimate) -> LqgControllers | None:
     """What flies in place of the PIDs; None where they fly."""
-    if config.law_enabled and lqg.in_range(config.laws, estimate.speed_mps):
+    if config.lqg_enabled and lqg.in_range(config.laws, estimate.speed_mps):
         return config.laws
     return None
 
@@ -230,7 +230,7 @@ def depth_pitch_loop(
         rate = rate * math.cos(roll_rad) - estimate.r_radps * math.sin(roll_rad)
     path = depth_reference(estimate, setpoint, memory, config, dt_s)
     rest, travel = trim_rad, config.travel_rad
-    if config.pitch_stiffness and path.descent and setpoint.pitch_rad is None:
+    if config.pitch_feedforward and path.descent and setpoint.pitch_rad is None:
         rest += pitch_feedforward(path.descent, estimate, config)
     if (laws := scheduled_controllers(config, estimate)) and setpoint.pitch_rad is None:
         return depth_lqg(laws, path, estimate, memory, rate, rest - trim_rad, trim_rad, config)
@@ -278,19 +278,19 @@ def depth_reference(
     """The depth error: from the reference model's way where there is one, or from the weighted
     set-point."""
     rate = estimate.depth_rate_mps
-    if bandwidth := config.depth_way_radps:
+    if bandwidth := config.depth_ref_radps:
         start = memory.descent or Way(estimate.depth_m, rate)
         descent = reference_model.step_reference(
-            setpoint.depth_m - start.at, start, bandwidth, config.depth_way_mps, dt_s
+            setpoint.depth_m - start.at, start, bandwidth, config.depth_ref_mps, dt_s
         )
         error = descent.at - estimate.depth_m
         return DepthReference(
             error, rate - descent.rate, required_pitch(descent, estimate), descent
         )
-    if config.depth_weight < 1.0:
+    if config.depth_setpoint_weight < 1.0:
         start = memory.descent or Way(estimate.depth_m)
         to_go = setpoint.depth_m - start.at
-        error = start.at - estimate.depth_m + config.depth_weight * to_go
+        error = start.at - estimate.depth_m + config.depth_setpoint_weight * to_go
         return DepthReference(
             error,
             rate,
@@ -328,7 +328,7 @@ def pitch_feedforward(descent: Way, estimate: VehicleEstimate, config: Config) -
         min(MAX_SPEED_RATIO, max(MIN_SPEED_RATIO, estimate.speed_mps / config.cruise_speed_mps)),
     )
     pitch = -min(limit, max(-limit, required_pitch(descent, estimate)))
-    return config.pitch_stiffness * pitch / (x * x)
+    return config.pitch_feedforward * pitch / (x * x)
 
 
 def schedule_gains(gains: Gains, speed: float) -> Gains:

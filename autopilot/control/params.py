@@ -82,26 +82,26 @@ class Config:
         float, Doc("PTCH_LIM_DEG", 1, 60, "deg", "Largest pitch the depth loop may ask")
     ] = 20.0
 
-    law_enabled: Annotated[
+    lqg_enabled: Annotated[
         int, Doc("LAW_ENABLE", 0, 1, "", "1: the laws of --laws, where given, in place of PIDs")
     ] = 1
     laws: LqgControllers | None = None
     """No parameter: a file that was read at the start."""
 
-    heading_way_radps: Annotated[
+    heading_ref_radps: Annotated[
         float, Doc("HDG_REF_W", 0, 5, "rad/s", "Bandwidth of the heading's reference model; 0 off")
     ] = 0.0
-    heading_way_degps: Annotated[
+    heading_ref_degps: Annotated[
         float,
         Doc("HDG_REF_RATE", 0.1, 90, "deg/s", "Rate of turn of the heading's reference model"),
     ] = 6.0
-    depth_way_radps: Annotated[
+    depth_ref_radps: Annotated[
         float, Doc("DPT_REF_W", 0, 5, "rad/s", "Bandwidth of the depth's reference model; 0 off")
     ] = 0.0
-    depth_way_mps: Annotated[
+    depth_ref_mps: Annotated[
         float, Doc("DPT_REF_RATE", 0.01, 5, "m/s", "Rate of change of the depth's reference model")
     ] = 0.3
-    heading_weight: Annotated[
+    heading_setpoint_weight: Annotated[
         float,
         Doc(
             "HDG_SPW",
@@ -111,13 +111,13 @@ class Config:
             "Weight of a new heading in HDG_P, without a reference model; 1 off",
         ),
     ] = 1.0
-    depth_weight: Annotated[
+    depth_setpoint_weight: Annotated[
         float,
         Doc(
             "DPT_SPW", 0, 1, "", "Weight of a new depth in DPT_P, without a reference model; 1 off"
         ),
     ] = 1.0
-    pitch_stiffness: Annotated[
+    pitch_feedforward: Annotated[
         float,
         Doc(
             "PTCH_FF",
@@ -152,7 +152,7 @@ class Config:
     lag_damping: Annotated[
         float, Doc("ACT_LAG_Z", 0.1, 2, "", "Damping ratio of the tailcone's lag")
     ] = 0.6
-    lead_radps: Annotated[
+    actuator_lead_radps: Annotated[
         float,
         Doc(
             "ACT_LEAD_W",
@@ -430,7 +430,7 @@ class Config:
     declination_rad: float = field(init=False)
     pitch_limit_rad: float = field(init=False)
     fs_pitch_rad: float = field(init=False)
-    turn_most_radps: float = field(init=False)
+    heading_ref_rate_radps: float = field(init=False)
     servo: ActuatorLead = field(init=False)
     heading_gains: Gains = field(init=False)
     pitch_gains: Gains = field(init=False)
@@ -445,7 +445,7 @@ class Config:
             ("declination_rad", math.radians(self.declination_deg)),
             ("pitch_limit_rad", math.radians(self.pitch_limit_deg)),
             ("fs_pitch_rad", math.radians(self.fs_pitch_deg)),
-            ("turn_most_radps", math.radians(self.heading_way_degps)),
+            ("heading_ref_rate_radps", math.radians(self.heading_ref_degps)),
             ("servo", self._servo()),
             (
                 "heading_gains",
@@ -458,7 +458,9 @@ class Config:
 
     def _servo(self) -> ActuatorLead:
         rate, travel = math.radians(self.rate_degps), math.radians(self.travel_deg)
-        return ActuatorLead(self.lag_radps, self.lag_damping, self.lead_radps, rate, travel)
+        return ActuatorLead(
+            self.lag_radps, self.lag_damping, self.actuator_lead_radps, rate, travel
+        )
 
 
 class ParamInfo(NamedTuple):
