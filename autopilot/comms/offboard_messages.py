@@ -137,13 +137,13 @@ def _global(message: Any, fields: dict[str, float], home: Home) -> MotionTarget:
 
 
 def _motion(
-    fields: dict[str, float], place_m: complex | None, depth_m: float | None
+    fields: dict[str, float], position_m: complex | None, depth_m: float | None
 ) -> MotionTarget:
     """A velocity beside a place only tells how fast to go there."""
     velocity = _pair(fields, "vx", "vy", "velocity")
-    there = place_m is not None and velocity is not None
+    there = position_m is not None and velocity is not None
     return MotionTarget(
-        place_m=place_m,
+        position_m=position_m,
         depth_m=None if depth_m is None else max(0.0, depth_m),
         velocity_mps=None if there else velocity,
         depth_rate_mps=fields.get("vz") if depth_m is None else None,

@@ -61,7 +61,7 @@ def _update(state: AutopilotState, blind: bool) -> Ascent:
     gps = state.health.gps
     if not sensor_checks.has_fix(gps.record) or sensor_checks.is_silent(gps, now_us):
         return ascent._replace(fix_us=None) if ascent.fix_us is not None else ascent
-    return ascent if ascent.fix_us is not None else ascent._replace(fix_us=gps.sound_us)
+    return ascent if ascent.fix_us is not None else ascent._replace(fix_us=gps.accepted_us)
 
 
 def _reached_surface(

@@ -243,7 +243,9 @@ def actuator_frame(state: AutopilotState, trace: Trace, config: Config) -> Actua
     mode = CUSTOM_MODE_FLAG | (ARMED_FLAG if state.armed else 0)
     if not state.armed:
         resting = (
-            (*actuator_test.positions(state), *_UNUSED_CHANNELS) if state.bench_tests else _NEUTRAL
+            (*actuator_test.positions(state), *_UNUSED_CHANNELS)
+            if state.actuator_tests
+            else _NEUTRAL
         )
         return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, resting, mode)
     travel = config.travel_rad

@@ -63,7 +63,7 @@ _MAX_SEED = 2**24 - 1
 _MAX_INTERVALS_NUMBER = 9_999_999
 
 
-class Played(NamedTuple):
+class ExcitationOutput(NamedTuple):
     """What a test adds to the actuators at a moment."""
 
     rudder_rad: float
@@ -85,7 +85,14 @@ def from_numbers(
         )
     if wave == Wave.SQUARE:
         return requests.StartTest(
-            axis, magnitude, 0.0, 0.0, duration_s, wave, fade_s, runs=switch_intervals(p3, p4)
+            axis,
+            magnitude,
+            0.0,
+            0.0,
+            duration_s,
+            wave,
+            fade_s,
+            switch_intervals=switch_intervals(p3, p4),
         )
     return requests.StartTest(axis, magnitude, p3, p4, duration_s, wave, fade_s)
 
@@ -138,7 +145,9 @@ def precompute(wish: requests.StartTest, state: AutopilotState, config: Config) 
         heading_rad=state.setpoint.heading_rad,
         depth_m=state.setpoint.depth_m,
         seed=wish.seed,
-        runs=waveforms.THREE_TWO_ONE_ONE if wish.wave == Wave.THREE_TWO_ONE_ONE else wish.runs,
+        switch_intervals=waveforms.THREE_TWO_ONE_ONE
+        if wish.wave == Wave.THREE_TWO_ONE_ONE
+        else wish.switch_intervals,
     )
 
 
@@ -155,12 +164,12 @@ def describe(test: Excitation) -> str:
     return f"axis={test.axis} wave={WAVES[test.wave]} magnitude={size:.2f}{both}"
 
 
-def sample(test: Excitation, t_s: float) -> Played:
+def sample(test: Excitation, t_s: float) -> ExcitationOutput:
     """What the test adds, ``t_s`` after it began."""
     fading = waveforms.fade(t_s, test.duration_s, test.fade_s)
     shape, frequency_hz = _waveform_value(test, t_s)
     other = _multisine_tones(test, t_s, part=1) if test.rudder_rad and test.elevator_rad else shape
-    return Played(
+    return ExcitationOutput(
         test.rudder_rad * fading * shape if test.rudder_rad else 0.0,
         test.elevator_rad * fading * other if test.elevator_rad else 0.0,
         test.thrust * fading * shape if test.thrust else 0.0,
@@ -180,7 +189,7 @@ def _waveform_value(test: Excitation, t_s: float) -> tuple[float, float]:
         case Wave.MULTISINE:
             return _multisine_tones(test, t_s, part=0), 0.0
         case Wave.THREE_TWO_ONE_ONE | Wave.SQUARE:
-            return waveforms.square(t_s, test.runs, test.duration_s), 0.0
+            return waveforms.square(t_s, test.switch_intervals, test.duration_s), 0.0
     return 1.0, 0.0
 
 
@@ -241,7 +250,7 @@ def _wave_fault(test: Excitation) -> str:
             return _prbs_fault(test)
         case Wave.MULTISINE:
             return _multisine_fault(test)
-        case Wave.SQUARE if not test.runs or not all(test.runs):
+        case Wave.SQUARE if not test.switch_intervals or not all(test.switch_intervals):
             return (
                 "square wave: runs must be whole numbers of digits 1 to 9, to"
                 f" {_MAX_INTERVALS_NUMBER:g} each, as 3211"

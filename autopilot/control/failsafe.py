@@ -43,7 +43,7 @@ def _failsafe_mode(cause: str, state: AutopilotState, config: Config) -> modes.M
 
 
 def _cause(state: AutopilotState, inputs: Inputs, config: Config) -> str:
-    if state.health.doubts and (wrong := _device_failsafe(state, config)):
+    if state.health.faults and (wrong := _device_failsafe(state, config)):
         return wrong
     if depth_unknown(state, config):
         return "depth unknown"

@@ -48,7 +48,7 @@ class PathProgress(NamedTuple):
     """To starboard of a line, outside a circle."""
 
 
-def current_position(estimate: VehicleEstimate) -> complex:
+def position_of(estimate: VehicleEstimate) -> complex:
     return complex(estimate.north_m, estimate.east_m)
 
 
@@ -88,17 +88,19 @@ def hold_current(state: AutopilotState, config: Config) -> AutopilotState:
 
     A mission that was left on the way goes on with its own set-points.
     """
-    at, paused, mode = state.estimate, state.mission.paused, state.mode
-    if mode == modes.MISSION.number and paused is not None:
-        return state._replace(setpoint=paused, mission=state.mission._replace(paused=None))
+    at, paused_setpoint, mode = state.estimate, state.mission.paused_setpoint, state.mode
+    if mode == modes.MISSION.number and paused_setpoint is not None:
+        return state._replace(
+            setpoint=paused_setpoint, mission=state.mission._replace(paused_setpoint=None)
+        )
     thrust = config.cruise_thrust_pct / 100.0 if mode in _PROPULSIVE_MODES else state.thrust
     setpoint, path = Setpoint(max(0.0, at.depth_m), at.heading_rad, thrust), state.path
     if mode == modes.STATION.number:
-        path = circle(current_position(at), 0.0, config)
+        path = circle(position_of(at), 0.0, config)
     if mode == modes.RTL.number:
         setpoint, path = (
             setpoint._replace(depth_m=config.rtl_depth_m),
-            TrackLine(current_position(at), 0j),
+            TrackLine(position_of(at), 0j),
         )
     return state._replace(setpoint=setpoint, path=path)
 
@@ -117,12 +119,12 @@ def follow(
 ) -> tuple[Path, float]:
     """The path with its memory, and the heading that keeps her on it."""
     if isinstance(path, TrackLine):
-        cross_m, azimuth, _, _ = along_track_m(path, current_position(estimate))
+        cross_m, azimuth, _, _ = along_track_m(path, position_of(estimate))
         aside, integral = _line_of_sight(cross_m, path.integral, config.lookahead_m, config, dt_s)
         return path._replace(integral=integral), crab_heading(azimuth - aside, estimate)
-    path = _count_orbit(path, current_position(estimate) - path.centre_m, config, time_us)
+    path = _count_orbit(path, position_of(estimate) - path.centre_m, config, time_us)
     sense = 1.0 if path.clockwise else -1.0
-    distance_m, bearing = cmath.polar(current_position(estimate) - path.centre_m)
+    distance_m, bearing = cmath.polar(position_of(estimate) - path.centre_m)
     ahead_m = min(config.lookahead_m, path.radius_m)
     aside, integral = _line_of_sight(
         distance_m - path.radius_m, path.integral, ahead_m, config, dt_s
@@ -150,24 +152,24 @@ def _count_orbit(path: Circle, off_m: complex, config: Config, time_us: int) -> 
         arrived = abs(distance_m - path.radius_m) < config.acceptance_m
         return path._replace(since_us=time_us if arrived else None, bearing_rad=bearing)
     turned = wrap_pi(bearing - path.bearing_rad) * (1.0 if path.clockwise else -1.0)
-    return path._replace(turned_rad=path.turned_rad + turned, bearing_rad=bearing)
+    return path._replace(swept_rad=path.swept_rad + turned, bearing_rad=bearing)
 
 
-def along_track_m(path: TrackLine, place_m: complex) -> tuple[float, float, float, float]:
+def along_track_m(path: TrackLine, position_m: complex) -> tuple[float, float, float, float]:
     """Cross-track error (m, to starboard), azimuth (rad), way along the line and its length (m)."""
-    way_m = path.to_m - path.from_m
-    length_m, azimuth = cmath.polar(way_m)
-    off_m = (place_m - path.from_m) * cmath.rect(1.0, -azimuth)
+    distance_m = path.to_m - path.from_m
+    length_m, azimuth = cmath.polar(distance_m)
+    off_m = (position_m - path.from_m) * cmath.rect(1.0, -azimuth)
     return off_m.imag, azimuth, off_m.real, length_m
 
 
 def crab_heading(course_rad: float, estimate: VehicleEstimate) -> float:
     """The heading that makes the course good in the estimated current."""
     learned = estimate.navigation
-    water = max(MIN_WATER_SPEED_MPS, estimate.speed_mps * abs(1.0 + learned.water_error))
+    water = max(MIN_WATER_SPEED_MPS, estimate.speed_mps * abs(1.0 + learned.speed_error))
     across = (learned.current_mps * cmath.rect(1.0, -course_rad)).imag / water
     crab = math.asin(max(-MAX_CRAB_SINE, min(MAX_CRAB_SINE, across)))
-    return wrap_pi(course_rad - crab - cmath.phase(1.0 + learned.water_error))
+    return wrap_pi(course_rad - crab - cmath.phase(1.0 + learned.speed_error))
 
 
 def update_heading(state: AutopilotState, config: Config, dt_s: float) -> AutopilotState:
@@ -180,11 +182,11 @@ def update_heading(state: AutopilotState, config: Config, dt_s: float) -> Autopi
 
 def reached(path: TrackLine, estimate: VehicleEstimate, acceptance_m: float) -> bool:
     """Whether she is near the end of a line, or has passed abeam of it."""
-    place = current_position(estimate)
+    place = position_of(estimate)
     if abs(path.to_m - place) <= acceptance_m:
         return True
-    _, _, way_m, length_m = along_track_m(path, place)
-    return way_m >= length_m
+    _, _, distance_m, length_m = along_track_m(path, place)
+    return distance_m >= length_m
 
 
 def orbit_time_s(path: Circle, time_us: int) -> float:
@@ -194,7 +196,7 @@ def orbit_time_s(path: Circle, time_us: int) -> float:
 
 def progress(path: Path, estimate: VehicleEstimate) -> PathProgress:
     """How far she has come."""
-    place = current_position(estimate)
+    place = position_of(estimate)
     if isinstance(path, TrackLine):
         to_go_m, bearing = cmath.polar(path.to_m - place)
         return PathProgress(to_go_m, bearing, along_track_m(path, place)[0])

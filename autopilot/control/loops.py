@@ -12,7 +12,7 @@ from autopilot.control import lqg, reference_model
 from autopilot.control.lqg import LqgControllers, LqgReference, ObserverState
 from autopilot.control.params import Config
 from autopilot.control.pid import Gains, pid
-from autopilot.control.reference_model import Way
+from autopilot.control.reference_model import ReferenceState
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import LoopMemory, Trim, VehicleEstimate
 from mavlink_io.frames import wrap_pi
@@ -46,7 +46,7 @@ class HeadingLoopResult(NamedTuple):
 
     rudder_rad: float
     integral_rad: float
-    course: Way | None
+    course: ReferenceState | None
     belief: ObserverState | None = None
 
 
@@ -65,7 +65,7 @@ class DepthLoopResult(NamedTuple):
     pitch_setpoint_rad: float
     pitch_integral_rad: float
     depth_integral_rad: float
-    descent: Way | None
+    descent: ReferenceState | None
     belief: ObserverState | None = None
 
 
@@ -78,7 +78,7 @@ class DepthReference(NamedTuple):
     """Sinking faster than wanted."""
     ahead_rad: float
     """Nose-down pitch that the way itself takes."""
-    descent: Way | None
+    descent: ReferenceState | None
 
 
 def step_loops(
@@ -98,8 +98,10 @@ def step_loops(
         config.rudder_trim_rad + learned.rudder_rad,
         config.elevator_trim_rad + learned.elevator_rad,
     )
-    steered = HeadingLoopResult(trims[0], memory.heading_rad, None)
-    dived = DepthLoopResult(trims[1], estimate.pitch_rad, memory.pitch_rad, memory.depth_rad, None)
+    steered = HeadingLoopResult(trims[0], memory.heading_integral_rad, None)
+    dived = DepthLoopResult(
+        trims[1], estimate.pitch_rad, memory.pitch_integral_rad, memory.depth_integral_rad, None
+    )
     roll = estimate.roll_rad if config.roll_compensated and heading and depth else 0.0
     if heading:
         steered = heading_loop(estimate, setpoint, memory, trims[0], roll, config, dt_s)
@@ -113,10 +115,12 @@ def step_loops(
     rudder_way = elevator_way = None
     if config.actuator_lead_radps:
         if heading and steered.belief is None:
-            rudder, rudder_way = reference_model.lead(rudder, memory.rudder, config.servo, dt_s)
+            rudder, rudder_way = reference_model.lead(
+                rudder, memory.rudder_lead, config.servo, dt_s
+            )
         if depth and dived.belief is None:
             elevator, elevator_way = reference_model.lead(
-                elevator, memory.elevator, config.servo, dt_s
+                elevator, memory.elevator_lead, config.servo, dt_s
             )
     surfaces = ControlOutput(
         rudder,
@@ -163,27 +167,27 @@ def heading_loop(
     if config.schedule_mps:
         gains = schedule_gains(gains, estimate.speed_mps / config.schedule_mps)
     if bandwidth := config.heading_ref_radps:
-        start = memory.course or Way(estimate.heading_rad, estimate.r_radps)
-        to_go = wrap_pi(setpoint.heading_rad - start.at)
+        start = memory.heading_reference or ReferenceState(estimate.heading_rad, estimate.r_radps)
+        to_go = wrap_pi(setpoint.heading_rad - start.value)
         course = reference_model.step_reference(
             to_go, start, bandwidth, config.heading_ref_rate_radps, dt_s
         )
-        error, rate = wrap_pi(course.at - estimate.heading_rad), rate - course.rate
+        error, rate = wrap_pi(course.value - estimate.heading_rad), rate - course.rate
         if abs(course.rate) > INTEGRATOR_HOLD_RADPS:
             gains = gains._replace(i=0.0)
     elif config.heading_setpoint_weight < 1.0:
-        start = memory.course or Way(estimate.heading_rad)
-        to_go = wrap_pi(setpoint.heading_rad - start.at)
-        error = wrap_pi(start.at - estimate.heading_rad) + config.heading_setpoint_weight * to_go
+        start = memory.heading_reference or ReferenceState(estimate.heading_rad)
+        to_go = wrap_pi(setpoint.heading_rad - start.value)
+        error = wrap_pi(start.value - estimate.heading_rad) + config.heading_setpoint_weight * to_go
         course = reference_model.follow_reference(to_go, start, gains, dt_s)
     if laws := scheduled_controllers(config, estimate):
         turn = YawReference(turning, turning - rate, error)
         rudder, belief = heading_lqg(
-            laws, turn, estimate.heading_rad, memory.rudder_belief, trim_rad, config
+            laws, turn, estimate.heading_rad, memory.rudder_observer, trim_rad, config
         )
-        return HeadingLoopResult(rudder, memory.heading_rad, course, belief)
+        return HeadingLoopResult(rudder, memory.heading_integral_rad, course, belief)
     rudder, integral = pid(
-        error, rate, gains, memory.heading_rad, dt_s, -travel - trim_rad, travel - trim_rad
+        error, rate, gains, memory.heading_integral_rad, dt_s, -travel - trim_rad, travel - trim_rad
     )
     return HeadingLoopResult(rudder + trim_rad, integral, course)
 
@@ -242,7 +246,7 @@ def depth_pitch_loop(
         gains = schedule_gains(gains, estimate.speed_mps / config.schedule_mps)
     error = pitch_setpoint - estimate.pitch_rad
     elevator, pitch_i = pid(
-        error, rate, gains, memory.pitch_rad, dt_s, -travel - rest, travel - rest
+        error, rate, gains, memory.pitch_integral_rad, dt_s, -travel - rest, travel - rest
     )
     return DepthLoopResult(elevator + rest, pitch_setpoint, pitch_i, depth_i, path.descent)
 
@@ -265,10 +269,15 @@ def depth_lqg(
     wanted = 0.0, -path.ahead_rad, estimate.depth_m + error, sinking - path.rate_mps
     under_way = path.descent is not None and abs(path.descent.rate) > INTEGRATOR_HOLD_MPS
     target = LqgReference(wanted, ahead_rad, -travel - trim_rad, travel - trim_rad, under_way)
-    elevator, belief = lqg.step(laws.depth, memory.elevator_belief, measured, target)
+    elevator, belief = lqg.step(laws.depth, memory.elevator_observer, measured, target)
     pitch = -laws.pitch_per_metre * error - path.ahead_rad
     return DepthLoopResult(
-        elevator + trim_rad, pitch, memory.pitch_rad, memory.depth_rad, path.descent, belief
+        elevator + trim_rad,
+        pitch,
+        memory.pitch_integral_rad,
+        memory.depth_integral_rad,
+        path.descent,
+        belief,
     )
 
 
@@ -279,18 +288,18 @@ def depth_reference(
     set-point."""
     rate = estimate.depth_rate_mps
     if bandwidth := config.depth_ref_radps:
-        start = memory.descent or Way(estimate.depth_m, rate)
+        start = memory.depth_reference or ReferenceState(estimate.depth_m, rate)
         descent = reference_model.step_reference(
-            setpoint.depth_m - start.at, start, bandwidth, config.depth_ref_mps, dt_s
+            setpoint.depth_m - start.value, start, bandwidth, config.depth_ref_mps, dt_s
         )
-        error = descent.at - estimate.depth_m
+        error = descent.value - estimate.depth_m
         return DepthReference(
             error, rate - descent.rate, required_pitch(descent, estimate), descent
         )
     if config.depth_setpoint_weight < 1.0:
-        start = memory.descent or Way(estimate.depth_m)
-        to_go = setpoint.depth_m - start.at
-        error = start.at - estimate.depth_m + config.depth_setpoint_weight * to_go
+        start = memory.depth_reference or ReferenceState(estimate.depth_m)
+        to_go = setpoint.depth_m - start.value
+        error = start.value - estimate.depth_m + config.depth_setpoint_weight * to_go
         return DepthReference(
             error,
             rate,
@@ -308,17 +317,23 @@ def depth_loop(
     if path.descent is not None and abs(path.descent.rate) > INTEGRATOR_HOLD_MPS:
         gains = gains._replace(i=0.0)
     nose_down, integral = pid(
-        path.error_m, path.rate_mps, gains, memory.depth_rad, dt_s, -limit - ahead, limit - ahead
+        path.error_m,
+        path.rate_mps,
+        gains,
+        memory.depth_integral_rad,
+        dt_s,
+        -limit - ahead,
+        limit - ahead,
     )
     return -nose_down - ahead, integral
 
 
-def required_pitch(descent: Way, estimate: VehicleEstimate) -> float:
+def required_pitch(descent: ReferenceState, estimate: VehicleEstimate) -> float:
     """The nose-down pitch that a way in depth itself takes: depth' = -U sin(theta)."""
     return descent.rate / max(estimate.speed_mps, MIN_SPEED_MPS)
 
 
-def pitch_feedforward(descent: Way, estimate: VehicleEstimate, config: Config) -> float:
+def pitch_feedforward(descent: ReferenceState, estimate: VehicleEstimate, config: Config) -> float:
     """The elevator that holds the pitch of a way in depth against the weight under the hull's axis.
 
     That righting moment is the same at any speed; what an angle of the duct turns grows with U^2.
@@ -370,8 +385,9 @@ def update_trim(
     # Each integrator gives back its own part only. The part of a standing error is added to the
     # command: taken from the integrator too, it would drive that to its other limit.
     return memory._replace(
-        heading_rad=memory.heading_rad * (1.0 - share if memory.rudder_belief is None else 1.0),
-        pitch_rad=memory.pitch_rad * (1.0 - share),
+        heading_integral_rad=memory.heading_integral_rad
+        * (1.0 - share if memory.rudder_observer is None else 1.0),
+        pitch_integral_rad=memory.pitch_integral_rad * (1.0 - share),
         trim=Trim(old.rudder_rad + rudder, old.elevator_rad + elevator, old.learned_s + dt_s),
     )
 

@@ -54,7 +54,7 @@ StepResult = tuple[AutopilotState, tuple[Event | ItemReached, ...]]
 _FIELDS = {"p1": 1, "p2": 2, "p3": 3, "p4": 4, "z": 7}
 """The parameters of an item that are real numbers, with their numbers in MAV_MISSION_RESULT."""
 
-Wrong = tuple[int, str]
+ItemFault = tuple[int, str]
 """The number of a parameter (0: none in particular) and what is wrong with it, "" for nothing."""
 
 
@@ -101,7 +101,7 @@ _REQUIRED_PARAMETERS: dict[int, tuple[str, ...]] = {
 """The numbers without which an item means nothing; NaN in any other field means "not given"."""
 
 
-def _item_fault(item: MissionItem, count: int, config: Config) -> Wrong:
+def _item_fault(item: MissionItem, count: int, config: Config) -> ItemFault:
     """What is wrong with an item wherever the vehicle is."""
     if item.command not in COMMANDS:
         return 0, f"command {item.command} is not one this vehicle flies"
@@ -130,7 +130,7 @@ def _item_fault(item: MissionItem, count: int, config: Config) -> Wrong:
     return 0, ""
 
 
-def _out_of_reach(item: MissionItem, home: Home, config: Config) -> Wrong:
+def _out_of_reach(item: MissionItem, home: Home, config: Config) -> ItemFault:
     """Whether the place of an item is too far from home, as far as home is known."""
     limit_m = config.mission_distance_m
     if (
@@ -139,13 +139,13 @@ def _out_of_reach(item: MissionItem, home: Home, config: Config) -> Wrong:
         or not (home.known or item.frame == FRAME_LOCAL_NED)
     ):
         return 0, ""
-    place_m = guidance.item_position(item, home)
-    if place_m is None or abs(place_m) <= limit_m:
+    position_m = guidance.item_position(item, home)
+    if position_m is None or abs(position_m) <= limit_m:
         return 0, ""
-    parameter = 5 if abs(place_m.real) >= abs(place_m.imag) else 6
+    parameter = 5 if abs(position_m.real) >= abs(position_m.imag) else 6
     return (
         parameter,
-        f"{abs(place_m):.0f} m from home: must be at most MIS_DIST_MAX = {limit_m:g} m",
+        f"{abs(position_m):.0f} m from home: must be at most MIS_DIST_MAX = {limit_m:g} m",
     )
 
 
@@ -225,16 +225,23 @@ def begin_rtl(state: AutopilotState, config: Config) -> StepResult:
 def _begin_leg(item: MissionItem, state: AutopilotState, config: Config) -> AutopilotState:
     """Set out to the place of an item: by the line from the last waypoint where she is near it, or
     from here."""
-    here = guidance.current_position(state.estimate)
+    here = guidance.position_of(state.estimate)
     place = guidance.item_position(item, state.home)
     to_m = here if place is None else place
     if item.command != MissionCommand.LAND:  # its altitude is that of the end
         depth_m = guidance.item_depth_m(item, state.setpoint.depth_m)
         state = state._replace(setpoint=state.setpoint._replace(depth_m=depth_m))
     if item.command in (MissionCommand.WAYPOINT, MissionCommand.LAND):
-        left_m = state.mission.left_m
-        near = left_m is not None and abs(here - left_m) <= config.lookahead_m
-        return state._replace(path=TrackLine(left_m if left_m is not None and near else here, to_m))
+        previous_waypoint_m = state.mission.previous_waypoint_m
+        near = (
+            previous_waypoint_m is not None
+            and abs(here - previous_waypoint_m) <= config.lookahead_m
+        )
+        return state._replace(
+            path=TrackLine(
+                previous_waypoint_m if previous_waypoint_m is not None and near else here, to_m
+            )
+        )
     return state._replace(path=guidance.circle(to_m, item.p3, config))
 
 
@@ -278,7 +285,7 @@ def item_done(item: MissionItem, state: AutopilotState, config: Config) -> bool:
     if isinstance(path, Circle):
         turns = item.command == MissionCommand.LOITER_TURNS
         return (
-            path.turned_rad >= 2.0 * math.pi * item.p1 if turns else _orbit_done(path, item, state)
+            path.swept_rad >= 2.0 * math.pi * item.p1 if turns else _orbit_done(path, item, state)
         )
     return True
 
@@ -322,7 +329,7 @@ def _advance_item(item: MissionItem, state: AutopilotState) -> AutopilotState:
             entered_us=None,
             jumps=jumps,
             reached=item.sequence,
-            left_m=_last_waypoint_m(item, state),
+            previous_waypoint_m=_last_waypoint_m(item, state),
         )
     )
 
@@ -331,7 +338,7 @@ def _last_waypoint_m(item: MissionItem, state: AutopilotState) -> complex | None
     """The last waypoint that was reached."""
     if item.command == MissionCommand.WAYPOINT and isinstance(state.path, TrackLine):
         return state.path.to_m
-    return state.mission.left_m
+    return state.mission.previous_waypoint_m
 
 
 def _complete(state: AutopilotState, config: Config) -> tuple[AutopilotState, tuple[Event, ...]]:

@@ -61,7 +61,7 @@ def enter(state: AutopilotState, mode: Mode) -> tuple[AutopilotState, tuple[Even
         events.insert(0, Event(Severity.NOTICE, f"SystemID Stopped: mode {mode.name}"))
     mission = state.mission
     if state.mode == MISSION.number and state.armed:
-        mission = mission._replace(paused=state.setpoint)
+        mission = mission._replace(paused_setpoint=state.setpoint)
     state = state._replace(mode=mode.number, test=None, path=None, ascent=None, mission=mission)
     return state, tuple(events)
 

@@ -78,7 +78,7 @@ class MotionInput(NamedTuple):
 class NavSolution(NamedTuple):
     """Where she is, how she moves over ground, and the memory that goes with it."""
 
-    place_m: complex
+    position_m: complex
     velocity_mps: complex
     memory: Navigation
 
@@ -90,7 +90,7 @@ def initial_solution(config: Config) -> Navigation:
 
 
 def predict_and_update(
-    place_m: complex,
+    position_m: complex,
     old: Navigation,
     motion: MotionInput,
     inputs: Inputs,
@@ -101,13 +101,15 @@ def predict_and_update(
     """The plot after a tick; ``place_m`` is counted from ``home``, or from the start where there is
     none yet."""
     water = motion.water_mps
-    velocity = water * (1.0 + old.water_error + old.slip) + old.current_mps
-    place_m += velocity * dt_s
-    span_s, way_m = old.span_s + dt_s, old.way_m + water * dt_s
+    velocity = water * (1.0 + old.speed_error + old.slip) + old.current_mps
+    position_m += velocity * dt_s
+    span_s, distance_m = old.span_s + dt_s, old.distance_m + water * dt_s
     fix, ping = inputs.gps, inputs.dvl
     if fix is None and ping is None and span_s < UPDATE_S:
-        return NavSolution(place_m, velocity, old._replace(span_s=span_s, way_m=way_m))
-    plot = NavSolution(place_m, velocity, _propagate_covariance(old, span_s, way_m, motion, config))
+        return NavSolution(position_m, velocity, old._replace(span_s=span_s, distance_m=distance_m))
+    plot = NavSolution(
+        position_m, velocity, _propagate_covariance(old, span_s, distance_m, motion, config)
+    )
     if ping is not None:
         plot = _update_dvl(plot, motion, ping, config)
     if fix is not None and has_fix(fix) and home.known:
@@ -117,7 +119,7 @@ def predict_and_update(
 
 def sd_m(memory: Navigation) -> float:
     """One standard deviation of the position along each axis."""
-    return math.sqrt(max(0.0, memory.covariance.place))
+    return math.sqrt(max(0.0, memory.covariance.position))
 
 
 def current_sd_mps(memory: Navigation) -> float:
@@ -131,17 +133,17 @@ def velocity_sd_mps(memory: Navigation, speed_mps: float, time_us: int) -> float
     covariance = memory.covariance
     if _has_dvl(memory, time_us):
         water = 0.0 if memory.over_ground else covariance.current
-        return math.sqrt(max(0.0, water + DVL_SD_MPS**2 + speed_mps**2 * covariance.log))
-    slip = memory.unsteady_mps**2
-    return math.sqrt(max(0.0, covariance.current + speed_mps**2 * covariance.water + slip))
+        return math.sqrt(max(0.0, water + DVL_SD_MPS**2 + speed_mps**2 * covariance.dvl))
+    slip = memory.slip_sd_mps**2
+    return math.sqrt(max(0.0, covariance.current + speed_mps**2 * covariance.speed + slip))
 
 
-def shift_home(place_m: complex, old: Home, new: Home) -> complex:
+def shift_home(position_m: complex, old: Home, new: Home) -> complex:
     """The same place counted from a new home; without an old one she is where home was said to
     be."""
     if not old.known:
-        return place_m
-    return place_m + complex(
+        return position_m
+    return position_m + complex(
         *geodetic_to_offset(old.lat_deg, old.lon_deg, new.lat_deg, new.lon_deg)
     )
 
@@ -156,16 +158,16 @@ def _max_variances(config: Config) -> tuple[float, float, float]:
 
 
 def _propagate_covariance(
-    old: Navigation, span_s: float, way_m: complex, motion: MotionInput, config: Config
+    old: Navigation, span_s: float, distance_m: complex, motion: MotionInput, config: Config
 ) -> Navigation:
     """Bring the covariance up to date after a stretch of dead reckoning."""
     pp, cc, mm, kk, pc, pm, pk, cm, ck, mk = old.covariance
     most_cc, _, most_kk = _max_variances(config)
     turn_rad, sink_m = abs(motion.turn_radps) * span_s, abs(motion.rise_mps) * span_s
-    unsteady = _slip_sd_mps(old, span_s, way_m, motion)
+    unsteady = _slip_sd_mps(old, span_s, distance_m, motion)
     heard = _has_dvl(old, motion.time_us)
     unseen = 0.0 if heard else unsteady * unsteady * SLIP_CORRELATION_S
-    a, b, d = _jacobian(old, span_s, way_m, heard)
+    a, b, d = _jacobian(old, span_s, distance_m, heard)
     spread = (
         a * pc
         + b.conjugate() * pm
@@ -190,7 +192,7 @@ def _propagate_covariance(
     )
     slip = old.slip if heard else old.slip * (1.0 - span_s / SLIP_FADES_S)
     return old._replace(
-        slip=slip, unsteady_mps=unsteady, covariance=covariance, span_s=0.0, way_m=0j
+        slip=slip, slip_sd_mps=unsteady, covariance=covariance, span_s=0.0, distance_m=0j
     )
 
 
@@ -200,25 +202,25 @@ def _has_dvl(memory: Navigation, time_us: int) -> bool:
 
 
 def _jacobian(
-    memory: Navigation, span_s: float, way_m: complex, heard: bool
+    memory: Navigation, span_s: float, distance_m: complex, heard: bool
 ) -> tuple[float, complex, complex]:
     """How the way of a stretch depends on the current, and on the errors of water and log.
 
     With the log heard the way is the log's, by slip, and the water's error is in none of it.
     """
     if not heard:
-        return span_s, way_m, 0j
+        return span_s, distance_m, 0j
     if not memory.over_ground:
-        return span_s, 0j, -way_m
-    return 0.0, 0j, -(way_m + memory.current_mps * span_s)
+        return span_s, 0j, -distance_m
+    return 0.0, 0j, -(distance_m + memory.current_mps * span_s)
 
 
-def _slip_sd_mps(old: Navigation, span_s: float, way_m: complex, motion: MotionInput) -> float:
+def _slip_sd_mps(old: Navigation, span_s: float, distance_m: complex, motion: MotionInput) -> float:
     """How much speed may not be where the model has it."""
     if span_s <= 0.0:
-        return old.unsteady_mps
-    gained = 2.0 * abs(abs(motion.water_mps) - abs(way_m) / span_s) / span_s
-    fading = old.unsteady_mps * (1.0 - min(1.0, span_s / SLIP_FADES_S))
+        return old.slip_sd_mps
+    gained = 2.0 * abs(abs(motion.water_mps) - abs(distance_m) / span_s) / span_s
+    fading = old.slip_sd_mps * (1.0 - min(1.0, span_s / SLIP_FADES_S))
     coasting = 0.0 if motion.driven else UNPOWERED_FACTOR * abs(motion.water_mps)
     return max(fading, SLIP_M * abs(motion.turn_radps), SLIP_S * gained, coasting)
 
@@ -232,23 +234,23 @@ def _update_gnss(plot: NavSolution, motion: MotionInput, fix: GpsFix, home: Home
     sd = DEFAULT_GNSS_SD_M if math.isnan(fix.eph_m) else max(MIN_GNSS_SD_M, fix.eph_m)
     if memory.fix_us < 0:
         covariance = memory.covariance._replace(
-            place=sd * sd, place_current=0j, place_water=0j, place_log=0j
+            position=sd * sd, position_current=0j, position_speed=0j, position_dvl=0j
         )
         return plot._replace(
-            place_m=seen, memory=memory._replace(covariance=covariance, fix_us=now_us)
+            position_m=seen, memory=memory._replace(covariance=covariance, fix_us=now_us)
         )
     alike = _correlation_scale(GNSS_CORRELATION_S, now_us - memory.fix_us)
-    error = seen - plot.place_m
+    error = seen - plot.position_m
     if _rejected(_PLACE, error, sd * sd, memory.covariance):
-        if memory.fixes_refused < MAX_CONSECUTIVE_REJECTIONS:
-            return plot._replace(memory=memory._replace(fixes_refused=memory.fixes_refused + 1))
-        lost = memory.covariance.place + abs(error) ** 2
-        memory = memory._replace(covariance=memory.covariance._replace(place=lost))
+        if memory.fixes_rejected < MAX_CONSECUTIVE_REJECTIONS:
+            return plot._replace(memory=memory._replace(fixes_rejected=memory.fixes_rejected + 1))
+        lost = memory.covariance.position + abs(error) ** 2
+        memory = memory._replace(covariance=memory.covariance._replace(position=lost))
     plot = _kalman_update(plot._replace(memory=memory), _PLACE, error, sd * sd * alike)
     gained = complex(fix.velocity_north_mps, fix.velocity_east_mps) - _velocity(plot.memory, motion)
-    variance = (GNSS_VELOCITY_SD_MPS**2 + memory.unsteady_mps**2) * alike
+    variance = (GNSS_VELOCITY_SD_MPS**2 + memory.slip_sd_mps**2) * alike
     plot = _kalman_update(plot, (0.0, 1.0, motion.water_mps, 0.0), gained, variance)
-    return plot._replace(memory=plot.memory._replace(fix_us=now_us, fixes_refused=0))
+    return plot._replace(memory=plot.memory._replace(fix_us=now_us, fixes_rejected=0))
 
 
 def _update_dvl(plot: NavSolution, motion: MotionInput, ping: Dvl, config: Config) -> NavSolution:
@@ -259,22 +261,22 @@ def _update_dvl(plot: NavSolution, motion: MotionInput, ping: Dvl, config: Confi
     turned = motion.turn_radps * _latency_s(ping.time_us, now_us)
     seen = complex(north, east) * complex(math.cos(turned), -math.sin(turned))
     water = motion.water_mps
-    true = _velocity(memory, motion) if ping.over_ground else water * (1.0 + memory.water_error)
+    true = _velocity(memory, motion) if ping.over_ground else water * (1.0 + memory.speed_error)
     row: Row = (0.0, 1.0 if ping.over_ground else 0.0, water, true)
-    variance = max(DVL_SD_MPS, ping.figure_of_merit_mps) ** 2 + memory.unsteady_mps**2
-    error = seen - true * (1.0 + memory.log_error)
+    variance = max(DVL_SD_MPS, ping.figure_of_merit_mps) ** 2 + memory.slip_sd_mps**2
+    error = seen - true * (1.0 + memory.dvl_error)
     if _rejected(row, error, variance, memory.covariance):
-        if memory.pings_refused < MAX_CONSECUTIVE_REJECTIONS:
-            return plot._replace(memory=memory._replace(pings_refused=memory.pings_refused + 1))
-        current, water_error, _ = _max_variances(config)
-        astray = memory.covariance._replace(current=current + abs(error) ** 2, water=water_error)
+        if memory.pings_rejected < MAX_CONSECUTIVE_REJECTIONS:
+            return plot._replace(memory=memory._replace(pings_rejected=memory.pings_rejected + 1))
+        current, speed_error, _ = _max_variances(config)
+        astray = memory.covariance._replace(current=current + abs(error) ** 2, speed=speed_error)
         memory = memory._replace(covariance=astray)
     alike = _correlation_scale(DVL_CORRELATION_S, now_us - memory.ping_us)
     plot = _kalman_update(plot._replace(memory=memory), row, error, variance * alike)
-    memory = plot.memory._replace(ping_us=now_us, pings_refused=0, over_ground=ping.over_ground)
+    memory = plot.memory._replace(ping_us=now_us, pings_rejected=0, over_ground=ping.over_ground)
     if abs(water) < MIN_WATER_SPEED_MPS:
         return plot._replace(memory=memory)
-    left = seen / (1.0 + memory.log_error) - water * (1.0 + memory.water_error)
+    left = seen / (1.0 + memory.dvl_error) - water * (1.0 + memory.speed_error)
     left -= memory.current_mps if ping.over_ground else 0j
     slip = memory.slip + SLIP_SHARE * (left / water - memory.slip)
     return plot._replace(memory=memory._replace(slip=slip))
@@ -282,7 +284,7 @@ def _update_dvl(plot: NavSolution, motion: MotionInput, ping: Dvl, config: Confi
 
 def _velocity(memory: Navigation, motion: MotionInput) -> complex:
     """Over ground, by what is known now, as it is in steady motion."""
-    return motion.water_mps * (1.0 + memory.water_error) + memory.current_mps
+    return motion.water_mps * (1.0 + memory.speed_error) + memory.current_mps
 
 
 def _latency_s(time_us: int, now_us: int) -> float:
@@ -335,8 +337,8 @@ def _kalman_update(plot: NavSolution, row: Row, error: complex, variance: float)
     )
     learned = memory._replace(
         current_mps=memory.current_mps + c * step,
-        water_error=memory.water_error + m * step,
-        log_error=memory.log_error + k * step,
+        speed_error=memory.speed_error + m * step,
+        dvl_error=memory.dvl_error + k * step,
         covariance=covariance,
     )
-    return plot._replace(place_m=plot.place_m + p * step, memory=learned)
+    return plot._replace(position_m=plot.position_m + p * step, memory=learned)

@@ -105,8 +105,8 @@ def _motion(
         setpoint = setpoint._replace(depth_m=depth_m, pitch_rad=None)
     if target.speed_mps is not None:
         setpoint = setpoint._replace(thrust=thrust_for(target.speed_mps, config))
-    if target.place_m is not None:
-        return state._replace(setpoint=setpoint, path=_path(target.place_m, state, config))
+    if target.position_m is not None:
+        return state._replace(setpoint=setpoint, path=_path(target.position_m, state, config))
     if target.velocity_mps is not None:
         setpoint = _track_velocity(target.velocity_mps, target.heading_rad, setpoint, state, config)
     elif target.heading_rad is not None:
@@ -118,19 +118,19 @@ def _motion(
     return state._replace(setpoint=setpoint, path=None)
 
 
-def _path(place_m: complex, state: AutopilotState, config: Config) -> TrackLine | Circle:
+def _path(position_m: complex, state: AutopilotState, config: Config) -> TrackLine | Circle:
     """The line to a place from where she was when it was first asked for; there she circles, for
     she cannot hover."""
     path, at = state.path, state.estimate
-    if isinstance(path, Circle) and path.centre_m == place_m:
+    if isinstance(path, Circle) and path.centre_m == position_m:
         return path
     line = (
         path
-        if isinstance(path, TrackLine) and path.to_m == place_m
-        else TrackLine(guidance.current_position(at), place_m)
+        if isinstance(path, TrackLine) and path.to_m == position_m
+        else TrackLine(guidance.position_of(at), position_m)
     )
     if guidance.reached(line, at, config.acceptance_m):
-        return guidance.circle(place_m, config.station_radius_m, config)
+        return guidance.circle(position_m, config.station_radius_m, config)
     return line
 
 
@@ -147,7 +147,7 @@ def _track_velocity(
     if abs(velocity_mps) < MIN_SPEED_MPS:
         heading = setpoint.heading_rad if heading_rad is None else heading_rad
         return setpoint._replace(heading_rad=heading, thrust=0.0)
-    through_water = (velocity_mps - learned.current_mps) / (1.0 + learned.water_error)
+    through_water = (velocity_mps - learned.current_mps) / (1.0 + learned.speed_error)
     speed, heading = cmath.polar(through_water)
     return setpoint._replace(heading_rad=wrap_pi(heading), thrust=thrust_for(speed, config))
 

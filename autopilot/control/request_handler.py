@@ -82,7 +82,7 @@ def arm(
         failsafe="",
         loops=LoopMemory(),
         test=None,
-        bench_tests=(),
+        actuator_tests=(),
     )
     state = state._replace(mission=_start_from_here(state, config))
     mode = modes.by_number(state.mode) or modes.HOLD
@@ -194,8 +194,10 @@ def set_home(state: AutopilotState, home: Home) -> AutopilotState:
         path = path._replace(from_m=path.from_m + shift, to_m=to_m)
     if isinstance(path, Circle):
         path = path._replace(centre_m=path.centre_m + shift)
-    left_m = state.mission.left_m
-    mission_state = state.mission._replace(left_m=None if left_m is None else left_m + shift)
+    previous_waypoint_m = state.mission.previous_waypoint_m
+    mission_state = state.mission._replace(
+        previous_waypoint_m=None if previous_waypoint_m is None else previous_waypoint_m + shift
+    )
     return state._replace(home=home, estimate=estimate, path=path, mission=mission_state)
 
 

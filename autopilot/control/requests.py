@@ -34,7 +34,7 @@ class StartTest(NamedTuple):
     wave: int
     fade_s: float
     seed: int = 0
-    runs: tuple[int, ...] = ()
+    switch_intervals: tuple[int, ...] = ()
     """Of a square wave."""
 
 

@@ -32,7 +32,7 @@ class Circle(NamedTuple):
     clockwise: bool = True
     since_us: int | None = None
     """When the rim was reached; None before that."""
-    turned_rad: float = 0.0
+    swept_rad: float = 0.0
     """The way round since then."""
     bearing_rad: float = 0.0
     """Of the vehicle from the centre."""
@@ -56,7 +56,7 @@ class AttitudeTarget(NamedTuple):
 class MotionTarget(NamedTuple):
     """What SET_POSITION_TARGET_* asks for. None keeps what is in force."""
 
-    place_m: complex | None = None
+    position_m: complex | None = None
     """North + i east from home."""
     depth_m: float | None = None
     velocity_mps: complex | None = None

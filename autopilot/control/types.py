@@ -5,7 +5,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from autopilot.control.lqg import ObserverState
-from autopilot.control.reference_model import Way
+from autopilot.control.reference_model import ReferenceState
 from autopilot.control.sensor_health.types import Ahrs, Health
 from autopilot.control.setpoints import Path, Setpoint, Targets
 from mavlink_io.frames import Quaternion
@@ -85,16 +85,16 @@ class NavCovariance(NamedTuple):
     Each is a circular complex variable, north + i east: its variance is that along either axis, and
     so are covariances."""
 
-    place: float = 0.0
+    position: float = 0.0
     current: float = 0.0
-    water: float = 0.0
-    log: float = 0.0
-    place_current: complex = 0j
-    place_water: complex = 0j
-    place_log: complex = 0j
-    current_water: complex = 0j
-    current_log: complex = 0j
-    water_log: complex = 0j
+    speed: float = 0.0
+    dvl: float = 0.0
+    position_current: complex = 0j
+    position_speed: complex = 0j
+    position_dvl: complex = 0j
+    current_speed: complex = 0j
+    current_dvl: complex = 0j
+    speed_dvl: complex = 0j
 
 
 class Navigation(NamedTuple):
@@ -102,27 +102,27 @@ class Navigation(NamedTuple):
 
     current_mps: complex = 0j
     """Of the water, towards."""
-    water_error: complex = 0j
+    speed_error: complex = 0j
     """Of the speed through the water by the thrust, as a fraction; the imaginary part is an angle
     to starboard."""
-    log_error: complex = 0j
+    dvl_error: complex = 0j
     """Of the Doppler log turned by the heading, likewise."""
     slip: complex = 0j
     """What the Doppler log adds to the water's error for the moment: a turn's sideslip and lost
     speed."""
-    unsteady_mps: float = 0.0
+    slip_sd_mps: float = 0.0
     """What may be added so; it fades after a turn or a change of speed."""
     covariance: NavCovariance = NavCovariance()
     span_s: float = 0.0
-    way_m: complex = 0j
+    distance_m: complex = 0j
     """Time and way through the water since the covariance was brought up to date."""
     fix_us: int = -1
     """When a satellite fix was last used; -1 for never."""
     ping_us: int = -1
     over_ground: bool = False
     """Of the last ping: whether it tracked the bottom."""
-    fixes_refused: int = 0
-    pings_refused: int = 0
+    fixes_rejected: int = 0
+    pings_rejected: int = 0
     """In a row."""
 
 
@@ -177,20 +177,20 @@ class LoopMemory(NamedTuple):
     """The integrators, in the unit of their loop's output, so that new gains cause no bump; and
     what is under way."""
 
-    heading_rad: float = 0.0
-    pitch_rad: float = 0.0
-    depth_rad: float = 0.0
-    course: Way | None = None
+    heading_integral_rad: float = 0.0
+    pitch_integral_rad: float = 0.0
+    depth_integral_rad: float = 0.0
+    heading_reference: ReferenceState | None = None
     """Of the heading towards its set-point; None where there is no reference model, or the loop was
     open."""
-    descent: Way | None = None
+    depth_reference: ReferenceState | None = None
     """Of the depth, likewise."""
-    rudder: Way | None = None
-    elevator: Way | None = None
+    rudder_lead: ReferenceState | None = None
+    elevator_lead: ReferenceState | None = None
     """Of the duct; None where its lag is not undone, or the loop was open."""
     trim: Trim = Trim()
-    rudder_belief: ObserverState | None = None
-    elevator_belief: ObserverState | None = None
+    rudder_observer: ObserverState | None = None
+    elevator_observer: ObserverState | None = None
     """Of the laws; None where the PIDs fly, or the loop was open."""
 
 
@@ -214,7 +214,7 @@ class Excitation(NamedTuple):
     depth_m: float
     seed: int = 0
     """Of a pseudo-random sequence."""
-    runs: tuple[int, ...] = ()
+    switch_intervals: tuple[int, ...] = ()
     """Of a square wave: parts of its length for which it is up and down by turns."""
 
 
@@ -229,9 +229,9 @@ class MissionState(NamedTuple):
     jumps: tuple[tuple[int, int], ...] = ()
     """How often each DO_JUMP (by sequence) was taken."""
     reached: int = -1
-    paused: Setpoint | None = None
+    paused_setpoint: Setpoint | None = None
     """The set-points in force when another mode took over, for the way back."""
-    left_m: complex | None = None
+    previous_waypoint_m: complex | None = None
     """The last waypoint that was reached: north + i east from home."""
 
 
@@ -243,7 +243,7 @@ class Home(NamedTuple):
     known: bool = False
 
 
-class BenchTest(NamedTuple):
+class ActuatorTest(NamedTuple):
     """One actuator of a disarmed vehicle that is moved for a moment."""
 
     channel: int
@@ -292,7 +292,7 @@ class AutopilotState(NamedTuple):
     """Rudder and elevator where the duct should stand by what was commanded."""
     ahrs: Ahrs = Ahrs()
     health: Health = Health()
-    bench_tests: tuple[BenchTest, ...] = ()
+    actuator_tests: tuple[ActuatorTest, ...] = ()
     """Only while disarmed."""
     ascent: Ascent | None = None
     """Progress of mode SURFACE; None in other modes and before its first tick."""

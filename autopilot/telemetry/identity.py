@@ -57,7 +57,7 @@ def mav_state(state: AutopilotState) -> int:
     """MAV_STATE."""
     if not state.estimate.initialised:
         return _BOOT
-    wrong = monitor.active_faults(state.health) if state.health.doubts else {}
+    wrong = monitor.active_faults(state.health) if state.health.faults else {}
     if LEAK in wrong:
         return _EMERGENCY
     if state.failsafe or wrong:

@@ -108,7 +108,7 @@ def estimator_status(s: Snapshot) -> Values:
     flags |= _ABSOLUTE if s.state.home.known else 0
     flags |= 0 if depth_unknown(s.state, s.config) else _DEEP
     flags |= 0 if at.altitude_m is None else _ABOVE_FLOOR
-    flags |= _GLITCH if at.navigation.fixes_refused else 0
+    flags |= _GLITCH if at.navigation.fixes_rejected else 0
     return time_us(s), *_NO_RATIOS, at.position_sd_m, _DEPTH_SD_M, flags
 
 

@@ -76,7 +76,7 @@ def depth_step(
     """The vehicle flew level at ``level_pitch_rad``, which the depth integrator already carries."""
     config = params.config(values)
     carried = min(config.depth_i_max, max(-config.depth_i_max, -level_pitch_rad))
-    states, commands, memory = [], [], LoopMemory(depth_rad=carried)
+    states, commands, memory = [], [], LoopMemory(depth_integral_rad=carried)
     tail = _PlaneWithTailcone(vehicle.planes.pitch, vehicle.pitch_lag, spec)
     for _ in range(round(seconds / TICK_S)):
         _, q, theta, depth = tail.state

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from autopilot.control import loops, modes, requests
 from autopilot.control.params import Config, ParamTable
 from autopilot.control.pid import Gains
-from autopilot.control.reference_model import Way
+from autopilot.control.reference_model import ReferenceState
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import Event, LoopMemory, Trim, VehicleEstimate
 from autopilot.vehicle import Vehicle
@@ -88,7 +88,7 @@ def test_the_elevator_holds_the_pitch_that_a_way_in_depth_takes(speed: float, sh
     gets less."""
     config = {"depth_way_radps": 0.5, "depth_way_mps": 0.1, "travel_deg": 45.0}
     held, bare = Config(pitch_feedforward=0.2, **config), Config(**config)
-    on_her_way = LoopMemory(descent=Way(3.0, 0.1))
+    on_her_way = LoopMemory(depth_reference=ReferenceState(3.0, 0.1))
     estimate, asked = VehicleEstimate(depth_m=3.0, speed_mps=speed), Setpoint(depth_m=9.0)
     with_it, without = (
         loops.step_loops(estimate, asked, on_her_way, each, 0.02, heading=False, depth=True)[
@@ -152,7 +152,7 @@ def test_trims_are_learned_in_steady_flight_and_kept() -> None:
         rate = 0.5 * (wanted.rudder_rad - offset)
         estimate = estimate._replace(heading_rad=estimate.heading_rad + 0.02 * rate, r_radps=rate)
     assert memory.trim.rudder_rad == pytest.approx(offset, rel=0.02)
-    assert abs(memory.heading_rad) < math.radians(0.1)
+    assert abs(memory.heading_integral_rad) < math.radians(0.1)
     assert abs(estimate.heading_rad) < math.radians(0.2)
     assert memory.trim.learned_s > 60.0
 
@@ -225,9 +225,14 @@ def test_an_open_loop_forgets_its_way() -> None:
     _, closed = loops.step_loops(
         VehicleEstimate(), Setpoint(), LoopMemory(), config, 0.02, heading=True, depth=True
     )
-    assert None not in (closed.course, closed.descent, closed.rudder, closed.elevator)
+    assert None not in (
+        closed.heading_reference,
+        closed.depth_reference,
+        closed.rudder_lead,
+        closed.elevator_lead,
+    )
     _, opened = loops.step_loops(
         VehicleEstimate(), Setpoint(), closed, config, 0.02, heading=False, depth=True
     )
-    assert (opened.course, opened.rudder) == (None, None)
-    assert opened.elevator is not None
+    assert (opened.heading_reference, opened.rudder_lead) == (None, None)
+    assert opened.elevator_lead is not None

@@ -78,8 +78,8 @@ def test_headings_past_south_are_counted_on() -> None:
     for heading_deg in (179.0, 180.5, -178.5):
         seen = seen._replace(heading_rad=math.radians(heading_deg))
         _, memory = loops.step_loops(seen, asked, memory, config, 0.02, heading=True, depth=False)
-        assert memory.rudder_belief is not None
-    assert memory.rudder_belief.measured[1] == pytest.approx(math.radians(181.5))
+        assert memory.rudder_observer is not None
+    assert memory.rudder_observer.measured[1] == pytest.approx(math.radians(181.5))
 
 
 def test_a_law_flies_about_its_speed_and_the_pid_elsewhere() -> None:
@@ -144,7 +144,7 @@ def test_a_pitch_that_is_asked_for_is_held_by_the_pid() -> None:
 def test_a_loop_that_was_open_begins_anew() -> None:
     config, seen = Config(laws=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.02)
     _, memory = loops.step_loops(seen, LEFT, LoopMemory(), config, 0.02, heading=True, depth=True)
-    assert memory.rudder_belief is not None
-    assert memory.elevator_belief is not None
+    assert memory.rudder_observer is not None
+    assert memory.elevator_observer is not None
     _, memory = loops.step_loops(seen, LEFT, memory, config, 0.02, heading=False, depth=False)
-    assert memory.rudder_belief is memory.elevator_belief is None
+    assert memory.rudder_observer is memory.elevator_observer is None
