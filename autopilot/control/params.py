@@ -85,8 +85,8 @@ class Config:
     lqg_enabled: Annotated[
         int, Doc("LAW_ENABLE", 0, 1, "", "1: the laws of --laws, where given, in place of PIDs")
     ] = 1
-    laws: LqgControllers | None = None
-    """No parameter: a file that was read at the start."""
+    lqg_controllers: LqgControllers | None = None
+    """Not a parameter: controllers loaded from a file at the start; None without."""
 
     heading_ref_radps: Annotated[
         float, Doc("HDG_REF_W", 0, 5, "rad/s", "Bandwidth of the heading's reference model; 0 off")
@@ -514,7 +514,9 @@ def _table() -> tuple[ParamInfo, ...]:
     rows = []
     hints = get_type_hints(Config, include_extras=True)
     defaults = Config()
-    for name in (column.name for column in fields(Config) if column.init and column.name != "laws"):
+    for name in (
+        column.name for column in fields(Config) if column.init and column.name != "lqg_controllers"
+    ):
         doc: Doc = hints[name].__metadata__[0]
         integer = hints[name].__origin__ is int
         rows.append(
@@ -572,11 +574,10 @@ class ParamTable:
         self,
         values: Mapping[str, float] | None = None,
         kept: Mapping[str, float] | None = None,
-        laws: LqgControllers | None = None,
+        lqg_controllers: LqgControllers | None = None,
     ) -> None:
-        """``values`` are in force from the start; ``kept`` are those among all that are to outlive
-        the program."""
-        self.config = replace(config(values or {}), laws=laws)
+        """Start with ``values``; ``kept`` are the ones to save on disk."""
+        self.config = replace(config(values or {}), lqg_controllers=lqg_controllers)
         self.kept = dict(kept or {})
         self.revision = 0
         """Counts the changes to ``kept``."""
@@ -602,6 +603,6 @@ class ParamTable:
 
     def reset(self) -> list[str]:
         """Put every default in force; returns the names of those that changed."""
-        before, self.config = self.config, Config(laws=self.config.laws)
+        before, self.config = self.config, Config(lqg_controllers=self.config.lqg_controllers)
         self.kept, self.revision = {}, self.revision + 1
         return [row.name for row in PARAMETERS if getattr(before, row.field) != row.default]

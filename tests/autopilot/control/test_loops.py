@@ -86,7 +86,7 @@ def test_a_change_of_depth_on_a_way_is_no_faster_than_it_may() -> None:
 def test_the_elevator_holds_the_pitch_that_a_way_in_depth_takes(speed: float, share: float) -> None:
     """On top of what the loops ask: 0.2 of the pitch at cruise speed, more as the flow on the duct
     gets less."""
-    config = {"depth_way_radps": 0.5, "depth_way_mps": 0.1, "travel_deg": 45.0}
+    config = {"depth_ref_radps": 0.5, "depth_ref_mps": 0.1, "travel_deg": 45.0}
     held, bare = Config(pitch_feedforward=0.2, **config), Config(**config)
     on_her_way = LoopMemory(depth_reference=ReferenceState(3.0, 0.1))
     estimate, asked = VehicleEstimate(depth_m=3.0, speed_mps=speed), Setpoint(depth_m=9.0)

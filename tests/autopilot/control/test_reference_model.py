@@ -27,7 +27,7 @@ def test_a_way_arrives_without_overshoot_and_never_too_fast(
 ) -> None:
     ways = followed(goal, w, fastest, seconds=20.0 / w + 3.5 / fastest)
     assert max(abs(way.rate) for way in ways) <= fastest
-    assert abs(ways[-1].at - goal) < 0.01 * max(abs(goal), 0.01)
+    assert abs(ways[-1].value - goal) < 0.01 * max(abs(goal), 0.01)
     beyond = max(math.copysign(1.0, goal) * (way.value - goal) for way in ways)
     assert beyond < 0.02 * abs(goal) + 1e-9
 
