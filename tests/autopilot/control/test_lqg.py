@@ -37,7 +37,10 @@ def rudder(estimate: VehicleEstimate, config: Config, asked: Setpoint = LEFT) ->
 
 def test_a_law_is_its_matrices() -> None:
     matrix, feedback, start = np.array(TURNS.rows), np.array(TURNS.feedback), np.array(TURNS.start)
-    target, rng = STILL._replace(wanted=(0.01, 0.05), feedforward_rad=0.02), np.random.default_rng(1)
+    target, rng = (
+        STILL._replace(wanted=(0.01, 0.05), feedforward_rad=0.02),
+        np.random.default_rng(1),
+    )
     belief, states, before, command = None, np.empty(0), np.empty(0), 0.0
     for measured in rng.standard_normal((20, 2)):
         u, belief = lqg.step(TURNS, belief, tuple(measured.tolist()), target)
