@@ -74,7 +74,7 @@ class ParamStore:
         ):
             return
         self._written = table.revision
-        self._writing = self._writer.submit(_write, self._path, to_text(table.kept))
+        self._writing = self._writer.submit(_write, self._path, to_text(table.stored))
 
     def close(self, table: ParamTable) -> str:
         """Write what is left, and wait for it; returns what went wrong, or nothing."""
@@ -83,7 +83,7 @@ class ParamStore:
         if self._path is None or (table.revision == self._written and not failed):
             return ""
         try:
-            _write(self._path, to_text(table.kept))
+            _write(self._path, to_text(table.stored))
         except OSError as error:
             return f"parameters are not kept: {error.strerror}"
         return ""

@@ -41,7 +41,7 @@ def test_what_was_set_is_there_at_the_next_start(tmp_path: Path) -> None:
     assert again.get("HDG_D") == ParamTable().get("HDG_D")
     again.set("DPT_P", 0.2)
     store.close(again)
-    assert restart(tmp_path / "not" / "yet")[0].kept == {
+    assert restart(tmp_path / "not" / "yet")[0].stored == {
         "HDG_P": 0.7,
         "MIS_END_ACT": 2.0,
         "DPT_P": 0.2,
@@ -110,7 +110,7 @@ def test_a_broken_file_is_put_aside_and_what_is_sound_in_it_used(
         assert len(store.complaints) == (4 if b"HDG_P" in content else 2)
         assert (tmp_path / f"{FILE}.broken-{turn}").read_bytes() == content
         assert not (tmp_path / FILE).exists()
-        assert table.kept == ({"HDG_P": 0.7, "DPT_P": 0.2} if b"HDG_P" in content else {})
+        assert table.stored == ({"HDG_P": 0.7, "DPT_P": 0.2} if b"HDG_P" in content else {})
 
 
 @pytest.mark.parametrize("ends", [True, False])
@@ -123,7 +123,7 @@ def test_what_was_sound_in_a_broken_file_is_kept_on_also_without_an_end(
         assert store.close(table) == ""
     else:
         settle(store, table, (tmp_path / FILE).exists)
-    assert restart(tmp_path)[0].kept == {"HDG_P": 0.7}
+    assert restart(tmp_path)[0].stored == {"HDG_P": 0.7}
 
 
 def test_a_folder_that_may_not_be_looked_into_is_told(
