@@ -283,8 +283,8 @@ def _wave_fault(test: Excitation) -> str:
             return _multisine_fault(test)
         case Wave.SQUARE if not test.switch_intervals or not all(test.switch_intervals):
             return (
-                "square wave: switch intervals must be integers with digits 1 to 9, up to"
-                f" {_MAX_INTERVALS_NUMBER:g} each, for example 3211"
+                "square wave: runs must be whole numbers of digits 1 to 9, to"
+                f" {_MAX_INTERVALS_NUMBER:g} each, as 3211"
             )
     return ""
 

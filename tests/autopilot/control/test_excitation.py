@@ -197,9 +197,9 @@ def test_a_log_tells_what_was_tested(axis: int, wave: Wave) -> None:
             {"wave": Wave.MULTISINE, "axis": BOTH_AXIS, "p3": 0.02, "p4": 0.02},
             "whole number of cycles",
         ),
-        ({"wave": Wave.SQUARE, "p3": 0.0, "p4": 0.0}, "switch intervals"),
-        ({"wave": Wave.SQUARE, "p3": 301.0}, "switch intervals"),
-        ({"wave": Wave.SQUARE, "p3": -3.0}, "switch intervals"),
+        ({"wave": Wave.SQUARE, "p3": 0.0, "p4": 0.0}, "runs"),
+        ({"wave": Wave.SQUARE, "p3": 301.0}, "runs"),
+        ({"wave": Wave.SQUARE, "p3": -3.0}, "runs"),
     ],
 )
 def test_an_impossible_test_is_refused_with_its_reason(
