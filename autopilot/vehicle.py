@@ -128,7 +128,7 @@ class Vehicle:
         """No sample comes any more: say so. Until they have come again for a while she is not to be
         armed."""
         self.state = monitor.report_sensor_loss(self.state)
-        self.say("Sensors silent", Severity.ERROR)
+        self.say("Sensor timeout", Severity.ERROR)
 
     def say(self, text: str, severity: Severity = Severity.WARNING) -> None:
         """Tell every ground station."""

@@ -90,7 +90,7 @@ def test_silence_is_told_once_keeps_her_from_arming_and_passes(cable: Aboard) ->
     cable.sample(50)
     assert cable.silence(0.9 * SENSOR_SILENCE_S) == []
     cable.sample(50)
-    assert cable.silence(3.0 * SENSOR_SILENCE_S) == ["Sensors silent"]
+    assert cable.silence(3.0 * SENSOR_SILENCE_S) == ["Sensor timeout"]
     assert cable.silence(3.0 * SENSOR_SILENCE_S) == []
     assert cable.arm() == REJECTED
     cable.sample(50)
@@ -100,7 +100,7 @@ def test_silence_is_told_once_keeps_her_from_arming_and_passes(cable: Aboard) ->
 
 def test_after_a_short_silence_sensors_have_to_speak_for_a_while(cable: Aboard) -> None:
     cable.sample(50)
-    assert cable.silence(2.0 * SENSOR_SILENCE_S) == ["Sensors silent"]
+    assert cable.silence(2.0 * SENSOR_SILENCE_S) == ["Sensor timeout"]
     cable.sample(50)
     assert cable.said() == []
     assert cable.arm() == REJECTED

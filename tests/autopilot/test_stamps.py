@@ -193,4 +193,4 @@ def test_stamps_that_stand_still_on_a_serial_line_are_silence(aboard: Aboard) ->
     aboard.hil.lockstep = False
     for _ in range(60):
         aboard.send(NEXT_US - TICK_US)
-    assert aboard.said() == ["Sensors silent"]
+    assert aboard.said() == ["Sensor timeout"]
