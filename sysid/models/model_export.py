@@ -52,7 +52,7 @@ def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
         slope @ covariance @ slope.T for covariance in (prior.covariance, found.covariance)
     )
     sds = np.sqrt(np.diag(spread))
-    measured = set(found.experiments)
+    measured = set(found.datasets)
     told = {
         p: (_design_covariance(p, before), _design_covariance(p, spread))
         for p in PLANES
@@ -232,7 +232,7 @@ def _noise(level: Noise) -> NoiseModel:
 
 def _joint(found: Fit) -> Joint:
     sd = np.sqrt(np.diag(found.covariance))
-    used = parameters.parameters_of_planes(list(found.experiments))
+    used = parameters.parameters_of_planes(list(found.datasets))
     information = np.linalg.eigvalsh(found.data_information[np.ix_(used, used)])
     smallest, largest = float(information[0]), float(information[-1])
     return Joint(

@@ -1,4 +1,4 @@
-"""Intervals of what a plane's estimate leaves wide, by profile likelihood."""
+"""Profile-likelihood intervals of the numbers of a linear estimate with a large relative sd."""
 
 from collections.abc import Callable
 
@@ -14,23 +14,28 @@ from sysid.estimation.profile_likelihood import LeastSquaresEstimate
 Array = NDArray[np.float64]
 
 WIDE_RELATIVE_SD = 0.25
-"""Relative standard deviation beyond which a symmetric interval is not to be believed."""
+"""Relative standard deviation above which a symmetric interval is not valid."""
 
 
 def wide_intervals(estimate: PlaneEstimate) -> list[tuple[str, float, float]]:
-    """(name, low, high) of every derived number but the bias whose standard deviation exceeds
-    ``WIDE_RELATIVE_SD``, at 95 %."""
+    """Return (name, low, high) at 95 % of the derived numbers with a large relative sd.
+
+    The bias is left out. The limit is WIDE_RELATIVE_SD.
+    """
     frame, values = estimate.plant
     derived = plants.derived(frame, values)
     sds = np.sqrt(np.diag(plants.propagate(frame, values, estimate.covariance)))
     problem = LeastSquaresEstimate(*estimate.objective, estimate.lowest, estimate.highest)
-    found = []
+    wide = []
     for i, name in enumerate(plants.derived_names(frame.plane)[:-1]):
         if sds[i] > WIDE_RELATIVE_SD * abs(derived[i]):
-            ends = profile_likelihood.interval(problem, values, _derived(frame, i), float(sds[i]))
-            found.append((name, *ends))
-    return found
+            interval = profile_likelihood.interval(
+                problem, values, _derived(frame, i), float(sds[i])
+            )
+            wide.append((name, *interval))
+    return wide
 
 
 def _derived(frame: LinearModelStructure, index: int) -> Callable[[Array], float]:
+    """Return a derived number as a function of the values."""
     return lambda values: float(plants.derived(frame, values)[index])
