@@ -61,8 +61,7 @@ class Limit(NamedTuple):
     amplitude_deg: float
     """Peak-to-peak amplitude A."""
     triangle_hz: ParameterEstimate
-    """Frequency, rate / (2 A), at which the slope of a triangle wave equals the rate limit (paper).
-    """
+    """Frequency at which the slope of a triangle wave equals the rate limit, rate / (2 A)."""
     sine_hz: ParameterEstimate
     """Frequency at which the largest slope of a sine equals the rate limit, rate / (pi A)."""
     half_power_hz: float | None

@@ -240,8 +240,8 @@ def _search_other_starts(
     cost_ratios, better_z = [], None
     for index in range(start_count):
         report(index / start_count)
-        drawn = prior.mean + root @ generator.standard_normal(len(NAMES))
-        start = _feasible_start(decimated, np.clip(drawn, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z)
+        sample = prior.mean + root @ generator.standard_normal(len(NAMES))
+        start = _feasible_start(decimated, np.clip(sample, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z)
         for seconds in OPENINGS_S:
             opening_end = descend(_truncate(decimated, seconds), start, COARSE_TOLERANCE)
             start, steps = opening_end.z, steps + opening_end.steps

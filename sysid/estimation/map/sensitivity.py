@@ -56,9 +56,9 @@ class Perturbation(NamedTuple):
     column: int
     """Index of the parameter."""
     part: Literal["body", "tailcone"]
-    """What the parameter changes.
+    """Part that the parameter changes.
 
-    The forces on the body, or the response of the duct to its command.
+    Forces on the body, or response of the duct to its command.
     """
     vehicle: CandidateVehicle
     speeds_mps: Mapping[float, float]

@@ -108,7 +108,7 @@ class TestState(NamedTuple):
     steps: TestSamples
     """Samples of the test received so far."""
     tracking: CandidateTracking | None
-    """None until the test has lasted START_STEPS."""
+    """Simulated candidates; None until the test has lasted START_STEPS."""
 
 
 def prior_knowledge(prior: Prior, levels: dict[Plane, Noise] | None = None) -> Knowledge:
@@ -149,8 +149,10 @@ def begin(knowledge: Knowledge, plane: Plane, held_rad: float) -> TestState:
     TestState
         State without samples.
     """
-    known = knowledge if plane in knowledge.trimmed else _with_trim(knowledge, plane, held_rad)
-    return TestState(known, plane, prediction.empty_samples(plane), None)
+    trimmed_knowledge = (
+        knowledge if plane in knowledge.trimmed else _with_trim(knowledge, plane, held_rad)
+    )
+    return TestState(trimmed_knowledge, plane, prediction.empty_samples(plane), None)
 
 
 def _with_trim(knowledge: Knowledge, plane: Plane, held_rad: float) -> Knowledge:

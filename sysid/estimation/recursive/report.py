@@ -65,7 +65,7 @@ class PlaneReport(NamedTuple):
 
     @property
     def enough(self) -> bool:
-        """Whether gain and phase at crossover are known well enough for a redesign."""
+        """Return whether gain and phase at crossover are known well enough for a redesign."""
         return self.phase_deg.sd <= ENOUGH_PHASE_SD_DEG and self.gain_db.sd <= ENOUGH_GAIN_SD_DB
 
 
