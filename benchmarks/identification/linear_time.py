@@ -24,7 +24,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     before."""
     minutes = tuple(_a_minute(command) for command in linear_truth.commands(vehicle, "yaw"))
     campaign = linear_truth.campaign(vehicle, "yaw", linear_truth.coloured, seed, minutes)
-    start = campaign.belief.plant.values
+    start = campaign.belief.model.values
 
     def ours(method: estimate.Method) -> Callable[[Campaign], object]:
         return lambda c: estimate.descend(c.records, c.belief, method, start)

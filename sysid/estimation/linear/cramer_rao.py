@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.estimation.linear import linear_model as plants
-from sysid.estimation.linear import response
+from sysid.estimation.linear import linear_model, response
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.response import SurfaceCommand
 from sysid.models import noise
@@ -37,12 +36,12 @@ class Bound(NamedTuple):
     """Covariance of gain, poles, delay and bias, in the order of ``linear_model.derived_names``."""
 
 
-def bound_coloured(plant: LinearModel, commands: Sequence[SurfaceCommand], level: Noise) -> Bound:
+def bound_coloured(model: LinearModel, commands: Sequence[SurfaceCommand], level: Noise) -> Bound:
     """Return the bound for disturbance and sensor noise, with uncertain initial states.
 
     Parameters
     ----------
-    plant : LinearModel
+    model : LinearModel
         True plane, or a sample from its prior.
     commands : sequence of SurfaceCommand
         Command of each test, the time before the test included.
@@ -59,28 +58,30 @@ def bound_coloured(plant: LinearModel, commands: Sequence[SurfaceCommand], level
     ValueError
         There is no test.
     """
-    discrete, output_count = response.discretise(plant), plants.outputs(plant.frame.plane)
-    noise_filter = noise.build(plants.linear_plane(plant), level, response.DT, _max_steps(commands))
-    information = bench_information(plant)
+    discrete, output_count = response.discretise(model), linear_model.outputs(model.frame.plane)
+    noise_filter = noise.build(
+        linear_model.linear_plane(model), level, response.DT, _max_steps(commands)
+    )
+    information = bench_information(model)
     for command in commands:
         slopes = response.slopes(
-            plant,
+            model,
             discrete,
-            response.duct_motion(plant, command),
+            response.duct_motion(model, command),
             np.zeros(len(discrete.transition)),
             output_count,
         )
         J = np.stack([noise.whiten_residual(slope, noise_filter).ravel() for slope in slopes])
         information += J @ J.T
-    return of_information(plant, information)
+    return of_information(model, information)
 
 
-def bound_white(plant: LinearModel, commands: Sequence[SurfaceCommand], level: Noise) -> Bound:
+def bound_white(model: LinearModel, commands: Sequence[SurfaceCommand], level: Noise) -> Bound:
     """Return the bound for sensor noise alone, with unknown initial states and gyro biases.
 
     Parameters
     ----------
-    plant : LinearModel
+    model : LinearModel
         True plane, or a sample from its prior.
     commands : sequence of SurfaceCommand
         Command of each test, the time before the test included.
@@ -101,18 +102,18 @@ def bound_white(plant: LinearModel, commands: Sequence[SurfaceCommand], level: N
     -----
     With N = Q R the nuisance columns of a test, the projected sensitivities are J - Q Q'J.
     """
-    discrete, output_count = response.discretise(plant), plants.outputs(plant.frame.plane)
+    discrete, output_count = response.discretise(model), linear_model.outputs(model.frame.plane)
     sds, max_steps = sensor_sds(level)[:output_count], _max_steps(commands)
     nuisance_columns = response.nuisances(discrete, max_steps, output_count) / sds[:, None]
-    information = bench_information(plant)
+    information = bench_information(model)
     for command in commands:
         steps = response.steps(command)
         Q = np.linalg.qr(nuisance_columns[:steps].reshape(steps * output_count, -1))[0]
         slopes = (
             response.slopes(
-                plant,
+                model,
                 discrete,
-                response.duct_motion(plant, command),
+                response.duct_motion(model, command),
                 np.zeros(len(discrete.transition)),
                 output_count,
             )
@@ -121,7 +122,7 @@ def bound_white(plant: LinearModel, commands: Sequence[SurfaceCommand], level: N
         J = slopes.reshape(len(slopes), -1)
         J -= (J @ Q) @ Q.T
         information += J @ J.T
-    return of_information(plant, information)
+    return of_information(model, information)
 
 
 def sensor_sds(level: Noise) -> Array:
@@ -129,19 +130,21 @@ def sensor_sds(level: Noise) -> Array:
     return np.array([level.rate_radps, level.angle_rad, level.depth_m])
 
 
-def bench_information(plant: LinearModel) -> Array:
+def bench_information(model: LinearModel) -> Array:
     """Information of the tailcone's bench test about its lag, (p, p)."""
-    lag = plants.lag(plant.frame.plane)
-    information = np.zeros((plant.values.size, plant.values.size))
-    information[lag, lag] = np.diag(1.0 / (plants.LAG_SD * plant.values[lag]) ** 2)
+    lag = linear_model.lag(model.frame.plane)
+    information = np.zeros((model.values.size, model.values.size))
+    information[lag, lag] = np.diag(1.0 / (linear_model.LAG_SD * model.values[lag]) ** 2)
     return information
 
 
-def of_information(plant: LinearModel, information: Array) -> Bound:
+def of_information(model: LinearModel, information: Array) -> Bound:
     """Invert the information, scaled to a unit diagonal: the values differ by powers of ten."""
     scale = 1.0 / np.sqrt(np.diag(information))
     covariance = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
-    return Bound(information, covariance, plants.propagate(plant.frame, plant.values, covariance))
+    return Bound(
+        information, covariance, linear_model.propagate(model.frame, model.values, covariance)
+    )
 
 
 def _max_steps(commands: Sequence[SurfaceCommand]) -> int:

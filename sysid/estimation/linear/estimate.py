@@ -45,7 +45,7 @@ COARSE_TOLERANCE = 1e-4
 class PlaneEstimate(NamedTuple):
     """Estimate of one plane."""
 
-    plant: LinearModel
+    model: LinearModel
     """Estimated values."""
     covariance: Array
     """(p, p), covariance of the values: the inverse of their information."""
@@ -70,7 +70,7 @@ class PlaneEstimate(NamedTuple):
 
 def estimate(
     records: Sequence[LinearRun],
-    belief: LinearPrior,
+    prior: LinearPrior,
     method: Method = "filter-error",
     start: Array | None = None,
     others: int = multistart.STARTS,
@@ -81,7 +81,7 @@ def estimate(
     ----------
     records : sequence of LinearRun
         Runs of one plane, at least one.
-    belief : LinearPrior
+    prior : LinearPrior
         Prior and bounds; its actuator lag is a bench measurement.
     method : {'output-error', 'filter-error'}
         Noise model: sensor noise only, or disturbance and sensor noise.
@@ -105,22 +105,22 @@ def estimate(
     if not records:
         raise ValueError("an estimate needs at least one run")
     solution, weighted_objective, level, sensors = _passes(method)(
-        records, belief, belief.plant.values if start is None else start
+        records, prior, prior.model.values if start is None else start
     )
     best_solution, start_costs = multistart.search_from_starts(
-        weighted_objective, belief, solution, others
+        weighted_objective, prior, solution, others
     )
-    multistart.require_unique(weighted_objective, belief, best_solution, start_costs)
-    return _estimate(best_solution, weighted_objective, level, sensors, belief)._replace(
+    multistart.require_unique(weighted_objective, prior, best_solution, start_costs)
+    return _estimate(best_solution, weighted_objective, level, sensors, prior)._replace(
         start_costs=tuple(start_costs)
     )
 
 
 def descend(
-    records: Sequence[LinearRun], belief: LinearPrior, method: Method, start: Array
+    records: Sequence[LinearRun], prior: LinearPrior, method: Method, start: Array
 ) -> PlaneEstimate:
     """Estimate from one start, without the check that the solution is unique."""
-    return _estimate(*_passes(method)(records, belief, start), belief)
+    return _estimate(*_passes(method)(records, prior, start), prior)
 
 
 def _estimate(
@@ -128,15 +128,15 @@ def _estimate(
     weighted_objective: Objective,
     level: Noise | None,
     sensors: Array,
-    belief: LinearPrior,
+    prior: LinearPrior,
 ) -> PlaneEstimate:
     """Return the estimate with the covariance at the solution."""
-    plant = LinearModel(belief.plant.frame, solution.values)
+    model = LinearModel(prior.model.frame, solution.values)
     covariance = cramer_rao.of_information(
-        plant, multistart.information_at(weighted_objective, solution.values)
+        model, multistart.information_at(weighted_objective, solution.values)
     ).covariance
     return PlaneEstimate(
-        plant,
+        model,
         covariance,
         level,
         sensors,
@@ -144,8 +144,8 @@ def _estimate(
         solution.cost,
         (),
         solution.evaluations,
-        belief.lowest,
-        belief.highest,
+        prior.lowest,
+        prior.highest,
     )
 
 
@@ -157,39 +157,39 @@ def _passes(method: Method) -> Callable[[Sequence[LinearRun], LinearPrior, Array
     return _output_error if method == "output-error" else _filter_error
 
 
-def _output_error(records: Sequence[LinearRun], belief: LinearPrior, values: Array) -> PassResult:
+def _output_error(records: Sequence[LinearRun], prior: LinearPrior, values: Array) -> PassResult:
     """Alternate values and sensor levels until the levels converge."""
-    frame = belief.plant.frame
+    frame = prior.model.frame
     sds = cramer_rao.sensor_sds(Noise())[: records[0].measured.shape[1]]
 
     def weighted_objective() -> Objective:
-        return objective.with_bench(output_error.reduce_by_qr(frame, records, sds), belief.plant)
+        return objective.with_bench(output_error.reduce_by_qr(frame, records, sds), prior.model)
 
     for tolerance in FINAL_TOLERANCES:
-        values = multistart.search(weighted_objective(), belief, values, tolerance).values
+        values = multistart.search(weighted_objective(), prior, values, tolerance).values
         previous_sds, sds = sds, output_error.levels(frame, records, sds, values)
         if np.max(np.abs(sds / previous_sds - 1.0)) < NOISE_TOLERANCE:
             break
-    return multistart.search(weighted_objective(), belief, values), weighted_objective(), None, sds
+    return multistart.search(weighted_objective(), prior, values), weighted_objective(), None, sds
 
 
-def _filter_error(records: Sequence[LinearRun], belief: LinearPrior, values: Array) -> PassResult:
+def _filter_error(records: Sequence[LinearRun], prior: LinearPrior, values: Array) -> PassResult:
     """Alternate values and noise levels; then estimate with a fixed filter."""
-    frame, level = belief.plant.frame, Noise()
+    frame, level = prior.model.frame, Noise()
     for _ in range(PASSES):
         unit_filter = filter_error.build_filter(LinearModel(frame, values), records, level)
         predictor = filter_error.predictor(frame, records, level, unit_filter)
         values = multistart.search(
-            objective.with_bench(predictor, belief.plant), belief, values, COARSE_TOLERANCE
+            objective.with_bench(predictor, prior.model), prior, values, COARSE_TOLERANCE
         ).values
         # Start from the default levels every time: levels of a wrong plane may be far off.
         level = filter_error.levels(LinearModel(frame, values), records, Noise())
     noise_filter = filter_error.build_filter(LinearModel(frame, values), records, level)
     weighted_objective = objective.with_bench(
-        filter_error.whiten_residuals(frame, records, noise_filter), belief.plant
+        filter_error.whiten_residuals(frame, records, noise_filter), prior.model
     )
     return (
-        multistart.search(weighted_objective, belief, values),
+        multistart.search(weighted_objective, prior, values),
         weighted_objective,
         level,
         cramer_rao.sensor_sds(level),

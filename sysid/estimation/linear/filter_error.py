@@ -15,8 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.estimation.linear import linear_model as plants
-from sysid.estimation.linear import response
+from sysid.estimation.linear import linear_model, response
 from sysid.estimation.linear.linear_model import NUMBERS, LinearModel, LinearModelStructure
 from sysid.estimation.linear.objective import Objective
 from sysid.estimation.linear.records import LinearRun
@@ -29,10 +28,10 @@ DIFFERENCE, MIN_NUMBER = 1e-5, 0.03
 """Relative difference step of the coefficients, and the smallest size that it is relative to."""
 
 
-def build_filter(plant: LinearModel, records: Sequence[LinearRun], level: Noise) -> Filter:
-    """Build the filter that whitens the residuals of ``plant``."""
+def build_filter(model: LinearModel, records: Sequence[LinearRun], level: Noise) -> Filter:
+    """Build the filter that whitens the residuals of ``model``."""
     return noise.build(
-        plants.linear_plane(plant), level, response.DT, max(len(r.measured) for r in records)
+        linear_model.linear_plane(model), level, response.DT, max(len(r.measured) for r in records)
     )
 
 
@@ -49,26 +48,26 @@ def predictor(
     coefficient_count = len(NUMBERS[frame.plane])
 
     def residuals(values: Array) -> Array:
-        plant = LinearModel(frame, values)
-        noise_filter = build_filter(plant, records, level)._replace(whiteners=unit_filter.whiteners)
+        model = LinearModel(frame, values)
+        noise_filter = build_filter(model, records, level)._replace(whiteners=unit_filter.whiteners)
         return np.concatenate(
             [
                 noise.whiten_residual(residual, noise_filter).ravel()
-                for residual in plane_residuals(plant, records)
+                for residual in plane_residuals(model, records)
             ]
         )
 
     def jacobian(values: Array) -> Array:
-        plant, nominal = LinearModel(frame, values), residuals(values)
+        model, nominal = LinearModel(frame, values), residuals(values)
         steps = DIFFERENCE * np.maximum(np.abs(values[:coefficient_count]), MIN_NUMBER)
         perturbations = np.diag(steps) @ np.eye(coefficient_count, values.size)
         columns = [
             (residuals(values + perturbation) - nominal) / step
             for perturbation, step in zip(perturbations, steps, strict=True)
         ]
-        noise_filter = build_filter(plant, records, level)._replace(whiteners=unit_filter.whiteners)
+        noise_filter = build_filter(model, records, level)._replace(whiteners=unit_filter.whiteners)
         return np.column_stack(
-            [*columns, _whitened_slopes(plant, records, noise_filter)[:, coefficient_count:]]
+            [*columns, _whitened_slopes(model, records, noise_filter)[:, coefficient_count:]]
         )
 
     return Objective(residuals, jacobian)
@@ -97,14 +96,14 @@ def whiten_residuals(
     )
 
 
-def _whitened_slopes(plant: LinearModel, records: Sequence[LinearRun], by_filter: Filter) -> Array:
+def _whitened_slopes(model: LinearModel, records: Sequence[LinearRun], by_filter: Filter) -> Array:
     """Derivatives of the whitened residuals by each value, (n, p)."""
-    discrete = response.discretise(plant)
+    discrete = response.discretise(model)
     zero_state = np.zeros(len(discrete.transition))
     blocks = []
     for record in records:
         slopes = response.slopes(
-            plant, discrete, response.duct_motion(plant, record.command), zero_state, _count(record)
+            model, discrete, response.duct_motion(model, record.command), zero_state, _count(record)
         )
         blocks.append(
             np.column_stack([noise.whiten_residual(-slope, by_filter).ravel() for slope in slopes])
@@ -112,21 +111,21 @@ def _whitened_slopes(plant: LinearModel, records: Sequence[LinearRun], by_filter
     return np.concatenate(blocks)
 
 
-def plane_residuals(plant: LinearModel, records: Sequence[LinearRun]) -> list[Array]:
+def plane_residuals(model: LinearModel, records: Sequence[LinearRun]) -> list[Array]:
     """Measured minus simulated outputs of each run, (steps, outputs), from a state of zero."""
-    discrete = response.discretise(plant)
+    discrete = response.discretise(model)
     zero_state = np.zeros(len(discrete.transition))
     return [
         record.measured
-        - response.outputs(plant, discrete, record.command, zero_state, _count(record))
+        - response.outputs(model, discrete, record.command, zero_state, _count(record))
         for record in records
     ]
 
 
-def levels(plant: LinearModel, records: Sequence[LinearRun], start: Noise) -> Noise:
-    """Estimate the noise levels from the residuals of ``plant``."""
+def levels(model: LinearModel, records: Sequence[LinearRun], start: Noise) -> Noise:
+    """Estimate the noise levels from the residuals of ``model``."""
     return noise.estimate(
-        plants.linear_plane(plant), plane_residuals(plant, records), response.DT, start
+        linear_model.linear_plane(model), plane_residuals(model, records), response.DT, start
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation import profile_likelihood
-from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.estimate import PlaneEstimate
 from sysid.estimation.linear.linear_model import LinearModelStructure
 from sysid.estimation.profile_likelihood import LeastSquaresEstimate
@@ -22,12 +22,12 @@ def wide_intervals(estimate: PlaneEstimate) -> list[tuple[str, float, float]]:
 
     The bias is left out. The limit is WIDE_RELATIVE_SD.
     """
-    frame, values = estimate.plant
-    derived = plants.derived(frame, values)
-    sds = np.sqrt(np.diag(plants.propagate(frame, values, estimate.covariance)))
+    frame, values = estimate.model
+    derived = linear_model.derived(frame, values)
+    sds = np.sqrt(np.diag(linear_model.propagate(frame, values, estimate.covariance)))
     problem = LeastSquaresEstimate(*estimate.objective, estimate.lowest, estimate.highest)
     wide = []
-    for i, name in enumerate(plants.derived_names(frame.plane)[:-1]):
+    for i, name in enumerate(linear_model.derived_names(frame.plane)[:-1]):
         if sds[i] > WIDE_RELATIVE_SD * abs(derived[i]):
             interval = profile_likelihood.interval(
                 problem, values, _derived(frame, i), float(sds[i])
@@ -38,4 +38,4 @@ def wide_intervals(estimate: PlaneEstimate) -> list[tuple[str, float, float]]:
 
 def _derived(frame: LinearModelStructure, index: int) -> Callable[[Array], float]:
     """Return a derived number as a function of the values."""
-    return lambda values: float(plants.derived(frame, values)[index])
+    return lambda values: float(linear_model.derived(frame, values)[index])

@@ -136,19 +136,19 @@ def of_plane(linear: LinearPlane, actuator: Actuator, speed_mps: float) -> Linea
     )
 
 
-def actuator(plant: LinearModel) -> Actuator:
+def actuator(model: LinearModel) -> Actuator:
     """Return the actuator that the values describe."""
-    delay_s, bias_rad, frequency_radps, damping = plant.values[len(NUMBERS[plant.frame.plane]) :][
+    delay_s, bias_rad, frequency_radps, damping = model.values[len(NUMBERS[model.frame.plane]) :][
         : len(TAIL)
     ].tolist()
     return Actuator(
-        delay_s, frequency_radps, damping, bias_rad, plant.frame.travel_rad, plant.frame.rate_radps
+        delay_s, frequency_radps, damping, bias_rad, model.frame.travel_rad, model.frame.rate_radps
     )
 
 
-def level_rad(plant: LinearModel) -> float:
+def level_rad(model: LinearModel) -> float:
     """Pitch of level flight, rad; zero in yaw."""
-    return float(plant.values[-1]) if plant.frame.plane == "pitch" else 0.0
+    return float(model.values[-1]) if model.frame.plane == "pitch" else 0.0
 
 
 def equations(frame: LinearModelStructure, numbers: Array) -> tuple[Array, Array]:
@@ -173,12 +173,12 @@ def equations(frame: LinearModelStructure, numbers: Array) -> tuple[Array, Array
     return np.array(A), np.array([zd, md, 0.0, 0.0])
 
 
-def linear_plane(plant: LinearModel) -> LinearPlane:
+def linear_plane(model: LinearModel) -> LinearPlane:
     """Return the plane in physical states, on which disturbances act.
 
     Yaw with the prior's sway equation.
     """
-    frame, numbers = plant.frame, plant.values[: len(NUMBERS[plant.frame.plane])]
+    frame, numbers = model.frame, model.values[: len(NUMBERS[model.frame.plane])]
     moment = np.array([0.0, 1.0, 0.0])
     if frame.plane == "pitch":
         return LinearPlane(
@@ -220,11 +220,11 @@ def derived(frame: LinearModelStructure, values: Array) -> Array:
     return np.array([*numbers, *delay_and_bias])
 
 
-def small_signal(plant: LinearModel) -> SmallSignal:
+def small_signal(model: LinearModel) -> SmallSignal:
     """Return the numbers that control design uses; of complex poles the real part."""
-    if plant.frame.plane == "pitch":
-        return linear_planes.small_signal(linear_plane(plant))
-    b1, b0, a1, a0 = plant.values[:4].tolist()
+    if model.frame.plane == "pitch":
+        return linear_planes.small_signal(linear_plane(model))
+    b1, b0, a1, a0 = model.values[:4].tolist()
     slow, fast = sorted(np.roots([1.0, a1, a0]).real, key=abs)
     return SmallSignal(b0 / a0, b1, float(fast), float(slow), 0.0)
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.objective import Objective
 from sysid.estimation.linear.records import LinearPrior
 from sysid.estimation.map.fit import START_COST_TOLERANCE
@@ -49,7 +49,7 @@ class SearchResult(NamedTuple):
 
 def search(
     objective: Objective,
-    belief: LinearPrior,
+    prior: LinearPrior,
     start: Array,
     ftol: float = FINE_TOLERANCE,
     max_evaluations: int = 60,
@@ -62,7 +62,7 @@ def search(
     ----------
     objective : Objective
         Residuals and Jacobian.
-    belief : LinearPrior
+    prior : LinearPrior
         Bounds and scales.
     start : ndarray, (p,)
         Initial values.
@@ -76,12 +76,12 @@ def search(
     SearchResult
         Values, cost and number of evaluations.
     """
-    scale, margin = belief.spread, 1e-6 * (belief.highest - belief.lowest)
+    scale, margin = prior.spread, 1e-6 * (prior.highest - prior.lowest)
     solution = least_squares(
         lambda u: objective.residuals(scale * u),
-        np.clip(start, belief.lowest + margin, belief.highest - margin) / scale,
+        np.clip(start, prior.lowest + margin, prior.highest - margin) / scale,
         jac=lambda u: objective.jacobian(scale * u) * scale,
-        bounds=(belief.lowest / scale, belief.highest / scale),
+        bounds=(prior.lowest / scale, prior.highest / scale),
         ftol=ftol,
         xtol=1e-6,
         max_nfev=max_evaluations,
@@ -89,45 +89,41 @@ def search(
     return SearchResult(scale * solution.x, float(solution.cost), int(solution.nfev))
 
 
-def sample_starts(belief: LinearPrior, count: int = STARTS) -> list[Array]:
+def sample_starts(prior: LinearPrior, count: int = STARTS) -> list[Array]:
     """Sample starts from the prior, the same on every machine."""
     generator = np.random.default_rng(4154)
-    scale = belief.spread
-    root = np.linalg.cholesky(
-        belief.covariance / np.outer(scale, scale) + 1e-9 * np.eye(scale.size)
-    )
-    margin = 0.05 * (belief.highest - belief.lowest)
-    samples = belief.plant.values + scale * (
-        generator.standard_normal((count, scale.size)) @ root.T
-    )
-    return [np.clip(sample, belief.lowest + margin, belief.highest - margin) for sample in samples]
+    scale = prior.spread
+    root = np.linalg.cholesky(prior.covariance / np.outer(scale, scale) + 1e-9 * np.eye(scale.size))
+    margin = 0.05 * (prior.highest - prior.lowest)
+    samples = prior.model.values + scale * (generator.standard_normal((count, scale.size)) @ root.T)
+    return [np.clip(sample, prior.lowest + margin, prior.highest - margin) for sample in samples]
 
 
 def search_from_starts(
-    objective: Objective, belief: LinearPrior, best: SearchResult, count: int
+    objective: Objective, prior: LinearPrior, best: SearchResult, count: int
 ) -> tuple[SearchResult, list[float]]:
     """Return the best of ``best`` and of searches from other starts, and the costs of the latter.
 
     An end with a larger cost is searched on, because it may have stopped early in a flat valley.
     """
     ends = [
-        search(objective, belief, start, COARSE_TOLERANCE) for start in sample_starts(belief, count)
+        search(objective, prior, start, COARSE_TOLERANCE) for start in sample_starts(prior, count)
     ]
     lowest = min([best, *ends], key=lambda end: end.cost)
     ends = [
-        search(objective, belief, end.values)
+        search(objective, prior, end.values)
         if end.cost > lowest.cost * (1.0 + START_COST_TOLERANCE)
         else end
         for end in ends
     ]
     lowest = min([best, *ends], key=lambda end: end.cost)
     if lowest.cost < best.cost * (1.0 - START_COST_TOLERANCE):
-        best = search(objective, belief, lowest.values)
+        best = search(objective, prior, lowest.values)
     return best, [end.cost for end in ends]
 
 
 def require_unique(
-    objective: Objective, belief: LinearPrior, best: SearchResult, costs: Sequence[float]
+    objective: Objective, prior: LinearPrior, best: SearchResult, costs: Sequence[float]
 ) -> None:
     """Require that the minimum is unique.
 
@@ -136,7 +132,7 @@ def require_unique(
     NotUniqueError
         The costs of the starts differ, a value is at a bound, or the information is singular.
     """
-    plane, names = belief.plant.frame.plane, plants.names(belief.plant.frame.plane)
+    plane, names = prior.model.frame.plane, linear_model.names(prior.model.frame.plane)
     weakest = weakest_direction(information_at(objective, best.values))
     if weakest.eigenvalue < SINGULAR_EIGENVALUE:
         names_text = ", ".join(names[i] for i in weakest.values)
@@ -144,10 +140,8 @@ def require_unique(
             f"{plane}: the tests do not distinguish {names_text}; record richer ones"
             " (3-2-1-1, doublets)"
         )
-    ranges = belief.highest - belief.lowest
-    for name, value, low, high in zip(
-        names, best.values, belief.lowest, belief.highest, strict=True
-    ):
+    ranges = prior.highest - prior.lowest
+    for name, value, low, high in zip(names, best.values, prior.lowest, prior.highest, strict=True):
         if min(value - low, high - value) < BOUND_TOLERANCE * ranges[names.index(name)]:
             raise NotUniqueError(
                 f"{plane}: {name} = {value:.4g} is at its bound, {low:.4g} to {high:.4g}"

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.linear_model import LinearModel
 
 Array = NDArray[np.float64]
@@ -23,8 +23,8 @@ class Objective(NamedTuple):
 
 def with_bench(data: Objective, bench: LinearModel) -> Objective:
     """Add the tailcone's bench test as two measurements: frequency and damping of ``bench``."""
-    lag = plants.lag(bench.frame.plane)
-    sds = plants.LAG_SD * bench.values[lag]
+    lag = linear_model.lag(bench.frame.plane)
+    sds = linear_model.LAG_SD * bench.values[lag]
     bench_jacobian = np.zeros((2, bench.values.size))
     bench_jacobian[:, lag] = np.diag(1.0 / sds)
 

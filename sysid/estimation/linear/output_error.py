@@ -37,7 +37,7 @@ class _NuisanceProjection(NamedTuple):
 class _RunResiduals(NamedTuple):
     """Residuals of one run for one plane."""
 
-    plant: LinearModel
+    model: LinearModel
     discrete: Discrete
     duct: DuctMotion
     sds: Array
@@ -127,17 +127,17 @@ def frame_states(frame: LinearModelStructure) -> int:
 
 
 def _all_run_residuals(
-    plant: LinearModel, records: Sequence[LinearRun], sds: Array
+    model: LinearModel, records: Sequence[LinearRun], sds: Array
 ) -> list[_RunResiduals]:
     """Residuals of all runs; runs of equal length share their nuisance projection."""
-    discrete = response.discretise(plant)
+    discrete = response.discretise(model)
     lengths = {len(record.measured) for record in records}
     all_columns = response.nuisances(discrete, max(lengths), sds.size) / sds[:, None]
     projections = {
         n: _nuisance_projection(all_columns[:n].reshape(n * sds.size, -1)) for n in lengths
     }
     return [
-        _run_residuals(plant, discrete, record, sds, projections[len(record.measured)])
+        _run_residuals(model, discrete, record, sds, projections[len(record.measured)])
         for record in records
     ]
 
@@ -148,7 +148,7 @@ def _nuisance_projection(columns: Array) -> _NuisanceProjection:
 
 
 def _run_residuals(
-    plant: LinearModel,
+    model: LinearModel,
     discrete: Discrete,
     record: LinearRun,
     sds: Array,
@@ -156,14 +156,14 @@ def _run_residuals(
 ) -> _RunResiduals:
     """Residual of one run from a state of zero."""
     duct, zero_state = (
-        response.duct_motion(plant, record.command),
+        response.duct_motion(model, record.command),
         np.zeros(len(discrete.transition)),
     )
     error = (
         record.measured
-        - response.outputs_to_duct(plant, discrete, duct.angle_rad, zero_state, sds.size)
+        - response.outputs_to_duct(model, discrete, duct.angle_rad, zero_state, sds.size)
     ) / sds
-    return _RunResiduals(plant, discrete, duct, sds, nuisances, error.ravel())
+    return _RunResiduals(model, discrete, duct, sds, nuisances, error.ravel())
 
 
 def _slopes(part: _RunResiduals) -> Array:
@@ -173,6 +173,6 @@ def _slopes(part: _RunResiduals) -> Array:
         dtype=np.float64,
     )
     output_slopes = (
-        response.slopes(part.plant, part.discrete, part.duct, start, part.sds.size) / part.sds
+        response.slopes(part.model, part.discrete, part.duct, start, part.sds.size) / part.sds
     )
     return -output_slopes.reshape(-1, part.residuals.size).T

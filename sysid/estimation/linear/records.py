@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.segments import Plane, Run
-from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.response import SurfaceCommand
 from sysid.estimation.map import fit
@@ -39,7 +39,7 @@ class LinearRun(NamedTuple):
 class LinearPrior(NamedTuple):
     """Prior of the values of one plane, with bounds."""
 
-    plant: LinearModel
+    model: LinearModel
     """Prior mean."""
     covariance: Array
     """(p, p), covariance of the values, from the prior of the physical coefficients."""
@@ -74,8 +74,8 @@ def linear_prior(prior: fit.Prior, plane: Plane) -> LinearPrior:
     With theta(z) the values of the vehicle at z and S = d(theta)/dz, the covariance is S P S'. The
     bias is relative to level flight, about which pitch is linear.
     """
-    plant = values_at(prior, prior.mean, plane)
-    slopes = np.zeros((plant.values.size, len(NAMES)))
+    model = values_at(prior, prior.mean, plane)
+    slopes = np.zeros((model.values.size, len(NAMES)))
     for i in parameters.parameters_of_planes([plane]):
         step = np.zeros(len(NAMES))
         step[i] = 1e-3
@@ -87,39 +87,41 @@ def linear_prior(prior: fit.Prior, plane: Plane) -> LinearPrior:
     covariance = slopes @ prior.covariance @ slopes.T
     if plane == "pitch":
         covariance[-1, -1] = LEVEL_SD_RAD**2
-    return with_bounds(plant, covariance)
+    return with_bounds(model, covariance)
 
 
-def with_bounds(plant: LinearModel, covariance: Array) -> LinearPrior:
+def with_bounds(model: LinearModel, covariance: Array) -> LinearPrior:
     """Add bounds that hold for any vehicle."""
-    names, spread = plants.names(plant.frame.plane), np.sqrt(np.diag(covariance))
+    names, spread = linear_model.names(model.frame.plane), np.sqrt(np.diag(covariance))
     lowest, highest = (
-        plant.values - COEFFICIENT_BOUND_SD * spread,
-        plant.values + COEFFICIENT_BOUND_SD * spread,
+        model.values - COEFFICIENT_BOUND_SD * spread,
+        model.values + COEFFICIENT_BOUND_SD * spread,
     )
     for i, name in enumerate(names):
         if name == "delay_s":
             lowest[i], highest[i] = 0.0, MAX_DELAY_S
-        elif name in ("bias_rad", plants.LEVEL_PITCH):
+        elif name in ("bias_rad", linear_model.LEVEL_PITCH):
             lowest[i], highest[i] = -MAX_ANGLE_RAD, MAX_ANGLE_RAD
         elif name in ("natural_frequency_radps", "damping_ratio"):
             lowest[i], highest[i] = (
-                plant.values[i] - LAG_BOUND_SD * spread[i],
-                plant.values[i] + LAG_BOUND_SD * spread[i],
+                model.values[i] - LAG_BOUND_SD * spread[i],
+                model.values[i] + LAG_BOUND_SD * spread[i],
             )
     damping = names.index("damping_ratio")
     highest[damping] = min(highest[damping], MAX_DAMPING)
-    return LinearPrior(plant, covariance, lowest, highest)
+    return LinearPrior(model, covariance, lowest, highest)
 
 
 def values_at(prior: fit.Prior, z: Array, plane: Plane) -> LinearModel:
     """Return the plane of the vehicle at z, with bias and pitch of its own level flight."""
     vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
-    plant = plants.of_vehicle(vehicle, plane)
+    model = linear_model.of_vehicle(vehicle, plane)
     if plane == "yaw":
-        return plant
-    values = plant.values.copy()
-    names = plants.names(plane)
+        return model
+    values = model.values.copy()
+    names = linear_model.names(plane)
     values[names.index("bias_rad")] -= fit.level_elevator_rad(vehicle.config, vehicle.model)
-    values[names.index(plants.LEVEL_PITCH)] = fit.level_pitch_rad(vehicle.config, vehicle.model)
-    return LinearModel(plant.frame, values)
+    values[names.index(linear_model.LEVEL_PITCH)] = fit.level_pitch_rad(
+        vehicle.config, vehicle.model
+    )
+    return LinearModel(model.frame, values)

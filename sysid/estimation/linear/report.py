@@ -20,8 +20,7 @@ from scipy.linalg import block_diag
 
 from sysid.data.segments import Plane, Run
 from sysid.estimation.linear import estimate as estimates
-from sysid.estimation.linear import intervals, records
-from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import intervals, linear_model, records
 from sysid.estimation.linear.estimate import Method, PlaneEstimate
 from sysid.estimation.map.fit import Fit, Prior, Progress
 from sysid.models import model_export, parameters
@@ -186,11 +185,13 @@ def _plane_weights(plane: Plane, covariance: Array) -> Array:
 
     The lag keeps its own weight: both planes estimate the same lag.
     """
-    held = np.ones(len(covariance), dtype=np.bool_)
-    held[plants.lag(plane)] = False
+    is_held = np.ones(len(covariance), dtype=np.bool_)
+    is_held[linear_model.lag(plane)] = False
     weights = np.zeros_like(covariance)
-    weights[np.ix_(held, held)] = np.linalg.inv(covariance[np.ix_(held, held)]) / HELD_SD_SHARE**2
-    weights[np.ix_(~held, ~held)] = np.linalg.inv(covariance[np.ix_(~held, ~held)])
+    weights[np.ix_(is_held, is_held)] = (
+        np.linalg.inv(covariance[np.ix_(is_held, is_held)]) / HELD_SD_SHARE**2
+    )
+    weights[np.ix_(~is_held, ~is_held)] = np.linalg.inv(covariance[np.ix_(~is_held, ~is_held)])
     return weights
 
 
@@ -209,7 +210,7 @@ def _linearise(
                 records.values_at(prior, perturbed_z, plane).values - plane_values
             ) / STEP_Z
         slopes.append(slope)
-        errors.append(estimate.plant.values - plane_values)
+        errors.append(estimate.model.values - plane_values)
     return np.vstack(slopes), np.concatenate(errors)
 
 
@@ -218,9 +219,9 @@ def _reported_numbers(plane: Plane, estimate: PlaneEstimate, nearest: Fit) -> tu
 
     The bias is the duct angle in degrees.
     """
-    frame, values = estimate.plant
-    numbers = plants.derived(frame, values)
-    covariance = plants.propagate(frame, values, estimate.covariance)
+    frame, values = estimate.model
+    numbers = linear_model.derived(frame, values)
+    covariance = linear_model.propagate(frame, values, estimate.covariance)
     if plane == "pitch":
         numbers[-1] = nearest.vehicle.actuators["pitch"].bias_rad
     unit_factors = np.ones(numbers.size)
@@ -230,7 +231,7 @@ def _reported_numbers(plane: Plane, estimate: PlaneEstimate, nearest: Fit) -> tu
 
 def _names(plane: Plane) -> tuple[str, ...]:
     """Names of the reported numbers."""
-    return (*plants.derived_names(plane)[:-1], "actuator_bias_deg")
+    return (*linear_model.derived_names(plane)[:-1], "actuator_bias_deg")
 
 
 def _plane(plane: Plane, numbers: Array, covariance: Array) -> PlaneModel:
@@ -266,11 +267,11 @@ def _misfit_notes(plane_estimates: dict[Plane, PlaneEstimate], prior: Prior, z: 
     """Report values of an estimate that no vehicle near the prior has."""
     notes = []
     for plane, estimate in plane_estimates.items():
-        misfit = records.values_at(prior, z, plane).values - estimate.plant.values
+        misfit = records.values_at(prior, z, plane).values - estimate.model.values
         sds = np.sqrt(np.diag(estimate.covariance))
         worst = int(np.argmax(np.abs(misfit / sds)))
         if abs(misfit[worst]) > MISFIT_SD * sds[worst]:
-            name = plants.names(plane)[worst]
+            name = linear_model.names(plane)[worst]
             notes.append(
                 f"{plane}: the coefficients miss the plane's {name} by"
                 f" {abs(misfit[worst] / sds[worst]):.1f} sd"

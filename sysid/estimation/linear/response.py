@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from sitl.vehicle.jit import kernel
 from sysid.data.segments import RATE_HZ
-from sysid.estimation.linear import linear_model as plants
-from sysid.estimation.linear import tailcone
+from sysid.estimation.linear import linear_model, tailcone
 from sysid.estimation.linear.linear_model import NUMBERS, LinearModel
 from sysid.estimation.map.fit import STRIDE
 
@@ -70,12 +69,14 @@ class Discrete(NamedTuple):
     """(numbers, n, STRIDE + 1)"""
 
 
-def discretise(plant: LinearModel) -> Discrete:
+def discretise(model: LinearModel) -> Discrete:
     """Return one output step, exact for a duct angle that is linear between 50 Hz samples."""
-    frame, numbers = plant.frame, plant.values[: len(NUMBERS[plant.frame.plane])]
-    A, B = plants.equations(frame, numbers)
-    origin = plants.equations(frame, np.zeros(numbers.size))
-    unit_equations = [plants.equations(frame, unit_vector) for unit_vector in np.eye(numbers.size)]
+    frame, numbers = model.frame, model.values[: len(NUMBERS[model.frame.plane])]
+    A, B = linear_model.equations(frame, numbers)
+    origin = linear_model.equations(frame, np.zeros(numbers.size))
+    unit_equations = [
+        linear_model.equations(frame, unit_vector) for unit_vector in np.eye(numbers.size)
+    ]
     slopes = np.stack(
         [_sample_generator(dA - origin[0], dB - origin[1]) for dA, dB in unit_equations]
     )
@@ -173,14 +174,14 @@ def _advance_slopes(discrete: Discrete, duct_motion: DuctMotion, x: Array) -> Ar
     return slopes
 
 
-def duct(plant: LinearModel, command: SurfaceCommand) -> Array:
+def duct(model: LinearModel, command: SurfaceCommand) -> Array:
     """Duct angle relative to level flight from ``command.lead`` on, rad."""
-    return tailcone.angles(command.angle_rad, plants.actuator(plant))[command.lead :]
+    return tailcone.angles(command.angle_rad, linear_model.actuator(model))[command.lead :]
 
 
-def duct_motion(plant: LinearModel, command: SurfaceCommand) -> DuctMotion:
+def duct_motion(model: LinearModel, command: SurfaceCommand) -> DuctMotion:
     """Duct angle relative to level flight from ``command.lead`` on, with its derivatives."""
-    angle_rad, slopes = tailcone.angle_sensitivity(command.angle_rad, plants.actuator(plant))
+    angle_rad, slopes = tailcone.angle_sensitivity(command.angle_rad, linear_model.actuator(model))
     return DuctMotion(angle_rad[command.lead :], slopes[:, command.lead :])
 
 
@@ -190,33 +191,33 @@ def steps(command: SurfaceCommand) -> int:
 
 
 def outputs(
-    plant: LinearModel, discrete: Discrete, command: SurfaceCommand, x0: Array, count: int
+    model: LinearModel, discrete: Discrete, command: SurfaceCommand, x0: Array, count: int
 ) -> Array:
     """Rate, angle and, in pitch, depth, (steps, count), at every STRIDE-th sample from ``x0``."""
-    return outputs_to_duct(plant, discrete, duct(plant, command), x0, count)
+    return outputs_to_duct(model, discrete, duct(model, command), x0, count)
 
 
 def outputs_to_duct(
-    plant: LinearModel, discrete: Discrete, angle_rad: Array, x0: Array, count: int
+    model: LinearModel, discrete: Discrete, angle_rad: Array, x0: Array, count: int
 ) -> Array:
     """Outputs for a given duct angle, (steps, count)."""
     x: Array = _advance(discrete.transition, discrete.taps, angle_rad, x0)[:, 1 : 1 + count]
-    x[:, 1] += plants.level_rad(plant)
+    x[:, 1] += linear_model.level_rad(model)
     return x
 
 
 def slopes(
-    plant: LinearModel, discrete: Discrete, motion: DuctMotion, x0: Array, count: int
+    model: LinearModel, discrete: Discrete, motion: DuctMotion, x0: Array, count: int
 ) -> Array:
     """Derivatives of ``outputs`` by each value, (values, steps, count).
 
     The initial state is fixed.
     """
     x = _advance(discrete.transition, discrete.taps, motion.angle_rad, x0)
-    derivatives = np.zeros((plant.values.size, x.shape[0], count))
+    derivatives = np.zeros((model.values.size, x.shape[0], count))
     state_slopes = _advance_slopes(discrete, motion, x)[:, :, 1 : 1 + count]
     derivatives[: len(state_slopes)] = state_slopes
-    if plant.frame.plane == "pitch":
+    if model.frame.plane == "pitch":
         derivatives[-1, :, 1] = 1.0
     return derivatives
 

@@ -46,8 +46,7 @@ class TailconeSensitivity(NamedTuple):
     angle_rad: Array
     """(samples,), duct angle, rad."""
     slopes: Array
-    """(TAIL, samples), derivatives by delay (s), bias (rad), frequency (rad/s) and damping ratio.
-    """
+    """(TAIL, samples), derivatives by delay (s), bias (rad), frequency (rad/s) and damping."""
 
 
 def angles(command_rad: Array, actuator: Actuator) -> Array:
