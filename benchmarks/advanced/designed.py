@@ -4,8 +4,7 @@ from dataclasses import replace
 from time import process_time
 from typing import NamedTuple
 
-from autopilot.control import loops as aboard
-from autopilot.control import params
+from autopilot.control import loops, params
 from autopilot.control.lqg import LqgControllers
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import LoopMemory, VehicleEstimate
@@ -124,7 +123,7 @@ def _cost(name: str, contender: Contender) -> Figure:
     estimate, memory = VehicleEstimate(speed_mps=config.cruise_speed_mps), LoopMemory()
     began_s = process_time()
     for _ in range(TICKS):
-        _, memory = aboard.step_loops(
+        _, memory = loops.step_loops(
             estimate, Setpoint(), memory, config, TICK_S, heading=True, depth=True
         )
     return Figure(
