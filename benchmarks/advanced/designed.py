@@ -42,7 +42,10 @@ class Designed(NamedTuple):
 
 
 def designed(model: IdentifiedModel, trims: Values) -> Designed:
-    """Design both with the same reference models and limits. Raises DesignInfeasibleError."""
+    """Design both with the same reference models and limits.
+
+    Raises DesignInfeasibleError.
+    """
     pid, lqg = design.redesign(model), optimal.design_lqg(model)
     values = {**pid.gains, **trims}
     return Designed(
