@@ -12,25 +12,15 @@ from tests.helpers.missions import Flight, excitation_item, leg, under_way
 
 def test_step_excitation_opens_only_its_plane_and_ends() -> None:
     flight = under_way(rudder_trim_deg=2.0)
-<<<<<<< HEAD
-    wish = requests.StartTest(12, 5.0, 0.0, 0.0, 4.0, 1, 0.0)
-    assert flight.ask(wish) == ACCEPTED
-    before = flight.state.loops.heading_integral_rad
-=======
     request = requests.StartTest(12, 5.0, 0.0, 0.0, 4.0, 1, 0.0)
     assert flight.ask(request) == ACCEPTED
-    before = flight.state.loops.heading_rad
->>>>>>> l2
+    before = flight.state.loops.heading_integral_rad
     flight.step()
     assert math.degrees(flight.trace.rudder_rad) == pytest.approx(7.0)
     assert flight.state.mode == modes.SYSID.number
     for _ in flight.run(3.9):
         pass
-<<<<<<< HEAD
-    assert flight.state.loops.heading_integral_rad == before, "an open loop's integrator waits"
-=======
-    assert flight.state.loops.heading_rad == before, "the integrator of an open loop is frozen"
->>>>>>> l2
+    assert flight.state.loops.heading_integral_rad == before, "the integrator of an open loop is frozen"
     assert flight.run_until(lambda s: s.test is None, 1.0) == pytest.approx(0.1, abs=0.03)
     assert flight.texts()[-2:] == ["SystemID Finished", "Mode DEPTH"]
     assert flight.heading > math.radians(5.0)
