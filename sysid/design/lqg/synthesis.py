@@ -111,7 +111,19 @@ def controller(
 def build_model(
     plane: LinearPlane, lag: Lag, disturbance: Noise, weights: Weights
 ) -> AugmentedModel:
-    """Return the filter model of one plane with disturbance, loads and noise densities."""
+    """Return the filter model of one plane with disturbance, loads and noise densities.
+
+    Notes
+    -----
+    With x_p the plane behind its tailcone (A_p, B_p), d the disturbance states (slow moment and
+    waves, shaping filter A_d), b the offset of the surface and g the buoyancy::
+
+        x_p' = A_p x_p + B_p (u + b + n_u) + E d (+ g on the heave acceleration)
+        d'   = A_d d + w_d        b' = w_b        g' = w_g
+
+    n_u has the density `Weights.recovery`^2, w_b `Weights.load`^2 and w_g `Weights.buoyancy`^2.
+    Sensor noise: gyro, angle and, in pitch, depth and depth rate, each sd^2 `NOISE_STEP_S`.
+    """
     A_plane, B_plane = loop_transfer.plane_with_tailcone(plane, lag, PADE_ORDER)
     n, load = len(plane.B), len(B_plane) + SEA_STATES
     size = load + count_loads(plane)

@@ -151,15 +151,17 @@ class _PlaneWithTailcone:
     """
 
     def __init__(self, plane: LinearPlane, lag: Lag, spec: Spec) -> None:
-        n = len(plane.B)
-        step = expm(np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n + 1))]]) * TICK_S)
-        self._Phi, self._Gamma = step[:n, :n], step[:n, n]
+        n_states = len(plane.B)
+        block = expm(
+            np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n_states + 1))]]) * TICK_S
+        )
+        self._Phi, self._Gamma = block[:n_states, :n_states], block[:n_states, n_states]
         self._lag, self._max_rate_radps = lag, math.radians(spec.rate_degps)
         # The hold of a tick is simulated here, so the queue must not contain it as a delay.
         ticks = max(0, round((lag.delay_s - SAMPLING_S) / TICK_S)) + 1
         self._queue = deque([0.0] * ticks)
         self._angle = self._rate = 0.0
-        self.state: Array = np.zeros(n)
+        self.state: Array = np.zeros(n_states)
 
     def advance(self, command_rad: float) -> None:
         """Advance the plane by one tick under a surface command (rad)."""
