@@ -39,7 +39,7 @@ def test_a_rudder_that_bends_in_the_water_is_noticed_by_its_name(
     same."""
     monkeypatch.setattr(monitor, "FROM_S", 120.0)
     monkeypatch.setattr(monitor, "LASTS_S", 240.0)
-    promise = made.promise()
+    promise = made.baseline()
     wide = {name: wider(expected) for name, expected in promise.predicted.items()}
     hours, after_s, right = monitor.trial(
         structs.replace(promise, predicted=wide), GAINS, "bent rudder", 1
