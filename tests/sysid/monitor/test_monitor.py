@@ -107,7 +107,7 @@ def test_monitor_surface_noise_is_not_disturbance() -> None:
 
 
 def test_monitor_piecewise_equals_whole_log() -> None:
-    log = made.flight(700.0, seed=4, moved={"rudder_deg": 3.0}, from_s=300.0)
+    log = made.flight(700.0, seed=4, shifts={"rudder_deg": 3.0}, from_s=300.0)
     piecewise = Monitor(BASELINE)
     for until_s in np.arange(0.7, 701.0, 3.3):
         piecewise.take(log, min(float(until_s), 700.0))
@@ -149,7 +149,7 @@ def test_blocks_telemetry_gap_restarts_settling() -> None:
 
 
 def test_monitor_other_speed_is_ignored() -> None:
-    log = made.flight(400.0, seed=1, moved={"pitch_deg": 3.0})
+    log = made.flight(400.0, seed=1, shifts={"pitch_deg": 3.0})
     fast = replace(log.actuators, thrust=log.actuators.thrust * 1.3)
     assert monitor.monitor_log(replace(log, actuators=fast), BASELINE).blocks == 0
 
