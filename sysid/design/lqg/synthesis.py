@@ -172,7 +172,9 @@ def count_loads(plane: LinearPlane) -> int:
 def filter_gains(model: AugmentedModel) -> Array:
     """Return the steady Kalman gain, (states, outputs).
 
-    A P + P A^T - P C^T V^-1 C P + W = 0, L = P C^T V^-1 with W and V the densities of w and v.
+    With W and V the densities of process and measurement noise::
+
+        A P + P A^T - P C^T V^-1 C P + W = 0        L = P C^T V^-1
     """
     P = solve_continuous_are(model.A.T, model.C.T, model.process, model.measurement)
     return np.asarray(np.linalg.solve(model.measurement, model.C @ P).T)
@@ -181,9 +183,12 @@ def filter_gains(model: AugmentedModel) -> Array:
 def feedback(model: AugmentedModel, weights: Weights) -> Array:
     """Return the feedback row F of the optimal regulator with load compensation.
 
-    Minimises the integral of x^T Q x + R u^2: A^T X + X A - X B R^-1 B^T X + Q = 0, K = R^-1 B^T X.
-    The regulator acts about the equilibrium x_e d, u_e d of the estimated loads d, so F = [-K, u_e
-    + K x_e].
+    It minimises the integral of x^T Q x + R u^2::
+
+        A^T X + X A - X B R^-1 B^T X + Q = 0        K = R^-1 B^T X
+        u = u_e d - K (x - x_e d)                   F = [-K, u_e + K x_e]
+
+    d are the estimated loads, x_e and u_e the equilibrium per unit of load.
     """
     load, in_pitch = model.load, len(model.C) == 4
     A, B = model.A[:load, :load], model.B[:load, None]

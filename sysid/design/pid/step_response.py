@@ -146,8 +146,8 @@ def _step_response(values: list[float], commands: list[float]) -> StepResponse:
 class _PlaneWithTailcone:
     """Plane behind the tailcone's delay, lag, rate limit and travel, relative to level flight.
 
-    x' = A x + B a with the duct angle a held over a tick (exact discretisation); the lag a'' = wn^2
-    (u - a) - 2 zeta wn a' is integrated by semi-implicit Euler.
+    Plane: x' = A x + B a with the duct angle a constant over a tick (exact discretisation). Lag:
+    a'' = wn^2 (u - a) - 2 zeta wn a' with |a'| limited (semi-implicit Euler).
     """
 
     def __init__(self, plane: LinearPlane, lag: Lag, spec: Spec) -> None:
