@@ -152,10 +152,10 @@ class _PlaneWithTailcone:
 
     def __init__(self, plane: LinearPlane, lag: Lag, spec: Spec) -> None:
         n_states = len(plane.B)
-        block = expm(
+        transition = expm(
             np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n_states + 1))]]) * TICK_S
         )
-        self._Phi, self._Gamma = block[:n_states, :n_states], block[:n_states, n_states]
+        self._Phi, self._Gamma = transition[:n_states, :n_states], transition[:n_states, n_states]
         self._lag, self._max_rate_radps = lag, math.radians(spec.rate_degps)
         # The hold of a tick is simulated here, so the queue must not contain it as a delay.
         ticks = max(0, round((lag.delay_s - SAMPLING_S) / TICK_S)) + 1
