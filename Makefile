@@ -8,11 +8,13 @@ OUT    ?= campaign
 SEED   ?= 1
 # FORCE=1 replaces the campaign that $(OUT) holds; without it `ground campaign` refuses
 FORCE  ?=
+# Folder of the environment that `make vehicle` creates
+VEHICLE ?= .venv-vehicle
 # Further arguments of pytest
 PYTEST ?=
 
 .PHONY: help campaign test test-fast test-clients check check-physics benchmark-sysid benchmark-control \
-        format coverage audit lock clean
+        format coverage audit vehicle lock clean
 
 help:                                ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/	/' | expand -t 20
@@ -60,6 +62,11 @@ lock:                                ## renew the pinned versions (needs pip-too
 	  --no-emit-trusted-host -o requirements/run.lock pyproject.toml
 	pip-compile -q --extra dev --strip-extras --no-header --annotation-style=line --no-emit-index-url \
 	  --no-emit-find-links --no-emit-trusted-host -o requirements/dev.lock pyproject.toml
+
+vehicle: requirements/vehicle.lock   ## environment for the vehicle's computer in $(VEHICLE): `autopilot` alone
+	$(PYTHON) -m venv --without-pip $(VEHICLE)
+	$(PYTHON) -m pip --python $(VEHICLE) install -q --disable-pip-version-check --no-deps --no-compile -r $<
+	$(PYTHON) -m pip --python $(VEHICLE) install -q --disable-pip-version-check --no-deps --no-compile .
 
 clean:                               ## remove the virtual environment and $(OUT)
 	rm -rf $(VENV) $(OUT)

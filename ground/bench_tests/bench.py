@@ -9,21 +9,22 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from ground.client import flight
 from ground.client.flight import FlightProgress
 from ground.client.recorder import Recorder
 from ground.client.vehicle import VehicleClient, VehicleClientError
 from ground.errors import InputError, OperationError
-from ground.missions.script import TEST
 from ground.missions.signals import AXES, SIGNALS
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import wall_s
 from mavlink_io.dialect import constant
-
-if TYPE_CHECKING:
-    from sysid.estimation.bench_test import AxisBench, AxisName
+from mavlink_io.mission_items import MavCmd
+from sysid.data import readers
+from sysid.data.dataset import LogError
+from sysid.estimation import bench_test
+from sysid.estimation.bench_test import AxisBench, AxisName
 
 AMPLITUDES_DEG = (5.0, 10.0, 20.0, 30.0)
 """Peak to peak; the paper fitted its model to 10 and gives limits for 10 and 30."""
@@ -102,11 +103,8 @@ def measure(
     where: str | SimulatedVehicle,
     watch: Callable[[FlightProgress], None],
     key_file: Path | None = None,
-) -> "dict[AxisName, AxisBench]":
+) -> dict[AxisName, AxisBench]:
     """Run a session and say what it shows. Raises AddressError, BadInputError, FailedError."""
-    from sysid.data import readers
-    from sysid.data.dataset import LogError
-    from sysid.estimation import bench_test
 
     path = session.folder / "bench.mcap"
     with flight.open_recorded_vehicle(where, path, key_file=key_file) as (vehicle, recorder):
@@ -183,7 +181,9 @@ def _play(sweep: Sweep, vehicle: VehicleClient, recorder: Recorder) -> None:
     told, late_s = len(vehicle.texts), recorder.vehicle_s + sweep.duration_s + TEST_END_TIMEOUT_S
     hz = sweep.frequency_hz
     axis, chirp = AXES[sweep.axis], SIGNALS["chirp"]
-    vehicle.command(TEST, axis, 0.5 * sweep.amplitude_deg, hz, hz, sweep.duration_s, chirp, 0.0)
+    vehicle.command(
+        MavCmd.USER_1, axis, 0.5 * sweep.amplitude_deg, hz, hz, sweep.duration_s, chirp, 0.0
+    )
     while not any(text.text == "SystemID Finished" for text in vehicle.texts[told:]):
         for text in vehicle.texts[told:]:
             if text.text.startswith("SystemID Stopped"):
@@ -201,12 +201,12 @@ def listen_until(vehicle: VehicleClient, recorder: Recorder, vehicle_s: float) -
         vehicle.pump(0.02)
 
 
-def as_json(found: "Mapping[AxisName, AxisBench]") -> dict[str, Any]:
+def as_json(found: Mapping[AxisName, AxisBench]) -> dict[str, Any]:
     """The result with degrees where people read them."""
     return {name: _axis_json(axis) for name, axis in found.items()}
 
 
-def _axis_json(axis: "AxisBench") -> dict[str, Any]:
+def _axis_json(axis: AxisBench) -> dict[str, Any]:
     model = axis.model
     return {
         "model": {

@@ -5,7 +5,7 @@ import tomllib
 from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
@@ -16,10 +16,10 @@ from ground.client.flight import FlightProgress
 from ground.errors import InputError, OperationError
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import wall_s
-
-if TYPE_CHECKING:
-    from sysid.estimation.inclining_test import Inclining
-    from sysid.estimation.inclining_test import WeightPeriod as DatedMove
+from sysid.data import readers
+from sysid.data.dataset import LogError
+from sysid.estimation import inclining_test
+from sysid.estimation.inclining_test import Inclining, WeightPeriod
 
 SHIPPED = files("ground.bench_tests") / "inclining.toml"
 MAX_MASS_KG, MAX_OFFSET_M = 1000.0, 10.0
@@ -45,13 +45,12 @@ class IncliningPlan(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     duration_s: float
     move: tuple[WeightMove, ...]
 
-    def dated(self) -> "list[DatedMove]":
+    def dated(self) -> list[WeightPeriod]:
         """When each stands, counted from arming."""
-        from sysid.estimation.inclining_test import WeightPeriod as DatedMove
 
         span = self.duration_s
         return [
-            DatedMove(m.mass_kg * m.to_port_m, n * span, (n + 1) * span)
+            WeightPeriod(m.mass_kg * m.to_port_m, n * span, (n + 1) * span)
             for n, m in enumerate(self.move)
         ]
 
@@ -91,12 +90,9 @@ def measure(
     watch: Callable[[FlightProgress], None],
     announce: Callable[[str], None],
     key_file: Path | None = None,
-) -> "Inclining":
+) -> Inclining:
     """Run the test and say where the centre of mass is. Raises AddressError, BadInputError,
     FailedError."""
-    from sysid.data import readers
-    from sysid.data.dataset import LogError
-    from sysid.estimation import inclining_test
 
     vehicle_file = refit.read_vehicle(prior)
     with flight.open_recorded_vehicle(where, log, key_file=key_file) as (vehicle, recorder):
@@ -123,7 +119,7 @@ def measure(
         raise OperationError(str(error)) from None
 
 
-def as_json(found: "Inclining", prior: str, file_z_cm_m: float) -> dict[str, Any]:
+def as_json(found: Inclining, prior: str, file_z_cm_m: float) -> dict[str, Any]:
     """The result beside what the vehicle's file says."""
     return {
         "z_cm_m": {"value": found.z_cm_m.value, "sd": found.z_cm_m.sd},

@@ -4,17 +4,16 @@ import json
 import tomllib
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ground.campaign import prototype, refit
 from ground.client import param_file
 from ground.errors import InputError
-
-if TYPE_CHECKING:
-    from sysid.data.dataset import Log
-    from sysid.data.segments import Run
-    from sysid.models.model_file import IdentifiedModel
-    from sysid.monitor.performance_spec import PerformanceBaseline
+from sysid.data import segments
+from sysid.data.dataset import Log
+from sysid.data.segments import Run
+from sysid.models.model_file import IdentifiedModel
+from sysid.monitor.performance_spec import PerformanceBaseline
 
 STAGES = {"initial": "baseline", "improved": "improved", "redesigned": "verification"}
 """Where the dives of each set of gains are kept; the paper's improved ones are flown where that was
@@ -45,12 +44,12 @@ class CampaignFolder:
         return found
 
     @cached_property
-    def model(self) -> "IdentifiedModel":
+    def model(self) -> IdentifiedModel:
         """``model.json``."""
         return refit.read_model(self.path / "model.json")
 
     @cached_property
-    def promise(self) -> "PerformanceBaseline":
+    def promise(self) -> PerformanceBaseline:
         """What ``param_file.param`` promises."""
         return param_file.require_baseline(self.path / "gains.param")
 
@@ -83,15 +82,14 @@ class CampaignFolder:
         """Where the log of a dive is kept."""
         return self.path / stage / f"{mission}.mcap"
 
-    def log(self, stage: str, mission: str) -> "Log":
+    def log(self, stage: str, mission: str) -> Log:
         """One dive."""
         key = stage, mission
         if key not in self._logs:
             self._logs[key] = refit.read_log(self.log_path(stage, mission))
         return self._logs[key]
 
-    def runs(self, mission: str) -> "list[Run]":
+    def runs(self, mission: str) -> list[Run]:
         """The tests of one identification dive."""
-        from sysid.data import segments as runs
 
-        return runs.cut_runs(self.log("identification", mission))
+        return segments.cut_runs(self.log("identification", mission))

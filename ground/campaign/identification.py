@@ -3,26 +3,27 @@ for people."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import msgspec
+from rich import box
+from rich.console import RenderableType
+from rich.table import Table
 
 from ground.terminal import Rendered, heading, render
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-    from rich.table import Table
-
-    from sysid.models.model_file import IdentifiedModel
-    from sysid.validation.results import Gate
+from sysid.models.model_file import IdentifiedModel
+from sysid.models.prediction import mean_rate_errors, opening_rate_errors
+from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
+from sysid.validation.results import Gate
 
 WIDTH = 118
 PAPER_VEHICLE = "caribou_nominal"
 """The prior that is the paper's vehicle: beside it stand the paper's own columns."""
 
 
-def summarise_model(model: "IdentifiedModel") -> dict[str, Any]:
+def summarise_model(model: IdentifiedModel) -> dict[str, Any]:
     """Planes, coefficients, errors on fitted and held-out runs, validation, verdict, and other
     methods beside."""
-    import msgspec
 
     validation: Any = msgspec.to_builtins(model.validation)
     for plane in validation.values():
@@ -56,7 +57,6 @@ def summarise_model(model: "IdentifiedModel") -> dict[str, Any]:
 def rate_errors(qualities: Any) -> dict[str, Any]:
     """By plane: mean squared rate errors of the initial and the refitted model, the whole tests and
     their opening."""
-    from sysid.models.prediction import mean_rate_errors, opening_rate_errors
 
     found = {}
     for plane in ("yaw", "pitch"):
@@ -71,7 +71,7 @@ def rate_errors(qualities: Any) -> dict[str, Any]:
     return found
 
 
-def format_text(model: "IdentifiedModel", out: Path) -> Rendered:
+def format_text(model: IdentifiedModel, out: Path) -> Rendered:
     """The model as tables: what control rests on, the gates, other methods beside, and the
     verdict."""
     kept, held_out = sum(run.kept for run in model.screening), len(model.held_out)
@@ -112,7 +112,7 @@ def format_text(model: "IdentifiedModel", out: Path) -> Rendered:
     return _render([*lines, *verdict_lines(model)])
 
 
-def verdict_lines(model: "IdentifiedModel") -> list[str]:
+def verdict_lines(model: IdentifiedModel) -> list[str]:
     """The verdict, and the test to fly next."""
     found = model.verdict
     if found is None:
@@ -128,7 +128,7 @@ def _method_name(method: str) -> str:
     return "the paper's way" if method == "paper" else method
 
 
-def _numbers(model: "IdentifiedModel") -> "Table":
+def _numbers(model: IdentifiedModel) -> Table:
     rivals = [(rival.method, rival.planes) for rival in model.beside]
     table = _table(
         "plane", "", f"{model.method}", "1 sd", *(_method_name(method) for method, _ in rivals)
@@ -143,7 +143,7 @@ def _numbers(model: "IdentifiedModel") -> "Table":
     return table
 
 
-def _errors(model: "IdentifiedModel") -> "Table":
+def _errors(model: IdentifiedModel) -> Table:
     """Table 2's figures: whole tests, and their first ten seconds, which the paper's comparison
     cannot exceed."""
     table = _table(
@@ -170,10 +170,9 @@ def _error(errors: Mapping[str, float], which: str) -> str:
     return f"{whole:.3f} ({opening:.3f})"
 
 
-def _coefficients(model: "IdentifiedModel") -> "Table":
+def _coefficients(model: IdentifiedModel) -> Table:
     """Table 1: the paper's columns for its own vehicle, the prior, ours, and other methods on the
     same runs."""
-    from sysid.reproduction.paper_tables import TABLE_1_ADJUSTED, TABLE_1_INITIAL
 
     columns = (TABLE_1_INITIAL, TABLE_1_ADJUSTED) if model.vehicle.prior == PAPER_VEHICLE else ()
     heads = ("paper, initial", "paper, adjusted")[: len(columns)]
@@ -199,7 +198,7 @@ def _coefficients(model: "IdentifiedModel") -> "Table":
     return table
 
 
-def _gates(gates: Sequence["Gate"]) -> "Table":
+def _gates(gates: Sequence[Gate]) -> Table:
     """One row a gate, one column a plane; what is not required is a remark, in brackets."""
     table = _table("", "yaw", "pitch", "limit", "")
     for (name, limit), row in _gates_by_name(gates).items():
@@ -218,7 +217,7 @@ def _gates(gates: Sequence["Gate"]) -> "Table":
     return table
 
 
-def _gates_by_name(gates: Sequence["Gate"]) -> dict[tuple[str, str], dict[str | None, "Gate"]]:
+def _gates_by_name(gates: Sequence[Gate]) -> dict[tuple[str, str], dict[str | None, Gate]]:
     rows: dict[tuple[str, str], dict[str | None, Gate]] = {}
     for name in dict.fromkeys(gate.name for gate in gates):
         same: dict[str | None, Gate] = {gate.plane: gate for gate in gates if gate.name == name}
@@ -228,14 +227,12 @@ def _gates_by_name(gates: Sequence["Gate"]) -> dict[tuple[str, str], dict[str | 
     return rows
 
 
-def _format_value(gate: "Gate") -> str:
+def _format_value(gate: Gate) -> str:
     value = "not known" if gate.value is None else f"{gate.value:.3g}"
     return value if gate.required else f"({value})"
 
 
-def _table(*heads: str) -> "Table":
-    from rich import box
-    from rich.table import Table
+def _table(*heads: str) -> Table:
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for number, head in enumerate(heads):
@@ -245,7 +242,7 @@ def _table(*heads: str) -> "Table":
     return table
 
 
-def _render(parts: Sequence["RenderableType"]) -> Rendered:
+def _render(parts: Sequence[RenderableType]) -> Rendered:
     """As text; in colour where stdout is a terminal."""
     return Rendered("\n".join(_without_blanks(render(parts, WIDTH).split("\n"))))
 

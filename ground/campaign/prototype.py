@@ -1,11 +1,12 @@
 """First gains for a vehicle of one's own, designed from her file."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ground.errors import InputError, OperationError
-
-if TYPE_CHECKING:
-    from sysid.design.initial import InitialDesign
+from sysid.design import initial
+from sysid.design.initial import InitialDesign
+from sysid.design.pid import DesignInfeasibleError
+from sysid.refit import VehicleFileError
 
 CARIBOU = ("caribou_truth", "caribou_nominal")
 """Vehicles for which the autopilot's defaults, the paper's prototype controller, were made."""
@@ -37,16 +38,13 @@ def prior_file_of(vehicle: str) -> str:
     return "caribou_nominal" if vehicle in CARIBOU else vehicle
 
 
-def design(vehicle: str) -> "InitialDesign":
+def design(vehicle: str) -> InitialDesign:
     """The prototype controller of a vehicle file.
 
     Raises:
         BadInputError: the file cannot be used, or is the simulated truth.
         FailedError: no gains make this vehicle behave.
     """
-    from sysid.design import initial
-    from sysid.design.pid import DesignInfeasibleError
-    from sysid.refit import VehicleFileError
 
     if vehicle == "caribou_truth":
         raise InputError(
@@ -61,7 +59,7 @@ def design(vehicle: str) -> "InitialDesign":
         raise InputError(str(error)) from None
 
 
-def format_text(found: "InitialDesign") -> str:
+def format_text(found: InitialDesign) -> str:
     """Every parameter with its reason; how the loops stand; and Table 3's initial column beside
     them."""
     lines = [
@@ -90,7 +88,7 @@ def format_text(found: "InitialDesign") -> str:
     return "\n".join(lines)
 
 
-def as_json(found: "InitialDesign") -> dict[str, Any]:
+def as_json(found: InitialDesign) -> dict[str, Any]:
     return {
         "parameters": found.parameters,
         "reasons": found.reasons,

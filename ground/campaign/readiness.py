@@ -9,6 +9,9 @@ from typing import Any
 from ground.campaign import prototype
 from ground.errors import BAD_INPUT, InputError, OperationError
 from ground.missions import plans, script
+from sysid import refit
+from sysid.monte_carlo import readiness
+from sysid.monte_carlo.readiness import Moments
 
 CLEARANCE_M = 3.0
 """Height above the floor below which the autopilot stops a test (SID_ALT_MIN)."""
@@ -52,8 +55,6 @@ def first_parameters(
     BadInputError: the vehicle file cannot be used, no gains meet the specification, or a mission
         cannot be completed.
     """
-    from sysid import refit
-    from sysid.monte_carlo import readiness
 
     try:
         parameters = prototype.design(vehicle).parameters
@@ -71,7 +72,6 @@ def first_parameters(
 
 
 def _moments(content: Mapping[str, Any]) -> Any:
-    from sysid.monte_carlo.readiness import Moments
 
     slow, waves = content["disturbance"]["slow"], content["disturbance"]["waves"]
     return Moments(

@@ -7,18 +7,35 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+import numpy as np
+from numpy.linalg import LinAlgError
+
+from ground.campaign import prototype
 from ground.errors import InputError, OperationError
-
-if TYPE_CHECKING:
-    from sysid.data.dataset import Log
-    from sysid.data.segments import MarkedInterval
-    from sysid.design.lqg import LqgDesign
-    from sysid.design.pid import Design, Spec
-    from sysid.models.model_file import IdentifiedModel
-    from sysid.monitor import MonitorReport
-    from sysid.monitor.performance_spec import PerformanceBaseline
+from sysid import monitor
+from sysid import refit as fitting
+from sysid.data import readers
+from sysid.data.dataset import Log, LogError
+from sysid.data.readers import servo_channels
+from sysid.data.segments import MarkedInterval
+from sysid.design import lqg, pid
+from sysid.design.lqg import LqgDesign
+from sysid.design.pid import Design, DesignInfeasibleError, Spec
+from sysid.models import model_file
+from sysid.models.model_file import IdentifiedModel, ModelError
+from sysid.monitor import MonitorReport, tracking_metrics
+from sysid.monitor.performance_spec import PerformanceBaseline
+from sysid.refit import (
+    SHIPPED,
+    BenchResultError,
+    FitFailedError,
+    NotUniqueError,
+    RefitError,
+    VehicleFileError,
+)
+from sysid.reproduction import paper_tables
 
 Method = Literal["map", "paper", "output-error", "filter-error"]
 MAX_TRIM_DEG = 15.0
@@ -26,14 +43,12 @@ MAX_TRIM_DEG = 15.0
 
 def initial_gains() -> dict[str, float]:
     """The prototype's gains: the initial column of the paper's Table 3."""
-    from sysid.reproduction import paper_tables
 
     return dict(paper_tables.TABLE_3_INITIAL)
 
 
 def improved_gains() -> dict[str, float]:
     """What the paper's engineers came to: the improved column of its Table 3."""
-    from sysid.reproduction import paper_tables
 
     return dict(paper_tables.TABLE_3_IMPROVED)
 
@@ -45,7 +60,6 @@ def measure_trims(path: Path, window_s: float) -> dict[str, float]:
     Raises:
         FailedError: the flight was not steady, or would take more than the duct's travel.
     """
-    import numpy as np
 
     log = read_log(path)
     ends = [event.time_s for event in log.events if event.text == "Mode SURFACE"]
@@ -78,15 +92,13 @@ def refit(
     inclining: Path | None = None,
     *,
     force: bool = False,
-) -> "IdentifiedModel":
+) -> IdentifiedModel:
     """The model that explains the tests in the logs.
 
     Raises:
         BadInputError: of the logs, the prior or what was measured ashore.
         FailedError: the fit cannot be believed, unless ``force``; the model then says so itself.
     """
-    from sysid import refit as fitting
-    from sysid.data.readers import servo_channels as chosen
 
     with _translate_errors():
         model = fitting.refit(
@@ -96,7 +108,7 @@ def refit(
             held_out=list(held_out),
             progress=progress,
             marks=[_parse_mark(text) for text in marked],
-            outputs=chosen.parse(outputs),
+            outputs=servo_channels.parse(outputs),
             beside=beside,
             tailcone=tailcone,
             inclining=inclining,
@@ -109,15 +121,14 @@ def refit(
     return model
 
 
-def _parse_mark(text: str) -> "MarkedInterval":
+def _parse_mark(text: str) -> MarkedInterval:
     """A test by hand, ``[LOG:]START..STOP:rudder`` or ``:elevator``, in seconds of the log's own
     time."""
-    from sysid.data.segments import MarkedInterval
 
     found = re.fullmatch(r"(?:(.+):)?(\d+\.?\d*)\.\.(\d+\.?\d*):(rudder|elevator)", text)
     if found is None:
         raise InputError(
-            f"--run {text}: give [LOG:]START..STOP:rudder or :elevator, in seconds of the log's"
+            f"--segment {text}: give [LOG:]START..STOP:rudder or :elevator, in seconds of the log's"
             " time"
         )
     return MarkedInterval(
@@ -126,12 +137,12 @@ def _parse_mark(text: str) -> "MarkedInterval":
 
 
 def redesign(
-    model: "IdentifiedModel",
-    spec: "Spec | None" = None,
+    model: IdentifiedModel,
+    spec: Spec | None = None,
     prior: str | None = None,
     *,
     force: bool = False,
-) -> "Design":
+) -> Design:
     """Gains for a model, by default asked for what ``specification`` says.
 
     ``prior``: the vehicle file it was refitted from, where that is not shipped.
@@ -140,7 +151,6 @@ def redesign(
         BadInputError: there is no such vehicle file. FailedError: its verdict is against it, unless
         ``force``; or no gains meet the specification.
     """
-    from sysid.design import pid
 
     _check_fit_for_redesign(model, "redesign", force)
     with _translate_errors():
@@ -149,36 +159,34 @@ def redesign(
 
 
 def redesign_lqg(
-    model: "IdentifiedModel",
-    spec: "Spec | None" = None,
+    model: IdentifiedModel,
+    spec: Spec | None = None,
     prior: str | None = None,
     *,
     force: bool = False,
-) -> "LqgDesign":
+) -> LqgDesign:
     """LQG laws for a model; otherwise as ``redesign``."""
-    from sysid.design import lqg
 
-    _check_fit_for_redesign(model, "laws", force)
+    _check_fit_for_redesign(model, "redesign --method lqg", force)
     with _translate_errors():
         return lqg.design_lqg(
             model, spec, read_vehicle(prior) if prior else None, _initial_gains_of(model, prior)
         )
 
 
-def _check_fit_for_redesign(model: "IdentifiedModel", command: str, force: bool) -> None:
+def _check_fit_for_redesign(model: IdentifiedModel, command: str, force: bool) -> None:
     if not force and (model.verdict is None or not model.verdict.fit_for_redesign):
         advice = f"fly what it asks for, or `ground {command} --force`"
         raise OperationError(f"the model is not fit for redesign: {_reasons(model)}; {advice}")
 
 
-def specification(model: "IdentifiedModel", prior: str | None = None) -> "Spec":
+def specification(model: IdentifiedModel, prior: str | None = None) -> Spec:
     """What is asked of gains by default, within the travel and rate of the vehicle's own tailcone,
     where it is known.
 
     Raises:
         BadInputError: there is no such vehicle file.
     """
-    from sysid.design.pid import Spec
 
     vehicle = _vehicle_file_of(model, prior)
     if vehicle is None:
@@ -187,17 +195,15 @@ def specification(model: "IdentifiedModel", prior: str | None = None) -> "Spec":
     return Spec(travel_deg=tail.travel_deg, rate_degps=tail.rate_degps)
 
 
-def _vehicle_file_of(model: "IdentifiedModel", prior: str | None) -> str | None:
+def _vehicle_file_of(model: IdentifiedModel, prior: str | None) -> str | None:
     """The vehicle file behind a model; None where it is not shipped and nobody gives it."""
-    from sysid.refit import SHIPPED
 
     return prior or (model.vehicle.prior if model.vehicle.prior in SHIPPED else None)
 
 
-def _initial_gains_of(model: "IdentifiedModel", prior: str | None) -> dict[str, float]:
+def _initial_gains_of(model: IdentifiedModel, prior: str | None) -> dict[str, float]:
     """What the vehicle flew with first: Table 3's gains on Caribou, on others the prototype of
     their file."""
-    from ground.campaign import prototype
 
     vehicle, table_3 = _vehicle_file_of(model, prior), initial_gains()
     if vehicle is None or vehicle in prototype.CARIBOU:
@@ -206,29 +212,27 @@ def _initial_gains_of(model: "IdentifiedModel", prior: str | None) -> dict[str, 
     return {name: first[name] for name in table_3}
 
 
-def _reasons(model: "IdentifiedModel") -> str:
+def _reasons(model: IdentifiedModel) -> str:
     if model.verdict is None:
         return "nobody has judged it"
     first, *others = model.verdict.reasons
     return f"{first} (and {len(others)} more)" if others else first
 
 
-def read_log(path: Path) -> "Log":
+def read_log(path: Path) -> Log:
     """Read a log for identification. Raises BadInputError."""
-    from sysid.data import readers
 
     with _translate_errors():
         return readers.read(path)
 
 
-def tracking(log: "Log") -> dict[str, Any]:
+def tracking(log: Log) -> dict[str, Any]:
     """Steady errors over a dive and over each window between changes of set-point, as plain numbers
     by name.
 
     Raises:
         FailedError: no stretch of the dive was steady for long enough.
     """
-    from sysid.monitor import tracking_metrics
 
     found = tracking_metrics.tracking(log)
     if found is None:
@@ -237,59 +241,42 @@ def tracking(log: "Log") -> dict[str, Any]:
     return plain
 
 
-def monitor_log(log: "Log", promise: "PerformanceBaseline") -> "MonitorReport":
+def monitor_log(log: Log, promise: PerformanceBaseline) -> MonitorReport:
     """How a dive kept what her gains promise."""
-    from sysid import monitor
 
     return monitor.monitor_log(log, promise)
 
 
-def read_model(path: Path) -> "IdentifiedModel":
+def read_model(path: Path) -> IdentifiedModel:
     """Read a model file. Raises BadInputError."""
-    from sysid.models import model_file as model
 
     with _translate_errors():
-        return model.read(path)
+        return model_file.read(path)
 
 
 def sha256_of_model(path: Path) -> str:
     """By which gains name the model in a file. Raises BadInputError."""
-    from sysid.models import model_file as model
 
-    return model.sha256_of_model(read_model(path))
+    return model_file.sha256_of_model(read_model(path))
 
 
 def read_vehicle(prior: str) -> Any:
     """What a vehicle file tells beforehand, as sysid takes it. Raises BadInputError."""
-    from sysid import refit as fitting
 
     with _translate_errors():
         return fitting.vehicle_file(prior)
 
 
-def write_model(model: "IdentifiedModel", path: Path) -> None:
+def write_model(model: IdentifiedModel, path: Path) -> None:
     """Write ``model.json``."""
-    from sysid.models import model_file as models
 
-    models.write(model, path)
+    model_file.write(model, path)
 
 
 @contextmanager
 def _translate_errors() -> Iterator[None]:
     """sysid's refusals as this tool's: wrong files are bad input, a missed specification is failed
     work."""
-    from numpy.linalg import LinAlgError
-
-    from sysid.data.dataset import LogError
-    from sysid.design.pid import DesignInfeasibleError
-    from sysid.models.model_file import ModelError
-    from sysid.refit import (
-        BenchResultError,
-        FitFailedError,
-        NotUniqueError,
-        RefitError,
-        VehicleFileError,
-    )
 
     try:
         yield

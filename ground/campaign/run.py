@@ -22,6 +22,7 @@ from ground.campaign.campaign_folder import CAMPAIGN_FILE, STAGES, CampaignFolde
 from ground.campaign.worker import Worker
 from ground.client.flight import Dive, FlightProgress, FlightResult, fly_simulated
 from ground.errors import InputError, OperationError
+from ground.report import page
 from ground.simulation.processes import SimulatedVehicle, Simulation
 from ground.simulation.subprocesses import ForkedProcess
 from mavlink_io.clock import wall_s
@@ -65,7 +66,7 @@ class CampaignRequest(NamedTuple):
     scenario: str = "disturbed"
     seed: int = 1
     speed: str = "max"
-    beside_paper: bool = False
+    include_paper_gains: bool = False
     """The paper's improved gains fly the missions too."""
     force: bool = False
     """Replace the campaign that the folder holds."""
@@ -162,9 +163,10 @@ class Campaign:
         readiness.check_scenario(scenario, content, ALL_MISSIONS)
         if vehicle in prototype.CARIBOU:
             return refit.initial_gains()
-        if self.request.beside_paper:
+        if self.request.include_paper_gains:
             raise InputError(
-                f"--beside-paper: the paper's gains are for Caribou; leave it out for {vehicle}"
+                "--include-paper-gains: the paper's gains are for Caribou; "
+                f"leave it out for {vehicle}"
             )
         self.announce("designing the first gains; rehearsing the missions with the vehicle file")
         return worker.call(readiness.first_parameters, vehicle, scenario, content, ALL_MISSIONS)
@@ -174,7 +176,7 @@ class Campaign:
     ) -> dict[str, dict[str, float]]:
         """The sets of gains that are there before any model, by name."""
         gains = {"initial": {**first, **trims}}
-        if self.request.beside_paper:
+        if self.request.include_paper_gains:
             gains["improved"] = {**refit.improved_gains(), **trims}
         return gains
 
@@ -346,7 +348,6 @@ def _design(folder: CampaignFolder) -> dict[str, Any]:
 
 def _report(folder: CampaignFolder) -> None:
     """Write ``report.html``."""
-    from ground.report import page
 
     page.write(folder)
 

@@ -8,12 +8,9 @@ import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ground.errors import InputError
-
-if TYPE_CHECKING:
-    from sysid.design.pid import Spec
+from sysid.design.pid import Spec
 
 BOUNDS = {
     "damping": (0.05, 0.95),
@@ -34,19 +31,24 @@ BOUNDS = {
     "pitch_per_metre_deg": (0.1, 90.0),
     "command_noise_deg": (0.01, 10.0),
 }
-"""Beyond these a number was meant in another unit, or for something else."""
+"""Plausible range of each limit; a value outside was probably meant in another unit."""
+OPTIONS = {
+    "ms": "--max-sensitivity",
+    "least_gm_db": "--robust-gm-db",
+    "least_pm_deg": "--robust-pm-deg",
+    "probability": "--robust-fraction",
+    "finish_s": "--integral-settling-s",
+}
+"""Options of `ground redesign` whose names differ from the limit's, by the name of the limit."""
 
 
-def read(
-    file: Path | None, options: Mapping[str, float | None], first: "Spec | None" = None
-) -> "Spec":
+def read(file: Path | None, options: Mapping[str, float | None], first: Spec | None = None) -> Spec:
     """A specification: ``first`` or the default, then what the file says, then the options that are
     given.
 
     Raises:
         BadInputError: names the file or option, the name, the value and what would be right.
     """
-    from sysid.design.pid import Spec
 
     table = _table(file) if file else {}
     unknown = next((name for name in table if name not in BOUNDS), None)
@@ -57,7 +59,8 @@ def read(
     given = {name: value for name, value in options.items() if value is not None}
     asked = {name: _number(f"{file}: {name} =", name, value) for name, value in table.items()}
     asked |= {
-        name: _number(f"--{name.replace('_', '-')}", name, value) for name, value in given.items()
+        name: _number(OPTIONS.get(name, f"--{name.replace('_', '-')}"), name, value)
+        for name, value in given.items()
     }
     return (first or Spec())._replace(**asked)
 

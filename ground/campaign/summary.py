@@ -3,15 +3,13 @@
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ground.campaign import design_summary, identification, refit
 from ground.campaign.campaign_folder import STAGES, CampaignFolder
 from ground.live import monitor_view
-
-if TYPE_CHECKING:
-    from sysid.control_analysis.margins import Analysis
-    from sysid.design.pid import Design
+from sysid.control_analysis.margins import Analysis, damping
+from sysid.design.pid import Design
 
 ERRORS = ("heading_deg", "pitch_deg", "depth_m")
 """The three errors of the paper's Table 5."""
@@ -42,7 +40,7 @@ def build(
     }
 
 
-def summarise_design(design: "Design") -> dict[str, Any]:
+def summarise_design(design: Design) -> dict[str, Any]:
     """Margins, poles and predicted errors of the initial and the redesigned gains on the identified
     model."""
     return {
@@ -87,7 +85,7 @@ def format_text(summary: Mapping[str, Any], out: Path) -> str:
     return "\n".join(lines)
 
 
-def format_design(design: "Design", out: Path) -> str:
+def format_design(design: Design, out: Path) -> str:
     """The gains with their reasons."""
     lines = [
         f"{out}:",
@@ -122,8 +120,7 @@ def _held_out_lines(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
     ]
 
 
-def _analysis(found: "Analysis") -> dict[str, Any]:
-    from sysid.control_analysis.margins import damping
+def _analysis(found: Analysis) -> dict[str, Any]:
 
     return {
         "damping": {loop: damping(poles) for loop, poles in found.visible.items()},

@@ -1,4 +1,4 @@
-"""The command: what was asked becomes a belief and a request, and the plan becomes files."""
+"""`ground design-test`: choose identification tests and write them as missions and parameters."""
 
 import math
 from pathlib import Path
@@ -14,71 +14,99 @@ if TYPE_CHECKING:
 
 CRITERIA = ("d", "crossover")
 TRIM_WINDOW_S = 60.0
-"""Of the trim flight's end, as in a campaign."""
+"""Time at the end of the trim flight over which the surface commands are averaged, s; the same as
+in a campaign."""
 MIN_DURATION_MIN, MAX_DURATION_MIN = 5.0, 600.0
 
 
 def design_test(
     model: Annotated[
-        Path | None, typer.Argument(metavar="MODEL.json", help="What an earlier refit found.")
+        Path | None, typer.Argument(metavar="MODEL.json", help="Model of an earlier refit.")
     ] = None,
     prior: Annotated[
         str, typer.Option(help="Without a model: caribou_nominal, or a vehicle file.")
     ] = "caribou_nominal",
-    water_time: Annotated[
-        float, typer.Option(metavar="MIN", help="Of both dives, settling and recovery included.")
+    duration: Annotated[
+        float,
+        typer.Option(metavar="MIN", help="Time of both dives with settling and recovery, min."),
     ] = 20.0,
     criterion: Annotated[
-        str, typer.Option(help="d: all design numbers; crossover: the phase there.")
+        str,
+        typer.Option(
+            help="d: D-optimal for all design numbers; crossover: the phase at the crossover."
+        ),
     ] = "d",
     depth: Annotated[
-        float, typer.Option(metavar="M", min=0.5, max=6000.0, help="At which the tests begin.")
+        float, typer.Option(metavar="M", min=0.5, max=6000.0, help="Depth where tests begin, m.")
     ] = 6.0,
-    ceiling: Annotated[
-        float, typer.Option(metavar="M", help="Shallower than this no test may come.")
+    min_depth: Annotated[
+        float, typer.Option(metavar="M", help="Smallest depth allowed in a test, m.")
     ] = 1.0,
-    floor: Annotated[
-        float | None, typer.Option(metavar="M", help="Depth of the water, where it is known.")
+    water_depth: Annotated[
+        float | None, typer.Option(metavar="M", help="Depth of the water, m, if known.")
     ] = None,
-    clearance: Annotated[
-        float, typer.Option(metavar="M", help="Closer to the floor no test may come.")
+    min_altitude: Annotated[
+        float,
+        typer.Option(metavar="M", help="Smallest height above the floor allowed in a test, m."),
     ] = 3.0,
-    depth_change: Annotated[
-        float, typer.Option(metavar="M", min=0.1, max=50.0, help="Up or down in a test.")
+    max_depth_change: Annotated[
+        float,
+        typer.Option(
+            metavar="M", min=0.1, max=50.0, help="Max change of depth in a test, up or down, m."
+        ),
     ] = 2.0,
     heading: Annotated[
-        float, typer.Option(metavar="DEG", min=5.0, max=180.0, help="Turned in a test.")
+        float,
+        typer.Option(
+            metavar="DEG", min=5.0, max=180.0, help="Max change of heading in a test, deg."
+        ),
     ] = 60.0,
     pitch: Annotated[
-        float, typer.Option(metavar="DEG", min=2.0, max=60.0, help="Steepest in a test.")
+        float, typer.Option(metavar="DEG", min=2.0, max=60.0, help="Max pitch in a test, deg.")
     ] = 15.0,
     yaw_rate: Annotated[
-        float, typer.Option(metavar="DEG/S", min=1.0, max=90.0, help="Fastest.")
+        float,
+        typer.Option(metavar="DEG/S", min=1.0, max=90.0, help="Max yaw rate in a test, deg/s."),
     ] = 10.0,
     pitch_rate: Annotated[
-        float, typer.Option(metavar="DEG/S", min=1.0, max=90.0, help="Fastest.")
+        float,
+        typer.Option(metavar="DEG/S", min=1.0, max=90.0, help="Max pitch rate in a test, deg/s."),
     ] = 5.0,
     trim: Annotated[
         Path | None,
-        typer.Option(metavar="LOG", help="Of the mission trim: where the surfaces stood."),
+        typer.Option(
+            metavar="LOG", help="Log of the mission `trim`, from which the trims are measured."
+        ),
     ] = None,
     gains: Annotated[
-        Path | None, typer.Option(metavar="GAINS.param", help="Aboard, if not the first dive's.")
+        Path | None,
+        typer.Option(
+            metavar="GAINS.param",
+            help="Gains on the vehicle. Default: the gains of its first dive.",
+        ),
     ] = None,
     samples: Annotated[
-        int, typer.Option(min=60, max=2000, help="Vehicles that fly every test beforehand.")
+        int,
+        typer.Option(
+            min=60, max=2000, help="Number of vehicles sampled from the prior to check each test."
+        ),
     ] = 128,
     seed: Seed = 1,
     out: Annotated[
         Path,
-        typer.Option(metavar="TESTS.toml", help="The mission; _heldout.toml, .param beside it."),
+        typer.Option(
+            metavar="TESTS.toml",
+            help="Mission to fit; NAME_heldout.toml and NAME.param are written next to it.",
+        ),
     ] = Path("tests.toml"),
     json: Json = False,
 ) -> None:
-    """Plan the tests that tell most in a water time; every vehicle that is thought possible flies
-    them beforehand."""
+    """Choose identification tests for a given duration, checked against limits by simulation.
+
+    Each test is simulated on vehicles sampled from the prior.
+    """
     from ground import progress
-    from ground.client import param_file as gain_files
+    from ground.client import param_file
     from ground.test_design import files, format, session
     from ground.test_design.files import TestDive
     from sysid.test_design.plan import PlanRequest
@@ -87,24 +115,29 @@ def design_test(
         raise InputError(f"--out {out}: must end in .toml, as missions do")
     if criterion not in CRITERIA:
         raise InputError(f"--criterion {criterion}: must be one of {', '.join(CRITERIA)}")
-    if not MIN_DURATION_MIN <= water_time <= MAX_DURATION_MIN:
+    if not MIN_DURATION_MIN <= duration <= MAX_DURATION_MIN:
         raise InputError(
-            f"--water-time {water_time:g}: must be {MIN_DURATION_MIN:g} to {MAX_DURATION_MIN:g} min"
+            f"--duration {duration:g}: must be {MIN_DURATION_MIN:g} to {MAX_DURATION_MIN:g} min"
         )
     paths = files.Files(*map(new_file, files.paths_beside(out)))
-    belief = session.design_prior(model or prior, trim, TRIM_WINDOW_S)
-    aboard = gain_files.load(gains) if gains else session.first_gains(model, prior)
+    design_prior = session.design_prior(model or prior, trim, TRIM_WINDOW_S)
+    vehicle_gains = param_file.load(gains) if gains else session.first_gains(model, prior)
     limits = _limits(
-        depth, ceiling, floor, clearance, depth_change, (heading, pitch, yaw_rate, pitch_rate)
+        depth,
+        min_depth,
+        water_depth,
+        min_altitude,
+        max_depth_change,
+        (heading, pitch, yaw_rate, pitch_rate),
     )
     request = PlanRequest(
-        60.0 * water_time, criterion, limits, samples, seed, session.loop_gains(aboard)
+        60.0 * duration, criterion, limits, samples, seed, session.loop_gains(vehicle_gains)
     )
-    with progress.display("design-test", quiet=json) as shown:
-        plan = session.plan_tests(belief, request, shown.share)
-    dive = TestDive(depth, 100.0 * belief.config.operating_point.thrust_fraction)
-    about = f"Tests designed on {belief.name} for {water_time:g} min of water time"
-    parameters = files.envelope(plan, limits, dive) | session.trims(belief) | aboard
+    with progress.display("design-test", quiet=json) as display:
+        plan = session.plan_tests(design_prior, request, display.share)
+    dive = TestDive(depth, 100.0 * design_prior.config.operating_point.thrust_fraction)
+    about = f"Tests designed on {design_prior.name} for a test time of {duration:g} min"
+    parameters = files.envelope(plan, limits, dive) | session.trims(design_prior) | vehicle_gains
     paths.tests.write_text(
         files.mission(plan.tests, dive, request, out.stem, about), encoding="utf-8"
     )
@@ -113,33 +146,41 @@ def design_test(
     )
     paths.held_out.write_text(held_out, encoding="utf-8")
     paths.envelope.write_text(files.parameter_file(parameters, out), encoding="utf-8")
-    named = {name: str(path) for name, path in paths._asdict().items()}
-    parts = [
-        f"{plan.water_s / 60.0:.1f} min of water time in two dives",
+    written = {name: str(path) for name, path in paths._asdict().items()}
+    notes = [
+        f"{plan.water_s / 60.0:.1f} min of test time in two dives",
         f"ground fly {paths.tests} --params {paths.envelope}",
         f"ground fly {paths.held_out} --params {paths.envelope}",
     ]
-    print_result(format.as_json(plan, named, parameters), format.format_text(plan, parts), json)
+    print_result(format.as_json(plan, written, parameters), format.format_text(plan, notes), json)
 
 
 def _limits(
     depth_m: float,
-    ceiling_m: float,
-    floor_m: float | None,
-    clearance_m: float,
-    change_m: float,
-    degrees: tuple[float, float, float, float],
+    min_depth_m: float,
+    water_depth_m: float | None,
+    min_altitude_m: float,
+    max_change_m: float,
+    angles_deg: tuple[float, float, float, float],
 ) -> "ExcursionLimits":
+    """Return the limits of a test that begins at `depth_m`. Raises InputError if none is left.
+
+    `angles_deg`: heading change, pitch (deg), yaw rate and pitch rate (deg/s).
+    """
     from sysid.test_design.safety_margins import ExcursionLimits
 
-    up_m = min(change_m, depth_m - ceiling_m)
-    down_m = change_m if floor_m is None else min(change_m, floor_m - clearance_m - depth_m)
+    up_m = min(max_change_m, depth_m - min_depth_m)
+    down_m = (
+        max_change_m
+        if water_depth_m is None
+        else min(max_change_m, water_depth_m - min_altitude_m - depth_m)
+    )
     if up_m <= 0.0:
-        raise InputError(f"--depth {depth_m:g}: must be deeper than --ceiling {ceiling_m:g}")
+        raise InputError(f"--depth {depth_m:g}: must be deeper than --min-depth {min_depth_m:g}")
     if down_m <= 0.0:
         raise InputError(
-            f"--depth {depth_m:g}: must be above --floor less --clearance, {floor_m} -"
-            f" {clearance_m:g}"
+            f"--depth {depth_m:g}: must be less than --water-depth minus --min-altitude, "
+            f"{water_depth_m} - {min_altitude_m:g}"
         )
-    heading, pitch, yaw_rate, pitch_rate = (math.radians(value) for value in degrees)
+    heading, pitch, yaw_rate, pitch_rate = (math.radians(value) for value in angles_deg)
     return ExcursionLimits(heading, yaw_rate, pitch, pitch_rate, up_m, down_m)

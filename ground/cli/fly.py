@@ -1,5 +1,4 @@
-"""``ground fly``: a dive with a vehicle that is there or a simulated one, recorded, and followed
-while it lasts."""
+"""`ground fly`: fly a mission with a real or a simulated vehicle and record it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from ground.cli.options import (
     print_result,
 )
 from ground.errors import InputError, OperationError
+from mavlink_io.mission_items import MavCmd
 
 if TYPE_CHECKING:
     from ground.client.flight import Dive
@@ -41,7 +41,7 @@ def fly(
         Path | None, typer.Option(metavar="FILE.mcap", help="Default: the mission's name.")
     ] = None,
     tlog: Annotated[
-        Path | None, typer.Option(metavar="FILE.tlog", help="Also a MAVLink telemetry log.")
+        Path | None, typer.Option(metavar="FILE.tlog", help="Also write a MAVLink telemetry log.")
     ] = None,
     vehicle: VehicleName = "caribou_truth",
     scenario: ScenarioName = "calm",
@@ -51,14 +51,14 @@ def fly(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Parameters to set before the dive; "
-            "with --sitl, left out, and not Caribou: gains designed from the vehicle file.",
+            help="Parameters to set before the dive. Default with --sitl and a vehicle other than "
+            "Caribou: gains designed from the vehicle file.",
         ),
     ] = None,
     truth: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE.mcap", help="With --sitl: what really happened, beside what was told."
+            metavar="FILE.mcap", help="With --sitl: also log the true state of the simulator."
         ),
     ] = None,
     prior: Annotated[
@@ -66,9 +66,8 @@ def fly(
         typer.Option(
             metavar="NAME|FILE|MODEL.json",
             help=(
-                "What is known of her before her tests, for the estimate that is shown while they"
-                " run: bench, a "
-                "vehicle file, or a model.json. Default: the vehicle of --sitl, else bench."
+                "Prior of the live estimate during tests: caribou_nominal, a vehicle file, or a"
+                " model.json. Default: the vehicle of --sitl, else caribou_nominal."
             ),
         ),
     ] = None,
@@ -77,8 +76,8 @@ def fly(
         typer.Option(
             metavar="GAINS.param",
             help=(
-                "Set gains that a redesign wrote, after --params, and tell whether she keeps what"
-                " they promise."
+                "Set gains of a redesign, after --params, and warn when performance leaves the"
+                " range predicted for them."
             ),
         ),
     ] = None,
@@ -86,7 +85,6 @@ def fly(
 ) -> None:
     """Upload a mission, fly it, and record until the vehicle has disarmed itself at the surface."""
     from ground import progress
-    from ground.campaign import prototype
     from ground.client import assessment, flight
     from ground.client.flight import Dive
     from ground.live.listeners import Listeners
@@ -97,82 +95,96 @@ def fly(
             "--sign: is for --connect; the link to a vehicle of --sitl stays on this machine"
         )
     if truth and not sitl:
-        raise InputError(f"--truth {truth}: needs --sitl; nobody knows the truth of a real sea")
-    target = new_file(log or Path(Path(mission).stem + ".mcap"))
-    first = _parameters(params, gains, vehicle if sitl else None)
-    dive = Dive.load(mission, target, parameters=first, tlog=tlog and new_file(tlog))
+        raise InputError(
+            f"--truth {truth}: needs --sitl; the true state of a real vehicle is unknown"
+        )
+    log_file = new_file(log or Path(Path(mission).stem + ".mcap"))
+    parameters = _parameters(params, gains, vehicle if sitl else None)
+    dive = Dive.load(mission, log_file, parameters=parameters, tlog=tlog and new_file(tlog))
     if sitl and not (params or gains or _has_tests(dive)):
-        dive = replace(dive, parameters={**prototype.trim_learning_for(vehicle), **dive.parameters})
-    with progress.display(Path(mission).stem, quiet=json) as shown:
-        estimating = _live_estimate(dive, prior or _prior_file(vehicle if sitl else None), shown)
-        keeping = _performance_monitor(gains, shown) if gains else None
-        following = Listeners([each for each in (estimating, keeping) if each], shown.show)
+        dive = _with_trim_learning(dive, vehicle)
+    with progress.display(Path(mission).stem, quiet=json) as display:
+        estimate = _live_estimate(dive, prior or _prior_file(vehicle if sitl else None), display)
+        monitor = _performance_monitor(gains, display) if gains else None
+        listeners = Listeners(
+            [listener for listener in (estimate, monitor) if listener], display.show
+        )
         if sitl:
             simulated = SimulatedVehicle(Simulation(vehicle, scenario, seed, speed, truth))
-            outcome = flight.fly_simulated(dive, simulated, shown.watch, shown.hear, following)
+            result = flight.fly_simulated(dive, simulated, display.watch, display.hear, listeners)
         else:
-            outcome = flight.fly(dive, connect, shown.watch, shown.hear, sign, following)
-    held = assessment.assess_dive(outcome.log, outcome.texts)
-    flown = {**outcome._asdict(), "log": str(outcome.log), "assessment": assessment.as_json(held)}
-    told = {
-        "estimates": estimating.as_json() if estimating else {},
-        "kept": keeping.as_json() if keeping else None,
-    }
+            result = flight.fly(dive, connect, display.watch, display.hear, sign, listeners)
+    assessed = assessment.assess_dive(result.log, result.texts)
     print_result(
-        {**flown, **told},
-        f"{outcome.log}: {outcome.vehicle_s:.0f} s flown in {outcome.wall_s:.1f} s, "
-        f"{outcome.messages} messages, {outcome.lost_frames} lost\n{assessment.format_text(held)}"
-        + (f"\n{keeping.in_words()}" if keeping else ""),
+        {
+            **result._asdict(),
+            "log": str(result.log),
+            "assessment": assessment.as_json(assessed),
+            "estimates": estimate.as_json() if estimate else {},
+            "kept": monitor.as_json() if monitor else None,
+        },
+        f"{result.log}: {result.vehicle_s:.0f} s flown in {result.wall_s:.1f} s, "
+        f"{result.messages} messages, {result.lost_frames} lost\n"
+        f"{assessment.format_text(assessed)}" + (f"\n{monitor.in_words()}" if monitor else ""),
         json,
     )
-    if outcome.failsafes:
-        raise OperationError("; ".join(outcome.failsafes))
+    if result.failsafes:
+        raise OperationError("; ".join(result.failsafes))
 
 
 def _parameters(
     params: Path | None, gains_file: Path | None, simulated: str | None
 ) -> dict[str, float]:
-    """What to set before the dive: the files' values; for a simulated vehicle without any what she
-    needs to fly."""
-    from ground.campaign import prototype
-    from ground.client import param_file as gains
+    """Return the parameters to set before the dive.
 
-    given = (
-        gains.load(params)
-        if params
-        else prototype.first_dive_parameters(simulated)
-        if simulated
-        else {}
-    )
-    return {**given, **(gains.load(gains_file) if gains_file else {})}
+    They are the values of the files. Without a parameter file, a simulated vehicle other than
+    Caribou gets gains designed from its vehicle file.
+    """
+    from ground.client import param_file
+
+    parameters: dict[str, float] = {}
+    if params:
+        parameters = param_file.load(params)
+    elif simulated:
+        from ground.campaign import prototype
+
+        parameters = prototype.first_dive_parameters(simulated)
+    return {**parameters, **(param_file.load(gains_file) if gains_file else {})}
+
+
+def _with_trim_learning(dive: "Dive", vehicle: str) -> "Dive":
+    """Return the dive with the parameters by which a simulated vehicle learns its trims."""
+    from ground.campaign import prototype
+
+    return replace(dive, parameters={**prototype.trim_learning_for(vehicle), **dive.parameters})
 
 
 def _prior_file(simulated: str | None) -> str:
+    """Return the vehicle file that is known of a vehicle before any test."""
+    if simulated is None:
+        return "caribou_nominal"
     from ground.campaign import prototype
 
-    return prototype.prior_file_of(simulated) if simulated else "caribou_nominal"
+    return prototype.prior_file_of(simulated)
 
 
 def _has_tests(dive: "Dive") -> bool:
-    """Whether the mission holds tests, which start from trims that must not change meanwhile."""
-    from ground.missions import script
-
-    return any(item.command == script.TEST for item in dive.items)
+    """Return whether the mission holds tests: they need constant trims."""
+    return any(item.command == MavCmd.USER_1 for item in dive.items)
 
 
-def _live_estimate(dive: "Dive", prior: str, shown: "ProgressDisplay") -> "LiveSession | None":
-    """Who estimates the vehicle while she is tested; nobody on a dive without tests."""
+def _live_estimate(dive: "Dive", prior: str, display: "ProgressDisplay") -> "LiveSession | None":
+    """Return the live estimate of the vehicle's dynamics; None on a dive without tests."""
     if not _has_tests(dive):
         return None
     from ground.live.session import LiveSession
 
-    return LiveSession(prior, None, shown.say)
+    return LiveSession(prior, None, display.say)
 
 
-def _performance_monitor(gains_file: Path, shown: "ProgressDisplay") -> "PerformanceMonitor":
-    """Who watches whether the gains keep their promise. Raises BadInputError where they make
-    none."""
-    from ground.client import param_file as gains
+def _performance_monitor(gains_file: Path, display: "ProgressDisplay") -> "PerformanceMonitor":
+    """Return a monitor of the performance predicted in a gains file. Raises InputError."""
+    from ground.client import param_file
     from ground.live.performance_monitor import PerformanceMonitor
 
-    return PerformanceMonitor(gains.require_baseline(gains_file), shown.say)
+    return PerformanceMonitor(param_file.require_baseline(gains_file), display.say)

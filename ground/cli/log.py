@@ -1,5 +1,4 @@
-"""``ground log``: the logs that the vehicle keeps on board, and what can be done with a log that is
-here."""
+"""`ground log`: download logs from the vehicle; inspect, check, export and repair log files."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,13 +12,14 @@ if TYPE_CHECKING:
     from ground.client.log_download import Download
 
 app = typer.Typer(
-    no_args_is_help=True, help="Fetch logs from the vehicle, look into them, export and mend them."
+    no_args_is_help=True,
+    help="Download logs from the vehicle; inspect, check, export and repair them.",
 )
 
 
 @app.command("list")
 def list_logs(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
-    """The logs on board."""
+    """List the logs on the vehicle."""
     from ground.client import log_download
     from ground.client.vehicle import connected
 
@@ -33,81 +33,90 @@ def list_logs(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = Fa
 @app.command()
 def download(
     which: Annotated[
-        str, typer.Argument(metavar="[latest|NUMBER|all]", help="A number of ground log list.")
+        str,
+        typer.Argument(
+            metavar="[latest|NUMBER|all]", help="A number that `ground log list` prints."
+        ),
     ] = "latest",
     connect: Address = GROUND_LINK,
     sign: Sign = None,
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Where they go; what is there is kept.")
+        Path, typer.Option(metavar="DIR", help="Folder for the logs; existing files are kept.")
     ] = Path("logs"),
     json: Json = False,
 ) -> None:
-    """Fetch logs from the vehicle: goes on where it was interrupted, and compares checksums."""
+    """Download logs from the vehicle and compare checksums; resumes an interrupted download."""
     from ground import progress
     from ground.client import log_download
     from ground.client.vehicle import connected
 
-    with connected(connect, sign) as vehicle, progress.display("logs", quiet=json) as shown:
-        wanted = log_download.select_logs(log_download.list_logs(vehicle), which)
-        fetched = [log_download.fetch(vehicle, log, out, shown.share) for log in wanted]
-    rows = [{**each._asdict(), "file": str(each.file)} for each in fetched]
-    print_result({"logs": rows}, "\n".join(map(_format_download, fetched)), json)
+    with connected(connect, sign) as vehicle, progress.display("logs", quiet=json) as display:
+        selected = log_download.select_logs(log_download.list_logs(vehicle), which)
+        downloads = [log_download.fetch(vehicle, log, out, display.share) for log in selected]
+    rows = [{**download._asdict(), "file": str(download.file)} for download in downloads]
+    print_result({"logs": rows}, "\n".join(map(_format_download, downloads)), json)
 
 
-def _format_download(fetched: "Download") -> str:
-    how = "checked" if fetched.checked else "the vehicle gives no checksum"
-    words = f"{fetched.file}: {fetched.bytes / 1e6:.2f} MB, {how}"
-    if fetched.resumed_at:
-        words += f", {fetched.resumed_at / 1e6:.2f} MB of it were here"
-    return words if fetched.finished else f"{words}; it has no end: ground log recover mends it"
+def _format_download(download: "Download") -> str:
+    """Return one line about a downloaded log."""
+    check = "checksum matches" if download.checked else "the vehicle sends no checksum"
+    text = f"{download.file}: {download.bytes / 1e6:.2f} MB, {check}"
+    if download.resumed_at:
+        text += f", resumed at {download.resumed_at / 1e6:.2f} MB"
+    return text if download.finished else f"{text}; unfinished: `ground log recover` repairs it"
 
 
 @app.command()
 def info(file: Path, json: Json = False) -> None:
-    """What a log holds."""
+    """Show duration, messages and damage of a log."""
     from ground.log_tools import foreign
     from ground.log_tools import mcap as logs
 
-    found = foreign.info(file) if foreign.is_foreign(file) else logs.info(file)
-    lines = [f"{found['file']}: {found['vehicle_s']:.1f} s, {found['messages']} messages"]
+    content = foreign.info(file) if foreign.is_foreign(file) else logs.info(file)
+    lines = [f"{content['file']}: {content['vehicle_s']:.1f} s, {content['messages']} messages"]
     lines[0] += (
-        f", {found['lost_frames']} lost"
-        if found["lost_frames"] is not None
-        else f" from {found['first_s']:.1f} s"
+        f", {content['lost_frames']} lost"
+        if content["lost_frames"] is not None
+        else f" from {content['first_s']:.1f} s"
     )
-    lines += [f"  {count:8d}  {printable(topic)}" for topic, count in found["topics"].items()]
-    lines += [f"  attached  {printable(name)}" for name in found["attachments"]]
-    lines += [f"  damaged   {printable(text)}" for text in found["damage"]]
-    print_result(found, "\n".join(lines), json)
+    lines += [f"  {count:8d}  {printable(topic)}" for topic, count in content["topics"].items()]
+    lines += [f"  attached  {printable(name)}" for name in content["attachments"]]
+    lines += [f"  damaged   {printable(text)}" for text in content["damage"]]
+    print_result(content, "\n".join(lines), json)
 
 
 @app.command()
-def monitor(
+def check_performance(
     file: Path,
     gains: Annotated[
         Path,
-        typer.Option(metavar="GAINS.param", help="What was flown, as `ground redesign` wrote it."),
+        typer.Option(
+            metavar="GAINS.param", help="Gains that were flown, as `ground redesign` wrote them."
+        ),
     ],
     json: Json = False,
 ) -> None:
-    """Whether the vehicle kept what her gains promise, and what is likely the matter if not."""
+    """Compare the performance in a log with that predicted for its gains; name likely causes."""
     from ground.campaign import refit
-    from ground.client import param_file as files
+    from ground.client import param_file
     from ground.live import monitor_view
 
-    kept = refit.monitor_log(refit.read_log(file), files.require_baseline(gains))
-    print_result(monitor_view.as_json(kept), f"{file}: {monitor_view.format_text(kept)}", json)
+    monitored = refit.monitor_log(refit.read_log(file), param_file.require_baseline(gains))
+    print_result(
+        monitor_view.as_json(monitored), f"{file}: {monitor_view.format_text(monitored)}", json
+    )
 
 
 @app.command()
 def export(
     file: Path,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Default: the log's name.")
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder. Default: the log's name."),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Write every MAVLink message of a log as CSV, a file a message."""
+    """Write the MAVLink messages of a log as CSV, one file per message type."""
     from ground.log_tools import foreign
     from ground.log_tools import mcap as logs
 
@@ -124,7 +133,7 @@ def recover(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Save what an unfinished or damaged log holds into a finished one."""
+    """Copy the readable messages of an unfinished or damaged log to a new, finished log."""
     from ground.log_tools import mcap as logs
 
     target = new_file(out or file.with_name(f"{file.stem}-recovered.mcap"))

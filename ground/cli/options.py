@@ -1,4 +1,4 @@
-"""What the commands share: their options, how they take a new file, and how they give a result."""
+"""Options that several commands share, and functions that check output files and print results."""
 
 import json
 import sys
@@ -20,13 +20,30 @@ Address = Annotated[
         "udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD.",
     ),
 ]
+BenchAddress = Annotated[
+    str | None,
+    typer.Option(
+        "--connect",
+        metavar="ADDRESS",
+        help="Link to a real vehicle on the bench: serial:DEVICE:BAUD, udpin:HOST:PORT, ..."
+        " Default: a simulated vehicle.",
+    ),
+]
 Sign = Annotated[
     Path | None,
-    typer.Option("--sign", metavar="KEYFILE", help="Sign the link: a passphrase or key."),
+    typer.Option(
+        "--sign", metavar="KEYFILE", help="Sign the link with the passphrase or key in this file."
+    ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print the result as one JSON object on stdout.")
+]
 VehicleName = Annotated[
-    str, typer.Option(metavar="NAME|FILE", help="field, bench, remus100, xfin, or a vehicle file.")
+    str,
+    typer.Option(
+        metavar="NAME|FILE",
+        help="caribou_truth, caribou_nominal, remus100, xfin_auv, or a vehicle file.",
+    ),
 ]
 ScenarioName = Annotated[
     str,
@@ -34,25 +51,34 @@ ScenarioName = Annotated[
         metavar="NAME|FILE", help="calm, disturbed, swell, estuary, under_ice, or a scenario file."
     ),
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Of every random stream.")]
-Speed = Annotated[str, typer.Option(metavar="N|max", help="Times the wall clock.")]
-ModelFile = Annotated[Path, typer.Argument(metavar="MODEL.json", help="What refit found.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
+Speed = Annotated[
+    str, typer.Option(metavar="N|max", help="Vehicle time as a multiple of real time.")
+]
+ModelFile = Annotated[
+    Path, typer.Argument(metavar="MODEL.json", help="Model that `ground refit` wrote.")
+]
 Prior = Annotated[
     str | None,
-    typer.Option(metavar="FILE", help="The vehicle file that the model was refitted from."),
+    typer.Option(
+        metavar="FILE", help="Vehicle file that the model was fitted from, if it is not shipped."
+    ),
 ]
 SpecFile = Annotated[
     Path | None,
-    typer.Option("--spec", metavar="FILE.toml", help="What is asked: `damping = 0.6` and so on."),
+    typer.Option(
+        "--spec", metavar="FILE.toml", help="Limits of the specification, as `damping = 0.6`."
+    ),
 ]
 Force = Annotated[
-    bool, typer.Option("--force", help="Design on a model whose own verdict is against it.")
+    bool, typer.Option("--force", help="Design even if the model is assessed as unfit for it.")
 ]
 GROUND_LINK = "udpin:127.0.0.1:14550"
+"""Default address of the link to the vehicle."""
 
 
 def new_file(path: Path) -> Path:
-    """The same path. Raises BadInputError where it would overwrite something or has no folder."""
+    """Return the path. Raises InputError if the file exists or its folder does not."""
     if path.exists():
         raise InputError(f"{path}: exists; give a new name")
     if not path.parent.is_dir():
@@ -60,20 +86,19 @@ def new_file(path: Path) -> Path:
     return path
 
 
-def print_result(result: dict[str, Any], words: str, as_json: bool) -> None:
-    """Print a result: as words, or as JSON."""
-    say(to_json(result) if as_json else words)
+def print_result(result: dict[str, Any], text: str, as_json: bool) -> None:
+    """Print a result on stdout, as text or as JSON."""
+    say(to_json(result) if as_json else text)
 
 
-def say(words: str) -> None:
-    """Print lines on stdout: as `terminal.render` made them, else with control characters
-    escaped."""
-    print(words if isinstance(words, Rendered) else printable_lines(words))
+def say(text: str) -> None:
+    """Print text on stdout with control characters escaped, unless `terminal.render` made it."""
+    print(text if isinstance(text, Rendered) else printable_lines(text))
 
 
-def remark(words: object) -> None:
-    """Print one line on stderr under this program's name."""
-    print(f"ground: {printable(words)}", file=sys.stderr)
+def remark(message: object) -> None:
+    """Print one line on stderr, with the name of this program in front."""
+    print(f"ground: {printable(message)}", file=sys.stderr)
 
 
 def to_json(result: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""``ground params``: read and set a vehicle's parameters."""
+"""`ground params`: read and set the parameters of a vehicle."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,13 +15,14 @@ if TYPE_CHECKING:
     from ground.client.param_rollback import ParamChange
 
 UNDO = "`ground params rollback` undoes it"
+"""Hint after a change of parameters."""
 
 app = typer.Typer(no_args_is_help=True, help="Read and set a vehicle's parameters.")
 
 
 @app.command("list")
 def list_all(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
-    """Every parameter and its value."""
+    """List all parameters with their values."""
     from ground.client.vehicle import connected
 
     with connected(connect, sign) as vehicle:
@@ -35,7 +36,7 @@ def list_all(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = Fal
 
 @app.command()
 def get(name: str, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
-    """One parameter."""
+    """Print one parameter."""
     from ground.client.vehicle import connected
 
     with connected(connect, sign) as vehicle:
@@ -59,7 +60,7 @@ def set_one(
 
 @app.command()
 def save(file: Path, connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
-    """Write every parameter to a file."""
+    """Write all parameters to a file."""
     from ground.client import param_file
     from ground.client.vehicle import connected
 
@@ -85,18 +86,17 @@ def load(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Set the parameters of a file, read them back, and keep what was there before for rollback."""
+    """Set the parameters of a file, read them back, and store the old values for rollback."""
     from ground.client import param_file
 
     lines = param_file.load_lines(file)
-    promised = _model_sha256(file, model)
-    steps = upload(
-        connect, sign, {name: line.value for name, line in lines.items()}, str(file), promised
-    )
+    model_sha256 = _model_sha256(file, model)
+    values = {name: line.value for name, line in lines.items()}
+    changes = upload(connect, sign, values, str(file), model_sha256)
     _print_changes(
-        steps,
+        changes,
         {name: line.reason for name, line in lines.items()},
-        f"{file}: {len(steps)} parameters set; {UNDO}",
+        f"{file}: {len(changes)} parameters set; {UNDO}",
         json,
     )
 
@@ -104,22 +104,25 @@ def load(
 @app.command()
 def rollback(
     file: Annotated[
-        Path | None, typer.Argument(help="A record of changes; default: this vehicle's own.")
+        Path | None,
+        typer.Argument(help="Record of changes. Default: this vehicle's last."),
     ] = None,
     connect: Address = GROUND_LINK,
     sign: Sign = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Even where somebody changed a value since.")
+        bool, typer.Option("--force", help="Also restore values that were changed since.")
     ] = False,
     json: Json = False,
 ) -> None:
-    """Put back what the last load, or redesign --upload, has replaced, and read it back."""
+    """Restore the values that the last `params load` or `redesign --upload` replaced."""
     from ground.client import param_rollback
     from ground.client.vehicle import connected
 
     with connected(connect, sign) as vehicle:
-        undone, steps = param_rollback.rollback(vehicle, file, force=force)
-    _print_changes(steps, {}, f"{undone.source}: undone, {len(steps)} parameters put back", json)
+        record, changes = param_rollback.rollback(vehicle, file, force=force)
+    _print_changes(
+        changes, {}, f"{record.source}: undone, {len(changes)} parameters restored", json
+    )
 
 
 def upload(
@@ -129,48 +132,60 @@ def upload(
     source: str,
     model_sha256: str = "",
 ) -> "tuple[ParamChange, ...]":
-    """Set the values of a file or design as one change, on the vehicle at an address. Raises as
-    ``param_rollback.upload``."""
+    """Set parameters on the vehicle at an address as one change that can be undone.
+
+    Raises as `param_rollback.upload`.
+    """
     from ground.client import param_rollback
     from ground.client.vehicle import connected
 
     with connected(address, key_file) as vehicle:
         if vehicle.armed:
-            remark("she is under way: loops take new gains without a bump, trims at once")
+            remark("the vehicle is armed: new gains apply without a bump, new trims at once")
         return param_rollback.upload(vehicle, values, source, model_sha256)
 
 
-def format_changes(steps: "Sequence[ParamChange]", reasons: Mapping[str, str]) -> list[str]:
-    """Each parameter with its value before and now, and why."""
+def format_changes(changes: "Sequence[ParamChange]", reasons: Mapping[str, str]) -> list[str]:
+    """Return one line per parameter: name, old value, new value, reason."""
     return [
-        f"  {printable(s.name):16s} {s.before:10.5g} -> {s.after:10.5g} "
-        f" {printable(reasons.get(s.name, ''))}".rstrip()
-        for s in steps
+        f"  {printable(change.name):16s} {change.before:10.5g} -> {change.after:10.5g} "
+        f" {printable(reasons.get(change.name, ''))}".rstrip()
+        for change in changes
     ]
 
 
 def _print_changes(
-    steps: "Sequence[ParamChange]", reasons: Mapping[str, str], head: str, json: bool
+    changes: "Sequence[ParamChange]", reasons: Mapping[str, str], summary: str, json: bool
 ) -> None:
+    """Print the changes and a last line."""
     values = {
-        s.name: {"before": s.before, "now": s.after, "reason": reasons.get(s.name, "")}
-        for s in steps
+        change.name: {
+            "before": change.before,
+            "now": change.after,
+            "reason": reasons.get(change.name, ""),
+        }
+        for change in changes
     }
-    print_result({"parameters": values}, "\n".join([*format_changes(steps, reasons), head]), json)
+    text = "\n".join([*format_changes(changes, reasons), summary])
+    print_result({"parameters": values}, text, json)
 
 
 def _model_sha256(file: Path, model: Path | None) -> str:
-    """The digest of the model that a file's gains were designed on. Raises BadInputError where it
-    is not ``model``."""
-    from ground.campaign import refit
+    """Return the SHA-256 of the model that the gains in a file were designed on.
+
+    Raises InputError if `model` is given and is another one.
+    """
     from ground.client import param_file
 
     if model is None:
         return param_file.model_sha256_of(file)
-    promised, found = param_file.read_baseline(file), refit.sha256_of_model(model)
-    if promised is None or promised.model_sha256 != found:
-        on = f"model {promised.model_sha256[:12]}" if promised else "no model that it names"
+    from ground.campaign import refit
+
+    baseline, model_sha256 = param_file.read_baseline(file), refit.sha256_of_model(model)
+    if baseline is None or baseline.model_sha256 != model_sha256:
+        digest = baseline.model_sha256[:12] if baseline else "unknown"
         raise InputError(
-            f"{file}: was designed on {on}, and {model} is {found[:12]}; redesign on that one"
+            f"{file}: was designed on model {digest}, and {model} is model {model_sha256[:12]}; "
+            f"redesign on {model}"
         )
-    return found
+    return model_sha256

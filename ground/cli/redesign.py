@@ -1,75 +1,178 @@
-"""``ground redesign``: from a model to gains that meet a specification, and on request to the
-vehicle."""
+"""`ground redesign`: design gains or an LQG controller that meet a specification on a model."""
 
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ground.cli import params
 from ground.cli.options import Force, Json, ModelFile, Prior, Sign, SpecFile, print_result
+from ground.errors import InputError
+
+if TYPE_CHECKING:
+    from sysid.design.lqg import LqgDesign
+    from sysid.design.pid import Spec
+    from sysid.models.model_file import IdentifiedModel
+
+
+class Method(StrEnum):
+    """Structure of the controller."""
+
+    PID = "pid"
+    LQG = "lqg"
+
+
+DEFAULT_OUT = {Method.PID: Path("gains.param"), Method.LQG: Path("controller.json")}
+"""File that a redesign writes without --out."""
 
 
 def redesign(
     model: ModelFile,
-    out: Annotated[Path, typer.Option(metavar="GAINS.param")] = Path("gains.param"),
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Default: gains.param; with lqg controller.json."),
+    ] = None,
+    method: Annotated[
+        Method,
+        typer.Option(help="pid: gains of the PID loops; lqg: a controller for autopilot."),
+    ] = Method.PID,
     upload: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Set the gains on this vehicle.")
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Also set the gains on the vehicle at this address."),
     ] = None,
     prior: Prior = None,
     spec: SpecFile = None,
     damping: Annotated[
-        float | None, typer.Option(help="Least of any mode that shows; 0.6.")
+        float | None, typer.Option(help="Min damping ratio of each visible mode; 0.6.")
     ] = None,
     gm_db: Annotated[
         float | None,
-        typer.Option(help="Gain margin at rudder, heading, elevator and depth; 8."),
+        typer.Option(help="Min gain margin at rudder, heading, elevator and depth, dB; 8."),
     ] = None,
     pm_deg: Annotated[
         float | None,
-        typer.Option(help="Phase margin at the same four, deg; 55."),
+        typer.Option(help="Min phase margin at the same four points, deg; 55."),
     ] = None,
-    ms: Annotated[
+    max_sensitivity: Annotated[
         float | None,
-        typer.Option(help="Largest sensitivity at the same four; 1.6."),
+        typer.Option(help="Max sensitivity (Ms) at the same four points; 1.6."),
     ] = None,
-    least_gm_db: Annotated[
-        float | None, typer.Option(help="On each vehicle that the model allows for; 6.")
+    robust_gm_db: Annotated[
+        float | None,
+        typer.Option(help="Min gain margin on each vehicle sampled from the model, dB; 6."),
     ] = None,
-    least_pm_deg: Annotated[float | None, typer.Option(help="On each of them; 45.")] = None,
-    probability: Annotated[
-        float | None, typer.Option(help="Share of them that must keep all of it; 0.5.")
+    robust_pm_deg: Annotated[
+        float | None, typer.Option(help="Min phase margin on each sampled vehicle, deg; 45.")
     ] = None,
-    finish_s: Annotated[
-        float | None, typer.Option(help="Seconds for an integrator to finish; 30.")
+    robust_fraction: Annotated[
+        float | None,
+        typer.Option(help="Min fraction of sampled vehicles that meet all of these; 0.5."),
+    ] = None,
+    integral_settling_s: Annotated[
+        float | None,
+        typer.Option(help="Time in which the integral action removes a constant load, s; 30."),
     ] = None,
     depth_overshoot: Annotated[
-        float | None, typer.Option(help="Share of a change of depth; 0.1.")
+        float | None, typer.Option(help="Max overshoot as a fraction of a depth step; 0.1.")
     ] = None,
     force: Force = False,
     sign: Sign = None,
     json: Json = False,
 ) -> None:
-    """Redesign the gains for a model, or refuse with the reason."""
-    from ground.campaign import refit, specification, summary
+    """Design gains or an LQG controller for a model; fail with the reason if none is good enough.
 
+    The LQG design takes one to two minutes.
+    """
+    from ground.campaign import refit, specification
+
+    if upload and method is Method.LQG:
+        raise InputError(
+            "--upload: sets parameters, an LQG controller is a file; "
+            "give it to `autopilot --controller`"
+        )
     identified = refit.read_model(model)
     limits = {
         "damping": damping,
         "gm_db": gm_db,
         "pm_deg": pm_deg,
-        "ms": ms,
-        "least_gm_db": least_gm_db,
-        "least_pm_deg": least_pm_deg,
-        "probability": probability,
-        "finish_s": finish_s,
+        "ms": max_sensitivity,
+        "least_gm_db": robust_gm_db,
+        "least_pm_deg": robust_pm_deg,
+        "probability": robust_fraction,
+        "finish_s": integral_settling_s,
         "depth_overshoot": depth_overshoot,
     }
-    asked = specification.read(spec, limits, refit.specification(identified, prior))
-    design = refit.redesign(identified, asked, prior, force=force)
+    limit_spec = specification.read(spec, limits, refit.specification(identified, prior))
+    target = out or DEFAULT_OUT[method]
+    if method is Method.LQG:
+        result, text = _redesign_lqg(identified, limit_spec, prior, target, force=force)
+    else:
+        result, text = _redesign_pid(
+            identified, limit_spec, prior, target, force=force, upload=upload, sign=sign
+        )
+    print_result(result, text, json)
+
+
+def _redesign_pid(
+    model: "IdentifiedModel",
+    spec: "Spec",
+    prior: str | None,
+    out: Path,
+    *,
+    force: bool,
+    upload: str | None,
+    sign: Path | None,
+) -> tuple[dict[str, Any], str]:
+    """Design gains, write them and upload them on request; return the result as JSON and text."""
+    from ground.campaign import refit, summary
+
+    design = refit.redesign(model, spec, prior, force=force)
     design.write_params(out)
-    words = summary.format_design(design, out)
+    text = summary.format_design(design, out)
     if upload:
-        steps = params.upload(upload, sign, design.gains, str(out), design.baseline.model_sha256)
-        words = "\n".join([words, f"{upload}, {params.UNDO}:", *params.format_changes(steps, {})])
-    print_result(summary.summarise_design(design), words, json)
+        changes = params.upload(upload, sign, design.gains, str(out), design.baseline.model_sha256)
+        text = "\n".join([text, f"{upload}, {params.UNDO}:", *params.format_changes(changes, {})])
+    return summary.summarise_design(design), text
+
+
+def _redesign_lqg(
+    model: "IdentifiedModel", spec: "Spec", prior: str | None, out: Path, *, force: bool
+) -> tuple[dict[str, Any], str]:
+    """Design an LQG controller and write it; return the result as JSON and text."""
+    from ground.campaign import refit
+    from sysid.design import lqg
+
+    design = refit.redesign_lqg(model, spec, prior, force=force)
+    lqg.write(design, out)
+    return _lqg_json(design), _format_lqg(design, out)
+
+
+def _lqg_json(design: "LqgDesign") -> dict[str, Any]:
+    """Return the LQG design as plain numbers."""
+    return {
+        "predicted": design.predicted._asdict(),
+        "trust": design.robustness and design.robustness._asdict(),
+        "weights": design.weights,
+        "speed_mps": design.speed_mps,
+        "model_sha256": design.model_sha256,
+    }
+
+
+def _format_lqg(design: "LqgDesign", out: Path) -> str:
+    """Return the LQG design as lines of text."""
+    predicted, robustness = design.predicted, design.robustness
+    lines = [
+        f"{out}: start `autopilot --controller {out}`; LAW_ENABLE = 0 switches to the PID loops",
+        (
+            f"  predicted rms in the sea of the tests: heading {predicted.heading_deg:.2f} deg, "
+            f"pitch {predicted.pitch_deg:.2f} deg, depth {100.0 * predicted.depth_m:.1f} cm, "
+            f"rudder {predicted.rudder_deg:.2f} deg, elevator {predicted.elevator_deg:.2f} deg"
+        ),
+    ]
+    if robustness:
+        lines.append(
+            f"  {100.0 * robustness.specification:.0f} % of the vehicles sampled from the model"
+            " meet the specification"
+        )
+    return "\n".join(lines)

@@ -1,5 +1,4 @@
-"""The command: files and options become a belief and a request, and what was flown becomes a
-table."""
+"""`ground simulate`: Monte-Carlo simulation of a mission on vehicles sampled from a model."""
 
 import math
 import sys
@@ -17,108 +16,131 @@ if TYPE_CHECKING:
     from sysid.monte_carlo.study import SimulationSummary
 
 PROCESSES = 2
+"""Number of processes that simulate at the same time."""
 MAX_DISTURBANCE_SCALE = 10.0
 
 
-def rehearse(
+def simulate(
     model: ModelFile,
-    gains: Annotated[Path, typer.Option(metavar="GAINS.param", help="That are to go to sea.")],
-    against: Annotated[
+    gains: Annotated[
+        Path, typer.Option(metavar="GAINS.param", help="Gains of the simulated vehicles.")
+    ],
+    compare: Annotated[
         list[Path] | None,
-        typer.Option(metavar="OTHER.param", help="Gains to set beside them; repeatable."),
+        typer.Option(
+            metavar="OTHER.param",
+            help="Gains to simulate on the same vehicles and seas; repeatable.",
+        ),
     ] = None,
-    mission: Annotated[str, typer.Option(metavar="NAME|FILE", help="As for fly.")] = "combined",
-    vehicles: Annotated[int, typer.Option(min=1, max=10_000, help="Drawn from the model.")] = 30,
+    mission: Annotated[
+        str, typer.Option(metavar="NAME|FILE", help="A mission, as for `ground fly`.")
+    ] = "combined",
+    samples: Annotated[
+        int, typer.Option(min=1, max=10_000, help="Number of vehicles sampled from the model.")
+    ] = 30,
     seed: Seed = 1,
     prior: Prior = None,
-    sea: Annotated[
-        str, typer.Option(metavar="1.0,1.5", help="Times the disturbance that the model found.")
+    disturbance_scale: Annotated[
+        str,
+        typer.Option(
+            metavar="1.0,1.5", help="Factors on the disturbance that the model identified."
+        ),
     ] = "1.0",
     current: Annotated[
-        float, typer.Option(metavar="M/S", min=0.0, max=5.0, help="Towards anywhere.")
+        float,
+        typer.Option(
+            metavar="M/S", min=0.0, max=5.0, help="Speed of the current; its direction is random."
+        ),
     ] = 0.0,
     bias_shift: Annotated[
         float,
         typer.Option(
-            metavar="DEG", min=-30.0, max=30.0, help="Of the rudder, since the model was made."
+            metavar="DEG",
+            min=-30.0,
+            max=30.0,
+            help="Change of the rudder bias since the model was identified.",
         ),
     ] = 0.0,
     json: Json = False,
 ) -> None:
-    """Fly a mission beforehand with vehicles drawn from a model, under its gains and others, in the
-    same seas.
+    """Simulate a mission with vehicles sampled from a model, and compare sets of gains.
 
-    Exit status 1 where a vehicle diverges, broaches or does not come to the end.
+    Exit status 1 if a vehicle diverges, broaches or does not complete the mission.
     """
     from ground import progress
     from ground.campaign import refit
-    from ground.client import param_file as gain_files
+    from ground.client import param_file
     from ground.missions import plans
     from ground.report import simulation
     from mavlink_io.clock import wall_s
-    from sysid.monte_carlo import samples, study
+    from sysid.monte_carlo import samples as vehicle_samples
+    from sysid.monte_carlo import study
     from sysid.monte_carlo.simulate import Sea
 
-    files = name_gain_sets([gains, *(against or ())])
-    seas = tuple(Sea(times, current, math.radians(bias_shift)) for times in _parse_scales(sea))
-    sets = {name: gain_files.load(path) for name, path in files.items()}
-    items, began_s = plans.load_items(mission), wall_s()
-    with _translate_errors(mission), progress.display("rehearse", quiet=json) as shown:
-        belief = samples.read(model, refit.read_vehicle(prior) if prior else None)
-        request = study.StudyRequest(items, sets, seas, vehicles, seed, PROCESSES)
+    files = name_gain_sets([gains, *(compare or ())])
+    scales = _parse_scales(disturbance_scale)
+    seas = tuple(Sea(scale, current, math.radians(bias_shift)) for scale in scales)
+    gain_sets = {name: param_file.load(path) for name, path in files.items()}
+    items, start_s = plans.load_items(mission), wall_s()
+    with _translate_errors(mission), progress.display("simulate", quiet=json) as display:
+        posterior = vehicle_samples.read(model, refit.read_vehicle(prior) if prior else None)
+        request = study.StudyRequest(items, gain_sets, seas, samples, seed, PROCESSES)
 
-        def report(share: float, vehicle_s: float) -> None:
-            shown.share(
-                f"{vehicle_s:.0f} s, {vehicle_s / (wall_s() - began_s):.0f} a second", share
-            )
+        def report(fraction: float, vehicle_s: float) -> None:
+            rate = vehicle_s / (wall_s() - start_s)
+            display.share(f"{vehicle_s:.0f} s, {rate:.0f} a second", fraction)
 
-        told = study.simulate_samples(belief, request, report)
+        summaries = study.simulate_samples(posterior, request, report)
     if not json:
-        vehicle_s = sum(one.vehicle_s for one in told)
-        each = vehicle_s / (wall_s() - began_s)
+        vehicle_s = sum(summary.vehicle_s for summary in summaries)
+        rate = vehicle_s / (wall_s() - start_s)
         print(
-            f"{vehicle_s:.0f} vehicle seconds, {each:.0f} in a second of the clock", file=sys.stderr
+            f"{vehicle_s:.0f} vehicle seconds, {rate:.0f} per second of wall time", file=sys.stderr
         )
     print_result(
-        simulation.as_json(told, Path(mission).stem, seed),
-        simulation.format_text(told, Path(mission).stem),
+        simulation.as_json(summaries, Path(mission).stem, seed),
+        simulation.format_text(summaries, Path(mission).stem),
         json,
     )
-    _raise_if_any_failed(told)
+    _raise_if_any_failed(summaries)
 
 
 def name_gain_sets(paths: Sequence[Path]) -> dict[str, Path]:
-    """Sets by the name of their file, by the whole path where two have one name. Raises
-    BadInputError."""
-    short = [path.name for path in paths]
-    names = [str(path) if short.count(path.name) > 1 else path.name for path in paths]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice:
-        raise InputError(f"--against {twice}: is given twice; give other gains")
+    """Return the files by file name, or by whole path where two have the same file name.
+
+    Raises InputError if a file is given twice.
+    """
+    file_names = [path.name for path in paths]
+    names = [str(path) if file_names.count(path.name) > 1 else path.name for path in paths]
+    duplicate = next((name for name in names if names.count(name) > 1), None)
+    if duplicate:
+        raise InputError(f"--compare {duplicate}: is given twice; give other gains")
     return dict(zip(names, paths, strict=True))
 
 
 def _parse_scales(text: str) -> list[float]:
+    """Return the numbers of --disturbance-scale. Raises InputError."""
     try:
-        found = [float(part) for part in text.split(",")]
+        scales = [float(part) for part in text.split(",")]
     except ValueError:
-        found = []
+        scales = []
     if (
-        not found
-        or not all(0.0 <= times <= MAX_DISTURBANCE_SCALE for times in found)
-        or len(set(found)) < len(found)
+        not scales
+        or not all(0.0 <= scale <= MAX_DISTURBANCE_SCALE for scale in scales)
+        or len(set(scales)) < len(scales)
     ):
         raise InputError(
-            f"--sea {text}: must be different numbers from 0 to {MAX_DISTURBANCE_SCALE:g}, "
-            "with commas between them"
+            f"--disturbance-scale {text}: must be different numbers from 0 to "
+            f"{MAX_DISTURBANCE_SCALE:g}, separated by commas"
         )
-    return found
+    return scales
 
 
-def _raise_if_any_failed(told: "Sequence[SimulationSummary]") -> None:
+def _raise_if_any_failed(summaries: "Sequence[SimulationSummary]") -> None:
+    """Raise OperationError if a simulated vehicle failed; the message describes the first one."""
     from ground.report import simulation
 
-    failed = [one for one in told if one.failed]
+    failed = [summary for summary in summaries if summary.failed]
     if failed:
         raise OperationError(
             simulation.verdict(failed[0])
@@ -128,7 +150,7 @@ def _raise_if_any_failed(told: "Sequence[SimulationSummary]") -> None:
 
 @contextmanager
 def _translate_errors(mission: str) -> Iterator[None]:
-    """sysid's refusals as this tool's."""
+    """Raise errors of sysid as InputError."""
     from sysid.models.model_file import ModelError
     from sysid.monte_carlo.samples import NoCovarianceError
     from sysid.monte_carlo.simulate import MissionRejectedError

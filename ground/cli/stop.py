@@ -1,4 +1,4 @@
-"""``ground surface`` and ``ground hold``: commands for a vehicle that is under way."""
+"""`ground surface` and `ground hold`: set the mode of a vehicle during a dive."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,31 +18,31 @@ def surface(
     ] = False,
     json: Json = False,
 ) -> None:
-    """End a dive: set mode SURFACE, in which the vehicle rises and disarms itself, and confirm
-    it."""
+    """End a dive: set mode SURFACE and wait for confirmation; the vehicle rises and disarms."""
     from ground import progress
     from ground.client import stopping
     from ground.client.vehicle import connected
 
-    with connected(connect, sign) as vehicle, progress.display("surface", quiet=json) as shown:
+    with connected(connect, sign) as vehicle, progress.display("surface", quiet=json) as display:
         state = stopping.enter(vehicle, stopping.SURFACE)
         if wait:
-            vehicle.on_text = shown.hear
+            vehicle.on_text = display.hear
             state = stopping.wait_until_disarmed(
-                vehicle, lambda at: shown.share(at.in_words(), 0.0)
+                vehicle, lambda state: display.share(state.in_words(), 0.0)
             )
-    _give(state, json)
+    _print_state(state, json)
 
 
 def hold(connect: Address = GROUND_LINK, sign: Sign = None, json: Json = False) -> None:
-    """Set mode HOLD, in which the vehicle keeps its depth, heading and thrust, and confirm it."""
+    """Set mode HOLD and wait for confirmation; the vehicle keeps depth, heading and thrust."""
     from ground.client import stopping
     from ground.client.vehicle import connected
 
     with connected(connect, sign) as vehicle:
         state = stopping.enter(vehicle, stopping.HOLD)
-    _give(state, json)
+    _print_state(state, json)
 
 
-def _give(state: "State", json: bool) -> None:
+def _print_state(state: "State", json: bool) -> None:
+    """Print the mode and state of the vehicle."""
     print_result(state._asdict(), state.in_words(), json)

@@ -1,4 +1,4 @@
-"""``ground vehicle``: describe a vehicle of one's own, check her, and give her first gains."""
+"""`ground vehicle`: write a vehicle file, check it, and design its first gains."""
 
 import subprocess
 import sys
@@ -12,7 +12,7 @@ from ground.errors import BAD_INPUT, InputError, OperationError
 
 app = typer.Typer(
     no_args_is_help=True,
-    help="Describe a vehicle from her geometry, check her, design her first gains.",
+    help="Write a vehicle file from geometry, check it, design first gains.",
 )
 
 Vehicle = Annotated[
@@ -23,31 +23,35 @@ Vehicle = Annotated[
 @app.command()
 def new(
     out: Annotated[
-        Path, typer.Option(metavar="FILE.toml", help="Where to write; never overwrites.")
+        Path, typer.Option(metavar="FILE.toml", help="Vehicle file to write; must not exist.")
     ],
     geometry: Annotated[
-        str | None, typer.Argument(metavar="GEOMETRY.toml", help="What is known of her.")
+        str | None, typer.Argument(metavar="GEOMETRY.toml", help="Known dimensions and masses.")
     ] = None,
     hull: Annotated[
-        str | None, typer.Option(help="Or start from series58, myring or cylinder,")
+        str | None,
+        typer.Option(help="Hull, without a file: series58, myring or cylinder."),
     ] = None,
-    tail: Annotated[str, typer.Option(help="steered by duct, cruciform or x,")] = "cruciform",
-    length_m: Annotated[float | None, typer.Option(help="this long overall")] = None,
-    diameter_m: Annotated[float | None, typer.Option(help="and this wide.")] = None,
+    tail: Annotated[
+        str, typer.Option(help="Steering with --hull: duct, cruciform or x.")
+    ] = "cruciform",
+    length_m: Annotated[float | None, typer.Option(help="Overall length with --hull, m.")] = None,
+    diameter_m: Annotated[float | None, typer.Option(help="Diameter with --hull, m.")] = None,
 ) -> None:
-    """Write a whole vehicle file from geometry: every coefficient with its formula and source
-    beside it."""
-    asked = [str(geometry)] if geometry else []
-    asked += ["--out", str(out), "--tail", tail]
+    """Write a complete vehicle file from geometry, with formula and source of each coefficient."""
+    arguments = [str(geometry)] if geometry else []
+    arguments += ["--out", str(out), "--tail", tail]
     for option, value in (("--hull", hull), ("--length-m", length_m), ("--diameter-m", diameter_m)):
-        asked += [option, str(value)] if value is not None else []
-    say(_run_simulator_tool("new", *asked))
+        arguments += [option, str(value)] if value is not None else []
+    say(_run_simulator_tool("new", *arguments))
 
 
 @app.command()
 def check(vehicle: Vehicle, json: Json = False) -> None:
-    """Refuse an impossible vehicle; print how a possible one floats, flies and swings, and her
-    linear planes."""
+    """Check a vehicle file; print buoyancy, level flight, oscillation modes and linear models.
+
+    Fails if the vehicle is physically impossible.
+    """
     say(_run_simulator_tool("check", vehicle, *(["--json"] if json else [])))
 
 
@@ -57,30 +61,33 @@ def gains(
     out: Annotated[Path, typer.Option(metavar="GAINS.param")] = Path("gains.param"),
     json: Json = False,
 ) -> None:
-    """Design the gains of a first dive from the vehicle file alone, and set them beside the
-    paper's."""
+    """Design the gains of a first dive from the vehicle file, and compare them with the paper's."""
     from ground.campaign import prototype
 
     target = new_file(out)
-    found = prototype.design(vehicle)
-    found.write_params(target)
+    design = prototype.design(vehicle)
+    design.write_params(target)
     print_result(
-        {"file": str(target), **prototype.as_json(found)},
-        f"{prototype.format_text(found)}\n\n{target}",
+        {"file": str(target), **prototype.as_json(design)},
+        f"{prototype.format_text(design)}\n\n{target}",
         json,
     )
 
 
 def _run_simulator_tool(*command: str) -> str:
-    """What the simulator's own tool prints. Vehicles are the simulator's: ground asks, and does not
-    look inside."""
-    done = subprocess.run(
+    """Run `python -m sitl.vehicle` and return its output. Raises InputError, OperationError.
+
+    `ground` may not import sitl, so the tool runs as a process.
+    """
+    process = subprocess.run(
         [sys.executable, "-m", "sitl.vehicle", *command],
         capture_output=True,
         text=True,
         check=False,
     )
-    if done.returncode == 0:
-        return done.stdout.rstrip("\n")
-    said = (done.stderr.strip().splitlines() or ["no reason given"])[-1].removeprefix("vehicle: ")
-    raise InputError(said) if done.returncode == BAD_INPUT else OperationError(said)
+    if process.returncode == 0:
+        return process.stdout.rstrip("\n")
+    message = (process.stderr.strip().splitlines() or ["no reason given"])[-1].removeprefix(
+        "vehicle: "
+    )
+    raise InputError(message) if process.returncode == BAD_INPUT else OperationError(message)

@@ -1,43 +1,43 @@
-"""How well a dive held its set-points, from what ground recorded, and why where it did not.
+"""Assessment of a dive: errors of heading and depth on each leg, and likely causes of large ones.
 
-The errors are those of ``sysid.monitor.tracking_metrics``, by the vehicle's own instruments.
+The errors are those of `sysid.monitor.tracking_metrics`, computed from the recorded telemetry; they
+are relative to the vehicle's own sensors.
 """
 
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ground.campaign import refit
 from ground.errors import InputError
+from sysid.data.dataset import Log
 from sysid.monitor import tracking_metrics
 from sysid.monitor.tracking_metrics import Array, Spread, SteadyWindow
 from sysid.reproduction.paper_tables import TABLE_5_INITIAL
 
-if TYPE_CHECKING:
-    from sysid.data.dataset import Log
-
 MAX_ERROR = {"heading": TABLE_5_INITIAL.heading_deg, "depth": TABLE_5_INITIAL.depth_m}
-"""Largest 95 % error (deg, m) that is good: the paper's with its first gains (Table 5)."""
+"""Limit of the 95 % error (deg, m): the error of the paper's initial gains (Table 5)."""
 UNIT = {"heading": "deg", "depth": "m"}
 _SURFACE = {"heading": "rudder", "depth": "elevator"}
 LEARNING_TIMES = 5.0
-"""Times TRIM_AUTO_S in steady flight until less than 1 % of a trim error is left."""
+"""Number of time constants TRIM_AUTO_S after which less than 1 % of a trim error remains."""
 MIN_TRIM_ERROR_DEG = 1.0
-"""A mean command farther than this from its trim is a trim that is not set."""
+"""Difference of mean command and trim above which the trim counts as not set."""
 STOP_MARGIN_DEG = 0.5
-"""A mean command this close to the travel is at its stop."""
+"""Distance of the mean command from the travel limit within which it counts as at the stop."""
 MIN_LEG_S = 5.0
-"""Shorter stretches of constant set-points are parts of a turn, not legs."""
+"""Minimum duration of a leg; shorter intervals of constant set-points are parts of a turn."""
 _MIN_ASSESSED_S = tracking_metrics.SETTLING_S + tracking_metrics.MIN_WINDOW_S
+"""Minimum duration of a leg that can be assessed."""
 TRIM_LEARNED = "Trim learned: "
-"""How the vehicle begins the text that names the trims it has learned."""
+"""Prefix of the text in which the vehicle reports the trims that it has learned."""
 
 
 class Cause(StrEnum):
-    """What is likely the matter with an axis on a leg."""
+    """Likely cause of a large error on a leg."""
 
     LATE = "settled late"
     UNSETTLED = "never settled"
@@ -50,7 +50,7 @@ class Cause(StrEnum):
 
 
 class AssessedLeg(NamedTuple):
-    """One stretch of constant set-points, settling left out."""
+    """One interval of constant set-points, without the settling time."""
 
     start_s: float
     stop_s: float
@@ -59,92 +59,93 @@ class AssessedLeg(NamedTuple):
     heading_deg: Spread
     depth_m: Spread
     rudder_deg: float
-    """Mean command, trim included."""
+    """Mean rudder command including trim."""
     elevator_deg: float
+    """Mean elevator command including trim."""
     pitch_deg: float
-    """Mean."""
+    """Mean pitch."""
 
 
 class Finding(NamedTuple):
-    """An axis that was held poorly, for one cause."""
+    """A large error of one axis, with its cause."""
 
     axis: str
     cause: Cause
     legs: int
-    """Number of legs on which this was so."""
+    """Number of legs with this cause."""
     words: str
-    """What, the likely cause, and the remedy."""
+    """Description of the error, the likely cause and the remedy."""
 
 
 class Assessment(NamedTuple):
-    """How well a dive held its set-points."""
+    """Result of the assessment of a dive."""
 
     legs: tuple[AssessedLeg, ...]
     short_legs: int
-    """Number of legs that ended before they could be judged."""
+    """Number of legs that were too short to assess."""
     findings: tuple[Finding, ...]
     trims_learned: str
-    """Trims that the vehicle learned and kept, in its own words; empty without any."""
+    """Trims that the vehicle reported as learned and stored; empty without any."""
     reason: str
-    """Why no leg can be judged; empty where one can."""
+    """Reason why no leg can be assessed; empty otherwise."""
 
 
 def assess_dive(log_file: Path, texts: Sequence[str] = ()) -> Assessment:
-    """Assess a dive that is over.
+    """Assess a finished dive.
 
     Parameters
     ----------
     log_file : Path
-        What ground recorded of the dive.
-    texts : Sequence
-        The vehicle's texts during the dive.
+        Log of the dive.
+    texts : Sequence of str
+        Texts that the vehicle sent during the dive.
     """
     try:
         return assess_log(refit.read_log(log_file), texts)
     except InputError as error:
         reason = str(error)
     except (ArithmeticError, IndexError, ValueError) as error:
-        # The dive went well; a log with holes where a test was must not end it in a traceback.
+        # The dive succeeded, so a log with gaps must not raise an exception here.
         reason = f"{log_file}: the telemetry has gaps ({error})"
     return Assessment((), 0, (), _trims_learned(texts), reason)
 
 
-def assess_log(log: "Log", texts: Sequence[str] = ()) -> Assessment:
-    """Assess a dive by its log; otherwise as ``assess_dive``."""
+def assess_log(log: Log, texts: Sequence[str] = ()) -> Assessment:
+    """Assess a dive from its log; see `assess_dive`."""
     tracking = tracking_metrics.tracking(log)
     windows = tracking.windows if tracking else ()
     recorded = [window for window in windows if _is_recorded(log, window)]
-    judged = [(_leg(log, window), _halves(log, window)) for window in recorded]
+    assessed = [(_leg(log, window), _halves(log, window)) for window in recorded]
     lengths_s = [stop - start for start, stop in tracking_metrics.stretches(log)]
     return Assessment(
-        legs=tuple(leg for leg, _ in judged),
+        legs=tuple(leg for leg, _ in assessed),
         short_legs=sum(MIN_LEG_S <= length < _MIN_ASSESSED_S for length in lengths_s),
-        findings=tuple(finding for axis in MAX_ERROR for finding in _findings(log, axis, judged)),
+        findings=tuple(finding for axis in MAX_ERROR for finding in _findings(log, axis, assessed)),
         trims_learned=_trims_learned(texts),
-        reason="" if judged else _why_no_leg(log, windows),
+        reason="" if assessed else _why_no_leg(log, windows),
     )
 
 
 def format_text(assessment: Assessment) -> str:
-    """Return a table of the legs and what is to be done, in a few lines."""
+    """Return a table of the legs and the findings with their remedies."""
     lines = []
     if assessment.legs:
-        since = f"from {tracking_metrics.SETTLING_S:g} s after each change of set-point"
+        interval = f"from {tracking_metrics.SETTLING_S:g} s after each change of set-point"
         lines += [
-            f"errors {since}, by the vehicle's own instruments",
+            f"errors {interval}, by the vehicle's own instruments",
             f"  {'leg, s':>11s}  {'set-points':>16s}{'heading, deg':>17s}{'depth, m':>17s}",
             f"  {'':29s}{'mean':>9s}{'95 %':>8s}{'mean':>9s}{'95 %':>8s}",
             *(_row(leg) for leg in assessment.legs),
         ]
     else:
-        lines += [f"how well set-points were held cannot be told: {assessment.reason}"]
+        lines += [f"the errors of this dive cannot be assessed: {assessment.reason}"]
     if assessment.short_legs and assessment.legs:
         legs = _count(assessment.short_legs, "leg")
-        lines += [f"too short to tell, less than {_MIN_ASSESSED_S:g} s: {legs}"]
+        lines += [f"too short to assess, less than {_MIN_ASSESSED_S:g} s: {legs}"]
     lines += [finding.words for finding in assessment.findings]
     if assessment.legs and not assessment.findings:
         limits = " and ".join(f"{MAX_ERROR[axis]:g} {UNIT[axis]} of {axis}" for axis in UNIT)
-        lines += [f"held well: 95 % within {limits} on every leg"]
+        lines += [f"good: 95 % of the errors within {limits} on every leg"]
     if assessment.trims_learned:
         lines += [f"the vehicle learned its trims: {assessment.trims_learned}"]
     return "\n".join(lines)
@@ -164,7 +165,9 @@ def as_json(assessment: Assessment) -> dict[str, Any]:
     }
 
 
-def _leg(log: "Log", window: SteadyWindow) -> AssessedLeg:
+def _leg(log: Log, window: SteadyWindow) -> AssessedLeg:
+    """Return errors and mean commands of one leg."""
+
     def mean_deg(time_s: Array, angle_rad: Array) -> float:
         inside = (time_s >= window.start_s) & (time_s < window.stop_s)
         return float(np.degrees(np.mean(angle_rad[inside])))
@@ -183,15 +186,16 @@ def _leg(log: "Log", window: SteadyWindow) -> AssessedLeg:
     )
 
 
-def _is_recorded(log: "Log", window: SteadyWindow) -> bool:
-    """Whether either half of a window holds attitude, depth and commands."""
+def _is_recorded(log: Log, window: SteadyWindow) -> bool:
+    """Return whether both halves of a window hold attitude, depth and commands."""
     middle_s = 0.5 * (window.start_s + window.stop_s)
     halves = (window.start_s, middle_s), (middle_s, window.stop_s)
     times = log.attitude.time_s, log.depth.time_s, log.actuators.time_s
     return all(np.any((t >= start) & (t < stop)) for t in times for start, stop in halves)
 
 
-def _halves(log: "Log", window: SteadyWindow) -> tuple[SteadyWindow, SteadyWindow]:
+def _halves(log: Log, window: SteadyWindow) -> tuple[SteadyWindow, SteadyWindow]:
+    """Return the errors in the first and in the second half of a window."""
     start_s, stop_s = window.start_s, window.stop_s
     middle_s = 0.5 * (start_s + stop_s)
     return tracking_metrics.window(log, start_s, middle_s), tracking_metrics.window(
@@ -200,30 +204,37 @@ def _halves(log: "Log", window: SteadyWindow) -> tuple[SteadyWindow, SteadyWindo
 
 
 def _findings(
-    log: "Log",
+    log: Log,
     axis: str,
     legs: Sequence[tuple[AssessedLeg, tuple[SteadyWindow, SteadyWindow]]],
 ) -> list[Finding]:
-    """One for each cause, in the words of the leg that was worst."""
+    """Return one finding per cause, with the text for the worst leg."""
     by_cause: dict[Cause, list[AssessedLeg]] = {}
     for leg, (first, second) in legs:
         cause = _cause(log, axis, leg, _error(first, axis), _error(second, axis))
         if cause is not None:
             by_cause.setdefault(cause, []).append(leg)
-    found = []
+    findings = []
     for cause, affected in by_cause.items():
         worst = max(affected, key=lambda leg: _error(leg, axis).p95)
-        where = "" if len(legs) == 1 else f" on {len(affected)} of {len(legs)} legs"
-        words = f"{axis} {_how_far(axis, cause, worst)}{where}: {_explain(log, axis, cause, worst)}"
-        found.append(Finding(axis, cause, len(affected), words))
-    return found
+        extent = "" if len(legs) == 1 else f" on {len(affected)} of {len(legs)} legs"
+        words = (
+            f"{axis} {_how_far(axis, cause, worst)}{extent}: {_explain(log, axis, cause, worst)}"
+        )
+        findings.append(Finding(axis, cause, len(affected), words))
+    return findings
 
 
-def _error(of: AssessedLeg | SteadyWindow, axis: str) -> Spread:
-    return of.heading_deg if axis == "heading" else of.depth_m
+def _error(leg: AssessedLeg | SteadyWindow, axis: str) -> Spread:
+    """Return the error of one axis."""
+    return leg.heading_deg if axis == "heading" else leg.depth_m
 
 
-def _cause(log: "Log", axis: str, leg: AssessedLeg, first: Spread, second: Spread) -> Cause | None:
+def _cause(log: Log, axis: str, leg: AssessedLeg, first: Spread, second: Spread) -> Cause | None:
+    """Return the likely cause of an error; None if it is within the limit.
+
+    `first`, `second`: errors in the halves of the leg.
+    """
     error, limit = _error(leg, axis), MAX_ERROR[axis]
     if error.p95 <= limit:
         return None
@@ -237,23 +248,24 @@ def _cause(log: "Log", axis: str, leg: AssessedLeg, first: Spread, second: Sprea
     return _offset_cause(log, axis, leg)
 
 
-def _offset_cause(log: "Log", axis: str, leg: AssessedLeg) -> Cause:
+def _offset_cause(log: Log, axis: str, leg: AssessedLeg) -> Cause:
+    """Return the likely cause of a constant error."""
     command, trim_name = _surface(axis, leg)
     travel, trim = log.parameters.get("ACT_TRAVEL_DEG"), log.parameters.get(trim_name)
     if travel is not None and abs(command) >= travel - STOP_MARGIN_DEG:
         return Cause.AT_STOP
     if trim is None:
         return Cause.UNKNOWN
-    off_trim = abs(command - trim)
+    trim_error_deg = abs(command - trim)
     if axis == "depth":
-        # Level flight: pitch set-point = pitch + (elevator - trim) / PTCH_P, of which DPT_I carries
-        # up to DPT_IMAX and a depth error the rest.
+        # Level flight: pitch set-point = pitch + (elevator - trim) / PTCH_P. The depth integrator
+        # contributes at most DPT_IMAX of it, a depth error the rest.
         gain = log.parameters.get("PTCH_P", 0.0)
         if not gain:
             return Cause.UNKNOWN
-        if off_trim / gain <= abs(leg.pitch_deg):
+        if trim_error_deg / gain <= abs(leg.pitch_deg):
             return Cause.INTEGRATOR
-    if off_trim < MIN_TRIM_ERROR_DEG:
+    if trim_error_deg < MIN_TRIM_ERROR_DEG:
         return Cause.UNKNOWN
     return Cause.LEARNING if _was_learning(log, leg) else Cause.TRIM
 
@@ -266,22 +278,23 @@ def _surface(axis: str, leg: AssessedLeg) -> tuple[float, str]:
 
 
 def _how_far(axis: str, cause: Cause, leg: AssessedLeg) -> str:
+    """Return the size of an error as text."""
     error, unit = _error(leg, axis), UNIT[axis]
     if cause in (Cause.LATE, Cause.UNSETTLED, Cause.SWINGING):
         return f"{error.p95:.2g} {unit} off (95 %)"
     return f"{abs(error.mean):.2g} {unit} off in the mean"
 
 
-def _explain(log: "Log", axis: str, cause: Cause, leg: AssessedLeg) -> str:
+def _explain(log: Log, axis: str, cause: Cause, leg: AssessedLeg) -> str:
     """Return the likely cause and its remedy."""
     name = _SURFACE[axis]
     command_deg, parameter = _surface(axis, leg)
     value = f"{parameter} to {command_deg:.1f}"
     match cause:
         case Cause.LATE:
-            late = f"settled later than {tracking_metrics.SETTLING_S:g} s after the change"
+            text = f"settled later than {tracking_metrics.SETTLING_S:g} s after the change"
             why = ", while the trims were still being learned" if _was_learning(log, leg) else ""
-            return f"{late}{why}; good in the second half of the leg"
+            return f"{text}{why}; good in the second half of the leg"
         case Cause.UNSETTLED:
             return "never settled, as the error still changed; give the leg more time"
         case Cause.AT_STOP:
@@ -289,9 +302,9 @@ def _explain(log: "Log", axis: str, cause: Cause, leg: AssessedLeg) -> str:
             return f"the {name} is at its stop, {command_deg:.1f} deg; {remedy}"
         case Cause.TRIM:
             trim = log.parameters[parameter]
-            at = f"the {name} is at {command_deg:.1f} deg on average, {parameter} is {trim:g}"
+            values = f"the {name} is at {command_deg:.1f} deg on average, {parameter} is {trim:g}"
             learn = "set TRIM_AUTO_S to 10 and fly `trim`, which learns it"
-            return f"the {name} trim is not set ({at}); set {value}, or {learn}"
+            return f"the {name} trim is not set ({values}); set {value}, or {learn}"
         case Cause.LEARNING:
             remedy = f"fly `trim` first, or set {value}"
             return f"the {name} trim was still being learned; {remedy}"
@@ -300,19 +313,20 @@ def _explain(log: "Log", axis: str, cause: Cause, leg: AssessedLeg) -> str:
             limit = "DPT_IMAX lets the depth integrator carry less"
             return f"{pitch} and {limit}; raise DPT_IMAX, or redesign the gains"
         case Cause.SWINGING:
-            return "it swings about the set-point: a rough sea, or gains that do not suit"
+            return "it oscillates about the set-point: a rough sea, or unsuitable gains"
         case Cause.UNKNOWN:
             known = f"the {name} is near its trim, or its trim is not known"
-            return f"the cause does not show in the telemetry: {known}"
+            return f"the telemetry does not show the cause: {known}"
 
 
-def _was_learning(log: "Log", leg: AssessedLeg) -> bool:
-    """Whether the leg began while the trims were being learned (several times TRIM_AUTO_S)."""
+def _was_learning(log: Log, leg: AssessedLeg) -> bool:
+    """Return whether the leg began during the learning of the trims (`LEARNING_TIMES`)."""
     learning_s = LEARNING_TIMES * log.parameters.get("TRIM_AUTO_S", 0.0)
     return leg.start_s - float(log.attitude.time_s[0]) < learning_s
 
 
-def _why_no_leg(log: "Log", windows: Sequence[SteadyWindow]) -> str:
+def _why_no_leg(log: Log, windows: Sequence[SteadyWindow]) -> str:
+    """Return why no leg of a log can be assessed."""
     points = log.setpoints
     if points.attitude_time_s.size == 0 or points.depth_time_s.size == 0:
         return "the vehicle sent no set-points of heading and depth"
@@ -323,11 +337,13 @@ def _why_no_leg(log: "Log", windows: Sequence[SteadyWindow]) -> str:
 
 
 def _trims_learned(texts: Sequence[str]) -> str:
-    said = (text for text in texts if text.startswith(TRIM_LEARNED))
-    return next(said, "").removeprefix(TRIM_LEARNED)
+    """Return the learned trims from the first text that reports them; empty without one."""
+    reports = (text for text in texts if text.startswith(TRIM_LEARNED))
+    return next(reports, "").removeprefix(TRIM_LEARNED)
 
 
 def _row(leg: AssessedLeg) -> str:
+    """Return the row of a leg in the table."""
     span = f"{leg.start_s:.0f} - {leg.stop_s:.0f}"
     points = f"{leg.heading_setpoint_deg:.0f} deg, {leg.depth_setpoint_m:.1f} m"
     errors = "".join(f"{e.mean:9.2f}{e.p95:8.2f}" for e in (leg.heading_deg, leg.depth_m))

@@ -1,5 +1,4 @@
-"""Receive what has arrived; whether a vehicle was heard, and if not, what was heard in her
-place."""
+"""Receive frames, recognise a vehicle, and explain why none was found."""
 
 from collections.abc import Collection
 from typing import Any, NamedTuple
@@ -12,15 +11,16 @@ from mavlink_io.transport import LinkLostError, baud_rate, wait
 
 GROUND_STATION, NO_AUTOPILOT = constant("MAV_TYPE_GCS"), constant("MAV_AUTOPILOT_INVALID")
 MAX_READS = 64
-"""Reads of a transport in one go, a datagram or 64 kB each: a fast link must not hold up its
-reader."""
+"""Maximum number of reads (a datagram or 64 kB each) in one call, so that a fast link cannot block
+the caller."""
 
 
 class Arrived(NamedTuple):
-    """Frames that were read, and whether nothing is left unread: only then is silence silence."""
+    """Result of `receive_all`."""
 
     frames: list[Frame]
     is_all: bool
+    """True if nothing is left unread; only then may a timeout be checked."""
 
 
 def receive_all(endpoint: Endpoint) -> Arrived:
@@ -50,23 +50,36 @@ def receive_all(endpoint: Endpoint) -> Arrived:
 
 
 def is_vehicle(heartbeat: Any) -> bool:
-    """Whether a HEARTBEAT is an autopilot's, and no ground station's, radio's or camera's."""
+    """Return whether a HEARTBEAT is that of an autopilot, not of a ground station or device."""
     return bool(heartbeat.type != GROUND_STATION and heartbeat.autopilot != NO_AUTOPILOT)
 
 
 def explain(address: str, senders: Collection[MavlinkId], skipped_bytes: int) -> str:
-    """Of ``senders`` MAVLink was heard, but none is a vehicle; ``skipped_bytes`` were no MAVLink at
-    all."""
+    """Return why no vehicle was found on a link.
+
+    Parameters
+    ----------
+    address : str
+        Address of the link; the text names the baud rate of a serial one.
+    senders : Collection
+        Systems and components from which MAVLink frames were received.
+    skipped_bytes : int
+        Number of received bytes that were not MAVLink.
+    """
     baud = baud_rate(address)
     if senders:
         named = ", ".join(f"{system}/{component}" for system, component in sorted(senders))
-        return f"MAVLink was heard of {named} (system/component), but no autopilot's HEARTBEAT"
+        return (
+            f"MAVLink was received from {named} (system/component), "
+            "but no HEARTBEAT of an autopilot"
+        )
     if skipped_bytes:
         question = f": is {baud} the vehicle's baud rate?" if baud else ""
-        return f"{skipped_bytes} bytes were heard and no MAVLink in them{question}"
+        return f"{skipped_bytes} bytes were received and no MAVLink in them{question}"
     advice = (
-        ": is she switched on, TX wired to RX and RX to TX, and no other program on the line?"
+        ": is the vehicle switched on, TX wired to RX and RX to TX, and no other program on the"
+        " line?"
         if baud
         else ""
     )
-    return f"nothing was heard{advice}"
+    return f"nothing was received{advice}"

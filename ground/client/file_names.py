@@ -1,13 +1,13 @@
-"""Names of files that are written here and named by a vehicle, or by a log that came from one."""
+"""Safe file names for files whose names come from a vehicle or from a log."""
 
 MAX_BYTES = 200
 """Maximum length of a safe name in UTF-8: file systems allow 255 bytes, and ".part" or "-2"
 follows."""
 UNNAMED = "unnamed"
-"""The safe name of a file whose own name has no usable character."""
+"""Safe name for a name without any usable character."""
 
 _RESERVED = frozenset('<>:"|?*')
-"""Characters that are printable and that some file system does not allow or gives a meaning."""
+"""Printable characters that some file systems forbid or treat specially."""
 
 
 def safe_file_name(name: str) -> str:
@@ -30,10 +30,10 @@ def safe_file_name(name: str) -> str:
     while ".." in base:
         base = base.replace("..", ".")
     base = base.lstrip(".- ").rstrip(". ")
-    return _shortened(base).rstrip(". ") or UNNAMED
+    return _shorten(base).rstrip(". ") or UNNAMED
 
 
-def _shortened(base: str) -> str:
+def _shorten(base: str) -> str:
     """Cut the stem so that the name keeps a suffix of ordinary length and fits in `MAX_BYTES`."""
     if len(base.encode()) <= MAX_BYTES:
         return base

@@ -1,5 +1,4 @@
-"""One dive: set up the vehicle, upload, arm, and record until it has disarmed itself at the
-surface."""
+"""Fly one dive: set parameters, upload the mission, arm, record until the vehicle has disarmed."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -28,16 +27,19 @@ RATES_HZ = {
     "POSITION_TARGET_LOCAL_NED": 10.0,
     "NAV_CONTROLLER_OUTPUT": 2.0,
 }
-"""What identification and reports need, a second of vehicle time; the rest comes at the vehicle's
-own rate."""
+"""Message rates (vehicle time) that identification and reports need; other messages keep the rate
+of the vehicle."""
 PROGRESS_PERIOD_S = 0.1
+"""Wall time between reports of progress."""
 
 
 class FlightProgress(NamedTuple):
-    """Where a dive stands."""
+    """Progress of a dive."""
 
     item: int
+    """Index of the current mission item."""
     items: int
+    """Number of mission items."""
     vehicle_s: float
     wall_s: float
     depth_m: float
@@ -46,7 +48,7 @@ class FlightProgress(NamedTuple):
 
 @dataclass(frozen=True)
 class Dive:
-    """What to fly: a mission and the parameters to set before, whoever flies it."""
+    """A mission with the parameters to set before it, for a real or a simulated vehicle."""
 
     mission: str
     items: tuple[MissionItem, ...]
@@ -55,24 +57,24 @@ class Dive:
     notes: Mapping[str, str] = field(default_factory=dict)
     tlog: Path | None = None
     labels: tuple[str, ...] = ()
-    """Where each item stands in the mission's file, for errors; () for items without a file."""
+    """Place of each item in the mission file, for error messages; empty without a file."""
 
     @classmethod
     def load(cls, mission: str, log: Path, **details: object) -> "Dive":
-        """A dive of a mission script or file. Raises ScriptError."""
+        """Return a dive of a shipped mission or a mission file. Raises ScriptError."""
         plan = plans.load(mission)
         return cls(mission, plan.items, log, labels=plan.labels, **details)  # type: ignore[arg-type]
 
     @property
     def plan(self) -> plans.Plan:
-        """The items with where they come from."""
+        """The items with their places in the mission file."""
         return plans.Plan(
             self.items, self.labels or tuple(f"item {n}" for n in range(len(self.items)))
         )
 
 
 class FlightResult(NamedTuple):
-    """What came of a dive."""
+    """Result of a dive."""
 
     log: Path
     vehicle_s: float
@@ -83,6 +85,7 @@ class FlightResult(NamedTuple):
 
     @property
     def failsafes(self) -> tuple[str, ...]:
+        """Texts of the failsafes that ended the dive."""
         return tuple(text for text in self.texts if text.startswith("Failsafe"))
 
 
@@ -91,19 +94,19 @@ TextCallback = Callable[[StatusText], None]
 
 
 class TelemetryListener(Protocol):
-    """Whoever makes something of what the vehicle tells while she flies."""
+    """Receiver of the telemetry during a dive."""
 
     def begin(self, parameters: Mapping[str, float]) -> None:
-        """The vehicle is about to be armed."""
+        """Receive the vehicle's parameters, just before it is armed."""
 
     def hear(self, frame: Frame) -> None:
-        """Each frame of the autopilot's."""
+        """Receive a frame of the autopilot."""
 
     def say(self, text: StatusText) -> None:
-        """Each text."""
+        """Receive a text of the vehicle."""
 
     def look(self, *, last: bool = False) -> None:
-        """Often, and once at the end."""
+        """Update; called about 20 times a second, and with `last` once at the end."""
 
 
 def fly(
@@ -114,7 +117,16 @@ def fly(
     key_file: Path | None = None,
     follower: TelemetryListener | None = None,
 ) -> FlightResult:
-    """Fly a vehicle that is already there. Raises AddressError, BadInputError, VehicleError."""
+    """Fly the vehicle at an address and record the dive.
+
+    If the user interrupts, the state of the vehicle is added to the exception as a note.
+
+    Raises
+    ------
+    AddressError, InputError, VehicleClientError
+        The address, key or mission cannot be used; or the vehicle was not found, refused or was
+        lost.
+    """
     with open_recorded_vehicle(address, dive.log, dive.tlog, key_file) as (vehicle, recorder):
         try:
             return _fly(dive, vehicle, recorder, watch, hear, follower)
@@ -131,25 +143,43 @@ def fly_simulated(
     hear: TextCallback | None = None,
     follower: TelemetryListener | None = None,
 ) -> FlightResult:
-    """Fly a simulated vehicle and stop it. Raises BadInputError, VehicleError: with what its
-    processes said."""
+    """Fly a simulated vehicle, record the dive and stop the simulation.
+
+    Raises
+    ------
+    InputError, VehicleClientError
+        With the error message of the simulator or the autopilot, if one of them failed.
+    """
     with open_recorded_vehicle(simulated, dive.log, dive.tlog) as (vehicle, recorder):
         return _fly(dive, vehicle, recorder, watch, hear, follower)
 
 
 @contextmanager
 def open_recorded_vehicle(
-    where: str | SimulatedVehicle, log: Path, tlog: Path | None = None, key_file: Path | None = None
+    target: str | SimulatedVehicle,
+    log: Path,
+    tlog: Path | None = None,
+    key_file: Path | None = None,
 ) -> Iterator[tuple[VehicleClient, Recorder]]:
-    """A vehicle at an address, or a simulated one that is stopped at the end, with all it says kept
-    in ``log``.
+    """Open a link to a vehicle and record all its frames; close both at the end.
 
-    Raises:
-        AddressError, BadInputError, VehicleError: there is no such vehicle, or it went away.
+    Parameters
+    ----------
+    target : str or SimulatedVehicle
+        Address of a vehicle, or a simulated vehicle, which is stopped at the end.
+    log, tlog : Path
+        MCAP log, and optionally a telemetry log, to write.
+    key_file : Path, optional
+        Key with which the link is signed.
+
+    Raises
+    ------
+    AddressError, InputError, VehicleClientError
+        The address or key cannot be used, or the vehicle was not found or lost.
     """
     with ExitStack() as stack:
-        simulated = None if isinstance(where, str) else stack.enter_context(where)
-        transport = simulated.connect() if simulated else open_transport(str(where))
+        simulated = None if isinstance(target, str) else stack.enter_context(target)
+        transport = simulated.connect() if simulated else open_transport(str(target))
         stack.callback(transport.close)
         signature = stack.enter_context(open_signing(key_file))
         recorder = Recorder(log, tlog)
@@ -168,8 +198,10 @@ def open_recorded_vehicle(
 
 
 def raise_process_error(simulated: SimulatedVehicle, patience_s: float = 1.0) -> None:
-    """Raise what a dying process says in place of the lost link that it caused, if it dies in
-    time."""
+    """Raise the error of a simulation process that ends within `patience_s` (wall time).
+
+    It replaces the less useful error of the link that was lost because the process ended.
+    """
     deadline_s = wall_s() + patience_s
     while wall_s() < deadline_s:
         wait([], 0.05)
@@ -177,23 +209,24 @@ def raise_process_error(simulated: SimulatedVehicle, patience_s: float = 1.0) ->
 
 
 def prepare(vehicle: VehicleClient, dive: Dive) -> dict[str, float]:
-    """Do everything before arming: parameters, message rates, mission, mode.
+    """Set parameters, message rates, mission and mode; return the parameters of the vehicle.
 
-    Returns the parameters that are in force.
-
-    Raises:
-        BadInputError: the mission leaves the vehicle's limits; nothing was uploaded.
-        VehicleError: the vehicle refused.
+    Raises
+    ------
+    InputError
+        The mission exceeds limits of the vehicle; nothing was uploaded.
+    VehicleClientError
+        The vehicle refused.
     """
     for name, value in dive.parameters.items():
         vehicle.set_parameter(name, value)
-    aboard = vehicle.parameters()
-    plans.check_limits(dive.mission, dive.plan, plans.Limits.from_parameters(aboard))
+    parameters = vehicle.parameters()
+    plans.check_limits(dive.mission, dive.plan, plans.Limits.from_parameters(parameters))
     for name, rate_hz in RATES_HZ.items():
         vehicle.set_interval(name, rate_hz)
     vehicle.upload(dive.items)
     vehicle.set_mode("MISSION")
-    return aboard
+    return parameters
 
 
 def _fly(
@@ -207,19 +240,19 @@ def _fly(
     recorder.annotate("dive", {"mission": dive.mission, **dive.notes})
     recorder.attach("mission.plan", plans.write_plan(dive.items).encode(), "application/json")
     vehicle.connect()
-    aboard = prepare(vehicle, dive)
-    recorder.attach_parameters(aboard)
+    parameters = prepare(vehicle, dive)
+    recorder.attach_parameters(parameters)
     if follower is not None:
-        follower.begin(aboard)
+        follower.begin(parameters)
         vehicle.on_frame = follower.hear
-    began_s, vehicle_began_s = wall_s(), recorder.vehicle_s
+    start_s, vehicle_start_s = wall_s(), recorder.vehicle_s
     vehicle.arm()
     vehicle.on_text = _call_both(hear, follower.say if follower else None)
-    _until_disarmed(vehicle, recorder, len(dive.items), began_s, watch, follower)
+    _until_disarmed(vehicle, recorder, len(dive.items), start_s, watch, follower)
     return FlightResult(
         log=dive.log,
-        vehicle_s=recorder.vehicle_s - vehicle_began_s,
-        wall_s=wall_s() - began_s,
+        vehicle_s=recorder.vehicle_s - vehicle_start_s,
+        wall_s=wall_s() - start_s,
         messages=recorder.message_count,
         lost_frames=vehicle.lost_frames,
         texts=tuple(text.text for text in vehicle.texts),
@@ -227,19 +260,21 @@ def _fly(
 
 
 def _call_both(first: TextCallback | None, second: TextCallback | None) -> TextCallback:
-    def hear(text: StatusText) -> None:
+    """Return a callback that passes each text to both callbacks."""
+
+    def call(text: StatusText) -> None:
         for listener in (first, second):
             if listener is not None:
                 listener(text)
 
-    return hear
+    return call
 
 
 def _until_disarmed(
     vehicle: VehicleClient,
     recorder: Recorder,
     items: int,
-    began_s: float,
+    start_s: float,
     watch: WatchCallback | None,
     follower: TelemetryListener | None,
 ) -> None:
@@ -247,7 +282,7 @@ def _until_disarmed(
     while not vehicle.disarmings:
         vehicle.pump(0.05)
         if watch is not None and report.due():
-            watch(_progress(vehicle, recorder, items, wall_s() - began_s))
+            watch(_progress(vehicle, recorder, items, wall_s() - start_s))
         if follower is not None:
             follower.look()
     if follower is not None:

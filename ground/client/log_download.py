@@ -1,8 +1,8 @@
-"""Fetches the logs that a vehicle keeps on board: resumed where it broke off, and proved by
-checksum.
+"""Download of the logs on the vehicle, with resume and checksum.
 
-The vehicle's file server is asked first; an autopilot without one, or with none of our folders,
-serves its logs by the LOG_* service, which knows no checksums."""
+MAVLink FTP is tried first. A vehicle without it, or without the folder `FOLDER`, serves its logs by
+the LOG_* messages, which have no checksums.
+"""
 
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -20,41 +20,41 @@ from mavlink_io.services.log_transfer.client import RemoteLog as ListedLog
 from mavlink_io.services.log_transfer.server import DATA_BYTES
 
 FOLDER = "/logs"
+"""Folder of the logs on the file server of the vehicle."""
 ATTEMPTS = 3
-"""How often a log that has grown meanwhile, or came out wrong, is fetched on."""
+"""Maximum number of downloads of a log that grows, or whose checksum differs."""
 
 WatchCallback = Callable[[str, float], None]
-"""Is told what is being fetched and the share that is there."""
+"""Called with the name of the log and the fraction that is downloaded."""
 
 
 class LogOnVehicle(NamedTuple):
-    """A log on board."""
+    """A log on the vehicle."""
 
     number: int
     name: str
-    """The name of the file that is written here: a safe base name, whatever the vehicle calls
-    it."""
+    """Safe base name of the local file, derived from the name on the vehicle."""
     bytes: int
     path: str
-    """On the file server; empty where there is none."""
+    """Path on the file server; empty without a file server."""
 
 
 class Download(NamedTuple):
-    """A log that is here now."""
+    """A downloaded log."""
 
     file: Path
     bytes: int
     resumed_at: int
-    """How many bytes were here before."""
+    """Number of bytes from an earlier download."""
     checked: bool
-    """Whether the vehicle's checksum says that it is the same."""
+    """True if the checksum of the vehicle matches."""
     finished: bool
-    """Whether its end is there: a vehicle that lost her power leaves it open, and ``ground log
-    recover`` mends it."""
+    """True if the log has an end. After a loss of power it has none; `ground log recover` repairs
+    it."""
 
 
 def list_logs(vehicle: VehicleClient) -> list[LogOnVehicle]:
-    """The logs on board, the oldest first. Raises VehicleError."""
+    """Return the logs on the vehicle, oldest first. Raises VehicleClientError."""
     try:
         entries = vehicle.use(FileClient, lambda files: files.list(FOLDER))
     except VehicleClientError:
@@ -69,50 +69,62 @@ def list_logs(vehicle: VehicleClient) -> list[LogOnVehicle]:
 
 
 def select_logs(logs: list[LogOnVehicle], which: str) -> list[LogOnVehicle]:
-    """``all``, ``latest``, or the one of a number. Raises BadInputError, and FailedError where
-    there are none."""
+    """Return the logs that `all`, `latest` or a number selects.
+
+    Raises
+    ------
+    InputError
+        No log has the number.
+    OperationError
+        The vehicle has no logs.
+    """
     if not logs:
         raise OperationError("the vehicle has no logs")
     if which == "all":
         return logs
     if which == "latest":
         return logs[-1:]
-    found = [log for log in logs if which.isdecimal() and log.number == int(which)]
-    if not found:
+    selected = [log for log in logs if which.isdecimal() and log.number == int(which)]
+    if not selected:
         known = ", ".join(str(log.number) for log in logs)
         raise InputError(f"log {which}: the vehicle has {known}; give one of these, latest or all")
-    return found
+    return selected
 
 
 def fetch(
     vehicle: VehicleClient, log: LogOnVehicle, folder: Path, watch: WatchCallback | None = None
 ) -> Download:
-    """Fetch a log into a folder; what lies there is kept.
+    """Download a log into a folder; existing files are kept.
 
-    Raises:
-        VehicleError: the vehicle went away; what has come stays as ``NAME.part``, for the next
-        time. FailedError: what came is not what the vehicle has.
+    Raises
+    ------
+    VehicleClientError
+        The vehicle was lost. The received part stays as `NAME.part`; the next call resumes it.
+    OperationError
+        The checksum of the downloaded file differs from that of the vehicle.
     """
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / log.name
     if target.is_file() and _is_same(vehicle, log, target):
         return Download(target, log.bytes, log.bytes, True, _is_finished(target))
     part = folder / f"{log.name}.part"
-    begun = part.stat().st_size if part.exists() else 0
+    resumed_at = part.stat().st_size if part.exists() else 0
     checked = (
         _fetch_file(vehicle, log, part, watch)
         if log.path
         else _fetch_log(vehicle, log, part, watch)
     )
     target = part.rename(_unused_path(target))
-    return Download(target, target.stat().st_size, begun, checked, _is_finished(target))
+    return Download(target, target.stat().st_size, resumed_at, checked, _is_finished(target))
 
 
 def _fetch_file(
     vehicle: VehicleClient, log: LogOnVehicle, part: Path, watch: WatchCallback | None
 ) -> bool:
-    """Until the checksums agree: a log that is being written grows, and what is left of an older
-    one is wrong."""
+    """Download by MAVLink FTP until the checksums agree.
+
+    They may differ because the log still grows, or because the local part is of an older log.
+    """
     for _ in range(ATTEMPTS):
         _append(vehicle, log, part, watch)
         if _is_same(vehicle, log, part):
@@ -127,6 +139,7 @@ def _fetch_file(
 def _append(
     vehicle: VehicleClient, log: LogOnVehicle, part: Path, watch: WatchCallback | None
 ) -> None:
+    """Download the rest of a file."""
     if _size(part) > _size_on_vehicle(vehicle, log):
         part.unlink()
     with part.open("ab") as sink:
@@ -140,6 +153,7 @@ def _append(
 def _fetch_log(
     vehicle: VehicleClient, log: LogOnVehicle, part: Path, watch: WatchCallback | None
 ) -> bool:
+    """Download by LOG_* messages; return False, as they have no checksum."""
     if _size(part) > log.bytes:
         part.unlink()
     with part.open("ab") as sink:
@@ -153,16 +167,15 @@ def _fetch_log(
 
 
 def _is_same(vehicle: VehicleClient, log: LogOnVehicle, file: Path) -> bool:
-    """Whether a file here is the log on board, by its checksum; by its size where the vehicle knows
-    no checksums."""
+    """Compare a local file with the log on the vehicle: by checksum, or by size without FTP."""
     if not log.path:
         return file.stat().st_size == log.bytes
     crc = 0
     with file.open("rb") as data:
         while block := data.read(1 << 20):
             crc = payload.crc32(block, crc)
-    on_board: int = vehicle.use(FileClient, lambda files: files.checksum(log.path))
-    return on_board == crc
+    remote_crc: int = vehicle.use(FileClient, lambda files: files.checksum(log.path))
+    return remote_crc == crc
 
 
 def _size_on_vehicle(vehicle: VehicleClient, log: LogOnVehicle) -> int:
@@ -177,30 +190,35 @@ def _size(file: Path) -> int:
 def _as_fraction(
     log: LogOnVehicle, watch: WatchCallback | None
 ) -> Callable[[int, int], None] | None:
-    return None if watch is None else lambda there, of: watch(log.name, there / max(1, of))
+    return (
+        None if watch is None else lambda received, total: watch(log.name, received / max(1, total))
+    )
 
 
 def _unused_path(target: Path) -> Path:
-    """A name of which nothing is here yet."""
+    """Return the path, with a number appended if it exists."""
     names = (target.with_name(f"{target.stem}-{n}{target.suffix}") for n in range(2, 1_000_000))
     return target if not target.exists() else next(name for name in names if not name.exists())
 
 
 def _is_finished(file: Path) -> bool:
+    """Return whether an MCAP file ends with the magic bytes."""
     with file.open("rb") as data:
         data.seek(max(0, file.stat().st_size - len(MAGIC)))
         return data.read() == MAGIC
 
 
 def _from_listing(log: ListedLog) -> LogOnVehicle:
-    began = (
+    """Return a log that LOG_ENTRY lists; its name is made from number and start time."""
+    start = (
         datetime.fromtimestamp(log.began_unix_s, UTC).strftime("-%Y%m%dT%H%M%SZ")
         if log.began_unix_s
         else ""
     )
-    return LogOnVehicle(log.number, f"log-{log.number:05d}{began}.bin", log.bytes, "")
+    return LogOnVehicle(log.number, f"log-{log.number:05d}{start}.bin", log.bytes, "")
 
 
 def _number(name: str) -> int:
+    """Return the number at the start of a file name; -1 without one."""
     digits = name.split("-", 1)[0].split(".", 1)[0]
     return int(digits) if digits.isdecimal() else -1

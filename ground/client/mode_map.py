@@ -1,8 +1,8 @@
-"""``custom_mode_map.json``: where pymavlink's programs (MAVProxy, MAVExplorer) look up what modes
-are called.
+"""The file `custom_mode_map.json`, from which pymavlink programs (MAVProxy) read mode names.
 
-The file is ``{MAV_TYPE: {custom_mode: name}}``, its keys decimal numbers in quotes. A vehicle type
-that is listed there loses the names that pymavlink has built in for it."""
+Its content is `{MAV_TYPE: {custom_mode: name}}` with decimal numbers in quotes as keys. For a
+vehicle type in this file, pymavlink ignores its built-in mode names.
+"""
 
 import json
 import tempfile
@@ -15,28 +15,29 @@ from ground.errors import InputError
 ModeMap = dict[str, dict[str, str]]
 
 DEFAULT_PATH = Path("~/.pymavlink/custom_mode_map.json")
-"""Where pymavlink's ``mavutil`` reads it when it is imported."""
+"""File that `pymavlink.mavutil` reads when it is imported."""
 
 
 class ModeMapChange(NamedTuple):
-    """A map as it is to be, and what of it is new: names by "type.custom_mode"."""
+    """Result of `merge`."""
 
     merged: ModeMap
+    """The complete new map."""
     added: dict[str, str]
+    """The new names, by "type.custom_mode"."""
 
 
 def read(path: Path) -> ModeMap:
-    """The map in a file, empty where there is no file. Raises BadInputError where pymavlink could
-    not read it."""
+    """Return the map in a file, empty without a file. Raises InputError if it is malformed."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {error}; mend it or move it away") from None
-    if not isinstance(found, dict):
+        raise InputError(f"{path}: cannot be read: {error}; repair or move it") from None
+    if not isinstance(content, dict):
         raise InputError(f"{path}: holds no object; expected {{MAV_TYPE: {{custom_mode: name}}}}")
-    for kind, names in found.items():
+    for kind, names in content.items():
         if not _is_number(kind) or not isinstance(names, dict):
             raise InputError(f"{path}: {kind}: expected a MAV_TYPE number and an object of names")
         for number, name in names.items():
@@ -44,43 +45,55 @@ def read(path: Path) -> ModeMap:
                 raise InputError(
                     f"{path}: {kind}.{number}: expected a custom_mode number and a name"
                 )
-    return found
+    return content
 
 
 def merge(
     present: Mapping[str, Mapping[str, str]], kind: int, modes: Mapping[str, int], path: Path
 ) -> ModeMapChange:
-    """Add a vehicle's modes (custom_mode by name) to those of its MAV_TYPE ``kind``.
+    """Add the modes of a vehicle to a map.
 
-    Raises:
-        BadInputError: the map has another name for one of the numbers, or another number for one of
-        the names:
-            what is there already belongs to somebody.
+    Parameters
+    ----------
+    present : Mapping
+        The map in the file.
+    kind : int
+        MAV_TYPE of the vehicle.
+    modes : Mapping
+        `custom_mode` by name.
+    path : Path
+        The file, for error messages.
+
+    Raises
+    ------
+    InputError
+        The map has another name for one of the numbers, or another number for one of the names.
     """
     merged = {key: dict(names) for key, names in present.items()}
     names = merged.setdefault(str(kind), {})
     numbers = {name: number for number, name in names.items()}
     added = {}
     for name, number in modes.items():
-        there, key = names.get(str(number)), f"{kind}.{number}"
-        if there == name:
+        present_name, key = names.get(str(number)), f"{kind}.{number}"
+        if present_name == name:
             continue
-        if there is not None:
+        if present_name is not None:
             raise InputError(
-                f"{path}: {key}: is {there!r} there, {name!r} on the vehicle; remove or rename one"
+                f"{path}: {key}: is {present_name!r} in the file, {name!r} on the vehicle; "
+                "remove or rename one"
             )
         if name in numbers:
             key = f"{kind}.{numbers[name]}"
             raise InputError(
-                f"{path}: {key}: is {name!r} there, the vehicle's {name!r} is {number}; remove one"
+                f"{path}: {key}: is {name!r} in the file, the vehicle's {name!r} is {number}; "
+                "remove one"
             )
         names[str(number)] = added[key] = name
     return ModeMapChange(merged, added)
 
 
 def write(path: Path, modes: ModeMap) -> None:
-    """Put a map in place of a file's, whole or not at all. Raises BadInputError where that cannot
-    be done."""
+    """Replace the file by a map in one atomic step. Raises InputError."""
     target = path.resolve()
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

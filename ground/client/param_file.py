@@ -1,41 +1,41 @@
-"""Parameter files: one ``NAME,VALUE`` a line, ``#`` begins a comment. MAVProxy's and
-QGroundControl's are read too.
+"""Parameter files: one `NAME,VALUE` per line; `#` begins a comment.
 
-In the files of a design each value has its reason as a comment, and the head says what the gains
-promise (`sysid.monitor.performance_spec`)."""
+Files of MAVProxy and QGroundControl are read too. In the file of a design, the comment of a value
+is its reason, and the header holds the predicted performance (`sysid.monitor.performance_spec`).
+"""
 
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from ground.errors import InputError
-
-if TYPE_CHECKING:
-    from sysid.monitor.performance_spec import PerformanceBaseline
+from sysid.monitor.performance_spec import BaselineError, PerformanceBaseline, decode
 
 
 class ParamLine(NamedTuple):
-    """One parameter of a file."""
+    """Value and comment of one parameter in a file."""
 
     value: float
     reason: str
-    """What its comment says; empty without one."""
+    """Text of the comment; empty without one."""
 
 
 def load(path: Path) -> dict[str, float]:
-    """Parameters by name. Raises BadInputError as ``load_lines``."""
+    """Return the values of a file by parameter name. Raises InputError, as `load_lines`."""
     return {name: line.value for name, line in load_lines(path).items()}
 
 
 def load_lines(path: Path) -> dict[str, ParamLine]:
-    """Parameters by name, with what is said of each.
+    """Return values and comments of a file by parameter name.
 
-    Raises:
-        BadInputError: the file is unreadable, or a line of it is no parameter; names file, line and
+    Raises
+    ------
+    InputError
+        The file cannot be read, or a line is not a parameter; the message names file, line and
         text.
     """
-    found: dict[str, ParamLine] = {}
+    parameters: dict[str, ParamLine] = {}
     for number, line in enumerate(_text(path).splitlines(), start=1):
         text, _, comment = line.partition("#")
         if not text.strip():
@@ -45,47 +45,46 @@ def load_lines(path: Path) -> dict[str, ParamLine]:
             raise InputError(
                 f"{path}: line {number}: {line.strip()!r} is no parameter; expected NAME,VALUE"
             )
-        found[parsed[0]] = ParamLine(parsed[1], comment.strip())
-    return found
+        parameters[parsed[0]] = ParamLine(parsed[1], comment.strip())
+    return parameters
 
 
-def read_baseline(path: Path) -> "PerformanceBaseline | None":
-    """What the gains in a file promise; None in files that nobody designed.
+def read_baseline(path: Path) -> PerformanceBaseline | None:
+    """Return the performance predicted for the gains in a file; None if the file has none.
 
-    Raises:
-        BadInputError: the file cannot be read, or its values are no longer those that were
-        designed.
+    Raises
+    ------
+    InputError
+        The file cannot be read, or its values were changed after the design.
     """
-    from sysid.monitor.performance_spec import BaselineError, decode
-
     try:
         return decode(_text(path), load(path))
     except BaselineError as error:
-        raise InputError(f"{path}: {error}; `ground redesign` writes it anew") from None
+        raise InputError(f"{path}: {error}; `ground redesign` writes a new one") from None
 
 
-def require_baseline(path: Path) -> "PerformanceBaseline":
-    """What the gains in a file promise. Raises BadInputError, also where they promise nothing."""
-    found = read_baseline(path)
-    if found is None:
+def require_baseline(path: Path) -> PerformanceBaseline:
+    """Return the performance predicted for the gains in a file. Raises InputError if none."""
+    baseline = read_baseline(path)
+    if baseline is None:
         raise InputError(
-            f"{path}: promises nothing; give a gains.param that `ground redesign` wrote"
+            f"{path}: holds no predicted performance; "
+            "give a gains.param that `ground redesign` wrote"
         )
-    return found
+    return baseline
 
 
 def model_sha256_of(path: Path) -> str:
-    """The digest of the model that the gains in a file were designed on; empty where that is not
-    known any more."""
+    """Return the SHA-256 of the model that gains were designed on; empty if it is not known."""
     try:
-        found = read_baseline(path)
+        baseline = read_baseline(path)
     except InputError:
         return ""
-    return found.model_sha256 if found else ""
+    return baseline.model_sha256 if baseline else ""
 
 
 def save(path: Path, values: Mapping[str, float]) -> None:
-    """Write parameters, sorted by name, so that the same values give the same bytes."""
+    """Write parameters sorted by name, so that equal values give equal files."""
     path.write_text(
         "".join(f"{name},{values[name]:.9g}\n" for name in sorted(values)), encoding="utf-8"
     )
@@ -101,7 +100,7 @@ def _text(path: Path) -> str:
 
 
 def _parse(line: str) -> tuple[str, float] | None:
-    """Name and value of ``NAME,VALUE``, ``NAME VALUE`` or QGroundControl's five columns."""
+    """Parse `NAME,VALUE`, `NAME VALUE` or the five columns of QGroundControl; None otherwise."""
     columns = line.replace(",", " ").split()
     if len(columns) == 5:
         columns = columns[2:4]

@@ -1,9 +1,9 @@
-"""Parameters changed as one change: what was there before is kept first, every value is read back,
-all can be undone.
+"""Upload of several parameters as one change that can be undone.
 
-A change is kept in the state directory (``caribou/changes/system-N.json``, one list for each
-MAVLink system id) before the first value is sent. So it can be undone whenever the vehicle answers
-again, whatever became of the link meanwhile."""
+Before the first value is sent, the old values are stored in the user's state directory
+(`caribou/changes/system-N.json`, one list per MAVLink system id). So a change can be undone later,
+even if the link was lost during the upload.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,22 +16,22 @@ from ground.errors import InputError, OperationError
 from mavlink_io.user_data_dir import replace_file, user_data_dir
 
 MAX_HISTORY = 50
-"""Changes of one vehicle that can be undone one after another."""
+"""Maximum number of stored changes per vehicle."""
 
 
 class ParamUpload(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What one upload did: the values of its parameters before and after."""
+    """Record of one upload: the parameters before and after it."""
 
     source: str
-    """The file it came from, or what else ordered it."""
+    """File or command from which the values came."""
     before: dict[str, float]
     after: dict[str, float]
     model_sha256: str = ""
-    """Of the model that the values were designed on; empty where nobody said."""
+    """SHA-256 of the model that the values were designed on; empty if not known."""
 
 
 class ParamChange(NamedTuple):
-    """One parameter, as the vehicle read it back."""
+    """One changed parameter; `after` is the value that the vehicle reported back."""
 
     name: str
     before: float
@@ -41,79 +41,90 @@ class ParamChange(NamedTuple):
 def upload(
     vehicle: VehicleClient, values: Mapping[str, float], source: str, model_sha256: str = ""
 ) -> tuple[ParamChange, ...]:
-    """Set parameters and keep what was there before; if one cannot be set, those before it are put
-    back.
+    """Set parameters and store the old values; if one cannot be set, restore the others.
 
-    Raises:
-        BadInputError: the vehicle has no parameter of a name; nothing was set. FailedError: a value
-        was refused or the link was lost; names what was set, what not, and what is so now.
+    Raises
+    ------
+    InputError
+        The vehicle lacks a parameter; nothing was set.
+    OperationError
+        A value was refused, or the link was lost; the message names which parameters were set.
     """
     before = _current_values(vehicle, values, source)
     history = History.of(vehicle)
     history.push(ParamUpload(source, before, dict(values), model_sha256))
-    done: list[ParamChange] = []
+    changes: list[ParamChange] = []
     for name, value in values.items():
         try:
-            done.append(ParamChange(name, before[name], vehicle.set_parameter(name, value)))
+            changes.append(ParamChange(name, before[name], vehicle.set_parameter(name, value)))
         except VehicleClientError as error:
-            _restore(vehicle, history, done, list(values)[len(done) :], error)
-    return tuple(done)
+            _restore(vehicle, history, changes, list(values)[len(changes) :], error)
+    return tuple(changes)
 
 
 def rollback(
     vehicle: VehicleClient, file: Path | None = None, *, force: bool = False
 ) -> tuple[ParamUpload, tuple[ParamChange, ...]]:
-    """Undo the last change of this vehicle, or the one kept in a file.
+    """Undo the last change of this vehicle, or the last one in a file.
 
-    Raises:
-        BadInputError: nothing is kept to undo. FailedError: she has other values than the change
-        set, unless ``force``; or the link was lost.
+    Returns
+    -------
+    tuple
+        The record of the undone upload, and the changes that were made now.
+
+    Raises
+    ------
+    InputError
+        There is no change to undo.
+    OperationError
+        The link was lost; or, without `force`, a value was changed after the upload.
     """
     history = History(file) if file else History.of(vehicle)
-    change = history.last()
-    present = _current_values(vehicle, change.before, str(history.path))
-    if (strange := _unexpected_value(change, present)) and not force:
+    record = history.last()
+    present = _current_values(vehicle, record.before, str(history.path))
+    if (unexpected := _unexpected_value(record, present)) and not force:
         raise OperationError(
-            f"{strange}; somebody changed it since. --force puts the old values back all the same"
+            f"{unexpected}; it was changed since. --force restores the old values all the same"
         )
-    steps = []
-    for name, value in change.before.items():
+    changes = []
+    for name, value in record.before.items():
         try:
-            steps.append(ParamChange(name, present[name], vehicle.set_parameter(name, value)))
+            changes.append(ParamChange(name, present[name], vehicle.set_parameter(name, value)))
         except VehicleClientError as error:
-            left = ", ".join(list(change.before)[len(steps) :])
+            remaining = ", ".join(list(record.before)[len(changes) :])
             raise OperationError(
-                f"{error}; not put back yet: {left}. `ground params rollback` again goes on"
+                f"{error}; not restored yet: {remaining}. Run `ground params rollback` again"
             ) from None
     history.pop()
-    return change, tuple(steps)
+    return record, tuple(changes)
 
 
 class History:
-    """The changes of one vehicle, the last one last."""
+    """Stored uploads to one vehicle, oldest first."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     @classmethod
     def of(cls, vehicle: VehicleClient) -> "History":
+        """Return the history of a connected vehicle."""
         system = vehicle.party.system if vehicle.party else 0
         return cls(user_data_dir() / "changes" / f"system-{system}.json")
 
     def last(self) -> ParamUpload:
-        """Raises BadInputError where there is none."""
+        """Return the last upload. Raises InputError if there is none."""
         changes = self._read()
         if not changes:
-            raise InputError(f"{self.path}: keeps no change that could be undone")
+            raise InputError(f"{self.path}: holds no change that can be undone")
         return changes[-1]
 
     def push(self, change: ParamUpload) -> None:
-        """Raises OSError."""
+        """Store an upload. Raises OSError."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._write([*self._read(), change][-MAX_HISTORY:])
 
     def pop(self) -> None:
-        """Raises OSError."""
+        """Remove the last upload. Raises OSError."""
         self._write(self._read()[:-1])
 
     def _read(self) -> list[ParamUpload]:
@@ -123,7 +134,7 @@ class History:
             return []
         except msgspec.MsgspecError as error:
             raise InputError(
-                f"{self.path}: {error}; expected a list of changes: mend it or move it away"
+                f"{self.path}: {error}; expected a list of changes: repair or move it"
             ) from None
 
     def _write(self, changes: list[ParamUpload]) -> None:
@@ -135,45 +146,50 @@ class History:
 def _current_values(
     vehicle: VehicleClient, wanted: Mapping[str, float], source: str
 ) -> dict[str, float]:
-    aboard = vehicle.parameters()
-    unknown = [name for name in wanted if name not in aboard]
+    """Return the present values of the parameters in `wanted`. Raises InputError."""
+    present = vehicle.parameters()
+    unknown = [name for name in wanted if name not in present]
     if unknown:
         raise InputError(
             f"{source}: {', '.join(unknown)}: the vehicle has no such parameter; nothing was set"
         )
-    return {name: aboard[name] for name in wanted}
+    return {name: present[name] for name in wanted}
 
 
 def _restore(
     vehicle: VehicleClient,
     history: History,
-    done: list[ParamChange],
-    left: list[str],
+    changes: list[ParamChange],
+    remaining: list[str],
     error: VehicleClientError,
 ) -> None:
-    """Undo half a change; the value that failed may be aboard too. Raises FailedError in any
-    case."""
-    before, names = history.last().before, [step.name for step in done]
-    told = ", ".join(names) or "nothing"
+    """Undo an incomplete upload, and raise OperationError.
+
+    The first of the `remaining` parameters is restored too: it failed, but may have been set.
+    """
+    before, names = history.last().before, [change.name for change in changes]
+    set_names = ", ".join(names) or "nothing"
     try:
-        for name in (left[0], *reversed(names)):
+        for name in (remaining[0], *reversed(names)):
             vehicle.set_parameter(name, before[name])
     except VehicleClientError:
         raise OperationError(
-            f"{error}; set: {told}; not set: {', '.join(left)}. "
-            "Once she answers, `ground params rollback` puts back what was there before"
+            f"{error}; set: {set_names}; not set: {', '.join(remaining)}. "
+            "When the vehicle answers again, `ground params rollback` restores the old values"
         ) from None
     history.pop()
     raise OperationError(
-        f"{error}; set and put back: {told}. She has the values that she had before"
+        f"{error}; set and restored: {set_names}. The vehicle has its old values"
     ) from None
 
 
-def _unexpected_value(change: ParamUpload, present: Mapping[str, float]) -> str:
-    """The first value that is neither the one set nor the one before: half a change can be undone
-    too."""
+def _unexpected_value(upload: ParamUpload, present: Mapping[str, float]) -> str:
+    """Return a text about the first value that is neither the old nor the new one; or nothing.
+
+    An incomplete upload, with some old and some new values, can be undone.
+    """
     for name, value in present.items():
-        wanted = change.before[name], change.after[name]
-        if not any(abs(value - other) <= 1e-6 * max(1.0, abs(other)) for other in wanted):
-            return f"{name} is {value:g} aboard, and {change.source} set {change.after[name]:g}"
+        expected = upload.before[name], upload.after[name]
+        if not any(abs(value - other) <= 1e-6 * max(1.0, abs(other)) for other in expected):
+            return f"{name} is {value:g}, and {upload.source} set {upload.after[name]:g}"
     return ""

@@ -1,9 +1,9 @@
-"""Writes every MAVLink frame that arrives into an MCAP file, as it came (`mavlink_io.logging`).
+"""Recorder of all received MAVLink frames in an MCAP file (`mavlink_io.logging`).
 
-``log_time`` is the UNIX time at which the vehicle's clock stood at zero plus vehicle time; a
-message that carries no time has that of the last one of its system that did. Chunks are small and
-handed to the operating system several times a second, so that a killed process loses next to
-nothing."""
+`log_time` is the UNIX time at which the vehicle clock was zero, plus vehicle time. A message
+without a time stamp gets the time of the last stamped message of its system. Small chunks are
+flushed several times a second, so that a killed process loses less than a second.
+"""
 
 import time
 from collections.abc import Callable, Mapping
@@ -18,18 +18,21 @@ from mavlink_io.logging.mavlink_log import Channel, MavlinkLog
 from mavlink_io.logging.tlog import TelemetryLog
 
 FLUSH_PERIOD_S = 0.2
+"""Wall time between flushes."""
 RESTART_US = 10_000_000
-"""A step back of vehicle time by more than this is a restart, by less an old sample such as a
-satellite fix."""
+"""Step back of vehicle time that counts as a restart of the autopilot; a smaller step is an old
+sample, such as a satellite fix."""
 
 
 class _Stream(NamedTuple):
+    """Channel of one message of one sender, and the reader of its time stamp."""
+
     channel: Channel
     read_time_us: Callable[[bytes], int | None] | None
 
 
 class _Clock:
-    """The vehicle time of one sending system, and where it stands in UNIX time."""
+    """Vehicle time of one system, and the UNIX time at its zero."""
 
     def __init__(self, start_unix_ns: int) -> None:
         self.start_unix_ns = start_unix_ns
@@ -38,8 +41,7 @@ class _Clock:
 
 
 class Recorder:
-    """An open log. Close it with ``finish`` in every exit; what was flushed before can be recovered
-    without."""
+    """An open log. Call `finish` in all cases; without it, flushed data can still be recovered."""
 
     def __init__(
         self, path: Path, tlog: Path | None = None, now_unix_ns: Callable[[], int] = time.time_ns
@@ -57,6 +59,7 @@ class Recorder:
 
     @property
     def message_count(self) -> int:
+        """Number of recorded messages."""
         return self._log.message_count
 
     @property
@@ -65,7 +68,7 @@ class Recorder:
         return max((clock.vehicle_us for clock in self._clocks.values()), default=0) / 1e6
 
     def heard(self, component: int, name: str) -> bool:
-        """Whether any system's ``component`` has sent a message of that name."""
+        """Return whether a component with this id has sent a message of this name."""
         message_id = dialect.by_name(name).message_id
         return any(key[1:] == (component, message_id) for key in self._streams)
 
@@ -76,36 +79,35 @@ class Recorder:
         clock = self._clocks.get(frame.system) or self._clocks.setdefault(
             frame.system, _Clock(self._opened_unix_ns)
         )
-        own_us = None
+        stamp_us = None
         if stream.read_time_us is not None:
-            own_us = stream.read_time_us(frame.payload.ljust(stream.channel.length, b"\0"))
-        if own_us is not None:
-            self._set_clock(frame.system, clock, own_us)
-        time_ns = clock.start_unix_ns + (clock.vehicle_us if own_us is None else own_us) * 1000
+            stamp_us = stream.read_time_us(frame.payload.ljust(stream.channel.length, b"\0"))
+        if stamp_us is not None:
+            self._set_clock(frame.system, clock, stamp_us)
+        time_ns = clock.start_unix_ns + (clock.vehicle_us if stamp_us is None else stamp_us) * 1000
         self._log.write(stream.channel, time_ns, frame.payload, frame.sequence)
         if self._tlog is not None:
             self._tlog.write(time_ns // 1000, frame.raw)
 
     def attach(self, name: str, data: bytes, media_type: str) -> None:
-        """Keep a file inside the log, such as the mission that was flown."""
+        """Attach a file to the log, such as the mission."""
         self._log.attach(self._now_unix_ns(), name, data, media_type)
 
     def attach_parameters(self, values: Mapping[str, float]) -> None:
-        """Keep the vehicle's parameters as ``params.json``."""
+        """Attach the vehicle's parameters to the log as `params.json`."""
         self._log.attach_parameters(self._now_unix_ns(), values)
 
     def annotate(self, name: str, values: Mapping[str, str]) -> None:
-        """Keep named texts inside the log, such as versions and seeds."""
+        """Write named texts, such as versions and seeds, as metadata of the log."""
         self._log.annotate(name, values)
 
     def flush_when_due(self) -> None:
-        """Hand what was recorded to the operating system, a few times a second. Call it often, also
-        in silence."""
+        """Flush if `FLUSH_PERIOD_S` has passed. Call it often, also when no frame arrives."""
         if self._flush.due():
             self.flush()
 
     def flush(self) -> None:
-        """Hand what was recorded to the operating system now."""
+        """Flush the log to the operating system."""
         self._log.flush()
         if self._tlog is not None:
             self._tlog.flush()

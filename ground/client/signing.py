@@ -1,5 +1,4 @@
-"""How ground signs what it says to a vehicle (MAVLink 2 message signing,
-``mavlink_io.signing``)."""
+"""Signing of the link to a vehicle (MAVLink 2 message signing, `mavlink_io.signing`)."""
 
 import contextlib
 from collections.abc import Iterator
@@ -16,15 +15,17 @@ from mavlink_io.signing import (
 from mavlink_io.user_data_dir import user_data_dir
 
 LINK_ID = 0
-"""Ground speaks to one vehicle by one link."""
+"""Link id in signatures: a process has one link to one vehicle."""
 
 
 @contextlib.contextmanager
 def open_signing(key_file: Path | None) -> Iterator[Signing | None]:
-    """The signature of one link, None without a key; its timestamp is kept at the end.
+    """Yield the signing state of one link, None without a key; store its timestamp at the end.
 
-    Raises:
-        BadInputError: the file holds no key.
+    Raises
+    ------
+    InputError
+        The file holds no key.
     """
     if key_file is None:
         yield None
@@ -37,5 +38,5 @@ def open_signing(key_file: Path | None) -> Iterator[Signing | None]:
     try:
         yield Signing(key, LINK_ID, timestamp)
     finally:
-        with contextlib.suppress(OSError):  # the clock alone is nearly as good
+        with contextlib.suppress(OSError):  # the next start then uses the system clock
             timestamp.save()

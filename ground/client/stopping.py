@@ -1,4 +1,4 @@
-"""End or hold a dive that is under way, and say what an interrupted program leaves behind."""
+"""End or hold a dive, and describe the vehicle that an interrupted program leaves behind."""
 
 import shlex
 from collections.abc import Callable
@@ -10,18 +10,19 @@ from ground.errors import OperationError
 
 SURFACE, HOLD = "SURFACE", "HOLD"
 CONFIRM_WITHIN_S = 5.0
-"""Wall time (s) in which a HEARTBEAT must show the mode that the vehicle has accepted: five of
-them."""
+"""Wall time in which a HEARTBEAT must report the mode that the vehicle has accepted; it sends one
+per second."""
 
 
 class State(NamedTuple):
-    """What the last messages report."""
+    """State of the vehicle according to its last messages."""
 
     mode: str
     armed: bool
     depth_m: float | None
 
     def in_words(self) -> str:
+        """Return the state as a sentence."""
         if not self.armed:
             return f"the vehicle is disarmed, in mode {self.mode}"
         depth = "" if self.depth_m is None else f", {self.depth_m:.1f} m deep"
@@ -29,59 +30,59 @@ class State(NamedTuple):
 
 
 def state(vehicle: VehicleClient) -> State:
-    """Return the state that the last messages report."""
+    """Return the state of the vehicle according to its last messages."""
     position = vehicle.latest("LOCAL_POSITION_NED")
     return State(vehicle.mode, vehicle.armed, position.z if position else None)
 
 
-def enter(vehicle: VehicleClient, wanted: str) -> State:
-    """Set a mode by the name that the vehicle gives it, and wait until its HEARTBEAT confirms it.
+def enter(vehicle: VehicleClient, mode: str) -> State:
+    """Set a mode by name, and wait until a HEARTBEAT confirms it.
 
     Parameters
     ----------
-    vehicle : Vehicle
-        Connected.
-    wanted : str
-        The name of the mode; upper and lower case are the same.
+    vehicle : VehicleClient
+        A connected vehicle.
+    mode : str
+        Name of the mode as the vehicle lists it; upper and lower case are equal.
 
     Returns
     -------
     State
-        In the mode; or disarmed, where the mode has ended the dive at once.
+        State in the new mode; disarmed if the mode ended the dive at once.
 
     Raises
     ------
-    VehicleError
-        The vehicle does not offer the mode, refuses it, or went away.
-    FailedError
-        The vehicle accepted the mode, and its HEARTBEAT shows another one.
+    VehicleClientError
+        The vehicle does not offer the mode, refused it, or was lost.
+    OperationError
+        The vehicle accepted the mode, but its HEARTBEAT reports another one.
     """
     offered = vehicle.offered_modes()
-    name = next((name for name in offered if name.upper() == wanted.upper()), wanted)
-    was_armed, heard = vehicle.armed, vehicle.heartbeats
+    name = next((name for name in offered if name.upper() == mode.upper()), mode)
+    was_armed, heartbeats = vehicle.armed, vehicle.heartbeats
     vehicle.set_mode(name)
 
     def is_confirmed() -> bool:
         ended = was_armed and not vehicle.armed
-        return vehicle.heartbeats > heard and (vehicle.custom_mode == offered[name] or ended)
+        return vehicle.heartbeats > heartbeats and (vehicle.custom_mode == offered[name] or ended)
 
     if not vehicle.pump_until(is_confirmed, CONFIRM_WITHIN_S):
         raise OperationError(
-            f"mode {name}: the vehicle accepted it, and {CONFIRM_WITHIN_S:g} s later reports"
+            f"mode {name}: the vehicle accepted it, but {CONFIRM_WITHIN_S:g} s later reports"
             f" {vehicle.mode}"
         )
     return state(vehicle)
 
 
 def wait_until_disarmed(vehicle: VehicleClient, watch: Callable[[State], None]) -> State:
-    """Wait until a vehicle that surfaces has disarmed itself, for as long as it takes.
+    """Wait without a time limit until a surfacing vehicle has disarmed itself.
 
     Raises
     ------
-    VehicleError
-        The vehicle went away.
-    FailedError
-        The vehicle has left the mode while it is armed: it no longer surfaces.
+    VehicleClientError
+        The vehicle was lost.
+    OperationError
+        The vehicle left the mode while it was armed, so it no longer surfaces.
     """
     mode = vehicle.mode
     while vehicle.armed:
@@ -95,12 +96,12 @@ def wait_until_disarmed(vehicle: VehicleClient, watch: Callable[[State], None]) 
 
 
 def left_behind(vehicle: VehicleClient, address: str, key_file: Path | None) -> str:
-    """Say in what state a program leaves a vehicle that it was flying, and which commands stop it.
+    """Return in which state a program leaves the vehicle, and which commands stop it.
 
     Parameters
     ----------
-    vehicle : Vehicle
-        Connected or not; nothing is sent or received.
+    vehicle : VehicleClient
+        The vehicle, connected or not; nothing is sent or received.
     address : str
         The address that `--connect` takes.
     key_file : Path, optional
@@ -109,7 +110,7 @@ def left_behind(vehicle: VehicleClient, address: str, key_file: Path | None) -> 
     Returns
     -------
     str
-        One line; empty where the vehicle was never found.
+        One line; empty if the vehicle was never found.
     """
     if vehicle.party is None:
         return ""
@@ -118,8 +119,8 @@ def left_behind(vehicle: VehicleClient, address: str, key_file: Path | None) -> 
     link = f"--connect {shlex.quote(address)}" + (
         f" --sign {shlex.quote(str(key_file))}" if key_file else ""
     )
-    what = f"is still under way in mode {vehicle.mode}" if vehicle.armed else "was about to arm"
+    status = f"is still under way in mode {vehicle.mode}" if vehicle.armed else "was about to arm"
     return (
-        f"the vehicle {what}: `ground surface {link}` ends the dive, "
+        f"the vehicle {status}: `ground surface {link}` ends the dive, "
         f"`ground hold {link}` keeps depth, heading and thrust"
     )

@@ -1,7 +1,8 @@
-"""The client of one MAVLink vehicle: finds it, asks it, and hears everything it says.
+"""Client of one MAVLink vehicle: connection, parameters, missions, modes, commands and recording.
 
-There is one receive loop, ``pump``. Whatever else is going on - an upload, a wait - turns that
-loop, so that every frame is recorded whatever anybody is waiting for."""
+There is one receive loop, `VehicleClient.pump`. Every request calls it while it waits for its
+answer, so that all frames are recorded at all times.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -20,7 +21,7 @@ from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.logging.statustext import TextJoiner
-from mavlink_io.mission_items import MissionItem
+from mavlink_io.mission_items import MavCmd, MissionItem
 from mavlink_io.records import ARMED_FLAG
 from mavlink_io.request import Exchange, ExchangeError, MavlinkId
 from mavlink_io.services.missions import MissionClient
@@ -32,19 +33,20 @@ T = TypeVar("T")
 C = TypeVar("C")
 
 GROUND = MavlinkId(250, constant("MAV_COMP_ID_MISSIONPLANNER"))
-"""Ground's own address: not 255/190, whose frames MAVSDK drops as QGroundControl's."""
+"""System and component of the ground software. Not 255/190: MAVSDK ignores frames of that id."""
 HEARTBEAT_PERIOD_S = 1.0
+"""Wall time between our heartbeats."""
 WATCHDOG_PERIOD_S = 0.2
+"""Wall time between calls of the watchdog."""
 READY_TIMEOUT_S = 60.0
 """Maximum wall time (s) in which a vehicle may reach MAV_STATE_STANDBY before it is armed."""
 SIMULATED_READY_WITHIN_S = 300.0
-"""The same of a simulated vehicle, whose processes are watched: on a new or busy machine the
-simulator may take minutes to compile its kernels before the first sensor sample."""
+"""The same limit for a simulated vehicle, whose processes are monitored: on a new or busy machine
+the simulator may compile its numeric code for minutes before the first sensor sample."""
 ARM_RETRY_S, ARM_RETRY_PERIOD_S = 15.0, 1.0
-"""Wall time (s) in which a temporary refusal to arm is asked again, and the time between
-attempts."""
+"""Wall time in which arming is retried after a temporary refusal, and the time between retries."""
 HEARTBEAT_TIMEOUT_S = 5.0
-"""Wall seconds without a heartbeat after which a vehicle counts as lost."""
+"""Wall time without a heartbeat after which a vehicle counts as lost."""
 _STANDBY = constant("MAV_STATE_STANDBY")
 _PREARM = constant("MAV_SYS_STATUS_PREARM_CHECK")
 _HEARTBEAT, _STATUSTEXT = (
@@ -55,7 +57,7 @@ _SYS_STATUS = constant("MAVLINK_MSG_ID_SYS_STATUS")
 
 
 class VehicleClientError(OperationError):
-    """The vehicle is not there, went away, or refused; the message says which and why."""
+    """The vehicle was not found, was lost or refused a request; the message gives the reason."""
 
 
 class RefusedError(VehicleClientError):
@@ -67,12 +69,15 @@ class RefusedError(VehicleClientError):
 
 
 class StatusText(NamedTuple):
+    """A complete text of the vehicle, assembled from its STATUSTEXT chunks."""
+
     severity: int
+    """MAV_SEVERITY: 0 emergency to 7 debug."""
     text: str
 
 
 class VehicleClient:
-    """A connected vehicle. Raises VehicleError wherever it is lost or refuses."""
+    """Connection to one vehicle. Methods raise VehicleClientError if it is lost or refuses."""
 
     def __init__(
         self,
@@ -81,51 +86,62 @@ class VehicleClient:
         watchdog: Callable[[], None] | None = None,
         signing: Signing | None = None,
     ) -> None:
-        """``watchdog`` is called several times a second, to raise when what carries the vehicle has
-        failed."""
+        """Take over a transport; `connect` finds the vehicle on it.
+
+        Parameters
+        ----------
+        transport : Transport
+            Link to the vehicle; `close` closes it.
+        recorder : Recorder, optional
+            Records every received frame.
+        watchdog : Callable, optional
+            Called every `WATCHDOG_PERIOD_S` of wall time; raises if a process of a simulated
+            vehicle has failed.
+        signing : Signing, optional
+            Signs every sent frame.
+        """
         self._endpoint = Endpoint(transport, *GROUND, signing)
         self._recorder = recorder
         self._watchdog = watchdog
         self._heartbeat, self._check = Every(HEARTBEAT_PERIOD_S), Every(WATCHDOG_PERIOD_S)
-        self._heard_s = wall_s()
+        self._heartbeat_received_s = wall_s()
         self._latest: dict[int, Frame] = {}
         self._modes: dict[str, int] = {}
         self._listener: Callable[[Frame], None] | None = None
         self.on_text: Callable[[StatusText], None] | None = None
         self.on_frame: Callable[[Frame], None] | None = None
-        """Called with every frame of the autopilot's own."""
+        """Called with each frame that the autopilot itself sends."""
         self.party: MavlinkId | None = None
+        """System and component of the autopilot; None until it is found."""
         self._status = 0
         self._own_status: Frame | None = None
-        """The autopilot's newest SYS_STATUS; its devices send that message too."""
+        """Newest SYS_STATUS of the autopilot itself; other components send that message too."""
         self.kind = 0
-        """MAV_TYPE."""
+        """MAV_TYPE of the last HEARTBEAT."""
         self.armed = False
         self.arm_requested = False
-        """Whether it was asked to arm and has not refused: it may be armed before a HEARTBEAT says
-        so."""
+        """True after a request to arm that was not refused: the vehicle may already be armed."""
         self.heartbeats = 0
-        """How many were received of the vehicle."""
+        """Number of HEARTBEATs received from the vehicle."""
         self._last_heartbeat: Any = None
         self.disarmings = 0
-        """How often the vehicle was seen to disarm."""
+        """Number of changes from armed to disarmed."""
         self.texts: list[StatusText] = []
         self._joiner = TextJoiner()
 
     @property
     def lost_frames(self) -> int:
-        """Frames that were sent and never arrived, by their sequence numbers."""
+        """Number of frames that were lost, counted by gaps in the sequence numbers."""
         return self._endpoint.lost_frames
 
     @property
     def custom_mode(self) -> int:
-        """HEARTBEAT.custom_mode as last received."""
+        """`custom_mode` of the last HEARTBEAT; 0 before the first one."""
         return 0 if self._last_heartbeat is None else int(self._last_heartbeat.custom_mode)
 
     @property
     def mode(self) -> str:
-        """The mode of the last HEARTBEAT, by the vehicle's own name as far as `modes` has been
-        asked."""
+        """Name of the mode in the last HEARTBEAT, as the vehicle lists it if `modes` was called."""
         if self._last_heartbeat is None:
             return "unknown"
         return mode_names.name(
@@ -134,13 +150,14 @@ class VehicleClient:
 
     @property
     def recorder(self) -> Recorder | None:
+        """The recorder of received frames."""
         return self._recorder
 
     def connect(self, timeout_s: float = 30.0) -> None:
-        """Wait for the heartbeat of an autopilot."""
+        """Wait for the HEARTBEAT of an autopilot, for at most `timeout_s` of wall time."""
         deadline_s = wall_s() + timeout_s
         while True:
-            self._heard_s = wall_s()
+            self._heartbeat_received_s = wall_s()
             is_all = self.pump(0.05)
             if self.party is not None:
                 return
@@ -148,11 +165,24 @@ class VehicleClient:
                 raise VehicleClientError(self._not_found(timeout_s))
 
     def pump(self, timeout_s: float) -> bool:
-        """Receive what has come, waiting for it for at most ``timeout_s``: record it, take note of
-        it.
+        """Receive and record the frames that have arrived; send our heartbeat if it is due.
 
-        Returns whether nothing is left unread. Silence is judged only then: after a pause of this
-        process the wall clock is ahead of the messages that wait in the socket."""
+        Parameters
+        ----------
+        timeout_s : float
+            Maximum wall time to wait for the first frame.
+
+        Returns
+        -------
+        bool
+            True if nothing is left unread. The heartbeat timeout is checked only then: after a
+            pause of this process, frames that arrived in time may still wait in the socket.
+
+        Raises
+        ------
+        VehicleClientError
+            The link is closed, or no HEARTBEAT came within `HEARTBEAT_TIMEOUT_S`.
+        """
         transport = self._endpoint.transport
         try:
             if self._heartbeat.due():
@@ -161,12 +191,12 @@ class VehicleClient:
             frames, is_all = connection_diagnosis.receive_all(self._endpoint)
         except LinkLostError as error:
             raise VehicleClientError(f"the vehicle is gone: {error}") from None
-        self._take(frames)
+        self._process(frames)
         if self._watchdog is not None and self._check.due():
             self._watchdog()
         if self._recorder is not None:
             self._recorder.flush_when_due()
-        if is_all and wall_s() - self._heard_s > HEARTBEAT_TIMEOUT_S:
+        if is_all and wall_s() - self._heartbeat_received_s > HEARTBEAT_TIMEOUT_S:
             raise VehicleClientError(
                 f"the vehicle is gone: no heartbeat on {transport.address} "
                 f"for {HEARTBEAT_TIMEOUT_S:g} s"
@@ -174,38 +204,38 @@ class VehicleClient:
         return is_all
 
     def latest(self, name: str) -> Any | None:
-        """The newest message of a name, decoded; None when none has come."""
+        """Return the newest message of a name, decoded; None before the first one."""
         frame = self._latest.get(dialect.by_name(name).message_id)
         return None if frame is None else frame.decode()
 
     def parameters(self) -> dict[str, float]:
-        """Every parameter by name."""
+        """Return all parameters of the vehicle by name."""
         return self._run(self._client(ParamClient).list())
 
     def parameter(self, name: str) -> float:
+        """Return the value of one parameter."""
         return self._run(self._client(ParamClient).get(name))
 
     def set_parameter(self, name: str, value: float) -> float:
-        """Set a parameter; returns what the vehicle reads back."""
+        """Set a parameter; return the value that the vehicle reports back."""
         return self._run(self._client(ParamClient).set(name, value))
 
     def upload(self, items: Sequence[MissionItem]) -> None:
-        """Replace the mission."""
+        """Replace the mission on the vehicle."""
         self._run(self._client(MissionClient).upload(items))
 
     def download(self) -> tuple[MissionItem, ...]:
-        """Fetch the mission."""
+        """Return the mission on the vehicle."""
         return self._run(self._client(MissionClient).download())
 
     def modes(self) -> dict[str, int]:
-        """The modes the vehicle offers: custom_mode by name."""
+        """Return the `custom_mode` of each mode that the vehicle lists, by name."""
         if not self._modes:
             self._modes = self._run(ModeList(self._endpoint.send, GROUND, self._peer))
         return self._modes
 
     def offered_modes(self) -> dict[str, int]:
-        """Return `modes`; of a vehicle that does not list them, those that are known for its
-        type."""
+        """Return `modes`, or the known modes of its type if the vehicle does not list them."""
         try:
             return self.modes()
         except VehicleClientError:
@@ -217,15 +247,15 @@ class VehicleClient:
             return self._modes
 
     def set_mode(self, name: str) -> None:
-        """Change mode by name, as the vehicle calls it."""
+        """Set a mode by the name that the vehicle lists."""
         modes = self.offered_modes()
         if name not in modes:
             raise VehicleClientError(f"mode {name}: the vehicle offers {', '.join(sorted(modes))}")
-        self.command(commands.SET_MODE, 1.0, float(modes[name]))
+        self.command(MavCmd.DO_SET_MODE, 1.0, float(modes[name]))
 
     def set_interval(self, name: str, rate_hz: float) -> None:
-        """Have a message sent ``rate_hz`` times a second of vehicle time."""
-        self.command(commands.SET_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz)
+        """Request a message at `rate_hz` (vehicle time)."""
+        self.command(MavCmd.SET_MESSAGE_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz)
 
     def arm(self, patience_s: float | None = None) -> None:
         """Arm as soon as the vehicle is ready.
@@ -239,8 +269,8 @@ class VehicleClient:
         Raises
         ------
         RefusedError
-            The refusal is final; the vehicle reports that its pre-arm checks pass and refuses twice
-            all the same; or a temporary refusal has lasted for `ARM_RETRY_S`.
+            The refusal is permanent; or the vehicle refused twice while it reported that its
+            pre-arm checks pass; or a temporary refusal lasted for `ARM_RETRY_S`.
         """
         if patience_s is None:
             patience_s = READY_TIMEOUT_S if self._watchdog is None else SIMULATED_READY_WITHIN_S
@@ -249,13 +279,13 @@ class VehicleClient:
         while True:
             self.arm_requested = True
             try:
-                self.command(commands.ARM, 1.0)
+                self.command(MavCmd.COMPONENT_ARM_DISARM, 1.0)
                 return
             except RefusedError as refusal:
                 self.arm_requested = False
                 if refusal.result != commands.TEMPORARILY_REJECTED or wall_s() > deadline_s:
                     raise
-                # The checks may have passed since the refusal: one more attempt decides.
+                # The checks may have passed since the refusal, so try once more.
                 passed_before, passed = passed, bool(self._passes_prearm())
                 if passed and passed_before:
                     raise
@@ -263,10 +293,11 @@ class VehicleClient:
                     self._wait_for_prearm(deadline_s)
 
     def disarm(self, *, force: bool = False) -> None:
-        self.command(commands.ARM, 0.0, 21196.0 if force else 0.0)
+        """Disarm; with `force` also under way (param2 of MAV_CMD_COMPONENT_ARM_DISARM)."""
+        self.command(MavCmd.COMPONENT_ARM_DISARM, 0.0, 21196.0 if force else 0.0)
 
     def command(self, command: int, *parameters: float) -> None:
-        """Send one command and wait until it is done. Raises RefusedError, VehicleError."""
+        """Send a command and wait until it is done. Raises RefusedError, VehicleClientError."""
         exchange = CommandExchange(self._endpoint.send, GROUND, self._peer, command, *parameters)
         try:
             self._run(exchange)
@@ -276,24 +307,21 @@ class VehicleClient:
             raise RefusedError(str(error), exchange.refusal) from None
 
     def use(self, kind: Callable[..., C], ask: Callable[[C], Exchange[T]]) -> T:
-        """Carry out what a service's client begins: ``use(FileClient, lambda files:
-        files.list("/logs"))``."""
+        """Run a request of a service: `use(FileClient, lambda files: files.list("/logs"))`."""
         return self._run(ask(self._client(kind)))
 
     def _wait_for_prearm(self, deadline_s: float) -> None:
-        """Wait until the vehicle reports that its checks pass; one period where it reports
-        nothing."""
+        """Wait until the pre-arm checks pass; one period if the vehicle does not report them."""
         while wall_s() < deadline_s:
             self.pump_until(lambda: False, ARM_RETRY_PERIOD_S)
             if self._passes_prearm() is not False:
                 return
 
     def _passes_prearm(self) -> bool | None:
-        """Ask for the vehicle's own verdict on its pre-arm checks; None where it does not report
-        one."""
+        """Request and return whether the pre-arm checks pass; None if the vehicle reports none."""
         self._own_status = None
         CommandExchange(
-            self._endpoint.send, GROUND, self._peer, commands.REQUEST, _SYS_STATUS
+            self._endpoint.send, GROUND, self._peer, MavCmd.REQUEST_MESSAGE, _SYS_STATUS
         ).poll(wall_s())
         self.pump_until(lambda: self._own_status is not None, ARM_RETRY_PERIOD_S)
         status = None if self._own_status is None else self._own_status.decode()
@@ -302,13 +330,14 @@ class VehicleClient:
         return bool(status.onboard_control_sensors_health & _PREARM)
 
     def pump_until(self, is_done: Callable[[], bool], timeout_s: float) -> bool:
-        """Receive until something is so, for at most a wall time (s). Returns whether it is so."""
+        """Receive until a condition holds or the wall time is over; return the condition."""
         deadline_s = wall_s() + timeout_s
         while not is_done() and wall_s() < deadline_s:
             self.pump(0.05)
         return is_done()
 
     def close(self) -> None:
+        """Close the link."""
         self._endpoint.transport.close()
 
     @property
@@ -321,7 +350,7 @@ class VehicleClient:
         return kind(self._endpoint.send, GROUND, self._peer)
 
     def _run(self, exchange: Exchange[T]) -> T:
-        told = len(self.texts)
+        first_text = len(self.texts)
         self._listener = exchange.feed
         try:
             while not exchange.done:
@@ -329,27 +358,28 @@ class VehicleClient:
                 self.pump(0.02)
             return exchange.result()
         except ExchangeError as error:
-            raise VehicleClientError(self._with_reason(error, told)) from None
+            raise VehicleClientError(self._with_reason(error, first_text)) from None
         except LinkLostError as error:
             raise VehicleClientError(f"the vehicle is gone: {error}") from None
         finally:
             self._listener = None
 
-    def _with_reason(self, error: ExchangeError, told: int) -> str:
-        """The refusal, with what the vehicle said of it meanwhile."""
-        said = [text.text for text in self.texts[told:]]
-        return f"{error}" + (f" ({'; '.join(said)})" if said else "")
+    def _with_reason(self, error: ExchangeError, first_text: int) -> str:
+        """Return the error with the texts that the vehicle sent during the request."""
+        texts = [text.text for text in self.texts[first_text:]]
+        return f"{error}" + (f" ({'; '.join(texts)})" if texts else "")
 
-    def _take(self, frames: Sequence[Frame]) -> None:
+    def _process(self, frames: Sequence[Frame]) -> None:
+        """Record the frames, update the state and call the listeners."""
         recorder, latest, listener = self._recorder, self._latest, self._listener
         for frame in frames:
             if recorder is not None:
                 recorder.record(frame)
             latest[frame.message_id] = frame
             if frame.message_id == _HEARTBEAT:
-                self._hear_heartbeat(frame)
+                self._on_heartbeat(frame)
             elif frame.message_id == _STATUSTEXT:
-                self._hear_text(frame)
+                self._on_statustext(frame)
             elif frame.message_id == _SYS_STATUS and (frame.system, frame.component) == self.party:
                 self._own_status = frame
             if listener is not None:
@@ -357,13 +387,13 @@ class VehicleClient:
             if self.on_frame is not None and (frame.system, frame.component) == self.party:
                 self.on_frame(frame)
 
-    def _hear_heartbeat(self, frame: Frame) -> None:
+    def _on_heartbeat(self, frame: Frame) -> None:
         message = frame.decode()
         sender = MavlinkId(frame.system, frame.component)
         if self.party is None and connection_diagnosis.is_vehicle(message):
             self.party = sender
         if sender == self.party:
-            self._heard_s = wall_s()
+            self._heartbeat_received_s = wall_s()
             self.kind = message.type
             self.heartbeats += 1
             self._last_heartbeat = message
@@ -374,12 +404,12 @@ class VehicleClient:
                 self.arm_requested = False
             self.armed = armed
 
-    def _hear_text(self, frame: Frame) -> None:
+    def _on_statustext(self, frame: Frame) -> None:
         message = frame.decode()
-        whole = self._joiner.add(frame.system, message)
-        if whole is None:
+        complete = self._joiner.add(frame.system, message)
+        if complete is None:
             return
-        text = StatusText(message.severity, whole)
+        text = StatusText(message.severity, complete)
         self.texts.append(text)
         if self.on_text is not None:
             self.on_text(text)
@@ -387,8 +417,8 @@ class VehicleClient:
     def _not_found(self, timeout_s: float) -> str:
         address = self._endpoint.transport.address
         senders = {MavlinkId(frame.system, frame.component) for frame in self._latest.values()}
-        heard = connection_diagnosis.explain(address, senders, self._endpoint.skipped_bytes)
-        return f"no vehicle on {address} within {timeout_s:g} s: {heard}"
+        reason = connection_diagnosis.explain(address, senders, self._endpoint.skipped_bytes)
+        return f"no vehicle on {address} within {timeout_s:g} s: {reason}"
 
     def _send_heartbeat(self) -> None:
         self._endpoint.send(
@@ -404,10 +434,19 @@ class VehicleClient:
 
 @contextmanager
 def connected(address: str, key_file: Path | None = None) -> Iterator[VehicleClient]:
-    """The vehicle at an address, let go of afterwards; with a key file, over a link that is signed.
+    """Connect to the vehicle at an address, and close the link at the end.
 
-    Raises:
-        AddressError, BadInputError, VehicleError: there is no such address, key or vehicle.
+    Parameters
+    ----------
+    address : str
+        Link address, such as `udpin:127.0.0.1:14550`.
+    key_file : Path, optional
+        Passphrase or key with which the link is signed.
+
+    Raises
+    ------
+    AddressError, InputError, VehicleClientError
+        The address or key cannot be used, or no vehicle was found.
     """
     with open_signing(key_file) as signature:
         vehicle = VehicleClient(open_transport(address), signing=signature)

@@ -4,12 +4,11 @@ with both."""
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from sysid.test_design.plan import Planned, PlanRequest, TestPlan
-    from sysid.test_design.safety_margins import Excursion, ExcursionLimits
-    from sysid.test_design.simulate import Manoeuvre
+from sysid.test_design.plan import SETTLING_S, Planned, PlanRequest, TestPlan, recovery_s
+from sysid.test_design.safety_margins import Excursion, ExcursionLimits
+from sysid.test_design.simulate import Manoeuvre
 
 DEPTH_TOLERANCE_M = 0.3
 """What the depth loop may be off when a test begins: the envelope counts from the surface,
@@ -36,10 +35,9 @@ def paths_beside(tests: Path) -> Files:
 
 
 def mission(
-    planned: Sequence["Planned"], dive: TestDive, request: "PlanRequest", name: str, about: str
+    planned: Sequence[Planned], dive: TestDive, request: PlanRequest, name: str, about: str
 ) -> str:
     """A mission script: a settling leg, then each test and its recovery, then the surface."""
-    from sysid.test_design.plan import SETTLING_S, recovery_s
 
     blocks = [f'name = "{name}"\nabout = "{about}"', _leg(dive, SETTLING_S, first=True)]
     for number, one in enumerate(planned, start=1):
@@ -55,7 +53,7 @@ def _leg(dive: TestDive, seconds: float, *, first: bool = False) -> str:
     )
 
 
-def _comment(number: int, planned: "Planned") -> str:
+def _comment(number: int, planned: Planned) -> str:
     """What a test is for and how far it goes, as comments."""
     planes = zip(planned.manoeuvre.planes, planned.excursions, strict=True)
     lines = [f"# {number}. {_describe_excursion(plane, excursion)}" for plane, excursion in planes]
@@ -65,7 +63,7 @@ def _comment(number: int, planned: "Planned") -> str:
     return "\n".join(lines)
 
 
-def _describe_excursion(plane: str, found: "Excursion") -> str:
+def _describe_excursion(plane: str, found: Excursion) -> str:
     angle, depth = (
         ("heading", "") if plane == "yaw" else ("pitch", f", depth {found.depth_m:.1f} m")
     )
@@ -75,11 +73,11 @@ def _describe_excursion(plane: str, found: "Excursion") -> str:
     )
 
 
-def _test(what: "Manoeuvre") -> str:
+def _test(what: Manoeuvre) -> str:
     return "{ " + ", ".join(f"{key} = {value}" for key, value in _keys(what)) + " }"
 
 
-def _keys(what: "Manoeuvre") -> Iterator[tuple[str, str]]:
+def _keys(what: Manoeuvre) -> Iterator[tuple[str, str]]:
     yield "signal", f'"{what.wave}"'
     yield "axis", f'"{what.surface}"'
     yield "magnitude_deg", f"{what.size_deg:g}"
@@ -96,7 +94,7 @@ def _keys(what: "Manoeuvre") -> Iterator[tuple[str, str]]:
         yield "loop_on", "true"
 
 
-def envelope(plan: "TestPlan", limits: "ExcursionLimits", dive: TestDive) -> dict[str, float]:
+def envelope(plan: TestPlan, limits: ExcursionLimits, dive: TestDive) -> dict[str, float]:
     """The limits as the parameters by which the vehicle ends a test that leaves them; and the
     elevator's share of tests of both surfaces, which is the same in all."""
     flown = [one.manoeuvre for one in (*plan.tests, *plan.held_out)]

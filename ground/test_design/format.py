@@ -1,15 +1,13 @@
 """A plan as a table for people and as plain numbers."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from rich.table import Table
 
 from ground.terminal import Rendered, render
 from mavlink_io.printable import printable
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from sysid.test_design.information import DesignUncertainty
-    from sysid.test_design.plan import Planned, TestPlan
+from sysid.test_design.information import DesignUncertainty
+from sysid.test_design.plan import Planned, TestPlan
 
 WIDTH = 130
 COLUMNS = {
@@ -23,9 +21,7 @@ COLUMNS = {
 }
 
 
-def as_json(
-    plan: "TestPlan", files: dict[str, str], parameters: dict[str, float]
-) -> dict[str, Any]:
+def as_json(plan: TestPlan, files: dict[str, str], parameters: dict[str, float]) -> dict[str, Any]:
     """Everything of a plan, each number with its unit in its name."""
     return {
         "files": files,
@@ -41,11 +37,11 @@ def as_json(
     }
 
 
-def _stages(plan: "TestPlan") -> dict[str, "dict[Any, DesignUncertainty]"]:
+def _stages(plan: TestPlan) -> dict[str, dict[Any, DesignUncertainty]]:
     return {"before": plan.before, "after": plan.after, "paper_steps": plan.paper}
 
 
-def _test_json(planned: "Planned") -> dict[str, Any]:
+def _test_json(planned: Planned) -> dict[str, Any]:
     what = planned.manoeuvre._asdict() | {"surface": planned.manoeuvre.surface}
     return {
         **what,
@@ -55,7 +51,7 @@ def _test_json(planned: "Planned") -> dict[str, Any]:
     }
 
 
-def format_text(plan: "TestPlan", parts: list[str]) -> Rendered:
+def format_text(plan: TestPlan, parts: list[str]) -> Rendered:
     """Two tables: the tests, and what would be known after them."""
     lines = [
         line.rstrip()
@@ -64,8 +60,7 @@ def format_text(plan: "TestPlan", parts: list[str]) -> Rendered:
     return Rendered("\n".join([*lines, *map(printable, parts)]))
 
 
-def _tests(plan: "TestPlan") -> "Table":
-    from rich.table import Table
+def _tests(plan: TestPlan) -> Table:
 
     table = Table(
         "",
@@ -100,8 +95,7 @@ def _tests(plan: "TestPlan") -> "Table":
     return table
 
 
-def _numbers(plan: "TestPlan") -> "Table":
-    from rich.table import Table
+def _numbers(plan: TestPlan) -> Table:
 
     table = Table("sd, foretold", "", *COLUMNS.values(), box=None)
     for plane in plan.before:

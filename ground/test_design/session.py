@@ -1,46 +1,46 @@
 """sysid's planning as this tool asks for it; its refusals become this tool's."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ground.campaign import prototype, refit
 from ground.errors import InputError, OperationError
+from sysid.data.dataset import LogError
+from sysid.models.model_file import ModelError
+from sysid.refit import RefitError, VehicleFileError
+from sysid.reproduction.paper_tables import TABLE_3_INITIAL
+from sysid.test_design import plan
+from sysid.test_design import prior as design_priors
+from sysid.test_design.plan import PlanInfeasibleError, PlanRequest, TestPlan
+from sysid.test_design.prior import DesignPrior
+from sysid.test_design.safety_margins import UnstableLoopError
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
-    from sysid.test_design.plan import PlanRequest, TestPlan
-    from sysid.test_design.prior import DesignPrior
-
-
-def design_prior(prior: str | Path, trim: Path | None, window_s: float) -> "DesignPrior":
+def design_prior(prior: str | Path, trim: Path | None, window_s: float) -> DesignPrior:
     """What is known beforehand, and from a trim flight where the surfaces stood. Raises
     BadInputError, FailedError."""
-    from sysid.test_design import prior as beliefs
 
     with _translate_errors():
-        found = beliefs.read(prior)
+        found = design_priors.read(prior)
         if trim is None:
             return found
         held = refit.measure_trims(trim, window_s)
-        return beliefs.with_trim(
+        return design_priors.with_trim(
             found, math.radians(held["TRIM_RUD_DEG"]), math.radians(held["TRIM_ELE_DEG"])
         )
 
 
-def trims(known: "DesignPrior") -> dict[str, float]:
+def trims(known: DesignPrior) -> dict[str, float]:
     """The parameters from which tests are counted, where they are known."""
-    from sysid.test_design import prior as beliefs
 
     if not known.trims_known:
         return {}
     vehicle = known.vehicle(known.mean)
     return {
-        "TRIM_RUD_DEG": math.degrees(beliefs.level_flight(vehicle, "yaw").trim_rad),
-        "TRIM_ELE_DEG": math.degrees(beliefs.level_flight(vehicle, "pitch").trim_rad),
+        "TRIM_RUD_DEG": math.degrees(design_priors.level_flight(vehicle, "yaw").trim_rad),
+        "TRIM_ELE_DEG": math.degrees(design_priors.level_flight(vehicle, "pitch").trim_rad),
     }
 
 
@@ -57,7 +57,6 @@ def loop_gains(aboard: Mapping[str, float]) -> dict[str, float] | None:
     Raises:
         BadInputError: some are there and some are missing.
     """
-    from sysid.reproduction.paper_tables import TABLE_3_INITIAL
 
     missing = [name for name in TABLE_3_INITIAL if name not in aboard]
     if len(missing) == len(TABLE_3_INITIAL):
@@ -70,22 +69,16 @@ def loop_gains(aboard: Mapping[str, float]) -> dict[str, float] | None:
 
 
 def plan_tests(
-    known: "DesignPrior", request: "PlanRequest", report: Callable[[str, float], None]
-) -> "TestPlan":
+    known: DesignPrior, request: PlanRequest, report: Callable[[str, float], None]
+) -> TestPlan:
     """The plan. Raises FailedError where no set of tests is possible."""
-    from sysid.test_design import plan
 
     with _translate_errors():
         return plan.plan(known, request, report)
 
 
 @contextmanager
-def _translate_errors() -> "Iterator[None]":
-    from sysid.data.dataset import LogError
-    from sysid.models.model_file import ModelError
-    from sysid.refit import RefitError, VehicleFileError
-    from sysid.test_design.plan import PlanInfeasibleError
-    from sysid.test_design.safety_margins import UnstableLoopError
+def _translate_errors() -> Iterator[None]:
 
     try:
         yield

@@ -11,7 +11,7 @@ from autopilot.control import core, modes, request_handler, requests
 from autopilot.control.params import Config
 from autopilot.control.types import US_PER_S, AutopilotState, Inputs, Trace
 from autopilot.control.types import Event as TextMessage
-from mavlink_io.mission_items import MissionCommand, MissionItem
+from mavlink_io.mission_items import MavCmd, MissionItem
 from sitl.vehicle.water import drifting
 from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
@@ -85,12 +85,10 @@ class SimulatedDive(NamedTuple):
 def limit_s(items: Sequence[MissionItem]) -> float:
     """Return the time (s) after which a mission counts as unfinished."""
     delays = sum(
-        item.p1
-        for item in items
-        if item.command in (MissionCommand.DELAY, MissionCommand.LOITER_TIME)
+        item.p1 for item in items if item.command in (MavCmd.NAV_DELAY, MavCmd.NAV_LOITER_TIME)
     )
-    tests = sum(item.x for item in items if item.command == MissionCommand.TEST)
-    waypoints = sum(item.command == MissionCommand.WAYPOINT for item in items)
+    tests = sum(item.x for item in items if item.command == MavCmd.USER_1)
+    waypoints = sum(item.command == MavCmd.NAV_WAYPOINT for item in items)
     return delays + tests + (1 + waypoints) * EXTRA_TIME_S
 
 

@@ -1,4 +1,4 @@
-"""Law files: what is written is read, and a wrong one is refused by file, key and value."""
+"""LQG controller files: round trip, and errors with file, key and value."""
 
 import json
 from pathlib import Path
@@ -19,8 +19,8 @@ LAWS = LqgControllers(
 WHOLE = json.loads(lqg_file.to_json(LAWS, "f00d"))
 
 
-def test_what_is_written_is_read(tmp_path: Path) -> None:
-    path = tmp_path / "laws.json"
+def test_file_round_trip_is_equal(tmp_path: Path) -> None:
+    path = tmp_path / "controller.json"
     path.write_text(lqg_file.to_json(LAWS, "f00d"))
     assert lqg_file.load(path) == LAWS
 
@@ -29,7 +29,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     ("change", "complaint"),
     [
         ({"format": 2}, "format = 2: expected 1"),
-        ({"tick_s": 0.01}, "tick_s = 0.01: expected 0.02, at which the loops are closed"),
+        ({"tick_s": 0.01}, "tick_s = 0.01: expected 0.02, the time step of the loops"),
         ({"speed_mps": 0}, "speed_mps = 0: expected more than 0"),
         ({"pitch_per_metre": None}, "pitch_per_metre = None: expected a number"),
         ({"depth": None}, "depth: expected an object"),
@@ -39,7 +39,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         ),
         (
             {"heading": {"feedback": [1], "loads": 1}},
-            "heading.loads = 1: expected how many of the 1 states are loads",
+            "heading.loads = 1: expected the number of load states, 0 to 0",
         ),
         ({"heading": {"rows": [], "feedback": [1], "loads": 0}}, "heading.rows: expected 1 rows"),
         (
@@ -56,21 +56,25 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_wrong_file_is_refused(tmp_path: Path, change: dict[str, Any], complaint: str) -> None:
-    path = tmp_path / "laws.json"
+def test_wrong_content_raises_with_key(
+    tmp_path: Path, change: dict[str, Any], complaint: str
+) -> None:
+    path = tmp_path / "controller.json"
     path.write_text(json.dumps(WHOLE | change))
     with pytest.raises(LqgFileError, match=rf"^{path}: {complaint}"):
         lqg_file.load(path)
 
 
 @pytest.mark.parametrize("text", ["", "[1]", "HDG_P,1\n"])
-def test_another_file_is_refused(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "laws.json"
+def test_other_file_format_raises(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "controller.json"
     path.write_text(text)
-    with pytest.raises(LqgFileError, match=r"laws\.json: (no JSON|the file: expected an object)"):
+    with pytest.raises(
+        LqgFileError, match=r"controller\.json: (not JSON|the file: expected an object)"
+    ):
         lqg_file.load(path)
 
 
-def test_a_missing_file_is_refused() -> None:
+def test_missing_file_raises() -> None:
     with pytest.raises(LqgFileError, match=r"^nowhere\.json: No such file"):
         lqg_file.load(Path("nowhere.json"))

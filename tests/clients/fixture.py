@@ -166,14 +166,14 @@ def run(client: str, folder: Path, vehicle: Afloat, where: str, *options: str) -
 
 
 def install_modes(home: Path, vehicle: Afloat) -> None:
-    """What ``ground modes install`` does for somebody with this home directory."""
+    """What ``ground modes export-mavproxy`` does for somebody with this home directory."""
     path = home / ".pymavlink" / "custom_mode_map.json"
     command = [
         sys.executable,
         "-m",
         "ground",
         "modes",
-        "install",
+        "export-mavproxy",
         "--path",
         str(path),
         "--connect",

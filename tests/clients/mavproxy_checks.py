@@ -4,7 +4,8 @@ object.
 Usage: python -m tests.clients.mavproxy_checks FOLDER MASTER [--baud N] [--speed N] [--slow]
 [--short]
 
-FOLDER becomes MAVProxy's home: ``ground modes install`` has put the names of the modes there.
+FOLDER becomes MAVProxy's home: ``ground modes export-mavproxy`` has put the names of the
+modes there.
 """
 
 import argparse

@@ -91,7 +91,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
 @needs_chromium
 @pytest.mark.process
 @pytest.mark.timeout(120)
-class TestReportInABrowser:
+class BrowserTestCase:
     def test_report_resized_and_turned_keeps_its_layout(self, shown: Page) -> None:
         check_layout(shown)
 

@@ -23,11 +23,11 @@ def test_components_have_their_ids() -> None:
     told = dict(re.findall(r"^\| ([^|`\n]+) \| (\d+)(?: \([A-Z0-9_]+\))? \|$", TEXT, re.MULTILINE))
     assert told == {
         "autopilot": "1",
-        "head: inertial, magnetic, pressure, GPS, altimeter": str(COMPONENT),
-        "Doppler log": str(device_messages.DVL_COMPONENT),
-        "battery's gauge": str(device_messages.BATTERY_COMPONENT),
+        "interface computer: inertial, magnetic, pressure, GPS, altimeter": str(COMPONENT),
+        "DVL": str(device_messages.DVL_COMPONENT),
+        "battery monitor": str(device_messages.BATTERY_COMPONENT),
         "leak detector": str(device_messages.LEAK_COMPONENT),
-        "encoders at the duct": str(device_messages.DUCT_COMPONENT),
+        "duct encoders": str(device_messages.DUCT_COMPONENT),
     }
 
 
@@ -55,4 +55,4 @@ def test_every_parameter_that_is_named_exists() -> None:
 
 
 def test_the_watchdog_is_the_one_told() -> None:
-    assert f"heard nothing for {ACTUATOR_TIMEOUT_S:g} s**" in TEXT
+    assert f"received nothing for {ACTUATOR_TIMEOUT_S:g} s**" in TEXT

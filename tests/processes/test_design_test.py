@@ -31,7 +31,7 @@ def ground(folder: Path, *asked: str) -> dict[str, Any]:
 def test_every_designed_test_is_flown_to_its_end_and_fitted(tmp_path: Path) -> None:
     ground(tmp_path, "fly", "trim", *FLIGHT, "--log", "trim.mcap")
     plan = ground(
-        tmp_path, "design-test", "--trim", "trim.mcap", "--water-time", "10", "--samples", "60"
+        tmp_path, "design-test", "--trim", "trim.mcap", "--duration", "10", "--samples", "60"
     )
     flown = ("--params", "tests.param", *FLIGHT)
     ground(tmp_path, "fly", "tests.toml", *flown, "--log", "tests.mcap")

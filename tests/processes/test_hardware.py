@@ -310,7 +310,7 @@ def test_time_runs_on_the_wall_clock_at_the_rate_that_the_line_can_carry(scenes:
 
 def test_a_hil_line_pulled_out_in_mid_dive_is_told_and_survived(scenes: Scenes) -> None:
     found = scenes.interrupted.result()
-    assert "Sensors recovered" in found.texts[found.texts.index("Sensors silent") :]
+    assert "Sensors recovered" in found.texts[found.texts.index("Sensor timeout") :]
     assert not any(text.startswith(("Failsafe", "Restarted")) for text in found.texts)
     assert found.armed
     before_m, after_m = found.depths_m
@@ -348,11 +348,13 @@ def test_the_example_turns_its_duct_and_lets_go_when_the_autopilot_dies(scenes: 
     [
         (
             ("--speed", "2"),
-            "sitl: --speed 2: not with --no-lockstep: the wall clock is the vehicle's own\n",
+            "sitl: --speed 2 cannot be combined with --no-lockstep:"
+            " vehicle time follows the wall clock\n",
         ),
         (
             ("--wait-for-arm",),
-            "sitl: --wait-for-arm: not with --no-lockstep: the wall clock stands for nobody\n",
+            "sitl: --wait-for-arm cannot be combined with --no-lockstep:"
+            " real time cannot be paused\n",
         ),
     ],
 )

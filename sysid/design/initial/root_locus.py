@@ -126,5 +126,5 @@ def _select_max_gain(
     raise DesignInfeasibleError(
         f"no gains of the {feasible[0].shape.loop} loop stabilise "
         f"{100 * prior.MIN_STABLE_FRACTION:.0f} % of the vehicles "
-        "sampled from the prior; measure the tailcone by `ground bench`"
+        "sampled from the prior; measure the tailcone by `ground bench-test`"
     )

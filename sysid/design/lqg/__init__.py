@@ -251,7 +251,7 @@ def _tuples(matrix: Array) -> tuple[tuple[float, ...], ...]:
 
 
 def write(design: LqgDesign, path: str | Path) -> None:
-    """Write the controller file that `autopilot --laws` reads.
+    """Write the controller file that `autopilot --controller` reads.
 
     Parameters
     ----------

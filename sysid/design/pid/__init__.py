@@ -201,7 +201,7 @@ def _recommended_test(model: IdentifiedModel) -> str:
     return (
         f"fly {next_test}"
         if next_test
-        else "record more tests, or sweep the tailcone by `ground bench`"
+        else "record more tests, or sweep the tailcone by `ground bench-test`"
     )
 
 

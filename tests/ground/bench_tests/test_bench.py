@@ -1,4 +1,4 @@
-"""``ground bench`` and ``ground incline`` from end to end: real processes, a simulated
+"""``ground bench-test`` and ``ground inclining-test`` from end to end: real processes, a simulated
 laboratory."""
 
 import json
@@ -28,7 +28,7 @@ def beyond(found: dict[str, Any], expected: float) -> float:
 @pytest.mark.process
 def test_a_short_bench_session_finds_the_field_vehicles_tailcone(tmp_path: Path) -> None:
     sweeps = ["--amplitude", "10", "--amplitude", "30", "--frequency", "0.2", "--frequency", "0.5"]
-    ran = ground("bench", "--axis", "elevator", *sweeps, "--json", folder=tmp_path)
+    ran = ground("bench-test", "--axis", "elevator", *sweeps, "--json", folder=tmp_path)
     assert ran.returncode == 0, ran.stderr
     result = json.loads(ran.stdout)
     assert list(result) == ["elevator"]
@@ -49,7 +49,7 @@ def test_a_short_bench_session_finds_the_field_vehicles_tailcone(tmp_path: Path)
     assert [point["frequency_hz"] for point in result["elevator"]["points"]] == pytest.approx(
         [0.2, 0.5] * 2, rel=1e-2
     )
-    again = ground("bench", folder=tmp_path)
+    again = ground("bench-test", folder=tmp_path)
     assert (again.returncode, again.stderr) == (
         2,
         "ground: --out bench: exists; give a new folder\n",
@@ -59,7 +59,7 @@ def test_a_short_bench_session_finds_the_field_vehicles_tailcone(tmp_path: Path)
 @pytest.mark.process
 def test_an_inclining_test_finds_the_centre_of_mass_that_is_simulated(tmp_path: Path) -> None:
     """The vehicle's own file is not told: the prior is the bench's, whose z_CM is another."""
-    ran = ground("incline", "--vehicle", "caribou_truth", "--json", folder=tmp_path)
+    ran = ground("inclining-test", "--vehicle", "caribou_truth", "--json", folder=tmp_path)
     assert ran.returncode == 0, ran.stderr
     result = json.loads(ran.stdout)
     assert beyond(result["z_cm_m"], -0.015) < 4.0

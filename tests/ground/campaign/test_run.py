@@ -25,7 +25,9 @@ from tests.browser import check_layout, needs_chromium, opened
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("campaign") / "out"
     Campaign(
-        CampaignRequest(out, seed=1, beside_paper=True), lambda name, at: None, lambda words: None
+        CampaignRequest(out, seed=1, include_paper_gains=True),
+        lambda name, at: None,
+        lambda words: None,
     ).run()
     page.write(out)
     return out
@@ -273,8 +275,8 @@ def test_campaign_redesigned_gains_keep_the_vehicles_own_parameters() -> None:
 
 
 def test_campaign_papers_gains_on_another_vehicle_are_refused(tmp_path: Path) -> None:
-    asked = CampaignRequest(tmp_path / "out", vehicle="xfin_auv", beside_paper=True)
-    with pytest.raises(InputError, match="--beside-paper: the paper's gains are for Caribou"):
+    asked = CampaignRequest(tmp_path / "out", vehicle="xfin_auv", include_paper_gains=True)
+    with pytest.raises(InputError, match="--include-paper-gains: the paper's gains are"):
         Campaign(asked, lambda name, at: None, lambda words: None).run()
     assert not (tmp_path / "out").exists()
 

@@ -59,6 +59,11 @@ def test_an_option_is_named_as_it_was_typed() -> None:
         specification.read(None, {"gm_db": 99.0})
 
 
+def test_renamed_option_is_named_in_the_error() -> None:
+    with pytest.raises(InputError, match=r"--max-sensitivity 0\.5: must be a number from 1\.05"):
+        specification.read(None, {"ms": 0.5})
+
+
 class Refitted(NamedTuple):
     """As much of a model as tells which vehicle it is of."""
 

@@ -87,7 +87,7 @@ def test_dive_held_well_has_no_findings() -> None:
     # 95 % of a sine lie within sin(0.95 * 90 deg) = 0.997 of its amplitude
     assert leg.heading_deg.p95 == pytest.approx(0.997, abs=0.005)
     assert (leg.depth_m.mean, leg.depth_m.p95) == pytest.approx((-0.2, 0.2))
-    words = "held well: 95 % within 2.5 deg of heading and 0.5 m of depth on every leg"
+    words = "good: 95 % of the errors within 2.5 deg of heading and 0.5 m of depth on every leg"
     assert words in assessment.format_text(found)
 
 
@@ -133,8 +133,9 @@ def test_trim_being_learned_is_not_called_unset() -> None:
 def test_short_dive_cannot_be_told() -> None:
     found = assessment.assess_log(dive(length_s=20.0, heading_error_deg=constant(-8.4)))
     assert (found.legs, found.findings, found.short_legs) == ((), (), 1)
-    assert "cannot be told: too short: no leg under water lasted 30 s" in assessment.format_text(
-        found
+    assert (
+        "cannot be assessed: too short: no leg under water lasted 30 s"
+        in assessment.format_text(found)
     )
 
 

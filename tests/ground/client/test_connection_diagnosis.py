@@ -38,7 +38,9 @@ def complaint(transport: Transport) -> str:
 
 def test_a_dumb_serial_line_asks_for_power_and_wiring(line: Line) -> None:
     told = complaint(line.ground)
-    assert told.startswith(f"no vehicle on {line.ground.address} within 0.3 s: nothing was heard: ")
+    assert told.startswith(
+        f"no vehicle on {line.ground.address} within 0.3 s: nothing was received: "
+    )
     assert "switched on" in told
     assert "TX wired to RX" in told
 
@@ -46,7 +48,7 @@ def test_a_dumb_serial_line_asks_for_power_and_wiring(line: Line) -> None:
 def test_bytes_without_mavlink_ask_for_the_baud_rate(line: Line) -> None:
     os.write(line.far_end, CHATTER)
     told = complaint(line.ground)
-    assert "bytes were heard and no MAVLink in them: is 57600 the vehicle's baud rate?" in told
+    assert "bytes were received and no MAVLink in them: is 57600 the vehicle's baud rate?" in told
 
 
 def test_others_than_vehicles_are_named() -> None:
@@ -59,10 +61,10 @@ def test_others_than_vehicles_are_named() -> None:
         )
         Endpoint(far, 1, 100).send("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=0)
         told = complaint(near)
-        assert "no autopilot's HEARTBEAT" in told
-        assert "heard of 1/100, 255/190 (system/component)" in told
+        assert "no HEARTBEAT of an autopilot" in told
+        assert "received from 1/100, 255/190 (system/component)" in told
 
 
 def test_without_a_baud_rate_nobody_asks_for_wiring() -> None:
     with closing(open_transport("memory:nobody")) as near:
-        assert complaint(near).endswith(": nothing was heard")
+        assert complaint(near).endswith(": nothing was received")

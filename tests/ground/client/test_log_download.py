@@ -128,7 +128,9 @@ def test_export_hostile_topic_stays_in_folder(tmp_path: Path) -> None:
         writer = McapWriter(file, "ros1", "test")
         layout = ros1.schema_text(message).encode()
         schema = writer.register_schema(message.name, ros1.SCHEMA_ENCODING, layout)
-        channel = writer.register_channel("/..\\..\0\x1b/HEARTBEAT", ros1.MESSAGE_ENCODING, schema)
+        channel = writer.register_channel(
+            "/mavlink/..\\..\0\x1b/HEARTBEAT", ros1.MESSAGE_ENCODING, schema
+        )
         writer.add_message(channel, 0, message.pack((0, 0, 0, 0, 0, 0)), 0)
         writer.finish()
     (table,) = mcap.export_csv(path, out)

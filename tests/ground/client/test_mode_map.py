@@ -38,8 +38,11 @@ def test_a_merge_keeps_all_that_was_there_and_adds_all_that_the_vehicle_has_or_r
 @pytest.mark.parametrize(
     ("theirs", "named"),
     [
-        ({"65536": "BOOST"}, "map.json: 12.65536: is 'BOOST' there, 'MANUAL' on the vehicle"),
-        ({"19": "MANUAL"}, "map.json: 12.19: is 'MANUAL' there, the vehicle's 'MANUAL' is 65536"),
+        ({"65536": "BOOST"}, "map.json: 12.65536: is 'BOOST' in the file, 'MANUAL' on the vehicle"),
+        (
+            {"19": "MANUAL"},
+            "map.json: 12.19: is 'MANUAL' in the file, the vehicle's 'MANUAL' is 65536",
+        ),
     ],
 )
 def test_a_number_or_name_that_is_taken_is_named(theirs: dict[str, str], named: str) -> None:

@@ -83,7 +83,7 @@ def test_a_change_is_undone_and_then_there_is_none_left(
     assert undone.source == "gains.param"
     assert {step.name: step.after for step in steps} == OLD
     assert fake.table.values == OLD
-    with pytest.raises(InputError, match=r"system-1\.json: keeps no change"):
+    with pytest.raises(InputError, match=r"system-1\.json: holds no change"):
         param_rollback.rollback(vehicle)
 
 
@@ -111,10 +111,10 @@ def test_half_a_change_is_put_back(
     vehicle: VehicleClient, fake: FakeVehicle, state: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refuse(fake, "DPT_P", monkeypatch)
-    with pytest.raises(OperationError, match=r"DPT_P.*set and put back: HDG_P\."):
+    with pytest.raises(OperationError, match=r"DPT_P.*set and restored: HDG_P\."):
         param_rollback.upload(vehicle, NEW, "gains.param")
     assert fake.table.values == OLD
-    with pytest.raises(InputError, match="keeps no change"):
+    with pytest.raises(InputError, match="holds no change"):
         History(state).last()
 
 
@@ -135,7 +135,7 @@ def test_what_somebody_changed_since_is_not_put_back_unasked(
 ) -> None:
     param_rollback.upload(vehicle, NEW, "gains.param")
     vehicle.set_parameter("HDG_P", 0.75)
-    with pytest.raises(OperationError, match=r"HDG_P is 0\.75 aboard, and gains\.param set 0\.875"):
+    with pytest.raises(OperationError, match=r"HDG_P is 0\.75, and gains\.param set 0\.875"):
         param_rollback.rollback(vehicle)
     assert fake.table.values["HDG_P"] == 0.75
     param_rollback.rollback(vehicle, force=True)

@@ -66,7 +66,7 @@ def test_surface_accepted_but_not_entered_is_an_error(fake: FakeVehicle) -> None
     assert isinstance(done.exception, OperationError)
     assert (
         str(done.exception)
-        == "mode SURFACE: the vehicle accepted it, and 0.2 s later reports MISSION"
+        == "mode SURFACE: the vehicle accepted it, but 0.2 s later reports MISSION"
     )
 
 

@@ -44,13 +44,13 @@ def test_info_and_export(tmp_path: Path, name: str, attitude: str) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--run", "1..2:fin"], r"--run 1\.\.2:fin: give \[LOG:\]START\.\.STOP:rudder"),
-        (["--run", "b.ulg:1..2:rudder"], r"run 1\.\.2: b\.ulg is none of the logs a\.ulg"),
+        (["--segment", "1..2:fin"], r"--segment 1\.\.2:fin: give \[LOG:\]START\.\.STOP:rudder"),
+        (["--segment", "b.ulg:1..2:rudder"], r"run 1\.\.2: b\.ulg is none of the logs a\.ulg"),
         (
-            ["--run", "10..500:rudder"],
+            ["--segment", "10..500:rudder"],
             r"a\.ulg: run 10\.\.500 must lie within the log, 100\.0\.\.140\.0 s",
         ),
-        (["--outputs", "1,2"], "outputs '1,2': give RUDDER,ELEVATOR,THRUST"),
+        (["--servo-channels", "1,2"], "--servo-channels 1,2: give RUDDER,ELEVATOR,THRUST"),
         ([], r"a\.ulg: no test found"),
     ],
 )

@@ -197,7 +197,7 @@ def test_heading_unstable_samples_raise_infeasible(caribou: DesignModel) -> None
     wrong = build(planes, caribou.yaw_lag, caribou.pitch_lag, caribou.disturbance)
     with pytest.raises(
         DesignInfeasibleError,
-        match=r"no gains of the heading loop stabilise 90 % .*`ground bench`",
+        match=r"no gains of the heading loop stabilise 90 % .*`ground bench-test`",
     ):
         root_locus.heading(caribou, [wrong], BOUNDS)
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from autopilot.control import reference_model
-from autopilot.control.reference_model import ActuatorLead, Way
+from autopilot.control.reference_model import ActuatorLead, ReferenceState
 from sysid.control_analysis import loop_transfer
 from sysid.design import constraints, pid
 from sysid.design.design_model import (
@@ -177,7 +177,7 @@ def _growth(vehicle: DesignModel, gains: dict[str, float], factor: float) -> flo
     servo = ActuatorLead(
         gains["ACT_LAG_W"], gains["ACT_LAG_Z"], gains["ACT_LEAD_W"], math.inf, math.inf
     )
-    direction: Way | None = None
+    reference: ReferenceState | None = None
     queue = [0.0] * round(lag.delay_s / dt)
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
     A = np.zeros((5, 5))
@@ -190,7 +190,7 @@ def _growth(vehicle: DesignModel, gains: dict[str, float], factor: float) -> flo
     for _ in range(int(120 / dt)):
         integral -= gains["HDG_I"] * x[2] * dt
         wanted = factor * (integral - gains["HDG_P"] * x[2] - gains["HDG_D"] * x[1])
-        command, direction = reference_model.lead(float(wanted), direction, servo, dt)
+        command, reference = reference_model.lead(float(wanted), reference, servo, dt)
         queue.append(command)
         x = step[:5, :5] @ x + step[:5, 5] * queue.pop(0)
         sizes.append(abs(x[2]))

@@ -1,4 +1,4 @@
-"""``ground rehearse`` as people meet it: clean JSON, the failure told in a line, one line for a
+"""`ground simulate` as people meet it: clean JSON, the failure told in a line, one line for a
 mistake."""
 
 import json
@@ -51,8 +51,8 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def rehearse(folder: Path, *options: str) -> tuple[str, BaseException | None]:
-    given = ["rehearse", str(folder / "model.json"), "--mission", str(folder / "short.toml")]
+def simulate(folder: Path, *options: str) -> tuple[str, BaseException | None]:
+    given = ["simulate", str(folder / "model.json"), "--mission", str(folder / "short.toml")]
     ended = CliRunner().invoke(app, [*given, *options])
     return ended.stdout, ended.exception
 
@@ -60,8 +60,8 @@ def rehearse(folder: Path, *options: str) -> tuple[str, BaseException | None]:
 @pytest.mark.process
 def test_sets_stand_side_by_side_in_clean_json_and_the_unstable_one_is_named(folder: Path) -> None:
     held, wild = (folder / name for name in ("held.param", "wild.param"))
-    out, failure = rehearse(
-        folder, "--gains", str(held), "--against", str(wild), "--vehicles", "2", "--json"
+    out, failure = simulate(
+        folder, "--gains", str(held), "--compare", str(wild), "--samples", "2", "--json"
     )
     first, second = json.loads(out)["rehearsed"]
     assert (first["gains"], first["diverged"], first["vehicles"]) == ("held.param", {}, 2)
@@ -81,10 +81,13 @@ def test_sets_stand_side_by_side_in_clean_json_and_the_unstable_one_is_named(fol
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--sea", "rough"), "--sea rough: must be different numbers from 0 to 10"),
-        (("--sea", "1,1"), "--sea 1,1: must be different"),
-        (("--sea", "11"), "--sea 11: must be"),
-        (("--against", "held.param"), "held.param: is given twice"),
+        (
+            ("--disturbance-scale", "rough"),
+            "--disturbance-scale rough: must be different numbers from 0 to 10",
+        ),
+        (("--disturbance-scale", "1,1"), "--disturbance-scale 1,1: must be different"),
+        (("--disturbance-scale", "11"), "--disturbance-scale 11: must be"),
+        (("--compare", "held.param"), "held.param: is given twice"),
         (("--mission", "nowhere"), "nowhere: no readable mission"),
         (("--prior", "caribou_truth"), "is the simulated truth"),
     ],
@@ -92,7 +95,7 @@ def test_sets_stand_side_by_side_in_clean_json_and_the_unstable_one_is_named(fol
 def test_a_mistake_is_told_in_a_line(folder: Path, options: tuple[str, str], said: str) -> None:
     option, value = options
     given = str(folder / value) if value.endswith(".param") else value
-    out, failure = rehearse(folder, "--gains", str(folder / "held.param"), option, given)
+    out, failure = simulate(folder, "--gains", str(folder / "held.param"), option, given)
     assert out == ""
     assert isinstance(failure, InputError)
     assert said in str(failure)
@@ -101,7 +104,7 @@ def test_a_mistake_is_told_in_a_line(folder: Path, options: tuple[str, str], sai
 
 def test_gains_that_no_autopilot_takes_are_named_with_their_file(folder: Path) -> None:
     (folder / "odd.param").write_text("HDG_Q,1\n")
-    _, failure = rehearse(folder, "--gains", str(folder / "odd.param"))
+    _, failure = simulate(folder, "--gains", str(folder / "odd.param"))
     assert isinstance(failure, InputError)
     assert str(failure) == "odd.param: parameter HDG_Q does not exist"
 
@@ -109,7 +112,7 @@ def test_gains_that_no_autopilot_takes_are_named_with_their_file(folder: Path) -
 def test_a_model_that_does_not_say_how_sure_it_is_is_bad_input(folder: Path) -> None:
     known = prior.from_file(config.load("caribou_nominal"))
     models.write(model_of(known._replace(covariance=0.0 * known.covariance)), folder / "model.json")
-    _, failure = rehearse(folder, "--gains", str(folder / "held.param"))
+    _, failure = simulate(folder, "--gains", str(folder / "held.param"))
     assert isinstance(failure, InputError)
     assert "joint.covariance" in str(failure)
 

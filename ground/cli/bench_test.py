@@ -1,0 +1,74 @@
+"""`ground bench-test`: measure the frequency response of the tailcone on the bench."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ground.cli.options import (
+    BenchAddress,
+    Json,
+    Seed,
+    Sign,
+    Speed,
+    VehicleName,
+    print_result,
+    to_json,
+)
+from ground.errors import InputError
+
+
+def bench_test(
+    connect: BenchAddress = None,
+    sign: Sign = None,
+    vehicle: VehicleName = "caribou_truth",
+    axis: Annotated[
+        list[str] | None, typer.Option(help="rudder or elevator; repeatable. Default: both.")
+    ] = None,
+    amplitude: Annotated[
+        list[float] | None, typer.Option(help="Amplitude, deg peak to peak; repeatable.")
+    ] = None,
+    frequency: Annotated[
+        list[float] | None, typer.Option(help="Frequency, Hz; repeatable.")
+    ] = None,
+    seed: Seed = 1,
+    speed: Speed = "max",
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="A new folder for log, result and figure.")
+    ] = Path("bench"),
+    json: Json = False,
+) -> None:
+    """Measure the tailcone on the bench: frequency responses, actuator model, limits.
+
+    The duct moves during the test.
+    """
+    from ground import progress
+    from ground.bench_tests import bench as procedure
+    from ground.missions import signals
+    from ground.report import bode
+    from ground.simulation.processes import SimulatedVehicle, Simulation
+
+    session = procedure.Session(
+        _new_folder(out),
+        tuple(axis or signals.AXES),
+        tuple(amplitude or procedure.AMPLITUDES_DEG),
+        tuple(frequency or procedure.FREQUENCIES_HZ),
+    )
+    procedure.check(session)
+    target = connect or SimulatedVehicle(Simulation(vehicle, "bench", seed, speed))
+    out.mkdir()
+    with progress.display("bench", quiet=json) as display:
+        measured = procedure.measure(session, target, display.watch, sign)
+    result = procedure.as_json(measured)
+    (out / "bench.json").write_text(to_json(result), encoding="utf-8")
+    bode.draw(measured, out / "figure4.png")
+    print_result(result, procedure.format_text(result, out), json)
+
+
+def _new_folder(path: Path) -> Path:
+    """Return the path. Raises InputError if it exists or its parent does not."""
+    if path.exists():
+        raise InputError(f"--out {path}: exists; give a new folder")
+    if not path.parent.is_dir():
+        raise InputError(f"--out {path}: there is no folder {path.parent}")
+    return path

@@ -1,0 +1,46 @@
+"""`ground campaign`: fly, identify, redesign and verify in one command."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ground.cli.options import Json, ScenarioName, Seed, Speed, VehicleName, print_result
+
+
+def campaign(
+    vehicle: VehicleName = "caribou_truth",
+    scenario: ScenarioName = "disturbed",
+    seed: Seed = 1,
+    speed: Speed = "max",
+    include_paper_gains: Annotated[
+        bool,
+        typer.Option(
+            "--include-paper-gains", help="Also fly the missions with the paper's improved gains."
+        ),
+    ] = False,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the campaign.")] = Path(
+        "campaign"
+    ),
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the campaign that is in the folder.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Fly a simulated campaign: trims, tests, refit, redesign, verification and report."""
+    from ground import progress
+    from ground.campaign import summary
+    from ground.campaign.run import Campaign, CampaignRequest
+
+    request = CampaignRequest(
+        out=out,
+        vehicle=vehicle,
+        scenario=scenario,
+        seed=seed,
+        speed=speed,
+        include_paper_gains=include_paper_gains,
+        force=force,
+    )
+    with progress.display("campaign", quiet=json) as display:
+        result = Campaign(request, display.watch_named, display.announce).run()
+    print_result(result, summary.format_text(result, out), json)

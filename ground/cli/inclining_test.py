@@ -1,0 +1,59 @@
+"""`ground inclining-test`: measure the height of the centre of mass."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ground.cli.options import (
+    BenchAddress,
+    Json,
+    Seed,
+    Sign,
+    Speed,
+    VehicleName,
+    new_file,
+    print_result,
+)
+
+
+def inclining_test(
+    connect: BenchAddress = None,
+    sign: Sign = None,
+    vehicle: VehicleName = "caribou_truth",
+    moves: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml", help="Masses and lever arms. Default: moves of 1 and 2 kg."
+        ),
+    ] = None,
+    prior: Annotated[
+        str,
+        typer.Option(
+            help="Source of mass and centre of buoyancy: caribou_nominal, or a vehicle file."
+        ),
+    ] = "caribou_nominal",
+    seed: Seed = 1,
+    speed: Speed = "max",
+    log: Annotated[Path, typer.Option(metavar="FILE.mcap", help="Log to write.")] = Path(
+        "incline.mcap"
+    ),
+    json: Json = False,
+) -> None:
+    """Measure the height of the centre of mass from the heel that known weights cause.
+
+    The vehicle floats without thrust; a person moves the weights as announced.
+    """
+    from ground import progress
+    from ground.bench_tests import incline as procedure
+    from ground.campaign import refit
+    from ground.simulation.processes import SimulatedVehicle, Simulation
+
+    plan = procedure.load(moves)
+    target = connect or SimulatedVehicle(Simulation(vehicle, "inclining", seed, speed))
+    with progress.display("incline", quiet=json) as display:
+        measured = procedure.measure(
+            plan, new_file(log), prior, target, display.watch, display.announce, sign
+        )
+    result = procedure.as_json(measured, prior, refit.read_vehicle(prior).linear.z_CM_m)
+    print_result(result, procedure.format_text(result, log), json)

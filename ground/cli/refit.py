@@ -1,0 +1,104 @@
+"""`ground refit`: identify a model from logs."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ground.cli.options import Json, print_result
+
+
+class Method(StrEnum):
+    """Method of identification."""
+
+    MAP = "map"
+    PAPER = "paper"
+    OUTPUT_ERROR = "output-error"
+    FILTER_ERROR = "filter-error"
+
+
+def refit(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(help="Logs with rudder or elevator tests: .mcap, .tlog, .bin, .ulg."),
+    ],
+    held_out: Annotated[
+        list[Path] | None,
+        typer.Option(help="A log that is predicted but not fitted; repeatable."),
+    ] = None,
+    prior: Annotated[
+        str, typer.Option(help="caribou_nominal, a vehicle file, or a model.json.")
+    ] = "caribou_nominal",
+    method: Annotated[
+        Method,
+        typer.Option(
+            help="map: nonlinear model with prior; output-error, filter-error: linear planes;"
+            " paper: the paper's method."
+        ),
+    ] = Method.MAP,
+    segment: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[LOG:]START..STOP:rudder|elevator",
+            help="Time range, s, of a test that the log does not mark; repeatable.",
+        ),
+    ] = None,
+    servo_channels: Annotated[
+        str,
+        typer.Option(
+            metavar="RUDDER,ELEVATOR,THRUST",
+            help="Servo outputs of the autopilot, counted from 1, as in `sitl --outputs`.",
+        ),
+    ] = "1,2,3",
+    compare_method: Annotated[
+        list[Method] | None,
+        typer.Option(help="Another method to fit on the same tests, for comparison; repeatable."),
+    ] = None,
+    bench_result: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="BENCH.json", help="Result of `ground bench-test --json`, used as a prior."
+        ),
+    ] = None,
+    inclining_result: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="INCLINE.json",
+            help="Result of `ground inclining-test --json`, used as a prior.",
+        ),
+    ] = None,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="Write the model even if the fit failed; the file records the failure."
+        ),
+    ] = False,
+    out: Annotated[Path, typer.Option(metavar="MODEL.json", help="Model to write.")] = Path(
+        "model.json"
+    ),
+    json: Json = False,
+) -> None:
+    """Fit a model to the tests in logs, and assess whether gains may be designed on it."""
+    from ground import progress
+    from ground.campaign import identification
+    from ground.campaign import refit as refitting
+
+    with progress.display("refit", quiet=json) as display:
+        model = refitting.refit(
+            logs,
+            held_out or (),
+            prior,
+            method.value,
+            display.share,
+            segment or (),
+            servo_channels,
+            [other.value for other in compare_method or ()],
+            bench_result,
+            inclining_result,
+            force=force,
+        )
+    refitting.write_model(model, out)
+    print_result(
+        identification.summarise_model(model), identification.format_text(model, out), json
+    )
