@@ -37,7 +37,7 @@ def test_bent_rudder_is_detected_with_its_cause(
     """The baseline is set by hand, twice as wide as a design's; three degrees still exceed it."""
     monkeypatch.setattr(monitor, "FROM_S", 120.0)
     monkeypatch.setattr(monitor, "LASTS_S", 240.0)
-    promise = made.promise()
+    promise = made.baseline()
     wide = {name: wider(expected) for name, expected in promise.predicted.items()}
     hours, after_s, right = monitor.trial(
         structs.replace(promise, predicted=wide), GAINS, "bent rudder", 1
