@@ -138,8 +138,8 @@ class ScreenedRun(ModelRecord, frozen=True):
     p_value: float | None = None
     """Probability of an anomaly at least as significant in a run without anomalies.
 
-    It covers all kinds and times. Null for a run rejected by the hard rules, and for a method without
-    a noise model."""
+    It is over all kinds and times. Null for a run rejected by the hard rules, and for a method
+    without a noise model."""
     repeat_p_value: float | None = None
     """Probability of a difference from repeated runs as significant; null without any."""
     anomalies: tuple[AnomalyTest, ...] = ()
