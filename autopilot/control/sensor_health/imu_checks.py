@@ -66,13 +66,20 @@ def check_imu(
 ) -> ImuCheckResult:
     """Check a sensor frame.
 
-    Parameters:
-        old: history of the frames.
-        frame: frame of this tick, as received.
-        excluded: names of the groups that must not be used.
-        config: parameters HLTH_LOST_S and HLTH_STUCK_S.
+    Parameters
+    ----------
+    old
+        History of the frames.
+    frame
+        Frame of this tick, as received.
+    excluded
+        Names of the groups that must not be used.
+    config
+        Parameters HLTH_LOST_S and HLTH_STUCK_S.
 
-    Returns:
+    Returns
+    -------
+    ImuCheckResult
         The new history, the frame to use, and the faults. In the frame to use, ``fields_updated``
         names the groups that may be used: those with a recent plausible reading that are not
         excluded. If such a group has no plausible reading in this frame, its last one is used.

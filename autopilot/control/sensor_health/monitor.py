@@ -78,12 +78,18 @@ SensorCheckResult = tuple[Ahrs, Health, Inputs, tuple[Event, ...]]
 def check_sensors(state: AutopilotState, inputs: Inputs, config: Config) -> SensorCheckResult:
     """Check all sensors of a tick.
 
-    Parameters:
-        state: state after the last tick.
-        inputs: inputs of this tick, as received.
-        config: parameters.
+    Parameters
+    ----------
+    state
+        State after the last tick.
+    inputs
+        Inputs of this tick, as received.
+    config
+        Parameters.
 
-    Returns:
+    Returns
+    -------
+    SensorCheckResult
         The history of the sensor frame, the history of the other sensors with their faults, the
         inputs without the readings that must not be used, and the events to send. In the sensor
         frame returned, ``fields_updated`` names the groups that may be used.
@@ -114,12 +120,18 @@ def predict_duct(
     First-order lag, explicit Euler: ``delta <- delta + dt / T (command - delta)`` with
     T = ``DUCT_LAG_S``; ``dt_s`` must be less than T.
 
-    Parameters:
-        duct_rad: predicted rudder and elevator angle before the tick.
-        rudder_rad, elevator_rad: commanded angles, positive turns the nose to starboard and up.
-        dt_s: length of the tick.
+    Parameters
+    ----------
+    duct_rad
+        Predicted rudder and elevator angle before the tick.
+    rudder_rad, elevator_rad
+        Commanded angles, positive turns the nose to starboard and up.
+    dt_s
+        Length of the tick.
 
-    Returns:
+    Returns
+    -------
+    tuple[float, float]
         Predicted rudder and elevator angle (rad) after the tick.
     """
     alpha, (rudder, elevator) = dt_s / DUCT_LAG_S, duct_rad

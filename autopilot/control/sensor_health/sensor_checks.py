@@ -45,12 +45,18 @@ def update(
 ) -> tuple[Health, Inputs, tuple[Fault, ...]]:
     """Check the records of a tick.
 
-    Parameters:
-        health: history of the sensors.
-        inputs: inputs of this tick.
-        excluded: names of the sensors whose records must not be used.
+    Parameters
+    ----------
+    health
+        History of the sensors.
+    inputs
+        Inputs of this tick.
+    excluded
+        Names of the sensors whose records must not be used.
 
-    Returns:
+    Returns
+    -------
+    tuple[Health, Inputs, tuple[Fault, ...]]
         The new history, the inputs without implausible and excluded records, and the faults.
     """
     now_us = inputs.sensors.time_us
@@ -179,7 +185,7 @@ def _whole_record(record: object) -> object:
 
 
 class _DeviceKind(NamedTuple):
-    """How the records of one kind of sensor are checked."""
+    """Checks of the records of one kind of sensor."""
 
     field: str
     """Field of ``Inputs`` and of ``Health``."""
