@@ -40,7 +40,7 @@ class LqgControllers(NamedTuple):
     heading: LqgController
     """Controller of the rudder (rad) from yaw rate (rad/s) and heading (rad)."""
     depth: LqgController
-    """Controller of the elevator (rad) from pitch rate (rad/s), pitch (rad), depth and depth rate."""
+    """Controller of the elevator (rad) from pitch rate, pitch, depth and depth rate (SI)."""
     pitch_per_metre: float
     """Nose-down pitch (rad) that has the same effect on the elevator as 1 m too deep.
 

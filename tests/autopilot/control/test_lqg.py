@@ -1,4 +1,4 @@
-"""Laws aboard: the arithmetic against numpy, limits, and when the PIDs fly instead."""
+"""LQG controllers: arithmetic against numpy, limits, and use of the PIDs instead."""
 
 import math
 
@@ -35,7 +35,7 @@ def rudder(estimate: VehicleEstimate, config: Config, asked: Setpoint = LEFT) ->
     return wanted.rudder_rad
 
 
-def test_a_law_is_its_matrices() -> None:
+def test_step_equals_matrix_equations() -> None:
     matrix, feedback, start = np.array(TURNS.rows), np.array(TURNS.feedback), np.array(TURNS.start)
     target, rng = (
         STILL._replace(wanted=(0.01, 0.05), feedforward_rad=0.02),
@@ -55,7 +55,7 @@ def test_a_law_is_its_matrices() -> None:
     assert belief.states == pytest.approx(states, abs=1e-14)
 
 
-def test_a_new_set_point_moves_the_command_alone() -> None:
+def test_new_reference_changes_command_not_observer() -> None:
     _, belief = lqg.step(TURNS, None, (0.01, 0.02), STILL)
     held, moved = (
         lqg.step(TURNS, belief, (0.01, 0.02), STILL._replace(wanted=wanted))
@@ -65,7 +65,7 @@ def test_a_new_set_point_moves_the_command_alone() -> None:
     assert moved[1].states == held[1].states
 
 
-def test_on_the_way_no_constant_load_is_learnt() -> None:
+def test_moving_reference_freezes_disturbance_states() -> None:
     _, belief = lqg.step(TURNS, None, (0.01, 0.02), STILL)
     _, held = lqg.step(TURNS, belief, (0.03, 0.05), STILL)
     _, turning = lqg.step(TURNS, belief, (0.03, 0.05), STILL._replace(moving=True))
@@ -73,8 +73,8 @@ def test_on_the_way_no_constant_load_is_learnt() -> None:
     assert held.states[1] != belief.states[1]
 
 
-def test_headings_past_south_are_counted_on() -> None:
-    """From 179 to 181 degrees she turns by two, not by 358."""
+def test_heading_past_south_is_unwrapped() -> None:
+    """From 179 to 181 degrees the vehicle turns by 2 degrees, not by 358."""
     config = Config(lqg_controllers=LAWS)
     seen, memory = VehicleEstimate(speed_mps=1.3, heading_rad=math.radians(179.0)), LoopMemory()
     asked = Setpoint(heading_rad=math.radians(-179.0))
@@ -85,7 +85,7 @@ def test_headings_past_south_are_counted_on() -> None:
     assert memory.rudder_observer.measured[1] == pytest.approx(math.radians(181.5))
 
 
-def test_a_law_flies_about_its_speed_and_the_pid_elsewhere() -> None:
+def test_lqg_outside_its_speed_range_pid_is_used() -> None:
     law, pid = Config(lqg_controllers=LAWS), Config()
     for speed, flies in (
         (1.3, True),
@@ -99,7 +99,7 @@ def test_a_law_flies_about_its_speed_and_the_pid_elsewhere() -> None:
         assert (rudder(seen, law) == rudder(seen, pid)) != flies, speed
 
 
-def test_the_pid_is_one_parameter_away() -> None:
+def test_lqg_disabled_by_parameter_pid_is_used() -> None:
     table, seen = ParamTable(lqg_controllers=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.01)
     by_law = rudder(seen, table.config)
     table.set("LAW_ENABLE", 0.0)
@@ -108,7 +108,7 @@ def test_the_pid_is_one_parameter_away() -> None:
     assert rudder(seen, table.config) == by_law
 
 
-def test_the_command_keeps_to_the_travel_that_the_trim_leaves() -> None:
+def test_command_stays_within_travel_with_trim() -> None:
     config = Config(lqg_controllers=LAWS, rudder_trim_deg=6.0)
     for heading in (-3.0, 3.0):
         seen = VehicleEstimate(
@@ -119,7 +119,7 @@ def test_the_command_keeps_to_the_travel_that_the_trim_leaves() -> None:
     assert abs(wanted) == pytest.approx(math.radians(15.0))
 
 
-def test_a_depth_error_counts_as_far_as_the_pitch_limit_goes() -> None:
+def test_depth_error_is_limited_by_pitch_limit() -> None:
     config, seen = (
         Config(lqg_controllers=LAWS, pitch_limit_deg=20.0),
         VehicleEstimate(speed_mps=1.3),
@@ -137,8 +137,8 @@ def test_a_depth_error_counts_as_far_as_the_pitch_limit_goes() -> None:
     assert elevator(5.0 * metres) == elevator(metres)
 
 
-def test_a_pitch_that_is_asked_for_is_held_by_the_pid() -> None:
-    """Stabilize and the rise without a depth ask for one; the law knows none."""
+def test_pitch_setpoint_is_held_by_pid() -> None:
+    """STABILIZE and the ascent without depth have a pitch set-point, which LQG does not support."""
     seen, asked = VehicleEstimate(speed_mps=1.3, depth_m=1.0), Setpoint(pitch_rad=0.1)
     by_law, by_pid = (
         loops.step_loops(seen, asked, LoopMemory(), config, 0.02, heading=False, depth=True)[0]
@@ -147,7 +147,7 @@ def test_a_pitch_that_is_asked_for_is_held_by_the_pid() -> None:
     assert by_law == by_pid
 
 
-def test_a_loop_that_was_open_begins_anew() -> None:
+def test_observer_open_loop_is_reset() -> None:
     config, seen = Config(lqg_controllers=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.02)
     _, memory = loops.step_loops(seen, LEFT, LoopMemory(), config, 0.02, heading=True, depth=True)
     assert memory.rudder_observer is not None

@@ -1,5 +1,4 @@
-"""The plot's filter against a plain Kalman filter of real matrices, and against errors that are
-known."""
+"""Navigation filter against a Kalman filter of real matrices, and against known errors."""
 
 import cmath
 import math
@@ -24,7 +23,7 @@ SMALL = st.complex_numbers(max_magnitude=1.5, allow_nan=False, allow_infinity=Fa
 
 
 def hermitian(c: NavCovariance) -> NDArray[np.complex128]:
-    """The covariance as a matrix, shape (4, 4)."""
+    """Return the covariance as a matrix, shape (4, 4)."""
     upper = np.array(
         [
             [c.position / 2, c.position_current, c.position_speed, c.position_dvl],
@@ -53,7 +52,7 @@ def covariance(matrix: NDArray[np.complex128]) -> NavCovariance:
 
 
 def real(matrix: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Complex numbers as two by two blocks of reals."""
+    """Return a complex matrix as a real one with 2 x 2 blocks."""
     return np.block(
         [[np.array([[z.real, -z.imag], [z.imag, z.real]]) for z in row] for row in matrix]
     )
@@ -72,10 +71,10 @@ def covariances(draw: st.DrawFn) -> NavCovariance:
     error=SMALL,
     variance=st.floats(0.01, 4.0),
 )
-def test_an_update_is_kalmans(
+def test_kalman_update_equals_real_valued_filter(
     before: NavCovariance, row: list[complex], error: complex, variance: float
 ) -> None:
-    """In eight real variables, by the textbook (Gelb 1974, table 4.2-1)."""
+    """Reference: Kalman filter in eight real variables (Gelb 1974, table 4.2-1)."""
     after = navigation._kalman_update(
         NavSolution(0j, 0j, Navigation(covariance=before)), tuple(row), error, variance
     )  # type: ignore[arg-type]
@@ -101,10 +100,10 @@ def test_an_update_is_kalmans(
     heard=st.booleans(),
     over_ground=st.booleans(),
 )
-def test_dead_reckoning_spreads_as_its_errors_do(
+def test_covariance_propagation_equals_matrix_equation(
     before: NavCovariance, way: complex, turn: float, heard: bool, over_ground: bool
 ) -> None:
-    """F P F' in complex numbers; noise only adds, so the rest stays as it is."""
+    """Reference: F P F^H in complex numbers; process noise only adds to the diagonal."""
     memory = Navigation(
         current_mps=0.1 - 0.2j,
         covariance=before,
@@ -137,8 +136,10 @@ def drive(
     start_us: int = 0,
     place: complex = 0j,
 ) -> tuple[NavSolution, complex, int]:
-    """Straight on at 1.3 m/s by the thrust, of which the truth is ``water`` times; the plot and the
-    true place."""
+    """Drive straight at 1.3 m/s by thrust, ``water`` times that in truth.
+
+    Returns the solution, the true position and the time.
+    """
     ahead = cmath.rect(1.3, heading_rad)
     true_mps, now_us, told, true = (
         ahead * water + current,
@@ -170,8 +171,8 @@ def drive(
     return told, true, now_us
 
 
-def test_a_turn_tells_a_slow_propeller_from_a_current() -> None:
-    """On one course 5 % of speed and 6.5 cm/s of current are the same; on two they are not."""
+def test_turn_separates_speed_error_from_current() -> None:
+    """On one course 5 % of speed equals 6.5 cm/s of current; on two courses they differ."""
     memory, place, now_us = navigation.initial_solution(CONFIG), 0j, 0
     for heading in (0.0, 0.5 * math.pi, math.pi, 0.0):
         told, place, now_us = drive(
@@ -190,7 +191,7 @@ def test_a_turn_tells_a_slow_propeller_from_a_current() -> None:
     assert abs(told.position_m - place) < 0.02 * abs(place) + 1.0
 
 
-def test_without_a_log_the_error_grows_as_is_told() -> None:
+def test_position_sd_without_dvl_matches_error() -> None:
     told, true, _ = drive(
         navigation.initial_solution(CONFIG), seconds=100.0, heading_rad=0.3, current=0.2 + 0j
     )
@@ -200,7 +201,7 @@ def test_without_a_log_the_error_grows_as_is_told() -> None:
     )
 
 
-def test_an_outlier_is_refused_but_a_new_truth_is_taken() -> None:
+def test_fix_outlier_is_rejected_until_it_persists() -> None:
     told, true, now_us = drive(
         navigation.initial_solution(CONFIG), seconds=20.0, heading_rad=0.0, gps=True
     )
@@ -221,7 +222,7 @@ def test_an_outlier_is_refused_but_a_new_truth_is_taken() -> None:
 
 @settings(max_examples=20)
 @given(north=st.floats(-500, 500), east=st.floats(-500, 500))
-def test_a_new_home_leaves_her_where_she_is(north: float, east: float) -> None:
+def test_set_home_keeps_position_over_ground(north: float, east: float) -> None:
     moved = Home(*offset_to_geodetic(north, east, HOME.lat_deg, HOME.lon_deg), True)
     assert navigation.shift_home(3 + 4j, HOME, moved) == pytest.approx(
         3 - north + (4 - east) * 1j, abs=0.1
