@@ -87,7 +87,7 @@ def check_imu(
     now_us = frame.time_us
     changed_us = _accepted_frame(old, frame) if old.per_group is None and not excluded else ()
     if changed_us and (
-        (least_us := min(changed_us)) == now_us or not _is_frozen(now_us, least_us, config)
+        (oldest_us := min(changed_us)) == now_us or not _is_frozen(now_us, oldest_us, config)
     ):
         return Ahrs(frame, changed_us, None), frame, ()
     return _check_partial_frame(old, frame, excluded, config)

@@ -230,7 +230,7 @@ def _confirm_fault(
 def _slow_checks(
     health: Health, state: AutopilotState, now_us: int, config: Config
 ) -> tuple[Fault, ...]:
-    """Return the faults that need no check every tick: silent, stuck, low, leak and deviations."""
+    """Return the faults that change slowly: silent, stuck, low, leak and deviations."""
     silent, stuck = sensor_checks.is_silent, sensor_checks.is_frozen
     checks = (
         (GPS, SILENT, silent(health.gps, now_us) and _fix_expected(health, state, config)),
@@ -273,6 +273,7 @@ def _echo_expected(health: Health, state: AutopilotState) -> bool:
 
 
 def _battery_low(battery: Battery | None, config: Config) -> bool:
+    """Return whether charge or voltage is below its limit (FS_BATT_PCT, FS_BATT_V)."""
     if battery is None:
         return False
     return (
@@ -281,6 +282,7 @@ def _battery_low(battery: Battery | None, config: Config) -> bool:
 
 
 def _leak_detected(leak: Leak | None) -> bool:
+    """Return whether the leak sensor is wet."""
     return leak is not None and leak.wet
 
 

@@ -52,7 +52,7 @@ def a_test(
     elevator_pct: float = 50.0,
 ) -> Excitation:
     own = OWN_NUMBERS[Wave(wave)] if wave in WAVES else (0.0, 0.0)
-    wish = from_numbers(
+    request = from_numbers(
         axis,
         size,
         own[0] if p3 is None else p3,
@@ -61,7 +61,7 @@ def a_test(
         wave,
         fade_s,
     )
-    return precompute(wish, AutopilotState(), Config(sid_elevator_pct=elevator_pct))
+    return precompute(request, AutopilotState(), Config(sid_elevator_pct=elevator_pct))
 
 
 def rudder(test: Excitation, t_s: float) -> float:

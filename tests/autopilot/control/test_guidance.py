@@ -49,11 +49,13 @@ def test_crab_heading_strong_current_is_limited(course: float, current: complex)
 def test_cross_track_error_equals_cross_product(start: complex, end: complex, off: complex) -> None:
     assume(abs(end - start) > 1.0)
     cross, azimuth, along, length = guidance.along_track_m(TrackLine(start, end), start + off)
-    way = end - start
-    assert cross == pytest.approx((way.real * off.imag - way.imag * off.real) / abs(way), abs=1e-6)
+    line = end - start
+    assert cross == pytest.approx(
+        (line.real * off.imag - line.imag * off.real) / abs(line), abs=1e-6
+    )
     assert cross**2 + along**2 == pytest.approx(abs(off) ** 2, abs=1e-4)
-    assert length == abs(way)
-    assert abs(wrap_pi(azimuth - math.atan2(way.imag, way.real))) < 1e-12
+    assert length == abs(line)
+    assert abs(wrap_pi(azimuth - math.atan2(line.imag, line.real))) < 1e-12
 
 
 @given(start=PLACES, azimuth=COURSES, aside=st.floats(-60.0, 60.0), current=CURRENTS)

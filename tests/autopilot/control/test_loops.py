@@ -159,12 +159,12 @@ def test_trim_learned_long_enough_is_stored(learned_s: float, kept_deg: float) -
     vehicle.state = vehicle.state._replace(armed=True, loops=LoopMemory(trim=trim))
     vehicle.request(requests.Disarm(force=True))
     assert vehicle.params.get("TRIM_RUD_DEG") == pytest.approx(kept_deg)
-    told = [
+    texts = [
         event.text
         for event in vehicle.take_events()
         if isinstance(event, Event) and "Trim" in event.text
     ]
-    assert told == (["Trim learned: TRIM_RUD_DEG 4.5, TRIM_ELE_DEG -1"] if kept_deg == 4.5 else [])
+    assert texts == (["Trim learned: TRIM_RUD_DEG 4.5, TRIM_ELE_DEG -1"] if kept_deg == 4.5 else [])
 
 
 STANDING = VehicleEstimate(heading_rad=math.radians(-9.0), speed_mps=1.3)

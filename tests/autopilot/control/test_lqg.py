@@ -24,7 +24,7 @@ DIVES = lqg.from_matrices(
     loads=0,
 )
 STILL = LqgReference((0.0, 0.0), 0.0, -0.2, 0.2)
-LAWS = LqgControllers(speed_mps=1.3, heading=TURNS, depth=DIVES, pitch_per_metre=0.2)
+CONTROLLERS = LqgControllers(speed_mps=1.3, heading=TURNS, depth=DIVES, pitch_per_metre=0.2)
 LEFT = Setpoint(heading_rad=-0.1)
 
 
@@ -41,24 +41,24 @@ def test_step_equals_matrix_equations() -> None:
         STILL._replace(wanted=(0.01, 0.05), feedforward_rad=0.02),
         np.random.default_rng(1),
     )
-    belief, states, before, command = None, np.empty(0), np.empty(0), 0.0
+    observer, states, before, command = None, np.empty(0), np.empty(0), 0.0
     for measured in rng.standard_normal((20, 2)):
-        u, belief = lqg.step(TURNS, belief, tuple(measured.tolist()), target)
-        told = (
+        u, observer = lqg.step(TURNS, observer, tuple(measured.tolist()), target)
+        inputs = (
             np.concatenate([states, [command], 0.5 * (before + measured)]) if states.size else None
         )
-        states = start @ measured if told is None else matrix @ told
+        states = start @ measured if inputs is None else matrix @ inputs
         command = float(np.clip(feedback @ (states - start @ target.wanted) + 0.02, -0.2, 0.2))
         before = measured
         assert u == pytest.approx(command, abs=1e-14)
-    assert belief is not None
-    assert belief.states == pytest.approx(states, abs=1e-14)
+    assert observer is not None
+    assert observer.states == pytest.approx(states, abs=1e-14)
 
 
 def test_new_reference_changes_command_not_observer() -> None:
-    _, belief = lqg.step(TURNS, None, (0.01, 0.02), STILL)
+    _, observer = lqg.step(TURNS, None, (0.01, 0.02), STILL)
     held, moved = (
-        lqg.step(TURNS, belief, (0.01, 0.02), STILL._replace(wanted=wanted))
+        lqg.step(TURNS, observer, (0.01, 0.02), STILL._replace(wanted=wanted))
         for wanted in ((0.0, 0.0), (0.0, 0.05))
     )
     assert moved[0] != held[0]
@@ -66,16 +66,16 @@ def test_new_reference_changes_command_not_observer() -> None:
 
 
 def test_moving_reference_freezes_disturbance_states() -> None:
-    _, belief = lqg.step(TURNS, None, (0.01, 0.02), STILL)
-    _, held = lqg.step(TURNS, belief, (0.03, 0.05), STILL)
-    _, turning = lqg.step(TURNS, belief, (0.03, 0.05), STILL._replace(moving=True))
-    assert turning.states == (held.states[0], belief.states[1])
-    assert held.states[1] != belief.states[1]
+    _, observer = lqg.step(TURNS, None, (0.01, 0.02), STILL)
+    _, held = lqg.step(TURNS, observer, (0.03, 0.05), STILL)
+    _, turning = lqg.step(TURNS, observer, (0.03, 0.05), STILL._replace(moving=True))
+    assert turning.states == (held.states[0], observer.states[1])
+    assert held.states[1] != observer.states[1]
 
 
 def test_heading_past_south_is_unwrapped() -> None:
     """From 179 to 181 degrees the vehicle turns by 2 degrees, not by 358."""
-    config = Config(lqg_controllers=LAWS)
+    config = Config(lqg_controllers=CONTROLLERS)
     seen, memory = VehicleEstimate(speed_mps=1.3, heading_rad=math.radians(179.0)), LoopMemory()
     asked = Setpoint(heading_rad=math.radians(-179.0))
     for heading_deg in (179.0, 180.5, -178.5):
@@ -86,7 +86,7 @@ def test_heading_past_south_is_unwrapped() -> None:
 
 
 def test_lqg_outside_its_speed_range_pid_is_used() -> None:
-    law, pid = Config(lqg_controllers=LAWS), Config()
+    lqg_config, pid = Config(lqg_controllers=CONTROLLERS), Config()
     for speed, flies in (
         (1.3, True),
         (1.1, True),
@@ -96,11 +96,14 @@ def test_lqg_outside_its_speed_range_pid_is_used() -> None:
         (0.0, False),
     ):
         seen = VehicleEstimate(speed_mps=speed, r_radps=0.01)
-        assert (rudder(seen, law) == rudder(seen, pid)) != flies, speed
+        assert (rudder(seen, lqg_config) == rudder(seen, pid)) != flies, speed
 
 
 def test_lqg_disabled_by_parameter_pid_is_used() -> None:
-    table, seen = ParamTable(lqg_controllers=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.01)
+    table, seen = (
+        ParamTable(lqg_controllers=CONTROLLERS),
+        VehicleEstimate(speed_mps=1.3, r_radps=0.01),
+    )
     by_law = rudder(seen, table.config)
     table.set("LAW_ENABLE", 0.0)
     assert rudder(seen, table.config) == rudder(seen, Config()) != by_law
@@ -109,7 +112,7 @@ def test_lqg_disabled_by_parameter_pid_is_used() -> None:
 
 
 def test_command_stays_within_travel_with_trim() -> None:
-    config = Config(lqg_controllers=LAWS, rudder_trim_deg=6.0)
+    config = Config(lqg_controllers=CONTROLLERS, rudder_trim_deg=6.0)
     for heading in (-3.0, 3.0):
         seen = VehicleEstimate(
             speed_mps=1.3, r_radps=math.copysign(30.0, heading), heading_rad=heading
@@ -121,10 +124,10 @@ def test_command_stays_within_travel_with_trim() -> None:
 
 def test_depth_error_is_limited_by_pitch_limit() -> None:
     config, seen = (
-        Config(lqg_controllers=LAWS, pitch_limit_deg=20.0),
+        Config(lqg_controllers=CONTROLLERS, pitch_limit_deg=20.0),
         VehicleEstimate(speed_mps=1.3),
     )
-    metres = math.radians(20.0) / LAWS.pitch_per_metre
+    metres = math.radians(20.0) / CONTROLLERS.pitch_per_metre
 
     def elevator(depth_m: float) -> float:
         wanted, _ = loops.step_loops(
@@ -142,13 +145,13 @@ def test_pitch_setpoint_is_held_by_pid() -> None:
     seen, asked = VehicleEstimate(speed_mps=1.3, depth_m=1.0), Setpoint(pitch_rad=0.1)
     by_law, by_pid = (
         loops.step_loops(seen, asked, LoopMemory(), config, 0.02, heading=False, depth=True)[0]
-        for config in (Config(lqg_controllers=LAWS), Config())
+        for config in (Config(lqg_controllers=CONTROLLERS), Config())
     )
     assert by_law == by_pid
 
 
 def test_observer_open_loop_is_reset() -> None:
-    config, seen = Config(lqg_controllers=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.02)
+    config, seen = Config(lqg_controllers=CONTROLLERS), VehicleEstimate(speed_mps=1.3, r_radps=0.02)
     _, memory = loops.step_loops(seen, LEFT, LoopMemory(), config, 0.02, heading=True, depth=True)
     assert memory.rudder_observer is not None
     assert memory.elevator_observer is not None

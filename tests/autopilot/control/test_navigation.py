@@ -95,28 +95,32 @@ def test_kalman_update_equals_real_valued_filter(
 
 @given(
     before=covariances(),
-    way=SMALL,
+    distance=SMALL,
     turn=st.floats(-0.5, 0.5),
-    heard=st.booleans(),
+    has_dvl=st.booleans(),
     over_ground=st.booleans(),
 )
 def test_covariance_propagation_equals_matrix_equation(
-    before: NavCovariance, way: complex, turn: float, heard: bool, over_ground: bool
+    before: NavCovariance, distance: complex, turn: float, has_dvl: bool, over_ground: bool
 ) -> None:
     """Reference: F P F^H in complex numbers; process noise only adds to the diagonal."""
     memory = Navigation(
         current_mps=0.1 - 0.2j,
         covariance=before,
-        ping_us=0 if heard else -1,
+        ping_us=0 if has_dvl else -1,
         over_ground=over_ground,
     )
-    motion = MotionInput(100_000, (1.0, 0.0, 0.0, 0.0), way / 0.2, True, turn, 0.0)
-    after = hermitian(navigation._propagate_covariance(memory, 0.2, way, motion, CONFIG).covariance)
+    motion = MotionInput(100_000, (1.0, 0.0, 0.0, 0.0), distance / 0.2, True, turn, 0.0)
+    after = hermitian(
+        navigation._propagate_covariance(memory, 0.2, distance, motion, CONFIG).covariance
+    )
     f = np.eye(4, dtype=complex)
-    f[0, 1:] = (0.2, way, 0.0)
-    if heard:
+    f[0, 1:] = (0.2, distance, 0.0)
+    if has_dvl:
         f[0, 1:] = (
-            (0.0, 0.0, -(way + memory.current_mps * 0.2)) if over_ground else (0.2, 0.0, -way)
+            (0.0, 0.0, -(distance + memory.current_mps * 0.2))
+            if over_ground
+            else (0.2, 0.0, -distance)
         )
     noise = after - f @ hermitian(before) @ f.conj().T
     off_diagonal = noise - np.diag(np.diag(noise))
@@ -141,7 +145,7 @@ def drive(
     Returns the solution, the true position and the time.
     """
     ahead = cmath.rect(1.3, heading_rad)
-    true_mps, now_us, told, true = (
+    true_mps, now_us, solution, true = (
         ahead * water + current,
         start_us,
         NavSolution(place, 0j, memory),
@@ -165,17 +169,17 @@ def drive(
         )
         inputs = Inputs(sensors(now_us), fix if tick % 10 == 0 else None, None, None, dvl=ping)
         motion = MotionInput(now_us, attitude, ahead, True, 0.0, 0.0)
-        told = navigation.predict_and_update(
-            told.position_m, told.memory, motion, inputs, HOME, CONFIG, 0.02
+        solution = navigation.predict_and_update(
+            solution.position_m, solution.memory, motion, inputs, HOME, CONFIG, 0.02
         )
-    return told, true, now_us
+    return solution, true, now_us
 
 
 def test_turn_separates_speed_error_from_current() -> None:
     """On one course 5 % of speed equals 6.5 cm/s of current; on two courses they differ."""
     memory, place, now_us = navigation.initial_solution(CONFIG), 0j, 0
     for heading in (0.0, 0.5 * math.pi, math.pi, 0.0):
-        told, place, now_us = drive(
+        solution, place, now_us = drive(
             memory,
             seconds=60.0,
             heading_rad=heading,
@@ -185,24 +189,24 @@ def test_turn_separates_speed_error_from_current() -> None:
             start_us=now_us,
             place=place,
         )
-        memory = told.memory
+        memory = solution.memory
     assert memory.current_mps == pytest.approx(0.1j, abs=0.01)
     assert memory.speed_error == pytest.approx(-0.04 + 0.02j, abs=0.01)
-    assert abs(told.position_m - place) < 0.02 * abs(place) + 1.0
+    assert abs(solution.position_m - place) < 0.02 * abs(place) + 1.0
 
 
 def test_position_sd_without_dvl_matches_error() -> None:
-    told, true, _ = drive(
+    solution, true, _ = drive(
         navigation.initial_solution(CONFIG), seconds=100.0, heading_rad=0.3, current=0.2 + 0j
     )
-    assert abs(told.position_m - true) == pytest.approx(20.0, rel=0.01)
-    assert navigation.sd_m(told.memory) == pytest.approx(
+    assert abs(solution.position_m - true) == pytest.approx(20.0, rel=0.01)
+    assert navigation.sd_m(solution.memory) == pytest.approx(
         math.hypot(100 * 0.2, 130 * 0.05), rel=0.02
     )
 
 
 def test_fix_outlier_is_rejected_until_it_persists() -> None:
-    told, true, now_us = drive(
+    solution, true, now_us = drive(
         navigation.initial_solution(CONFIG), seconds=20.0, heading_rad=0.0, gps=True
     )
     for k in range(1, 40):
@@ -211,13 +215,13 @@ def test_fix_outlier_is_rejected_until_it_persists() -> None:
         fix = GpsFix(now_us, 3, lat, lon, 0.0, 1.3, 0.0, 0.0, 10, 1.5)
         motion = MotionInput(now_us, (1.0, 0.0, 0.0, 0.0), 1.3 + 0j, True, 0.0, 0.0)
         inputs = Inputs(sensors(now_us), fix, None, None)
-        told = navigation.predict_and_update(
-            told.position_m, told.memory, motion, inputs, HOME, CONFIG, 0.2
+        solution = navigation.predict_and_update(
+            solution.position_m, solution.memory, motion, inputs, HOME, CONFIG, 0.2
         )
         if k == 10:
-            assert abs(told.position_m - true) < 3.0
-            assert told.memory.fixes_rejected == 10
-    assert abs(told.position_m - (true + 40.0)) < 10.0
+            assert abs(solution.position_m - true) < 3.0
+            assert solution.memory.fixes_rejected == 10
+    assert abs(solution.position_m - (true + 40.0)) < 10.0
 
 
 @settings(max_examples=20)

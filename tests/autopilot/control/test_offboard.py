@@ -26,11 +26,11 @@ from tests.helpers.missions import Flight, sensors
 HOME = Home(42.35, -71.0, True)
 
 
-def armed(mode: modes.Mode, *wishes: requests.Request, **changes: Any) -> Flight:
+def armed(mode: modes.Mode, *initial_requests: requests.Request, **changes: Any) -> Flight:
     flight = Flight(config=Config(**changes))
     flight.step()
-    for wish in (*wishes, requests.SetMode(mode.number), requests.Arm()):
-        assert flight.ask(wish) == ACCEPTED, wish
+    for request in (*initial_requests, requests.SetMode(mode.number), requests.Arm()):
+        assert flight.ask(request) == ACCEPTED, request
     flight.step()
     return flight
 
@@ -156,8 +156,8 @@ def test_stabilize_follows_stick() -> None:
 def test_ground_lost_action_ends_when_ground_returns(
     action: int, home: bool, mode: modes.Mode
 ) -> None:
-    wishes = (requests.SetHome(HOME.lat_deg, HOME.lon_deg),) if home else ()
-    flight = armed(modes.DEPTH, *wishes, fs_ground_s=10.0, fs_ground_action=action)
+    initial_requests = (requests.SetHome(HOME.lat_deg, HOME.lon_deg),) if home else ()
+    flight = armed(modes.DEPTH, *initial_requests, fs_ground_s=10.0, fs_ground_action=action)
     flight.state = flight.state._replace(estimate=flight.state.estimate._replace(north_m=200.0))
     flight.more = {"ground_silent_s": 11.0}
     flight.step()

@@ -16,37 +16,37 @@ SERVO = ActuatorLead(3.0, 0.6, 8.0, math.radians(15.0), math.radians(15.0))
 def follow_model(
     goal: float, w: float, fastest: float, seconds: float = 60.0
 ) -> list[ReferenceState]:
-    way, ways = ReferenceState(0.0), []
+    state, states = ReferenceState(0.0), []
     for _ in range(round(seconds / DT)):
-        way = reference_model.step_reference(goal - way.value, way, w, fastest, DT)
-        ways.append(way)
-    return ways
+        state = reference_model.step_reference(goal - state.value, state, w, fastest, DT)
+        states.append(state)
+    return states
 
 
 @given(goal=st.floats(-3.0, 3.0), w=st.floats(0.2, 3.0), fastest=st.floats(0.05, 2.0))
 def test_reference_arrives_without_overshoot_within_rate(
     goal: float, w: float, fastest: float
 ) -> None:
-    ways = follow_model(goal, w, fastest, seconds=20.0 / w + 3.5 / fastest)
-    assert max(abs(way.rate) for way in ways) <= fastest
-    assert abs(ways[-1].value - goal) < 0.01 * max(abs(goal), 0.01)
-    beyond = max(math.copysign(1.0, goal) * (way.value - goal) for way in ways)
+    states = follow_model(goal, w, fastest, seconds=20.0 / w + 3.5 / fastest)
+    assert max(abs(state.rate) for state in states) <= fastest
+    assert abs(states[-1].value - goal) < 0.01 * max(abs(goal), 0.01)
+    beyond = max(math.copysign(1.0, goal) * (state.value - goal) for state in states)
     assert beyond < 0.02 * abs(goal) + 1e-9
 
 
 def test_reference_without_rate_limit_is_critically_damped() -> None:
-    ways = np.array([way.value for way in follow_model(1.0, 0.5, 10.0)])
-    t = DT * np.arange(1, ways.size + 1)
-    np.testing.assert_allclose(ways, 1.0 - (1.0 + 0.5 * t) * np.exp(-0.5 * t), atol=0.01)
+    states = np.array([state.value for state in follow_model(1.0, 0.5, 10.0)])
+    t = DT * np.arange(1, states.size + 1)
+    np.testing.assert_allclose(states, 1.0 - (1.0 + 0.5 * t) * np.exp(-0.5 * t), atol=0.01)
 
 
 def simulate_tailcone(wanted: np.ndarray, servo: ActuatorLead) -> tuple[np.ndarray, np.ndarray]:
     """Return (commands, duct angles); the tailcone is the lag of ``servo`` with its limits."""
     angle = rate = 0.0
-    way: ReferenceState | None = ReferenceState(0.0)
+    state: ReferenceState | None = ReferenceState(0.0)
     commands, angles = [], []
     for value in wanted:
-        command, way = reference_model.lead(float(value), way, servo, DT)
+        command, state = reference_model.lead(float(value), state, servo, DT)
         for _ in range(20):
             accel = (
                 servo.lag_radps**2 * (command - angle)
@@ -84,6 +84,6 @@ def test_lead_any_command_stays_in_travel_and_follows_model(
 
 
 def test_lead_first_tick_has_no_jump() -> None:
-    command, way = reference_model.lead(0.1, None, SERVO, DT)
+    command, state = reference_model.lead(0.1, None, SERVO, DT)
     assert command == 0.1
-    assert way == ReferenceState(0.1, 0.0)
+    assert state == ReferenceState(0.1, 0.0)
