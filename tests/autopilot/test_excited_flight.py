@@ -20,7 +20,9 @@ def test_step_excitation_opens_only_its_plane_and_ends() -> None:
     assert flight.state.mode == modes.SYSID.number
     for _ in flight.run(3.9):
         pass
-    assert flight.state.loops.heading_integral_rad == before, "the integrator of an open loop is frozen"
+    assert flight.state.loops.heading_integral_rad == before, (
+        "the integrator of an open loop is frozen"
+    )
     assert flight.run_until(lambda s: s.test is None, 1.0) == pytest.approx(0.1, abs=0.03)
     assert flight.texts()[-2:] == ["SystemID Finished", "Mode DEPTH"]
     assert flight.heading > math.radians(5.0)
