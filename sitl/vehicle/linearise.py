@@ -43,10 +43,15 @@ class Plane(NamedTuple):
     """Linear plane M x' = F x + G delta, and the same solved for x' = A x + B delta."""
 
     M: Vector
+    """Mass matrix, (n, n); identity for kinematic states."""
     F: Vector
+    """Force per state, (n, n)."""
     G: Vector
+    """Force per surface angle, (n, 1)."""
     A: Vector
+    """M^-1 F, (n, n)."""
     B: Vector
+    """M^-1 G, (n, 1)."""
 
 
 class LinearPlanes(NamedTuple):
