@@ -1,4 +1,4 @@
-"""What gains are foretold to come to is what a simulation in time gives, no spectrum asked."""
+"""Predicted statistics of the controlled vehicle against a simulation in time."""
 
 import math
 
@@ -30,37 +30,40 @@ def promised(model: IdentifiedModel) -> PerformanceBaseline:
 
 @pytest.fixture(scope="module")
 def heading_deg(model: IdentifiedModel) -> Array:
-    """Heading in closed loop, pushed by the sea of the model and seen through its noise."""
+    """Heading in closed loop under the model's disturbance, with angle noise, deg."""
     vehicle = design_model.from_model(model)
     closed = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_IMPROVED)
     rng, sea = np.random.default_rng(5), vehicle.sea["yaw"]
-    pushed = disturbance(sea, rng, round(LASTS_S / STEP_S))
+    acceleration = disturbance(sea, rng, round(LASTS_S / STEP_S))
     moment = np.zeros(len(closed.A))
     moment[: vehicle.planes.yaw.moment.size] = vehicle.planes.yaw.moment
-    whole = expm(np.block([[closed.A, moment[:, None]], [np.zeros((1, len(moment) + 1))]]) * STEP_S)
-    x, told = np.zeros(len(moment)), []
-    for push in pushed:
-        x = whole[:-1, :-1] @ x + whole[:-1, -1] * push
-        told.append(x[2])
-    return np.degrees(told) + rng.normal(0.0, sea.angle_noise_deg, len(told))
+    transition = expm(
+        np.block([[closed.A, moment[:, None]], [np.zeros((1, len(moment) + 1))]]) * STEP_S
+    )
+    x, headings_rad = np.zeros(len(moment)), []
+    for sample in acceleration:
+        x = transition[:-1, :-1] @ x + transition[:-1, -1] * sample
+        headings_rad.append(x[2])
+    return np.degrees(headings_rad) + rng.normal(0.0, sea.angle_noise_deg, len(headings_rad))
 
 
 def disturbance(sea: NoiseModel, rng: np.random.Generator, count: int) -> Array:
-    """The slow and the narrow-band angular acceleration, rad/s^2, each as its differential equation
-    says."""
-    fine, dt = 10, STEP_S / 10
-    keep = math.exp(-dt / sea.slow_time_s)
-    slow = lfilter([math.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(count * fine))
+    """Slow and narrow-band angular acceleration, rad/s^2, by their differential equations."""
+    substeps, dt = 10, STEP_S / 10
+    decay = math.exp(-dt / sea.slow_time_s)
+    slow = lfilter(
+        [math.sqrt(1.0 - decay**2)], [1.0, -decay], rng.standard_normal(count * substeps)
+    )
     omega = 2.0 * math.pi * sea.wave_frequency_hz
     A = np.array([[0.0, 1.0], [-(omega**2), -2.0 * sea.wave_damping * omega]])
     step, push = expm(A * dt), math.sqrt(4.0 * sea.wave_damping * omega**3 * dt)
     poles = np.poly(step)
-    wave = lfilter([0.0, 0.0, push * step[0, 1]], poles, rng.standard_normal(count * fine))
-    both = sea.slow_accel_degps2 * slow + sea.wave_accel_degps2 * wave
-    return np.asarray(np.radians(both[::fine]))
+    wave = lfilter([0.0, 0.0, push * step[0, 1]], poles, rng.standard_normal(count * substeps))
+    acceleration_degps2 = sea.slow_accel_degps2 * slow + sea.wave_accel_degps2 * wave
+    return np.asarray(np.radians(acceleration_degps2[::substeps]))
 
 
-def test_rms_and_averages_come_to_what_is_foretold(
+def test_predicted_rms_and_means_match_simulation(
     promised: PerformanceBaseline, heading_deg: Array
 ) -> None:
     expected, whole = promised.predicted["heading_deg"], round(AVERAGED_S / STEP_S)
@@ -70,17 +73,17 @@ def test_rms_and_averages_come_to_what_is_foretold(
     assert np.quantile(np.abs(heading_deg), 0.95) == pytest.approx(expected.p95, rel=0.1)
 
 
-def test_variances_vary_as_much_as_the_memory_says(
+def test_predicted_correlation_time_matches_simulation(
     promised: PerformanceBaseline, heading_deg: Array
 ) -> None:
-    """Chi-square: a variance over T has 2 memory / T of itself squared as its variance."""
+    """The relative variance of a variance over T is 2 tau / T, tau the correlation time."""
     expected, whole = promised.predicted["heading_deg"], round(AVERAGED_S / STEP_S)
     variances = heading_deg[: heading_deg.size // whole * whole].reshape(-1, whole).var(axis=1)
     spread = np.var(variances) / np.mean(variances) ** 2
     assert spread == pytest.approx(2.0 * expected.memory_s / AVERAGED_S, rel=0.3)
 
 
-def test_the_swing_is_what_a_narrow_band_holds(
+def test_predicted_resonance_matches_narrow_band(
     promised: PerformanceBaseline, heading_deg: Array
 ) -> None:
     band = iirpeak(
@@ -91,7 +94,7 @@ def test_the_swing_is_what_a_narrow_band_holds(
     )
 
 
-def test_averages_are_those_of_level_flight(
+def test_predicted_means_match_level_flight(
     promised: PerformanceBaseline, model: IdentifiedModel
 ) -> None:
     bias, level = model.planes["yaw"].actuator_bias_deg, model.vehicle

@@ -1,5 +1,4 @@
-"""LQG by other means: closed forms, python-control, the separation principle, a Lyapunov equation,
-the tick in time."""
+"""LQG against closed forms, python-control, the separation principle and a simulation in time."""
 
 import math
 
@@ -42,7 +41,7 @@ def designed(vehicle: DesignModel, plane: Plane) -> tuple[AugmentedModel, Discre
     )
 
 
-def test_feedback_of_a_double_integrator_is_the_textbooks() -> None:
+def test_feedback_double_integrator_matches_closed_form() -> None:
     """r' = u + load, psi' = r: F = -(sqrt(2/rho), 1/rho), and the load taken off."""
     A = np.array([[-1.0, 0, 0, 0], [0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, 0]])
     model = AugmentedModel(
@@ -53,7 +52,7 @@ def test_feedback_of_a_double_integrator_is_the_textbooks() -> None:
     assert pytest.approx([0.0, -math.sqrt(2.0 / rho), -1.0 / rho, -1.0]) == F
 
 
-def test_filter_of_a_random_walk_is_the_textbooks() -> None:
+def test_filter_gains_random_walk_match_closed_form() -> None:
     """x' = w, y = x + v: L = sqrt(q/r)."""
     one = np.eye(1)
     assert synthesis.filter_gains(
@@ -62,7 +61,7 @@ def test_filter_of_a_random_walk_is_the_textbooks() -> None:
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_gains_are_python_controls(vehicle: DesignModel, plane: Plane) -> None:
+def test_gains_match_python_control(vehicle: DesignModel, plane: Plane) -> None:
     model, law = designed(vehicle, plane)
     K, _, _ = control.lqr(
         model.A[: model.load, : model.load], model.B[: model.load, None], *weighted(model, plane)
@@ -79,9 +78,8 @@ def weighted(model: AugmentedModel, plane: Plane) -> tuple[np.ndarray, np.ndarra
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_filter_and_feedback_keep_their_own_poles(vehicle: DesignModel, plane: Plane) -> None:
-    """The separation principle; no feedback moves the constant loads, which stay where they are in
-    both."""
+def test_closed_loop_satisfies_separation_principle(vehicle: DesignModel, plane: Plane) -> None:
+    """Separation principle; the feedback does not move the poles of the constant loads."""
     model, law = designed(vehicle, plane)
     closed = laws.close(law, model.A, model.B, model.C).A
     apart = block_diag(model.A + np.outer(model.B, law.F), law.A)
@@ -91,7 +89,7 @@ def test_filter_and_feedback_keep_their_own_poles(vehicle: DesignModel, plane: P
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_response_is_python_controls(vehicle: DesignModel, plane: Plane) -> None:
+def test_response_matches_python_control(vehicle: DesignModel, plane: Plane) -> None:
     _, law = designed(vehicle, plane)
     frequencies = np.geomspace(0.01, 50.0, 30)
     system = control.ss(law.closed, law.L, law.F[None, :], 0)
@@ -99,11 +97,8 @@ def test_response_is_python_controls(vehicle: DesignModel, plane: Plane) -> None
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_ticks_answer_as_the_continuous_law_up_to_crossover_and_beyond(
-    vehicle: DesignModel, plane: Plane
-) -> None:
-    """Gain within 1 %, phase within a degree, at three times crossover still: so does what is told
-    to the autopilot."""
+def test_tick_controller_matches_continuous_response(vehicle: DesignModel, plane: Plane) -> None:
+    """Gain within 1 % and phase within 1 deg up to three times the crossover."""
     _, law = designed(vehicle, plane)
     linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
     ticked, frequencies = optimal.tick_controllers(law, linear), np.array([0.1, 0.9, 2.7])
@@ -117,10 +112,11 @@ def test_ticks_answer_as_the_continuous_law_up_to_crossover_and_beyond(
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_no_constant_load_leaves_an_error_on_another_vehicle(
-    vehicle: DesignModel, plane: Plane
-) -> None:
-    """Of the surface, and in pitch of buoyancy, on coefficients that the law does not know."""
+def test_constant_load_leaves_no_error_on_other_vehicle(vehicle: DesignModel, plane: Plane) -> None:
+    """Constant loads on surface and, in pitch, of buoyancy.
+
+    Coefficients differ from the design's.
+    """
     _, law = designed(vehicle, plane)
     other = yaw_plane(TABLE_1_INITIAL) if plane == "yaw" else pitch_plane(TABLE_1_INITIAL)
     A, B = loop_transfer.plane_with_tailcone(other, LAG, loop_analysis.PADE_ORDER)
@@ -137,8 +133,8 @@ def test_no_constant_load_leaves_an_error_on_another_vehicle(
             assert abs(held) < 1e-6 * np.max(np.abs(rest))
 
 
-def test_predicted_heading_is_that_of_a_lyapunov_equation(vehicle: DesignModel) -> None:
-    """Under the slow disturbance alone: frequency integral against the closed loop's covariance."""
+def test_predicted_heading_matches_lyapunov_equation(vehicle: DesignModel) -> None:
+    """Slow disturbance alone: frequency integral against the closed loop's covariance."""
     sea = msgspec.structs.replace(DEFAULT_DISTURBANCE, wave_accel_degps2=0.0)
     _, law = designed(vehicle, "yaw")
     seen = loop_analysis.measured_plane(vehicle._replace(sea={"yaw": sea, "pitch": sea}), "yaw")
@@ -153,9 +149,8 @@ def test_predicted_heading_is_that_of_a_lyapunov_equation(vehicle: DesignModel) 
     )
 
 
-def test_margins_survive_a_true_delay(vehicle: DesignModel) -> None:
-    """The tick in time: just inside the gain margin at the rudder she settles, just outside she
-    does not."""
+def test_gain_margin_matches_simulation_with_delay(vehicle: DesignModel) -> None:
+    """Simulation in time: stable just inside the gain margin, unstable just outside."""
     _, law = designed(vehicle, "yaw")
     margin = 10 ** (
         loop_transfer.margins(
@@ -168,17 +163,16 @@ def test_margins_survive_a_true_delay(vehicle: DesignModel) -> None:
 
 
 def growth(vehicle: DesignModel, law: DiscreteController, factor: float) -> float:
-    """Late over earlier amplitude of the heading; the observer hears of the command that it asked
-    for."""
+    """Late over earlier amplitude of the heading; the observer uses the unscaled command."""
     dt, plane, ticked = TICK_S, vehicle.planes.yaw, laws.discretise(law, TICK_S)
     wn, zeta = LAG.natural_frequency_radps, LAG.damping_ratio
     block = np.zeros((6, 6))
     block[:3, :3], block[:3, 3], block[3, 4] = plane.A, plane.B, 1.0
     block[4, 3:] = -(wn**2), -2.0 * zeta * wn, wn**2
     step = expm(block * dt)
-    # Half a tick of hold is what sampling has here: nothing is late by its computing.
+    # The only sampling delay is the hold of half a tick: computing takes no time.
     queue = [0.0] * round(LAG.delay_s / dt)
-    x, belief, before, u, sizes = (
+    x, observer_state, previous, u, sizes = (
         np.array([0.0, 0.0, 0.1, 0.0, 0.0]),
         np.zeros(len(law.B)),
         np.zeros(2),
@@ -187,8 +181,10 @@ def growth(vehicle: DesignModel, law: DiscreteController, factor: float) -> floa
     )
     for _ in range(round(120.0 / dt)):
         measured = x[1:3]
-        belief = ticked.A @ belief + ticked.B * u + ticked.L @ (0.5 * (before + measured))
-        u, before = float(ticked.F @ belief), measured
+        observer_state = (
+            ticked.A @ observer_state + ticked.B * u + ticked.L @ (0.5 * (previous + measured))
+        )
+        u, previous = float(ticked.F @ observer_state), measured
         queue.append(factor * u)
         x = step[:5, :5] @ x + step[:5, 5] * queue.pop(0)
         sizes.append(abs(x[2]))

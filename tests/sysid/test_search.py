@@ -1,4 +1,4 @@
-"""A search judges no gains twice, and ends on the limit that holds it back."""
+"""Constrained search: it ends at its constraint and evaluates no gains twice."""
 
 from collections.abc import Mapping
 
@@ -7,17 +7,17 @@ import pytest
 from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints, solve
 
 
-def test_a_search_ends_on_its_limit_and_judges_no_gains_twice_on_the_way() -> None:
-    judged: list[tuple[float, ...]] = []
+def test_solve_ends_at_constraint_without_repeats() -> None:
+    evaluated: list[tuple[float, ...]] = []
 
-    def judge(gains: Mapping[str, float]) -> CostAndConstraints:
-        judged.append((gains["P"], gains["D"]))
+    def evaluate(gains: Mapping[str, float]) -> CostAndConstraints:
+        evaluated.append((gains["P"], gains["D"]))
         return CostAndConstraints(
             1.0 / gains["P"] + 0.1 * gains["D"], {"stiffness": gains["P"] / gains["D"] - 1.0}
         )
 
-    found = solve(ConstrainedProblem({}, ({"P": 0.5, "D": 2.0},), judge))
-    assert found["P"] == pytest.approx(found["D"], rel=0.01)
-    assert found["P"] == pytest.approx(10.0**0.5, rel=0.05)
-    # A search judges its end again, and the next one sets out from there.
-    assert len(judged) <= len(set(judged)) + 8
+    gains = solve(ConstrainedProblem({}, ({"P": 0.5, "D": 2.0},), evaluate))
+    assert gains["P"] == pytest.approx(gains["D"], rel=0.01)
+    assert gains["P"] == pytest.approx(10.0**0.5, rel=0.05)
+    # A search evaluates its end again, and the next one starts from there.
+    assert len(evaluated) <= len(set(evaluated)) + 8
