@@ -1,1 +1,1 @@
-"""Flies the vehicle: a pure tick, and the process that carries it to the wire."""
+"""The autopilot: a pure control tick, and the process that connects it to MAVLink links."""

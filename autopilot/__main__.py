@@ -9,7 +9,7 @@ import typer
 from autopilot.app import App
 from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.hil import HilLink
-from autopilot.comms.signing_keys import Keys
+from autopilot.comms.signing_keys import SigningKeys
 from autopilot.control.lqg_file import LqgFileError
 from autopilot.control.lqg_file import load as load_laws
 from autopilot.control.params import ParamError, ParamTable
@@ -27,26 +27,40 @@ from mavlink_io.transport import SEND_TIMEOUT_S, AddressError, LinkLostError, op
 from mavlink_io.user_data_dir import user_data_dir
 
 DEFAULT_GROUND = ["udpout:127.0.0.1:14550", "udpout:127.0.0.1:14540"]
-"""Where QGroundControl and MAVProxy, and where MAVSDK listen."""
+"""Default ground links: the ports of QGroundControl and MAVProxy, and of MAVSDK."""
 
 OFF = "off"
+"""Value of ``--logs`` and ``--state`` that turns the folder off."""
 MAX_SEND_BLOCK_S = 0.2
-"""The longest that a TCP client which reads nothing may hold up a vehicle that does not wait for
-her autopilot: what Wi-Fi leaves behind when she dives."""
+"""Longest time that a send to a TCP client may block when the vehicle does not wait for the answer.
+
+A client stops reading when the vehicle dives and Wi-Fi is lost."""
 
 WORK_FAILED, BAD_INPUT = 1, 2
+"""Exit statuses."""
+
+
+def _print_version(requested: bool) -> None:
+    """Print the version and exit, when ``--version`` is given."""
+    if requested:
+        print(f"autopilot {version()}")
+        raise typer.Exit
 
 
 def fly(
     hil: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Link to the simulator or the vehicle.")
+        str,
+        typer.Option(
+            metavar="ADDRESS", help="Link to the simulator or to the sensors of the vehicle."
+        ),
     ] = "udpin:127.0.0.1:14560",
     gcs: Annotated[
         list[str] | None,
-        typer.Option(metavar="ADDRESS", help="Link to the ground; may be repeated."),
+        typer.Option(metavar="ADDRESS", help="Link to a ground station. Repeatable."),
     ] = None,
     params: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Parameters: lines of NAME,VALUE.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Parameter file: one NAME,VALUE per line."),
     ] = None,
     controller: Annotated[
         Path | None,
@@ -58,18 +72,19 @@ def fly(
     sign: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="ADDRESS=KEYFILE", help="Sign that link to the ground; may be repeated."
+            metavar="ADDRESS=KEYFILE",
+            help="Sign the messages of a ground link with the key in a file. Repeatable.",
         ),
     ] = None,
     autopilot_id: Annotated[
-        AutopilotId, typer.Option(help="Personality told in HEARTBEAT.")
+        AutopilotId, typer.Option(help="Autopilot type reported in HEARTBEAT.")
     ] = AutopilotId.GENERIC,
     logs: Annotated[
         str,
         typer.Option(
             metavar="DIR|off",
             help=(
-                "Where the vehicle keeps her own logs; default: caribou/logs in the user's state"
+                "Folder of the onboard logs, or `off`; default: caribou/logs in the user's state"
                 " directory."
             ),
         ),
@@ -79,34 +94,40 @@ def fly(
         typer.Option(
             metavar="DIR|off",
             help=(
-                "Where parameters are kept for the next start; default: caribou in the user's state"
-                " directory."
+                "Folder where parameters are stored for the next start, or `off`; default: caribou"
+                " in the user's state directory."
             ),
         ),
     ] = "",
     lifeline: Annotated[
-        bool, typer.Option("--lifeline", help="End when standard input does.")
+        bool, typer.Option("--lifeline", help="Exit when standard input is closed.")
+    ] = False,
+    show_version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version and exit.", is_eager=True, callback=_print_version
+        ),
     ] = False,
 ) -> None:
-    """Fly the vehicle: sensors in, actuators out, MAVLink to the ground."""
+    """Fly the vehicle: read sensors, command actuators and serve ground stations over MAVLink."""
     try:
-        keeper = ParamStore(_folder(state, user_data_dir()))
-        kept = keeper.load()
+        param_store = ParamStore(_folder(state, user_data_dir()))
+        stored = param_store.load()
         table = ParamTable(
-            kept | (load(params) if params else {}),
-            kept,
+            stored | (load(params) if params else {}),
+            stored,
             load_laws(controller) if controller else None,
         )
         vehicle = Vehicle(table)
-        keys = Keys.from_options(sign or (), gcs or DEFAULT_GROUND)
-        hil_link = HilLink(open_transport(hil, awaited=True), vehicle.system)
-        patience_s = SEND_TIMEOUT_S if hil_link.lockstep else MAX_SEND_BLOCK_S
+        keys = SigningKeys.from_options(sign or (), gcs or DEFAULT_GROUND)
+        hil_link = HilLink(open_transport(hil, wait_for_device=True), vehicle.system)
+        send_timeout_s = SEND_TIMEOUT_S if hil_link.lockstep else MAX_SEND_BLOCK_S
         transports = [
-            open_transport(each, awaited=True, patience_s=patience_s)
-            for each in gcs or DEFAULT_GROUND
+            open_transport(address, wait_for_device=True, send_timeout_s=send_timeout_s)
+            for address in gcs or DEFAULT_GROUND
         ]
-        logbook = OnboardLog(vehicle, _folder(logs, default_folder()), version())
-        ground = GroundServer(vehicle, transports, autopilot_id, keys, logbook, keeper)
+        onboard_log = OnboardLog(vehicle, _folder(logs, default_folder()), version())
+        ground = GroundServer(vehicle, transports, autopilot_id, keys, onboard_log, param_store)
     except (AddressError, KeyFileError, LqgFileError, ParamError) as error:
         raise SystemExit(_print_error(error, BAD_INPUT)) from None
     links = ", ".join(link.transport.address for link in ground.links)
@@ -116,48 +137,51 @@ def fly(
         flush=True,
     )
     if controller:
-        vehicle.say(f"Laws: {controller.name}", Severity.INFO)
-    for complaint in keeper.complaints:
-        vehicle.say(f"Parameters: {complaint}")
-        print(f"autopilot: {printable(complaint)}", file=sys.stderr, flush=True)
+        vehicle.send_statustext(f"Controller: {controller.name}", Severity.INFO)
+    for problem in param_store.problems:
+        vehicle.send_statustext(f"Parameters: {problem}")
+        print(f"autopilot: {printable(problem)}", file=sys.stderr, flush=True)
     stop = Stop()
     if lifeline:
         end_with_stdin()
     try:
-        App(vehicle, hil_link, ground, logbook).run(stop)
+        App(vehicle, hil_link, ground, onboard_log).run(stop)
     except LinkLostError as error:
         raise SystemExit(_print_error(error, WORK_FAILED)) from None
     finally:
-        for complaint in (keys.save(), keeper.close(table)):
-            if complaint:
-                print(f"autopilot: {printable(complaint)}", file=sys.stderr)
+        for problem in (keys.save(), param_store.close(table)):
+            if problem:
+                print(f"autopilot: {printable(problem)}", file=sys.stderr)
 
 
-def _folder(given: str, default: Path) -> Path | None:
-    return None if given == OFF else Path(given) if given else default
+def _folder(option: str, default: Path) -> Path | None:
+    """Return the folder that an option names; None when it is ``off``."""
+    return None if option == OFF else Path(option) if option else default
 
 
 class Stop:
-    """Turns true at the first signal that asks the process to end."""
+    """Flag that becomes true at the first end signal (SIGINT, SIGTERM or SIGHUP)."""
 
     def __init__(self) -> None:
-        self._asked = False
-        on_end_signals(self._ask)
+        self._requested = False
+        on_end_signals(self._request)
 
     def __call__(self) -> bool:
-        return self._asked
+        return self._requested
 
-    def _ask(self, *_: object) -> None:
-        self._asked = True
+    def _request(self, *_: object) -> None:
+        """Set the flag; called by the signal handler."""
+        self._requested = True
 
 
 def _print_error(error: Exception, status: int) -> int:
+    """Print an error on standard error and return the exit status."""
     print(f"autopilot: {printable(error)}", file=sys.stderr)
     return status
 
 
 def main() -> None:
-    """Run the command."""
+    """Run the ``autopilot`` command."""
     typer.run(fly)
 
 

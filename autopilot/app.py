@@ -1,11 +1,11 @@
-"""The process: one loop that answers the sensors first, then tells and serves the ground."""
+"""The main loop: answer the sensor samples first, then serve the ground links."""
 
 from collections.abc import Callable
 
 from autopilot.comms import sensor_clock
 from autopilot.comms.ground_server import GroundServer
 from autopilot.comms.hil import HilLink, HilSample
-from autopilot.comms.sensor_clock import SensorClock, StampVerdict
+from autopilot.comms.sensor_clock import SensorClock, StampClass
 from autopilot.control.types import US_PER_S, Inputs, Severity
 from autopilot.onboard_log.recorder import OnboardLog
 from autopilot.vehicle import Vehicle
@@ -14,112 +14,118 @@ from mavlink_io.records import ActuatorFrame
 from mavlink_io.transport import SPIN_S, wait
 
 SENSOR_SILENCE_S = 1.0
-"""Wall time without a sample after which a vehicle's own sensors count as silent. A simulator may
-pause in lockstep."""
+"""Wall time without a sample after which the sensors of a vehicle are reported as silent.
+
+It does not apply in lockstep, where a simulator may pause."""
 WRONG_BAUD_BYTES = 1000
-"""So many before the first sample are no noise: the line has another baud rate."""
+"""Number of bytes without MAVLink, before the first sample, that indicates a wrong baud rate."""
 
 
 class App:
-    """Joins the vehicle to its two sides and to its log."""
+    """Connects the vehicle to the HIL link, the ground links and the onboard log."""
 
     def __init__(
-        self, vehicle: Vehicle, hil: HilLink, ground: GroundServer, logbook: OnboardLog
+        self, vehicle: Vehicle, hil: HilLink, ground: GroundServer, onboard_log: OnboardLog
     ) -> None:
-        self._vehicle, self._hil, self._ground, self._logbook = vehicle, hil, ground, logbook
+        self._vehicle, self._hil = vehicle, hil
+        self._ground, self._onboard_log = ground, onboard_log
         self._clock = SensorClock()
-        self._heard_s = 0.0
-        self._gibberish_told = False
-        self._taken_s = 0.0
-        """Wall time at which a sample was last taken."""
-        self._silence_told = False
+        self._received_s = 0.0
+        """Wall time of the newest HIL traffic."""
+        self._baud_rate_reported = False
+        self._accepted_s = 0.0
+        """Wall time at which a sample was last accepted."""
+        self._timeout_reported = False
 
     def run(self, stopping: Callable[[], bool]) -> None:
-        """Serve until ``stopping`` says so. Raises LinkLostError when the HIL link is gone for
-        good."""
+        """Serve the links until ``stopping`` returns true.
+
+        Raises LinkLostError when the HIL link is lost and cannot be opened again."""
         try:
             while not stopping():
                 self.step(self._ground.poll())
             self._ground.flush()
         finally:
-            self._logbook.close()
+            self._onboard_log.close()
 
     def step(self, timeout_s: float) -> None:
-        """Wait for something to arrive and deal with it."""
+        """Wait for data on any link, and process it."""
         links = {link.transport: link for link in self._ground.links}
-        eager = self._hil.lockstep and wall_s() - self._heard_s < SPIN_S
+        eager = self._hil.lockstep and wall_s() - self._received_s < SPIN_S
         ready = wait([self._hil.transport, *links], timeout_s, eager=eager)
         if self._hil.transport in ready:
-            self._heard_s = wall_s()
-            silent_us = round((self._heard_s - self._taken_s) * US_PER_S)
+            self._received_s = wall_s()
+            silent_us = round((self._received_s - self._accepted_s) * US_PER_S)
             for sample in self._hil.receive():
-                if self._take(sample, silent_us):
-                    self._taken_s, self._silence_told = self._heard_s, False
-            if complaint := self._hil.take_complaint():
-                self._vehicle.say(complaint, Severity.ERROR)
-            for result in self._hil.take_verdicts():
-                self._ground.guard.run("failure injection", self._ground.failures.judged, result)
+                if self._accept(sample, silent_us):
+                    self._accepted_s, self._timeout_reported = self._received_s, False
+            if error := self._hil.pop_error():
+                self._vehicle.send_statustext(error, Severity.ERROR)
+            for result in self._hil.pop_failure_results():
+                self._ground.guard.run("failure injection", self._ground.failures.on_result, result)
         for transport, link in links.items():
             if link.backlog or transport in ready:
                 self._ground.receive(link)
-        for order in self._ground.failures.take_orders():
-            self._hil.order_failure(order)
-        self._look_for_silence()
+        for order in self._ground.failures.pop_orders():
+            self._hil.send_failure_order(order)
+        self._check_sensor_timeout()
 
-    def _look_for_silence(self) -> None:
-        """Notice that samples no longer come: vehicle time stands still meanwhile, and nothing else
-        would."""
+    def _check_sensor_timeout(self) -> None:
+        """Report missing samples by wall time: without samples vehicle time does not advance."""
         if self._hil.lockstep:
             return
         if self._vehicle.state.time_us < 0:
-            self._look_for_gibberish()
-        elif not self._silence_told and wall_s() - self._taken_s >= SENSOR_SILENCE_S:
-            self._silence_told = True
-            self._vehicle.lose_sensors()
+            self._check_baud_rate()
+        elif not self._timeout_reported and wall_s() - self._accepted_s >= SENSOR_SILENCE_S:
+            self._timeout_reported = True
+            self._vehicle.on_sensor_loss()
 
-    def _look_for_gibberish(self) -> None:
-        if not self._gibberish_told and self._hil.gibberish_bytes > WRONG_BAUD_BYTES:
-            self._gibberish_told = True
-            self._vehicle.say("HIL: no MAVLink in what is heard: baud rate?")
+    def _check_baud_rate(self) -> None:
+        """Report once that the HIL line carries bytes but no MAVLink."""
+        if not self._baud_rate_reported and self._hil.non_mavlink_bytes > WRONG_BAUD_BYTES:
+            self._baud_rate_reported = True
+            self._vehicle.send_statustext("HIL: no MAVLink in received bytes: check baud rate")
 
-    def _take(self, sample: HilSample, silent_us: int) -> bool:
-        """Answer a sample: a new one with a tick, a repeated one as before. True where it is new.
+    def _accept(self, sample: HilSample, silent_us: int) -> bool:
+        """Answer a sample: run a tick for a new one, repeat the last answer for a repeated one.
 
-        ``silent_us`` is the wall time since a sample was last taken.
+        ``silent_us`` is the wall time since a sample was last accepted. Return whether the sample
+        is new.
         """
         stamp_us = sample.sensors.time_us
-        before = self._clock if self._vehicle.state.time_us >= 0 else SensorClock()
-        self._clock, verdict = sensor_clock.classify_stamp(before, stamp_us, silent_us)
-        if verdict is StampVerdict.REFUSED:
+        previous_clock = self._clock if self._vehicle.state.time_us >= 0 else SensorClock()
+        self._clock, stamp_class = sensor_clock.classify_stamp(previous_clock, stamp_us, silent_us)
+        if stamp_class is StampClass.REFUSED:
             return False
-        if verdict is StampVerdict.REPEATED:
-            self._answer(self._vehicle.again(), stamp_us)
+        if stamp_class is StampClass.REPEATED:
+            self._answer(self._vehicle.repeat_last(), stamp_us)
             return False
-        if verdict is StampVerdict.RESTARTED:
-            self._restart(before, stamp_us)
+        if stamp_class is StampClass.RESTARTED:
+            self._restart(previous_clock, stamp_us)
         offset_us = self._clock.offset_us
         self._tick(sensor_clock.rebase(sample, offset_us) if offset_us else sample, stamp_us)
         return True
 
-    def _restart(self, before: SensorClock, stamp_us: int) -> None:
-        """Follow a new time base of the sensors: vehicle time goes on.
+    def _restart(self, previous_clock: SensorClock, stamp_us: int) -> None:
+        """Adopt a new time base of the sensors; vehicle time continues.
 
-        A disarmed vehicle whose time falls back begins anew instead: this is how a new run of a
-        simulator looks. An order to silence the ground links ends with the old run.
+        A disarmed vehicle restarts instead when the stamp is older than the newest one: a new run
+        of a simulator looks like this. A simulated loss of the ground links ends in both cases.
         """
         self._ground.silence(False)
-        if not self._vehicle.state.armed and stamp_us < before.newest_us:
+        if not self._vehicle.state.armed and stamp_us < previous_clock.newest_us:
             self._clock = sensor_clock.begin(stamp_us)
             self._vehicle.restart("vehicle time fell back")
             return
-        jump_s = (before.offset_us - self._clock.offset_us) / US_PER_S
-        self._vehicle.say(f"Sensor clock jumped {jump_s:+.1f} s: vehicle time goes on")
+        jump_s = (previous_clock.offset_us - self._clock.offset_us) / US_PER_S
+        self._vehicle.send_statustext(f"Sensor clock jumped {jump_s:+.1f} s: vehicle time goes on")
 
     def _answer(self, frame: ActuatorFrame, stamp_us: int) -> None:
-        """Send actuators with the stamp of the sample they answer: a simulator waits for it."""
+        """Send actuators with the stamp of the answered sample: a simulator waits for it."""
         self._hil.answer(frame if frame.time_us == stamp_us else frame._replace(time_us=stamp_us))
 
     def _tick(self, sample: HilSample, stamp_us: int) -> None:
+        """Run one tick, answer the sample, then send telemetry and write the log."""
         inputs = Inputs(
             sample.sensors,
             sample.gps,
@@ -136,7 +142,7 @@ class App:
         if sample.links_silent is False:
             self._ground.silence(False)
         self._ground.guard.run("relay of devices", self._ground.relay, sample.relayed)
-        self._ground.guard.run("telemetry", self._ground.tell)
-        self._logbook.tick(sample.heard)
+        self._ground.guard.run("telemetry", self._ground.publish_telemetry)
+        self._onboard_log.tick(sample.frames)
         if sample.links_silent:
             self._ground.silence(True)

@@ -1,4 +1,4 @@
-"""Parameter files: lines of ``NAME,VALUE`` or ``NAME VALUE``; ``#`` starts a comment."""
+"""Parameter files: one ``NAME,VALUE`` or ``NAME VALUE`` per line; ``#`` starts a comment."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -7,10 +7,9 @@ from autopilot.control.params import ParamError, validate
 
 
 def load(path: Path) -> dict[str, float]:
-    """The values in a file that somebody names: all of them, or none.
+    """Return all values in a parameter file.
 
-    Raises:
-        ParamError: naming file, line, and what is wrong with it.
+    Raises ParamError with file, line and reason at the first line that is not valid.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -25,7 +24,7 @@ def load(path: Path) -> dict[str, float]:
 
 
 def lines(text: str) -> Iterator[tuple[int, str, float | ParamError]]:
-    """Each line's number, name and value, or what is wrong with it."""
+    """Yield line number, name and value of each line; a ParamError instead of a bad value."""
     for number, line in enumerate(text.splitlines(), 1):
         words = line.split("#", 1)[0].replace(",", " ").split()
         if not words:
@@ -40,5 +39,5 @@ def lines(text: str) -> Iterator[tuple[int, str, float | ParamError]]:
 
 
 def to_text(values: Mapping[str, float]) -> str:
-    """The file of some values, each as exact as a float32 is."""
+    """Return the text of a parameter file, with the nine digits that identify a float32."""
     return "".join(f"{name},{value:.9g}\n" for name, value in sorted(values.items()))

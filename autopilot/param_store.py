@@ -1,8 +1,7 @@
-"""Parameters that outlive the program: what ground has set is on disk before long, and there at the
-next start.
+"""Parameters on disk: values that ground sets are stored, and loaded at the next start.
 
-The file is written whole or not at all, by a thread of its own: a slow disk must not hold the
-vehicle up. One that cannot be read is told and put aside, never a reason not to start."""
+A separate thread writes the file, whole or not at all, so that a slow disk never delays a tick. A
+file that cannot be read is reported and renamed; the autopilot starts without it."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -16,28 +15,30 @@ from mavlink_io.user_data_dir import replace_file
 
 FILE = "parameters.param"
 SAVE_DELAY_S = 0.2
-"""Values that come one after the other are written at once."""
+"""Shortest time between two writes: values that arrive within it are written together."""
 _UNSAVED = -1
+"""Revision number of a file that differs from the table."""
 
 
 class ParamStore:
-    """The file of a folder; without a folder nothing is kept."""
+    """The parameter file in a folder; without a folder nothing is stored."""
 
     def __init__(self, folder: Path | None) -> None:
         self._path = folder / FILE if folder else None
         self._writer = ThreadPoolExecutor(max_workers=1)
         self._writing: Future[None] | None = None
         self._written = 0
-        """The table's revision that is on disk, or on its way there."""
+        """Revision of the table that is on disk or is being written."""
         self._failed = False
-        """The last that was to be written was not."""
+        """Whether the last write failed."""
         self._due = Every(SAVE_DELAY_S)
-        self.complaints: list[str] = []
-        """What was wrong with the file."""
+        self.problems: list[str] = []
+        """What was wrong with the file when it was loaded."""
 
     def load(self) -> dict[str, float]:
-        """What was kept. A line that is wrong is left out; the file as it was then lies beside the
-        new one."""
+        """Return the stored values, without lines that are not valid.
+
+        A file with such a line is renamed, so that the next write does not destroy it."""
         if self._path is None:
             return {}
         try:
@@ -45,27 +46,27 @@ class ParamStore:
         except (FileNotFoundError, NotADirectoryError):
             return {}
         except (OSError, UnicodeDecodeError) as error:
-            self.complaints.append(f"{self._path}: {getattr(error, 'strerror', None) or 'no text'}")
-            self._put_aside(self._path)
+            self.problems.append(f"{self._path}: {getattr(error, 'strerror', None) or 'no text'}")
+            self._rename_broken(self._path)
             return {}
         values: dict[str, float] = {}
         for number, name, value in lines(text):
             if isinstance(value, ParamError):
-                self.complaints.append(f"{self._path}:{number}: {value}; its default is used")
+                self.problems.append(f"{self._path}:{number}: {value}; its default is used")
             else:
                 values[name] = value
-        if self.complaints:
-            self._put_aside(self._path)
+        if self.problems:
+            self._rename_broken(self._path)
             self._written = _UNSAVED
         return values
 
-    def poll(self, table: ParamTable, say: Callable[[str], None]) -> None:
-        """Write what was set since the last time, and say what went wrong with it."""
+    def poll(self, table: ParamTable, report: Callable[[str], None]) -> None:
+        """Start to write the values set since the last write, and report a write that failed."""
         if self._writing is not None and self._writing.done():
             error = self._writing.exception()
             self._writing, self._failed = None, error is not None
             if error is not None:
-                say(f"Parameters are not kept: {getattr(error, 'strerror', None) or error}")
+                report(f"Parameters are not stored: {getattr(error, 'strerror', None) or error}")
         if (
             self._path is None
             or self._writing is not None
@@ -77,7 +78,7 @@ class ParamStore:
         self._writing = self._writer.submit(_write, self._path, to_text(table.kept))
 
     def close(self, table: ParamTable) -> str:
-        """Write what is left, and wait for it; returns what went wrong, or nothing."""
+        """Write unsaved values and wait for it. Return the error text, "" for success."""
         self._writer.shutdown()
         failed = self._failed if self._writing is None else self._writing.exception() is not None
         if self._path is None or (table.revision == self._written and not failed):
@@ -85,19 +86,21 @@ class ParamStore:
         try:
             _write(self._path, to_text(table.kept))
         except OSError as error:
-            return f"parameters are not kept: {error.strerror}"
+            return f"parameters are not stored: {error.strerror}"
         return ""
 
-    def _put_aside(self, path: Path) -> None:
+    def _rename_broken(self, path: Path) -> None:
+        """Rename a file with errors to ``NAME.broken-N``."""
         names = (path.with_name(f"{path.name}.broken-{n}") for n in count(1))
         try:
-            aside = next(name for name in names if not name.exists())
-            path.replace(aside)
-            self.complaints.append(f"put aside as {aside}")
+            backup = next(name for name in names if not name.exists())
+            path.replace(backup)
+            self.problems.append(f"renamed to {backup}")
         except OSError as error:
-            self.complaints.append(f"cannot be put aside: {error.strerror}")
+            self.problems.append(f"cannot be renamed: {error.strerror}")
 
 
 def _write(path: Path, text: str) -> None:
+    """Replace the file, and create its folder where it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     replace_file(path, text)

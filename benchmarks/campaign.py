@@ -1,10 +1,10 @@
-"""Where a campaign's seconds go: wall and processor time of each of its stages, and how fast each
-dive flew.
+"""Run time of a campaign: wall time and processor time of each stage, and speed of each dive.
 
     python benchmarks/campaign.py [--seed N]
 
-Processor time is all that the machine spends meanwhile, whoever spends it, as Linux counts it: run
-nothing else. Over the number of cores it is what a stage would take if none were ever idle."""
+Processor time is that of the whole machine as Linux counts it, so run no other programs. Divided by
+the number of cores it is the time that a stage would take if all cores were always busy.
+"""
 
 import argparse
 import os
@@ -15,23 +15,24 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+# As in the ``ground`` command: one thread of linear algebra in the process that refits.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-"""As the ``ground`` command has it, for the process that refits."""
 
-from ground.campaign.run import Campaign, CampaignRequest  # noqa: E402 - the line above comes first
-from ground.client.flight import FlightResult  # noqa: E402
+from ground.campaign.run import Campaign, CampaignRequest
+from ground.client.flight import FlightResult
 
 
 class Moment(NamedTuple):
-    """When something began."""
+    """Start of a stage."""
 
     what: str
     wall_s: float
     processor_s: float
-    """Since the machine was started."""
+    """Processor time since the machine was started."""
 
 
 def now(what: str) -> Moment:
+    """Return the present times under the name of a stage."""
     user, nice, system, *_ = (
         Path("/proc/stat").read_text(encoding="ascii").splitlines()[0].split()[1:]
     )
@@ -40,7 +41,7 @@ def now(what: str) -> Moment:
 
 
 def fly(seed: int, folder: Path) -> tuple[list[Moment], dict[str, FlightResult]]:
-    """When each stage began, at last the end; and what came of each dive."""
+    """Run a campaign; return the start of each stage, the end, and the result of each dive."""
     moments = [now("starting")]
     asked = CampaignRequest(folder / "campaign", seed=seed)
     campaign = Campaign(asked, lambda name, at: None, lambda words: moments.append(now(words)))
@@ -49,6 +50,7 @@ def fly(seed: int, folder: Path) -> tuple[list[Moment], dict[str, FlightResult]]
 
 
 def stages_in_words(moments: list[Moment]) -> list[str]:
+    """Return a table with one line per stage."""
     lines = [f"{'stage':64s}{'wall s':>8s}{'processor s':>13s}"]
     for began, ended in pairwise(moments):
         lines.append(_row(began.what, began, ended))
@@ -56,7 +58,7 @@ def stages_in_words(moments: list[Moment]) -> list[str]:
 
 
 def dives_in_words(outcomes: dict[str, FlightResult]) -> list[str]:
-    """Vehicle time from arming on, over the wall time from the request to arm."""
+    """Return a table of the dives: vehicle time since arming over wall time since the request."""
     lines = [f"{'dive':64s}{'wall s':>8s}{'vehicle s':>13s}{'x real time':>13s}"]
     for name, flown in outcomes.items():
         speed = flown.vehicle_s / flown.wall_s
@@ -65,6 +67,7 @@ def dives_in_words(outcomes: dict[str, FlightResult]) -> list[str]:
 
 
 def _row(what: str, began: Moment, ended: Moment) -> str:
+    """Return the line of one stage."""
     return (
         f"{what:64s}{ended.wall_s - began.wall_s:8.1f}{ended.processor_s - began.processor_s:13.1f}"
     )

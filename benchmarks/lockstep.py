@@ -6,7 +6,7 @@ of different machines by their ratio.
 
     python benchmarks/lockstep.py [MISSION] [--dives N] [--busy]
 
-With --busy, one more process for each core computes all the time, as other people's programs do.
+With --busy, one more process per core computes all the time, as other programs may.
 """
 
 import argparse
@@ -70,7 +70,7 @@ def busy_loops(count: int) -> Iterator[list[subprocess.Popen[bytes]]]:
 
 def measure(mission: str, dives: int) -> tuple[list[float], float]:
     """Return the speed of each dive and that of the bare ticks, as multiples of real time."""
-    bare_ticks()  # compiles, and warms the caches
+    bare_ticks()  # compiles the code and fills the caches
     speeds = []
     with tempfile.TemporaryDirectory() as folder:
         for number in range(dives):
@@ -98,8 +98,8 @@ def machine_in_words(busy_loops: int, before: float, after: float) -> str:
 
 
 def main() -> None:
-    as_it_is = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=as_it_is)
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
     parser.add_argument("mission", nargs="?", default="combined")
     parser.add_argument("--dives", type=int, default=5, help="number of dives; 5")
     parser.add_argument("--busy", action="store_true", help="load every core with another process")

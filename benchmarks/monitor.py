@@ -1,10 +1,10 @@
-"""How seldom the monitor raises a false alarm, how soon it notices what has changed, and what it
-takes it for.
+"""Monitor study: rate of false alarms, detection delay, and correctness of the reported cause.
 
     python -m benchmarks.monitor GAINS.param [--case NAME ...] [--runs N] [--out FILE.json]
 
-Straight runs of Caribou in the disturbed sea under gains that `ground redesign` wrote; what goes
-wrong does so after ``FROM_S``. Each figure is printed beside its target."""
+Straight runs of Caribou in the disturbed sea with gains of `ground redesign`. Faults start at
+``FROM_S``. Each figure is printed with its target.
+"""
 
 import argparse
 import dataclasses
@@ -50,10 +50,11 @@ CAUSES = {
 }
 CASES = ("matched", *CAUSES)
 LATER_S = 0.7
-"""Delay of the late duct over the vehicle's own."""
+"""Additional delay of the duct in the case "late duct"."""
 
 
 def dive(case: str, values: dict[str, float], seed: int) -> Dive:
+    """Simulate a straight run of a case."""
     vehicle = config.load(campaign.VEHICLE)
     if case == "late duct":
         tailcone = msgspec.structs.replace(
@@ -64,8 +65,8 @@ def dive(case: str, values: dict[str, float], seed: int) -> Dive:
     return Dive(items, vehicle=vehicle, sea=_sea(case), seed=seed, values={**values, **TRIM})
 
 
-def told(flown: Dive) -> Log:
-    """What a dive's telemetry tells, set-points included, until she goes up."""
+def telemetry_log(flown: Dive) -> Log:
+    """Return the telemetry of a dive with set-points, until the vehicle surfaces."""
     log, t = campaign.log(flown, "dive", {}), flown["t_s"][flown["t_s"] < LASTS_S]
     points = Setpoints(t, np.zeros_like(t), np.zeros_like(t), t, np.full_like(t, DEPTH_M))
     return dataclasses.replace(log, setpoints=points)
@@ -74,8 +75,8 @@ def told(flown: Dive) -> Log:
 def trial(
     promise: PerformanceBaseline, values: dict[str, float], case: str, seed: int
 ) -> list[float]:
-    """(steady hours, seconds to the alarm or NaN, whether its cause is the right one)."""
-    kept = monitor.monitor_log(told(dive(case, values, seed)), promise)
+    """Return steady time (h), time to the alarm (s or NaN), and whether its cause is right."""
+    kept = monitor.monitor_log(telemetry_log(dive(case, values, seed)), promise)
     after_s = (
         math.nan if kept.found_s is None else kept.found_s - (FROM_S if case in FAULTS else 0.0)
     )
@@ -87,6 +88,7 @@ def trial(
 
 
 def judge(case: str, rows: Array) -> list[Figure]:
+    """Return the figures of a case from one row of ``trial`` per run."""
     hours, after_s, right = rows.T
     noticed = after_s[np.isfinite(after_s)]
     if case == "matched":
@@ -102,7 +104,7 @@ def judge(case: str, rows: Array) -> list[Figure]:
         Figure("noticed", noticed.size / len(rows), lowest=1.0),
         Figure("after, median", median_s, unit="s"),
         Figure("after, slowest", last_s, unit="s"),
-        # How late a duct must be to swing by more than the sea allows is for the reader to see.
+        # The cause of the late duct has no target: it is shown for information.
         Figure(
             "cause named", float(np.mean(right)), lowest=-math.inf if case == "late duct" else 0.9
         ),
@@ -113,9 +115,11 @@ def main() -> None:
     asked = _arguments()
     promise, values = param_file.read_baseline(asked.gains), param_file.load(asked.gains)
     if promise is None:
-        sys.exit(f"{asked.gains}: promises nothing; give a file that `ground redesign` wrote")
+        sys.exit(f"{asked.gains}: no predictions; pass a file written by `ground redesign`")
     cell = Cell("monitor", "straight runs", partial(trial, promise, values), judge, 20)
-    sys.exit(study.status(study.ask([(cell, case) for case in asked.case or CASES], asked)))
+    sys.exit(
+        study.exit_status(study.run_cells([(cell, case) for case in asked.case or CASES], asked))
+    )
 
 
 def _sea(case: str) -> Scenario:
@@ -126,7 +130,7 @@ def _sea(case: str) -> Scenario:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = study.parser(__doc__, "dives of each case; 20 unless told")
+    parser = study.parser(__doc__, "dives per case; default 20")
     parser.add_argument("gains", type=Path, help="gains.param of a redesign of Caribou")
     parser.add_argument("--case", action="append", choices=CASES)
     return parser.parse_args()

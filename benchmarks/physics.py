@@ -1,10 +1,10 @@
-"""What one Runge-Kutta step of the six-degree-of-freedom vehicle costs, beside two others, in one
-run on one machine.
+"""Run time of one Runge-Kutta step of the six-degree-of-freedom vehicle, compared with two others.
 
-The same equations in C (benchmarks/physics.c), compiled with ``cc -O3`` for any machine of the kind
-and for this one, and one Euler step of the REMUS 100 of Fossen's PythonVehicleSimulator, when a
-checkout of it is given (https://github.com/cybergalactic/PythonVehicleSimulator). Rounds of a few
-milliseconds alternate between the contestants; the least disturbed of each counts.
+The others are the same equations in C (benchmarks/physics.c), compiled with ``cc -O3`` for a
+generic and for this processor, and one Euler step of the REMUS 100 of Fossen's
+PythonVehicleSimulator if a checkout is given
+(https://github.com/cybergalactic/PythonVehicleSimulator). Rounds of a few milliseconds alternate
+between the contestants; the shortest of each counts.
 
     python benchmarks/physics.py [--peer CHECKOUT] [--vehicle NAME|FILE] [--rounds N]
 """
@@ -33,33 +33,32 @@ STEPS = 2_000
 PEER_STEPS = 20
 RUDDER_RAD, ELEVATOR_RAD = 0.1, -0.05
 SHALLOW = Water(
-    (0.3, -0.1, 0.0),
-    (0.02, 0.0, 0.01),
-    (0.0, 0.01, 0.0),
-    (0.0, 0.0, 0.01),
-    1.01,
-    0.1,
-    0.02,
-    -0.35,
-    -2.0,
+    velocity_mps=(0.3, -0.1, 0.0),
+    acceleration_mps2=(0.02, 0.0, 0.01),
+    slope_per_s=(0.0, 0.01, 0.0),
+    slope_rate_per_s2=(0.0, 0.0, 0.01),
+    density_ratio=1.01,
+    surface_m=0.1,
+    surface_slope=0.02,
+    ceiling_m=-0.35,
+    floor_m=-2.0,
 )
-"""All that water can do to a hull that also bumps on ice; timed is deep and still water, where she
-spends her life."""
+"""Water with all effects, including contact with ice; the timing uses deep, still water."""
 VEHICLES = ("caribou_nominal", "remus100", "xfin_auv")
 DEEP_M = -500.0
 SAME = 1e-9
-"""Two compilers round differently, and contact with ice is stiff."""
+"""Largest difference of states: compilers round differently, and contact with ice is stiff."""
 COMPILED = {"C -O3": ("-O3",), "C -O3 -march=native": ("-O3", "-march=native")}
 
 
 class Array(ctypes.Structure):
-    """A numpy array as C sees it."""
+    """A numpy array as a C structure."""
 
     _fields_ = (("at", ctypes.POINTER(ctypes.c_double)), ("count", ctypes.c_long))
 
 
 def mirrored(value: Any) -> Any:
-    """A tree of NamedTuples, floats and arrays as C structures of the same layout."""
+    """Convert a tree of NamedTuples, floats and arrays to C structures of the same layout."""
     if isinstance(value, np.ndarray):
         flat = np.ascontiguousarray(value, float)
         twin = Array(flat.ctypes.data_as(ctypes.POINTER(ctypes.c_double)), len(flat))
@@ -81,18 +80,20 @@ def mirrored(value: Any) -> Any:
 
 @njit(cache=False)
 def fly(state, steps, rudder_rad, elevator_rad, shaft_rps, push, water, dt, model, work):
+    """Integrate a number of steps with constant inputs."""
     for _ in range(steps):
         dynamics.rk4_step(state, rudder_rad, elevator_rad, shaft_rps, push, water, dt, model, work)
 
 
 def start(z_up_m: float) -> Vector:
-    """Turning and climbing."""
+    """Return a state that turns and climbs."""
     state = dynamics.state_at_rest(z_up_m)
     state[dynamics.NU] = 1.2, 0.05, -0.04, 0.02, 0.03, -0.05
     return state
 
 
 def in_numba(vehicle: str, water: Water, z_up_m: float) -> Callable[[int], Vector]:
+    """Return a function that runs the compiled Python model and returns the final state."""
     model, push, work = build_model.build(config.load(vehicle)), np.zeros(6), dynamics.work_array()
     shaft_rps = 0.58 * model.propeller.full_rps
 
@@ -105,6 +106,7 @@ def in_numba(vehicle: str, water: Water, z_up_m: float) -> Callable[[int], Vecto
 
 
 def compiled(flags: tuple[str, ...], folder: Path) -> Path:
+    """Compile physics.c with the flags and return the library."""
     library = folder / f"physics{''.join(flags)}.so"
     compiler = shutil.which("cc") or sys.exit(
         "benchmarks/physics.py: no C compiler (cc) on the path"
@@ -115,6 +117,7 @@ def compiled(flags: tuple[str, ...], folder: Path) -> Path:
 
 
 def in_c(library: Path, vehicle: str, water: Water, z_up_m: float) -> Callable[[int], Vector]:
+    """Return a function that runs the C model and returns the final state."""
     entry = ctypes.CDLL(str(library)).fly
     entry.restype = None
     model = build_model.build(config.load(vehicle))
@@ -140,7 +143,7 @@ def in_c(library: Path, vehicle: str, water: Water, z_up_m: float) -> Callable[[
 
 
 def of_peer(checkout: Path) -> Callable[[int], Vector]:
-    """Fossen's REMUS 100 with constant inputs: its ``dynamics`` and the attitude's Euler step."""
+    """Return a function that runs Fossen's REMUS 100 with constant inputs and Euler steps."""
     sys.path.insert(0, str(checkout / "src"))
     peer = importlib.import_module("python_vehicle_simulator.vehicles.remus100").remus100()
     attitude = importlib.import_module("python_vehicle_simulator.lib.gnc").attitudeEuler
@@ -161,14 +164,14 @@ def of_peer(checkout: Path) -> Callable[[int], Vector]:
 
 
 def microseconds(run: Callable[[int], Vector], steps: int) -> float:
+    """Return the time per step."""
     began_s = time.perf_counter()
     run(steps)
     return 1e6 * (time.perf_counter() - began_s) / steps
 
 
-def apart(libraries: Iterable[Path], vehicle: str) -> float:
-    """The largest difference of a state between ours and the C's, deep and in shallow water, for
-    finned hulls too."""
+def max_difference(libraries: Iterable[Path], vehicle: str) -> float:
+    """Return the largest difference of states between Python and C, in deep and shallow water."""
     runs = [
         (name, water, z_up_m)
         for name in (vehicle, *VEHICLES)
@@ -192,10 +195,10 @@ def main() -> None:
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         libraries = {name: compiled(flags, Path(folder)) for name, flags in COMPILED.items()}
-        difference = apart(libraries.values(), asked.vehicle)
+        difference = max_difference(libraries.values(), asked.vehicle)
         if not difference < SAME:
             sys.exit(
-                "benchmarks/physics.py: physics.c is no longer the same vehicle: states differ by"
+                "benchmarks/physics.py: physics.c and the Python model differ: states differ by"
                 f" {difference:.2g}"
             )
         deep = asked.vehicle, STILL, DEEP_M

@@ -1,5 +1,4 @@
-"""Runs cells: the same trial under many seeds, side by side on all cores, and each figure beside
-its target."""
+"""Monte-Carlo studies: run a trial with many seeds in parallel and compare figures with targets."""
 
 import argparse
 import json
@@ -19,26 +18,27 @@ from rich.table import Table
 
 Array = NDArray[np.float64]
 Trial = Callable[[str, int], Sequence[float]]
-"""(case, seed) -> what one run gave, as many numbers every time; NaN where it gave none."""
+"""(case, seed) -> numbers of one run, always the same count; NaN for a number that is undefined."""
 
 
 class Figure(NamedTuple):
-    """One number of a study."""
+    """One result of a study."""
 
     name: str
     value: float
     lowest: float = -math.inf
     highest: float = math.inf
-    """The target: within these."""
+    """Limits of the target."""
     unit: str = ""
 
     @property
     def met(self) -> bool:
+        """Whether the value is within the target."""
         return bool(self.lowest <= self.value <= self.highest)
 
     @property
     def target(self) -> str:
-        """In words; empty where there is none."""
+        """Text of the target; empty if there is none."""
         if math.isinf(self.lowest):
             return "" if math.isinf(self.highest) else f"<= {self.highest:g}"
         return (
@@ -49,43 +49,44 @@ class Figure(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """One question."""
+    """One experiment: a trial to repeat, and the evaluation of its numbers."""
 
     name: str
     about: str
     trial: Trial
     judge: Callable[[str, Array], Sequence[Figure]]
-    """Figures of a case from (runs, numbers of a trial)."""
+    """Return the figures of a case from an array of shape (runs, numbers per trial)."""
     runs: int = 200
 
 
 class Outcome(NamedTuple):
+    """Figures of a cell for one case."""
+
     cell: str
     case: str
-    """What the cell was asked of: a vehicle, a sea."""
+    """Vehicle or sea."""
     runs: int
     figures: tuple[Figure, ...]
 
 
 def parser(about: str | None, runs: str) -> argparse.ArgumentParser:
-    """Takes what every study takes; ``runs`` tells what is run, and how often."""
+    """Return a parser with the options of every study; ``runs`` is the help text of --runs."""
     options = argparse.ArgumentParser(
         description=about, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     options.add_argument("--runs", type=int, help=runs)
-    options.add_argument("--seed", type=int, default=1, help="of the first run")
+    options.add_argument("--seed", type=int, default=1, help="seed of the first run")
     options.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     options.add_argument("--out", type=Path, help="JSON of all figures")
     return options
 
 
-def ask(
+def run_cells(
     questions: Iterable[tuple[Cell, str]], asked: argparse.Namespace, known: Sequence[Outcome] = ()
 ) -> list[Outcome]:
-    """Run each cell for its case as ``parser``'s options say; show and write what has come of it
-    after each.
+    """Run each cell for its case with the options of ``parser``; print and write the results.
 
-    ``known`` is what stands already, shown and written first.
+    ``known`` holds results that exist already; they are printed and written first.
     """
     outcomes = list(known)
     for outcome in outcomes:
@@ -98,13 +99,13 @@ def ask(
     return outcomes
 
 
-def status(outcomes: Iterable[Outcome]) -> int:
-    """Of the process: 1 where a figure misses its target."""
+def exit_status(outcomes: Iterable[Outcome]) -> int:
+    """Return the exit status of the process: 1 if a figure misses its target."""
     return 0 if all(figure.met for outcome in outcomes for figure in outcome.figures) else 1
 
 
 def run(cell: Cell, case: str, runs: int, first_seed: int, jobs: int) -> Outcome:
-    """One cell for one case. Seeds are ``first_seed`` and the ones after it."""
+    """Run one cell for one case with consecutive seeds from ``first_seed``."""
     seeds = range(first_seed, first_seed + runs)
     with ProcessPoolExecutor(jobs, mp_context=get_context("forkserver")) as pool:
         trials = pool.map(cell.trial, [case] * runs, seeds, chunksize=max(1, runs // (8 * jobs)))
@@ -114,7 +115,7 @@ def run(cell: Cell, case: str, runs: int, first_seed: int, jobs: int) -> Outcome
 
 
 def show(outcome: Outcome) -> None:
-    """Print every figure beside its target."""
+    """Print every figure with its target."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for figure in outcome.figures:
         mark = "" if not figure.target else "met" if figure.met else "MISSED"
@@ -131,7 +132,7 @@ def show(outcome: Outcome) -> None:
 
 
 def as_json(outcomes: Sequence[Outcome], seed: int) -> str:
-    """All figures, a row each."""
+    """Return all figures as JSON, one object per figure."""
     rows = [
         {
             "cell": o.cell,

@@ -1,1 +1,1 @@
-"""What two processes agree on: axes, records, codec, transports, MAVLink services."""
+"""Communication between the programs: axes, records, codec, transports and MAVLink services."""

@@ -1,24 +1,33 @@
-"""Two clocks: vehicle time, which the simulator may run at any speed, and wall time.
+"""Wall clock, wall-clock timers and the pacing of vehicle time.
 
-People and protocol timeouts live in wall time, whatever the speed-up.
+Vehicle time may run at any speed in simulation. Protocol timeouts and everything that a person
+sees use wall time at every speed.
 """
 
 import time
 from collections.abc import Callable
 
 wall_s: Callable[[], float] = time.monotonic
-"""Seconds of the wall clock that never steps back."""
+"""Return the monotonic wall clock, in seconds from an arbitrary origin."""
 
 
 class Every:
-    """A wall-clock timer: due once a period, without trying to catch up."""
+    """A periodic wall-clock timer; periods that were missed are not caught up.
+
+    Parameters
+    ----------
+    period_s : float
+        Period, in seconds of the clock.
+    now : callable
+        Return the clock, in seconds.
+    """
 
     def __init__(self, period_s: float, now: Callable[[], float] = wall_s) -> None:
         self._period_s, self._now = period_s, now
         self._next_s = now()
 
     def due(self) -> bool:
-        """Whether a period has passed since it last was (true at the first call)."""
+        """Return whether a period has passed since the last True; the first call returns True."""
         now = self._now()
         if now < self._next_s:
             return False
@@ -26,19 +35,31 @@ class Every:
         return True
 
     def hasten(self) -> None:
-        """Be due at the next call."""
+        """Make the next call of ``due`` return True."""
         self._next_s = self._now()
 
 
 class Pacer:
-    """Holds vehicle time to a multiple of the wall clock; ``speed`` None lets it run free."""
+    """Hold vehicle time to a multiple of the wall clock.
+
+    Parameters
+    ----------
+    speed : float or None
+        Vehicle seconds per wall second; None does not wait at all.
+    """
 
     def __init__(self, speed: float | None) -> None:
         self._speed = speed
         self._start: tuple[float, float] | None = None
 
     def wait(self, vehicle_s: float) -> None:
-        """Sleep until the wall clock has reached ``vehicle_s``."""
+        """Sleep until the wall clock reaches a vehicle time; start anew if over 1 s late.
+
+        Parameters
+        ----------
+        vehicle_s : float
+            Vehicle time, in seconds.
+        """
         if self._speed is None:
             return
         if self._start is None:
@@ -52,5 +73,5 @@ class Pacer:
             self.restart(vehicle_s)
 
     def restart(self, vehicle_s: float) -> None:
-        """Count from here, after a pause or where the machine could not keep up."""
+        """Make the present wall time correspond to ``vehicle_s``, for example after a pause."""
         self._start = wall_s(), vehicle_s

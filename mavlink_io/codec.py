@@ -1,9 +1,11 @@
-"""MAVLink 2 frames: bytes to frames and back, several times faster than pymavlink's own class, byte
-for byte equal.
+"""MAVLink frames: encode messages to bytes and cut byte streams into frames.
 
-The lockstep link and full-rate telemetry spend most of their time here; everything the format needs
-of a message (packing, CRC seed) comes from the dialect. MAVLink 1 frames are read too, as old
-radios still send them."""
+Equal to pymavlink's own codec byte for byte and several times faster, because the lockstep link and
+full-rate telemetry spend most of their time here. The packing and the CRC seed of each message come
+from the dialect. MAVLink 1 frames are received too, because old radios still send them.
+
+Frame layout: https://mavlink.io/en/guide/serialization.html.
+"""
 
 import struct
 from collections.abc import Container, Hashable
@@ -13,44 +15,57 @@ from fastcrc import crc16
 
 from mavlink_io import dialect
 from mavlink_io.dialect import Message, MessageType
-from mavlink_io.framing import LARGEST_FRAME as LARGEST_FRAME
-from mavlink_io.framing import (
-    MAGIC_V1,
-    MAGIC_V2,
-    SIGNATURE_LENGTH,
-    frame_length,
-    next_magic,
-)
-from mavlink_io.framing import OVERHEAD as OVERHEAD
-from mavlink_io.framing import SIGNED_FLAG as SIGNED_FLAG
 
+MAGIC_V2 = 0xFD
+"""First byte of a MAVLink 2 frame."""
+MAGIC_V1 = 0xFE
+"""First byte of a MAVLink 1 frame."""
+SIGNED_FLAG = 0x01
+"""Bit of a MAVLink 2 frame's incompatibility flags: a signature follows the CRC."""
+SIGNATURE_LENGTH = 13
+"""Bytes of a signature."""
+OVERHEAD = 12
+"""Bytes of a MAVLink 2 frame around its payload, without a signature."""
+LARGEST_FRAME = OVERHEAD + 255 + SIGNATURE_LENGTH
+"""Bytes of the longest MAVLink 2 frame."""
 MAX_PARTIAL_STREAMS = 64
-"""Streams of which a framer keeps the begun frame, at most LARGEST_FRAME bytes each."""
+"""Maximum number of streams with an incomplete frame in memory, <= LARGEST_FRAME bytes each."""
 
 _HEAD = struct.Struct("<BBBBBBHB")
-"""What stands between the magic byte and the payload: six bytes, and a message number of three."""
+"""Bytes between the magic byte and the payload: six fields and the 24-bit message number."""
 _CRC = struct.Struct("<H")
 _crc = crc16.mcrf4xx
 
 
 class Frame(NamedTuple):
-    """One received frame whose CRC was right. ``payload`` may lack trailing zeros, as MAVLink 2
-    cuts them off."""
+    """One received frame with a correct CRC."""
 
     system: int
+    """System id of the sender."""
     component: int
+    """Component id of the sender."""
     message_id: int
     sequence: int
+    """Sequence number of the frame among its sender's frames, modulo 256."""
     payload: bytes
+    """Fields in wire order; trailing zeros may be missing, because MAVLink 2 cuts them off."""
     raw: bytes
+    """The whole frame as received."""
 
     @property
     def name(self) -> str:
+        """Name of the message; ``UNKNOWN_<number>`` if the dialect does not define it."""
         known = dialect.by_id(self.message_id)
         return known.name if known else f"UNKNOWN_{self.message_id}"
 
     def decode(self) -> Message:
-        """The message's fields as a namedtuple; KeyError for a message that the dialect lacks."""
+        """Return the message's fields as a namedtuple.
+
+        Raises
+        ------
+        KeyError
+            The dialect does not define the message.
+        """
         known = dialect.by_id(self.message_id)
         if known is None:
             raise KeyError(f"the MAVLink dialect has no message number {self.message_id}")
@@ -58,13 +73,24 @@ class Frame(NamedTuple):
 
     @property
     def signature(self) -> bytes:
-        """The signature's 13 bytes, b"" for a frame without one."""
+        """The 13 bytes of the signature; b"" for an unsigned frame."""
         signed = self.raw[0] == MAGIC_V2 and self.raw[2] & SIGNED_FLAG
         return self.raw[-SIGNATURE_LENGTH:] if signed else b""
 
 
 def largest_frame(message: MessageType) -> int:
-    """Bytes of a message's longest frame, signature and all."""
+    """Return the number of bytes of a message's longest frame, including a signature.
+
+    Parameters
+    ----------
+    message : MessageType
+        Type of the message.
+
+    Returns
+    -------
+    int
+        Overhead, payload at full length and signature, in bytes.
+    """
     return OVERHEAD + message.struct.size + SIGNATURE_LENGTH
 
 
@@ -76,8 +102,26 @@ def encode(
     component: int,
     flags: int = 0,
 ) -> bytes:
-    """One MAVLink 2 frame of a message's fields in wire order. With SIGNED_FLAG a signature has to
-    follow it."""
+    """Encode a message as one MAVLink 2 frame.
+
+    Parameters
+    ----------
+    message : MessageType
+        Type of the message.
+    values : tuple
+        Fields in wire order.
+    sequence : int
+        Sequence number, 0 to 255.
+    system, component : int
+        Ids of the sender, 0 to 255.
+    flags : int
+        Incompatibility flags. With SIGNED_FLAG the caller has to append a signature.
+
+    Returns
+    -------
+    bytes
+        The frame without a signature.
+    """
     payload = message.pack(values).rstrip(b"\0") or b"\0"
     number = message.message_id
     body = (
@@ -90,71 +134,115 @@ def encode(
 
 
 class Framer:
-    """Cuts byte streams into frames: skips noise, refuses a wrong CRC, waits for the rest of one.
+    """Cut byte streams into frames, skip noise and reject frames with a wrong CRC.
 
-    The ``stream`` of ``feed`` keeps several streams apart, as of the clients of one server. Where
-    more than ``MAX_PARTIAL_STREAMS`` have begun a frame, the one that has waited longest is
-    dropped.
+    Parameters
+    ----------
+    senders : container of (int, int)
+        System and component ids of known senders. A frame of one of them passes even if the dialect
+        does not define its message.
 
-    The CRC of a message that the dialect lacks cannot be checked, for its seed is part of the
-    definition. Such a frame passes when ``senders`` holds its system and component, and some seed
-    explains its CRC: noise does both once in 16 million times."""
+    Notes
+    -----
+    The ``stream`` argument of ``feed`` keeps the bytes of several streams apart, for example those
+    of the clients of one server. If more than ``MAX_PARTIAL_STREAMS`` streams have an incomplete
+    frame, the oldest incomplete frame is dropped.
+
+    The CRC of an undefined message cannot be checked, because its seed is part of the definition.
+    Such a frame passes if ``senders`` contains its sender and one of the 256 seeds explains its
+    CRC. Noise meets both conditions once in 16 million times.
+    """
 
     def __init__(self, senders: Container[tuple[int, int]] = ()) -> None:
         self._senders = senders
-        self._begun: dict[Hashable, bytes] = {}
+        self._partial_frames: dict[Hashable, bytes] = {}
         self.rejected_frames = 0
-        """Frames whose CRC was wrong."""
+        """Number of frames with a wrong CRC."""
         self.skipped_bytes = 0
-        """Bytes that belonged to no frame."""
+        """Number of bytes that belonged to no frame."""
 
     @property
     def partial_streams(self) -> int:
-        """Streams in which a frame has begun and not ended."""
-        return len(self._begun)
+        """Number of streams with an incomplete frame."""
+        return len(self._partial_frames)
 
     def forget(self, stream: Hashable) -> None:
-        """Drop the begun frame of a stream that is over."""
-        self._begun.pop(stream, None)
+        """Drop the incomplete frame of a stream that has ended."""
+        self._partial_frames.pop(stream, None)
 
     def feed(self, data: bytes, stream: Hashable = None) -> list[Frame]:
-        """The frames that ``data`` completes in its stream, in the order of arrival."""
-        buffer = self._begun.pop(stream, b"") + data if self._begun else data
+        """Return the frames that received bytes complete.
+
+        Parameters
+        ----------
+        data : bytes
+            Received bytes.
+        stream : hashable
+            Identifies the stream that the bytes belong to.
+
+        Returns
+        -------
+        list of Frame
+            Complete frames in the order of arrival.
+        """
+        buffer = self._partial_frames.pop(stream, b"") + data if self._partial_frames else data
         frames: list[Frame] = []
-        at, end = 0, len(buffer)
-        while at < end:
-            if buffer[at] not in (MAGIC_V2, MAGIC_V1):
-                at = self._skip(buffer, at)
+        start, end = 0, len(buffer)
+        while start < end:
+            if buffer[start] not in (MAGIC_V2, MAGIC_V1):
+                start = self._skip_noise(buffer, start)
                 continue
-            length = frame_length(buffer, at)
-            if length == 0 or at + length > end:
+            length = _frame_length(buffer, start)
+            if length == 0 or start + length > end:
                 break
-            frame = _check(buffer[at : at + length], self._senders)
+            frame = _parse_frame(buffer[start : start + length], self._senders)
             if frame is None:
                 self.rejected_frames += 1
                 self.skipped_bytes += 1
-                at += 1
+                start += 1
             else:
                 frames.append(frame)
-                at += length
-        if at < end:
-            self._keep(stream, buffer[at:])
+                start += length
+        if start < end:
+            self._store_partial_frame(stream, buffer[start:])
         return frames
 
-    def _keep(self, stream: Hashable, begun: bytes) -> None:
-        if len(self._begun) >= MAX_PARTIAL_STREAMS:
-            del self._begun[next(iter(self._begun))]
-        self._begun[stream] = begun
+    def _store_partial_frame(self, stream: Hashable, partial_frame: bytes) -> None:
+        """Keep the beginning of a frame until the rest arrives."""
+        if len(self._partial_frames) >= MAX_PARTIAL_STREAMS:
+            del self._partial_frames[next(iter(self._partial_frames))]
+        self._partial_frames[stream] = partial_frame
 
-    def _skip(self, buffer: bytes, at: int) -> int:
-        start = next_magic(buffer, at)
-        self.skipped_bytes += start - at
-        return start
+    def _skip_noise(self, buffer: bytes, start: int) -> int:
+        """Count the bytes up to the next magic byte as skipped and return its position."""
+        next_start = _next_magic(buffer, start)
+        self.skipped_bytes += next_start - start
+        return next_start
 
 
-def _check(raw: bytes, senders: Container[tuple[int, int]]) -> Frame | None:
+def _frame_length(buffer: bytes, start: int) -> int:
+    """Return the length of the frame at ``start`` in bytes; 0 if its head is incomplete."""
+    if len(buffer) - start < 3:
+        return 0
+    if buffer[start] == MAGIC_V1:
+        return buffer[start + 1] + 8
+    return int(
+        buffer[start + 1] + OVERHEAD + (SIGNATURE_LENGTH if buffer[start + 2] & SIGNED_FLAG else 0)
+    )
+
+
+def _next_magic(buffer: bytes, start: int) -> int:
+    """Return the position of the next magic byte from ``start`` on; the buffer's length if none."""
+    positions = [
+        position for magic in (b"\xfd", b"\xfe") if (position := buffer.find(magic, start)) >= 0
+    ]
+    return min(positions, default=len(buffer))
+
+
+def _parse_frame(raw: bytes, senders: Container[tuple[int, int]]) -> Frame | None:
+    """Return the frame in ``raw``; None if its CRC is wrong or its flags are not supported."""
     if raw[0] == MAGIC_V2:
-        if raw[2] > SIGNED_FLAG:  # made in a way that we do not know
+        if raw[2] > SIGNED_FLAG:  # an incompatibility flag that this codec does not support
             return None
         end = 10 + raw[1]
         message_id, system, component, sequence = (
@@ -169,19 +257,19 @@ def _check(raw: bytes, senders: Container[tuple[int, int]]) -> Frame | None:
         message_id, system, component, sequence = raw[5], raw[3], raw[4], raw[2]
         payload = raw[6:end]
     known = dialect.by_id(message_id)
-    told = raw[end] | raw[end + 1] << 8
+    received_crc = raw[end] | raw[end + 1] << 8
     if known is None:
-        if (system, component) not in senders or not _has_matching_seed(raw[1:end], told):
+        if (system, component) not in senders or not _has_matching_seed(raw[1:end], received_crc):
             return None
-    elif _crc(raw[1:end] + known.crc_seed) != told:
+    elif _crc(raw[1:end] + known.crc_seed) != received_crc:
         return None
     return Frame(system, component, message_id, sequence, payload, raw)
 
 
 _SEED_EFFECTS = frozenset(_crc(bytes((seed,)), 0) for seed in range(256))
-"""What a last byte can add: CRC-16/MCRF4XX taken byte by byte is ``(begun >> 8) ^ effect``."""
+"""Effects of a last byte: CRC-16/MCRF4XX computes byte by byte ``crc = (crc >> 8) ^ effect``."""
 
 
-def _has_matching_seed(body: bytes, told: int) -> bool:
-    """Whether there is a seed with which the CRC of ``body`` is the one that was told."""
-    return told ^ _crc(body) >> 8 in _SEED_EFFECTS
+def _has_matching_seed(body: bytes, received_crc: int) -> bool:
+    """Return whether any seed makes the CRC of ``body`` equal to ``received_crc``."""
+    return received_crc ^ _crc(body) >> 8 in _SEED_EFFECTS

@@ -1,7 +1,8 @@
-"""The vehicle's devices on the wire: their records as standard MAVLink messages, both ways.
+"""Conversion between the records of the vehicle's devices and standard MAVLink messages.
 
-Each device speaks under a component id of its own, in the vehicle's system. All numbers that a
-message has no use for say unknown: NaN, or the largest the field holds."""
+Each device sends under its own component id in the vehicle's system. Fields that a device does not
+measure contain MAVLink's value for unknown: NaN, -1, or the maximum of the field.
+"""
 
 from math import isnan, nan
 
@@ -25,7 +26,9 @@ EXTENSION_USED, LEAK_BIT = (
     constant("MAV_SYS_STATUS_SENSOR_LEAK"),
 )
 UNKNOWN_U16 = 0xFFFF
+"""Unknown value of an unsigned 16-bit field."""
 UNKNOWN_TEMPERATURE = 32_767
+"""Unknown temperature in BATTERY_STATUS."""
 
 _EARTH_FIXED, _BODY = constant("MAV_FRAME_LOCAL_FRD"), constant("MAV_FRAME_BODY_FRD")
 _UNKNOWN_ESTIMATOR = constant("MAV_ESTIMATOR_TYPE_UNKNOWN")
@@ -33,36 +36,39 @@ _NO_POSE = (nan,) * 3
 _NO_COVARIANCE = (nan,) + (0.0,) * 20
 _ALL_FUNCTIONS, _LIPO = constant("MAV_BATTERY_FUNCTION_ALL"), constant("MAV_BATTERY_TYPE_LIPO")
 _MAX_CELL_MV = UNKNOWN_U16 - 1
+"""Maximum voltage of one cell field, in mV."""
 _CELLS = 10
+"""Number of cell fields in BATTERY_STATUS."""
 _BOTH_AXES = 0b11
+"""ACTUATOR_OUTPUT_STATUS.active with rudder and elevator."""
 
 
 def dvl_values(dvl: Dvl) -> Values:
-    """ODOMETRY's fields in wire order. ``frame_id`` tells what the velocity is relative to: a frame
-    that the earth carries (LOCAL_FRD, bottom track) or one that it does not (BODY_FRD, water
-    track)."""
-    variance, none = dvl.figure_of_merit_mps**2, 0.0
+    """Return the fields of the ODOMETRY of a DVL.
+
+    Parameters
+    ----------
+    dvl : Dvl
+        The measurement.
+
+    Returns
+    -------
+    tuple
+        Fields in wire order. ``frame_id`` is LOCAL_FRD for a velocity over ground (bottom track)
+        and BODY_FRD for a velocity through the water (water track).
+
+    Notes
+    -----
+    The covariance is the upper triangle of a 6x6 matrix, row by row: the variance of x, y and z on
+    the diagonal, NaN (unknown) for the angular rates.
+    """
+    variance = dvl.figure_of_merit_mps**2
     covariance = (
-        variance,
-        none,
-        none,
-        none,
-        none,
-        none,
-        variance,
-        none,
-        none,
-        none,
-        none,
-        variance,
-        none,
-        none,
-        none,
-        nan,
-        none,
-        none,
-        nan,
-        none,
+        *(variance, 0.0, 0.0, 0.0, 0.0, 0.0),
+        *(variance, 0.0, 0.0, 0.0, 0.0),
+        *(variance, 0.0, 0.0, 0.0),
+        *(nan, 0.0, 0.0),
+        *(nan, 0.0),
         nan,
     )
     velocity = dvl.velocity_x_mps, dvl.velocity_y_mps, dvl.velocity_z_mps
@@ -86,23 +92,54 @@ def dvl_values(dvl: Dvl) -> Values:
 
 
 def dvl_record(m: Message) -> Dvl | None:
-    """None for an odometry that is no body velocity."""
+    """Return the DVL measurement in an ODOMETRY.
+
+    Parameters
+    ----------
+    m : namedtuple
+        Decoded ODOMETRY.
+
+    Returns
+    -------
+    Dvl or None
+        None if the message contains no velocity in body axes.
+    """
     variance = m.velocity_covariance[0]
     if m.child_frame_id != _BODY or m.frame_id not in (_EARTH_FIXED, _BODY) or isnan(m.vx):
         return None
-    over_ground = m.frame_id == _EARTH_FIXED
-    return Dvl(m.time_usec, m.vx, m.vy, m.vz, over_ground, max(0.0, variance) ** 0.5, m.quality)
+    return Dvl(
+        time_us=m.time_usec,
+        velocity_x_mps=m.vx,
+        velocity_y_mps=m.vy,
+        velocity_z_mps=m.vz,
+        over_ground=m.frame_id == _EARTH_FIXED,
+        figure_of_merit_mps=max(0.0, variance) ** 0.5,
+        quality_pct=m.quality,
+    )
 
 
 def battery_values(battery: Battery, charge_state: int = 0) -> Values:
-    """BATTERY_STATUS's fields in wire order; the pack's voltage stands in the first cells, 65.5 V
-    in each at most."""
-    rest_mv = round(1e3 * max(0.0, battery.voltage_v))
+    """Return the fields of the BATTERY_STATUS of a battery.
+
+    Parameters
+    ----------
+    battery : Battery
+        The measurement.
+    charge_state : int
+        MAV_BATTERY_CHARGE_STATE.
+
+    Returns
+    -------
+    tuple
+        Fields in wire order. The voltage of the battery is divided among the first cell fields, at
+        most 65.534 V each.
+    """
+    remaining_mv = round(1e3 * max(0.0, battery.voltage_v))
     cells: list[int] = []
-    while rest_mv > _MAX_CELL_MV and len(cells) < _CELLS - 1:
+    while remaining_mv > _MAX_CELL_MV and len(cells) < _CELLS - 1:
         cells.append(_MAX_CELL_MV)
-        rest_mv -= _MAX_CELL_MV
-    cells.append(min(rest_mv, _MAX_CELL_MV))
+        remaining_mv -= _MAX_CELL_MV
+    cells.append(min(remaining_mv, _MAX_CELL_MV))
     voltages = (*cells, *(UNKNOWN_U16,) * (_CELLS - len(cells)))
     consumed_mah = -1 if isnan(battery.consumed_ah) else round(1e3 * battery.consumed_ah)
     percent = -1 if isnan(battery.remaining) else round(100.0 * battery.remaining)
@@ -125,7 +162,18 @@ def battery_values(battery: Battery, charge_state: int = 0) -> Values:
 
 
 def battery_record(m: Message) -> Battery | None:
-    """None where the gauge knows no voltage."""
+    """Return the battery measurement in a BATTERY_STATUS.
+
+    Parameters
+    ----------
+    m : namedtuple
+        Decoded BATTERY_STATUS.
+
+    Returns
+    -------
+    Battery or None
+        None if the message contains no voltage.
+    """
     known_mv = [mv for mv in m.voltages if mv != UNKNOWN_U16]
     if not known_mv:
         return None
@@ -136,12 +184,34 @@ def battery_record(m: Message) -> Battery | None:
 
 
 def centiamperes(current_a: float) -> int:
-    """A current as the messages hold it, where -1 would say unknown."""
+    """Return a current in the unit of BATTERY_STATUS and SYS_STATUS.
+
+    Parameters
+    ----------
+    current_a : float
+        Current, in A, positive while the battery discharges; NaN if unknown.
+
+    Returns
+    -------
+    int
+        Current in cA, 0 to 32,767; -1 if unknown.
+    """
     return -1 if isnan(current_a) else max(0, min(32_767, round(1e2 * current_a)))
 
 
 def leak_values(leak: Leak) -> Values:
-    """SYS_STATUS's fields in wire order, of a device that has a leak detector and nothing else."""
+    """Return the fields of the SYS_STATUS of a leak detector without other sensors.
+
+    Parameters
+    ----------
+    leak : Leak
+        The measurement.
+
+    Returns
+    -------
+    tuple
+        Fields in wire order.
+    """
     health = 0 if leak.wet else LEAK_BIT
     return (
         EXTENSION_USED,
@@ -159,20 +229,52 @@ def leak_values(leak: Leak) -> Values:
 
 
 def leak_record(m: Message) -> Leak | None:
-    """None of a device that has no leak detector."""
+    """Return the leak measurement in a SYS_STATUS.
+
+    Parameters
+    ----------
+    m : namedtuple
+        Decoded SYS_STATUS.
+
+    Returns
+    -------
+    Leak or None
+        None if the sender has no leak detector.
+    """
     if not m.onboard_control_sensors_present_extended & LEAK_BIT:
         return None
     return Leak(not m.onboard_control_sensors_health_extended & LEAK_BIT)
 
 
 def duct_values(duct: DuctFeedback) -> Values:
-    """ACTUATOR_OUTPUT_STATUS's fields in wire order: rudder and elevator, as the channels that
-    command them."""
+    """Return the fields of the ACTUATOR_OUTPUT_STATUS of the duct.
+
+    Parameters
+    ----------
+    duct : DuctFeedback
+        The measurement.
+
+    Returns
+    -------
+    tuple
+        Fields in wire order; rudder and elevator are actuators 1 and 2.
+    """
     return duct.time_us, _BOTH_AXES, (duct.rudder, duct.elevator, *(0.0,) * 30)
 
 
 def duct_record(m: Message) -> DuctFeedback | None:
-    """None where an axis is not measured."""
+    """Return the measured duct deflection in an ACTUATOR_OUTPUT_STATUS.
+
+    Parameters
+    ----------
+    m : namedtuple
+        Decoded ACTUATOR_OUTPUT_STATUS.
+
+    Returns
+    -------
+    DuctFeedback or None
+        None if rudder or elevator is not measured.
+    """
     if m.active & _BOTH_AXES != _BOTH_AXES:
         return None
     return DuctFeedback(m.time_usec, m.actuator[0], m.actuator[1])

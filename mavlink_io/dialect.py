@@ -1,8 +1,9 @@
-"""The MAVLink dialect: every message's fields, as pymavlink generated them. The only file that
-imports pymavlink.
+"""The MAVLink dialect: fields and packing of every message, and the enums.
 
-The dialect is ``all``: pymavlink's ``common`` lacks AVAILABLE_MODES and CURRENT_MODE. Two messages
-of ``common.xml`` that even ``all`` lacks are added here."""
+This is the only file that imports pymavlink. The dialect is ``all``, because pymavlink's ``common``
+lacks AVAILABLE_MODES and CURRENT_MODE. Two messages of ``common.xml`` that ``all`` lacks too are
+added here.
+"""
 
 import inspect
 import math
@@ -15,27 +16,37 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import all as mavlink
 
 Message = Any
-"""A decoded message: a namedtuple of the message's fields in wire order."""
+"""A decoded message: a namedtuple of its fields in wire order."""
 Values = tuple[Any, ...]
-"""A message's fields in wire order."""
+"""The fields of a message in wire order."""
 
 
 class MessageField(NamedTuple):
+    """One field of a message."""
+
     name: str
     type: str
     """MAVLink's type without its array length: ``uint8_t``, ``float``, ``char`` ..."""
     array_length: int
-    """0 for a scalar."""
+    """Number of elements; 0 for a scalar."""
     unit: str
+    """Unit in MAVLink's notation, such as ``rad/s``; "" if it has none."""
 
 
 class MessageType:
-    """One message of the dialect: its number, fields and the packing of its payload."""
+    """One message of the dialect: its number, its fields and the packing of its payload.
+
+    Parameters
+    ----------
+    definition : type
+        Message class of pymavlink, or an object with the same attributes.
+    """
 
     def __init__(self, definition: Any) -> None:
         self.name: str = definition.msgname
         self.message_id: int = definition.id
         self.crc_extra: int = definition.crc_extra
+        """Seed of the CRC: a checksum of the message's definition."""
         self.crc_seed = bytes((self.crc_extra,))
         types = dict(zip(definition.fieldnames, definition.fieldtypes, strict=True))
         units = definition.fieldunits_by_name
@@ -45,32 +56,43 @@ class MessageType:
                 definition.ordered_fieldnames, definition.array_lengths, strict=True
             )
         )
-        # A text of one character is a text too, and may be empty: "s" takes what "c" refuses.
+        # "s" and not "c": a text of one character may be empty, which "c" refuses
         self.struct = struct.Struct(definition.unpacker.format.replace("c", "s"))
         self._slices = tuple(_slices(self.fields))
         self._has_arrays = any(f.array_length for f in self.fields)
         self._construct = definition.__init__
 
-    # Whoever starts names many messages and uses few: what takes long to make is made when it is
-    # wanted.
+    # cached properties, because a program looks up many message types at its start and uses few
     @cached_property
     def record(self) -> Any:
-        """The type of a decoded message."""
+        """Namedtuple type of a decoded message."""
         return namedtuple(self.name, [f.name for f in self.fields])
 
     @cached_property
     def _extensions(self) -> dict[str, Any]:
-        """Value of each field that may be left out."""
+        """Default of each field that may be left out."""
         parameters = inspect.signature(self._construct).parameters
         return {
             n: p.default for n, p in parameters.items() if p.default is not inspect.Parameter.empty
         }
 
     def values(self, **fields: Any) -> tuple[Any, ...]:
-        """The given fields in wire order; extension fields may be left out.
+        """Return fields in wire order.
 
-        Raises:
-            TypeError: a field is unknown, or one that is no extension is missing.
+        Parameters
+        ----------
+        **fields
+            Fields by name; extension fields may be left out.
+
+        Returns
+        -------
+        tuple
+            All fields in wire order.
+
+        Raises
+        ------
+        TypeError
+            A field is unknown, or a field that is no extension is missing.
         """
         try:
             ordered = tuple(
@@ -84,7 +106,25 @@ class MessageType:
         return ordered
 
     def pack(self, values: tuple[Any, ...]) -> bytes:
-        """The payload at full length of fields in wire order."""
+        """Pack fields into a payload at full length.
+
+        Parameters
+        ----------
+        values : tuple
+            Fields in wire order.
+
+        Returns
+        -------
+        bytes
+            The payload.
+
+        Raises
+        ------
+        TypeError
+            An array has the wrong number of elements.
+        struct.error
+            A number does not fit into its field.
+        """
         if not self._has_arrays:
             return self.struct.pack(*values)
         flat: list[Any] = []
@@ -103,14 +143,35 @@ class MessageType:
         return self.struct.pack(*flat)
 
     def clamped(self, values: Values) -> Values:
-        """Return the values; a number that its field cannot hold becomes the nearest that it
-        can."""
+        """Return fields with each number limited to the range of its field.
+
+        Parameters
+        ----------
+        values : tuple
+            Fields in wire order.
+
+        Returns
+        -------
+        tuple
+            Fields in wire order that ``pack`` accepts.
+        """
         return tuple(
-            _clamped(field, value) for field, value in zip(self.fields, values, strict=True)
+            _clamp_field(field, value) for field, value in zip(self.fields, values, strict=True)
         )
 
     def unpack(self, payload: bytes) -> Message:
-        """The fields of a payload, whose trailing zeros may have been cut off."""
+        """Unpack a payload.
+
+        Parameters
+        ----------
+        payload : bytes
+            The payload; trailing zeros may be missing.
+
+        Returns
+        -------
+        namedtuple
+            The fields in wire order.
+        """
         size = self.struct.size
         flat = self.struct.unpack(payload[:size].ljust(size, b"\0"))
         if not self._has_arrays:
@@ -132,26 +193,31 @@ _INTEGER_LIMITS = {
     for sign in ("u", "")
     for bits in (8, 16, 32, 64)
 } | {"uint8_t_mavlink_version": (0, 255)}
-"""Smallest and largest number of an integer field, by MAVLink's type."""
-_LARGEST_FLOAT = 3.402_823_466_385_288_6e38
+"""Minimum and maximum of an integer field, by MAVLink's type."""
+_MAX_FLOAT32 = 3.402_823_466_385_288_6e38
 """The largest finite float32: (2 - 2^-23) 2^127 (IEEE 754)."""
 
 
-def _clamped(field: MessageField, value: Any) -> Any:
+def _clamp_field(field: MessageField, value: Any) -> Any:
+    """Return a field's value limited to the range of its type; NaN and infinity are unchanged."""
     if field.array_length and field.type != "char":
-        return tuple(_clamped(field._replace(array_length=0), each) for each in value)
+        scalar = field._replace(array_length=0)
+        return tuple(_clamp_field(scalar, element) for element in value)
     if field.type == "float" and math.isfinite(value):
-        return max(-_LARGEST_FLOAT, min(_LARGEST_FLOAT, value))
+        return max(-_MAX_FLOAT32, min(_MAX_FLOAT32, value))
     if field.type in _INTEGER_LIMITS and isinstance(value, int):
-        least, most = _INTEGER_LIMITS[field.type]
-        return max(least, min(most, value))
+        minimum, maximum = _INTEGER_LIMITS[field.type]
+        return max(minimum, min(maximum, value))
     return value
 
 
 def _definition(
     name: str, number: int, crc_extra: int, packing: str, **types: tuple[str, int]
 ) -> Any:
-    """A message as pymavlink defines its own, its fields (type and array length) in wire order."""
+    """Return a message definition in pymavlink's form.
+
+    ``types`` contains type and array length of each field in wire order.
+    """
 
     def construct(self: Any, **fields: Any) -> None:
         raise NotImplementedError
@@ -194,12 +260,13 @@ _ADDED = {
         ),
     )
 }
-"""By message number: what clients of today send and ask for, and pymavlink 2.4.50 does not know."""
+"""Definitions by message number of messages that clients use and pymavlink 2.4.50 lacks."""
 _DEFINITIONS = {**mavlink.mavlink_map, **_ADDED}
 _NUMBERS = {definition.msgname: number for number, definition in _DEFINITIONS.items()}
 
 
 def _slices(fields: tuple[MessageField, ...]) -> list[tuple[int, int, int]]:
+    """Return start, stop and array length of each field in the flat tuple of ``struct``."""
     slices, start = [], 0
     for field in fields:
         width = field.array_length if field.array_length and field.type != "char" else 1
@@ -209,12 +276,29 @@ def _slices(fields: tuple[MessageField, ...]) -> list[tuple[int, int, int]]:
 
 
 def _text(raw: bytes) -> str:
+    """Return the text before the first zero byte; broken UTF-8 is replaced."""
     return raw.split(b"\0", 1)[0].decode("utf-8", "replace")
 
 
 @cache
 def by_name(name: str) -> MessageType:
-    """The message type called ``name``; KeyError when the dialect has none."""
+    """Return the message type of a name.
+
+    Parameters
+    ----------
+    name : str
+        Name of the message, such as "HEARTBEAT".
+
+    Returns
+    -------
+    MessageType
+        The same object at every call.
+
+    Raises
+    ------
+    KeyError
+        The dialect has no such message.
+    """
     number = _NUMBERS.get(name)
     if number is None:
         raise KeyError(f"the MAVLink dialect has no message {name}")
@@ -223,19 +307,51 @@ def by_name(name: str) -> MessageType:
 
 @cache
 def by_id(message_id: int) -> MessageType | None:
-    """The message type numbered ``message_id``, or None when the dialect has none."""
+    """Return the message type of a message number.
+
+    Parameters
+    ----------
+    message_id : int
+        Number of the message.
+
+    Returns
+    -------
+    MessageType or None
+        The same object at every call; None if the dialect has no such message.
+    """
     definition = _DEFINITIONS.get(message_id)
     return None if definition is None else by_name(definition.msgname)
 
 
 def names() -> list[str]:
-    """Every message name of the dialect, in the order of the message numbers."""
+    """Return the names of all messages of the dialect.
+
+    Returns
+    -------
+    list of str
+        Names in the order of the message numbers.
+    """
     return [_DEFINITIONS[message_id].msgname for message_id in sorted(_DEFINITIONS)]
 
 
 def constant(name: str) -> int:
-    """The value of a dialect enum entry, such as ``MAV_CMD_NAV_DELAY``; KeyError when there is
-    none."""
+    """Return the value of an enum entry of the dialect.
+
+    Parameters
+    ----------
+    name : str
+        Name of the entry, such as "MAV_RESULT_ACCEPTED".
+
+    Returns
+    -------
+    int
+        Value of the entry.
+
+    Raises
+    ------
+    KeyError
+        The dialect has no such entry.
+    """
     value = getattr(mavlink, name, None)
     if not isinstance(value, int):
         raise KeyError(f"the MAVLink dialect has no constant {name}")
@@ -243,7 +359,18 @@ def constant(name: str) -> int:
 
 
 def enum_names(enum: str) -> dict[int, str]:
-    """The entries of a dialect enum by value, without the end marker."""
+    """Return the entries of an enum of the dialect.
+
+    Parameters
+    ----------
+    enum : str
+        Name of the enum, such as "MAV_RESULT".
+
+    Returns
+    -------
+    dict
+        Names of the entries by value, without the end marker.
+    """
     return {
         value: entry.name
         for value, entry in mavlink.enums[enum].items()
@@ -252,6 +379,17 @@ def enum_names(enum: str) -> dict[int, str]:
 
 
 def has_location(command: int) -> bool:
-    """Whether a MAV_CMD names a place: x and y an angle or offset, z a height."""
+    """Return whether the parameters 5 to 7 of a command are a position.
+
+    Parameters
+    ----------
+    command : int
+        MAV_CMD.
+
+    Returns
+    -------
+    bool
+        True if x and y are an angle or offset and z is a height.
+    """
     entry = mavlink.enums["MAV_CMD"].get(command)
     return entry is not None and bool(entry.has_location)

@@ -1,5 +1,4 @@
-"""A MAVLink participant on one transport: its identity, its outgoing sequence, the gaps in what it
-hears."""
+"""A MAVLink participant on one transport: its ids, sequence numbers and count of lost frames."""
 
 from typing import Any
 
@@ -10,8 +9,21 @@ from mavlink_io.transport import SharedTransport, Transport
 
 
 class Endpoint:
-    """Sends as one system and component, receives from all: with ``signing``, from all who hold its
-    key."""
+    """Send messages as one system and component; receive the messages of all senders.
+
+    Parameters
+    ----------
+    transport : Transport
+        Carries the bytes.
+    system, component : int
+        Ids of this participant, 1 to 255.
+    signing : Signing, optional
+        Key of the link. With it every sent frame is signed, and received frames that are not
+        correctly signed are dropped.
+    accept_unknown : bool
+        Also receive messages that the dialect does not define, from senders of earlier frames, so
+        that they can be forwarded.
+    """
 
     def __init__(
         self,
@@ -20,39 +32,91 @@ class Endpoint:
         component: int,
         signing: Signing | None = None,
         *,
-        strangers: bool = False,
+        accept_unknown: bool = False,
     ) -> None:
-        """With ``strangers``, messages that the dialect lacks are received too, for whoever may
-        know them."""
         self.transport, self.system, self.component = transport, system, component
         self._shared = transport if isinstance(transport, SharedTransport) else None
         self.signing = signing
         self._sequence = 0
         self._expected: dict[tuple[int, int], int] = {}
-        self._framer = Framer(self._expected if strangers else ())
+        self._framer = Framer(self._expected if accept_unknown else ())
         self.lost_frames = 0
-        """Frames that other participants sent and that never arrived, by their sequence numbers."""
+        """Number of frames of other participants that did not arrive, by sequence numbers."""
 
     def send(self, name: str, **fields: Any) -> None:
-        """Send one message; extension fields may be left out."""
+        """Send one message.
+
+        Parameters
+        ----------
+        name : str
+            Name of the message, such as "HEARTBEAT".
+        **fields
+            Fields of the message; extension fields may be left out.
+
+        Raises
+        ------
+        KeyError
+            The dialect does not define the message.
+        TypeError
+            A field is unknown or missing.
+        LinkLostError
+            The other end of the link is gone.
+        """
         message = dialect.by_name(name)
         self.send_values(message, message.values(**fields))
 
     def send_values(self, message: dialect.MessageType, values: tuple[Any, ...]) -> None:
-        """Send one message whose fields stand in wire order: the fast path."""
+        """Send one message whose fields are in wire order: faster than ``send``.
+
+        Parameters
+        ----------
+        message : MessageType
+            Type of the message.
+        values : tuple
+            Fields in wire order.
+
+        Raises
+        ------
+        LinkLostError
+            The other end of the link is gone.
+        """
         self.transport.send(self.encode_values(message, values))
 
     def encode_values(self, message: dialect.MessageType, values: tuple[Any, ...]) -> bytes:
-        """One message as the next frame of this participant, for a caller that sends several in one
-        datagram."""
+        """Encode one message as the next frame of this participant, without sending it.
+
+        For a caller that sends several frames in one datagram.
+
+        Parameters
+        ----------
+        message : MessageType
+            Type of the message.
+        values : tuple
+            Fields in wire order.
+
+        Returns
+        -------
+        bytes
+            The frame, signed if the endpoint has a key.
+        """
         sequence, flags = (self._sequence + 1) & 0xFF, 0 if self.signing is None else SIGNED_FLAG
         frame = encode(message, values, sequence, self.system, self.component, flags)
-        self._sequence = sequence  # a message that could not be packed leaves no gap
+        self._sequence = sequence  # after encode: an error there must not leave a sequence gap
         return frame if self.signing is None else self.signing.sign(frame)
 
     def receive(self) -> list[Frame]:
-        """The frames that have arrived since the last call. Raises LinkLostError when the other end
-        is gone."""
+        """Return the frames that have arrived since the last call, without waiting.
+
+        Returns
+        -------
+        list of Frame
+            Frames in the order of arrival; with a key, only correctly signed ones.
+
+        Raises
+        ------
+        LinkLostError
+            The other end of the link is gone.
+        """
         if self._shared is not None:
             frames = self._receive_from(self._shared)
         else:
@@ -67,7 +131,7 @@ class Endpoint:
         return frames
 
     def _receive_from(self, shared: SharedTransport) -> list[Frame]:
-        """The frames of every peer, each cut from the peer's own bytes."""
+        """Return the frames of all peers; the bytes of each peer are framed separately."""
         frames: list[Frame] = []
         for peer, data in shared.receive_from():
             if data:
@@ -78,20 +142,21 @@ class Endpoint:
 
     @property
     def partial_streams(self) -> int:
-        """Peers that have sent the beginning of a frame and not its end."""
+        """Number of peers that have sent an incomplete frame."""
         return self._framer.partial_streams
 
     @property
     def rejected_frames(self) -> int:
-        """Received frames whose CRC was wrong."""
+        """Number of received frames with a wrong CRC."""
         return self._framer.rejected_frames
 
     @property
     def skipped_bytes(self) -> int:
-        """Received bytes that belonged to no frame."""
+        """Number of received bytes that belonged to no frame."""
         return self._framer.skipped_bytes
 
     def _count(self, frame: Frame) -> None:
+        """Add the frames missing before this one to ``lost_frames``."""
         sender = frame.system, frame.component
         expected = self._expected.get(sender)
         if expected is not None:

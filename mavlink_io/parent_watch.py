@@ -1,4 +1,4 @@
-"""When a process has to end: on a signal, and with the process that started it."""
+"""End a process on a signal, or when the process that started it has ended."""
 
 import os
 import signal
@@ -7,23 +7,29 @@ from threading import Thread
 from types import FrameType
 
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Ctrl-C, the request to end, and a terminal that closes: each lets a program finish its logs."""
+"""Signals that end a program after it has finished its logs: Ctrl-C, kill, a closed terminal."""
 
 
 def on_end_signals(handler: Callable[[int, FrameType | None], None]) -> None:
-    """Call ``handler`` for each of ``END_SIGNALS``; an ignored SIGHUP stays ignored (``nohup``)."""
+    """Call a handler for each of ``END_SIGNALS``; an ignored SIGHUP stays ignored (``nohup``).
+
+    Parameters
+    ----------
+    handler : callable
+        Signal handler as of ``signal.signal``.
+    """
     for number in END_SIGNALS:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, handler)
 
 
 def end_with_stdin() -> None:
-    """From now on take the end of standard input for a SIGTERM: whoever held its other end is
-    gone."""
-    Thread(target=_watch, name="lifeline", daemon=True).start()
+    """Raise SIGTERM in this process when its standard input ends: its parent has then ended."""
+    Thread(target=_raise_sigterm_at_end_of_stdin, name="parent-watch", daemon=True).start()
 
 
-def _watch() -> None:
+def _raise_sigterm_at_end_of_stdin() -> None:
+    """Read standard input to its end, then raise SIGTERM."""
     while os.read(0, 1024):
         pass
     signal.raise_signal(signal.SIGTERM)

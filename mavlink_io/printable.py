@@ -1,4 +1,4 @@
-"""Text from the network, a file or a process, made safe to print."""
+"""Escaping of text from the network, a file or a process, so that it is safe to print."""
 
 
 def printable(text: object) -> str:
@@ -7,15 +7,15 @@ def printable(text: object) -> str:
     Parameters
     ----------
     text : object
-        Anything with a string form: a text of a vehicle, a name, a path, an exception.
+        Any object with a string form: a text of a vehicle, a name, a path, an exception.
 
     Returns
     -------
     str
-        The same text, in which each character that `str.isprintable` refuses is written as in a
-        Python string, such as ``\\x1b``: control characters (C0, DEL, C1), format characters (bidi
-        overrides among them), line separators and lone surrogates. Printable text, backslashes
-        included, is unchanged, so that escaping twice changes nothing.
+        The text; each character that is not printable (`str.isprintable`) is written as in a Python
+        string, such as ``\\x1b``: control characters (C0, DEL, C1), format characters such as bidi
+        overrides, line separators and lone surrogates. Printable text, including backslashes, is
+        unchanged, so that escaping twice changes nothing.
     """
     string = str(text)
     if string.isprintable():
@@ -24,5 +24,16 @@ def printable(text: object) -> str:
 
 
 def printable_lines(text: object) -> str:
-    """Escape as `printable` does, and keep the line feeds between lines."""
+    """Escape every character that a terminal could act on, except line feeds.
+
+    Parameters
+    ----------
+    text : object
+        Any object with a string form.
+
+    Returns
+    -------
+    str
+        The text, escaped as by `printable` line by line.
+    """
     return "\n".join(map(printable, str(text).split("\n")))

@@ -1,27 +1,31 @@
-"""Records that cross the HIL link. Body axes FRD, world NED, units in the names.
+"""Records of the HIL link: sensors, actuators and true state.
 
-The fields of ``SensorFrame``, ``ActuatorFrame`` and ``TruthFrame`` stand in the wire order of the
-MAVLink messages that carry them, so a frame is encoded by writing its tuple."""
+Body axes are forward-right-down (FRD), world axes north-east-down (NED); units are in the names.
+The fields of ``SensorFrame``, ``ActuatorFrame`` and ``TruthFrame`` are in the wire order of their
+MAVLink messages, so that a record is encoded by writing its tuple.
+"""
 
 from math import nan
 from typing import NamedTuple
 
 ACCELEROMETER_FRESH, GYRO_FRESH, MAGNETOMETER_FRESH, PRESSURE_FRESH = 0x07, 0x38, 0x1C0, 0x1A00
-"""HIL_SENSOR.fields_updated by instrument: all bits of a group are set in the tick that brings a
-new reading of it."""
+"""Bits of HIL_SENSOR.fields_updated per instrument, set in a tick with a new reading of it."""
 SENSORS_ALL = ACCELEROMETER_FRESH | GYRO_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
 """HIL_SENSOR.fields_updated with every accelerometer, gyro, magnetometer and barometer bit."""
 
 ARMED_FLAG = 128
+"""MAV_MODE_FLAG_SAFETY_ARMED in HIL_ACTUATOR_CONTROLS.mode."""
 CUSTOM_MODE_FLAG = 1
+"""MAV_MODE_FLAG_CUSTOM_MODE_ENABLED in HIL_ACTUATOR_CONTROLS.mode."""
 LOCKSTEP_FLAG = 1
-"""MAV_MODE_FLAG bits of HIL_ACTUATOR_CONTROLS.mode, and bit 0 of its flags."""
+"""HIL_ACTUATOR_CONTROLS_FLAGS_LOCKSTEP in HIL_ACTUATOR_CONTROLS.flags."""
 
 
 class SensorFrame(NamedTuple):
     """HIL_SENSOR: one sample of the inertial, magnetic and pressure sensors.
 
-    Specific force (an accelerometer at rest and level reads z = -9.81), absolute water pressure.
+    Acceleration is specific force: an accelerometer at rest and level reads z = -9.81 m/s^2.
+    Pressure is the absolute pressure of the water.
     """
 
     time_us: int
@@ -43,28 +47,32 @@ class SensorFrame(NamedTuple):
 
 
 class ActuatorFrame(NamedTuple):
-    """HIL_ACTUATOR_CONTROLS: what the autopilot asks of the tailcone.
-
-    ``controls`` holds 16 numbers in [-1, 1]: rudder and elevator as a fraction of the duct's travel
-    (positive: nose to starboard, nose up), thrust as a fraction of full (58 % is 0.58), the rest
-    zero."""
+    """HIL_ACTUATOR_CONTROLS: commands of the autopilot to the actuators."""
 
     time_us: int
+    """Vehicle time of the sensor sample that the command answers."""
     flags: int
+    """HIL_ACTUATOR_CONTROLS_FLAGS."""
     controls: tuple[float, ...]
+    """16 numbers in [-1, 1]: rudder, elevator, thrust; the others are zero.
+
+    Rudder and elevator are fractions of the duct's travel (positive: nose to starboard, nose up),
+    thrust is a fraction of full thrust (58 % is 0.58)."""
     mode: int
+    """MAV_MODE_FLAG."""
 
     @property
     def armed(self) -> bool:
+        """Whether the vehicle is armed."""
         return bool(self.mode & ARMED_FLAG)
 
 
 class TruthFrame(NamedTuple):
-    """HIL_STATE_QUATERNION: the simulator's own state, for logs and viewers; no controller may use
-    it."""
+    """HIL_STATE_QUATERNION: the simulator's true state, for logs and viewers, never for control."""
 
     time_us: int
     attitude_q: tuple[float, float, float, float]
+    """Attitude quaternion from body (FRD) to world (NED), scalar first."""
     roll_rate_radps: float
     pitch_rate_radps: float
     yaw_rate_radps: float
@@ -82,14 +90,11 @@ class TruthFrame(NamedTuple):
 
 
 class GpsFix(NamedTuple):
-    """HIL_GPS: what a satellite receiver says. ``fix_type`` below 2 is no fix: the rest then means
-    nothing.
-
-    Velocities NED. ``eph_m`` and ``epv_m`` are the receiver's own idea of its error, NaN where it
-    has none."""
+    """HIL_GPS: a fix of a satellite receiver."""
 
     time_us: int
     fix_type: int
+    """GPS_FIX_TYPE; below 2 there is no fix, and the other fields are meaningless."""
     lat_deg: float
     lon_deg: float
     alt_m: float
@@ -98,11 +103,13 @@ class GpsFix(NamedTuple):
     velocity_down_mps: float
     satellites: int
     eph_m: float = nan
+    """Horizontal error estimated by the receiver, in m; NaN if it gives none."""
     epv_m: float = nan
+    """Vertical error estimated by the receiver, in m; NaN if it gives none."""
 
 
 class Altimeter(NamedTuple):
-    """DISTANCE_SENSOR looking down: range to the sea floor."""
+    """DISTANCE_SENSOR facing down: range to the sea floor."""
 
     time_us: int
     range_m: float
@@ -111,10 +118,11 @@ class Altimeter(NamedTuple):
 
 
 class Dvl(NamedTuple):
-    """ODOMETRY of a Doppler velocity log: velocity in body axes, over ground or through the water.
+    """ODOMETRY of a Doppler velocity log (DVL): velocity in body axes (FRD).
 
-    ``frame_id`` tells which: LOCAL_FRD, whose origin is fixed to the earth, for bottom track;
-    BODY_FRD, whose origin is not, for water track. Position and attitude are NaN: a log has none.
+    In the message, ``frame_id`` is LOCAL_FRD (fixed to the earth) for velocity over ground (bottom
+    track) and BODY_FRD for a velocity through the water (water track). Position and attitude are
+    NaN, because a DVL measures neither.
     """
 
     time_us: int
@@ -122,33 +130,39 @@ class Dvl(NamedTuple):
     velocity_y_mps: float
     velocity_z_mps: float
     over_ground: bool
+    """Whether the velocity is relative to the ground and not to the water."""
     figure_of_merit_mps: float
-    """The log's own estimate of one standard deviation, from how well its beams agree."""
+    """Standard deviation of the velocity that the DVL estimates from its beams."""
     quality_pct: int
-    """Of the beams, how many gave an echo: 1 to 100."""
+    """Share of the beams with an echo: 1 to 100 %."""
 
 
 class Battery(NamedTuple):
-    """BATTERY_STATUS: what the pack's gauge says. Current is positive while it discharges."""
+    """BATTERY_STATUS: measurements of the battery gauge."""
 
     voltage_v: float
+    """Voltage of the battery."""
     current_a: float
+    """Current, positive while the battery discharges; NaN if unknown."""
     consumed_ah: float
+    """Consumed charge; NaN if unknown."""
     remaining: float
-    """Fraction of the capacity, 0 to 1."""
+    """Remaining fraction of the capacity, 0 to 1; NaN if unknown."""
 
 
 class Leak(NamedTuple):
-    """SYS_STATUS with the extended LEAK bit, as a leak detector sends it: healthy means dry."""
+    """SYS_STATUS of a leak detector: the health bit of its sensor means dry."""
 
     wet: bool
+    """Whether there is water in the hull."""
 
 
 class DuctFeedback(NamedTuple):
-    """ACTUATOR_OUTPUT_STATUS of the tailcone: where the duct really stands, as the channels of
-    ``ActuatorFrame``."""
+    """ACTUATOR_OUTPUT_STATUS of the tailcone: measured deflection of the duct.
+
+    Fractions of the duct's travel with the signs of ``ActuatorFrame.controls``.
+    """
 
     time_us: int
     rudder: float
-    """Fraction of the duct's travel."""
     elevator: float

@@ -1,8 +1,9 @@
-"""One question of a MAVLink service and its answer, over a link that may lose either.
+"""One request of a MAVLink service and its answer, over a link that may lose either.
 
-An exchange has no loop of its own: whoever owns the receive loop feeds it the frames that arrive
-and polls it now and then. So it serves a blocking command-line tool (``run``) and a reader thread
-alike."""
+An exchange has no loop of its own: the owner of the receive loop feeds it the received frames and
+polls it. The same exchange therefore serves a blocking command-line tool (``run``) and a reader
+thread.
+"""
 
 import math
 from abc import ABC, abstractmethod
@@ -18,40 +19,56 @@ T = TypeVar("T")
 
 
 class MavlinkId(NamedTuple):
-    """A MAVLink participant."""
+    """System and component id of a MAVLink participant."""
 
     system: int
     component: int
 
 
 class Send(Protocol):
-    """How a message leaves: ``Endpoint.send``, or anything of the same shape."""
+    """Function that sends one message by name and fields, such as ``Endpoint.send``."""
 
     def __call__(self, name: str, **fields: Any) -> None: ...
 
 
 class Client(NamedTuple):
-    """Who asks a server, and how to answer. Two programs may bear the same ids, as any two of
-    MAVSDK do: then the way back, which is the same for one link, tells them apart."""
+    """A client of a server, and the function that sends to it.
 
-    party: MavlinkId
+    Two programs may have the same ids, as two MAVSDK programs do. The send function, which is one
+    object per link, then distinguishes them.
+    """
+
+    mavlink_id: MavlinkId
     send: Send
 
 
 RoomBytes = Callable[[], int]
-"""How many bytes of bulk - a log, a file - a link takes now."""
+"""Return how many bytes of bulk data (logs, files) a link accepts now."""
 
 
 class ExchangeError(RuntimeError):
-    """The other end refused, or never answered; the message says which and why."""
+    """The peer refused the request or did not answer; the text contains the request and reason."""
 
 
 class Exchange(ABC, Generic[T]):
-    """Asks, repeats the question while the other end is silent, and ends with a result or a
-    reason."""
+    """Send a request, repeat it until the peer answers, and end with a result or an error.
 
-    hears: ClassVar[frozenset[str]]
-    """The messages that can answer."""
+    Parameters
+    ----------
+    send : Send
+        Function that sends a message to the peer.
+    own : MavlinkId
+        Ids of this program. Answers to other receivers are ignored.
+    peer : MavlinkId
+        Ids of the participant that answers.
+    retry_s : float
+        Wall time without an answer after which the request is sent again, in seconds.
+    attempts : int
+        Number of times that a request is sent before the exchange fails.
+    """
+
+    message_names: ClassVar[frozenset[str]]
+    """Names of the messages that can be an answer."""
 
     def __init__(
         self,
@@ -63,86 +80,144 @@ class Exchange(ABC, Generic[T]):
         attempts: int = 5,
     ) -> None:
         self._send, self._own, self._peer = send, MavlinkId(*own), MavlinkId(*peer)
-        self._retry_s, self._attempts, self._left = retry_s, attempts, attempts
+        self._retry_s, self._attempts, self._attempts_left = retry_s, attempts, attempts
         self._due_s = -math.inf
-        self._advanced = False
+        self._has_progressed = False
         self._result: T | None = None
         self._error = ""
         self.done = False
+        """Whether the exchange has ended, with a result or an error."""
 
     def poll(self, now_s: float) -> None:
-        """Ask, or ask again, when it is time to. ``now_s`` is the wall clock."""
+        """Send the request, or repeat it if it is due.
+
+        Parameters
+        ----------
+        now_s : float
+            Wall clock (``clock.wall_s``), in seconds.
+        """
         if self.done:
             return
-        if self._advanced:
-            self._advanced, self._left, self._due_s = False, self._attempts, now_s + self._retry_s
+        if self._has_progressed:
+            self._has_progressed = False
+            self._attempts_left, self._due_s = self._attempts, now_s + self._retry_s
         if now_s < self._due_s:
             return
-        if self._left:
-            self._left -= 1
+        if self._attempts_left:
+            self._attempts_left -= 1
             self._due_s = now_s + self._retry_s
-            self._ask()
+            self._send_request()
         else:
-            self._fail(f"no answer to {self._question()} after {self._attempts} attempts")
+            self._fail(f"no answer to {self._describe()} after {self._attempts} attempts")
 
     def feed(self, frame: Frame) -> None:
-        """Take note of a received frame; frames that are no answer are ignored."""
+        """Process a received frame; ignore it if it is not an answer from the peer.
+
+        Parameters
+        ----------
+        frame : Frame
+            Any received frame.
+        """
         if (
             self.done
             or (frame.system, frame.component) != self._peer
-            or frame.name not in self.hears
+            or frame.name not in self.message_names
         ):
             return
         message = frame.decode()
         if addressed_to(message, self._own):
-            self._hear(frame.name, message)
+            self._handle_message(frame.name, message)
 
     def result(self) -> T:
-        """What was asked for. Raises ExchangeError when it failed, or is not done."""
+        """Return the result.
+
+        Raises
+        ------
+        ExchangeError
+            The exchange failed or is not done.
+        """
         if self._error or not self.done:
-            raise ExchangeError(self._error or f"{self._question()} is not answered yet")
+            raise ExchangeError(self._error or f"{self._describe()} is not answered yet")
         return self._result  # type: ignore[return-value]
 
     @abstractmethod
-    def _ask(self) -> None:
-        """Send the question, or the part of it that is still open."""
+    def _send_request(self) -> None:
+        """Send the request, or the part of it that is not answered yet."""
 
     @abstractmethod
-    def _hear(self, name: str, message: Any) -> None:
-        """Take one answer."""
+    def _handle_message(self, name: str, message: Any) -> None:
+        """Process one answer of the peer."""
 
     @abstractmethod
-    def _question(self) -> str:
-        """What was asked, in words for an error."""
+    def _describe(self) -> str:
+        """Return a noun phrase for the request, for error messages."""
 
-    def _progress(self) -> None:
-        """The other end is alive: count the silence from the next poll on."""
-        self._advanced = True
+    def _note_progress(self) -> None:
+        """Restart the retry timeout and the count of attempts at the next poll."""
+        self._has_progressed = True
 
     def _finish(self, result: T) -> None:
+        """End the exchange with a result."""
         self._result, self.done = result, True
 
     def _fail(self, reason: str) -> None:
+        """End the exchange with an error."""
         self._error, self.done = reason, True
 
-    def _post(self, name: str, **fields: Any) -> None:
+    def _send_to_peer(self, name: str, **fields: Any) -> None:
+        """Send a message that is addressed to the peer."""
         self._send(
             name, target_system=self._peer.system, target_component=self._peer.component, **fields
         )
 
 
-def addressed_to(message: Any, party: MavlinkId) -> bool:
-    """Whether a message is for ``party``: it names it, broadcasts, or has no address at all."""
+def addressed_to(message: Any, receiver: MavlinkId) -> bool:
+    """Return whether a message is addressed to a participant.
+
+    Parameters
+    ----------
+    message : namedtuple
+        Decoded message.
+    receiver : MavlinkId
+        The participant.
+
+    Returns
+    -------
+    bool
+        True if the message has the participant's ids as target, is a broadcast (0), or has no
+        target fields.
+    """
     system, component = (
         getattr(message, "target_system", 0),
         getattr(message, "target_component", 0),
     )
-    return system in (0, party.system) and component in (0, party.component)
+    return system in (0, receiver.system) and component in (0, receiver.component)
 
 
 def run(exchange: Exchange[T], endpoint: Endpoint, timeout_s: float = 30.0) -> T:
-    """Carry an exchange through on an endpoint that nobody else reads. Raises ExchangeError,
-    LinkLostError."""
+    """Run an exchange to its end; block until then.
+
+    Parameters
+    ----------
+    exchange : Exchange
+        The exchange to run.
+    endpoint : Endpoint
+        Endpoint whose received frames no other code reads.
+    timeout_s : float
+        Maximum wall time, in seconds.
+
+    Returns
+    -------
+    T
+        The result of the exchange.
+
+    Raises
+    ------
+    ExchangeError
+        The exchange failed or took longer than ``timeout_s``.
+    LinkLostError
+        The other end of the link is gone.
+    """
     deadline_s = wall_s() + timeout_s
     while not exchange.done:
         now_s = wall_s()

@@ -1,30 +1,45 @@
-"""What a program keeps for its next start: where it lies, and how it is written."""
+"""Directory for data that a program keeps until its next start, and safe replacement of files."""
 
 import os
 from pathlib import Path
 
 
 def user_data_dir() -> Path:
-    """The user's state directory for these programs (XDG Base Directory Specification)."""
+    """Return the user's state directory for these programs (XDG Base Directory Specification).
+
+    Returns
+    -------
+    Path
+        ``$XDG_STATE_HOME/caribou``, by default ``~/.local/state/caribou``. It may not exist.
+    """
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "caribou"
 
 
 def replace_file(path: Path, text: str) -> None:
-    """Put a whole new file in place of an old one, readable by its owner alone.
+    """Replace a file by a new one that only its owner can read, in one atomic step.
 
-    Raises:
-        OSError: it cannot be written; the old file is as it was.
+    Parameters
+    ----------
+    path : Path
+        The file; it may not exist.
+    text : str
+        New content, written as UTF-8.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written; the old file is unchanged.
     """
-    half = path.with_name(f".{path.name}.{os.getpid()}")
-    half.unlink(missing_ok=True)  # left by a program that died; O_EXCL needs a new file
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.unlink(missing_ok=True)  # from a killed program; O_EXCL requires a new file
     try:
         with os.fdopen(
-            os.open(half, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8"
+            os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8"
         ) as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        half.replace(path)
+        temporary.replace(path)
     except OSError:
-        half.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise

@@ -1,1 +1,1 @@
-"""The simulated sea: Caribou, her tailcone, the water round her and the instruments she carries."""
+"""Simulator of the vehicle, its tailcone, its sensors and the surrounding water."""

@@ -1,8 +1,9 @@
-"""``sitl``: simulate the vehicle and the sea for an autopilot on the HIL link."""
+"""Command ``sitl``: simulate the vehicle and the sea for an autopilot on the HIL link."""
 
 from __future__ import annotations
 
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -19,74 +20,121 @@ from sitl.scenario_types import ScenarioError
 from sitl.vehicle.config import VehicleFileError
 
 FAILED, BAD_INPUT = 1, 2
+"""Exit status after a failure of the run, and after bad input."""
 MIN_SPEED, MAX_SPEED = 0.01, 10_000.0
+"""Range of ``--speed``: vehicle seconds per second of wall time."""
+
+
+def _print_version(requested: bool) -> None:
+    """Print name and version and exit, if requested."""
+    if requested:
+        print(f"sitl {version('caribou-auv')}")
+        raise typer.Exit
 
 
 def simulate(
     vehicle: Annotated[
-        str, typer.Option(help="A shipped one or a vehicle file.", metavar="NAME|FILE")
+        str,
+        typer.Option(help="Name of a supplied vehicle, or a vehicle file.", metavar="NAME|FILE"),
     ] = "caribou_truth",
     scenario: Annotated[
-        str, typer.Option(help="A shipped one or a scenario file.", metavar="NAME|FILE")
+        str,
+        typer.Option(help="Name of a supplied scenario, or a scenario file.", metavar="NAME|FILE"),
     ] = "calm",
     autopilot: Annotated[
-        str, typer.Option(help="Who steers: caribou, px4 or ardupilot.", metavar="NAME")
+        str, typer.Option(help="Autopilot to connect: caribou, px4 or ardupilot.", metavar="NAME")
     ] = "caribou",
     hil: Annotated[
-        str | None, typer.Option(help="Where it is [its usual place].", metavar="ADDRESS")
+        str | None,
+        typer.Option(
+            help="Address of the HIL link [udpout:127.0.0.1:14560; px4: tcpin:127.0.0.1:4560;"
+            " ardupilot: udpin:127.0.0.1:9002].",
+            metavar="ADDRESS",
+        ),
     ] = None,
     speed: Annotated[
-        str | None, typer.Option(help="Times the wall clock [1; ardupilot: max].", metavar="N|max")
+        str | None,
+        typer.Option(
+            help="Vehicle time per wall time, or max for no limit [1; ardupilot: max].",
+            metavar="N|max",
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of every random stream.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random streams.")] = 1,
     wait_for_arm: Annotated[
-        bool, typer.Option("--wait-for-arm", help="Hold vehicle time while disarmed.")
+        bool,
+        typer.Option(
+            "--wait-for-arm", help="caribou: stop vehicle time while the vehicle is disarmed."
+        ),
     ] = False,
     no_lockstep: Annotated[
         bool,
         typer.Option(
-            "--no-lockstep", help="Run on the wall clock, whether anybody answers or not."
+            "--no-lockstep",
+            help="caribou: run in real time and do not wait for the autopilot's answers.",
         ),
     ] = False,
     rate: Annotated[
-        int | None, typer.Option(help="Frames a second for px4 [250].", metavar="HZ")
+        int | None, typer.Option(help="px4: sensor frames per second [250].", metavar="HZ")
     ] = None,
     hil_baro: Annotated[
-        str | None, typer.Option(help="px4: water [default] or air_equivalent.")
+        str | None,
+        typer.Option(
+            help="px4: pressure to send: water [default], or air_equivalent (the air pressure at"
+            " an altitude of minus the depth)."
+        ),
     ] = None,
     outputs: Annotated[
-        str | None, typer.Option(help="Of px4, ardupilot: rudder, elevator, thrust [1,2,3].")
+        str | None,
+        typer.Option(
+            help="px4, ardupilot: output numbers of rudder, elevator and thrust [1,2,3]; a minus"
+            " sign reverses an output."
+        ),
     ] = None,
     truth: Annotated[
-        Path | None, typer.Option(help="Log what really happens to this new MCAP file.")
+        Path | None, typer.Option(help="Write the true vehicle state to this new MCAP file.")
     ] = None,
     lifeline: Annotated[
-        bool, typer.Option("--lifeline", help="End when standard input does.")
+        bool, typer.Option("--lifeline", help="Exit when standard input is closed.")
+    ] = False,
+    show_version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            help="Print the version and exit.",
+            callback=_print_version,
+            is_eager=True,
+        ),
     ] = False,
 ) -> None:
-    """Simulate Caribou, her tailcone, the sea and her sensors, in lockstep with an autopilot."""
+    """Simulate the vehicle, its sensors and the sea in lockstep with an autopilot."""
     if lifeline:
         end_with_stdin()
-    pilot = BackendOptions(
-        autopilot, wait_for_arm, rate, hil_baro, outputs, lockstep=not no_lockstep
+    backend = BackendOptions(
+        autopilot=autopilot,
+        wait_for_arm=wait_for_arm,
+        rate_hz=rate,
+        barometer=hil_baro,
+        outputs=outputs,
+        lockstep=not no_lockstep,
     )
     if no_lockstep and speed:
         _exit_with_error(
-            f"--speed {speed}: not with --no-lockstep: the wall clock is the vehicle's own",
+            f"--speed {speed} cannot be combined with --no-lockstep:"
+            " vehicle time follows the wall clock",
             BAD_INPUT,
         )
     try:
-        check_options(pilot)
-        usual = defaults_of(autopilot)
+        check_options(backend)
+        defaults = defaults_of(autopilot)
         run(
             Options(
-                vehicle,
-                scenario,
-                hil or usual.address,
-                _speed(speed or usual.speed),
-                seed,
-                truth,
-                pilot,
+                vehicle=vehicle,
+                scenario=scenario,
+                hil=hil or defaults.address,
+                speed=_parse_speed(speed or defaults.speed),
+                seed=seed,
+                truth=truth,
+                backend=backend,
             )
         )
     except (
@@ -102,8 +150,8 @@ def simulate(
         _exit_with_error(error, FAILED)
 
 
-def _speed(text: str) -> float | None:
-    """Vehicle seconds a wall second, None for as fast as the machine can."""
+def _parse_speed(text: str) -> float | None:
+    """Return vehicle seconds per second of wall time; None (no limit) for ``max``."""
     if text == "max":
         return None
     try:
@@ -119,12 +167,13 @@ def _speed(text: str) -> float | None:
 
 
 def _exit_with_error(problem: object, status: int) -> NoReturn:
+    """Print an error and exit."""
     print(f"sitl: {printable(problem)}", file=sys.stderr)
     raise typer.Exit(status)
 
 
 def main() -> None:
-    """The console command."""
+    """Run the command ``sitl``."""
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
     app.command()(simulate)
     app()

@@ -1,5 +1,4 @@
-"""The simulator process: the plant at one end, whoever steers at the other, and the clock between
-them."""
+"""The simulator process: connects the plant to an autopilot and paces vehicle time."""
 
 from __future__ import annotations
 
@@ -24,74 +23,77 @@ from sitl.core.truth import Truth
 from sitl.vehicle import config
 
 RecordTruth = Callable[[Truth], None]
-"""Takes note of what really happens, once a tick."""
+"""Callback that records the true state, called once per tick."""
 
 
 class TruthFileError(ValueError):
-    """The truth log cannot be made where it was asked for."""
+    """The truth log cannot be created; the message names the file and the reason."""
 
 
 class Options(NamedTuple):
-    """What the command line asks for."""
+    """Options of the command line."""
 
     vehicle: str
     scenario: str
     hil: str
     speed: float | None
-    """Vehicle seconds a wall second; None runs free."""
+    """Vehicle seconds per second of wall time; None for no limit."""
     seed: int
     truth: Path | None
-    pilot: BackendOptions
-    """One that ``pilots.choice.check`` let pass."""
+    """Truth log to create; None for no log."""
+    backend: BackendOptions
+    """Autopilot options that ``backends.factory.check_options`` has accepted."""
 
 
 def run(options: Options) -> None:
     """Simulate until SIGINT, SIGTERM or SIGHUP.
 
-    Raises:
-        VehicleError, ScenarioError, AddressError, TruthFileError: the options cannot be used.
-        AutopilotSilentError, LinkLostError: the autopilot is gone.
+    Raises
+    ------
+    VehicleFileError, ScenarioError, AddressError, TruthFileError
+        An option cannot be used.
+    AutopilotTimeoutError, LinkLostError
+        The autopilot no longer answers, or the link is lost.
     """
     build = cache(
         partial(plant.build, config.load(options.vehicle), scenario.load(options.scenario))
     )
-    warm_up(
-        build(DEFAULT_TIMESTEP)
-    )  # bad input is told, and the physics compiled, before anybody waits for us
+    # Report bad input and compile the physics before an autopilot waits for the first frame.
+    warm_up(build(DEFAULT_TIMESTEP))
     stop = _stop_on_signals()
     with (
         closing(open_transport(options.hil)) as transport,
         _open_truth_log(options.truth) as record,
     ):
-        _simulate(build, options, create_backend(options.pilot, transport, stop.is_set), record)
+        _simulate(build, options, create_backend(options.backend, transport, stop.is_set), record)
 
 
-def warm_up(sea: Plant) -> None:
-    """Fly one tick that nobody will know of."""
+def warm_up(simulated: Plant) -> None:
+    """Simulate one tick and discard it, so that the physics are compiled."""
     rng = plant.random_streams(0)
-    state, _ = plant.initial_state(sea, rng)
-    plant.step(sea, state, ActuatorFrame(0, 0, (0.0, 0.0, 0.0), 0), rng)
+    state, _ = plant.initial_state(simulated, rng)
+    plant.step(simulated, state, ActuatorFrame(0, 0, (0.0, 0.0, 0.0), 0), rng)
 
 
 def _simulate(
-    build: Callable[[Timestep], Plant], options: Options, pilot: Backend, record: RecordTruth
+    build: Callable[[Timestep], Plant], options: Options, backend: Backend, record: RecordTruth
 ) -> None:
-    """Put a vehicle into the sea for whoever comes to steer her, and a new one whenever he begins
-    anew."""
-    while (pace := pilot.meet()) is not None:
-        sea, rng, pacer = build(pace), plant.random_streams(options.seed), Pacer(options.speed)
-        state, sensors = plant.initial_state(sea, rng)
+    """Simulate one run per connection; start from the initial state when the autopilot restarts."""
+    while (timestep := backend.wait_for_autopilot()) is not None:
+        simulated, rng = build(timestep), plant.random_streams(options.seed)
+        pacer = Pacer(options.speed)
+        state, sensors = plant.initial_state(simulated, rng)
         record(state.truth)
-        while (actuators := pilot.ask(sea, state, sensors)) is not None:
-            for verdict in pilot.take_orders():
-                state = plant.inject_failure(state, verdict)
-            state, sensors = plant.step(sea, state, actuators, rng)
+        while (actuators := backend.exchange(simulated, state, sensors)) is not None:
+            for injection in backend.take_injections():
+                state = plant.inject_failure(state, injection)
+            state, sensors = plant.step(simulated, state, actuators, rng)
             pacer.wait(state.time_us * 1e-6)
             record(state.truth)
 
 
 def _stop_on_signals() -> Event:
-    """Return an event that end signals set: the tick under way is finished and the log closed."""
+    """Return an event that end signals set; the present tick then ends and the log is closed."""
     stop = Event()
     on_end_signals(lambda *_: stop.set())
     return stop
@@ -99,13 +101,12 @@ def _stop_on_signals() -> Event:
 
 @contextmanager
 def _open_truth_log(path: Path | None) -> Iterator[RecordTruth]:
-    """Where truths go: nowhere, or into an MCAP file that is closed whatever happens."""
+    """Yield the recorder: one that does nothing, or one that writes an MCAP file closed on exit."""
     if path is None:
         yield lambda _: None
         return
-    from sitl.truth_log import (
-        TruthLog,  # its libraries cost start-up time that most runs need not pay
-    )
+    # Imported here because its libraries take start-up time that most runs do not need.
+    from sitl.truth_log import TruthLog
 
     try:
         log = TruthLog(path)

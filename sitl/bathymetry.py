@@ -1,7 +1,8 @@
 """Sea floors from files: ESRI ASCII grids (.asc), in metres east and north of the scenario's site.
 
-Format: Esri, "ASCII raster format": a header of keys and numbers, then rows of heights from north
-to south."""
+Format: Esri, "ASCII raster format": a header of keys and numbers, then one line of heights per grid
+row, from north to south.
+"""
 
 from __future__ import annotations
 
@@ -19,20 +20,26 @@ _REQUIRED = ("ncols", "nrows", "cellsize")
 
 
 class Grid(NamedTuple):
-    """Heights of the floor over the still surface at the nodes of a square grid."""
+    """Heights of the sea floor at the nodes of a square grid."""
 
     height_m: NDArray[np.float64]
-    """Shape (rows, columns): south to north, west to east; negative."""
+    """Height above the still surface (negative); rows south to north, columns west to east."""
     south_m: float
-    """North of the site, of the southernmost row."""
+    """Position of the southernmost row, m north of the site."""
     west_m: float
-    """East of the site, of the westernmost column."""
+    """Position of the westernmost column, m east of the site."""
     cell_m: float
+    """Distance between adjacent nodes."""
 
 
 def read(path: Path) -> Grid:
-    """Read a grid. Raises ScenarioError: it names the file, what is wrong in it and what would be
-    right."""
+    """Read a grid file.
+
+    Raises
+    ------
+    ScenarioError
+        The file cannot be used; the message names the file, the fault and the expected content.
+    """
     try:
         lines = path.read_text(encoding="ascii").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -47,6 +54,7 @@ def read(path: Path) -> Grid:
 
 
 def _header(path: Path, lines: list[str]) -> dict[str, float]:
+    """Parse and check the lines of the header."""
     header: dict[str, float] = {}
     for line in lines:
         key, *value = line.split() or [""]
@@ -60,10 +68,10 @@ def _header(path: Path, lines: list[str]) -> dict[str, float]:
     for key in (*_REQUIRED, *corner):
         if key not in header:
             raise ScenarioError(f"floor {path}: {key}: missing key")
-    for key, least in (("ncols", 2), ("nrows", 2)):
-        if header[key] < least or header[key] != round(header[key]):
+    for key, minimum in (("ncols", 2), ("nrows", 2)):
+        if header[key] < minimum or header[key] != round(header[key]):
             raise ScenarioError(
-                f"floor {path}: {key} = {header[key]:g}: expected a whole number, {least} or more"
+                f"floor {path}: {key} = {header[key]:g}: expected a whole number, {minimum} or more"
             )
     if header["cellsize"] <= 0.0:
         raise ScenarioError(
@@ -73,6 +81,7 @@ def _header(path: Path, lines: list[str]) -> dict[str, float]:
 
 
 def _number(path: Path, key: str, text: str) -> float:
+    """Parse a finite number. Raises ScenarioError."""
     try:
         value = float(text)
     except ValueError:
@@ -83,6 +92,7 @@ def _number(path: Path, key: str, text: str) -> float:
 
 
 def _rows(path: Path, lines: list[str], header: dict[str, float]) -> NDArray[np.float64]:
+    """Parse and check the heights, shape (nrows, ncols), north to south."""
     shape = round(header["nrows"]), round(header["ncols"])
     rows = [line.split() for line in lines if line.strip()]
     if len(rows) != shape[0]:

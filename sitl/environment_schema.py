@@ -1,7 +1,6 @@
-"""The tables of a scenario file that tell of the water: how it moves, how heavy it is, and where it
-ends.
+"""Tables of a scenario file that describe the water: its motion, its density and its boundaries.
 
-What is left out is calm: no current, no waves, one density, a flat floor, no ice.
+Tables and keys that are absent mean no current, no waves, uniform density, a flat floor and no ice.
 """
 
 from __future__ import annotations
@@ -25,36 +24,45 @@ from sitl.scenario_types import (
 )
 
 MAX_WAVE_STEEPNESS = 1.0 / 7.0
-"""Height over length at which a wave breaks in deep water (Michell 1893)."""
+"""Ratio of height to length at which a wave breaks in deep water (Michell 1893)."""
 
 
 class WaterTable(ScenarioTable, frozen=True):
+    """Properties of the water."""
+
     density_kgpm3: Positive = 1025.0
-    """Everywhere, unless [density] has layers; and what the pressure sensor takes for it in either
-    case."""
+    """Density of the water unless [density] has layers; always the pressure sensor's assumption."""
     surface_pressure_hpa: Positive = 1013.25
+    """Air pressure at the surface."""
     temperature_degc: Temperature = 10.0
 
 
 class CurrentLayer(ScenarioTable, frozen=True):
+    """Current at one depth."""
+
     depth_m: NotNegative
     speed_mps: Speed
     towards_deg: Angle
 
 
 class Variation(ScenarioTable, frozen=True):
-    """A Gauss-Markov velocity, uniform in space, on top of the steady current; north and east
-    independent."""
+    """Gauss-Markov velocity, uniform in space, added to the steady current.
+
+    The north and east components are independent.
+    """
 
     rms_mps: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.0
-    """Of each component."""
+    """Root mean square of each component."""
     time_constant_s: Positive = 60.0
-    """After which the correlation has fallen to 1/e."""
+    """Lag at which the autocorrelation has fallen to 1/e."""
 
 
 class Current(ScenarioTable, frozen=True):
-    """Steady and the same at every depth, or in layers: linear between them, constant above the
-    first and below."""
+    """Steady current: uniform, or in layers.
+
+    Between layers the velocity is interpolated linearly; above the first and below the last layer
+    it is constant.
+    """
 
     speed_mps: Speed = 0.0
     towards_deg: Angle = 0.0
@@ -63,57 +71,66 @@ class Current(ScenarioTable, frozen=True):
 
 
 class Waves(ScenarioTable, frozen=True):
-    """A sea by its spectrum; without height there is none."""
+    """Sea state given by its spectrum; a height of zero means no waves."""
 
     spectrum: Literal["pierson-moskowitz", "jonswap"] = "jonswap"
     significant_height_m: Annotated[float, Meta(ge=0.0, le=15.0)] = 0.0
     peak_period_s: Annotated[float, Meta(ge=1.0, le=30.0)] | None = None
-    """Of a Pierson-Moskowitz sea it may be left out: then it is that of the fully developed sea of
-    this height."""
+    """Peak period; if absent with Pierson-Moskowitz, that of the fully developed sea is used."""
     gamma: Annotated[float, Meta(ge=1.0, le=10.0)] = 3.3
     """Peak enhancement; JONSWAP only."""
     from_deg: Angle = 0.0
     spreading: Annotated[float, Meta(ge=0.0, le=200.0)] = 0.0
-    """s of cos^2s of half the angle off ``from_deg``; 0 is a long-crested sea."""
+    """Exponent s of the spreading function cos^2s(angle/2) about ``from_deg``; 0: long-crested."""
     components: Annotated[int, Meta(ge=1, le=200)] = 30
+    """Number of sinusoidal components."""
 
 
 class DensityLayer(ScenarioTable, frozen=True):
+    """Density at one depth."""
+
     depth_m: NotNegative
     density_kgpm3: Annotated[float, Meta(ge=900.0, le=1300.0)]
 
 
 class Density(ScenarioTable, frozen=True):
-    """Density over depth: linear between the layers, constant above the first and below the
-    last."""
+    """Density over depth: linear between layers, constant above the first and below the last."""
 
     layer: tuple[DensityLayer, ...] = ()
 
 
 class FloorTable(ScenarioTable, frozen=True):
-    """Flat, sloping, or as a file has it."""
+    """Sea floor: flat, sloping, or read from a file."""
 
     depth_m: Positive = 20.0
-    """Below the place that north and east are counted from."""
+    """Depth at the site, the origin of north and east."""
     slope_deg: Annotated[float, Meta(ge=0.0, le=60.0)] = 0.0
     deepens_towards_deg: Angle = 0.0
+    """Bearing of the steepest descent."""
     file: str = ""
-    """ESRI ASCII grid in metres east and north of the site, heights of the floor (negative);
-    replaces the rest."""
+    """ESRI ASCII grid of floor heights (negative), in m east and north of the site.
+
+    It replaces the other keys.
+    """
 
 
 class Ice(ScenarioTable, frozen=True):
-    """A lid of level ice; without a draft there is none."""
+    """Level ice cover; a draft of zero means no ice."""
 
     draft_m: Annotated[float, Meta(ge=0.0, le=50.0)] = 0.0
-    """Depth of its underside."""
+    """Depth of the underside of the ice."""
 
 
 def check_consistency(
     current: Current, waves: Waves, density: Density, floor: FloorTable, ice: Ice
 ) -> None:
-    """Values that are each in range but cannot stand together. Raises ScenarioError, without the
-    file's name."""
+    """Check combinations of values that are valid on their own.
+
+    Raises
+    ------
+    ScenarioError
+        The values contradict each other; the message does not name the file.
+    """
     _check_ascending("current", [layer.depth_m for layer in current.layer])
     _check_ascending("density", [layer.depth_m for layer in density.layer])
     if current.layer and current.speed_mps:
@@ -122,7 +139,7 @@ def check_consistency(
         )
     if waves.significant_height_m and waves.spectrum == "jonswap" and waves.peak_period_s is None:
         raise ScenarioError(
-            "waves.peak_period_s: missing key; a JONSWAP sea is not known by its height alone"
+            "waves.peak_period_s: missing key; a JONSWAP spectrum needs its peak period"
         )
     if waves.significant_height_m and ice.draft_m:
         raise ScenarioError(
@@ -130,11 +147,11 @@ def check_consistency(
         )
     height_m, period_s = waves.significant_height_m, waves.peak_period_s
     if period_s is not None and height_m > (
-        highest_m := MAX_WAVE_STEEPNESS * deep_length_m(period_s)
+        max_height_m := MAX_WAVE_STEEPNESS * deep_length_m(period_s)
     ):
         raise ScenarioError(
-            f"waves.significant_height_m = {height_m}: expected at most {highest_m:.2g} "
-            f"with peak_period_s = {period_s}: they break"
+            f"waves.significant_height_m = {height_m}: expected at most {max_height_m:.2g} "
+            f"with peak_period_s = {period_s}: steeper waves break"
         )
     if ice.draft_m >= floor.depth_m and not floor.file:
         raise ScenarioError(
@@ -143,11 +160,12 @@ def check_consistency(
 
 
 def deep_length_m(period_s: float) -> float:
-    """Length of a wave in deep water, g T^2 / (2 pi) (Airy 1845)."""
+    """Return the length of a wave in deep water, g T^2 / (2 pi) (Airy 1845), m."""
     return STANDARD_GRAVITY_MPS2 * period_s**2 / (2.0 * pi)
 
 
 def _check_ascending(table: str, depths_m: Sequence[float]) -> None:
+    """Check that each layer is deeper than the one before it."""
     for number, (above, below) in enumerate(pairwise(depths_m), 1):
         if below <= above:
             raise ScenarioError(

@@ -1,10 +1,9 @@
-"""Imported, it has done what every simulator does before it is heard: libraries are loaded and the
-physics compiled.
+"""Load all libraries of the simulator and compile its physics, as a side effect of the import.
 
-For a process that has others forked from it.
+For a process from which simulator processes are forked.
 """
 
-from sitl import __main__ as _command  # noqa: F401 - is loaded, and what it needs with it
+from sitl import __main__ as _command  # noqa: F401 - imported to load what the command needs
 from sitl import app, scenario
 from sitl.core import plant
 from sitl.vehicle import config

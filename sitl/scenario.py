@@ -1,6 +1,6 @@
-"""Scenario files: the place, the water, the weather and how a run starts. TOML, strictly decoded.
+"""Scenario files: site, water, disturbances, faults and initial state of a run, as strict TOML.
 
-Tables and keys left out take the values below, which describe calm water off Boston.
+Tables and keys that are absent take the defaults below, which describe calm water off Boston.
 """
 
 from __future__ import annotations
@@ -31,45 +31,45 @@ Latitude = Annotated[float, Meta(ge=-89.0, le=89.0)]
 
 
 class Site(ScenarioTable, frozen=True):
-    """Where the surface point is from which north and east are counted."""
+    """Geographic position of the surface point that is the origin of north and east."""
 
     latitude_deg: Latitude = 42.35
     longitude_deg: Angle = -71.0
 
 
 class StartTable(ScenarioTable, frozen=True):
-    """How the vehicle lies when vehicle time begins. Without a depth she floats at the surface, in
-    trim and at rest."""
+    """State of the vehicle at vehicle time zero.
+
+    Without a depth the vehicle floats at the surface, in trim and at rest.
+    """
 
     heading_deg: Angle = 0.0
     depth_m: NotNegative | None = None
     speed_mps: Speed = 0.0
-    """Forward, through the water."""
+    """Forward speed through the water."""
     battery_pct: Annotated[float, Meta(ge=0.0, le=100.0)] = 100.0
 
 
 class Rig(ScenarioTable, frozen=True):
-    """What holds and measures the vehicle on the bench."""
+    """Equipment that holds and measures the vehicle on the bench."""
 
     clamped: bool = False
-    """She stays as she lies at the start, afloat and at rest, whatever acts on her; tailcone and
-    instruments work."""
+    """Hold the body in its initial state, floating at rest; tailcone and sensors still work."""
     encoder: str = ""
-    """Fitted to the duct for the occasion, in place of the vehicle's own: a name of the
-    instruments' catalogue."""
+    """Catalogue name of a duct encoder fitted for this run, in place of the vehicle's own."""
 
 
 class MagneticField(ScenarioTable, frozen=True):
-    """Boston, of the order the World Magnetic Model gives."""
+    """Earth's magnetic field; the defaults approximate the World Magnetic Model at Boston."""
 
     declination_deg: Angle = -14.4
-    """East positive."""
+    """Positive east."""
     inclination_deg: Annotated[float, Meta(ge=-90.0, le=90.0)] = 67.0
     strength_gauss: Positive = 0.52
 
 
 class SlowDisturbance(ScenarioTable, frozen=True):
-    """First-order Gauss-Markov moments."""
+    """First-order Gauss-Markov disturbance moments."""
 
     time_constant_s: Positive = 3.0
     yaw_rms_nm: NotNegative = 0.0
@@ -77,7 +77,7 @@ class SlowDisturbance(ScenarioTable, frozen=True):
 
 
 class WaveDisturbance(ScenarioTable, frozen=True):
-    """Narrow-band moments at the frequency of the waves."""
+    """Narrow-band disturbance moments at the wave frequency."""
 
     frequency_hz: Positive = 0.15
     damping: Damping = 0.1
@@ -86,12 +86,14 @@ class WaveDisturbance(ScenarioTable, frozen=True):
 
 
 class DisturbanceLevels(ScenarioTable, frozen=True):
+    """Disturbance moments on the vehicle."""
+
     slow: SlowDisturbance = SlowDisturbance()
     waves: WaveDisturbance = WaveDisturbance()
 
 
 class Scenario(ScenarioTable, frozen=True):
-    """A whole scenario file."""
+    """Content of a scenario file."""
 
     title: str = ""
     site: Site = Site()
@@ -106,16 +108,16 @@ class Scenario(ScenarioTable, frozen=True):
     magnetic_field: MagneticField = MagneticField()
     disturbance: DisturbanceLevels = DisturbanceLevels()
     fault: tuple[dict[str, float | str], ...] = ()
-    """What goes wrong and when; ``sitl.faults.catalogue`` knows the keys."""
+    """Scheduled faults; ``sitl.faults.catalogue`` defines the keys."""
 
     @property
     def faults(self) -> list[Fault]:
-        """What goes wrong and when. Raises FaultError."""
+        """Scheduled faults, parsed. Raises FaultError."""
         return [catalogue.read(row) for row in self.fault]
 
 
 def names() -> list[str]:
-    """The scenarios that come with the simulator."""
+    """Return the names of the scenarios that are supplied with the simulator."""
     return sorted(
         path.name.removesuffix(".toml")
         for path in _shipped().iterdir()
@@ -124,10 +126,22 @@ def names() -> list[str]:
 
 
 def load(name_or_path: str) -> Scenario:
-    """Read a shipped scenario by name, or a scenario file.
+    """Read a supplied scenario or a scenario file.
 
-    Raises:
-        ScenarioError: there is no such file, it is no TOML, or a key or value in it is wrong.
+    Parameters
+    ----------
+    name_or_path : str
+        Name of a supplied scenario (see ``names``), or path of a TOML file.
+
+    Returns
+    -------
+    Scenario
+        The scenario with all defaults filled in.
+
+    Raises
+    ------
+    ScenarioError
+        The file does not exist, is not TOML, or contains a wrong key or value.
     """
     if name_or_path in names():
         text = (_shipped() / f"{name_or_path}.toml").read_text(encoding="utf-8")
@@ -156,9 +170,10 @@ def load(name_or_path: str) -> Scenario:
 
 
 def _check_start_depth(scenario: Scenario) -> None:
-    depth_m, lid_m, floor_m = scenario.start.depth_m, scenario.ice.draft_m, scenario.floor.depth_m
-    if depth_m is not None and depth_m < lid_m:
-        raise ScenarioError(f"start.depth_m = {depth_m}: expected more than ice.draft_m = {lid_m}")
+    """Check that the vehicle starts below the ice and above the floor."""
+    depth_m, ice_m, floor_m = scenario.start.depth_m, scenario.ice.draft_m, scenario.floor.depth_m
+    if depth_m is not None and depth_m < ice_m:
+        raise ScenarioError(f"start.depth_m = {depth_m}: expected more than ice.draft_m = {ice_m}")
     if depth_m is not None and depth_m >= floor_m and not scenario.floor.file:
         raise ScenarioError(
             f"start.depth_m = {depth_m}: expected less than floor.depth_m = {floor_m}"
@@ -166,8 +181,7 @@ def _check_start_depth(scenario: Scenario) -> None:
 
 
 def _with_floor_file(scenario: Scenario, path: str) -> Scenario:
-    """The file of the floor by its full path, which in the scenario is told from where that itself
-    lies."""
+    """Resolve the floor file, which is relative to the scenario file, and check depths with it."""
     if not scenario.floor.file:
         return scenario
     floor = Path(path).parent / scenario.floor.file
@@ -184,10 +198,12 @@ def _with_floor_file(scenario: Scenario, path: str) -> Scenario:
 
 
 def _shipped() -> Any:
+    """Return the folder of supplied scenarios."""
     return resources.files("sitl") / "scenarios"
 
 
 def _read(path: str) -> str:
+    """Return the text of a scenario file. Raises ScenarioError."""
     try:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -1,6 +1,6 @@
-"""``python -m sitl.scenario_check NAME|FILE``: check a scenario and print its content as JSON.
+"""Check a scenario and print its content as JSON: ``python -m sitl.scenario_check NAME|FILE``.
 
-Other programs ask here what sea and floor a scenario has; they do not read the files themselves.
+Other programs use this to learn the sea state and the floor; they do not read scenario files.
 """
 
 from __future__ import annotations

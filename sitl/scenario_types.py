@@ -1,4 +1,4 @@
-"""What the tables of a scenario file are made of: strict structs, and numbers with their ranges."""
+"""Base types of the tables in a scenario file: strict structs, and numbers with their ranges."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ Damping = Annotated[float, Meta(gt=0.0, lt=1.0)]
 
 
 class ScenarioError(ValueError):
-    """A scenario that cannot be used; the message names file, key, value and what would be
-    right."""
+    """The scenario cannot be used; the message names file, key, value and the expected value."""
 
 
 class ScenarioTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

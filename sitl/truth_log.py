@@ -1,4 +1,4 @@
-"""The truth log: an MCAP file of what really happened, written only when asked for."""
+"""Truth log: an MCAP file of the true vehicle state, written on request only."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sitl.core.truth import Truth
 TOPIC = "/auv/truth"
 CHUNK_BYTES = 64_000
 FLUSH_PERIOD_S = 0.25
-"""Wall time: a killed process loses at most this much."""
+"""Wall time between flushes: a killed process loses at most this much."""
 
 _VECTORS = {
     "position_ned_m": 3,
@@ -54,11 +54,13 @@ _SCHEMA = {
 
 
 class TruthLog:
-    """One channel of JSON; log time is the UNIX time of the launch plus vehicle time, and never
-    goes back."""
+    """Truth log with one JSON channel.
+
+    Log time is the UNIX time of the start of a run plus vehicle time. It never decreases.
+    """
 
     def __init__(self, path: Path) -> None:
-        """Create the file. Raises OSError, also when it exists: a log is never written over."""
+        """Create the file. Raises OSError, also when it exists: a log is never overwritten."""
         self._file = path.open("xb")
         self._launch_ns = self._newest_ns = time.time_ns()
         self._flush = Every(FLUSH_PERIOD_S)
@@ -70,13 +72,16 @@ class TruthLog:
         self._channel = self._writer.register_channel(TOPIC, "json", schema)
 
     def write(self, truth: Truth) -> None:
+        """Append the state of one tick."""
         if truth.time_us == 0:
             self._launch_ns = max(self._newest_ns, time.time_ns())
-        self._newest_ns = at_ns = self._launch_ns + truth.time_us * 1000
-        self._writer.add_message(self._channel, at_ns, json.dumps(truth._asdict()).encode(), at_ns)
+        self._newest_ns = log_ns = self._launch_ns + truth.time_us * 1000
+        message = json.dumps(truth._asdict()).encode()
+        self._writer.add_message(self._channel, log_ns, message, log_ns)
         if self._flush.due():
             self._writer.flush()
 
     def close(self) -> None:
+        """Write the index and close the file."""
         self._writer.finish()
         self._file.close()

@@ -1,2 +1,1 @@
-"""MAV_CMD: what each command of COMMAND_LONG and COMMAND_INT asks of the vehicle, by a table in
-each file."""
+"""Handlers of MAV_CMD commands (COMMAND_LONG and COMMAND_INT), with a table in each module."""

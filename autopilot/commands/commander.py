@@ -1,116 +1,131 @@
-"""Carries commands out.
+"""Execution of received commands.
 
-Clients fill every parameter they do not mean with NaN, repeat a command whose acknowledgement was
-lost, and send some commands to component 0: every handler is indifferent to all three, but for
-those whose repetition would do more than the first. Those are remembered."""
+Clients fill unused parameters with NaN, repeat a command whose acknowledgement was lost, and send
+some commands to component 0. Handlers accept all three. A command that must not be executed twice
+is recorded, so that its repetition is only acknowledged."""
 
 from typing import NamedTuple
 
 from autopilot.commands import actuators, flight, maintenance, messages, sysid_commands
 from autopilot.commands.jobs import AnswerCallback, Jobs
-from autopilot.commands.types import CommandResult, Desk, Handler, JobProgress, MavCommand
+from autopilot.commands.types import CommandContext, CommandResult, Handler, JobProgress, MavCommand
 from autopilot.comms.stream_rates import Schedule
 from autopilot.control.requests import StopTest
 from autopilot.control.types import ACCEPTED, UNSUPPORTED
-from mavlink_io.dialect import constant
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.request import MavlinkId
 
 _TABLE: dict[int, Handler] = {
-    constant(f"MAV_CMD_{name}"): handler
+    command: handler
     for part in (flight, sysid_commands, actuators, messages, maintenance)
-    for name, handler in part.HANDLERS.items()
+    for command, handler in part.HANDLERS.items()
 }
 _NOT_IDEMPOTENT = frozenset(
-    constant(f"MAV_CMD_{name}")
-    for name in (
-        "CONDITION_YAW",
-        "MISSION_START",
-        "DO_SET_MISSION_CURRENT",
-        "PREFLIGHT_REBOOT_SHUTDOWN",
+    (
+        MavCmd.CONDITION_YAW,
+        MavCmd.MISSION_START,
+        MavCmd.DO_SET_MISSION_CURRENT,
+        MavCmd.PREFLIGHT_REBOOT_SHUTDOWN,
     )
 )
-"""Turn by so much, go to that item: the second time means more than the first."""
-REPEATED_WITHIN_S = 0.9
-"""Wall time in which the same words from the same sender are the same command: MAVSDK repeats after
-half a second."""
+"""Commands whose second execution has a further effect, for example a relative turn."""
+REPETITION_TIMEOUT_S = 0.9
+"""Wall time within which the same command of the same sender is a repetition.
+
+MAVSDK repeats a command after 0.5 s."""
 
 
 class _LastCommand(NamedTuple):
-    """What a sender asked last, and what came of it."""
+    """Last accepted command of a sender that must not be executed twice."""
 
     command: MavCommand
     mode: int
-    heard_s: float
+    """Mode after the command."""
+    received_s: float
 
 
 class Commander:
-    """The vehicle's end of the command protocol."""
+    """Vehicle side of the command protocol."""
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, context: CommandContext) -> None:
+        self._context = context
         self._jobs = Jobs()
-        self._heard: dict[MavlinkId, _LastCommand] = {}
+        self._last_commands: dict[MavlinkId, _LastCommand] = {}
 
     def execute(
         self,
         command: MavCommand,
-        asker: MavlinkId,
+        requester: MavlinkId,
         schedule: Schedule,
         answer: AnswerCallback,
         now_s: float,
     ) -> CommandResult:
-        """Carry a command out and acknowledge it by ``answer``, a long job until its end.
+        """Execute a command and acknowledge it; the caller sends the messages of the result.
 
-        ``schedule`` is that of the link it came by. What is left to the caller is to send the
-        outcome's messages."""
-        words = command._replace(repetition=False)
-        if seen := self._jobs.progress(asker, words, command.repetition, now_s):
-            answer(seen)
-            return CommandResult(seen.result)
-        outcome = self._once(words, command.repetition, asker, schedule, now_s)
+        Parameters
+        ----------
+        command : MavCommand
+            Received command.
+        requester : MavlinkId
+            Its sender.
+        schedule : Schedule
+            Telemetry schedule of the link of the command.
+        answer : callable
+            Sends an acknowledgement; for a long job it is called until the job ends.
+        now_s : float
+            Wall time.
+        """
+        original = command._replace(repetition=False)
+        if progress := self._jobs.progress(requester, original, command.repetition, now_s):
+            answer(progress)
+            return CommandResult(progress.result)
+        outcome = self._execute_once(original, command.repetition, requester, schedule, now_s)
         answer(JobProgress(outcome.result))
         if outcome.job is not None:
-            self._jobs.begin(asker, words, outcome.job, answer, now_s)
+            self._jobs.begin(requester, original, outcome.job, answer, now_s)
         return outcome
 
     def cancel(self, number: int, now_s: float) -> None:
-        """COMMAND_CANCEL: end a long job, which whoever asked for it is told. Without one there is
-        nothing to do."""
+        """COMMAND_CANCEL: end a long job and acknowledge this to its requester, if there is one."""
         if self._jobs.cancel(number, now_s):
-            self._desk.vehicle.request(StopTest())
+            self._context.vehicle.handle_request(StopTest())
 
     def poll(self, now_s: float) -> None:
+        """Acknowledge the progress of long jobs."""
         self._jobs.poll(now_s)
 
-    def _once(
+    def _execute_once(
         self,
         command: MavCommand,
         repetition: bool,
-        asker: MavlinkId,
+        requester: MavlinkId,
         schedule: Schedule,
         now_s: float,
     ) -> CommandResult:
-        """Carry a command out, unless it is the same one again and must not be done twice."""
+        """Execute a command, unless it is a repetition that must not be executed twice."""
         handler = _TABLE.get(command.number)
         if handler is None:
             return CommandResult(UNSUPPORTED)
         if command.number not in _NOT_IDEMPOTENT:
-            return handler(self._desk, command, schedule)
-        if self._done(command, repetition, asker, now_s):
+            return handler(self._context, command, schedule)
+        if self._was_executed(command, repetition, requester, now_s):
             return CommandResult(ACCEPTED)
-        outcome = handler(self._desk, command, schedule)
+        outcome = handler(self._context, command, schedule)
         if outcome.result == ACCEPTED:
-            self._heard[asker] = _LastCommand(command, self._desk.vehicle.state.mode, now_s)
+            self._last_commands[requester] = _LastCommand(
+                command, self._context.vehicle.state.mode, now_s
+            )
         return outcome
 
-    def _done(self, command: MavCommand, repetition: bool, asker: MavlinkId, now_s: float) -> bool:
-        """Whether a command was carried out before. In another mode it is a new wish: somebody left
-        the old one."""
-        before = self._heard.get(asker)
+    def _was_executed(
+        self, command: MavCommand, repetition: bool, requester: MavlinkId, now_s: float
+    ) -> bool:
+        """Return whether a command was executed before; after a change of mode it is a new one."""
+        previous = self._last_commands.get(requester)
         if (
-            before is None
-            or before.mode != self._desk.vehicle.state.mode
-            or repr(before.command) != repr(command)
+            previous is None
+            or previous.mode != self._context.vehicle.state.mode
+            or repr(previous.command) != repr(command)
         ):
             return False
-        return repetition or now_s - before.heard_s < REPEATED_WITHIN_S
+        return repetition or now_s - previous.received_s < REPETITION_TIMEOUT_S

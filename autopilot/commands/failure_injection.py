@@ -1,81 +1,83 @@
-"""MAV_CMD_INJECT_FAILURE on its way through: the autopilot breaks nothing, it passes the wish on to
-a simulator.
+"""Relay of MAV_CMD_INJECT_FAILURE: the autopilot passes the order to the simulator.
 
-Off unless the parameter SYS_FAILURE_EN says otherwise. Whoever asked hears IN_PROGRESS until the
-simulator's verdict is there, and UNSUPPORTED where none answers: a real vehicle has nobody to break
-her."""
+The parameter SYS_FAILURE_EN enables it. The requester receives IN_PROGRESS until the simulator
+replies, and UNSUPPORTED without a reply: a real vehicle does not reply."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from autopilot.commands.jobs import PROGRESS_PERIOD_S
 from autopilot.control.types import DENIED, IN_PROGRESS, UNSUPPORTED
-from mavlink_io.dialect import constant
 from mavlink_io.request import MavlinkId
 
-INJECT_FAILURE = constant("MAV_CMD_INJECT_FAILURE")
 ANSWER_TIMEOUT_S = 3.0
-"""Wall time for the simulator's verdict."""
+"""Wall time within which the simulator must reply."""
 
 InjectionOrder = tuple[float, float, float, float]
-"""Unit, type, instance and size: param1 to param4. NaN where not given."""
+"""Unit, type, instance and size: param1 to param4; NaN where not given."""
 InjectionAnswer = Callable[[int], None]
-"""Acknowledges the command to whoever asked, with a MAV_RESULT."""
+"""Function that acknowledges the command to its requester with a MAV_RESULT."""
 
 
-class Pending(NamedTuple):
+class PendingOrder(NamedTuple):
+    """An order without a final reply."""
+
     order: InjectionOrder
-    asker: MavlinkId
+    requester: MavlinkId
     answer: InjectionAnswer
-    asked_s: float
-    told_s: float
-    """When the asker was last told something."""
+    requested_s: float
+    acknowledged_s: float
+    """Wall time of the last acknowledgement."""
 
 
 class FailureRelay:
-    """The orders under way: out to the simulator, verdicts back, in the order in which they were
-    given."""
+    """Pending orders: sent to the simulator, and matched with its replies in the same order."""
 
-    def __init__(self, say: Callable[[str], None]) -> None:
-        self._say = say
-        self._pending: list[Pending] = []
+    def __init__(self, report: Callable[[str], None]) -> None:
+        self._report = report
+        self._pending: list[PendingOrder] = []
         self._outgoing: list[InjectionOrder] = []
 
-    def ask(
-        self, command: Any, asker: MavlinkId, answer: InjectionAnswer, enabled: bool, now_s: float
+    def submit(
+        self,
+        command: Any,
+        requester: MavlinkId,
+        answer: InjectionAnswer,
+        enabled: bool,
+        now_s: float,
     ) -> None:
-        """Take an order; one that is repeated while it is under way goes out once."""
+        """Accept an order; an order repeated while it is pending is sent once."""
         if not enabled:
-            self._say("Failure refused: SYS_FAILURE_EN is 0")
+            self._report("Failure refused: SYS_FAILURE_EN is 0")
             answer(DENIED)
             return
         order = command.p1, command.p2, command.p3, command.p4
-        if any(repr((each.order, each.asker)) == repr((order, asker)) for each in self._pending):
+        if any(repr((p.order, p.requester)) == repr((order, requester)) for p in self._pending):
             answer(IN_PROGRESS)
             return
         self._outgoing.append(order)
-        self._pending.append(Pending(order, asker, answer, now_s, now_s))
+        self._pending.append(PendingOrder(order, requester, answer, now_s, now_s))
 
-    def take_orders(self) -> list[InjectionOrder]:
-        """What is to go to the simulator since the last call."""
-        taken, self._outgoing = self._outgoing, []
-        return taken
+    def pop_orders(self) -> list[InjectionOrder]:
+        """Return the orders to send to the simulator since the last call."""
+        orders, self._outgoing = self._outgoing, []
+        return orders
 
-    def judged(self, result: int) -> None:
-        """The simulator's verdict on the oldest order that is under way."""
+    def on_result(self, result: int) -> None:
+        """Pass the simulator's MAV_RESULT to the requester of the oldest pending order."""
         if self._pending:
             self._pending.pop(0).answer(result)
 
     def poll(self, now_s: float) -> None:
-        """Reassure those who wait, and give up on a simulator that does not answer."""
-        waiting: list[Pending] = []
-        for each in self._pending:
-            if now_s - each.asked_s > ANSWER_TIMEOUT_S:
-                self._say("Failure refused: no simulator answers")
-                each.answer(UNSUPPORTED)
-            elif now_s - each.told_s > PROGRESS_PERIOD_S:
-                each.answer(IN_PROGRESS)
-                waiting.append(each._replace(told_s=now_s))
+        """Send IN_PROGRESS to requesters, and UNSUPPORTED after ANSWER_TIMEOUT_S."""
+        still_pending: list[PendingOrder] = []
+        for pending in self._pending:
+            if now_s - pending.requested_s > ANSWER_TIMEOUT_S:
+                self._report("Failure refused: no simulator answers")
+                pending.answer(UNSUPPORTED)
+            elif now_s - pending.acknowledged_s > PROGRESS_PERIOD_S:
+                pending.answer(IN_PROGRESS)
+                still_pending.append(pending._replace(acknowledged_s=now_s))
             else:
-                waiting.append(each)
-        self._pending = waiting
+                still_pending.append(pending)
+        self._pending = still_pending

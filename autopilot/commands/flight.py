@@ -1,17 +1,17 @@
-"""Commands that move the vehicle: arming, modes, the mission, new targets, home."""
+"""Commands for flight: arming, modes, mission, set-points and home."""
 
 import math
 from dataclasses import replace
 from functools import partial
 
 from autopilot.commands.types import (
+    CommandContext,
     CommandResult,
-    Desk,
     Handler,
     MavCommand,
     custom_mode,
-    foreign_mode,
     integer_parameter,
+    unknown_mode_text,
 )
 from autopilot.comms.stream_rates import Schedule
 from autopilot.control import guidance, mission, modes, requests
@@ -24,132 +24,158 @@ from autopilot.control.types import (
     Severity,
 )
 from autopilot.telemetry import streams
-from mavlink_io.mission_items import FRAME_MISSION, MissionCommand, MissionItem
+from mavlink_io.mission_items import FRAME_MISSION, MavCmd, MissionItem
 
 _FORCE = 21_196
-"""COMPONENT_ARM_DISARM.param2 that skips the checks."""
+"""Value of COMPONENT_ARM_DISARM.param2 that skips the checks."""
 _PAUSE, _CONTINUE = 0, 1
+"""Values of DO_PAUSE_CONTINUE.param1."""
 _CHANGE_MODE = 1
-"""DO_REPOSITION.param2: leave the mode for one that goes to the place."""
+"""Bit of DO_REPOSITION.param2: change the mode."""
 
 
-def arm(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
+def arm(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """COMPONENT_ARM_DISARM."""
     force = command.p2 == _FORCE
     if command.p1 == 1:
-        return desk.ask(requests.Arm(force))
+        return context.ask(requests.Arm(force))
     if command.p1 == 0:
-        return desk.ask(requests.Disarm(force))
-    return desk.refuse(DENIED, f"Arming: param1 is {command.p1:g}, must be 1 or 0")
+        return context.ask(requests.Disarm(force))
+    return context.refuse(DENIED, f"Arming: param1 is {command.p1:g}, must be 1 or 0")
 
 
-def set_mode(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
+def set_mode(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """DO_SET_MODE with a custom mode."""
     if not integer_parameter(command.p1) & 1:
-        return desk.refuse(DENIED, "DO_SET_MODE: param1 lacks the custom mode flag (1)")
+        return context.refuse(DENIED, "DO_SET_MODE: param1 lacks the custom mode flag (1)")
     number = custom_mode(command)
     if number is None:
-        return desk.refuse(DENIED, foreign_mode(integer_parameter(command.p2)))
-    return desk.ask(requests.SetMode(number))
+        return context.refuse(DENIED, unknown_mode_text(integer_parameter(command.p2)))
+    return context.ask(requests.SetMode(number))
 
 
-def set_standard_mode(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
+def set_standard_mode(
+    context: CommandContext, command: MavCommand, schedule: Schedule
+) -> CommandResult:
+    """DO_SET_STANDARD_MODE: select the mode with a MAVLink standard mode."""
     for mode in modes.MODES:
         if mode.standard_mode and mode.standard_mode == command.p1:
-            return desk.ask(requests.SetMode(mode.number))
-    return desk.refuse(FAILED, f"Standard mode {command.p1:g} is not one this vehicle has")
+            return context.ask(requests.SetMode(mode.number))
+    return context.refuse(FAILED, f"Standard mode {command.p1:g} is not supported")
 
 
-def enter(mode: modes.Mode, desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
-    return desk.ask(requests.SetMode(mode.number))
+def enter(
+    mode: modes.Mode, context: CommandContext, command: MavCommand, schedule: Schedule
+) -> CommandResult:
+    """Select a mode; handler of commands that each mean one mode."""
+    return context.ask(requests.SetMode(mode.number))
 
 
-def start_mission(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
+def start_mission(
+    context: CommandContext, command: MavCommand, schedule: Schedule
+) -> CommandResult:
+    """MISSION_START: fly the mission, from the item of param1 if it is not 0."""
     if first := integer_parameter(command.p1):
-        outcome = desk.ask(requests.SetMissionItem(first))
+        outcome = context.ask(requests.SetMissionItem(first))
         if outcome.result != ACCEPTED:
             return outcome
-    return desk.ask(requests.SetMode(modes.MISSION.number))
+    return context.ask(requests.SetMode(modes.MISSION.number))
 
 
-def set_mission_item(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
-    return desk.ask(requests.SetMissionItem(integer_parameter(command.p1, -1)))
+def set_mission_item(
+    context: CommandContext, command: MavCommand, schedule: Schedule
+) -> CommandResult:
+    """DO_SET_MISSION_CURRENT: continue the mission at the item of param1."""
+    return context.ask(requests.SetMissionItem(integer_parameter(command.p1, -1)))
 
 
-def pause(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
+def pause(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """DO_PAUSE_CONTINUE: HOLD (0) or MISSION (1)."""
     if command.p1 not in (_PAUSE, _CONTINUE):
-        return desk.refuse(DENIED, f"DO_PAUSE_CONTINUE: param1 is {command.p1:g}, must be 0 or 1")
+        return context.refuse(
+            DENIED, f"DO_PAUSE_CONTINUE: param1 is {command.p1:g}, must be 0 or 1"
+        )
     mode = modes.MISSION if command.p1 == _CONTINUE else modes.HOLD
-    return desk.ask(requests.SetMode(mode.number))
+    return context.ask(requests.SetMode(mode.number))
 
 
-def reposition(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
-    """Without a place it is the pause button of QGroundControl's PX4 personality."""
+def reposition(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """DO_REPOSITION without a position: HOLD (QGroundControl's pause button for PX4)."""
     if (
         math.isfinite(command.p5)
         or math.isfinite(command.p6)
         or not integer_parameter(command.p2) & _CHANGE_MODE
     ):
-        return desk.refuse(
+        return context.refuse(
             UNSUPPORTED,
-            "DO_REPOSITION: only without a place, to hold; fly a mission to go somewhere",
+            "DO_REPOSITION: a position is not supported; use a mission",
         )
-    return desk.ask(requests.SetMode(modes.HOLD.number))
+    return context.ask(requests.SetMode(modes.HOLD.number))
 
 
-def change_target(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
-    """A leg's command means the same now as it does in a mission."""
+def change_target(
+    context: CommandContext, command: MavCommand, schedule: Schedule
+) -> CommandResult:
+    """CONDITION_YAW, DO_CHANGE_ALTITUDE, DO_CHANGE_SPEED: change a set-point as in a mission."""
     c = command
-    if c.number != MissionCommand.CHANGE_SPEED and not math.isfinite(c.p1):
-        return desk.refuse(DENIED, f"Command {c.number}: param1 is not given")
+    if c.number != MavCmd.DO_CHANGE_SPEED and not math.isfinite(c.p1):
+        return context.refuse(DENIED, f"Command {c.number}: param1 is not given")
     item = MissionItem(0, FRAME_MISSION, c.number, p1=c.p1, p2=c.p2, p3=c.p3, p4=c.p4)
-    vehicle, config = desk.vehicle, desk.vehicle.params.config
-    _, wrong = mission.check((item,), replace(config, mission_seq0_home=0))
-    if wrong:
-        return desk.refuse(DENIED, f"Command {c.number}: {wrong}")
+    vehicle, config = context.vehicle, context.vehicle.params.config
+    _, error = mission.check((item,), replace(config, mission_seq0_home=0))
+    if error:
+        return context.refuse(DENIED, f"Command {c.number}: {error}")
     if not vehicle.state.armed:
-        return desk.refuse(TEMPORARILY_REJECTED, f"Command {c.number} refused: not armed")
-    wanted = mission.begin_item(item, vehicle.state, config)[0].setpoint
-    return desk.ask(requests.ChangeTarget(wanted.depth_m, wanted.heading_rad, wanted.thrust))
+        return context.refuse(TEMPORARILY_REJECTED, f"Command {c.number} refused: not armed")
+    setpoint = mission.begin_item(item, vehicle.state, config)[0].setpoint
+    return context.ask(
+        requests.ChangeTarget(setpoint.depth_m, setpoint.heading_rad, setpoint.thrust)
+    )
 
 
-def set_home(desk: Desk, command: MavCommand, schedule: Schedule) -> CommandResult:
-    """Home may be moved, never lifted from the surface: depth is counted from there."""
+def set_home(context: CommandContext, command: MavCommand, schedule: Schedule) -> CommandResult:
+    """DO_SET_HOME: set home at the surface, at a position or at the vehicle (param1 = 1)."""
     scale = 1e-7 if command.scaled else 1.0
     lat_deg, lon_deg = command.p5 * scale, command.p6 * scale
     if command.p1 == 1:
-        if not desk.vehicle.state.home.known:
-            return desk.refuse(TEMPORARILY_REJECTED, "Home refused: the position is not known")
-        lat_deg, lon_deg = (angle * 1e-7 for angle in streams.position_dege7(desk.vehicle.state))
-    return move_home(desk, lat_deg, lon_deg, command.p7)
+        if not context.vehicle.state.home.known:
+            return context.refuse(TEMPORARILY_REJECTED, "Home refused: the position is not known")
+        lat_deg, lon_deg = (angle * 1e-7 for angle in streams.position_dege7(context.vehicle.state))
+    return move_home(context, lat_deg, lon_deg, command.p7)
 
 
-def move_home(desk: Desk, lat_deg: float, lon_deg: float, altitude_m: float) -> CommandResult:
-    """Put home at a place of the surface, whatever altitude somebody has in mind."""
+def move_home(
+    context: CommandContext, lat_deg: float, lon_deg: float, altitude_m: float
+) -> CommandResult:
+    """Set home at the surface; an altitude is ignored with a notice, as depth is relative to it."""
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
-        return desk.refuse(DENIED, f"Home refused: {lat_deg:g}, {lon_deg:g} is no place")
-    home = desk.vehicle.state.home
+        return context.refuse(DENIED, f"Home refused: {lat_deg:g}, {lon_deg:g} is not a position")
+    home = context.vehicle.state.home
     if lat_deg == lon_deg == 0.0 and home.known and not guidance.near_zero_zero(home):
-        return desk.refuse(
-            DENIED, "Home refused: 0, 0 counts as no place unless home is within 100 km of it"
+        return context.refuse(
+            DENIED, "Home refused: 0, 0 means no position unless home is within 100 km of it"
         )
-    outcome = desk.ask(requests.SetHome(lat_deg, lon_deg))
+    outcome = context.ask(requests.SetHome(lat_deg, lon_deg))
     if not math.isnan(altitude_m) and altitude_m != 0.0:
-        desk.vehicle.say("Home stays at the surface: altitude ignored", Severity.NOTICE)
+        context.vehicle.send_statustext(
+            "Home stays at the surface: altitude ignored", Severity.NOTICE
+        )
     return outcome
 
 
-HANDLERS: dict[str, Handler] = {
-    "COMPONENT_ARM_DISARM": arm,
-    "DO_SET_MODE": set_mode,
-    "DO_SET_STANDARD_MODE": set_standard_mode,
-    "MISSION_START": start_mission,
-    "DO_SET_MISSION_CURRENT": set_mission_item,
-    "DO_PAUSE_CONTINUE": pause,
-    "DO_REPOSITION": reposition,
-    "NAV_RETURN_TO_LAUNCH": partial(enter, modes.RTL),
-    "NAV_LAND": partial(enter, modes.SURFACE),
-    "NAV_LOITER_UNLIM": partial(enter, modes.HOLD),
-    "CONDITION_YAW": change_target,
-    "DO_CHANGE_ALTITUDE": change_target,
-    "DO_CHANGE_SPEED": change_target,
-    "DO_SET_HOME": set_home,
+HANDLERS: dict[MavCmd, Handler] = {
+    MavCmd.COMPONENT_ARM_DISARM: arm,
+    MavCmd.DO_SET_MODE: set_mode,
+    MavCmd.DO_SET_STANDARD_MODE: set_standard_mode,
+    MavCmd.MISSION_START: start_mission,
+    MavCmd.DO_SET_MISSION_CURRENT: set_mission_item,
+    MavCmd.DO_PAUSE_CONTINUE: pause,
+    MavCmd.DO_REPOSITION: reposition,
+    MavCmd.NAV_RETURN_TO_LAUNCH: partial(enter, modes.RTL),
+    MavCmd.NAV_LAND: partial(enter, modes.SURFACE),
+    MavCmd.NAV_LOITER_UNLIM: partial(enter, modes.HOLD),
+    MavCmd.CONDITION_YAW: change_target,
+    MavCmd.DO_CHANGE_ALTITUDE: change_target,
+    MavCmd.DO_CHANGE_SPEED: change_target,
+    MavCmd.DO_SET_HOME: set_home,
 }

@@ -1,4 +1,4 @@
-"""Long jobs: whoever asked hears IN_PROGRESS until they end."""
+"""Long-running commands: the requester receives IN_PROGRESS until they end."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -8,85 +8,96 @@ from autopilot.control.types import CANCELLED, IN_PROGRESS
 from mavlink_io.request import MavlinkId
 
 PROGRESS_PERIOD_S = 0.4
-"""Clients repeat a command that nobody answers after half a second, and give up three seconds after
-the last word."""
-REPEATED_WITHIN_S = 3.5
-"""The longest that clients wait before they repeat: QGroundControl's three seconds."""
+"""Interval of IN_PROGRESS.
+
+Clients repeat a command after 0.5 s without an acknowledgement, and give up 3 s after the last."""
+REPETITION_TIMEOUT_S = 3.5
+"""Time after the end of a job in which a repetition gets its result; QGroundControl waits 3 s."""
 
 AnswerCallback = Callable[[JobProgress], None]
-"""Acknowledges the command to whoever asked."""
+"""Function that acknowledges the command to its requester."""
 
 
-class _Open(NamedTuple):
-    asker: MavlinkId
+class _OpenJob(NamedTuple):
+    """A job in progress."""
+
+    requester: MavlinkId
     command: MavCommand
-    look: Job
+    read_progress: Job
     answer: AnswerCallback
-    told_s: float
+    acknowledged_s: float
 
-    def was(self, asker: MavlinkId, command: MavCommand) -> bool:
-        """Whether these are the words that began it; their NaN must not make them differ."""
-        return asker == self.asker and repr(command) == repr(self.command)
+    def matches(self, requester: MavlinkId, command: MavCommand) -> bool:
+        """Return whether the command began this job; NaN parameters compare as equal."""
+        return requester == self.requester and repr(command) == repr(self.command)
 
 
-class _Ended(NamedTuple):
-    job: _Open
+class _EndedJob(NamedTuple):
+    """A job with its result."""
+
+    job: _OpenJob
     result: JobProgress
     ended_s: float
 
 
 class Jobs:
-    """Those under way, and how each sender's last one ended."""
+    """Jobs in progress, and the result of the last job of each requester."""
 
     def __init__(self) -> None:
-        self._open: list[_Open] = []
-        self._ended: dict[MavlinkId, _Ended] = {}
+        self._open: list[_OpenJob] = []
+        self._ended: dict[MavlinkId, _EndedJob] = {}
 
     def begin(
-        self, asker: MavlinkId, command: MavCommand, job: Job, answer: AnswerCallback, now_s: float
+        self,
+        requester: MavlinkId,
+        command: MavCommand,
+        job: Job,
+        answer: AnswerCallback,
+        now_s: float,
     ) -> None:
-        """Follow a job whose beginning was acknowledged just now."""
-        self._open.append(_Open(asker, command, job, answer, now_s))
+        """Add a job whose start was acknowledged at ``now_s``."""
+        self._open.append(_OpenJob(requester, command, job, answer, now_s))
 
     def progress(
-        self, asker: MavlinkId, command: MavCommand, repetition: bool, now_s: float
+        self, requester: MavlinkId, command: MavCommand, repetition: bool, now_s: float
     ) -> JobProgress | None:
-        """How far what was asked for before is; None where it is not under way.
+        """Return the progress of the job that a command has begun; None without such a job.
 
-        To a ``repetition`` of what has just ended belongs its end: the acknowledgement was lost, or
-        is on its way."""
-        seen = next((job.look() for job in self._open if job.was(asker, command)), None)
-        if seen is not None and seen.result == IN_PROGRESS:
-            return seen
-        last = self._ended.get(asker)
-        if last is None or not repetition or now_s - last.ended_s > REPEATED_WITHIN_S:
+        A ``repetition`` of a job that ended recently gets its result: its acknowledgement may be
+        lost."""
+        progress = next(
+            (job.read_progress() for job in self._open if job.matches(requester, command)), None
+        )
+        if progress is not None and progress.result == IN_PROGRESS:
+            return progress
+        last = self._ended.get(requester)
+        if last is None or not repetition or now_s - last.ended_s > REPETITION_TIMEOUT_S:
             return None
-        return last.result if last.job.was(asker, command) else None
+        return last.result if last.job.matches(requester, command) else None
 
     def cancel(self, number: int, now_s: float) -> bool:
-        """Tell who asked for a command that it is cancelled; False where none of its kind is under
-        way."""
-        found = [job for job in self._open if job.command.number == number]
-        self._open = [job for job in self._open if job not in found]
-        for job in found:
+        """End all jobs of a command as cancelled; return whether there was one."""
+        cancelled = [job for job in self._open if job.command.number == number]
+        self._open = [job for job in self._open if job not in cancelled]
+        for job in cancelled:
             self._end(job, JobProgress(CANCELLED), now_s)
-        return bool(found)
+        return bool(cancelled)
 
     def poll(self, now_s: float) -> None:
-        """Reassure those who wait, and tell them the end."""
+        """Acknowledge progress at PROGRESS_PERIOD_S, and the end of jobs."""
         still_open = []
         for job in self._open:
-            seen = job.look()
-            waits = seen.result == IN_PROGRESS
-            due = now_s - job.told_s >= PROGRESS_PERIOD_S
-            if not waits:
-                self._end(job, seen, now_s)
+            progress = job.read_progress()
+            due = now_s - job.acknowledged_s >= PROGRESS_PERIOD_S
+            if progress.result != IN_PROGRESS:
+                self._end(job, progress, now_s)
                 continue
             if due:
-                job.answer(seen)
-            still_open.append(job._replace(told_s=now_s) if due else job)
+                job.answer(progress)
+            still_open.append(job._replace(acknowledged_s=now_s) if due else job)
         self._open = still_open
 
-    def _end(self, job: _Open, result: JobProgress, now_s: float) -> None:
-        self._ended[job.asker] = _Ended(job, result, now_s)
+    def _end(self, job: _OpenJob, result: JobProgress, now_s: float) -> None:
+        """Record and acknowledge the result of a job."""
+        self._ended[job.requester] = _EndedJob(job, result, now_s)
         job.answer(result)

@@ -1,4 +1,4 @@
-"""A MAV_CMD as it came, and what became of it."""
+"""Types of the command protocol: received command, result, progress and handler context."""
 
 import math
 from collections.abc import Callable
@@ -13,11 +13,11 @@ from mavlink_io.mission_items import NOT_GIVEN
 
 _INT32_LIMIT = 1 << 31
 LOWEST_CUSTOM_MODE = 65_536
-"""DO_SET_MODE.param2 from here on is a whole custom_mode, below it is PX4's main mode."""
+"""Lowest DO_SET_MODE.param2 that is a complete custom_mode; below it is PX4's main mode."""
 
 
 class MavCommand(NamedTuple):
-    """A command as it came. Parameters may be NaN: not given."""
+    """A received command. A parameter that is not given may be NaN."""
 
     number: int
     p1: float
@@ -28,77 +28,76 @@ class MavCommand(NamedTuple):
     p6: float
     p7: float
     scaled: bool
-    """COMMAND_INT: p5 and p6 are whole numbers, 1e-7 degrees where they are a place."""
+    """Whether it is a COMMAND_INT, with a position in p5 and p6 in 1e-7 degrees."""
     repetition: bool = False
-    """COMMAND_LONG: its sender says that it was sent before."""
+    """Whether the sender of a COMMAND_LONG marks it as a repetition."""
 
 
 class JobProgress(NamedTuple):
-    """How far a long job is: IN_PROGRESS with its share done, or the MAV_RESULT that ends it."""
+    """Progress of a long job: IN_PROGRESS with a percentage, or its final MAV_RESULT."""
 
     result: int
     percent: int = 0
 
 
 Job = Callable[[], JobProgress]
-"""Tells how far a long job is whenever it is asked."""
+"""Function that returns the present progress of a long job."""
 
 
 class CommandResult(NamedTuple):
-    """MAV_RESULT, the messages to send to the requester after the acknowledgement, and a job that
-    goes on."""
+    """Result of a command: MAV_RESULT, messages for the requester, and a long job if started."""
 
     result: int
     messages: tuple[tuple[MessageType, Values], ...] = ()
     job: Job | None = None
 
 
-class Desk(NamedTuple):
-    """All that the handlers of commands may use."""
+class CommandContext(NamedTuple):
+    """Context of the command handlers: everything that they may use."""
 
     vehicle: Vehicle
     helm: Helm
     build: Callable[[MessageType], tuple[Values, ...]]
-    """The fields of any message that can be asked for, several times where it takes several; empty
-    for others."""
-    tell_parameter: Callable[[str], None]
-    """Tell every link what a parameter is now."""
+    """Return the fields of each message of a type; empty when it cannot be requested."""
+    publish_parameter: Callable[[str], None]
+    """Send the present value of a parameter to every link."""
 
-    def ask(self, wish: Any) -> CommandResult:
-        """Ask the vehicle, which says aloud why it refuses."""
-        return CommandResult(self.vehicle.request(wish).result)
+    def ask(self, request: Any) -> CommandResult:
+        """Pass a request to the vehicle, which sends the reason of a refusal."""
+        return CommandResult(self.vehicle.handle_request(request).result)
 
     def refuse(self, result: int, text: str) -> CommandResult:
-        self.vehicle.say(text)
+        """Refuse the command and send the reason."""
+        self.vehicle.send_statustext(text)
         return CommandResult(result)
 
-    def remark(self, text: str) -> CommandResult:
-        """Accept, and say what came of it."""
-        self.vehicle.say(text, Severity.NOTICE)
+    def accept_with_notice(self, text: str) -> CommandResult:
+        """Accept the command and send a notice."""
+        self.vehicle.send_statustext(text, Severity.NOTICE)
         return CommandResult(ACCEPTED)
 
 
-Handler = Callable[[Desk, MavCommand, Schedule], CommandResult]
-"""Carries a command out; the schedule is that of the link it came by."""
+Handler = Callable[[CommandContext, MavCommand, Schedule], CommandResult]
+"""Function that executes a command; the schedule is that of the link of the command."""
 
 
 def command_from_message(message: Any) -> MavCommand:
-    """The command in a decoded COMMAND_LONG or COMMAND_INT."""
+    """Return the command in a decoded COMMAND_LONG or COMMAND_INT."""
     m = message
     if not hasattr(m, "x"):
-        given = m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7
-        return MavCommand(m.command, *given, scaled=False, repetition=m.confirmation > 0)
+        parameters = m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7
+        return MavCommand(m.command, *parameters, scaled=False, repetition=m.confirmation > 0)
     x, y = (math.nan if n == NOT_GIVEN else n for n in (m.x, m.y))
     return MavCommand(m.command, m.param1, m.param2, m.param3, m.param4, x, y, m.z, scaled=True)
 
 
 def custom_mode(command: MavCommand) -> int | None:
-    """Return the custom_mode of a DO_SET_MODE, None where its number is another autopilot's.
+    """Return the custom_mode of a DO_SET_MODE; None for a mode number of ArduPilot.
 
-    A main mode without a sub mode looks like a small number of ArduPilot, whose AUTO (3) would be
-    STATION here. Their senders differ in what fills the parameters that are not used: MAVSDK, which
-    means main and sub mode, sends NaN; pymavlink and MAVProxy, which mean ArduPilot's numbers
-    unless they know this vehicle's whole ones, send 0."""
+    A main mode without a sub mode looks like a mode number of ArduPilot, whose AUTO (3) would be
+    STATION here. The unused parameters distinguish them: MAVSDK, which sends main and sub mode,
+    fills them with NaN; pymavlink and MAVProxy, which send ArduPilot's numbers unless they know the
+    modes of this vehicle, fill them with 0."""
     main, sub = integer_parameter(command.p2), integer_parameter(command.p3)
     if main >= LOWEST_CUSTOM_MODE:
         return main
@@ -108,14 +107,14 @@ def custom_mode(command: MavCommand) -> int | None:
     return main << 16 | sub << 24
 
 
-def foreign_mode(number: int) -> str:
-    """Return why a mode number of another autopilot is refused, for a person."""
+def unknown_mode_text(number: int) -> str:
+    """Return the text that refuses a mode number of another autopilot."""
     return (
-        f"Mode {number} refused: not a number of this vehicle's (AVAILABLE_MODES); "
+        f"Mode {number} refused: not a mode of this vehicle (AVAILABLE_MODES); "
         "MAVProxy needs `ground modes export-mavproxy`"
     )
 
 
 def integer_parameter(value: float, default: int = 0) -> int:
-    """The value as a whole number, ``default`` where none was given or no int32 holds it."""
+    """Return the value as an integer; ``default`` for NaN or a value outside int32."""
     return int(value) if abs(value) < _INT32_LIMIT else default

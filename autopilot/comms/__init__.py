@@ -1,1 +1,1 @@
-"""Links: the HIL link, the links to the ground, and the services on them."""
+"""The HIL link, the ground links, and the MAVLink services on them."""

@@ -1,4 +1,4 @@
-"""What an FTP client may see of the vehicle: a line for each."""
+"""Files that MAVLink FTP offers."""
 
 from functools import partial
 
@@ -10,12 +10,14 @@ from mavlink_io.services import param_file_ftp
 from mavlink_io.services.ftp.tree import FileTree
 
 
-def file_tree(params: ParamTable, logbook: OnboardLog) -> FileTree:
-    """The vehicle's logs, her parameters as a file that ``autopilot --params`` reads, and what they
-    mean."""
+def file_tree(params: ParamTable, onboard_log: OnboardLog) -> FileTree:
+    """Return the file tree of the vehicle.
+
+    It holds the onboard logs, the parameters in the format that ``autopilot --params`` reads, the
+    same in ArduPilot's packed format, and the component metadata."""
     tree = FileTree()
-    if logbook.store is not None:
-        tree.add_folder("/logs", logbook.store.folder)
+    if onboard_log.store is not None:
+        tree.add_folder("/logs", onboard_log.store.folder)
     tree.add_file(
         "/params/current.param",
         lambda: to_text({name: params.get(name) for name in params.names()}).encode(),
@@ -29,6 +31,7 @@ def file_tree(params: ParamTable, logbook: OnboardLog) -> FileTree:
 
 
 def _packed_parameters(params: ParamTable, with_defaults: bool) -> bytes:
+    """Return all parameters in ArduPilot's packed format."""
     rows = {
         row.name: param_file_ftp.PackedParameter(params.get(row.name), row.default)
         for row in PARAMETERS

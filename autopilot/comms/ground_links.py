@@ -1,4 +1,4 @@
-"""The ways to the ground: what leaves by each, when, and how much at a time."""
+"""Ground links: queueing, batching and rate limiting of outgoing frames."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -7,12 +7,12 @@ from functools import partial
 from autopilot.comms.bandwidth_limiter import (
     BITS_PER_BYTE,
     MAX_LINE_SHARE,
-    Budget,
-    Queue,
-    Waiting,
+    QueuedFrame,
+    SendQueue,
+    TokenBucket,
 )
 from autopilot.comms.stream_rates import Schedule, profile_for
-from autopilot.telemetry.encoding import encoded
+from autopilot.telemetry.encoding import encode_frame
 from autopilot.telemetry.identity import COMPONENT
 from mavlink_io import dialect
 from mavlink_io.codec import LARGEST_FRAME, Frame, largest_frame
@@ -22,14 +22,14 @@ from mavlink_io.request import MavlinkId
 from mavlink_io.signing import Signing
 from mavlink_io.transport import Transport, baud_rate
 
-DATAGRAM_FILL_S = 0.02
-"""Wall seconds for which telemetry is gathered; the first after a pause leaves at once."""
-DATAGRAM_BYTES, STREAM_BYTES = 1200, 16_384
-"""The most that is sent at a time: what fits a common network's datagram, and what a pipe likes."""
+BATCH_S = 0.02
+"""Wall time over which frames are batched; the first frame after a pause is sent at once."""
+MAX_DATAGRAM_BYTES, MAX_STREAM_BYTES = 1200, 16_384
+"""Largest packet: a UDP datagram that common networks do not fragment, and a stream write."""
 BULK_BYTES = 16_384
-"""How much bulk may wait on a link without a baud rate: with GATHER_S, some 800 kB/s."""
+"""Limit of bulk data in the queue of a link without a baud rate: about 800 kB/s with BATCH_S."""
 BULK_BACKLOG_S = 0.25
-"""How much, by the time that it takes to leave, may wait on a serial line before bulk is added."""
+"""Queue length on a serial line, as time to send it, below which bulk data is added."""
 
 _BULK = frozenset(
     dialect.by_name(name).message_id for name in ("LOG_DATA", "FILE_TRANSFER_PROTOCOL")
@@ -41,98 +41,102 @@ _HIGH_PRIORITY = frozenset(
     or name
     in ("HEARTBEAT", "STATUSTEXT", "SET_MODE", "PING", "TIMESYNC", "LOG_ENTRY", "AUTOPILOT_VERSION")
 )
-"""What others say that is not dropped either; of the rest the newest counts."""
+"""Forwarded and relayed messages that are never dropped; of others only the newest is sent."""
 
 
 class GroundLink:
-    """One way to the ground, as fast as need be. Frames leave in order, gathered for some
-    milliseconds of wall time: far above real time one system call a tick would cost more than the
-    tick."""
+    """A ground link without a rate limit. Frames are sent in order, batched over BATCH_S.
+
+    Far above real time one system call per tick would take longer than the tick itself."""
 
     def __init__(self, transport: Transport, system: int, signing: Signing | None = None) -> None:
         self.transport = transport
-        self.endpoint = Endpoint(transport, system, COMPONENT, signing, strangers=True)
+        self.endpoint = Endpoint(transport, system, COMPONENT, signing, accept_unknown=True)
         self.profile = profile_for(baud_rate(transport.address))
         self.schedule = Schedule(self.profile)
-        self._largest = DATAGRAM_BYTES if transport.address.startswith("udp") else STREAM_BYTES
+        self._max_packet_bytes = (
+            MAX_DATAGRAM_BYTES if transport.address.startswith("udp") else MAX_STREAM_BYTES
+        )
         self._devices: dict[int, Endpoint] = {}
         self._outbox: list[bytes] = []
         self.backlog: deque[Frame] = deque()
-        """Received frames that are not served yet, in the order of arrival."""
+        """Received frames that are not processed yet, in order of arrival."""
         self._due_s = 0.0
-        self._known: set[MavlinkId] = set()
+        self._known_senders: set[MavlinkId] = set()
 
     @property
     def trusted(self) -> bool:
-        """Whether a secret may come by it: a wire, or a link on which all is signed already."""
+        """Whether the link may carry a signing key: a serial line, or a link that is signed."""
         return self.endpoint.signing is not None or baud_rate(self.transport.address) is not None
 
-    def meets(self, sender: MavlinkId) -> bool:
-        """Whether this is the first that is heard of ``sender`` by this link."""
-        if sender in self._known:
+    def register_sender(self, sender: MavlinkId) -> bool:
+        """Record a sender; return whether this is its first message on this link."""
+        if sender in self._known_senders:
             return False
-        self._known.add(sender)
+        self._known_senders.add(sender)
         return True
 
-    def take_in(self) -> None:
-        """Read what has arrived, once all that was read before is served. Raises LinkLostError.
+    def read_pending(self) -> None:
+        """Read received frames into the backlog when it is empty. Raises LinkLostError.
 
-        Meanwhile the rest waits in the operating system, which holds back a sender on TCP.
+        Until then data waits in the operating system, which slows down a sender on TCP.
         """
         if not self.backlog:
             self.backlog.extend(self.endpoint.receive())
 
     def write(self, message: MessageType, values: Values) -> None:
-        """Add a message to what leaves at the next flush. It may wait, and is never dropped."""
-        self._outbox.append(encoded(self.endpoint, message, values))
+        """Queue a message that is never dropped."""
+        self._outbox.append(encode_frame(self.endpoint, message, values))
 
     def stream(self, message: MessageType, values: Values, part: int = 0) -> None:
-        """Add a message of the telemetry: on a slow line only the newest of its kind, and part,
-        leaves."""
-        self._outbox.append(encoded(self.endpoint, message, values))
+        """Queue telemetry; on a slow line only the newest of each message and part is sent."""
+        self._outbox.append(encode_frame(self.endpoint, message, values))
 
     def relay(self, frame: Frame) -> None:
-        """Add what one of the vehicle's devices said, as that component of the vehicle's system."""
+        """Queue a message of an onboard device, with the device's component id."""
         message = dialect.by_id(frame.message_id)
         assert message is not None, "the HIL link lets only known messages pass"
-        self._outbox.append(encoded(self._device(frame.component), message, frame.decode()))
+        self._outbox.append(encode_frame(self._device(frame.component), message, frame.decode()))
 
     def forward(self, frame: Frame) -> None:
-        """Add what somebody said on another link, byte for byte."""
+        """Queue a frame received on another link, byte for byte."""
         self._outbox.append(frame.raw)
 
     def room_bytes(self) -> int:
-        """How much bulk - a log, a file, a list - may be added now. Ask before each message of it,
-        and go on later."""
+        """Return how many bytes of bulk data (log, file, list) may be queued now.
+
+        Services call it before each message, and continue later when there is no room."""
         return max(0, BULK_BYTES - sum(map(len, self._outbox)))
 
-    def flush(self, now_s: float, lost: bool = False) -> None:
-        """Send what was gathered, or let it be ``lost``. Raises LinkLostError."""
-        frames, self._outbox = [] if lost else self._outbox, []
-        self._due_s = now_s + DATAGRAM_FILL_S
+    def flush(self, now_s: float, discard: bool = False) -> None:
+        """Send the queued frames, or ``discard`` them. Raises LinkLostError."""
+        frames, self._outbox = [] if discard else self._outbox, []
+        self._due_s = now_s + BATCH_S
         self._send(frames)
 
-    def hasten(self) -> None:
-        """Let what waits leave at the next chance: somebody waits for an answer."""
+    def flush_soon(self) -> None:
+        """Make the next flush due now: a client waits for a reply."""
         self._due_s = 0.0
 
     def wait_s(self, now_s: float) -> float | None:
-        """Seconds until the next flush, None when there is nothing to send."""
+        """Return the seconds until the next flush; None when there is nothing to send."""
         return max(0.0, self._due_s - now_s) if self._outbox else None
 
     def _device(self, component: int) -> Endpoint:
+        """Return the endpoint that sends under the id of an onboard device."""
         device = self._devices.get(component)
         if device is None:
-            here = self.endpoint
+            own = self.endpoint
             device = self._devices[component] = Endpoint(
-                self.transport, here.system, component, here.signing
+                self.transport, own.system, component, own.signing
             )
         return device
 
     def _send(self, frames: Sequence[bytes]) -> None:
+        """Send frames, as many in one packet as its size allows."""
         packet = b""
         for frame in frames:
-            if packet and len(packet) + len(frame) > self._largest:
+            if packet and len(packet) + len(frame) > self._max_packet_bytes:
                 self.transport.send(packet)
                 packet = b""
             packet += frame
@@ -140,76 +144,83 @@ class GroundLink:
             self.transport.send(packet)
 
 
-class MeteredLink(GroundLink):
-    """A way to the ground that carries only so many bytes a second of wall time: a serial line."""
+class BandwidthLimitedLink(GroundLink):
+    """A ground link with a limit of bytes per second of wall time: a serial line."""
 
     def __init__(
         self, transport: Transport, system: int, baud: int, signing: Signing | None = None
     ) -> None:
         super().__init__(transport, system, signing)
-        self._budget = Budget(MAX_LINE_SHARE * baud / BITS_PER_BYTE)
-        self._queue = Queue()
+        self._budget = TokenBucket(MAX_LINE_SHARE * baud / BITS_PER_BYTE)
+        self._queue = SendQueue()
 
     def write(self, message: MessageType, values: Values) -> None:
-        waiting = _queue_entry(self.endpoint, message, values)
+        """Queue a message as a reply, or as bulk by its type."""
+        entry = _queue_entry(self.endpoint, message, values)
         if message.message_id in _BULK:
-            self._queue.add_bulk(waiting)
+            self._queue.add_bulk(entry)
         else:
-            self._queue.add_vital(waiting)
+            self._queue.add_reply(entry)
 
     def stream(self, message: MessageType, values: Values, part: int = 0) -> None:
+        """Queue telemetry; it replaces a waiting message of the same type and part."""
         kind = self.endpoint.system, COMPONENT, message.message_id, part
         self._queue.add_telemetry(kind, _queue_entry(self.endpoint, message, values))
 
     def relay(self, frame: Frame) -> None:
+        """Queue a device message as a reply or as telemetry, by its type."""
         message = dialect.by_id(frame.message_id)
         assert message is not None, "the HIL link lets only known messages pass"
-        waiting = _queue_entry(self._device(frame.component), message, frame.decode())
+        entry = _queue_entry(self._device(frame.component), message, frame.decode())
         if frame.message_id in _HIGH_PRIORITY:
-            self._queue.add_vital(waiting)
+            self._queue.add_reply(entry)
         else:
             self._queue.add_telemetry(
-                (self.endpoint.system, frame.component, frame.message_id), waiting
+                (self.endpoint.system, frame.component, frame.message_id), entry
             )
 
     def forward(self, frame: Frame) -> None:
-        waiting = Waiting(len(frame.raw), lambda: frame.raw)
+        """Queue a forwarded frame as a reply, telemetry or bulk, by its type."""
+        entry = QueuedFrame(len(frame.raw), lambda: frame.raw)
         if frame.message_id in _HIGH_PRIORITY:
-            self._queue.add_vital(waiting)
+            self._queue.add_reply(entry)
         elif frame.message_id not in _BULK:
-            self._queue.add_telemetry((frame.system, frame.component, frame.message_id), waiting)
-        elif self.room_bytes() >= len(
-            frame.raw
-        ):  # nobody can hold the sender back: it has to ask again
-            self._queue.add_bulk(waiting)
+            self._queue.add_telemetry((frame.system, frame.component, frame.message_id), entry)
+        elif self.room_bytes() >= len(frame.raw):
+            # Otherwise the frame is dropped: the sender cannot be slowed down and has to repeat it.
+            self._queue.add_bulk(entry)
 
     def room_bytes(self) -> int:
-        ahead = max(LARGEST_FRAME, BULK_BACKLOG_S * self._budget.bytes_per_s)
-        return max(0, round(ahead) - self._queue.promised_bytes)
+        """Return how many bytes of bulk data may be queued now."""
+        limit_bytes = max(LARGEST_FRAME, BULK_BACKLOG_S * self._budget.bytes_per_s)
+        return max(0, round(limit_bytes) - self._queue.committed_bytes)
 
-    def flush(self, now_s: float, lost: bool = False) -> None:
-        self._due_s = now_s + DATAGRAM_FILL_S
-        if lost:
+    def flush(self, now_s: float, discard: bool = False) -> None:
+        """Send as many queued frames as the rate allows."""
+        self._due_s = now_s + BATCH_S
+        if discard:
             self._queue.clear()
         frames: list[bytes] = []
-        while (frame := self._queue.take(self._budget.left(now_s))) is not None:
+        while (frame := self._queue.pop(self._budget.available_bytes(now_s))) is not None:
             self._budget.spend(len(frame))
             frames.append(frame)
         self._send(frames)
 
     def wait_s(self, now_s: float) -> float | None:
+        """Return the seconds until the next flush; None when the queue is empty."""
         return max(0.0, self._due_s - now_s) if self._queue else None
 
 
 def ground_link(transport: Transport, system: int, signing: Signing | None = None) -> GroundLink:
-    """The link over a transport: metered where its address gives a baud rate."""
+    """Return the ground link over a transport, rate-limited when its address has a baud rate."""
     baud = baud_rate(transport.address)
     return (
         GroundLink(transport, system, signing)
         if baud is None
-        else MeteredLink(transport, system, baud, signing)
+        else BandwidthLimitedLink(transport, system, baud, signing)
     )
 
 
-def _queue_entry(endpoint: Endpoint, message: MessageType, values: Values) -> Waiting:
-    return Waiting(largest_frame(message), partial(encoded, endpoint, message, values))
+def _queue_entry(endpoint: Endpoint, message: MessageType, values: Values) -> QueuedFrame:
+    """Return a queue entry that encodes a message when it is sent."""
+    return QueuedFrame(largest_frame(message), partial(encode_frame, endpoint, message, values))

@@ -1,16 +1,17 @@
-"""The HIL link: sensor frames in, actuator frames out. The simulator's own state is never read."""
+"""The HIL link: sensor samples in, actuators out; the simulated truth is never read."""
 
 import math
 from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from autopilot.commands.failure_injection import INJECT_FAILURE, InjectionOrder
+from autopilot.commands.failure_injection import InjectionOrder
 from autopilot.telemetry.identity import COMPONENT
 from mavlink_io import device_messages, dialect
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import Message, constant
 from mavlink_io.endpoint import Endpoint
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.records import (
     ActuatorFrame,
     Altimeter,
@@ -37,18 +38,19 @@ _RELAYED_MESSAGES = frozenset(
         dialect.by_name("STATUSTEXT").message_id,
     )
 )
-"""What devices say that the ground hears under their own names: nothing in the autopilot's own
-telemetry tells it."""
+"""Device messages relayed to ground, because no autopilot telemetry contains their content."""
 MAX_TIME_US = 4_102_444_800_000_000
-"""The latest sample time that is taken in: 2100-01-01 as UNIX time, for an AHRS that stamps that.
-Log times, in whole nanoseconds since 1970 with vehicle time added, then fit 63 bits."""
+"""Latest accepted sample time: 2100-01-01 as UNIX time, for an AHRS that stamps UNIX time.
+
+Log times in nanoseconds since 1970, with vehicle time added, then fit 63 bits."""
 MAX_QUEUED_FRAMES = 500
-"""Of what devices say before the next sample, the newest: where the AHRS has failed none may ever
-come."""
+"""Maximum number of device frames kept until the next sample; the oldest are dropped.
+
+No sample may ever arrive when the AHRS has failed."""
 
 
 class HilSample(NamedTuple):
-    """What the sensors told of one instant."""
+    """Sensor data of one sample."""
 
     sensors: SensorFrame
     gps: GpsFix | None = None
@@ -58,32 +60,29 @@ class HilSample(NamedTuple):
     leak: Leak | None = None
     duct: DuctFeedback | None = None
     links_silent: bool | None = None
-    """A simulator wants the links to the ground to fall silent, or to speak again; None for no
-    change."""
+    """A simulator starts (True) or ends (False) a loss of the ground links; None: no change."""
     relayed: tuple[Frame, ...] = ()
-    """What devices want the ground to hear."""
-    heard: tuple[Frame, ...] = ()
-    """All that came for this sample as it came, the sensors' frame last."""
+    """Device messages to relay to ground."""
+    frames: tuple[Frame, ...] = ()
+    """All received frames of this sample, the HIL_SENSOR frame last."""
 
 
 class HilLink:
-    """The autopilot's end of the line to a simulator, or to the vehicle's own sensors and
-    tailcone."""
+    """Autopilot's end of the link to a simulator, or to the vehicle's sensors and tailcone."""
 
     def __init__(self, transport: Transport, system: int) -> None:
         self.transport = transport
         self.lockstep = baud_rate(transport.address) is None
-        """Whether the other end may wait for our answer: a vehicle on a serial line has a clock of
-        her own."""
+        """Whether the other end may wait for each answer. A vehicle on a serial line does not."""
         self._endpoint = Endpoint(transport, system, COMPONENT)
-        self._gathered: dict[str, Any] = {}
+        self._records: dict[str, Any] = {}
         self._relayed: deque[Frame] = deque(maxlen=MAX_QUEUED_FRAMES)
-        self._heard: deque[Frame] = deque(maxlen=MAX_QUEUED_FRAMES)
-        self._verdicts: list[int] = []
-        self._refused, self._complaint = False, ""
+        self._frames: deque[Frame] = deque(maxlen=MAX_QUEUED_FRAMES)
+        self._failure_results: list[int] = []
+        self._time_error_reported, self._error = False, ""
 
     def receive(self) -> list[HilSample]:
-        """The samples that have arrived. Raises LinkLostError when the other end is gone."""
+        """Return the received samples. Raises LinkLostError when the link is lost."""
         samples: list[HilSample] = []
         for frame in self._endpoint.receive():
             if frame.message_id == _SENSOR.message_id:
@@ -91,23 +90,23 @@ class HilLink:
                 if sensors.time_us <= MAX_TIME_US:
                     samples.append(self._sample(frame, sensors))
                 else:
-                    self._refuse(sensors.time_us)
+                    self._report_time(sensors.time_us)
             else:
-                self._gather(frame)
+                self._collect(frame)
         return samples
 
     def answer(self, frame: ActuatorFrame) -> None:
-        """Send the actuators that answer a sample."""
+        """Send the actuators in reply to a sample."""
         self._endpoint.send_values(_CONTROLS, frame if self.lockstep else frame._replace(flags=0))
 
-    def order_failure(self, order: InjectionOrder) -> None:
-        """Ask the simulator to break something."""
+    def send_failure_order(self, order: InjectionOrder) -> None:
+        """Send a failure-injection order to the simulator."""
         unit, kind, instance, size = order
         self._endpoint.send(
             "COMMAND_LONG",
             target_system=self._endpoint.system,
             target_component=0,
-            command=INJECT_FAILURE,
+            command=MavCmd.INJECT_FAILURE,
             confirmation=0,
             param1=unit,
             param2=kind,
@@ -119,55 +118,55 @@ class HilLink:
         )
 
     @property
-    def gibberish_bytes(self) -> int:
-        """How much was heard that is no MAVLink."""
+    def non_mavlink_bytes(self) -> int:
+        """Number of received bytes that are not MAVLink."""
         return self._endpoint.skipped_bytes
 
-    def take_verdicts(self) -> list[int]:
-        """MAV_RESULTs of orders, as they came since the last call."""
-        taken, self._verdicts = self._verdicts, []
-        return taken
+    def pop_failure_results(self) -> list[int]:
+        """Return the MAV_RESULTs of failure orders since the last call, in order."""
+        results, self._failure_results = self._failure_results, []
+        return results
 
-    def take_complaint(self) -> str:
-        """Return what was wrong with samples, once; nothing where all is well."""
-        complaint, self._complaint = self._complaint, ""
-        return complaint
+    def pop_error(self) -> str:
+        """Return the error text about samples once; "" without an error."""
+        error, self._error = self._error, ""
+        return error
 
-    def _refuse(self, time_us: int) -> None:
-        """Drop a sample of an impossible time: every timer on board would run out. Reported
-        once."""
-        if not self._refused:
-            self._refused = True
-            self._complaint = f"HIL: sample time {time_us} us ignored: must be 0 to {MAX_TIME_US}"
+    def _report_time(self, time_us: int) -> None:
+        """Report once that a sample is dropped because its time would expire every timer."""
+        if not self._time_error_reported:
+            self._time_error_reported = True
+            self._error = f"HIL: sample time {time_us} us ignored: must be 0 to {MAX_TIME_US}"
 
     def _sample(self, frame: Frame, sensors: SensorFrame) -> HilSample:
-        """Slower devices go with the first sample that follows them."""
-        if not self._heard:
-            return HilSample(sensors, heard=(frame,))
+        """Return the sample, with the device messages received since the one before."""
+        if not self._frames:
+            return HilSample(sensors, frames=(frame,))
         sample = HilSample(
-            sensors, **self._gathered, relayed=tuple(self._relayed), heard=(*self._heard, frame)
+            sensors, **self._records, relayed=tuple(self._relayed), frames=(*self._frames, frame)
         )
-        self._gathered = {}
+        self._records = {}
         self._relayed.clear()
-        self._heard.clear()
+        self._frames.clear()
         return sample
 
-    def _gather(self, frame: Frame) -> None:
-        """Keep what a device says until the next sample."""
+    def _collect(self, frame: Frame) -> None:
+        """Keep a device message until the next sample."""
         if frame.message_id == _COMMAND_ACK.message_id:
-            self._verdicts.append(frame.decode().result)
+            self._failure_results.append(frame.decode().result)
         if frame.message_id in _LOGGED_MESSAGES:
-            self._heard.append(frame)
+            self._frames.append(frame)
         if frame.message_id in _RELAYED_MESSAGES:
             self._relayed.append(frame)
         if reader := _READERS.get(frame.message_id):
             name, read = reader
             record = read(frame.decode())
             if record is not None:
-                self._gathered[name] = record
+                self._records[name] = record
 
 
 def _gps_fix(m: Message) -> GpsFix:
+    """Convert HIL_GPS to degrees, m and m/s."""
     return GpsFix(
         m.time_usec,
         m.fix_type,
@@ -184,10 +183,12 @@ def _gps_fix(m: Message) -> GpsFix:
 
 
 def _metres(error_cm: int) -> float:
+    """Convert a position error from cm to m; NaN when it is unknown."""
     return math.nan if error_cm == device_messages.UNKNOWN_U16 else error_cm * 1e-2
 
 
 def _altimeter(m: Message) -> Altimeter | None:
+    """Convert DISTANCE_SENSOR to m; None for a sensor that does not look down."""
     if m.orientation != _LOOKING_DOWN:
         return None
     return Altimeter(
@@ -199,9 +200,8 @@ def _altimeter(m: Message) -> Altimeter | None:
 
 
 def _links_silent(m: Message) -> bool | None:
-    """Whether a simulator's order cuts or joins the links to the ground; None for any other
-    order."""
-    if m.command != INJECT_FAILURE or m.param1 != _LINK:
+    """Return whether a command starts or ends a loss of the ground links; None for others."""
+    if m.command != MavCmd.INJECT_FAILURE or m.param1 != _LINK:
         return None
     return bool(m.param2 == _OFF)
 
@@ -215,6 +215,6 @@ _READERS: dict[int, tuple[str, Callable[[Message], Any]]] = {
     device_messages.ACTUATOR_OUTPUTS.message_id: ("duct", device_messages.duct_record),
     dialect.by_name("COMMAND_LONG").message_id: ("links_silent", _links_silent),
 }
-"""For each message that is taken in, the field of ``HilSample`` it fills, and how."""
+"""For each device message: the field of ``HilSample`` that it fills, and its conversion."""
 _LOGGED_MESSAGES = _RELAYED_MESSAGES.union(_READERS)
-"""What a log keeps beside the sensors: never the simulator's own state."""
+"""Messages that are logged beside HIL_SENSOR; never the simulated truth."""

@@ -1,9 +1,8 @@
-"""Set-points that are streamed from outside: SET_ATTITUDE_TARGET and SET_POSITION_TARGET_* as
-targets of OFFBOARD.
+"""Set-points for OFFBOARD mode from SET_ATTITUDE_TARGET and SET_POSITION_TARGET_* messages.
 
-Whoever sends what cannot be followed is told why, once, and not obeyed. Frames and masks are those
-that PX4 documents (docs.px4.io, "Offboard Mode"); an underwater vehicle of one propeller cannot
-follow accelerations, nor move sideways."""
+A set-point that the vehicle cannot follow is ignored, and the reason is sent once. Frames and masks
+are those that PX4 documents (docs.px4.io, "Offboard Mode"). An underwater vehicle with one
+propeller can follow neither accelerations nor a sideways velocity."""
 
 import math
 from typing import Any
@@ -25,42 +24,45 @@ ATTITUDE, LOCAL, GLOBAL = (
 MESSAGE_IDS = ATTITUDE, LOCAL, GLOBAL
 
 _NO_PITCH_RATE, _NO_YAW_RATE, _NO_THRUST, _NO_ATTITUDE = 0b10, 0b100, 0b100_0000, 0b1000_0000
-"""ATTITUDE_TARGET_TYPEMASK."""
+"""Bits of ATTITUDE_TARGET_TYPEMASK."""
 _FIELDS = {"x": 1, "y": 2, "z": 4, "vx": 8, "vy": 16, "vz": 32, "yaw": 1024, "yaw_rate": 2048}
-"""POSITION_TARGET_TYPEMASK: the bit that has a field ignored."""
+"""Bits of POSITION_TARGET_TYPEMASK: a set bit means that the field is ignored."""
 _BODY = frozenset((constant("MAV_FRAME_BODY_NED"), constant("MAV_FRAME_BODY_FRD")))
 
 
 class TargetError(ValueError):
-    """A set-point that cannot be followed; the message says why."""
+    """A set-point that the vehicle cannot follow; the message is the reason."""
 
 
-class SetpointStreams:
-    """Hands set-points to the vehicle and knows for how long each kind has been silent."""
+class SetpointReceiver:
+    """Passes set-points to the vehicle and measures the time since the last one of each kind."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self._heard_s: dict[type, float] = {}
-        self._complaint = ""
+        self._received_s: dict[type, float] = {}
+        self._last_error = ""
 
-    def take(self, name: str, message: Any) -> None:
-        """A set-point message for this vehicle."""
+    def handle(self, name: str, message: Any) -> None:
+        """Apply a set-point message that is addressed to this vehicle."""
         try:
             target = read(name, message, self._vehicle.state.home)
         except TargetError as error:
-            if str(error) != self._complaint:
-                self._complaint = str(error)
-                self._vehicle.say(f"Set-point ignored: {error}")
+            if str(error) != self._last_error:
+                self._last_error = str(error)
+                self._vehicle.send_statustext(f"Set-point ignored: {error}")
             return
-        self._heard_s[type(target)] = wall_s()
-        self._vehicle.request(SetTarget(target))
+        self._received_s[type(target)] = wall_s()
+        self._vehicle.handle_request(SetTarget(target))
 
     @property
     def silent_s(self) -> tuple[float | None, float | None]:
-        """Wall seconds since an attitude and a motion target were heard; None before the first."""
-        if not self._heard_s:
+        """Wall seconds since the last attitude and motion target; None before the first."""
+        if not self._received_s:
             return None, None
-        attitude_s, motion_s = self._heard_s.get(AttitudeTarget), self._heard_s.get(MotionTarget)
+        attitude_s, motion_s = (
+            self._received_s.get(AttitudeTarget),
+            self._received_s.get(MotionTarget),
+        )
         now_s = wall_s()
         return (
             None if attitude_s is None else now_s - attitude_s,
@@ -69,25 +71,26 @@ class SetpointStreams:
 
 
 def read(name: str, message: Any, home: Home) -> AttitudeTarget | MotionTarget:
-    """The target in a decoded message. Raises TargetError."""
+    """Return the target in a decoded message. Raises TargetError."""
     if name == ATTITUDE:
         return attitude(message)
-    fields = _value_unless_ignored(message, name)
+    fields = _used_fields(message, name)
     if name == GLOBAL:
         return _global(message, fields, home)
     if message.coordinate_frame in _BODY:
         return _body(fields)
     if message.coordinate_frame != FRAME_LOCAL_NED:
         raise TargetError(
-            f"frame {message.coordinate_frame} of {name}; LOCAL_NED (1) and BODY_NED (8) can be"
-            " followed"
+            f"frame {message.coordinate_frame} of {name}; LOCAL_NED (1) and BODY_NED (8) are"
+            " supported"
         )
     return _motion(fields, _pair(fields, "x", "y", name), fields.get("z"))
 
 
 def attitude(message: Any) -> AttitudeTarget:
-    """Pitch and heading of the quaternion, or the rates where it is ignored; roll follows from
-    neither."""
+    """Return pitch and heading (rad) of the quaternion, or the rates (rad/s) where it is ignored.
+
+    Roll is not used. Thrust is limited to -1..1."""
     mask = message.type_mask
     thrust = None if mask & _NO_THRUST else max(-1.0, min(1.0, _finite(message.thrust, "thrust")))
     if not mask & _NO_ATTITUDE:
@@ -105,63 +108,62 @@ def attitude(message: Any) -> AttitudeTarget:
     )
 
 
-def _value_unless_ignored(message: Any, name: str) -> dict[str, float]:
-    """The fields that count, by their local names: neither ignored by the mask nor NaN."""
-    here = {"x": "lat_int", "y": "lon_int", "z": "alt"} if name == GLOBAL else {}
+def _used_fields(message: Any, name: str) -> dict[str, float]:
+    """Return the fields by name that are neither masked nor NaN."""
+    global_names = {"x": "lat_int", "y": "lon_int", "z": "alt"} if name == GLOBAL else {}
     fields = {
-        field: float(getattr(message, here.get(field, field)))
-        for field, ignored in _FIELDS.items()
-        if not message.type_mask & ignored
+        field: float(getattr(message, global_names.get(field, field)))
+        for field, ignore_bit in _FIELDS.items()
+        if not message.type_mask & ignore_bit
     }
     fields = {field: value for field, value in fields.items() if not math.isnan(value)}
     if not fields:
         raise TargetError(
-            f"{name} with type_mask {message.type_mask}: position, velocity, yaw or yaw rate is"
-            " needed"
+            f"{name} with type_mask {message.type_mask}: position, velocity, yaw or yaw rate"
+            " is required"
         )
     return {field: _finite(value, field) for field, value in fields.items()}
 
 
 def _global(message: Any, fields: dict[str, float], home: Home) -> MotionTarget:
+    """Return the target of a SET_POSITION_TARGET_GLOBAL_INT, relative to home."""
     if message.coordinate_frame not in GLOBAL_FRAMES:
         raise TargetError(
-            f"frame {message.coordinate_frame} of {GLOBAL}: altitude is that above home or the sea"
+            f"frame {message.coordinate_frame} of {GLOBAL}: altitude must be above home or MSL"
         )
-    place, depth = _pair(fields, "x", "y", GLOBAL), fields.get("z")
-    if place is not None:
+    position, altitude_m = _pair(fields, "x", "y", GLOBAL), fields.get("z")
+    if position is not None:
         if not home.known:
             raise TargetError(f"{GLOBAL}: home is not known yet")
-        lat, lon = place.real / GLOBAL_SCALE, place.imag / GLOBAL_SCALE
-        place = complex(*geodetic_to_offset(lat, lon, home.lat_deg, home.lon_deg))
-    return _motion(fields, place, None if depth is None else -depth)
+        lat, lon = position.real / GLOBAL_SCALE, position.imag / GLOBAL_SCALE
+        position = complex(*geodetic_to_offset(lat, lon, home.lat_deg, home.lon_deg))
+    return _motion(fields, position, None if altitude_m is None else -altitude_m)
 
 
 def _motion(
     fields: dict[str, float], place_m: complex | None, depth_m: float | None
 ) -> MotionTarget:
-    """A velocity beside a place only tells how fast to go there."""
+    """Return the target; with a position given, the velocity only sets the speed towards it."""
     velocity = _pair(fields, "vx", "vy", "velocity")
-    there = place_m is not None and velocity is not None
+    speed_only = place_m is not None and velocity is not None
     return MotionTarget(
         place_m=place_m,
         depth_m=None if depth_m is None else max(0.0, depth_m),
-        velocity_mps=None if there else velocity,
+        velocity_mps=None if speed_only else velocity,
         depth_rate_mps=fields.get("vz") if depth_m is None else None,
-        speed_mps=abs(velocity) if there and velocity else None,
+        speed_mps=abs(velocity) if speed_only and velocity else None,
         heading_rad=fields.get("yaw"),
         heading_rate_radps=fields.get("yaw_rate"),
     )
 
 
 def _body(fields: dict[str, float]) -> MotionTarget:
-    """Ahead, down and round: she cannot move sideways."""
+    """Return the target of body-frame velocities: forward, down and yaw rate."""
     if {"x", "y", "z"} & fields.keys():
-        raise TargetError(
-            f"positions in body axes of {LOCAL}: only velocities can be followed there"
-        )
+        raise TargetError(f"positions in body axes of {LOCAL}: only velocities are supported")
     if fields.get("vy", 0.0) != 0.0:
         raise TargetError(
-            f"vy in body axes of {LOCAL}: must be 0 or ignored, she cannot move sideways"
+            f"vy in body axes of {LOCAL}: must be 0 or ignored, the vehicle cannot move sideways"
         )
     rate = fields.get("yaw_rate", 0.0 if "yaw" not in fields else None)
     return MotionTarget(
@@ -173,14 +175,15 @@ def _body(fields: dict[str, float]) -> MotionTarget:
 
 
 def _pair(fields: dict[str, float], first: str, second: str, name: str) -> complex | None:
-    """Two components that mean something only together."""
-    given = {first, second} & fields.keys()
-    if len(given) == 1:
-        raise TargetError(f"{name}: {first} and {second} go together")
-    return complex(fields[first], fields[second]) if given else None
+    """Return two components as one complex number; both or neither must be given."""
+    present = {first, second} & fields.keys()
+    if len(present) == 1:
+        raise TargetError(f"{name}: {first} and {second} must be given together")
+    return complex(fields[first], fields[second]) if present else None
 
 
 def _finite(value: float, name: str) -> float:
+    """Return the value. Raises TargetError when it is not finite."""
     if not math.isfinite(value):
         raise TargetError(f"{name} is {value}")
     return value

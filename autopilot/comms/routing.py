@@ -1,10 +1,9 @@
-"""Who is reached by which link: what arrives on one goes on to those on the others that it is meant
-for.
+"""Routing of frames between ground links, by the systems and components received on each.
 
-The rules are those of https://mavlink.io/en/guide/routing.html: a message for everybody goes to
-every other link; one for somebody goes to the links on which that system and component was heard,
-and nowhere while it was not; none goes back to where it came from, and the vehicle's own words,
-should they come back, are not repeated."""
+The rules are those of https://mavlink.io/en/guide/routing.html: a broadcast goes to every other
+link; a message with a target goes to the links on which that system and component was received,
+and to none before that. No frame is sent back on the link it came from, and frames of the vehicle
+itself are not forwarded."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -17,35 +16,37 @@ from mavlink_io.request import MavlinkId
 T = TypeVar("T")
 
 BROADCAST = 0
+"""Target id of a message for every system or component."""
 _SIZES = {f"{sign}int{8 * size}_t": size for size in (1, 2, 4, 8) for sign in ("", "u")}
 _SIZES |= {"float": 4, "double": 8, "char": 1}
+"""Size of each field type in bytes."""
 _NOT_FORWARDED = frozenset(
     dialect.by_name(name).message_id for name in ("SETUP_SIGNING", "RADIO_STATUS")
 )
-"""A key is for the ears of its receiver alone; and a radio speaks of the line that it stands on."""
+"""A signing key is only for its receiver; RADIO_STATUS describes the line it arrives on."""
 
 
 class Router(Generic[T]):
-    """What was learnt from the traffic. ``T`` is a link."""
+    """Routing table learned from received frames. ``T`` is the type of a link."""
 
     def __init__(self, own: MavlinkId) -> None:
         self._own = own
-        self._heard: dict[MavlinkId, list[T]] = {}
+        self._links_by_sender: dict[MavlinkId, list[T]] = {}
 
     def learn(self, sender: MavlinkId, link: T) -> None:
-        """``sender`` was heard on a link."""
-        links = self._heard.setdefault(sender, [])
+        """Record that a frame of ``sender`` arrived on a link."""
+        links = self._links_by_sender.setdefault(sender, [])
         if link not in links:
             links.append(link)
 
     def forget(self, link: T) -> None:
-        """A link is gone."""
-        for links in self._heard.values():
+        """Remove a link that is lost."""
+        for links in self._links_by_sender.values():
             if link in links:
                 links.remove(link)
 
-    def onward(self, frame: Frame, arrival: T, links: Sequence[T]) -> list[T]:
-        """Those of the links by which a frame goes on."""
+    def destinations(self, frame: Frame, source_link: T, links: Sequence[T]) -> list[T]:
+        """Return the links on which a received frame is forwarded."""
         target = target_of(frame)
         if (
             frame.message_id in _NOT_FORWARDED
@@ -54,34 +55,35 @@ class Router(Generic[T]):
         ):
             return []
         if target.system == BROADCAST:
-            return [link for link in links if link is not arrival]
+            return [link for link in links if link is not source_link]
         reached = [
             link
-            for party, heard in self._heard.items()
-            if _is_addressed_to(target, party)
-            for link in heard
+            for sender, sender_links in self._links_by_sender.items()
+            if _is_addressed_to(target, sender)
+            for link in sender_links
         ]
-        return [link for link in links if link is not arrival and link in reached]
+        return [link for link in links if link is not source_link and link in reached]
 
 
 def target_of(frame: Frame) -> MavlinkId:
-    """Whom a frame is for; 0 stands for everybody, and for a message that names nobody."""
-    at_system, at_component = _target_offsets(frame.message_id)
-    return MavlinkId(_byte(frame.payload, at_system), _byte(frame.payload, at_component))
+    """Return the target of a frame; 0 for a broadcast, and for a message without target fields."""
+    system_offset, component_offset = _target_offsets(frame.message_id)
+    return MavlinkId(_byte(frame.payload, system_offset), _byte(frame.payload, component_offset))
 
 
-def _is_addressed_to(target: MavlinkId, party: MavlinkId) -> bool:
-    return target.system == party.system and target.component in (BROADCAST, party.component)
+def _is_addressed_to(target: MavlinkId, station: MavlinkId) -> bool:
+    """Return whether a target includes a system and component."""
+    return target.system == station.system and target.component in (BROADCAST, station.component)
 
 
-def _byte(payload: bytes, at: int | None) -> int:
-    """A payload's byte; where it was cut off, or there is none, 0."""
-    return payload[at] if at is not None and at < len(payload) else 0
+def _byte(payload: bytes, offset: int | None) -> int:
+    """Return a byte of a payload; 0 without an offset and where trailing zeros were cut off."""
+    return payload[offset] if offset is not None and offset < len(payload) else 0
 
 
 @cache
 def _target_offsets(message_id: int) -> tuple[int | None, int | None]:
-    """Where in its payload a message names its target system and component."""
+    """Return the payload offsets of target system and target component; None without the field."""
     message = dialect.by_id(message_id)
     if message is None:
         return None, None
@@ -91,10 +93,10 @@ def _target_offsets(message_id: int) -> tuple[int | None, int | None]:
 
 
 def _field_offset(message: dialect.MessageType, names: tuple[str, ...]) -> int | None:
-    """The offset of the first byte field of one of these names."""
-    at = 0
+    """Return the payload offset of the first uint8_t field with one of the names."""
+    offset = 0
     for field in message.fields:
         if field.name in names and field.type == "uint8_t" and not field.array_length:
-            return at
-        at += _SIZES[field.type] * max(1, field.array_length)
+            return offset
+        offset += _SIZES[field.type] * max(1, field.array_length)
     return None

@@ -1,34 +1,35 @@
-"""What the vehicle does for ground stations, by message: one table."""
+"""Services for ground stations: one table from received message to handler."""
 
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
 from autopilot.commands.commander import Commander
-from autopilot.commands.failure_injection import INJECT_FAILURE, FailureRelay
+from autopilot.commands.failure_injection import FailureRelay
 from autopilot.commands.flight import move_home
 from autopilot.commands.types import (
     LOWEST_CUSTOM_MODE,
-    Desk,
+    CommandContext,
     JobProgress,
     command_from_message,
-    foreign_mode,
+    unknown_mode_text,
 )
 from autopilot.comms import offboard_messages
 from autopilot.comms.ftp_root import file_tree
 from autopilot.comms.ground_links import GroundLink
-from autopilot.comms.offboard_messages import SetpointStreams
-from autopilot.comms.signing_keys import Keys
-from autopilot.comms.statustext import Announcer, Publish
+from autopilot.comms.offboard_messages import SetpointReceiver
+from autopilot.comms.signing_keys import SigningKeys
+from autopilot.comms.statustext import EventPublisher, Publish
 from autopilot.control.manual_control import Helm
 from autopilot.control.requests import SetMode
 from autopilot.onboard_log.recorder import OnboardLog
-from autopilot.telemetry.request_message import Library
+from autopilot.telemetry.request_message import MessageBuilder
 from autopilot.vehicle import Vehicle, VehicleMission
 from mavlink_io import dialect
 from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.request import MavlinkId, Send
 from mavlink_io.services.ftp.server import FileServer
 from mavlink_io.services.log_transfer.server import LogServer
@@ -36,173 +37,196 @@ from mavlink_io.services.mission_server import MissionServer
 from mavlink_io.services.params import ParamServer
 
 _GROUND_STATION = constant("MAV_TYPE_GCS")
-_ACKNOWLEDGEMENT, _ORIGIN = dialect.by_name("COMMAND_ACK"), dialect.by_name("GPS_GLOBAL_ORIGIN")
+_COMMAND_ACK, _ORIGIN = dialect.by_name("COMMAND_ACK"), dialect.by_name("GPS_GLOBAL_ORIGIN")
 _TIME, _PING = dialect.by_name("TIMESYNC"), dialect.by_name("PING")
 
 
-class Arrival(NamedTuple):
-    """A message for this vehicle."""
+class ReceivedMessage(NamedTuple):
+    """A message that is addressed to this vehicle."""
 
     link: GroundLink
     frame: Frame
     message: Any
     send: Send
-    """Answers on the link by which it came."""
+    """Function that replies on the link of the message."""
 
     @property
     def sender(self) -> MavlinkId:
+        """System and component of the sender."""
         return MavlinkId(self.frame.system, self.frame.component)
 
 
 class Services:
-    """Each is fed the messages it hears, and polled by the wall clock."""
+    """All services: each receives its messages and is polled on the wall clock."""
 
     def __init__(
         self,
         vehicle: Vehicle,
-        announcer: Announcer,
-        library: Library,
+        event_publisher: EventPublisher,
+        message_builder: MessageBuilder,
         broadcast: Publish,
-        keys: Keys,
-        logbook: OnboardLog,
+        keys: SigningKeys,
+        onboard_log: OnboardLog,
     ) -> None:
-        self._vehicle, self._announcer, self._library = vehicle, announcer, library
-        self._keys, self._logbook = keys, logbook
+        self._vehicle, self._event_publisher, self._message_builder = (
+            vehicle,
+            event_publisher,
+            message_builder,
+        )
+        self._keys, self._onboard_log = keys, onboard_log
         self.helm = Helm()
-        self.setpoints = SetpointStreams(vehicle)
-        self.ground_heard_s: float | None = None
-        """When a ground station's heartbeat was last heard, by the wall clock."""
-        self.failures = FailureRelay(vehicle.say)
+        self.setpoints = SetpointReceiver(vehicle)
+        self.ground_received_s: float | None = None
+        """Wall time of the last heartbeat of a ground station."""
+        self.failures = FailureRelay(vehicle.send_statustext)
         self._missions = MissionServer(VehicleMission(vehicle))
-        self._params = ParamServer(vehicle.params, by_name(broadcast), vehicle.say)
-        self._files = FileServer(file_tree(vehicle.params, logbook))
-        self._logs = LogServer(logbook, vehicle.say, lambda: vehicle.state.armed)
-        self._desk = Desk(vehicle, self.helm, library.build, self._params.tell)
-        self._commander = Commander(self._desk)
+        self._params = ParamServer(vehicle.params, send_by_name(broadcast), vehicle.send_statustext)
+        self._files = FileServer(file_tree(vehicle.params, onboard_log))
+        self._logs = LogServer(onboard_log, vehicle.send_statustext, lambda: vehicle.state.armed)
+        self._context = CommandContext(
+            vehicle, self.helm, message_builder.build, self._params.announce
+        )
+        self._commander = Commander(self._context)
         self._table = self._handlers()
 
-    def _handlers(self) -> dict[int, Callable[[Arrival], None]]:
+    def _handlers(self) -> dict[int, Callable[[ReceivedMessage], None]]:
+        """Return the handler of each message id."""
         now_s = wall_s
-        handlers: dict[str, Callable[[Arrival], None]] = {
-            "HEARTBEAT": self._hear_heartbeat,
-            "COMMAND_LONG": self._obey,
-            "COMMAND_INT": self._obey,
+        handlers: dict[str, Callable[[ReceivedMessage], None]] = {
+            "HEARTBEAT": self._on_heartbeat,
+            "COMMAND_LONG": self._execute_command,
+            "COMMAND_INT": self._execute_command,
             "COMMAND_CANCEL": lambda a: self._commander.cancel(a.message.command, now_s()),
             "SET_MODE": self._set_mode,
             "SET_HOME_POSITION": self._set_home,
             "SET_GPS_GLOBAL_ORIGIN": self._set_home,
-            "MANUAL_CONTROL": self._take_stick,
-            **{name: partial(self._take_setpoint, name) for name in offboard_messages.MESSAGE_IDS},
+            "MANUAL_CONTROL": self._on_manual_control,
+            **{name: partial(self._on_setpoint, name) for name in offboard_messages.MESSAGE_IDS},
             "TIMESYNC": _answer_timesync,
             "PING": _answer_ping,
-            "SETUP_SIGNING": self._change_key,
+            "SETUP_SIGNING": self._on_setup_signing,
         }
         for names, serve in (
-            (MissionServer.hears, lambda a: self._missions.feed(a.frame, a.send, now_s())),
-            (ParamServer.hears, lambda a: self._params.feed(a.frame, a.send, a.link.room_bytes)),
+            (MissionServer.message_names, lambda a: self._missions.feed(a.frame, a.send, now_s())),
             (
-                FileServer.hears,
+                ParamServer.message_names,
+                lambda a: self._params.feed(a.frame, a.send, a.link.room_bytes),
+            ),
+            (
+                FileServer.message_names,
                 lambda a: self._files.feed(a.frame, a.send, a.link.room_bytes, now_s()),
             ),
-            (LogServer.hears, lambda a: self._logs.feed(a.frame, a.send, a.link.room_bytes)),
+            (
+                LogServer.message_names,
+                lambda a: self._logs.feed(a.frame, a.send, a.link.room_bytes),
+            ),
         ):
             handlers |= dict.fromkeys(names, serve)
         return {dialect.by_name(name).message_id: handler for name, handler in handlers.items()}
 
-    def hears(self, message_id: int) -> bool:
+    def handles(self, message_id: int) -> bool:
+        """Return whether a service needs this message."""
         return message_id in self._table
 
-    def feed(self, arrival: Arrival) -> None:
-        """Serve a message that is addressed to this vehicle."""
-        self._table[arrival.frame.message_id](arrival)
+    def feed(self, received: ReceivedMessage) -> None:
+        """Pass a message to its service."""
+        self._table[received.frame.message_id](received)
 
     def poll(self, now_s: float) -> None:
-        """Go on with what takes longer than one message: protocol timers, long jobs, lists,
-        keys."""
+        """Continue protocol timers, long commands, lists and the storage of signing time."""
         self._missions.poll(now_s)
         self._params.poll()
         self._commander.poll(now_s)
         self.failures.poll(now_s)
-        if complaint := self._keys.save_when_due():
-            self._vehicle.say(complaint)
+        if error := self._keys.save_when_due():
+            self._vehicle.send_statustext(error)
 
     def poll_bulk(self, now_s: float) -> None:
-        """Go on with what is as long as its links have room: files and logs."""
+        """Continue transfers of files and logs while their links have room."""
         self._files.poll(now_s)
         self._logs.poll()
 
-    def _hear_heartbeat(self, arrival: Arrival) -> None:
-        if arrival.message.type == _GROUND_STATION:
-            self.ground_heard_s = wall_s()
+    def _on_heartbeat(self, received: ReceivedMessage) -> None:
+        """Record the time of a ground station's heartbeat."""
+        if received.message.type == _GROUND_STATION:
+            self.ground_received_s = wall_s()
 
-    def _obey(self, arrival: Arrival) -> None:
-        message, link, asker = arrival.message, arrival.link, arrival.sender
+    def _execute_command(self, received: ReceivedMessage) -> None:
+        """Execute COMMAND_LONG or COMMAND_INT and acknowledge it."""
+        message, link, requester = received.message, received.link, received.sender
 
         def acknowledge(progress: JobProgress) -> None:
-            self._announcer.announce()
-            answer = message.command, progress.result, progress.percent, 0, *asker
-            self._logbook.note(_ACKNOWLEDGEMENT, answer)
-            link.write(_ACKNOWLEDGEMENT, answer)
-            link.hasten()
+            """Send COMMAND_ACK, after pending events, and log it."""
+            self._event_publisher.publish()
+            values = message.command, progress.result, progress.percent, 0, *requester
+            self._onboard_log.log_sent(_COMMAND_ACK, values)
+            link.write(_COMMAND_ACK, values)
+            link.flush_soon()
 
         command, now_s = command_from_message(message), wall_s()
-        if command.number == INJECT_FAILURE:
+        if command.number == MavCmd.INJECT_FAILURE:
             enabled = bool(self._vehicle.params.config.failure_enabled)
-            self.failures.ask(
-                command, asker, lambda result: acknowledge(JobProgress(result)), enabled, now_s
+            self.failures.submit(
+                command, requester, lambda result: acknowledge(JobProgress(result)), enabled, now_s
             )
             return
-        for answer, values in self._commander.execute(
-            command, asker, link.schedule, acknowledge, now_s
+        for reply, values in self._commander.execute(
+            command, requester, link.schedule, acknowledge, now_s
         ).messages:
-            link.write(answer, values)
+            link.write(reply, values)
 
-    def _set_mode(self, arrival: Arrival) -> None:
-        """Set a mode the old way: never acknowledged, so the heartbeat reports the result."""
-        number = arrival.message.custom_mode
+    def _set_mode(self, received: ReceivedMessage) -> None:
+        """Handle the deprecated SET_MODE: it has no acknowledgement, so CURRENT_MODE is sent."""
+        number = received.message.custom_mode
         if number < LOWEST_CUSTOM_MODE:
-            self._vehicle.say(foreign_mode(number))
+            self._vehicle.send_statustext(unknown_mode_text(number))
         else:
-            self._vehicle.request(SetMode(number))
-        self._announcer.remind()
+            self._vehicle.handle_request(SetMode(number))
+        self._event_publisher.resend_mode()
 
-    def _set_home(self, arrival: Arrival) -> None:
-        """Messages without an acknowledgement: where home is now tells what became of them."""
-        m = arrival.message
-        move_home(self._desk, m.latitude * 1e-7, m.longitude * 1e-7, m.altitude * 1e-3)
-        for values in self._library.build(_ORIGIN):
-            arrival.link.write(_ORIGIN, values)
+    def _set_home(self, received: ReceivedMessage) -> None:
+        """Handle messages without an acknowledgement: reply with the present home position."""
+        m = received.message
+        move_home(self._context, m.latitude * 1e-7, m.longitude * 1e-7, m.altitude * 1e-3)
+        for values in self._message_builder.build(_ORIGIN):
+            received.link.write(_ORIGIN, values)
 
-    def _take_stick(self, arrival: Arrival) -> None:
-        if arrival.message.target in (0, self._vehicle.system):
-            self.helm.take(arrival.message, wall_s())
+    def _on_manual_control(self, received: ReceivedMessage) -> None:
+        """Use MANUAL_CONTROL as stick input."""
+        if received.message.target in (0, self._vehicle.system):
+            self.helm.take(received.message, wall_s())
 
-    def _take_setpoint(self, name: str, arrival: Arrival) -> None:
-        self.setpoints.take(name, arrival.message)
+    def _on_setpoint(self, name: str, received: ReceivedMessage) -> None:
+        """Apply an offboard set-point."""
+        self.setpoints.handle(name, received.message)
 
-    def _change_key(self, arrival: Arrival) -> None:
-        link, armed = arrival.link, self._vehicle.state.armed
-        self._vehicle.say(
-            self._keys.change(arrival.message, link.endpoint.signing, link.trusted, armed)
+    def _on_setup_signing(self, received: ReceivedMessage) -> None:
+        """Change the signing key and send the result as a text."""
+        link, armed = received.link, self._vehicle.state.armed
+        self._vehicle.send_statustext(
+            self._keys.change(received.message, link.endpoint.signing, link.trusted, armed)
         )
 
 
-def by_name(tell: Publish) -> Send:
-    """A teller that takes a message's name and fields, as the protocols of ``link`` want it."""
+def send_by_name(publish: Publish) -> Send:
+    """Return a send function that takes message name and fields, as ``mavlink_io`` expects."""
 
     def send(name: str, **fields: Any) -> None:
+        """Publish a message by name and fields."""
         message = dialect.by_name(name)
-        tell(message, message.values(**fields))
+        publish(message, message.values(**fields))
 
     return send
 
 
-def _answer_timesync(arrival: Arrival) -> None:
-    if arrival.message.tc1 == 0:
-        arrival.link.write(_TIME, (round(wall_s() * 1e9), arrival.message.ts1))
+def _answer_timesync(received: ReceivedMessage) -> None:
+    """Reply to a TIMESYNC request with the wall clock in ns."""
+    if received.message.tc1 == 0:
+        received.link.write(_TIME, (round(wall_s() * 1e9), received.message.ts1))
 
 
-def _answer_ping(arrival: Arrival) -> None:
-    ping = arrival.message
+def _answer_ping(received: ReceivedMessage) -> None:
+    """Reply to a PING request."""
+    ping = received.message
     if ping.target_system == 0:
-        arrival.link.write(_PING, (ping.time_usec, ping.seq, *arrival.sender))
+        received.link.write(_PING, (ping.time_usec, ping.seq, *received.sender))

@@ -1,4 +1,4 @@
-"""The keys of signed links: which file holds which, and what changes them."""
+"""Signing keys of the ground links: their files, and their change by SETUP_SIGNING."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -15,15 +15,16 @@ from mavlink_io.signing import (
 from mavlink_io.user_data_dir import user_data_dir
 
 NO_KEY = bytes(32)
+"""Key in a SETUP_SIGNING message that turns signing off."""
 
 
-class Keys:
-    """The key files by the address of their link."""
+class SigningKeys:
+    """Signing keys and their files by link address."""
 
     def __init__(
         self, files: Mapping[str, Path] | None = None, timestamp: Timestamp | None = None
     ) -> None:
-        """Raises KeyFileError."""
+        """Load all keys. Raises KeyFileError."""
         self._files = dict(files or {})
         self._timestamp = timestamp or Timestamp()
         self._signing = {
@@ -32,9 +33,10 @@ class Keys:
         }
 
     @classmethod
-    def from_options(cls, words: Sequence[str], addresses: Sequence[str]) -> "Keys":
-        """The keys that ``--sign ADDRESS=KEYFILE`` names, each for one of the links' addresses.
-        Raises KeyFileError."""
+    def from_options(cls, words: Sequence[str], addresses: Sequence[str]) -> "SigningKeys":
+        """Load the keys of ``--sign ADDRESS=KEYFILE`` options.
+
+        Each address must be one of the ground links. Raises KeyFileError."""
         files = {}
         for word in words:
             address, _, file = word.partition("=")
@@ -47,52 +49,65 @@ class Keys:
         return cls(files, Timestamp(user_data_dir() / TIMESTAMP_FILE) if files else None)
 
     def signing(self, address: str) -> Signing | None:
-        """How a link signs; None for one that does not."""
+        """Return the signing state of a link; None for a link that is not signed."""
         return self._signing.get(address)
 
-    def change(self, message: Any, arrival: Signing | None, trusted: bool, armed: bool) -> str:
-        """Do as SETUP_SIGNING says, and put what became of it in words, without the key.
+    def change(self, message: Any, link_signing: Signing | None, trusted: bool, armed: bool) -> str:
+        """Apply SETUP_SIGNING and return the result as a text without the key.
 
-        A key that comes by a signed link replaces that link's, in all that share its file; one that
-        comes by a wire replaces every key. The file is written first: a key that is not kept would
-        lock out whoever sent it at the next start."""
+        A key received on a signed link replaces the key of that link and of all links with the same
+        file; a key received on an unsigned serial line replaces every key. The file is written
+        first: with a key that is not stored, the next start would reject its sender.
+
+        Parameters
+        ----------
+        message : SETUP_SIGNING message
+            Decoded message with ``secret_key`` and ``initial_timestamp``.
+        link_signing : Signing or None
+            Signing state of the link on which it arrived.
+        trusted : bool
+            Whether that link may carry a key.
+        armed : bool
+            Whether the vehicle is armed; the change is then refused.
+        """
         key = bytes(message.secret_key)
         if not trusted:
-            return "Signing key refused: not over a link that others can hear"
+            return "Signing key refused: the link is neither signed nor serial"
         if armed:
             return "Signing key refused: armed"
         if not self._signing:
             return "Signing key refused: no link is signed; start with --sign"
         if key == NO_KEY:
-            return "Signing stays: what is signed is decided at the start, by --sign"
+            return "Signing unchanged: it is configured at the start, by --sign"
         files = {
-            self._files[a] for a, signing in self._signing.items() if arrival in (None, signing)
+            self._files[address]
+            for address, signing in self._signing.items()
+            if link_signing in (None, signing)
         }
         try:
             for file in files:
                 save_key(file, key)
         except OSError as error:
-            return f"Signing key refused: it cannot be kept: {error.strerror}"
+            return f"Signing key refused: it cannot be stored: {error.strerror}"
         changed = [address for address, file in self._files.items() if file in files]
         for address in changed:
             self._signing[address].change_key(key)
-        self._timestamp.hear(message.initial_timestamp)
+        self._timestamp.advance_to(message.initial_timestamp)
         return f"Signing key changed on {len(changed)} link{'s' if len(changed) > 1 else ''}"
 
     def save_when_due(self) -> str:
-        """Keep the timestamp, once a minute where anything is signed; what went wrong, "" for
-        nothing."""
-        return self._kept(self._timestamp.save_when_due)
+        """Store the signing time once a minute when a link is signed; return the error or ""."""
+        return self._try_save(self._timestamp.save_when_due)
 
     def save(self) -> str:
-        """Keep the timestamp now; what went wrong, "" for nothing."""
-        return self._kept(self._timestamp.save)
+        """Store the signing time now; return the error text, "" for success."""
+        return self._try_save(self._timestamp.save)
 
-    def _kept(self, save: Callable[[], None]) -> str:
-        """A disk that is full ends no dive."""
+    def _try_save(self, save: Callable[[], None]) -> str:
+        """Call ``save`` when a link is signed; return the error text instead of raising."""
         try:
             if self._signing:
                 save()
         except OSError as error:
-            return f"Signing timestamp cannot be kept: {error.strerror}"
+            return f"Signing time cannot be stored: {error.strerror}"
         return ""

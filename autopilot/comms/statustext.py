@@ -1,5 +1,4 @@
-"""What happened, told to everybody: texts, reached mission items, and the mode and home as soon as
-they change."""
+"""Events as messages: STATUSTEXT, reached mission items, and changes of mode and home."""
 
 from collections.abc import Callable
 
@@ -11,8 +10,9 @@ from mavlink_io.clock import wall_s
 from mavlink_io.dialect import MessageType, Values
 
 STATUSTEXT_BYTES = 50
+"""Length of STATUSTEXT.text."""
 MAX_BURST, MAX_TEXTS_PER_S = 20, 5.0
-"""More texts than that drown a slow link and whoever reads them."""
+"""Limits of the text rate: more texts overload a slow link and its reader."""
 
 _STATUSTEXT, _ITEM_REACHED = dialect.by_name("STATUSTEXT"), dialect.by_name("MISSION_ITEM_REACHED")
 _SENT_ON_CHANGE = dialect.by_name("CURRENT_MODE"), dialect.by_name("HEARTBEAT")
@@ -21,94 +21,98 @@ _HOME = dialect.by_name("HOME_POSITION"), dialect.by_name("GPS_GLOBAL_ORIGIN")
 Publish = Callable[[MessageType, Values], None]
 
 
-class Announcer:
-    """Turns the vehicle's events and changes into messages."""
+class EventPublisher:
+    """Publishes the events and state changes of the vehicle as messages."""
 
     def __init__(
         self,
         vehicle: Vehicle,
         build: Callable[[MessageType], tuple[Values, ...]],
         broadcast: Publish,
-        note: Publish,
+        log: Publish,
     ) -> None:
-        """``broadcast`` tells and logs, ``note`` only logs."""
-        self._vehicle, self._build, self._broadcast, self._note = vehicle, build, broadcast, note
-        self._texts = TextBudget()
+        """``broadcast`` sends and logs a message, ``log`` only logs it."""
+        self._vehicle, self._build, self._broadcast, self._log = vehicle, build, broadcast, log
+        self._rate_limiter = TextRateLimiter()
         self._long_texts = 0
-        self._condition: tuple[int, bool, int] | None = self._seen()
+        self._mode_state: tuple[int, bool, int] | None = self._read_mode_state()
         self._home: Home = vehicle.state.home
 
-    def announce(self) -> None:
-        """Tell what happened since the last call, mode and home at once when they changed."""
-        for event in self._vehicle.take_events():
+    def publish(self) -> None:
+        """Publish the events since the last call, and mode and home when they have changed."""
+        for event in self._vehicle.pop_events():
             if isinstance(event, ItemReached):
                 self._broadcast(_ITEM_REACHED, (event.sequence,))
             else:
-                self._tell_text(event)
-        condition, home = self._seen(), self._vehicle.state.home
-        if condition != self._condition:
-            self._condition = condition
-            self._tell(_SENT_ON_CHANGE)
+                self._publish_text(event)
+        mode_state, home = self._read_mode_state(), self._vehicle.state.home
+        if mode_state != self._mode_state:
+            self._mode_state = mode_state
+            self._publish_messages(_SENT_ON_CHANGE)
         if home != self._home:
             self._home = home
-            self._tell(_HOME)
+            self._publish_messages(_HOME)
 
-    def remind(self) -> None:
-        """Tell the mode at the next call, changed or not."""
-        self._condition = None
+    def resend_mode(self) -> None:
+        """Publish the mode at the next call, changed or not."""
+        self._mode_state = None
 
-    def _seen(self) -> tuple[int, bool, int]:
+    def _read_mode_state(self) -> tuple[int, bool, int]:
+        """Return mode, arming state and MAV_STATE."""
         state = self._vehicle.state
         return state.mode, state.armed, identity.mav_state(state)
 
-    def _tell(self, messages: tuple[MessageType, ...]) -> None:
+    def _publish_messages(self, messages: tuple[MessageType, ...]) -> None:
+        """Build and broadcast messages."""
         for message in messages:
             for values in self._build(message):
                 self._broadcast(message, values)
 
-    def _tell_text(self, event: Event) -> None:
-        """Send a text in as many chunks as it needs. The log has it even where there are too many
-        to send."""
-        left_out = self._texts.left_out
-        tell = (
+    def _publish_text(self, event: Event) -> None:
+        """Broadcast a text; only log it when too many texts were sent."""
+        dropped = self._rate_limiter.dropped
+        publish = (
             self._broadcast
-            if self._texts.allows(event.severity, self._vehicle.state.time_us)
-            else self._note
+            if self._rate_limiter.allows(event.severity, self._vehicle.state.time_us)
+            else self._log
         )
-        if left_out and tell is self._broadcast:
-            self._chunks(tell, Event(Severity.NOTICE, f"{left_out} messages left out"))
-        self._chunks(tell, event)
+        if dropped and publish is self._broadcast:
+            self._publish_chunks(publish, Event(Severity.NOTICE, f"{dropped} messages left out"))
+        self._publish_chunks(publish, event)
 
-    def _chunks(self, tell: Publish, event: Event) -> None:
+    def _publish_chunks(self, publish: Publish, event: Event) -> None:
+        """Publish a text in as many STATUSTEXTs as it needs."""
         text = event.text.encode()
-        chunks = [text[at : at + STATUSTEXT_BYTES] for at in range(0, len(text), STATUSTEXT_BYTES)]
+        starts = range(0, len(text), STATUSTEXT_BYTES)
+        chunks = [text[start : start + STATUSTEXT_BYTES] for start in starts]
         number = 0
         if len(chunks) > 1:
             self._long_texts = self._long_texts % 0xFFFF + 1
             number = self._long_texts
         for position, chunk in enumerate(chunks):
-            tell(_STATUSTEXT, (int(event.severity), chunk, number, position))
+            publish(_STATUSTEXT, (int(event.severity), chunk, number, position))
 
 
-class TextBudget:
-    """How many texts may be sent: by wall or vehicle time, whichever goes faster. What is critical
-    always may."""
+class TextRateLimiter:
+    """Rate limit of texts, by wall or vehicle time, whichever is faster.
+
+    Texts of severity CRITICAL and above are always sent."""
 
     def __init__(self) -> None:
-        self._left = float(MAX_BURST)
+        self._available = float(MAX_BURST)
         self._wall_s, self._time_us = wall_s(), 0
-        self.left_out = 0
-        """Since the last one that was sent."""
+        self.dropped = 0
+        """Number of texts dropped since the last one that was sent."""
 
     def allows(self, severity: Severity, time_us: int) -> bool:
-        """Whether a text may be sent now, which is counted."""
+        """Count a text; return whether it may be sent now."""
         now_s = wall_s()
         elapsed_s = max(now_s - self._wall_s, (time_us - self._time_us) / US_PER_S)
         self._wall_s, self._time_us = now_s, time_us
-        self._left = min(float(MAX_BURST), self._left + MAX_TEXTS_PER_S * elapsed_s)
-        if self._left < 1.0 and severity > Severity.CRITICAL:
-            self.left_out += 1
+        self._available = min(float(MAX_BURST), self._available + MAX_TEXTS_PER_S * elapsed_s)
+        if self._available < 1.0 and severity > Severity.CRITICAL:
+            self.dropped += 1
             return False
-        self._left = max(0.0, self._left - 1.0)
-        self.left_out = 0
+        self._available = max(0.0, self._available - 1.0)
+        self.dropped = 0
         return True

@@ -1,9 +1,8 @@
-"""When telemetry is due on one link: by vehicle time, at rates that its line can carry.
+"""Telemetry schedule of one link, in vehicle time, at rates that its line can carry.
 
-Three profiles, chosen by the baud rate: all of the table, half of it without the widest messages,
-and the few that a 9600 baud radio has room for. A ground station may still ask for any message at
-any rate; what the line cannot carry of that is left out as it comes
-(``autopilot.comms.bandwidth_limiter``)."""
+The baud rate selects one of three profiles: the whole table; half of its rates without the longest
+messages; and the few messages that fit on a 9600 baud radio. A ground station may request any
+message at any rate; ``autopilot.comms.bandwidth_limiter`` drops what the line cannot carry."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -14,19 +13,20 @@ from mavlink_io import dialect
 
 
 class RateProfile(NamedTuple):
-    """What a link is sent unasked."""
+    """Default telemetry rates of a link."""
 
     name: str
     rates_hz: Mapping[int, float]
-    """By message number; a stream that is missing comes only when asked for."""
+    """Rate by message id; a missing stream is sent only on request."""
 
 
-def _number(name: str) -> int:
+def _message_id(name: str) -> int:
+    """Return the id of a message."""
     return dialect.by_name(name).message_id
 
 
 _OMITTED_ON_SLOW_LINKS = frozenset(
-    map(_number, ("ODOMETRY", "HIGHRES_IMU", "ACTUATOR_OUTPUT_STATUS"))
+    map(_message_id, ("ODOMETRY", "HIGHRES_IMU", "ACTUATOR_OUTPUT_STATUS"))
 )
 _MINIMAL_HZ = {"ATTITUDE": 1.0, "GLOBAL_POSITION_INT": 1.0, "VFR_HUD": 1.0, "SYS_STATUS": 0.2}
 
@@ -39,21 +39,23 @@ HALF = RateProfile(
         if number not in _OMITTED_ON_SLOW_LINKS
     },
 )
-MINIMAL = RateProfile("9600", {_number(name): hz for name, hz in _MINIMAL_HZ.items()})
+MINIMAL = RateProfile("9600", {_message_id(name): hz for name, hz in _MINIMAL_HZ.items()})
 FAST_BAUD, HALF_BAUD = 115_200, 38_400
-"""The lowest baud rates of the first two."""
+"""Lowest baud rates of the profiles FAST and HALF."""
 
 
 def profile_for(baud: int | None) -> RateProfile:
-    """The profile of a line; None is a link without a baud rate."""
+    """Return the profile for a baud rate; None is a link without one."""
     if baud is None or baud >= FAST_BAUD:
         return FAST
     return HALF if baud >= HALF_BAUD else MINIMAL
 
 
 class Schedule:
-    """When each stream is due on one link. A stream is due in the tick in which time crosses a
-    multiple of its interval; the first tick after a start only sets the phase."""
+    """Schedule of the streams of one link.
+
+    A stream is due in the tick in which vehicle time crosses a multiple of its interval. The first
+    tick after a start only sets the phase."""
 
     def __init__(self, profile: RateProfile = FAST) -> None:
         self._defaults_us = {
@@ -65,18 +67,19 @@ class Schedule:
         self._time_us = 0
 
     def set_interval(self, message_id: int, interval_us: int | None) -> None:
-        """None is the default interval, 0 stops the stream. Raises KeyError for a message that is
-        no stream."""
+        """Set the interval of a stream: None is the default, 0 stops the stream.
+
+        Raises KeyError for a message that is not a stream."""
         default_us = self._defaults_us[message_id]
         self._intervals_us[message_id] = default_us if interval_us is None else interval_us
         self._align(message_id)
 
     def interval_us(self, message_id: int) -> int:
-        """The interval in force, 0 where the stream is stopped. Raises KeyError."""
+        """Return the present interval, 0 for a stopped stream. Raises KeyError."""
         return self._intervals_us[message_id]
 
     def due(self, time_us: int) -> list[TelemetryStream]:
-        """The streams to send in the tick at ``time_us``, in the order of the table."""
+        """Return the streams to send in the tick at ``time_us``, in the order of the table."""
         due: list[TelemetryStream] = []
         restarted = not self._running or time_us < self._time_us
         self._time_us = time_us
@@ -93,9 +96,11 @@ class Schedule:
         return due
 
     def _align(self, message_id: int) -> None:
+        """Set the next due time of a stream to the next multiple of its interval."""
         interval = self._intervals_us[message_id] or US_PER_S
         self._due_us[message_id] = (self._time_us // interval + 1) * interval
 
 
 def _interval_us(rate_hz: float) -> int:
+    """Return the interval of a rate, 0 for no stream."""
     return round(US_PER_S / rate_hz) if rate_hz else 0

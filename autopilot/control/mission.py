@@ -21,12 +21,29 @@ from mavlink_io.frames import wrap_pi
 from mavlink_io.mission_items import (
     FRAME_LOCAL_NED,
     GLOBAL_FRAMES,
-    MissionCommand,
+    MavCmd,
     MissionItem,
     place_fault,
 )
 
-COMMANDS = frozenset(MissionCommand)
+COMMANDS = frozenset(
+    (
+        MavCmd.NAV_WAYPOINT,
+        MavCmd.NAV_LOITER_UNLIM,
+        MavCmd.NAV_LOITER_TURNS,
+        MavCmd.NAV_LOITER_TIME,
+        MavCmd.NAV_RETURN_TO_LAUNCH,
+        MavCmd.NAV_LAND,
+        MavCmd.NAV_DELAY,
+        MavCmd.CONDITION_CHANGE_ALT,
+        MavCmd.CONDITION_YAW,
+        MavCmd.DO_JUMP,
+        MavCmd.DO_CHANGE_SPEED,
+        MavCmd.DO_CHANGE_ALTITUDE,
+        MavCmd.USER_1,
+    )
+)
+"""Commands that a mission item may carry."""
 
 DEPTH_REACHED_M = 0.3
 DEPTH_ROUNDING_M = 1e-3
@@ -37,15 +54,15 @@ otherwise delay every tick."""
 
 _POSITION_COMMANDS = frozenset(
     (
-        MissionCommand.WAYPOINT,
-        MissionCommand.LOITER_UNLIMITED,
-        MissionCommand.LOITER_TURNS,
-        MissionCommand.LOITER_TIME,
-        MissionCommand.LAND,
+        MavCmd.NAV_WAYPOINT,
+        MavCmd.NAV_LOITER_UNLIM,
+        MavCmd.NAV_LOITER_TURNS,
+        MavCmd.NAV_LOITER_TIME,
+        MavCmd.NAV_LAND,
     )
 )
 """Items that may give a place."""
-_DEPTH_COMMANDS = _POSITION_COMMANDS | {MissionCommand.CHANGE_ALTITUDE_WAIT}
+_DEPTH_COMMANDS = _POSITION_COMMANDS | {MavCmd.CONDITION_CHANGE_ALT}
 """Items whose z is a depth or an altitude."""
 
 StepResult = tuple[AutopilotState, tuple[Event | ItemReached, ...]]
@@ -89,14 +106,14 @@ def find_fault(items: tuple[MissionItem, ...], home: Home, config: Config) -> Fa
 
 
 _REQUIRED_PARAMETERS: dict[int, tuple[str, ...]] = {
-    MissionCommand.DELAY: ("p1",),
-    MissionCommand.LOITER_TIME: ("p1",),
-    MissionCommand.LOITER_TURNS: ("p1",),
-    MissionCommand.YAW: ("p1",),
-    MissionCommand.JUMP: ("p1", "p2"),
-    MissionCommand.CHANGE_ALTITUDE: ("p1",),
-    MissionCommand.CHANGE_ALTITUDE_WAIT: ("z",),
-    MissionCommand.TEST: ("p1", "p2"),
+    MavCmd.NAV_DELAY: ("p1",),
+    MavCmd.NAV_LOITER_TIME: ("p1",),
+    MavCmd.NAV_LOITER_TURNS: ("p1",),
+    MavCmd.CONDITION_YAW: ("p1",),
+    MavCmd.DO_JUMP: ("p1", "p2"),
+    MavCmd.DO_CHANGE_ALTITUDE: ("p1",),
+    MavCmd.CONDITION_CHANGE_ALT: ("z",),
+    MavCmd.USER_1: ("p1", "p2"),
 }
 """The numbers without which an item means nothing; NaN in any other field means "not given"."""
 
@@ -111,21 +128,21 @@ def _item_fault(item: MissionItem, count: int, config: Config) -> Wrong:
     for name, parameter in _FIELDS.items():
         if math.isinf(getattr(item, name)):
             return parameter, f"{name} of command {item.command}: must be finite"
-    if item.command == MissionCommand.JUMP and not 0 <= item.p1 < count:
+    if item.command == MavCmd.DO_JUMP and not 0 <= item.p1 < count:
         return 1, f"DO_JUMP to {item.p1:g}: there is no such item"
-    if item.command == MissionCommand.CHANGE_ALTITUDE and item.p1 > 0.0:
+    if item.command == MavCmd.DO_CHANGE_ALTITUDE and item.p1 > 0.0:
         return 1, f"altitude {item.p1:g} m: must be 0 or negative, depth is minus altitude"
     if item.command in _DEPTH_COMMANDS and guidance.item_depth_m(item, 0.0) < 0.0:
         depth_m = guidance.item_depth_m(item, 0.0)
         return 7, f"depth {depth_m:g} m: must be 0 or more; z is down in a local frame, else up"
-    if item.command in _DEPTH_COMMANDS or item.command == MissionCommand.CHANGE_ALTITUDE:
+    if item.command in _DEPTH_COMMANDS or item.command == MavCmd.DO_CHANGE_ALTITUDE:
         depth_m, limit_m = _new_depth_m(item), config.fs_depth_m
         if depth_m > limit_m + DEPTH_ROUNDING_M:
             parameter = 7 if item.command in _DEPTH_COMMANDS else 1
             return parameter, f"depth {depth_m:g} m: must be at most FS_DEPTH_M = {limit_m:g} m"
     if item.command in _POSITION_COMMANDS:
         return place_fault(item)
-    if item.command == MissionCommand.TEST:
+    if item.command == MavCmd.USER_1:
         return 0, excitation.check(excitation_of(item, AutopilotState(), config), config.travel_deg)
     return 0, ""
 
@@ -152,7 +169,7 @@ def _out_of_reach(item: MissionItem, home: Home, config: Config) -> Wrong:
 def needs_home(items: tuple[MissionItem, ...], config: Config) -> bool:
     """Whether an item that is flown is told by latitude and longitude, or is the way home."""
     return any(
-        item.command == MissionCommand.RETURN
+        item.command == MavCmd.NAV_RETURN_TO_LAUNCH
         or (
             item.command in _POSITION_COMMANDS
             and item.frame in GLOBAL_FRAMES
@@ -183,7 +200,7 @@ def step(state: AutopilotState, config: Config) -> StepResult:
         state = _start_waypoint_orbit(item, state, config)
         if state.mode != modes.MISSION.number or not item_done(item, state, config):
             break
-        if item.command == MissionCommand.LAND:
+        if item.command == MavCmd.NAV_LAND:
             state, surfacing = modes.enter(state, modes.SURFACE)
             return state, (*events, *surfacing)
         state = _advance_item(item, state)
@@ -196,19 +213,19 @@ def begin_item(item: MissionItem, state: AutopilotState, config: Config) -> Step
     state = state._replace(mission=state.mission._replace(entered_us=state.time_us), path=None)
     setpoint = state.setpoint
     match item.command:
-        case MissionCommand.CHANGE_ALTITUDE | MissionCommand.CHANGE_ALTITUDE_WAIT:
+        case MavCmd.DO_CHANGE_ALTITUDE | MavCmd.CONDITION_CHANGE_ALT:
             setpoint = setpoint._replace(depth_m=_new_depth_m(item))
-        case MissionCommand.YAW:
+        case MavCmd.CONDITION_YAW:
             setpoint = setpoint._replace(heading_rad=_heading(item, state))
-        case MissionCommand.CHANGE_SPEED:
+        case MavCmd.DO_CHANGE_SPEED:
             setpoint = setpoint._replace(thrust=_thrust(item, setpoint.thrust, config))
-        case MissionCommand.RETURN:
+        case MavCmd.NAV_RETURN_TO_LAUNCH:
             return begin_rtl(state, config)
-        case MissionCommand.LAND if guidance.item_position(item, state.home) is None:
+        case MavCmd.NAV_LAND if guidance.item_position(item, state.home) is None:
             return modes.enter(state, modes.SURFACE)
         case _ if item.command in _POSITION_COMMANDS:
             return _begin_leg(item, state, config), ()
-        case MissionCommand.TEST:
+        case MavCmd.USER_1:
             return start_test(excitation_of(item, state, config), state)
     return state._replace(setpoint=setpoint), ()
 
@@ -228,10 +245,10 @@ def _begin_leg(item: MissionItem, state: AutopilotState, config: Config) -> Auto
     here = guidance.current_position(state.estimate)
     place = guidance.item_position(item, state.home)
     to_m = here if place is None else place
-    if item.command != MissionCommand.LAND:  # its altitude is that of the end
+    if item.command != MavCmd.NAV_LAND:  # its altitude is that of the end
         depth_m = guidance.item_depth_m(item, state.setpoint.depth_m)
         state = state._replace(setpoint=state.setpoint._replace(depth_m=depth_m))
-    if item.command in (MissionCommand.WAYPOINT, MissionCommand.LAND):
+    if item.command in (MavCmd.NAV_WAYPOINT, MavCmd.NAV_LAND):
         left_m = state.mission.left_m
         near = left_m is not None and abs(here - left_m) <= config.lookahead_m
         return state._replace(path=TrackLine(left_m if left_m is not None and near else here, to_m))
@@ -243,11 +260,7 @@ def _start_waypoint_orbit(
 ) -> AutopilotState:
     """A waypoint that is to be held is circled once it is reached: she cannot hover."""
     path = state.path
-    if (
-        item.command != MissionCommand.WAYPOINT
-        or not item.p1 > 0.0
-        or not isinstance(path, TrackLine)
-    ):
+    if item.command != MavCmd.NAV_WAYPOINT or not item.p1 > 0.0 or not isinstance(path, TrackLine):
         return state
     if not guidance.reached(path, state.estimate, _acceptance_m(item, config)):
         return state
@@ -255,7 +268,7 @@ def _start_waypoint_orbit(
 
 
 def _acceptance_m(item: MissionItem, config: Config) -> float:
-    given = item.p2 if item.command == MissionCommand.WAYPOINT else 0.0
+    given = item.p2 if item.command == MavCmd.NAV_WAYPOINT else 0.0
     return given if given > 0.0 else config.acceptance_m
 
 
@@ -263,20 +276,20 @@ def item_done(item: MissionItem, state: AutopilotState, config: Config) -> bool:
     """Whether an item that was begun has come to its end."""
     path, entered_us = state.path, state.mission.entered_us
     match item.command:
-        case MissionCommand.DELAY:
+        case MavCmd.NAV_DELAY:
             return (
                 state.time_us - (state.time_us if entered_us is None else entered_us)
             ) / US_PER_S >= item.p1
-        case MissionCommand.CHANGE_ALTITUDE_WAIT:
+        case MavCmd.CONDITION_CHANGE_ALT:
             return abs(state.estimate.depth_m - _new_depth_m(item)) < DEPTH_REACHED_M
-        case MissionCommand.TEST:
+        case MavCmd.USER_1:
             return state.test is None
-        case MissionCommand.LOITER_UNLIMITED:
+        case MavCmd.NAV_LOITER_UNLIM:
             return False
     if isinstance(path, TrackLine):
         return guidance.reached(path, state.estimate, _acceptance_m(item, config))
     if isinstance(path, Circle):
-        turns = item.command == MissionCommand.LOITER_TURNS
+        turns = item.command == MavCmd.NAV_LOITER_TURNS
         return (
             path.turned_rad >= 2.0 * math.pi * item.p1 if turns else _orbit_done(path, item, state)
         )
@@ -310,7 +323,7 @@ def _items_to_fly(items: tuple[MissionItem, ...], config: Config) -> tuple[Missi
 def _advance_item(item: MissionItem, state: AutopilotState) -> AutopilotState:
     mission = state.mission
     index, jumps = mission.current + 1, mission.jumps
-    if item.command == MissionCommand.JUMP:
+    if item.command == MavCmd.DO_JUMP:
         at = bisect_left(jumps, (item.sequence,))
         count = jumps[at][1] if at < len(jumps) and jumps[at][0] == item.sequence else 0
         if item.p2 < 0 or count < item.p2:
@@ -329,7 +342,7 @@ def _advance_item(item: MissionItem, state: AutopilotState) -> AutopilotState:
 
 def _last_waypoint_m(item: MissionItem, state: AutopilotState) -> complex | None:
     """The last waypoint that was reached."""
-    if item.command == MissionCommand.WAYPOINT and isinstance(state.path, TrackLine):
+    if item.command == MavCmd.NAV_WAYPOINT and isinstance(state.path, TrackLine):
         return state.path.to_m
     return state.mission.left_m
 
@@ -345,9 +358,7 @@ def _complete(state: AutopilotState, config: Config) -> tuple[AutopilotState, tu
 def _new_depth_m(item: MissionItem) -> float:
     """What a change of altitude asks for."""
     return (
-        -item.p1
-        if item.command == MissionCommand.CHANGE_ALTITUDE
-        else guidance.item_depth_m(item, 0.0)
+        -item.p1 if item.command == MavCmd.DO_CHANGE_ALTITUDE else guidance.item_depth_m(item, 0.0)
     )
 
 

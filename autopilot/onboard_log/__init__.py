@@ -1,2 +1,1 @@
-"""The vehicle records herself: a submerged vehicle has no link, and nobody else to keep what she
-felt and did."""
+"""The onboard log: a submerged vehicle has no ground link, so it records its own data."""

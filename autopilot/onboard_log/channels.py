@@ -1,9 +1,8 @@
-"""What a log holds: what every tick writes, what is written now and then, and which of ground's
-words are kept.
+"""Channels of the onboard log: messages per tick, slower messages, and messages from ground.
 
-At full rate stands what identification and a second look at a dive need: the sensors as they came,
-the estimate, the actuators, and the inside of the loops with the test signal. The rest tells what
-was wanted, and how the vehicle was."""
+Each tick logs what identification and the analysis of a dive need: raw sensors, estimate,
+actuators, and the control-loop signals with the test signal. Slower messages log set-points and
+status."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -25,18 +24,19 @@ from mavlink_io import dialect
 from mavlink_io.logging.mavlink_log import Column
 
 SLOT_US = 100_000
+"""Unit of the period of slow channels."""
 _STREAMS = {stream.message.name: stream for stream in STREAMS}
 
 
-class Slow(NamedTuple):
-    """A message of the telemetry that is written every so many slots."""
+class SlowChannel(NamedTuple):
+    """A telemetry message that is logged every ``slots`` times SLOT_US."""
 
     stream: TelemetryStream
     slots: int
 
 
-SLOW = tuple(
-    Slow(_STREAMS[name], slots)
+SLOW_CHANNELS = tuple(
+    SlowChannel(_STREAMS[name], slots)
     for name, slots in (
         ("ATTITUDE_TARGET", 1),
         ("POSITION_TARGET_LOCAL_NED", 1),
@@ -70,13 +70,13 @@ LOGGED_FROM_GROUND = frozenset(
         *offboard_messages.MESSAGE_IDS,
     )
 )
-"""What ground says that can change what the vehicle does, but for keys: those stand in no log."""
+"""Messages from ground that can change the vehicle's behaviour; signing keys are never logged."""
 
 _IMU = dialect.by_name("HIL_SENSOR")
 
 
 def columns(system: int, sensors_component: int) -> tuple[Column, ...]:
-    """The messages of every tick: the sensors by who sent them, the rest by the autopilot."""
+    """Return the columns of every tick: HIL_SENSOR of its sender, the others of the autopilot."""
     own = [
         ("ATTITUDE", "I6f"),
         ("LOCAL_POSITION_NED", "I6f"),
@@ -85,13 +85,14 @@ def columns(system: int, sensors_component: int) -> tuple[Column, ...]:
     ]
     sensors = Column(system, sensors_component, _IMU, f"{_IMU.struct.size}s")
     return sensors, *(
-        Column(system, COMPONENT, dialect.by_name(name), given) for name, given in own
+        Column(system, COMPONENT, dialect.by_name(name), layout) for name, layout in own
     )
 
 
 def fields(snapshot: Snapshot, sensors: bytes) -> Sequence[tuple[Any, ...]]:
-    """One tick's fields of each column. ``sensors`` is the payload that came, trailing zeros cut
-    off or not."""
+    """Return the fields of each column for one tick.
+
+    ``sensors`` is the payload of HIL_SENSOR, with or without trailing zeros."""
     time_us = snapshot.state.time_us
     return (
         (sensors,),
@@ -103,5 +104,5 @@ def fields(snapshot: Snapshot, sensors: bytes) -> Sequence[tuple[Any, ...]]:
 
 
 def trace_names() -> dict[str, str]:
-    """What each number of the TRACE array is, by its place."""
-    return {str(place): name for place, name in enumerate(Trace._fields)}
+    """Return the name of each number of the TRACE array by its index."""
+    return {str(index): name for index, name in enumerate(Trace._fields)}

@@ -1,4 +1,4 @@
-"""When a log begins and ends: from arming to a little after disarming, or always."""
+"""Start and end of onboard logs: from arming to shortly after disarming, or always."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -21,141 +21,147 @@ from mavlink_io.services.log_transfer.source import LogFile
 P = ParamSpec("P")
 
 FLUSH_S = 0.2
-"""A killed process loses no more than what it did since."""
+"""Interval of flushes: a killed process loses at most this much of the log."""
 AFTER_DISARM_US, AFTER_DISARM_WALL_S = 2 * US_PER_S, 1.0
-"""How long a log goes on after disarming: by vehicle time, or by the wall clock where that comes
-first."""
+"""Duration of a log after disarming, in vehicle and wall time; the first to expire ends it."""
 
 
 class OnboardLog:
-    """Keeps one log at a time. Whatever happens to its disk, the flight goes on."""
+    """Writes one log at a time. Errors of the disk end the log but never the flight."""
 
     def __init__(self, vehicle: Vehicle, folder: Path | None, version: str = "") -> None:
-        """Without a ``folder`` nothing is logged."""
+        """Log to ``folder``; None turns logging off."""
         self._vehicle, self._version = vehicle, version
-        self.store = LogStore(folder, self._being_written) if folder else None
-        self._guard = Guard(vehicle.say)
-        self._entry: LogSession | None = None
+        self.store = LogStore(folder, self._path_being_written) if folder else None
+        self._guard = Guard(vehicle.send_statustext)
+        self._session: LogSession | None = None
         self._file: BackgroundFile | None = None
         self._path: Path | None = None
         self._armed = False
-        self._given_up = False
+        self._failed = False
         self._disarmed_us, self._disarmed_s = 0, 0.0
         self._newest_us = -1
         self._flush = Every(FLUSH_S)
 
-    def tick(self, heard: Sequence[Frame]) -> None:
-        """Log what became of the frames that came for a tick, the sensors' last."""
+    def tick(self, frames: Sequence[Frame]) -> None:
+        """Log a tick with its received frames, the HIL_SENSOR frame last."""
         if self.store is not None:
-            self._run(self._tick, heard)
+            self._run(self._tick, frames)
 
-    def note(self, message: MessageType, values: tuple[Any, ...]) -> None:
-        """Log what the vehicle says: an event, a changed parameter, an acknowledgement."""
+    def log_sent(self, message: MessageType, values: tuple[Any, ...]) -> None:
+        """Log a sent message: an event, a changed parameter or an acknowledgement."""
         if self.store is not None:
-            self._run(self._note, message, values)
+            self._run(self._log_sent, message, values)
 
-    def hear(self, frame: Frame) -> None:
-        """Log what ground says, if it can change what the vehicle does."""
+    def log_received(self, frame: Frame) -> None:
+        """Log a message from ground that can change the vehicle's behaviour."""
         if self.store is not None and frame.message_id in channels.LOGGED_FROM_GROUND:
-            self._run(self._hear, frame)
+            self._run(self._log_received, frame)
 
     def poll(self) -> None:
-        """Hand on what was logged, a few times a second, and say what went wrong with it."""
+        """Flush the log several times per second, and report errors of the disk."""
         if self.store is not None and self._flush.due():
             self._run(self._poll)
 
-    def _tick(self, heard: Sequence[Frame]) -> None:
-        if entry := self._follow():
-            entry.tick(heard)
+    def _tick(self, frames: Sequence[Frame]) -> None:
+        """Log a tick when a log is open."""
+        if session := self._update_session():
+            session.tick(frames)
 
-    def _note(self, message: MessageType, values: tuple[Any, ...]) -> None:
-        if entry := self._follow():
-            entry.message(message, values)
+    def _log_sent(self, message: MessageType, values: tuple[Any, ...]) -> None:
+        """Log a sent message when a log is open."""
+        if session := self._update_session():
+            session.message(message, values)
 
-    def _hear(self, frame: Frame) -> None:
-        if entry := self._follow():
-            entry.frame(frame)
+    def _log_received(self, frame: Frame) -> None:
+        """Log a received message when a log is open."""
+        if session := self._update_session():
+            session.frame(frame)
 
     def _poll(self) -> None:
-        entry = self._follow()
-        if entry is None:
+        """Flush the open log, and report its errors."""
+        session = self._update_session()
+        if session is None:
             return
-        entry.flush()
-        if entry.file.error:
-            self._vehicle.say(f"Log stopped: {entry.file.error}")
-            self._entry, self._given_up = None, True
-        elif entry.late:
-            entry.late = False
-            self._vehicle.say("Log: the disk is too slow, something is left out")
+        session.flush()
+        if session.file.error:
+            self._vehicle.send_statustext(f"Log stopped: {session.file.error}")
+            self._session, self._failed = None, True
+        elif session.overrun:
+            session.overrun = False
+            self._vehicle.send_statustext("Log: the disk is too slow, data is dropped")
 
     def files(self) -> Sequence[LogFile]:
-        """The logs there are, the oldest first."""
+        """Return the existing logs, the oldest first."""
         return self.store.files() if self.store else ()
 
     def erase(self) -> str:
-        """Remove all logs but one that is being written; returns why not, or nothing."""
+        """Remove all logs except the open one; return the error text, "" for success."""
         return self.store.erase() if self.store else ""
 
     def close(self) -> None:
-        """End the log that is under way, and wait until it is on disk."""
+        """End the open log, and wait until it is on disk."""
         self._run(self._finish)
         if self._file is not None:
             self._file.wait()
 
     def _run(self, work: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
-        """Do some work on the log; an unexpected exception ends the log and never the flight."""
+        """Call a method of the log; an unexpected exception ends the log but never the flight."""
         if self._guard.run("onboard log", work, *args, **kwargs):
             return
-        entry, self._entry, self._given_up = self._entry, None, True
-        if entry is not None and not self._guard.run("onboard log", entry.finish):
-            entry.file.close()
+        session, self._session, self._failed = self._session, None, True
+        if session is not None and not self._guard.run("onboard log", session.finish):
+            session.file.close()
 
-    def _follow(self) -> LogSession | None:
-        """The log that is to be written now, begun and ended as the vehicle is armed and
-        disarmed."""
+    def _update_session(self) -> LogSession | None:
+        """Begin or end a log by the arming state; return the log to write now."""
         state, config = self._vehicle.state, self._vehicle.params.config
         if state.armed != self._armed or state.time_us < self._newest_us:
-            self._turn(state.armed, state.time_us < self._newest_us)
+            self._on_arming_change(state.armed, state.time_us < self._newest_us)
         self._newest_us = state.time_us
         wanted = config.log_enabled and (state.armed or config.log_disarmed)
-        if self._entry is None:
-            if wanted and not self._given_up:
+        if self._session is None:
+            if wanted and not self._failed:
                 self._begin()
-        elif not wanted and not self._in_tail():
+        elif not wanted and not self._within_tail():
             self._finish()
-        return self._entry
+        return self._session
 
-    def _turn(self, armed: bool, restarted: bool) -> None:
-        """Arming begins a new log; so does vehicle time that begins again."""
+    def _on_arming_change(self, armed: bool, restarted: bool) -> None:
+        """End the log when the vehicle is armed or vehicle time restarts; record the time."""
         if armed or restarted:
             self._finish()
-            self._given_up = False
+            self._failed = False
         self._disarmed_us, self._disarmed_s = self._vehicle.state.time_us, wall_s()
         self._armed = armed
 
-    def _in_tail(self) -> bool:
+    def _within_tail(self) -> bool:
+        """Return whether the log still continues after disarming."""
         since_us = self._vehicle.state.time_us - self._disarmed_us
         return since_us < AFTER_DISARM_US and wall_s() - self._disarmed_s < AFTER_DISARM_WALL_S
 
     def _begin(self) -> None:
+        """Begin a new log."""
         config, now_s = self._vehicle.params.config, time.time()
         limits = StorageLimits(config.log_max_mb, config.log_free_mb)
-        assert self.store is not None, "nothing begins without a folder"
+        assert self.store is not None, "no log begins without a folder"
         file = BackgroundFile(
             partial(self._open, now_s, limits), partial(self.store.make_room, limits), self._file
         )
-        self._entry, self._file = LogSession(self._vehicle, file, self._version), file
+        self._session, self._file = LogSession(self._vehicle, file, self._version), file
 
     def _open(self, unix_s: float, limits: StorageLimits) -> BinaryIO:
-        """Called by the thread that writes: a slow disk may take its time to open a file, too."""
-        assert self.store is not None, "nothing is opened without a folder"
+        """Open the next file; called by the writer thread, because a slow disk delays it."""
+        assert self.store is not None, "no file is opened without a folder"
         self._path, file = self.store.create(unix_s, limits)
         return file
 
     def _finish(self) -> None:
-        if self._entry is not None:
-            self._entry.finish()
-            self._entry = None
+        """End the open log without waiting for the disk."""
+        if self._session is not None:
+            self._session.finish()
+            self._session = None
 
-    def _being_written(self) -> Path | None:
+    def _path_being_written(self) -> Path | None:
+        """Return the path of the open log."""
         return self._path if self._file is not None and self._file.writing else None

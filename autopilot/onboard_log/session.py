@@ -1,4 +1,4 @@
-"""One log under way: the vehicle's ticks, her words and ground's, in the format of every log."""
+"""One open log: ticks, sent and received messages in the common log format (MCAP)."""
 
 import time
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from typing import Any
 
 from autopilot.onboard_log import channels
 from autopilot.onboard_log.writer import BackgroundFile
-from autopilot.telemetry.encoding import packed
+from autopilot.telemetry.encoding import pack_payload
 from autopilot.telemetry.identity import COMPONENT
 from autopilot.vehicle import Vehicle
 from mavlink_io import dialect
@@ -17,25 +17,26 @@ from mavlink_io.request import MavlinkId
 from mavlink_io.services.missions import item_fields
 
 MAX_UNWRITTEN_CHUNKS = 250
-"""When so much waits for the disk, some 15 MB, the log leaves out rather than take all memory."""
+"""Queue length for the disk, about 15 MB, above which ticks are dropped to limit memory."""
 
 
 class LogSession:
-    """Call ``finish`` at its end. ``log_time`` is the UNIX time at which it began plus vehicle time
-    since then."""
+    """Writes one log; call ``finish`` at its end.
+
+    ``log_time`` is the UNIX time of the start plus the vehicle time since then."""
 
     def __init__(self, vehicle: Vehicle, file: BackgroundFile, version: str) -> None:
         self._vehicle, self.file = vehicle, file
-        self._log = MavlinkLog(file, file.later)
+        self._log = MavlinkLog(file, file.enqueue)
         self._system = vehicle.system
-        self._began_us = vehicle.state.time_us
-        self._zero_ns = time.time_ns() - self._began_us * 1000
+        self._start_us = vehicle.state.time_us
+        self._zero_ns = time.time_ns() - self._start_us * 1000
         self._channels: dict[tuple[int, int, int], Channel] = {}
         self._sequences: dict[tuple[int, int], int] = {}
         self._table: MessageTable | None = None
         self._slot = -1
-        self.late = False
-        """Whether something had to be left out."""
+        self.overrun = False
+        """Whether ticks were dropped because the disk is too slow."""
         self._describe(version)
 
     @property
@@ -43,33 +44,33 @@ class LogSession:
         """Vehicle time of the newest tick."""
         return self._vehicle.state.time_us
 
-    def tick(self, heard: Sequence[Frame]) -> None:
-        """Write one tick: the frames that came for it, the sensors' last, and what became of it."""
+    def tick(self, frames: Sequence[Frame]) -> None:
+        """Write one tick: its received frames, HIL_SENSOR last, and the resulting state."""
         if self.file.waiting > MAX_UNWRITTEN_CHUNKS:
-            self.late = True
+            self.overrun = True
             return
-        for frame in heard[:-1]:
+        for frame in frames[:-1]:
             self.frame(frame, self._system)
-        sensors, snapshot = heard[-1], self._vehicle.snapshot()
+        sensors, snapshot = frames[-1], self._vehicle.snapshot()
         if self._table is None:
             self._table = self._log.table(channels.columns(self._system, sensors.component))
-        own = self._next(self._system, COMPONENT, 4)
-        sequences = self._next(self._system, sensors.component), own, own + 1, own + 2, own + 3
+        own = self._next_sequence(self._system, COMPONENT, 4)
+        sensor_sequence = self._next_sequence(self._system, sensors.component)
+        sequences = sensor_sequence, own, own + 1, own + 2, own + 3
         self._table.write(self._now_ns(), channels.fields(snapshot, sensors.payload), sequences)
         slot = self.time_us // channels.SLOT_US
         if slot != self._slot:
             self._slot = slot
-            for stream, slots in channels.SLOW:
+            for stream, slots in channels.SLOW_CHANNELS:
                 if slot % slots == 0:
                     self.message(stream.message, stream.build(snapshot))
 
     def message(self, message: MessageType, values: tuple[Any, ...]) -> None:
-        """Write something that the autopilot says."""
-        self._write(self._system, COMPONENT, message, packed(message, values))
+        """Write a message of the autopilot."""
+        self._write(self._system, COMPONENT, message, pack_payload(message, values))
 
     def frame(self, frame: Frame, system: int | None = None) -> None:
-        """Write something that others say; what the vehicle's own devices say counts as of her
-        system."""
+        """Write a received frame; ``system`` replaces its system id (for onboard devices)."""
         message = dialect.by_id(frame.message_id)
         assert message is not None, "the codec lets only known messages pass"
         self._write(
@@ -77,16 +78,16 @@ class LogSession:
         )
 
     def flush(self) -> None:
-        """Hand what was written to the disk."""
+        """Pass the buffered data to the writer thread."""
         self._log.flush()
 
     def finish(self) -> None:
-        """Write the index and let the file end. Does not wait for the disk."""
+        """Write the index and close the file, without waiting for the disk."""
         self._log.finish()
         self.file.close()
 
     def _describe(self, version: str) -> None:
-        """What was flown, and with which parameters and mission."""
+        """Write vehicle, software version, parameters and mission at the start of the log."""
         now_ns, params = self._now_ns(), self._vehicle.params
         self._log.annotate(
             "vehicle", {"system": str(self._system), "autopilot": f"caribou {version}"}
@@ -101,18 +102,19 @@ class LogSession:
             self.message(item_message, item_message.values(**item_fields(item, MavlinkId(0, 0))))
 
     def _write(self, system: int, component: int, message: MessageType, payload: bytes) -> None:
+        """Write a payload on the channel of its sender and message."""
         key = system, component, message.message_id
         channel = self._channels.get(key)
         if channel is None:
             channel = self._channels[key] = self._log.channel(system, component, message)
-        self._log.write(channel, self._now_ns(), payload, self._next(system, component))
+        self._log.write(channel, self._now_ns(), payload, self._next_sequence(system, component))
 
     def _now_ns(self) -> int:
+        """Return the log time: UNIX time in ns."""
         return self._zero_ns + self.time_us * 1000
 
-    def _next(self, system: int, component: int, count: int = 1) -> int:
-        """The first of the next ``count`` sequence numbers of a sender: none is missing, as nothing
-        is lost."""
+    def _next_sequence(self, system: int, component: int, count: int = 1) -> int:
+        """Reserve ``count`` sequence numbers of a sender and return the first of them."""
         sender = system, component
         first = self._sequences.get(sender, 0)
         self._sequences[sender] = first + count

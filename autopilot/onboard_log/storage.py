@@ -1,4 +1,4 @@
-"""The folder of logs: numbered files, of which the oldest make room for the newest."""
+"""Log folder: numbered files; the oldest are removed to make room for the newest."""
 
 import os
 import re
@@ -18,42 +18,41 @@ _STAMP = "%Y%m%dT%H%M%SZ"
 
 
 class StorageLimits(NamedTuple):
-    """How much room logs may take."""
+    """Limits of the disk space of logs."""
 
-    most_mb: float
-    """All of them together."""
-    free_mb: float
-    """What the disk must keep free."""
+    max_mb: float
+    """Maximum size of all logs together (MB)."""
+    min_free_mb: float
+    """Minimum free space of the disk (MB)."""
 
 
 def default_folder() -> Path:
-    """Where logs lie when nobody says."""
+    """Return the default log folder."""
     return user_data_dir() / "logs"
 
 
 class LogStore:
-    """The logs in a folder, named by number and by when they began:
-    ``00012-20260131T120000Z.mcap``."""
+    """Logs in a folder, named by number and start time: ``00012-20260131T120000Z.mcap``."""
 
     def __init__(self, folder: Path, in_use: Callable[[], Path | None] = lambda: None) -> None:
-        """``in_use`` tells which log is being written; it is never removed."""
+        """Use ``folder``; ``in_use`` returns the path of the open log, which is never removed."""
         self.folder, self._in_use = folder, in_use
 
     def files(self) -> list[LogFile]:
-        """The logs there are, the oldest first; none where the folder cannot be read."""
+        """Return the logs, the oldest first; none when the folder cannot be read."""
         try:
             entries = [(_NAME.fullmatch(entry.name), entry) for entry in os.scandir(self.folder)]
-            found = [
+            logs = [
                 LogFile(Path(entry.path), int(name[1]), entry.stat().st_size, _unix_s(name[2]))
                 for name, entry in entries
                 if name and entry.is_file(follow_symlinks=False)
             ]
         except OSError:
             return []
-        return sorted(found, key=lambda log: log.number)
+        return sorted(logs, key=lambda log: log.number)
 
     def create(self, unix_s: float, limits: StorageLimits) -> tuple[Path, BinaryIO]:
-        """Open the next log, the oldest removed where there is no room. Raises OSError."""
+        """Make room and open the next log; return its path and file. Raises OSError."""
         self.folder.mkdir(parents=True, exist_ok=True)
         self.make_room(limits)
         number = max((log.number for log in self.files()), default=0) + 1
@@ -62,17 +61,16 @@ class LogStore:
             path = self.folder / f"{number:05d}-{stamp}.mcap"
             try:
                 return path, path.open("xb")
-            except FileExistsError:  # another autopilot writes here too
+            except FileExistsError:  # another autopilot uses the same folder
                 number += 1
 
     def make_room(self, limits: StorageLimits) -> None:
-        """Remove the oldest logs until the limits are kept. Raises OSError when that is not
-        enough."""
+        """Remove the oldest logs until the limits are met. Raises OSError when they cannot be."""
         removable = [log for log in self.files() if log.path != self._in_use()]
         used = sum(log.bytes for log in self.files())
         while (
-            used > limits.most_mb * BYTES_PER_MB
-            or self._free_bytes() < limits.free_mb * BYTES_PER_MB
+            used > limits.max_mb * BYTES_PER_MB
+            or self._free_bytes() < limits.min_free_mb * BYTES_PER_MB
         ):
             if not removable:
                 raise OSError(ENOSPC, f"no room left for logs in {self.folder}")
@@ -81,7 +79,7 @@ class LogStore:
             used -= oldest.bytes
 
     def erase(self) -> str:
-        """Remove all logs but the one that is being written; returns why not, or nothing."""
+        """Remove all logs except the open one; return the error text, "" for success."""
         try:
             for log in self.files():
                 if log.path != self._in_use():
@@ -91,10 +89,12 @@ class LogStore:
         return ""
 
     def _free_bytes(self) -> int:
+        """Return the free space of the disk."""
         return shutil.disk_usage(self.folder).free
 
 
 def _unix_s(stamp: str) -> int:
+    """Return the UNIX time of a file name; 0 when it is not a valid time."""
     try:
         return round(datetime.strptime(stamp, _STAMP).replace(tzinfo=UTC).timestamp())
     except ValueError:

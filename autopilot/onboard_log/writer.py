@@ -1,5 +1,4 @@
-"""A file on a disk that may be slow: a thread of its own compresses and writes, so that no tick
-ever waits."""
+"""File written by a separate thread, so that a slow disk never delays a tick."""
 
 import os
 from collections.abc import Callable
@@ -10,58 +9,57 @@ from typing import BinaryIO
 from mavlink_io.clock import Every
 
 SYNC_S = 2.0
-"""How often the operating system is asked to bring what it has to the disk itself: a vehicle may
-lose her power."""
+"""Interval of fsync: data on the disk survives a loss of power."""
 FREE_SPACE_CHECK_BYTES = 1_000_000
+"""Number of bytes written between two checks of the free space."""
 FINISH_TIMEOUT_S = 10.0
-"""How long the end of a process waits for a slow disk."""
+"""Longest wait for a slow disk when the process ends."""
 
 Work = Callable[[], None]
+"""A function that the thread calls."""
 
 
 class BackgroundFile:
-    """Does work in a thread, in order. What goes wrong with the file is told by ``error`` and never
-    raised."""
+    """Runs queued work in a thread, in order. Errors are stored in ``error``, never raised."""
 
     def __init__(
         self,
         open_file: Callable[[], BinaryIO],
         make_room: Work,
-        before: "BackgroundFile | None" = None,
+        previous: "BackgroundFile | None" = None,
     ) -> None:
-        """``make_room`` is called now and then, and raises OSError when the file has to end.
+        """Start the thread; it opens the file after ``previous``, so that log numbers increase.
 
-        The file is opened after the one ``before``: their names tell which came first.
+        ``make_room`` is called regularly, and raises OSError when the file must end.
         """
-        self._open, self._make_room, self._before = open_file, make_room, before
+        self._open, self._make_room, self._previous = open_file, make_room, previous
         self._opened = Event()
         self._queue: SimpleQueue[Work | None] = SimpleQueue()
-        self._given = self._done = 0
+        self._queued_count = self._done_count = 0
         self._unchecked_bytes = 0
         self._sync = Every(SYNC_S)
         self.error = ""
-        """Why writing has ended before its time; empty while all is well."""
+        """Reason why writing has failed; "" without an error."""
         self._thread = Thread(target=self._run, name="log", daemon=True)
         self._thread.start()
 
     @property
     def waiting(self) -> int:
-        """How many pieces of work are not done yet."""
-        return self._given - self._done
+        """Number of queued pieces of work that are not done."""
+        return self._queued_count - self._done_count
 
     @property
     def writing(self) -> bool:
-        """Whether more may still reach the file."""
+        """Whether the thread may still write to the file."""
         return self._thread.is_alive()
 
-    def later(self, work: Work) -> None:
-        """Have the thread do some work that writes; nothing more is done once the file has
-        failed."""
-        self._given += 1
+    def enqueue(self, work: Work) -> None:
+        """Queue work for the thread. After an error of the file, work is no longer done."""
+        self._queued_count += 1
         self._queue.put(work)
 
     def write(self, data: bytes, /) -> None:
-        """For the thread only: write, and see now and then that there is room."""
+        """Write data, and check the free space regularly. Only for the thread."""
         self._file.write(data)
         self._unchecked_bytes += len(data)
         if self._unchecked_bytes > FREE_SPACE_CHECK_BYTES:
@@ -69,23 +67,24 @@ class BackgroundFile:
             self._make_room()
 
     def flush(self) -> None:
-        """For the thread only: hand what was written to the operating system, and now and then to
-        the disk."""
+        """Flush to the operating system, and to the disk every SYNC_S. Only for the thread."""
         self._file.flush()
         if self._sync.due():
             os.fsync(self._file.fileno())
 
     def close(self) -> None:
-        """Nothing more is to come. Returns at once; ``wait`` waits until all is done."""
+        """End the file after the queued work. Returns at once; use ``wait`` to wait."""
         self._queue.put(None)
 
     def wait(self) -> None:
+        """Wait until the file is closed, at most FINISH_TIMEOUT_S."""
         self._thread.join(FINISH_TIMEOUT_S)
 
     def _run(self) -> None:
-        if self._before is not None:
-            self._before._opened.wait()
-            self._before = None
+        """Open the file and run the queued work."""
+        if self._previous is not None:
+            self._previous._opened.wait()
+            self._previous = None
         try:
             file = self._open()
         except Exception as error:
@@ -97,12 +96,13 @@ class BackgroundFile:
             with file as self._file:
                 while work := self._queue.get():
                     work()
-                    self._done += 1
+                    self._done_count += 1
         except Exception as error:
             self.error = _reason(error)
 
 
 def _reason(error: Exception) -> str:
+    """Return the text of an error."""
     if not isinstance(error, OSError):
         return f"internal error: {type(error).__name__} {error}"
     return f"{error.strerror or error}" + (f": {error.filename}" if error.filename else "")

@@ -1,1 +1,1 @@
-"""Telemetry messages and the vehicle's identity."""
+"""Telemetry messages and the identity of the vehicle."""

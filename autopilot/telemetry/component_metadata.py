@@ -1,9 +1,10 @@
-"""Component metadata: what parameters mean, as JSON that ground stations fetch over FTP.
+"""Component metadata: descriptions of the parameters as JSON, offered over MAVLink FTP.
 
 Sources: https://mavlink.io/en/services/component_metadata.html, and the schemas of
 mavlink/mavlink's folder ``component_metadata``: general.schema.json, parameter.schema.json. Both
-files say version 1 as PX4's do: QGroundControl reads no other (CompInfoGeneral::setJson,
-CompInfoParam::setJson), though the second schema asks for 3 or more."""
+files have version 1, like those of PX4: QGroundControl reads no other version
+(CompInfoGeneral::setJson, CompInfoParam::setJson), although the second schema requires 3 or
+more."""
 
 import json
 from functools import cache
@@ -15,6 +16,7 @@ from mavlink_io.services.ftp.payload import crc32
 
 GENERAL_PATH, PARAMETERS_PATH = "/metadata/general.json", "/metadata/parameters.json"
 _FORMAT = 1
+"""Version of both files."""
 _PARAMETER_TYPE = 1
 """COMP_METADATA_TYPE_PARAMETER."""
 _GROUPS = {
@@ -44,28 +46,30 @@ _GROUPS = {
     "THR": "Speed",
     "TRIM": "Actuators",
 }
-"""By what a name begins with; others are called by that."""
+"""Group title by name prefix; the prefix is the title of other groups."""
 _REBOOT_REQUIRED = frozenset(("MAV_SYS_ID",))
+"""Parameters that take effect after a restart."""
 
 
 def uri(path: str) -> str:
-    """Where a file lies, for whoever has only the text to go by."""
+    """Return the URI of a file on the vehicle."""
     return f"mftp://{path}"
 
 
 @cache
 def parameters_json() -> bytes:
-    """Every parameter with its range, unit and meaning."""
+    """Return all parameters with range, unit and description as JSON."""
     return _json({"version": _FORMAT, "parameters": [_describe(row) for row in PARAMETERS]})
 
 
 @cache
 def general_json() -> bytes:
-    """What other files there are. Only real releases have a version of the form that the schema
-    asks for."""
+    """Return the list of metadata files as JSON.
+
+    The schema requires a version of three numbers; any other version is given as 0.0.0."""
     numbers = version().split(".")
     release = version() if len(numbers) == 3 and all(n.isdecimal() for n in numbers) else "0.0.0"
-    there = {
+    parameter_file = {
         "type": _PARAMETER_TYPE,
         "uri": uri(PARAMETERS_PATH),
         "fileCrc": crc32(parameters_json()),
@@ -76,23 +80,24 @@ def general_json() -> bytes:
             "vendorName": "Caribou",
             "modelName": "Caribou AUV",
             "firmwareVersion": release,
-            "metadataTypes": [there],
+            "metadataTypes": [parameter_file],
         }
     )
 
 
 def general_crc() -> int:
-    """By which a client knows whether it has the files already."""
+    """Return the CRC-32 of the list; a client compares it with that of its cached copy."""
     return crc32(general_json())
 
 
 def component_metadata(time_boot_ms: int) -> tuple[Any, ...]:
-    """COMPONENT_METADATA's fields in wire order."""
+    """Return the fields of COMPONENT_METADATA in wire order."""
     return time_boot_ms, general_crc(), uri(GENERAL_PATH)
 
 
 def _describe(row: ParamInfo) -> dict[str, Any]:
-    described: dict[str, Any] = {
+    """Return the JSON object of a parameter."""
+    description: dict[str, Any] = {
         "name": row.name,
         "type": "Float",
         "group": _GROUPS.get(row.name.split("_", 1)[0], row.name.split("_", 1)[0]),
@@ -104,11 +109,12 @@ def _describe(row: ParamInfo) -> dict[str, Any]:
         "max": row.maximum,
     }
     if row.integer:
-        described |= {"decimalPlaces": 0, "increment": 1}
+        description |= {"decimalPlaces": 0, "increment": 1}
     if row.name in _REBOOT_REQUIRED:
-        described["rebootRequired"] = True
-    return described
+        description["rebootRequired"] = True
+    return description
 
 
 def _json(content: Any) -> bytes:
+    """Return compact JSON."""
     return json.dumps(content, separators=(",", ":")).encode()

@@ -1,4 +1,4 @@
-"""What the builders of messages share: times, and numbers that fit their field whatever they are.
+"""Conversions shared by the message builders: times, and numbers limited to their field.
 
 The time since boot wraps after 2^32 ms (49.7 days), as MAVLink's ``time_boot_ms`` does everywhere.
 """
@@ -16,42 +16,47 @@ Builder = Callable[[Snapshot], Values]
 
 
 def time_us(s: Snapshot) -> int:
+    """Return vehicle time in us; 0 before the first sample."""
     return max(0, s.state.time_us)
 
 
 def boot_ms(s: Snapshot) -> int:
+    """Return vehicle time in ms, modulo 2^32."""
     return max(0, s.state.time_us) // 1000 & 0xFFFF_FFFF
 
 
-def clamp(value: float, least: int, most: int) -> int:
-    """The nearest whole number that the field holds; its least where there is no number at all."""
+def clamp(value: float, minimum: int, maximum: int) -> int:
+    """Return the nearest integer within the limits; the minimum for NaN."""
     if math.isnan(value):
-        return least
-    return round(max(least, min(most, value)))
+        return minimum
+    return round(max(minimum, min(maximum, value)))
 
 
 def int16(value: float) -> int:
+    """Return the nearest int16."""
     return clamp(value, -32_768, 32_767)
 
 
 def int32(value: float) -> int:
+    """Return the nearest int32."""
     return clamp(value, -(1 << 31), (1 << 31) - 1)
 
 
 def uint16(value: float) -> int:
-    """Below the field's mark of an unknown value."""
+    """Return the nearest uint16 below UNKNOWN_U16, which marks an unknown value."""
     return clamp(value, 0, UNKNOWN_U16 - 1)
 
 
 def uint32(value: float) -> int:
+    """Return the nearest uint32."""
     return clamp(value, 0, (1 << 32) - 1)
 
 
-def encoded(endpoint: Endpoint, message: MessageType, values: Values) -> bytes:
-    """Return the next frame of ``endpoint``: all that the autopilot sends to ground is packed here.
+def encode_frame(endpoint: Endpoint, message: MessageType, values: Values) -> bytes:
+    """Return the next frame of ``endpoint``; all messages to ground are packed here.
 
-    A number that its field cannot hold is replaced by the nearest one that it can. A value that is
-    missing or of another type raises struct.error or TypeError: that is a mistake of this program.
+    A number outside the range of its field is replaced by the nearest one inside. A value that is
+    missing or has a wrong type raises struct.error or TypeError: that is a programming error.
     """
     try:
         return endpoint.encode_values(message, values)
@@ -59,8 +64,8 @@ def encoded(endpoint: Endpoint, message: MessageType, values: Values) -> bytes:
         return endpoint.encode_values(message, message.clamped(values))
 
 
-def packed(message: MessageType, values: Values) -> bytes:
-    """Return the payload of a message for the log, with numbers treated as by ``encoded``."""
+def pack_payload(message: MessageType, values: Values) -> bytes:
+    """Return the payload of a message for the log, with numbers limited as in ``encode_frame``."""
     try:
         return message.pack(values)
     except (struct.error, OverflowError):
@@ -68,5 +73,5 @@ def packed(message: MessageType, values: Values) -> bytes:
 
 
 def centidegrees(angle_rad: float) -> int:
-    """Of a heading: 0 to 35999."""
+    """Return a heading in centidegrees, 0 to 35999."""
     return clamp(math.degrees(angle_rad) % 360.0 * 100.0, 0, 36_000) % 36_000

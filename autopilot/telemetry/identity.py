@@ -1,4 +1,4 @@
-"""Who the vehicle is: HEARTBEAT, version, modes. One byte differs between its two personalities."""
+"""Identity of the vehicle: HEARTBEAT, version and modes."""
 
 from enum import StrEnum
 from importlib import metadata
@@ -12,7 +12,7 @@ from mavlink_io.dialect import constant
 from mavlink_io.records import ARMED_FLAG, CUSTOM_MODE_FLAG
 
 COMPONENT = constant("MAV_COMP_ID_AUTOPILOT1")
-"""MAVSDK and MAVProxy discover an autopilot by this component id only."""
+"""Component id of the autopilot; MAVSDK and MAVProxy recognise an autopilot by it."""
 
 _SUBMARINE = constant("MAV_TYPE_SUBMARINE")
 _BOOT, _STANDBY = constant("MAV_STATE_BOOT"), constant("MAV_STATE_STANDBY")
@@ -33,49 +33,50 @@ _CAPABILITIES = sum(
         "SET_POSITION_TARGET_GLOBAL_INT",
     )
 )
-"""Without MISSION_INT MAVSDK refuses every mission; BYTEWISE is true of REAL32 parameters."""
+"""MAV_PROTOCOL_CAPABILITY bits. MAVSDK needs MISSION_INT; BYTEWISE holds for REAL32 parameters."""
 
 
 class AutopilotId(StrEnum):
-    """HEARTBEAT.autopilot: ``px4`` lets QGroundControl's mode buttons work."""
+    """Values of HEARTBEAT.autopilot: with ``px4`` the mode buttons of QGroundControl work."""
 
     GENERIC = "generic"
     PX4 = "px4"
 
     @property
     def number(self) -> int:
+        """MAV_AUTOPILOT value."""
         return constant(f"MAV_AUTOPILOT_{self.name}")
 
 
 def heartbeat(state: AutopilotState, autopilot: AutopilotId) -> tuple[Any, ...]:
-    """HEARTBEAT's fields in wire order."""
+    """Return the fields of HEARTBEAT in wire order."""
     base_mode = CUSTOM_MODE_FLAG | (ARMED_FLAG if state.armed else 0)
     return state.mode, _SUBMARINE, autopilot.number, base_mode, mav_state(state), _MAVLINK_VERSION
 
 
 def mav_state(state: AutopilotState) -> int:
-    """MAV_STATE."""
+    """Return the MAV_STATE: leak, failsafe or fault, armed, in this order of priority."""
     if not state.estimate.initialised:
         return _BOOT
-    wrong = monitor.active_faults(state.health) if state.health.doubts else {}
-    if LEAK in wrong:
+    faults = monitor.active_faults(state.health) if state.health.doubts else {}
+    if LEAK in faults:
         return _EMERGENCY
-    if state.failsafe or wrong:
+    if state.failsafe or faults:
         return _CRITICAL
     return _ACTIVE if state.armed else _STANDBY
 
 
 def current_mode(state: AutopilotState, intended_mode: int) -> tuple[Any, ...]:
-    """CURRENT_MODE's fields in wire order."""
+    """Return the fields of CURRENT_MODE in wire order."""
     mode = modes.by_number(state.mode)
     return state.mode, intended_mode, mode.standard_mode if mode else 0
 
 
 def available_mode(index: int) -> tuple[Any, ...]:
-    """AVAILABLE_MODES's fields in wire order of one mode, counted from 1. Raises IndexError beyond
-    the last.
+    """Return the fields of AVAILABLE_MODES in wire order for one mode; ``index`` starts at 1.
 
-    A standard mode has no name of its own: clients call it what they call it on every vehicle.
+    The name of a standard mode is empty: clients use their own name for it. Raises IndexError for
+    an index outside the table.
     """
     if index < 1:
         raise IndexError(index)
@@ -86,13 +87,13 @@ def available_mode(index: int) -> tuple[Any, ...]:
 
 
 def autopilot_version(system: int) -> tuple[Any, ...]:
-    """AUTOPILOT_VERSION's fields in wire order."""
+    """Return the fields of AUTOPILOT_VERSION in wire order."""
     none8, none18 = (0,) * 8, (0,) * 18
     return _CAPABILITIES, system, _software_version(), 0, 0, 0, 0, 0, none8, none8, none8, none18
 
 
 def version() -> str:
-    """The release, such as ``0.1.0``; ``0`` where the package is not installed."""
+    """Return the version of the package, for example ``0.1.0``; ``0`` when it is not installed."""
     try:
         return metadata.version("caribou-auv")
     except metadata.PackageNotFoundError:
@@ -100,7 +101,7 @@ def version() -> str:
 
 
 def _software_version() -> int:
-    """Major, minor, patch and type of the release, a byte each."""
+    """Return major, minor, patch and release type as the four bytes of an integer."""
     numbers = version().split(".")[:3]
     major, minor, patch = (int(n) if n.isdecimal() else 0 for n in (*numbers, "0", "0")[:3])
     return major << 24 | minor << 16 | patch << 8

@@ -1,9 +1,9 @@
-"""Where she is and where she is going, as messages: how sure she is of it goes with it."""
+"""Position, velocity, path and their uncertainties as messages."""
 
 import math
 
 from autopilot.control import guidance
-from autopilot.control import navigation as plot
+from autopilot.control import navigation as dead_reckoning
 from autopilot.control.failsafe import depth_unknown
 from autopilot.control.setpoints import TrackLine
 from autopilot.telemetry.encoding import boot_ms, int16, time_us, uint16
@@ -13,13 +13,14 @@ from mavlink_io.frames import rotate_back
 
 _GLOBAL_NED, _CHILD_FRD = constant("MAV_FRAME_LOCAL_NED"), constant("MAV_FRAME_BODY_FRD")
 _ALL_BUT_DEPTH_AND_YAW = 0b1001_1111_1011
-_PLACE = 0b11
-"""POSITION_TARGET_TYPEMASK: what is ignored, and of that x and y."""
+"""POSITION_TARGET_TYPEMASK: fields that are ignored."""
+_XY = 0b11
+"""POSITION_TARGET_TYPEMASK: x and y."""
 _DEPTH_SD_M, _TILT_SD_RAD, _HEADING_SD_RAD = 0.1, math.radians(0.5), math.radians(1.0)
-"""Of depth and attitude, by the instruments' kind: nobody on board estimates them."""
+"""Assumed standard deviations of depth, roll and pitch, and heading; they are not estimated."""
 _NO_RATIOS = (math.nan,) * 6
-"""Innovations over their gates are not kept."""
-_ALWAYS, _ABSOLUTE, _DEEP, _ABOVE_FLOOR, _GLITCH = (
+"""Innovation test ratios of ESTIMATOR_STATUS: not available."""
+_ALWAYS, _ABSOLUTE, _DEPTH, _ABOVE_GROUND, _GLITCH = (
     sum(constant(f"ESTIMATOR_{name}") for name in names)
     for names in (
         ("ATTITUDE", "VELOCITY_HORIZ", "VELOCITY_VERT", "POS_HORIZ_REL", "PRED_POS_HORIZ_REL"),
@@ -29,37 +30,50 @@ _ALWAYS, _ABSOLUTE, _DEEP, _ABOVE_FLOOR, _GLITCH = (
         ("GPS_GLITCH",),
     )
 )
+"""Bits of ESTIMATOR_STATUS_FLAGS."""
 
 
 def navigation(s: Snapshot) -> Values:
-    """Bearings of what is steered and of the target; without a path the target is where she points
-    to."""
-    wanted, path = s.state.setpoint, s.state.path
-    ahead = target = int16(math.degrees(wanted.heading_rad))
-    to_go_m = cross_m = 0.0
+    """Return NAV_CONTROLLER_OUTPUT: set-points in deg, distance to go and cross-track error in m.
+
+    Without a path the target bearing is the heading set-point."""
+    setpoint, path = s.state.setpoint, s.state.path
+    heading_deg = target_bearing_deg = int16(math.degrees(setpoint.heading_rad))
+    distance_m = cross_track_m = 0.0
     if path is not None:
-        to_go_m, bearing_rad, cross_m = guidance.progress(path, s.state.estimate)
-        target = int16(math.degrees(bearing_rad))
+        distance_m, bearing_rad, cross_track_m = guidance.progress(path, s.state.estimate)
+        target_bearing_deg = int16(math.degrees(bearing_rad))
     pitch_deg = math.degrees(s.trace.pitch_setpoint_rad)
-    return 0.0, pitch_deg, -s.trace.depth_error_m, 0.0, cross_m, ahead, target, uint16(to_go_m)
+    return (
+        0.0,
+        pitch_deg,
+        -s.trace.depth_error_m,
+        0.0,
+        cross_track_m,
+        heading_deg,
+        target_bearing_deg,
+        uint16(distance_m),
+    )
 
 
 def position_target(s: Snapshot) -> Values:
-    """Depth and heading, and the end of the line or the centre of the circle where there is one."""
-    wanted, path, ignored, place = s.state.setpoint, s.state.path, _ALL_BUT_DEPTH_AND_YAW, 0j
+    """Return POSITION_TARGET_LOCAL_NED: end of the line or centre of the circle, and heading.
+
+    Position and depth in m, north-east-down; heading in rad."""
+    setpoint, path, ignored, position_m = s.state.setpoint, s.state.path, _ALL_BUT_DEPTH_AND_YAW, 0j
     if path is not None:
-        place, ignored = (
+        position_m, ignored = (
             path.to_m if isinstance(path, TrackLine) else path.centre_m,
-            ignored & ~_PLACE,
+            ignored & ~_XY,
         )
-    rest = (0.0,) * 6
+    unused = (0.0,) * 6
     return (
         boot_ms(s),
-        place.real,
-        place.imag,
-        wanted.depth_m,
-        *rest,
-        wanted.heading_rad,
+        position_m.real,
+        position_m.imag,
+        setpoint.depth_m,
+        *unused,
+        setpoint.heading_rad,
         0.0,
         ignored,
         _GLOBAL_NED,
@@ -67,24 +81,34 @@ def position_target(s: Snapshot) -> Values:
 
 
 def odometry(s: Snapshot) -> Values:
-    """Velocity over ground, in body axes."""
-    at = s.state.estimate
-    velocity = rotate_back(at.attitude, (at.north_rate_mps, at.east_rate_mps, at.depth_rate_mps))
-    level = plot.velocity_sd_mps(at.navigation, at.speed_mps, s.state.time_us)
-    pose = _diagonal(
-        at.position_sd_m, at.position_sd_m, _DEPTH_SD_M, _TILT_SD_RAD, _TILT_SD_RAD, _HEADING_SD_RAD
+    """Return ODOMETRY: position in NED (m), velocity over ground in body axes (m/s)."""
+    estimate = s.state.estimate
+    velocity = rotate_back(
+        estimate.attitude,
+        (estimate.north_rate_mps, estimate.east_rate_mps, estimate.depth_rate_mps),
     )
-    motion = _diagonal(level, level, level, math.nan, math.nan, math.nan)
+    velocity_sd_mps = dead_reckoning.velocity_sd_mps(
+        estimate.navigation, estimate.speed_mps, s.state.time_us
+    )
+    pose = _diagonal(
+        estimate.position_sd_m,
+        estimate.position_sd_m,
+        _DEPTH_SD_M,
+        _TILT_SD_RAD,
+        _TILT_SD_RAD,
+        _HEADING_SD_RAD,
+    )
+    motion = _diagonal(*(velocity_sd_mps,) * 3, *(math.nan,) * 3)
     return (
         time_us(s),
-        at.north_m,
-        at.east_m,
-        at.depth_m,
-        at.attitude,
+        estimate.north_m,
+        estimate.east_m,
+        estimate.depth_m,
+        estimate.attitude,
         *velocity,
-        at.p_radps,
-        at.q_radps,
-        at.r_radps,
+        estimate.p_radps,
+        estimate.q_radps,
+        estimate.r_radps,
         pose,
         motion,
         _GLOBAL_NED,
@@ -96,34 +120,38 @@ def odometry(s: Snapshot) -> Values:
 
 
 def _diagonal(*sds: float) -> tuple[float, ...]:
-    """The upper triangle of a covariance, row by row, of six standard deviations."""
+    """Return the upper triangle, row by row, of a diagonal 6 x 6 covariance."""
     return tuple(
         sds[row] ** 2 if row == column else 0.0 for row in range(6) for column in range(row, 6)
     )
 
 
 def estimator_status(s: Snapshot) -> Values:
-    at = s.state.estimate
-    flags = _ALWAYS if at.initialised else 0
+    """Return ESTIMATOR_STATUS: flags, and standard deviations of position and depth (m)."""
+    estimate = s.state.estimate
+    flags = _ALWAYS if estimate.initialised else 0
     flags |= _ABSOLUTE if s.state.home.known else 0
-    flags |= 0 if depth_unknown(s.state, s.config) else _DEEP
-    flags |= 0 if at.altitude_m is None else _ABOVE_FLOOR
-    flags |= _GLITCH if at.navigation.fixes_refused else 0
-    return time_us(s), *_NO_RATIOS, at.position_sd_m, _DEPTH_SD_M, flags
+    flags |= 0 if depth_unknown(s.state, s.config) else _DEPTH
+    flags |= 0 if estimate.altitude_m is None else _ABOVE_GROUND
+    flags |= _GLITCH if estimate.navigation.fixes_refused else 0
+    return time_us(s), *_NO_RATIOS, estimate.position_sd_m, _DEPTH_SD_M, flags
 
 
 def current(s: Snapshot) -> Values:
-    """The estimated current, where the wind's velocity goes: towards north and east."""
-    at = s.state.estimate
-    drift, sd = at.navigation.current_mps, plot.current_sd_mps(at.navigation)
+    """Return WIND_COV with the estimated water current (m/s), positive towards north and east."""
+    estimate = s.state.estimate
+    current_mps, sd_mps = (
+        estimate.navigation.current_mps,
+        dead_reckoning.current_sd_mps(estimate.navigation),
+    )
     return (
         time_us(s),
-        drift.real,
-        drift.imag,
+        current_mps.real,
+        current_mps.imag,
         math.nan,
         math.nan,
         math.nan,
-        -at.depth_m,
-        sd,
+        -estimate.depth_m,
+        sd_mps,
         math.nan,
     )

@@ -1,5 +1,4 @@
-"""Every message that can be asked for once: the telemetry, and what is only told when somebody
-wants to know it."""
+"""Messages that ground can request once: all telemetry, and messages sent only on request."""
 
 from autopilot.telemetry import component_metadata, identity, streams
 from autopilot.telemetry.encoding import Builder, boot_ms
@@ -9,24 +8,25 @@ from mavlink_io import dialect
 from mavlink_io.dialect import MessageType, Values
 
 
-class Library:
-    """Makes the fields of messages in wire order from the vehicle as it is now."""
+class MessageBuilder:
+    """Builds the fields of messages in wire order from the present state of the vehicle."""
 
     def __init__(self, vehicle: Vehicle, autopilot: AutopilotId) -> None:
         self._vehicle = vehicle
-        rare: dict[str, Builder] = {
+        on_request: dict[str, Builder] = {
             "HEARTBEAT": lambda s: identity.heartbeat(s.state, autopilot),
             "AUTOPILOT_VERSION": lambda s: identity.autopilot_version(vehicle.system),
             "COMPONENT_METADATA": lambda s: component_metadata.component_metadata(boot_ms(s)),
             "GPS_GLOBAL_ORIGIN": streams.global_origin,
         }
-        self._rare = {dialect.by_name(name).message_id: build for name, build in rare.items()}
+        self._on_request = {
+            dialect.by_name(name).message_id: build for name, build in on_request.items()
+        }
 
     def build(self, message: MessageType) -> tuple[Values, ...]:
-        """The fields of a message, several times where it takes several; empty where it cannot be
-        asked for."""
+        """Return the fields of each message of this type; empty when it cannot be requested."""
         snapshot = self._vehicle.snapshot()
-        if build := self._rare.get(message.message_id):
+        if build := self._on_request.get(message.message_id):
             return (build(snapshot),)
         stream = streams.BY_ID.get(message.message_id)
         return () if stream is None else tuple(build(snapshot) for build in stream.builders)

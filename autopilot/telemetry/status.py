@@ -1,4 +1,4 @@
-"""How the vehicle is, as messages: health, battery, mode, mission, home."""
+"""Vehicle status as messages: health, battery, mode, mission and home."""
 
 import math
 
@@ -12,12 +12,15 @@ from autopilot.control.sensor_health.sensor_checks import (
 )
 from autopilot.telemetry import identity
 from autopilot.telemetry.encoding import clamp, int32, time_us, uint16
-from autopilot.vehicle import Snapshot, progress
+from autopilot.vehicle import Snapshot, mission_progress
 from mavlink_io import device_messages
 from mavlink_io.dialect import Values, constant
 from mavlink_io.records import Battery
 
-_SURFACED, _UNDER_WAY = constant("MAV_LANDED_STATE_ON_GROUND"), constant("MAV_LANDED_STATE_IN_AIR")
+_ON_SURFACE, _SUBMERGED = (
+    constant("MAV_LANDED_STATE_ON_GROUND"),
+    constant("MAV_LANDED_STATE_IN_AIR"),
+)
 _CHARGE_OK, _CHARGE_LOW = (
     constant("MAV_BATTERY_CHARGE_STATE_OK"),
     constant("MAV_BATTERY_CHARGE_STATE_LOW"),
@@ -52,47 +55,48 @@ _BITS = {
         monitor.DEPTH: "SENSOR_Z_ALTITUDE_CONTROL",
     }.items()
 }
-"""Where SYS_STATUS shows what: the altimeter as rangefinders are, the Doppler log as what else
-tells velocity."""
+"""Bit of SYS_STATUS by sensor. Altimeter and Doppler log use the bits of similar sensors."""
 _GEOFENCE = constant("MAV_SYS_STATUS_GEOFENCE")
-"""Healthy always, or MAVProxy announces a breach of a fence that does not exist."""
+"""Always healthy: otherwise MAVProxy reports a breach of a fence that does not exist."""
 
 
 def system_status(s: Snapshot) -> Values:
-    """GPS counts as healthy under water too: it means that the position is known, or no client ever
-    arms."""
+    """Return SYS_STATUS.
+
+    The GPS bit is healthy under water too: clients refuse to arm without it. It means that the
+    position is known."""
     sensors = _SENSORS if s.state.estimate.initialised else 0
-    seen = s.state.health
+    health = s.state.health
     extra = _device_bits(s) | (device_messages.EXTENSION_USED if s.leak else 0)
     present = _SENSORS | _CONTROLS | _PREARM | extra
-    ready = _PREARM if s.state.estimate.initialised and not monitor.prearm_failure(seen) else 0
+    ready = _PREARM if s.state.estimate.initialised and not monitor.prearm_failure(health) else 0
     enabled = _SENSORS | _PREARM | (_CONTROLS if s.state.armed else 0) | extra
-    wrong = sum(_BITS.get(name, 0) for name in monitor.active_faults(seen))
-    sound = (sensors | _CONTROLS | _GEOFENCE | ready | extra) & ~wrong
-    fitted = device_messages.LEAK_BIT if s.leak else 0
-    dry = fitted if s.leak and not s.leak.wet else 0
+    faulty = sum(_BITS.get(name, 0) for name in monitor.active_faults(health))
+    healthy = (sensors | _CONTROLS | _GEOFENCE | ready | extra) & ~faulty
+    leak_sensor = device_messages.LEAK_BIT if s.leak else 0
+    dry = leak_sensor if s.leak and not s.leak.wet else 0
     return (
         present,
         enabled,
-        sound,
+        healthy,
         0,
         *_power(s.battery),
         *(0,) * 6,
         _percent(s.battery),
-        fitted,
-        fitted,
+        leak_sensor,
+        leak_sensor,
         dry,
     )
 
 
 def _device_bits(s: Snapshot) -> int:
-    """The bits of devices that a vehicle may or may not carry."""
-    further = (BATTERY, s.battery), (ALTIMETER, s.altimeter), (DVL, s.state.health.dvl.record)
-    return sum(_BITS[name] for name, heard in further if heard is not None)
+    """Return the bits of optional devices that have sent data."""
+    devices = (BATTERY, s.battery), (ALTIMETER, s.altimeter), (DVL, s.state.health.dvl.record)
+    return sum(_BITS[name] for name, record in devices if record is not None)
 
 
 def battery(s: Snapshot) -> Values:
-    """What the gauge says; without one every field says unknown."""
+    """Return BATTERY_STATUS; every field is unknown without a battery gauge."""
     if s.battery is None:
         unknown = (device_messages.UNKNOWN_U16,) * 10
         return (
@@ -115,29 +119,35 @@ def battery(s: Snapshot) -> Values:
 
 
 def _charge_state(s: Snapshot, gauge: Battery) -> int:
-    """Low where the vehicle calls it so; critical at half of that charge, an emergency at a
-    quarter."""
+    """Return the charge state.
+
+    LOW comes from the battery fault; CRITICAL is half, EMERGENCY a quarter of its threshold."""
     if monitor.active_faults(s.state.health).get(BATTERY) != monitor.LOW:
         return _CHARGE_OK
-    share = 100.0 * gauge.remaining / s.config.fs_battery_pct if s.config.fs_battery_pct else 1.0
-    return _CHARGE_LOW + (share <= 0.5) + (share <= 0.25)
+    threshold_ratio = (
+        100.0 * gauge.remaining / s.config.fs_battery_pct if s.config.fs_battery_pct else 1.0
+    )
+    return _CHARGE_LOW + (threshold_ratio <= 0.5) + (threshold_ratio <= 0.25)
 
 
 def extended_state(s: Snapshot) -> Values:
-    afloat = not s.state.armed and s.state.estimate.depth_m < s.config.surfaced_depth_m
-    return 0, _SURFACED if afloat else _UNDER_WAY
+    """Return EXTENDED_SYS_STATE: on the surface or submerged."""
+    at_surface = not s.state.armed and s.state.estimate.depth_m < s.config.surfaced_depth_m
+    return 0, _ON_SURFACE if at_surface else _SUBMERGED
 
 
 def mission_current(s: Snapshot) -> Values:
-    return progress(s.state, s.config)
+    """Return MISSION_CURRENT."""
+    return mission_progress(s.state, s.config)
 
 
 def current_mode(s: Snapshot) -> Values:
+    """Return CURRENT_MODE."""
     return identity.current_mode(s.state, s.intended_mode)
 
 
 def home_position(s: Snapshot) -> Values:
-    """Home lies at the surface: altitude zero, whatever the satellite says."""
+    """Return HOME_POSITION; home is at the surface, so its altitude is zero."""
     home = s.state.home
     level, origin, approach = (1.0, 0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3
     return (
@@ -152,13 +162,14 @@ def home_position(s: Snapshot) -> Values:
 
 
 def _power(battery: Battery | None) -> tuple[int, int]:
-    """Voltage in mV and current in cA, as SYS_STATUS has them."""
+    """Return voltage (mV) and current (cA) for SYS_STATUS."""
     if battery is None:
         return device_messages.UNKNOWN_U16, -1
     return uint16(battery.voltage_v * 1000.0), device_messages.centiamperes(battery.current_a)
 
 
 def _percent(battery: Battery | None) -> int:
+    """Return the remaining charge in percent; -1 when it is unknown."""
     return (
         -1
         if battery is None or math.isnan(battery.remaining)

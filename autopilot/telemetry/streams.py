@@ -1,7 +1,8 @@
-"""The one table of telemetry: each message, how often by default, and how it is made of a snapshot.
+"""The telemetry table: each message, its default rate and its builder.
 
-Due by vehicle time, in whole ticks and at a fixed phase, so that identical flights give identical
-bytes. Builders return a message's fields in wire order; integers are clamped to their field."""
+Messages are due by vehicle time, in whole ticks and with a fixed phase, so that identical flights
+give identical bytes. Builders take a snapshot and return the fields of a message in wire order;
+integers are limited to the range of their field."""
 
 import math
 from typing import NamedTuple
@@ -30,83 +31,107 @@ _LOOKING_DOWN = constant("MAV_SENSOR_ROTATION_PITCH_270")
 _ULTRASOUND = constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
 _NO_FIX = constant("GPS_FIX_TYPE_NO_FIX")
 ACTUATORS_IN_USE = (1 << actuator_test.CHANNELS) - 1
+"""ACTUATOR_OUTPUT_STATUS.active: a bit per channel."""
 
 _ATTITUDE_TARGET_IGNORES = 0b111
-"""ATTITUDE_TARGET.type_mask: the body rates."""
+"""ATTITUDE_TARGET.type_mask: the body rates are ignored."""
 
 
 def attitude(s: Snapshot) -> Values:
-    at = s.state.estimate
-    return boot_ms(s), at.roll_rad, at.pitch_rad, at.heading_rad, at.p_radps, at.q_radps, at.r_radps
+    """Return ATTITUDE: Euler angles (rad) and body rates (rad/s)."""
+    e = s.state.estimate
+    return boot_ms(s), e.roll_rad, e.pitch_rad, e.heading_rad, e.p_radps, e.q_radps, e.r_radps
 
 
 def attitude_quaternion(s: Snapshot) -> Values:
-    at = s.state.estimate
-    return boot_ms(s), *at.attitude, at.p_radps, at.q_radps, at.r_radps, (0.0,) * 4
+    """Return ATTITUDE_QUATERNION: attitude (w, x, y, z) and body rates (rad/s)."""
+    e = s.state.estimate
+    return boot_ms(s), *e.attitude, e.p_radps, e.q_radps, e.r_radps, (0.0,) * 4
 
 
 def local_position(s: Snapshot) -> Values:
-    at = s.state.estimate
+    """Return LOCAL_POSITION_NED: position (m) and velocity over ground (m/s)."""
+    estimate = s.state.estimate
     return (
         boot_ms(s),
-        at.north_m,
-        at.east_m,
-        at.depth_m,
-        at.north_rate_mps,
-        at.east_rate_mps,
-        at.depth_rate_mps,
+        estimate.north_m,
+        estimate.east_m,
+        estimate.depth_m,
+        estimate.north_rate_mps,
+        estimate.east_rate_mps,
+        estimate.depth_rate_mps,
     )
 
 
 def global_position(s: Snapshot) -> Values:
-    at = s.state.estimate
+    """Return GLOBAL_POSITION_INT: degE7, mm, cm/s and cdeg."""
+    estimate = s.state.estimate
     lat, lon = position_dege7(s.state)
-    height_mm = int32(-at.depth_m * 1000.0)
+    height_mm = int32(-estimate.depth_m * 1000.0)
     vx, vy, vz = (
-        int16(v * 100.0) for v in (at.north_rate_mps, at.east_rate_mps, at.depth_rate_mps)
+        int16(v * 100.0)
+        for v in (estimate.north_rate_mps, estimate.east_rate_mps, estimate.depth_rate_mps)
     )
-    return boot_ms(s), lat, lon, height_mm, height_mm, vx, vy, vz, centidegrees(at.heading_rad)
+    return (
+        boot_ms(s),
+        lat,
+        lon,
+        height_mm,
+        height_mm,
+        vx,
+        vy,
+        vz,
+        centidegrees(estimate.heading_rad),
+    )
 
 
 def vfr_hud(s: Snapshot) -> Values:
-    at = s.state.estimate
-    over_ground = math.hypot(at.north_rate_mps, at.east_rate_mps)
+    """Return VFR_HUD: speeds (m/s), altitude (m), heading (deg) and thrust (percent)."""
+    estimate = s.state.estimate
+    ground_speed_mps = math.hypot(estimate.north_rate_mps, estimate.east_rate_mps)
     throttle = clamp(abs(s.trace.thrust) * 100.0, 0, 100)
     return (
-        at.speed_mps,
-        over_ground,
-        -at.depth_m,
-        -at.depth_rate_mps,
-        centidegrees(at.heading_rad) // 100,
+        estimate.speed_mps,
+        ground_speed_mps,
+        -estimate.depth_m,
+        -estimate.depth_rate_mps,
+        centidegrees(estimate.heading_rad) // 100,
         throttle,
     )
 
 
 def altitude(s: Snapshot) -> Values:
-    at = s.state.estimate
-    height, clearance = -at.depth_m, -1.0 if at.altitude_m is None else at.altitude_m
-    return time_us(s), height, height, height, height, -2000.0, clearance
+    """Return ALTITUDE (m): relative to the surface, and above the sea floor; -1 when unknown."""
+    estimate = s.state.estimate
+    altitude_m, clearance_m = (
+        -estimate.depth_m,
+        -1.0 if estimate.altitude_m is None else estimate.altitude_m,
+    )
+    return time_us(s), *(altitude_m,) * 4, -2000.0, clearance_m
 
 
 def water_pressure(s: Snapshot) -> Values:
+    """Return SCALED_PRESSURE2: absolute pressure (hPa) and temperature (cdegC)."""
     if s.sensors is None:
         return boot_ms(s), 0.0, 0.0, 0, 0
     return boot_ms(s), s.sensors.pressure_hpa, 0.0, int16(s.sensors.temperature_degc * 100.0), 0
 
 
 def distance_sensor(s: Snapshot) -> Values:
-    """Within the limits of the altimeter that is fitted; quality 1 says that it sees no floor."""
-    range_m, fitted = s.state.estimate.altitude_m, s.altimeter
-    reach_m = (0.0, math.inf) if fitted is None else (fitted.min_range_m, fitted.max_range_m)
-    least_cm, most_cm, reading_cm = (
-        clamp(100.0 * m, 0, UNKNOWN_U16) for m in (*reach_m, range_m or 0.0)
+    """Return DISTANCE_SENSOR (cm) of the altimeter; signal quality 1 means no echo."""
+    range_m, altimeter = s.state.estimate.altitude_m, s.altimeter
+    limits_m = (0.0, math.inf)
+    if altimeter is not None:
+        limits_m = altimeter.min_range_m, altimeter.max_range_m
+    min_cm, max_cm, range_cm = (
+        clamp(100.0 * m, 0, UNKNOWN_U16) for m in (*limits_m, range_m or 0.0)
     )
     quality = 1 if range_m is None else 100
     return (
         boot_ms(s),
-        least_cm,
-        most_cm,
-        reading_cm,
+        min_cm,
+        max_cm,
+        range_cm,
         _ULTRASOUND,
         0,
         _LOOKING_DOWN,
@@ -119,11 +144,13 @@ def distance_sensor(s: Snapshot) -> Values:
 
 
 def attitude_target(s: Snapshot) -> Values:
-    wanted = quaternion_from_euler(0.0, s.trace.pitch_setpoint_rad, s.state.setpoint.heading_rad)
-    return boot_ms(s), wanted, 0.0, 0.0, 0.0, s.trace.thrust, _ATTITUDE_TARGET_IGNORES
+    """Return ATTITUDE_TARGET: pitch and heading set-points as a quaternion, and thrust."""
+    target = quaternion_from_euler(0.0, s.trace.pitch_setpoint_rad, s.state.setpoint.heading_rad)
+    return boot_ms(s), target, 0.0, 0.0, 0.0, s.trace.thrust, _ATTITUDE_TARGET_IGNORES
 
 
 def servo_outputs(s: Snapshot) -> Values:
+    """Return SERVO_OUTPUT_RAW: commands of -1..1 as pulse widths of 1100..1900 us."""
     pulses_us = [
         clamp(1500.0 + 400.0 * c, 1100, 1900)
         for c in s.actuators.controls[: actuator_test.CHANNELS]
@@ -132,16 +159,19 @@ def servo_outputs(s: Snapshot) -> Values:
 
 
 def actuator_outputs(s: Snapshot) -> Values:
+    """Return ACTUATOR_OUTPUT_STATUS: commands of -1..1."""
     return time_us(s), ACTUATORS_IN_USE, s.actuators.controls + (0.0,) * 16
 
 
 def imu(s: Snapshot) -> Values:
+    """Return HIGHRES_IMU with the fields of the newest HIL_SENSOR."""
     if s.sensors is None:
         return time_us(s), *(0.0,) * 13, 0, 0
     return *s.sensors[:14], s.sensors.fields_updated & 0xFFFF, 0
 
 
 def gps_raw(s: Snapshot) -> Values:
+    """Return GPS_RAW_INT of the newest satellite fix: degE7, mm and cm/s."""
     fix, unknown = s.fix, UNKNOWN_U16
     if fix is None:
         return time_us(s), 0, 0, 0, unknown, unknown, unknown, unknown, _NO_FIX, 0, 0, 0, 0, 0, 0, 0
@@ -169,24 +199,24 @@ def gps_raw(s: Snapshot) -> Values:
 
 
 def system_time(s: Snapshot) -> Values:
-    """The time of day is not known on board: vehicle time only."""
+    """Return SYSTEM_TIME with vehicle time (ms) only: the time of day is not known."""
     return 0, boot_ms(s)
 
 
 def global_origin(s: Snapshot) -> Values:
-    """Where north and east are counted from: home, at the surface."""
+    """Return GPS_GLOBAL_ORIGIN: home at the surface is the origin of north and east."""
     home = s.state.home
     return int32(home.lat_deg * 1e7), int32(home.lon_deg * 1e7), 0, time_us(s)
 
 
 TRACE_NAME, TRACE_ID = b"TRACE", 1
-"""DEBUG_FLOAT_ARRAY's name and number of the loops' inside; ``Trace`` says what each of its numbers
-is."""
-_TRACE_REST = (0.0,) * (58 - len(Trace._fields))
+"""Name and id of the DEBUG_FLOAT_ARRAY with the control-loop signals, the fields of ``Trace``."""
+_TRACE_PADDING = (0.0,) * (58 - len(Trace._fields))
 
 
 def loop_trace(s: Snapshot) -> Values:
-    return time_us(s), TRACE_ID, TRACE_NAME, (*s.trace, *_TRACE_REST)
+    """Return DEBUG_FLOAT_ARRAY with the control-loop signals."""
+    return time_us(s), TRACE_ID, TRACE_NAME, (*s.trace, *_TRACE_PADDING)
 
 
 NAMED = {
@@ -196,31 +226,33 @@ NAMED = {
     "SID_IN": "excitation_rad",
     "SID_FREQ": "excitation_hz",
 }
-"""Single numbers of the loops' inside, for clients that plot no arrays: NAMED_VALUE_FLOAT's name,
-and which it is."""
+"""Field of ``Trace`` by name of a NAMED_VALUE_FLOAT, for clients that cannot plot arrays."""
 
 
-def _named_value(name: str, place: int) -> Builder:
-    return lambda s: (boot_ms(s), s.trace[place], name.encode())
+def _named_value(name: str, index: int) -> Builder:
+    """Return the builder of a NAMED_VALUE_FLOAT."""
+    return lambda s: (boot_ms(s), s.trace[index], name.encode())
 
 
 class TelemetryStream(NamedTuple):
-    """One row of the table."""
+    """One row of the telemetry table."""
 
     message: MessageType
     rate_hz: float
-    """0: only for who asks."""
+    """Default rate; 0: sent only on request."""
     build: Builder
-    further: tuple[Builder, ...] = ()
-    """For what takes more than one message."""
+    more_builders: tuple[Builder, ...] = ()
+    """Builders of further messages of the same type."""
 
     @property
     def builders(self) -> tuple[Builder, ...]:
-        return self.build, *self.further
+        """All builders of the stream."""
+        return self.build, *self.more_builders
 
 
-def _stream(name: str, rate_hz: float, build: Builder, *further: Builder) -> TelemetryStream:
-    return TelemetryStream(dialect.by_name(name), rate_hz, build, further)
+def _stream(name: str, rate_hz: float, build: Builder, *more_builders: Builder) -> TelemetryStream:
+    """Return a row for a message name."""
+    return TelemetryStream(dialect.by_name(name), rate_hz, build, more_builders)
 
 
 STREAMS = (
@@ -260,9 +292,11 @@ BY_ID = {stream.message.message_id: stream for stream in STREAMS}
 
 
 def position_dege7(state: AutopilotState) -> tuple[int, int]:
-    """Latitude and longitude by dead reckoning; zero while home is not known."""
+    """Return the estimated latitude and longitude in degE7; 0, 0 while home is not known."""
     if not state.home.known:
         return 0, 0
-    at = state.estimate
-    lat, lon = offset_to_geodetic(at.north_m, at.east_m, state.home.lat_deg, state.home.lon_deg)
+    estimate = state.estimate
+    lat, lon = offset_to_geodetic(
+        estimate.north_m, estimate.east_m, state.home.lat_deg, state.home.lon_deg
+    )
     return int32(lat * 1e7), int32(lon * 1e7)

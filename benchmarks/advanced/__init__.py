@@ -1,1 +1,1 @@
-"""Does a law with a model inside hold the vehicle better than PIDs of the same specification?"""
+"""Study: observer-based (LQG) control compared with PID loops of the same specification."""

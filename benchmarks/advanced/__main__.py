@@ -2,8 +2,9 @@
 
     python -m benchmarks.advanced [CASE ...] [--model FILE.json] [--runs N] [--out FILE.json]
 
-Without a model it flies a campaign first. Exit status 1 where no gains or laws meet the
-specification."""
+Without a model a campaign is simulated first. The exit status is 1 if no controller meets the
+specification.
+"""
 
 import argparse
 from pathlib import Path
@@ -16,23 +17,23 @@ from benchmarks.study import Outcome
 
 def main() -> None:
     asked = _arguments()
-    with campaign.refusals():
-        model, trims = campaign.known(asked.model, asked.seed)
+    with campaign.exit_on_error():
+        model, trims = campaign.load_or_fly(asked.model, asked.seed)
         both = designed.designed(model, trims)
     promised = Outcome("advanced", "predicted", 1, tuple(designed.promised(model, both)))
     cell = flown.cell(both.contenders)
-    study.ask([(cell, case) for case in asked.case or flown.CASES], asked, known=[promised])
+    study.run_cells([(cell, case) for case in asked.case or flown.CASES], asked, known=[promised])
 
 
 def _arguments() -> argparse.Namespace:
-    parser = study.parser(__doc__, "dives of each case; 20 unless told")
+    parser = study.parser(__doc__, "dives per case; default 20")
     parser.add_argument(
         "case",
         nargs="*",
         choices=[[], *flown.CASES],
-        help="which seas or vehicles; all without one",
+        help="seas or vehicles; default all",
     )
-    parser.add_argument("--model", type=Path, help="a model.json instead of a campaign's")
+    parser.add_argument("--model", type=Path, help="model.json to use instead of a new campaign's")
     return parser.parse_args()
 
 

@@ -1,4 +1,4 @@
-"""PID gains and LQG laws from one model, and what each promises on it."""
+"""PID gains and LQG controllers designed from one model, and their predicted performance."""
 
 from dataclasses import replace
 from time import process_time
@@ -25,7 +25,7 @@ TICKS = 2000
 
 
 class Contender(NamedTuple):
-    """How one of the two flies."""
+    """Controller of one of the two designs."""
 
     values: Values
     laws: LqgControllers | None
@@ -35,13 +35,15 @@ Contenders = dict[str, Contender]
 
 
 class Designed(NamedTuple):
+    """Both designs from one model."""
+
     pid: Design
     lqg: LqgDesign
     contenders: Contenders
 
 
 def designed(model: IdentifiedModel, trims: Values) -> Designed:
-    """Raises DesignRefused. The laws fly on the same ways to set-points, within the same limits."""
+    """Design both with the same reference models and limits. Raises DesignInfeasibleError."""
     pid, lqg = design.redesign(model), optimal.design_lqg(model)
     values = {**pid.gains, **trims}
     return Designed(
@@ -55,21 +57,21 @@ def designed(model: IdentifiedModel, trims: Values) -> Designed:
 
 
 def promised(model: IdentifiedModel, found: Designed) -> list[Figure]:
-    """In the model's sea, one standard deviation; margins; shares of the vehicles that the model
-    allows for."""
+    """Return predicted rms responses, margins, and fractions of vehicles that meet the limits."""
     pid, lqg = found.pid, found.lqg
     figures = [
         *_response("PID", pid.predicted),
         *_response("LQG", lqg.predicted),
         *_margins("PID", pid.analysis.margins),
         *_margins("LQG", _cuts(model, lqg)),
-        *_trust("PID", pid.trust),
-        *_trust("LQG", lqg.trust),
+        *_trust("PID", pid.robustness),
+        *_trust("LQG", lqg.robustness),
     ]
     return [*figures, *(_cost(name, each) for name, each in found.contenders.items())]
 
 
 def _response(name: str, found: Response) -> list[Figure]:
+    """Return the predicted rms values in the model's sea."""
     return [
         Figure(
             f"{name}: {field.rpartition('_')[0]} rms, predicted",
@@ -81,6 +83,7 @@ def _response(name: str, found: Response) -> list[Figure]:
 
 
 def _cuts(model: IdentifiedModel, lqg: LqgDesign) -> dict[str, Margins]:
+    """Return the margins of the LQG loops, opened at each input and output."""
     vehicle = from_model(model)
     seen = {
         "yaw": (loop_analysis.measured_plane(vehicle, "yaw"), lqg.heading),
@@ -94,6 +97,7 @@ def _cuts(model: IdentifiedModel, lqg: LqgDesign) -> dict[str, Margins]:
 
 
 def _margins(name: str, found: dict[str, Margins]) -> list[Figure]:
+    """Return the smallest margins and the largest sensitivity."""
     cuts = [found[cut] for cut in ("rudder", "heading", "elevator", "depth")]
     return [
         Figure(f"{name}: least gain margin", min(cut.gm_db for cut in cuts), unit="dB"),
@@ -103,6 +107,7 @@ def _margins(name: str, found: dict[str, Margins]) -> list[Figure]:
 
 
 def _trust(name: str, found: DesignRobustness | None) -> list[Figure]:
+    """Return the fractions of vehicles that meet the full and the relaxed specification."""
     if found is None:
         return []
     return [
@@ -114,7 +119,7 @@ def _trust(name: str, found: DesignRobustness | None) -> list[Figure]:
 
 
 def _cost(name: str, contender: Contender) -> Figure:
-    """CPU time of closing the loops once."""
+    """Return the CPU time of the loops per tick."""
     config = replace(params.config(contender.values), laws=contender.laws)
     estimate, memory = VehicleEstimate(speed_mps=config.cruise_speed_mps), LoopMemory()
     began_s = process_time()

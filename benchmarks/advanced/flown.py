@@ -1,5 +1,4 @@
-"""Cells: the same seeds flown by the PIDs and by the laws: straight runs, vehicles nobody
-identified, other swells."""
+"""Cells: dives of both controllers with the same seeds: straight runs, other vehicles, swells."""
 
 from functools import partial
 
@@ -21,7 +20,7 @@ from tests.helpers.closed_loop import Dive
 Array = NDArray[np.float64]
 
 SWELLS_HZ = {"slow swell": 0.10, "quick swell": 0.22}
-"""The model was identified in one of 0.15 Hz, which the laws' filter reckons with."""
+"""Wave frequencies; the model was identified, and the LQG filter designed, at 0.15 Hz."""
 CASES = ("disturbed", "calm", *SWELLS_HZ, "astray")
 WHAT = (
     "heading, 95 %",
@@ -35,17 +34,17 @@ UNITS = ("deg", "cm", "deg", "", "deg", "deg")
 
 
 def trial(contenders: Contenders, case: str, seed: int) -> list[float]:
-    """``Held``, and rudder and elevator about their means (deg), of each contender in turn."""
+    """Return ``TrackingError``, and rms of rudder and elevator (deg), of each controller."""
     vehicle = robust.draw(VEHICLE, seed).vehicle if case == "astray" else VEHICLE
     row = []
     for contender in contenders.values():
         dive = fly(contender, sea(case), seed, vehicle)
-        row += [*holding.held(dive), *effort_deg(dive)]
+        row += [*holding.tracking_error(dive), *effort_deg(dive)]
     return row
 
 
 def sea(case: str) -> Scenario:
-    """As the case says; vehicles astray swim in the disturbed sea."""
+    """Return the sea of a case; the case "astray" has the disturbed sea."""
     if case == "calm":
         return scenario.load("calm")
     found = scenario.load("disturbed")
@@ -58,6 +57,7 @@ def sea(case: str) -> Scenario:
 
 
 def fly(contender: Contender, water: Scenario, seed: int, vehicle: str | VehicleConfig) -> Dive:
+    """Simulate a straight run."""
     items = script.compile_items(script.load(MISSION))
     return Dive(
         items, vehicle=vehicle, sea=water, seed=seed, values=contender.values, laws=contender.laws
@@ -65,6 +65,7 @@ def fly(contender: Contender, water: Scenario, seed: int, vehicle: str | Vehicle
 
 
 def effort_deg(dive: Dive) -> tuple[float, float]:
+    """Return the standard deviations of rudder and elevator in steady flight."""
     end_s = next((time_s for time_s, text in dive.told if text == "Mode SURFACE"), dive["t_s"][-1])
     window = dive.during(STEADY_S, end_s)
     return float(np.degrees(np.std(dive["rudder"][window]))), float(
@@ -73,7 +74,7 @@ def effort_deg(dive: Dive) -> tuple[float, float]:
 
 
 def judge(names: tuple[str, ...], case: str, rows: Array) -> list[Figure]:
-    """Mean and worst of each, and the second's mean as a share of the first's."""
+    """Return mean and worst values of each controller, and the ratio of their means."""
     by_name = rows.reshape(len(rows), len(names), len(WHAT))
     figures = []
     for column, (what, unit) in enumerate(zip(WHAT, UNITS, strict=True)):
@@ -95,6 +96,7 @@ def judge(names: tuple[str, ...], case: str, rows: Array) -> list[Figure]:
 
 
 def cell(contenders: Contenders) -> Cell:
+    """Return the cell of this study."""
     return Cell(
         "advanced",
         "PID and LQG on the same seeds",

@@ -2,7 +2,7 @@
 
     python -m benchmarks.identification [CELL ...] [--vehicle NAME ...] [--runs N] [--out FILE.json]
 
-Each figure is printed beside its target; a missed one is marked, and makes the exit status 1.
+Each figure is printed with its target. The exit status is 1 if a figure misses its target.
 """
 
 import argparse
@@ -17,14 +17,12 @@ def main() -> None:
     asked = _arguments()
     names = asked.vehicle or [case.name for case in vehicles.cases()]
     questions = [(CELLS[cell], vehicle) for cell in asked.cell or CELLS for vehicle in names]
-    sys.exit(study.status(study.ask(questions, asked)))
+    sys.exit(study.exit_status(study.run_cells(questions, asked)))
 
 
 def _arguments() -> argparse.Namespace:
-    parser = study.parser(__doc__, "campaigns a cell; 200 for most")
-    parser.add_argument(
-        "cell", nargs="*", choices=[[], *CELLS], help="which cells; all without one"
-    )
+    parser = study.parser(__doc__, "campaigns per cell; default 200 for most cells")
+    parser.add_argument("cell", nargs="*", choices=[[], *CELLS], help="cells to run; default all")
     parser.add_argument(
         "--vehicle", action="append", choices=[case.name for case in vehicles.cases()]
     )

@@ -1,9 +1,9 @@
-"""What is commonly done with the same data: output error by a general simulator and a general
-optimiser.
+"""Common practice for comparison: output error with a general simulator and optimiser.
 
-`scipy.signal.lsim` simulates each run from rest after its mean has been taken off (a toolbox's
-"detrend"), the lag is taken from the bench as known, slopes are differences, noise is taken to be
-white, and intervals are the optimiser's."""
+`scipy.signal.lsim` simulates each run from rest after its mean is removed (the "detrend" of a
+toolbox). The actuator lag is taken as known from the bench test, derivatives are finite
+differences, noise is assumed white, and confidence intervals come from the optimiser's Jacobian.
+"""
 
 from collections.abc import Sequence
 
@@ -21,12 +21,13 @@ from sysid.estimation.linear.response import DT, STRIDE
 Array = NDArray[np.float64]
 
 REST_S = 1.0
-"""Start of a run whose mean is taken off its outputs."""
+"""Part at the start of a run whose mean is subtracted from its outputs."""
 REWEIGHTED = 1
+"""Number of fits after which the output weights are updated."""
 
 
 def estimate(records: Sequence[LinearRun], belief: LinearPrior) -> tuple[Array, Array]:
-    """Derived numbers, as ``plant.derived``, and their covariance."""
+    """Return the derived parameters, as ``linear_model.derived``, and their covariance."""
     first, free = belief.plant, _free(belief)
     measured = [
         record.measured - np.mean(record.measured[: int(REST_S / DT)], axis=0) for record in records
@@ -59,7 +60,7 @@ def estimate(records: Sequence[LinearRun], belief: LinearPrior) -> tuple[Array, 
 
 
 def simulate(plant: LinearModel, record: LinearRun) -> Array:
-    """Outputs of one run from rest, (steps, outputs)."""
+    """Return the outputs of one run from rest, shape (steps, outputs)."""
     A, B = plants.equations(plant.frame, plant.values[: len(NUMBERS[plant.frame.plane])])
     count = record.measured.shape[1]
     C = np.eye(len(A))[1 : 1 + count]
@@ -71,5 +72,5 @@ def simulate(plant: LinearModel, record: LinearRun) -> Array:
 
 
 def _free(belief: LinearPrior) -> NDArray[np.int64]:
-    """Indices of what is searched for: the equation's numbers, delay and bias."""
+    """Return the indices of the free parameters: those of the equation, delay and bias."""
     return np.arange(len(NUMBERS[belief.plant.frame.plane]) + 2)

@@ -1,4 +1,4 @@
-"""Every cell of the study by name."""
+"""All cells of the study by name."""
 
 from benchmarks.identification import efficiency, screening
 from benchmarks.identification.convergence import CONVERGENCE

@@ -1,5 +1,4 @@
-"""Cell: whether the linear estimators end where they end from the truth, whatever they start
-from."""
+"""Cell: whether the linear estimators reach the same minimum from any start as from the truth."""
 
 from collections.abc import Sequence
 
@@ -16,10 +15,9 @@ from sysid.estimation.linear.linear_model import NUMBERS
 Array = NDArray[np.float64]
 
 ASTRAY = 0.3
-"""Relative, of each of the equation's numbers, either way."""
+"""Relative error of each parameter of the equation at the start, with random sign."""
 SAME = 0.1
-"""Distance of two ends in the metric of the estimate's covariance, per value: a tenth of a standard
-deviation."""
+"""Largest distance of two minima, in standard deviations of the estimate per parameter."""
 METHODS: dict[str, tuple[Method, linear_truth.Draw]] = {
     "output error, white": ("output-error", linear_truth.white),
     "filter error, coloured": ("filter-error", linear_truth.coloured),
@@ -27,8 +25,7 @@ METHODS: dict[str, tuple[Method, linear_truth.Draw]] = {
 
 
 def trial(vehicle: str, seed: int) -> list[float]:
-    """Whether the prior's plane, and one astray, led where the truth led: each method, planes in
-    turn."""
+    """Return 1.0 per method and start (prior, perturbed prior) that reaches the truth's minimum."""
     plane, row = PLANES[seed % len(PLANES)], []
     for method, draw in METHODS.values():
         campaign = linear_truth.campaign(vehicle, plane, draw, seed)
@@ -44,15 +41,18 @@ def trial(vehicle: str, seed: int) -> list[float]:
 
 
 def _from(campaign: Campaign, method: Method, start: Array) -> PlaneEstimate:
+    """Return the estimate from a start."""
     return estimate.descend(campaign.records, campaign.belief, method, start)
 
 
 def _same(first: PlaneEstimate, second: PlaneEstimate) -> bool:
+    """Compare two estimates in the metric of the first one's covariance."""
     apart = second.plant.values - first.plant.values
     return bool(apart @ np.linalg.solve(first.covariance, apart) <= apart.size * SAME**2)
 
 
 def judge(vehicle: str, rows: Array) -> Sequence[Figure]:
+    """Return the fractions of runs that converge."""
     share = 100.0 * np.mean(rows, axis=0)
     figures = []
     for i, name in enumerate(METHODS):

@@ -1,5 +1,4 @@
-"""The frequency on which a controller's margins hang, and how well a model knows the vehicle
-there."""
+"""Crossover frequency of the control loops, and the errors of a model at that frequency."""
 
 import cmath
 import math
@@ -15,7 +14,10 @@ from sysid.models.parameters import CandidateVehicle
 
 
 def response(vehicle: CandidateVehicle, plane: Plane, omega_radps: float) -> complex:
-    """Rate over command for small motion: plane, lag and delay."""
+    """Return the response of the rate to the command: linear plane, actuator lag and delay.
+
+    G(s) = C (s I - A)^-1 B  wn^2 / (s^2 + 2 zeta wn s + wn^2)  exp(-s T).
+    """
     linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]
     s, wn = 1j * omega_radps, actuator.natural_frequency_radps
     states = np.linalg.solve(s * np.eye(len(linear.A)) - linear.A, linear.B)
@@ -24,7 +26,7 @@ def response(vehicle: CandidateVehicle, plane: Plane, omega_radps: float) -> com
 
 
 def crossover_radps(case: Case, plane: Plane) -> float:
-    """Where the loop of the first dive crosses unity on the prior vehicle, for the last time."""
+    """Return the last unity-gain frequency of the first dive's loop with the prior vehicle."""
     hold, known = case.hold, vehicles.nominal(case.prior)
     p, d = (hold.heading_p, hold.heading_d) if plane == "yaw" else (hold.pitch_p, hold.pitch_d)
 
@@ -38,8 +40,7 @@ def crossover_radps(case: Case, plane: Plane) -> float:
 
 
 def errors(case: Case, found: CandidateVehicle, plane: Plane) -> tuple[float, float]:
-    """Gain (dB) and phase (deg) of a model over those of the true vehicle's small motion, at that
-    frequency."""
+    """Return gain (dB) and phase (deg) of a model over the linearised true vehicle at crossover."""
     omega = crossover_radps(case, plane)
     ratio = response(found, plane, omega) / response(vehicles.nominal(case.truth), plane, omega)
     return 20.0 * math.log10(abs(ratio)), math.degrees(cmath.phase(ratio))

@@ -1,8 +1,9 @@
-"""The tests that the excitation cell sets beside the paper's, and how they are flown.
+"""Test sets of the excitation cell: designed tests and the paper's tests, and their simulation.
 
-Two dives of DIVE_S together, the settling between them counted: the first is designed on the
-vehicle's file, the second on the model that a first dive gave. That dive is no trial's: every trial
-flies the same two sets."""
+Each set takes DIVE_S of test time in two dives, settling between tests included. The first designed
+dive is based on the vehicle file, the second on a model fitted to a first dive with its own seed.
+All trials use the same two sets.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,18 +28,21 @@ from sysid.test_design.simulate import Manoeuvre
 from tests.sysid import sea
 
 DIVE_S, FIRST_S = 1000.0, 262.0
-"""Water for tests and recoveries; and how much of it the first of two dives takes."""
+"""Test time with settling, and the part of it in the first dive."""
 FIRST_SEED = 10**7
-"""Of the dive on which the second is designed."""
+"""Seed of the dive on which the second design is based."""
 
 
 class Sets(NamedTuple):
+    """Both sets of tests for one vehicle."""
+
     designed: tuple[Manoeuvre, ...]
     paper: tuple[Manoeuvre, ...]
 
 
 @cache
 def sets(vehicle: str) -> Sets:
+    """Return both sets of tests for a vehicle."""
     case = vehicles.case(vehicle)
     known = beliefs.with_trim(beliefs.from_file(case.prior, case.name), *case.trim_rad)
     first = _tests(case, known, FIRST_S)
@@ -47,11 +51,13 @@ def sets(vehicle: str) -> Sets:
 
 
 def _tests(case: Case, known: DesignPrior, water_s: float) -> tuple[Manoeuvre, ...]:
+    """Design tests for a given test time."""
     asked = PlanRequest(water_s + plan.SETTLING_S, "crossover", gains=gains(case), held_out=False)
     return tuple(planned.manoeuvre for planned in plan.plan(known, asked).tests)
 
 
 def _learnt(case: Case, flown: Sequence[Manoeuvre]) -> DesignPrior:
+    """Return the prior after a dive with these tests."""
     prior, found = fitted(
         case, [run for n, one in enumerate(flown) for run in fly(case, one, FIRST_SEED + n)]
     )
@@ -61,14 +67,14 @@ def _learnt(case: Case, flown: Sequence[Manoeuvre]) -> DesignPrior:
 
 
 def fitted(case: Case, runs: Sequence[Run]) -> tuple[Prior, Fit]:
-    """By the joint estimator from the vehicle's file."""
+    """Return the prior from the vehicle file and the nonlinear estimate from the runs."""
     biases = fit.trim_biases(case.prior, build_model.build(case.prior), list(runs))
     prior = Prior(case.prior, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
     return prior, fit.fit(runs, prior)
 
 
 def gains(case: Case) -> dict[str, float]:
-    """The first dive's, by the names of the autopilot's parameters."""
+    """Return the gains of the first dive by parameter name."""
     hold = case.hold
     return {
         "HDG_P": hold.heading_p,
@@ -84,7 +90,7 @@ def gains(case: Case) -> dict[str, float]:
 
 
 def fly(case: Case, what: Manoeuvre, seed: int) -> list[Run]:
-    """One test in the disturbed sea, to its end: a run of each plane that it is of."""
+    """Simulate one complete test in the disturbed sea; return one run per plane that it excites."""
     signals = [simulate.signal_rad(half) for half in what.halves]
     if len(signals) == 1:
         return [

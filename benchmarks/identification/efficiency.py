@@ -1,9 +1,9 @@
-"""Cells on linear vehicles: variance over the Cramer-Rao bound and coverage, in white, coloured and
-unknown noise.
+"""Cells on linear vehicles: variance over the Cramer-Rao bound, and coverage of intervals.
 
-Figures are over the numbers that the tests can tell at all: those whose bound is within a quarter
-of the number, and the bias. Poles that may change places within their bounds are left out together.
-Beyond, no estimator has a meaningful standard deviation, and the tool reports profile likelihoods.
+The noise is white, coloured, or of a kind that the estimators do not model. Figures are averages
+over the parameters that the tests identify: those whose bound is at most a quarter of the value,
+and the bias. Two poles whose bounds overlap are left out together. For other parameters no
+estimator has a meaningful standard deviation, and the tool reports profile likelihoods.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,12 +22,13 @@ from sysid.estimation.linear.estimate import Method
 from sysid.models.noise import Noise
 
 Array = NDArray[np.float64]
-Way = Callable[[Campaign], tuple[Array, Array]]
-"""A campaign to derived numbers and their covariance."""
+Estimator = Callable[[Campaign], tuple[Array, Array]]
+"""Return derived parameters and their covariance from a campaign."""
 
-TELLABLE = 0.25
-"""Relative standard deviation of the bound."""
+IDENTIFIABLE_SD = 0.25
+"""Largest relative standard deviation of the bound for a parameter that counts as identifiable."""
 WITHIN = 1.96
+"""Half-width of a 95 % interval in standard deviations."""
 DRAWS: dict[str, Draw] = {
     "white": linear_truth.white,
     "coloured": linear_truth.coloured,
@@ -37,6 +38,7 @@ LEVELS: dict[str, Noise] = {"white": linear_truth.WHITE, "coloured": linear_trut
 
 
 def _ours(campaign: Campaign, method: Method) -> tuple[Array, Array]:
+    """Estimate with one of the methods of sysid."""
     found = estimate.descend(
         campaign.records, campaign.belief, method, campaign.belief.plant.values
     )
@@ -45,10 +47,11 @@ def _ours(campaign: Campaign, method: Method) -> tuple[Array, Array]:
 
 
 def _theirs(campaign: Campaign) -> tuple[Array, Array]:
+    """Estimate with the baseline."""
     return baseline.estimate(campaign.records, campaign.belief)
 
 
-WAYS: dict[str, Way] = {
+ESTIMATORS: dict[str, Estimator] = {
     "output error": partial(_ours, method="output-error"),
     "filter error": partial(_ours, method="filter-error"),
     "baseline": _theirs,
@@ -57,8 +60,7 @@ WAYS: dict[str, Way] = {
 
 @cache
 def bound_sds(vehicle: str, plane: Plane, noise: str) -> Array:
-    """Least standard deviations of the derived numbers; unknown noise is measured by the coloured
-    one's."""
+    """Return the bounds on standard deviations; for unmodelled noise those of coloured noise."""
     truth, commands = linear_truth.true_plant(vehicle, plane), linear_truth.commands(vehicle, plane)
     if noise == "white":
         least = cramer_rao.bound_white(truth, commands, linear_truth.WHITE)
@@ -68,49 +70,49 @@ def bound_sds(vehicle: str, plane: Plane, noise: str) -> Array:
 
 
 @cache
-def tellable(vehicle: str, plane: Plane, noise: str) -> NDArray[np.bool_]:
-    """Which derived numbers the tests can tell; the bias among them."""
+def identifiable(vehicle: str, plane: Plane, noise: str) -> NDArray[np.bool_]:
+    """Return which derived parameters the tests identify; the bias always counts."""
     truth, sds = (
         plants.derived(*linear_truth.true_plant(vehicle, plane)),
         bound_sds(vehicle, plane, noise),
     )
-    told = np.asarray(sds <= TELLABLE * np.abs(truth))
-    told[-1] = True
+    mask = np.asarray(sds <= IDENTIFIABLE_SD * np.abs(truth))
+    mask[-1] = True
     names = plants.derived_names(plane)
     fast, slow = names.index("p_fast_per_s"), names.index("p_slow_per_s")
     if abs(truth[fast] - truth[slow]) < WITHIN * (sds[fast] + sds[slow]):
-        told[[fast, slow]] = False
-    return told
+        mask[[fast, slow]] = False
+    return mask
 
 
 def trial(vehicle: str, seed: int, noise: str, ways: Sequence[str]) -> list[float]:
-    """Errors in standard deviations of the bound, then in those that were claimed: way by way,
-    plane by plane."""
+    """Return errors in standard deviations of the bound and of the estimate, by way and plane."""
     row: list[float] = []
     campaigns = {
         plane: linear_truth.campaign(vehicle, plane, DRAWS[noise], seed) for plane in PLANES
     }
     for way in ways:
         for plane, campaign in campaigns.items():
-            told = tellable(vehicle, plane, noise)
-            numbers, covariance = WAYS[way](campaign)
+            mask = identifiable(vehicle, plane, noise)
+            numbers, covariance = ESTIMATORS[way](campaign)
             error = numbers - plants.derived(*campaign.truth)
-            row += (error / bound_sds(vehicle, plane, noise))[told].tolist()
-            row += (error / np.sqrt(np.diag(covariance)))[told].tolist()
+            row += (error / bound_sds(vehicle, plane, noise))[mask].tolist()
+            row += (error / np.sqrt(np.diag(covariance)))[mask].tolist()
     return row
 
 
 def judge(
     vehicle: str, rows: Array, noise: str, ways: Sequence[str], limits: Sequence[float]
 ) -> list[Figure]:
-    """Figures of each way; ``limits`` are the first's targets: largest ratio, least and largest
-    coverage.
+    """Return the figures of each estimator.
 
-    Filter error stands beside output error in white noise without a target: it cannot believe in a
-    sea that is not there at all, and pays for that in gain and bias."""
-    counts = [int(np.count_nonzero(tellable(vehicle, plane, noise))) for plane in PLANES]
+    ``limits`` are the targets of the first one: largest variance ratio, least and largest coverage.
+    In white noise, filter error has no target: it always estimates some disturbance, which costs
+    accuracy of gain and bias.
+    """
+    counts = [int(np.count_nonzero(identifiable(vehicle, plane, noise))) for plane in PLANES]
     total = sum(len(plants.derived_names(plane)) for plane in PLANES)
-    figures = [Figure("numbers beyond the tests, left out", float(total - sum(counts)))]
+    figures = [Figure("parameters not identifiable, left out", float(total - sum(counts)))]
     shares, position = {}, 0
     for way in ways:
         errors, claimed = [], []
@@ -133,6 +135,7 @@ NO_LIMITS = (np.inf, -np.inf, np.inf)
 
 
 def _figures(way: str, ratios: Array, covered: Array, limits: Sequence[float]) -> list[Figure]:
+    """Return the figures of one estimator."""
     most, lowest, highest = limits
     return [
         Figure(f"{way}: variance over bound", float(np.exp(np.mean(np.log(ratios)))), highest=most),
@@ -145,6 +148,7 @@ def _figures(way: str, ratios: Array, covered: Array, limits: Sequence[float]) -
 def _cell(
     name: str, about: str, noise: str, ways: Sequence[str], limits: Sequence[float], runs: int = 200
 ) -> Cell:
+    """Return the cell of one kind of noise."""
     return Cell(
         name,
         about,
@@ -156,11 +160,11 @@ def _cell(
 
 OURS = ("output error", "filter error")
 CELLS = (
-    _cell("linear-white", "sensor noise alone", "white", OURS, (1.15, 92.0, 98.0)),
-    _cell("linear-coloured", "the noise model's own sea", "coloured", OURS[1:], (1.5, 92.0, 98.0)),
+    _cell("linear-white", "sensor noise only", "white", OURS, (1.15, 92.0, 98.0)),
+    _cell("linear-coloured", "modelled disturbances", "coloured", OURS[1:], (1.5, 92.0, 98.0)),
     _cell(
         "linear-misspecified",
-        "waves and forces it does not know",
+        "waves and forces that are not modelled",
         "misspecified",
         OURS[1:],
         (np.inf, 90.0, np.inf),

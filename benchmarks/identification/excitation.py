@@ -1,10 +1,11 @@
-"""What designed tests tell of the crossover beside the paper's steps of equal water time.
+"""Cell: phase accuracy at crossover after designed tests, compared with the paper's steps.
 
-Designs are made once per vehicle (``designed``); the paper's steps, sized to the vehicle, get as
-much water. Foretold is the Cramer-Rao bound of either set on the small-signal truth in the coloured
-sea. Measured is a campaign in the nonlinear disturbed sea: both sets flown, both fitted by the
-joint estimator from the same prior, and how far the crossover's phase then is from the true
-vehicle's."""
+Both sets have the same test time; tests are designed once per vehicle (``designed``), and the
+paper's steps are scaled to the vehicle. The predicted accuracy is the Cramer-Rao bound for the
+linearised true vehicle in coloured disturbances. The measured accuracy comes from campaigns in the
+nonlinear disturbed sea: both sets are simulated and fitted by the nonlinear estimator from the same
+prior, and the phase at crossover is compared with the true vehicle's.
+"""
 
 import cmath
 import math
@@ -39,30 +40,36 @@ SEA = Noise(
     slow_radps2=sea.SLOW_RADPS2,
     wave_radps2=sea.WAVE_RADPS2,
 )
-"""Of the tests' sea, as the noise model has it."""
+"""Disturbances of the tests' sea in the form of the noise model."""
 LEAST_RATIO = 5.0
+"""Target: phase standard deviation after the paper's steps over that after designed tests."""
 LEAST_WITHIN_PCT = 99.0
+"""Target: fraction of designed tests that stay within the safety limits."""
 
 
 def attainable_radps(case: Case, plane: Plane) -> float:
-    """The crossover at which a redesign may aim: the highest that her file allows."""
+    """Return the highest crossover frequency that the vehicle file allows for a redesign."""
     return reach.frequency_radps(vehicles.nominal(case.prior), plane)
 
 
 @cache
-def foretold_deg(vehicle: str) -> tuple[float, ...]:
-    """Standard deviations of the phase at the crossover that no unbiased estimator can better:
-    paper's, designed tests' in yaw, then in pitch."""
+def predicted_deg(vehicle: str) -> tuple[float, ...]:
+    """Return bounds on the phase error's sd: paper's and designed tests in yaw, then in pitch."""
     case = vehicles.case(vehicle)
     both = designed.sets(vehicle)
     return tuple(
-        _foretold_deg(case, flown, plane)
+        _predicted_deg(case, flown, plane)
         for plane in PLANES
         for flown in (both.paper, both.designed)
     )
 
 
-def _foretold_deg(case: Case, flown: tuple[Manoeuvre, ...], plane: Plane) -> float:
+def _predicted_deg(case: Case, flown: tuple[Manoeuvre, ...], plane: Plane) -> float:
+    """Return the Cramer-Rao bound on the phase at crossover.
+
+    sd = sqrt(g^T P g) with the bound P on the parameter covariance and the gradient g of the phase
+    by central differences.
+    """
     truth = plants.of_vehicle(vehicles.nominal(case.truth), plane)
     least = cramer_rao.bound_coloured(
         truth,
@@ -82,7 +89,7 @@ def _foretold_deg(case: Case, flown: tuple[Manoeuvre, ...], plane: Plane) -> flo
 
 
 def _response(truth: LinearModel, values: Array, omega_radps: float) -> complex:
-    """Rate over command of a plant with these values."""
+    """Return the response of the rate to the command for these parameter values."""
     moved = truth._replace(values=values)
     linear, actuator = plants.linear_plane(moved), plants.actuator(moved)
     s, wn = 1j * omega_radps, actuator.natural_frequency_radps
@@ -92,7 +99,7 @@ def _response(truth: LinearModel, values: Array, omega_radps: float) -> complex:
 
 
 def _command(case: Case, what: Manoeuvre) -> SurfaceCommand:
-    """As the true vehicle's loop answers it in still water."""
+    """Return the command in still water, as the true vehicle's loops produce it."""
     signal = simulate.signal_rad(what)
     if what.loop_on:
         held = closed_loop.of_vehicle(
@@ -103,7 +110,7 @@ def _command(case: Case, what: Manoeuvre) -> SurfaceCommand:
 
 
 def stays_within(run: Run, limits: ExcursionLimits) -> bool:
-    """Whether the envelope that goes with the design would let the test run to its end."""
+    """Tell whether the safety limits of the design let the test run to its end."""
     flown = run.since(0.0)
     if run.plane == "yaw":
         turned = np.max(np.abs(flown.heading_rad - flown.heading_rad[0]))
@@ -121,8 +128,10 @@ def stays_within(run: Run, limits: ExcursionLimits) -> bool:
 
 
 def trial(vehicle: str, seed: int) -> list[float]:
-    """Phase errors (deg) after the paper's and after the designed tests in yaw, then in pitch; the
-    share of designed tests that stayed within limits; and what was foretold (4)."""
+    """Return phase errors (deg; paper's and designed tests, yaw then pitch) and further numbers.
+
+    The latter are the fraction of designed tests within limits and the four predicted values.
+    """
     case, (ours, paper) = vehicles.case(vehicle), designed.sets(vehicle)
     runs = [
         run for number, m in enumerate(ours) for run in designed.fly(case, m, 1000 * seed + number)
@@ -134,38 +143,44 @@ def trial(vehicle: str, seed: int) -> list[float]:
     ]
     errors = [_phase_errors_deg(case, flown) for flown in (steps, runs)]
     within = float(np.mean([stays_within(run, ExcursionLimits()) for run in runs]))
-    return [errors[0][0], errors[1][0], errors[0][1], errors[1][1], within, *foretold_deg(vehicle)]
+    errors_deg = [errors[0][0], errors[1][0], errors[0][1], errors[1][1]]
+    return [*errors_deg, within, *predicted_deg(vehicle)]
 
 
 def _phase_errors_deg(case: Case, runs: list[Run]) -> list[float]:
+    """Fit the runs and return the phase errors of both planes."""
     found = designed.fitted(case, runs)[1].vehicle
     return [_phase_error_deg(case, found, plane) for plane in PLANES]
 
 
 def _phase_error_deg(case: Case, found: CandidateVehicle, plane: Plane) -> float:
+    """Return the phase error of a model at the attainable crossover."""
     omega, true = attainable_radps(case, plane), vehicles.nominal(case.truth)
     ratio = crossover.response(found, plane, omega) / crossover.response(true, plane, omega)
     return math.degrees(cmath.phase(ratio))
 
 
 def judge(vehicle: str, rows: Array) -> list[Figure]:
+    """Return predicted and measured phase errors and their ratios."""
     figures = []
-    foretold = rows[0, 5:]
+    predicted = rows[0, 5:]
     for number, plane in enumerate(PLANES):
-        steps_deg, designed_deg = foretold[2 * number : 2 * number + 2]
+        steps_deg, designed_deg = predicted[2 * number : 2 * number + 2]
         figures.append(
             Figure(
-                f"{plane}: phase at crossover foretold, paper's steps", float(steps_deg), unit="deg"
+                f"{plane}: phase at crossover predicted, paper's steps",
+                float(steps_deg),
+                unit="deg",
             )
         )
         figures.append(
             Figure(
-                f"{plane}: phase at crossover foretold, designed", float(designed_deg), unit="deg"
+                f"{plane}: phase at crossover predicted, designed", float(designed_deg), unit="deg"
             )
         )
         figures.append(
             Figure(
-                f"{plane}: foretold, steps over designed",
+                f"{plane}: predicted, steps over designed",
                 float(steps_deg / designed_deg),
                 LEAST_RATIO,
             )
@@ -207,7 +222,7 @@ def judge(vehicle: str, rows: Array) -> list[Figure]:
 
 EXCITATION = Cell(
     "excitation",
-    "designed tests beside the paper's steps of equal water time",
+    "designed tests compared with the paper's steps of equal test time",
     trial,
     judge,
     runs=40,

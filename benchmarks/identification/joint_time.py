@@ -1,4 +1,4 @@
-"""How long the joint estimate takes: ten runs of a minute, five a plane, the machine code warm."""
+"""Cell: run time of the nonlinear estimate of ten 60 s runs, five per plane, with compiled code."""
 
 from functools import cache
 from time import perf_counter
@@ -22,7 +22,7 @@ SIZES_DEG = (2.0, 3.0, 4.0, 5.0, 6.0)
 
 @cache
 def _runs(vehicle: str) -> tuple[Run, ...]:
-    """A minute of log each, as long as the target counts: pre-roll and test."""
+    """Return the runs; pre-roll and test together last a minute."""
     case = vehicles.case(vehicle)
     tests = [
         (plane, ("chirp", size, SECONDS - sea.PREROLL_S))
@@ -36,8 +36,8 @@ def _runs(vehicle: str) -> tuple[Run, ...]:
 
 
 def trial(vehicle: str, seed: int) -> list[float]:
-    """Seconds of the estimate, and of the eight other starts that vouch for it."""
-    del seed  # the same runs every time: what varies is the machine
+    """Return the seconds of the estimate, and of its eight further starts."""
+    del seed  # all trials use the same runs; only the machine's speed varies
     case, runs = vehicles.case(vehicle), _runs(vehicle)
     prior = refit.prior_of(runs, case.prior)
     fit.fit(runs[4:6], prior)
@@ -49,11 +49,12 @@ def trial(vehicle: str, seed: int) -> list[float]:
 
 
 def judge(vehicle: str, rows: Array) -> list[Figure]:
+    """Return the median times."""
     alone, others = np.median(rows, axis=0).tolist()
     return [
         Figure("joint estimate of 10 runs of 60 s, warm", alone, highest=MOST_S, unit="s"),
-        Figure("its eight other starts", others, unit="s"),
+        Figure("its eight further starts", others, unit="s"),
     ]
 
 
-JOINT_TIME = Cell("joint-time", "seconds of the joint estimate", trial, judge, runs=5)
+JOINT_TIME = Cell("joint-time", "seconds of the nonlinear estimate", trial, judge, runs=5)

@@ -1,10 +1,10 @@
-"""Whether the verdict can be trusted: how often a model that misses crossover is called fit, and a
-good one refused.
+"""Cell: reliability of the model assessment: how often a wrong model passes and a good one fails.
 
-A trial is one campaign as flown for prediction, its fit, and fresh runs in the disturbed sea to
-judge it by. The same model is then spoilt, its surfaces' moments and delays moved at random, and
-judged again by the same runs. What a model really misses is the gain and phase of the vehicle that
-flew, at crossover: a miss of one is 1 dB or 5 degrees in one of the planes."""
+A trial is one campaign as simulated for prediction, its fit, and an assessment with new runs in the
+disturbed sea. The same model is then spoilt by random changes of its surface moments and delays and
+assessed with the same runs. The true error of a model is that of gain and phase at crossover
+relative to the simulated vehicle, in units of 1 dB or 5 degrees, in the worse plane.
+"""
 
 import math
 
@@ -28,14 +28,13 @@ Array = NDArray[np.float64]
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 GAIN_DB, PHASE_DEG = 1.0, 5.0
 SPOILT_Z = {"N_dr": 1.5, "M_de": 1.5, "delay_yaw": 1.0, "delay_pitch": 1.0}
-"""Standard deviations by which a model is spoilt, in prior standard deviations: 3 dB, and 0.1 s or
-some 7 degrees."""
+"""Standard deviations of the changes, in prior standard deviations: 3 dB, and 0.1 s (7 degrees)."""
 CLEAR = 1.5
-"""Misses beyond it cannot be excused by the doubt that held-out runs leave."""
+"""Error above which the uncertainty of the held-out runs does not explain a wrong assessment."""
 
 
 def fresh(case: Case, seed: int) -> list[Run]:
-    """Two 3-2-1-1 and two steps a plane, none of them fitted."""
+    """Return two 3-2-1-1 tests and two steps per plane that are not used for fitting."""
     runs = []
     for plane in PLANES:
         scale = case.scale(plane)
@@ -58,19 +57,21 @@ def fresh(case: Case, seed: int) -> list[Run]:
 
 
 def _three_two_one_one(degrees: float, unit_s: float) -> Array:
+    """Return a 3-2-1-1 signal."""
     return np.concatenate(
         [sea.step(degrees * sign, n * unit_s) for n, sign in ((3, 1), (2, -1), (1, 1), (1, -1))]
     )
 
 
 def miss(case: Case, model: IdentifiedModel) -> float:
-    """Of crossover in the worse plane, in units of 1 dB or 5 degrees."""
+    """Return the error at crossover in the worse plane, in units of 1 dB or 5 degrees."""
     identified = predict.vehicles(model, case.prior)[0]
     errors = [crossover.errors(case, identified, plane) for plane in PLANES]
     return max(max(abs(gain) / GAIN_DB, abs(phase) / PHASE_DEG) for gain, phase in errors)
 
 
 def spoilt(model: IdentifiedModel, rng: np.random.Generator) -> IdentifiedModel:
+    """Return the model with random changes of its parameters."""
     moves = np.array([SPOILT_Z.get(name, 0.0) for name in NAMES])
     z = np.array(model.joint.z) + moves * rng.standard_normal(len(NAMES))
     return msgspec.structs.replace(
@@ -79,10 +80,10 @@ def spoilt(model: IdentifiedModel, rng: np.random.Generator) -> IdentifiedModel:
 
 
 def trial(vehicle: str, seed: int) -> list[float]:
-    """Of the fitted model and of a spoilt one: by how much it misses crossover, and 1.0 where it is
-    called fit.
+    """Return the true error and the assessment (1.0: fit) of the fitted and of a spoilt model.
 
-    Judged by the fresh runs and, as the fitted ones decide no gate, by one of those a plane.
+    The assessment uses the new runs and one fitted run per plane, because fitted runs do not affect
+    its criteria.
     """
     case = vehicles.case(vehicle)
     done = prediction.campaign(case, seed)
@@ -96,23 +97,24 @@ def trial(vehicle: str, seed: int) -> list[float]:
 
 
 def judge(vehicle: str, rows: Array) -> list[Figure]:
+    """Return the rates of wrong assessments."""
     fitted, spoilt_ones = rows[:, :2], rows[:, 2:]
     every = np.vstack([fitted, spoilt_ones])
     return [
         Figure(
-            "good fitted models that are refused",
+            "good fitted models that are rejected",
             _share(fitted[fitted[:, 0] <= 1.0], called=0.0),
             highest=10.0,
             unit="%",
         ),
         Figure(
-            "models beyond 1 dB or 5 deg that are called fit",
+            "models beyond 1 dB or 5 deg that are accepted",
             _share(every[every[:, 0] > 1.0], called=1.0),
             highest=10.0,
             unit="%",
         ),
         Figure(
-            "models beyond 1.5 dB or 7.5 deg that are called fit",
+            "models beyond 1.5 dB or 7.5 deg that are accepted",
             _share(every[every[:, 0] > CLEAR], called=1.0),
             highest=2.0,
             unit="%",
@@ -127,8 +129,8 @@ def judge(vehicle: str, rows: Array) -> list[Figure]:
 
 
 def _share(rows: Array, called: float) -> float:
-    """Of models, in per cent; not a number without any."""
+    """Return the percentage of models with this assessment; NaN without models."""
     return 100.0 * float(np.mean(rows[:, 1] == called)) if len(rows) else math.nan
 
 
-JUDGING = Cell("judging", "verdicts on good and on spoilt models", trial, judge, runs=50)
+JUDGING = Cell("judging", "assessment of good and of spoilt models", trial, judge, runs=50)

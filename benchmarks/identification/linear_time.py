@@ -1,5 +1,4 @@
-"""Cell: seconds that a linear fit of ten runs of a minute takes, warm, beside common practice on
-the same data."""
+"""Cell: run time of linear fits of ten 60 s runs, compared with common practice."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -20,8 +19,7 @@ RUN_S = 60.0
 
 
 def trial(vehicle: str, seed: int) -> list[float]:
-    """Seconds of output error, of filter error and of the baseline in yaw; each has run once
-    before."""
+    """Return seconds of output error, filter error and baseline in yaw, with compiled code."""
     minutes = tuple(_a_minute(command) for command in linear_truth.commands(vehicle, "yaw"))
     campaign = linear_truth.campaign(vehicle, "yaw", linear_truth.coloured, seed, minutes)
     start = campaign.belief.plant.values
@@ -37,13 +35,14 @@ def trial(vehicle: str, seed: int) -> list[float]:
 
 
 def _a_minute(command: SurfaceCommand) -> SurfaceCommand:
-    """Followed, or cut, to RUN_S."""
+    """Extend or cut a command to RUN_S."""
     samples = int(RUN_S * RATE_HZ) + 1
     padded = np.pad(command.angle_rad, (0, max(0, samples - command.angle_rad.size)))
     return SurfaceCommand(padded[:samples])
 
 
 def _seconds(work: Callable[[Campaign], object], campaign: Campaign, warm: bool = True) -> float:
+    """Return the run time, measured in a second call if ``warm``."""
     if warm:
         work(campaign)
     begun_s = time.perf_counter()
@@ -52,6 +51,7 @@ def _seconds(work: Callable[[Campaign], object], campaign: Campaign, warm: bool 
 
 
 def judge(vehicle: str, rows: Array) -> Sequence[Figure]:
+    """Return the median times."""
     output, filtered, common = np.median(rows, axis=0)
     return [
         Figure("output error, 10 runs of 60 s", float(output), highest=0.1, unit="s"),
@@ -62,4 +62,4 @@ def judge(vehicle: str, rows: Array) -> Sequence[Figure]:
     ]
 
 
-TIME = Cell("linear-time", "seconds a linear fit takes, warm", trial, judge, runs=5)
+TIME = Cell("linear-time", "seconds of a linear fit", trial, judge, runs=5)

@@ -1,8 +1,8 @@
-"""Linear vehicles under known noise: the only ground on which an estimator's variance has a bound
-to be held to.
+"""Campaigns of linear vehicles with known noise, for which the Cramer-Rao bound is exact.
 
-A trial is one campaign of a plane: ten tests in about as much water time as the paper's, flown by
-the small-signal plane of the vehicle that the study's sea flies."""
+A trial is one campaign of a plane: ten tests of about the paper's test time, simulated with the
+linearised plane of the study's true vehicle.
+"""
 
 import math
 from collections.abc import Callable
@@ -29,12 +29,11 @@ from tests.sysid import sea
 
 Array = NDArray[np.float64]
 Draw = Callable[[LinearPlane, list[int], np.random.Generator], list[Array]]
-"""(plane, steps of each run, generator) to what noise adds to each run's outputs, (steps,
-outputs)."""
+"""(plane, steps per run, generator) -> noise on the outputs of each run, shape (steps, outputs)."""
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 WHITE = Noise(rate_radps=math.radians(0.3), angle_rad=math.radians(0.3), depth_m=0.03)
-"""Of the sensors; the rest of it is not drawn."""
+"""Sensor noise; its disturbance levels are not used."""
 COLOURED = Noise(
     rate_radps=math.radians(0.15),
     angle_rad=math.radians(0.15),
@@ -46,22 +45,23 @@ COLOURED = Noise(
     wave_damping=0.07,
     force_mps15=0.002,
 )
-"""None of the levels that the estimators begin with."""
+"""Levels different from the initial values of the estimators."""
 STEADY = 0.3
-"""How far a run starts from rest, in the uncertainty of the estimators: the loops held the vehicle
-straight."""
+"""Initial state of a run over the estimators' initial standard deviation: control was active."""
 APPROACH_S, AFTER_S = 5.0, 8.0
+"""Straight parts before and after the signal."""
 GROWTH = 0.12
-"""1/s: tests of a vehicle that runs away faster are shortened in proportion, as an abort envelope
-would."""
+"""Instability (1/s) above which tests are shortened in proportion, as safety limits would do."""
 BIAS_RAD, LEVEL_RAD = math.radians(0.7), math.radians(1.0)
 
 
 class Campaign(NamedTuple):
+    """One campaign of a plane."""
+
     truth: LinearModel
     records: list[LinearRun]
     belief: LinearPrior
-    """The prior file's plane, and the lag as one bench test measured it."""
+    """Plane of the prior file, with the lag as measured by one bench test."""
 
 
 def campaign(
@@ -69,37 +69,36 @@ def campaign(
     plane: Plane,
     draw: Draw,
     seed: int,
-    told: tuple[SurfaceCommand, ...] | None = None,
+    tests: tuple[SurfaceCommand, ...] | None = None,
 ) -> Campaign:
-    """Tests of one plane, the usual ten without ``told``, under the noise that ``draw`` makes."""
+    """Simulate tests of one plane, by default the usual ten, with noise from ``draw``."""
     truth, rng = true_plant(vehicle, plane), np.random.default_rng([seed, PLANES.index(plane)])
     by, linear, count = (
         response.discretise(truth),
         plants.linear_plane(truth),
         plants.outputs(plane),
     )
-    told = told or commands(vehicle, plane)
+    tests = tests or commands(vehicle, plane)
     rest = np.zeros(len(by.transition))
-    clean = [response.outputs(truth, by, command, rest, count) for command in told]
-    noises = draw(linear, [response.steps(command) for command in told], rng)
-    flown = [LinearRun(command, y + e) for command, y, e in zip(told, clean, noises, strict=True)]
+    clean = [response.outputs(truth, by, command, rest, count) for command in tests]
+    noises = draw(linear, [response.steps(command) for command in tests], rng)
+    flown = [LinearRun(command, y + e) for command, y, e in zip(tests, clean, noises, strict=True)]
     return Campaign(truth, flown, _bench_tested(prior_belief(vehicle, plane), truth, rng))
 
 
 def white(linear: LinearPlane, steps: list[int], rng: np.random.Generator) -> list[Array]:
-    """Sensors only: starting states and gyro biases are the noise model's."""
+    """Draw sensor noise only, with initial states and gyro biases of the noise model."""
     silent = WHITE._replace(slow_radps2=0.0, wave_radps2=0.0, force_mps15=0.0)
     return _drawn(linear, silent, steps, rng)
 
 
 def coloured(linear: LinearPlane, steps: list[int], rng: np.random.Generator) -> list[Array]:
-    """The noise model's own sea, at levels of its own."""
+    """Draw the disturbances of the noise model, with levels of their own."""
     return _drawn(linear, COLOURED, steps, rng)
 
 
 def misspecified(linear: LinearPlane, steps: list[int], rng: np.random.Generator) -> list[Array]:
-    """Swell that the noise model does not know: eight tones about a random centre, in moment and
-    force alike."""
+    """Draw swell that the noise model lacks: eight tones about a random centre frequency."""
     silent = COLOURED._replace(wave_radps2=0.0, force_mps15=0.0)
     base = _drawn(linear, silent, steps, rng)
     return [sensed + _swell(linear, len(sensed), rng)[:, : sensed.shape[1]] for sensed in base]
@@ -108,7 +107,11 @@ def misspecified(linear: LinearPlane, steps: list[int], rng: np.random.Generator
 def _drawn(
     linear: LinearPlane, level: Noise, steps: list[int], rng: np.random.Generator
 ) -> list[Array]:
-    """Draws of the filter's own system, all runs side by side."""
+    """Simulate the noise model's state-space system, all runs in parallel.
+
+    x(k+1) = Phi x(k) + w, w ~ N(0, Q);  y = C x + v, v ~ N(0, R);  x(0) ~ N(0, P0), where the
+    vehicle's states are scaled by STEADY.
+    """
     A, density, C, R, P0 = noise.system(linear, level)
     Phi, Q = noise.discrete(A, density, DT)
     runs, n = len(steps), len(A)
@@ -126,8 +129,7 @@ def _drawn(
 
 
 def _swell(linear: LinearPlane, steps: int, rng: np.random.Generator) -> Array:
-    """(steps, 3): rate, angle and depth (zero in yaw) that eight wave tones cause through moment
-    and force."""
+    """Return rate, angle and depth (zero in yaw) due to eight wave tones, shape (steps, 3)."""
     tones = 2.0 * math.pi * rng.uniform(0.1, 0.2) * rng.uniform(0.7, 1.3, 8)
     sizes, phases = rng.rayleigh(1.0, 8) / 4.0, rng.uniform(0.0, 2.0 * math.pi, (2, 8))
     time_s = DT * np.arange(steps)[:, None]
@@ -145,12 +147,12 @@ def _swell(linear: LinearPlane, steps: int, rng: np.random.Generator) -> Array:
 
 
 SWELL_MPS2 = 0.01
-"""Root mean square of the acceleration across that waves give, 7 N on Caribou."""
+"""Root mean square of the lateral acceleration due to waves, 7 N on Caribou."""
 
 
 @cache
 def true_plant(vehicle: str, plane: Plane) -> LinearModel:
-    """The small-signal plane of the vehicle that flies, trimmed to half a degree."""
+    """Return the linearised plane of the true vehicle, with residual trim errors."""
     flies = vehicles.case(vehicle)
     found = plants.of_vehicle(vehicles.nominal(flies.truth), plane)
     values = found.values.copy()
@@ -162,7 +164,7 @@ def true_plant(vehicle: str, plane: Plane) -> LinearModel:
 
 @cache
 def prior_belief(vehicle: str, plane: Plane) -> LinearPrior:
-    """What the vehicle's file says, its bias and level pitch taken to be nothing."""
+    """Return the prior of the vehicle file with zero bias and zero level pitch."""
     prior = fit.Prior(
         vehicles.case(vehicle).prior,
         {"yaw": 0.0, "pitch": 0.0},
@@ -176,6 +178,7 @@ def prior_belief(vehicle: str, plane: Plane) -> LinearPrior:
 
 
 def _bench_tested(belief: LinearPrior, truth: LinearModel, rng: np.random.Generator) -> LinearPrior:
+    """Return the prior with the lag of a simulated bench test."""
     lag = plants.lag(truth.frame.plane)
     values = belief.plant.values.copy()
     values[lag] = truth.values[lag] * (1.0 + plants.LAG_SD * rng.standard_normal(2))
@@ -184,8 +187,7 @@ def _bench_tested(belief: LinearPrior, truth: LinearModel, rng: np.random.Genera
 
 @cache
 def commands(vehicle: str, plane: Plane) -> tuple[SurfaceCommand, ...]:
-    """3-2-1-1 and doublets, slow and quick, both ways, and two steps; sized to the vehicle's
-    prior."""
+    """Return slow and fast 3-2-1-1 and doublets and two steps, scaled to the vehicle's prior."""
     size = vehicles.case(vehicle).scale(plane)
     slow = plants.small_signal(true_plant(vehicle, plane)).p_slow_per_s
     pace = min(1.0, GROWTH / slow) if slow > 0.0 else 1.0
@@ -204,7 +206,7 @@ def commands(vehicle: str, plane: Plane) -> tuple[SurfaceCommand, ...]:
 
 
 def _command(degrees: float, unit_s: float, shape: tuple[int, ...]) -> SurfaceCommand:
-    """Pulses of ``abs(count)`` units each, between a straight approach and a straight end."""
+    """Return pulses of ``abs(count)`` units between straight parts."""
     pulses = [
         sea.step(math.copysign(degrees, count * degrees), abs(count) * unit_s) for count in shape
     ]

@@ -1,5 +1,4 @@
-"""The recursive estimate, shown while she flies: beside the batch estimate of the same runs, and
-beside the truth."""
+"""Cell: the recursive estimate compared with the batch estimate of the same runs and truth."""
 
 import math
 from time import process_time
@@ -37,14 +36,15 @@ TESTS: tuple[tuple[Plane, float, float], ...] = (
     ("pitch", -4.0, 2.5),
     ("pitch", 6.0, 5.0),
 )
-"""Doublets: degrees for Caribou, seconds of each half."""
+"""Doublets: plane, degrees for Caribou, seconds of each half."""
 FIGURES = (*report.NAMES, "gain_db", "phase_deg")
 COUNT = len(PLANES) * len(FIGURES)
 AGREED_SD = 1.0
+"""Target: largest rms difference from the batch estimate, in its standard deviations."""
 
 
 def campaign(case: Case, seed: int) -> list[Run]:
-    """Doublets of both planes in the disturbed sea, in the order in which they are flown."""
+    """Simulate doublets of both planes in the disturbed sea."""
     return [
         sea.fly(
             case.truth,
@@ -61,8 +61,7 @@ def campaign(case: Case, seed: int) -> list[Run]:
 
 
 def trial(vehicle: str, seed: int) -> list[float]:
-    """Differences from the batch estimate in its sds, errors in own sds, and CPU seconds a second
-    flown."""
+    """Return differences from batch (in its sd), errors (in own sd), and CPU time per test time."""
     case = vehicles.case(vehicle)
     runs = campaign(case, seed)
     first = vehicles.nominal(case.prior)
@@ -70,7 +69,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     prior = Prior(case.prior, zeros, np.zeros(len(NAMES)), parameters.prior_covariance())
     estimator.update(
         estimator.begin(estimator.prior_knowledge(prior), "yaw", 0.0), prediction.steps(runs[0])
-    )  # compiles
+    )  # compiles the code
     began_s, known = process_time(), estimator.prior_knowledge(prior)
     for run in runs:
         state = estimator.begin(known, run.plane, float(np.mean(run.command_rad[run.preroll])))
@@ -79,7 +78,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     together = prior._replace(biases_rad=fit.trim_biases(case.prior, first.model, runs))
     try:
         batch: Fit | None = fit.fit(runs, together)
-    except VehicleFileError:  # a search of the batch estimate left the vehicles that can be
+    except VehicleFileError:  # the batch search reached an impossible vehicle
         batch = None
     differences, errors = [], []
     for plane in PLANES:
@@ -96,12 +95,13 @@ def trial(vehicle: str, seed: int) -> list[float]:
 
 
 def _figures(found: PlaneReport) -> Array:
-    """Values and standard deviations, (2, FIGURES)."""
+    """Return values and standard deviations, shape (2, FIGURES)."""
     numbers = [*found.numbers.values(), found.gain_db, found.phase_deg]
     return np.array([[n.value for n in numbers], [n.sd for n in numbers]])
 
 
 def _truth(case: Case, plane: Plane, crossover_radps: float) -> Array:
+    """Return the true values of the design parameters."""
     tail = case.truth.tailcone
     values = report.numbers(vehicles.nominal(case.truth), plane, crossover_radps)
     values[FIGURES.index("actuator_bias_deg")] = (
@@ -111,7 +111,7 @@ def _truth(case: Case, plane: Plane, crossover_radps: float) -> Array:
 
 
 def judge(vehicle: str, trials: Array) -> list[Figure]:
-    """Agreement, coverage, and time, over all design numbers of both planes."""
+    """Return agreement, coverage and time, over the design parameters of both planes."""
     differences, errors = trials[:, :COUNT], trials[:, COUNT : 2 * COUNT]
     apart = np.sqrt(np.nanmean(differences**2, axis=0))
     worst = int(np.argmax(apart))
@@ -132,8 +132,8 @@ def judge(vehicle: str, trials: Array) -> list[Figure]:
             100.0,
             "%",
         ),
-        Figure("CPU seconds a second of test", float(np.nanmean(trials[:, -1])), 0.0, 0.05),
+        Figure("CPU seconds per second of test", float(np.nanmean(trials[:, -1])), 0.0, 0.05),
     ]
 
 
-ONLINE = Cell("online", "the recursive estimate beside batch and truth", trial, judge)
+ONLINE = Cell("online", "recursive estimate compared with batch and truth", trial, judge)

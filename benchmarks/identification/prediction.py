@@ -1,10 +1,10 @@
-"""The joint estimate on vehicles that are not linear: what it predicts of tests that it has not
-seen.
+"""Cell: the nonlinear estimate on nonlinear vehicles, and its prediction of other tests.
 
-A trial is one campaign, the shipped missions' steps and sweeps in the disturbed sea, each test
-sized to the vehicle and ended where an autopilot's envelope would end it. The fit then predicts
-fresh steps, and a signal of a kind that it was never shown, open loop. Those are flown in still
-water with perfect sensors, so that all of the error is the model's."""
+A trial is one campaign in the disturbed sea: the supplied missions' steps and sweeps, each scaled
+to the vehicle and ended where the autopilot's safety limits would end it. The fitted model then
+predicts, open loop, new steps and a signal of a kind that was not fitted. These are simulated in
+still water with perfect sensors, so that the error is the model's only.
+"""
 
 import math
 from time import perf_counter
@@ -28,9 +28,9 @@ Array = NDArray[np.float64]
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 ENVELOPE_RAD = {"yaw": math.radians(180.0), "pitch": math.radians(35.0)}
-"""Change of heading and pitch at which the autopilot's own envelope ends a test (SID_HDG_MAX,
-SID_PITCH_MAX)."""
+"""Change of heading and pitch at which the autopilot ends a test (SID_HDG_MAX, SID_PITCH_MAX)."""
 SHORTEST_S = 5.0
+"""Least length of a test that is ended early."""
 FITTED: dict[Plane, tuple[tuple[str, float, float], ...]] = {
     "yaw": (
         ("step", 3.0, 20.0),
@@ -72,12 +72,14 @@ UNSHOWN: dict[Plane, tuple[tuple[str, float, float], ...]] = {
     "pitch": (("3211", 4.0, 10.5), ("3211", 3.0, 17.5)),
 }
 LEAST_FACTOR = {"yaw": 10.0, "pitch": 20.0}
+"""Target for new steps: mean squared error of the prior over that of the fitted model."""
 LEAST_UNSHOWN = 4.0
+"""The same for the signal that was not fitted."""
 DESIGN = ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s", "delay_s")
 
 
 class Campaign(NamedTuple):
-    """What one campaign gave."""
+    """Fit of one campaign."""
 
     case: Case
     prior: Prior
@@ -86,7 +88,7 @@ class Campaign(NamedTuple):
 
 
 def flown(case: Case, seed: int) -> list[Run]:
-    """The tests of one campaign."""
+    """Simulate the tests of one campaign."""
     return [
         flown_test(case, plane, test, 1000 * seed + 100 * PLANES.index(plane) + number)
         for plane in PLANES
@@ -95,11 +97,12 @@ def flown(case: Case, seed: int) -> list[Run]:
 
 
 def flown_test(case: Case, plane: Plane, test: tuple[str, float, float], seed: int) -> Run:
-    """One test in the disturbed sea."""
+    """Simulate one test in the disturbed sea."""
     return within(_fly(case, plane, test, seed, calm=False))
 
 
 def campaign(case: Case, seed: int) -> Campaign:
+    """Simulate a campaign and fit it."""
     runs = flown(case, seed)
     prior = refit.prior_of(runs, case.prior)
     began_s = perf_counter()
@@ -108,6 +111,7 @@ def campaign(case: Case, seed: int) -> Campaign:
 
 
 def _fly(case: Case, plane: Plane, test: tuple[str, float, float], seed: int, calm: bool) -> Run:
+    """Simulate one test; ``calm`` means still water and perfect sensors."""
     level, sensors = (sea.CALM, sea.Sensors(0.0, 0.0, 0.0, 0.0)) if calm else (sea.ROUGH, None)
     return sea.fly(
         case.truth,
@@ -122,6 +126,7 @@ def _fly(case: Case, plane: Plane, test: tuple[str, float, float], seed: int, ca
 
 
 def _signal(plane: Plane, test: tuple[str, float, float], scale: float) -> Array:
+    """Return the signal of a test (rad), scaled to the vehicle."""
     kind, degrees, seconds = test
     degrees *= scale
     if kind == "step":
@@ -141,7 +146,7 @@ def _signal(plane: Plane, test: tuple[str, float, float], scale: float) -> Array
 
 
 def within(run: Run) -> Run:
-    """The run up to where the envelope would have ended it."""
+    """Cut the run where the safety limits would have ended it."""
     angle, limit = (run.heading_rad, ENVELOPE_RAD["yaw"]), (run.pitch_rad, ENVELOPE_RAD["pitch"])
     started = int(np.searchsorted(run.time_s, 0.0))
     beyond = np.zeros(run.time_s.size, dtype=bool)
@@ -152,7 +157,7 @@ def within(run: Run) -> Run:
 
 
 def factor(campaign: Campaign, plane: Plane, tests: tuple[tuple[str, float, float], ...]) -> float:
-    """Mean squared rate error of the first-principles vehicle over that of the refitted one."""
+    """Return the mean squared rate error of the prior over that of the fitted vehicle."""
     first = parameters.candidate_vehicle(
         campaign.prior.config, campaign.prior.biases_rad, np.zeros(len(NAMES))
     )
@@ -167,12 +172,13 @@ def factor(campaign: Campaign, plane: Plane, tests: tuple[tuple[str, float, floa
 
 
 def _error(vehicle: CandidateVehicle, run: Run) -> float:
+    """Return the mean squared rate error of a vehicle's prediction of a run."""
     error = run.rate_radps - prediction.simulate(vehicle, run).rate_radps
     return float(np.mean(error[~run.preroll] ** 2))
 
 
 def covered(campaign: Campaign) -> list[float]:
-    """Of each plane's design numbers, 1.0 where the 95 % interval holds the truth."""
+    """Return 1.0 per design parameter whose 95 % interval contains the true value, else 0.0."""
     model = model_export.from_fit(campaign.found, campaign.prior, campaign.case.name)
     held = []
     for plane in PLANES:
@@ -187,8 +193,7 @@ def covered(campaign: Campaign) -> list[float]:
 
 
 def trial(vehicle: str, seed: int) -> list[float]:
-    """Factors (4), crossover errors (4: dB and degrees of yaw, of pitch), coverage (10), converged,
-    seconds."""
+    """Return factors (4), crossover errors (4: dB, deg per plane), coverage (10), converged, s."""
     done = campaign(vehicles.case(vehicle), seed)
     factors = [factor(done, plane, tests[plane]) for tests in (FRESH, UNSHOWN) for plane in PLANES]
     errors = [
@@ -210,6 +215,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
 
 
 def judge(vehicle: str, rows: Array) -> list[Figure]:
+    """Return prediction, crossover, coverage and convergence figures."""
     figures = []
     names = [
         f"{plane}, {kind}" for kind in ("fresh steps", "3-2-1-1, not fitted") for plane in PLANES
@@ -222,7 +228,7 @@ def judge(vehicle: str, rows: Array) -> list[Figure]:
         )
         figures.append(
             Figure(
-                f"{name}: campaigns that meet it",
+                f"{name}: campaigns that reach the target",
                 100.0 * float(np.mean(factors >= wanted)),
                 unit="%",
             )
@@ -253,9 +259,7 @@ def judge(vehicle: str, rows: Array) -> list[Figure]:
     figures.append(
         Figure("converged from all starts", 100.0 * float(np.mean(rows[:, 18])), 99.0, unit="%")
     )
-    figures.append(
-        Figure("fit, eight other starts included", float(np.median(rows[:, 19])), unit="s")
-    )
+    figures.append(Figure("fit with eight further starts", float(np.median(rows[:, 19])), unit="s"))
     return figures
 
 
@@ -264,5 +268,5 @@ def _geometric_mean(values: Array) -> float:
 
 
 PREDICTION = Cell(
-    "prediction", "held-out prediction and crossover of the joint estimate", trial, judge
+    "prediction", "prediction of held-out tests by the nonlinear estimate", trial, judge
 )

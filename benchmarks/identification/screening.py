@@ -1,11 +1,11 @@
-"""How often an anomaly in one run of a campaign is found, and how often a clean run is blamed for
-one.
+"""Cell: how often an anomaly in one run is detected, and how often a clean run is flagged.
 
-Each campaign is flown by the nonlinear truth in the disturbed sea; then one rudder and one elevator
-run are flown again in the same water, once with a slip in the middle and once with a gain error.
-All are judged from one fit of a campaign of another seed, moved to the best parameters of the
-campaign at hand by one Gauss-Newton step, as `find_outliers` always does: a fit for every campaign
-would find the same and take a hundred times as long."""
+Each campaign is simulated with the nonlinear true vehicle in the disturbed sea. One rudder and one
+elevator run are then repeated in the same conditions, once with actuator slip in the middle and
+once with a gain error. The screening uses the fit of a campaign with another seed, updated to each
+campaign by one Gauss-Newton step, as `find_outliers` always does: a fit of each campaign would give
+the same result in a hundred times the time.
+"""
 
 import math
 from collections.abc import Sequence
@@ -36,8 +36,9 @@ Array = NDArray[np.float64]
 Wave = Literal["step", "3-2-1-1"]
 
 SLIP_DEG = 0.5
-"""For Caribou; a livelier tail slips by as much moment."""
+"""Slip for Caribou; on other vehicles the slip has the same effect on the turn."""
 GAIN = 1.10
+"""Ratio of true to commanded surface angle."""
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 WAVES: tuple[Wave, ...] = ("step", "3-2-1-1")
 KINDS: tuple[Kind, ...] = ("actuator slip", "gain error")
@@ -45,16 +46,19 @@ REFERENCE_SEED = 999_000
 
 
 class Test(NamedTuple):
+    """Plane and signal of a test."""
+
     plane: Plane
     signal_rad: Array
 
     @property
     def middle_s(self) -> float:
+        """Time of the middle of the signal."""
         return 0.5 * self.signal_rad.size / RATE_HZ
 
 
 def tests(case: Case, wave: Wave) -> list[Test]:
-    """Four of each plane: two sizes of both signs."""
+    """Return four tests per plane: two sizes with both signs."""
     sizes: dict[Plane, tuple[float, ...]] = {"yaw": (5.0, 8.0), "pitch": (3.0, 5.0)}
     return [
         Test(plane, case.scale(plane) * _signal(plane, wave, sign * size))
@@ -65,8 +69,7 @@ def tests(case: Case, wave: Wave) -> list[Test]:
 
 
 def _signal(plane: Plane, wave: Wave, degrees: float) -> Array:
-    """Steps of 40 s in yaw and 8 s in pitch; in yaw three 3-2-1-1 of 2.5 s a unit, in pitch two of
-    1.5 s."""
+    """Return steps of 40 s (yaw) or 8 s (pitch), or repeated 3-2-1-1 with units of 2.5 or 1.5 s."""
     if wave == "step":
         return sea.step(degrees, 40.0 if plane == "yaw" else 8.0)
     unit_s, times = (2.5, 3) if plane == "yaw" else (1.5, 2)
@@ -75,6 +78,7 @@ def _signal(plane: Plane, wave: Wave, degrees: float) -> Array:
 
 
 def flown(case: Case, test: Test, wave: Wave, seed: int, fault: Fault | None = None) -> Run:
+    """Simulate a test, with or without a fault."""
     return sea.fly(
         case.truth,
         test.plane,
@@ -90,7 +94,7 @@ def flown(case: Case, test: Test, wave: Wave, seed: int, fault: Fault | None = N
 
 @cache
 def reference(vehicle: str, wave: Wave) -> tuple[Fit, Prior]:
-    """A fit of a clean campaign, with which all of a cell are judged."""
+    """Return the fit of a clean campaign, which all trials of a cell use."""
     case = vehicles.case(vehicle)
     runs = [flown(case, test, wave, REFERENCE_SEED + k) for k, test in enumerate(tests(case, wave))]
     biases = fit.trim_biases(case.prior, build_model.build(case.prior), runs)
@@ -99,9 +103,11 @@ def reference(vehicle: str, wave: Wave) -> tuple[Fit, Prior]:
 
 
 def trial(wave: Wave, vehicle: str, seed: int) -> Sequence[float]:
-    """Clean runs, flagged ones, dropped ones; then for slips and gain errors, plane by plane,
-    whether the run was flagged, whether it was left out, and whether one test of this kind at this
-    time would have shown it."""
+    """Return counts of clean, flagged and dropped runs, then the results for each anomaly.
+
+    Per kind and plane: whether the run was flagged, whether it was left out, and whether a test for
+    this kind at this time alone would have detected it.
+    """
     case, asked = vehicles.case(vehicle), tests(vehicles.case(vehicle), wave)
     seeds = [1000 * seed + k for k in range(len(asked))]
     clean = [flown(case, test, wave, s) for test, s in zip(asked, seeds, strict=True)]
@@ -132,12 +138,12 @@ def trial(wave: Wave, vehicle: str, seed: int) -> Sequence[float]:
 
 
 def _flagged(verdict: RunScreening) -> bool:
+    """Tell whether the run is flagged as anomalous."""
     return verdict.scores.p_value <= FALSE_ALARM
 
 
 def _told(evidence: Residuals, run: Run, kind: Kind, at_s: float) -> bool:
-    """Whether the run shows an anomaly of one kind, were that and its time given beforehand: what
-    theory computes."""
+    """Tell whether a test for one kind of anomaly at its true time detects it: the ideal case."""
     exhibit = next(e for e in evidence.exhibits if e.experiment.run.name == run.name)
     mark = next(s for s in exhibit.signatures if s.kind == kind)
     k = int(np.argmin(np.abs(mark.times_s - at_s))) if mark.times_s.size > 1 else 0
@@ -149,22 +155,25 @@ def _told(evidence: Residuals, run: Run, kind: Kind, at_s: float) -> bool:
 
 
 def _struck(plane: Plane, asked: Sequence[Test], seed: int) -> int:
-    """Which run of a plane has the anomaly: each in turn."""
+    """Return the index of the run with the anomaly; it varies with the seed."""
     there = [k for k, test in enumerate(asked) if test.plane == plane]
     return there[seed % len(there)]
 
 
 def _sifted(vehicle: str, wave: Wave, runs: Sequence[Run]) -> ScreeningResult:
+    """Screen the runs with the reference fit."""
     found, prior = reference(vehicle, wave)
     return find_outliers(_of(found, runs), prior)
 
 
 def _evidence(vehicle: str, wave: Wave, runs: Sequence[Run]) -> Residuals:
+    """Return the whitened residuals after the Gauss-Newton step."""
     found, prior = reference(vehicle, wave)
     return update_parameters(linearise_runs(_of(found, runs), prior), found, prior)
 
 
 def _of(found: Fit, runs: Sequence[Run]) -> Fit:
+    """Return the reference fit with the runs of a campaign."""
     experiments = {
         plane: tuple(
             with_coupling_inputs(found.vehicle, fit.dataset(r)) for r in runs if r.plane == plane
@@ -175,6 +184,7 @@ def _of(found: Fit, runs: Sequence[Run]) -> Fit:
 
 
 def judge(vehicle: str, rows: Array) -> Sequence[Figure]:
+    """Return the rate of false alarms and the detection power."""
     runs, flagged, dropped = np.sum(rows[:, :3], axis=0)
     power = np.mean(rows[:, 3:], axis=0).reshape(len(KINDS), len(PLANES), 3)
     sampling = math.sqrt(FALSE_ALARM / runs)
@@ -185,8 +195,8 @@ def judge(vehicle: str, rows: Array) -> Sequence[Figure]:
     for what, by_plane in zip(("slip of 0.5 deg", "gain error of 10 %"), power, strict=True):
         for plane, (found, left_out, told) in zip(PLANES, by_plane, strict=True):
             figures += [
-                Figure(f"{plane}: {what} found", found, lowest=0.9),
-                Figure(f"{plane}: {what} found, were kind and time known", told),
+                Figure(f"{plane}: {what} detected", found, lowest=0.9),
+                Figure(f"{plane}: {what} detected, kind and time known", told),
                 Figure(f"{plane}: {what} left out", left_out),
             ]
     return figures
@@ -195,7 +205,7 @@ def judge(vehicle: str, rows: Array) -> Sequence[Figure]:
 CELLS = tuple(
     Cell(
         f"screening-{wave}",
-        "anomalies found in one run, and clean runs blamed",
+        "anomalies detected in one run, and clean runs flagged",
         partial(trial, wave),
         judge,
     )

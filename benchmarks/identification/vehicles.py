@@ -1,9 +1,9 @@
-"""The vehicles of the study: what is known of each beforehand, and the one that flies, which only
-the sea may read.
+"""Vehicles of the study: the prior of each, and the true vehicle that only the simulator uses.
 
-Caribou flies as the shipped ``field``. The others differ from her in hull, speed and actuator; each
-flies as its own file moved by one draw from the prior of identification, with play, motor steps and
-biases that the file does not know."""
+Caribou's true vehicle is the supplied ``caribou_truth``. The others differ in hull, speed and
+actuator. Their true vehicles are their files changed by one draw from the prior of identification,
+with backlash, motor steps and biases that the file does not contain.
+"""
 
 import math
 from functools import cache
@@ -24,7 +24,7 @@ from tests.sysid.sea import Hold
 
 MY_VEHICLE = str(Path(__file__).parents[2] / "docs" / "my_vehicle.toml")
 STRAY = 0.7
-"""How far the flying vehicles lie from their files, in prior standard deviations (rms)."""
+"""Rms difference of true vehicles from their files, in prior standard deviations."""
 
 
 class Case(NamedTuple):
@@ -32,21 +32,21 @@ class Case(NamedTuple):
 
     name: str
     prior_file: str
-    """As `ground refit --prior` takes it."""
+    """Value for `ground refit --prior`."""
     prior: VehicleConfig
     truth: VehicleConfig
     hold: Hold
-    """Loops of a first dive: what `ground vehicle gains` makes of the prior file."""
+    """Gains of the first dive: the result of `ground vehicle gains` for the prior file."""
 
     def scale(self, plane: Plane) -> float:
-        """A test of one degree for Caribou is so many here: a livelier tail is moved less."""
+        """Return the ratio of this vehicle's test size to Caribou's, inverse to effectiveness."""
         return CARIBOU_TURN_PER_S2 / abs(
             linear_planes.small_signal(fit.linear_plane(nominal(self.prior), plane)).b1_per_s2
         )
 
     @property
     def trim_rad(self) -> tuple[float, float]:
-        """Trims that a trim flight would have measured, to half a degree."""
+        """Trims that a trim dive would measure, rounded to half a degree."""
         half = math.radians(0.5)
         level = fit.level_elevator_rad(self.truth, nominal(self.truth).model)
         wanted = (
@@ -57,12 +57,13 @@ class Case(NamedTuple):
 
 
 def nominal(vehicle: VehicleConfig) -> parameters.CandidateVehicle:
-    """A vehicle file as identification simulates it, without biases."""
+    """Return a vehicle file as identification simulates it, without biases."""
     return parameters.candidate_vehicle(vehicle, {"yaw": 0.0, "pitch": 0.0}, np.zeros(len(NAMES)))
 
 
 @cache
 def cases() -> tuple[Case, ...]:
+    """Return all vehicles of the study."""
     return (
         Case(
             "caribou",
@@ -78,11 +79,12 @@ def cases() -> tuple[Case, ...]:
 
 
 def case(name: str) -> Case:
-    """Raises KeyError for a vehicle that is not in the study."""
+    """Return a vehicle of the study. Raises KeyError."""
     return {case.name: case for case in cases()}[name]
 
 
 def _strayed(name: str, prior_file: str, hold: Hold, seed: int) -> Case:
+    """Return a case whose true vehicle differs from its file by a random draw."""
     prior = config.load(prior_file)
     rng = np.random.default_rng(seed)
     away = np.linalg.cholesky(parameters.prior_covariance()) @ rng.standard_normal(len(NAMES))

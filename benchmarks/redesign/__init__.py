@@ -1,8 +1,6 @@
-"""What redesigned gains achieve in the water, flown: Monte-Carlo cells, each figure beside its
-target."""
+"""Monte-Carlo study of redesigned gains in simulated dives; each figure has a target."""
 
 import os
 
-# Small matrices on every core at once: threads of the linear algebra would only wait for each
-# other.
+# Trials run on all cores at once: threads of the linear algebra library would only compete.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,10 +1,11 @@
-"""The Monte-Carlo study of redesigned gains in the water.
+"""The Monte-Carlo study of redesigned gains in simulated dives.
 
     python -m benchmarks.redesign [CELL ...] [--case NAME ...] [--runs N] [--model FILE.json] [--out
     FILE.json]
 
-Without a model it flies a campaign first. Each figure is printed beside its target; a missed one is
-marked, and makes the exit status 1."""
+Without a model a campaign is simulated first. Each figure is printed with its target. The exit
+status is 1 if a figure misses its target.
+"""
 
 import argparse
 import sys
@@ -21,21 +22,21 @@ from benchmarks.study import Cell
 
 def main() -> None:
     asked = _arguments()
-    with campaign.refusals():
-        sys.exit(study.status(study.ask(_questions(asked), asked)))
+    with campaign.exit_on_error():
+        sys.exit(study.exit_status(study.run_cells(_questions(asked), asked)))
 
 
 def _arguments() -> argparse.Namespace:
     cases = sorted({case for question in QUESTIONS.values() for case in question.cases})
-    parser = study.parser(__doc__, "of each case; 20 for most")
+    parser = study.parser(__doc__, "runs per case; default 20 for most cells")
     parser.add_argument(
-        "cell", nargs="*", choices=[[], *QUESTIONS], help="which cells; all without one"
+        "cell", nargs="*", choices=[[], *QUESTIONS], help="cells to run; default all"
     )
     parser.add_argument(
         "--case", action="append", choices=cases, metavar="NAME", help=", ".join(cases)
     )
     parser.add_argument(
-        "--model", type=Path, help="redesign from this model.json instead of a campaign's"
+        "--model", type=Path, help="model.json to redesign from, instead of a new campaign's"
     )
     return parser.parse_args()
 
@@ -48,8 +49,8 @@ def _questions(asked: argparse.Namespace) -> Iterator[tuple[Cell, str]]:
 
 
 def _gains(model: Path | None, seed: int) -> dict[str, Values]:
-    """The sets of gains to compare. Raises ModelError, DesignRefused."""
-    flown = campaign.known(model, seed)
+    """Return the sets of gains to compare. Raises ModelError, DesignInfeasibleError."""
+    flown = campaign.load_or_fly(model, seed)
     return campaign.gain_sets(flown.trims, campaign.redesigned(flown).gains)
 
 

@@ -1,8 +1,8 @@
-"""From nothing to gains: what `ground campaign` flies, fits and designs, without processes and
-sockets.
+"""A whole campaign as `ground campaign` runs it, but without processes and sockets.
 
-The dives are the shipped missions, flown by the autopilot's own tick through the simulator's own
-step; what she tells of them is read, screened, fitted and judged as a log is."""
+The supplied missions are simulated with the autopilot's tick and the simulator's step. The
+telemetry is read, screened, fitted and validated like a log.
+"""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -40,20 +40,20 @@ Values = dict[str, float]
 
 
 class Campaign(NamedTuple):
-    """One campaign's model, and the trims that were measured first."""
+    """Model of a campaign, and the trims measured before it."""
 
     model: IdentifiedModel
     trims: Values
 
 
-def known(model: Path | None, seed: int) -> Campaign:
-    """With a model that is there already, or from nothing. Raises ModelError."""
+def load_or_fly(model: Path | None, seed: int) -> Campaign:
+    """Return a campaign with a given model, or run a new one. Raises ModelError."""
     return Campaign(models.read(model), measured_trims(seed)) if model else fly(seed)
 
 
 @contextmanager
-def refusals() -> Iterator[None]:
-    """A model that cannot be read, or that gives no gains, ends a study in one line."""
+def exit_on_error() -> Iterator[None]:
+    """Exit with a message if the model cannot be read or the design is infeasible."""
     try:
         yield
     except ModelError as error:
@@ -65,7 +65,7 @@ def refusals() -> Iterator[None]:
 
 
 def fly(seed: int) -> Campaign:
-    """Measure the trims, fly the tests with the initial gains, fit and judge."""
+    """Measure the trims, fly the tests with the initial gains, fit and validate."""
     trims = measured_trims(seed)
     values = {**TABLE_3_INITIAL, **trims}
     fitted, held_out = (_kept(missions, seed, values) for missions in (FITTED, HELD_OUT))
@@ -79,7 +79,7 @@ def fly(seed: int) -> Campaign:
 
 
 def measured_trims(seed: int) -> Values:
-    """Rudder and elevator at the end of the trim mission, on average."""
+    """Return mean rudder and elevator at the end of the trim mission."""
     dive = flown(TRIM_MISSION, seed, TABLE_3_INITIAL)
     end_s = next(time_s for time_s, text in dive.told if text == "Mode SURFACE")
     window = dive.during(end_s - TRIM_WINDOW_S, end_s)
@@ -90,7 +90,7 @@ def measured_trims(seed: int) -> Values:
 
 
 def flown(mission: str, seed: int, values: Values) -> Dive:
-    """A shipped mission in the sea that the campaign of ``seed`` has for it."""
+    """Simulate a supplied mission with the seed that the campaign of ``seed`` gives it."""
     items = script.compile_items(script.load(mission))
     return Dive(
         items,
@@ -103,7 +103,7 @@ def flown(mission: str, seed: int, values: Values) -> Dive:
 
 
 def _kept(missions: Sequence[str], seed: int, values: Values) -> list[Run]:
-    """The tests of the missions that pass screening."""
+    """Return the tests of the missions that pass screening."""
     logs = [log(flown(mission, seed, values), mission, values) for mission in missions]
     return [
         each.run
@@ -113,7 +113,7 @@ def _kept(missions: Sequence[str], seed: int, values: Values) -> list[Run]:
 
 
 def log(dive: Dive, name: str, values: Values) -> Log:
-    """What a dive's telemetry tells, at the rate of the tick."""
+    """Return the telemetry of a dive at the rate of the tick."""
     t, nothing = dive["t_s"], np.empty(0)
     angles = dive["roll"], dive["pitch"], np.unwrap(dive["heading"])
     return Log(
@@ -130,12 +130,11 @@ def log(dive: Dive, name: str, values: Values) -> Log:
 
 
 def redesigned(flown: Campaign) -> Design:
-    """Raises DesignRefused."""
+    """Redesign the gains from the campaign's model. Raises DesignInfeasibleError."""
     return pid.redesign(flown.model)
 
 
 def gain_sets(trims: Values, ours: Values) -> dict[str, Values]:
-    """The gains that are compared, with the same trims: Table 3's two columns, and what was
-    designed."""
+    """Return the gains to compare, with the same trims: Table 3's two columns, and the redesign."""
     paper = TABLE_3_INITIAL, TABLE_3_IMPROVED
     return {name: {**gains, **trims} for name, gains in zip(GAIN_SETS, (*paper, ours), strict=True)}

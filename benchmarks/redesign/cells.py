@@ -1,4 +1,4 @@
-"""Every cell of the study by name, and what each is asked of."""
+"""All cells of the study by name, with their cases."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -8,10 +8,12 @@ from benchmarks.redesign.campaign import Values
 from benchmarks.study import Cell
 
 Gains = Callable[[], dict[str, Values]]
-"""The sets of gains that are compared; a campaign is flown for them when first asked."""
+"""Return the sets of gains to compare; the first call runs a campaign."""
 
 
 class Question(NamedTuple):
+    """A cell and its cases."""
+
     cases: tuple[str, ...]
     cell: Callable[[Gains], Cell]
 

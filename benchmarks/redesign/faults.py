@@ -1,5 +1,4 @@
-"""Cell: a straight run on which something breaks that a dive may survive, with each set of
-gains."""
+"""Cell: straight runs with a fault that a dive may survive, with each set of gains."""
 
 from functools import partial
 
@@ -16,7 +15,7 @@ from sitl.scenario import Scenario
 Array = NDArray[np.float64]
 
 FROM_S, SETTLED_S = 100.0, 130.0
-"""When it breaks, and from when on the run counts."""
+"""Start of the fault, and start of the evaluated part."""
 FAULTS: dict[str, dict[str, float]] = {
     "rudder slow": {"rate_degps": 0.5},
     "elevator slow": {"rate_degps": 0.5},
@@ -35,24 +34,24 @@ FAULTS: dict[str, dict[str, float]] = {
 
 
 def sea(fault: str) -> Scenario:
-    """The disturbed sea with a fault, "unit kind", that stays."""
+    """Return the disturbed sea with a permanent fault, given as "unit kind"."""
     unit, kind = fault.split()
     row = {"unit": unit, "kind": kind, "at_s": FROM_S, **FAULTS[fault]}
     return msgspec.structs.replace(scenario.load(SEA), fault=(row,))
 
 
 def trial(gains: dict[str, Values], case: str, seed: int) -> list[float]:
-    """``Held`` of each set of gains, from when the fault has had its effect."""
+    """Return ``TrackingError`` of each set of gains after the effect of the fault."""
     water = sea(case)
     dives = [holding.straight_run(values, water, seed) for values in gains.values()]
-    return [number for dive in dives for number in holding.held(dive, SETTLED_S)]
+    return [number for dive in dives for number in holding.tracking_error(dive, SETTLED_S)]
 
 
 def judge(case: str, rows: Array) -> list[Figure]:
+    """Return the figures of a fault."""
     return holding.figures(holding.by_set(rows))
 
 
 def cell(gains: dict[str, Values]) -> Cell:
-    return Cell(
-        "faults", "a straight run on which something breaks", partial(trial, gains), judge, runs=5
-    )
+    """Return the cell of this study."""
+    return Cell("faults", "straight runs with a fault", partial(trial, gains), judge, runs=5)

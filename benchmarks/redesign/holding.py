@@ -1,5 +1,4 @@
-"""How well a straight run is held, by the truth: 95 % of the steady part, and whether she got
-lost."""
+"""Tracking errors of a straight run, from the true motion: 95 % values, and whether it was lost."""
 
 from typing import NamedTuple
 
@@ -17,70 +16,71 @@ Array = NDArray[np.float64]
 
 MISSION, HEADING_DEG, DEPTH_M = "straight_run", 20.0, 3.0
 STEADY_S = 60.0
-"""Dived, turned, and integrators done: from then on the run counts as steady."""
+"""Start of the steady part: dived, turned, and integrators settled."""
 LOST_DEG, LOST_M = 30.0, 2.0
-"""An error beyond them is none of control any more: the loop has diverged."""
+"""Errors beyond which the loop is taken to have diverged."""
 
 
-class Held(NamedTuple):
-    """Within what 95 % of a window lie."""
+class TrackingError(NamedTuple):
+    """Limits that 95 % of the absolute errors in a window do not exceed."""
 
     heading_deg: float
     depth_cm: float
     pitch_deg: float
-    """About its mean: the pitch of level flight is physics, not an error."""
+    """Relative to the mean pitch, because level flight has a pitch that is not zero."""
     lost: float
     """1.0 for a dive that diverged or that a failsafe ended."""
 
 
 WHAT, UNITS = ("heading", "depth", "pitch about trim"), ("deg", "cm", "deg")
-CALM, DISTURBED = Held(0.3, 2.0, 0.3, 0.0), Held(1.1, 7.0, 1.4, 0.0)
+CALM, DISTURBED = TrackingError(0.3, 2.0, 0.3, 0.0), TrackingError(1.1, 7.0, 1.4, 0.0)
 """Targets."""
-ANYTHING = Held(np.inf, np.inf, np.inf, np.inf)
+ANYTHING = TrackingError(np.inf, np.inf, np.inf, np.inf)
 
 
 def straight_run(
     values: Values, sea: Scenario, seed: int, vehicle: str | VehicleConfig = VEHICLE
 ) -> Dive:
+    """Simulate the mission of a straight run."""
     items = script.compile_items(script.load(MISSION))
     return Dive(items, vehicle=vehicle, sea=sea, seed=seed, values=values)
 
 
-def held(dive: Dive, start_s: float = STEADY_S) -> Held:
-    """Of a straight run from ``start_s`` until she begins to surface."""
+def tracking_error(dive: Dive, start_s: float = STEADY_S) -> TrackingError:
+    """Return the errors of a straight run from ``start_s`` until the vehicle surfaces."""
     end_s = next((time_s for time_s, text in dive.told if text == "Mode SURFACE"), dive["t_s"][-1])
     window = dive.during(start_s, end_s)
     if not window.any():
-        return Held(np.nan, np.nan, np.nan, 1.0)
+        return TrackingError(np.nan, np.nan, np.nan, 1.0)
     pitch_deg = np.degrees(dive["true_pitch"][window])
-    heading_deg = np.degrees(turned(dive["true_heading"][window] - np.radians(HEADING_DEG)))
+    heading_deg = np.degrees(wrap_angle(dive["true_heading"][window] - np.radians(HEADING_DEG)))
     depth_m = dive["true_depth_m"][window] - DEPTH_M
     failed = any(text.startswith("Failsafe") for text in dive.texts())
     lost = failed or np.abs(heading_deg).max() > LOST_DEG or np.abs(depth_m).max() > LOST_M
-    return Held(
+    return TrackingError(
         p95(heading_deg), 100.0 * p95(depth_m), p95(pitch_deg - pitch_deg.mean()), float(lost)
     )
 
 
-def turned(angle_rad: Array) -> Array:
-    """Within half a turn either way."""
+def wrap_angle(angle_rad: Array) -> Array:
+    """Wrap angles to [-pi, pi)."""
     return np.asarray((angle_rad + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def p95(error: Array) -> float:
+    """Return the 95 % quantile of the absolute error."""
     return float(np.quantile(np.abs(error), 0.95))
 
 
 def by_set(rows: Array) -> dict[str, Array]:
-    """(dives, sets of gains x Held) as (dives, Held) by the set's name."""
+    """Split (dives, gain sets x TrackingError) into (dives, TrackingError) per gain set."""
     return dict(zip(GAIN_SETS, np.split(rows, len(GAIN_SETS), axis=1), strict=True))
 
 
 def figures(
-    held: dict[str, Array], target: Held = ANYTHING, worst: Held = ANYTHING
+    held: dict[str, Array], target: TrackingError = ANYTHING, worst: TrackingError = ANYTHING
 ) -> list[Figure]:
-    """Mean over the dives and the worst one, set of gains beside set of gains; ours beside what
-    they may be at most."""
+    """Return mean and worst dive of each set of gains; only our gains have targets."""
     found = []
     for column, (what, unit) in enumerate(zip(WHAT, UNITS, strict=True)):
         for name, rows in held.items():

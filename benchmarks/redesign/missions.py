@@ -1,8 +1,8 @@
-"""Cell: the paper's missions of its figures 14 and 15: does every leg settle, and does she stay
-under water?
+"""Cell: the missions of the paper's figures 14 and 15: settling of each leg, and submergence.
 
-Depth counts from the surface as it stands over her: so near to it waves carry her up and down with
-the water, which neither shows on a pressure sensor nor needs to be fought."""
+Depth is measured from the instantaneous surface above the vehicle: near the surface waves move the
+vehicle with the water. The pressure sensor does not measure this motion, and it needs no control.
+"""
 
 from functools import partial
 from itertools import product
@@ -23,47 +23,46 @@ Array = NDArray[np.float64]
 
 CASES = ("combined/calm", "combined/disturbed", "shallow_1m/disturbed", "shallow_1m/swell")
 END_S = 5.0
-"""Of a leg: there it has settled."""
+"""Length of the evaluated end of a leg."""
 UNDER_M = 0.3
-"""Of water over her: then she has left the surface."""
+"""Water above the vehicle from which it counts as submerged."""
 TWICE = 2.0
-"""A leg has settled where 95 % lie within so many times the target of a steady run."""
+"""A leg has settled if 95 % of errors are within this multiple of the steady run's target."""
 STATIONS = 41
 
 
 def trial(gains: dict[str, Values], case: str, seed: int) -> list[float]:
-    """Of each set: 95 % of heading (deg) and depth (cm) at each leg's end, and the least water over
-    her (m)."""
+    """Return heading (deg) and depth errors (cm) per leg, and least water above the vehicle (m)."""
     mission, sea = case.split("/")
     steps = script.load(mission)
     row = []
     for values in gains.values():
         dive = Dive(script.compile_items(steps), vehicle=VEHICLE, sea=sea, seed=seed, values=values)
         row += [number for leg in _legs(steps.step) for number in _at_its_end(dive, *leg)]
-        row.append(water_over_her_m(dive))
+        row.append(water_above_m(dive))
     return row
 
 
 def _legs(steps: tuple[MissionStep, ...]) -> list[tuple[MissionStep, float]]:
-    """With the time at which each ends; all give their heading and depth."""
+    """Return the legs and their end times; each leg has a heading and a depth."""
     legs = [step for step in steps if step.duration_s]
     return list(zip(legs, np.cumsum([leg.duration_s for leg in legs]).tolist(), strict=True))
 
 
 def _at_its_end(dive: Dive, leg: MissionStep, end_s: float) -> tuple[float, float]:
+    """Return the 95 % errors of heading (deg) and depth (cm) at the end of a leg."""
     assert leg.heading_deg is not None
     assert leg.depth_m is not None
     window = dive.during(end_s - END_S, end_s)
     if not window.any():
         return np.inf, np.inf
-    heading_rad = holding.turned(dive["true_heading"][window] - np.radians(leg.heading_deg))
+    heading_rad = holding.wrap_angle(dive["true_heading"][window] - np.radians(leg.heading_deg))
     depth_m = dive["true_depth_m"][window] + dive["surface_m"][window]
     return holding.p95(np.degrees(heading_rad)), 100.0 * holding.p95(depth_m - leg.depth_m)
 
 
-def water_over_her_m(dive: Dive) -> float:
-    """The least over the highest part of hull and duct, from when she has left the surface until
-    she is to surface."""
+def water_above_m(dive: Dive) -> float:
+    """Return the least depth of water above hull and duct, between submerging and surfacing."""
     pitch, depth_m = dive["true_pitch"], dive["true_depth_m"]
     x_m, radius_m = outline_m(VEHICLE)
     highest_m = np.max(np.outer(np.sin(pitch), x_m) + np.outer(np.cos(pitch), radius_m), axis=1)
@@ -75,8 +74,7 @@ def water_over_her_m(dive: Dive) -> float:
 
 
 def outline_m(vehicle: str) -> tuple[Array, Array]:
-    """Places along her, forward of mid-length, and how far she reaches from the axis there; the
-    duct's ring last."""
+    """Return stations along the hull (m forward of mid-length) and radii; the duct comes last."""
     described = config.load(vehicle)
     half = hull.length_m(described.hull) / 2.0
     x_m = np.linspace(-half, half, STATIONS)
@@ -87,6 +85,7 @@ def outline_m(vehicle: str) -> tuple[Array, Array]:
 
 
 def judge(case: str, rows: Array) -> list[Figure]:
+    """Return errors per leg, settled fraction and least water above the vehicle."""
     target = CALM if case.endswith("calm") else DISTURBED
     most = TWICE * target.heading_deg, TWICE * target.depth_cm
     by_set = dict(zip(GAIN_SETS, np.split(rows, len(GAIN_SETS), axis=1), strict=True))
@@ -109,11 +108,15 @@ def judge(case: str, rows: Array) -> list[Figure]:
         least = 0.0 if name == OURS else -np.inf
         found.append(
             Figure(
-                f"least water over her: {name}", float(np.min(mine[:, -1])), lowest=least, unit="m"
+                f"least water above hull: {name}",
+                float(np.min(mine[:, -1])),
+                lowest=least,
+                unit="m",
             )
         )
     return found
 
 
 def cell(gains: dict[str, Values]) -> Cell:
+    """Return the cell of this study."""
     return Cell("missions", "figures 14 and 15 of the paper", partial(trial, gains), judge, runs=20)

@@ -1,10 +1,10 @@
-"""Cell: how often a campaign ends in gains that keep the specification on the vehicle that flew,
-and what they say.
+"""Cell: how often a campaign's gains meet the specification on the true vehicle, as predicted.
 
-A trial is a whole campaign: trims, tests, fit, verdict, redesign. What is asked of every vehicle
-that a model allows for is then asked of the one vehicle that flew, in small motion; the probability
-that the design states is set beside the share of campaigns that succeed. The gains fly a straight
-run as well."""
+A trial is a whole campaign: trims, tests, fit, assessment, redesign. The limits that the design
+applies to every sampled vehicle are then checked on the linearised true vehicle. The probability
+that the design predicts is compared with the fraction of campaigns that meet the limits. The gains
+also fly a straight run.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.identification import vehicles
 from benchmarks.redesign import campaign, holding
 from benchmarks.redesign.campaign import OURS, PRIOR, SEA, VEHICLE
-from benchmarks.redesign.holding import DISTURBED, Held
+from benchmarks.redesign.holding import DISTURBED, TrackingError
 from benchmarks.study import Cell, Figure
 from sitl import scenario
 from sitl.vehicle import config
@@ -26,25 +26,24 @@ Array = NDArray[np.float64]
 CASES = (VEHICLE,)
 LEAST_FULL, LEAST_RELAXED = 75.0, 97.0
 HONEST = 10.0
-"""Points by which the share that is stated may lie off the one that is found."""
+"""Largest difference of predicted and observed fraction, in percentage points."""
 
 
 def trial(case: str, seed: int) -> list[float]:
-    """Fit for redesign, designed; stated and true, of the full specification and of the relaxed
-    one; ``Held``."""
+    """Return: model fit for redesign, designed, predicted and true fractions, ``TrackingError``."""
     flown = campaign.fly(seed)
     fit = float(flown.model.verdict is not None and flown.model.verdict.fit_for_redesign)
     try:
         designed = campaign.redesigned(flown)
     except DesignInfeasibleError:
-        return [fit, 0.0, *(np.nan,) * (4 + len(Held._fields))]
+        return [fit, 0.0, *(np.nan,) * (4 + len(TrackingError._fields))]
     dive = holding.straight_run({**designed.gains, **flown.trims}, scenario.load(SEA), seed)
-    return [fit, 1.0, *_kept(designed, case), *holding.held(dive)]
+    return [fit, 1.0, *_kept(designed, case), *holding.tracking_error(dive)]
 
 
 def _kept(designed: Design, vehicle: str) -> tuple[float, float, float, float]:
-    """Stated probability and truth, of the full specification and of the relaxed one."""
-    assert designed.trust is not None
+    """Return predicted probability and result of the full and of the relaxed specification."""
+    assert designed.robustness is not None
     plane = from_vehicle(
         vehicles.nominal(config.load(vehicle)),
         {"yaw": DEFAULT_DISTURBANCE, "pitch": DEFAULT_DISTURBANCE},
@@ -53,10 +52,11 @@ def _kept(designed: Design, vehicle: str) -> tuple[float, float, float, float]:
         float(max(violations(plane, designed.gains, bounds).values()) <= CONSTRAINT_TOLERANCE)
         for bounds in (min_bounds(designed.spec), RELAXED)
     )
-    return designed.trust.specification, full, designed.trust.relaxed, relaxed
+    return designed.robustness.specification, full, designed.robustness.relaxed, relaxed
 
 
 def judge(case: str, rows: Array) -> list[Figure]:
+    """Return the predicted and the observed fractions, and the tracking errors."""
     fit, done = rows[:, 0], rows[rows[:, 1] == 1.0]
     stated_full, full, stated_relaxed, relaxed = (
         100.0 * float(np.mean(done[:, k])) for k in range(2, 6)

@@ -1,7 +1,7 @@
-"""Cell: our gains on a hundred vehicles whose every coefficient is off by up to a fifth.
+"""Cell: redesigned gains on a hundred vehicles with random errors of up to 20 % per coefficient.
 
-All have the field vehicle's rudder bias of -6 degrees and 22 N of buoyancy, and all fly on her
-trims."""
+All have the true vehicle's rudder bias of -6 degrees and 22 N of buoyancy, and use its trims.
+"""
 
 from functools import partial
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from benchmarks.redesign import holding
 from benchmarks.redesign.campaign import OURS, SEA, VEHICLE, Values
-from benchmarks.redesign.holding import DISTURBED, Held
+from benchmarks.redesign.holding import DISTURBED, TrackingError
 from benchmarks.study import Cell, Figure
 from sitl import scenario
 from sitl.vehicle import build_model, config
@@ -21,19 +21,21 @@ from sitl.vehicle.config import VehicleConfig, VehicleFileError
 Array = NDArray[np.float64]
 
 ASTRAY = 0.2
-"""Of each coefficient of the linear column, uniformly either way."""
+"""Largest relative error of each coefficient of the linear column, uniformly distributed."""
 CASES = (VEHICLE,)
-TWICE = Held(*(2.0 * most for most in DISTURBED))
+TWICE = TrackingError(*(2.0 * most for most in DISTURBED))
 
 
 class Drawn(NamedTuple):
+    """A sampled vehicle."""
+
     vehicle: VehicleConfig
     refused: int
-    """Draws before it that no vehicle could be."""
+    """Number of impossible vehicles that were drawn before it."""
 
 
 def draw(name: str, seed: int) -> Drawn:
-    """A shipped vehicle with every coefficient moved by itself."""
+    """Return a supplied vehicle with an independent error in every coefficient."""
     first, rng, refused = config.load(name), np.random.default_rng(seed), 0
     while True:
         names = first.linear.__struct_fields__
@@ -53,28 +55,30 @@ def draw(name: str, seed: int) -> Drawn:
 
 
 def trial(values: Values, case: str, seed: int) -> list[float]:
-    """Draws that were refused, then ``Held``."""
+    """Return the number of rejected draws, then ``TrackingError``."""
     vehicle, refused = draw(case, seed)
     return [
         float(refused),
-        *holding.held(holding.straight_run(values, scenario.load(SEA), seed, vehicle)),
+        *holding.tracking_error(holding.straight_run(values, scenario.load(SEA), seed, vehicle)),
     ]
 
 
 def judge(case: str, rows: Array) -> list[Figure]:
+    """Return the figures over all vehicles."""
     held = rows[:, 1:]
     outside = ~np.all(held[:, :3] <= np.array(TWICE[:3]), axis=1)
     return [
-        Figure("draws that could be no vehicle", float(np.sum(rows[:, 0]))),
+        Figure("rejected draws", float(np.sum(rows[:, 0]))),
         *holding.figures({OURS: held}, worst=TWICE),
         Figure("outside twice the targets", 100.0 * float(np.mean(outside)), highest=0.0, unit="%"),
     ]
 
 
 def cell(gains: dict[str, Values]) -> Cell:
+    """Return the cell of this study."""
     return Cell(
         "robust",
-        "a straight run of vehicles nobody identified",
+        "straight runs of vehicles that were not identified",
         partial(trial, gains[OURS]),
         judge,
         runs=100,

@@ -1,4 +1,4 @@
-"""Cell: a straight run held by each set of gains, on the same seeds, in one sea after the other."""
+"""Cell: straight runs with each set of gains, on the same seeds, in several seas."""
 
 from functools import partial
 
@@ -19,15 +19,14 @@ Array = NDArray[np.float64]
 SEAS = ("calm", "disturbed", "rough", "current", "swell")
 TARGETS = {"calm": CALM, "disturbed": DISTURBED}
 ROUGHER = 2.0
-"""Moments of the rough sea over those of the disturbed one."""
+"""Ratio of the moments of the rough sea to those of the disturbed one."""
 CURRENT = Current(
     speed_mps=0.3, towards_deg=110.0, variation=Variation(rms_mps=0.1, time_constant_s=60.0)
 )
 
 
 def sea(name: str) -> Scenario:
-    """A shipped scenario, or the disturbed one made rough or with a current across the course that
-    comes and goes."""
+    """Return a supplied scenario, or the disturbed one made rougher or with a variable current."""
     if name not in ("rough", "current"):
         return scenario.load(name)
     disturbed = scenario.load("disturbed")
@@ -44,20 +43,22 @@ def sea(name: str) -> Scenario:
 
 
 def trial(gains: dict[str, Values], case: str, seed: int) -> list[float]:
-    """``Held`` of each set of gains in turn."""
+    """Return ``TrackingError`` of each set of gains in turn."""
     water = sea(case)
     return [
         number
         for values in gains.values()
-        for number in holding.held(holding.straight_run(values, water, seed))
+        for number in holding.tracking_error(holding.straight_run(values, water, seed))
     ]
 
 
 def judge(case: str, rows: Array) -> list[Figure]:
+    """Return the figures of a sea."""
     return holding.figures(holding.by_set(rows), TARGETS.get(case, ANYTHING))
 
 
 def cell(gains: dict[str, Values]) -> Cell:
+    """Return the cell of this study."""
     return Cell(
-        "steady", "a straight run in calm and in rough water", partial(trial, gains), judge, runs=20
+        "steady", "straight runs in calm and rough water", partial(trial, gains), judge, runs=20
     )

@@ -16,11 +16,11 @@ from ground.client.flight import FlightProgress
 from ground.client.recorder import Recorder
 from ground.client.vehicle import VehicleClient, VehicleClientError
 from ground.errors import InputError, OperationError
-from ground.missions.script import TEST
 from ground.missions.signals import AXES, SIGNALS
 from ground.simulation.processes import SimulatedVehicle
 from mavlink_io.clock import wall_s
 from mavlink_io.dialect import constant
+from mavlink_io.mission_items import MavCmd
 from sysid.data import readers
 from sysid.data.dataset import LogError
 from sysid.estimation import bench_test
@@ -205,7 +205,9 @@ def _run_sweep(sweep: Sweep, vehicle: VehicleClient, recorder: Recorder) -> None
     deadline_s = recorder.vehicle_s + sweep.duration_s + TEST_END_TIMEOUT_S
     hz = sweep.frequency_hz
     axis, chirp = AXES[sweep.axis], SIGNALS["chirp"]
-    vehicle.command(TEST, axis, 0.5 * sweep.amplitude_deg, hz, hz, sweep.duration_s, chirp, 0.0)
+    vehicle.command(
+        MavCmd.USER_1, axis, 0.5 * sweep.amplitude_deg, hz, hz, sweep.duration_s, chirp, 0.0
+    )
     while not any(text.text == "SystemID Finished" for text in vehicle.texts[first_text:]):
         for text in vehicle.texts[first_text:]:
             if text.text.startswith("SystemID Stopped"):

@@ -73,8 +73,8 @@ def format_text(found: InitialDesign) -> str:
         "Loops on the vehicle of the file, and on 95 % of the vehicles sampled from the prior",
     ]
     lines += [f"  {'':8s}{'damping':>14s}{'gain margin, dB':>18s}{'phase margin, deg':>20s}"]
-    for loop, low in found.held.items():
-        own = found.stands[loop]
+    for loop, low in found.over_prior.items():
+        own = found.nominal[loop]
         lines.append(
             f"  {loop:8s}{own.damping:7.2f}{low.damping:7.2f}{own.gm_db:11.1f}{low.gm_db:7.1f}"
             f"{own.pm_deg:13.0f}{low.pm_deg:7.0f}"
@@ -85,7 +85,7 @@ def format_text(found: InitialDesign) -> str:
         "Compared with Table 3's initial gains, scaled with the tail's effectiveness",
     ]
     lines += [f"  {'':8s}{'ours':>10s}{'Table 3':>10s}{'ratio':>7s}"]
-    for name, row in found.beside.items():
+    for name, row in found.comparison.items():
         lines.append(f"  {name:8s}{row.ours:10.3g}{row.paper:10.3g}{row.times:>7s}  {row.why}")
     return "\n".join(lines)
 
@@ -96,8 +96,8 @@ def as_json(found: InitialDesign) -> dict[str, Any]:
         "parameters": found.parameters,
         "reasons": found.reasons,
         "loops": {
-            loop: {"nominal": own._asdict(), "prior": found.held[loop]._asdict()}
-            for loop, own in found.stands.items()
+            loop: {"nominal": own._asdict(), "prior": found.over_prior[loop]._asdict()}
+            for loop, own in found.nominal.items()
         },
-        "table_3": {name: row._asdict() for name, row in found.beside.items()},
+        "table_3": {name: row._asdict() for name, row in found.comparison.items()},
     }

@@ -51,12 +51,12 @@ def summarise_design(design: Design) -> dict[str, Any]:
         "specification": {
             name: _finite_or_none(limit) for name, limit in design.spec._asdict().items()
         },
-        "trust": design.trust and design.trust._asdict(),
+        "trust": design.robustness and design.robustness._asdict(),
         "foretold": {
             name: {"mean": e.mean, "rms": e.rms, "p95": e.p95}
-            for name, e in design.promise.predicted.items()
+            for name, e in design.baseline.predicted.items()
         },
-        "model_sha256": design.promise.model_sha256,
+        "model_sha256": design.baseline.model_sha256,
     }
 
 
@@ -97,7 +97,7 @@ def format_design(design: Design, out: Path) -> str:
         "foretold in the sea of the tests, 95 %:",
     ]
     lines += [
-        f"  {label:32s}{design.promise.predicted[name].p95:9.3f}"
+        f"  {label:32s}{design.baseline.predicted[name].p95:9.3f}"
         for name, label in monitor_view.ROWS.items()
     ]
     return "\n".join(lines)
@@ -123,12 +123,12 @@ def _held_out_lines(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
 def _analysis(found: Analysis) -> dict[str, Any]:
 
     return {
-        "damping": {loop: damping(poles) for loop, poles in found.shown.items()},
+        "damping": {loop: damping(poles) for loop, poles in found.visible.items()},
         "poles_radps": {
             loop: [[p.real, p.imag] for p in poles] for loop, poles in found.poles.items()
         },
         "shown_poles_radps": {
-            loop: [[p.real, p.imag] for p in poles] for loop, poles in found.shown.items()
+            loop: [[p.real, p.imag] for p in poles] for loop, poles in found.visible.items()
         },
         "margins": {
             cut: {k: _finite_or_none(v) for k, v in m._asdict().items()}

@@ -19,6 +19,7 @@ from ground.cli.options import (
     print_result,
 )
 from ground.errors import InputError, OperationError
+from mavlink_io.mission_items import MavCmd
 
 if TYPE_CHECKING:
     from ground.client.flight import Dive
@@ -169,9 +170,7 @@ def _prior_file(simulated: str | None) -> str:
 
 def _has_tests(dive: "Dive") -> bool:
     """Return whether the mission holds tests: they need constant trims."""
-    from ground.missions import script
-
-    return any(item.command == script.TEST for item in dive.items)
+    return any(item.command == MavCmd.USER_1 for item in dive.items)
 
 
 def _live_estimate(dive: "Dive", prior: str, display: "ProgressDisplay") -> "LiveSession | None":

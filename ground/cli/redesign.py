@@ -131,7 +131,7 @@ def _redesign_pid(
     design.write_params(out)
     text = summary.format_design(design, out)
     if upload:
-        changes = params.upload(upload, sign, design.gains, str(out), design.promise.model_sha256)
+        changes = params.upload(upload, sign, design.gains, str(out), design.baseline.model_sha256)
         text = "\n".join([text, f"{upload}, {params.UNDO}:", *params.format_changes(changes, {})])
     return summary.summarise_design(design), text
 
@@ -152,7 +152,7 @@ def _lqg_json(design: "LqgDesign") -> dict[str, Any]:
     """Return the LQG design as plain numbers."""
     return {
         "predicted": design.predicted._asdict(),
-        "trust": design.trust and design.trust._asdict(),
+        "trust": design.robustness and design.robustness._asdict(),
         "weights": design.weights,
         "speed_mps": design.speed_mps,
         "model_sha256": design.model_sha256,
@@ -161,7 +161,7 @@ def _lqg_json(design: "LqgDesign") -> dict[str, Any]:
 
 def _format_lqg(design: "LqgDesign", out: Path) -> str:
     """Return the LQG design as lines of text."""
-    predicted, robustness = design.predicted, design.trust
+    predicted, robustness = design.predicted, design.robustness
     lines = [
         f"{out}: start `autopilot --controller {out}`; LAW_ENABLE = 0 switches to the PID loops",
         (

@@ -6,15 +6,11 @@ https://mavlink.io/en/services/standard_modes.html."""
 from typing import Any
 
 from mavlink_io.dialect import constant, enum_names
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.request import Exchange, MavlinkId, Send
 
 ACCEPTED, IN_PROGRESS = constant("MAV_RESULT_ACCEPTED"), constant("MAV_RESULT_IN_PROGRESS")
 TEMPORARILY_REJECTED = constant("MAV_RESULT_TEMPORARILY_REJECTED")
-ARM, SET_MODE = constant("MAV_CMD_COMPONENT_ARM_DISARM"), constant("MAV_CMD_DO_SET_MODE")
-SET_INTERVAL, REQUEST = (
-    constant("MAV_CMD_SET_MESSAGE_INTERVAL"),
-    constant("MAV_CMD_REQUEST_MESSAGE"),
-)
 
 _STANDARD_NAMES = {
     constant("MAV_STANDARD_MODE_SAFE_RECOVERY"): "RTL",
@@ -27,7 +23,7 @@ _STANDARD_NAMES = {
 class CommandExchange(Exchange[None]):
     """A COMMAND_LONG; done when the vehicle reports that it has accepted and finished it."""
 
-    hears = frozenset(("COMMAND_ACK",))
+    message_names = frozenset(("COMMAND_ACK",))
 
     def __init__(
         self, send: Send, own: MavlinkId, peer: MavlinkId, command: int, *parameters: float
@@ -39,60 +35,62 @@ class CommandExchange(Exchange[None]):
         self.refusal: int | None = None
         """MAV_RESULT of a refusal; None without one."""
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         fields = {f"param{n}": value for n, value in enumerate(self._parameters, start=1)}
-        self._post("COMMAND_LONG", command=self._command, confirmation=self._confirmation, **fields)
+        self._send_to_peer(
+            "COMMAND_LONG", command=self._command, confirmation=self._confirmation, **fields
+        )
         self._confirmation = min(255, self._confirmation + 1)
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.command != self._command:
             return
         if message.result == IN_PROGRESS:
-            self._progress()
+            self._note_progress()
         elif message.result == ACCEPTED:
             self._finish(None)
         else:
             self.refusal = message.result
-            self._fail(f"{self._question()}: {readable_name(message.result, 'MAV_RESULT')}")
+            self._fail(f"{self._describe()}: {readable_name(message.result, 'MAV_RESULT')}")
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return readable_name(self._command, "MAV_CMD")
 
 
 class ModeList(Exchange[dict[str, int]]):
     """Request for AVAILABLE_MODES; the result is `custom_mode` by mode name."""
 
-    hears = frozenset(("AVAILABLE_MODES",))
+    message_names = frozenset(("AVAILABLE_MODES",))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         super().__init__(send, own, peer)
         self._modes: dict[int, tuple[str, int]] = {}
         self._missing: set[int] | None = None
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         for index in (0,) if self._missing is None else sorted(self._missing):
             fields = {f"param{n}": 0.0 for n in range(3, 8)}
             number = constant("MAVLINK_MSG_ID_AVAILABLE_MODES")
-            self._post(
+            self._send_to_peer(
                 "COMMAND_LONG",
-                command=REQUEST,
+                command=MavCmd.REQUEST_MESSAGE,
                 confirmation=0,
                 param1=number,
                 param2=index,
                 **fields,
             )
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         mode_name = message.mode_name or _STANDARD_NAMES.get(
             message.standard_mode, f"MODE_{message.custom_mode}"
         )
         self._modes[message.mode_index] = mode_name, message.custom_mode
         self._missing = set(range(1, message.number_modes + 1)) - set(self._modes)
-        self._progress()
+        self._note_progress()
         if not self._missing:
             self._finish(dict(self._modes[index] for index in sorted(self._modes)))
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return "the list of modes"
 
 

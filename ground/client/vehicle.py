@@ -21,7 +21,7 @@ from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.logging.statustext import TextJoiner
-from mavlink_io.mission_items import MissionItem
+from mavlink_io.mission_items import MavCmd, MissionItem
 from mavlink_io.records import ARMED_FLAG
 from mavlink_io.request import Exchange, ExchangeError, MavlinkId
 from mavlink_io.services.missions import MissionClient
@@ -251,11 +251,11 @@ class VehicleClient:
         modes = self.offered_modes()
         if name not in modes:
             raise VehicleClientError(f"mode {name}: the vehicle offers {', '.join(sorted(modes))}")
-        self.command(commands.SET_MODE, 1.0, float(modes[name]))
+        self.command(MavCmd.DO_SET_MODE, 1.0, float(modes[name]))
 
     def set_interval(self, name: str, rate_hz: float) -> None:
         """Request a message at `rate_hz` (vehicle time)."""
-        self.command(commands.SET_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz)
+        self.command(MavCmd.SET_MESSAGE_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz)
 
     def arm(self, patience_s: float | None = None) -> None:
         """Arm as soon as the vehicle is ready.
@@ -279,7 +279,7 @@ class VehicleClient:
         while True:
             self.arm_requested = True
             try:
-                self.command(commands.ARM, 1.0)
+                self.command(MavCmd.COMPONENT_ARM_DISARM, 1.0)
                 return
             except RefusedError as refusal:
                 self.arm_requested = False
@@ -294,7 +294,7 @@ class VehicleClient:
 
     def disarm(self, *, force: bool = False) -> None:
         """Disarm; with `force` also under way (param2 of MAV_CMD_COMPONENT_ARM_DISARM)."""
-        self.command(commands.ARM, 0.0, 21196.0 if force else 0.0)
+        self.command(MavCmd.COMPONENT_ARM_DISARM, 0.0, 21196.0 if force else 0.0)
 
     def command(self, command: int, *parameters: float) -> None:
         """Send a command and wait until it is done. Raises RefusedError, VehicleClientError."""
@@ -321,7 +321,7 @@ class VehicleClient:
         """Request and return whether the pre-arm checks pass; None if the vehicle reports none."""
         self._own_status = None
         CommandExchange(
-            self._endpoint.send, GROUND, self._peer, commands.REQUEST, _SYS_STATUS
+            self._endpoint.send, GROUND, self._peer, MavCmd.REQUEST_MESSAGE, _SYS_STATUS
         ).poll(wall_s())
         self.pump_until(lambda: self._own_status is not None, ARM_RETRY_PERIOD_S)
         status = None if self._own_status is None else self._own_status.decode()

@@ -64,18 +64,18 @@ class PerformanceMonitor:
         ):  # not everything has been told yet; and who watches must not end a dive
             return
         self._telemetry.forget(until_s - OVERLAP_S)
-        for cause in self._monitor.kept().causes:
+        for cause in self._monitor.report().causes:
             if self._announce is not None and cause.name not in self._told:
                 self._announce(monitor_view.line(cause))
             self._told.add(cause.name)
 
     def picture(self) -> RenderableType:
         """Measured errors beside those foretold, as things stand."""
-        return monitor_view.table(self._monitor.kept())
+        return monitor_view.table(self._monitor.report())
 
     def as_json(self) -> dict[str, Any]:
-        return monitor_view.as_json(self._monitor.kept())
+        return monitor_view.as_json(self._monitor.report())
 
     def in_words(self) -> str:
         """The same in a few lines, for when the dive is over."""
-        return monitor_view.format_text(self._monitor.kept())
+        return monitor_view.format_text(self._monitor.report())

@@ -16,6 +16,7 @@ from mavlink_io.mission_items import (
     GLOBAL_SCALE,
     LOCAL_SCALE,
     NOT_GIVEN,
+    MavCmd,
     MissionItem,
     place_fault,
 )
@@ -127,9 +128,9 @@ def check_limits(where: str, plan: Plan, limits: Limits) -> None:
 
 def _depth_m(item: MissionItem) -> float:
     """Return the depth (m) that an item commands; NaN for none."""
-    if item.command == script.CHANGE_ALTITUDE:
+    if item.command == MavCmd.DO_CHANGE_ALTITUDE:
         return -item.p1
-    if item.command == script.WAIT_ALTITUDE or has_location(item.command):
+    if item.command == MavCmd.CONDITION_CHANGE_ALT or has_location(item.command):
         return item.z if item.frame == FRAME_LOCAL_NED else -item.z
     return math.nan
 

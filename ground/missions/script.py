@@ -49,23 +49,15 @@ import msgspec
 
 from ground.errors import InputError, out_of_range
 from ground.missions import signals
-from mavlink_io.dialect import constant
 from mavlink_io.mission_items import (
     FRAME_LOCAL_NED,
     FRAME_MISSION,
     GLOBAL_SCALE,
     LOCAL_SCALE,
+    MavCmd,
     MissionItem,
 )
 
-CHANGE_SPEED = constant("MAV_CMD_DO_CHANGE_SPEED")
-CHANGE_ALTITUDE = constant("MAV_CMD_DO_CHANGE_ALTITUDE")
-WAIT_ALTITUDE = constant("MAV_CMD_CONDITION_CHANGE_ALT")
-YAW = constant("MAV_CMD_CONDITION_YAW")
-DELAY = constant("MAV_CMD_NAV_DELAY")
-TEST = constant("MAV_CMD_USER_1")
-LAND = constant("MAV_CMD_NAV_LAND")
-WAYPOINT = constant("MAV_CMD_NAV_WAYPOINT")
 RELATIVE_ALTITUDE = 3
 """MAV_FRAME_GLOBAL_RELATIVE_ALT: altitude above home, which is at the water surface."""
 
@@ -273,7 +265,7 @@ def _place_fault(step: MissionStep) -> str:
 def _items(step: MissionStep, depth_m: float) -> Iterator[MissionItem]:
     """Yield the items of a step; `depth_m` is the depth of a waypoint."""
     if step.surface:
-        yield _item(LAND)
+        yield _item(MavCmd.NAV_LAND)
     elif step.test is not None:
         yield _test_item(step.test)
     else:
@@ -284,14 +276,14 @@ def _items(step: MissionStep, depth_m: float) -> Iterator[MissionItem]:
 def _speed_items(step: MissionStep) -> Iterator[MissionItem]:
     """Yield the item that sets thrust or speed, if the step has one."""
     if step.thrust_pct is not None:
-        yield _item(CHANGE_SPEED, 0.0, -1.0, step.thrust_pct)
+        yield _item(MavCmd.DO_CHANGE_SPEED, 0.0, -1.0, step.thrust_pct)
     if step.speed_mps is not None:
-        yield _item(CHANGE_SPEED, 0.0, step.speed_mps, -1.0)
+        yield _item(MavCmd.DO_CHANGE_SPEED, 0.0, step.speed_mps, -1.0)
 
 
 def _waypoint_item(step: MissionStep, depth_m: float) -> MissionItem:
     """Return a waypoint at a depth."""
-    item = _item(WAYPOINT, step.duration_s or 0.0, step.accept_m or 0.0)
+    item = _item(MavCmd.NAV_WAYPOINT, step.duration_s or 0.0, step.accept_m or 0.0)
     if step.to is not None:
         north, east = (round(metres * LOCAL_SCALE) for metres in step.to)
         return item._replace(frame=FRAME_LOCAL_NED, x=north, y=east, z=depth_m)
@@ -304,19 +296,19 @@ def _waypoint_item(step: MissionStep, depth_m: float) -> MissionItem:
 def _leg_items(step: MissionStep) -> Iterator[MissionItem]:
     """Yield the items of a leg."""
     if step.depth_m is not None:
-        yield _item(CHANGE_ALTITUDE, -step.depth_m, RELATIVE_ALTITUDE)
+        yield _item(MavCmd.DO_CHANGE_ALTITUDE, -step.depth_m, RELATIVE_ALTITUDE)
     if step.heading_deg is not None:
-        yield _item(YAW, step.heading_deg % 360.0)
+        yield _item(MavCmd.CONDITION_YAW, step.heading_deg % 360.0)
     if step.wait_depth and step.depth_m is not None:
-        yield _item(WAIT_ALTITUDE, z=-step.depth_m)._replace(frame=RELATIVE_ALTITUDE)
+        yield _item(MavCmd.CONDITION_CHANGE_ALT, z=-step.depth_m)._replace(frame=RELATIVE_ALTITUDE)
     if step.duration_s:
-        yield _item(DELAY, step.duration_s, -1.0, -1.0, -1.0)
+        yield _item(MavCmd.NAV_DELAY, step.duration_s, -1.0, -1.0, -1.0)
 
 
 def _test_item(test: signals.TestSignal) -> MissionItem:
     """Return the item of a test."""
     axis, magnitude, p3, p4, duration_s, wave, fade_s = signals.command_parameters(test)
-    return _item(TEST, axis, magnitude, p3, p4, fade_s)._replace(x=duration_s, y=wave)
+    return _item(MavCmd.USER_1, axis, magnitude, p3, p4, fade_s)._replace(x=duration_s, y=wave)
 
 
 def _item(

@@ -1,1 +1,1 @@
-"""Logs as ground and the vehicle write them alike: MCAP files of MAVLink messages."""
+"""Log files: MCAP files of MAVLink messages, written by all programs, and MAVLink tlog files."""

@@ -1,7 +1,8 @@
-"""Views that log viewers draw without being told: the Log, Map and 3D panels' schemas, as JSON.
+"""JSON messages that log viewers display without configuration, in their Log, Map and 3D panels.
 
-Schema names are Foxglove's own (docs.foxglove.dev/docs/sdk/schemas); world axes are east-north-up
-and body axes forward-left-up, as those panels expect."""
+Schemas: Foxglove (docs.foxglove.dev/docs/sdk/schemas). World axes are east-north-up and body axes
+forward-left-up, as these panels require.
+"""
 
 import json
 import math
@@ -15,6 +16,7 @@ from mavlink_io.logging.statustext import TextJoiner
 SCHEMA_ENCODING = "jsonschema"
 MESSAGE_ENCODING = "json"
 PERIOD_NS = 200_000_000
+"""Minimum log time between two positions or poses of a system, in nanoseconds."""
 
 _TIME = {
     "type": "object",
@@ -23,25 +25,27 @@ _TIME = {
 }
 _NUMBER, _TEXT, _INTEGER = {"type": "number"}, {"type": "string"}, {"type": "integer"}
 _LEVEL_OF_SEVERITY = (5, 5, 5, 4, 3, 2, 2, 1)
-"""foxglove.Log levels (1 debug, 2 info, 3 warning, 4 error, 5 fatal) of MAV_SEVERITY 0 emergency
-... 7 debug."""
+"""foxglove.Log level (1 debug, 2 info, 3 warning, 4 error, 5 fatal) by MAV_SEVERITY, 0 to 7."""
 
 
 class ViewerTopic(NamedTuple):
-    """A topic that viewers understand."""
+    """A topic with a schema that viewers support."""
 
     topic: str
     schema_name: str
     properties: dict[str, Any]
+    """Fields of the message, as of JSON Schema."""
 
     @property
     def schema_text(self) -> str:
+        """JSON Schema of the message."""
         return json.dumps(
             {"title": self.schema_name, "type": "object", "properties": self.properties}
         )
 
 
 def _vector(*names: str) -> dict[str, Any]:
+    """Return the JSON Schema of an object with number fields."""
     return {"type": "object", "properties": dict.fromkeys(names, _NUMBER)}
 
 
@@ -84,62 +88,83 @@ TRANSFORM = ViewerTopic(
 
 
 class ViewerTopics:
-    """Turns some MAVLink messages into what the panels draw: every text, position and pose a few
-    times a second."""
+    """Convert MAVLink messages to viewer messages: all texts, and positions and poses at 5 Hz.
 
-    def __init__(self, show: Callable[[ViewerTopic, bytes, int], None]) -> None:
-        """``show`` gets the view, the JSON and the log time in nanoseconds."""
-        self._show = show
+    Parameters
+    ----------
+    write : callable
+        Receive the topic, the JSON and the log time in nanoseconds of each viewer message.
+    """
+
+    def __init__(self, write: Callable[[ViewerTopic, bytes, int], None]) -> None:
+        self._write = write
         self._positions: dict[int, bytes] = {}
         self._texts = TextJoiner()
-        self._shown_ns: dict[tuple[int, str], int] = {}
+        self._last_ns: dict[tuple[int, str], int] = {}
 
-    def viewer(self, name: str) -> Callable[[int, bytes, int], None] | None:
-        """What to call with the system, the full-length payload and the log time of a message
-        called ``name``."""
+    def converter(self, name: str) -> Callable[[int, bytes, int], None] | None:
+        """Return the function that converts a message.
+
+        Parameters
+        ----------
+        name : str
+            Name of the message.
+
+        Returns
+        -------
+        callable or None
+            Function of system id, full-length payload and log time in nanoseconds; None for a
+            message that no viewer message is made from.
+        """
         return {
-            "STATUSTEXT": self._show_text,
-            "GLOBAL_POSITION_INT": self._show_location,
-            "LOCAL_POSITION_NED": self._remember_position,
-            "ATTITUDE": self._show_pose,
+            "STATUSTEXT": self._convert_text,
+            "GLOBAL_POSITION_INT": self._convert_location,
+            "LOCAL_POSITION_NED": self._store_position,
+            "ATTITUDE": self._convert_pose,
         }.get(name)
 
-    def _show_text(self, system: int, payload: bytes, time_ns: int) -> None:
+    def _convert_text(self, system: int, payload: bytes, time_ns: int) -> None:
+        """Write a log entry for a STATUSTEXT, after its last chunk."""
         message = dialect.by_name("STATUSTEXT").unpack(payload)
         text = self._texts.add(system, message)
         if text is not None:
-            self._show(LOG, log_entry(time_ns, message.severity, text, f"system {system}"), time_ns)
+            entry = log_entry(time_ns, message.severity, text, f"system {system}")
+            self._write(LOG, entry, time_ns)
 
-    def _show_location(self, system: int, payload: bytes, time_ns: int) -> None:
-        if self._due(system, LOCATION, time_ns):
+    def _convert_location(self, system: int, payload: bytes, time_ns: int) -> None:
+        """Write the location of a GLOBAL_POSITION_INT, if it is due."""
+        if self._is_due(system, LOCATION, time_ns):
             position = dialect.by_name("GLOBAL_POSITION_INT").unpack(payload)
-            self._show(LOCATION, location_fix(time_ns, position), time_ns)
+            self._write(LOCATION, location_fix(time_ns, position), time_ns)
 
-    def _remember_position(self, system: int, payload: bytes, time_ns: int) -> None:
+    def _store_position(self, system: int, payload: bytes, time_ns: int) -> None:
+        """Store a LOCAL_POSITION_NED for the next pose."""
         self._positions[system] = payload
 
-    def _show_pose(self, system: int, payload: bytes, time_ns: int) -> None:
-        if system in self._positions and self._due(system, TRANSFORM, time_ns):
+    def _convert_pose(self, system: int, payload: bytes, time_ns: int) -> None:
+        """Write the pose of an ATTITUDE and the last position, if it is due."""
+        if system in self._positions and self._is_due(system, TRANSFORM, time_ns):
             attitude = dialect.by_name("ATTITUDE").unpack(payload)
             position = dialect.by_name("LOCAL_POSITION_NED").unpack(self._positions[system])
-            self._show(TRANSFORM, frame_transform(time_ns, attitude, position), time_ns)
+            self._write(TRANSFORM, frame_transform(time_ns, attitude, position), time_ns)
 
-    def _due(self, system: int, view: ViewerTopic, time_ns: int) -> bool:
-        last_ns = self._shown_ns.get((system, view.topic))
+    def _is_due(self, system: int, topic: ViewerTopic, time_ns: int) -> bool:
+        """Return whether ``PERIOD_NS`` has passed since the last message of a system and topic."""
+        last_ns = self._last_ns.get((system, topic.topic))
         if last_ns is not None and 0 <= time_ns - last_ns < PERIOD_NS:
             return False
-        self._shown_ns[system, view.topic] = time_ns
+        self._last_ns[system, topic.topic] = time_ns
         return True
 
 
 def log_entry(time_ns: int, severity: int, text: str, name: str) -> bytes:
-    """One line of text for the Log panel; ``severity`` is MAV_SEVERITY."""
+    """Return a text for the Log panel as JSON; ``severity`` is MAV_SEVERITY."""
     level = _LEVEL_OF_SEVERITY[min(severity, 7)]
     return _json(time_ns, level=level, message=text, name=name, file="", line=0)
 
 
 def location_fix(time_ns: int, position: Message) -> bytes:
-    """A GLOBAL_POSITION_INT for the Map panel; altitude is above the water surface."""
+    """Return a GLOBAL_POSITION_INT for the Map panel as JSON; altitude above the surface in m."""
     return _json(
         time_ns,
         frame_id="auv",
@@ -152,8 +177,11 @@ def location_fix(time_ns: int, position: Message) -> bytes:
 
 
 def frame_transform(time_ns: int, attitude: Message, position: Message) -> bytes:
-    """The pose of an ATTITUDE and a LOCAL_POSITION_NED for the 3D panel, from frame ``map`` to
-    frame ``auv``."""
+    """Return the pose of frame ``auv`` in frame ``map`` for the 3D panel as JSON.
+
+    ``attitude`` is an ATTITUDE (FRD in NED, rad), ``position`` a LOCAL_POSITION_NED (m). The result
+    is in forward-left-up and east-north-up axes: pitch changes sign and yaw becomes pi/2 - yaw.
+    """
     w, x, y, z = frames.quaternion_from_euler(
         attitude.roll, -attitude.pitch, math.pi / 2 - attitude.yaw
     )
@@ -167,5 +195,6 @@ def frame_transform(time_ns: int, attitude: Message, position: Message) -> bytes
 
 
 def _json(time_ns: int, **fields: Any) -> bytes:
+    """Return a viewer message with its time stamp as JSON."""
     seconds, nanoseconds = divmod(time_ns, 1_000_000_000)
     return json.dumps({"timestamp": {"sec": seconds, "nsec": nanoseconds}, **fields}).encode()

@@ -1,8 +1,9 @@
-"""An MCAP file of MAVLink messages: the one format of every log, whoever writes it.
+"""Writer of MCAP files of MAVLink messages: the one log format of all programs.
 
-A message of system 1, component 1 stands in channel ``/mavlink/1/1/NAME``: its payload, zero-padded
-to full length, is a ROS 1 message (`mavlink_io.logging.ros1`). Beside them stand a few views that
-viewers draw untold (`mavlink_io.logging.foxglove`)."""
+A message of system 1, component 1 is written to channel ``/mavlink/1/1/NAME``. Its payload,
+zero-padded to full length, is a ROS 1 message (`mavlink_io.logging.ros1`). Additional channels
+contain messages for log viewers (`mavlink_io.logging.foxglove`).
+"""
 
 import json
 import struct
@@ -21,7 +22,8 @@ from mavlink_io.logging.mcap import (
     run_immediately,
 )
 
-ViewCallback = Callable[[int, bytes, int], None]
+ViewerCallback = Callable[[int, bytes, int], None]
+"""Receive system id, full-length payload and log time in nanoseconds of a message."""
 
 PROFILE = ""
 """MCAP profile of the file: none. ``ros1`` requires ROS 1 in every channel; the views are JSON.
@@ -31,128 +33,227 @@ Source: https://mcap.dev/spec/registry, "Profiles".
 
 
 class Channel(NamedTuple):
-    """One message of one sender."""
+    """The log channel of one message of one sender."""
 
     number: int
+    """Number of the MCAP channel."""
     system: int
+    """System id of the sender."""
     length: int
-    """Of the payload at full length, in bytes."""
-    show: ViewCallback | None
+    """Length of the payload without truncation, in bytes."""
+    view: ViewerCallback | None
+    """Function that writes the viewer message of a payload; None if there is none."""
 
 
 class Column(NamedTuple):
-    """One message of a row: whose it is and which of its fields are given. Left out fields at its
-    end are zero."""
+    """One message of the rows of a `MessageTable`."""
 
     system: int
     component: int
     message: MessageType
-    given: str
-    """Of the fields, in the language of ``struct``."""
+    formats: str
+    """``struct`` formats of the first fields of the message; the fields after them are zero."""
 
 
 class MavlinkLog:
-    """A log under way. Call ``finish`` in every exit; what was flushed before can be recovered
-    without."""
+    """A log that is being written. Call ``finish`` on every exit.
+
+    A log that was not finished can be read up to the last flush.
+
+    Parameters
+    ----------
+    file : Sink
+        Binary file; the caller closes it.
+    later : Scheduler
+        Run a function that writes to the file, now or later.
+    """
 
     def __init__(self, file: Sink, later: Scheduler = run_immediately) -> None:
-        """``later`` does, now or later, all that touches the file."""
         self._writer = McapWriter(file, PROFILE, "caribou", later)
         self._schemas: dict[str, int] = {}
-        self._views: dict[str, int] = {}
-        self._panels = ViewerTopics(self._show)
+        self._viewer_channels: dict[str, int] = {}
+        self._viewer_topics = ViewerTopics(self._write_viewer_message)
         self.message_count = 0
+        """Number of MAVLink messages written."""
 
     def channel(self, system: int, component: int, message: MessageType) -> Channel:
-        """Open the channel of a sender's message; call it once for each."""
+        """Open the channel of a sender's message; call it once for each.
+
+        Parameters
+        ----------
+        system, component : int
+            Ids of the sender.
+        message : MessageType
+            Type of the message.
+
+        Returns
+        -------
+        Channel
+            The channel, for ``write``.
+        """
         topic = f"/mavlink/{system}/{component}/{message.name}"
         schema = self._schema(
             ros1.schema_name(message), ros1.SCHEMA_ENCODING, ros1.schema_text(message)
         )
         number = self._writer.register_channel(topic, ros1.MESSAGE_ENCODING, schema)
-        return Channel(number, system, message.struct.size, self._panels.viewer(message.name))
+        view = self._viewer_topics.converter(message.name)
+        return Channel(number, system, message.struct.size, view)
 
     def write(self, channel: Channel, time_ns: int, payload: bytes, sequence: int) -> None:
-        """Write one payload, whose trailing zeros may be missing. ``time_ns`` is UNIX time."""
+        """Write one message.
+
+        Parameters
+        ----------
+        channel : Channel
+            Channel of the message.
+        time_ns : int
+            Log time: UNIX time, in nanoseconds.
+        payload : bytes
+            Payload; trailing zeros may be missing.
+        sequence : int
+            Sequence number of the message.
+        """
         payload = payload[: channel.length].ljust(channel.length, b"\0")
         self._writer.add_message(channel.number, time_ns, payload, sequence)
         self.message_count += 1
-        if channel.show is not None:
-            channel.show(channel.system, payload, time_ns)
+        if channel.view is not None:
+            channel.view(channel.system, payload, time_ns)
 
     def table(self, columns: Sequence[Column]) -> "MessageTable":
-        """Open channels whose messages are always written together."""
+        """Open channels whose messages are always written together.
+
+        Parameters
+        ----------
+        columns : sequence of Column
+            The messages of a row.
+
+        Returns
+        -------
+        MessageTable
+            Writes the rows.
+        """
         return MessageTable(self, self._writer, columns)
 
     def attach(self, time_ns: int, name: str, data: bytes, media_type: str) -> None:
-        """Keep a file inside the log, such as the mission that was flown."""
+        """Store a file inside the log, such as the mission.
+
+        Parameters
+        ----------
+        time_ns : int
+            Log time: UNIX time, in nanoseconds.
+        name : str
+            Name of the file.
+        data : bytes
+            Content of the file.
+        media_type : str
+            Media type, such as "application/json".
+        """
         self._writer.add_attachment(time_ns, name, media_type, data)
 
     def attach_parameters(self, time_ns: int, values: Mapping[str, float]) -> None:
-        """Keep the vehicle's parameters as ``params.json``: an object of numbers by name."""
+        """Store the vehicle's parameters as ``params.json``: an object of numbers by name.
+
+        Parameters
+        ----------
+        time_ns : int
+            Log time: UNIX time, in nanoseconds.
+        values : mapping of str to float
+            Parameters by name.
+        """
         text = json.dumps(dict(sorted(values.items())), indent=1)
         self.attach(time_ns, "params.json", text.encode(), "application/json")
 
     def annotate(self, name: str, values: Mapping[str, str]) -> None:
-        """Keep named texts inside the log, such as versions and seeds."""
+        """Store texts inside the log, such as versions and seeds.
+
+        Parameters
+        ----------
+        name : str
+            Name of the group of texts.
+        values : mapping of str to str
+            Texts by name.
+        """
         self._writer.add_metadata(name, values)
 
     def flush(self) -> None:
-        """Hand what was written to the operating system now."""
+        """Pass all written data to the operating system."""
         self._writer.flush()
 
     def finish(self) -> None:
-        """Write the index. The file itself is its opener's to close."""
+        """Write the index; the caller closes the file."""
         self._writer.finish()
 
     def _schema(self, name: str, encoding: str, text: str) -> int:
+        """Return the number of a schema; register it at the first use."""
         if name not in self._schemas:
             self._schemas[name] = self._writer.register_schema(name, encoding, text.encode())
         return self._schemas[name]
 
-    def _show(self, view: ViewerTopic, data: bytes, time_ns: int) -> None:
-        if view.topic not in self._views:
-            schema = self._schema(view.schema_name, foxglove.SCHEMA_ENCODING, view.schema_text)
-            self._views[view.topic] = self._writer.register_channel(
-                view.topic, foxglove.MESSAGE_ENCODING, schema
+    def _write_viewer_message(self, topic: ViewerTopic, data: bytes, time_ns: int) -> None:
+        """Write a viewer message; open its channel at the first use."""
+        if topic.topic not in self._viewer_channels:
+            schema = self._schema(topic.schema_name, foxglove.SCHEMA_ENCODING, topic.schema_text)
+            self._viewer_channels[topic.topic] = self._writer.register_channel(
+                topic.topic, foxglove.MESSAGE_ENCODING, schema
             )
-        self._writer.add_message(self._views[view.topic], time_ns, data, 0)
+        self._writer.add_message(self._viewer_channels[topic.topic], time_ns, data, 0)
 
 
 class MessageTable:
-    """Messages that are written together many times a second: packed in one go, several times
-    faster than singly."""
+    """Writer of messages that are always written together, many times a second.
+
+    It packs all messages of a row in one call, several times faster than one by one.
+
+    Parameters
+    ----------
+    log : MavlinkLog
+        The log.
+    writer : McapWriter
+        Writer of the log's file.
+    columns : sequence of Column
+        The messages of a row.
+    """
 
     def __init__(self, log: MavlinkLog, writer: McapWriter, columns: Sequence[Column]) -> None:
         self._log, self._writer = log, writer
         self._prefixes: list[bytes] = []
-        self._shown: list[tuple[Channel, int]] = []
-        self._shown_ns = 0
-        layout, at, spots = "<", 0, []
+        self._viewed: list[tuple[Channel, int]] = []
+        self._viewed_ns = 0
+        layout, offset, spots = "<", 0, []
         for column in columns:
             channel = log.channel(column.system, column.component, column.message)
-            left_out = channel.length - struct.calcsize("<" + column.given)
-            spots.append((channel.number, at))
-            layout += f"{MESSAGE_HEAD_FORMAT}{column.given}{left_out}x"
-            at = struct.calcsize(layout)
+            padding = channel.length - struct.calcsize("<" + column.formats)
+            spots.append((channel.number, offset))
+            layout += f"{MESSAGE_HEAD_FORMAT}{column.formats}{padding}x"
+            offset = struct.calcsize(layout)
             self._prefixes.append(message_prefix(channel.number, channel.length))
-            if channel.show is not None:
-                self._shown.append((channel, at - channel.length))
+            if channel.view is not None:
+                self._viewed.append((channel, offset - channel.length))
         self._pack = struct.Struct(layout).pack
         self._rows = writer.open_rows(spots)
 
     def write(
         self, time_ns: int, fields: Sequence[tuple[Any, ...]], sequences: Sequence[int]
     ) -> None:
-        """Write one message of each column: its given fields, and its sequence number."""
+        """Write one row: one message of each column.
+
+        Parameters
+        ----------
+        time_ns : int
+            Log time: UNIX time, in nanoseconds.
+        fields : sequence of tuple
+            First fields of each message, as in ``Column.formats``.
+        sequences : sequence of int
+            Sequence number of each message.
+        """
         values: list[Any] = []
-        for prefix, sequence, given in zip(self._prefixes, sequences, fields, strict=True):
-            values += (prefix, sequence, time_ns, time_ns, *given)
+        for prefix, sequence, first_fields in zip(self._prefixes, sequences, fields, strict=True):
+            values += (prefix, sequence, time_ns, time_ns, *first_fields)
         records = self._pack(*values)
         self._writer.add_row(self._rows, time_ns, records)
         self._log.message_count += len(self._prefixes)
-        if time_ns - self._shown_ns >= PERIOD_NS:
-            self._shown_ns = time_ns
-            for channel, at in self._shown:
-                assert channel.show is not None, "only what can be shown is listed"
-                channel.show(channel.system, records[at : at + channel.length], time_ns)
+        if time_ns - self._viewed_ns >= PERIOD_NS:
+            self._viewed_ns = time_ns
+            for channel, offset in self._viewed:
+                assert channel.view is not None, "the list contains only channels with a view"
+                channel.view(channel.system, records[offset : offset + channel.length], time_ns)

@@ -1,9 +1,9 @@
-"""Writes MCAP files, https://mcap.dev/spec: chunks of messages, attachments, and at the end an
-index of them all.
+"""Writer of MCAP files: chunks of messages, attachments, and an index at the end.
 
-Made for a writer that must not be late: adding a message copies it, and all that a chunk needs
-besides is worked out when the chunk is closed, by another thread where there is one. A file that
-was never finished can be read up to its last whole chunk."""
+Format: https://mcap.dev/spec. For programs with deadlines: adding a message only copies it;
+compression and file access are done per chunk, by another thread if there is one. A file that was
+not finished can be read up to its last complete chunk.
+"""
 
 import struct
 import zlib
@@ -14,9 +14,11 @@ from typing import NamedTuple, Protocol
 import zstandard
 
 CHUNK_BYTES = 60_000
-"""A chunk is closed at this size or a little beyond."""
+"""Size at which a chunk is closed, in bytes; the last message may exceed it."""
 MAGIC = b"\x89MCAP0\r\n"
+"""First and last bytes of a file."""
 COMPRESSION_LEVEL = 1
+"""Compression level of zstd: the fastest normal level."""
 
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = range(1, 9)
 (
@@ -31,74 +33,113 @@ _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_IN
 _record_head = struct.Struct("<BQ")
 _message_head = struct.Struct("<BQHIQQ")
 MESSAGE_HEAD_FORMAT = "11sIQQ"
-"""A message's head after what ``message_prefix`` makes of its channel: sequence, log time, publish
-time."""
+"""``struct`` formats of a message head: prefix, sequence number, log time and publish time.
+
+The prefix comes from ``message_prefix``."""
 
 
 class Sink(Protocol):
-    """Where the bytes go: a file, or what stands for one."""
+    """A binary file, or an object with the same methods."""
 
-    def write(self, data: bytes, /) -> object: ...
+    def write(self, data: bytes, /) -> object:
+        """Write all bytes."""
+        ...
 
-    def flush(self) -> None: ...
+    def flush(self) -> None:
+        """Pass all written bytes to the operating system."""
+        ...
 
 
 Scheduler = Callable[[Callable[[], None]], None]
-"""Does some work now, or later and in order."""
+"""Run a function now, or later in the order of the calls."""
 
 
 def run_immediately(work: Callable[[], None]) -> None:
+    """Run a function now: the scheduler of a program with one thread."""
     work()
 
 
 class Rows:
-    """Messages of several channels that are always written together, and so share one note of when
-    and where."""
+    """Messages of several channels that are always written together and have one index entry.
+
+    Parameters
+    ----------
+    spots : sequence of (int, int)
+        Channel number and offset in the row, in bytes, of each message.
+    """
 
     def __init__(self, spots: Sequence[tuple[int, int]]) -> None:
         self.spots = tuple(spots)
-        """Channel of each message, and how far into the row it begins."""
         self.written: list[tuple[int, int]] = []
-        """Log time and place in the chunk of each row since the chunk was opened."""
+        """Log time (ns) and offset in the open chunk (bytes) of each row in this chunk."""
 
 
-_Written = tuple[Sequence[tuple[int, int]], Sequence[tuple[int, int]]]
-"""The spots of a row, and log time and place of each row of that kind."""
+_WrittenRows = tuple[Sequence[tuple[int, int]], Sequence[tuple[int, int]]]
+"""``Rows.spots`` and ``Rows.written``."""
 
 
 class _Chunk(NamedTuple):
-    """What the index at the end tells of a chunk."""
+    """Index entry of a chunk."""
 
     first_ns: int
     last_ns: int
     start: int
+    """Position of the chunk record in the file."""
     length: int
+    """Length of the chunk record."""
     index_starts: dict[int, int]
+    """Position of the message index record of each channel."""
     index_length: int
     stored_bytes: int
+    """Size of the compressed records."""
     bytes: int
+    """Size of the uncompressed records."""
 
 
 def message_prefix(channel: int, payload_bytes: int) -> bytes:
-    """The first 11 bytes of every message record of a channel whose payloads have one length."""
+    """Return the first 11 bytes of every message record of a channel with payloads of one length.
+
+    Parameters
+    ----------
+    channel : int
+        Number of the channel.
+    payload_bytes : int
+        Length of each payload.
+
+    Returns
+    -------
+    bytes
+        Opcode, record length and channel number.
+    """
     return struct.pack(
         "<BQH", _MESSAGE, _message_head.size - _record_head.size + payload_bytes, channel
     )
 
 
 class McapWriter:
-    """An MCAP file under way. Numbers schemas and channels from 1, in the order in which they are
-    registered."""
+    """An MCAP file that is being written.
+
+    Schemas and channels are numbered from 1 in the order of their registration.
+
+    Parameters
+    ----------
+    file : Sink
+        The file; only the functions passed to ``later`` use it.
+    profile : str
+        MCAP profile of the file.
+    library : str
+        Name of the writing program.
+    later : Scheduler
+        Run a function that compresses or writes.
+    """
 
     def __init__(
         self, file: Sink, profile: str, library: str, later: Scheduler = run_immediately
     ) -> None:
-        """``later`` is given all work that compresses or writes; the file is used by nothing
-        else."""
         self._file, self._later = file, later
-        self._at = 0
+        self._position = 0
         self._crc = 0
-        """CRC-32 of all that was written: the checksum of the data section when that ends."""
+        """CRC-32 of all written bytes; at the end of the data section it is its checksum."""
         self._compress = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL).compress
         self._schemas: list[bytes] = []
         self._channels: list[bytes] = []
@@ -113,7 +154,22 @@ class McapWriter:
         later(partial(self._put, MAGIC + _record(_HEADER, _text(profile) + _text(library))))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """Describe a message; returns the number that channels refer to."""
+        """Register the schema of a message.
+
+        Parameters
+        ----------
+        name : str
+            Name of the schema.
+        encoding : str
+            Encoding of the schema, such as "ros1msg" or "jsonschema".
+        data : bytes
+            The schema.
+
+        Returns
+        -------
+        int
+            Number of the schema.
+        """
         number = len(self._schemas) + 1
         content = struct.pack("<H", number) + _text(name) + _text(encoding) + _blob(data)
         self._schemas.append(_record(_SCHEMA, content))
@@ -121,7 +177,22 @@ class McapWriter:
         return number
 
     def register_channel(self, topic: str, encoding: str, schema: int) -> int:
-        """Open a channel; returns the number that messages refer to."""
+        """Open a channel.
+
+        Parameters
+        ----------
+        topic : str
+            Name of the channel.
+        encoding : str
+            Encoding of its messages, such as "ros1" or "json".
+        schema : int
+            Number of the schema.
+
+        Returns
+        -------
+        int
+            Number of the channel.
+        """
         number = len(self._channels) + 1
         content = struct.pack("<HH", number, schema) + _text(topic) + _text(encoding) + _blob(b"")
         self._channels.append(_record(_CHANNEL, content))
@@ -130,14 +201,36 @@ class McapWriter:
         return number
 
     def open_rows(self, spots: Sequence[tuple[int, int]]) -> Rows:
-        """Announce messages that will be written together: the channel of each and its place in the
-        row."""
+        """Prepare messages that are always written together.
+
+        Parameters
+        ----------
+        spots : sequence of (int, int)
+            Channel number and offset in the row, in bytes, of each message.
+
+        Returns
+        -------
+        Rows
+            For ``add_row``.
+        """
         rows = Rows(spots)
         self._rows.append(rows)
         return rows
 
     def add_message(self, channel: int, time_ns: int, data: bytes, sequence: int) -> None:
-        """Write one message; ``time_ns`` is its log time and its publish time."""
+        """Write one message.
+
+        Parameters
+        ----------
+        channel : int
+            Number of the channel.
+        time_ns : int
+            Log time and publish time: UNIX time, in nanoseconds.
+        data : bytes
+            The message.
+        sequence : int
+            Sequence number of the message.
+        """
         self._spots[channel] += (time_ns, self._size)
         self._add(
             _message_head.pack(_MESSAGE, 22 + len(data), channel, sequence, time_ns, time_ns) + data
@@ -146,58 +239,87 @@ class McapWriter:
             self._close_chunk()
 
     def add_row(self, rows: Rows, time_ns: int, records: bytes) -> None:
-        """Write whole message records, one for each of the row's spots."""
+        """Write one row.
+
+        Parameters
+        ----------
+        rows : Rows
+            Channels and offsets of the messages.
+        time_ns : int
+            Log time: UNIX time, in nanoseconds.
+        records : bytes
+            Message records with their heads, one for each spot.
+        """
         rows.written.append((time_ns, self._size))
         self._add(records)
         if self._size >= CHUNK_BYTES:
             self._close_chunk()
 
     def add_attachment(self, time_ns: int, name: str, media_type: str, data: bytes) -> None:
-        """Keep a file inside the file."""
+        """Store a file inside the file.
+
+        Parameters
+        ----------
+        time_ns : int
+            Log time: UNIX time, in nanoseconds.
+        name, media_type : str
+            Name and media type of the file.
+        data : bytes
+            Content of the file.
+        """
         self._close_chunk()
         self._later(partial(self._store_attachment, time_ns, name, media_type, data))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Keep named texts inside the file."""
+        """Store texts inside the file.
+
+        Parameters
+        ----------
+        name : str
+            Name of the group of texts.
+        values : mapping of str to str
+            Texts by name.
+        """
         self._close_chunk()
         self._later(partial(self._store_metadata, name, dict(values)))
 
     def flush(self) -> None:
-        """Close the open chunk and hand everything on."""
+        """Close the open chunk, and pass all written bytes to the operating system."""
         self._close_chunk()
         self._later(self._file.flush)
 
     def finish(self) -> None:
-        """Write what makes the file whole: statistics, indices, footer. Nothing may be added
-        afterwards."""
+        """Write statistics, indices and footer; nothing may be added afterwards."""
         self._close_chunk()
         self._later(self._store_summary)
 
     def _add(self, data: bytes) -> None:
+        """Append a record to the open chunk."""
         self._parts.append(data)
         self._size += len(data)
 
     def _close_chunk(self) -> None:
-        """Leave the open chunk to be stored, and open an empty one."""
+        """Schedule the storage of the open chunk, and open an empty one."""
         if not self._parts:
             return
-        rows = []
-        for each in self._rows:
-            rows.append((each.spots, each.written))
-            each.written = []
-        self._later(partial(self._store_chunk, self._parts, self._spots, rows))
+        written_rows = []
+        for rows in self._rows:
+            written_rows.append((rows.spots, rows.written))
+            rows.written = []
+        self._later(partial(self._store_chunk, self._parts, self._spots, written_rows))
         self._parts, self._size = [], 0
         self._spots = {channel: [] for channel in self._spots}
 
     def _store_chunk(
-        self, parts: list[bytes], spots: dict[int, list[int]], rows: Iterable[_Written]
+        self, parts: list[bytes], spots: dict[int, list[int]], rows: Iterable[_WrittenRows]
     ) -> None:
+        """Compress and write a chunk and the index of its messages."""
         records, entries = b"".join(parts), _entries(spots, rows)
         times = [time_ns for numbers in entries.values() for time_ns in numbers[::2]] or [0]
         stored = self._compress(records)
         content = struct.pack("<QQQI", min(times), max(times), len(records), zlib.crc32(records))
         chunk = _record(_CHUNK, content + _text("zstd") + struct.pack("<Q", len(stored)) + stored)
-        start, index, index_starts = self._at, b"", {}
+        start, index, index_starts = self._position, b"", {}
         for channel, numbers in entries.items():
             index_starts[channel] = start + len(chunk) + len(index)
             packed = struct.pack(f"<{len(numbers)}Q", *numbers)
@@ -206,37 +328,40 @@ class McapWriter:
         self._put(chunk + index)
         self._chunks.append(
             _Chunk(
-                min(times),
-                max(times),
-                start,
-                len(chunk),
-                index_starts,
-                len(index),
-                len(stored),
-                len(records),
+                first_ns=min(times),
+                last_ns=max(times),
+                start=start,
+                length=len(chunk),
+                index_starts=index_starts,
+                index_length=len(index),
+                stored_bytes=len(stored),
+                bytes=len(records),
             )
         )
 
     def _store_attachment(self, time_ns: int, name: str, media_type: str, data: bytes) -> None:
+        """Write an attachment."""
         head = struct.pack("<QQ", time_ns, time_ns) + _text(name) + _text(media_type)
         content = head + struct.pack("<Q", len(data)) + data
         record = _record(_ATTACHMENT, content + struct.pack("<I", zlib.crc32(content)))
-        place = struct.pack("<QQQQQ", self._at, len(record), time_ns, time_ns, len(data))
+        location = struct.pack("<QQQQQ", self._position, len(record), time_ns, time_ns, len(data))
         self._attachments.append(
-            _record(_ATTACHMENT_INDEX, place + _text(name) + _text(media_type))
+            _record(_ATTACHMENT_INDEX, location + _text(name) + _text(media_type))
         )
         self._put(record)
 
     def _store_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Write a metadata record."""
         entries = b"".join(_text(key) + _text(value) for key, value in values.items())
         record = _record(_METADATA, _text(name) + _blob(entries))
-        place = struct.pack("<QQ", self._at, len(record))
-        self._metadata.append(_record(_METADATA_INDEX, place + _text(name)))
+        location = struct.pack("<QQ", self._position, len(record))
+        self._metadata.append(_record(_METADATA_INDEX, location + _text(name)))
         self._put(record)
 
     def _store_summary(self) -> None:
+        """Write the end of the data section, the summary and the footer."""
         self._put(_record(_DATA_END, struct.pack("<I", self._crc)))
-        start = self._at
+        start = self._position
         summary, offsets = self._summary(start)
         tail = _record_head.pack(_FOOTER, 20) + struct.pack("<QQ", start, start + len(summary))
         crc = zlib.crc32(summary + offsets + tail)
@@ -244,12 +369,13 @@ class McapWriter:
         self._file.flush()
 
     def _put(self, data: bytes) -> None:
+        """Write bytes to the file and add them to the checksum."""
         self._file.write(data)
-        self._at += len(data)
+        self._position += len(data)
         self._crc = zlib.crc32(data, self._crc)
 
     def _summary(self, start: int) -> tuple[bytes, bytes]:
-        """The groups of the summary, and the table of where each of them stands."""
+        """Return the groups of the summary, and the table of their positions."""
         groups = {
             _SCHEMA: self._schemas,
             _CHANNEL: self._channels,
@@ -269,49 +395,56 @@ class McapWriter:
         return summary, offsets
 
     def _statistics(self) -> bytes:
-        busy = [chunk for chunk in self._chunks if chunk.index_starts]
-        first_ns = min((chunk.first_ns for chunk in busy), default=0)
-        last_ns = max((chunk.last_ns for chunk in busy), default=0)
-        kinds = (
+        """Return the statistics record: counts, and the first and last log time."""
+        filled = [chunk for chunk in self._chunks if chunk.index_starts]
+        first_ns = min((chunk.first_ns for chunk in filled), default=0)
+        last_ns = max((chunk.last_ns for chunk in filled), default=0)
+        record_counts = (
             len(self._schemas),
             len(self._channels),
             len(self._attachments),
             len(self._metadata),
             len(self._chunks),
         )
-        content = struct.pack("<QHIIIIQQ", sum(self._counts.values()), *kinds, first_ns, last_ns)
+        content = struct.pack(
+            "<QHIIIIQQ", sum(self._counts.values()), *record_counts, first_ns, last_ns
+        )
         counts = b"".join(
             struct.pack("<HQ", channel, count) for channel, count in sorted(self._counts.items())
         )
         return _record(_STATISTICS, content + _blob(counts))
 
 
-def _entries(spots: dict[int, list[int]], rows: Iterable[_Written]) -> dict[int, list[int]]:
-    """Log time and place of every message of a chunk, in turn, by channel."""
-    for columns, written in rows:
-        for channel, offset in columns:
+def _entries(spots: dict[int, list[int]], rows: Iterable[_WrittenRows]) -> dict[int, list[int]]:
+    """Return alternating log times and offsets of all messages of a chunk, by channel."""
+    for row_spots, written in rows:
+        for channel, offset in row_spots:
             spots[channel] += [
-                number for time_ns, at in written for number in (time_ns, at + offset)
+                number for time_ns, start in written for number in (time_ns, start + offset)
             ]
     return {channel: numbers for channel, numbers in spots.items() if numbers}
 
 
 def _chunk_index(chunk: _Chunk) -> bytes:
+    """Return the content of a chunk index record."""
     starts = b"".join(
         struct.pack("<HQ", channel, start) for channel, start in chunk.index_starts.items()
     )
-    place = struct.pack("<QQQQ", chunk.first_ns, chunk.last_ns, chunk.start, chunk.length)
+    location = struct.pack("<QQQQ", chunk.first_ns, chunk.last_ns, chunk.start, chunk.length)
     sizes = struct.pack("<QQ", chunk.stored_bytes, chunk.bytes)
-    return place + _blob(starts) + struct.pack("<Q", chunk.index_length) + _text("zstd") + sizes
+    return location + _blob(starts) + struct.pack("<Q", chunk.index_length) + _text("zstd") + sizes
 
 
 def _record(opcode: int, content: bytes) -> bytes:
+    """Return a record."""
     return _record_head.pack(opcode, len(content)) + content
 
 
 def _blob(data: bytes) -> bytes:
+    """Return data after their length."""
     return struct.pack("<I", len(data)) + data
 
 
 def _text(text: str) -> bytes:
+    """Return a text in UTF-8 after its length."""
     return _blob(text.encode())

@@ -1,8 +1,8 @@
-"""Reads MCAP files, https://mcap.dev/spec, from first to last record, and verifies every checksum.
+"""Reader of MCAP files from the first to the last record, with a check of every checksum.
 
-What a file holds is taken from its data section. The summary at the end, which has a checksum of
-its own, serves to find what the data section has lost. Sizes that a file declares are bounded
-before anything is allocated for them.
+Format: https://mcap.dev/spec. The content of a file is taken from its data section. The summary at
+the end, which has its own checksum, is used to find what the data section has lost. The sizes that
+a file declares are limited before memory is allocated for them.
 """
 
 import struct
@@ -17,13 +17,13 @@ from mcap.opcode import Opcode
 from mavlink_io.logging.mcap import MAGIC
 
 MAX_CHUNK_BYTES = 64_000_000
-"""Largest unpacked chunk that is read. Writers in use close a chunk at 0.06 to 4 MB."""
+"""Maximum size of an unpacked chunk. Common writers close a chunk at 0.06 to 4 MB."""
 MAX_EXPANSION = 100
-"""Largest ratio of all unpacked chunks to the file's size. Telemetry compresses 2 to 20 times."""
+"""Maximum ratio of all unpacked chunks to the file's size. Telemetry compresses 2 to 20 times."""
 SMALL_FILE_UNPACKED_BYTES = 16_000_000
-"""Added to that bound, so that a short log of constant values is read."""
+"""Addition to the limit of ``MAX_EXPANSION``, so that a short log of constant values is read."""
 MAX_LISTED = 3
-"""Number of damaged places that ``format_damage`` lists."""
+"""Maximum number of damaged places that ``format_damage`` lists."""
 
 _RECORD_HEAD = struct.Struct("<BQ")
 """Opcode and length of the content."""
@@ -32,20 +32,22 @@ _MESSAGE_HEAD = struct.Struct("<HIQ8x")
 _CHUNK_HEAD = struct.Struct("<QQQI")
 """First and last log time, unpacked size, CRC-32 of the unpacked records."""
 _CHUNK_INDEX_HEAD = struct.Struct("<QQQ")
-"""First and last log time, place of the chunk."""
+"""First and last log time, position of the chunk."""
 _STATISTICS_HEAD = struct.Struct("<QHIIIIQ")
 """Counts of messages, schemas, channels, attachments, metadata and chunks; first log time."""
 _FOOTER = struct.Struct("<QQI")
-"""Places of summary and summary offsets, CRC-32 of the summary."""
+"""Positions of summary and summary offsets, CRC-32 of the summary."""
 _DATA_END_BYTES = _RECORD_HEAD.size + 4
 _FOOTER_BYTES = _RECORD_HEAD.size + _FOOTER.size
 
 
 class McapError(ValueError):
-    """A file that is no MCAP file or unpacks to more than the limits; the message says which."""
+    """The file is not an MCAP file or unpacks to more than the limits; the text contains which."""
 
 
 class McapSchema(NamedTuple):
+    """Description of a message."""
+
     number: int
     name: str
     encoding: str
@@ -53,6 +55,8 @@ class McapSchema(NamedTuple):
 
 
 class McapChannel(NamedTuple):
+    """A channel: topic and encoding of its messages."""
+
     number: int
     topic: str
     encoding: str
@@ -60,21 +64,29 @@ class McapChannel(NamedTuple):
 
 
 class McapMessage(NamedTuple):
+    """One message."""
+
     channel: int
+    """Number of the channel."""
     sequence: int
     time_ns: int
-    """Log time."""
+    """Log time: UNIX time, in nanoseconds."""
     data: bytes
 
 
 class McapAttachment(NamedTuple):
+    """A file inside the file."""
+
     time_ns: int
+    """Log time: UNIX time, in nanoseconds."""
     name: str
     media_type: str
     data: bytes
 
 
 class McapMetadata(NamedTuple):
+    """A group of texts inside the file."""
+
     name: str
     values: dict[str, str]
 
@@ -83,7 +95,7 @@ McapItem = McapChannel | McapMessage | McapAttachment | McapMetadata
 
 
 class McapDamage(NamedTuple):
-    """A place in the file that cannot be read, and the log times of the messages lost with it."""
+    """Damage at one place of the file, and the log times of the messages lost there."""
 
     reason: str
     first_ns: int | None = None
@@ -91,38 +103,49 @@ class McapDamage(NamedTuple):
 
 
 class _Summary(NamedTuple):
-    """What the summary says of the data section; empty where its checksum is absent or wrong."""
+    """Content of the summary; empty if its checksum is absent or wrong."""
 
     places: dict[int, int]
-    """Opcode of the record at each known place: chunks, attachments, metadata, end of the data."""
+    """Opcode of each indexed record by position: chunks, attachments, metadata, end of data."""
     chunk_times: dict[int, tuple[int, int]]
-    """First and last log time of the chunk at each place."""
+    """First and last log time of each chunk by position."""
     schemas: dict[int, McapSchema]
     channels: dict[int, bytes]
     """Content of the channel records by channel number."""
     counts: tuple[int, int, int] | None
-    """Messages, attachments and metadata records."""
+    """Numbers of messages, attachments and metadata records."""
     start_ns: int | None
+    """Log time of the earliest message."""
 
 
 def _any_channel(_: McapChannel) -> bool:
+    """Return True: the default of ``McapReader.wanted``."""
     return True
 
 
 class McapReader:
-    """One pass over an MCAP file. Read ``damage`` when ``items`` is exhausted."""
+    """Read an MCAP file once. Read ``damage`` when ``items`` is exhausted.
+
+    Parameters
+    ----------
+    file : binary file
+        Open file with random access; the caller closes it.
+    wanted : callable
+        Return whether the messages of a channel are read.
+
+    Raises
+    ------
+    McapError
+        The file does not begin like an MCAP file.
+    """
 
     def __init__(
         self, file: BinaryIO, wanted: Callable[[McapChannel], bool] = _any_channel
     ) -> None:
-        """``wanted`` chooses the channels whose messages are given.
-
-        Raises:
-            McapError: the file does not begin like an MCAP file.
-        """
         self.damage: list[McapDamage] = []
+        """Damage in the file, in the order of detection."""
         self.finished = False
-        """Whether the file ends with a footer, as its writer leaves it on ``finish``."""
+        """Whether the file ends with a footer, which ``McapWriter.finish`` writes."""
         self._file, self._is_wanted = file, wanted
         self._size = file.seek(0, 2)
         self._end = self._size
@@ -140,22 +163,27 @@ class McapReader:
 
     @property
     def start_ns(self) -> int:
-        """Log time from which damage is counted: of the earliest message, or of the first read."""
+        """Log time of the earliest message, or without a summary of the first message read; ns."""
         known = self._first_ns if self._summary.start_ns is None else self._summary.start_ns
         return known or 0
 
     def items(self) -> Iterator[McapItem]:
-        """Channels, messages, attachments and metadata in the order of the file.
+        """Read channels, messages, attachments and metadata in the order of the file.
 
-        Each channel comes before its messages.
+        Yields
+        ------
+        McapChannel, McapMessage, McapAttachment or McapMetadata
+            Each channel before its messages. Damaged parts are skipped and added to ``damage``.
 
-        Raises:
-            McapError: the chunks unpack to more than the limits.
+        Raises
+        ------
+        McapError
+            The chunks unpack to more than the limits.
         """
-        for at, opcode, content in self._records():
+        for position, opcode, content in self._records():
             try:
                 if opcode == Opcode.CHUNK:
-                    yield from self._chunk_items(at, content)
+                    yield from self._chunk_items(position, content)
                 elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
                     yield from self._inner_items(_RECORD_HEAD.pack(opcode, len(content)) + content)
                 elif opcode == Opcode.ATTACHMENT:
@@ -167,17 +195,18 @@ class McapReader:
             except McapError:
                 raise
             except (struct.error, ValueError) as error:
-                self._note(f"{Opcode(opcode).name.lower()} at byte {at}: {error}")
+                self._note(f"{Opcode(opcode).name.lower()} at byte {position}: {error}")
         counts = self._summary.counts
         if not self.damage and counts is not None and counts != tuple(self._counts):
             self._note(f"holds {self._counts[0]} messages, its statistics say {counts[0]}")
 
     def _note(self, reason: str, times: tuple[int, int] | None = None) -> None:
+        """Add damage, with the first and last log time of the lost messages if known."""
         first_ns, last_ns = times if times and times[0] <= times[1] else (None, None)
         self.damage.append(McapDamage(reason, first_ns, last_ns))
 
     def _read_ending(self) -> None:
-        """Find out whether the file was finished, and read its summary if the checksum is right."""
+        """Detect whether the file was finished; read its summary if the checksum is correct."""
         footer_at = self._size - len(MAGIC) - _FOOTER_BYTES
         if footer_at < len(MAGIC):
             return
@@ -207,44 +236,47 @@ class McapReader:
         self._summary.places[start - _DATA_END_BYTES] = Opcode.DATA_END
 
     def _records(self) -> Iterator[tuple[int, int, bytes]]:
-        """Place, opcode and content of each record of the data section.
+        """Yield position, opcode and content of each record of the data section.
 
-        After a broken record it goes on at the next place that the summary knows.
+        After a broken record, continue at the next position in the summary.
         """
         places = self._summary.places
         ordered = sorted(place for place in places if place <= self._end)
-        at, crc = len(MAGIC), zlib.crc32(MAGIC)
-        self._file.seek(at)
-        while at < self._end:
-            index = bisect_right(ordered, at)
+        position, crc = len(MAGIC), zlib.crc32(MAGIC)
+        self._file.seek(position)
+        while position < self._end:
+            index = bisect_right(ordered, position)
             following = ordered[index] if index < len(ordered) else self._end
             head = self._file.read(_RECORD_HEAD.size)
             opcode, length = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (0, 0)
-            end = at + _RECORD_HEAD.size + length
-            if opcode == 0 or end > following or places.get(at, opcode) != opcode:
-                self._note(f"broken record at byte {at}", self._summary.chunk_times.get(at))
-                at = following
-                self._file.seek(at)
+            end = position + _RECORD_HEAD.size + length
+            if opcode == 0 or end > following or places.get(position, opcode) != opcode:
+                self._note(
+                    f"broken record at byte {position}", self._summary.chunk_times.get(position)
+                )
+                position = following
+                self._file.seek(position)
                 continue
             content = self._file.read(length)
             if opcode == Opcode.DATA_END:
                 self._check_data_section(content, crc)
                 return
             crc = zlib.crc32(content, zlib.crc32(head, crc))
-            yield at, opcode, content
-            at = end
+            yield position, opcode, content
+            position = end
         if self.finished and not self.damage:
             self._note("its data section has no end record")
 
     def _check_data_section(self, content: bytes, crc: int) -> None:
-        """Compare the checksum of the data section. Damage that is known explains a wrong one."""
+        """Compare the checksum of the data section, unless other damage explains a wrong one."""
         declared = int.from_bytes(content[:4], "little")
         if declared not in (0, crc) and not self.damage:
             self._note("the checksum of its data section is wrong, its chunks are whole")
 
-    def _chunk_items(self, at: int, content: bytes) -> Iterator[McapItem]:
+    def _chunk_items(self, position: int, content: bytes) -> Iterator[McapItem]:
+        """Yield the content of the chunk at a position of the file; note its damage."""
         first_ns, last_ns, size, crc = _CHUNK_HEAD.unpack_from(content)
-        times = self._summary.chunk_times.get(at, (first_ns, last_ns))
+        times = self._summary.chunk_times.get(position, (first_ns, last_ns))
         try:
             compression, start = _text(content, _CHUNK_HEAD.size)
             stored = content[start + 8 :]
@@ -258,54 +290,56 @@ class McapReader:
         except McapError:
             raise
         except (struct.error, ValueError) as error:
-            self._note(f"chunk at byte {at}: {error}", times)
+            self._note(f"chunk at byte {position}: {error}", times)
 
     def _count_unpacked(self, size: int) -> None:
+        """Add the size of an unpacked chunk. Raises McapError above the limit."""
         self._unpacked_bytes += size
         limit = MAX_EXPANSION * self._size + SMALL_FILE_UNPACKED_BYTES
         if self._unpacked_bytes > limit:
             raise McapError(f"its {self._size} bytes unpack to more than {limit / 1e6:.0f} MB")
 
     def _inner_items(self, records: bytes) -> Iterator[McapItem]:
-        """What the records of a chunk hold, or one record outside of chunks."""
-        at, end, count, message = 0, len(records), 0, int(Opcode.MESSAGE)
+        """Yield the content of the records of a chunk, or of one record outside of chunks."""
+        position, end, count, message = 0, len(records), 0, int(Opcode.MESSAGE)
         wanted = self._wanted
-        while at < end:
-            opcode, length = _RECORD_HEAD.unpack_from(records, at)
-            at += _RECORD_HEAD.size
-            if at + length > end:
+        while position < end:
+            opcode, length = _RECORD_HEAD.unpack_from(records, position)
+            position += _RECORD_HEAD.size
+            if position + length > end:
                 raise ValueError("a record in it reaches beyond its end")
             if opcode == message:
                 if length < _MESSAGE_HEAD.size:
                     raise ValueError(f"a message in it is {length} bytes long")
-                number, sequence, time_ns = _MESSAGE_HEAD.unpack_from(records, at)
+                number, sequence, time_ns = _MESSAGE_HEAD.unpack_from(records, position)
                 if number not in wanted:
                     yield self._channel_from_summary(number)
                 count += 1
                 if self._first_ns is None:
                     self._first_ns = time_ns
                 if wanted[number]:
-                    data = records[at + _MESSAGE_HEAD.size : at + length]
+                    data = records[position + _MESSAGE_HEAD.size : position + length]
                     yield McapMessage(number, sequence, time_ns, data)
             elif opcode == Opcode.SCHEMA:
-                schema = _schema(records[at : at + length])
+                schema = _schema(records[position : position + length])
                 self._schemas[schema.number] = schema
             elif opcode == Opcode.CHANNEL:
-                channel = _channel(records[at : at + length], self._schemas)
+                channel = _channel(records[position : position + length], self._schemas)
                 if channel.number not in self._channels:
                     yield self._register(channel)
                 elif channel != self._channels[channel.number]:
                     raise ValueError(f"channel {channel.number} is described twice, differently")
-            at += length
+            position += length
         self._counts[0] += count
 
     def _register(self, channel: McapChannel) -> McapChannel:
+        """Store a channel and whether its messages are wanted."""
         self._channels[channel.number] = channel
         self._wanted[channel.number] = self._is_wanted(channel)
         return channel
 
     def _channel_from_summary(self, number: int) -> McapChannel:
-        """The channel of a message whose description was lost with a chunk. Raises ValueError."""
+        """Return a channel whose description was lost with a chunk. Raises ValueError."""
         if number not in self._summary.channels:
             raise ValueError(f"channel {number} is not described")
         schemas = self._summary.schemas | self._schemas
@@ -313,18 +347,41 @@ class McapReader:
 
 
 def format_damage(reader: McapReader) -> str:
-    """Where a file is damaged and which seconds of the log are lost, in one line."""
+    """Return one line with the damaged places of a file and the lost seconds of the log.
+
+    Parameters
+    ----------
+    reader : McapReader
+        Reader whose ``items`` are exhausted.
+
+    Returns
+    -------
+    str
+        The first ``MAX_LISTED`` places and the number of further ones.
+    """
     texts = damage_texts(reader)
     more = [f"and {len(texts) - MAX_LISTED} more places"] if len(texts) > MAX_LISTED else []
     return "; ".join([*texts[:MAX_LISTED], *more])
 
 
 def damage_texts(reader: McapReader) -> list[str]:
-    """What is damaged in a file, place by place; seconds count from the log's first message."""
+    """Return one text per damaged place of a file.
+
+    Parameters
+    ----------
+    reader : McapReader
+        Reader whose ``items`` are exhausted.
+
+    Returns
+    -------
+    list of str
+        Reasons, with the lost time in seconds from the log's first message.
+    """
     return [_format_damage(damage, reader.start_ns) for damage in reader.damage]
 
 
 def _format_damage(damage: McapDamage, start_ns: int) -> str:
+    """Return the text of one damage."""
     if damage.first_ns is None or damage.last_ns is None:
         return damage.reason
     first_s, last_s = ((ns - start_ns) / 1e9 for ns in (damage.first_ns, damage.last_ns))
@@ -332,7 +389,7 @@ def _format_damage(damage: McapDamage, start_ns: int) -> str:
 
 
 def _decompress(stored: bytes, compression: str, size: int) -> bytes:
-    """The records of a chunk, for which at most ``size`` bytes are allocated. Raises ValueError."""
+    """Return the records of a chunk; allocate at most ``size`` bytes. Raises ValueError."""
     if size > MAX_CHUNK_BYTES:
         limit = f"the limit is {MAX_CHUNK_BYTES / 1e6:.0f} MB"
         raise ValueError(f"it declares {size / 1e6:.0f} MB of unpacked records, {limit}")
@@ -350,7 +407,8 @@ def _decompress(stored: bytes, compression: str, size: int) -> bytes:
 
 
 def _decompress_zstd(stored: bytes, size: int) -> bytes:
-    # zstandard allocates what the frame declares, whatever bound it is given: compare that first
+    """Return data unpacked with zstd. Raises ValueError."""
+    # zstandard allocates the size that the frame declares despite max_output_size: check it first
     try:
         if zstandard.frame_content_size(stored) not in (-1, size):
             raise ValueError("it does not unpack to the size that it declares")
@@ -361,6 +419,7 @@ def _decompress_zstd(stored: bytes, size: int) -> bytes:
 
 
 def _decompress_lz4(stored: bytes, size: int) -> bytes:
+    """Return data unpacked with lz4. Raises ValueError."""
     import lz4.frame
 
     try:
@@ -371,16 +430,16 @@ def _decompress_lz4(stored: bytes, size: int) -> bytes:
 
 
 def _read_summary(data: bytes) -> _Summary:
-    """Raises struct.error and ValueError."""
+    """Return the content of a summary. Raises struct.error and ValueError."""
     summary = _Summary({}, {}, {}, {}, None, None)
-    at = 0
-    while at < len(data):
-        opcode, length = _RECORD_HEAD.unpack_from(data, at)
-        at += _RECORD_HEAD.size
-        content = data[at : at + length]
+    position = 0
+    while position < len(data):
+        opcode, length = _RECORD_HEAD.unpack_from(data, position)
+        position += _RECORD_HEAD.size
+        content = data[position : position + length]
         if len(content) != length:
             raise ValueError("a record in it reaches beyond its end")
-        at += length
+        position += length
         match opcode:
             case Opcode.SCHEMA:
                 schema = _schema(content)
@@ -403,56 +462,61 @@ def _read_summary(data: bytes) -> _Summary:
 
 
 def _schema(content: bytes) -> McapSchema:
+    """Return the content of a schema record."""
     (number,) = struct.unpack_from("<H", content)
-    name, at = _text(content, 2)
-    encoding, at = _text(content, at)
-    data, _ = _blob(content, at)
+    name, position = _text(content, 2)
+    encoding, position = _text(content, position)
+    data, _ = _blob(content, position)
     return McapSchema(number, name, encoding, data)
 
 
 def _channel(content: bytes, schemas: dict[int, McapSchema]) -> McapChannel:
+    """Return the content of a channel record. Raises ValueError."""
     number, schema = struct.unpack_from("<HH", content)
-    topic, at = _text(content, 4)
-    encoding, _ = _text(content, at)
+    topic, position = _text(content, 4)
+    encoding, _ = _text(content, position)
     if schema and schema not in schemas:
         raise ValueError(f"schema {schema} of {topic} is not described")
     return McapChannel(number, topic, encoding, schemas[schema] if schema else None)
 
 
 def _attachment(content: bytes) -> McapAttachment:
+    """Return the content of an attachment record. Raises ValueError."""
     (time_ns,) = struct.unpack_from("<Q", content)
-    name, at = _text(content, 16)
-    media_type, at = _text(content, at)
-    (length,) = struct.unpack_from("<Q", content, at)
-    data = content[at + 8 : at + 8 + length]
-    (crc,) = struct.unpack_from("<I", content, at + 8 + len(data))
+    name, position = _text(content, 16)
+    media_type, position = _text(content, position)
+    (length,) = struct.unpack_from("<Q", content, position)
+    data = content[position + 8 : position + 8 + length]
+    (crc,) = struct.unpack_from("<I", content, position + 8 + len(data))
     if len(data) != length or crc not in (0, zlib.crc32(content[:-4])):
         raise ValueError("its checksum is wrong")
     return McapAttachment(time_ns, name, media_type, data)
 
 
 def _metadata(content: bytes) -> McapMetadata:
-    name, at = _text(content, 0)
-    entries, _ = _blob(content, at)
-    values, at = {}, 0
-    while at < len(entries):
-        key, at = _text(entries, at)
-        values[key], at = _text(entries, at)
+    """Return the content of a metadata record."""
+    name, position = _text(content, 0)
+    entries, _ = _blob(content, position)
+    values, position = {}, 0
+    while position < len(entries):
+        key, position = _text(entries, position)
+        values[key], position = _text(entries, position)
     return McapMetadata(name, values)
 
 
-def _text(data: bytes, at: int) -> tuple[str, int]:
-    """A text behind its length, and where it ends. Raises ValueError."""
-    blob, end = _blob(data, at)
+def _text(data: bytes, position: int) -> tuple[str, int]:
+    """Return a text that follows its length, and the position after it. Raises ValueError."""
+    blob, end = _blob(data, position)
     try:
         return blob.decode(), end
     except UnicodeDecodeError:
         raise ValueError("a text in it is no UTF-8") from None
 
 
-def _blob(data: bytes, at: int) -> tuple[bytes, int]:
-    (length,) = struct.unpack_from("<I", data, at)
-    end = at + 4 + length
+def _blob(data: bytes, position: int) -> tuple[bytes, int]:
+    """Return data that follow their length, and the position after them. Raises ValueError."""
+    (length,) = struct.unpack_from("<I", data, position)
+    end = position + 4 + length
     if end > len(data):
         raise ValueError("a length in it reaches beyond its end")
-    return data[at + 4 : end], end
+    return data[position + 4 : end], end

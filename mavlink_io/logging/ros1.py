@@ -1,9 +1,10 @@
-"""A MAVLink payload read as a ROS 1 message.
+"""ROS 1 schemas of MAVLink messages.
 
-A payload at full length holds its fields in wire order, little-endian and unpadded, arrays at fixed
-length: exactly what ROS 1 serialisation writes for a message definition with the same fields. So a
-schema is all that a log needs for Foxglove, PlotJuggler or any ROS reader to decode it, and the
-payload is stored as it came."""
+A payload at full length contains the fields in wire order, little-endian, without padding, with
+arrays of fixed length. ROS 1 serialisation writes the same bytes for a message definition with the
+same fields. A log therefore stores payloads unchanged, and with the schema Foxglove, PlotJuggler
+and every ROS reader can decode them.
+"""
 
 import struct
 from collections.abc import Callable
@@ -31,29 +32,58 @@ _TIME_SCALES_US = {
     ("time_boot_us", "uint64_t"): 1,
     ("time_usec", "uint64_t"): 1,
 }
-"""Fields that hold vehicle time, and their unit. A ``time_usec`` of 32 bits wraps after 72 minutes
-and tells none."""
+"""Unit in microseconds of each field with vehicle time, by name and type.
+
+A 32-bit ``time_usec`` is not used, because it wraps after 72 minutes."""
 _MAX_UPTIME_US = 10**14
-"""Three years: a larger ``time_usec`` is a UNIX time, which says nothing about the vehicle's
-clock."""
+"""Three years: a larger ``time_usec`` is a UNIX time and not the vehicle's clock."""
 
 
 def schema_name(message: MessageType) -> str:
-    """The ROS 1 type name of a message."""
+    """Return the ROS 1 type name of a message.
+
+    Parameters
+    ----------
+    message : MessageType
+        Type of the message.
+
+    Returns
+    -------
+    str
+        Name such as "mavlink/ATTITUDE".
+    """
     return f"mavlink/{message.name}"
 
 
 def schema_text(message: MessageType) -> str:
-    """The ROS 1 message definition: one line a field in wire order, units as comments."""
+    """Return the ROS 1 message definition of a message.
+
+    Parameters
+    ----------
+    message : MessageType
+        Type of the message.
+
+    Returns
+    -------
+    str
+        One line per field in wire order, with units as comments.
+    """
     return "".join(_line(field) for field in message.fields)
 
 
 def vehicle_time_reader(message: MessageType) -> Callable[[bytes], int | None] | None:
-    """How to read the vehicle time in microseconds from a full-length payload.
+    """Return a function that reads the vehicle time from a payload.
 
-    Returns:
-        A function of the payload, whose result is None where the field holds a UNIX time or
-        nothing; None for a message that carries no time.
+    Parameters
+    ----------
+    message : MessageType
+        Type of the message.
+
+    Returns
+    -------
+    callable or None
+        Function of the full-length payload that returns the vehicle time in microseconds, or None
+        if the field contains a UNIX time. None for a message without a time field.
     """
     offset = 0
     for field in message.fields:
@@ -66,6 +96,8 @@ def vehicle_time_reader(message: MessageType) -> Callable[[bytes], int | None] |
 
 
 def _reader(number: struct.Struct, offset: int, scale: int) -> Callable[[bytes], int | None]:
+    """Return a function that reads a number in microseconds at an offset of a payload."""
+
     def read(payload: bytes) -> int | None:
         time_us: int = number.unpack_from(payload, offset)[0] * scale
         return time_us if time_us < _MAX_UPTIME_US else None
@@ -74,6 +106,7 @@ def _reader(number: struct.Struct, offset: int, scale: int) -> Callable[[bytes],
 
 
 def _line(field: MessageField) -> str:
+    """Return the line of a field in the message definition."""
     ros_type = _SCALARS[field.type][0]
     array = f"[{field.array_length}]" if field.array_length else ""
     notes = [

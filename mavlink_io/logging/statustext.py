@@ -1,24 +1,36 @@
-"""Joins the chunks of a STATUSTEXT that is longer than one message."""
+"""Joining of the chunks of a STATUSTEXT that is longer than one message."""
 
 from mavlink_io.dialect import Message
 
 CHUNK_LENGTH = 50
+"""Number of characters of a chunk that another one follows."""
 
 
 class TextJoiner:
-    """Collects the chunks of each system until a text is whole."""
+    """Collect the chunks of each system's texts until a text is complete."""
 
     def __init__(self) -> None:
-        self._open: dict[int, tuple[int, str]] = {}
+        self._incomplete: dict[int, tuple[int, str]] = {}
 
     def add(self, system: int, message: Message) -> str | None:
-        """The whole text that ``message`` completes, or None while the rest of it is to follow.
+        """Add a chunk, and return the text if it is complete.
 
-        A text whose end was lost is given up when another one begins.
+        Parameters
+        ----------
+        system : int
+            System id of the sender.
+        message : namedtuple
+            Decoded STATUSTEXT.
+
+        Returns
+        -------
+        str or None
+            The complete text; None if more chunks follow. A text whose end was lost is dropped when
+            another one begins.
         """
-        known_id, begun = self._open.pop(system, (0, ""))
-        text: str = (begun if message.id == known_id else "") + message.text
+        text_id, beginning = self._incomplete.pop(system, (0, ""))
+        text: str = (beginning if message.id == text_id else "") + message.text
         if message.id and len(message.text) == CHUNK_LENGTH:
-            self._open[system] = message.id, text
+            self._incomplete[system] = message.id, text
             return None
         return text

@@ -1,5 +1,7 @@
-"""The vehicle's end of the MAVLink mission protocol
-(https://mavlink.io/en/services/mission.html)."""
+"""The vehicle's side of the MAVLink mission protocol.
+
+Source: https://mavlink.io/en/services/mission.html.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,13 +15,13 @@ from mavlink_io.mission_items import (
     FRAME_MISSION,
     GLOBAL_FRAMES,
     MISSION_TYPE,
+    MavCmd,
     MissionItem,
 )
 from mavlink_io.request import Client, MavlinkId, Send
 from mavlink_io.services.missions import (
     ACCEPTED,
     CANCELLED,
-    CONDITION_CHANGE_ALTITUDE,
     DENIED,
     INVALID_PARAM7,
     INVALID_SEQUENCE,
@@ -31,87 +33,106 @@ from mavlink_io.services.missions import (
 )
 
 RE_REQUEST_S = 1.5
-"""Wall seconds after which an item that did not come is asked for again (the protocol's
-recommendation)."""
+"""Wall time after which a missing item is requested again, in seconds (the protocol's value)."""
 RE_REQUESTS = 5
+"""Number of repeated requests for one item before the upload is abandoned."""
 
 
 class MissionProgress(NamedTuple):
-    """How far the vehicle has come, as MISSION_CURRENT tells it."""
+    """Progress of the vehicle's mission: the fields of MISSION_CURRENT."""
 
     sequence: int
+    """Number of the current item, from 0."""
     total: int
+    """Number of items of the mission."""
     mission_state: int
     """MISSION_STATE."""
     mission_mode: int
-    """1 in a mode that flies the mission, 2 in another."""
+    """1 if the vehicle is in a mode that flies the mission, 2 in another mode."""
 
 
 class MissionResult(NamedTuple):
-    """What became of an offered mission: a MAV_MISSION_RESULT and, where it was refused, why."""
+    """Result of loading a mission."""
 
     result: int = ACCEPTED
+    """MAV_MISSION_RESULT."""
     text: str = ""
+    """Reason of a refusal, for the operator; "" if accepted."""
 
 
 class MissionStore(Protocol):
-    """What the vehicle does with missions."""
+    """The mission of a vehicle, as the autopilot implements it."""
 
     @property
-    def items(self) -> Sequence[MissionItem]: ...
+    def items(self) -> Sequence[MissionItem]:
+        """The current mission."""
+        ...
 
     @property
-    def progress(self) -> MissionProgress: ...
+    def progress(self) -> MissionProgress:
+        """Progress of the current mission."""
+        ...
 
     def load(self, items: tuple[MissionItem, ...]) -> MissionResult:
-        """Take a whole new mission, or none of it."""
+        """Replace the mission, or refuse all of the items."""
         ...
 
     def set_current(self, sequence: int) -> bool:
-        """Go on from an item; False when there is no such item."""
+        """Continue at an item; return False if the mission has no such item."""
         ...
 
     def explain(self, text: str) -> None:
-        """Tell people why something was refused."""
+        """Send the operator the reason of a refusal."""
         ...
 
 
 @dataclass
 class _UploadSession:
-    """An upload under way: who sends it, what has come."""
+    """An upload in progress: its sender and the items received so far."""
 
     client: Client
     first: int
-    """Of the items that are sent: the whole mission begins with 0."""
+    """Number of the first item of the upload; 0 for a whole mission."""
     stop: int
-    """After their last."""
+    """Number after the last item of the upload."""
     due_s: float
+    """Wall time at which the next item is requested again."""
     whole: bool
-    """Whether the items are all that the mission is to have."""
-    left: int = RE_REQUESTS
+    """Whether the items replace the whole mission."""
+    attempts_left: int = RE_REQUESTS
     items: list[MissionItem] = field(default_factory=list)
 
     def request(self, now_s: float) -> None:
+        """Request the next item."""
         self.due_s = now_s + RE_REQUEST_S
         self.client.send(
             "MISSION_REQUEST_INT",
-            target_system=self.client.party.system,
-            target_component=self.client.party.component,
-            seq=self.wanted,
+            target_system=self.client.mavlink_id.system,
+            target_component=self.client.mavlink_id.component,
+            seq=self.next_sequence,
             mission_type=MISSION_TYPE,
         )
 
     @property
-    def wanted(self) -> int:
-        """The item that is due next."""
+    def next_sequence(self) -> int:
+        """Number of the item that is expected next."""
         return self.first + len(self.items)
 
 
 class MissionServer:
-    """The vehicle's side. One upload at a time; until it is complete and accepted the old mission
-    stays."""
+    """Server of the mission protocol: uploads, downloads, clearing and the current item.
 
-    hears = frozenset(
+    One upload at a time. The old mission stays until the new one is complete and accepted.
+
+    Parameters
+    ----------
+    store : MissionStore
+        The vehicle's mission.
+    capacity : int
+        Maximum number of items of a mission.
+    """
+
+    message_names = frozenset(
         (
             "MISSION_COUNT",
             "MISSION_ITEM_INT",
@@ -132,28 +153,43 @@ class MissionServer:
         self._handlers = {
             "MISSION_COUNT": self._count,
             "MISSION_ITEM_INT": self._item,
-            "MISSION_REQUEST_LIST": self._list,
-            "MISSION_REQUEST_INT": self._give,
-            "MISSION_REQUEST": self._give,
+            "MISSION_REQUEST_LIST": self._send_count,
+            "MISSION_REQUEST_INT": self._send_item,
+            "MISSION_REQUEST": self._send_item,
             "MISSION_CLEAR_ALL": self._clear,
             "MISSION_SET_CURRENT": self._set_current,
             "MISSION_WRITE_PARTIAL_LIST": self._partial,
         }
 
     def feed(self, frame: Frame, send: Send, now_s: float) -> None:
-        """Serve one frame that is addressed to this vehicle; ``send``, the same for one link,
-        answers on it."""
+        """Process one frame that is addressed to this vehicle.
+
+        Parameters
+        ----------
+        frame : Frame
+            The frame; other messages than ``message_names`` are ignored.
+        send : Send
+            Function that sends on the frame's link: the same object for every frame of a link.
+        now_s : float
+            Wall clock, in seconds.
+        """
         handler = self._handlers.get(frame.name)
         if handler is not None:
             handler(frame.decode(), Client(MavlinkId(frame.system, frame.component), send), now_s)
 
     def poll(self, now_s: float) -> None:
-        """Ask again for an item that did not come, and give an abandoned upload up."""
+        """Request a missing item again, or abandon an upload whose sender is silent.
+
+        Parameters
+        ----------
+        now_s : float
+            Wall clock, in seconds.
+        """
         session = self._session
         if session is None or now_s < session.due_s:
             return
-        if session.left:
-            session.left -= 1
+        if session.attempts_left:
+            session.attempts_left -= 1
             session.request(now_s)
         else:
             self._end(
@@ -162,6 +198,7 @@ class MissionServer:
             )
 
     def _count(self, message: Any, client: Client, now_s: float) -> None:
+        """Begin the upload of a whole mission."""
         if message.mission_type != MISSION_TYPE:
             _acknowledge(client, UNSUPPORTED, message.mission_type)
         elif message.count > self._capacity:
@@ -173,18 +210,18 @@ class MissionServer:
             self._begin(_UploadSession(client, 0, message.count, now_s, whole=True), now_s)
 
     def _partial(self, message: Any, client: Client, now_s: float) -> None:
-        """New items in place of some that there are; the rest of the mission stays."""
-        there, first, last = len(self._store.items), message.start_index, message.end_index
+        """Begin an upload that replaces some items of the mission."""
+        count, first, last = len(self._store.items), message.start_index, message.end_index
         if message.mission_type != MISSION_TYPE:
             _acknowledge(client, UNSUPPORTED, message.mission_type)
-        elif not 0 <= first <= last < there:
-            self._store.explain(f"Mission items {first} to {last} refused: the mission has {there}")
+        elif not 0 <= first <= last < count:
+            self._store.explain(f"Mission items {first} to {last} refused: the mission has {count}")
             _acknowledge(client, INVALID_SEQUENCE)
         else:
             self._begin(_UploadSession(client, first, last + 1, now_s, whole=False), now_s)
 
     def _begin(self, session: _UploadSession, now_s: float) -> None:
-        """One upload at a time; its own sender may begin it again."""
+        """Begin an upload, unless another client is uploading; the same client may start again."""
         if self._session is not None and self._session.client != session.client:
             self._store.explain("Mission upload refused: another is under way")
             _acknowledge(session.client, DENIED)
@@ -193,68 +230,76 @@ class MissionServer:
             self._advance(session, now_s)
 
     def _item(self, message: Any, client: Client, now_s: float) -> None:
+        """Process a MISSION_ITEM_INT of an upload."""
         session = self._session
         if session is None or session.client != client:
             if self._finished is not None and self._finished[0].client == client:
                 _acknowledge(client, self._finished[1])  # the first acknowledgement was lost
-        elif message.mission_type != MISSION_TYPE or message.seq != session.wanted:
+        elif message.mission_type != MISSION_TYPE or message.seq != session.next_sequence:
             session.request(now_s)
         else:
-            self._take(session, item_from_message(message), now_s)
+            self._add_item(session, item_from_message(message), now_s)
 
-    def _take(self, session: _UploadSession, item: MissionItem, now_s: float) -> None:
-        fault = _fault(item)
+    def _add_item(self, session: _UploadSession, item: MissionItem, now_s: float) -> None:
+        """Add a valid item to the upload; end the upload at an invalid one."""
+        fault = _item_fault(item)
         if fault.result != ACCEPTED:
             self._end(session, fault)
         else:
             session.items.append(item)
-            session.left = RE_REQUESTS
+            session.attempts_left = RE_REQUESTS
             self._advance(session, now_s)
 
     def _advance(self, session: _UploadSession, now_s: float) -> None:
-        if session.wanted < session.stop:
+        """Request the next item, or load the mission if the upload is complete."""
+        if session.next_sequence < session.stop:
             session.request(now_s)
             return
         items = tuple(session.items)
         if not session.whole:
-            there = tuple(self._store.items)
-            items = there[: session.first] + items + there[session.stop :]
+            present = tuple(self._store.items)
+            items = present[: session.first] + items + present[session.stop :]
         self._end(session, self._store.load(items))
 
-    def _end(self, session: _UploadSession, verdict: MissionResult) -> None:
-        self._session, self._finished = None, (session, verdict.result)
-        if verdict.text:
-            self._store.explain(verdict.text)
-        _acknowledge(session.client, verdict.result)
+    def _end(self, session: _UploadSession, outcome: MissionResult) -> None:
+        """End an upload, report a refusal and acknowledge."""
+        self._session, self._finished = None, (session, outcome.result)
+        if outcome.text:
+            self._store.explain(outcome.text)
+        _acknowledge(session.client, outcome.result)
 
-    def _list(self, message: Any, client: Client, now_s: float) -> None:
+    def _send_count(self, message: Any, client: Client, now_s: float) -> None:
+        """Answer MISSION_REQUEST_LIST with the number of items."""
         client.send(
             "MISSION_COUNT",
-            target_system=client.party.system,
-            target_component=client.party.component,
+            target_system=client.mavlink_id.system,
+            target_component=client.mavlink_id.component,
             count=len(self._store.items) if message.mission_type == MISSION_TYPE else 0,
             mission_type=message.mission_type,
         )
 
-    def _give(self, message: Any, client: Client, now_s: float) -> None:
+    def _send_item(self, message: Any, client: Client, now_s: float) -> None:
+        """Answer MISSION_REQUEST_INT and MISSION_REQUEST with the item."""
         items = self._store.items
         if message.mission_type == MISSION_TYPE and message.seq < len(items):
-            client.send("MISSION_ITEM_INT", **item_fields(items[message.seq], client.party))
+            client.send("MISSION_ITEM_INT", **item_fields(items[message.seq], client.mavlink_id))
         else:
             _acknowledge(client, INVALID_SEQUENCE, message.mission_type)
 
     def _clear(self, message: Any, client: Client, now_s: float) -> None:
+        """Remove all items, unless an upload is in progress."""
         if message.mission_type not in (MISSION_TYPE, ALL_TYPES):
-            verdict = MissionResult(UNSUPPORTED)
+            outcome = MissionResult(UNSUPPORTED)
         elif self._session is not None:
-            verdict = MissionResult(DENIED, "Mission not cleared: an upload is under way")
+            outcome = MissionResult(DENIED, "Mission not cleared: an upload is under way")
         else:
-            verdict = self._store.load(())
-        if verdict.text:
-            self._store.explain(verdict.text)
-        _acknowledge(client, verdict.result, message.mission_type)
+            outcome = self._store.load(())
+        if outcome.text:
+            self._store.explain(outcome.text)
+        _acknowledge(client, outcome.result, message.mission_type)
 
     def _set_current(self, message: Any, client: Client, now_s: float) -> None:
+        """Continue at another item and answer with MISSION_CURRENT."""
         if not self._store.set_current(message.seq):
             self._store.explain(
                 f"No mission item {message.seq}: the mission has {len(self._store.items)}"
@@ -263,7 +308,15 @@ class MissionServer:
 
 
 def send_progress(send: Send, progress: MissionProgress) -> None:
-    """Send MISSION_CURRENT."""
+    """Send MISSION_CURRENT.
+
+    Parameters
+    ----------
+    send : Send
+        Function that sends the message.
+    progress : MissionProgress
+        Fields of the message.
+    """
     send(
         "MISSION_CURRENT",
         seq=progress.sequence,
@@ -273,14 +326,13 @@ def send_progress(send: Send, progress: MissionProgress) -> None:
     )
 
 
-def _fault(item: MissionItem) -> MissionResult:
-    """What is wrong with an item whatever the vehicle can do: its frame, or a place above the
-    water."""
+def _item_fault(item: MissionItem) -> MissionResult:
+    """Return the fault of an item with an unsupported frame or a position above the water."""
     if item.frame not in GLOBAL_FRAMES and item.frame not in (FRAME_LOCAL_NED, FRAME_MISSION):
         return MissionResult(
             UNSUPPORTED_FRAME, f"Mission item {item.sequence}: frame {item.frame} is not supported"
         )
-    if not (has_location(item.command) or item.command == CONDITION_CHANGE_ALTITUDE):
+    if not (has_location(item.command) or item.command == MavCmd.CONDITION_CHANGE_ALT):
         return MissionResult()
     if item.frame in GLOBAL_FRAMES and item.z > 0.0:
         text = f"Mission item {item.sequence}: altitude {item.z:g} m; depth is given as <= 0"
@@ -293,10 +345,11 @@ def _fault(item: MissionItem) -> MissionResult:
 
 
 def _acknowledge(client: Client, result: int, mission_type: int = MISSION_TYPE) -> None:
+    """Send MISSION_ACK with a MAV_MISSION_RESULT."""
     client.send(
         "MISSION_ACK",
-        target_system=client.party.system,
-        target_component=client.party.component,
+        target_system=client.mavlink_id.system,
+        target_component=client.mavlink_id.component,
         type=result,
         mission_type=mission_type,
     )

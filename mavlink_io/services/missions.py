@@ -1,8 +1,10 @@
-"""The MAVLink mission protocol: its items and ground's end of it
-(https://mavlink.io/en/services/mission.html).
+"""The ground's side of the MAVLink mission protocol, and the messages of mission items.
 
-Items are stored and given back as they came. What a mission means is the autopilot's business; this
-file sees to it that it arrives whole or not at all."""
+Source: https://mavlink.io/en/services/mission.html.
+
+Items are transferred unchanged: the autopilot interprets them. A mission arrives completely or not
+at all.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,37 +23,57 @@ UNSUPPORTED_FRAME = constant("MAV_MISSION_UNSUPPORTED_FRAME")
 INVALID = constant("MAV_MISSION_INVALID")
 INVALID_PARAM1 = constant("MAV_MISSION_INVALID_PARAM1")
 INVALID_PARAM7 = constant("MAV_MISSION_INVALID_PARAM7")
-"""Between the two lie the results for param2 to param4, x (5) and y (6)."""
+"""INVALID_PARAM1 + n - 1 is the result for parameter n; x is 5, y is 6 and z is 7."""
 INVALID_SEQUENCE = constant("MAV_MISSION_INVALID_SEQUENCE")
 DENIED = constant("MAV_MISSION_DENIED")
 CANCELLED = constant("MAV_MISSION_OPERATION_CANCELLED")
 
 
-CONDITION_CHANGE_ALTITUDE = constant("MAV_CMD_CONDITION_CHANGE_ALT")
-
-
 def item_from_message(message: Any) -> MissionItem:
-    """The item in a decoded MISSION_ITEM_INT."""
-    m = message
+    """Return the item in a MISSION_ITEM_INT.
+
+    Parameters
+    ----------
+    message : namedtuple
+        Decoded MISSION_ITEM_INT.
+
+    Returns
+    -------
+    MissionItem
+        The item, unchanged.
+    """
     return MissionItem(
-        m.seq,
-        m.frame,
-        m.command,
-        m.current,
-        m.autocontinue,
-        m.param1,
-        m.param2,
-        m.param3,
-        m.param4,
-        m.x,
-        m.y,
-        m.z,
-        m.mission_type,
+        sequence=message.seq,
+        frame=message.frame,
+        command=message.command,
+        current=message.current,
+        autocontinue=message.autocontinue,
+        p1=message.param1,
+        p2=message.param2,
+        p3=message.param3,
+        p4=message.param4,
+        x=message.x,
+        y=message.y,
+        z=message.z,
+        mission_type=message.mission_type,
     )
 
 
 def item_fields(item: MissionItem, receiver: MavlinkId) -> dict[str, Any]:
-    """The fields of the MISSION_ITEM_INT that carries an item."""
+    """Return the fields of the MISSION_ITEM_INT that carries an item.
+
+    Parameters
+    ----------
+    item : MissionItem
+        The item.
+    receiver : MavlinkId
+        Target of the message.
+
+    Returns
+    -------
+    dict
+        Field values by name.
+    """
     return {
         "target_system": receiver.system,
         "target_component": receiver.component,
@@ -72,30 +94,76 @@ def item_fields(item: MissionItem, receiver: MavlinkId) -> dict[str, Any]:
 
 
 class MissionClient:
-    """The ground's side: each method begins an exchange, to be fed and polled until it is done."""
+    """Client of the mission protocol; each method returns an exchange that has not started.
+
+    Feed and poll the exchange until it is done (``request.run``).
+
+    Parameters
+    ----------
+    send : Send
+        Function that sends a message to the vehicle.
+    own, peer : MavlinkId
+        Ids of this program and of the vehicle.
+    """
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
-        self._line = send, own, peer
+        self._participants = send, own, peer
 
     def upload(self, items: Sequence[MissionItem]) -> Exchange[None]:
-        """Replace the vehicle's mission."""
-        return _Upload(*self._line, tuple(items))
+        """Replace the vehicle's mission.
+
+        Parameters
+        ----------
+        items : sequence of MissionItem
+            The new mission. The items are renumbered from 0.
+
+        Returns
+        -------
+        Exchange
+            It fails if the vehicle refuses the mission.
+        """
+        return _Upload(*self._participants, tuple(items))
 
     def download(self) -> Exchange[tuple[MissionItem, ...]]:
-        """Fetch the vehicle's mission."""
-        return _MissionDownload(*self._line)
+        """Read the vehicle's mission.
+
+        Returns
+        -------
+        Exchange
+            Its result is the tuple of items.
+        """
+        return _MissionDownload(*self._participants)
 
     def clear(self) -> Exchange[None]:
-        """Empty the vehicle's mission."""
-        return _Clear(*self._line)
+        """Remove all items of the vehicle's mission.
+
+        Returns
+        -------
+        Exchange
+            It fails if the vehicle refuses.
+        """
+        return _Clear(*self._participants)
 
     def set_current(self, sequence: int) -> Exchange[int]:
-        """Have the vehicle go on from an item; the result is the item it reports."""
-        return _SetCurrent(*self._line, sequence)
+        """Make the vehicle continue its mission at an item.
+
+        Parameters
+        ----------
+        sequence : int
+            Number of the item, from 0.
+
+        Returns
+        -------
+        Exchange
+            Its result is the number of the item that the vehicle reports as current.
+        """
+        return _SetCurrent(*self._participants, sequence)
 
 
 class _Upload(Exchange[None]):
-    hears = frozenset(("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"))
+    """Announce the number of items, then send each item that the vehicle requests."""
+
+    message_names = frozenset(("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK"))
 
     def __init__(
         self, send: Send, own: MavlinkId, peer: MavlinkId, items: tuple[MissionItem, ...]
@@ -104,47 +172,52 @@ class _Upload(Exchange[None]):
         self._items = tuple(
             item._replace(sequence=n, mission_type=MISSION_TYPE) for n, item in enumerate(items)
         )
-        self._wanted: int | None = None
+        self._requested_item: int | None = None
 
-    def _ask(self) -> None:
-        if self._wanted is None:
-            self._post("MISSION_COUNT", count=len(self._items), mission_type=MISSION_TYPE)
+    def _send_request(self) -> None:
+        if self._requested_item is None:
+            self._send_to_peer("MISSION_COUNT", count=len(self._items), mission_type=MISSION_TYPE)
         else:
-            self._send("MISSION_ITEM_INT", **item_fields(self._items[self._wanted], self._peer))
+            item = self._items[self._requested_item]
+            self._send("MISSION_ITEM_INT", **item_fields(item, self._peer))
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.mission_type != MISSION_TYPE:
             return
         if name != "MISSION_ACK":
             if message.seq < len(self._items):
-                self._wanted = message.seq
-                self._ask()
-                self._progress()
+                self._requested_item = message.seq
+                self._send_request()
+                self._note_progress()
         elif message.type != ACCEPTED:
-            where = "" if self._wanted is None else f" at item {self._wanted}"
-            self._fail(f"the vehicle refused the mission{where}: {_result_name(message.type)}")
-        elif not self._items or self._wanted == len(self._items) - 1:
+            position = "" if self._requested_item is None else f" at item {self._requested_item}"
+            self._fail(f"the vehicle refused the mission{position}: {_result_name(message.type)}")
+        elif not self._items or self._requested_item == len(self._items) - 1:
             self._finish(None)
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the upload of {len(self._items)} mission items"
 
 
 class _MissionDownload(Exchange[tuple[MissionItem, ...]]):
-    hears = frozenset(("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"))
+    """Request the number of items, then each item in order."""
+
+    message_names = frozenset(("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         super().__init__(send, own, peer)
         self._count: int | None = None
         self._items: list[MissionItem] = []
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         if self._count is None:
-            self._post("MISSION_REQUEST_LIST", mission_type=MISSION_TYPE)
+            self._send_to_peer("MISSION_REQUEST_LIST", mission_type=MISSION_TYPE)
         else:
-            self._post("MISSION_REQUEST_INT", seq=len(self._items), mission_type=MISSION_TYPE)
+            self._send_to_peer(
+                "MISSION_REQUEST_INT", seq=len(self._items), mission_type=MISSION_TYPE
+            )
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.mission_type != MISSION_TYPE:
             return
         if name == "MISSION_ACK":
@@ -161,50 +234,55 @@ class _MissionDownload(Exchange[tuple[MissionItem, ...]]):
             self._items.append(item_from_message(message))
         else:
             return
-        self._progress()
+        self._note_progress()
         if len(self._items) < self._count:
-            self._ask()
+            self._send_request()
         else:
-            self._post("MISSION_ACK", type=ACCEPTED, mission_type=MISSION_TYPE)
+            self._send_to_peer("MISSION_ACK", type=ACCEPTED, mission_type=MISSION_TYPE)
             self._finish(tuple(self._items))
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return "the mission download"
 
 
 class _Clear(Exchange[None]):
-    hears = frozenset(("MISSION_ACK",))
+    """Send MISSION_CLEAR_ALL until it is acknowledged."""
 
-    def _ask(self) -> None:
-        self._post("MISSION_CLEAR_ALL", mission_type=MISSION_TYPE)
+    message_names = frozenset(("MISSION_ACK",))
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _send_request(self) -> None:
+        self._send_to_peer("MISSION_CLEAR_ALL", mission_type=MISSION_TYPE)
+
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.type == ACCEPTED:
             self._finish(None)
         else:
             self._fail(f"the vehicle kept its mission: {_result_name(message.type)}")
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return "the clearing of the mission"
 
 
 class _SetCurrent(Exchange[int]):
-    hears = frozenset(("MISSION_CURRENT",))
+    """Send MISSION_SET_CURRENT until MISSION_CURRENT reports the item."""
+
+    message_names = frozenset(("MISSION_CURRENT",))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, sequence: int) -> None:
         super().__init__(send, own, peer)
         self._sequence = sequence
 
-    def _ask(self) -> None:
-        self._post("MISSION_SET_CURRENT", seq=self._sequence)
+    def _send_request(self) -> None:
+        self._send_to_peer("MISSION_SET_CURRENT", seq=self._sequence)
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.seq == self._sequence:
             self._finish(message.seq)
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the choice of mission item {self._sequence}"
 
 
 def _result_name(result: int) -> str:
+    """Return the name of a MAV_MISSION_RESULT."""
     return enum_names("MAV_MISSION_RESULT").get(result, f"MAV_MISSION_RESULT {result}")

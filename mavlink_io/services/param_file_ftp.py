@@ -1,11 +1,17 @@
-"""A whole parameter list as one file, which clients fetch over FTP as ``@PARAM/param.pck``:
-ArduPilot's way to tell in one go what PARAM_VALUE tells in a hundred messages (ArduPilot's
-AP_Filesystem/README.md, "The @PARAM filesystem").
+"""ArduPilot's parameter file ``@PARAM/param.pck``, which clients download over MAVLink FTP.
 
-Little-endian. A head: magic, count, count of all. Then each parameter in the order of names: its
-type in the low four bits of a byte and in the high ones whether a default follows; the length less
-one of the rest of its name, and how much of its beginning is that of the last name, four bits each;
-the rest of the name; the value; and the default."""
+One file replaces a hundred PARAM_VALUE messages. Source: ArduPilot, AP_Filesystem/README.md,
+"The @PARAM filesystem".
+
+Format, little-endian: a head (magic, number of parameters in the file, number of all parameters),
+then for each parameter in the order of names:
+
+- one byte: type in bits 0 to 3; bit 4 is set if a default follows the value;
+- one byte: number of characters shared with the beginning of the previous name in bits 0 to 3,
+  length of the rest of the name minus one in bits 4 to 7;
+- the rest of the name;
+- the value, and the default if bit 4 is set (float32).
+"""
 
 import struct
 from collections.abc import Mapping
@@ -13,7 +19,7 @@ from typing import NamedTuple
 
 PATH = "@PARAM/param.pck"
 WITH_DEFAULTS = "?withdefaults=1"
-"""What MAVProxy and MissionPlanner append to the path."""
+"""Suffix that MAVProxy and Mission Planner append to the path to request defaults too."""
 
 _MAGIC, _MAGIC_DEFAULTS = 0x671B, 0x671C
 _FLOAT, _HAS_DEFAULT = 4, 0x10
@@ -21,32 +27,46 @@ _HEAD = struct.Struct("<HHH")
 
 
 class PackedParameter(NamedTuple):
+    """Value and default of one parameter."""
+
     value: float
     default: float
 
 
 def pack(parameters: Mapping[str, PackedParameter], with_defaults: bool = False) -> bytes:
-    """The file of some parameters, all of them REAL32. Names are 1 to 16 characters."""
+    """Return the file of some parameters, all of type float32.
+
+    Parameters
+    ----------
+    parameters : mapping of str to PackedParameter
+        Parameters by name. A name has 1 to 16 characters.
+    with_defaults : bool
+        Whether to include the default of each parameter whose value differs from it.
+
+    Returns
+    -------
+    bytes
+        Content of ``param.pck``.
+    """
     count = len(parameters)
     packed = [_HEAD.pack(_MAGIC_DEFAULTS if with_defaults else _MAGIC, count, count)]
-    last = ""
+    previous = ""
     for name, parameter in sorted(parameters.items()):
-        differs = with_defaults and parameter.value != parameter.default
-        shared = min(len(name) - 1, _shared(name, last))
+        has_default = with_defaults and parameter.value != parameter.default
+        shared = min(len(name) - 1, _shared_length(name, previous))
         rest = name[shared:].encode()
-        packed.append(
-            bytes((_FLOAT | (_HAS_DEFAULT if differs else 0), len(rest) - 1 << 4 | shared)) + rest
-        )
+        type_byte = _FLOAT | (_HAS_DEFAULT if has_default else 0)
+        packed.append(bytes((type_byte, len(rest) - 1 << 4 | shared)) + rest)
         packed.append(struct.pack("<f", parameter.value))
-        if differs:
+        if has_default:
             packed.append(struct.pack("<f", parameter.default))
-        last = name
+        previous = name
     return b"".join(packed)
 
 
-def _shared(name: str, last: str) -> int:
-    """How many characters two names have in common at their beginning."""
+def _shared_length(name: str, previous: str) -> int:
+    """Return the number of characters that the beginnings of two names share."""
     return next(
-        (n for n, (a, b) in enumerate(zip(name, last, strict=False)) if a != b),
-        min(len(name), len(last)),
+        (n for n, (a, b) in enumerate(zip(name, previous, strict=False)) if a != b),
+        min(len(name), len(previous)),
     )

@@ -1,7 +1,10 @@
-"""The MAVLink parameter protocol: both ends of it (https://mavlink.io/en/services/parameter.html).
+"""Client and server of the MAVLink parameter protocol.
 
-Every parameter travels as MAV_PARAM_TYPE_REAL32, integers as floats of exact integer value, so that
-clients which convert and clients which copy bytes read the same number."""
+Source: https://mavlink.io/en/services/parameter.html.
+
+Every parameter is sent as MAV_PARAM_TYPE_REAL32; an integer is a float with the integer's value.
+Clients that convert numbers and clients that copy bytes then read the same number.
+"""
 
 import math
 import struct
@@ -18,11 +21,11 @@ OUT_OF_RANGE = constant("MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE")
 _INTEGERS = range(constant("MAV_PARAM_TYPE_UINT8"), REAL32)
 
 NO_INDEX = 65_535
-"""param_index of a value that is sent by name."""
+"""param_index of a PARAM_VALUE that was requested by name."""
 MAX_RE_REQUESTS = 20
-"""How many missing parameters a client asks for in one go."""
+"""Maximum number of missing parameters that a client requests at once."""
 MAX_VALUES_PER_POLL = 16
-"""How many values of a list a server sends in one go where the link takes more."""
+"""Maximum number of values of a list that a server sends per poll and client."""
 _MAX_FRAME_BYTES = largest_frame(by_name("PARAM_VALUE"))
 
 _REASONS = {
@@ -33,86 +36,151 @@ _REASONS = {
 
 
 def as_real32(value: float) -> float:
-    """The number that a float32 field makes of ``value``. Raises OverflowError beyond float32's
-    range."""
+    """Round a number to float32.
+
+    Parameters
+    ----------
+    value : float
+        Any number.
+
+    Returns
+    -------
+    float
+        The nearest float32.
+
+    Raises
+    ------
+    OverflowError
+        The number is beyond the range of float32.
+    """
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
 class ParamProvider(Protocol):
-    """The parameters of a vehicle."""
+    """The parameters of a vehicle, as the autopilot implements them."""
 
     def names(self) -> Sequence[str]:
-        """Sorted, the same ones in the same order for as long as the vehicle runs."""
+        """Return the sorted names; they do not change while the vehicle runs."""
         ...
 
-    def get(self, name: str) -> float: ...
+    def get(self, name: str) -> float:
+        """Return the value of a parameter."""
+        ...
 
     def set(self, name: str, value: float) -> float:
-        """Store a value and return what was really stored. Raises ValueError, and says what would
-        be right."""
+        """Store a value and return the stored one. Raises ValueError with the valid range."""
         ...
 
 
 class ParamClient:
-    """The ground's side: each method begins an exchange, to be fed and polled until it is done."""
+    """Client of the parameter protocol; each method returns an exchange that has not started.
+
+    Feed and poll the exchange until it is done (``request.run``).
+
+    Parameters
+    ----------
+    send : Send
+        Function that sends a message to the vehicle.
+    own, peer : MavlinkId
+        Ids of this program and of the vehicle.
+    """
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
-        self._line = send, own, peer
+        self._participants = send, own, peer
 
     def list(self) -> Exchange[dict[str, float]]:
-        """Every parameter by name; those that were lost on the way are asked for again by index."""
-        return _ParamList(*self._line)
+        """Read every parameter; lost ones are requested again by index.
+
+        Returns
+        -------
+        Exchange
+            Its result is a dict of values by name, sorted by name.
+        """
+        return _ParamList(*self._participants)
 
     def get(self, name: str) -> Exchange[float]:
-        """One parameter."""
-        return _Get(*self._line, name)
+        """Read one parameter.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter.
+
+        Returns
+        -------
+        Exchange
+            Its result is the value. It fails if the vehicle has no such parameter.
+        """
+        return _Get(*self._participants, name)
 
     def set(self, name: str, value: float) -> Exchange[float]:
-        """Set one parameter; done when the vehicle has read it back. Raises ValueError for NaN and
-        infinity."""
-        return _Set(*self._line, name, value)
+        """Set one parameter.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter.
+        value : float
+            New value.
+
+        Returns
+        -------
+        Exchange
+            Its result is the value that the vehicle has reported back. It fails if the vehicle
+            reports another value or an error.
+
+        Raises
+        ------
+        ValueError
+            The value is NaN or infinite.
+        """
+        return _Set(*self._participants, name, value)
 
 
 class _ParamList(Exchange[dict[str, float]]):
-    hears = frozenset(("PARAM_VALUE",))
+    """Request the list, then the missing parameters by index."""
+
+    message_names = frozenset(("PARAM_VALUE",))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         super().__init__(send, own, peer)
         self._values: dict[str, float] = {}
         self._missing: set[int] | None = None
 
-    def _ask(self) -> None:
+    def _send_request(self) -> None:
         if self._missing is None:
-            self._post("PARAM_REQUEST_LIST")
+            self._send_to_peer("PARAM_REQUEST_LIST")
         for index in sorted(self._missing or ())[:MAX_RE_REQUESTS]:
-            self._post("PARAM_REQUEST_READ", param_id="", param_index=index)
+            self._send_to_peer("PARAM_REQUEST_READ", param_id="", param_index=index)
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         self._values[message.param_id] = message.param_value
         if message.param_index == NO_INDEX:
             return
         if self._missing is None:
             self._missing = set(range(message.param_count))
         self._missing.discard(message.param_index)
-        self._progress()
+        self._note_progress()
         if not self._missing:
             self._finish(dict(sorted(self._values.items())))
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return "the parameter list"
 
 
 class _Get(Exchange[float]):
-    hears = frozenset(("PARAM_VALUE", "PARAM_ERROR"))
+    """Request one parameter by name."""
+
+    message_names = frozenset(("PARAM_VALUE", "PARAM_ERROR"))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId, name: str) -> None:
         super().__init__(send, own, peer)
         self._name = name
 
-    def _ask(self) -> None:
-        self._post("PARAM_REQUEST_READ", param_id=self._name, param_index=-1)
+    def _send_request(self) -> None:
+        self._send_to_peer("PARAM_REQUEST_READ", param_id=self._name, param_index=-1)
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.param_id != self._name:
             return
         if name == "PARAM_ERROR":
@@ -120,16 +188,19 @@ class _Get(Exchange[float]):
                 f"parameter {self._name}: {_REASONS.get(message.error, f'error {message.error}')}"
             )
         else:
-            self._take(message.param_value)
+            self._handle_value(message.param_value)
 
-    def _take(self, value: float) -> None:
+    def _handle_value(self, value: float) -> None:
+        """Process the value that the vehicle has reported."""
         self._finish(value)
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the request for parameter {self._name}"
 
 
 class _Set(_Get):
+    """Set one parameter and compare the reported value."""
+
     def __init__(
         self, send: Send, own: MavlinkId, peer: MavlinkId, name: str, value: float
     ) -> None:
@@ -138,10 +209,12 @@ class _Set(_Get):
             raise ValueError(f"parameter {name}: {value} is no finite number")
         self._value = as_real32(value)
 
-    def _ask(self) -> None:
-        self._post("PARAM_SET", param_id=self._name, param_value=self._value, param_type=REAL32)
+    def _send_request(self) -> None:
+        self._send_to_peer(
+            "PARAM_SET", param_id=self._name, param_value=self._value, param_type=REAL32
+        )
 
-    def _take(self, value: float) -> None:
+    def _handle_value(self, value: float) -> None:
         if value == self._value:
             self._finish(value)
         else:
@@ -149,22 +222,35 @@ class _Set(_Get):
                 f"parameter {self._name}: the vehicle keeps {value:g} and not {self._value:g}"
             )
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the setting of parameter {self._name}"
 
 
 class _Listing(NamedTuple):
-    """A list being sent: how much its link takes, and from where it goes on."""
+    """A parameter list that is being sent to a client."""
 
     room: RoomBytes
+    """Room of the client's link."""
     position: int
+    """Index of the next parameter to send."""
 
 
 class ParamServer:
-    """The vehicle's side. A changed value is told to every link, so that no client shows an old
-    one."""
+    """Server of the parameter protocol.
 
-    hears = frozenset(("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"))
+    A changed value is sent on every link, so that no client shows an old one.
+
+    Parameters
+    ----------
+    table : ParamProvider
+        The vehicle's parameters.
+    broadcast : Send
+        Function that sends a message on every link.
+    explain : callable
+        Send the operator the reason of a refusal.
+    """
+
+    message_names = frozenset(("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"))
 
     def __init__(
         self, table: ParamProvider, broadcast: Send, explain: Callable[[str], None]
@@ -174,8 +260,17 @@ class ParamServer:
         self._listings: dict[Client, _Listing] = {}
 
     def feed(self, frame: Frame, send: Send, room: RoomBytes) -> None:
-        """Serve one frame that is addressed to this vehicle; ``send`` and ``room`` are of the link
-        it came by."""
+        """Process one frame that is addressed to this vehicle.
+
+        Parameters
+        ----------
+        frame : Frame
+            A frame of one of ``message_names``.
+        send : Send
+            Function that sends on the frame's link: the same object for every frame of a link.
+        room : RoomBytes
+            Return how many bytes of bulk data the frame's link accepts now.
+        """
         sender = MavlinkId(frame.system, frame.component)
         message = frame.decode()
         match frame.name:
@@ -186,19 +281,25 @@ class ParamServer:
             case "PARAM_SET":
                 self._set(message, sender, send)
 
-    def tell(self, name: str) -> None:
-        """Tell every link what a parameter is now: it was not a PARAM_SET that changed it."""
-        self._value(self._broadcast, name, self._names.index(name))
+    def announce(self, name: str) -> None:
+        """Send the value of a parameter on every link, after a change.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter.
+        """
+        self._send_value(self._broadcast, name, self._names.index(name))
 
     def poll(self) -> None:
-        """Send the next part of every list that was asked for, as far as its link has room."""
+        """Send the next part of every requested list, as far as its link has room."""
         for client, (room, start) in list(self._listings.items()):
             position = start
             while (
                 position < min(start + MAX_VALUES_PER_POLL, len(self._names))
                 and room() >= _MAX_FRAME_BYTES
             ):
-                self._value(client.send, self._names[position], position)
+                self._send_value(client.send, self._names[position], position)
                 position += 1
             if position < len(self._names):
                 self._listings[client] = _Listing(room, position)
@@ -206,30 +307,33 @@ class ParamServer:
                 del self._listings[client]
 
     def _read(self, message: Any, sender: MavlinkId, send: Send) -> None:
+        """Answer PARAM_REQUEST_READ with the value or an error."""
         by_index = message.param_index >= 0
         if by_index and message.param_index < len(self._names):
-            self._value(send, self._names[message.param_index], message.param_index)
+            self._send_value(send, self._names[message.param_index], message.param_index)
         elif not by_index and message.param_id in self._names:
-            self._value(send, message.param_id, self._names.index(message.param_id))
+            self._send_value(send, message.param_id, self._names.index(message.param_id))
         else:
-            _error(send, sender, message.param_id, message.param_index, DOES_NOT_EXIST)
+            _send_error(send, sender, message.param_id, message.param_index, DOES_NOT_EXIST)
 
     def _set(self, message: Any, sender: MavlinkId, send: Send) -> None:
+        """Process PARAM_SET: send the new value on every link, or the error and the old value."""
         name = message.param_id
         if name not in self._names:
             self._explain(f"Parameter {name}: there is none of this name")
-            _error(send, sender, name, -1, DOES_NOT_EXIST)
+            _send_error(send, sender, name, -1, DOES_NOT_EXIST)
             return
         try:
-            self._table.set(name, _value_of(message))
+            self._table.set(name, _requested_value(message))
         except ValueError as refusal:
             self._explain(str(refusal))
-            _error(send, sender, name, -1, OUT_OF_RANGE)
-            self._value(send, name, self._names.index(name))
+            _send_error(send, sender, name, -1, OUT_OF_RANGE)
+            self._send_value(send, name, self._names.index(name))
         else:
-            self.tell(name)
+            self.announce(name)
 
-    def _value(self, send: Send, name: str, index: int) -> None:
+    def _send_value(self, send: Send, name: str, index: int) -> None:
+        """Send PARAM_VALUE."""
         send(
             "PARAM_VALUE",
             param_id=name,
@@ -240,9 +344,11 @@ class ParamServer:
         )
 
 
-def _value_of(message: Any) -> float:
-    """The value in a PARAM_SET. An integer type leaves open whether the bytes or the number are
-    meant: refused."""
+def _requested_value(message: Any) -> float:
+    """Return the value in a PARAM_SET. Raises ValueError for integer types and non-finite values.
+
+    An integer type does not say whether the sender copied bytes or converted the number.
+    """
     if message.param_type in _INTEGERS:
         raise ValueError(f"Parameter {message.param_id}: to be sent as REAL32, not as an integer")
     if not math.isfinite(message.param_value):
@@ -250,7 +356,8 @@ def _value_of(message: Any) -> float:
     return float(message.param_value)
 
 
-def _error(send: Send, receiver: MavlinkId, name: str, index: int, error: int) -> None:
+def _send_error(send: Send, receiver: MavlinkId, name: str, index: int, error: int) -> None:
+    """Send PARAM_ERROR."""
     send(
         "PARAM_ERROR",
         target_system=receiver.system,

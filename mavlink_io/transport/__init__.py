@@ -1,12 +1,12 @@
 """Byte transports behind one address syntax: UDP, TCP, serial line, memory.
 
 =====================  ======================================================================
-``udpin:HOST:PORT``    bind, learn peers from their first datagram, answer every one of them
+``udpin:HOST:PORT``    bind a port, learn peers from their datagrams, send to all of them
 ``udpout:HOST:PORT``   send to one peer, and receive from no other
-``tcp:HOST:PORT``      connect to a server; loses nothing and pushes back
+``tcp:HOST:PORT``      connect to a server; lossless, a full pipe blocks the sender
 ``tcpin:HOST:PORT``    serve many clients
-``serial:DEVICE:BAUD`` a serial line; opened again when it was unplugged
-``memory:NAME``        two ends of one name inside a process, for tests
+``serial:DEVICE:BAUD`` use a serial line; reopen it after it was unplugged
+``memory:NAME``        connect two ends of one name inside a process, for tests
 =====================  ======================================================================
 """
 
@@ -53,73 +53,101 @@ _KINDS = ("udpin", "udpout", "tcp", "tcpin", "serial", "memory")
 _MAX_PORT, _MAX_BAUD = 65_535, (1 << 31) - 1
 
 
-class _Parts(NamedTuple):
+class _AddressParts(NamedTuple):
+    """The parts of an address."""
+
     kind: str
-    where: str
+    """One of ``_KINDS``."""
+    name: str
+    """Host, serial device or name in memory."""
     number: int
-    """A port, or a baud rate."""
+    """Port or baud rate; 0 for memory."""
 
 
 def open_transport(
-    address: str, *, awaited: bool = False, patience_s: float = SEND_TIMEOUT_S
+    address: str, *, wait_for_device: bool = False, send_timeout_s: float = SEND_TIMEOUT_S
 ) -> Transport:
-    """Open the transport that an address names.
+    """Open the transport of an address.
 
-    A serial device that does not exist is an error of the address; with ``awaited`` it is waited
-    for, as a vehicle waits for its radio. ``patience_s`` is how long a client that does not read
-    may hold a TCP link up.
+    Parameters
+    ----------
+    address : str
+        Address in the syntax of the table above.
+    wait_for_device : bool
+        Whether to wait for a serial device that does not exist yet (as the vehicle waits for its
+        radio), instead of raising AddressError.
+    send_timeout_s : float
+        Wall time for which a full TCP pipe may block the sender, in seconds.
 
-    Raises:
-        AddressError: the address is malformed, or its port or device cannot be opened.
+    Returns
+    -------
+    Transport
+        The open transport.
+
+    Raises
+    ------
+    AddressError
+        The address is malformed, or its port or device cannot be opened.
     """
-    kind, where, number = _parts(address)
+    kind, name, number = _split_address(address)
     match kind:
         case "memory":
-            return MemoryTransport(address, where)
+            return MemoryTransport(address, name)
         case "udpin":
-            return UdpTransport(address, where, number)
+            return UdpTransport(address, name, number)
         case "udpout":
-            return UdpClient(address, where, number)
+            return UdpClient(address, name, number)
         case "tcp":
-            return TcpClient(address, where, number, patience_s=patience_s)
+            return TcpClient(address, name, number, send_timeout_s=send_timeout_s)
         case "tcpin":
-            return TcpServer(address, where, number, patience_s=patience_s)
+            return TcpServer(address, name, number, send_timeout_s=send_timeout_s)
         case _:
-            return SerialTransport(address, where, number, awaited=awaited)
+            return SerialTransport(address, name, number, wait_for_device=wait_for_device)
 
 
 def baud_rate(address: str) -> int | None:
-    """The baud rate of a serial line's address, None for every other. Raises nothing: of no
-    address, None too."""
+    """Return the baud rate of an address.
+
+    Parameters
+    ----------
+    address : str
+        Any text.
+
+    Returns
+    -------
+    int or None
+        Baud rate in bit/s; None if the text is not the address of a serial line.
+    """
     try:
-        kind, _, number = _parts(address)
+        kind, _, number = _split_address(address)
     except AddressError:
         return None
     return number if kind == "serial" else None
 
 
-def _parts(address: str) -> _Parts:
+def _split_address(address: str) -> _AddressParts:
+    """Return the parts of an address. Raises AddressError if it is malformed."""
     kind, _, rest = address.partition(":")
     if kind == "memory" and rest:
-        return _Parts(kind, rest, 0)
-    where, colon, number = rest.rpartition(":")
-    if kind not in _KINDS or not colon or not where:
+        return _AddressParts(kind, rest, 0)
+    name, colon, number = rest.rpartition(":")
+    if kind not in _KINDS or not colon or not name:
         raise AddressError(
             f"address {address!r}: expected udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT,"
             " tcpin:HOST:PORT, serial:DEVICE:BAUD or memory:NAME"
         )
-    least, most, meant = (
+    minimum, maximum, quantity = (
         (1, _MAX_BAUD, "baud rate") if kind == "serial" else (0, _MAX_PORT, "port number")
     )
-    if not number.isdecimal() or not least <= int(number) <= most:
-        raise AddressError(f"address {address!r}: {number!r} is no {meant}")
-    if kind != "serial" and not _may_be_host(where):
-        raise AddressError(f"address {address!r}: {where!r} is no host name")
-    return _Parts(kind, where, int(number))
+    if not number.isdecimal() or not minimum <= int(number) <= maximum:
+        raise AddressError(f"address {address!r}: {number!r} is no {quantity}")
+    if kind != "serial" and not _is_resolvable_text(name):
+        raise AddressError(f"address {address!r}: {name!r} is no host name")
+    return _AddressParts(kind, name, int(number))
 
 
-def _may_be_host(name: str) -> bool:
-    """Whether a resolver can be asked for it."""
+def _is_resolvable_text(name: str) -> bool:
+    """Return whether a resolver accepts the text as a host name (IDNA encoding)."""
     try:
         name.encode("idna")
     except UnicodeError:

@@ -1,4 +1,4 @@
-"""What every transport is, and waiting for several at once."""
+"""The interface of transports, and waiting for several of them at once."""
 
 import os
 import select
@@ -12,88 +12,109 @@ from mavlink_io.clock import wall_s
 T = TypeVar("T")
 
 Handle = Any
-"""What ``poll`` waits for: a socket or an open serial port."""
+"""An object with a file descriptor that ``poll`` can wait for: a socket or an open serial port."""
 
 Piece = tuple[Hashable, bytes]
-"""Bytes and the peer that they came from; no bytes: the peer has left."""
+"""A peer and the bytes that it sent; empty bytes mean that the peer has disconnected."""
 
 SPIN_S = 5e-3
-"""Time for which an eager wait polls before it blocks: many ticks of the other end, so that a third
-process in between does not make both ends block. Measured on two idle cores, a round trip takes
-80 us between two processes that block and 9 us between two that poll."""
-MAX_DATAGRAM = 65_535
+"""Time for which an eager wait polls before it blocks, in seconds.
 
+It is many ticks of the other end long, so that a third process in between does not make both ends
+block. Measured on two idle cores, a round trip takes 80 us between two processes that block and
+9 us between two that poll."""
+MAX_DATAGRAM = 65_535
+"""Maximum number of bytes that one receive reads."""
 
 _READABLE = select.POLLIN | select.POLLHUP | select.POLLERR
-"""Events after which a read does not block: data, the end of a stream, an error to be read."""
+"""Events after which a read does not block: data, the end of a stream, an error."""
 _MS_PER_S = 1000.0
 
 
-class _Latest(threading.local):
-    """What ``_ready`` of this thread watched last: a look at the same handles spares the
-    registration."""
+class _PollerCache(threading.local):
+    """The file descriptors of the last ``_ready`` of this thread, with their registered poller."""
 
     def __init__(self) -> None:
         self.numbers: list[int] = []
         self.poller = select.poll()
 
 
-_latest = _Latest()
+_cache = _PollerCache()
 
 _yield_cpu: Callable[[], None] = getattr(os, "sched_yield", lambda: time.sleep(0.0))
 
 
 class AddressError(ValueError):
-    """An address that names no transport; the message says what is wrong and what would be
-    right."""
+    """The address is malformed or cannot be opened; the text says why and what is expected."""
 
 
 class LinkLostError(ConnectionError):
-    """The other end is gone for good."""
+    """The other end is gone and cannot come back."""
 
 
 class Transport(Protocol):
-    """One verb each way. ``receive`` never blocks: ``wait`` does, for several transports at
-    once."""
+    """A link that sends and receives bytes.
+
+    ``receive`` never blocks; use ``wait`` to wait for several transports at once.
+    """
 
     address: str
+    """The address that the transport was opened with."""
 
     def handles(self) -> Sequence[Handle]:
-        """What to wait for now. Asked before every wait: a line that is closed tries to open again
-        here."""
+        """Return the handles to wait for now; a closed line tries to reopen here.
+
+        Call it before every wait, because the handles change.
+        """
         ...
 
     def send(self, data: bytes) -> None:
-        """Send whole frames. Raises LinkLostError when the other end is gone for good."""
+        """Send whole frames. Raises LinkLostError when the other end is gone."""
         ...
 
     def receive(self) -> bytes:
-        """What has arrived, b"" for nothing. Raises LinkLostError when the other end is gone for
-        good."""
+        """Return the bytes that have arrived, b"" if none. Raises LinkLostError."""
         ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Close the link; do not use it afterwards."""
+        ...
 
 
 @runtime_checkable
 class SharedTransport(Transport, Protocol):
-    """A transport of several peers at once, whose bytes must not be mixed."""
+    """A transport with several peers, whose bytes must be kept apart."""
 
     def receive_from(self) -> Sequence[Piece]:
-        """What has arrived, by peer. Raises LinkLostError when the other end is gone for good."""
+        """Return the bytes that have arrived from each peer. Raises LinkLostError."""
         ...
 
 
 def wait(
     transports: Sequence[Transport], timeout_s: float, *, eager: bool = False
 ) -> list[Transport]:
-    """Those of the transports that have something to receive, as soon as one has or the timeout is
-    over.
+    """Wait until a transport has something to receive, or the timeout is over.
 
-    An `eager` wait polls for its first `SPIN_S` before it blocks, and yields the processor after
-    each poll: the other end of a lockstep answers within that time, and waking a process on another
-    core would take longer. Where this thread may use one core only, an eager wait blocks at once:
-    polling would keep the other end from computing its answer if it runs on the same core.
+    Parameters
+    ----------
+    transports : sequence of Transport
+        Transports to wait for.
+    timeout_s : float
+        Maximum wall time, in seconds; 0 does not wait.
+    eager : bool
+        Whether to poll for the first `SPIN_S` before blocking, which shortens the reaction time.
+
+    Returns
+    -------
+    list of Transport
+        The transports that have something to receive; empty after a timeout.
+
+    Notes
+    -----
+    An eager wait yields the processor after each poll. The other end of a lockstep link answers
+    within `SPIN_S`, and waking a process on another core takes longer. If this thread may use one
+    core only, an eager wait blocks at once: polling would keep the other end from computing its
+    answer on the same core.
     """
     handles = {handle: transport for transport in transports for handle in transport.handles()}
     if not handles:
@@ -111,26 +132,25 @@ def wait(
 
 
 def _has_several_cores() -> bool:
-    """Return whether this thread may use more than one core, as its affinity is now."""
+    """Return whether the affinity of this thread allows more than one core now."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0)) > 1
     return (os.cpu_count() or 1) > 1
 
 
 def _ready(handles: Iterable[Handle], timeout_s: float) -> list[Handle]:
-    """Return the handles that can be read, waiting for the first at most ``timeout_s``.
+    """Return the handles that can be read; wait at most ``timeout_s``, rounded up to 1 ms.
 
-    The time is rounded up to 1 ms. ``poll`` and not ``select``: a process with many open files has
-    handles that ``select`` refuses (1,024 and above).
+    It uses ``poll``, because ``select`` refuses file descriptors of 1,024 and above.
     """
     by_number = {handle.fileno(): handle for handle in handles}
     numbers = list(by_number)
-    if numbers != _latest.numbers:
+    if numbers != _cache.numbers:
         poller = select.poll()
         for number in numbers:
             poller.register(number, _READABLE)
-        _latest.numbers, _latest.poller = numbers, poller
-    return [by_number[number] for number, _ in _latest.poller.poll(timeout_s * _MS_PER_S)]
+        _cache.numbers, _cache.poller = numbers, poller
+    return [by_number[number] for number, _ in _cache.poller.poll(timeout_s * _MS_PER_S)]
 
 
 def readable(handle: Handle) -> bool:
@@ -139,14 +159,14 @@ def readable(handle: Handle) -> bool:
 
 
 def writable(handle: Handle, timeout_s: float) -> bool:
-    """Return whether ``handle`` takes data, waiting for it at most ``timeout_s``."""
+    """Return whether ``handle`` accepts data; wait for it at most ``timeout_s``."""
     poller = select.poll()
     poller.register(handle, select.POLLOUT)
     return bool(poller.poll(timeout_s * _MS_PER_S))
 
 
 def open_or_raise(address: str, opener: Callable[[], T]) -> T:
-    """What ``opener`` gives; where it fails, an AddressError that names the address."""
+    """Return the result of ``opener``; turn an OSError into an AddressError with the address."""
     try:
         return opener()
     except OSError as error:

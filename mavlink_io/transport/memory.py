@@ -1,4 +1,4 @@
-"""Two ends of one name inside a process, for tests."""
+"""Transport between two ends inside one process, for tests."""
 
 import contextlib
 import socket
@@ -8,9 +8,13 @@ from mavlink_io.transport.base import MAX_DATAGRAM, Handle, LinkLostError
 
 
 class MemoryTransport:
-    """One end of a pair inside a process; whole sends arrive as whole receives."""
+    """One end of a pair inside a process; the bytes of one send arrive in one receive.
 
-    _waiting: dict[str, socket.socket] = {}  # noqa: RUF012 - the meeting place of the two ends is the point
+    The first transport of a name waits for the second one.
+    """
+
+    _waiting: dict[str, socket.socket] = {}  # noqa: RUF012 - shared on purpose: both ends meet here
+    """Other end of each name that one transport has opened so far."""
 
     def __init__(self, address: str, name: str) -> None:
         self.address = address

@@ -1,4 +1,4 @@
-"""A serial line that survives being unplugged, and never holds its owner back."""
+"""A serial line that reopens after it was unplugged and never blocks its user."""
 
 import contextlib
 import errno
@@ -12,26 +12,47 @@ from mavlink_io.clock import wall_s
 from mavlink_io.transport.base import AddressError, Handle, readable
 
 REOPEN_S = 1.0
-"""Wall seconds from one attempt to open a lost device to the next."""
+"""Wall time between two attempts to open a lost device, in seconds."""
 READ_BYTES = 4096
+"""Maximum number of bytes that one receive reads."""
 BACKLOG_BYTES = 4096
-"""What may wait here once the driver takes no more: less than half a second at 115200 baud."""
+"""Maximum number of bytes that wait for a full driver: under half a second at 115200 baud."""
 
 Report = Callable[[str], None]
-_NOT_THERE = (errno.ENOENT, errno.ENXIO, errno.ENODEV)
-_FULL = (BlockingIOError, InterruptedError)
+"""Show one line of text to the user."""
+_MISSING_DEVICE_ERRORS = (errno.ENOENT, errno.ENXIO, errno.ENODEV)
+_FULL_DRIVER_ERRORS = (BlockingIOError, InterruptedError)
 
 
 class SerialTransport:
-    """A serial line, opened for this process alone.
+    """A serial line, opened for exclusive use by this process.
 
-    Once it was open it is never lost for good: a device that goes away is closed and tried again
-    every ``REOPEN_S``, and what is sent meanwhile is lost, as on a radio without a peer. ``tell``
-    hears of both, once each. With ``awaited`` a device that does not exist yet is waited for in the
-    same way.
+    Parameters
+    ----------
+    address : str
+        Address of the line, for error messages.
+    device : str
+        Path of the device.
+    baud : int
+        Baud rate, in bit/s.
+    wait_for_device : bool
+        Whether to wait for a device that does not exist yet, instead of raising AddressError.
+    report : callable, optional
+        Receive a text when the line is lost and when it is back; by default stderr.
 
-    Writing never waits. What the driver does not take at once is kept here, up to
-    ``BACKLOG_BYTES``; beyond that whole sends are dropped, so that no frame is cut."""
+    Raises
+    ------
+    AddressError
+        The device cannot be opened, or not at this baud rate.
+
+    Notes
+    -----
+    An open line is never lost for good: a device that disappears is closed and reopened every
+    ``REOPEN_S``. Data sent in the meantime are lost, as on a radio without a peer.
+
+    Writing never blocks. Up to ``BACKLOG_BYTES`` that the driver does not accept at once are kept
+    and written later; beyond that whole sends are dropped, so that no frame is cut.
+    """
 
     def __init__(
         self,
@@ -39,21 +60,20 @@ class SerialTransport:
         device: str,
         baud: int,
         *,
-        awaited: bool = False,
-        tell: Report | None = None,
+        wait_for_device: bool = False,
+        report: Report | None = None,
     ) -> None:
-        """Raises AddressError: the device cannot be opened, or not at this baud rate."""
         self.address = address
-        self._device, self._baud, self._tell = device, baud, tell or _report_on_stderr
+        self._device, self._baud, self._report = device, baud, report or _report_on_stderr
         self._backlog = b""
         self._port: serial.Serial | None = None
         self._retry_s = wall_s() + REOPEN_S
         try:
             self._port = self._open()
         except (OSError, ValueError) as error:
-            if not awaited or getattr(error, "errno", None) not in _NOT_THERE:
+            if not wait_for_device or getattr(error, "errno", None) not in _MISSING_DEVICE_ERRORS:
                 raise AddressError(f"address {address!r}: {error}") from None
-            self._tell(f"{address}: not there yet; trying every second")
+            self._report(f"{address}: not there yet; trying every second")
 
     def handles(self) -> Sequence[Handle]:
         if self._port is None:
@@ -74,13 +94,12 @@ class SerialTransport:
             return b""
         try:
             data = os.read(self._port.fileno(), READ_BYTES)
-        except _FULL:
+        except _FULL_DRIVER_ERRORS:
             return b""
         except OSError as error:
-            return self._lose(error)
-        return data or self._lose(
-            OSError("hung up")
-        )  # ready to be read, and nothing there: the end of the line
+            return self._close_lost_port(error)
+        # a readable line without data has been hung up
+        return data or self._close_lost_port(OSError("hung up"))
 
     def close(self) -> None:
         if self._port is not None:
@@ -89,28 +108,33 @@ class SerialTransport:
         self._retry_s = float("inf")
 
     def _open(self) -> serial.Serial:
+        """Open the device without a read timeout. Raises OSError or ValueError."""
         return serial.Serial(self._device, self._baud, timeout=0, exclusive=True)
 
     def _drain(self) -> None:
+        """Write as much of the backlog as the driver accepts."""
         assert self._port is not None
         try:
             self._backlog = self._backlog[os.write(self._port.fileno(), self._backlog) :]
-        except _FULL:
+        except _FULL_DRIVER_ERRORS:
             return
         except OSError as error:
-            self._lose(error)
+            self._close_lost_port(error)
 
-    def _lose(self, error: OSError) -> bytes:
+    def _close_lost_port(self, error: OSError) -> bytes:
+        """Close a port that failed, report it, and return no bytes."""
         assert self._port is not None
         self._port.close()
         self._port, self._backlog = None, b""
         self._retry_s = wall_s() + REOPEN_S
-        self._tell(f"{self.address}: lost ({error.strerror or error}); trying every second")
+        self._report(f"{self.address}: lost ({error.strerror or error}); trying every second")
         return b""
 
     def _reopen(self) -> None:
-        """Try again when it is time to. Any failure may pass: a device that is back is not its
-        user's at once."""
+        """Try to open the device again if it is due; ignore every failure.
+
+        A device that is back may deny access for a moment.
+        """
         if wall_s() < self._retry_s:
             return
         self._retry_s = wall_s() + REOPEN_S
@@ -118,9 +142,10 @@ class SerialTransport:
             self._port = self._open()
         except (OSError, ValueError):
             return
-        self._tell(f"{self.address}: back")
+        self._report(f"{self.address}: back")
 
 
 def _report_on_stderr(text: str) -> None:
-    with contextlib.suppress(OSError, ValueError):  # a terminal that is gone must not end its owner
+    """Print a text on stderr."""
+    with contextlib.suppress(OSError, ValueError):  # a closed terminal must not end the program
         print(text, file=sys.stderr, flush=True)

@@ -1,4 +1,7 @@
-"""TCP: a connection to a server, and a server of many clients. Loses nothing and pushes back."""
+"""TCP transports: a connection to a server, and a server of many clients.
+
+TCP is lossless: a full pipe blocks the sender.
+"""
 
 import errno
 import socket
@@ -15,29 +18,43 @@ from mavlink_io.transport.base import (
 )
 
 SEND_TIMEOUT_S = 10.0
-"""How long a full pipe may hold its sender up, where nobody says otherwise."""
+"""Default wall time for which a full pipe may block the sender, in seconds."""
 MAX_CLIENTS = 32
-"""Connections that a server keeps at a time. A further one is closed as soon as it is accepted."""
+"""Maximum number of connections of a server; further ones are closed as soon as accepted."""
 ACCEPTS_PER_RECEIVE = 64
-"""Connections accepted in one call of ``receive``: a flood drains, and reading goes on."""
+"""Maximum number of connections accepted per ``receive``, so that a flood does not stop reading."""
 ACCEPT_PAUSE_S = 1.0
-"""Wall seconds without accepting after the system had no file or memory left for a connection."""
+"""Wall time without accepting after the system ran out of files or memory, in seconds."""
 READ_BYTES = 16_384
-"""Bytes that a server reads in one call of ``receive`` from all clients together; the rest waits in
-the operating system."""
+"""Maximum number of bytes read per ``receive`` from all clients of a server together."""
 
-
-_NO_ROOM = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+_RESOURCE_ERRORS = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
 class TcpClient:
-    """A connection to a TCP server. A full pipe blocks the sender for at most ``patience_s``."""
+    """A connection to a TCP server.
+
+    Parameters
+    ----------
+    address : str
+        Address of the transport, for error messages.
+    host, port : str, int
+        The server.
+    send_timeout_s : float
+        Wall time for which a full pipe may block the sender, in seconds. ``send`` then raises
+        LinkLostError.
+
+    Raises
+    ------
+    AddressError
+        No connection could be made.
+    """
 
     def __init__(
-        self, address: str, host: str, port: int, *, patience_s: float = SEND_TIMEOUT_S
+        self, address: str, host: str, port: int, *, send_timeout_s: float = SEND_TIMEOUT_S
     ) -> None:
         self.address = address
-        self._patience_s = patience_s
+        self._patience_s = send_timeout_s
         self._socket = open_or_raise(
             address, lambda: socket.create_connection((host, port), timeout=SEND_TIMEOUT_S)
         )
@@ -64,36 +81,53 @@ class TcpClient:
 
 
 class TcpServer:
-    """Serves every client that connects. What one sends, all others may read only through the
-    endpoint above.
+    """A TCP server that sends to every connected client and receives from all of them.
 
-    With ``patience_s`` above zero a full pipe holds the sender back (lossless); a client that stays
-    stuck for longer, and with zero one whose pipe is full at all, is dropped, so that it can never
-    stop the vehicle. At most ``MAX_CLIENTS`` are connected at a time."""
+    It does not forward the bytes of one client to the others.
+
+    Parameters
+    ----------
+    address : str
+        Address of the transport, for error messages.
+    host, port : str, int
+        Local address; port 0 lets the system choose.
+    send_timeout_s : float
+        Wall time for which a client with a full pipe blocks the sender (lossless), in seconds.
+        After it the client is disconnected, so that it cannot stop the vehicle.
+
+    Raises
+    ------
+    AddressError
+        The port cannot be bound.
+
+    Notes
+    -----
+    At most ``MAX_CLIENTS`` are connected at a time.
+    """
 
     def __init__(
-        self, address: str, host: str, port: int, *, patience_s: float = SEND_TIMEOUT_S
+        self, address: str, host: str, port: int, *, send_timeout_s: float = SEND_TIMEOUT_S
     ) -> None:
         self.address = address
-        self._patience_s = patience_s
+        self._patience_s = send_timeout_s
         self._clients: list[socket.socket] = []
-        self._left: list[socket.socket] = []
-        self._accepts_from_s = 0.0
+        self._disconnected: list[socket.socket] = []
+        self._accept_after_s = 0.0
         self._listener = open_or_raise(address, lambda: socket.create_server((host, port)))
         self._listener.setblocking(False)
 
     @property
     def port(self) -> int:
-        """The bound port: tells which one the system chose for port 0."""
+        """The bound port, also where the system chose it (port 0)."""
         return int(self._listener.getsockname()[1])
 
     @property
     def newest(self) -> Handle | None:
-        """The connection of the client that came last, None while there is no client."""
+        """The connection of the client that connected last; None without a client."""
         return self._clients[-1] if self._clients else None
 
     def handles(self) -> Sequence[Handle]:
-        if wall_s() < self._accepts_from_s:
+        if wall_s() < self._accept_after_s:
             return tuple(self._clients)
         return (self._listener, *self._clients)
 
@@ -108,7 +142,7 @@ class TcpServer:
         return b"".join(data for _, data in self.receive_from())
 
     def receive_from(self) -> Sequence[Piece]:
-        if wall_s() >= self._accepts_from_s:
+        if wall_s() >= self._accept_after_s:
             self._accept()
         received: list[Piece] = []
         for client in list(self._clients):
@@ -117,8 +151,8 @@ class TcpServer:
                 self._drop(client)
             elif data:
                 received.append((client, data))
-        received += ((client, b"") for client in self._left)
-        self._left.clear()
+        received += ((client, b"") for client in self._disconnected)
+        self._disconnected.clear()
         return received
 
     def close(self) -> None:
@@ -127,17 +161,17 @@ class TcpServer:
         self._listener.close()
 
     def _accept(self) -> None:
-        """Take in those who wait to be connected, up to ``MAX_CLIENTS``; close the rest of them."""
+        """Accept waiting connections up to ``MAX_CLIENTS`` clients; close the others."""
         for _ in range(ACCEPTS_PER_RECEIVE):
             try:
                 client, _ = self._listener.accept()
             except BlockingIOError:
                 return
             except OSError as error:
-                if error.errno in _NO_ROOM:
-                    self._accepts_from_s = wall_s() + ACCEPT_PAUSE_S
+                if error.errno in _RESOURCE_ERRORS:
+                    self._accept_after_s = wall_s() + ACCEPT_PAUSE_S
                     return
-                continue  # this one connection broke before it was accepted
+                continue  # this connection broke before it was accepted
             if len(self._clients) >= MAX_CLIENTS:
                 client.close()
                 continue
@@ -150,28 +184,27 @@ class TcpServer:
             self._clients.append(client)
 
     def _drop(self, client: socket.socket) -> None:
+        """Disconnect a client."""
         self._clients.remove(client)
-        self._left.append(client)
+        self._disconnected.append(client)
         client.close()
 
 
-def _send(connection: socket.socket, data: bytes, patience_s: float) -> None:
-    """Send all of it on a stream, waiting ``patience_s`` for room in a full pipe. Raises OSError
-    when it stays full."""
-    rest = memoryview(data)
-    while rest:
+def _send(connection: socket.socket, data: bytes, send_timeout_s: float) -> None:
+    """Send all bytes on a stream. Raises OSError if the pipe stays full for ``send_timeout_s``."""
+    remaining = memoryview(data)
+    while remaining:
         try:
-            rest = rest[connection.send(rest) :]
+            remaining = remaining[connection.send(remaining) :]
         except BlockingIOError:
-            if not writable(connection, patience_s):
-                raise TimeoutError(f"nothing was read for {patience_s:g} s") from None
+            if not writable(connection, send_timeout_s):
+                raise TimeoutError(f"nothing was read for {send_timeout_s:g} s") from None
 
 
-def _receive(connection: socket.socket, most_bytes: int = MAX_DATAGRAM) -> bytes | None:
-    """What has arrived on a stream without waiting: b"" for nothing, None when the other end closed
-    it."""
+def _receive(connection: socket.socket, max_bytes: int = MAX_DATAGRAM) -> bytes | None:
+    """Return the bytes that have arrived on a stream; b"" if none, None if it was closed."""
     try:
-        return connection.recv(most_bytes) or None
+        return connection.recv(max_bytes) or None
     except BlockingIOError:
         return b""
     except OSError:

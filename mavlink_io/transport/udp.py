@@ -1,4 +1,4 @@
-"""UDP: datagrams to one peer, or to every peer that was received lately."""
+"""UDP transports: datagrams to one peer, or to every peer that has sent recently."""
 
 import contextlib
 import errno
@@ -10,12 +10,14 @@ from mavlink_io.clock import wall_s
 from mavlink_io.transport.base import MAX_DATAGRAM, Handle, Piece, open_or_raise
 
 PEER_IDLE_S = 10.0
-"""A UDP peer that was silent for longer is forgotten."""
+"""Wall time without a datagram after which a peer is removed when a new one comes, in seconds."""
 MAX_PEERS = 32
-"""Peers of one ``udpin``. While it has so many, datagrams of further peers are ignored: a flood of
-source ports neither fills the memory nor displaces a peer that is there."""
+"""Maximum number of peers of one ``udpin``.
+
+At the maximum, datagrams of further peers are ignored: a flood of source ports neither fills the
+memory nor displaces a known peer."""
 RECONNECT_S = 1.0
-"""Wall seconds from one attempt to connect without a route to the next."""
+"""Wall time between two attempts to connect without a route, in seconds."""
 
 _NO_ROUTE = frozenset(
     (
@@ -26,15 +28,29 @@ _NO_ROUTE = frozenset(
         errno.EINVAL,
     )
 )
-"""There is no route to the peer, or (EINVAL) the local address that the socket uses is gone."""
+"""Errors without a route to the peer, or (EINVAL) without the socket's local address."""
 
 Address = tuple[str, int]
 
 
 class UdpTransport:
-    """A bound UDP socket (``udpin``) that learns its peers and sends to all of them.
+    """A bound UDP socket (``udpin``) that sends to every peer that has sent to it.
 
-    Datagrams that cannot leave or arrive, as while a network is down, are lost like any other.
+    Parameters
+    ----------
+    address : str
+        Address of the transport, for error messages.
+    host, port : str, int
+        Local address.
+
+    Raises
+    ------
+    AddressError
+        The port cannot be bound.
+
+    Notes
+    -----
+    A datagram that cannot be sent, for example because the network is down, is lost silently.
     """
 
     def __init__(self, address: str, host: str, port: int) -> None:
@@ -65,10 +81,10 @@ class UdpTransport:
         self._socket.close()
 
     def _remember(self, peer: Address) -> bool:
-        """Note that a peer was received; False where there is no room for a new one."""
+        """Store when a peer has sent; return False if there are too many peers for a new one."""
         now = wall_s()
         if peer not in self._peers:
-            for idle in [p for p, seen in self._peers.items() if now - seen > PEER_IDLE_S]:
+            for idle in [p for p, last in self._peers.items() if now - last > PEER_IDLE_S]:
                 del self._peers[idle]
             if len(self._peers) >= MAX_PEERS:
                 return False
@@ -77,10 +93,24 @@ class UdpTransport:
 
 
 class UdpClient:
-    """A UDP socket connected to one peer (``udpout``): the kernel drops what others send to it.
+    """A UDP socket connected to one peer (``udpout``); the kernel drops datagrams of others.
 
-    A peer that is not there yet, or starts again on the same port, loses only what was sent
-    meanwhile. Without a route to the peer a connection is tried again every ``RECONNECT_S``.
+    Parameters
+    ----------
+    address : str
+        Address of the transport, for error messages.
+    host, port : str, int
+        The peer.
+
+    Raises
+    ------
+    AddressError
+        The host cannot be resolved.
+
+    Notes
+    -----
+    The peer may start later or restart on the same port; datagrams in the meantime are lost.
+    Without a route to the peer the socket is connected again every ``RECONNECT_S``.
     """
 
     def __init__(self, address: str, host: str, port: int) -> None:
@@ -101,7 +131,7 @@ class UdpClient:
         try:
             try:
                 connected.send(data)
-            except ConnectionRefusedError:  # of an earlier datagram: this one has not been sent
+            except ConnectionRefusedError:  # caused by an earlier datagram: send this one again
                 connected.send(data)
         except OSError as error:
             if error.errno in _NO_ROUTE:
@@ -113,9 +143,7 @@ class UdpClient:
         try:
             try:
                 return self._socket.recv(MAX_DATAGRAM)
-            except (
-                ConnectionRefusedError
-            ):  # of a datagram that was sent; what arrived is still there
+            except ConnectionRefusedError:  # caused by a sent datagram: received ones still wait
                 return self._socket.recv(MAX_DATAGRAM)
         except OSError:
             return b""
@@ -125,17 +153,16 @@ class UdpClient:
         self._retry_s = math.inf
 
     def _connected(self) -> socket.socket | None:
+        """Return the connected socket; connect it if that is due."""
         if self._socket is None and wall_s() >= self._retry_s:
             with contextlib.suppress(OSError):
                 self._connect()
         return self._socket
 
     def _connect(self) -> None:
-        """Connect a new socket: an old one keeps its local address, which may be gone.
+        """Connect a new socket, because an old one keeps its local address, which may be gone.
 
-        Raises:
-            OSError: the peer's address cannot be used. A missing route, which may come, is no
-            error.
+        Raises OSError if the peer's address cannot be used; a missing route is no error.
         """
         self._retry_s = wall_s() + RECONNECT_S
         connecting = _udp_socket()
@@ -155,6 +182,7 @@ class UdpClient:
 
 
 def _udp_socket() -> socket.socket:
+    """Return a non-blocking UDP socket with a receive buffer of 1 MiB where possible."""
     udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     udp.setblocking(False)
     with contextlib.suppress(OSError):

@@ -1,8 +1,9 @@
-"""Who steers the simulated vehicle: our own autopilot, PX4 or ArduPilot, each spoken to as it is
-used to.
+"""Backends: connections of the simulator to an autopilot (Caribou's own, PX4 or ArduPilot).
 
-All are alike to the plant: a ``Backend`` is met, says in which steps time shall run, and is asked
-for actuators once a step. One that begins anew finds a vehicle that begins anew."""
+The simulator uses all of them through the ``Backend`` protocol: it waits until an autopilot is
+connected, builds the plant with the time step of that backend, and exchanges sensors for actuators
+once per tick. When the autopilot restarts, the simulator starts a new run from the initial state.
+"""
 
 from __future__ import annotations
 
@@ -17,30 +18,50 @@ from sitl.faults.failure_injection import InjectionResult
 
 
 class Backend(Protocol):
-    """Whoever steers, as the simulator sees it."""
+    """Connection to an autopilot as the simulator uses it."""
 
-    def meet(self) -> Timestep | None:
-        """Wait until there is somebody to steer; the steps that suit, None when the process was
-        told to stop.
+    def wait_for_autopilot(self) -> Timestep | None:
+        """Wait for an autopilot at the start of a run.
 
-        Raises:
-            LinkLostError: the other end is gone for good.
+        Returns
+        -------
+        Timestep or None
+            Time step that suits the autopilot; None when the process was asked to stop.
+
+        Raises
+        ------
+        LinkLostError
+            The link is closed and cannot be opened again.
         """
         ...
 
-    def ask(self, sea: Plant, state: PlantState, sensors: Sensors) -> ActuatorFrame | None:
-        """What the actuators shall do next, given what the instruments say now; None when the
-        voyage is over.
+    def exchange(self, plant: Plant, state: PlantState, sensors: Sensors) -> ActuatorFrame | None:
+        """Send the sensors of one tick and return the actuators to apply in the next.
 
-        It is over when the process was told to stop, or when whoever steered is gone or begins
-        anew.
+        Parameters
+        ----------
+        plant : Plant
+            The simulated plant; its site is needed for geographic positions.
+        state : PlantState
+            State at the present tick.
+        sensors : Sensors
+            Sensor output of the present tick.
 
-        Raises:
-            AutopilotSilentError: our own autopilot does not answer any more.
-            LinkLostError: the other end is gone for good.
+        Returns
+        -------
+        ActuatorFrame or None
+            Actuators; None when the run ends because the process was asked to stop, or because the
+            autopilot disconnected or restarted.
+
+        Raises
+        ------
+        AutopilotTimeoutError
+            Caribou's autopilot does not answer.
+        LinkLostError
+            The link is closed and cannot be opened again.
         """
         ...
 
-    def take_orders(self) -> Sequence[InjectionResult]:
-        """The failures that were ordered since the last call."""
+    def take_injections(self) -> Sequence[InjectionResult]:
+        """Return the failures that were commanded since the last call."""
         ...

@@ -1,4 +1,4 @@
-"""Our own autopilot at the helm: strict lockstep over the HIL link, in steps of 20 ms."""
+"""Caribou's own autopilot: strict lockstep over the HIL link, in steps of 20 ms."""
 
 from __future__ import annotations
 
@@ -17,29 +17,31 @@ from sitl.faults.failure_injection import InjectionResult
 
 
 class Caribou:
-    """There from the start, or at least asked from the start; with ``wait_for_arm`` time stands
-    while disarmed."""
+    """Backend in lockstep; with ``wait_for_arm`` vehicle time stops while disarmed."""
 
     def __init__(
         self, transport: Transport, stopped: Callable[[], bool], *, wait_for_arm: bool = False
     ) -> None:
         self._link, self._stopped = HilClient(transport), stopped
         lockstep = Lockstep(self._link, stopped)
-        self._ask = lockstep.ask_until_armed if wait_for_arm else lockstep.ask
+        self._exchange = lockstep.exchange_until_armed if wait_for_arm else lockstep.exchange
 
-    def meet(self) -> Timestep | None:
+    def wait_for_autopilot(self) -> Timestep | None:
+        """Return the time step at once: the first frame is repeated until it is answered."""
         return None if self._stopped() else DEFAULT_TIMESTEP
 
-    def ask(self, sea: Plant, state: PlantState, sensors: Sensors) -> ActuatorFrame | None:
-        datagram = self._link.datagram(sensors, _truth_frame(sea, state), state.faults.changes)
-        return self._ask(datagram, state.time_us)
+    def exchange(self, plant: Plant, state: PlantState, sensors: Sensors) -> ActuatorFrame | None:
+        """Send the sensors and return the actuators that answer them."""
+        datagram = self._link.datagram(sensors, _truth_frame(plant, state), state.faults.changes)
+        return self._exchange(datagram, state.time_us)
 
-    def take_orders(self) -> Sequence[InjectionResult]:
-        return self._link.take_orders()
+    def take_injections(self) -> Sequence[InjectionResult]:
+        """Return the failures that were commanded since the last call."""
+        return self._link.take_injections()
 
 
-def _truth_frame(sea: Plant, state: PlantState) -> TruthFrame | None:
-    """What viewers may see, when it is due."""
+def _truth_frame(plant: Plant, state: PlantState) -> TruthFrame | None:
+    """Return the true state for viewers, or None in ticks in which it is not due."""
     if state.time_us % TRUTH_PERIOD_US:
         return None
-    return truth.to_frame(state.truth, sea.sea.latitude_deg, sea.sea.longitude_deg)
+    return truth.to_frame(state.truth, plant.sea.latitude_deg, plant.sea.longitude_deg)

@@ -1,4 +1,4 @@
-"""Which pilot the command line asks for, and what it may be told."""
+"""Choice of the backend from the command-line options, and the check of these options."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ from sitl.backends.servo_outputs import DEFAULT, parse
 from sitl.backends.wall_clock import WallClock
 
 PX4_RATE_HZ = 250
+"""Default rate of sensor frames to PX4."""
 MIN_HZ, MAX_HZ = 50, 1000
+"""Range of ``--rate``."""
 _SECOND_US = 1_000_000
 
 
 class BackendError(ValueError):
-    """There is no such pilot, or it takes no such option; the message says what would be right."""
+    """The autopilot is unknown or does not support an option; the message names valid values."""
 
 
 class BackendDefaults(NamedTuple):
-    """What goes without saying of a pilot."""
+    """Default values and supported options of a backend."""
 
     address: str
     speed: str
-    """As ``--speed`` has it: who sets the pace himself is not to be held back."""
+    """Value of ``--speed``; ``max`` for a backend whose autopilot sets the pace."""
     options: frozenset[str]
-    """That it takes, beside those of every pilot."""
+    """Options that not every backend supports."""
 
 
 KINDS = {
@@ -44,7 +46,7 @@ KINDS = {
 
 
 class BackendOptions(NamedTuple):
-    """A pilot and what it was told; None for what was not."""
+    """Autopilot and its options; None for an option that was not given."""
 
     autopilot: str = "caribou"
     wait_for_arm: bool = False
@@ -55,15 +57,15 @@ class BackendOptions(NamedTuple):
 
 
 def defaults_of(autopilot: str) -> BackendDefaults:
-    """Raises PilotError: there is no such pilot."""
-    found = KINDS.get(autopilot)
-    if found is None:
+    """Return the defaults of a backend. Raises BackendError: the autopilot is unknown."""
+    defaults = KINDS.get(autopilot)
+    if defaults is None:
         raise BackendError(f"--autopilot {autopilot}: expected {', '.join(KINDS)}")
-    return found
+    return defaults
 
 
 def check_options(choice: BackendOptions) -> None:
-    """Raises PilotError, OutputsError: the pilot cannot be had in this way."""
+    """Check the options. Raises BackendError or OutputsError."""
     given = {
         "--wait-for-arm": choice.wait_for_arm or None,
         "--rate": choice.rate_hz,
@@ -74,11 +76,11 @@ def check_options(choice: BackendOptions) -> None:
     known = defaults_of(choice.autopilot).options
     for option, value in given.items():
         if value is not None and option not in known:
-            users = [name for name, each in KINDS.items() if option in each.options]
+            users = [name for name, backend in KINDS.items() if option in backend.options]
             raise BackendError(f"{option}: only with --autopilot {' or '.join(users)}")
     if choice.wait_for_arm and not choice.lockstep:
         raise BackendError(
-            "--wait-for-arm: not with --no-lockstep: the wall clock stands for nobody"
+            "--wait-for-arm cannot be combined with --no-lockstep: real time cannot be paused"
         )
     rate_hz = PX4_RATE_HZ if choice.rate_hz is None else choice.rate_hz
     if not MIN_HZ <= rate_hz <= MAX_HZ or _SECOND_US % rate_hz:
@@ -95,9 +97,12 @@ def check_options(choice: BackendOptions) -> None:
 def create_backend(
     choice: BackendOptions, transport: Transport, stopped: Callable[[], bool]
 ) -> Backend:
-    """The pilot of a choice that ``check_options`` let pass.
+    """Create the backend for options that ``check_options`` has accepted.
 
-    Raises TooSlowError: what connects us cannot carry what the instruments say.
+    Raises
+    ------
+    TooSlowError
+        The serial line is too slow for the sensor messages.
     """
     outputs = parse(choice.outputs or DEFAULT)
     match choice.autopilot:

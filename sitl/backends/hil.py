@@ -1,8 +1,8 @@
-"""The simulator's end of the HIL link: one datagram of sensors out, the answer for the same vehicle
-time back.
+"""The simulator's end of the HIL link: one datagram of sensors per tick, and the answer to it.
 
-Nothing else is sent but the verdict on a failure that somebody orders, no heartbeat either: what
-goes out depends on vehicle time, seed, answers and orders alone."""
+Beside the sensors only the result of a commanded failure is sent, and no heartbeat: the output
+depends on vehicle time, seed, answers and commands only.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from mavlink_io import device_messages, dialect
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import MessageType, Values
 from mavlink_io.endpoint import Endpoint
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.records import ActuatorFrame, TruthFrame
 from mavlink_io.transport import Transport, wait
 from sitl.backends.messages import (
@@ -40,26 +41,42 @@ _WARNING, _NOTICE = (
 
 
 class HilClient:
-    """Sends the sensors of one instant and hears the actuators that answer it."""
+    """Sends the sensors of one tick and receives the actuators that answer them."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
         self._endpoint = Endpoint(transport, SYSTEM, COMPONENT)
         self._devices: dict[int, Endpoint] = {}
-        self._orders: list[InjectionResult] = []
+        self._injections: list[InjectionResult] = []
 
     @property
     def address(self) -> str:
+        """Address of the link."""
         return self._transport.address
 
     def send(self, datagram: bytes) -> None:
-        """Send what ``datagram`` made, for the first time or again."""
+        """Send a datagram made by ``datagram``, for the first time or again."""
         self._transport.send(datagram)
 
     def datagram(
         self, sensors: Sensors, truth: TruthFrame | None, changes: Sequence[FaultChange] = ()
     ) -> bytes:
-        """The frames of one instant. HIL_SENSOR comes last: who answers it has heard the others."""
+        """Encode the frames of one tick, with HIL_SENSOR last: it makes the autopilot's tick start.
+
+        Parameters
+        ----------
+        sensors : Sensors
+            Sensor output of this tick.
+        truth : TruthFrame or None
+            True state for viewers, if due.
+        changes : sequence of FaultChange
+            Faults that began or ended in this tick.
+
+        Returns
+        -------
+        bytes
+            MAVLink frames, concatenated.
+        """
         encode = self._endpoint.encode_values
         frames = [
             b"" if truth is None else encode(TRUTH, truth),
@@ -74,11 +91,11 @@ class HilClient:
         return b"".join(frames)
 
     def _device_frames(self, sensors: Sensors) -> list[bytes]:
-        """The frames of devices that speak under component ids of their own."""
+        """Encode the frames of devices that have component ids of their own."""
         frames = []
         if sensors.dvl is not None:
             frames.append(
-                self._of(
+                self._encode_from(
                     device_messages.DVL_COMPONENT,
                     device_messages.ODOMETRY,
                     device_messages.dvl_values(sensors.dvl),
@@ -87,11 +104,13 @@ class HilClient:
         if sensors.battery is not None:
             values = device_messages.battery_values(sensors.battery)
             frames.append(
-                self._of(device_messages.BATTERY_COMPONENT, device_messages.BATTERY_STATUS, values)
+                self._encode_from(
+                    device_messages.BATTERY_COMPONENT, device_messages.BATTERY_STATUS, values
+                )
             )
         if sensors.leak is not None:
             frames.append(
-                self._of(
+                self._encode_from(
                     device_messages.LEAK_COMPONENT,
                     device_messages.SYS_STATUS,
                     device_messages.leak_values(sensors.leak),
@@ -100,13 +119,14 @@ class HilClient:
         if sensors.duct is not None:
             values = device_messages.duct_values(sensors.duct)
             frames.append(
-                self._of(device_messages.DUCT_COMPONENT, device_messages.ACTUATOR_OUTPUTS, values)
+                self._encode_from(
+                    device_messages.DUCT_COMPONENT, device_messages.ACTUATOR_OUTPUTS, values
+                )
             )
         return frames
 
     def _fault_frames(self, changes: Sequence[FaultChange]) -> list[bytes]:
-        """Faults that begin and end are told to people; a link's is the autopilot's to carry
-        out."""
+        """Encode a STATUSTEXT per fault change; a link fault is a command to the autopilot."""
         frames = []
         for change in changes:
             severity = _WARNING if change.began else _NOTICE
@@ -121,67 +141,83 @@ class HilClient:
                 )
         return frames
 
-    def take_orders(self) -> list[InjectionResult]:
-        """The failures that were ordered since the last call, acknowledged already."""
-        taken, self._orders = self._orders, []
+    def take_injections(self) -> list[InjectionResult]:
+        """Return the failures commanded since the last call; they are already acknowledged."""
+        taken, self._injections = self._injections, []
         return taken
 
-    def _judge(self, frame: Frame) -> None:
-        """Answer a MAV_CMD_INJECT_FAILURE at once; vehicle time may stand still."""
+    def _handle_command(self, frame: Frame) -> None:
+        """Acknowledge a MAV_CMD_INJECT_FAILURE at once, because vehicle time may be stopped."""
         m = frame.decode()
-        if m.command != failure_injection.INJECT_FAILURE or m.target_component not in (
+        if m.command != MavCmd.INJECT_FAILURE or m.target_component not in (
             0,
             COMPONENT,
         ):
             return
-        verdict = failure_injection.parse_order(m.param1, m.param2, m.param3, m.param4)
-        if verdict.result == failure_injection.ACCEPTED:
-            self._orders.append(verdict)
-        answer = (m.command, verdict.result, 0, 0, frame.system, frame.component)
+        injection = failure_injection.parse_command(m.param1, m.param2, m.param3, m.param4)
+        if injection.result == failure_injection.ACCEPTED:
+            self._injections.append(injection)
+        answer = (m.command, injection.result, 0, 0, frame.system, frame.component)
         frames = [self._endpoint.encode_values(ACKNOWLEDGEMENT, answer)]
-        if verdict.text:
-            frames.insert(
-                0, self._endpoint.encode_values(_TEXT, (_WARNING, verdict.text.encode()[:50], 0, 0))
-            )
+        if injection.text:
+            text = (_WARNING, injection.text.encode()[:50], 0, 0)
+            frames.insert(0, self._endpoint.encode_values(_TEXT, text))
         self._transport.send(b"".join(frames))
 
-    def _of(self, component: int, message: MessageType, values: Values) -> bytes:
-        """A frame of a component, numbered in its own sequence."""
+    def _encode_from(self, component: int, message: MessageType, values: Values) -> bytes:
+        """Encode a frame of a component, with that component's sequence number."""
         device = self._devices.get(component)
         if device is None:
             device = self._devices[component] = Endpoint(self._transport, SYSTEM, component)
         return device.encode_values(message, values)
 
     def answer(self, time_us: int, timeout_s: float) -> ActuatorFrame | None:
-        """The answer to the sensors of ``time_us`` if one arrives in time; answers to other times
-        are dropped.
+        """Wait for the answer to the sensors of ``time_us``; answers to other times are dropped.
 
-        Raises LinkLostError when the other end is gone for good.
+        Parameters
+        ----------
+        time_us : int
+            Vehicle time of the sensors.
+        timeout_s : float
+            Wall time to wait.
+
+        Returns
+        -------
+        ActuatorFrame or None
+            The answer; None if it does not arrive in time.
+
+        Raises
+        ------
+        LinkLostError
+            The link is closed and cannot be opened again.
         """
         wait((self._transport,), timeout_s, eager=True)
         answer = None
         while answer is None and (frames := self._endpoint.receive()):
             for frame in frames:
-                controls = self._hear(frame)
+                controls = self._parse_actuators(frame)
                 if controls is not None and controls.time_us == time_us:
                     answer = controls
         return answer
 
     def newest(self) -> ActuatorFrame | None:
-        """The last of the actuators that have arrived since anybody listened, whatever they answer.
+        """Return the last actuators received since the previous call, whichever time they answer.
 
-        Raises LinkLostError when the other end is gone for good.
+        Raises
+        ------
+        LinkLostError
+            The link is closed and cannot be opened again.
         """
         newest = None
         while frames := self._endpoint.receive():
             for frame in frames:
-                newest = self._hear(frame) or newest
+                newest = self._parse_actuators(frame) or newest
         return newest
 
-    def _hear(self, frame: Frame) -> ActuatorFrame | None:
-        """The actuators, where a frame tells them; an order is judged."""
+    def _parse_actuators(self, frame: Frame) -> ActuatorFrame | None:
+        """Return the actuators if the frame holds some; execute the frame if it is a command."""
         if frame.message_id == CONTROLS.message_id:
             return ActuatorFrame._make(frame.decode())
         if frame.message_id == COMMAND.message_id:
-            self._judge(frame)
+            self._handle_command(frame)
         return None

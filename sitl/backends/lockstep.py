@@ -1,4 +1,4 @@
-"""Patience of the lockstep: when to send a frame again, and when to give the autopilot up."""
+"""Lockstep with Caribou's autopilot: when to repeat a sensor frame, and when to give up."""
 
 from __future__ import annotations
 
@@ -10,32 +10,39 @@ from mavlink_io.records import ActuatorFrame
 from sitl.backends.hil import HilClient
 
 FIRST_ANSWER_TIMEOUT_S = 60.0
+"""Wall time to wait for the first answer of a run."""
 ANSWER_TIMEOUT_S = 5.0
+"""Wall time to wait for each later answer."""
 FREE_RUN_S = 0.02
-"""Pace of frames that nobody answers yet, or that wait for the vehicle to be armed."""
+"""Repetition period of frames before the first answer, and while the vehicle is disarmed."""
 RESEND_S = 0.1
+"""Wall time after which an unanswered frame is sent again."""
 RESEND_GROWTH = 1.5
+"""Factor by which that time grows with each repetition."""
 RESEND_MAX_S = 0.5
+"""Upper limit of that time."""
 
 
 class AutopilotTimeoutError(ConnectionError):
-    """Nobody answers, or nobody does any more."""
+    """The autopilot does not answer, or has stopped answering."""
 
 
 class Lockstep:
-    """Asks one question at a time and insists on its answer. All times here are wall time."""
+    """Sends one sensor datagram at a time until it is answered. All times are wall time."""
 
     def __init__(self, link: HilClient, stopped: Callable[[], bool]) -> None:
         self._link, self._stopped = link, stopped
         self._has_answered = False
 
-    def ask(self, datagram: bytes, time_us: int) -> ActuatorFrame | None:
-        """The answer to the sensors of ``time_us``; None when the process was told to stop
-        meanwhile.
+    def exchange(self, datagram: bytes, time_us: int) -> ActuatorFrame | None:
+        """Return the answer to the sensors of ``time_us``; None when asked to stop meanwhile.
 
-        Raises:
-            AutopilotSilentError: no answer within 60 s at first, within 5 s later.
-            LinkLostError: the other end is gone for good.
+        Raises
+        ------
+        AutopilotTimeoutError
+            No answer arrives within 60 s at first, or within 5 s later.
+        LinkLostError
+            The link is closed and cannot be opened again.
         """
         give_up_s = wall_s() + (ANSWER_TIMEOUT_S if self._has_answered else FIRST_ANSWER_TIMEOUT_S)
         resend_s = RESEND_S if self._has_answered else FREE_RUN_S
@@ -46,27 +53,27 @@ class Lockstep:
                 self._has_answered = True
                 return answer
             if wall_s() > give_up_s:
-                raise AutopilotTimeoutError(self._complaint(time_us))
+                raise AutopilotTimeoutError(self._timeout_message(time_us))
             if self._has_answered:
                 resend_s = min(RESEND_MAX_S, RESEND_GROWTH * resend_s)
         return None
 
-    def ask_until_armed(self, datagram: bytes, time_us: int) -> ActuatorFrame | None:
-        """Like ``ask``, again and again until the answer says that the vehicle is armed: vehicle
-        time stands still."""
-        while (answer := self.ask(datagram, time_us)) is not None and not answer.armed:
+    def exchange_until_armed(self, datagram: bytes, time_us: int) -> ActuatorFrame | None:
+        """Repeat ``exchange`` until the answer reports an armed vehicle; vehicle time stops."""
+        while (answer := self.exchange(datagram, time_us)) is not None and not answer.armed:
             time.sleep(FREE_RUN_S)
         return answer
 
     def _answer_until(self, time_us: int, deadline_s: float) -> ActuatorFrame | None:
-        """The answer if it arrives in time; others may arrive before it."""
-        while (left_s := deadline_s - wall_s()) > 0.0:
-            answer = self._link.answer(time_us, left_s)
+        """Return the answer if it arrives before the deadline; other answers may come first."""
+        while (remaining_s := deadline_s - wall_s()) > 0.0:
+            answer = self._link.answer(time_us, remaining_s)
             if answer is not None:
                 return answer
         return None
 
-    def _complaint(self, time_us: int) -> str:
+    def _timeout_message(self, time_us: int) -> str:
+        """Return the error message of a timeout at vehicle time ``time_us``."""
         if self._has_answered:
             return f"the autopilot stopped answering at vehicle time {time_us * 1e-6:.2f} s"
         return (

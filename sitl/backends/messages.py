@@ -1,5 +1,4 @@
-"""The HIL messages that go to whoever speaks MAVLink: the instruments' records in the fields of the
-wire."""
+"""HIL messages for all MAVLink autopilots: sensor records converted to message fields."""
 
 from __future__ import annotations
 
@@ -9,8 +8,9 @@ from mavlink_io import device_messages, dialect
 from mavlink_io.records import Altimeter, GpsFix
 
 SYSTEM = 1
+"""System id of the vehicle."""
 COMPONENT = dialect.constant("MAV_COMP_ID_USER1")
-"""The same vehicle, a component of its own: the autopilot is component 1."""
+"""Component id of the simulator; the autopilot is component 1 of the same system."""
 
 SENSOR = dialect.by_name("HIL_SENSOR")
 TRUTH = dialect.by_name("HIL_STATE_QUATERNION")
@@ -20,8 +20,7 @@ CONTROLS = dialect.by_name("HIL_ACTUATOR_CONTROLS")
 COMMAND, ACKNOWLEDGEMENT = dialect.by_name("COMMAND_LONG"), dialect.by_name("COMMAND_ACK")
 
 TRUTH_PERIOD_US = 100_000
-"""HIL_STATE_QUATERNION goes out ten times a second of vehicle time, a viewer's pace, unless
-somebody asks for more."""
+"""Default period of HIL_STATE_QUATERNION in vehicle time, for viewers."""
 
 _DOWN = dialect.constant("MAV_SENSOR_ROTATION_PITCH_270")
 _ULTRASOUND = dialect.constant("MAV_DISTANCE_SENSOR_ULTRASOUND")
@@ -29,7 +28,7 @@ _UNKNOWN_VARIANCE = 255
 
 
 def gps_values(fix: GpsFix) -> tuple[object, ...]:
-    """HIL_GPS's fields in wire order; eph and epv are centimetres, as PX4 reads them."""
+    """Return the fields of HIL_GPS in wire order; eph and epv are in centimetres, as for PX4."""
     speed = hypot(fix.velocity_north_mps, fix.velocity_east_mps)
     course = atan2(fix.velocity_east_mps, fix.velocity_north_mps) % (2.0 * pi)
     return GPS.values(
@@ -50,11 +49,12 @@ def gps_values(fix: GpsFix) -> tuple[object, ...]:
 
 
 def _centimetres(error_m: float) -> int:
+    """Convert an accuracy to whole centimetres; NaN becomes MAVLink's value for unknown."""
     return device_messages.UNKNOWN_U16 if isnan(error_m) else round(1e2 * error_m)
 
 
 def altimeter_values(altimeter: Altimeter) -> tuple[object, ...]:
-    """DISTANCE_SENSOR's fields in wire order."""
+    """Return the fields of DISTANCE_SENSOR in wire order."""
     return ALTIMETER.values(
         time_boot_ms=altimeter.time_us // 1000,
         min_distance=round(1e2 * altimeter.min_range_m),

@@ -1,9 +1,10 @@
-"""PX4 at the helm, over its simulator API: PX4 connects to us, and HIL_SENSOR is its clock.
+"""PX4 over its simulator API: PX4 connects to the simulator, and HIL_SENSOR drives its clock.
 
 Protocol: docs.px4.io, "Simulation", and PX4's module simulator_mavlink. PX4 connects by TCP (or,
-with ``-u``, waits for our first datagram), asks for HIL_STATE_QUATERNION by
-MAV_CMD_SET_MESSAGE_INTERVAL, and runs from one HIL_SENSOR to the next. It takes every group of
-``fields_updated`` whole or not at all, and HIL_GPS's eph and epv as centimetres."""
+with ``-u``, waits for the first datagram), requests HIL_STATE_QUATERNION with
+MAV_CMD_SET_MESSAGE_INTERVAL, and runs from one HIL_SENSOR to the next. It uses each group of
+``fields_updated`` as a whole or not at all, and reads eph and epv of HIL_GPS as centimetres.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +17,7 @@ from mavlink_io.clock import wall_s
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.records import LOCKSTEP_FLAG, ActuatorFrame, SensorFrame
 from mavlink_io.transport import Handle, TcpServer, Transport, wait
 from sitl.backends.messages import (
@@ -41,36 +43,35 @@ from sitl.core.timestep import Timestep
 from sitl.faults.failure_injection import InjectionResult
 
 Barometer = Literal["water", "air_equivalent"]
-"""What HIL_SENSOR.abs_pressure tells: the water's pressure, or the air's at an altitude of minus
-her depth."""
+"""Meaning of HIL_SENSOR.abs_pressure: water pressure, or air pressure at altitude minus depth."""
 
 SEA_LEVEL_HPA, SEA_LEVEL_K, LAPSE_KPM, EXPONENT = 1013.25, 288.15, 0.0065, 5.25588
-"""Of the ISA's troposphere (ICAO Doc 7488): p = p0 (1 - L h / T0)^(g M / (R L))."""
+"""ISA troposphere (ICAO Doc 7488): p = p0 (1 - L h / T0)^(g M / (R L))."""
 
 _STOP_CHECK_S = 0.1
-"""Wall time after which a wait for a connection looks whether the process was told to stop."""
-_SET_INTERVAL = constant("MAV_CMD_SET_MESSAGE_INTERVAL")
+"""Wall time between checks whether the process was asked to stop."""
 _ACCEPTED, _UNSUPPORTED = constant("MAV_RESULT_ACCEPTED"), constant("MAV_RESULT_UNSUPPORTED")
 _NEUTRAL = (0.0, 0.0, 0.0)
 
 
 class _Connection:
-    """One connection, from the first message to the last."""
+    """One connection of PX4."""
 
-    def __init__(self, caller: Handle, tick_us: int) -> None:
-        self.caller = caller
-        self.rhythm = AnswerRate(tick_us)
+    def __init__(self, peer: Handle, tick_us: int) -> None:
+        self.peer = peer
+        self.answer_rate = AnswerRate(tick_us)
         self.truth_period_us = TRUTH_PERIOD_US
-        """0 for none at all."""
+        """Period of HIL_STATE_QUATERNION in vehicle time; 0 for none."""
         self.actuators = ActuatorFrame(0, 0, _NEUTRAL, 0)
-        """The newest that were heard."""
-        self.asked_us = 0
-        """The frame that was sent last, and whether an answer to it has come."""
+        """Newest actuators received."""
+        self.sent_us = 0
+        """Vehicle time of the last frame sent; 0 before the first."""
         self.is_answered = False
+        """Whether the last frame has been answered."""
 
 
 class Px4:
-    """Waits for PX4 to connect, and starts a new voyage with every new connection."""
+    """Backend for PX4; each new connection starts a new run."""
 
     def __init__(
         self,
@@ -88,109 +89,122 @@ class Px4:
             barometer,
         )
         self._endpoint = Endpoint(transport, SYSTEM, COMPONENT)
-        self._pace = Timestep(round(1e6 / rate_hz), brisk=True)
-        self._talk: _Connection | None = None
-        self._sailing: _Connection | None = None
-        """The talk that this voyage belongs to."""
+        self._timestep = Timestep(round(1e6 / rate_hz), imu_every_tick=True)
+        self._connection: _Connection | None = None
+        """Connection that is open now."""
+        self._run_connection: _Connection | None = None
+        """Connection that the present run belongs to."""
 
-    def meet(self) -> Timestep | None:
-        self._listen()
-        while self._talk is None and not self._stopped():
+    def wait_for_autopilot(self) -> Timestep | None:
+        """Wait for a connection of PX4."""
+        self._receive()
+        while self._connection is None and not self._stopped():
             wait((self._transport,), _STOP_CHECK_S)
-            self._listen()
-        self._sailing = self._talk
-        return None if self._stopped() else self._pace
+            self._receive()
+        self._run_connection = self._connection
+        return None if self._stopped() else self._timestep
 
-    def ask(self, sea: Plant, state: PlantState, sensors: Sensors) -> ActuatorFrame | None:
-        self._listen()  # what comes late still tells how late it comes
-        talk = self._talk
-        if talk is None or talk is not self._sailing or self._stopped():
+    def exchange(self, plant: Plant, state: PlantState, sensors: Sensors) -> ActuatorFrame | None:
+        """Send the sensors, wait for an answer if one is due, and return the newest actuators."""
+        self._receive()  # late answers also update the estimate of the answer's lag
+        connection = self._connection
+        if connection is None or connection is not self._run_connection or self._stopped():
             return None
-        if state.time_us > 0:  # PX4 takes a time of zero for never
-            talk.asked_us, talk.is_answered = state.time_us, False
-            self._transport.send(self._frames(talk, sea, state, sensors))
-            self._await(talk)
-        return talk.actuators
+        if state.time_us > 0:  # PX4 treats a time of zero as not set
+            connection.sent_us, connection.is_answered = state.time_us, False
+            self._transport.send(self._encode(connection, plant, state, sensors))
+            self._await_answer(connection)
+        return connection.actuators
 
-    def _await(self, talk: _Connection) -> None:
-        """Wait for the answer to the frame that was sent last, as long as it is worth it."""
-        until_s = wall_s() + talk.rhythm.patience_s(talk.asked_us)
-        self._listen()
-        while not talk.is_answered and self._talk is talk and (left_s := until_s - wall_s()) > 0.0:
-            wait((self._transport,), left_s, eager=talk.rhythm.lockstep)
-            self._listen()
-        if not talk.is_answered:
-            talk.rhythm.miss(talk.asked_us)
+    def _await_answer(self, connection: _Connection) -> None:
+        """Wait for the answer to the last frame, for at most the time that ``AnswerRate`` gives."""
+        deadline_s = wall_s() + connection.answer_rate.wait_timeout_s(connection.sent_us)
+        self._receive()
+        while (
+            not connection.is_answered
+            and self._connection is connection
+            and (remaining_s := deadline_s - wall_s()) > 0.0
+        ):
+            wait((self._transport,), remaining_s, eager=connection.answer_rate.lockstep)
+            self._receive()
+        if not connection.is_answered:
+            connection.answer_rate.record_timeout(connection.sent_us)
 
-    def take_orders(self) -> Sequence[InjectionResult]:
+    def take_injections(self) -> Sequence[InjectionResult]:
+        """Return nothing: this backend accepts no failure commands."""
         return ()
 
-    def _listen(self) -> None:
-        """Take in what has arrived; a new connection begins a new talk."""
+    def _receive(self) -> None:
+        """Process the frames that have arrived, and open a new connection when the peer changes."""
         frames = self._endpoint.receive()
-        caller = self._caller()
-        if caller is None:
-            self._talk = None
-        elif self._talk is None or caller is not self._talk.caller:
-            self._talk = _Connection(caller, self._pace.tick_us)
-        if (talk := self._talk) is None:
+        peer = self._peer()
+        if peer is None:
+            self._connection = None
+        elif self._connection is None or peer is not self._connection.peer:
+            self._connection = _Connection(peer, self._timestep.tick_us)
+        if (connection := self._connection) is None:
             return
         for frame in frames:
-            if (
-                frame.message_id == CONTROLS.message_id and talk.asked_us
-            ):  # before that it is a last word of another
-                self._hear(talk, frame)
+            # Controls before the first sensor frame were sent on an earlier connection.
+            if frame.message_id == CONTROLS.message_id and connection.sent_us:
+                self._update_actuators(connection, frame)
             elif frame.message_id == COMMAND.message_id:
-                self._obey(talk, frame)
+                self._handle_command(connection, frame)
 
-    def _caller(self) -> Handle | None:
-        """Who is at the other end of a connection; where there are none, always the same
-        somebody."""
+    def _peer(self) -> Handle | None:
+        """Return the newest TCP client, or the transport itself where it has no connections."""
         return self._transport.newest if isinstance(self._transport, TcpServer) else self._transport
 
-    def _hear(self, talk: _Connection, frame: Frame) -> None:
-        told = ActuatorFrame._make(frame.decode())
-        talk.actuators = told._replace(controls=controls_from_outputs(self._outputs, told.controls))
-        talk.is_answered |= talk.rhythm.hear(
-            told.time_us, talk.asked_us, bool(told.flags & LOCKSTEP_FLAG)
+    def _update_actuators(self, connection: _Connection, frame: Frame) -> None:
+        """Store the controls of an answer and record its time."""
+        answer = ActuatorFrame._make(frame.decode())
+        connection.actuators = answer._replace(
+            controls=controls_from_outputs(self._outputs, answer.controls)
+        )
+        connection.is_answered |= connection.answer_rate.record_answer(
+            answer.time_us, connection.sent_us, bool(answer.flags & LOCKSTEP_FLAG)
         )
 
-    def _obey(self, talk: _Connection, frame: Frame) -> None:
-        """Send the truth as often as PX4 asks for it: 0 is the rate it has anyway, a negative
-        interval stops it."""
+    def _handle_command(self, connection: _Connection, frame: Frame) -> None:
+        """Set the interval of HIL_STATE_QUATERNION: 0 is the default rate, negative is off."""
         m = frame.decode()
-        known = m.command == _SET_INTERVAL and m.param1 == TRUTH.message_id and isfinite(m.param2)
-        if known:
-            talk.truth_period_us = max(0, round(m.param2)) if m.param2 else TRUTH_PERIOD_US
-        result = _ACCEPTED if known else _UNSUPPORTED
+        is_supported = (
+            m.command == MavCmd.SET_MESSAGE_INTERVAL
+            and m.param1 == TRUTH.message_id
+            and isfinite(m.param2)
+        )
+        if is_supported:
+            connection.truth_period_us = max(0, round(m.param2)) if m.param2 else TRUTH_PERIOD_US
+        result = _ACCEPTED if is_supported else _UNSUPPORTED
         values = (m.command, result, 0, 0, frame.system, frame.component)
         self._endpoint.send_values(ACKNOWLEDGEMENT, values)
 
-    def _frames(self, talk: _Connection, sea: Plant, state: PlantState, sensors: Sensors) -> bytes:
-        """The frames of one instant. HIL_SENSOR comes last: when it moves PX4's clock, the others
-        are there."""
+    def _encode(
+        self, connection: _Connection, plant: Plant, state: PlantState, sensors: Sensors
+    ) -> bytes:
+        """Encode the frames of one tick, with HIL_SENSOR last: it advances PX4's clock."""
         encode, frames = self._endpoint.encode_values, []
-        if _is_due(talk.truth_period_us, state.time_us, self._pace.tick_us):
-            frame = truth.to_frame(state.truth, sea.sea.latitude_deg, sea.sea.longitude_deg)
+        if _is_due(connection.truth_period_us, state.time_us, self._timestep.tick_us):
+            frame = truth.to_frame(state.truth, plant.sea.latitude_deg, plant.sea.longitude_deg)
             frames.append(encode(TRUTH, frame))
         if sensors.gps is not None:
             frames.append(encode(GPS, gps_values(sensors.gps)))
         if sensors.altimeter is not None:
             frames.append(encode(ALTIMETER, altimeter_values(sensors.altimeter)))
-        if (
-            sensors.dvl is not None and sensors.dvl.over_ground
-        ):  # PX4 takes any velocity for one over ground
+        # PX4 treats every velocity in ODOMETRY as a velocity over ground.
+        if sensors.dvl is not None and sensors.dvl.over_ground:
             frames.append(encode(device_messages.ODOMETRY, device_messages.dvl_values(sensors.dvl)))
         frames.append(encode(SENSOR, _sensor_frame(sensors.frame, self._barometer)))
         return b"".join(frames)
 
 
 def _is_due(period_us: int, time_us: int, tick_us: int) -> bool:
-    """Whether a multiple of the period has been reached in the tick that ends at ``time_us``."""
+    """Tell whether a multiple of the period lies in the tick that ends at ``time_us``."""
     return period_us > 0 and time_us // period_us > (time_us - tick_us) // period_us
 
 
 def _sensor_frame(frame: SensorFrame, barometer: Barometer) -> SensorFrame:
+    """Replace the pressure of a frame as the barometer option requires."""
     return (
         frame
         if barometer == "water"
@@ -199,9 +213,9 @@ def _sensor_frame(frame: SensorFrame, barometer: Barometer) -> SensorFrame:
 
 
 def air_pressure_hpa(altitude_m: float) -> float:
-    """Pressure of the standard atmosphere at an altitude, also below the sea's level; the inverse
-    of what PX4 reckons.
+    """Return the pressure of the standard atmosphere at an altitude (m, negative below sea level).
 
-    PX4 turns any pressure into an altitude by the air's formula (PX4 issue 20073), so that only
-    this gives it a depth."""
+    PX4 converts every pressure to an altitude with the formula for air (PX4 issue 20073). This is
+    the inverse of that formula, so PX4 computes an altitude of minus the depth.
+    """
     return SEA_LEVEL_HPA * pow(1.0 - LAPSE_KPM * altitude_m / SEA_LEVEL_K, EXPONENT)

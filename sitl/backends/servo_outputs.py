@@ -1,4 +1,4 @@
-"""Which of another autopilot's numbered outputs turns the duct and which drives the propeller."""
+"""Assignment of another autopilot's numbered outputs to rudder, elevator and thrust."""
 
 from __future__ import annotations
 
@@ -6,35 +6,47 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 MAX_OUTPUTS = 16
+"""Highest output number."""
 DEFAULT = "1,2,3"
-"""In the order of our own autopilot's controls."""
+"""Outputs of rudder, elevator and thrust in the order of ``ActuatorFrame.controls``."""
 
 
 class OutputsError(ValueError):
-    """No such assignment; the message says what would be right."""
+    """The assignment is not valid; the message describes a valid one."""
 
 
 class Output(NamedTuple):
-    place: int
-    """Counted from 0, where people count from 1."""
+    """One output channel."""
+
+    channel: int
+    """Number from 0; the command line counts from 1."""
     sign: float
-    """-1 where the autopilot means it the other way round."""
+    """-1 if the output is reversed, else 1."""
 
 
 class ServoOutputs(NamedTuple):
+    """Output channels of the three controls."""
+
     rudder: Output
-    """Positive turns her to starboard."""
+    """Positive turns the vehicle to starboard."""
     elevator: Output
-    """Positive lifts her nose."""
+    """Positive pitches the vehicle up."""
     thrust: Output
-    """Positive drives her forward."""
+    """Positive accelerates the vehicle forwards."""
 
 
 def parse(text: str) -> ServoOutputs:
-    """The outputs of rudder, elevator and thrust, counted from 1, as in ``1,2,3``; a minus turns
-    one round: ``-4,2,3``.
+    """Parse output numbers of rudder, elevator and thrust, as in ``1,2,3`` or ``-4,2,3``.
 
-    Raises OutputsError: these are not three different outputs.
+    Parameters
+    ----------
+    text : str
+        Three different numbers from 1 to 16; a minus sign reverses the output.
+
+    Raises
+    ------
+    OutputsError
+        The text is not of this form.
     """
     words = [word.strip() for word in text.split(",")]
     numbers = [word.removeprefix("-") for word in words]
@@ -46,8 +58,8 @@ def parse(text: str) -> ServoOutputs:
     ):
         raise OutputsError(
             f"--outputs {text}: expected the outputs of rudder, elevator and thrust, three"
-            f" different numbers from 1 to {MAX_OUTPUTS} such as {DEFAULT}, with a minus before"
-            " one that is to be turned round"
+            f" different numbers from 1 to {MAX_OUTPUTS} such as {DEFAULT}, with a minus sign"
+            " before a reversed output"
         )
     signs = [-1.0 if word.startswith("-") else 1.0 for word in words]
     return ServoOutputs(
@@ -58,7 +70,6 @@ def parse(text: str) -> ServoOutputs:
 def controls_from_outputs(
     outputs: ServoOutputs, values: Sequence[float]
 ) -> tuple[float, float, float]:
-    """Rudder, elevator and thrust as ``ActuatorFrame.controls`` has them, of an autopilot's
-    ``values`` in [-1, 1]."""
-    rudder, elevator, thrust = (sign * values[place] for place, sign in outputs)
+    """Return rudder, elevator and thrust from an autopilot's output ``values``, all in [-1, 1]."""
+    rudder, elevator, thrust = (sign * values[channel] for channel, sign in outputs)
     return rudder, elevator, thrust

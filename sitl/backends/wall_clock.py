@@ -1,8 +1,9 @@
-"""Our own autopilot as on the real vehicle: nobody waits for anybody.
+"""Caribou's own autopilot without lockstep, as on the real vehicle: neither side waits.
 
-The instruments speak at their own pace on the wall clock, and the tailcone does what it heard last.
-What the line loses or delays stays lost or late. The line carries what docs/hardware.md has a
-vehicle say, and no more: the simulator's own state stays at home."""
+The sensors send at their own rates in real time, and the tailcone applies the last actuators
+received. Messages that the line loses or delays stay lost or late. The line carries only the
+messages that docs/hardware.md defines for a vehicle, not the simulator's true state.
+"""
 
 from __future__ import annotations
 
@@ -19,95 +20,102 @@ from sitl.core.timestep import DEFAULT_TIMESTEP, Timestep
 from sitl.faults.failure_injection import InjectionResult
 
 ACTUATOR_TIMEOUT_S = 1.0
-"""Wall time without actuators after which the tailcone puts the duct straight and stops the
-propeller."""
+"""Wall time without actuators after which the duct is centred and the propeller stopped."""
 
 BITS_PER_BYTE, MAX_LINE_SHARE = 10, 0.75
-"""A byte is ten bits on the line (8N1), and so much of the line is used: the rest is for what comes
-late at once."""
+"""Bits per byte on the line (8N1), and the share of the line used: the rest absorbs bursts."""
 SAMPLE_BYTES = 77
-"""HIL_SENSOR."""
+"""Size of a HIL_SENSOR frame."""
 DEVICES_BYTES_PER_S = 2080
-"""All devices at the rates of their data sheets; the Doppler log's ODOMETRY is more than half of
-it."""
+"""Data rate of all devices as in their data sheets; more than half is the DVL's ODOMETRY."""
 RATES_HZ = (50, 25, 10)
+"""Possible rates of HIL_SENSOR."""
 MIN_BAUD = 38_400
 
 MAX_LAG_S = 1.0
-"""Of vehicle time behind the wall clock; the clock in ``app`` does not make up for more."""
+"""Largest lag of vehicle time behind the wall clock; a larger lag is not made up."""
 
 _NEUTRAL = ActuatorFrame(0, 0, (0.0,) * 16, 0)
 
 
 class TooSlowError(AddressError):
-    """The line there cannot carry what the instruments say; the message says what would."""
+    """The serial line cannot carry the sensor messages; the message gives the lowest baud rate."""
 
 
 class WallClock:
-    """There from the start, whoever else is: time runs, and she floats until somebody steers."""
+    """Backend that runs in real time; the vehicle drifts at neutral until actuators arrive."""
 
     def __init__(self, transport: Transport, stopped: Callable[[], bool]) -> None:
         """Raises TooSlowError."""
-        self._pace = timestep_for_line(transport.address)
+        self._timestep = timestep_for_line(transport.address)
         self._link, self._stopped = HilClient(transport), stopped
         self._watchdog = Watchdog(_report_on_stderr, wall_s())
-        self._began_s = wall_s()
+        self._start_s = wall_s()
 
-    def meet(self) -> Timestep | None:
-        self._began_s = wall_s()
-        return None if self._stopped() else self._pace
+    def wait_for_autopilot(self) -> Timestep | None:
+        """Start the clock and return the time step at once."""
+        self._start_s = wall_s()
+        return None if self._stopped() else self._timestep
 
-    def ask(self, sea: Plant, state: PlantState, sensors: Sensors) -> ActuatorFrame | None:
+    def exchange(self, plant: Plant, state: PlantState, sensors: Sensors) -> ActuatorFrame | None:
+        """Send the sensors and return the actuators in force."""
         if self._stopped():
             return None
-        self._look_at_the_clock(state.time_us * 1e-6)
+        self._check_lag(state.time_us * 1e-6)
         self._link.send(self._link.datagram(sensors, None, state.faults.changes))
-        return self._watchdog.obey(self._link.newest(), wall_s())
+        return self._watchdog.update(self._link.newest(), wall_s())
 
-    def _look_at_the_clock(self, vehicle_s: float) -> None:
-        """Say so where this machine is too slow: what is late for a second stays late."""
-        late_s = wall_s() - self._began_s - vehicle_s
-        if late_s > MAX_LAG_S:
-            self._began_s += late_s
-            _report_on_stderr(f"too busy: vehicle time {vehicle_s:.1f} s comes {late_s:.1f} s late")
+    def _check_lag(self, vehicle_s: float) -> None:
+        """Report when this computer is too slow, and accept the lag as an offset."""
+        lag_s = wall_s() - self._start_s - vehicle_s
+        if lag_s > MAX_LAG_S:
+            self._start_s += lag_s
+            _report_on_stderr(f"too busy: vehicle time {vehicle_s:.1f} s comes {lag_s:.1f} s late")
 
-    def take_orders(self) -> Sequence[InjectionResult]:
-        return self._link.take_orders()
+    def take_injections(self) -> Sequence[InjectionResult]:
+        """Return the failures that were commanded since the last call."""
+        return self._link.take_injections()
 
 
 class Watchdog:
-    """What a tailcone does: what it heard last, and nothing once that is too long ago. All times
-    are wall time."""
+    """Actuator watchdog of the tailcone: neutral after a time without actuators (wall time)."""
 
-    def __init__(self, tell: Callable[[str], None], now_s: float) -> None:
-        self._tell, self._heard_s = tell, now_s
+    def __init__(self, report: Callable[[str], None], now_s: float) -> None:
+        self._report, self._received_s = report, now_s
         self._newest: ActuatorFrame | None = None
 
-    def obey(self, heard: ActuatorFrame | None, now_s: float) -> ActuatorFrame:
-        """The actuators in force, after those ``heard`` if there are any."""
-        if heard is not None:
+    def update(self, received: ActuatorFrame | None, now_s: float) -> ActuatorFrame:
+        """Return the actuators in force, given those received since the last call, if any."""
+        if received is not None:
             if self._newest is None:
-                self._tell(f"actuators after {now_s - self._heard_s:.1f} s")
-            self._newest, self._heard_s = heard, now_s
-        elif self._newest is not None and now_s - self._heard_s > ACTUATOR_TIMEOUT_S:
+                self._report(f"actuators after {now_s - self._received_s:.1f} s")
+            self._newest, self._received_s = received, now_s
+        elif self._newest is not None and now_s - self._received_s > ACTUATOR_TIMEOUT_S:
             self._newest = None
-            self._tell(
+            self._report(
                 f"no actuators for {ACTUATOR_TIMEOUT_S:g} s: duct straight, propeller stopped"
             )
         return self._newest or _NEUTRAL
 
 
 def timestep_for_line(address: str) -> Timestep:
-    """The steps in which the line at an address can carry the instruments; without a baud rate, our
-    autopilot's own.
+    """Return the time step in which the line at an address can carry the sensor messages.
 
-    Raises TooSlowError: not even the slowest fit.
+    Parameters
+    ----------
+    address : str
+        Link address; without a baud rate the result is the default time step.
+
+    Raises
+    ------
+    TooSlowError
+        The line is too slow even for the lowest rate.
     """
     baud = baud_rate(address)
     if baud is None:
         return DEFAULT_TIMESTEP
-    room = MAX_LINE_SHARE * baud / BITS_PER_BYTE - DEVICES_BYTES_PER_S
-    rate_hz = next((rate for rate in RATES_HZ if rate * SAMPLE_BYTES <= room), None)
+    available = MAX_LINE_SHARE * baud / BITS_PER_BYTE - DEVICES_BYTES_PER_S
+    rate_hz = next((rate for rate in RATES_HZ if rate * SAMPLE_BYTES <= available), None)
     if rate_hz is None:
         raise TooSlowError(
             f"address {address!r}: too slow for the instruments: expected {MIN_BAUD} baud or more"
@@ -116,4 +124,5 @@ def timestep_for_line(address: str) -> Timestep:
 
 
 def _report_on_stderr(text: str) -> None:
+    """Print a message of the simulator."""
     print(f"sitl: {text}", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""How the vehicle lies when a run begins: afloat in trim, or at a depth and under way."""
+"""Initial state of the body: floating in trim at the surface, or at a depth and speed."""
 
 from __future__ import annotations
 
@@ -19,23 +19,42 @@ from sitl.vehicle.model import VehicleModel
 _BISECTIONS = 60
 _NEWTON_STEPS = 12
 _DIFFERENCE = 1e-6
+"""Step of the central differences, m and rad."""
 
 
 def initial_body_state(
     model: VehicleModel, start: StartTable, sea: Environment, weather: Weather
 ) -> tuple[Vector, LocalWater]:
-    """Body state, shape (13,), FLU in NWU, that a scenario starts from, and the water there, which
-    carries her."""
-    lying = _rest_state(model, start, sea)
-    here = environment.sample_water(sea, weather, lying, 0.0)
-    to_body = np.array(rotation(lying)).T
-    lying[NU][:3] = to_body @ here.water.velocity_mps + (start.speed_mps, 0.0, 0.0)
-    return lying, here
+    """Return the body state at the start of a scenario and the water around the hull.
+
+    Parameters
+    ----------
+    model : VehicleModel
+        The vehicle.
+    start : StartTable
+        Heading, depth and speed through the water.
+    sea : Environment
+        The scenario's environment.
+    weather : Weather
+        Waves and current variation of this run at time zero.
+
+    Returns
+    -------
+    body : Vector
+        State of ``vehicle.dynamics``, shape (13,): position (NWU, m), attitude quaternion, velocity
+        over ground (FLU). The vehicle moves with the water, plus the speed through the water.
+    local_water : LocalWater
+        The water at that position.
+    """
+    body = _rest_state(model, start, sea)
+    local_water = environment.sample_water(sea, weather, body, 0.0)
+    to_body = np.array(rotation(body)).T
+    body[NU][:3] = to_body @ local_water.water.velocity_mps + (start.speed_mps, 0.0, 0.0)
+    return body, local_water
 
 
 def _rest_state(model: VehicleModel, start: StartTable, sea: Environment) -> Vector:
-    """Where and how she lies, at rest: afloat in the still water's trim, under the ice if there is
-    any, or at depth."""
+    """Return the state at rest: at the start depth, or in floating trim and below any ice."""
     if start.depth_m is None:
         ratio = float(sea.field.column[0, 1]) / sea.field.ballast_density_kgpm3
         z_up_m, roll_rad, pitch_rad = float_trim(model, ratio)
@@ -48,11 +67,29 @@ def _rest_state(model: VehicleModel, start: StartTable, sea: Environment) -> Vec
 
 
 def float_trim(model: VehicleModel, density_ratio: float = 1.0) -> tuple[float, float, float]:
-    """(height of the origin above the surface in m, roll and pitch in FLU, rad) at which she floats
-    at rest.
+    """Return the equilibrium of the floating vehicle at rest.
 
-    A vehicle heavier than the water she displaces floats nowhere; she starts level and just
-    submerged."""
+    A vehicle that is heavier than the displaced water has no equilibrium; the result is then level
+    and just submerged.
+
+    Parameters
+    ----------
+    model : VehicleModel
+        The vehicle.
+    density_ratio : float
+        Water density over the density in which the vehicle was ballasted.
+
+    Returns
+    -------
+    z_up_m, roll_rad, pitch_rad : float
+        Height of the hull axis above the still surface, roll and pitch (FLU).
+
+    Notes
+    -----
+    Solves f(z, roll, pitch) = (F . up, K, M) = 0 for the force F (N) and the moments K, M (N m) of
+    weight and buoyancy: bisection for z in the level attitude, then Newton's method
+    x <- x - J^-1 f with J by central differences.
+    """
     low, high = -model.hydrostatics.radius_m, model.hydrostatics.radius_m
     if density_ratio * model.hydrostatics.buoyancy_n <= model.hydrostatics.weight_n:
         return low, 0.0, 0.0
@@ -74,7 +111,7 @@ def float_trim(model: VehicleModel, density_ratio: float = 1.0) -> tuple[float, 
 
 
 def _static_residual(trim: Vector, model: VehicleModel, density_ratio: float) -> Vector:
-    """Net upward force and the moments in roll and pitch of weight and buoyancy, N and N m."""
+    """Return the net upward force (N) and the roll and pitch moments (N m) at rest, shape (3,)."""
     z_up_m, roll, pitch = trim.tolist()
     up = (-sin(pitch), sin(roll) * cos(pitch), cos(roll) * cos(pitch))
     X, Y, Z, K, M, _ = restoring.wrench(
@@ -84,7 +121,7 @@ def _static_residual(trim: Vector, model: VehicleModel, density_ratio: float) ->
 
 
 def _static_jacobian(trim: Vector, model: VehicleModel, density_ratio: float) -> Vector:
-    """Jacobian of ``_static_residual`` by central differences, shape (3, 3)."""
+    """Return the Jacobian of ``_static_residual`` by central differences, shape (3, 3)."""
     steps = _DIFFERENCE * np.eye(3)
     columns = [
         (

@@ -1,9 +1,11 @@
-"""The plant: what a tick of the sea does to the vehicle. Pure but for the random streams handed in.
+"""The plant: one tick of actuators, body, water and sensors, as a pure function.
 
->>> sea = plant.build(config.load("caribou_truth"), scenario.load("calm"))
+The only side effect is that the given random streams advance.
+
+>>> simulated = plant.build(config.load("caribou_truth"), scenario.load("calm"))
 >>> rng = plant.random_streams(seed=1)
->>> state, sensors = plant.launch(sea, rng)
->>> state, sensors = plant.step(sea, state, actuators, rng)  # once a tick
+>>> state, sensors = plant.initial_state(simulated, rng)
+>>> state, sensors = plant.step(simulated, state, actuators, rng)  # once per tick
 """
 
 from __future__ import annotations
@@ -25,9 +27,9 @@ from sitl.core.sensors.noise import NoiseStream
 from sitl.core.tailcone import AxisMotion, TailconeAxis
 from sitl.core.timestep import DEFAULT_TIMESTEP, Timestep
 from sitl.core.truth import Truth
-from sitl.faults import body as weights
+from sitl.faults import body as body_faults
 from sitl.faults import failure_injection, readings, timeline
-from sitl.faults import tailcone as tail
+from sitl.faults import tailcone as tailcone_faults
 from sitl.faults.catalogue import FaultError
 from sitl.faults.failure_injection import InjectionResult
 from sitl.faults.tailcone import Drives
@@ -50,13 +52,13 @@ from sitl.vehicle.propeller import rps
 from sitl.vehicle.water import Water
 
 RUDDER, ELEVATOR, THRUST = 0, 1, 2
-"""Channels of ``ActuatorFrame.controls``."""
+"""Indices of ``ActuatorFrame.controls``."""
 RATES = slice(10, 13)
-"""Part of the body state, FLU."""
+"""Angular rates in the body state, FLU, rad/s."""
 
 
 class Body(NamedTuple):
-    """What obeys the laws of physics: body and tailcone."""
+    """The vehicle's parameters: rigid body with hydrodynamics, and the two tailcone axes."""
 
     model: VehicleModel
     rudder: TailconeAxis
@@ -64,74 +66,100 @@ class Body(NamedTuple):
 
 
 class Plant(NamedTuple):
-    """All that stays the same through a run."""
+    """Parameters that are constant during a run."""
 
     vessel: Body
     native: Native
-    """The same, for the kernels; ``with_body`` changes both."""
+    """Copy of ``vessel`` for compiled code; change both with ``with_body``."""
     sea: Environment
     suite: SensorSuite
     start: StartTable
     clamped: bool
-    """Held where she lies."""
+    """Whether the body is held in its initial state."""
     tick_us: int
     tick_s: float
     substeps: int
-    """The pace's figures, which every tick asks for."""
+    """Integration steps per tick."""
     faults: Timeline
-    """That are to come."""
+    """Scheduled faults."""
 
 
 class PlantState(NamedTuple):
-    """All that changes from tick to tick. The arrays are never written to once a state holds
-    them."""
+    """Variables of a run at one tick. The arrays of a state are never modified."""
 
     time_us: int
+    """Vehicle time."""
     body: Vector
-    """Shape (13,), as ``vehicle.dynamics`` has it: FLU in NWU."""
+    """State of ``vehicle.dynamics``, shape (13,), FLU in NWU."""
     rudder: Vector
     elevator: Vector
+    """States of the tailcone axes, see ``core.tailcone``."""
     disturbance: Disturbance
     weather: Weather
     instruments: SensorSuiteState
     truth: Truth
-    """The same in the axes of everyone else."""
+    """True motion in FRD and NED."""
     faults: Timeline
 
 
 class RandomStreams(NamedTuple):
-    """The random streams of a run."""
+    """Independent random streams of a run."""
 
     slow: Generator
     wave: Generator
+    """Slow and wave-band disturbance moments."""
     sensors: SensorStreams
     rudder: Generator
     elevator: Generator
-    """Of the steps that the motors lose."""
+    """Lost motor steps of the axes."""
     faults: Generator
     swell: Generator
+    """Phases and directions of the waves."""
     drift: Generator
-    """Of the run's waves, and of its current's variation."""
+    """Variation of the current."""
 
 
-def build(vehicle: VehicleConfig, scenario: Scenario, pace: Timestep = DEFAULT_TIMESTEP) -> Plant:
-    """Put a vehicle into a scenario. Raises VehicleError or ScenarioError when one of them is
-    impossible."""
+def build(
+    vehicle: VehicleConfig, scenario: Scenario, timestep: Timestep = DEFAULT_TIMESTEP
+) -> Plant:
+    """Build the plant of a vehicle in a scenario.
+
+    Parameters
+    ----------
+    vehicle : VehicleConfig
+        Content of a vehicle file.
+    scenario : Scenario
+        Content of a scenario file.
+    timestep : Timestep
+        Length of a tick.
+
+    Returns
+    -------
+    Plant
+        Parameters for ``initial_state`` and ``step``.
+
+    Raises
+    ------
+    VehicleFileError
+        The vehicle is impossible or names an unknown sensor.
+    ScenarioError
+        The scenario is impossible for this vehicle.
+    """
     if scenario.rig.encoder:
         instruments = replace(vehicle.instruments, encoder=scenario.rig.encoder)
         vehicle = replace(vehicle, instruments=instruments)
     model = build_model.build(vehicle)
     try:
-        weights.refuse_impossible(model, scenario.faults)
+        body_faults.check_feasible(model, scenario.faults)
     except FaultError as error:
         raise ScenarioError(f"scenario {scenario.title}: fault: {error}") from None
     vessel = Body(
         model=model,
-        rudder=tailcone.of_vehicle(
-            vehicle.tailcone, vehicle.tailcone.rudder_bias_deg, pace.substep_s
+        rudder=tailcone.from_config(
+            vehicle.tailcone, vehicle.tailcone.rudder_bias_deg, timestep.substep_s
         ),
-        elevator=tailcone.of_vehicle(
-            vehicle.tailcone, vehicle.tailcone.elevator_bias_deg, pace.substep_s
+        elevator=tailcone.from_config(
+            vehicle.tailcone, vehicle.tailcone.elevator_bias_deg, timestep.substep_s
         ),
     )
     return Plant(
@@ -140,61 +168,112 @@ def build(vehicle: VehicleConfig, scenario: Scenario, pace: Timestep = DEFAULT_T
         sea=environment.build(
             scenario,
             model.hydrostatics.gravity_mps2,
-            pace.tick_s,
+            timestep.tick_s,
             model.hydrostatics.half_length_m,
             vehicle.water.density_kgpm3,
         ),
-        suite=sensors.build(vehicle, model.propeller.full_rps, pace.tick_us, brisk=pace.brisk),
+        suite=sensors.build(
+            vehicle,
+            model.propeller.full_rps,
+            timestep.tick_us,
+            imu_every_tick=timestep.imu_every_tick,
+        ),
         start=scenario.start,
         clamped=scenario.rig.clamped,
-        tick_us=pace.tick_us,
-        tick_s=pace.tick_s,
-        substeps=pace.substeps,
+        tick_us=timestep.tick_us,
+        tick_s=timestep.tick_s,
+        substeps=timestep.substeps,
         faults=timeline.schedule(scenario.faults),
     )
 
 
 def with_body(plant: Plant, vessel: Body) -> Plant:
-    """The same place and time with another vessel in it."""
+    """Return the plant with another body; site, sensors and time step are unchanged."""
     return plant._replace(vessel=vessel, native=native(vessel))
 
 
 def random_streams(seed: int) -> RandomStreams:
-    """Independent streams of one seed: what one of them draws leaves the others as they were."""
+    """Return the random streams of a seed; draws from one stream do not affect the others."""
     slow, wave, *instruments, rudder, elevator, faults, swell, drift = [
         default_rng(child) for child in SeedSequence(seed).spawn(7 + len(SensorStreams._fields))
     ]
     return RandomStreams(
-        slow,
-        wave,
-        SensorStreams(*map(NoiseStream, instruments)),
-        rudder,
-        elevator,
-        faults,
-        swell,
-        drift,
+        slow=slow,
+        wave=wave,
+        sensors=SensorStreams(*map(NoiseStream, instruments)),
+        rudder=rudder,
+        elevator=elevator,
+        faults=faults,
+        swell=swell,
+        drift=drift,
     )
 
 
 def initial_state(plant: Plant, rng: RandomStreams) -> tuple[PlantState, Sensors]:
-    """The state at vehicle time zero, with what the instruments say of it."""
+    """Return the state at vehicle time zero and the sensor output.
+
+    Parameters
+    ----------
+    plant : Plant
+        Parameters of the run.
+    rng : RandomStreams
+        Random streams of the run; they advance.
+
+    Returns
+    -------
+    state : PlantState
+        State at vehicle time zero.
+    sensors : Sensors
+        Sensor output at that time.
+    """
     disturbance = moments.sample_stationary(rng.slow, rng.wave)
     weather = environment.initial_weather(plant.sea, rng.swell, rng.drift)
     model, *axes = plant.vessel
     rudder, elevator = map(tailcone.axis_at_rest, axes)
-    start, here = initial_conditions.initial_body_state(model, plant.start, plant.sea, weather)
-    body, truth = _step_body(plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance, here)
+    start, local_water = initial_conditions.initial_body_state(
+        model, plant.start, plant.sea, weather
+    )
+    body, truth = _step_body(
+        plant, 0, start, rudder, elevator, 0.0, disturbance, disturbance, local_water
+    )
     instruments = sensors.initial_state(plant.suite, plant.start.battery_pct / 100.0, rng.sensors)
-    instruments, said = sensors.sample(plant.suite, truth, plant.sea, instruments, rng.sensors)
+    instruments, output = sensors.sample(plant.suite, truth, plant.sea, instruments, rng.sensors)
     return PlantState(
-        0, body, rudder.axis, elevator.axis, disturbance, weather, instruments, truth, plant.faults
-    ), said
+        time_us=0,
+        body=body,
+        rudder=rudder.state,
+        elevator=elevator.state,
+        disturbance=disturbance,
+        weather=weather,
+        instruments=instruments,
+        truth=truth,
+        faults=plant.faults,
+    ), output
 
 
 def step(
     plant: Plant, state: PlantState, actuators: ActuatorFrame, rng: RandomStreams
 ) -> tuple[PlantState, Sensors]:
-    """The state one tick later under ``actuators``, with what the instruments say of it."""
+    """Advance the plant by one tick.
+
+    Parameters
+    ----------
+    plant : Plant
+        Parameters of the run.
+    state : PlantState
+        State at the start of the tick.
+    actuators : ActuatorFrame
+        Controls in [-1, 1], constant during the tick: rudder, elevator, thrust.
+    rng : RandomStreams
+        Random streams of the run; they advance.
+
+    Returns
+    -------
+    state : PlantState
+        State at the end of the tick.
+    sensors : Sensors
+        Sensor output at the end of the tick.
+    """
     time_us = state.time_us + plant.tick_us
     faults = timeline.advance(state.faults, plant.vessel.model, time_us)
     controls = actuators.controls
@@ -210,7 +289,7 @@ def step(
             _hold_clamped(state.truth, time_us, rudder, elevator, rps(thrust, plant.vessel.model)),
         )
     else:
-        here = environment.sample_water(
+        local_water = environment.sample_water(
             plant.sea, weather, state.body, time_us * 1e-6, plant.tick_s
         )
         body, truth = _step_body(
@@ -222,47 +301,62 @@ def step(
             thrust,
             state.disturbance,
             disturbance,
-            here,
+            local_water,
         )
     if faults.running:
         truth = truth._replace(flooding="leak wet" in faults.names, faults=faults.names)
-    instruments, said = sensors.sample(
+    instruments, output = sensors.sample(
         plant.suite, truth, plant.sea, state.instruments, rng.sensors
     )
     if faults.running:
-        said, running = readings.apply(said, faults.running, time_us, plant.tick_s, rng.faults)
+        output, running = readings.apply(output, faults.running, time_us, plant.tick_s, rng.faults)
         faults = faults._replace(running=running)
     return PlantState(
-        time_us, body, rudder.axis, elevator.axis, disturbance, weather, instruments, truth, faults
-    ), said
+        time_us,
+        body,
+        rudder.state,
+        elevator.state,
+        disturbance,
+        weather,
+        instruments,
+        truth,
+        faults,
+    ), output
 
 
-def inject_failure(state: PlantState, verdict: InjectionResult) -> PlantState:
-    """The state after an accepted order of a ground station: what it breaks breaks at the next
-    tick."""
+def inject_failure(state: PlantState, injection: InjectionResult) -> PlantState:
+    """Add or clear a failure that a ground station commands; it takes effect at the next tick.
+
+    Parameters
+    ----------
+    state : PlantState
+        Present state.
+    injection : InjectionResult
+        An accepted result of ``failure_injection.parse_command``.
+    """
     return state._replace(
-        faults=failure_injection.apply_order(state.faults, verdict, state.time_us)
+        faults=failure_injection.apply_injection(state.faults, injection, state.time_us)
     )
 
 
 def _apply_faults(
     plant: Plant, controls: tuple[float, ...], faults: Timeline, noise: Generator
 ) -> tuple[Plant, tuple[float, ...], Timeline]:
-    """The vehicle and what reaches her drives under the faults of this tick."""
-    asked, vessel = (controls[RUDDER], controls[ELEVATOR], controls[THRUST]), plant.vessel
-    drives, running = tail.apply(
-        Drives(vessel.rudder, vessel.elevator, asked), faults.running, noise
+    """Return the plant, the controls and the fault states under the faults of this tick."""
+    commanded, vessel = (controls[RUDDER], controls[ELEVATOR], controls[THRUST]), plant.vessel
+    drives, running = tailcone_faults.apply(
+        Drives(vessel.rudder, vessel.elevator, commanded), faults.running, noise
     )
-    hurt = Body(faults.model or vessel.model, drives.rudder, drives.elevator)
-    if any(part is not sound for part, sound in zip(hurt, vessel, strict=True)):
-        plant = with_body(plant, hurt)
+    faulted = Body(faults.model or vessel.model, drives.rudder, drives.elevator)
+    if any(part is not nominal for part, nominal in zip(faulted, vessel, strict=True)):
+        plant = with_body(plant, faulted)
     return plant, drives.controls, faults._replace(running=running)
 
 
 def _step_actuators(
     plant: Plant, state: PlantState, controls: tuple[float, ...], rng: RandomStreams
 ) -> tuple[AxisMotion, AxisMotion]:
-    """Rudder and elevator one tick later."""
+    """Return the motion of rudder and elevator during a tick."""
     _, rudder, elevator = plant.vessel
     substeps = plant.substeps
     rudder_state, elevator_state, angles_rad = (
@@ -289,8 +383,7 @@ def _step_actuators(
 
 
 def _limit_control(control: float) -> float:
-    """A control within [-1, 1]; not-a-number means no demand, as foreign autopilots send it for
-    idle channels."""
+    """Limit a control to [-1, 1]; NaN, which some autopilots send for idle channels, means 0."""
     return 0.0 if control != control else max(-1.0, min(1.0, control))
 
 
@@ -303,16 +396,17 @@ def _step_body(
     thrust: float,
     before: Disturbance,
     after: Disturbance,
-    here: LocalWater,
+    local_water: LocalWater,
 ) -> tuple[Vector, Truth]:
-    """The body after as many substeps as the duct turned for, with its truth at ``time_us``.
+    """Integrate the body over the substeps of a tick; return its state and the true motion.
 
-    The disturbance stands still at ``before`` meanwhile; ``after`` is the one that the
-    accelerometer feels at the end. The water stands still as it will be at the end, where the body
-    will be: that is half a tick ahead, on the mean."""
-    moved, sea = body.copy(), plant.sea
+    Disturbance moments are constant at ``before`` during the tick; the accelerometer at the end of
+    the tick measures with ``after``. The water is constant during the tick. It was sampled for the
+    end of the tick at the position extrapolated to that time, half a tick ahead of the mean.
+    """
+    new_body, sea = body.copy(), plant.sea
     shaft_rps, velocity, force = _integrate(
-        moved,
+        new_body,
         rudder.substeps_rad,
         elevator.substeps_rad,
         rudder.end_rad,
@@ -320,11 +414,11 @@ def _step_body(
         thrust,
         _disturbance_wrench(sea, before),
         _disturbance_wrench(sea, after),
-        here.water,
+        local_water.water,
         plant.native,
         _WORK,
     )
-    values = moved.tolist()
+    values = new_body.tolist()
     pitch_nm, yaw_nm = moments.moments_flu_nm(sea.moments, after)
     truth = Truth(
         time_us,
@@ -333,22 +427,22 @@ def _step_body(
         velocity_ned_mps=flip(*velocity),
         rates_radps=flip(*values[RATES]),
         specific_force_mps2=flip(*force),
-        water_velocity_ned_mps=flip(*here.water.velocity_mps),
+        water_velocity_ned_mps=flip(*local_water.water.velocity_mps),
         rudder_rad=rudder.end_rad,
         elevator_rad=elevator.end_rad,
         propeller_rps=shaft_rps,
         pitch_disturbance_nm=-pitch_nm,
         yaw_disturbance_nm=-yaw_nm,
-        surface_m=here.water.surface_m,
-        wave_pressure_pa=here.wave_pressure_pa,
+        surface_m=local_water.water.surface_m,
+        wave_pressure_pa=local_water.wave_pressure_pa,
     )
-    return moved, truth
+    return new_body, truth
 
 
 def _hold_clamped(
     truth: Truth, time_us: int, rudder: AxisMotion, elevator: AxisMotion, shaft_rps: float
 ) -> Truth:
-    """The truth of a body that nothing moves: only duct and propeller turn."""
+    """Return the true motion of a clamped body: only duct and propeller move."""
     return truth._replace(
         time_us=time_us,
         rudder_rad=rudder.end_rad,
@@ -358,6 +452,7 @@ def _hold_clamped(
 
 
 def _disturbance_wrench(sea: Environment, disturbance: Disturbance) -> Vector:
+    """Return the disturbance as generalised force (X, Y, Z, K, M, N), FLU, N and N m."""
     pitch_nm, yaw_nm = moments.moments_flu_nm(sea.moments, disturbance)
     return np.array((0.0, 0.0, 0.0, 0.0, pitch_nm, yaw_nm))
 
@@ -370,15 +465,14 @@ def _step_axes(
     angles_rad: Vector,
     rudder_control: float,
     elevator_control: float,
-    rudder_luck: Vector | None,
-    elevator_luck: Vector | None,
+    rudder_loss: Vector | None,
+    elevator_loss: Vector | None,
 ) -> None:
-    """Both axes of the tailcone through the substeps of a tick; states and ``angles_rad``, (2, n),
-    are changed."""
+    """Step both tailcone axes through a tick, in place; ``angles_rad`` has shape (2, substeps)."""
     first, second = vessel.value.rudder, vessel.value.elevator
-    tailcone.advance(first, rudder, rudder_control * first.travel_rad, angles_rad[0], rudder_luck)
+    tailcone.advance(first, rudder, rudder_control * first.travel_rad, angles_rad[0], rudder_loss)
     tailcone.advance(
-        second, elevator, elevator_control * second.travel_rad, angles_rad[1], elevator_luck
+        second, elevator, elevator_control * second.travel_rad, angles_rad[1], elevator_loss
     )
 
 
@@ -396,11 +490,14 @@ def _integrate(
     vessel: Native,
     work: Vector,
 ) -> tuple[float, Vector3, Vector3]:
-    """All substeps of a tick and what there is to observe at its end, in one call; ``body`` is
-    changed in place.
+    """Integrate the body over the substeps of a tick, in place.
 
     Returns shaft speed (rev/s), velocity over ground (NWU, m/s) and specific force at the origin
-    (FLU, m/s2)."""
+    (FLU, m/s2) at the end of the tick.
+
+    Classical Runge-Kutta of order four for d(body)/dt = f(body, rudder, elevator, n, wrench, water)
+    of ``vehicle.dynamics``, with duct angles that are constant in each substep (their mean).
+    """
     model, substep_s = vessel.value.model, vessel.value.rudder.substep_s
     shaft_rps = rps(thrust, model)
     for k in range(rudder_rad.size):
@@ -413,4 +510,4 @@ def _integrate(
 
 
 _WORK = work_array()
-"""Scratch space of the integrator: overwritten by every call, read by none."""
+"""Work array of the integrator; each call overwrites it before reading."""

@@ -1,12 +1,12 @@
-"""The tailcone: two stepper-driven axes that turn the duct, one for the rudder and one for the
-elevator.
+"""The tailcone: two axes with stepper motors that turn the duct, for rudder and elevator.
 
-A command is limited to the travel, waits a transport delay and is followed by a second-order lag
-whose rate is limited. The motor follows that in whole steps. It counts the steps it is told, not
-those it makes: a lost step stays lost, and the losses add up. Play between motor and duct takes up
-the first of every reversal, and a bias comes on top. Nobody on board sees any of this unless the
-vehicle carries an encoder at the duct. For small signals an axis that neither steps nor plays
-equals ``exp(-0.3 s) / (s^2/9 + 0.4 s + 1)`` (the paper, "Tailcone dynamics modeling")."""
+A command is limited to the travel, delayed, and followed by a second-order lag with a rate limit.
+The motor follows the lag in whole steps. It counts commanded steps: a lost step stays lost, and
+losses add up. Backlash between motor and duct absorbs the first part of each reversal, and a bias
+is added. The autopilot cannot measure any of this unless the vehicle has an encoder on the duct.
+For small signals, without steps and backlash, an axis has the transfer function
+``exp(-0.3 s) / (s^2/9 + 0.4 s + 1)`` (the paper, "Tailcone dynamics modeling").
+"""
 
 from __future__ import annotations
 
@@ -21,49 +21,52 @@ from sitl.vehicle.config import Tailcone
 from sitl.vehicle.jit import Vector, kernel
 
 COMMANDED, RATE, MOTOR, LOST_STEPS, DUCT, QUEUE = range(6)
-"""An axis' state: the angle asked of the motor and its rate, the angle that the motor counts, what
-it has lost since, the duct's angle without its bias (rad, rad/s), and the commands on their way,
-newest first."""
+"""Indices of an axis state.
+
+COMMANDED and RATE: output of the lag (rad) and its rate (rad/s). MOTOR: angle counted by the motor
+(rad). LOST_STEPS: sum of lost steps (rad). DUCT: duct angle without bias (rad). QUEUE and the
+following indices: delayed commands (rad), newest first.
+"""
 
 
 class TailconeAxis(NamedTuple):
-    """One axis of the tailcone, discretised exactly over a substep in which its command stands
-    still.
+    """Parameters of one axis; the lag is discretised exactly for a constant command per substep.
 
-    A fault is another value here, by ``_replace``: a rate limit of zero is stuck, a lower one slow.
+    Faults are other parameters, set with ``_replace``: a rate limit of zero means stuck, a lower
+    limit means slow.
     """
 
     angle_from_angle: float
     angle_from_rate_s: float
     rate_from_angle_per_s: float
     rate_from_rate: float
-    """Transition of (angle - command, rate) over one substep."""
+    """Transition matrix of (angle - command, rate) over one substep."""
     substep_s: float
     delay_substeps: int
+    """Whole substeps in the delay."""
     delay_remainder: float
-    """Part of a substep that the delay exceeds ``delay_substeps`` by, 0..1."""
+    """Remaining fraction of a substep in the delay, 0 to 1."""
     travel_rad: float
     rate_limit_radps: float
     bias_rad: float
     step_rad: float
-    """Of the duct for a step of the motor; 0 turns smoothly."""
+    """Duct angle per motor step; 0 for a continuous drive."""
     backlash_rad: float
-    """Play between motor and duct, from one flank to the other."""
+    """Total play between motor and duct."""
     lost_step_chance: float
-    """Of each step while the motor turns faster than ``lost_step_above_radps``; what turns smoothly
-    loses none."""
+    """Probability of losing a step while the rate exceeds ``lost_step_above_radps``."""
     lost_step_above_radps: float
 
 
 class AxisMotion(NamedTuple):
-    """What an axis did in a tick."""
+    """Motion of an axis during a tick."""
 
-    axis: Vector
-    """Its state at the end."""
+    state: Vector
+    """Axis state at the end of the tick."""
     substeps_rad: Vector
-    """Mean true duct angle of each substep."""
+    """Mean true duct angle in each substep."""
     end_rad: float
-    """True duct angle at the end."""
+    """True duct angle at the end of the tick."""
 
 
 def discretise(
@@ -80,7 +83,19 @@ def discretise(
     lost_step_chance: float = 0.0,
     lost_step_above_radps: float = 0.0,
 ) -> TailconeAxis:
-    """Discretise an axis, under- or overdamped; a delay need not be a whole number of substeps."""
+    """Discretise an axis, under- or overdamped; the delay may be any number of substeps.
+
+    Notes
+    -----
+    With the error e = angle - command (rad), natural frequency w (rad/s), damping ratio z and
+    substep h (s), e'' + 2 z w e' + w^2 e = 0 has the exact solution over one substep
+
+        e(t+h)  = (c + z w s) e(t) + s e'(t)
+        e'(t+h) = -w^2 s e(t) + (c - z w s) e'(t)
+        c = exp(-z w h) cos(wd h),  s = exp(-z w h) sin(wd h) / wd,  wd = w sqrt(1 - z^2)
+
+    where wd is imaginary for z > 1, and s = h exp(-z w h) for z = 1.
+    """
     decay = exp(-damping * natural_frequency_radps * substep_s)
     damped_radps = natural_frequency_radps * sqrt(1.0 - damping * damping)
     c = decay * cos(damped_radps * substep_s).real
@@ -109,8 +124,8 @@ def discretise(
     )
 
 
-def of_vehicle(tail: Tailcone, bias_deg: float, substep_s: float) -> TailconeAxis:
-    """An axis as a vehicle file has it; rudder and elevator differ by their bias."""
+def from_config(tail: Tailcone, bias_deg: float, substep_s: float) -> TailconeAxis:
+    """Build an axis from a vehicle file; rudder and elevator differ by their bias only."""
     return discretise(
         natural_frequency_radps=tail.natural_frequency_radps,
         damping=tail.damping_ratio,
@@ -127,23 +142,22 @@ def of_vehicle(tail: Tailcone, bias_deg: float, substep_s: float) -> TailconeAxi
 
 
 def at_rest(axis: TailconeAxis) -> Vector:
-    """The state of an axis at its neutral, the duct in the middle of its play."""
+    """Return the state of an axis at neutral, with the duct in the middle of the backlash."""
     return np.zeros(QUEUE + axis.delay_substeps + 1)
 
 
 def duct_angle_rad(axis: TailconeAxis, state: Vector) -> float:
-    """The true angle of the duct about this axis."""
+    """Return the true duct angle about this axis, bias included."""
     return float(state[DUCT]) + axis.bias_rad
 
 
 def step_loss_draws(axis: TailconeAxis, rng: Generator, substeps: int) -> Vector | None:
-    """A number in [0, 1) for each substep, by which steps are lost; drawn only for an axis that may
-    lose some."""
+    """Draw a number in [0, 1) per substep for lost steps, or return None if none can be lost."""
     return rng.random(substeps) if axis.lost_step_chance > 0.0 else None
 
 
 def axis_at_rest(axis: TailconeAxis) -> AxisMotion:
-    """The axis before anything has moved."""
+    """Return the motion of an axis that has not moved yet."""
     state = at_rest(axis)
     return AxisMotion(state, np.empty(0), duct_angle_rad(axis, state))
 
@@ -154,74 +168,75 @@ def advance(
     state: Vector,
     command_rad: float,
     duct_angles_rad: Vector,
-    luck: Vector | None = None,
+    loss_draws: Vector | None = None,
 ) -> None:
-    """Carry an axis through the substeps that ``duct_angles_rad`` has room for, under one command.
+    """Advance an axis by ``duct_angles_rad.size`` substeps under a constant command, in place.
 
-    Each entry receives the mean true duct angle of its substep; ``state`` is changed in place.
-    ``step_loss_draws`` holds a number for each substep; without it no step is lost."""
+    ``duct_angles_rad`` receives the mean true duct angle of each substep. ``loss_draws`` is the
+    result of ``step_loss_draws``; without it no step is lost.
+    """
     command = min(max(command_rad, -axis.travel_rad), axis.travel_rad)
     oldest = QUEUE + axis.delay_substeps
-    half_play = 0.5 * axis.backlash_rad
+    half_backlash = 0.5 * axis.backlash_rad
     for k in range(duct_angles_rad.size):
-        # The queue's last entry was given delay_substeps + 1 substeps ago, the one before it
-        # delay_substeps ago.
+        # The queue's last entry is delay_substeps + 1 substeps old, the one before it
+        # delay_substeps; the delayed command is interpolated between them.
         newer = state[oldest - 1] if axis.delay_substeps > 0 else command
         delayed = newer + axis.delay_remainder * (state[oldest] - newer)
         for i in range(oldest, QUEUE, -1):
             state[i] = state[i - 1]
         state[QUEUE] = command
         _step_lag(axis, state, delayed)
-        _step_motor(axis, state, 1.0 if luck is None else luck[k])
+        _step_motor(axis, state, 1.0 if loss_draws is None else loss_draws[k])
         shaft, start = state[MOTOR] - state[LOST_STEPS], state[DUCT]
-        state[DUCT] = min(max(start, shaft - half_play), shaft + half_play)
+        state[DUCT] = min(max(start, shaft - half_backlash), shaft + half_backlash)
         duct_angles_rad[k] = 0.5 * (start + state[DUCT]) + axis.bias_rad
 
 
 @kernel
-def _step_motor(axis: TailconeAxis, state: Vector, luck: float) -> None:
-    """Bring the motor's count to the whole step nearest to what is asked; the shaft may lose some
-    on the way."""
+def _step_motor(axis: TailconeAxis, state: Vector, loss_draw: float) -> None:
+    """Move the motor count to the step nearest to the lag's output; steps may be lost."""
     before, angle = state[MOTOR], state[COMMANDED]
     if axis.step_rad > 0.0:
-        # Steps are counted away from neutral, so that both sides are alike, and none leads beyond
-        # the stop.
+        # Steps are counted from neutral, so that the motion is symmetric; no step goes beyond
+        # the end stop.
         steps = min(
             floor(abs(angle) / axis.step_rad + 0.5), floor(axis.travel_rad / axis.step_rad + 1e-9)
         )
         angle = steps * axis.step_rad if angle >= 0.0 else -steps * axis.step_rad
-        if luck < 1.0 and angle != before and abs(state[RATE]) > axis.lost_step_above_radps:
+        if loss_draw < 1.0 and angle != before and abs(state[RATE]) > axis.lost_step_above_radps:
             turned = round(abs(angle - before) / axis.step_rad)
-            lost = _lost_steps(turned, axis.lost_step_chance, luck) * axis.step_rad
+            lost = _lost_steps(turned, axis.lost_step_chance, loss_draw) * axis.step_rad
             state[LOST_STEPS] += lost if angle > before else -lost
     state[MOTOR] = angle
 
 
 @kernel
-def _lost_steps(turned: int, chance: float, luck: float) -> int:
-    """How many of the steps turned are lost: the binomial distribution's quantile at
-    ``step_loss_draws``."""
+def _lost_steps(turned: int, chance: float, quantile: float) -> int:
+    """Return the number of lost steps: the binomial distribution's value at ``quantile``.
+
+    P(0) = (1 - p)^n,  P(k + 1) = P(k) (n - k) / (k + 1) p / (1 - p), for n steps and probability p.
+    """
     if chance >= 1.0:
         return turned
-    lost, share = 0, (1.0 - chance) ** turned
-    reached = share
-    while luck >= reached and lost < turned:
-        share *= (turned - lost) / (lost + 1.0) * chance / (1.0 - chance)
+    lost, probability = 0, (1.0 - chance) ** turned
+    cumulative = probability
+    while quantile >= cumulative and lost < turned:
+        probability *= (turned - lost) / (lost + 1.0) * chance / (1.0 - chance)
         lost += 1
-        reached += share
+        cumulative += probability
     return lost
 
 
 @kernel
 def _step_lag(axis: TailconeAxis, state: Vector, command_rad: float) -> None:
-    """One substep of the lag towards a constant command, within the rate limit and the stops."""
+    """Advance the lag by one substep within rate limit and end stops (see ``discretise``)."""
     error, rate = state[COMMANDED] - command_rad, state[RATE]
     free_angle = command_rad + axis.angle_from_angle * error + axis.angle_from_rate_s * rate
     free_rate = axis.rate_from_angle_per_s * error + axis.rate_from_rate * rate
-    reach = axis.rate_limit_radps * axis.substep_s
-    angle = state[COMMANDED] + min(max(free_angle - state[COMMANDED], -reach), reach)
-    # The rate itself is held within the limit, so that the axis turns round at once when the
-    # command does.
+    max_change = axis.rate_limit_radps * axis.substep_s
+    angle = state[COMMANDED] + min(max(free_angle - state[COMMANDED], -max_change), max_change)
+    # The rate is limited too, so that the axis reverses at once when the command does.
     state[RATE] = min(max(free_rate, -axis.rate_limit_radps), axis.rate_limit_radps)
     state[COMMANDED] = min(max(angle, -axis.travel_rad), axis.travel_rad)
     if state[COMMANDED] != angle:

@@ -1,4 +1,4 @@
-"""The steps that vehicle time runs in."""
+"""Length of a tick of vehicle time and its division into integration steps."""
 
 from __future__ import annotations
 
@@ -6,30 +6,33 @@ from typing import NamedTuple
 
 TICK_US = 20_000
 TICK_S = TICK_US * 1e-6
-"""Of our own autopilot; others ask for steps of their own."""
+"""Tick of Caribou's own autopilot; other autopilots have their own."""
 SUBSTEP_US = 5_000
 SUBSTEP_S = SUBSTEP_US * 1e-6
+"""Longest integration step."""
 
 
 class Timestep(NamedTuple):
-    """How long a tick is, and who speaks in each."""
+    """Tick length, and whether the IMU is sampled in every tick."""
 
     tick_us: int = TICK_US
-    """From one frame of the instruments to the next."""
-    brisk: bool = False
-    """Whether the IMU speaks every tick, whatever rate her data sheet gives."""
+    """Time from one sensor frame to the next."""
+    imu_every_tick: bool = False
+    """Whether the IMU delivers a sample every tick instead of at its data sheet's rate."""
 
     @property
     def tick_s(self) -> float:
+        """Length of a tick in seconds."""
         return self.tick_us * 1e-6
 
     @property
     def substeps(self) -> int:
-        """As few of equal length as keep each within ``SUBSTEP_US``."""
+        """Smallest number of equal integration steps of at most ``SUBSTEP_US``."""
         return -(-self.tick_us // SUBSTEP_US)
 
     @property
     def substep_s(self) -> float:
+        """Length of an integration step in seconds."""
         return self.tick_s / self.substeps
 
 

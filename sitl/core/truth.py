@@ -1,5 +1,4 @@
-"""What really happens, in FRD and NED: for instruments to read, for logs and viewers. No controller
-may see it."""
+"""True motion of the vehicle in FRD and NED, for sensors, logs and viewers, not for controllers."""
 
 from __future__ import annotations
 
@@ -16,16 +15,17 @@ from mavlink_io.records import TruthFrame
 
 
 class Truth(NamedTuple):
-    """The vehicle at one instant. ``attitude_q`` turns body FRD into NED, scalar first."""
+    """True state of the vehicle at one instant."""
 
     time_us: int
     position_ned_m: Vector
     attitude_q: Quaternion
+    """Rotation from FRD to NED, scalar first."""
     velocity_ned_mps: Vector
-    """Over ground."""
+    """Velocity over ground."""
     rates_radps: Vector
     specific_force_mps2: Vector
-    """At the origin, where the accelerometer sits."""
+    """Specific force at the origin, where the accelerometer is mounted, FRD."""
     water_velocity_ned_mps: Vector
     rudder_rad: float
     elevator_rad: float
@@ -36,14 +36,15 @@ class Truth(NamedTuple):
     flooding: bool = False
     """Whether there is water in the hull."""
     faults: tuple[str, ...] = ()
-    """What is wrong on board, unit and kind."""
+    """Names of the faults in force: unit and kind."""
     surface_m: float = 0.0
-    """Height of the surface above its still level, over the origin."""
+    """Height of the surface above the still level, vertically above the origin."""
     wave_pressure_pa: float = 0.0
-    """What the waves add at the origin to the pressure of still water."""
+    """Pressure due to waves at the origin."""
 
     @property
     def speed_through_water_mps(self) -> float:
+        """Magnitude of the velocity relative to the water."""
         return sqrt(
             sum(
                 (v - c) ** 2
@@ -53,8 +54,15 @@ class Truth(NamedTuple):
 
 
 def to_frame(truth: Truth, latitude_deg: float, longitude_deg: float) -> TruthFrame:
-    """HIL_STATE_QUATERNION of a truth, for a vehicle that counts north and east from the given
-    place."""
+    """Return the fields of HIL_STATE_QUATERNION.
+
+    Parameters
+    ----------
+    truth : Truth
+        True state.
+    latitude_deg, longitude_deg : float
+        Geographic position of the origin of NED.
+    """
     latitude, longitude = offset_to_geodetic(*truth.position_ned_m[:2], latitude_deg, longitude_deg)
     speed_cmps = round(100.0 * truth.speed_through_water_mps)
     north_cmps, east_cmps, down_cmps = (round(100.0 * v) for v in truth.velocity_ned_mps)

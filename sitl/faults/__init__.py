@@ -1,5 +1,6 @@
-"""What goes wrong on board and when: scenarios and ground stations order it, the plant suffers it.
+"""Simulated faults: scheduled in scenarios or commanded by ground stations.
 
-``catalogue`` says what can fail and how, ``timeline`` when; ``body``, ``tail`` and ``readings`` do
-it to the vehicle, to what drives her and to what her instruments say; ``orders`` speaks
-MAV_CMD_INJECT_FAILURE."""
+``catalogue`` defines the faults and their parameters, ``timeline`` their start and end. ``body``,
+``tailcone`` and ``readings`` apply them to the vehicle, its actuators and its sensors.
+``failure_injection`` implements MAV_CMD_INJECT_FAILURE.
+"""

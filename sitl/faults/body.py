@@ -1,5 +1,4 @@
-"""Faults that change the vehicle herself: weights that come, go or shift, and a propeller that
-pushes less."""
+"""Faults of the rigid body and the propeller: added or shifted ballast, and loss of thrust."""
 
 from __future__ import annotations
 
@@ -11,13 +10,15 @@ from sitl.faults.catalogue import Fault, FaultError
 from sitl.vehicle.model import VehicleModel
 
 
-def refuse_impossible(model: VehicleModel, faults: Sequence[Fault]) -> None:
-    """Weights that leave no vehicle, each by itself or all at once. Raises FaultError."""
-    for together in (*((fault,) for fault in faults), faults):
-        hurt = apply(model, together)
-        if hurt is not None and np.linalg.eigvalsh(hurt.inertia.M_RB).min() <= 0.0:
+def check_feasible(model: VehicleModel, faults: Sequence[Fault]) -> None:
+    """Check that ballast faults, singly and together, leave inertia positive. Raises FaultError."""
+    for combination in (*((fault,) for fault in faults), faults):
+        faulted = apply(model, combination)
+        if faulted is not None and np.linalg.eigvalsh(faulted.inertia.M_RB).min() <= 0.0:
             masses = ", ".join(
-                f"{fault.name} {fault.sizes[0]:g}" for fault in together if fault.unit == "ballast"
+                f"{fault.name} {fault.sizes[0]:g}"
+                for fault in combination
+                if fault.unit == "ballast"
             )
             raise FaultError(
                 f"mass_kg: {masses}: expected less, of a vehicle of {model.inertia.mass_kg:.4g} kg"
@@ -25,27 +26,28 @@ def refuse_impossible(model: VehicleModel, faults: Sequence[Fault]) -> None:
 
 
 def apply(model: VehicleModel, faults: Sequence[Fault]) -> VehicleModel | None:
-    """The model under ``faults``; None where none of them touches it."""
-    hurt = model
+    """Return the model under ``faults``; None if they do not change it."""
+    faulted = model
     for fault in faults:
         if fault.unit == "ballast":
             mass_kg, x_m, y_m, z_m = fault.sizes
-            hurt = add_mass(hurt, mass_kg, (x_m, y_m, z_m))
+            faulted = add_mass(faulted, mass_kg, (x_m, y_m, z_m))
             if fault.kind == "shifted":
-                hurt = add_mass(hurt, -mass_kg, (0.0, 0.0, 0.0))
+                faulted = add_mass(faulted, -mass_kg, (0.0, 0.0, 0.0))
         elif fault.unit == "propeller" and fault.kind == "loss":
-            hurt = weaken_propeller(hurt, fault.sizes[0])
-    return None if hurt is model else hurt
+            faulted = weaken_propeller(faulted, fault.sizes[0])
+    return None if faulted is model else faulted
 
 
 def add_mass(
-    model: VehicleModel, mass_kg: float, place_m: tuple[float, float, float]
+    model: VehicleModel, mass_kg: float, position_m: tuple[float, float, float]
 ) -> VehicleModel:
-    """The vehicle with a point mass more at ``place_m``, FLU: weight, centre of mass and inertia.
+    """Add a point mass at ``position_m`` (FLU): mass matrix, weight and centre of mass.
 
-    The mass matrix of a point at r is m [[I, -S(r)], [S(r), -S(r)^2]] (Fossen 2021, eq. 3.27 for a
-    point)."""
-    x, y, z = place_m
+    M_RB <- M_RB + m [[I, -S(r)], [S(r), -S(r)^2]] for a mass m (kg) at r (m), where S is the
+    cross-product matrix (Fossen 2021, eq. 3.27 for a point); r_CM <- (m0 r_CM + m r) / (m0 + m).
+    """
+    x, y, z = position_m
     S = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     point = mass_kg * np.block([[np.eye(3), -S], [S, -S @ S]])
     inertia, h = model.inertia, model.hydrostatics
@@ -68,11 +70,11 @@ def add_mass(
 
 
 def weaken_propeller(model: VehicleModel, lost: float) -> VehicleModel:
-    """The vehicle with a propeller that pushes ``lost`` of its thrust less at every speed of shaft
-    and water."""
-    left, propeller = 1.0 - lost, model.propeller
+    """Reduce the thrust by the fraction ``lost`` at every shaft speed and water speed."""
+    remaining, propeller = 1.0 - lost, model.propeller
     return model._replace(
         propeller=propeller._replace(
-            thrust_nn_kgm=left * propeller.thrust_nn_kgm, thrust_nv_kg=left * propeller.thrust_nv_kg
+            thrust_nn_kgm=remaining * propeller.thrust_nn_kgm,
+            thrust_nv_kg=remaining * propeller.thrust_nv_kg,
         )
     )

@@ -1,5 +1,4 @@
-"""The one table of faults: what can fail, in which ways, and what sizes each takes, with units and
-limits."""
+"""Catalogue of faults: units, kinds of fault, and their parameters with units and limits."""
 
 from __future__ import annotations
 
@@ -9,37 +8,38 @@ from typing import NamedTuple
 
 
 class Size(NamedTuple):
-    """A number that a fault takes."""
+    """Numeric parameter of a fault."""
 
     key: str
-    """Its name in a scenario file, with the unit."""
+    """Key in a scenario file, with the unit."""
     default: float | None
-    """None where it must be given; NaN where leaving it out has a meaning of its own."""
+    """None if the key is required; NaN if its absence has a meaning of its own."""
     minimum: float = -inf
     maximum: float = inf
     si: float = 1.0
-    """Turns the key's unit into SI."""
+    """Factor from the key's unit to SI."""
 
 
 class Fault(NamedTuple):
-    """One thing that goes wrong, from one vehicle time to another."""
+    """One fault with start and end."""
 
     unit: str
     kind: str
     from_us: int
+    """Vehicle time of the start."""
     until_us: int | None = None
-    """None lasts until somebody clears it."""
+    """Vehicle time of the end; None until cleared."""
     sizes: tuple[float, ...] = ()
-    """In the order of the table, SI."""
+    """Parameters in the order of the catalogue, SI."""
 
     @property
     def name(self) -> str:
-        """What people read."""
+        """Unit and kind, as shown to operators."""
         return f"{self.unit} {self.kind}"
 
 
 class FaultError(ValueError):
-    """A fault that cannot be; the message says what would be right."""
+    """The fault is not possible; the message describes a valid one."""
 
 
 Kinds = Mapping[str, tuple[Size, ...]]
@@ -55,12 +55,18 @@ _AXIS: Kinds = {
     "biased": (Size("angle_deg", 3.0, -90.0, 90.0, _DEG),),
     "noisy": (Size("rms_deg", 1.0, 0.0, 90.0, _DEG),),
 }
-"""Off: the flow turns the duct back to neutral. Stuck: where it stands, or having run to an angle.
-Slipping: the motor loses that share of its steps. Biased: the duct stands off its count. Noisy:
-white, renewed every tick."""
+"""Faults of a tailcone axis.
+
+Off: no drive; the flow returns the duct to neutral. Stuck: at the present angle, or after running
+to the given one. Slipping: the motor loses this fraction of its steps. Slow: reduced rate. Biased:
+constant error of the duct angle. Noisy: white error of the duct angle, new every tick.
+"""
 _PROPELLER: Kinds = {"off": (), "stuck": (), "loss": (Size("share", 0.5, 0.0, 1.0),)}
-"""Stuck: the shaft keeps the speed it had. Loss: that share of the thrust is gone, as by a fouled
-blade."""
+"""Faults of the propeller.
+
+Off: no thrust. Stuck: the shaft speed stays constant. Loss: this fraction of the thrust is lost, as
+with a fouled blade.
+"""
 _BALLAST: Kinds = dict.fromkeys(
     ("added", "shifted"),
     (
@@ -68,13 +74,15 @@ _BALLAST: Kinds = dict.fromkeys(
         *(Size(key, 0.0, -10.0, 10.0) for key in ("x_m", "y_m", "z_m")),
     ),
 )
-"""Added: a point mass more (less, where negative) at a place, in the vehicle file's axes: x
-forward, y port, z up from the hull axis at mid-length. Shifted: so much of her own mass carried
-there from that origin."""
+"""Faults of the ballast.
+
+Added: a point mass (negative to remove) in the vehicle file's axes, x forward, y port, z up from
+the hull axis at mid-length. Shifted: this part of the vehicle's mass moves there from the origin.
+"""
 
 
 def _instrument(offset: Size, drift: Size) -> Kinds:
-    """The ways in which an instrument fails; ``offset`` and ``drift`` are in its own unit."""
+    """Return the faults of a sensor; ``offset`` and ``drift`` are in the sensor's own unit."""
     return {
         "off": (),
         "stuck": (),
@@ -104,13 +112,15 @@ CATALOGUE: Mapping[str, Kinds] = {
     "ballast": _BALLAST,
     "link": {"off": ()},
 }
-"""Unit, kind, sizes. Slow: a sample each period. Intermittent: silent for that share of the time, a
-second or so at once. Wrong and drifting: the error of every component; the encoder's is in percent
-of the duct's travel."""
+"""Parameters by unit and kind.
+
+Slow: one sample per period. Intermittent: silent for this fraction of the time, about a second at
+once. Wrong and drifting: error of every component; for the encoder in percent of the duct's travel.
+"""
 
 
 def read(row: Mapping[str, float | str]) -> Fault:
-    """A fault as a scenario file's table ``[[fault]]`` tells it. Raises ``FaultError``."""
+    """Parse a table ``[[fault]]`` of a scenario file. Raises FaultError."""
     words = {key: value for key, value in row.items() if isinstance(value, str)}
     numbers = {key: value for key, value in row.items() if not isinstance(value, str)}
     for key in row:
@@ -131,7 +141,7 @@ def read(row: Mapping[str, float | str]) -> Fault:
 def make(
     unit: str, kind: str, from_us: int, until_us: int | None, given: Mapping[str, float]
 ) -> Fault:
-    """A fault of the table with the sizes ``given`` by key. Raises ``FaultError``."""
+    """Build a fault with the parameters ``given`` by key, else defaults. Raises FaultError."""
     sizes = _sizes(unit, kind)
     known = [size.key for size in sizes]
     for key in given:
@@ -153,6 +163,7 @@ def make(
 
 
 def _sizes(unit: str, kind: str) -> tuple[Size, ...]:
+    """Return the parameters of a fault. Raises FaultError: unknown unit or kind."""
     if unit not in CATALOGUE:
         raise FaultError(f"unit = {unit!r}: expected {', '.join(CATALOGUE)}")
     kinds = CATALOGUE[unit]
@@ -162,6 +173,7 @@ def _sizes(unit: str, kind: str) -> tuple[Size, ...]:
 
 
 def _value(size: Size, given: Mapping[str, float], name: str) -> float:
+    """Return a parameter in SI after a check of its range."""
     value = given.get(size.key, size.default)
     if value is None:
         raise FaultError(f"missing key {size.key}: {name} needs it")
@@ -171,6 +183,7 @@ def _value(size: Size, given: Mapping[str, float], name: str) -> float:
 
 
 def _microseconds(key: str, time_s: float | None) -> int | None:
+    """Convert a time to whole microseconds after a check of its range."""
     if time_s is not None and not 0.0 <= time_s <= _MAX_S:
         raise FaultError(f"{key} = {time_s:g}: expected 0 to {_MAX_S:g}")
     return None if time_s is None else round(time_s * 1e6)

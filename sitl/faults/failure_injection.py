@@ -1,10 +1,10 @@
-"""MAV_CMD_INJECT_FAILURE: a ground station's faults, and the simulator's wish that the links to the
-ground fall silent.
+"""MAV_CMD_INJECT_FAILURE: failures commanded by a ground station, and silence of the ground links.
 
-Units and kinds are MAVLink's where it has them. Its ``param4``, which is reserved, may carry a
-fault's first size, in the unit of the catalogue's key; for the link it is how long it stays silent,
-since nobody can end that from the ground. Zero and NaN leave it at its default: clients fill what
-they do not mean with either."""
+Units and kinds are those of MAVLink where they exist. The reserved ``param4`` may hold the first
+parameter of a fault in the unit of the catalogue's key. For the link it is the duration of the
+silence, because the ground cannot end it. Zero and NaN both select the default, because clients
+fill unused parameters with either value.
+"""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from typing import NamedTuple
 
 from mavlink_io import dialect
 from mavlink_io.dialect import constant
+from mavlink_io.mission_items import MavCmd
 from sitl.faults import timeline
 from sitl.faults.catalogue import CATALOGUE, Fault, FaultError, make
 from sitl.faults.timeline import Timeline
 
 _COMMAND, _AUTOPILOT = dialect.by_name("COMMAND_LONG"), constant("MAV_COMP_ID_AUTOPILOT1")
-INJECT_FAILURE = constant("MAV_CMD_INJECT_FAILURE")
 ACCEPTED, DENIED, UNSUPPORTED = (
     constant(f"MAV_RESULT_{name}") for name in ("ACCEPTED", "DENIED", "UNSUPPORTED")
 )
 LINK_UNIT = constant("FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL")
 OK, OFF = constant("FAILURE_TYPE_OK"), constant("FAILURE_TYPE_OFF")
 LINK_SILENT_S = 10.0
-"""Where the order says nothing."""
+"""Default duration of the silence of a link."""
 
 _UNITS: dict[int, tuple[str, ...]] = {
     constant(f"FAILURE_UNIT_{name}"): units
@@ -43,7 +43,7 @@ _UNITS: dict[int, tuple[str, ...]] = {
         "SYSTEM_MAVLINK_SIGNAL": ("link",),
     }.items()
 }
-"""FAILURE_UNIT to units by instance, counted from 1; instance 0 is all of them."""
+"""Simulated units by FAILURE_UNIT, one per instance from 1; instance 0 means all of them."""
 _KINDS: dict[int, tuple[str, ...]] = {
     constant(f"FAILURE_TYPE_{name}"): kinds
     for name, kinds in {
@@ -56,25 +56,25 @@ _KINDS: dict[int, tuple[str, ...]] = {
         "INTERMITTENT": ("intermittent", "slipping"),
     }.items()
 }
-"""FAILURE_TYPE to the kind that the unit knows."""
+"""Kinds of fault by FAILURE_TYPE; the first one that the unit supports applies."""
 
 
 class InjectionResult(NamedTuple):
-    """What becomes of an order."""
+    """Result of a failure command."""
 
     result: int
-    """MAV_RESULT."""
+    """MAV_RESULT of the acknowledgement."""
     text: str = ""
-    """Why not."""
+    """Reason of a rejection."""
     units: tuple[str, ...] = ()
     kind: str = ""
-    """Empty to clear what is on the units."""
+    """Kind of fault; empty to clear the faults of the units."""
     size: float = nan
-    """Of the first key, NaN for its default."""
+    """First parameter of the fault, in the unit of its key; NaN for the default."""
 
 
-def parse_order(unit: float, kind: float, instance: float, size: float) -> InjectionResult:
-    """Read param1 to param4; what was not given is NaN."""
+def parse_command(unit: float, kind: float, instance: float, size: float) -> InjectionResult:
+    """Evaluate param1 to param4 of the command; an absent parameter is NaN."""
     units = _names(_UNITS, unit)
     if not units:
         return InjectionResult(UNSUPPORTED, f"Failure unit {unit:g} is not simulated")
@@ -87,35 +87,34 @@ def parse_order(unit: float, kind: float, instance: float, size: float) -> Injec
     if kind == OK:
         return InjectionResult(ACCEPTED, units=units)
     known = [
-        name for name in _names(_KINDS, kind) if all(name in CATALOGUE[each] for each in units)
+        name for name in _names(_KINDS, kind) if all(name in CATALOGUE[item] for item in units)
     ]
     if not known:
         return InjectionResult(
             UNSUPPORTED,
             f"Failure type {kind:g}: {units[0]} can be {', '.join(CATALOGUE[units[0]])}",
         )
-    verdict = InjectionResult(ACCEPTED, "", units, known[0], size or nan)
+    injection = InjectionResult(ACCEPTED, "", units, known[0], size or nan)
     try:
         for name in units:
-            _fault(verdict, name, 0)
+            _fault(injection, name, 0)
     except FaultError as error:
         return InjectionResult(DENIED, str(error))
-    return verdict
+    return injection
 
 
-def apply_order(running: Timeline, verdict: InjectionResult, time_us: int) -> Timeline:
-    """The timeline after an accepted order of vehicle time ``time_us``."""
-    if not verdict.kind:
-        return timeline.end_faults(running, verdict.units, time_us)
-    for unit in verdict.units:
-        running = timeline.add_fault(running, _fault(verdict, unit, time_us))
+def apply_injection(running: Timeline, injection: InjectionResult, time_us: int) -> Timeline:
+    """Return the timeline after an accepted command at vehicle time ``time_us``."""
+    if not injection.kind:
+        return timeline.end_faults(running, injection.units, time_us)
+    for unit in injection.units:
+        running = timeline.add_fault(running, _fault(injection, unit, time_us))
     return running
 
 
-def link_silence_values(wanted: bool) -> tuple[object, ...]:
-    """COMMAND_LONG's fields in wire order that have the autopilot's links to the ground fall
-    silent, or speak again."""
-    kind = OFF if wanted else OK
+def link_silence_values(silent: bool) -> tuple[object, ...]:
+    """Return COMMAND_LONG's fields in wire order that silence or restore the ground links."""
+    kind = OFF if silent else OK
     return _COMMAND.values(
         param1=LINK_UNIT,
         param2=kind,
@@ -124,7 +123,7 @@ def link_silence_values(wanted: bool) -> tuple[object, ...]:
         param5=nan,
         param6=nan,
         param7=nan,
-        command=INJECT_FAILURE,
+        command=MavCmd.INJECT_FAILURE,
         target_system=0,
         target_component=_AUTOPILOT,
         confirmation=0,
@@ -132,13 +131,15 @@ def link_silence_values(wanted: bool) -> tuple[object, ...]:
 
 
 def _names(table: dict[int, tuple[str, ...]], number: float) -> tuple[str, ...]:
+    """Return the entry of a MAVLink enum value; empty if there is none."""
     return table.get(int(number), ()) if isfinite(number) else ()
 
 
-def _fault(verdict: InjectionResult, unit: str, time_us: int) -> Fault:
-    sizes = CATALOGUE[unit][verdict.kind]
+def _fault(injection: InjectionResult, unit: str, time_us: int) -> Fault:
+    """Build the fault of one unit, starting at ``time_us``. Raises FaultError."""
+    sizes = CATALOGUE[unit][injection.kind]
     if unit == "link":
-        silent_s = LINK_SILENT_S if isnan(verdict.size) else verdict.size
-        return make(unit, verdict.kind, time_us, time_us + round(silent_s * 1e6), {})
-    given = {} if isnan(verdict.size) or not sizes else {sizes[0].key: verdict.size}
-    return make(unit, verdict.kind, time_us, None, given)
+        silent_s = LINK_SILENT_S if isnan(injection.size) else injection.size
+        return make(unit, injection.kind, time_us, time_us + round(silent_s * 1e6), {})
+    given = {} if isnan(injection.size) or not sizes else {sizes[0].key: injection.size}
+    return make(unit, injection.kind, time_us, None, given)

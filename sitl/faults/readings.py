@@ -1,7 +1,8 @@
-"""Faults of the instruments, between what they measure and what the autopilot hears.
+"""Faults of the sensors, applied to their output before it is sent to the autopilot.
 
-A silent instrument leaves no record, or in the sample of the AHRS no freshness bits and zeros in
-its place."""
+A silent sensor leaves no record. In the sample of IMU, magnetometer and pressure it leaves zeros
+and no bits in ``fields_updated``.
+"""
 
 from __future__ import annotations
 
@@ -26,40 +27,44 @@ from sitl.faults.catalogue import Fault
 from sitl.faults.timeline import FaultState, Running
 
 MEAN_OUTAGE_S = 1.0
-"""Of an intermittent instrument."""
+"""Mean duration of one outage of an intermittent sensor."""
 HPA_PER_M = 1025.0 * STANDARD_GRAVITY_MPS2 / 100.0
-"""What the pressure altitude of a lying pressure sensor is reckoned by."""
+"""Pressure per metre of sea water, for the pressure altitude of a faulty pressure sensor."""
 MAX_RANGE_M, MAX_VOLTAGE_V = 600.0, 60.0
-"""As far as a lie goes: the messages carry no more."""
+"""Largest values that the messages can carry."""
 
 SensorRecord = Any
-"""One of ``mavlink_io.records``: a NamedTuple."""
+"""One of the NamedTuples of ``mavlink_io.records``."""
 AddError = Callable[[SensorRecord, float], SensorRecord]
+"""Return a record with an error added, in the sensor's unit (SI)."""
 
 
 class Instrument(NamedTuple):
-    """Where an instrument's readings stand in ``Sensors`` and what lies when it lies."""
+    """Location of a sensor's reading in ``Sensors``, and how its faults change it."""
 
     record: str
     """Field of ``Sensors``."""
-    spans: dict[str, tuple[float, float]]
-    """Fields of the record that hold what it measures, and between which values garbage lies."""
-    shift: AddError
-    fresh: int = 0
-    """Bits of ``fields_updated``, for a part of the AHRS's sample."""
+    ranges: dict[str, tuple[float, float]]
+    """Measured fields of the record, each with the range of garbage values."""
+    add_error: AddError
+    fresh_bits: int = 0
+    """Bits of ``fields_updated`` for a sensor that is part of HIL_SENSOR, else 0."""
 
 
 def _add_to_fields(*fields: str) -> AddError:
+    """Return a function that adds an error to each of the fields."""
     return lambda record, error: record._replace(
         **{name: getattr(record, name) + error for name in fields}
     )
 
 
 def _vector_fields(stem: str, unit: str) -> tuple[str, str, str]:
+    """Return the field names of a vector."""
     return f"{stem}_x_{unit}", f"{stem}_y_{unit}", f"{stem}_z_{unit}"
 
 
 def _shift_pressure(frame: SensorFrame, error_hpa: float) -> SensorFrame:
+    """Add an error to the pressure and the matching one to the pressure altitude."""
     altitude_m = frame.pressure_altitude_m - error_hpa / HPA_PER_M
     return frame._replace(
         pressure_hpa=frame.pressure_hpa + error_hpa, pressure_altitude_m=altitude_m
@@ -67,14 +72,17 @@ def _shift_pressure(frame: SensorFrame, error_hpa: float) -> SensorFrame:
 
 
 def _shift_echo(echo: Altimeter, error_m: float) -> Altimeter:
+    """Add an error to the range, within the limits of the message."""
     return echo._replace(range_m=min(max(0.0, echo.range_m + error_m), MAX_RANGE_M))
 
 
 def _shift_charge(report: Battery, error_v: float) -> Battery:
+    """Add an error to the voltage, within the limits of the message."""
     return report._replace(voltage_v=min(max(0.0, report.voltage_v + error_v), MAX_VOLTAGE_V))
 
 
 def _shift_fix(fix: GpsFix, error_m: float) -> GpsFix:
+    """Shift the position by an error to the north and to the east."""
     latitude, longitude = offset_to_geodetic(error_m, error_m, fix.lat_deg, fix.lon_deg)
     return fix._replace(lat_deg=latitude, lon_deg=longitude)
 
@@ -119,41 +127,42 @@ INSTRUMENTS: dict[str, Instrument] = {
 
 
 def apply(
-    sensors: Sensors, running: tuple[Running, ...], time_us: int, tick_s: float, chance: Generator
+    sensors: Sensors, running: tuple[Running, ...], time_us: int, tick_s: float, rng: Generator
 ) -> tuple[Sensors, tuple[Running, ...]]:
-    """What is heard of ``sensors`` under ``running`` faults, which remember what they hold or hold
-    back."""
-    remembered = list(running)
-    for at, each in enumerate(running):
-        instrument = INSTRUMENTS.get(each.fault.unit)
+    """Apply ``running`` faults to the sensor output; return it with the new fault states."""
+    updated = list(running)
+    for index, item in enumerate(running):
+        instrument = INSTRUMENTS.get(item.fault.unit)
         if instrument is None:
             continue
         record = _new_record(sensors, instrument)
-        heard, memory = _apply_to_record(
-            each.fault, each.memory, record, instrument, time_us, tick_s, chance
+        record, memory = _apply_to_record(
+            item.fault, item.memory, record, instrument, time_us, tick_s, rng
         )
-        sensors = _replace_record(sensors, instrument, heard)
-        remembered[at] = Running(each.fault, memory)
-    return sensors, tuple(remembered)
+        sensors = _replace_record(sensors, instrument, record)
+        updated[index] = Running(item.fault, memory)
+    return sensors, tuple(updated)
 
 
 def _new_record(sensors: Sensors, instrument: Instrument) -> SensorRecord | None:
-    """The new record of an instrument; None where it is not due or already silenced."""
+    """Return the new record of a sensor; None if it has none in this tick."""
     record = getattr(sensors, instrument.record)
-    return record if not instrument.fresh or record.fields_updated & instrument.fresh else None
+    is_new = not instrument.fresh_bits or record.fields_updated & instrument.fresh_bits
+    return record if is_new else None
 
 
 def _replace_record(
     sensors: Sensors, instrument: Instrument, record: SensorRecord | None
 ) -> Sensors:
-    if not instrument.fresh:
-        alone: dict[str, Any] = {instrument.record: record}
-        return sensors._replace(**alone)
+    """Replace the reading of a sensor; None removes it."""
+    if not instrument.fresh_bits:
+        replacement: dict[str, Any] = {instrument.record: record}
+        return sensors._replace(**replacement)
     frame = sensors.frame
-    measured: dict[str, Any] = {name: getattr(record, name, 0.0) for name in instrument.spans}
-    others = frame.fields_updated & ~instrument.fresh
-    fresh = others if record is None else others | instrument.fresh
-    return sensors._replace(frame=frame._replace(**measured, fields_updated=fresh))
+    measured: dict[str, Any] = {name: getattr(record, name, 0.0) for name in instrument.ranges}
+    other_bits = frame.fields_updated & ~instrument.fresh_bits
+    bits = other_bits if record is None else other_bits | instrument.fresh_bits
+    return sensors._replace(frame=frame._replace(**measured, fields_updated=bits))
 
 
 def _apply_to_record(
@@ -163,30 +172,30 @@ def _apply_to_record(
     instrument: Instrument,
     time_us: int,
     tick_s: float,
-    chance: Generator,
+    rng: Generator,
 ) -> tuple[SensorRecord | None, FaultState]:
-    """What a faulty instrument lets through of a record, None for nothing."""
+    """Return the record that a faulty sensor outputs (None for nothing) and the fault's state."""
     if fault.kind == "delayed":
         return _delay(fault, memory, record, time_us)
     if fault.kind == "intermittent":
-        memory = memory._replace(silent=_step_outage(memory.silent, fault.sizes[0], tick_s, chance))
+        memory = memory._replace(silent=_step_outage(memory.silent, fault.sizes[0], tick_s, rng))
         return (None if memory.silent else record), memory
     if record is None or fault.kind == "off":
         return None, memory
     match fault.kind:
         case "stuck":
-            values = memory.values or tuple(getattr(record, name) for name in instrument.spans)
-            held = record._replace(**dict(zip(instrument.spans, values, strict=True)))
-            return held, memory._replace(values=values)
+            values = memory.values or tuple(getattr(record, name) for name in instrument.ranges)
+            stuck = record._replace(**dict(zip(instrument.ranges, values, strict=True)))
+            return stuck, memory._replace(values=values)
         case "wrong":
-            return instrument.shift(record, fault.sizes[0]), memory
+            return instrument.add_error(record, fault.sizes[0]), memory
         case "drifting":
-            return instrument.shift(
+            return instrument.add_error(
                 record, fault.sizes[0] * (time_us - fault.from_us) * 1e-6
             ), memory
         case "garbage":
             return record._replace(
-                **{name: chance.uniform(*span) for name, span in instrument.spans.items()}
+                **{name: rng.uniform(*limits) for name, limits in instrument.ranges.items()}
             ), memory
         case _:
             if time_us - memory.passed_us < fault.sizes[0] * 1e6:
@@ -197,19 +206,22 @@ def _apply_to_record(
 def _delay(
     fault: Fault, memory: FaultState, record: SensorRecord | None, time_us: int
 ) -> tuple[SensorRecord | None, FaultState]:
-    """The newest record whose delay is over; it keeps its own time."""
+    """Return the newest record whose delay is over, with its original time stamp."""
     queue = (
         memory.queue
         if record is None
         else (*memory.queue, (time_us + round(fault.sizes[0] * 1e6), record))
     )
-    due = [waiting for at_us, waiting in queue if at_us <= time_us]
+    due = [delayed for due_us, delayed in queue if due_us <= time_us]
     return (due[-1] if due else None), memory._replace(queue=queue[len(due) :])
 
 
-def _step_outage(silent: bool, share: float, tick_s: float, chance: Generator) -> bool:
-    """A two-state Markov chain that is silent for ``share`` of the time, ``MEAN_OUTAGE_S`` at
-    once."""
-    returning = tick_s / MEAN_OUTAGE_S
-    leaving = returning * share / (1.0 - share)
-    return chance.random() >= returning if silent else chance.random() < leaving
+def _step_outage(silent: bool, share: float, tick_s: float, rng: Generator) -> bool:
+    """Advance a two-state Markov chain that is silent for the fraction ``share`` of the time.
+
+    Per tick dt: P(silent -> active) = dt / T, P(active -> silent) = dt / T share / (1 - share),
+    for the mean outage T = ``MEAN_OUTAGE_S``.
+    """
+    p_end = tick_s / MEAN_OUTAGE_S
+    p_start = p_end * share / (1.0 - share)
+    return rng.random() >= p_end if silent else rng.random() < p_start

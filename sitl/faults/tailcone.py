@@ -1,4 +1,4 @@
-"""Faults of what moves her: the two axes of the tailcone and the shaft of the propeller."""
+"""Faults of the actuators: the two tailcone axes and the propeller shaft."""
 
 from __future__ import annotations
 
@@ -11,26 +11,25 @@ from sitl.core.tailcone import TailconeAxis
 from sitl.faults.timeline import Running
 
 MIN_STEP_RAD = radians(0.1)
-"""Of an axis that slips but whose vehicle file knows no steps: a common stepper's behind its
-gear."""
+"""Step of a slipping axis whose vehicle file gives none: a common stepper motor with its gear."""
 
 
 class Drives(NamedTuple):
-    """The axes as they answer, and what they are asked for as controls in [-1, 1]."""
+    """Axis parameters and the controls that reach the drives."""
 
     rudder: TailconeAxis
     elevator: TailconeAxis
     controls: tuple[float, ...]
-    """Rudder, elevator, thrust."""
+    """Rudder, elevator and thrust in [-1, 1]."""
 
 
 def apply(
     drives: Drives, running: tuple[Running, ...], noise: Generator
 ) -> tuple[Drives, tuple[Running, ...]]:
-    """The drives under ``running`` faults, which remember what they hold."""
-    remembered = list(running)
-    for at, each in enumerate(running):
-        unit, kind, sizes = each.fault.unit, each.fault.kind, each.fault.sizes
+    """Apply ``running`` faults to the drives; return them with the new fault states."""
+    updated = list(running)
+    for index, item in enumerate(running):
+        unit, kind, sizes = item.fault.unit, item.fault.kind, item.fault.sizes
         rudder, elevator, thrust = drives.controls
         if unit == "rudder":
             axis, control = _apply_to_axis(drives.rudder, rudder, kind, sizes, noise)
@@ -39,13 +38,15 @@ def apply(
             axis, control = _apply_to_axis(drives.elevator, elevator, kind, sizes, noise)
             drives = drives._replace(elevator=axis, controls=(rudder, control, thrust))
         elif unit == "propeller":
-            if each.fault.kind == "stuck" and each.memory.values is None:
-                remembered[at] = each = each._replace(memory=each.memory._replace(values=(thrust,)))
-            drives = drives._replace(controls=(rudder, elevator, _shaft_thrust(thrust, each)))
-    return drives, tuple(remembered)
+            if item.fault.kind == "stuck" and item.memory.values is None:
+                item = item._replace(memory=item.memory._replace(values=(thrust,)))
+                updated[index] = item
+            drives = drives._replace(controls=(rudder, elevator, _shaft_thrust(thrust, item)))
+    return drives, tuple(updated)
 
 
 def _shaft_thrust(thrust: float, running: Running) -> float:
+    """Return the thrust control under a propeller fault."""
     if running.fault.kind == "stuck" and running.memory.values is not None:
         return running.memory.values[0]
     return 0.0 if running.fault.kind == "off" else thrust
@@ -54,7 +55,7 @@ def _shaft_thrust(thrust: float, running: Running) -> float:
 def _apply_to_axis(
     axis: TailconeAxis, control: float, kind: str, sizes: tuple[float, ...], noise: Generator
 ) -> tuple[TailconeAxis, float]:
-    """The axis with a fault, and the control that reaches it."""
+    """Return the axis parameters and the control of an axis under a fault."""
     match kind:
         case "off":
             return axis, 0.0

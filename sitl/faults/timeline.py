@@ -1,5 +1,4 @@
-"""Which faults are in force: those that wait for their time, those that run, and what a tick
-changed."""
+"""Schedule of the faults of a run: pending and running faults, and the changes of each tick."""
 
 from __future__ import annotations
 
@@ -15,66 +14,71 @@ Values = tuple[float, ...]
 
 
 class FaultState(NamedTuple):
-    """What a running fault remembers from tick to tick."""
+    """State of a running fault from tick to tick."""
 
     values: Values | None = None
-    """What was last let through, or what is held."""
+    """Values that a stuck sensor or shaft holds."""
     passed_us: int = -NEVER_US
-    """When something was last let through."""
+    """Vehicle time of the last record that a slow sensor output."""
     silent: bool = False
+    """Whether an intermittent sensor is silent now."""
     queue: tuple[tuple[int, object], ...] = ()
-    """(when due, record) of what is on its way."""
+    """Delayed records: vehicle time at which each is due, and the record."""
 
 
 class Running(NamedTuple):
+    """A fault in force and its state."""
+
     fault: Fault
     memory: FaultState = FaultState()
 
 
 class FaultChange(NamedTuple):
-    """A fault began or ended."""
+    """Start or end of a fault."""
 
     fault: Fault
     began: bool
 
     @property
     def text(self) -> str:
-        """What people read, within a STATUSTEXT."""
+        """Text of the STATUSTEXT for operators."""
         return f"Fault: {self.fault.name}" if self.began else f"Fault over: {self.fault.name}"
 
 
 class Timeline(NamedTuple):
-    """All faults of a run as they stand at one instant."""
+    """All faults of a run at one instant."""
 
     waiting: tuple[Fault, ...] = ()
+    """Faults that have not started."""
     running: tuple[Running, ...] = ()
+    """Faults in force."""
     changes: tuple[FaultChange, ...] = ()
-    """Of the last tick, in order."""
+    """Starts and ends in the last tick, in order."""
     next_us: int = NEVER_US
-    """When something begins or ends next."""
+    """Vehicle time of the next start or end."""
     model: VehicleModel | None = None
-    """The vehicle's, where a fault has changed it."""
+    """Vehicle model changed by faults; None if unchanged."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What runs, for the truth."""
+        """Names of the faults in force, for the truth log."""
         return tuple(running.fault.name for running in self.running)
 
 
 def schedule(faults: Iterable[Fault]) -> Timeline:
-    """The timeline of a run that has not begun."""
+    """Return the timeline of a run that has not started."""
     return _with_next_time(Timeline(waiting=tuple(faults)))
 
 
 def add_fault(timeline: Timeline, fault: Fault) -> Timeline:
-    """Take in a fault under way; one that is ordered again while it lasts is meant once."""
-    asked = [
+    """Add a fault during a run, unless an equal fault is pending or in force at its start."""
+    present = [
         *timeline.waiting,
-        *(each.fault for each in timeline.running if _until_us(each.fault) > fault.from_us),
+        *(item.fault for item in timeline.running if _until_us(item.fault) > fault.from_us),
     ]
     if any(
         (fault.name, fault.sizes) == (other.name, other.sizes)
-        for other in asked
+        for other in present
         if other.from_us <= fault.from_us
     ):
         return timeline
@@ -82,14 +86,13 @@ def add_fault(timeline: Timeline, fault: Fault) -> Timeline:
 
 
 def end_faults(timeline: Timeline, units: Iterable[str], time_us: int) -> Timeline:
-    """Let what runs on ``units`` end at the next tick, and what was ordered and not yet begun never
-    begin."""
+    """End the faults of ``units`` at the next tick and remove those commanded but not started."""
     cleared = frozenset(units)
     running = tuple(
-        each._replace(fault=each.fault._replace(until_us=time_us))
-        if each.fault.unit in cleared
-        else each
-        for each in timeline.running
+        item._replace(fault=item.fault._replace(until_us=time_us))
+        if item.fault.unit in cleared
+        else item
+        for item in timeline.running
     )
     waiting = tuple(
         fault for fault in timeline.waiting if fault.unit not in cleared or fault.from_us > time_us
@@ -98,33 +101,35 @@ def end_faults(timeline: Timeline, units: Iterable[str], time_us: int) -> Timeli
 
 
 def advance(timeline: Timeline, model: VehicleModel, time_us: int) -> Timeline:
-    """Begin and end what is due at ``time_us``; ``model`` is that of the sound vehicle."""
+    """Start and end the faults that are due at ``time_us``; ``model`` is the unfaulted vehicle."""
     if time_us < timeline.next_us:
         return timeline._replace(changes=()) if timeline.changes else timeline
-    over = [each for each in timeline.running if _until_us(each.fault) <= time_us]
-    begun = sorted(
+    ended = [item for item in timeline.running if _until_us(item.fault) <= time_us]
+    started = sorted(
         (fault for fault in timeline.waiting if fault.from_us <= time_us),
         key=lambda fault: fault.from_us,
     )
-    running = (*(each for each in timeline.running if each not in over), *map(Running, begun))
+    running = (*(item for item in timeline.running if item not in ended), *map(Running, started))
     return _with_next_time(
         Timeline(
             waiting=tuple(fault for fault in timeline.waiting if fault.from_us > time_us),
             running=running,
             changes=(
-                *(FaultChange(each.fault, False) for each in over),
-                *(FaultChange(fault, True) for fault in begun),
+                *(FaultChange(item.fault, False) for item in ended),
+                *(FaultChange(fault, True) for fault in started),
             ),
-            model=body.apply(model, [each.fault for each in running]),
+            model=body.apply(model, [item.fault for item in running]),
         )
     )
 
 
 def _with_next_time(timeline: Timeline) -> Timeline:
-    begins = (fault.from_us for fault in timeline.waiting)
-    ends = (_until_us(each.fault) for each in timeline.running)
-    return timeline._replace(next_us=min((*begins, *ends), default=NEVER_US))
+    """Set ``next_us`` from the faults of the timeline."""
+    starts = (fault.from_us for fault in timeline.waiting)
+    ends = (_until_us(item.fault) for item in timeline.running)
+    return timeline._replace(next_us=min((*starts, *ends), default=NEVER_US))
 
 
 def _until_us(fault: Fault) -> int:
+    """Return the end of a fault, or a time that is never reached."""
     return NEVER_US if fault.until_us is None else fault.until_us

@@ -1,5 +1,6 @@
-"""Caribou's physics: six degrees of freedom, knowing neither sockets nor autopilots.
+"""Vehicle physics in six degrees of freedom; no sockets and no autopilot.
 
-``config.load`` reads a vehicle file, ``calibrate.build`` makes its ``Model``, ``dynamics`` steps
-it, ``linearise`` reads the linear planes off it and ``derive`` shows where the first-principles
-numbers come from."""
+``config.load`` reads a vehicle file, ``build_model.build`` makes its ``VehicleModel``, ``dynamics``
+integrates it, ``linearise`` computes the linear yaw and pitch planes and ``first_principles`` shows
+how Table 1's initial column follows from geometry.
+"""

@@ -1,5 +1,4 @@
-"""``python -m sitl.vehicle``: describe a vehicle from her geometry, and check one that is
-described."""
+"""``python -m sitl.vehicle``: write a vehicle file from geometry, and check a vehicle file."""
 
 from __future__ import annotations
 
@@ -17,6 +16,7 @@ from sitl.vehicle.config import VehicleFileError
 from sitl.vehicle.export import write
 
 BAD_INPUT = 2
+"""Exit status for invalid input."""
 app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
@@ -32,22 +32,22 @@ def check(
         bool, typer.Option("--json", help="One JSON object on stdout and nothing else.")
     ] = False,
 ) -> None:
-    """Refuse an impossible vehicle; print how a possible one lies, flies and swings."""
-    found = checks.check(vehicle)
+    """Check a vehicle file; print trim, speeds, linear planes and poles, or the error."""
+    report = checks.check(vehicle)
     print(
-        json.dumps(_as_json(found), indent=1)
+        json.dumps(_as_json(report), indent=1)
         if as_json
-        else printable_lines(checks.format_text(found))
+        else printable_lines(checks.format_text(report))
     )
 
 
 @app.command()
 def new(
     out: Annotated[
-        Path, typer.Option(metavar="FILE.toml", help="Where to write; never overwrites.")
+        Path, typer.Option(metavar="FILE.toml", help="New file; never overwrites an existing one.")
     ],
     geometry: Annotated[
-        str | None, typer.Argument(metavar="GEOMETRY.toml", help="What is known of her.")
+        str | None, typer.Argument(metavar="GEOMETRY.toml", help="Vehicle file with known keys.")
     ] = None,
     hull: Annotated[
         str | None, typer.Option(metavar="|".join(get_args(initial_geometry.Kind)))
@@ -58,7 +58,7 @@ def new(
     length_m: Annotated[float | None, typer.Option()] = None,
     diameter_m: Annotated[float | None, typer.Option()] = None,
 ) -> None:
-    """Write a whole vehicle file from geometry, every coefficient with its formula and source."""
+    """Write a complete vehicle file from geometry; every coefficient has formula and source."""
     if (geometry is None) == (hull is None):
         raise VehicleFileError(
             "give either GEOMETRY.toml, or --hull with --length-m and --diameter-m"
@@ -76,16 +76,14 @@ def new(
     except OSError as error:
         reason = "exists; give a new name" if isinstance(error, FileExistsError) else error.strerror
         raise VehicleFileError(f"{out}: {reason}") from None
-    words = (
-        f"{out}: {len(described.steps)} numbers derived; ground vehicle check {out} tells how she"
-        " flies"
-    )
-    print(printable(words))
+    message = f"{out}: {len(described.steps)} numbers derived; next: ground vehicle check {out}"
+    print(printable(message))
 
 
 def _start(
     name: str, hull: str, tail: str, length_m: float | None, diameter_m: float | None
 ) -> config.Completed:
+    """Return a complete vehicle from kind, length and diameter; raise for invalid options."""
     for option, value, known in (
         ("--hull", hull, initial_geometry.Kind),
         ("--tail", tail, initial_geometry.Steering),
@@ -101,7 +99,7 @@ def _start(
 
 
 def _as_json(value: object) -> object:
-    """NamedTuples as objects; what is infinite as null."""
+    """Return NamedTuples as dictionaries and infinite numbers as None, for JSON."""
     if hasattr(value, "_asdict"):
         return {key: _as_json(entry) for key, entry in value._asdict().items()}
     if isinstance(value, list | tuple):
@@ -110,12 +108,13 @@ def _as_json(value: object) -> object:
 
 
 def _exit_with_error(problem: object) -> NoReturn:
+    """Print one line on stderr and exit with status 2."""
     print(f"vehicle: {printable(problem)}", file=sys.stderr)
     raise SystemExit(BAD_INPUT)
 
 
 def main() -> None:
-    """The command line."""
+    """Run the command line."""
     try:
         app()
     except VehicleFileError as error:

@@ -1,14 +1,23 @@
-"""What bounds the water: ice or the surface above, the sea floor below. FLU axes.
+"""Forces of the boundaries of the water: ice or free surface above, sea floor below. FLU axes.
 
-Ice and floor push where nose or tail touch them, and rub. They and the surface draw a hull that
-moves along them (``walls``). The surface is such a wall as long as waves of the hull's own making
-are short against its depth: gravity holds it flat. A dipole under a surface feels, against one
-under a rigid lid, 1.1 of its pull at a Froude number U / sqrt(g h) of 0.2 and 1.3 at 0.3, then up
-to 3 times and from 0.85 on a push (Havelock's reflection (k_0 + k)/(k_0 - k) with k_0 = g / U^2
-sec^2, integrated). Here it counts once up to 0.5 and no more from 0.85 on.
+Contact: ice and floor push on nose and tail where they touch, with friction. Per end of the hull,
+with mass m of the vehicle, penetration d (m) and speed away from the wall s (m/s),
 
-No boundary gives energy: contact is a damped spring that never pulls, rubbing opposes motion, and
-what the pull of a wall does in drawing the hull closer is taken from her way."""
+    push = m/2 max(0, CONTACT_STIFFNESS_PER_S2 d - CONTACT_DAMPING_PER_S s),
+    friction = FRICTION push V_t / sqrt(|V_t|^2 + CREEP_MPS^2), against the tangential velocity V_t.
+
+Suction: ice, floor and surface attract a hull that moves along them (``wall_effects``).
+
+The free surface acts as a rigid wall while the hull's own waves are short compared with its depth
+h, because gravity keeps the surface flat. For a dipole under a free surface the ratio of the pull
+to that under a rigid wall is 1.1 at a Froude number U / sqrt(g h) of 0.2 and 1.3 at 0.3; it rises
+to 3 and becomes negative (a push) from 0.85 on (Havelock's reflection (k_0 + k)/(k_0 - k) with
+k_0 = g / U^2 sec^2, integrated). The model uses a ratio of 1 up to Froude number 0.5, 0 from 0.85
+on, and a straight line between.
+
+No boundary adds energy: contact is a damped spring that only pushes, friction opposes motion, and
+the work of the suction is subtracted from the forward motion of the vehicle.
+"""
 
 from __future__ import annotations
 
@@ -20,18 +29,21 @@ from sitl.vehicle.model import Hydrostatics, Walls
 from sitl.vehicle.water import Water
 
 CONTACT_STIFFNESS_PER_S2 = 100.0
-"""Of each end of the hull, per kilogram of vehicle: ten radians a second, stiff to a vehicle and
-slow to a step."""
+"""Contact stiffness of one end of the hull per kilogram on it: a natural frequency of 10 rad/s.
+
+This is stiff for a vehicle and slow compared with the integration step."""
 CONTACT_DAMPING_PER_S = 10.0
+"""Contact damping of one end of the hull per kilogram on it; damping ratio 0.5."""
 FRICTION = 0.2
-"""Of wet hull on ice or sediment; assumed."""
+"""Friction coefficient of a wet hull on ice or sediment, dimensionless; assumed."""
 CREEP_MPS = 0.02
-"""Rubbing falls off below this speed, instead of holding the hull fast."""
+"""Tangential speed below which friction fades to zero, so that no static friction is needed."""
 STIFF_FROUDE, SOFT_FROUDE = 0.5, 0.85
-"""On depth: up to the first the surface is a wall, from the second on it is none."""
+"""Froude numbers on depth: up to the first the surface acts as a wall, from the second not at all.
+"""
 
 RotationRows = tuple[Vector3, Vector3, Vector3]
-"""R, body FLU to NWU, row by row."""
+"""Rows of R, body FLU to NWU."""
 
 
 @kernel
@@ -43,8 +55,13 @@ def wrench(
     hydrostatics: Hydrostatics,
     walls: Walls,
 ) -> Wrench:
-    """Contact and pull of floor, ice and surface, N and N m about the origin; ``nu_r`` is velocity
-    through it."""
+    """Return contact and suction of floor, ice and surface, N and N m about the origin, FLU.
+
+    ``state`` has shape (13,), ``rows`` is the rotation matrix by rows, body FLU to NWU, and
+    ``nu_r`` the velocity through the water.
+    """
+    # lid, ground: distances from the origin to the surface or ice above and to the floor below, m.
+    # floor = R^T n, down = -R^T z: unit vectors out of each boundary, body axes.
     up = rows[2]
     lid = min(water.ceiling_m, water.surface_m) - state[2]
     ground = (state[2] - water.floor_m) * water.floor_normal[2]
@@ -57,47 +74,63 @@ def wrench(
         rows[0][2] * n[0] + rows[1][2] * n[1] + rows[2][2] * n[2],
     )
     down = (-up[0], -up[1], -up[2])
-    share = 1.0
+    wall_share = 1.0
     if water.surface_m <= water.ceiling_m:
-        share = _stiffness(nu_r[0], lid, hydrostatics)
+        wall_share = _stiffness(nu_r[0], lid, hydrostatics)
     X = Y = Z = M = N = 0.0
-    # One body of code for both sides: written out twice the step outgrows the compiler and costs
-    # two and a half times.
+    # A loop over both sides, not code written twice: the compiler no longer inlines the larger
+    # function, and a step takes 2.5 times as long.
     for side in range(2):
-        above = side == 0
-        normal = down if above else floor
-        touch = _contact(
-            state, normal, water.ceiling_m - state[2] if above else ground, hydrostatics
+        is_lid = side == 0
+        normal = down if is_lid else floor
+        contact = _contact(
+            state, normal, water.ceiling_m - state[2] if is_lid else ground, hydrostatics
         )
-        pull = _suction(
-            nu_r, normal, lid if above else ground, share if above else 1.0, walls, hydrostatics
+        suction = _suction(
+            nu_r,
+            normal,
+            lid if is_lid else ground,
+            wall_share if is_lid else 1.0,
+            walls,
+            hydrostatics,
         )
-        X += touch[0] + pull[0]
-        Y += touch[1] + pull[1]
-        Z += touch[2] + pull[2]
-        M += touch[4] + pull[4]
-        N += touch[5] + pull[5]
+        X += contact[0] + suction[0]
+        Y += contact[1] + suction[1]
+        Z += contact[2] + suction[2]
+        M += contact[4] + suction[4]
+        N += contact[5] + suction[5]
     return X, Y, Z, 0.0, M, N
 
 
 @kernel
 def _stiffness(u: float, depth_m: float, hydrostatics: Hydrostatics) -> float:
-    """How far the surface acts as a wall, 0 to 1; not on what stands out of it."""
-    deep_m = max(depth_m, hydrostatics.radius_m)
-    froude = abs(u) / sqrt(hydrostatics.gravity_mps2 * deep_m)
-    flat = min(1.0, max(0.0, (SOFT_FROUDE - froude) / (SOFT_FROUDE - STIFF_FROUDE)))
-    return flat * restoring.immersion(-depth_m, hydrostatics.radius_m)
+    """Return the fraction, 0 to 1, to which the free surface acts as a wall on the hull.
+
+    ``depth_m`` is that of the origin; sections above the surface do not count.
+    """
+    # Froude number Fr = |u| / sqrt(g h) with h no less than the hull radius; then a straight line
+    # from 1 at STIFF_FROUDE to 0 at SOFT_FROUDE, times the immersed fraction of the section.
+    h = max(depth_m, hydrostatics.radius_m)
+    froude = abs(u) / sqrt(hydrostatics.gravity_mps2 * h)
+    rigidity = min(1.0, max(0.0, (SOFT_FROUDE - froude) / (SOFT_FROUDE - STIFF_FROUDE)))
+    return rigidity * restoring.immersion(-depth_m, hydrostatics.radius_m)
 
 
 @kernel
 def _contact(
     state: Vector, normal: Vector3, distance_m: float, hydrostatics: Hydrostatics
 ) -> Wrench:
-    """Push and rubbing of a wall ``distance_m`` from the origin on nose and tail, rounded with the
-    hull's radius.
+    """Return push and friction of a wall on nose and tail, N and N m about the origin, FLU.
 
-    ``normal`` points out of the wall, body axes.
+    Nose and tail are spheres of the hull's radius. ``normal`` is the unit vector out of the wall,
+    body axes; ``distance_m`` is the distance of the origin from the wall.
     """
+    # For each end at (x, 0, 0):
+    #     penetration   into = R - distance - n_x x                                  m
+    #     velocity      V = (u, v + x r, w - x q) over ground, V_n = n . V, V_t = V - V_n n
+    #     push          m/2 max(0, CONTACT_STIFFNESS_PER_S2 into - CONTACT_DAMPING_PER_S V_n)   N
+    #     friction      -FRICTION push V_t / sqrt(|V_t|^2 + CREEP_MPS^2)             N
+    #     moments       M = -x Z, N = x Y
     X = Y = Z = M = N = 0.0
     nx, ny, nz = normal
     arm = hydrostatics.half_length_m - hydrostatics.radius_m
@@ -105,17 +138,18 @@ def _contact(
         half_kg = 0.5 * hydrostatics.weight_n / hydrostatics.gravity_mps2
         for end in (1.0, -1.0):
             x = end * arm
-            into = hydrostatics.radius_m - distance_m - nx * x
-            if into > 0.0:
+            penetration_m = hydrostatics.radius_m - distance_m - nx * x
+            if penetration_m > 0.0:
                 u, v, w = state[7], state[8] + x * state[12], state[9] - x * state[11]
-                leaving = nx * u + ny * v + nz * w
+                normal_mps = nx * u + ny * v + nz * w
                 push = half_kg * max(
-                    0.0, CONTACT_STIFFNESS_PER_S2 * into - CONTACT_DAMPING_PER_S * leaving
+                    0.0,
+                    CONTACT_STIFFNESS_PER_S2 * penetration_m - CONTACT_DAMPING_PER_S * normal_mps,
                 )
-                u, v, w = u - leaving * nx, v - leaving * ny, w - leaving * nz
-                rub = FRICTION * push / sqrt(u * u + v * v + w * w + CREEP_MPS * CREEP_MPS)
-                fy, fz = push * ny - rub * v, push * nz - rub * w
-                X += push * nx - rub * u
+                u, v, w = u - normal_mps * nx, v - normal_mps * ny, w - normal_mps * nz
+                friction = FRICTION * push / sqrt(u * u + v * v + w * w + CREEP_MPS * CREEP_MPS)
+                fy, fz = push * ny - friction * v, push * nz - friction * w
+                X += push * nx - friction * u
                 Y += fy
                 Z += fz
                 M -= x * fz
@@ -128,23 +162,36 @@ def _suction(
     nu_r: Wrench,
     normal: Vector3,
     distance_m: float,
-    share: float,
+    wall_share: float,
     walls: Walls,
     hydrostatics: Hydrostatics,
 ) -> Wrench:
-    """What draws a moving hull to a wall, less what it costs her way; work-free to rounding."""
-    if distance_m >= walls.far_m or share == 0.0:
+    """Return the suction of a wall on a moving hull, N and N m about the origin, FLU.
+
+    The wrench does no work, to rounding. ``share`` is the fraction to which the boundary acts as a
+    wall, ``normal`` the unit vector out of it and ``distance_m`` its distance from the origin.
+    """
+    # nearness s = R / distance; force F(s) and moment Mo(s) per u^2 from the table ``walls``
+    # (slender-body theory, Newman 1965; see ``wall_effects``), by linear interpolation.
+    #     force  = -share (1 - n_x^2) F u^2 n,
+    #     moment = share (1 - n_x^2) Mo u^2 (0, n_z, -n_y).
+    # work u^2 is the power of the two; the force -work u along x takes it back, so the sum is zero.
+    if distance_m >= walls.far_m or wall_share == 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     nearness = hydrostatics.radius_m / max(distance_m, hydrostatics.radius_m)
-    place = (nearness - walls.far_nearness) * walls.steps_per_nearness
-    i = min(int(place), walls.pull_kgpm.size - 2)
-    part = place - i
+    position = (nearness - walls.far_nearness) * walls.steps_per_nearness
+    i = min(int(position), walls.pull_kgpm.size - 2)
+    remainder = position - i
     u, v, w, _, q, r = nu_r
     nx, ny, nz = normal
-    # The speed along the wall counts, not that towards it.
-    along = share * (1.0 - nx * nx)
-    force = along * (walls.pull_kgpm[i] + part * (walls.pull_kgpm[i + 1] - walls.pull_kgpm[i]))
-    moment = along * (walls.moment_kg[i] + part * (walls.moment_kg[i + 1] - walls.moment_kg[i]))
+    # Only the component of the velocity along the wall has an effect: the factor 1 - n_x^2.
+    weight = wall_share * (1.0 - nx * nx)
+    force = weight * (
+        walls.pull_kgpm[i] + remainder * (walls.pull_kgpm[i + 1] - walls.pull_kgpm[i])
+    )
+    moment = weight * (
+        walls.moment_kg[i] + remainder * (walls.moment_kg[i + 1] - walls.moment_kg[i])
+    )
     work = moment * (nz * q - ny * r) - force * (nx * u + ny * v + nz * w)
     square = u * u
     return (

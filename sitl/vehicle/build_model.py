@@ -1,10 +1,18 @@
-"""From a vehicle file to a model: geometry and physics first, then hull lift as what remains of the
-linear column.
+"""Build the numeric model of a vehicle from its file.
 
-Added mass and its Coriolis terms, the isolated duct and the thrust are taken in full. What they
-give at the operating point is subtracted from the column of coefficients asked for; the remainder,
-divided by speed, is the hull's lift. The linearised model then equals the column, and every other
-speed follows from physics."""
+Added mass with its Coriolis terms, the isolated duct, the fins and the thrust follow from geometry.
+Their linear coefficients at the operating point are subtracted from the ``linear`` table of the
+file (Table 1's column); the remainder, divided by the speed U, is the hull's lift:
+
+    Y_uv = Y_v/U + k                  N_uv = N_v/U + x k + (A_v - A_u)
+    Y_ur = Y_r/U + x k + A_u          N_ur = N_r/U + x^2 k
+    Y_uudr = Y_dr/U^2 - steer         N_uudr = N_dr/U^2 - x steer
+
+Here k is the tail's side force per m/s of speed and m/s of sway (kg/m), x its position (m), steer
+its side force per speed squared and radian of rudder (kg/m), A_u = -X_udot and A_v = -Y_vdot (kg).
+The pitch plane follows by rotation about x. The linearised model then equals the table, and other
+speeds follow from the nonlinear equations. Axes: body FLU, origin on the hull axis at mid-length.
+"""
 
 from __future__ import annotations
 
@@ -34,15 +42,30 @@ from sitl.vehicle.model import (
 )
 
 STATION_NODES = (6, 4, 6)
-"""Stations on nose, mid-body and tail."""
+"""Number of stations on nose, mid-body and tail."""
 
 
 def build(config: VehicleConfig, source: str | None = None) -> VehicleModel:
-    """Make the model of ``config``.
+    """Return the numeric model of a vehicle.
 
-    Raises:
-        VehicleError: the mass matrix or the thrust is impossible; named after ``source``, else
-        after the vehicle.
+    Parameters
+    ----------
+    config : VehicleConfig
+        The complete vehicle file.
+    source : str, optional
+        Name of the file in error messages; the name of the vehicle if left out.
+
+    Returns
+    -------
+    VehicleModel
+        The model for ``dynamics``; its linearisation at the operating point equals
+        ``config.linear``.
+
+    Raises
+    ------
+    VehicleFileError
+        The rigid-body mass matrix is not positive definite, or the thrust is less than the drag of
+        the tail.
     """
     duct, fins = _duct(config), _fins(config)
     try:
@@ -63,8 +86,13 @@ def build(config: VehicleConfig, source: str | None = None) -> VehicleModel:
 
 
 def _inertia(config: VehicleConfig) -> Inertia:
-    """Mass matrices; roll inertia is the homogeneous hull's, roll added mass that of the fins
-    alone."""
+    """Return the mass matrices about the origin.
+
+    Roll inertia is that of the homogeneous hull; added roll inertia is that of the fins alone.
+    """
+    # Fossen 2021, ch. 3, with r = r_CM = (x, y, z):  M_RB = [[m I, -m S(r)], [m S(r), I_o]],
+    # S(r) a = r x a; I_o (diagonal) are the moments of inertia about the origin.
+    # M_A = -diag(X_udot, Y_vdot, Z_wdot, K_pdot, M_qdot, N_rdot).
     m, linear, ballast = config.ballast.mass_kg, config.linear, config.ballast
     x, y, z = ballast.x_cm_m, ballast.y_cm_m, linear.z_CM_m
     shape = geometry.integrals(config.hull)
@@ -93,6 +121,7 @@ def _inertia(config: VehicleConfig) -> Inertia:
 
 
 def _roll_added_kgm2(config: VehicleConfig) -> float:
+    """Return -K_pdot of the fins, kg m2; zero without fins."""
     fins = config.fins
     if fins is None:
         return 0.0
@@ -103,25 +132,29 @@ def _roll_added_kgm2(config: VehicleConfig) -> float:
 
 
 def _stations(config: VehicleConfig) -> Stations:
+    """Return the stations of the hull with crossflow drag 1/2 rho C_d 2R dx and buoyancy shares."""
     x, dx = geometry.quadrature(config.hull, STATION_NODES)
     radius = geometry.radius_m(config.hull, x)
-    share = radius**2 * dx / float(radius**2 @ dx)
+    volume_fraction = radius**2 * dx / float(radius**2 @ dx)
     return Stations(
         x_m=x,
         radius_m=radius,
         drag_kgpm=config.water.density_kgpm3 / 2 * config.damping.crossflow_cd * 2 * radius * dx,
-        buoyancy_share=share,
-        lever_m=x - float(share @ x),
+        buoyancy_share=volume_fraction,
+        lever_m=x - float(volume_fraction @ x),
     )
 
 
 def _duct(config: VehicleConfig) -> Duct:
-    """The ring; without one, the place of the bare propeller at the tail end."""
+    """Return the ring; without one, a ring without area at the tail end, for the propeller."""
     ring = config.duct
     if ring is None:
-        nothing = Polar(0.0, 0.0, 0.0, 0.0, pi / 4, pi / 2, 0.0)
         return Duct(
-            -geometry.length_m(config.hull) / 2, config.propeller.diameter_m / 2, 0.0, 0.0, nothing
+            x_m=-geometry.length_m(config.hull) / 2,
+            radius_m=config.propeller.diameter_m / 2,
+            half_rho_area_kgpm=0.0,
+            vectored=0.0,
+            polar=_NO_WING,
         )
     return Duct(
         x_m=ring.x_m,
@@ -132,7 +165,20 @@ def _duct(config: VehicleConfig) -> Duct:
     )
 
 
+_NO_WING = Polar(
+    lift_slope_per_rad=0.0,
+    lift_quadratic_per_rad2=0.0,
+    drag_zero_lift=0.0,
+    induced_drag=0.0,
+    stall_rad=pi / 4,
+    separated_rad=pi / 2,
+    separated_normal=0.0,
+)
+"""Coefficients of an absent wing; the two angles only have to differ."""
+
+
 def _polar(wing: DuctGeometry | FinGeometry) -> Polar:
+    """Return lift and drag coefficients of ring or fin."""
     return Polar(
         lift_slope_per_rad=wing.lift_slope_per_rad,
         lift_quadratic_per_rad2=wing.lift_quadratic_per_rad2,
@@ -148,22 +194,22 @@ _SPANS = {
     "cruciform": (np.array([1.0, 0.0, -1.0, 0.0]), np.array([0.0, 1.0, 0.0, -1.0])),
     "x": (np.array([1.0, -1.0, -1.0, 1.0]) / sqrt(2), np.array([1.0, 1.0, -1.0, -1.0]) / sqrt(2)),
 }
-"""(span_y, span_z) of the fins, by layout; to rounding, opposite fins are opposite."""
+"""(span_y, span_z) of the unit span vectors of the four fins, by layout."""
 
 
 def _fins(config: VehicleConfig) -> Fins:
-    """Fins that push the tail to port under positive rudder and down under positive elevator."""
+    """Return the fins; positive rudder pushes the tail to port, positive elevator down."""
     fins, none = config.fins, np.empty(0)
     if fins is None:
         return Fins(
-            -geometry.length_m(config.hull) / 2,
-            0.0,
-            0.0,
-            Polar(0.0, 0.0, 0.0, 0.0, pi / 4, pi / 2, 0.0),
-            none,
-            none,
-            none,
-            none,
+            x_m=-geometry.length_m(config.hull) / 2,
+            out_m=0.0,
+            half_rho_area_kgpm=0.0,
+            polar=_NO_WING,
+            span_y=none,
+            span_z=none,
+            rudder=none,
+            elevator=none,
         )
     span_y, span_z = _SPANS[fins.layout]
     return Fins(
@@ -180,19 +226,23 @@ def _fins(config: VehicleConfig) -> Fins:
 
 
 def _propeller(config: VehicleConfig) -> Propeller:
-    """The shaft speed at the operating point is the positive root of thrust_nn n^2 - thrust_nv V n
-    = T."""
+    """Return the thrust coefficients and the shaft speed at 100 % thrust."""
+    # thrust_nn = rho D^4 K_T0, thrust_nv = rho D^3 (-dK_T/dJ) (1 - w). The shaft speed n at the
+    # operating point (speed V, thrust T) is the positive root of thrust_nn n^2 - thrust_nv V n = T.
     rho, D, point = config.water.density_kgpm3, config.propeller.diameter_m, config.operating_point
     thrust_nn = rho * D**4 * config.propeller.kt_bollard
     thrust_nv = rho * D**3 * config.propeller.kt_slope * (1 - config.propeller.wake_fraction)
-    lost = thrust_nv * point.speed_mps
-    shaft_rps = (lost + sqrt(lost**2 + 4 * thrust_nn * point.thrust_n)) / (2 * thrust_nn)
+    nv_times_speed = thrust_nv * point.speed_mps
+    shaft_rps = (nv_times_speed + sqrt(nv_times_speed**2 + 4 * thrust_nn * point.thrust_n)) / (
+        2 * thrust_nn
+    )
     return Propeller(
         thrust_nn_kgm=thrust_nn, thrust_nv_kg=thrust_nv, full_rps=shaft_rps / point.thrust_fraction
     )
 
 
 def _hydrostatics(config: VehicleConfig) -> Hydrostatics:
+    """Return weight, buoyancy and their centres in body FLU."""
     ballast = config.ballast
     weight = ballast.mass_kg * config.water.gravity_mps2
     return Hydrostatics(
@@ -210,41 +260,48 @@ def _hydrostatics(config: VehicleConfig) -> Hydrostatics:
 
 
 class _TailLift(NamedTuple):
-    """What duct and fins do by themselves in straight flight, per unit of speed, with moments of
-    place."""
+    """Linear forces of duct and fins in straight motion, per unit of speed."""
 
     drag_kgpm: float
+    """Axial drag per speed squared."""
     side: tuple[float, float, float]
-    """Side force per m/s of sway, k, then x k and x^2 k summed."""
+    """Sums of k, x k and x^2 k; k is the side force per m/s of speed and m/s of sway."""
     steer: tuple[float, float]
-    """Side force per radian of command over speed squared, and its moment."""
+    """Side force per speed squared and radian of command, and its moment about the origin."""
 
 
 def _tail(duct: Duct, fins: Fins, thrust_n: float, speed_mps: float) -> _TailLift:
-    """k is lift slope and drag; thrust that turns with the command steers too."""
+    """Return the linear forces of duct and fins; thrust that turns with the command steers too."""
+    # k = 1/2 rho A (dC_L/dalpha + C_do), in straight motion at small angles. Fins of span z
+    # component s_z carry side force in proportion to s_z^2.
     lift = duct.half_rho_area_kgpm * duct.polar.lift_slope_per_rad
     drag = duct.half_rho_area_kgpm * duct.polar.drag_zero_lift
-    k, turned, x = lift + drag, duct.vectored * (lift + thrust_n / speed_mps**2), duct.x_m
-    standing, answering = float(np.sum(fins.span_z**2)), -float(np.sum(fins.span_z * fins.rudder))
+    k, ring_steer, x = lift + drag, duct.vectored * (lift + thrust_n / speed_mps**2), duct.x_m
+    sum_span_z2, rudder_effect = (
+        float(np.sum(fins.span_z**2)),
+        -float(np.sum(fins.span_z * fins.rudder)),
+    )
     fin_lift = fins.half_rho_area_kgpm * fins.polar.lift_slope_per_rad
     fin_drag = fins.half_rho_area_kgpm * fins.polar.drag_zero_lift
-    k_f, turned_f, x_f = standing * (fin_lift + fin_drag), answering * fin_lift, fins.x_m
-    # A turning vehicle drags one fin faster than its twin on the other side.
-    uneven = 2 * standing * fin_drag * fins.out_m**2
+    k_f, fin_steer, x_f = sum_span_z2 * (fin_lift + fin_drag), rudder_effect * fin_lift, fins.x_m
+    # In a turn with yaw rate r, a fin at y moves forward at U - r y. Its drag gives the yaw moment
+    # -2 (1/2 rho A C_do) y^2 U r.
+    drag_difference = 2 * sum_span_z2 * fin_drag * fins.out_m**2
     return _TailLift(
         drag_kgpm=drag + fins.span_y.size * fin_drag,
-        side=(k + k_f, k * x + k_f * x_f, k * x**2 + k_f * x_f**2 + uneven),
-        steer=(turned + turned_f, turned * x + turned_f * x_f),
+        side=(k + k_f, k * x + k_f * x_f, k * x**2 + k_f * x_f**2 + drag_difference),
+        steer=(ring_steer + fin_steer, ring_steer * x + fin_steer * x_f),
     )
 
 
 def _hull(config: VehicleConfig, inertia: Inertia, duct: Duct, fins: Fins) -> Hull:
-    """Lift coefficients: (column - added mass - tail) / U, or / U^2 for the angles of duct and
-    fins.
+    """Return the hull's coefficients: (table - added mass - tail) / U, or / U^2 for commands.
 
-    In straight flight the tail's side force is -k U (v + x r); added mass gives Y_r = X_udot U and
-    the Munk moment N_v = (Y_vdot - X_udot) U, and their twins in pitch. Four equal fins stand alike
-    in both planes."""
+    Four equal fins have the same effect in both planes.
+    """
+    # In straight motion at speed U the tail's side force is -k U (v + x r). Added mass gives
+    # Y_r = X_udot U and the Munk moment N_v = (Y_vdot - X_udot) U, and their equals in pitch.
+    # A_u, A_v, A_w: added masses -X_udot, -Y_vdot, -Z_wdot, kg. X_uu = T / U^2 - drag of the tail.
     linear, U, T = config.linear, config.operating_point.speed_mps, config.operating_point.thrust_n
     tail = _tail(duct, fins, T, U)
     (k, k_x, k_xx), (steer, steer_x) = tail.side, tail.steer

@@ -1,5 +1,8 @@
-"""Whether a vehicle can be built, and how she will lie, fly and swing: what to know before wetting
-her."""
+"""Consistency checks of a vehicle file, and predictions: trim at rest and in motion, poles, roll.
+
+Axes are the paper's: body x forward, y port, z up, so theta is positive nose down. The report uses
+pitch positive nose up.
+"""
 
 from __future__ import annotations
 
@@ -18,65 +21,86 @@ from sitl.vehicle.model import Inertia, VehicleModel
 from sitl.vehicle.water import STILL
 
 TRIANGLE_SLACK = 1e-9
+"""Relative tolerance of the triangle inequality between principal moments of inertia."""
 STEP = 1e-6
+"""Step of the central differences and tolerance of Newton's method, SI units and radians."""
 
 
 class PoleMode(NamedTuple):
-    """A pole of a linear plane at the operating point."""
+    """Pole of a linear plane at the operating point."""
 
     real_radps: float
     imag_radps: float
     time_constant_s: float
-    """Positive where it decays; infinite for an integrator."""
+    """Positive for a decaying mode, negative for a growing one, infinite for an integrator."""
 
 
 class PlaneReport(NamedTuple):
-    """A linear plane, body x forward, y port, z up."""
+    """Linear plane x' = A x + B delta in axes x forward, y port, z up."""
 
     states: tuple[str, ...]
     A: list[list[float]]
     B: list[float]
     poles: list[PoleMode]
     moment_hull_nm: float
-    """Moment per radian of incidence that turns the hull across the flow (Munk's, less its
-    lift's)."""
+    """Moment of the hull per radian of incidence, Munk moment plus lift; positive is unstable."""
     moment_tail_nm: float
-    """The same of the tail, which turns it back."""
+    """Moment of the tail per radian of incidence; it counteracts that of the hull."""
     straight_line_index: float
-    """1 - N_v (Y_r - m U)/(Y_v (N_r - m x U)), and its twin: positive where a straight course is
-    stable by itself."""
+    """1 - N_v (Y_r - m U)/(Y_v (N_r - m x U)), and its equal in pitch; positive where straight
+    motion is stable without control."""
 
 
 class Report(NamedTuple):
-    """What ``check`` finds, SI units, angles in degrees, pitch positive nose up."""
+    """Result of ``check``: SI units, angles in degrees, pitch positive nose up."""
 
     name: str
     length_m: float
     mass_kg: float
     net_buoyancy_n: float
     float_pitch_deg: float
-    """At rest under water, where the centre of buoyancy stands over the centre of mass."""
+    """Pitch at rest under water, with the centre of buoyancy above the centre of mass."""
     float_heel_deg: float
+    """Roll angle at rest under water."""
     speed_mps: float
+    """Speed of the operating point."""
     level_pitch_deg: float
-    """In level flight at ``speed_mps``."""
+    """Pitch in level motion at ``speed_mps``."""
     level_elevator_deg: float
+    """Elevator in level motion at ``speed_mps``."""
     full_speed_mps: float
-    """At 100 % thrust."""
+    """Steady speed at 100 % thrust."""
     roll_period_s: float
+    """Undamped period at rest."""
     roll_damping: float
-    """Ratio at rest."""
+    """Damping ratio at rest."""
     roll_damping_under_way: float
+    """Damping ratio at ``speed_mps``."""
     pitch_period_s: float
-    """At rest."""
+    """Undamped period at rest."""
     yaw: PlaneReport
     pitch: PlaneReport
     warnings: list[str]
 
 
 def check(name_or_path: str | Path) -> Report:
-    """Everything there is to know about a vehicle file. Raises ``VehicleFileError`` for a vehicle
-    that cannot be."""
+    """Check a vehicle file and predict the behaviour of the vehicle.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        Name of a shipped vehicle, or path of a vehicle file.
+
+    Returns
+    -------
+    Report
+        Trim, speeds, periods, linear planes and warnings.
+
+    Raises
+    ------
+    VehicleFileError
+        The file is invalid or the vehicle is physically impossible.
+    """
     config = files.load(name_or_path)
     model = build_model.build(config, str(name_or_path))
     warnings = check_consistency(config, model, str(name_or_path))
@@ -85,19 +109,19 @@ def check(name_or_path: str | Path) -> Report:
     if level_rad is None:
         raise VehicleFileError(
             f"{name_or_path}: operating_point.speed_mps = {point.speed_mps:g}: expected a speed at"
-            " which she can fly level with a net buoyancy of"
+            " which level motion is possible with a net buoyancy of"
             f" {model.hydrostatics.buoyancy_n - model.hydrostatics.weight_n:.3g} N"
         )
     return _report(config, model, level_rad, warnings)
 
 
 def check_consistency(config: VehicleConfig, model: VehicleModel, source: str) -> list[str]:
-    """Warnings about what is odd. Raises ``VehicleFileError`` for what no vehicle can be."""
+    """Return warnings about unusual values; raise ``VehicleFileError`` for impossible ones."""
     h, length = model.hydrostatics, hull.length_m(config.hull)
     if h.z_cm_m >= h.z_cb_m:
         raise VehicleFileError(
             f"{source}: linear.z_CM_m = {h.z_cm_m:.4g}: expected below the centre of buoyancy, "
-            f"ballast.z_cb_m = {h.z_cb_m:.4g}; she would roll over"
+            f"ballast.z_cb_m = {h.z_cb_m:.4g}; otherwise the vehicle capsizes"
         )
     for name, x, z in (("x_cm_m", h.x_cm_m, h.z_cm_m), ("x_cb_m", h.x_cb_m, h.z_cb_m)):
         radius = float(hull.radius_m(config.hull, np.array(x)))
@@ -106,19 +130,19 @@ def check_consistency(config: VehicleConfig, model: VehicleModel, source: str) -
                 f"{source}: ballast.{name} = {x:.4g}, z {z:.4g}: expected inside the hull"
             )
     moments = principal_inertia(model.inertia)
-    beyond = moments[2] / (moments[0] + moments[1]) - 1
+    triangle_excess = moments[2] / (moments[0] + moments[1]) - 1
     warnings = []
-    if beyond > TRIANGLE_SLACK:
-        words = (
+    if triangle_excess > TRIANGLE_SLACK:
+        moments_text = (
             f"I = {moments[0]:.4g}, {moments[1]:.4g}, {moments[2]:.4g} kg m2 about the centre of"
             " mass"
         )
         if not config.effective:
             raise VehicleFileError(
-                f"{source}: linear.I_yy_kgm2 and I_zz_kgm2: {words}: expected none above the sum of"
-                " the other two, or effective = true where they were identified so"
+                f"{source}: linear.I_yy_kgm2 and I_zz_kgm2: {moments_text}: expected none above the"
+                " sum of the other two, or effective = true for identified coefficients"
             )
-        warnings.append(f"effective coefficients: {words}, which no body has")
+        warnings.append(f"effective coefficients: {moments_text}, which no rigid body has")
     displaced_n = (
         config.water.density_kgpm3 * hull.integrals(config.hull).volume_m3 * h.gravity_mps2
     )
@@ -127,14 +151,15 @@ def check_consistency(config: VehicleConfig, model: VehicleModel, source: str) -
             f"buoyancy is {h.buoyancy_n:.0f} N, and the hull displaces {displaced_n:.0f} N"
         )
     if h.buoyancy_n < h.weight_n:
-        warnings.append(f"she sinks: {h.weight_n - h.buoyancy_n:.3g} N heavier than water")
+        warnings.append(f"the vehicle sinks: {h.weight_n - h.buoyancy_n:.3g} N heavier than water")
     if length / config.hull.diameter_m < 4:
-        warnings.append("shorter than four diameters: the formulas are a slender body's")
+        warnings.append("shorter than four diameters: the formulas hold for a slender body")
     return warnings
 
 
 def principal_inertia(inertia: Inertia) -> Vector:
-    """Principal moments about the centre of mass, smallest first, kg m2."""
+    """Return the principal moments of inertia about the centre of mass, ascending, kg m2."""
+    # Parallel-axis theorem: I_CM = I_o - m (r.r I - r r^T), r = (x, y, z) the centre of mass.
     m, M = inertia.mass_kg, inertia.M_RB
     z, x, y = M[0, 4] / m, M[1, 5] / m, M[2, 3] / m
     about_origin = M[3:, 3:]
@@ -145,26 +170,28 @@ def principal_inertia(inertia: Inertia) -> Vector:
 def _report(
     config: VehicleConfig, model: VehicleModel, level_rad: tuple[float, float], warnings: list[str]
 ) -> Report:
+    """Return the report of a valid vehicle; ``level_rad`` is (pitch nose up, elevator)."""
+    # With BG = z_CB - z_CM: roll frequency sqrt(W BG / M_44), pitch frequency sqrt(W BG / M_55).
     h, U = model.hydrostatics, config.operating_point.speed_mps
     righting = h.z_cb_m - h.z_cm_m
     pitch, elevator = level_rad
     if abs(degrees(elevator)) > config.tailcone.travel_deg:
         warnings = [
             *warnings,
-            f"level flight asks for {degrees(elevator):.0f} deg of elevator, beyond its travel",
+            f"level motion needs {degrees(elevator):.0f} deg of elevator, beyond its travel",
         ]
     stiffness = h.weight_n * righting
     roll = sqrt(stiffness / model.inertia.M[3, 3])
     planes = linearise(model, U)
-    yaw, nod = (
+    yaw, pitch_plane = (
         _plane(planes.yaw, ("v", "r", "psi"), model, U),
         _plane(planes.pitch, _PITCH, model, U),
     )
-    for name, plane in (("yaw", yaw), ("pitch", nod)):
+    for name, plane in (("yaw", yaw), ("pitch", pitch_plane)):
         if plane.straight_line_index < 0:
             warnings = [
                 *warnings,
-                f"no straight course by itself in {name}: the loops must hold it",
+                f"straight motion is unstable in {name} without control",
             ]
     return Report(
         name=config.name,
@@ -182,7 +209,7 @@ def _report(
         roll_damping_under_way=_roll_damping_nms(model, U) / (2 * roll * model.inertia.M[3, 3]),
         pitch_period_s=2 * pi * sqrt(model.inertia.M[4, 4] / stiffness),
         yaw=yaw,
-        pitch=nod,
+        pitch=pitch_plane,
         warnings=warnings,
     )
 
@@ -191,6 +218,9 @@ _PITCH = ("w", "q", "theta", "depth")
 
 
 def _plane(plane: Plane, states: tuple[str, ...], model: VehicleModel, U: float) -> PlaneReport:
+    """Return poles, moments per radian of incidence and stability index of a plane."""
+    # Hull: U^2 (N_uv - (A_v - A_u)), Munk moment included; whole vehicle: N_v U. In pitch
+    # M_w has the opposite sign of N_v in these axes.
     F, sign = plane.F, 1 if states[0] == "v" else -1
     A_u, A_v = (
         model.inertia.M_A[0, 0],
@@ -214,13 +244,14 @@ def _plane(plane: Plane, states: tuple[str, ...], model: VehicleModel, U: float)
 
 
 def _mode(pole: complex) -> PoleMode:
+    """Return a pole with its time constant -1/Re."""
     return PoleMode(pole.real, pole.imag, -1 / pole.real if abs(pole.real) > 1e-9 else inf)
 
 
 def _accelerations(
     model: VehicleModel, nu: Vector, theta_rad: float, elevator_rad: float, shaft_rps: float
 ) -> Vector:
-    """nu' deep in still water at pitch ``theta_rad``, positive nose down."""
+    """Return nu' in deep, still water at pitch angle ``theta_rad``, positive nose down."""
     state, rate = dynamics.state_at_rest(-DEPTH_M), np.empty(dynamics.STATE_SIZE)
     state[3], state[5] = cos(theta_rad / 2), sin(theta_rad / 2)
     state[dynamics.NU] = nu
@@ -231,8 +262,8 @@ def _accelerations(
 def level_flight(
     model: VehicleModel, speed_mps: float, thrust_fraction: float
 ) -> tuple[float, float] | None:
-    """(pitch nose up, elevator) in radians of level flight at constant depth, by Newton's method;
-    None without one."""
+    """Return (pitch nose up, elevator) in rad for motion at constant depth; None if impossible."""
+    # Newton's method on heave and pitch acceleration, with nu = U (cos theta, 0, sin theta, 0...).
 
     def unbalanced(x: Vector) -> Vector:
         theta, elevator = -float(x[0]), float(x[1])
@@ -251,12 +282,12 @@ def level_flight(
         except np.linalg.LinAlgError:
             return None
         x = x - step
-    found = abs(step).max() < STEP and abs(x).max() < pi / 2
-    return (float(x[0]), float(x[1])) if found else None
+    converged = abs(step).max() < STEP and abs(x).max() < pi / 2
+    return (float(x[0]), float(x[1])) if converged else None
 
 
 def top_speed_mps(model: VehicleModel) -> float:
-    """Steady straight speed at 100 % thrust, by bisection."""
+    """Return the steady speed of straight motion at 100 % thrust, m/s, by bisection."""
     low, high = 0.0, 30.0
     for _ in range(60):
         middle = (low + high) / 2
@@ -267,62 +298,64 @@ def top_speed_mps(model: VehicleModel) -> float:
 
 
 def _roll_damping_nms(model: VehicleModel, speed_mps: float) -> float:
-    """-dK/dp in straight flight."""
+    """Return the roll damping -dK/dp in straight motion, N m s."""
     rolling = [np.array([speed_mps, 0.0, 0.0, p, 0.0, 0.0]) for p in (STEP, -STEP)]
     ahead, behind = (_accelerations(model, nu, 0.0, 0.0, 0.0) for nu in rolling)
     return float(-(model.inertia.M @ (ahead - behind))[3] / (2 * STEP))
 
 
-def format_text(found: Report) -> str:
-    """The report for people."""
+def format_text(report: Report) -> str:
+    """Return the report as text."""
     lines = [
         (
-            f"{found.name}: {found.length_m:.3f} m, {found.mass_kg:.4g} kg,"
-            f" {found.net_buoyancy_n:+.3g} N net buoyancy"
+            f"{report.name}: {report.length_m:.3f} m, {report.mass_kg:.4g} kg,"
+            f" {report.net_buoyancy_n:+.3g} N net buoyancy"
         ),
         (
-            f"floats at    pitch {found.float_pitch_deg:+.2f} deg, heel"
-            f" {found.float_heel_deg:+.2f} deg"
+            f"floats at    pitch {report.float_pitch_deg:+.2f} deg, heel"
+            f" {report.float_heel_deg:+.2f} deg"
         ),
         (
-            f"flies level  at {found.speed_mps:.3g} m/s with pitch {found.level_pitch_deg:+.2f}"
-            f" deg, elevator {found.level_elevator_deg:+.2f} deg; {found.full_speed_mps:.2f} m/s at"
-            " 100 % thrust"
+            f"level        at {report.speed_mps:.3g} m/s with pitch {report.level_pitch_deg:+.2f}"
+            f" deg, elevator {report.level_elevator_deg:+.2f} deg; {report.full_speed_mps:.2f} m/s"
+            " at 100 % thrust"
         ),
         (
-            f"roll         period {found.roll_period_s:.2f} s, damping ratio"
-            f" {found.roll_damping:.2f} at rest, {found.roll_damping_under_way:.2f} under way"
+            f"roll         period {report.roll_period_s:.2f} s, damping ratio"
+            f" {report.roll_damping:.2f} at rest, {report.roll_damping_under_way:.2f} under way"
         ),
-        f"pitch        period {found.pitch_period_s:.2f} s at rest",
+        f"pitch        period {report.pitch_period_s:.2f} s at rest",
     ]
-    for name, plane in (("yaw", found.yaw), ("pitch", found.pitch)):
+    for name, plane in (("yaw", report.yaw), ("pitch", report.pitch)):
         poles = ", ".join(_format_mode(mode) for mode in plane.poles)
         lines += [
             "",
             (
-                f"{name} plane at {found.speed_mps:.3g} m/s; x' = A x + B"
+                f"{name} plane at {report.speed_mps:.3g} m/s; x' = A x + B"
                 f" {'rudder' if name == 'yaw' else 'elevator'}, x = ({', '.join(plane.states)}), SI"
                 " units and radians, axes forward, port, up"
             ),
             *(f"  A {_row(row)}   B {b:10.5g}" for row, b in zip(plane.A, plane.B, strict=True)),
             f"  poles, rad/s (time constant, s): {poles}",
             (
-                f"  moment per radian of incidence, N m: hull {plane.moment_hull_nm:+.4g} turning"
-                f" away, tail {plane.moment_tail_nm:+.4g} turning back"
+                f"  moment per radian of incidence, N m: hull {plane.moment_hull_nm:+.4g}"
+                f" (destabilising), tail {plane.moment_tail_nm:+.4g} (stabilising)"
             ),
             (
                 f"  straight-line stability index {plane.straight_line_index:+.3f} "
-                f"({'stable' if plane.straight_line_index > 0 else 'unstable'} by itself)"
+                f"({'stable' if plane.straight_line_index > 0 else 'unstable'} without control)"
             ),
         ]
-    return "\n".join([*lines, *(f"warning: {text}" for text in found.warnings)])
+    return "\n".join([*lines, *(f"warning: {text}" for text in report.warnings)])
 
 
 def _row(row: list[float]) -> str:
+    """Return the numbers of a matrix row in columns."""
     return " ".join(f"{value:10.5g}" for value in row)
 
 
 def _format_mode(mode: PoleMode) -> str:
+    """Return a pole as text, time constant in parentheses."""
     oscillating = (
         f" {'+' if mode.imag_radps > 0 else '-'} {abs(mode.imag_radps):.3g}i"
         if mode.imag_radps

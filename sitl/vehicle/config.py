@@ -1,4 +1,4 @@
-"""Vehicle files: TOML, strictly decoded; what a file leaves out is derived from what it gives."""
+"""Read vehicle files: strictly decoded TOML; omitted keys are derived from the given ones."""
 
 from __future__ import annotations
 
@@ -57,30 +57,75 @@ __all__ = [
 ]
 
 SHIPPED = ("caribou_nominal", "caribou_truth", "remus100", "xfin_auv")
-"""Vehicles that need no path."""
+"""Names of the vehicle files that are part of this package."""
 
 
 def load(name_or_path: str | Path) -> VehicleConfig:
     """Read a shipped vehicle by name, or a vehicle file by path.
 
-    Raises ``VehicleFileError`` for a missing file, bad TOML, an unknown or missing key, or a value
-    out of range."""
+    Parameters
+    ----------
+    name_or_path : str or Path
+        One of ``SHIPPED``, or the path of a TOML file.
+
+    Returns
+    -------
+    VehicleConfig
+        The vehicle with all keys; SI units, body FLU axes.
+
+    Raises
+    ------
+    VehicleFileError
+        The file is missing, is not valid TOML, has an unknown or missing key, or a value is out of
+        range.
+    """
     source, text, folder = _read(name_or_path)
     return parse(text, source, folder)
 
 
 def describe(name_or_path: str | Path) -> Completed:
-    """The tables of the same file with what it leaves out derived, each with its formula. Raises
-    ``VehicleFileError``."""
+    """Return the tables of a vehicle file, with the derivation of each key that it omits.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        One of ``SHIPPED``, or the path of a TOML file.
+
+    Returns
+    -------
+    Completed
+        Tables with all keys, and the derivations.
+
+    Raises
+    ------
+    VehicleFileError
+        The file is missing, is not valid TOML, or has an invalid key or value.
+    """
     source, text, folder = _read(name_or_path)
     return _complete(text, source, folder)
 
 
 def parse(text: str, source: str, folder: Path | None = None) -> VehicleConfig:
-    """Decode a vehicle file's ``text``; ``source`` names it in errors, ``folder`` holds its
-    profile, if it has one.
+    """Decode the text of a vehicle file.
 
-    Raises ``VehicleFileError``.
+    Parameters
+    ----------
+    text : str
+        TOML text.
+    source : str
+        Name of the file in error messages.
+    folder : Path, optional
+        Folder of the CSV file with the hull's profile; default is the current one.
+
+    Returns
+    -------
+    VehicleConfig
+        The vehicle with all keys; SI units, body FLU axes.
+
+    Raises
+    ------
+    VehicleFileError
+        The text is not valid TOML, or has an invalid key or value.
     """
     config = toml_io.convert(
         _complete(text, source, folder).tables, VehicleConfig, source, VehicleFileError
@@ -90,7 +135,7 @@ def parse(text: str, source: str, folder: Path | None = None) -> VehicleConfig:
 
 
 def _read(name_or_path: str | Path) -> tuple[str, str, Path]:
-    """(what to call it, text, folder) of a vehicle file."""
+    """Return (name for error messages, text, folder) of a vehicle file."""
     shipped = name_or_path in SHIPPED
     path = Path(__file__).with_name(f"{name_or_path}.toml") if shipped else Path(name_or_path)
     try:
@@ -105,11 +150,32 @@ def _read(name_or_path: str | Path) -> tuple[str, str, Path]:
 
 
 def _complete(text: str, source: str, folder: Path | None) -> Completed:
+    """Read and complete the text of a vehicle file."""
     return finish(toml_io.read(text, source, VehicleFileError), source, folder)
 
 
 def finish(tables: dict[str, Any], source: str, folder: Path | None = None) -> Completed:
-    """``tables`` of a vehicle file, checked and completed. Raises ``VehicleFileError``."""
+    """Validate the tables of a vehicle file and derive the missing keys.
+
+    Parameters
+    ----------
+    tables : dict
+        Tables as read from TOML; the hull table is replaced in place.
+    source : str
+        Name of the file in error messages.
+    folder : Path, optional
+        Folder of the CSV file with the hull's profile; default is the current one.
+
+    Returns
+    -------
+    Completed
+        Tables with all keys, and the derivations.
+
+    Raises
+    ------
+    VehicleFileError
+        An invalid key or value, or neither a duct nor fins.
+    """
     if isinstance(shape := tables.get("hull"), dict):
         tables["hull"] = _with_points({"shape": "series58", **shape}, source, folder)
     described: Any = toml_io.convert(tables, Description, source, VehicleFileError)
@@ -122,7 +188,7 @@ def finish(tables: dict[str, Any], source: str, folder: Path | None = None) -> C
 
 
 def _with_points(shape: dict[str, Any], source: str, folder: Path | None) -> dict[str, Any]:
-    """The hull's table with the points of its profile in place of the CSV file that holds them."""
+    """Return the hull table with the points of its profile in place of the name of a CSV file."""
     if shape["shape"] != "profile" or not isinstance(name := shape.pop("file", None), str):
         return shape
     path = (folder or Path()) / name
@@ -142,6 +208,7 @@ def _with_points(shape: dict[str, Any], source: str, folder: Path | None) -> dic
 
 
 def _is_number(text: str) -> bool:
+    """Return True if ``text`` is a number."""
     try:
         float(text)
     except ValueError:
@@ -150,7 +217,7 @@ def _is_number(text: str) -> bool:
 
 
 def _check_shape(shape: HullGeometry, source: str) -> None:
-    """Hulls that no drawing could show."""
+    """Raise ``VehicleFileError`` for a hull that is geometrically impossible."""
     match shape:
         case Myring() if (
             shape.nose_offset_m >= shape.nose_length_m or shape.tail_offset_m >= shape.tail_length_m
@@ -177,6 +244,7 @@ def _check_shape(shape: HullGeometry, source: str) -> None:
 
 
 def _is_ascending(shape: ProfileHull) -> bool:
+    """Return True if the distances increase and the largest radius is positive and finite."""
     steps = [
         after[0] - before[0]
         for before, after in zip(shape.points_m[:-1], shape.points_m[1:], strict=True)
@@ -187,7 +255,7 @@ def _is_ascending(shape: ProfileHull) -> bool:
 
 
 def _check_consistency(config: VehicleConfig, source: str) -> None:
-    """Values that are each in range but cannot stand together."""
+    """Raise ``VehicleFileError`` for values that are in range but contradict each other."""
     duct, fins, propeller, tail = config.duct, config.fins, config.propeller, config.tailcone
     if tail.lost_step_chance > 0.0 and tail.step_deg == 0.0:
         raise VehicleFileError(

@@ -1,5 +1,4 @@
-"""A vehicle file as it is written: the tables of ``schema``, nearly every key of which may be left
-out."""
+"""Vehicle file as a user writes it: the tables of ``file_schema`` with most keys optional."""
 
 from __future__ import annotations
 
@@ -15,11 +14,11 @@ _GEOMETRY: dict[type[VehicleTable], tuple[str, ...]] = {
     DuctGeometry: ("diameter_m", "chord_m"),
     FinGeometry: ("layout", "span_m", "root_chord_m"),
 }
-"""What nothing else tells: a vehicle file may leave out every key but these."""
+"""Keys that cannot be derived, by table; a vehicle file may omit all others."""
 
 
 def _with_optional_keys(kind: type[VehicleTable]) -> Any:
-    """``kind`` as a vehicle file may give it, with what it can leave out."""
+    """Return table type ``kind`` with all keys optional except those of ``_GEOMETRY``."""
     needed = _GEOMETRY.get(kind, ())
     keys = [
         (field.name, field.type)
@@ -31,6 +30,7 @@ def _with_optional_keys(kind: type[VehicleTable]) -> Any:
 
 
 def _optional(annotation: Any) -> Any:
+    """Return the type of an optional key; a table inside has optional keys too."""
     kinds = (annotation, *get_args(annotation))
     tables = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, VehicleTable)]
     return (_with_optional_keys(tables[0]) if tables else annotation) | UnsetType

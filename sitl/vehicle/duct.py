@@ -1,4 +1,4 @@
-"""The ring duct as a wing: lift, drag and stall at any incidence, in FLU axes."""
+"""Ring duct as a wing: lift, drag and stall at any incidence, in body FLU axes."""
 
 from __future__ import annotations
 
@@ -9,35 +9,56 @@ from sitl.vehicle.jit import Vector3, kernel
 from sitl.vehicle.model import Duct
 
 SLOPE_SCALE_PER_RAD = 5.927
-"""2 pi r of the paper's ring-wing formula."""
+"""Constant 2 pi r of the paper's ring-wing formula, 1/rad."""
 ASPECT_SCALE = 4.305
-"""s of the paper's ring-wing formula."""
+"""Constant s of the paper's ring-wing formula, dimensionless."""
 
 
 def ring_wing_lift_slope_per_rad(aspect_ratio: float) -> float:
-    """dC_L/dalpha of a ring wing of ``aspect_ratio`` = diameter / chord, per radian.
+    """Return the lift slope dC_L/dalpha of a ring wing, per radian.
 
-    Van Dyke's form fitted by McEwen and Streitlien to Milewski's and the DSRV report's points, as
-    printed in the paper ("Tailcone"); the logarithm is natural."""
+    Parameters
+    ----------
+    aspect_ratio : float
+        Diameter over chord, dimensionless.
+
+    Returns
+    -------
+    float
+        Lift slope on the area diameter times chord, 1/rad.
+
+    Notes
+    -----
+    dC_L/dalpha = 2 pi r / (1 + 2/(s AR) + 16/(pi (s AR)^2) ln(1 + pi e^(-9/8) s AR)): van Dyke's
+    form, fitted by McEwen and Streitlien to the points of Milewski and of the DSRV report, as
+    printed in the paper ("Tailcone"). The logarithm is natural.
+    """
     a = ASPECT_SCALE * aspect_ratio
     return SLOPE_SCALE_PER_RAD / (1 + 2 / a + 16 / (pi * a**2) * log(1 + pi * exp(-9 / 8) * a))
 
 
 @kernel
 def ring_axis(rudder_rad: float, elevator_rad: float) -> Vector3:
-    """Unit vector along the ring, forward; first row of the paper's T_R/B. Thrust acts along it."""
+    """Return the unit vector along the ring axis, forward, in body FLU; thrust acts along it.
+
+    This is the first row of the paper's T_R/B: (cos dE cos dR, sin dR, -cos dR sin dE).
+    """
     cos_r = cos(rudder_rad)
     return cos_r * cos(elevator_rad), sin(rudder_rad), -cos_r * sin(elevator_rad)
 
 
 @kernel
 def force(velocity: Vector3, axis: Vector3, duct: Duct) -> Vector3:
-    """Lift and drag of the ring moving at ``velocity`` (m/s, through the water) with its axis along
-    ``axis``, N.
+    """Return lift and drag of the ring, N, body FLU axes.
 
-    Lift is 1/2 rho A (C_L/sin alpha) V x (e x V), which is the paper's -L t3 without its unit
-    vectors, undefined at zero incidence. A ring moving backwards is a ring whose axis points the
-    other way."""
+    ``velocity`` is that of the ring through the water, m/s, and ``axis`` the unit vector along the
+    ring, both in body axes.
+    """
+    # V: velocity, e: ring axis, alpha = atan2(|e x V|, |e . V|): incidence, 0 to pi/2.
+    #     lift = +-1/2 rho A (C_L / sin alpha) V x (e x V),   drag = -1/2 rho A C_D |V| V.
+    # The lift is the paper's -L t3 ("Tailcone") as a double cross product, because the paper's unit
+    # vectors are undefined at zero incidence. The sign is that of e . V: a ring that moves
+    # backwards is a ring with the opposite axis.
     vx, vy, vz = velocity
     ex, ey, ez = axis
     along = vx * ex + vy * ey + vz * ez

@@ -1,7 +1,24 @@
 """Six-degree-of-freedom equations of motion and their integration.
 
-State vector, 13 floats: ``[0:3]`` position NWU (m), ``[3:7]`` quaternion w, x, y, z turning body
-FLU into NWU, ``[7:13]`` nu = (u, v, w, p, q, r) **over ground** in body axes (m/s, rad/s)."""
+State vector, 13 floats:
+
+- ``[0:3]``: position of the origin in NWU (m), z up,
+- ``[3:7]``: unit quaternion (w, x, y, z) of the rotation R from body FLU to NWU,
+- ``[7:13]``: nu = (u, v, w, p, q, r), velocity **over ground** in body FLU axes (m/s, rad/s).
+
+FLU is x forward, y port, z up, with the origin on the hull axis at mid-length: the axes of the
+paper and of its Table 1. MAVLink's FRD axes do not occur in this package.
+
+Equation of motion, in a frame that moves with the water at the hull:
+
+    (M_RB + M_A) nu_r' = -C(nu_r) nu_r + tau_hydrostatic + tau_hull + tau_tail + tau_boundary
+                         + tau_disturbance,
+
+with nu_r the velocity through the water (Fossen 2021, sec. 10.3, and the paper, "Overall Vehicle
+Modeling"). Where the water accelerates with Dv/Dt, effective gravity in this frame is g - Dv/Dt.
+The equation is exact for uniform water and of first order in the change of the water's velocity
+along the hull.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +36,22 @@ POSITION = slice(0, 3)
 QUATERNION = slice(3, 7)
 NU = slice(7, 13)
 STAGES = 5
-"""Rows of the work array of ``rk4_step``: four slopes and the state between."""
+"""Rows of the work array of ``rk4_step``: the four slopes k1 to k4 and an intermediate state."""
 
 
 def state_at_rest(z_up_m: float = 0.0) -> Vector:
-    """State, shape (13,), of a level vehicle heading north, at rest ``z_up_m`` above the
-    surface."""
+    """Return the state of a level vehicle that is at rest and heads north.
+
+    Parameters
+    ----------
+    z_up_m : float
+        Height of the origin above the still water level, m; negative under water.
+
+    Returns
+    -------
+    ndarray, shape (13,)
+        A new state vector; see the module docstring for its order.
+    """
     state = np.zeros(STATE_SIZE)
     state[2] = z_up_m
     state[3] = 1.0
@@ -32,14 +59,16 @@ def state_at_rest(z_up_m: float = 0.0) -> Vector:
 
 
 def work_array() -> Vector:
-    """Scratch space for ``rk4_step``, shape (5, 13); make it once, outside the loop."""
+    """Return scratch space for ``rk4_step``, shape (5, 13); allocate it once, outside the loop."""
     return np.empty((STAGES, STATE_SIZE))
 
 
 @kernel
 def rotation(state: Vector) -> tuple[Vector3, Vector3, Vector3]:
-    """Rows of R, body FLU to NWU; its last row is the inertial z axis in body axes (Fossen 2021,
-    sec. 2.2)."""
+    """Return the rows of the rotation matrix R from body FLU to NWU (Fossen 2021, sec. 2.2).
+
+    The third row is the inertial z axis (up), expressed in body axes. ``state`` has shape (13,).
+    """
     w, x, y, z = state[3], state[4], state[5], state[6]
     return (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
@@ -50,10 +79,12 @@ def rotation(state: Vector) -> tuple[Vector3, Vector3, Vector3]:
 
 @kernel
 def coriolis(nu: Wrench, inertia: Inertia) -> Wrench:
-    """-C(nu) nu of body and entrained water together, N and N m; does no work.
-
-    Kirchhoff's equations (Lamb 1932, sec. 124): momenta (P, H) = M nu give the wrench -(omega x P,
-    omega x H + v x P)."""
+    """Return -C(nu) nu of the body and its added mass, N and N m in FLU; it does no work."""
+    # M = M_RB + M_A (6 x 6), nu = (v, omega) in FLU axes, m/s and rad/s.
+    # Kirchhoff's equations (Lamb 1932, sec. 124), with momenta about the origin
+    #     (P, H) = M nu:
+    #     force  = -omega x P,
+    #     moment = -omega x H - v x P.
     u, v, w, p, q, r = nu
     M = inertia.M
     px = M[0, 0] * u + M[0, 1] * v + M[0, 2] * w + M[0, 3] * p + M[0, 4] * q + M[0, 5] * r
@@ -82,31 +113,36 @@ def tail(
     immersed: float,
     model: VehicleModel,
 ) -> Wrench:
-    """Ring wing and propeller, both at the duct and along or about its axis, and fins; N and N m
-    about the origin."""
+    """Return the wrench of ring wing, propeller and fins, N and N m about the origin, FLU.
+
+    ``nu`` is the velocity through the water, ``axis`` the unit vector along the ring (forward) and
+    ``immersed`` the fraction of the duct that is under water, 0 to 1.
+    """
+    # Ring and thrust act at (x, 0, 0), x < 0. Velocity there: (u, v, w) + omega x (x, 0, 0).
+    # Moment about the origin: (x, 0, 0) x (X, Y, Z) = (0, -x Z, x Y).
     u, v, w, _, q, r = nu
     x = model.duct.x_m
     velocity = (u, v + x * r, w - x * q)
     fx, fy, fz = duct.force(velocity, axis, model.duct)
-    along = velocity[0] * axis[0] + velocity[1] * axis[1] + velocity[2] * axis[2]
-    thrust = propeller.thrust_n(shaft_rps, along, model.propeller)
+    axial_mps = velocity[0] * axis[0] + velocity[1] * axis[1] + velocity[2] * axis[2]
+    thrust = propeller.thrust_n(shaft_rps, axial_mps, model.propeller)
     X = immersed * (fx + thrust * axis[0])
     Y = immersed * (fy + thrust * axis[1])
     Z = immersed * (fz + thrust * axis[2])
-    finned = fins.wrench(nu, rudder_rad, elevator_rad, model.fins)
+    fin_wrench = fins.wrench(nu, rudder_rad, elevator_rad, model.fins)
     return (
-        X + immersed * finned[0],
-        Y + immersed * finned[1],
-        Z + immersed * finned[2],
-        immersed * finned[3],
-        -x * Z + immersed * finned[4],
-        x * Y + immersed * finned[5],
+        X + immersed * fin_wrench[0],
+        Y + immersed * fin_wrench[1],
+        Z + immersed * fin_wrench[2],
+        immersed * fin_wrench[3],
+        -x * Z + immersed * fin_wrench[4],
+        x * Y + immersed * fin_wrench[5],
     )
 
 
 @kernel
 def _in_body(rows: tuple[Vector3, Vector3, Vector3], vector_nwu: Vector3) -> Vector3:
-    """R^T c: an inertial vector in body axes."""
+    """Return R^T c: a vector given in NWU axes, expressed in body FLU axes."""
     north, west, up = rows
     n, w, u = vector_nwu[0], vector_nwu[1], vector_nwu[2]
     return (
@@ -118,13 +154,17 @@ def _in_body(rows: tuple[Vector3, Vector3, Vector3], vector_nwu: Vector3) -> Vec
 
 @kernel
 def _line_rotation_rate(slope: Vector3) -> Vector3:
-    """Rate of turn of the line of water along the hull whose velocity grows by ``slope`` per metre
-    forward."""
+    """Return the angular velocity of the water along the hull, body axes, rad/s.
+
+    ``slope`` is the change of the water's velocity per metre forward, body axes, 1/s: a line of
+    water that lies along x turns with omega = (0, -dw/dx, dv/dx).
+    """
     return 0.0, -slope[2], slope[1]
 
 
 @kernel
 def _sum(a: Wrench, b: Wrench) -> Wrench:
+    """Return a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
 
 
@@ -135,33 +175,47 @@ def _forces(
     nu_r: Wrench,
     water: Water,
     acceleration: Vector3,
-    turning: Vector3,
+    water_omega: Vector3,
     axis: Vector3,
     rudder_rad: float,
     elevator_rad: float,
     shaft_rps: float,
     model: VehicleModel,
 ) -> Wrench:
-    """Coriolis, static, hull, tail and boundary forces, N and N m about the origin.
+    """Return the sum of all forces except the disturbance, N and N m about the origin, FLU.
 
-    ``nu_r`` is the velocity through the water at the origin; ``acceleration`` and ``turning`` are
-    the water's, in body axes: what the hull meets along its length turns with the water, what its
-    momentum is does not."""
+    ``nu_r`` is the velocity through the water at the origin; ``acceleration`` (m/s2) and
+    ``water_omega`` (rad/s) are those of the water, in body axes.
+    """
+    # Forces that depend on the flow along the hull use the angular velocity relative to the water,
+    # omega - omega_water. The momentum in -C(nu_r) nu_r uses omega itself.
+    # Effective "up" in the frame of the water: R^T z + R^T Dv/Dt / g (Froude-Krylov force).
+    # Height of a point x above the local surface: z_m + x climb.
     u, v, w, p, q, r = nu_r
     up = rows[2]
-    met = (u, v, w, p, q - turning[1], r - turning[2])
+    relative = (u, v, w, p, q - water_omega[1], r - water_omega[2])
     g = model.hydrostatics.gravity_mps2
-    felt = (up[0] + acceleration[0] / g, up[1] + acceleration[1] / g, up[2] + acceleration[2] / g)
+    effective_up = (
+        up[0] + acceleration[0] / g,
+        up[1] + acceleration[1] / g,
+        up[2] + acceleration[2] / g,
+    )
     z_m, climb = state[2] - water.surface_m, up[0] - water.surface_slope
     immersed = restoring.immersion(z_m + climb * model.duct.x_m, model.duct.radius_m)
     total = coriolis(nu_r, model.inertia)
     total = _sum(
         total,
-        restoring.wrench(z_m, climb, felt, water.density_ratio, model.hydrostatics, model.stations),
+        restoring.wrench(
+            z_m, climb, effective_up, water.density_ratio, model.hydrostatics, model.stations
+        ),
     )
-    total = _sum(total, hydrodynamics.crossflow_drag(v, w, met[4], met[5], model.stations))
-    total = _sum(total, hydrodynamics.lift_and_drag(u, v, w, p, met[4], met[5], model.hull))
-    total = _sum(total, tail(met, axis, rudder_rad, elevator_rad, shaft_rps, immersed, model))
+    total = _sum(
+        total, hydrodynamics.crossflow_drag(v, w, relative[4], relative[5], model.stations)
+    )
+    total = _sum(
+        total, hydrodynamics.lift_and_drag(u, v, w, p, relative[4], relative[5], model.hull)
+    )
+    total = _sum(total, tail(relative, axis, rudder_rad, elevator_rad, shaft_rps, immersed, model))
     total = _sum(total, boundary.wrench(state, rows, nu_r, water, model.hydrostatics, model.walls))
     return _sum(
         total,
@@ -171,7 +225,8 @@ def _forces(
 
 @kernel
 def _kinematics(state: Vector, rows: tuple[Vector3, Vector3, Vector3], out: Vector) -> None:
-    """Rates of position, R v, and quaternion, 1/2 q (0, omega) (Fossen 2021, sec. 2.2)."""
+    """Write the rates of position, R v, and quaternion, 1/2 q (0, omega), into ``out[0:7]``."""
+    # Fossen 2021, sec. 2.2; (e0, e1, e2, e3) is the quaternion, scalar first.
     e0, e1, e2, e3 = state[3], state[4], state[5], state[6]
     u, v, w, p, q, r = state[7], state[8], state[9], state[10], state[11], state[12]
     for i in range(3):
@@ -194,20 +249,23 @@ def _slope(
     model: VehicleModel,
     out: Vector,
 ) -> None:
-    """State derivative for a duct whose axis is already known; see ``derivative``."""
+    """Write the state derivative for a given duct axis into ``out``; see ``derivative``."""
+    # (c_x, c_y, c_z) = R^T c: velocity of the water over ground, body axes, m/s.
+    # nu_r = nu - (R^T c, 0); f and disturbance: wrench (X, Y, Z, K, M, N), N and N m.
+    # nu_r' = (M_RB + M_A)^-1 (f + disturbance).
     rows = rotation(state)
     c_x, c_y, c_z = _in_body(rows, water.velocity_mps)
     acceleration = _in_body(rows, water.acceleration_mps2)
     p, q, r = state[10], state[11], state[12]
     nu_r = (state[7] - c_x, state[8] - c_y, state[9] - c_z, p, q, r)
-    turning = _line_rotation_rate(_in_body(rows, water.slope_per_s))
+    water_omega = _line_rotation_rate(_in_body(rows, water.slope_per_s))
     f = _forces(
         state,
         rows,
         nu_r,
         water,
         acceleration,
-        turning,
+        water_omega,
         axis,
         rudder_rad,
         elevator_rad,
@@ -223,16 +281,16 @@ def _slope(
         out[7 + i] = (
             W[i, 0] * X + W[i, 1] * Y + W[i, 2] * Z + W[i, 3] * K + W[i, 4] * M + W[i, 5] * N
         )
-    # nu' = nu_r' + d(R^T c)/dt = nu_r' + R^T c' - omega x R^T c (Fossen 2021, sec. 10.3); c' is the
-    # water's own acceleration, not the one met along the body's path (Auton, Hunt and Prud'homme
-    # 1988, J. Fluid Mech. 197).
+    # nu' = nu_r' + d(R^T c)/dt = nu_r' + R^T c' - omega x R^T c (Fossen 2021, sec. 10.3). c' is the
+    # acceleration Dv/Dt of the water itself, not the rate of change seen from the moving body
+    # (Auton, Hunt and Prud'homme 1988, J. Fluid Mech. 197).
     out[7] += acceleration[0] - (q * c_z - r * c_y)
     out[8] += acceleration[1] - (r * c_x - p * c_z)
     out[9] += acceleration[2] - (p * c_y - q * c_x)
-    # A hull of the water's own inertia turns with the line of water it lies in.
-    spinning_up = _line_rotation_rate(_in_body(rows, water.slope_rate_per_s2))
-    out[11] += spinning_up[1]
-    out[12] += spinning_up[2]
+    # A hull of neutral density turns with the line of water in which it lies.
+    water_omega_rate = _line_rotation_rate(_in_body(rows, water.slope_rate_per_s2))
+    out[11] += water_omega_rate[1]
+    out[12] += water_omega_rate[2]
 
 
 @entry_point
@@ -246,16 +304,33 @@ def derivative(
     model: VehicleModel,
     out: Vector,
 ) -> None:
-    """Write d(state)/dt, shape (13,), into ``out``.
+    """Write d(state)/dt into ``out``.
 
-    ``rudder_rad`` and ``elevator_rad`` are true duct angles: positive rudder turns the nose to
-    starboard, positive elevator lifts it. ``propeller_rps`` is in rev/s. ``disturbance``, shape
-    (6,), is an extra wrench on the body in FLU axes about the origin, N and N m.
+    Parameters
+    ----------
+    state : ndarray, shape (13,)
+        Position NWU, quaternion, velocity over ground in FLU; see the module docstring.
+    rudder_rad : float
+        Rudder angle of the duct or fins, rad; positive turns the nose to starboard.
+    elevator_rad : float
+        Elevator angle of the duct or fins, rad; positive turns the nose up.
+    propeller_rps : float
+        Shaft speed, rev/s; negative is astern.
+    disturbance : ndarray, shape (6,)
+        Additional wrench (X, Y, Z, K, M, N) on the body in FLU axes about the origin, N and N m.
+    water : Water
+        Velocity, acceleration, surface and boundaries of the water at the hull, NWU.
+    model : VehicleModel
+        The vehicle, from ``build_model.build``.
+    out : ndarray, shape (13,)
+        Receives the rates, in the order of ``state``.
 
+    Notes
+    -----
     (M_RB + M_A) nu_r' = -C(nu_r) nu_r + hydrostatics + crossflow + hull + tail + boundary +
-    disturbance, in a frame that moves with the water at the hull. Where the water accelerates so
-    does that frame: gravity as felt in it is g - Dv/Dt, and weight and buoyancy turn with it. Exact
-    for uniform water, first order in its change along the hull."""
+    disturbance (Fossen 2021, sec. 10.3; the paper, "Overall Vehicle Modeling"). The equation holds
+    in a frame that moves with the water at the hull; effective gravity there is g - Dv/Dt.
+    """
     axis = duct.ring_axis(model.duct.vectored * rudder_rad, model.duct.vectored * elevator_rad)
     _slope(state, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, out)
 
@@ -272,23 +347,46 @@ def rk4_step(
     model: VehicleModel,
     work: Vector,
 ) -> None:
-    """Advance ``state`` in place by ``dt`` seconds, inputs held; classical Runge-Kutta of order
-    four.
+    """Advance ``state`` in place by one Runge-Kutta step of order four with constant inputs.
 
-    Arguments as for ``derivative``; ``work`` is a ``work_array()``. The step ends by normalising
-    the quaternion."""
+    Parameters
+    ----------
+    state : ndarray, shape (13,)
+        Position NWU, quaternion, velocity over ground in FLU; overwritten with the new state.
+    rudder_rad : float
+        Rudder angle of the duct or fins, rad; positive turns the nose to starboard.
+    elevator_rad : float
+        Elevator angle of the duct or fins, rad; positive turns the nose up.
+    propeller_rps : float
+        Shaft speed, rev/s; negative is astern.
+    disturbance : ndarray, shape (6,)
+        Additional wrench (X, Y, Z, K, M, N) on the body in FLU axes about the origin, N and N m.
+    water : Water
+        Velocity, acceleration, surface and boundaries of the water at the hull, NWU.
+    dt : float
+        Step, s.
+    model : VehicleModel
+        The vehicle, from ``build_model.build``.
+    work : ndarray, shape (5, 13)
+        Scratch space from ``work_array``.
+
+    Notes
+    -----
+    Classical scheme: x(t + dt) = x + dt/6 (k1 + 2 k2 + 2 k3 + k4). The quaternion is normalised at
+    the end of the step.
+    """
     axis = duct.ring_axis(model.duct.vectored * rudder_rad, model.duct.vectored * elevator_rad)
-    k1, k2, k3, k4, between = work[0], work[1], work[2], work[3], work[4]
+    k1, k2, k3, k4, midpoint = work[0], work[1], work[2], work[3], work[4]
     _slope(state, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k1)
     for i in range(STATE_SIZE):
-        between[i] = state[i] + 0.5 * dt * k1[i]
-    _slope(between, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k2)
+        midpoint[i] = state[i] + 0.5 * dt * k1[i]
+    _slope(midpoint, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k2)
     for i in range(STATE_SIZE):
-        between[i] = state[i] + 0.5 * dt * k2[i]
-    _slope(between, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k3)
+        midpoint[i] = state[i] + 0.5 * dt * k2[i]
+    _slope(midpoint, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k3)
     for i in range(STATE_SIZE):
-        between[i] = state[i] + dt * k3[i]
-    _slope(between, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k4)
+        midpoint[i] = state[i] + dt * k3[i]
+    _slope(midpoint, axis, rudder_rad, elevator_rad, propeller_rps, disturbance, water, model, k4)
     for i in range(STATE_SIZE):
         state[i] += dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
     norm = sqrt(
@@ -300,8 +398,23 @@ def rk4_step(
 
 @entry_point
 def specific_force(state: Vector, rate: Vector, model: VehicleModel) -> Vector3:
-    """What an accelerometer at the origin reads, FLU axes, m/s2: v' + omega x v - g, ``rate`` from
-    ``derivative``."""
+    """Return the reading of an ideal accelerometer at the origin.
+
+    Parameters
+    ----------
+    state : ndarray, shape (13,)
+        Position NWU, quaternion, velocity over ground in FLU.
+    rate : ndarray, shape (13,)
+        d(state)/dt from ``derivative``.
+    model : VehicleModel
+        Only its gravity is used.
+
+    Returns
+    -------
+    tuple of 3 floats
+        Specific force v' + omega x v - g in FLU axes, m/s2; (0, 0, +9.81) in a level vehicle at
+        rest.
+    """
     _, _, up = rotation(state)
     u, v, w, p, q, r = state[7], state[8], state[9], state[10], state[11], state[12]
     g = model.hydrostatics.gravity_mps2

@@ -1,5 +1,4 @@
-"""A vehicle file with nothing left out: every number with its unit in the key and its formula and
-source beside it."""
+"""Write a complete vehicle file: every key with its unit, and a comment with formula and source."""
 
 from __future__ import annotations
 
@@ -17,11 +16,24 @@ HEAD = """\
 # one and its comment by where it comes from.
 # Axes: x forward, y port, z up, origin on the hull axis at mid-length.
 """
+"""Comment at the top of the file."""
 DIGITS = 9
+"""Significant digits of a number."""
 
 
 def write(vehicle: Completed) -> str:
-    """The text of the file."""
+    """Return a completed vehicle file as TOML text.
+
+    Parameters
+    ----------
+    vehicle : Completed
+        Tables with all keys, and the derivation of each derived key.
+
+    Returns
+    -------
+    str
+        TOML text; a comment beside each key has its formula, inputs and source.
+    """
     tables = vehicle.tables
     lines = [HEAD.format(name=tables["name"]), f"name = {_value(tables['name'])}"]
     if "effective" in tables:
@@ -34,23 +46,25 @@ def write(vehicle: Completed) -> str:
 
 
 def _table(name: str, table: dict[str, Any], steps: dict[tuple[str, str], Derivation]) -> list[str]:
-    written = {key: f"{key} = {_value(value)}" for key, value in table.items()}
-    width = min(44, max(len(line) for line in written.values()))
+    """Return the lines of one table, with aligned comments."""
+    assignments = {key: f"{key} = {_value(value)}" for key, value in table.items()}
+    width = min(44, max(len(line) for line in assignments.values()))
     return [
-        f"{line:{width}}  # {_comment(steps.get((name, key)))}" for key, line in written.items()
+        f"{line:{width}}  # {_comment(steps.get((name, key)))}" for key, line in assignments.items()
     ]
 
 
 def _comment(step: Derivation | None) -> str:
+    """Return the comment of a key: its derivation, or "given"."""
     if step is None:
         return "given"
     constant = step.formula.replace(".", "").isdigit()
-    told = ["" if constant else step.formula, step.inputs, step.source]
-    return "; ".join(part for part in told if part)
+    parts = ["" if constant else step.formula, step.inputs, step.source]
+    return "; ".join(part for part in parts if part)
 
 
 def _value(value: Any) -> str:
-    """A TOML literal."""
+    """Return a TOML literal."""
     if isinstance(value, float):
         digits = f"{value:.{DIGITS}g}"
         return digits if any(mark in digits for mark in ".e") else f"{digits}.0"

@@ -1,7 +1,6 @@
-"""The tables of a vehicle file. Keys carry their units; an unknown or impossible value is refused
-by name.
+"""Tables of a vehicle file. Keys carry their units; errors name the unknown or impossible value.
 
-Axes are body x forward, y port, z up, from the hull's axis at mid-length.
+Axes are body x forward, y port, z up, with the origin on the hull axis at mid-length.
 """
 
 from __future__ import annotations
@@ -19,39 +18,46 @@ FullFraction = Annotated[float, Meta(gt=0, le=1)]
 
 
 class VehicleFileError(ValueError):
-    """A vehicle file that cannot be used; the message is one line naming file, key, value and what
-    would be right."""
+    """Invalid vehicle file; the message is one line with file, key, value and what is expected."""
 
 
 class VehicleTable(Struct, frozen=True, forbid_unknown_fields=True):
-    """A TOML table whose every key is known."""
+    """TOML table that accepts only known keys."""
 
 
 class WaterProperties(VehicleTable, frozen=True):
+    """Water in which the vehicle was ballasted."""
+
     density_kgpm3: Positive
     gravity_mps2: Positive
 
 
 class HullShape(VehicleTable, frozen=True, tag_field="shape"):
-    """What every hull has: a body of revolution, cut at its widest section for a cylindrical
-    payload section."""
+    """Body of revolution, with an optional cylindrical payload section at its widest section."""
 
 
 class Series58(HullShape, frozen=True, tag="series58"):
     """Series 58 body of revolution (Gertler 1950)."""
 
     base_length_m: Positive
+    """Length without the parallel mid-body."""
     diameter_m: Positive
     midbody_length_m: NonNegative
     nose_radius: Positive
+    """Nose radius times l/D^2, dimensionless."""
     tail_radius: NonNegative
+    """Tail radius times l/D^2, dimensionless."""
     prismatic: Fraction
+    """Prismatic coefficient: volume over that of the enclosing cylinder."""
     max_section: Fraction
+    """Position of the largest section, as a fraction of the base length from the nose."""
 
 
 class Myring(HullShape, frozen=True, tag="myring"):
-    """Myring (1976) body: rounded nose, cylinder, pointed tail; the offsets cut off the tips of
-    nose and tail."""
+    """Myring (1976) body: rounded nose, cylinder, pointed tail.
+
+    The offsets cut off the tips of nose and tail.
+    """
 
     nose_length_m: Positive
     mid_length_m: NonNegative
@@ -65,19 +71,20 @@ class Myring(HullShape, frozen=True, tag="myring"):
 
 
 class Cylinder(HullShape, frozen=True, tag="cylinder"):
-    """Cylinder with half-ellipsoid caps; ``length_m`` is overall, a cap as long as the radius is a
-    hemisphere."""
+    """Cylinder with half-ellipsoid caps; a cap as long as the radius is a hemisphere."""
 
     length_m: Positive
+    """Overall length with caps."""
     diameter_m: Positive
     nose_cap_m: NonNegative | None = None
-    """Length of the cap; left out, a hemisphere; 0, flat."""
+    """Length of the nose cap; default is a hemisphere, 0 is flat."""
     tail_cap_m: NonNegative | None = None
+    """Length of the tail cap; default is a hemisphere, 0 is flat."""
     midbody_length_m: NonNegative = 0.0
 
 
 class ProfileHull(HullShape, frozen=True, tag="profile"):
-    """Radius over distance from the nose, straight between the points."""
+    """Hull given by points of its profile, with straight lines between the points."""
 
     points_m: Annotated[tuple[tuple[NonNegative, NonNegative], ...], Meta(min_length=3)]
     """(distance from the nose, radius) in m, nose first."""
@@ -85,7 +92,7 @@ class ProfileHull(HullShape, frozen=True, tag="profile"):
 
     @property
     def diameter_m(self) -> float:
-        """At the widest point."""
+        """Return the diameter at the widest point, m."""
         return 2 * max(radius for _, radius in self.points_m)
 
 
@@ -93,10 +100,14 @@ HullGeometry = Series58 | Myring | Cylinder | ProfileHull
 
 
 class Ballast(VehicleTable, frozen=True):
-    """Mass and where it sits; positions in FLU axes from mid-length."""
+    """Mass, net buoyancy and their centres; positions in FLU axes from mid-length.
+
+    ``cm`` is the centre of mass, ``cb`` the centre of buoyancy; z of ``cm`` is ``linear.z_CM_m``.
+    """
 
     mass_kg: Positive
     net_buoyancy_n: float
+    """Buoyancy minus weight, positive upwards."""
     x_cm_m: float
     y_cm_m: float
     x_cb_m: float
@@ -104,16 +115,20 @@ class Ballast(VehicleTable, frozen=True):
 
 
 class OperatingPoint(VehicleTable, frozen=True):
-    """Where ``linear`` holds."""
+    """Steady motion at which the ``linear`` table is valid."""
 
     speed_mps: Positive
     thrust_fraction: FullFraction
+    """Thrust command, 0 to 1."""
     thrust_n: Positive
+    """Thrust, which equals the drag."""
 
 
 class Coefficients(VehicleTable, frozen=True):
-    """Linear model at the operating point in the paper's axes: Table 1's column, under its own
-    symbols."""
+    """Linear model at the operating point: Table 1's column with its symbols, in the paper's axes.
+
+    ``linearise`` has the equations. ``dr`` and ``de`` are rudder and elevator angle.
+    """
 
     Y_v_kgps: float
     N_v_kgmps: float
@@ -137,7 +152,10 @@ class Coefficients(VehicleTable, frozen=True):
 
 
 class DuctGeometry(VehicleTable, frozen=True):
+    """Ring duct at the tail; ``wing`` has the equations of lift and drag."""
+
     x_m: Negative
+    """Position forward of mid-length."""
     diameter_m: Positive
     chord_m: Positive
     lift_slope_per_rad: Positive
@@ -148,16 +166,16 @@ class DuctGeometry(VehicleTable, frozen=True):
     separated_deg: Annotated[float, Meta(gt=0, lt=90)]
     separated_normal: NonNegative
     vectored: bool = True
-    """Whether ring and thrust turn with the commands; a fixed nozzle does not."""
+    """True if ring and thrust turn with the commands, false for a fixed nozzle."""
 
     @property
     def aspect_ratio(self) -> float:
-        """Diameter over chord."""
+        """Return diameter over chord."""
         return self.diameter_m / self.chord_m
 
     @property
     def area_m2(self) -> float:
-        """Effective area, diameter times chord (the paper's A_eff)."""
+        """Return the effective area, diameter times chord (the paper's A_eff), m2."""
         return self.diameter_m * self.chord_m
 
 
@@ -166,13 +184,13 @@ class FinGeometry(VehicleTable, frozen=True):
 
     layout: Literal["cruciform", "x"]
     x_m: Negative
-    """Of the quarter chord, which the fins turn about."""
+    """Position of the quarter chord, about which the fins turn, forward of mid-length."""
     span_m: Positive
-    """Of one fin, from hull to tip."""
+    """Span of one fin, from hull to tip."""
     root_chord_m: Positive
     tip_chord_m: Positive
     hull_radius_m: NonNegative
-    """Of the hull where the fins stand."""
+    """Radius of the hull at the fins."""
     lift_slope_per_rad: Positive
     lift_quadratic_per_rad2: NonNegative
     drag_zero_lift: NonNegative
@@ -183,37 +201,37 @@ class FinGeometry(VehicleTable, frozen=True):
 
     @property
     def area_m2(self) -> float:
-        """Planform of one fin."""
+        """Return the planform area of one fin, m2."""
         return self.span_m * (self.root_chord_m + self.tip_chord_m) / 2
 
     @property
     def aspect_ratio(self) -> float:
-        """Effective: the hull mirrors the fin and so doubles its span."""
+        """Return the effective aspect ratio, with twice the span: the hull mirrors the fin."""
         return 2 * self.span_m**2 / self.area_m2
 
     @property
     def command_gain(self) -> float:
-        """Turn of the fins that steer a plane, over its command: a full command turns a fin to its
-        full travel.
+        """Return the fin angle per rudder or elevator angle.
 
-        Upright, two fins obey each command; diagonal, all four obey both, and their sum ends at the
-        travel."""
+        In the cruciform layout two fins follow each command. In the X layout all four fins follow
+        both commands, and the sum is limited to the travel.
+        """
         return 1.0 if self.layout == "cruciform" else sqrt(2.0)
 
     @property
     def tip_radius_m(self) -> float:
-        """Distance of the tips from the axis."""
+        """Return the distance of the tips from the hull axis, m."""
         return self.hull_radius_m + self.span_m
 
     @property
     def centre_radius_m(self) -> float:
-        """Distance of a fin's centre of area from the axis."""
+        """Return the distance of a fin's centre of area from the hull axis, m."""
         taper = (self.root_chord_m + 2 * self.tip_chord_m) / (self.root_chord_m + self.tip_chord_m)
         return self.hull_radius_m + self.span_m * taper / 3
 
 
 class PropellerCurve(VehicleTable, frozen=True):
-    """K_T = kt_bollard - kt_slope J, with J on the inflow after the wake."""
+    """Thrust coefficient K_T = kt_bollard - kt_slope J, with J from the inflow behind the hull."""
 
     diameter_m: Positive
     kt_bollard: Positive
@@ -222,13 +240,16 @@ class PropellerCurve(VehicleTable, frozen=True):
 
 
 class Damping(VehicleTable, frozen=True):
+    """Crossflow drag and roll damping."""
+
     crossflow_cd: NonNegative
+    """Drag coefficient of a hull section in crossflow, on its diameter."""
     roll_linear_nms: NonNegative
     roll_quadratic_nms2: NonNegative
 
 
 class Tailcone(VehicleTable, frozen=True):
-    """Actuator of the duct, alike in rudder and elevator but for the bias."""
+    """Actuator of rudder and elevator; both are equal except for the bias."""
 
     natural_frequency_radps: Positive
     damping_ratio: Positive
@@ -238,28 +259,27 @@ class Tailcone(VehicleTable, frozen=True):
     rudder_bias_deg: float
     elevator_bias_deg: float
     step_deg: NonNegative = 0.0
-    """Of the duct for a step of the motor; 0 turns smoothly."""
+    """Duct angle per motor step; 0 is continuous."""
     backlash_deg: NonNegative = 0.0
-    """Play between motor and duct, from flank to flank."""
+    """Backlash between motor and duct, full width."""
     lost_step_chance: Annotated[float, Meta(ge=0, lt=1)] = 0.0
-    """Of each step, while the motor turns faster than ``lost_step_above_degps``."""
+    """Probability that a motor step is lost at a rate above ``lost_step_above_degps``."""
     lost_step_above_degps: NonNegative = 0.0
+    """Duct rate above which motor steps can be lost."""
 
 
 class Power(VehicleTable, frozen=True):
-    """What empties the battery."""
+    """Consumers of the battery."""
 
     hotel_w: NonNegative = 60.0
-    """Computers, instruments and radio, whatever the propeller does; typical of a vehicle of this
-    size."""
+    """Constant power of computers, instruments and radio; typical of a vehicle of this size."""
     drive_efficiency: FullFraction = 0.45
     """Thrust times speed over electric power at the operating point; typical of propeller, motor
     and drive together."""
 
 
 class Instruments(VehicleTable, frozen=True):
-    """What the vehicle carries of each kind: a name of the simulator's catalogue of data sheets, or
-    "none"."""
+    """Installed instrument of each kind: a name from the simulator's catalogue, or "none"."""
 
     imu: str = "mti-300"
     magnetometer: str = "mti-300"
@@ -273,7 +293,7 @@ class Instruments(VehicleTable, frozen=True):
 
 
 class VehicleConfig(VehicleTable, frozen=True):
-    """One vehicle, nothing left out. It steers by duct, by fins, or by both."""
+    """Complete vehicle file. The vehicle steers by duct, by fins, or by both."""
 
     name: Annotated[str, Meta(min_length=1)]
     water: WaterProperties
@@ -287,7 +307,6 @@ class VehicleConfig(VehicleTable, frozen=True):
     duct: DuctGeometry | None = None
     fins: FinGeometry | None = None
     effective: bool = False
-    """The coefficients were identified as they act together, and need not each be possible by
-    itself."""
+    """True if the coefficients were identified together and need not be physical one by one."""
     power: Power = Power()
     instruments: Instruments = Instruments()

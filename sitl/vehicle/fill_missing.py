@@ -1,8 +1,9 @@
-"""What a vehicle file leaves out, derived from what it gives: every number with its formula, inputs
-and source.
+"""Derive the keys that a vehicle file omits from those that it gives.
 
-A key that the file gives is never touched, so each may be replaced by a better one from a tank or
-from the sea."""
+Every derived number carries its formula, inputs and source. A key that the file gives is never
+changed, so a measured value replaces the derived one. Axes: x forward, y port, z up, origin on the
+hull axis at mid-length.
+"""
 
 from __future__ import annotations
 
@@ -23,26 +24,27 @@ from sitl.vehicle.slender_body import Derivation, Flow, Tail
 Tables = dict[str, Any]
 
 COEFFICIENT_KEYS = {name.rpartition("_")[0]: name for name in Coefficients.__struct_fields__}
-"""Key in the ``linear`` table by the symbol."""
+"""Key in the ``linear`` table by symbol."""
 
 
 class Completed(NamedTuple):
-    """A vehicle file with nothing left out."""
+    """Tables of a vehicle file with all keys filled in."""
 
     tables: Tables
+    """Tables as in the TOML file, all keys present."""
     steps: dict[tuple[str, str], Derivation]
-    """What was derived, by table and key."""
+    """Derivation of each key that the file omits, by (table, key)."""
 
 
 class _Draft(NamedTuple):
-    """A vehicle on its way to being complete."""
+    """Vehicle file during completion."""
 
     tables: Tables
     steps: dict[tuple[str, str], Derivation]
     hull: HullGeometry
 
     def fill(self, name: str, derived: Iterable[Derivation]) -> SimpleNamespace:
-        """The table ``name`` after the steps that it needs; each step may use those before it."""
+        """Add the missing keys of table ``name`` and return the table as a namespace."""
         table = self.tables.setdefault(name, {})
         for step in derived:
             if step.symbol not in table:
@@ -52,8 +54,10 @@ class _Draft(NamedTuple):
 
 
 def complete(given: Tables, shape: HullGeometry) -> Completed:
-    """``given`` with every missing number filled in; the tables come checked, ``shape`` is their
-    hull."""
+    """Return the tables with all missing keys derived.
+
+    ``given`` are validated tables of a vehicle file; ``shape`` is their hull.
+    """
     tables = {
         name: dict(value) if isinstance(value, dict) else value for name, value in given.items()
     }
@@ -71,39 +75,58 @@ def complete(given: Tables, shape: HullGeometry) -> Completed:
 
 
 def _water() -> list[Derivation]:
+    """Return density and gravity."""
     return [
-        Derivation("density_kgpm3", "kg/m3", "1025", "", 1025.0, "sea water"),
-        Derivation("gravity_mps2", "m/s2", "9.80665", "", 9.80665, "standard"),
+        Derivation(
+            symbol="density_kgpm3",
+            unit="kg/m3",
+            formula="1025",
+            inputs="",
+            value=1025.0,
+            source="sea water",
+        ),
+        Derivation(
+            symbol="gravity_mps2",
+            unit="m/s2",
+            formula="9.80665",
+            inputs="",
+            value=9.80665,
+            source="standard",
+        ),
     ]
 
 
 NET_BUOYANCY = 0.005
-"""Of the displacement: enough to come up by itself. Caribou's 22 N is 0.35 %, a REMUS 100's 3.3 N
-is 1.1 %."""
+"""Net buoyancy over displacement, enough to surface without propulsion.
+
+Caribou has 22 N or 0.35 %, a REMUS 100 has 3.3 N or 1.1 %."""
 
 
 def _ballast(draft: _Draft, water: Any) -> SimpleNamespace:
-    """Mass from displacement and net buoyancy, or net buoyancy from the mass."""
-    whole, size = hull.integrals(draft.hull), slender_body.size(draft.hull)
-    displaced, given = water.density_kgpm3 * whole.volume_m3, draft.tables.get("ballast", {})
+    """Return the ballast: mass from displacement and net buoyancy, or net buoyancy from mass."""
+    hull_integrals, size = hull.integrals(draft.hull), slender_body.size(draft.hull)
+    displaced, given = (
+        water.density_kgpm3 * hull_integrals.volume_m3,
+        draft.tables.get("ballast", {}),
+    )
     g = water.gravity_mps2
     net = (
         Derivation(
-            "net_buoyancy_n",
-            "N",
-            "g (rho int pi R^2 dx - m)",
-            f"{size}, m {given['mass_kg']:.4g} kg",
-            g * (displaced - given["mass_kg"]),
-            "Archimedes",
+            symbol="net_buoyancy_n",
+            unit="N",
+            formula="g (rho int pi R^2 dx - m)",
+            inputs=f"{size}, m {given['mass_kg']:.4g} kg",
+            value=g * (displaced - given["mass_kg"]),
+            source="Archimedes",
         )
         if "mass_kg" in given
         else Derivation(
-            "net_buoyancy_n",
-            "N",
-            "0.005 rho g V",
-            size,
-            NET_BUOYANCY * displaced * g,
-            "assumed: enough to surface by itself",
+            symbol="net_buoyancy_n",
+            unit="N",
+            formula="0.005 rho g V",
+            inputs=size,
+            value=NET_BUOYANCY * displaced * g,
+            source="assumed: enough to surface by itself",
         )
     )
     ballast = draft.fill("ballast", [net])
@@ -111,42 +134,67 @@ def _ballast(draft: _Draft, water: Any) -> SimpleNamespace:
         "ballast",
         [
             Derivation(
-                "mass_kg",
-                "kg",
-                "rho int pi R^2 dx - B_net/g",
-                f"{size}, B_net {ballast.net_buoyancy_n:.4g} N",
-                displaced - ballast.net_buoyancy_n / g,
-                "Archimedes, water inside the hull counted",
+                symbol="mass_kg",
+                unit="kg",
+                formula="rho int pi R^2 dx - B_net/g",
+                inputs=f"{size}, B_net {ballast.net_buoyancy_n:.4g} N",
+                value=displaced - ballast.net_buoyancy_n / g,
+                source="Archimedes, water inside the hull counted",
             ),
-            *_centres(given, whole.centroid_m, size),
+            *_centres(given, hull_integrals.centroid_m, size),
         ],
     )
 
 
 def _centres(given: Tables, centroid_m: float, size: str) -> list[Derivation]:
+    """Return the centres of buoyancy and mass; the default is level trim."""
     x_cb = given.get("x_cb_m", centroid_m)
     return [
-        Derivation("x_cb_m", "m", "int pi R^2 x dx / V", size, centroid_m, "centroid of the hull"),
-        Derivation("z_cb_m", "m", "0", "", 0.0, "on the axis: a body of revolution"),
-        Derivation("x_cm_m", "m", "x_cb", f"x_cb {x_cb:.4g} m", x_cb, "ballasted level"),
-        Derivation("y_cm_m", "m", "0", "", 0.0, "symmetry"),
+        Derivation(
+            symbol="x_cb_m",
+            unit="m",
+            formula="int pi R^2 x dx / V",
+            inputs=size,
+            value=centroid_m,
+            source="centroid of the hull",
+        ),
+        Derivation(
+            symbol="z_cb_m",
+            unit="m",
+            formula="0",
+            inputs="",
+            value=0.0,
+            source="on the axis: a body of revolution",
+        ),
+        Derivation(
+            symbol="x_cm_m",
+            unit="m",
+            formula="x_cb",
+            inputs=f"x_cb {x_cb:.4g} m",
+            value=x_cb,
+            source="ballasted level",
+        ),
+        Derivation(symbol="y_cm_m", unit="m", formula="0", inputs="", value=0.0, source="symmetry"),
     ]
 
 
 STALL = (
     Derivation(
-        "stall_deg",
-        "deg",
-        "20",
-        "",
-        20.0,
-        "assumed; low aspect ratios stall late (Whicker and Fehlner 1958)",
+        symbol="stall_deg",
+        unit="deg",
+        formula="20",
+        inputs="",
+        value=20.0,
+        source="assumed; low aspect ratios stall late (Whicker and Fehlner 1958)",
     ),
-    Derivation("separated_deg", "deg", "30", "", 30.0, "assumed"),
+    Derivation(
+        symbol="separated_deg", unit="deg", formula="30", inputs="", value=30.0, source="assumed"
+    ),
 )
 
 
 def _duct(draft: _Draft) -> DuctGeometry:
+    """Fill the table ``duct`` from diameter and chord."""
     tail_m = -hull.length_m(draft.hull) / 2
     given = draft.tables["duct"]
     aspect = given["diameter_m"] / given["chord_m"]
@@ -155,29 +203,53 @@ def _duct(draft: _Draft) -> DuctGeometry:
         "duct",
         [
             Derivation(
-                "x_m", "m", "-l/2", slender_body.size(draft.hull), tail_m, "tail end of the hull"
+                symbol="x_m",
+                unit="m",
+                formula="-l/2",
+                inputs=slender_body.size(draft.hull),
+                value=tail_m,
+                source="tail end of the hull",
             ),
             Derivation(
-                "lift_slope_per_rad",
-                "1/rad",
-                "2 pi r/(1 + 2/sAR + 16/(pi (sAR)^2) ln(1 + pi e^(-9/8) sAR))",
-                f"AR {aspect:.4g}",
-                slope,
-                "ring wing, van Dyke's form (the paper)",
+                symbol="lift_slope_per_rad",
+                unit="1/rad",
+                formula="2 pi r/(1 + 2/sAR + 16/(pi (sAR)^2) ln(1 + pi e^(-9/8) sAR))",
+                inputs=f"AR {aspect:.4g}",
+                value=slope,
+                source="ring wing, van Dyke's form (the paper)",
             ),
             Derivation(
-                "lift_quadratic_per_rad2", "1/rad2", "0.81", "", 0.81, "C_Dc of the paper's ring"
+                symbol="lift_quadratic_per_rad2",
+                unit="1/rad2",
+                formula="0.81",
+                inputs="",
+                value=0.81,
+                source="C_Dc of the paper's ring",
             ),
-            Derivation("drag_zero_lift", "-", "0.010", "", 0.010, "C_do of the paper's ring"),
-            Derivation("oswald", "-", "0.90", "", 0.90, "e of the paper's ring"),
+            Derivation(
+                symbol="drag_zero_lift",
+                unit="-",
+                formula="0.010",
+                inputs="",
+                value=0.010,
+                source="C_do of the paper's ring",
+            ),
+            Derivation(
+                symbol="oswald",
+                unit="-",
+                formula="0.90",
+                inputs="",
+                value=0.90,
+                source="e of the paper's ring",
+            ),
             *STALL,
             Derivation(
-                "separated_normal",
-                "-",
-                "1.8",
-                "",
-                1.8,
-                "assumed: two walls broadside, each 0.9 (Hoerner 1965, ch. 3)",
+                symbol="separated_normal",
+                unit="-",
+                formula="1.8",
+                inputs="",
+                value=1.8,
+                source="assumed: two walls broadside, each 0.9 (Hoerner 1965, ch. 3)",
             ),
         ],
     )
@@ -185,25 +257,32 @@ def _duct(draft: _Draft) -> DuctGeometry:
 
 
 FINS_AT = 0.08
-"""Quarter chord forward of the tail end, in hull lengths; a REMUS 100's stand at 0.05, SUBOFF's at
-0.09."""
+"""Distance of the fins' quarter chord forward of the tail end, in hull lengths.
+
+It is 0.05 for a REMUS 100 and 0.09 for SUBOFF."""
 
 
 def _fins(draft: _Draft) -> FinGeometry:
+    """Fill the table ``fins`` from span and root chord."""
     given, length = draft.tables["fins"], hull.length_m(draft.hull)
     fins = draft.fill(
         "fins",
         [
             Derivation(
-                "x_m",
-                "m",
-                "0.08 l - l/2",
-                slender_body.size(draft.hull),
-                (FINS_AT - 0.5) * length,
-                "assumed place",
+                symbol="x_m",
+                unit="m",
+                formula="0.08 l - l/2",
+                inputs=slender_body.size(draft.hull),
+                value=(FINS_AT - 0.5) * length,
+                source="assumed place",
             ),
             Derivation(
-                "tip_chord_m", "m", "root chord", "", given["root_chord_m"], "assumed untapered"
+                symbol="tip_chord_m",
+                unit="m",
+                formula="root chord",
+                inputs="",
+                value=given["root_chord_m"],
+                source="assumed untapered",
             ),
         ],
     )
@@ -212,7 +291,12 @@ def _fins(draft: _Draft) -> FinGeometry:
         "fins",
         [
             Derivation(
-                "hull_radius_m", "m", "R(x)", f"x {fins.x_m:.4g} m", radius, "profile of the hull"
+                symbol="hull_radius_m",
+                unit="m",
+                formula="R(x)",
+                inputs=f"x {fins.x_m:.4g} m",
+                value=radius,
+                source="profile of the hull",
             )
         ],
     )
@@ -222,38 +306,45 @@ def _fins(draft: _Draft) -> FinGeometry:
         "fins",
         [
             Derivation(
-                "lift_slope_per_rad",
-                "1/rad",
-                "0.9 2 pi AR_e/(sqrt(AR_e^2 + 4) + 1.8)",
-                inputs,
-                empirical.fin_lift_slope_per_rad(aspect),
-                "Whicker and Fehlner 1958; downwash of the hull left out",
+                symbol="lift_slope_per_rad",
+                unit="1/rad",
+                formula="0.9 2 pi AR_e/(sqrt(AR_e^2 + 4) + 1.8)",
+                inputs=inputs,
+                value=empirical.fin_lift_slope_per_rad(aspect),
+                source="Whicker and Fehlner 1958; downwash of the hull left out",
             ),
             Derivation(
-                "lift_quadratic_per_rad2",
-                "1/rad2",
-                "0.8/AR_e",
-                inputs,
-                empirical.fin_crossflow_per_rad2(aspect),
-                "Whicker and Fehlner 1958, squared tips",
+                symbol="lift_quadratic_per_rad2",
+                unit="1/rad2",
+                formula="0.8/AR_e",
+                inputs=inputs,
+                value=empirical.fin_crossflow_per_rad2(aspect),
+                source="Whicker and Fehlner 1958, squared tips",
             ),
             Derivation(
-                "drag_zero_lift",
-                "-",
-                "0.010",
-                "",
-                0.010,
-                "assumed: NACA 0012 to 0015 has 0.0065 smooth",
+                symbol="drag_zero_lift",
+                unit="-",
+                formula="0.010",
+                inputs="",
+                value=0.010,
+                source="assumed: NACA 0012 to 0015 has 0.0065 smooth",
             ),
-            Derivation("oswald", "-", "0.90", "", 0.90, "Whicker and Fehlner 1958"),
+            Derivation(
+                symbol="oswald",
+                unit="-",
+                formula="0.90",
+                inputs="",
+                value=0.90,
+                source="Whicker and Fehlner 1958",
+            ),
             *STALL,
             Derivation(
-                "separated_normal",
-                "-",
-                "1.2",
-                "",
-                1.2,
-                "flat plate broadside (Hoerner 1965, ch. 3)",
+                symbol="separated_normal",
+                unit="-",
+                formula="1.2",
+                inputs="",
+                value=1.2,
+                source="flat plate broadside (Hoerner 1965, ch. 3)",
             ),
         ],
     )
@@ -263,23 +354,32 @@ def _fins(draft: _Draft) -> FinGeometry:
 def _operating_point(
     draft: _Draft, water: Any, ring: DuctGeometry | None, fins: FinGeometry | None
 ) -> SimpleNamespace:
-    """Thrust is drag: friction of the hull with form and roughness, and the tail's own."""
+    """Fill the operating point; thrust equals the drag of hull and tail."""
+    # T = 1/2 rho U^2 (ROUGHNESS C_f form S + sum C_do A): S wetted area, C_f ITTC 1957 line, form
+    # factor of Hoerner 1965.
     point = draft.fill(
         "operating_point",
         [
-            Derivation("speed_mps", "m/s", "1.5", "", 1.5, "assumed cruise"),
             Derivation(
-                "thrust_fraction",
-                "-",
-                "0.6",
-                "",
-                0.6,
-                "assumed: top speed is about 1.6 times cruise",
+                symbol="speed_mps",
+                unit="m/s",
+                formula="1.5",
+                inputs="",
+                value=1.5,
+                source="assumed cruise",
+            ),
+            Derivation(
+                symbol="thrust_fraction",
+                unit="-",
+                formula="0.6",
+                inputs="",
+                value=0.6,
+                source="assumed: top speed is about 1.6 times cruise",
             ),
         ],
     )
-    length, whole = hull.length_m(draft.hull), hull.integrals(draft.hull)
-    pressure, wetted = water.density_kgpm3 / 2 * point.speed_mps**2, pi * whole.planform_m2
+    length, hull_integrals = hull.length_m(draft.hull), hull.integrals(draft.hull)
+    pressure, wetted = water.density_kgpm3 / 2 * point.speed_mps**2, pi * hull_integrals.planform_m2
     friction = empirical.friction_coefficient(point.speed_mps, length)
     form = empirical.form_factor(length / draft.hull.diameter_m)
     tail = sum(
@@ -295,19 +395,22 @@ def _operating_point(
         "operating_point",
         [
             Derivation(
-                "thrust_n",
-                "N",
-                "1/2 rho U^2 (2 C_f form S + C_D A)",
-                inputs,
-                pressure * (empirical.ROUGHNESS * friction * form * wetted + tail),
-                "ITTC 1957 line, Hoerner 1965 form factor; twice for holes, joints and instruments",
+                symbol="thrust_n",
+                unit="N",
+                formula="1/2 rho U^2 (2 C_f form S + C_D A)",
+                inputs=inputs,
+                value=pressure * (empirical.ROUGHNESS * friction * form * wetted + tail),
+                source=(
+                    "ITTC 1957 line, Hoerner 1965 form factor; twice for holes, joints and"
+                    " instruments"
+                ),
             ),
         ],
     )
 
 
 CM_BELOW = 0.05
-"""Centre of mass below the axis, in diameters; Caribou's 0.04, a REMUS 100's 0.10."""
+"""Centre of mass below the centre of buoyancy, in diameters; Caribou 0.04, REMUS 100 0.10."""
 
 
 def _linear(
@@ -318,23 +421,24 @@ def _linear(
     ring: DuctGeometry | None,
     fins: FinGeometry | None,
 ) -> SimpleNamespace:
-    """Table 1's column: added mass, inertia, hull and tail, and the pitch plane as the yaw plane
-    turned."""
+    """Fill Table 1's column; the pitch plane is the yaw plane rotated about x."""
     shape, rho = draft.hull, water.density_kgpm3
     length, diameter = hull.length_m(shape), shape.diameter_m
     X_udot, Y_vdot, N_rdot = slender_body.added_mass(shape, fins, rho)
     flow = Flow(
-        point.speed_mps,
-        rho,
-        length,
-        diameter,
-        X_udot.value,
-        empirical.hull_lift_slope_per_rad(),
-        slender_body.hull_moment_per_rad(length, diameter, rho, X_udot.value - Y_vdot.value),
-        empirical.HULL_LIFT_AT * length,
-        _tails(ring, fins, point.thrust_n, rho),
-        "Hoerner and Borst 1975, ch. 19",
-        "Munk moment, and hull lift at 0.65 l from the nose",
+        speed_mps=point.speed_mps,
+        density_kgpm3=rho,
+        length_m=length,
+        diameter_m=diameter,
+        X_udot_kg=X_udot.value,
+        lift_per_rad=empirical.hull_lift_slope_per_rad(),
+        moment_per_rad=slender_body.hull_moment_per_rad(
+            length, diameter, rho, X_udot.value - Y_vdot.value
+        ),
+        lift_at_m=empirical.HULL_LIFT_AT * length,
+        tails=_tails(ring, fins, point.thrust_n, rho),
+        hull_source="Hoerner and Borst 1975, ch. 19",
+        moment_source="Munk moment, and hull lift at 0.65 l from the nose",
     )
     yaw = [
         *slender_body.yaw_plane(flow),
@@ -343,12 +447,12 @@ def _linear(
         N_rdot,
     ]
     z_cm = Derivation(
-        "z_CM",
-        "m",
-        "z_cb - 0.05 d",
-        f"d {diameter:.4g} m",
-        ballast.z_cb_m - CM_BELOW * diameter,
-        "assumed",
+        symbol="z_CM",
+        unit="m",
+        formula="z_cb - 0.05 d",
+        inputs=f"d {diameter:.4g} m",
+        value=ballast.z_cb_m - CM_BELOW * diameter,
+        source="assumed",
     )
     steps = {step.symbol: step for step in [*yaw, *slender_body.pitch_twins(yaw), z_cm]}
     return draft.fill(
@@ -359,85 +463,121 @@ def _linear(
 def _tails(
     ring: DuctGeometry | None, fins: FinGeometry | None, thrust_n: float, density_kgpm3: float
 ) -> tuple[Tail, ...]:
+    """Return the ring, if there is one, and the fins, if there are any."""
     rings = (slender_body.duct_tail(ring, thrust_n, density_kgpm3),) if ring is not None else ()
     return (*rings, slender_body.fin_tail(fins, density_kgpm3)) if fins is not None else rings
 
 
 def _propeller(shape: HullGeometry, ring: DuctGeometry | None) -> list[Derivation]:
-    wake = Derivation("wake_fraction", "-", "0.20", "", 0.20, "assumed, slender body of revolution")
+    """Return diameter, thrust coefficients and wake fraction of a ducted or open propeller."""
+    wake = Derivation(
+        symbol="wake_fraction",
+        unit="-",
+        formula="0.20",
+        inputs="",
+        value=0.20,
+        source="assumed, slender body of revolution",
+    )
     if ring is not None:
         return [
             Derivation(
-                "diameter_m", "m", "0.92 duct diameter", "", 0.92 * ring.diameter_m, "fits the duct"
+                symbol="diameter_m",
+                unit="m",
+                formula="0.92 duct diameter",
+                inputs="",
+                value=0.92 * ring.diameter_m,
+                source="fits the duct",
             ),
             Derivation(
-                "kt_bollard",
-                "-",
-                "0.50",
-                "",
-                0.50,
-                "assumed, about Ka 4-70 in nozzle 19A (Oosterveld 1970)",
+                symbol="kt_bollard",
+                unit="-",
+                formula="0.50",
+                inputs="",
+                value=0.50,
+                source="assumed, about Ka 4-70 in nozzle 19A (Oosterveld 1970)",
             ),
-            Derivation("kt_slope", "-", "0.55", "", 0.55, "as above: no thrust at J of about 0.9"),
+            Derivation(
+                symbol="kt_slope",
+                unit="-",
+                formula="0.55",
+                inputs="",
+                value=0.55,
+                source="as above: no thrust at J of about 0.9",
+            ),
             wake,
         ]
     return [
         Derivation(
-            "diameter_m",
-            "m",
-            "0.7 d",
-            slender_body.size(shape),
-            0.7 * shape.diameter_m,
-            "assumed, behind a slender tail",
+            symbol="diameter_m",
+            unit="m",
+            formula="0.7 d",
+            inputs=slender_body.size(shape),
+            value=0.7 * shape.diameter_m,
+            source="assumed, behind a slender tail",
         ),
         Derivation(
-            "kt_bollard",
-            "-",
-            "0.40",
-            "",
-            0.40,
-            "assumed, about B 3-50 of pitch ratio 0.9 (Oosterveld 1975)",
+            symbol="kt_bollard",
+            unit="-",
+            formula="0.40",
+            inputs="",
+            value=0.40,
+            source="assumed, about B 3-50 of pitch ratio 0.9 (Oosterveld 1975)",
         ),
-        Derivation("kt_slope", "-", "0.42", "", 0.42, "as above: no thrust at J of about 0.95"),
+        Derivation(
+            symbol="kt_slope",
+            unit="-",
+            formula="0.42",
+            inputs="",
+            value=0.42,
+            source="as above: no thrust at J of about 0.95",
+        ),
         wake,
     ]
 
 
 ROLL_DAMPING = 0.1
-"""Of critical, at rest; what fins add with speed comes on top."""
+"""Roll damping ratio at rest, without the part of the fins that increases with speed."""
 
 
 def _damping(shape: HullGeometry, water: Any, ballast: Any, linear: Any) -> list[Derivation]:
-    whole = hull.integrals(shape)
+    """Return crossflow drag and roll damping."""
+    # Roll: I_xx phi'' + K_p phi' + m g BG phi = 0, so K_p = 2 zeta sqrt(I_xx m g BG) with
+    # zeta = ROLL_DAMPING and BG the height of the centre of buoyancy over the centre of mass.
+    hull_integrals = hull.integrals(shape)
     below = max(0.0, ballast.z_cb_m - linear.z_CM_m)
-    I_xx = ballast.mass_kg * whole.roll_inertia_m5 / whole.volume_m3
+    I_xx = ballast.mass_kg * hull_integrals.roll_inertia_m5 / hull_integrals.volume_m3
     roll = 2 * ROLL_DAMPING * sqrt(I_xx * ballast.mass_kg * water.gravity_mps2 * below)
     inputs = f"I_xx {I_xx:.4g} kg m2, BG {below:.4g} m"
     return [
         Derivation(
-            "crossflow_cd",
-            "-",
-            "1.1",
-            "",
-            1.1,
-            "circular cylinder below the drag crisis (Hoerner 1965, ch. 3)",
+            symbol="crossflow_cd",
+            unit="-",
+            formula="1.1",
+            inputs="",
+            value=1.1,
+            source="circular cylinder below the drag crisis (Hoerner 1965, ch. 3)",
         ),
         Derivation(
-            "roll_linear_nms",
-            "N m s",
-            "0.1 2 sqrt(I_xx m g BG)",
-            inputs,
-            roll,
-            "assumed: a tenth of critical",
+            symbol="roll_linear_nms",
+            unit="N m s",
+            formula="0.1 2 sqrt(I_xx m g BG)",
+            inputs=inputs,
+            value=roll,
+            source="assumed: a tenth of critical",
         ),
         Derivation(
-            "roll_quadratic_nms2", "N m s2", "K_p 0.5 s", inputs, roll / 2, "assumed, small"
+            symbol="roll_quadratic_nms2",
+            unit="N m s2",
+            formula="K_p 0.5 s",
+            inputs=inputs,
+            value=roll / 2,
+            source="assumed, small",
         ),
     ]
 
 
 def _tailcone(ring: DuctGeometry | None) -> list[Derivation]:
-    """Caribou's stepper motors where a duct is turned, common servos where fins are."""
+    """Return the actuators: Caribou's steppers for a vectored duct, geared servos for fins."""
     if ring is not None and ring.vectored:
         values, source = (3.0, 0.6, 0.3, 15.0, 15.0), "as Caribou's"
     else:
@@ -445,11 +585,23 @@ def _tailcone(ring: DuctGeometry | None) -> list[Derivation]:
     keys = ("natural_frequency_radps", "damping_ratio", "delay_s", "travel_deg", "rate_degps")
     units = ("rad/s", "-", "s", "deg", "deg/s")
     biases = [
-        Derivation(f"{name}_bias_deg", "deg", "0", "", 0.0, "none known")
+        Derivation(
+            symbol=f"{name}_bias_deg",
+            unit="deg",
+            formula="0",
+            inputs="",
+            value=0.0,
+            source="none known",
+        )
         for name in ("rudder", "elevator")
     ]
     rows = zip(keys, units, values, strict=True)
     return [
-        *(Derivation(key, unit, f"{value:g}", "", value, source) for key, unit, value in rows),
+        *(
+            Derivation(
+                symbol=key, unit=unit, formula=f"{value:g}", inputs="", value=value, source=source
+            )
+            for key, unit, value in rows
+        ),
         *biases,
     ]

@@ -1,5 +1,4 @@
-"""All-moving fins round the tail, cruciform or X: each a plane wing that stands out from the hull
-axis. FLU axes."""
+"""All-moving fins at the tail, cruciform or X, each modelled as a plane wing. Body FLU axes."""
 
 from __future__ import annotations
 
@@ -12,12 +11,20 @@ from sitl.vehicle.model import Fins
 
 @kernel
 def wrench(nu: Wrench, rudder_rad: float, elevator_rad: float, fins: Fins) -> Wrench:
-    """Lift and drag of all fins for the body moving at ``nu`` through the water, N and N m about
-    the origin.
+    """Return lift and drag of all fins, N and N m about the origin, FLU.
 
-    A fin turns about its span by its share of rudder and elevator, its leading edge towards (0,
-    -span_z, span_y). Lift acts across the flow met in the plane of chord and normal; flow along the
-    span does nothing. A fin moving backwards is a fin whose chord points the other way."""
+    ``nu`` is the velocity of the body through the water, m/s and rad/s. Rudder and elevator are in
+    radians; positive turns the nose to starboard and up.
+    """
+    # Fin i has its centre at (x_m, out_m span_y, out_m span_z) and turns about its span
+    # (0, span_y, span_z) by
+    #     turn = rudder_i dR + elevator_i dE, limited to +-travel_rad,
+    # leading edge towards the fin normal n = (0, -span_z, span_y). Velocity through the water at
+    # the centre: (along, normal) = components on x and n. In the axes of the turned fin:
+    #     chordwise = c along + s normal,   across = c normal - s along   (c, s = cos, sin of turn).
+    # Lift is perpendicular to the flow in the plane of chord and normal, drag is opposite to it;
+    # flow along the span has no effect. For chordwise < 0 the lift changes sign: a fin that moves
+    # backwards is a fin with a reversed chord.
     u, v, w, p, q, r = nu
     X = Y = Z = K = M = N = 0.0
     for i in range(fins.span_y.size):
@@ -31,7 +38,7 @@ def wrench(nu: Wrench, rudder_rad: float, elevator_rad: float, fins: Fins) -> Wr
         chordwise = c * along + s * normal
         across = c * normal - s * along
         lift_over_sin, drag = wing.coefficients(atan2(abs(across), abs(chordwise)), fins.polar)
-        # C_L V^2 = (C_L / sin alpha) V |across|: the sine's V cancels one of the speed's.
+        # C_L V^2 = (C_L / sin alpha) V |across|, since sin alpha = |across| / V.
         speed = sqrt(chordwise * chordwise + across * across)
         lift = (
             fins.half_rho_area_kgpm * lift_over_sin * across * (1.0 if chordwise >= 0.0 else -1.0)

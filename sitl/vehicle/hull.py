@@ -1,6 +1,6 @@
-"""Hull geometry: bodies of revolution with a parallel mid-body, and the integrals over them.
+"""Hull geometry: bodies of revolution with a parallel mid-body, and integrals over them.
 
-x runs forward from mid-length of the whole hull.
+x is positive forward from mid-length of the whole hull, m.
 """
 
 from __future__ import annotations
@@ -16,31 +16,33 @@ from sitl.vehicle.file_schema import Cylinder, HullGeometry, Myring, ProfileHull
 from sitl.vehicle.jit import Vector
 
 NODES_PER_SECTION = 64
-"""Gauss-Legendre nodes for nose, mid-body and tail; the profile squared is a polynomial, so volumes
-come out exact."""
+"""Gauss-Legendre nodes on each of nose, mid-body and tail.
+
+The squared radius of Series 58 is a polynomial, so volumes are exact."""
 NODES_PER_FRUSTUM = 4
-"""Exact for the polynomials of a straight-sided piece."""
+"""Gauss-Legendre nodes on a straight-sided piece; the integrals of its polynomials are exact."""
 
 
 class Outline(NamedTuple):
-    """A hull as nose, parallel middle and tail."""
+    """Hull as nose, parallel middle and tail."""
 
     nose_m: tuple[float, ...]
     """Lengths of the smooth pieces forward of the widest section, nose first."""
     middle_m: float
+    """Length of the parallel mid-body."""
     tail_m: tuple[float, ...]
-    """Lengths of the smooth pieces aft of it."""
+    """Lengths of the smooth pieces aft of the widest section."""
     ends_m: float
     """Length of nose and tail together."""
     radius: Callable[[Vector], Vector]
-    """Radius over the distance from the tip along nose and tail, the middle left out."""
+    """Radius (m) as a function of the distance from the nose (m), without the parallel middle."""
     nodes: int
-    """Quadrature nodes that a piece needs."""
+    """Number of quadrature nodes for each piece."""
 
 
 @cache
 def outline(hull: HullGeometry) -> Outline:
-    """The pieces of a hull of any shape."""
+    """Return the pieces of a hull of any shape."""
     match hull:
         case Series58():
             return _series_58_outline(hull)
@@ -55,11 +57,15 @@ def outline(hull: HullGeometry) -> Outline:
 def series_58(
     nose_radius: float, tail_radius: float, prismatic: float, max_section: float
 ) -> Vector:
-    """Coefficients a_1..a_6 of (R/D)^2 = sum a_k X^k, X = 0 at the nose and 1 at the tail; shape
-    (6,).
+    """Return the coefficients a_1..a_6 of (R/D)^2 = sum a_k X^k, shape (6,).
 
-    Gertler (1950), DTMB report C-297: end radii r = R_end l/D^2, prismatic coefficient, and the
-    place of the maximum section fix the six coefficients."""
+    X is 0 at the nose and 1 at the tail, R the local radius and D the largest diameter. Arguments
+    are dimensionless: end radii r = R_end l/D^2, prismatic coefficient, and X of the maximum
+    section.
+    """
+    # Gertler (1950), DTMB report C-297. Six conditions on (R/D)^2 = f(X):
+    #     f'(0) = 2 r_0,  f'(1) = -2 r_1,  f(1) = 0,  f(m) = 1/4,  f'(m) = 0,
+    #     integral of f over 0..1 = C_p / 4.
     k = np.arange(1, 7)
     m = max_section
     conditions = np.array(
@@ -70,6 +76,7 @@ def series_58(
 
 
 def _series_58_outline(hull: Series58) -> Outline:
+    """Return the outline of a Series 58 body (Gertler 1950)."""
     a = series_58(hull.nose_radius, hull.tail_radius, hull.prismatic, hull.max_section)
 
     def radius(along_m: Vector) -> Vector:
@@ -79,13 +86,22 @@ def _series_58_outline(hull: Series58) -> Outline:
 
     nose, tail = hull.max_section * hull.base_length_m, (1 - hull.max_section) * hull.base_length_m
     return Outline(
-        (nose,), hull.midbody_length_m, (tail,), hull.base_length_m, radius, NODES_PER_SECTION
+        nose_m=(nose,),
+        middle_m=hull.midbody_length_m,
+        tail_m=(tail,),
+        ends_m=hull.base_length_m,
+        radius=radius,
+        nodes=NODES_PER_SECTION,
     )
 
 
 def _myring_outline(hull: Myring) -> Outline:
-    """Myring (1976), "A theoretical study of body drag in subcritical axisymmetric flow"; nose and
-    tail curves."""
+    """Return the outline of a Myring body."""
+    # Myring (1976), "A theoretical study of body drag in subcritical axisymmetric flow". With nose
+    # length a, tail length c, diameter d, exponent n, tail angle b, s from the start of the tail:
+    #     nose: r = d/2 (1 - ((a - x)/a)^2)^(1/n), x from the nose tip,
+    #     tail: r = d/2 - (3 d/(2 c^2) - tan b/c) s^2 + (d/c^3 - tan b/c^2) s^3.
+    # The offsets cut off the tips of nose and tail.
     a, c, d = hull.nose_length_m, hull.tail_length_m, hull.diameter_m
     nose, tail, slope = (
         a - hull.nose_offset_m,
@@ -105,10 +121,18 @@ def _myring_outline(hull: Myring) -> Outline:
         return np.where(along_m < nose, rounded, np.maximum(pointed, 0.0))
 
     middle = hull.mid_length_m + hull.midbody_length_m
-    return Outline((nose,), middle, (tail,), nose + tail, radius, NODES_PER_SECTION)
+    return Outline(
+        nose_m=(nose,),
+        middle_m=middle,
+        tail_m=(tail,),
+        ends_m=nose + tail,
+        radius=radius,
+        nodes=NODES_PER_SECTION,
+    )
 
 
 def _cylinder_outline(hull: Cylinder) -> Outline:
+    """Return the outline of a cylinder with half-ellipsoid caps."""
     half = hull.diameter_m / 2
     nose = half if hull.nose_cap_m is None else hull.nose_cap_m
     tail = half if hull.tail_cap_m is None else hull.tail_cap_m
@@ -121,10 +145,18 @@ def _cylinder_outline(hull: Cylinder) -> Outline:
         return np.asarray(half * np.sqrt(np.maximum(1 - reach**2, 0.0)))
 
     middle = hull.length_m - nose - tail + hull.midbody_length_m
-    return Outline((nose,), middle, (tail,), nose + tail, radius, NODES_PER_SECTION)
+    return Outline(
+        nose_m=(nose,),
+        middle_m=middle,
+        tail_m=(tail,),
+        ends_m=nose + tail,
+        radius=radius,
+        nodes=NODES_PER_SECTION,
+    )
 
 
 def _profile_outline(hull: ProfileHull) -> Outline:
+    """Return the outline of a hull with straight lines between given points."""
     along, radii = np.array(hull.points_m).T
     pieces, widest = np.diff(along).tolist(), int(radii.argmax())
 
@@ -133,17 +165,48 @@ def _profile_outline(hull: ProfileHull) -> Outline:
 
     ends = float(along[-1] - along[0])
     nose, tail = tuple(pieces[:widest]), tuple(pieces[widest:])
-    return Outline(nose, hull.midbody_length_m, tail, ends, radius, NODES_PER_FRUSTUM)
+    return Outline(
+        nose_m=nose,
+        middle_m=hull.midbody_length_m,
+        tail_m=tail,
+        ends_m=ends,
+        radius=radius,
+        nodes=NODES_PER_FRUSTUM,
+    )
 
 
 def length_m(hull: HullGeometry) -> float:
-    """Length overall."""
+    """Return the overall length of a hull.
+
+    Parameters
+    ----------
+    hull : HullGeometry
+        Shape of the hull.
+
+    Returns
+    -------
+    float
+        Length overall, m.
+    """
     whole = outline(hull)
     return whole.ends_m + whole.middle_m
 
 
 def radius_m(hull: HullGeometry, x_m: Vector) -> Vector:
-    """Hull radius at ``x_m`` (any shape), zero outside the hull."""
+    """Return the radius of a hull at given stations.
+
+    Parameters
+    ----------
+    hull : HullGeometry
+        Shape of the hull.
+    x_m : ndarray
+        Distances forward of mid-length, m; any shape.
+
+    Returns
+    -------
+    ndarray
+        Radius, m, in the shape of ``x_m``; zero outside the hull.
+    """
     whole = outline(hull)
     from_nose, nose = length_m(hull) / 2 - x_m, sum(whole.nose_m)
     along = np.where(from_nose < nose, from_nose, np.maximum(nose, from_nose - whole.middle_m))
@@ -152,13 +215,14 @@ def radius_m(hull: HullGeometry, x_m: Vector) -> Vector:
 
 
 _gauss_legendre = cache(np.polynomial.legendre.leggauss)
-"""Nodes and weights on [-1, 1]: an eigenvalue problem that need not be solved for every vehicle
-anew."""
+"""Gauss-Legendre nodes and weights on [-1, 1], cached because they need an eigenvalue problem."""
 
 
 def quadrature(hull: HullGeometry, nodes: tuple[int, int, int]) -> tuple[Vector, Vector]:
-    """(abscissae x_m, weights in m) for integrals over the hull; ``nodes`` for nose, mid-body and
-    tail, nose first."""
+    """Return (abscissae x_m, weights in m) of a Gauss-Legendre quadrature over the hull.
+
+    ``nodes`` is the number of nodes on nose, mid-body and tail; abscissae run from nose to tail.
+    """
     whole = outline(hull)
     return _quadrature(
         length_m(hull), (sum(whole.nose_m), whole.middle_m, sum(whole.tail_m)), nodes
@@ -168,33 +232,53 @@ def quadrature(hull: HullGeometry, nodes: tuple[int, int, int]) -> tuple[Vector,
 def _quadrature(
     length: float, pieces_m: tuple[float, ...], nodes: tuple[int, ...]
 ) -> tuple[Vector, Vector]:
-    """Gauss-Legendre on each piece, nose first."""
+    """Return abscissae and weights of Gauss-Legendre on each piece, nose first."""
     ends = length / 2 - np.cumsum([0.0, *pieces_m])
     x, dx = [], []
     for forward, aft, n in zip(ends[:-1], ends[1:], nodes, strict=True):
-        at, weight = _gauss_legendre(n)
-        x.append((forward + aft) / 2 - at * (forward - aft) / 2)
+        node, weight = _gauss_legendre(n)
+        x.append((forward + aft) / 2 - node * (forward - aft) / 2)
         dx.append(weight * (forward - aft) / 2)
     return np.concatenate(x), np.concatenate(dx)
 
 
 class Integrals(NamedTuple):
-    """Integrals over the hull, first and second moments about mid-length."""
+    """Integrals over the hull; first and second moments are about mid-length."""
 
     volume_m3: float
+    """Integral of pi R^2 dx."""
     centroid_m: float
+    """Position of the centroid of the volume, forward of mid-length."""
     planform_m2: float
+    """Integral of 2 R dx."""
     frontal_m2: float
+    """Largest sectional area, pi d^2 / 4."""
     roll_inertia_m5: float
-    """Of unit density, about the axis."""
+    """Moment of inertia about the axis at unit density: integral of pi R^4 / 2 dx."""
     pitch_inertia_m5: float
-    """Of unit density, about a diameter at mid-length."""
+    """Moment of inertia about a transverse axis at mid-length at unit density: integral of
+    (pi R^2 x^2 + pi R^4 / 4) dx."""
     section_moment_m5: float
-    """Integral of pi R^2 x^2: the added inertia of strip theory, of unit density."""
+    """Integral of pi R^2 x^2 dx: added moment of inertia of strip theory at unit density."""
 
 
 def integrals(hull: HullGeometry) -> Integrals:
-    """Volume, planform and inertia integrals of the hull."""
+    """Return the volume, planform and inertia integrals of a hull.
+
+    Parameters
+    ----------
+    hull : HullGeometry
+        Shape of the hull.
+
+    Returns
+    -------
+    Integrals
+        Moments about mid-length, at unit density.
+
+    Notes
+    -----
+    Gauss-Legendre quadrature on every smooth piece; exact where R^2 is a polynomial.
+    """
     whole = outline(hull)
     pieces = (*whole.nose_m, whole.middle_m, *whole.tail_m)
     x, dx = _quadrature(length_m(hull), pieces, (whole.nodes,) * len(pieces))

@@ -1,5 +1,9 @@
-"""Forces of the water on the hull: drag along it, drag across it, and lift. FLU axes, speeds
-through the water."""
+"""Hydrodynamic forces on the hull: axial drag, crossflow drag, lift and roll damping.
+
+Symbols, in body FLU axes (x forward, y port, z up) with the origin on the hull axis at mid-length:
+u, v, w velocity through the water (m/s); p, q, r angular velocity relative to the water (rad/s);
+wrench (X, Y, Z, K, M, N) about the origin (N, N m).
+"""
 
 from __future__ import annotations
 
@@ -11,11 +15,13 @@ from sitl.vehicle.model import Hull, Stations
 
 @kernel
 def crossflow_drag(v: float, w: float, q: float, r: float, stations: Stations) -> Wrench:
-    """Drag of each section in the cross flow it meets (strip theory; Hoerner 1965, ch. 3), N and N
-    m.
+    """Return the crossflow drag of the hull by strip theory, N and N m (Hoerner 1965, ch. 3).
 
-    The magnitude combines sway and heave, so the force turns with the vehicle: it knows no
-    preferred roll angle."""
+    Sway and heave combine into one crossflow speed, so the force does not depend on the roll angle.
+    """
+    # Local crossflow at station x:  v_x = v + x r,  w_x = w - x q.
+    # Section force, with drag_kgpm = 1/2 rho C_d 2R dx:
+    #     (Y, Z) = -drag_kgpm sqrt(v_x^2 + w_x^2) (v_x, w_x),   M = -x Z,   N = x Y.
     Y = Z = M = N = 0.0
     for i in range(stations.x_m.size):
         x = stations.x_m[i]
@@ -31,11 +37,13 @@ def crossflow_drag(v: float, w: float, q: float, r: float, stations: Stations) -
 
 @kernel
 def lift_and_drag(u: float, v: float, w: float, p: float, q: float, r: float, hull: Hull) -> Wrench:
-    """Axial drag, hull lift and roll damping, N and N m.
-
-    A hull alike fore and aft must answer alike when it backs: with the sign of u, side force keeps
-    its sign for v and changes it for r, the moment the reverse. Hence |u| v, u r, u v and |u| r.
-    """
+    """Return axial drag, hull lift and roll damping, N and N m; ``hull`` has the coefficients."""
+    # X = -X_uu u |u|                       K = -K_p p - K_pp p |p|
+    # Y =  Y_uv |u| v + Y_ur u r            N =  N_uv u v + N_ur |u| r
+    # Z =  Z_uw |u| w + Z_uq u q            M =  M_uw u w + M_uq |u| q
+    # Signs for u < 0: a hull that is symmetric fore and aft has the same dynamics astern. When u
+    # changes sign, side force keeps its sign for v and changes it for r; the moment does the
+    # reverse. Hence |u| v, u r, u v and |u| r.
     speed = abs(u)
     return (
         -hull.X_uu_kgpm * u * speed,
@@ -49,10 +57,10 @@ def lift_and_drag(u: float, v: float, w: float, p: float, q: float, r: float, hu
 
 @kernel
 def duct_interaction(pressure: float, rudder_rad: float, elevator_rad: float, hull: Hull) -> Wrench:
-    """What a turned duct does beyond the isolated ring wing: its effect on the flow round the tail,
-    N and N m.
+    """Return the force of a deflected duct beyond that of the isolated ring wing, N and N m.
 
-    ``pressure`` is u|u| in m2/s2, less where the duct is out of the water.
+    ``pressure`` is u |u| in m2/s2 times the immersed fraction of the duct. The coefficients are
+    what remains of Table 1's Y_dr, N_dr, Z_de and M_de after the isolated duct (``build_model``).
     """
     return (
         0.0,

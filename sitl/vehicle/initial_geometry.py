@@ -1,5 +1,4 @@
-"""A first geometry from length and diameter alone, in proportions that vehicles of each kind
-have."""
+"""Initial vehicle geometry from length and diameter, with the usual proportions of its kind."""
 
 from __future__ import annotations
 
@@ -9,15 +8,16 @@ Kind = Literal["series58", "myring", "cylinder"]
 Steering = Literal["duct", "cruciform", "x"]
 
 DUCT_DIAMETER, DUCT_CHORD = 0.78, 0.23
-"""Of the hull's diameter; Caribou's."""
+"""Duct diameter and chord over hull diameter, from Caribou."""
 FIN_SPAN, FIN_CHORD = 0.50, 0.45
-"""Of the hull's diameter; between a REMUS 100's (0.45, 0.39) and an Explorer's (0.52, 0.52)."""
+"""Fin span and chord over hull diameter, between a REMUS 100 (0.45, 0.39) and an Explorer (0.52,
+0.52)."""
 
 
 def starter(
     name: str, kind: Kind, steering: Steering, length_m: float, diameter_m: float
 ) -> dict[str, Any]:
-    """The tables of a vehicle file that says no more than it must."""
+    """Return the tables of a minimal vehicle file."""
     steer = (
         {"duct": {"diameter_m": DUCT_DIAMETER * diameter_m, "chord_m": DUCT_CHORD * diameter_m}}
         if steering == "duct"
@@ -33,6 +33,7 @@ def starter(
 
 
 def _hull(kind: Kind, length_m: float, diameter_m: float) -> dict[str, float]:
+    """Return the hull table of a kind, without its ``shape``."""
     if kind == "series58":
         return {
             "base_length_m": length_m,

@@ -1,7 +1,8 @@
-"""How every numerical kernel of the simulator is compiled: numba, cached on disk, IEEE arithmetic.
+"""Compilation of the numerical kernels of the simulator with numba, cached on disk.
 
-``fastmath`` stays off: mirror symmetry to rounding and byte-identical runs rest on the order of
-operations as written."""
+``fastmath`` is off: mirror symmetry to rounding and byte-identical runs need the order of
+operations as written.
+"""
 
 from __future__ import annotations
 
@@ -25,19 +26,20 @@ Wrench = tuple[float, float, float, float, float, float]
 _NEWEST_PHYSICS_NS = max(
     source.stat().st_mtime_ns for source in Path(__file__).parents[1].rglob("*.py")
 )
+"""Modification time of the newest source file of ``sitl``, ns."""
 
 
 @structref.register
 class NativeType(types.StructRef):
-    """Numba's type of a ``Native``."""
+    """Numba type of a ``Native``."""
 
 
 class Native(structref.StructRefProxy):
-    """A value kept where compiled code can reach it, as ``native`` makes it; kernels read its
-    ``value``.
+    """Reference to a value in memory of compiled code; ``native`` makes it, kernels read ``value``.
 
-    Numba takes a NamedTuple apart at every call from Python, which for a whole model costs more
-    than a step of it."""
+    Numba unpacks a NamedTuple argument at every call from Python; for a whole vehicle model this
+    takes longer than an integration step.
+    """
 
     value: Any
 
@@ -46,24 +48,45 @@ structref.define_proxy(Native, NativeType, ["value"])  # type: ignore[no-untyped
 
 
 def kernel(function: Function) -> Function:
-    """Compile a piece of the physics, merged into whatever kernel calls it.
+    """Compile a function that is inlined into the kernels that call it.
 
-    Inlining spares the copy of the model at every call: a step costs a quarter of what it does
-    without."""
+    Inlining avoids a copy of the model at every call: a step takes a quarter of the time.
+
+    Parameters
+    ----------
+    function : callable
+        Function of numbers, arrays and NamedTuples that numba can compile.
+
+    Returns
+    -------
+    callable
+        The compiled function; compilation happens at the first call.
+    """
     return _compiled(function, forceinline=True)
 
 
 def entry_point(function: Function) -> Function:
-    """Compile a kernel that stays one function, called from loops elsewhere."""
+    """Compile a function that is not inlined; Python or other kernels call it.
+
+    Parameters
+    ----------
+    function : callable
+        Function of numbers, arrays and NamedTuples that numba can compile.
+
+    Returns
+    -------
+    callable
+        The compiled function; compilation happens at the first call.
+    """
     return _compiled(function, forceinline=False)
 
 
 def _compiled(function: Function, forceinline: bool) -> Function:
-    """``function`` compiled on first call, its machine code cached on disk.
+    """Return ``function`` compiled at its first call, with its machine code cached on disk.
 
-    Numba renews a cached kernel when its own file changes, not when a kernel it calls lives in
-    another file and changes there. Dropping cache entries older than the newest physics source
-    closes that gap."""
+    Numba recompiles a cached kernel when its own file changes, but not when a kernel that it calls
+    changes in another file. Therefore cache entries older than the newest source file are removed.
+    """
     dispatcher = numba.njit(cache=True, error_model="numpy", forceinline=forceinline)(function)
     module = function.__module__.rpartition(".")[2]
     for index in Path(str(dispatcher.stats.cache_path)).glob(
@@ -75,15 +98,28 @@ def _compiled(function: Function, forceinline: bool) -> Function:
 
 
 def native(value: tuple[Any, ...]) -> Native:
-    """``value``, a NamedTuple of numbers and arrays, once for all calls."""
+    """Return a reference to ``value`` that kernels accept without unpacking it at every call.
+
+    Parameters
+    ----------
+    value : NamedTuple
+        Record of numbers, arrays and other such records.
+
+    Returns
+    -------
+    Native
+        Its attribute ``value`` is readable in compiled code.
+    """
     return _packer(type(value))(value)
 
 
 @cache
 def _packer(kind: type) -> Callable[[Any], Native]:
-    """A function of its own for every type: numba's index of what it has cached names all types
-    that a function was compiled for, and to read it is to import the modules of them all, whoever
-    they belong to."""
+    """Return a compiled function that wraps values of type ``kind``; one function per type.
+
+    The cache index of a numba function lists all types that it was compiled for, and reading the
+    index imports the modules of all of them. One function per type avoids these imports.
+    """
 
     def pack(value: Any) -> Native:
         return Native(value)  # type: ignore[no-untyped-call]

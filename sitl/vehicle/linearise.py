@@ -1,7 +1,18 @@
-"""Linear yaw and pitch planes, differentiated from the nonlinear equations of motion.
+"""Linear yaw and pitch planes from numeric derivatives of the nonlinear equations of motion.
 
-Only ``dynamics.derivative`` is used, never the formulas of the calibration: central differences in
-state and duct angles, and the response to unit disturbances for the mass matrix."""
+Symbols, in the paper's FLU axes: nu = (u, v, w, p, q, r), U forward speed, dR and dE rudder and
+elevator angle. Linear planes (paper, Table 1; x_CM and z_CM position of the centre of mass):
+
+    (m - Y_vdot) v'    = Y_v v + (Y_r - m U) r + Y_dr dR
+    (I_zz - N_rdot) r' = N_v v + (N_r - m x_CM U) r + N_dr dR,       psi' = r
+    (m - Z_wdot) w'    = Z_w w + (Z_q + m U) q + Z_de dE
+    (I_yy - M_qdot) q' = M_w w + (M_q - m x_CM U) q + m g z_CM theta + M_de dE
+    theta' = q,  depth' = U theta - w
+
+Only ``dynamics.derivative`` is used, not the formulas of ``build_model``: central differences in
+state and duct angles, and the response to unit disturbances for the mass matrix. So the result is
+an independent check of ``build_model``.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +27,20 @@ from sitl.vehicle.model import VehicleModel
 from sitl.vehicle.water import STILL
 
 STEP = 1e-8
-"""Half width of the differences: crossflow drag and the quadratic duct lift leave an error
-proportional to it."""
+"""Half width of the central differences in SI units.
+
+Crossflow drag and quadratic duct lift cause an error proportional to it."""
 DEPTH_M = 100.0
+"""Depth of the operating point: surface and floor have no effect."""
 
 SURGE, SWAY, HEAVE, _, PITCH, YAW = range(6)
+"""Indices into nu."""
 ABOUT_Y = 1
+"""Index of the rotation about y (pitch) in a rotation vector."""
 
 
 class Plane(NamedTuple):
-    """M x' = F x + G delta, with x' = A x + B delta solved from it."""
+    """Linear plane M x' = F x + G delta, and the same solved for x' = A x + B delta."""
 
     M: Vector
     F: Vector
@@ -35,24 +50,42 @@ class Plane(NamedTuple):
 
 
 class LinearPlanes(NamedTuple):
-    """Planes in the paper's axes and Table 1's coefficients.
-
-    ``yaw``: states (v, r, psi), input rudder. ``pitch``: states (w, q, theta, depth), input
-    elevator; theta positive nose down, depth positive down. SI units and radians."""
+    """Yaw and pitch plane in the paper's axes, and the coefficients of Table 1; SI and radians."""
 
     yaw: Plane
+    """States (v, r, psi), input rudder."""
     pitch: Plane
+    """States (w, q, theta, depth), input elevator; theta is positive nose down."""
     coefficients: dict[str, float]
-    """By the names of the vehicle file's ``linear`` table."""
+    """Table 1's column, by the key of the vehicle file's ``linear`` table."""
 
 
 def linearise(
     model: VehicleModel, u_mps: float = 1.3, thrust_fraction: float | None = None
 ) -> LinearPlanes:
-    """Linearise straight and level flight at ``u_mps``, deep, still water; ``thrust_fraction`` None
-    balances drag.
+    """Linearise straight and level motion in deep, still water.
 
-    The operating point is the paper's: the few newtons of net buoyancy are left to the trim.
+    The operating point is the paper's: pitch and duct angles are zero, and the net buoyancy of a
+    few newtons is not balanced.
+
+    Parameters
+    ----------
+    model : VehicleModel
+        The vehicle.
+    u_mps : float
+        Forward speed through the water, m/s.
+    thrust_fraction : float, optional
+        Thrust command, -1 to 1. Without it, thrust balances the axial drag.
+
+    Returns
+    -------
+    LinearPlanes
+        Yaw and pitch plane in the paper's FLU axes, and Table 1's coefficients.
+
+    Notes
+    -----
+    Jacobians by central differences of ``dynamics.derivative``; M is the inverse of the
+    accelerations to unit wrenches, F = M d(nu')/d(nu) and G = M d(nu')/d(delta).
     """
     shaft_rps = (
         _balanced_rps(model, u_mps)
@@ -61,10 +94,10 @@ def linearise(
     )
     acceleration = _acceleration(model, u_mps, shaft_rps)
     M = _mass_matrix(acceleration)
-    by_nu = np.column_stack([_slope_of(acceleration, nu=i) for i in range(6)])
-    by_angle = np.column_stack([_slope_of(acceleration, turn=i) for i in range(3)])
-    by_duct = np.column_stack([_slope_of(acceleration, duct=i) for i in range(2)])
-    F, F_angle, G = M @ by_nu, M @ by_angle, M @ by_duct
+    d_nu_rate_d_nu = np.column_stack([_slope_of(acceleration, nu=i) for i in range(6)])
+    d_nu_rate_d_angle = np.column_stack([_slope_of(acceleration, rotation=i) for i in range(3)])
+    d_nu_rate_d_duct = np.column_stack([_slope_of(acceleration, duct=i) for i in range(2)])
+    F, F_angle, G = M @ d_nu_rate_d_nu, M @ d_nu_rate_d_angle, M @ d_nu_rate_d_duct
     return LinearPlanes(
         yaw=_yaw(M, F, G),
         pitch=_pitch(M, F, F_angle, G, u_mps),
@@ -73,7 +106,7 @@ def linearise(
 
 
 def _balanced_rps(model: VehicleModel, u_mps: float) -> float:
-    """Shaft speed whose thrust leaves no surge acceleration, by bisection on the full equations."""
+    """Return the shaft speed, rev/s, that gives no surge acceleration, by bisection."""
     low, high = 0.0, 2 * model.propeller.full_rps * max(1.0, u_mps)
     for _ in range(80):
         middle = (low + high) / 2
@@ -88,12 +121,14 @@ Acceleration = Callable[[Vector, Vector, Vector, Vector], Vector]
 
 
 def _acceleration(model: VehicleModel, u_mps: float, shaft_rps: float) -> Acceleration:
-    """nu' as a function of small departures in nu (6), rotation (3), duct angles (2), and of a
-    disturbance (6)."""
+    """Return nu' as a function of deviations in nu, rotation, duct angles, and of a wrench.
 
-    def nu_rate(nu: Vector, turn: Vector, duct: Vector, disturbance: Vector) -> Vector:
+    Their sizes are 6, 3, 2 and 6.
+    """
+
+    def nu_rate(nu: Vector, rotation: Vector, duct: Vector, disturbance: Vector) -> Vector:
         state, rate = dynamics.state_at_rest(-DEPTH_M), np.empty(dynamics.STATE_SIZE)
-        state[4:7] = turn / 2
+        state[4:7] = rotation / 2
         state[dynamics.NU] = nu
         state[7] += u_mps
         dynamics.derivative(state, duct[0], duct[1], shaft_rps, disturbance, STILL, model, rate)
@@ -105,17 +140,20 @@ def _acceleration(model: VehicleModel, u_mps: float, shaft_rps: float) -> Accele
 def _slope_of(
     acceleration: Acceleration,
     nu: int | None = None,
-    turn: int | None = None,
+    rotation: int | None = None,
     duct: int | None = None,
 ) -> Vector:
-    """Derivative of nu' by one component, shape (6,)."""
-    d_nu, d_turn, d_duct = (_unit(size, i) * STEP for size, i in ((6, nu), (3, turn), (2, duct)))
+    """Return the derivative of nu' with respect to one component, shape (6,)."""
+    d_nu, d_turn, d_duct = (
+        _unit(size, i) * STEP for size, i in ((6, nu), (3, rotation), (2, duct))
+    )
     ahead = acceleration(d_nu, d_turn, d_duct, np.zeros(6))
     behind = acceleration(-d_nu, -d_turn, -d_duct, np.zeros(6))
     return (ahead - behind) / (2 * STEP)
 
 
 def _unit(size: int, index: int | None) -> Vector:
+    """Return unit vector ``index`` of length ``size``; zeros for None."""
     unit = np.zeros(size)
     if index is not None:
         unit[index] = 1.0
@@ -123,15 +161,16 @@ def _unit(size: int, index: int | None) -> Vector:
 
 
 def _mass_matrix(acceleration: Acceleration) -> Vector:
-    """What resists a disturbance: the inverse of the accelerations to unit wrenches."""
-    none = np.zeros(6), np.zeros(3), np.zeros(2)
-    start = acceleration(*none, np.zeros(6))
+    """Return M, shape (6, 6): the inverse of the accelerations to unit wrenches."""
+    no_deviation = np.zeros(6), np.zeros(3), np.zeros(2)
+    undisturbed = acceleration(*no_deviation, np.zeros(6))
     return np.linalg.inv(
-        np.column_stack([acceleration(*none, _unit(6, i)) - start for i in range(6)])
+        np.column_stack([acceleration(*no_deviation, _unit(6, i)) - undisturbed for i in range(6)])
     )
 
 
 def _plane(M: Vector, F: Vector, G: Vector) -> Plane:
+    """Return the plane with A = M^-1 F and B = M^-1 G."""
     return Plane(
         M=M,
         F=F,
@@ -142,7 +181,7 @@ def _plane(M: Vector, F: Vector, G: Vector) -> Plane:
 
 
 def _yaw(M: Vector, F: Vector, G: Vector) -> Plane:
-    """States (v, r, psi)."""
+    """Return the yaw plane: states (v, r, psi), input rudder."""
     mass, force, effect = np.eye(3), np.zeros((3, 3)), np.zeros((3, 1))
     pick = np.ix_([SWAY, YAW], [SWAY, YAW])
     mass[:2, :2] = M[pick]
@@ -153,7 +192,7 @@ def _yaw(M: Vector, F: Vector, G: Vector) -> Plane:
 
 
 def _pitch(M: Vector, F: Vector, F_angle: Vector, G: Vector, u_mps: float) -> Plane:
-    """States (w, q, theta, depth); theta' = q, depth' = U theta - w."""
+    """Return the pitch plane: states (w, q, theta, depth); theta' = q, depth' = U theta - w."""
     mass, force, effect = np.eye(4), np.zeros((4, 4)), np.zeros((4, 1))
     pick = np.ix_([HEAVE, PITCH], [HEAVE, PITCH])
     mass[:2, :2] = M[pick]
@@ -168,8 +207,10 @@ def _pitch(M: Vector, F: Vector, F_angle: Vector, G: Vector, u_mps: float) -> Pl
 def _coefficients(
     model: VehicleModel, M: Vector, F: Vector, F_angle: Vector, G: Vector, u_mps: float
 ) -> dict[str, float]:
-    """Table 1's column. Motion does not show how I_zz - N_rdot splits; I is taken from the model's
-    rigid body."""
+    """Return Table 1's column by key of the vehicle file.
+
+    The motion gives only the difference I_zz - N_rdot; I_zz is taken from the model's rigid body.
+    """
     body, m, h = model.inertia.M_RB, model.inertia.mass_kg, model.hydrostatics
     m_x_U = m * h.x_cm_m * u_mps
     table = {

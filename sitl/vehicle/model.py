@@ -1,8 +1,8 @@
-"""The numbers the kernels run on, each symbol declared once with its unit.
+"""Numeric model of a vehicle: the records that the compiled kernels read, with units.
 
 Axes are the paper's: body x forward, y port, z up (FLU), origin on the hull axis at mid-length;
-inertial x north, y west, z up (NWU). ``calibrate.build`` makes a ``VehicleModel`` from a vehicle
-file; nothing else should."""
+inertial x north, y west, z up (NWU). Only ``build_model.build`` makes a ``VehicleModel``.
+"""
 
 from __future__ import annotations
 
@@ -13,35 +13,41 @@ from sitl.vehicle.jit import Vector
 
 
 class Inertia(NamedTuple):
-    """Rigid body plus added mass; generalised velocity is (u, v, w, p, q, r)."""
+    """Rigid-body and added mass; the generalised velocity is (u, v, w, p, q, r)."""
 
     mass_kg: float
+    """Mass m of the vehicle."""
     M_RB: Vector
     """Rigid-body mass matrix about the origin, (6, 6), kg, kg m, kg m2."""
     M_A: Vector
-    """Added mass matrix, (6, 6); diagonal (-X_udot, -Y_vdot, -Z_wdot, -K_pdot, -M_qdot,
-    -N_rdot)."""
+    """Added mass matrix, (6, 6): diag(-X_udot, -Y_vdot, -Z_wdot, -K_pdot, -M_qdot, -N_rdot)."""
     M: Vector
     """M_RB + M_A."""
     M_inverse: Vector
+    """Inverse of M."""
 
 
 class Stations(NamedTuple):
     """Sections of the hull at Gauss-Legendre abscissae, nose to tail; arrays of equal length."""
 
     x_m: Vector
+    """Distance of the station forward of mid-length."""
     radius_m: Vector
+    """Hull radius at the station."""
     drag_kgpm: Vector
     """1/2 rho C_d 2R dx of each station: crossflow drag in N per (m/s)^2."""
     buoyancy_share: Vector
-    """Part of the displaced volume at each station; sums to one."""
+    """Fraction of the displaced volume at each station; the sum is one."""
     lever_m: Vector
-    """Forward distance of the station from the section centroid of the whole hull."""
+    """Distance of the station forward of the centroid of the hull's volume."""
 
 
 class Hull(NamedTuple):
-    """Hull forces beside added mass; lift is what remains of Table 1 when added mass and duct are
-    accounted for."""
+    """Coefficients of hull forces other than added mass; ``hydrodynamics`` has their equations.
+
+    The lift coefficients are what remains of Table 1 after added mass and tail are subtracted
+    (``build_model``).
+    """
 
     X_uu_kgpm: float
     """Axial drag is -X_uu u|u|."""
@@ -54,8 +60,8 @@ class Hull(NamedTuple):
     M_uw_kg: float
     M_uq_kgm: float
     Y_uudr_kgpm: float
-    """Duct and hull interaction: side force per u|u| and radian of rudder, beyond the isolated
-    duct's."""
+    """Interaction of duct and hull: side force per u|u| and radian of rudder, beyond the isolated
+    duct."""
     N_uudr_kg: float
     Z_uude_kgpm: float
     M_uude_kg: float
@@ -66,53 +72,64 @@ class Hull(NamedTuple):
 
 
 class Polar(NamedTuple):
-    """Lift and drag of a wing over incidence."""
+    """Lift and drag of a wing as functions of incidence; ``wing`` has the equations."""
 
     lift_slope_per_rad: float
+    """Lift slope a = dC_L/dalpha at zero incidence."""
     lift_quadratic_per_rad2: float
+    """Quadratic lift coefficient C_Dc."""
     drag_zero_lift: float
+    """Drag coefficient C_do at zero lift."""
     induced_drag: float
     """1 / (pi AR e)."""
     stall_rad: float
+    """Incidence above which the flow begins to separate."""
     separated_rad: float
+    """Incidence from which the flow is fully separated."""
     separated_normal: float
     """Normal force coefficient of the fully separated wing at 90 degrees of incidence."""
 
 
 class Duct(NamedTuple):
-    """Ring wing on the hull axis, turned by rudder and elevator; the propeller sits in it."""
+    """Ring wing on the hull axis, deflected by rudder and elevator, with the propeller inside."""
 
     x_m: float
+    """Distance forward of mid-length at which ring and thrust act; negative."""
     radius_m: float
+    """Radius of the ring."""
     half_rho_area_kgpm: float
-    """1/2 rho A_eff, A_eff = diameter times chord; zero where the propeller is bare."""
+    """1/2 rho A_eff, A_eff = diameter times chord; zero for a propeller without a duct."""
     vectored: float
     """1 where ring and thrust turn with the commands, 0 where they are fixed to the hull."""
     polar: Polar
+    """Lift and drag of the ring on the area A_eff."""
 
 
 class Fins(NamedTuple):
-    """Equal fins round the hull axis at one station; arrays of one entry a fin, empty where there
-    are none."""
+    """Equal fins around the hull axis at one station; arrays have one entry per fin, or none."""
 
     x_m: float
+    """Distance of the fins forward of mid-length; negative."""
     out_m: float
-    """Distance of a fin's centre of pressure from the axis."""
+    """Distance of a fin's centre of pressure from the hull axis."""
     half_rho_area_kgpm: float
+    """1/2 rho A of one fin."""
     polar: Polar
+    """Lift and drag of one fin on its planform area."""
     span_y: Vector
+    """y component of the unit vector (0, span_y, span_z) along the span of each fin."""
     span_z: Vector
-    """Direction of each fin's span, (0, span_y, span_z), a unit vector."""
+    """z component of the unit vector (0, span_y, span_z) along the span of each fin."""
     rudder: Vector
+    """Fin angle, leading edge towards (0, -span_z, span_y), per radian of rudder."""
     elevator: Vector
-    """Turn of each fin, leading edge towards (0, -span_z, span_y), per radian of rudder and of
-    elevator."""
+    """Fin angle, leading edge towards (0, -span_z, span_y), per radian of elevator."""
     travel_rad: float = inf
-    """Where the sum of the two ends."""
+    """Limit on the fin angle, the sum of rudder and elevator parts."""
 
 
 class Propeller(NamedTuple):
-    """T = K_T rho n|n| D^4 with K_T linear in the advance ratio, collected in powers of n."""
+    """Thrust T = K_T rho n|n| D^4 with K_T linear in the advance ratio, by powers of n."""
 
     thrust_nn_kgm: float
     """rho D^4 K_T0: thrust per n|n|, N per (rev/s)^2."""
@@ -123,10 +140,15 @@ class Propeller(NamedTuple):
 
 
 class Hydrostatics(NamedTuple):
-    """Weight and buoyancy; positions in FLU from the origin."""
+    """Weight and buoyancy; positions in FLU from the origin.
+
+    ``cm`` is the centre of mass, ``cb`` the centre of buoyancy of the fully submerged hull, which
+    lies in the plane y = 0.
+    """
 
     weight_n: float
     buoyancy_n: float
+    """Buoyancy of the fully submerged vehicle."""
     x_cm_m: float
     y_cm_m: float
     z_cm_m: float
@@ -134,24 +156,28 @@ class Hydrostatics(NamedTuple):
     z_cb_m: float
     gravity_mps2: float
     half_length_m: float
+    """Half the length of the hull."""
     radius_m: float
+    """Largest radius of the hull."""
 
 
 class Walls(NamedTuple):
-    """How walls draw the hull, over nearness: hull radius over the distance from axis to wall."""
+    """Suction of walls on the hull, over nearness: hull radius over distance from axis to wall."""
 
     far_m: float
-    """From this distance on there is no pull."""
+    """Distance from which on the suction is zero."""
     far_nearness: float
+    """Nearness at ``far_m``: the first point of the table."""
     steps_per_nearness: float
+    """Number of table intervals per unit of nearness."""
     pull_kgpm: Vector
     """Force towards the wall per u^2, at equal steps of nearness up to 1."""
     moment_kg: Vector
-    """Moment of that force, forward positive, per u^2."""
+    """Moment of that force about the origin per u^2; positive for a force forward of mid-length."""
 
 
 class VehicleModel(NamedTuple):
-    """A whole vehicle, ready to be stepped."""
+    """Complete model of a vehicle, for ``dynamics.derivative`` and ``dynamics.rk4_step``."""
 
     inertia: Inertia
     stations: Stations

@@ -1,4 +1,7 @@
-"""Weight and buoyancy, with the free surface: what stands out of the water displaces none."""
+"""Weight and buoyancy, including the loss of buoyancy of sections above the free surface.
+
+Axes are body FLU with the origin on the hull axis at mid-length; heights are positive up.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,12 @@ from sitl.vehicle.model import Hydrostatics, Stations
 
 @kernel
 def immersion(z_up_m: float, radius_m: float) -> float:
-    """Fraction of a section under water, its axis ``z_up_m`` above the surface: a circular
-    segment's area."""
+    """Return the fraction of a circular section that is under water, 0 to 1.
+
+    ``z_up_m`` is the height of its axis above the surface, ``radius_m`` its radius.
+    """
+    # Area of a circular segment over that of the circle, with y = -z/R:
+    #     0.5 + (y sqrt(1 - y^2) + asin y) / pi.
     y = -z_up_m / radius_m
     if y >= 1.0:
         return 1.0
@@ -24,11 +31,13 @@ def immersion(z_up_m: float, radius_m: float) -> float:
 def lost_buoyancy(
     z_m: float, climb: float, hydrostatics: Hydrostatics, stations: Stations
 ) -> tuple[float, float]:
-    """(buoyancy lost in N, its first moment along x in N m) of the stations that stand out of the
-    water.
+    """Return (buoyancy lost in N, its first moment along x in N m) of sections above the water.
 
-    ``z_m`` is the origin's height above the surface, ``climb`` what a metre forward adds to it.
+    ``z_m`` is the height of the origin above the surface, m; ``climb`` is the change of that height
+    per metre forward along the hull.
     """
+    # Station i at x_i has the share s_i of the buoyancy B: force = sum B s_i dry_i,
+    # moment = sum B s_i dry_i x_i, with dry_i = 1 - immersion.
     force = moment = 0.0
     highest = z_m + abs(climb) * hydrostatics.half_length_m + hydrostatics.radius_m
     if highest > 0.0:
@@ -50,17 +59,22 @@ def wrench(
     hydrostatics: Hydrostatics,
     stations: Stations,
 ) -> Wrench:
-    """Weight at the centre of mass and buoyancy at the centre of volume, N and N m.
+    """Return weight at the centre of mass plus buoyancy at the centre of volume, N and N m, FLU.
 
-    Both act along ``up``, opposite to gravity as felt in the water's own frame: the inertial z axis
-    in body axes, plus the water's acceleration in units of g (Froude-Krylov force). ``z_m`` and
-    ``climb`` as for ``lost_buoyancy``."""
+    ``up`` is opposite to effective gravity in the frame of the water, body axes: the inertial z
+    axis plus the acceleration of the water in units of g (Froude-Krylov force). ``z_m`` and
+    ``climb`` are as for ``lost_buoyancy``; ``density_ratio`` is the density over that of the water
+    in which the vehicle was ballasted.
+    """
+    # With weight W at r_CM and buoyancy B at r_CB, both along "up" (Fossen 2021, ch. 4):
+    #     force  = (B - W) up,
+    #     moment = (B r_CB - W r_CM) x up.
     up_x, up_y, up_z = up
     h = hydrostatics
     lost, lost_moment = lost_buoyancy(z_m, climb, h, stations)
     buoyancy = density_ratio * (h.buoyancy_n - lost)
     net = buoyancy - h.weight_n
-    # First moments of the vertical forces; crossed with "up" they give the moment about the origin.
+    # first = B r_CB - W r_CM, N m.
     first_x = density_ratio * (h.buoyancy_n * h.x_cb_m - lost_moment) - h.weight_n * h.x_cm_m
     first_y = -h.weight_n * h.y_cm_m
     first_z = buoyancy * h.z_cb_m - h.weight_n * h.z_cm_m

@@ -1,7 +1,19 @@
-"""Table 1's column for any slender vehicle, each number with its formula, inputs and source.
+"""Table 1's column for any slender vehicle: each number with its formula, inputs and source.
 
-What a vehicle file leaves out is filled by these steps, and ``derive`` prints them beside the
-paper's table: there is one derivation. Axes and symbols are the paper's."""
+``fill_missing`` uses these steps for the keys that a vehicle file omits, and ``first_principles``
+prints them beside the paper's table. Axes and symbols are the paper's: x forward, y port, z up,
+origin on the hull axis at mid-length; rudder dr, elevator de in rad.
+
+Linear coefficients at speed U (m/s), with tails i at x_i with side force k_i = 1/2 rho A_i
+dC_L/dalpha U per m/s of sway, hull side force h = 1/2 rho l d C_L' U at x_h, and thrust T:
+
+    Y_v = -sum k_i - h                        N_v = -sum x_i k_i - 1/2 rho l^2 d C_M' U
+    Y_r = -sum x_i k_i - x_h h + X_udot U     N_r = -sum x_i^2 k_i - x_h^2 h
+    Y_dr = sum (k_d,i U + T_i)                N_dr = sum x_i (k_d,i U + T_i)
+
+with k_d the side force per m/s and radian of command (the paper, "Overall Vehicle Modeling"). Added
+mass is by strips (Newman 1977) and, along x, of a spheroid (Lamb 1932, sec. 114).
+"""
 
 from __future__ import annotations
 
@@ -13,50 +25,63 @@ from sitl.vehicle.hull import Integrals
 
 
 class Derivation(NamedTuple):
-    """One derived quantity."""
+    """One derived quantity with its derivation in words."""
 
     symbol: str
+    """Symbol, or key of the vehicle file."""
     unit: str
     formula: str
     inputs: str
+    """Values of the inputs with units, as text."""
     value: float
     source: str
+    """Author and year, or the assumption."""
     table: float | None = None
-    """What Table 1 or the paper's text prints; None where it prints nothing."""
+    """Value in Table 1 or in the paper's text; None where the paper has no value."""
 
     @property
     def difference_pct(self) -> float | None:
-        """Derived less printed, in percent of the printed value."""
+        """Derived minus printed value, in percent of the printed value."""
         return None if self.table is None else 100 * (self.value - self.table) / abs(self.table)
 
 
 class Tail(NamedTuple):
-    """What a ring duct or a set of fins does in one plane, small angles."""
+    """Effect of a ring duct or a set of fins in one plane, for small angles."""
 
     x_m: float
+    """Position forward of mid-length; negative."""
     lift_kgpm: float
-    """Side force per speed and m/s of sway: 1/2 rho A dC_L/dalpha."""
+    """Side force per m/s of speed and m/s of sway: 1/2 rho A dC_L/dalpha."""
     steer_kgpm: float
     """Side force per speed squared and radian of command."""
     thrust_n: float
-    """That turns with the command."""
+    """Thrust that turns with the command."""
 
 
 def duct_tail(ring: DuctGeometry, thrust_n: float, density_kgpm3: float) -> Tail:
-    """A ring with the propeller in it."""
+    """Return the tail of a ring with the propeller inside."""
     lift = density_kgpm3 / 2 * ring.area_m2 * ring.lift_slope_per_rad
-    return Tail(ring.x_m, lift, lift, thrust_n) if ring.vectored else Tail(ring.x_m, lift, 0.0, 0.0)
+    return (
+        Tail(x_m=ring.x_m, lift_kgpm=lift, steer_kgpm=lift, thrust_n=thrust_n)
+        if ring.vectored
+        else Tail(x_m=ring.x_m, lift_kgpm=lift, steer_kgpm=0.0, thrust_n=0.0)
+    )
 
 
 def fin_tail(fins: FinGeometry, density_kgpm3: float) -> Tail:
-    """Four fins: two carry lift in a plane, or four their component in it; so too when turned, but
-    for the gain."""
-    two = 2 * density_kgpm3 / 2 * fins.area_m2 * fins.lift_slope_per_rad
-    return Tail(fins.x_m, two, two * fins.command_gain, 0.0)
+    """Return the tail of four fins.
+
+    In one plane, two cruciform fins carry lift, or four X fins carry their component, which is the
+    same. Steering has the additional factor ``command_gain``.
+    """
+    two_fins = 2 * density_kgpm3 / 2 * fins.area_m2 * fins.lift_slope_per_rad
+    return Tail(
+        x_m=fins.x_m, lift_kgpm=two_fins, steer_kgpm=two_fins * fins.command_gain, thrust_n=0.0
+    )
 
 
 class Flow(NamedTuple):
-    """What the linear planes rest on."""
+    """Inputs of the linear yaw plane."""
 
     speed_mps: float
     density_kgpm3: float
@@ -66,89 +91,99 @@ class Flow(NamedTuple):
     lift_per_rad: float
     """C_L' of the hull, on length times diameter."""
     moment_per_rad: float
-    """C_M' of the hull, on length squared times diameter; holds the Munk moment."""
+    """C_M' of the hull, on length squared times diameter; includes the Munk moment."""
     lift_at_m: float
-    """Where the hull's lift meets the cross flow of a turn, forward of mid-length; 0 counts its
-    sway alone."""
+    """Position x_h, forward of mid-length, where the hull's lift takes its incidence in a turn;
+    0 takes the incidence from sway alone."""
     tails: tuple[Tail, ...]
     hull_source: str
+    """Source of ``lift_per_rad``."""
     moment_source: str
+    """Source of ``moment_per_rad``."""
 
 
 def size(shape: HullGeometry) -> str:
-    """The hull's size, in words."""
+    """Return length and diameter of the hull as text."""
     return f"l {hull.length_m(shape):.4g} m, d {shape.diameter_m:.4g} m"
 
 
 def added_mass(
     shape: HullGeometry, fins: FinGeometry | None, density_kgpm3: float
 ) -> list[Derivation]:
-    """X_udot of the spheroid, Y_vdot and N_rdot by strips; N_rdot about mid-length."""
-    whole, rho, of_size = hull.integrals(shape), density_kgpm3, size(shape)
+    """Return X_udot of the spheroid, and Y_vdot and N_rdot (about mid-length) by strips."""
+    hull_integrals, rho, inputs = hull.integrals(shape), density_kgpm3, size(shape)
     X_udot = -empirical.axial_added_mass_kg(hull.length_m(shape), shape.diameter_m, rho)
-    finned = x = 0.0
-    by_fins = turning_by_fins = ""
+    fin_mass = x = 0.0
+    fin_term = fin_turning_term = ""
     if fins is not None:
         section = empirical.finned_section_kgpm(fins.hull_radius_m, fins.tip_radius_m, rho)
-        finned, x = section * (fins.root_chord_m + fins.tip_chord_m) / 2, fins.x_m
-        by_fins, turning_by_fins = (
+        fin_mass, x = section * (fins.root_chord_m + fins.tip_chord_m) / 2, fins.x_m
+        fin_term, fin_turning_term = (
             " - rho pi (s^2 - R^2)^2/s^2 c",
             " - x^2 rho pi (s^2 - R^2)^2/s^2 c",
         )
-        of_size += f", fins s {fins.tip_radius_m:.4g} m at {x:.4g} m"
+        inputs += f", fins s {fins.tip_radius_m:.4g} m at {x:.4g} m"
     source = "strips, Newman 1977" + (", finned section, Blevins 1979" if fins is not None else "")
     return [
         Derivation(
-            "X_udot",
-            "kg",
-            "-k_1 rho pi/6 l d^2",
-            size(shape),
-            X_udot,
-            "spheroid, Lamb 1932 sec. 114",
+            symbol="X_udot",
+            unit="kg",
+            formula="-k_1 rho pi/6 l d^2",
+            inputs=size(shape),
+            value=X_udot,
+            source="spheroid, Lamb 1932 sec. 114",
         ),
         Derivation(
-            "Y_vdot",
-            "kg",
-            f"-rho int pi R^2 dx{by_fins}",
-            of_size,
-            -rho * whole.volume_m3 - finned,
-            source,
+            symbol="Y_vdot",
+            unit="kg",
+            formula=f"-rho int pi R^2 dx{fin_term}",
+            inputs=inputs,
+            value=-rho * hull_integrals.volume_m3 - fin_mass,
+            source=source,
         ),
         Derivation(
-            "N_rdot",
-            "kg m2",
-            f"-rho int pi R^2 x^2 dx{turning_by_fins}",
-            of_size,
-            -rho * whole.section_moment_m5 - x**2 * finned,
-            source,
+            symbol="N_rdot",
+            unit="kg m2",
+            formula=f"-rho int pi R^2 x^2 dx{fin_turning_term}",
+            inputs=inputs,
+            value=-rho * hull_integrals.section_moment_m5 - x**2 * fin_mass,
+            source=source,
         ),
     ]
 
 
 def yaw_inertia(shape: HullGeometry, mass_kg: float) -> Derivation:
-    """Of the mass spread evenly over the hull, about mid-length."""
-    whole: Integrals = hull.integrals(shape)
-    inertia = mass_kg / whole.volume_m3 * whole.pitch_inertia_m5
+    """Return I_zz about mid-length of a mass that is distributed evenly over the hull."""
+    hull_integrals: Integrals = hull.integrals(shape)
+    inertia = mass_kg / hull_integrals.volume_m3 * hull_integrals.pitch_inertia_m5
     inputs = f"{size(shape)}, m {mass_kg:.4g} kg"
     return Derivation(
-        "I_zz", "kg m2", "m/V int (pi R^2 x^2 + pi R^4/4) dx", inputs, inertia, "homogeneous hull"
+        symbol="I_zz",
+        unit="kg m2",
+        formula="m/V int (pi R^2 x^2 + pi R^4/4) dx",
+        inputs=inputs,
+        value=inertia,
+        source="homogeneous hull",
     )
 
 
 def hull_moment_per_rad(
     length_m: float, diameter_m: float, density_kgpm3: float, munk_kg: float
 ) -> float:
-    """C_M' of the Munk moment (``munk_kg`` = X_udot - Y_vdot) and of the hull's lift behind
-    mid-length."""
+    """Return C_M' of the Munk moment plus that of the hull's lift, per radian.
+
+    ``munk_kg`` is X_udot - Y_vdot. The reference is 1/2 rho l^2 d.
+    """
     munk = munk_kg / (density_kgpm3 / 2 * length_m**2 * diameter_m)
     return munk + empirical.HULL_LIFT_AT * empirical.hull_lift_slope_per_rad()
 
 
 def yaw_plane(flow: Flow) -> list[Derivation]:
-    """Steering, damping and turning coefficients at ``flow.speed_mps``.
+    """Return steering, damping and turning coefficients at ``flow.speed_mps``.
 
-    Tail and hull lift are forces at a place on the cross flow met there, v + x r: they damp
-    whatever the motion."""
+    Tail and hull lift are forces at a position x, proportional to the local crossflow v + x r.
+    """
+    # Equations: module docstring. k, k_x, k_xx: sums of k_i, x_i k_i and x_i^2 k_i.
     U, tails = flow.speed_mps, flow.tails
     planform = flow.length_m * flow.diameter_m
     pressure = flow.density_kgpm3 / 2 * planform * U
@@ -158,33 +193,40 @@ def yaw_plane(flow: Flow) -> list[Derivation]:
         sum((tail.steer_kgpm * U**2 + tail.thrust_n) * tail.x_m**n for tail in tails)
         for n in (0, 1)
     )
-    at = f"x {' and '.join(f'{tail.x_m:.5g}' for tail in tails)} m"
-    tail, body = f"k {k:.4g} kg/s, {at}", f"A_p {planform:.4g} m2, U {U:.4g} m/s"
+    positions = f"x {' and '.join(f'{tail.x_m:.5g}' for tail in tails)} m"
+    tail, body = f"k {k:.4g} kg/s, {positions}", f"A_p {planform:.4g} m2, U {U:.4g} m/s"
     return [
         Derivation(
-            "Y_dr",
-            "N/rad",
-            "k_d U + T, k_d = 1/2 rho A dC_L/dd U",
-            f"{at}, U {U:.4g} m/s",
-            Y_dr,
-            "tail and the thrust that it turns",
-        ),
-        Derivation("N_dr", "N m/rad", "x Y_dr", at, N_dr, "tail"),
-        Derivation(
-            "Y_v",
-            "kg/s",
-            "-k - 1/2 rho A_p C_L' U",
-            f"{body}, C_L' {flow.lift_per_rad:.3g}",
-            -k - side,
-            f"tail and hull: {flow.hull_source}",
+            symbol="Y_dr",
+            unit="N/rad",
+            formula="k_d U + T, k_d = 1/2 rho A dC_L/dd U",
+            inputs=f"{positions}, U {U:.4g} m/s",
+            value=Y_dr,
+            source="tail and the thrust that it turns",
         ),
         Derivation(
-            "N_v",
-            "kg m/s",
-            "-x k - 1/2 rho A_p l C_M' U",
-            f"{body}, C_M' {flow.moment_per_rad:.3g}",
-            -k_x - moment,
-            f"tail and hull: {flow.moment_source}",
+            symbol="N_dr",
+            unit="N m/rad",
+            formula="x Y_dr",
+            inputs=positions,
+            value=N_dr,
+            source="tail",
+        ),
+        Derivation(
+            symbol="Y_v",
+            unit="kg/s",
+            formula="-k - 1/2 rho A_p C_L' U",
+            inputs=f"{body}, C_L' {flow.lift_per_rad:.3g}",
+            value=-k - side,
+            source=f"tail and hull: {flow.hull_source}",
+        ),
+        Derivation(
+            symbol="N_v",
+            unit="kg m/s",
+            formula="-x k - 1/2 rho A_p l C_M' U",
+            inputs=f"{body}, C_M' {flow.moment_per_rad:.3g}",
+            value=-k_x - moment,
+            source=f"tail and hull: {flow.moment_source}",
         ),
         *_turning(flow, side, (k_x, k_xx), tail),
     ]
@@ -193,23 +235,28 @@ def yaw_plane(flow: Flow) -> list[Derivation]:
 def _turning(
     flow: Flow, side_kgps: float, tail: tuple[float, float], inputs: str
 ) -> list[Derivation]:
-    """Y_r and N_r of the tail's moments of place (x k, x^2 k) and of the hull's lift at its own."""
+    """Return Y_r and N_r from the tail's sums (x k, x^2 k) and from the hull's lift at x_h."""
     (k_x, k_xx), x_h, U, X_udot = tail, flow.lift_at_m, flow.speed_mps, flow.X_udot_kg
-    also, also_squared, source = "", "", "tail"
+    lift_term, lift_squared_term, source = "", "", "tail"
     if x_h:
         inputs += f", h = 1/2 rho A_p C_L' U {side_kgps:.4g} kg/s at x_h {x_h:.4g} m"
-        also, also_squared, source = " - x_h h", " - x_h^2 h", "tail and hull"
+        lift_term, lift_squared_term, source = " - x_h h", " - x_h^2 h", "tail and hull"
     return [
         Derivation(
-            "Y_r",
-            "kg m/s",
-            f"-x k{also} + X_udot U",
-            f"{inputs}, X_udot {X_udot:.4g} kg",
-            -k_x - x_h * side_kgps + X_udot * U,
-            f"{source}, and axial added mass",
+            symbol="Y_r",
+            unit="kg m/s",
+            formula=f"-x k{lift_term} + X_udot U",
+            inputs=f"{inputs}, X_udot {X_udot:.4g} kg",
+            value=-k_x - x_h * side_kgps + X_udot * U,
+            source=f"{source}, and axial added mass",
         ),
         Derivation(
-            "N_r", "kg m2/s", f"-x^2 k{also_squared}", inputs, -k_xx - x_h**2 * side_kgps, source
+            symbol="N_r",
+            unit="kg m2/s",
+            formula=f"-x^2 k{lift_squared_term}",
+            inputs=inputs,
+            value=-k_xx - x_h**2 * side_kgps,
+            source=source,
         ),
     ]
 
@@ -225,12 +272,13 @@ TWINS = (
     ("M_qdot", "N_rdot", 1),
     ("I_yy", "I_zz", 1),
 )
-"""Pitch coefficient, its yaw twin and their relative sign: the hull is a body of revolution, z up
-and y to port."""
+"""Pitch coefficient, the equal yaw coefficient and their relative sign in axes with y port, z up.
+
+They are equal because the hull is a body of revolution."""
 
 
 def pitch_twins(yaw: list[Derivation]) -> list[Derivation]:
-    """The pitch plane of ``yaw``'s steps: the same, a quarter turn about x."""
+    """Return the pitch plane that equals the yaw plane rotated by 90 degrees about x."""
     by_symbol = {step.symbol: step for step in yaw}
     return [
         _mirrored(name, by_symbol[twin], sign) for name, twin, sign in TWINS if twin in by_symbol
@@ -238,6 +286,14 @@ def pitch_twins(yaw: list[Derivation]) -> list[Derivation]:
 
 
 def _mirrored(name: str, twin: Derivation, sign: int) -> Derivation:
+    """Return pitch coefficient ``name`` as ``sign`` times the yaw coefficient ``twin``."""
     formula = f"{'-' if sign < 0 else ''}{twin.symbol}"
     inputs = f"{twin.symbol} {twin.value:.4g}"
-    return Derivation(name, twin.unit, formula, inputs, sign * twin.value, "symmetry of revolution")
+    return Derivation(
+        symbol=name,
+        unit=twin.unit,
+        formula=formula,
+        inputs=inputs,
+        value=sign * twin.value,
+        source="symmetry of revolution",
+    )

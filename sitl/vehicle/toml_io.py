@@ -1,4 +1,4 @@
-"""Strict decoding of TOML files: an error names file, key, value and what would be right."""
+"""Strict decoding of TOML files: an error names file, key, value and what is expected."""
 
 from __future__ import annotations
 
@@ -12,13 +12,34 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 
 def decode(text: str, kind: type[T], source: str, error: type[ValueError]) -> T:
-    """``text`` as a ``kind``, a tree of msgspec Structs; ``source`` names it in errors, which are
-    of type ``error``."""
+    """Decode TOML text into msgspec Structs.
+
+    Parameters
+    ----------
+    text : str
+        TOML text.
+    kind : type
+        Struct type of the top level.
+    source : str
+        Name of the file in error messages.
+    error : type
+        Exception type to raise.
+
+    Returns
+    -------
+    Struct
+        An instance of ``kind``.
+
+    Raises
+    ------
+    ValueError
+        Of type ``error``: not valid TOML, an unknown or missing key, or a value out of range.
+    """
     return convert(read(text, source, error), kind, source, error)
 
 
 def read(text: str, source: str, error: type[ValueError]) -> dict[str, Any]:
-    """The tables of ``text``, not yet checked."""
+    """Return the tables of ``text`` without validation; raise ``error`` for invalid TOML."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
@@ -26,9 +47,9 @@ def read(text: str, source: str, error: type[ValueError]) -> dict[str, Any]:
 
 
 def convert(tables: dict[str, Any], kind: type[T], source: str, error: type[ValueError]) -> T:
-    """``tables`` as a ``kind``."""
-    if wrong := _unknown_or_not_finite(tables, kind, ""):
-        raise error(f"{source}: {wrong}")
+    """Return ``tables`` as an instance of ``kind``; raise ``error`` for invalid keys or values."""
+    if problem_text := _unknown_or_not_finite(tables, kind, ""):
+        raise error(f"{source}: {problem_text}")
     try:
         return msgspec.convert(tables, kind)
     except msgspec.ValidationError as problem:
@@ -36,8 +57,10 @@ def convert(tables: dict[str, Any], kind: type[T], source: str, error: type[Valu
 
 
 def _unknown_or_not_finite(table: dict[str, Any], kind: type[msgspec.Struct], prefix: str) -> str:
-    """msgspec names neither the keys that would be right nor numbers that are not finite; TOML
-    allows inf and nan."""
+    """Return an error text for an unknown key, word or non-finite number, or "".
+
+    TOML allows inf and nan. msgspec neither lists the known keys nor rejects non-finite numbers.
+    """
     fields = {field.name: field.type for field in msgspec.structs.fields(kind)}
     tag = kind.__struct_config__.tag_field
     for key, value in table.items():
@@ -49,14 +72,14 @@ def _unknown_or_not_finite(table: dict[str, Any], kind: type[msgspec.Struct], pr
             return f"{prefix}{key} = {value!r}: expected {' or '.join(choices)}"
         if isinstance(value, float) and not isfinite(value):
             return f"{prefix}{key} = {value}: expected a finite number"
-        for inside, name in _tables_of(value, f"{prefix}{key}"):
-            if wrong := _wrong_inside(inside, fields[key], f"{name}."):
-                return wrong
+        for inner, name in _tables_of(value, f"{prefix}{key}"):
+            if problem_text := _wrong_inside(inner, fields[key], f"{name}."):
+                return problem_text
     return ""
 
 
 def _tables_of(value: Any, name: str) -> list[tuple[dict[str, Any], str]]:
-    """The tables that a value is or lists, each with its name."""
+    """Return the tables in a value (itself, or the entries of a list), each with its name."""
     listed = (
         [(value, name)]
         if not isinstance(value, list)
@@ -66,15 +89,15 @@ def _tables_of(value: Any, name: str) -> list[tuple[dict[str, Any], str]]:
 
 
 def _wrong_inside(table: dict[str, Any], annotation: Any, prefix: str) -> str:
-    """The same of a table within, which may be one of several kinds, told apart by their tag."""
+    """Return the same error text for an inner table, whose tag selects one of several types."""
     if get_origin(annotation) is dict:
-        inside = (
+        inner = (
             (value, f"{prefix}{key}.") for key, value in table.items() if isinstance(value, dict)
         )
         return next(
             filter(
                 None,
-                (_wrong_inside(value, get_args(annotation)[1], name) for value, name in inside),
+                (_wrong_inside(value, get_args(annotation)[1], name) for value, name in inner),
             ),
             "",
         )
@@ -89,30 +112,29 @@ def _wrong_inside(table: dict[str, Any], annotation: Any, prefix: str) -> str:
 
 
 def _choices(annotation: Any) -> list[str]:
-    """The words that a ``Literal`` allows."""
-    inside = get_args(annotation)
-    return [word for word in inside if isinstance(word, str)] or [
-        word for kind in inside for word in _choices(kind)
+    """Return the words that a ``Literal`` allows."""
+    inner = get_args(annotation)
+    return [word for word in inner if isinstance(word, str)] or [
+        word for kind in inner for word in _choices(kind)
     ]
 
 
 def _is_struct(kind: Any) -> bool:
+    """Return True for a msgspec Struct type."""
     return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
 
 
 def _explain(problem: msgspec.ValidationError, tables: dict[str, Any]) -> str:
-    """msgspec's "Expected `float` > 0 - at `$.hull.diameter_m`" with key and value in front."""
-    what, _, where = str(problem).partition(" - at `$")
-    what = what.replace("`", "")
-    key = (
-        where.rstrip("`").lstrip(".").partition("[...]")[0]
-    )  # so msgspec calls any entry of a table of free keys
+    """Return key, value and reason from "Expected `float` > 0 - at `$.hull.diameter_m`"."""
+    expectation, _, path = str(problem).partition(" - at `$")
+    expectation = expectation.replace("`", "")
+    # "[...]" is msgspec's name of any entry in a table with free keys.
+    key = path.rstrip("`").lstrip(".").partition("[...]")[0]
     value: Any = tables
     for part in filter(None, key.split(".")):
         name, _, index = part.partition("[")
         value = value[name][int(index.rstrip("]"))] if index.rstrip("]").isdigit() else value[name]
-    if isinstance(value, dict) and what.startswith("Object missing"):
-        return (
-            f"{key or 'top level'}: {what.replace('Object missing required field', 'missing key')}"
-        )
-    return f"{key} = {value!r}: {what[0].lower()}{what[1:]}"
+    if isinstance(value, dict) and expectation.startswith("Object missing"):
+        missing = expectation.replace("Object missing required field", "missing key")
+        return f"{key or 'top level'}: {missing}"
+    return f"{key} = {value!r}: {expectation[0].lower()}{expectation[1:]}"

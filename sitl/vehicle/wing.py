@@ -1,4 +1,4 @@
-"""Lift and drag of a wing at any incidence: what ring duct and fins have in common."""
+"""Lift and drag coefficients of a wing at any incidence, for the ring duct and the fins."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ from sitl.vehicle.model import Polar
 
 @kernel
 def coefficients(alpha_rad: float, polar: Polar) -> tuple[float, float]:
-    """(C_L / sin alpha, C_D) at incidence 0 <= alpha <= pi/2; both finite and continuous
-    throughout.
+    """Return (C_L / sin alpha, C_D) at incidence 0 <= alpha <= pi/2 (rad), both dimensionless.
 
-    Attached: C_L = a alpha + C_Dc alpha^2, C_D = C_do + C_L^2/(pi AR e) (the paper, after
-    Principles of Naval Architecture). Separated: a normal force C_n sin alpha across the wing. A
-    smooth step joins the two past stall."""
+    Both are finite and continuous in the whole range.
+    """
+    # Attached flow, up to the stall angle (the paper, after Principles of Naval Architecture):
+    #     C_L = a alpha + C_Dc alpha^2,   C_D = C_do + C_L^2 / (pi AR e).
+    # Separated flow: a normal force C_n sin alpha on the wing, hence
+    #     C_L / sin alpha = C_n cos alpha,   C_D = C_do + C_n sin^2 alpha.
+    # Between stall and separated angle the two are blended with the smooth step 3 x^2 - 2 x^3.
     sin_a = sin(alpha_rad)
     lift = (
         polar.lift_slope_per_rad * alpha_rad + polar.lift_quadratic_per_rad2 * alpha_rad * alpha_rad

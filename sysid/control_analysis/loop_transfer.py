@@ -1,15 +1,23 @@
-"""The autopilot's loops round a linear plane: frequency responses with the true delay, poles with a
-Pade delay.
+"""Frequency responses and closed-loop poles of the autopilot's loops around a linear plane.
 
-The laws, angles in radians, depth in metres (e is set-point less measurement):
+Frequency responses use the true delay exp(-s T); poles use a rational (Pade) approximation.
 
-    rudder   = HDG_P e_psi - HDG_D r + I_psi                       I_psi' = HDG_I e_psi elevator =
-    PTCH_P (theta_c - theta) - PTCH_D q + I_theta       I_theta' = PTCH_I (theta_c - theta) theta_c
-    = -(DPT_P e_z + I_z) + DPT_D depth'                   I_z' = DPT_I e_z
+Control laws, angles in rad, depth in m positive down, e = set-point minus measurement::
 
-With ACT_LEAD_W, rudder and elevator pass through the tailcone's believed lag undone and a faster
-one: (s^2 + 2 z w s + w^2) / (s^2 + 2 z' w' s + w'^2) w'^2 / w^2, w = ACT_LAG_W, z = ACT_LAG_Z, w' =
-ACT_LEAD_W, z' = 0.7."""
+    rudder   = HDG_P e_psi - HDG_D r + I_psi                     I_psi'   = HDG_I e_psi
+    elevator = PTCH_P (theta_c - theta) - PTCH_D q + I_theta     I_theta' = PTCH_I (theta_c - theta)
+    theta_c  = -(DPT_P e_z + I_z) + DPT_D depth'                 I_z'     = DPT_I e_z
+
+r and q are the yaw and pitch rates (rad/s), psi the heading, theta the pitch, theta_c the commanded
+pitch.
+
+With ACT_LEAD_W set, rudder and elevator commands pass through the actuator lead, which cancels the
+assumed lag of the tailcone and replaces it by a faster one::
+
+    F(s) = (s^2 + 2 z w s + w^2) / (s^2 + 2 z' w' s + w'^2) * w'^2 / w^2
+
+with w = ACT_LAG_W, z = ACT_LAG_Z, w' = ACT_LEAD_W (rad/s) and z' = 0.7.
+"""
 
 import cmath
 import math
@@ -25,18 +33,21 @@ from sysid.models.linear_planes import LinearPlane
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Gains = Mapping[str, float]
-"""By parameter name, as in Table 3."""
+"""Loop gains by parameter name, as in Table 3 of the paper."""
 Approximation = int | tuple[float, ...]
-"""Of a delay T: the order of Pade's, or the coefficients of q in rising powers for q(-T s) / q(T
-s)."""
+"""Rational approximation of a delay T.
+
+An integer is the order of the Pade approximation. A tuple holds the coefficients of q in rising
+powers, for q(-T s) / q(T s).
+"""
 
 TICK_S = 0.02
 SAMPLING_S = 1.5 * TICK_S
-"""What sampling at 50 Hz adds: half a tick of hold and one tick to compute."""
+"""Extra delay (s) from sampling at 50 Hz: half a tick of hold and one tick of computation."""
 
 
 class Lag(NamedTuple):
-    """Tailcone between command and duct angle."""
+    """Second-order lag and delay of the tailcone between command and duct angle."""
 
     delay_s: float
     natural_frequency_radps: float = 3.0
@@ -44,8 +55,7 @@ class Lag(NamedTuple):
 
 
 class Lead(NamedTuple):
-    """The tailcone's lag as the autopilot believes it, and the faster one that it is to seem to
-    have."""
+    """Assumed lag of the tailcone and the natural frequency of the faster lag that replaces it."""
 
     lag_radps: float
     lag_damping: float
@@ -53,36 +63,59 @@ class Lead(NamedTuple):
 
 
 LEAD_DAMPING = 0.7
+"""Damping ratio of the faster lag."""
 
 
 class Margins(NamedTuple):
+    """Classical stability margins of one loop."""
+
     gm_db: float
-    """Smallest factor, up or down, that the loop gain may take; infinite when no factor
-    destabilises."""
+    """Smallest destabilising gain factor, up or down (dB); infinite if there is none."""
     pm_deg: float
-    """Smallest over all crossings of unit gain; infinite without one."""
+    """Smallest phase margin over all crossings of unit gain (deg); infinite without a crossing."""
     ms: float
-    """Largest sensitivity |1/(1+L)|."""
+    """Largest sensitivity, max |1 / (1 + L)|."""
     crossover_radps: float
-    """Highest frequency of unit gain; not a number without one."""
+    """Highest frequency of unit gain (rad/s); NaN without a crossing."""
 
 
 GRID_RADPS: Array = np.geomspace(1e-3, 60.0, 480)
-"""Frequencies on which loops are judged."""
+"""Frequency grid (rad/s) on which loops are evaluated."""
 
 
 class Responses(NamedTuple):
-    """A plane on ``GRID_RADPS``: from command, through delay and lag, and from a unit of angular
-    acceleration."""
+    """Frequency responses of a plane's states on `GRID_RADPS`."""
 
     states: tuple[str, ...]
     command: ComplexArray
-    """(frequencies, states)."""
+    """Response to the command through delay and lag, (frequencies, states)."""
     moment: ComplexArray
-    """(frequencies, states)."""
+    """Response to a unit of disturbing angular acceleration, (frequencies, states)."""
 
 
 def responses(plane: LinearPlane, lag: Lag) -> Responses:
+    """Return the frequency responses of a plane behind a tailcone.
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Linear yaw or pitch plane, x' = A x + B delta, in FRD axes.
+    lag : Lag
+        Lag and delay of the tailcone, with the delay of sampling.
+
+    Returns
+    -------
+    Responses
+        Complex responses of all states on `GRID_RADPS`.
+
+    Notes
+    -----
+    With the duct response G(s) = exp(-s T) wn^2 / (s^2 + 2 zeta wn s + wn^2)::
+
+        command = (sI - A)^-1 B G(s)      moment = (sI - A)^-1 m
+
+    m is the unit vector of angular acceleration about the axis of the plane.
+    """
     s = 1j * GRID_RADPS
     resolvent = np.linalg.inv(s[:, None, None] * np.eye(plane.A.shape[0]) - plane.A)
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
@@ -91,34 +124,57 @@ def responses(plane: LinearPlane, lag: Lag) -> Responses:
 
 
 def actuator_lead(gains: Gains) -> Lead | None:
-    """What the gains make of the tailcone's lag; None where they leave it as it is."""
+    """Return the actuator lead that the gains ask for, or None if it is off."""
     if not gains.get("ACT_LEAD_W"):
         return None
     return Lead(gains["ACT_LAG_W"], gains["ACT_LAG_Z"], gains["ACT_LEAD_W"])
 
 
 def lead_response(gains: Gains) -> ComplexArray:
-    """From what the loops want to what the tailcone is told, on ``GRID_RADPS``."""
+    """Return the response of the actuator lead on `GRID_RADPS`, one where it is off."""
     lead = actuator_lead(gains)
     return np.ones(GRID_RADPS.size, dtype=np.complex128) if lead is None else _lead_response(lead)
 
 
 @lru_cache(maxsize=16)
 def _lead_response(lead: Lead) -> ComplexArray:
-    s, w, faster = 1j * GRID_RADPS, lead.lag_radps, lead.lead_radps
-    undone = (s**2 + 2.0 * lead.lag_damping * w * s + w**2) / w**2
-    return np.asarray(undone * faster**2 / (s**2 + 2.0 * LEAD_DAMPING * faster * s + faster**2))
+    """Return F(s) of the module docstring on `GRID_RADPS`."""
+    s, lag_radps, lead_radps = 1j * GRID_RADPS, lead.lag_radps, lead.lead_radps
+    cancelled = (s**2 + 2.0 * lead.lag_damping * lag_radps * s + lag_radps**2) / lag_radps**2
+    return np.asarray(
+        cancelled * lead_radps**2 / (s**2 + 2.0 * LEAD_DAMPING * lead_radps * s + lead_radps**2)
+    )
 
 
 def with_lead(plant: Responses, gains: Gains) -> Responses:
-    """``plant`` from what the loops want instead of from what the tailcone is told."""
+    """Return `plant` with the actuator lead in front of the tailcone."""
     if actuator_lead(gains) is None:
         return plant
     return plant._replace(command=plant.command * lead_response(gains)[:, None])
 
 
 def heading_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
-    """Loop transfer functions, opened at the rudder and at the heading error."""
+    """Return the open-loop transfer functions of the heading loop.
+
+    Parameters
+    ----------
+    plant : Responses
+        Responses of the yaw plane.
+    gains : Gains
+        HDG_P, HDG_D, HDG_I and, where used, the ACT_ parameters.
+
+    Returns
+    -------
+    dict
+        "rudder": the loop opened at the rudder; "heading": opened at the heading error. Each on
+        `GRID_RADPS`.
+
+    Notes
+    -----
+    With C = HDG_P + HDG_I / s and the plant's responses r and psi to the rudder::
+
+        L_rudder = HDG_D r + C psi        L_heading = C psi / (1 + HDG_D r)
+    """
     s, command = 1j * GRID_RADPS, with_lead(plant, gains).command
     r, psi = command[:, 1], command[:, 2]
     forward = gains["HDG_P"] + gains["HDG_I"] / s
@@ -127,8 +183,29 @@ def heading_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
 
 
 def depth_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
-    """Loop transfer functions, opened at the elevator and at the pitch command; "pitch" has no
-    depth loop round it."""
+    """Return the open-loop transfer functions of the pitch and depth loops.
+
+    Parameters
+    ----------
+    plant : Responses
+        Responses of the pitch plane.
+    gains : Gains
+        PTCH_ and DPT_ gains and, where used, the ACT_ parameters.
+
+    Returns
+    -------
+    dict
+        "elevator": opened at the elevator; "depth": opened at the pitch command; "pitch": opened at
+        the elevator without a depth loop. Each on `GRID_RADPS`.
+
+    Notes
+    -----
+    With C = PTCH_P + PTCH_I / s, K = DPT_P + DPT_I / s + DPT_D s and the plant's responses q, theta
+    and depth to the elevator::
+
+        L_pitch = PTCH_D q + C theta      L_elevator = L_pitch - C K depth
+        L_depth = -C K depth / (1 + L_pitch)
+    """
     s, command = 1j * GRID_RADPS, with_lead(plant, gains).command
     q, theta = command[:, 1], command[:, 2]
     forward = gains["PTCH_P"] + gains["PTCH_I"] / s
@@ -142,54 +219,88 @@ def depth_loops(plant: Responses, gains: Gains) -> dict[str, ComplexArray]:
 
 
 def pitch_command(plant: ComplexArray, gains: Gains) -> ComplexArray:
-    """theta_c per unit of what drives ``plant``, the set-point held."""
+    """Return the pitch command (rad) per unit of the input of `plant`, with a constant set-point.
+
+    Parameters
+    ----------
+    plant : ndarray
+        Response of the pitch plane's states to that input, (frequencies, states); column 3 is
+        depth.
+    gains : Gains
+        DPT_P, DPT_I and DPT_D.
+
+    Returns
+    -------
+    ndarray
+        (DPT_P + DPT_I / s + DPT_D s) depth(s) on `GRID_RADPS`.
+    """
     s = 1j * GRID_RADPS
     return (gains["DPT_P"] + gains["DPT_I"] / s + gains["DPT_D"] * s) * plant[:, 3]
 
 
 def margins(loop: ComplexArray) -> Margins:
-    """Classical margins of a loop given on ``GRID_RADPS``, crossings found by linear
-    interpolation."""
+    """Return the gain and phase margins of a loop.
+
+    Parameters
+    ----------
+    loop : ndarray
+        Open-loop transfer function L on `GRID_RADPS`.
+
+    Returns
+    -------
+    Margins
+        Margins over all crossings. Crossings are found by linear interpolation between frequencies.
+
+    Notes
+    -----
+    Phase margin: |arg L + pi| where |L| = 1. Gain margin: |20 log10 |L|| where L is real and
+    negative. Ms = 1 / min |1 + L|.
+    """
     log_gain = np.log(np.abs(loop))
-    unit = _crossings(log_gain)
-    distances = [abs(_wrap(_phase(loop, at) + math.pi)) for at in unit]
+    unit_crossings = _crossings(log_gain)
+    phase_margins_rad = [abs(_wrap(_phase(loop, index) + math.pi)) for index in unit_crossings]
     # Phase crossings of any odd multiple of -180 degrees are zeros of the imaginary part on the
     # negative real axis.
-    real_axis = [at for at in _crossings(loop.imag) if _interpolate(loop.real, at) < 0.0]
-    factors = [abs(_interpolate(log_gain, at)) for at in real_axis]
+    phase_crossings = [
+        index for index in _crossings(loop.imag) if _interpolate(loop.real, index) < 0.0
+    ]
+    log_gain_margins = [abs(_interpolate(log_gain, index)) for index in phase_crossings]
     return Margins(
-        gm_db=20.0 * min(factors, default=math.inf) / math.log(10.0),
-        pm_deg=math.degrees(min(distances, default=math.inf)),
+        gm_db=20.0 * min(log_gain_margins, default=math.inf) / math.log(10.0),
+        pm_deg=math.degrees(min(phase_margins_rad, default=math.inf)),
         ms=1.0 / float(np.min(np.abs(1.0 + loop))),
-        crossover_radps=_interpolate(GRID_RADPS, unit[-1]) if unit else math.nan,
+        crossover_radps=_interpolate(GRID_RADPS, unit_crossings[-1])
+        if unit_crossings
+        else math.nan,
     )
 
 
 def _crossings(values: Array) -> list[float]:
-    """Fractional indices at which ``values`` changes sign."""
-    at = np.flatnonzero(values[:-1] * values[1:] < 0.0)
-    return [float(i + values[i] / (values[i] - values[i + 1])) for i in at]
+    """Return the fractional indices at which `values` changes sign."""
+    indices = np.flatnonzero(values[:-1] * values[1:] < 0.0)
+    return [float(i + values[i] / (values[i] - values[i + 1])) for i in indices]
 
 
-def _interpolate(values: Array, at: float) -> float:
-    """The value at a fractional index."""
-    i = min(int(at), values.size - 2)
-    return float(values[i] + (at - i) * (values[i + 1] - values[i]))
+def _interpolate(values: Array, index: float) -> float:
+    """Return the value at a fractional index."""
+    i = min(int(index), values.size - 2)
+    return float(values[i] + (index - i) * (values[i + 1] - values[i]))
 
 
-def _phase(loop: ComplexArray, at: float) -> float:
-    """The phase at a fractional index, by the shorter way round from one frequency to the next."""
-    i = min(int(at), loop.size - 2)
-    first = cmath.phase(loop[i])
-    return first + (at - i) * _wrap(cmath.phase(loop[i + 1]) - first)
+def _phase(loop: ComplexArray, index: float) -> float:
+    """Return the phase (rad) at a fractional index, interpolated along the shorter arc."""
+    i = min(int(index), loop.size - 2)
+    lower_phase = cmath.phase(loop[i])
+    return lower_phase + (index - i) * _wrap(cmath.phase(loop[i + 1]) - lower_phase)
 
 
 def _wrap(angle_rad: float) -> float:
+    """Wrap an angle (rad) to [-pi, pi)."""
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
 class ClosedLoop(NamedTuple):
-    """x' = A x + reference * set-point; the plane's states come first."""
+    """Closed loop x' = A x + reference * set-point; the plane's states come first."""
 
     A: Array
     reference: Array
@@ -199,7 +310,7 @@ class ClosedLoop(NamedTuple):
 def delay_state_space(
     delay_s: float, approximation: Approximation
 ) -> tuple[Array, Array, Array, float]:
-    """State space (A, B, C, D) of a delay's rational approximation, by python-control."""
+    """Return the state space (A, B, C, D) of a delay's rational approximation by python-control."""
     if delay_s <= 0.0:
         return np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
     import control
@@ -219,29 +330,51 @@ def delay_state_space(
 def plane_with_tailcone(
     plane: LinearPlane, lag: Lag, order: Approximation, lead: Lead | None = None
 ) -> tuple[Array, Array]:
-    """(A, B) from what is wanted to the states of plane, lag (angle, its rate), delay and lead
-    (angle, its rate)."""
+    """Return (A, B) of a plane behind tailcone and actuator lead.
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Linear yaw or pitch plane.
+    lag : Lag
+        Lag and delay of the tailcone.
+    order : int or tuple
+        Approximation of the delay.
+    lead : Lead, optional
+        Actuator lead; None where it is off.
+
+    Returns
+    -------
+    tuple of ndarray
+        A and B from the loops' output (rad). States: plane, lag (angle, rate), delay, lead (angle,
+        rate).
+
+    Notes
+    -----
+    The lead is realised by the faster lag a'' = w'^2 (u - a) - 2 z' w' a'. The command to the
+    tailcone is a + (2 z / w) a' + a'' / w^2, which cancels the lag with frequency w and damping z.
+    """
     A, B = _plane_with_lag(plane, lag, order)
     if lead is None:
         return A, B
-    n, w, faster = len(B), lead.lag_radps, lead.lead_radps
-    wide, drive = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
-    stiffness, drag = -(faster**2), -2.0 * LEAD_DAMPING * faster
-    wide[:n, :n], wide[n, n + 1], wide[n + 1, n:], drive[n + 1] = (
+    n, lag_radps, lead_radps = len(B), lead.lag_radps, lead.lead_radps
+    A_lead, B_lead = np.zeros((n + 2, n + 2)), np.zeros(n + 2)
+    stiffness, drag = -(lead_radps**2), -2.0 * LEAD_DAMPING * lead_radps
+    A_lead[:n, :n], A_lead[n, n + 1], A_lead[n + 1, n:], B_lead[n + 1] = (
         A,
         1.0,
         (stiffness, drag),
-        faster**2,
+        lead_radps**2,
     )
     # command = angle + 2 z/w rate + acceleration/w^2 of the lead's own motion.
-    wide[:n, n] = B * (1.0 + stiffness / w**2)
-    wide[:n, n + 1] = B * (2.0 * lead.lag_damping / w + drag / w**2)
-    drive[:n] = B * (faster / w) ** 2
-    return wide, drive
+    A_lead[:n, n] = B * (1.0 + stiffness / lag_radps**2)
+    A_lead[:n, n + 1] = B * (2.0 * lead.lag_damping / lag_radps + drag / lag_radps**2)
+    B_lead[:n] = B * (lead_radps / lag_radps) ** 2
+    return A_lead, B_lead
 
 
 def _plane_with_lag(plane: LinearPlane, lag: Lag, order: Approximation) -> tuple[Array, Array]:
-    """(A, B) from command to the states of plane, lag (angle, its rate) and delay."""
+    """Return (A, B) from the command to the states of plane, lag (angle, rate) and delay."""
     n = plane.A.shape[0]
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
     Ad, Bd, Cd, Dd = delay_state_space(lag.delay_s, order)
@@ -257,7 +390,24 @@ def _plane_with_lag(plane: LinearPlane, lag: Lag, order: Approximation) -> tuple
 def close_heading(
     plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation = 4
 ) -> ClosedLoop:
-    """Heading loop; its integrator is the last state and is left out when HDG_I is zero."""
+    """Return the closed heading loop.
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Yaw plane: states v, r, psi.
+    lag : Lag
+        Lag and delay of the tailcone.
+    gains : Gains
+        HDG_ gains and, where used, the ACT_ parameters.
+    order : int or tuple
+        Approximation of the delay.
+
+    Returns
+    -------
+    ClosedLoop
+        The integrator is the last state; it is left out if HDG_I is zero.
+    """
     A, B = plane_with_tailcone(plane, lag, order, actuator_lead(gains))
     error = _row(A, {2: -1.0})
     feedback = gains["HDG_P"] * error + _row(A, {1: -gains["HDG_D"]})
@@ -265,10 +415,29 @@ def close_heading(
 
 
 def close_pitch(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation = 4) -> ClosedLoop:
-    """Pitch loop alone, its set-point held by hand; depth, which it does not feed back, is left
-    out."""
+    """Return the closed pitch loop with a constant pitch set-point and no depth loop.
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Pitch plane: states w, q, theta, depth. Depth is removed because this loop does not feed it
+        back.
+    lag : Lag
+        Lag and delay of the tailcone.
+    gains : Gains
+        PTCH_ gains and, where used, the ACT_ parameters.
+    order : int or tuple
+        Approximation of the delay.
+
+    Returns
+    -------
+    ClosedLoop
+        The integrator is the last state; it is left out if PTCH_I is zero.
+    """
     A, B = plane_with_tailcone(
-        LinearPlane(plane.A[:3, :3], plane.B[:3], plane.states[:3], plane.moment[:3]),
+        LinearPlane(
+            A=plane.A[:3, :3], B=plane.B[:3], states=plane.states[:3], moment=plane.moment[:3]
+        ),
         lag,
         order,
         actuator_lead(gains),
@@ -281,23 +450,47 @@ def close_pitch(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation
 
 
 def close_depth(plane: LinearPlane, lag: Lag, gains: Gains, order: Approximation = 4) -> ClosedLoop:
-    """Depth loop round the pitch loop; integrators as close_heading."""
+    """Return the closed depth loop around the pitch loop.
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Pitch plane: states w, q, theta, depth.
+    lag : Lag
+        Lag and delay of the tailcone.
+    gains : Gains
+        PTCH_ and DPT_ gains and, where used, the ACT_ parameters.
+    order : int or tuple
+        Approximation of the delay.
+
+    Returns
+    -------
+    ClosedLoop
+        An integrator is the last state; it is left out if its gain is zero.
+
+    Raises
+    ------
+    ValueError
+        PTCH_I and DPT_I are both non-zero.
+    """
     A, B = plane_with_tailcone(plane, lag, order, actuator_lead(gains))
     p = gains["PTCH_P"]
-    # theta_c from depth and its rate (a combination of states), with the set-point's part apart.
-    wanted = _row(A, {3: gains["DPT_P"]}) + gains["DPT_D"] * _row(A, dict(enumerate(plane.A[3])))
-    error = wanted + _row(A, {2: -1.0})
+    # theta_c from depth and its rate (a combination of states), without the set-point's part.
+    theta_c = _row(A, {3: gains["DPT_P"]}) + gains["DPT_D"] * _row(A, dict(enumerate(plane.A[3])))
+    error = theta_c + _row(A, {2: -1.0})
     feedback = p * error + _row(A, {1: -gains["PTCH_D"]})
     depth_integral = (_row(A, {3: -gains["DPT_I"]}), gains["DPT_I"], -p)
     pitch_integral = (gains["PTCH_I"] * error, -gains["PTCH_I"] * gains["DPT_P"], 1.0)
     if gains["PTCH_I"] != 0.0 and gains["DPT_I"] != 0.0:
         raise ValueError(
-            "PTCH_I and DPT_I are both set; two integrators in series have no use in this analysis"
+            "PTCH_I and DPT_I are both non-zero; set one of them to zero: this analysis covers one"
+            " integrator"
         )
     return _close(A, B, feedback, -p * gains["DPT_P"], [depth_integral, pitch_integral])
 
 
 def _row(A: Array, entries: dict[int, float]) -> Array:
+    """Return a row vector over the states of A with the given entries."""
     row = np.zeros(A.shape[0])
     for index, value in entries.items():
         row[index] = value
@@ -311,30 +504,68 @@ def _close(
     forward: float,
     integrators: list[tuple[Array, float, float]],
 ) -> ClosedLoop:
-    """Close ``command = feedback x + forward * set-point + sum(weight * I)``; each I' = row x +
-    gain * set-point."""
-    used = [i for i in integrators if i[1] != 0.0 or np.any(i[0])]
-    n, k = A.shape[0], len(used)
-    closed, reference = np.zeros((n + k, n + k)), np.zeros(n + k)
-    closed[:n, :n] = A + np.outer(B, feedback)
-    reference[:n] = B * forward
-    for number, (row, gain, weight) in enumerate(used):
-        closed[n + number, :n] = row
-        reference[n + number] = gain
-        closed[:n, n + number] = B * weight
+    """Close the loop with the command `feedback` x + `forward` * set-point + sum(weight * I).
+
+    Each integrator is I' = row x + gain * set-point; integrators without input are left out.
+    """
+    active = [i for i in integrators if i[1] != 0.0 or np.any(i[0])]
+    n_states, n_integrators = A.shape[0], len(active)
+    closed, reference = (
+        np.zeros((n_states + n_integrators, n_states + n_integrators)),
+        np.zeros(n_states + n_integrators),
+    )
+    closed[:n_states, :n_states] = A + np.outer(B, feedback)
+    reference[:n_states] = B * forward
+    for number, (row, gain, weight) in enumerate(active):
+        closed[n_states + number, :n_states] = row
+        reference[n_states + number] = gain
+        closed[:n_states, n_states + number] = B * weight
     return ClosedLoop(closed, reference)
 
 
 def poles(loop: ClosedLoop) -> ComplexArray:
-    """Eigenvalues, slowest first."""
-    found = np.linalg.eigvals(loop.A).astype(np.complex128)
-    return found[np.argsort(np.abs(found), kind="stable")]
+    """Return the poles of a closed loop.
+
+    Parameters
+    ----------
+    loop : ClosedLoop
+        Closed loop.
+
+    Returns
+    -------
+    ndarray
+        Eigenvalues of A (rad/s), slowest first.
+    """
+    eigenvalues = np.linalg.eigvals(loop.A).astype(np.complex128)
+    return eigenvalues[np.argsort(np.abs(eigenvalues), kind="stable")]
 
 
 def step_response(loop: ClosedLoop, state: int, seconds: float, dt: float = 0.1) -> Array:
-    """Response of one state to a unit step of the set-point, starting at zero."""
+    """Return the response of one state to a unit step of the set-point, starting at zero.
+
+    Parameters
+    ----------
+    loop : ClosedLoop
+        Closed loop.
+    state : int
+        Index of the state.
+    seconds : float
+        Length of the response (s).
+    dt : float
+        Sample interval (s).
+
+    Returns
+    -------
+    ndarray
+        Response at 0, dt, 2 dt, ...
+
+    Notes
+    -----
+    With A = V diag(lambda) V^-1 and d = V^-1 reference:
+    x(t) = V diag((exp(lambda t) - 1) / lambda) d.
+    """
     values, vectors = np.linalg.eig(loop.A)
-    drive = np.linalg.solve(vectors, loop.reference.astype(np.complex128))
+    modal_input = np.linalg.solve(vectors, loop.reference.astype(np.complex128))
     times = np.arange(0.0, seconds, dt)
-    grown = (np.exp(np.outer(times, values)) - 1.0) / values
-    return np.asarray((grown * (vectors[state] * drive)).sum(axis=1).real)
+    modes = (np.exp(np.outer(times, values)) - 1.0) / values
+    return np.asarray((modes * (vectors[state] * modal_input)).sum(axis=1).real)

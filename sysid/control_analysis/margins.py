@@ -1,4 +1,4 @@
-"""Poles and margins of given gains on given planes."""
+"""Poles and margins of the heading, pitch and depth loops for given gains."""
 
 from typing import NamedTuple
 
@@ -11,55 +11,91 @@ from sysid.control_analysis.modal import Modes
 from sysid.models.linear_planes import LinearPlane
 
 MAX_POLE_RADPS = 5.0
-"""Poles within it are the vehicle's and its loops'; what lies beyond belongs to the Pade
-approximation of the delay."""
+"""Largest magnitude (rad/s) of poles of the vehicle and its loops.
+
+Faster poles belong to the Pade approximation of the delay.
+"""
 
 
 class Analysis(NamedTuple):
+    """Poles and margins of all loops."""
+
     poles: dict[str, tuple[complex, ...]]
-    """By loop (heading, pitch, depth), within BAND_RADPS, slowest first."""
-    shown: dict[str, tuple[complex, ...]]
-    """Those that show in the loop's motion, slowest first."""
+    """Poles (rad/s) by loop (heading, pitch, depth), up to `MAX_POLE_RADPS`, slowest first."""
+    visible: dict[str, tuple[complex, ...]]
+    """Poles that are visible in the loop's motion (see `modal`), slowest first."""
     margins: dict[str, Margins]
-    """By the place where the loop is opened: rudder, heading, elevator, depth, pitch."""
+    """Margins by the place where the loop is opened: rudder, heading, elevator, depth, pitch."""
 
 
 class Planes(NamedTuple):
+    """Linear yaw and pitch plane of one vehicle, in FRD axes."""
+
     yaw: LinearPlane
     pitch: LinearPlane
 
 
 def analyse(planes: Planes, gains: Gains, yaw: Lag, pitch: Lag, order: int = 4) -> Analysis:
-    """Poles and margins behind each plane's tailcone; a lag's delay is everything between a command
-    and the duct."""
-    cuts = loop_transfer.heading_loops(loop_transfer.responses(planes.yaw, yaw), gains)
-    cuts |= loop_transfer.depth_loops(loop_transfer.responses(planes.pitch, pitch), gains)
-    closed = {
+    """Return the poles and margins of all loops.
+
+    Parameters
+    ----------
+    planes : Planes
+        Linear planes of the vehicle.
+    gains : Gains
+        Parameters of the loops by name.
+    yaw, pitch : Lag
+        Tailcone of each plane; the delay is everything between a command and the duct.
+    order : int
+        Order of the Pade approximation in the poles.
+
+    Returns
+    -------
+    Analysis
+        Margins use the true delay.
+    """
+    loops = loop_transfer.heading_loops(loop_transfer.responses(planes.yaw, yaw), gains)
+    loops |= loop_transfer.depth_loops(loop_transfer.responses(planes.pitch, pitch), gains)
+    modes = {
         "heading": modal.modes_of(loop_transfer.close_heading(planes.yaw, yaw, gains, order)),
         "pitch": modal.modes_of(loop_transfer.close_pitch(planes.pitch, pitch, gains, order)),
         "depth": modal.modes_of(loop_transfer.close_depth(planes.pitch, pitch, gains, order)),
     }
     return Analysis(
         poles={
-            name: _sort_by_speed(own, np.abs(own.values) < MAX_POLE_RADPS)
-            for name, own in closed.items()
+            name: _sort_by_speed(loop_modes, np.abs(loop_modes.values) < MAX_POLE_RADPS)
+            for name, loop_modes in modes.items()
         },
-        shown={
-            name: _sort_by_speed(own, _visible_in_any(own, name)) for name, own in closed.items()
+        visible={
+            name: _sort_by_speed(loop_modes, _visible_in_any(loop_modes, name))
+            for name, loop_modes in modes.items()
         },
-        margins={name: loop_transfer.margins(loop) for name, loop in cuts.items()},
+        margins={name: loop_transfer.margins(loop) for name, loop in loops.items()},
     )
 
 
-def _visible_in_any(found: Modes, loop: str) -> NDArray[np.bool_]:
-    return np.asarray(np.any(list(modal.visible_modes(found, loop).values()), axis=0))
+def _visible_in_any(modes: Modes, loop: str) -> NDArray[np.bool_]:
+    """Return a mask of the modes that are visible in any observed state of a loop."""
+    return np.asarray(np.any(list(modal.visible_modes(modes, loop).values()), axis=0))
 
 
-def _sort_by_speed(found: Modes, chosen: NDArray[np.bool_]) -> tuple[complex, ...]:
-    values = found.values[chosen]
+def _sort_by_speed(modes: Modes, selected: NDArray[np.bool_]) -> tuple[complex, ...]:
+    """Return the selected poles, slowest first."""
+    values = modes.values[selected]
     return tuple(complex(pole) for pole in values[np.argsort(np.abs(values), kind="stable")])
 
 
 def damping(poles: tuple[complex, ...]) -> float:
-    """Smallest damping ratio; negative for an unstable pole."""
+    """Return the smallest damping ratio.
+
+    Parameters
+    ----------
+    poles : tuple of complex
+        Poles (rad/s).
+
+    Returns
+    -------
+    float
+        Smallest -Re(s) / |s|; negative for an unstable pole, 1 without poles.
+    """
     return min((-pole.real / abs(pole) for pole in poles), default=1.0)

@@ -1,7 +1,9 @@
-"""Root loci by python-control: where a closed loop's poles go as its gain grows from nothing.
+"""Root loci by python-control: closed-loop poles as the loop gain grows from zero.
 
-A loop is opened where one of its states acts on the others, x' = (A + k into row) x, and closed
-again at k = 1. Nothing else of it changes, so the poles at k = 1 are its own."""
+A loop is opened where one of its states acts on the others: x' = (A + k b c) x with the input
+vector b and the output vector c. At k = 1 the loop is closed again, so the poles at k = 1 are those
+of the original loop (Evans 1948).
+"""
 
 from typing import Any, NamedTuple
 
@@ -17,53 +19,87 @@ class OpenLoop(NamedTuple):
     """A loop opened at one place."""
 
     A: Array
-    into: Array
-    """What was acted on, (states,)."""
-    row: Array
-    """The state that acted, (states,)."""
+    input_vector: Array
+    """Direction b in which the feedback acts, (states,)."""
+    output_vector: Array
+    """Row c that selects the state which is fed back, (states,)."""
 
 
 def open_at_duct(closed: ClosedLoop, states: int) -> OpenLoop:
-    """Opened between the duct's angle and the vehicle, whose ``states`` come first in the loop and
-    the angle next."""
+    """Open a loop between duct angle and vehicle.
+
+    The first `states` states are the vehicle's; the duct angle is the next one.
+    """
     return _open(closed, states, slice(0, states))
 
 
 def open_at_depth(closed: ClosedLoop) -> OpenLoop:
-    """Opened where depth is fed back, the pitch loop within left closed."""
+    """Open a loop at the depth feedback; the inner pitch loop stays closed."""
     return _open(closed, 3, slice(None))
 
 
 def poles(opened: OpenLoop, factors: Array) -> ComplexArray:
-    """Closed-loop poles by loop gain, (factors, states), each column one branch."""
+    """Return the closed-loop poles for each loop gain.
+
+    Parameters
+    ----------
+    opened : OpenLoop
+        Opened loop.
+    factors : ndarray
+        Loop gains, (factors,); 1 is the original loop.
+
+    Returns
+    -------
+    ndarray
+        Poles (rad/s), (factors, states); each column is one branch.
+    """
     import control
 
     return np.asarray(control.root_locus_map(_system(opened), gains=factors).loci)
 
 
 def zeros(opened: OpenLoop) -> ComplexArray:
-    """Where branches end that do not leave."""
+    """Return the open-loop zeros, where the finite branches end.
+
+    Parameters
+    ----------
+    opened : OpenLoop
+        Opened loop.
+
+    Returns
+    -------
+    ndarray
+        Zeros (rad/s).
+    """
     import control
 
     return np.asarray(control.zeros(_system(opened)))
 
 
-def damping(found: ComplexArray) -> Array:
-    """Least damping ratio of the oscillating poles by loop gain, (factors,); 1 where none
-    oscillates, -1 where a real one grows."""
-    swings = np.abs(found.imag) > 1e-6
-    ratios = np.where(swings, -found.real / np.maximum(np.abs(found), 1e-12), 1.0)
-    return np.asarray(np.min(np.where(~swings & (found.real > 0.0), -1.0, ratios), axis=1))
+def damping(loci: ComplexArray) -> Array:
+    """Return the smallest damping ratio of the oscillatory poles for each loop gain, (factors,).
+
+    The value is 1 where no pole oscillates and -1 where a real pole is unstable.
+    """
+    oscillatory = np.abs(loci.imag) > 1e-6
+    ratios = np.where(oscillatory, -loci.real / np.maximum(np.abs(loci), 1e-12), 1.0)
+    return np.asarray(np.min(np.where(~oscillatory & (loci.real > 0.0), -1.0, ratios), axis=1))
 
 
 def _system(opened: OpenLoop) -> Any:
+    """Return the opened loop as a python-control state space."""
     import control
 
-    return control.ss(opened.A, opened.into[:, None], -opened.row[None, :], 0.0)
+    return control.ss(opened.A, opened.input_vector[:, None], -opened.output_vector[None, :], 0.0)
 
 
 def _open(closed: ClosedLoop, state: int, rows: slice) -> OpenLoop:
-    A, into, row = closed.A.copy(), np.zeros(len(closed.A)), np.zeros(len(closed.A))
-    into[rows], row[state] = closed.A[rows, state], 1.0
+    """Remove the action of `state` on the states in `rows`."""
+    A, input_vector, output_vector = (
+        closed.A.copy(),
+        np.zeros(len(closed.A)),
+        np.zeros(len(closed.A)),
+    )
+    input_vector[rows], output_vector[state] = closed.A[rows, state], 1.0
     A[rows, state] = 0.0
-    return OpenLoop(A, into, row)
+    return OpenLoop(A, input_vector, output_vector)

@@ -1,1 +1,1 @@
-"""Logs as arrays: readers, test segments and data checks."""
+"""Logs as arrays: readers, test segments and consistency checks of the data."""

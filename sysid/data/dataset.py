@@ -1,7 +1,8 @@
-"""A recorded dive as arrays, whatever file it was read from (`sysid.data.readers`).
+"""A recorded dive as arrays, independent of the format of its file (`sysid.data.readers`).
 
 Axes are MAVLink's: NED and FRD, depth positive down, heading clockwise from north. Time is vehicle
-time in seconds."""
+time in seconds.
+"""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -13,13 +14,12 @@ Array = NDArray[np.float64]
 
 
 class LogError(ValueError):
-    """A file that is no usable log; the message names the file, what is wrong and what would be
-    right."""
+    """Log that cannot be used; the message names the file, the error and what is expected."""
 
 
 @dataclass(frozen=True)
 class Attitude:
-    """Arrays of equal length. Yaw is unwrapped."""
+    """Attitude and body rates; arrays of equal length. Yaw is unwrapped."""
 
     time_s: Array
     roll_rad: Array
@@ -32,8 +32,7 @@ class Attitude:
 
 @dataclass(frozen=True)
 class Actuators:
-    """What was commanded, after the autopilot's limits. Positive: nose to starboard, nose up,
-    ahead."""
+    """Commands after the autopilot's limits; positive is nose to starboard, nose up, ahead."""
 
     time_s: Array
     rudder_rad: Array
@@ -44,7 +43,7 @@ class Actuators:
 
 @dataclass(frozen=True)
 class DuctAngles:
-    """Where the duct really stood, by the tailcone's own encoder. Empty where it has none."""
+    """Measured duct angles from the tailcone's encoder; empty without an encoder."""
 
     time_s: Array
     rudder_rad: Array
@@ -62,7 +61,7 @@ class Depth:
 
 @dataclass(frozen=True)
 class Setpoints:
-    """What was asked for. Arrays are empty where the log does not tell."""
+    """Setpoints of the autopilot; arrays are empty where the log has none."""
 
     attitude_time_s: Array
     heading_rad: Array
@@ -74,44 +73,50 @@ class Setpoints:
 
 @dataclass(frozen=True)
 class TextEvent:
-    """One text of the vehicle's, its chunks joined."""
+    """Text message of the vehicle, with its chunks joined."""
 
     time_s: float
     severity: int
+    """MAV_SEVERITY, 0 (emergency) to 7 (debug)."""
     text: str
 
 
 class ClockStep(NamedTuple):
-    """A clock that went back and stayed back; what it stamped from there on is left out."""
+    """Backward step of a clock; later samples of that clock are left out."""
 
     what: str
-    """Whose time stamps they are: a message's name."""
+    """Name of the message whose time stamps went back."""
     time_s: float
-    """The latest time before it."""
+    """Latest time before the step."""
     back_s: float
+    """Size of the step."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """What is known against a log's time stamps."""
+    """Errors of a log's time stamps."""
 
     steps: tuple[ClockStep, ...] = ()
     time_s: Array = field(default_factory=lambda: np.empty(0))
+    """Times of ``ahead_s``."""
     ahead_s: Array = field(default_factory=lambda: np.empty(0))
-    """Recorder's time, which the log goes by, less the vehicle's own. Empty where the log goes by
-    the vehicle's."""
+    """Time of the recorder minus time of the vehicle; empty where the log has vehicle time."""
 
 
 @dataclass(frozen=True)
 class Log:
+    """A recorded dive."""
+
     name: str
+    """File name."""
     sha256: str
-    """Of the vehicle's messages and parameters, whenever and wherever they were recorded."""
+    """SHA-256 of the vehicle's messages and parameters, independent of the recording."""
     attitude: Attitude
     actuators: Actuators
     depth: Depth
     setpoints: Setpoints
     events: tuple[TextEvent, ...]
     parameters: dict[str, float]
+    """Parameters of the autopilot by name."""
     duct: DuctAngles
     clock: Clock = Clock()

@@ -1,7 +1,8 @@
-"""Batches of ROS 1 messages as numpy records, by the schema text that the log itself carries.
+"""Decode batches of ROS 1 messages to numpy records with the schema text of the log.
 
-A MAVLink payload at full length is such a message when its fields stand in wire order: fixed
-length, little-endian, no padding. So a whole channel decodes in one call."""
+A MAVLink payload at full length is a ROS 1 message with the fields in wire order: fixed length,
+little-endian, no padding. Therefore a whole channel is decoded in one call.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -27,10 +28,22 @@ _TYPES = {
 
 
 def record_type(schema_text: str) -> np.dtype[Any]:
-    """The numpy record of a ``ros1msg`` definition of fixed-length fields.
+    """Return the numpy record type of a ``ros1msg`` definition with fixed-length fields.
 
-    Raises:
-        ValueError: a field has no fixed length, or a type of its own.
+    Parameters
+    ----------
+    schema_text : str
+        Message definition, one field per line; comments and constants are ignored.
+
+    Returns
+    -------
+    numpy.dtype
+        Record type, little-endian, without padding.
+
+    Raises
+    ------
+    ValueError
+        A field has no fixed length, or a message type.
     """
     fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
     for line in schema_text.splitlines():
@@ -46,14 +59,29 @@ def record_type(schema_text: str) -> np.dtype[Any]:
 
 
 def decode(payloads: Sequence[bytes], record: np.dtype[Any]) -> NDArray[Any]:
-    """All messages of one channel as a record array, shape (len(payloads),).
+    """Decode all messages of one channel.
 
-    Raises:
-        ValueError: a payload is not as long as its schema says.
+    Parameters
+    ----------
+    payloads : sequence of bytes
+        Messages of the channel.
+    record : numpy.dtype
+        Record type from ``record_type``.
+
+    Returns
+    -------
+    ndarray, shape (len(payloads),)
+        Record array.
+
+    Raises
+    ------
+    ValueError
+        The length of a payload differs from that of the schema.
     """
-    wrong = [len(p) for p in payloads if len(p) != record.itemsize]
-    if wrong:
+    wrong_lengths = [len(p) for p in payloads if len(p) != record.itemsize]
+    if wrong_lengths:
         raise ValueError(
-            f"{len(wrong)} messages are {wrong[0]} bytes long, their schema says {record.itemsize}"
+            f"{len(wrong_lengths)} messages are {wrong_lengths[0]} bytes long; the schema has"
+            f" {record.itemsize}"
         )
     return np.frombuffer(b"".join(payloads), dtype=record)

@@ -1,7 +1,7 @@
-"""Tests in the water, cut from a log: one ``Run`` from "SystemID Starting" to "SystemID Finished"
-or "Stopped".
+"""Cut identification tests from a log: one ``Run`` per test.
 
-Logs that do not say when a test ran are cut where somebody marks them.
+A test begins with the text "SystemID Starting" and ends with "SystemID Finished" or "SystemID
+Stopped". For logs without these texts the user gives the time ranges (``MarkedInterval``).
 """
 
 import re
@@ -18,43 +18,48 @@ Array = NDArray[np.float64]
 Plane = Literal["yaw", "pitch"]
 
 RATE_HZ = 50.0
-"""The grid of a run: the autopilot's tick."""
+"""Sample rate of a run: the autopilot's tick."""
 PREROLL_S = 15.0
-"""Motion before a test that is kept: known commands, the actuator's bias, and the state in which
-the test starts."""
+"""Time before a test that belongs to the run, for the commands, the actuator bias and the initial
+state."""
 STEADY_S = 5.0
-"""The last part of it, which must be steady."""
+"""Last part of the pre-roll, which must be steady."""
 
 PLANE_OF_AXIS: dict[int, Plane] = {11: "pitch", 12: "yaw"}
-"""ArduPilot's SID_AXIS numbers of the mixer inputs: 11 pitch (elevator), 12 yaw (rudder)."""
+"""Plane by ArduPilot's SID_AXIS number of the mixer input: 11 pitch (elevator), 12 yaw (rudder)."""
 BOTH_AXIS, LOOP_ON = 23, 100
-"""Both at once; added to an axis whose loop stayed on."""
+"""SID_AXIS number of a test of both surfaces; offset of a test with the loop closed."""
 
 AXIS_OF_PLANE = {plane: axis for axis, plane in PLANE_OF_AXIS.items()}
+"""SID_AXIS number by plane."""
 
 START_TEXT, END_TEXTS = "SystemID Starting", ("SystemID Finished", "SystemID Stopped")
-"""What a vehicle says first of a test, and last."""
+"""First and last text of a test."""
 _STARTING = re.compile(r"SystemID Starting: axis=(\d+)(?: wave=(\w+) magnitude=(-?[\d.]+))?")
-"""ArduPilot says the axis only; its wave is a chirp."""
+"""First text of a test; ArduPilot sends only the axis, and its wave is a chirp."""
 _ELEVATOR = re.compile(r"elevator=(-?[\d.]+)")
 _STOPPED = re.compile(r"SystemID Stopped: ?(.*)")
 
 
 @dataclass(frozen=True)
 class Run:
-    """One test on a uniform grid of ``RATE_HZ``; arrays of equal length. Axes are MAVLink's (FRD,
-    NED)."""
+    """One test on a uniform grid of ``RATE_HZ`` in MAVLink's axes (FRD, NED).
+
+    All arrays have equal length.
+    """
 
     name: str
     plane: Plane
     wave: str
     magnitude_deg: float
     time_s: Array
-    """Zero at the start of the test; the pre-roll is negative."""
+    """Time since the start of the test; negative in the pre-roll."""
     rudder_rad: Array
-    """Commanded, trim included."""
+    """Commanded rudder including trim; positive turns the nose to starboard."""
     elevator_rad: Array
+    """Commanded elevator including trim; positive turns the nose up."""
     thrust: Array
+    """Fraction of full thrust, -1..1."""
     p_radps: Array
     q_radps: Array
     r_radps: Array
@@ -64,99 +69,117 @@ class Run:
     """Unwrapped."""
     depth_m: Array
     stop_reason: str
-    """Empty when the test ran to its end."""
+    """Reason of an early end; empty for a complete test."""
     longest_gap_s: float
-    """Largest distance between two received samples of attitude or actuators within the run."""
+    """Largest interval between two received samples of attitude, actuators or depth."""
     rudder_trim_rad: float
     elevator_trim_rad: float
     clock_back: str = ""
-    """Whose time stamps went back during the run, and by how much; empty for a clock that ran."""
+    """Message name and size of a backward step of time stamps; empty without such a step."""
     clock_drift_s: float = 0.0
-    """How much the recorder's clock gained on the vehicle's from the first quarter of the run to
-    the last."""
+    """Change of recorder time minus vehicle time from the first to the last quarter of the run."""
     both: bool = False
-    """The other surface was under test at the same time: this is one plane's half."""
+    """True if the other surface was under test at the same time; this run is for one plane."""
     earlier_rad: tuple[Array, Array] = (np.empty(0), np.empty(0))
-    """Rudder and elevator as commanded before the first sample, where that is known: the duct was
-    still following."""
+    """Known rudder and elevator commands before the first sample, which the delayed duct still
+    follows."""
 
     @property
     def command_rad(self) -> Array:
-        """Command of the surface under test."""
+        """Return the command of the surface under test."""
         return self.rudder_rad if self.plane == "yaw" else self.elevator_rad
 
     @property
     def rate_radps(self) -> Array:
-        """Rate in the plane under test."""
+        """Return the rate in the plane under test."""
         return self.r_radps if self.plane == "yaw" else self.q_radps
 
     @property
     def trim_rad(self) -> float:
+        """Return the trim of the surface under test."""
         return self.rudder_trim_rad if self.plane == "yaw" else self.elevator_trim_rad
 
     @property
     def preroll(self) -> NDArray[np.bool_]:
+        """Return a mask of the samples before the test."""
         return self.time_s < 0.0
 
     @property
     def approach(self) -> NDArray[np.bool_]:
-        """The last STEADY_S before the test."""
+        """Return a mask of the last STEADY_S before the test."""
         return (self.time_s < 0.0) & (self.time_s >= -STEADY_S)
 
     def history_rad(self, surface: Plane) -> Array:
-        """Commands of a plane's surface, the ones before the first sample included."""
+        """Return the commands of a plane's surface, including those before the first sample."""
         rudder, elevator = self.earlier_rad
         now = self.rudder_rad if surface == "yaw" else self.elevator_rad
         return np.concatenate([rudder if surface == "yaw" else elevator, now])
 
     def since(self, start_s: float) -> "Run":
-        """The same run without what lies before ``start_s``, of which the commands stay known."""
+        """Return the run from ``start_s`` on; ``earlier_rad`` holds the commands before it."""
         first = int(np.searchsorted(self.time_s, start_s - 1e-9))
         rudder, elevator = self.history_rad("yaw"), self.history_rad("pitch")
         end = rudder.size - self.time_s.size + first
-        left = {name: getattr(self, name)[first:] for name in _SERIES}
-        return replace(self, **left, earlier_rad=(rudder[:end], elevator[:end]))
+        remaining = {name: getattr(self, name)[first:] for name in _SERIES}
+        return replace(self, **remaining, earlier_rad=(rudder[:end], elevator[:end]))
 
     def until(self, stop_s: float) -> "Run":
-        """The same run without what lies after ``stop_s``."""
+        """Return the run up to ``stop_s``."""
         end = int(np.searchsorted(self.time_s, stop_s + 1e-9))
         return replace(self, **{name: getattr(self, name)[:end] for name in _SERIES})
 
 
 _SERIES = tuple(field.name for field in fields(Run) if field.type is Array)
+"""Names of the arrays of a run."""
 
 
 @dataclass(frozen=True)
 class TestInterval:
-    """When a test ran, and what the vehicle said of it."""
+    """Time range of a test and its settings from the vehicle's texts."""
 
     start_s: float
     stop_s: float
     axis: int
+    """SID_AXIS number."""
     wave: str
     magnitude_deg: float
     stop_reason: str
     elevator_deg: float = 0.0
-    """Of a test of both surfaces, whose ``magnitude_deg`` is the rudder's."""
+    """Elevator magnitude in a test of both surfaces; ``magnitude_deg`` is that of the rudder."""
     both: bool = False
+    """True for a test of both surfaces."""
 
 
 class MarkedInterval(NamedTuple):
-    """A test that a person has found in a log, in the log's own time."""
+    """Time range of a test given by the user, in the log's time."""
 
     start_s: float
     stop_s: float
     plane: Plane
     log: str = ""
-    """The name of the log; empty for the only one."""
+    """Name of the log; empty if there is only one."""
 
 
 def cut_runs(log: Log, marks: Sequence[MarkedInterval] = ()) -> list[Run]:
-    """The tests of a log in the order they were run. Tests of other axes than rudder and elevator
-    are left out.
+    """Cut the tests from a log.
 
-    Raises:
-        LogError: a mark lies outside the log.
+    Parameters
+    ----------
+    log : Log
+        The log.
+    marks : sequence of MarkedInterval
+        Additional time ranges of tests, in the log's time.
+
+    Returns
+    -------
+    list of Run
+        One run per test and plane, in the order of time. Tests of axes other than rudder and
+        elevator are left out.
+
+    Raises
+    ------
+    LogError
+        A mark is outside the log.
     """
     stem = log.name.removesuffix(".mcap")
     numbered = enumerate(_tests(log, marks), start=1)
@@ -164,16 +187,30 @@ def cut_runs(log: Log, marks: Sequence[MarkedInterval] = ()) -> list[Run]:
 
 
 def times_of_tests(log: Log, marks: Sequence[MarkedInterval] = ()) -> list[tuple[float, float]]:
-    """Start and end of each test that ``cut_runs`` gives, in the log's own time (s).
+    """Return start and end of each test of ``cut_runs``.
 
-    Raises:
-        LogError: a mark lies outside the log.
+    Parameters
+    ----------
+    log : Log
+        The log.
+    marks : sequence of MarkedInterval
+        Additional time ranges of tests, in the log's time.
+
+    Returns
+    -------
+    list of (float, float)
+        Start and end, in the log's time, s.
+
+    Raises
+    ------
+    LogError
+        A mark is outside the log.
     """
     return [(span.start_s, span.stop_s) for span in _tests(log, marks)]
 
 
 def _tests(log: Log, marks: Sequence[MarkedInterval]) -> list[TestInterval]:
-    """The tests of rudder or elevator in the order in which they began."""
+    """Return the tests of rudder or elevator in the order of their start."""
     known = [part for span in intervals_of_tests(log) for part in _by_plane(span)]
     return sorted(
         [*known, *(_interval_of_mark(log, mark) for mark in marks)], key=lambda span: span.start_s
@@ -181,8 +218,7 @@ def _tests(log: Log, marks: Sequence[MarkedInterval]) -> list[TestInterval]:
 
 
 def _by_plane(span: TestInterval) -> list[TestInterval]:
-    """A test as one surface's: that of both is one of each. What counts is the command, not who
-    gave it."""
+    """Return a test per surface: two for a test of both, none for another axis."""
     axis = span.axis % LOOP_ON
     if axis == BOTH_AXIS:
         elevator = replace(span, axis=11, magnitude_deg=span.elevator_deg, both=True)
@@ -191,8 +227,10 @@ def _by_plane(span: TestInterval) -> list[TestInterval]:
 
 
 def intervals_of_tests(log: Log) -> Iterator[TestInterval]:
-    """When which tests ran. A test that the log does not see stop ends with the log, and says
-    so."""
+    """Yield the time range of each test.
+
+    A test without an end in the log ends with the log, with that as its stop reason.
+    """
     running: tuple[float, re.Match[str]] | None = None
     for event in log.events:
         starting, stopped = _STARTING.search(event.text), _STOPPED.search(event.text)
@@ -209,17 +247,25 @@ def intervals_of_tests(log: Log) -> Iterator[TestInterval]:
 def _interval(
     log: Log, running: tuple[float, re.Match[str]], stop_s: float, reason: str
 ) -> TestInterval:
+    """Return the interval of a test; ``running`` is (start, match of its first text)."""
     start_s, match = running
     axis = int(match[1])
     magnitude_deg = float(match[3]) if match[3] else _size_deg(log, axis, start_s, stop_s)
     elevator = _ELEVATOR.search(match.string)
     elevator_deg = float(elevator[1]) if elevator else 0.0
     return TestInterval(
-        start_s, stop_s, axis, match[2] or "chirp", magnitude_deg, reason, elevator_deg
+        start_s=start_s,
+        stop_s=stop_s,
+        axis=axis,
+        wave=match[2] or "chirp",
+        magnitude_deg=magnitude_deg,
+        stop_reason=reason,
+        elevator_deg=elevator_deg,
     )
 
 
 def _interval_of_mark(log: Log, mark: MarkedInterval) -> TestInterval:
+    """Return the interval of a mark; raise LogError outside the log."""
     first_s, last_s = float(log.attitude.time_s[0]), float(log.attitude.time_s[-1])
     if not first_s <= mark.start_s < mark.stop_s <= last_s:
         raise LogError(
@@ -228,25 +274,26 @@ def _interval_of_mark(log: Log, mark: MarkedInterval) -> TestInterval:
         )
     axis = AXIS_OF_PLANE[mark.plane]
     return TestInterval(
-        mark.start_s,
-        mark.stop_s,
-        axis,
-        "marked",
-        _size_deg(log, axis, mark.start_s, mark.stop_s),
-        "",
+        start_s=mark.start_s,
+        stop_s=mark.stop_s,
+        axis=axis,
+        wave="marked",
+        magnitude_deg=_size_deg(log, axis, mark.start_s, mark.stop_s),
+        stop_reason="",
     )
 
 
 def _size_deg(log: Log, axis: int, start_s: float, stop_s: float) -> float:
-    """The farthest that the surface was commanded from where it stood when the test began."""
+    """Return the largest deviation of the command from its value at the start, deg."""
     actuators = log.actuators
     command = actuators.rudder_rad if PLANE_OF_AXIS.get(axis) == "yaw" else actuators.elevator_rad
     first, end = np.searchsorted(actuators.time_s, [start_s, stop_s])
-    away = command[first:end] - command[max(first - 1, 0)] if end > first else np.zeros(1)
-    return float(np.degrees(away[np.argmax(np.abs(away))]))
+    deviation = command[first:end] - command[max(first - 1, 0)] if end > first else np.zeros(1)
+    return float(np.degrees(deviation[np.argmax(np.abs(deviation))]))
 
 
 def _run(log: Log, span: TestInterval, name: str) -> Run:
+    """Return a test on the grid: commands held, measurements interpolated linearly."""
     attitude, actuators, depth = log.attitude, log.actuators, log.depth
     first_s = max(attitude.time_s[0], actuators.time_s[0], depth.time_s[0])
     before = int(np.floor((span.start_s - max(span.start_s - PREROLL_S, first_s)) * RATE_HZ))
@@ -290,19 +337,23 @@ def _run(log: Log, span: TestInterval, name: str) -> Run:
 
 
 def _clock_step_reason(log: Log, grid_s: Array) -> str:
+    """Return a text on the first clock step within the run; empty without one."""
     steps = [step for step in log.clock.steps if grid_s[0] <= step.time_s <= grid_s[-1] + STEADY_S]
     return f"the time of {steps[0].what} went back by {steps[0].back_s:.1f} s" if steps else ""
 
 
 def _clock_drift_s(log: Log, grid_s: Array) -> float:
-    """Medians of a quarter each, as single messages may be late."""
-    inside = (log.clock.time_s >= grid_s[0]) & (log.clock.time_s <= grid_s[-1])
-    ahead_s = log.clock.ahead_s[inside]
+    """Return the drift of the recorder's clock over the run, s.
+
+    Medians of a quarter of the run each, because single messages may be late.
+    """
+    within_run = (log.clock.time_s >= grid_s[0]) & (log.clock.time_s <= grid_s[-1])
+    ahead_s = log.clock.ahead_s[within_run]
     quarter = ahead_s.size // 4
     return float(np.median(ahead_s[-quarter:]) - np.median(ahead_s[:quarter])) if quarter else 0.0
 
 
 def _max_gap_s(time_s: Array, grid_s: Array) -> float:
-    """Largest step of ``time_s`` that touches the grid's span, its ends included."""
-    inside = time_s[(time_s > grid_s[0]) & (time_s < grid_s[-1])]
-    return float(np.max(np.diff(np.concatenate(([grid_s[0]], inside, [grid_s[-1]])))))
+    """Return the largest step of ``time_s`` within the grid, including both ends of the grid."""
+    within_run = time_s[(time_s > grid_s[0]) & (time_s < grid_s[-1])]
+    return float(np.max(np.diff(np.concatenate(([grid_s[0]], within_run, [grid_s[-1]])))))

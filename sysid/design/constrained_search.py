@@ -1,5 +1,7 @@
-"""The smallest objective within limits: COBYQA, which needs no derivatives and keeps to nonlinear
-constraints."""
+"""Minimisation of an objective under nonlinear constraints with COBYQA.
+
+COBYQA is a derivative-free trust-region SQP method (Ragonneau and Zhang), here from scipy.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -14,94 +16,121 @@ from sysid.design.specification import DesignInfeasibleError
 Array = NDArray[np.float64]
 
 CONSTRAINT_TOLERANCE = 2e-3
-"""A limit missed by less than this share of itself counts as met: the optimum lies on its
-limits."""
+"""Relative violation below which a constraint is satisfied; the optimum lies on constraints."""
 MAX_VIOLATION = 3.0
-"""Misses beyond it are all alike: a loop that falls apart has figures without end."""
+"""Upper clip of violations: figures of an unstable loop are unbounded and carry no information."""
 RESTARTS, MIN_IMPROVEMENT = 3, 0.005
-"""How often at most, and for what share of the objective at least."""
+"""Maximum number of restarts, and the relative improvement that a restart must give."""
 COBYQA_OPTIONS = {"initial_tr_radius": 0.3, "final_tr_radius": 3e-3, "maxfev": 120}
+"""Trust-region radii in the logarithm of the gains, and evaluations per search."""
 
 
 class CostAndConstraints(NamedTuple):
-    """What a set of gains is worth."""
+    """Objective and constraint violations of one set of gains."""
 
     objective: float
-    """About one; small is good."""
-    misses: ConstraintViolation
+    """Normalised cost, of the order of one; smaller is better."""
+    violations: ConstraintViolation
+    """Relative violation by constraint; positive is a violation."""
 
 
 class ConstrainedProblem(NamedTuple):
-    """What stays, what moves from where, and how it is judged."""
+    """Fixed gains, starting points of the free gains, and the function that evaluates gains."""
 
     fixed: Mapping[str, float]
     starts: Sequence[Mapping[str, float]]
-    judge: Callable[[Mapping[str, float]], CostAndConstraints]
+    evaluate: Callable[[Mapping[str, float]], CostAndConstraints]
 
 
 def solve(search: ConstrainedProblem) -> dict[str, float]:
-    """The gains that moved, from the first start that ends within the limits. Raises DesignRefused
-    where none does."""
+    """Return the free gains of the first start that ends within the constraints.
+
+    Parameters
+    ----------
+    search : ConstrainedProblem
+        Problem to solve.
+
+    Returns
+    -------
+    dict
+        Free gains by name.
+
+    Raises
+    ------
+    DesignInfeasibleError
+        No start ends within the constraints; the message names the worst constraint.
+    """
     ends = []
     for start in search.starts:
         ends.append(_restart_until_converged(start, search))
-        if _max_violation(ends[-1].judged.misses) <= CONSTRAINT_TOLERANCE:
+        if _max_violation(ends[-1].evaluated.violations) <= CONSTRAINT_TOLERANCE:
             return ends[-1].gains
-    nearest = min((end.judged.misses for end in ends), key=_max_violation)
-    worst, miss = max(nearest.items(), key=lambda item: item[1])
+    nearest = min((end.evaluated.violations for end in ends), key=_max_violation)
+    worst, violation = max(nearest.items(), key=lambda item: item[1])
     raise DesignInfeasibleError(
-        f"no gains meet the specification: the best found miss the {worst} by {100 * miss:.1f} %"
+        f"no gains meet the specification: the best ones violate the {worst} by"
+        f" {100 * violation:.1f} %"
     )
 
 
 class _End(NamedTuple):
+    """Result of one search."""
+
     gains: dict[str, float]
-    judged: CostAndConstraints
+    evaluated: CostAndConstraints
 
 
 def _restart_until_converged(start: Mapping[str, float], search: ConstrainedProblem) -> _End:
-    """From where a search ended the next one sets out, as long as that brings something: its models
-    grow stale."""
+    """Restart from the last result while that improves it: the models of a search go stale."""
     end = _minimise_from(start, search)
     for _ in range(RESTARTS):
-        again = _minimise_from(end.gains, search)
-        better = (
-            _max_violation(end.judged.misses) > CONSTRAINT_TOLERANCE
-            or again.judged.objective < (1.0 - MIN_IMPROVEMENT) * end.judged.objective
+        restarted = _minimise_from(end.gains, search)
+        improved = (
+            _max_violation(end.evaluated.violations) > CONSTRAINT_TOLERANCE
+            or restarted.evaluated.objective < (1.0 - MIN_IMPROVEMENT) * end.evaluated.objective
         )
-        if _max_violation(again.judged.misses) > CONSTRAINT_TOLERANCE or not better:
+        if _max_violation(restarted.evaluated.violations) > CONSTRAINT_TOLERANCE or not improved:
             break
-        end = again
+        end = restarted
     return end
 
 
 def _minimise_from(start: Mapping[str, float], search: ConstrainedProblem) -> _End:
-    """On the logarithms of the gains. COBYQA asks for the limits again at every point it still
-    builds on, ten times for each that is new: every point is judged once."""
-    names, known = tuple(start), dict[bytes, CostAndConstraints]()
+    """Minimise over the logarithms of the gains.
+
+    COBYQA requests the constraints again at every point it still uses, about ten times per new
+    point, so evaluations are cached.
+    """
+    names, cache = tuple(start), dict[bytes, CostAndConstraints]()
 
     def gains_at(logs: Array) -> dict[str, float]:
+        """Return the gains of their logarithms."""
         return dict(zip(names, np.exp(np.clip(logs, -12.0, 6.0)).tolist(), strict=True))
 
-    def judged(logs: Array) -> CostAndConstraints:
+    def evaluate(logs: Array) -> CostAndConstraints:
+        """Return cost and violations, from the cache where possible."""
         key = logs.tobytes()
-        if key not in known:
-            known[key] = search.judge({**search.fixed, **gains_at(logs)})
-        return known[key]
+        if key not in cache:
+            cache[key] = search.evaluate({**search.fixed, **gains_at(logs)})
+        return cache[key]
 
     def constrained(logs: Array) -> Array:
-        missed = np.array(list(judged(logs).misses.values()))
-        return np.asarray(np.nan_to_num(np.clip(missed, -1.0, MAX_VIOLATION), nan=MAX_VIOLATION))
+        """Return finite violations."""
+        violations = np.array(list(evaluate(logs).violations.values()))
+        return np.asarray(
+            np.nan_to_num(np.clip(violations, -1.0, MAX_VIOLATION), nan=MAX_VIOLATION)
+        )
 
-    found = minimize(
-        lambda logs: judged(logs).objective,
+    optimum = minimize(
+        lambda logs: evaluate(logs).objective,
         np.log(list(start.values())),
         method="COBYQA",
         constraints=NonlinearConstraint(constrained, -np.inf, 0.0),
         options=COBYQA_OPTIONS,
     )
-    return _End(gains_at(found.x), judged(np.asarray(found.x)))
+    return _End(gains_at(optimum.x), evaluate(np.asarray(optimum.x)))
 
 
-def _max_violation(misses: ConstraintViolation) -> float:
-    return max(misses.values())
+def _max_violation(violations: ConstraintViolation) -> float:
+    """Return the largest relative violation."""
+    return max(violations.values())

@@ -1,5 +1,7 @@
-"""By how much loops miss what is asked of them, each limit as a share of itself: positive is a
-miss."""
+"""Relative violations of stability and load-rejection constraints.
+
+A violation is a share of its limit: positive means that the limit is violated.
+"""
 
 from typing import NamedTuple
 
@@ -12,14 +14,16 @@ from sysid.design.specification import Spec
 
 Array = NDArray[np.float64]
 ConstraintViolation = dict[str, float]
+"""Relative violation by the name of the constraint."""
 
 STEP_S = 0.5
+"""Sample interval (s) of the response to a constant load."""
 LOAD_RESPONSE_TIMES = 2.0
-"""A load's answer is watched for so many times the time in which it must be over."""
+"""Length of the simulated load response, as a multiple of the time in which it must be over."""
 
 
 class Bounds(NamedTuple):
-    """What is asked of stability."""
+    """Required damping ratio, gain margin (dB), phase margin (deg) and largest sensitivity."""
 
     damping: float
     gm_db: float
@@ -28,41 +32,96 @@ class Bounds(NamedTuple):
 
 
 def nominal(spec: Spec) -> Bounds:
-    return Bounds(spec.damping, spec.gm_db, spec.pm_deg, spec.ms)
+    """Return the bounds that a specification sets for the nominal model."""
+    return Bounds(damping=spec.damping, gm_db=spec.gm_db, pm_deg=spec.pm_deg, ms=spec.ms)
 
 
 def margin_violations(
     loop: NDArray[np.complex128], name: str, bounds: Bounds
 ) -> ConstraintViolation:
-    """Margins where a loop is opened."""
-    found = loop_transfer.margins(loop)
+    """Return the violations of gain margin, phase margin and sensitivity of one loop.
+
+    Parameters
+    ----------
+    loop : ndarray
+        Open-loop transfer function on `loop_transfer.GRID_RADPS`.
+    name : str
+        Where the loop is opened; part of the constraint's name.
+    bounds : Bounds
+        Required margins.
+
+    Returns
+    -------
+    dict
+        1 - GM / GM_min, 1 - PM / PM_min and Ms / Ms_max - 1.
+    """
+    achieved = loop_transfer.margins(loop)
     return {
-        f"gain margin at the {name}": 1.0 - found.gm_db / bounds.gm_db,
-        f"phase margin at the {name}": 1.0 - found.pm_deg / bounds.pm_deg,
-        f"sensitivity at the {name}": found.ms / bounds.ms - 1.0,
+        f"gain margin at the {name}": 1.0 - achieved.gm_db / bounds.gm_db,
+        f"phase margin at the {name}": 1.0 - achieved.pm_deg / bounds.pm_deg,
+        f"sensitivity at the {name}": achieved.ms / bounds.ms - 1.0,
     }
 
 
-def damping_violations(found: Modes, loop: str, bounds: Bounds) -> ConstraintViolation:
-    """Damping of the modes of a closed loop that show, by the state that they show in."""
-    ratios = -found.values.real / np.abs(found.values)
+def damping_violations(modes: Modes, loop: str, bounds: Bounds) -> ConstraintViolation:
+    """Return the damping violation of the visible modes, by the state they are visible in.
+
+    Parameters
+    ----------
+    modes : Modes
+        Modes of the closed loop.
+    loop : str
+        heading, pitch or depth.
+    bounds : Bounds
+        Required damping ratio.
+
+    Returns
+    -------
+    dict
+        1 - zeta / zeta_min with the smallest zeta = -Re(s) / |s| of the visible modes.
+    """
+    ratios = -modes.values.real / np.abs(modes.values)
     return {
-        f"damping of the {name} loop": 1.0 - float(np.min(ratios[shown])) / bounds.damping
-        for name, shown in modal.visible_modes(found, loop).items()
+        f"damping of the {name} loop": 1.0 - float(np.min(ratios[visible])) / bounds.damping
+        for name, visible in modal.visible_modes(modes, loop).items()
     }
 
 
 def load_violation(
-    found: Modes, surface: Array, state: int, name: str, spec: Spec
+    modes: Modes, surface: Array, state: int, name: str, spec: Spec
 ) -> ConstraintViolation:
-    """What is left of a constant surface offset's largest error once its integrator should be done.
+    """Return the violation of the residual error after a constant load.
 
-    ``surface``: how the offset drives the first states.
+    Parameters
+    ----------
+    modes : Modes
+        Modes of the closed loop.
+    surface : ndarray
+        Direction in which the load drives the first states, (n,).
+    state : int
+        Index of the state whose error counts.
+    name : str
+        Name of the loop.
+    spec : Spec
+        `finish_s` (s) and `finish_left`.
+
+    Returns
+    -------
+    dict
+        residual / finish_left - 1.
+
+    Notes
+    -----
+    Response to a constant load b from rest, with A = V diag(lambda) V^-1::
+
+        x_k(t) = sum_i V_ki (V^-1 b)_i (exp(lambda_i t) - 1) / lambda_i
+
+    The residual is max |x_k| after `finish_s`, divided by max |x_k| overall.
     """
-    load = np.zeros(found.values.size, dtype=np.complex128)
+    load = np.zeros(modes.values.size, dtype=np.complex128)
     load[: surface.size] = surface
-    shares = found.right[state] * np.linalg.solve(found.right, load) / found.values
+    shares = modes.right[state] * np.linalg.solve(modes.right, load) / modes.values
     times = np.arange(0.0, LOAD_RESPONSE_TIMES * spec.finish_s, STEP_S)
-    answer = np.abs(((np.exp(np.outer(times, found.values)) - 1.0) @ shares).real)
-    left = float(np.max(answer[int(spec.finish_s / STEP_S) :]) / np.max(answer))
-    return {f"rest of a load in the {name} loop": left / spec.finish_left - 1.0}
+    response = np.abs(((np.exp(np.outer(times, modes.values)) - 1.0) @ shares).real)
+    residual = float(np.max(response[int(spec.finish_s / STEP_S) :]) / np.max(response))
+    return {f"residual of a load in the {name} loop": residual / spec.finish_left - 1.0}

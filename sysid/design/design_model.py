@@ -1,4 +1,4 @@
-"""A model as the designer sees it, and what the sea does to its loops."""
+"""Design model of a vehicle, and the response of its loops to the identified disturbance."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,45 +24,87 @@ from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2, Table1Column
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-DEFAULT_DISTURBANCE = NoiseModel(0.14, 3.0, 0.28, 0.15, 0.1, 0.05, 0.1, 0.005, 0.0)
-"""Disturbance assumed where a model carries none: 0.3 deg/s rms of rate from the slow part and as
-much from waves."""
+DEFAULT_DISTURBANCE = NoiseModel(
+    slow_accel_degps2=0.14,
+    slow_time_s=3.0,
+    wave_accel_degps2=0.28,
+    wave_frequency_hz=0.15,
+    wave_damping=0.1,
+    rate_noise_degps=0.05,
+    angle_noise_deg=0.1,
+    depth_noise_m=0.005,
+    force_noise_mps15=0.0,
+)
+"""Disturbance assumed for a model without a noise model.
+
+It causes 0.3 deg/s rms of rate by the slow part and as much by waves.
+"""
 NOISE_STEP_S = 0.1
-"""Samples of a model's sensor noise are so far apart; between them it is white."""
+"""Sample interval (s) of a model's sensor noise; between samples it is taken as white."""
 SEED = 2001
+"""Seed of the samples of a model's posterior."""
 NOT_SCALED_BY_EFFECTIVENESS = ("DPT_P", "DPT_D", "DPT_I", "ACT_LEAD_W")
-"""What does not turn an error into an angle of the duct."""
+"""Parameters that do not scale with control effectiveness: they map no error to a duct angle."""
 
 
 class DesignModel(NamedTuple):
-    """Planes, tailcone lags with sampling, the sea, and the planes' responses with all of it."""
+    """Linear planes, lags with the delay of sampling, disturbances and frequency responses."""
 
     planes: Planes
     yaw_lag: Lag
     pitch_lag: Lag
-    sea: Mapping[Plane, NoiseModel]
+    disturbance: Mapping[Plane, NoiseModel]
     yaw: Responses
     pitch: Responses
 
 
 def build(
-    planes: Planes, yaw_lag: Lag, pitch_lag: Lag, sea: Mapping[Plane, NoiseModel]
+    planes: Planes, yaw_lag: Lag, pitch_lag: Lag, disturbance: Mapping[Plane, NoiseModel]
 ) -> DesignModel:
+    """Return the design model of two planes.
+
+    Parameters
+    ----------
+    planes : Planes
+        Linear yaw and pitch plane, FRD axes.
+    yaw_lag, pitch_lag : Lag
+        Tailcone of each plane, with the delay of sampling.
+    disturbance : Mapping
+        Disturbance model of each plane.
+
+    Returns
+    -------
+    DesignModel
+        With the frequency responses of both planes.
+    """
     return DesignModel(
-        planes,
-        yaw_lag,
-        pitch_lag,
-        sea,
-        loop_transfer.responses(planes.yaw, yaw_lag),
-        loop_transfer.responses(planes.pitch, pitch_lag),
+        planes=planes,
+        yaw_lag=yaw_lag,
+        pitch_lag=pitch_lag,
+        disturbance=disturbance,
+        yaw=loop_transfer.responses(planes.yaw, yaw_lag),
+        pitch=loop_transfer.responses(planes.pitch, pitch_lag),
     )
 
 
 def scale_starts(
     starts: Sequence[Mapping[str, float]], plane: LinearPlane
 ) -> tuple[dict[str, float], ...]:
-    """Starts of a search, tried on Caribou: a livelier tail needs smaller gains for the same
-    loop."""
+    """Scale the starting points of a search from Caribou to another vehicle.
+
+    Parameters
+    ----------
+    starts : Sequence of Mapping
+        Gains by name that suit Caribou.
+    plane : LinearPlane
+        Plane of the vehicle.
+
+    Returns
+    -------
+    tuple of dict
+        Gains divided by the ratio of control effectiveness (angular acceleration per radian of
+        duct, 1/s^2): higher effectiveness needs smaller gains for the same loop.
+    """
     ratio = CARIBOU_TURN_PER_S2 / abs(float(plane.B[1]))
     return tuple(
         {
@@ -74,16 +116,20 @@ def scale_starts(
 
 
 def from_model(model: IdentifiedModel) -> DesignModel:
-    coefficients = Table1Column(**{name: c.value for name, c in model.coefficients.items()})
+    """Return the design model of an identified model."""
+    coefficients = Table1Column(
+        **{name: coefficient.value for name, coefficient in model.coefficients.items()}
+    )
     planes = Planes(
         yaw_plane(coefficients, model.speed_mps, model.vehicle.mass_kg),
         pitch_plane(coefficients, model.speed_mps, model.vehicle.mass_kg),
     )
 
     def lag(plane: Plane) -> Lag:
-        delay = model.planes[plane].delay_s.value + loop_transfer.SAMPLING_S
+        """Return the identified tailcone of a plane."""
+        delay_s = model.planes[plane].delay_s.value + loop_transfer.SAMPLING_S
         return Lag(
-            delay, model.vehicle.natural_frequency_radps.value, model.vehicle.damping_ratio.value
+            delay_s, model.vehicle.natural_frequency_radps.value, model.vehicle.damping_ratio.value
         )
 
     return build(planes, lag("yaw"), lag("pitch"), _disturbance_of(model))
@@ -92,86 +138,144 @@ def from_model(model: IdentifiedModel) -> DesignModel:
 def sample_models(
     model: IdentifiedModel, count: int, prior: VehicleConfig | None = None
 ) -> Iterator[DesignModel]:
-    """Up to ``count`` vehicles that a model allows for: draws from what it says of z, without those
-    that cannot be.
+    """Yield up to `count` vehicles drawn from a model's posterior of z.
 
-    There are none where a model does not say, nor without ``prior`` where the file it was refitted
-    from is not shipped."""
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Identified model with the mean and covariance of z.
+    count : int
+        Number of draws; physically impossible vehicles are skipped.
+    prior : VehicleConfig, optional
+        Vehicle file of the refit; needed if that file is not shipped.
+
+    Yields
+    ------
+    DesignModel
+        Nothing is yielded for a model without covariance, nor without its vehicle file.
+    """
     covariance = np.array(model.joint.covariance)
     if not np.any(covariance) or (prior is None and model.vehicle.prior not in SHIPPED):
         return
     draws = np.random.default_rng(SEED).standard_normal((count, len(covariance)))
-    for drawn in feasible_samples(
+    for sample in feasible_samples(
         lambda z: prediction.perturb(model, z, prior), np.array(model.joint.z), covariance, draws
     ):
-        yield from_vehicle(drawn.vehicle, _disturbance_of(model))
+        yield from_vehicle(sample.vehicle, _disturbance_of(model))
 
 
-def from_vehicle(vehicle: CandidateVehicle, sea: Mapping[Plane, NoiseModel]) -> DesignModel:
-    """Any vehicle of which everything is known."""
+def from_vehicle(vehicle: CandidateVehicle, disturbance: Mapping[Plane, NoiseModel]) -> DesignModel:
+    """Return the design model of a fully known vehicle."""
     planes = Planes(linear_plane(vehicle, "yaw"), linear_plane(vehicle, "pitch"))
     return build(
         planes,
         lag_with_sampling(vehicle.actuators["yaw"]),
         lag_with_sampling(vehicle.actuators["pitch"]),
-        sea,
+        disturbance,
     )
 
 
 def lag_with_sampling(tail: Actuator) -> Lag:
-    """A tailcone's lag, with what sampling adds to its delay."""
+    """Return the lag of a tailcone with the delay of sampling added."""
     return Lag(
         tail.delay_s + loop_transfer.SAMPLING_S, tail.natural_frequency_radps, tail.damping_ratio
     )
 
 
 def _disturbance_of(model: IdentifiedModel) -> Mapping[Plane, NoiseModel]:
+    """Return the disturbance model of each plane."""
     return {plane: model.noise.get(plane, DEFAULT_DISTURBANCE) for plane in ("yaw", "pitch")}
 
 
 def analyse_loops(vehicle: DesignModel, gains: Gains) -> Analysis:
-    """Poles and margins with each plane's own delay."""
+    """Return poles and margins with the delay of each plane."""
     return analyse(vehicle.planes, gains, vehicle.yaw_lag, vehicle.pitch_lag)
 
 
-def spectrum(sea: NoiseModel) -> Array:
-    """Two-sided density of the disturbing angular acceleration on the grid, (rad/s^2)^2 per rad/s
-    over 2 pi."""
-    w, wave = GRID_RADPS, 2.0 * math.pi * sea.wave_frequency_hz
+def spectrum(disturbance: NoiseModel) -> Array:
+    """Return the two-sided power spectral density of the disturbing angular acceleration.
+
+    Parameters
+    ----------
+    disturbance : NoiseModel
+        Identified disturbance of one plane.
+
+    Returns
+    -------
+    ndarray
+        Density on `GRID_RADPS`, (rad/s^2)^2 per rad/s over 2 pi.
+
+    Notes
+    -----
+    First-order slow part (standard deviation s, time constant tau) and second-order wave part
+    (standard deviation a, frequency w0, damping zeta)::
+
+        S(w) = 2 s^2 tau / (1 + (w tau)^2)
+             + 4 zeta w0^3 a^2 / ((w0^2 - w^2)^2 + (2 zeta w0 w)^2)
+    """
+    w, wave_radps = GRID_RADPS, 2.0 * math.pi * disturbance.wave_frequency_hz
     slow = (
         2.0
-        * math.radians(sea.slow_accel_degps2) ** 2
-        * sea.slow_time_s
-        / (1.0 + (w * sea.slow_time_s) ** 2)
+        * math.radians(disturbance.slow_accel_degps2) ** 2
+        * disturbance.slow_time_s
+        / (1.0 + (w * disturbance.slow_time_s) ** 2)
     )
-    band = (wave**2 - w**2) ** 2 + (2.0 * sea.wave_damping * wave * w) ** 2
+    band = (wave_radps**2 - w**2) ** 2 + (2.0 * disturbance.wave_damping * wave_radps * w) ** 2
     return np.asarray(
-        slow + 4.0 * sea.wave_damping * wave**3 * math.radians(sea.wave_accel_degps2) ** 2 / band
+        slow
+        + 4.0
+        * disturbance.wave_damping
+        * wave_radps**3
+        * math.radians(disturbance.wave_accel_degps2) ** 2
+        / band
     )
 
 
 def predict_response(vehicle: DesignModel, gains: Gains) -> Response:
-    """Standard deviations in closed loop under the sea of the model (Parseval)."""
+    """Return the standard deviations in closed loop under the model's disturbance.
+
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Design model.
+    gains : Gains
+        Parameters of the loops by name.
+
+    Returns
+    -------
+    Response
+        Angles in deg, depth in m.
+
+    Notes
+    -----
+    Parseval's theorem: sigma^2 = (1 / pi) integral of |G(jw)|^2 S(w) dw over w > 0.
+    """
     heading, rudder = heading_rms(vehicle, gains)
     pitch, depth, elevator = depth_rms(vehicle, gains)
     return Response(
-        math.degrees(heading),
-        math.degrees(pitch),
-        depth,
-        math.degrees(rudder),
-        math.degrees(elevator),
+        heading_deg=math.degrees(heading),
+        pitch_deg=math.degrees(pitch),
+        depth_m=depth,
+        rudder_deg=math.degrees(rudder),
+        elevator_deg=math.degrees(elevator),
     )
 
 
 def heading_rms(vehicle: DesignModel, gains: Gains) -> tuple[float, float]:
-    """(heading, rudder wanted), rad."""
-    density = spectrum(vehicle.sea["yaw"])
+    """Return the rms of heading and commanded rudder (rad)."""
+    density = spectrum(vehicle.disturbance["yaw"])
     heading, rudder = heading_responses(vehicle, gains)
     return _rms(heading, density), _rms(rudder, density)
 
 
 def heading_responses(vehicle: DesignModel, gains: Gains) -> tuple[ComplexArray, ComplexArray]:
-    """(heading, rudder wanted) in closed loop to a unit of disturbing angular acceleration."""
+    """Return heading and commanded rudder per unit of disturbing angular acceleration.
+
+    Notes
+    -----
+    With S = 1 / (1 + L_rudder) and the responses r_m, psi_m to the moment: psi = S psi_m and
+    rudder = S (HDG_D r_m + (HDG_P + HDG_I / s) psi_m).
+    """
     s = 1j * GRID_RADPS
     sensitivity = 1.0 / (1.0 + loop_transfer.heading_loops(vehicle.yaw, gains)["rudder"])
     r, psi = vehicle.yaw.moment[:, 1], vehicle.yaw.moment[:, 2]
@@ -180,8 +284,8 @@ def heading_responses(vehicle: DesignModel, gains: Gains) -> tuple[ComplexArray,
 
 
 def depth_rms(vehicle: DesignModel, gains: Gains) -> tuple[float, float, float]:
-    """(pitch, depth, elevator wanted), rad, m, rad."""
-    density = spectrum(vehicle.sea["pitch"])
+    """Return the rms of pitch (rad), depth (m) and commanded elevator (rad)."""
+    density = spectrum(vehicle.disturbance["pitch"])
     pitch, depth, elevator = depth_responses(vehicle, gains)
     return _rms(pitch, density), _rms(depth, density), _rms(elevator, density)
 
@@ -189,8 +293,12 @@ def depth_rms(vehicle: DesignModel, gains: Gains) -> tuple[float, float, float]:
 def depth_responses(
     vehicle: DesignModel, gains: Gains
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """(pitch, depth, elevator wanted) in closed loop to a unit of disturbing angular
-    acceleration."""
+    """Return pitch, depth and commanded elevator per unit of disturbing angular acceleration.
+
+    Notes
+    -----
+    As `heading_responses`. States respond to the moment and to the elevator that the loop commands.
+    """
     s = 1j * GRID_RADPS
     sensitivity = 1.0 / (1.0 + loop_transfer.depth_loops(vehicle.pitch, gains)["elevator"])
     q, theta = vehicle.pitch.moment[:, 1], vehicle.pitch.moment[:, 2]
@@ -198,33 +306,51 @@ def depth_responses(
     elevator = gains["PTCH_D"] * q + forward * (
         theta - loop_transfer.pitch_command(vehicle.pitch.moment, gains)
     )
-    # Every state answers to the moment and to the elevator's reply to it.
-    reply = (
+    # States respond to the moment and to the elevator that the loop commands.
+    states = (
         vehicle.pitch.moment
         - loop_transfer.with_lead(vehicle.pitch, gains).command * (elevator * sensitivity)[:, None]
     )
-    return reply[:, 2], reply[:, 3], elevator * sensitivity
+    return states[:, 2], states[:, 3], elevator * sensitivity
 
 
 def command_noise_rad(vehicle: DesignModel, plane: Plane, gains: Gains) -> float:
-    """What the gyro's noise moves the surface's command by, one standard deviation.
+    """Return the standard deviation of the surface command caused by gyro noise (rad).
 
-    Up to the grid's end in closed loop; beyond it, to half the tick's rate, no loop answers any
-    more."""
-    density = math.radians(vehicle.sea[plane].rate_noise_degps) ** 2 * NOISE_STEP_S
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Design model.
+    plane : str
+        yaw or pitch.
+    gains : Gains
+        Parameters of the loops by name.
+
+    Returns
+    -------
+    float
+        Standard deviation (rad).
+
+    Notes
+    -----
+    sigma^2 = (n^2 / pi) integral of |K F / (1 + L)|^2 dw with the gyro's density n^2, the rate
+    gain K and the actuator lead F. Above the grid, up to half the sample rate, L is taken as zero.
+    """
+    density = math.radians(vehicle.disturbance[plane].rate_noise_degps) ** 2 * NOISE_STEP_S
     loop, gain = loop_at_surface(vehicle, plane, gains)
     shaped = gain * loop_transfer.lead_response(gains)
-    within = float(np.trapezoid(np.abs(shaped / (1.0 + loop)) ** 2, GRID_RADPS))
-    beyond = abs(shaped[-1]) ** 2 * (math.pi / loop_transfer.TICK_S - GRID_RADPS[-1])
-    return math.sqrt(density * (within + beyond) / math.pi)
+    on_grid = float(np.trapezoid(np.abs(shaped / (1.0 + loop)) ** 2, GRID_RADPS))
+    above_grid = abs(shaped[-1]) ** 2 * (math.pi / loop_transfer.TICK_S - GRID_RADPS[-1])
+    return math.sqrt(density * (on_grid + above_grid) / math.pi)
 
 
 def loop_at_surface(vehicle: DesignModel, plane: Plane, gains: Gains) -> tuple[ComplexArray, float]:
-    """The loop opened at the surface, and the gain from gyro to what is wanted of it."""
+    """Return the loop opened at the surface, and the gain from gyro to command."""
     if plane == "yaw":
         return loop_transfer.heading_loops(vehicle.yaw, gains)["rudder"], gains["HDG_D"]
     return loop_transfer.depth_loops(vehicle.pitch, gains)["elevator"], gains["PTCH_D"]
 
 
 def _rms(transfer: ComplexArray, density: Array) -> float:
+    """Return the standard deviation of an output with this response to noise of this density."""
     return math.sqrt(float(np.trapezoid(np.abs(transfer) ** 2 * density, GRID_RADPS)) / math.pi)

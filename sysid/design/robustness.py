@@ -1,5 +1,4 @@
-"""How likely gains are to keep their promise: the share of the vehicles that a model allows for on
-which they do."""
+"""Robustness of a design: the share of vehicles sampled from a model that meet the limits."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -12,58 +11,85 @@ from sysid.design.pid import depth, heading
 from sysid.design.specification import DesignRobustness, Spec
 
 Stability = Callable[[DesignModel, Gains, Bounds], ConstraintViolation]
+"""Function that returns the constraint violations of one plane's loops."""
 
 UNLIMITED = float("inf")
 RELAXED = Bounds(damping=0.5, gm_db=5.0, pm_deg=40.0, ms=UNLIMITED)
+"""Relaxed bounds that are reported in addition to the specification's."""
 
 
 def min_bounds(spec: Spec) -> Bounds:
-    """What every vehicle is asked for, the nominal one's margins being larger."""
-    return Bounds(spec.damping, spec.least_gm_db, spec.least_pm_deg, UNLIMITED)
+    """Return the bounds for every sampled vehicle; those of the nominal model are stricter."""
+    return Bounds(
+        damping=spec.damping, gm_db=spec.least_gm_db, pm_deg=spec.least_pm_deg, ms=UNLIMITED
+    )
 
 
 def robustness(
     vehicles: Sequence[DesignModel], gains: Gains, spec: Spec
 ) -> DesignRobustness | None:
-    """None where there are no vehicles to try."""
+    """Return the shares of vehicles that meet the limits, or None without vehicles.
+
+    Parameters
+    ----------
+    vehicles : Sequence of DesignModel
+        Vehicles sampled from the model.
+    gains : Gains
+        Parameters of the loops by name.
+    spec : Spec
+        Specification.
+
+    Returns
+    -------
+    DesignRobustness or None
+        Shares for the specification and for `RELAXED`.
+    """
     if not vehicles:
         return None
-    wanted = [violations(vehicle, gains, min_bounds(spec)) for vehicle in vehicles]
+    specified = [violations(vehicle, gains, min_bounds(spec)) for vehicle in vehicles]
     relaxed = [violations(vehicle, gains, RELAXED) for vehicle in vehicles]
-    return summarise(wanted, relaxed)
+    return summarise(specified, relaxed)
 
 
 def summarise(
-    wanted: Sequence[ConstraintViolation], relaxed: Sequence[ConstraintViolation]
+    specified: Sequence[ConstraintViolation], relaxed: Sequence[ConstraintViolation]
 ) -> DesignRobustness:
-    """Of what each vehicle misses."""
-    missed = Counter(
-        max(each, key=lambda name: each[name])
-        for each in wanted
-        if max(each.values()) > CONSTRAINT_TOLERANCE
+    """Return the robustness from the constraint violations of each vehicle."""
+    worst_counts = Counter(
+        max(vehicle, key=lambda name: vehicle[name])
+        for vehicle in specified
+        if max(vehicle.values()) > CONSTRAINT_TOLERANCE
     )
-    worst = missed.most_common(1)[0][0] if missed else ""
-    return DesignRobustness(_fraction(wanted), _fraction(relaxed), worst, len(wanted))
+    worst = worst_counts.most_common(1)[0][0] if worst_counts else ""
+    return DesignRobustness(
+        specification=_fraction(specified),
+        relaxed=_fraction(relaxed),
+        worst=worst,
+        vehicles=len(specified),
+    )
 
 
 def fraction_satisfying(
     vehicles: Sequence[DesignModel], stability: Stability, gains: Gains, bounds: Bounds
 ) -> float:
-    """Of the vehicles on which the loops of one plane keep the bounds; 1 where there are none to
-    try."""
-    kept = [
+    """Return the share of vehicles whose loops meet the bounds in one plane; 1 without vehicles."""
+    satisfied = [
         max(stability(vehicle, gains, bounds).values()) <= CONSTRAINT_TOLERANCE
         for vehicle in vehicles
     ]
-    return sum(kept) / len(kept) if kept else 1.0
+    return sum(satisfied) / len(satisfied) if satisfied else 1.0
 
 
 def violations(vehicle: DesignModel, gains: Gains, bounds: Bounds) -> ConstraintViolation:
+    """Return the constraint violations of all loops on one vehicle."""
     return {
         **heading.violations(vehicle, gains, bounds),
         **depth.violations(vehicle, gains, bounds),
     }
 
 
-def _fraction(each: Sequence[ConstraintViolation]) -> float:
-    return sum(max(found.values()) <= CONSTRAINT_TOLERANCE for found in each) / len(each)
+def _fraction(vehicles: Sequence[ConstraintViolation]) -> float:
+    """Return the share of vehicles without a violation."""
+    return sum(max(violations.values()) <= CONSTRAINT_TOLERANCE for violations in vehicles) / len(
+        vehicles
+    )

@@ -1,4 +1,4 @@
-"""What a design must meet, and what it is when it does."""
+"""Specification of a design, and the result of a design."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -8,47 +8,61 @@ from sysid.monitor.performance_spec import PerformanceBaseline, encode
 
 
 class DesignInfeasibleError(Exception):
-    """No gains meet the specification on this model; the message says which limit fails and by how
-    much."""
+    """No gains meet the specification on this model; the message names the worst limit."""
 
 
 class Spec(NamedTuple):
-    """Every limit may be set by whoever knows better."""
+    """Limits of a design; every field can be set by the user."""
 
     damping: float = 0.6
-    """Of every pole pair that shows in the motion."""
+    """Minimum damping ratio of every pole pair that is visible in the motion."""
     gm_db: float = 8.0
+    """Minimum gain margin of the nominal model (dB)."""
     pm_deg: float = 55.0
+    """Minimum phase margin of the nominal model (deg)."""
     ms: float = 1.6
-    """Largest sensitivity. Like `gm_db` and `pm_deg` it is asked of the nominal model at four cuts:
-    rudder, heading error, elevator and depth error. The pitch error is not limited."""
+    """Maximum sensitivity of the nominal model.
+
+    Margins and sensitivity apply at four cuts: rudder, heading error, elevator and depth error. The
+    pitch error is not limited.
+    """
     least_gm_db: float = 6.0
+    """Minimum gain margin of the sampled vehicles at the same cuts (dB)."""
     least_pm_deg: float = 45.0
-    """At the same four cuts on the vehicles that the model allows for, together with `damping`."""
+    """Minimum phase margin of the sampled vehicles (deg); `damping` applies to them as well."""
     probability: float = 0.5
-    """Of such a vehicle meeting them; below it a design is refused."""
+    """Minimum share of sampled vehicles that meet these limits; below it a design is infeasible."""
     finish_s: float = 30.0
+    """Time (s) after which a constant load must be compensated."""
     finish_left: float = 0.15
-    """Share of a constant load's largest error that an integrator may leave after ``finish_s``."""
+    """Largest residual error after `finish_s`, as a share of the load's largest error."""
     heading_step_deg: float = 20.0
-    """Change of heading on which the rudder stays within the travel that the bias leaves."""
+    """Change of heading (deg) in which the rudder must stay within the travel left by its bias."""
     travel_deg: float = 15.0
+    """Travel of the tailcone to either side (deg)."""
     rate_degps: float = 15.0
+    """Rate limit of the tailcone (deg/s)."""
     depth_step_m: float = 3.0
+    """Change of depth (m) for which the overshoot is limited."""
     depth_overshoot: float = 0.10
-    """Share of that change of depth."""
+    """Maximum overshoot, as a share of `depth_step_m`."""
     pitch_rms_growth: float = 1.25
-    """How much more pitch the sea may cause than under the initial gains, in exchange for depth."""
+    """Maximum pitch rms under disturbance, relative to the initial gains."""
     pitch_per_metre_deg: float = 18.0
-    """What a metre of depth may ask of the pitch. Small motion cannot tell much pitch for little
-    elevator from the reverse; the pitch limit can."""
+    """Maximum pitch command per metre of depth error (deg/m).
+
+    Small-signal analysis cannot distinguish a large pitch command with a weak pitch loop from the
+    reverse, but the pitch limit of the vehicle can.
+    """
     command_noise_deg: float = 0.5
-    """What the gyro's noise may move the command by, one standard deviation: it limits how far the
-    lag is undone."""
+    """Maximum standard deviation of the command caused by gyro noise (deg).
+
+    It limits how far the lag of the tailcone is compensated.
+    """
 
 
 class Response(NamedTuple):
-    """Predicted answer to the identified disturbance, one standard deviation."""
+    """Predicted response to the identified disturbance, one standard deviation of each signal."""
 
     heading_deg: float
     pitch_deg: float
@@ -58,42 +72,54 @@ class Response(NamedTuple):
 
 
 class DesignRobustness(NamedTuple):
-    """How many of the vehicles that a model allows for meet what is asked, as shares of
-    ``vehicles``."""
+    """Shares of the sampled vehicles that meet the limits."""
 
     specification: float
+    """Share that meets the robust limits of the specification."""
     relaxed: float
-    """Damping 0.5, gain margin 5 dB, phase margin 40 degrees."""
+    """Share with damping 0.5, gain margin 5 dB and phase margin 40 deg."""
     worst: str
-    """The limit that most of the others miss; empty where all meet it."""
+    """Constraint that most of the other vehicles violate; empty if all meet the limits."""
     vehicles: int
+    """Number of sampled vehicles."""
 
 
 class Design(NamedTuple):
+    """Result of a PID redesign."""
+
     gains: dict[str, float]
+    """Parameters by name."""
     reasons: dict[str, str]
+    """Reason for each parameter, one line each."""
     analysis: Analysis
     predicted: Response
     initial: Response
-    """What the gains of Table 3's initial column would let through on the same model."""
+    """Predicted response of the initial gains on the same model."""
     initial_analysis: Analysis
     spec: Spec
-    trust: DesignRobustness | None
-    """None for a model that does not say how sure it is."""
-    promise: PerformanceBaseline
+    robustness: DesignRobustness | None
+    """Robustness over the model's posterior; None for a model without covariance."""
+    baseline: PerformanceBaseline
+    """Performance baseline for monitoring."""
 
     def write_params(self, path: str | Path) -> None:
-        """Parameter file: ``NAME,VALUE  # reason``, headed by what the gains rest on and promise
-        (`sysid.monitor.performance_spec`)."""
-        Path(path).write_text(encode(self.promise, self.gains, self.reasons), encoding="utf-8")
+        """Write the parameter file: ``NAME,VALUE  # reason``.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write; its header holds the performance baseline
+            (`sysid.monitor.performance_spec`).
+        """
+        Path(path).write_text(encode(self.baseline, self.gains, self.reasons), encoding="utf-8")
 
 
 class Loads(NamedTuple):
-    """Constant loads that the integrators must carry."""
+    """Constant loads that the integrators must compensate."""
 
     level_pitch_rad: float
-    """Pitch of level flight, nose up."""
+    """Pitch of level flight, positive nose up (rad)."""
     rudder_rad: float
-    """Rudder bias, as large as it may be."""
+    """Upper bound of the rudder bias (rad)."""
     elevator_rad: float
-    """What is unsure about the elevator's trim."""
+    """Uncertainty of the elevator trim (rad)."""

@@ -1,8 +1,12 @@
-"""One axis of the tailcone as a bench test sees it: its model, and the fit of that to commands and
-duct angles.
+"""Model of one tailcone axis, and its fit to commands and duct angles of a bench test.
 
-The model is the paper's ("Tailcone dynamics modeling": second order, delay, rate limit, travel),
-with a gain, the play between motor and duct, and a bias that may move while steps are lost."""
+The model is the paper's ("Tailcone dynamics modeling": second-order lag, delay, rate limit, travel)
+with three additions: a gain, the backlash between motor and duct, and a bias per test, because lost
+steps change the bias:
+
+    duct = gain backlash(lag(command(t - delay))) + bias_i   in test i, rad,
+    lag(s) = wn^2 / (s^2 + 2 zeta wn s + wn^2), rate limited.
+"""
 
 import math
 from collections.abc import Sequence
@@ -21,56 +25,67 @@ from sysid.models.model_file import ParameterEstimate
 Array = NDArray[np.float64]
 
 SUBSTEPS = 4
-"""Substeps to a sample of the 50 Hz command, as the rate limit needs them."""
+"""Integration steps per sample of the 50 Hz command, needed for the rate limit."""
 BLOCK_S = 2.0
-"""Residuals further apart than this count as independent."""
+"""Length of a block of residuals; residuals of different blocks are treated as independent."""
 TIMESTAMP_SD_S = 1e-3
-"""Of the time stamps of telemetry, which are whole milliseconds: no delay is told more surely than
-that."""
+"""Standard deviation of telemetry time stamps, which are whole milliseconds; lower bound for the
+standard deviation of the delay."""
 DIFFERENCE = 0.02
-"""Step of the sensitivities, in units of ``_SCALE``."""
+"""Step of the finite differences, in units of ``_SCALE``."""
 MIN_SENSITIVITY = 1e-6
-"""A parameter that moves the duct by less than this, in radians rms over ``_SCALE``, is not in the
-data."""
+"""Sensitivity of the duct angle (rad rms per ``_SCALE``) below which a parameter is unidentifiable.
+"""
 
 
 class AxisParameters(NamedTuple):
-    """The model's parameters but for the bias."""
+    """Parameters of the model without the bias."""
 
     gain: float
+    """Duct angle per commanded angle."""
     natural_frequency_radps: float
     damping_ratio: float
     delay_s: float
     rate_radps: float
+    """Rate limit of the duct."""
     backlash_rad: float
-    """From flank to flank."""
+    """Backlash at the duct, full width."""
 
 
-PAPER = AxisParameters(1.0, 3.0, 0.6, 0.3, math.radians(15.0), 0.0)
-"""``exp(-0.3 s) / (s^2/9 + 4s/10 + 1)`` at no more than 15 deg/s."""
+PAPER = AxisParameters(
+    gain=1.0,
+    natural_frequency_radps=3.0,
+    damping_ratio=0.6,
+    delay_s=0.3,
+    rate_radps=math.radians(15.0),
+    backlash_rad=0.0,
+)
+"""Paper: ``exp(-0.3 s) / (s^2/9 + 4s/10 + 1)`` with a rate limit of 15 deg/s."""
 _SCALE = np.array([0.01, 0.1, 0.03, 0.01, math.radians(0.5), math.radians(0.05)])
+"""Scale of each parameter in the fit, in the order of ``AxisParameters``."""
 _LOWER_BOUND = np.array([0.1, 0.2, 0.05, 0.0, math.radians(0.5), 0.0])
 _UPPER_BOUND = np.array([3.0, 60.0, 0.99, 2.0, math.radians(200.0), math.radians(8.0)])
 
 
 class BenchRecord(NamedTuple):
-    """What one axis was told and did in a bench session. Times are vehicle time."""
+    """Commands and measured angles of one axis in a bench session; times are vehicle time."""
 
     start_s: float
-    """Of the command's first sample."""
+    """Time of the first command sample."""
     command_rad: Array
-    """On the 50 Hz grid, each held until the next."""
+    """Commanded angle on a 50 Hz grid, zero-order hold."""
     time_s: Array
-    """Of the duct's angles."""
+    """Times of ``angle_rad``."""
     angle_rad: Array
+    """Duct angle measured by the encoder."""
     spans_s: tuple[tuple[float, float], ...]
     """Start and end of each test."""
     travel_rad: float
+    """Limit of the command."""
 
 
 class ActuatorFit(NamedTuple):
-    """The fit of one axis. A standard deviation is null where the tests do not show the
-    parameter."""
+    """Fit of one axis; a standard deviation is None for an unidentifiable parameter."""
 
     gain: ParameterEstimate
     natural_frequency_radps: ParameterEstimate
@@ -79,14 +94,15 @@ class ActuatorFit(NamedTuple):
     rate_radps: ParameterEstimate
     backlash_rad: ParameterEstimate
     bias_rad: ParameterEstimate
-    """The mean over the tests, as the encoder shows it: its own zero error is not known."""
+    """Mean over the tests; it includes the unknown zero error of the encoder."""
     bias_moved_rad: float
-    """Last test less first."""
+    """Bias of the last test minus that of the first."""
     residual_rad: float
-    """Root mean square."""
+    """Root mean square of the residuals."""
 
     @property
     def axis(self) -> AxisParameters:
+        """Return the estimated values without their standard deviations."""
         estimates = (
             self.gain,
             self.natural_frequency_radps,
@@ -99,16 +115,29 @@ class ActuatorFit(NamedTuple):
 
 
 def duct_angles(record: BenchRecord, axis: AxisParameters) -> Array:
-    """The model's duct angle (rad, no bias) at the times of the measured ones."""
+    """Return the duct angle of the model at the times of the measurement.
+
+    Parameters
+    ----------
+    record : BenchRecord
+        Commands and times.
+    axis : AxisParameters
+        Parameters of the model.
+
+    Returns
+    -------
+    ndarray
+        Duct angle without bias, rad, one per entry of ``record.time_s``.
+    """
     dt = 1.0 / (RATE_HZ * SUBSTEPS)
     motor = greybox.Actuator(
-        axis.delay_s,
-        axis.natural_frequency_radps,
-        axis.damping_ratio,
-        0.0,
-        record.travel_rad,
-        axis.rate_radps / axis.gain,
-        axis.backlash_rad / axis.gain,
+        delay_s=axis.delay_s,
+        natural_frequency_radps=axis.natural_frequency_radps,
+        damping_ratio=axis.damping_ratio,
+        bias_rad=0.0,
+        travel_rad=record.travel_rad,
+        rate_radps=axis.rate_radps / axis.gain,
+        backlash_rad=axis.backlash_rad / axis.gain,
     )
     duct = axis.gain * greybox.duct_angles(np.repeat(record.command_rad, SUBSTEPS), motor, dt)
     grid_s = record.start_s + dt * np.arange(duct.size)
@@ -116,22 +145,40 @@ def duct_angles(record: BenchRecord, axis: AxisParameters) -> Array:
 
 
 def fit(record: BenchRecord, starts: Sequence[AxisParameters] = (PAPER,)) -> ActuatorFit:
-    """Least squares on every angle measured during the tests, each test with a bias of its own.
+    """Fit one axis by least squares to all angles measured during the tests.
 
-    Standard deviations allow for residuals that hang together (the sandwich of Liang and Zeger
-    1986): quantisation and whatever else the model lacks is no white noise, and in a sinusoid it
-    comes back every period. Of blocks of ``BLOCK_S`` and of whole tests, whichever tells of more
-    counts."""
+    Parameters
+    ----------
+    record : BenchRecord
+        Commands, measured angles and times of the tests.
+    starts : sequence of AxisParameters
+        Initial values; the fit with the lowest cost is returned.
+
+    Returns
+    -------
+    ActuatorFit
+        Parameters with standard deviations, bias and residual.
+
+    Notes
+    -----
+    Each test has a bias of its own, which is eliminated from the residuals. Standard deviations are
+    cluster-robust (the sandwich estimator of Liang and Zeger 1986), because quantisation and model
+    errors are not white noise and repeat in every period of a sinusoid. Clusters are blocks of
+    ``BLOCK_S`` and whole tests; the larger standard deviation is used.
+    """
     tests = [np.flatnonzero((record.time_s >= a) & (record.time_s <= b)) for a, b in record.spans_s]
-    inside = np.concatenate(tests)
-    owner = np.repeat(np.arange(len(tests)), [len(test) for test in tests])
+    test_samples = np.concatenate(tests)
+    test_number = np.repeat(np.arange(len(tests)), [len(test) for test in tests])
 
-    def misfit(z: Array) -> Array:
-        return (record.angle_rad - duct_angles(record, AxisParameters(*(z * _SCALE))))[inside]
+    def duct_error(z: Array) -> Array:
+        return (record.angle_rad - duct_angles(record, AxisParameters(*(z * _SCALE))))[test_samples]
 
     def residual(z: Array) -> Array:
-        off = misfit(z)
-        return off - (np.bincount(owner, off) / np.bincount(owner))[owner]
+        deviations = duct_error(z)
+        return (
+            deviations
+            - (np.bincount(test_number, deviations) / np.bincount(test_number))[test_number]
+        )
 
     def jacobian(z: Array) -> Array:
         base = residual(z)
@@ -141,18 +188,20 @@ def fit(record: BenchRecord, starts: Sequence[AxisParameters] = (PAPER,)) -> Act
         )
 
     bounds = _LOWER_BOUND / _SCALE, _UPPER_BOUND / _SCALE
-    tries = [
+    results = [
         least_squares(residual, np.clip(start / _SCALE, *bounds), jacobian, bounds)
         for start in starts
     ]
-    best = min(tries, key=lambda found: float(found.cost))
-    clusterings = _block_numbers(record.time_s[inside], owner), owner
+    best = min(results, key=lambda result: float(result.cost))
+    clusterings = _block_numbers(record.time_s[test_samples], test_number), test_number
     sd = [
-        _max_deviation(of)
-        for of in zip(*(_deviations(best.jac, best.fun, each) for each in clusterings), strict=True)
+        _max_deviation(candidates)
+        for candidates in zip(
+            *(_deviations(best.jac, best.fun, clusters) for clusters in clusterings), strict=True
+        )
     ]
-    off = misfit(best.x)
-    biases = np.bincount(owner, off) / np.bincount(owner)
+    error = duct_error(best.x)
+    biases = np.bincount(test_number, error) / np.bincount(test_number)
     gain, frequency, damping, delay, rate, play = (
         ParameterEstimate(float(value), deviation)
         for value, deviation in zip(best.x * _SCALE, sd, strict=True)
@@ -163,38 +212,45 @@ def fit(record: BenchRecord, starts: Sequence[AxisParameters] = (PAPER,)) -> Act
     bias = ParameterEstimate(float(np.mean(biases)), _standard_error(biases))
     rms_rad = float(np.sqrt(np.mean(best.fun**2)))
     return ActuatorFit(
-        gain, frequency, damping, delay, rate, play, bias, float(biases[-1] - biases[0]), rms_rad
+        gain=gain,
+        natural_frequency_radps=frequency,
+        damping_ratio=damping,
+        delay_s=delay,
+        rate_radps=rate,
+        backlash_rad=play,
+        bias_rad=bias,
+        bias_moved_rad=float(biases[-1] - biases[0]),
+        residual_rad=rms_rad,
     )
 
 
 def _max_deviation(deviations: tuple[float | None, ...]) -> float | None:
-    """None where the data do not show the parameter; they show it to every clustering or to
-    none."""
+    """Return the largest standard deviation; None for an unidentifiable parameter."""
     return max((sd for sd in deviations if sd is not None), default=None)
 
 
 def _standard_error(values: Array) -> float | None:
+    """Return the standard error of the mean; None for a single value."""
     return float(np.std(values, ddof=1) / math.sqrt(values.size)) if values.size > 1 else None
 
 
-def _block_numbers(time_s: Array, owner: NDArray[np.int_]) -> NDArray[np.int_]:
-    """The number of the block that each residual belongs to; none reaches over two tests."""
-    _, blocks = np.unique(np.floor(time_s / BLOCK_S) + 1e9 * owner, return_inverse=True)
+def _block_numbers(time_s: Array, test_number: NDArray[np.int_]) -> NDArray[np.int_]:
+    """Return the block number of each residual; a block is within one test."""
+    _, blocks = np.unique(np.floor(time_s / BLOCK_S) + 1e9 * test_number, return_inverse=True)
     return np.asarray(blocks, dtype=np.int_)
 
 
 def _deviations(jacobian: Array, residual: Array, blocks: NDArray[np.int_]) -> list[float | None]:
-    """One standard deviation of each parameter, in its own unit; None where the data do not show
-    it.
-
-    Of few blocks it is itself unsure: widened so that 1.96 of it reach as far as Student's t does
-    (Cameron and Miller 2015, section VI)."""
+    """Return one standard deviation per parameter in its unit; None for an unidentifiable one."""
+    # Sandwich estimator (Liang and Zeger 1986): (J^T J)^-1 (sum_c s_c s_c^T) (J^T J)^-1 with the
+    # score s_c = J_c^T r_c of cluster c. For few clusters the result is scaled by
+    # t_0.975(clusters - 1) / 1.96 (Cameron and Miller 2015, section VI).
     shown = np.sqrt(np.mean(jacobian**2, axis=0)) > MIN_SENSITIVITY
     J = jacobian[:, shown]
     bread = np.linalg.pinv(J.T @ J)
     scores = np.column_stack([np.bincount(blocks, column * residual) for column in J.T])
     count = len(scores)
     meat = scores.T @ scores * count / max(1, count - J.shape[1])
-    few = float(student.ppf(0.975, max(1, count - 1)) / norm.ppf(0.975))
-    sd = iter(few * np.sqrt(np.diag(bread @ meat @ bread)) * _SCALE[shown])
-    return [float(next(sd)) if each else None for each in shown]
+    small_sample_factor = float(student.ppf(0.975, max(1, count - 1)) / norm.ppf(0.975))
+    sd = iter(small_sample_factor * np.sqrt(np.diag(bread @ meat @ bread)) * _SCALE[shown])
+    return [float(next(sd)) if identifiable else None for identifiable in shown]

@@ -1,9 +1,10 @@
-"""What was measured ashore, as belief before the first dive: the tailcone's bench test and the
-inclining test.
+"""Update of the prior with bench measurements: the tailcone bench test and the inclining test.
 
-Both come as the JSON that ``ground bench-test`` and ``ground inclining-test`` print. Each number
-enters as a measurement of one parameter, so that a prior that already knows it better is not
-spoilt."""
+Both are the JSON output of ``ground bench-test`` and ``ground inclining-test``. Each number is a
+measurement y with standard deviation s of one parameter z_i, and updates the normal prior (mean m, covariance P):
+
+    K = P e_i / (P_ii + s^2),   m <- m + K (y - m_i),   P <- P - K e_i^T P.
+"""
 
 import math
 from collections.abc import Sequence
@@ -24,24 +25,28 @@ AxisName = Literal["rudder", "elevator"]
 _PLANE_OF_AXIS: dict[AxisName, Plane] = {"rudder": "yaw", "elevator": "pitch"}
 
 SENSOR_DELAY_S = 0.03
-"""What sensors and computing may add to the tailcone's own delay, one standard deviation: no bench
-test sees it."""
+"""Additional delay of sensors and computing, which a bench test does not measure (one standard
+deviation)."""
 MIN_RELATIVE_SD = 0.005
-"""No bench test is believed better than to half a per cent."""
+"""Minimum relative standard deviation of a bench measurement."""
 MIN_BACKLASH_DEG = 0.02
-"""Play that cannot be told from none."""
+"""Minimum backlash, because the parameter is a ratio and cannot be zero."""
 
 
 class BenchResultError(ValueError):
-    """A file that is no bench or inclining result, or none of this vehicle: one line."""
+    """File is not a bench or inclining result, or not of this vehicle; a message of one line."""
 
 
 class _Value(msgspec.Struct, frozen=True):
+    """Value with its standard deviation; None for an unidentifiable value."""
+
     value: float
     sd: float | None
 
 
 class _Axis(msgspec.Struct, frozen=True):
+    """Model of one tailcone axis in the JSON of ``ground bench-test``."""
+
     natural_frequency_radps: _Value
     damping_ratio: _Value
     delay_s: _Value
@@ -50,15 +55,19 @@ class _Axis(msgspec.Struct, frozen=True):
 
 
 class _Bench(msgspec.Struct, frozen=True):
+    """Entry of one axis in the JSON of ``ground bench-test``."""
+
     model: _Axis
 
 
 class _Incline(msgspec.Struct, frozen=True):
+    """JSON of ``ground inclining-test``."""
+
     z_cm_m: _Value
 
 
 class BenchMeasurement(NamedTuple):
-    """One parameter as measured ashore, in the unit of the vehicle file."""
+    """Measurement of one parameter, in the unit of the vehicle file."""
 
     parameter: str
     value: float
@@ -68,21 +77,57 @@ class BenchMeasurement(NamedTuple):
 def read(
     tailcone: Path | None = None, inclining: Path | None = None
 ) -> tuple[BenchMeasurement, ...]:
-    """What the two tests tell; nothing of either that is None. Raises AshoreError."""
-    found: list[BenchMeasurement] = []
+    """Read the results of the bench test and the inclining test.
+
+    Parameters
+    ----------
+    tailcone : Path, optional
+        JSON file of ``ground bench-test``.
+    inclining : Path, optional
+        JSON file of ``ground inclining-test``.
+
+    Returns
+    -------
+    tuple of BenchMeasurement
+        Measured parameters; unidentifiable values are left out.
+
+    Raises
+    ------
+    BenchResultError
+        A file cannot be read or has another format.
+    """
+    measurements: list[BenchMeasurement] = []
     if tailcone is not None:
         axes = _decode(tailcone, dict[AxisName, _Bench], "ground bench-test --json")
         for name, axis in axes.items():
-            found += _readings(_PLANE_OF_AXIS[name], axis.model)
+            measurements += _readings(_PLANE_OF_AXIS[name], axis.model)
     if inclining is not None:
-        found += _measurements_of(
+        measurements += _measurements_of(
             "z_CM", _decode(inclining, _Incline, "ground inclining-test --json").z_cm_m
         )
-    return tuple(found)
+    return tuple(measurements)
 
 
 def update_prior(prior: Prior, readings: Sequence[BenchMeasurement]) -> Prior:
-    """The prior after these measurements, each one update of a Gaussian. Raises AshoreError."""
+    """Return the prior updated with measurements, one after the other.
+
+    Parameters
+    ----------
+    prior : Prior
+        Normal prior of z.
+    readings : sequence of BenchMeasurement
+        Measurements of single parameters.
+
+    Returns
+    -------
+    Prior
+        Prior with the new mean and covariance.
+
+    Raises
+    ------
+    BenchResultError
+        A measurement has the opposite sign of the value in the vehicle file.
+    """
     for reading in readings:
         i = NAMES.index(reading.parameter)
         z, sd = _in_prior_deviations(prior.config, reading)
@@ -95,6 +140,7 @@ def update_prior(prior: Prior, readings: Sequence[BenchMeasurement]) -> Prior:
 
 
 def _readings(plane: Plane, axis: _Axis) -> list[BenchMeasurement]:
+    """Return the measurements of one tailcone axis."""
     play = axis.backlash_deg
     return [
         *_measurements_of("natural_frequency", axis.natural_frequency_radps),
@@ -106,12 +152,13 @@ def _readings(plane: Plane, axis: _Axis) -> list[BenchMeasurement]:
 
 
 def _measurements_of(parameter: str, value: _Value) -> list[BenchMeasurement]:
-    """Nothing, where the test did not show it."""
+    """Return the measurement in a list, which is empty for an unidentifiable value."""
     return [] if value.sd is None else [BenchMeasurement(parameter, value.value, value.sd)]
 
 
 def _in_prior_deviations(config: VehicleConfig, reading: BenchMeasurement) -> tuple[float, float]:
-    """(z, sd of z) of a reading."""
+    """Return (z, standard deviation of z) of a measurement."""
+    # Ratio: z = ln(value / nominal) / prior_sd. Offset: z = (value - nominal) / prior_sd.
     parameter, (_, value, sd), tail = (
         PARAMETERS[NAMES.index(reading.parameter)],
         reading,
@@ -132,14 +179,15 @@ def _in_prior_deviations(config: VehicleConfig, reading: BenchMeasurement) -> tu
         ) / parameter.prior_sd
     if not value / nominal > 0.0:
         raise BenchResultError(
-            f"{reading.parameter} = {value:g} as measured ashore: expected the sign of the vehicle"
-            f" file's {nominal:g}"
+            f"{reading.parameter} = {value:g} in the bench result: expected the sign of"
+            f" {nominal:g} in the vehicle file"
         )
-    share = max(sd / abs(value), MIN_RELATIVE_SD)
-    return math.log(value / nominal) / parameter.prior_sd, share / parameter.prior_sd
+    relative_sd = max(sd / abs(value), MIN_RELATIVE_SD)
+    return math.log(value / nominal) / parameter.prior_sd, relative_sd / parameter.prior_sd
 
 
 def _decode(path: Path, kind: type[T], source: str) -> T:
+    """Decode a JSON file; ``source`` names the command that writes it."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=kind)
     except OSError as error:

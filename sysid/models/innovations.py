@@ -1,5 +1,16 @@
-"""The Kalman filter's arithmetic: gains of a time-varying filter, and residuals turned into its
-innovations."""
+"""Time-varying Kalman filter: its gains, and the whitening of residuals to innovations.
+
+Symbols: n states, m outputs, k sample; A (n, n) transition, C (m, n) output, Q process and R
+measurement covariance, P state covariance before the measurement, e residual. Per sample:
+
+    S = C P C^T + R = L L^T,   W = L^-1 (whitener),   log det S,
+    G = P C^T W^T,   K = G W (gain),
+    P <- A (P - G G^T) A^T + Q,
+    e_k = y_k - C x,   innovation = W e_k,   x <- A (x + K e_k).
+
+The normalised innovations W e are white with unit variance if the noise model is correct (filter
+error method; Jategaonkar 2015, ch. 5).
+"""
 
 import math
 
@@ -11,16 +22,18 @@ from sitl.vehicle.jit import kernel
 Array = NDArray[np.float64]
 
 GAIN_TOLERANCE = 1e-7
-"""Change of a filter's gain from sample to sample, relative to the largest, at which it is taken to
-stand."""
+"""Relative change of the gain per sample below which the filter is treated as stationary."""
 
 
 @kernel
 def riccati(
     A: Array, Q: Array, C: Array, R: Array, P0: Array, samples: int
 ) -> tuple[Array, Array, Array]:
-    """Gains, whiteners and log determinants of the filter, which repeats its last gain once it has
-    settled."""
+    """Return gains (samples, n, m), whiteners (samples, m, m) and log det S (samples,).
+
+    Once the gain changes by less than GAIN_TOLERANCE, the last values are repeated.
+    """
+    # Equations: module docstring.
     n, outputs = A.shape[0], C.shape[0]
     gains = np.empty((samples, n, outputs))
     whiteners = np.zeros((samples, outputs, outputs))
@@ -35,7 +48,7 @@ def riccati(
         _product(P, C, PC)
         W = whiteners[k]
         log_dets[k] = _inverse_root(PC, C, R, W)
-        # G = P C' W' gives K = G W and the update P - G G'.
+        # G = P C^T W^T gives the gain K = G W and the update P - G G^T.
         _product(PC, W, G)
         for i in range(n):
             for j in range(outputs):
@@ -61,7 +74,7 @@ def riccati(
 
 @kernel
 def _product(left: Array, right: Array, out: Array) -> None:
-    """out = left right', no allocation: these matrices are far too small for a library call."""
+    """Write left right^T into ``out``; a loop is faster than a library call at this size."""
     for i in range(left.shape[0]):
         for j in range(right.shape[0]):
             total = 0.0
@@ -72,7 +85,8 @@ def _product(left: Array, right: Array, out: Array) -> None:
 
 @kernel
 def _inverse_root(PC: Array, C: Array, R: Array, W: Array) -> float:
-    """W = L^-1 with L L' = C P C' + R, of up to a few rows; returns the log determinant of L L'."""
+    """Write W = L^-1 with L L^T = C P C^T + R; return the log determinant of L L^T."""
+    # Cholesky factorisation row by row; W by forward substitution.
     outputs = C.shape[0]
     L = np.empty((outputs, outputs))
     log_det = 0.0
@@ -98,8 +112,8 @@ def _inverse_root(PC: Array, C: Array, R: Array, W: Array) -> float:
 def whiten(
     residual: Array, transition: Array, output: Array, gains: Array, whiteners: Array
 ) -> Array:
-    """Normalised innovations, (samples, outputs): white and of unit variance if the noise model
-    holds."""
+    """Return the normalised innovations W e of a residual, (samples, outputs)."""
+    # Equations: module docstring; ``updated`` is x + K e.
     samples, outputs = residual.shape
     n = transition.shape[0]
     white = np.empty((samples, outputs))
@@ -128,7 +142,7 @@ def whiten(
 def whiten_block(
     block: Array, transition: Array, output: Array, gains: Array, whiteners: Array
 ) -> Array:
-    """``whiten`` of many residuals at once: the last axis of (samples, outputs, columns)."""
+    """Return ``whiten`` of many residuals at once: the last axis of (samples, outputs, columns)."""
     samples, outputs, columns = block.shape
     n = transition.shape[0]
     white = np.zeros((samples, outputs, columns))

@@ -1,14 +1,18 @@
-"""The two linear planes of motion at one speed, and the few numbers that control design rests on.
+"""Linear yaw and pitch plane at one speed, and the numbers on which control design is based.
 
-Equations in the paper's axes (x forward, y port, z up) and symbols:
+Equations in the paper's axes (x forward, y port, z up), with speed U (m/s), mass m (kg), rudder dr
+and elevator de (rad), x_CM = 0 (the paper, "Vehicle Yaw and Pitch Models"):
 
-    (m - Y_vdot) v' = Y_v v + (Y_r - m U) r + Y_dr dr         (I_zz - N_rdot) r' = N_v v + N_r r +
-    N_dr dr (m - Z_wdot) w' = Z_w w + (Z_q + m U) q + Z_de de         (I_yy - M_qdot) q' = M_w w +
-    M_q q + m g z_CM theta + M_de de
+    (m - Y_vdot) v'    = Y_v v + (Y_r - m U) r + Y_dr dr
+    (I_zz - N_rdot) r' = N_v v + N_r r + N_dr dr,                        psi' = r
+    (m - Z_wdot) w'    = Z_w w + (Z_q + m U) q + Z_de de
+    (I_yy - M_qdot) q' = M_w w + M_q q + m g z_CM theta + M_de de,       theta' = q
+    depth'             = w - U theta   (FRD)
 
-with x_CM = 0 (the paper, "Vehicle Yaw and Pitch Models"). Everything that leaves this file is in
-MAVLink's axes (FRD, NED), where both surfaces have a positive effect: the two axes differ by half a
-turn about x, which changes the sign of v, w, q, r, psi, theta and depth together."""
+All results are in MAVLink's axes (FRD, NED), in which both surfaces have a positive effect. The two
+systems of axes differ by a rotation of 180 degrees about x, which changes the signs of v, w, q, r,
+psi and theta together: A is the same in both, B has the opposite sign.
+"""
 
 from typing import NamedTuple
 
@@ -33,23 +37,24 @@ class LinearPlane(NamedTuple):
     states: tuple[str, ...]
     """("v", "r", "psi") or ("w", "q", "theta", "depth")."""
     moment: Array
-    """Unit angular acceleration as an input: how a disturbing moment enters."""
+    """Input vector of an angular acceleration (rad/s^2) by a disturbance moment."""
 
 
 class SmallSignal(NamedTuple):
-    """Rate over angle of one plane, K (...)/(...), without pitch's restoring moment, so that both
-    planes compare.
+    """Transfer function from surface angle to rate of one plane, without the restoring moment.
 
-    r/delta = (b1 s + b0) / (s^2 + a1 s + a0), and q/delta likewise once the restoring moment is
-    taken out."""
+    rate/delta = (b1 s + b0) / (s^2 + a1 s + a0), with rate r in yaw and q in pitch, FRD axes. The
+    restoring moment of pitch is excluded, so that both planes are comparable.
+    """
 
     static_gain_per_s: float
     """b0/a0: steady rate per unit of angle."""
     b1_per_s2: float
     """Initial angular acceleration per unit of angle."""
     p_fast_per_s: float
-    """Real poles; for a complex pair both hold its real part."""
+    """Pole of larger magnitude (its real part)."""
     p_slow_per_s: float
+    """Pole of smaller magnitude (its real part)."""
     restoring_per_s2: float
     """m g z_CM / (I_yy - M_qdot): angular acceleration per radian of pitch; 0 in yaw."""
 
@@ -57,17 +62,36 @@ class SmallSignal(NamedTuple):
 def yaw_plane(
     c: Table1Column, speed_mps: float = CRUISE_SPEED_MPS, mass_kg: float = MASS_KG
 ) -> LinearPlane:
-    """Sway, yaw rate, heading; A (3, 3), B (3,)."""
-    across, about = mass_kg - c.Y_vdot, c.I_zz - c.N_rdot
+    """Return the yaw plane in FRD axes.
+
+    Parameters
+    ----------
+    c : Table1Column
+        Coefficients in the paper's axes, SI units and radians.
+    speed_mps : float
+        Speed U at which they hold, m/s.
+    mass_kg : float
+        Mass m, kg.
+
+    Returns
+    -------
+    LinearPlane
+        States (v, r, psi), input rudder; A (3, 3), B (3,).
+
+    Notes
+    -----
+    The module docstring has the equations (the paper, "Vehicle Yaw and Pitch Models").
+    """
+    total_mass_kg, total_inertia_kgm2 = mass_kg - c.Y_vdot, c.I_zz - c.N_rdot
     A = np.array(
         [
-            [c.Y_v / across, (c.Y_r - mass_kg * speed_mps) / across, 0.0],
-            [c.N_v / about, c.N_r / about, 0.0],
+            [c.Y_v / total_mass_kg, (c.Y_r - mass_kg * speed_mps) / total_mass_kg, 0.0],
+            [c.N_v / total_inertia_kgm2, c.N_r / total_inertia_kgm2, 0.0],
             [0.0, 1.0, 0.0],
         ]
     )
-    # Half a turn about x changes the sign of every state here and of none of the angles' effects.
-    B = -np.array([c.Y_dr / across, c.N_dr / about, 0.0])
+    # From FLU to FRD every state changes its sign and the rudder angle does not: B changes sign.
+    B = -np.array([c.Y_dr / total_mass_kg, c.N_dr / total_inertia_kgm2, 0.0])
     return LinearPlane(A, B, ("v", "r", "psi"), np.array([0.0, 1.0, 0.0]))
 
 
@@ -77,22 +101,64 @@ def pitch_plane(
     mass_kg: float = MASS_KG,
     gravity_mps2: float = GRAVITY_MPS2,
 ) -> LinearPlane:
-    """Heave, pitch rate, pitch, depth; A (4, 4), B (4,)."""
-    across, about = mass_kg - c.Z_wdot, c.I_yy - c.M_qdot
+    """Return the pitch plane in FRD axes.
+
+    Parameters
+    ----------
+    c : Table1Column
+        Coefficients in the paper's axes, SI units and radians.
+    speed_mps : float
+        Speed U at which they hold, m/s.
+    mass_kg : float
+        Mass m, kg.
+    gravity_mps2 : float
+        Gravity g, m/s^2.
+
+    Returns
+    -------
+    LinearPlane
+        States (w, q, theta, depth), input elevator; A (4, 4), B (4,); theta positive nose up.
+
+    Notes
+    -----
+    The module docstring has the equations (the paper, "Vehicle Yaw and Pitch Models").
+    """
+    total_mass_kg, total_inertia_kgm2 = mass_kg - c.Z_wdot, c.I_yy - c.M_qdot
     A = np.array(
         [
-            [c.Z_w / across, (c.Z_q + mass_kg * speed_mps) / across, 0.0, 0.0],
-            [c.M_w / about, c.M_q / about, mass_kg * gravity_mps2 * c.z_CM / about, 0.0],
+            [c.Z_w / total_mass_kg, (c.Z_q + mass_kg * speed_mps) / total_mass_kg, 0.0, 0.0],
+            [
+                c.M_w / total_inertia_kgm2,
+                c.M_q / total_inertia_kgm2,
+                mass_kg * gravity_mps2 * c.z_CM / total_inertia_kgm2,
+                0.0,
+            ],
             [0.0, 1.0, 0.0, 0.0],
             [1.0, 0.0, -speed_mps, 0.0],
         ]
     )
-    B = -np.array([c.Z_de / across, c.M_de / about, 0.0, 0.0])
+    B = -np.array([c.Z_de / total_mass_kg, c.M_de / total_inertia_kgm2, 0.0, 0.0])
     return LinearPlane(A, B, ("w", "q", "theta", "depth"), np.array([0.0, 1.0, 0.0, 0.0]))
 
 
 def small_signal(plane: LinearPlane) -> SmallSignal:
-    """The transfer function from angle to rate, by its defining numbers."""
+    """Return the transfer function from surface angle to rate of a plane.
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Yaw or pitch plane, FRD axes.
+
+    Returns
+    -------
+    SmallSignal
+        Static gain, initial acceleration, poles and restoring moment.
+
+    Notes
+    -----
+    From the 2 x 2 block A and B of cross speed and rate: a0 = det A, b1 = B_2,
+    b0 = A_21 B_1 - A_11 B_2.
+    """
     A, B = plane.A[:2, :2], plane.B[:2]
     a0 = float(np.linalg.det(A))
     b0 = float(A[1, 0] * B[0] - A[0, 0] * B[1])

@@ -1,5 +1,4 @@
-"""From an estimate to ``model.json``: derived quantities, standard deviations, and what was
-measured at all."""
+"""Make the model file from an estimate: derived quantities, standard deviations, and status."""
 
 import math
 from collections.abc import Callable
@@ -36,24 +35,43 @@ Array = NDArray[np.float64]
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 RANK_TOLERANCE = 1e-6
-"""Relative eigenvalue of the data's information below which a direction counts as unknown to the
-data."""
+"""Eigenvalue of the data's information matrix, relative to the largest, below which a direction
+counts as unobserved."""
 
 
-def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
-    """Report a maximum a posteriori estimate; standard deviations of derived values by the delta
-    method."""
+def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
+    """Return the model file of a maximum a posteriori estimate.
+
+    Parameters
+    ----------
+    fit : Fit
+        The estimate.
+    prior : Prior
+        Prior that was used for the estimate.
+    prior_name : str
+        Name or path of the prior vehicle file.
+
+    Returns
+    -------
+    IdentifiedModel
+        Content of ``model.json``, without data, screening and validation.
+
+    Notes
+    -----
+    Standard deviations of derived values by the delta method: cov(f) = J cov(z) J^T, J = df/dz by
+    central differences.
+    """
 
     def derive(z: Array) -> Array:
         return _derived(parameters.candidate_vehicle(prior.config, prior.biases_rad, z))
 
-    values, slope = derive(found.z), _slope(derive, found.z)
+    values, slope = derive(fit.z), _slope(derive, fit.z)
     before, spread = (
-        slope @ covariance @ slope.T for covariance in (prior.covariance, found.covariance)
+        slope @ covariance @ slope.T for covariance in (prior.covariance, fit.covariance)
     )
     sds = np.sqrt(np.diag(spread))
-    measured = set(found.experiments)
-    told = {
+    measured = set(fit.experiments)
+    design_covariances = {
         p: (_design_covariance(p, before), _design_covariance(p, spread))
         for p in PLANES
         if p in measured
@@ -67,30 +85,30 @@ def from_fit(found: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
             p: _plane(p, dict(zip(_derived_names(), zip(values, sds, strict=True), strict=True)))
             for p in PLANES
         },
-        coefficients=_coefficients(found, prior, measured),
-        vehicle=_vehicle(found, prior, prior_name),
-        noise={plane: _noise(level) for plane, level in found.noise.items()},
-        joint=_joint(found),
+        coefficients=_coefficients(fit, prior, measured),
+        vehicle=_vehicle(fit, prior, prior_name),
+        noise={plane: _noise(level) for plane, level in fit.noise.items()},
+        joint=_joint(fit),
         convergence=Convergence(
-            cost=found.cost,
-            start_costs=found.start_costs,
+            cost=fit.cost,
+            start_costs=fit.start_costs,
             agreed=all(
-                abs(cost - found.cost) <= START_COST_TOLERANCE * found.cost
-                for cost in found.start_costs
+                abs(cost - fit.cost) <= START_COST_TOLERANCE * fit.cost for cost in fit.start_costs
             ),
-            at_bounds=found.at_bounds,
-            failures=failures(found.cost, found.start_costs, found.at_bounds, told),
+            at_bounds=fit.at_bounds,
+            failures=failures(fit.cost, fit.start_costs, fit.at_bounds, design_covariances),
         ),
         data=(),
         screening=(),
         fit_quality=(),
         held_out=(),
-        notes=(*_notes(found, measured), *_at_limits(sds)),
+        notes=(*_notes(fit, measured), *_at_limits(sds)),
         design={plane: _design_numbers_covariance(plane, spread) for plane in PLANES},
     )
 
 
 def _derived_names() -> list[tuple[Plane, str]]:
+    """Return (plane, name) of the derived values, in the order of ``_derived``."""
     return [
         (plane, name)
         for plane in PLANES
@@ -99,6 +117,7 @@ def _derived_names() -> list[tuple[Plane, str]]:
 
 
 def _derived(vehicle: parameters.CandidateVehicle) -> Array:
+    """Return the derived values of both planes: small-signal numbers, delay, bias (deg)."""
     rows: list[float] = []
     for plane in PLANES:
         actuator = vehicle.actuators[plane]
@@ -108,7 +127,7 @@ def _derived(vehicle: parameters.CandidateVehicle) -> Array:
 
 
 def _slope(function: Callable[[Array], Array], z: Array) -> Array:
-    """Derivatives of ``function`` by z, central differences."""
+    """Return the Jacobian of ``function`` with respect to z, by central differences."""
     h = 1e-4
     return np.column_stack(
         [(function(z + h * e) - function(z - h * e)) / (2.0 * h) for e in np.eye(z.size)]
@@ -116,27 +135,26 @@ def _slope(function: Callable[[Array], Array], z: Array) -> Array:
 
 
 def _at_limits(sds: Array) -> list[str]:
-    """Name the derived numbers that no parameter moves: a delay that the search has pushed to
-    zero."""
+    """Return notes on delays at their lower limit of zero, which no parameter changes."""
     return [
-        f"{plane}: {name} stands at its limit of zero, so that it has no standard deviation"
+        f"{plane}: {name} is at its limit of zero and has no standard deviation"
         for (plane, name), sd in zip(_derived_names(), sds, strict=True)
         if name == "delay_s" and sd == 0.0
     ]
 
 
 def _design_covariance(plane: Plane, spread: Array) -> Array:
-    """Covariance of one plane's DESIGN_NUMBERS."""
+    """Return the covariance of one plane's DESIGN_NUMBERS."""
     index = [_derived_names().index((plane, name)) for name in DESIGN_NUMBERS]
     return spread[np.ix_(index, index)]
 
 
 def _design_numbers_covariance(plane: Plane, spread: Array) -> ParameterCovariance:
-    """Of one plane's numbers, of which yaw has no restoring moment."""
+    """Return the covariance of one plane's derived values; yaw has no restoring moment."""
     chosen = [
         (i, name)
-        for i, (of, name) in enumerate(_derived_names())
-        if of == plane and (of, name) != ("yaw", "restoring_per_s2")
+        for i, (owner, name) in enumerate(_derived_names())
+        if owner == plane and (owner, name) != ("yaw", "restoring_per_s2")
     ]
     index = [i for i, _ in chosen]
     return ParameterCovariance(
@@ -145,11 +163,13 @@ def _design_numbers_covariance(plane: Plane, spread: Array) -> ParameterCovarian
 
 
 def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) -> PlaneModel:
+    """Return the derived values of a plane; ``derived`` holds (value, standard deviation)."""
+
     def estimate(name: str) -> ParameterEstimate:
         value, sd = derived[plane, name]
         return ParameterEstimate(
             float(value), float(sd) if sd else None
-        )  # 0: at a limit, not known exactly
+        )  # sd of 0: at a limit, not exactly known
 
     return PlaneModel(
         static_gain_per_s=estimate("static_gain_per_s"),
@@ -162,10 +182,13 @@ def _plane(plane: Plane, derived: dict[tuple[Plane, str], tuple[float, float]]) 
     )
 
 
-def _coefficients(found: Fit, prior: Prior, measured: set[Plane]) -> dict[str, Coefficient]:
+def _coefficients(fit: Fit, prior: Prior, measured: set[Plane]) -> dict[str, Coefficient]:
+    """Return Table 1's coefficients with their standard deviations and status."""
+    # Ratio: sd(value) = |value - added| prior_sd sd(z), where added is the added inertia of I_zz
+    # or I_yy, and 0 for the others. shrink = posterior over prior sd of z.
     before, after = (
         parameters.to_table_1_column(prior.config.linear),
-        parameters.to_table_1_column(found.vehicle.config.linear),
+        parameters.to_table_1_column(fit.vehicle.config.linear),
     )
     report = {}
     for name in Table1Column._fields:
@@ -176,7 +199,7 @@ def _coefficients(found: Fit, prior: Prior, measured: set[Plane]) -> dict[str, C
         i = NAMES.index(name)
         parameter = PARAMETERS[i]
         added = getattr(after, INERTIAS[name]) if name in INERTIAS else 0.0
-        sd, prior_sd = math.sqrt(found.covariance[i, i]), math.sqrt(prior.covariance[i, i])
+        sd, prior_sd = math.sqrt(fit.covariance[i, i]), math.sqrt(prior.covariance[i, i])
         shrink = sd / prior_sd
         status: Status = (
             "measured"
@@ -195,13 +218,14 @@ def _coefficients(found: Fit, prior: Prior, measured: set[Plane]) -> dict[str, C
     return report
 
 
-def _vehicle(found: Fit, prior: Prior, prior_name: str) -> VehicleRecord:
-    config, tailcone = found.vehicle.config, found.vehicle.actuators["yaw"]
+def _vehicle(fit: Fit, prior: Prior, prior_name: str) -> VehicleRecord:
+    """Return the part of the model file that describes the vehicle."""
+    config, tailcone = fit.vehicle.config, fit.vehicle.actuators["yaw"]
 
     def estimate(name: str, value: float) -> ParameterEstimate:
         i = NAMES.index(name)
         scale = PARAMETERS[i].prior_sd * (value if PARAMETERS[i].kind == "ratio" else 1.0)
-        return ParameterEstimate(value, scale * math.sqrt(found.covariance[i, i]))
+        return ParameterEstimate(value, scale * math.sqrt(fit.covariance[i, i]))
 
     return VehicleRecord(
         prior=prior_name,
@@ -211,12 +235,13 @@ def _vehicle(found: Fit, prior: Prior, prior_name: str) -> VehicleRecord:
         crossflow_cd=estimate("crossflow_cd", config.damping.crossflow_cd),
         natural_frequency_radps=estimate("natural_frequency", tailcone.natural_frequency_radps),
         damping_ratio=estimate("damping_ratio", tailcone.damping_ratio),
-        level_elevator_deg=math.degrees(fits.level_elevator_rad(config, found.vehicle.model)),
-        level_pitch_deg=math.degrees(fits.level_pitch_rad(config, found.vehicle.model)),
+        level_elevator_deg=math.degrees(fits.level_elevator_rad(config, fit.vehicle.model)),
+        level_pitch_deg=math.degrees(fits.level_pitch_rad(config, fit.vehicle.model)),
     )
 
 
 def _noise(level: Noise) -> NoiseModel:
+    """Return noise levels in the units of the model file."""
     return NoiseModel(
         slow_accel_degps2=math.degrees(level.slow_radps2),
         slow_time_s=level.slow_time_s,
@@ -230,16 +255,17 @@ def _noise(level: Noise) -> NoiseModel:
     )
 
 
-def _joint(found: Fit) -> Joint:
-    sd = np.sqrt(np.diag(found.covariance))
-    used = parameters.parameters_of_planes(list(found.experiments))
-    information = np.linalg.eigvalsh(found.data_information[np.ix_(used, used)])
+def _joint(fit: Fit) -> Joint:
+    """Return estimate, covariance and information of the data in terms of z."""
+    sd = np.sqrt(np.diag(fit.covariance))
+    used = parameters.parameters_of_planes(list(fit.experiments))
+    information = np.linalg.eigvalsh(fit.data_information[np.ix_(used, used)])
     smallest, largest = float(information[0]), float(information[-1])
     return Joint(
         names=NAMES,
-        z=tuple(found.z.tolist()),
-        covariance=_rows(found.covariance),
-        correlation=_rows(found.covariance / np.outer(sd, sd)),
+        z=tuple(fit.z.tolist()),
+        covariance=_rows(fit.covariance),
+        correlation=_rows(fit.covariance / np.outer(sd, sd)),
         rank=int(np.count_nonzero(information > RANK_TOLERANCE * largest)),
         informed_directions=int(np.count_nonzero(information > 1.0)),
         condition_number=largest / smallest if smallest > 1e-14 * largest else None,
@@ -247,33 +273,50 @@ def _joint(found: Fit) -> Joint:
 
 
 def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
+    """Return a matrix as a tuple of rows."""
     return tuple(tuple(row) for row in matrix.tolist())
 
 
-def _notes(found: Fit, measured: set[Plane]) -> tuple[str, ...]:
+def _notes(fit: Fit, measured: set[Plane]) -> tuple[str, ...]:
+    """Return notes on planes without runs, bounds that were reached, and speed."""
     unseen = [plane for plane in PLANES if plane not in measured]
     notes = [
         f"no run in {plane}: its values come from the prior and from the other plane"
         for plane in unseen
     ]
-    if found.at_bounds:
-        notes.append(f"at a bound of four prior standard deviations: {', '.join(found.at_bounds)}")
+    if fit.at_bounds:
+        notes.append(f"at a bound of four prior standard deviations: {', '.join(fit.at_bounds)}")
     notes.append(
-        "speed was not measured: coefficients hold at the prior's speed for the thrust flown"
+        "speed was not measured: coefficients are valid at the prior's speed for the thrust used"
     )
     return tuple(notes)
 
 
-def from_paper(found: dict[Plane, PlaneFit], prior: Prior, prior_name: str) -> IdentifiedModel:
-    """Report the paper's own fit. What it leaves undetermined carries no standard deviation."""
+def from_paper(plane_fits: dict[Plane, PlaneFit], prior: Prior, prior_name: str) -> IdentifiedModel:
+    """Return the model file of the paper's method; undetermined values have no standard deviation.
+
+    Parameters
+    ----------
+    plane_fits : dict
+        Fit of each plane.
+    prior : Prior
+        Prior that was used.
+    prior_name : str
+        Name or path of the prior vehicle file.
+
+    Returns
+    -------
+    IdentifiedModel
+        Content of ``model.json``, without data, screening and validation.
+    """
     before = parameters.to_table_1_column(prior.config.linear)
     after = before
-    for plane_fit in found.values():
+    for plane_fit in plane_fits.values():
         after = plane_fit.coefficients
     nominal = parameters.candidate_vehicle(prior.config, prior.biases_rad, np.zeros(len(NAMES)))
     config, zeros = prior.config, np.zeros((len(NAMES), len(NAMES)))
-    free = [name for plane in found for name in FREE[plane]]
-    rank = sum(f.rank for f in found.values())
+    free = [name for plane in plane_fits for name in FREE[plane]]
+    rank = sum(f.rank for f in plane_fits.values())
     mass, speed = config.ballast.mass_kg, config.operating_point.speed_mps
     linear = {
         "yaw": linear_planes.yaw_plane(after, speed, mass),
@@ -323,8 +366,18 @@ def from_paper(found: dict[Plane, PlaneFit], prior: Prior, prior_name: str) -> I
             level_pitch_deg=math.degrees(fits.level_pitch_rad(config, nominal.model)),
         ),
         noise={},
-        joint=Joint(NAMES, tuple([0.0] * len(NAMES)), _rows(zeros), _rows(zeros), rank, rank, None),
-        convergence=Convergence(sum(f.cost for f in found.values()), (), True, ()),
+        joint=Joint(
+            names=NAMES,
+            z=tuple([0.0] * len(NAMES)),
+            covariance=_rows(zeros),
+            correlation=_rows(zeros),
+            rank=rank,
+            informed_directions=rank,
+            condition_number=None,
+        ),
+        convergence=Convergence(
+            cost=sum(f.cost for f in plane_fits.values()), start_costs=(), agreed=True, at_bounds=()
+        ),
         data=(),
         screening=(),
         fit_quality=(),
@@ -332,6 +385,6 @@ def from_paper(found: dict[Plane, PlaneFit], prior: Prior, prior_name: str) -> I
         notes=tuple(
             f"{plane}: {len(FREE[plane])} coefficients fitted, rank {f.rank}: no unique solution; "
             f"measured acceleration {f.acceleration_per_s2:.3f} per s2 and radian of duct"
-            for plane, f in found.items()
+            for plane, f in plane_fits.items()
         ),
     )

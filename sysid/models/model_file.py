@@ -1,8 +1,9 @@
-"""``model.json``: an identified vehicle, what it rests on, and how sure it is.
+"""``model.json``: an identified vehicle, its data, and its standard deviations.
 
-The file is the JSON of ``IdentifiedModel``. It holds no time stamp and no path, so the same logs
-give the same bytes; data are named by file name and SHA-256. A value that the data cannot give is
-``null`` or carries the status ``prior``."""
+The file is the JSON of ``IdentifiedModel``. It has no time stamp and no path, so the same logs give
+the same bytes; data are identified by file name and SHA-256. A value that cannot be estimated from
+the data is ``null`` or has the status ``prior``.
+"""
 
 import hashlib
 from pathlib import Path
@@ -17,58 +18,62 @@ FORMAT = 2
 Method = Literal["map", "paper", "output-error", "filter-error"]
 Status = Literal["measured", "prior", "unidentifiable"]
 MAX_POSTERIOR_TO_PRIOR_SD = 0.8
-"""A coefficient whose posterior is wider than this share of its prior was not measured."""
+"""Posterior over prior standard deviation above which a coefficient counts as not measured."""
 
 
 class ModelError(ValueError):
-    """A file that is no model; the message names the file, what is wrong and what would be
-    right."""
+    """Invalid model file; the message names the file, the error and what is expected."""
 
 
 class ModelRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    pass
+    """Record of the model file; unknown keys are errors."""
 
 
 class ParameterEstimate(ModelRecord, frozen=True):
+    """Estimated value with its standard deviation."""
+
     value: float
     sd: float | None
-    """One standard deviation; null where the data leave the value free."""
+    """One standard deviation; null where the data do not determine the value."""
 
 
 class Coefficient(ModelRecord, frozen=True):
-    """One physical coefficient in the paper's axes (body x forward, y port, z up), SI units, angles
-    in radians."""
+    """Physical coefficient in the paper's axes (x forward, y port, z up), SI units and radians."""
 
     value: float
     sd: float | None
+    """One standard deviation; null where the data do not determine the value."""
     prior: float
+    """Prior value."""
     prior_sd: float
     shrink: float | None
-    """Posterior over prior standard deviation of the estimated quantity: 1 is the prior handed
-    back."""
+    """Posterior over prior standard deviation of the estimated quantity; 1 means that the data give
+    no information."""
     status: Status
     unit: str
 
 
 class PlaneModel(ModelRecord, frozen=True):
-    """One plane at the model's speed, in MAVLink's axes: positive angle, positive rate.
+    """One plane at the model's speed, in MAVLink's axes: a positive angle gives a positive rate.
 
     Rate over duct angle is (b1 s + b0)/(s^2 + a1 s + a0), with poles p_fast and p_slow and static
-    gain b0/a0; in pitch the restoring moment is kept out of it and stands by itself."""
+    gain b0/a0; in pitch the restoring moment is a separate number.
+    """
 
     static_gain_per_s: ParameterEstimate
     b1_per_s2: ParameterEstimate
     p_fast_per_s: ParameterEstimate
     p_slow_per_s: ParameterEstimate
     restoring_per_s2: ParameterEstimate | None
+    """Angular acceleration per radian of pitch; null in yaw."""
     delay_s: ParameterEstimate
-    """Transport delay from command to duct, what sensors and computing add included."""
+    """Transport delay from command to duct, including sensors and computing."""
     actuator_bias_deg: ParameterEstimate
     """True duct angle at a command of zero."""
 
 
 class ParameterCovariance(ModelRecord, frozen=True):
-    """Of several estimates together."""
+    """Covariance of several estimates."""
 
     names: tuple[str, ...]
     matrix: tuple[tuple[float, ...], ...]
@@ -90,114 +95,144 @@ class NoiseModel(ModelRecord, frozen=True):
 
 
 class DataFile(ModelRecord, frozen=True):
+    """Log that was used for the estimate."""
+
     name: str
     sha256: str
-    """Of the vehicle's messages and parameters in the log (``log.Log.sha256``), not of the file."""
+    """SHA-256 of the vehicle's messages and parameters in the log (``dataset.Log.sha256``), not of
+    the file."""
 
 
 class AnomalyTest(ModelRecord, frozen=True):
-    """The likeliest anomaly of one kind in a run, were all other runs and the model clean
-    (`sysid.screening.score_test`)."""
+    """Most likely anomaly of one kind in a run, assuming no anomaly in the model and other runs.
+
+    See `sysid.screening.score_test`.
+    """
 
     kind: str
     statistic: float
-    """Size over its standard deviation: standard normal in a clean run, at a time given
-    beforehand."""
+    """Size over its standard deviation; standard normal in a run without anomaly for a time chosen
+    in advance."""
     size: float
+    """Estimated size of the anomaly, in ``unit``."""
     sd: float
+    """Standard deviation of ``size``."""
     unit: str
     at_s: float | None
-    """Since the test began; null for what lasts throughout."""
+    """Time since the start of the test; null for an anomaly during the whole run."""
 
 
 class ScreenedRun(ModelRecord, frozen=True):
+    """Result of the screening of one run."""
+
     run: str
     plane: Plane
     wave: str
     magnitude_deg: float
     duration_s: float
     kept: bool
+    """True if the run is used for the estimate."""
     reasons: tuple[str, ...]
+    """Reasons for the rejection of the run."""
     warnings: tuple[str, ...] = ()
-    """What was seen in a run that was kept."""
+    """Anomalies in a run that is used."""
     p_value: float | None = None
-    """Chance that a clean run shows any anomaly as clearly, all kinds and times together; null
-    where none was sought: a run that the hard rules took out, or a method without a noise model."""
+    """Probability of an anomaly at least as significant in a run without anomalies, over all kinds
+    and times. Null for a run rejected by the hard rules, and for a method without a noise model."""
     repeat_p_value: float | None = None
-    """The same of its difference from matched runs; null without any."""
+    """Probability of a difference from repeated runs at least as significant; null without such
+    runs."""
     anomalies: tuple[AnomalyTest, ...] = ()
-    """The likeliest first."""
+    """Anomalies, the most likely first."""
 
 
 class Shift(ModelRecord, frozen=True):
-    """How far leaving runs out moved one of the design numbers."""
+    """Change of a design number by the rejection of runs."""
 
     plane: Plane
     number: str
+    """Name of the design number."""
     with_all: float
+    """Value with all runs."""
     value: float
+    """Value without the rejected runs."""
     sds: float
-    """Of the value's standard deviations."""
+    """Change in standard deviations of ``value``."""
 
 
 class RunQuality(ModelRecord, frozen=True):
-    """Mean squared rate error of one run after its start, (deg/s)^2, as in the paper's Table 2."""
+    """Mean squared rate errors of one run after its start, (deg/s)^2, as in the paper's Table 2."""
 
     run: str
     plane: Plane
     prior_mse_deg2ps2: float
+    """Error of the prior vehicle."""
     model_mse_deg2ps2: float
+    """Error of the identified model."""
     opening_prior_mse_deg2ps2: float
-    """The same over the first ten seconds: longer, the paper's two models differ by more than its
-    Table 2 allows."""
+    """Error of the prior vehicle in the first ten seconds.
+
+    Over a longer time the paper's two models differ by more than its Table 2 allows."""
     opening_model_mse_deg2ps2: float
+    """Error of the identified model in the first ten seconds."""
     variance_accounted_for: float
     """1 - var(error)/var(rate) of the model."""
 
 
 class Joint(ModelRecord, frozen=True):
-    """The joint estimate in its own coordinates: prior standard deviations away from the prior
-    vehicle."""
+    """Joint estimate of both planes in terms of z, the prior standard deviations from the prior."""
 
     names: tuple[str, ...]
+    """Names of the parameters, in the order of ``z``."""
     z: tuple[float, ...]
     covariance: tuple[tuple[float, ...], ...]
+    """Posterior covariance of z."""
     correlation: tuple[tuple[float, ...], ...]
+    """Posterior correlation of z."""
     rank: int
-    """Numerical rank of the data's own information, without the prior."""
+    """Numerical rank of the data's information matrix, without the prior."""
     informed_directions: int
-    """Combinations about which the data say more than the prior did."""
+    """Number of directions in which the data give more information than the prior."""
     condition_number: float | None
-    """Of the data's information; null where it is singular to rounding."""
+    """Condition number of the data's information matrix; null where it is singular."""
 
 
 class Convergence(ModelRecord, frozen=True):
+    """Convergence of the estimate."""
+
     cost: float
+    """Lowest cost, the negative log posterior."""
     start_costs: tuple[float, ...]
-    """Costs that the other starts ended at."""
+    """Final costs of the other starts."""
     agreed: bool
+    """True if all starts reached the same cost."""
     at_bounds: tuple[str, ...]
+    """Names of the parameters at a bound."""
     failures: tuple[str, ...] = ()
-    """Why the fit cannot be believed, each in a sentence; such a file was asked for by force."""
+    """Reasons why the fit is unreliable, one sentence each; such a file is written only on request
+    (``--force``)."""
 
 
 class VehicleRecord(ModelRecord, frozen=True):
-    """What a simulation of the identified vehicle needs beyond its prior vehicle."""
+    """Data for the simulation of the identified vehicle, in addition to the prior vehicle."""
 
     prior: str
+    """Name or path of the prior vehicle file."""
     mass_kg: float
     prior_biases_deg: dict[Plane, float]
+    """Prior mean of the actuator bias."""
     net_buoyancy_n: ParameterEstimate
     crossflow_cd: ParameterEstimate
     natural_frequency_radps: ParameterEstimate
     damping_ratio: ParameterEstimate
     level_elevator_deg: float
+    """Elevator angle of level motion."""
     level_pitch_deg: float
-    """Duct angle and pitch (nose up) of level flight."""
+    """Pitch of level motion, positive nose up."""
 
 
 class AlternativeFit(ModelRecord, frozen=True):
-    """The same runs fitted by another method, to be set beside the model."""
+    """Fit of the same runs by another method, for comparison."""
 
     method: Method
     planes: dict[Plane, PlaneModel]
@@ -208,12 +243,17 @@ class AlternativeFit(ModelRecord, frozen=True):
 
 
 class IdentifiedModel(ModelRecord, frozen=True):
+    """Content of ``model.json``."""
+
     format: int
     method: Method
     speed_mps: float
+    """Speed at which the coefficients are valid."""
     thrust_fraction: float
+    """Thrust command at that speed, 0 to 1."""
     planes: dict[Plane, PlaneModel]
     coefficients: dict[str, Coefficient]
+    """Table 1's coefficients by symbol."""
     vehicle: VehicleRecord
     noise: dict[Plane, NoiseModel]
     joint: Joint
@@ -226,48 +266,95 @@ class IdentifiedModel(ModelRecord, frozen=True):
     held_out_data: tuple[DataFile, ...] = ()
     held_out_screening: tuple[ScreenedRun, ...] = ()
     left_out_moved: tuple[Shift, ...] = ()
-    """What leaving runs out that the fit itself found anomalous did to the numbers in ``planes``;
-    empty for none."""
+    """Changes of the numbers in ``planes`` by the rejection of runs that the fit found anomalous;
+    empty without rejected runs."""
     design: dict[Plane, ParameterCovariance] = {}
-    """Of the numbers in ``planes``, each in the unit of its name; left out where the method gives
-    none."""
+    """Covariance of the numbers in ``planes``, each in the unit of its name; empty for a method
+    without covariance."""
     validation: dict[Plane, PlaneValidation] = {}
     verdict: ModelAssessment | None = None
-    """Null for a model that nobody judged: one made by the library, not from logs."""
+    """Null for a model without assessment: one made by the library, not from logs."""
     beside: tuple[AlternativeFit, ...] = ()
+    """Fits by other methods, for comparison."""
     versions: dict[str, str] = {}
-    """Of the packages that computed it: the same logs and versions give the same bytes."""
+    """Versions of the packages; the same logs and versions give the same bytes."""
 
 
 class _Head(msgspec.Struct):
+    """The key that is decoded first; other keys are ignored."""
+
     format: int = 0
 
 
 def encode(model: IdentifiedModel) -> bytes:
+    """Return the bytes of ``model.json``."""
     return msgspec.json.format(msgspec.json.encode(model), indent=1) + b"\n"
 
 
 def sha256_of_model(model: IdentifiedModel) -> str:
-    """SHA-256 of the model's file, by which gains name the model they come from."""
+    """Return the SHA-256 that gains files use to identify a model.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        The model.
+
+    Returns
+    -------
+    str
+        SHA-256 of the bytes of its file, hexadecimal.
+    """
     return hashlib.sha256(encode(model)).hexdigest()
 
 
 def write(model: IdentifiedModel, path: str | Path) -> None:
+    """Write ``model.json``; an existing file is overwritten.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        The model.
+    path : str or Path
+        Path of the file.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
     Path(path).write_bytes(encode(model))
 
 
 def read(path: str | Path) -> IdentifiedModel:
     """Read ``model.json``.
 
-    Raises:
-        ModelError: the file is missing, no model, or of another format.
+    Parameters
+    ----------
+    path : str or Path
+        Path of the file.
+
+    Returns
+    -------
+    IdentifiedModel
+        Content of the file.
+
+    Raises
+    ------
+    ModelError
+        The file is missing, is not a model, or has another format.
     """
     try:
         text = Path(path).read_bytes()
-        found = msgspec.json.decode(text, type=_Head).format
-        if found != FORMAT:
+        file_format = msgspec.json.decode(text, type=_Head).format
+        if file_format == 0:
             raise ModelError(
-                f"{path}: format = {found}; this version reads format {FORMAT}: refit the logs"
+                f"{path}: not a model file (no 'format' key); pass the model.json written by"
+                " `ground refit`"
+            )
+        if file_format != FORMAT:
+            raise ModelError(
+                f"{path}: format = {file_format}; this version reads format {FORMAT}: refit the"
+                " logs"
             )
         return msgspec.json.decode(text, type=IdentifiedModel)
     except OSError as error:

@@ -1,13 +1,23 @@
-"""What disturbs a run, as a Kalman filter that turns residuals into white innovations.
+"""Noise model of a plane: a Kalman filter that turns residuals into white innovations.
 
-A slow moment (Gauss-Markov) and waves (a narrow band about 0.15 Hz) act on the identified plane
-itself; sway or heave is pushed by white force; sensors add white noise and a constant gyro bias.
-Residuals of a simulation contain all of it, most of all heading and depth, which wander. Whitened
-residuals and whitened sensitivities make least squares the maximum likelihood estimate, with
-standard deviations that mean what they say (filter error method; Jategaonkar 2015, ch. 5).
+Disturbances: a slow moment (Gauss-Markov) and a wave moment (narrow band about 0.15 Hz) act on the
+identified plane, and white force acts on sway or heave. Sensors add white noise and a constant gyro
+bias. The residuals of a simulation contain all of these. With whitened residuals and whitened
+sensitivities, least squares is the maximum likelihood estimate and its standard deviations are
+correct (filter error method; Jategaonkar 2015, ch. 5).
 
-Unknown initial states and biases are states of the filter with a wide prior: each run's own
-nuisances are integrated out."""
+State x = (plane, s, w1, w2, b) with s slow angular acceleration (rad/s^2), w1 wave angular
+acceleration (rad/s^2), w2 = w1', b gyro bias (rad/s):
+
+    plane' = A_p plane + moment (s + w1) + white force on the cross speed
+    s'  = -s/T + white,                          sd of s: slow_radps2, T: slow_time_s
+    w2' = -omega^2 w1 - 2 zeta omega w2 + white, sd of w1: wave_radps2, omega = 2 pi wave_frequency
+    b'  = 0
+    outputs: rate + b, angle, and depth in pitch, plus white noise.
+
+Spectral densities that give these standard deviations: 2 sd^2 / T for s, 4 zeta omega^3 sd^2 for
+w2. Initial states and bias of a run have a wide prior, so that they are integrated out.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -25,48 +35,73 @@ Array = NDArray[np.float64]
 
 
 class Noise(NamedTuple):
-    """Levels of one plane, one standard deviation each; angular accelerations in rad/s^2."""
+    """Noise levels of one plane; each level is one standard deviation."""
 
     rate_radps: float = math.radians(0.1)
+    """White noise of the rate sensor."""
     angle_rad: float = math.radians(0.1)
+    """White noise of heading or pitch."""
     depth_m: float = 0.01
+    """White noise of depth."""
     slow_radps2: float = math.radians(0.25)
+    """Angular acceleration by the slow moment."""
     slow_time_s: float = 3.0
+    """Correlation time of the slow moment."""
     wave_radps2: float = math.radians(0.3)
+    """Angular acceleration by the wave moment."""
     wave_frequency_hz: float = 0.15
+    """Centre frequency of the wave moment."""
     wave_damping: float = 0.1
+    """Damping ratio, which sets the bandwidth of the wave moment."""
     force_mps15: float = 0.003
     """Square root of the spectral density of sway or heave acceleration, (m/s^2)/sqrt(Hz)."""
 
 
-PRIOR_LOG_SD = Noise(1.0, 1.0, 1.0, 1.0, 0.3, 1.0, 0.1, 0.3, 1.0)
-"""Prior standard deviation of the logarithm of each level: the shape of the spectrum is known
-better than its size."""
+PRIOR_LOG_SD = Noise(
+    rate_radps=1.0,
+    angle_rad=1.0,
+    depth_m=1.0,
+    slow_radps2=1.0,
+    slow_time_s=0.3,
+    wave_radps2=1.0,
+    wave_frequency_hz=0.1,
+    wave_damping=0.3,
+    force_mps15=1.0,
+)
+"""Prior standard deviation of the logarithm of each level.
+
+The shape of the spectrum is known better than its size."""
 
 MAX_SCORING_STEPS = 30
+"""Maximum number of steps of the noise estimate."""
 MIN_IMPROVEMENT = 0.02
-"""Fall of the negative log-likelihood that is not worth another step of the noise's search."""
+"""Decrease of the negative log-likelihood below which the noise estimate stops."""
 DIFFERENCE = 1e-4
-"""Step of its slopes, in logarithms."""
+"""Step of the finite differences, in the logarithm of a level."""
 MIN_DEPTH_NOISE_M = 0.01
-"""Depth comes as the vehicle's own filtered estimate: smooth to a millimetre, but off by more while
-it manoeuvres, in step with what is being identified. Believed to the millimetre it moved every
-coefficient of pitch by 1 to 3 sd."""
+"""Minimum depth noise.
+
+Logged depth is the vehicle's filtered estimate: smooth to 1 mm, but with larger errors during a
+manoeuvre, correlated with the motion. With 1 mm of noise, every pitch coefficient changed by 1 to 3
+sd."""
 GYRO_BIAS_RADPS = math.radians(0.5)
+"""Prior standard deviation of the gyro bias."""
 START_SPEED_MPS, START_RATE_RADPS, START_ANGLE_RAD, START_DEPTH_M = (
     0.1,
     math.radians(1.0),
     math.radians(2.0),
     0.2,
 )
-"""Uncertainty of the states a run starts from."""
+"""Prior standard deviations of the states at the start of a run."""
 
 
 class Filter(NamedTuple):
     """Time-varying Kalman filter of one plane for runs of up to ``gains.shape[0]`` samples."""
 
     transition: Array
+    """(states, states)."""
     output: Array
+    """(outputs, states)."""
     gains: Array
     """(n, states, outputs)."""
     whiteners: Array
@@ -75,24 +110,40 @@ class Filter(NamedTuple):
     """(n,): log determinant of the innovation covariance."""
 
 
-def from_model(found: NoiseModel) -> Noise:
-    """A model's noise in SI units."""
+def from_model(noise_model: NoiseModel) -> Noise:
+    """Return the noise of a model file in SI units and radians."""
     return Noise(
-        rate_radps=math.radians(found.rate_noise_degps),
-        angle_rad=math.radians(found.angle_noise_deg),
-        depth_m=found.depth_noise_m,
-        slow_radps2=math.radians(found.slow_accel_degps2),
-        slow_time_s=found.slow_time_s,
-        wave_radps2=math.radians(found.wave_accel_degps2),
-        wave_frequency_hz=found.wave_frequency_hz,
-        wave_damping=found.wave_damping,
-        force_mps15=found.force_noise_mps15,
+        rate_radps=math.radians(noise_model.rate_noise_degps),
+        angle_rad=math.radians(noise_model.angle_noise_deg),
+        depth_m=noise_model.depth_noise_m,
+        slow_radps2=math.radians(noise_model.slow_accel_degps2),
+        slow_time_s=noise_model.slow_time_s,
+        wave_radps2=math.radians(noise_model.wave_accel_degps2),
+        wave_frequency_hz=noise_model.wave_frequency_hz,
+        wave_damping=noise_model.wave_damping,
+        force_mps15=noise_model.force_noise_mps15,
     )
 
 
 def build(plane: LinearPlane, noise: Noise, dt: float, samples: int) -> Filter:
-    """The filter that whitens residuals of rate, angle and (in pitch) depth, sampled every ``dt``
-    seconds."""
+    """Return the filter that whitens residuals of rate, angle and (in pitch) depth.
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Linear model of the plane, FRD axes.
+    noise : Noise
+        Noise levels.
+    dt : float
+        Sample interval of the residuals, s.
+    samples : int
+        Number of samples of the longest run.
+
+    Returns
+    -------
+    Filter
+        Gains and whiteners per sample.
+    """
     A, density, C, R, P0 = system(plane, noise)
     transition, process = discrete(A, density, dt)
     gains, whiteners, log_dets = riccati(transition, process, C, R, P0, samples)
@@ -100,7 +151,8 @@ def build(plane: LinearPlane, noise: Noise, dt: float, samples: int) -> Filter:
 
 
 def discrete(A: Array, density: Array, dt: float) -> tuple[Array, Array]:
-    """Transition and process covariance over ``dt`` from one exponential (Van Loan 1978)."""
+    """Return transition and process covariance over ``dt`` from one matrix exponential."""
+    # Van Loan 1978: expm([[-A, density], [0, A^T]] dt) = [[., F], [0, Ad^T]], Q = Ad F.
     n = A.shape[0]
     block = expm(np.block([[-A, density], [np.zeros((n, n)), A.T]]) * dt)
     transition = np.ascontiguousarray(block[n:, n:].T)
@@ -109,13 +161,32 @@ def discrete(A: Array, density: Array, dt: float) -> tuple[Array, Array]:
 
 
 def root(covariance: Array) -> Array:
-    """R of a covariance R R', one that rounding has left without full rank too."""
+    """Return R with covariance = R R^T, also for a covariance that is singular by rounding."""
     values, axes = np.linalg.eigh(covariance)
     return np.asarray(axes * np.sqrt(np.maximum(values, 0.0)))
 
 
 def system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array, Array]:
-    """Plane, slow moment, wave (two states), gyro bias: A, noise density, C, R, P0."""
+    """Return the continuous noise model of a plane.
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Linear model of the plane, FRD axes.
+    noise : Noise
+        Noise levels.
+
+    Returns
+    -------
+    A, density, C, R, P0 : ndarray
+        System matrix, spectral density of the process noise, output matrix, covariance of the
+        measurement noise, and covariance of the initial state. States: plane, slow moment, wave
+        (two states), gyro bias.
+
+    Notes
+    -----
+    The module docstring has the equations.
+    """
     n = plane.A.shape[0]
     slow, wave, bias = n, n + 1, n + 3
     omega = 2.0 * math.pi * noise.wave_frequency_hz
@@ -146,41 +217,60 @@ def system(plane: LinearPlane, noise: Noise) -> tuple[Array, Array, Array, Array
     return A, density, C, R, np.diag(spread) ** 2
 
 
-def whiten_columns(block: Array, by: Filter) -> Array:
-    """(samples, outputs, columns): each column whitened as a residual of its own."""
+def whiten_columns(block: Array, noise_filter: Filter) -> Array:
+    """Return a block (samples, outputs, columns) with each column whitened as a residual."""
     return whiten_block(
-        np.ascontiguousarray(block), by.transition, by.output, by.gains, by.whiteners
+        np.ascontiguousarray(block),
+        noise_filter.transition,
+        noise_filter.output,
+        noise_filter.gains,
+        noise_filter.whiteners,
     )
 
 
-def whiten_residual(residual: Array, by: Filter) -> Array:
-    return whiten(residual, by.transition, by.output, by.gains, by.whiteners)
+def whiten_residual(residual: Array, noise_filter: Filter) -> Array:
+    """Return the normalised innovations of a residual (samples, outputs)."""
+    return whiten(
+        residual,
+        noise_filter.transition,
+        noise_filter.output,
+        noise_filter.gains,
+        noise_filter.whiteners,
+    )
 
 
-def cost(residuals: Sequence[Array], by: Filter) -> float:
-    """Negative log-likelihood of the residuals, constants left out."""
+def cost(residuals: Sequence[Array], noise_filter: Filter) -> float:
+    """Return the negative log-likelihood of the residuals without constants."""
+    # 1/2 sum over samples of (innovation^T innovation + log det S).
     return sum(
-        0.5 * float(np.sum(whiten_residual(r, by) ** 2) + np.sum(by.log_dets[: len(r)]))
+        0.5
+        * float(
+            np.sum(whiten_residual(r, noise_filter) ** 2) + np.sum(noise_filter.log_dets[: len(r)])
+        )
         for r in residuals
     )
 
 
 class _CandidateLevels(NamedTuple):
-    """Residuals under candidate levels, all runs end to end."""
+    """Innovations for candidate noise levels, all runs concatenated."""
 
     innovations: Array
     log_scales: Array
-    """Logarithms of the whiteners' diagonals, one beside each innovation."""
+    """Logarithm of the whitener's diagonal for each innovation."""
     cost: float
-    """With what ``PRIOR_LOG_SD`` says of the levels."""
+    """Negative log-likelihood plus the term of the prior ``PRIOR_LOG_SD``."""
 
 
 def estimate(plane: LinearPlane, residuals: Sequence[Array], dt: float, start: Noise) -> Noise:
-    """Levels that make the residuals most likely, given ``PRIOR_LOG_SD`` about the default ones.
+    """Return the maximum a posteriori noise levels for residuals (samples, outputs) of runs.
 
-    Fisher scoring on the logarithms: the information of a Gaussian record is the outer product of
-    its innovations' slopes and of the logarithms' of their scales (Gupta and Mehra 1974, IEEE
-    Trans. AC 19, eq. 32, written for a triangular root)."""
+    The prior is log-normal about the default levels with ``PRIOR_LOG_SD``. ``dt`` is the sample
+    interval (s), ``start`` the initial guess.
+    """
+    # Fisher scoring on lambda = log of the levels. With innovations n(lambda) and log scales
+    # l(lambda), D = dn/dlambda and B = dl/dlambda:
+    #     gradient = D^T n - sum B + prior,   information = D^T D + B^T B + prior
+    # (Gupta and Mehra 1974, IEEE Trans. AC 19, eq. 32, for a triangular root).
     samples, mean, precision = (
         max(len(r) for r in residuals),
         np.log(Noise()),
@@ -189,50 +279,54 @@ def estimate(plane: LinearPlane, residuals: Sequence[Array], dt: float, start: N
     lowest, highest = mean - 4.0 * np.array(PRIOR_LOG_SD), mean + 4.0 * np.array(PRIOR_LOG_SD)
     lowest[Noise._fields.index("depth_m")] = math.log(MIN_DEPTH_NOISE_M)
 
-    def at(levels: Array) -> _CandidateLevels:
-        by = build(plane, Noise(*np.exp(levels)), dt, samples)
-        innovations = np.concatenate([whiten_residual(r, by).ravel() for r in residuals])
-        scales = np.log(np.diagonal(by.whiteners, axis1=1, axis2=2))
+    def evaluate(levels: Array) -> _CandidateLevels:
+        noise_filter = build(plane, Noise(*np.exp(levels)), dt, samples)
+        innovations = np.concatenate([whiten_residual(r, noise_filter).ravel() for r in residuals])
+        scales = np.log(np.diagonal(noise_filter.whiteners, axis1=1, axis2=2))
         log_scales = np.concatenate([scales[: len(r)].ravel() for r in residuals])
-        away = levels - mean
-        fit = 0.5 * float(innovations @ innovations) - float(np.sum(log_scales))
+        deviation = levels - mean
+        likelihood_cost = 0.5 * float(innovations @ innovations) - float(np.sum(log_scales))
         return _CandidateLevels(
-            innovations, log_scales, fit + 0.5 * float(away @ (precision * away))
+            innovations,
+            log_scales,
+            likelihood_cost + 0.5 * float(deviation @ (precision * deviation)),
         )
 
     levels = np.clip(np.log(start), lowest, highest)
-    here = at(levels)
+    current = evaluate(levels)
     for _ in range(MAX_SCORING_STEPS):
-        step, promised = _scoring_step(
-            at, here, levels, precision * (levels - mean), precision, (lowest, highest)
+        step, predicted_decrease = _scoring_step(
+            evaluate, current, levels, precision * (levels - mean), precision, (lowest, highest)
         )
-        if promised < MIN_IMPROVEMENT:
+        if predicted_decrease < MIN_IMPROVEMENT:
             break
-        while (there := at(levels + step)).cost > here.cost and promised > MIN_IMPROVEMENT:
-            step, promised = 0.3 * step, 0.3 * promised
-        if there.cost > here.cost:
+        while (
+            candidate := evaluate(levels + step)
+        ).cost > current.cost and predicted_decrease > MIN_IMPROVEMENT:
+            step, predicted_decrease = 0.3 * step, 0.3 * predicted_decrease
+        if candidate.cost > current.cost:
             break
-        levels, here = levels + step, there
+        levels, current = levels + step, candidate
     return Noise(*(float(level) for level in np.exp(levels)))
 
 
 def _scoring_step(
-    at: Callable[[Array], _CandidateLevels],
-    here: _CandidateLevels,
+    evaluate: Callable[[Array], _CandidateLevels],
+    current: _CandidateLevels,
     levels: Array,
-    pull: Array,
+    prior_gradient: Array,
     precision: Array,
     bounds: tuple[Array, Array],
 ) -> tuple[Array, float]:
-    """A step within the bounds and the fall of the cost that it promises."""
-    moved = [at(levels + DIFFERENCE * unit) for unit in np.eye(levels.size)]
-    D = np.column_stack([(m.innovations - here.innovations) / DIFFERENCE for m in moved])
-    B = np.column_stack([(m.log_scales - here.log_scales) / DIFFERENCE for m in moved])
-    slope = D.T @ here.innovations - np.sum(B, axis=0) + pull
+    """Return a step within the bounds and the decrease of the cost that it predicts."""
+    perturbed = [evaluate(levels + DIFFERENCE * unit) for unit in np.eye(levels.size)]
+    D = np.column_stack([(m.innovations - current.innovations) / DIFFERENCE for m in perturbed])
+    B = np.column_stack([(m.log_scales - current.log_scales) / DIFFERENCE for m in perturbed])
+    gradient = D.T @ current.innovations - np.sum(B, axis=0) + prior_gradient
     information = D.T @ D + B.T @ B + np.diag(precision)
     lowest, highest = bounds
-    free = ~(((levels <= lowest) & (slope > 0.0)) | ((levels >= highest) & (slope < 0.0)))
+    free = ~(((levels <= lowest) & (gradient > 0.0)) | ((levels >= highest) & (gradient < 0.0)))
     step = np.zeros(levels.size)
-    step[free] = -np.linalg.solve(information[np.ix_(free, free)], slope[free])
+    step[free] = -np.linalg.solve(information[np.ix_(free, free)], gradient[free])
     step = np.clip(levels + np.clip(step, -1.0, 1.0), lowest, highest) - levels
-    return step, -float(slope @ step + 0.5 * step @ information @ step)
+    return step, -float(gradient @ step + 0.5 * step @ information @ step)

@@ -1,8 +1,12 @@
-"""What identification may change about the first-principles vehicle, and what is believed before
-the first dive.
+"""Parameters of the identification and their prior distribution.
 
-Estimation runs on z, the number of prior standard deviations from the prior mean. Coefficients are
-positive ratios to the prior vehicle (log-normal), delay, bias and buoyancy are offsets (normal).
+Estimation works on z: the distance of each parameter from its prior mean, in prior standard
+deviations. With s the ``prior_sd`` of a parameter:
+
+    ratio:   value = prior value * exp(s z)   (log-normal; coefficients keep their sign)
+    offset:  value = prior value + s z        (normal; delay, bias, buoyancy)
+
+Coefficients are those of Table 1 in the paper's axes (x forward, y port, z up).
 """
 
 import contextlib
@@ -26,24 +30,28 @@ Kind = Literal["ratio", "offset"]
 Wing = TypeVar("Wing", DuctGeometry, FinGeometry)
 
 MAX_DAMPING = 0.99
-"""The lag is simulated as an oscillation; one that creeps looks no different from here."""
+"""Maximum damping ratio of the actuator lag, which is simulated in its underdamped form.
+
+The step response at 0.99 is practically that of an overdamped lag."""
 
 ASYMMETRY = 0.07
-"""How far yaw and pitch coefficients of a body of revolution may differ from their mean (log ratio,
-1 sd)."""
+"""Difference of yaw and pitch coefficients of a body of revolution (log ratio, one standard
+deviation)."""
 
 
 class ModelParameter(NamedTuple):
+    """One parameter of the identification."""
+
     name: str
     planes: tuple[Plane, ...]
+    """Planes whose runs depend on the parameter."""
     kind: Kind
     prior_sd: float
-    """Relative for a ratio, in the parameter's SI unit for an offset."""
+    """Prior standard deviation: of the logarithm for a ratio, in SI units for an offset."""
     twin: str = ""
-    """The yaw coefficient that is the same physical quantity turned by a quarter about x."""
+    """Yaw coefficient that is equal by symmetry of revolution; empty for none."""
     part: Literal["body", "tailcone"] = "body"
-    """Which of a candidate's two halves it changes: forces on the vehicle, or how the duct follows
-    its command."""
+    """Part of the vehicle that it changes: forces on the body, or the actuator."""
 
 
 _YAW: tuple[Plane, ...] = ("yaw",)
@@ -82,51 +90,85 @@ PARAMETERS: tuple[ModelParameter, ...] = (
     ModelParameter("lift_quadratic", _BOTH, "offset", 0.3),
     ModelParameter("stall_angle", _BOTH, "ratio", 0.15),
 )
-"""Prior standard deviations: strip and duct theory for the coefficients, the bench test for the
-tailcone's lag.
+"""All parameters, in the order of z, with prior standard deviations.
 
-Drag of a slender hull with everything that sticks out of it is known to a fifth; with the thrust
-that balances it, it says how fast speed is lost in a turn and won back. Lift of a small wing leaves
-its straight line by a few per cent in ten degrees, upwards by its edges (cross flow) or downwards
-by its boundary layer (Hoerner 1975, Fluid-Dynamic Lift, ch. 3), so ``lift_quadratic``, in shares of
-the slope per radian, is zero within 0.3; where it stalls is known to a seventh. """
+The accuracy of strip and duct theory sets those of the coefficients, the bench test those of the
+actuator lag. The drag of a slender hull with its appendages is known to 20 %; with the thrust that
+balances it, it sets the loss of speed in a turn. The lift of a small wing differs from a straight
+line by a few per cent at ten degrees, upwards by crossflow at the edges or downwards by the
+boundary layer (Hoerner 1975, Fluid-Dynamic Lift, ch. 3), so ``lift_quadratic``, as a fraction of
+the slope per radian, is 0 +- 0.3. The stall angle is known to 15 %."""
 ASSUMED_BACKLASH_DEG = 0.2
-"""From flank to flank, of a tailcone that nobody has measured: within a factor of e."""
+"""Backlash (full width) of a tailcone without a measurement; known within a factor of e."""
 
 NAMES = tuple(parameter.name for parameter in PARAMETERS)
+"""Names of the parameters, in the order of z."""
 INERTIAS = {"I_zz": "N_rdot", "I_yy": "M_qdot"}
-"""Inertia is identified with its added mass, which motion cannot tell apart: the ratio is that of
-their sum."""
+"""Inertias and their added inertias. Motion shows only the sum; the ratio applies to the sum."""
 
 
 def prior_covariance() -> Array:
-    """Of z, shape (n, n), unit diagonal: twins share what they have in common."""
+    """Return the prior covariance of z, with correlated yaw and pitch coefficients.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Unit diagonal; order of ``NAMES``.
+
+    Notes
+    -----
+    With log-normal prior sd s of both twins and ASYMMETRY a, the correlation is
+    max(0, 1 - (a / s)^2).
+    """
     covariance = np.eye(len(PARAMETERS))
     for i, parameter in enumerate(PARAMETERS):
         if parameter.twin:
             j = NAMES.index(parameter.twin)
-            shared = max(0.0, 1.0 - (ASYMMETRY / parameter.prior_sd) ** 2)
-            covariance[i, j] = covariance[j, i] = shared
+            correlation = max(0.0, 1.0 - (ASYMMETRY / parameter.prior_sd) ** 2)
+            covariance[i, j] = covariance[j, i] = correlation
     return covariance
 
 
 def ratio(parameter: ModelParameter, z: float) -> float:
+    """Return exp(prior_sd z), the ratio of a parameter to its prior value."""
     return math.exp(parameter.prior_sd * z)
 
 
 class CandidateVehicle(NamedTuple):
-    """A candidate: everything a run needs to be simulated."""
+    """A vehicle at some z: everything that the simulation of a run needs."""
 
     config: VehicleConfig
+    """Vehicle file with the changed coefficients; its ``tailcone`` is that of the prior."""
     model: VehicleModel
+    """Numeric model of ``config``."""
     actuators: dict[Plane, Actuator]
+    """Rudder ("yaw") and elevator ("pitch") axis of the tailcone."""
 
 
 def candidate_vehicle(
     prior: VehicleConfig, biases_rad: dict[Plane, float], z: Array
 ) -> CandidateVehicle:
-    """The prior vehicle moved by z; ``biases_rad`` is the prior mean of the actuator bias in each
-    plane."""
+    """Return the vehicle at z.
+
+    Parameters
+    ----------
+    prior : VehicleConfig
+        The prior vehicle.
+    biases_rad : dict
+        Prior mean of the actuator bias, rad, by plane.
+    z : ndarray, shape (n,)
+        Distance from the prior mean in prior standard deviations, in the order of ``NAMES``.
+
+    Returns
+    -------
+    CandidateVehicle
+        Vehicle file, numeric model and actuators.
+
+    Raises
+    ------
+    VehicleFileError
+        The coefficients are physically impossible.
+    """
     ratios, offsets = _ratios_and_offsets(z)
     config = msgspec.structs.replace(
         prior,
@@ -147,10 +189,10 @@ def candidate_vehicle(
 
 
 class SampledVehicle(NamedTuple):
-    """A candidate by chance."""
+    """A vehicle at a random z."""
 
     number: int
-    """Of the draw, those that cannot be counted too."""
+    """Index of the sample; impossible vehicles are counted too."""
     z: Array
     vehicle: CandidateVehicle
 
@@ -161,8 +203,24 @@ def feasible_samples(
     covariance: Array,
     normals: Iterable[Array],
 ) -> Iterator[SampledVehicle]:
-    """Candidates that ``build`` makes of draws from a belief about z, one of each of ``normals``,
-    without those that cannot be."""
+    """Yield vehicles at samples of a normal distribution of z, without impossible ones.
+
+    Parameters
+    ----------
+    build : callable
+        Makes the vehicle at z; raises VehicleFileError for an impossible one.
+    mean : ndarray, shape (n,)
+        Mean of z.
+    covariance : ndarray, shape (n, n)
+        Covariance of z.
+    normals : iterable of ndarray, shape (n,)
+        Standard normal samples, one per vehicle.
+
+    Yields
+    ------
+    SampledVehicle
+        Index, z and vehicle.
+    """
     spread = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(covariance)))
     for number, normal in enumerate(normals):
         z = mean + spread @ normal
@@ -173,7 +231,7 @@ def feasible_samples(
 def actuators(
     prior: VehicleConfig, biases_rad: dict[Plane, float], z: Array
 ) -> dict[Plane, Actuator]:
-    """The tailcone's two axes of the same candidate."""
+    """Return the two actuator axes at z; arguments as for ``candidate_vehicle``."""
     ratios, offsets = _ratios_and_offsets(z)
     tailcone = prior.tailcone
 
@@ -192,13 +250,15 @@ def actuators(
 
 
 def backlash_deg(prior: VehicleConfig) -> float:
-    """Median of what is believed of the tailcone's play; a file that gives none has not looked for
-    it."""
+    """Return the prior median of the backlash (deg, full width).
+
+    A backlash of 0 in the vehicle file counts as not measured.
+    """
     return prior.tailcone.backlash_deg or ASSUMED_BACKLASH_DEG
 
 
 def _ratios_and_offsets(z: Array) -> tuple[dict[str, float], dict[str, float]]:
-    """(ratios, offsets) by name."""
+    """Return (ratios, offsets in SI units) by name."""
     values = dict(zip(NAMES, z.tolist(), strict=True))
     return (
         {p.name: ratio(p, values[p.name]) for p in PARAMETERS if p.kind == "ratio"},
@@ -207,17 +267,21 @@ def _ratios_and_offsets(z: Array) -> tuple[dict[str, float], dict[str, float]]:
 
 
 def _wing(wing: Wing, ratios: dict[str, float], offsets: dict[str, float]) -> Wing:
-    """Duct or fins with another lift beyond their slope."""
-    stall, curved = ratios["stall_angle"], offsets["lift_quadratic"] * wing.lift_slope_per_rad
+    """Return duct or fins with changed quadratic lift and stall angle."""
+    stall, quadratic_lift = (
+        ratios["stall_angle"],
+        offsets["lift_quadratic"] * wing.lift_slope_per_rad,
+    )
     return msgspec.structs.replace(
         wing,
-        lift_quadratic_per_rad2=wing.lift_quadratic_per_rad2 + curved,
+        lift_quadratic_per_rad2=wing.lift_quadratic_per_rad2 + quadratic_lift,
         stall_deg=wing.stall_deg * stall,
         separated_deg=wing.separated_deg * stall,
     )
 
 
 def _coefficients(prior: VehicleConfig, ratios: dict[str, float]) -> msgspec.Struct:
+    """Return the linear coefficients times their ratios; see ``INERTIAS`` for inertias."""
     linear = prior.linear
     changed: dict[str, float] = {}
     for field in linear.__struct_fields__:
@@ -231,17 +295,28 @@ def _coefficients(prior: VehicleConfig, ratios: dict[str, float]) -> msgspec.Str
 
 
 def symbol(field: str) -> str:
-    """The symbol of a vehicle file's key: ``Y_v_kgps`` is ``Y_v``."""
+    """Return the symbol of a key of the vehicle file: ``Y_v_kgps`` is ``Y_v``."""
     return field.rpartition("_")[0]
 
 
 def to_table_1_column(linear: msgspec.Struct) -> Table1Column:
-    """A vehicle file's linear column under Table 1's symbols."""
+    """Return the ``linear`` table of a vehicle file under Table 1's symbols.
+
+    Parameters
+    ----------
+    linear : Struct
+        ``VehicleConfig.linear``; SI units and radians.
+
+    Returns
+    -------
+    Table1Column
+        The same numbers.
+    """
     return Table1Column(
         **{symbol(field): getattr(linear, field) for field in linear.__struct_fields__}
     )
 
 
 def parameters_of_planes(planes: Sequence[Plane]) -> list[int]:
-    """Indices of the parameters that runs in ``planes`` depend on."""
+    """Return the indices of the parameters on which runs in ``planes`` depend."""
     return [i for i, parameter in enumerate(PARAMETERS) if set(parameter.planes) & set(planes)]

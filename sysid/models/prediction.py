@@ -1,4 +1,4 @@
-"""What a model says a run should have looked like, and how far off it was."""
+"""Simulation of runs with an identified model and with its prior, and the rate errors of both."""
 
 import math
 from collections.abc import Sequence
@@ -22,33 +22,58 @@ Array = NDArray[np.float64]
 
 
 LEAD_S = 1.0
-"""Simulations start this long before the test: late enough that the sea has not yet parted them
-from the vehicle."""
+"""Time before the test at which a simulation starts; short, because disturbances accumulate."""
 
 OPENING_S = 10.0
-"""The longest window in which the paper's two models differ by no more than the figures of its
-Table 2."""
+"""Duration of the first window of a test.
+
+It is the longest window in which the paper's two models differ by no more than its Table 2 states.
+"""
 
 
 class Prediction(NamedTuple):
-    """Simulated from the motion measured LEAD_S before the test, under the run's own commands.
+    """Simulation from the motion measured LEAD_S before the test, under the commands of the run.
 
-    Arrays stand on the run's grid; before the simulation starts they repeat what was measured.
+    Arrays are on the run's grid, in MAVLink's axes; before the simulation starts they repeat the
+    measurement.
     """
 
     rate_radps: Array
-    """By the identified model."""
+    """Rate of the identified model."""
     prior_rate_radps: Array
-    """By the first-principles vehicle, trimmed as the measured one was."""
+    """Rate of the prior vehicle, with the prior bias of the actuators."""
     angle_rad: Array
+    """Heading (unwrapped) or pitch of the identified model."""
     prior_angle_rad: Array
+    """Heading (unwrapped) or pitch of the prior vehicle."""
     depth_m: Array
+    """Depth of the identified model."""
     prior_depth_m: Array
+    """Depth of the prior vehicle."""
 
 
 def predict(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = None) -> Prediction:
-    """Both models' run. ``prior`` is needed when the model was refitted from a vehicle file that is
-    not shipped."""
+    """Simulate a run with an identified model and with its prior vehicle.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        The identified model.
+    run : Run
+        The run with its commands and measurements.
+    prior : VehicleConfig, optional
+        The prior vehicle; by default the file named in the model.
+
+    Returns
+    -------
+    Prediction
+        Rate, angle and depth of both, on the run's grid.
+
+    Raises
+    ------
+    VehicleFileError
+        The prior vehicle cannot be read.
+    """
     vehicle, first = vehicles(model, prior)
     return predict_with(vehicle, first, run, model)
 
@@ -56,10 +81,10 @@ def predict(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = None
 def predict_with(
     vehicle: CandidateVehicle, first: CandidateVehicle, run: Run, model: IdentifiedModel
 ) -> Prediction:
-    """As ``predict``, the two vehicles already at hand."""
-    flown = run.since(-LEAD_S)
-    before = simulate(first, flown)
-    after = simulate_model(model, vehicle, flown)
+    """Simulate a run as ``predict`` does, with given identified and prior vehicles."""
+    run_from_lead = run.since(-LEAD_S)
+    prior_motion = simulate(first, run_from_lead)
+    after = simulate_model(model, vehicle, run_from_lead)
     angle = run.heading_rad if run.plane == "yaw" else run.pitch_rad
 
     def whole(measured: Array, simulated: Array) -> Array:
@@ -67,18 +92,36 @@ def predict_with(
 
     return Prediction(
         rate_radps=whole(run.rate_radps, after.rate_radps),
-        prior_rate_radps=whole(run.rate_radps, before.rate_radps),
+        prior_rate_radps=whole(run.rate_radps, prior_motion.rate_radps),
         angle_rad=whole(angle, after.angle_rad),
-        prior_angle_rad=whole(angle, before.angle_rad),
+        prior_angle_rad=whole(angle, prior_motion.angle_rad),
         depth_m=whole(run.depth_m, after.depth_m),
-        prior_depth_m=whole(run.depth_m, before.depth_m),
+        prior_depth_m=whole(run.depth_m, prior_motion.depth_m),
     )
 
 
 def vehicles(
     model: IdentifiedModel, prior: VehicleConfig | None = None
 ) -> tuple[CandidateVehicle, CandidateVehicle]:
-    """The identified vehicle and its prior."""
+    """Return the identified vehicle and its prior vehicle.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        The identified model.
+    prior : VehicleConfig, optional
+        The prior vehicle; by default the file named in the model.
+
+    Returns
+    -------
+    tuple of two CandidateVehicle
+        Identified and prior vehicle.
+
+    Raises
+    ------
+    VehicleFileError
+        The prior vehicle cannot be read.
+    """
     return perturb(model, np.array(model.joint.z), prior), perturb(
         model, np.zeros(len(model.joint.z)), prior
     )
@@ -87,7 +130,7 @@ def vehicles(
 def perturb(
     model: IdentifiedModel, z: Array, prior: VehicleConfig | None = None
 ) -> CandidateVehicle:
-    """The prior vehicle of a model moved by ``z``, which has the model's own names."""
+    """Return the vehicle at ``z``, in the order of ``model.joint.names``."""
     name = model.vehicle.prior
     config = prior or (
         _shipped(name) if name in vehicle_files.SHIPPED else vehicle_files.load(name)
@@ -95,23 +138,25 @@ def perturb(
     biases: dict[Plane, float] = {
         plane: math.radians(b) for plane, b in model.vehicle.prior_biases_deg.items()
     }
-    known = dict(zip(model.joint.names, z.tolist(), strict=True))
+    z_by_name = dict(zip(model.joint.names, z.tolist(), strict=True))
     return parameters.candidate_vehicle(
-        config, biases, np.array([known.get(name, 0.0) for name in NAMES])
+        config, biases, np.array([z_by_name.get(name, 0.0) for name in NAMES])
     )
 
 
 @cache
 def _shipped(name: str) -> VehicleConfig:
-    """A shipped vehicle, read once for the hundreds that are drawn from a model."""
+    """Return a shipped vehicle, cached because hundreds of vehicles are sampled from a model."""
     return vehicle_files.load(name)
 
 
 def simulate_model(
     model: IdentifiedModel, vehicle: CandidateVehicle, run: Run
 ) -> greybox.PlaneTrajectory:
-    """The run by a model, whose identified vehicle is at hand: other methods know linear planes
-    only."""
+    """Simulate a run with a model and its identified vehicle.
+
+    Models of other methods than "map" have linear planes only.
+    """
     return (
         simulate(vehicle, run)
         if model.method == "map"
@@ -120,7 +165,20 @@ def simulate_model(
 
 
 def simulate(vehicle: CandidateVehicle, run: Run) -> greybox.PlaneTrajectory:
-    """The run as ``vehicle`` would have flown it from its first sample on, on its grid."""
+    """Simulate a run with a vehicle from the first sample.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        The vehicle.
+    run : Run
+        The run with its commands and measurements.
+
+    Returns
+    -------
+    PlaneTrajectory
+        Rate, angle, depth and speed on the run's grid, MAVLink's axes.
+    """
     speed = cruise_speed_mps(vehicle, float(run.thrust[0]))
     return greybox.simulate(
         vehicle.model, vehicle.actuators[run.plane], run, greybox.initial_motion(run), 1, speed
@@ -130,7 +188,7 @@ def simulate(vehicle: CandidateVehicle, run: Run) -> greybox.PlaneTrajectory:
 def quality(
     model: IdentifiedModel, runs: Sequence[Run], prior: VehicleConfig | None = None
 ) -> tuple[RunQuality, ...]:
-    """Rate errors of each run once its test has begun."""
+    """Return the rate errors of each run from the start of its test."""
     vehicle, first = vehicles(model, prior)
     return tuple(_quality(run, predict_with(vehicle, first, run, model)) for run in runs)
 
@@ -138,13 +196,25 @@ def quality(
 def with_held_out_errors(
     model: IdentifiedModel, runs: Sequence[Run], prior: VehicleConfig | None = None
 ) -> IdentifiedModel:
-    """The model with its errors on runs it was not fitted to."""
+    """Return the model with its errors on held-out runs."""
     return msgspec.structs.replace(model, held_out=quality(model, runs, prior))
 
 
 def mean_rate_errors(qualities: Sequence[RunQuality], plane: Plane) -> tuple[float, float] | None:
-    """(prior, model) mean squared rate error over the runs of a plane, (deg/s)^2; None without
-    runs."""
+    """Return the mean squared rate errors over the runs of a plane.
+
+    Parameters
+    ----------
+    qualities : sequence of RunQuality
+        Errors per run.
+    plane : {"yaw", "pitch"}
+        The plane.
+
+    Returns
+    -------
+    tuple of two floats, or None
+        Errors of prior and model, (deg/s)^2; None without runs in the plane.
+    """
     return _means(
         [(q.prior_mse_deg2ps2, q.model_mse_deg2ps2) for q in qualities if q.plane == plane]
     )
@@ -153,7 +223,20 @@ def mean_rate_errors(qualities: Sequence[RunQuality], plane: Plane) -> tuple[flo
 def opening_rate_errors(
     qualities: Sequence[RunQuality], plane: Plane
 ) -> tuple[float, float] | None:
-    """The same over the first OPENING_S of each run."""
+    """Return the mean squared rate errors over the first OPENING_S of the runs of a plane.
+
+    Parameters
+    ----------
+    qualities : sequence of RunQuality
+        Errors per run.
+    plane : {"yaw", "pitch"}
+        The plane.
+
+    Returns
+    -------
+    tuple of two floats, or None
+        Errors of prior and model, (deg/s)^2; None without runs in the plane.
+    """
     return _means(
         [
             (q.opening_prior_mse_deg2ps2, q.opening_model_mse_deg2ps2)
@@ -164,6 +247,7 @@ def opening_rate_errors(
 
 
 def _means(pairs: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
+    """Return the means of both entries; None without pairs."""
     if not pairs:
         return None
     prior, model = np.mean(pairs, axis=0)
@@ -171,6 +255,7 @@ def _means(pairs: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
 
 
 def _quality(run: Run, prediction: Prediction) -> RunQuality:
+    """Return the mean squared rate errors (deg/s)^2 and variance accounted for of one run."""
     after = ~run.preroll
     measured = np.degrees(run.rate_radps[after])
     model_error = measured - np.degrees(prediction.rate_radps[after])

@@ -1,9 +1,10 @@
-"""Does a vehicle keep what her gains promise? Steady flight block by block, tests that add up, and
-a likely cause.
+"""Performance monitoring: compare steady flight with the predictions of the gains file.
 
-Pure: a log in, or what was told of late, findings out. What is promised stands in the head of
-``gains.param`` (`sysid.monitor.performance_spec`); what is compared is the same at sea, in a
-simulation and in an old log."""
+Steady flight is cut into blocks, sequential tests accumulate evidence over blocks, and alarms are
+assigned to likely causes. The module is pure: a log or recent telemetry in, a report out. The
+performance baseline is the header of ``gains.param`` (`sysid.monitor.performance_spec`). Dives,
+simulations and old logs are treated alike.
+"""
 
 from typing import NamedTuple
 
@@ -17,74 +18,104 @@ from sysid.monitor.sequential import Sums
 __all__ = ["Block", "Cause", "Monitor", "MonitorReport", "monitor_log"]
 
 SPEED_TOLERANCE = 0.1
-"""Share of the thrust by which a block may be off: beyond it the promise is for another speed."""
+"""Largest relative deviation of a block's thrust: the baseline holds at one speed."""
 
 
 class MonitorReport(NamedTuple):
-    """How a promise is kept up to now."""
+    """Result of monitoring up to now."""
 
     blocks: int
-    """Of steady flight that were judged."""
+    """Number of evaluated blocks of steady flight."""
     steady_s: float
     errors: dict[str, tuple[float, float]]
-    """By quantity the rms about the promised mean that was measured, and the promised one."""
+    """Measured rms about the predicted mean, and predicted rms, by quantity."""
     causes: tuple[Cause, ...]
-    """What is likely the matter; empty while the promise is kept."""
+    """Likely causes of a deviation; empty while performance is as predicted."""
     found_s: float | None
-    """Vehicle time at which that was first noticed."""
+    """Vehicle time of the first alarm (s); None without alarm."""
 
     @property
     def refit_due(self) -> bool:
+        """Whether a cause requires new tests and a refit."""
         return any(cause.refit_due for cause in self.causes)
 
 
 class Monitor:
-    """Takes stretches of telemetry in order of time."""
+    """Monitor that takes stretches of telemetry in order of time.
 
-    def __init__(self, promise: PerformanceBaseline) -> None:
-        self._promise = promise
-        self._cutter = BlockCutter(promise)
-        self._sums: Sums = sequential.initial_sums(promise)
+    Parameters
+    ----------
+    baseline : PerformanceBaseline
+        Predicted performance of the current gains.
+    """
+
+    def __init__(self, baseline: PerformanceBaseline) -> None:
+        self._baseline = baseline
+        self._cutter = BlockCutter(baseline)
+        self._sums: Sums = sequential.initial_sums(baseline)
         self._blocks: list[Block] = []
         self._causes: tuple[Cause, ...] = ()
         self._found_s: float | None = None
         self._until_s: float | None = None
 
     def take(self, log: Log, until_s: float) -> None:
-        """What a log tells from where the last one was left, up to ``until_s``."""
+        """Evaluate telemetry from the end of the last call.
+
+        Parameters
+        ----------
+        log : Log
+            Log or recent telemetry.
+        until_s : float
+            End of the evaluated stretch (s of vehicle time).
+        """
         rows = sample(log, self._until_s, until_s)
         if len(rows):
             self._until_s = float(rows[-1].time_s)
         for block in self._cutter.take(rows):
-            if abs(block.thrust - self._promise.thrust) <= SPEED_TOLERANCE * abs(
-                self._promise.thrust
+            if abs(block.thrust - self._baseline.thrust) <= SPEED_TOLERANCE * abs(
+                self._baseline.thrust
             ):
-                self._judge(block)
+                self._evaluate(block)
 
     def interrupt(self) -> None:
-        """Her clock has begun anew; what was seen before stays."""
-        self._cutter, self._until_s = BlockCutter(self._promise), None
+        """Discard the block in progress after the vehicle clock restarted; results are kept."""
+        self._cutter, self._until_s = BlockCutter(self._baseline), None
 
-    def kept(self) -> MonitorReport:
+    def report(self) -> MonitorReport:
+        """Return the result up to now."""
         return MonitorReport(
             blocks=len(self._blocks),
             steady_s=sum(block.stop_s - block.start_s for block in self._blocks),
-            errors=sequential.errors(self._promise, self._blocks),
+            errors=sequential.errors(self._baseline, self._blocks),
             causes=self._causes,
             found_s=self._found_s,
         )
 
-    def _judge(self, block: Block) -> None:
+    def _evaluate(self, block: Block) -> None:
+        """Update the tests with one block."""
         self._blocks.append(block)
-        self._sums = sequential.update(self._promise, self._sums, block)
+        self._sums = sequential.update(self._baseline, self._sums, block)
         if sequential.has_alarm(self._sums):
             self._found_s = block.stop_s if self._found_s is None else self._found_s
         if self._found_s is not None:
-            self._causes = causes.likely_causes(self._promise, self._sums) or self._causes
+            self._causes = causes.likely_causes(self._baseline, self._sums) or self._causes
 
 
-def monitor_log(log: Log, promise: PerformanceBaseline) -> MonitorReport:
-    """A whole dive at once."""
-    monitor = Monitor(promise)
+def monitor_log(log: Log, baseline: PerformanceBaseline) -> MonitorReport:
+    """Monitor a whole log.
+
+    Parameters
+    ----------
+    log : Log
+        Log of a dive.
+    baseline : PerformanceBaseline
+        Baseline from the header of the gains file.
+
+    Returns
+    -------
+    MonitorReport
+        Errors and likely causes.
+    """
+    monitor = Monitor(baseline)
     monitor.take(log, float(log.attitude.time_s[-1]))
-    return monitor.kept()
+    return monitor.report()

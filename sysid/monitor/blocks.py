@@ -1,5 +1,4 @@
-"""Steady flight cut into blocks: set-points that stay, the settling after their change left out, no
-test under way."""
+"""Blocks of steady flight: constant set-points after settling, no test active."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -21,17 +20,24 @@ from sysid.monitor.tracking_metrics import (
 Array = NDArray[np.float64]
 
 STEP_S = 0.2
+"""Sample interval of monitoring (s)."""
 STALE_S = 1.0
-"""Older than this nothing is known."""
+"""Age beyond which telemetry is no longer used (s)."""
 NEAR_SURFACE_M = 2.0
-"""Less deep, waves and suction are not those of the tests, and suction looks like buoyancy."""
+"""Minimum depth set-point (m).
+
+Nearer to the surface, waves and suction differ from those of the tests, and suction has the same
+effect as buoyancy.
+"""
 SETTLED_RAD, SETTLED_M = math.radians(8.0), 0.5
-"""She is on her way to new set-points until she has been so near; from then on every error
-counts."""
+"""Largest heading and depth error at which a new set-point counts as reached.
+
+Before that the vehicle is in transit; afterwards all errors are evaluated.
+"""
 
 
 class MotionRow(NamedTuple):
-    """The vehicle at one moment; not a number where nothing was told of late."""
+    """State of the vehicle at one time; NaN where no recent telemetry exists."""
 
     time_s: float
     heading_rad: float
@@ -46,22 +52,23 @@ class MotionRow(NamedTuple):
 
     @property
     def known(self) -> bool:
+        """Whether all values are available."""
         return not any(math.isnan(value) for value in self)
 
 
 class Block(NamedTuple):
-    """``AVERAGED_S`` of steady flight."""
+    """Statistics of ``AVERAGED_S`` of steady flight."""
 
     start_s: float
     stop_s: float
     thrust: float
     means: dict[str, float]
     variances: dict[str, float]
-    """About the block's own mean."""
+    """Variances about the block's own mean."""
 
 
 def sample(log: Log, after_s: float | None, until_s: float) -> list[MotionRow]:
-    """A log every ``STEP_S`` of vehicle time."""
+    """Return a log sampled every ``STEP_S``, after `after_s` up to `until_s` (s)."""
     first_s = float(log.attitude.time_s[0]) if after_s is None else after_s
     ticks = range(math.floor(first_s / STEP_S + 1e-6) + 1, math.floor(until_s / STEP_S + 1e-6) + 1)
     time_s: Array = STEP_S * np.array(ticks, dtype=np.float64)
@@ -84,34 +91,35 @@ def sample(log: Log, after_s: float | None, until_s: float) -> list[MotionRow]:
 
 
 class BlockCutter:
-    """Takes rows in order of time, gives blocks as they fill."""
+    """Cutter that takes rows in order of time and yields blocks as they fill."""
 
-    def __init__(self, promise: PerformanceBaseline) -> None:
+    def __init__(self, baseline: PerformanceBaseline) -> None:
         self._bands = {
-            "heading": _band(promise.heading_swing_radps),
-            "pitch": _band(promise.pitch_swing_radps),
+            "heading": _band(baseline.heading_swing_radps),
+            "pitch": _band(baseline.pitch_swing_radps),
         }
         self._rows: list[MotionRow] = []
 
     def take(self, rows: Sequence[MotionRow]) -> Iterator[Block]:
-        settling, whole = round(SETTLING_S / STEP_S), round(AVERAGED_S / STEP_S)
+        """Yield the blocks that the rows complete."""
+        settling_rows, block_rows = round(SETTLING_S / STEP_S), round(AVERAGED_S / STEP_S)
         for row in rows:
             if not _continues(self._rows, row):
                 self._rows = []
             if _is_steady(row) and (self._rows or _is_settled(row)):
                 self._rows.append(row)
-            if len(self._rows) == settling + whole:
-                yield self._block(self._rows, whole)
-                self._rows = self._rows[whole:]
+            if len(self._rows) == settling_rows + block_rows:
+                yield self._block(self._rows, block_rows)
+                self._rows = self._rows[block_rows:]
 
-    def _block(self, rows: Sequence[MotionRow], whole: int) -> Block:
-        """Of the last rows; those before let the narrow bands come to rest."""
+    def _block(self, rows: Sequence[MotionRow], block_rows: int) -> Block:
+        """Return the statistics of the last rows; the earlier rows let the band filters settle."""
         heading = np.degrees(
             np.unwrap([row.heading_rad - row.heading_setpoint_rad for row in rows])
         )
         heading -= 360.0 * np.round(np.mean(heading) / 360.0)
         pitch = np.degrees([row.pitch_rad for row in rows])
-        told = {
+        series = {
             "heading_deg": heading,
             "heading_swing_deg": lfilter(*self._bands["heading"], heading - np.mean(heading)),
             "pitch_deg": pitch,
@@ -120,32 +128,34 @@ class BlockCutter:
             "rudder_deg": np.degrees([row.rudder_rad for row in rows]),
             "elevator_deg": np.degrees([row.elevator_rad for row in rows]),
         }
-        last = {name: np.asarray(values[-whole:]) for name, values in told.items()}
+        block_series = {name: np.asarray(values[-block_rows:]) for name, values in series.items()}
         return Block(
-            start_s=rows[-whole].time_s - STEP_S,
+            start_s=rows[-block_rows].time_s - STEP_S,
             stop_s=rows[-1].time_s,
-            thrust=float(np.mean([row.thrust for row in rows[-whole:]])),
-            means={name: float(np.mean(values)) for name, values in last.items()},
-            variances={name: float(np.var(values)) for name, values in last.items()},
+            thrust=float(np.mean([row.thrust for row in rows[-block_rows:]])),
+            means={name: float(np.mean(values)) for name, values in block_series.items()},
+            variances={name: float(np.var(values)) for name, values in block_series.items()},
         )
 
 
 def _band(radps: float) -> tuple[Array, Array]:
+    """Return the coefficients of the resonance filter at a frequency (rad/s)."""
     numerator, denominator = iirpeak(radps, 1.0 / RESONANCE_BANDWIDTH, fs=2.0 * math.pi / STEP_S)
     return numerator, denominator
 
 
 def _latest(at_s: Array, time_s: Array, values: Array) -> Array:
-    """The value told last before each moment."""
+    """Return the latest value before each time; NaN if it is older than `STALE_S`."""
     if not time_s.size:
         return np.full(at_s.size, math.nan)
-    last = np.searchsorted(time_s, at_s, side="right") - 1
-    found = values[np.maximum(last, 0)]
-    fresh = (last >= 0) & (at_s - time_s[np.maximum(last, 0)] <= STALE_S)
-    return np.where(fresh, found, math.nan)
+    indices = np.searchsorted(time_s, at_s, side="right") - 1
+    latest = values[np.maximum(indices, 0)]
+    fresh = (indices >= 0) & (at_s - time_s[np.maximum(indices, 0)] <= STALE_S)
+    return np.where(fresh, latest, math.nan)
 
 
 def _test_running(log: Log, at_s: Array) -> NDArray[np.bool_]:
+    """Return a mask of the times at which a test is active."""
     testing = np.zeros(at_s.size, dtype=np.bool_)
     for event in log.events:
         if event.text.startswith(START_TEXT):
@@ -156,27 +166,30 @@ def _test_running(log: Log, at_s: Array) -> NDArray[np.bool_]:
 
 
 def _continues(rows: Sequence[MotionRow], row: MotionRow) -> bool:
-    """Whether a row is flown as those before it."""
+    """Return whether a row has the same set-points as the rows before it, without a gap."""
     if not rows:
         return True
-    first = rows[0]
+    first_row = rows[0]
     return (
         row.time_s - rows[-1].time_s < 1.5 * STEP_S
-        and _angle_difference(row.heading_setpoint_rad, first.heading_setpoint_rad)
+        and _angle_difference(row.heading_setpoint_rad, first_row.heading_setpoint_rad)
         <= HEADING_CHANGE_RAD
-        and abs(row.depth_setpoint_m - first.depth_setpoint_m) <= DEPTH_CHANGE_M
+        and abs(row.depth_setpoint_m - first_row.depth_setpoint_m) <= DEPTH_CHANGE_M
         and _is_steady(row)
     )
 
 
 def _is_steady(row: MotionRow) -> bool:
+    """Return whether the row is complete, below the surface layer and without a test."""
     return row.known and not row.testing and row.depth_setpoint_m >= NEAR_SURFACE_M
 
 
 def _is_settled(row: MotionRow) -> bool:
+    """Return whether the vehicle has reached its set-points."""
     near = _angle_difference(row.heading_rad, row.heading_setpoint_rad) <= SETTLED_RAD
     return near and abs(row.depth_m - row.depth_setpoint_m) <= SETTLED_M
 
 
-def _angle_difference(one: float, other: float) -> float:
-    return abs(math.remainder(one - other, 2.0 * math.pi))
+def _angle_difference(first_rad: float, second_rad: float) -> float:
+    """Return the absolute difference of two angles (rad)."""
+    return abs(math.remainder(first_rad - second_rad, 2.0 * math.pi))

@@ -1,4 +1,4 @@
-"""What is likely the matter when a promise is broken, and what to do about it."""
+"""Likely causes of a deviation from the predicted performance, and the recommended action."""
 
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
@@ -8,98 +8,135 @@ from sysid.monitor.performance_spec import PerformanceBaseline
 from sysid.monitor.sequential import Sums
 
 RESONANCE_GROWTH = 1.5
-"""A narrow band that grew by so much more than the whole is a loop's, not the sea's."""
+"""Ratio of band to total growth above which the loop, not the disturbance, is the cause."""
 
 _PLANES = {"heading": "rudder", "pitch": "elevator"}
+"""Surface of each plane's controlled angle."""
 _HELD = ("heading_deg", "depth_m")
-"""What an integrator keeps at its set-point on average."""
+"""Quantities whose mean an integrator keeps at the set-point."""
 
 
 class Cause(NamedTuple):
+    """One likely cause."""
+
     name: str
-    """rudder, ballast, elevator, integrator, heading loop, pitch loop, rudder noise, elevator noise
-    or sea."""
+    """Cause, one of: rudder, ballast, elevator, integrator, heading loop, pitch loop, rudder noise,
+
+    elevator noise, sea.
+    """
     words: str
-    """What was measured, and what to do."""
+    """Measured deviation and recommended action."""
     refit_due: bool
+    """Whether the cause requires new tests and a refit."""
 
 
-def likely_causes(promise: PerformanceBaseline, sums: Sums) -> tuple[Cause, ...]:
-    """What moved comes before what it has done to the errors, and before what got louder: a jump is
-    loud."""
-    moved = sequential.shifted_means(sums)
-    averages = tuple(_causes_from_means(promise, moved)) or tuple(_causes_from_integrators(moved))
-    return averages or tuple(_causes_from_spreads(sums))
+def likely_causes(baseline: PerformanceBaseline, sums: Sums) -> tuple[Cause, ...]:
+    """Return the likely causes of an alarm.
+
+    Parameters
+    ----------
+    baseline : PerformanceBaseline
+        Predicted statistics.
+    sums : Sums
+        State of the sequential tests.
+
+    Returns
+    -------
+    tuple of Cause
+        Shifted means take precedence over saturated integrators, and these over increased
+        variances, because a step in a mean also increases the variance.
+    """
+    shifts = sequential.shifted_means(sums)
+    mean_causes = tuple(_causes_from_means(baseline, shifts)) or tuple(
+        _causes_from_integrators(shifts)
+    )
+    return mean_causes or tuple(_causes_from_spreads(sums))
 
 
-def _causes_from_means(promise: PerformanceBaseline, moved: Mapping[str, float]) -> Iterator[Cause]:
-    def off(name: str) -> str:
-        mean = promise.predicted[name].mean
-        return f"{mean + moved[name]:+.1f} deg on average, {mean:+.1f} identified"
+def _causes_from_means(
+    baseline: PerformanceBaseline, shifts: Mapping[str, float]
+) -> Iterator[Cause]:
+    """Yield causes of shifted means."""
 
-    if "rudder_deg" in moved:
+    def describe(name: str) -> str:
+        """Return measured and identified mean as text."""
+        mean = baseline.predicted[name].mean
+        return f"{mean + shifts[name]:+.1f} deg on average, {mean:+.1f} identified"
+
+    if "rudder_deg" in shifts:
         yield Cause(
             "rudder",
-            f"bent duct or drag on one side: rudder {off('rudder_deg')}; fly `trim`, and refit",
+            f"bent duct or drag on one side: rudder {describe('rudder_deg')}; fly `trim`,"
+            " and refit",
             True,
         )
-    if "pitch_deg" in moved:
+    if "pitch_deg" in shifts:
         yield Cause(
             "ballast",
-            f"ballast or buoyancy has changed: pitch {off('pitch_deg')}; weigh her in water, and"
+            f"ballast or buoyancy has changed: pitch {describe('pitch_deg')}; weigh the vehicle"
+            " in water, and refit",
+            True,
+        )
+    elif "elevator_deg" in shifts:
+        yield Cause(
+            "elevator",
+            f"bent duct, pitch unchanged: elevator {describe('elevator_deg')}; fly `trim`, and"
             " refit",
             True,
         )
-    elif "elevator_deg" in moved:
-        yield Cause(
-            "elevator",
-            f"bent duct, pitch as it was: elevator {off('elevator_deg')}; fly `trim`, and refit",
-            True,
-        )
 
 
-def _causes_from_integrators(moved: Mapping[str, float]) -> Iterator[Cause]:
-    held = [
-        f"{name.split('_')[0]} off by {moved[name]:+.2g} {name.split('_')[1]}"
+def _causes_from_integrators(shifts: Mapping[str, float]) -> Iterator[Cause]:
+    """Yield the cause of a mean error that an integrator should compensate."""
+    deviations = [
+        f"{name.split('_')[0]} off by {shifts[name]:+.2g} {name.split('_')[1]}"
         for name in _HELD
-        if name in moved
+        if name in shifts
     ]
-    if held:
-        words = f"{' and '.join(held)} on average: an integrator is at its limit; look at the trims"
-        yield Cause("integrator", words, refit_due=False)
+    if deviations:
+        message = (
+            f"{' and '.join(deviations)} on average: an integrator is at its limit; check the trims"
+        )
+        yield Cause("integrator", message, refit_due=False)
 
 
 def _causes_from_spreads(sums: Sums) -> Iterator[Cause]:
-    louder, hinted = sequential.increased_rms(sums), sequential.increased_rms(sums, hint=0.0)
-    rougher = []
+    """Yield causes of increased variances."""
+    increased, all_ratios = sequential.increased_rms(sums), sequential.increased_rms(sums, hint=0.0)
+    disturbed = []
     for plane, surface in _PLANES.items():
-        swing, whole = louder.get(f"{plane}_swing_deg", 0.0), hinted.get(f"{plane}_deg", 1.0)
-        if swing > RESONANCE_GROWTH * whole:
-            words = (
-                f"{plane} swings {swing:.1f} times as much as foretold near crossover, {whole:.1f}"
-                " times over all"
+        resonance, total = (
+            increased.get(f"{plane}_swing_deg", 0.0),
+            all_ratios.get(f"{plane}_deg", 1.0),
+        )
+        if resonance > RESONANCE_GROWTH * total:
+            message = (
+                f"{plane} rms near crossover {resonance:.1f} times the predicted one, {total:.1f}"
+                " times in total"
             )
             yield Cause(
-                f"{plane} loop", f"{words}: less damped than designed; refit", refit_due=True
+                f"{plane} loop", f"{message}: less damping than designed; refit", refit_due=True
             )
-        elif f"{surface}_deg" in louder and f"{plane}_deg" not in hinted:
-            words = (
-                f"{surface} {louder[f'{surface}_deg']:.1f} times as loud as foretold, {plane} not"
+        elif f"{surface}_deg" in increased and f"{plane}_deg" not in all_ratios:
+            message = (
+                f"{surface} rms {increased[f'{surface}_deg']:.1f} times the predicted one, {plane}"
+                " rms not"
             )
             yield Cause(
                 f"{surface} noise",
-                f"{words}: other gains aboard, or a louder gyro",
+                f"{message}: other gains are set, or the gyro noise has increased",
                 refit_due=False,
             )
-        elif f"{plane}_deg" in louder:
-            rougher.append(f"{plane} {whole:.1f} times")
-    if rougher:
-        words = (
-            f"{' and '.join(rougher)} as loud as foretold, near crossover about as much as"
+        elif f"{plane}_deg" in increased:
+            disturbed.append(f"{plane} {total:.1f} times")
+    if disturbed:
+        message = (
+            f"{' and '.join(disturbed)} the predicted rms, near crossover about as much as"
             " elsewhere"
         )
         yield Cause(
             "sea",
-            f"rougher than identified: {words}; a little damping lost looks alike",
+            f"disturbance larger than identified: {message}; slightly reduced damping has the same"
+            " effect",
             refit_due=False,
         )

@@ -1,10 +1,9 @@
-"""What gains promise: the head of a ``gains.param``, written by a design and read by whoever
-watches them kept.
+"""Performance baseline: header of a ``gains.param``, written by a design and read for monitoring.
 
-The head is TOML behind ``# ``, from the line ``# caribou gains 1`` to the first parameter; to every
-other reader of parameter files it is a comment. Each parameter has its reason behind it. A digest
-of the parameters tells whether somebody has changed one since: then the promise is no longer
-theirs."""
+The header is TOML behind ``# ``, from the line ``# caribou gains 1`` to the first parameter; other
+readers of parameter files treat it as a comment. Each parameter is followed by its reason. A digest
+of the parameters shows whether one was changed afterwards: then the predictions no longer apply.
+"""
 
 import hashlib
 import json
@@ -16,98 +15,132 @@ import msgspec
 from sysid.models.model_file import ModelRecord
 
 FIRST_LINE = "# caribou gains 1"
+"""First line of the header."""
 AVERAGED_S = 20.0
-"""What is foretold of averages is foretold of those over this time."""
+"""Averaging time (s) of the predicted statistics of means."""
 RESONANCE_BANDWIDTH = 0.5
-"""Bandwidth of the narrow band in which a swing is looked for, as a share of its frequency."""
+"""Bandwidth of the resonance filter, as a share of its frequency."""
 
 
 class BaselineError(ValueError):
-    """A head that cannot be read; the message says what is wrong."""
+    """The header cannot be read; the message says what is wrong."""
 
 
 class PredictedStatistic(ModelRecord, frozen=True):
-    """One quantity of steady flight in the identified sea, in the unit of its name."""
+    """Predicted statistics of one quantity in steady flight, in the unit of its name."""
 
     mean: float
     mean_sd: float
-    """How unsure the model is of it."""
+    """Standard deviation of the mean due to model uncertainty."""
     rms: float
-    """About the mean."""
+    """Standard deviation about the mean."""
     p95: float
-    """95 % of the samples are within this of the mean."""
+    """95 % of the samples are within this distance of the mean."""
     average_sd: float
-    """Standard deviation of an average over ``AVERAGED_S``."""
+    """Standard deviation of a mean over ``AVERAGED_S``."""
     memory_s: float
-    """Integral of the squared correlation over both directions of time: so far apart, samples count
-    as new ones in an estimate of the variance."""
+    """Correlation time (s): integral of the squared autocorrelation over all lags.
+
+    Samples this far apart count as independent in an estimate of the variance.
+    """
 
 
 class Robustness(ModelRecord, frozen=True):
-    """Of the vehicles that the model allows for, what share keeps the specification."""
+    """Shares of the vehicles sampled from the model that meet the specification."""
 
     specification: float
     relaxed: float
-    """Damping 0.5, gain margin 5 dB, phase margin 40 degrees."""
+    """Share with damping 0.5, gain margin 5 dB and phase margin 40 deg."""
     vehicles: int
     seed: int
 
 
 class PerformanceBaseline(ModelRecord, frozen=True):
-    """What gains rest on, were asked for, and should come to."""
+    """Model, specification and predicted performance of a set of gains."""
 
     model_sha256: str
     version: str
-    """Of this package."""
+    """Version of this package."""
     speed_mps: float
     thrust: float
-    """Fraction of full thrust at which all of it holds."""
+    """Fraction of full thrust for which the predictions hold."""
     heading_swing_radps: float
     pitch_swing_radps: float
-    """Where a disturbance is answered worst: about there an ill-damped loop swings."""
+    """Resonance frequencies (rad/s): frequency of the largest sensitivity in each plane."""
     specification: dict[str, float]
     predicted: dict[str, PredictedStatistic]
-    """By quantity: heading_deg, heading_swing_deg, pitch_deg, ...; a swing is what a narrow band
-    about it holds."""
+    """Statistics by quantity: heading_deg, heading_swing_deg, pitch_deg, ...
+
+    A "swing" quantity is the output of the resonance filter.
+    """
     kept: Robustness | None = None
-    """None where the model does not say how sure it is."""
+    """Robustness of the design; None for a model without covariance."""
 
 
 def encode(
-    promise: PerformanceBaseline, gains: Mapping[str, float], reasons: Mapping[str, str]
+    baseline: PerformanceBaseline, gains: Mapping[str, float], reasons: Mapping[str, str]
 ) -> str:
-    """The whole file."""
+    """Return the text of a gains file.
+
+    Parameters
+    ----------
+    baseline : PerformanceBaseline
+        Header.
+    gains : Mapping
+        Values by parameter name.
+    reasons : Mapping
+        Reasons by parameter name.
+
+    Returns
+    -------
+    str
+        The whole file.
+    """
     values = {name: f"{value:.6g}" for name, value in gains.items()}
-    told = {"gains_sha256": _digest(values), **msgspec.to_builtins(promise)}
-    lines = [FIRST_LINE, *(f"# {line}".rstrip() for line in _toml(told))]
+    header = {"gains_sha256": _digest(values), **msgspec.to_builtins(baseline)}
+    lines = [FIRST_LINE, *(f"# {line}".rstrip() for line in _toml(header))]
     lines += [f"{name},{value}  # {reasons[name]}" for name, value in values.items()]
     return "\n".join(lines) + "\n"
 
 
 def decode(text: str, values: Mapping[str, float]) -> PerformanceBaseline | None:
-    """The promise in a file's text whose parameters are ``values``; None where it makes none.
+    """Return the baseline in the text of a gains file, or None without a header.
 
-    Raises:
-        PromiseError: there is a head and it cannot be read, or the parameters are not those it was
-        written for.
+    Parameters
+    ----------
+    text : str
+        Text of the file.
+    values : Mapping
+        Parameters that were read from the file, by name.
+
+    Returns
+    -------
+    PerformanceBaseline or None
+        Header of the file.
+
+    Raises
+    ------
+    BaselineError
+        The header cannot be read, or the parameters were changed after the design.
     """
     lines = text.splitlines()
     if not lines or lines[0].rstrip() != FIRST_LINE:
         return None
     try:
-        told = tomllib.loads("\n".join(_head(lines)))
-        digest = told.pop("gains_sha256", "")
-        promise = msgspec.convert(told, PerformanceBaseline)
+        header = tomllib.loads("\n".join(_head(lines)))
+        digest = header.pop("gains_sha256", "")
+        baseline = msgspec.convert(header, PerformanceBaseline)
     except (tomllib.TOMLDecodeError, msgspec.ValidationError) as error:
-        raise BaselineError(f"its head cannot be read: {error}".replace("`", "")) from None
+        raise BaselineError(f"its header cannot be read: {error}".replace("`", "")) from None
     if digest != _digest({name: f"{value:.6g}" for name, value in values.items()}):
         raise BaselineError(
-            "its values were changed since they were designed; what it foretells is not theirs"
+            "its values were changed after the design; the predictions do not apply to them"
         )
-    return promise
+    return baseline
 
 
 def _head(lines: list[str]) -> Iterator[str]:
+    """Yield the lines of the header without the comment character."""
     for line in lines[1:]:
         if not line.startswith("#"):
             return
@@ -115,13 +148,14 @@ def _head(lines: list[str]) -> Iterator[str]:
 
 
 def _digest(values: Mapping[str, str]) -> str:
+    """Return the SHA-256 of parameters and values."""
     return hashlib.sha256(
         "\n".join(f"{name},{values[name]}" for name in sorted(values)).encode()
     ).hexdigest()
 
 
 def _toml(table: Mapping[str, object], path: str = "") -> Iterator[str]:
-    """Numbers and texts of a table, then the tables in it; what is None is left out."""
+    """Yield numbers and texts of a table, then its sub-tables; None values are omitted."""
     plain = {name: value for name, value in table.items() if isinstance(value, float | int | str)}
     if path and plain:
         yield from ("", f"[{path}]")

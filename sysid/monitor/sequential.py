@@ -1,11 +1,14 @@
-"""Sums of log-likelihood ratios, one for each way in which a promise can be broken (CUSUM; Page
-1954).
+"""Sequential tests for deviations from the performance baseline (CUSUM; Page 1954).
 
-Each test weighs "off by what the promise allows" against "off by clearly more". Its sum is kept
-from falling below zero; while the promise holds it passes h once in e^h blocks at the most often
-(Lorden 1971, Ann. Math. Stat. 42), so the threshold follows from how seldom a false alarm may be.
-An average over a block is taken as normal, a variance as chi-square with a degree of freedom for
-each ``memory_s``."""
+Each test accumulates the log-likelihood ratio of "clear deviation" over "deviation within the
+allowance", limited to positive values::
+
+    g_k = max(0, g_(k-1) + ln(p_1(block_k) / p_0(block_k)))
+
+Under p_0 the expected time to a false alarm at threshold h is at least e^h blocks (Lorden 1971,
+Ann. Math. Stat. 42). The mean of a block is taken as normal, the variance as chi-square with one
+degree of freedom per ``memory_s``.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,8 +18,9 @@ from sysid.monitor.blocks import Block
 from sysid.monitor.performance_spec import AVERAGED_S, PerformanceBaseline, PredictedStatistic
 
 FALSE_ALARM_H = 100.0
-"""Hours of steady flight between two false alarms, at least."""
-ChangeKind = Literal["more", "less", "louder"]
+"""Minimum expected time between false alarms (hours of steady flight)."""
+ChangeKind = Literal["higher", "lower", "variance"]
+"""Positive or negative shift of the mean, or increase of the variance."""
 MIN_SHIFT = {
     "heading_deg": 0.5,
     "pitch_deg": 0.05,
@@ -24,116 +28,141 @@ MIN_SHIFT = {
     "rudder_deg": 0.5,
     "elevator_deg": 0.5,
 }
-"""Averages off by less than this, beside what the model does not know, are nothing to speak of.
-Pitch tells of the buoyancy: a third more of it moves Caribou's by half a degree."""
+"""Allowed shift of each mean, in addition to model uncertainty.
+
+The limit of pitch is small because pitch shows buoyancy: a third more buoyancy changes Caribou's
+pitch by half a degree.
+"""
 CLEAR_SHIFT_SD = 1.5
-"""An average's standard deviations beyond what is allowed for which its test is sharpest."""
+"""Shift beyond the allowance for which the test is optimal, in standard deviations of the mean."""
 ALLOWED_RATIO, CLEAR_RATIO = 2.0, 4.0
-"""Of variances: a sea is never twice the same, and rms is told to 40 % or so."""
+"""Allowed and clear ratio of variances; disturbances differ between dives by about 40 % in rms."""
 HINT = 3.0
-"""A sum that says twenty to one: not enough to raise an alarm, enough to tell what another one is
-about."""
+"""Log-likelihood ratio (about 20 to 1) that suggests a cause after another test's alarm."""
 
 
 class Sum(NamedTuple):
-    """One test, and what it has seen since its sum last was zero."""
+    """State of one test since its sum was last zero."""
 
     value: float = 0.0
     blocks: int = 0
     total: float = 0.0
-    """Of the departures from the promise, or of the ratios of variances."""
+    """Sum of the deviations of means (in the quantity's unit), or of the variance ratios."""
 
     @property
     def mean(self) -> float:
+        """Mean deviation or variance ratio per block."""
         return self.total / self.blocks if self.blocks else 0.0
 
 
 Sums = Mapping[tuple[str, ChangeKind], Sum]
 
 
-def initial_sums(promise: PerformanceBaseline) -> Sums:
+def initial_sums(baseline: PerformanceBaseline) -> Sums:
+    """Return the initial state of all tests of a baseline."""
     sums: dict[tuple[str, ChangeKind], Sum] = {}
-    for name in promise.predicted:
+    for name in baseline.predicted:
         if name in MIN_SHIFT:
-            sums |= {(name, "more"): Sum(), (name, "less"): Sum()}
-        sums[name, "louder"] = Sum()
+            sums |= {(name, "higher"): Sum(), (name, "lower"): Sum()}
+        sums[name, "variance"] = Sum()
     return sums
 
 
-def update(promise: PerformanceBaseline, sums: Sums, block: Block) -> Sums:
-    """The sums with one more block."""
+def update(baseline: PerformanceBaseline, sums: Sums, block: Block) -> Sums:
+    """Return the tests updated with one block."""
     return {
-        (name, way): _update_sum(name, way, promise.predicted[name], found, block)
-        for (name, way), found in sums.items()
+        (name, kind): _update_sum(name, kind, baseline.predicted[name], test, block)
+        for (name, kind), test in sums.items()
     }
 
 
 def threshold(sums: Sums) -> float:
-    """That all tests together pass once in ``FALSE_ALARM_H`` at the most often."""
+    """Return the threshold h for one false alarm of any test per ``FALSE_ALARM_H``.
+
+    h = ln(number of tests * blocks in `FALSE_ALARM_H`).
+    """
     return math.log(len(sums) * FALSE_ALARM_H * 3600.0 / AVERAGED_S)
 
 
 def has_alarm(sums: Sums) -> bool:
-    return any(found.value > threshold(sums) for found in sums.values())
+    """Return whether any test exceeds the threshold."""
+    return any(test.value > threshold(sums) for test in sums.values())
 
 
 def shifted_means(sums: Sums) -> dict[str, float]:
-    """By how much averages have moved, where that is likely, and likelier than that they only vary
-    more."""
+    """Return the shift of each mean that is likely, and likelier than a larger variance."""
     return {
-        name: found.mean
-        for (name, way), found in sums.items()
-        if way != "louder" and found.value > max(HINT, sums[name, "louder"].value)
+        name: test.mean
+        for (name, kind), test in sums.items()
+        if kind != "variance" and test.value > max(HINT, sums[name, "variance"].value)
     }
 
 
 def increased_rms(sums: Sums, hint: float = HINT) -> dict[str, float]:
-    """Ratios of rms, measured over promised, for those that are likely larger than allowed."""
+    """Return the ratio of measured to predicted rms for quantities with a likely increase."""
     return {
-        n: math.sqrt(found.mean)
-        for (n, way), found in sums.items()
-        if way == "louder" and found.value > hint
+        name: math.sqrt(test.mean)
+        for (name, kind), test in sums.items()
+        if kind == "variance" and test.value > hint
     }
 
 
-def errors(promise: PerformanceBaseline, blocks: Sequence[Block]) -> dict[str, tuple[float, float]]:
-    """By quantity the rms about the promised mean over all blocks, and the promised one."""
+def errors(
+    baseline: PerformanceBaseline, blocks: Sequence[Block]
+) -> dict[str, tuple[float, float]]:
+    """Return by quantity the measured rms about the predicted mean, and the predicted rms."""
     if not blocks:
         return {}
 
     def measured(name: str, mean: float) -> float:
+        """Return the rms about `mean` over all blocks."""
         squares = [block.variances[name] + (block.means[name] - mean) ** 2 for block in blocks]
         return math.sqrt(sum(squares) / len(squares))
 
     return {
-        name: (measured(name, e.mean if name in MIN_SHIFT else 0.0), e.rms)
-        for name, e in promise.predicted.items()
+        name: (measured(name, statistic.mean if name in MIN_SHIFT else 0.0), statistic.rms)
+        for name, statistic in baseline.predicted.items()
     }
 
 
 def _update_sum(
-    name: str, way: ChangeKind, expected: PredictedStatistic, before: Sum, block: Block
+    name: str, kind: ChangeKind, expected: PredictedStatistic, test: Sum, block: Block
 ) -> Sum:
-    if way == "louder":
-        seen = block.variances[name] / (expected.rms**2 - expected.average_sd**2)
-        gain = _variance_log_likelihood_ratio(seen, AVERAGED_S / expected.memory_s)
+    """Return one test updated with one block.
+
+    The variance of a block is compared with the predicted variance about the block's mean, rms^2 -
+    average_sd^2.
+    """
+    if kind == "variance":
+        statistic = block.variances[name] / (expected.rms**2 - expected.average_sd**2)
+        gain = _variance_log_likelihood_ratio(statistic, AVERAGED_S / expected.memory_s)
     else:
-        seen = block.means[name] - expected.mean
-        gain = _mean_log_likelihood_ratio(seen if way == "more" else -seen, name, expected)
-    value = max(0.0, before.value + gain)
-    return Sum(value, before.blocks + 1, before.total + seen) if value > 0.0 else Sum()
+        statistic = block.means[name] - expected.mean
+        gain = _mean_log_likelihood_ratio(
+            statistic if kind == "higher" else -statistic, name, expected
+        )
+    value = max(0.0, test.value + gain)
+    return Sum(value, test.blocks + 1, test.total + statistic) if value > 0.0 else Sum()
 
 
 def _mean_log_likelihood_ratio(departure: float, name: str, expected: PredictedStatistic) -> float:
-    """Logarithm of the likelihood ratio of an average, ``departure`` above what was promised."""
-    # A design's integrators promise averages steadier than these; slow currents, which no model
-    # knows, are against it.
+    """Return the log-likelihood ratio of a block's mean, `departure` above the predicted mean.
+
+    For a normal mean with standard deviation s, allowance a and clear shift d beyond it: d (x - a -
+    d / 2) / s^2.
+    """
+    # The predicted means of a design with integrators vary less than this bound; slow currents,
+    # which the model does not contain, increase their variation.
     sd = max(expected.average_sd, expected.rms * math.sqrt(expected.memory_s / AVERAGED_S))
-    allowed, further = MIN_SHIFT[name] + 2.0 * expected.mean_sd, CLEAR_SHIFT_SD * sd
-    return further * (departure - allowed - 0.5 * further) / sd**2
+    allowed, clear_shift = MIN_SHIFT[name] + 2.0 * expected.mean_sd, CLEAR_SHIFT_SD * sd
+    return clear_shift * (departure - allowed - 0.5 * clear_shift) / sd**2
 
 
 def _variance_log_likelihood_ratio(ratio: float, freedom: float) -> float:
-    """The same of a variance over the promised one."""
-    fall = 1.0 / ALLOWED_RATIO - 1.0 / CLEAR_RATIO
-    return 0.5 * freedom * (ratio * fall - math.log(CLEAR_RATIO / ALLOWED_RATIO))
+    """Return the log-likelihood ratio of a block's variance over the predicted one.
+
+    For `freedom` n and ratio x of variances, allowed r0 and clear r1: n / 2 (x (1 / r0 - 1 / r1) -
+    ln(r1 / r0)).
+    """
+    slope = 1.0 / ALLOWED_RATIO - 1.0 / CLEAR_RATIO
+    return 0.5 * freedom * (ratio * slope - math.log(CLEAR_RATIO / ALLOWED_RATIO))

@@ -1,5 +1,4 @@
-"""How well a dive held its set-points once settled: the figures of the paper's Table 5, from a
-log."""
+"""Tracking errors of a dive after settling: the figures of the paper's Table 5, from a log."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -15,27 +14,34 @@ from sysid.data.segments import START_TEXT, cut_runs
 Array = NDArray[np.float64]
 
 SETTLING_S = 25.0
-"""After each change of set-point, left out: a 3 m depth change takes about 10 s, an 80 deg turn
-about 15, and ringing out."""
+"""Time (s) that is excluded after each change of set-point.
+
+A depth change of 3 m takes about 10 s and a turn of 80 deg about 15 s, plus the decay of
+transients.
+"""
 MIN_WINDOW_S = 5.0
+"""Minimum length of an evaluated window (s)."""
 SUBMERGED_M = 0.3
-"""Set-points shallower than this are no dive."""
+"""Minimum depth set-point of a dive (m)."""
 HEADING_CHANGE_RAD = math.radians(0.5)
+"""Smallest change of the heading set-point that counts as a new one (rad)."""
 DEPTH_CHANGE_M = 0.05
+"""Smallest change of the depth set-point that counts as a new one (m)."""
 
 
 class Spread(NamedTuple):
-    """Size of an error over a window."""
+    """Statistics of an error over a window."""
 
     p95: float
-    """95 % of the samples are within this of zero."""
+    """95 % of the samples are within this distance of zero."""
     largest: float
+    """Largest magnitude."""
     rms: float
     mean: float
 
 
 class SteadyWindow(NamedTuple):
-    """One stretch of constant set-points, its settling left out."""
+    """Stretch of constant set-points without its settling time."""
 
     start_s: float
     stop_s: float
@@ -43,20 +49,24 @@ class SteadyWindow(NamedTuple):
     depth_setpoint_m: float
     heading_deg: Spread
     pitch_deg: Spread
-    """About its own mean: the pitch of level flight is physics, not an error."""
+    """Pitch about its own mean: the pitch of level flight is not an error."""
     depth_m: Spread
 
 
 class TrackingMetrics(NamedTuple):
+    """Tracking errors of a dive."""
+
     windows: tuple[SteadyWindow, ...]
     heading_deg: Spread
-    """Over all windows together."""
+    """Heading error over all windows."""
     pitch_deg: Spread
     depth_m: Spread
     settling_s: float
 
 
 class _Errors(NamedTuple):
+    """Errors at the samples of a window."""
+
     heading_deg: Array
     pitch_deg: Array
     depth_m: Array
@@ -65,28 +75,64 @@ class _Errors(NamedTuple):
 def tracking(
     log: Log, settling_s: float = SETTLING_S, shortest_s: float = MIN_WINDOW_S
 ) -> TrackingMetrics | None:
-    """Steady errors of a dive; None when no stretch outlasts its settling. Tests in the water are
-    left out."""
-    steady = [(at, _errors(log, *at)) for at in _steady(log, settling_s, shortest_s)]
-    found = [(at, e) for at, e in steady if e.heading_deg.size and e.depth_m.size]
-    if not found:
+    """Return the steady-state errors of a dive.
+
+    Parameters
+    ----------
+    log : Log
+        Log of the dive.
+    settling_s : float
+        Time excluded after each change of set-point (s).
+    shortest_s : float
+        Minimum length of a window (s).
+
+    Returns
+    -------
+    TrackingMetrics or None
+        None if no stretch outlasts its settling time. Identification tests are excluded.
+    """
+    intervals = [
+        (interval, _errors(log, *interval)) for interval in _steady(log, settling_s, shortest_s)
+    ]
+    windows_with_data = [
+        (interval, errors)
+        for interval, errors in intervals
+        if errors.heading_deg.size and errors.depth_m.size
+    ]
+    if not windows_with_data:
         return None
-    windows = tuple(_window(log, start, stop, errors) for (start, stop), errors in found)
+    windows = tuple(
+        _window(log, start, stop, errors) for (start, stop), errors in windows_with_data
+    )
     return TrackingMetrics(
         windows=windows,
-        heading_deg=spread(np.concatenate([errors.heading_deg for _, errors in found])),
-        pitch_deg=spread(np.concatenate([errors.pitch_deg for _, errors in found])),
-        depth_m=spread(np.concatenate([errors.depth_m for _, errors in found])),
+        heading_deg=spread(np.concatenate([errors.heading_deg for _, errors in windows_with_data])),
+        pitch_deg=spread(np.concatenate([errors.pitch_deg for _, errors in windows_with_data])),
+        depth_m=spread(np.concatenate([errors.depth_m for _, errors in windows_with_data])),
         settling_s=settling_s,
     )
 
 
 def window(log: Log, start_s: float, stop_s: float) -> SteadyWindow:
-    """Return the errors from ``start_s`` to ``stop_s`` (s), a part of a window of ``tracking``."""
+    """Return the errors over a part of a window of `tracking`.
+
+    Parameters
+    ----------
+    log : Log
+        Log of the dive.
+    start_s, stop_s : float
+        Interval (s).
+
+    Returns
+    -------
+    SteadyWindow
+        Errors in this interval.
+    """
     return _window(log, start_s, stop_s, _errors(log, start_s, stop_s))
 
 
 def spread(error: Array) -> Spread:
+    """Return the statistics of an error."""
     size = np.abs(error)
     return Spread(
         p95=float(np.quantile(size, 0.95)),
@@ -97,7 +143,18 @@ def spread(error: Array) -> Spread:
 
 
 def stretches(log: Log) -> Iterator[tuple[float, float]]:
-    """Return start and stop (s) of each stretch of unchanged set-points under water, less tests."""
+    """Yield each stretch of constant set-points below the surface, without identification tests.
+
+    Parameters
+    ----------
+    log : Log
+        Log of the dive.
+
+    Yields
+    ------
+    tuple of float
+        Start and stop (s).
+    """
     points = log.setpoints
     if points.attitude_time_s.size == 0 or points.depth_time_s.size == 0:
         return
@@ -117,20 +174,21 @@ def stretches(log: Log) -> Iterator[tuple[float, float]]:
 
 
 def _steady(log: Log, settling_s: float, shortest_s: float) -> Iterator[tuple[float, float]]:
-    """(start, stop) of stretches of unchanged set-points under water, after settling."""
+    """Yield start and stop (s) of each stretch after settling."""
     for start, stop in stretches(log):
         settled = start + settling_s
         if stop - settled >= shortest_s:
             yield settled, stop
 
 
-def _changes(time_s: Array, values: Array, least: float) -> list[float]:
-    """The first sample, and every one that differs from the sample before it."""
-    moved = np.flatnonzero(np.abs(np.diff(values)) > least) + 1
-    return [float(time_s[0]), *time_s[moved].tolist()]
+def _changes(time_s: Array, values: Array, min_change: float) -> list[float]:
+    """Return the times of the first sample and of every sample that differs from the last."""
+    indices = np.flatnonzero(np.abs(np.diff(values)) > min_change) + 1
+    return [float(time_s[0]), *time_s[indices].tolist()]
 
 
 def _tests(log: Log) -> Sequence[tuple[float, float]]:
+    """Return start and stop (s) of each identification test."""
     starts = [event.time_s for event in log.events if START_TEXT in event.text]
     return [
         (start, start + float(run.time_s[-1]))
@@ -139,6 +197,7 @@ def _tests(log: Log) -> Sequence[tuple[float, float]]:
 
 
 def _value_at(time_s: Array, values: Array, at_s: float) -> float:
+    """Return the latest value at a time."""
     return float(values[max(0, int(np.searchsorted(time_s, at_s, side="right")) - 1)])
 
 
@@ -149,37 +208,41 @@ def _followed(
     limit: float,
     start_s: float,
 ) -> Array | float:
-    """Return the set-point at each of ``at_s``; that at ``start_s`` unless it moves by ``limit``.
+    """Return the set-point at `at_s`; the one at `start_s` unless it changes by `limit`.
 
-    Guidance along a line turns the heading set-point in steps too small to count as changes.
+    Path following turns the heading set-point in steps too small to count as changes.
     """
     start = _value_at(time_s, values, start_s)
     if at_s.size == 0:
         return start
     rows = np.clip(np.searchsorted(time_s, at_s, side="right") - 1, 0, None)
-    wander = values[rows]
-    return wander if np.max(np.abs(wander - start)) > limit else start
+    setpoints = values[rows]
+    return setpoints if np.max(np.abs(setpoints - start)) > limit else start
 
 
 def _errors(log: Log, start_s: float, stop_s: float) -> _Errors:
+    """Return the errors from `start_s` to `stop_s` (s)."""
     attitude, depth, points = log.attitude, log.depth, log.setpoints
-    now = (attitude.time_s >= start_s) & (attitude.time_s < stop_s)
-    deep = (depth.time_s >= start_s) & (depth.time_s < stop_s)
-    yaw_time_s, depth_time_s = attitude.time_s[now], depth.time_s[deep]
+    in_window = (attitude.time_s >= start_s) & (attitude.time_s < stop_s)
+    depth_in_window = (depth.time_s >= start_s) & (depth.time_s < stop_s)
+    yaw_time_s, depth_time_s = attitude.time_s[in_window], depth.time_s[depth_in_window]
     headings = points.attitude_time_s, points.heading_rad
     depths = points.depth_time_s, points.depth_m
     depth_setpoint_m = _followed(*depths, depth_time_s, DEPTH_CHANGE_M, start_s)
-    heading = attitude.yaw_rad[now] - _followed(*headings, yaw_time_s, HEADING_CHANGE_RAD, start_s)
+    heading = attitude.yaw_rad[in_window] - _followed(
+        *headings, yaw_time_s, HEADING_CHANGE_RAD, start_s
+    )
     wrapped = (heading + math.pi) % (2.0 * math.pi) - math.pi
-    pitch = attitude.pitch_rad[now]
+    pitch = attitude.pitch_rad[in_window]
     return _Errors(
         heading_deg=np.degrees(wrapped),
         pitch_deg=np.degrees(pitch - np.mean(pitch)),
-        depth_m=depth.depth_m[deep] - depth_setpoint_m,
+        depth_m=depth.depth_m[depth_in_window] - depth_setpoint_m,
     )
 
 
 def _window(log: Log, start_s: float, stop_s: float, errors: _Errors) -> SteadyWindow:
+    """Return the statistics of a window."""
     points = log.setpoints
     return SteadyWindow(
         start_s=start_s,

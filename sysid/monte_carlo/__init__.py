@@ -1,9 +1,9 @@
-"""A mission flown beforehand by the vehicles that a model allows for, under the gains that are to
-go to sea.
+"""Monte-Carlo simulation of a mission with vehicles sampled from a model's posterior.
 
-``study.rehearse`` reads top to bottom: who may come (``crew``), how she moves (``tail``, ``body``),
-what pushes her (``disturbance``) and what her instruments tell (``instruments``), a mission through
-the autopilot's own tick (``dive``), and what is said of it (``outcome``, ``study``).
+``study.simulate_samples`` reads top to bottom: the sampled vehicles (``samples``), their motion
+(``actuator``, ``dynamics``), disturbances (``disturbance``) and sensor noise (``instruments``), a
+mission through the autopilot's own tick (``simulate``), and the results (``metrics``, ``study``).
 
-Everything comes from the model and the file it is a change of. Nothing here has seen the
-simulator's sea."""
+All inputs come from the identified model and its vehicle file. The simulator's environment is not
+used.
+"""

@@ -1,4 +1,4 @@
-"""What pushes a rehearsed vehicle: the identified noise of both planes, played tick by tick."""
+"""Disturbance of a simulated vehicle: the identified noise of both planes, tick by tick."""
 
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
@@ -17,46 +17,72 @@ from sysid.models.parameters import CandidateVehicle
 Array = NDArray[np.float64]
 
 BLOCK = 1024
-"""Ticks that are drawn at a time."""
+"""Number of ticks that are drawn at a time."""
 ACTS_ON: dict[Plane, tuple[int, int]] = {"yaw": (1, 5), "pitch": (2, 4)}
-"""Rows of the generalised acceleration (FLU) that a plane's force and moment stand in."""
+"""Indices of force and moment of each plane in the generalised acceleration (FLU)."""
 
 
 class ShapingFilter(NamedTuple):
-    """Slow moment, waves and their rate (``sysid.models.noise``), discrete."""
+    """Discrete shaping filter x[k+1] = transition x[k] + root w[k], w standard normal.
+
+    States: slow acceleration, wave acceleration and its rate (``sysid.models.noise``), rad/s^2.
+    """
 
     transition: Array
     root: Array
-    """Of the covariance that a tick adds."""
+    """Square root of the covariance of the process noise per tick."""
     spread: Array
-    """Standard deviations when it begins."""
+    """Standard deviations of the initial state."""
 
 
 def of_plane(vehicle: CandidateVehicle, plane: Plane, level: Noise) -> ShapingFilter:
+    """Return the shaping filter of one plane at the autopilot's tick."""
     linear = fit.linear_plane(vehicle, plane)
     A, density, _, _, P0 = noise.system(linear, level)
     n = len(linear.states)
-    sea = slice(n, n + 3)
-    transition, process = noise.discrete(A[sea, sea], density[sea, sea], TICK_S)
-    return ShapingFilter(transition, noise.root(process), np.sqrt(np.diag(P0)[sea]))
+    disturbance_states = slice(n, n + 3)
+    transition, process = noise.discrete(
+        A[disturbance_states, disturbance_states],
+        density[disturbance_states, disturbance_states],
+        TICK_S,
+    )
+    return ShapingFilter(transition, noise.root(process), np.sqrt(np.diag(P0)[disturbance_states]))
 
 
 def wrenches(
     vehicle: CandidateVehicle, levels: Mapping[Plane, Noise], times: float, rng: np.random.Generator
 ) -> Iterator[Array]:
-    """For every tick (6,), N and N m in FLU: such as give the accelerations of the noise model,
-    ``times`` over.
+    """Yield the disturbing wrench of each tick, (6,), N and N m in FLU.
 
-    The draws do not depend on ``times``: a rougher sea is the same sea, louder.
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle with mass matrix M, added mass included.
+    levels : Mapping
+        Noise model of each plane.
+    times : float
+        Factor on the disturbance; the random draws do not depend on it.
+    rng : Generator
+        Random generator.
+
+    Yields
+    ------
+    ndarray
+        tau = M a with the generalised acceleration a of the noise model.
     """
-    colours = {plane: of_plane(vehicle, plane, level) for plane, level in levels.items()}
-    states = {plane: colour.spread * rng.standard_normal(3) for plane, colour in colours.items()}
+    filters = {plane: of_plane(vehicle, plane, level) for plane, level in levels.items()}
+    states = {
+        plane: shaping_filter.spread * rng.standard_normal(3)
+        for plane, shaping_filter in filters.items()
+    }
     while True:
         accelerations = np.zeros((BLOCK, 6))
-        for plane, colour in colours.items():
+        for plane, shaping_filter in filters.items():
             force, moment = ACTS_ON[plane]
-            kicks = rng.standard_normal((BLOCK, 3)) @ colour.root.T
-            accelerations[:, moment] = _generate(colour.transition, kicks, states[plane])
+            process_noise = rng.standard_normal((BLOCK, 3)) @ shaping_filter.root.T
+            accelerations[:, moment] = _generate(
+                shaping_filter.transition, process_noise, states[plane]
+            )
             accelerations[:, force] = (
                 levels[plane].force_mps15 / TICK_S**0.5 * rng.standard_normal(BLOCK)
             )
@@ -64,18 +90,17 @@ def wrenches(
 
 
 @entry_point
-def _generate(transition: Array, kicks: Array, state: Array) -> Array:
-    """Slow moment and waves together, tick by tick; ``state`` is left where the next block
-    begins."""
-    out = np.empty(len(kicks))
-    for k in range(len(kicks)):
-        out[k] = state[0] + state[1]
+def _generate(transition: Array, process_noise: Array, state: Array) -> Array:
+    """Return slow plus wave acceleration tick by tick; ``state`` is updated for the next block."""
+    accelerations = np.empty(len(process_noise))
+    for k in range(len(process_noise)):
+        accelerations[k] = state[0] + state[1]
         slow, wave, rate = state[0], state[1], state[2]
         for i in range(3):
             state[i] = (
                 transition[i, 0] * slow
                 + transition[i, 1] * wave
                 + transition[i, 2] * rate
-                + kicks[k, i]
+                + process_noise[k, i]
             )
-    return out
+    return accelerations

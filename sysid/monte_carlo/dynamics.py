@@ -1,5 +1,8 @@
-"""A drawn vehicle in six degrees of freedom behind her identified tailcone: one tick of motion, and
-what it shows."""
+"""Motion of a sampled vehicle in six degrees of freedom behind its tailcone, one tick at a time.
+
+Rigid body and hydrodynamics are those of ``sitl.vehicle.dynamics``, integrated by a fourth-order
+Runge-Kutta method with `SUBSTEPS` steps per tick.
+"""
 
 from typing import NamedTuple
 
@@ -20,59 +23,67 @@ Vector3 = tuple[float, float, float]
 
 SUBSTEPS = 4
 SUBSTEP_S = TICK_S / SUBSTEPS
+"""Step of integration (s)."""
 N_OBSERVED = 10
-"""What an observer aboard could tell: specific force, rates, field (each x, y, z in FRD) and
-depth."""
+"""Number of ideal measurements.
+
+Specific force (m/s^2), angular rate (rad/s) and magnetic field (gauss), each x, y, z in FRD, and
+depth (m).
+"""
 FORCE, RATES, FIELD, DEPTH = slice(0, 3), slice(3, 6), slice(6, 9), 9
+"""Indices of specific force, rates, magnetic field and depth in the measurements."""
 
 
 class SimulatedBody(NamedTuple):
-    """What obeys the laws of physics, and where."""
+    """Vehicle model, tailcone, water and magnetic field."""
 
     model: VehicleModel
     rudder: Actuator
     elevator: Actuator
     water: Water
     field_nwu: Vector3
-    """The earth's magnetic field, gauss."""
+    """The earth's magnetic field in north-west-up axes (gauss)."""
 
 
 class SimulatedVehicleState(NamedTuple):
-    """A vehicle on her way; the arrays change at every tick."""
+    """State of a simulated vehicle; the arrays change at every tick."""
 
-    vessel: Native
+    body: Native
     state: Array
-    """(13,), as ``sitl.vehicle.dynamics`` has it."""
+    """Position, attitude and velocity, (13,), as in ``sitl.vehicle.dynamics``."""
     rudder: Array
     elevator: Array
-    """As ``tail`` has them."""
-    seen: Array
-    """(SEEN,) after the last tick."""
+    """Tailcone axes as in ``actuator``."""
+    observed: Array
+    """Ideal measurements after the last tick, (N_OBSERVED,)."""
     work: Array
+    """Work array of the integration."""
 
 
 def initial_state(
     vehicle: CandidateVehicle, water: Water, field_nwu: Vector3
 ) -> SimulatedVehicleState:
-    """Awash, level, at rest, heading north."""
+    """Return a vehicle at the surface, level, at rest, heading north."""
     rudder, elevator = vehicle.actuators["yaw"], vehicle.actuators["pitch"]
-    vessel = SimulatedBody(vehicle.model, rudder, elevator, water, field_nwu)
+    body = SimulatedBody(
+        model=vehicle.model, rudder=rudder, elevator=elevator, water=water, field_nwu=field_nwu
+    )
     craft = SimulatedVehicleState(
-        native(vessel),
-        dynamics.state_at_rest(-vehicle.model.hydrostatics.radius_m),
-        actuator.at_rest(rudder, SUBSTEP_S),
-        actuator.at_rest(elevator, SUBSTEP_S),
-        np.empty(N_OBSERVED),
-        dynamics.work_array(),
+        body=native(body),
+        state=dynamics.state_at_rest(-vehicle.model.hydrostatics.radius_m),
+        rudder=actuator.at_rest(rudder, SUBSTEP_S),
+        elevator=actuator.at_rest(elevator, SUBSTEP_S),
+        observed=np.empty(N_OBSERVED),
+        work=dynamics.work_array(),
     )
     _observe(
-        craft.vessel,
+        craft.body,
         craft.state,
         rudder.bias_rad,
         elevator.bias_rad,
         0.0,
         np.zeros(6),
-        craft.seen,
+        craft.observed,
         craft.work,
     )
     return craft
@@ -85,16 +96,34 @@ def advance(
     thrust: float,
     wrench: Array,
 ) -> Array:
-    """What is seen a tick later under these commands and an extra ``wrench``, (6,), FLU, N and N
-    m."""
-    vessel, state, rudder, elevator, seen, work = craft
-    _advance(vessel, state, rudder, elevator, rudder_rad, elevator_rad, thrust, wrench, seen, work)
-    return seen
+    """Advance a vehicle by one tick.
+
+    Parameters
+    ----------
+    craft : SimulatedVehicleState
+        Vehicle; its arrays are updated.
+    rudder_rad, elevator_rad : float
+        Commands (rad).
+    thrust : float
+        Fraction of full thrust.
+    wrench : ndarray
+        Disturbing force and moment, (6,), N and N m in FLU.
+
+    Returns
+    -------
+    ndarray
+        Ideal measurements, (N_OBSERVED,).
+    """
+    body, state, rudder, elevator, observed, work = craft
+    _advance(
+        body, state, rudder, elevator, rudder_rad, elevator_rad, thrust, wrench, observed, work
+    )
+    return observed
 
 
 @entry_point
 def _advance(
-    native_vessel: Native,
+    native_body: Native,
     state: Array,
     rudder: Array,
     elevator: Array,
@@ -102,14 +131,15 @@ def _advance(
     elevator_rad: float,
     thrust: float,
     wrench: Array,
-    seen: Array,
+    observed: Array,
     work: Array,
 ) -> None:
-    vessel = native_vessel.value
+    """Advance tailcone and body by one tick and update the measurements."""
+    body = native_body.value
     duct_rad = np.empty((2, SUBSTEPS))
-    actuator.follow(vessel.rudder, rudder, rudder_rad, SUBSTEP_S, duct_rad[0])
-    actuator.follow(vessel.elevator, elevator, elevator_rad, SUBSTEP_S, duct_rad[1])
-    shaft_rps = propeller.rps(thrust, vessel.model)
+    actuator.follow(body.rudder, rudder, rudder_rad, SUBSTEP_S, duct_rad[0])
+    actuator.follow(body.elevator, elevator, elevator_rad, SUBSTEP_S, duct_rad[1])
+    shaft_rps = propeller.rps(thrust, body.model)
     for k in range(SUBSTEPS):
         dynamics.rk4_step(
             state,
@@ -117,38 +147,38 @@ def _advance(
             duct_rad[1, k],
             shaft_rps,
             wrench,
-            vessel.water,
+            body.water,
             SUBSTEP_S,
-            vessel.model,
+            body.model,
             work,
         )
-    rudder_now = rudder[actuator.DUCT] + vessel.rudder.bias_rad
-    elevator_now = elevator[actuator.DUCT] + vessel.elevator.bias_rad
-    _observe(native_vessel, state, rudder_now, elevator_now, shaft_rps, wrench, seen, work)
+    rudder_now = rudder[actuator.DUCT] + body.rudder.bias_rad
+    elevator_now = elevator[actuator.DUCT] + body.elevator.bias_rad
+    _observe(native_body, state, rudder_now, elevator_now, shaft_rps, wrench, observed, work)
 
 
 @entry_point
 def _observe(
-    native_vessel: Native,
+    native_body: Native,
     state: Array,
     rudder_rad: float,
     elevator_rad: float,
     shaft_rps: float,
     wrench: Array,
-    seen: Array,
+    observed: Array,
     work: Array,
 ) -> None:
-    """Perfect instruments, into ``seen``: the vehicle's axes turned by half a turn about x."""
-    vessel, slope = native_vessel.value, work[0]
+    """Write the ideal measurements; FRD is FLU rotated by half a turn about x."""
+    body, slope = native_body.value, work[0]
     dynamics.derivative(
-        state, rudder_rad, elevator_rad, shaft_rps, wrench, vessel.water, vessel.model, slope
+        state, rudder_rad, elevator_rad, shaft_rps, wrench, body.water, body.model, slope
     )
-    force = dynamics.specific_force(state, slope, vessel.model)
+    force = dynamics.specific_force(state, slope, body.model)
     north, west, up = dynamics.rotation(state)
-    field = vessel.field_nwu
+    field = body.field_nwu
     for i in range(3):
         sign = 1.0 if i == 0 else -1.0
-        seen[i] = sign * force[i]
-        seen[3 + i] = sign * state[10 + i]
-        seen[6 + i] = sign * (north[i] * field[0] + west[i] * field[1] + up[i] * field[2])
-    seen[DEPTH] = -state[2]
+        observed[i] = sign * force[i]
+        observed[3 + i] = sign * state[10 + i]
+        observed[6 + i] = sign * (north[i] * field[0] + west[i] * field[1] + up[i] * field[2])
+    observed[DEPTH] = -state[2]

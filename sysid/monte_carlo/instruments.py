@@ -1,10 +1,9 @@
-"""What a rehearsed vehicle's instruments tell: her true motion with the sensor noise that the model
-found.
+"""Measurements of a simulated vehicle: true motion plus the identified sensor noise.
 
-The noise model knows what rates, angles and depth were off by in means over 0.1 s. It enters where
-the instruments are, as white noise of the same density: rates at the gyro, angles as tilt of
-gravity and field, depth at the pressure sensor. The estimator aboard then makes of it what it makes
-at sea. She carries no satellite receiver and no Doppler log here: the model says nothing of either.
+The noise model gives errors of rates, angles and depth as means over 0.1 s. They enter as white
+noise of the same density at the sensors: rates at the gyro, angles as tilt of gravity and field,
+depth at the pressure sensor. The autopilot's estimator then processes them as in the sea. There is
+no GNSS receiver and no DVL, because the model has no information about them.
 """
 
 import math
@@ -24,17 +23,18 @@ from sysid.monte_carlo.dynamics import DEPTH, FIELD, FORCE, N_OBSERVED, RATES
 Array = NDArray[np.float64]
 
 MEAN_S = 0.1
-"""Over which the model's noise is a mean."""
+"""Averaging time of the model's noise (s)."""
 HORIZONTAL_GAUSS, DOWN_GAUSS = 0.2, 0.48
-"""The earth's field in middle latitudes."""
+"""Horizontal and downward component of the earth's field at middle latitudes (gauss)."""
 LAST_DIGIT_NOISE = 1e-7
-"""Of every last digit: an instrument whose reading stands still is taken for broken."""
+"""Minimum noise of every measurement: a constant value is treated as a sensor fault."""
 BLOCK = 1024
+"""Number of ticks that are drawn at a time."""
 TEMPERATURE_DEGC = 10.0
 
 
 def field_nwu(config: Config) -> tuple[float, float, float]:
-    """A field of the declination that the autopilot reckons with, gauss."""
+    """Return a magnetic field (gauss, NWU) with the declination of the autopilot's parameters."""
     declination = config.declination_rad
     return (
         HORIZONTAL_GAUSS * math.cos(declination),
@@ -44,7 +44,11 @@ def field_nwu(config: Config) -> tuple[float, float, float]:
 
 
 def deviations(levels: Mapping[Plane, Noise]) -> Array:
-    """(SEEN,) standard deviation of one tick's reading; roll's are taken to be pitch's."""
+    """Return the standard deviation of one tick's measurement, (N_OBSERVED,).
+
+    White noise with density s^2 `MEAN_S` has the standard deviation s sqrt(MEAN_S / TICK_S) per
+    tick. Roll errors are taken equal to pitch errors.
+    """
     yaw, pitch = levels["yaw"], levels["pitch"]
     sd = np.empty(N_OBSERVED)
     sd[FORCE] = STANDARD_GRAVITY_MPS2 * pitch.angle_rad
@@ -55,14 +59,14 @@ def deviations(levels: Mapping[Plane, Noise]) -> Array:
 
 
 def errors(levels: Mapping[Plane, Noise], rng: np.random.Generator) -> Iterator[Array]:
-    """(SEEN,) for every tick."""
+    """Yield the measurement errors of each tick, (N_OBSERVED,)."""
     sd = deviations(levels)
     while True:
         yield from sd * rng.standard_normal((BLOCK, N_OBSERVED))
 
 
 def frame(time_us: int, reading: Array, config: Config) -> SensorFrame:
-    """The sample that the tick takes in."""
+    """Return the sensor frame of one tick."""
     ax, ay, az, p, q, r, mx, my, mz, depth_m = reading.tolist()
     gauge_hpa = 0.01 * config.water_density_kgpm3 * STANDARD_GRAVITY_MPS2 * depth_m
     pressure_hpa = config.surface_pressure_hpa + gauge_hpa

@@ -1,5 +1,4 @@
-"""What a rehearsed dive comes to: errors once settled, how legs settled, what the duct had to do,
-what failed."""
+"""Metrics of a simulated dive: steady errors, settling of legs, surface activity and failures."""
 
 import math
 import re
@@ -17,34 +16,30 @@ from sysid.test_design.safety_margins import HOLDING_LIMITS
 Array = NDArray[np.float64]
 
 SETTLED_RAD, SETTLED_M = math.radians(3.0), 0.3
-"""A leg has settled when the vehicle stays this near to its heading and its depth until it ends."""
+"""Largest heading (rad) and depth error (m) of a settled leg, from settling to its end."""
 SETTLED_FOR_S = 5.0
-"""For at least so long."""
+"""Minimum time (s) between settling and the end of the leg."""
 MIN_STEADY_S = 15.0
-"""Steady flight from which it can be told whether she is held; shorter, she may still be on her
-way."""
+"""Minimum length (s) of steady flight in which divergence is evaluated."""
 MAX_SATURATED_FRACTION = 0.2
-"""A surface that stands at its stops for this share of steady flight is no loop's any more, but a
-limit cycle's."""
+"""Share of steady flight at a stop above which the loop counts as a limit cycle."""
 SATURATED_SHARE = 0.999
-"""Of the travel."""
+"""Share of the travel above which a surface counts as being at its stop."""
 AT_DEPTH_M = 0.3
-"""This near to the depth asked for she counts as dived, and from then on she must not show
-herself."""
+"""Largest depth error (m) at which the vehicle counts as dived; afterwards it must not broach."""
 
 
 class Leg(NamedTuple):
-    """One stretch of constant set-points under water."""
+    """One stretch of constant set-points below the surface."""
 
     heading_deg: float
     depth_m: float
     settled_s: float | None
-    """After it began; None where the vehicle did not settle before it ended."""
+    """Settling time (s) from the start of the leg; None if the vehicle did not settle."""
 
 
 class Steady(NamedTuple):
-    """95 % of the error once settled, by the windows and definitions of
-    ``sysid.monitor.tracking_metrics``."""
+    """95 % of the error after settling, defined as in ``sysid.monitor.tracking_metrics``."""
 
     heading_deg: float
     pitch_deg: float
@@ -52,33 +47,51 @@ class Steady(NamedTuple):
 
 
 class DiveMetrics(NamedTuple):
+    """Metrics of one dive."""
+
     steady: Steady | None
-    """None where no leg outlasts its settling."""
+    """None if no leg outlasts its settling time."""
     legs: tuple[Leg, ...]
     rudder_deg: float
     elevator_deg: float
-    """The largest commands."""
+    """Largest command of the rudder and of the elevator (deg)."""
     stopped: float
-    """Share of the dive in which either was at its stop."""
+    """Share of the dive in which either surface was at its stop."""
     shallowest_m: float | None
-    """Once dived, by the truth; None for a vehicle that never was."""
+    """Smallest true depth after diving (m); None if the vehicle did not dive."""
     broached: bool
-    """Her hull came through the surface then."""
+    """Whether the hull came through the surface after diving."""
     diverged: str
-    """What was not held; empty for a vehicle that flew."""
+    """First quantity that was not held: heading, pitch, depth or the mission's time, or empty."""
     failsafe: str
-    """What ended the mission, without its figure."""
+    """Failsafe that ended the mission, without its numbers; empty if none."""
     seconds: float
 
 
 def of_dive(dive: SimulatedDive, travel_rad: float, hull_radius_m: float) -> DiveMetrics:
+    """Return the metrics of a dive.
+
+    Parameters
+    ----------
+    dive : SimulatedDive
+        Simulated dive.
+    travel_rad : float
+        Travel of the surfaces (rad).
+    hull_radius_m : float
+        Radius of the hull (m).
+
+    Returns
+    -------
+    DiveMetrics
+        Metrics of the dive.
+    """
     log = dive.log
-    legs = tracking_metrics.tracking(log, settling_s=0.0)
+    windows = tracking_metrics.tracking(log, settling_s=0.0)
     rudder, elevator = np.abs(log.actuators.rudder_rad), np.abs(log.actuators.elevator_rad)
     shallowest_m = _shallowest_m(dive)
     return DiveMetrics(
         steady=_steady(log),
-        legs=tuple(_leg(log, window) for window in legs.windows) if legs else (),
+        legs=tuple(_leg(log, window) for window in windows.windows) if windows else (),
         rudder_deg=math.degrees(float(np.max(rudder))),
         elevator_deg=math.degrees(float(np.max(elevator))),
         stopped=float(np.mean(np.maximum(rudder, elevator) > SATURATED_SHARE * travel_rad)),
@@ -91,60 +104,64 @@ def of_dive(dive: SimulatedDive, travel_rad: float, hull_radius_m: float) -> Div
 
 
 def _in_window(log: Log, window: SteadyWindow) -> NDArray[np.bool_]:
-    """Samples of a window; a rehearsed log has one time for all of its records."""
+    """Return a mask of the samples in a window; a simulated log has one time base."""
     time_s = log.attitude.time_s
     return (time_s >= window.start_s) & (time_s < window.stop_s)
 
 
 def _heading_error_rad(log: Log) -> Array:
-    """From the set-point of the moment, which moves where a path is followed."""
+    """Return the error from the current set-point, which changes while a path is followed."""
     error = log.attitude.yaw_rad - log.setpoints.heading_rad
     return np.asarray((error + math.pi) % (2.0 * math.pi) - math.pi)
 
 
 def _steady(log: Log) -> Steady | None:
-    found = tracking_metrics.tracking(log)
-    if found is None:
+    """Return the steady errors, or None."""
+    metrics = tracking_metrics.tracking(log)
+    if metrics is None:
         return None
-    settled = np.any([_in_window(log, window) for window in found.windows], axis=0)
-    heading = tracking_metrics.spread(np.degrees(_heading_error_rad(log)[settled]))
-    return Steady(heading.p95, found.pitch_deg.p95, found.depth_m.p95)
+    in_windows = np.any([_in_window(log, window) for window in metrics.windows], axis=0)
+    heading = tracking_metrics.spread(np.degrees(_heading_error_rad(log)[in_windows]))
+    return Steady(heading.p95, metrics.pitch_deg.p95, metrics.depth_m.p95)
 
 
-def _leg(log: Log, leg: SteadyWindow) -> Leg:
-    off = np.abs(_heading_error_rad(log)) > SETTLED_RAD
-    off |= np.abs(log.depth.depth_m - leg.depth_setpoint_m) > SETTLED_M
-    late = log.attitude.time_s[off & _in_window(log, leg)]
-    last_s = float(late[-1]) if late.size else leg.start_s
-    settled = leg.stop_s - last_s >= SETTLED_FOR_S
+def _leg(log: Log, window: SteadyWindow) -> Leg:
+    """Return the settling of one leg."""
+    unsettled = np.abs(_heading_error_rad(log)) > SETTLED_RAD
+    unsettled |= np.abs(log.depth.depth_m - window.depth_setpoint_m) > SETTLED_M
+    unsettled_s = log.attitude.time_s[unsettled & _in_window(log, window)]
+    last_s = float(unsettled_s[-1]) if unsettled_s.size else window.start_s
+    settled = window.stop_s - last_s >= SETTLED_FOR_S
     return Leg(
-        leg.heading_setpoint_deg, leg.depth_setpoint_m, last_s - leg.start_s if settled else None
+        window.heading_setpoint_deg,
+        window.depth_setpoint_m,
+        last_s - window.start_s if settled else None,
     )
 
 
 def _shallowest_m(dive: SimulatedDive) -> float | None:
-    """Least depth between reaching the first depth asked for and turning to the surface."""
-    wanted_m = dive.log.setpoints.depth_m
-    down = (np.abs(dive.true_depth_m - wanted_m) < AT_DEPTH_M) & (
-        wanted_m > tracking_metrics.SUBMERGED_M
+    """Return the smallest true depth after the first commanded depth was reached, or None."""
+    setpoint_m = dive.log.setpoints.depth_m
+    dived = (np.abs(dive.true_depth_m - setpoint_m) < AT_DEPTH_M) & (
+        setpoint_m > tracking_metrics.SUBMERGED_M
     )
-    if not np.any(down):
+    if not np.any(dived):
         return None
-    return float(np.min(dive.true_depth_m[int(np.argmax(down)) :]))
+    return float(np.min(dive.true_depth_m[int(np.argmax(dived)) :]))
 
 
 def _divergence(dive: SimulatedDive, travel_rad: float) -> str:
-    """The first thing that was not held once it should have settled."""
+    """Return the first quantity that was not held after settling."""
     log = dive.log
-    judged = tracking_metrics.tracking(log, shortest_s=MIN_STEADY_S)
-    for window in judged.windows if judged else ():
-        now = _in_window(log, window)
+    metrics = tracking_metrics.tracking(log, shortest_s=MIN_STEADY_S)
+    for window in metrics.windows if metrics else ():
+        in_window = _in_window(log, window)
         rudder, elevator = (
-            float(np.mean(np.abs(command[now]) > SATURATED_SHARE * travel_rad))
+            float(np.mean(np.abs(command[in_window]) > SATURATED_SHARE * travel_rad))
             for command in (log.actuators.rudder_rad, log.actuators.elevator_rad)
         )
         if (
-            np.max(np.abs(_heading_error_rad(log)[now])) > HOLDING_LIMITS.heading_rad
+            np.max(np.abs(_heading_error_rad(log)[in_window])) > HOLDING_LIMITS.heading_rad
             or rudder > MAX_SATURATED_FRACTION
         ):
             return "heading"

@@ -1,11 +1,12 @@
 """Check before a campaign's first dive: can the vehicle of the prior complete its missions?
 
-Each mission is flown in process by the vehicle of the prior's mean, under the gains of the first
+Each mission is simulated in process with the vehicle of the prior's mean, the gains of the first
 dive and the disturbing moments of the scenario, scaled with the vehicle's inertia. Currents, waves
-of the water and faults of a scenario are left out. Nothing of the simulator's truth is used.
+of the water and faults of a scenario are left out. The simulator's truth is not used.
 
-The tests are flown with and without the sea. The coherence of the two rates about crossover is
-that of command and rate which the verdict asks for (Tischler and Remple 2006, section 7.5).
+The tests are simulated with and without disturbance. The coherence of the two rates about crossover
+equals that of command and rate which the model assessment requires (Tischler and Remple 2006,
+section 7.5).
 """
 
 import math
@@ -25,11 +26,10 @@ from sysid.data.segments import Plane, Run
 from sysid.models import prediction
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle
-from sysid.monte_carlo import samples as crew
-from sysid.monte_carlo import simulate as dive
+from sysid.monte_carlo import samples, simulate
 from sysid.monte_carlo.disturbance import ACTS_ON
 from sysid.monte_carlo.simulate import MissionRejectedError, Sea, SimulatedDive
-from sysid.test_design import prior as beliefs
+from sysid.test_design import prior as design_priors
 from sysid.test_design.simulate import SURFACE
 from sysid.validation import crossover, frequency_response
 from sysid.validation.acceptance import COHERENCE
@@ -42,7 +42,7 @@ Items = tuple[MissionItem, ...]
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 FREQUENCIES = 20
-"""Number of frequencies about crossover at which the coherence is computed, as in the verdict."""
+"""Number of frequencies about crossover for the coherence, as in the model assessment."""
 
 
 class Moments(NamedTuple):
@@ -64,7 +64,7 @@ class Obstacle(NamedTuple):
 
 
 class _Trial(NamedTuple):
-    """Vehicle of the prior's mean, its parameters and the sea, for all missions alike."""
+    """Vehicle of the prior's mean, its parameters and the disturbance for all missions."""
 
     vehicle: CandidateVehicle
     levels: dict[Plane, Noise]
@@ -73,6 +73,18 @@ class _Trial(NamedTuple):
 
 def noise_levels(vehicle: CandidateVehicle, moments: Moments) -> dict[Plane, Noise]:
     """Return the disturbance of both planes as angular accelerations.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle with its mass matrix.
+    moments : Moments
+        Disturbing moments (N m).
+
+    Returns
+    -------
+    dict
+        Noise model of each plane, without sensor noise.
 
     Notes
     -----
@@ -99,89 +111,108 @@ def find_obstacle(
 
     Parameters
     ----------
-    prior: the vehicle file known beforehand.
-    gains: parameters of the first dive, by name; trims are those of the prior.
-    moments: the scenario's disturbance.
-    missions: items by the mission's name, in the order of flying.
-    seed: seed of the sea and the instruments.
+    prior : VehicleConfig
+        Vehicle file.
+    gains : Gains
+        Parameters of the first dive, by name; trims are those of the prior.
+    moments : Moments
+        Disturbing moments of the scenario.
+    missions : Mapping
+        Mission items by the mission's name, in the order of the dives.
+    seed : int
+        Seed of disturbance and sensor noise.
+
+    Returns
+    -------
+    Obstacle or None
+        Mission or test with the reason.
     """
-    belief = beliefs.from_file(prior)
-    vehicle = belief.vehicle(belief.mean)
-    aboard = params.config({**gains, **crew.trims_deg(vehicle)})
-    rehearsal = _Trial(vehicle, noise_levels(vehicle, moments), aboard)
-    flown: dict[str, SimulatedDive] = {}
+    design_prior = design_priors.from_file(prior)
+    vehicle = design_prior.vehicle(design_prior.mean)
+    config = params.config({**gains, **samples.trims_deg(vehicle)})
+    trial = _Trial(vehicle, noise_levels(vehicle, moments), config)
+    dives: dict[str, SimulatedDive] = {}
     for name, items in missions.items():
         try:
-            flown[name] = _simulate(rehearsal, items, Sea(), seed)
+            dives[name] = _simulate(trial, items, Sea(), seed)
         except MissionRejectedError as error:
             return Obstacle(name, f"the autopilot refuses the mission ({error})")
-        if flown[name].failsafe:
-            cause = f"it ends with the failsafe {flown[name].failsafe!r}"
-            return Obstacle(name, f"{cause}; {_sea_in_words(rehearsal)}")
-        if not flown[name].finished:
-            return Obstacle(name, f"it does not end within its time; {_sea_in_words(rehearsal)}")
-    return _hidden_tests(rehearsal, gains, missions, flown, seed)
+        if dives[name].failsafe:
+            outcome = f"it ends with the failsafe {dives[name].failsafe!r}"
+            return Obstacle(name, f"{outcome}; {_describe_disturbance(trial)}")
+        if not dives[name].finished:
+            return Obstacle(
+                name, f"it does not end within its time; {_describe_disturbance(trial)}"
+            )
+    return _hidden_tests(trial, gains, missions, dives, seed)
 
 
-def _simulate(rehearsal: _Trial, items: Items, sea: Sea, seed: int) -> SimulatedDive:
-    return dive.fly(rehearsal.vehicle, rehearsal.levels, items, rehearsal.config, sea, (seed,))
+def _simulate(trial: _Trial, items: Items, condition: Sea, seed: int) -> SimulatedDive:
+    """Simulate one mission."""
+    return simulate.fly(trial.vehicle, trial.levels, items, trial.config, condition, (seed,))
 
 
-def _sea_in_words(rehearsal: _Trial) -> str:
-    yaw = rehearsal.levels["yaw"]
+def _describe_disturbance(trial: _Trial) -> str:
+    """Return the size of the disturbance as text."""
+    yaw = trial.levels["yaw"]
     rms = math.degrees(math.hypot(yaw.slow_radps2, yaw.wave_radps2))
     return f"the scenario's moments accelerate this vehicle by {rms:.2g} deg/s² rms in yaw"
 
 
 def _hidden_tests(
-    rehearsal: _Trial,
+    trial: _Trial,
     gains: Gains,
     missions: Mapping[str, Items],
-    flown: Mapping[str, SimulatedDive],
+    dives: Mapping[str, SimulatedDive],
     seed: int,
 ) -> Obstacle | None:
-    """Return the tests that the sea hides: the verdict would refuse the model for coherence."""
-    swept = {name: _sweeps(dive) for name, dive in flown.items()}
+    """Return the tests whose coherence is too low because of the disturbance, or None."""
+    sweeps_of = {name: _sweeps(dive) for name, dive in dives.items()}
     for plane in PLANES:
-        tested = [name for name, found in swept.items() if any(run.plane == plane for run in found)]
-        crossed = crossover.crossover(_uncertain_vehicle(rehearsal.vehicle), plane, gains)
-        if not tested or crossed is None:
+        tested_missions = [
+            name
+            for name, response in sweeps_of.items()
+            if any(run.plane == plane for run in response)
+        ]
+        feasible_crossover = crossover.crossover(_uncertain_vehicle(trial.vehicle), plane, gains)
+        if not tested_missions or feasible_crossover is None:
             continue
         pairs: list[Pair] = []
-        for name in tested:
-            calm = _simulate(rehearsal, missions[name], Sea(0.0), seed)
-            pairs += _pairs(_sweeps(calm), swept[name], plane)
-        low, high = (share * crossed.crossover_radps for share in OCTAVE)
-        found = frequency_response.spectra(pairs, np.geomspace(low, high, FREQUENCIES))
-        coherence = float(np.min(found.coherence))
+        for name in tested_missions:
+            calm = _simulate(trial, missions[name], Sea(0.0), seed)
+            pairs += _pairs(_sweeps(calm), sweeps_of[name], plane)
+        low, high = (share * feasible_crossover.crossover_radps for share in OCTAVE)
+        response = frequency_response.spectra(pairs, np.geomspace(low, high, FREQUENCIES))
+        coherence = float(np.min(response.coherence))
         if coherence < COHERENCE:
             return Obstacle(
                 f"{SURFACE[plane]} tests",
-                f"the sea hides them: coherence about crossover {coherence:.2f}, "
-                f"at least {COHERENCE:g} needed; {_sea_in_words(rehearsal)}",
+                f"the disturbance masks them: coherence about crossover {coherence:.2f}, "
+                f"at least {COHERENCE:g} needed; {_describe_disturbance(trial)}",
             )
     return None
 
 
 def _uncertain_vehicle(vehicle: CandidateVehicle) -> UncertainVehicle:
+    """Return a vehicle without uncertainty."""
     return UncertainVehicle(lambda z: vehicle, np.zeros(0), None)
 
 
-def _sweeps(flown: SimulatedDive) -> list[Run]:
-    """Tests of a dive that tell a response over frequency."""
+def _sweeps(simulate: SimulatedDive) -> list[Run]:
+    """Return the broadband tests of a dive."""
     return [
         run
-        for run in segments.cut_runs(flown.log)
+        for run in segments.cut_runs(simulate.log)
         if run.wave not in frequency_response.NARROWBAND_WAVES
     ]
 
 
 def _pairs(calm: Sequence[Run], disturbed: Sequence[Run], plane: Plane) -> Iterator[Pair]:
-    """Rates of the same tests without and with the sea, from LEAD_S before to the earlier end."""
-    for quiet, rough in zip(calm, disturbed, strict=True):
-        if quiet.plane == plane:
+    """Yield the rates of the same tests without and with disturbance, from LEAD_S before each."""
+    for calm_run, disturbed_run in zip(calm, disturbed, strict=True):
+        if calm_run.plane == plane:
             simulated, measured = (
-                run.since(-prediction.LEAD_S).rate_radps for run in (quiet, rough)
+                run.since(-prediction.LEAD_S).rate_radps for run in (calm_run, disturbed_run)
             )
             samples = min(simulated.size, measured.size)
-            yield Pair(quiet.name, simulated[:samples], measured[:samples])
+            yield Pair(calm_run.name, simulated[:samples], measured[:samples])

@@ -1,4 +1,4 @@
-"""The vehicles that a model allows for, to be rehearsed with: draws from what it says of z."""
+"""Vehicles sampled from a model's posterior of z for simulation."""
 
 from itertools import islice
 from pathlib import Path
@@ -10,31 +10,44 @@ from sitl.vehicle import config as vehicle_files
 from sitl.vehicle.config import SHIPPED, VehicleConfig
 from sysid.models import model_file as models
 from sysid.models.parameters import NAMES, CandidateVehicle, feasible_samples
-from sysid.test_design import prior as beliefs
+from sysid.test_design import prior as design_priors
 from sysid.test_design.prior import DesignPrior
 
 Array = NDArray[np.float64]
 
 MAX_DRAWS_PER_SAMPLE = 10
-"""For every vehicle that is wanted: some draws are of none that can be."""
+"""Maximum number of draws per requested vehicle; impossible vehicles are drawn again."""
 
 
 class NoCovarianceError(ValueError):
-    """A model that does not say how sure it is, or of what; the message says what would."""
+    """The model has no usable covariance; the message says what to do."""
 
 
 def read(path: str | Path, prior: VehicleConfig | None = None) -> DesignPrior:
-    """What a ``model.json`` believes. ``prior`` is needed when it was refitted from a vehicle file
-    that is not shipped.
+    """Read the posterior of a ``model.json``.
 
-    Raises:
-        ModelError, UnknownError: each in one line.
+    Parameters
+    ----------
+    path : str or Path
+        Model file.
+    prior : VehicleConfig, optional
+        Vehicle file of the refit; needed if that file is not shipped.
+
+    Returns
+    -------
+    DesignPrior
+        Posterior of the model.
+
+    Raises
+    ------
+    ModelError, NoCovarianceError
+        The file is invalid or has no usable covariance; the message has one line.
     """
     model = models.read(path)
     if model.method != "map" or not np.any(model.joint.covariance):
         raise NoCovarianceError(
-            f"{path}: method = {model.method!r}, joint.covariance is zero or none: it does not tell"
-            " which vehicles are possible; refit the logs by --method map"
+            f"{path}: method = {model.method!r}, joint.covariance is zero or missing: vehicles"
+            " cannot be sampled from it; refit the logs with --method map"
         )
     if model.joint.names != NAMES:
         raise NoCovarianceError(
@@ -42,33 +55,37 @@ def read(path: str | Path, prior: VehicleConfig | None = None) -> DesignPrior:
         )
     if prior is None and model.vehicle.prior not in SHIPPED:
         raise NoCovarianceError(
-            f"{path}: vehicle.prior = {model.vehicle.prior!r} is not shipped; give its file by"
+            f"{path}: vehicle.prior = {model.vehicle.prior!r} is not shipped; pass its file with"
             " --prior"
         )
-    return beliefs.from_model(
+    return design_priors.from_model(
         model, prior or vehicle_files.load(model.vehicle.prior), Path(path).name
     )
 
 
-def draw(belief: DesignPrior, count: int, seed: int) -> list[Array]:
-    """``count`` values of z, the same for the same seed. Raises UnknownError where hardly any can
-    be a vehicle."""
+def draw(posterior: DesignPrior, count: int, seed: int) -> list[Array]:
+    """Return `count` values of z, the same for the same seed.
+
+    Raises NoCovarianceError if hardly any draw is a possible vehicle.
+    """
     draws = np.random.default_rng(seed).standard_normal(
-        (MAX_DRAWS_PER_SAMPLE * count, belief.mean.size)
+        (MAX_DRAWS_PER_SAMPLE * count, posterior.mean.size)
     )
-    found = list(
-        islice(feasible_samples(belief.vehicle, belief.mean, belief.covariance, draws), count)
+    samples = list(
+        islice(
+            feasible_samples(posterior.vehicle, posterior.mean, posterior.covariance, draws), count
+        )
     )
-    if len(found) == count:
-        return [drawn.z for drawn in found]
+    if len(samples) == count:
+        return [sample.z for sample in samples]
     raise NoCovarianceError(
-        f"{belief.name}: joint.covariance allows for hardly any vehicle that can be; fly more tests"
+        f"{posterior.name}: joint.covariance gives hardly any possible vehicle; fly more tests"
     )
 
 
 def trims_deg(vehicle: CandidateVehicle) -> dict[str, float]:
-    """The parameters that a trim flight would leave aboard."""
+    """Return the trim parameters that a trim flight would give (deg)."""
     return {
-        "TRIM_RUD_DEG": float(np.degrees(beliefs.level_flight(vehicle, "yaw").trim_rad)),
-        "TRIM_ELE_DEG": float(np.degrees(beliefs.level_flight(vehicle, "pitch").trim_rad)),
+        "TRIM_RUD_DEG": float(np.degrees(design_priors.level_flight(vehicle, "yaw").trim_rad)),
+        "TRIM_ELE_DEG": float(np.degrees(design_priors.level_flight(vehicle, "pitch").trim_rad)),
     }

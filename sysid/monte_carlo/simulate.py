@@ -1,5 +1,4 @@
-"""One mission through the autopilot's own tick, on one vehicle in one sea, as the log that it would
-leave."""
+"""One mission through the autopilot's own tick on one vehicle, and the log it would produce."""
 
 import math
 from collections.abc import Sequence
@@ -11,8 +10,8 @@ from numpy.typing import NDArray
 from autopilot.control import core, modes, request_handler, requests
 from autopilot.control.params import Config
 from autopilot.control.types import US_PER_S, AutopilotState, Inputs, Trace
-from autopilot.control.types import Event as Said
-from mavlink_io.mission_items import MissionCommand, MissionItem
+from autopilot.control.types import Event as TextMessage
+from mavlink_io.mission_items import MavCmd, MissionItem
 from sitl.vehicle.water import drifting
 from sysid.control_analysis.loop_transfer import TICK_S
 from sysid.data.dataset import Actuators, Attitude, Depth, DuctAngles, Log, Setpoints, TextEvent
@@ -24,10 +23,11 @@ from sysid.monte_carlo import disturbance, dynamics, instruments
 Array = NDArray[np.float64]
 
 TICK_US = round(TICK_S * US_PER_S)
+"""Tick in microseconds."""
 LOG_DECIMATION = 5
-"""Of so many ticks one is kept: 10 Hz."""
+"""Ticks per logged sample: 10 Hz."""
 EXTRA_TIME_S = 300.0
-"""Beyond the mission's own legs and tests, for ways, waits and turns."""
+"""Time (s) allowed in addition to legs and tests, for transits, waits and turns."""
 COLUMNS = (
     "time_s",
     "roll_rad",
@@ -46,48 +46,50 @@ COLUMNS = (
     "depth_setpoint_m",
     "true_depth_m",
 )
+"""Columns of the simulated log."""
 
 
 class MissionRejectedError(ValueError):
-    """A mission that the autopilot does not take; the message says why."""
+    """The autopilot rejects the mission; the message says why."""
 
 
 class Sea(NamedTuple):
-    """Where a vehicle is rehearsed, and what has become of her since the model was made."""
+    """Disturbance, current and changes of the vehicle since identification."""
 
     times: float = 1.0
-    """The disturbance that the model found, so many times over."""
+    """Factor on the identified disturbance."""
     current_mps: float = 0.0
-    """Towards anywhere."""
+    """Current (m/s) in a random direction."""
     bias_shift_rad: float = 0.0
-    """Of the rudder: a bent duct."""
+    """Change of the rudder bias (rad), as from a bent duct."""
 
 
 class SimulatedDive(NamedTuple):
+    """Log and outcome of one dive."""
+
     log: Log
-    """As told by the vehicle herself."""
+    """Log as the autopilot would write it."""
     true_depth_m: Array
-    """At the log's samples."""
+    """True depth at the log's samples (m)."""
     failsafe: str
-    """What ended the mission before its time; empty where nothing did."""
+    """Reason for an early end of the mission; empty without one."""
     finished: bool
-    """The mission came to its end."""
+    """Whether the mission was completed."""
 
     @property
     def seconds(self) -> float:
+        """Return the vehicle time at the end of the log (s)."""
         return float(self.log.attitude.time_s[-1])
 
 
 def limit_s(items: Sequence[MissionItem]) -> float:
-    """Vehicle seconds after which a mission counts as unfinished."""
+    """Return the time (s) after which a mission counts as unfinished."""
     delays = sum(
-        item.p1
-        for item in items
-        if item.command in (MissionCommand.DELAY, MissionCommand.LOITER_TIME)
+        item.p1 for item in items if item.command in (MavCmd.NAV_DELAY, MavCmd.NAV_LOITER_TIME)
     )
-    tests = sum(item.x for item in items if item.command == MissionCommand.TEST)
-    ways = sum(item.command == MissionCommand.WAYPOINT for item in items)
-    return delays + tests + (1 + ways) * EXTRA_TIME_S
+    tests = sum(item.x for item in items if item.command == MavCmd.USER_1)
+    waypoints = sum(item.command == MavCmd.NAV_WAYPOINT for item in items)
+    return delays + tests + (1 + waypoints) * EXTRA_TIME_S
 
 
 def fly(
@@ -98,56 +100,86 @@ def fly(
     sea: Sea,
     seed: tuple[int, ...],
 ) -> SimulatedDive:
-    """From arming, awash, until the vehicle turns to the surface. The same ``seed`` is the same sea
-    and instruments.
+    """Simulate a mission from arming at the surface until the vehicle returns to the surface.
 
-    Raises:
-        RefusedError: the autopilot does not take the mission, or does not arm.
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle.
+    levels : dict
+        Noise model of each plane.
+    items : tuple of MissionItem
+        Mission.
+    config : Config
+        Parameters of the autopilot.
+    sea : Sea
+        Disturbance, current and change of bias.
+    seed : tuple of int
+        Seed of disturbance, sensor noise and direction of the current.
+
+    Returns
+    -------
+    SimulatedDive
+        Log and outcome.
+
+    Raises
+    ------
+    MissionRejectedError
+        The autopilot rejects the mission or does not arm.
     """
     streams = np.random.SeedSequence(seed).spawn(3)
-    push, err, drift = (np.random.default_rng(stream) for stream in streams)
-    towards = drift.uniform(-math.pi, math.pi)
+    disturbance_rng, sensor_rng, current_rng = (np.random.default_rng(stream) for stream in streams)
+    direction_rad = current_rng.uniform(-math.pi, math.pi)
     water = drifting(
-        (sea.current_mps * math.cos(towards), sea.current_mps * math.sin(towards), 0.0)
+        (sea.current_mps * math.cos(direction_rad), sea.current_mps * math.sin(direction_rad), 0.0)
     )
-    craft = dynamics.initial_state(
+    simulated = dynamics.initial_state(
         _with_bias_shift(vehicle, sea.bias_shift_rad), water, instruments.field_nwu(config)
     )
     wrenches, errors = (
-        disturbance.wrenches(vehicle, levels, sea.times, push),
-        instruments.errors(levels, err),
+        disturbance.wrenches(vehicle, levels, sea.times, disturbance_rng),
+        instruments.errors(levels, sensor_rng),
     )
-    said, rows = list[TextEvent](), list[tuple[float, ...]]()
-    state, trace = _tick(core.initial_state(), craft.seen + next(errors), config, said)
+    messages, rows = list[TextEvent](), list[tuple[float, ...]]()
+    state, trace = _tick(core.initial_state(), simulated.observed + next(errors), config, messages)
     state = _arm_in_mission(state, items, config)
-    most_us = limit_s(items) * US_PER_S
-    while state.armed and state.mode == modes.MISSION.number and state.time_us < most_us:
-        seen = dynamics.advance(
-            craft, trace.rudder_rad, trace.elevator_rad, trace.thrust, next(wrenches)
+    limit_us = limit_s(items) * US_PER_S
+    while state.armed and state.mode == modes.MISSION.number and state.time_us < limit_us:
+        observed = dynamics.advance(
+            simulated, trace.rudder_rad, trace.elevator_rad, trace.thrust, next(wrenches)
         )
-        state, trace = _tick(state, seen + next(errors), config, said)
+        state, trace = _tick(state, observed + next(errors), config, messages)
         if state.time_us % (LOG_DECIMATION * TICK_US) == 0:
-            rows.append(_row(state, trace, float(seen[dynamics.DEPTH])))
+            rows.append(_row(state, trace, float(observed[dynamics.DEPTH])))
     finished = state.mode != modes.MISSION.number and not state.failsafe
-    rows = rows or [_row(state, trace, float(craft.seen[dynamics.DEPTH]))]
+    rows = rows or [_row(state, trace, float(simulated.observed[dynamics.DEPTH]))]
     columns = dict(zip(COLUMNS, np.array(rows).T, strict=True))
-    return SimulatedDive(_log(columns, said), columns["true_depth_m"], state.failsafe, finished)
+    return SimulatedDive(
+        log=_log(columns, messages),
+        true_depth_m=columns["true_depth_m"],
+        failsafe=state.failsafe,
+        finished=finished,
+    )
 
 
 def _with_bias_shift(vehicle: CandidateVehicle, shift_rad: float) -> CandidateVehicle:
+    """Return the vehicle with a changed rudder bias."""
     rudder = vehicle.actuators["yaw"]
     bent = rudder._replace(bias_rad=rudder.bias_rad + shift_rad)
     return vehicle._replace(actuators={**vehicle.actuators, "yaw": bent})
 
 
 def _tick(
-    state: AutopilotState, reading: Array, config: Config, said: list[TextEvent]
+    state: AutopilotState, reading: Array, config: Config, messages: list[TextEvent]
 ) -> tuple[AutopilotState, Trace]:
+    """Run one tick of the autopilot and collect its messages."""
     time_us = state.time_us + TICK_US if state.time_us >= 0 else 0
     inputs = Inputs(instruments.frame(time_us, reading, config), None, None, None)
     state, _, trace, events = core.tick(state, inputs, config)
-    said += [
-        TextEvent(time_us / US_PER_S, e.severity, e.text) for e in events if isinstance(e, Said)
+    messages += [
+        TextEvent(time_us / US_PER_S, event.severity, event.text)
+        for event in events
+        if isinstance(event, TextMessage)
     ]
     return state, trace
 
@@ -155,64 +187,71 @@ def _tick(
 def _arm_in_mission(
     state: AutopilotState, items: tuple[MissionItem, ...], config: Config
 ) -> AutopilotState:
-    """Armed, in MISSION. Raises RefusedError."""
-    for wish in (
+    """Load the mission, set mode MISSION and arm. Raises MissionRejectedError."""
+    for request in (
         requests.LoadMission(items),
         requests.SetMode(modes.MISSION.number),
         requests.Arm(),
     ):
-        state, answer, _ = request_handler.handle_request(state, wish, config)
+        state, answer, _ = request_handler.handle_request(state, request, config)
         if answer.result:
             raise MissionRejectedError(answer.text)
     return state
 
 
 def _row(state: AutopilotState, trace: Trace, true_depth_m: float) -> tuple[float, ...]:
-    at, wanted = state.estimate, state.setpoint
+    """Return one sample of the log."""
+    estimate, setpoint = state.estimate, state.setpoint
     return (
         state.time_us / US_PER_S,
-        at.roll_rad,
-        at.pitch_rad,
-        at.heading_rad,
-        at.p_radps,
-        at.q_radps,
-        at.r_radps,
-        at.depth_m,
-        at.depth_rate_mps,
+        estimate.roll_rad,
+        estimate.pitch_rad,
+        estimate.heading_rad,
+        estimate.p_radps,
+        estimate.q_radps,
+        estimate.r_radps,
+        estimate.depth_m,
+        estimate.depth_rate_mps,
         trace.rudder_rad,
         trace.elevator_rad,
         trace.thrust,
-        wanted.heading_rad,
+        setpoint.heading_rad,
         trace.pitch_setpoint_rad,
-        wanted.depth_m,
+        setpoint.depth_m,
         true_depth_m,
     )
 
 
-def _log(c: dict[str, Array], said: Sequence[TextEvent]) -> Log:
-    time_s = c["time_s"]
+def _log(columns: dict[str, Array], messages: Sequence[TextEvent]) -> Log:
+    """Return the columns as a log."""
+    time_s = columns["time_s"]
     return Log(
         name="rehearsal",
         sha256="",
         attitude=Attitude(
-            time_s,
-            c["roll_rad"],
-            c["pitch_rad"],
-            np.unwrap(c["heading_rad"]),
-            c["p_radps"],
-            c["q_radps"],
-            c["r_radps"],
+            time_s=time_s,
+            roll_rad=columns["roll_rad"],
+            pitch_rad=columns["pitch_rad"],
+            yaw_rad=np.unwrap(columns["heading_rad"]),
+            p_radps=columns["p_radps"],
+            q_radps=columns["q_radps"],
+            r_radps=columns["r_radps"],
         ),
-        actuators=Actuators(time_s, c["rudder_rad"], c["elevator_rad"], c["thrust"]),
-        depth=Depth(time_s, c["depth_m"], c["depth_rate_mps"]),
+        actuators=Actuators(
+            time_s=time_s,
+            rudder_rad=columns["rudder_rad"],
+            elevator_rad=columns["elevator_rad"],
+            thrust=columns["thrust"],
+        ),
+        depth=Depth(time_s, columns["depth_m"], columns["depth_rate_mps"]),
         setpoints=Setpoints(
-            time_s,
-            np.unwrap(c["heading_setpoint_rad"]),
-            c["pitch_setpoint_rad"],
-            time_s,
-            c["depth_setpoint_m"],
+            attitude_time_s=time_s,
+            heading_rad=np.unwrap(columns["heading_setpoint_rad"]),
+            pitch_rad=columns["pitch_setpoint_rad"],
+            depth_time_s=time_s,
+            depth_m=columns["depth_setpoint_m"],
         ),
-        events=tuple(said),
+        events=tuple(messages),
         parameters={},
         duct=DuctAngles(np.empty(0), np.empty(0), np.empty(0)),
     )

@@ -1,4 +1,4 @@
-"""The same vehicles in the same seas under each set of gains, and what to tell of it."""
+"""Study of gains: the same sampled vehicles and disturbances under each set of gains."""
 
 import signal
 from collections import Counter
@@ -21,20 +21,19 @@ from sysid.test_design.prior import DesignPrior
 
 Array = NDArray[np.float64]
 Report = Callable[[float, float], None]
-"""Called with the share of the dives that are done and the vehicle seconds in them."""
+"""Callback with the share of completed dives and the simulated time in them (s)."""
 
 
 class GainsError(ValueError):
-    """Parameters that the autopilot does not take; the message names set, parameter and what would
-    be right."""
+    """The autopilot rejects a parameter; the message names set, parameter and permitted range."""
 
 
 class StudyRequest(NamedTuple):
-    """What to fly, by whom and where."""
+    """Mission, gains, conditions and number of samples."""
 
     items: tuple[MissionItem, ...]
     gains: Mapping[str, Mapping[str, float]]
-    """Parameters by name, of each set by the set's name."""
+    """Parameters by name, for each set by the name of the set."""
     seas: tuple[Sea, ...] = (Sea(),)
     vehicles: int = 30
     seed: int = 1
@@ -42,28 +41,31 @@ class StudyRequest(NamedTuple):
 
 
 class Range(NamedTuple):
-    """Over the vehicles."""
+    """Statistics over the vehicles."""
 
     median: float
     worst: float
 
 
 class LegSummary(NamedTuple):
+    """One leg over all vehicles."""
+
     heading_deg: float
     depth_m: float
     settled_s: Range | None
-    """Of those that settled."""
+    """Settling time (s) of the vehicles that settled."""
     unsettled: int
+    """Number of vehicles that did not settle."""
 
 
 class SimulationSummary(NamedTuple):
-    """One set of gains in one sea. None is for what no vehicle showed."""
+    """One set of gains under one condition; None where no vehicle has a value."""
 
     gains: str
     sea: Sea
     vehicles: int
     heading_deg: Range | None
-    """95 % of the steady error."""
+    """95 % of the steady error (deg)."""
     pitch_deg: Range | None
     depth_m: Range | None
     legs: tuple[LegSummary, ...]
@@ -73,20 +75,25 @@ class SimulationSummary(NamedTuple):
     shallowest_m: Range | None
     broached: int
     diverged: dict[str, int]
-    """Vehicles by what they did not hold."""
+    """Number of vehicles by the quantity that was not held."""
     failsafes: dict[str, int]
-    """Vehicles whose mission was ended, by what for."""
+    """Number of vehicles by the failsafe that ended the mission."""
     vehicle_s: float
+    """Simulated time of all dives (s)."""
 
     @property
     def failed(self) -> int:
-        """Vehicles that diverged, broached or did not come to the end; one may have done all of
-        it."""
+        """Number of vehicles that diverged, broached or did not finish.
+
+        It is a lower bound, because one vehicle can fail in several ways.
+        """
         return max(self.broached, sum(self.diverged.values()), sum(self.failsafes.values()))
 
 
 class _Trial(NamedTuple):
-    belief: DesignPrior
+    """One dive of the study."""
+
+    posterior: DesignPrior
     items: tuple[MissionItem, ...]
     config: Config
     sea: Sea
@@ -95,36 +102,60 @@ class _Trial(NamedTuple):
 
 
 def simulate_samples(
-    belief: DesignPrior, request: StudyRequest, report: Report | None = None
+    posterior: DesignPrior, request: StudyRequest, report: Report | None = None
 ) -> tuple[SimulationSummary, ...]:
-    """Fly ``request.vehicles`` draws of ``belief`` under every set of gains in every sea; the same
-    draws and seas.
+    """Simulate sampled vehicles under every set of gains and every condition.
 
-    Where a set has no trims, those of the believed vehicle are aboard, as a trim flight would find
-    them.
+    Parameters
+    ----------
+    posterior : DesignPrior
+        Posterior of the model.
+    request : StudyRequest
+        Mission, gains, conditions and number of samples. A set without trims uses those of the mean
+        vehicle, as a trim flight would find them.
+    report : Report, optional
+        Callback for progress.
 
-    Raises:
-        GainsError, RefusedError: gains or a mission that the autopilot does not take.
-        UnknownError: the belief allows for hardly any vehicle that can be.
+    Returns
+    -------
+    tuple of SimulationSummary
+        One summary per set of gains and condition, with the same draws for all.
+
+    Raises
+    ------
+    GainsError
+        A parameter is rejected.
+    MissionRejectedError
+        The mission is rejected.
+    NoCovarianceError
+        The posterior gives hardly any possible vehicle.
     """
-    drawn = samples.draw(belief, request.vehicles, request.seed)
-    trims = samples.trims_deg(belief.vehicle(belief.mean))
+    samples_of_z = samples.draw(posterior, request.vehicles, request.seed)
+    trims = samples.trims_deg(posterior.vehicle(posterior.mean))
     sets = [(name, sea) for name in request.gains for sea in request.seas]
     configs = {name: _config(name, {**trims, **values}) for name, values in request.gains.items()}
     jobs = [
-        _Trial(belief, request.items, configs[name], sea, z, (request.seed, number))
+        _Trial(
+            posterior=posterior,
+            items=request.items,
+            config=configs[name],
+            sea=sea,
+            z=z,
+            seed=(request.seed, number),
+        )
         for name, sea in sets
-        for number, z in enumerate(drawn)
+        for number, z in enumerate(samples_of_z)
     ]
-    flown = list(_with_progress(_fly_all(jobs, request.processes), len(jobs), report))
-    each = len(drawn)
+    results = list(_with_progress(_fly_all(jobs, request.processes), len(jobs), report))
+    n_vehicles = len(samples_of_z)
     return tuple(
-        _summarise(name, sea, flown[n * each : (n + 1) * each])
+        _summarise(name, sea, results[n * n_vehicles : (n + 1) * n_vehicles])
         for n, (name, sea) in enumerate(sets)
     )
 
 
 def _config(name: str, values: Mapping[str, float]) -> Config:
+    """Return the autopilot's parameters. Raises GainsError."""
     try:
         return params.config(values)
     except params.ParamError as error:
@@ -132,10 +163,11 @@ def _config(name: str, values: Mapping[str, float]) -> Config:
 
 
 def _fly_all(jobs: Sequence[_Trial], processes: int) -> Iterator[DiveMetrics]:
+    """Yield the metrics of all dives in order."""
     if processes == 1:
         yield from map(_fly, jobs)
         return
-    # An interrupt reaches the whole group; the workers leave it to whoever started them.
+    # SIGINT reaches the whole process group; workers ignore it, the parent process ends them.
     ignoring = partial(signal.signal, signal.SIGINT, signal.SIG_IGN)
     with ProcessPoolExecutor(
         processes, mp_context=get_context("forkserver"), initializer=ignoring
@@ -147,61 +179,70 @@ def _fly_all(jobs: Sequence[_Trial], processes: int) -> Iterator[DiveMetrics]:
 
 
 def _fly(job: _Trial) -> DiveMetrics:
-    vehicle = job.belief.vehicle(job.z)
-    flown = simulate.fly(vehicle, job.belief.noise, job.items, job.config, job.sea, job.seed)
-    return metrics.of_dive(flown, job.config.travel_rad, vehicle.model.hydrostatics.radius_m)
+    """Simulate one dive and return its metrics."""
+    vehicle = job.posterior.vehicle(job.z)
+    dive = simulate.fly(vehicle, job.posterior.noise, job.items, job.config, job.sea, job.seed)
+    return metrics.of_dive(dive, job.config.travel_rad, vehicle.model.hydrostatics.radius_m)
 
 
 def _with_progress(
-    flown: Iterable[DiveMetrics], count: int, report: Report | None
+    results: Iterable[DiveMetrics], count: int, report: Report | None
 ) -> Iterator[DiveMetrics]:
+    """Yield the metrics and report progress."""
     seconds = 0.0
-    for number, one in enumerate(flown, start=1):
-        seconds += one.seconds
+    for number, dive_metrics in enumerate(results, start=1):
+        seconds += dive_metrics.seconds
         if report:
             report(number / count, seconds)
-        yield one
+        yield dive_metrics
 
 
-def _summarise(name: str, sea: Sea, flown: Sequence[DiveMetrics]) -> SimulationSummary:
-    steady = [one.steady for one in flown if one.steady]
-    shallowest = [one.shallowest_m for one in flown if one.shallowest_m is not None]
+def _summarise(name: str, sea: Sea, results: Sequence[DiveMetrics]) -> SimulationSummary:
+    """Return the summary of one set of gains under one condition."""
+    steady = [dive.steady for dive in results if dive.steady]
+    shallowest = [dive.shallowest_m for dive in results if dive.shallowest_m is not None]
     return SimulationSummary(
         gains=name,
         sea=sea,
-        vehicles=len(flown),
+        vehicles=len(results),
         heading_deg=_range([s.heading_deg for s in steady]),
         pitch_deg=_range([s.pitch_deg for s in steady]),
         depth_m=_range([s.depth_m for s in steady]),
-        legs=_legs(flown),
-        rudder_deg=_range_of([one.rudder_deg for one in flown]),
-        elevator_deg=_range_of([one.elevator_deg for one in flown]),
-        stopped_pct=_range_of([100.0 * one.stopped for one in flown]),
+        legs=_legs(results),
+        rudder_deg=_range_of([dive.rudder_deg for dive in results]),
+        elevator_deg=_range_of([dive.elevator_deg for dive in results]),
+        stopped_pct=_range_of([100.0 * dive.stopped for dive in results]),
         shallowest_m=Range(float(np.median(shallowest)), min(shallowest)) if shallowest else None,
-        broached=sum(one.broached for one in flown),
-        diverged=dict(sorted(Counter(one.diverged for one in flown if one.diverged).items())),
-        failsafes=dict(sorted(Counter(one.failsafe for one in flown if one.failsafe).items())),
-        vehicle_s=sum(one.seconds for one in flown),
+        broached=sum(dive.broached for dive in results),
+        diverged=dict(sorted(Counter(dive.diverged for dive in results if dive.diverged).items())),
+        failsafes=dict(sorted(Counter(dive.failsafe for dive in results if dive.failsafe).items())),
+        vehicle_s=sum(dive.seconds for dive in results),
     )
 
 
-def _legs(flown: Sequence[DiveMetrics]) -> tuple[LegSummary, ...]:
-    """Leg by leg of the longest dive; a vehicle that did not come to one did not settle on it."""
-    longest = max((one.legs for one in flown), key=len)
-    return tuple(_leg(flown, number) for number in range(len(longest)))
+def _legs(results: Sequence[DiveMetrics]) -> tuple[LegSummary, ...]:
+    """Return the legs of the longest dive; legs that a vehicle did not reach count as unsettled."""
+    longest = max((dive.legs for dive in results), key=len)
+    return tuple(_leg(results, number) for number in range(len(longest)))
 
 
-def _leg(flown: Sequence[DiveMetrics], number: int) -> LegSummary:
-    legs = [one.legs[number] for one in flown if len(one.legs) > number]
+def _leg(results: Sequence[DiveMetrics], number: int) -> LegSummary:
+    """Return the summary of one leg."""
+    legs = [dive.legs[number] for dive in results if len(dive.legs) > number]
     settled = [leg.settled_s for leg in legs if leg.settled_s is not None]
     return LegSummary(
-        legs[0].heading_deg, legs[0].depth_m, _range(settled), len(flown) - len(settled)
+        heading_deg=legs[0].heading_deg,
+        depth_m=legs[0].depth_m,
+        settled_s=_range(settled),
+        unsettled=len(results) - len(settled),
     )
 
 
 def _range(values: Sequence[float]) -> Range | None:
+    """Return the range of the values, or None without values."""
     return _range_of(values) if values else None
 
 
 def _range_of(values: Sequence[float]) -> Range:
+    """Return median and maximum."""
     return Range(float(np.median(values)), max(values))

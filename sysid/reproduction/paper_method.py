@@ -1,10 +1,10 @@
-"""The paper's own identification, to be set beside ours: rate error, linear planes, no prior, no
-delay estimated.
+"""The paper's identification method, for comparison with the MAP estimate.
 
-Seven coefficients in yaw first, then eight in pitch that start from yaw's; moments of inertia are
-tied to N_dr and M_de by the angular acceleration measured at the start of the steps. Motion alone
-cannot give this many: the rate response of a plane has four free numbers in yaw and five in pitch.
-The fit is therefore one of many that explain the data equally well."""
+It minimises rate errors of linear planes, without a prior and with a fixed delay: seven
+coefficients in yaw, then eight in pitch that start from those of yaw. Moments of inertia are tied
+to N_dr and M_de by the angular acceleration measured at the start of the steps. The coefficients
+are not unique: the rate response of a plane has four free parameters in yaw and five in pitch.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -29,6 +29,7 @@ FREE: dict[Plane, tuple[str, ...]] = {
     "yaw": ("Y_v", "N_v", "Y_r", "N_r", "Y_dr", "N_dr", "Y_vdot"),
     "pitch": ("Z_w", "M_w", "Z_q", "M_q", "Z_de", "M_de", "Z_wdot", "z_CM"),
 }
+"""Free coefficients of each plane."""
 SEED = {
     "Z_w": ("Y_v", 1.0),
     "M_w": ("N_v", -1.0),
@@ -38,96 +39,125 @@ SEED = {
     "M_de": ("N_dr", 1.0),
     "Z_wdot": ("Y_vdot", 1.0),
 }
-"""Pitch coefficient from its yaw twin, with the sign that half the paper's axes give it."""
+"""Yaw coefficient from which each pitch coefficient starts, with the sign of the axes."""
 FIRST_RESPONSE_S = 2.0
-"""After the delay: the part of a test from which the initial angular acceleration is read."""
+"""Time (s) after the delay over which the initial angular acceleration is measured."""
 MIN_RESPONSE = 0.1
-"""Of the prior's angular acceleration; tests that move the vehicle less hold no answer."""
+"""Smallest measured angular acceleration, as a share of the prior's."""
 RANK_TOLERANCE = 1e-3
-"""Singular values below this share of the largest are no information: the coefficients then shift
-without a trace."""
+"""Singular values below this share of the largest count as zero."""
 
 
 class PlaneFit(NamedTuple):
+    """Result of one plane."""
+
     coefficients: Table1Column
     acceleration_per_s2: float
-    """Measured angular acceleration per radian of duct, the paper's axes (the paper: -0.51 yaw,
-    -0.46 pitch)."""
+    """Measured angular acceleration per radian of duct in the paper's axes (1/s^2).
+
+    The paper gives -0.51 in yaw and -0.46 in pitch.
+    """
     rank: int
+    """Number of identifiable combinations of the free coefficients."""
     jacobian: Array
-    """Of the rate errors by the logarithms of the free coefficients, (samples, free)."""
+    """Derivatives of the rate errors by the logarithms of the coefficients, (samples, free)."""
     cost: float
+    """Half the sum of squared rate errors, (deg/s)^2."""
 
 
 def fit(
     runs: Sequence[Run], prior: VehicleConfig, actuators: dict[Plane, Actuator]
 ) -> dict[Plane, PlaneFit]:
-    """Yaw, then pitch started from yaw; a plane without runs is left out."""
+    """Fit yaw, then pitch started from yaw; a plane without runs is omitted.
+
+    Parameters
+    ----------
+    runs : Sequence of Run
+        Test runs.
+    prior : VehicleConfig
+        Vehicle file: initial coefficients, speed and mass.
+    actuators : dict
+        Tailcone of each plane.
+
+    Returns
+    -------
+    dict
+        Result of each plane.
+    """
     coefficients = parameters.to_table_1_column(prior.linear)
     fits: dict[Plane, PlaneFit] = {}
     for plane in ("yaw", "pitch"):
-        chosen = [run for run in runs if run.plane == plane]
-        if chosen:
+        plane_runs = [run for run in runs if run.plane == plane]
+        if plane_runs:
             start = (
                 seed_pitch_from_yaw(coefficients)
                 if plane == "pitch" and "yaw" in fits
                 else coefficients
             )
-            fits[plane] = _fit_plane(chosen, plane, start, prior, actuators[plane])
+            fits[plane] = _fit_plane(plane_runs, plane, start, prior, actuators[plane])
             coefficients = fits[plane].coefficients
     return fits
 
 
 def seed_pitch_from_yaw(c: Table1Column) -> Table1Column:
-    """Pitch coefficients as the mirror image of yaw's."""
+    """Return pitch coefficients that mirror those of yaw."""
     return c._replace(**{name: sign * getattr(c, twin) for name, (twin, sign) in SEED.items()})
 
 
 def motion(model: IdentifiedModel, actuator: Actuator, run: Run) -> PlaneTrajectory:
-    """A run by the linear plane of a model that was identified the paper's way, behind a
-    tailcone."""
-    c = Table1Column(**{name: found.value for name, found in model.coefficients.items()})
-    return simulate(_plane(run.plane, c, model.speed_mps, model.vehicle.mass_kg), actuator, run)
+    """Simulate a run with the linear plane of a model that was identified by the paper's method."""
+    coefficients = Table1Column(
+        **{name: coefficient.value for name, coefficient in model.coefficients.items()}
+    )
+    return simulate(
+        _plane(run.plane, coefficients, model.speed_mps, model.vehicle.mass_kg), actuator, run
+    )
 
 
 def departure(actuator: Actuator, run: Run) -> Array:
-    """Duct angle over a run, from where the vehicle balanced before the test."""
+    """Return the duct angle over a run (rad), relative to its mean before the test."""
     delta = greybox.duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
     return delta - (np.mean(delta[run.preroll]) if run.preroll.any() else 0.0)
 
 
 class DiscretePlane(NamedTuple):
-    """A linear plane over one sample: x' = Phi x + Gamma delta."""
+    """Linear plane over one sample: x[k+1] = Phi x[k] + Gamma delta[k]."""
 
     Phi: Array
     Gamma: Array
 
 
 def step(plane: LinearPlane) -> DiscretePlane:
-    """The exact step under a duct angle held over it."""
+    """Return the exact discretisation for a duct angle that is constant over a sample."""
     n = plane.A.shape[0]
-    transition = expm(np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n + 1))]]) / RATE_HZ)
-    return DiscretePlane(np.ascontiguousarray(transition[:n, :n]), transition[:n, n].copy())
+    block = expm(np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n + 1))]]) / RATE_HZ)
+    return DiscretePlane(np.ascontiguousarray(block[:n, :n]), block[:n, n].copy())
 
 
 def states(over: DiscretePlane, delta: Array) -> Array:
-    """States under duct angles, from rest, (samples, states)."""
+    """Return the states under duct angles, from rest, (samples, states)."""
     return _recursion(over.Phi, over.Gamma, delta)
 
 
 def simulate(plane: LinearPlane, actuator: Actuator, run: Run) -> PlaneTrajectory:
-    """The linear plane under a run's commands."""
-    n, x, start = (
+    """Simulate the linear plane under a run's commands."""
+    n, states_over_run, start = (
         plane.A.shape[0],
         states(step(plane), departure(actuator, run)),
         greybox.initial_motion(run),
     )
-    depth = start.depth_m + (x[:, 3] if n > 3 else 0.0 * x[:, 0])
-    return PlaneTrajectory(x[:, 1], start.angle_rad + x[:, 2], depth, np.full(len(x), np.nan))
+    depth = start.depth_m + (states_over_run[:, 3] if n > 3 else 0.0 * states_over_run[:, 0])
+    return PlaneTrajectory(
+        rate_radps=states_over_run[:, 1],
+        angle_rad=start.angle_rad + states_over_run[:, 2],
+        depth_m=depth,
+        speed_mps=np.full(len(states_over_run), np.nan),
+    )
 
 
 @kernel
 def _recursion(Phi: Array, Gamma: Array, delta: Array) -> Array:
+    """Run x[k+1] = Phi x[k] + Gamma delta[k] from rest."""
     n = Phi.shape[0]
     x = np.zeros((delta.size, n))
     for k in range(delta.size - 1):
@@ -140,6 +170,7 @@ def _recursion(Phi: Array, Gamma: Array, delta: Array) -> Array:
 
 
 def _plane(plane: Plane, c: Table1Column, speed_mps: float, mass_kg: float) -> LinearPlane:
+    """Return the linear plane of a column of Table 1."""
     return (linear_planes.yaw_plane if plane == "yaw" else linear_planes.pitch_plane)(
         c, speed_mps, mass_kg
     )
@@ -148,60 +179,75 @@ def _plane(plane: Plane, c: Table1Column, speed_mps: float, mass_kg: float) -> L
 def _fit_plane(
     runs: Sequence[Run], plane: Plane, start: Table1Column, prior: VehicleConfig, actuator: Actuator
 ) -> PlaneFit:
-    names, about = FREE[plane], (prior.operating_point.speed_mps, prior.ballast.mass_kg)
+    """Fit the free coefficients of one plane.
+
+    Minimises the sum of squared rate errors over the logarithms of the free coefficients.
+    """
+    names, speed_and_mass = FREE[plane], (prior.operating_point.speed_mps, prior.ballast.mass_kg)
     acceleration = first_acceleration(
-        runs, _plane(plane, parameters.to_table_1_column(prior.linear), *about), actuator
+        runs, _plane(plane, parameters.to_table_1_column(prior.linear), *speed_and_mass), actuator
     )
 
     def candidate(logs: Array) -> Table1Column:
-        moved = {
+        """Return the coefficients scaled by exp(logs), with tied inertia."""
+        scaled = {
             name: getattr(start, name) * float(np.exp(x))
             for name, x in zip(names, logs, strict=True)
         }
-        return tie_inertia(start._replace(**moved), plane, acceleration)
+        return tie_inertia(start._replace(**scaled), plane, acceleration)
 
     departures = [departure(actuator, run) for run in runs]
 
     def errors(logs: Array) -> Array:
-        over = step(_plane(plane, candidate(logs), *about))
-        simulated = [states(over, delta)[:, 1] for delta in departures]
-        missed = [
+        """Return the rate errors of all runs (deg/s)."""
+        discrete = step(_plane(plane, candidate(logs), *speed_and_mass))
+        simulated = [states(discrete, delta)[:, 1] for delta in departures]
+        rate_errors = [
             (run.rate_radps - rate)[~run.preroll] for run, rate in zip(runs, simulated, strict=True)
         ]
-        return np.degrees(np.concatenate(missed))
+        return np.degrees(np.concatenate(rate_errors))
 
-    # The coefficients drift along what the data cannot tell; the bounds keep them on the vehicle's
-    # side of zero.
-    found = least_squares(
+    # Coefficients drift along unidentifiable directions; in logarithms they keep their sign, and
+    # the bounds limit the drift.
+    optimum = least_squares(
         errors, np.zeros(len(names)), bounds=(-1.5, 1.5), x_scale=0.1, max_nfev=40
     )
-    singular = np.linalg.svd(found.jac, compute_uv=False)
-    rank = int(np.count_nonzero(singular > RANK_TOLERANCE * singular[0]))
-    return PlaneFit(candidate(found.x), acceleration, rank, found.jac, float(found.cost))
+    singular_values = np.linalg.svd(optimum.jac, compute_uv=False)
+    rank = int(np.count_nonzero(singular_values > RANK_TOLERANCE * singular_values[0]))
+    return PlaneFit(
+        coefficients=candidate(optimum.x),
+        acceleration_per_s2=acceleration,
+        rank=rank,
+        jacobian=optimum.jac,
+        cost=float(optimum.cost),
+    )
 
 
 def tie_inertia(c: Table1Column, plane: Plane, acceleration_per_s2: float) -> Table1Column:
-    """Inertia such that a step of the duct gives the measured angular acceleration."""
+    """Return the coefficients with the inertia that gives the measured angular acceleration.
+
+    I_zz = N_dr / a + N_rdot in yaw, I_yy = M_de / a + M_qdot in pitch.
+    """
     if plane == "yaw":
         return c._replace(I_zz=c.N_dr / acceleration_per_s2 + c.N_rdot)
     return c._replace(I_yy=c.M_de / acceleration_per_s2 + c.M_qdot)
 
 
 def first_acceleration(runs: Sequence[Run], plane: LinearPlane, actuator: Actuator) -> float:
-    """Angular acceleration per radian of duct at the start of the tests, the paper's axes
-    (negative).
+    """Return the angular acceleration per radian of duct at the start of the tests (1/s^2).
 
-    The prior plane's own, scaled by how much faster than that plane the vehicle began to turn.
+    The value is in the paper's axes (negative): that of the prior plane, scaled by the least-
+    squares ratio of measured to simulated rate.
     """
-    over = step(plane)
+    discrete = step(plane)
     expected, measured = [], []
     for run in runs:
-        first = int(np.searchsorted(run.time_s, 0.0))
-        answer = slice(first, first + int((actuator.delay_s + FIRST_RESPONSE_S) * RATE_HZ))
+        start = int(np.searchsorted(run.time_s, 0.0))
+        response = slice(start, start + int((actuator.delay_s + FIRST_RESPONSE_S) * RATE_HZ))
         delta = greybox.duct_angles(run.command_rad, actuator, 1.0 / RATE_HZ)
-        expected.append(states(over, delta - delta[first])[answer, 1])
+        expected.append(states(discrete, delta - delta[start])[response, 1])
         measured.append(
-            run.rate_radps[answer] - np.mean(run.rate_radps[max(0, first - 25) : first + 1])
+            run.rate_radps[response] - np.mean(run.rate_radps[max(0, start - 25) : start + 1])
         )
     x, y = np.concatenate(expected), np.concatenate(measured)
     scale = float(x @ y) / max(float(x @ x), 1e-12)

@@ -1,14 +1,16 @@
-"""The numbers printed in the paper's Tables 1-5, as data.
+"""Numbers printed in the paper's Tables 1 to 5.
 
 Source: "Modeling and Control of an Odyssey III AUV through System Identification Tests" (MIT Sea
-Grant AUV Laboratory). Axes of Table 1: body x forward, y port, z up. Gains of Table 3: radians in
-and out, depth in metres."""
+Grant AUV Laboratory). Axes of Table 1: body x forward, y port, z up. Gains of Table 3: angles in
+rad, depth in m.
+"""
 
 from typing import NamedTuple
 
 CRUISE_SPEED_MPS = 1.3
+"""Speed of the linear planes (m/s)."""
 MASS_KG = 637.0
-"""Weight 22 N (5 lb) under the buoyancy of the displaced volume; the paper does not print it."""
+"""Mass (kg): weight 22 N (5 lb) below the displaced volume's buoyancy; not printed in the paper."""
 GRAVITY_MPS2 = 9.81
 
 
@@ -37,46 +39,46 @@ class Table1Column(NamedTuple):
 
 
 TABLE_1_INITIAL = Table1Column(
-    -449,
-    -239,
-    266,
-    -525,
-    251,
-    -447,
-    -632,
-    469,
-    -458,
-    -449,
-    239,
-    -266,
-    -525,
-    -251,
-    -447,
-    -632,
-    469,
-    -458,
-    -0.021,
+    Y_v=-449,
+    N_v=-239,
+    Y_r=266,
+    N_r=-525,
+    Y_dr=251,
+    N_dr=-447,
+    Y_vdot=-632,
+    I_zz=469,
+    N_rdot=-458,
+    Z_w=-449,
+    M_w=239,
+    Z_q=-266,
+    M_q=-525,
+    Z_de=-251,
+    M_de=-447,
+    Z_wdot=-632,
+    I_yy=469,
+    M_qdot=-458,
+    z_CM=-0.021,
 )
 TABLE_1_ADJUSTED = Table1Column(
-    -445,
-    -159,
-    331,
-    -520,
-    264,
-    -513,
-    -616,
-    548,
-    -458,
-    -450,
-    157,
-    -343,
-    -599,
-    -270,
-    -514,
-    -652,
-    659,
-    -458,
-    -0.015,
+    Y_v=-445,
+    N_v=-159,
+    Y_r=331,
+    N_r=-520,
+    Y_dr=264,
+    N_dr=-513,
+    Y_vdot=-616,
+    I_zz=548,
+    N_rdot=-458,
+    Z_w=-450,
+    M_w=157,
+    Z_q=-343,
+    M_q=-599,
+    Z_de=-270,
+    M_de=-514,
+    Z_wdot=-652,
+    I_yy=659,
+    M_qdot=-458,
+    z_CM=-0.015,
 )
 
 UNITS = Table1Column(
@@ -96,8 +98,10 @@ class RateError(NamedTuple):
 TABLE_2 = {"15 deg rudder": RateError(0.37, 0.11), "15 deg elevator": RateError(7.96, 3.71)}
 
 CARIBOU_TURN_PER_S2 = 0.482
-"""Angular acceleration per radian of duct of the first-principles vehicle, which Table 3's initial
-gains are for."""
+"""Angular acceleration per radian of duct (1/s^2) of the vehicle for which Table 3's initial gains
+
+were designed.
+"""
 
 TABLE_3_INITIAL = {
     "HDG_P": 0.65,
@@ -139,12 +143,14 @@ TABLE_4 = {
     ("depth", "A/I"): -0.8277 + 1.3390j,
     ("depth", "A/A"): -1.1520 + 0.7876j,
 }
-"""Upper pole of the dominant pair, rad/s, by (loop, model/controller): I initial, A adjusted or
-improved."""
+"""Upper pole of the dominant pair (rad/s), by (loop, model/controller).
+
+I stands for initial, A for the adjusted model or the improved controller.
+"""
 
 
 class SteadyError(NamedTuple):
-    """One column of Table 5, each a plus-or-minus band."""
+    """One column of Table 5: half-widths of the error bands."""
 
     heading_deg: float
     pitch_deg: float

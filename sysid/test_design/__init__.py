@@ -1,6 +1,6 @@
-"""Which tests to fly: a set that tells most about a vehicle in the water time there is, and stays
-within limits.
+"""Test design: a set of identification tests for a given time, within safety limits.
 
-``plan.plan`` reads top to bottom: what is believed (``belief``), what could be flown (``library``),
-how large it may be (``excursions``), what each would tell (``information``), and which of them
-together tell most (``choice``)."""
+``plan.plan`` reads top to bottom: the prior (``prior``), candidate tests (``candidates``), their
+largest safe size (``safety_margins``), the information of each (``information``), and the set with
+the smallest criterion (``selection``).
+"""

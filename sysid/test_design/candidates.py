@@ -1,9 +1,9 @@
-"""The tests that could be flown in one plane: the autopilot's own signals, scaled to how fast the
-vehicle is.
+"""Candidate tests of one plane: the autopilot's signals, scaled to the vehicle's bandwidth.
 
-Which ones: identification's feasibility study (steps for the static gain; 3-2-1-1, sweeps and
-square waves for the crossover). With the loop on the vehicle keeps her course, and a test may last
-as long as one likes. Lengths are whole seconds, as missions have them."""
+The types follow the feasibility study of identification: steps for the static gain; 3-2-1-1, sweeps
+and square waves for the crossover. With the loop on, the vehicle holds its course, so the length of
+a test is not limited. Lengths are whole seconds, as in missions.
+"""
 
 import math
 from collections.abc import Sequence
@@ -13,28 +13,31 @@ from sysid.data.segments import Plane
 from sysid.test_design.simulate import Manoeuvre, Wave
 
 NOMINAL_DEG = 3.0
-"""Size at which a shape is first tried, for a vehicle that turns as Caribou does; limits decide on
-the last one."""
+"""Initial size (deg) of a candidate on a vehicle with Caribou's control effectiveness.
+
+The final size follows from the limits.
+"""
 STEPS_S = (6, 12, 20)
+"""Lengths of steps (s)."""
 PULSES = (1.8, 3.0)
 """Length of the shortest pulse of a 3-2-1-1, in radians of the crossover frequency."""
 CLOCKS = (0.3, 0.5)
-"""Bits of a pseudo-random sequence in a radian of the crossover frequency."""
+"""Bits of a pseudo-random sequence per radian of the crossover frequency."""
 BAND = (0.25, 2.5)
-"""Lowest and highest frequency of sweeps and multisines, over the crossover's."""
+"""Lowest and highest frequency of sweeps and multisines, relative to the crossover frequency."""
 HELD_OUT: Wave = "doublet"
-"""Never fitted, so that what is held out is of another type than whatever was."""
+"""Type of the validation test; it differs from all fitted tests."""
 
 
 class Lengths(NamedTuple):
-    """Of tests, in seconds."""
+    """Lengths of tests (s)."""
 
     free_s: tuple[int, ...] = (20, 30, 45)
     """Multisines with the loop off."""
     held_s: tuple[int, ...] = (60, 100)
-    """Whatever has the loop on."""
+    """Tests with the loop on."""
     both_s: tuple[int, ...] = (100, 200)
-    """Multisines of both surfaces at once, their loops on."""
+    """Multisines of both surfaces at once with both loops on."""
     square_s: tuple[int, ...] = (20, 30)
     """Designed square waves with the loop off."""
 
@@ -42,44 +45,89 @@ class Lengths(NamedTuple):
 def candidates(
     plane: Plane, crossover_radps: float, nominal_deg: float, lengths: Lengths
 ) -> list[Manoeuvre]:
-    """All of one plane at their nominal size but designed square waves (``square_waves``)."""
+    """Return all candidates of one plane at nominal size, except `square_waves`."""
     low, high = (round(share * crossover_radps / (2.0 * math.pi), 3) for share in BAND)
     clocks = [round(share * crossover_radps, 3) for share in CLOCKS]
     pulses = sorted({max(3, round(7.0 * pulse / crossover_radps)) for pulse in PULSES})
-    shapes = [Manoeuvre(plane, "step", nominal_deg, seconds) for seconds in STEPS_S]
-    shapes += [Manoeuvre(plane, "3211", nominal_deg, seconds) for seconds in pulses]
+    shapes = [
+        Manoeuvre(plane=plane, wave="step", size_deg=nominal_deg, duration_s=seconds)
+        for seconds in STEPS_S
+    ]
     shapes += [
-        Manoeuvre(plane, "multisine", nominal_deg, seconds, low, high) for seconds in lengths.free_s
+        Manoeuvre(plane=plane, wave="3211", size_deg=nominal_deg, duration_s=seconds)
+        for seconds in pulses
+    ]
+    shapes += [
+        Manoeuvre(
+            plane=plane,
+            wave="multisine",
+            size_deg=nominal_deg,
+            duration_s=seconds,
+            start_hz=low,
+            stop_hz=high,
+        )
+        for seconds in lengths.free_s
     ]
     for seconds in lengths.held_s:
-        held = Manoeuvre(plane, "multisine", nominal_deg, seconds, low, high, loop_on=True)
-        shapes += [held, held._replace(wave="chirp")]
+        closed_loop = Manoeuvre(
+            plane=plane,
+            wave="multisine",
+            size_deg=nominal_deg,
+            duration_s=seconds,
+            start_hz=low,
+            stop_hz=high,
+            loop_on=True,
+        )
+        shapes += [closed_loop, closed_loop._replace(wave="chirp")]
         shapes += [
-            held._replace(wave="prbs", start_hz=0.0, stop_hz=clock, seed=3) for clock in clocks
+            closed_loop._replace(wave="prbs", start_hz=0.0, stop_hz=clock, seed=3)
+            for clock in clocks
         ]
     return shapes
 
 
 def square_waves(plane: Plane, nominal_deg: float, lengths: Lengths) -> list[Manoeuvre]:
-    """Plane, loop and length of the square waves that are to be designed."""
-    free = [Manoeuvre(plane, "square", nominal_deg, seconds) for seconds in lengths.square_s]
-    return free + [
-        Manoeuvre(plane, "square", nominal_deg, seconds, loop_on=True) for seconds in lengths.held_s
+    """Return plane, loop and length of the square waves to design."""
+    open_loop = [
+        Manoeuvre(plane=plane, wave="square", size_deg=nominal_deg, duration_s=seconds)
+        for seconds in lengths.square_s
+    ]
+    return open_loop + [
+        Manoeuvre(
+            plane=plane, wave="square", size_deg=nominal_deg, duration_s=seconds, loop_on=True
+        )
+        for seconds in lengths.held_s
     ]
 
 
 def dual_axis_tests(
     crossovers_radps: Sequence[float], nominal_deg: Sequence[float], lengths: Lengths
 ) -> list[Manoeuvre]:
-    """Over the bands of both planes, yaw's numbers first; the sizes are nominal."""
+    """Return multisines of both surfaces over the bands of both planes, at nominal size.
+
+    The sequences hold the values of yaw, then of pitch.
+    """
     low = round(BAND[0] * min(crossovers_radps) / (2.0 * math.pi), 3)
     high = round(BAND[1] * max(crossovers_radps) / (2.0 * math.pi), 3)
     rudder_deg, elevator_deg = nominal_deg
     shape = Manoeuvre(
-        "yaw", "multisine", rudder_deg, 0, low, high, loop_on=True, elevator_deg=elevator_deg
+        plane="yaw",
+        wave="multisine",
+        size_deg=rudder_deg,
+        duration_s=0,
+        start_hz=low,
+        stop_hz=high,
+        loop_on=True,
+        elevator_deg=elevator_deg,
     )
     return [shape._replace(duration_s=seconds) for seconds in lengths.both_s]
 
 
 def held_out_test(plane: Plane, crossover_radps: float, nominal_deg: float) -> Manoeuvre:
-    return Manoeuvre(plane, HELD_OUT, nominal_deg, max(6, round(8.0 / crossover_radps)))
+    """Return the validation test of one plane at nominal size."""
+    return Manoeuvre(
+        plane=plane,
+        wave=HELD_OUT,
+        size_deg=nominal_deg,
+        duration_s=max(6, round(8.0 / crossover_radps)),
+    )

@@ -1,10 +1,10 @@
-"""A plane under the autopilot's loop, small motion: what a test that is added to the loop's output
-does.
+"""Small-signal simulation of a plane under the autopilot's loop with a test added to its command.
 
-The linear plane with the tailcone's lag and delay, the loop's laws of
-``sysid.control_analysis.loop_transfer`` at the autopilot's tick, and the noise model's sea. An
-excursion that stays within limits is small enough for that; what a test tells is then judged by the
-nonlinear plane under the command that comes of it (``information``)."""
+The model is the linear plane with lag and delay of the tailcone, the control law of
+``sysid.control_analysis.loop_transfer`` at the autopilot's tick, and the disturbance of the noise
+model. Motion within the safety limits is small enough for it. The information of a test is computed
+with the nonlinear plane under the resulting command (``information``).
+"""
 
 from typing import NamedTuple
 
@@ -23,58 +23,87 @@ from sysid.models.parameters import CandidateVehicle
 Array = NDArray[np.float64]
 
 DT = 1.0 / RATE_HZ
+"""Sample interval (s)."""
 
 
 class Loop(NamedTuple):
-    """One plane, its lag, the sea, and the law that holds it; x: plane, sea, angle and rate of the
-    surface."""
+    """Discrete-time loop of one plane.
+
+    x[k+1] = transition x[k] + drive u[k - delay_ticks] + kick w[k] with w standard normal. States
+    x: plane, disturbance, angle and rate of the surface.
+    """
 
     transition: Array
     drive: Array
-    """Of a command held for a tick."""
+    """Response to a command that is constant over a tick."""
     feedback: Array
-    """Command per x."""
+    """Command per state."""
     integral: Array
-    """Growth of the integrator's command in a tick per x."""
-    late: int
-    """Ticks of delay."""
+    """Increase of the integrator's command per tick and state."""
+    delay_ticks: int
+    """Delay of tailcone and sampling in ticks."""
     kick: Array
-    """(n, n): root of the sea's covariance in a tick."""
+    """Square root of the covariance of the process noise per tick, (n, n)."""
     spread: Array
-    """Standard deviation of x before the loops have held her."""
+    """Standard deviation of the initial state."""
 
 
 def of_vehicle(vehicle: CandidateVehicle, plane: Plane, gains: Gains, level: Noise) -> Loop:
+    """Return the loop of one plane of a vehicle.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle.
+    plane : str
+        yaw or pitch.
+    gains : Gains
+        Gains by name; a pitch integrator is ignored.
+    level : Noise
+        Disturbance model.
+
+    Returns
+    -------
+    Loop
+        At the autopilot's tick; the transition is the matrix exponential over `DT`.
+    """
     linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]
-    sea, density, _, _, P0 = noise.system(linear, level)
-    n, m = linear.A.shape[0], sea.shape[0]
-    wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
+    disturbance, density, _, _, P0 = noise.system(linear, level)
+    n, m = linear.A.shape[0], disturbance.shape[0]
+    wn_radps, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
     A, B, D = np.zeros((m + 2, m + 2)), np.zeros(m + 2), np.zeros((m + 2, m + 2))
-    A[:m, :m], A[:n, m] = sea, linear.B
-    A[m, m + 1], A[m + 1, m], A[m + 1, m + 1] = 1.0, -(wn**2), -2.0 * zeta * wn
-    B[m + 1] = wn**2
+    A[:m, :m], A[:n, m] = disturbance, linear.B
+    A[m, m + 1], A[m + 1, m], A[m + 1, m + 1] = 1.0, -(wn_radps**2), -2.0 * zeta * wn_radps
+    B[m + 1] = wn_radps**2
     D[:m, :m] = density
     transition, process = noise.discrete(A, D, DT)
-    held = expm(np.block([[A, B[:, None]], [np.zeros((1, m + 3))]]) * DT)[: m + 2, m + 2]
+    held_input = expm(np.block([[A, B[:, None]], [np.zeros((1, m + 3))]]) * DT)[: m + 2, m + 2]
     spread = np.zeros(m + 2)
     spread[:m] = np.sqrt(np.diag(P0))
     feedback, integral = _feedback_rows(plane, linear.A, gains, m + 2)
-    late = round((actuator.delay_s + SAMPLING_S) / DT)
-    return Loop(transition, held, feedback, integral, late, noise.root(process), spread)
+    delay_ticks = round((actuator.delay_s + SAMPLING_S) / DT)
+    return Loop(
+        transition=transition,
+        drive=held_input,
+        feedback=feedback,
+        integral=integral,
+        delay_ticks=delay_ticks,
+        kick=noise.root(process),
+        spread=spread,
+    )
 
 
 def _feedback_rows(plane: Plane, A: Array, gains: Gains, size: int) -> tuple[Array, Array]:
-    """Rows of the command and of its integrator's growth in a tick; a pitch integrator is left
-    out."""
+    """Return the feedback row and the integrator row; a pitch integrator is ignored."""
     feedback, integral = np.zeros(size), np.zeros(size)
     if plane == "yaw":
         feedback[1], feedback[2] = -gains["HDG_D"], -gains["HDG_P"]
         integral[2] = -gains["HDG_I"] * DT
         return feedback, integral
-    wanted = np.zeros(size)
-    wanted[3] = gains["DPT_P"]
-    wanted[: A.shape[0]] += gains["DPT_D"] * A[3]
-    feedback += gains["PTCH_P"] * wanted
+    pitch_command = np.zeros(size)
+    pitch_command[3] = gains["DPT_P"]
+    pitch_command[: A.shape[0]] += gains["DPT_D"] * A[3]
+    feedback += gains["PTCH_P"] * pitch_command
     feedback[1] -= gains["PTCH_D"]
     feedback[2] -= gains["PTCH_P"]
     integral[3] = gains["PTCH_P"] * gains["DPT_I"] * DT
@@ -82,27 +111,43 @@ def _feedback_rows(plane: Plane, A: Array, gains: Gains, size: int) -> tuple[Arr
 
 
 class ClosedLoopResponse(NamedTuple):
-    """On the 50 Hz grid."""
+    """Response on the 50 Hz grid."""
 
     motion: Array
-    """(ticks, 3): rate, angle and depth."""
+    """Rate (rad/s), angle (rad) and depth (m), (ticks, 3)."""
     command_rad: Array
-    """The test and the loop's answer, from trim."""
+    """Test plus feedback, relative to trim."""
 
 
 def simulate(
     loop: Loop, plane: Plane, signal_rad: Array, kicks: Array | None = None
 ) -> ClosedLoopResponse:
-    """A test that is added to the loop's command; ``kicks``, (ticks, n) of unit variance, are the
-    sea's."""
+    """Simulate a test that is added to the loop's command.
+
+    Parameters
+    ----------
+    loop : Loop
+        Loop of the plane.
+    plane : str
+        yaw or pitch.
+    signal_rad : ndarray
+        Test signal at every tick (rad).
+    kicks : ndarray, optional
+        Standard normal draws of the disturbance, (ticks, n); no disturbance without them.
+
+    Returns
+    -------
+    ClosedLoopResponse
+        Motion and command.
+    """
     n = loop.feedback.size
-    quiet = kicks is None
+    calm = kicks is None
     draws = np.zeros((signal_rad.size, n)) if kicks is None else kicks @ loop.kick.T
-    first = np.zeros(n) if quiet or kicks is None else loop.spread * kicks[0]
-    track, command = _simulate(*loop[:5], signal_rad, draws, first)
+    initial = np.zeros(n) if calm or kicks is None else loop.spread * kicks[0]
+    states, command = _simulate(*loop[:5], signal_rad, draws, initial)
     rows = 2 if plane == "yaw" else 3
     motion = np.zeros((signal_rad.size, 3))
-    motion[:, :rows] = track[:, 1 : 1 + rows]
+    motion[:, :rows] = states[:, 1 : 1 + rows]
     return ClosedLoopResponse(motion, command)
 
 
@@ -112,25 +157,30 @@ def _simulate(
     drive: Array,
     feedback: Array,
     integral: Array,
-    late: int,
+    delay_ticks: int,
     signal: Array,
     draws: Array,
-    first: Array,
+    initial: Array,
 ) -> tuple[Array, Array]:
+    """Run the recursion tick by tick; returns states (ticks, n) and commands (ticks,).
+
+    u[k] = signal[k] + integral_rad[k] + feedback x[k]; integral_rad[k+1] = integral_rad[k] +
+    integral x[k]; x[k+1] = transition x[k] + drive u[k - delay_ticks] + draws[k].
+    """
     ticks, n = draws.shape
-    track, command = np.empty((ticks, n)), np.empty(ticks)
-    x, after, memory = first.copy(), np.empty(n), 0.0
+    states, command = np.empty((ticks, n)), np.empty(ticks)
+    x, next_x, integral_rad = initial.copy(), np.empty(n), 0.0
     for k in range(ticks):
-        track[k] = x
-        asked = signal[k] + memory
+        states[k] = x
+        command_rad = signal[k] + integral_rad
         for j in range(n):
-            asked += feedback[j] * x[j]
-            memory += integral[j] * x[j]
-        command[k] = asked
-        acting = command[k - late] if k >= late else 0.0
+            command_rad += feedback[j] * x[j]
+            integral_rad += integral[j] * x[j]
+        command[k] = command_rad
+        delayed_rad = command[k - delay_ticks] if k >= delay_ticks else 0.0
         for i in range(n):
-            after[i] = drive[i] * acting + draws[k, i]
+            next_x[i] = drive[i] * delayed_rad + draws[k, i]
             for j in range(n):
-                after[i] += transition[i, j] * x[j]
-        x[:] = after
-    return track, command
+                next_x[i] += transition[i, j] * x[j]
+        x[:] = next_x
+    return states, command

@@ -1,5 +1,4 @@
-"""A set of tests for a water time: candidates sized within limits, the most telling ones chosen,
-all of it foretold."""
+"""Plan of a set of tests: candidates within limits, the best set, and predicted uncertainty."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -13,7 +12,7 @@ from sysid.estimation.map import fit
 from sysid.models import linear_planes
 from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2
 from sysid.test_design import (
-    candidates as library,
+    candidates as candidate_tests,
 )
 from sysid.test_design import (
     crossover,
@@ -23,9 +22,9 @@ from sysid.test_design import (
     selection,
     switching_times,
 )
-from sysid.test_design import prior as beliefs
+from sysid.test_design import prior as design_priors
 from sysid.test_design import (
-    safety_margins as excursions,
+    safety_margins as safety_margins,
 )
 from sysid.test_design.candidates import Lengths
 from sysid.test_design.information import CRITERIA, PLANES, DesignUncertainty, Slopes
@@ -37,36 +36,35 @@ from sysid.validation.crossover import gains_for
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
+"""Callback with the current step and the completed share."""
 
 RECOVERY_S = 40.0
-"""After a test with its loop off that stays within limits, until the vehicle is back on depth and
-course and steady."""
+"""Time (s) after a test with the loop off until the vehicle is steady on depth and course again."""
 HELD_RECOVERY_S = 30.0
-"""After one with its loop on: until she is steady, and the motion before a test with which a run
-begins."""
+"""Time (s) after a test with the loop on, including the lead-in of the next run."""
 SETTLING_S = 75.0
-"""From the surface to the first test of a dive."""
+"""Time (s) from the surface to the first test of a dive."""
 MAX_LOG_GROWTH = 3.0
-"""Natural logarithm of what a run's length may make of a small error in a plane that is
-unstable."""
+"""Maximum growth of a small error over a run of an unstable plane, as natural logarithm."""
 
 
 class PlanRequest(NamedTuple):
-    """What a plan is for."""
+    """Request for a plan."""
 
     water_s: float = 1200.0
-    """Of both dives from the first leg on: settling, tests, recoveries."""
+    """Total time (s) of both dives from the first leg on: settling, tests, recoveries."""
     criterion: str = "d"
-    """A key of ``information.CRITERIA``."""
+    """Key of ``information.CRITERIA``."""
     limits: ExcursionLimits = ExcursionLimits()
     samples: int = 128
+    """Number of vehicles sampled for the safety check."""
     seed: int = 1
     gains: Gains | None = None
-    """Of the loops that are aboard, by name as in Table 3; None for those of Caribou's prototype,
-    scaled."""
+    """Current gains of the vehicle by name; None for Caribou's initial ones, scaled."""
     lengths: Lengths = Lengths()
     recovery_s: float = RECOVERY_S
     held_out: bool = True
+    """Whether to add validation tests in a second dive."""
 
 
 class Planned(NamedTuple):
@@ -75,38 +73,39 @@ class Planned(NamedTuple):
     manoeuvre: Manoeuvre
     excursion: Excursion
     share: dict[Plane, float]
-    """By which it alone, left out, would widen the crossover phase (ratio of standard deviations,
-    less one)."""
+    """Relative increase of the crossover phase's standard deviation without this test, by plane."""
     elevator: Excursion | None = None
-    """In pitch, of a test of both surfaces; ``excursion`` is then that in yaw."""
+    """Excursion in pitch of a test of both surfaces; ``excursion`` is then the one in yaw."""
 
     @property
     def excursions(self) -> tuple[Excursion, ...]:
-        """Of each plane that is tested."""
+        """Excursion of each tested plane."""
         return (self.excursion,) if self.elevator is None else (self.excursion, self.elevator)
 
 
 class TestPlan(NamedTuple):
+    """Tests of a plan, and the uncertainty before and after them."""
+
     tests: tuple[Planned, ...]
-    """To be fitted, in the order in which they are flown."""
+    """Tests to fit, in the order of execution."""
     held_out: tuple[Planned, ...]
-    """Of another type: to be predicted, and flown in a dive of their own."""
+    """Validation tests of another type, for a second dive."""
     water_s: float
     crossover_radps: dict[Plane, float]
     before: dict[Plane, DesignUncertainty]
     after: dict[Plane, DesignUncertainty]
     paper: dict[Plane, DesignUncertainty]
-    """After the paper's steps of the same water time."""
+    """Uncertainty after the paper's steps in the same time."""
 
 
 class PlanInfeasibleError(ValueError):
-    """No set of tests fits; the message says what stands in the way."""
+    """No set of tests fits; the message gives the reason."""
 
 
 class _PlaneKnowledge(NamedTuple):
-    """What planning knows of one plane."""
+    """Everything that planning needs about one plane."""
 
-    belief: DesignPrior
+    prior: DesignPrior
     plane: Plane
     gains: Gains
     slopes: Slopes
@@ -114,123 +113,160 @@ class _PlaneKnowledge(NamedTuple):
     crossover_radps: float
     nominal_deg: float
     largest_deg: float
+    """Available travel of the surface (deg)."""
     longest_s: float
-    lean_rad: float
+    """Maximum length of a test with an unstable plane (s)."""
+    trim_offset_rad: float
+    """Known trim of the surface (rad)."""
 
 
-def plan(belief: DesignPrior, request: PlanRequest, progress: Progress | None = None) -> TestPlan:
-    """The tests to fly next.
+def plan(prior: DesignPrior, request: PlanRequest, progress: Progress | None = None) -> TestPlan:
+    """Select the tests to fly next.
 
-    Raises:
-        PlanRefused, NotHeldError: no test keeps within the limits, or the water time holds too few
-        of them.
+    Parameters
+    ----------
+    prior : DesignPrior
+        Prior of the vehicle.
+    request : PlanRequest
+        Time, criterion, limits and gains.
+    progress : Progress, optional
+        Callback for progress.
+
+    Returns
+    -------
+    TestPlan
+        Tests with predicted excursions and uncertainty.
+
+    Raises
+    ------
+    PlanInfeasibleError
+        No test stays within the limits, or the time is too short.
+    UnstableLoopError
+        The gains stabilise hardly any sampled vehicle.
     """
     report = progress or (lambda what, share: None)
-    known = np.asarray(np.linalg.inv(belief.covariance), dtype=np.float64)
-    about = {plane: _plane_knowledge(belief, plane, request) for plane in PLANES}
-    left = selection.criterion(
-        {plane: about[plane].slopes for plane in PLANES}, CRITERIA[request.criterion]
+    prior_information = np.asarray(np.linalg.inv(prior.covariance), dtype=np.float64)
+    planes = {plane: _plane_knowledge(prior, plane, request) for plane in PLANES}
+    criterion = selection.criterion(
+        {plane: planes[plane].slopes for plane in PLANES}, CRITERIA[request.criterion]
     )
     candidates: list[SizedTest] = []
-    held: list[SizedTest] = []
+    held_out: list[SizedTest] = []
     for number, plane in enumerate(PLANES):
         report(f"{plane}: flying candidates", 0.45 * number)
-        candidates += _candidates(about[plane], request, known)
-        held += _held_out(about[plane], request)
+        candidates += _candidates(planes[plane], request, prior_information)
+        held_out += _held_out(planes[plane], request)
     report("both surfaces: flying candidates", 0.9)
-    candidates += _dual_axis_candidates(about, request)
+    candidates += _dual_axis_candidates(planes, request)
     report("choosing", 0.95)
-    dives = 2 if held else 1
-    free_s = request.water_s - dives * SETTLING_S - selection.total_test_time_s(held)
-    chosen = selection.select_tests(candidates, known, free_s, left)
-    _check_time(chosen, candidates, request, free_s)
+    dives = 2 if held_out else 1
+    free_s = request.water_s - dives * SETTLING_S - selection.total_test_time_s(held_out)
+    selected = selection.select_tests(candidates, prior_information, free_s, criterion)
+    _check_time(selected, candidates, request, free_s)
     report("done", 1.0)
-    return _plan(belief, request, about, known, chosen, held)
+    return _plan(prior, request, planes, prior_information, selected, held_out)
 
 
-def _plane_knowledge(belief: DesignPrior, plane: Plane, request: PlanRequest) -> _PlaneKnowledge:
-    mean = belief.vehicle(belief.mean)
-    gains = request.gains or gains_for(mean)
+def _plane_knowledge(prior: DesignPrior, plane: Plane, request: PlanRequest) -> _PlaneKnowledge:
+    """Return the data of one plane."""
+    mean_vehicle = prior.vehicle(prior.mean)
+    gains = request.gains or gains_for(mean_vehicle)
     seed = 2 * request.seed + PLANES.index(plane)
     longest_s = max(
-        *library.STEPS_S, *(float(seconds) for lengths in request.lengths for seconds in lengths)
+        *candidate_tests.STEPS_S,
+        *(float(seconds) for lengths in request.lengths for seconds in lengths),
     )
-    samples = excursions.sample_vehicles(belief, plane, gains, request.samples, longest_s, seed)
+    samples = safety_margins.sample_vehicles(prior, plane, gains, request.samples, longest_s, seed)
     return _PlaneKnowledge(
-        belief=belief,
+        prior=prior,
         plane=plane,
         gains=gains,
-        slopes=information.slopes(belief, plane),
+        slopes=information.slopes(prior, plane),
         samples=samples,
-        crossover_radps=crossover.frequency_radps(mean, plane),
-        nominal_deg=library.NOMINAL_DEG * scale(belief, plane),
-        largest_deg=float(np.degrees(available_travel_rad(belief, plane))),
+        crossover_radps=crossover.frequency_radps(mean_vehicle, plane),
+        nominal_deg=candidate_tests.NOMINAL_DEG * scale(prior, plane),
+        largest_deg=float(np.degrees(available_travel_rad(prior, plane))),
         longest_s=_max_duration_s(samples, plane),
-        lean_rad=beliefs.level_flight(mean, plane).trim_rad if belief.trims_known else 0.0,
+        trim_offset_rad=design_priors.level_flight(mean_vehicle, plane).trim_rad
+        if prior.trims_known
+        else 0.0,
     )
 
 
-def scale(belief: DesignPrior, plane: Plane) -> float:
-    """What a degree of Caribou's surface comes to on this vehicle's."""
-    linear = fit.linear_plane(belief.vehicle(belief.mean), plane)
+def scale(prior: DesignPrior, plane: Plane) -> float:
+    """Return the surface angle that has the effect of one degree on Caribou (deg/deg)."""
+    linear = fit.linear_plane(prior.vehicle(prior.mean), plane)
     return CARIBOU_TURN_PER_S2 / abs(linear_planes.small_signal(linear).b1_per_s2)
 
 
 def _max_duration_s(samples: list[VehicleSample], plane: Plane) -> float:
-    """How long a run of a vehicle may be whose plane runs away: nine in ten of the samples'."""
-    fastest = [
-        float(np.max(np.linalg.eigvals(fit.linear_plane(s.vehicle, plane).A).real)) for s in samples
+    """Return the maximum length of a run (s).
+
+    It is `MAX_LOG_GROWTH` over the 90 % quantile of the samples' growth rates.
+    """
+    growth_rates = [
+        float(np.max(np.linalg.eigvals(fit.linear_plane(sample.vehicle, plane).A).real))
+        for sample in samples
     ]
-    return MAX_LOG_GROWTH / max(float(np.quantile(fastest, 0.9)), 1e-3)
+    return MAX_LOG_GROWTH / max(float(np.quantile(growth_rates, 0.9)), 1e-3)
 
 
-def _candidates(at: _PlaneKnowledge, request: PlanRequest, known: Array) -> list[SizedTest]:
-    """The library's and the designed ones. A square wave is designed beside the best of the
-    library's, flown twice."""
-    ready = _size_all(
-        at,
-        library.candidates(at.plane, at.crossover_radps, at.nominal_deg, request.lengths),
+def _candidates(
+    plane: _PlaneKnowledge, request: PlanRequest, prior_information: Array
+) -> list[SizedTest]:
+    """Return standard tests and designed square waves, at their largest safe size.
+
+    A square wave is designed to add information to the best standard test, flown twice.
+    """
+    sized = _size_all(
+        plane,
+        candidate_tests.candidates(
+            plane.plane, plane.crossover_radps, plane.nominal_deg, request.lengths
+        ),
         request,
     )
-    left = selection.criterion({at.plane: at.slopes}, CRITERIA[request.criterion])
-    if ready:
-        best = selection.select_tests(ready, known, 2.0 * max(c.water_s for c in ready), left)
-        known = selection.total(best, known)
+    criterion = selection.criterion({plane.plane: plane.slopes}, CRITERIA[request.criterion])
+    if sized:
+        selected = selection.select_tests(
+            sized, prior_information, 2.0 * max(c.water_s for c in sized), criterion
+        )
+        prior_information = selection.total(selected, prior_information)
     designs = [
         switching_times.design_square_wave(
-            at.belief,
+            plane.prior,
             shape,
-            at.gains,
-            at.largest_deg,
-            at.samples,
+            plane.gains,
+            plane.largest_deg,
+            plane.samples,
             request.limits,
-            left,
-            known,
+            criterion,
+            prior_information,
             request.seed,
-            3.0 / at.crossover_radps,
+            3.0 / plane.crossover_radps,
         )
-        for shape in library.square_waves(at.plane, at.nominal_deg, request.lengths)
-        if shape.duration_s <= at.longest_s
+        for shape in candidate_tests.square_waves(plane.plane, plane.nominal_deg, request.lengths)
+        if shape.duration_s <= plane.longest_s
     ]
-    return ready + _size_all(at, designs, request)
+    return sized + _size_all(plane, designs, request)
 
 
 def _dual_axis_candidates(
-    about: dict[Plane, _PlaneKnowledge], request: PlanRequest
+    planes: dict[Plane, _PlaneKnowledge], request: PlanRequest
 ) -> list[SizedTest]:
-    """Each surface as large as its plane allows, and the elevator's share of the rudder one for all
-    of them."""
-    known = [about[plane] for plane in PLANES]
-    shapes = library.dual_axis_tests(
-        [at.crossover_radps for at in known], [at.nominal_deg for at in known], request.lengths
+    """Return tests of both surfaces, with one ratio of elevator to rudder for all of them."""
+    both = [planes[plane] for plane in PLANES]
+    shapes = candidate_tests.dual_axis_tests(
+        [plane.crossover_radps for plane in both],
+        [plane.nominal_deg for plane in both],
+        request.lengths,
     )
-    found = [
-        [_size_all(at, [half], request) for at, half in zip(known, shape.halves, strict=True)]
+    sized = [
+        [_size_all(plane, [half], request) for plane, half in zip(both, shape.halves, strict=True)]
         for shape in shapes
     ]
     pairs = [
         (shape, rudder[0], elevator[0])
-        for shape, (rudder, elevator) in zip(shapes, found, strict=True)
+        for shape, (rudder, elevator) in zip(shapes, sized, strict=True)
         if rudder and elevator
     ]
     if not pairs:
@@ -240,7 +276,7 @@ def _dual_axis_candidates(
     )
     return [
         _combine_axes(
-            about,
+            planes,
             dual_axis.scale_to_limits(shape, rudder.manoeuvre, elevator.manoeuvre, share),
             rudder,
             elevator,
@@ -250,59 +286,90 @@ def _dual_axis_candidates(
 
 
 def _combine_axes(
-    about: dict[Plane, _PlaneKnowledge], what: Manoeuvre, rudder: SizedTest, elevator: SizedTest
+    planes: dict[Plane, _PlaneKnowledge],
+    manoeuvre: Manoeuvre,
+    rudder: SizedTest,
+    elevator: SizedTest,
 ) -> SizedTest:
-    """``rudder`` and ``elevator`` are the halves at their largest, of which ``what`` may be
-    less."""
-    told = [
-        information.information_of(about[half.plane].belief, [half], about[half.plane].gains)[0]
-        for half in what.halves
+    """Return a test of both surfaces, given its halves at their largest size."""
+    information_matrices = [
+        information.information_of(planes[half.plane].prior, [half], planes[half.plane].gains)[0]
+        for half in manoeuvre.halves
     ]
-    return SizedTest(what, rudder.excursion, told[0] + told[1], rudder.water_s, elevator.excursion)
+    return SizedTest(
+        manoeuvre=manoeuvre,
+        excursion=rudder.excursion,
+        information=information_matrices[0] + information_matrices[1],
+        water_s=rudder.water_s,
+        elevator=elevator.excursion,
+    )
 
 
-def _held_out(at: _PlaneKnowledge, request: PlanRequest) -> list[SizedTest]:
+def _held_out(plane: _PlaneKnowledge, request: PlanRequest) -> list[SizedTest]:
+    """Return the validation test of a plane at its largest safe size."""
     if not request.held_out:
         return []
     return _size_all(
-        at, [library.held_out_test(at.plane, at.crossover_radps, at.nominal_deg)], request
+        plane,
+        [candidate_tests.held_out_test(plane.plane, plane.crossover_radps, plane.nominal_deg)],
+        request,
     )
 
 
 def _size_all(
-    at: _PlaneKnowledge, shapes: list[Manoeuvre], request: PlanRequest
+    plane: _PlaneKnowledge, shapes: list[Manoeuvre], request: PlanRequest
 ) -> list[SizedTest]:
-    fit_in = [shape for shape in shapes if shape.duration_s <= at.longest_s]
-    found = [
-        excursions.max_size_within_limits(
-            one, at.largest_deg, at.samples, request.limits, at.lean_rad
+    """Return the shapes that fit, at their largest safe size."""
+    feasible = [shape for shape in shapes if shape.duration_s <= plane.longest_s]
+    sized = [
+        safety_margins.max_size_within_limits(
+            shape, plane.largest_deg, plane.samples, request.limits, plane.trim_offset_rad
         )
-        for one in fit_in
+        for shape in feasible
     ]
-    kept = [one for one in found if one is not None]
-    told = information.information_of(at.belief, [manoeuvre for manoeuvre, _ in kept], at.gains)
+    accepted = [shape for shape in sized if shape is not None]
+    matrices = information.information_of(
+        plane.prior, [manoeuvre for manoeuvre, _ in accepted], plane.gains
+    )
     return [
         SizedTest(
-            manoeuvre, excursion, matrix, manoeuvre.duration_s + recovery_s(manoeuvre, request)
+            manoeuvre=manoeuvre,
+            excursion=excursion,
+            information=matrix,
+            water_s=manoeuvre.duration_s + recovery_s(manoeuvre, request),
         )
-        for (manoeuvre, excursion), matrix in zip(kept, told, strict=True)
+        for (manoeuvre, excursion), matrix in zip(accepted, matrices, strict=True)
     ]
 
 
 def recovery_s(manoeuvre: Manoeuvre, request: PlanRequest) -> float:
-    """Of the leg that follows a test."""
+    """Return the length of the leg after a test.
+
+    Parameters
+    ----------
+    manoeuvre : Manoeuvre
+        Test.
+    request : PlanRequest
+        Request with the recovery time of tests with the loop off.
+
+    Returns
+    -------
+    float
+        Length (s).
+    """
     return min(HELD_RECOVERY_S, request.recovery_s) if manoeuvre.loop_on else request.recovery_s
 
 
 def _check_time(
-    chosen: list[SizedTest], candidates: list[SizedTest], request: PlanRequest, free_s: float
+    selected: list[SizedTest], candidates: list[SizedTest], request: PlanRequest, free_s: float
 ) -> None:
+    """Raise PlanInfeasibleError if a plane has no candidate or no selected test."""
     for plane in PLANES:
         if not any(plane in c.manoeuvre.planes for c in candidates):
             raise PlanInfeasibleError(
-                f"{plane}: no test keeps within the limits; widen them, or fly a calmer sea"
+                f"{plane}: no test stays within the limits; widen them, or test in calmer water"
             )
-        if not any(plane in c.manoeuvre.planes for c in chosen):
+        if not any(plane in c.manoeuvre.planes for c in selected):
             raise PlanInfeasibleError(
                 f"water time {request.water_s:.0f} s: leaves {max(free_s, 0.0):.0f} s for tests,"
                 f" too little for an opposite pair in {plane}; give more"
@@ -310,72 +377,86 @@ def _check_time(
 
 
 def _plan(
-    belief: DesignPrior,
+    prior: DesignPrior,
     request: PlanRequest,
-    about: dict[Plane, _PlaneKnowledge],
-    known: Array,
-    chosen: list[SizedTest],
-    held: list[SizedTest],
+    planes: dict[Plane, _PlaneKnowledge],
+    prior_information: Array,
+    selected: list[SizedTest],
+    held_out: list[SizedTest],
 ) -> TestPlan:
-    dives = 2 if held else 1
-    slopes: dict[Plane, Slopes] = {plane: about[plane].slopes for plane in PLANES}
-    paper = known + information_of_set(
-        belief, paper_set(belief, selection.total_test_time_s(chosen)), about["yaw"].gains
+    """Return the plan of the selected tests."""
+    dives = 2 if held_out else 1
+    slopes: dict[Plane, Slopes] = {plane: planes[plane].slopes for plane in PLANES}
+    paper = prior_information + information_of_set(
+        prior, paper_set(prior, selection.total_test_time_s(selected)), planes["yaw"].gains
     )
     return TestPlan(
-        tests=tuple(_planned_test(c, chosen, known, slopes) for c in _order(chosen)),
-        held_out=tuple(Planned(c.manoeuvre, c.excursion, {}) for c in held),
-        water_s=dives * SETTLING_S + selection.total_test_time_s([*chosen, *held]),
-        crossover_radps={plane: about[plane].crossover_radps for plane in PLANES},
-        before=_numbers(slopes, known),
-        after=_numbers(slopes, selection.total(chosen, known)),
+        tests=tuple(
+            _planned_test(c, selected, prior_information, slopes) for c in _order(selected)
+        ),
+        held_out=tuple(Planned(c.manoeuvre, c.excursion, {}) for c in held_out),
+        water_s=dives * SETTLING_S + selection.total_test_time_s([*selected, *held_out]),
+        crossover_radps={plane: planes[plane].crossover_radps for plane in PLANES},
+        before=_numbers(slopes, prior_information),
+        after=_numbers(slopes, selection.total(selected, prior_information)),
         paper=_numbers(slopes, paper),
     )
 
 
-def paper_set(belief: DesignPrior, water_s: float) -> list[Manoeuvre]:
-    """The paper's steps, sized for the vehicle, that fit into the same water time."""
-    return paper_baseline.steps({plane: scale(belief, plane) for plane in PLANES}, water_s)
+def paper_set(prior: DesignPrior, water_s: float) -> list[Manoeuvre]:
+    """Return the paper's steps that fit into the same time, scaled to the vehicle."""
+    return paper_baseline.steps({plane: scale(prior, plane) for plane in PLANES}, water_s)
 
 
-def information_of_set(belief: DesignPrior, manoeuvres: list[Manoeuvre], gains: Gains) -> Array:
-    """Information about z of tests in both planes."""
-    told = np.zeros((belief.mean.size, belief.mean.size))
+def information_of_set(prior: DesignPrior, manoeuvres: list[Manoeuvre], gains: Gains) -> Array:
+    """Return the information matrix of tests in both planes."""
+    total = np.zeros((prior.mean.size, prior.mean.size))
     for plane in PLANES:
-        told += sum(
-            information.information_of(belief, [m for m in manoeuvres if m.plane == plane], gains),
-            np.zeros_like(told),
+        total += sum(
+            information.information_of(prior, [m for m in manoeuvres if m.plane == plane], gains),
+            np.zeros_like(total),
         )
-    return told
+    return total
 
 
-def _numbers(slopes: dict[Plane, Slopes], told: Array) -> dict[Plane, DesignUncertainty]:
-    covariance = np.asarray(np.linalg.inv(told), dtype=np.float64)
+def _numbers(slopes: dict[Plane, Slopes], total: Array) -> dict[Plane, DesignUncertainty]:
+    """Return the uncertainty of both planes under an information matrix."""
+    covariance = np.asarray(np.linalg.inv(total), dtype=np.float64)
     return {plane: information.numbers(slope, covariance) for plane, slope in slopes.items()}
 
 
-def _order(chosen: list[SizedTest]) -> list[SizedTest]:
-    """Planes by turns, and every second flight of a shape to the other side."""
+def _order(selected: list[SizedTest]) -> list[SizedTest]:
+    """Alternate between planes, and mirror every second execution of a shape."""
     flights: list[SizedTest] = []
     groups = [
-        sorted((c for c in chosen if c.manoeuvre.plane == p), key=lambda c: c.manoeuvre)
+        sorted((c for c in selected if c.manoeuvre.plane == p), key=lambda c: c.manoeuvre)
         for p in PLANES
     ]
     for number in range(max(len(group) for group in groups)):
         for group in groups:
             if number < len(group):
                 c = group[number]
-                again = sum(c.manoeuvre == earlier.manoeuvre for earlier in group[:number])
+                earlier_flights = sum(
+                    c.manoeuvre == earlier.manoeuvre for earlier in group[:number]
+                )
                 flights.append(
-                    c._replace(manoeuvre=c.manoeuvre.mirrored if again % 2 else c.manoeuvre)
+                    c._replace(
+                        manoeuvre=c.manoeuvre.mirrored if earlier_flights % 2 else c.manoeuvre
+                    )
                 )
     return flights
 
 
 def _planned_test(
-    what: SizedTest, chosen: list[SizedTest], known: Array, slopes: dict[Plane, Slopes]
+    test: SizedTest,
+    selected: list[SizedTest],
+    prior_information: Array,
+    slopes: dict[Plane, Slopes],
 ) -> Planned:
-    whole = selection.total(chosen, known)
-    all_sds, fewer = _numbers(slopes, whole), _numbers(slopes, whole - what.told)
-    share = {p: fewer[p].crossover_deg / all_sds[p].crossover_deg - 1.0 for p in PLANES}
-    return Planned(what.manoeuvre, what.excursion, share, what.elevator)
+    """Return a selected test with the effect of leaving it out."""
+    total = selection.total(selected, prior_information)
+    with_all, without = _numbers(slopes, total), _numbers(slopes, total - test.information)
+    share = {p: without[p].crossover_deg / with_all[p].crossover_deg - 1.0 for p in PLANES}
+    return Planned(
+        manoeuvre=test.manoeuvre, excursion=test.excursion, share=share, elevator=test.elevator
+    )

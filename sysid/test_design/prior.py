@@ -1,5 +1,4 @@
-"""What is believed of a vehicle before the next tests: a file's first principles, or an identified
-model."""
+"""Prior of a vehicle for test design: from a vehicle file, or from an identified model."""
 
 import math
 from pathlib import Path
@@ -23,32 +22,47 @@ from sysid.test_design.simulate import LevelFlight
 Array = NDArray[np.float64]
 
 UNKNOWN_TRIM_SHARE = 0.4
-"""Share of the travel that a trim which nobody has measured may take; the paper's took 6 of 15
-deg."""
+"""Share of the travel reserved for an unknown trim; the paper's vehicle needed 6 of 15 deg."""
 SPARE_RAD = math.radians(0.5)
-"""Travel that stays unused beside a trim that is known."""
+"""Travel that stays unused beside a known trim (rad)."""
 
 
 class DesignPrior(NamedTuple):
-    """z (``sysid.models.parameters``) is normal with ``mean`` and ``covariance``."""
+    """Normal prior of z (``sysid.models.parameters``) with ``mean`` and ``covariance``."""
 
     name: str
     config: VehicleConfig
     biases_rad: dict[Plane, float]
+    """Actuator bias of each plane (rad) at z = 0."""
     mean: Array
     covariance: Array
     noise: dict[Plane, Noise]
+    """Disturbance and sensor noise of each plane."""
     trims_known: bool = False
+    """Whether the trims were measured."""
 
     def vehicle(self, z: Array) -> CandidateVehicle:
+        """Return the vehicle at a value of z."""
         return parameters.candidate_vehicle(self.config, self.biases_rad, z)
 
 
 def read(prior: str | Path) -> DesignPrior:
-    """From ``bench``, a vehicle file or a ``model.json``.
+    """Read a prior from ``caribou_nominal``, a vehicle file or a ``model.json``.
 
-    Raises:
-        VehicleError, ModelError, RefitError: bad input, each in one line.
+    Parameters
+    ----------
+    prior : str or Path
+        Name or path.
+
+    Returns
+    -------
+    DesignPrior
+        Prior of the vehicle.
+
+    Raises
+    ------
+    VehicleError, ModelError, RefitError
+        The input is invalid; the message has one line.
     """
     if not str(prior).endswith(".json"):
         return from_file(
@@ -64,55 +78,95 @@ def read(prior: str | Path) -> DesignPrior:
 
 
 def from_file(config: VehicleConfig, name: str = "caribou_nominal") -> DesignPrior:
-    """First principles with the spread that they leave, in the sea that the fit assumes before it
-    has seen it."""
+    """Return the first-principles prior of a vehicle file, with the fit's default disturbance."""
     biases: dict[Plane, float] = {"yaw": 0.0, "pitch": 0.0}
-    sea: dict[Plane, Noise] = {"yaw": Noise(), "pitch": Noise()}
+    disturbance: dict[Plane, Noise] = {"yaw": Noise(), "pitch": Noise()}
     return DesignPrior(
-        name, config, biases, np.zeros(len(NAMES)), parameters.prior_covariance(), sea
+        name=name,
+        config=config,
+        biases_rad=biases,
+        mean=np.zeros(len(NAMES)),
+        covariance=parameters.prior_covariance(),
+        noise=disturbance,
     )
 
 
 def from_model(
     model: IdentifiedModel, config: VehicleConfig, name: str = "model.json"
 ) -> DesignPrior:
-    """The posterior of an earlier fit, and the sea that it found."""
+    """Return the posterior of an earlier fit as prior, with the identified disturbance."""
     biases: dict[Plane, float] = {
-        plane: math.radians(b) for plane, b in model.vehicle.prior_biases_deg.items()
+        plane: math.radians(bias_deg) for plane, bias_deg in model.vehicle.prior_biases_deg.items()
     }
-    sea: dict[Plane, Noise] = {"yaw": Noise(), "pitch": Noise()}
-    sea |= {plane: noise.from_model(found) for plane, found in model.noise.items()}
+    disturbance: dict[Plane, Noise] = {"yaw": Noise(), "pitch": Noise()}
+    disturbance |= {
+        plane: noise.from_model(model_noise) for plane, model_noise in model.noise.items()
+    }
     return DesignPrior(
-        name, config, biases, np.array(model.joint.z), np.array(model.joint.covariance), sea, True
+        name=name,
+        config=config,
+        biases_rad=biases,
+        mean=np.array(model.joint.z),
+        covariance=np.array(model.joint.covariance),
+        noise=disturbance,
+        trims_known=True,
     )
 
 
-def with_trim(belief: DesignPrior, rudder_rad: float, elevator_rad: float) -> DesignPrior:
-    """The same after a trim flight: the biases with which it balances where the surfaces then
-    stood."""
-    unbiased = belief._replace(biases_rad={"yaw": 0.0, "pitch": 0.0})
-    level_rad = level_flight(unbiased.vehicle(belief.mean), "pitch").trim_rad
+def with_trim(prior: DesignPrior, rudder_rad: float, elevator_rad: float) -> DesignPrior:
+    """Return the prior after a trim flight.
+
+    Parameters
+    ----------
+    prior : DesignPrior
+        Prior before the flight.
+    rudder_rad, elevator_rad : float
+        Mean surface commands in straight level flight (rad).
+
+    Returns
+    -------
+    DesignPrior
+        Prior with the biases that explain them: command plus bias is the angle of level flight.
+    """
+    unbiased = prior._replace(biases_rad={"yaw": 0.0, "pitch": 0.0})
+    level_rad = level_flight(unbiased.vehicle(prior.mean), "pitch").trim_rad
     biases: dict[Plane, float] = {"yaw": -rudder_rad, "pitch": level_rad - elevator_rad}
-    return belief._replace(biases_rad=biases, trims_known=True)
+    return prior._replace(biases_rad=biases, trims_known=True)
 
 
 def level_flight(vehicle: CandidateVehicle, plane: Plane) -> LevelFlight:
-    """Straight level flight of a candidate at its operating point."""
+    """Return the straight level flight of a candidate at its operating point.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle.
+    plane : str
+        Plane whose surface is trimmed: yaw or pitch.
+
+    Returns
+    -------
+    LevelFlight
+        Trim of the surface (rad), thrust, speed (m/s) and pitch (rad).
+    """
     thrust = vehicle.config.operating_point.thrust_fraction
     speed_mps = fit.cruise_speed_mps(vehicle, thrust)
     bias_rad = vehicle.actuators[plane].bias_rad
     if plane == "yaw":
-        return LevelFlight(-bias_rad, thrust, speed_mps, 0.0)
+        return LevelFlight(trim_rad=-bias_rad, thrust=thrust, speed_mps=speed_mps, pitch_rad=0.0)
     level_rad = fit.level_elevator_rad(vehicle.config, vehicle.model)
     return LevelFlight(
-        level_rad - bias_rad, thrust, speed_mps, fit.level_pitch_rad(vehicle.config, vehicle.model)
+        trim_rad=level_rad - bias_rad,
+        thrust=thrust,
+        speed_mps=speed_mps,
+        pitch_rad=fit.level_pitch_rad(vehicle.config, vehicle.model),
     )
 
 
-def available_travel_rad(belief: DesignPrior, plane: Plane) -> float:
-    """How far the surface may be moved from its trim before it meets its stops."""
-    vehicle = belief.vehicle(belief.mean)
+def available_travel_rad(prior: DesignPrior, plane: Plane) -> float:
+    """Return the distance (rad) of a surface from its trim to the nearer stop."""
+    vehicle = prior.vehicle(prior.mean)
     travel = vehicle.actuators[plane].travel_rad
-    if not belief.trims_known:
+    if not prior.trims_known:
         return (1.0 - UNKNOWN_TRIM_SHARE) * travel
     return travel - abs(level_flight(vehicle, plane).trim_rad) - SPARE_RAD

@@ -1,5 +1,4 @@
-"""How far a test takes the vehicle: candidates drawn from the belief, each flown in a sea of her
-own."""
+"""Largest excursions of a test over sampled vehicles, each with its own disturbance."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +16,7 @@ from sysid.models import greybox, noise
 from sysid.models.noise import Noise
 from sysid.models.parameters import CandidateVehicle, feasible_samples
 from sysid.test_design import closed_loop as loops
-from sysid.test_design import prior as beliefs
+from sysid.test_design import prior as design_priors
 from sysid.test_design.closed_loop import Loop
 from sysid.test_design.prior import DesignPrior
 from sysid.test_design.simulate import LevelFlight, Manoeuvre, as_run, signal_rad
@@ -25,21 +24,23 @@ from sysid.test_design.simulate import LevelFlight, Manoeuvre, as_run, signal_ra
 Array = NDArray[np.float64]
 
 DT = fit.STRIDE / RATE_HZ
+"""Sample interval of motion (s)."""
 TRIM_SD_RAD = math.radians(0.15)
-"""How well a trim flight tells the trim (one standard deviation)."""
+"""Standard deviation of a trim measured in flight (rad)."""
 HELD_MOTION_SHARE = 0.3
-"""A vehicle whose loops held her starts this much steadier than what the fit must be ready for."""
+"""Initial motion under the loops as a share of the one that the fit allows for."""
 SETTLING_S = 40.0
-"""In which the loop forgets how a simulation began."""
+"""Time (s) that is excluded from a simulation so that initial conditions decay."""
 WATCHED_SAMPLES = 8
-"""Samples whose surface is watched."""
+"""Number of samples for which surface rate and travel are checked."""
 SHRINK = 0.95
+"""Factor of size reduction per iteration."""
 MIN_SIZE_DEG = 0.1
-"""Tests below this drown in the tailcone's play and motor steps."""
+"""Minimum size of a test (deg); below it, play and motor steps of the tailcone dominate."""
 
 
 class ExcursionLimits(NamedTuple):
-    """What no test may exceed. Depths are changes from where it began."""
+    """Limits of every test; depths are changes from its start."""
 
     heading_rad: float = math.radians(60.0)
     yaw_rate_radps: float = math.radians(10.0)
@@ -48,87 +49,117 @@ class ExcursionLimits(NamedTuple):
     up_m: float = 2.0
     down_m: float = 2.0
     rate_limited: float = 0.15
-    """Share of a test in which the surface may run at its greatest rate."""
+    """Maximum share of a test in which the surface moves at its maximum rate."""
     stopped: float = 0.03
-    """Share in which it may stand at its stops."""
+    """Maximum share of a test in which the surface is at a stop."""
     probability: float = 0.01
-    """That a test leaves any of the excursions."""
+    """Maximum probability that a test exceeds any excursion limit."""
 
 
 HOLDING_LIMITS = ExcursionLimits(
-    math.radians(20.0), math.radians(4.0), math.radians(12.0), math.radians(3.0), 1.0, 1.0
+    heading_rad=math.radians(20.0),
+    yaw_rate_radps=math.radians(4.0),
+    pitch_rad=math.radians(12.0),
+    pitch_rate_radps=math.radians(3.0),
+    up_m=1.0,
+    down_m=1.0,
 )
-"""Within these a vehicle is held straight and level."""
+"""Limits within which a vehicle counts as held straight and level."""
 MAX_DRAWS_PER_SAMPLE = 10
-"""For every sample that is wanted."""
+"""Maximum number of draws per requested sample."""
 
 
 class UnstableLoopError(ValueError):
-    """Gains under which the vehicle cannot be imagined to fly; the message says in which plane."""
+    """The gains stabilise hardly any sampled vehicle; the message names the plane."""
 
 
 class VehicleSample(NamedTuple):
-    """One vehicle that the belief allows, and the sea that she meets: (steps, 3) at the fit's 10 Hz
-    of rate, angle and depth."""
+    """One vehicle sampled from the prior, with its disturbance motion.
+
+    Motion is (steps, 3) at the fit's 10 Hz: rate (rad/s), angle (rad), depth (m).
+    """
 
     vehicle: CandidateVehicle
     still: LevelFlight
     loop: Loop
-    free: Array
-    """With the loop off."""
-    held: Array
-    """With the loop on."""
-    busy_rad: float
-    """Of the surface that the loop then moves against the sea: two standard deviations."""
+    free_motion: Array
+    """Disturbance motion with the loop off."""
+    held_motion: Array
+    """Disturbance motion with the loop on."""
+    command_2sd_rad: float
+    """Two standard deviations of the surface command against the disturbance (rad)."""
 
 
 class Excursion(NamedTuple):
-    """The farthest that a test takes the vehicle: what 99 of 100 samples stay within."""
+    """Largest excursion of a test: 99 % of the samples stay within it."""
 
     angle_deg: float
-    """Heading from where it began, or pitch from the horizontal."""
+    """Heading relative to the start, or pitch relative to the horizontal (deg)."""
     rate_degps: float
     depth_m: float
-    """Zero in yaw."""
+    """Change of depth (m); zero in yaw."""
     probability: float
-    """Of leaving the limits."""
+    """Probability of exceeding the limits."""
 
 
 def sample_vehicles(
-    belief: DesignPrior, plane: Plane, gains: Gains, count: int, longest_s: float, seed: int
+    prior: DesignPrior, plane: Plane, gains: Gains, count: int, longest_s: float, seed: int
 ) -> list[VehicleSample]:
-    """``count`` vehicles in as many seas, the same for the same seed.
+    """Sample vehicles and disturbances, the same for the same seed.
 
-    A vehicle that cannot be, or that these gains cannot hold, would not have come as far as a test:
-    draws of such are drawn again."""
+    Parameters
+    ----------
+    prior : DesignPrior
+        Prior of the vehicle.
+    plane : str
+        yaw or pitch.
+    gains : Gains
+        Current gains of the loops.
+    count : int
+        Number of samples.
+    longest_s : float
+        Length of the disturbance motion (s).
+    seed : int
+        Seed of vehicles and disturbances.
+
+    Returns
+    -------
+    list of VehicleSample
+        Impossible vehicles and vehicles that the gains cannot hold are drawn again.
+
+    Raises
+    ------
+    UnstableLoopError
+        The gains hold hardly any vehicle.
+    """
     streams = np.random.SeedSequence(seed).spawn(2)
-    vehicles, sea = (np.random.default_rng(stream) for stream in streams)
-    draws = vehicles.standard_normal((MAX_DRAWS_PER_SAMPLE * count, belief.mean.size + 1))
-    level = belief.noise[plane]
+    vehicle_rng, disturbance_rng = (np.random.default_rng(stream) for stream in streams)
+    draws = vehicle_rng.standard_normal((MAX_DRAWS_PER_SAMPLE * count, prior.mean.size + 1))
+    level = prior.noise[plane]
     samples = list[VehicleSample]()
-    for number, _, vehicle in feasible_samples(
-        belief.vehicle, belief.mean, belief.covariance, draws[:, :-1]
+    for index, _, vehicle in feasible_samples(
+        prior.vehicle, prior.mean, prior.covariance, draws[:, :-1]
     ):
-        trim_rad = TRIM_SD_RAD * draws[number, -1]
+        trim_rad = TRIM_SD_RAD * draws[index, -1]
         loop = loops.of_vehicle(vehicle, plane, gains, level)
-        held, busy_rad = _held_motion(loop, plane, longest_s, sea)
-        free = _free_motion(vehicle, plane, level, longest_s, sea)
-        if _worst_share(plane, held, HOLDING_LIMITS) < 1.0:
-            at = beliefs.level_flight(vehicle, plane)
+        held_motion, command_2sd_rad = _held_motion(loop, plane, longest_s, disturbance_rng)
+        free_motion = _free_motion(vehicle, plane, level, longest_s, disturbance_rng)
+        if _worst_share(plane, held_motion, HOLDING_LIMITS) < 1.0:
+            trim = design_priors.level_flight(vehicle, plane)
             samples.append(
                 VehicleSample(
-                    vehicle,
-                    at._replace(trim_rad=at.trim_rad + trim_rad),
-                    loop,
-                    free,
-                    held,
-                    busy_rad,
+                    vehicle=vehicle,
+                    still=trim._replace(trim_rad=trim.trim_rad + trim_rad),
+                    loop=loop,
+                    free_motion=free_motion,
+                    held_motion=held_motion,
+                    command_2sd_rad=command_2sd_rad,
                 )
             )
         if len(samples) == count:
             return samples
     raise UnstableLoopError(
-        f"{plane}: the loops' gains hold hardly any vehicle that the model allows; give --gains"
+        f"{plane}: the gains of the loops stabilise hardly any vehicle of the prior; set --gains"
     )
 
 
@@ -139,7 +170,10 @@ def _free_motion(
     longest_s: float,
     rng: np.random.Generator,
 ) -> Array:
-    """Motion under the noise model's moments and forces alone, once the loop is off."""
+    """Return the disturbance motion after the loop is switched off, (steps, 3).
+
+    x[k+1] = Phi x[k] + w[k] with the covariance Q of w from the noise model (Van Loan 1978).
+    """
     linear = fit.linear_plane(vehicle, plane)
     A, density, _, _, P0 = noise.system(linear, level)
     transition, process = noise.discrete(A, density, DT)
@@ -147,44 +181,56 @@ def _free_motion(
     spread[: len(linear.states)] *= HELD_MOTION_SHARE
     x = spread * rng.standard_normal(len(spread))
     kicks = rng.standard_normal((int(longest_s / DT) + 1, len(spread))) @ noise.root(process).T
-    out = np.zeros((len(kicks), 3))
-    rows = len(linear.states) - 1
+    motion = np.zeros((len(kicks), 3))
+    n_outputs = len(linear.states) - 1
     for k in range(len(kicks)):
-        out[k, :rows] = x[1 : 1 + rows]
+        motion[k, :n_outputs] = x[1 : 1 + n_outputs]
         x = transition @ x + kicks[k]
-    return out
+    return motion
 
 
 def _held_motion(
     loop: Loop, plane: Plane, longest_s: float, rng: np.random.Generator
 ) -> tuple[Array, float]:
-    """Motion under the same while the loop stays on, once it has settled; and how busy the surface
-    is."""
+    """Return the disturbance motion with the loop on, and two standard deviations of command."""
     settling, ticks = int(SETTLING_S * RATE_HZ), int(longest_s * RATE_HZ) + 1
     kicks = rng.standard_normal((settling + ticks, loop.feedback.size))
-    flown = loops.simulate(loop, plane, np.zeros(len(kicks)), kicks)
-    return flown.motion[settling :: fit.STRIDE], 2.0 * float(np.std(flown.command_rad[settling:]))
+    response = loops.simulate(loop, plane, np.zeros(len(kicks)), kicks)
+    return response.motion[settling :: fit.STRIDE], 2.0 * float(
+        np.std(response.command_rad[settling:])
+    )
 
 
 class TestResponse(NamedTuple):
-    """Of one sample to a test, (steps, 3): rate, angle and depth."""
+    """Response of one sample to a test, (steps, 3): rate, angle and depth."""
 
-    own: Array
-    """What the test adds."""
-    rest: Array
-    """The motion that is there without it."""
+    response: Array
+    """Response to the test alone."""
+    background: Array
+    """Motion without the test."""
 
 
-def excursion(plane: Plane, found: Sequence[TestResponse], limits: ExcursionLimits) -> Excursion:
-    """The probability is that of a log-normal through the samples' worst shares of a limit, and no
-    less than their own share beyond it."""
-    tracks = [own + rest for own, rest in found]
+def excursion(
+    plane: Plane, test_responses: Sequence[TestResponse], limits: ExcursionLimits
+) -> Excursion:
+    """Return the excursion of a test over all samples.
+
+    The probability is that of a log-normal distribution fitted to the samples' largest share of a
+    limit, and at least the share of samples beyond a limit.
+    """
+    tracks = [response + background for response, background in test_responses]
     peaks = np.quantile([np.max(np.abs(track), axis=0) for track in tracks], 0.99, axis=0)
     rate, angle = np.degrees(peaks[:2])
-    return Excursion(float(angle), float(rate), float(peaks[2]), _risk(plane, tracks, limits))
+    return Excursion(
+        angle_deg=float(angle),
+        rate_degps=float(rate),
+        depth_m=float(peaks[2]),
+        probability=_risk(plane, tracks, limits),
+    )
 
 
 def responses(manoeuvre: Manoeuvre, samples: Sequence[VehicleSample]) -> list[TestResponse]:
+    """Return the response of each sample to a manoeuvre."""
     return [
         _closed_loop_response(manoeuvre, sample)
         if manoeuvre.loop_on
@@ -194,30 +240,41 @@ def responses(manoeuvre: Manoeuvre, samples: Sequence[VehicleSample]) -> list[Te
 
 
 def _closed_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestResponse:
+    """Return the linear response with the loop on."""
     answer = loops.simulate(sample.loop, manoeuvre.plane, signal_rad(manoeuvre)).motion[
         :: fit.STRIDE
     ]
     level = np.array([0.0, sample.still.pitch_rad, 0.0])
-    return TestResponse(answer, sample.held[: len(answer)] + level)
+    return TestResponse(answer, sample.held_motion[: len(answer)] + level)
 
 
 def _open_loop_response(manoeuvre: Manoeuvre, sample: VehicleSample) -> TestResponse:
+    """Return the nonlinear response with the loop off."""
     run = as_run(manoeuvre, sample.still, signal_rad(manoeuvre)).since(0.0)
-    start = greybox.InitialMotion(0.0, sample.still.pitch_rad, sample.still.depth_m, 0.0)
+    start = greybox.InitialMotion(
+        rate_radps=0.0,
+        angle_rad=sample.still.pitch_rad,
+        depth_m=sample.still.depth_m,
+        depth_rate_mps=0.0,
+    )
     actuator = sample.vehicle.actuators[manoeuvre.plane]
-    found = greybox.simulate(
+    simulated = greybox.simulate(
         sample.vehicle.model, actuator, run, start, fit.STRIDE, sample.still.speed_mps
     )
     depth = (
-        found.depth_m - start.depth_m
+        simulated.depth_m - start.depth_m
         if manoeuvre.plane == "pitch"
-        else np.zeros(found.rate_radps.size)
+        else np.zeros(simulated.rate_radps.size)
     )
-    track = np.column_stack([found.rate_radps, found.angle_rad, depth])
-    return TestResponse(track - track[0], track[0] + sample.free[: len(track)])
+    track = np.column_stack([simulated.rate_radps, simulated.angle_rad, depth])
+    return TestResponse(track - track[0], track[0] + sample.free_motion[: len(track)])
 
 
 def _risk(plane: Plane, tracks: Sequence[Array], limits: ExcursionLimits) -> float:
+    """Return the probability that a track exceeds a limit.
+
+    P(ln s > 0) = Phi(mean(ln s) / sd(ln s)) with s the largest share of a limit.
+    """
     shares = np.array([_worst_share(plane, track, limits) for track in tracks])
     logs = np.log(np.maximum(shares, 1e-9))
     beyond = float(ndtr(np.mean(logs) / max(float(np.std(logs)), 1e-9)))
@@ -225,48 +282,52 @@ def _risk(plane: Plane, tracks: Sequence[Array], limits: ExcursionLimits) -> flo
 
 
 def _worst_share(plane: Plane, track: Array, limits: ExcursionLimits) -> float:
-    """The worst excursion as a share of its limit."""
+    """Return the largest excursion as a share of its limit."""
     rate, angle = np.max(np.abs(track[:, :2]), axis=0)
     if plane == "yaw":
         return float(max(rate / limits.yaw_rate_radps, angle / limits.heading_rad))
     down, up = max(0.0, float(np.max(track[:, 2]))), max(0.0, -float(np.min(track[:, 2])))
-    turning = max(rate / limits.pitch_rate_radps, angle / limits.pitch_rad)
-    return float(max(turning, up / limits.up_m, down / limits.down_m))
+    angular_share = max(rate / limits.pitch_rate_radps, angle / limits.pitch_rad)
+    return float(max(angular_share, up / limits.up_m, down / limits.down_m))
 
 
 def _can_follow(
     manoeuvre: Manoeuvre,
     largest_deg: float,
-    lean_rad: float,
+    trim_offset_rad: float,
     samples: Sequence[VehicleSample],
     limits: ExcursionLimits,
 ) -> bool:
-    """Whether the surface can do what it is told: the test, and with the loop on its answer to test
-    and sea.
+    """Return whether surface rate and travel suffice, in the median of the samples.
 
-    ``lean_rad`` is the trim where it is known: to the other side there is twice as much more room.
+    With the loop on, the feedback is included. ``trim_offset_rad`` is a known trim: to the other
+    side the surface has twice as much additional travel.
     """
-    shares = np.array([_shares(manoeuvre, largest_deg, lean_rad, sample) for sample in samples])
+    shares = np.array(
+        [_shares(manoeuvre, largest_deg, trim_offset_rad, sample) for sample in samples]
+    )
     return bool(np.all(np.median(shares, axis=0) <= (limits.rate_limited, limits.stopped)))
 
 
 def _shares(
-    manoeuvre: Manoeuvre, largest_deg: float, lean_rad: float, sample: VehicleSample
+    manoeuvre: Manoeuvre, largest_deg: float, trim_offset_rad: float, sample: VehicleSample
 ) -> tuple[float, float]:
-    """Of the test: in which the surface runs as fast as it can, and in which it stands at its
-    stops."""
+    """Return the shares of a test at maximum surface rate and at a stop."""
     actuator = sample.vehicle.actuators[manoeuvre.plane]
     command, busy_rad = signal_rad(manoeuvre), 0.0
     if manoeuvre.loop_on:
         command, busy_rad = (
             loops.simulate(sample.loop, manoeuvre.plane, command).command_rad,
-            sample.busy_rad,
+            sample.command_2sd_rad,
         )
-    moved = np.abs(np.diff(greybox.duct_angles(command, actuator, 1.0 / RATE_HZ))) * RATE_HZ
-    stopped = (
-        np.abs(command + lean_rad) + busy_rad > math.radians(largest_deg) + abs(lean_rad) + 1e-9
+    duct_rate_radps = (
+        np.abs(np.diff(greybox.duct_angles(command, actuator, 1.0 / RATE_HZ))) * RATE_HZ
     )
-    return float(np.mean(moved > 0.99 * actuator.rate_radps)), float(np.mean(stopped))
+    at_stop = (
+        np.abs(command + trim_offset_rad) + busy_rad
+        > math.radians(largest_deg) + abs(trim_offset_rad) + 1e-9
+    )
+    return float(np.mean(duct_rate_radps > 0.99 * actuator.rate_radps)), float(np.mean(at_stop))
 
 
 def max_size_within_limits(
@@ -274,22 +335,42 @@ def max_size_within_limits(
     largest_deg: float,
     samples: Sequence[VehicleSample],
     limits: ExcursionLimits,
-    lean_rad: float = 0.0,
+    trim_offset_rad: float = 0.0,
 ) -> tuple[Manoeuvre, Excursion] | None:
-    """The manoeuvre at the largest size that keeps within the limits, or None where none does.
+    """Return the manoeuvre at its largest size within the limits, with its excursion.
 
-    ``lean_rad`` is a known trim of the surface, ``largest_deg`` its travel beside that, to the
-    nearer side."""
-    found = responses(manoeuvre, samples)
-    size = min(largest_deg, manoeuvre.size_deg * _growth_factor(manoeuvre.plane, found, limits))
+    Parameters
+    ----------
+    manoeuvre : Manoeuvre
+        Test at nominal size.
+    largest_deg : float
+        Travel of the surface from its trim to the nearer stop (deg).
+    samples : Sequence of VehicleSample
+        Sampled vehicles.
+    limits : ExcursionLimits
+        Limits.
+    trim_offset_rad : float
+        Known trim of the surface (rad).
+
+    Returns
+    -------
+    tuple or None
+        None if no size of at least `MIN_SIZE_DEG` stays within the limits.
+    """
+    test_responses = responses(manoeuvre, samples)
+    size = min(
+        largest_deg, manoeuvre.size_deg * _growth_factor(manoeuvre.plane, test_responses, limits)
+    )
     while size >= MIN_SIZE_DEG:
-        tried = manoeuvre._replace(size_deg=round_down(size))
-        if _can_follow(tried, largest_deg, lean_rad, samples[:WATCHED_SAMPLES], limits):
-            there = excursion(
-                tried.plane, _responses_at_size(tried, manoeuvre.size_deg, found, samples), limits
+        candidate = manoeuvre._replace(size_deg=round_down(size))
+        if _can_follow(candidate, largest_deg, trim_offset_rad, samples[:WATCHED_SAMPLES], limits):
+            found_excursion = excursion(
+                candidate.plane,
+                _responses_at_size(candidate, manoeuvre.size_deg, test_responses, samples),
+                limits,
             )
-            if there.probability <= limits.probability:
-                return tried, there
+            if found_excursion.probability <= limits.probability:
+                return candidate, found_excursion
         size *= SHRINK
     return None
 
@@ -297,34 +378,45 @@ def max_size_within_limits(
 def _responses_at_size(
     manoeuvre: Manoeuvre,
     size_deg: float,
-    found: Sequence[TestResponse],
+    test_responses: Sequence[TestResponse],
     samples: Sequence[VehicleSample],
 ) -> Sequence[TestResponse]:
-    """With the loop off the vehicle is flown again; with it on the answer ``found`` at ``size_deg``
-    is linear."""
+    """Return the responses at a new size: simulated again with the loop off, scaled with it on."""
     if not manoeuvre.loop_on:
         return responses(manoeuvre, samples)
     factor = manoeuvre.size_deg / size_deg
-    return [TestResponse(factor * own, rest) for own, rest in found]
+    return [TestResponse(factor * response, background) for response, background in test_responses]
 
 
-def _growth_factor(plane: Plane, found: Sequence[TestResponse], limits: ExcursionLimits) -> float:
-    """By how much a test may be grown, were all answers as linear as they nearly are."""
+def _growth_factor(
+    plane: Plane, test_responses: Sequence[TestResponse], limits: ExcursionLimits
+) -> float:
+    """Return the factor on the size at which the probability reaches its limit (linear scaling)."""
 
     def excess(log_factor: float) -> float:
+        """Return the probability above its limit at a factor on the size."""
         factor = math.exp(log_factor)
         return (
-            _risk(plane, [factor * own + rest for own, rest in found], limits) - limits.probability
+            _risk(
+                plane,
+                [factor * response + background for response, background in test_responses],
+                limits,
+            )
+            - limits.probability
         )
 
-    least, most = math.log(1e-2), math.log(10.0)
-    if excess(least) > 0.0:
+    min_log_factor, max_log_factor = math.log(1e-2), math.log(10.0)
+    if excess(min_log_factor) > 0.0:
         return 0.0
-    return math.exp(most if excess(most) <= 0.0 else bisect(excess, least, most, xtol=0.02))
+    return math.exp(
+        max_log_factor
+        if excess(max_log_factor) <= 0.0
+        else bisect(excess, min_log_factor, max_log_factor, xtol=0.02)
+    )
 
 
 def round_down(size_deg: float) -> float:
-    """Down to what a mission file shows."""
+    """Round a size (deg) down to the resolution of a mission file."""
     return math.floor(size_deg * (20.0 if size_deg < 2.0 else 10.0) + 1e-9) / (
         20.0 if size_deg < 2.0 else 10.0
     )

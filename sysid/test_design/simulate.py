@@ -1,4 +1,4 @@
-"""One test as the autopilot would play it, and the run that a log of it would give."""
+"""Test signals as the autopilot generates them, and the run that a log would contain."""
 
 import math
 from functools import lru_cache
@@ -13,15 +13,15 @@ from sysid.data.segments import RATE_HZ, Plane, Run
 Array = NDArray[np.float64]
 
 LEAD_S = 5.0
-"""Straight motion before a test that a simulated run begins with."""
+"""Length of straight flight before a test in a simulated run (s)."""
 Wave = Literal["step", "doublet", "3211", "chirp", "multisine", "prbs", "square"]
-"""As missions and logs name them."""
+"""Test signals by the names in missions and logs."""
 SURFACE: dict[Plane, str] = {"yaw": "rudder", "pitch": "elevator"}
+"""Surface of each plane."""
 
 
 class Manoeuvre(NamedTuple):
-    """A test of one surface: from trim with that plane's loop off, or added to what the loop asks
-    for."""
+    """A test of one surface, from trim with the loop off, or added to the loop's command."""
 
     plane: Plane
     wave: Wave
@@ -29,24 +29,27 @@ class Manoeuvre(NamedTuple):
     duration_s: int
     start_hz: float = 0.0
     stop_hz: float = 0.0
-    """Band of a chirp or a multisine; the clock of a pseudo-random sequence."""
+    """Upper end of the band of a chirp or multisine, or clock of a pseudo-random sequence (Hz)."""
     seed: int = 0
     runs: tuple[int, ...] = ()
+    """Switch intervals of a square wave."""
     loop_on: bool = False
     elevator_deg: float = 0.0
-    """Of a multisine of both surfaces at once; its ``plane`` is yaw, its ``size_deg`` the
-    rudder's."""
+    """Elevator size (deg) of a multisine of both surfaces.
+
+    For such a test `plane` is yaw and `size_deg` the rudder's size.
+    """
     comb: tuple[int, int] = (0, 1)
-    """Which of how many sets of a multisine's tones, that have none in common."""
+    """Index and number of the disjoint sets of a multisine's tones."""
 
     @property
     def surface(self) -> str:
+        """Return the surface under test: rudder, elevator or both."""
         return "both" if self.elevator_deg else SURFACE[self.plane]
 
     @property
     def halves(self) -> tuple["Manoeuvre", ...]:
-        """What each surface that moves does: the rudder has every second tone, the elevator those
-        between."""
+        """Return the test of each moving surface; their multisines have no tone in common."""
         if not self.elevator_deg:
             return (self,)
         alone = self._replace(elevator_deg=0.0)
@@ -55,19 +58,20 @@ class Manoeuvre(NamedTuple):
 
     @property
     def planes(self) -> tuple[Plane, ...]:
+        """Return the tested planes."""
         return tuple(half.plane for half in self.halves)
 
     @property
     def mirrored(self) -> "Manoeuvre":
+        """Return the test with opposite sign."""
         return self._replace(size_deg=-self.size_deg, elevator_deg=-self.elevator_deg)
 
 
 class LevelFlight(NamedTuple):
-    """What the surfaces and the propeller do in straight level flight, and how the vehicle then
-    lies."""
+    """Straight level flight: surface, propeller and attitude."""
 
     trim_rad: float
-    """Of the surface under test."""
+    """Angle of the surface under test (rad)."""
     thrust: float
     speed_mps: float
     pitch_rad: float
@@ -75,8 +79,7 @@ class LevelFlight(NamedTuple):
 
 
 def signal_rad(manoeuvre: Manoeuvre) -> Array:
-    """What the test adds to the command, from its start on the grid of a run; the last sample is
-    its end."""
+    """Return the test's part of the command (rad) on the grid of a run; the last sample is zero."""
     return math.radians(manoeuvre.size_deg) * _shape(
         manoeuvre._replace(size_deg=1.0, loop_on=False)
     )
@@ -84,12 +87,13 @@ def signal_rad(manoeuvre: Manoeuvre) -> Array:
 
 @lru_cache(maxsize=512)
 def _shape(manoeuvre: Manoeuvre) -> Array:
+    """Return the signal of unit size."""
     ticks = int(manoeuvre.duration_s * RATE_HZ)
     return np.array([*(_value(manoeuvre, k / RATE_HZ) for k in range(ticks)), 0.0])
 
 
 def _value(m: Manoeuvre, t_s: float) -> float:
-    """The wave in [-1, 1], as ``autopilot.excitation.play`` has it."""
+    """Return the waveform in [-1, 1], as in ``autopilot.control.waveforms``."""
     match m.wave:
         case "doublet":
             return waveforms.doublet(t_s, m.duration_s)
@@ -108,35 +112,47 @@ def _value(m: Manoeuvre, t_s: float) -> float:
     return 1.0
 
 
-def as_run(manoeuvre: Manoeuvre, still: LevelFlight, away_rad: Array) -> Run:
-    """The run of a test that begins in straight level flight, with nothing measured in it but that.
+def as_run(manoeuvre: Manoeuvre, trim: LevelFlight, command_from_trim_rad: Array) -> Run:
+    """Return the run of a test from straight level flight; measurements are those of level flight.
 
-    ``away_rad`` is the command from trim: ``signal_rad``, and with the loop on its answer to it.
+    Parameters
+    ----------
+    manoeuvre : Manoeuvre
+        Test.
+    trim : LevelFlight
+        Level flight before the test.
+    command_from_trim_rad : ndarray
+        Command relative to trim (rad): the signal, with the loop on plus its feedback.
+
+    Returns
+    -------
+    Run
+        With `LEAD_S` of level flight before the test.
     """
-    before = int(LEAD_S * RATE_HZ)
-    n = before + away_rad.size
-    command = np.full(n, still.trim_rad)
-    command[before:] += away_rad
-    zeros = np.zeros(n)
-    yaws = manoeuvre.plane == "yaw"
+    lead_samples = int(LEAD_S * RATE_HZ)
+    samples = lead_samples + command_from_trim_rad.size
+    command = np.full(samples, trim.trim_rad)
+    command[lead_samples:] += command_from_trim_rad
+    zeros = np.zeros(samples)
+    is_yaw = manoeuvre.plane == "yaw"
     return Run(
         name=manoeuvre.wave,
         plane=manoeuvre.plane,
         wave=manoeuvre.wave,
         magnitude_deg=manoeuvre.size_deg,
-        time_s=(np.arange(n) - before) / RATE_HZ,
-        rudder_rad=command if yaws else zeros,
-        elevator_rad=zeros if yaws else command,
-        thrust=np.full(n, still.thrust),
+        time_s=(np.arange(samples) - lead_samples) / RATE_HZ,
+        rudder_rad=command if is_yaw else zeros,
+        elevator_rad=zeros if is_yaw else command,
+        thrust=np.full(samples, trim.thrust),
         p_radps=zeros,
         q_radps=zeros,
         r_radps=zeros,
         roll_rad=zeros,
-        pitch_rad=np.full(n, still.pitch_rad),
+        pitch_rad=np.full(samples, trim.pitch_rad),
         heading_rad=zeros,
-        depth_m=np.full(n, still.depth_m),
+        depth_m=np.full(samples, trim.depth_m),
         stop_reason="",
         longest_gap_s=1.0 / RATE_HZ,
-        rudder_trim_rad=still.trim_rad if yaws else 0.0,
-        elevator_trim_rad=0.0 if yaws else still.trim_rad,
+        rudder_trim_rad=trim.trim_rad if is_yaw else 0.0,
+        elevator_trim_rad=0.0 if is_yaw else trim.trim_rad,
     )

@@ -1,11 +1,10 @@
-"""Square waves whose switch times are chosen for what is still unknown: differential evolution with
-a fixed budget.
+"""Design of square waves: switch times that minimise a criterion, by differential evolution.
 
-The autopilot takes a square wave as up to fourteen runs of one to nine parts each, up and down by
-turns; the search is over those digits, so that what is designed is what can be flown. While it
-searches, a wave is the sum of the steps that it is made of: what is told and how far the vehicle
-goes are those of one step, shifted and added. What it finds is then sized and judged like every
-other candidate."""
+The autopilot accepts a square wave as up to fourteen intervals of one to nine parts, alternating up
+and down. The search is over these digits, so every result can be flown. During the search a wave is
+the superposition of steps: sensitivities and excursions are those of one step, shifted and added.
+The result is then sized and evaluated like any other candidate.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -26,52 +25,83 @@ from sysid.test_design.simulate import Manoeuvre
 Array = NDArray[np.float64]
 
 MAX_SWITCHES = 14
+"""Maximum number of intervals of a square wave."""
 GENERATIONS, POPULATION = 12, 3
-"""Of the search; a generation has POPULATION candidates for every run."""
+"""Number of generations, and population per interval."""
 N_SAMPLES = 16
-"""Samples by which the search judges how large a wave may be; the final size rests on all of
-them."""
+"""Number of vehicle samples in the search; the final size uses all of them."""
 STEP_HZ = RATE_HZ / fit.STRIDE
+"""Sample rate of the search (Hz)."""
 
 
 class UnitStepResponse(NamedTuple):
-    """What a step of one degree does that begins with the test."""
+    """Response to a step of one degree at the start of the test."""
 
-    told: Array
-    """(steps, outputs, n): ``information.sensitivities`` from the test's start on."""
-    answers: Array
-    """(scouts, steps, 3)."""
-    rests: Array
-    """(scouts, 3): the farthest that each goes without a test."""
+    sensitivities: Array
+    """Sensitivities from the start of the test, (steps, outputs, n)."""
+    motion: Array
+    """Motion of each sample, (samples, steps, 3)."""
+    background: Array
+    """Largest motion of each sample without a test, (samples, 3)."""
 
 
 def design_square_wave(
-    belief: DesignPrior,
+    prior: DesignPrior,
     shape: Manoeuvre,
     gains: Gains,
     largest_deg: float,
     samples: Sequence[VehicleSample],
     limits: ExcursionLimits,
-    left: Callable[[Array], float],
-    known: Array,
+    criterion: Callable[[Array], float],
+    prior_information: Array,
     seed: int,
     shortest_s: float,
 ) -> Manoeuvre:
-    """The square wave of ``shape``'s plane, loop and length that, at the size that limits allow,
-    leaves least unknown beside the information ``known``; a mean run is no shorter than
-    ``shortest_s``."""
+    """Return the square wave that minimises the criterion at its largest safe size.
+
+    Parameters
+    ----------
+    prior : DesignPrior
+        Prior of the vehicle.
+    shape : Manoeuvre
+        Plane, loop and length of the test.
+    gains : Gains
+        Current gains of the loops.
+    largest_deg : float
+        Available travel (deg).
+    samples : Sequence of VehicleSample
+        Sampled vehicles.
+    limits : ExcursionLimits
+        Limits.
+    criterion : Callable
+        Criterion of an information matrix.
+    prior_information : ndarray
+        Information before the test, (n, n).
+    seed : int
+        Seed of the search.
+    shortest_s : float
+        Minimum mean interval (s).
+
+    Returns
+    -------
+    Manoeuvre
+        `shape` with its switch intervals.
+    """
     count = int(np.clip(shape.duration_s / shortest_s, 3, MAX_SWITCHES))
-    step = _steps(belief, shape, gains, samples[:N_SAMPLES])
-    most = _limits_of(limits, shape.plane)
+    step_response = _steps(prior, shape, gains, samples[:N_SAMPLES])
+    max_motion = _limits_of(limits, shape.plane)
 
-    def badness(digits: Array) -> float:
+    def cost(digits: Array) -> float:
+        """Return the criterion of a wave at its largest safe size."""
         switches = switch_steps(digits, shape.duration_s)
-        size_deg = min(largest_deg, _max_size(step, switches, most))
-        flat = (size_deg * superpose(step.told, switches, 0)).reshape(-1, step.told.shape[2])
-        return left(known + flat.T @ flat)
+        size_deg = min(largest_deg, _max_size(step_response, switches, max_motion))
+        jacobian = (size_deg * superpose(step_response.sensitivities, switches, 0)).reshape(
+            -1, step_response.sensitivities.shape[2]
+        )
+        return criterion(prior_information + jacobian.T @ jacobian)
 
-    found = differential_evolution(
-        badness,
+    optimum = differential_evolution(
+        cost,
         [(1.0, 9.0)] * count,
         integrality=[True] * count,
         maxiter=GENERATIONS,
@@ -80,48 +110,56 @@ def design_square_wave(
         polish=False,
         tol=0.0,
     )
-    return shape._replace(wave="square", runs=tuple(int(digit) for digit in np.round(found.x)))
+    return shape._replace(wave="square", runs=tuple(int(digit) for digit in np.round(optimum.x)))
 
 
 def switch_steps(digits: Array, duration_s: float) -> NDArray[np.int64]:
-    """When a wave of these runs switches, in steps of 10 Hz from its start."""
-    ends = np.cumsum(np.round(digits))
-    return np.asarray(np.round(ends[:-1] / ends[-1] * duration_s * STEP_HZ), dtype=np.int64)
+    """Return the switch times in samples of the 10 Hz grid from the start."""
+    interval_ends = np.cumsum(np.round(digits))
+    return np.asarray(
+        np.round(interval_ends[:-1] / interval_ends[-1] * duration_s * STEP_HZ), dtype=np.int64
+    )
 
 
 def _steps(
-    belief: DesignPrior, shape: Manoeuvre, gains: Gains, scouts: Sequence[VehicleSample]
+    prior: DesignPrior, shape: Manoeuvre, gains: Gains, samples: Sequence[VehicleSample]
 ) -> UnitStepResponse:
-    """Taken at the shape's nominal size, where the answer is as large as it will be."""
+    """Return the step response at the nominal size, where the response is largest."""
     step = shape._replace(wave="step")
-    (told,) = information.sensitivities(belief, [step], gains)
-    pairs = safety_margins.responses(step, scouts)
+    (sensitivities,) = information.sensitivities(prior, [step], gains)
+    responses = safety_margins.responses(step, samples)
     return UnitStepResponse(
-        told[-int(shape.duration_s * STEP_HZ) - 1 :] / shape.size_deg,
-        np.array([answer for answer, _ in pairs]) / shape.size_deg,
-        np.array([np.max(np.abs(rest), axis=0) for _, rest in pairs]),
+        sensitivities[-int(shape.duration_s * STEP_HZ) - 1 :] / shape.size_deg,
+        np.array([motion for motion, _ in responses]) / shape.size_deg,
+        np.array(
+            [np.max(np.abs(motion_without_test), axis=0) for _, motion_without_test in responses]
+        ),
     )
 
 
 def superpose(step: Array, switches: NDArray[np.int64], axis: int) -> Array:
-    """Up at the start, down by twice as much at the first switch, up again at the next."""
+    """Return up at the start, down by two at the first switch, up by two at the next, and so on."""
     total = step.copy()
-    moved = np.moveaxis(total, axis, 0)
+    shifted = np.moveaxis(total, axis, 0)
     source = np.moveaxis(step, axis, 0)
-    for number, at in enumerate(switches):
-        moved[at:] += (2.0 if number % 2 else -2.0) * source[: len(source) - at]
+    for number, index in enumerate(switches):
+        shifted[index:] += (2.0 if number % 2 else -2.0) * source[: len(source) - index]
     return total
 
 
 def _limits_of(limits: ExcursionLimits, plane: Plane) -> Array:
+    """Return the limits of rate, angle and depth in one plane."""
     if plane == "yaw":
         return np.array([limits.yaw_rate_radps, limits.heading_rad, math.inf])
     return np.array([limits.pitch_rate_radps, limits.pitch_rad, min(limits.up_m, limits.down_m)])
 
 
-def _max_size(step: UnitStepResponse, switches: NDArray[np.int64], most: Array) -> float:
-    """Size in degrees with which nearly all scouts stay within, their sea at its worst when their
-    answer is."""
-    peaks = np.max(np.abs(superpose(step.answers, switches, 1)), axis=1)
-    sizes = np.min((most - step.rests) / np.maximum(peaks, 1e-12), axis=1)
+def _max_size(step: UnitStepResponse, switches: NDArray[np.int64], max_motion: Array) -> float:
+    """Return the size (deg) with which 90 % of the samples stay within the limits.
+
+    The disturbance motion is added at its largest, as if it coincided with the peak of the
+    response.
+    """
+    peaks = np.max(np.abs(superpose(step.motion, switches, 1)), axis=1)
+    sizes = np.min((max_motion - step.background) / np.maximum(peaks, 1e-12), axis=1)
     return max(safety_margins.MIN_SIZE_DEG, float(np.quantile(sizes, 0.1)))

@@ -1,4 +1,4 @@
-"""Fixtures of more than one file."""
+"""Fixtures of more than one test file."""
 
 import pytest
 
@@ -8,5 +8,5 @@ from tests.autopilot.qgroundcontrol import Connection, connect
 
 @pytest.fixture(params=list(AutopilotId))
 def qgc(request: pytest.FixtureRequest) -> Connection:
-    """QGroundControl connected to a vehicle of each personality."""
+    """Return a QGroundControl connected to a vehicle, for each autopilot type."""
     return connect(request.param)

@@ -1,5 +1,6 @@
-"""QGroundControl's end of the line, as its source of 2026 has it
-(github.com/mavlink/qgroundcontrol)."""
+"""QGroundControl's side of the protocols.
+
+Source: github.com/mavlink/qgroundcontrol, 2026."""
 
 import math
 import struct
@@ -16,7 +17,7 @@ REQUEST_MESSAGE, AUTOPILOT, MISSION = 512, 1, 0
 
 
 class Connection(NamedTuple):
-    """A vehicle afloat and a QGroundControl that has heard of her."""
+    """A vehicle at the surface and a QGroundControl that has received its heartbeat."""
 
     deck: Deck
     autopilot: AutopilotId
@@ -25,12 +26,12 @@ class Connection(NamedTuple):
         return self.deck.ask(message)
 
     def command(self, number: int, *parameters: float) -> list[Any]:
-        """Vehicle::sendMavCommand: parameters that it does not mean are zero."""
+        """Send a command like ``Vehicle::sendMavCommand``: unused parameters are zero."""
         filled = [*parameters, *[0.0] * (7 - len(parameters))]
         return self.ask(mavlink.MAVLink_command_long_message(1, AUTOPILOT, number, 0, *filled))
 
     def message(self, number: int, parameter: float = 0.0) -> Any:
-        """Vehicle::requestMessage: an acknowledgement that accepts, and the message."""
+        """Request a message like ``Vehicle::requestMessage`` and return it."""
         heard = self.command(REQUEST_MESSAGE, number, parameter)
         acknowledgement = only(heard, "COMMAND_ACK")
         assert (acknowledgement.command, acknowledgement.result) == (
@@ -44,7 +45,7 @@ class Connection(NamedTuple):
 
 
 def connect(autopilot: AutopilotId) -> Connection:
-    """After a QGroundControl's first heartbeat and two seconds at the surface."""
+    """Return the connection after the first heartbeat and two seconds at the surface."""
     deck = Deck(autopilot=autopilot)
     deck.station.say(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 0, 3))
     deck.serve()
@@ -91,8 +92,9 @@ class Ftp:
         return answers
 
     def download(self, path: str) -> bytes:
-        """``_openFileROBegin``, ``_burstReadFileBegin``, ``_resetSessionsBegin`` and what follows
-        each."""
+        """Read a file.
+
+        Like ``_openFileROBegin``, ``_burstReadFileBegin``, ``_resetSessionsBegin``."""
         (opened,) = self.ask(mavlink.MAV_FTP_OPCODE_OPENFILERO, data=path.encode())
         assert (opened[3], opened[4]) == (mavlink.MAV_FTP_OPCODE_ACK, 4), (
             "ack, with the size of the file"
@@ -119,7 +121,7 @@ class Ftp:
 
 
 def legs() -> list[tuple[Any, ...]]:
-    """frame, command, param1 to 4, x, y, z as its plan view writes them."""
+    """Return frame, command, param1 to 4, x, y, z as the plan view writes them."""
     nan = math.nan
     return [
         (2, 178, 1, -1, 40, 0, 0, 0, 0),
@@ -129,7 +131,7 @@ def legs() -> list[tuple[Any, ...]]:
 
 
 def write_mission(qgc: Connection) -> list[Any]:
-    """``PlanManager::_handleMissionRequest`` in order; what is heard at the end."""
+    """Send a mission like ``PlanManager::_handleMissionRequest``; return the last reply."""
     items = legs()
     heard = qgc.ask(mavlink.MAVLink_mission_count_message(1, AUTOPILOT, len(items), MISSION))
     for n, (frame, command, p1, p2, p3, p4, x, y, z) in enumerate(items):

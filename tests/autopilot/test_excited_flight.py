@@ -1,5 +1,4 @@
-"""Tests for identification, flown through the pure tick: what they move, which loops they open,
-what ends them."""
+"""Identification tests in the pure tick: moved actuators, open loops and termination."""
 
 import math
 
@@ -11,7 +10,7 @@ from autopilot.control.types import ACCEPTED
 from tests.helpers.missions import Flight, excitation_item, leg, under_way
 
 
-def test_a_step_test_opens_its_plane_alone_and_ends_by_itself() -> None:
+def test_step_excitation_opens_only_its_plane_and_ends() -> None:
     flight = under_way(rudder_trim_deg=2.0)
     wish = requests.StartTest(12, 5.0, 0.0, 0.0, 4.0, 1, 0.0)
     assert flight.ask(wish) == ACCEPTED
@@ -38,7 +37,7 @@ def test_a_step_test_opens_its_plane_alone_and_ends_by_itself() -> None:
         ({"sid_rate_max_degps": 3.0}, None, "rate"),
     ],
 )
-def test_a_test_that_leaves_its_envelope_stops_and_says_why(
+def test_excitation_outside_envelope_stops_with_reason(
     changes: dict[str, float], altitude_m: float | None, word: str
 ) -> None:
     flight = under_way(**changes)
@@ -52,7 +51,7 @@ def test_a_test_that_leaves_its_envelope_stops_and_says_why(
     assert flight.state.mode == modes.DEPTH.number
 
 
-def test_a_mission_goes_on_after_a_test_that_was_stopped() -> None:
+def test_mission_continues_after_stopped_excitation() -> None:
     flight = Flight(config=Config(sid_pitch_max_deg=10.0))
     flight.step()
     items = (
@@ -68,9 +67,10 @@ def test_a_mission_goes_on_after_a_test_that_was_stopped() -> None:
     flight.run_until(lambda s: not s.armed, 60.0)
 
 
-def test_a_signal_that_is_added_to_its_loop_leaves_the_loop_on() -> None:
-    """Beside one that flies without: the same command but for the signal; later the loop balances
-    it with its error."""
+def test_added_excitation_keeps_loop_closed() -> None:
+    """Reference: the same flight without a test.
+
+    The command differs first by the signal only; later the loop balances it."""
     flight, plain = under_way(), under_way()
     for each in (flight, plain):
         each.ask(requests.ChangeTarget(heading_rad=math.radians(3.0)))
@@ -86,7 +86,7 @@ def test_a_signal_that_is_added_to_its_loop_leaves_the_loop_on() -> None:
     )
 
 
-def test_both_surfaces_are_moved_at_once_with_both_loops_off() -> None:
+def test_combined_excitation_opens_both_loops() -> None:
     flight = under_way(rudder_trim_deg=2.0, elevator_trim_deg=-1.0, sid_elevator_pct=25.0)
     assert flight.ask(requests.StartTest(23, 4.0, 0.05, 0.5, 40.0, 4, 0.0)) == ACCEPTED
     moved = [(flight.trace.rudder_rad, flight.trace.elevator_rad) for _ in flight.run(39.9)]
@@ -97,7 +97,7 @@ def test_both_surfaces_are_moved_at_once_with_both_loops_off() -> None:
         assert 0.8 * size_deg < peak <= size_deg
 
 
-def test_a_thrust_step_is_added_to_the_thrust_in_force_and_leaves_the_loops_on() -> None:
+def test_thrust_excitation_adds_to_thrust_with_closed_loops() -> None:
     flight = under_way()
     flight.ask(requests.ChangeTarget(thrust=0.58))
     flight.step()

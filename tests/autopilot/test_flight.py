@@ -1,4 +1,4 @@
-"""Modes, missions, tests and failsafes, flown through the pure tick."""
+"""Modes, missions, tests and failsafes in the pure tick."""
 
 import math
 
@@ -15,11 +15,11 @@ from autopilot.control.types import (
     UNSUPPORTED,
     ItemReached,
 )
-from mavlink_io.mission_items import MissionItem
+from mavlink_io.mission_items import MavCmd, MissionItem
 from tests.helpers.missions import Flight, excitation_item, leg, under_way
 
 
-def test_disarmed_actuators_rest() -> None:
+def test_disarmed_actuators_are_neutral() -> None:
     flight = Flight()
     flight.step()
     assert flight.frame is not None
@@ -27,7 +27,7 @@ def test_disarmed_actuators_rest() -> None:
     assert not flight.frame.armed
 
 
-def test_depth_mode_holds_what_it_found() -> None:
+def test_depth_mode_holds_initial_depth() -> None:
     flight = under_way()
     for _ in flight.run(60.0):
         pass
@@ -35,7 +35,7 @@ def test_depth_mode_holds_what_it_found() -> None:
     assert abs(flight.heading) < math.radians(0.2)
 
 
-def test_a_target_is_flown_to_the_short_way_round() -> None:
+def test_heading_change_takes_shorter_turn() -> None:
     flight = under_way()
     flight.ask(requests.ChangeTarget(heading_rad=math.radians(-170.0)))
     flight.run_until(lambda s: abs(s.estimate.heading_rad + math.radians(170.0)) < 0.02, 60.0)
@@ -44,7 +44,7 @@ def test_a_target_is_flown_to_the_short_way_round() -> None:
     assert flight.trace.heading_error_rad == pytest.approx(math.radians(-20.0), abs=0.03)
 
 
-def test_signs_too_shallow_asks_nose_down_and_left_of_course_asks_starboard() -> None:
+def test_signs_of_depth_and_heading_commands() -> None:
     flight = under_way()
     flight.ask(requests.ChangeTarget(depth_m=8.0, heading_rad=math.radians(10.0)))
     flight.step()
@@ -54,7 +54,7 @@ def test_signs_too_shallow_asks_nose_down_and_left_of_course_asks_starboard() ->
 
 
 @given(rudder=st.floats(-9, 9), elevator=st.floats(-9, 9), thrust=st.floats(-9, 9))
-def test_controls_never_leave_their_range(rudder: float, elevator: float, thrust: float) -> None:
+def test_controls_stay_within_range(rudder: float, elevator: float, thrust: float) -> None:
     from autopilot.control import core
 
     limited = core.limit(rudder, elevator, thrust, Config())
@@ -62,7 +62,7 @@ def test_controls_never_leave_their_range(rudder: float, elevator: float, thrust
     assert abs(limited[2]) <= 1.0
 
 
-def test_mission_flies_its_legs_in_order_and_then_surfaces_and_disarms() -> None:
+def test_mission_flies_legs_then_surfaces_and_disarms() -> None:
     flight = Flight()
     flight.step()
     items = leg(depth_m=4, heading_deg=-80, duration_s=45) + leg(
@@ -81,7 +81,7 @@ def test_mission_flies_its_legs_in_order_and_then_surfaces_and_disarms() -> None
     assert flight.texts()[-1] == "Surfaced: disarmed"
 
 
-def test_a_mission_that_was_paused_goes_on_with_its_own_targets() -> None:
+def test_paused_mission_continues_with_its_setpoints() -> None:
     flight = Flight()
     flight.step()
     flight.ask(requests.LoadMission(leg(depth_m=6, heading_deg=40, duration_s=300)))
@@ -116,9 +116,7 @@ def test_a_mission_that_was_paused_goes_on_with_its_own_targets() -> None:
         ),
     ],
 )
-def test_an_impossible_wish_is_refused_and_changes_nothing(
-    wish: requests.Request, result: int
-) -> None:
+def test_impossible_request_is_refused_without_effect(wish: requests.Request, result: int) -> None:
     flight = Flight()
     flight.step()
     before = flight.state
@@ -135,7 +133,7 @@ def test_an_impossible_wish_is_refused_and_changes_nothing(
     ),
     frame=st.sampled_from([0, 1, 2, 3]),
 )
-def test_no_item_that_is_accepted_makes_the_actuators_anything_but_numbers(
+def test_accepted_items_give_finite_actuators(
     command: int, numbers: list[float], frame: int
 ) -> None:
     flight = Flight()
@@ -155,7 +153,7 @@ def test_no_item_that_is_accepted_makes_the_actuators_anything_but_numbers(
         assert all(math.isfinite(value) for value in state.setpoint[:3])
 
 
-def test_arming_needs_sensors_and_a_mission_to_fly() -> None:
+def test_arming_requires_sensors_and_mission() -> None:
     flight = Flight()
     assert flight.ask(requests.Arm()) == TEMPORARILY_REJECTED
     flight.step()
@@ -164,7 +162,7 @@ def test_arming_needs_sensors_and_a_mission_to_fly() -> None:
     assert flight.ask(requests.Arm(force=True)) == ACCEPTED
 
 
-def test_disarming_under_water_needs_force() -> None:
+def test_disarming_submerged_requires_force() -> None:
     flight = under_way()
     assert flight.ask(requests.Disarm()) == TEMPORARILY_REJECTED
     assert flight.ask(requests.Disarm(force=True)) == ACCEPTED
@@ -179,7 +177,7 @@ def test_disarming_under_water_needs_force() -> None:
         ({"fs_time_s": 3.0}, None, "armed"),
     ],
 )
-def test_failsafe_surfaces_with_its_cause_and_stays_until_disarmed(
+def test_failsafe_surfaces_and_remains_until_disarmed(
     changes: dict[str, float], altitude_m: float | None, cause: str
 ) -> None:
     flight = under_way(**changes)
@@ -203,16 +201,14 @@ def test_failsafe_surfaces_with_its_cause_and_stays_until_disarmed(
         (MissionItem(0, 1, 113, z=4.0), 4.0),
     ],
 )
-def test_a_depth_is_minus_an_altitude_but_down_in_a_local_frame(
-    item: MissionItem, depth_m: float
-) -> None:
+def test_item_altitude_sign_depends_on_frame(item: MissionItem, depth_m: float) -> None:
     flight = under_way()
     assert mission.begin_item(item, flight.state, flight.config)[0].setpoint.depth_m == depth_m
     there, here = (
         flight.state._replace(estimate=flight.state.estimate._replace(depth_m=depth))
         for depth in (depth_m, 9.0)
     )
-    waits = item.command == mission.MissionCommand.CHANGE_ALTITUDE_WAIT
+    waits = item.command == MavCmd.CONDITION_CHANGE_ALT
     assert [mission.item_done(item, state, flight.config) for state in (here, there)] == [
         not waits,
         True,
@@ -222,9 +218,7 @@ def test_a_depth_is_minus_an_altitude_but_down_in_a_local_frame(
 @pytest.mark.parametrize(
     ("direction", "turn_deg"), [(1.0, 30.0), (0.0, 30.0), (math.nan, 30.0), (-1.0, -30.0)]
 )
-def test_a_relative_turn_is_clockwise_unless_it_says_otherwise(
-    direction: float, turn_deg: float
-) -> None:
+def test_relative_turn_default_is_clockwise(direction: float, turn_deg: float) -> None:
     flight = under_way()
     item = MissionItem(0, 2, 115, p1=30.0, p3=direction, p4=1.0)
     after = mission.begin_item(item, flight.state, flight.config)[0]
@@ -232,7 +226,7 @@ def test_a_relative_turn_is_clockwise_unless_it_says_otherwise(
     assert math.degrees(turned) == pytest.approx(turn_deg)
 
 
-def test_jump_repeats_as_often_as_it_says() -> None:
+def test_jump_repeats_its_count() -> None:
     flight = Flight()
     flight.step()
     items = (MissionItem(0, 2, 93, p1=0.1), MissionItem(1, 2, 177, p1=0, p2=3))
@@ -244,11 +238,11 @@ def test_jump_repeats_as_often_as_it_says() -> None:
 
 
 def circle_of_jumps(count: int) -> tuple[MissionItem, ...]:
-    """Every item jumps to the next, for ever."""
+    """Return items that each jump to the next one, without end."""
     return tuple(MissionItem(n, 2, 177, p1=float((n + 1) % count), p2=-1.0) for n in range(count))
 
 
-def test_mission_of_endless_jumps_completes_a_bounded_number_of_items_a_tick() -> None:
+def test_endless_jumps_are_bounded_per_tick() -> None:
     flight = under_way()
     flight.ask(requests.LoadMission(circle_of_jumps(1000)))
     assert flight.ask(requests.SetMode(modes.MISSION.number)) == ACCEPTED
@@ -257,14 +251,14 @@ def test_mission_of_endless_jumps_completes_a_bounded_number_of_items_a_tick() -
         state = flight.step()
         reached = [event.sequence for event in flight.events if isinstance(event, ItemReached)]
         first = tick * mission.ITEMS_PER_TICK % 1000
-        assert reached == list(range(first, first + mission.ITEMS_PER_TICK))  # none is left out
+        assert reached == list(range(first, first + mission.ITEMS_PER_TICK))  # no item is missing
     assert state.mode == modes.MISSION.number
     taken = dict(state.mission.jumps)
     assert list(taken) == sorted(taken)
     assert sum(taken.values()) == 250 * mission.ITEMS_PER_TICK
 
 
-def test_items_beyond_a_ticks_bound_are_done_in_the_next() -> None:
+def test_items_beyond_tick_limit_continue_in_next_tick() -> None:
     flight = under_way()
     count = 2 * mission.ITEMS_PER_TICK + 3
     items = tuple(MissionItem(n, 2, 178, p1=1.0, p2=-1.0, p3=float(n)) for n in range(count))
@@ -289,8 +283,8 @@ def test_seq0_home_is_stored_but_not_flown() -> None:
     assert 0 not in [e.sequence for e in flight.events if isinstance(e, ItemReached)]
 
 
-def test_the_tick_is_a_function_of_its_arguments() -> None:
-    """Two flights of the same mission say and do the same, to the last bit."""
+def test_tick_is_deterministic() -> None:
+    """Two flights of the same mission give the same events and actuators to the last bit."""
     traces = []
     for _ in range(2):
         flight = under_way()

@@ -1,4 +1,4 @@
-"""Several links at once as pymavlink sees them: profiles, routing, signing."""
+"""Several ground links seen by pymavlink: profiles, routing and signing."""
 
 import struct
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from autopilot.comms.ground_server import GroundServer
-from autopilot.comms.signing_keys import Keys
+from autopilot.comms.signing_keys import SigningKeys
 from autopilot.comms.stream_rates import FAST, HALF, MINIMAL, profile_for
 from autopilot.control.params import PARAMETERS, ParamTable
 from autopilot.control.types import Inputs
@@ -43,7 +43,7 @@ def rates_hz(profile: Any) -> dict[str, float]:
     return {dialect.by_id(number).name: hz for number, hz in profile.rates_hz.items()}  # type: ignore[union-attr]
 
 
-def test_the_profile_follows_from_the_baud_rate() -> None:
+def test_baud_rate_selects_profile() -> None:
     assert [profile_for(baud) for baud in (None, 921_600, 115_200)] == [FAST] * 3
     assert [profile_for(baud) for baud in (57_600, 38_400)] == [HALF] * 2
     assert [profile_for(baud) for baud in (19_200, 9600, 1200)] == [MINIMAL] * 3
@@ -60,29 +60,28 @@ def test_the_profile_follows_from_the_baud_rate() -> None:
     }
 
 
-def test_a_profile_leaves_most_of_its_line_free() -> None:
+def test_profile_uses_less_than_line_rate() -> None:
     for profile, baud in ((FAST, 115_200), (HALF, 57_600), (MINIMAL, 9600)):
         sizes = {number: dialect.by_id(number).struct.size + 12 for number in profile.rates_hz}  # type: ignore[union-attr]
         wanted = sum(hz * sizes[number] for number, hz in profile.rates_hz.items())
         assert wanted < 0.7 * baud / 10, profile.name
 
 
-def heard_in(deck: Deck, seconds: int) -> list[Any]:
-    """What the first station hears while vehicle time goes on and the wall clock, for the budget's
-    sake, does too."""
+def receive_for(deck: Deck, seconds: int) -> list[Any]:
+    """Return what the first station receives while vehicle time and wall clock advance."""
     link = deck.server.links[0]
     first = deck.time_us < 0  # the first tick only sets the phase
     for _ in range(seconds * SECOND_TICKS + first):
         deck.time_us += TICK_US
         deck.vehicle.tick(Inputs(sensors(deck.time_us), None, None, None))
-        deck.server.tell()
+        deck.server.publish_telemetry()
         link.flush(deck.time_us * 1e-6)
     return deck.station.heard()
 
 
-def test_a_slow_link_gets_its_profile_and_what_is_asked_for() -> None:
+def test_slow_link_sends_profile_and_requested_messages() -> None:
     deck = Deck(serial_station(9600))
-    kinds = [m.get_type() for m in heard_in(deck, 10)]
+    kinds = [m.get_type() for m in receive_for(deck, 10)]
     assert {
         kind: kinds.count(kind) for kind in ("ATTITUDE", "VFR_HUD", "SYS_STATUS", "ODOMETRY")
     } == {
@@ -92,10 +91,10 @@ def test_a_slow_link_gets_its_profile_and_what_is_asked_for() -> None:
         "ODOMETRY": 0,
     }
     deck.server.links[0].schedule.set_interval(mavlink.MAVLINK_MSG_ID_ALTITUDE, 500_000)
-    kinds = [m.get_type() for m in heard_in(deck, 10)]
+    kinds = [m.get_type() for m in receive_for(deck, 10)]
     assert kinds.count("ALTITUDE") == 20
     deck.server.links[0].schedule.set_interval(mavlink.MAVLINK_MSG_ID_ATTITUDE, TICK_US)
-    flooded = heard_in(deck, 10)
+    flooded = receive_for(deck, 10)
     assert sum(len(m.get_msgbuf()) for m in flooded) < 672 * 10 + 280
     assert {m.get_type() for m in flooded} >= {
         "ATTITUDE",
@@ -108,15 +107,15 @@ def test_a_slow_link_gets_its_profile_and_what_is_asked_for() -> None:
     assert times == sorted(times)
 
 
-def test_the_old_way_to_ask_for_rates_changes_nothing() -> None:
+def test_request_data_stream_does_not_change_rates() -> None:
     deck = Deck()
-    before = [m.get_type() for m in heard_in(deck, 2)]
+    before = [m.get_type() for m in receive_for(deck, 2)]
     deck.ask(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 50, 1))
-    after = [m.get_type() for m in heard_in(deck, 2)]
+    after = [m.get_type() for m in receive_for(deck, 2)]
     assert after.count("ATTITUDE") == before.count("ATTITUDE") == 20
 
 
-def test_an_answer_does_not_wait_for_a_list_to_be_over(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reply_is_sent_during_parameter_list(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = 0.0
     monkeypatch.setattr("autopilot.comms.ground_server.wall_s", lambda: now_s)
     deck, heard = Deck(serial_station(9600)), list[str]()
@@ -142,7 +141,7 @@ def test_an_answer_does_not_wait_for_a_list_to_be_over(monkeypatch: pytest.Monke
 
 
 def two_stations() -> Deck:
-    """A ground station on either of two links, each known to the vehicle."""
+    """Return a vehicle with a ground station on each of two links."""
     deck = Deck(Station(255, 190), Station(250, 190))
     for station in deck.stations:
         deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3), station)
@@ -151,7 +150,7 @@ def two_stations() -> Deck:
     return deck
 
 
-def test_ground_stations_hear_one_another_through_the_vehicle() -> None:
+def test_frames_are_forwarded_between_stations() -> None:
     deck = two_stations()
     one, two = deck.stations
     echo = deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 7, 0, 3), one)
@@ -166,7 +165,7 @@ def test_ground_stations_hear_one_another_through_the_vehicle() -> None:
     assert not deck.vehicle.state.armed
 
 
-def test_a_device_behind_a_link_is_reached_and_shares_the_vehicles_system() -> None:
+def test_component_behind_link_is_reachable() -> None:
     deck = Deck(Station(255, 190), Station(1, 100))
     camera = deck.stations[1]
     deck.ask(mavlink.MAVLink_heartbeat_message(30, 8, 0, 0, 0, 3), camera)
@@ -182,7 +181,7 @@ def test_a_device_behind_a_link_is_reached_and_shares_the_vehicles_system() -> N
     )
 
 
-def test_messages_nobody_here_knows_go_on_as_they_came() -> None:
+def test_unknown_messages_are_forwarded_unchanged() -> None:
     deck = two_stations()
     one, two = deck.stations
     body = (
@@ -201,7 +200,7 @@ def test_messages_nobody_here_knows_go_on_as_they_came() -> None:
     )
 
 
-def test_routing_is_off_when_it_is_not_wanted() -> None:
+def test_routing_can_be_disabled() -> None:
     deck = two_stations()
     deck.ask(mavlink.MAVLink_param_set_message(1, 1, b"MAV_FORWARD", 0.0, 9))
     deck.stations[1].heard()
@@ -210,7 +209,7 @@ def test_routing_is_off_when_it_is_not_wanted() -> None:
 
 
 def sign(station: Station, key: bytes = KEY, timestamp: int = NOW) -> None:
-    """Have a station sign what it says, and believe only what is signed."""
+    """Let a station sign its messages and accept only signed ones."""
     for end in (station._mavlink, station._reader):
         end.signing.secret_key, end.signing.timestamp, end.signing.sign_outgoing = (
             key,
@@ -221,14 +220,14 @@ def sign(station: Station, key: bytes = KEY, timestamp: int = NOW) -> None:
 
 
 class SignedDeck(Deck):
-    """A vehicle whose first link is signed, with a key file in a folder."""
+    """A vehicle whose first link is signed with a key file."""
 
     def __init__(self, folder: Path, *stations: Station) -> None:
         super().__init__(*stations)
         self.file = folder / "key"
         self.file.touch(0o600)
         self.file.write_text("old")
-        keys = Keys({self.station.address: self.file}, Timestamp(unix_s=lambda: NOW_S))
+        keys = SigningKeys({self.station.address: self.file}, Timestamp(unix_s=lambda: NOW_S))
         self.vehicle = Vehicle(ParamTable())
         self.server = GroundServer(self.vehicle, self.stations, AutopilotId.GENERIC, keys)
         self.tick(3)
@@ -241,7 +240,7 @@ def kinds(messages: list[Any]) -> list[str]:
     return [m.get_type() for m in messages]
 
 
-def test_on_a_signed_link_only_who_holds_the_key_is_obeyed(tmp_path: Path) -> None:
+def test_signed_link_accepts_only_valid_signatures(tmp_path: Path) -> None:
     deck = SignedDeck(tmp_path)
     assert deck.command(400, 1) == [], "without a key"
     sign(deck.station, NEW_KEY)
@@ -256,7 +255,7 @@ def setup(key: bytes, system: int = 1) -> Any:
     return mavlink.MAVLink_setup_signing_message(system, 1, list(key), NOW + 500)
 
 
-def test_a_key_is_changed_over_a_signed_link_and_kept(tmp_path: Path) -> None:
+def test_key_change_over_signed_link_is_stored(tmp_path: Path) -> None:
     deck = SignedDeck(tmp_path)
     sign(deck.station)
     deck.station.say(setup(NEW_KEY))
@@ -267,7 +266,7 @@ def test_a_key_is_changed_over_a_signed_link_and_kept(tmp_path: Path) -> None:
     assert "COMMAND_ACK" in kinds(deck.command(400, 1))
 
 
-def test_a_wire_may_bring_the_key_that_a_radio_needs(tmp_path: Path) -> None:
+def test_key_change_over_serial_line_applies_to_radio(tmp_path: Path) -> None:
     wire = serial_station(115_200, 250)
     deck = SignedDeck(tmp_path, Station(255, 190), wire)
     assert "Signing key changed on 1 link" in texts(deck.ask(setup(NEW_KEY), wire))
@@ -276,13 +275,13 @@ def test_a_wire_may_bring_the_key_that_a_radio_needs(tmp_path: Path) -> None:
     assert "COMMAND_ACK" in kinds(deck.command(400, 1))
 
 
-def test_a_key_is_refused_where_anybody_might_listen_or_lose_the_vehicle(tmp_path: Path) -> None:
+def test_key_change_over_untrusted_link_or_armed_is_refused(tmp_path: Path) -> None:
     open_link, wire = Station(251, 190), serial_station(115_200, 250)
     deck = SignedDeck(tmp_path, Station(255, 190), open_link, wire)
     refused = texts(deck.ask(setup(NEW_KEY), open_link))
-    assert refused == ["Signing key refused: not over a link that others can hear"]
+    assert refused == ["Signing key refused: the link is neither signed nor serial"]
     zero = texts(deck.ask(setup(bytes(32)), wire))
-    assert zero == ["Signing stays: what is signed is decided at the start, by --sign"]
+    assert zero == ["Signing unchanged: it is configured at the start, by --sign"]
     sign(deck.station)
     deck.command(400, 1)
     wire.heard()
@@ -293,15 +292,15 @@ def test_a_key_is_refused_where_anybody_might_listen_or_lose_the_vehicle(tmp_pat
     tmp_path.chmod(0o500)
     lost = texts(deck.ask(setup(NEW_KEY), wire))
     tmp_path.chmod(0o700)
-    if lost != ["Signing key changed on 1 link"]:  # as root nothing is unwritable
-        assert lost == ["Signing key refused: it cannot be kept: Permission denied"]
+    if lost != ["Signing key changed on 1 link"]:  # root can write everywhere
+        assert lost == ["Signing key refused: it cannot be stored: Permission denied"]
         assert "COMMAND_ACK" in kinds(deck.command(400, 1)), "the old key still holds"
     assert texts(Deck(wire).ask(setup(NEW_KEY), wire)) == [
         "Signing key refused: no link is signed; start with --sign"
     ]
 
 
-def test_a_key_is_told_to_nobody(tmp_path: Path) -> None:
+def test_key_change_is_not_forwarded(tmp_path: Path) -> None:
     other, wire = Station(251, 190), serial_station(115_200, 250)
     deck = SignedDeck(tmp_path, Station(255, 190), other, wire)
     deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3), other)
@@ -320,9 +319,9 @@ def test_a_key_is_told_to_nobody(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("word", ["key", "udp:1", "udpout:1=", "udpout:2=key", "=key"])
-def test_what_is_to_be_signed_is_a_link_and_a_file(word: str) -> None:
+def test_sign_option_requires_known_link_and_file(word: str) -> None:
     with pytest.raises(
         KeyFileError,
         match=r"expected ADDRESS=KEYFILE, where ADDRESS is one of udpout:1, serial:x:9",
     ):
-        Keys.from_options([word], ["udpout:1", "serial:x:9"])
+        SigningKeys.from_options([word], ["udpout:1", "serial:x:9"])

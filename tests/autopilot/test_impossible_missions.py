@@ -17,11 +17,11 @@ from tests.helpers.missions import Flight, leg
 WAYPOINT, LOITER, LAND, DELAY, CHANGE_ALTITUDE, WAIT = 16, 19, 21, 93, 186, 113
 HOME = Home(42.35, -71.0, True)
 PARAM1, PARAM5, PARAM6, PARAM7 = 6, 10, 11, 12
-"""MAV_MISSION_INVALID_PARAM1 and so on."""
+"""Values from MAV_MISSION_INVALID_PARAM1."""
 UNSUPPORTED = 3
 NAN = math.nan
 NORTH_M_PER_DEG = 6_371_000.0 * math.pi / 180.0
-"""Metres in a degree of latitude on the sphere of link.frames."""
+"""Length of a degree of latitude (m) on the sphere of ``mavlink_io.frames``."""
 
 
 def waypoint(
@@ -40,7 +40,7 @@ def deck() -> Deck:
 
 
 def upload(deck: Deck, *items: MissionItem) -> tuple[int, list[str]]:
-    """The MISSION_ACK of an upload, and what was said of it."""
+    """Return the MISSION_ACK of an upload, and the texts that were sent."""
     heard = deck.ask(mavlink.MAVLink_mission_count_message(1, 1, len(items), 0))
     for n, i in enumerate(items):
         fields = (
@@ -117,14 +117,14 @@ def test_possible_item_at_the_limit_is_accepted(deck: Deck, item: MissionItem) -
     assert upload(deck, item) == (0, [])
 
 
-def test_depth_limit_of_a_file_is_kept_with_float32_depths(deck: Deck) -> None:
-    """18.1 as a double of a parameter file; the float32 of an item is 4e-7 m deeper."""
+def test_depth_limit_accepts_float32_rounding(deck: Deck) -> None:
+    """18.1 is a double in a parameter file; the float32 of an item is 4e-7 m deeper."""
     deck.vehicle.params.set("FS_DEPTH_M", 18.1)
     assert upload(deck, waypoint(depth_m=18.1)) == (0, [])
 
 
-def afloat(*items: MissionItem, home: Home = HOME, **changes: Any) -> Flight:
-    """A vehicle with a mission on board, disarmed in MISSION."""
+def disarmed_in_mission(*items: MissionItem, home: Home = HOME, **changes: Any) -> Flight:
+    """Return a disarmed vehicle in MISSION with a loaded mission."""
     flight = Flight(config=Config(**changes))
     flight.step()
     flight.state = flight.state._replace(home=home)
@@ -134,7 +134,7 @@ def afloat(*items: MissionItem, home: Home = HOME, **changes: Any) -> Flight:
 
 
 def test_mission_deeper_than_a_limit_set_later_is_not_started() -> None:
-    flight = afloat(*leg(depth_m=12, heading_deg=0, duration_s=60))
+    flight = disarmed_in_mission(*leg(depth_m=12, heading_deg=0, duration_s=60))
     flight.config = Config(fs_depth_m=10.0)
     assert flight.ask(requests.Arm()) == TEMPORARILY_REJECTED
     assert not flight.state.armed
@@ -146,8 +146,8 @@ def test_mission_deeper_than_a_limit_set_later_is_not_started() -> None:
     assert flight.ask(requests.SetMode(modes.MISSION.number)) == ACCEPTED
 
 
-def test_mission_loaded_before_home_is_known_is_measured_at_the_start() -> None:
-    flight = afloat(waypoint(lat_deg=47.0), home=Home())
+def test_mission_loaded_before_home_is_checked_at_start() -> None:
+    flight = disarmed_in_mission(waypoint(lat_deg=47.0), home=Home())
     assert flight.ask(requests.Arm()) == TEMPORARILY_REJECTED
     flight.state = flight.state._replace(home=HOME)
     assert flight.ask(requests.Arm()) == TEMPORARILY_REJECTED
@@ -170,7 +170,7 @@ def test_refusal_to_start_names_item_value_and_limit(deck: Deck) -> None:
     ]
 
 
-def test_restart_keeps_a_mission_that_a_new_limit_forbids(deck: Deck) -> None:
+def test_restart_keeps_mission_beyond_new_limit(deck: Deck) -> None:
     upload(deck, waypoint(depth_m=12.0))
     deck.vehicle.params.set("FS_DEPTH_M", 10.0)
     deck.vehicle.restart("a test")
@@ -186,8 +186,8 @@ def test_command_deeper_than_the_failsafe_is_refused() -> None:
     )
 
 
-def test_place_zero_zero_is_none_unless_home_is_near_it() -> None:
-    """ArduPilot takes latitude and longitude 0 for "here"; near (0, 0) they are a place."""
+def test_position_zero_zero_is_valid_only_near_home() -> None:
+    """ArduPilot reads 0, 0 as the present position; near (0, 0) it is a position."""
     zero = MissionItem(0, 3, WAYPOINT, z=-4.0)
     assert guidance.item_position(zero, HOME) is None
     assert guidance.item_position(zero, Home()) is None
@@ -198,17 +198,17 @@ def test_place_zero_zero_is_none_unless_home_is_near_it() -> None:
     assert guidance.item_position(zero._replace(x=1), HOME) is not None
 
 
-def test_mission_at_zero_zero_is_flown_to_it() -> None:
-    """A vehicle 400 m north of (0, 0), where home is, turns south; it circled where it was."""
+def test_mission_at_zero_zero_is_flown() -> None:
+    """A vehicle 400 m north of home at (0, 0) turns south; an earlier version circled in place."""
     north = Home(400.0 / NORTH_M_PER_DEG, 0.0, True)
-    flight = afloat(MissionItem(0, 3, WAYPOINT, z=-4.0), home=north)
+    flight = disarmed_in_mission(MissionItem(0, 3, WAYPOINT, z=-4.0), home=north)
     assert flight.ask(requests.Arm()) == ACCEPTED
     flight.step()
     assert flight.state.path is not None
     assert flight.state.path.to_m == pytest.approx(-400.0, abs=0.01)  # type: ignore[union-attr]
 
 
-def test_place_beyond_the_antimeridian_is_near() -> None:
+def test_position_beyond_antimeridian_is_near() -> None:
     """0.02 degrees of longitude on the equator are 2224 m, also across 180 degrees."""
     fiji = Home(0.0, 179.99, True)
     place = guidance.item_position(waypoint(lat_deg=0.0, lon_deg=-179.99), fiji)
@@ -221,12 +221,12 @@ def set_home(deck: Deck, *parameters: float) -> tuple[int, list[str]]:
     return ack.result, texts(heard)
 
 
-def test_home_is_not_moved_to_zero_zero_from_afar(deck: Deck) -> None:
-    """Zeros are what a client sends that fills in nothing."""
+def test_home_at_zero_zero_from_afar_is_refused(deck: Deck) -> None:
+    """Clients send zeros when no position is entered."""
     before = deck.vehicle.state.home
     assert set_home(deck, 0, 0, 0, 0, 0.0, 0.0, 0.0) == (
         DENIED,
-        ["Home refused: 0, 0 counts as no place unless home is within 100 km of it"],
+        ["Home refused: 0, 0 means no position unless home is within 100 km of it"],
     )
     assert deck.vehicle.state.home == before
     assert set_home(deck, 0, 0, 0, 0, 0.5, 0.0, 0.0)[0] == ACCEPTED
@@ -234,8 +234,8 @@ def test_home_is_not_moved_to_zero_zero_from_afar(deck: Deck) -> None:
     assert deck.vehicle.state.home == Home(0.0, 0.0, True)
 
 
-def test_home_at_a_position_that_is_not_known_is_refused() -> None:
-    """It became 0, 0: the position that is reported while none is known."""
+def test_home_at_unknown_position_is_refused() -> None:
+    """An earlier version set home to 0, 0, the position reported while none is known."""
     deck = Deck()
     deck.tick(3)
     assert set_home(deck, 1) == (TEMPORARILY_REJECTED, ["Home refused: the position is not known"])

@@ -1,4 +1,4 @@
-"""Law files: what is written is read, and a wrong one is refused by file, key and value."""
+"""LQG controller files: round trip, and errors with file, key and value."""
 
 import json
 from pathlib import Path
@@ -19,7 +19,7 @@ LAWS = LqgControllers(
 WHOLE = json.loads(lqg_file.to_json(LAWS, "f00d"))
 
 
-def test_what_is_written_is_read(tmp_path: Path) -> None:
+def test_file_round_trip_is_equal(tmp_path: Path) -> None:
     path = tmp_path / "controller.json"
     path.write_text(lqg_file.to_json(LAWS, "f00d"))
     assert lqg_file.load(path) == LAWS
@@ -56,7 +56,9 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_wrong_file_is_refused(tmp_path: Path, change: dict[str, Any], complaint: str) -> None:
+def test_wrong_content_raises_with_key(
+    tmp_path: Path, change: dict[str, Any], complaint: str
+) -> None:
     path = tmp_path / "controller.json"
     path.write_text(json.dumps(WHOLE | change))
     with pytest.raises(LqgFileError, match=rf"^{path}: {complaint}"):
@@ -64,7 +66,7 @@ def test_a_wrong_file_is_refused(tmp_path: Path, change: dict[str, Any], complai
 
 
 @pytest.mark.parametrize("text", ["", "[1]", "HDG_P,1\n"])
-def test_another_file_is_refused(tmp_path: Path, text: str) -> None:
+def test_other_file_format_raises(tmp_path: Path, text: str) -> None:
     path = tmp_path / "controller.json"
     path.write_text(text)
     with pytest.raises(
@@ -73,6 +75,6 @@ def test_another_file_is_refused(tmp_path: Path, text: str) -> None:
         lqg_file.load(path)
 
 
-def test_a_missing_file_is_refused() -> None:
+def test_missing_file_raises() -> None:
     with pytest.raises(LqgFileError, match=r"^nowhere\.json: No such file"):
         lqg_file.load(Path("nowhere.json"))

@@ -1,4 +1,4 @@
-"""Every parameter at the ends of its range: every mode flies with finite actuators."""
+"""Parameters at the ends of their ranges: every mode gives finite actuators."""
 
 import math
 
@@ -22,9 +22,9 @@ from mavlink_io.services.params import as_real32
 from tests.helpers.missions import leg, sensors
 
 TICKS = 6
-"""Ticks flown in each mode: enough for every loop and the excitation to act more than once."""
+"""Number of ticks in each mode, enough for several steps of every loop and excitation."""
 STEPS_US = (20_000, 200_000)
-"""The tick of the simulator, and the longest step that the estimator takes (`core.MAX_STEP_S`)."""
+"""Tick of the simulator, and the longest step of the estimator (``core.MAX_STEP_S``)."""
 FIX = GpsFix(0, 3, 41.5, -70.7, 0.0, 0.5, 0.1, 0.0, 9, 1.5, 2.0)
 ITEMS = (
     *leg(depth_m=4.0, heading_deg=90.0, duration_s=0.1),
@@ -34,7 +34,7 @@ FULL_THRUST = MissionItem(5, 2, 178, p1=1.0, p2=-1.0, p3=100.0)
 
 
 def ends(row: ParamInfo) -> list[float]:
-    """Minimum, maximum, and the smallest accepted value beside the minimum, as REAL32."""
+    """Return minimum, maximum, and the smallest accepted value beside the minimum, as REAL32."""
     if row.integer:
         return [row.minimum, min(row.minimum + 1, row.maximum), row.maximum]
     above = math.nextafter(row.minimum, math.inf)
@@ -47,7 +47,7 @@ def accepted_config(row: ParamInfo, value: float) -> Config:
 
 
 def inputs(time_us: int, tick: int) -> Inputs:
-    """Instruments that all report something, none of it special."""
+    """Return inputs with a record of every sensor at ordinary values."""
     reading = sensors(
         time_us, roll=0.05, pitch=0.02 * tick, heading=0.1 * tick, depth_m=5.0 + 0.1 * tick
     )
@@ -67,7 +67,7 @@ def inputs(time_us: int, tick: int) -> Inputs:
 
 
 def fly(mode: modes.Mode, config: Config, step_us: int) -> AutopilotState:
-    """Fly some ticks in a mode; fails where an actuator is not a number within its range."""
+    """Fly some ticks in a mode; assert that all actuators are finite and within range."""
     state = core.initial_state()
     tick = 0
 
@@ -114,7 +114,7 @@ def test_parameter_at_its_ends_flies_every_mode_with_finite_actuators(row: Param
 
 
 @pytest.mark.parametrize("row", PARAMETERS, ids=lambda row: row.name)
-def test_parameter_limits_travel_as_real32_and_nonsense_is_refused(row: ParamInfo) -> None:
+def test_parameter_limits_survive_real32_and_nan_is_refused(row: ParamInfo) -> None:
     table = ParamTable()
     for limit in (row.minimum, row.maximum):
         assert table.set(row.name, as_real32(limit)) == pytest.approx(limit, rel=1e-6)
@@ -127,7 +127,7 @@ def test_parameter_limits_travel_as_real32_and_nonsense_is_refused(row: ParamInf
     assert table.get(row.name) == before
 
 
-def test_a_parameter_whose_zero_is_off_names_both_ranges() -> None:
+def test_parameter_with_zero_as_off_names_both_ranges() -> None:
     with pytest.raises(ParamError) as error:
         validate("THR_CRUISE_PCT", 1e-40)
     assert str(error.value) == "THR_CRUISE_PCT = 1e-40: must be 0, or 1 to 100 %"

@@ -1,5 +1,4 @@
-"""Parameters that outlive the program: kept as they are set, whole or not at all, and never in the
-way."""
+"""Parameters on disk: stored soon after a change, whole or not at all, without delaying ticks."""
 
 import time
 from collections.abc import Callable
@@ -13,7 +12,7 @@ from autopilot.param_store import FILE, ParamStore
 
 
 def restart(folder: Path) -> tuple[ParamTable, ParamStore]:
-    """What a program that starts finds."""
+    """Return what a restarted program loads."""
     store = ParamStore(folder)
     kept = store.load()
     return ParamTable(kept, kept), store
@@ -30,14 +29,14 @@ def settle(store: ParamStore, table: ParamTable, until: Callable[[], bool]) -> l
     return said
 
 
-def test_what_was_set_is_there_at_the_next_start(tmp_path: Path) -> None:
+def test_values_are_loaded_at_next_start(tmp_path: Path) -> None:
     table, store = restart(tmp_path / "not" / "yet")
     table.set("HDG_P", 0.1)
     table.set("MIS_END_ACT", 2.0)
     table.set("HDG_P", 0.7)
     assert store.close(table) == ""
     again, store = restart(tmp_path / "not" / "yet")
-    assert (again.get("HDG_P"), again.get("MIS_END_ACT"), store.complaints) == (0.7, 2.0, [])
+    assert (again.get("HDG_P"), again.get("MIS_END_ACT"), store.problems) == (0.7, 2.0, [])
     assert again.get("HDG_D") == ParamTable().get("HDG_D")
     again.set("DPT_P", 0.2)
     store.close(again)
@@ -48,7 +47,7 @@ def test_what_was_set_is_there_at_the_next_start(tmp_path: Path) -> None:
     }
 
 
-def test_it_is_on_disk_without_an_end(tmp_path: Path) -> None:
+def test_values_are_stored_without_close(tmp_path: Path) -> None:
     table, store = restart(tmp_path)
     table.set("HDG_P", 0.7)
     settle(store, table, (tmp_path / FILE).exists)
@@ -57,7 +56,7 @@ def test_it_is_on_disk_without_an_end(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == [FILE]
 
 
-def test_what_is_written_is_not_written_again(tmp_path: Path) -> None:
+def test_unchanged_values_are_not_written_again(tmp_path: Path) -> None:
     table, store = restart(tmp_path)
     table.set("HDG_P", 0.7)
     settle(store, table, (tmp_path / FILE).exists)
@@ -72,14 +71,14 @@ def test_what_is_written_is_not_written_again(tmp_path: Path) -> None:
     assert (tmp_path / FILE).stat().st_ino == first
 
 
-def test_nothing_is_written_where_nothing_was_set(tmp_path: Path) -> None:
+def test_no_change_writes_no_file(tmp_path: Path) -> None:
     table, store = restart(tmp_path)
     store.poll(table, pytest.fail)
     assert store.close(table) == ""
     assert list(tmp_path.iterdir()) == []
 
 
-def test_defaults_are_kept_as_well_as_values(tmp_path: Path) -> None:
+def test_values_set_to_defaults_are_stored(tmp_path: Path) -> None:
     table, store = restart(tmp_path)
     table.set("HDG_P", 0.7)
     store.close(table)
@@ -89,7 +88,7 @@ def test_defaults_are_kept_as_well_as_values(tmp_path: Path) -> None:
     assert restart(tmp_path)[0].get("HDG_P") == ParamTable().get("HDG_P")
 
 
-def test_without_a_folder_nothing_is_kept() -> None:
+def test_no_folder_stores_no_values() -> None:
     store, table = ParamStore(None), ParamTable()
     assert store.load() == {}
     table.set("HDG_P", 0.7)
@@ -101,22 +100,18 @@ def test_without_a_folder_nothing_is_kept() -> None:
     "content",
     [b"\xff\xfe\x00", b"HDG_P,0.7\nGARBAGE\nHDG_D,99\nGONE_WITH_AN_UPDATE,1\nDPT_P,0.2\n"],
 )
-def test_a_broken_file_is_put_aside_and_what_is_sound_in_it_used(
-    tmp_path: Path, content: bytes
-) -> None:
+def test_broken_file_is_renamed_and_valid_lines_are_used(tmp_path: Path, content: bytes) -> None:
     for turn in (1, 2):
         (tmp_path / FILE).write_bytes(content)
         table, store = restart(tmp_path)
-        assert len(store.complaints) == (4 if b"HDG_P" in content else 2)
+        assert len(store.problems) == (4 if b"HDG_P" in content else 2)
         assert (tmp_path / f"{FILE}.broken-{turn}").read_bytes() == content
         assert not (tmp_path / FILE).exists()
         assert table.kept == ({"HDG_P": 0.7, "DPT_P": 0.2} if b"HDG_P" in content else {})
 
 
 @pytest.mark.parametrize("ends", [True, False])
-def test_what_was_sound_in_a_broken_file_is_kept_on_also_without_an_end(
-    tmp_path: Path, ends: bool
-) -> None:
+def test_valid_lines_of_broken_file_are_stored_again(tmp_path: Path, ends: bool) -> None:
     (tmp_path / FILE).write_text("HDG_P,0.7\nnonsense\n")
     table, store = restart(tmp_path)
     if ends:
@@ -126,9 +121,7 @@ def test_what_was_sound_in_a_broken_file_is_kept_on_also_without_an_end(
     assert restart(tmp_path)[0].kept == {"HDG_P": 0.7}
 
 
-def test_a_folder_that_may_not_be_looked_into_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unreadable_folder_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise PermissionError(EACCES, "Permission denied")
 
@@ -136,13 +129,13 @@ def test_a_folder_that_may_not_be_looked_into_is_told(
         monkeypatch.setattr(Path, name, refuse)
     store = ParamStore(tmp_path)
     assert store.load() == {}
-    assert store.complaints == [
+    assert store.problems == [
         f"{tmp_path / FILE}: Permission denied",
-        "cannot be put aside: Permission denied",
+        "cannot be renamed: Permission denied",
     ]
 
 
-def test_a_disk_that_takes_nothing_is_told_once_a_value_and_the_value_holds(tmp_path: Path) -> None:
+def test_unwritable_disk_is_reported_and_value_applies(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
     table, store = restart(blocked)
@@ -153,6 +146,6 @@ def test_a_disk_that_takes_nothing_is_told_once_a_value_and_the_value_holds(tmp_
         store.poll(table, said.append)
         time.sleep(0.005)
     assert len(said) == 1
-    assert said[0].startswith("Parameters are not kept: ")
+    assert said[0].startswith("Parameters are not stored: ")
     assert table.get("HDG_P") == 0.7
-    assert store.close(table).startswith("parameters are not kept: ")
+    assert store.close(table).startswith("parameters are not stored: ")

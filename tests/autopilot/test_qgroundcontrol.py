@@ -1,15 +1,14 @@
-"""What QGroundControl needs, message by message, as its source of 2026 has it
-(github.com/mavlink/qgroundcontrol).
+"""Requirements of QGroundControl, message by message, after its source of 2026.
 
-QGroundControl itself does not run here: its questions are put to the real server one after the
-other, as the files and functions named in each test put them, and the answers judged as those judge
-them. The order is that of ``InitialConnectStateMachine``: version, standard modes, component
-information, parameters, mission, geofence, rally points.
+Source: github.com/mavlink/qgroundcontrol. QGroundControl itself does not run here: the tests send
+its requests to the real server in the same order as the files and functions named in each test, and
+check the replies by the same rules. The order is that of ``InitialConnectStateMachine``: version,
+standard modes, component information, parameters, mission, geofence, rally points.
 
-Three things it cannot do with this vehicle, whatever she answers, for its ``FirmwarePlugin``
-decides them by HEARTBEAT.autopilot: with ``generic`` no mode buttons
-(``FirmwarePlugin::setFlightMode`` returns false) and no "start mission"; with ``px4`` both work,
-but the setup pages complain of PX4 parameters that she does not have."""
+Three functions do not depend on the replies, because ``FirmwarePlugin`` decides them by
+HEARTBEAT.autopilot: with ``generic`` there are no mode buttons (``FirmwarePlugin::setFlightMode``
+returns false) and there is no "start mission"; with ``px4`` both work, but the setup pages report
+missing PX4 parameters."""
 
 import json
 import struct
@@ -38,10 +37,10 @@ FENCE, RALLY, ALL_PLANS = 1, 2, 255
 SAFE_RECOVERY, STANDARD_MISSION, LAND = 5, 6, 7
 
 
-# MultiVehicleManager.cc, VehicleLinkManager.h: there she is
+# MultiVehicleManager.cc, VehicleLinkManager.h: discovery
 
 
-def test_a_vehicle_is_made_of_a_heartbeat_of_component_1(qgc: Connection) -> None:
+def test_heartbeat_comes_from_component_1(qgc: Connection) -> None:
     """``MultiVehicleManager::_vehicleHeartbeatInfo`` ignores every component but
     MAV_COMP_ID_AUTOPILOT1.
 
@@ -63,7 +62,7 @@ def test_a_vehicle_is_made_of_a_heartbeat_of_component_1(qgc: Connection) -> Non
 # InitialConnectStateMachine.cc
 
 
-def test_the_version_tells_what_to_ask_for_next(qgc: Connection) -> None:
+def test_version_reports_supported_protocols(qgc: Connection) -> None:
     """``_autopilotVersionRequestMessageHandler``, ``Vehicle::_setCapabilities``,
     ``GeoFenceManager::supported``."""
     version = qgc.message(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
@@ -77,9 +76,8 @@ def test_the_version_tells_what_to_ask_for_next(qgc: Connection) -> None:
     assert version.flight_sw_version >> 8, "major, minor and patch: zero is taken for unknown"
 
 
-def test_modes_come_all_at_once_or_one_by_one(qgc: Connection) -> None:
-    """``StandardModes::request`` asks for index 0 and is done at the last; of older releases, for
-    one after another."""
+def test_modes_are_sent_all_or_one_by_one(qgc: Connection) -> None:
+    """``StandardModes::request`` requests index 0; older releases request the modes one by one."""
     heard = qgc.command(REQUEST_MESSAGE, AVAILABLE_MODES, 0)
     assert heard[0].get_type() == "COMMAND_ACK", (
         "commandResultHandler: anything but ACCEPTED ends the request"
@@ -91,7 +89,7 @@ def test_modes_come_all_at_once_or_one_by_one(qgc: Connection) -> None:
         assert qgc.message(AVAILABLE_MODES, mode.mode_index).custom_mode == mode.custom_mode
 
 
-def test_every_mode_has_one_name_and_a_number_that_can_be_set(qgc: Connection) -> None:
+def test_modes_have_unique_names_and_settable_numbers(qgc: Connection) -> None:
     """``StandardModes::availableModesReceived`` names the standard ones itself;
     ``ensureUniqueModeNames``."""
     listed = qgc.command(REQUEST_MESSAGE, AVAILABLE_MODES, 0)[1:]
@@ -104,7 +102,7 @@ def test_every_mode_has_one_name_and_a_number_that_can_be_set(qgc: Connection) -
     assert {m.custom_mode for m in listed} == {mode.number for mode in modes.MODES}
 
 
-def test_parameter_metadata_is_found_fetched_and_read(qgc: Connection) -> None:
+def test_parameter_metadata_is_downloaded_and_read(qgc: Connection) -> None:
     """``RequestMetaDataTypeStateMachine``, ``CompInfoGeneral::setJson``,
     ``CompInfoParam::setJson``."""
     answer = qgc.message(COMPONENT_METADATA)
@@ -127,14 +125,13 @@ def test_parameter_metadata_is_found_fetched_and_read(qgc: Connection) -> None:
     )
 
 
-def test_what_it_would_ask_without_metadata_is_answered_at_once(qgc: Connection) -> None:
-    """``_requestCompInfoDeprecated``: UNSUPPORTED is an answer, silence costs three tries of three
-    seconds."""
+def test_deprecated_component_info_is_refused_at_once(qgc: Connection) -> None:
+    """``_requestCompInfoDeprecated``: UNSUPPORTED is a reply; without one it tries for 3 x 3 s."""
     (acknowledgement,) = qgc.command(REQUEST_MESSAGE, COMPONENT_INFORMATION)
     assert acknowledgement.result == mavlink.MAV_RESULT_UNSUPPORTED
 
 
-def test_a_file_that_is_not_there_is_refused_at_once(qgc: Connection) -> None:
+def test_missing_file_is_refused_at_once(qgc: Connection) -> None:
     """``FTPManager::_openFileROAckOrNak``."""
     (answer,) = Ftp(qgc).ask(
         mavlink.MAV_FTP_OPCODE_OPENFILERO, data=b"/etc/extras/parameters.json.xz"
@@ -145,9 +142,8 @@ def test_a_file_that_is_not_there_is_refused_at_once(qgc: Connection) -> None:
 # ParameterManager.cc
 
 
-def test_the_parameter_list_is_whole_and_numbered(qgc: Connection) -> None:
-    """``refreshAllParameters`` asks component 0; ``_parameterUpdate`` waits for every index below
-    param_count."""
+def test_parameter_list_is_complete_and_indexed(qgc: Connection) -> None:
+    """``refreshAllParameters`` asks component 0; ``_parameterUpdate`` needs every index."""
     heard = qgc.ask(mavlink.MAVLink_param_request_list_message(1, ALL_COMPONENTS))
     values = [m for m in heard if m.get_type() == "PARAM_VALUE"]
     assert {m.param_count for m in values} == {len(PARAMETERS)}
@@ -161,8 +157,8 @@ def test_the_parameter_list_is_whole_and_numbered(qgc: Connection) -> None:
     assert {m.get_srcComponent() for m in values} == {AUTOPILOT}
 
 
-def test_a_missing_parameter_is_asked_for_by_index(qgc: Connection) -> None:
-    """``_fillIndexBatchQueue`` after 3 s: up to ten at once, param_id empty."""
+def test_missing_parameter_is_sent_by_index(qgc: Connection) -> None:
+    """``_fillIndexBatchQueue`` after 3 s: up to ten requests, param_id empty."""
     for index in (0, 7, len(PARAMETERS) - 1):
         value = only(
             qgc.ask(mavlink.MAVLink_param_request_read_message(1, AUTOPILOT, b"", index)),
@@ -171,9 +167,8 @@ def test_a_missing_parameter_is_asked_for_by_index(qgc: Connection) -> None:
         assert (value.param_index, value.param_id) == (index, PARAMETERS[index].name)
 
 
-def test_a_parameter_that_is_set_is_told_with_the_value_she_keeps(qgc: Connection) -> None:
-    """``_valueUpdated``: the write is open until PARAM_VALUE of that name;
-    ``fact->_containerSetRawValue(value)``."""
+def test_set_parameter_is_sent_with_stored_value(qgc: Connection) -> None:
+    """``_valueUpdated``: the write ends with PARAM_VALUE of that name, whose value is used."""
     told = only(
         qgc.ask(mavlink.MAVLink_param_set_message(1, AUTOPILOT, b"HDG_P", 0.75, 9)), "PARAM_VALUE"
     )
@@ -193,9 +188,8 @@ def only_index(name: str) -> int:
     return [row.name for row in PARAMETERS].index(name)
 
 
-def test_the_hash_it_may_ask_px4_for_is_refused_at_once(qgc: Connection) -> None:
-    """``ParamHashCheckStateMachine`` is for autopilots that cache; PARAM_ERROR ends it without a
-    second's wait."""
+def test_parameter_hash_is_refused_at_once(qgc: Connection) -> None:
+    """``ParamHashCheckStateMachine``: PARAM_ERROR ends it without a wait of one second."""
     heard = qgc.ask(mavlink.MAVLink_param_request_read_message(1, AUTOPILOT, b"_HASH_CHECK", -1))
     assert only(heard, "PARAM_ERROR").error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
 
@@ -204,9 +198,8 @@ def test_the_hash_it_may_ask_px4_for_is_refused_at_once(qgc: Connection) -> None
 
 
 @pytest.mark.parametrize("kind", [MISSION, FENCE, RALLY])
-def test_every_kind_of_plan_has_a_count(qgc: Connection, kind: int) -> None:
-    """``_handleMissionCount``: of the kind that was asked for, or it is disregarded; 0 is read to
-    its end at once."""
+def test_every_plan_type_has_a_count(qgc: Connection, kind: int) -> None:
+    """``_handleMissionCount`` ignores other plan types; a count of 0 ends the download."""
     count = only(
         qgc.ask(mavlink.MAVLink_mission_request_list_message(1, AUTOPILOT, kind)), "MISSION_COUNT"
     )
@@ -220,8 +213,8 @@ def test_every_kind_of_plan_has_a_count(qgc: Connection, kind: int) -> None:
     )
 
 
-def test_a_mission_is_written_item_by_item_and_read_back(qgc: Connection) -> None:
-    """``_handleMissionAck`` when all were asked for, ``_handleMissionItem``."""
+def test_mission_is_written_and_read_back(qgc: Connection) -> None:
+    """``_handleMissionAck`` after all items, ``_handleMissionItem``."""
     items, heard = legs(), write_mission(qgc)
     acknowledgement = only(heard, "MISSION_ACK")
     assert (acknowledgement.type, acknowledgement.mission_type) == (
@@ -253,9 +246,8 @@ def test_a_mission_is_written_item_by_item_and_read_back(qgc: Connection) -> Non
         assert (back.seq, back.mission_type, back.current) == (n, MISSION, int(n == 0))
 
 
-def test_a_refused_item_is_named_in_words(qgc: Connection) -> None:
-    """``_handleMissionAck`` shows the result, and the item that was requested last; the reason
-    comes as a text."""
+def test_refused_item_is_named_in_text(qgc: Connection) -> None:
+    """``_handleMissionAck`` shows the result and the last requested item; a text has the reason."""
     qgc.ask(mavlink.MAVLink_mission_count_message(1, AUTOPILOT, 1, MISSION))
     camera = mavlink.MAVLink_mission_item_int_message(
         1, AUTOPILOT, 0, 2, 2000, 1, 1, 0, 0, 0, 0, 0, 0, 0, MISSION
@@ -266,7 +258,7 @@ def test_a_refused_item_is_named_in_words(qgc: Connection) -> None:
 
 
 @pytest.mark.parametrize(("kind", "result"), [(MISSION, 0), (ALL_PLANS, 0), (FENCE, 3), (RALLY, 3)])
-def test_removing_a_plan_is_acknowledged_with_its_kind(
+def test_plan_removal_is_acknowledged_with_its_type(
     qgc: Connection, kind: int, result: int
 ) -> None:
     """``_removeAllWorker`` and ``_handleMissionAck``, AckMissionClearAll."""

@@ -1,5 +1,4 @@
-"""Sensors that fall silent on a serial line: noticed by the wall clock, for vehicle time stands
-still meanwhile."""
+"""Loss of the sensors on a serial line: detected by the wall clock, as vehicle time stops."""
 
 from collections.abc import Iterator
 
@@ -21,13 +20,13 @@ ACCEPTED, REJECTED = 0, 1
 
 
 def noisy(time_us: int) -> SensorFrame:
-    """A vehicle at rest whose instruments never say the same twice."""
+    """Return a sample of a vehicle at rest with sensor noise."""
     frame, noise = sensors(time_us), 1e-8 * time_us
     return SensorFrame(time_us, *(reading + noise for reading in frame[1:11]), *frame[11:])
 
 
-class Aboard:
-    """An autopilot whose wall clock the test turns, and the far end of its HIL link."""
+class Rig:
+    """An autopilot with a wall clock of the test, and the far end of its HIL link."""
 
     def __init__(self, near: MemoryTransport, far: MemoryTransport) -> None:
         self.near, self.sea = near, HilClient(near)
@@ -41,7 +40,7 @@ class Aboard:
         self.time_us, self.wall_s = 0, 100.0
 
     def sample(self, count: int = 1) -> int:
-        """So many samples a tick apart; the flags of the last answer."""
+        """Send samples one tick apart; return the flags of the last answer."""
         for _ in range(count):
             self.time_us += TICK_US
             self.wall_s += 1e-6 * TICK_US
@@ -52,15 +51,15 @@ class Aboard:
         return answer.flags
 
     def silence(self, seconds: float) -> list[str]:
-        """What is said meanwhile; the vehicle's own clock goes on, out of hearing."""
+        """Return the texts sent during a pause of the sensors, whose clock continues."""
         self.deck.station.heard()
         for _ in range(10):
             self.wall_s += seconds / 10.0
             self.app.step(0.0)
         self.time_us += round(1e6 * seconds / TICK_US) * TICK_US
-        return self.said()
+        return self.received_texts()
 
-    def said(self) -> list[str]:
+    def received_texts(self) -> list[str]:
         self.deck.serve()
         return texts(self.deck.station.heard())
 
@@ -79,14 +78,14 @@ def ends(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[MemoryTransport, Mem
 
 
 @pytest.fixture
-def cable(ends: tuple[MemoryTransport, MemoryTransport], monkeypatch: pytest.MonkeyPatch) -> Aboard:
+def cable(ends: tuple[MemoryTransport, MemoryTransport], monkeypatch: pytest.MonkeyPatch) -> Rig:
     ends[1].address = "serial:/dev/ttyS0:115200"
-    aboard = Aboard(*ends)
+    aboard = Rig(*ends)
     monkeypatch.setattr(app, "wall_s", lambda: aboard.wall_s)
     return aboard
 
 
-def test_silence_is_told_once_keeps_her_from_arming_and_passes(cable: Aboard) -> None:
+def test_sensor_loss_is_reported_once_and_blocks_arming(cable: Rig) -> None:
     cable.sample(50)
     assert cable.silence(0.9 * SENSOR_SILENCE_S) == []
     cable.sample(50)
@@ -94,43 +93,43 @@ def test_silence_is_told_once_keeps_her_from_arming_and_passes(cable: Aboard) ->
     assert cable.silence(3.0 * SENSOR_SILENCE_S) == []
     assert cable.arm() == REJECTED
     cable.sample(50)
-    assert cable.said() == ["Sensors recovered"]
+    assert cable.received_texts() == ["Sensors recovered"]
     assert cable.arm() == ACCEPTED
 
 
-def test_after_a_short_silence_sensors_have_to_speak_for_a_while(cable: Aboard) -> None:
+def test_arming_after_short_sensor_loss_needs_new_samples(cable: Rig) -> None:
     cable.sample(50)
     assert cable.silence(2.0 * SENSOR_SILENCE_S) == ["Sensors silent"]
     cable.sample(50)
-    assert cable.said() == []
+    assert cable.received_texts() == []
     assert cable.arm() == REJECTED
     cable.sample(RECOVERY_US // TICK_US)
-    assert "Sensors recovered" in cable.said()
+    assert "Sensors recovered" in cable.received_texts()
     assert cable.arm() == ACCEPTED
 
 
-def test_sensors_that_never_spoke_are_waited_for(cable: Aboard) -> None:
+def test_sensors_that_never_sent_are_not_reported(cable: Rig) -> None:
     assert cable.silence(60.0) == []
 
 
-def test_a_head_of_another_baud_rate_is_told_once_and_noise_is_not(cable: Aboard) -> None:
+def test_wrong_baud_rate_is_reported_once_but_noise_is_not(cable: Rig) -> None:
     cable.near.send(b"noise" * 20)
     assert cable.silence(SENSOR_SILENCE_S) == []
     for _ in range(2):
         cable.near.send(bytes(range(256)) * 8)
         cable.app.step(0.0)
-    assert cable.said() == ["HIL: no MAVLink in what is heard: baud rate?"]
+    assert cable.received_texts() == ["HIL: no MAVLink in received bytes: check baud rate"]
     assert cable.silence(SENSOR_SILENCE_S) == []
 
 
-def test_a_simulator_in_lockstep_may_pause_as_long_as_it_likes(
+def test_lockstep_pause_is_not_reported(
     ends: tuple[MemoryTransport, MemoryTransport], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    aboard = Aboard(*ends)
+    aboard = Rig(*ends)
     monkeypatch.setattr(app, "wall_s", lambda: aboard.wall_s)
     assert aboard.sample(50) == LOCKSTEP_FLAG
     assert aboard.silence(60.0) == []
 
 
-def test_answers_on_a_serial_line_say_that_nobody_waits(cable: Aboard) -> None:
+def test_answers_on_serial_line_have_no_lockstep_flag(cable: Rig) -> None:
     assert cable.sample() == 0

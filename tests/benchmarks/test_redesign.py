@@ -16,7 +16,7 @@ from benchmarks.redesign import (
     steady,
 )
 from benchmarks.redesign.campaign import GAIN_SETS, OURS
-from benchmarks.redesign.holding import Held
+from benchmarks.redesign.holding import TrackingError
 from benchmarks.study import Figure
 from sitl.vehicle import config
 from sysid.data import segments
@@ -25,11 +25,11 @@ from tests.helpers.closed_loop import Dive
 from tests.helpers.missions import excitation_item
 from tests.test_closed_loop import TRIM, legs
 
-GOOD, BAD = Held(1.0, 6.0, 1.0, 0.0), Held(1.5, 20.0, 1.0, 0.0)
-LOST = Held(90.0, 500.0, 9.0, 1.0)
+GOOD, BAD = TrackingError(1.0, 6.0, 1.0, 0.0), TrackingError(1.5, 20.0, 1.0, 0.0)
+LOST = TrackingError(90.0, 500.0, 9.0, 1.0)
 
 
-def row(initial: Held, paper: Held, ours: Held) -> list[float]:
+def row(initial: TrackingError, paper: TrackingError, ours: TrackingError) -> list[float]:
     return [*initial, *paper, *ours]
 
 
@@ -63,13 +63,13 @@ def made_up(**columns: float) -> MadeUpDive:
 
 
 def test_a_run_that_holds_its_set_points_has_no_error_and_one_across_north_is_not_lost() -> None:
-    assert holding.held(made_up()) == Held(0.0, 0.0, 0.0, 0.0)
+    assert holding.tracking_error(made_up()) == TrackingError(0.0, 0.0, 0.0, 0.0)
     beyond = made_up(true_heading=np.radians(20.0 - 360.0 + 2.0), true_depth_m=2.9)
-    assert holding.held(beyond) == pytest.approx(Held(2.0, 10.0, 0.0, 0.0))
-    assert holding.held(made_up(true_depth_m=0.3)).lost == 1.0
+    assert holding.tracking_error(beyond) == pytest.approx(TrackingError(2.0, 10.0, 0.0, 0.0))
+    assert holding.tracking_error(made_up(true_depth_m=0.3)).lost == 1.0
     surfaced = made_up()
     surfaced.told = ((140.0, "Failsafe: leak -> SURFACE"), *surfaced.told)
-    assert holding.held(surfaced).lost == 1.0
+    assert holding.tracking_error(surfaced).lost == 1.0
 
 
 def test_only_our_gains_have_targets_and_only_where_they_are_set() -> None:
@@ -127,7 +127,7 @@ def test_a_leg_that_does_not_settle_and_a_back_out_of_water_are_misses() -> None
     assert missed(figures) == {
         "leg 2, depth, 95 %: ours",
         "every leg settled: ours",
-        "least water over her: ours",
+        "least water above hull: ours",
     }
 
 
@@ -136,18 +136,18 @@ def test_water_over_her_is_counted_from_her_highest_part_and_from_the_surface_as
 ):
     """Level, half her diameter over the axis; nose up, half her length; a trough takes off what it
     is deep."""
-    level = missions.water_over_her_m(made_up(true_depth_m=2.0))
+    level = missions.water_above_m(made_up(true_depth_m=2.0))
     assert level == pytest.approx(2.0 - 0.5334 / 2, abs=0.01)
-    assert missions.water_over_her_m(made_up(true_depth_m=2.0, surface_m=-0.3)) == pytest.approx(
+    assert missions.water_above_m(made_up(true_depth_m=2.0, surface_m=-0.3)) == pytest.approx(
         level - 0.3
     )
-    upright = missions.water_over_her_m(made_up(true_depth_m=2.5, true_pitch=np.radians(90.0)))
+    upright = missions.water_above_m(made_up(true_depth_m=2.5, true_pitch=np.radians(90.0)))
     assert upright == pytest.approx(2.5 - 3.543 / 2, abs=0.01)
 
 
 def test_a_probability_that_is_not_kept_is_no_honest_one() -> None:
     kept, broken = [1.0, 1.0, 0.9, 1.0, 0.99, 1.0, *GOOD], [1.0, 1.0, 0.9, 0.0, 0.99, 1.0, *GOOD]
-    refused = [0.0, 0.0, *[np.nan] * (4 + len(Held._fields))]
+    refused = [0.0, 0.0, *[np.nan] * (4 + len(TrackingError._fields))]
     assert not missed(probability.judge("caribou_truth", np.array([kept, kept, kept, refused])))
     assert missed(
         probability.judge("caribou_truth", np.array([kept, broken, broken, refused]))
@@ -176,7 +176,7 @@ def test_a_short_flight_is_held_and_its_test_is_cut_from_what_she_tells() -> Non
     assert (run.plane, run.wave, run.magnitude_deg) == ("yaw", "step", 5.0)
     assert np.degrees(run.command_rad[~run.preroll][10:-10]) == pytest.approx(11.0, abs=0.01)
     dive.told = [(90.0, "Mode SURFACE")]
-    assert holding.held(dive, 70.0).heading_deg < 1.0
+    assert holding.tracking_error(dive, 70.0).heading_deg < 1.0
 
 
 def test_gain_sets_fly_on_the_same_trims() -> None:

@@ -21,7 +21,7 @@ from tests.clients.telemetry_recorder import Client, connected
 
 LATITUDE_DEG, LONGITUDE_DEG, DEPTH_AS_ALTITUDE_M = 42.35, -71.05, -3.0
 PLACE = (LATITUDE_DEG, LONGITUDE_DEG, DEPTH_AS_ALTITUDE_M)
-HOLD, MANUAL = (4, 3), (1, 0)
+HOLD, MANUAL = (4, 3), (1 << 16, 0)
 """Main and sub number of the modes in DO_SET_MODE."""
 DO_SET_MODE = 176
 WORKS, UNSUPPORTED = ("SUCCESS",), ("UNSUPPORTED",)

@@ -8,7 +8,7 @@ from typing import Any
 from mavlink_io.codec import Frame
 from mavlink_io.dialect import by_name, constant
 from mavlink_io.endpoint import Endpoint
-from mavlink_io.mission_items import MissionItem
+from mavlink_io.mission_items import MavCmd, MissionItem
 from mavlink_io.services.mission_server import MissionProgress, MissionResult, MissionServer
 from mavlink_io.services.params import ParamServer
 from mavlink_io.transport import MemoryTransport, open_transport
@@ -118,7 +118,7 @@ class FakeVehicle:
 
     def _command(self, message: Any) -> None:
         self.commands.append(message)
-        if message.command == constant("MAV_CMD_REQUEST_MESSAGE"):
+        if message.command == MavCmd.REQUEST_MESSAGE:
             if message.param1 == constant("MAVLINK_MSG_ID_SYS_STATUS"):
                 self._send_status()
             else:
@@ -134,7 +134,7 @@ class FakeVehicle:
             "progress": 0,
         }
         self._endpoint.send("COMMAND_ACK", command=message.command, result=result, **addressed)
-        if message.command == constant("MAV_CMD_DO_SET_MODE") and result == ACCEPTED:
+        if message.command == MavCmd.DO_SET_MODE and result == ACCEPTED:
             self.custom_mode = int(message.param2) if self.obeys else self.custom_mode
             self.heartbeat()
 

@@ -94,7 +94,7 @@ class Deck:
         for _ in range(count):
             self.time_us += TICK_US
             self.vehicle.tick(Inputs(sensors(self.time_us, depth_m), fix, None, None))
-            self.server.tell()
+            self.server.publish_telemetry()
         self.server.flush()
 
     def serve(self) -> None:

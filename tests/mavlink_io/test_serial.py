@@ -24,9 +24,15 @@ def cable(tmp_path: Path) -> Iterator[Line]:
         yield laid
 
 
-def opened(cable: Line, end: str, told: list[str], *, awaited: bool = False) -> SerialTransport:
+def opened(
+    cable: Line, end: str, texts: list[str], *, wait_for_device: bool = False
+) -> SerialTransport:
     return SerialTransport(
-        f"serial:{end}", cable.device[end], BAUD, awaited=awaited, tell=told.append
+        f"serial:{end}",
+        cable.device[end],
+        BAUD,
+        wait_for_device=wait_for_device,
+        report=texts.append,
     )
 
 
@@ -40,19 +46,19 @@ def until(happened: Callable[[], bool], transport: SerialTransport) -> None:
 
 
 def test_a_line_that_was_unplugged_comes_back(cable: Line) -> None:
-    told: list[str] = []
+    texts: list[str] = []
     with (
-        closing(opened(cable, "vehicle", told)) as vehicle,
+        closing(opened(cable, "vehicle", texts)) as vehicle,
         closing(opened(cable, "ground", [])) as ground,
     ):
         cable.unplug("vehicle")
-        until(lambda: bool(told), vehicle)
+        until(lambda: bool(texts), vehicle)
         assert vehicle.handles() == ()
         vehicle.send(b"into the sea")
         assert vehicle.receive() == b""
         cable.plug("vehicle")
-        until(lambda: len(told) == 2, vehicle)
-        assert [text.split(" (")[0] for text in told] == [
+        until(lambda: len(texts) == 2, vehicle)
+        assert [text.split(" (")[0] for text in texts] == [
             "serial:vehicle: lost",
             "serial:vehicle: back",
         ]
@@ -62,23 +68,23 @@ def test_a_line_that_was_unplugged_comes_back(cable: Line) -> None:
 
 
 def test_a_loss_that_shows_in_writing_is_told_once(cable: Line) -> None:
-    told: list[str] = []
-    with closing(opened(cable, "vehicle", told)) as vehicle:
+    texts: list[str] = []
+    with closing(opened(cable, "vehicle", texts)) as vehicle:
         cable.unplug("vehicle")
         deadline_s = time.monotonic() + PATIENCE_S
-        while not told:
+        while not texts:
             assert time.monotonic() < deadline_s
             vehicle.send(b"anybody there")
         vehicle.send(b"nobody")
-        assert len(told) == 1
-        assert told[0].startswith("serial:vehicle: lost")
+        assert len(texts) == 1
+        assert texts[0].startswith("serial:vehicle: lost")
 
 
 def test_a_lost_line_is_tried_once_a_second(cable: Line, monkeypatch: pytest.MonkeyPatch) -> None:
     now_s, attempts = [100.0], 0
     monkeypatch.setattr("mavlink_io.transport.serial_line.wall_s", lambda: now_s[0])
-    told: list[str] = []
-    with closing(opened(cable, "vehicle", told)) as vehicle:
+    texts: list[str] = []
+    with closing(opened(cable, "vehicle", texts)) as vehicle:
 
         def refused() -> None:
             nonlocal attempts
@@ -87,7 +93,7 @@ def test_a_lost_line_is_tried_once_a_second(cable: Line, monkeypatch: pytest.Mon
 
         monkeypatch.setattr(vehicle, "_open", refused)
         cable.unplug("vehicle")
-        until(lambda: bool(told), vehicle)
+        until(lambda: bool(texts), vehicle)
         for _ in range(1000):
             now_s[0] += 0.01
             assert vehicle.handles() == ()
@@ -120,21 +126,21 @@ def test_a_device_that_does_not_exist_is_an_error_or_waited_for(cable: Line) -> 
     cable.unplug("vehicle")
     with pytest.raises(AddressError, match=r"serial:vehicle.*No such file"):
         opened(cable, "vehicle", [])
-    told: list[str] = []
-    with closing(opened(cable, "vehicle", told, awaited=True)) as vehicle:
-        assert told == ["serial:vehicle: not there yet; trying every second"]
+    texts: list[str] = []
+    with closing(opened(cable, "vehicle", texts, wait_for_device=True)) as vehicle:
+        assert texts == ["serial:vehicle: not there yet; trying every second"]
         cable.plug("vehicle")
-        until(lambda: told[1:] == ["serial:vehicle: back"], vehicle)
+        until(lambda: texts[1:] == ["serial:vehicle: back"], vehicle)
 
 
-@pytest.mark.parametrize("awaited", [False, True])
+@pytest.mark.parametrize("wait_for_device", [False, True])
 def test_what_is_no_serial_line_or_taken_is_an_error_all_the_same(
-    cable: Line, awaited: bool
+    cable: Line, wait_for_device: bool
 ) -> None:
     with pytest.raises(AddressError, match="/dev/null"):
-        open_transport("serial:/dev/null:57600", awaited=awaited)
+        open_transport("serial:/dev/null:57600", wait_for_device=wait_for_device)
     with closing(opened(cable, "vehicle", [])), pytest.raises(AddressError, match="lock"):
-        opened(cable, "vehicle", [], awaited=awaited)
+        opened(cable, "vehicle", [], wait_for_device=wait_for_device)
 
 
 def test_a_closed_line_stays_closed(cable: Line) -> None:

@@ -166,7 +166,7 @@ def test_no_two_frames_have_one_timestamp_however_the_clock_is_set(steps: list[A
 def test_a_timestamp_outlives_its_program(tmp_path: Path) -> None:
     path = tmp_path / "state" / "timestamp"
     first = Timestamp(path, lambda: NOW_S)
-    first.hear(NOW + 77)
+    first.advance_to(NOW + 77)
     first.save()
     assert Timestamp(path, lambda: NOW_S - 1e6).next() == NOW + 78
     older = Timestamp(None, lambda: NOW_S - 1e6)

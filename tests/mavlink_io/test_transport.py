@@ -176,7 +176,7 @@ def test_tcp_loses_nothing_and_pushes_back(server: TcpServer) -> None:
 
 
 def test_a_client_that_never_reads_is_dropped_in_the_end() -> None:
-    server = open_transport("tcpin:127.0.0.1:0", patience_s=0.05)
+    server = open_transport("tcpin:127.0.0.1:0", send_timeout_s=0.05)
     assert isinstance(server, TcpServer)
     with closing(server), client(server):
         for _ in range(200):

@@ -1,10 +1,9 @@
-"""ArduPilot's end of its JSON backend, written from libraries/SITL/examples/JSON/readme.md and the
-reader of SIM_JSON.
+"""ArduPilot's side of its JSON backend, written from libraries/SITL/examples/JSON/readme.md.
 
-Nothing of Caribou's is used. What is imitated of ArduPilot: it sends its servos from a port of its
-own, counts a frame when its answer has come, and sends it again when none comes; it takes the last
-whole line of what it has received, and finds its numbers there by searching for text, not by
-parsing JSON."""
+It uses no part of Caribou. It behaves as ArduPilot (SIM_JSON) does: it sends servos from a port of
+its own, counts a frame when it is answered, and repeats it otherwise; it takes the last complete
+line received, and finds numbers by text search instead of a JSON parser.
+"""
 
 from __future__ import annotations
 
@@ -16,15 +15,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 START_S = 180.0
-"""Until the simulator answers the first frame: on a busy machine it may have to compile its physics
-first."""
+"""Time for the simulator's first answer; on a busy machine it may compile its physics first."""
 PATIENCE_S = 30.0
 RESEND_S = 1.0
 NEUTRAL = 1500
 
 
 class Motion(NamedTuple):
-    """What one line told, as ArduPilot understands it."""
+    """Content of one answer, as ArduPilot reads it."""
 
     timestamp_s: float
     gyro_radps: list[float]
@@ -38,24 +36,23 @@ class Motion(NamedTuple):
 
 
 class ArduPilot:
-    """An ArduPilot that does what the test tells it, one frame after the other."""
+    """A simulated ArduPilot that tests control frame by frame."""
 
     def __init__(self, port: int, frame_rate_hz: int = 400, channels: int = 16) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._simulator = "127.0.0.1", port
         self._channels, self._frame_rate_hz = channels, frame_rate_hz
         self.count = 0
-        """Of the next frame."""
+        """Number of the next frame."""
 
     def restart(self, frame_rate_hz: int) -> None:
-        """The same program started again: it counts from the beginning, and speaks from another
-        port."""
+        """Restart the program: frame numbers start at zero, and the local port changes."""
         self._socket.close()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._frame_rate_hz, self.count = frame_rate_hz, 0
 
     def frame(self, pulses_us: Sequence[int] = (), count: int | None = None) -> bytes:
-        """One datagram of servos."""
+        """Return one datagram of servo pulses."""
         magic = {16: 18458, 32: 29569}[self._channels]
         pulses = [*pulses_us, *(NEUTRAL,) * (self._channels - len(pulses_us))]
         number = self.count if count is None else count
@@ -65,7 +62,7 @@ class ArduPilot:
         self._socket.sendto(datagram, self._simulator)
 
     def receive(self, patience_s: float = PATIENCE_S) -> bytes:
-        """One datagram. Raises TimeoutError when none comes."""
+        """Return one datagram. Raises TimeoutError: none has arrived."""
         self._socket.settimeout(patience_s)
         return self._socket.recv(65536)
 
@@ -91,8 +88,7 @@ class ArduPilot:
 
 
 def read(datagram: bytes) -> Motion:
-    """The last line between two line feeds, searched as ArduPilot does: section, key, then what
-    follows ``":``."""
+    """Read the last line between two line feeds as ArduPilot does: section, key, text after it."""
     *_, before, line, after = datagram.decode().split("\n")
     assert (before, after) == ("", "")
     return Motion(

@@ -1,10 +1,9 @@
-"""PX4's end of its simulator API, written from PX4's documentation and the behaviour of its module
-simulator_mavlink.
+"""PX4's side of its simulator API, written from PX4's documentation and module simulator_mavlink.
 
-Nothing of Caribou's is used: pymavlink reads and writes. What is imitated of PX4: it connects by
-TCP and keeps trying; it says HEARTBEAT and asks for HIL_STATE_QUATERNION every 5 ms; it has no time
-of its own, HIL_SENSOR moves its clock, which counts from the first of them; its controls are all
-zero while it is disarmed."""
+It uses no part of Caribou; pymavlink encodes and decodes. It behaves as PX4 does: it connects by
+TCP with retries, sends HEARTBEAT and requests HIL_STATE_QUATERNION every 5 ms. HIL_SENSOR drives
+its clock, which counts from the first of them. Its controls are zero while it is disarmed.
+"""
 
 from __future__ import annotations
 
@@ -17,18 +16,18 @@ from pymavlink.dialects.v20 import all as mavlink
 
 PATIENCE_S = 30.0
 START_S = 180.0
-"""Until the simulator listens: on a busy machine it may have to compile its physics first."""
+"""Time to connect; on a busy machine the simulator may compile its physics first."""
 TRUTH_INTERVAL_US = 5000
 LOCKSTEP, CUSTOM, ARMED = 1, 1, 128
 
 
 class Instant(NamedTuple):
-    """What came up to one HIL_SENSOR, which is the last of it."""
+    """Messages of one tick, up to and including HIL_SENSOR."""
 
     time_us: int
     messages: tuple[Any, ...]
     wall_s: float
-    """When it had come."""
+    """Wall time of arrival."""
 
     @property
     def sensor(self) -> Any:
@@ -39,7 +38,7 @@ class Instant(NamedTuple):
 
 
 class Px4:
-    """A PX4 that does what the test tells it, one HIL_SENSOR after the other."""
+    """A simulated PX4 that tests control from one HIL_SENSOR to the next."""
 
     def __init__(self, port: int) -> None:
         self._socket = _connected(port)
@@ -53,7 +52,7 @@ class Px4:
         self._start_us: int | None = None
         self._clock_us = 0
         self.sensor_ids: set[int] = set()
-        self._say(
+        self._send(
             self._mavlink.heartbeat_encode(
                 mavlink.MAV_TYPE_SUBMARINE, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 0
             )
@@ -63,12 +62,12 @@ class Px4:
     def ask_for_truth(self, interval_us: float) -> None:
         wanted = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
         command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-        self._say(
+        self._send(
             self._mavlink.command_long_encode(0, 0, command, 0, wanted, interval_us, 0, 0, 0, 0, 0)
         )
 
-    def hear(self, patience_s: float = PATIENCE_S) -> Instant:
-        """Block until HIL_SENSOR, as PX4 does. Raises TimeoutError when none comes."""
+    def receive(self, patience_s: float = PATIENCE_S) -> Instant:
+        """Wait for HIL_SENSOR, as PX4 does. Raises TimeoutError: none has arrived."""
         messages: list[Any] = []
         until_s = time.monotonic() + patience_s
         while True:
@@ -99,29 +98,29 @@ class Px4:
     def answer(
         self, controls: Sequence[float] = (), *, armed: bool = True, lockstep: bool = True
     ) -> None:
-        """HIL_ACTUATOR_CONTROLS of the clock as it stands."""
+        """Send HIL_ACTUATOR_CONTROLS with the present clock."""
         outputs = [*controls, *(0.0,) * (16 - len(controls))] if armed else [0.0] * 16
         mode, flags = CUSTOM | (ARMED if armed else 0), LOCKSTEP if lockstep else 0
-        self._say(self._mavlink.hil_actuator_controls_encode(self._clock_us, outputs, mode, flags))
+        self._send(self._mavlink.hil_actuator_controls_encode(self._clock_us, outputs, mode, flags))
 
     def fly(
         self, count: int, controls: Sequence[float] = (), *, armed: bool = True
     ) -> Iterator[Instant]:
-        """Answer so many instants, each before the next."""
+        """Answer a number of ticks, each before the next."""
         for _ in range(count):
-            instant = self.hear()
+            instant = self.receive()
             self.answer(controls, armed=armed)
             yield instant
 
     def close(self) -> None:
         self._socket.close()
 
-    def _say(self, message: Any) -> None:
+    def _send(self, message: Any) -> None:
         self._socket.sendall(message.pack(self._mavlink))
 
 
 class UdpPx4(Px4):
-    """PX4 started with -u: it binds, and says nothing before the simulator does."""
+    """PX4 started with -u: it binds a port and waits for the simulator's first datagram."""
 
     def __init__(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -136,7 +135,7 @@ class UdpPx4(Px4):
 
 
 def _connected(port: int) -> socket.socket:
-    """Try every half a millisecond until somebody listens."""
+    """Connect to the port, with a retry every half a millisecond."""
     until_s = time.monotonic() + START_S
     while time.monotonic() < until_s:
         try:
@@ -146,4 +145,4 @@ def _connected(port: int) -> socket.socket:
             continue
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return connection
-    raise AssertionError(f"nobody listens on port {port}")
+    raise AssertionError(f"no program listens on port {port}")

@@ -1,4 +1,4 @@
-"""The real simulator flown by a peer that behaves as ArduPilot does."""
+"""The simulator process with a simulated ArduPilot."""
 
 import math
 import signal
@@ -14,13 +14,13 @@ from tests.peers.ardupilot import ArduPilot, Motion, read
 pytestmark = pytest.mark.process
 
 DEEP = "[start]\ndepth_m = 5.0\nheading_deg = 90.0\nspeed_mps = 1.0\n"
-LEFT_TO_STAND = 0.2
-"""Seconds after which an answer that has not come will not come."""
+NO_ANSWER_S = 0.2
+"""Wall time after which an answer is taken not to come."""
 
 
 @pytest.fixture(scope="module")
 def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
-    """One simulator for all of this file: a frame number 0 finds a vehicle that begins anew."""
+    """One simulator for this file: frame number 0 starts a new run."""
     scenario, port = tmp_path_factory.mktemp("ardupilot") / "deep.toml", free_port()
     scenario.write_text(DEEP)
     address = f"udpin:127.0.0.1:{port}"
@@ -28,7 +28,7 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         "-m", "sitl", "--autopilot", "ardupilot", "--hil", address, "--scenario", str(scenario)
     ) as sitl:
         yield port
-        assert sitl.running, "nobody but the simulator was to answer here"
+        assert sitl.running, "another program answered on the simulator's port"
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def heading_rad(motion: Motion) -> float:
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
-def test_the_mandatory_fields_say_where_she_is(ardupilot: ArduPilot) -> None:
+def test_mandatory_fields_have_correct_values(ardupilot: ArduPilot) -> None:
     first, *_, last = ardupilot.fly(400)
     assert first.timestamp_s == 1 / 400
     assert last.timestamp_s == pytest.approx(1.0)
@@ -71,8 +71,8 @@ def test_the_mandatory_fields_say_where_she_is(ardupilot: ArduPilot) -> None:
     assert last.current_a > 0.0
 
 
-def test_position_velocity_and_attitude_belong_together(ardupilot: ArduPilot) -> None:
-    """Each is the integral of the next, by the trapezoid rule over 2.5 ms."""
+def test_position_velocity_and_attitude_are_consistent(ardupilot: ArduPilot) -> None:
+    """Position is the integral of velocity, heading that of yaw rate (trapezoid rule, 2.5 ms)."""
     motions = ardupilot.fly(800, (1600, 1450, 1732))
     for axis in range(3):
         gone = sum(
@@ -89,16 +89,14 @@ def test_position_velocity_and_attitude_belong_together(ardupilot: ArduPilot) ->
 @pytest.mark.parametrize(
     ("frame_rate_hz", "step_s"), [(50, 0.02), (400, 0.0025), (1200, 0.000833), (10, 0.02)]
 )
-def test_every_frame_is_one_step_of_the_frame_rate(
-    port: int, frame_rate_hz: int, step_s: float
-) -> None:
+def test_each_frame_is_one_step_of_frame_rate(port: int, frame_rate_hz: int, step_s: float) -> None:
     with closing(ArduPilot(port, frame_rate_hz)) as ardupilot:
         motions = ardupilot.fly(120)
     assert motions[0].timestamp_s == pytest.approx(step_s, abs=1e-9)
     assert steps_s(motions) == pytest.approx([step_s] * 119, abs=1e-9)
 
 
-def test_the_motion_hardly_depends_on_the_frame_rate(port: int) -> None:
+def test_motion_is_nearly_independent_of_frame_rate(port: int) -> None:
     ends = []
     for frame_rate_hz in (50, 400):
         with closing(ArduPilot(port, frame_rate_hz)) as ardupilot:
@@ -107,12 +105,12 @@ def test_the_motion_hardly_depends_on_the_frame_rate(port: int) -> None:
     assert heading_rad(ends[0]) == pytest.approx(heading_rad(ends[1]), abs=0.01)
 
 
-def test_thirty_two_channels_are_understood(port: int) -> None:
+def test_32_channel_frames_are_accepted(port: int) -> None:
     with closing(ArduPilot(port, channels=32)) as ardupilot:
         assert len(ardupilot.fly(10)) == 10
 
 
-def test_a_frame_that_comes_again_is_answered_again_and_moves_nothing(ardupilot: ArduPilot) -> None:
+def test_repeated_frame_gets_same_answer_without_step(ardupilot: ArduPilot) -> None:
     before = ardupilot.fly(20)[-1]
     asked = ardupilot.frame()
     ardupilot.send(asked)
@@ -126,13 +124,13 @@ def test_a_frame_that_comes_again_is_answered_again_and_moves_nothing(ardupilot:
     assert steps_s([before, read(answers[0]), after]) == pytest.approx([1 / 400, 1 / 400])
 
 
-def test_lost_frames_leave_no_gap_in_time_and_nobody_waits_for_them(ardupilot: ArduPilot) -> None:
+def test_lost_frames_cause_no_gap_in_time(ardupilot: ArduPilot) -> None:
     before = ardupilot.fly(20)[-1]
     ardupilot.count += 7
     assert steps_s([before, ardupilot.step()]) == pytest.approx([1 / 400])
 
 
-def test_late_and_foreign_datagrams_are_passed_over(ardupilot: ArduPilot) -> None:
+def test_late_and_foreign_datagrams_are_ignored(ardupilot: ArduPilot) -> None:
     before = ardupilot.fly(30)[-1]
     junk = (
         b"",
@@ -144,11 +142,11 @@ def test_late_and_foreign_datagrams_are_passed_over(ardupilot: ArduPilot) -> Non
     for datagram in junk:
         ardupilot.send(datagram)
     with pytest.raises(TimeoutError):
-        ardupilot.receive(LEFT_TO_STAND)
+        ardupilot.receive(NO_ANSWER_S)
     assert steps_s([before, ardupilot.step()]) == pytest.approx([1 / 400])
 
 
-def test_one_that_is_started_again_finds_a_vehicle_that_begins_anew(ardupilot: ArduPilot) -> None:
+def test_restart_starts_a_new_run(ardupilot: ArduPilot) -> None:
     first = ardupilot.fly(200, (1800, 1500, 1732))
     ardupilot.restart(400)
     assert ardupilot.fly(200, (1800, 1500, 1732)) == first
@@ -156,7 +154,7 @@ def test_one_that_is_started_again_finds_a_vehicle_that_begins_anew(ardupilot: A
     assert steps_s(ardupilot.fly(20)) == pytest.approx([0.000833] * 19, abs=1e-9)
 
 
-def test_a_pause_stops_time_and_nothing_else(ardupilot: ArduPilot) -> None:
+def test_pause_stops_vehicle_time(ardupilot: ArduPilot) -> None:
     before = ardupilot.fly(20)[-1]
     with pytest.raises(TimeoutError):
         ardupilot.receive(1.0)
@@ -164,12 +162,12 @@ def test_a_pause_stops_time_and_nothing_else(ardupilot: ArduPilot) -> None:
 
 
 def steered(port: int, *pulses_us: int) -> Motion:
-    """After eight seconds with these servos."""
+    """Return the motion after eight seconds with these servo pulses."""
     with closing(ArduPilot(port, 100)) as ardupilot:
         return ardupilot.fly(800, pulses_us)[-1]
 
 
-def test_servos_steer(port: int) -> None:
+def test_servos_control_the_vehicle(port: int) -> None:
     straight = steered(port, 1500, 1500, 1732)
     to_starboard, to_port = steered(port, 1740, 1500, 1732), steered(port, 1260, 1500, 1732)
     assert heading_rad(to_starboard) > heading_rad(straight) + math.radians(3.0)
@@ -177,12 +175,12 @@ def test_servos_steer(port: int) -> None:
     assert pitch_rad(steered(port, 1500, 1740, 1732)) > pitch_rad(straight) + math.radians(2.0)
     assert speed_mps(straight) > speed_mps(steered(port, 1500, 1500, 1500)) + 0.2
     assert steered(port, 0, 0, 0) == steered(port, 1500, 1500, 1500), (
-        "an output that is not in use asks for nothing"
+        "an output that is not in use means no command"
     )
-    assert steered(port, 1500, 1500, 2200) == steered(port, 1500, 1500, 1900), "no more than all"
+    assert steered(port, 1500, 1500, 2200) == steered(port, 1500, 1500, 1900), "pulses are limited"
 
 
-def test_a_stop_while_nobody_asks_ends_the_run_cleanly() -> None:
+def test_signal_while_waiting_exits_cleanly() -> None:
     port = free_port()
     with process(
         "-m", "sitl", "--autopilot", "ardupilot", "--hil", f"udpin:127.0.0.1:{port}"

@@ -1,4 +1,4 @@
-"""The real simulator flown by a peer that behaves as PX4 does."""
+"""The simulator process with a simulated PX4."""
 
 import math
 import signal
@@ -18,22 +18,21 @@ pytestmark = pytest.mark.process
 
 STEP_US = 4000
 GROUPS = {"accel": 0x07, "gyro": 0x38, "mag": 0x1C0, "baro": 0x1A00}
-"""HIL_SENSOR.fields_updated: PX4 takes each of them whole or not at all."""
+"""Groups of HIL_SENSOR.fields_updated: PX4 uses each as a whole or not at all."""
 NOTHING_S = 0.15
-"""Seconds after which a frame that has not come is held back: less than PX4 is waited for, many
-steps of the clock."""
+"""Wall time after which a frame is taken to be held back: below the simulator's answer timeout."""
 DEEP = "[start]\ndepth_m = 5.0\nheading_deg = 90.0\nspeed_mps = 1.0\n"
 
 
 @pytest.fixture(scope="module")
 def port() -> Iterator[int]:
-    """One simulator for all of this file: every connection finds a vehicle that begins anew."""
+    """One simulator for this file: every connection starts a new run."""
     port = free_port(SOCK_STREAM)
     with process(
         "-m", "sitl", "--autopilot", "px4", "--hil", f"tcpin:127.0.0.1:{port}", "--speed", "max"
     ) as sitl:
         yield port
-        assert sitl.running, "nobody but the simulator was to answer here"
+        assert sitl.running, "another program answered on the simulator's port"
 
 
 @pytest.fixture
@@ -47,14 +46,16 @@ def steps_us(instants: list[Instant]) -> set[int]:
 
 
 def is_waited_for(px4: Px4, nth: int = 1) -> bool:
-    """Whether no further frame comes while the n-th is unanswered. One try of three will do: where
-    nobody waits, frames come every few milliseconds, but on a busy machine the peer itself may be
-    too late for the simulator's patience."""
+    """Tell whether the simulator sends no further frame while the n-th is unanswered.
+
+    One success in three attempts is enough: without waiting, frames arrive every few milliseconds,
+    but on a busy machine this peer may answer after the simulator's timeout.
+    """
     for _ in range(3):
         for _ in range(nth):
-            px4.hear()
+            px4.receive()
         try:
-            px4.hear(patience_s=NOTHING_S)
+            px4.receive(patience_s=NOTHING_S)
         except TimeoutError:
             return True
         finally:
@@ -62,9 +63,9 @@ def is_waited_for(px4: Px4, nth: int = 1) -> bool:
     return False
 
 
-def test_sensors_come_unasked_in_equal_steps_and_in_whole_groups(px4: Px4) -> None:
+def test_sensors_have_equal_steps_and_whole_groups(px4: Px4) -> None:
     instants = list(px4.fly(500))
-    assert instants[0].time_us > 0, "PX4 takes a time of zero for never"
+    assert instants[0].time_us > 0, "PX4 treats a time of zero as not set"
     assert steps_us(instants) == {STEP_US}
     assert px4.sensor_ids == {0}
     updated = [instant.sensor.fields_updated for instant in instants]
@@ -74,7 +75,7 @@ def test_sensors_come_unasked_in_equal_steps_and_in_whole_groups(px4: Px4) -> No
         assert sum(bool(bits & GROUPS[slower]) for bits in updated) == 100, "50 Hz"
 
 
-def test_units_are_those_that_px4_reads(px4: Px4) -> None:
+def test_message_units_match_px4(px4: Px4) -> None:
     instants = list(px4.fly(300))
     sensor = instants[-1].sensor
     assert sensor.zacc == pytest.approx(-9.81, abs=0.1)
@@ -94,42 +95,41 @@ def test_units_are_those_that_px4_reads(px4: Px4) -> None:
     assert ranges[-1].current_distance == pytest.approx(2000, abs=60), "centimetres"
 
 
-def test_truth_comes_as_often_as_px4_asks(px4: Px4) -> None:
-    def told(count: int) -> int:
+def test_truth_rate_follows_px4_request(px4: Px4) -> None:
+    def truth_count(count: int) -> int:
         return sum(instant.find("HIL_STATE_QUATERNION") is not None for instant in px4.fly(count))
 
-    px4.hear()
+    px4.receive()
     px4.answer()
-    assert told(500) == 400, "every 5 ms of 2 s"
+    assert truth_count(500) == 400, "every 5 ms of 2 s"
     px4.ask_for_truth(1e6)
-    told(3)
-    assert told(500) == 2
+    truth_count(3)
+    assert truth_count(500) == 2
     px4.ask_for_truth(-1)
-    told(3)
-    assert told(100) == 0
+    truth_count(3)
+    assert truth_count(100) == 0
     acknowledged = [instant.find("COMMAND_ACK") for instant in px4.fly(3)]
     assert acknowledged == [None] * 3, "acknowledged long ago"
 
 
-def test_the_sensors_of_an_instant_come_last(px4: Px4) -> None:
-    """PX4 stamps what it hears by the clock as it stands: what is of this instant must not come in
-    the next."""
+def test_hil_sensor_is_last_message_of_tick(px4: Px4) -> None:
+    """PX4 stamps received messages with its clock: messages of a tick must not come in the next."""
     instants = list(px4.fly(250))
     fixes = [
         (instant.time_us, fix.time_usec) for instant in instants if (fix := instant.find("HIL_GPS"))
     ]
     assert fixes
-    assert all(heard_us == fix_us for heard_us, fix_us in fixes)
+    assert all(received_us == fix_us for received_us, fix_us in fixes)
 
 
-def test_no_step_is_made_before_the_answer_to_the_one_before(px4: Px4) -> None:
+def test_step_waits_for_answer(px4: Px4) -> None:
     *_, before = px4.fly(50)
     assert is_waited_for(px4)
-    assert px4.hear().time_us > before.time_us
+    assert px4.receive().time_us > before.time_us
 
 
-def test_before_the_first_answer_time_flows_at_the_pace_of_the_clock(px4: Px4) -> None:
-    silent = [px4.hear() for _ in range(150)]
+def test_before_first_answer_time_runs_in_real_time(px4: Px4) -> None:
+    silent = [px4.receive() for _ in range(150)]
     took_s = silent[-1].wall_s - silent[0].wall_s
     assert steps_us(silent) == {STEP_US}
     assert took_s > 0.9 * 149 * STEP_US * 1e-6, "not faster than the clock, whatever the speed-up"
@@ -141,27 +141,27 @@ def test_before_the_first_answer_time_flows_at_the_pace_of_the_clock(px4: Px4) -
 
 
 @pytest.mark.parametrize("nth", [2, 5])
-def test_answers_to_every_nth_frame_are_waited_for_and_the_frames_between_are_not(
-    px4: Px4, nth: int
-) -> None:
-    """Waiting for each that never comes would take half a second a frame."""
+def test_answers_to_every_nth_frame_are_waited_for(px4: Px4, nth: int) -> None:
+    """Waiting for answers that never come would take half a second per frame."""
     instants = list(px4.fly(20))
     for _ in range(40):
-        instants += [px4.hear() for _ in range(nth)]
+        instants += [px4.receive() for _ in range(nth)]
         px4.answer()
     settled = time.monotonic()
     for _ in range(40):
-        instants += [px4.hear() for _ in range(nth)]
+        instants += [px4.receive() for _ in range(nth)]
         px4.answer()
     assert steps_us(instants) == {STEP_US}
     assert time.monotonic() - settled < 10.0
     assert is_waited_for(px4, nth)
 
 
-def test_two_seconds_of_silence_neither_stop_time_nor_end_the_lockstep(px4: Px4) -> None:
+def test_lockstep_resumes_after_two_seconds_without_answers(px4: Px4) -> None:
     instants = list(px4.fly(50))
     while instants[-1].wall_s - instants[49].wall_s < 2.0:
-        instants.append(px4.hear(patience_s=1.0))  # PX4 complains when nothing comes for a second
+        instants.append(
+            px4.receive(patience_s=1.0)
+        )  # PX4 complains when nothing comes for a second
     flown_s = 1e-6 * (instants[-1].time_us - instants[49].time_us)
     assert 0.2 < flown_s < instants[-1].wall_s - instants[49].wall_s + 0.1
     px4.answer()
@@ -170,7 +170,7 @@ def test_two_seconds_of_silence_neither_stop_time_nor_end_the_lockstep(px4: Px4)
     assert is_waited_for(px4)
 
 
-def test_one_that_hangs_for_two_seconds_finds_every_step_in_its_queue(px4: Px4) -> None:
+def test_no_step_is_lost_while_px4_hangs(px4: Px4) -> None:
     instants = list(px4.fly(50))
     time.sleep(2.0)
     instants += px4.fly(700)
@@ -178,35 +178,34 @@ def test_one_that_hangs_for_two_seconds_finds_every_step_in_its_queue(px4: Px4) 
     assert instants[-1].time_us > instants[49].time_us + 2_000_000
 
 
-def test_a_new_connection_finds_a_vehicle_that_begins_anew(port: int) -> None:
-    def told() -> list[list[str]]:
+def test_new_connection_starts_a_new_run(port: int) -> None:
+    def messages() -> list[list[str]]:
         with closing(Px4(port)) as px4:
             return [
-                [message.to_json() for message in each.messages]
-                for each in px4.fly(200, (0.5, 0.2, 0.6))
+                [message.to_json() for message in instant.messages]
+                for instant in px4.fly(200, (0.5, 0.2, 0.6))
             ]
 
-    first, second = told(), told()
-    assert [each[-1] for each in first] == [each[-1] for each in second]
-    assert first[5:] == second[5:], "the request for truth may be heard an instant sooner or later"
+    first, second = messages(), messages()
+    assert [instant[-1] for instant in first] == [instant[-1] for instant in second]
+    assert first[5:] == second[5:], "the request for truth may arrive a tick earlier or later"
 
 
-def test_without_lockstep_nobody_is_waited_for(px4: Px4) -> None:
-    """A flight controller in a hardware loop answers by its own clock."""
+def test_without_lockstep_wait_is_one_step(px4: Px4) -> None:
+    """A flight controller in a hardware-in-the-loop setup answers by its own clock."""
     instants = []
     for gap in range(1, 16):
-        instants += [px4.hear() for _ in range(gap)]
+        instants += [px4.receive() for _ in range(gap)]
         px4.answer(lockstep=False)
     assert steps_us(instants) == {STEP_US}
     assert instants[-1].wall_s - instants[0].wall_s < 4.0, (
-        "waiting in vain would take half a second each time"
+        "waiting without an answer would take half a second each time"
     )
 
 
 @pytest.fixture(scope="module")
 def deep_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
-    """A simulator with options: under water and under way, 100 Hz, outputs of its own, air for a
-    barometer."""
+    """One simulator with options: at depth, 100 Hz, assigned outputs, air-equivalent pressure."""
     scenario, port = tmp_path_factory.mktemp("px4") / "deep.toml", free_port(SOCK_STREAM)
     scenario.write_text(DEEP)
     options = (
@@ -231,32 +230,32 @@ def deep_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
         *options,
     ) as sitl:
         yield port
-        assert sitl.running, "nobody but the simulator was to answer here"
+        assert sitl.running, "another program answered on the simulator's port"
 
 
 def steered(
     port: int, rudder: float = 0.0, elevator: float = 0.0, thrust: float = 0.0, armed: bool = True
 ) -> Instant:
-    """The last instant with truth of eight seconds with these orders."""
+    """Return the last tick with truth after eight seconds with these controls."""
     controls = [0.0] * 6
     controls[3], controls[5], controls[0] = rudder, -elevator, thrust
     with closing(Px4(port)) as px4:
-        told = [
+        with_truth = [
             instant
             for instant in px4.fly(800, controls, armed=armed)
             if instant.find("HIL_STATE_QUATERNION")
         ]
-    return told[-1]
+    return with_truth[-1]
 
 
-def test_outputs_steer_as_they_are_assigned(deep_port: int) -> None:
+def test_assigned_outputs_control_the_vehicle(deep_port: int) -> None:
     straight = steered(deep_port, thrust=0.58)
     to_starboard = steered(deep_port, thrust=0.58, rudder=0.6)
     upwards = steered(deep_port, thrust=0.58, elevator=0.6)
     assert straight.sensor.time_usec == 8_000_000
     assert to_starboard.sensor.zgyro > straight.sensor.zgyro + math.radians(1.0)
     assert upwards.sensor.xacc > straight.sensor.xacc + 0.3, (
-        "the nose is up: gravity pulls aft, the hull pushes forward"
+        "with the nose up gravity acts aft and thrust forward"
     )
     moving, adrift = (
         straight.find("HIL_STATE_QUATERNION"),
@@ -268,13 +267,13 @@ def test_outputs_steer_as_they_are_assigned(deep_port: int) -> None:
     assert disarmed.vy == adrift.vy
 
 
-def test_the_air_equivalent_barometer_gives_px4_the_depth(deep_port: int) -> None:
-    """PX4's own formula: the standard atmosphere's, whatever it measures."""
+def test_air_equivalent_pressure_gives_depth_in_px4(deep_port: int) -> None:
+    """Reference: PX4's formula of the standard atmosphere."""
     with closing(Px4(deep_port)) as px4:
         instants = list(px4.fly(20))
     pressure_pa = (
         100.0
-        * [each.sensor for each in instants if each.sensor.fields_updated & 0x1A00][-1].abs_pressure
+        * [tick.sensor for tick in instants if tick.sensor.fields_updated & 0x1A00][-1].abs_pressure
     )
     lapse, air_constant, gravity, sea_level_k, sea_level_pa = (
         -0.0065,
@@ -288,7 +287,7 @@ def test_the_air_equivalent_barometer_gives_px4_the_depth(deep_port: int) -> Non
     assert altitude_m == pytest.approx(-5.0, abs=0.1)
 
 
-def test_px4_that_binds_udp_is_spoken_to_first(tmp_path: Path) -> None:
+def test_px4_on_udp_receives_first_datagram(tmp_path: Path) -> None:
     with (
         closing(UdpPx4()) as px4,
         process(
@@ -310,7 +309,7 @@ def test_px4_that_binds_udp_is_spoken_to_first(tmp_path: Path) -> None:
     assert (ended.status, ended.stdout, ended.stderr) == (0, "", "")
 
 
-def test_a_stop_while_nobody_is_connected_ends_the_run_cleanly() -> None:
+def test_signal_without_connection_exits_cleanly() -> None:
     port = free_port(SOCK_STREAM)
     with process("-m", "sitl", "--autopilot", "px4", "--hil", f"tcpin:127.0.0.1:{port}") as sitl:
         Px4(port).close()

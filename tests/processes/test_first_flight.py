@@ -41,7 +41,7 @@ def ground(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def first_flight() -> list[str]:
     """Return the arguments of the README's first `ground fly`, with the mission's full path."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    (line,) = re.findall(r"^ground (fly \S+ --sitl .*?) +#", readme, re.M)
+    line, *_ = re.findall(r"^ground (fly \S+ --sitl .*?) +#", readme, re.M)
     return [str(ROOT / word) if word.startswith("ground/") else word for word in shlex.split(line)]
 
 

@@ -348,11 +348,13 @@ def test_the_example_turns_its_duct_and_lets_go_when_the_autopilot_dies(scenes: 
     [
         (
             ("--speed", "2"),
-            "sitl: --speed 2: not with --no-lockstep: the wall clock is the vehicle's own\n",
+            "sitl: --speed 2 cannot be combined with --no-lockstep:"
+            " vehicle time follows the wall clock\n",
         ),
         (
             ("--wait-for-arm",),
-            "sitl: --wait-for-arm: not with --no-lockstep: the wall clock stands for nobody\n",
+            "sitl: --wait-for-arm cannot be combined with --no-lockstep:"
+            " real time cannot be paused\n",
         ),
     ],
 )

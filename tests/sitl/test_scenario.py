@@ -1,4 +1,4 @@
-"""Scenario files: what is read, and what a mistake in one is answered with."""
+"""Scenario files: valid content, and the error message of each mistake."""
 
 import re
 from pathlib import Path
@@ -12,17 +12,17 @@ from sitl.scenario_types import ScenarioError
 
 
 @pytest.mark.parametrize("name", scenario.names())
-def test_shipped_scenarios_load_and_say_their_name(name: str) -> None:
+def test_supplied_scenario_title_equals_name(name: str) -> None:
     assert scenario.load(name).title == name
 
 
-def test_calm_and_disturbed_are_shipped_and_differ_by_their_disturbance_only() -> None:
+def test_calm_and_disturbed_differ_in_disturbance_only() -> None:
     calm, disturbed = scenario.load("calm"), scenario.load("disturbed")
     assert calm.disturbance != disturbed.disturbance
     assert replace(calm, title=disturbed.title, disturbance=disturbed.disturbance) == disturbed
 
 
-def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
+def test_scenario_file_overrides_defaults(tmp_path: Path) -> None:
     file = tmp_path / "current.toml"
     file.write_text("[current]\nspeed_mps = 0.2\ntowards_deg = 30\n[start]\ndepth_m = 4.0\n")
     loaded = scenario.load(str(file))
@@ -32,7 +32,7 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "complaint"),
+    ("text", "message"),
     [
         ("[water]\ndensity_kgpm3 = -3.0", "water.density_kgpm3 = -3.0: expected float > 0.0"),
         ("[start]\nheading_deg = 'north'", "start.heading_deg = 'north': expected float, got str"),
@@ -70,7 +70,7 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
         ),
         (
             "[waves]\nsignificant_height_m = 1",
-            "waves.peak_period_s: missing key; a JONSWAP sea is not known by its height",
+            "waves.peak_period_s: missing key; a JONSWAP spectrum needs its peak period",
         ),
         (
             "[waves]\nspectrum = 'itu'",
@@ -84,7 +84,7 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
             "[waves]\nsignificant_height_m = 4.0\npeak_period_s = 4.0",
             (
                 "waves.significant_height_m = 4.0: expected at most 3.6 with peak_period_s = 4.0:"
-                " they break"
+                " steeper waves break"
             ),
         ),
         (
@@ -100,32 +100,30 @@ def test_a_file_overrides_what_it_names(tmp_path: Path) -> None:
         ("=", "not valid TOML: "),
     ],
 )
-def test_a_mistake_is_named_by_file_key_and_value(
-    tmp_path: Path, text: str, complaint: str
-) -> None:
+def test_error_names_file_key_and_value(tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / "mistake.toml"
     file.write_text(text)
     with pytest.raises(ScenarioError) as caught:
         scenario.load(str(file))
-    assert f"{file}: {complaint}" in str(caught.value)
+    assert f"{file}: {message}" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_an_unknown_name_is_answered_with_those_that_exist() -> None:
+def test_unknown_name_error_lists_scenarios() -> None:
     with pytest.raises(
         ScenarioError, match=r"stormy: No such file.*calm, disturbed,.*or a TOML file"
     ):
         scenario.load("stormy")
 
 
-def test_a_clamped_vehicle_lies_at_rest(tmp_path: Path) -> None:
+def test_clamped_vehicle_with_start_speed_is_rejected(tmp_path: Path) -> None:
     file = tmp_path / "rig.toml"
     file.write_text("[rig]\nclamped = true\n[start]\nspeed_mps = 1.0\n")
     with pytest.raises(ScenarioError, match=r"rig\.clamped = true: expected no start\.depth_m"):
         scenario.load(str(file))
 
 
-def test_the_file_of_a_floor_lies_beside_its_scenario(tmp_path: Path) -> None:
+def test_floor_file_is_relative_to_scenario(tmp_path: Path) -> None:
     (tmp_path / "bay.asc").write_text(
         "ncols 2\nnrows 2\nxllcenter 0\nyllcenter 0\ncellsize 50\n-8 -9\n-7 -8\n"
     )
@@ -141,7 +139,7 @@ def test_the_file_of_a_floor_lies_beside_its_scenario(tmp_path: Path) -> None:
         scenario.load(str(tmp_path / "bay.toml"))
 
 
-def test_what_the_documentation_shows_can_be_read(tmp_path: Path) -> None:
+def test_documented_scenarios_can_be_read(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     assert len(blocks) > 1

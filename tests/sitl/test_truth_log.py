@@ -1,4 +1,4 @@
-"""The truth log as a stock MCAP reader sees it."""
+"""The truth log, read with a standard MCAP reader."""
 
 import json
 from pathlib import Path
@@ -12,7 +12,7 @@ from sitl.truth_log import TOPIC, TruthLog
 from sitl.vehicle import config
 
 
-def test_a_reader_finds_every_truth_at_its_vehicle_time(tmp_path: Path) -> None:
+def test_log_time_is_start_plus_vehicle_time(tmp_path: Path) -> None:
     truth = plant.initial_state(
         plant.build(config.load("caribou_truth"), scenario.load("disturbed")),
         plant.random_streams(1),
@@ -38,7 +38,7 @@ def test_a_reader_finds_every_truth_at_its_vehicle_time(tmp_path: Path) -> None:
     assert found[0][1]["rudder_rad"] == truth.rudder_rad
 
 
-def test_a_log_is_never_written_over(tmp_path: Path) -> None:
+def test_existing_log_is_not_overwritten(tmp_path: Path) -> None:
     file = tmp_path / "precious.mcap"
     file.write_bytes(b"precious")
     with pytest.raises(FileExistsError):

@@ -189,7 +189,7 @@ def fly_tests(
     model = build_model.build(vehicle)
     tail, point = vehicle.tailcone, vehicle.operating_point
     axes = [
-        tailcone.of_vehicle(tail, bias, DT / SUBSTEPS)
+        tailcone.from_config(tail, bias, DT / SUBSTEPS)
         for bias in (tail.rudder_bias_deg, tail.elevator_bias_deg)
     ]
     pushed = (

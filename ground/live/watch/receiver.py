@@ -15,6 +15,7 @@ from mavlink_io.codec import Frame
 from mavlink_io.dialect import constant
 from mavlink_io.endpoint import Endpoint
 from mavlink_io.logging.statustext import TextJoiner
+from mavlink_io.mission_items import MavCmd
 from mavlink_io.request import ExchangeError, MavlinkId
 from mavlink_io.signing import Signing
 from mavlink_io.transport import LinkLostError, Transport, wait
@@ -132,11 +133,14 @@ class Receiver:
     def _ask(self, party: MavlinkId) -> None:
         """For the version, and for telemetry of an autopilot that sends none to strangers."""
         if "AUTOPILOT_VERSION" not in self.latest:
-            self._command(party, commands.REQUEST, _VERSION)
+            self._command(party, MavCmd.REQUEST_MESSAGE, _VERSION)
         for name, rate_hz in FOLLOWED_HZ.items() if self.follower else ():
             if name not in self.latest or self.latest[name].period_s > 1.5 / rate_hz:
                 self._command(
-                    party, commands.SET_INTERVAL, dialect.by_name(name).message_id, 1e6 / rate_hz
+                    party,
+                    MavCmd.SET_MESSAGE_INTERVAL,
+                    dialect.by_name(name).message_id,
+                    1e6 / rate_hz,
                 )
         if (
             self.latest["HEARTBEAT"].message.autopilot == _ARDUPILOT

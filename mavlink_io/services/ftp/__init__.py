@@ -1,1 +1,1 @@
-"""MAVLink FTP, https://mavlink.io/en/services/ftp.html: both ends of it."""
+"""Client and server of MAVLink FTP (https://mavlink.io/en/services/ftp.html)."""

@@ -1,5 +1,4 @@
-"""Ground's side of MAVLink FTP: lists, checksums and downloads, over a link that may lose any
-message."""
+"""The ground's side of MAVLink FTP: lists, checksums and downloads over a lossy link."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
@@ -16,46 +15,91 @@ from mavlink_io.services.ftp.tree import ListingEntry
 T = TypeVar("T")
 
 CRC_TIMEOUT_S = 5.0
-"""A vehicle may have to read a large file from a slow disk."""
+"""Wall time before a checksum request is repeated, in seconds: the vehicle reads the whole file."""
 MAX_REPAIRS = 32
-"""How many lost pieces are asked for in one go."""
+"""Maximum number of lost pieces that are requested at once."""
 
 ProgressCallback = Callable[[int, int], None]
-"""Is told how many bytes are there, and of how many."""
+"""Receive the number of bytes written so far and the size of the file."""
 
 
 class FileClient:
-    """Each method begins an exchange, to be fed and polled until it is done."""
+    """Client of MAVLink FTP; each method returns an exchange that has not started.
+
+    Feed and poll the exchange until it is done (``request.run``).
+
+    Parameters
+    ----------
+    send : Send
+        Function that sends a message to the vehicle.
+    own, peer : MavlinkId
+        Ids of this program and of the vehicle.
+    """
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
-        self._line = send, own, peer
-        self._sequences = count(
-            int(1000.0 * wall_s())
-        )  # a new program must not seem to repeat what the last one asked
+        self._participants = send, own, peer
+        # from the clock: a new program must not seem to repeat the last program's requests
+        self._sequences = count(int(1000.0 * wall_s()))
 
     def list(self, path: str) -> Exchange[list[ListingEntry]]:
-        """What lies in a directory."""
-        return _DirectoryList(*self._line, self._sequences, path)
+        """List a directory.
+
+        Parameters
+        ----------
+        path : str
+            Path of the directory on the vehicle.
+
+        Returns
+        -------
+        Exchange
+            Its result is the list of entries.
+        """
+        return _DirectoryList(*self._participants, self._sequences, path)
 
     def checksum(self, path: str) -> Exchange[int]:
-        """The CRC-32 of a file as ``link.files.wire.crc32`` counts it."""
-        return _Checksum(*self._line, self._sequences, path)
+        """Compute the checksum of a file on the vehicle.
+
+        Parameters
+        ----------
+        path : str
+            Path of the file on the vehicle.
+
+        Returns
+        -------
+        Exchange
+            Its result is the CRC-32 of the file as ``payload.crc32`` computes it.
+        """
+        return _Checksum(*self._participants, self._sequences, path)
 
     def download(
-        self, path: str, sink: BinaryIO, start: int = 0, watch: ProgressCallback | None = None
+        self, path: str, sink: BinaryIO, start: int = 0, on_progress: ProgressCallback | None = None
     ) -> Exchange[int]:
-        """Append a file to ``sink``, which holds its first ``start`` bytes already; the result is
-        the file's size.
+        """Append a file, or the rest of it, to a local file.
 
-        What is written is always the file's beginning without a gap: whoever is interrupted may go
-        on from there."""
-        return _FtpDownload(*self._line, self._sequences, path, sink, start, watch)
+        Parameters
+        ----------
+        path : str
+            Path of the file on the vehicle.
+        sink : binary file
+            Local file. The bytes in it are at any time the beginning of the remote file without
+            gaps, so that an interrupted download can be resumed.
+        start : int
+            Number of bytes of the remote file that ``sink`` contains already.
+        on_progress : callable, optional
+            Receive the progress.
+
+        Returns
+        -------
+        Exchange
+            Its result is the size of the file in bytes.
+        """
+        return _FtpDownload(*self._participants, self._sequences, path, sink, start, on_progress)
 
 
-class _Conversation(Exchange[T]):
-    """Requests with an answer each."""
+class _FtpExchange(Exchange[T]):
+    """Send FTP requests and process their answers."""
 
-    hears = frozenset(("FILE_TRANSFER_PROTOCOL",))
+    message_names = frozenset(("FILE_TRANSFER_PROTOCOL",))
 
     def __init__(
         self,
@@ -72,36 +116,43 @@ class _Conversation(Exchange[T]):
         if len(path.encode()) > MAX_DATA:
             self._fail(f"{path}: is longer than the {MAX_DATA} bytes that a request can hold")
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         packet = payload.decode(bytes(message.payload))
         if packet.opcode in (ACK, NAK):
-            self._take(packet)
+            self._handle_answer(packet)
 
     @abstractmethod
-    def _take(self, packet: Packet) -> None:
-        """Take an answer, perhaps to an earlier request."""
+    def _handle_answer(self, packet: Packet) -> None:
+        """Process an answer, which may belong to an earlier request."""
 
     def _request(
         self, opcode: int, offset: int = 0, size: int = 0, data: bytes = b"", session: int = 0
     ) -> Packet:
-        """Ask something."""
+        """Send a new request and return it."""
         packet = Packet(
-            next(self._sequences) & 0xFFFF, session, opcode, size or len(data), 0, 0, offset, data
+            sequence=next(self._sequences) & 0xFFFF,
+            session=session,
+            opcode=opcode,
+            size=size or len(data),
+            offset=offset,
+            data=data,
         )
-        self._put(packet)
+        self._send_packet(packet)
         return packet
 
-    def _put(self, packet: Packet) -> None:
-        self._post("FILE_TRANSFER_PROTOCOL", target_network=0, payload=packet.encode())
+    def _send_packet(self, packet: Packet) -> None:
+        """Send a request."""
+        self._send_to_peer("FILE_TRANSFER_PROTOCOL", target_network=0, payload=packet.encode())
 
-    def _answers(self, packet: Packet) -> bool:
-        """Whether this is what the current request waits for."""
+    def _is_current_answer(self, packet: Packet) -> bool:
+        """Return whether an answer belongs to the current request."""
         current = self._current
         return packet.requested == current.opcode and packet.sequence == payload.next_sequence(
             current.sequence
         )
 
-    def _refused(self, packet: Packet) -> None:
+    def _fail_with_error(self, packet: Packet) -> None:
+        """End the exchange with the error in an answer."""
         error = packet.data[0] if packet.data else payload.FAIL
         reason = (
             enum_names("MAV_FTP_ERR")
@@ -109,68 +160,81 @@ class _Conversation(Exchange[T]):
             .removeprefix("MAV_FTP_ERR_")
             .lower()
         )
-        self._fail(f"{self._question()}: {reason}")
+        self._fail(f"{self._describe()}: {reason}")
 
-    def _ask(self) -> None:
-        self._put(self._current)
+    def _send_request(self) -> None:
+        self._send_packet(self._current)
 
 
-class _DirectoryList(_Conversation[list[ListingEntry]]):
+class _DirectoryList(_FtpExchange[list[ListingEntry]]):
+    """Request parts of a listing until the vehicle reports its end."""
+
     def __init__(
         self, send: Send, own: MavlinkId, peer: MavlinkId, sequences: Iterator[int], path: str
     ) -> None:
         super().__init__(send, own, peer, sequences, path)
-        self._lines = 0
+        self._line_count = 0
         self._entries: list[ListingEntry] = []
-        self._current = self._next()
+        self._current = self._next_request()
 
-    def _take(self, packet: Packet) -> None:
-        if not self._answers(packet):
+    def _handle_answer(self, packet: Packet) -> None:
+        if not self._is_current_answer(packet):
             return
         if packet.opcode == ACK and packet.data:
             lines = packet.data.split(b"\0")[:-1]
-            self._lines += len(lines)
+            self._line_count += len(lines)
             self._entries += [_entry(line) for line in lines if line[:1] in (b"F", b"D")]
-            self._current = self._next()
-            self._put(self._current)
-            self._progress()
+            self._current = self._next_request()
+            self._send_packet(self._current)
+            self._note_progress()
         elif packet.opcode == ACK or packet.data[:1] == bytes((payload.END_OF_FILE,)):
             self._finish(self._entries)
         else:
-            self._refused(packet)
+            self._fail_with_error(packet)
 
-    def _next(self) -> Packet:
+    def _next_request(self) -> Packet:
+        """Return the request for the entries after the received ones."""
         path = self._path.encode()
         return Packet(
-            next(self._sequences) & 0xFFFF, 0, payload.LIST, len(path), 0, 0, self._lines, path
+            sequence=next(self._sequences) & 0xFFFF,
+            session=0,
+            opcode=payload.LIST,
+            size=len(path),
+            offset=self._line_count,
+            data=path,
         )
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the list of {self._path}"
 
 
-class _Checksum(_Conversation[int]):
+class _Checksum(_FtpExchange[int]):
+    """Request a checksum."""
+
     def __init__(
         self, send: Send, own: MavlinkId, peer: MavlinkId, sequences: Iterator[int], path: str
     ) -> None:
         super().__init__(send, own, peer, sequences, path, CRC_TIMEOUT_S)
-        data = path.encode()
-        self._current = Packet(next(sequences) & 0xFFFF, 0, payload.CRC, len(data), 0, 0, 0, data)
+        self._current = _path_request(sequences, payload.CRC, path)
 
-    def _take(self, packet: Packet) -> None:
-        if not self._answers(packet):
+    def _handle_answer(self, packet: Packet) -> None:
+        if not self._is_current_answer(packet):
             return
         if packet.opcode == ACK and len(packet.data) >= 4:
             self._finish(int.from_bytes(packet.data[:4], "little"))
         else:
-            self._refused(packet)
+            self._fail_with_error(packet)
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the checksum of {self._path}"
 
 
-class _FtpDownload(_Conversation[int]):
-    """Opens, has bursts sent, asks again for what was lost in them, and closes."""
+class _FtpDownload(_FtpExchange[int]):
+    """Open a file, request bursts, request lost pieces again, and close the file.
+
+    ``_written`` is the number of bytes in the sink. ``_frontier`` is the end of the last byte that
+    was received or requested; pieces between the two are in ``_pending`` or lost.
+    """
 
     def __init__(
         self,
@@ -181,39 +245,39 @@ class _FtpDownload(_Conversation[int]):
         path: str,
         sink: BinaryIO,
         start: int,
-        watch: ProgressCallback | None,
+        on_progress: ProgressCallback | None,
     ) -> None:
         super().__init__(send, own, peer, sequences, path)
-        self._sink, self._watch = sink, watch
+        self._sink, self._on_progress = sink, on_progress
         self._written = self._frontier = start
-        self._held: dict[int, bytes] = {}
+        self._pending: dict[int, bytes] = {}
         self._session: int | None = None
         self._size = 0
-        data = path.encode()
-        self._current = Packet(next(sequences) & 0xFFFF, 0, payload.OPEN, len(data), 0, 0, 0, data)
+        self._current = _path_request(sequences, payload.OPEN, path)
 
-    def _ask(self) -> None:
-        """At the start, and when nothing has come for a while."""
+    def _send_request(self) -> None:
+        """Open the file, or request the rest after a silence."""
         if self._session is None:
-            super()._ask()
+            super()._send_request()
         else:
-            self._go_on()
+            self._request_rest()
 
-    def _take(self, packet: Packet) -> None:
+    def _handle_answer(self, packet: Packet) -> None:
         if packet.requested == payload.OPEN:
-            self._opened(packet)
+            self._handle_open(packet)
         elif self._session is None or packet.session != self._session:
             return
         elif packet.requested in (payload.READ, payload.BURST) and packet.opcode == ACK:
-            self._arrived(packet)
+            self._handle_data(packet)
         elif packet.requested in (payload.READ, payload.BURST):
-            self._ended(packet)
+            self._handle_read_error(packet)
 
-    def _opened(self, packet: Packet) -> None:
-        if self._session is not None or not self._answers(packet):
+    def _handle_open(self, packet: Packet) -> None:
+        """Process the answer to the request to open the file."""
+        if self._session is not None or not self._is_current_answer(packet):
             return
         if packet.opcode == NAK:
-            self._refused(packet)
+            self._fail_with_error(packet)
             return
         self._session, self._size = packet.session, int.from_bytes(packet.data[:4], "little")
         if self._written > self._size:
@@ -222,12 +286,13 @@ class _FtpDownload(_Conversation[int]):
                 " here already"
             )
             return
-        self._progress()
-        self._go_on()
+        self._note_progress()
+        self._request_rest()
 
-    def _arrived(self, packet: Packet) -> None:
-        self._progress()
-        self._held[packet.offset] = packet.data
+    def _handle_data(self, packet: Packet) -> None:
+        """Process bytes of the file and request the pieces that were lost before them."""
+        self._note_progress()
+        self._pending[packet.offset] = packet.data
         if packet.offset > self._frontier:
             for offset in range(self._frontier, packet.offset, MAX_DATA):
                 self._read(offset, min(MAX_DATA, packet.offset - offset))
@@ -236,25 +301,23 @@ class _FtpDownload(_Conversation[int]):
         if self._written >= self._size or (
             packet.requested == payload.BURST and packet.burst_complete
         ):
-            self._go_on()
+            self._request_rest()
 
-    def _ended(self, packet: Packet) -> None:
-        """A burst has come to the end of the file, or something is wrong."""
+    def _handle_read_error(self, packet: Packet) -> None:
+        """Process the end of a burst at the end of the file, or an error."""
         error = packet.data[0] if packet.data else payload.FAIL
-        if (
-            error == payload.INVALID_SESSION
-        ):  # the vehicle has begun anew: so do we, from what is there
+        if error == payload.INVALID_SESSION:  # the vehicle has restarted: open the file again
             self._session = None
             self._current = self._current._replace(sequence=next(self._sequences) & 0xFFFF)
-            self._put(self._current)
+            self._send_packet(self._current)
         elif error != payload.END_OF_FILE:
-            self._refused(packet)
+            self._fail_with_error(packet)
         elif packet.requested == payload.BURST:
             self._frontier = self._size
-            self._go_on()
+            self._request_rest()
 
-    def _go_on(self) -> None:
-        """Ask for what was lost and for what is next, or close where nothing is left."""
+    def _request_rest(self) -> None:
+        """Request lost pieces and the next burst; close the file if it is complete."""
         if self._written >= self._size:
             self._request(payload.TERMINATE, session=self._session or 0)
             self._finish(self._size)
@@ -265,33 +328,43 @@ class _FtpDownload(_Conversation[int]):
             self._request(payload.BURST, self._frontier, MAX_DATA, session=self._session or 0)
 
     def _read(self, offset: int, length: int) -> None:
+        """Request one piece."""
         self._request(payload.READ, offset, length, session=self._session or 0)
 
     def _gaps(self) -> list[tuple[int, int]]:
-        """Place and length of every piece that is missing before the frontier."""
-        gaps, at = [], self._written
-        for offset in (*sorted(self._held), self._frontier):
+        """Return offset and length of every piece that is missing before the frontier."""
+        gaps, end = [], self._written
+        for offset in (*sorted(self._pending), self._frontier):
             gaps += [
-                (piece, min(MAX_DATA, offset - piece)) for piece in range(at, offset, MAX_DATA)
+                (piece, min(MAX_DATA, offset - piece)) for piece in range(end, offset, MAX_DATA)
             ]
-            at = max(at, offset + len(self._held.get(offset, b"")))
+            end = max(end, offset + len(self._pending.get(offset, b"")))
         return gaps
 
     def _write(self) -> None:
-        """Append what follows what is there."""
-        for offset in sorted(self._held):
+        """Append the pending pieces that continue the written bytes without a gap."""
+        for offset in sorted(self._pending):
             if offset > self._written:
                 break
-            data = self._held.pop(offset)[self._written - offset :]
+            data = self._pending.pop(offset)[self._written - offset :]
             self._sink.write(data)
             self._written += len(data)
-        if self._watch is not None:
-            self._watch(self._written, self._size)
+        if self._on_progress is not None:
+            self._on_progress(self._written, self._size)
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the request for {self._path}"
 
 
+def _path_request(sequences: Iterator[int], opcode: int, path: str) -> Packet:
+    """Return a request whose data is a path."""
+    data = path.encode()
+    return Packet(
+        sequence=next(sequences) & 0xFFFF, session=0, opcode=opcode, size=len(data), data=data
+    )
+
+
 def _entry(line: bytes) -> ListingEntry:
+    """Return one entry of a listing."""
     name, _, size = line[1:].decode("utf-8", "replace").partition("\t")
     return ListingEntry(name, int(size) if line[:1] == b"F" and size.isdecimal() else None)

@@ -1,4 +1,7 @@
-"""The payload of a FILE_TRANSFER_PROTOCOL message."""
+"""Encoding of the payload of a FILE_TRANSFER_PROTOCOL message.
+
+Source: https://mavlink.io/en/services/ftp.html, "Payload Format".
+"""
 
 import struct
 import zlib
@@ -7,8 +10,9 @@ from typing import NamedTuple
 from mavlink_io.dialect import constant
 
 MAX_DATA = 239
-"""Bytes of a file, or of a path, that one message holds."""
+"""Maximum number of data bytes (file content or path) in one message."""
 PAYLOAD_LENGTH = 251
+"""Bytes of a payload at full length."""
 
 ACK, NAK = constant("MAV_FTP_OPCODE_ACK"), constant("MAV_FTP_OPCODE_NAK")
 NONE = constant("MAV_FTP_OPCODE_NONE")
@@ -49,35 +53,79 @@ class Packet(NamedTuple):
     """One request or answer."""
 
     sequence: int
+    """Number of the packet, modulo 65,536; an answer has the number of its request plus 1."""
     session: int
+    """Number of an open file."""
     opcode: int
+    """MAV_FTP_OPCODE."""
     size: int = 0
-    """Of the data; in a request to read, how much is wanted."""
+    """Number of data bytes; in a request to read, the number of bytes to read."""
     requested: int = 0
-    """In an answer: the opcode that it answers."""
+    """In an answer, the opcode of the request."""
     burst_complete: int = 0
+    """1 in the last packet of a burst."""
     offset: int = 0
+    """Position in the file in bytes, or in a directory listing in entries."""
     data: bytes = b""
 
     def encode(self) -> bytes:
-        """The payload at full length. Raises ValueError for more data than fits."""
+        """Return the payload at full length.
+
+        Returns
+        -------
+        bytes
+            ``PAYLOAD_LENGTH`` bytes.
+
+        Raises
+        ------
+        ValueError
+            The packet has more than ``MAX_DATA`` bytes of data.
+        """
         if len(self.data) > MAX_DATA:
             raise ValueError(f"{len(self.data)} bytes of data; a message holds {MAX_DATA}")
         return (_HEAD.pack(*self[:7]) + self.data).ljust(PAYLOAD_LENGTH, b"\0")
 
 
 def decode(payload: bytes) -> Packet:
-    """The packet in a payload, which may be of any length and content."""
+    """Return the packet in a payload.
+
+    Parameters
+    ----------
+    payload : bytes
+        Payload of any length and content; missing bytes are read as zeros.
+
+    Returns
+    -------
+    Packet
+        The packet; its data may be shorter than ``size``.
+    """
     head = _HEAD.unpack_from(payload.ljust(_HEAD.size, b"\0"))
     return Packet._make((*head, payload[_HEAD.size : _HEAD.size + head[3]]))
 
 
 def next_sequence(sequence: int) -> int:
+    """Return the sequence number after ``sequence``, modulo 65,536."""
     return (sequence + 1) & 0xFFFF
 
 
 def crc32(data: bytes, crc: int = 0) -> int:
-    """MAVLink's CRC-32 of some data, or of it and all that gave ``crc``. It starts at zero and is
-    not inverted at its end (https://mavlink.io/en/guide/crc.html), unlike zlib's, which is
-    otherwise the same."""
+    """Return MAVLink's CRC-32 of some data.
+
+    Parameters
+    ----------
+    data : bytes
+        The data.
+    crc : int
+        CRC of the data before, to continue it.
+
+    Returns
+    -------
+    int
+        The CRC-32.
+
+    Notes
+    -----
+    It has zlib's polynomial, but starts at zero and is not inverted at the end. Source:
+    https://mavlink.io/en/guide/crc.html.
+    """
     return zlib.crc32(data, crc ^ _ALL_ONES) ^ _ALL_ONES

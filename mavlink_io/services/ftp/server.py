@@ -1,8 +1,8 @@
 """The vehicle's side of MAVLink FTP: reads, lists and checksums, for several clients at once.
 
-Every request is answered, the impossible ones at once. A request that comes again is given the
-answer that it was given before. Bursts and checksums are done a little at a time: nobody else has
-to wait for them."""
+Every request is answered; a repeated request gets the same answer again. Bursts and checksums are
+done in small steps, so that they do not delay other work.
+"""
 
 import struct
 from collections.abc import Callable
@@ -16,12 +16,13 @@ from mavlink_io.services.ftp.payload import ACK, MAX_DATA, NAK, Packet
 from mavlink_io.services.ftp.tree import FileTree, ListingEntry, OpenFile
 
 BURST_PACKETS = 256
-"""After so many the client has to ask again: one that is gone is not sent a whole file."""
+"""Maximum number of packets per burst request, so that a lost client does not get a whole file."""
 MAX_SESSIONS = 16
+"""Maximum number of open files of all clients."""
 SESSION_IDLE_S = 120.0
-"""A session that was not used for longer may be closed: its client is gone."""
+"""Wall time without use after which a session may be closed for a new one, in seconds."""
 CRC_BYTES = 1_000_000
-"""How much of a file is checksummed in one go."""
+"""Number of bytes of a file that one poll adds to a checksum."""
 
 _MAX_SIZE = 0xFFFF_FFFF
 _MAX_FRAME_BYTES = largest_frame(dialect.by_name("FILE_TRANSFER_PROTOCOL"))
@@ -29,33 +30,43 @@ _size = struct.Struct("<I")
 
 
 class _FtpSession(NamedTuple):
+    """An open file and the wall time of its last use."""
+
     file: OpenFile
     used_s: float
 
 
 class _FtpJob(NamedTuple):
-    """What takes several polls: a burst, or a checksum."""
+    """A request that takes several polls: a burst or a checksum."""
 
     request: Packet
     room: RoomBytes
     file: OpenFile
     offset: int
-    done: int = 0
-    """Packets that were sent, or the checksum so far."""
+    """Position of the next byte to read."""
+    progress: int = 0
+    """Number of sent packets of a burst, or checksum of the bytes before ``offset``."""
 
 
-class _RefusedError(Exception):
-    """A request that is answered with a MAV_FTP_ERR."""
+class _RequestRefused(Exception):  # noqa: N818 - an answer of the protocol, not a program error
+    """The request is answered with a MAV_FTP_ERR."""
 
     def __init__(self, error: int) -> None:
         self.error = error
 
 
 class FileServer:
-    """Serves a tree of files. Sessions belong to who opened them; two clients may use the same
-    session number."""
+    """Server of MAVLink FTP for a read-only tree of files.
 
-    hears = frozenset(("FILE_TRANSFER_PROTOCOL",))
+    A session belongs to the client that opened it; two clients may use the same session number.
+
+    Parameters
+    ----------
+    tree : FileTree
+        The files to serve.
+    """
+
+    message_names = frozenset(("FILE_TRANSFER_PROTOCOL",))
 
     def __init__(self, tree: FileTree) -> None:
         self.tree = tree
@@ -73,8 +84,19 @@ class FileServer:
         }
 
     def feed(self, frame: Frame, send: Send, room: RoomBytes, now_s: float) -> None:
-        """Serve one request that is addressed to this vehicle; ``send`` and ``room`` are of the
-        link it came by."""
+        """Process one request that is addressed to this vehicle.
+
+        Parameters
+        ----------
+        frame : Frame
+            A FILE_TRANSFER_PROTOCOL.
+        send : Send
+            Function that sends on the frame's link: the same object for every frame of a link.
+        room : RoomBytes
+            Return how many bytes of bulk data the frame's link accepts now.
+        now_s : float
+            Wall clock, in seconds.
+        """
         self._now_s = now_s
         payload = bytes(frame.decode().payload)
         client, request = (
@@ -83,11 +105,11 @@ class FileServer:
         )
         if request.opcode in (ACK, NAK):
             return
-        asked, answered = self._answered.get(client, (b"", b""))
-        if asked == payload:
-            if answered:
-                _send_packet(client, answered)
-            if answered or client in self._jobs:
+        last_request, last_answer = self._answered.get(client, (b"", b""))
+        if last_request == payload:
+            if last_answer:
+                _send_packet(client, last_answer)
+            if last_answer or client in self._jobs:
                 return
         answer = self._serve(client, request, room)
         self._answered[client] = payload, b"" if answer is None else answer.encode()
@@ -95,129 +117,145 @@ class FileServer:
             _send_packet(client, answer.encode())
 
     def poll(self, now_s: float) -> None:
-        """Go on with bursts and checksums, as far as their links have room."""
+        """Continue bursts and checksums, as far as their links have room.
+
+        Parameters
+        ----------
+        now_s : float
+            Wall clock, in seconds.
+        """
         self._now_s = now_s
         for client, job in list(self._jobs.items()):
             try:
-                left = (
-                    self._burst_on(client, job)
+                rest = (
+                    self._continue_burst(client, job)
                     if job.request.opcode == wire.BURST
-                    else self._crc_on(client, job)
+                    else self._continue_checksum(client, job)
                 )
             except OSError:
                 _release(job)
-                _send_packet(client, _refuse(job.request, wire.FAIL).encode())
-                left = None
-            if left is None:
+                _send_packet(client, _nak(job.request, wire.FAIL).encode())
+                rest = None
+            if rest is None:
                 del self._jobs[client]
             else:
-                self._jobs[client] = left
+                self._jobs[client] = rest
 
     def _serve(self, client: Client, request: Packet, room: RoomBytes) -> Packet | None:
-        """The answer to a request; None where it follows later."""
+        """Return the answer to a request; None if a job will answer it."""
         try:
             if request.size > MAX_DATA:
-                raise _RefusedError(wire.INVALID_SIZE)
+                raise _RequestRefused(wire.INVALID_SIZE)
             if request.opcode in (wire.BURST, wire.CRC):
-                self._jobs[client] = self._begin(client, request, room)
+                self._jobs[client] = self._begin_job(client, request, room)
                 return None
             handler = self._handlers.get(request.opcode)
             if handler is None:
-                raise _RefusedError(
+                raise _RequestRefused(
                     wire.PROTECTED if request.opcode in wire.WRITE_OPCODES else wire.UNKNOWN_COMMAND
                 )
-            return _answer(request, handler(client, request))
-        except _RefusedError as refusal:
-            return _refuse(request, refusal.error)
+            return _ack(request, handler(client, request))
+        except _RequestRefused as refusal:
+            return _nak(request, refusal.error)
         except FileNotFoundError:
-            return _refuse(request, wire.NOT_FOUND)
+            return _nak(request, wire.NOT_FOUND)
         except OSError:
-            return _refuse(request, wire.FAIL)
+            return _nak(request, wire.FAIL)
 
     def _terminate(self, client: Client, request: Packet) -> bytes:
-        """Granted where nothing is open, too: the client only wants it closed."""
+        """Close a session; an unknown session is no error."""
         self._close((client, request.session))
         return b""
 
     def _reset(self, client: Client, request: Packet) -> bytes:
-        """Closes what this client has open; others go on."""
+        """Close all sessions of this client."""
         for key in [key for key in self._sessions if key[0] == client]:
             self._close(key)
         return b""
 
     def _list(self, client: Client, request: Packet) -> bytes:
+        """Return as many directory entries from the offset on as fit into one packet."""
         lines = [_line(entry) for entry in self.tree.entries(_path(request))[request.offset :]]
         if not lines:
-            raise _RefusedError(wire.END_OF_FILE)
-        fitting = b""
+            raise _RequestRefused(wire.END_OF_FILE)
+        data = b""
         for line in lines:
-            if len(fitting) + len(line) > MAX_DATA:
+            if len(data) + len(line) > MAX_DATA:
                 break
-            fitting += line
-        return fitting or b"S\0"
+            data += line
+        return data or b"S\0"
 
     def _open(self, client: Client, request: Packet) -> bytes:
-        """The session is the one that the client asked for: some ignore which they are given."""
+        """Open a file and return its size.
+
+        The session has the number in the request, because some clients ignore the answer's.
+        """
         key = client, request.session
         self._close(key)
         if len(self._sessions) >= MAX_SESSIONS:
-            self._forget_idle()
+            self._close_idle_sessions()
         file = self.tree.open(_path(request))
         self._sessions[key] = _FtpSession(file, self._now_s)
         return _size.pack(min(file.size, _MAX_SIZE))
 
     def _read(self, client: Client, request: Packet) -> bytes:
-        file = self._session(client, request.session)
+        """Return bytes of an open file."""
+        file = self._session_file(client, request.session)
         data = file.read(request.offset, request.size or MAX_DATA)
         if not data:
-            raise _RefusedError(wire.END_OF_FILE)
+            raise _RequestRefused(wire.END_OF_FILE)
         return data
 
-    def _begin(self, client: Client, request: Packet, room: RoomBytes) -> _FtpJob:
-        """A job in place of the client's last one."""
+    def _begin_job(self, client: Client, request: Packet, room: RoomBytes) -> _FtpJob:
+        """Return a new job, after releasing the client's last one."""
         if old := self._jobs.pop(client, None):
             _release(old)
         if request.opcode == wire.CRC:
             return _FtpJob(request, room, self.tree.open(_path(request)), 0)
-        return _FtpJob(request, room, self._session(client, request.session), request.offset)
+        return _FtpJob(request, room, self._session_file(client, request.session), request.offset)
 
-    def _burst_on(self, client: Client, job: _FtpJob) -> _FtpJob | None:
+    def _continue_burst(self, client: Client, job: _FtpJob) -> _FtpJob | None:
+        """Send packets while the link has room; return the rest of the job, None at the end."""
         length = job.request.size or MAX_DATA
         while job.room() >= _MAX_FRAME_BYTES:
             data = job.file.read(job.offset, length)
-            sequence = (job.request.sequence + 1 + job.done) & 0xFFFF
+            sequence = (job.request.sequence + 1 + job.progress) & 0xFFFF
             if not data:
-                end = _refuse(job.request._replace(offset=job.offset), wire.END_OF_FILE)
+                end = _nak(job.request._replace(offset=job.offset), wire.END_OF_FILE)
                 _send_packet(client, end._replace(sequence=sequence).encode())
                 return None
-            last = job.done + 1 == BURST_PACKETS
-            packet = _answer(job.request, data)._replace(
-                sequence=sequence, offset=job.offset, burst_complete=int(last)
+            is_last = job.progress + 1 == BURST_PACKETS
+            packet = _ack(job.request, data)._replace(
+                sequence=sequence, offset=job.offset, burst_complete=int(is_last)
             )
             _send_packet(client, packet.encode())
-            if last:
+            if is_last:
                 return None
-            job = job._replace(offset=job.offset + len(data), done=job.done + 1)
+            job = job._replace(offset=job.offset + len(data), progress=job.progress + 1)
         return job
 
-    def _crc_on(self, client: Client, job: _FtpJob) -> _FtpJob | None:
+    def _continue_checksum(self, client: Client, job: _FtpJob) -> _FtpJob | None:
+        """Add bytes to a checksum; return the rest of the job, None after the answer."""
         data = job.file.read(job.offset, CRC_BYTES)
         if data:
-            return job._replace(offset=job.offset + len(data), done=wire.crc32(data, job.done))
+            crc = wire.crc32(data, job.progress)
+            return job._replace(offset=job.offset + len(data), progress=crc)
         job.file.close()
-        answer = _answer(job.request, _size.pack(job.done)).encode()
+        answer = _ack(job.request, _size.pack(job.progress)).encode()
         self._answered[client] = job.request.encode(), answer
         _send_packet(client, answer)
         return None
 
-    def _session(self, client: Client, number: int) -> OpenFile:
+    def _session_file(self, client: Client, number: int) -> OpenFile:
+        """Return the open file of a session and note its use."""
         session = self._sessions.get((client, number))
         if session is None:
-            raise _RefusedError(wire.INVALID_SESSION)
+            raise _RequestRefused(wire.INVALID_SESSION)
         self._sessions[client, number] = session._replace(used_s=self._now_s)
         return session.file
 
     def _close(self, key: tuple[Client, int]) -> None:
+        """Close a session and end a burst from its file; ignore an unknown session."""
         session = self._sessions.pop(key, None)
         if session is None:
             return
@@ -226,27 +264,27 @@ class FileServer:
             del self._jobs[key[0]]
         session.file.close()
 
-    def _forget_idle(self) -> None:
-        """Make room for a session. Raises _RefusedError where all are in use."""
+    def _close_idle_sessions(self) -> None:
+        """Close all idle sessions. Raises _RequestRefused if there is none."""
         idle = [
             key
             for key, session in self._sessions.items()
             if self._now_s - session.used_s > SESSION_IDLE_S
         ]
         if not idle:
-            raise _RefusedError(wire.NO_SESSIONS)
+            raise _RequestRefused(wire.NO_SESSIONS)
         for key in idle:
             self._close(key)
 
 
 def _release(job: _FtpJob) -> None:
-    """A checksum has a file of its own; a burst's belongs to its session."""
+    """Close the file of a checksum; the file of a burst belongs to its session."""
     if job.request.opcode == wire.CRC:
         job.file.close()
 
 
 def _path(request: Packet) -> str:
-    """The path in a request. Raises FileNotFoundError for what is no text."""
+    """Return the path in a request. Raises FileNotFoundError if it is not UTF-8."""
     try:
         return request.data.split(b"\0", 1)[0].decode()
     except UnicodeDecodeError:
@@ -254,31 +292,41 @@ def _path(request: Packet) -> str:
 
 
 def _line(entry: ListingEntry) -> bytes:
-    """One entry of a listing; one whose name is too long for any message is skipped."""
+    """Encode one entry of a listing; mark a name that fits into no message as skipped ("S")."""
     text = f"D{entry.name}" if entry.size is None else f"F{entry.name}\t{entry.size}"
     line = text.encode() + b"\0"
     return line if len(line) <= MAX_DATA else b"S\0"
 
 
-def _answer(request: Packet, data: bytes) -> Packet:
-    sequence = wire.next_sequence(request.sequence)
-    return Packet(
-        sequence, request.session, ACK, len(data), request.opcode, 0, request.offset, data
-    )
+def _ack(request: Packet, data: bytes) -> Packet:
+    """Return the answer to a request that succeeded."""
+    return _answer(request, ACK, data)
 
 
-def _refuse(request: Packet, error: int) -> Packet:
-    sequence = wire.next_sequence(request.sequence)
+def _nak(request: Packet, error: int) -> Packet:
+    """Return the answer to a request that failed with a MAV_FTP_ERR."""
+    return _answer(request, NAK, bytes((error,)))
+
+
+def _answer(request: Packet, opcode: int, data: bytes) -> Packet:
+    """Return the answer to a request."""
     return Packet(
-        sequence, request.session, NAK, 1, request.opcode, 0, request.offset, bytes((error,))
+        sequence=wire.next_sequence(request.sequence),
+        session=request.session,
+        opcode=opcode,
+        size=len(data),
+        requested=request.opcode,
+        offset=request.offset,
+        data=data,
     )
 
 
 def _send_packet(client: Client, payload: bytes) -> None:
+    """Send a FILE_TRANSFER_PROTOCOL to a client."""
     client.send(
         "FILE_TRANSFER_PROTOCOL",
         target_network=0,
-        target_system=client.party.system,
-        target_component=client.party.component,
+        target_system=client.mavlink_id.system,
+        target_component=client.mavlink_id.component,
         payload=payload,
     )

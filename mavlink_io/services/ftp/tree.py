@@ -1,8 +1,8 @@
-"""What an FTP client may see: a small tree of its own, in which folders of the disk and texts made
-on demand hang.
+"""The read-only file tree that FTP clients see: folders of the disk and files made on demand.
 
-No path leads out of it: names are looked up in the tree and never put together to a path of the
-disk."""
+No path leads out of the tree: folder names are looked up in the tree and never joined to a path of
+the disk. Only the name of a file is joined to the folder that was added.
+"""
 
 import os
 import stat
@@ -14,75 +14,143 @@ Parts = tuple[str, ...]
 
 
 class ListingEntry(NamedTuple):
-    """One line of a listing."""
+    """One entry of a directory listing."""
 
     name: str
     size: int | None
-    """In bytes; None for a directory."""
+    """Size in bytes; None for a directory."""
 
 
 class OpenFile(Protocol):
-    """A file that can be read at any place."""
+    """An open file with random access."""
 
     size: int
+    """Size in bytes when the file was opened."""
 
-    def read(self, offset: int, length: int) -> bytes: ...
+    def read(self, offset: int, length: int) -> bytes:
+        """Return up to ``length`` bytes from ``offset`` on; b"" at the end of the file."""
+        ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Close the file."""
+        ...
 
 
 class FileTree:
-    """Read-only, and the same for every client."""
+    """A read-only tree of folders and files, the same for every client."""
 
     def __init__(self) -> None:
         self._folders: dict[Parts, Path] = {}
-        self._texts: dict[Parts, Callable[[], bytes]] = {}
+        self._generated: dict[Parts, Callable[[], bytes]] = {}
 
     def add_folder(self, path: str, folder: Path) -> None:
-        """Show the files that lie in a folder of the disk; neither its folders nor what links point
-        to."""
+        """Show the regular files of a folder of the disk, without subfolders and links.
+
+        Parameters
+        ----------
+        path : str
+            Path in the tree.
+        folder : Path
+            The folder; it may not exist yet.
+        """
         self._folders[parts(path)] = folder
 
     def add_file(self, path: str, content: Callable[[], bytes]) -> None:
-        """Show a file whose content is made when it is opened."""
-        self._texts[parts(path)] = content
+        """Show a file whose content is made when it is opened.
+
+        Parameters
+        ----------
+        path : str
+            Path in the tree.
+        content : callable
+            Return the content.
+        """
+        self._generated[parts(path)] = content
 
     def entries(self, path: str) -> list[ListingEntry]:
-        """What lies in a directory, sorted by name. Raises FileNotFoundError."""
-        at = parts(path)
-        if at in self._folders:
-            return _files(self._folders[at])
-        found = {
-            mount[len(at)]: mount for mount in (*self._folders, *self._texts) if _below(mount, at)
+        """Return the entries of a directory.
+
+        Parameters
+        ----------
+        path : str
+            Path in the tree; "" or "/" is the root.
+
+        Returns
+        -------
+        list of ListingEntry
+            Entries sorted by name.
+
+        Raises
+        ------
+        FileNotFoundError
+            The tree has no such directory.
+        """
+        directory = parts(path)
+        if directory in self._folders:
+            return _regular_files(self._folders[directory])
+        depth = len(directory)
+        children = {
+            mount[depth]: mount
+            for mount in (*self._folders, *self._generated)
+            if _is_below(mount, directory)
         }
-        if not found and at:
+        if not children and directory:
             raise FileNotFoundError(path)
         return [
             ListingEntry(
                 name,
-                len(self._texts[mount]())
-                if mount in self._texts and len(mount) == len(at) + 1
+                len(self._generated[mount]())
+                if mount in self._generated and len(mount) == depth + 1
                 else None,
             )
-            for name, mount in sorted(found.items())
+            for name, mount in sorted(children.items())
         ]
 
     def open(self, path: str) -> OpenFile:
-        """Open a file. Raises FileNotFoundError, and OSError where the disk fails."""
-        at = parts(path)
-        if at in self._texts:
-            return _Text(self._texts[at]())
-        if at and at[:-1] in self._folders:
-            return _DiskFile(self._folders[at[:-1]] / at[-1])
+        """Open a file.
+
+        Parameters
+        ----------
+        path : str
+            Path in the tree.
+
+        Returns
+        -------
+        OpenFile
+            The open file; the caller closes it.
+
+        Raises
+        ------
+        FileNotFoundError
+            The tree has no such file.
+        OSError
+            The disk fails.
+        """
+        file = parts(path)
+        if file in self._generated:
+            return _GeneratedFile(self._generated[file]())
+        if file and file[:-1] in self._folders:
+            return _DiskFile(self._folders[file[:-1]] / file[-1])
         raise FileNotFoundError(path)
 
 
 def parts(path: str) -> Parts:
-    """The names that a path is made of; with or without a slash in front it starts at the root of
-    the tree.
+    """Return the names in a path from the root of the tree, with or without a leading slash.
 
-    Raises:
-        FileNotFoundError: a name that a tree can never hold, such as ``..``.
+    Parameters
+    ----------
+    path : str
+        Path in the tree.
+
+    Returns
+    -------
+    tuple of str
+        The names; empty for the root.
+
+    Raises
+    ------
+    FileNotFoundError
+        The path contains a name that no tree contains, such as ``..``.
     """
     names = tuple(name for name in path.split("/") if name)
     if any(name in (".", "..") or "\0" in name or "\\" in name for name in names):
@@ -90,21 +158,25 @@ def parts(path: str) -> Parts:
     return names
 
 
-def _below(mount: Parts, at: Parts) -> bool:
-    return len(mount) > len(at) and mount[: len(at)] == at
+def _is_below(mount: Parts, directory: Parts) -> bool:
+    """Return whether a mount point is inside a directory."""
+    return len(mount) > len(directory) and mount[: len(directory)] == directory
 
 
-def _files(folder: Path) -> list[ListingEntry]:
+def _regular_files(folder: Path) -> list[ListingEntry]:
+    """Return the regular files of a folder, sorted by name; none if it does not exist yet."""
     try:
-        found = [entry for entry in os.scandir(folder) if entry.is_file(follow_symlinks=False)]
+        files = [entry for entry in os.scandir(folder) if entry.is_file(follow_symlinks=False)]
         return sorted(
-            ListingEntry(entry.name, entry.stat(follow_symlinks=False).st_size) for entry in found
+            ListingEntry(entry.name, entry.stat(follow_symlinks=False).st_size) for entry in files
         )
-    except OSError:  # a folder that is not made yet is empty
+    except OSError:
         return []
 
 
-class _Text:
+class _GeneratedFile:
+    """A file whose content was made when it was opened."""
+
     def __init__(self, content: bytes) -> None:
         self._content, self.size = content, len(content)
 
@@ -116,18 +188,18 @@ class _Text:
 
 
 class _DiskFile:
-    """A regular file, as long as it was when it was opened."""
+    """A regular file of the disk; bytes that are appended after the opening are not read."""
 
     def __init__(self, path: Path) -> None:
         try:
             self._file = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
         except (OSError, ValueError) as error:
             raise FileNotFoundError(str(path)) from error
-        about = os.fstat(self._file)
-        if not stat.S_ISREG(about.st_mode):
+        status = os.fstat(self._file)
+        if not stat.S_ISREG(status.st_mode):
             os.close(self._file)
             raise FileNotFoundError(str(path))
-        self.size = about.st_size
+        self.size = status.st_size
 
     def read(self, offset: int, length: int) -> bytes:
         return os.pread(self._file, min(length, max(0, self.size - offset)), offset)

@@ -1,2 +1,1 @@
-"""The LOG_* service, by which every ground station lists and fetches a vehicle's logs: both ends of
-it."""
+"""Client and server of MAVLink's LOG_* messages, with which ground stations download logs."""

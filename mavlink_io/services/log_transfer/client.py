@@ -1,5 +1,8 @@
-"""Ground's side of the LOG_* service: what every autopilot understands. It knows no names and no
-checksums."""
+"""The ground's side of the LOG_* messages, which every autopilot supports.
+
+The messages carry no file names and no checksums. Source:
+https://mavlink.io/en/messages/common.html#LOG_REQUEST_LIST.
+"""
 
 from collections.abc import Callable
 from typing import Any, BinaryIO, NamedTuple
@@ -8,63 +11,109 @@ from mavlink_io.request import Exchange, MavlinkId, Send
 from mavlink_io.services.log_transfer.server import DATA_BYTES
 
 CHUNK_MESSAGES = 512
-"""How many messages are asked for at a time."""
+"""Number of LOG_DATA messages that one request asks for."""
 LAST = 0xFFFF
+"""LOG_REQUEST_LIST.end for all logs."""
 
 ProgressCallback = Callable[[int, int], None]
-"""Is told how many bytes are there, and of how many."""
+"""Receive the number of bytes written so far and the size of the log."""
 
 
 class RemoteLog(NamedTuple):
     """One log of a vehicle."""
 
     number: int
+    """Number of the log in the vehicle's list."""
     bytes: int
+    """Size of the log."""
     began_unix_s: int
-    """0 where nobody knows."""
+    """UNIX time of the beginning of the log, in seconds; 0 if unknown."""
 
 
 class LogClient:
-    """Each method begins an exchange, to be fed and polled until it is done."""
+    """Client of the LOG_* messages; each method returns an exchange that has not started.
+
+    Feed and poll the exchange until it is done (``request.run``).
+
+    Parameters
+    ----------
+    send : Send
+        Function that sends a message to the vehicle.
+    own, peer : MavlinkId
+        Ids of this program and of the vehicle.
+    """
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
-        self._line = send, own, peer
+        self._participants = send, own, peer
 
     def list(self) -> Exchange[list[RemoteLog]]:
-        """The logs there are, the oldest first."""
-        return _LogList(*self._line)
+        """List the vehicle's logs.
+
+        Returns
+        -------
+        Exchange
+            Its result is the list of logs by number, the oldest first.
+        """
+        return _LogList(*self._participants)
 
     def download(
-        self, log: RemoteLog, sink: BinaryIO, start: int = 0, watch: ProgressCallback | None = None
+        self,
+        log: RemoteLog,
+        sink: BinaryIO,
+        start: int = 0,
+        on_progress: ProgressCallback | None = None,
     ) -> Exchange[int]:
-        """Append a log to ``sink``, which holds its first ``start`` bytes already, a multiple of
-        90. The result is its size. What is written is always the log's beginning without a gap."""
-        return _LogDownload(*self._line, log, sink, start, watch)
+        """Append a log, or the rest of it, to a local file.
+
+        Parameters
+        ----------
+        log : RemoteLog
+            A log of the list.
+        sink : binary file
+            Local file. The bytes in it are at any time the beginning of the log without gaps.
+        start : int
+            Number of bytes of the log that ``sink`` contains already, a multiple of 90.
+        on_progress : callable, optional
+            Receive the progress.
+
+        Returns
+        -------
+        Exchange
+            Its result is the size of the log in bytes.
+        """
+        return _LogDownload(*self._participants, log, sink, start, on_progress)
 
 
 class _LogList(Exchange[list[RemoteLog]]):
-    hears = frozenset(("LOG_ENTRY",))
+    """Request the list until an entry of every log has arrived."""
+
+    message_names = frozenset(("LOG_ENTRY",))
 
     def __init__(self, send: Send, own: MavlinkId, peer: MavlinkId) -> None:
         super().__init__(send, own, peer)
         self._logs: dict[int, RemoteLog] = {}
 
-    def _ask(self) -> None:
-        self._post("LOG_REQUEST_LIST", start=0, end=LAST)
+    def _send_request(self) -> None:
+        self._send_to_peer("LOG_REQUEST_LIST", start=0, end=LAST)
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.num_logs:
             self._logs[message.id] = RemoteLog(message.id, message.size, message.time_utc)
-            self._progress()
+            self._note_progress()
         if len(self._logs) >= message.num_logs:
             self._finish([self._logs[number] for number in sorted(self._logs)])
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return "the list of logs"
 
 
 class _LogDownload(Exchange[int]):
-    hears = frozenset(("LOG_DATA",))
+    """Request the log in chunks, and lost pieces again.
+
+    ``_written`` is the number of bytes in the sink, ``_pending`` the pieces after a gap by offset.
+    """
+
+    message_names = frozenset(("LOG_DATA",))
 
     def __init__(
         self,
@@ -74,41 +123,41 @@ class _LogDownload(Exchange[int]):
         log: RemoteLog,
         sink: BinaryIO,
         start: int,
-        watch: ProgressCallback | None,
+        on_progress: ProgressCallback | None,
     ) -> None:
         super().__init__(send, own, peer)
-        self._log, self._sink, self._watch = log, sink, watch
+        self._log, self._sink, self._on_progress = log, sink, on_progress
         self._written = start
-        self._held: dict[int, bytes] = {}
-        self._asked_to = start
+        self._pending: dict[int, bytes] = {}
+        self._requested_end = start
 
-    def _ask(self) -> None:
-        """The first gap, or the next chunk."""
+    def _send_request(self) -> None:
+        """Request the first gap or the next chunk."""
         stop = min(
-            [offset for offset in self._held if offset > self._written], default=self._log.bytes
+            [offset for offset in self._pending if offset > self._written], default=self._log.bytes
         )
         stop = min(stop, self._written + CHUNK_MESSAGES * DATA_BYTES)
-        self._asked_to = max(self._asked_to, stop)
-        self._post(
+        self._requested_end = max(self._requested_end, stop)
+        self._send_to_peer(
             "LOG_REQUEST_DATA", id=self._log.number, ofs=self._written, count=stop - self._written
         )
 
-    def _hear(self, name: str, message: Any) -> None:
+    def _handle_message(self, name: str, message: Any) -> None:
         if message.id != self._log.number or not message.count:
             return
-        self._progress()
+        self._note_progress()
         if message.ofs >= self._written:
-            self._held[message.ofs] = bytes(message.data[: message.count])
-        while (data := self._held.pop(self._written, None)) is not None:
+            self._pending[message.ofs] = bytes(message.data[: message.count])
+        while (data := self._pending.pop(self._written, None)) is not None:
             self._sink.write(data)
             self._written += len(data)
-        if self._watch is not None:
-            self._watch(self._written, self._log.bytes)
+        if self._on_progress is not None:
+            self._on_progress(self._written, self._log.bytes)
         if self._written >= self._log.bytes:
-            self._post("LOG_REQUEST_END")
+            self._send_to_peer("LOG_REQUEST_END")
             self._finish(self._log.bytes)
-        elif message.ofs + message.count >= self._asked_to:
-            self._ask()
+        elif message.ofs + message.count >= self._requested_end:
+            self._send_request()
 
-    def _question(self) -> str:
+    def _describe(self) -> str:
         return f"the request for log {self._log.number}"

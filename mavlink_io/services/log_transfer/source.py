@@ -1,4 +1,4 @@
-"""What the LOG_* service asks of whoever keeps the logs."""
+"""The logs of a vehicle, as the server of the LOG_* messages needs them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,18 +10,20 @@ class LogFile(NamedTuple):
 
     path: Path
     number: int
+    """Number in the name of the file."""
     bytes: int
+    """Size of the file."""
     began_unix_s: int
-    """0 where nobody knows."""
+    """UNIX time of the beginning of the log, in seconds; 0 if unknown."""
 
 
 class LogSource(Protocol):
     """The logs of a vehicle."""
 
     def files(self) -> Sequence[LogFile]:
-        """The logs there are, the oldest first."""
+        """Return the logs, the oldest first."""
         ...
 
     def erase(self) -> str:
-        """Remove all logs but one that is being written; returns why not, or nothing."""
+        """Remove all logs except an open one; return the reason of a failure, "" for success."""
         ...

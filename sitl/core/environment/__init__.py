@@ -1,9 +1,9 @@
-"""The sea the vehicle meets: how it moves, how heavy it is, where it ends, and what else disturbs
-her.
+"""The environment of the vehicle: motion, density and boundaries of the water, and disturbances.
 
-One page each: ``current``, ``waves``, ``density``, ``floor``, ``moments``; ``field`` puts them
-together at the hull. In water that is the same everywhere and always, nothing of it is computed and
-no random number drawn."""
+One module each: ``current``, ``waves``, ``density``, ``floor``, ``moments``; ``field`` combines
+them at the hull. If the water is uniform in space and time, its properties are computed once and no
+random numbers are drawn.
+"""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _ZERO: Vector3 = (0.0, 0.0, 0.0)
 
 
 class Environment(NamedTuple):
-    """A scenario in the form the plant runs on."""
+    """Parameters of a scenario's environment."""
 
     latitude_deg: float
     longitude_deg: float
     density_kgpm3: float
-    """What the pressure sensor takes for it."""
+    """Density that the pressure sensor assumes."""
     gravity_mps2: float
     surface_pressure_hpa: float
     temperature_degc: float
@@ -43,18 +43,17 @@ class Environment(NamedTuple):
     swell: Swell | None
     drift: Drift | None
     uniform: LocalWater | None
-    """The water where it is the same everywhere and always, else None."""
+    """The water if it is uniform in space and time, else None."""
     moments: Levels
 
 
 class Weather(NamedTuple):
-    """What a run has for itself: its own waves, and the current's variation as it stands at one
-    instant."""
+    """Waves and current variation of one run at one instant."""
 
     field: WaterField
     native: Native
-    """The same, for the kernels."""
-    swerve: CurrentVariation | None
+    """Copy of ``field`` for compiled code."""
+    current_variation: CurrentVariation | None
 
 
 def build(
@@ -64,10 +63,25 @@ def build(
     half_length_m: float = 1.0,
     ballast_density_kgpm3: float = 1025.0,
 ) -> Environment:
-    """A scenario's sea for a hull of that length, ballasted in water of that density. Raises
-    ScenarioError.
+    """Build the environment of a scenario.
 
-    Gravity is the vehicle model's, so that accelerometer and pressure sensor live in one world.
+    Parameters
+    ----------
+    scenario : Scenario
+        Content of a scenario file.
+    gravity_mps2 : float
+        Gravity of the vehicle model, so that accelerometer and pressure sensor are consistent.
+    tick_s : float
+        Length of a tick.
+    half_length_m : float
+        Half the length of the hull.
+    ballast_density_kgpm3 : float
+        Water density in which the vehicle was ballasted.
+
+    Raises
+    ------
+    ScenarioError
+        The floor file cannot be used.
     """
     ground = floor.build(scenario.floor)
     depth_m = -floor.height_and_slope(ground, 0.0, 0.0)[0]
@@ -100,7 +114,7 @@ def build(
 
 
 def initial_weather(sea: Environment, swell: Generator, drift: Generator) -> Weather:
-    """The weather of a run at time zero, drawn from the streams of waves and current."""
+    """Draw the waves and the current variation of a run at time zero."""
     drawn = (
         sea.field._replace(sea=waves.draw_components(sea.swell, swell)) if sea.swell else sea.field
     )
@@ -108,40 +122,54 @@ def initial_weather(sea: Environment, swell: Generator, drift: Generator) -> Wea
 
 
 def advance(sea: Environment, weather: Weather, drift: Generator) -> Weather:
-    """The weather one tick later."""
-    if sea.drift is None or weather.swerve is None:
+    """Return the weather one tick later."""
+    if sea.drift is None or weather.current_variation is None:
         return weather
-    return weather._replace(swerve=current.advance(sea.drift, weather.swerve, drift))
+    variation = current.advance(sea.drift, weather.current_variation, drift)
+    return weather._replace(current_variation=variation)
 
 
 def sample_water(
     sea: Environment, weather: Weather, body: Vector, time_s: float, ahead_s: float = 0.0
 ) -> LocalWater:
-    """The water round the vehicle at ``time_s``: where ``body`` (state of ``vehicle.dynamics``) is
-    ``ahead_s`` on."""
+    """Return the water around the vehicle.
+
+    Parameters
+    ----------
+    sea : Environment
+        The environment.
+    weather : Weather
+        Waves and current variation of the run.
+    body : Vector
+        State of ``vehicle.dynamics``, shape (13,).
+    time_s : float
+        Vehicle time.
+    ahead_s : float
+        Time by which the position of ``body`` is extrapolated with its velocity.
+    """
     if sea.uniform is not None:
         return sea.uniform
-    swerve, swerving = _ZERO, _ZERO
-    if sea.drift is not None and weather.swerve is not None:
-        swerve, swerving = current.variation_motion(sea.drift, weather.swerve)
-    return LocalWater(*field.sample_native(weather.native, body, ahead_s, time_s, swerve, swerving))
+    variation, variation_rate = _ZERO, _ZERO
+    if sea.drift is not None and weather.current_variation is not None:
+        variation, variation_rate = current.variation_motion(sea.drift, weather.current_variation)
+    return LocalWater(
+        *field.sample_native(weather.native, body, ahead_s, time_s, variation, variation_rate)
+    )
 
 
 def pressure_hpa(sea: Environment, depth_m: float, wave_pa: float = 0.0) -> float:
-    """Absolute pressure at a depth under the still surface, waves included; never less than that of
-    the air."""
+    """Return the absolute pressure at a depth (m below still surface), at least that of the air."""
     _, still_pa = density.density_and_pressure(sea.field.column, depth_m, sea.gravity_mps2)
     return sea.surface_pressure_hpa + max(0.0, still_pa + wave_pa) / PASCAL_PER_HPA
 
 
 def floor_range_m(sea: Environment, position_ned_m: Vector3, direction_ned: Vector3) -> float:
-    """Distance from a place to the sea floor along a unit vector; infinite where the ray meets
-    none."""
+    """Return the distance (m) to the sea floor along a unit vector; infinite without a hit."""
     return floor.range_m(sea.field.floor, flip(*position_ned_m), flip(*direction_ned))
 
 
 def _uniform_water(still: WaterField) -> LocalWater | None:
-    """Water without waves or variation, if nothing else in it changes from place to place."""
+    """Return the water if it has no waves, variation, layers or floor relief, else None."""
     ground = still.floor
     tilted = ground.grid.size or ground.north_slope or ground.west_slope
     if len(still.profile) > 1 or len(still.column) > 1 or tilted:
@@ -157,6 +185,7 @@ def _uniform_water(still: WaterField) -> LocalWater | None:
 
 
 def _disturbance_levels(scenario: Scenario, tick_s: float) -> Levels:
+    """Build the disturbance moments of a scenario."""
     slow, band = scenario.disturbance.slow, scenario.disturbance.waves
     return Levels(
         slow=moments.slow_moment(slow.time_constant_s, tick_s),
@@ -167,6 +196,11 @@ def _disturbance_levels(scenario: Scenario, tick_s: float) -> Levels:
 
 
 def _magnetic_field_ned(scenario: Scenario) -> Vector3:
+    """Return Earth's magnetic field in NED, gauss.
+
+    B (cos I cos D, cos I sin D, sin I) for strength B, inclination I (down positive) and
+    declination D (east positive).
+    """
     earth = scenario.magnetic_field
     declination, inclination = radians(earth.declination_deg), radians(earth.inclination_deg)
     horizontal = earth.strength_gauss * cos(inclination)

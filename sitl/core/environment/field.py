@@ -1,5 +1,4 @@
-"""The water where it is not the same everywhere: what the hull meets at a place and instant, in one
-compiled call."""
+"""Water that varies in space and time: its properties at the hull, in one compiled call."""
 
 from __future__ import annotations
 
@@ -14,37 +13,39 @@ from sitl.vehicle.water import Water
 
 _GAUSS = sqrt(3.0 / 5.0)
 _OUTER, _MIDDLE = 5.0 / 18.0, 8.0 / 18.0
-"""Three Gauss points along the hull and their shares."""
+"""Three-point Gauss-Legendre rule on [-1, 1]: outer abscissa, and weights of a mean."""
 
 
 class WaterField(NamedTuple):
-    """Where the water changes from place to place and in time. NWU axes."""
+    """Water that varies in space and time. NWU axes."""
 
     sea: Vector
-    """Wave components as ``waves.draw`` has them; no rows where there are none."""
+    """Wave components of ``waves.draw_components``, one row each."""
     profile: Vector
-    """Of the current, as ``current.profile`` has it."""
+    """Current over depth, of ``current.profile``."""
     column: Vector
-    """As ``density.column`` has it."""
+    """Density and pressure over depth, of ``density.column``."""
     floor: SeaFloor
     ceiling_m: float
+    """Height of the underside of ice (negative); infinite without ice."""
     gravity_mps2: float
     ballast_density_kgpm3: float
+    """Density in which the vehicle was ballasted."""
     half_length_m: float
-    """Of the hull."""
+    """Half the length of the hull."""
 
 
 class LocalWater(NamedTuple):
-    """What the vehicle meets at one instant."""
+    """Water around the vehicle at one instant."""
 
     water: Water
     wave_pressure_pa: float
-    """What the waves add to the still water's pressure at the origin."""
+    """Pressure due to waves at the origin of the body."""
 
 
 @kernel
-def _advected(vector: Vector3, gradient: waves.WaveKinematics) -> Vector3:
-    """(vector . grad) of the waves' velocity."""
+def _advect(vector: Vector3, gradient: waves.WaveKinematics) -> Vector3:
+    """Return (vector . grad) w, with the gradient of the wave velocity w."""
     n, w, u = vector
     a, b, c = gradient.along_north, gradient.along_west, gradient.along_up
     return (
@@ -56,30 +57,35 @@ def _advected(vector: Vector3, gradient: waves.WaveKinematics) -> Vector3:
 
 @kernel
 def flow(
-    field: WaterField, point: Vector3, time_s: float, swerve: Vector3, swerving: Vector3
+    field: WaterField, point: Vector3, time_s: float, variation: Vector3, variation_rate: Vector3
 ) -> tuple[Vector3, Vector3, waves.WaveKinematics]:
-    """Velocity of the water at a point, its acceleration Dv/Dt, and the waves there.
+    """Return velocity (m/s) and acceleration Dv/Dt (m/s2) of the water, and the waves, at a point.
 
-    v = U(z) + V(t) + w(x - U_0 t, t), of which Dv/Dt = V' + w_t + ((v - U_0).grad) w + w_z dU/dz:
-    current, its variation, and waves that ride on the current U_0 of the surface."""
+    With the steady current U(z), U_0 = U(0), its variation V(t) and the wave velocity w, which is
+    carried by U_0:
+
+        v     = U(z) + V(t) + w(x - U_0 t, t)
+        Dv/Dt = V' + dw/dt + ((v - U_0) . grad) w + w_z dU/dz
+    """
     drift_n, drift_w, _, _ = current.steady_current(field.profile, 0.0)
-    here_n, here_w, shear_n, shear_w = current.steady_current(field.profile, point[2])
-    moved = waves.motion(
+    current_n, current_w, shear_n, shear_w = current.steady_current(field.profile, point[2])
+    wave = waves.motion(
         field.sea, point[0] - drift_n * time_s, point[1] - drift_w * time_s, point[2], time_s
     )
-    w = moved.velocity
-    velocity = (here_n + swerve[0] + w[0], here_w + swerve[1] + w[1], w[2])
-    carried = _advected((velocity[0] - drift_n, velocity[1] - drift_w, velocity[2]), moved)
+    w = wave.velocity
+    velocity = (current_n + variation[0] + w[0], current_w + variation[1] + w[1], w[2])
+    advected = _advect((velocity[0] - drift_n, velocity[1] - drift_w, velocity[2]), wave)
     acceleration = (
-        swerving[0] + moved.change[0] + carried[0] + w[2] * shear_n,
-        swerving[1] + moved.change[1] + carried[1] + w[2] * shear_w,
-        moved.change[2] + carried[2],
+        variation_rate[0] + wave.local_acceleration[0] + advected[0] + w[2] * shear_n,
+        variation_rate[1] + wave.local_acceleration[1] + advected[1] + w[2] * shear_w,
+        wave.local_acceleration[2] + advected[2],
     )
-    return velocity, acceleration, moved
+    return velocity, acceleration, wave
 
 
 @kernel
 def _mean(before: Vector3, middle: Vector3, after: Vector3) -> Vector3:
+    """Return the mean along the hull from the values at the three Gauss points."""
     return (
         _OUTER * (before[0] + after[0]) + _MIDDLE * middle[0],
         _OUTER * (before[1] + after[1]) + _MIDDLE * middle[1],
@@ -88,11 +94,12 @@ def _mean(before: Vector3, middle: Vector3, after: Vector3) -> Vector3:
 
 
 @kernel
-def _slope(behind: Vector3, ahead: Vector3, apart_m: float) -> Vector3:
+def _slope(behind: Vector3, ahead: Vector3, distance_m: float) -> Vector3:
+    """Return the difference quotient of the values at the two outer Gauss points."""
     return (
-        (ahead[0] - behind[0]) / apart_m,
-        (ahead[1] - behind[1]) / apart_m,
-        (ahead[2] - behind[2]) / apart_m,
+        (ahead[0] - behind[0]) / distance_m,
+        (ahead[1] - behind[1]) / distance_m,
+        (ahead[2] - behind[2]) / distance_m,
     )
 
 
@@ -102,18 +109,21 @@ def sample(
     body: Vector,
     ahead_s: float,
     time_s: float,
-    swerve: Vector3,
-    swerving: Vector3,
+    variation: Vector3,
+    variation_rate: Vector3,
 ) -> tuple[Water, float]:
-    """The water round the hull of ``body`` (state of ``vehicle.dynamics``) ``ahead_s`` on, and wave
-    pressure there, Pa.
+    """Return the water around the hull and the pressure due to waves at its origin (Pa).
 
-    ``swerve`` and ``swerving`` are the variation of the current and its rate. Mean and slope along
-    the hull are those of a straight line through three Gauss points: the least-squares line of
-    anything up to a cubic."""
+    ``body`` is the state of ``vehicle.dynamics``; its position is extrapolated by ``ahead_s``.
+    ``variation`` and ``variation_rate`` are velocity and acceleration of the current's variation.
+
+    Mean and slope along the hull come from Gauss points at s = -g, 0, g with g = sqrt(3/5) L/2:
+    mean = (5 f(-g) + 8 f(0) + 5 f(g)) / 18, slope = (f(g) - f(-g)) / (2 g). They equal those of
+    the least-squares line for any f up to a cubic.
+    """
     rows = rotation(body)
     forward = (rows[0][0], rows[1][0], rows[2][0])
-    place = (
+    origin = (
         body[0] + ahead_s * (rows[0][0] * body[7] + rows[0][1] * body[8] + rows[0][2] * body[9]),
         body[1] + ahead_s * (rows[1][0] * body[7] + rows[1][1] * body[8] + rows[1][2] * body[9]),
         body[2] + ahead_s * (rows[2][0] * body[7] + rows[2][1] * body[8] + rows[2][2] * body[9]),
@@ -121,32 +131,38 @@ def sample(
     arm = _GAUSS * field.half_length_m
     x, y, z = forward[0] * arm, forward[1] * arm, forward[2] * arm
     v_fore, a_fore, _ = flow(
-        field, (place[0] + x, place[1] + y, place[2] + z), time_s, swerve, swerving
+        field, (origin[0] + x, origin[1] + y, origin[2] + z), time_s, variation, variation_rate
     )
     v_aft, a_aft, _ = flow(
-        field, (place[0] - x, place[1] - y, place[2] - z), time_s, swerve, swerving
+        field, (origin[0] - x, origin[1] - y, origin[2] - z), time_s, variation, variation_rate
     )
-    v, a, moved = flow(field, place, time_s, swerve, swerving)
-    rho, _ = density.density_and_pressure(field.column, -place[2], field.gravity_mps2)
-    height, north_slope, west_slope = floor.height_and_slope(field.floor, place[0], place[1])
+    v, a, wave = flow(field, origin, time_s, variation, variation_rate)
+    rho, _ = density.density_and_pressure(field.column, -origin[2], field.gravity_mps2)
+    height, north_slope, west_slope = floor.height_and_slope(field.floor, origin[0], origin[1])
     water = Water(
         _mean(v_aft, v, v_fore),
         _mean(a_aft, a, a_fore),
         _slope(v_aft, v_fore, 2.0 * arm),
         _slope(a_aft, a_fore, 2.0 * arm),
         rho / field.ballast_density_kgpm3,
-        moved.elevation_m,
-        moved.rise_north * forward[0] + moved.rise_west * forward[1],
+        wave.elevation_m,
+        wave.rise_north * forward[0] + wave.rise_west * forward[1],
         field.ceiling_m,
         height,
         floor.normal(north_slope, west_slope),
     )
-    return water, field.column[0, 1] * field.gravity_mps2 * moved.head_m
+    return water, field.column[0, 1] * field.gravity_mps2 * wave.head_m
+    return water, field.column[0, 1] * field.gravity_mps2 * wave.head_m
 
 
 @entry_point
 def sample_native(
-    field: Native, body: Vector, ahead_s: float, time_s: float, swerve: Vector3, swerving: Vector3
+    field: Native,
+    body: Vector,
+    ahead_s: float,
+    time_s: float,
+    variation: Vector3,
+    variation_rate: Vector3,
 ) -> tuple[Water, float]:
-    """``sample`` of a field kept where compiled code can reach it."""
-    return sample(field.value, body, ahead_s, time_s, swerve, swerving)
+    """Call ``sample`` with a field that is stored for compiled code."""
+    return sample(field.value, body, ahead_s, time_s, variation, variation_rate)

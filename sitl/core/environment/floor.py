@@ -1,5 +1,4 @@
-"""The sea floor: a plane or a grid, its height and tilt under a place, and where a sound beam meets
-it. NWU axes."""
+"""The sea floor: a plane or a grid; its height, slope and the range of a sonar beam. NWU axes."""
 
 from __future__ import annotations
 
@@ -13,59 +12,68 @@ from sitl import bathymetry, environment_schema
 from sitl.vehicle.jit import Vector, Vector3, entry_point, kernel
 
 MAX_RANGE_M = 500.0
-"""Beyond this no beam is followed over a grid."""
-_HALVINGS = 40
+"""Longest range that is searched over a grid."""
+_BISECTIONS = 40
 
 
 class SeaFloor(NamedTuple):
-    """Heights over the still surface, negative."""
+    """Sea floor; heights are relative to the still surface, negative below it."""
 
     height_m: float
-    """Of the plane, under the place that north and west are counted from; of a grid, its lowest
-    node."""
+    """Height of a plane at the site, or of the lowest node of a grid."""
     north_slope: float
     west_slope: float
     """Rise of the plane per metre."""
     grid: Vector
-    """Heights at nodes, (rows, columns), south to north and west to east; no rows where the floor
-    is a plane."""
+    """Heights at nodes, rows south to north, columns west to east; shape (0, 0) for a plane."""
     south_m: float
+    """Position of the southernmost row, m north of the site."""
     west_edge_m: float
-    """East of the place, of the westernmost column."""
+    """Position of the westernmost column, m east of the site."""
     cell_m: float
+    """Distance between adjacent nodes."""
 
 
 def build(floor: environment_schema.FloorTable) -> SeaFloor:
-    """Raises ScenarioError when its file is wrong."""
+    """Build the floor of a scenario. Raises ScenarioError: its file cannot be used."""
     if floor.file:
         grid = bathymetry.read(Path(floor.file))
         return SeaFloor(
-            float(grid.height_m.min()),
-            0.0,
-            0.0,
-            grid.height_m,
-            grid.south_m,
-            grid.west_m,
-            grid.cell_m,
+            height_m=float(grid.height_m.min()),
+            north_slope=0.0,
+            west_slope=0.0,
+            grid=grid.height_m,
+            south_m=grid.south_m,
+            west_edge_m=grid.west_m,
+            cell_m=grid.cell_m,
         )
     fall, towards = tan(radians(floor.slope_deg)), radians(floor.deepens_towards_deg)
     return SeaFloor(
-        -floor.depth_m, -fall * cos(towards), fall * sin(towards), np.empty((0, 0)), 0.0, 0.0, 1.0
+        height_m=-floor.depth_m,
+        north_slope=-fall * cos(towards),
+        west_slope=fall * sin(towards),
+        grid=np.empty((0, 0)),
+        south_m=0.0,
+        west_edge_m=0.0,
+        cell_m=1.0,
     )
 
 
 @kernel
-def _cell(at_m: float, cell_m: float, nodes: int) -> tuple[int, float]:
-    """Cell of a grid and place in it, 0 to 1; beyond the edge the place is that of the edge."""
-    place = min(max(at_m / cell_m, 0.0), nodes - 1.0)
-    cell = min(int(place), nodes - 2)
-    return cell, place - cell
+def _cell(coordinate_m: float, cell_m: float, nodes: int) -> tuple[int, float]:
+    """Return the index of a grid cell and the position in it, 0 to 1, limited to the grid."""
+    position = min(max(coordinate_m / cell_m, 0.0), nodes - 1.0)
+    cell = min(int(position), nodes - 2)
+    return cell, position - cell
 
 
 @kernel
 def height_and_slope(floor: SeaFloor, north_m: float, west_m: float) -> tuple[float, float, float]:
-    """(height, rise per metre north, rise per metre west) of the floor: bilinear in a grid, whose
-    edges go on level."""
+    """Return height (m) and slopes (rise per m north, per m west) of the floor at a position.
+
+    Plane: h = h0 + s_n n + s_w w. Grid: bilinear interpolation between the nodes a (SW), b (SE),
+    c (NW) and d (NE) of a cell; outside the grid the edge continues at constant height.
+    """
     rows, columns = floor.grid.shape
     if rows == 0:
         height = floor.height_m + floor.north_slope * north_m + floor.west_slope * west_m
@@ -91,45 +99,48 @@ def height_and_slope(floor: SeaFloor, north_m: float, west_m: float) -> tuple[fl
 
 @kernel
 def normal(north_slope: float, west_slope: float) -> Vector3:
-    """Unit vector out of a floor of that slope, NWU."""
+    """Return the upward unit normal of a floor with these slopes, NWU."""
     length = sqrt(1.0 + north_slope * north_slope + west_slope * west_slope)
     return -north_slope / length, -west_slope / length, 1.0 / length
 
 
 @kernel
-def _clearance(floor: SeaFloor, origin: Vector3, along: Vector3, range_m: float) -> float:
-    """Height over the floor of the point at ``range_m`` along a ray."""
-    north, west = origin[0] + along[0] * range_m, origin[1] + along[1] * range_m
-    return origin[2] + along[2] * range_m - height_and_slope(floor, north, west)[0]
+def _clearance(floor: SeaFloor, origin: Vector3, direction: Vector3, range_m: float) -> float:
+    """Return the height above the floor of the point at ``range_m`` along a ray."""
+    north, west = origin[0] + direction[0] * range_m, origin[1] + direction[1] * range_m
+    return origin[2] + direction[2] * range_m - height_and_slope(floor, north, west)[0]
 
 
 @entry_point
-def range_m(floor: SeaFloor, origin: Vector3, along: Vector3) -> float:
-    """Distance from ``origin`` (NWU, m) to the floor along a unit vector; infinite where the ray
-    meets none.
+def range_m(floor: SeaFloor, origin: Vector3, direction: Vector3) -> float:
+    """Return the distance (m) to the floor along a ray; infinite if the ray does not meet it.
 
-    Over a grid the ray is followed in steps of a quarter of a cell, and the crossing found by
-    halving."""
-    above = _clearance(floor, origin, along, 0.0)
-    if above <= 0.0:
+    ``origin`` is in NWU, m; ``direction`` is a unit vector d. For a plane with slopes s,
+    range = clearance / (s_n d_n + s_w d_w - d_z). For a grid the ray is searched in steps of a
+    quarter of a cell; the crossing is then found by bisection.
+    """
+    clearance = _clearance(floor, origin, direction, 0.0)
+    if clearance <= 0.0:
         return 0.0
     if floor.grid.shape[0] == 0:
-        closing = floor.north_slope * along[0] + floor.west_slope * along[1] - along[2]
-        return above / closing if closing > 0.0 else inf
-    if along[2] < 0.0 and along[0] == 0.0 and along[1] == 0.0:
-        return above
+        closing = floor.north_slope * direction[0] + floor.west_slope * direction[1] - direction[2]
+        return clearance / closing if closing > 0.0 else inf
+    if direction[2] < 0.0 and direction[0] == 0.0 and direction[1] == 0.0:
+        return clearance
     step, near = 0.25 * floor.cell_m, 0.0
     farthest = (
-        min(MAX_RANGE_M, (origin[2] - floor.height_m) / -along[2])
-        if along[2] < 0.0
+        min(MAX_RANGE_M, (origin[2] - floor.height_m) / -direction[2])
+        if direction[2] < 0.0
         else MAX_RANGE_M
     )
     while near < farthest:
         far = min(near + step, farthest)
-        if _clearance(floor, origin, along, far) <= 0.0 or (far == farthest and far < MAX_RANGE_M):
-            for _ in range(_HALVINGS):
+        if _clearance(floor, origin, direction, far) <= 0.0 or (
+            far == farthest and far < MAX_RANGE_M
+        ):
+            for _ in range(_BISECTIONS):
                 middle = 0.5 * (near + far)
-                if _clearance(floor, origin, along, middle) > 0.0:
+                if _clearance(floor, origin, direction, middle) > 0.0:
                     near = middle
                 else:
                     far = middle

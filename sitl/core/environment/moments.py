@@ -1,9 +1,10 @@
-"""The moments that disturb the vehicle, beside whatever the water itself does.
+"""Disturbance moments on the vehicle, in addition to the forces of moving water.
 
-Two act in yaw and in pitch, all four independent: a slow one (first-order Gauss-Markov) and one in
-the band of the waves (white noise through a lightly damped second-order filter). They are pure
-moments: levels a loop can be judged by, where [waves] of a scenario gives water that moves. Each
-process is discretised exactly and starts stationary."""
+In yaw and in pitch there is a slow moment (first-order Gauss-Markov process) and one in the wave
+band (white noise through a lightly damped second-order filter); all four are independent. They
+serve to test control loops at known levels; the table [waves] of a scenario simulates moving water
+instead. Each process is discretised exactly and starts in its stationary distribution.
+"""
 
 from __future__ import annotations
 
@@ -14,34 +15,37 @@ from numpy.random import Generator
 
 
 class SlowMoment(NamedTuple):
-    """First-order Gauss-Markov process of unit variance over one tick: x' = keep x + renew n."""
+    """First-order Gauss-Markov process of unit variance: x(k+1) = decay x(k) + noise_gain n(k)."""
 
-    keep: float
-    renew: float
+    decay: float
+    """exp(-tick / time constant)."""
+    noise_gain: float
+    """sqrt(1 - decay^2)."""
 
 
 class SecondOrder(NamedTuple):
-    """x'' + 2 zeta omega x' + omega^2 x = white noise, of unit variance, over one tick, in the
-    states (x, x'/omega).
+    """Second-order process of unit variance, discretised over one tick.
 
-    In these states the stationary covariance is the identity, hence the noise of a tick is I - Phi
-    Phi^T."""
+    x'' + 2 zeta omega x' + omega^2 x = white noise, with the states (x, x'/omega). In these states
+    the stationary covariance is the identity I, so the noise covariance of a tick is I - Phi Phi^T.
+    """
 
     transition: tuple[float, float, float, float]
-    """Phi, row by row."""
+    """Transition matrix Phi, row by row."""
     noise: tuple[float, float, float]
-    """Lower Cholesky factor of I - Phi Phi^T: (1,1), (2,1), (2,2)."""
+    """Lower Cholesky factor L of I - Phi Phi^T: elements (1,1), (2,1), (2,2)."""
 
 
 class Disturbance(NamedTuple):
-    """The four unit processes as they stand at one instant, in order yaw, pitch."""
+    """States of the four unit-variance processes at one instant, in the order yaw, pitch."""
 
     slow: tuple[float, float]
     wave: tuple[tuple[float, float], tuple[float, float]]
+    """States (x, x'/omega)."""
 
 
 class Levels(NamedTuple):
-    """A scenario's disturbances in the form the plant runs on; rms values in order yaw, pitch."""
+    """Discretised disturbances of a scenario; rms values in the order yaw, pitch."""
 
     slow: SlowMoment
     wave: SecondOrder
@@ -50,12 +54,30 @@ class Levels(NamedTuple):
 
 
 def slow_moment(time_constant_s: float, tick_s: float) -> SlowMoment:
-    keep = exp(-tick_s / time_constant_s)
-    return SlowMoment(keep, sqrt(1.0 - keep * keep))
+    """Discretise the first-order process."""
+    decay = exp(-tick_s / time_constant_s)
+    return SlowMoment(decay, sqrt(1.0 - decay * decay))
 
 
 def second_order(frequency_radps: float, damping: float, tick_s: float) -> SecondOrder:
-    """The shaping filter over one tick; ``damping`` is at most 1, where the two poles meet."""
+    """Discretise the second-order process.
+
+    Parameters
+    ----------
+    frequency_radps : float
+        Natural frequency omega.
+    damping : float
+        Damping ratio zeta, 0 < zeta <= 1.
+    tick_s : float
+        Length T of a tick.
+
+    Notes
+    -----
+    With r = sqrt(1 - zeta^2), c = exp(-zeta omega T) cos(r omega T) and
+    s = exp(-zeta omega T) sin(r omega T) / r,
+
+        Phi = [[c + zeta s, s], [-s, c - zeta s]],  L L^T = I - Phi Phi^T.
+    """
     damped = sqrt(1.0 - damping * damping)
     decay, angle = exp(-damping * frequency_radps * tick_s), frequency_radps * tick_s
     c, s = decay * cos(damped * angle), decay * (sin(damped * angle) / damped if damped else angle)
@@ -66,7 +88,7 @@ def second_order(frequency_radps: float, damping: float, tick_s: float) -> Secon
 
 
 def sample_stationary(slow: Generator, wave: Generator) -> Disturbance:
-    """A draw of all four processes from their stationary distribution."""
+    """Draw all four processes from their stationary distribution."""
     slow_yaw, slow_pitch = slow.standard_normal(2).tolist()
     a, b, c, d = wave.standard_normal(4).tolist()
     return Disturbance((slow_yaw, slow_pitch), ((a, b), (c, d)))
@@ -75,12 +97,15 @@ def sample_stationary(slow: Generator, wave: Generator) -> Disturbance:
 def advance(
     levels: Levels, disturbance: Disturbance, slow: Generator, wave: Generator
 ) -> Disturbance:
-    """The disturbance one tick later."""
-    keep, renew = levels.slow
+    """Return the disturbance one tick later."""
+    decay, noise_gain = levels.slow
     n_yaw, n_pitch = slow.standard_normal(2).tolist()
     a, b, c, d = wave.standard_normal(4).tolist()
     return Disturbance(
-        (keep * disturbance.slow[0] + renew * n_yaw, keep * disturbance.slow[1] + renew * n_pitch),
+        (
+            decay * disturbance.slow[0] + noise_gain * n_yaw,
+            decay * disturbance.slow[1] + noise_gain * n_pitch,
+        ),
         (
             step_second_order(levels.wave, disturbance.wave[0], a, b),
             step_second_order(levels.wave, disturbance.wave[1], c, d),
@@ -89,7 +114,7 @@ def advance(
 
 
 def moments_flu_nm(levels: Levels, disturbance: Disturbance) -> tuple[float, float]:
-    """Pitch and yaw moment on the vehicle, (M, N), N m."""
+    """Return pitch and yaw moment (M, N) on the vehicle, FLU, N m."""
     yaw = (
         levels.slow_rms_nm[0] * disturbance.slow[0] + levels.wave_rms_nm[0] * disturbance.wave[0][0]
     )
@@ -102,7 +127,7 @@ def moments_flu_nm(levels: Levels, disturbance: Disturbance) -> tuple[float, flo
 def step_second_order(
     process: SecondOrder, x: tuple[float, float], n1: float, n2: float
 ) -> tuple[float, float]:
-    """The states of a second-order process one tick later under two draws of white noise."""
+    """Return x(k+1) = Phi x(k) + L n for two standard normal draws ``n1``, ``n2``."""
     p11, p12, p21, p22 = process.transition
     l11, l21, l22 = process.noise
     return p11 * x[0] + p12 * x[1] + l11 * n1, p21 * x[0] + p22 * x[1] + l21 * n1 + l22 * n2

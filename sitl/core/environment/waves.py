@@ -1,15 +1,16 @@
-"""The waves: linear (Airy) components drawn from a spectrum, and how the water moves under them.
-NWU axes, z up.
+"""Sea waves: linear (Airy) components drawn from a spectrum, and the water motion under them.
 
-A component of amplitude a, wave number k and frequency sigma runs along the unit vector e:
-elevation a cos(theta) with theta = k e.(x - U t) - sigma t + phase, carried by the steady current U
-of the surface, so that a vehicle adrift meets waves of sigma. Each moves on its own (first order);
-what is of second order in the motion of the water under them, (v.grad) v, is kept, for it draws a
-vehicle near the surface upwards (Ogilvie 1963, J. Fluid Mech. 16).
+NWU axes, z up. A component of amplitude a (m), wave number k (rad/m) and frequency sigma (rad/s)
+travels along the unit vector e. Its elevation is a cos(theta), theta = k e.(x - U t) - sigma t +
+phase, where U is the steady current at the surface: a vehicle that drifts with U meets the waves at
+sigma. Components are superposed linearly. Of the second-order terms of the fluid acceleration,
+(v.grad) v is kept, because it draws a vehicle near the surface upwards (Ogilvie 1963, J. Fluid
+Mech. 16).
 
-Linear theory ends at the still surface. Above it, in crests, the water moves as at the still
-surface: velocity and its gradient are held constant there, as DNV-RP-C205 (2010, sec. 3.3.3) has it
-for extrapolation."""
+Linear theory is valid up to the still surface. Above it, in crests, velocity and its gradient are
+held at their values at the still surface, as DNV-RP-C205 (2010, sec. 3.3.3) describes for
+extrapolation.
+"""
 
 from __future__ import annotations
 
@@ -23,33 +24,42 @@ from sitl.environment_schema import Waves
 from sitl.vehicle.jit import Vector, Vector3, kernel
 
 FULLY_DEVELOPED = 0.4
-"""Peak frequency over sqrt(g / H_s) of the Pierson-Moskowitz sea (Fossen 2021, sec. 10.2)."""
+"""Peak frequency over sqrt(g / H_s) of the Pierson-Moskowitz spectrum (Fossen 2021, sec. 10.2)."""
 _MIN_FREQUENCY_RATIO, _MAX_FREQUENCY_RATIO = 0.3, 8.0
-"""Band of the spectrum, in peak frequencies; less than 0.1 % of the energy lies outside."""
+"""Band of the spectrum over the peak frequency; less than 0.1 % of the energy lies outside."""
 _SPECTRUM_SAMPLES = 20_000
 _NEWTON_STEPS = 30
-NORTH, WEST, NUMBER, FREQUENCY, AMPLITUDE, PHASE, FAR = range(7)
-"""Columns of a drawn sea: wave vector (1/m), wave number (1/m), frequency (rad/s), amplitude (m),
-phase (rad), and exp(-2 k d) for the depth d of the water."""
+NORTH, WEST, NUMBER, FREQUENCY, AMPLITUDE, PHASE, BOTTOM_DECAY = range(7)
+"""Columns of a component table.
+
+North and west components of the wave vector (rad/m), wave number (rad/m), frequency (rad/s),
+amplitude (m), phase (rad), and exp(-2 k d) for the water depth d.
+"""
 
 
 class Swell(NamedTuple):
-    """A sea before its phases and directions are drawn; arrays of one entry a component."""
+    """Sea state before phases and directions are drawn; arrays have one entry per component."""
 
     frequency_radps: Vector
     number_pm: Vector
+    """Wave numbers, rad/m."""
     amplitude_m: Vector
     from_rad: float
+    """Bearing that the waves come from."""
     spreading: float
+    """Exponent s of the spreading function; 0 for long-crested waves."""
     depth_m: float
+    """Water depth."""
 
 
 def spectrum(waves: Waves, peak_radps: float, omega: Vector) -> Vector:
-    """S(omega) in m2 s, up to a factor that ``build`` finds from the height.
+    """Return the spectral density S(omega) up to a constant factor, which ``build`` determines.
 
-    Pierson-Moskowitz: omega^-5 exp(-5/4 (omega_p/omega)^4) (Pierson and Moskowitz 1964). JONSWAP:
-    times gamma to the exp(-((omega - omega_p) / (sigma omega_p))^2 / 2), sigma 0.07 below the peak,
-    0.09 above (Hasselmann et al. 1973)."""
+    Pierson-Moskowitz: omega^-5 exp(-5/4 (omega_p/omega)^4) (Pierson and Moskowitz 1964).
+
+    JONSWAP: the same times gamma^exp(-((omega - omega_p) / (sigma omega_p))^2 / 2), with sigma =
+    0.07 up to the peak and 0.09 above (Hasselmann et al. 1973).
+    """
     ratio = omega / peak_radps
     shape = np.asarray(ratio**-5.0 * np.exp(-1.25 * ratio**-4.0))
     if waves.spectrum == "jonswap":
@@ -59,11 +69,12 @@ def spectrum(waves: Waves, peak_radps: float, omega: Vector) -> Vector:
 
 
 def build(waves: Waves, depth_m: float, gravity_mps2: float) -> Swell | None:
-    """Split a spectrum into components of equal energy, each at the mean frequency of its share;
-    None in a flat sea.
+    """Divide a spectrum into components of equal energy; return None if there are no waves.
 
-    So the variance is that of the spectrum to rounding, and the crowded peak is where the
-    components are."""
+    Each component has the mean frequency of its share of the energy and the amplitude
+    H_s / 4 sqrt(2 / n), so that the variance of the n components is that of the spectrum,
+    (H_s / 4)^2. Components are dense near the peak.
+    """
     height, count = waves.significant_height_m, waves.components
     if not height:
         return None
@@ -77,11 +88,22 @@ def build(waves: Waves, depth_m: float, gravity_mps2: float) -> Swell | None:
     frequency = np.diff(np.interp(edges, omega, moment)) / (energy[-1] / count)
     number = np.array([wave_number_pm(w, depth_m, gravity_mps2) for w in frequency])
     amplitude = np.full(count, height / 4.0 * sqrt(2.0 / count))
-    return Swell(frequency, number, amplitude, radians(waves.from_deg), waves.spreading, depth_m)
+    return Swell(
+        frequency_radps=frequency,
+        number_pm=number,
+        amplitude_m=amplitude,
+        from_rad=radians(waves.from_deg),
+        spreading=waves.spreading,
+        depth_m=depth_m,
+    )
 
 
 def wave_number_pm(frequency_radps: float, depth_m: float, gravity_mps2: float) -> float:
-    """Root k of omega^2 = g k tanh(k d) (Airy 1845; Newman 1977, sec. 6.2), rad/m."""
+    """Return the root k (rad/m) of omega^2 = g k tanh(k d) (Airy 1845; Newman 1977, sec. 6.2).
+
+    Newton's method on f(k) = k tanh(k d) - omega^2 / g, from the larger of the deep-water and the
+    shallow-water root.
+    """
     deep = frequency_radps**2 / gravity_mps2
     k = max(deep, frequency_radps / sqrt(gravity_mps2 * depth_m))
     for _ in range(_NEWTON_STEPS):
@@ -91,11 +113,11 @@ def wave_number_pm(frequency_radps: float, depth_m: float, gravity_mps2: float) 
 
 
 def draw_components(swell: Swell, stream: Generator) -> Vector:
-    """A sea of this kind, shape (components, 7), columns as above: phases at random, and directions
-    where it spreads.
+    """Draw phases and directions; return the component table, shape (components, 7).
 
-    Each frequency runs in one direction, from the distribution by stratified draw, so that no two
-    components of one frequency stand still against each other (Jefferys 1987, Appl. Ocean Res. 9).
+    Each frequency has one direction, drawn from the spreading function by stratified sampling:
+    two components of one frequency would form a standing wave pattern (Jefferys 1987, Appl. Ocean
+    Res. 9).
     """
     count = len(swell.number_pm)
     phase = stream.uniform(0.0, 2.0 * pi, count)
@@ -113,39 +135,53 @@ def draw_components(swell: Swell, stream: Generator) -> Vector:
         swell.frequency_radps,
         swell.amplitude_m,
     )
-    sea[:, PHASE], sea[:, FAR] = phase, np.exp(-2.0 * swell.number_pm * swell.depth_m)
+    sea[:, PHASE] = phase
+    sea[:, BOTTOM_DECAY] = np.exp(-2.0 * swell.number_pm * swell.depth_m)
     return sea
 
 
 def spread_rad(share: Vector, spreading: float) -> Vector:
-    """Angle off the mean direction below which that share of a cos^2s(angle/2) sea runs."""
+    """Return the quantile (rad off the mean direction) of the distribution cos^2s(angle/2)."""
     angle = np.linspace(-pi, pi, _SPECTRUM_SAMPLES)
-    below = np.cumsum(np.cos(0.5 * angle) ** (2.0 * spreading))
-    return np.interp(share, below / below[-1], angle)
+    cumulative = np.cumsum(np.cos(0.5 * angle) ** (2.0 * spreading))
+    return np.interp(share, cumulative / cumulative[-1], angle)
 
 
 class WaveKinematics(NamedTuple):
-    """Water under waves at one point and instant."""
+    """Motion of the water due to waves at one point and instant, NWU."""
 
     velocity: Vector3
-    change: Vector3
-    """Of velocity in time, for who drifts with the current of the surface, m/s2."""
+    """Velocity, m/s."""
+    local_acceleration: Vector3
+    """Time derivative of the velocity at a point that drifts with the surface current, m/s2."""
     along_north: Vector3
     along_west: Vector3
     along_up: Vector3
-    """Change of velocity per metre in each direction, 1/s."""
+    """Derivatives of the velocity in each direction, 1/s."""
     elevation_m: float
+    """Height of the surface above the still level."""
     rise_north: float
     rise_west: float
     """Slope of the surface."""
     head_m: float
-    """What the waves add to pressure at the point, in metres of water."""
+    """Pressure due to waves as metres of water."""
 
 
 @kernel
 def motion(sea: Vector, north_m: float, west_m: float, z_m: float, time_s: float) -> WaveKinematics:
-    """Sum of the components at a point ``z_m`` above the still surface, in the frame of the
-    surface's current."""
+    """Return the sum of all components at a point, in a frame that moves with the surface current.
+
+    ``z_m`` is the height above the still surface. For each component, with z limited to 0 and the
+    water depth d (Airy 1845; Newman 1977, sec. 6.2):
+
+        (u, v) = a sigma cosh k(z+d) / sinh kd  e cos theta
+        w      = a sigma sinh k(z+d) / sinh kd  sin theta
+        head   = a cosh k(z+d) / cosh kd  cos theta
+
+    The hyperbolic functions are computed from exp(k z) and exp(-2 k d), which do not overflow:
+    cosh k(z+d) / sinh kd = (exp(k z) + exp(-k(z + 2d))) / (1 - exp(-2 k d)). The horizontal
+    derivatives follow from theta, the vertical ones from zero rotation and zero divergence.
+    """
     u = v = w = ut = vt = wt = 0.0
     xx = xy = xz = yy = yz = 0.0
     elevation = rise_n = rise_w = head = 0.0
@@ -156,7 +192,7 @@ def motion(sea: Vector, north_m: float, west_m: float, z_m: float, time_s: float
         c, s = cos(theta), sin(theta)
         near = max(exp(k * z), sqrt(far))
         image = far / near if far > 0.0 else 0.0
-        # cosh k(z+d) / sinh kd and sinh k(z+d) / sinh kd
+        # Depth factors cosh k(z+d) / sinh kd and sinh k(z+d) / sinh kd.
         level, upright = (near + image) / (1.0 - far), (near - image) / (1.0 - far)
         en, ew, speed = kn / k, kw / k, a * omega
         along, up = speed * level, speed * upright

@@ -1,9 +1,9 @@
-"""The instruments: what the vehicle's devices tell of the true motion, each at its own rate, late,
-or not at all.
+"""The sensors: sampled at their own rates from the true motion, with errors, latency and dropouts.
 
-One random stream each, so that one more reading of one instrument leaves the others as they were;
-an instrument that is not carried draws nothing. The figures are those of ``datasheets.toml``; which
-of them a vehicle carries stands in her file, table [instruments]."""
+Each sensor has its own random stream, so that a change of one sensor does not alter the errors of
+the others; a sensor that is not fitted draws nothing. The error parameters are in
+``datasheets.toml``. The table [instruments] of a vehicle file names the sensors that are fitted.
+"""
 
 from __future__ import annotations
 
@@ -47,18 +47,18 @@ DAY_US = 86_400_000_000
 
 
 class SensorSuite(NamedTuple):
-    """The instruments that are carried; None for each that is not."""
+    """Parameters of the fitted sensors; None for a sensor that is not fitted."""
 
     imu: inertial.Imu | None
     magnetometer: magnetic.Magnetometer | None
     pressure: pressure.PressureSensor | None
     devices: Devices
     devices_us: int
-    """Devices take and deliver their readings at multiples of this time only."""
+    """Common period: devices sample and deliver only at multiples of this vehicle time."""
 
 
 class Devices(NamedTuple):
-    """The slower instruments, which speak in messages of their own."""
+    """Parameters of the slower sensors, which have messages of their own."""
 
     gps: gps.Receiver | None
     dvl: dvl.DvlSensor | None
@@ -69,7 +69,7 @@ class Devices(NamedTuple):
 
 
 class SensorStreams(NamedTuple):
-    """One random stream for each instrument."""
+    """Random stream of each sensor."""
 
     imu: NoiseStream
     magnetometer: NoiseStream
@@ -83,6 +83,8 @@ class SensorStreams(NamedTuple):
 
 
 class DeviceState(NamedTuple):
+    """States of the slower sensors."""
+
     gps: gps.GpsState
     dvl: dvl.DvlState
     altimeter: altimeter.AltimeterState
@@ -92,8 +94,7 @@ class DeviceState(NamedTuple):
 
 
 class SensorSuiteState(NamedTuple):
-    """What the instruments carry from tick to tick: this run's errors, the newest readings, those
-    on their way."""
+    """States of all sensors: errors of this run, latest readings, and readings in transit."""
 
     imu: inertial.InertialState
     magnetometer: magnetic.MagnetometerState
@@ -102,11 +103,10 @@ class SensorSuiteState(NamedTuple):
 
 
 class Sensors(NamedTuple):
-    """Everything that arrives from the instruments in one tick; None from those that say nothing in
-    it."""
+    """Sensor output of one tick; None for a sensor without a new reading."""
 
     frame: SensorFrame
-    """Its ``fields_updated`` tells which of its groups are new."""
+    """Latest IMU, magnetometer and pressure readings; ``fields_updated`` marks the new ones."""
     gps: GpsFix | None
     altimeter: Altimeter | None
     dvl: Dvl | None = None
@@ -116,57 +116,72 @@ class Sensors(NamedTuple):
 
 
 def build(
-    vehicle: VehicleConfig, full_rps: float, tick_us: int, *, brisk: bool = False
+    vehicle: VehicleConfig, full_rps: float, tick_us: int, *, imu_every_tick: bool = False
 ) -> SensorSuite:
-    """What the vehicle carries; ``full_rps`` is the shaft's speed at full thrust. Raises
-    VehicleError.
+    """Build the fitted sensors of a vehicle.
 
-    With ``brisk`` the IMU speaks every tick: its data sheet's rate is set by our own autopilot,
-    others want more."""
-    shelf, carried, name = datasheets.catalogue(), vehicle.instruments, vehicle.name
-    imu = datasheets.find("imu", shelf.imu, carried, name)
-    compass = datasheets.find("magnetometer", shelf.magnetometer, carried, name)
-    depth = datasheets.find("pressure", shelf.pressure, carried, name)
-    receiver = datasheets.find("gps", shelf.gps, carried, name)
-    log = datasheets.find("dvl", shelf.dvl, carried, name)
-    sounder = datasheets.find("altimeter", shelf.altimeter, carried, name)
-    pack = datasheets.find("battery", shelf.battery, carried, name)
-    detector = datasheets.find("leak", shelf.leak, carried, name)
-    encoders = datasheets.find("encoder", shelf.encoder, carried, name)
+    Parameters
+    ----------
+    vehicle : VehicleConfig
+        Content of a vehicle file.
+    full_rps : float
+        Shaft speed at full thrust, rev/s.
+    tick_us : int
+        Length of a tick.
+    imu_every_tick : bool
+        Sample the IMU in every tick. Its catalogue rate is that of Caribou's autopilot; other
+        autopilots need a higher one.
+
+    Raises
+    ------
+    VehicleFileError
+        The vehicle names an unknown sensor.
+    """
+    catalogue, fitted, name = datasheets.catalogue(), vehicle.instruments, vehicle.name
+    imu = datasheets.find("imu", catalogue.imu, fitted, name)
+    compass = datasheets.find("magnetometer", catalogue.magnetometer, fitted, name)
+    depth = datasheets.find("pressure", catalogue.pressure, fitted, name)
+    receiver = datasheets.find("gps", catalogue.gps, fitted, name)
+    log = datasheets.find("dvl", catalogue.dvl, fitted, name)
+    sounder = datasheets.find("altimeter", catalogue.altimeter, fitted, name)
+    pack = datasheets.find("battery", catalogue.battery, fitted, name)
+    detector = datasheets.find("leak", catalogue.leak, fitted, name)
+    encoders = datasheets.find("encoder", catalogue.encoder, fitted, name)
+    if imu and imu_every_tick:
+        imu = replace(imu, rate_hz=1e6 / tick_us)
     devices = Devices(
-        gps.build(receiver, tick_us) if receiver else None,
-        dvl.build(log, tick_us) if log else None,
-        altimeter.build(sounder, tick_us) if sounder else None,
-        battery.build(pack, vehicle, full_rps, tick_us) if pack else None,
-        leak.build(detector, tick_us) if detector else None,
-        encoder.build(encoders, vehicle.tailcone.travel_deg, tick_us) if encoders else None,
+        gps=gps.build(receiver, tick_us) if receiver else None,
+        dvl=dvl.build(log, tick_us) if log else None,
+        altimeter=altimeter.build(sounder, tick_us) if sounder else None,
+        battery=battery.build(pack, vehicle, full_rps, tick_us) if pack else None,
+        leak=leak.build(detector, tick_us) if detector else None,
+        encoder=encoder.build(encoders, vehicle.tailcone.travel_deg, tick_us) if encoders else None,
     )
     return SensorSuite(
-        inertial.build(replace(imu, rate_hz=1e6 / tick_us) if brisk else imu, tick_us)
-        if imu
-        else None,
-        magnetic.build(compass, tick_us) if compass else None,
-        pressure.build(depth, tick_us) if depth else None,
-        devices,
-        _common_us(devices),
+        imu=inertial.build(imu, tick_us) if imu else None,
+        magnetometer=magnetic.build(compass, tick_us) if compass else None,
+        pressure=pressure.build(depth, tick_us) if depth else None,
+        devices=devices,
+        devices_us=_common_us(devices),
     )
 
 
 def _common_us(devices: Devices) -> int:
-    """The longest time of which every device's period and latency is a multiple; a day where there
-    is no device."""
+    """Return the greatest common divisor of all periods and latencies; a day without devices."""
     timings = [
         device if isinstance(device, Timing) else device.timing for device in devices if device
     ]
     return (
-        gcd(*(time_us for when in timings for time_us in (when.period_us, when.latency_us)))
+        gcd(*(time_us for item in timings for time_us in (item.period_us, item.latency_us)))
         or DAY_US
     )
 
 
 def initial_state(suite: SensorSuite, charge: float, streams: SensorStreams) -> SensorSuiteState:
-    """The instruments before their first reading, with this run's errors; ``charge`` is what fills
-    the battery."""
+    """Draw the errors of this run and return the states before the first reading.
+
+    ``charge`` is the initial charge of the battery as a fraction of its capacity.
+    """
     return SensorSuiteState(
         inertial.initial_state(suite.imu, streams.imu) if suite.imu else inertial.InertialState(),
         magnetic.initial_state(suite.magnetometer, streams.magnetometer)
@@ -180,6 +195,7 @@ def initial_state(suite: SensorSuite, charge: float, streams: SensorStreams) -> 
 
 
 def _initial_device_state(devices: Devices, charge: float, streams: SensorStreams) -> DeviceState:
+    """Return the initial states of the slower sensors."""
     return DeviceState(
         gps.GpsState(),
         dvl.initial_state(devices.dvl, streams.dvl) if devices.dvl else dvl.DvlState(),
@@ -198,22 +214,40 @@ def sample(
     suite: SensorSuite,
     truth: Truth,
     sea: Environment,
-    memory: SensorSuiteState,
+    state: SensorSuiteState,
     streams: SensorStreams,
 ) -> tuple[SensorSuiteState, Sensors]:
-    """One tick of every instrument."""
-    imu, compass, depth, devices = memory
-    moved = turned = dived = False
+    """Sample all sensors that are due in this tick.
+
+    Parameters
+    ----------
+    suite : SensorSuite
+        Sensor parameters.
+    truth : Truth
+        True state of the vehicle.
+    sea : Environment
+        The environment.
+    state : SensorSuiteState
+        Sensor states.
+    streams : SensorStreams
+        Random streams; they advance.
+    """
+    imu, compass, depth, devices = state
+    new_imu = new_field = new_pressure = False
     if suite.imu:
-        imu, moved = inertial.sample(suite.imu, truth, imu, streams.imu)
+        imu, new_imu = inertial.sample(suite.imu, truth, imu, streams.imu)
     if suite.magnetometer:
-        compass, turned = magnetic.sample(
+        compass, new_field = magnetic.sample(
             suite.magnetometer, truth, sea, compass, streams.magnetometer
         )
     if suite.pressure:
-        depth, dived = pressure.sample(suite.pressure, truth, sea, depth, streams.pressure)
+        depth, new_pressure = pressure.sample(suite.pressure, truth, sea, depth, streams.pressure)
     frame = _frame(
-        truth.time_us, imu.held, compass.held, depth.held, _fields_updated(moved, turned, dived)
+        truth.time_us,
+        imu.latest,
+        compass.latest,
+        depth.latest,
+        _fields_updated(new_imu, new_field, new_pressure),
     )
     if truth.time_us % suite.devices_us:
         return SensorSuiteState(imu, compass, depth, devices), Sensors(frame, None, None)
@@ -222,28 +256,28 @@ def sample(
 
 
 def _sample_devices(
-    carried: Devices,
+    fitted: Devices,
     truth: Truth,
     sea: Environment,
-    memory: DeviceState,
+    state: DeviceState,
     streams: SensorStreams,
     frame: SensorFrame,
 ) -> tuple[DeviceState, Sensors]:
-    """What the devices say beside the ``frame`` of the same tick."""
-    receiver, log, sounder, pack, bilge, duct = memory
+    """Sample the slower sensors that are due in this tick."""
+    receiver, log, sounder, pack, bilge, duct = state
     fix = velocity = echo = charge = wet = angles = None
-    if carried.gps:
-        receiver, fix = gps.sample(carried.gps, truth, sea, receiver, streams.gps)
-    if carried.dvl:
-        log, velocity = dvl.sample(carried.dvl, truth, sea, log, streams.dvl)
-    if carried.altimeter:
-        sounder, echo = altimeter.sample(carried.altimeter, truth, sea, sounder, streams.altimeter)
-    if carried.battery:
-        pack, charge = battery.sample(carried.battery, truth, pack, streams.battery)
-    if carried.leak:
-        bilge, wet = leak.sample(carried.leak, truth, bilge, streams.leak)
-    if carried.encoder:
-        duct, angles = encoder.sample(carried.encoder, truth, duct, streams.encoder)
+    if fitted.gps:
+        receiver, fix = gps.sample(fitted.gps, truth, sea, receiver, streams.gps)
+    if fitted.dvl:
+        log, velocity = dvl.sample(fitted.dvl, truth, sea, log, streams.dvl)
+    if fitted.altimeter:
+        sounder, echo = altimeter.sample(fitted.altimeter, truth, sea, sounder, streams.altimeter)
+    if fitted.battery:
+        pack, charge = battery.sample(fitted.battery, truth, pack, streams.battery)
+    if fitted.leak:
+        bilge, wet = leak.sample(fitted.leak, truth, bilge, streams.leak)
+    if fitted.encoder:
+        duct, angles = encoder.sample(fitted.encoder, truth, duct, streams.encoder)
     sensors = Sensors(frame, fix, echo, velocity, charge, wet, angles)
     return DeviceState(receiver, log, sounder, pack, bilge, duct), sensors
 
@@ -255,6 +289,7 @@ def _frame(
     water: pressure.PressureReading,
     fresh: int,
 ) -> SensorFrame:
+    """Return the fields of HIL_SENSOR in wire order."""
     return SensorFrame(
         time_us,
         *motion.specific_force_mps2,
@@ -269,7 +304,8 @@ def _frame(
     )
 
 
-def _fields_updated(moved: bool, turned: bool, dived: bool) -> int:
-    """HIL_SENSOR.fields_updated."""
-    inertial_bits = ACCELEROMETER_FRESH | GYRO_FRESH if moved else 0
-    return inertial_bits | (MAGNETOMETER_FRESH if turned else 0) | (PRESSURE_FRESH if dived else 0)
+def _fields_updated(new_imu: bool, new_field: bool, new_pressure: bool) -> int:
+    """Return the bit mask HIL_SENSOR.fields_updated."""
+    inertial_bits = ACCELEROMETER_FRESH | GYRO_FRESH if new_imu else 0
+    magnetic_bits = MAGNETOMETER_FRESH if new_field else 0
+    return inertial_bits | magnetic_bits | (PRESSURE_FRESH if new_pressure else 0)

@@ -1,4 +1,4 @@
-"""The altimeter: one sound beam straight down from the hull, its range to the floor."""
+"""The altimeter: range to the sea floor along one sonar beam, straight down in body axes."""
 
 from __future__ import annotations
 
@@ -15,19 +15,24 @@ from sitl.core.truth import Truth
 
 
 class AltimeterSensor(NamedTuple):
+    """Parameters of the altimeter."""
+
     timing: Timing
     sheet: AltimeterSheet
     half_width_rad: float
+    """Half the beam width."""
     worst_tilt_cos: float
+    """Cosine of the largest tilt at which an echo returns."""
 
 
 AltimeterState = Queue[Altimeter]
 
 
 def build(sheet: AltimeterSheet, tick_us: int) -> AltimeterSensor:
-    when = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
+    """Build the altimeter from its data sheet."""
+    schedule = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
     return AltimeterSensor(
-        when, sheet, 0.5 * radians(sheet.beam_width_deg), cos(radians(sheet.max_tilt_deg))
+        schedule, sheet, 0.5 * radians(sheet.beam_width_deg), cos(radians(sheet.max_tilt_deg))
     )
 
 
@@ -35,19 +40,24 @@ def sample(
     sounder: AltimeterSensor,
     truth: Truth,
     sea: Environment,
-    memory: AltimeterState,
+    state: AltimeterState,
     stream: NoiseStream,
 ) -> tuple[AltimeterState, Altimeter | None]:
-    """The range that arrives now, if one does."""
-    taken = _measure(sounder, truth, sea, stream) if is_due(sounder.timing, truth.time_us) else None
-    return queue_reading(sounder.timing, memory, taken, truth.time_us, stream)
+    """Sample if due; return the new state and the reading that arrives now, if any."""
+    measured = (
+        _measure(sounder, truth, sea, stream) if is_due(sounder.timing, truth.time_us) else None
+    )
+    return queue_reading(sounder.timing, state, measured, truth.time_us, stream)
 
 
 def _measure(
     sounder: AltimeterSensor, truth: Truth, sea: Environment, stream: NoiseStream
 ) -> Altimeter | None:
-    """None without an echo. An outlier is an echo off something that swims between the vehicle and
-    the floor."""
+    """Measure the range, or return None without an echo.
+
+    An outlier is an echo from an object between the vehicle and the floor, at a uniformly
+    distributed range.
+    """
     sheet, noise = sounder.sheet, stream.normal()
     if echo.tilt_cos(truth.attitude_q) < sounder.worst_tilt_cos:
         return None

@@ -1,5 +1,7 @@
-"""The battery pack and its gauge: open-circuit voltage behind a resistance, emptied by hotel load
-and propeller."""
+"""The battery and its gauge: open-circuit voltage with a series resistance, hotel and drive load.
+
+P = P_hotel + c |n|^3 for the shaft speed n (rev/s);  V = E(charge) - R I,  P = V I.
+"""
 
 from __future__ import annotations
 
@@ -19,58 +21,68 @@ SECONDS_PER_HOUR = 3600.0
 
 
 class BatteryPack(NamedTuple):
+    """Parameters of the battery and its loads."""
+
     timing: Timing
     sheet: BatterySheet
     hotel_w: float
+    """Constant load."""
     drive_ws3: float
-    """Power of the drive over shaft speed cubed, W s3."""
+    """Power of the drive over the cube of the shaft speed, W s3."""
 
 
 class BatteryState(NamedTuple):
+    """State of the battery and errors of the gauge."""
+
     charge: float = 1.0
-    """What is really left, as a fraction of the capacity."""
+    """True charge as a fraction of the capacity."""
     used_ah: float = 0.0
-    """What was really drawn since the last full charge."""
+    """True charge drawn since the battery was full."""
     gauge_scale: float = 1.0
-    """Of the current that the gauge counts."""
+    """Scale factor of the measured current."""
     queue: Queue[Battery] = ()
 
 
 def build(
     sheet: BatterySheet, vehicle: VehicleConfig, full_rps: float, tick_us: int
 ) -> BatteryPack:
-    """The drive's power follows the cube of shaft speed through thrust times speed at the operating
-    point."""
+    """Build the battery; the drive's power law follows from the vehicle's operating point.
+
+    c = T U / (eta n^3) for thrust T (N), speed U (m/s), drive efficiency eta and shaft speed n
+    (rev/s) at the operating point.
+    """
     at, power = vehicle.operating_point, vehicle.power
     drive_w = at.thrust_n * at.speed_mps / power.drive_efficiency
-    when = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
-    return BatteryPack(when, sheet, power.hotel_w, drive_w / (at.thrust_fraction * full_rps) ** 3)
+    schedule = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
+    return BatteryPack(
+        schedule, sheet, power.hotel_w, drive_w / (at.thrust_fraction * full_rps) ** 3
+    )
 
 
 def initial_state(pack: BatteryPack, charge: float, stream: NoiseStream) -> BatteryState:
-    """A pack filled to the fraction ``charge``, with this run's gauge."""
+    """Return the state of a battery charged to the fraction ``charge``; draw the gauge error."""
     used_ah = (1.0 - charge) * pack.sheet.capacity_ah
     return BatteryState(charge, used_ah, 1.0 + pack.sheet.gauge_error * stream.normal())
 
 
 def sample(
-    pack: BatteryPack, truth: Truth, memory: BatteryState, stream: NoiseStream
+    pack: BatteryPack, truth: Truth, state: BatteryState, stream: NoiseStream
 ) -> tuple[BatteryState, Battery | None]:
-    """The gauge's report that arrives now, if one does. The pack is emptied from report to
-    report."""
-    taken = None
+    """Report and discharge if due; return the new state and the report that arrives now, if any."""
+    measured = None
     if is_due(pack.timing, truth.time_us):
-        voltage_v, current_a = load(pack, memory.charge, truth.propeller_rps)
-        taken = _read_gauge(pack, memory, voltage_v, current_a, stream)
-        memory = _discharge(pack, memory, current_a)
-    queue, report = queue_reading(pack.timing, memory.queue, taken, truth.time_us, stream)
-    return (memory if queue is memory.queue else memory._replace(queue=queue)), report
+        voltage_v, current_a = load(pack, state.charge, truth.propeller_rps)
+        measured = _read_gauge(pack, state, voltage_v, current_a, stream)
+        state = _discharge(pack, state, current_a)
+    queue, report = queue_reading(pack.timing, state.queue, measured, truth.time_us, stream)
+    return (state if queue is state.queue else state._replace(queue=queue)), report
 
 
 def load(pack: BatteryPack, charge: float, shaft_rps: float) -> tuple[float, float]:
-    """Voltage (V) at the terminals and current (A) of a constant-power load: V = E - R I, P = V I.
+    """Return terminal voltage (V) and current (A) of a load of constant power.
 
-    A pack too weak for the load gives all it can, at half its open-circuit voltage.
+    V = (E + sqrt(E^2 - 4 R P)) / 2, the larger root of V = E - R I, P = V I. If the load exceeds
+    the largest power, E^2 / (4 R), that power is delivered at V = E / 2.
     """
     power_w = pack.hotel_w + pack.drive_ws3 * abs(shaft_rps) ** 3
     points, cell_v = pack.sheet.charge_points, pack.sheet.open_circuit_cell_v
@@ -81,20 +93,22 @@ def load(pack: BatteryPack, charge: float, shaft_rps: float) -> tuple[float, flo
     return voltage_v, (open_v - voltage_v) / pack.sheet.resistance_ohm
 
 
-def _discharge(pack: BatteryPack, memory: BatteryState, current_a: float) -> BatteryState:
+def _discharge(pack: BatteryPack, state: BatteryState, current_a: float) -> BatteryState:
+    """Draw the current for one report period, Q <- Q + I dt."""
     hours = pack.timing.period_us * 1e-6 / SECONDS_PER_HOUR
-    used_ah = memory.used_ah + current_a * hours
-    return memory._replace(charge=max(0.0, 1.0 - used_ah / pack.sheet.capacity_ah), used_ah=used_ah)
+    used_ah = state.used_ah + current_a * hours
+    return state._replace(charge=max(0.0, 1.0 - used_ah / pack.sheet.capacity_ah), used_ah=used_ah)
 
 
 def _read_gauge(
-    pack: BatteryPack, memory: BatteryState, voltage_v: float, current_a: float, stream: NoiseStream
+    pack: BatteryPack, state: BatteryState, voltage_v: float, current_a: float, stream: NoiseStream
 ) -> Battery:
+    """Return the gauge's report with its noise and scale error."""
     n_voltage, n_current = stream.normals(2)
-    counted_ah = memory.gauge_scale * memory.used_ah
+    counted_ah = state.gauge_scale * state.used_ah
     return Battery(
         voltage_v + pack.sheet.voltage_noise_v * n_voltage,
-        memory.gauge_scale * current_a + pack.sheet.current_noise_a * n_current,
+        state.gauge_scale * current_a + pack.sheet.current_noise_a * n_current,
         counted_ah,
         max(0.0, 1.0 - counted_ah / pack.sheet.capacity_ah),
     )

@@ -1,4 +1,4 @@
-"""The catalogue of instruments: ``datasheets.toml``, strictly decoded."""
+"""Catalogue of sensors: typed access to ``datasheets.toml``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sitl.vehicle import toml_io
 from sitl.vehicle.config import Instruments, VehicleFileError
 
 NONE = "none"
-"""The name of an instrument that is not carried."""
+"""Name for a sensor that is not fitted."""
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
@@ -21,11 +21,11 @@ Angle = Annotated[float, Meta(gt=0, lt=90)]
 
 
 class CatalogueError(ValueError):
-    """The catalogue cannot be read; the message names table, key, value and what would be right."""
+    """The catalogue cannot be read; the message names table, key, value and the expected value."""
 
 
 class Sheet(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What every instrument's table tells."""
+    """Keys that all sensors have in common."""
 
     rate_hz: Positive
     latency_s: NotNegative = 0.0
@@ -34,6 +34,8 @@ class Sheet(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class ImuSheet(Sheet, frozen=True):
+    """Gyroscopes and accelerometers: white noise, biases, scale and misalignment (rms)."""
+
     gyro_density_degps_rthz: NotNegative
     gyro_turn_on_degph: NotNegative
     gyro_stability_degph: NotNegative
@@ -46,12 +48,16 @@ class ImuSheet(Sheet, frozen=True):
 
 
 class MagnetometerSheet(Sheet, frozen=True):
+    """Magnetometer: white noise, and rms hard- and soft-iron errors after compensation."""
+
     density_mgauss_rthz: NotNegative
     hard_iron_mgauss: NotNegative
     soft_iron: NotNegative
 
 
 class PressureSheet(Sheet, frozen=True):
+    """Pressure sensor: white noise, rms offset and resolution."""
+
     noise_hpa: NotNegative
     offset_hpa: NotNegative
     resolution_hpa: NotNegative
@@ -59,6 +65,8 @@ class PressureSheet(Sheet, frozen=True):
 
 
 class GpsSheet(Sheet, frozen=True):
+    """Satellite receiver: rms errors per axis and start-up times."""
+
     horizontal_noise_m: NotNegative
     vertical_noise_m: NotNegative
     velocity_noise_mps: NotNegative
@@ -66,9 +74,12 @@ class GpsSheet(Sheet, frozen=True):
     hot_start_s: NotNegative
     warm_start_s: NotNegative
     hot_within_s: Positive
+    """Longest time under water after which the receiver still makes a hot start."""
 
 
 class DvlSheet(Sheet, frozen=True):
+    """Doppler velocity log: beam geometry, ranges, rms errors and outliers."""
+
     beam_angle_deg: Angle
     min_altitude_m: Positive
     max_altitude_m: Positive
@@ -80,10 +91,13 @@ class DvlSheet(Sheet, frozen=True):
     outlier_mps: NotNegative
     water_rate_hz: Positive
     water_layer_m: Positive
+    """Far end of the layer used for water track, distance below the vehicle."""
     water_noise_mps: NotNegative
 
 
 class AltimeterSheet(Sheet, frozen=True):
+    """Altimeter: range, white noise, beam and outliers."""
+
     min_range_m: Positive
     max_range_m: Positive
     noise_m: NotNegative
@@ -93,24 +107,31 @@ class AltimeterSheet(Sheet, frozen=True):
 
 
 class BatterySheet(Sheet, frozen=True):
+    """Battery and gauge."""
+
     capacity_ah: Positive
     cells: Annotated[int, Meta(ge=1)]
     charge_points: tuple[float, ...]
+    """Charge fractions at which ``open_circuit_cell_v`` is given."""
     open_circuit_cell_v: tuple[float, ...]
     resistance_ohm: Positive
+    """Series resistance of the whole pack."""
     voltage_noise_v: NotNegative
     current_noise_a: NotNegative
     gauge_error: NotNegative
+    """Rms scale error of the measured current."""
 
 
 class EncoderSheet(Sheet, frozen=True):
+    """Duct encoder."""
+
     resolution_deg: Positive
     noise_deg: NotNegative
     offset_deg: NotNegative
 
 
 class Catalogue(Struct, frozen=True, forbid_unknown_fields=True):
-    """Instruments by kind and name."""
+    """Sensors by kind and name."""
 
     imu: dict[str, ImuSheet]
     magnetometer: dict[str, MagnetometerSheet]
@@ -128,14 +149,13 @@ Kind = TypeVar("Kind", bound=Sheet)
 
 @cache
 def catalogue() -> Catalogue:
-    """The instruments that come with the simulator."""
+    """Return the sensors that are supplied with the simulator."""
     path = Path(__file__).with_name("datasheets.toml")
     return toml_io.decode(path.read_text(encoding="utf-8"), Catalogue, path.name, CatalogueError)
 
 
 def find(kind: str, sheets: dict[str, Kind], carried: Instruments, vehicle: str) -> Kind | None:
-    """The sheet of what a vehicle carries of a kind, None where she carries none. Raises
-    VehicleError."""
+    """Return the data sheet of a vehicle's sensor, or None. Raises VehicleFileError: unknown."""
     name: str = getattr(carried, kind)
     if name == NONE:
         return None

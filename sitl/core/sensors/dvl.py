@@ -1,10 +1,18 @@
-"""The Doppler velocity log: four beams in Janus arrangement, each measuring the speed along itself.
+"""The Doppler velocity log (DVL): four beams in a Janus arrangement that measure radial velocity.
 
-Beams lean by the beam angle from the body's down, 45 deg off the bow. With three echoes or more off
-the floor the log tracks the bottom: velocity over ground. With fewer it tracks the water some
-metres below: velocity through the water. Four beams measure three components, so they can disagree:
-the error velocity (Brokloff 1994; RD Instruments, "ADCP coordinate transformation", 1998). From
-that comes the figure of merit."""
+The beams are inclined by the beam angle from the body's down axis, at azimuths of 45, 135, 225 and
+315 deg from the bow. With at least three echoes from the floor the DVL outputs velocity over ground
+(bottom track), else velocity relative to a layer of water below it (water track). Four beams
+measure three components, so there is a residual, the error velocity, from which the figure of merit
+is computed (Brokloff 1994; RD Instruments, "ADCP coordinate transformation", 1998).
+
+With radial velocities a, b, c, d, beam angle B and body velocity (u, v, w) in FRD:
+
+    u = (a - b - c + d) / (2 sqrt(2) sin B)
+    v = (a + b - c - d) / (2 sqrt(2) sin B)
+    w = (a + b + c + d) / (4 cos B)
+    error velocity = |a - b + c - d| / (2 sqrt(2) sin B)
+"""
 
 from __future__ import annotations
 
@@ -25,61 +33,70 @@ _BEAMS = 4
 _MIN_BEAMS = 3
 _AZIMUTHS = tuple(radians(45.0 + 90.0 * k) for k in range(_BEAMS))
 _SIGNS = (1.0, -1.0, 1.0, -1.0)
-"""Of the beams in their disagreement."""
+"""Signs of the beams in the residual."""
 
 
 class DvlSensor(NamedTuple):
+    """Parameters of the DVL."""
+
     timing: Timing
     water_period_us: int
+    """Period of water-track readings."""
     sheet: DvlSheet
     beams: tuple[Vector, ...]
-    """Unit vectors, FRD."""
+    """Unit vectors of the beams, FRD."""
     sine: float
     cosine: float
-    """Of the beam angle."""
+    """Sine and cosine of the beam angle."""
     worst_tilt_cos: float
+    """Cosine of the largest tilt for bottom track."""
 
 
 class DvlState(NamedTuple):
+    """Errors of this run and readings in transit."""
+
     scale: float = 1.0
-    """Of all velocities: the error of the speed of sound."""
+    """Scale factor of all velocities, from the error of the sound speed."""
     misalignment_rad: float = 0.0
-    """About the vertical axis."""
+    """Mounting error about the vertical axis."""
     queue: Queue[Dvl] = ()
 
 
 def build(sheet: DvlSheet, tick_us: int) -> DvlSensor:
+    """Build the DVL from its data sheet."""
     sine, cosine = sin(radians(sheet.beam_angle_deg)), cos(radians(sheet.beam_angle_deg))
     return DvlSensor(
-        timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us),
-        timing(sheet.water_rate_hz, 0.0, 0.0, tick_us).period_us,
-        sheet,
-        tuple((sine * cos(azimuth), sine * sin(azimuth), cosine) for azimuth in _AZIMUTHS),
-        sine,
-        cosine,
-        cos(radians(sheet.max_tilt_deg)),
+        timing=timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us),
+        water_period_us=timing(sheet.water_rate_hz, 0.0, 0.0, tick_us).period_us,
+        sheet=sheet,
+        beams=tuple((sine * cos(azimuth), sine * sin(azimuth), cosine) for azimuth in _AZIMUTHS),
+        sine=sine,
+        cosine=cosine,
+        worst_tilt_cos=cos(radians(sheet.max_tilt_deg)),
     )
 
 
 def initial_state(log: DvlSensor, stream: NoiseStream) -> DvlState:
-    """The errors that this run's instrument has."""
+    """Draw the errors of this run."""
     scale, turn = stream.normals(2)
     return DvlState(1.0 + log.sheet.scale_error * scale, radians(log.sheet.misalignment_deg) * turn)
 
 
 def sample(
-    log: DvlSensor, truth: Truth, sea: Environment, memory: DvlState, stream: NoiseStream
+    log: DvlSensor, truth: Truth, sea: Environment, state: DvlState, stream: NoiseStream
 ) -> tuple[DvlState, Dvl | None]:
-    """The velocity that arrives now, if one does."""
-    taken = _measure(log, truth, sea, memory, stream) if is_due(log.timing, truth.time_us) else None
-    queue, velocity = queue_reading(log.timing, memory.queue, taken, truth.time_us, stream)
-    return (memory if queue is memory.queue else memory._replace(queue=queue)), velocity
+    """Sample if due; return the new state and the reading that arrives now, if any."""
+    measured = (
+        _measure(log, truth, sea, state, stream) if is_due(log.timing, truth.time_us) else None
+    )
+    queue, velocity = queue_reading(log.timing, state.queue, measured, truth.time_us, stream)
+    return (state if queue is state.queue else state._replace(queue=queue)), velocity
 
 
 def _measure(
-    log: DvlSensor, truth: Truth, sea: Environment, memory: DvlState, stream: NoiseStream
+    log: DvlSensor, truth: Truth, sea: Environment, state: DvlState, stream: NoiseStream
 ) -> Dvl | None:
-    """Bottom track where there is bottom, else water track where there is water, else None."""
+    """Return bottom track if the floor is in range, else water track if due, else None."""
     sheet = log.sheet
     altitudes_m = [
         log.cosine * echo.range_m(sea, truth.position_ned_m, truth.attitude_q, beam)
@@ -92,14 +109,14 @@ def _measure(
     ]
     if sum(echoes) >= _MIN_BEAMS:
         return _solve(
-            log, truth, truth.velocity_ned_mps, echoes, True, sheet.noise_mps, memory, stream
+            log, truth, truth.velocity_ned_mps, echoes, True, sheet.noise_mps, state, stream
         )
     if truth.time_us % log.water_period_us or min(altitudes_m) < sheet.water_layer_m:
         return None
     (vn, ve, vd), (wn, we, wd) = truth.velocity_ned_mps, truth.water_velocity_ned_mps
     through_water, everywhere = (vn - wn, ve - we, vd - wd), [True] * _BEAMS
     return _solve(
-        log, truth, through_water, everywhere, False, sheet.water_noise_mps, memory, stream
+        log, truth, through_water, everywhere, False, sheet.water_noise_mps, state, stream
     )
 
 
@@ -110,19 +127,21 @@ def _solve(
     echoes: Sequence[bool],
     over_ground: bool,
     noise_mps: float,
-    memory: DvlState,
+    state: DvlState,
     stream: NoiseStream,
 ) -> Dvl:
-    """Velocity in body axes from what the beams measure; one that has no echo is made up from the
-    three others."""
-    along = _along_beams(log, _instrument_axes(truth, velocity_ned_mps, memory), noise_mps, stream)
+    """Compute the body velocity from the radial velocities (equations at the top).
+
+    A missing beam is replaced by the value for which the residual is zero.
+    """
+    along = _along_beams(log, _instrument_axes(truth, velocity_ned_mps, state), noise_mps, stream)
     if False in echoes:
-        silent = echoes.index(False)
-        along[silent] = 0.0
-        along[silent] = -_SIGNS[silent] * _disagreement(*along)
+        missing = echoes.index(False)
+        along[missing] = 0.0
+        along[missing] = -_SIGNS[missing] * _residual(*along)
     a, b, c, d = along
     level, upright = 2.0 * sqrt(2.0) * log.sine, 4.0 * log.cosine
-    error_mps = abs(_disagreement(a, b, c, d)) / level
+    error_mps = abs(_residual(a, b, c, d)) / level
     merit = max(noise_mps, error_mps) if all(echoes) else sqrt(2.0) * noise_mps
     return Dvl(
         truth.time_us,
@@ -135,24 +154,26 @@ def _solve(
     )
 
 
-def _disagreement(a: float, b: float, c: float, d: float) -> float:
-    """Zero of four beams that move with one velocity: opposite beams then add up to the same."""
+def _residual(a: float, b: float, c: float, d: float) -> float:
+    """Return a - b + c - d, zero for one velocity: opposite beams then have equal sums."""
     return a - b + c - d
 
 
-def _instrument_axes(truth: Truth, velocity_ned_mps: Vector, memory: DvlState) -> Vector:
-    """The velocity as a perfect set of beams would have it, mounted askew and scaled by the wrong
-    speed of sound."""
+def _instrument_axes(truth: Truth, velocity_ned_mps: Vector, state: DvlState) -> Vector:
+    """Rotate a velocity from NED to the DVL's axes and apply misalignment and scale error."""
     x, y, z = rotate_back(truth.attitude_q, velocity_ned_mps)
-    c, s = memory.scale * cos(memory.misalignment_rad), memory.scale * sin(memory.misalignment_rad)
-    return c * x + s * y, c * y - s * x, memory.scale * z
+    c, s = state.scale * cos(state.misalignment_rad), state.scale * sin(state.misalignment_rad)
+    return c * x + s * y, c * y - s * x, state.scale * z
 
 
 def _along_beams(
     log: DvlSensor, velocity: Vector, noise_mps: float, stream: NoiseStream
 ) -> list[float]:
-    """Speed along each beam. ``noise_mps`` is that of the horizontal components; an outlier is a
-    beam gone astray."""
+    """Return the radial velocities with noise and, rarely, an outlier in one beam.
+
+    ``noise_mps`` is the rms error of a horizontal component. The same noise in each beam gives it
+    with the factor sqrt(2) sin B.
+    """
     sheet, beam_noise = log.sheet, noise_mps * sqrt(2.0) * log.sine
     x, y, z = velocity
     draws = stream.normals(_BEAMS)

@@ -1,5 +1,4 @@
-"""Encoders on the duct's two axes: where it really stands, which the paper wished for ("Future
-work")."""
+"""Encoders on both axes of the duct, as recommended in the paper ("Future work")."""
 
 from __future__ import annotations
 
@@ -14,55 +13,67 @@ from sitl.core.truth import Truth
 
 
 class Encoders(NamedTuple):
+    """Parameters of the encoders."""
+
     timing: Timing
     resolution_rad: float
     noise_rad: float
     offset_rad: float
-    """One standard deviation over runs."""
+    """Standard deviation of the offset over runs."""
     travel_rad: float
+    """Duct angle of full control."""
 
 
 class EncoderState(NamedTuple):
+    """Offsets of this run and readings in transit."""
+
     rudder_offset_rad: float = 0.0
     elevator_offset_rad: float = 0.0
     queue: Queue[DuctFeedback] = ()
 
 
 def build(sheet: EncoderSheet, travel_deg: float, tick_us: int) -> Encoders:
+    """Build the encoders from their data sheet."""
     resolution, noise, offset = (
         radians(d) for d in (sheet.resolution_deg, sheet.noise_deg, sheet.offset_deg)
     )
-    when = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
-    return Encoders(when, resolution, noise, offset, radians(travel_deg))
+    schedule = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
+    return Encoders(
+        timing=schedule,
+        resolution_rad=resolution,
+        noise_rad=noise,
+        offset_rad=offset,
+        travel_rad=radians(travel_deg),
+    )
 
 
 def initial_state(encoders: Encoders, stream: NoiseStream) -> EncoderState:
-    """The zero errors of this run."""
+    """Draw the offsets of this run."""
     rudder, elevator = (encoders.offset_rad * n for n in stream.normals(2))
     return EncoderState(rudder, elevator)
 
 
 def sample(
-    encoders: Encoders, truth: Truth, memory: EncoderState, stream: NoiseStream
+    encoders: Encoders, truth: Truth, state: EncoderState, stream: NoiseStream
 ) -> tuple[EncoderState, DuctFeedback | None]:
-    """The angles that arrive now, if they do."""
-    taken = None
+    """Sample if due; return the new state and the reading that arrives now, if any."""
+    measured = None
     if is_due(encoders.timing, truth.time_us):
         n_rudder, n_elevator = stream.normals(2)
         rudder = _read(
-            encoders, truth.rudder_rad + memory.rudder_offset_rad + encoders.noise_rad * n_rudder
+            encoders, truth.rudder_rad + state.rudder_offset_rad + encoders.noise_rad * n_rudder
         )
         elevator = _read(
             encoders,
-            truth.elevator_rad + memory.elevator_offset_rad + encoders.noise_rad * n_elevator,
+            truth.elevator_rad + state.elevator_offset_rad + encoders.noise_rad * n_elevator,
         )
-        taken = DuctFeedback(truth.time_us, rudder, elevator)
-    queue, feedback = queue_reading(encoders.timing, memory.queue, taken, truth.time_us, stream)
-    return (memory if queue is memory.queue else memory._replace(queue=queue)), feedback
+        measured = DuctFeedback(truth.time_us, rudder, elevator)
+    queue, feedback = queue_reading(encoders.timing, state.queue, measured, truth.time_us, stream)
+    return (state if queue is state.queue else state._replace(queue=queue)), feedback
 
 
 def _read(encoders: Encoders, angle_rad: float) -> float:
-    """The nearest whole step, as a fraction of the travel."""
+    """Round an angle to the resolution and return it as a fraction of the travel."""
     return (
         round(angle_rad / encoders.resolution_rad) * encoders.resolution_rad / encoders.travel_rad
     )

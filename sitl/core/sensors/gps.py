@@ -1,5 +1,4 @@
-"""The satellite receiver: speaks always, but knows where it is only some time after its antenna has
-come up."""
+"""The satellite receiver: reports at its rate; a fix takes some time after the antenna surfaces."""
 
 from __future__ import annotations
 
@@ -14,13 +13,14 @@ from sitl.core.sensors.sample_timing import Queue, Timing, is_due, queue_reading
 from sitl.core.truth import Truth
 
 MAX_DEPTH_M = 0.4
-"""Of the hull axis below the surface: the antenna on her back is awash when she floats in trim and
-drowned below."""
+"""Depth of the hull axis at which the antenna, on top of the hull, is submerged."""
 NO_FIX, FIX_3D = 1, 3
-"""GPS_FIX_TYPE."""
+"""Values of GPS_FIX_TYPE."""
 
 
 class Receiver(NamedTuple):
+    """Parameters of the receiver."""
+
     timing: Timing
     sheet: GpsSheet
     hot_start_us: int
@@ -29,55 +29,74 @@ class Receiver(NamedTuple):
 
 
 class GpsState(NamedTuple):
-    """At vehicle time zero the receiver has had the sky: on deck, before she was launched."""
+    """State of the receiver; at vehicle time zero it has a fix, from the time before the launch."""
 
     fix_from_us: int | None = 0
-    """When the receiver has, or will have, a fix; None while the antenna is under water."""
+    """Vehicle time from which there is a fix; None while the antenna is under water."""
     lost_us: int = 0
-    """When the sky was last seen."""
+    """Vehicle time of the last report with the antenna above water."""
     queue: Queue[GpsFix] = ()
 
 
 def build(sheet: GpsSheet, tick_us: int) -> Receiver:
+    """Build the receiver from its data sheet."""
     hot, warm, within = (
         round(1e6 * s) for s in (sheet.hot_start_s, sheet.warm_start_s, sheet.hot_within_s)
     )
     return Receiver(
-        timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us), sheet, hot, warm, within
+        timing=timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us),
+        sheet=sheet,
+        hot_start_us=hot,
+        warm_start_us=warm,
+        hot_within_us=within,
     )
 
 
 def sample(
-    receiver: Receiver, truth: Truth, sea: Environment, memory: GpsState, stream: NoiseStream
+    receiver: Receiver, truth: Truth, sea: Environment, state: GpsState, stream: NoiseStream
 ) -> tuple[GpsState, GpsFix | None]:
-    """The report that arrives now, if one does."""
-    taken = None
+    """Report if due; return the new state and the report that arrives now, if any."""
+    measured = None
     if is_due(receiver.timing, truth.time_us):
-        memory = _update_sky_view(receiver, truth, memory)
-        fixed = memory.fix_from_us is not None and memory.fix_from_us <= truth.time_us
-        taken = _measure(receiver.sheet, truth, sea, stream) if fixed else no_fix(truth.time_us)
-    queue, report = queue_reading(receiver.timing, memory.queue, taken, truth.time_us, stream)
-    return (memory if queue is memory.queue else memory._replace(queue=queue)), report
+        state = _update_sky_view(receiver, truth, state)
+        has_fix = state.fix_from_us is not None and state.fix_from_us <= truth.time_us
+        measured = (
+            _measure(receiver.sheet, truth, sea, stream) if has_fix else no_fix(truth.time_us)
+        )
+    queue, report = queue_reading(receiver.timing, state.queue, measured, truth.time_us, stream)
+    return (state if queue is state.queue else state._replace(queue=queue)), report
 
 
 def no_fix(time_us: int) -> GpsFix:
-    """What a receiver says that does not know where it is."""
-    return GpsFix(time_us, NO_FIX, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+    """Return the report of a receiver without a fix."""
+    return GpsFix(
+        time_us=time_us,
+        fix_type=NO_FIX,
+        lat_deg=0.0,
+        lon_deg=0.0,
+        alt_m=0.0,
+        velocity_north_mps=0.0,
+        velocity_east_mps=0.0,
+        velocity_down_mps=0.0,
+        satellites=0,
+    )
 
 
-def _update_sky_view(receiver: Receiver, truth: Truth, memory: GpsState) -> GpsState:
-    """Whether the sky is there, and if it has just come back, how long the search will take."""
+def _update_sky_view(receiver: Receiver, truth: Truth, state: GpsState) -> GpsState:
+    """Update whether the antenna is above water; after surfacing set the time of the next fix."""
     if truth.position_ned_m[2] + truth.surface_m >= MAX_DEPTH_M:
-        return memory if memory.fix_from_us is None else memory._replace(fix_from_us=None)
-    fix_from_us = memory.fix_from_us
+        return state if state.fix_from_us is None else state._replace(fix_from_us=None)
+    fix_from_us = state.fix_from_us
     if fix_from_us is None:
-        away_us = truth.time_us - memory.lost_us
-        hot = away_us <= receiver.hot_within_us
-        fix_from_us = truth.time_us + (receiver.hot_start_us if hot else receiver.warm_start_us)
-    return GpsState(fix_from_us, truth.time_us, memory.queue)
+        submerged_us = truth.time_us - state.lost_us
+        is_hot = submerged_us <= receiver.hot_within_us
+        start_us = receiver.hot_start_us if is_hot else receiver.warm_start_us
+        fix_from_us = truth.time_us + start_us
+    return GpsState(fix_from_us, truth.time_us, state.queue)
 
 
 def _measure(sheet: GpsSheet, truth: Truth, sea: Environment, stream: NoiseStream) -> GpsFix:
+    """Return a fix with white noise on position and velocity."""
     north, east, up, v_north, v_east, v_down = stream.normals(6)
     latitude, longitude = offset_to_geodetic(
         truth.position_ned_m[0] + sheet.horizontal_noise_m * north,

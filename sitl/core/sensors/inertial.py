@@ -1,10 +1,12 @@
-"""Gyros and accelerometers: white noise, a bias that differs from run to run and wanders within
-one, imperfect axes.
+"""Gyroscopes and accelerometers: white noise, turn-on bias, bias instability, scale, misalignment.
 
-The wander (bias instability) is a first-order Gauss-Markov process. Its Allan deviation peaks at
-0.617 of its standard deviation, 1.89 time constants away (IEEE Std 952-1997, annex C, exponentially
-correlated noise); a data sheet's in-run bias stability is taken as that peak, so the standard
-deviation follows from it."""
+    measured = A true + b + n,   b = turn-on bias + wander
+
+A: scale and misalignment. n: white noise. The wander (bias instability) is a first-order
+Gauss-Markov process. Its Allan deviation has a maximum of 0.617 of its standard deviation at 1.89
+time constants (IEEE Std 952-1997, annex C, exponentially correlated noise). The in-run bias
+stability of a data sheet is measured as that maximum, which gives the standard deviation.
+"""
 
 from __future__ import annotations
 
@@ -27,25 +29,28 @@ from sitl.core.sensors.three_axis import (
 from sitl.core.truth import Truth
 
 ALLAN_PEAK = 0.617
-"""Of a Gauss-Markov process of unit variance."""
+"""Maximum of the Allan deviation of a Gauss-Markov process of unit variance."""
 WANDER_PERIOD_US = 1_000_000
-"""The wander moves in steps of a second: far below its time constant, and it costs nothing in
-between."""
+"""Time step of the wander, far below its time constant; it is constant in between."""
 
 _PER_HOUR = 1.0 / 3600.0
 _MICRO_G = 1e-6 * STANDARD_GRAVITY_MPS2
 
 
 class Imu(NamedTuple):
+    """Parameters of the IMU."""
+
     timing: Timing
     gyro_noise_radps: float
     accelerometer_noise_mps2: float
+    """Standard deviation of the white noise of a sample."""
     gyro_wander_radps: float
     accelerometer_wander_mps2: float
-    """One standard deviation of each wander."""
-    keep: float
-    """Of the wander over one of its steps."""
-    renew: float
+    """Standard deviation of the wander."""
+    wander_decay: float
+    """exp(-dt / time constant) for a time step dt of the wander."""
+    wander_noise_gain: float
+    """sqrt(1 - wander_decay^2)."""
     sheet: ImuSheet
 
 
@@ -57,69 +62,77 @@ class InertialReading(NamedTuple):
 
 
 class InertialErrors(NamedTuple):
+    """Sensor errors of one run, FRD axes."""
+
     gyro_axes: Matrix
     accelerometer_axes: Matrix
     gyro_turn_on_radps: Vector
     accelerometer_turn_on_mps2: Vector
     gyro_bias_radps: Vector
     accelerometer_bias_mps2: Vector
-    """Turn-on bias and wander together, as they stand."""
+    """Sum of turn-on bias and wander at present."""
 
 
 class InertialState(NamedTuple):
+    """Errors, latest reading, and readings in transit."""
+
     errors: InertialErrors = InertialErrors(IDENTITY, IDENTITY, ZERO, ZERO, ZERO, ZERO)
-    held: InertialReading = InertialReading()
-    """The newest reading that arrived."""
+    latest: InertialReading = InertialReading()
+    """Latest reading that has arrived."""
     queue: Queue[InertialReading] = ()
 
 
 def build(sheet: ImuSheet, tick_us: int) -> Imu:
-    when = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
-    rate_hz = 1e6 / when.period_us
-    keep = exp(-WANDER_PERIOD_US * 1e-6 / sheet.wander_time_s)
+    """Build the IMU from its data sheet."""
+    schedule = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
+    rate_hz = 1e6 / schedule.period_us
+    decay = exp(-WANDER_PERIOD_US * 1e-6 / sheet.wander_time_s)
     return Imu(
-        when,
-        white_noise_sd(radians(sheet.gyro_density_degps_rthz), rate_hz),
-        white_noise_sd(sheet.accelerometer_density_ug_rthz * _MICRO_G, rate_hz),
-        radians(sheet.gyro_stability_degph) * _PER_HOUR / ALLAN_PEAK,
-        sheet.accelerometer_stability_ug * _MICRO_G / ALLAN_PEAK,
-        keep,
-        sqrt(1.0 - keep * keep),
-        sheet,
+        timing=schedule,
+        gyro_noise_radps=white_noise_sd(radians(sheet.gyro_density_degps_rthz), rate_hz),
+        accelerometer_noise_mps2=white_noise_sd(
+            sheet.accelerometer_density_ug_rthz * _MICRO_G, rate_hz
+        ),
+        gyro_wander_radps=radians(sheet.gyro_stability_degph) * _PER_HOUR / ALLAN_PEAK,
+        accelerometer_wander_mps2=sheet.accelerometer_stability_ug * _MICRO_G / ALLAN_PEAK,
+        wander_decay=decay,
+        wander_noise_gain=sqrt(1.0 - decay * decay),
+        sheet=sheet,
     )
 
 
 def initial_state(imu: Imu, stream: NoiseStream) -> InertialState:
-    """The errors that this run's instrument has."""
+    """Draw the errors of this run."""
     sheet = imu.sheet
     gyro = biases(radians(sheet.gyro_turn_on_degph) * _PER_HOUR, stream)
     accelerometer = biases(sheet.accelerometer_turn_on_ug * _MICRO_G, stream)
     scale, skew = 1e-6 * sheet.scale_ppm, radians(sheet.misalignment_deg)
     errors = InertialErrors(
-        imperfect_axes(scale, skew, stream),
-        imperfect_axes(scale, skew, stream),
-        gyro,
-        accelerometer,
-        _add(gyro, biases(imu.gyro_wander_radps, stream)),
-        _add(accelerometer, biases(imu.accelerometer_wander_mps2, stream)),
+        gyro_axes=imperfect_axes(scale, skew, stream),
+        accelerometer_axes=imperfect_axes(scale, skew, stream),
+        gyro_turn_on_radps=gyro,
+        accelerometer_turn_on_mps2=accelerometer,
+        gyro_bias_radps=_add(gyro, biases(imu.gyro_wander_radps, stream)),
+        accelerometer_bias_mps2=_add(accelerometer, biases(imu.accelerometer_wander_mps2, stream)),
     )
     return InertialState(errors)
 
 
 def sample(
-    imu: Imu, truth: Truth, memory: InertialState, stream: NoiseStream
+    imu: Imu, truth: Truth, state: InertialState, stream: NoiseStream
 ) -> tuple[InertialState, bool]:
-    """``memory.held`` is what the instrument reads; True when it is new."""
-    errors, held, queue = memory
+    """Sample if due; return the new state and whether ``latest`` is new in this tick."""
+    errors, latest, queue = state
     time_us = truth.time_us
     if time_us % WANDER_PERIOD_US == 0:
         errors = _step_wander(imu, errors, stream)
-    taken = _read(imu, truth, errors, stream) if is_due(imu.timing, time_us) else None
-    queue, reading = queue_reading(imu.timing, queue, taken, time_us, stream)
-    return InertialState(errors, reading or held, queue), reading is not None
+    measured = _read(imu, truth, errors, stream) if is_due(imu.timing, time_us) else None
+    queue, reading = queue_reading(imu.timing, queue, measured, time_us, stream)
+    return InertialState(errors, reading or latest, queue), reading is not None
 
 
 def _read(imu: Imu, truth: Truth, errors: InertialErrors, stream: NoiseStream) -> InertialReading:
+    """Return a reading of the true motion with all errors."""
     a, b, c, d, e, f = stream.normals(6)
     force = apply_errors(
         truth.specific_force_mps2,
@@ -137,16 +150,18 @@ def _read(imu: Imu, truth: Truth, errors: InertialErrors, stream: NoiseStream) -
 
 
 def _step_wander(imu: Imu, errors: InertialErrors, stream: NoiseStream) -> InertialErrors:
+    """Advance the wander of all axes by one of its time steps."""
     n = stream.normals(6)
-    gyro, force = imu.renew * imu.gyro_wander_radps, imu.renew * imu.accelerometer_wander_mps2
+    gyro = imu.wander_noise_gain * imu.gyro_wander_radps
+    force = imu.wander_noise_gain * imu.accelerometer_wander_mps2
     return errors._replace(
         gyro_bias_radps=_step_gauss_markov(
-            errors.gyro_bias_radps, errors.gyro_turn_on_radps, imu.keep, gyro, n[:3]
+            errors.gyro_bias_radps, errors.gyro_turn_on_radps, imu.wander_decay, gyro, n[:3]
         ),
         accelerometer_bias_mps2=_step_gauss_markov(
             errors.accelerometer_bias_mps2,
             errors.accelerometer_turn_on_mps2,
-            imu.keep,
+            imu.wander_decay,
             force,
             n[3:],
         ),
@@ -154,11 +169,13 @@ def _step_wander(imu: Imu, errors: InertialErrors, stream: NoiseStream) -> Inert
 
 
 def _step_gauss_markov(
-    bias: Vector, centre: Vector, keep: float, renew: float, draws: list[float]
+    bias: Vector, mean: Vector, decay: float, noise: float, draws: list[float]
 ) -> Vector:
-    x, y, z = (c + keep * (b - c) + renew * n for b, c, n in zip(bias, centre, draws, strict=True))
+    """Return mean + decay (bias - mean) + noise n for each axis."""
+    x, y, z = (c + decay * (b - c) + noise * n for b, c, n in zip(bias, mean, draws, strict=True))
     return x, y, z
 
 
 def _add(a: Vector, b: Vector) -> Vector:
+    """Return the sum of two vectors."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]

@@ -12,12 +12,13 @@ LeakState = Queue[Leak]
 
 
 def build(sheet: Sheet, tick_us: int) -> Timing:
+    """Build the detector from its data sheet."""
     return timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
 
 
 def sample(
-    detector: Timing, truth: Truth, memory: LeakState, stream: NoiseStream
+    detector: Timing, truth: Truth, state: LeakState, stream: NoiseStream
 ) -> tuple[LeakState, Leak | None]:
-    """What arrives now, if anything does."""
-    taken = Leak(truth.flooding) if is_due(detector, truth.time_us) else None
-    return queue_reading(detector, memory, taken, truth.time_us, stream)
+    """Sample if due; return the new state and the reading that arrives now, if any."""
+    measured = Leak(truth.flooding) if is_due(detector, truth.time_us) else None
+    return queue_reading(detector, state, measured, truth.time_us, stream)

@@ -1,15 +1,15 @@
-"""Chance, as the instruments draw it."""
+"""Random numbers for the sensors."""
 
 from __future__ import annotations
 
 from numpy.random import Generator
 
 BLOCK = 600
-"""Normal draws fetched at a time: asking numpy for three costs as much as reading three axes."""
+"""Normal draws per call of numpy: a call for three draws takes as long as a sensor model."""
 
 
 class NoiseStream:
-    """A random stream whose normal draws are fetched ahead."""
+    """A random stream that draws normal numbers in blocks."""
 
     def __init__(self, stream: Generator) -> None:
         self._stream = stream
@@ -17,7 +17,7 @@ class NoiseStream:
         self._next = 0
 
     def normals(self, count: int) -> list[float]:
-        """So many draws of zero mean and unit variance."""
+        """Return ``count`` draws of zero mean and unit variance."""
         start, end = self._next, self._next + count
         if end > len(self._ready):
             self._ready = self._ready[start:] + self._stream.standard_normal(BLOCK).tolist()
@@ -26,16 +26,17 @@ class NoiseStream:
         return self._ready[start:end]
 
     def normal(self) -> float:
+        """Return one draw of zero mean and unit variance."""
         return self.normals(1)[0]
 
     def happens(self, chance: float) -> bool:
-        """Whether something comes about that does so with ``chance``; what never does draws
-        nothing."""
+        """Return True with probability ``chance``; for zero nothing is drawn."""
         return chance > 0.0 and bool(self._stream.random() < chance)
 
     def uniform(self, low: float, high: float) -> float:
+        """Return a draw from the uniform distribution on [low, high)."""
         return float(self._stream.uniform(low, high))
 
     def pick(self, count: int) -> int:
-        """One of the numbers below ``count``."""
+        """Return a random integer from 0 to ``count`` - 1."""
         return int(self._stream.integers(count))

@@ -1,5 +1,4 @@
-"""The pressure transmitter: absolute pressure of the water at the hull axis, and the temperature of
-its own cell."""
+"""The pressure sensor: absolute water pressure at the hull axis, and temperature."""
 
 from __future__ import annotations
 
@@ -13,10 +12,12 @@ from sitl.core.truth import Truth
 
 
 class PressureSensor(NamedTuple):
+    """Parameters of the pressure sensor."""
+
     timing: Timing
     noise_hpa: float
     offset_hpa: float
-    """One standard deviation over runs."""
+    """Standard deviation of the offset over runs."""
     resolution_hpa: float
     temperature_noise_degc: float
 
@@ -26,26 +27,33 @@ class PressureReading(NamedTuple):
 
     pressure_hpa: float = 0.0
     altitude_m: float = 0.0
-    """Height above the surface that the pressure means in water of the sea's density."""
+    """Height above the still surface computed from the pressure with the scenario's density."""
     temperature_degc: float = 0.0
 
 
 class PressureState(NamedTuple):
+    """Offset of this run, latest reading, and readings in transit."""
+
     offset_hpa: float = 0.0
-    held: PressureReading = PressureReading()
-    """The newest reading that arrived."""
+    latest: PressureReading = PressureReading()
+    """Latest reading that has arrived."""
     queue: Queue[PressureReading] = ()
 
 
 def build(sheet: PressureSheet, tick_us: int) -> PressureSensor:
-    when = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
+    """Build the sensor from its data sheet."""
+    schedule = timing(sheet.rate_hz, sheet.latency_s, sheet.dropout, tick_us)
     return PressureSensor(
-        when, sheet.noise_hpa, sheet.offset_hpa, sheet.resolution_hpa, sheet.temperature_noise_degc
+        timing=schedule,
+        noise_hpa=sheet.noise_hpa,
+        offset_hpa=sheet.offset_hpa,
+        resolution_hpa=sheet.resolution_hpa,
+        temperature_noise_degc=sheet.temperature_noise_degc,
     )
 
 
 def initial_state(sensor: PressureSensor, stream: NoiseStream) -> PressureState:
-    """The zero error of this run."""
+    """Draw the offset of this run."""
     return PressureState(sensor.offset_hpa * stream.normal())
 
 
@@ -53,21 +61,22 @@ def sample(
     sensor: PressureSensor,
     truth: Truth,
     sea: Environment,
-    memory: PressureState,
+    state: PressureState,
     stream: NoiseStream,
 ) -> tuple[PressureState, bool]:
-    """``memory.held`` is what the instrument reads; True when it is new."""
-    offset, held, queue = memory
-    taken = (
+    """Sample if due; return the new state and whether ``latest`` is new in this tick."""
+    offset, latest, queue = state
+    measured = (
         _read(sensor, truth, sea, offset, stream) if is_due(sensor.timing, truth.time_us) else None
     )
-    queue, reading = queue_reading(sensor.timing, queue, taken, truth.time_us, stream)
-    return PressureState(offset, reading or held, queue), reading is not None
+    queue, reading = queue_reading(sensor.timing, queue, measured, truth.time_us, stream)
+    return PressureState(offset, reading or latest, queue), reading is not None
 
 
 def _read(
     sensor: PressureSensor, truth: Truth, sea: Environment, offset_hpa: float, stream: NoiseStream
 ) -> PressureReading:
+    """Return a reading: pressure p with errors, and the altitude -(p - p0) / (rho g)."""
     n_pressure, n_temperature = stream.normals(2)
     true_hpa = pressure_hpa(sea, truth.position_ned_m[2], truth.wave_pressure_pa)
     pressure = true_hpa + offset_hpa + sensor.noise_hpa * n_pressure

@@ -1,4 +1,7 @@
-"""What three axes have in common: scale and misalignment in one matrix, a bias, and white noise."""
+"""Errors of three-axis sensors: measured = A true + b + n.
+
+A: matrix of scale and misalignment. b: bias. n: white noise.
+"""
 
 from __future__ import annotations
 
@@ -8,26 +11,28 @@ from mavlink_io.frames import Vector
 from sitl.core.sensors.noise import NoiseStream
 
 Matrix = tuple[Vector, Vector, Vector]
-"""Row by row."""
+"""3 x 3 matrix, row by row."""
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 def white_noise_sd(density: float, rate_hz: float) -> float:
-    """Standard deviation of white noise of one-sided ``density``, sampled at a rate that passes all
-    below its half."""
+    """Return the standard deviation of sampled white noise.
+
+    sd = density sqrt(rate / 2): ``density`` is one-sided, per sqrt(Hz), and the bandwidth is half
+    the sample rate.
+    """
     return density * sqrt(0.5 * rate_hz)
 
 
 def biases(rms: float, stream: NoiseStream) -> Vector:
-    """One draw for each axis."""
+    """Draw the bias of each axis from a normal distribution."""
     x, y, z = stream.normals(3)
     return rms * x, rms * y, rms * z
 
 
 def imperfect_axes(scale_rms: float, skew_rms: float, stream: NoiseStream) -> Matrix:
-    """The identity but for the scale of each axis and the angles (rad) by which it leans on the two
-    others."""
+    """Draw a matrix of random scale errors (diagonal) and misalignments (off-diagonal, rad)."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz = stream.normals(9)
     return (
         (1.0 + scale_rms * xx, skew_rms * xy, skew_rms * xz),
@@ -37,7 +42,7 @@ def imperfect_axes(scale_rms: float, skew_rms: float, stream: NoiseStream) -> Ma
 
 
 def soft_iron(rms: float, stream: NoiseStream) -> Matrix:
-    """The identity plus a symmetric distortion: iron that the field itself magnetises."""
+    """Draw a symmetric distortion matrix: identity plus induced magnetism."""
     xx, yy, zz, xy, xz, yz = (rms * n for n in stream.normals(6))
     return (1.0 + xx, xy, xz), (xy, 1.0 + yy, yz), (xz, yz, 1.0 + zz)
 
@@ -45,7 +50,7 @@ def soft_iron(rms: float, stream: NoiseStream) -> Matrix:
 def apply_errors(
     true: Vector, axes: Matrix, bias: Vector, noise: float, n_x: float, n_y: float, n_z: float
 ) -> Vector:
-    """What the axes read of ``true`` with a unit draw of noise for each."""
+    """Return the measured vector; ``n_x`` to ``n_z`` are standard normal draws."""
     x, y, z = true
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = axes
     b_x, b_y, b_z = bias

@@ -1,5 +1,4 @@
-"""Readers of recorded dives: a module for every kind of file, all of which give the same
-``Log``."""
+"""Readers of recorded dives: one module per file format; all return the same ``Log``."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,35 +13,62 @@ _FORMAT_BY_MAGIC = {b"\x89MCAP0\r\n": "mcap", b"ULog\x01\x12\x35": "ulog", b"\xa
 _FORMAT_BY_SUFFIX = {".mcap": "mcap", ".ulg": "ulog", ".bin": "dataflash", ".tlog": "tlog"}
 _STAMP_LENGTH = 8
 _FRAME_MAGIC = b"\xfd\xfe"
-"""MAVLink 2 and 1. A tlog has no mark of its own: a time stamp, and then a frame."""
+"""First bytes of MAVLink 2 and 1 frames. A tlog has no signature: it begins with a time stamp of 8
+bytes and a frame."""
 
 
 def format_of(path: Path) -> str:
-    """What sort of log a file is: by how it begins, or else by its suffix.
+    """Return the format of a log file from its first bytes, or else from its suffix.
 
-    Raises:
-        LogError: the file cannot be read, or is no log that is known here.
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    str
+        "mcap", "tlog", "dataflash" or "ulog".
+
+    Raises
+    ------
+    LogError
+        The file cannot be read, or its format is unknown.
     """
     try:
         with path.open("rb") as file:
             start = file.read(_STAMP_LENGTH + 1)
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give {FORMATS}") from None
-    for beginning, name in _FORMAT_BY_MAGIC.items():
-        if start.startswith(beginning):
+    for magic, name in _FORMAT_BY_MAGIC.items():
+        if start.startswith(magic):
             return name
     if len(start) > _STAMP_LENGTH and start[-1] in _FRAME_MAGIC:
         return "tlog"
     if path.suffix.lower() not in _FORMAT_BY_SUFFIX:
-        raise LogError(f"{path}: begins like no log; give {FORMATS}")
+        raise LogError(f"{path}: not a log of a known format; give {FORMATS}")
     return _FORMAT_BY_SUFFIX[path.suffix.lower()]
 
 
 def read(path: str | Path, outputs: ServoChannels = FIRST_THREE) -> Log:
-    """Read one log for identification. ``outputs`` says which of the autopilot's outputs steer.
+    """Read one log for identification.
 
-    Raises:
-        LogError: the file is missing, broken, of no known kind, or lacks what identification needs.
+    Parameters
+    ----------
+    path : str or Path
+        MCAP log, MAVLink .tlog, ArduPilot .bin or PX4 .ulg.
+    outputs : ServoChannels
+        Output numbers of rudder, elevator and thrust.
+
+    Returns
+    -------
+    Log
+        Arrays in MAVLink's axes, vehicle time.
+
+    Raises
+    ------
+    LogError
+        The file is missing, damaged, of unknown format, or has not all data for identification.
     """
     from sysid.data.readers import dataflash, mcap, tlog, ulog
 
@@ -57,7 +83,23 @@ def read(path: str | Path, outputs: ServoChannels = FIRST_THREE) -> Log:
 
 
 def tables(path: Path) -> dict[str, MessageColumns]:
-    """Everything that a tlog, .bin or .ulg holds, a table a message. Raises LogError."""
+    """Read all messages of a tlog, .bin or .ulg.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    dict
+        Columns by message name.
+
+    Raises
+    ------
+    LogError
+        The file is missing, damaged, of unknown format, or an MCAP log.
+    """
     from sysid.data.readers import dataflash, tlog, ulog
 
     readers: dict[str, Callable[[Path], dict[str, MessageColumns]]] = {
@@ -65,7 +107,7 @@ def tables(path: Path) -> dict[str, MessageColumns]:
         "dataflash": dataflash.tables,
         "ulog": ulog.tables,
     }
-    found = format_of(path)
-    if found not in readers:
-        raise LogError(f"{path}: is an MCAP log; ground's own tools look into it")
-    return readers[found](path)
+    log_format = format_of(path)
+    if log_format not in readers:
+        raise LogError(f"{path}: is an MCAP log; use the tools of `ground log` for MCAP")
+    return readers[log_format](path)

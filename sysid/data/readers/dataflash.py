@@ -1,9 +1,9 @@
-"""ArduPilot's own logs (.bin), decoded a whole message type at a time by pymavlink's table of field
-codes.
+"""ArduPilot's logs (.bin), decoded one message type at a time with pymavlink's field codes.
 
-pymavlink's DFReader itself decodes message by message, and a damaged FMT of length 0 keeps it
-reading for ever. Messages are those of ArduPilot's LogStructure.h. Angles come in degrees, altitude
-upwards, outputs as pulses."""
+pymavlink's DFReader is not used: it decodes single messages, and does not return for a damaged FMT
+of length 0. Messages are those of ArduPilot's LogStructure.h: angles in degrees, altitude positive
+up, outputs as pulses in microseconds.
+"""
 
 import re
 import struct
@@ -38,14 +38,14 @@ _HEAD = b"\xa3\x95"
 _HEAD_LENGTH = 3
 _FMT = 0x80
 _format = struct.Struct("<BB4s16s64s")
-"""An FMT message: number, length, name, field codes and columns of another."""
+"""Body of an FMT message: number, length, name, field codes and columns of a message type."""
 _REQUIRED_MESSAGES = "ATT, RATE or IMU, RCOU, and the altitude in CTUN, POS or BARO"
 _ALTITUDES = (("CTUN", "Alt"), ("POS", "RelHomeAlt"), ("BARO", "Alt"))
-"""Where altitude stands, the best first."""
+"""Message and column of the altitude, the best source first."""
 _MIXER_AXES = range(10, 14)
-"""Of SIDS.Ax: those whose magnitude is a share of the output's travel, and no angle."""
+"""Values of SIDS.Ax with a magnitude in fractions of the travel, not in degrees."""
 _TEST_MODE_WINDOW_S = 0.5
-"""So long after the start of a test its own mode is told."""
+"""Time after the start of a test in which the log reports the mode of the test."""
 
 Tables = dict[str, MessageColumns]
 
@@ -53,30 +53,49 @@ Tables = dict[str, MessageColumns]
 def read(path: Path, outputs: ServoChannels) -> Log:
     """Read one .bin.
 
-    Raises:
-        LogError: the file is broken, or lacks what identification needs.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    outputs : ServoChannels
+        Output numbers of rudder, elevator and thrust.
+
+    Returns
+    -------
+    Log
+        Arrays in MAVLink's axes, time since boot.
+
+    Raises
+    ------
+    LogError
+        The file is damaged, or has not all required messages.
     """
-    found = tables(path)
-    parameters = _parameters(found)
+    message_tables = tables(path)
+    parameters = _parameters(message_tables)
     travel_deg = parameters.get("ACT_TRAVEL_DEG", DEFAULT_TRAVEL_DEG)
-    attitude, actuators = _attitude(path, found), _actuators(path, found, travel_deg, outputs)
-    depth = _depth(path, found)
-    steps = [step for name in ("ATT", "RCOU") for step in clock_steps(name, found[name].time_s)]
-    events = _events(found, travel_deg)
+    attitude, actuators = (
+        _attitude(path, message_tables),
+        _actuators(path, message_tables, travel_deg, outputs),
+    )
+    depth = _depth(path, message_tables)
+    steps = [
+        step for name in ("ATT", "RCOU") for step in clock_steps(name, message_tables[name].time_s)
+    ]
+    events = _events(message_tables, travel_deg)
     return foreign_log(
-        path, attitude, actuators, depth, _setpoints(found), events, parameters, steps
+        path, attitude, actuators, depth, _setpoints(message_tables), events, parameters, steps
     )
 
 
 def tables(path: Path) -> Tables:
-    """Every message that carries a time, by its name. Raises LogError."""
+    """Return all messages with a time by name; raise LogError for a bad file."""
     try:
         data = path.read_bytes()
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}; give an ArduPilot .bin") from None
     decoded = {
-        kind.name: _decode(np.frombuffer(data, np.uint8), kind, found)
-        for kind, found in _index(data)
+        kind.name: _decode(np.frombuffer(data, np.uint8), kind, offsets)
+        for kind, offsets in _index(data)
     }
     tables = {name: table for name, table in decoded.items() if table is not None}
     if not tables:
@@ -85,30 +104,32 @@ def tables(path: Path) -> Tables:
 
 
 class _MessageFormat(NamedTuple):
-    """A message type, as an FMT message tells it."""
+    """Message type, as defined by an FMT message."""
 
     name: str
     length: int
-    """Of a whole message, in bytes."""
+    """Length of a whole message with header, bytes."""
     codes: str
+    """Field codes, one character per column."""
     columns: tuple[str, ...]
+    """Names of the columns."""
 
 
 def _index(data: bytes) -> list[tuple[_MessageFormat, list[int]]]:
-    """Message types, and where their messages begin. What is between messages is passed over."""
-    kinds, places, at = (
+    """Return the message types with the offsets of their messages; other bytes are skipped."""
+    kinds, offsets_by_kind, offset = (
         {_FMT: _MessageFormat("FMT", _HEAD_LENGTH + _format.size, "", ())},
         defaultdict[int, list[int]](list),
         0,
     )
-    while 0 <= at <= len(data) - _HEAD_LENGTH:
-        kind = kinds.get(data[at + 2]) if data.startswith(_HEAD, at) else None
-        if kind is None or at + kind.length > len(data):
-            at = data.find(_HEAD, at + 1)
+    while 0 <= offset <= len(data) - _HEAD_LENGTH:
+        kind = kinds.get(data[offset + 2]) if data.startswith(_HEAD, offset) else None
+        if kind is None or offset + kind.length > len(data):
+            offset = data.find(_HEAD, offset + 1)
             continue
-        places[data[at + 2]].append(at)
+        offsets_by_kind[data[offset + 2]].append(offset)
         if kind.name == "FMT":
-            number, length, *texts = _format.unpack_from(data, at + _HEAD_LENGTH)
+            number, length, *texts = _format.unpack_from(data, offset + _HEAD_LENGTH)
             name, codes, columns = (
                 text.split(b"\0", 1)[0].decode("ascii", "replace") for text in texts
             )
@@ -116,15 +137,14 @@ def _index(data: bytes) -> list[tuple[_MessageFormat, list[int]]]:
                 kinds.setdefault(
                     number, _MessageFormat(name, length, codes, tuple(columns.split(",")))
                 )
-        at += kind.length
-    return [(kinds[number], found) for number, found in places.items()]
+        offset += kind.length
+    return [(kinds[number], offsets) for number, offsets in offsets_by_kind.items()]
 
 
 def _decode(
-    data: NDArray[np.uint8], kind: _MessageFormat, places: list[int]
+    data: NDArray[np.uint8], kind: _MessageFormat, offsets_by_kind: list[int]
 ) -> MessageColumns | None:
-    """All messages of one type; None where they carry no time, or are not as long as their FMT
-    says."""
+    """Return all messages of one type; None without a time or with a length unlike the FMT."""
     from pymavlink.DFReader import FORMAT_TO_STRUCT
 
     codes = [FORMAT_TO_STRUCT[code] for code in kind.codes if code in FORMAT_TO_STRUCT]
@@ -139,7 +159,7 @@ def _decode(
     if record.itemsize != kind.length - _HEAD_LENGTH:
         return None
     windows = np.lib.stride_tricks.sliding_window_view(data, record.itemsize)
-    rows = windows[np.array(places) + _HEAD_LENGTH].view(record)[:, 0]
+    rows = windows[np.array(offsets_by_kind) + _HEAD_LENGTH].view(record)[:, 0]
     columns = {
         name: rows[name] * code[1] if code[1] else rows[name]
         for name, code in zip(kind.columns, codes, strict=True)
@@ -152,36 +172,43 @@ def _decode(
 
 
 def _scalar(code: str) -> str:
-    """The numpy type of a field's ``struct`` code."""
+    """Return the numpy type of a ``struct`` code."""
     return f"S{code[:-1]}" if code.endswith("s") else np.dtype(f"<{code}").str
 
 
-def _table(path: Path, found: Tables, name: str, *columns: str) -> MessageColumns:
-    """The first instance of a message, its samples in order of time. Raises LogError where a column
-    is missing."""
+def _table(path: Path, message_tables: Tables, name: str, *columns: str) -> MessageColumns:
+    """Return the first instance of a message in order of time.
+
+    Raise LogError for a missing column.
+    """
     missing = [
-        column for column in columns if name not in found or column not in found[name].columns
+        column
+        for column in columns
+        if name not in message_tables or column not in message_tables[name].columns
     ]
     if missing:
         raise LogError(
             f"{path}: holds no {name}.{missing[0]}; identification needs {_REQUIRED_MESSAGES}"
         )
-    time_s, values = found[name]
+    time_s, values = message_tables[name]
     first = values["I"] == 0 if "I" in values else np.ones(time_s.size, bool)
     first[first] = strictly_increasing(time_s[first])
     return MessageColumns(time_s[first], {column: array[first] for column, array in values.items()})
 
 
-def _attitude(path: Path, found: Tables) -> Attitude:
-    time_s, angles = _table(path, found, "ATT", "Roll", "Pitch", "Yaw")
-    if "RATE" in found:
-        rates = _table(path, found, "RATE", "R", "P", "Y")
-        body = [np.radians(rates.columns[name].astype(np.float64)) for name in ("R", "P", "Y")]
+def _attitude(path: Path, message_tables: Tables) -> Attitude:
+    """Return attitude from ATT and rates from RATE, or else from IMU."""
+    time_s, angles = _table(path, message_tables, "ATT", "Roll", "Pitch", "Yaw")
+    if "RATE" in message_tables:
+        rates = _table(path, message_tables, "RATE", "R", "P", "Y")
+        rates_radps = [
+            np.radians(rates.columns[name].astype(np.float64)) for name in ("R", "P", "Y")
+        ]
     else:
-        rates = _table(path, found, "IMU", "GyrX", "GyrY", "GyrZ")
-        body = [rates.columns[name].astype(np.float64) for name in ("GyrX", "GyrY", "GyrZ")]
-    near = sample_nearest(time_s, rates.time_s, body[0])[0]
-    p, q, r = (sample_nearest(time_s, rates.time_s, values)[1][near] for values in body)
+        rates = _table(path, message_tables, "IMU", "GyrX", "GyrY", "GyrZ")
+        rates_radps = [rates.columns[name].astype(np.float64) for name in ("GyrX", "GyrY", "GyrZ")]
+    near = sample_nearest(time_s, rates.time_s, rates_radps[0])[0]
+    p, q, r = (sample_nearest(time_s, rates.time_s, values)[1][near] for values in rates_radps)
     roll, pitch, yaw = (
         np.radians(angles[name][near].astype(np.float64)) for name in ("Roll", "Pitch", "Yaw")
     )
@@ -190,8 +217,11 @@ def _attitude(path: Path, found: Tables) -> Attitude:
     return Attitude(time_s[near], roll, pitch, np.unwrap(yaw), p, q, r)
 
 
-def _actuators(path: Path, found: Tables, travel_deg: float, outputs: ServoChannels) -> Actuators:
-    time_s, columns = _table(path, found, "RCOU", "C1")
+def _actuators(
+    path: Path, message_tables: Tables, travel_deg: float, outputs: ServoChannels
+) -> Actuators:
+    """Return the commands from the pulses in RCOU."""
+    time_s, columns = _table(path, message_tables, "RCOU", "C1")
     names = sorted(
         (name for name in columns if re.fullmatch(r"C\d+", name)), key=lambda name: int(name[1:])
     )
@@ -202,11 +232,13 @@ def _actuators(path: Path, found: Tables, travel_deg: float, outputs: ServoChann
     )
 
 
-def _depth(path: Path, found: Tables) -> Depth:
+def _depth(path: Path, message_tables: Tables) -> Depth:
+    """Return depth (minus altitude) and its rate by differences."""
     name, column = next(
-        ((n, c) for n, c in _ALTITUDES if n in found and c in found[n].columns), _ALTITUDES[0]
+        ((n, c) for n, c in _ALTITUDES if n in message_tables and c in message_tables[n].columns),
+        _ALTITUDES[0],
     )
-    time_s, columns = _table(path, found, name, column)
+    time_s, columns = _table(path, message_tables, name, column)
     depth_m = -columns[column].astype(np.float64)
     if time_s.size < 2:
         raise LogError(
@@ -216,37 +248,42 @@ def _depth(path: Path, found: Tables) -> Depth:
     return Depth(time_s, depth_m, np.gradient(depth_m, time_s))
 
 
-def _setpoints(found: Tables) -> Setpoints:
+def _setpoints(message_tables: Tables) -> Setpoints:
+    """Return heading, pitch and depth setpoints from ATT and CTUN."""
     (heading_s, heading), (_, pitch) = (
-        _setpoint_column(found, "ATT", "DesYaw"),
-        _setpoint_column(found, "ATT", "DesPitch"),
+        _setpoint_column(message_tables, "ATT", "DesYaw"),
+        _setpoint_column(message_tables, "ATT", "DesPitch"),
     )
-    depth_s, depth_m = _setpoint_column(found, "CTUN", "DAlt")
+    depth_s, depth_m = _setpoint_column(message_tables, "CTUN", "DAlt")
     return Setpoints(
         heading_s, np.unwrap(np.radians(heading)), np.radians(pitch), depth_s, -depth_m
     )
 
 
-def _setpoint_column(found: Tables, name: str, column: str) -> tuple[Array, Array]:
-    """Times and values of a column, empty where the log has none."""
-    if name not in found or column not in found[name].columns:
+def _setpoint_column(message_tables: Tables, name: str, column: str) -> tuple[Array, Array]:
+    """Return times and values of a column; empty arrays without it."""
+    if name not in message_tables or column not in message_tables[name].columns:
         return np.empty(0), np.empty(0)
-    time_s, columns = found[name]
+    time_s, columns = message_tables[name]
     keep = strictly_increasing(time_s)
     return time_s[keep], columns[column][keep].astype(np.float64)
 
 
-def _events(found: Tables, travel_deg: float) -> tuple[TextEvent, ...]:
-    """The texts, and tests in the words of our own logs: begun with SIDS, ended by text or by a
-    change of mode."""
+def _events(message_tables: Tables, travel_deg: float) -> tuple[TextEvent, ...]:
+    """Return the texts of the log, and texts for tests as in this autopilot's logs.
+
+    A test begins with a SIDS message and ends with a text or a change of mode.
+    """
     events: list[TextEvent] = []
-    if "MSG" in found and "Message" in found["MSG"].columns:
-        said = zip(found["MSG"].time_s, found["MSG"].columns["Message"], strict=True)
+    if "MSG" in message_tables and "Message" in message_tables["MSG"].columns:
+        texts = zip(
+            message_tables["MSG"].time_s, message_tables["MSG"].columns["Message"], strict=True
+        )
         events += [
-            TextEvent(float(t), 6, bytes(text).decode("utf-8", "replace")) for t, text in said
+            TextEvent(float(t), 6, bytes(text).decode("utf-8", "replace")) for t, text in texts
         ]
-    if "SIDS" in found and {"Ax", "Mag"} <= found["SIDS"].columns.keys():
-        time_s, columns = found["SIDS"]
+    if "SIDS" in message_tables and {"Ax", "Mag"} <= message_tables["SIDS"].columns.keys():
+        time_s, columns = message_tables["SIDS"]
         events = [event for event in events if not event.text.startswith("SystemID Starting")]
         for t, axis, size in zip(time_s, columns["Ax"], columns["Mag"], strict=True):
             magnitude = float(size) * (travel_deg if axis in _MIXER_AXES else 1.0)
@@ -257,15 +294,15 @@ def _events(found: Tables, travel_deg: float) -> tuple[TextEvent, ...]:
                     f"SystemID Starting: axis={axis} wave=chirp magnitude={magnitude:.4f}",
                 )
             )
-        events += _mode_changes(found, time_s)
+        events += _mode_changes(message_tables, time_s)
     return tuple(sorted(events, key=lambda event: event.time_s))
 
 
-def _mode_changes(found: Tables, starts_s: Array) -> list[TextEvent]:
-    """Changes of mode that are not those with which a test begins."""
-    if "MODE" not in found:
+def _mode_changes(message_tables: Tables, starts_s: Array) -> list[TextEvent]:
+    """Return the changes of mode, without those at the start of a test."""
+    if "MODE" not in message_tables:
         return []
-    changes_s = found["MODE"].time_s
+    changes_s = message_tables["MODE"].time_s
     own = [bool(np.any((t >= starts_s) & (t - starts_s < _TEST_MODE_WINDOW_S))) for t in changes_s]
     return [
         TextEvent(float(t), 6, "SystemID Stopped: the mode changed")
@@ -274,9 +311,13 @@ def _mode_changes(found: Tables, starts_s: Array) -> list[TextEvent]:
     ]
 
 
-def _parameters(found: Tables) -> dict[str, float]:
-    if "PARM" not in found or not {"Name", "Value"} <= found["PARM"].columns.keys():
+def _parameters(message_tables: Tables) -> dict[str, float]:
+    """Return the parameters from PARM; empty without it."""
+    if (
+        "PARM" not in message_tables
+        or not {"Name", "Value"} <= message_tables["PARM"].columns.keys()
+    ):
         return {}
-    columns = found["PARM"].columns
+    columns = message_tables["PARM"].columns
     names = (bytes(name).decode("ascii", "replace") for name in columns["Name"])
     return dict(zip(names, map(float, columns["Value"]), strict=True))

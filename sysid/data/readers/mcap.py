@@ -1,5 +1,4 @@
-"""MCAP logs: what ground and the vehicle record, and anyone who follows their log contract
-(docs/logs.md)."""
+"""MCAP logs of ground and of the vehicle, or of others with the same layout (docs/logs.md)."""
 
 import json
 from collections import defaultdict
@@ -33,16 +32,29 @@ from sysid.data.readers.servo_channels import ServoChannels
 def read(path: Path, outputs: ServoChannels) -> Log:
     """Read one MCAP log.
 
-    Raises:
-        LogError: the file is missing, unfinished, damaged, no MCAP, or lacks a message that
-            identification needs.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    outputs : ServoChannels
+        Output numbers of rudder, elevator and thrust.
+
+    Returns
+    -------
+    Log
+        Arrays in MAVLink's axes, vehicle time.
+
+    Raises
+    ------
+    LogError
+        The file is missing, unfinished, damaged, no MCAP file, or has not all required messages.
     """
     messages, parameters, ahead = _load(path)
     return assemble(path, messages, parameters, outputs, ahead)
 
 
 def _load(path: Path) -> tuple[Messages, dict[str, float], tuple[Array, Array]]:
-    """The vehicle's messages, the parameters, and how far the log's clock is ahead of hers."""
+    """Return messages, parameters, and (times, log time minus vehicle time)."""
     streams = _Streams()
     try:
         with path.open("rb") as file:
@@ -65,11 +77,12 @@ def _load(path: Path) -> tuple[Messages, dict[str, float], tuple[Array, Array]]:
 
 
 def _may_be_needed(channel: McapChannel) -> bool:
+    """Return True for the channel of a message that identification can use."""
     return channel.topic.startswith("/mavlink/") and channel.topic.rsplit("/", 1)[1] in CANDIDATES
 
 
 class _Streams:
-    """What was read of a file: channels, and payloads and log times of those that may be needed."""
+    """Content of a file: channels, payloads, log times and the parameters."""
 
     def __init__(self) -> None:
         self.channels: dict[str, McapChannel] = {}
@@ -79,6 +92,7 @@ class _Streams:
         self._topics: dict[int, str] = {}
 
     def add(self, item: object) -> None:
+        """Store one record of the file."""
         match item:
             case McapMessage():
                 topic = self._topics[item.channel]
@@ -92,7 +106,7 @@ class _Streams:
 
 
 def _decoded(streams: _Streams, path: Path) -> Messages:
-    """Vehicle times and records by message name."""
+    """Return vehicle times (s) and records by message name."""
     topics = {name: topic for topic, name in _vehicle_topics(streams.channels, path).items()}
     records, stamps = {}, {}
     for name, topic in topics.items():
@@ -108,6 +122,7 @@ def _decoded(streams: _Streams, path: Path) -> Messages:
 
 
 def _records(channel: McapChannel, payloads: list[bytes], path: Path) -> NDArray[Any]:
+    """Decode the messages of a channel with its schema."""
     if channel.schema is None:
         raise LogError(f"{path}: {channel.topic} has no schema; it must be a ros1msg definition")
     try:
@@ -117,13 +132,13 @@ def _records(channel: McapChannel, payloads: list[bytes], path: Path) -> NDArray
 
 
 def _vehicle_topics(channels: dict[str, McapChannel], path: Path) -> dict[str, str]:
-    """Message name by topic, of the one system that sends ATTITUDE."""
+    """Return the message name by topic of the one vehicle that sends ATTITUDE."""
     topics = sorted(channels)
     parts = [(topic, topic.split("/")) for topic in topics if topic.startswith("/mavlink/")]
     vehicles = sorted({(p[2], p[3]) for _, p in parts if len(p) == 5 and p[4] == "ATTITUDE"})
     if len(vehicles) > 1:
         raise LogError(
-            f"{path}: {len(vehicles)} vehicles send ATTITUDE; a log for identification holds one"
+            f"{path}: {len(vehicles)} vehicles send ATTITUDE; a log for identification has one"
         )
     sent = {t: p[4] for t, p in parts if len(p) == 5 and (p[2], p[3]) in vehicles}
     names = messages_to_read(set(sent.values()))
@@ -134,20 +149,19 @@ def _vehicle_topics(channels: dict[str, McapChannel], path: Path) -> dict[str, s
 
 
 def _start_ns(records: dict[str, NDArray[Any]], stamps: dict[str, list[int]], path: Path) -> int:
-    """UNIX time of vehicle time zero: log time less the time that the vehicle put in its
-    messages."""
+    """Return the UNIX time of vehicle time zero, ns: log time minus the time in the message."""
     if "ATTITUDE" not in records:
         return 0
     attitude = records["ATTITUDE"]
     if "time_boot_ms" not in (attitude.dtype.names or ()):
         raise LogError(
-            f"{path}: ATTITUDE carries no time_boot_ms; it must follow the MAVLink definition"
+            f"{path}: ATTITUDE has no time_boot_ms; it must follow the MAVLink definition"
         )
     return int(stamps["ATTITUDE"][0]) - int(attitude["time_boot_ms"][0]) * 1_000_000
 
 
 def _clock_lead(messages: Messages) -> tuple[Array, Array]:
-    """Times of ATTITUDE, and by how much they are ahead of those in the messages."""
+    """Return (log times of ATTITUDE, log time minus time in the message), s."""
     if "ATTITUDE" not in messages:
         return np.empty(0), np.empty(0)
     time_s, record = messages["ATTITUDE"]
@@ -155,6 +169,7 @@ def _clock_lead(messages: Messages) -> tuple[Array, Array]:
 
 
 def _parameters(data: bytes | None, path: Path) -> dict[str, float]:
+    """Return the parameters from the attachment params.json; empty without it."""
     if data is None:
         return {}
     try:

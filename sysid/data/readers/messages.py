@@ -1,4 +1,4 @@
-"""A vehicle's MAVLink messages, decoded, as a ``Log``: what MCAP logs and tlogs have in common."""
+"""Make a ``Log`` from decoded MAVLink messages, for MCAP logs and tlogs."""
 
 import math
 import re
@@ -31,18 +31,17 @@ from sysid.data.readers.samples import (
 from sysid.data.readers.servo_channels import ServoChannels, surface_commands
 
 DUCT = "duct"
-"""The name here of what the tailcone's component sends under the name of the autopilot's own
-message."""
+"""Key of the ACTUATOR_OUTPUT_STATUS messages that the tailcone's component sends."""
 DUCT_COMPONENT = 140
-"""MAV_COMP_ID_SERVO1."""
+"""Component of the tailcone, MAV_COMP_ID_SERVO1."""
 
 _SERVOS = "SERVO_OUTPUT_RAW"
-"""What autopilots tell that do not send ACTUATOR_OUTPUT_STATUS: pulses."""
+"""Message with servo pulses, from autopilots that do not send ACTUATOR_OUTPUT_STATUS."""
 _COMMANDS = "ACTUATOR_OUTPUT_STATUS"
 _REQUIRED = ("ATTITUDE", _COMMANDS, "LOCAL_POSITION_NED")
 _READ = (*_REQUIRED, "ATTITUDE_TARGET", "POSITION_TARGET_LOCAL_NED", "STATUSTEXT")
 CANDIDATES = frozenset((*_READ, _SERVOS))
-"""Every message that ``messages_to_read`` may choose."""
+"""All messages that ``messages_to_read`` can return."""
 _FIELDS: dict[str, dict[str, int]] = {
     "ATTITUDE": dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0),
     "LOCAL_POSITION_NED": {"z": 0, "vz": 0},
@@ -53,14 +52,14 @@ _FIELDS: dict[str, dict[str, int]] = {
     _SERVOS: {"servo1_raw": 0},
     DUCT: {"actuator": 2},
 }
-"""Fields that are read of each message: 0 for a single value, else the least length of an array."""
+"""Fields that are read from each message: 0 for a scalar, else the minimum length of an array."""
 
 Messages = dict[str, tuple[Array, NDArray[Any]]]
-"""Vehicle times and records by message name."""
+"""Vehicle times (s) and records by message name."""
 
 
 def messages_to_read(sent: Container[str]) -> tuple[str, ...]:
-    """The messages to read of a vehicle that ``sent`` some."""
+    """Return the names of the messages to read from a vehicle that sends the messages ``sent``."""
     return (*_READ, _SERVOS) if _COMMANDS not in sent and _SERVOS in sent else _READ
 
 
@@ -71,11 +70,30 @@ def assemble(
     outputs: ServoChannels,
     ahead: tuple[Array, Array],
 ) -> Log:
-    """The log of one vehicle. ``ahead``: times, and how far the recorder's clock is ahead of the
-    vehicle's.
+    """Return the log of one vehicle.
 
-    Raises:
-        LogError: a message is missing that identification needs.
+    Parameters
+    ----------
+    path : Path
+        The file, for the name and for messages.
+    messages : dict
+        Vehicle times (s) and records by message name.
+    parameters : dict
+        Parameters of the autopilot.
+    outputs : ServoChannels
+        Output numbers of rudder, elevator and thrust.
+    ahead : tuple of two ndarray
+        Times, and recorder time minus vehicle time, s.
+
+    Returns
+    -------
+    Log
+        Arrays in MAVLink's axes, vehicle time.
+
+    Raises
+    ------
+    LogError
+        A required message or field is missing.
     """
     missing = [
         name
@@ -115,7 +133,7 @@ def assemble(
 
 
 def _refuse_other_definitions(path: Path, messages: Messages) -> None:
-    """Raise LogError where the schema of a message lacks a field that is read here."""
+    """Raise LogError if the schema of a message has not all fields that are read."""
     for name, (_, record) in messages.items():
         types: Mapping[str, Any] = record.dtype.fields or {}
         for field, length in _FIELDS[name].items():
@@ -126,10 +144,12 @@ def _refuse_other_definitions(path: Path, messages: Messages) -> None:
 
 
 def _columns(record: NDArray[Any], keep: NDArray[np.bool_], *names: str) -> list[Array]:
+    """Return fields of a record array as floats, for the samples of the mask ``keep``."""
     return [record[name][keep].astype(np.float64) for name in names]
 
 
 def _attitude(time_s: Array, record: NDArray[Any]) -> Attitude:
+    """Return attitude and rates from ATTITUDE."""
     keep = strictly_increasing(time_s)
     roll, pitch, yaw, p, q, r = _columns(
         record, keep, "roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"
@@ -140,13 +160,14 @@ def _attitude(time_s: Array, record: NDArray[Any]) -> Attitude:
 def _actuators(
     time_s: Array, record: NDArray[Any], travel_rad: float, outputs: ServoChannels, where: str
 ) -> Actuators:
+    """Return the commands in radians and fractions of thrust."""
     keep = strictly_increasing(time_s)
     rudder, elevator, thrust = surface_commands(_outputs(record[keep]), outputs, where)
     return Actuators(time_s[keep], rudder * travel_rad, elevator * travel_rad, thrust)
 
 
 def _outputs(record: NDArray[Any]) -> Array:
-    """Every output of a message, shape (n, outputs)."""
+    """Return all outputs of a message, shape (n, outputs)."""
     names = record.dtype.names or ()
     if "actuator" in names:
         return np.asarray(record["actuator"], np.float64)
@@ -156,17 +177,20 @@ def _outputs(record: NDArray[Any]) -> Array:
 
 
 def _duct(time_s: Array, record: NDArray[Any], travel_rad: float) -> DuctAngles:
+    """Return the measured duct angles in radians."""
     keep = strictly_increasing(time_s)
     angles = record["actuator"][keep].astype(np.float64) * travel_rad
     return DuctAngles(time_s[keep], angles[:, 0], angles[:, 1])
 
 
 def _depth(time_s: Array, record: NDArray[Any]) -> Depth:
+    """Return depth and its rate from LOCAL_POSITION_NED."""
     keep = strictly_increasing(time_s)
     return Depth(time_s[keep], *_columns(record, keep, "z", "vz"))
 
 
 def _setpoints(messages: Messages) -> Setpoints:
+    """Return heading, pitch and depth setpoints; empty arrays without the messages."""
     nothing = np.empty(0)
     attitude_time, heading, pitch, depth_time, depth = nothing, nothing, nothing, nothing, nothing
     if "ATTITUDE_TARGET" in messages:
@@ -182,8 +206,7 @@ def _setpoints(messages: Messages) -> Setpoints:
 
 
 def _events(time_s: Array, record: NDArray[Any]) -> tuple[TextEvent, ...]:
-    """Status texts, the chunks of a long one (id not 0) joined in the order of their sequence
-    numbers."""
+    """Return the status texts; consecutive chunks of a long text (id not 0) are joined."""
     events: list[TextEvent] = []
     open_id = 0
     for time, row in zip(time_s, record, strict=True):

@@ -1,4 +1,4 @@
-"""What every reader does with time stamps and numbers."""
+"""Common functions of the readers: time stamps, resampling, attitude angles, content hash."""
 
 import hashlib
 import json
@@ -23,30 +23,33 @@ from sysid.data.dataset import (
 )
 
 DEFAULT_TRAVEL_DEG = 15.0
-"""Duct travel that an output of 1 stands for, unless the log's parameters say otherwise
-(ACT_TRAVEL_DEG)."""
+"""Duct angle at an output of 1, unless the log has the parameter ACT_TRAVEL_DEG."""
 CLOCK_STEP_SAMPLES = 5
-"""So many samples in a row that are older than one before are no longer late datagrams: the clock
-went back."""
+"""Number of consecutive samples older than an earlier one that counts as a backward clock step.
+
+Fewer such samples are late datagrams."""
 MAX_TIME_DIFFERENCE_S = 0.1
-"""A sample further than this from those of another stream has no partner there."""
+"""Maximum time difference of corresponding samples of two streams."""
 
 
 class MessageColumns(NamedTuple):
-    """Every message of one name. Columns have the length of ``time_s``; text is bytes."""
+    """All messages of one name as columns of the length of ``time_s``; text is bytes."""
 
     time_s: Array
     columns: Mapping[str, NDArray[Any]]
 
 
 def strictly_increasing(time_s: Array) -> NDArray[np.bool_]:
-    """Samples that are later than every one before: repeated and reordered ones are left out."""
+    """Return a mask of samples later than all before; repeated and late samples are excluded."""
     latest = np.maximum.accumulate(time_s)
     return np.concatenate(([True], time_s[1:] > latest[:-1]))[: time_s.size]
 
 
 def clock_steps(what: str, time_s: Array) -> list[ClockStep]:
-    """Where a clock went back for good, as it does when an autopilot starts anew."""
+    """Return the backward steps of a clock, e.g. by a restart of the autopilot.
+
+    ``what`` is the name of the message and ``time_s`` its time stamps.
+    """
     stale = ~strictly_increasing(time_s)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], stale.astype(np.int8), [0]))))
     latest = np.maximum.accumulate(time_s)
@@ -58,8 +61,11 @@ def clock_steps(what: str, time_s: Array) -> list[ClockStep]:
 
 
 def sample_nearest(time_s: Array, other_s: Array, values: Array) -> tuple[NDArray[np.bool_], Array]:
-    """Another stream's ``values`` at the times of this one, and which of these times it has samples
-    near to."""
+    """Return (mask, values) of another stream at the times of this one.
+
+    The mask is true where the other stream has a sample within MAX_TIME_DIFFERENCE_S; the values
+    are interpolated linearly.
+    """
     if other_s.size < 2:
         return np.zeros(time_s.size, bool), np.zeros(time_s.size)
     after = np.clip(np.searchsorted(other_s, time_s), 1, other_s.size - 1)
@@ -68,17 +74,20 @@ def sample_nearest(time_s: Array, other_s: Array, values: Array) -> tuple[NDArra
 
 
 def euler_rad(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
-    """Roll, pitch and yaw of a rotation from FRD to NED (Diebel 2006, equation 290)."""
+    """Return roll, pitch and yaw (rad) of a quaternion from FRD to NED.
+
+    Source: Diebel 2006, equation 290.
+    """
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
     return roll, pitch, np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def content_sha256(parts: Mapping[str, bytes], parameters: Mapping[str, float]) -> str:
-    """SHA-256 of what identification reads, and of the parameters.
+    """Return the SHA-256 of the data that identification reads and of the parameters.
 
-    Not of the file, which also carries the wall clock: a dive that is flown again has the same
-    digest."""
+    The wall-clock time in the file is excluded: a repeated simulation has the same hash.
+    """
     total = hashlib.sha256(json.dumps(parameters, sort_keys=True).encode())
     for name in sorted(parts):
         total.update(name.encode())
@@ -96,12 +105,12 @@ def foreign_log(
     parameters: dict[str, float],
     steps: Iterable[ClockStep],
 ) -> Log:
-    """The log of another's autopilot: one clock, and no encoder at a duct."""
+    """Return the log of another autopilot, which has one clock and no duct encoder."""
     parts = {"attitude": attitude, "actuators": actuators, "depth": depth}
     read_from = {
         f"{part}.{name}": values.tobytes()
-        for part, of in parts.items()
-        for name, values in vars(of).items()
+        for part, record in parts.items()
+        for name, values in vars(record).items()
     }
     return Log(
         name=path.name,

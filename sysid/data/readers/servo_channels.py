@@ -1,7 +1,7 @@
-"""Which of an autopilot's outputs steer, and what an output's number means.
+"""Output numbers of rudder, elevator and thrust, and the scale of the outputs.
 
-The same words and the same scale as ``sitl --outputs`` (docs/other_autopilots.md), so that what was
-flown with those outputs is read with them."""
+Syntax and scale are those of ``sitl --outputs`` (docs/other_autopilots.md).
+"""
 
 import re
 from typing import NamedTuple
@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 from sysid.data.dataset import Array, LogError
 
 PULSE_CENTRE_US = 1500.0
+"""Servo pulse at zero deflection."""
 PULSE_HALF_US = 400.0
+"""Difference of the servo pulse at full travel from the centre."""
 MAX_FRACTION = 2.0
-"""An output beyond this is a servo's pulse in microseconds, not a fraction of its travel."""
+"""Output above which the values are servo pulses in microseconds, not fractions of the travel."""
 
 
 class ServoChannels(NamedTuple):
-    """Outputs counted from 1; negative: turned round."""
+    """Output numbers, counted from 1; negative for an output with reversed sign."""
 
     rudder: int
     elevator: int
@@ -26,18 +28,31 @@ class ServoChannels(NamedTuple):
 
 
 FIRST_THREE = ServoChannels(1, 2, 3)
+"""Default outputs."""
 
 
 def parse(text: str) -> ServoChannels:
-    """``RUDDER,ELEVATOR,THRUST``, as in ``1,-2,3``.
+    """Parse ``RUDDER,ELEVATOR,THRUST``, for example ``1,-2,3``.
 
-    Raises:
-        LogError: it is anything else.
+    Parameters
+    ----------
+    text : str
+        Three output numbers, counted from 1, with a minus for a reversed output.
+
+    Returns
+    -------
+    ServoChannels
+        The output numbers.
+
+    Raises
+    ------
+    LogError
+        The text has another form.
     """
     if not re.fullmatch(r"-?[1-9]\d?(,-?[1-9]\d?){2}", text):
         raise LogError(
-            f"--servo-channels {text}: give RUDDER,ELEVATOR,THRUST, counted from 1, with a minus"
-            " where the sign is reversed"
+            f"--servo-channels {text}: give RUDDER,ELEVATOR,THRUST counted from 1, with a minus for"
+            " a reversed output"
         )
     return ServoChannels(*(int(part) for part in text.split(",")))
 
@@ -45,19 +60,33 @@ def parse(text: str) -> ServoChannels:
 def surface_commands(
     values: NDArray[np.float64], outputs: ServoChannels, where: str
 ) -> tuple[Array, Array, Array]:
-    """Rudder, elevator and thrust as fractions -1..1 from outputs of shape (n, outputs).
+    """Return rudder, elevator and thrust as fractions -1..1.
 
-    Fractions are taken as they are; of pulses, 1500 us is the middle and 400 us the travel. An
-    output of 0 us or NaN asks for nothing.
+    Parameters
+    ----------
+    values : ndarray, shape (n, outputs)
+        Fractions of the travel, or pulses in microseconds: 1500 us is zero, 400 us full travel. A
+        pulse of 0 us and NaN are zero deflection.
+    outputs : ServoChannels
+        Output numbers of rudder, elevator and thrust.
+    where : str
+        File and message, for the error.
 
-    Raises:
-        LogError: the log has no such output; ``where`` names file and message.
+    Returns
+    -------
+    tuple of three ndarray, shape (n,)
+        Rudder, elevator and thrust.
+
+    Raises
+    ------
+    LogError
+        The log does not have one of the outputs.
     """
     largest = max(abs(number) for number in outputs)
     if largest > values.shape[1]:
         raise LogError(
-            f"{where} holds {values.shape[1]} outputs, none is number {largest}; give"
-            " others with --servo-channels"
+            f"{where} has {values.shape[1]} outputs but not number {largest}; give other numbers"
+            " with --servo-channels"
         )
     chosen = values[:, [abs(number) - 1 for number in outputs]]
     if np.nanmax(np.abs(chosen), initial=0.0) > MAX_FRACTION:

@@ -1,7 +1,8 @@
 """MAVLink telemetry logs (.tlog) of QGroundControl, Mission Planner, MAVProxy and ground.
 
-Times are those that the vehicle put in her messages; when they were received does not count, as a
-radio delays them."""
+Times are the vehicle's times in the messages, not the times of reception, because a radio link has
+a variable delay.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -20,17 +21,30 @@ from sysid.data.readers.servo_channels import ServoChannels
 
 
 def read(path: Path, outputs: ServoChannels) -> Log:
-    """Read the one vehicle of a tlog.
+    """Read a tlog with one vehicle.
 
-    Raises:
-        LogError: the file cannot be read, holds several vehicles, or lacks a message that
-        identification needs.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    outputs : ServoChannels
+        Output numbers of rudder, elevator and thrust.
+
+    Returns
+    -------
+    Log
+        Arrays in MAVLink's axes, vehicle time.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read, has several vehicles, or has not all required messages.
     """
     streams = _streams(path)
     vehicles = sorted({(s.system, s.component) for s in streams if s.message.name == "ATTITUDE"})
     if len(vehicles) > 1:
         raise LogError(
-            f"{path}: {len(vehicles)} vehicles send ATTITUDE; a log for identification holds one"
+            f"{path}: {len(vehicles)} vehicles send ATTITUDE; a log for identification has one"
         )
     own = {s.message.name: s for s in streams if (s.system, s.component) in vehicles}
     messages: Messages = {name: _decode(own[name]) for name in messages_to_read(own) if name in own}
@@ -47,18 +61,19 @@ def read(path: Path, outputs: ServoChannels) -> Log:
 
 
 def tables(path: Path) -> dict[str, MessageColumns]:
-    """Every message of every sender, by ``/mavlink/SYSTEM/COMPONENT/NAME``. Raises LogError."""
-    found = {}
+    """Return all messages by ``/mavlink/SYSTEM/COMPONENT/NAME``; raise LogError for a bad file."""
+    columns_by_topic = {}
     for stream in _streams(path):
         time_s, record = _decode(stream)
         columns = {name: record[name] for name in record.dtype.names or ()}
-        found[f"/mavlink/{stream.system}/{stream.component}/{stream.message.name}"] = (
+        columns_by_topic[f"/mavlink/{stream.system}/{stream.component}/{stream.message.name}"] = (
             MessageColumns(time_s, columns)
         )
-    return found
+    return columns_by_topic
 
 
 def _streams(path: Path) -> list[MessageSeries]:
+    """Return the messages of a file by sender and name; raise LogError without any."""
     try:
         streams = tlog.read(path.read_bytes())
     except OSError as error:
@@ -69,13 +84,16 @@ def _streams(path: Path) -> list[MessageSeries]:
 
 
 def _decode(stream: MessageSeries) -> tuple[Array, NDArray[Any]]:
+    """Return the vehicle times (s) and records of a stream."""
     record = ros1.decode(stream.payloads, ros1.record_type(schema_text(stream.message)))
     return np.array(stream.times_us, np.float64) * 1e-6, record
 
 
 def _parameters(stream: MessageSeries | None) -> dict[str, float]:
-    """The latest value of every parameter that was told; a REAL32, as ours and ArduPilot's all
-    are."""
+    """Return the latest value of each parameter from PARAM_VALUE.
+
+    All parameters are REAL32, as in this autopilot and ArduPilot.
+    """
     if stream is None:
         return {}
     _, record = _decode(stream)

@@ -1,5 +1,4 @@
-"""PX4's own logs (.ulg), read with pyulog. Messages are PX4's uORB topics: FRD, NED and radians
-already."""
+"""PX4's logs (.ulg), read with pyulog. Messages are PX4's uORB topics in FRD, NED and radians."""
 
 import contextlib
 import io
@@ -30,7 +29,7 @@ from sysid.data.readers.servo_channels import ServoChannels, surface_commands
 from sysid.data.readers.ulog_recovery import keep_sound_messages, refuse_large_formats
 
 _OUTPUTS = ("actuator_outputs_sim", "actuator_outputs")
-"""What went to the simulator, fractions, or to the servos, pulses."""
+"""Topics of the outputs: fractions to the simulator, or pulses to the servos."""
 _TOPICS = ("vehicle_attitude", "vehicle_angular_velocity", "vehicle_local_position")
 _SETPOINTS = ("vehicle_attitude_setpoint", "vehicle_local_position_setpoint")
 _QUATERNION = ("[0]", "[1]", "[2]", "[3]")
@@ -41,34 +40,52 @@ Tables = dict[str, MessageColumns]
 def read(path: Path, outputs: ServoChannels) -> Log:
     """Read one .ulg.
 
-    Raises:
-        LogError: the file is broken, or lacks a topic that identification needs.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    outputs : ServoChannels
+        Output numbers of rudder, elevator and thrust.
+
+    Returns
+    -------
+    Log
+        Arrays in MAVLink's axes, time since boot.
+
+    Raises
+    ------
+    LogError
+        The file is damaged, or has not all required topics.
     """
     log = _parse(path, [*_TOPICS, *_OUTPUTS, *_SETPOINTS])
-    found = _tables(log)
+    topic_tables = _tables(log)
     parameters = {str(name): float(value) for name, value in log.initial_parameters.items()}
     travel_rad = float(np.radians(parameters.get("ACT_TRAVEL_DEG", DEFAULT_TRAVEL_DEG)))
-    attitude, actuators = _attitude(path, found), _actuators(path, found, travel_rad, outputs)
-    depth = _depth(path, found)
+    attitude, actuators = (
+        _attitude(path, topic_tables),
+        _actuators(path, topic_tables, travel_rad, outputs),
+    )
+    depth = _depth(path, topic_tables)
     steps = [
         step
         for name in (*_TOPICS, *_OUTPUTS)
-        if name in found
-        for step in clock_steps(name, found[name].time_s)
+        if name in topic_tables
+        for step in clock_steps(name, topic_tables[name].time_s)
     ]
-    said = sorted(log.logged_messages, key=lambda message: message.timestamp)
-    events = tuple(TextEvent(m.timestamp * 1e-6, m.log_level - ord("0"), m.message) for m in said)
+    texts = sorted(log.logged_messages, key=lambda message: message.timestamp)
+    events = tuple(TextEvent(m.timestamp * 1e-6, m.log_level - ord("0"), m.message) for m in texts)
     return foreign_log(
-        path, attitude, actuators, depth, _setpoints(found), events, parameters, steps
+        path, attitude, actuators, depth, _setpoints(topic_tables), events, parameters, steps
     )
 
 
 def tables(path: Path) -> Tables:
-    """Every topic; a second instance of it as ``name.1``. Raises LogError."""
+    """Return all topics, a second instance as ``name.1``; raise LogError for a bad file."""
     return _tables(_parse(path, None))
 
 
 def _parse(path: Path, topics: list[str] | None) -> Any:
+    """Return pyulog's ULog of a file; raise LogError for a bad file."""
     from pyulog import ULog
 
     try:
@@ -85,67 +102,76 @@ def _parse(path: Path, topics: list[str] | None) -> Any:
 
 
 def _tables(log: Any) -> Tables:
-    """Times are those at which the data were sampled, where a topic tells them."""
-    found = {}
+    """Return the topics; times are ``timestamp_sample`` if present, else ``timestamp``."""
+    topic_tables = {}
     for topic in log.data_list:
         sampled = topic.data.get("timestamp_sample")
         if sampled is None and "timestamp" not in topic.data:
-            continue  # a topic whose format a broken file has lost tells nothing of time
+            continue  # in a damaged file the format of the topic, and so its time, can be missing
         stamps = sampled if sampled is not None and np.all(sampled > 0) else topic.data["timestamp"]
         name = f"{topic.name}.{topic.multi_id}" if topic.multi_id else topic.name
-        found[name] = MessageColumns(stamps * 1e-6, topic.data)
-    return found
+        topic_tables[name] = MessageColumns(stamps * 1e-6, topic.data)
+    return topic_tables
 
 
-def _table(path: Path, found: Tables, name: str, *columns: str) -> MessageColumns:
-    """A topic, its samples in order of time. Raises LogError where it, or a field of it, is
-    missing."""
+def _table(path: Path, topic_tables: Tables, name: str, *columns: str) -> MessageColumns:
+    """Return a topic in order of time; raise LogError if it or one of its fields is missing."""
     missing = [
-        column for column in columns if name not in found or column not in found[name].columns
+        column
+        for column in columns
+        if name not in topic_tables or column not in topic_tables[name].columns
     ]
     if missing:
         needed = ", ".join((*_TOPICS, _OUTPUTS[1]))
         raise LogError(f"{path}: holds no {name}.{missing[0]}; identification needs {needed}")
-    time_s, values = found[name]
+    time_s, values = topic_tables[name]
     keep = strictly_increasing(time_s)
     return MessageColumns(time_s[keep], {column: array[keep] for column, array in values.items()})
 
 
-def _attitude(path: Path, found: Tables) -> Attitude:
-    time_s, columns = _table(path, found, "vehicle_attitude", *(f"q{part}" for part in _QUATERNION))
-    rates = _table(path, found, "vehicle_angular_velocity", "xyz[0]", "xyz[1]", "xyz[2]")
-    body = [rates.columns[f"xyz[{k}]"].astype(np.float64) for k in range(3)]
-    near = sample_nearest(time_s, rates.time_s, body[0])[0]
+def _attitude(path: Path, topic_tables: Tables) -> Attitude:
+    """Return attitude and body rates."""
+    time_s, columns = _table(
+        path, topic_tables, "vehicle_attitude", *(f"q{part}" for part in _QUATERNION)
+    )
+    rates = _table(path, topic_tables, "vehicle_angular_velocity", "xyz[0]", "xyz[1]", "xyz[2]")
+    rates_radps = [rates.columns[f"xyz[{k}]"].astype(np.float64) for k in range(3)]
+    near = sample_nearest(time_s, rates.time_s, rates_radps[0])[0]
     if not near.any():
         raise LogError(
             f"{path}: vehicle_attitude and vehicle_angular_velocity were never logged at the same"
             " time"
         )
-    p, q, r = (sample_nearest(time_s, rates.time_s, values)[1][near] for values in body)
+    p, q, r = (sample_nearest(time_s, rates.time_s, values)[1][near] for values in rates_radps)
     roll, pitch, yaw = euler_rad(
         *(columns[f"q{part}"][near].astype(np.float64) for part in _QUATERNION)
     )
     return Attitude(time_s[near], roll, pitch, np.unwrap(yaw), p, q, r)
 
 
-def _actuators(path: Path, found: Tables, travel_rad: float, outputs: ServoChannels) -> Actuators:
-    name = next((topic for topic in _OUTPUTS if topic in found), _OUTPUTS[1])
-    time_s, columns = _table(path, found, name, "output[0]")
+def _actuators(
+    path: Path, topic_tables: Tables, travel_rad: float, outputs: ServoChannels
+) -> Actuators:
+    """Return the commands from the outputs."""
+    name = next((topic for topic in _OUTPUTS if topic in topic_tables), _OUTPUTS[1])
+    time_s, columns = _table(path, topic_tables, name, "output[0]")
     count = sum(column.startswith("output[") for column in columns)
     values = np.stack([columns[f"output[{k}]"].astype(np.float64) for k in range(count)], axis=1)
     rudder, elevator, thrust = surface_commands(values, outputs, f"{path}: {name}")
     return Actuators(time_s, rudder * travel_rad, elevator * travel_rad, thrust)
 
 
-def _depth(path: Path, found: Tables) -> Depth:
-    time_s, columns = _table(path, found, "vehicle_local_position", "z", "vz")
+def _depth(path: Path, topic_tables: Tables) -> Depth:
+    """Return depth and its rate from vehicle_local_position."""
+    time_s, columns = _table(path, topic_tables, "vehicle_local_position", "z", "vz")
     return Depth(time_s, columns["z"].astype(np.float64), columns["vz"].astype(np.float64))
 
 
-def _setpoints(found: Tables) -> Setpoints:
+def _setpoints(topic_tables: Tables) -> Setpoints:
+    """Return heading, pitch and depth setpoints; empty arrays without the topics."""
     nothing = np.empty(0)
     attitude_s, heading, pitch, depth_s, depth_m = nothing, nothing, nothing, nothing, nothing
-    attitude, position = (found.get(name) for name in _SETPOINTS)
+    attitude, position = (topic_tables.get(name) for name in _SETPOINTS)
     if attitude and "q_d[3]" in attitude.columns:
         keep = strictly_increasing(attitude.time_s)
         attitude_s = attitude.time_s[keep]

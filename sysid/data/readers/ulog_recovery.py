@@ -1,8 +1,9 @@
-"""What stands whole in a damaged .ulg: pyulog seeks byte by byte, or back and forth for ever, where
-a size is wrong.
+"""Extract the undamaged messages of a .ulg before pyulog reads it.
 
-A ULog file is a header of 16 bytes and then messages, each a size (uint16), a type (one letter) and
-so many bytes (PX4, "ULog File Format")."""
+At a wrong size pyulog searches byte by byte, or does not return. A ULog file is a header of 16
+bytes followed by messages, each with a size (uint16), a type (one letter) and a body of that size
+(PX4, "ULog File Format").
+"""
 
 import struct
 from collections import defaultdict
@@ -12,89 +13,95 @@ from typing import NamedTuple
 _HEADER_LENGTH = 16
 _TYPES = frozenset(b"ABCDFILMOPQRST")
 _MAX_MESSAGE_BYTES = 10_000
-"""Bytes of a message that pyulog itself takes for undamaged."""
+"""Maximum size of a message body that pyulog accepts as undamaged."""
 _RESYNC_MESSAGES = 3
-"""So many messages in a row, where one was lost, are hardly there by chance."""
+"""Number of consecutive valid messages required after damage, so that a chance match is unlikely.
+"""
 _head = struct.Struct("<HB")
 MAX_FIELDS = 200_000
-"""Number of fields of all logged topics together, nested formats included.
+"""Maximum number of fields of all logged topics, including nested formats.
 
-A log of PX4 has some 20 000.
+A PX4 log has about 20 000.
 """
 MAX_NAME_BYTES = 20_000_000
-"""Length of the names of these fields together."""
+"""Maximum total length of the names of these fields."""
 MAX_NESTING = 16
-"""Depth to which formats may contain each other. uORB topics use 3."""
+"""Maximum nesting of formats; uORB topics use 3."""
 _FORMAT, _SUBSCRIPTION = ord("F"), ord("A")
 _SCALAR_TYPES = frozenset(f"{sign}int{bits}_t" for sign in ("", "u") for bits in (8, 16, 32, 64))
 _SCALAR_TYPES |= {"float", "double", "bool", "char"}
 _FLAGS, _APPENDED = ord("B"), 16
-"""The message whose bytes from the sixteenth on say where in the file further data were
-appended."""
+"""Type of the flags message; bytes from the sixteenth on are file offsets of appended data."""
 
 
 def keep_sound_messages(data: bytes) -> bytes:
-    """The file with those of its messages that are sound, in their order; a sound file as it is."""
-    kept, at, lost = [data[:_HEADER_LENGTH]], _HEADER_LENGTH, False
-    while at < len(data):
-        end = _end(data, at)
-        if end is None or (lost and not _is_message_sequence(data, at)):
-            lost, at = True, at + 1
+    """Return the file with its undamaged messages only; an undamaged file is not changed.
+
+    Offsets of appended data in the flags message are set to zero.
+    """
+    sound_parts, offset, lost = [data[:_HEADER_LENGTH]], _HEADER_LENGTH, False
+    while offset < len(data):
+        end = _end(data, offset)
+        if end is None or (lost and not _is_message_sequence(data, offset)):
+            lost, offset = True, offset + 1
             continue
-        kept.append(_clear_appended_offsets(data[at:end]))
-        at, lost = end, False
-    return b"".join(kept)
+        sound_parts.append(_clear_appended_offsets(data[offset:end]))
+        offset, lost = end, False
+    return b"".join(sound_parts)
 
 
-def _end(data: bytes, at: int) -> int | None:
-    """Where the message ends that begins here; None where none does."""
-    if at + _head.size > len(data):
+def _end(data: bytes, offset: int) -> int | None:
+    """Return the end of the message that begins at an offset; None without a valid one."""
+    if offset + _head.size > len(data):
         return None
-    size, kind = _head.unpack_from(data, at)
-    end = at + _head.size + size
+    size, kind = _head.unpack_from(data, offset)
+    end = offset + _head.size + size
     return end if kind in _TYPES and 0 < size <= _MAX_MESSAGE_BYTES and end <= len(data) else None
 
 
-def _is_message_sequence(data: bytes, at: int) -> bool:
-    """Whether _CHAIN messages follow each other from here, or as many as there are up to the
-    end."""
+def _is_message_sequence(data: bytes, offset: int) -> bool:
+    """Return True if _RESYNC_MESSAGES valid messages (or all up to the end) follow each other."""
     for _ in range(_RESYNC_MESSAGES):
-        if at == len(data):
+        if offset == len(data):
             return True
-        end = _end(data, at)
+        end = _end(data, offset)
         if end is None:
             return False
-        at = end
+        offset = end
     return True
 
 
 def _clear_appended_offsets(message: bytes) -> bytes:
-    """Flags without the places of appended data, which stand in the order of the file anyway."""
+    """Return a flags message without offsets of appended data, which is read in file order."""
     if message[2] != _FLAGS or len(message) < _head.size + _APPENDED:
         return message
     return message[: _head.size + _APPENDED] + bytes(len(message) - _head.size - _APPENDED)
 
 
 class _Expansion(NamedTuple):
-    """What pyulog makes of a format: a list of every element of every array by its full name."""
+    """Size of a format in pyulog: it lists each element of each array by its full name."""
 
     fields: int
+    """Number of elements."""
     name_bytes: int
+    """Total length of their names."""
 
 
 class _Field(NamedTuple):
+    """Field of a format."""
+
     type: str
     length: int
-    """Of an array; 1 for a single value."""
+    """Length of an array; 1 for a scalar."""
     name: str
 
 
 _Formats = dict[str, list[list[_Field]]]
-"""The fields of each format by its name; a damaged file may define a name more than once."""
+"""Fields of each format by name; a damaged file can define a name more than once."""
 
 
 def refuse_large_formats(data: bytes) -> None:
-    """Raise ValueError where the topics of a mended file expand to more fields than the limits."""
+    """Raise ValueError if the topics of a recovered file have more fields than the limits."""
     formats: _Formats = defaultdict(list)
     topics: list[str] = []
     for kind, body in _messages(data):
@@ -113,23 +120,24 @@ def refuse_large_formats(data: bytes) -> None:
 
 
 def _messages(data: bytes) -> Iterator[tuple[int, bytes]]:
-    at = _HEADER_LENGTH
-    while at + _head.size <= len(data):
-        size, kind = _head.unpack_from(data, at)
-        at += _head.size
-        yield kind, data[at : at + size]
-        at += size
+    """Yield type and body of each message of an undamaged file."""
+    offset = _HEADER_LENGTH
+    while offset + _head.size <= len(data):
+        size, kind = _head.unpack_from(data, offset)
+        offset += _head.size
+        yield kind, data[offset : offset + size]
+        offset += size
 
 
 def _parsed_fields(text: str) -> list[_Field]:
-    """The fields of a format, ``TYPE[COUNT] NAME;`` each, cut where pyulog cuts them."""
+    """Return the fields of a format, each ``TYPE[COUNT] NAME;``, parsed as pyulog does."""
     fields = []
     for part in text.partition(":")[0].split(";"):
         kind, _, name = part.partition(" ")
         start = kind.find("[")
         count = kind[start + 1 : kind.find("]")] if start >= 0 else "1"
         try:
-            # pyulog reads a count of 0 as a single field, and refuses those beyond uint16
+            # pyulog reads a count of 0 as one field and rejects counts above uint16.
             fields.append(_Field(kind.partition("[")[0], max(1, min(int(count), 0xFFFF)), name))
         except ValueError:
             continue
@@ -137,7 +145,7 @@ def _parsed_fields(text: str) -> list[_Field]:
 
 
 def _expanded(name: str, formats: _Formats, known: dict[str, _Expansion], depth: int) -> _Expansion:
-    """The largest expansion of the formats of a name. Raises ValueError for too deep a nesting."""
+    """Return the largest size of the formats of a name; raise ValueError for deep nesting."""
     if depth > MAX_NESTING:
         raise ValueError(f"its formats are nested deeper than {MAX_NESTING}")
     if name not in known:
@@ -152,6 +160,7 @@ def _sum(
     known: dict[str, _Expansion],
     depth: int,
 ) -> _Expansion:
+    """Return the size of a list of fields."""
     number = name_bytes = 0
     for field in fields:
         scalar = field.type in _SCALAR_TYPES

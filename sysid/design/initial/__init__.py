@@ -1,10 +1,9 @@
-"""Gains for a vehicle that has never been to sea, from her file alone: the prototype controller of
-a first dive.
+"""Initial gains for the first dive, from the vehicle file alone.
 
-The paper's way: rate feedback with its zero where the tailcone is still quick, and the gain off a
-root locus with the tailcone's lag and a Pade delay. The gain is the largest that is damped and
-keeps its margins on the vehicle of the file, and keeps hold of nine tenths of the vehicles that the
-prior of identification allows for."""
+Method of the paper: rate feedback with a zero below the tailcone's bandwidth, and the loop gain
+from a root locus with the tailcone's lag and a Pade delay. The gain is the largest with enough
+damping and margins on the nominal vehicle and with nine tenths of the prior's vehicles stable.
+"""
 
 import math
 from pathlib import Path
@@ -16,9 +15,7 @@ from sysid.control_analysis.margins import Analysis
 from sysid.design import constraints, pid
 from sysid.design.design_model import DesignModel, analyse_loops
 from sysid.design.initial import (
-    paper_comparison as beside,
-)
-from sysid.design.initial import (
+    paper_comparison,
     prior,
     root_locus,
     vehicle_parameters,
@@ -43,28 +40,37 @@ __all__ = [
 ]
 
 SPEC = Spec(damping=0.5, gm_db=8.0, pm_deg=50.0, ms=1.8)
-"""What a loop through the tailcone's whole lag can keep. The lag is undone once it has been
-measured."""
+"""Limits that a loop can meet with the tailcone's full lag.
+
+The lag is compensated only after it has been identified.
+"""
 TRIM_UNCERTAINTY_RAD = math.radians(2.0)
-"""Rudder bias and elevator trim that nobody has measured yet."""
+"""Assumed rudder bias and elevator trim before any measurement (rad)."""
 
 
 class InitialDesign(NamedTuple):
-    """What a first dive sets, and how the loops stand on the vehicle's own linear planes and over
-    the prior."""
+    """Parameters of the first dive, with the margins of each loop."""
 
     parameters: dict[str, float]
-    """By parameter name."""
+    """Value by parameter name."""
     reasons: dict[str, str]
+    """Reason for each parameter, one line each."""
     analysis: Analysis
-    stands: dict[str, LoopMargins]
-    """By loop: heading, pitch, depth."""
-    held: dict[str, LoopRobustness]
-    beside: dict[str, GainComparison]
-    """By gain: Table 3's initial one, and why ours differs."""
+    nominal: dict[str, LoopMargins]
+    """Margins on the nominal vehicle by loop: heading, pitch, depth."""
+    over_prior: dict[str, LoopRobustness]
+    """Margins over the prior by loop."""
+    comparison: dict[str, GainComparison]
+    """Comparison with Table 3's initial column, by gain."""
 
     def write_params(self, path: Path) -> None:
-        """Parameter file: ``NAME,VALUE  # reason``."""
+        """Write the parameter file: ``NAME,VALUE  # reason``.
+
+        Parameters
+        ----------
+        path : Path
+            File to write.
+        """
         lines = [
             f"{name},{value:.6g}  # {self.reasons[name]}" for name, value in self.parameters.items()
         ]
@@ -75,95 +81,128 @@ class InitialDesign(NamedTuple):
 
 
 def design_initial_gains(name_or_path: str | Path) -> InitialDesign:
-    """Parameters for a vehicle file.
+    """Return the parameters of the first dive for a vehicle file.
 
-    Raises:
-        VehicleError: the file cannot be used. DesignRefused: no gains meet the specification on
-        this vehicle, or too few vehicles of the prior are held.
+    Parameters
+    ----------
+    name_or_path : str or Path
+        Name of a shipped vehicle, or path of a vehicle file.
+
+    Returns
+    -------
+    InitialDesign
+        Parameters with reasons, margins and comparison with the paper.
+
+    Raises
+    ------
+    VehicleError
+        The file cannot be used.
+    DesignInfeasibleError
+        No gains meet the specification, or too few vehicles of the prior are stable.
     """
-    vehicle, drawn, found = design_on_root_loci(name_or_path)
+    vehicle, samples, points = design_on_root_loci(name_or_path)
     config = vehicle_files.load(name_or_path)
     model, spec = build_model.build(config), SPEC._replace(travel_deg=config.tailcone.travel_deg)
     loads = Loads(fit.level_pitch_rad(config, model), TRIM_UNCERTAINTY_RAD, TRIM_UNCERTAINTY_RAD)
-    gains = {**TABLE_3_INITIAL, **found["heading"].gains, **found["depth"].gains}
+    gains = {**TABLE_3_INITIAL, **points["heading"].gains, **points["depth"].gains}
     gains |= pid.integrator_limits(loads, gains)
     gains |= reference_models.heading(vehicle, gains, loads, spec) | reference_models.depth(
         vehicle, gains, loads, spec
     )
-    about = vehicle_parameters.autopilot_parameters(config, model)
-    stands = {
-        loop: prior.loop_margins(point.shape, point.gains, vehicle) for loop, point in found.items()
+    vehicle_values = vehicle_parameters.autopilot_parameters(config, model)
+    nominal = {
+        loop: prior.loop_margins(point.shape, point.gains, vehicle)
+        for loop, point in points.items()
     }
-    held = {
-        loop: prior.loop_robustness(point.shape, point.gains, drawn)
-        for loop, point in found.items()
+    over_prior = {
+        loop: prior.loop_robustness(point.shape, point.gains, samples)
+        for loop, point in points.items()
     }
-    compared = beside.compare_with_table_3(vehicle, found)
+    comparison = paper_comparison.compare_with_table_3(vehicle, points)
     return InitialDesign(
-        parameters={**gains, **{name: value for name, (value, _) in about.items()}},
+        parameters={**gains, **{name: value for name, (value, _) in vehicle_values.items()}},
         reasons={
-            **{name: _reason(name, stands, held, compared) for name in gains},
-            **{name: why for name, (_, why) in about.items()},
+            **{name: _reason(name, nominal, over_prior, comparison) for name in gains},
+            **{name: reason for name, (_, reason) in vehicle_values.items()},
         },
         analysis=analyse_loops(vehicle, gains),
-        stands=stands,
-        held=held,
-        beside=compared,
+        nominal=nominal,
+        over_prior=over_prior,
+        comparison=comparison,
     )
 
 
 class RootLocusDesign(NamedTuple):
-    """Where the loops ended on their root loci."""
+    """Selected points on the root loci."""
 
     vehicle: DesignModel
-    """As the file gives her."""
-    drawn: list[DesignModel]
-    """Vehicles of the prior."""
-    found: dict[str, LocusPoint]
-    """By loop: heading, pitch, depth."""
+    """Nominal vehicle of the file."""
+    samples: list[DesignModel]
+    """Vehicles sampled from the prior."""
+    points: dict[str, LocusPoint]
+    """Selected point by loop: heading, pitch, depth."""
 
 
 def design_on_root_loci(name_or_path: str | Path) -> RootLocusDesign:
-    """The loops of a vehicle file, without their limits and ways. Raises as
-    ``design_initial_gains``."""
+    """Return the loop gains of a vehicle file, without integrator limits and reference models.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        Name of a shipped vehicle, or path of a vehicle file.
+
+    Returns
+    -------
+    RootLocusDesign
+        Nominal vehicle, sampled vehicles and selected points.
+
+    Raises
+    ------
+    VehicleError
+        The file cannot be used.
+    DesignInfeasibleError
+        No gains meet the specification, or too few vehicles of the prior are stable.
+    """
     config, bounds = vehicle_files.load(name_or_path), constraints.nominal(SPEC)
-    vehicle, drawn = prior.nominal_model(config), list(prior.sample_models(config))
-    pitch, depth = root_locus.depth(vehicle, drawn, bounds, math.radians(SPEC.pitch_per_metre_deg))
-    heading = root_locus.heading(vehicle, drawn, bounds)
-    return RootLocusDesign(vehicle, drawn, {"heading": heading, "pitch": pitch, "depth": depth})
+    vehicle, samples = prior.nominal_model(config), list(prior.sample_models(config))
+    pitch, depth = root_locus.depth(
+        vehicle, samples, bounds, math.radians(SPEC.pitch_per_metre_deg)
+    )
+    heading = root_locus.heading(vehicle, samples, bounds)
+    return RootLocusDesign(vehicle, samples, {"heading": heading, "pitch": pitch, "depth": depth})
 
 
 _INTEGRATOR_REASONS = {
-    "HDG_IMAX": "a rudder bias of 2 deg that nobody has measured, and 1 deg",
-    "PTCH_I": "the depth integrator carries the constant load",
+    "HDG_IMAX": "an unmeasured rudder bias of 2 deg, and 1 deg",
+    "PTCH_I": "the depth integrator compensates the constant load",
     "PTCH_IMAX": "no pitch integrator",
-    "PTCH_FF": "elevator that holds the pitch of a steady climb against the righting moment",
-    "DPT_D": "pitch is the rate of depth: the pitch loop is the lead",
-    "DPT_IMAX": (
-        "the level-flight pitch and a fourth, and 2 deg of elevator that nobody has measured"
-    ),
-    "HDG_REF_W": "a new heading within the travel that a bias of 2 deg leaves",
-    "HDG_REF_RATE": "share of the rate of turn that the free travel holds",
-    "DPT_REF_W": "a new depth with little overshoot",
+    "PTCH_FF": "elevator per pitch of a steady climb, against the righting moment",
+    "DPT_D": "pitch is the rate of depth: the pitch loop provides the lead",
+    "DPT_IMAX": ("the level-flight pitch and a fourth, and 2 deg of unmeasured elevator trim"),
+    "HDG_REF_W": "a change of heading within the travel left by a bias of 2 deg",
+    "HDG_REF_RATE": "share of the turn rate that the free travel can hold",
+    "DPT_REF_W": "a change of depth with little overshoot",
     "DPT_REF_RATE": "share of the speed",
 }
 
 
 def _reason(
     name: str,
-    stands: dict[str, LoopMargins],
-    held: dict[str, LoopRobustness],
-    compared: dict[str, GainComparison],
+    nominal: dict[str, LoopMargins],
+    over_prior: dict[str, LoopRobustness],
+    comparison: dict[str, GainComparison],
 ) -> str:
+    """Return the reason for one parameter, for the parameter file."""
     if name in _INTEGRATOR_REASONS:
         return _INTEGRATOR_REASONS[name]
-    of_table_3 = f"{compared[name].times} times Table 3's"
+    ratio_to_table_3 = f"{comparison[name].times} times Table 3's"
     if name not in ("HDG_D", "PTCH_D", "DPT_P"):
-        return f"{compared[name].why}; {of_table_3}"
+        return f"{comparison[name].why}; {ratio_to_table_3}"
     loop = loop_of(name)
-    own, low = stands[loop], held[loop]
+    margins, low_margins = nominal[loop], over_prior[loop]
     return (
-        f"{loop} loop: damping {own.damping:.2f}, GM {own.gm_db:.1f} dB, PM {own.pm_deg:.0f} deg;"
-        f" on 95 % of the prior {low.damping:.2f}, {low.gm_db:.1f} dB, {low.pm_deg:.0f} deg;"
-        f" {of_table_3}"
+        f"{loop} loop: damping {margins.damping:.2f}, GM {margins.gm_db:.1f} dB,"
+        f" PM {margins.pm_deg:.0f} deg; on 95 % of the prior {low_margins.damping:.2f},"
+        f" {low_margins.gm_db:.1f} dB, {low_margins.pm_deg:.0f} deg;"
+        f" {ratio_to_table_3}"
     )

@@ -1,8 +1,8 @@
-"""Loops whose gains have one free factor: zeros are placed by a rule, a root locus is drawn over
-the factor.
+"""Loops with one free gain factor: zeros are placed by a rule, the root locus gives the factor.
 
-The zero of proportional and rate feedback lies where the tailcone is still quick; the integrator's
-far below it."""
+The zero of proportional and rate feedback is placed below the tailcone's bandwidth; the zero of the
+integrator is far below it.
+"""
 
 import math
 from collections.abc import Mapping
@@ -16,46 +16,55 @@ from sysid.control_analysis.root_locus import OpenLoop
 from sysid.design.design_model import DesignModel
 
 PADE = 2
-"""Order in root loci, as the paper's; margins are those of the true delay."""
+"""Order of the Pade delay in root loci, as in the paper; margins use the true delay."""
 ZEROS = (4.5, 5.5, 6.8, 8.3, 10.2, 12.5)
-"""The tailcone's bandwidth over the zero. With the first, the lead is 66 degrees at half the
-bandwidth, where the loop crosses; the others are for vehicles that are slow beside their tailcone,
-and need the phase sooner."""
+"""Candidate ratios of the tailcone's bandwidth to the zero.
+
+With the first ratio the lead is 66 deg at half the bandwidth, where the loop crosses unit gain. The
+larger ratios suit vehicles that are slow compared with their tailcone and need phase at lower
+frequencies.
+"""
 INTEGRAL_S = {"heading": 25.0, "depth": 30.0}
-"""Proportional over integral gain: so long after a load's worst a third of it is left."""
+"""Ratio of proportional to integral gain (s).
+
+After this time a third of a load's largest error is left.
+"""
 
 
 class LoopStructure(NamedTuple):
-    """One loop: what its gains are at a factor of one, and what stays."""
+    """One loop: gains that scale with the factor, and fixed gains."""
 
     loop: str
     """heading, pitch or depth."""
     free: Mapping[str, float]
+    """Gains at a factor of one, by name."""
     fixed: Mapping[str, float]
+    """Gains that do not scale, by name."""
 
     def at(self, factor: float) -> dict[str, float]:
-        """All gains of the loop."""
+        """Return all gains of the loop at a factor."""
         return {**self.fixed, **{name: factor * gain for name, gain in self.free.items()}}
 
     def cuts(self, vehicle: DesignModel, gains: Gains) -> dict[str, ComplexArray]:
-        """Loop transfer functions by where they are opened, with the true delay."""
+        """Return the open-loop transfer functions by place, with the true delay."""
         if self.loop == "heading":
             return loop_transfer.heading_loops(vehicle.yaw, gains)
-        found = loop_transfer.depth_loops(vehicle.pitch, gains)
+        loops = loop_transfer.depth_loops(vehicle.pitch, gains)
         return (
-            {"elevator": found["pitch"]}
+            {"elevator": loops["pitch"]}
             if self.loop == "pitch"
-            else {k: found[k] for k in ("elevator", "depth")}
+            else {k: loops[k] for k in ("elevator", "depth")}
         )
 
     def closed(self, vehicle: DesignModel, gains: Gains) -> ClosedLoop:
+        """Return the closed loop with a Pade delay."""
         if self.loop == "heading":
             return loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, gains, PADE)
         close = loop_transfer.close_pitch if self.loop == "pitch" else loop_transfer.close_depth
         return close(vehicle.planes.pitch, vehicle.pitch_lag, gains, PADE)
 
     def opened(self, vehicle: DesignModel) -> OpenLoop:
-        """At a factor of one, where the factor acts."""
+        """Return the loop at a factor of one, opened where the factor acts."""
         closed = self.closed(vehicle, self.at(1.0))
         return (
             root_locus.open_at_depth(closed)
@@ -65,17 +74,18 @@ class LoopStructure(NamedTuple):
 
 
 def loop_of(gain: str) -> str:
-    """The loop that a gain is of."""
+    """Return the loop to which a gain belongs."""
     return {"HDG": "heading", "PTCH": "pitch", "DPT": "depth"}[gain.split("_")[0]]
 
 
 def heading(zero_radps: float) -> LoopStructure:
+    """Return the heading loop with a zero at `zero_radps`."""
     integral = zero_radps / INTEGRAL_S["heading"]
     return LoopStructure("heading", {"HDG_P": zero_radps, "HDG_D": 1.0, "HDG_I": integral}, {})
 
 
 def pitch(zero_radps: float) -> LoopStructure:
-    """Without an integrator: the depth loop's carries what is constant."""
+    """Return the pitch loop, without an integrator: the depth loop's compensates constant loads."""
     return LoopStructure(
         "pitch",
         {"PTCH_P": zero_radps, "PTCH_D": 1.0},
@@ -84,14 +94,24 @@ def pitch(zero_radps: float) -> LoopStructure:
 
 
 def depth(pitch_gains: Gains) -> LoopStructure:
-    """Round a pitch loop; the pitch is depth's rate, so depth needs no lead of its own."""
+    """Return the depth loop around a pitch loop.
+
+    Pitch is the rate of depth, so the depth loop needs no lead of its own.
+    """
     return LoopStructure(
         "depth", {"DPT_P": 1.0, "DPT_I": 1.0 / INTEGRAL_S["depth"]}, {**pitch_gains, "DPT_D": 0.0}
     )
 
 
 def bandwidth_radps(lag: Lag) -> float:
-    """Where lag and delay have taken 90 degrees: the tailcone's own limit to what a loop can do."""
-    s, wn = 1j * loop_transfer.GRID_RADPS, lag.natural_frequency_radps
-    duct = np.exp(-s * lag.delay_s) * wn**2 / (s**2 + 2.0 * lag.damping_ratio * wn * s + wn**2)
+    """Return the frequency (rad/s) at which lag and delay reach 90 degrees of phase lag.
+
+    It limits the crossover frequency of any loop through this tailcone.
+    """
+    s, wn_radps = 1j * loop_transfer.GRID_RADPS, lag.natural_frequency_radps
+    duct = (
+        np.exp(-s * lag.delay_s)
+        * wn_radps**2
+        / (s**2 + 2.0 * lag.damping_ratio * wn_radps * s + wn_radps**2)
+    )
     return float(np.interp(math.pi / 2.0, -np.unwrap(np.angle(duct)), loop_transfer.GRID_RADPS))

@@ -1,4 +1,4 @@
-"""The vehicles to reckon with before a first dive, and how many of them a loop keeps hold of."""
+"""Vehicles sampled from the prior before the first dive, and the margins of a loop on them."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -21,42 +21,49 @@ from sysid.models.parameters import NAMES, CandidateVehicle
 Array = NDArray[np.float64]
 
 UNBIASED: dict[Plane, float] = {"yaw": 0.0, "pitch": 0.0}
+"""Assumed actuator bias of each plane (rad)."""
 VEHICLES = 120
+"""Number of vehicles sampled from the prior."""
 SEED = 1957
+"""Seed of these samples."""
 MIN_GM_DB, MIN_PM_DEG = 3.0, 20.0
-"""What a vehicle that is not the nominal one must keep, and be stable."""
+"""Minimum gain margin (dB) and phase margin (deg) on a stable sampled vehicle."""
 MIN_STABLE_FRACTION = 0.9
-"""Of the vehicles, at least."""
+"""Minimum share of sampled vehicles with these margins."""
 LOW_QUANTILE = 0.05
-"""Quantile that stands for a bad one."""
+"""Quantile that is reported as the low end."""
 
 
 def nominal_model(config: VehicleConfig) -> DesignModel:
-    """As the file gives her, in an assumed sea. Raises VehicleError."""
+    """Return the nominal design model with the default disturbance. Raises VehicleError."""
     return _design_model(parameters.candidate_vehicle(config, UNBIASED, np.zeros(len(NAMES))))
 
 
 def sample_models(config: VehicleConfig, count: int = VEHICLES) -> Iterator[DesignModel]:
-    """Up to ``count`` vehicles by the prior of identification, without those that cannot be."""
+    """Yield up to `count` vehicles from the prior of identification, without impossible ones."""
     draws = np.random.default_rng(SEED).standard_normal((count, len(NAMES)))
     mean, covariance = np.zeros(len(NAMES)), parameters.prior_covariance()
-    for each in parameters.feasible_samples(
+    for sample in parameters.feasible_samples(
         lambda z: parameters.candidate_vehicle(config, UNBIASED, z), mean, covariance, draws
     ):
-        yield _design_model(each.vehicle)
+        yield _design_model(sample.vehicle)
 
 
 def _design_model(vehicle: CandidateVehicle) -> DesignModel:
-    """Linear planes of the whole equations of motion, in FRD axes, behind her tailcone and its
-    sampling."""
-    found = linearise(vehicle.model, vehicle.config.operating_point.speed_mps)
-    turned = np.diag([-1.0, -1.0, -1.0, 1.0])
-    yaw = LinearPlane(found.yaw.A, -found.yaw.B[:, 0], ("v", "r", "psi"), np.array([0.0, 1.0, 0.0]))
+    """Return linear planes of the full equations of motion in FRD axes, with the tailcone."""
+    linear = linearise(vehicle.model, vehicle.config.operating_point.speed_mps)
+    flu_to_frd = np.diag([-1.0, -1.0, -1.0, 1.0])
+    yaw = LinearPlane(
+        A=linear.yaw.A,
+        B=-linear.yaw.B[:, 0],
+        states=("v", "r", "psi"),
+        moment=np.array([0.0, 1.0, 0.0]),
+    )
     pitch = LinearPlane(
-        turned @ found.pitch.A @ turned,
-        turned @ found.pitch.B[:, 0],
-        ("w", "q", "theta", "depth"),
-        np.array([0.0, 1.0, 0.0, 0.0]),
+        A=flu_to_frd @ linear.pitch.A @ flu_to_frd,
+        B=flu_to_frd @ linear.pitch.B[:, 0],
+        states=("w", "q", "theta", "depth"),
+        moment=np.array([0.0, 1.0, 0.0, 0.0]),
     )
     lags = {plane: lag_with_sampling(tail) for plane, tail in vehicle.actuators.items()}
     return build(
@@ -68,29 +75,28 @@ def _design_model(vehicle: CandidateVehicle) -> DesignModel:
 
 
 def is_robust(shape: LoopStructure, gains: Gains, vehicles: Sequence[DesignModel]) -> bool:
-    """Whether at least ``MIN_STABLE_FRACTION`` of the vehicles keep the least margins; ends where
-    too many have not."""
-    spare = (1.0 - MIN_STABLE_FRACTION) * len(vehicles)
+    """Return whether at least `MIN_STABLE_FRACTION` of the vehicles have the minimum margins."""
+    allowed_failures = (1.0 - MIN_STABLE_FRACTION) * len(vehicles)
     for vehicle in vehicles:
-        found = loop_margins(shape, gains, vehicle)
-        if found.gm_db < MIN_GM_DB or found.pm_deg < MIN_PM_DEG:
-            spare -= 1.0
-            if spare < 0.0:
+        achieved = loop_margins(shape, gains, vehicle)
+        if achieved.gm_db < MIN_GM_DB or achieved.pm_deg < MIN_PM_DEG:
+            allowed_failures -= 1.0
+            if allowed_failures < 0.0:
                 return False
     return True
 
 
 class LoopMargins(NamedTuple):
-    """A loop on one vehicle; margins at the cut where they are least."""
+    """Margins of a loop on one vehicle, at the cut where they are smallest."""
 
     damping: float
-    """Least of the oscillating poles."""
+    """Smallest damping ratio of the oscillatory poles."""
     gm_db: float
     pm_deg: float
 
 
 def loop_margins(shape: LoopStructure, gains: Gains, vehicle: DesignModel) -> LoopMargins:
-    """Margins of an unstable loop count as nothing."""
+    """Return the margins of a loop on one vehicle; zero if the loop is unstable."""
     margins = [loop_transfer.margins(cut) for cut in shape.cuts(vehicle, gains).values()]
     damping = float(
         root_locus.damping(loop_transfer.poles(shape.closed(vehicle, gains))[None, :])[0]
@@ -101,20 +107,23 @@ def loop_margins(shape: LoopStructure, gains: Gains, vehicle: DesignModel) -> Lo
 
 
 class LoopRobustness(NamedTuple):
-    """A loop over the prior: the ``LOW_QUANTILE`` quantile of each figure."""
+    """Margins of a loop over the prior: the `LOW_QUANTILE` quantile of each figure."""
 
     damping: float
     gm_db: float
     pm_deg: float
     stable: float
-    """Share of the vehicles."""
+    """Share of vehicles on which the loop is stable."""
     vehicles: int
 
 
 def loop_robustness(
     shape: LoopStructure, gains: Gains, vehicles: Sequence[DesignModel]
 ) -> LoopRobustness:
-    found = [loop_margins(shape, gains, vehicle) for vehicle in vehicles]
-    damping, gm_db, pm_deg = np.quantile(np.array(found), LOW_QUANTILE, axis=0).tolist()
-    stable = float(np.mean([each.damping > 0.0 for each in found]))
-    return LoopRobustness(damping, gm_db, pm_deg, stable, len(found))
+    """Return the margins of a loop over the sampled vehicles."""
+    achieved = [loop_margins(shape, gains, vehicle) for vehicle in vehicles]
+    damping, gm_db, pm_deg = np.quantile(np.array(achieved), LOW_QUANTILE, axis=0).tolist()
+    stable = float(np.mean([loop.damping > 0.0 for loop in achieved]))
+    return LoopRobustness(
+        damping=damping, gm_db=gm_db, pm_deg=pm_deg, stable=stable, vehicles=len(achieved)
+    )

@@ -1,5 +1,4 @@
-"""The largest gains on a root locus that are damped, keep their margins, and keep hold of the
-vehicles of the prior."""
+"""Selection of the largest gain on a root locus with enough damping, margins and robustness."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,56 +19,73 @@ from sysid.design.specification import DesignInfeasibleError
 Array = NDArray[np.float64]
 
 STEP = 1.04
-"""Between neighbours on a locus."""
+"""Ratio of neighbouring gains on a locus."""
 TURN_FACTORS = STEP ** np.arange(-72.0, 20.0)
-"""Loop gains that are tried, over the one with which a vehicle that only turned would cross at half
-the bandwidth."""
+"""Loop gains that are tried, relative to the gain at which a pure turn-rate integrator crosses unit
+
+gain at half the bandwidth.
+"""
 DEPTH_FACTORS = STEP ** np.arange(-80.0, 1.0)
-"""DPT_P over what a metre may ask of the pitch at most."""
+"""DPT_P relative to the largest permitted pitch per metre."""
 
 
 class LocusPoint(NamedTuple):
-    """One place on a locus."""
+    """One point on a root locus."""
 
     shape: LoopStructure
     gains: dict[str, float]
-    misses: ConstraintViolation
+    violations: ConstraintViolation
+    """Relative constraint violations."""
 
 
-def heading(vehicle: DesignModel, drawn: Sequence[DesignModel], bounds: Bounds) -> LocusPoint:
-    """HDG_P, HDG_D and HDG_I. Raises DesignRefused."""
+def heading(vehicle: DesignModel, samples: Sequence[DesignModel], bounds: Bounds) -> LocusPoint:
+    """Return the point of HDG_P, HDG_D and HDG_I. Raises DesignInfeasibleError."""
     bandwidth = shape.bandwidth_radps(vehicle.yaw_lag)
-    factors = 0.5 * bandwidth / abs(float(vehicle.planes.yaw.B[1])) * TURN_FACTORS
-    shapes = [shape.heading(bandwidth / ratio) for ratio in shape.ZEROS]
+    loop_gains = 0.5 * bandwidth / abs(float(vehicle.planes.yaw.B[1])) * TURN_FACTORS
+    structures = [shape.heading(bandwidth / ratio) for ratio in shape.ZEROS]
     return _select_max_gain(
-        "HDG_P", [p for s in shapes for p in points(s, vehicle, factors, bounds)], drawn
+        "HDG_P",
+        [
+            point
+            for structure in structures
+            for point in points(structure, vehicle, loop_gains, bounds)
+        ],
+        samples,
     )
 
 
 def depth(
-    vehicle: DesignModel, drawn: Sequence[DesignModel], bounds: Bounds, steepest_rad: float
+    vehicle: DesignModel, samples: Sequence[DesignModel], bounds: Bounds, steepest_rad: float
 ) -> tuple[LocusPoint, LocusPoint]:
-    """PTCH_P and PTCH_D; with them DPT_P, of ``steepest_rad`` a metre at most, and DPT_I. Raises
-    DesignRefused."""
+    """Return the points of PTCH_P and PTCH_D and of DPT_P and DPT_I.
+
+    DPT_P is at most `steepest_rad` per metre. Raises DesignInfeasibleError.
+    """
     bandwidth = shape.bandwidth_radps(vehicle.pitch_lag)
-    factors = 0.5 * bandwidth / abs(float(vehicle.planes.pitch.B[1])) * TURN_FACTORS
-    shapes = [shape.pitch(bandwidth / ratio) for ratio in shape.ZEROS]
+    loop_gains = 0.5 * bandwidth / abs(float(vehicle.planes.pitch.B[1])) * TURN_FACTORS
+    structures = [shape.pitch(bandwidth / ratio) for ratio in shape.ZEROS]
     inner = _select_max_gain(
-        "PTCH_P", [p for s in shapes for p in points(s, vehicle, factors, bounds)], drawn
+        "PTCH_P",
+        [
+            point
+            for structure in structures
+            for point in points(structure, vehicle, loop_gains, bounds)
+        ],
+        samples,
     )
-    held_by = {name: inner.gains[name] for name in ("PTCH_P", "PTCH_D", "PTCH_I")}
-    outer = points(shape.depth(held_by), vehicle, steepest_rad * DEPTH_FACTORS, bounds)
-    return inner, _select_max_gain("DPT_P", outer, drawn)
+    pitch_gains = {name: inner.gains[name] for name in ("PTCH_P", "PTCH_D", "PTCH_I")}
+    outer = points(shape.depth(pitch_gains), vehicle, steepest_rad * DEPTH_FACTORS, bounds)
+    return inner, _select_max_gain("DPT_P", outer, samples)
 
 
 def points(
     loop: LoopStructure, vehicle: DesignModel, factors: Array, bounds: Bounds
 ) -> list[LocusPoint]:
-    """Along one locus."""
+    """Return the points along one locus."""
     dampings = root_locus.damping(root_locus.poles(loop.opened(vehicle), factors))
     return [
-        _point(loop, vehicle, loop.at(float(k)), float(z), bounds)
-        for k, z in zip(factors, dampings, strict=True)
+        _point(loop, vehicle, loop.at(float(factor)), float(damping), bounds)
+        for factor, damping in zip(factors, dampings, strict=True)
     ]
 
 
@@ -80,30 +96,35 @@ def _point(
     damping: float,
     bounds: Bounds,
 ) -> LocusPoint:
-    misses = {f"damping of the {loop.loop} loop": 1.0 - damping / bounds.damping}
+    """Return one point with its constraint violations."""
+    violations = {f"damping of the {loop.loop} loop": 1.0 - damping / bounds.damping}
     for name, cut in loop.cuts(vehicle, gains).items():
-        misses |= constraints.margin_violations(cut, name, bounds)
-    return LocusPoint(loop, gains, misses)
+        violations |= constraints.margin_violations(cut, name, bounds)
+    return LocusPoint(loop, gains, violations)
 
 
 def _select_max_gain(
-    gain: str, tried: Sequence[LocusPoint], drawn: Sequence[DesignModel]
+    gain: str, candidates: Sequence[LocusPoint], samples: Sequence[DesignModel]
 ) -> LocusPoint:
-    """Of the points within the bounds, the one of the largest ``gain`` that the vehicles of the
-    prior allow."""
-    within = [point for point in tried if max(point.misses.values()) <= CONSTRAINT_TOLERANCE]
-    if not within:
-        nearest = min((point.misses for point in tried), key=lambda misses: max(misses.values()))
-        worst, miss = max(nearest.items(), key=lambda item: item[1])
-        raise DesignInfeasibleError(
-            f"no gains meet the specification: the best found miss the {worst} by"
-            f" {100 * miss:.1f} %"
+    """Return the feasible point with the largest `gain` that is robust over the prior."""
+    feasible = [
+        point for point in candidates if max(point.violations.values()) <= CONSTRAINT_TOLERANCE
+    ]
+    if not feasible:
+        least_violations = min(
+            (point.violations for point in candidates),
+            key=lambda violations: max(violations.values()),
         )
-    for point in sorted(within, key=lambda point: -point.gains[gain]):
-        if prior.is_robust(point.shape, point.gains, drawn):
+        worst, violation = max(least_violations.items(), key=lambda item: item[1])
+        raise DesignInfeasibleError(
+            f"no gains meet the specification: the best ones violate the {worst} by"
+            f" {100 * violation:.1f} %"
+        )
+    for point in sorted(feasible, key=lambda point: -point.gains[gain]):
+        if prior.is_robust(point.shape, point.gains, samples):
             return point
     raise DesignInfeasibleError(
-        f"no gains of the {within[0].shape.loop} loop keep hold of "
+        f"no gains of the {feasible[0].shape.loop} loop stabilise "
         f"{100 * prior.MIN_STABLE_FRACTION:.0f} % of the vehicles "
-        "that the prior allows for; measure the tailcone by `ground bench-test`"
+        "sampled from the prior; measure the tailcone by `ground bench-test`"
     )

@@ -1,4 +1,4 @@
-"""Parameters that describe a vehicle to her autopilot, each with its reason."""
+"""Autopilot parameters that describe the vehicle, each with its reason."""
 
 import math
 
@@ -10,17 +10,32 @@ from sysid.estimation.map import fit
 from sysid.models import greybox
 
 STEP_MPS = 1e-4
+"""Step (m/s) of the central difference in surge speed."""
 
 
 def autopilot_parameters(
     config: VehicleConfig, model: VehicleModel
 ) -> dict[str, tuple[float, str]]:
-    point = config.operating_point
-    length_m = -2.0 * point.speed_mps / _surge_slope_per_s(config, model)
+    """Return value and reason of each parameter, by parameter name.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Vehicle file.
+    model : VehicleModel
+        Model built from it.
+
+    Returns
+    -------
+    dict
+        (value, reason); SPD_LENGTH_M = -2 U / (d u'/d u), limited to 1 to 500 m.
+    """
+    operating_point = config.operating_point
+    length_m = -2.0 * operating_point.speed_mps / _surge_slope_per_s(config, model)
     return {
         "ACT_TRAVEL_DEG": (config.tailcone.travel_deg, "travel of the tailcone"),
-        "THR_CRUISE_PCT": (100.0 * point.thrust_fraction, "operating point"),
-        "SPD_CRUISE_MPS": (point.speed_mps, "operating point"),
+        "THR_CRUISE_PCT": (100.0 * operating_point.thrust_fraction, "operating point"),
+        "SPD_CRUISE_MPS": (operating_point.speed_mps, "operating point"),
         "SPD_LENGTH_M": (
             min(500.0, max(1.0, length_m)),
             "twice speed times the surge time constant",
@@ -35,15 +50,16 @@ def autopilot_parameters(
 
 
 def _surge_slope_per_s(config: VehicleConfig, model: VehicleModel) -> float:
-    """d(u')/du in straight flight at the operating point: drag, and the thrust lost to inflow."""
-    point = config.operating_point
-    rps = point.thrust_fraction * model.propeller.full_rps
+    """Return d(u')/du in straight flight: drag, and thrust lost with inflow."""
+    operating_point = config.operating_point
+    rps = operating_point.thrust_fraction * model.propeller.full_rps
 
     def surge(u_mps: float) -> float:
+        """Return the surge acceleration at a speed (m/s^2)."""
         return float(
             greybox.accelerations(model, "yaw", np.array([u_mps, 0.0, 0.0, 0.0, 0.0]), 0.0, rps)[0]
         )
 
-    return (surge(point.speed_mps + STEP_MPS) - surge(point.speed_mps - STEP_MPS)) / (
-        2.0 * STEP_MPS
-    )
+    return (
+        surge(operating_point.speed_mps + STEP_MPS) - surge(operating_point.speed_mps - STEP_MPS)
+    ) / (2.0 * STEP_MPS)

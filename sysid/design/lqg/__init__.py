@@ -1,8 +1,8 @@
-"""LQG beside the PID redesign: the same model, measurements, limits and vehicles, another law.
+"""LQG design from an identified model, with the measurements and limits of the PID redesign.
 
-``design_lqg`` reads top to bottom: what is known, weights within limits for heading and for depth,
-and the share of the vehicles that the model allows for on which the laws keep what is asked of
-every one."""
+``design_lqg`` reads top to bottom: design model, weights within the limits for heading and for
+depth, and the share of sampled vehicles on which the controllers meet the robust limits.
+"""
 
 import math
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 
 
 class LqgDesign(NamedTuple):
-    """Continuous laws of both planes, and what they promise."""
+    """Continuous-time controllers of both planes and their predicted performance."""
 
     heading: DiscreteController
     depth: DiscreteController
@@ -48,8 +48,8 @@ class LqgDesign(NamedTuple):
     planes: Planes
     speed_mps: float
     predicted: Response
-    trust: DesignRobustness | None
-    """None for a model that does not say how sure it is."""
+    robustness: DesignRobustness | None
+    """Robustness over the model's posterior; None for a model without covariance."""
     model_sha256: str
 
 
@@ -59,88 +59,108 @@ def design_lqg(
     prior: VehicleConfig | None = None,
     initial: Gains = TABLE_3_INITIAL,
 ) -> LqgDesign:
-    """LQG laws from an identified model; ``prior`` and ``initial`` as for
-    ``sysid.design.redesign``.
+    """Design LQG controllers from an identified model.
 
-    Raises:
-        DesignRefused: the model is not fit for it, or no weights meet the specification.
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Identified model; its fit must have converged to one solution.
+    spec : Spec, optional
+        Limits of the design; the default `Spec` without it.
+    prior : VehicleConfig, optional
+        Vehicle file of the refit; needed if that file is not shipped.
+    initial : Gains
+        Gains that are currently set; the cost is relative to their errors.
+
+    Returns
+    -------
+    LqgDesign
+        Controllers, weights, predicted response and robustness.
+
+    Raises
+    ------
+    DesignInfeasibleError
+        The model is not usable, no weights meet the specification, or too few sampled vehicles meet
+        it.
     """
     spec = spec or Spec()
     if not model.convergence.agreed:
         raise DesignInfeasibleError(
             "the fit's starts disagree, so the model is not unique; record more tests and refit"
         )
-    vehicle, allowed = (
+    vehicle, vehicles = (
         design_model.from_model(model),
         list(design_model.sample_models(model, VEHICLES, prior)),
     )
-    before = _reference_errors(vehicle, initial)
-    heading = _tune(vehicle, allowed, "yaw", spec, before)
-    depth = _tune(vehicle, allowed, "pitch", spec, before)
-    sure = robustness(allowed, heading.law, depth.law, spec)
-    check_robustness(sure, model, spec)
+    reference = _reference_errors(vehicle, initial)
+    heading = _tune(vehicle, vehicles, "yaw", spec, reference)
+    depth = _tune(vehicle, vehicles, "pitch", spec, reference)
+    robust = robustness(vehicles, heading.controller, depth.controller, spec)
+    check_robustness(robust, model, spec)
     return LqgDesign(
-        heading=heading.law,
-        depth=depth.law,
+        heading=heading.controller,
+        depth=depth.controller,
         weights={"yaw": heading.weights, "pitch": depth.weights},
         planes=vehicle.planes,
         speed_mps=model.speed_mps,
-        predicted=predict_response(vehicle, heading.law, depth.law),
-        trust=sure,
+        predicted=predict_response(vehicle, heading.controller, depth.controller),
+        robustness=robust,
         model_sha256=sha256_of_model(model),
     )
 
 
 class _TunedController(NamedTuple):
+    """Weights and the controller that follows from them."""
+
     weights: dict[str, float]
-    law: DiscreteController
+    controller: DiscreteController
 
 
 def _tune(
     vehicle: DesignModel,
-    allowed: Sequence[DesignModel],
+    vehicles: Sequence[DesignModel],
     plane: Plane,
     spec: Spec,
-    before: Reference,
+    reference: Reference,
 ) -> _TunedController:
-    """Of stricter and stricter damping, as far as it can be met, until enough vehicles keep the
-    least one."""
+    """Increase the nominal damping until enough sampled vehicles meet the limits."""
     task = Task(
-        loop_analysis.measured_plane(vehicle, plane),
-        noise.from_model(vehicle.sea[plane]),
-        before,
-        spec,
+        plane=loop_analysis.measured_plane(vehicle, plane),
+        disturbance=noise.from_model(vehicle.disturbance[plane]),
+        reference=reference,
+        spec=spec,
     )
-    seen, asked = (
-        [loop_analysis.measured_plane(each, plane) for each in allowed],
+    measured_planes, bounds = (
+        [loop_analysis.measured_plane(sample, plane) for sample in vehicles],
         constraints.nominal(spec),
     )
-    found: _TunedController | None = None
-    most, starts = -1.0, tuning.starts(task)
+    best: _TunedController | None = None
+    best_fraction, starts = -1.0, tuning.starts(task)
     for factor in DAMPING_FACTORS:
         try:
-            weights = tuning.tune(task, asked._replace(damping=factor * asked.damping), starts)
+            weights = tuning.tune(task, bounds._replace(damping=factor * bounds.damping), starts)
         except DesignInfeasibleError:
-            if found is None:
+            if best is None:
                 raise
             break
-        law = tuning.controller_of(task, weights)
-        kept = [
-            max(loop_analysis.violations(each, law, min_bounds(spec)).values())
+        controller = tuning.controller_of(task, weights)
+        satisfied = [
+            max(loop_analysis.violations(sample, controller, min_bounds(spec)).values())
             <= CONSTRAINT_TOLERANCE
-            for each in seen
+            for sample in measured_planes
         ]
-        share = sum(kept) / len(kept) if kept else 1.0
-        if share > most:
-            found, most = _TunedController(weights, law), share
-        if share >= ROBUST_ENOUGH:
+        fraction = sum(satisfied) / len(satisfied) if satisfied else 1.0
+        if fraction > best_fraction:
+            best, best_fraction = _TunedController(weights, controller), fraction
+        if fraction >= ROBUST_ENOUGH:
             break
         starts = (weights,)
-    assert found is not None
-    return found
+    assert best is not None
+    return best
 
 
 def _reference_errors(vehicle: DesignModel, gains: Gains) -> Reference:
+    """Return the rms errors of the initial gains."""
     pitch_rad, depth_m, _ = design_model.depth_rms(vehicle, gains)
     return Reference(design_model.heading_rms(vehicle, gains)[0], pitch_rad, depth_m)
 
@@ -148,7 +168,7 @@ def _reference_errors(vehicle: DesignModel, gains: Gains) -> Reference:
 def predict_response(
     vehicle: DesignModel, heading: DiscreteController, depth: DiscreteController
 ) -> Response:
-    """Standard deviations in closed loop under the sea of the model."""
+    """Return the standard deviations in closed loop under the model's disturbance (deg, m)."""
     yaw = loop_analysis.disturbance_response(loop_analysis.measured_plane(vehicle, "yaw"), heading)
     pitch = loop_analysis.disturbance_response(
         loop_analysis.measured_plane(vehicle, "pitch"), depth
@@ -168,19 +188,20 @@ def robustness(
     depth: DiscreteController,
     spec: Spec,
 ) -> DesignRobustness | None:
-    """As ``sysid.design.trust.trust``; None where there are no vehicles to try."""
+    """Return the shares of vehicles that meet the limits, or None without vehicles."""
     if not vehicles:
         return None
-    wanted, relaxed = (
-        [violations(each, heading, depth, bounds) for each in vehicles]
+    specified, relaxed = (
+        [violations(vehicle, heading, depth, bounds) for vehicle in vehicles]
         for bounds in (min_bounds(spec), RELAXED)
     )
-    return summarise(wanted, relaxed)
+    return summarise(specified, relaxed)
 
 
 def violations(
     vehicle: DesignModel, heading: DiscreteController, depth: DiscreteController, bounds: Bounds
 ) -> ConstraintViolation:
+    """Return the constraint violations of both planes on one vehicle."""
     yaw, pitch = (
         loop_analysis.measured_plane(vehicle, "yaw"),
         loop_analysis.measured_plane(vehicle, "pitch"),
@@ -192,30 +213,53 @@ def violations(
 
 
 def autopilot_controllers(design: LqgDesign) -> LqgControllers:
-    """The laws as the autopilot's tick closes them."""
+    """Return the controllers as the autopilot's tick executes them."""
     heading, depth = (
         tick_controllers(design.heading, design.planes.yaw),
         tick_controllers(design.depth, design.planes.pitch),
     )
-    return LqgControllers(design.speed_mps, heading, depth, synthesis.pitch_per_metre(design.depth))
+    return LqgControllers(
+        speed_mps=design.speed_mps,
+        heading=heading,
+        depth=depth,
+        pitch_per_metre=synthesis.pitch_per_metre(design.depth),
+    )
 
 
-def tick_controllers(law: DiscreteController, plane: LinearPlane) -> state_space.LqgController:
-    step, measured = discretise(law, loop_transfer.TICK_S), loop_analysis.outputs(plane)
-    start = np.zeros((len(law.B), len(measured)))
-    start[: len(plane.B)] = np.linalg.pinv(measured)
+def tick_controllers(
+    controller: DiscreteController, plane: LinearPlane
+) -> state_space.LqgController:
+    """Return the discrete-time controller of one plane.
+
+    The initial observer state follows from the measurements by the pseudo-inverse of C.
+    """
+    step, measured = discretise(controller, loop_transfer.TICK_S), loop_analysis.outputs(plane)
+    initial_state_map = np.zeros((len(controller.B), len(measured)))
+    initial_state_map[: len(plane.B)] = np.linalg.pinv(measured)
     rows = np.column_stack([step.A, step.B, step.L])
     return state_space.from_matrices(
-        _tuples(rows), tuple(step.F.tolist()), _tuples(start), synthesis.count_loads(plane)
+        _tuples(rows),
+        tuple(step.F.tolist()),
+        _tuples(initial_state_map),
+        synthesis.count_loads(plane),
     )
 
 
 def _tuples(matrix: Array) -> tuple[tuple[float, ...], ...]:
+    """Return a matrix as nested tuples."""
     return tuple(tuple(row) for row in matrix.tolist())
 
 
 def write(design: LqgDesign, path: str | Path) -> None:
-    """The file that `autopilot --controller` reads."""
+    """Write the controller file that `autopilot --controller` reads.
+
+    Parameters
+    ----------
+    design : LqgDesign
+        Designed controllers.
+    path : str or Path
+        JSON file to write.
+    """
     Path(path).write_text(
         lqg_file.to_json(autopilot_controllers(design), design.model_sha256), encoding="utf-8"
     )

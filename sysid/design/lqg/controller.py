@@ -1,5 +1,4 @@
-"""A control law with a model inside: an observer that knows what was commanded, and feedback of
-what it believes."""
+"""Observer-based controller: an observer that receives the actual command, and state feedback."""
 
 from typing import NamedTuple
 
@@ -14,26 +13,26 @@ ComplexArray = NDArray[np.complex128]
 
 
 class DiscreteController(NamedTuple):
-    """x' = A x + B u + L y, u = F x: y is what is measured, about its set-point, u the command
-    about its trim (rad).
+    """Controller x' = A x + B u + L y, u = F x.
 
-    u is what the tailcone was told, limits and all: an observer that knows of them does not wind
-    up."""
+    y is the measurement relative to the set-point, u the command relative to its trim (rad). The
+    observer receives the limited command, so it does not wind up at a limit.
+    """
 
     A: Array
     B: Array
     L: Array
-    """(states, outputs)."""
+    """Observer gain, (states, outputs)."""
     F: Array
 
     @property
     def closed(self) -> Array:
-        """A where the tailcone is told what the law wants."""
+        """System matrix A + B F, if the commanded u is applied without limits."""
         return self.A + np.outer(self.B, self.F)
 
 
 class SampledController(NamedTuple):
-    """x[k] = A x[k-1] + B u[k-1] + L (y[k-1] + y[k])/2, u = F x."""
+    """Controller x[k] = A x[k-1] + B u[k-1] + L (y[k-1] + y[k]) / 2, u = F x."""
 
     A: Array
     B: Array
@@ -41,24 +40,33 @@ class SampledController(NamedTuple):
     F: Array
 
 
-def discretise(law: DiscreteController, dt_s: float) -> SampledController:
-    """Exact for a command that stands still between samples, and for a measurement that stands at
-    its mean."""
-    n, m = law.A.shape[0], 1 + law.L.shape[1]
+def discretise(controller: DiscreteController, dt_s: float) -> SampledController:
+    """Return the controller in discrete time.
+
+    The step is exact for a command that is constant over a sample and a measurement that is equal
+    to the mean of its two samples: the matrix exponential of [[A, B, L], [0, 0, 0]] dt.
+    """
+    n, m = controller.A.shape[0], 1 + controller.L.shape[1]
     block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n], block[:n, n + 1 :] = law.A, law.B, law.L
+    block[:n, :n], block[:n, n], block[:n, n + 1 :] = controller.A, controller.B, controller.L
     step = expm(block * dt_s)
-    return SampledController(step[:n, :n], step[:n, n], step[:n, n + 1 :], law.F)
+    return SampledController(A=step[:n, :n], B=step[:n, n], L=step[:n, n + 1 :], F=controller.F)
 
 
-def response(law: DiscreteController, frequencies_radps: Array) -> ComplexArray:
-    """From y to u, (frequencies, outputs): a sum over the modes of ``law.closed``."""
-    values, right = np.linalg.eig(law.closed)
-    amounts = np.linalg.solve(right, law.L.astype(np.complex128))
-    return np.asarray(((law.F @ right) / (1j * frequencies_radps[:, None] - values)) @ amounts)
+def response(controller: DiscreteController, frequencies_radps: Array) -> ComplexArray:
+    """Return the response from y to u, (frequencies, outputs).
+
+    F (s I - A - B F)^-1 L is evaluated as a sum over the modes of `closed`.
+    """
+    eigenvalues, eigenvectors = np.linalg.eig(controller.closed)
+    amplitudes = np.linalg.solve(eigenvectors, controller.L.astype(np.complex128))
+    return np.asarray(
+        ((controller.F @ eigenvectors) / (1j * frequencies_radps[:, None] - eigenvalues))
+        @ amplitudes
+    )
 
 
-def close(law: DiscreteController, A: Array, B: Array, C: Array) -> ClosedLoop:
-    """Round x' = A x + B u, y = C x; the plant's states come first."""
-    closed = np.block([[A, np.outer(B, law.F)], [law.L @ C, law.closed]])
+def close(controller: DiscreteController, A: Array, B: Array, C: Array) -> ClosedLoop:
+    """Return the closed loop with the plant x' = A x + B u, y = C x; plant states come first."""
+    closed = np.block([[A, np.outer(B, controller.F)], [controller.L @ C, controller.closed]])
     return ClosedLoop(closed, np.zeros(len(closed)))

@@ -1,8 +1,8 @@
-"""What the autopilot measures of a plane, and what a law makes of it: loops cut open, margins,
-answers to the sea.
+"""Loop analysis of one plane with any controller of the autopilot's measurements.
 
-The cuts, limits and errors are those of the PID redesign (``sysid.design.pid``), for any law from
-the same measurements."""
+Covers opened loops, margins and the response to the disturbance. Cuts, limits and errors are those
+of the PID redesign (``sysid.design.pid``).
+"""
 
 import math
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from sysid.data.segments import Plane
 from sysid.design import constraints
 from sysid.design.constraints import Bounds, ConstraintViolation
 from sysid.design.design_model import NOISE_STEP_S, DesignModel, spectrum
-from sysid.design.lqg import controller as laws
+from sysid.design.lqg import controller as lqg_controller
 from sysid.design.lqg.controller import DiscreteController
 from sysid.design.specification import Spec
 from sysid.models.linear_planes import LinearPlane
@@ -25,117 +25,178 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 PADE_ORDER = 4
+"""Order of the Pade delay in closed-loop poles."""
 HIGH_GRID_RADPS: Array = np.linspace(GRID_RADPS[-1], math.pi / loop_transfer.TICK_S, 40)
-"""From the end of the grid to half the tick's rate."""
+"""Frequencies (rad/s) from the end of the grid to half the sample rate."""
 
 
 class MeasuredPlane(NamedTuple):
-    """One plane of a vehicle as a law meets it. Outputs: r, psi; in pitch q, theta, depth,
-    depth'."""
+    """One plane of a vehicle with its measured outputs.
+
+    Outputs: r, psi in yaw; q, theta, depth, depth rate in pitch.
+    """
 
     plane: LinearPlane
     lag: Lag
     density: Array
-    """Of the sea, on the grid."""
+    """Power spectral density of the disturbing angular acceleration on the grid."""
     noise_radps: float
-    """Square root of the gyro's density, rad/s per sqrt(Hz)."""
+    """Square root of the gyro's noise density, rad/s per sqrt(Hz)."""
     command: ComplexArray
-    """(frequencies, outputs) from command."""
+    """Response to the command, (frequencies, outputs)."""
     moment: ComplexArray
-    """(frequencies, outputs) from a unit of angular acceleration."""
+    """Response to a unit of angular acceleration, (frequencies, outputs)."""
 
     @property
     def names(self) -> tuple[str, str]:
-        """Of the cuts: at the surface, and at the error of heading or depth."""
+        """Names of the cuts: at the surface, and at the error of heading or depth."""
         return ("elevator", "depth") if "depth" in self.plane.states else ("rudder", "heading")
 
 
 def measured_plane(vehicle: DesignModel, plane: Plane) -> MeasuredPlane:
+    """Return one plane of a design model with its measured outputs."""
     linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
     lag = vehicle.yaw_lag if plane == "yaw" else vehicle.pitch_lag
     responses = vehicle.yaw if plane == "yaw" else vehicle.pitch
-    sea, measured = vehicle.sea[plane], outputs(linear).T
-    noise = math.radians(sea.rate_noise_degps) * math.sqrt(NOISE_STEP_S)
+    disturbance, measured = vehicle.disturbance[plane], outputs(linear).T
+    noise = math.radians(disturbance.rate_noise_degps) * math.sqrt(NOISE_STEP_S)
     return MeasuredPlane(
-        linear, lag, spectrum(sea), noise, responses.command @ measured, responses.moment @ measured
+        plane=linear,
+        lag=lag,
+        density=spectrum(disturbance),
+        noise_radps=noise,
+        command=responses.command @ measured,
+        moment=responses.moment @ measured,
     )
 
 
 def outputs(plane: LinearPlane) -> Array:
-    """C: which combinations of a plane's states are measured."""
+    """Return the output matrix C, (outputs, states)."""
     rows = np.eye(len(plane.B))[1:]
     return rows if "depth" not in plane.states else np.vstack([rows, plane.A[3]])
 
 
 class Cuts(NamedTuple):
-    """Loop transfer functions: opened at the surface, and at heading or depth with the inner loops
-    closed."""
+    """Open-loop transfer functions on the grid."""
 
     surface: ComplexArray
+    """Loop opened at the surface command."""
     outer: ComplexArray
+    """Loop opened at the error of heading or depth, inner loops closed."""
 
 
-def cuts(seen: MeasuredPlane, law: DiscreteController) -> Cuts:
-    parts = -laws.response(law, GRID_RADPS) * seen.command
-    inner = 1 if seen.command.shape[1] == 2 else 2
+def cuts(plane: MeasuredPlane, controller: DiscreteController) -> Cuts:
+    """Return the opened loops of a plane with a controller.
+
+    Notes
+    -----
+    With K_i the controller's response from output i to the command and G_i the plant's from the
+    command to output i: L_surface = -sum_i K_i G_i. The outer loop takes the outputs of heading or
+    depth, divided by one plus the loop over the inner outputs.
+    """
+    loops = -lqg_controller.response(controller, GRID_RADPS) * plane.command
+    n_inner = 1 if plane.command.shape[1] == 2 else 2
     return Cuts(
-        parts.sum(axis=1), parts[:, inner:].sum(axis=1) / (1.0 + parts[:, :inner].sum(axis=1))
+        loops.sum(axis=1), loops[:, n_inner:].sum(axis=1) / (1.0 + loops[:, :n_inner].sum(axis=1))
     )
 
 
 def violations(
-    seen: MeasuredPlane, law: DiscreteController, bounds: Bounds, finishing: Spec | None = None
+    plane: MeasuredPlane,
+    controller: DiscreteController,
+    bounds: Bounds,
+    finishing: Spec | None = None,
 ) -> ConstraintViolation:
-    """What the PID's loops are asked for, and that a change of buoyancy ends in time like an offset
-    of the surface."""
-    opened, (surface, outer) = cuts(seen, law), seen.names
-    own = modal.modes_of(_close(seen, law))
-    missed = {
-        "stability": float(np.max(own.values.real)),
-        **constraints.margin_violations(opened.surface, surface, bounds),
-        **constraints.margin_violations(opened.outer, outer, bounds),
-        **constraints.damping_violations(own, outer, bounds),
+    """Return the constraint violations of a plane with a controller.
+
+    Parameters
+    ----------
+    plane : MeasuredPlane
+        Plane with its outputs.
+    controller : DiscreteController
+        Controller.
+    bounds : Bounds
+        Stability bounds.
+    finishing : Spec, optional
+        Limits the residual error after an offset of the surface and, in pitch, after a change of
+        buoyancy.
+
+    Returns
+    -------
+    dict
+        Relative violations; "stability" is the largest real part of the poles (rad/s).
+    """
+    loops, (surface, outer) = cuts(plane, controller), plane.names
+    modes = modal.modes_of(_close(plane, controller))
+    violated = {
+        "stability": float(np.max(modes.values.real)),
+        **constraints.margin_violations(loops.surface, surface, bounds),
+        **constraints.margin_violations(loops.outer, outer, bounds),
+        **constraints.damping_violations(modes, outer, bounds),
     }
     if finishing is None:
-        return missed
+        return violated
     state = modal.OBSERVED_STATES[outer][outer]
-    missed |= constraints.load_violation(own, seen.plane.B, state, outer, finishing)
+    violated |= constraints.load_violation(modes, plane.plane.B, state, outer, finishing)
     if outer == "depth":
-        missed |= constraints.load_violation(
-            own, np.eye(1, 4)[0], state, "depth with new buoyancy", finishing
+        violated |= constraints.load_violation(
+            modes, np.eye(1, 4)[0], state, "depth with new buoyancy", finishing
         )
-    return missed
+    return violated
 
 
-def _close(seen: MeasuredPlane, law: DiscreteController) -> loop_transfer.ClosedLoop:
-    A, B = loop_transfer.plane_with_tailcone(seen.plane, seen.lag, PADE_ORDER)
-    C = np.zeros((seen.command.shape[1], len(B)))
-    C[:, : len(seen.plane.B)] = outputs(seen.plane)
-    return laws.close(law, A, B, C)
+def _close(plane: MeasuredPlane, controller: DiscreteController) -> loop_transfer.ClosedLoop:
+    """Return the closed loop with a Pade delay."""
+    A, B = loop_transfer.plane_with_tailcone(plane.plane, plane.lag, PADE_ORDER)
+    C = np.zeros((plane.command.shape[1], len(B)))
+    C[:, : len(plane.plane.B)] = outputs(plane.plane)
+    return lqg_controller.close(controller, A, B, C)
 
 
 class DisturbanceResponse(NamedTuple):
-    """Standard deviations in the model's sea (rad, m, s)."""
+    """Standard deviations under the model's disturbance (rad, m, s)."""
 
     outputs: Array
+    """Standard deviation of each measured output."""
     command_rad: float
+    """Standard deviation of the command (rad)."""
     noise_rad: float
-    """Of the command by the gyro's noise alone."""
+    """Standard deviation of the command caused by gyro noise alone (rad)."""
 
 
-def disturbance_response(seen: MeasuredPlane, law: DiscreteController) -> DisturbanceResponse:
-    feedback, beyond = laws.response(law, GRID_RADPS), laws.response(law, HIGH_GRID_RADPS)
-    sensitivity = 1.0 / (1.0 - (feedback * seen.command).sum(axis=1))
-    command = (feedback * seen.moment).sum(axis=1) * sensitivity
-    replies = seen.moment + seen.command * command[:, None]
-    noise = _power(feedback[:, 0] * sensitivity, GRID_RADPS) + _power(beyond[:, 0], HIGH_GRID_RADPS)
+def disturbance_response(
+    plane: MeasuredPlane, controller: DiscreteController
+) -> DisturbanceResponse:
+    """Return the standard deviations under the model's disturbance.
+
+    Notes
+    -----
+    With S = 1 / (1 - sum_i K_i G_i) and M_i the response of output i to the disturbance::
+
+        u = S sum_i K_i M_i           y_i = M_i + G_i u
+        sigma^2 = (1 / pi) integral of |.|^2 S_d dw                              (Parseval)
+
+    Gyro noise enters at the first output; above the grid the loop is taken as open.
+    """
+    feedback, feedback_above_grid = (
+        lqg_controller.response(controller, GRID_RADPS),
+        lqg_controller.response(controller, HIGH_GRID_RADPS),
+    )
+    sensitivity = 1.0 / (1.0 - (feedback * plane.command).sum(axis=1))
+    command = (feedback * plane.moment).sum(axis=1) * sensitivity
+    output_responses = plane.moment + plane.command * command[:, None]
+    noise = _power(feedback[:, 0] * sensitivity, GRID_RADPS) + _power(
+        feedback_above_grid[:, 0], HIGH_GRID_RADPS
+    )
     return DisturbanceResponse(
-        np.array([math.sqrt(_power(reply, GRID_RADPS, seen.density)) for reply in replies.T]),
-        math.sqrt(_power(command, GRID_RADPS, seen.density)),
-        seen.noise_radps * math.sqrt(noise),
+        np.array(
+            [math.sqrt(_power(reply, GRID_RADPS, plane.density)) for reply in output_responses.T]
+        ),
+        math.sqrt(_power(command, GRID_RADPS, plane.density)),
+        plane.noise_radps * math.sqrt(noise),
     )
 
 
 def _power(transfer: ComplexArray, frequencies_radps: Array, density: Array | float = 1.0) -> float:
-    """Parseval, over positive frequencies of a two-sided density."""
+    """Integrate |transfer|^2 density over positive frequencies (Parseval, two-sided density)."""
     return float(np.trapezoid(np.abs(transfer) ** 2 * density, frequencies_radps)) / math.pi

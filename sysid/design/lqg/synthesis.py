@@ -1,9 +1,11 @@
-"""LQG on an identified plane: its tailcone, its delay, its sea and its constant loads are states of
-the filter.
+"""LQG synthesis on an identified plane.
 
-An offset of the surface and, in pitch, buoyancy walk at random; taking off what the filter believes
-of them is the integral action (Pannocchia and Rawlings 2003, AIChE Journal 49). White noise at the
-command buys margins (loop transfer recovery; Doyle and Stein 1979, IEEE Trans. AC 24)."""
+The filter's states are the plane, its tailcone and delay, the disturbance and constant loads. Loads
+(an offset of the surface and, in pitch, buoyancy) are modelled as random walks; subtracting their
+estimates gives integral action (Pannocchia and Rawlings 2003, AIChE Journal 49). Process noise at
+the command input recovers margins (loop transfer recovery; Doyle and Stein 1979, IEEE Trans. AC
+24).
+"""
 
 from typing import NamedTuple
 
@@ -23,123 +25,181 @@ from sysid.models.noise import Noise
 Array = NDArray[np.float64]
 
 PADE_ORDER = 2
+"""Order of the Pade delay in the filter's model."""
 DEPTH_RATE_S = 0.7
-"""The autopilot's depth filter: its vertical speed is as noisy as a depth over this time."""
+"""Ratio of depth noise to depth rate noise (s), which results from the autopilot's depth filter."""
 SEA_STATES = 3
-"""A slow moment and waves, as ``noise.system`` has them."""
+"""Number of disturbance states: slow moment, waves and their rate, as in ``noise.system``."""
 
 
 class Weights(NamedTuple):
-    """What is given, positive. Errors count against a radian of heading, in pitch against a metre
-    of depth."""
+    """Design weights, all positive.
+
+    Errors are weighted relative to one radian of heading, in pitch relative to one metre of depth.
+    """
 
     effort: float
-    """Of a radian of the surface."""
+    """Weight of one radian of the surface."""
     rate_s: float
-    """Of a rad/s of turning."""
+    """Weight of 1 rad/s of turn rate (s)."""
     load: float
-    """How far the surface's offset walks in a second, rad."""
+    """Random walk of the surface offset (rad in one second)."""
     recovery: float
-    """White noise at the command, rad in a second's mean."""
+    """White noise at the command input (rad, mean over one second)."""
     wave: float
-    """Share of the identified waves that the filter reckons with."""
+    """Share of the identified waves that the filter models."""
     gyro: float
-    """The gyro's noise as a multiple of the identified one."""
+    """Gyro noise as a multiple of the identified one."""
     pitch: float = 1.0
-    """Of a radian of pitch."""
+    """Weight of one radian of pitch."""
     buoyancy: float = 0.001
-    """How far it walks in a second, as an acceleration, m/s^2."""
+    """Random walk of buoyancy as an acceleration (m/s^2 in one second)."""
     heave: float = 0.001
-    """White noise of the heave acceleration, m/s^2 in a second's mean."""
+    """White noise of the heave acceleration (m/s^2, mean over one second)."""
     depth: float = 1.0
-    """The noise of depth and its rate as a multiple of the identified one."""
+    """Noise of depth and its rate as a multiple of the identified one."""
 
 
 class AugmentedModel(NamedTuple):
-    """x' = A x + B u + w, y = C x + v. States: plane, tailcone, sea, load, and in pitch
-    buoyancy."""
+    """Filter model x' = A x + B u + w, y = C x + v.
+
+    States: plane, tailcone, disturbance, surface offset and, in pitch, buoyancy.
+    """
 
     A: Array
     B: Array
     C: Array
     process: Array
-    """Densities."""
+    """Power spectral density of w, (states, states)."""
     measurement: Array
+    """Power spectral density of v, (outputs, outputs)."""
     load: int
-    """Index of the surface's offset; what comes before it moves."""
+    """Index of the surface offset; all states before it are dynamic."""
 
 
-def controller(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> DiscreteController:
-    """Raises numpy.linalg.LinAlgError where the weights have no solution."""
-    model = build_model(plane, lag, sea, weights)
+def controller(
+    plane: LinearPlane, lag: Lag, disturbance: Noise, weights: Weights
+) -> DiscreteController:
+    """Return the LQG controller of one plane.
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Linear plane, FRD axes.
+    lag : Lag
+        Tailcone with the delay of sampling.
+    disturbance : Noise
+        Identified disturbance and sensor noise.
+    weights : Weights
+        Design weights.
+
+    Returns
+    -------
+    DiscreteController
+        Observer A - L C and feedback F.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The Riccati equations have no solution for these weights.
+    """
+    model = build_model(plane, lag, disturbance, weights)
     L = filter_gains(model)
-    return DiscreteController(model.A - L @ model.C, model.B, L, feedback(model, weights))
+    return DiscreteController(A=model.A - L @ model.C, B=model.B, L=L, F=feedback(model, weights))
 
 
-def build_model(plane: LinearPlane, lag: Lag, sea: Noise, weights: Weights) -> AugmentedModel:
-    tail, drive = loop_transfer.plane_with_tailcone(plane, lag, PADE_ORDER)
-    n, load = len(plane.B), len(drive) + SEA_STATES
+def build_model(
+    plane: LinearPlane, lag: Lag, disturbance: Noise, weights: Weights
+) -> AugmentedModel:
+    """Return the filter model of one plane with disturbance, loads and noise densities."""
+    A_plane, B_plane = loop_transfer.plane_with_tailcone(plane, lag, PADE_ORDER)
+    n, load = len(plane.B), len(B_plane) + SEA_STATES
     size = load + count_loads(plane)
     A, B, process = np.zeros((size, size)), np.zeros(size), np.zeros((size, size))
     shaping, density, *_ = noise.system(
-        plane, sea._replace(wave_radps2=sea.wave_radps2 * weights.wave)
+        plane, disturbance._replace(wave_radps2=disturbance.wave_radps2 * weights.wave)
     )
-    felt, own = slice(n, n + SEA_STATES), slice(len(drive), load)
-    A[: len(drive), : len(drive)], A[: len(drive), load], B[: len(drive)] = tail, drive, drive
-    A[:n, own], A[own, own] = shaping[:n, felt], shaping[felt, felt]
-    process[:n, :n], process[own, own] = density[:n, :n], density[felt, felt]
+    disturbance_in, disturbance_states = slice(n, n + SEA_STATES), slice(len(B_plane), load)
+    A[: len(B_plane), : len(B_plane)], A[: len(B_plane), load], B[: len(B_plane)] = (
+        A_plane,
+        B_plane,
+        B_plane,
+    )
+    A[:n, disturbance_states], A[disturbance_states, disturbance_states] = (
+        shaping[:n, disturbance_in],
+        shaping[disturbance_in, disturbance_in],
+    )
+    process[:n, :n], process[disturbance_states, disturbance_states] = (
+        density[:n, :n],
+        density[disturbance_in, disturbance_in],
+    )
     process[load, load] = weights.load**2
     process += weights.recovery**2 * np.outer(B, B)
-    seen = outputs(plane)
-    C = np.hstack([seen, np.zeros((len(seen), size - n))])
-    if len(seen) == 4:
+    C_plane = outputs(plane)
+    C = np.hstack([C_plane, np.zeros((len(C_plane), size - n))])
+    if len(C_plane) == 4:
         process[0, 0] += weights.heave**2
         A[0, load + 1], process[load + 1, load + 1] = 1.0, weights.buoyancy**2
-    depth_m = weights.depth * sea.depth_m
-    sds = [weights.gyro * sea.rate_radps, sea.angle_rad, depth_m, depth_m / DEPTH_RATE_S][
-        : len(seen)
-    ]
-    return AugmentedModel(A, B, C, process, np.diag(sds) ** 2 * NOISE_STEP_S, load)
+    depth_m = weights.depth * disturbance.depth_m
+    noise_sd = [
+        weights.gyro * disturbance.rate_radps,
+        disturbance.angle_rad,
+        depth_m,
+        depth_m / DEPTH_RATE_S,
+    ][: len(C_plane)]
+    return AugmentedModel(
+        A=A, B=B, C=C, process=process, measurement=np.diag(noise_sd) ** 2 * NOISE_STEP_S, load=load
+    )
 
 
 def count_loads(plane: LinearPlane) -> int:
-    """How many constant loads the filter knows of; they are its last states."""
+    """Return the number of constant loads in the filter; they are its last states."""
     return 2 if "depth" in plane.states else 1
 
 
 def filter_gains(model: AugmentedModel) -> Array:
-    """Of the steady Kalman filter, (states, outputs)."""
+    """Return the steady Kalman gain, (states, outputs).
+
+    A P + P A^T - P C^T V^-1 C P + W = 0, L = P C^T V^-1 with W and V the densities of w and v.
+    """
     P = solve_continuous_are(model.A.T, model.C.T, model.process, model.measurement)
     return np.asarray(np.linalg.solve(model.measurement, model.C @ P).T)
 
 
 def feedback(model: AugmentedModel, weights: Weights) -> Array:
-    """Optimal about the equilibrium that the believed constant loads ask for."""
+    """Return the feedback row F of the optimal regulator with load compensation.
+
+    Minimises the integral of x^T Q x + R u^2: A^T X + X A - X B R^-1 B^T X + Q = 0, K = R^-1 B^T X.
+    The regulator acts about the equilibrium x_e d, u_e d of the estimated loads d, so F = [-K, u_e
+    + K x_e].
+    """
     load, in_pitch = model.load, len(model.C) == 4
     A, B = model.A[:load, :load], model.B[:load, None]
     Q, R = np.zeros_like(A), np.array([[weights.effort**2]])
-    held = (weights.rate_s, weights.pitch, 1.0) if in_pitch else (weights.rate_s, 1.0)
-    Q[range(1, 1 + len(held)), range(1, 1 + len(held))] = np.square(held)
+    weights_held = (weights.rate_s, weights.pitch, 1.0) if in_pitch else (weights.rate_s, 1.0)
+    Q[range(1, 1 + len(weights_held)), range(1, 1 + len(weights_held))] = np.square(weights_held)
     F = -np.linalg.solve(R, B.T @ solve_continuous_are(A, B, Q, R))[0]
-    moved, command = equilibrium(model, held=len(held))
-    return np.concatenate([F, command - F @ moved])
+    state, command = equilibrium(model, held_state=len(weights_held))
+    return np.concatenate([F, command - F @ state])
 
 
-def equilibrium(model: AugmentedModel, held: int) -> tuple[Array, Array]:
-    """States and command at which a unit of each constant load leaves state number ``held`` at
-    zero."""
+def equilibrium(model: AugmentedModel, held_state: int) -> tuple[Array, Array]:
+    """Return states and command per unit of each load that keep `held_state` at zero.
+
+    Solves [A B; e_held 0] [x; u] = [-A_load; 0].
+    """
     load, loads = model.load, len(model.B) - model.load
     balance = np.zeros((load + 1, load + 1))
-    balance[:load, :load], balance[:load, load], balance[load, held] = (
+    balance[:load, :load], balance[:load, load], balance[load, held_state] = (
         model.A[:load, :load],
         model.B[:load],
         1.0,
     )
-    pushed = np.vstack([-model.A[:load, load:], np.zeros((1, loads))])
-    at_rest = np.asarray(np.linalg.solve(balance, pushed), dtype=np.float64)
+    load_inputs = np.vstack([-model.A[:load, load:], np.zeros((1, loads))])
+    at_rest = np.asarray(np.linalg.solve(balance, load_inputs), dtype=np.float64)
     return at_rest[:load], at_rest[load]
 
 
-def pitch_per_metre(law: DiscreteController) -> float:
-    """What a metre of depth asks of the pitch, rad: elevator is the same for either."""
-    return abs(float(law.F[3] / law.F[2]))
+def pitch_per_metre(controller: DiscreteController) -> float:
+    """Return the pitch command per metre of depth error (rad/m): a ratio of feedback gains."""
+    return abs(float(controller.F[3] / controller.F[2]))

@@ -1,5 +1,4 @@
-"""Weights, searched for as the PID's gains are: the smallest answer to the sea within the same
-limits."""
+"""Search for LQG weights with the smallest error under disturbance within the limits of the PID."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,6 +20,7 @@ from sysid.reproduction.paper_tables import CARIBOU_TURN_PER_S2
 HEADING_STARTS = (
     Weights(effort=0.61, rate_s=1.8, load=0.0019, recovery=0.022, wave=1.0, gyro=0.95),
 )
+"""Starting weights in heading, suitable for Caribou."""
 DEPTH_STARTS = (
     Weights(
         effort=5.9,
@@ -35,13 +35,13 @@ DEPTH_STARTS = (
         depth=0.02,
     ),
 )
-"""Of Caribou's order."""
+"""Starting weights in depth, suitable for Caribou."""
 SURFACE_WEIGHTS = ("load", "recovery")
-"""Radians of the surface; ``effort`` is per radian of it."""
+"""Weights in radians of the surface; ``effort`` is per radian."""
 
 
 class Reference(NamedTuple):
-    """Errors under the initial gains, by which the PID redesign measures its own."""
+    """Rms errors of the initial gains, to which the cost is relative."""
 
     heading_rad: float
     pitch_rad: float
@@ -49,19 +49,21 @@ class Reference(NamedTuple):
 
 
 class Task(NamedTuple):
-    """One plane and what is asked of it."""
+    """One plane and its requirements."""
 
-    seen: MeasuredPlane
-    sea: Noise
+    plane: MeasuredPlane
+    """Plane with its measured outputs."""
+    disturbance: Noise
+    """Identified disturbance and sensor noise."""
     reference: Reference
     spec: Spec
 
 
 def starts(task: Task) -> tuple[dict[str, float], ...]:
-    """A livelier tail needs less of its surface."""
-    in_pitch = task.seen.names[1] == "depth"
+    """Return the starting weights, scaled with the vehicle's control effectiveness."""
+    in_pitch = task.plane.names[1] == "depth"
     names = Weights._fields if in_pitch else Weights._fields[:6]
-    ratio = CARIBOU_TURN_PER_S2 / abs(float(task.seen.plane.B[1]))
+    ratio = CARIBOU_TURN_PER_S2 / abs(float(task.plane.plane.B[1]))
     scale = {"effort": 1.0 / ratio, **dict.fromkeys(SURFACE_WEIGHTS, ratio)}
     every = DEPTH_STARTS if in_pitch else HEADING_STARTS
     return tuple(
@@ -70,36 +72,43 @@ def starts(task: Task) -> tuple[dict[str, float], ...]:
 
 
 def tune(task: Task, bounds: Bounds, first: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Weights by name, from the first of the starts that ends within the limits. Raises
-    DesignRefused."""
-    names = tuple(evaluate(task, controller_of(task, first[0]), bounds).misses)
+    """Return the weights of the first start that ends within the limits, by name.
 
-    def judge(weights: Mapping[str, float]) -> CostAndConstraints:
+    Raises DesignInfeasibleError.
+    """
+    names = tuple(evaluate(task, controller_of(task, first[0]), bounds).violations)
+
+    def evaluate_weights(weights: Mapping[str, float]) -> CostAndConstraints:
+        """Return cost and violations; the largest violation if no controller exists."""
         try:
             return evaluate(task, controller_of(task, weights), bounds)
-        except np.linalg.LinAlgError:  # a Riccati equation without a solution, to rounding
+        except np.linalg.LinAlgError:  # no numerical solution of a Riccati equation
             return CostAndConstraints(MAX_VIOLATION, dict.fromkeys(names, MAX_VIOLATION))
 
-    return constrained_search.solve(ConstrainedProblem({}, first, judge))
+    return constrained_search.solve(ConstrainedProblem({}, first, evaluate_weights))
 
 
 def controller_of(task: Task, weights: Mapping[str, float]) -> DiscreteController:
-    return synthesis.controller(task.seen.plane, task.seen.lag, task.sea, Weights(**weights))
+    """Return the controller of given weights."""
+    return synthesis.controller(
+        task.plane.plane, task.plane.lag, task.disturbance, Weights(**weights)
+    )
 
 
-def evaluate(task: Task, law: DiscreteController, bounds: Bounds) -> CostAndConstraints:
-    spec, errors = task.spec, loop_analysis.disturbance_response(task.seen, law)
-    misses = {
-        **loop_analysis.violations(task.seen, law, bounds, spec),
-        f"noise of the {task.seen.names[0]}'s command": math.degrees(errors.noise_rad)
+def evaluate(task: Task, controller: DiscreteController, bounds: Bounds) -> CostAndConstraints:
+    """Return the relative error and the constraint violations of a controller."""
+    spec, errors = task.spec, loop_analysis.disturbance_response(task.plane, controller)
+    violations = {
+        **loop_analysis.violations(task.plane, controller, bounds, spec),
+        f"noise of the {task.plane.names[0]}'s command": math.degrees(errors.noise_rad)
         / spec.command_noise_deg
         - 1.0,
     }
-    if task.seen.names[1] == "heading":
-        return CostAndConstraints(float(errors.outputs[1]) / task.reference.heading_rad, misses)
-    asked_deg = math.degrees(synthesis.pitch_per_metre(law))
-    misses["pitch activity"] = (
+    if task.plane.names[1] == "heading":
+        return CostAndConstraints(float(errors.outputs[1]) / task.reference.heading_rad, violations)
+    pitch_deg = math.degrees(synthesis.pitch_per_metre(controller))
+    violations["pitch activity"] = (
         float(errors.outputs[1]) / task.reference.pitch_rad / spec.pitch_rms_growth - 1.0
     )
-    misses["pitch asked by a metre"] = asked_deg / spec.pitch_per_metre_deg - 1.0
-    return CostAndConstraints(float(errors.outputs[2]) / task.reference.depth_m, misses)
+    violations["pitch per metre of depth"] = pitch_deg / spec.pitch_per_metre_deg - 1.0
+    return CostAndConstraints(float(errors.outputs[2]) / task.reference.depth_m, violations)

@@ -1,8 +1,7 @@
-"""Gains from an identified model: the smallest answer to the sea that a specification allows, and
-how sure that is.
+"""PID redesign: gains from an identified model, and their robustness over the model's posterior.
 
-``redesign`` reads top to bottom: what is known, the gains of both planes within limits, the ways to
-new set-points, and the share of the vehicles that the model allows for on which all of it holds.
+``redesign`` reads top to bottom: design model and constant loads, gains of both planes within the
+limits, reference models for new set-points, and the share of sampled vehicles that meet the limits.
 """
 
 import math
@@ -41,19 +40,24 @@ __all__ = [
 ]
 
 VEHICLES = 240
-"""That are drawn from what the model says of itself."""
+"""Number of vehicles sampled from the model's posterior."""
 DAMPING_FACTORS = (1.0, 1.08, 1.16)
-"""Factors on the nominal damping, tried until enough of the drawn vehicles keep the least one:
-margins have room between what the nominal model and what every vehicle is asked for, damping has
-none."""
+"""Factors on the nominal damping ratio, tried in this order until the design is robust enough.
+
+The margins required of the nominal model exceed those required of sampled vehicles; damping is the
+same for both, so a robust design needs more damping on the nominal model.
+"""
 ROBUST_ENOUGH = 0.9
-"""Share of vehicles above which that ends."""
+"""Share of sampled vehicles above which no larger damping factor is tried."""
 INTEGRATOR_ROOM_RAD = math.radians(1.0)
-"""Room of the heading integrator beyond the measured rudder bias."""
+"""Authority of the heading integrator beyond the identified rudder bias (rad)."""
 LEVEL_PITCH_ROOM = 1.25
-"""Depth integrator over the pitch that level flight needs: ballast changes by a fourth of the net
-buoyancy or so."""
+"""Authority of the depth integrator over the pitch of level flight.
+
+It allows for ballast changes of about a fourth of the net buoyancy.
+"""
 MAX_IMAX_RAD = 0.25
+"""Upper bound of integrator limits (rad)."""
 
 
 def redesign(
@@ -62,13 +66,33 @@ def redesign(
     prior: VehicleConfig | None = None,
     initial: Gains = TABLE_3_INITIAL,
 ) -> Design:
-    """Parameters for the autopilot's loops from an identified model.
+    """Design the parameters of the autopilot's PID loops from an identified model.
 
-    ``prior`` is needed when the model was refitted from a vehicle file that is not shipped;
-    ``initial`` are the gains that were flown before, with which the new ones are compared.
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Identified model; its fit must have converged to one solution.
+    spec : Spec, optional
+        Limits of the design; the default `Spec` without it.
+    prior : VehicleConfig, optional
+        Vehicle file of the refit; needed if that file is not shipped.
+    initial : Gains
+        Gains that are currently set; pitch and depth rms are compared with theirs.
 
-    Raises:
-        DesignRefused: the model is not fit for it, or no gains meet the specification.
+    Returns
+    -------
+    Design
+        Parameters with reasons, analysis, robustness and performance baseline.
+
+    Raises
+    ------
+    DesignInfeasibleError
+        The model is not usable, no gains meet the specification, or too few sampled vehicles meet
+        it.
+
+    Notes
+    -----
+    Minimises the rms of heading, then of depth, in the identified disturbance, subject to `Spec`.
     """
     spec = spec or Spec()
     if not model.convergence.agreed:
@@ -76,38 +100,38 @@ def redesign(
             "the fit's starts disagree, so the model is not unique; record more tests and refit"
         )
     vehicle, loads = design_model.from_model(model), constant_loads(model)
-    allowed = list(design_model.sample_models(model, VEHICLES, prior))
+    vehicles = list(design_model.sample_models(model, VEHICLES, prior))
     try:
-        gains = _gains(vehicle, allowed, _initial_values(vehicle, initial), spec)
-    except DesignInfeasibleError as refused:
+        gains = _gains(vehicle, vehicles, _initial_values(vehicle, initial), spec)
+    except DesignInfeasibleError as error:
         raise DesignInfeasibleError(
-            f"{refused}; ask for less, or {_recommended_test(model)}, and refit"
+            f"{error}; relax the specification, or {_recommended_test(model)}, and refit"
         ) from None
-    sure = robustness(allowed, gains, spec)
-    check_robustness(sure, model, spec)
+    robust = robustness(vehicles, gains, spec)
+    check_robustness(robust, model, spec)
     gains |= integrator_limits(loads, gains)
     gains |= reference_models.heading(vehicle, gains, loads, spec)
     gains |= reference_models.depth(vehicle, gains, loads, spec)
-    judged = design_model.analyse_loops(vehicle, gains)
-    before, after = (
+    analysis = design_model.analyse_loops(vehicle, gains)
+    initial_response, predicted_response = (
         design_model.predict_response(vehicle, initial),
         design_model.predict_response(vehicle, gains),
     )
     return Design(
         gains=gains,
-        reasons=explain(model, gains, judged, before, after, spec),
-        analysis=judged,
-        predicted=after,
-        initial=before,
+        reasons=explain(model, gains, analysis, initial_response, predicted_response, spec),
+        analysis=analysis,
+        predicted=predicted_response,
+        initial=initial_response,
         initial_analysis=design_model.analyse_loops(vehicle, initial),
         spec=spec,
-        trust=sure,
-        promise=predicted_performance.performance_baseline(model, vehicle, gains, spec, sure),
+        robustness=robust,
+        baseline=predicted_performance.performance_baseline(model, vehicle, gains, spec, robust),
     )
 
 
 def _initial_values(vehicle: DesignModel, initial: Gains) -> dict[str, float]:
-    """The initial gains, and the tailcone as it was identified."""
+    """Return the initial gains with the identified lag of the tailcone."""
     lag = vehicle.yaw_lag
     tail = {
         "ACT_LAG_W": lag.natural_frequency_radps,
@@ -118,68 +142,71 @@ def _initial_values(vehicle: DesignModel, initial: Gains) -> dict[str, float]:
 
 
 def _gains(
-    vehicle: DesignModel, allowed: Sequence[DesignModel], first: dict[str, float], spec: Spec
+    vehicle: DesignModel, vehicles: Sequence[DesignModel], initial: dict[str, float], spec: Spec
 ) -> dict[str, float]:
-    """Of heading first, which settles how far the lag is undone, then of depth. Raises
-    DesignRefused."""
+    """Return the gains of heading, which also sets the actuator lead, then of depth.
 
-    def strict_enough(
-        plane: ModuleType, linear: LinearPlane, known: dict[str, float]
+    Raises DesignInfeasibleError.
+    """
+
+    def design_plane(
+        plane: ModuleType, linear: LinearPlane, gains: dict[str, float]
     ) -> dict[str, float]:
-        """Of stricter and stricter damping, as far as it can be met, until enough vehicles keep the
-        least one."""
-        found, share, starts = known, -1.0, design_model.scale_starts(plane.STARTS, linear)
+        """Increase the nominal damping until enough sampled vehicles meet the limits."""
+        best, best_fraction, starts = gains, -1.0, design_model.scale_starts(plane.STARTS, linear)
         for factor in DAMPING_FACTORS:
             try:
-                moved = plane.gains(vehicle, known, spec, _tighten_damping(spec, factor), starts)
+                candidate = plane.gains(
+                    vehicle, gains, spec, _tighten_damping(spec, factor), starts
+                )
             except DesignInfeasibleError:
-                if share < 0.0:
+                if best_fraction < 0.0:
                     raise
                 break
-            kept = fraction_satisfying(
-                allowed, plane.violations, {**known, **moved}, min_bounds(spec)
+            fraction = fraction_satisfying(
+                vehicles, plane.violations, {**gains, **candidate}, min_bounds(spec)
             )
-            if kept > share:
-                found, share = {**known, **moved}, kept
-            if kept >= ROBUST_ENOUGH:
+            if fraction > best_fraction:
+                best, best_fraction = {**gains, **candidate}, fraction
+            if fraction >= ROBUST_ENOUGH:
                 break
-            starts = (moved,)
-        return found
+            starts = (candidate,)
+        return best
 
-    return strict_enough(
-        depth, vehicle.planes.pitch, strict_enough(heading, vehicle.planes.yaw, first)
+    return design_plane(
+        depth, vehicle.planes.pitch, design_plane(heading, vehicle.planes.yaw, initial)
     )
 
 
 def _tighten_damping(spec: Spec, factor: float) -> Bounds:
-    asked = constraints.nominal(spec)
-    return asked._replace(damping=factor * asked.damping)
+    """Return the nominal bounds with the damping ratio scaled."""
+    bounds = constraints.nominal(spec)
+    return bounds._replace(damping=factor * bounds.damping)
 
 
-def check_robustness(found: DesignRobustness | None, model: IdentifiedModel, spec: Spec) -> None:
-    """Raises DesignRefused where fewer vehicles keep the specification than it asks for; says what
-    would help."""
-    if found is None or found.specification >= spec.probability:
+def check_robustness(robust: DesignRobustness | None, model: IdentifiedModel, spec: Spec) -> None:
+    """Raise DesignInfeasibleError if fewer sampled vehicles meet the limits than required."""
+    if robust is None or robust.specification >= spec.probability:
         return
     raise DesignInfeasibleError(
-        f"only {100 * found.specification:.0f} % of the vehicles that the model allows for keep the"
-        f" specification, at least {100 * spec.probability:.0f} asked for; most miss the"
-        f" {found.worst}; {_recommended_test(model)}, and refit"
+        f"only {100 * robust.specification:.0f} % of the vehicles sampled from the model meet the"
+        f" specification, at least {100 * spec.probability:.0f} % required; most violate the"
+        f" {robust.worst}; {_recommended_test(model)}, and refit"
     )
 
 
 def _recommended_test(model: IdentifiedModel) -> str:
-    """The test that the model's own verdict asks for, where it has one."""
-    following = model.verdict.next_test if model.verdict else None
+    """Return the test that the model's assessment recommends, or a general one."""
+    next_test = model.verdict.next_test if model.verdict else None
     return (
-        f"fly {following}"
-        if following
+        f"fly {next_test}"
+        if next_test
         else "record more tests, or sweep the tailcone by `ground bench-test`"
     )
 
 
 def constant_loads(model: IdentifiedModel) -> Loads:
-    """What a model says of them, and what is unsure about it (3 sd)."""
+    """Return the constant loads of a model; biases include three standard deviations."""
     yaw, pitch = model.planes["yaw"].actuator_bias_deg, model.planes["pitch"].actuator_bias_deg
     return Loads(
         level_pitch_rad=math.radians(model.vehicle.level_pitch_deg),
@@ -189,10 +216,21 @@ def constant_loads(model: IdentifiedModel) -> Loads:
 
 
 def integrator_limits(loads: Loads, gains: dict[str, float]) -> dict[str, float]:
-    """Room for the constant loads.
+    """Return the integrator limits HDG_IMAX, PTCH_IMAX and DPT_IMAX (rad).
 
-    The heading integrator could carry the whole rudder bias if TRIM_RUD_DEG were lost; the depth
-    integrator carries the pitch of level flight, and TRIM_ELE_DEG the elevator."""
+    Parameters
+    ----------
+    loads : Loads
+        Constant loads to compensate.
+    gains : dict
+        Gains by name; PTCH_P is used.
+
+    Returns
+    -------
+    dict
+        The heading integrator can compensate the whole rudder bias in case TRIM_RUD_DEG is lost.
+        The depth integrator compensates the pitch of level flight; TRIM_ELE_DEG the elevator.
+    """
     room = LEVEL_PITCH_ROOM * abs(loads.level_pitch_rad) + loads.elevator_rad / gains["PTCH_P"]
     return {
         "HDG_IMAX": min(MAX_IMAX_RAD, INTEGRATOR_ROOM_RAD + loads.rudder_rad),

@@ -1,4 +1,4 @@
-"""Gains of the heading loop, and how far the tailcone's lag is undone."""
+"""Gains of the heading loop, and the natural frequency of the actuator lead."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -14,46 +14,81 @@ from sysid.design.specification import Spec
 STARTS: Sequence[Mapping[str, float]] = (
     {"HDG_P": 0.7, "HDG_D": 1.8, "HDG_I": 0.04, "ACT_LEAD_W": 6.0},
 )
-"""Gains of Caribou's order."""
+"""Starting points of the search, suitable for Caribou."""
 MIN_LEAD_RATIO, MAX_LEAD_RATIO = 1.2, 6.0
-"""Natural frequency that the tailcone is to seem to have, as multiples of its own."""
+"""Bounds of ACT_LEAD_W as multiples of the tailcone's own natural frequency."""
 
 
 def gains(
     vehicle: DesignModel,
-    first: Gains,
+    reference: Gains,
     spec: Spec,
     bounds: Bounds,
     starts: Sequence[Mapping[str, float]] = STARTS,
 ) -> dict[str, float]:
-    """HDG_P, HDG_D, HDG_I, and ACT_LEAD_W where the starts have it. Raises DesignRefused."""
-    reference = heading_rms(vehicle, {**first, "ACT_LEAD_W": 0.0})[0]
+    """Return HDG_P, HDG_D, HDG_I and, if the starts have it, ACT_LEAD_W.
 
-    def judge(gains: Gains) -> CostAndConstraints:
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Nominal model.
+    reference : Gains
+        Gains of the reference design and the identified lag of the tailcone.
+    spec : Spec
+        Limits.
+    bounds : Bounds
+        Stability bounds, possibly stricter than those of `spec`.
+    starts : Sequence of Mapping
+        Starting points.
+
+    Returns
+    -------
+    dict
+        Gains by name with the smallest heading rms within the limits.
+
+    Raises
+    ------
+    DesignInfeasibleError
+        No gains meet the limits.
+    """
+    reference_rms_rad = heading_rms(vehicle, {**reference, "ACT_LEAD_W": 0.0})[0]
+
+    def evaluate(gains: Gains) -> CostAndConstraints:
+        """Return relative heading rms and violations."""
         noise = math.degrees(command_noise_rad(vehicle, "yaw", gains))
-        misses = {
+        constraint_violations = {
             **violations(vehicle, gains, bounds, spec),
             "noise of the rudder's command": noise / spec.command_noise_deg - 1.0,
         }
         if lead := gains.get("ACT_LEAD_W", 0.0):
-            own = gains["ACT_LAG_W"]
-            misses["slowness of the tailcone's lead"] = MIN_LEAD_RATIO * own / lead - 1.0
-            misses["speed of the tailcone's lead"] = lead / (MAX_LEAD_RATIO * own) - 1.0
-        return CostAndConstraints(heading_rms(vehicle, gains)[0] / reference, misses)
+            lag_radps = gains["ACT_LAG_W"]
+            constraint_violations["lower bound of the actuator lead"] = (
+                MIN_LEAD_RATIO * lag_radps / lead - 1.0
+            )
+            constraint_violations["upper bound of the actuator lead"] = (
+                lead / (MAX_LEAD_RATIO * lag_radps) - 1.0
+            )
+        return CostAndConstraints(
+            heading_rms(vehicle, gains)[0] / reference_rms_rad, constraint_violations
+        )
 
-    return constrained_search.solve(ConstrainedProblem(first, starts, judge))
+    return constrained_search.solve(ConstrainedProblem(reference, starts, evaluate))
 
 
 def violations(
     vehicle: DesignModel, gains: Gains, bounds: Bounds, finishing: Spec | None = None
 ) -> ConstraintViolation:
-    """Margins at both cuts, damping, and where ``finishing`` asks for it that a rudder offset's
-    error goes in time."""
-    cuts, plane = loop_transfer.heading_loops(vehicle.yaw, gains), vehicle.planes.yaw
-    own = modal.modes_of(loop_transfer.close_heading(plane, vehicle.yaw_lag, gains))
+    """Return the violations of margins at both cuts and of damping.
+
+    With `finishing`, the residual heading error after a rudder offset is limited as well.
+    """
+    loops, plane = loop_transfer.heading_loops(vehicle.yaw, gains), vehicle.planes.yaw
+    modes = modal.modes_of(loop_transfer.close_heading(plane, vehicle.yaw_lag, gains))
     return {
-        **constraints.margin_violations(cuts["rudder"], "rudder", bounds),
-        **constraints.margin_violations(cuts["heading"], "heading", bounds),
-        **constraints.damping_violations(own, "heading", bounds),
-        **(constraints.load_violation(own, plane.B, 2, "heading", finishing) if finishing else {}),
+        **constraints.margin_violations(loops["rudder"], "rudder", bounds),
+        **constraints.margin_violations(loops["heading"], "heading", bounds),
+        **constraints.damping_violations(modes, "heading", bounds),
+        **(
+            constraints.load_violation(modes, plane.B, 2, "heading", finishing) if finishing else {}
+        ),
     }

@@ -1,5 +1,14 @@
-"""What gains should come to in steady flight: not one rms but what it takes to notice that it is no
-longer so."""
+"""Predicted statistics of steady flight under designed gains: the baseline for monitoring.
+
+For each measured quantity with two-sided density S(w) on the grid::
+
+    variance          = (1 / pi) integral S dw                                  (Parseval)
+    variance of means = (1 / pi) integral S sinc^2(w T / 2) dw,  T = AVERAGED_S
+    correlation time  = integral S_b^2 dw / pi / (integral S_b dw / pi)^2
+
+S_b = S (1 - sinc^2(w T / 2)) is the density about the mean of a block. Samples one correlation time
+apart count as independent in an estimate of the variance.
+"""
 
 import importlib.metadata
 import math
@@ -34,15 +43,17 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 RESONANCE_RANGE_RADPS = (0.3, 6.0)
-"""Where a loop of any vehicle may swing: outside, the largest sensitivity is the grid's or the
-delay's."""
+"""Frequency range (rad/s) in which a loop of any vehicle can have its resonance.
+
+Outside it the largest sensitivity is caused by the grid or the delay.
+"""
 
 
 class _MeasuredQuantity(NamedTuple):
-    """One quantity as telemetry tells it."""
+    """One quantity as telemetry reports it."""
 
     density: Array
-    """Two-sided, on the grid."""
+    """Two-sided power spectral density on the grid, in the quantity's unit squared per rad/s."""
     mean: float
     mean_sd: float
 
@@ -52,44 +63,78 @@ def performance_baseline(
     vehicle: DesignModel,
     gains: Gains,
     spec: Spec,
-    sure: DesignRobustness | None,
+    robust: DesignRobustness | None,
 ) -> PerformanceBaseline:
-    """What a model says of gains that were designed on it."""
-    swings = _resonance_radps(vehicle, "yaw", gains), _resonance_radps(vehicle, "pitch", gains)
-    heard = {
-        **_yaw_quantities(model, vehicle, gains, swings[0]),
-        **_pitch_quantities(model, vehicle, gains, swings[1]),
+    """Return the performance baseline of gains that were designed on a model.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Identified model with biases and level flight.
+    vehicle : DesignModel
+        Design model of it.
+    gains : Gains
+        Designed parameters by name.
+    spec : Spec
+        Specification of the design.
+    robust : DesignRobustness or None
+        Robustness of the design; None for a model without covariance.
+
+    Returns
+    -------
+    PerformanceBaseline
+        Predicted statistics by quantity (deg, m), and the resonance of each plane (rad/s).
+    """
+    resonances_radps = (
+        _resonance_radps(vehicle, "yaw", gains),
+        _resonance_radps(vehicle, "pitch", gains),
+    )
+    quantities = {
+        **_yaw_quantities(model, vehicle, gains, resonances_radps[0]),
+        **_pitch_quantities(model, vehicle, gains, resonances_radps[1]),
     }
     return PerformanceBaseline(
         model_sha256=sha256_of_model(model),
         version=importlib.metadata.version("caribou-auv"),
         speed_mps=model.speed_mps,
         thrust=model.thrust_fraction,
-        heading_swing_radps=swings[0],
-        pitch_swing_radps=swings[1],
+        heading_swing_radps=resonances_radps[0],
+        pitch_swing_radps=resonances_radps[1],
         specification=spec._asdict(),
-        predicted={name: _predict_statistic(each) for name, each in heard.items()},
-        kept=sure and Robustness(sure.specification, sure.relaxed, sure.vehicles, SEED),
+        predicted={name: _predict_statistic(quantity) for name, quantity in quantities.items()},
+        kept=robust
+        and Robustness(
+            specification=robust.specification,
+            relaxed=robust.relaxed,
+            vehicles=robust.vehicles,
+            seed=SEED,
+        ),
     )
 
 
 def _band(radps: float) -> Array:
-    """Squared gain of the narrow band about a frequency: a resonance of ``RESONANCE_BANDWIDTH``,
-    one at its peak."""
+    """Return |H|^2 of a second-order resonance filter, one at its peak.
+
+    |H|^2 = 1 / (1 + ((w / w0 - w0 / w) / B)^2) with B = `RESONANCE_BANDWIDTH`.
+    """
     detuned = (GRID_RADPS / radps - radps / GRID_RADPS) / RESONANCE_BANDWIDTH
     return np.asarray(1.0 / (1.0 + detuned**2))
 
 
 def _yaw_quantities(
-    model: IdentifiedModel, vehicle: DesignModel, gains: Gains, swing_radps: float
+    model: IdentifiedModel, vehicle: DesignModel, gains: Gains, resonance_radps: float
 ) -> dict[str, _MeasuredQuantity]:
+    """Return heading, its resonance band and rudder."""
     heading, rudder = heading_responses(vehicle, gains)
-    sea, noise = spectrum(vehicle.sea["yaw"]), vehicle.sea["yaw"].angle_noise_deg
-    told = _psd_deg2(heading, sea) + _sampled_noise_psd(noise)
+    disturbance, noise = (
+        spectrum(vehicle.disturbance["yaw"]),
+        vehicle.disturbance["yaw"].angle_noise_deg,
+    )
+    psd = _psd_deg2(heading, disturbance) + _sampled_noise_psd(noise)
     bias = model.planes["yaw"].actuator_bias_deg
     return {
-        "heading_deg": _MeasuredQuantity(told, 0.0, 0.0),
-        "heading_swing_deg": _MeasuredQuantity(told * _band(swing_radps), 0.0, 0.0),
+        "heading_deg": _MeasuredQuantity(psd, 0.0, 0.0),
+        "heading_swing_deg": _MeasuredQuantity(psd * _band(resonance_radps), 0.0, 0.0),
         "rudder_deg": _MeasuredQuantity(
             _command_psd(vehicle, "yaw", rudder, gains), -bias.value, bias.sd or 0.0
         ),
@@ -97,21 +142,22 @@ def _yaw_quantities(
 
 
 def _pitch_quantities(
-    model: IdentifiedModel, vehicle: DesignModel, gains: Gains, swing_radps: float
+    model: IdentifiedModel, vehicle: DesignModel, gains: Gains, resonance_radps: float
 ) -> dict[str, _MeasuredQuantity]:
+    """Return pitch, its resonance band, depth and elevator."""
     pitch, depth, elevator = depth_responses(vehicle, gains)
-    sea, noise = spectrum(vehicle.sea["pitch"]), vehicle.sea["pitch"]
-    told = _psd_deg2(pitch, sea) + _sampled_noise_psd(noise.angle_noise_deg)
+    disturbance, noise = spectrum(vehicle.disturbance["pitch"]), vehicle.disturbance["pitch"]
+    psd = _psd_deg2(pitch, disturbance) + _sampled_noise_psd(noise.angle_noise_deg)
     bias, level = model.planes["pitch"].actuator_bias_deg, model.vehicle
     return {
         "pitch_deg": _MeasuredQuantity(
-            told,
+            psd,
             level.level_pitch_deg,
             _buoyancy_uncertainty(level.net_buoyancy_n) * level.level_pitch_deg,
         ),
-        "pitch_swing_deg": _MeasuredQuantity(told * _band(swing_radps), 0.0, 0.0),
+        "pitch_swing_deg": _MeasuredQuantity(psd * _band(resonance_radps), 0.0, 0.0),
         "depth_m": _MeasuredQuantity(
-            np.abs(depth) ** 2 * sea + _sampled_noise_psd(noise.depth_noise_m), 0.0, 0.0
+            np.abs(depth) ** 2 * disturbance + _sampled_noise_psd(noise.depth_noise_m), 0.0, 0.0
         ),
         "elevator_deg": _MeasuredQuantity(
             _command_psd(vehicle, "pitch", elevator, gains),
@@ -121,48 +167,55 @@ def _pitch_quantities(
     }
 
 
-def _buoyancy_uncertainty(found: ParameterEstimate) -> float:
-    """How unsure the net buoyancy is, on which level flight rests."""
-    return abs((found.sd or 0.0) / found.value) if found.value else 0.0
+def _buoyancy_uncertainty(net_buoyancy: ParameterEstimate) -> float:
+    """Return the relative standard deviation of the net buoyancy, which determines level flight."""
+    return abs((net_buoyancy.sd or 0.0) / net_buoyancy.value) if net_buoyancy.value else 0.0
 
 
-def _psd_deg2(answer: ComplexArray, sea: Array) -> Array:
-    return np.asarray(np.degrees(np.abs(answer)) ** 2 * sea)
+def _psd_deg2(response: ComplexArray, disturbance: Array) -> Array:
+    """Return the density of an angle (deg^2 per rad/s) under a disturbance."""
+    return np.asarray(np.degrees(np.abs(response)) ** 2 * disturbance)
 
 
 def _sampled_noise_psd(sd: float) -> Array:
-    """Sensor noise as samples ``NOISE_STEP_S`` apart have it."""
+    """Return the density of sensor noise sampled every `NOISE_STEP_S`, zero above Nyquist."""
     within = math.pi / NOISE_STEP_S > GRID_RADPS
     return np.where(within, sd**2 * NOISE_STEP_S, 0.0)
 
 
-def _command_psd(vehicle: DesignModel, plane: Plane, wanted: ComplexArray, gains: Gains) -> Array:
-    """Of the surface's command: what the sea asks for, and the gyro's noise."""
-    lead, sea = loop_transfer.lead_response(gains), vehicle.sea[plane]
+def _command_psd(vehicle: DesignModel, plane: Plane, command: ComplexArray, gains: Gains) -> Array:
+    """Return the density of the surface command: response to the disturbance, plus gyro noise."""
+    lead, disturbance = loop_transfer.lead_response(gains), vehicle.disturbance[plane]
     loop, gain = loop_at_surface(vehicle, plane, gains)
-    noise = sea.rate_noise_degps**2 * NOISE_STEP_S
-    return _psd_deg2(wanted * lead, spectrum(sea)) + np.abs(gain * lead / (1.0 + loop)) ** 2 * noise
+    noise = disturbance.rate_noise_degps**2 * NOISE_STEP_S
+    return (
+        _psd_deg2(command * lead, spectrum(disturbance))
+        + np.abs(gain * lead / (1.0 + loop)) ** 2 * noise
+    )
 
 
-def _predict_statistic(heard: _MeasuredQuantity) -> PredictedStatistic:
-    variance = _integral(heard.density)
-    averaged = np.sinc(GRID_RADPS * AVERAGED_S / (2.0 * math.pi)) ** 2
-    about = heard.density * (1.0 - averaged)
+def _predict_statistic(quantity: _MeasuredQuantity) -> PredictedStatistic:
+    """Return mean, rms, standard deviation of means and correlation time of a quantity."""
+    variance = _integral(quantity.density)
+    averaging_gain = np.sinc(GRID_RADPS * AVERAGED_S / (2.0 * math.pi)) ** 2
+    density_about_mean = quantity.density * (1.0 - averaging_gain)
     return PredictedStatistic(
-        mean=heard.mean,
-        mean_sd=abs(heard.mean_sd),
+        mean=quantity.mean,
+        mean_sd=abs(quantity.mean_sd),
         rms=math.sqrt(variance),
         p95=1.96 * math.sqrt(variance),
-        average_sd=math.sqrt(_integral(heard.density * averaged)),
-        memory_s=_integral(about**2) / _integral(about) ** 2,
+        average_sd=math.sqrt(_integral(quantity.density * averaging_gain)),
+        memory_s=_integral(density_about_mean**2) / _integral(density_about_mean) ** 2,
     )
 
 
 def _integral(density: Array) -> float:
+    """Integrate a two-sided density over positive frequencies."""
     return float(np.trapezoid(density, GRID_RADPS)) / math.pi
 
 
 def _resonance_radps(vehicle: DesignModel, plane: Plane, gains: Gains) -> float:
+    """Return the frequency of the largest sensitivity within `RESONANCE_RANGE_RADPS`."""
     low, high = RESONANCE_RANGE_RADPS
     loop, _ = loop_at_surface(vehicle, plane, gains)
     sensitivity = np.where(

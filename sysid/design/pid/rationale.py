@@ -1,4 +1,4 @@
-"""Why each parameter is what it is, in a line each."""
+"""Reason for each designed parameter, one line per parameter."""
 
 from sysid.control_analysis.margins import Analysis, damping
 from sysid.design.specification import Response, Spec
@@ -8,61 +8,72 @@ from sysid.models.model_file import IdentifiedModel
 def explain(
     model: IdentifiedModel,
     gains: dict[str, float],
-    judged: Analysis,
-    before: Response,
-    after: Response,
+    analysis: Analysis,
+    initial: Response,
+    predicted: Response,
     spec: Spec,
 ) -> dict[str, str]:
-    def cut(name: str) -> str:
-        m = judged.margins[name]
-        return f"GM {m.gm_db:.1f} dB, PM {m.pm_deg:.0f} deg, Ms {m.ms:.2f} at the {name}"
+    """Return the reason for each parameter in `gains`, for the parameter file."""
 
-    bias, level = model.planes["yaw"].actuator_bias_deg.value, model.vehicle.level_pitch_deg
-    done = (
-        f"a constant load is gone but for {100 * spec.finish_left:.0f} % after {spec.finish_s:g} s"
+    def cut(name: str) -> str:
+        """Return the margins at one cut as text."""
+        margins = analysis.margins[name]
+        return (
+            f"GM {margins.gm_db:.1f} dB, PM {margins.pm_deg:.0f} deg, Ms {margins.ms:.2f} at the"
+            f" {name}"
+        )
+
+    rudder_bias_deg, level_pitch_deg = (
+        model.planes["yaw"].actuator_bias_deg.value,
+        model.vehicle.level_pitch_deg,
+    )
+    integral_reason = (
+        f"a constant load leaves {100 * spec.finish_left:.0f} % of its largest error after"
+        f" {spec.finish_s:g} s"
     )
     texts = {
         "HDG_P": (
-            f"heading {before.heading_deg:.2f} -> {after.heading_deg:.2f} deg rms predicted;"
+            f"heading {initial.heading_deg:.2f} -> {predicted.heading_deg:.2f} deg rms predicted;"
             f" {cut('rudder')}"
         ),
-        "HDG_D": f"damping {damping(judged.shown['heading']):.2f}",
-        "HDG_I": done,
+        "HDG_D": f"damping {damping(analysis.visible['heading']):.2f}",
+        "HDG_I": integral_reason,
         "HDG_IMAX": (
-            f"the rudder bias of {bias:.1f} deg, its uncertainty and 1 deg, should the trim be lost"
+            f"the rudder bias of {rudder_bias_deg:.1f} deg, its uncertainty and 1 deg, in case the"
+            " trim is lost"
         ),
         "PTCH_P": (
-            f"pitch {before.pitch_deg:.2f} -> {after.pitch_deg:.2f} deg rms predicted;"
+            f"pitch {initial.pitch_deg:.2f} -> {predicted.pitch_deg:.2f} deg rms predicted;"
             f" {cut('elevator')}"
         ),
-        "PTCH_D": f"damping {damping(judged.shown['depth']):.2f}",
-        "PTCH_I": "the depth integrator carries the constant load",
+        "PTCH_D": f"damping {damping(analysis.visible['depth']):.2f}",
+        "PTCH_I": "the depth integrator compensates the constant load",
         "PTCH_IMAX": "no pitch integrator",
         "DPT_P": (
-            f"depth {100 * before.depth_m:.1f} -> {100 * after.depth_m:.1f} cm rms predicted;"
+            f"depth {100 * initial.depth_m:.1f} -> {100 * predicted.depth_m:.1f} cm rms predicted;"
             f" {cut('depth')}"
         ),
         "DPT_D": "lead for the depth loop from the estimated depth rate",
-        "DPT_I": done,
+        "DPT_I": integral_reason,
         "DPT_IMAX": (
-            f"the level-flight pitch of {level:.1f} deg and a fourth, and the elevator trim's"
-            " uncertainty"
+            f"the level-flight pitch of {level_pitch_deg:.1f} deg and a fourth, and the uncertainty"
+            " of the elevator trim"
         ),
         "ACT_LAG_W": "the identified lag of the tailcone",
         "ACT_LAG_Z": "the identified lag of the tailcone",
         "ACT_LEAD_W": (
-            f"the lag undone as far as {spec.command_noise_deg:g} deg of noise in the command allow"
+            f"the lag compensated as far as {spec.command_noise_deg:g} deg of command noise allow"
         ),
         "ACT_RATE_DEGPS": "rate limit of the tailcone",
         "HDG_REF_W": (
-            f"{spec.heading_step_deg:g} deg to a new heading within the travel that the bias leaves"
+            f"a heading change of {spec.heading_step_deg:g} deg within the travel left by the bias"
         ),
-        "HDG_REF_RATE": "share of the rate of turn that the free travel holds",
+        "HDG_REF_RATE": "share of the turn rate that the free travel can hold",
         "DPT_REF_W": (
-            f"{spec.depth_step_m:g} m to a new depth within {100 * spec.depth_overshoot:.0f} % of"
-            " overshoot"
+            f"a depth change of {spec.depth_step_m:g} m within"
+            f" {100 * spec.depth_overshoot:.0f} % overshoot"
         ),
         "DPT_REF_RATE": "share of the speed",
-        "PTCH_FF": "elevator that holds the pitch of a steady climb against the righting moment",
+        "PTCH_FF": "elevator per pitch of a steady climb, against the righting moment",
     }
     return {name: texts[name] for name in gains}

@@ -1,5 +1,7 @@
-"""Reference models of heading and depth: as quick as the tailcone's travel and a small overshoot
-allow."""
+"""Reference models of heading and depth: as fast as travel and overshoot allow.
+
+The autopilot's reference model is a critically damped second-order filter with a rate limit.
+"""
 
 import math
 from collections.abc import Mapping
@@ -12,68 +14,119 @@ from sysid.design.specification import DesignInfeasibleError, Loads, Spec
 from sysid.models.linear_planes import LinearPlane
 
 BANDWIDTHS_RADPS = tuple(np.geomspace(1.6, 0.1, 13).round(3).tolist())
-"""Tried from the quickest on."""
+"""Bandwidths that are tried, fastest first."""
 HEADING_S, DEPTH_S = 30.0, 60.0
+"""Length of the simulated change of heading and of depth (s)."""
 TURN_SHARE, DESCENT_SHARE = 0.6, 0.25
-"""Of the rate of turn that the free travel holds, and of the speed: no reference model asks for
-more."""
+"""Maximum reference rate: share of the turn rate at the free travel, and share of the speed."""
 
 
 def heading(
     vehicle: DesignModel, values: Mapping[str, float], loads: Loads, spec: Spec
 ) -> dict[str, float]:
-    """HDG_REF_W and HDG_REF_RATE. Raises DesignRefused."""
-    room = math.radians(spec.travel_deg) - loads.rudder_rad
-    turn = -float(np.linalg.solve(vehicle.planes.yaw.A[:2, :2], vehicle.planes.yaw.B[:2])[1])
-    fastest = TURN_SHARE * room * abs(turn)
-    rate = {"HDG_REF_RATE": round(min(45.0, max(1.0, math.degrees(fastest))), 1)}
+    """Return HDG_REF_W (rad/s) and HDG_REF_RATE (deg/s).
+
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Nominal model.
+    values : Mapping
+        Parameters by name.
+    loads : Loads
+        Constant loads; the rudder bias reduces the travel.
+    spec : Spec
+        `heading_step_deg` and `travel_deg`.
+
+    Returns
+    -------
+    dict
+        The fastest reference model whose step needs no more rudder than the free travel.
+
+    Raises
+    ------
+    DesignInfeasibleError
+        No bandwidth meets the limit.
+    """
+    free_travel_rad = math.radians(spec.travel_deg) - loads.rudder_rad
+    turn_rate_per_rad = -float(
+        np.linalg.solve(vehicle.planes.yaw.A[:2, :2], vehicle.planes.yaw.B[:2])[1]
+    )
+    max_rate_radps = TURN_SHARE * free_travel_rad * abs(turn_rate_per_rad)
+    rate = {"HDG_REF_RATE": round(min(45.0, max(1.0, math.degrees(max_rate_radps))), 1)}
     step = math.radians(spec.heading_step_deg)
     for bandwidth in BANDWIDTHS_RADPS:
-        way = {"HDG_REF_W": bandwidth, **rate}
-        flown = step_response.heading_step(vehicle, {**values, **way}, step, HEADING_S, spec)
-        if np.max(np.abs(flown.command_rad)) <= room:
-            return way
+        reference = {"HDG_REF_W": bandwidth, **rate}
+        response = step_response.heading_step(
+            vehicle, {**values, **reference}, step, HEADING_S, spec
+        )
+        if np.max(np.abs(response.command_rad)) <= free_travel_rad:
+            return reference
     raise DesignInfeasibleError(
-        f"a change of heading of {spec.heading_step_deg:g} deg takes more than the"
-        f" {math.degrees(room):.1f} deg of rudder that the bias leaves; measure the bias by a trim"
-        " flight, or straighten the duct"
+        f"a change of heading of {spec.heading_step_deg:g} deg needs more than the"
+        f" {math.degrees(free_travel_rad):.1f} deg of rudder that the bias leaves; measure the bias"
+        " by a trim flight, or straighten the duct"
     )
 
 
 def depth(
     vehicle: DesignModel, values: Mapping[str, float], loads: Loads, spec: Spec
 ) -> dict[str, float]:
-    """DPT_REF_W, DPT_REF_RATE and PTCH_FF. Raises DesignRefused."""
+    """Return DPT_REF_W (rad/s), DPT_REF_RATE (m/s) and PTCH_FF.
+
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Nominal model.
+    values : Mapping
+        Parameters by name.
+    loads : Loads
+        Constant loads; the integrator starts at the pitch of level flight.
+    spec : Spec
+        `depth_step_m` and `depth_overshoot`.
+
+    Returns
+    -------
+    dict
+        The fastest reference model whose steps down and up stay within the overshoot.
+
+    Raises
+    ------
+    DesignInfeasibleError
+        No bandwidth meets the limit.
+    """
     speed_mps = -float(vehicle.planes.pitch.A[3, 2])
-    known = {
+    rate_and_feedforward = {
         "DPT_REF_RATE": round(DESCENT_SHARE * speed_mps, 2),
         "PTCH_FF": max(0.0, _elevator_per_pitch(vehicle.planes.pitch)),
     }
-    least = math.inf
+    min_overshoot = math.inf
     for bandwidth in BANDWIDTHS_RADPS:
-        way = {"DPT_REF_W": bandwidth, **known}
-        past = max(
-            _overshoot({**values, **way}, vehicle, loads, spec, step) for step in (1.0, -1.0)
+        reference = {"DPT_REF_W": bandwidth, **rate_and_feedforward}
+        overshoot = max(
+            _overshoot({**values, **reference}, vehicle, loads, spec, direction)
+            for direction in (1.0, -1.0)
         )
-        least = min(least, past)
-        if past <= spec.depth_overshoot:
-            return way
+        min_overshoot = min(min_overshoot, overshoot)
+        if overshoot <= spec.depth_overshoot:
+            return reference
     raise DesignInfeasibleError(
         f"no gains meet the specification: a change of depth of {spec.depth_step_m:g} m overshoots"
-        f" by {100 * least:.0f} %, at most {100 * spec.depth_overshoot:.0f}"
+        f" by {100 * min_overshoot:.0f} %, at most {100 * spec.depth_overshoot:.0f}"
     )
 
 
 def _elevator_per_pitch(plane: LinearPlane) -> float:
-    """Elevator per pitch of a steady climb: with w free, neither heave nor pitch is accelerated."""
-    free = np.column_stack([plane.A[:2, 0], plane.B[:2]])
-    return float(np.linalg.solve(free, -plane.A[:2, 2])[1])
+    """Return the elevator per pitch of a steady climb: no heave or pitch acceleration."""
+    coefficients = np.column_stack([plane.A[:2, 0], plane.B[:2]])
+    return float(np.linalg.solve(coefficients, -plane.A[:2, 2])[1])
 
 
 def _overshoot(
-    values: Mapping[str, float], vehicle: DesignModel, loads: Loads, spec: Spec, way: float
+    values: Mapping[str, float], vehicle: DesignModel, loads: Loads, spec: Spec, direction: float
 ) -> float:
-    """By how much of itself a change of depth overshoots, ``way`` 1 down and -1 up."""
-    step_m = way * spec.depth_step_m
-    flown = step_response.depth_step(vehicle, values, step_m, DEPTH_S, spec, loads.level_pitch_rad)
-    return float(np.max(way * flown.value)) / spec.depth_step_m - 1.0
+    """Return the relative overshoot of a depth change; `direction` is 1 for down, -1 for up."""
+    step_m = direction * spec.depth_step_m
+    response = step_response.depth_step(
+        vehicle, values, step_m, DEPTH_S, spec, loads.level_pitch_rad
+    )
+    return float(np.max(direction * response.value)) / spec.depth_step_m - 1.0

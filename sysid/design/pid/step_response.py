@@ -1,9 +1,9 @@
-"""The autopilot's own loops round a linear plane: a change of set-point as she flies it, limits and
-all.
+"""Simulated steps of the autopilot's own loops around a linear plane, with all limits.
 
-Linear analysis knows no travel, no rate limit and no waiting integrator; these decide what a step
-does. The law is the autopilot's (``autopilot.control.loops``), not a copy of it; sensors are
-perfect, the sea is calm."""
+Linear analysis does not cover travel, rate limit and integrator hold, which determine the response
+to a large step. The control law is the autopilot's (``autopilot.control.loops``) itself. Sensors
+are perfect and there is no disturbance.
+"""
 
 import math
 from collections import deque
@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from autopilot.control import loops as aboard
-from autopilot.control import params
+from autopilot.control import loops, params
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import LoopMemory, VehicleEstimate
 from sysid.control_analysis.loop_transfer import SAMPLING_S, TICK_S, Lag
@@ -27,29 +26,47 @@ Array = NDArray[np.float64]
 
 
 class StepResponse(NamedTuple):
-    """One change of set-point, an entry a tick."""
+    """Response to one change of set-point, one entry per tick."""
 
     time_s: Array
     value: Array
-    """Heading (rad) or depth (m), from where it was."""
+    """Change of heading (rad) or depth (m) from the start."""
     command_rad: Array
-    """Of the surface, from where it rested."""
+    """Surface command, relative to its trim."""
 
 
 def heading_step(
     vehicle: DesignModel, values: Mapping[str, float], step_rad: float, seconds: float, spec: Spec
 ) -> StepResponse:
-    """``values``: parameters by name. The rudder rests at its trim, which the bias takes from the
-    travel."""
+    """Return the response to a change of the heading set-point.
+
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Linear vehicle.
+    values : Mapping
+        Parameters by name; the rudder starts at its trim, so a bias reduces the travel.
+    step_rad : float
+        Change of heading (rad), positive to starboard.
+    seconds : float
+        Length of the simulation (s).
+    spec : Spec
+        Rate limit of the tailcone.
+
+    Returns
+    -------
+    StepResponse
+        Heading and rudder.
+    """
     config = params.config(values)
     states, commands, memory = [], [], LoopMemory()
-    tail = _PlaneWithTailcone(vehicle.planes.yaw, vehicle.yaw_lag, spec)
+    plant = _PlaneWithTailcone(vehicle.planes.yaw, vehicle.yaw_lag, spec)
     for _ in range(round(seconds / TICK_S)):
-        _, r, psi = tail.state
+        _, r, psi = plant.state
         estimate = VehicleEstimate(
             heading_rad=float(psi), r_radps=float(r), speed_mps=config.cruise_speed_mps
         )
-        wanted, memory = aboard.step_loops(
+        output, memory = loops.step_loops(
             estimate,
             Setpoint(heading_rad=step_rad),
             memory,
@@ -58,9 +75,9 @@ def heading_step(
             heading=True,
             depth=False,
         )
-        command = wanted.rudder_rad - config.rudder_trim_rad
-        tail.advance(command)
-        states.append(tail.state[2])
+        command = output.rudder_rad - config.rudder_trim_rad
+        plant.advance(command)
+        states.append(plant.state[2])
         commands.append(command)
     return _step_response(states, commands)
 
@@ -73,31 +90,53 @@ def depth_step(
     spec: Spec,
     level_pitch_rad: float,
 ) -> StepResponse:
-    """The vehicle flew level at ``level_pitch_rad``, which the depth integrator already carries."""
+    """Return the response to a change of the depth set-point from level flight.
+
+    Parameters
+    ----------
+    vehicle : DesignModel
+        Linear vehicle.
+    values : Mapping
+        Parameters by name.
+    step_m : float
+        Change of depth (m), positive down.
+    seconds : float
+        Length of the simulation (s).
+    spec : Spec
+        Rate limit of the tailcone.
+    level_pitch_rad : float
+        Pitch of level flight (rad), which the depth integrator has at the start.
+
+    Returns
+    -------
+    StepResponse
+        Depth and elevator.
+    """
     config = params.config(values)
-    carried = min(config.depth_i_max, max(-config.depth_i_max, -level_pitch_rad))
-    states, commands, memory = [], [], LoopMemory(depth_rad=carried)
-    tail = _PlaneWithTailcone(vehicle.planes.pitch, vehicle.pitch_lag, spec)
+    initial_integral_rad = min(config.depth_i_max, max(-config.depth_i_max, -level_pitch_rad))
+    states, commands, memory = [], [], LoopMemory(depth_rad=initial_integral_rad)
+    plant = _PlaneWithTailcone(vehicle.planes.pitch, vehicle.pitch_lag, spec)
     for _ in range(round(seconds / TICK_S)):
-        _, q, theta, depth = tail.state
+        _, q, theta, depth = plant.state
         estimate = VehicleEstimate(
             pitch_rad=float(theta) + level_pitch_rad,
             q_radps=float(q),
             depth_m=float(depth),
-            depth_rate_mps=float(vehicle.planes.pitch.A[3] @ tail.state),
+            depth_rate_mps=float(vehicle.planes.pitch.A[3] @ plant.state),
             speed_mps=config.cruise_speed_mps,
         )
-        wanted, memory = aboard.step_loops(
+        output, memory = loops.step_loops(
             estimate, Setpoint(depth_m=step_m), memory, config, TICK_S, heading=False, depth=True
         )
-        command = wanted.elevator_rad - config.elevator_trim_rad
-        tail.advance(command)
-        states.append(tail.state[3])
+        command = output.elevator_rad - config.elevator_trim_rad
+        plant.advance(command)
+        states.append(plant.state[3])
         commands.append(command)
     return _step_response(states, commands)
 
 
 def _step_response(values: list[float], commands: list[float]) -> StepResponse:
+    """Return the lists of a simulation as arrays."""
     ticks = np.arange(1.0, len(values) + 1.0)
     return StepResponse(
         TICK_S * ticks, np.array(values, dtype=np.float64), np.array(commands, dtype=np.float64)
@@ -105,24 +144,32 @@ def _step_response(values: list[float], commands: list[float]) -> StepResponse:
 
 
 class _PlaneWithTailcone:
-    """A plane behind the tailcone's delay, lag, rate limit and travel; departures from level
-    flight."""
+    """Plane behind the tailcone's delay, lag, rate limit and travel, relative to level flight.
+
+    x' = A x + B a with the duct angle a held over a tick (exact discretisation); the lag a'' = wn^2
+    (u - a) - 2 zeta wn a' is integrated by semi-implicit Euler.
+    """
 
     def __init__(self, plane: LinearPlane, lag: Lag, spec: Spec) -> None:
         n = len(plane.B)
         step = expm(np.block([[plane.A, plane.B[:, None]], [np.zeros((1, n + 1))]]) * TICK_S)
         self._Phi, self._Gamma = step[:n, :n], step[:n, n]
-        self._lag, self._reach = lag, math.radians(spec.rate_degps)
-        # The tick's own hold is half of what sampling adds.
+        self._lag, self._max_rate_radps = lag, math.radians(spec.rate_degps)
+        # The hold of a tick is simulated here, so the queue must not contain it as a delay.
         ticks = max(0, round((lag.delay_s - SAMPLING_S) / TICK_S)) + 1
         self._queue = deque([0.0] * ticks)
         self._angle = self._rate = 0.0
         self.state: Array = np.zeros(n)
 
     def advance(self, command_rad: float) -> None:
+        """Advance the plane by one tick under a surface command (rad)."""
         self._queue.append(command_rad)
-        late, wn = self._queue.popleft(), self._lag.natural_frequency_radps
-        pull = wn * wn * (late - self._angle) - 2.0 * self._lag.damping_ratio * wn * self._rate
-        self._rate = min(self._reach, max(-self._reach, self._rate + pull * TICK_S))
+        delayed_rad, wn = self._queue.popleft(), self._lag.natural_frequency_radps
+        acceleration = (
+            wn * wn * (delayed_rad - self._angle) - 2.0 * self._lag.damping_ratio * wn * self._rate
+        )
+        self._rate = min(
+            self._max_rate_radps, max(-self._max_rate_radps, self._rate + acceleration * TICK_S)
+        )
         self._angle += self._rate * TICK_S
         self.state = self._Phi @ self.state + self._Gamma * self._angle

@@ -1,10 +1,10 @@
-"""The paper's Table 4: dominant poles of its nine loops by our own means, and which tailcone its
-printed ones ask for.
+"""Table 4 of the paper: dominant poles of its nine loops, and the tailcone that they imply.
 
-The paper gives neither the mass nor which form of delay it used, and prints the actuator's transfer
-function garbled. ``rows`` reckons the table for a given tailcone, ``readings`` looks for the
-tailcone that explains all nine rows best, ``single_pole_conditions`` for what each row asks for by
-itself."""
+The paper states neither the mass nor the form of its delay, and the actuator's transfer function is
+printed incorrectly. ``rows`` computes the table for a given tailcone, ``readings`` finds the
+tailcone that explains all nine rows best, ``single_pole_conditions`` gives the delay and the gain
+that each row implies.
+"""
 
 from sysid.reproduction.paper_poles.conditions import SinglePoleCondition, single_pole_conditions
 from sysid.reproduction.paper_poles.poles import (

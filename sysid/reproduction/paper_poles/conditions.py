@@ -1,8 +1,9 @@
-"""What each printed pole asks for by itself: the two conditions of a root locus (Evans 1948).
+"""Delay and loop gain implied by each printed pole: the root-locus conditions (Evans 1948).
 
-A closed loop has the pole s where k L(s) e^(-sT) = -1. The angle of that alone gives the delay T,
-its size then the loop gain k; any other rows, any approximation of the delay and the choice of a
-dominant pole are left out of it."""
+A closed loop has the pole s where k L(s) exp(-s T) = -1. The angle condition gives the delay T, the
+magnitude condition the loop gain k. Other rows, approximations of the delay and the choice of a
+dominant pole do not enter.
+"""
 
 import cmath
 import math
@@ -25,25 +26,37 @@ from sysid.reproduction.paper_tables import TABLE_4
 BENCH_SD = {
     p.name: p.prior_sd for p in PARAMETERS if p.name in ("natural_frequency", "damping_ratio")
 }
-"""How well a bench test knows the tailcone's lag, as shares."""
+"""Relative standard deviation of the tailcone's lag after a bench test."""
 
 
 class SinglePoleCondition(NamedTuple):
+    """Delay and gain of one row."""
+
     loop: str
     case: str
     delay_s: float
     delay_sd_s: float
-    """What the lag's natural frequency and damping leave open, one standard deviation each."""
+    """Standard deviation of the delay due to the lag's natural frequency and damping (s)."""
     loop_gain: float
-    """Over that of Tables 1 and 3."""
+    """Loop gain relative to that of Tables 1 and 3."""
 
 
 def single_pole_conditions(lag: Lag = LAG) -> list[SinglePoleCondition]:
-    """Of all nine rows, behind the lag's natural frequency and damping; its own delay is
-    ignored."""
-    known = models()
+    """Return delay and loop gain that each of the nine rows implies.
+
+    Parameters
+    ----------
+    lag : Lag
+        Lag of the tailcone; its own delay is ignored.
+
+    Returns
+    -------
+    list of SinglePoleCondition
+        One condition per row.
+    """
+    planes = models()
     return [
-        _row(loop, case, pole, known[case[0]], CONTROLLERS[case[2]], lag)
+        _row(loop, case, pole, planes[case[0]], CONTROLLERS[case[2]], lag)
         for (loop, case), pole in TABLE_4.items()
     ]
 
@@ -51,9 +64,12 @@ def single_pole_conditions(lag: Lag = LAG) -> list[SinglePoleCondition]:
 def required_delay_and_gain(
     loop: str, planes: Planes, gains: Gains, pole: complex, lag: Lag
 ) -> tuple[float, float]:
-    """(delay, loop gain) with which the loop has this pole."""
-    cut = open_loop(loop, close_loop(loop, planes, lag._replace(delay_s=0.0), gains))
-    at_pole = complex(-cut.row @ np.linalg.solve(pole * np.eye(len(cut.A)) - cut.A, cut.into))
+    """Return the delay (s) and the loop gain with which a loop has this pole."""
+    opened = open_loop(loop, close_loop(loop, planes, lag._replace(delay_s=0.0), gains))
+    at_pole = complex(
+        -opened.output_vector
+        @ np.linalg.solve(pole * np.eye(len(opened.A)) - opened.A, opened.input_vector)
+    )
     delay_s = cmath.phase(-at_pole) / pole.imag
     return delay_s, 1.0 / abs(at_pole * cmath.exp(-pole * delay_s))
 
@@ -61,13 +77,20 @@ def required_delay_and_gain(
 def _row(
     loop: str, case: str, pole: complex, planes: Planes, gains: Gains, lag: Lag
 ) -> SinglePoleCondition:
+    """Return the condition of one row."""
     delay_s, gain = required_delay_and_gain(loop, planes, gains, pole, lag)
-    faster = lag._replace(
+    faster_lag = lag._replace(
         natural_frequency_radps=lag.natural_frequency_radps * (1.0 + BENCH_SD["natural_frequency"])
     )
-    calmer = lag._replace(damping_ratio=lag.damping_ratio * (1.0 + BENCH_SD["damping_ratio"]))
-    moved = [
-        required_delay_and_gain(loop, planes, gains, pole, other)[0] - delay_s
-        for other in (faster, calmer)
+    damped_lag = lag._replace(damping_ratio=lag.damping_ratio * (1.0 + BENCH_SD["damping_ratio"]))
+    delay_changes_s = [
+        required_delay_and_gain(loop, planes, gains, pole, changed_lag)[0] - delay_s
+        for changed_lag in (faster_lag, damped_lag)
     ]
-    return SinglePoleCondition(loop, case, delay_s, math.hypot(*moved), gain)
+    return SinglePoleCondition(
+        loop=loop,
+        case=case,
+        delay_s=delay_s,
+        delay_sd_s=math.hypot(*delay_changes_s),
+        loop_gain=gain,
+    )

@@ -1,4 +1,4 @@
-"""The nine rows for a given tailcone, beside the printed ones."""
+"""The nine rows of Table 4 for a given tailcone, with the printed poles."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -19,25 +19,30 @@ from sysid.reproduction.paper_tables import (
 )
 
 LOOPS = ("heading", "pitch", "depth")
+"""Loops of the table."""
 CASES = ("I/I", "A/I", "A/A")
-"""Model/controller: I initial, A adjusted or improved."""
+"""Model/controller: I for initial, A for adjusted or improved."""
 LAG = Lag(0.3)
-"""The delay that the paper prints, behind the actuator whose cut-off agrees with its figure 4."""
+"""Tailcone with the printed delay and the cut-off frequency of the paper's figure 4."""
 PADE = 2
-"""Order: the printed transfer function has a delay of the second order."""
+"""Order of the Pade delay: the printed transfer function has a delay of second order."""
 CONTROLLERS: Mapping[str, Gains] = {"I": TABLE_3_INITIAL, "A": TABLE_3_IMPROVED}
+"""Gains by the letter of a case."""
 
 
 class PoleRow(NamedTuple):
+    """One row of the table."""
+
     loop: str
     case: str
     paper: complex
-    """Upper pole of the printed pair, rad/s."""
+    """Upper pole of the printed pair (rad/s)."""
     ours: complex
+    """Upper pole of the computed dominant pair (rad/s)."""
 
 
 def models() -> dict[str, Planes]:
-    """Table 1's two columns as linear planes."""
+    """Return Table 1's two columns as linear planes."""
     columns = {"I": TABLE_1_INITIAL, "A": TABLE_1_ADJUSTED}
     return {
         name: Planes(yaw_plane(column), pitch_plane(column)) for name, column in columns.items()
@@ -45,7 +50,7 @@ def models() -> dict[str, Planes]:
 
 
 class Case(NamedTuple):
-    """A model and its controller."""
+    """A model with its controller."""
 
     name: str
     planes: Planes
@@ -55,26 +60,90 @@ class Case(NamedTuple):
 
 
 def printed_cases(lag: Lag = LAG) -> list[Case]:
-    """The paper's three, all behind one tailcone."""
-    known = models()
-    return [Case(case, known[case[0]], CONTROLLERS[case[2]], lag, lag) for case in CASES]
+    """Return the paper's three cases behind one tailcone.
+
+    Parameters
+    ----------
+    lag : Lag
+        Lag and delay of the tailcone.
+
+    Returns
+    -------
+    list of Case
+        Cases in the order of `CASES`.
+    """
+    planes = models()
+    return [
+        Case(
+            name=case,
+            planes=planes[case[0]],
+            gains=CONTROLLERS[case[2]],
+            yaw_lag=lag,
+            pitch_lag=lag,
+        )
+        for case in CASES
+    ]
 
 
 def rows(lag: Lag = LAG, form: Approximation = PADE) -> list[PoleRow]:
-    """All nine from Tables 1 and 3, loop by loop."""
+    """Return all nine rows, computed from Tables 1 and 3.
+
+    Parameters
+    ----------
+    lag : Lag
+        Lag and delay of the tailcone.
+    form : int or tuple
+        Approximation of the delay.
+
+    Returns
+    -------
+    list of PoleRow
+        Printed and computed poles, in the order of Table 4.
+    """
     cases = {case.name: case for case in printed_cases(lag)}
     return [
-        PoleRow(loop, name, paper, pole(loop, cases[name], form))
+        PoleRow(loop=loop, case=name, paper=paper, ours=pole(loop, cases[name], form))
         for (loop, name), paper in TABLE_4.items()
     ]
 
 
 def pole(loop: str, case: Case, form: Approximation = PADE) -> complex:
-    """The dominant one."""
+    """Return the dominant pole of a loop.
+
+    Parameters
+    ----------
+    loop : str
+        One of `LOOPS`.
+    case : Case
+        Model and controller.
+    form : int or tuple
+        Approximation of the delay.
+
+    Returns
+    -------
+    complex
+        Upper pole of the dominant pair (rad/s).
+    """
     return dominant(loop_transfer.poles(close_case(loop, case, form)))
 
 
 def close_case(loop: str, case: Case, form: Approximation = PADE) -> ClosedLoop:
+    """Return the closed loop of a case.
+
+    Parameters
+    ----------
+    loop : str
+        One of `LOOPS`.
+    case : Case
+        Model and controller.
+    form : int or tuple
+        Approximation of the delay.
+
+    Returns
+    -------
+    ClosedLoop
+        Closed loop.
+    """
     lag = case.yaw_lag if loop == "heading" else case.pitch_lag
     return close_loop(loop, case.planes, lag, case.gains, form)
 
@@ -82,7 +151,7 @@ def close_case(loop: str, case: Case, form: Approximation = PADE) -> ClosedLoop:
 def close_loop(
     loop: str, planes: Planes, lag: Lag, gains: Gains, form: Approximation = PADE
 ) -> ClosedLoop:
-    """One of ``LOOPS``."""
+    """Return one of the closed `LOOPS`."""
     if loop == "heading":
         return loop_transfer.close_heading(planes.yaw, lag, gains, form)
     return (loop_transfer.close_pitch if loop == "pitch" else loop_transfer.close_depth)(
@@ -90,13 +159,36 @@ def close_loop(
     )
 
 
-def open_loop(loop: str, whole: ClosedLoop) -> OpenLoop:
-    """One of ``LOOPS`` at the duct."""
-    return root_locus.open_at_duct(whole, 4 if loop == "depth" else 3)
+def open_loop(loop: str, closed: ClosedLoop) -> OpenLoop:
+    """Return a loop opened at the duct.
+
+    Parameters
+    ----------
+    loop : str
+        One of `LOOPS`.
+    closed : ClosedLoop
+        Closed loop.
+
+    Returns
+    -------
+    OpenLoop
+        Opened loop.
+    """
+    return root_locus.open_at_duct(closed, 4 if loop == "depth" else 3)
 
 
 def dominant(poles: Sequence[complex] | loop_transfer.ComplexArray) -> complex:
-    """The pair that rings most, upper pole: of the oscillating ones within the band the least
-    damped."""
+    """Return the upper pole of the oscillatory pair with the smallest damping ratio.
+
+    Parameters
+    ----------
+    poles : Sequence of complex
+        Poles (rad/s); those beyond `MAX_POLE_RADPS` are ignored.
+
+    Returns
+    -------
+    complex
+        Pole (rad/s); NaN without an oscillatory pair.
+    """
     pairs = [complex(pole) for pole in poles if pole.imag > 1e-6 and abs(pole) < MAX_POLE_RADPS]
     return max(pairs, key=lambda pole: pole.real / abs(pole), default=complex(np.nan, np.nan))

@@ -1,9 +1,9 @@
-"""The tailcone that explains all nine printed poles best, for each reading of the printed transfer
-function.
+"""Tailcone that explains all nine printed poles best, for each reading of the transfer function.
 
-Readings differ in the actuator's second-order lag and in the delay's form; the delay is searched,
-and the lag where a reading leaves it open. Poles are the loops' own
-(``sysid.control_analysis.loop_transfer``)."""
+Readings differ in the actuator's second-order lag and in the form of the delay. The delay is
+searched, and the lag where a reading does not define it. Poles are those of
+``sysid.control_analysis.loop_transfer``.
+"""
 
 import math
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ Printed = Mapping[tuple[str, str], complex]
 
 
 class Form(NamedTuple):
-    """How a delay is put into a transfer function."""
+    """Representation of a delay in a transfer function."""
 
     name: str
     approximation: Approximation
@@ -43,8 +43,11 @@ FORMS = (
     Form("as printed", (9 / 2, 1 / 9, 1 / 20)),
     Form("exact", 6),
 )
-"""Ogata 2: a delay's Taylor series of the second order over its mirror image. Exact: Pade 6, within
-1e-5 rad of the delay over the poles' frequencies and the delays that are tried."""
+"""Forms of the delay.
+
+Ogata 2: Taylor series of second order over its mirror image. Exact: Pade 6, within 1e-5 rad of the
+delay over the poles' frequencies and the delays that are tried.
+"""
 FIGURE_4 = "s^2/9 + 4s/10 + 1"
 STATED = "as stated"
 LAGS = {
@@ -53,52 +56,73 @@ LAGS = {
     "3s^2 + 4s/10 + 1": Lag(0.0, 1.0 / math.sqrt(3.0), 0.2 / math.sqrt(3.0)),
     "none": Lag(0.0, 60.0, 1.0),
 }
-"""Denominators: with the cut-off of figure 4; with a power lost; as printed; and a lag too fast to
-matter."""
+"""Denominators of the lag, by name.
+
+They are: cut-off frequency of figure 4; one power missing; as printed; a lag too fast to matter.
+"""
 DELAYS_S = np.arange(0.1, 1.01, 0.1)
 MIN_DELAY_S, MAX_DELAY_S, DELAY_STEP_S = 0.0, 1.1, 0.02
 FREE_FREQUENCY = "free, damping 0.6"
 FREE_DAMPING = "free, at least 0.2"
 MIN_FREQUENCY_RADPS, MAX_FREQUENCY_RADPS, MIN_DAMPING, MAX_DAMPING = 1.0, 20.0, 0.2, 1.2
 UNEXPLAINED_SHARE = 0.1
-"""A row remains unexplained beyond this share of its printed pole."""
+"""Relative error above which a row counts as unexplained."""
 INTERVAL_MISFIT_RATIO = math.exp(3.84 / (4.0 * len(TABLE_4)))
-"""The rms misfit at the ends of a delay's 95 % interval over its least, were the misfits
-independent and normal: two real numbers a row, n ln(sum of squares) up by 3.84."""
+"""Ratio of misfits at the ends of the delay's 95 % interval to the smallest misfit.
+
+It assumes independent normal errors: two real numbers per row, n ln(sum of squares) increased by
+3.84.
+"""
 
 
 class TransferReading(NamedTuple):
+    """Best tailcone of one reading."""
+
     lag_name: str
     form: str
     lag: Lag
     misfit_radps: float
-    """Distance of printed from reckoned poles, rms over the nine rows."""
+    """Rms distance of printed and computed poles over the nine rows (rad/s)."""
     delays_s: tuple[float, float]
-    """Delays that explain the rows hardly worse, the lag kept: 95 %, were the misfits noise."""
+    """95 % interval of the delay (s) with the lag fixed."""
     remain: tuple[tuple[str, str], ...]
-    """Rows missed by more than a tenth."""
+    """Rows with an error above `UNEXPLAINED_SHARE`."""
 
 
 def readings(printed: Printed = TABLE_4) -> list[TransferReading]:
-    """The stated tailcone; then the best delay of all forms behind figure 4's lag, of the best form
-    behind others."""
+    """Return the readings of the transfer function with their best delays.
+
+    Parameters
+    ----------
+    printed : Mapping
+        Printed poles (rad/s) by (loop, model/controller).
+
+    Returns
+    -------
+    list of TransferReading
+        The stated tailcone; then all forms behind figure 4's lag, the best form behind the other
+        lags, and free lags.
+    """
     search = TailconeSearch(printed)
-    known = LAGS[FIGURE_4]
-    found = [search.reading(STATED, FORMS[1], LAG), search.reading(FIGURE_4, NO_DELAY, known)]
+    figure_4_lag = LAGS[FIGURE_4]
+    results = [
+        search.reading(STATED, FORMS[1], LAG),
+        search.reading(FIGURE_4, NO_DELAY, figure_4_lag),
+    ]
     for name, lag in LAGS.items():
-        tried = [(form, search.best_delay(lag, form)) for form in FORMS]
-        shown = (
-            tried
-            if lag is known
-            else [min(tried, key=lambda each: search.misfit(each[1], each[0]))]
+        candidates = [(form, search.best_delay(lag, form)) for form in FORMS]
+        reported = (
+            candidates
+            if lag is figure_4_lag
+            else [min(candidates, key=lambda candidate: search.misfit(candidate[1], candidate[0]))]
         )
-        found += [search.reading(name, form, delayed) for form, delayed in shown]
+        results += [search.reading(name, form, delayed) for form, delayed in reported]
     exact = FORMS[-1]
-    found += [
+    results += [
         search.reading(name, exact, search.best_lag(exact, name == FREE_DAMPING))
         for name in (FREE_FREQUENCY, FREE_DAMPING)
     ]
-    return found
+    return results
 
 
 class TailconeSearch:
@@ -108,18 +132,27 @@ class TailconeSearch:
         self._printed, self._models = printed, models()
 
     def reading(self, name: str, form: Form, lag: Lag) -> TransferReading:
-        misses = self._misses(lag, form)
+        """Return the result of one tailcone."""
+        errors = self._misses(lag, form)
         remain = tuple(
             row
-            for row, miss in misses.items()
-            if not miss <= UNEXPLAINED_SHARE * abs(self._printed[row])
+            for row, error in errors.items()
+            if not error <= UNEXPLAINED_SHARE * abs(self._printed[row])
         )
         return TransferReading(
-            name, form.name, lag, self.misfit(lag, form), self._interval(lag, form), remain
+            lag_name=name,
+            form=form.name,
+            lag=lag,
+            misfit_radps=self.misfit(lag, form),
+            delays_s=self._interval(lag, form),
+            remain=remain,
         )
 
     def best_delay(self, lag: Lag, form: Form) -> Lag:
+        """Return the lag with the delay of the smallest misfit."""
+
         def misfit(delay_s: float) -> float:
+            """Return the misfit with this delay."""
             return self.misfit(lag._replace(delay_s=delay_s), form)
 
         coarse = float(min(DELAYS_S, key=misfit))
@@ -130,9 +163,10 @@ class TailconeSearch:
         return lag._replace(delay_s=float(fine.x))
 
     def best_lag(self, form: Form, any_damping: bool) -> Lag:
-        """Delay and natural frequency searched together, and the damping where it is free."""
+        """Return the best delay and natural frequency, and the best damping if it is free."""
 
         def lag(x: Array) -> Lag:
+            """Return the lag of the search variables."""
             return Lag(float(x[0]), math.exp(x[1]), float(x[2]) if any_damping else 0.6)
 
         bounds = [
@@ -154,31 +188,32 @@ class TailconeSearch:
         return lag(min(ends, key=lambda end: float(end.fun)).x)
 
     def misfit(self, lag: Lag, form: Form) -> float:
-        """Rms over the rows, rad/s."""
+        """Return the rms error over the rows (rad/s)."""
         return math.sqrt(float(np.mean(np.square(list(self._misses(lag, form).values())))))
 
     def _misses(self, lag: Lag, form: Form) -> dict[tuple[str, str], float]:
-        """Distances by row; a loop without an oscillating pair is as far off as the pole itself."""
-        found = {}
+        """Return the error by row; a loop without an oscillatory pair has the error |pole|."""
+        errors = {}
         for (loop, case), pole in self._printed.items():
-            whole = close_loop(
+            closed = close_loop(
                 loop, self._models[case[0]], lag, CONTROLLERS[case[2]], form.approximation
             )
-            miss = abs(dominant(loop_transfer.poles(whole)) - pole)
-            found[loop, case] = abs(pole) if math.isnan(miss) else miss
-        return found
+            error = abs(dominant(loop_transfer.poles(closed)) - pole)
+            errors[loop, case] = abs(pole) if math.isnan(error) else error
+        return errors
 
     def _interval(self, lag: Lag, form: Form) -> tuple[float, float]:
-        """As far as the misfit stays below WIDER times what it is."""
+        """Return the delays up to which the misfit stays below its 95 % bound."""
         if form is NO_DELAY:
             return 0.0, 0.0
-        most = INTERVAL_MISFIT_RATIO * self.misfit(lag, form)
+        max_misfit = INTERVAL_MISFIT_RATIO * self.misfit(lag, form)
 
         def end(step_s: float) -> float:
+            """Return the last delay within the bound in one direction."""
             delay_s = lag.delay_s
             while (
                 MIN_DELAY_S <= delay_s + step_s <= MAX_DELAY_S
-                and self.misfit(lag._replace(delay_s=delay_s + step_s), form) <= most
+                and self.misfit(lag._replace(delay_s=delay_s + step_s), form) <= max_misfit
             ):
                 delay_s += step_s
             return delay_s

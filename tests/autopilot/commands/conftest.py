@@ -1,4 +1,4 @@
-"""A vehicle that is asked for things, and a wall clock that jumps."""
+"""A connected vehicle, and a wall clock that a test can advance."""
 
 from collections.abc import Callable
 
@@ -21,12 +21,13 @@ def deck() -> Deck:
 
 @pytest.fixture
 def pass_time(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
-    """Lets the wall clock jump."""
+    """Return a function that advances the wall clock."""
     now = [wall_s()]
     for module in (ground_server, services, statustext):
         monkeypatch.setattr(module, "wall_s", lambda: now[0])
 
     def pass_time(seconds: float) -> None:
+        """Return a function that advances the wall clock."""
         now[0] += seconds
 
     return pass_time

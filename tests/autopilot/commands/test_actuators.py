@@ -1,4 +1,4 @@
-"""Actuators by hand under way, and one by one on the bench."""
+"""Direct actuator commands: DO_SET_ACTUATOR in MANUAL, and ACTUATOR_TEST while disarmed."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ ELEVATOR, PROPELLER = 34, 1
 """ACTUATOR_OUTPUT_FUNCTION: servo 2, motor 1."""
 
 
-def test_actuators_are_set_by_hand_in_manual_until_it_is_left(
+def test_do_set_actuator_applies_until_manual_mode_ends(
     deck: Deck, pass_time: Callable[[float], None]
 ) -> None:
     assert results(deck.command(187, 0.5, NAN, NAN, NAN, NAN, NAN, 0)) == [REJECTED]
@@ -29,7 +29,7 @@ def test_actuators_are_set_by_hand_in_manual_until_it_is_left(
     assert deck.server.stick is None
 
 
-def test_a_stick_takes_over_from_actuators_that_were_set(deck: Deck) -> None:
+def test_manual_control_replaces_do_set_actuator(deck: Deck) -> None:
     deck.command(400, 1)
     deck.command(176, 1, 1)
     deck.command(187, 0.5, 0.5, 0.5, NAN, NAN, NAN, 0)
@@ -38,7 +38,7 @@ def test_a_stick_takes_over_from_actuators_that_were_set(deck: Deck) -> None:
 
 
 @pytest.mark.parametrize("values", [(1.5, 0, 0), (0, 0, 0, 0.5), (0, 0, 0, 0, 0, 0, 1)])
-def test_actuators_that_are_not_there_are_denied(deck: Deck, values: tuple[float, ...]) -> None:
+def test_do_set_actuator_invalid_value_is_denied(deck: Deck, values: tuple[float, ...]) -> None:
     deck.command(400, 1)
     deck.command(176, 1, 1)
     assert results(deck.command(187, *values)) == [DENIED]
@@ -52,7 +52,7 @@ def outputs(deck: Deck, ticks: int) -> list[tuple[float, ...]]:
     return seen
 
 
-def test_an_actuator_is_tested_for_its_time_while_disarmed(deck: Deck) -> None:
+def test_actuator_test_disarmed_lasts_its_duration(deck: Deck) -> None:
     assert results(deck.command(310, 0.5, 1.0, 0, 0, ELEVATOR)) == [ACCEPTED]
     seconds = 1_000_000 // TICK_US
     assert outputs(deck, seconds - 1) == [(0.0, 0.5, 0.0)] * (seconds - 1)
@@ -60,7 +60,7 @@ def test_an_actuator_is_tested_for_its_time_while_disarmed(deck: Deck) -> None:
     assert not deck.vehicle.snapshot().actuators.armed
 
 
-def test_a_test_never_lasts_more_than_three_seconds_and_ends_when_told(deck: Deck) -> None:
+def test_actuator_test_ends_after_three_seconds_or_on_request(deck: Deck) -> None:
     deck.command(310, 0.5, 3600.0, 0, 0, PROPELLER)
     assert outputs(deck, 151)[-1] == (0.0, 0.0, 0.0)
     for end in ((NAN, 1.0), (0.5, 0.0), (0.5, NAN)):
@@ -70,7 +70,7 @@ def test_a_test_never_lasts_more_than_three_seconds_and_ends_when_told(deck: Dec
         assert outputs(deck, 1) == [(0.0, 0.0, 0.0)]
 
 
-def test_two_actuators_may_be_tested_at_once_and_arming_ends_it(deck: Deck) -> None:
+def test_actuator_test_of_two_channels_ends_at_arming(deck: Deck) -> None:
     deck.command(310, 0.5, 3.0, 0, 0, ELEVATOR)
     deck.command(310, -0.25, 3.0, 0, 0, ELEVATOR - 1)
     assert outputs(deck, 1) == [(-0.25, 0.5, 0.0)]
@@ -79,7 +79,7 @@ def test_two_actuators_may_be_tested_at_once_and_arming_ends_it(deck: Deck) -> N
     assert outputs(deck, 1) == [(0.0, 0.0, 0.0)]
 
 
-def test_no_actuator_is_tested_while_armed_or_where_there_is_none(deck: Deck) -> None:
+def test_actuator_test_armed_or_unknown_channel_is_refused(deck: Deck) -> None:
     assert results(deck.command(310, 0.5, 1.0, 0, 0, 99)) == [UNSUPPORTED]
     assert results(deck.command(310, 1.5, 1.0, 0, 0, ELEVATOR)) == [DENIED]
     deck.command(400, 1)

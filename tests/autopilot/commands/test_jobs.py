@@ -1,5 +1,4 @@
-"""Long jobs, and what is repeated: each is done once, and whoever asked hears how it goes and
-ends."""
+"""Long-running commands and repetitions: executed once, with progress and result."""
 
 import math
 from collections.abc import Callable
@@ -27,7 +26,7 @@ from tests.helpers.commands import (
 from tests.helpers.fake_hil import Deck, Station
 
 
-def test_a_test_is_in_progress_until_it_has_run_its_time(
+def test_excitation_reports_progress_until_its_end(
     deck: Deck, pass_time: Callable[[float], None]
 ) -> None:
     under_way(deck)
@@ -49,7 +48,7 @@ def test_a_test_is_in_progress_until_it_has_run_its_time(
     )
 
 
-def test_a_test_that_is_repeated_is_the_same_test_and_another_is_refused(deck: Deck) -> None:
+def test_excitation_repeated_command_continues_other_is_refused(deck: Deck) -> None:
     under_way(deck)
     deck.command(31010, 12, 5, NAN, NAN, 10, 1, NAN)
     started = deck.vehicle.state.test
@@ -60,7 +59,7 @@ def test_a_test_that_is_repeated_is_the_same_test_and_another_is_refused(deck: D
     assert deck.vehicle.state.test == started
 
 
-def test_a_test_whose_end_was_not_heard_is_not_begun_again(deck: Deck) -> None:
+def test_excitation_repeated_after_end_gets_its_result(deck: Deck) -> None:
     under_way(deck)
     deck.command(31010, 12, 5, NAN, NAN, 2, 1, NAN)
     deck.tick(110, depth_m=5.0)
@@ -72,7 +71,7 @@ def test_a_test_whose_end_was_not_heard_is_not_begun_again(deck: Deck) -> None:
 
 
 @pytest.mark.parametrize("stop", [long(31010, 0), long(176, 1, 2), long(212, 0)])
-def test_a_test_that_is_stopped_is_cancelled(deck: Deck, stop: Any) -> None:
+def test_excitation_stopped_reports_cancelled(deck: Deck, stop: Any) -> None:
     under_way(deck)
     deck.command(31010, 12, 5, NAN, NAN, 10, 1, NAN)
     heard = deck.ask(stop)
@@ -81,7 +80,7 @@ def test_a_test_that_is_stopped_is_cancelled(deck: Deck, stop: Any) -> None:
     assert deck.vehicle.state.test is None
 
 
-def test_a_test_that_a_failsafe_ends_has_failed(deck: Deck) -> None:
+def test_excitation_ended_by_failsafe_reports_failed(deck: Deck) -> None:
     under_way(deck)
     deck.command(31010, 12, 5, NAN, NAN, 10, 1, NAN)
     deck.tick(300, depth_m=30.0)
@@ -89,7 +88,7 @@ def test_a_test_that_a_failsafe_ends_has_failed(deck: Deck) -> None:
     assert results(deck.station.heard())[-1] == FAILED
 
 
-def test_command_cancel_ends_a_test_and_tells_who_asked(deck: Deck) -> None:
+def test_command_cancel_ends_excitation_and_informs_requester(deck: Deck) -> None:
     under_way(deck)
     deck.command(31010, 12, 5, NAN, NAN, 10, 1, NAN)
     cancel = dialect.by_name("COMMAND_CANCEL")
@@ -105,9 +104,7 @@ def test_command_cancel_ends_a_test_and_tells_who_asked(deck: Deck) -> None:
 
 
 @pytest.mark.parametrize(("axis", "channel"), [(0, 11), (2, 11), (4, 12)])
-def test_autotune_plays_the_test_that_the_parameters_describe(
-    deck: Deck, axis: int, channel: int
-) -> None:
+def test_autotune_starts_excitation_of_sid_parameters(deck: Deck, axis: int, channel: int) -> None:
     under_way(deck)
     assert results(deck.command(212, 1, axis)) == [IN_PROGRESS]
     test = deck.vehicle.state.test
@@ -116,7 +113,7 @@ def test_autotune_plays_the_test_that_the_parameters_describe(
 
 
 @pytest.mark.parametrize("parameters", [(1, 1), (1, 6), (2, 2), (NAN,)])
-def test_autotune_of_what_she_cannot_do_is_denied(
+def test_autotune_unsupported_parameters_are_denied(
     deck: Deck, parameters: tuple[float, ...]
 ) -> None:
     under_way(deck)
@@ -124,7 +121,7 @@ def test_autotune_of_what_she_cannot_do_is_denied(
     assert deck.vehicle.state.test is None
 
 
-def test_a_turn_by_so_much_is_made_once_however_often_it_is_sent(
+def test_relative_turn_repeated_is_executed_once(
     deck: Deck, pass_time: Callable[[float], None]
 ) -> None:
     under_way(deck)
@@ -142,7 +139,7 @@ def test_a_turn_by_so_much_is_made_once_however_often_it_is_sent(
     assert math.degrees(deck.vehicle.state.setpoint.heading_rad - before) == pytest.approx(60.0)
 
 
-def test_what_was_left_in_between_is_taken_up_again(deck: Deck) -> None:
+def test_mission_start_after_mode_change_is_executed_again(deck: Deck) -> None:
     deck.command(400, 1)
     item = mavlink.MAVLink_mission_item_int_message(
         1, 1, 0, 2, 93, 1, 1, 100, NAN, NAN, NAN, 0, 0, NAN, 0
@@ -156,7 +153,9 @@ def test_what_was_left_in_between_is_taken_up_again(deck: Deck) -> None:
         assert deck.vehicle.state.mode == modes.HOLD.number
 
 
-def test_two_stations_may_each_turn_her(pass_time: Callable[[float], None]) -> None:
+def test_relative_turn_of_two_stations_is_executed_twice(
+    pass_time: Callable[[float], None],
+) -> None:
     deck = Deck(Station(255, 190), Station(250, 190))
     deck.tick(3, fix=FIX)
     under_way(deck)
@@ -166,7 +165,7 @@ def test_two_stations_may_each_turn_her(pass_time: Callable[[float], None]) -> N
     assert math.degrees(deck.vehicle.state.setpoint.heading_rad - before) == pytest.approx(60.0)
 
 
-def test_what_was_refused_is_tried_again(deck: Deck) -> None:
+def test_refused_command_repeated_is_executed(deck: Deck) -> None:
     assert results(deck.command(115, 30.0, 0.0, 1.0, 1.0)) == [REJECTED]
     under_way(deck)
     assert results(deck.command(115, 30.0, 0.0, 1.0, 1.0)) == [ACCEPTED]

@@ -1,4 +1,4 @@
-"""What is done at the quay: defaults, an empty mission, the air pressure."""
+"""Maintenance commands: parameter reset, mission removal and pressure calibration."""
 
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
@@ -9,7 +9,7 @@ from tests.helpers.commands import ACCEPTED, DENIED, NAN, REJECTED, results
 from tests.helpers.fake_hil import HPA_PER_M, SURFACE_HPA, Deck, Station, only, texts
 
 
-def test_defaults_come_back_and_every_link_hears_them() -> None:
+def test_storage_reset_sends_defaults_on_every_link() -> None:
     deck = Deck(Station(255, 190), Station(250, 190))
     deck.tick(3)
     for name, value in ((b"HDG_P", 0.75), (b"DPT_P", 0.2)):
@@ -23,7 +23,7 @@ def test_defaults_come_back_and_every_link_hears_them() -> None:
     assert told == pytest.approx({"HDG_P": 0.65, "DPT_P": 0.13})
 
 
-def test_storage_is_asked_for_only_while_disarmed_and_only_what_there_is(deck: Deck) -> None:
+def test_storage_armed_or_unknown_action_is_refused(deck: Deck) -> None:
     for parameters in ((0, 0), (1, 1), (NAN, NAN), (-1, -1)):
         assert results(deck.command(245, *parameters)) == [ACCEPTED]
     assert results(deck.command(245, 9)) == [DENIED]
@@ -33,7 +33,7 @@ def test_storage_is_asked_for_only_while_disarmed_and_only_what_there_is(deck: D
     assert deck.vehicle.params.get("HDG_P") == 0.75
 
 
-def test_storage_may_clear_the_mission(deck: Deck) -> None:
+def test_storage_clear_removes_mission(deck: Deck) -> None:
     deck.ask(mavlink.MAVLink_mission_count_message(1, 1, 1, 0))
     deck.ask(
         mavlink.MAVLink_mission_item_int_message(
@@ -45,7 +45,7 @@ def test_storage_may_clear_the_mission(deck: Deck) -> None:
     assert only(deck.command(512, 42), "MISSION_CURRENT").total == 0xFFFF
 
 
-def test_the_air_pressure_is_calibrated_at_the_surface(deck: Deck) -> None:
+def test_calibration_at_surface_sets_ground_pressure(deck: Deck) -> None:
     weather_hpa = SURFACE_HPA - 20.0
     deck.tick(300, depth_m=-20.0 / HPA_PER_M)
     assert deck.vehicle.state.estimate.depth_m == pytest.approx(-0.2, abs=0.01)
@@ -57,20 +57,22 @@ def test_the_air_pressure_is_calibrated_at_the_surface(deck: Deck) -> None:
     assert deck.vehicle.state.estimate.depth_m == pytest.approx(0.0, abs=0.005)
 
 
-def test_water_is_not_taken_for_weather(deck: Deck) -> None:
+def test_calibration_under_water_is_refused(deck: Deck) -> None:
     deck.tick(300, depth_m=(maintenance.MAX_PRESSURE_CHANGE_HPA + 5.0) / HPA_PER_M)
     heard = deck.command(241, 0, 0, 1, 0, 0, 0, 0)
     assert results(heard) == [REJECTED]
-    assert "is no change of weather" in texts(heard)[0]
+    assert "hPa exceeds 60 hPa" in texts(heard)[0]
     assert deck.vehicle.params.get("EST_SURF_HPA") == SURFACE_HPA
 
 
 @pytest.mark.parametrize("wanted", [(1,), (0, 1), (0, 0, 0, 0, 1), (0, 0, 0, 0, 2), (1, 0, 1)])
-def test_other_calibrations_are_denied_in_words(deck: Deck, wanted: tuple[float, ...]) -> None:
+def test_calibration_of_other_sensors_is_denied_with_reason(
+    deck: Deck, wanted: tuple[float, ...]
+) -> None:
     heard = deck.command(241, *wanted, *[0.0] * (7 - len(wanted)))
     assert results(heard) == [DENIED]
     assert texts(heard)
 
 
-def test_a_calibration_is_cancelled_by_nothing_but_zeros(deck: Deck) -> None:
+def test_calibration_of_all_zeros_is_accepted(deck: Deck) -> None:
     assert results(deck.command(241, *[0.0] * 7)) == [ACCEPTED]

@@ -1,4 +1,4 @@
-"""What is streamed, what is told on request, and how many texts."""
+"""Message intervals, requested messages and the rate limit of texts."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from tests.helpers.commands import ACCEPTED, DENIED, results, under_way
 from tests.helpers.fake_hil import Deck, only, texts
 
 
-def test_the_heartbeats_interval_can_be_read_and_not_changed(deck: Deck) -> None:
+def test_heartbeat_interval_is_readable_but_constant(deck: Deck) -> None:
     assert only(deck.command(510, 0), "MESSAGE_INTERVAL").interval_us == 1_000_000
     assert results(deck.command(511, 0, 0)) == [ACCEPTED]
     assert results(deck.command(511, 0, 1_000_000)) == [ACCEPTED]
@@ -18,7 +18,7 @@ def test_the_heartbeats_interval_can_be_read_and_not_changed(deck: Deck) -> None
         assert results(deck.command(511, 0, interval)) == [DENIED]
 
 
-def test_old_stream_requests_change_nothing_and_are_not_answered(deck: Deck) -> None:
+def test_request_data_stream_has_no_effect_and_no_reply(deck: Deck) -> None:
     before = [link.schedule.interval_us(30) for link in deck.server.links]
     answers = deck.ask(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 4, 1))
     assert [m.get_type() for m in answers] == ["HEARTBEAT"], (
@@ -27,7 +27,7 @@ def test_old_stream_requests_change_nothing_and_are_not_answered(deck: Deck) -> 
     assert [link.schedule.interval_us(30) for link in deck.server.links] == before
 
 
-def test_numbers_of_the_loops_come_to_who_asks(deck: Deck) -> None:
+def test_requested_loop_signals_match_trace(deck: Deck) -> None:
     under_way(deck)
     deck.command(511, 251, 100_000)
     deck.command(511, 350, 100_000)
@@ -44,12 +44,12 @@ def test_numbers_of_the_loops_come_to_who_asks(deck: Deck) -> None:
     assert arrays[-1].data[: len(trace)] == pytest.approx(list(trace), abs=0.05)
 
 
-def test_a_flood_of_texts_is_cut_and_what_is_critical_is_not(
+def test_text_rate_limit_drops_texts_but_not_critical_ones(
     deck: Deck, pass_time: Callable[[float], None]
 ) -> None:
     for number in range(100):
-        deck.vehicle.say(f"text {number}")
-    deck.vehicle.say("Leak detected", Severity.EMERGENCY)
+        deck.vehicle.send_statustext(f"text {number}")
+    deck.vehicle.send_statustext("Leak detected", Severity.EMERGENCY)
     deck.serve()
     said = texts(deck.station.heard())
     assert said[:3] == ["text 0", "text 1", "text 2"]
@@ -57,6 +57,6 @@ def test_a_flood_of_texts_is_cut_and_what_is_critical_is_not(
     assert said[-1] == "Leak detected"
     assert f"{100 - (len(said) - 2)} messages left out" in said
     pass_time(10.0)
-    deck.vehicle.say("later")
+    deck.vehicle.send_statustext("later")
     deck.serve()
     assert texts(deck.station.heard()) == ["later"]

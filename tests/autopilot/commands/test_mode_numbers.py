@@ -1,5 +1,4 @@
-"""Mode numbers of other autopilots: ArduSub's must never be taken for one of this vehicle's
-modes."""
+"""Mode numbers of other autopilots: a number of ArduSub must not select a mode."""
 
 from typing import Any
 
@@ -12,12 +11,11 @@ from tests.helpers.commands import ACCEPTED, DENIED, NAN, results
 from tests.helpers.fake_hil import Deck, texts
 
 ARDUSUB = sorted(mavutil.mode_mapping_sub)
-"""0 STABILIZE, 1 ACRO, 2 ALT_HOLD, 3 AUTO, 4 GUIDED, 7 CIRCLE, 9 SURFACE, 16 POSHOLD, 19 MANUAL,
-..."""
+"""Mode numbers of ArduSub, for example 0 STABILIZE, 3 AUTO, 9 SURFACE, 19 MANUAL."""
 
 
 def set_mode_apm(number: float) -> Any:
-    """What pymavlink's ``mavfile.set_mode_apm`` sends, and by it MAVProxy's ``mode``."""
+    """Return the message of pymavlink's ``mavfile.set_mode_apm``, used by MAVProxy's ``mode``."""
     return mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, number, 0, 0, 0, 0, 0)
 
 
@@ -32,7 +30,7 @@ def by_message(number: int) -> Any:
 @pytest.mark.parametrize("armed", [False, True])
 @pytest.mark.parametrize("way", [set_mode_apm, by_command_int, by_message])
 @pytest.mark.parametrize("number", ARDUSUB)
-def test_ardusub_number_is_refused_and_moves_nothing(
+def test_ardusub_mode_number_is_refused_without_effect(
     deck: Deck, number: int, way: Any, armed: bool
 ) -> None:
     if armed:
@@ -44,30 +42,29 @@ def test_ardusub_number_is_refused_and_moves_nothing(
     assert (state.mode, state.setpoint.thrust, state.thrust) == (modes.HOLD.number, 0.0, 0.0)
     assert results(heard) == ([] if way is by_message else [DENIED])
     assert texts(heard) == [
-        f"Mode {number} refused: not a number of this vehicle's (AVAILABLE_MODES); "
+        f"Mode {number} refused: not a mode of this vehicle (AVAILABLE_MODES); "
         "MAVProxy needs `ground modes export-mavproxy`"
     ]
 
 
 @pytest.mark.parametrize("mode", [modes.MANUAL, modes.DEPTH, modes.STATION, modes.STABILIZE])
 def test_mavsdk_main_mode_is_set(deck: Deck, mode: modes.Mode) -> None:
-    """MAVSDK 4.1 as it was seen to send POSCTL, ALTCTL and OFFBOARD: param3 is 0, and 4 to 7 are
-    NaN."""
+    """MAVSDK 4.1 sends POSCTL, ALTCTL and OFFBOARD with param3 0 and param4 to 7 NaN."""
     assert results(deck.command(176, 129, mode.number >> 16, 0, NAN, NAN, NAN, NAN)) == [ACCEPTED]
     assert deck.vehicle.state.mode == mode.number
 
 
 @pytest.mark.parametrize("mode", [m for m in modes.MODES if m not in (modes.SYSID, modes.OFFBOARD)])
 @pytest.mark.parametrize("way", [set_mode_apm, by_message])
-def test_mode_of_the_map_is_set_by_its_whole_number(deck: Deck, mode: modes.Mode, way: Any) -> None:
-    """MAVProxy after ``ground modes export-mavproxy``; QGroundControl by SET_MODE."""
+def test_complete_custom_mode_is_set(deck: Deck, mode: modes.Mode, way: Any) -> None:
+    """MAVProxy after ``ground modes export-mavproxy``; QGroundControl with SET_MODE."""
     deck.command(176, 1, float(modes.MANUAL.number if mode == modes.HOLD else modes.HOLD.number))
     deck.ask(way(mode.number))
     assert deck.vehicle.state.mode == mode.number
 
 
 @pytest.mark.parametrize("mode", [modes.HOLD, modes.MISSION, modes.RTL, modes.SURFACE])
-def test_main_and_sub_mode_are_set_whatever_fills_the_rest(deck: Deck, mode: modes.Mode) -> None:
+def test_main_and_sub_mode_with_zero_parameters_are_set(deck: Deck, mode: modes.Mode) -> None:
     deck.command(176, 1, float(modes.MANUAL.number))
     assert results(deck.command(176, 1, 4, mode.number >> 24, 0, 0, 0, 0)) == [ACCEPTED]
     assert deck.vehicle.state.mode == mode.number

@@ -1,4 +1,4 @@
-"""Home, and coordinates in COMMAND_INT."""
+"""Home position, and positions in COMMAND_INT."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ from tests.helpers.commands import (
 from tests.helpers.fake_hil import Deck, only, texts
 
 
-def test_home_is_set_with_a_float32_degree_or_an_exact_integer(deck: Deck) -> None:
+def test_do_set_home_command_int_keeps_exact_position(deck: Deck) -> None:
     message = mavlink.MAVLink_command_int_message(
         1, 1, 0, 179, 0, 0, 0, 0, 0, 0, 415_123_456, -707_654_321, 0
     )
@@ -28,7 +28,7 @@ def test_home_is_set_with_a_float32_degree_or_an_exact_integer(deck: Deck) -> No
     assert (home.latitude, home.longitude, home.altitude) == (415_123_456, -707_654_321, 0)
 
 
-def test_home_is_told_as_it_moves(deck: Deck) -> None:
+def test_home_change_is_published_once(deck: Deck) -> None:
     heard = deck.command(179, 0, 0, 0, 0, 41.25, -70.5, 0)
     assert only(heard, "HOME_POSITION").latitude == 412_500_000
     assert only(heard, "GPS_GLOBAL_ORIGIN").longitude == -705_000_000
@@ -46,9 +46,7 @@ def test_home_is_told_as_it_moves(deck: Deck) -> None:
     ],
     ids=lambda message: str(message.get_type()),
 )
-def test_home_and_origin_may_be_set_by_message_and_stay_at_the_surface(
-    deck: Deck, message: Any
-) -> None:
+def test_home_set_by_message_stays_at_surface(deck: Deck, message: Any) -> None:
     heard = deck.ask(message)
     home = only(heard, "HOME_POSITION")
     assert (home.latitude, home.longitude, home.altitude) == (412_500_000, -705_000_000, 0)
@@ -56,14 +54,14 @@ def test_home_and_origin_may_be_set_by_message_and_stay_at_the_surface(
     assert {m.latitude for m in heard if m.get_type() == "GPS_GLOBAL_ORIGIN"} == {412_500_000}
 
 
-def test_a_place_that_is_not_given_is_no_place(deck: Deck) -> None:
+def test_do_set_home_without_position_is_denied(deck: Deck) -> None:
     message = mavlink.MAVLink_command_int_message(
         1, 1, 0, 179, 0, 0, 0, 0, 0, 0, INT32_MAX, INT32_MAX, NAN
     )
     assert results(deck.ask(message)) == [DENIED]
 
 
-def test_a_tests_duration_is_whole_seconds_in_a_command_int(deck: Deck) -> None:
+def test_command_int_excitation_has_integer_duration(deck: Deck) -> None:
     under_way(deck)
     message = mavlink.MAVLink_command_int_message(
         1, 1, 0, 31010, 0, 0, 12, 5.0, NAN, NAN, 8, 1, NAN
@@ -73,7 +71,7 @@ def test_a_tests_duration_is_whole_seconds_in_a_command_int(deck: Deck) -> None:
     assert deck.vehicle.state.test.duration_s == 8.0
 
 
-def test_repositioning_without_a_place_holds_and_with_one_is_not_done(deck: Deck) -> None:
+def test_do_reposition_holds_only_without_position(deck: Deck) -> None:
     under_way(deck)
     pause = mavlink.MAVLink_command_int_message(
         1, 1, 0, 192, 0, 0, -1, 1, 0, NAN, INT32_MAX, INT32_MAX, NAN

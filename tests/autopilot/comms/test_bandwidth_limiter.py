@@ -1,5 +1,4 @@
-"""What leaves by a slow line: never more than its budget, every answer, and of telemetry the
-newest."""
+"""Send queue of a slow line: rate limit, all replies, and the newest telemetry."""
 
 from typing import Any, NamedTuple
 
@@ -7,8 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autopilot.comms.bandwidth_limiter import Budget, Queue, Waiting
-from autopilot.comms.ground_links import DATAGRAM_FILL_S, GroundLink, MeteredLink, ground_link
+from autopilot.comms.bandwidth_limiter import QueuedFrame, SendQueue, TokenBucket
+from autopilot.comms.ground_links import (
+    BATCH_S,
+    BandwidthLimitedLink,
+    GroundLink,
+    ground_link,
+)
 from mavlink_io import dialect
 from mavlink_io.codec import LARGEST_FRAME, Frame, Framer, encode
 
@@ -16,7 +20,7 @@ BAUDS = st.sampled_from((1200, 9600, 38_400, 57_600, 115_200, 921_600))
 
 
 class Line:
-    """The driver's side of a serial line: notes when how much was written."""
+    """Serial-line transport that records the time of each write."""
 
     def __init__(self, address: str) -> None:
         self.address = address
@@ -40,7 +44,7 @@ class Line:
 
 
 class Step(NamedTuple):
-    """Something that is said, and how long it is quiet afterwards."""
+    """A message to send, and the pause after it."""
 
     kind: str
     number: int
@@ -63,12 +67,12 @@ STREAMS = tuple(dialect.by_name(name) for name in ("ATTITUDE", "VFR_HUD", "GLOBA
 
 
 def fields(message: dialect.MessageType, stamp: int) -> tuple[Any, ...]:
-    """A message of zeros whose first number says when it was made."""
+    """Return zeros with the stamp as first field."""
     blank = message.unpack(b"")
     return (stamp, *blank[1:])
 
 
-def say(link: GroundLink, step: Step, stamp: int) -> None:
+def send_step(link: GroundLink, step: Step, stamp: int) -> None:
     if step.kind == "vital":
         link.write(PING, fields(PING, stamp))
     elif step.kind == "telemetry":
@@ -80,10 +84,10 @@ def say(link: GroundLink, step: Step, stamp: int) -> None:
 
 
 def run(baud: int, said: list[Step]) -> Line:
-    """A link that is flushed as the server does, until nothing waits."""
+    """Send the steps on a link that is flushed like in the server, until the queue is empty."""
     line = Line(f"serial:/dev/x:{baud}")
     link = ground_link(line, 1)
-    assert isinstance(link, MeteredLink)
+    assert isinstance(link, BandwidthLimitedLink)
 
     def pass_time(duration_s: float) -> None:
         until_s = line.now_s + duration_s
@@ -93,7 +97,7 @@ def run(baud: int, said: list[Step]) -> Line:
         line.now_s = max(line.now_s, until_s)
 
     for stamp, step in enumerate(said, start=1):
-        say(link, step, stamp)
+        send_step(link, step, stamp)
         pass_time(step.pause_s)
     pass_time(600.0)
     assert link.wait_s(line.now_s) is None
@@ -108,7 +112,7 @@ def stamps(line: Line, name: str) -> list[int]:
 
 
 @given(BAUDS, steps)
-def test_no_line_is_given_more_than_its_share(baud: int, said: list[Step]) -> None:
+def test_limited_link_never_exceeds_rate(baud: int, said: list[Step]) -> None:
     written = run(baud, said).written
     rate = 0.7 * baud / 10
     for first in range(len(written)):
@@ -121,7 +125,7 @@ def test_no_line_is_given_more_than_its_share(baud: int, said: list[Step]) -> No
 
 
 @given(BAUDS, steps)
-def test_every_answer_leaves_in_order(baud: int, said: list[Step]) -> None:
+def test_limited_link_sends_every_reply_in_order(baud: int, said: list[Step]) -> None:
     line = run(baud, said)
     numbered = list(enumerate(said, start=1))
     assert stamps(line, "PING") == [stamp for stamp, step in numbered if step.kind == "vital"]
@@ -135,9 +139,7 @@ def test_every_answer_leaves_in_order(baud: int, said: list[Step]) -> None:
 
 
 @given(BAUDS, steps)
-def test_of_telemetry_the_newest_leaves_and_never_an_older_one_after_it(
-    baud: int, said: list[Step]
-) -> None:
+def test_limited_link_sends_newest_telemetry_in_order(baud: int, said: list[Step]) -> None:
     line = run(baud, said)
     for number, message in enumerate(STREAMS):
         made = [
@@ -150,29 +152,29 @@ def test_of_telemetry_the_newest_leaves_and_never_an_older_one_after_it(
         assert left[-1:] == made[-1:]
 
 
-def test_an_answer_overtakes_all_that_waits() -> None:
+def test_limited_link_sends_reply_before_queued_frames() -> None:
     line = Line("serial:/dev/x:9600")
     link = ground_link(line, 1)
     for stamp in range(20):
-        say(link, Step("bulk", 0, 0.0), stamp)
-        say(link, Step("telemetry", stamp % 3, 0.0), stamp)
+        send_step(link, Step("bulk", 0, 0.0), stamp)
+        send_step(link, Step("telemetry", stamp % 3, 0.0), stamp)
     link.flush(0.0)
-    say(link, Step("vital", 0, 0.0), 7)
+    send_step(link, Step("vital", 0, 0.0), 7)
     already = len(line.frames())
     for tenth in range(1, 20):
         link.flush(0.1 * tenth)
     assert line.frames()[already].name == "PING"
 
 
-def test_bulk_and_telemetry_share_what_there_is() -> None:
+def test_limited_link_shares_rate_between_bulk_and_telemetry() -> None:
     line = Line("serial:/dev/x:57600")
     link = ground_link(line, 1)
     for stamp in range(3000):
-        line.now_s = stamp * DATAGRAM_FILL_S
+        line.now_s = stamp * BATCH_S
         while link.room_bytes() >= LARGEST_FRAME:
-            say(link, Step("bulk", 0, 0.0), stamp)
+            send_step(link, Step("bulk", 0, 0.0), stamp)
         for number in range(3):
-            say(link, Step("telemetry", number, 0.0), stamp)
+            send_step(link, Step("telemetry", number, 0.0), stamp)
         link.flush(line.now_s)
     amounts = {"bulk": 0, "telemetry": 0}
     for frame in line.frames():
@@ -186,17 +188,17 @@ def test_bulk_and_telemetry_share_what_there_is() -> None:
 @pytest.mark.parametrize(
     "address", ["serial:/dev/x:9600", "serial:/dev/x:57600", "tcp:127.0.0.1:5760"]
 )
-def test_who_asks_for_room_never_waits_long_and_never_for_ever(address: str) -> None:
+def test_room_bytes_limits_delay_of_replies(address: str) -> None:
     line = Line(address)
     link = ground_link(line, 1)
     for tick in range(200):
         line.now_s = tick * 0.05
         while link.room_bytes() >= LARGEST_FRAME:
-            say(link, Step("bulk", 0, 0.0), tick)
+            send_step(link, Step("bulk", 0, 0.0), tick)
         link.flush(line.now_s)
     line.now_s += 0.05
     link.flush(line.now_s)
-    say(link, Step("vital", 0, 0.0), 1)
+    send_step(link, Step("vital", 0, 0.0), 1)
     asked_s = line.now_s
     while not stamps(line, "PING"):
         line.now_s += 0.01
@@ -205,12 +207,12 @@ def test_who_asks_for_room_never_waits_long_and_never_for_ever(address: str) -> 
     assert len(stamps(line, "FILE_TRANSFER_PROTOCOL")) > 15
 
 
-def test_what_is_lost_does_not_come_later() -> None:
+def test_discarded_frames_are_never_sent() -> None:
     line = Line("serial:/dev/x:9600")
     link = ground_link(line, 1)
     for stamp, kind in enumerate(("vital", "telemetry", "bulk")):
-        say(link, Step(kind, 0, 0.0), stamp)
-    link.flush(0.0, lost=True)
+        send_step(link, Step(kind, 0, 0.0), stamp)
+    link.flush(0.0, discard=True)
     link.flush(9.0)
     assert line.written == []
     assert link.wait_s(9.0) is None
@@ -222,7 +224,7 @@ def forwarded(name: str, stamp: int, system: int = 9) -> Frame:
     return frame
 
 
-def test_what_others_say_is_left_out_by_the_same_rule() -> None:
+def test_forwarded_frames_follow_the_same_priorities() -> None:
     line = Line("serial:/dev/x:9600")
     link = ground_link(line, 1)
     for stamp in range(1, 30):
@@ -240,16 +242,16 @@ def test_what_others_say_is_left_out_by_the_same_rule() -> None:
     )
 
 
-def test_a_frame_that_does_not_fit_holds_up_what_comes_after_it() -> None:
-    queue = Queue()
-    queue.add_vital(Waiting(100, lambda: b"a"))
-    queue.add_telemetry("kind", Waiting(1, lambda: b"b"))
-    assert queue.take(99) is None
-    assert (queue.take(100), queue.take(1), queue.take(1000)) == (b"a", b"b", None)
+def test_queue_blocks_until_first_frame_fits() -> None:
+    queue = SendQueue()
+    queue.add_reply(QueuedFrame(100, lambda: b"a"))
+    queue.add_telemetry("kind", QueuedFrame(1, lambda: b"b"))
+    assert queue.pop(99) is None
+    assert (queue.pop(100), queue.pop(1), queue.pop(1000)) == (b"a", b"b", None)
 
 
-def test_a_budget_saves_no_more_than_its_burst() -> None:
-    budget = Budget(10_000.0)
-    assert budget.left(5.0) == 1000.0
+def test_token_bucket_limits_unused_bytes_to_burst() -> None:
+    budget = TokenBucket(10_000.0)
+    assert budget.available_bytes(5.0) == 1000.0
     budget.spend(1000)
-    assert [budget.left(now_s) for now_s in (5.0, 5.0625, 1e9)] == [0.0, 625.0, 1000.0]
+    assert [budget.available_bytes(now_s) for now_s in (5.0, 5.0625, 1e9)] == [0.0, 625.0, 1000.0]

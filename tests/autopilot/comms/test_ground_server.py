@@ -1,4 +1,4 @@
-"""The ground side as pymavlink sees it: identity, commands, modes and the small services."""
+"""Ground server seen by pymavlink: identity, commands, modes and small services."""
 
 import math
 import re
@@ -21,7 +21,7 @@ FIX = GpsFix(0, 3, 41.5, -70.7, 12.0, 0.0, 0.0, 0.0, 9)
 
 @pytest.fixture
 def deck() -> Deck:
-    """A vehicle that has had its first seconds at the surface."""
+    """Return a connected vehicle after its first seconds at the surface."""
     deck = Deck()
     deck.station.say(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
     deck.tick(3, fix=FIX)
@@ -37,7 +37,7 @@ def result(messages: list[Any]) -> int:
 @pytest.mark.parametrize(
     ("personality", "number"), [(AutopilotId.GENERIC, 0), (AutopilotId.PX4, 12)]
 )
-def test_the_heartbeat_is_that_of_a_submarine(personality: AutopilotId, number: int) -> None:
+def test_heartbeat_has_submarine_type(personality: AutopilotId, number: int) -> None:
     deck = Deck(autopilot=personality)
     deck.tick()
     deck.serve()
@@ -48,7 +48,7 @@ def test_the_heartbeat_is_that_of_a_submarine(personality: AutopilotId, number: 
     assert not beat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 
-def test_a_newcomer_is_greeted_at_once() -> None:
+def test_new_sender_receives_heartbeat_at_once() -> None:
     deck = Deck()
     deck.serve()
     deck.station.heard()
@@ -57,7 +57,7 @@ def test_a_newcomer_is_greeted_at_once() -> None:
     assert deck.ask(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)) == []
 
 
-def test_the_version_tells_what_the_vehicle_can(deck: Deck) -> None:
+def test_autopilot_version_has_capabilities(deck: Deck) -> None:
     answers = deck.command(512, 148)
     assert [m.get_type() for m in answers] == ["COMMAND_ACK", "AUTOPILOT_VERSION"]
     capabilities = only(answers, "AUTOPILOT_VERSION").capabilities
@@ -66,7 +66,7 @@ def test_the_version_tells_what_the_vehicle_can(deck: Deck) -> None:
     assert [m.get_type() for m in deck.command(520, 1)] == ["COMMAND_ACK", "AUTOPILOT_VERSION"]
 
 
-def test_every_mode_can_be_listed_and_taken(deck: Deck) -> None:
+def test_every_available_mode_can_be_selected(deck: Deck) -> None:
     listed = [m for m in deck.command(512, 435, 0) if m.get_type() == "AVAILABLE_MODES"]
     assert [m.mode_index for m in listed] == list(range(1, listed[0].number_modes + 1))
     assert {m.custom_mode: m.standard_mode for m in listed if m.standard_mode} == {
@@ -97,7 +97,7 @@ def test_every_mode_can_be_listed_and_taken(deck: Deck) -> None:
         ((1, float(modes.MISSION.number)), modes.MISSION),
     ],
 )
-def test_modes_are_set_by_number(
+def test_do_set_mode_selects_mode_by_number(
     deck: Deck, parameters: tuple[float, ...], mode: modes.Mode
 ) -> None:
     start = modes.MANUAL if mode == modes.HOLD else modes.HOLD
@@ -109,7 +109,7 @@ def test_modes_are_set_by_number(
     assert texts(heard) == [f"Mode {mode.name}"]
 
 
-def test_a_mode_that_is_none_is_refused_with_those_there_are(deck: Deck) -> None:
+def test_unknown_mode_is_refused_with_list_of_modes(deck: Deck) -> None:
     heard = deck.command(176, 1, 9, 9)
     assert result(heard) == mavlink.MAV_RESULT_UNSUPPORTED
     assert ", ".join(mode.name for mode in modes.MODES) in "".join(texts(heard))
@@ -117,7 +117,7 @@ def test_a_mode_that_is_none_is_refused_with_those_there_are(deck: Deck) -> None
     assert deck.vehicle.state.mode == modes.HOLD.number
 
 
-def test_set_mode_is_answered_by_a_heartbeat_and_never_acknowledged(deck: Deck) -> None:
+def test_set_mode_sends_heartbeat_but_no_acknowledgement(deck: Deck) -> None:
     heard = deck.ask(mavlink.MAVLink_set_mode_message(1, 1, modes.SURFACE.number))
     assert {m.get_type() for m in heard} == {"STATUSTEXT", "CURRENT_MODE", "HEARTBEAT"}
     assert only(heard, "HEARTBEAT").custom_mode == modes.SURFACE.number
@@ -140,7 +140,7 @@ def test_set_mode_is_answered_by_a_heartbeat_and_never_acknowledged(deck: Deck) 
         (262, (7,), modes.SURFACE),
     ],
 )
-def test_commands_that_mean_a_mode(
+def test_commands_of_a_mode_select_it(
     deck: Deck, number: int, parameters: tuple[float, ...], mode: modes.Mode
 ) -> None:
     deck.command(176, 1, 1)
@@ -149,12 +149,12 @@ def test_commands_that_mean_a_mode(
 
 
 @pytest.mark.parametrize("standard", [1, 2, 3, 4, 8, NAN])
-def test_standard_modes_of_other_vehicles_are_refused(deck: Deck, standard: float) -> None:
+def test_unsupported_standard_mode_is_refused(deck: Deck, standard: float) -> None:
     assert result(deck.command(262, standard)) == mavlink.MAV_RESULT_FAILED
 
 
 @pytest.mark.parametrize("component", [0, 1])
-def test_arms_and_disarms(deck: Deck, component: int) -> None:
+def test_arm_disarm_command_changes_arming(deck: Deck, component: int) -> None:
     armed = deck.command(400, 1, component=component)
     assert result(armed) == mavlink.MAV_RESULT_ACCEPTED
     assert only(armed, "HEARTBEAT").base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
@@ -164,7 +164,7 @@ def test_arms_and_disarms(deck: Deck, component: int) -> None:
     assert not only(disarmed, "HEARTBEAT").base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 
-def test_arming_without_sensors_is_refused_and_says_why() -> None:
+def test_arming_without_sensors_is_refused_with_reason() -> None:
     deck = Deck()
     heard = deck.command(400, 1)
     assert result(heard) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
@@ -173,7 +173,7 @@ def test_arming_without_sensors_is_refused_and_says_why() -> None:
     assert kinds.index("STATUSTEXT") < kinds.index("COMMAND_ACK")
 
 
-def test_disarming_under_water_takes_force(deck: Deck) -> None:
+def test_disarming_under_water_requires_force(deck: Deck) -> None:
     deck.command(400, 1)
     deck.command(176, 1, 2)
     deck.tick(200, depth_m=5.0)
@@ -184,16 +184,16 @@ def test_disarming_under_water_takes_force(deck: Deck) -> None:
 
 
 @pytest.mark.parametrize("value", [NAN, 2.0, -1.0])
-def test_arming_takes_one_or_nought(deck: Deck, value: float) -> None:
+def test_arm_disarm_other_parameter_is_denied(deck: Deck, value: float) -> None:
     assert result(deck.command(400, value)) == mavlink.MAV_RESULT_DENIED
 
 
 @pytest.mark.parametrize("number", range(0, 33_000, 61))
-def test_no_command_of_nothing_but_nan_brings_the_vehicle_down(deck: Deck, number: int) -> None:
+def test_commands_with_only_nan_do_not_raise(deck: Deck, number: int) -> None:
     assert only(deck.command(number), "COMMAND_ACK").command == number
 
 
-def test_every_command_it_knows_survives_nan_and_infinity(deck: Deck) -> None:
+def test_known_commands_with_nan_and_infinity_do_not_raise(deck: Deck) -> None:
     known = (
         400,
         176,
@@ -223,13 +223,13 @@ def test_every_command_it_knows_survives_nan_and_infinity(deck: Deck) -> None:
     deck.tick(10)
 
 
-def test_an_unknown_command_is_unsupported(deck: Deck) -> None:
+def test_unknown_command_is_unsupported(deck: Deck) -> None:
     acknowledgement = only(deck.command(22), "COMMAND_ACK")
     assert acknowledgement.result == mavlink.MAV_RESULT_UNSUPPORTED
     assert (acknowledgement.target_system, acknowledgement.target_component) == (255, 190)
 
 
-def test_commands_for_others_are_left_alone(deck: Deck) -> None:
+def test_commands_for_other_systems_are_ignored(deck: Deck) -> None:
     for system, component in ((2, 1), (1, 100)):
         message = mavlink.MAVLink_command_long_message(
             system, component, 400, 0, 1, 0, 0, 0, 0, 0, 0
@@ -238,7 +238,7 @@ def test_commands_for_others_are_left_alone(deck: Deck) -> None:
     assert not deck.vehicle.state.armed
 
 
-def test_command_int_goes_the_same_way(deck: Deck) -> None:
+def test_command_int_is_executed(deck: Deck) -> None:
     message = mavlink.MAVLink_command_int_message(1, 1, 0, 400, 0, 0, 1, 0, NAN, NAN, 0, 0, NAN)
     assert result(deck.ask(message)) == mavlink.MAV_RESULT_ACCEPTED
     assert deck.vehicle.state.armed
@@ -254,7 +254,7 @@ def test_command_int_goes_the_same_way(deck: Deck) -> None:
         (178, (NAN, NAN, 40), (1.0, 0.3, 0.4)),
     ],
 )
-def test_a_legs_commands_change_the_target(
+def test_setpoint_commands_change_setpoint(
     deck: Deck, number: int, parameters: tuple[float, ...], target: tuple[float, float, float]
 ) -> None:
     deck.command(400, 1)
@@ -267,7 +267,7 @@ def test_a_legs_commands_change_the_target(
     assert (wanted.depth_m, wanted.heading_rad, wanted.thrust) == pytest.approx(target)
 
 
-def test_a_depth_above_the_water_or_not_given_is_denied(deck: Deck) -> None:
+def test_change_altitude_invalid_depth_is_denied(deck: Deck) -> None:
     deck.command(400, 1)
     for altitude in (3.0, NAN):
         heard = deck.command(186, altitude, 3)
@@ -275,7 +275,7 @@ def test_a_depth_above_the_water_or_not_given_is_denied(deck: Deck) -> None:
         assert texts(heard)
 
 
-def test_a_test_is_started_and_stopped(deck: Deck) -> None:
+def test_user_1_starts_and_stops_excitation(deck: Deck) -> None:
     refused = deck.command(31010, 12, 5, 0, 0, 10, 1, 0)
     assert result(refused) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     deck.command(400, 1)
@@ -289,7 +289,7 @@ def test_a_test_is_started_and_stopped(deck: Deck) -> None:
     assert deck.vehicle.state.test is None
 
 
-def test_home_is_at_the_surface_wherever_it_is_put(deck: Deck) -> None:
+def test_home_altitude_is_always_zero(deck: Deck) -> None:
     home = only(deck.command(410), "HOME_POSITION")
     assert (home.latitude, home.longitude, home.altitude) == (415_000_000, -707_000_000, 0)
     message = mavlink.MAVLink_command_int_message(
@@ -303,7 +303,7 @@ def test_home_is_at_the_surface_wherever_it_is_put(deck: Deck) -> None:
     assert result(deck.command(179, 0, 0, 0, 0, 91.0, 0.0)) == mavlink.MAV_RESULT_DENIED
 
 
-def test_rebooting_is_for_the_disarmed_and_keeps_the_mission(deck: Deck) -> None:
+def test_reboot_disarmed_only_keeps_mission(deck: Deck) -> None:
     deck.ask(mavlink.MAVLink_param_set_message(1, 1, b"HDG_P", 0.5, 9))
     deck.command(400, 1)
     assert result(deck.command(246, 1)) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
@@ -313,7 +313,7 @@ def test_rebooting_is_for_the_disarmed_and_keeps_the_mission(deck: Deck) -> None
     assert deck.vehicle.params.config.heading_p == 0.5
 
 
-def test_parameters_are_listed_set_and_told_to_every_link() -> None:
+def test_parameters_are_listed_set_and_sent_on_every_link() -> None:
     deck = Deck(Station(255, 190), Station(250, 190))
     listed = [
         m
@@ -333,7 +333,7 @@ def test_parameters_are_listed_set_and_told_to_every_link() -> None:
     assert deck.vehicle.params.config.heading_p == 0.75
 
 
-def test_small_services_answer(deck: Deck) -> None:
+def test_ping_and_timesync_are_answered(deck: Deck) -> None:
     ping = only(deck.ask(mavlink.MAVLink_ping_message(123, 9, 0, 0)), "PING")
     assert (ping.time_usec, ping.seq, ping.target_system, ping.target_component) == (
         123,
@@ -348,7 +348,7 @@ def test_small_services_answer(deck: Deck) -> None:
     assert entry.num_logs == 0
 
 
-def test_a_pilots_hand_steers_in_manual(deck: Deck) -> None:
+def test_manual_control_moves_actuators_in_manual(deck: Deck) -> None:
     deck.ask(mavlink.MAVLink_manual_control_message(1, -500, 0, 1000, 250, 0))
     stick = deck.server.stick
     assert stick is not None
@@ -357,7 +357,7 @@ def test_a_pilots_hand_steers_in_manual(deck: Deck) -> None:
     assert deck.server.stick == stick
 
 
-def test_all_that_may_change_what_she_does_is_logged(deck: Deck) -> None:
+def test_messages_that_change_behaviour_are_logged(deck: Deck) -> None:
     served = {dialect.by_id(number) for number in deck.server._services._table}
     harmless = re.compile(
         "HEARTBEAT|TIMESYNC|PING|SETUP_SIGNING|MISSION_ACK|(MISSION|PARAM|LOG)_REQUEST.*|FILE_.*|LOG_ERASE"
@@ -368,7 +368,7 @@ def test_all_that_may_change_what_she_does_is_logged(deck: Deck) -> None:
     }
 
 
-def test_a_new_system_id_waits_for_the_next_start(deck: Deck) -> None:
+def test_system_id_change_applies_at_next_start(deck: Deck) -> None:
     deck.ask(mavlink.MAVLink_param_set_message(1, 1, b"MAV_SYS_ID", 7.0, 9))
     deck.ask(mavlink.MAVLink_manual_control_message(7, 0, 0, 0, 0, 0))
     assert deck.server.stick is None
@@ -380,8 +380,8 @@ def test_a_new_system_id_waits_for_the_next_start(deck: Deck) -> None:
     assert (version.get_srcSystem(), version.uid) == (1, 1)
 
 
-def test_a_long_text_is_sent_in_chunks(deck: Deck) -> None:
-    deck.vehicle.say("depth " * 20)
+def test_long_text_is_sent_in_chunks(deck: Deck) -> None:
+    deck.vehicle.send_statustext("depth " * 20)
     deck.serve()
     chunks = deck.station.heard_of("STATUSTEXT")
     assert [m.chunk_seq for m in chunks] == [0, 1, 2]
@@ -390,7 +390,7 @@ def test_a_long_text_is_sent_in_chunks(deck: Deck) -> None:
     assert "".join(m.text for m in chunks).strip() == ("depth " * 20).strip()
 
 
-def test_a_mission_goes_up_and_comes_back(deck: Deck) -> None:
+def test_mission_upload_and_download_are_equal(deck: Deck) -> None:
     (request, *_) = deck.ask(mavlink.MAVLink_mission_count_message(1, 1, 1, 0))
     assert request.get_type() == "MISSION_REQUEST_INT"
     item = mavlink.MAVLink_mission_item_int_message(

@@ -1,5 +1,4 @@
-"""What the simulator's real codec sends, as the autopilot takes it in; and what of it the ground
-hears."""
+"""HIL link with the simulator's real codec: received records, and messages relayed to ground."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -58,7 +57,7 @@ def heard(line: Line, said: Sensors) -> HilSample:
     return sample
 
 
-def test_every_record_arrives_with_the_sample_of_its_tick(line: Line) -> None:
+def test_sample_contains_all_device_records(line: Line) -> None:
     sample = heard(line, FULL)
     assert sample.sensors.fields_updated == SENSORS_ALL
     for name in ("gps", "altimeter", "dvl", "battery"):
@@ -67,11 +66,11 @@ def test_every_record_arrives_with_the_sample_of_its_tick(line: Line) -> None:
     assert (sample.leak, sample.duct) == (FULL.leak, FULL.duct)
 
 
-def test_what_came_once_is_told_once(line: Line) -> None:
+def test_device_records_are_in_one_sample_only(line: Line) -> None:
     heard(line, FULL)
     sample = heard(line, Sensors(sensors(40_000), None, None))
-    assert sample._replace(heard=()) == HilSample(sensors=_again(40_000))
-    assert [frame.name for frame in sample.heard] == ["HIL_SENSOR"]
+    assert sample._replace(frames=()) == HilSample(sensors=_again(40_000))
+    assert [frame.name for frame in sample.frames] == ["HIL_SENSOR"]
 
 
 def _again(time_us: int) -> object:
@@ -83,7 +82,7 @@ def _again(time_us: int) -> object:
     return sample.sensors
 
 
-def test_devices_speak_under_ids_and_sequences_of_their_own(line: Line) -> None:
+def test_relayed_devices_have_own_ids_and_sequences(line: Line) -> None:
     frames = Framer().feed(line.sitl.datagram(FULL, None) + line.sitl.datagram(FULL, None))
     told = [
         (frame.name, frame.component, frame.sequence) for frame in frames if frame.component != 25
@@ -100,7 +99,7 @@ def test_devices_speak_under_ids_and_sequences_of_their_own(line: Line) -> None:
     ]
 
 
-def test_the_ground_hears_the_log_and_the_encoders_on_every_link_but_no_second_battery(
+def test_relay_sends_dvl_and_encoders_but_not_battery(
     line: Line,
 ) -> None:
     deck = Deck(Station(), Station(254))
@@ -114,7 +113,7 @@ def test_the_ground_hears_the_log_and_the_encoders_on_every_link_but_no_second_b
         ]
 
 
-def test_the_ground_hears_the_air_in_the_hull_where_a_device_measures_it(line: Line) -> None:
+def test_relay_sends_hull_pressure(line: Line) -> None:
     hull, component = dialect.by_name("SCALED_PRESSURE"), 158
     pressure = encode(hull, (40, 985.5, 0.0, 2150, 0), 0, 1, component)
     line.near.send(pressure + line.sitl.datagram(Sensors(sensors(40_000), None, None), None))
@@ -126,7 +125,7 @@ def test_the_ground_hears_the_air_in_the_hull_where_a_device_measures_it(line: L
     assert (told.get_srcComponent(), told.press_abs, told.temperature) == (component, 985.5, 2150)
 
 
-def test_devices_that_outlive_the_ahrs_fill_no_memory(line: Line) -> None:
+def test_device_frames_without_samples_are_limited(line: Line) -> None:
     hull = dialect.by_name("SCALED_PRESSURE")
     for number in range(3 * hil.MAX_QUEUED_FRAMES):
         line.near.send(encode(hull, (number, 985.5, 0.0, 2150, 0), number & 0xFF, 1, 158))
@@ -138,7 +137,7 @@ def test_devices_that_outlive_the_ahrs_fill_no_memory(line: Line) -> None:
     )
 
 
-def test_answers_go_back(line: Line) -> None:
+def test_answer_is_received_by_simulator(line: Line) -> None:
     frame = ActuatorFrame(20_000, LOCKSTEP_FLAG, (0.25, 0.0, 0.5, *(0.0,) * 13), ARMED_FLAG)
     line.autopilot.answer(frame)
     assert line.sitl.answer(20_000, 1.0) == frame

@@ -1,4 +1,4 @@
-"""Who hears what is said on another link: the rules of https://mavlink.io/en/guide/routing.html."""
+"""Routing between links: the rules of https://mavlink.io/en/guide/routing.html."""
 
 from typing import Any
 
@@ -36,36 +36,40 @@ def routed(heard: list[tuple[MavlinkId, str]]) -> Router[str]:
 
 
 @given(traffic, systems, components, parties, st.sampled_from(LINKS))
-def test_the_rules_hold(
+def test_destinations_follow_mavlink_rules(
     heard: list[tuple[MavlinkId, str]], system: int, component: int, sender: MavlinkId, arrival: str
 ) -> None:
-    onward = routed(heard).onward(frame_to(MavlinkId(system, component), sender), arrival, LINKS)
-    assert arrival not in onward, "never back"
-    assert len(set(onward)) == len(onward), "once"
+    destinations = routed(heard).destinations(
+        frame_to(MavlinkId(system, component), sender), arrival, LINKS
+    )
+    assert arrival not in destinations, "never back"
+    assert len(set(destinations)) == len(destinations), "once"
     if sender == OWN or (system, component) == OWN:
-        assert onward == []
+        assert destinations == []
     elif system == 0:
-        assert set(onward) == set(LINKS) - {arrival}
+        assert set(destinations) == set(LINKS) - {arrival}
     else:
         meant = {
             link
             for party, link in heard
             if party.system == system and component in (0, party.component)
         }
-        assert set(onward) == meant - {arrival}
+        assert set(destinations) == meant - {arrival}
 
 
-def test_a_link_that_is_gone_is_forgotten() -> None:
+def test_forgotten_link_is_no_destination() -> None:
     router = routed([(MavlinkId(9, 1), "udp"), (MavlinkId(9, 1), "tcp")])
     router.forget("udp")
-    assert router.onward(frame_to(MavlinkId(9, 1), MavlinkId(7, 7)), "serial", LINKS) == ["tcp"]
+    assert router.destinations(frame_to(MavlinkId(9, 1), MavlinkId(7, 7)), "serial", LINKS) == [
+        "tcp"
+    ]
 
 
-def test_keys_and_a_radios_own_state_stay_where_they_are() -> None:
+def test_signing_keys_and_radio_status_are_not_forwarded() -> None:
     for name in ("SETUP_SIGNING", "RADIO_STATUS"):
         message = dialect.by_name(name)
         (frame,) = Framer().feed(encode(message, message.unpack(b""), 0, 9, 9))
-        assert routed([]).onward(frame, "udp", LINKS) == []
+        assert routed([]).destinations(frame, "udp", LINKS) == []
 
 
 KNOWN = [name for name in dialect.names() if hasattr(mavlink, f"MAVLINK_MSG_ID_{name}")]
@@ -73,7 +77,7 @@ KNOWN = [name for name in dialect.names() if hasattr(mavlink, f"MAVLINK_MSG_ID_{
 
 @given(st.sampled_from(KNOWN), systems, st.integers(0, 255))
 @example("TEST_TYPES", 0, 0)
-def test_a_target_is_found_where_pymavlink_finds_it(name: str, system: int, component: int) -> None:
+def test_target_matches_pymavlink(name: str, system: int, component: int) -> None:
     message = dialect.by_name(name)
     fields: dict[str, Any] = message.unpack(b"")._asdict()
     fields |= {

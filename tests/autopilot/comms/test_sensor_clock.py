@@ -14,7 +14,7 @@ from autopilot.comms.sensor_clock import (
     LOST_SAMPLES,
     MAX_INTERVAL_US,
     SensorClock,
-    StampVerdict,
+    StampClass,
     classify_stamp,
     rebase,
 )
@@ -23,20 +23,22 @@ from mavlink_io.codec import Frame, Framer, encode
 from mavlink_io.records import Altimeter, DuctFeedback, Dvl, GpsFix
 from tests.helpers.fake_hil import TICK_US, sensors
 
-TAKEN = (StampVerdict.NEW, StampVerdict.RESTARTED)
+TAKEN = (StampClass.NEW, StampClass.RESTARTED)
 STAMPS = st.integers(0, 2**64 - 1)
-"""Whatever HIL_SENSOR.time_usec may hold."""
+"""Range of HIL_SENSOR.time_usec."""
 SETTLED = 40
-"""Samples after which the usual interval is known: LONGEST_INTERVAL_US decays to a tick's in 16."""
+"""Number of samples after which the usual interval is known.
+
+MAX_INTERVAL_US decays to the interval of a tick in 16 samples."""
 AHEAD_US = LOST_SAMPLES * TICK_US
-"""A stamp no further ahead than this looks like lost samples."""
+"""Largest forward step that looks like lost samples."""
 
 
-Verdicts = list[tuple[StampVerdict, int]]
+Verdicts = list[tuple[StampClass, int]]
 
 
 def run(stamps: Sequence[int], clock: SensorClock | None = None) -> tuple[SensorClock, Verdicts]:
-    """The verdict on each stamp, with the vehicle time that goes with it."""
+    """Return the class of each stamp with its vehicle time."""
     clock, verdicts = clock or SensorClock(), []
     for stamp_us in stamps:
         clock, verdict = classify_stamp(clock, stamp_us, 0)
@@ -44,103 +46,103 @@ def run(stamps: Sequence[int], clock: SensorClock | None = None) -> tuple[Sensor
     return clock, verdicts
 
 
-def honest(count: int, first_us: int = 0) -> list[int]:
+def regular(count: int, first_us: int = 0) -> list[int]:
     return [first_us + n * TICK_US for n in range(count)]
 
 
 @given(at=st.integers(SETTLED, SETTLED + 20), bad_us=STAMPS)
 def test_one_bad_stamp_has_no_effect(at: int, bad_us: int) -> None:
-    stamps = honest(SETTLED + 40)
+    stamps = regular(SETTLED + 40)
     newest_us = stamps[at - 1]
     if 0 < bad_us - newest_us <= AHEAD_US:
         return
     _, verdicts = run([*stamps[:at], bad_us, *stamps[at:]])
-    assert verdicts.pop(at)[0] in (StampVerdict.REFUSED, StampVerdict.REPEATED)
-    assert verdicts == [(StampVerdict.NEW, stamp_us) for stamp_us in stamps]
+    assert verdicts.pop(at)[0] in (StampClass.REFUSED, StampClass.REPEATED)
+    assert verdicts == [(StampClass.NEW, stamp_us) for stamp_us in stamps]
 
 
 @pytest.mark.parametrize("bad_us", [1_000_000, -1_000_000, 200_000, -20_000])
 def test_bad_stamp_near_has_no_effect(bad_us: int) -> None:
-    """One second ahead, as reported; the search of stamps above hardly ever comes so near."""
-    stamps = honest(100)
+    """One second ahead, as reported; the search of stamps above rarely comes so close."""
+    stamps = regular(100)
     bad = [*stamps[:80], stamps[79] + bad_us, *stamps[80:]]
     _, verdicts = run(bad)
-    assert verdicts.pop(80)[0] is StampVerdict.REFUSED
-    assert verdicts == [(StampVerdict.NEW, stamp_us) for stamp_us in stamps]
+    assert verdicts.pop(80)[0] is StampClass.REFUSED
+    assert verdicts == [(StampClass.NEW, stamp_us) for stamp_us in stamps]
 
 
 @given(ahead_us=st.integers(1, AHEAD_US))
 def test_stamp_little_ahead_costs_few_samples(ahead_us: int) -> None:
-    """Too few to be taken for a new time base; the last of them may have the wrong one's stamp."""
-    stamps = honest(SETTLED + 40)
+    """Too few for a new time base; the last of them may have the stamp of the wrong one."""
+    stamps = regular(SETTLED + 40)
     _, verdicts = run([*stamps[:SETTLED], stamps[SETTLED - 1] + ahead_us, *stamps[SETTLED:]])
     rest = verdicts[SETTLED + 1 :]
-    assert sum(verdict is not StampVerdict.NEW for verdict, _ in rest) <= CONFIRM_SAMPLES
-    assert StampVerdict.RESTARTED not in [verdict for verdict, _ in verdicts]
-    assert rest[-1] == (StampVerdict.NEW, stamps[-1])
+    assert sum(verdict is not StampClass.NEW for verdict, _ in rest) <= CONFIRM_SAMPLES
+    assert StampClass.RESTARTED not in [verdict for verdict, _ in verdicts]
+    assert rest[-1] == (StampClass.NEW, stamps[-1])
 
 
 @given(base_us=st.integers(0, 2**62))
 def test_new_time_base_is_followed_without_gap(base_us: int) -> None:
-    before = honest(SETTLED)
+    before = regular(SETTLED)
     newest_us = before[-1]
     if abs(base_us - newest_us) <= 10 * AHEAD_US:
         return
-    clock, verdicts = run([*before, *honest(20, base_us)])
+    clock, verdicts = run([*before, *regular(20, base_us)])
     after = verdicts[SETTLED:]
-    wanted = [StampVerdict.REFUSED] * 4 + [StampVerdict.RESTARTED] + [StampVerdict.NEW] * 15
+    wanted = [StampClass.REFUSED] * 4 + [StampClass.RESTARTED] + [StampClass.NEW] * 15
     assert [verdict for verdict, _ in after] == wanted
     times_us = [time_us for verdict, time_us in after if verdict in TAKEN]
-    assert times_us == honest(16, newest_us + clock.interval_us + 4 * TICK_US)
+    assert times_us == regular(16, newest_us + clock.interval_us + 4 * TICK_US)
     assert clock.interval_us <= 2 * TICK_US
 
 
 @given(st.lists(STAMPS | st.integers(0, 10**6), max_size=60), st.integers(0, 2**62))
-def test_vehicle_time_increases_and_goes_on(stamps: list[int], base_us: int) -> None:
+def test_vehicle_time_increases_and_continues(stamps: list[int], base_us: int) -> None:
     clock, verdicts = run(stamps)
     times_us = [time_us for verdict, time_us in verdicts if verdict in TAKEN]
     assert all(after > before for before, after in pairwise(times_us))
-    _, verdicts = run(honest(CONFIRM_SAMPLES + 1, base_us), clock)
+    _, verdicts = run(regular(CONFIRM_SAMPLES + 1, base_us), clock)
     assert any(verdict in TAKEN for verdict, _ in verdicts)
 
 
 @given(first_us=STAMPS)
 def test_bad_first_stamp_is_recovered_from(first_us: int) -> None:
-    _, verdicts = run([first_us, *honest(20)])
+    _, verdicts = run([first_us, *regular(20)])
     after = {verdict for verdict, _ in verdicts[CONFIRM_SAMPLES + 2 :]}
-    assert after <= {StampVerdict.NEW, StampVerdict.REPEATED}
+    assert after <= {StampClass.NEW, StampClass.REPEATED}
 
 
-def test_stamp_sent_again_until_answered_is_answered() -> None:
-    """A simulator in lockstep repeats its sample: the fifth is taken at the latest."""
+def test_repeated_stamp_is_answered() -> None:
+    """A simulator in lockstep repeats its sample: the fifth is accepted at the latest."""
     for stamp_us in (0, 2**63):
-        _, verdicts = run([*honest(SETTLED), *[stamp_us] * CONFIRM_SAMPLES])
-        assert verdicts[-1][0] is StampVerdict.RESTARTED
+        _, verdicts = run([*regular(SETTLED), *[stamp_us] * CONFIRM_SAMPLES])
+        assert verdicts[-1][0] is StampClass.RESTARTED
 
 
-def test_gap_that_the_wall_clock_shows_too_is_an_outage() -> None:
-    clock, _ = run(honest(SETTLED))
+def test_gap_in_stamps_and_wall_clock_is_an_outage() -> None:
+    clock, _ = run(regular(SETTLED))
     stamp_us = clock.newest_us + 3_000_000
-    assert classify_stamp(clock, stamp_us, 0)[1] is StampVerdict.REFUSED
+    assert classify_stamp(clock, stamp_us, 0)[1] is StampClass.REFUSED
     taken, verdict = classify_stamp(clock, stamp_us, 3_000_000)
-    assert (verdict, taken.offset_us) == (StampVerdict.NEW, 0)
+    assert (verdict, taken.offset_us) == (StampClass.NEW, 0)
 
 
 @pytest.mark.parametrize("tick_us", [2_000, 10_000, 40_000, 100_000])
-def test_any_usual_rate_is_taken(tick_us: int) -> None:
+def test_usual_rates_are_accepted(tick_us: int) -> None:
     _, verdicts = run([n * tick_us for n in range(50)])
-    assert {verdict for verdict, _ in verdicts} == {StampVerdict.NEW}
+    assert {verdict for verdict, _ in verdicts} == {StampClass.NEW}
 
 
-def test_uneven_steps_are_taken() -> None:
-    """A head that sends in threes: docs/hardware.md asks for no even interval."""
+def test_uneven_steps_are_accepted() -> None:
+    """A computer that sends three samples at once: docs/hardware.md requires no even interval."""
     stamps = [60_000 * burst + 1_000 * n for burst in range(50) for n in range(3)]
     _, verdicts = run(stamps)
-    assert {verdict for verdict, _ in verdicts} == {StampVerdict.NEW}
+    assert {verdict for verdict, _ in verdicts} == {StampClass.NEW}
 
 
 def test_longest_interval_is_that_of_the_slowest_line() -> None:
-    """docs/hardware.md: 10 Hz at 38400 baud."""
+    """Source: docs/hardware.md, 10 Hz at 38400 baud."""
     assert MAX_INTERVAL_US == 100_000
 
 
@@ -150,8 +152,8 @@ def device_frame(name: str, **fields: object) -> Frame:
     return frame
 
 
-def test_rebase_moves_every_stamp_of_a_sample() -> None:
-    """A GPS report of before the restart has a stamp far ahead of it: it becomes the sample's."""
+def test_rebase_shifts_every_stamp_of_a_sample() -> None:
+    """A GPS report from before the restart has a later stamp: it becomes that of the sample."""
     air = {"press_abs": 1013.0, "press_diff": 0.0, "temperature": 1200}
     hull = device_frame("SCALED_PRESSURE", time_boot_ms=90, **air)
     text = device_frame("STATUSTEXT", severity=4, text="Fault: gyro off")
@@ -162,7 +164,7 @@ def test_rebase_moves_every_stamp_of_a_sample() -> None:
         Dvl(0, 1.0, 0.0, 0.0, True, 0.1, 100),
         duct=DuctFeedback(90_000, 0.0, 0.0),
         relayed=(hull, text),
-        heard=(hull, device_frame("HIL_SENSOR", **_imu(100_000))),
+        frames=(hull, device_frame("HIL_SENSOR", **_imu(100_000))),
     )
     moved = rebase(sample, 5_000_000)
     assert moved.sensors == sample.sensors._replace(time_us=5_100_000)
@@ -174,7 +176,7 @@ def test_rebase_moves_every_stamp_of_a_sample() -> None:
     assert moved.duct == DuctFeedback(5_090_000, 0.0, 0.0)
     assert moved.relayed[0].decode() == hull.decode()._replace(time_boot_ms=5_090)
     assert moved.relayed[1] == text
-    assert moved.heard[1].decode().time_usec == 5_100_000
+    assert moved.frames[1].decode().time_usec == 5_100_000
 
 
 def _imu(time_us: int) -> dict[str, object]:
@@ -183,7 +185,7 @@ def _imu(time_us: int) -> dict[str, object]:
 
 
 def test_rebase_never_makes_a_stamp_negative() -> None:
-    """MAVLink's stamps have no sign."""
+    """Stamps of MAVLink are unsigned."""
     sample = HilSample(sensors(10**9), GpsFix(5, 3, 42.35, -71.0, 0.0, 0.0, 0.0, 0.0, 10))
     moved = sensor_clock.rebase(sample, -900_000_000)
     assert moved.gps is not None

@@ -164,11 +164,11 @@ def test_trims_outlive_the_dive_when_they_were_learned_for_long_enough(
     vehicle = Vehicle(ParamTable({"TRIM_AUTO_S": 10.0, "TRIM_RUD_DEG": 2.0}))
     trim = Trim(math.radians(2.5), math.radians(-1.0), learned_s)
     vehicle.state = vehicle.state._replace(armed=True, loops=LoopMemory(trim=trim))
-    vehicle.request(requests.Disarm(force=True))
+    vehicle.handle_request(requests.Disarm(force=True))
     assert vehicle.params.get("TRIM_RUD_DEG") == pytest.approx(kept_deg)
     told = [
         event.text
-        for event in vehicle.take_events()
+        for event in vehicle.pop_events()
         if isinstance(event, Event) and "Trim" in event.text
     ]
     assert told == (["Trim learned: TRIM_RUD_DEG 4.5, TRIM_ELE_DEG -1"] if kept_deg == 4.5 else [])

@@ -1,5 +1,4 @@
-"""The vehicle's own log: what is in it, when it begins and ends, and that no disk ever stops a
-flight."""
+"""The onboard log: content, start and end, and independence of the flight from the disk."""
 
 import time
 from collections.abc import Callable
@@ -30,15 +29,15 @@ from tests.mavlink_io.logging import decoding
 SENSOR = dialect.by_name("HIL_SENSOR")
 
 
-class Afloat:
-    """A vehicle whose sensors come as frames, with a server and a log."""
+class Rig:
+    """A vehicle with sensor frames, a ground server and an onboard log."""
 
     def __init__(self, folder: Path | None, **parameters: float) -> None:
         self.vehicle = Vehicle(ParamTable(parameters))
-        self.logbook = OnboardLog(self.vehicle, folder, "1.2.3")
+        self.onboard_log = OnboardLog(self.vehicle, folder, "1.2.3")
         self.station = Station()
         self.server = GroundServer(
-            self.vehicle, [self.station], AutopilotId.GENERIC, logbook=self.logbook
+            self.vehicle, [self.station], AutopilotId.GENERIC, onboard_log=self.onboard_log
         )
         self.time_us = -TICK_US
         self.sent: list[Frame] = []
@@ -51,8 +50,8 @@ class Afloat:
             (frame,) = Framer().feed(encode(SENSOR, record, self.time_us // TICK_US & 255, 1, 25))
             self.sent.append(frame)
             self.vehicle.tick(Inputs(record, None, None, None))
-            self.server.tell()
-            self.logbook.tick((frame,))
+            self.server.publish_telemetry()
+            self.onboard_log.tick((frame,))
 
     def ask(self, message: Any) -> None:
         self.station.say(message)
@@ -68,11 +67,11 @@ class Afloat:
         assert self.vehicle.state.armed == wanted
 
     def end(self) -> list[Path]:
-        self.logbook.close()
-        store = self.logbook.store
+        self.onboard_log.close()
+        store = self.onboard_log.store
         return [log.path for log in store.files()] if store else []
 
-    def said(self) -> list[str]:
+    def received_texts(self) -> list[str]:
         self.server.poll()
         self.server.flush()
         return [m.text for m in self.station.heard() if m.get_type() == "STATUSTEXT"]
@@ -81,7 +80,7 @@ class Afloat:
         deadline = time.monotonic() + 10.0
         while not condition():
             assert time.monotonic() < deadline
-            self.logbook.poll()
+            self.onboard_log.poll()
             time.sleep(0.01)
 
 
@@ -92,8 +91,8 @@ def messages(path: Path, name: str, sender: str = "1/1") -> list[Any]:
         return [m for _, _, _, m in reader.iter_decoded_messages([topic], log_time_order=False)]
 
 
-def test_every_tick_of_a_dive_is_in_the_log(tmp_path: Path) -> None:
-    boat = Afloat(tmp_path)
+def test_log_contains_every_tick(tmp_path: Path) -> None:
+    boat = Rig(tmp_path)
     before = len(boat.sent)
     boat.arm()
     boat.tick(500, depth_m=2.0)
@@ -121,8 +120,8 @@ def test_every_tick_of_a_dive_is_in_the_log(tmp_path: Path) -> None:
     assert list(report["metadata"]["trace"].values()) == list(snapshot.trace._fields)
 
 
-def test_every_message_is_decoded_by_the_librarys_decoders(tmp_path: Path) -> None:
-    boat = Afloat(tmp_path)
+def test_log_messages_are_decoded_by_mcap_library(tmp_path: Path) -> None:
+    boat = Rig(tmp_path)
     boat.arm()
     boat.tick(200, depth_m=2.0)
     (path,) = boat.end()
@@ -132,8 +131,8 @@ def test_every_message_is_decoded_by_the_librarys_decoders(tmp_path: Path) -> No
     assert set(decoded) == {"ros1", "json"}
 
 
-def test_identification_reads_it_as_it_reads_grounds(tmp_path: Path) -> None:
-    boat = Afloat(tmp_path, HDG_P=0.5)
+def test_log_is_readable_by_sysid(tmp_path: Path) -> None:
+    boat = Rig(tmp_path, HDG_P=0.5)
     boat.arm()
     boat.tick(200, depth_m=2.0)
     (path,) = boat.end()
@@ -147,10 +146,10 @@ def test_identification_reads_it_as_it_reads_grounds(tmp_path: Path) -> None:
     assert [event.text for event in read.events][:1] == ["Armed: HOLD"]
 
 
-def test_what_ground_says_and_what_came_of_it_is_in_the_log(tmp_path: Path) -> None:
-    boat = Afloat(tmp_path)
+def test_log_contains_commands_and_their_results(tmp_path: Path) -> None:
+    boat = Rig(tmp_path)
     items = tuple(MissionItem(n, 2, 93, p1=5.0 + n) for n in range(3))
-    boat.vehicle.request(requests.LoadMission(items))
+    boat.vehicle.handle_request(requests.LoadMission(items))
     boat.arm()
     boat.tick(10)
     boat.ask(mavlink.MAVLink_param_set_message(1, 1, b"HDG_P", 0.75, 9))
@@ -165,17 +164,15 @@ def test_what_ground_says_and_what_came_of_it_is_in_the_log(tmp_path: Path) -> N
     assert not messages(path, "PING", "255/190")
 
 
-def test_the_simulators_own_state_never_gets_near_a_log() -> None:
+def test_log_excludes_simulated_truth() -> None:
     from autopilot.comms import hil
 
     assert dialect.by_name("HIL_STATE_QUATERNION").message_id not in hil._LOGGED_MESSAGES
 
 
-def test_a_log_goes_from_arming_to_a_little_after_disarming(
-    tmp_path: Path, monkeypatch: Any
-) -> None:
+def test_log_lasts_from_arming_until_after_disarming(tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setattr(recorder, "AFTER_DISARM_WALL_S", 60.0)
-    boat = Afloat(tmp_path)
+    boat = Rig(tmp_path)
     boat.arm()
     boat.tick(50)
     boat.arm(False)
@@ -184,35 +181,33 @@ def test_a_log_goes_from_arming_to_a_little_after_disarming(
     assert len(messages(path, "ATTITUDE")) == 50 + recorder.AFTER_DISARM_US // TICK_US - 1
 
 
-def test_time_that_stands_still_after_disarming_ends_a_log_too(
-    tmp_path: Path, monkeypatch: Any
-) -> None:
+def test_log_ends_when_vehicle_time_stops_after_disarming(tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setattr(recorder, "AFTER_DISARM_WALL_S", 0.0)
-    boat = Afloat(tmp_path)
+    boat = Rig(tmp_path)
     boat.arm()
     boat.tick(5)
     boat.arm(False)
-    boat.until(lambda: boat.logbook._entry is None)
+    boat.until(lambda: boat.onboard_log._session is None)
     assert mcap.info(boat.end()[0])["attachments"] == ["params.json"]
 
 
-def test_every_dive_has_a_number_of_its_own(tmp_path: Path) -> None:
-    boat = Afloat(tmp_path)
+def test_logs_have_increasing_numbers(tmp_path: Path) -> None:
+    boat = Rig(tmp_path)
     for _ in range(3):
         boat.arm()
         boat.tick(5)
         boat.arm(False)
         boat.tick(5)
     paths = boat.end()
-    boat = Afloat(tmp_path)
+    boat = Rig(tmp_path)
     boat.arm()
     boat.tick(5)
     assert [path.name[:6] for path in paths] == ["00001-", "00002-", "00003-"]
     assert [path.name[:6] for path in boat.end()] == ["00001-", "00002-", "00003-", "00004-"]
 
 
-def test_vehicle_time_that_begins_again_begins_a_log(tmp_path: Path) -> None:
-    boat = Afloat(tmp_path, LOG_DISARMED=1)
+def test_vehicle_time_restart_begins_new_log(tmp_path: Path) -> None:
+    boat = Rig(tmp_path, LOG_DISARMED=1)
     boat.tick(20)
     boat.vehicle.restart("vehicle time fell back")
     boat.time_us = -TICK_US
@@ -225,76 +220,74 @@ def test_vehicle_time_that_begins_again_begins_a_log(tmp_path: Path) -> None:
     ("parameters", "armed", "logged"),
     [({}, False, 0), ({"LOG_DISARMED": 1}, False, 1), ({"LOG_ENABLE": 0}, True, 0), ({}, True, 1)],
 )
-def test_parameters_say_when_to_log(
+def test_log_parameters_select_when_to_log(
     tmp_path: Path, parameters: dict[str, float], armed: bool, logged: int
 ) -> None:
-    boat = Afloat(tmp_path, **parameters)
+    boat = Rig(tmp_path, **parameters)
     if armed:
         boat.arm()
     boat.tick(10)
     assert len(boat.end()) == logged
 
 
-def test_without_a_folder_nothing_is_logged() -> None:
-    boat = Afloat(None)
+def test_no_folder_disables_log() -> None:
+    boat = Rig(None)
     boat.arm()
     boat.tick(10)
-    assert (boat.end(), boat.said()[-1:]) == ([], ["Armed: HOLD"])
+    assert (boat.end(), boat.received_texts()[-1:]) == ([], ["Armed: HOLD"])
 
 
-def test_a_folder_that_cannot_be_made_is_told_once_and_the_flight_goes_on(tmp_path: Path) -> None:
+def test_unwritable_folder_is_reported_once(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
-    boat = Afloat(tmp_path / "file")
+    boat = Rig(tmp_path / "file")
     boat.arm()
     boat.tick(10)
-    boat.until(lambda: boat.logbook._given_up)
+    boat.until(lambda: boat.onboard_log._failed)
     boat.tick(10)
-    assert [text for text in boat.said() if text.startswith("Log")] == [
+    assert [text for text in boat.received_texts() if text.startswith("Log")] == [
         f"Log stopped: File exists: {tmp_path}/file"[:50]
     ]
     assert boat.vehicle.state.armed
-    assert boat.said() == []
+    assert boat.received_texts() == []
 
 
-def test_a_disk_that_fills_up_is_told_and_what_is_written_can_be_saved(
-    tmp_path: Path, monkeypatch: Any
-) -> None:
-    boat = Afloat(tmp_path)
-    assert boat.logbook.store
+def test_full_disk_is_reported_and_log_is_readable(tmp_path: Path, monkeypatch: Any) -> None:
+    boat = Rig(tmp_path)
+    assert boat.onboard_log.store
     boat.arm()
     boat.tick(2000)
     monkeypatch.setattr("autopilot.onboard_log.writer.FREE_SPACE_CHECK_BYTES", 1000)
     monkeypatch.setattr("shutil.disk_usage", lambda folder: type("Usage", (), {"free": 0}))
     boat.tick(500)
-    boat.until(lambda: boat.logbook._given_up)
+    boat.until(lambda: boat.onboard_log._failed)
     boat.tick(100)
-    assert [text for text in boat.said() if "no room" in text] == [
+    assert [text for text in boat.received_texts() if "no room" in text] == [
         f"Log stopped: no room left for logs in {tmp_path}"[:50]
     ]
     (path,) = boat.end()
     assert mcap.recover(path, tmp_path / "saved.mcap").messages > 1000
 
 
-def test_a_disk_too_slow_is_told_and_never_waited_for(tmp_path: Path, monkeypatch: Any) -> None:
+def test_slow_disk_is_reported_without_delaying_ticks(tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setattr("autopilot.onboard_log.session.MAX_UNWRITTEN_CHUNKS", 3)
-    boat = Afloat(tmp_path)
+    boat = Rig(tmp_path)
     boat.arm()
     slow = time.sleep
     monkeypatch.setattr("os.fsync", lambda file: slow(1.0))
-    boat.until(lambda: boat.logbook._entry is not None)
+    boat.until(lambda: boat.onboard_log._session is not None)
     began = time.monotonic()
     for _ in range(20):
         boat.tick(150)
-        assert boat.logbook._entry
-        boat.logbook._entry.flush()
+        assert boat.onboard_log._session
+        boat.onboard_log._session.flush()
     assert time.monotonic() - began < 5.0
-    boat.until(lambda: any("too slow" in text for text in boat.said()))
+    boat.until(lambda: any("too slow" in text for text in boat.received_texts()))
 
 
-def test_the_same_dive_gives_the_same_log(tmp_path: Path) -> None:
+def test_equal_dives_give_equal_logs(tmp_path: Path) -> None:
     digests = []
     for name in ("one", "other"):
-        boat = Afloat(tmp_path / name)
+        boat = Rig(tmp_path / name)
         boat.arm()
         boat.tick(300, depth_m=1.0)
         (path,) = boat.end()

@@ -1,4 +1,4 @@
-"""The folder of logs: the oldest make room, the one being written never."""
+"""Log folder: the oldest logs are removed, but never the open one."""
 
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ def fill(store: LogStore, *kilobytes: int) -> list[Path]:
     return paths
 
 
-def test_logs_are_numbered_and_dated(tmp_path: Path) -> None:
+def test_log_names_have_number_and_date(tmp_path: Path) -> None:
     store = LogStore(tmp_path / "made" / "on demand")
     assert store.files() == []
     fill(store, 3, 0)
@@ -31,7 +31,7 @@ def test_logs_are_numbered_and_dated(tmp_path: Path) -> None:
     ]
 
 
-def test_what_is_no_log_is_left_alone(tmp_path: Path) -> None:
+def test_other_files_are_ignored(tmp_path: Path) -> None:
     store = LogStore(tmp_path)
     fill(store, 1)
     for name in ("notes.txt", "1.mcap", "00009-20231114T221320Z.mcap.part"):
@@ -44,13 +44,13 @@ def test_what_is_no_log_is_left_alone(tmp_path: Path) -> None:
     assert store.files() == []
 
 
-def test_two_vehicles_in_one_folder_do_not_share_a_log(tmp_path: Path) -> None:
+def test_two_vehicles_in_one_folder_use_different_logs(tmp_path: Path) -> None:
     stores = LogStore(tmp_path), LogStore(tmp_path)
     paths = [fill(store, 1)[0] for store in stores for _ in range(3)]
     assert len(set(paths)) == 6
 
 
-def test_the_oldest_make_room(tmp_path: Path) -> None:
+def test_oldest_logs_are_removed_above_size_limit(tmp_path: Path) -> None:
     paths = fill(LogStore(tmp_path), 400, 400, 400)
     store = LogStore(tmp_path, lambda: paths[0])
     store.make_room(StorageLimits(1.0, 0.0))
@@ -60,7 +60,7 @@ def test_the_oldest_make_room(tmp_path: Path) -> None:
     assert [path.exists() for path in paths] == [True, False, False]
 
 
-def test_the_disk_keeps_what_it_must_keep(tmp_path: Path, monkeypatch: Any) -> None:
+def test_oldest_logs_are_removed_below_free_space_limit(tmp_path: Path, monkeypatch: Any) -> None:
     store = LogStore(tmp_path)
     paths = fill(store, 400, 400, 400)
     left = [700_000, 700_000, 1_100_000]
@@ -71,7 +71,7 @@ def test_the_disk_keeps_what_it_must_keep(tmp_path: Path, monkeypatch: Any) -> N
     assert [path.exists() for path in paths] == [False, False, True]
 
 
-def test_erasing_spares_the_log_that_is_written(tmp_path: Path) -> None:
+def test_erase_keeps_open_log(tmp_path: Path) -> None:
     paths = fill(LogStore(tmp_path), 1, 1, 1)
     assert LogStore(tmp_path, lambda: paths[1]).erase() == ""
     assert [path.exists() for path in paths] == [False, True, False]

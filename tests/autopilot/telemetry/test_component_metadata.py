@@ -1,5 +1,4 @@
-"""What parameters mean, as ground stations fetch it: the published schemas' demands, and the
-table's own numbers."""
+"""Component metadata: agreement with the published schemas and the parameter table."""
 
 import json
 import re
@@ -31,8 +30,9 @@ PARAMETER: dict[str, Any] = {
     "group": str,
     "category": str,
 }
-"""Properties and types of general.schema.json and parameter.schema.json (mavlink/mavlink,
-component_metadata), those of them that are used here; the schemas allow no others."""
+"""Properties and types of general.schema.json and parameter.schema.json that are used here.
+
+Source: mavlink/mavlink, component_metadata; the schemas allow no other properties."""
 
 
 def check(found: dict[str, Any], allowed: dict[str, Any], required: tuple[str, ...]) -> None:
@@ -41,7 +41,7 @@ def check(found: dict[str, Any], allowed: dict[str, Any], required: tuple[str, .
         assert isinstance(value, allowed[key]), key
 
 
-def test_the_general_file_is_as_its_schema_demands() -> None:
+def test_general_json_matches_schema() -> None:
     general = json.loads(component_metadata.general_json())
     check(general, GENERAL, ("version", "metadataTypes"))
     assert general["version"] == 1
@@ -52,7 +52,7 @@ def test_the_general_file_is_as_its_schema_demands() -> None:
     assert parameters["fileCrc"] == crc32(component_metadata.parameters_json())
 
 
-def test_every_parameter_is_described_as_the_schema_demands() -> None:
+def test_parameters_json_matches_schema() -> None:
     described = json.loads(component_metadata.parameters_json())
     assert set(described) == {"version", "parameters"}
     assert described["version"] == 1, "what QGroundControl reads; the schema's 3 it refuses"
@@ -74,7 +74,7 @@ def test_every_parameter_is_described_as_the_schema_demands() -> None:
     assert "rebootRequired" not in rows["HDG_P"]
 
 
-def test_every_group_has_a_name() -> None:
+def test_every_parameter_group_has_title() -> None:
     groups = {
         row["group"] for row in json.loads(component_metadata.parameters_json())["parameters"]
     }

@@ -1,5 +1,4 @@
-"""What is told of position and way, and set-points as they come over the wire: read by
-pymavlink."""
+"""Telemetry of position and path, and offboard set-points, as pymavlink reads and sends them."""
 
 import math
 
@@ -22,7 +21,7 @@ def on(path: TrackLine | Circle, north_m: float, east_m: float) -> Snapshot:
     return plain._replace(state=plain.state._replace(path=path))
 
 
-def test_a_line_tells_its_end_and_how_far_she_is_beside_it() -> None:
+def test_line_reports_end_and_cross_track_error() -> None:
     s = on(TrackLine(0j, 100 + 0j), 40.0, 3.0)
     told = message("NAV_CONTROLLER_OUTPUT", s)
     assert (told.wp_dist, told.target_bearing) == (60, -3)
@@ -33,13 +32,13 @@ def test_a_line_tells_its_end_and_how_far_she_is_beside_it() -> None:
     assert not target.type_mask & mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
 
 
-def test_a_circle_tells_its_centre() -> None:
+def test_circle_reports_centre() -> None:
     told = message("NAV_CONTROLLER_OUTPUT", on(Circle(10 + 0j, 20.0), 10.0, -25.0))
     assert (told.wp_dist, told.target_bearing) == (25, 90)
     assert told.xtrack_error == pytest.approx(5.0)
 
 
-def test_odometry_tells_velocity_over_ground_and_how_sure_it_is() -> None:
+def test_odometry_reports_velocity_and_covariance() -> None:
     quarter = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
     learned = Navigation(covariance=NavCovariance(9.0, 0.04, 0.0, 0.0))
     s = snapshot(
@@ -56,7 +55,7 @@ def test_odometry_tells_velocity_over_ground_and_how_sure_it_is() -> None:
     assert told.velocity_covariance[0] == pytest.approx(0.04, abs=1e-3)
 
 
-def test_accuracy_current_and_refused_fixes_are_told() -> None:
+def test_estimator_status_reports_accuracy_and_glitch() -> None:
     learned = Navigation(
         current_mps=0.2 - 0.1j, covariance=NavCovariance(4.0, 0.01, 0.0, 0.0), fixes_refused=3
     )
@@ -72,7 +71,7 @@ def test_accuracy_current_and_refused_fixes_are_told() -> None:
     )
 
 
-def test_set_points_over_the_wire_open_offboard() -> None:
+def test_setpoint_messages_allow_offboard_mode() -> None:
     deck = Deck()
     deck.tick(5)
     attitude = mavlink.MAVLink_set_attitude_target_message(
@@ -99,7 +98,7 @@ def test_set_points_over_the_wire_open_offboard() -> None:
     )
 
 
-def test_a_set_point_that_cannot_be_followed_is_told_of_once() -> None:
+def test_unsupported_setpoint_is_reported_once() -> None:
     deck = Deck()
     deck.tick(5)
     sideways = mavlink.MAVLink_set_position_target_local_ned_message(
@@ -110,7 +109,7 @@ def test_a_set_point_that_cannot_be_followed_is_told_of_once() -> None:
     assert texts(deck.ask(sideways)) == []
 
 
-def test_capabilities_say_that_set_points_are_followed() -> None:
+def test_capabilities_include_setpoints() -> None:
     deck = Deck()
     deck.tick(1)
     capabilities = only(deck.command(512, 148), "AUTOPILOT_VERSION").capabilities

@@ -1,4 +1,4 @@
-"""Telemetry: due by vehicle time, equal for equal flights, right in sign and unit."""
+"""Telemetry: schedule in vehicle time, equal for equal flights, correct signs and units."""
 
 import math
 import struct
@@ -44,7 +44,7 @@ SECOND_TICKS = 50
 
 
 def message(name: str, snapshot: Snapshot) -> Any:
-    """A stream's message as pymavlink reads it."""
+    """Return a stream's message as pymavlink decodes it."""
     stream = BY_ID[dialect.by_name(name).message_id]
     frame = encode(stream.message, stream.build(snapshot), 0, 1, 1)
     (decoded,) = mavlink.MAVLink(None).parse_buffer(frame)
@@ -64,7 +64,7 @@ def snapshot(**estimate: Any) -> Snapshot:
     return Snapshot(state, trace, actuators, sensors(12_340_000), None, Config(), state.mode)
 
 
-def test_battery_leak_and_altimeter_are_told_as_they_were_measured() -> None:
+def test_battery_leak_altimeter_telemetry_equals_input() -> None:
     s = snapshot(altitude_m=12.5)._replace(
         altimeter=Altimeter(0, 12.4, 0.3, 30.0),
         battery=Battery(29.6, 4.25, 1.5, 0.42),
@@ -97,9 +97,8 @@ def test_battery_leak_and_altimeter_are_told_as_they_were_measured() -> None:
 
 
 @pytest.mark.parametrize(("remaining", "state"), [(0.5, 1), (0.14, 2), (0.07, 3), (0.03, 4)])
-def test_a_low_battery_is_the_more_urgent_the_emptier_it_is(remaining: float, state: int) -> None:
-    """MAV_BATTERY_CHARGE_STATE: OK, LOW, CRITICAL, EMERGENCY; below FS_BATT_PCT, half of it, a
-    quarter."""
+def test_battery_charge_state_follows_remaining_charge(remaining: float, state: int) -> None:
+    """States OK, LOW, CRITICAL, EMERGENCY: below FS_BATT_PCT, half of it, a quarter of it."""
     s = snapshot()._replace(battery=Battery(25.0, 4.0, 1.0, remaining))
     if state > 1:
         low = FaultTracker(Fault("Battery", "low"), 0, 12_000_000, told=True)
@@ -111,11 +110,11 @@ def test_a_low_battery_is_the_more_urgent_the_emptier_it_is(remaining: float, st
     ("value", "number"),
     [(math.nan, -32_768), (math.inf, 32_767), (-math.inf, -32_768), (1.6, 2), (-40_000.0, -32_768)],
 )
-def test_numbers_are_put_within_their_field(value: float, number: int) -> None:
+def test_numbers_are_limited_to_their_field(value: float, number: int) -> None:
     assert int16(value) == number
 
 
-def test_what_is_not_carried_is_unknown() -> None:
+def test_missing_devices_are_unknown() -> None:
     status, gauge = message("SYS_STATUS", snapshot()), message("BATTERY_STATUS", snapshot())
     assert (status.voltage_battery, status.current_battery, status.battery_remaining) == (
         65_535,
@@ -131,7 +130,7 @@ def test_what_is_not_carried_is_unknown() -> None:
     )
 
 
-def test_depth_is_negative_altitude_and_positive_down() -> None:
+def test_depth_sign_per_message_is_correct() -> None:
     s = snapshot(depth_m=2.5, depth_rate_mps=0.3, speed_mps=1.3, altitude_m=17.5)
     assert message("GLOBAL_POSITION_INT", s).relative_alt == -2500
     assert message("GLOBAL_POSITION_INT", s).alt == -2500
@@ -147,7 +146,7 @@ def test_depth_is_negative_altitude_and_positive_down() -> None:
     assert message("HOME_POSITION", s).altitude == 0
 
 
-def test_positions_are_counted_from_home() -> None:
+def test_position_is_relative_to_home() -> None:
     at = message("GLOBAL_POSITION_INT", snapshot(north_m=111.19, east_m=0.0))
     assert (at.lat, at.lon) == (pytest.approx(415_010_000, abs=20), -707_000_000)
 
@@ -155,13 +154,13 @@ def test_positions_are_counted_from_home() -> None:
 @pytest.mark.parametrize(
     ("heading_rad", "centidegrees"), [(0.0, 0), (-0.5 * math.pi, 27_000), (-1e-6, 0), (3.0, 17_189)]
 )
-def test_heading_is_told_within_its_range(heading_rad: float, centidegrees: int) -> None:
+def test_heading_is_within_its_range(heading_rad: float, centidegrees: int) -> None:
     at = message("GLOBAL_POSITION_INT", snapshot(heading_rad=heading_rad))
     assert at.hdg == centidegrees
     assert 0 <= message("VFR_HUD", snapshot(heading_rad=heading_rad)).heading < 360
 
 
-def test_actuators_stand_in_their_channels() -> None:
+def test_actuators_are_in_their_channels() -> None:
     s = snapshot()
     outputs = message("ACTUATOR_OUTPUT_STATUS", s)
     assert outputs.active == 0b111
@@ -175,7 +174,7 @@ def test_actuators_stand_in_their_channels() -> None:
     )
 
 
-def test_targets_say_which_fields_count() -> None:
+def test_position_target_masks_unused_fields() -> None:
     target = message("POSITION_TARGET_LOCAL_NED", snapshot())
     ignored = target.type_mask
     assert not ignored & mavlink.POSITION_TARGET_TYPEMASK_Z_IGNORE
@@ -188,7 +187,7 @@ def test_targets_say_which_fields_count() -> None:
     assert math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) == pytest.approx(-1.0, abs=1e-6)
 
 
-def test_health_is_what_clients_wait_for() -> None:
+def test_health_bits_match_client_requirements() -> None:
     status = message("SYS_STATUS", snapshot())
     for name in ("3D_GYRO", "3D_ACCEL", "3D_MAG", "GPS"):
         bit = getattr(mavlink, f"MAV_SYS_STATUS_SENSOR_{name}")
@@ -236,7 +235,7 @@ ESTIMATES = st.builds(
 
 
 @given(ESTIMATES)
-def test_no_estimate_overflows_a_field(estimate: VehicleEstimate) -> None:
+def test_extreme_estimates_fit_every_field(estimate: VehicleEstimate) -> None:
     plain = snapshot()
     s = plain._replace(state=plain.state._replace(estimate=estimate))
     for stream in STREAMS:
@@ -244,7 +243,7 @@ def test_no_estimate_overflows_a_field(estimate: VehicleEstimate) -> None:
 
 
 @pytest.mark.parametrize("nonsense", [math.nan, 1e12, -1e12])
-def test_no_nonsense_in_the_vehicle_keeps_a_message_from_being_sent(nonsense: float) -> None:
+def test_invalid_state_does_not_block_messages(nonsense: float) -> None:
     plain = snapshot()
     floats = {
         name: nonsense
@@ -270,7 +269,7 @@ def test_no_nonsense_in_the_vehicle_keeps_a_message_from_being_sent(nonsense: fl
             stream.message.pack(build(s))
 
 
-def test_before_the_first_tick_every_message_can_be_told() -> None:
+def test_every_message_can_be_built_before_first_tick() -> None:
     deck = Deck()
     for stream in STREAMS:
         told = [
@@ -288,7 +287,7 @@ def counts(deck: Deck, ticks: int) -> dict[str, int]:
     return {name: heard.count(name) for name in heard}
 
 
-def test_every_stream_has_its_rate() -> None:
+def test_every_stream_has_default_rate() -> None:
     deck = Deck()
     deck.tick()
     seen = counts(deck, 10 * SECOND_TICKS)
@@ -296,7 +295,7 @@ def test_every_stream_has_its_rate() -> None:
         assert seen.get(stream.message.name, 0) == round(10 * stream.rate_hz), stream.message.name
 
 
-def test_a_client_may_choose_its_rates() -> None:
+def test_client_can_set_rates() -> None:
     deck = Deck()
     deck.tick()
     deck.command(511, ATTITUDE, 20_000)
@@ -310,7 +309,7 @@ def test_a_client_may_choose_its_rates() -> None:
     assert deck.command(511, 99_999, 20_000)[-1].result == mavlink.MAV_RESULT_UNSUPPORTED
 
 
-def test_each_link_has_rates_and_sequence_of_its_own() -> None:
+def test_links_have_own_rates_and_sequences() -> None:
     deck = Deck(Station(255, 190), Station(250, 190))
     deck.tick()
     deck.command(511, ATTITUDE, 20_000)
@@ -325,7 +324,7 @@ def test_each_link_has_rates_and_sequence_of_its_own() -> None:
 
 
 @given(st.integers(0, 10_000), st.integers(1, 200).map(lambda n: n * 10_000), st.integers(1, 400))
-def test_phase_does_not_depend_on_when_a_rate_was_asked_for(
+def test_stream_phase_is_independent_of_request_time(
     start: int, interval_us: int, ticks: int
 ) -> None:
     schedule = Schedule()
@@ -350,22 +349,22 @@ def telemetry_of_a_flight(chatter: bool) -> list[bytes]:
     return [bytes(m.get_payload()) for m in deck.station.heard()]
 
 
-def test_equal_flights_tell_equal_bytes_whatever_was_asked_before() -> None:
+def test_equal_flights_give_equal_bytes() -> None:
     assert telemetry_of_a_flight(chatter=False) == telemetry_of_a_flight(chatter=True)
 
 
-def test_telemetry_comes_before_the_texts_of_its_tick() -> None:
+def test_telemetry_precedes_texts_of_same_tick() -> None:
     deck = Deck()
     deck.tick()
     deck.command(511, ATTITUDE, 20_000)
     deck.station.heard()
-    deck.vehicle.say("in this tick")
+    deck.vehicle.send_statustext("in this tick")
     deck.tick()
     kinds = [m.get_type() for m in deck.station.heard()]
     assert kinds.index("ATTITUDE") < kinds.index("STATUSTEXT")
 
 
-def test_time_that_begins_again_sets_a_new_phase() -> None:
+def test_time_restart_sets_new_phase() -> None:
     schedule = Schedule()
     schedule.due(0)
     assert schedule.due(10_000_000)
@@ -373,8 +372,8 @@ def test_time_that_begins_again_sets_a_new_phase() -> None:
     assert [s.message.message_id for s in schedule.due(100_000)][:1] == [ATTITUDE]
 
 
-def test_numbers_beyond_their_field_are_sent_as_the_nearest_that_it_holds() -> None:
-    """Two's complement limits of int32 and uint16, and the largest finite float32 (IEEE 754)."""
+def test_out_of_range_numbers_are_sent_as_nearest_value() -> None:
+    """Limits of int32 and uint16, and the largest finite float32 (IEEE 754)."""
     deck = Deck()
     (link,) = deck.server.links
     message = dialect.by_name("COMMAND_ACK")
@@ -403,7 +402,7 @@ def test_numbers_beyond_their_field_are_sent_as_the_nearest_that_it_holds() -> N
     )  # no gap
 
 
-def test_values_of_another_shape_are_still_a_mistake() -> None:
+def test_values_of_wrong_shape_raise() -> None:
     (link,) = Deck().server.links
     with pytest.raises(struct.error):
         link.write(dialect.by_name("SYSTEM_TIME"), (0.5, 0))
@@ -416,7 +415,7 @@ def test_values_of_another_shape_are_still_a_mistake() -> None:
         max_size=13,
     )
 )
-def test_no_sensor_value_stops_the_tick_or_its_telemetry(values: list[float]) -> None:
+def test_any_sensor_value_allows_tick_and_telemetry(values: list[float]) -> None:
     deck = Deck()
     deck.tick(3)
     state = deck.vehicle.state

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ground.missions import plans, script
 from ground.missions.script import ScriptError
-from mavlink_io.mission_items import MissionItem
+from mavlink_io.mission_items import MavCmd, MissionItem
 
 END = "\n[[step]]\nsurface = true\n"
 CHIRP = """[[step]]
@@ -60,7 +60,7 @@ def test_a_test_carries_axis_size_length_and_wave() -> None:
 def test_shipped_missions_load_and_end_at_the_surface(name: str) -> None:
     loaded = script.load(name)
     assert loaded.name == name
-    assert script.compile_items(loaded)[-1].command == script.LAND
+    assert script.compile_items(loaded)[-1].command == MavCmd.NAV_LAND
 
 
 def test_the_papers_missions_are_shipped() -> None:

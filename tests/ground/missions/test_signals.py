@@ -8,7 +8,7 @@ from autopilot.control import excitation, mission
 from autopilot.control.params import Config
 from autopilot.control.types import AutopilotState
 from ground.missions import script, signals
-from mavlink_io.mission_items import MissionItem
+from mavlink_io.mission_items import MavCmd, MissionItem
 
 LEG = (
     'name = "m"\n[[step]]\ndepth_m = 4.0\nheading_deg = 0.0\nthrust_pct = 58.0\nduration_s = 30.0\n'
@@ -19,7 +19,7 @@ END = "[[step]]\nsurface = true\n"
 def item_of(test: str) -> MissionItem:
     text = f"{LEG}[[step]]\ntest = {{ {test} }}\n{END}"
     (item,) = [
-        i for i in script.compile_items(script.parse(text, "m.toml")) if i.command == script.TEST
+        i for i in script.compile_items(script.parse(text, "m.toml")) if i.command == MavCmd.USER_1
     ]
     return item
 
@@ -93,9 +93,9 @@ def test_shipped_missions_begin_each_leg_in_one_tick(name: str) -> None:
     longest = at_once = 0
     for item in script.compile_items(script.load(name)):
         instant = item.command in (
-            mission.MissionCommand.CHANGE_ALTITUDE,
-            mission.MissionCommand.CHANGE_SPEED,
-            mission.MissionCommand.YAW,
+            MavCmd.DO_CHANGE_ALTITUDE,
+            MavCmd.DO_CHANGE_SPEED,
+            MavCmd.CONDITION_YAW,
         )
         at_once = at_once + 1 if instant else 0
         longest = max(longest, at_once)

@@ -1,4 +1,4 @@
-"""ArduPilot's frames as bytes, and what heaps of them lead to."""
+"""ArduPilot's servo frames, and answers to frames that arrive late or repeated."""
 
 import struct
 from collections.abc import Iterator
@@ -35,42 +35,41 @@ def frame(number: int, rudder_us: int = 1500) -> bytes:
     return struct.pack("<HHI16H", 18458, 400, number, rudder_us, *(1500,) * 15)
 
 
-def test_frames_that_heaped_up_get_one_answer(ends: tuple[Transport, Transport]) -> None:
-    """One answer for each would leave ArduPilot behind for ever: it takes the first for the one it
-    waits for."""
+def test_repeated_frames_get_one_answer(ends: tuple[Transport, Transport]) -> None:
+    """An answer to each would keep ArduPilot behind: it takes the first answer for the newest."""
     near, far = ends
-    pilot = ArduPilot(near, lambda: False, outputs=parse("1,2,3"))
+    backend = ArduPilot(near, lambda: False, outputs=parse("1,2,3"))
     far.send(frame(0))
-    steps = pilot.meet()
+    steps = backend.wait_for_autopilot()
     assert steps is not None
     sea, rng = (
         plant.build(config.load("caribou_truth"), scenario.load("calm"), steps),
         plant.random_streams(1),
     )
     state, sensors = plant.initial_state(sea, rng)
-    actuators = pilot.ask(sea, state, sensors)
+    actuators = backend.exchange(sea, state, sensors)
     assert actuators is not None
     for _ in range(5):
         far.send(frame(0))
     far.send(frame(1, rudder_us=1700))
     state, sensors = plant.step(sea, state, actuators, rng)
-    actuators = pilot.ask(sea, state, sensors)
+    actuators = backend.exchange(sea, state, sensors)
     assert actuators is not None
     assert actuators.controls == (0.5, 0.0, 0.0)
     assert far.receive().count(b"timestamp") == 1
     assert far.receive() == b""
 
 
-def test_a_wait_for_servos_ends_with_the_run(ends: tuple[Transport, Transport]) -> None:
+def test_wait_for_servos_ends_on_stop(ends: tuple[Transport, Transport]) -> None:
     calls = count()
-    pilot = ArduPilot(ends[0], lambda: next(calls) > 2, outputs=parse("1,2,3"))
-    assert pilot.meet() is None
+    backend = ArduPilot(ends[0], lambda: next(calls) > 2, outputs=parse("1,2,3"))
+    assert backend.wait_for_autopilot() is None
 
 
 @given(st.binary(max_size=100))
-def test_whatever_arrives_is_a_frame_or_nothing(datagram: bytes) -> None:
-    heard = parse_servos(datagram)
-    assert heard is None or (len(datagram) in (40, 72) and heard.frame_rate_hz > 0)
+def test_parse_servos_any_bytes_gives_frame_or_none(datagram: bytes) -> None:
+    received = parse_servos(datagram)
+    assert received is None or (len(datagram) in (40, 72) and received.frame_rate_hz > 0)
 
 
 @given(
@@ -78,7 +77,7 @@ def test_whatever_arrives_is_a_frame_or_nothing(datagram: bytes) -> None:
     st.integers(0, 2**32 - 1),
     st.lists(st.integers(0, 65_535), min_size=16, max_size=16),
 )
-def test_frames_are_read_as_they_were_packed(
+def test_parse_servos_returns_packed_values(
     rate_hz: int, number: int, pulses_us: list[int]
 ) -> None:
     assert parse_servos(struct.pack("<HHI16H", 18458, rate_hz, number, *pulses_us)) == (
@@ -92,7 +91,7 @@ def test_frames_are_read_as_they_were_packed(
     assert steps.tick_us / steps.substeps <= 5000
 
 
-def test_pulses_from_end_to_end() -> None:
+def test_controls_from_pulses_cover_full_travel() -> None:
     assert controls_from_pulses([1100, 1300, 1500, 1700, 1900, 0, 800, 2200]) == [
         -1.0,
         -0.5,
@@ -106,10 +105,10 @@ def test_pulses_from_end_to_end() -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "heard", "anew"),
+    ("before", "received", "anew"),
     [(500, 0, True), (500, 501, False), (500, 499, False), (500, 3, True), (0, 0, False)],
 )
-def test_a_count_that_begins_anew_is_told_from_one_that_is_late(
-    before: int, heard: int, anew: bool
+def test_is_restart_distinguishes_restart_from_late_frame(
+    before: int, received: int, anew: bool
 ) -> None:
-    assert is_restart(Servos(400, heard, ()), Servos(400, before, ())) is anew
+    assert is_restart(Servos(400, received, ()), Servos(400, before, ())) is anew

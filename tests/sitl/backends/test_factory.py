@@ -1,4 +1,4 @@
-"""What the command line may ask of whom."""
+"""Checks of the backend options of the command line."""
 
 import pytest
 from hypothesis import given
@@ -10,7 +10,7 @@ from sitl.backends.servo_outputs import OutputsError, controls_from_outputs, par
 
 
 @pytest.mark.parametrize(
-    ("asked", "complaint"),
+    ("options", "message"),
     [
         (BackendOptions("px5"), "--autopilot px5: expected caribou, px4, ardupilot"),
         (BackendOptions("px4", wait_for_arm=True), "--wait-for-arm: only with --autopilot caribou"),
@@ -29,22 +29,22 @@ from sitl.backends.servo_outputs import OutputsError, controls_from_outputs, par
         ),
     ],
 )
-def test_what_cannot_be_had_is_named_with_what_can(asked: BackendOptions, complaint: str) -> None:
-    with pytest.raises(BackendError, match=complaint):
-        factory.check_options(asked)
+def test_check_options_error_names_valid_values(options: BackendOptions, message: str) -> None:
+    with pytest.raises(BackendError, match=message):
+        factory.check_options(options)
 
 
 @pytest.mark.parametrize(
     "text",
     ["", "1,2", "1,2,3,4", "1,1,2", "1,-1,2", "0,1,2", "1,2,17", "a,b,c", "1,2,--3", "1.0,2,3"],
 )
-def test_outputs_that_are_not_three_different_ones_are_refused(text: str) -> None:
+def test_parse_outputs_rejects_invalid_text(text: str) -> None:
     with pytest.raises(OutputsError, match="expected the outputs of rudder, elevator and thrust"):
         parse(text)
 
 
 @given(st.permutations(range(16)), st.tuples(*[st.sampled_from([-1.0, 1.0])] * 3))
-def test_each_output_goes_where_it_is_sent(
+def test_controls_from_outputs_follow_assignment(
     places: list[int], signs: tuple[float, float, float]
 ) -> None:
     chosen = places[:3]

@@ -1,4 +1,4 @@
-"""What goes over the HIL link, as pymavlink, which nobody here wrote, decodes it."""
+"""Content of the HIL link, decoded with pymavlink as an independent reference."""
 
 import math
 from typing import Any
@@ -32,7 +32,7 @@ def decoded(datagram: bytes) -> dict[str, Any]:
     return {message.get_type(): message for message in parser.parse_buffer(datagram) or []}
 
 
-def test_one_datagram_carries_all_that_is_due_and_the_sensors_last(
+def test_datagram_contains_due_messages_sensors_last(
     afloat: tuple[PlantState, Sensors],
 ) -> None:
     state, sensors = afloat
@@ -69,7 +69,7 @@ def test_one_datagram_carries_all_that_is_due_and_the_sensors_last(
     far.close()
 
 
-def test_truth_on_the_wire_is_truth_in_its_units(afloat: tuple[PlantState, Sensors]) -> None:
+def test_truth_message_has_correct_units(afloat: tuple[PlantState, Sensors]) -> None:
     state, sensors = afloat
     moving = state.truth._replace(
         velocity_ned_mps=(1.2, -0.5, 0.1),
@@ -87,7 +87,7 @@ def test_truth_on_the_wire_is_truth_in_its_units(afloat: tuple[PlantState, Senso
     open_transport("memory:truth").close()
 
 
-def test_only_the_answer_to_the_asked_time_counts() -> None:
+def test_answer_ignores_other_times() -> None:
     near, far = open_transport("memory:answer"), open_transport("memory:answer")
     link = HilClient(near)
     for time_us in (20_000, 60_000, 40_000):

@@ -1,4 +1,4 @@
-"""Patience with an autopilot that never answers, on a link inside the test."""
+"""Timeouts of the lockstep without an autopilot, on a link inside the process."""
 
 from collections.abc import Iterator
 
@@ -18,16 +18,16 @@ def ends() -> Iterator[tuple[Transport, Transport]]:
     far.close()
 
 
-def test_nobody_there_is_told_apart_from_somebody_gone(
+def test_timeout_before_first_answer_is_reported(
     ends: tuple[Transport, Transport], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(lockstep, "FIRST_ANSWER_TIMEOUT_S", 0.1)
     with pytest.raises(AutopilotTimeoutError, match="no autopilot has answered on memory:lockstep"):
-        Lockstep(HilClient(ends[0]), lambda: False).ask(b"sensors", 0)
+        Lockstep(HilClient(ends[0]), lambda: False).exchange(b"sensors", 0)
     assert ends[1].receive() == b"sensors"
     assert ends[1].receive() == b"sensors"
 
 
-def test_a_stop_ends_the_wait(ends: tuple[Transport, Transport]) -> None:
+def test_stop_request_ends_the_wait(ends: tuple[Transport, Transport]) -> None:
     answers = iter([False, False, True])
-    assert Lockstep(HilClient(ends[0]), lambda: next(answers)).ask(b"sensors", 0) is None
+    assert Lockstep(HilClient(ends[0]), lambda: next(answers)).exchange(b"sensors", 0) is None

@@ -1,4 +1,4 @@
-"""Without lockstep: what a line carries, and what the tailcone does when it hears nothing."""
+"""Without lockstep: load of the serial line, and the actuator watchdog of the tailcone."""
 
 from collections.abc import Iterator
 
@@ -33,7 +33,7 @@ def ends() -> Iterator[tuple[Transport, Transport]]:
 @pytest.mark.parametrize(
     ("baud", "rate_hz"), [(921_600, 50), (115_200, 50), (57_600, 25), (38_400, 10)]
 )
-def test_every_instrument_aboard_leaves_a_quarter_of_the_line_free(
+def test_all_sensors_use_less_than_line_share(
     ends: tuple[Transport, Transport], baud: int, rate_hz: int
 ) -> None:
     steps = timestep_for_line(f"serial:/dev/ttyUSB0:{baud}")
@@ -49,27 +49,27 @@ def test_every_instrument_aboard_leaves_a_quarter_of_the_line_free(
     assert sent / 20.0 < 0.75 * baud / 10
 
 
-def test_a_line_that_is_too_slow_is_named_with_one_that_is_not() -> None:
+def test_too_slow_line_error_names_lowest_baud_rate() -> None:
     with pytest.raises(
         AddressError, match=r"serial:/dev/ttyS0:19200.*too slow .*expected 38400 baud or more"
     ):
         timestep_for_line("serial:/dev/ttyS0:19200")
 
 
-def test_a_link_without_a_baud_rate_has_the_autopilots_own_pace() -> None:
+def test_link_without_baud_rate_has_default_timestep() -> None:
     assert timestep_for_line("udpout:127.0.0.1:14560") == DEFAULT_TIMESTEP
 
 
-def test_the_watchdog_lets_go_after_its_time_and_says_both_once() -> None:
+def test_watchdog_times_out_and_reports_once() -> None:
     said: list[str] = []
     dog = Watchdog(said.append, 100.0)
-    assert dog.obey(None, 130.0).controls[:3] == REST
-    assert said == [], "nobody was there yet"
-    assert dog.obey(AHEAD, 131.0) is AHEAD
-    assert dog.obey(None, 131.0 + 0.9 * ACTUATOR_TIMEOUT_S) is AHEAD
+    assert dog.update(None, 130.0).controls[:3] == REST
+    assert said == [], "no report before the first actuators"
+    assert dog.update(AHEAD, 131.0) is AHEAD
+    assert dog.update(None, 131.0 + 0.9 * ACTUATOR_TIMEOUT_S) is AHEAD
     for late_s in (1.1, 2.0, 3.0):
-        assert dog.obey(None, 131.0 + late_s * ACTUATOR_TIMEOUT_S).controls[:3] == REST
-    assert dog.obey(AHEAD, 135.0) is AHEAD
+        assert dog.update(None, 131.0 + late_s * ACTUATOR_TIMEOUT_S).controls[:3] == REST
+    assert dog.update(AHEAD, 135.0) is AHEAD
     assert said == [
         "actuators after 31.0 s",
         "no actuators for 1 s: duct straight, propeller stopped",
@@ -77,22 +77,22 @@ def test_the_watchdog_lets_go_after_its_time_and_says_both_once() -> None:
     ]
 
 
-def test_the_newest_actuators_count_whatever_they_answer(ends: tuple[Transport, Transport]) -> None:
-    pilot = WallClock(ends[0], lambda: False)
+def test_newest_actuators_are_applied(ends: tuple[Transport, Transport]) -> None:
+    backend = WallClock(ends[0], lambda: False)
     autopilot = Endpoint(ends[1], 1, 1)
     sea, rng = (
         plant.build(config.load("caribou_nominal"), scenario.load("calm")),
         plant.random_streams(1),
     )
     state, said = plant.initial_state(sea, rng)
-    asked = pilot.ask(sea, state, said)
+    asked = backend.exchange(sea, state, said)
     assert asked is not None
     assert asked.controls[:3] == REST
     for thrust in (0.1, 0.2, 0.3):
         autopilot.send_values(
             CONTROLS, AHEAD._replace(time_us=7, controls=(0.0, 0.0, thrust, *(0.0,) * 13))
         )
-    asked = pilot.ask(sea, state, said)
+    asked = backend.exchange(sea, state, said)
     assert asked is not None
     assert asked.controls[2] == pytest.approx(0.3)
 
@@ -103,12 +103,10 @@ def test_the_newest_actuators_count_whatever_they_answer(ends: tuple[Transport, 
         (BackendOptions("px4", lockstep=False), "--no-lockstep: only with --autopilot caribou"),
         (
             BackendOptions(wait_for_arm=True, lockstep=False),
-            "--wait-for-arm: not with --no-lockstep",
+            "--wait-for-arm cannot be combined with --no-lockstep",
         ),
     ],
 )
-def test_a_clock_that_nobody_holds_goes_with_our_own_autopilot_only(
-    asked: BackendOptions, complaint: str
-) -> None:
+def test_no_lockstep_rejects_incompatible_options(asked: BackendOptions, complaint: str) -> None:
     with pytest.raises(BackendError, match=complaint):
         factory.check_options(asked)

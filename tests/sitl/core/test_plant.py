@@ -1,4 +1,4 @@
-"""The pure step: purity, repeatability, signs, and how a run begins."""
+"""The plant's step: purity, repeatability, signs, and initial conditions."""
 
 import math
 from collections.abc import Iterator
@@ -47,7 +47,7 @@ def last(flight: Iterator[tuple[PlantState, Sensors]]) -> PlantState:
 UNDER_WAY = Scenario(start=StartTable(depth_m=10.0, speed_mps=1.3))
 
 
-def test_same_seed_same_readings_and_another_seed_others() -> None:
+def test_readings_depend_on_seed_only() -> None:
     sea = put("caribou_truth", scenario.load("disturbed"))
     flights = [
         [reading for _, reading in fly(sea, actuators(thrust=0.58), 5.0, seed)]
@@ -57,7 +57,7 @@ def test_same_seed_same_readings_and_another_seed_others() -> None:
     assert flights[0] != flights[2]
 
 
-def test_a_step_leaves_the_state_it_starts_from_alone() -> None:
+def test_step_does_not_modify_its_state() -> None:
     sea = put("caribou_truth", UNDER_WAY)
     before = last(fly(sea, actuators(0.5, 0.5, 0.58), 2.0))
     kept = before.body.copy(), before.rudder.copy(), before.elevator.copy()
@@ -71,7 +71,7 @@ def test_a_step_leaves_the_state_it_starts_from_alone() -> None:
     assert twice[0][1] == twice[1][1]
 
 
-def test_vehicle_time_begins_at_zero_and_ticks_by_20_ms() -> None:
+def test_vehicle_time_starts_at_zero_with_20_ms_ticks() -> None:
     times = [
         reading.frame.time_us
         for _, reading in fly(put("caribou_nominal", Scenario()), actuators(), 0.1)
@@ -79,7 +79,7 @@ def test_vehicle_time_begins_at_zero_and_ticks_by_20_ms() -> None:
     assert times == [0, 20_000, 40_000, 60_000, 80_000, 100_000]
 
 
-def test_positive_rudder_turns_to_starboard_and_positive_elevator_lifts_the_nose() -> None:
+def test_positive_controls_turn_starboard_and_pitch_up() -> None:
     sea = put("caribou_nominal", UNDER_WAY)
     third = 5.0 / 15.0
     straight = euler_from_quaternion(
@@ -95,7 +95,7 @@ def test_positive_rudder_turns_to_starboard_and_positive_elevator_lifts_the_nose
     assert lifted[1] > straight[1] + math.radians(5.0)
 
 
-def test_the_field_vehicles_rudder_is_six_degrees_off_and_her_elevator_is_not() -> None:
+def test_true_vehicle_has_rudder_bias_only() -> None:
     truth = last(
         fly(put("caribou_truth", UNDER_WAY), actuators(rudder=5.0 / 15.0, thrust=0.58), 5.0)
     ).truth
@@ -104,7 +104,7 @@ def test_the_field_vehicles_rudder_is_six_degrees_off_and_her_elevator_is_not() 
 
 
 @pytest.mark.parametrize("vehicle", ["caribou_nominal", "caribou_truth"])
-def test_she_begins_afloat_in_trim_and_stays_there(vehicle: str) -> None:
+def test_initial_floating_trim_is_an_equilibrium(vehicle: str) -> None:
     sea = put(vehicle, Scenario(start=StartTable(heading_deg=77.0)))
     truths = [state.truth for state, _ in fly(sea, actuators(), 120.0)]
     roll, pitch, yaw = euler_from_quaternion(*truths[0].attitude_q)
@@ -119,7 +119,7 @@ def test_she_begins_afloat_in_trim_and_stays_there(vehicle: str) -> None:
         np.testing.assert_allclose(truth.rates_radps, 0.0, atol=1e-6)
 
 
-def test_a_drifting_vehicle_goes_with_the_current_and_knows_nothing_of_it() -> None:
+def test_drifting_vehicle_moves_with_current() -> None:
     current = (0.3 * math.cos(0.4), 0.3 * math.sin(0.4), 0.0)
     flowing = Current(speed_mps=0.3, towards_deg=math.degrees(0.4))
     adrift = Scenario(start=StartTable(depth_m=10.0, heading_deg=40.0), current=flowing)
@@ -136,14 +136,14 @@ def test_a_drifting_vehicle_goes_with_the_current_and_knows_nothing_of_it() -> N
         )
 
 
-def test_a_scenario_can_begin_at_depth_and_under_way() -> None:
+def test_scenario_sets_initial_depth_and_speed() -> None:
     under_way = Scenario(start=StartTable(depth_m=4.0, speed_mps=1.3, heading_deg=90.0))
     state, _ = next(fly(put("caribou_nominal", under_way), actuators(), 0.0))
     np.testing.assert_allclose(state.truth.position_ned_m, (0.0, 0.0, 4.0), atol=1e-12)
     np.testing.assert_allclose(state.truth.velocity_ned_mps, (0.0, 1.3, 0.0), atol=1e-12)
 
 
-def test_a_vehicle_heavier_than_water_begins_awash_and_sinks() -> None:
+def test_heavy_vehicle_starts_at_surface_and_sinks() -> None:
     vehicle = config.load("caribou_nominal")
     heavy = replace(vehicle, ballast=replace(vehicle.ballast, net_buoyancy_n=-20.0))
     depths = [
@@ -154,7 +154,7 @@ def test_a_vehicle_heavier_than_water_begins_awash_and_sinks() -> None:
     assert depths[-1] > depths[0] + 0.1
 
 
-def test_what_is_no_number_asks_for_nothing_and_too_much_is_full() -> None:
+def test_nan_control_is_zero_and_large_control_is_limited() -> None:
     sea = put("caribou_nominal", UNDER_WAY)
     nothing = last(fly(sea, actuators(math.nan, math.nan, math.nan), 1.0)).truth
     assert nothing == last(fly(sea, actuators(), 1.0)).truth
@@ -164,7 +164,7 @@ def test_what_is_no_number_asks_for_nothing_and_too_much_is_full() -> None:
     )
 
 
-def test_on_the_bench_only_the_duct_turns_and_its_encoder_says_how_far() -> None:
+def test_clamped_body_rests_and_encoder_measures_duct() -> None:
     bench = scenario.load("bench")
     flight = list(fly(put("caribou_truth", bench), actuators(rudder=0.5, thrust=1.0), 4.0))
     (first, _), (end, _) = flight[0], flight[-1]
@@ -172,8 +172,8 @@ def test_on_the_bench_only_the_duct_turns_and_its_encoder_says_how_far() -> None
     assert math.hypot(*end.truth.specific_force_mps2) == pytest.approx(9.80665, abs=1e-3)
     assert math.degrees(end.truth.rudder_rad) == pytest.approx(7.5 - 6.0, abs=0.2)
     assert end.truth.propeller_rps > 0.0
-    told = [reading.duct for _, reading in flight if reading.duct is not None]
-    assert 15.0 * told[-1].rudder == pytest.approx(math.degrees(end.truth.rudder_rad), abs=0.5)
+    angles = [reading.duct for _, reading in flight if reading.duct is not None]
+    assert 15.0 * angles[-1].rudder == pytest.approx(math.degrees(end.truth.rudder_rad), abs=0.5)
     assert all(
         reading.duct is None
         for _, reading in fly(put("caribou_truth", Scenario()), actuators(), 1.0)

@@ -1,5 +1,4 @@
-"""What the instruments tell, against motions worked out by hand and against the figures of their
-data sheets."""
+"""Sensor output compared with hand-calculated motions and with the data sheets."""
 
 import math
 from typing import Any
@@ -17,7 +16,7 @@ from sitl.core.truth import Truth
 from sitl.vehicle import config
 from sitl.vehicle.config import Instruments, VehicleFileError
 
-FIELD = config.load("caribou_truth")
+TRUE_VEHICLE = config.load("caribou_truth")
 SEA = environment.build(scenario.load("calm"), 9.81, timestep.TICK_S)
 FULL_RPS = 6.5
 AT_REST = Truth(
@@ -36,27 +35,27 @@ AT_REST = Truth(
 )
 
 
-def carrying(**instruments: str) -> sensors.SensorSuite:
-    vehicle = replace(FIELD, instruments=Instruments(**instruments))
+def suite_with(**instruments: str) -> sensors.SensorSuite:
+    vehicle = replace(TRUE_VEHICLE, instruments=Instruments(**instruments))
     return sensors.build(vehicle, FULL_RPS, timestep.TICK_US)
 
 
 def readings(
     truth: Truth, ticks: int, suite: sensors.SensorSuite | None = None, seed: int = 1
 ) -> list[Sensors]:
-    """What is heard while the vehicle does not change her state."""
-    suite = suite or carrying()
+    """Return the output while the vehicle's state is constant."""
+    suite = suite or suite_with()
     streams = plant.random_streams(seed).sensors
-    memory, heard = sensors.initial_state(suite, 1.0, streams), []
+    state, output = sensors.initial_state(suite, 1.0, streams), []
     for tick in range(ticks):
-        memory, reading = sensors.sample(
-            suite, truth._replace(time_us=tick * timestep.TICK_US), SEA, memory, streams
+        state, reading = sensors.sample(
+            suite, truth._replace(time_us=tick * timestep.TICK_US), SEA, state, streams
         )
-        heard.append(reading)
-    return heard
+        output.append(reading)
+    return output
 
 
-def test_spreads_are_those_of_the_data_sheets_and_everything_is_new_every_tick() -> None:
+def test_noise_matches_data_sheets_every_tick() -> None:
     samples: Any = np.array([reading.frame for reading in readings(AT_REST, 4000)])
     columns = dict(zip(SensorFrame._fields, samples.T, strict=True))
     # Density times the square root of half the sample rate: 5 in all.
@@ -73,7 +72,7 @@ def test_spreads_are_those_of_the_data_sheets_and_everything_is_new_every_tick()
     assert set(columns["fields_updated"]) == {SENSORS_ALL}
 
 
-def test_over_many_runs_the_means_are_true_and_scatter_as_the_turn_on_errors_do() -> None:
+def test_turn_on_errors_over_runs_match_data_sheets() -> None:
     runs = 300
     truth = AT_REST._replace(rates_radps=(0.01, -0.02, 0.03))
     samples: Any = np.array([readings(truth, 1, seed=seed)[0].frame for seed in range(runs)])
@@ -92,51 +91,50 @@ def test_over_many_runs_the_means_are_true_and_scatter_as_the_turn_on_errors_do(
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 77.0, -135.0])
-def test_the_compass_shows_heading_less_declination(heading_deg: float) -> None:
+def test_magnetometer_shows_heading_minus_declination(heading_deg: float) -> None:
     attitude = quaternion_from_euler(0.0, 0.0, math.radians(heading_deg))
     frame = readings(AT_REST._replace(attitude_q=attitude), 1)[0].frame
     magnetic = math.degrees(math.atan2(-frame.mag_y_gauss, frame.mag_x_gauss))
     assert (magnetic - 14.4 - heading_deg + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1.5)
 
 
-def test_errors_of_a_run_come_from_its_seed() -> None:
+def test_sensor_errors_depend_on_seed_only() -> None:
     first, again, other = (readings(AT_REST, 20, seed=seed) for seed in (5, 5, 6))
     assert first == again
     assert first != other
 
 
-def test_one_instrument_more_or_less_leaves_the_others_as_they_were() -> None:
+def test_sensor_errors_are_independent_of_other_sensors() -> None:
     plain = readings(AT_REST, 200)
     bare = readings(
         AT_REST,
         200,
-        carrying(gps="none", dvl="none", altimeter="none", battery="none", leak="none"),
+        suite_with(gps="none", dvl="none", altimeter="none", battery="none", leak="none"),
     )
-    rich = readings(AT_REST, 200, carrying(encoder="as5048"))
+    rich = readings(AT_REST, 200, suite_with(encoder="as5048"))
     assert [r.frame for r in bare] == [r.frame for r in plain] == [r.frame for r in rich]
     assert [r.dvl for r in rich] == [r.dvl for r in plain]
     assert any(r.duct for r in rich)
 
 
-def test_an_instrument_that_is_not_carried_says_nothing() -> None:
-    nothing = carrying(**dict.fromkeys(Instruments.__struct_fields__, "none"))
+def test_sensor_not_fitted_has_no_output() -> None:
+    nothing = suite_with(**dict.fromkeys(Instruments.__struct_fields__, "none"))
     for reading in readings(AT_REST, 60, nothing):
         assert reading.frame == SensorFrame(reading.frame.time_us, *(0.0,) * 13, 0, 0)
         assert set(reading[1:]) == {None}
 
 
-def test_an_unknown_instrument_is_refused_by_name() -> None:
+def test_unknown_sensor_name_is_rejected() -> None:
     with pytest.raises(
         VehicleFileError, match=r"instruments\.dvl = 'a5O': unknown; known here: a50, .*none"
     ):
-        carrying(dvl="a5O")
+        suite_with(dvl="a5O")
 
 
-def test_specific_force_is_acceleration_less_gravity_during_a_manoeuvre() -> None:
-    """Differences of the true velocity, which is worked out another way, against the
-    accelerometer's ideal."""
+def test_specific_force_is_acceleration_minus_gravity() -> None:
+    """Reference: finite differences of the true velocity."""
     dive = scenario.Scenario(start=scenario.StartTable(depth_m=10.0, speed_mps=1.3))
-    sea = plant.build(FIELD, dive)
+    sea = plant.build(TRUE_VEHICLE, dive)
     rng = plant.random_streams(seed=1)
     state, _ = plant.initial_state(sea, rng)
     truths = []

@@ -1,5 +1,4 @@
-"""The tailcone against scipy's linear system, the geometry of its rate limit, and textbook play,
-steps and chance."""
+"""The tailcone compared with scipy's linear system and with textbook backlash and lost steps."""
 
 import math
 from typing import Any
@@ -35,7 +34,7 @@ def axis(**changes: float) -> TailconeAxis:
 
 
 def drive(servo: TailconeAxis, commands: Any, seed: int = 0) -> NDArray[np.float64]:
-    """Duct angle after each substep of as many commands."""
+    """Return the duct angle after each substep of a series of commands."""
     state, angles, one, rng = tailcone.at_rest(servo), [], np.empty(1), np.random.default_rng(seed)
     for command in commands:
         tailcone.advance(servo, state, float(command), one, tailcone.step_loss_draws(servo, rng, 1))
@@ -48,7 +47,7 @@ def seconds(duration: float) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.005, 0.3, 0.3025])
-def test_a_small_step_is_the_delayed_second_order_response(delay_s: float) -> None:
+def test_small_step_matches_second_order_response(delay_s: float) -> None:
     size = math.radians(1.0)
     angles = drive(axis(delay_s=delay_s), np.full(1000, size))
     since_arrival = SUBSTEP_S * np.arange(1, 1001) - delay_s
@@ -80,11 +79,8 @@ def test_small_signals_follow_the_bode_plot(frequency_hz: float) -> None:
 
 
 @pytest.mark.parametrize(("peak_to_peak_deg", "limit_hz"), [(30.0, 0.25), (10.0, 0.75)])
-def test_the_rate_limit_sets_the_highest_frequency_that_passes(
-    peak_to_peak_deg: float, limit_hz: float
-) -> None:
-    """The paper's geometry: a cycle of p degrees peak to peak is 2p degrees of travel, at 15
-    deg/s."""
+def test_rate_limit_sets_highest_frequency(peak_to_peak_deg: float, limit_hz: float) -> None:
+    """The paper's geometry: p degrees peak to peak are 2p degrees per cycle, at 15 deg/s."""
 
     def passed(frequency_hz: float) -> float:
         t = seconds(12.0 / frequency_hz)
@@ -98,7 +94,7 @@ def test_the_rate_limit_sets_the_highest_frequency_that_passes(
     assert passed(1.25 * limit_hz) < 0.9
 
 
-def test_large_sweeps_are_limited_before_small_ones() -> None:
+def test_rate_limit_reduces_gain_of_large_sweeps() -> None:
     def gain(peak_to_peak_deg: float, frequency_hz: float) -> float:
         t = seconds(10.0 / frequency_hz)
         command = math.radians(peak_to_peak_deg / 2.0) * np.sin(2.0 * math.pi * frequency_hz * t)
@@ -111,7 +107,7 @@ def test_large_sweeps_are_limited_before_small_ones() -> None:
     assert gain(30.0, 0.4) < 0.6 * linear
 
 
-def test_the_bias_moves_the_duct_and_nothing_else() -> None:
+def test_bias_is_added_to_duct_angle() -> None:
     commands = np.radians(np.linspace(-20.0, 20.0, 500))
     bias = math.radians(-6.0)
     np.testing.assert_allclose(
@@ -119,7 +115,7 @@ def test_the_bias_moves_the_duct_and_nothing_else() -> None:
     )
 
 
-def test_the_duct_leaves_its_stop_as_soon_as_the_command_does() -> None:
+def test_duct_leaves_end_stop_without_windup() -> None:
     at_the_stop = drive(axis(), np.full(2000, 10.0))
     assert at_the_stop[-1] == pytest.approx(TRAVEL_RAD, abs=1e-9)
     turned_back = drive(axis(), np.concatenate([np.full(2000, 10.0), np.full(200, -10.0)]))[2000:]
@@ -145,7 +141,7 @@ SWEEPS = st.lists(st.floats(-0.3, 0.3), min_size=1, max_size=40)
 
 
 @given(SWEEPS, st.floats(0.01, 1.0), st.floats(-6.0, 6.0))
-def test_the_duct_stands_at_whole_steps_from_its_bias(
+def test_duct_angle_is_whole_steps_plus_bias(
     commands: list[float], step_deg: float, bias_deg: float
 ) -> None:
     held, step, bias = np.repeat(commands, 30), math.radians(step_deg), math.radians(bias_deg)
@@ -158,10 +154,8 @@ def test_the_duct_stands_at_whole_steps_from_its_bias(
 
 
 @given(SWEEPS, st.floats(0.05, 3.0))
-def test_play_is_the_gap_between_ways_there_and_back(
-    turning_points: list[float], play_deg: float
-) -> None:
-    """The duct stays put until a flank takes it along, and then follows half the play behind."""
+def test_backlash_matches_reference_model(turning_points: list[float], play_deg: float) -> None:
+    """The duct stays until one side of the gap reaches it, then follows half the play behind."""
     play, held = math.radians(play_deg), np.repeat(turning_points, 60)
     motor, duct = drive(axis(), held), drive(axis(backlash_rad=play), held)
     expected, at = [], 0.0
@@ -171,7 +165,7 @@ def test_play_is_the_gap_between_ways_there_and_back(
     np.testing.assert_allclose(duct, expected, atol=1e-15)
 
 
-def test_a_slow_sweep_shows_a_loop_as_wide_as_the_play() -> None:
+def test_slow_sweep_hysteresis_equals_backlash() -> None:
     t = seconds(80.0)
     command = math.radians(10.0) * signal.sawtooth(2.0 * math.pi * t / 40.0, width=0.5)
     motor, duct = drive(axis(), command), drive(axis(backlash_rad=math.radians(1.2)), command)
@@ -181,9 +175,11 @@ def test_a_slow_sweep_shows_a_loop_as_wide_as_the_play() -> None:
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
-def test_play_attenuates_and_lags_as_its_describing_function_says(share: float) -> None:
-    """Backlash of half-width b under a sine of amplitude A (Slotine and Li 1991, Applied Nonlinear
-    Control, 5.3)."""
+def test_backlash_matches_describing_function(share: float) -> None:
+    """Backlash of half-width b with a sine of amplitude A.
+
+    Source: Slotine and Li 1991, Applied Nonlinear Control, 5.3.
+    """
     size, omega = math.radians(2.0), 0.5
     amplitude = size * abs(signal.freqresp(LAG, [omega])[1][0])
     b = 0.5 * share * amplitude
@@ -200,7 +196,7 @@ def test_play_attenuates_and_lags_as_its_describing_function_says(share: float) 
     assert abs(loose / tight - complex(in_phase, in_quadrature)) < 2e-3
 
 
-def test_an_axis_without_steps_and_play_stands_where_it_is_asked_to_bit_for_bit() -> None:
+def test_axis_without_steps_and_backlash_equals_lag() -> None:
     servo, rng = axis(), np.random.default_rng(1)
     state, one = tailcone.at_rest(servo), np.empty(1)
     untouched = rng.bit_generator.state
@@ -215,13 +211,12 @@ LOSING = {"step_rad": math.radians(STEP_DEG), "lost_step_chance": CHANCE}
 
 
 def swings(count: int) -> NDArray[np.float64]:
-    """From neutral to 10 degrees and back, so often."""
+    """Return commands from neutral to 10 degrees and back, ``count`` times."""
     return np.tile(np.repeat(np.radians([10.0, 0.0]), round(4.0 / SUBSTEP_S)), count)
 
 
-def test_lost_steps_add_up_to_a_bias_that_stays() -> None:
-    """After n steps of which each is lost by chance p the shaft is off by a walk of variance n p (1
-    - p)."""
+def test_lost_steps_accumulate_as_random_walk() -> None:
+    """The error after n steps, each lost with probability p, has the variance n p (1 - p)."""
     swung = 3
     errors = np.array(
         [
@@ -229,7 +224,7 @@ def test_lost_steps_add_up_to_a_bias_that_stays() -> None:
             for seed in range(100)
         ]
     )
-    # Overshoot of the lag turns the motor further than there and back.
+    # The lag overshoots, so the motor turns further than the commands.
     path = np.sum(
         np.abs(np.diff(drive(axis(step_rad=LOSING["step_rad"]), swings(swung)), prepend=0.0))
     )
@@ -239,13 +234,13 @@ def test_lost_steps_add_up_to_a_bias_that_stays() -> None:
     assert np.var(errors) == pytest.approx(variance, rel=4.0 * math.sqrt(2.0 / errors.size))
 
 
-def test_steps_are_lost_alike_for_one_seed_and_not_for_another() -> None:
+def test_lost_steps_depend_on_seed_only() -> None:
     first, again, other = (drive(axis(**LOSING), swings(2), seed) for seed in (5, 5, 6))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
 
 
-def test_no_step_is_lost_by_a_motor_that_turns_slowly() -> None:
+def test_slow_motor_loses_no_steps() -> None:
     slow = np.radians(np.linspace(0.0, 10.0, 2000))  # 1 deg/s
     careful = LOSING | {"lost_step_chance": 0.5, "lost_step_above_radps": math.radians(5.0)}
     exact = drive(axis(step_rad=LOSING["step_rad"]), slow)
@@ -254,8 +249,8 @@ def test_no_step_is_lost_by_a_motor_that_turns_slowly() -> None:
 
 
 @given(st.integers(1, 40), st.floats(1e-4, 0.9), st.floats(0.0, 0.9999))
-def test_lost_steps_are_binomial(turned: int, chance: float, luck: float) -> None:
-    quantile = stats.binom(turned, chance)
-    lost = tailcone._lost_steps(turned, chance, luck)
-    assert quantile.cdf(lost) >= luck - 1e-9
-    assert lost == 0 or quantile.cdf(lost - 1) <= luck + 1e-9
+def test_lost_steps_are_binomial(turned: int, chance: float, quantile: float) -> None:
+    distribution = stats.binom(turned, chance)
+    lost = tailcone._lost_steps(turned, chance, quantile)
+    assert distribution.cdf(lost) >= quantile - 1e-9
+    assert lost == 0 or distribution.cdf(lost - 1) <= quantile + 1e-9

@@ -1,5 +1,4 @@
-"""Faults in scenario files and in MAV_CMD_INJECT_FAILURE: what is read, and what a mistake is
-answered with."""
+"""Faults in scenario files and in MAV_CMD_INJECT_FAILURE: valid content and error messages."""
 
 from math import isnan, nan, radians
 from pathlib import Path
@@ -13,7 +12,7 @@ from sitl.faults.catalogue import CATALOGUE, Fault, make
 from sitl.scenario import ScenarioError
 from sitl.vehicle import build_model, config
 
-EVERY = [(unit, kind) for unit, kinds in CATALOGUE.items() for kind in kinds]
+ALL_FAULTS = [(unit, kind) for unit, kinds in CATALOGUE.items() for kind in kinds]
 
 
 def load(folder: Path, text: str) -> list[Fault]:
@@ -26,7 +25,7 @@ def row(**keys: object) -> str:
     return "[[fault]]\n" + "".join(f"{key} = {value!r}\n" for key, value in keys.items())
 
 
-def test_sizes_are_read_in_si(tmp_path: Path) -> None:
+def test_fault_parameters_are_converted_to_si(tmp_path: Path) -> None:
     text = row(at_s=2.5, until_s=9, unit="rudder", kind="stuck", angle_deg=-4.0) + row(
         at_s=0, unit="gps", kind="off"
     )
@@ -35,10 +34,8 @@ def test_sizes_are_read_in_si(tmp_path: Path) -> None:
     assert second == Fault("gps", "off", 0, None, ())
 
 
-@pytest.mark.parametrize(("unit", "kind"), EVERY)
-def test_every_fault_of_the_catalogue_can_be_asked_for(
-    unit: str, kind: str, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize(("unit", "kind"), ALL_FAULTS)
+def test_every_fault_can_be_scheduled(unit: str, kind: str, tmp_path: Path) -> None:
     needed = {size.key: 1.5 for size in CATALOGUE[unit][kind] if size.default is None}
     (fault,) = load(tmp_path, row(at_s=1, unit=unit, kind=kind, **needed))
     assert fault.name == f"{unit} {kind}"
@@ -46,7 +43,7 @@ def test_every_fault_of_the_catalogue_can_be_asked_for(
 
 
 @pytest.mark.parametrize(
-    ("keys", "complaint"),
+    ("keys", "message"),
     [
         ({"unit": "rudder", "kind": "off"}, "missing key at_s"),
         ({"at_s": 1, "kind": "off"}, "missing key unit"),
@@ -83,18 +80,18 @@ def test_every_fault_of_the_catalogue_can_be_asked_for(
         ),
     ],
 )
-def test_a_mistake_is_answered_with_what_would_be_right(
-    keys: dict[str, object], complaint: str, tmp_path: Path
+def test_fault_error_names_valid_values(
+    keys: dict[str, object], message: str, tmp_path: Path
 ) -> None:
     with pytest.raises(ScenarioError) as error:
         load(tmp_path, row(at_s=1, unit="gps", kind="off") + row(**keys))
-    assert str(error.value).startswith(f"scenario {tmp_path}/faults.toml: fault 2: {complaint}")
+    assert str(error.value).startswith(f"scenario {tmp_path}/faults.toml: fault 2: {message}")
 
 
 @pytest.mark.parametrize(
     ("kind", "mass_kg", "x_m"), [("added", -700.0, 0.0), ("shifted", 900.0, 2.0)]
 )
-def test_weights_that_leave_no_vehicle_are_refused(
+def test_infeasible_ballast_is_rejected(
     tmp_path: Path, kind: str, mass_kg: float, x_m: float
 ) -> None:
     load(tmp_path, row(at_s=1, unit="ballast", kind=kind, mass_kg=mass_kg, x_m=x_m))
@@ -105,16 +102,16 @@ def test_weights_that_leave_no_vehicle_are_refused(
         plant.build(vehicle, asked)
 
 
-def test_faults_begin_and_end_in_the_tick_of_their_time() -> None:
+def test_faults_start_and_end_on_time() -> None:
     model = build_model.build(config.load("caribou_truth"))
     line = timeline.schedule(
         [make("gyro", "off", 40_000, 80_000, {}), make("gps", "off", 80_000, None, {})]
     )
-    told = []
+    changes = []
     for time_us in range(0, 200_000, 20_000):
         line = timeline.advance(line, model, time_us)
-        told += [(time_us, change.text) for change in line.changes]
-    assert told == [
+        changes += [(time_us, change.text) for change in line.changes]
+    assert changes == [
         (40_000, "Fault: gyro off"),
         (80_000, "Fault over: gyro off"),
         (80_000, "Fault: gps off"),
@@ -122,20 +119,20 @@ def test_faults_begin_and_end_in_the_tick_of_their_time() -> None:
     assert line.names == ("gps off",)
 
 
-def test_an_order_given_twice_is_meant_once_and_ok_clears() -> None:
+def test_repeated_command_adds_one_fault_and_ok_clears() -> None:
     model = build_model.build(config.load("caribou_truth"))
     off, ok = (
-        failure_injection.parse_order(4, 1, nan, nan),
-        failure_injection.parse_order(4, 0, 0, nan),
+        failure_injection.parse_command(4, 1, nan, nan),
+        failure_injection.parse_command(4, 0, 0, nan),
     )
-    line = failure_injection.apply_order(
-        failure_injection.apply_order(timeline.schedule([]), off, 0), off, 0
+    line = failure_injection.apply_injection(
+        failure_injection.apply_injection(timeline.schedule([]), off, 0), off, 0
     )
     line = timeline.advance(line, model, 20_000)
     assert line.names == ("gps off",)
-    line = timeline.advance(failure_injection.apply_order(line, ok, 20_000), model, 40_000)
+    line = timeline.advance(failure_injection.apply_injection(line, ok, 20_000), model, 40_000)
     assert (line.names, [change.text for change in line.changes]) == ((), ["Fault over: gps off"])
-    line = timeline.advance(failure_injection.apply_order(line, off, 40_000), model, 60_000)
+    line = timeline.advance(failure_injection.apply_injection(line, off, 40_000), model, 60_000)
     assert line.names == ("gps off",)
 
 
@@ -156,33 +153,33 @@ def test_an_order_given_twice_is_meant_once_and_ok_clears() -> None:
         ((nan, nan, nan, nan), 3, (), ""),
     ],
 )
-def test_orders_are_judged_by_mavlinks_numbers(
+def test_command_result_follows_mavlink_enums(
     parameters: tuple[float, float, float, float], result: int, units: tuple[str, ...], kind: str
 ) -> None:
-    verdict = failure_injection.parse_order(*parameters)
-    assert verdict.result == result
-    assert bool(verdict.text) == (result != 0)
+    injection = failure_injection.parse_command(*parameters)
+    assert injection.result == result
+    assert bool(injection.text) == (result != 0)
     if result == 0:
-        assert (verdict.units, verdict.kind) == (units, kind)
+        assert (injection.units, injection.kind) == (units, kind)
 
 
-def test_param4_sizes_a_fault_and_zero_is_not_given() -> None:
-    (slow,) = failure_injection.apply_order(
-        timeline.schedule([]), failure_injection.parse_order(102, 5, 1, 4.0), 0
+def test_param4_sets_size_and_zero_means_default() -> None:
+    (slow,) = failure_injection.apply_injection(
+        timeline.schedule([]), failure_injection.parse_command(102, 5, 1, 4.0), 0
     ).waiting
     assert slow.sizes == (radians(4.0),)
-    (usual,) = failure_injection.apply_order(
-        timeline.schedule([]), failure_injection.parse_order(102, 5, 1, 0.0), 0
+    (usual,) = failure_injection.apply_injection(
+        timeline.schedule([]), failure_injection.parse_command(102, 5, 1, 0.0), 0
     ).waiting
     assert usual.sizes == (radians(2.0),)
-    (stuck,) = failure_injection.apply_order(
-        timeline.schedule([]), failure_injection.parse_order(102, 2, 1, nan), 0
+    (stuck,) = failure_injection.apply_injection(
+        timeline.schedule([]), failure_injection.parse_command(102, 2, 1, nan), 0
     ).waiting
     assert isnan(stuck.sizes[0])
 
 
-def test_a_link_ordered_silent_speaks_again_by_itself() -> None:
-    (silent,) = failure_injection.apply_order(
-        timeline.schedule([]), failure_injection.parse_order(105, 1, 0, 4.0), 1_000_000
+def test_link_silence_ends_after_its_duration() -> None:
+    (silent,) = failure_injection.apply_injection(
+        timeline.schedule([]), failure_injection.parse_command(105, 1, 0, 4.0), 1_000_000
     ).waiting
     assert (silent.from_us, silent.until_us) == (1_000_000, 5_000_000)

@@ -1,5 +1,4 @@
-"""What broken drives and shifted weights do to the duct, the shaft and the vehicle, under controls
-that are known."""
+"""Effects of actuator and ballast faults on duct, shaft and vehicle, with known controls."""
 
 from math import atan2, degrees, pi, radians, sin
 
@@ -19,8 +18,7 @@ FROM_S = 5.0
 
 
 def control(tick: int) -> ActuatorFrame:
-    """A slow weave of half the travel about both axes, and a thrust that changes after ten
-    seconds."""
+    """Return a slow sine of half travel on both axes, and a thrust that changes after 10 s."""
     turn = 0.5 * sin(2 * pi * 0.1 * tick * timestep.TICK_S)
     return ActuatorFrame(0, 1, (turn, -turn, 0.58 if tick < 500 else 0.3, *(0.0,) * 13), 129)
 
@@ -28,7 +26,7 @@ def control(tick: int) -> ActuatorFrame:
 def run(
     vehicle: str = "caribou_nominal", seconds: float = 15.0, idle: bool = False, **fault: object
 ) -> list[Truth]:
-    """The truth of every tick with one fault from ``FROM_S`` on, or none."""
+    """Return the true state of every tick, with a fault from ``FROM_S`` on if given."""
     calm = scenario.load("calm")
     start = msgspec.structs.replace(calm.start, depth_m=6.0)
     rows = ({"at_s": FROM_S, **fault},) if fault else ()
@@ -50,7 +48,7 @@ def angles_deg(truths: list[Truth], unit: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("unit", ["rudder", "elevator"])
-def test_axes_fail_in_their_ways(unit: str) -> None:
+def test_axis_faults_change_duct_angle(unit: str) -> None:
     sound = angles_deg(run(), unit)
     other = {"rudder": "elevator", "elevator": "rudder"}[unit]
 
@@ -73,7 +71,7 @@ def test_axes_fail_in_their_ways(unit: str) -> None:
     assert way / whole == pytest.approx(0.5, abs=0.1)
 
 
-def test_the_propeller_stops_keeps_its_speed_or_pushes_less() -> None:
+def test_propeller_faults_change_speed_or_thrust() -> None:
     sound = run()
     late = [n for n, truth in enumerate(sound) if truth.time_us > 12e6]
     off, stuck, weak = (run(unit="propeller", kind=kind) for kind in ("off", "stuck", "loss"))
@@ -84,7 +82,7 @@ def test_the_propeller_stops_keeps_its_speed_or_pushes_less() -> None:
     assert weak[before].speed_through_water_mps < 0.9 * sound[before].speed_through_water_mps
 
 
-def test_a_point_mass_has_the_kinetic_energy_of_a_point_mass() -> None:
+def test_added_mass_has_point_mass_energy() -> None:
     model = build_model.build(config.load("caribou_truth"))
     r, m = np.array([0.4, -0.1, 0.07]), 3.0
     laden = body.add_mass(model, m, (0.4, -0.1, 0.07))
@@ -98,9 +96,8 @@ def test_a_point_mass_has_the_kinetic_energy_of_a_point_mass() -> None:
     assert laden.inertia.M_inverse @ laden.inertia.M == pytest.approx(np.eye(6), abs=1e-9)
 
 
-def test_a_shifted_weight_heels_her_as_an_inclining_test_says() -> None:
-    """tan(heel) = m d / (M (z_CB - z_CM)): moments of weight and buoyancy about the axis, a weight
-    moved sideways."""
+def test_shifted_weight_heels_vehicle() -> None:
+    """tan(heel) = m d / (M (z_CB - z_CM)) for a weight m moved sideways by d."""
     model = build_model.build(config.load("caribou_truth"))
     h, m, d = model.hydrostatics, 4.0, 0.1
     mass_kg = model.inertia.mass_kg
@@ -114,7 +111,7 @@ def test_a_shifted_weight_heels_her_as_an_inclining_test_says() -> None:
     assert abs(roll_rad) > radians(1.0)
 
 
-def test_a_leak_is_truth_for_the_detector() -> None:
+def test_leak_fault_sets_flooding() -> None:
     truths = run(unit="leak", kind="wet")
     assert {truth.flooding for truth in truths if truth.time_us >= FROM_S * 1e6} == {True}
     assert {truth.flooding for truth in truths if truth.time_us < FROM_S * 1e6} == {False}

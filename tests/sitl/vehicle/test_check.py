@@ -26,7 +26,7 @@ def refused(text, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("z_CM_m = -0.01", "z_CM_m = 0.01", "she would roll over"),
+        ("z_CM_m = -0.01", "z_CM_m = 0.01", "otherwise the vehicle capsizes"),
         ("x_cm_m = 0.0", "x_cm_m = 0.0\nx_cb_m = 1.2", "expected inside the hull"),
         ("z_CM_m = -0.01", "I_yy_kgm2 = 90.0", "expected none above the sum of the other two"),
         ("z_CM_m = -0.01", "I_yy_kgm2 = -1.0", "linear.I_yy_kgm2 = -1.0: expected float > 0"),
@@ -125,7 +125,7 @@ def test_level_flight_balances_and_stays_level():
 
 def test_a_vehicle_that_cannot_fly_level_is_refused(tmp_path):
     said = refused(FINNED + "[ballast]\nmass_kg = 1e9\n", tmp_path)
-    assert "operating_point.speed_mps = 1.5: expected a speed at which she can fly level" in said
+    assert "operating_point.speed_mps = 1.5: expected a speed at which level motion" in said
 
 
 def run(*arguments):

@@ -1,5 +1,4 @@
-"""Loops by other means: python-control's margins and feedback, a true delay in time, the paper's
-poles."""
+"""Loops against python-control, simulation with a true delay, and the paper's poles."""
 
 import math
 
@@ -27,14 +26,14 @@ S = control.tf("s")
 def transfer(
     plane: linear_planes.LinearPlane, state: int, order: int = 6
 ) -> control.TransferFunction:
-    """From command to a state, assembled by python-control."""
+    """Return the transfer function from command to a state, assembled by python-control."""
     C = np.eye(plane.A.shape[0])[[state]]
     body = control.ss2tf(control.ss(plane.A, plane.B[:, None], C, 0))
     duct = 9.0 / (S**2 + 3.6 * S + 9.0) * control.tf(*control.pade(LAG.delay_s, order))
     return body * duct
 
 
-def test_margins_are_python_controls() -> None:
+def test_margins_equal_those_of_python_control() -> None:
     g = TABLE_3_IMPROVED
     loop = transfer(YAW, 2) * (g["HDG_P"] + g["HDG_I"] / S + g["HDG_D"] * S)
     gm, pm, _, _, crossover, _ = control.stability_margins(control.minreal(loop, verbose=False))[:6]
@@ -49,7 +48,7 @@ def test_margins_are_python_controls() -> None:
 
 
 @pytest.mark.parametrize("gains", [TABLE_3_INITIAL, TABLE_3_IMPROVED])
-def test_poles_are_python_controls(gains: dict[str, float]) -> None:
+def test_poles_equal_those_of_python_control(gains: dict[str, float]) -> None:
     g = gains
     pitch = transfer(PITCH, 2, 4) * (g["PTCH_P"] + g["PTCH_D"] * S)
     outer = -g["PTCH_P"] * (g["DPT_P"] + g["DPT_I"] / S) * transfer(PITCH, 3, 4)
@@ -59,11 +58,10 @@ def test_poles_are_python_controls(gains: dict[str, float]) -> None:
             assert np.min(np.abs(closed - pole)) < 1e-3 * max(1.0, abs(pole))
 
 
-def fly(
+def growth(
     plane: linear_planes.LinearPlane, gains: dict[str, float], factor: float, seconds: float = 150.0
 ) -> float:
-    """Heading loop with its gain scaled, simulated with a true delay: late amplitude over early
-    amplitude."""
+    """Simulate the heading loop with scaled gain and a true delay; return growth of amplitude."""
     dt = 0.005
     late = round(LAG.delay_s / dt)
     queue = [0.0] * late
@@ -81,18 +79,20 @@ def fly(
     return float(max(sizes[-third:]) / max(sizes[third : 2 * third]))
 
 
-def test_the_gain_margin_is_where_a_true_delay_loop_goes_unstable() -> None:
+def test_gain_margin_true_delay_is_the_stability_limit() -> None:
     cut = loop_transfer.heading_loops(loop_transfer.responses(YAW, LAG), TABLE_3_IMPROVED)["rudder"]
     limit = 10 ** (loop_transfer.margins(cut).gm_db / 20)
-    assert fly(YAW, TABLE_3_IMPROVED, 0.95 * limit) < 1.0
-    assert fly(YAW, TABLE_3_IMPROVED, 1.05 * limit) > 1.0
+    assert growth(YAW, TABLE_3_IMPROVED, 0.95 * limit) < 1.0
+    assert growth(YAW, TABLE_3_IMPROVED, 1.05 * limit) > 1.0
 
 
 @settings(max_examples=40)
 @given(st.floats(0.1, 2.5), st.floats(0.2, 5.0), st.floats(0.01, 0.1))
-def test_pade_poles_agree_with_nyquist_of_the_true_delay(p: float, d: float, i: float) -> None:
-    """Argument principle: over 0 < w < inf the phase of 1 + L grows by k pi/2 - Z pi, with k = 2
-    integrators in L."""
+def test_pade_poles_agree_with_nyquist_of_true_delay(p: float, d: float, i: float) -> None:
+    """Argument principle: over 0 < w < inf the phase of 1 + L grows by k pi/2 - Z pi.
+
+    L has k = 2 integrators; Z is the number of unstable closed-loop poles.
+    """
     gains = {**TABLE_3_INITIAL, "HDG_P": p, "HDG_D": d, "HDG_I": i}
     cut = loop_transfer.heading_loops(loop_transfer.responses(YAW, LAG), gains)["rudder"]
     if np.min(np.abs(1 + cut)) < 0.05:
@@ -103,7 +103,7 @@ def test_pade_poles_agree_with_nyquist_of_the_true_delay(p: float, d: float, i: 
     assert int(np.count_nonzero(poles.real > 0)) == unstable_by_nyquist
 
 
-def test_step_response_is_the_integrated_closed_loop() -> None:
+def test_step_response_equals_integrated_closed_loop() -> None:
     closed = loop_transfer.close_depth(PITCH, LAG, TABLE_3_IMPROVED)
     response = loop_transfer.step_response(closed, 3, 60.0)
     system = control.ss(closed.A, closed.reference[:, None], np.eye(len(closed.A))[[3]], 0)
@@ -112,7 +112,7 @@ def test_step_response_is_the_integrated_closed_loop() -> None:
     assert response[-1] == pytest.approx(1.0, abs=0.05)
 
 
-def test_the_initial_model_is_less_damped_under_a_longer_delay() -> None:
+def test_damping_longer_delay_is_smaller() -> None:
     model = margins.Planes(
         linear_planes.yaw_plane(TABLE_1_INITIAL), linear_planes.pitch_plane(TABLE_1_INITIAL)
     )
@@ -125,8 +125,8 @@ def test_the_initial_model_is_less_damped_under_a_longer_delay() -> None:
     assert dampings == sorted(dampings, reverse=True)
 
 
-def test_a_lag_that_is_undone_is_the_faster_lag() -> None:
-    """Exactly, where the tailcone is as believed: the frequency response and every pole."""
+def test_actuator_lead_known_tailcone_gives_faster_lag() -> None:
+    """With an exactly known tailcone, the frequency response and all poles agree."""
     gains = {**TABLE_3_INITIAL, "ACT_LAG_W": 3.0, "ACT_LAG_Z": 0.6, "ACT_LEAD_W": 8.0}
     faster = LAG._replace(natural_frequency_radps=8.0, damping_ratio=loop_transfer.LEAD_DAMPING)
     for plane, cuts in ((YAW, loop_transfer.heading_loops), (PITCH, loop_transfer.depth_loops)):
@@ -144,16 +144,15 @@ def test_a_lag_that_is_undone_is_the_faster_lag() -> None:
     np.testing.assert_allclose(np.sort_complex(undone_poles), np.sort_complex(expected), rtol=1e-6)
 
 
-def test_the_lag_that_the_commands_undo_does_not_show() -> None:
-    """Its pair is there, beside the zeros that undo it; what shows is the faster lag's and the
-    loop's own."""
+def test_actuator_lead_cancelled_lag_is_not_visible() -> None:
+    """The lag's poles exist next to the zeros that cancel them; the faster lag is visible."""
     both, pair = margins.Planes(YAW, PITCH), 3.0 * (-0.6 + 0.8j)
     lead = {**TABLE_3_INITIAL, "ACT_LAG_W": 3.0, "ACT_LAG_Z": 0.6, "ACT_LEAD_W": 6.0}
     undone, whole = (margins.analyse(both, gains, LAG, LAG) for gains in (lead, TABLE_3_INITIAL))
     for loop in ("heading", "pitch", "depth"):
         assert min(abs(pole - pair) for pole in undone.poles[loop]) < 1e-6
-        assert min(abs(pole - pair) for pole in undone.shown[loop]) > 0.5
-        assert margins.damping(undone.shown[loop]) > margins.damping(whole.shown[loop])
-        assert margins.damping(whole.shown[loop]) == pytest.approx(
+        assert min(abs(pole - pair) for pole in undone.visible[loop]) > 0.5
+        assert margins.damping(undone.visible[loop]) > margins.damping(whole.visible[loop])
+        assert margins.damping(whole.visible[loop]) == pytest.approx(
             margins.damping(whole.poles[loop])
         )

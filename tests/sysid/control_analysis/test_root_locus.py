@@ -1,5 +1,4 @@
-"""Root loci against the loops' own poles, the margins of their frequency responses, and a delay's
-textbook forms."""
+"""Root loci against closed-loop poles, margins, and textbook approximations of a delay."""
 
 import math
 
@@ -15,7 +14,7 @@ LAG = Lag(0.3)
 YAW, PITCH = linear_planes.yaw_plane(TABLE_1_INITIAL), linear_planes.pitch_plane(TABLE_1_INITIAL)
 
 
-def test_a_locus_passes_through_the_loops_own_poles() -> None:
+def test_locus_unit_gain_gives_closed_loop_poles() -> None:
     heading, depth = (
         loop_transfer.close_heading(YAW, LAG, TABLE_3_INITIAL),
         loop_transfer.close_depth(PITCH, LAG, TABLE_3_INITIAL),
@@ -32,8 +31,8 @@ def test_a_locus_passes_through_the_loops_own_poles() -> None:
         )
 
 
-def test_the_locus_crosses_the_axis_at_the_gain_margin() -> None:
-    """The delay is Pade's there and a true one here."""
+def test_locus_crosses_axis_at_gain_margin() -> None:
+    """The locus has a Pade delay, the margin a true one."""
     cut = root_locus.open_at_duct(
         loop_transfer.close_heading(YAW, LAG, TABLE_3_INITIAL, order=6), 3
     )
@@ -45,14 +44,14 @@ def test_the_locus_crosses_the_axis_at_the_gain_margin() -> None:
     assert least[0] > 0.0 > least[1]
 
 
-def test_without_gain_the_poles_are_the_vehicles_and_the_tailcones() -> None:
+def test_locus_zero_gain_gives_open_loop_poles() -> None:
     cut = root_locus.open_at_duct(loop_transfer.close_heading(YAW, LAG, TABLE_3_INITIAL), 3)
     found = root_locus.poles(cut, np.array([0.0, 1.0]))[0]
     for pole in (*np.linalg.eigvals(YAW.A), complex(-1.8, 2.4)):
         assert np.min(np.abs(found - pole)) < 1e-6
 
 
-def test_a_real_pole_that_grows_is_no_damping() -> None:
+def test_damping_unstable_real_pole_is_minus_one() -> None:
     assert root_locus.damping(
         np.array([[0.1, -1.0], [-0.1, -1.0]], dtype=np.complex128)
     ).tolist() == [-1.0, 1.0]
@@ -62,7 +61,7 @@ def test_a_real_pole_that_grows_is_no_damping() -> None:
 @pytest.mark.parametrize(
     ("form", "tolerance"), [(1, 0.01), (2, 1e-4), (6, 1e-9), ((1.0, 0.5, 1 / 12), 1e-4)]
 )
-def test_a_delays_approximation_has_its_phase_at_slow_frequencies(
+def test_delay_approximation_low_frequency_phase_is_exact(
     form: loop_transfer.Approximation, tolerance: float
 ) -> None:
     A, B, C, D = loop_transfer.delay_state_space(0.3, form)

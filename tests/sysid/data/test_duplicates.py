@@ -139,5 +139,5 @@ def test_vehicle_at_rest_is_no_evidence_of_a_copy(tmp_path: Path) -> None:
 def test_log_behind_the_prior_is_refused(folder: Path) -> None:
     (one,) = found([folder / "dive.mcap"])
     said = duplicates.refusal([], [one], [DataFile("first.mcap", one.log.sha256)])
-    assert said.startswith(f"{one.path}: the model that is the prior was fitted to it already")
+    assert said.startswith(f"{one.path}: the prior model was already fitted to it")
     assert "first.mcap" in said

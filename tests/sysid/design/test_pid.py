@@ -1,5 +1,4 @@
-"""A design meets its own specification when judged by other means, refuses when it cannot, and says
-why."""
+"""PID redesign: the specification verified by other methods, and infeasible requests."""
 
 import math
 from pathlib import Path
@@ -32,7 +31,7 @@ def designed(model: IdentifiedModel) -> Design:
     return pid.redesign(model)
 
 
-def test_specification_holds_at_every_cut(model: IdentifiedModel, designed: Design) -> None:
+def test_redesign_all_cuts_meet_specification(model: IdentifiedModel, designed: Design) -> None:
     spec, judged = designed.spec, analyse_loops(from_model(model), designed.gains)
     assert (spec.damping, spec.gm_db, spec.pm_deg, spec.ms) == (0.6, 8.0, 55.0, 1.6)
     for cut in ("rudder", "heading", "elevator", "depth"):
@@ -42,9 +41,8 @@ def test_specification_holds_at_every_cut(model: IdentifiedModel, designed: Desi
         assert margins.ms <= spec.ms * 1.005, cut
 
 
-def test_what_the_sea_starts_dies_out_damped(model: IdentifiedModel, designed: Design) -> None:
-    """A blow's answer in time, no eigenvalues asked: it swings back once, by less than 0.2, and no
-    further."""
+def test_redesign_impulse_response_is_damped(model: IdentifiedModel, designed: Design) -> None:
+    """Response to an impulse in time: one overshoot below 0.2 and none after it."""
     vehicle = from_model(model)
     closed = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, designed.gains)
     blow, dt = np.zeros(len(closed.A)), 0.02
@@ -60,38 +58,42 @@ def test_what_the_sea_starts_dies_out_damped(model: IdentifiedModel, designed: D
     assert np.all(sizes[2:] < 0.01 * sizes[0])
 
 
-def test_redesign_leaves_less_error_than_the_prototype(designed: Design) -> None:
-    """With larger margins, which is what undoing the tailcone's lag is for."""
+def test_redesign_errors_are_below_initial_gains(designed: Design) -> None:
+    """The margins are larger as well; compensation of the tailcone's lag makes both possible."""
     assert designed.predicted.heading_deg < 0.9 * designed.initial.heading_deg
     assert designed.predicted.depth_m < 0.9 * designed.initial.depth_m
     assert designed.analysis.margins["rudder"].ms < designed.initial_analysis.margins["rudder"].ms
     assert designed.gains["ACT_LEAD_W"] > 1.5 * designed.gains["ACT_LAG_W"]
 
 
-def test_a_quiet_gyro_lets_more_of_the_lag_be_undone(
+def test_redesign_stricter_command_noise_gives_slower_lead(
     model: IdentifiedModel, designed: Design
 ) -> None:
     vehicle, spec = from_model(model), Spec(command_noise_deg=0.2)
     first = {**designed.gains, "ACT_LEAD_W": 0.0}
-    loud = {**first, **heading.gains(vehicle, first, spec, constraints.nominal(spec))}
-    assert loud["ACT_LEAD_W"] < designed.gains["ACT_LEAD_W"]
-    assert command_noise_rad(vehicle, "yaw", loud) == pytest.approx(math.radians(0.2), rel=0.02)
+    strict = {**first, **heading.gains(vehicle, first, spec, constraints.nominal(spec))}
+    assert strict["ACT_LEAD_W"] < designed.gains["ACT_LEAD_W"]
+    assert command_noise_rad(vehicle, "yaw", strict) == pytest.approx(math.radians(0.2), rel=0.02)
 
 
-def test_its_promise_holds_on_fresh_vehicles(model: IdentifiedModel, designed: Design) -> None:
-    """Other draws than those it was designed on."""
-    assert designed.trust is not None
-    assert designed.trust.relaxed >= designed.trust.specification > 0.5
+def test_robustness_other_samples_agrees(model: IdentifiedModel, designed: Design) -> None:
+    """Other samples than those of the design."""
+    assert designed.robustness is not None
+    assert designed.robustness.relaxed >= designed.robustness.specification > 0.5
     fresh = list(sample_models(model, 2 * pid.VEHICLES))[pid.VEHICLES :]
     again = robustness(fresh, designed.gains, designed.spec)
     assert again is not None
-    assert abs(again.specification - designed.trust.specification) < 0.15
+    assert abs(again.specification - designed.robustness.specification) < 0.15
     assert again.relaxed > 0.9
 
 
-def test_a_new_heading_leaves_the_travel_alone(model: IdentifiedModel, designed: Design) -> None:
-    """Flown by the autopilot's own loops: 20 deg with the rudder that the bias leaves; without a
-    way it would not."""
+def test_heading_step_reference_model_avoids_saturation(
+    model: IdentifiedModel, designed: Design
+) -> None:
+    """By the autopilot's own loops: 20 deg within the travel left by the bias.
+
+    Without a reference model the rudder would saturate.
+    """
     vehicle, loads = from_model(model), pid.constant_loads(model)
     room = math.radians(15.0) - loads.rudder_rad
     flown = step_response.heading_step(
@@ -106,7 +108,7 @@ def test_a_new_heading_leaves_the_travel_alone(model: IdentifiedModel, designed:
 
 
 @pytest.mark.parametrize("step_m", [3.0, -3.0])
-def test_a_new_depth_is_hardly_passed(
+def test_depth_step_overshoot_is_small(
     model: IdentifiedModel, designed: Design, step_m: float
 ) -> None:
     level = pid.constant_loads(model).level_pitch_rad
@@ -118,10 +120,8 @@ def test_a_new_depth_is_hardly_passed(
     assert abs(flown.value[-1] - step_m) < 0.1
 
 
-def test_a_long_way_down_is_kept_to_where_the_elevator_holds_its_pitch(
-    model: IdentifiedModel, designed: Design
-) -> None:
-    """What is missing of six metres when the way has just ended there."""
+def test_depth_step_pitch_feedforward_reduces_lag(model: IdentifiedModel, designed: Design) -> None:
+    """Depth error after a change of 6 m, when the reference has just arrived."""
     level, step_m = pid.constant_loads(model).level_pitch_rad, 6.0
     missing = {}
     for stiffness in (0.0, designed.gains["PTCH_FF"]):
@@ -136,9 +136,10 @@ def test_a_long_way_down_is_kept_to_where_the_elevator_holds_its_pitch(
     assert missing[designed.gains["PTCH_FF"]] < 0.6 * missing[0.0]
 
 
-def test_integrators_finish(model: IdentifiedModel, designed: Design) -> None:
-    """A rudder and an elevator offset of half a degree, in time: 15 % of the largest error after
-    half a minute."""
+def test_integrators_offset_is_compensated_in_time(
+    model: IdentifiedModel, designed: Design
+) -> None:
+    """In simulation, offsets of 0.5 deg leave 15 % of their largest error after 30 s."""
     vehicle, offset = from_model(model), math.radians(0.5)
     for closed, surface, state in (
         (
@@ -158,9 +159,10 @@ def test_integrators_finish(model: IdentifiedModel, designed: Design) -> None:
         assert np.max(answer[300:]) <= 0.16 * np.max(answer)
 
 
-def test_margins_survive_a_true_delay(model: IdentifiedModel, designed: Design) -> None:
-    """Independent of the frequency grid: just inside the gain margin the loop settles in time, just
-    outside not."""
+def test_gain_margin_true_delay_is_the_stability_limit(
+    model: IdentifiedModel, designed: Design
+) -> None:
+    """In simulation the loop is stable just below the gain margin and unstable above it."""
     vehicle = from_model(model)
     margin = 10 ** (designed.analysis.margins["rudder"].gm_db / 20)
     for factor, stable in ((0.93 * margin, True), (1.07 * margin, False)):
@@ -168,7 +170,7 @@ def test_margins_survive_a_true_delay(model: IdentifiedModel, designed: Design) 
 
 
 def _growth(vehicle: DesignModel, gains: dict[str, float], factor: float) -> float:
-    """The lag undone as the autopilot does it, by its own function: no state space asked."""
+    """Simulate with the autopilot's own actuator lead; return late over early amplitude."""
     dt, lag = 0.01, vehicle.yaw_lag
     servo = ActuatorLead(
         gains["ACT_LAG_W"], gains["ACT_LAG_Z"], gains["ACT_LEAD_W"], math.inf, math.inf
@@ -194,14 +196,13 @@ def _growth(vehicle: DesignModel, gains: dict[str, float], factor: float) -> flo
     return max(sizes[-third:]) / max(sizes[third : 2 * third])
 
 
-def test_predicted_errors_are_those_of_a_lyapunov_equation(model: IdentifiedModel) -> None:
-    """Heading under the slow disturbance alone: frequency integral against the closed loop's
-    covariance."""
+def test_predicted_heading_equals_lyapunov_equation(model: IdentifiedModel) -> None:
+    """Heading for the slow disturbance alone: frequency integral against the covariance."""
     from scipy.linalg import solve_continuous_lyapunov
 
     vehicle = from_model(model)
-    sea = msgspec.structs.replace(vehicle.sea["yaw"], wave_accel_degps2=0.0)
-    vehicle = vehicle._replace(sea={**vehicle.sea, "yaw": sea})
+    sea = msgspec.structs.replace(vehicle.disturbance["yaw"], wave_accel_degps2=0.0)
+    vehicle = vehicle._replace(disturbance={**vehicle.disturbance, "yaw": sea})
     closed = loop_transfer.close_heading(
         vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_INITIAL, order=6
     )
@@ -216,29 +217,30 @@ def test_predicted_errors_are_those_of_a_lyapunov_equation(model: IdentifiedMode
     )
 
 
-def test_an_impossible_specification_is_refused_with_its_reason(model: IdentifiedModel) -> None:
+def test_redesign_impossible_specification_raises(model: IdentifiedModel) -> None:
     with pytest.raises(
         DesignInfeasibleError,
         match=(
-            r"no gains meet the specification: the best found miss the .* ask for less, or .* and"
+            r"no gains meet the specification: the best ones violate the .* relax the"
+            r" specification, or .* and"
             r" refit"
         ),
     ):
         pid.redesign(model, Spec(pm_deg=85.0))
 
 
-def test_gains_that_few_vehicles_would_keep_are_refused_with_what_would_help(
+def test_redesign_low_robustness_raises_with_advice(
     model: IdentifiedModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pid, "VEHICLES", 20)
     with pytest.raises(
         DesignInfeasibleError,
-        match=r"of the vehicles that the model allows for .* most miss the .*refit",
+        match=r"of the vehicles sampled from the model .* most violate the .*refit",
     ):
         pid.redesign(model, Spec(probability=0.999))
 
 
-def test_a_model_whose_fit_disagreed_is_refused(model: IdentifiedModel) -> None:
+def test_redesign_ambiguous_fit_raises(model: IdentifiedModel) -> None:
     doubtful = msgspec.structs.replace(
         model, convergence=msgspec.structs.replace(model.convergence, agreed=False)
     )
@@ -246,7 +248,7 @@ def test_a_model_whose_fit_disagreed_is_refused(model: IdentifiedModel) -> None:
         pid.redesign(doubtful)
 
 
-def test_gains_are_written_with_reasons_and_their_model(
+def test_write_params_contains_reasons_and_model(
     model: IdentifiedModel, designed: Design, tmp_path: Path
 ) -> None:
     path = tmp_path / "gains.param"
@@ -260,11 +262,8 @@ def test_gains_are_written_with_reasons_and_their_model(
     assert all("  # " in line and len(line.split("  # ")[1]) > 8 for line in lines)
 
 
-def test_integrators_have_room_for_the_constant_loads(
-    model: IdentifiedModel, designed: Design
-) -> None:
-    """The rudder bias with three standard deviations, the pitch of level flight, and a few degrees
-    more at most."""
+def test_integrator_limits_cover_constant_loads(model: IdentifiedModel, designed: Design) -> None:
+    """Rudder bias plus three standard deviations, pitch of level flight, and some reserve."""
     bias = model.planes["yaw"].actuator_bias_deg
     level = math.radians(abs(model.vehicle.level_pitch_deg))
     room = designed.gains["HDG_IMAX"] - math.radians(abs(bias.value))

@@ -40,7 +40,7 @@ def test_a_model_survives_its_file(model: IdentifiedModel, tmp_path: Path) -> No
     [
         ('{"format": 1, "method": "map"}', r"format = 1; this version reads format \d"),
         ('{"format": 99}', "format = 99"),
-        ("{}", "format = 0"),
+        ("{}", "no 'format' key"),
         ('{"format": 2}', "missing required field"),
         ("not json", "malformed"),
     ],

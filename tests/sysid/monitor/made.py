@@ -1,4 +1,4 @@
-"""Steady flight made of coloured noise: as promised, or not."""
+"""Synthetic steady flight of coloured noise, with or without deviations from the baseline."""
 
 import math
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ DEPTH_M, HEADING_RAD, THRUST = 5.0, 3.1, 0.58
 
 
 def promise() -> PerformanceBaseline:
-    """Of noise of first order; swings are as loud as the narrow band about 2 rad/s makes it."""
+    """Return a baseline of first-order noise with the matching rms in the band about 2 rad/s."""
     share = AVERAGED_S / MEMORY_S
     averaged = 2.0 / share * (1.0 - (1.0 - math.exp(-share)) / share)
     band = 0.5 * math.pi * 0.5 * 2.0 * (2.0 * MEMORY_S / (1.0 + (2.0 * MEMORY_S) ** 2)) / math.pi
@@ -47,12 +47,14 @@ def promise() -> PerformanceBaseline:
 
 
 def _expected(name: str, rms: float, averaged: float) -> PredictedStatistic:
+    """Return the predicted statistics of first-order noise."""
     return PredictedStatistic(
         MEANS[name], UNSURE.get(name, 0.0), rms, 1.96 * rms, rms * math.sqrt(averaged), MEMORY_S
     )
 
 
 def noise(rng: np.random.Generator, count: int, rms: float) -> Array:
+    """Return first-order noise."""
     keep = math.exp(-STEP_S / MEMORY_S)
     white = rng.normal(0.0, rms * math.sqrt(1.0 - keep**2), count)
     white[0] = rng.normal(0.0, rms)
@@ -66,7 +68,7 @@ def flight(
     louder: float = 1.0,
     from_s: float = 0.0,
 ) -> Log:
-    """``moved``: what is added to the averages from a time on."""
+    """Return a log of steady flight; `moved` is added to the means from a time on."""
     rng, t = np.random.default_rng(seed), STEP_S * np.arange(1.0, round(seconds / STEP_S) + 1.0)
     told = {
         name: MEANS[name]
@@ -93,4 +95,5 @@ def flight(
 
 
 def event(time_s: float, text: str) -> TextEvent:
+    """Return a text event."""
     return TextEvent(time_s, 6, text)

@@ -1,4 +1,4 @@
-"""A promise that is kept raises no alarm; one that is broken does, soon, and by its right name."""
+"""Monitoring: no alarm in flight as predicted, an early alarm with the right cause otherwise."""
 
 from dataclasses import replace
 
@@ -18,10 +18,11 @@ PROMISE = made.promise()
 
 
 def blocks(log: Log) -> list[monitor.Block]:
+    """Return the blocks of a log."""
     return list(BlockCutter(PROMISE).take(sample(log, None, float(log.attitude.time_s[-1]))))
 
 
-def test_hours_as_promised_raise_no_alarm() -> None:
+def test_monitor_flight_as_predicted_raises_no_alarm() -> None:
     kept = monitor.monitor_log(made.flight(4.0 * HOUR_S, seed=1), PROMISE)
     assert kept.steady_s > 3.9 * HOUR_S
     assert kept.causes == ()
@@ -30,9 +31,8 @@ def test_hours_as_promised_raise_no_alarm() -> None:
         assert measured == pytest.approx(promised, rel=0.1), name
 
 
-def test_the_threshold_keeps_its_rate_at_the_edge_of_what_is_allowed() -> None:
-    """Averages off by all that is allowed, where the sums rise as often as they may: h for one
-    alarm in 40 blocks."""
+def test_threshold_allowed_shift_keeps_false_alarm_rate() -> None:
+    """Means at the allowed limit, where sums grow most; threshold for one alarm in 40 blocks."""
     expected = PROMISE.predicted["rudder_deg"]
     rng, crossings, count, h = np.random.default_rng(3), 0, 40_000, np.log(40.0)
     allowed = sequential.MIN_SHIFT["rudder_deg"] + 2.0 * expected.mean_sd
@@ -41,7 +41,7 @@ def test_the_threshold_keeps_its_rate_at_the_edge_of_what_is_allowed() -> None:
     for departure in rng.normal(allowed, expected.average_sd, count):
         means = {**block.means, "rudder_deg": expected.mean + departure}
         found = sequential._update_sum(
-            "rudder_deg", "more", expected, found, block._replace(means=means)
+            "rudder_deg", "higher", expected, found, block._replace(means=means)
         )
         if found.value > h:
             crossings, found = crossings + 1, sequential.Sum()
@@ -60,7 +60,9 @@ def test_the_threshold_keeps_its_rate_at_the_edge_of_what_is_allowed() -> None:
         ({"rudder_deg": 4.0, "heading_deg": 2.0}, "rudder"),
     ],
 )
-def test_what_moved_is_named_within_two_minutes(moved: dict[str, float], cause: str) -> None:
+def test_monitor_shifted_mean_names_cause_in_two_minutes(
+    moved: dict[str, float], cause: str
+) -> None:
     kept = monitor.monitor_log(made.flight(900.0, seed=2, moved=moved, from_s=400.0), PROMISE)
     assert [found.name for found in kept.causes] == [cause]
     assert kept.found_s is not None
@@ -68,18 +70,18 @@ def test_what_moved_is_named_within_two_minutes(moved: dict[str, float], cause: 
     assert kept.refit_due == (cause != "integrator")
 
 
-def test_a_rougher_sea_is_no_reason_to_refit() -> None:
+def test_monitor_larger_disturbance_needs_no_refit() -> None:
     kept = monitor.monitor_log(made.flight(900.0, seed=2, louder=2.5), PROMISE)
     assert [found.name for found in kept.causes] == ["sea"]
     assert not kept.refit_due
 
 
-def test_a_sea_a_little_rougher_is_nothing_to_speak_of() -> None:
+def test_monitor_slightly_larger_disturbance_is_no_alarm() -> None:
     assert monitor.monitor_log(made.flight(2.0 * HOUR_S, seed=2, louder=1.25), PROMISE).causes == ()
 
 
 @pytest.mark.parametrize("plane", ["heading", "pitch"])
-def test_a_loop_that_swings_is_told_from_the_sea(plane: str) -> None:
+def test_monitor_resonance_is_distinguished_from_disturbance(plane: str) -> None:
     log = made.flight(900.0, seed=2)
     t = log.attitude.time_s
     swing = np.radians(0.5) * np.sin(2.0 * t)
@@ -90,7 +92,7 @@ def test_a_loop_that_swings_is_told_from_the_sea(plane: str) -> None:
     assert kept.refit_due
 
 
-def test_a_surface_that_is_busier_than_the_errors_say_is_not_the_seas_doing() -> None:
+def test_monitor_surface_noise_is_not_disturbance() -> None:
     log = made.flight(900.0, seed=2)
     busy = replace(
         log.actuators,
@@ -101,16 +103,16 @@ def test_a_surface_that_is_busier_than_the_errors_say_is_not_the_seas_doing() ->
     ]
 
 
-def test_piece_by_piece_it_says_what_it_says_at_once() -> None:
+def test_monitor_piecewise_equals_whole_log() -> None:
     log = made.flight(700.0, seed=4, moved={"rudder_deg": 3.0}, from_s=300.0)
     piecewise = Monitor(PROMISE)
     for until_s in np.arange(0.7, 701.0, 3.3):
         piecewise.take(log, min(float(until_s), 700.0))
     piecewise.take(log, 700.0)
-    assert piecewise.kept() == monitor.monitor_log(log, PROMISE)
+    assert piecewise.report() == monitor.monitor_log(log, PROMISE)
 
 
-def test_settling_is_left_out_after_each_change_of_set_point() -> None:
+def test_blocks_settling_is_excluded() -> None:
     log = made.flight(400.0, seed=1)
     turned = log.setpoints.heading_rad - np.radians(2.0) * (log.setpoints.attitude_time_s > 150.0)
     found = blocks(replace(log, setpoints=replace(log.setpoints, heading_rad=turned)))
@@ -119,7 +121,7 @@ def test_settling_is_left_out_after_each_change_of_set_point() -> None:
     assert all(block.stop_s - block.start_s == pytest.approx(AVERAGED_S) for block in found)
 
 
-def test_tests_in_the_water_are_left_out() -> None:
+def test_blocks_identification_tests_are_excluded() -> None:
     log = made.flight(400.0, seed=1)
     told = made.event(100.0, "SystemID Starting: axis=10"), made.event(200.0, "SystemID Finished")
     found = blocks(replace(log, events=told))
@@ -131,7 +133,7 @@ def test_tests_in_the_water_are_left_out() -> None:
     assert len([block for block in found if block.start_s > 200.0]) >= 8
 
 
-def test_a_silence_begins_the_settling_anew() -> None:
+def test_blocks_telemetry_gap_restarts_settling() -> None:
     log = made.flight(200.0, seed=1)
     heard = (log.attitude.time_s < 100.0) | (log.attitude.time_s > 104.0)
     thin = log.attitude.__class__(*(values[heard] for values in vars(log.attitude).values()))
@@ -143,20 +145,20 @@ def test_a_silence_begins_the_settling_anew() -> None:
     ]
 
 
-def test_another_speed_is_not_judged() -> None:
+def test_monitor_other_speed_is_ignored() -> None:
     log = made.flight(400.0, seed=1, moved={"pitch_deg": 3.0})
     fast = replace(log.actuators, thrust=log.actuators.thrust * 1.3)
     assert monitor.monitor_log(replace(log, actuators=fast), PROMISE).blocks == 0
 
 
-def test_near_the_surface_nothing_is_judged() -> None:
+def test_blocks_near_surface_are_excluded() -> None:
     log = made.flight(400.0, seed=1)
     points = replace(log.setpoints, depth_m=np.full_like(log.setpoints.depth_m, 1.0))
     shallow = replace(log.depth, depth_m=log.depth.depth_m - 4.0)
     assert monitor.monitor_log(replace(log, setpoints=points, depth=shallow), PROMISE).blocks == 0
 
 
-def test_a_vehicle_on_her_way_is_not_judged_until_she_has_arrived() -> None:
+def test_blocks_transit_is_excluded() -> None:
     log = made.flight(400.0, seed=1)
     late = np.maximum(0.0, 4.5 - 0.03 * log.depth.time_s)
     found = blocks(replace(log, depth=replace(log.depth, depth_m=log.depth.depth_m - late)))

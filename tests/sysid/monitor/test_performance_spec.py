@@ -1,4 +1,4 @@
-"""What gains promise survives its file, and stays with the values that it was written for."""
+"""The header of a gains file: round trip, changed values and damaged headers."""
 
 import math
 import tomllib
@@ -29,6 +29,7 @@ PROMISED = PerformanceBaseline(
 
 
 def values(text: str) -> dict[str, float]:
+    """Return the parameters of a gains file."""
     lines = [line.partition("#")[0] for line in text.splitlines()]
     return {
         name: float(value) for name, value in (line.split(",") for line in lines if line.strip())
@@ -40,12 +41,12 @@ def text() -> str:
     return performance_spec.encode(PROMISED, GAINS, REASONS)
 
 
-def test_a_file_says_again_what_was_promised(text: str) -> None:
+def test_decode_encoded_baseline_is_equal(text: str) -> None:
     assert performance_spec.decode(text, values(text)) == PROMISED
     assert "HDG_P,0.804631  # GM 9.8 dB at the rudder" in text
 
 
-def test_a_model_that_is_not_sure_of_itself_leaves_the_probability_out() -> None:
+def test_encode_without_covariance_omits_robustness() -> None:
     bare = PROMISED.__class__(
         **{**{n: getattr(PROMISED, n) for n in PROMISED.__struct_fields__}, "kept": None}
     )
@@ -53,27 +54,27 @@ def test_a_model_that_is_not_sure_of_itself_leaves_the_probability_out() -> None
     assert performance_spec.decode(text, values(text)) == bare
 
 
-def test_the_head_is_toml_behind_comment_marks(text: str) -> None:
+def test_encode_header_is_toml_in_comments(text: str) -> None:
     head = [line.removeprefix("#") for line in text.splitlines()[1:] if line.startswith("#")]
     assert tomllib.loads("\n".join(head))["predicted"]["heading_deg"]["rms"] == 0.375
 
 
-def test_a_value_that_somebody_changed_is_no_longer_promised_for(text: str) -> None:
+def test_decode_changed_value_raises(text: str) -> None:
     with pytest.raises(BaselineError, match="values were changed"):
         performance_spec.decode(text, {**values(text), "HDG_P": 0.9})
 
 
-def test_a_value_that_somebody_added_is_no_longer_promised_for(text: str) -> None:
+def test_decode_added_value_raises(text: str) -> None:
     with pytest.raises(BaselineError, match="values were changed"):
         performance_spec.decode(text, {**values(text), "HDG_D": 1.0})
 
 
 @pytest.mark.parametrize("head", ["thrust = 0.58", "speed_mps = 1.3"])
-def test_a_head_that_lacks_something_names_it(text: str, head: str) -> None:
+def test_decode_missing_field_is_named(text: str, head: str) -> None:
     with pytest.raises(BaselineError, match=head.split()[0]):
         performance_spec.decode(text.replace(f"# {head}\n", ""), values(text))
 
 
 @pytest.mark.parametrize("other", ["", "HDG_P,0.5\n", "# gains of my own\nHDG_P,0.5  # why\n"])
-def test_a_file_that_nobody_designed_promises_nothing(other: str) -> None:
+def test_decode_file_without_header_is_none(other: str) -> None:
     assert performance_spec.decode(other, values(other)) is None

@@ -24,7 +24,7 @@ HELD = {
     "DPT_I": 0.02,
     "DPT_IMAX": 0.1,
 }
-"""Gains that hold her, with integrators that finish."""
+"""Gains that hold the vehicle, with integrators that settle."""
 UNSTABLE = {**HELD, "HDG_P": 4.0}
 LAND = MissionItem(4, 2, 21)
 
@@ -35,7 +35,7 @@ def mission(depth_m: float, heading_deg: float, duration_s: float) -> tuple[Miss
 
 @pytest.fixture(scope="package")
 def known() -> DesignPrior:
-    """Caribou as her file has her, trimmed, without play: nothing about her is in doubt."""
+    """Return Caribou as in its file, trimmed, without play and without uncertainty."""
     trimmed = beliefs.with_trim(
         beliefs.from_file(config.load("caribou_nominal")), math.radians(6.0), math.radians(0.4)
     )
@@ -46,7 +46,7 @@ def known() -> DesignPrior:
 
 @pytest.fixture(scope="package")
 def believed(known: DesignPrior) -> DesignPrior:
-    """The same, each of her numbers in some doubt."""
+    """Return the same vehicle with uncertainty of every parameter."""
     return known._replace(covariance=0.04 * beliefs.from_file(known.config).covariance)
 
 

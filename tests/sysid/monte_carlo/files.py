@@ -1,4 +1,4 @@
-"""Models to rehearse with, made up from a belief instead of fitted to anything."""
+"""Models for simulation that are made from a prior instead of a fit."""
 
 import msgspec
 
@@ -8,15 +8,13 @@ from sysid.models.model_file import IdentifiedModel
 from sysid.test_design.prior import DesignPrior
 
 
-def model_of(belief: DesignPrior) -> IdentifiedModel:
-    """A model of method ``map`` that believes as ``belief`` does; it knows no sea."""
+def model_of(prior: DesignPrior) -> IdentifiedModel:
+    """Return a model of method ``map`` with the prior's distribution and no disturbance."""
     bare = model_export.from_paper(
         {},
-        Prior(belief.config, belief.biases_rad, belief.mean, belief.covariance),
+        Prior(prior.config, prior.biases_rad, prior.mean, prior.covariance),
         "caribou_nominal",
     )
-    covariance = tuple(tuple(row) for row in belief.covariance.tolist())
-    joint = msgspec.structs.replace(
-        bare.joint, z=tuple(belief.mean.tolist()), covariance=covariance
-    )
+    covariance = tuple(tuple(row) for row in prior.covariance.tolist())
+    joint = msgspec.structs.replace(bare.joint, z=tuple(prior.mean.tolist()), covariance=covariance)
     return msgspec.structs.replace(bare, method="map", joint=joint)

@@ -1,5 +1,4 @@
-"""What pushes a rehearsed vehicle is the identified noise: its size, and the same sea however
-loud."""
+"""The simulated disturbance has the identified size and scales with its factor."""
 
 from itertools import islice
 
@@ -18,7 +17,7 @@ def accelerations(known: DesignPrior, times: float, ticks: int) -> np.ndarray:  
     return np.array(list(islice(pushed, ticks))) @ vehicle.model.inertia.M_inverse.T
 
 
-def test_accelerations_have_the_size_that_the_model_found(known: DesignPrior) -> None:
+def test_wrenches_rms_equals_noise_model(known: DesignPrior) -> None:
     found, level = accelerations(known, 1.0, 100_000), known.noise["yaw"]
     assert np.std(found[:, 5]) == pytest.approx(
         np.hypot(level.slow_radps2, level.wave_radps2), rel=0.1
@@ -27,10 +26,10 @@ def test_accelerations_have_the_size_that_the_model_found(known: DesignPrior) ->
     assert np.all(np.abs(found[:, (0, 3)]) < 1e-9)
 
 
-def test_a_rougher_sea_is_the_same_sea_louder(known: DesignPrior) -> None:
+def test_wrenches_factor_scales_same_draws(known: DesignPrior) -> None:
     assert accelerations(known, 2.0, 3000) == pytest.approx(2.0 * accelerations(known, 1.0, 3000))
 
 
-def test_a_silent_sea_pushes_nobody(known: DesignPrior) -> None:
+def test_wrenches_zero_factor_is_zero(known: DesignPrior) -> None:
     still = known._replace(noise={"yaw": silent(), "pitch": silent()})
     assert np.all(accelerations(still, 1.0, 100) == 0.0)

@@ -1,4 +1,4 @@
-"""Reasons why a campaign cannot work are found before its first dive, and none where it can."""
+"""The readiness check finds the reasons why a campaign cannot work, and none where it can."""
 
 import math
 
@@ -40,7 +40,7 @@ def obstacle(vehicle: str, moments: Moments, *missions: str) -> Obstacle | None:
     return readiness.find_obstacle(config.load(vehicle), gains, moments, items, seed=1)
 
 
-def test_obstacle_sea_for_a_larger_vehicle_is_a_failsafe() -> None:
+def test_obstacle_large_disturbance_is_failsafe() -> None:
     """The campaign of remus100 ended so in its first dive: `Failsafe: pitch -75 deg`."""
     found = obstacle("remus100", DISTURBED, "trim")
     assert found is not None
@@ -50,26 +50,26 @@ def test_obstacle_sea_for_a_larger_vehicle_is_a_failsafe() -> None:
     assert "39 deg/s²" in found.reason
 
 
-def test_obstacle_test_beyond_the_travel_is_the_autopilots_refusal() -> None:
+def test_obstacle_test_beyond_travel_is_rejection() -> None:
     found = obstacle("remus100", CALM, "elevator_steps")
     refusal = "Mission item 32: magnitude 14 deg: must be within 13.6 deg, and not 0"
     assert found == Obstacle("elevator_steps", f"the autopilot refuses the mission ({refusal})")
 
 
-def test_obstacle_sea_that_hides_the_tests_is_told_by_coherence() -> None:
+def test_obstacle_masked_tests_is_low_coherence() -> None:
     """That campaign was refused by its verdict: coherence about crossover 0.30 and 0.28."""
     found = obstacle("docs/my_vehicle.toml", DISTURBED, "rudder_sweeps")
     assert found is not None
     assert found.where == "rudder tests"
-    assert "the sea hides them: coherence about crossover" in found.reason
+    assert "the disturbance masks them: coherence about crossover" in found.reason
     assert obstacle("docs/my_vehicle.toml", CALM, "rudder_sweeps") is None
 
 
-def test_obstacle_heavy_vehicle_in_the_same_sea_is_none() -> None:
+def test_obstacle_heavy_vehicle_same_disturbance_is_none() -> None:
     assert obstacle("xfin_auv", DISTURBED, "trim", "rudder_sweeps") is None
 
 
-def test_noise_levels_are_moment_over_inertia() -> None:
+def test_noise_levels_equal_moment_over_inertia() -> None:
     """Caribou: 4.96 N m over I_zz - N_rdot = 927 kg m2 (Table 1); sway adds less than 5 %."""
     from sysid.test_design import prior as beliefs
 

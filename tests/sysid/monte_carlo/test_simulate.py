@@ -1,5 +1,4 @@
-"""A vehicle that is rehearsed: her tailcone is the identified one, and what is known of her leaves
-no error."""
+"""Simulated vehicle: identified tailcone, sensor noise, failsafes and rejected missions."""
 
 import math
 
@@ -34,7 +33,7 @@ def flown(
     return dive.fly(vehicle, levels, mission(3.0, 20.0, duration_s), config, sea, seed=(1,))  # type: ignore[arg-type]
 
 
-def test_a_known_vehicle_in_no_sea_is_held_without_error(known: DesignPrior) -> None:
+def test_fly_known_vehicle_calm_has_no_error(known: DesignPrior) -> None:
     dive = flown(known, Sea(0.0), duration_s=150.0)
     assert dive.finished
     assert dive.log.setpoints.depth_m[0] == 3.0
@@ -45,7 +44,7 @@ def test_a_known_vehicle_in_no_sea_is_held_without_error(known: DesignPrior) -> 
     assert steady.pitch_deg.largest < 0.02
 
 
-def test_a_rougher_sea_costs_more(known: DesignPrior) -> None:
+def test_fly_larger_disturbance_has_larger_errors(known: DesignPrior) -> None:
     calm, rough = (
         tracking_metrics.tracking(flown(known, Sea(times), calm=False).log) for times in (0.5, 2.0)
     )
@@ -54,7 +53,7 @@ def test_a_rougher_sea_costs_more(known: DesignPrior) -> None:
     assert rough.heading_deg.rms > 2.0 * calm.heading_deg.rms
 
 
-def test_a_bent_rudder_is_carried_by_the_integrator(known: DesignPrior) -> None:
+def test_fly_rudder_bias_is_compensated_by_integrator(known: DesignPrior) -> None:
     rudder = [
         float(
             np.mean(
@@ -70,13 +69,13 @@ def test_a_bent_rudder_is_carried_by_the_integrator(known: DesignPrior) -> None:
     assert rudder[1] - rudder[0] == pytest.approx(3.0, abs=0.3)
 
 
-def test_a_failsafe_ends_the_dive_and_is_named(known: DesignPrior) -> None:
+def test_fly_failsafe_ends_dive_and_is_named(known: DesignPrior) -> None:
     found = flown(known, Sea(0.0), FS_TIME_S=20.0)
     assert found.failsafe.startswith("armed")
     assert not found.finished
 
 
-def test_a_mission_that_is_over_at_once_is_a_dive_too(known: DesignPrior) -> None:
+def test_fly_mission_of_zero_duration_is_finished(known: DesignPrior) -> None:
     found = dive.fly(
         known.vehicle(known.mean),
         known.noise,
@@ -89,14 +88,14 @@ def test_a_mission_that_is_over_at_once_is_a_dive_too(known: DesignPrior) -> Non
     assert found.seconds < 0.1
 
 
-def test_a_mission_that_the_autopilot_does_not_take_is_refused(known: DesignPrior) -> None:
+def test_fly_unknown_command_raises(known: DesignPrior) -> None:
     items = (mission(3.0, 20.0, 10.0)[0]._replace(command=5000),)
     vehicle = known.vehicle(known.mean)
     with pytest.raises(MissionRejectedError, match="command 5000"):
         dive.fly(vehicle, known.noise, items, params.config({}), Sea(), (1,))
 
 
-def test_the_tailcone_is_the_identified_one() -> None:
+def test_actuator_equals_identified_tailcone() -> None:
     actuator = greybox.Actuator(
         0.313, 3.0, 0.6, math.radians(-6.0), math.radians(15.0), math.radians(9.0), 0.02
     )
@@ -112,17 +111,17 @@ def test_the_tailcone_is_the_identified_one() -> None:
     assert angles.ravel()[:-1] == pytest.approx(between, abs=1e-9)
 
 
-def test_her_instruments_tell_how_she_lies(known: DesignPrior) -> None:
+def test_instruments_at_rest_give_attitude_and_depth(known: DesignPrior) -> None:
     config = params.config({})
     craft = dynamics.initial_state(
         known.vehicle(known.mean), dive.drifting((0.0, 0.0, 0.0)), instruments.field_nwu(config)
     )
-    at = estimator.initial_estimate(instruments.frame(0, craft.seen, config), config)
+    at = estimator.initial_estimate(instruments.frame(0, craft.observed, config), config)
     assert at.depth_m == pytest.approx(-craft.state[2], abs=1e-6)
     assert at.heading_rad == pytest.approx(0.0, abs=1e-9)
 
 
-def test_noise_is_what_the_model_found_in_a_tenth_of_a_second(known: DesignPrior) -> None:
+def test_deviations_mean_over_100_ms_equals_noise_model(known: DesignPrior) -> None:
     told = instruments.errors(known.noise, np.random.default_rng(1))
     means = (
         np.array([next(told) for _ in range(20_000)])

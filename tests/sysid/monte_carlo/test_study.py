@@ -1,5 +1,4 @@
-"""Sets of gains side by side: the same vehicles and seas, the same bytes, and who fails is found
-and named."""
+"""Study of gains: the same vehicles and disturbances for all sets, failures by name."""
 
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from tests.sysid.monte_carlo.files import model_of
 ITEMS = mission(2.0, 10.0, 44.0)
 
 
-def test_unstable_gains_are_found_and_named(believed: DesignPrior) -> None:
+def test_study_unstable_gains_are_reported(believed: DesignPrior) -> None:
     held, unstable = simulate_samples(
         believed, StudyRequest(ITEMS, {"held": HELD, "unstable": UNSTABLE}, vehicles=2)
     )
@@ -27,7 +26,7 @@ def test_unstable_gains_are_found_and_named(believed: DesignPrior) -> None:
     assert (unstable.gains, unstable.failed, unstable.diverged) == ("unstable", 2, {"heading": 2})
 
 
-def test_the_same_seed_gives_the_same_and_another_seed_another(known: DesignPrior) -> None:
+def test_study_seed_determines_result(known: DesignPrior) -> None:
     request = StudyRequest(
         mission(2.0, 10.0, 12.0), {"held": HELD}, (Sea(current_mps=0.3),), vehicles=1
     )
@@ -38,14 +37,14 @@ def test_the_same_seed_gives_the_same_and_another_seed_another(known: DesignPrio
     assert first != other
 
 
-def test_every_set_meets_the_same_vehicles_and_seas(believed: DesignPrior) -> None:
+def test_study_sets_share_vehicles_and_disturbance(believed: DesignPrior) -> None:
     one, other = simulate_samples(
         believed, StudyRequest(mission(2.0, 10.0, 12.0), {"one": HELD, "other": HELD}, vehicles=2)
     )
     assert one._replace(gains="") == other._replace(gains="")
 
 
-def test_gains_without_trims_fly_with_those_of_the_model(known: DesignPrior) -> None:
+def test_study_gains_without_trims_use_model_trims(known: DesignPrior) -> None:
     trims = samples.trims_deg(known.vehicle(known.mean))
     assert trims["TRIM_RUD_DEG"] == pytest.approx(6.0)
     sets = {"without": HELD, "with": {**HELD, **trims}, "none": {**HELD, "TRIM_RUD_DEG": 0.0}}
@@ -56,12 +55,12 @@ def test_gains_without_trims_fly_with_those_of_the_model(known: DesignPrior) -> 
     assert without._replace(gains="") != none._replace(gains="")
 
 
-def test_vehicles_differ_as_much_as_the_model_doubts(believed: DesignPrior) -> None:
+def test_draw_spread_equals_posterior(believed: DesignPrior) -> None:
     drawn = np.array(samples.draw(believed, 200, seed=1))
     assert np.cov(drawn.T) == pytest.approx(believed.covariance, abs=0.02)
 
 
-def test_progress_ends_at_the_whole(known: DesignPrior) -> None:
+def test_study_progress_ends_at_one(known: DesignPrior) -> None:
     heard: list[tuple[float, float]] = []
     (told,) = simulate_samples(
         known,
@@ -72,28 +71,26 @@ def test_progress_ends_at_the_whole(known: DesignPrior) -> None:
     assert heard[-1][1] == told.vehicle_s
 
 
-def test_gains_that_no_autopilot_takes_are_refused_by_name(known: DesignPrior) -> None:
+def test_study_invalid_gain_raises_with_name(known: DesignPrior) -> None:
     with pytest.raises(GainsError, match=r"new\.param: HDG_P = 9: must be 0 to 5"):
         simulate_samples(known, StudyRequest(ITEMS, {"new.param": {"HDG_P": 9.0}}))
 
 
-def test_a_model_believes_what_its_file_says(believed: DesignPrior, tmp_path: Path) -> None:
+def test_read_model_gives_posterior_of_file(believed: DesignPrior, tmp_path: Path) -> None:
     models.write(model_of(believed), tmp_path / "model.json")
     read = samples.read(tmp_path / "model.json")
     assert np.array_equal(read.covariance, believed.covariance)
     assert read.biases_rad == pytest.approx(believed.biases_rad)
 
 
-def test_a_model_without_covariance_is_refused(known: DesignPrior, tmp_path: Path) -> None:
+def test_read_model_without_covariance_raises(known: DesignPrior, tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     models.write(model_of(known), path)
     with pytest.raises(NoCovarianceError, match=r"model\.json: .*joint\.covariance"):
         samples.read(path)
 
 
-def test_a_model_of_a_file_that_is_not_shipped_asks_for_it(
-    believed: DesignPrior, tmp_path: Path
-) -> None:
+def test_read_model_of_unshipped_vehicle_raises(believed: DesignPrior, tmp_path: Path) -> None:
     path, model = tmp_path / "model.json", model_of(believed)
     models.write(
         msgspec.structs.replace(

@@ -1,5 +1,4 @@
-"""Table 4 by the paper's own numbers, and a tailcone found again from poles that were made with
-it."""
+"""Table 4 from the paper's own numbers, and recovery of a known tailcone from synthetic poles."""
 
 import cmath
 
@@ -15,9 +14,8 @@ from sysid.reproduction.paper_poles.poles import CONTROLLERS
 from sysid.reproduction.paper_tables import TABLE_4
 
 
-def test_rows_beside_the_paper() -> None:
-    """All nine; the ordering is what the paper's argument needs, the values agree as far as it lets
-    them."""
+def test_rows_paper_numbers_are_near_table_4() -> None:
+    """All nine rows: the order supports the paper's argument, values agree roughly."""
     rows = {(row.loop, row.case): row for row in paper_poles.rows()}
     assert len(rows) == 9
     zeta = {key: margins.damping((row.ours,)) for key, row in rows.items()}
@@ -32,7 +30,7 @@ def test_rows_beside_the_paper() -> None:
     assert abs(delayed.ours - delayed.paper) / abs(delayed.paper) < 0.01
 
 
-def test_the_dominant_pair_rings_most() -> None:
+def test_dominant_pair_has_smallest_damping() -> None:
     slow, ringing, beyond = complex(-0.2, 0.15), complex(-1.0, 1.8), complex(-1.0, 9.0)
     assert paper_poles.dominant([slow, ringing, beyond, complex(-0.01, 0.0)]) == ringing
     assert cmath.isnan(paper_poles.dominant([complex(-1.0, 0.0)]))
@@ -43,8 +41,8 @@ def made_with(lag: Lag, form: loop_transfer.Approximation) -> dict[tuple[str, st
 
 
 @pytest.mark.parametrize("form", paper_poles.FORMS, ids=lambda form: form.name)
-def test_a_delay_is_found_again_from_poles_made_with_it(form: paper_poles.Form) -> None:
-    """Each in its own form; that of the printed form is 5 % of its T."""
+def test_best_delay_synthetic_poles_is_recovered(form: paper_poles.Form) -> None:
+    """Each form recovers its own delay; the printed form's delay is 5 % of its T."""
     true = Lag(0.24)
     misfits = search.TailconeSearch(made_with(true, form.approximation))
     found = misfits.best_delay(Lag(0.0), form)
@@ -52,7 +50,7 @@ def test_a_delay_is_found_again_from_poles_made_with_it(form: paper_poles.Form) 
     assert misfits.misfit(found, form) < 0.005
 
 
-def test_a_lag_is_found_again_with_its_delay() -> None:
+def test_best_lag_synthetic_poles_is_recovered() -> None:
     true, exact = Lag(0.2, 4.0, 0.5), paper_poles.FORMS[-1]
     misfits = search.TailconeSearch(made_with(true, exact.approximation))
     found = misfits.best_lag(exact, any_damping=True)
@@ -61,9 +59,8 @@ def test_a_lag_is_found_again_with_its_delay() -> None:
     assert found.damping_ratio == pytest.approx(true.damping_ratio, abs=0.02)
 
 
-def test_one_pole_alone_tells_delay_and_loop_gain() -> None:
-    """Poles of a loop whose gains are all a tenth weaker than those it is asked by, behind a delay
-    of 0.25 s."""
+def test_single_pole_gives_delay_and_loop_gain() -> None:
+    """Poles of a loop with 10 % smaller gains than assumed, behind a delay of 0.25 s."""
     known, lag = paper_poles.models(), Lag(0.25)
     for loop in ("heading", "pitch"):
         gains = dict(CONTROLLERS["I"])
@@ -76,8 +73,8 @@ def test_one_pole_alone_tells_delay_and_loop_gain() -> None:
         assert gain == pytest.approx(0.9, rel=1e-3)
 
 
-def test_the_exact_form_solves_the_equation_with_a_true_delay() -> None:
-    """1 + L = 0 at the pole, the delay an exponential: no approximation is asked."""
+def test_exact_form_pole_solves_characteristic_equation() -> None:
+    """1 + L = 0 at the pole with an exponential delay, without approximation."""
     known, lag = paper_poles.models(), Lag(0.9)
     pole = paper_poles.dominant(
         loop_transfer.poles(paper_poles.close_loop("pitch", known["I"], lag, CONTROLLERS["I"], 6))
@@ -88,9 +85,11 @@ def test_the_exact_form_solves_the_equation_with_a_true_delay() -> None:
     assert gain == pytest.approx(1.0, rel=1e-3)
 
 
-def test_no_delay_explains_the_printed_poles() -> None:
-    """The rows ask for delays further apart than the lag leaves open; those of the initial model
-    for the shortest."""
+def test_printed_poles_imply_different_delays() -> None:
+    """The rows imply delays that differ by more than the lag's uncertainty.
+
+    The rows of the initial model imply the smallest delays.
+    """
     by_row = {(a.loop, a.case): a for a in paper_poles.single_pole_conditions()}
     assert set(by_row) == set(TABLE_4)
     delays = [a.delay_s for a in by_row.values()]
@@ -101,7 +100,7 @@ def test_no_delay_explains_the_printed_poles() -> None:
         )
 
 
-def test_readings_end_in_what_remains() -> None:
+def test_readings_list_unexplained_rows() -> None:
     found = paper_poles.readings()
     stated, best = found[0], min(found, key=lambda reading: reading.misfit_radps)
     assert stated.lag == paper_poles.LAG

@@ -12,7 +12,7 @@ from sysid.validation.crossover import gains_for
 
 @pytest.fixture(scope="package")
 def bench() -> DesignPrior:
-    """What the file tells, after a trim flight."""
+    """Return the prior of the vehicle file after a trim flight."""
     found = prior.from_file(config.load("caribou_nominal"))
     return prior.with_trim(found, math.radians(6.0), math.radians(0.5))
 
@@ -32,7 +32,7 @@ def samples(bench: DesignPrior, gains: dict[str, float]) -> dict[Plane, list[Veh
 
 @pytest.fixture(scope="package")
 def few(bench: DesignPrior) -> plan.TestPlan:
-    """A short plan of few candidates."""
+    """Return a short plan with few candidates."""
     return plan.plan(bench, SHORT)
 
 

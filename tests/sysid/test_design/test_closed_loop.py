@@ -1,4 +1,4 @@
-"""A plane under its loop against python-control's account of the same equations."""
+"""Closed-loop simulation of a plane against python-control with the same equations."""
 
 import control
 import numpy as np
@@ -13,7 +13,7 @@ from sysid.test_design.prior import DesignPrior
 
 
 @pytest.mark.parametrize("plane", ["yaw", "pitch"])
-def test_a_pulse_added_to_the_command_dies_out_as_the_linear_loop_says(
+def test_simulate_pulse_response_equals_python_control(
     bench: DesignPrior, gains: dict[str, float], plane: Plane
 ) -> None:
     vehicle = bench.vehicle(bench.mean)
@@ -40,7 +40,7 @@ def test_a_pulse_added_to_the_command_dies_out_as_the_linear_loop_says(
     assert np.max(np.abs(found - expected)) < 0.04 * np.max(np.abs(expected))
 
 
-def test_the_command_holds_the_test_and_the_answer_to_it(
+def test_simulate_command_is_test_plus_feedback(
     bench: DesignPrior, gains: dict[str, float]
 ) -> None:
     vehicle = bench.vehicle(bench.mean)

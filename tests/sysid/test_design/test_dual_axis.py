@@ -1,4 +1,4 @@
-"""Tests of both surfaces at once, from their sizes to the mission that flies them."""
+"""Tests of both surfaces at once: sizes, information and mission."""
 
 import tomllib
 
@@ -16,7 +16,7 @@ RUDDER = Manoeuvre("yaw", "multisine", 6.0, 100, 0.05, 0.5, loop_on=True)
 ELEVATOR = RUDDER._replace(plane="pitch", size_deg=2.0)
 
 
-def test_neither_surface_moves_farther_than_alone() -> None:
+def test_scale_to_limits_sizes_stay_within_single_axis_sizes() -> None:
     largest = [(RUDDER, ELEVATOR), (RUDDER._replace(size_deg=5.0), ELEVATOR._replace(size_deg=2.2))]
     share = dual_axis.elevator_share(largest)
     for rudder, elevator in largest:
@@ -27,8 +27,8 @@ def test_neither_surface_moves_farther_than_alone() -> None:
         assert found.surface == "both"
 
 
-def test_the_elevator_never_gets_more_than_the_rudder() -> None:
-    """Which the parameter aboard could not say."""
+def test_elevator_share_is_at_most_one() -> None:
+    """The autopilot's parameter is limited to 100 %."""
     assert dual_axis.elevator_share([(RUDDER, ELEVATOR._replace(size_deg=9.0))]) == 1.0
 
 
@@ -41,7 +41,7 @@ def together(bench: DesignPrior) -> plan.TestPlan:
     return plan.plan(bench, request)
 
 
-def test_both_at_once_tell_more_of_both_planes(together: plan.TestPlan) -> None:
+def test_plan_dual_axis_gives_more_information(together: plan.TestPlan) -> None:
     shapes = [one.manoeuvre for one in together.tests]
     (shape,) = {m for m in shapes if m.elevator_deg > 0.0}
     assert shape.mirrored in shapes
@@ -49,7 +49,7 @@ def test_both_at_once_tell_more_of_both_planes(together: plan.TestPlan) -> None:
         assert together.after[plane].crossover_deg < together.paper[plane].crossover_deg
 
 
-def test_the_mission_flies_both_at_the_share_that_goes_with_it(together: plan.TestPlan) -> None:
+def test_mission_dual_axis_sets_elevator_share(together: plan.TestPlan) -> None:
     request = plan.PlanRequest(water_s=500.0)
     text = files.mission(together.tests, DIVE, request, "tests", "about")
     tests = [step.test for step in script.parse(text, "tests.toml").step if step.test]

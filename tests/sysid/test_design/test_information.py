@@ -1,4 +1,4 @@
-"""What a test tells, against the fit's own account of the same run, and what knowledge is worth."""
+"""Information of a test against the fit of the same run, and criteria."""
 
 import numpy as np
 import pytest
@@ -18,11 +18,10 @@ PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_it_is_the_information_that_the_fit_finds(
+def test_information_equals_that_of_the_fit(
     bench: DesignPrior, gains: dict[str, float], plane: Plane
 ) -> None:
-    """The fit's sensitivities come from slopes along the track, these from differences of whole
-    flights."""
+    """The fit uses sensitivity equations, the design finite differences of simulations."""
     what = Manoeuvre(plane, "3211", 2.0, 11)
     (ours,) = information.information_of(bench, [what], gains)
     base = bench.vehicle(bench.mean)
@@ -39,7 +38,9 @@ def test_it_is_the_information_that_the_fit_finds(
     np.testing.assert_allclose(ours[block], theirs[block], rtol=0.05, atol=0.02 * theirs.max())
 
 
-def test_information_adds_up_and_never_hurts(bench: DesignPrior, gains: dict[str, float]) -> None:
+def test_information_more_tests_reduce_uncertainty(
+    bench: DesignPrior, gains: dict[str, float]
+) -> None:
     tests = [Manoeuvre("yaw", "step", 3.0, 6), Manoeuvre("yaw", "3211", 3.0, 11)]
     step, pulses = information.information_of(bench, tests, gains)
     known = np.linalg.inv(bench.covariance)
@@ -50,11 +51,10 @@ def test_information_adds_up_and_never_hurts(bench: DesignPrior, gains: dict[str
         assert getattr(both, name) < min(getattr(numbers, name) for numbers in alone)
 
 
-def test_twice_as_large_a_test_halves_what_it_alone_leaves_open(
+def test_information_doubled_size_halves_uncertainty(
     bench: DesignPrior, gains: dict[str, float]
 ) -> None:
-    """Motion well above the tailcone's play is nearly linear: information grows with the square of
-    the size."""
+    """Far above the tailcone's play, motion is nearly linear: information grows as size squared."""
     small, large = information.information_of(
         bench, [Manoeuvre("yaw", "3211", size, 11) for size in (2.0, 4.0)], gains
     )
@@ -63,9 +63,7 @@ def test_twice_as_large_a_test_halves_what_it_alone_leaves_open(
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_the_crossover_is_where_the_rate_lags_by_two_thirds_of_half_a_turn(
-    bench: DesignPrior, plane: Plane
-) -> None:
+def test_crossover_rate_phase_is_minus_120_deg(bench: DesignPrior, plane: Plane) -> None:
     vehicle = bench.vehicle(bench.mean)
     frequency = crossover.frequency_radps(vehicle, plane)
     angle = np.angle(response(vehicle, plane))
@@ -75,11 +73,10 @@ def test_the_crossover_is_where_the_rate_lags_by_two_thirds_of_half_a_turn(
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_a_square_wave_is_the_sum_of_its_steps(
+def test_superpose_square_wave_equals_sum_of_steps(
     bench: DesignPrior, gains: dict[str, float], held: bool
 ) -> None:
-    """What the search takes for the wave's sensitivities: right to a fifth, as the duct has play
-    and the plane drag."""
+    """Superposed sensitivities are accurate to a fifth because of play and quadratic drag."""
     digits = np.array([3.0, 1.0, 4.0, 2.0])
     step = Manoeuvre("yaw", "step", 3.0, 20, loop_on=held)
     wave = step._replace(wave="square", runs=(3, 1, 4, 2))
@@ -94,11 +91,10 @@ def test_a_square_wave_is_the_sum_of_its_steps(
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_the_sea_is_the_noise_model_s(
+def test_loop_disturbance_without_feedback_is_noise_model(
     bench: DesignPrior, gains: dict[str, float], plane: Plane
 ) -> None:
-    """With no feedback the loop's draws are the process that the whitening filter describes:
-    innovations are white."""
+    """Without feedback the disturbance is that of the whitening filter: innovations are white."""
     vehicle, level = bench.vehicle(bench.mean), bench.noise[plane]
     nothing = dict.fromkeys(gains, 0.0)
     free = closed_loop.of_vehicle(vehicle, plane, nothing, level)

@@ -1,4 +1,4 @@
-"""A whole plan: its promises, its mission, and that nothing in it is chance."""
+"""A whole plan: predictions, mission and reproducibility."""
 
 import tomllib
 
@@ -14,7 +14,7 @@ from tests.sysid.test_design.conftest import SHORT
 DIVE = TestDive(6.0, 58.0)
 
 
-def test_the_same_seed_gives_the_same_bytes(bench: DesignPrior, few: plan.TestPlan) -> None:
+def test_plan_same_seed_gives_same_bytes(bench: DesignPrior, few: plan.TestPlan) -> None:
     again = plan.plan(bench, SHORT)
     assert files.mission(again.tests, DIVE, SHORT, "a", "b") == files.mission(
         few.tests, DIVE, SHORT, "a", "b"
@@ -22,14 +22,14 @@ def test_the_same_seed_gives_the_same_bytes(bench: DesignPrior, few: plan.TestPl
     assert format.as_json(again, {}, {}) == format.as_json(few, {}, {})
 
 
-def test_it_tells_more_than_the_paper_s_steps(few: plan.TestPlan) -> None:
+def test_plan_uncertainty_is_below_paper_steps(few: plan.TestPlan) -> None:
     for plane in ("yaw", "pitch"):
         before, after, paper = few.before[plane], few.after[plane], few.paper[plane]
         assert after.crossover_deg < paper.crossover_deg < before.crossover_deg
         assert after.b1_pct < paper.b1_pct < before.b1_pct
 
 
-def test_each_plane_has_an_opposite_pair_and_a_held_out_test_of_another_type(
+def test_plan_planes_have_opposite_pair_and_held_out_test(
     few: plan.TestPlan,
 ) -> None:
     for plane in ("yaw", "pitch"):
@@ -39,13 +39,13 @@ def test_each_plane_has_an_opposite_pair_and_a_held_out_test_of_another_type(
         assert held.wave not in {m.wave for m in flown}
 
 
-def test_it_keeps_its_water_time_and_its_limits(few: plan.TestPlan) -> None:
+def test_plan_stays_within_time_and_limits(few: plan.TestPlan) -> None:
     assert few.water_s <= SHORT.water_s
     for one in (*few.tests, *few.held_out):
         assert one.excursion.probability <= SHORT.limits.probability
 
 
-def test_the_mission_compiles_to_the_planned_tests(few: plan.TestPlan) -> None:
+def test_plan_mission_contains_planned_tests(few: plan.TestPlan) -> None:
     text = files.mission(few.tests, DIVE, SHORT, "tests", "about")
     flown = script.parse(text, "tests.toml")
     tests = [step.test for step in flown.step if step.test]
@@ -61,7 +61,7 @@ def test_the_mission_compiles_to_the_planned_tests(few: plan.TestPlan) -> None:
     assert tomllib.loads(text)["step"][0]["thrust_pct"] == 58
 
 
-def test_the_envelope_is_the_limits(few: plan.TestPlan) -> None:
+def test_plan_envelope_equals_limits(few: plan.TestPlan) -> None:
     found = files.envelope(few, SHORT.limits, DIVE)
     assert found["SID_HDG_MAX"] == pytest.approx(60.0)
     assert found["SID_PITCH_MAX"] == pytest.approx(15.0)
@@ -71,6 +71,6 @@ def test_the_envelope_is_the_limits(few: plan.TestPlan) -> None:
     assert found["SID_TIME_MAX"] > max(one.manoeuvre.duration_s for one in few.tests)
 
 
-def test_too_little_water_is_refused_with_what_is_left_of_it(bench: DesignPrior) -> None:
+def test_plan_short_time_raises_with_remaining_time(bench: DesignPrior) -> None:
     with pytest.raises(plan.PlanInfeasibleError, match=r"water time 320 s: leaves \d+ s"):
         plan.plan(bench, SHORT._replace(water_s=320.0))

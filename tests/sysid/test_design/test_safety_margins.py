@@ -1,5 +1,4 @@
-"""Sizes that limits allow: kept by vehicles that the planner has not seen, and no smaller than they
-must be."""
+"""Largest safe sizes: verified on other samples, and not smaller than necessary."""
 
 import math
 
@@ -22,14 +21,13 @@ TESTS = [
 
 
 @pytest.mark.parametrize("what", TESTS, ids=lambda m: f"{m.plane} {m.wave}")
-def test_promises_hold_on_fresh_samples(
+def test_size_other_samples_stay_within_limits(
     bench: DesignPrior,
     gains: dict[str, float],
     samples: dict[Plane, list[VehicleSample]],
     what: Manoeuvre,
 ) -> None:
-    """Promised: 1 in 100 at most. Of 300 fresh ones 10 beyond would be a chance of one in a
-    thousand."""
+    """Limit: 1 %. Of 300 other samples, more than 10 violations have a probability of 0.1 %."""
     limits = ExcursionLimits()
     found = safety_margins.max_size_within_limits(what, 9.0, samples[what.plane], limits)
     assert found is not None
@@ -43,7 +41,7 @@ def test_promises_hold_on_fresh_samples(
 
 
 @pytest.mark.parametrize("what", TESTS, ids=lambda m: f"{m.plane} {m.wave}")
-def test_half_more_would_leave_limits(
+def test_size_increased_by_half_exceeds_limits(
     samples: dict[Plane, list[VehicleSample]], what: Manoeuvre
 ) -> None:
     limits = ExcursionLimits(rate_limited=1.0, stopped=1.0)
@@ -56,7 +54,7 @@ def test_half_more_would_leave_limits(
     assert beyond > limits.probability
 
 
-def test_tighter_limits_make_smaller_tests(samples: dict[Plane, list[VehicleSample]]) -> None:
+def test_size_tighter_limits_is_smaller(samples: dict[Plane, list[VehicleSample]]) -> None:
     sizes = []
     for pitch_deg in (15.0, 8.0):
         found = safety_margins.max_size_within_limits(
@@ -67,7 +65,7 @@ def test_tighter_limits_make_smaller_tests(samples: dict[Plane, list[VehicleSamp
     assert sizes[1] < 0.8 * sizes[0]
 
 
-def test_a_limit_that_the_sea_alone_leaves_allows_no_test(
+def test_size_limit_below_disturbance_is_none(
     samples: dict[Plane, list[VehicleSample]],
 ) -> None:
     assert (
@@ -78,18 +76,19 @@ def test_a_limit_that_the_sea_alone_leaves_allows_no_test(
     )
 
 
-def test_a_surface_has_room_for_test_and_loop(samples: dict[Plane, list[VehicleSample]]) -> None:
-    """With 3 deg beside the trim a held test cannot have 3 deg: the loop moves the surface as
-    well."""
+def test_size_closed_loop_leaves_travel_for_feedback(
+    samples: dict[Plane, list[VehicleSample]],
+) -> None:
+    """With 3 deg of travel beside the trim, a closed-loop test is smaller."""
     found = safety_margins.max_size_within_limits(TESTS[1], 3.0, samples["yaw"], ExcursionLimits())
     assert found is not None
     assert found[0].size_deg < 2.8
 
 
-def test_vehicles_that_cannot_be_are_drawn_again(
+def test_sample_vehicles_impossible_ones_are_drawn_again(
     bench: DesignPrior, gains: dict[str, float]
 ) -> None:
-    """A wider prior than the file's own allows for masses that no hull of her size has."""
+    """A wide prior contains masses that are impossible for the hull."""
     wide = bench._replace(covariance=9.0 * bench.covariance)
     drawn = (
         np.random.default_rng(0).standard_normal((40, bench.mean.size))
@@ -107,13 +106,13 @@ def _cannot_be(belief: DesignPrior, z: np.ndarray) -> bool:
     return False
 
 
-def test_the_same_seed_draws_the_same_vehicles_and_seas(
+def test_sample_vehicles_seed_determines_samples(
     bench: DesignPrior, gains: dict[str, float]
 ) -> None:
     first, again, other = (
         safety_margins.sample_vehicles(bench, "yaw", gains, 3, 10.0, seed) for seed in (1, 1, 2)
     )
     for one, same in zip(first, again, strict=True):
-        np.testing.assert_array_equal(one.held, same.held)
-        np.testing.assert_array_equal(one.free, same.free)
-    assert not np.array_equal(first[0].held, other[0].held)
+        np.testing.assert_array_equal(one.held_motion, same.held_motion)
+        np.testing.assert_array_equal(one.free_motion, same.free_motion)
+    assert not np.array_equal(first[0].held_motion, other[0].held_motion)

@@ -1,4 +1,4 @@
-"""Which tests together tell most: against every test repeated, and against all sets there are."""
+"""Selection of tests against repeated single tests and against exhaustive search."""
 
 from itertools import combinations_with_replacement
 
@@ -15,7 +15,7 @@ NOWHERE = Excursion(0.0, 0.0, 0.0, 0.0)
 
 
 def candidates(seed: int, count: int) -> list[SizedTest]:
-    """Tests of a made-up plane with three unknowns, each telling of two directions."""
+    """Return tests of a synthetic problem with three parameters; each informs on two directions."""
     rng = np.random.default_rng(seed)
     found = []
     for number in range(count):
@@ -25,21 +25,22 @@ def candidates(seed: int, count: int) -> list[SizedTest]:
     return found
 
 
-def left(information: np.ndarray) -> float:
+def criterion(information: np.ndarray) -> float:
+    """Return the criterion of an information matrix."""
     return -float(np.linalg.slogdet(information)[1])
 
 
 @settings(max_examples=40)
 @given(st.integers(0, 10**6))
-def test_a_chosen_set_beats_every_test_repeated(seed: int) -> None:
+def test_select_tests_beats_repeated_single_tests(seed: int) -> None:
     offered, known, water_s = candidates(seed, 6), np.eye(3), 400.0
-    chosen = selection.select_tests(offered, known, water_s, left)
+    chosen = selection.select_tests(offered, known, water_s, criterion)
     assert selection.total_test_time_s(chosen) <= water_s
     assert selection.has_repeats(chosen)
-    best = left(selection.total(chosen, known))
+    best = criterion(selection.total(chosen, known))
     for one in offered:
         repeated = [one] * int(water_s // one.water_s)
-        assert best <= left(selection.total(repeated, known)) + 0.02
+        assert best <= criterion(selection.total(repeated, known)) + 0.02
 
 
 @settings(max_examples=15)
@@ -47,23 +48,27 @@ def test_a_chosen_set_beats_every_test_repeated(seed: int) -> None:
 @example(421)
 @example(486)
 @example(509)
-def test_it_is_near_the_best_of_all_sets(seed: int) -> None:
+def test_select_tests_is_near_exhaustive_optimum(seed: int) -> None:
     offered, known, water_s = candidates(seed, 4), np.eye(3), 250.0
     best = min(
-        left(selection.total(some, known))
+        criterion(selection.total(some, known))
         for size in range(2, 9)
         for some in combinations_with_replacement(offered, size)
         if selection.total_test_time_s(some) <= water_s and selection.has_repeats(some)
     )
     assert (
-        left(selection.total(selection.select_tests(offered, known, water_s, left), known))
+        criterion(
+            selection.total(selection.select_tests(offered, known, water_s, criterion), known)
+        )
         <= best + 0.1
     )
 
 
-def test_water_for_less_than_a_pair_holds_nothing() -> None:
+def test_select_tests_time_below_a_pair_is_empty() -> None:
     offered = candidates(1, 3)
     assert (
-        selection.select_tests(offered, np.eye(3), 1.5 * min(c.water_s for c in offered), left)[2:]
+        selection.select_tests(
+            offered, np.eye(3), 1.5 * min(c.water_s for c in offered), criterion
+        )[2:]
         == []
     )

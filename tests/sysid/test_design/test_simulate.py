@@ -1,4 +1,4 @@
-"""A test as it is planned is the test that the autopilot plays."""
+"""Planned test signals equal those that the autopilot generates."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ WAVES = [
 
 
 @pytest.mark.parametrize("planned", WAVES, ids=lambda m: m.wave)
-def test_the_autopilot_plays_what_was_planned(planned: Manoeuvre) -> None:
+def test_signal_equals_autopilot_excitation(planned: Manoeuvre) -> None:
     number = {name: wave for wave, name in excitation.WAVES.items()}[planned.wave]
     axis = 12 if planned.plane == "yaw" else 11
     wish = requests.StartTest(
@@ -45,8 +45,8 @@ def test_the_autopilot_plays_what_was_planned(planned: Manoeuvre) -> None:
     assert signal[-1] == 0.0
 
 
-def test_the_autopilot_plays_both_surfaces_as_planned() -> None:
-    """Each its own tones, the elevator at the share that the parameter says."""
+def test_signal_dual_axis_equals_autopilot_excitation() -> None:
+    """Separate tones for each surface, the elevator's size by the autopilot's parameter."""
     planned = Manoeuvre("yaw", "multisine", 4.0, 30, 0.05, 0.5, loop_on=True, elevator_deg=1.4)
     number = {name: wave for wave, name in excitation.WAVES.items()}["multisine"]
     wish = requests.StartTest(123, 4.0, 0.05, 0.5, 30, number, 0.0, 0, ())
@@ -60,7 +60,7 @@ def test_the_autopilot_plays_both_surfaces_as_planned() -> None:
     assert planned.mirrored.halves[1].size_deg == -1.4
 
 
-def test_its_run_begins_straight_and_level() -> None:
+def test_as_run_starts_in_level_flight() -> None:
     still = LevelFlight(trim_rad=0.1, thrust=0.58, speed_mps=1.3, pitch_rad=0.02)
     run = simulate.as_run(WAVES[1], still, simulate.signal_rad(WAVES[1]))
     before = run.preroll

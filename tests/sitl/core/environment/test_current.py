@@ -27,7 +27,7 @@ LAYERS = (
         (50.0, 0.2, 0.0),
     ],
 )
-def test_layers_are_joined_by_straight_lines_and_go_on_above_and_below(
+def test_current_layers_are_interpolated_linearly(
     depth_m: float, north: float, west: float
 ) -> None:
     profile = current.profile(Current(layer=LAYERS))
@@ -35,7 +35,7 @@ def test_layers_are_joined_by_straight_lines_and_go_on_above_and_below(
 
 
 @pytest.mark.parametrize("depth_m", [1.0, 3.0, 5.5, 8.0])
-def test_shear_is_the_change_of_velocity_per_metre_upwards(depth_m: float) -> None:
+def test_shear_is_derivative_of_velocity_by_height(depth_m: float) -> None:
     profile = current.profile(Current(layer=LAYERS))
     north, west = (
         (above - below) / 2e-3
@@ -48,7 +48,7 @@ def test_shear_is_the_change_of_velocity_per_metre_upwards(depth_m: float) -> No
     assert current.steady_current(profile, -depth_m)[2:] == pytest.approx((north, west), abs=1e-12)
 
 
-def test_a_steady_current_flows_where_it_is_said_to_at_every_depth() -> None:
+def test_steady_current_has_direction_at_every_depth() -> None:
     profile = current.profile(Current(speed_mps=0.5, towards_deg=30.0))
     for z_m in (0.0, -5.0, -500.0):
         north, west, *shear = current.steady_current(profile, z_m)
@@ -56,15 +56,15 @@ def test_a_steady_current_flows_where_it_is_said_to_at_every_depth() -> None:
         assert shear == [0.0, 0.0]
 
 
-def test_the_variation_has_its_rms_forgets_in_its_time_and_moves_as_its_acceleration_says() -> None:
-    """Correlation (1 + omega t) exp(-omega t), 1/e after the time constant; v' integrates to v."""
+def test_variation_has_rms_correlation_and_acceleration() -> None:
+    """The autocorrelation is (1 + omega t) exp(-omega t), 1/e at the time constant."""
     drift = current.current_drift(Variation(rms_mps=0.1, time_constant_s=2.0), TICK_S)
     assert drift is not None
     stream = default_rng(3)
-    swerve, velocity, rate = current.sample_stationary(stream), [], []
+    variation, velocity, rate = current.sample_stationary(stream), [], []
     for _ in range(400_000):
-        swerve = current.advance(drift, swerve, stream)
-        v, a = current.variation_motion(drift, swerve)
+        variation = current.advance(drift, variation, stream)
+        v, a = current.variation_motion(drift, variation)
         velocity.append(v)
         rate.append(a)
     v, a = np.array(velocity), np.array(rate)

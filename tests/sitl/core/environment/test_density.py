@@ -1,4 +1,4 @@
-"""The column of water against quadrature."""
+"""Density and pressure of the water compared with quadrature."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ COLUMN = density.column(
 
 
 @given(st.floats(0.0, 100.0))
-def test_pressure_is_the_weight_of_the_water_above(depth_m: float) -> None:
+def test_pressure_is_weight_of_water_above(depth_m: float) -> None:
     depths, rhos = zip(*LAYERS, strict=True)
     weight, _ = quad(
         lambda z: G * np.interp(z, depths, rhos), 0.0, depth_m, points=depths, limit=200
@@ -29,14 +29,14 @@ def test_pressure_is_the_weight_of_the_water_above(depth_m: float) -> None:
     assert pressure == pytest.approx(weight, rel=1e-9, abs=1e-6)
 
 
-def test_water_of_one_density_needs_no_layers() -> None:
+def test_uniform_density_needs_no_layers() -> None:
     column = density.column(Density(), WaterTable(density_kgpm3=1000.0), G)
     assert density.density_and_pressure(column, 12.0, G) == pytest.approx(
         (1000.0, 12.0 * G * 1000.0)
     )
 
 
-def test_above_the_still_surface_the_column_is_continued_upwards() -> None:
+def test_pressure_above_surface_is_extrapolated() -> None:
     assert density.density_and_pressure(COLUMN, -0.5, G) == pytest.approx(
         (1005.0, -0.5 * G * 1005.0)
     )

@@ -1,5 +1,4 @@
-"""The water at the hull: acceleration along a particle's path, what a hull makes of it, and calm
-that costs nothing."""
+"""The water at the hull: acceleration of the fluid, averages along the hull, and uniform water."""
 
 import math
 from typing import Any
@@ -41,7 +40,7 @@ ROUGH = Scenario(
     ),
     waves=Waves(significant_height_m=1.0, peak_period_s=5.0, spreading=6.0, from_deg=70.0),
 )
-SWERVE, SWERVING = np.array([0.1, -0.2, 0.0]), np.array([0.03, 0.02, 0.0])
+VARIATION, VARIATION_RATE = np.array([0.1, -0.2, 0.0]), np.array([0.03, 0.02, 0.0])
 LONG_WAVE = Waves(
     spectrum="pierson-moskowitz", significant_height_m=1.0, peak_period_s=8.0, components=1
 )
@@ -52,29 +51,28 @@ def sea_of(what: Scenario, half_length_m: float = 1.0, seed: int = 1) -> WaterFi
     return environment.initial_weather(sea, default_rng(seed), default_rng(seed)).field
 
 
-def velocity(sea: WaterField, place: Array, time_s: float) -> Array:
-    swerve = SWERVE + SWERVING * (time_s - 3.0)
-    return np.array(field.flow(sea, tuple(place), time_s, tuple(swerve), tuple(SWERVING))[0])
+def velocity(sea: WaterField, point: Array, time_s: float) -> Array:
+    variation = VARIATION + VARIATION_RATE * (time_s - 3.0)
+    return np.array(
+        field.flow(sea, tuple(point), time_s, tuple(variation), tuple(VARIATION_RATE))[0]
+    )
 
 
 @given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(0.1, 9.0))
-def test_the_acceleration_is_that_of_a_particle_of_the_water(
-    north: float, west: float, depth_m: float
-) -> None:
-    """A particle's velocity a little before and after, on its path, in waves on a sheared and
-    swerving current."""
-    sea, place, h = sea_of(ROUGH), np.array([north, west, -depth_m]), 1e-4
-    v = velocity(sea, place, 3.0)
-    _, acceleration, _ = field.flow(sea, tuple(place), 3.0, tuple(SWERVE), tuple(SWERVING))
+def test_acceleration_is_material_derivative(north: float, west: float, depth_m: float) -> None:
+    """Reference: finite differences of a particle's velocity on its path, with waves and shear."""
+    sea, point, h = sea_of(ROUGH), np.array([north, west, -depth_m]), 1e-4
+    v = velocity(sea, point, 3.0)
+    _, acceleration, _ = field.flow(sea, tuple(point), 3.0, tuple(VARIATION), tuple(VARIATION_RATE))
     bend = 0.5 * h * h * np.array(acceleration)
     later, earlier = (
-        velocity(sea, place + h * v + bend, 3.0 + h),
-        velocity(sea, place - h * v + bend, 3.0 - h),
+        velocity(sea, point + h * v + bend, 3.0 + h),
+        velocity(sea, point - h * v + bend, 3.0 - h),
     )
     np.testing.assert_allclose(acceleration, (later - earlier) / (2 * h), atol=1e-5)
 
 
-def test_who_drifts_with_the_surface_meets_waves_as_if_there_were_no_current() -> None:
+def test_waves_in_drifting_frame_ignore_current() -> None:
     waves = Waves(significant_height_m=1.0, peak_period_s=5.0, from_deg=70.0)
     still = sea_of(Scenario(waves=waves))
     flowing = sea_of(Scenario(waves=waves, current=Current(speed_mps=0.8, towards_deg=0.0)))
@@ -85,8 +83,8 @@ def test_who_drifts_with_the_surface_meets_waves_as_if_there_were_no_current() -
         np.testing.assert_allclose(adrift[1], at_rest[1], atol=1e-12)
 
 
-def test_a_pitched_hull_in_a_sheared_current_lies_in_water_that_turns() -> None:
-    """Twenty degrees nose up: shear times the height that a metre forward gains."""
+def test_pitched_hull_in_shear_has_velocity_slope() -> None:
+    """With 20 degrees of pitch: shear times the height gained per metre forward."""
     layers = tuple(
         CurrentLayer(depth_m=z, speed_mps=v, towards_deg=0.0) for z, v in ((0.0, 0.5), (10.0, 0.0))
     )
@@ -97,7 +95,7 @@ def test_a_pitched_hull_in_a_sheared_current_lies_in_water_that_turns() -> None:
     assert water.slope_per_s == pytest.approx((0.05 * math.sin(math.radians(20.0)), 0.0, 0.0))
 
 
-def test_mean_and_slope_along_the_hull_are_those_of_the_least_squares_line() -> None:
+def test_mean_and_slope_match_least_squares_line() -> None:
     sea, body, half = sea_of(ROUGH, 1.7), dynamics.state_at_rest(-2.0), 1.7
     water, _ = field.sample(sea, body, 0.0, 3.0, NOTHING, NOTHING)
     x = np.linspace(-half, half, 401)
@@ -107,26 +105,27 @@ def test_mean_and_slope_along_the_hull_are_those_of_the_least_squares_line() -> 
     np.testing.assert_allclose(water.slope_per_s, slope, atol=2e-3)
 
 
-def test_pressure_under_waves_is_what_moves_the_water_and_vanishes_at_the_surface() -> None:
-    """Linearised Euler: rho v_t = -grad p; and no gauge pressure at the elevation, to second
-    order."""
+def test_wave_pressure_gradient_matches_acceleration() -> None:
+    """Linearised Euler: rho v_t = -grad p; gauge pressure at the elevation is zero to 2nd order."""
     waves = Waves(significant_height_m=0.1, peak_period_s=5.0, from_deg=70.0)
     what = Scenario(waves=waves)
     sea = environment.build(what, bodies.GRAVITY_MPS2, timestep.TICK_S)
     own = environment.initial_weather(sea, default_rng(1), default_rng(1))
     h = 1e-4
 
-    def gauge_pa(place: Array) -> float:
+    def gauge_pa(point: Array) -> float:
         body = dynamics.state_at_rest()
-        body[:3] = place
+        body[:3] = point
         wave_pa = environment.sample_water(sea, own, body, 3.0).wave_pressure_pa
         return 100.0 * (
-            environment.pressure_hpa(sea, -place[2], wave_pa) - sea.surface_pressure_hpa
+            environment.pressure_hpa(sea, -point[2], wave_pa) - sea.surface_pressure_hpa
         )
 
-    place = np.array([2.0, 5.0, -3.0])
-    gradient = [(gauge_pa(place + h * e) - gauge_pa(place - h * e)) / (2 * h) for e in np.eye(3)]
-    north, west, up = field.flow(own.field, tuple(place), 3.0, NOTHING, NOTHING)[2].change
+    point = np.array([2.0, 5.0, -3.0])
+    gradient = [(gauge_pa(point + h * e) - gauge_pa(point - h * e)) / (2 * h) for e in np.eye(3)]
+    north, west, up = field.flow(own.field, tuple(point), 3.0, NOTHING, NOTHING)[
+        2
+    ].local_acceleration
     expected = -1025.0 * np.array([north, west, up + sea.gravity_mps2])
     np.testing.assert_allclose(gradient, expected, rtol=1e-5, atol=0.02)
     elevation = field.flow(own.field, (2.0, 5.0, 0.0), 3.0, NOTHING, NOTHING)[2].elevation_m
@@ -135,9 +134,8 @@ def test_pressure_under_waves_is_what_moves_the_water_and_vanishes_at_the_surfac
 
 
 @pytest.mark.parametrize("heading", [0.0, 90.0, 200.0])
-def test_waves_draw_a_hull_near_the_surface_upwards(heading: float) -> None:
-    """Mean Dv/Dt at a place: k omega^2 a^2 exp(-2 k h) upwards, for a hull short against the wave
-    (Ogilvie 1963)."""
+def test_waves_cause_mean_upward_acceleration(heading: float) -> None:
+    """Mean Dv/Dt is k omega^2 a^2 exp(-2 k h) upwards for a short hull (Ogilvie 1963)."""
     sea, body = (
         sea_of(Scenario(waves=LONG_WAVE, floor=FloorTable(depth_m=500.0)), 0.5),
         dynamics.state_at_rest(-1.5),
@@ -150,11 +148,10 @@ def test_waves_draw_a_hull_near_the_surface_upwards(heading: float) -> None:
     assert np.mean(lift, axis=0) == pytest.approx((0.0, 0.0, expected), rel=0.01, abs=1e-6)
 
 
-def test_a_neutral_body_goes_where_the_water_goes() -> None:
-    """A small neutral sphere against a particle followed by differences, two minutes of a swell:
-    orbit and drift.
+def test_neutral_sphere_follows_fluid_particle() -> None:
+    """Reference: path of a fluid particle, integrated for two minutes in swell: orbit and drift.
 
-    The particle itself drifts by a^2 omega k exp(-2 k h) (Stokes 1847).
+    The particle's drift is a^2 omega k exp(-2 k h) (Stokes 1847).
     """
     sea = sea_of(Scenario(waves=LONG_WAVE, floor=FloorTable(depth_m=500.0)), 0.05)
     body, state, particle = (
@@ -180,7 +177,7 @@ def test_a_neutral_body_goes_where_the_water_goes() -> None:
 
 
 @pytest.mark.parametrize("name", ["calm", "disturbed", "under_ice"])
-def test_uniform_water_is_not_computed_and_draws_nothing(name: str) -> None:
+def test_uniform_water_draws_no_random_numbers(name: str) -> None:
     sea = environment.build(scenario.load(name), 9.81, timestep.TICK_S)
     swell, drift = default_rng(1), default_rng(2)
     before: Any = swell.bit_generator.state, drift.bit_generator.state
@@ -189,7 +186,7 @@ def test_uniform_water_is_not_computed_and_draws_nothing(name: str) -> None:
     assert environment.sample_water(sea, own, dynamics.state_at_rest(-3.0), 5.0) is sea.uniform
 
 
-def test_what_is_told_of_uniform_water_is_what_the_field_says() -> None:
+def test_uniform_water_equals_sampled_field() -> None:
     what = Scenario(
         current=Current(speed_mps=0.4, towards_deg=50.0),
         ice=Ice(draft_m=0.5),
@@ -201,11 +198,11 @@ def test_what_is_told_of_uniform_water_is_what_the_field_says() -> None:
         sea.field, dynamics.state_at_rest(-3.0), 0.02, 5.0, NOTHING, NOTHING
     )
     assert wave_pa == sea.uniform.wave_pressure_pa == 0.0
-    for told, found in zip(sea.uniform.water, water, strict=True):
-        np.testing.assert_allclose(found, told, atol=1e-15)
+    for uniform, sampled in zip(sea.uniform.water, water, strict=True):
+        np.testing.assert_allclose(sampled, uniform, atol=1e-15)
 
 
-def test_each_kind_of_weather_draws_from_its_own_stream() -> None:
+def test_waves_and_variation_use_separate_streams() -> None:
     restless = Scenario(current=Current(variation=Variation(rms_mps=0.1)))
     for what, draws in ((restless, (False, True)), (Scenario(waves=LONG_WAVE), (True, False))):
         sea = environment.build(what, 9.81, timestep.TICK_S)
@@ -219,7 +216,7 @@ def test_each_kind_of_weather_draws_from_its_own_stream() -> None:
         ) == draws
 
 
-def test_the_same_seed_flies_the_same_dive_through_waves_and_another_seed_another() -> None:
+def test_dive_in_waves_depends_on_seed_only() -> None:
     vehicle = plant.build(config.load("caribou_truth"), scenario.load("swell"))
     idle = ActuatorFrame(0, 1, (0.4, 0.0, 0.58, *(0.0,) * 13), 129)
 
@@ -234,7 +231,7 @@ def test_the_same_seed_flies_the_same_dive_through_waves_and_another_seed_anothe
     assert end(1) != end(2)
 
 
-def test_she_starts_in_the_water_of_her_depth() -> None:
+def test_initial_velocity_includes_current_at_depth() -> None:
     deep = Scenario(
         start=StartTable(depth_m=4.0, speed_mps=1.0, heading_deg=90.0), current=ROUGH.current
     )
@@ -246,8 +243,8 @@ def test_she_starts_in_the_water_of_her_depth() -> None:
 
 
 @pytest.mark.parametrize(("density_kgpm3", "sinks"), [(1005.0, True), (1040.0, False)])
-def test_fresh_water_carries_less_and_brine_more(density_kgpm3: float, sinks: bool) -> None:
-    """Net force at rest: rho / 1025 of the buoyancy less the weight."""
+def test_buoyancy_scales_with_water_density(density_kgpm3: float, sinks: bool) -> None:
+    """Net force at rest is rho / 1025 of the buoyancy minus the weight."""
     what = Scenario(start=StartTable(depth_m=8.0), water=WaterTable(density_kgpm3=density_kgpm3))
     vehicle = plant.build(config.load("caribou_nominal"), what)
     state, _ = plant.initial_state(vehicle, plant.random_streams(1))

@@ -1,4 +1,4 @@
-"""The sea floor: planes and grids, files that are wrong, and beams against geometry."""
+"""The sea floor: planes, grids, invalid files, and sonar beams compared with geometry."""
 
 import math
 from pathlib import Path
@@ -28,17 +28,17 @@ def gridded(folder: Path, text: str = GRID) -> floor.SeaFloor:
     return floor.build(FloorTable(file=str(written(folder, text))))
 
 
-def test_a_grids_first_row_is_its_northern_edge_and_its_corner_half_a_cell_outside(
+def test_grid_rows_run_north_to_south_from_cell_corner(
     tmp_path: Path,
 ) -> None:
-    """Nodes lie at cell centres: 10 m west of the site to 10 m east, 5 m south to 5 m north."""
+    """Nodes are at cell centres: 10 m west to 10 m east of the site, 5 m south to 5 m north."""
     grid = bathymetry.read(written(tmp_path, GRID))
     assert (grid.south_m, grid.west_m, grid.cell_m) == (-5.0, -10.0, 10.0)
     np.testing.assert_array_equal(grid.height_m, [[-20.0, -22.0, -24.0], [-10.0, -12.0, -14.0]])
 
 
-def test_between_nodes_it_is_bilinear_and_beyond_the_edge_it_goes_on_level(tmp_path: Path) -> None:
-    """Rises 1 m per metre north and falls 0.2 per metre east; west is positive."""
+def test_grid_height_is_bilinear_and_level_outside(tmp_path: Path) -> None:
+    """The floor rises 1 m per metre north and falls 0.2 m per metre east; west is positive."""
     ground = gridded(tmp_path)
     assert floor.height_and_slope(ground, 0.0, 0.0) == pytest.approx((-17.0, 1.0, 0.2))
     assert floor.height_and_slope(ground, 2.5, -5.0) == pytest.approx((-15.5, 1.0, 0.2))
@@ -46,7 +46,7 @@ def test_between_nodes_it_is_bilinear_and_beyond_the_edge_it_goes_on_level(tmp_p
     assert floor.height_and_slope(ground, 80.0, 80.0) == pytest.approx((-10.0, 0.0, 0.0))
 
 
-def test_a_slope_deepens_towards_where_it_is_said_to() -> None:
+def test_slope_deepens_in_given_direction() -> None:
     ground = floor.build(FloorTable(depth_m=20.0, slope_deg=10.0, deepens_towards_deg=90.0))
     fall = math.tan(math.radians(10.0))
     assert floor.height_and_slope(ground, 33.0, -5.0)[0] == pytest.approx(-20.0 - 5.0 * fall)
@@ -57,7 +57,7 @@ def test_a_slope_deepens_towards_where_it_is_said_to() -> None:
 
 
 @given(st.floats(0.0, 45.0), st.floats(0.0, 360.0), st.floats(-0.9, 0.9), st.floats(-0.9, 0.9))
-def test_a_beam_ends_on_the_slope(slope: float, towards: float, north: float, west: float) -> None:
+def test_beam_ends_on_slope(slope: float, towards: float, north: float, west: float) -> None:
     ground = floor.build(FloorTable(depth_m=20.0, slope_deg=slope, deepens_towards_deg=towards))
     origin, along = (
         np.array([1.0, 2.0, -5.0]),
@@ -73,7 +73,7 @@ def test_a_beam_ends_on_the_slope(slope: float, towards: float, north: float, we
 
 
 @given(st.floats(-12.0, 12.0), st.floats(-12.0, 12.0), st.floats(-0.9, 0.9), st.floats(-0.9, 0.9))
-def test_a_beam_ends_on_the_grid_and_nowhere_before(
+def test_beam_ends_at_first_hit_on_grid(
     tmp_path_factory: pytest.TempPathFactory, x: float, y: float, north: float, west: float
 ) -> None:
     ground = gridded(tmp_path_factory.mktemp("grid"), HEADER + "-10 -18 -11\n-20 -12 -24\n")
@@ -88,7 +88,7 @@ def test_a_beam_ends_on_the_grid_and_nowhere_before(
     assert min(above[:-1]) > 0.0
 
 
-def test_upwards_there_is_no_floor_unless_a_wall_of_it_stands_ahead(tmp_path: Path) -> None:
+def test_upward_beam_hits_only_steep_floor(tmp_path: Path) -> None:
     flat, ground = floor.build(FloorTable(depth_m=20.0)), gridded(tmp_path)
     level, climbing = (1.0, 0.0, 0.0), (math.cos(0.1), 0.0, math.sin(0.1))
     assert floor.range_m(flat, (0.0, 0.0, -5.0), level) == math.inf
@@ -102,7 +102,7 @@ def test_upwards_there_is_no_floor_unless_a_wall_of_it_stands_ahead(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("text", "complaint"),
+    ("text", "message"),
     [
         (GRID.replace("ncols 3", "ncols 4"), "row 1: expected ncols = 4 heights, found 3"),
         (GRID.replace("nrows 2", "nrows 3"), "nrows = 3: expected as many rows, found 2"),
@@ -119,16 +119,14 @@ def test_upwards_there_is_no_floor_unless_a_wall_of_it_stands_ahead(tmp_path: Pa
         ),
     ],
 )
-def test_a_wrong_file_is_refused_by_file_place_and_value(
-    tmp_path: Path, text: str, complaint: str
-) -> None:
+def test_invalid_floor_file_error_names_place(tmp_path: Path, text: str, message: str) -> None:
     path = written(tmp_path, text)
     with pytest.raises(ScenarioError) as caught:
         bathymetry.read(path)
-    assert str(caught.value).startswith(f"floor {path}: {complaint}")
+    assert str(caught.value).startswith(f"floor {path}: {message}")
 
 
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
+def test_missing_floor_file_error_names_file(tmp_path: Path) -> None:
     with pytest.raises(
         ScenarioError, match=r"none\.asc: No such file or directory; expected an ESRI ASCII grid"
     ):

@@ -1,4 +1,4 @@
-"""The disturbances against linear theory, and the sea's constants against textbook values."""
+"""Disturbance moments compared with linear theory, and constants with textbook values."""
 
 import math
 
@@ -31,10 +31,10 @@ def sea_of(name: str) -> environment.Environment:
 def yaw_rate_rms_degps(
     filter_F: Matrix, filter_G: Matrix, filter_H: Matrix, moment_rms_nm: float
 ) -> float:
-    """RMS yaw rate of the field vehicle's linear plane, rudder fixed, under filtered white noise of
-    a given rms.
+    """Return the rms yaw rate of the true vehicle's linear plane with fixed rudder.
 
-    Lyapunov equation of plane and shaping filter together: A P + P A' + B B' = 0.
+    The moment is filtered white noise of a given rms. Lyapunov equation of plane and shaping
+    filter: A P + P A' + B B' = 0.
     """
     plane = linearise(build_model.build(config.load("caribou_truth"))).yaw
     A = plane.A[:2, :2]
@@ -47,7 +47,7 @@ def yaw_rate_rms_degps(
     return math.degrees(math.sqrt(P[1, 1])) / unit * moment_rms_nm
 
 
-def test_the_disturbed_scenario_holds_the_levels_that_linear_theory_asks_for() -> None:
+def test_disturbed_levels_match_linear_theory() -> None:
     levels = scenario.load("disturbed").disturbance
     tau = levels.slow.time_constant_s
     omega, zeta = 2.0 * math.pi * levels.waves.frequency_hz, levels.waves.damping
@@ -69,8 +69,7 @@ def test_the_disturbed_scenario_holds_the_levels_that_linear_theory_asks_for() -
 
 
 def fly_through(sea: Plant, minutes: int) -> tuple[Matrix, Matrix]:
-    """True yaw rates and the yaw moments behind them; duct amidships, depth held at 100 m, 58 %
-    thrust."""
+    """Return true yaw rates and yaw moments; duct centred, depth held at 100 m, 58 % thrust."""
     rng = plant.random_streams(seed=1)
     state, _ = plant.initial_state(sea, rng)
     truths = [state.truth]
@@ -90,7 +89,7 @@ def fly_through(sea: Plant, minutes: int) -> tuple[Matrix, Matrix]:
 
 
 def linear_yaw_rates(moments_nm: Matrix) -> Matrix:
-    """What the field vehicle's linear plane makes of the same moments, held from tick to tick."""
+    """Return the response of the true vehicle's linear plane to the moments (zero-order hold)."""
     plane = linearise(build_model.build(config.load("caribou_truth"))).yaw
     by_moment = np.linalg.inv(plane.M)[:2, 1:2]
     held = signal.cont2discrete(
@@ -99,13 +98,13 @@ def linear_yaw_rates(moments_nm: Matrix) -> Matrix:
     return np.asarray(signal.dlsim(held, moments_nm)[1][:, 0])
 
 
-def test_a_flight_through_the_disturbed_sea_yaws_as_linear_theory_says() -> None:
-    """The nonlinear vehicle against the linear plane under the same moments, without and with
-    crossflow drag.
+def test_yaw_rate_in_disturbed_sea_matches_linear_theory() -> None:
+    """Compare the nonlinear vehicle with the linear plane, without and with crossflow drag.
 
-    It is the one force that linear theory lacks, and damps her by another few percent. Over 40
-    minutes of one seed the rms of the moments themselves is uncertain by some 2 %, hence the bound
-    on the linear response."""
+    Crossflow drag is the only force that linear theory lacks; it reduces the rate by a few percent.
+    Over 40 minutes of one seed the rms of the moments is uncertain by about 2 %, hence the
+    tolerance of the linear response.
+    """
     disturbance = scenario.load("disturbed").disturbance
     start = scenario.StartTable(depth_m=100.0, speed_mps=1.3)
     deep = scenario.Scenario(start=start, floor=FloorTable(depth_m=200.0), disturbance=disturbance)
@@ -123,7 +122,7 @@ def test_a_flight_through_the_disturbed_sea_yaws_as_linear_theory_says() -> None
     assert 0.90 < np.std(fly_through(sea, minutes=40)[0]) / linear < 0.96
 
 
-def test_the_wave_filter_is_the_exact_discretisation() -> None:
+def test_second_order_discretisation_is_exact() -> None:
     wave = moments.second_order(SWELL_RADPS, ZETA, TICK_S)
     generator = np.array([[0.0, SWELL_RADPS], [-SWELL_RADPS, -2.0 * ZETA * SWELL_RADPS]])
     phi = np.array(wave.transition).reshape(2, 2)
@@ -133,7 +132,7 @@ def test_the_wave_filter_is_the_exact_discretisation() -> None:
     np.testing.assert_allclose(phi @ phi.T + lower @ lower.T, np.eye(2), atol=1e-14)
 
 
-def test_disturbances_start_stationary_and_stay_so() -> None:
+def test_disturbances_are_stationary() -> None:
     sea = sea_of("disturbed")
     start, later = [], []
     for seed in range(1500):
@@ -152,7 +151,7 @@ def test_disturbances_start_stationary_and_stay_so() -> None:
     np.testing.assert_allclose(correlation, math.exp(-20 * TICK_S / 3.0), atol=0.03)
 
 
-def test_calm_water_pushes_nobody() -> None:
+def test_calm_scenario_has_no_disturbance() -> None:
     streams = plant.random_streams(seed=1)
     sea = sea_of("calm")
     assert moments.moments_flu_nm(
@@ -163,7 +162,7 @@ def test_calm_water_pushes_nobody() -> None:
     )
 
 
-def test_pressure_grows_by_a_bar_in_ten_metres_and_stays_one_atmosphere_in_the_air() -> None:
+def test_pressure_grows_one_bar_per_ten_metres() -> None:
     sea = sea_of("calm")
     assert environment.pressure_hpa(sea, -1.0) == 1013.25
     assert environment.pressure_hpa(sea, 10.0) - environment.pressure_hpa(
@@ -171,7 +170,7 @@ def test_pressure_grows_by_a_bar_in_ten_metres_and_stays_one_atmosphere_in_the_a
     ) == pytest.approx(1005.5, abs=0.1)
 
 
-def test_the_magnetic_field_has_bostons_declination_inclination_and_strength() -> None:
+def test_magnetic_field_matches_boston() -> None:
     north, east, down = sea_of("calm").magnetic_field_ned_gauss
     assert math.degrees(math.atan2(east, north)) == pytest.approx(-14.4)
     assert math.degrees(math.atan2(down, math.hypot(north, east))) == pytest.approx(67.0)

@@ -1,5 +1,4 @@
-"""Waves as they are drawn; ``tests/reference/cases/waves.py`` has their kinematics against
-theory."""
+"""Drawn wave components; ``tests/reference/cases/waves.py`` checks their kinematics."""
 
 import math
 
@@ -24,14 +23,14 @@ def swell(sea: Waves, depth_m: float = 200.0) -> waves.Swell:
 
 
 @pytest.mark.parametrize(("depth_m", "omega"), [(200.0, 1.0), (5.0, 1.0), (2.0, 0.3), (30.0, 4.0)])
-def test_wave_numbers_obey_the_dispersion_relation(depth_m: float, omega: float) -> None:
+def test_wave_number_satisfies_dispersion_relation(depth_m: float, omega: float) -> None:
     k = waves.wave_number_pm(omega, depth_m, G)
     assert G * k * math.tanh(k * depth_m) == pytest.approx(omega**2, rel=1e-12)
 
 
 @pytest.mark.parametrize("spectrum", ["pierson-moskowitz", "jonswap"])
-def test_the_components_hold_the_energy_and_mean_frequency_of_the_spectrum(spectrum: str) -> None:
-    """m_1 / m_0 by quadrature of the formula as DNV-RP-C205 prints it."""
+def test_components_have_energy_and_mean_frequency(spectrum: str) -> None:
+    """Reference: m_1 / m_0 by quadrature of the formula printed in DNV-RP-C205."""
     sea = Waves(spectrum=spectrum, significant_height_m=2.0, peak_period_s=8.0)  # type: ignore[arg-type]
     drawn, peak = swell(sea), 2.0 * math.pi / 8.0
     assert 4.0 * math.sqrt(np.sum(drawn.amplitude_m**2) / 2.0) == pytest.approx(2.0, rel=1e-12)
@@ -48,7 +47,7 @@ def test_the_components_hold_the_energy_and_mean_frequency_of_the_spectrum(spect
     assert np.mean(drawn.frequency_radps) == pytest.approx(mean, rel=0.005)
 
 
-def test_a_fully_developed_sea_needs_no_period() -> None:
+def test_fully_developed_sea_needs_no_period() -> None:
     """Fossen 2021, sec. 10.2: omega_0 = 0.4 sqrt(g / H_s)."""
     sea = Waves(spectrum="pierson-moskowitz", significant_height_m=3.0)
     same = Waves(
@@ -59,8 +58,8 @@ def test_a_fully_developed_sea_needs_no_period() -> None:
     np.testing.assert_allclose(swell(sea).frequency_radps, swell(same).frequency_radps, rtol=1e-12)
 
 
-def test_waves_run_from_where_they_come_and_spread_as_they_should() -> None:
-    """Mean of cos(angle) under cos^2s of half the angle is s / (s + 1)."""
+def test_wave_directions_follow_spreading_function() -> None:
+    """The mean of cos(angle) of the distribution cos^2s(angle/2) is s / (s + 1)."""
     drawn = waves.draw_components(swell(SPREAD), default_rng(1))
     towards = np.arctan2(-drawn[:, WEST], drawn[:, NORTH])
     off = towards - math.radians(20.0)
@@ -69,7 +68,7 @@ def test_waves_run_from_where_they_come_and_spread_as_they_should() -> None:
     np.testing.assert_allclose(np.hypot(drawn[:, NORTH], drawn[:, WEST]), drawn[:, NUMBER])
 
 
-def test_the_same_seed_gives_the_same_sea_and_another_another() -> None:
+def test_wave_components_depend_on_seed_only() -> None:
     first, again, other = (
         waves.draw_components(swell(SPREAD), default_rng(seed)) for seed in (4, 4, 5)
     )
@@ -80,7 +79,7 @@ def test_the_same_seed_gives_the_same_sea_and_another_another() -> None:
     )
 
 
-def test_water_at_the_floor_moves_along_it_and_in_crests_as_at_the_still_surface() -> None:
+def test_wave_velocity_at_floor_and_above_surface() -> None:
     shallow = waves.draw_components(swell(SPREAD, 6.0), default_rng(2))
     assert waves.motion(shallow, 3.0, 4.0, -6.0, 7.0).velocity[2] == pytest.approx(0.0, abs=1e-12)
     at_level = waves.motion(shallow, 3.0, 4.0, 0.0, 7.0)
@@ -88,5 +87,5 @@ def test_water_at_the_floor_moves_along_it_and_in_crests_as_at_the_still_surface
     assert at_level.head_m == pytest.approx(at_level.elevation_m, rel=1e-12)
 
 
-def test_a_flat_sea_has_no_components() -> None:
+def test_zero_wave_height_gives_no_components() -> None:
     assert waves.build(Waves(), 20.0, G) is None

@@ -75,7 +75,7 @@ def test_the_contents_say_what_a_file_is(written: dict[str, Path], tmp_path: Pat
     for name, data in (("notes.txt", b"no log of any kind"), ("empty", b"")):
         (tmp_path / name).write_bytes(data)
         with pytest.raises(
-            LogError, match=rf"{name}: begins like no log; give an MCAP log, .*\.ulg"
+            LogError, match=rf"{name}: not a log of a known format; give an MCAP log, .*\.ulg"
         ):
             readers.read(tmp_path / name)
 
@@ -92,7 +92,7 @@ def test_outputs_are_chosen_and_turned_round(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.degrees(run.elevator_rad), 1.2, atol=0.02)
     np.testing.assert_allclose(run.thrust, 0.58, atol=0.002)
     with pytest.raises(
-        LogError, match=r"servos\.tlog: SERVO_OUTPUT_RAW holds 16 outputs, none is number 17"
+        LogError, match=r"servos\.tlog: SERVO_OUTPUT_RAW has 16 outputs but not number 17"
     ):
         readers.read(path, ServoChannels(17, 1, 2))
     for text in ("1,2", "0,1,2", "rudder"):

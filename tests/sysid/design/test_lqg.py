@@ -1,5 +1,7 @@
-"""LQG by other means: closed forms, python-control, the separation principle, a Lyapunov equation,
-the tick in time."""
+"""LQG against independent methods.
+
+Closed forms, python-control, the separation principle, a Lyapunov equation and simulation in time.
+"""
 
 import math
 
@@ -42,8 +44,8 @@ def designed(vehicle: DesignModel, plane: Plane) -> tuple[AugmentedModel, Discre
     )
 
 
-def test_feedback_of_a_double_integrator_is_the_textbooks() -> None:
-    """r' = u + load, psi' = r: F = -(sqrt(2/rho), 1/rho), and the load taken off."""
+def test_feedback_double_integrator_equals_closed_form() -> None:
+    """r' = u + load, psi' = r: F = -(sqrt(2/rho), 1/rho), and the load is subtracted."""
     A = np.array([[-1.0, 0, 0, 0], [0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, 0]])
     model = AugmentedModel(
         A, np.array([0.0, 1, 0, 0]), np.zeros((2, 4)), np.zeros((4, 4)), np.eye(2), load=3
@@ -53,7 +55,7 @@ def test_feedback_of_a_double_integrator_is_the_textbooks() -> None:
     assert pytest.approx([0.0, -math.sqrt(2.0 / rho), -1.0 / rho, -1.0]) == F
 
 
-def test_filter_of_a_random_walk_is_the_textbooks() -> None:
+def test_filter_gains_random_walk_equal_closed_form() -> None:
     """x' = w, y = x + v: L = sqrt(q/r)."""
     one = np.eye(1)
     assert synthesis.filter_gains(
@@ -62,7 +64,7 @@ def test_filter_of_a_random_walk_is_the_textbooks() -> None:
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_gains_are_python_controls(vehicle: DesignModel, plane: Plane) -> None:
+def test_gains_equal_those_of_python_control(vehicle: DesignModel, plane: Plane) -> None:
     model, law = designed(vehicle, plane)
     K, _, _ = control.lqr(
         model.A[: model.load, : model.load], model.B[: model.load, None], *weighted(model, plane)
@@ -79,9 +81,10 @@ def weighted(model: AugmentedModel, plane: Plane) -> tuple[np.ndarray, np.ndarra
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_filter_and_feedback_keep_their_own_poles(vehicle: DesignModel, plane: Plane) -> None:
-    """The separation principle; no feedback moves the constant loads, which stay where they are in
-    both."""
+def test_closed_loop_poles_are_those_of_filter_and_feedback(
+    vehicle: DesignModel, plane: Plane
+) -> None:
+    """Separation principle; the constant loads are not affected by feedback."""
     model, law = designed(vehicle, plane)
     closed = laws.close(law, model.A, model.B, model.C).A
     apart = block_diag(model.A + np.outer(model.B, law.F), law.A)
@@ -91,7 +94,7 @@ def test_filter_and_feedback_keep_their_own_poles(vehicle: DesignModel, plane: P
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_response_is_python_controls(vehicle: DesignModel, plane: Plane) -> None:
+def test_response_equals_that_of_python_control(vehicle: DesignModel, plane: Plane) -> None:
     _, law = designed(vehicle, plane)
     frequencies = np.geomspace(0.01, 50.0, 30)
     system = control.ss(law.closed, law.L, law.F[None, :], 0)
@@ -99,11 +102,8 @@ def test_response_is_python_controls(vehicle: DesignModel, plane: Plane) -> None
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_ticks_answer_as_the_continuous_law_up_to_crossover_and_beyond(
-    vehicle: DesignModel, plane: Plane
-) -> None:
-    """Gain within 1 %, phase within a degree, at three times crossover still: so does what is told
-    to the autopilot."""
+def test_tick_controller_response_equals_continuous_one(vehicle: DesignModel, plane: Plane) -> None:
+    """Gain within 1 % and phase within one degree up to three times the crossover frequency."""
     _, law = designed(vehicle, plane)
     linear = vehicle.planes.yaw if plane == "yaw" else vehicle.planes.pitch
     ticked, frequencies = optimal.tick_controllers(law, linear), np.array([0.1, 0.9, 2.7])
@@ -117,10 +117,8 @@ def test_ticks_answer_as_the_continuous_law_up_to_crossover_and_beyond(
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_no_constant_load_leaves_an_error_on_another_vehicle(
-    vehicle: DesignModel, plane: Plane
-) -> None:
-    """Of the surface, and in pitch of buoyancy, on coefficients that the law does not know."""
+def test_constant_load_other_vehicle_leaves_no_error(vehicle: DesignModel, plane: Plane) -> None:
+    """Loads of the surface and, in pitch, of buoyancy; the controller has other coefficients."""
     _, law = designed(vehicle, plane)
     other = yaw_plane(TABLE_1_INITIAL) if plane == "yaw" else pitch_plane(TABLE_1_INITIAL)
     A, B = loop_transfer.plane_with_tailcone(other, LAG, loop_analysis.PADE_ORDER)
@@ -137,11 +135,13 @@ def test_no_constant_load_leaves_an_error_on_another_vehicle(
             assert abs(held) < 1e-6 * np.max(np.abs(rest))
 
 
-def test_predicted_heading_is_that_of_a_lyapunov_equation(vehicle: DesignModel) -> None:
-    """Under the slow disturbance alone: frequency integral against the closed loop's covariance."""
+def test_predicted_heading_equals_lyapunov_equation(vehicle: DesignModel) -> None:
+    """For the slow disturbance alone: frequency integral against the closed loop's covariance."""
     sea = msgspec.structs.replace(DEFAULT_DISTURBANCE, wave_accel_degps2=0.0)
     _, law = designed(vehicle, "yaw")
-    seen = loop_analysis.measured_plane(vehicle._replace(sea={"yaw": sea, "pitch": sea}), "yaw")
+    seen = loop_analysis.measured_plane(
+        vehicle._replace(disturbance={"yaw": sea, "pitch": sea}), "yaw"
+    )
     closed = loop_analysis._close(seen, law).A
     n = len(closed)
     A, density = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
@@ -153,9 +153,8 @@ def test_predicted_heading_is_that_of_a_lyapunov_equation(vehicle: DesignModel) 
     )
 
 
-def test_margins_survive_a_true_delay(vehicle: DesignModel) -> None:
-    """The tick in time: just inside the gain margin at the rudder she settles, just outside she
-    does not."""
+def test_gain_margin_true_delay_is_the_stability_limit(vehicle: DesignModel) -> None:
+    """In simulation the loop is stable just below the gain margin and unstable above it."""
     _, law = designed(vehicle, "yaw")
     margin = 10 ** (
         loop_transfer.margins(
@@ -167,10 +166,9 @@ def test_margins_survive_a_true_delay(vehicle: DesignModel) -> None:
         assert (growth(vehicle, law, factor) < 1.0) == stable
 
 
-def growth(vehicle: DesignModel, law: DiscreteController, factor: float) -> float:
-    """Late over earlier amplitude of the heading; the observer hears of the command that it asked
-    for."""
-    dt, plane, ticked = TICK_S, vehicle.planes.yaw, laws.discretise(law, TICK_S)
+def growth(vehicle: DesignModel, controller: DiscreteController, factor: float) -> float:
+    """Return late over early amplitude of the heading; the observer receives its own command."""
+    dt, plane, ticked = TICK_S, vehicle.planes.yaw, laws.discretise(controller, TICK_S)
     wn, zeta = LAG.natural_frequency_radps, LAG.damping_ratio
     block = np.zeros((6, 6))
     block[:3, :3], block[:3, 3], block[3, 4] = plane.A, plane.B, 1.0
@@ -180,7 +178,7 @@ def growth(vehicle: DesignModel, law: DiscreteController, factor: float) -> floa
     queue = [0.0] * round(LAG.delay_s / dt)
     x, belief, before, u, sizes = (
         np.array([0.0, 0.0, 0.1, 0.0, 0.0]),
-        np.zeros(len(law.B)),
+        np.zeros(len(controller.B)),
         np.zeros(2),
         0.0,
         [],

@@ -1,4 +1,4 @@
-"""What gains are foretold to come to is what a simulation in time gives, no spectrum asked."""
+"""Predicted statistics against a simulation in time that uses no spectrum."""
 
 import math
 
@@ -21,7 +21,7 @@ STEP_S, LASTS_S = 0.1, 20_000.0
 
 
 @pytest.fixture(scope="module")
-def promised(model: IdentifiedModel) -> PerformanceBaseline:
+def baseline(model: IdentifiedModel) -> PerformanceBaseline:
     sure = DesignRobustness(0.9, 1.0, "", 240)
     return predicted_performance.performance_baseline(
         model, design_model.from_model(model), TABLE_3_IMPROVED, Spec(), sure
@@ -30,10 +30,10 @@ def promised(model: IdentifiedModel) -> PerformanceBaseline:
 
 @pytest.fixture(scope="module")
 def heading_deg(model: IdentifiedModel) -> Array:
-    """Heading in closed loop, pushed by the sea of the model and seen through its noise."""
+    """Return the simulated heading (deg) in closed loop with disturbance and sensor noise."""
     vehicle = design_model.from_model(model)
     closed = loop_transfer.close_heading(vehicle.planes.yaw, vehicle.yaw_lag, TABLE_3_IMPROVED)
-    rng, sea = np.random.default_rng(5), vehicle.sea["yaw"]
+    rng, sea = np.random.default_rng(5), vehicle.disturbance["yaw"]
     pushed = disturbance(sea, rng, round(LASTS_S / STEP_S))
     moment = np.zeros(len(closed.A))
     moment[: vehicle.planes.yaw.moment.size] = vehicle.planes.yaw.moment
@@ -46,8 +46,7 @@ def heading_deg(model: IdentifiedModel) -> Array:
 
 
 def disturbance(sea: NoiseModel, rng: np.random.Generator, count: int) -> Array:
-    """The slow and the narrow-band angular acceleration, rad/s^2, each as its differential equation
-    says."""
+    """Return slow plus narrow-band angular acceleration (rad/s^2) by differential equations."""
     fine, dt = 10, STEP_S / 10
     keep = math.exp(-dt / sea.slow_time_s)
     slow = lfilter([math.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(count * fine))
@@ -60,44 +59,44 @@ def disturbance(sea: NoiseModel, rng: np.random.Generator, count: int) -> Array:
     return np.asarray(np.radians(both[::fine]))
 
 
-def test_rms_and_averages_come_to_what_is_foretold(
-    promised: PerformanceBaseline, heading_deg: Array
+def test_rms_and_means_simulation_equals_prediction(
+    baseline: PerformanceBaseline, heading_deg: Array
 ) -> None:
-    expected, whole = promised.predicted["heading_deg"], round(AVERAGED_S / STEP_S)
+    expected, whole = baseline.predicted["heading_deg"], round(AVERAGED_S / STEP_S)
     averages = heading_deg[: heading_deg.size // whole * whole].reshape(-1, whole).mean(axis=1)
     assert np.std(heading_deg) == pytest.approx(expected.rms, rel=0.1)
     assert np.std(averages) == pytest.approx(expected.average_sd, rel=0.15)
     assert np.quantile(np.abs(heading_deg), 0.95) == pytest.approx(expected.p95, rel=0.1)
 
 
-def test_variances_vary_as_much_as_the_memory_says(
-    promised: PerformanceBaseline, heading_deg: Array
+def test_variance_spread_follows_correlation_time(
+    baseline: PerformanceBaseline, heading_deg: Array
 ) -> None:
-    """Chi-square: a variance over T has 2 memory / T of itself squared as its variance."""
-    expected, whole = promised.predicted["heading_deg"], round(AVERAGED_S / STEP_S)
+    """Chi-square: the relative variance of a variance over T is 2 memory_s / T."""
+    expected, whole = baseline.predicted["heading_deg"], round(AVERAGED_S / STEP_S)
     variances = heading_deg[: heading_deg.size // whole * whole].reshape(-1, whole).var(axis=1)
     spread = np.var(variances) / np.mean(variances) ** 2
     assert spread == pytest.approx(2.0 * expected.memory_s / AVERAGED_S, rel=0.3)
 
 
-def test_the_swing_is_what_a_narrow_band_holds(
-    promised: PerformanceBaseline, heading_deg: Array
+def test_resonance_rms_simulation_equals_prediction(
+    baseline: PerformanceBaseline, heading_deg: Array
 ) -> None:
     band = iirpeak(
-        promised.heading_swing_radps, 1.0 / RESONANCE_BANDWIDTH, fs=2.0 * math.pi / STEP_S
+        baseline.heading_swing_radps, 1.0 / RESONANCE_BANDWIDTH, fs=2.0 * math.pi / STEP_S
     )
     assert np.std(lfilter(*band, heading_deg)) == pytest.approx(
-        promised.predicted["heading_swing_deg"].rms, rel=0.1
+        baseline.predicted["heading_swing_deg"].rms, rel=0.1
     )
 
 
-def test_averages_are_those_of_level_flight(
-    promised: PerformanceBaseline, model: IdentifiedModel
+def test_predicted_means_are_those_of_level_flight(
+    baseline: PerformanceBaseline, model: IdentifiedModel
 ) -> None:
     bias, level = model.planes["yaw"].actuator_bias_deg, model.vehicle
-    assert promised.predicted["rudder_deg"].mean == -bias.value
-    assert promised.predicted["pitch_deg"].mean == level.level_pitch_deg
-    assert promised.predicted["pitch_deg"].mean_sd > 0.0
-    assert promised.model_sha256 == sha256_of_model(model)
-    assert promised.kept is not None
-    assert (promised.kept.specification, promised.kept.vehicles) == (0.9, 240)
+    assert baseline.predicted["rudder_deg"].mean == -bias.value
+    assert baseline.predicted["pitch_deg"].mean == level.level_pitch_deg
+    assert baseline.predicted["pitch_deg"].mean_sd > 0.0
+    assert baseline.model_sha256 == sha256_of_model(model)
+    assert baseline.kept is not None
+    assert (baseline.kept.specification, baseline.kept.vehicles) == (0.9, 240)

@@ -1,0 +1,18 @@
+"""Command line of the autopilot."""
+
+import sys
+from importlib import metadata
+
+import pytest
+
+from autopilot.__main__ import main
+
+
+def test_version_option_prints_package_version_and_exits(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["autopilot", "--version"])
+    with pytest.raises(SystemExit) as exit_info:
+        main()
+    assert exit_info.value.code in (None, 0)
+    assert capsys.readouterr().out == f"autopilot {metadata.version('caribou-auv')}\n"

@@ -1,0 +1,23 @@
+"""The search caches evaluations and ends on the active constraint."""
+
+from collections.abc import Mapping
+
+import pytest
+
+from sysid.design.constrained_search import ConstrainedProblem, CostAndConstraints, solve
+
+
+def test_solve_active_constraint_is_met_with_few_evaluations() -> None:
+    evaluated: list[tuple[float, ...]] = []
+
+    def evaluate(gains: Mapping[str, float]) -> CostAndConstraints:
+        evaluated.append((gains["P"], gains["D"]))
+        return CostAndConstraints(
+            1.0 / gains["P"] + 0.1 * gains["D"], {"stiffness": gains["P"] / gains["D"] - 1.0}
+        )
+
+    gains_found = solve(ConstrainedProblem({}, ({"P": 0.5, "D": 2.0},), evaluate))
+    assert gains_found["P"] == pytest.approx(gains_found["D"], rel=0.01)
+    assert gains_found["P"] == pytest.approx(10.0**0.5, rel=0.05)
+    # Each restart evaluates the end of the previous search again.
+    assert len(evaluated) <= len(set(evaluated)) + 8
