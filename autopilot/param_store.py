@@ -75,7 +75,7 @@ class ParamStore:
         ):
             return
         self._written = table.revision
-        self._writing = self._writer.submit(_write, self._path, to_text(table.kept))
+        self._writing = self._writer.submit(_write, self._path, to_text(table.stored))
 
     def close(self, table: ParamTable) -> str:
         """Write unsaved values and wait for it. Return the error text, "" for success."""
@@ -84,7 +84,7 @@ class ParamStore:
         if self._path is None or (table.revision == self._written and not failed):
             return ""
         try:
-            _write(self._path, to_text(table.kept))
+            _write(self._path, to_text(table.stored))
         except OSError as error:
             return f"parameters are not stored: {error.strerror}"
         return ""

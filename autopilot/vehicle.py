@@ -131,7 +131,7 @@ class Vehicle:
 
         Arming is refused until samples have arrived again for some time."""
         self.state = monitor.report_sensor_loss(self.state)
-        self.send_statustext("Sensors silent", Severity.ERROR)
+        self.send_statustext("Sensor timeout", Severity.ERROR)
 
     def send_statustext(self, text: str, severity: Severity = Severity.WARNING) -> None:
         """Queue a text for every ground station."""

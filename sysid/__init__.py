@@ -1,1 +1,4 @@
-"""From logs to gains: read, cut, screen, fit, redesign, verify."""
+"""System identification and control design.
+
+Logs, segments, screening, fit, design, verification.
+"""

@@ -1,5 +1,8 @@
-"""Logs in, identified model out: read, cut, screen, fit, report. The same logs give the same
-bytes."""
+"""Identification from logs: read, cut into tests, screen, fit and validate.
+
+The result is deterministic: the same logs and package versions give the same bytes of
+``model.json``.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -46,26 +49,28 @@ from sysid.validation.assess import with_assessment
 Array = NDArray[np.float64]
 
 FORBIDDEN_PRIOR = "caribou_truth"
-"""The vehicle that the simulator flies as the truth; an engineer has no such file."""
+"""Vehicle file of the simulated truth.
+
+It is refused as a prior: no such file exists for a real vehicle.
+"""
 
 
 class RefitError(ValueError):
-    """Logs or a prior that cannot be used: one line saying which, and what would be right."""
+    """The logs or the prior cannot be used; the message names the cause and the correction."""
 
 
 class FitFailedError(RuntimeError):
-    """A fit that has no result: one line with the prior, the reason and what would help."""
+    """The fit has no result; the message names the prior, the reason and a remedy."""
 
 
 class PriorKnowledge(NamedTuple):
-    """What is known of a vehicle before its tests: its file, and the model that an earlier refit
-    made of it."""
+    """Knowledge of a vehicle before its tests: vehicle file, earlier model, bench measurements."""
 
     config: VehicleConfig
     name: str
     earlier: IdentifiedModel | None
-    readings: tuple[BenchMeasurement, ...] = ()
-    """What was measured ashore."""
+    bench_measurements: tuple[BenchMeasurement, ...] = ()
+    """Results of the bench test of the tailcone and of the inclining test."""
 
 
 def refit(
@@ -81,174 +86,291 @@ def refit(
     tailcone: Path | None = None,
     inclining: Path | None = None,
 ) -> IdentifiedModel:
-    """Identify a vehicle from the tests in logs of any kind (`sysid.data.readers`).
+    """Identify a vehicle from logs with identification tests.
 
-    Args:
-        paths: logs with rudder or elevator tests. prior: ``bench``, a vehicle file, or a
-        ``model.json`` whose estimate becomes the prior. method: ``map`` (nonlinear, whitened, with
-        priors), ``output-error`` or ``filter-error`` (linear planes, see
-            `sysid.estimation.linear`) or ``paper`` (rate error only, linear, no prior).
-        held_out: logs whose tests are predicted, not fitted. progress: called with what is being
-        done and the share that is behind. marks: tests that the logs do not tell of themselves.
-        outputs: those of the autopilot's outputs that steer. beside: methods by which the same runs
-        are fitted as well, for comparison. tailcone, inclining: what `ground bench-test` and
-        `ground inclining-test` printed, as priors of method ``map``.
+    Parameters
+    ----------
+    paths : sequence of str or Path
+        Logs with rudder or elevator tests, in any format that `sysid.data.readers` reads.
+    prior : str or Path
+        Name of a shipped vehicle, path of a vehicle file, or path of a ``model.json`` of method
+        ``map`` whose estimate becomes the prior.
+    method : {'map', 'output-error', 'filter-error', 'paper'}
+        ``map``: nonlinear maximum a posteriori estimate of both planes. ``output-error`` and
+        ``filter-error``: linear planes, one by one (`sysid.estimation.linear`). ``paper``:
+        least squares on the rate, linear, without prior.
+    held_out : sequence of str or Path
+        Logs whose tests are predicted and not fitted.
+    limits : ScreeningLimits, optional
+        Limits of the screening rules; by default those of `ScreeningLimits`.
+    progress : callable, optional
+        Called with the present step (text) and the completed share of the work, 0 to 1.
+    marks : sequence of MarkedInterval
+        Time ranges (s) of tests that the logs do not mark.
+    outputs : ServoChannels
+        Servo channels that move the rudder and the elevator, for logs with SERVO_OUTPUT_RAW.
+    beside : sequence of str
+        Further methods that are applied to the same runs, for comparison.
+    tailcone : Path, optional
+        Output file of ``ground bench-test``. Its actuator parameters update the prior of method
+        ``map``.
+    inclining : Path, optional
+        Output file of ``ground inclining-test``. Its height of the centre of mass updates the
+        prior of method ``map``.
 
-    Raises:
-        AshoreError, LogError, VehicleError, ModelError, RefitError: bad input, each in one line.
-        FitFailedError: the logs do not determine a vehicle near the prior.
+    Returns
+    -------
+    IdentifiedModel
+        The content of ``model.json``, with screening results, validation and acceptance
+        decision.
+
+    Raises
+    ------
+    BenchResultError, LogError, VehicleFileError, ModelError, RefitError
+        An input cannot be used.
+    FitFailedError
+        The tests do not determine a vehicle near the prior.
+
+    Notes
+    -----
+    Method ``map`` minimises the negative log posterior (Jategaonkar 2015, ch. 4 and 5)::
+
+        J(z) = 1/2 sum_k |e_k(z)|^2 + 1/2 (z - m)' P^-1 (z - m)
+
+    with z the parameters in prior standard deviations, e_k the whitened residuals of rate, angle
+    and depth, m and P the mean and covariance of the prior. Runs that the fit itself finds
+    anomalous are left out, and the rest is fitted again (`sysid.screening.refit_loop`).
     """
     report = progress or (lambda what, share: None)
-    belief = prior_knowledge(prior)._replace(readings=bench_priors.read(tailcone, inclining))
-    read = _read(paths, outputs, lambda share: report("read logs", 0.1 * share))
-    unseen = _read(held_out, outputs, lambda share: None)
-    _check_marks(marks, [log.name for log in (*read, *unseen)])
-    _refuse_duplicates(paths, read, held_out, unseen, marks, belief)
-    kept, screenings = _select(read, limits, marks)
-    fresh = screen(
-        [run for log in unseen for run in segments.cut_runs(log, _marks_of(log, marks))], limits
+    knowledge = prior_knowledge(prior)._replace(
+        bench_measurements=bench_priors.read(tailcone, inclining)
     )
-    held = [s.run for s in fresh if s.kept]
-    with _failing(belief.name):
-        model, settled = _identify(kept, belief, method, lambda w, s: report(w, 0.1 + 0.85 * s))
-    kept, verdicts = (list(settled.kept), settled.verdicts) if settled else (kept, {})
+    logs = _read(paths, outputs, lambda share: report("read logs", 0.1 * share))
+    held_out_logs = _read(held_out, outputs, lambda share: None)
+    _check_marks(marks, [log.name for log in (*logs, *held_out_logs)])
+    _refuse_duplicates(paths, logs, held_out, held_out_logs, marks, knowledge)
+    accepted_runs, screenings = _select(logs, limits, marks)
+    held_out_screenings = screen(
+        [run for log in held_out_logs for run in segments.cut_runs(log, _marks_of(log, marks))],
+        limits,
+    )
+    held_out_runs = [s.run for s in held_out_screenings if s.accepted]
+    with _failing(knowledge.name):
+        model, refitted = _identify(
+            accepted_runs, knowledge, method, lambda w, s: report(w, 0.1 + 0.85 * s)
+        )
+    accepted_runs, tested_runs = (
+        (list(refitted.accepted_runs), refitted.screenings) if refitted else (accepted_runs, {})
+    )
     model = msgspec.structs.replace(
         model,
-        data=tuple(DataFile(log.name, log.sha256) for log in read),
-        held_out_data=tuple(DataFile(log.name, log.sha256) for log in unseen),
-        screening=tuple(_screened_run(s, verdicts.get(s.run.name)) for s in screenings),
-        held_out_screening=tuple(_screened_run(s) for s in fresh),
+        data=tuple(DataFile(log.name, log.sha256) for log in logs),
+        held_out_data=tuple(DataFile(log.name, log.sha256) for log in held_out_logs),
+        screening=tuple(_screened_run(s, tested_runs.get(s.run.name)) for s in screenings),
+        held_out_screening=tuple(_screened_run(s) for s in held_out_screenings),
     )
-    with _failing(belief.name):
-        model = _with_alternative_fits(model, kept, held, belief, beside)
-        report("judge", 0.95)
-        model = with_assessment(model, kept, held, _logged_gains(read), belief.config)
+    with _failing(knowledge.name):
+        model = _with_alternative_fits(model, accepted_runs, held_out_runs, knowledge, beside)
+        report("validate", 0.95)
+        model = with_assessment(
+            model, accepted_runs, held_out_runs, _logged_gains(logs), knowledge.config
+        )
     report("done", 1.0)
     return model
 
 
 @contextmanager
-def _failing(prior: str) -> Iterator[None]:
-    """Give what makes a fit from ``prior`` impossible as FitFailedError."""
+def _failing(prior_name: str) -> Iterator[None]:
+    """Convert errors of a fit from the prior ``prior_name`` to FitFailedError."""
     try:
         yield
     except VehicleFileError as error:
         raise FitFailedError(
-            f"prior {prior}: the fit ended at the edge of the vehicles that are possible ({error});"
-            " the logs may be of another vehicle: give its own file as the prior"
+            f"prior {prior_name}: the fit ended at the edge of the possible vehicles ({error}); the"
+            " logs may be of another vehicle: give its own file as the prior"
         ) from None
     except np.linalg.LinAlgError as error:
         raise FitFailedError(
-            f"prior {prior}: the tests leave a combination of parameters undetermined ({error}); "
-            "fly more tests, or give the vehicle's own file as the prior"
+            f"prior {prior_name}: the tests leave a combination of parameters undetermined"
+            f" ({error}); fly more tests, or give the vehicle's own file as the prior"
         ) from None
 
 
 def _identify(
-    kept: Sequence[Run], belief: PriorKnowledge, method: Method, progress: Progress
+    runs: Sequence[Run], knowledge: PriorKnowledge, method: Method, progress: Progress
 ) -> tuple[IdentifiedModel, RefitResult | None]:
-    """The model, and what a fit with a noise model said of the runs in it."""
+    """Return the model and, for method ``map``, the result of the outlier tests on its fit."""
     if method != "map":
-        return identify(kept, belief.config, belief.name, method, belief.earlier, progress), None
+        return identify(
+            runs, knowledge.config, knowledge.name, method, knowledge.earlier, progress
+        ), None
     prior = bench_priors.update_prior(
-        prior_of(kept, belief.config, belief.earlier), belief.readings
+        prior_of(runs, knowledge.config, knowledge.earlier), knowledge.bench_measurements
     )
-    settled = refit_until_clean(kept, prior, lambda chosen: fit.fit(chosen, prior, progress))
-    model = model_export.from_fit(settled.found, prior, belief.name)
-    moved = settled.with_all and shifts(
-        model_export.from_fit(settled.with_all, prior, belief.name), model
+    refitted = refit_until_clean(
+        runs, prior, lambda accepted_runs: fit.fit(accepted_runs, prior, progress)
+    )
+    model = model_export.from_fit(refitted.fit, prior, knowledge.name)
+    parameter_shifts = refitted.fit_of_all_runs and shifts(
+        model_export.from_fit(refitted.fit_of_all_runs, prior, knowledge.name), model
     )
     return (
         msgspec.structs.replace(
             model,
-            fit_quality=prediction.quality(model, settled.kept, belief.config),
-            left_out_moved=moved or (),
+            fit_quality=prediction.quality(model, refitted.accepted_runs, knowledge.config),
+            left_out_moved=parameter_shifts or (),
             notes=(
                 *model.notes,
-                *settled.structure,
-                *map(str, intervals.wide_intervals(settled.found, prior)),
+                *refitted.structure,
+                *map(str, intervals.wide_intervals(refitted.fit, prior)),
             ),
         ),
-        settled,
+        refitted,
     )
 
 
 def _with_alternative_fits(
     model: IdentifiedModel,
-    kept: Sequence[Run],
+    runs: Sequence[Run],
     held_out: Sequence[Run],
-    belief: PriorKnowledge,
+    knowledge: PriorKnowledge,
     methods: Sequence[Method],
 ) -> IdentifiedModel:
-    """The model with the same runs fitted by other methods, or a note of why one could not."""
-    rivals: list[AlternativeFit] = []
+    """Add fits of the same runs by other methods, or a note with the reason of a failure."""
+    alternatives: list[AlternativeFit] = []
     notes = list(model.notes)
     for method in methods:
         try:
-            rivals.append(_alternative_fit(kept, held_out, belief, method))
+            alternatives.append(_alternative_fit(runs, held_out, knowledge, method))
         except NotUniqueError as error:
-            notes.append(f"by {method} the same runs name no model: {error}")
-    return msgspec.structs.replace(model, beside=tuple(rivals), notes=tuple(notes))
+            notes.append(f"method {method}: the same runs determine no unique model: {error}")
+    return msgspec.structs.replace(model, beside=tuple(alternatives), notes=tuple(notes))
 
 
 def _alternative_fit(
-    kept: Sequence[Run], held_out: Sequence[Run], belief: PriorKnowledge, method: Method
+    runs: Sequence[Run], held_out: Sequence[Run], knowledge: PriorKnowledge, method: Method
 ) -> AlternativeFit:
-    found = identify(kept, belief.config, belief.name, method, belief.earlier)
+    """Fit the runs by another method.
+
+    Prediction errors of fitted and held-out runs are included.
+    """
+    model = identify(runs, knowledge.config, knowledge.name, method, knowledge.earlier)
     return AlternativeFit(
         method=method,
-        planes=found.planes,
-        coefficients={name: c.value for name, c in found.coefficients.items()},
-        rank=found.joint.rank,
-        fit_quality=found.fit_quality,
-        held_out=prediction.quality(found, held_out, belief.config),
+        planes=model.planes,
+        coefficients={name: c.value for name, c in model.coefficients.items()},
+        rank=model.joint.rank,
+        fit_quality=model.fit_quality,
+        held_out=prediction.quality(model, held_out, knowledge.config),
     )
 
 
-def _logged_gains(read: Sequence[Log]) -> dict[str, float] | None:
-    """Of the first log that tells them all: the loops that flew the tests."""
-    for log in read:
+def _logged_gains(logs: Sequence[Log]) -> dict[str, float] | None:
+    """Return the gains of the first log that holds all of them; None if no log does."""
+    for log in logs:
         if set(TABLE_3_INITIAL) <= set(log.parameters):
             return {name: log.parameters[name] for name in TABLE_3_INITIAL}
     return None
 
 
 def identify(
-    kept: Sequence[Run],
+    runs: Sequence[Run],
     prior: VehicleConfig,
     prior_name: str = "caribou_nominal",
     method: Method = "map",
     earlier: IdentifiedModel | None = None,
     progress: Progress | None = None,
 ) -> IdentifiedModel:
-    """The same for runs already at hand, none of which is screened."""
-    belief = prior_of(kept, prior, earlier)
+    """Identify a vehicle from runs, without screening and without validation.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Runs to fit, at least one.
+    prior : VehicleConfig
+        Vehicle file of the first-principles vehicle.
+    prior_name : str
+        Name of the prior that the model file records.
+    method : {'map', 'output-error', 'filter-error', 'paper'}
+        Estimation method, see `refit`.
+    earlier : IdentifiedModel, optional
+        Model whose estimate and covariance are the prior, instead of first principles.
+    progress : callable, optional
+        Called with the present step and the completed share of the work, 0 to 1.
+
+    Returns
+    -------
+    IdentifiedModel
+        The model with the prediction errors of the fitted runs.
+
+    Raises
+    ------
+    NotUniqueError
+        Methods ``output-error`` and ``filter-error``: the runs do not determine one model.
+    """
+    prior_distribution = prior_of(runs, prior, earlier)
     if method == "paper":
-        nominal = parameters.candidate_vehicle(prior, belief.biases_rad, np.zeros(len(NAMES)))
-        fits = paper_method.fit(kept, prior, nominal.actuators)
-        model = model_export.from_paper(fits, belief, prior_name)
+        nominal = parameters.candidate_vehicle(
+            prior, prior_distribution.biases_rad, np.zeros(len(NAMES))
+        )
+        fits = paper_method.fit(runs, prior, nominal.actuators)
+        model = model_export.from_paper(fits, prior_distribution, prior_name)
     elif method == "map":
-        model = model_export.from_fit(fit.fit(kept, belief, progress), belief, prior_name)
+        model = model_export.from_fit(
+            fit.fit(runs, prior_distribution, progress), prior_distribution, prior_name
+        )
     else:
-        model = linear.identify(kept, belief, prior_name, method, progress)
-    return msgspec.structs.replace(model, fit_quality=prediction.quality(model, kept, prior))
+        model = linear.identify(runs, prior_distribution, prior_name, method, progress)
+    return msgspec.structs.replace(model, fit_quality=prediction.quality(model, runs, prior))
 
 
 def prior_of(
-    kept: Sequence[Run], prior: VehicleConfig, earlier: IdentifiedModel | None = None
+    runs: Sequence[Run], prior: VehicleConfig, earlier: IdentifiedModel | None = None
 ) -> Prior:
-    """Belief before the data: first principles trimmed as the runs were, or what an earlier model
-    says."""
+    """Return the normal distribution of the parameters before the data.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Runs whose mean commands before the tests give the actuator biases of the prior vehicle.
+    prior : VehicleConfig
+        First-principles vehicle.
+    earlier : IdentifiedModel, optional
+        Earlier model; its estimate and covariance are used, and ``runs`` is ignored.
+
+    Returns
+    -------
+    Prior
+        Mean and covariance of z, in prior standard deviations, and actuator biases (rad).
+    """
     if earlier is None:
-        biases = fit.trim_biases(prior, build_model.build(prior), kept)
+        biases = fit.trim_biases(prior, build_model.build(prior), runs)
         return Prior(prior, biases, np.zeros(len(NAMES)), parameters.prior_covariance())
     biases = {plane: float(np.radians(b)) for plane, b in earlier.vehicle.prior_biases_deg.items()}
     return Prior(prior, biases, np.array(earlier.joint.z), np.array(earlier.joint.covariance))
 
 
 def prior_knowledge(prior: str | Path) -> PriorKnowledge:
-    """``bench``, a vehicle file, or a ``model.json``. Raises VehicleError, ModelError,
-    RefitError."""
+    """Read the prior of an identification.
+
+    Parameters
+    ----------
+    prior : str or Path
+        Name of a shipped vehicle, path of a vehicle file, or path of a ``model.json`` of method
+        ``map``.
+
+    Returns
+    -------
+    PriorKnowledge
+        Vehicle file, its name and, for a ``model.json``, the earlier model.
+
+    Raises
+    ------
+    VehicleFileError, ModelError
+        The file is missing or invalid.
+    RefitError
+        The model is of another method than ``map``, or has other parameters than this version.
+    """
     if str(prior).endswith(".json"):
         earlier = models.read(prior)
         if earlier.method != "map":
@@ -268,8 +390,23 @@ def prior_knowledge(prior: str | Path) -> PriorKnowledge:
 
 
 def vehicle_file(prior: str | Path) -> VehicleConfig:
-    """What is known of a vehicle beforehand. Raises VehicleError, also for the one that is
-    simulated."""
+    """Load the vehicle file of a prior.
+
+    Parameters
+    ----------
+    prior : str or Path
+        Name of a shipped vehicle or path of a vehicle file (TOML).
+
+    Returns
+    -------
+    VehicleConfig
+        The decoded vehicle file.
+
+    Raises
+    ------
+    VehicleFileError
+        The file is missing or invalid, or it is the simulated truth, `FORBIDDEN_PRIOR`.
+    """
     if str(prior) == FORBIDDEN_PRIOR:
         raise VehicleFileError(
             f"prior {prior!r}: is the simulated truth; "
@@ -281,68 +418,78 @@ def vehicle_file(prior: str | Path) -> VehicleConfig:
 def _read(
     paths: Sequence[str | Path], outputs: ServoChannels, report: Callable[[float], None]
 ) -> list[Log]:
-    read = []
+    """Read the logs; ``report`` is called with the share of the logs that are read."""
+    logs = []
     for number, path in enumerate(paths):
         report(number / len(paths))
-        read.append(readers.read(path, outputs))
-    return read
+        logs.append(readers.read(path, outputs))
+    return logs
 
 
 def _check_marks(marks: Sequence[MarkedInterval], names: Sequence[str]) -> None:
-    """Every mark must say which log it means, and mean one that is there."""
+    """Require that every mark names an existing log.
+
+    A mark may omit it only if there is one log.
+    """
     for mark in marks:
-        text = f"run {mark.start_s:g}..{mark.stop_s:g}"
+        description = f"run {mark.start_s:g}..{mark.stop_s:g}"
         if mark.log and mark.log not in names:
-            raise RefitError(f"{text}: {mark.log} is none of the logs {', '.join(names)}")
+            raise RefitError(f"{description}: {mark.log} is none of the logs {', '.join(names)}")
         if not mark.log and len(names) > 1:
             raise RefitError(
-                f"{text}: there are {len(names)} logs; name the one that it is in,"
+                f"{description}: there are {len(names)} logs; name the one that it is in,"
                 f" {names[0]}:START..STOP"
             )
 
 
 def _refuse_duplicates(
     paths: Sequence[str | Path],
-    read: Sequence[Log],
+    logs: Sequence[Log],
     held_out: Sequence[str | Path],
-    unseen: Sequence[Log],
+    held_out_logs: Sequence[Log],
     marks: Sequence[MarkedInterval],
-    belief: PriorKnowledge,
+    knowledge: PriorKnowledge,
 ) -> None:
-    """Raise RefitError where two of the logs hold the same dive."""
-    fitted, predicted = (
+    """Raise RefitError if two of the logs hold the same dive."""
+    fitted_logs, held_out_named = (
         [duplicates.named_log(path, log, _marks_of(log, marks)) for path, log in pairs]
-        for pairs in (zip(paths, read, strict=True), zip(held_out, unseen, strict=True))
+        for pairs in (zip(paths, logs, strict=True), zip(held_out, held_out_logs, strict=True))
     )
-    prior_data = belief.earlier.data if belief.earlier else ()
-    reason = duplicates.refusal(fitted, predicted, prior_data)
+    prior_data = knowledge.earlier.data if knowledge.earlier else ()
+    reason = duplicates.refusal(fitted_logs, held_out_named, prior_data)
     if reason:
         raise RefitError(reason)
 
 
 def _marks_of(log: Log, marks: Sequence[MarkedInterval]) -> list[MarkedInterval]:
+    """Return the marks that apply to a log; a mark without a log name applies to every log."""
     return [mark for mark in marks if mark.log in ("", log.name)]
 
 
 def _select(
-    read: Sequence[Log], limits: ScreeningLimits | None, marks: Sequence[MarkedInterval]
+    logs: Sequence[Log], limits: ScreeningLimits | None, marks: Sequence[MarkedInterval]
 ) -> tuple[list[Run], list[Screening]]:
-    found = [run for log in read for run in segments.cut_runs(log, _marks_of(log, marks))]
-    names = ", ".join(log.name for log in read) or "no file"
-    if not found:
+    """Cut the logs into runs and screen them.
+
+    Return the accepted runs and all screening results.
+    """
+    runs = [run for log in logs for run in segments.cut_runs(log, _marks_of(log, marks))]
+    names = ", ".join(log.name for log in logs) or "no file"
+    if not runs:
         needed = "'SystemID Starting' events of axis 11 or 12, or runs that you mark"
         raise RefitError(f"{names}: no test found; a log needs {needed}")
-    screenings = screen(found, limits)
-    kept = [s.run for s in screenings if s.kept]
-    if not kept:
-        why = "; ".join(f"{s.run.name} {s.reasons[0]}" for s in screenings)
-        raise RefitError(f"{names}: every test was screened out: {why}")
-    return kept, screenings
+    screenings = screen(runs, limits)
+    accepted_runs = [s.run for s in screenings if s.accepted]
+    if not accepted_runs:
+        rejections = "; ".join(f"{s.run.name} {s.reasons[0]}" for s in screenings)
+        raise RefitError(f"{names}: every test was screened out: {rejections}")
+    return accepted_runs, screenings
 
 
-def _screened_run(screening: Screening, verdict: RunScreening | None = None) -> ScreenedRun:
+def _screened_run(screening: Screening, outlier_test: RunScreening | None = None) -> ScreenedRun:
+    """Return the ``model.json`` record of a run, with the outlier tests if the run was fitted."""
     run, reasons = screening.run, screening.reasons
-    bare = ScreenedRun(
+    record = ScreenedRun(
         run.name,
         run.plane,
         run.wave,
@@ -351,14 +498,14 @@ def _screened_run(screening: Screening, verdict: RunScreening | None = None) -> 
         not reasons,
         reasons,
     )
-    if verdict is None:
-        return bare
+    if outlier_test is None:
+        return record
     return msgspec.structs.replace(
-        bare,
-        kept=not verdict.reason,
-        reasons=(verdict.reason,) if verdict.reason else (),
-        warnings=verdict.warnings,
-        p_value=verdict.scores.p_value,
-        repeat_p_value=verdict.repeat.p_value if verdict.repeat else None,
-        anomalies=tuple(AnomalyTest(*anomaly) for anomaly in verdict.scores.anomalies),
+        record,
+        kept=not outlier_test.reason,
+        reasons=(outlier_test.reason,) if outlier_test.reason else (),
+        warnings=outlier_test.warnings,
+        p_value=outlier_test.scores.p_value,
+        repeat_p_value=outlier_test.repeat.p_value if outlier_test.repeat else None,
+        anomalies=tuple(AnomalyTest(*anomaly) for anomaly in outlier_test.scores.anomalies),
     )

@@ -1,5 +1,7 @@
-"""The JSON Schema of ``model.json`` from its records: ``python -m sysid.schema >
-docs/model.schema.json``."""
+"""JSON Schema of ``model.json``, derived from the record classes of `sysid.models.model_file`.
+
+Usage: ``python -m sysid.schema > docs/model.schema.json``.
+"""
 
 import sys
 
@@ -9,13 +11,19 @@ from sysid.models.model_file import FORMAT, IdentifiedModel
 
 
 def schema() -> bytes:
-    """JSON Schema 2020-12 of the format that this version reads and writes."""
-    found = msgspec.json.schema(IdentifiedModel)
-    head = {
+    """Return the JSON Schema (draft 2020-12) of the format that this version reads and writes.
+
+    Returns
+    -------
+    bytes
+        The schema as indented JSON, UTF-8, with a newline at the end.
+    """
+    definitions = msgspec.json.schema(IdentifiedModel)
+    header = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": f"model.json, format {FORMAT}: an identified vehicle",
     }
-    return msgspec.json.format(msgspec.json.encode(head | found), indent=1) + b"\n"
+    return msgspec.json.format(msgspec.json.encode(header | definitions), indent=1) + b"\n"
 
 
 if __name__ == "__main__":

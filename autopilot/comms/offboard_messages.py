@@ -141,13 +141,13 @@ def _global(message: Any, fields: dict[str, float], home: Home) -> MotionTarget:
 
 
 def _motion(
-    fields: dict[str, float], place_m: complex | None, depth_m: float | None
+    fields: dict[str, float], position_m: complex | None, depth_m: float | None
 ) -> MotionTarget:
     """Return the target; with a position given, the velocity only sets the speed towards it."""
     velocity = _pair(fields, "vx", "vy", "velocity")
-    speed_only = place_m is not None and velocity is not None
+    speed_only = position_m is not None and velocity is not None
     return MotionTarget(
-        place_m=place_m,
+        position_m=position_m,
         depth_m=None if depth_m is None else max(0.0, depth_m),
         velocity_mps=None if speed_only else velocity,
         depth_rate_mps=fields.get("vz") if depth_m is None else None,

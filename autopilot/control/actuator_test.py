@@ -1,26 +1,33 @@
-"""Moving the actuators of a disarmed vehicle one by one, as somebody does who looks at them from
-the quay. Pure."""
+"""Test of single actuators of a disarmed vehicle. Pure."""
 
-from autopilot.control.types import US_PER_S, AutopilotState, BenchTest
+from autopilot.control.types import US_PER_S, ActuatorTest, AutopilotState
 
 CHANNELS = 3
+"""Number of actuator channels: rudder, elevator, thrust."""
 _AT_REST = (0.0,) * CHANNELS
 
 
 def begin(state: AutopilotState, channel: int, value: float, seconds: float) -> AutopilotState:
-    """Move one actuator, for so long; what was asked of it before is forgotten."""
-    others = tuple(test for test in state.bench_tests if test.channel != channel)
+    """Start a test of one actuator, which replaces an earlier test of the same actuator.
+
+    Parameters:
+        state: state of a disarmed vehicle.
+        channel: 0 rudder, 1 elevator, 2 thrust.
+        value: command in [-1, 1].
+        seconds: duration in vehicle time; 0 ends the test at once.
+    """
+    others = tuple(test for test in state.actuator_tests if test.channel != channel)
     if seconds <= 0.0:
-        return state._replace(bench_tests=others)
+        return state._replace(actuator_tests=others)
     until_us = state.time_us + round(seconds * US_PER_S)
-    return state._replace(bench_tests=(*others, BenchTest(channel, value, until_us)))
+    return state._replace(actuator_tests=(*others, ActuatorTest(channel, value, until_us)))
 
 
 def positions(state: AutopilotState) -> tuple[float, ...]:
-    """Rudder, elevator and thrust in [-1, 1]: all zero where nothing is tested."""
-    if not state.bench_tests:
+    """Return the commands of rudder, elevator and thrust in [-1, 1]; 0 if not tested."""
+    if not state.actuator_tests:
         return _AT_REST
-    wanted = {
-        test.channel: test.value for test in state.bench_tests if state.time_us < test.until_us
+    commands = {
+        test.channel: test.value for test in state.actuator_tests if state.time_us < test.until_us
     }
-    return tuple(wanted.get(channel, 0.0) for channel in range(CHANNELS))
+    return tuple(commands.get(channel, 0.0) for channel in range(CHANNELS))

@@ -20,19 +20,26 @@ from autopilot.control.sensor_health import monitor, sensor_checks
 from autopilot.control.types import US_PER_S, Ascent, AutopilotState, Event, Severity
 
 RISE_M = 0.2
-"""Decrease of the least depth so far that counts as a rise. An ascent makes it within SURF_RISE_S;
-a vehicle that only moves up and down, in waves or on the sea floor, makes it a few times."""
+"""Decrease of the least depth so far that counts as a rise.
+
+An ascent rises that much within SURF_RISE_S. A vehicle that only moves up and down, in waves or on
+the sea floor, does so a few times at most.
+"""
 NOT_RISING = "not rising"
+"""Cause of the failsafe of a vehicle that does not rise."""
 
 Events = tuple[Event, ...]
 
 
 def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState, Events]:
-    """Set the set-points of mode SURFACE, and end it when the surface or a limit is reached."""
+    """Set the set-points of mode SURFACE, and end it at the surface or at a time limit.
+
+    Returns the new state and the events.
+    """
     blind = failsafe.depth_unknown(state, config)
     ascent = _update(state, blind)
-    if reached := _reached_surface(state, ascent, blind, config):
-        return modes.disarm(state), (reached,)
+    if surfaced := _reached_surface(state, ascent, blind, config):
+        return modes.disarm(state), (surfaced,)
     still_s = (state.time_us - ascent.risen_us) / US_PER_S
     if 0.0 < config.surface_time_s < still_s:
         text = f"Failsafe: surface not reached, no rise for {config.surface_time_s:g} s -> disarmed"
@@ -53,7 +60,7 @@ def step_surface(state: AutopilotState, config: Config) -> tuple[AutopilotState,
 
 
 def _update(state: AutopilotState, blind: bool) -> Ascent:
-    """The ascent after this tick's estimate. A depth that is not measured shows no rise."""
+    """Return the progress after this tick; without a depth measurement there is no rise."""
     now_us, depth_m = state.time_us, state.estimate.depth_m
     ascent = state.ascent or Ascent(depth_m, now_us)
     if not blind and depth_m < ascent.depth_m - RISE_M:
@@ -61,13 +68,13 @@ def _update(state: AutopilotState, blind: bool) -> Ascent:
     gps = state.health.gps
     if not sensor_checks.has_fix(gps.record) or sensor_checks.is_silent(gps, now_us):
         return ascent._replace(fix_us=None) if ascent.fix_us is not None else ascent
-    return ascent if ascent.fix_us is not None else ascent._replace(fix_us=gps.sound_us)
+    return ascent if ascent.fix_us is not None else ascent._replace(fix_us=gps.accepted_us)
 
 
 def _reached_surface(
     state: AutopilotState, ascent: Ascent, blind: bool, config: Config
 ) -> Event | None:
-    """The text of a vehicle at the surface; None while it is below."""
+    """Return the event of a vehicle at the surface; None while it is submerged."""
     if blind:
         if monitor.has_new_fix(state.health, state.time_us):
             return Event(Severity.INFO, "Surfaced by satellite fix: disarmed")
@@ -82,9 +89,9 @@ def _reached_surface(
 
 
 def _fix_holds(state: AutopilotState, ascent: Ascent, hold_us: int) -> bool:
-    """Whether fixes have come for ``hold_us`` without a rise in that time.
+    """Return whether fixes have come for ``hold_us`` without a rise in that time.
 
-    Counted from the first fix to the newest one that differs from the one before it: a receiver
+    The time is from the first fix to the newest one that differs from the one before it: a receiver
     that repeats its last fix from before a dive, or reports it late, does not count. Nor does a fix
     while the measured depth decreases: some simulators receive satellites under water.
     """
@@ -97,7 +104,7 @@ def _fix_holds(state: AutopilotState, ascent: Ascent, hold_us: int) -> bool:
 
 
 def _give_up(state: AutopilotState) -> AutopilotState:
-    """The state with its cause, where no other failsafe is in force."""
+    """Return the state with the failsafe NOT_RISING, unless another failsafe is in force."""
     if state.failsafe not in ("", failsafe.GCS_LOST):
         return state
     return state._replace(failsafe=NOT_RISING)

@@ -1,5 +1,7 @@
-"""The tick: health, estimate, failsafe, guidance, loops or excitation, actuators. Pure: no clock,
-no I/O, no chance."""
+"""The tick: sensor checks, estimate, failsafes, mode, guidance, loops or test signal, actuators.
+
+Pure: no clock, no I/O, no randomness.
+"""
 
 from autopilot.control import (
     actuator_test,
@@ -38,7 +40,7 @@ from mavlink_io.records import (
 )
 
 MAX_STEP_S = 0.2
-"""A longer gap between sensor frames is not bridged: the estimate would only guess."""
+"""Maximum time step of the tick: a longer gap between sensor frames is not integrated."""
 
 _NEUTRAL = (0.0,) * 16
 _UNUSED_CHANNELS = (0.0,) * 13
@@ -47,26 +49,37 @@ Events = tuple[Event | ItemReached, ...]
 
 
 def initial_state() -> AutopilotState:
-    """The state before the first tick."""
+    """Return the state before the first tick."""
     return AutopilotState()
 
 
 def tick(
     state: AutopilotState, inputs: Inputs, config: Config
 ) -> tuple[AutopilotState, ActuatorFrame, Trace, Events]:
-    """One step of the autopilot at the vehicle time of the sensors."""
+    """Advance the autopilot by one tick, to the vehicle time of the sensor frame.
+
+    Parameters:
+        state: state after the last tick.
+        inputs: sensors and link ages of this tick.
+        config: parameters.
+
+    Returns:
+        New state; actuator frame that answers the sensor frame; signals of the loops; events to
+        send.
+    """
     dt_s = step_s(state, inputs)
-    state, inputs, noticed = update_sensors(state, inputs, config, dt_s)
+    state, inputs, sensor_events = update_sensors(state, inputs, config, dt_s)
     if any(state.targets):
         state = state._replace(targets=offboard.drop_stale_targets(state.targets, inputs, config))
-    state, alarms = failsafe.check_failsafes(state, inputs, config)
-    state, guided = update_setpoints(state, inputs.stick, config, dt_s)
+    state, failsafe_events = failsafe.check_failsafes(state, inputs, config)
+    state, mode_events = update_setpoints(state, inputs.stick, config, dt_s)
     state, trace = compute_actuators(state, inputs.stick, config, dt_s)
-    return state, actuator_frame(state, trace, config), trace, (*noticed, *alarms, *guided)
+    events = (*sensor_events, *failsafe_events, *mode_events)
+    return state, actuator_frame(state, trace, config), trace, events
 
 
 def step_s(state: AutopilotState, inputs: Inputs) -> float:
-    """Seconds since the last tick, zero at the first and never more than ``MAX_STEP_S``."""
+    """Return the time (s) since the last tick; 0 at the first, at most ``MAX_STEP_S``."""
     if state.time_us < 0:
         return 0.0
     return min(MAX_STEP_S, (inputs.sensors.time_us - state.time_us) / US_PER_S)
@@ -75,30 +88,32 @@ def step_s(state: AutopilotState, inputs: Inputs) -> float:
 def update_sensors(
     state: AutopilotState, inputs: Inputs, config: Config, dt_s: float
 ) -> tuple[AutopilotState, Inputs, tuple[Event, ...]]:
-    """Take in the instruments as far as they can be believed, which is also what is given back of
-    the inputs."""
-    heard, sound, inputs, noticed = monitor.check_sensors(state, inputs, config)
+    """Check the sensors and update home and the estimate.
+
+    Returns the new state, the inputs without readings that must not be used, and events.
+    """
+    ahrs, health, inputs, events = monitor.check_sensors(state, inputs, config)
     home = update_home(state.home, inputs.gps)
     estimate = update_estimate(state, inputs, home, config, dt_s)
     time_us = inputs.sensors.time_us
     return (
-        state._replace(time_us=time_us, ahrs=heard, health=sound, home=home, estimate=estimate),
+        state._replace(time_us=time_us, ahrs=ahrs, health=health, home=home, estimate=estimate),
         inputs,
-        noticed,
+        events,
     )
 
 
 def update_home(home: Home, fix: GpsFix | None) -> Home:
-    """The first satellite fix at the surface becomes home."""
+    """Return home; the first satellite fix sets it if it is unknown."""
     if home.known or fix is None or fix.fix_type < 3:
         return home
-    return Home(fix.lat_deg, fix.lon_deg, True)
+    return Home(fix.lat_deg, fix.lon_deg, known=True)
 
 
 def update_estimate(
     state: AutopilotState, inputs: Inputs, home: Home, config: Config, dt_s: float
 ) -> VehicleEstimate:
-    """The estimate after this tick's sensors; it begins once all that it needs has spoken."""
+    """Return the estimate of this tick; it starts when all required sensors are fresh."""
     if state.estimate.initialised:
         return estimator.update(state.estimate, inputs, state.thrust, home, config, dt_s)
     if inputs.sensors.fields_updated & estimator.REQUIRED_FIELDS == estimator.REQUIRED_FIELDS:
@@ -109,17 +124,18 @@ def update_estimate(
 def update_setpoints(
     state: AutopilotState, stick: Stick | None, config: Config, dt_s: float
 ) -> tuple[AutopilotState, Events]:
-    """Let the mode move the set-points, and the path the heading."""
+    """Update the set-points by mode and path, and end a test that is due."""
     if not state.armed:
         return state, ()
-    state, ended = end_test_if_due(state, config)
+    state, test_events = end_test_if_due(state, config)
     state, events = _step_mode(state, stick, config, dt_s)
-    return guidance.update_heading(state, config, dt_s), (*ended, *events)
+    return guidance.update_heading(state, config, dt_s), (*test_events, *events)
 
 
 def _step_mode(
     state: AutopilotState, stick: Stick | None, config: Config, dt_s: float
 ) -> tuple[AutopilotState, Events]:
+    """Update the set-points by the current mode."""
     mode = state.mode
     if mode == modes.MISSION.number:
         return mission.step(state, config)
@@ -137,7 +153,7 @@ def _step_mode(
 
 
 def step_rtl(state: AutopilotState, config: Config) -> tuple[AutopilotState, Events]:
-    """Near home, or abeam of it, surface."""
+    """Change to SURFACE within RTL_RADIUS_M of home or after passing it."""
     path = state.path
     if isinstance(path, TrackLine) and not guidance.reached(
         path, state.estimate, config.rtl_radius_m
@@ -150,18 +166,18 @@ def step_rtl(state: AutopilotState, config: Config) -> tuple[AutopilotState, Eve
 def step_offboard(
     state: AutopilotState, config: Config, dt_s: float
 ) -> tuple[AutopilotState, Events]:
-    """Follow the set-points from outside while they stream; then hold."""
+    """Apply the set-point streams; change to HOLD when none is left."""
     if any(state.targets):
         return offboard.step(state, config, dt_s), ()
     state, events = modes.enter(state, modes.HOLD)
-    lost = Event(
+    timeout = Event(
         Severity.WARNING, f"OFFBOARD lost: no set-point for {config.offboard_timeout_s:g} s -> HOLD"
     )
-    return guidance.hold_current(state, config), (lost, *events)
+    return guidance.hold_current(state, config), (timeout, *events)
 
 
 def end_test_if_due(state: AutopilotState, config: Config) -> tuple[AutopilotState, Events]:
-    """End a test that has run its time or left its envelope, and say why."""
+    """End a test after its duration or outside its safety envelope, and report the reason."""
     test = state.test
     if test is None:
         return state, ()
@@ -175,7 +191,10 @@ def end_test_if_due(state: AutopilotState, config: Config) -> tuple[AutopilotSta
 def compute_actuators(
     state: AutopilotState, stick: Stick | None, config: Config, dt_s: float
 ) -> tuple[AutopilotState, Trace]:
-    """Loops, excitation or the pilot's hand to deflections within the duct's travel."""
+    """Compute the commands from loops, test signal or stick, limited to the duct's travel.
+
+    While disarmed the loops are reset, and the commands are those of actuator tests.
+    """
     if not state.armed:
         rudder, elevator, _ = actuator_test.positions(state)
         at_rest = monitor.predict_duct(
@@ -184,7 +203,7 @@ def compute_actuators(
         return state._replace(thrust=0.0, loops=LoopMemory(), duct_rad=at_rest), Trace()
     mode, test, travel = modes.by_number(state.mode) or modes.HOLD, state.test, config.travel_rad
     axis = excitation.AXES[test.axis] if test else excitation.NO_AXIS
-    wanted, memory = loops.step_loops(
+    output, memory = loops.step_loops(
         state.estimate,
         state.setpoint,
         state.loops,
@@ -193,42 +212,42 @@ def compute_actuators(
         heading=mode.closes_heading and not axis.opens_heading,
         depth=mode.closes_depth and not axis.opens_depth,
     )
-    rudder, elevator, heading_error, pitch_error, depth_error, pitch_setpoint = wanted
-    thrust, deflection, frequency = state.setpoint.thrust, 0.0, 0.0
+    rudder, elevator, heading_error, pitch_error, depth_error, pitch_setpoint = output
+    thrust, test_rad, frequency_hz = state.setpoint.thrust, 0.0, 0.0
     if test is not None:
-        played = excitation.sample(test, (state.time_us - test.started_us) / US_PER_S)
+        signal = excitation.sample(test, (state.time_us - test.started_us) / US_PER_S)
         rudder, elevator, thrust = (
-            rudder + played.rudder_rad,
-            elevator + played.elevator_rad,
-            thrust + played.thrust,
+            rudder + signal.rudder_rad,
+            elevator + signal.elevator_rad,
+            thrust + signal.thrust,
         )
-        deflection, frequency = (
-            played.rudder_rad if axis.rudder else played.elevator_rad,
-            played.frequency_hz,
+        test_rad, frequency_hz = (
+            signal.rudder_rad if axis.rudder else signal.elevator_rad,
+            signal.frequency_hz,
         )
     if mode is modes.MANUAL:
-        hand = stick or Stick(0.0, 0.0, 0.0)
-        rudder, elevator, thrust = hand.rudder * travel, hand.elevator * travel, hand.thrust
+        manual = stick or Stick(0.0, 0.0, 0.0)
+        rudder, elevator, thrust = manual.rudder * travel, manual.elevator * travel, manual.thrust
     rudder, elevator, thrust = limit(rudder, elevator, thrust, config)
     trace = Trace(
-        heading_error,
-        pitch_error,
-        depth_error,
-        pitch_setpoint,
-        deflection,
-        frequency,
-        rudder,
-        elevator,
-        thrust,
+        heading_error_rad=heading_error,
+        pitch_error_rad=pitch_error,
+        depth_error_m=depth_error,
+        pitch_setpoint_rad=pitch_setpoint,
+        excitation_rad=test_rad,
+        excitation_hz=frequency_hz,
+        rudder_rad=rudder,
+        elevator_rad=elevator,
+        thrust=thrust,
     )
-    follows = monitor.predict_duct(state.duct_rad, rudder, elevator, dt_s)
-    return state._replace(loops=memory, thrust=thrust, duct_rad=follows), trace
+    duct_rad = monitor.predict_duct(state.duct_rad, rudder, elevator, dt_s)
+    return state._replace(loops=memory, thrust=thrust, duct_rad=duct_rad), trace
 
 
 def limit(
     rudder_rad: float, elevator_rad: float, thrust: float, config: Config
 ) -> tuple[float, float, float]:
-    """Deflections within the duct's travel, thrust within full ahead and full astern."""
+    """Limit deflections (rad) to the duct's travel and thrust to [-1, 1]."""
     travel = config.travel_rad
     return (
         min(travel, max(-travel, rudder_rad)),
@@ -238,12 +257,13 @@ def limit(
 
 
 def actuator_frame(state: AutopilotState, trace: Trace, config: Config) -> ActuatorFrame:
-    """The frame that answers this tick's sensors; while disarmed all zero but for what is tested on
-    the bench."""
+    """Return the actuator frame of this tick; while disarmed all zero except for actuator tests."""
     mode = CUSTOM_MODE_FLAG | (ARMED_FLAG if state.armed else 0)
     if not state.armed:
         resting = (
-            (*actuator_test.positions(state), *_UNUSED_CHANNELS) if state.bench_tests else _NEUTRAL
+            (*actuator_test.positions(state), *_UNUSED_CHANNELS)
+            if state.actuator_tests
+            else _NEUTRAL
         )
         return ActuatorFrame(state.time_us, LOCKSTEP_FLAG, resting, mode)
     travel = config.travel_rad

@@ -1,13 +1,23 @@
-"""Attitude, depth, speed and position from the sensors of one tick.
+"""Estimate attitude, depth, speed and position from the sensors of one tick. Pure.
 
-Attitude: complementary filter on the quaternion with gyro bias (Mahony, Hamel and Pflimlin 2008,
-eq. 32), its gravity reference freed of the turn's centripetal acceleration. Depth: pressure and
-vertical acceleration in a third-order complementary filter with one triple pole. Position:
-``autopilot.control.navigation``.
+Body axes FRD, world NED, SI units. Symbols: R attitude (body to NED, as a quaternion), d = R^T e_3
+unit vector down in body axes, f specific force (m/s^2), w = (p, q, r) gyro rates, b gyro bias, U
+forward speed, z depth.
 
-What the sample's ``fields_updated`` does not name is not used, and the rest carries on: without the
-gyro a second-order observer takes the rates from the turning of gravity and field, without the
-pressure sensor depth is only carried along."""
+Attitude
+    Complementary filter on the quaternion with gyro bias (Mahony, Hamel and Pflimlin 2008,
+    eq. 32). Its gravity reference is corrected for the centripetal acceleration w x U.
+Depth
+    Third-order complementary filter of pressure and vertical acceleration with a triple pole.
+Speed
+    Balance of thrust and quadratic drag.
+Position
+    ``autopilot.control.navigation``.
+
+Only the sensor groups in ``fields_updated`` are used. Without the gyro, a second-order observer
+estimates the rates from gravity and magnetic field; without the pressure sensor, depth is dead
+reckoned from the vertical speed.
+"""
 
 import math
 
@@ -33,24 +43,30 @@ from mavlink_io.records import (
 )
 
 REQUIRED_FIELDS = ACCELEROMETER_FRESH | MAGNETOMETER_FRESH | PRESSURE_FRESH
-"""To begin with."""
+"""Sensor groups that the first estimate needs."""
 
 ALTIMETER_STALE_US = 1_000_000
+"""Maximum age of an altitude."""
 TURN_RATE_GATE_RADPS = math.radians(2.0)
-"""Rate of turn at which the accelerometer and the magnetometer count half: sideslip and lost speed,
-which nobody measures, then lean on the one, and through the tilt of the field's dip on the other.
-The gyro carries the turn."""
+"""Turn rate at which accelerometer and magnetometer have half their weight.
+
+In a turn, sideslip and speed loss are not measured and bias the accelerometer; the tilt error then
+biases the magnetometer through the dip of the field. The gyro alone carries fast turns.
+"""
 MAX_BIAS_RADPS = math.radians(1.0)
-DEPTH_OBSERVER_RADPS = 2.0
-"""Double pole of the observer that stands in for the gyro."""
+"""Limit of the gyro bias estimate."""
+RATE_OBSERVER_RADPS = 2.0
+"""Double pole of the observer that replaces the gyro."""
 DEPTH_RATE_DECAY_S = 10.0
-"""Without the pressure sensor the vertical speed is forgotten in this time: carried further it
-would only mislead."""
+"""Time constant with which the vertical speed decays to zero without the pressure sensor."""
 
 
 def initial_estimate(sensors: SensorFrame, config: Config) -> VehicleEstimate:
-    """The first estimate: level reference from the accelerometer, heading from the magnetometer, at
-    rest."""
+    """Return the first estimate, of a vehicle at rest.
+
+    Roll and pitch follow from the accelerometer, heading from the magnetometer, depth from the
+    pressure.
+    """
     ax, ay, az = sensors[1:4]
     roll = math.atan2(-ay, -az)
     pitch = math.atan2(ax, math.hypot(ay, az))
@@ -71,17 +87,28 @@ def initial_estimate(sensors: SensorFrame, config: Config) -> VehicleEstimate:
 def update(
     old: VehicleEstimate, inputs: Inputs, thrust: float, home: Home, config: Config, dt_s: float
 ) -> VehicleEstimate:
-    """The estimate after a tick of ``dt_s`` seconds under the last commanded ``thrust`` (fraction
-    of full)."""
+    """Advance the estimate by one tick.
+
+    Parameters:
+        old: estimate after the last tick.
+        inputs: sensors of this tick, checked.
+        thrust: last commanded thrust (fraction of full).
+        home: home position.
+        config: parameters.
+        dt_s: time since the last tick.
+
+    Returns:
+        Estimate of this tick.
+    """
     sensors, now_us = inputs.sensors, inputs.sensors.time_us
     speed = _speed(old.speed_mps, thrust, config, dt_s)
     attitude, rates, bias = _attitude(old, sensors, speed, config, dt_s)
     roll, pitch, heading = euler_from_quaternion(*attitude)
     depth, depth_rate, accel_bias = _depth(old, sensors, attitude, config, dt_s)
-    ahead = speed * math.cos(pitch)
-    water = complex(ahead * math.cos(heading), ahead * math.sin(heading))
+    horizontal = speed * math.cos(pitch)
+    water = complex(horizontal * math.cos(heading), horizontal * math.sin(heading))
     motion = navigation.MotionInput(now_us, attitude, water, thrust != 0.0, rates[2], depth_rate)
-    place, over_ground, memory = navigation.predict_and_update(
+    position, over_ground, memory = navigation.predict_and_update(
         complex(old.north_m, old.east_m), old.navigation, motion, inputs, home, config, dt_s
     )
     altitude, altitude_time = _altitude(old, inputs.altimeter, now_us)
@@ -96,8 +123,8 @@ def update(
         depth_rate,
         accel_bias,
         speed,
-        place.real,
-        place.imag,
+        position.real,
+        position.imag,
         over_ground.real,
         over_ground.imag,
         navigation.sd_m(memory),
@@ -110,16 +137,20 @@ def update(
 
 
 def depth_of(pressure_hpa: float, config: Config) -> float:
-    """Depth of an absolute pressure under the air pressure and density of the parameters."""
+    """Return the depth (m) of an absolute pressure: z = (p - EST_SURF_HPA) / (EST_DENSITY g)."""
     gauge_pa = 100.0 * (pressure_hpa - config.surface_pressure_hpa)
     return gauge_pa / (config.water_density_kgpm3 * STANDARD_GRAVITY_MPS2)
 
 
 def _speed(speed_mps: float, thrust: float, config: Config, dt_s: float) -> float:
-    """Forward speed through the water: thrust against quadratic drag.
+    """Return the forward speed through the water, by thrust against quadratic drag.
 
-    An Euler step that is too long for a fast vehicle would pass the steady speed and diverge: it
-    ends there.
+    With U_s the steady speed of the thrust (proportional to it: SPD_CRUISE_MPS at THR_CRUISE_PCT)
+    and L = SPD_LENGTH_M, explicit Euler::
+
+        U' = (U_s |U_s| - U |U|) / L
+
+    A step that would pass U_s ends there: with long steps or high speed it would diverge.
     """
     cruise_pct = config.cruise_thrust_pct
     steady = config.cruise_speed_mps * 100.0 * thrust / cruise_pct if cruise_pct else 0.0
@@ -132,14 +163,28 @@ def _speed(speed_mps: float, thrust: float, config: Config, dt_s: float) -> floa
 def _attitude(
     old: VehicleEstimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
 ) -> tuple[Quaternion, Vector, Vector]:
+    """Return attitude, body rates (rad/s) and gyro bias (rad/s) after a tick.
+
+    Mahony, Hamel and Pflimlin 2008, eq. 32, with e_a and e_m the rotation errors of accelerometer
+    and magnetometer (rad, body axes), b' limited to MAX_BIAS_RADPS::
+
+        R' = R [w - b + k_a e_a + k_m e_m]_x        b' = -k_b (e_a + e_m)
+
+    k_a = EST_ATT_GAIN, k_m = EST_HDG_GAIN, k_b = EST_BIAS_GAIN, each times the weight
+    1 / (1 + (q^2 + r^2) / TURN_RATE_GATE^2).
+    """
     if not sensors.fields_updated & GYRO_FRESH:
         return _attitude_without_gyro(old, sensors, speed_mps, config, dt_s)
     bx, by, bz = old.gyro_bias_radps
     p, q, r = sensors[4:7]
     p, q, r = p - bx, q - by, r - bz
     (ex, ey, ez), (mx, my, mz) = _attitude_errors(old.attitude, sensors, speed_mps, q, r, config)
-    trust = 1.0 / (1.0 + (q * q + r * r) / TURN_RATE_GATE_RADPS**2)
-    ka, kh, kb = trust * config.attitude_gain, trust * config.heading_gain, trust * config.bias_gain
+    weight = 1.0 / (1.0 + (q * q + r * r) / TURN_RATE_GATE_RADPS**2)
+    ka, kh, kb = (
+        weight * config.attitude_gain,
+        weight * config.heading_gain,
+        weight * config.bias_gain,
+    )
     attitude = _integrate(
         old.attitude, p + ka * ex + kh * mx, q + ka * ey + kh * my, r + ka * ez + kh * mz, dt_s
     )
@@ -154,17 +199,31 @@ def _attitude(
 def _attitude_without_gyro(
     old: VehicleEstimate, sensors: SensorFrame, speed_mps: float, config: Config, dt_s: float
 ) -> tuple[Quaternion, Vector, Vector]:
-    """Attitude and rates from gravity and field alone, the gyro's bias left as it was."""
+    """Return attitude, rates and bias without the gyro; the bias keeps its value.
+
+    Second-order observer with a double pole a = RATE_OBSERVER_RADPS and e = e_a + e_m::
+
+        R' = R [w + 2 a e]_x        w' = a^2 e
+    """
     p, q, r = old.p_radps, old.q_radps, old.r_radps
     (ex, ey, ez), (mx, my, mz) = _attitude_errors(old.attitude, sensors, speed_mps, q, r, config)
     ex, ey, ez = ex + mx, ey + my, ez + mz
-    pull, gain = 2.0 * DEPTH_OBSERVER_RADPS, DEPTH_OBSERVER_RADPS * DEPTH_OBSERVER_RADPS * dt_s
-    attitude = _integrate(old.attitude, p + pull * ex, q + pull * ey, r + pull * ez, dt_s)
-    return attitude, (p + gain * ex, q + gain * ey, r + gain * ez), old.gyro_bias_radps
+    angle_gain, rate_gain = (
+        2.0 * RATE_OBSERVER_RADPS,
+        RATE_OBSERVER_RADPS * RATE_OBSERVER_RADPS * dt_s,
+    )
+    attitude = _integrate(
+        old.attitude, p + angle_gain * ex, q + angle_gain * ey, r + angle_gain * ez, dt_s
+    )
+    return (
+        attitude,
+        (p + rate_gain * ex, q + rate_gain * ey, r + rate_gain * ez),
+        old.gyro_bias_radps,
+    )
 
 
 def _down_vector(attitude: Quaternion) -> Vector:
-    """The world's downward unit vector in body axes."""
+    """Return the unit vector down (NED) in body axes."""
     w, x, y, z = attitude
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
@@ -177,18 +236,24 @@ def _attitude_errors(
     r_radps: float,
     config: Config,
 ) -> tuple[Vector, Vector]:
-    """The turns (radians, body axes) that would take the estimate to what gravity and what the
-    field tell."""
+    """Return e_a and e_m: rotation errors (rad, body axes) to gravity and to magnetic north."""
     down = x, y, z = _down_vector(attitude)
-    turn = _heading_error(attitude, sensors, config)
-    return _tilt_error(down, sensors, speed_mps, q_radps, r_radps), (turn * x, turn * y, turn * z)
+    heading_error = _heading_error(attitude, sensors, config)
+    return _tilt_error(down, sensors, speed_mps, q_radps, r_radps), (
+        heading_error * x,
+        heading_error * y,
+        heading_error * z,
+    )
 
 
 def _tilt_error(
     down: Vector, sensors: SensorFrame, speed_mps: float, q_radps: float, r_radps: float
 ) -> Vector:
-    """The turn (radians, body axes) that would lay the estimated down on the measured one; none
-    without a measure."""
+    """Return the rotation (rad, body axes) from the estimated to the measured down; 0 if unknown.
+
+    The measured down is -(f - w x U) = -f + (0, r U, -q U), normalised; e_a is its cross product
+    with d. It is not used below half the standard gravity.
+    """
     if not sensors.fields_updated & ACCELEROMETER_FRESH:
         return 0.0, 0.0, 0.0
     fx, fy, fz = sensors[1:4]
@@ -201,8 +266,10 @@ def _tilt_error(
 
 
 def _heading_error(attitude: Quaternion, sensors: SensorFrame, config: Config) -> float:
-    """The turn about the vertical (radians) that would bring the measured field to magnetic north;
-    none without it."""
+    """Return the rotation about down (rad) that turns the measured field to magnetic north.
+
+    The result is 0 without a magnetometer reading.
+    """
     if not sensors.fields_updated & MAGNETOMETER_FRESH:
         return 0.0
     north, east, _ = rotate(attitude, sensors[7:10])
@@ -212,6 +279,7 @@ def _heading_error(attitude: Quaternion, sensors: SensorFrame, config: Config) -
 
 
 def _integrate(attitude: Quaternion, p: float, q: float, r: float, dt_s: float) -> Quaternion:
+    """Integrate body rates (rad/s): q' = q (0, p, q, r) / 2, explicit Euler, then normalise."""
     w, x, y, z = attitude
     h = 0.5 * dt_s
     nw = w - h * (x * p + y * q + z * r)
@@ -223,6 +291,7 @@ def _integrate(attitude: Quaternion, p: float, q: float, r: float, dt_s: float) 
 
 
 def _clip_bias(bias_radps: float) -> float:
+    """Limit a gyro bias to +-MAX_BIAS_RADPS."""
     return (
         bias_radps
         if -MAX_BIAS_RADPS < bias_radps < MAX_BIAS_RADPS
@@ -233,14 +302,25 @@ def _clip_bias(bias_radps: float) -> float:
 def _depth(
     old: VehicleEstimate, sensors: SensorFrame, attitude: Quaternion, config: Config, dt_s: float
 ) -> tuple[float, float, float]:
+    """Return depth (m), depth rate (m/s) and bias of the downward acceleration (m/s^2).
+
+    With a = d . f + g - b the downward acceleration, e = z_measured - z_predicted and the triple
+    pole w = 1 / EST_DPT_TIME::
+
+        z <- z + v dt + a dt^2 / 2 + 3 w e dt
+        v <- v + (a + 3 w^2 e) dt
+        b <- b - w^3 e dt
+
+    Without pressure: z' = v, v' = a - v / DEPTH_RATE_DECAY_S, b constant.
+    """
     rate_mps, bias_mps2, down_mps2 = old.depth_rate_mps, old.accel_bias_mps2, 0.0
     fresh = sensors.fields_updated
     if fresh & ACCELEROMETER_FRESH:
         (x, y, z), (ax, ay, az) = _down_vector(attitude), sensors[1:4]
         down_mps2 = x * ax + y * ay + z * az + STANDARD_GRAVITY_MPS2 - bias_mps2
     if not fresh & PRESSURE_FRESH:
-        fading = -rate_mps / DEPTH_RATE_DECAY_S
-        return old.depth_m + rate_mps * dt_s, rate_mps + (down_mps2 + fading) * dt_s, bias_mps2
+        decay = -rate_mps / DEPTH_RATE_DECAY_S
+        return old.depth_m + rate_mps * dt_s, rate_mps + (down_mps2 + decay) * dt_s, bias_mps2
     pole = 1.0 / config.depth_time_s
     depth = old.depth_m + rate_mps * dt_s + 0.5 * down_mps2 * dt_s * dt_s
     error = depth_of(sensors.pressure_hpa, config) - depth
@@ -252,9 +332,10 @@ def _depth(
 
 
 def _altitude(
-    old: VehicleEstimate, seen: Altimeter | None, now_us: int
+    old: VehicleEstimate, measured: Altimeter | None, now_us: int
 ) -> tuple[float | None, int]:
-    if seen is not None and seen.min_range_m <= seen.range_m < seen.max_range_m:
-        return seen.range_m, now_us
-    seen_us = old.altitude_time_us
-    return (None if now_us - seen_us > ALTIMETER_STALE_US else old.altitude_m), seen_us
+    """Return the altitude (m), None if unknown or too old, and the time of its measurement."""
+    if measured is not None and measured.min_range_m <= measured.range_m < measured.max_range_m:
+        return measured.range_m, now_us
+    measured_us = old.altitude_time_us
+    return (None if now_us - measured_us > ALTIMETER_STALE_US else old.altitude_m), measured_us

@@ -1,5 +1,4 @@
-"""Test signals for identification: on which axis, how large, how long, and what they ask of the
-actuators in a tick."""
+"""Test signals for system identification: axis, amplitude, duration and value in a tick. Pure."""
 
 import math
 from enum import IntEnum
@@ -11,7 +10,7 @@ from autopilot.control.types import AutopilotState, Excitation
 
 
 class ExcitationAxis(NamedTuple):
-    """What a SID_AXIS moves, and which loops it opens."""
+    """Actuators that a test axis (SID_AXIS) excites, and the loops that it opens."""
 
     name: str
     rudder: bool = False
@@ -22,11 +21,10 @@ class ExcitationAxis(NamedTuple):
 
 
 ELEVATOR_AXIS, RUDDER_AXIS, THRUST_AXIS = 11, 12, 13
-"""SID_AXIS: mixer pitch, mixer yaw and mixer thrust of ArduPilot's list."""
+"""Values of SID_AXIS: mixer pitch, mixer yaw and mixer thrust, as in ArduPilot."""
 BOTH_AXIS = ELEVATOR_AXIS + RUDDER_AXIS
 LOOP_ON = 100
-"""Added to an axis: the loop of what is tested stays on, and the signal is added to what it asks
-for."""
+"""Offset of an axis with closed loop: the signal is added to the command of the loop."""
 
 AXES = {
     ELEVATOR_AXIS: ExcitationAxis("elevator", elevator=True, opens_depth=True),
@@ -57,119 +55,152 @@ class Wave(IntEnum):
 WAVES = {wave.value: wave.name.lower() for wave in Wave} | {Wave.THREE_TWO_ONE_ONE.value: "3211"}
 
 MAX_FREQUENCY_HZ = 10.0
-"""Of a clock or a tone: faster than that is lost between the ticks."""
+"""Maximum frequency of a PRBS clock or a tone: the tick samples at 50 Hz."""
 _MAX_SEED = 2**24 - 1
-"""The largest whole number that a REAL32 holds as well as all below it."""
+"""Maximum seed: a REAL32 holds all integers up to it."""
 _MAX_INTERVALS_NUMBER = 9_999_999
+"""Maximum number whose digits are switch intervals: a REAL32 holds it exactly."""
 
 
-class Played(NamedTuple):
-    """What a test adds to the actuators at a moment."""
+class ExcitationOutput(NamedTuple):
+    """Test signal of one tick, added to the actuator commands."""
 
     rudder_rad: float
     elevator_rad: float
     thrust: float
     """Fraction of full."""
     frequency_hz: float
-    """Of a chirp, else 0."""
+    """Momentary frequency of a chirp, else 0."""
 
 
 def from_numbers(
     axis: int, magnitude: float, p3: float, p4: float, duration_s: float, wave: int, fade_s: float
 ) -> requests.StartTest:
-    """The test that the seven numbers of MAV_CMD_USER_1 ask for; the third and the fourth are the
-    wave's own."""
+    """Return the test that the parameters of MAV_CMD_USER_1 request.
+
+    Parameters:
+        axis: as SID_AXIS.
+        magnitude: amplitude, degrees of rudder or elevator, percent of thrust.
+        p3, p4: start and stop frequency (Hz); PRBS: seed and clock (Hz); square wave: switch
+            intervals as digits.
+        duration_s: duration.
+        wave: as SID_WAVE.
+        fade_s: fade time at both ends.
+    """
     if wave == Wave.PRBS:
         return requests.StartTest(
-            axis, magnitude, 0.0, p4, duration_s, wave, fade_s, seed=_is_integer(p3)
+            axis, magnitude, 0.0, p4, duration_s, wave, fade_s, seed=_to_integer(p3)
         )
     if wave == Wave.SQUARE:
         return requests.StartTest(
-            axis, magnitude, 0.0, 0.0, duration_s, wave, fade_s, runs=switch_intervals(p3, p4)
+            axis,
+            magnitude,
+            0.0,
+            0.0,
+            duration_s,
+            wave,
+            fade_s,
+            switch_intervals=switch_intervals(p3, p4),
         )
     return requests.StartTest(axis, magnitude, p3, p4, duration_s, wave, fade_s)
 
 
 def from_config(config: Config) -> requests.StartTest:
-    """The test that the SID_* parameters ask for."""
+    """Return the test that the SID_* parameters request."""
     return requests.StartTest(
-        config.sid_axis,
-        config.sid_magnitude,
-        config.sid_start_hz,
-        config.sid_stop_hz,
-        config.sid_record_s,
-        config.sid_wave,
-        config.sid_fade_in_s,
-        config.sid_seed,
-        switch_intervals(config.sid_runs_1, config.sid_runs_2),
+        axis=config.sid_axis,
+        magnitude=config.sid_magnitude,
+        start_hz=config.sid_start_hz,
+        stop_hz=config.sid_stop_hz,
+        duration_s=config.sid_record_s,
+        wave=config.sid_wave,
+        fade_s=config.sid_fade_in_s,
+        seed=config.sid_seed,
+        switch_intervals=switch_intervals(config.sid_runs_1, config.sid_runs_2),
     )
 
 
 def switch_intervals(*numbers: float) -> tuple[int, ...]:
-    """A square wave's runs as the digits of numbers, first to last: 3211 is (3, 2, 1, 1). A 0 marks
-    what is no such."""
-    given = [n for n in numbers if not math.isnan(n) and n != 0.0]
-    if any(not 0.0 < n <= _MAX_INTERVALS_NUMBER or n != int(n) for n in given):
+    """Return the switch intervals of a square wave from the digits of numbers.
+
+    3211 is (3, 2, 1, 1). NaN and 0 are skipped. A result with a 0 is invalid: a number is not a
+    positive integer up to 9,999,999 or contains the digit 0.
+    """
+    valid = [n for n in numbers if not math.isnan(n) and n != 0.0]
+    if any(not 0.0 < n <= _MAX_INTERVALS_NUMBER or n != int(n) for n in valid):
         return (0,)
-    return tuple(int(digit) for n in given for digit in str(int(n)))
+    return tuple(int(digit) for n in valid for digit in str(int(n)))
 
 
-def _is_integer(value: float) -> int:
+def _to_integer(value: float) -> int:
+    """Return the integer part; 0 for NaN and infinity."""
     return int(value) if math.isfinite(value) else 0
 
 
-def precompute(wish: requests.StartTest, state: AutopilotState, config: Config) -> Excitation:
-    """The test as it is played from now on. One size serves both axes: the elevator gets its share
-    of it."""
-    axis = AXES.get(wish.axis, NO_AXIS)
-    size_rad = math.radians(wish.magnitude)
+def precompute(request: requests.StartTest, state: AutopilotState, config: Config) -> Excitation:
+    """Return the test that a request starts now.
+
+    Parameters:
+        request: requested test. If both axes are tested, the amplitude is that of the rudder, and
+            the elevator has SID_ELE_PCT of it.
+        state: state with the start time and the set-points.
+        config: parameters.
+    """
+    axis = AXES.get(request.axis, NO_AXIS)
+    amplitude_rad = math.radians(request.magnitude)
     share = config.sid_elevator_pct / 100.0 if axis.rudder else 1.0
     return Excitation(
-        axis=wish.axis,
-        rudder_rad=size_rad if axis.rudder else 0.0,
-        elevator_rad=share * size_rad if axis.elevator else 0.0,
-        thrust=wish.magnitude / 100.0 if axis.thrust else 0.0,
-        start_hz=wish.start_hz,
-        stop_hz=wish.stop_hz,
-        duration_s=wish.duration_s,
-        wave=wish.wave,
-        fade_s=wish.fade_s,
+        axis=request.axis,
+        rudder_rad=amplitude_rad if axis.rudder else 0.0,
+        elevator_rad=share * amplitude_rad if axis.elevator else 0.0,
+        thrust=request.magnitude / 100.0 if axis.thrust else 0.0,
+        start_hz=request.start_hz,
+        stop_hz=request.stop_hz,
+        duration_s=request.duration_s,
+        wave=request.wave,
+        fade_s=request.fade_s,
         started_us=state.time_us,
         heading_rad=state.setpoint.heading_rad,
         depth_m=state.setpoint.depth_m,
-        seed=wish.seed,
-        runs=waveforms.THREE_TWO_ONE_ONE if wish.wave == Wave.THREE_TWO_ONE_ONE else wish.runs,
+        seed=request.seed,
+        switch_intervals=waveforms.THREE_TWO_ONE_ONE
+        if request.wave == Wave.THREE_TWO_ONE_ONE
+        else request.switch_intervals,
     )
 
 
 def describe(test: Excitation) -> str:
-    """What is tested, in the words that a log's reader looks for; sizes in degrees or, of thrust,
-    in percent."""
+    """Return the text of a test for STATUSTEXT, which log readers parse.
+
+    Amplitudes are in degrees, of thrust in percent.
+    """
     axis, rudder_deg, elevator_deg = (
         AXES[test.axis],
         math.degrees(test.rudder_rad),
         math.degrees(test.elevator_rad),
     )
-    size = 100.0 * test.thrust if axis.thrust else rudder_deg if axis.rudder else elevator_deg
-    both = f" elevator={elevator_deg:.2f}" if axis.rudder and axis.elevator else ""
-    return f"axis={test.axis} wave={WAVES[test.wave]} magnitude={size:.2f}{both}"
+    amplitude = 100.0 * test.thrust if axis.thrust else rudder_deg if axis.rudder else elevator_deg
+    elevator = f" elevator={elevator_deg:.2f}" if axis.rudder and axis.elevator else ""
+    return f"axis={test.axis} wave={WAVES[test.wave]} magnitude={amplitude:.2f}{elevator}"
 
 
-def sample(test: Excitation, t_s: float) -> Played:
-    """What the test adds, ``t_s`` after it began."""
-    fading = waveforms.fade(t_s, test.duration_s, test.fade_s)
-    shape, frequency_hz = _waveform_value(test, t_s)
-    other = _multisine_tones(test, t_s, part=1) if test.rudder_rad and test.elevator_rad else shape
-    return Played(
-        test.rudder_rad * fading * shape if test.rudder_rad else 0.0,
-        test.elevator_rad * fading * other if test.elevator_rad else 0.0,
-        test.thrust * fading * shape if test.thrust else 0.0,
+def sample(test: Excitation, t_s: float) -> ExcitationOutput:
+    """Return the test signal ``t_s`` after the start, with fade."""
+    fade = waveforms.fade(t_s, test.duration_s, test.fade_s)
+    value, frequency_hz = _waveform_value(test, t_s)
+    elevator_value = (
+        _multisine_tones(test, t_s, part=1) if test.rudder_rad and test.elevator_rad else value
+    )
+    return ExcitationOutput(
+        test.rudder_rad * fade * value if test.rudder_rad else 0.0,
+        test.elevator_rad * fade * elevator_value if test.elevator_rad else 0.0,
+        test.thrust * fade * value if test.thrust else 0.0,
         frequency_hz,
     )
 
 
 def _waveform_value(test: Excitation, t_s: float) -> tuple[float, float]:
-    """The wave in [-1, 1], and a chirp's frequency."""
+    """Return the value of the waveform in [-1, 1], and the frequency of a chirp."""
     match test.wave:
         case Wave.CHIRP:
             return waveforms.chirp(t_s, test.start_hz, test.stop_hz, test.duration_s)
@@ -180,23 +211,31 @@ def _waveform_value(test: Excitation, t_s: float) -> tuple[float, float]:
         case Wave.MULTISINE:
             return _multisine_tones(test, t_s, part=0), 0.0
         case Wave.THREE_TWO_ONE_ONE | Wave.SQUARE:
-            return waveforms.square(t_s, test.runs, test.duration_s), 0.0
+            return waveforms.square(t_s, test.switch_intervals, test.duration_s), 0.0
     return 1.0, 0.0
 
 
 def _multisine_tones(test: Excitation, t_s: float, part: int) -> float:
-    """A multisine: all tones of the band, or every second where the other axis has those
-    between."""
+    """Return a multisine with all tones of the band, or every second if both axes are tested."""
     return waveforms.multisine(t_s, _multisine_frequencies(test, part), test.duration_s)
 
 
 def _multisine_frequencies(test: Excitation, part: int) -> waveforms.Comb:
+    """Return the tones of an axis: part 0 is the rudder, 1 the elevator if both are tested."""
     parts = 2 if test.rudder_rad and test.elevator_rad else 1
     return waveforms.comb(test.start_hz, test.stop_hz, test.duration_s, part, parts)
 
 
 def check(test: Excitation, travel_deg: float) -> str:
-    """What is wrong with a test; empty when it may be played."""
+    """Check a test.
+
+    Parameters:
+        test: test to check.
+        travel_deg: maximum angle of the duct, which limits the amplitude.
+
+    Returns:
+        What is wrong, with value and limit; empty if the test is valid.
+    """
     if test.axis not in AXES:
         known = ", ".join(f"{number} ({axis.name})" for number, axis in AXES.items())
         return f"axis {test.axis}: must be one of {known}"
@@ -204,8 +243,8 @@ def check(test: Excitation, travel_deg: float) -> str:
         return f"wave {test.wave}: must be one of " + ", ".join(
             f"{number} ({name})" for number, name in WAVES.items()
         )
-    if wrong := _size_fault(test, AXES[test.axis], travel_deg):
-        return wrong
+    if fault := _amplitude_fault(test, AXES[test.axis], travel_deg):
+        return fault
     if not 0.0 < test.duration_s < math.inf:
         return f"duration {test.duration_s:g} s: must be above 0"
     if not 0.0 <= test.fade_s <= 0.5 * test.duration_s:
@@ -213,17 +252,18 @@ def check(test: Excitation, travel_deg: float) -> str:
     return _wave_fault(test)
 
 
-def _size_fault(test: Excitation, axis: ExcitationAxis, travel_deg: float) -> str:
+def _amplitude_fault(test: Excitation, axis: ExcitationAxis, travel_deg: float) -> str:
+    """Return what is wrong with the amplitude, or with a wave on both axes; empty if valid."""
     if axis.thrust:
-        size, most, unit = 100.0 * test.thrust, 100.0, "%"
+        size, limit, unit = 100.0 * test.thrust, 100.0, "%"
     else:
-        size, most, unit = (
+        size, limit, unit = (
             math.degrees(test.rudder_rad if axis.rudder else test.elevator_rad),
             travel_deg,
             "deg",
         )
-    if not 0.0 < abs(size) <= most:
-        return f"magnitude {size:g} {unit}: must be within {most:g} {unit}, and not 0"
+    if not 0.0 < abs(size) <= limit:
+        return f"magnitude {size:g} {unit}: must be within {limit:g} {unit}, and not 0"
     if axis.rudder and axis.elevator and test.wave != Wave.MULTISINE:
         return (
             f"wave {test.wave} ({WAVES[test.wave]}) on both axes: must be {Wave.MULTISINE:d}"
@@ -233,7 +273,7 @@ def _size_fault(test: Excitation, axis: ExcitationAxis, travel_deg: float) -> st
 
 
 def _wave_fault(test: Excitation) -> str:
-    """What is wrong with the numbers that are a wave's own."""
+    """Return what is wrong with the parameters of a waveform; empty if valid."""
     match test.wave:
         case Wave.CHIRP if not 0.0 < test.start_hz <= test.stop_hz:
             return f"chirp {test.start_hz:g} to {test.stop_hz:g} Hz: must rise from above 0"
@@ -241,7 +281,7 @@ def _wave_fault(test: Excitation) -> str:
             return _prbs_fault(test)
         case Wave.MULTISINE:
             return _multisine_fault(test)
-        case Wave.SQUARE if not test.runs or not all(test.runs):
+        case Wave.SQUARE if not test.switch_intervals or not all(test.switch_intervals):
             return (
                 "square wave: runs must be whole numbers of digits 1 to 9, to"
                 f" {_MAX_INTERVALS_NUMBER:g} each, as 3211"
@@ -250,6 +290,7 @@ def _wave_fault(test: Excitation) -> str:
 
 
 def _prbs_fault(test: Excitation) -> str:
+    """Return what is wrong with clock, seed or length of a PRBS; empty if valid."""
     if not 0.0 < test.stop_hz <= MAX_FREQUENCY_HZ:
         return f"prbs clock {test.stop_hz:g} Hz: must be above 0, to {MAX_FREQUENCY_HZ:g} Hz"
     if not 0 <= test.seed <= _MAX_SEED:
@@ -260,6 +301,7 @@ def _prbs_fault(test: Excitation) -> str:
 
 
 def _multisine_fault(test: Excitation) -> str:
+    """Return what is wrong with the band of a multisine; empty if valid."""
     band = f"multisine {test.start_hz:g} to {test.stop_hz:g} Hz"
     if not 0.0 < test.start_hz <= test.stop_hz <= MAX_FREQUENCY_HZ:
         return f"{band}: must rise from above 0, to {MAX_FREQUENCY_HZ:g} Hz"

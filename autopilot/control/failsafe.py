@@ -1,4 +1,4 @@
-"""The limits that end a flight or a test, each with its reason."""
+"""Failsafes of the vehicle and the safety envelope of a test. Pure."""
 
 import math
 
@@ -10,18 +10,20 @@ from autopilot.control.types import US_PER_S, AutopilotState, Event, Excitation,
 from mavlink_io.frames import wrap_pi
 
 GCS_LOST = "ground lost"
+"""Cause of the failsafe of a lost ground station."""
 _GCS_LOST_MODES = (modes.HOLD, modes.SURFACE, modes.RTL)
-"""By FS_GCS_ACT."""
+"""Modes of FS_GCS_ACT, in the order of its values."""
 
 
 def check_failsafes(
     state: AutopilotState, inputs: Inputs, config: Config
 ) -> tuple[AutopilotState, tuple[Event, ...]]:
-    """Turn to SURFACE where the vehicle leaves its limits; a failsafe stays in force until it is
-    disarmed.
+    """Change to SURFACE if the vehicle is outside its limits.
 
-    What a lost ground asks for is FS_GCS_ACT's choice, and ends when ground asks for a mode again;
-    it does not hide what comes after it."""
+    A failsafe stays in force until the vehicle is disarmed. Exception: the loss of the ground
+    station leads to the mode of FS_GCS_ACT and ends when the ground station requests a mode;
+    another cause replaces it.
+    """
     if not state.armed or state.failsafe not in ("", GCS_LOST):
         return state, ()
     cause = _cause(state, inputs, config)
@@ -35,7 +37,7 @@ def check_failsafes(
 
 
 def _failsafe_mode(cause: str, state: AutopilotState, config: Config) -> modes.Mode:
-    """The mode that answers a cause; without a known home there is no way there."""
+    """Return the mode for a cause; SURFACE in place of RTL if home is unknown."""
     if cause != GCS_LOST or state.mode == modes.SURFACE.number:
         return modes.SURFACE
     mode = _GCS_LOST_MODES[config.fs_ground_action]
@@ -43,17 +45,18 @@ def _failsafe_mode(cause: str, state: AutopilotState, config: Config) -> modes.M
 
 
 def _cause(state: AutopilotState, inputs: Inputs, config: Config) -> str:
-    if state.health.doubts and (wrong := _device_failsafe(state, config)):
-        return wrong
+    """Return the first limit that is exceeded; empty if there is none."""
+    if state.health.faults and (reason := _device_failsafe(state, config)):
+        return reason
     if depth_unknown(state, config):
         return "depth unknown"
-    at = state.estimate
-    if at.depth_m > config.fs_depth_m:
-        return f"depth {at.depth_m:.1f} m"
-    if at.altitude_m is not None and at.altitude_m < config.fs_altitude_m:
-        return f"altitude {at.altitude_m:.1f} m"
-    if abs(at.pitch_rad) > config.fs_pitch_rad:
-        return f"pitch {math.degrees(at.pitch_rad):.0f} deg"
+    estimate = state.estimate
+    if estimate.depth_m > config.fs_depth_m:
+        return f"depth {estimate.depth_m:.1f} m"
+    if estimate.altitude_m is not None and estimate.altitude_m < config.fs_altitude_m:
+        return f"altitude {estimate.altitude_m:.1f} m"
+    if abs(estimate.pitch_rad) > config.fs_pitch_rad:
+        return f"pitch {math.degrees(estimate.pitch_rad):.0f} deg"
     armed_s = (state.time_us - state.armed_us) / US_PER_S
     if 0.0 < config.fs_time_s < armed_s:
         return f"armed {armed_s:.0f} s"
@@ -63,40 +66,43 @@ def _cause(state: AutopilotState, inputs: Inputs, config: Config) -> str:
 
 
 def _device_failsafe(state: AutopilotState, config: Config) -> str:
-    """What the vehicle has found wrong with herself and must not stay down with."""
-    wrong = monitor.active_faults(state.health)
-    acted_on = (
+    """Return a confirmed leak or low battery if its action is to surface; else empty."""
+    active = monitor.active_faults(state.health)
+    actions = (
         (LEAK, config.fs_leak_action),
-        (BATTERY, config.fs_battery_action if wrong.get(BATTERY) == monitor.LOW else 0),
+        (BATTERY, config.fs_battery_action if active.get(BATTERY) == monitor.LOW else 0),
     )
     return next(
-        (f"{name} {wrong[name]}" for name, action in acted_on if action and name in wrong), ""
+        (f"{name} {active[name]}" for name, action in actions if action and name in active), ""
     )
 
 
 def depth_unknown(state: AutopilotState, config: Config) -> bool:
-    """Whether the depth has not been measured for too long to go on."""
-    blind_us = state.time_us - state.estimate.depth_time_us
-    return bool(config.fs_pressure_action) and blind_us > config.fs_pressure_s * US_PER_S
+    """Return whether depth was not measured for FS_PRESS_S, and FS_PRESS_ACT is set."""
+    unmeasured_us = state.time_us - state.estimate.depth_time_us
+    return bool(config.fs_pressure_action) and unmeasured_us > config.fs_pressure_s * US_PER_S
 
 
 def envelope_violation(test: Excitation, state: AutopilotState, config: Config) -> str:
-    """Why a test must stop now; empty while it may go on."""
-    at = state.estimate
-    if at.depth_m < config.sid_depth_min_m:
-        return f"depth {at.depth_m:.1f} m above {config.sid_depth_min_m:g} m"
-    if at.depth_m > config.sid_depth_max_m:
-        return f"depth {at.depth_m:.1f} m below {config.sid_depth_max_m:g} m"
-    if at.altitude_m is not None and at.altitude_m < config.sid_altitude_min_m:
-        return f"altitude {at.altitude_m:.1f} m under {config.sid_altitude_min_m:g} m"
-    if abs(at.pitch_rad) > math.radians(config.sid_pitch_max_deg):
-        return f"pitch {math.degrees(at.pitch_rad):.0f} deg beyond {config.sid_pitch_max_deg:g} deg"
-    if abs(wrap_pi(at.heading_rad - test.heading_rad)) > math.radians(config.sid_heading_max_deg):
-        turned = math.degrees(wrap_pi(at.heading_rad - test.heading_rad))
-        return f"heading {turned:.0f} deg off, beyond {config.sid_heading_max_deg:g} deg"
-    fastest_degps = math.degrees(max(abs(at.q_radps), abs(at.r_radps)))
-    if fastest_degps > config.sid_rate_max_degps:
-        return f"rate {fastest_degps:.0f} deg/s beyond {config.sid_rate_max_degps:g} deg/s"
+    """Return which limit of a test is exceeded, with value and limit; empty if none is."""
+    estimate = state.estimate
+    if estimate.depth_m < config.sid_depth_min_m:
+        return f"depth {estimate.depth_m:.1f} m above {config.sid_depth_min_m:g} m"
+    if estimate.depth_m > config.sid_depth_max_m:
+        return f"depth {estimate.depth_m:.1f} m below {config.sid_depth_max_m:g} m"
+    if estimate.altitude_m is not None and estimate.altitude_m < config.sid_altitude_min_m:
+        return f"altitude {estimate.altitude_m:.1f} m under {config.sid_altitude_min_m:g} m"
+    if abs(estimate.pitch_rad) > math.radians(config.sid_pitch_max_deg):
+        pitch_deg = math.degrees(estimate.pitch_rad)
+        return f"pitch {pitch_deg:.0f} deg beyond {config.sid_pitch_max_deg:g} deg"
+    if abs(wrap_pi(estimate.heading_rad - test.heading_rad)) > math.radians(
+        config.sid_heading_max_deg
+    ):
+        change_deg = math.degrees(wrap_pi(estimate.heading_rad - test.heading_rad))
+        return f"heading {change_deg:.0f} deg off, beyond {config.sid_heading_max_deg:g} deg"
+    rate_degps = math.degrees(max(abs(estimate.q_radps), abs(estimate.r_radps)))
+    if rate_degps > config.sid_rate_max_degps:
+        return f"rate {rate_degps:.0f} deg/s beyond {config.sid_rate_max_degps:g} deg/s"
     elapsed_s = (state.time_us - test.started_us) / US_PER_S
     if elapsed_s > config.sid_time_max_s:
         return f"time {elapsed_s:.0f} s beyond {config.sid_time_max_s:g} s"

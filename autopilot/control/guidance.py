@@ -1,10 +1,18 @@
-"""From a line or a circle over ground to a heading: line of sight with a look-ahead distance. Pure.
+"""Line-of-sight guidance along a line or a circle over ground, and positions of items. Pure.
 
-Course: Fossen (2021), "Handbook of Marine Craft Hydrodynamics and Motion Control", section 12.4:
-proportional line of sight, with the integral of Børhaug, Pavlov and Pettersen (2008, eq. 12) for
-what steers her off for good. Heading: the course less the crab angle that the estimated current and
-sideslip ask for (Fossen 2021, section 12.5). A circle is a line that bends: its cross-track error
-is the distance from the rim. Places are complex numbers: north + i east from home."""
+Positions are complex numbers, north + i east from home (m); angles in rad, clockwise from north.
+With y the cross-track error (m, positive to starboard of a line or outside a circle), D the
+look-ahead distance (m), a = NAV_LOS_I (m/s) and I the integral::
+
+    course   = azimuth - atan((y + a I) / D)        I' = D y / (D^2 + (y + a I)^2)
+    heading  = course - asin(c_across / U) - arg(1 + m)
+
+The course is proportional line of sight (Fossen 2021, "Handbook of Marine Craft Hydrodynamics and
+Motion Control", section 12.4) with the integral of Børhaug, Pavlov and Pettersen (2008, eq. 12)
+against constant disturbances. The heading is the course minus the crab angle of the estimated
+current c and sideslip (Fossen 2021, section 12.5); U is the speed through the water, m its relative
+error (``navigation``). On a circle the azimuth is that of the tangent and the offset turns inwards.
+"""
 
 import cmath
 import math
@@ -25,35 +33,42 @@ from mavlink_io.mission_items import (
 )
 
 MIN_WATER_SPEED_MPS = 0.3
-"""A crab angle is reckoned with at least this speed."""
+"""Minimum speed assumed when the crab angle is computed."""
 MAX_CRAB_SINE = math.sin(math.radians(60.0))
+"""Sine of the maximum crab angle."""
 INTEGRATION_ZONE = 1.0 / 3.0
-"""Of the look-ahead distance: what is further off has causes that pass."""
+"""Maximum cross-track error over the look-ahead distance at which the integral runs: a larger error
+is transient."""
 ZERO_ZERO_M = 100_000.0
-"""Latitude and longitude 0 are a place only where home is this near to it: as far as
-geodetic_to_offset may take the earth for flat. Elsewhere they mean "here", as for ArduPilot."""
+"""Maximum distance of home from latitude and longitude 0 at which (0, 0) is a position.
+
+geodetic_to_offset assumes a flat earth up to that distance. Farther away (0, 0) means the vehicle's
+position, as in ArduPilot.
+"""
 _PROPULSIVE_MODES = frozenset(
     mode.number for mode in (modes.MISSION, modes.DEPTH, modes.STATION, modes.RTL)
 )
+"""Modes that start at cruise thrust."""
 
 
 class PathProgress(NamedTuple):
-    """Where she is on a path, as ground is told."""
+    """Position of the vehicle relative to its path, for telemetry."""
 
     to_go_m: float
-    """To the end of a line, to the centre of a circle."""
+    """Distance to the end of a line, or to the centre of a circle."""
     bearing_rad: float
-    """Of that place."""
+    """Bearing of the end of a line, or of the centre of a circle."""
     cross_m: float
-    """To starboard of a line, outside a circle."""
+    """Cross-track error, positive to starboard of a line or outside a circle."""
 
 
-def current_position(estimate: VehicleEstimate) -> complex:
+def position_of(estimate: VehicleEstimate) -> complex:
+    """Return the estimated position, north + i east from home (m)."""
     return complex(estimate.north_m, estimate.east_m)
 
 
 def near_zero_zero(home: Home) -> bool:
-    """Whether latitude and longitude 0 are a place to a vehicle of this home."""
+    """Return whether latitude and longitude 0 are a position for this home (ZERO_ZERO_M)."""
     return (
         home.known
         and abs(complex(*geodetic_to_offset(0.0, 0.0, home.lat_deg, home.lon_deg))) <= ZERO_ZERO_M
@@ -61,9 +76,10 @@ def near_zero_zero(home: Home) -> bool:
 
 
 def item_position(item: MissionItem, home: Home) -> complex | None:
-    """The place that an item gives, north + i east of home (m).
+    """Return the position of an item, north + i east from home (m).
 
-    None means here: an item without a place, or zero latitude and longitude far from (0, 0).
+    None means the vehicle's position: the item has no position, or latitude and longitude 0 far
+    from there.
     """
     if item.frame == FRAME_LOCAL_NED:
         return complex(item.x, item.y) / LOCAL_SCALE
@@ -76,29 +92,31 @@ def item_position(item: MissionItem, home: Home) -> complex | None:
 
 
 def item_depth_m(item: MissionItem, depth_m: float) -> float:
-    """The depth that an item with a place gives, ``depth_m`` where it gives none."""
+    """Return the depth (m) of an item with a position; ``depth_m`` if it has none."""
     if math.isnan(item.z):
         return depth_m
     return item.z if item.frame == FRAME_LOCAL_NED else -item.z
 
 
 def hold_current(state: AutopilotState, config: Config) -> AutopilotState:
-    """What entering a mode puts in force: this depth and heading, at cruise thrust where the mode
-    goes somewhere.
+    """Return the state with the set-points and the path of a mode that was just entered.
 
-    A mission that was left on the way goes on with its own set-points.
+    Depth and heading are the present ones. A mode that moves the vehicle starts at cruise thrust.
+    A mission that was interrupted resumes with its own set-points.
     """
-    at, paused, mode = state.estimate, state.mission.paused, state.mode
-    if mode == modes.MISSION.number and paused is not None:
-        return state._replace(setpoint=paused, mission=state.mission._replace(paused=None))
+    estimate, paused_setpoint, mode = state.estimate, state.mission.paused_setpoint, state.mode
+    if mode == modes.MISSION.number and paused_setpoint is not None:
+        return state._replace(
+            setpoint=paused_setpoint, mission=state.mission._replace(paused_setpoint=None)
+        )
     thrust = config.cruise_thrust_pct / 100.0 if mode in _PROPULSIVE_MODES else state.thrust
-    setpoint, path = Setpoint(max(0.0, at.depth_m), at.heading_rad, thrust), state.path
+    setpoint, path = Setpoint(max(0.0, estimate.depth_m), estimate.heading_rad, thrust), state.path
     if mode == modes.STATION.number:
-        path = circle(current_position(at), 0.0, config)
+        path = circle(position_of(estimate), 0.0, config)
     if mode == modes.RTL.number:
         setpoint, path = (
             setpoint._replace(depth_m=config.rtl_depth_m),
-            TrackLine(current_position(at), 0j),
+            TrackLine(position_of(estimate), 0j),
         )
     return state._replace(setpoint=setpoint, path=path)
 
@@ -106,72 +124,76 @@ def hold_current(state: AutopilotState, config: Config) -> AutopilotState:
 def circle(
     centre_m: complex, radius_m: float, config: Config, since_us: int | None = None
 ) -> Circle:
-    """Round a place; a negative radius is counter-clockwise, none or NaN is that of
-    STN_RADIUS_M."""
-    given = radius_m if radius_m and math.isfinite(radius_m) else config.station_radius_m
-    return Circle(centre_m, abs(given), clockwise=given > 0.0, since_us=since_us)
+    """Return a circle about a centre.
+
+    A negative radius is counter-clockwise; 0 or NaN is clockwise with STN_RADIUS_M.
+    """
+    signed_m = radius_m if radius_m and math.isfinite(radius_m) else config.station_radius_m
+    return Circle(centre_m, abs(signed_m), clockwise=signed_m > 0.0, since_us=since_us)
 
 
 def follow(
     path: Path, estimate: VehicleEstimate, config: Config, time_us: int, dt_s: float
 ) -> tuple[Path, float]:
-    """The path with its memory, and the heading that keeps her on it."""
+    """Return the path with its new integral, and the heading (rad) that follows it."""
     if isinstance(path, TrackLine):
-        cross_m, azimuth, _, _ = along_track_m(path, current_position(estimate))
-        aside, integral = _line_of_sight(cross_m, path.integral, config.lookahead_m, config, dt_s)
-        return path._replace(integral=integral), crab_heading(azimuth - aside, estimate)
-    path = _count_orbit(path, current_position(estimate) - path.centre_m, config, time_us)
+        cross_m, azimuth, _, _ = along_track_m(path, position_of(estimate))
+        offset, integral = _line_of_sight(cross_m, path.integral, config.lookahead_m, config, dt_s)
+        return path._replace(integral=integral), crab_heading(azimuth - offset, estimate)
+    path = _count_orbit(path, position_of(estimate) - path.centre_m, config, time_us)
     sense = 1.0 if path.clockwise else -1.0
-    distance_m, bearing = cmath.polar(current_position(estimate) - path.centre_m)
-    ahead_m = min(config.lookahead_m, path.radius_m)
-    aside, integral = _line_of_sight(
-        distance_m - path.radius_m, path.integral, ahead_m, config, dt_s
+    distance_m, bearing = cmath.polar(position_of(estimate) - path.centre_m)
+    lookahead_m = min(config.lookahead_m, path.radius_m)
+    offset, integral = _line_of_sight(
+        distance_m - path.radius_m, path.integral, lookahead_m, config, dt_s
     )
     return path._replace(integral=integral), crab_heading(
-        bearing + sense * (0.5 * math.pi + aside), estimate
+        bearing + sense * (0.5 * math.pi + offset), estimate
     )
 
 
 def _line_of_sight(
-    cross_m: float, integral: float, ahead_m: float, config: Config, dt_s: float
+    cross_m: float, integral: float, lookahead_m: float, config: Config, dt_s: float
 ) -> tuple[float, float]:
-    """The angle back to the path, and the integral of it, which waits while she is still on her way
-    there."""
-    aside_m = cross_m + config.los_integral_mps * integral
-    if abs(cross_m) < INTEGRATION_ZONE * ahead_m:
-        integral += dt_s * ahead_m * cross_m / (ahead_m**2 + aside_m**2)
-    return math.atan(aside_m / ahead_m), integral
+    """Return the course offset (rad) towards the path, and the new integral.
+
+    The integral runs only near the path: a vehicle far from it is still approaching.
+    """
+    error_m = cross_m + config.los_integral_mps * integral
+    if abs(cross_m) < INTEGRATION_ZONE * lookahead_m:
+        integral += dt_s * lookahead_m * cross_m / (lookahead_m**2 + error_m**2)
+    return math.atan(error_m / lookahead_m), integral
 
 
-def _count_orbit(path: Circle, off_m: complex, config: Config, time_us: int) -> Circle:
-    """Count the way round from when the rim was reached."""
-    distance_m, bearing = cmath.polar(off_m)
+def _count_orbit(path: Circle, radius_vector_m: complex, config: Config, time_us: int) -> Circle:
+    """Add the angle swept since the circle was reached."""
+    distance_m, bearing = cmath.polar(radius_vector_m)
     if path.since_us is None:
-        arrived = abs(distance_m - path.radius_m) < config.acceptance_m
-        return path._replace(since_us=time_us if arrived else None, bearing_rad=bearing)
-    turned = wrap_pi(bearing - path.bearing_rad) * (1.0 if path.clockwise else -1.0)
-    return path._replace(turned_rad=path.turned_rad + turned, bearing_rad=bearing)
+        on_circle = abs(distance_m - path.radius_m) < config.acceptance_m
+        return path._replace(since_us=time_us if on_circle else None, bearing_rad=bearing)
+    swept = wrap_pi(bearing - path.bearing_rad) * (1.0 if path.clockwise else -1.0)
+    return path._replace(swept_rad=path.swept_rad + swept, bearing_rad=bearing)
 
 
-def along_track_m(path: TrackLine, place_m: complex) -> tuple[float, float, float, float]:
-    """Cross-track error (m, to starboard), azimuth (rad), way along the line and its length (m)."""
-    way_m = path.to_m - path.from_m
-    length_m, azimuth = cmath.polar(way_m)
-    off_m = (place_m - path.from_m) * cmath.rect(1.0, -azimuth)
-    return off_m.imag, azimuth, off_m.real, length_m
+def along_track_m(path: TrackLine, position_m: complex) -> tuple[float, float, float, float]:
+    """Return cross-track error (m, to starboard), azimuth (rad), distance along and length (m)."""
+    line_m = path.to_m - path.from_m
+    length_m, azimuth = cmath.polar(line_m)
+    offset_m = (position_m - path.from_m) * cmath.rect(1.0, -azimuth)
+    return offset_m.imag, azimuth, offset_m.real, length_m
 
 
 def crab_heading(course_rad: float, estimate: VehicleEstimate) -> float:
-    """The heading that makes the course good in the estimated current."""
-    learned = estimate.navigation
-    water = max(MIN_WATER_SPEED_MPS, estimate.speed_mps * abs(1.0 + learned.water_error))
-    across = (learned.current_mps * cmath.rect(1.0, -course_rad)).imag / water
+    """Return the heading (rad) that gives the course over ground in the estimated current."""
+    navigation = estimate.navigation
+    speed = max(MIN_WATER_SPEED_MPS, estimate.speed_mps * abs(1.0 + navigation.speed_error))
+    across = (navigation.current_mps * cmath.rect(1.0, -course_rad)).imag / speed
     crab = math.asin(max(-MAX_CRAB_SINE, min(MAX_CRAB_SINE, across)))
-    return wrap_pi(course_rad - crab - cmath.phase(1.0 + learned.water_error))
+    return wrap_pi(course_rad - crab - cmath.phase(1.0 + navigation.speed_error))
 
 
 def update_heading(state: AutopilotState, config: Config, dt_s: float) -> AutopilotState:
-    """Point the heading along the path, where there is one."""
+    """Set the heading set-point by the path; unchanged without a path."""
     if state.path is None:
         return state
     path, heading_rad = follow(state.path, state.estimate, config, state.time_us, dt_s)
@@ -179,24 +201,24 @@ def update_heading(state: AutopilotState, config: Config, dt_s: float) -> Autopi
 
 
 def reached(path: TrackLine, estimate: VehicleEstimate, acceptance_m: float) -> bool:
-    """Whether she is near the end of a line, or has passed abeam of it."""
-    place = current_position(estimate)
-    if abs(path.to_m - place) <= acceptance_m:
+    """Return whether the vehicle is near the end of a line or has passed abeam of it."""
+    position = position_of(estimate)
+    if abs(path.to_m - position) <= acceptance_m:
         return True
-    _, _, way_m, length_m = along_track_m(path, place)
-    return way_m >= length_m
+    _, _, along_m, length_m = along_track_m(path, position)
+    return along_m >= length_m
 
 
 def orbit_time_s(path: Circle, time_us: int) -> float:
-    """Seconds on the circle."""
+    """Return the time (s) since the circle was reached; 0 before."""
     return 0.0 if path.since_us is None else (time_us - path.since_us) / US_PER_S
 
 
 def progress(path: Path, estimate: VehicleEstimate) -> PathProgress:
-    """How far she has come."""
-    place = current_position(estimate)
+    """Return distance, bearing and cross-track error for telemetry."""
+    position = position_of(estimate)
     if isinstance(path, TrackLine):
-        to_go_m, bearing = cmath.polar(path.to_m - place)
-        return PathProgress(to_go_m, bearing, along_track_m(path, place)[0])
-    to_go_m, bearing = cmath.polar(path.centre_m - place)
+        to_go_m, bearing = cmath.polar(path.to_m - position)
+        return PathProgress(to_go_m, bearing, along_track_m(path, position)[0])
+    to_go_m, bearing = cmath.polar(path.centre_m - position)
     return PathProgress(to_go_m, bearing, to_go_m - path.radius_m)

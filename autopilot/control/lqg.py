@@ -1,67 +1,77 @@
-"""Laws with a model of the vehicle inside: an observer that is told what was commanded, and
-feedback of its belief.
+"""LQG controllers: a Kalman filter as observer and state feedback. Pure Python, pure.
 
-The belief takes in that a command was cut to the tailcone's travel, so that nothing winds up. Pure
-Python; the laws are designed ashore (``sysid.design.lqg``) and read from a file at the start
-(``autopilot.lqg_file``)."""
+Time-invariant, one step per tick k. y is measured, r its reference, u the command about the trim,
+x the observer state::
+
+    x[k] = A x[k-1] + B u[k-1] + L (y[k-1] + y[k]) / 2
+    u[k] = F (x[k] - S r[k]) + u_ff,    low <= u <= high
+
+The observer uses the limited command, so that nothing winds up. ``sysid.design.lqg`` designs the
+matrices; ``autopilot.control.lqg_file`` reads them from a file at the start.
+"""
 
 from operator import mul
 from typing import NamedTuple
 
 MIN_SPEED_RATIO, MAX_SPEED_RATIO = 0.8, 1.25
-"""Speeds over that of the design between which the laws fly; beyond them the PIDs do."""
+"""Range of speed over design speed in which the LQG controllers are used; outside it, the PIDs."""
 
 
 class LqgController(NamedTuple):
-    """x[k] = A x[k-1] + B u[k-1] + L (y[k-1] + y[k])/2, u = F (x - S r): y is measured, and wanted
-    to be r."""
+    """Matrices of one controller with n states and m measurements."""
 
     rows: tuple[tuple[float, ...], ...]
-    """(A B L), a row a state."""
+    """Matrix (A B L), shape (n, n + 1 + m)."""
     feedback: tuple[float, ...]
-    """F."""
+    """F, shape (n,)."""
     start: tuple[tuple[float, ...], ...]
-    """S: the states of a vehicle that moves steadily as is measured, or wanted."""
+    """S, shape (n, m): states of a vehicle in steady motion, from its measurements."""
     forward: tuple[float, ...]
-    """-F S."""
+    """-F S, shape (m,)."""
     loads: int
-    """How many of the states, the last ones, are constant loads."""
+    """Number of states, the last ones, that are constant disturbances."""
 
 
 class LqgControllers(NamedTuple):
-    """What a law file holds."""
+    """Content of a controller file."""
 
     speed_mps: float
-    """That they were designed for."""
+    """Design speed."""
     heading: LqgController
     """From yaw rate (rad/s) and heading (rad) to rudder (rad)."""
     depth: LqgController
-    """From pitch rate (rad/s), pitch (rad), depth (m) and its rate (m/s) to elevator (rad)."""
+    """From pitch rate (rad/s), pitch (rad), depth (m) and depth rate (m/s) to elevator (rad)."""
     pitch_per_metre: float
-    """Nose-down pitch (rad) that counts as much as a metre too deep: it turns the pitch limit into
-    one of depth."""
+    """Nose-down pitch (rad) that has the same effect on the elevator as 1 m too deep.
+
+    Converts the pitch limit into a limit of the depth error.
+    """
 
 
 class ObserverState(NamedTuple):
-    """A law's memory."""
+    """State of a controller between two ticks."""
 
     states: tuple[float, ...]
+    """x."""
     measured: tuple[float, ...]
+    """y of the last tick."""
     command_rad: float
+    """Limited u of the last tick."""
 
 
 class LqgReference(NamedTuple):
-    """What a law is asked for."""
+    """Reference and limits of a controller in one tick."""
 
     wanted: tuple[float, ...]
-    """Of what is measured."""
-    ahead_rad: float
-    """Command that the way to it takes by itself, about the trim."""
+    """r, in the order of the measurements."""
+    feedforward_rad: float
+    """u_ff: command that the motion of the reference needs."""
     low: float
     high: float
-    """Of the command about its trim."""
-    under_way: bool = False
-    """On the way to a new set-point: what is off there is no constant load."""
+    """Limits of u (rad), relative to the trim."""
+    moving: bool = False
+    """Whether the reference moves: then the disturbance states are frozen, because tracking error
+    during a manoeuvre is transient."""
 
 
 def from_matrices(
@@ -70,38 +80,60 @@ def from_matrices(
     start: tuple[tuple[float, ...], ...],
     loads: int,
 ) -> LqgController:
+    """Return a controller with its feed-forward -F S.
+
+    Parameters:
+        rows: matrix (A B L), shape (n, n + 1 + m).
+        feedback: F, shape (n,).
+        start: S, shape (n, m).
+        loads: number of states, the last ones, that are constant disturbances.
+    """
     forward = tuple(-sum(map(mul, feedback, column)) for column in zip(*start, strict=True))
     return LqgController(rows, feedback, start, forward, loads)
 
 
 def step(
-    law: LqgController,
-    belief: ObserverState | None,
+    controller: LqgController,
+    observer: ObserverState | None,
     measured: tuple[float, ...],
     target: LqgReference,
 ) -> tuple[float, ObserverState]:
-    """The command about its trim. A new set-point moves the command and not the belief, which
-    follows what happens."""
-    if belief is None:
-        states = tuple([sum(map(mul, row, measured)) for row in law.start])
+    """Run a controller for one tick.
+
+    Parameters:
+        controller: matrices.
+        observer: state after the last tick; None starts at x = S y.
+        measured: y.
+        target: reference and limits. A new reference changes the command at once; the observer
+            follows the measurements only.
+
+    Returns:
+        Limited command u (rad) relative to the trim, and the new observer state.
+    """
+    if observer is None:
+        states = tuple([sum(map(mul, row, measured)) for row in controller.start])
     else:
-        means = [0.5 * (old + new) for old, new in zip(belief.measured, measured, strict=True)]
-        told = (*belief.states, belief.command_rad, *means)
-        learnt = len(law.rows) - (law.loads if target.under_way else 0)
+        means = [0.5 * (old + new) for old, new in zip(observer.measured, measured, strict=True)]
+        inputs = (*observer.states, observer.command_rad, *means)
+        updated = len(controller.rows) - (controller.loads if target.moving else 0)
         states = (
-            tuple([sum(map(mul, row, told)) for row in law.rows[:learnt]]) + belief.states[learnt:]
+            tuple([sum(map(mul, row, inputs)) for row in controller.rows[:updated]])
+            + observer.states[updated:]
         )
     wanted = (
-        sum(map(mul, law.feedback, states))
-        + sum(map(mul, law.forward, target.wanted))
-        + target.ahead_rad
+        sum(map(mul, controller.feedback, states))
+        + sum(map(mul, controller.forward, target.wanted))
+        + target.feedforward_rad
     )
     command = min(target.high, max(target.low, wanted))
     return command, ObserverState(states, measured, command)
 
 
-def in_range(laws: LqgControllers | None, speed_mps: float) -> bool:
+def in_range(controllers: LqgControllers | None, speed_mps: float) -> bool:
+    """Return whether there are controllers and the speed is in their range."""
     return (
-        laws is not None
-        and MIN_SPEED_RATIO * laws.speed_mps < speed_mps < MAX_SPEED_RATIO * laws.speed_mps
+        controllers is not None
+        and MIN_SPEED_RATIO * controllers.speed_mps
+        < speed_mps
+        < MAX_SPEED_RATIO * controllers.speed_mps
     )

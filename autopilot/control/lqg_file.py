@@ -1,4 +1,4 @@
-"""Law files: JSON with the tick and the speed that laws were designed for, and their matrices.
+"""Files of LQG controllers: JSON with time step, design speed and matrices (see ``lqg``).
 
 {"format": 1, "tick_s": 0.02, "speed_mps": 1.3, "pitch_per_metre": 0.2, "model_sha256": "...",
  "heading": {"rows": [[A B L], ...], "feedback": [F], "start": [[S], ...], "loads": 1}, "depth":
@@ -15,15 +15,21 @@ from autopilot.control.lqg import LqgController, LqgControllers
 
 FORMAT = 1
 TICK_S = 0.02
+"""Time step of the controllers."""
 MEASURED = {"heading": 2, "depth": 4}
+"""Number of measurements of each controller."""
 
 
 class LqgFileError(ValueError):
-    """A file that holds no laws; the message names file, key, value and what would be right."""
+    """A file is not a valid controller file; the message has file, key, value and expectation."""
 
 
 def load(path: Path) -> LqgControllers:
-    """Raises LawError."""
+    """Read controllers from a file.
+
+    Raises:
+        LqgFileError: the file cannot be read or is not a valid controller file.
+    """
     try:
         return parse(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
@@ -33,85 +39,108 @@ def load(path: Path) -> LqgControllers:
 
 
 def parse(text: str) -> LqgControllers:
-    """Raises LawError."""
+    """Read controllers from the text of a file.
+
+    Raises:
+        LqgFileError: the text is not a valid controller file.
+    """
     try:
-        found = json.loads(text)
+        decoded = json.loads(text)
     except ValueError as error:
         raise LqgFileError(
-            f"no JSON: {error}; give a file that `ground redesign --method lqg` wrote"
+            f"not JSON: {error}; use a file written by `ground redesign --method lqg`"
         ) from None
-    found = _parse_object(found, "the file")
-    if found.get("format") != FORMAT:
-        raise LqgFileError(f"format = {found.get('format')}: expected {FORMAT}")
-    if found.get("tick_s") != TICK_S:
+    document = _parse_object(decoded, "the file")
+    if document.get("format") != FORMAT:
+        raise LqgFileError(f"format = {document.get('format')}: expected {FORMAT}")
+    if document.get("tick_s") != TICK_S:
         raise LqgFileError(
-            f"tick_s = {found.get('tick_s')}: expected {TICK_S}, at which the loops are closed"
+            f"tick_s = {document.get('tick_s')}: expected {TICK_S}, the time step of the loops"
         )
     speed_mps, pitch_per_metre = (
-        _parse_positive(found.get(key), key) for key in ("speed_mps", "pitch_per_metre")
+        _parse_positive(document.get(key), key) for key in ("speed_mps", "pitch_per_metre")
     )
     heading, depth = (
-        _parse_controller(_parse_object(found.get(key), key), key) for key in MEASURED
+        _parse_controller(_parse_object(document.get(key), key), key) for key in MEASURED
     )
     return LqgControllers(speed_mps, heading, depth, pitch_per_metre)
 
 
-def _parse_controller(found: dict[str, Any], key: str) -> LqgController:
-    feedback = found.get("feedback")
+def _parse_controller(entry: dict[str, Any], key: str) -> LqgController:
+    """Return one controller; ``key`` is its name in the file."""
+    feedback = entry.get("feedback")
     if not isinstance(feedback, list) or not feedback:
-        raise LqgFileError(f"{key}.feedback: expected a list of numbers, one a state")
-    states, measured, loads = len(feedback), MEASURED[key], found.get("loads")
+        raise LqgFileError(f"{key}.feedback: expected a list of numbers, one per state")
+    states, measured, loads = len(feedback), MEASURED[key], entry.get("loads")
     if type(loads) is not int or not 0 <= loads < states:
         raise LqgFileError(
-            f"{key}.loads = {loads}: expected how many of the {states} states are loads"
+            f"{key}.loads = {loads}: expected the number of load states, 0 to {states - 1}"
         )
     return lqg.from_matrices(
-        _parse_matrix(found.get("rows"), f"{key}.rows", states, states + 1 + measured),
+        _parse_matrix(entry.get("rows"), f"{key}.rows", states, states + 1 + measured),
         _parse_numbers(feedback, f"{key}.feedback", states),
-        _parse_matrix(found.get("start"), f"{key}.start", states, measured),
+        _parse_matrix(entry.get("start"), f"{key}.start", states, measured),
         loads,
     )
 
 
-def _parse_matrix(found: Any, key: str, rows: int, columns: int) -> tuple[tuple[float, ...], ...]:
-    if not isinstance(found, list) or len(found) != rows:
-        raise LqgFileError(f"{key}: expected {rows} rows, one for each of feedback's states")
-    return tuple(_parse_numbers(row, f"{key}[{at}]", columns) for at, row in enumerate(found))
+def _parse_matrix(value: Any, key: str, rows: int, columns: int) -> tuple[tuple[float, ...], ...]:
+    """Return a matrix of the given shape."""
+    if not isinstance(value, list) or len(value) != rows:
+        raise LqgFileError(f"{key}: expected {rows} rows, one per element of feedback")
+    return tuple(_parse_numbers(row, f"{key}[{index}]", columns) for index, row in enumerate(value))
 
 
-def _parse_object(found: Any, key: str) -> dict[str, Any]:
-    if not isinstance(found, dict):
+def _parse_object(value: Any, key: str) -> dict[str, Any]:
+    """Return a JSON object."""
+    if not isinstance(value, dict):
         raise LqgFileError(f"{key}: expected an object")
-    return found
-
-
-def _parse_positive(found: Any, key: str) -> float:
-    (value,) = _parse_numbers([found], key, 1)
-    if value <= 0.0:
-        raise LqgFileError(f"{key} = {value:g}: expected more than 0")
     return value
 
 
-def _parse_numbers(found: Any, key: str, count: int) -> tuple[float, ...]:
-    if not isinstance(found, list) or len(found) != count:
+def _parse_positive(value: Any, key: str) -> float:
+    """Return a number above 0."""
+    (number,) = _parse_numbers([value], key, 1)
+    if number <= 0.0:
+        raise LqgFileError(f"{key} = {number:g}: expected more than 0")
+    return number
+
+
+def _parse_numbers(values: Any, key: str, count: int) -> tuple[float, ...]:
+    """Return a list of ``count`` finite numbers."""
+    if not isinstance(values, list) or len(values) != count:
         raise LqgFileError(f"{key}: expected {count} numbers")
-    for value in found:
+    for value in values:
         if (
             isinstance(value, bool)
             or not isinstance(value, int | float)
             or not math.isfinite(value)
         ):
             raise LqgFileError(f"{key} = {value}: expected a number")
-    return tuple(float(value) for value in found)
+    return tuple(float(value) for value in values)
 
 
-def to_json(laws: LqgControllers, model_sha256: str) -> str:
-    """The file of laws that were designed on a model."""
+def to_json(controllers: LqgControllers, model_sha256: str) -> str:
+    """Return the text of a controller file.
+
+    Parameters:
+        controllers: controllers to write.
+        model_sha256: SHA-256 of the model file that they were designed with.
+    """
     head = {"format": FORMAT, "tick_s": TICK_S, "model_sha256": model_sha256}
-    numbers = {"speed_mps": laws.speed_mps, "pitch_per_metre": laws.pitch_per_metre}
-    each = {"heading": _controller_json(laws.heading), "depth": _controller_json(laws.depth)}
-    return json.dumps(head | numbers | each) + "\n"
+    numbers = {"speed_mps": controllers.speed_mps, "pitch_per_metre": controllers.pitch_per_metre}
+    matrices = {
+        "heading": _controller_json(controllers.heading),
+        "depth": _controller_json(controllers.depth),
+    }
+    return json.dumps(head | numbers | matrices) + "\n"
 
 
-def _controller_json(law: LqgController) -> dict[str, Any]:
-    return {"rows": law.rows, "feedback": law.feedback, "start": law.start, "loads": law.loads}
+def _controller_json(controller: LqgController) -> dict[str, Any]:
+    """Return the JSON object of one controller."""
+    return {
+        "rows": controller.rows,
+        "feedback": controller.feedback,
+        "start": controller.start,
+        "loads": controller.loads,
+    }

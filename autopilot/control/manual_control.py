@@ -1,4 +1,4 @@
-"""Who steers by hand: a pilot's stick, or actuators that were set once."""
+"""Manual control: stick messages of a pilot, or actuator positions set once."""
 
 import math
 from typing import Any
@@ -7,23 +7,28 @@ from autopilot.control import modes
 from autopilot.control.types import AutopilotState, Stick
 
 STICK_TIMEOUT_S = 1.5
-"""A pilot's hand that was not heard of for longer has let go."""
+"""Wall time without a stick message after which there is no manual control."""
 _NOT_GIVEN = 32_767
-"""MANUAL_CONTROL's mark of an axis that the stick lacks."""
+"""Value of an axis that the sender does not have (MANUAL_CONTROL)."""
 _STICK_FULL = 1000.0
+"""Full deflection of an axis (MANUAL_CONTROL)."""
 _RELEASED = Stick(0.0, 0.0, 0.0)
 
 
 class Helm:
-    """The last word of whoever steers."""
+    """Latest manual control input."""
 
     def __init__(self) -> None:
         self._stick: tuple[Stick, float] | None = None
         self._fixed: Stick | None = None
 
     def take(self, message: Any, now_s: float) -> None:
-        """A MANUAL_CONTROL: stick forward (x) is nose down, twist (r) is rudder, lever (z) is
-        thrust."""
+        """Take a MANUAL_CONTROL message: x forward is nose down, r is rudder, z is thrust.
+
+        Parameters:
+            message: decoded message with the axes x, r and z, each in [-1000, 1000].
+            now_s: wall time.
+        """
         nose_down, rudder, thrust = (
             0.0 if axis == _NOT_GIVEN else max(-1.0, min(1.0, axis / _STICK_FULL))
             for axis in (message.x, message.r, message.z)
@@ -31,13 +36,17 @@ class Helm:
         self._stick, self._fixed = (Stick(rudder, -nose_down, thrust), now_s), None
 
     def fix(self, rudder: float, elevator: float, thrust: float) -> None:
-        """Set the actuators until a stick moves or MANUAL is left; NaN leaves one as it is."""
-        was = self._fixed or _RELEASED
-        given = zip((rudder, elevator, thrust), was, strict=True)
-        self._fixed = Stick(*(old if math.isnan(new) else new for new, old in given))
+        """Set the actuators until a stick message comes or mode MANUAL ends.
+
+        Parameters:
+            rudder, elevator, thrust: commands in [-1, 1]; NaN keeps the present command.
+        """
+        previous = self._fixed or _RELEASED
+        pairs = zip((rudder, elevator, thrust), previous, strict=True)
+        self._fixed = Stick(*(old if math.isnan(new) else new for new, old in pairs))
 
     def stick(self, state: AutopilotState, now_s: float) -> Stick | None:
-        """The pilot's hand, None where there is none."""
+        """Return the manual control at wall time ``now_s``; None if there is none."""
         if self._fixed is not None:
             if state.armed and state.mode == modes.MANUAL.number:
                 return self._fixed

@@ -1,4 +1,7 @@
-"""Flies the uploaded items: each begins once, then is asked every tick whether it is done."""
+"""Execution of missions: start each item once, then check in every tick whether it is done. Pure.
+
+Positions are complex numbers, north + i east from home (m); depth is positive down.
+"""
 
 import math
 from bisect import bisect_left
@@ -46,11 +49,13 @@ COMMANDS = frozenset(
 """Commands that a mission item may carry."""
 
 DEPTH_REACHED_M = 0.3
+"""Maximum depth error at which CHANGE_ALTITUDE_WAIT is done."""
 DEPTH_ROUNDING_M = 1e-3
-"""Rounding of a depth in a float32: half of 0.5 mm at the 6000 m that FS_DEPTH_M may be at most."""
+"""Tolerance of depth limits: a float32 at the maximum of FS_DEPTH_M (6000 m) has steps of
+0.5 mm."""
 ITEMS_PER_TICK = 10
-"""Items, jumps among them, that a tick may complete; the next tick goes on. Jumps in a circle would
-otherwise delay every tick."""
+"""Maximum number of items, jumps included, completed in one tick; the next tick continues. Without
+it an endless loop of jumps would block the tick."""
 
 _POSITION_COMMANDS = frozenset(
     (
@@ -61,45 +66,55 @@ _POSITION_COMMANDS = frozenset(
         MavCmd.NAV_LAND,
     )
 )
-"""Items that may give a place."""
+"""Commands with a position."""
 _DEPTH_COMMANDS = _POSITION_COMMANDS | {MavCmd.CONDITION_CHANGE_ALT}
-"""Items whose z is a depth or an altitude."""
+"""Commands whose z is a depth or an altitude."""
 
 StepResult = tuple[AutopilotState, tuple[Event | ItemReached, ...]]
 
 
 _FIELDS = {"p1": 1, "p2": 2, "p3": 3, "p4": 4, "z": 7}
-"""The parameters of an item that are real numbers, with their numbers in MAV_MISSION_RESULT."""
+"""Real-valued parameters of an item, with their numbers in MAV_MISSION_RESULT."""
 
-Wrong = tuple[int, str]
-"""The number of a parameter (0: none in particular) and what is wrong with it, "" for nothing."""
+ItemFault = tuple[int, str]
+"""Number of the wrong parameter (0: none in particular) and the reason, empty if valid."""
 
 
 class Fault(NamedTuple):
-    """Why a mission cannot be flown."""
+    """First reason why a mission cannot be flown."""
 
     sequence: int
+    """Sequence of the item."""
     reason: str
-    """With the value and the limit."""
+    """Reason with the value and the limit."""
     parameter: int = 0
-    """1 to 7; 0 for none in particular."""
+    """Number of the wrong parameter, 1 to 7; 0 for none in particular."""
 
 
 def check(items: tuple[MissionItem, ...], config: Config) -> tuple[int, str]:
-    """The first item that this vehicle cannot fly and why; (-1, "") when it can fly them all."""
+    """Check a mission without regard to home.
+
+    Parameters:
+        items: mission items.
+        config: parameters with the limits.
+
+    Returns:
+        Sequence of the first item that cannot be flown and the reason; (-1, "") if all can.
+    """
     fault = find_fault(items, Home(), config)
     return (-1, "") if fault is None else fault[:2]
 
 
 def find_fault(items: tuple[MissionItem, ...], home: Home, config: Config) -> Fault | None:
-    """Return the first item that cannot be flown from home, None when all can be.
+    """Return the first fault of a mission, None if all items can be flown.
 
-    Checked when a mission is loaded and again when it is started: home and limits may have changed.
+    A mission is checked when it is loaded and again when it is started: home and limits may have
+    changed in between.
     """
     for item in _items_to_fly(items, config):
         parameter, reason = _item_fault(item, len(items), config)
         if not reason:
-            parameter, reason = _out_of_reach(item, home, config)
+            parameter, reason = _distance_fault(item, home, config)
         if reason:
             return Fault(item.sequence, reason, parameter)
     return None
@@ -115,11 +130,11 @@ _REQUIRED_PARAMETERS: dict[int, tuple[str, ...]] = {
     MavCmd.CONDITION_CHANGE_ALT: ("z",),
     MavCmd.USER_1: ("p1", "p2"),
 }
-"""The numbers without which an item means nothing; NaN in any other field means "not given"."""
+"""Parameters that must be numbers; NaN in any other parameter means "not given"."""
 
 
-def _item_fault(item: MissionItem, count: int, config: Config) -> Wrong:
-    """What is wrong with an item wherever the vehicle is."""
+def _item_fault(item: MissionItem, count: int, config: Config) -> ItemFault:
+    """Return the fault of an item that does not depend on home."""
     if item.command not in COMMANDS:
         return 0, f"command {item.command} is not one this vehicle flies"
     for name in _REQUIRED_PARAMETERS.get(item.command, ()):
@@ -147,8 +162,8 @@ def _item_fault(item: MissionItem, count: int, config: Config) -> Wrong:
     return 0, ""
 
 
-def _out_of_reach(item: MissionItem, home: Home, config: Config) -> Wrong:
-    """Whether the place of an item is too far from home, as far as home is known."""
+def _distance_fault(item: MissionItem, home: Home, config: Config) -> ItemFault:
+    """Return the fault of an item farther from home than MIS_DIST_MAX; none if home is unknown."""
     limit_m = config.mission_distance_m
     if (
         limit_m == 0.0
@@ -156,18 +171,18 @@ def _out_of_reach(item: MissionItem, home: Home, config: Config) -> Wrong:
         or not (home.known or item.frame == FRAME_LOCAL_NED)
     ):
         return 0, ""
-    place_m = guidance.item_position(item, home)
-    if place_m is None or abs(place_m) <= limit_m:
+    position_m = guidance.item_position(item, home)
+    if position_m is None or abs(position_m) <= limit_m:
         return 0, ""
-    parameter = 5 if abs(place_m.real) >= abs(place_m.imag) else 6
+    parameter = 5 if abs(position_m.real) >= abs(position_m.imag) else 6
     return (
         parameter,
-        f"{abs(place_m):.0f} m from home: must be at most MIS_DIST_MAX = {limit_m:g} m",
+        f"{abs(position_m):.0f} m from home: must be at most MIS_DIST_MAX = {limit_m:g} m",
     )
 
 
 def needs_home(items: tuple[MissionItem, ...], config: Config) -> bool:
-    """Whether an item that is flown is told by latitude and longitude, or is the way home."""
+    """Return whether a mission has items with latitude and longitude, or RTL."""
     return any(
         item.command == MavCmd.NAV_RETURN_TO_LAUNCH
         or (
@@ -180,36 +195,39 @@ def needs_home(items: tuple[MissionItem, ...], config: Config) -> bool:
 
 
 def restart(mission: MissionState, config: Config) -> MissionState:
-    """The same items from their first."""
+    """Return the mission reset to its first item to fly."""
     first = len(mission.items) - len(_items_to_fly(mission.items, config))
     return MissionState(mission.items, first)
 
 
 def step(state: AutopilotState, config: Config) -> StepResult:
-    """Begin and finish as many items as this tick allows."""
+    """Start and complete items, at most ITEMS_PER_TICK.
+
+    Returns the new state and the events, ItemReached included.
+    """
     events: list[Event | ItemReached] = []
     for _ in range(ITEMS_PER_TICK):
         mission = state.mission
         if mission.current >= len(mission.items):
-            state, ended = _complete(state, config)
-            return state, (*events, *ended)
+            state, end_events = _complete(state, config)
+            return state, (*events, *end_events)
         item = mission.items[mission.current]
         if mission.entered_us is None:
-            state, begun = begin_item(item, state, config)
-            events += begun
+            state, start_events = begin_item(item, state, config)
+            events += start_events
         state = _start_waypoint_orbit(item, state, config)
         if state.mode != modes.MISSION.number or not item_done(item, state, config):
             break
         if item.command == MavCmd.NAV_LAND:
-            state, surfacing = modes.enter(state, modes.SURFACE)
-            return state, (*events, *surfacing)
+            state, mode_events = modes.enter(state, modes.SURFACE)
+            return state, (*events, *mode_events)
         state = _advance_item(item, state)
         events.append(ItemReached(item.sequence))
     return state, tuple(events)
 
 
 def begin_item(item: MissionItem, state: AutopilotState, config: Config) -> StepResult:
-    """Put an item's wishes in force."""
+    """Start an item: apply its set-points, path, mode or test."""
     state = state._replace(mission=state.mission._replace(entered_us=state.time_us), path=None)
     setpoint = state.setpoint
     match item.command:
@@ -231,7 +249,7 @@ def begin_item(item: MissionItem, state: AutopilotState, config: Config) -> Step
 
 
 def begin_rtl(state: AutopilotState, config: Config) -> StepResult:
-    """RTL where home is known, else up."""
+    """Change to RTL; to SURFACE if home is unknown."""
     if not state.home.known:
         state, events = modes.enter(state, modes.SURFACE)
         return state, (Event(Severity.WARNING, "RTL refused: home is not known"), *events)
@@ -240,25 +258,30 @@ def begin_rtl(state: AutopilotState, config: Config) -> StepResult:
 
 
 def _begin_leg(item: MissionItem, state: AutopilotState, config: Config) -> AutopilotState:
-    """Set out to the place of an item: by the line from the last waypoint where she is near it, or
-    from here."""
-    here = guidance.current_position(state.estimate)
-    place = guidance.item_position(item, state.home)
-    to_m = here if place is None else place
-    if item.command != MavCmd.NAV_LAND:  # its altitude is that of the end
+    """Set the path to the position of an item.
+
+    A line starts at the last waypoint if the vehicle is within NAV_LOS_M of it, else at the
+    vehicle's position. An item without a position means the vehicle's position.
+    """
+    vehicle_m = guidance.position_of(state.estimate)
+    position_m = guidance.item_position(item, state.home)
+    to_m = vehicle_m if position_m is None else position_m
+    if item.command != MavCmd.NAV_LAND:  # its altitude is that at the end of the item
         depth_m = guidance.item_depth_m(item, state.setpoint.depth_m)
         state = state._replace(setpoint=state.setpoint._replace(depth_m=depth_m))
     if item.command in (MavCmd.NAV_WAYPOINT, MavCmd.NAV_LAND):
-        left_m = state.mission.left_m
-        near = left_m is not None and abs(here - left_m) <= config.lookahead_m
-        return state._replace(path=TrackLine(left_m if left_m is not None and near else here, to_m))
+        from_m = state.mission.previous_waypoint_m
+        near = from_m is not None and abs(vehicle_m - from_m) <= config.lookahead_m
+        return state._replace(
+            path=TrackLine(from_m if from_m is not None and near else vehicle_m, to_m)
+        )
     return state._replace(path=guidance.circle(to_m, item.p3, config))
 
 
 def _start_waypoint_orbit(
     item: MissionItem, state: AutopilotState, config: Config
 ) -> AutopilotState:
-    """A waypoint that is to be held is circled once it is reached: she cannot hover."""
+    """Circle a waypoint with a hold time once it is reached: the vehicle cannot hover."""
     path = state.path
     if item.command != MavCmd.NAV_WAYPOINT or not item.p1 > 0.0 or not isinstance(path, TrackLine):
         return state
@@ -268,12 +291,13 @@ def _start_waypoint_orbit(
 
 
 def _acceptance_m(item: MissionItem, config: Config) -> float:
+    """Return the acceptance radius: p2 of a waypoint if given, else NAV_ACC_RAD_M."""
     given = item.p2 if item.command == MavCmd.NAV_WAYPOINT else 0.0
     return given if given > 0.0 else config.acceptance_m
 
 
 def item_done(item: MissionItem, state: AutopilotState, config: Config) -> bool:
-    """Whether an item that was begun has come to its end."""
+    """Return whether an item in progress is done."""
     path, entered_us = state.path, state.mission.entered_us
     match item.command:
         case MavCmd.NAV_DELAY:
@@ -291,79 +315,91 @@ def item_done(item: MissionItem, state: AutopilotState, config: Config) -> bool:
     if isinstance(path, Circle):
         turns = item.command == MavCmd.NAV_LOITER_TURNS
         return (
-            path.turned_rad >= 2.0 * math.pi * item.p1 if turns else _orbit_done(path, item, state)
+            path.swept_rad >= 2.0 * math.pi * item.p1 if turns else _orbit_done(path, item, state)
         )
     return True
 
 
 def _orbit_done(path: Circle, item: MissionItem, state: AutopilotState) -> bool:
+    """Return whether the vehicle has circled for p1 seconds."""
     return path.since_us is not None and guidance.orbit_time_s(path, state.time_us) >= item.p1
 
 
 def excitation_of(item: MissionItem, state: AutopilotState, config: Config) -> Excitation:
-    """The excitation that a MAV_CMD_USER_1 item describes (x: whole seconds, y: wave, z: fade)."""
+    """Return the test of a MAV_CMD_USER_1 item (x: duration in whole seconds, y: wave, z: fade)."""
     fade_s = 0.0 if math.isnan(item.z) else item.z
-    wish = excitation.from_numbers(
+    request = excitation.from_numbers(
         int(item.p1), item.p2, item.p3, item.p4, float(item.x), item.y, fade_s
     )
-    return excitation.precompute(wish, state, config)
+    return excitation.precompute(request, state, config)
 
 
 def start_test(test: Excitation, state: AutopilotState) -> tuple[AutopilotState, tuple[Event, ...]]:
-    """Begin an excitation."""
+    """Start a test and report it."""
     return state._replace(test=test), (
         Event(Severity.INFO, f"SystemID Starting: {excitation.describe(test)}"),
     )
 
 
 def _items_to_fly(items: tuple[MissionItem, ...], config: Config) -> tuple[MissionItem, ...]:
+    """Return the items without item 0 if that is home (MIS_SEQ0_HOME)."""
     return items[1:] if config.mission_seq0_home else items
 
 
 def _advance_item(item: MissionItem, state: AutopilotState) -> AutopilotState:
+    """Complete an item and move to the next, or to the target of a jump."""
     mission = state.mission
     index, jumps = mission.current + 1, mission.jumps
     if item.command == MavCmd.DO_JUMP:
-        at = bisect_left(jumps, (item.sequence,))
-        count = jumps[at][1] if at < len(jumps) and jumps[at][0] == item.sequence else 0
+        position = bisect_left(jumps, (item.sequence,))
+        count = (
+            jumps[position][1]
+            if position < len(jumps) and jumps[position][0] == item.sequence
+            else 0
+        )
         if item.p2 < 0 or count < item.p2:
             index = int(item.p1)
-            jumps = (*jumps[:at], (item.sequence, count + 1), *jumps[at + (count > 0) :])
+            jumps = (
+                *jumps[:position],
+                (item.sequence, count + 1),
+                *jumps[position + (count > 0) :],
+            )
     return state._replace(
         mission=mission._replace(
             current=index,
             entered_us=None,
             jumps=jumps,
             reached=item.sequence,
-            left_m=_last_waypoint_m(item, state),
+            previous_waypoint_m=_last_waypoint_m(item, state),
         )
     )
 
 
 def _last_waypoint_m(item: MissionItem, state: AutopilotState) -> complex | None:
-    """The last waypoint that was reached."""
+    """Return the last waypoint that was reached, after completing an item."""
     if item.command == MavCmd.NAV_WAYPOINT and isinstance(state.path, TrackLine):
         return state.path.to_m
-    return state.mission.left_m
+    return state.mission.previous_waypoint_m
 
 
 def _complete(state: AutopilotState, config: Config) -> tuple[AutopilotState, tuple[Event, ...]]:
-    said = Event(Severity.INFO, "Mission complete")
+    """End a mission as MIS_END_ACT says."""
+    event = Event(Severity.INFO, "Mission complete")
     if config.mission_end == 2:
-        return modes.disarm(state), (said, Event(Severity.INFO, "Disarmed"))
+        return modes.disarm(state), (event, Event(Severity.INFO, "Disarmed"))
     state, events = modes.enter(state, modes.SURFACE if config.mission_end == 1 else modes.HOLD)
-    return state, (said, *events)
+    return state, (event, *events)
 
 
 def _new_depth_m(item: MissionItem) -> float:
-    """What a change of altitude asks for."""
+    """Return the depth (m) of an item with a depth or an altitude."""
     return (
         -item.p1 if item.command == MavCmd.DO_CHANGE_ALTITUDE else guidance.item_depth_m(item, 0.0)
     )
 
 
 def _heading(item: MissionItem, state: AutopilotState) -> float:
-    """A turn without a direction is clockwise."""
+    """Return the heading (rad) of a YAW item; p4 = 1: relative, clockwise unless p3 < 0."""
     angle = math.radians(item.p1)
     if item.p4 == 1:
         return wrap_pi(state.setpoint.heading_rad + (-angle if item.p3 < 0 else angle))
@@ -371,7 +407,7 @@ def _heading(item: MissionItem, state: AutopilotState) -> float:
 
 
 def _thrust(item: MissionItem, thrust: float, config: Config) -> float:
-    """A percentage where one is given, else from the speed."""
+    """Return the thrust of CHANGE_SPEED: p3 (%) if given, else that of speed p2; -2: cruise."""
     if item.p3 >= 0:
         return min(1.0, item.p3 / 100.0)
     if item.p2 >= 0:

@@ -1,5 +1,4 @@
-"""The one table of modes: number (PX4's numbering), name, which loops each closes; and the change
-of mode."""
+"""Table of the modes (numbers as in PX4, names, closed loops), and changes of mode. Pure."""
 
 from typing import NamedTuple
 
@@ -7,33 +6,38 @@ from autopilot.control.types import AutopilotState, Event, LoopMemory, Severity
 
 
 class Mode(NamedTuple):
+    """One row of the table of modes."""
+
     number: int
     """``custom_mode``: main << 16 | sub << 24."""
     name: str
     standard_mode: int
     """MAV_STANDARD_MODE to advertise; 0 is non-standard."""
     closes_heading: bool
+    """Whether the heading loop is closed."""
     closes_depth: bool
+    """Whether the depth and pitch loops are closed."""
 
 
 def _number(main: int, sub: int = 0) -> int:
+    """Return the ``custom_mode`` of a main mode and a sub mode."""
     return main << 16 | sub << 24
 
 
 MANUAL = Mode(_number(1), "MANUAL", 0, False, False)
 DEPTH = Mode(_number(2), "DEPTH", 0, True, True)
 STATION = Mode(_number(3), "STATION", 0, True, True)
-"""Circles about a place: she cannot hover."""
+"""Circles about a position: the vehicle cannot hover."""
 HOLD = Mode(_number(4, 3), "HOLD", 0, True, True)
 MISSION = Mode(_number(4, 4), "MISSION", 6, True, True)
 RTL = Mode(_number(4, 5), "RTL", 5, True, True)
 SURFACE = Mode(_number(4, 6), "SURFACE", 7, True, True)
 SYSID = Mode(_number(4, 11), "SYSID", 0, True, True)
-"""While a test runs its axis says which loops are open; the others stay closed."""
+"""Runs a test: the loops of the tested axis are open, the others stay closed."""
 
 OFFBOARD = Mode(_number(6), "OFFBOARD", 0, True, True)
 STABILIZE = Mode(_number(7), "STABILIZE", 0, True, True)
-"""The stick sets pitch and rate of turn."""
+"""The stick sets pitch, yaw rate and thrust."""
 
 MODES = (MANUAL, STABILIZE, DEPTH, STATION, HOLD, MISSION, RTL, SURFACE, OFFBOARD, SYSID)
 
@@ -42,18 +46,27 @@ _BY_NAME = {mode.name: mode for mode in MODES}
 
 
 def by_number(number: int) -> Mode | None:
-    """The mode of a ``custom_mode``, or None."""
+    """Return the mode of a ``custom_mode``, None if unknown."""
     return _BY_NUMBER.get(number)
 
 
 def by_name(name: str) -> Mode | None:
-    """The mode of a name, or None."""
+    """Return the mode of a name, None if unknown."""
     return _BY_NAME.get(name)
 
 
 def enter(state: AutopilotState, mode: Mode) -> tuple[AutopilotState, tuple[Event, ...]]:
-    """Take a mode: a test and a path end, and a mission that is left keeps its set-points for the
-    way back."""
+    """Change the mode.
+
+    A test and a path end. The set-points of an interrupted mission are kept for its resumption.
+
+    Parameters:
+        state: present state.
+        mode: new mode.
+
+    Returns:
+        New state and events; the same state without events if the mode does not change.
+    """
     if mode.number == state.mode:
         return state, ()
     events = [Event(Severity.INFO, f"Mode {mode.name}")]
@@ -61,12 +74,12 @@ def enter(state: AutopilotState, mode: Mode) -> tuple[AutopilotState, tuple[Even
         events.insert(0, Event(Severity.NOTICE, f"SystemID Stopped: mode {mode.name}"))
     mission = state.mission
     if state.mode == MISSION.number and state.armed:
-        mission = mission._replace(paused=state.setpoint)
+        mission = mission._replace(paused_setpoint=state.setpoint)
     state = state._replace(mode=mode.number, test=None, path=None, ascent=None, mission=mission)
     return state, tuple(events)
 
 
 def disarm(state: AutopilotState) -> AutopilotState:
-    """Everything at rest, in HOLD."""
+    """Return the disarmed state: thrust 0, loops reset, mode HOLD."""
     state = state._replace(armed=False, test=None, path=None, ascent=None)
     return state._replace(thrust=0.0, loops=LoopMemory(), mode=HOLD.number)

@@ -1,23 +1,29 @@
-"""Where the vehicle is over ground: dead reckoning, corrected by satellite fixes and by the Doppler
-log. Pure.
+"""Dead reckoning, corrected by satellite fixes and by the Doppler log (DVL). Pure.
 
-A horizontal vector is one complex number, north + i east, so that turning is multiplying. Four of
-them are estimated: the position, the current, how wrong the speed through the water is that the
-thrust tells, and how wrong the Doppler log is with the heading it is turned by; the two errors are
-fractions of the speed, their imaginary part is an angle. The filter is Kalman's for circular
-complex variables (Schreier and Scharf 2010, "Statistical Signal Processing of Complex-Valued Data",
-chapter 5): it holds where errors are alike in all directions, and then one covariance serves both
-axes. The current stays where it is while the errors turn with the vehicle: so a turn tells them
-apart.
+Every horizontal vector is one complex number, north + i east, so that a rotation is a
+multiplication. Symbols::
 
-With w the velocity through the water by the thrust, m its error, c the current and k the log's
-error::
+    p   position from home (m)
+    w   velocity through the water from thrust, pitch and heading (m/s); an input
+    c   current: velocity of the water over ground (m/s)
+    m   relative error of w; imaginary part: angle (rad), to starboard
+    k   relative error of the Doppler log rotated by the heading; parts as m
 
-    position' = w (1 + m) + c         bottom track: (w (1 + m) + c) (1 + k)         water track: w
-    (1 + m) (1 + k)
+Equations of motion and of measurement::
 
-A turn's sideslip and lost speed are not modelled. Where a Doppler log tells them they move the
-position and teach the filter little; where none does they count as error."""
+    p'            = w (1 + m) + c
+    bottom track  = (w (1 + m) + c) (1 + k)
+    water track   = w (1 + m) (1 + k)
+    satellite fix = p, and its velocity w (1 + m) + c
+
+The filter is a Kalman filter for circular complex variables (Schreier and Scharf 2010,
+"Statistical Signal Processing of Complex-Valued Data", chapter 5). It assumes errors that are
+equal in all directions, so that one covariance serves both axes. c keeps its direction while w m
+and w k turn with the vehicle: a turn separates them.
+
+Sideslip and speed loss in a turn are not modelled. With a Doppler log they are measured (``slip``)
+and the filter gives the log less weight meanwhile; without one they add to the uncertainty.
+"""
 
 import math
 from typing import NamedTuple
@@ -29,68 +35,73 @@ from mavlink_io.frames import Quaternion, geodetic_to_offset, rotate
 from mavlink_io.records import Dvl, GpsFix
 
 UPDATE_S = 0.2
-"""The covariance is brought up to date when something was measured, and else so often."""
+"""Maximum time between two updates of the covariance without a measurement."""
 POSITION_WALK_M2PS = 0.02**2
-"""Growth of the position's variance by what is in none of the other errors: waves and gusts."""
+"""Growth of the position variance by effects that no state describes: waves and gusts."""
 SHEAR_MPS2 = 0.02**2
-"""Growth of the current's variance, (m/s)^2 per metre of depth: the water below need not move as
-that above."""
+"""Growth of the current's variance, (m/s)^2 per metre of depth change: the current varies with
+depth."""
 TURN_LOG = 0.003**2
-"""Growth of the log's error's variance per radian of turn: the compass's deviation."""
+"""Growth of the variance of k per radian of turn: compass deviation."""
 SLIP_M, SLIP_S = 1.5, 1.0
-"""Speed that is not where the model has it, per rate of turn and per acceleration."""
+"""Standard deviation of the unmodelled speed: metres times yaw rate (rad/s), seconds times
+acceleration (m/s^2)."""
 UNPOWERED_FACTOR = 3.0
-"""Without the propeller all of the speed may be wrong, and for longer than a turn lasts."""
+"""Standard deviation of the speed over the speed, while the propeller is stopped."""
 SLIP_FADES_S, SLIP_CORRELATION_S = 8.0, 5.0
+"""Decay time and correlation time of the unmodelled speed."""
 SLIP_SHARE, MIN_WATER_SPEED_MPS = 0.3, 0.2
-"""Of what a ping is off, how much is taken for slip, and the speed below which there is none."""
+"""Gain of the slip towards the residual of a Doppler log velocity, and minimum speed for that."""
 DVL_TIMEOUT_US = 2 * US_PER_S
+"""Maximum age of the last Doppler log velocity while the log counts as available."""
 GNSS_CORRELATION_S, DVL_CORRELATION_S = 5.0, 1.0
-"""Errors of fixes, and of pings, closer together than this are alike: so many seconds of them are
-worth one."""
-DEFAULT_GNSS_SD_M, MIN_GNSS_SD_M, GNSS_VELOCITY_SD_MPS, DVL_SD_MPS = 2.5, 1.0, 0.05, 0.02
-"""Of a fix whose receiver does not say, the best that is believed, of its velocity, and the best
-ping believed."""
+"""Correlation time of measurement errors: all measurements within it count as one."""
+DEFAULT_GNSS_SD_M, MIN_GNSS_SD_M = 2.5, 1.0
+"""Standard deviation of a fix without ``eph``, and the minimum that is used."""
+GNSS_VELOCITY_SD_MPS, DVL_SD_MPS = 0.05, 0.02
+"""Standard deviation of a fix's velocity, and minimum of that of a Doppler log velocity."""
 INNOVATION_GATE_SD = 5.0
-"""What is further off than this is refused, unless it goes on."""
+"""A measurement with a larger innovation, in standard deviations, is rejected."""
 MAX_CONSECUTIVE_REJECTIONS = 15
+"""Number of consecutive rejections after which the next measurement is used."""
 MAX_LATENCY_S = 1.0
-"""A device whose clock tells of more than this does not keep vehicle time."""
+"""Maximum latency that is compensated: a sensor with a larger one does not use vehicle time."""
 
 Row = tuple[complex, complex, complex, complex]
-"""How a measurement depends on position, current, and the two errors."""
-_PLACE: Row = (1.0, 0.0, 0.0, 0.0)
+"""Row H of the measurement matrix: derivatives by p, c, m and k."""
+_POSITION_ROW: Row = (1.0, 0.0, 0.0, 0.0)
 
 
 class MotionInput(NamedTuple):
-    """What a tick knows of how the vehicle moves, but for where she is."""
+    """Attitude and motion in one tick, without the position."""
 
     time_us: int
     attitude: Quaternion
+    """Body to NED."""
     water_mps: complex
-    """Velocity through the water, by the thrust."""
-    driven: bool
-    """The propeller turns."""
-    turn_radps: float
-    rise_mps: float
+    """w: velocity through the water, from the thrust."""
+    powered: bool
+    """Whether the propeller turns."""
+    yaw_rate_radps: float
+    depth_rate_mps: float
 
 
 class NavSolution(NamedTuple):
-    """Where she is, how she moves over ground, and the memory that goes with it."""
+    """Position and velocity over ground, and the state of the filter."""
 
-    place_m: complex
+    position_m: complex
     velocity_mps: complex
     memory: Navigation
 
 
 def initial_solution(config: Config) -> Navigation:
-    """Knowing nothing but where north and east are counted from."""
-    current, water, log = _max_variances(config)
-    return Navigation(covariance=NavCovariance(0.0, current, water, log))
+    """Return the state at the start: position 0 without error, maximum variance of the others."""
+    current, speed, dvl = _max_variances(config)
+    return Navigation(covariance=NavCovariance(0.0, current, speed, dvl))
 
 
 def predict_and_update(
-    place_m: complex,
+    position_m: complex,
     old: Navigation,
     motion: MotionInput,
     inputs: Inputs,
@@ -98,56 +109,77 @@ def predict_and_update(
     config: Config,
     dt_s: float,
 ) -> NavSolution:
-    """The plot after a tick; ``place_m`` is counted from ``home``, or from the start where there is
-    none yet."""
+    """Advance dead reckoning by one tick and apply the measurements.
+
+    Parameters:
+        position_m: position after the last tick, from home, or from the start while home is
+            unknown.
+        old: state of the filter after the last tick.
+        motion: attitude and motion in this tick.
+        inputs: satellite fix and Doppler log velocity, if any.
+        home: home position.
+        config: parameters NAV_*.
+        dt_s: time since the last tick.
+
+    Returns:
+        Position, velocity over ground and new state of the filter.
+    """
     water = motion.water_mps
-    velocity = water * (1.0 + old.water_error + old.slip) + old.current_mps
-    place_m += velocity * dt_s
-    span_s, way_m = old.span_s + dt_s, old.way_m + water * dt_s
+    velocity = water * (1.0 + old.speed_error + old.slip) + old.current_mps
+    position_m += velocity * dt_s
+    span_s, distance_m = old.span_s + dt_s, old.distance_m + water * dt_s
     fix, ping = inputs.gps, inputs.dvl
     if fix is None and ping is None and span_s < UPDATE_S:
-        return NavSolution(place_m, velocity, old._replace(span_s=span_s, way_m=way_m))
-    plot = NavSolution(place_m, velocity, _propagate_covariance(old, span_s, way_m, motion, config))
+        return NavSolution(position_m, velocity, old._replace(span_s=span_s, distance_m=distance_m))
+    solution = NavSolution(
+        position_m, velocity, _propagate_covariance(old, span_s, distance_m, motion, config)
+    )
     if ping is not None:
-        plot = _update_dvl(plot, motion, ping, config)
+        solution = _update_dvl(solution, motion, ping, config)
     if fix is not None and has_fix(fix) and home.known:
-        plot = _update_gnss(plot, motion, fix, home)
-    return plot._replace(velocity_mps=_velocity(plot.memory, motion) + water * plot.memory.slip)
+        solution = _update_gnss(solution, motion, fix, home)
+    return solution._replace(
+        velocity_mps=_velocity(solution.memory, motion) + water * solution.memory.slip
+    )
 
 
 def sd_m(memory: Navigation) -> float:
-    """One standard deviation of the position along each axis."""
-    return math.sqrt(max(0.0, memory.covariance.place))
+    """Return the standard deviation of the position (m) along each axis."""
+    return math.sqrt(max(0.0, memory.covariance.position))
 
 
 def current_sd_mps(memory: Navigation) -> float:
-    """One standard deviation of the current along each axis."""
+    """Return the standard deviation of the current (m/s) along each axis."""
     return math.sqrt(max(0.0, memory.covariance.current))
 
 
 def velocity_sd_mps(memory: Navigation, speed_mps: float, time_us: int) -> float:
-    """One standard deviation of the velocity over ground along each axis, at a speed through the
-    water."""
+    """Return the standard deviation of the velocity over ground (m/s) along each axis.
+
+    Parameters:
+        memory: state of the filter.
+        speed_mps: speed through the water.
+        time_us: vehicle time.
+    """
     covariance = memory.covariance
     if _has_dvl(memory, time_us):
-        water = 0.0 if memory.over_ground else covariance.current
-        return math.sqrt(max(0.0, water + DVL_SD_MPS**2 + speed_mps**2 * covariance.log))
-    slip = memory.unsteady_mps**2
-    return math.sqrt(max(0.0, covariance.current + speed_mps**2 * covariance.water + slip))
+        current = 0.0 if memory.over_ground else covariance.current
+        return math.sqrt(max(0.0, current + DVL_SD_MPS**2 + speed_mps**2 * covariance.dvl))
+    slip = memory.slip_sd_mps**2
+    return math.sqrt(max(0.0, covariance.current + speed_mps**2 * covariance.speed + slip))
 
 
-def shift_home(place_m: complex, old: Home, new: Home) -> complex:
-    """The same place counted from a new home; without an old one she is where home was said to
-    be."""
+def shift_home(position_m: complex, old: Home, new: Home) -> complex:
+    """Return a position relative to a new home; unchanged if there was no home before."""
     if not old.known:
-        return place_m
-    return place_m + complex(
+        return position_m
+    return position_m + complex(
         *geodetic_to_offset(old.lat_deg, old.lon_deg, new.lat_deg, new.lon_deg)
     )
 
 
 def _max_variances(config: Config) -> tuple[float, float, float]:
-    """Variances of current and errors before anything was measured: they never grow beyond."""
+    """Return the variances of c, m and k before any measurement, which are also their maxima."""
     return (
         config.current_sd_mps**2,
         (config.speed_error_pct / 100.0) ** 2,
@@ -156,31 +188,45 @@ def _max_variances(config: Config) -> tuple[float, float, float]:
 
 
 def _propagate_covariance(
-    old: Navigation, span_s: float, way_m: complex, motion: MotionInput, config: Config
+    old: Navigation, span_s: float, distance_m: complex, motion: MotionInput, config: Config
 ) -> Navigation:
-    """Bring the covariance up to date after a stretch of dead reckoning."""
+    """Propagate the covariance over the time since its last update.
+
+    ``p <- p + a c + b m + d k`` (see ``_jacobian``) and, with F that transition matrix::
+
+        P <- F P F^H + Q
+
+    P holds E[x y*] of the states in the order p, c, m, k; the names below are its upper triangle.
+    Q is diagonal: position walk and slip on p, walk and shear of the current on c, compass
+    deviation on k. The variances of c and k grow to their maxima only.
+    """
     pp, cc, mm, kk, pc, pm, pk, cm, ck, mk = old.covariance
-    most_cc, _, most_kk = _max_variances(config)
-    turn_rad, sink_m = abs(motion.turn_radps) * span_s, abs(motion.rise_mps) * span_s
-    unsteady = _slip_sd_mps(old, span_s, way_m, motion)
-    heard = _has_dvl(old, motion.time_us)
-    unseen = 0.0 if heard else unsteady * unsteady * SLIP_CORRELATION_S
-    a, b, d = _jacobian(old, span_s, way_m, heard)
-    spread = (
+    max_cc, _, max_kk = _max_variances(config)
+    turn_rad = abs(motion.yaw_rate_radps) * span_s
+    depth_change_m = abs(motion.depth_rate_mps) * span_s
+    slip_sd = _slip_sd_mps(old, span_s, distance_m, motion)
+    has_dvl = _has_dvl(old, motion.time_us)
+    slip_walk = 0.0 if has_dvl else slip_sd * slip_sd * SLIP_CORRELATION_S
+    a, b, d = _jacobian(old, span_s, distance_m, has_dvl)
+    cross = (
         a * pc
         + b.conjugate() * pm
         + d.conjugate() * pk
         + a * (b.conjugate() * cm + d.conjugate() * ck)
     )
-    spread += b * d.conjugate() * mk
-    own = a * a * cc + abs(b) ** 2 * mm + abs(d) ** 2 * kk
+    cross += b * d.conjugate() * mk
+    direct = a * a * cc + abs(b) ** 2 * mm + abs(d) ** 2 * kk
     covariance = NavCovariance(
-        pp + own + 2.0 * spread.real + (POSITION_WALK_M2PS + unseen) * span_s,
+        pp + direct + 2.0 * cross.real + (POSITION_WALK_M2PS + slip_walk) * span_s,
         max(
-            cc, min(most_cc, cc + config.current_walk_mps**2 / 60.0 * span_s + SHEAR_MPS2 * sink_m)
+            cc,
+            min(
+                max_cc,
+                cc + config.current_walk_mps**2 / 60.0 * span_s + SHEAR_MPS2 * depth_change_m,
+            ),
         ),
         mm,
-        max(kk, min(most_kk, kk + TURN_LOG * turn_rad)),
+        max(kk, min(max_kk, kk + TURN_LOG * turn_rad)),
         pc + a * cc + b * cm.conjugate() + d * ck.conjugate(),
         pm + a * cm + b * mm + d * mk.conjugate(),
         pk + a * ck + b * mk + d * kk,
@@ -188,115 +234,145 @@ def _propagate_covariance(
         ck,
         mk,
     )
-    slip = old.slip if heard else old.slip * (1.0 - span_s / SLIP_FADES_S)
+    slip = old.slip if has_dvl else old.slip * (1.0 - span_s / SLIP_FADES_S)
     return old._replace(
-        slip=slip, unsteady_mps=unsteady, covariance=covariance, span_s=0.0, way_m=0j
+        slip=slip, slip_sd_mps=slip_sd, covariance=covariance, span_s=0.0, distance_m=0j
     )
 
 
 def _has_dvl(memory: Navigation, time_us: int) -> bool:
-    """Whether the Doppler log was, lately."""
+    """Return whether a Doppler log velocity was used within DVL_TIMEOUT_US."""
     return 0 <= memory.ping_us >= time_us - DVL_TIMEOUT_US
 
 
 def _jacobian(
-    memory: Navigation, span_s: float, way_m: complex, heard: bool
+    memory: Navigation, span_s: float, distance_m: complex, has_dvl: bool
 ) -> tuple[float, complex, complex]:
-    """How the way of a stretch depends on the current, and on the errors of water and log.
+    """Return a, b and d: derivatives of the position change by c, m and k.
 
-    With the log heard the way is the log's, by slip, and the water's error is in none of it.
+    With D = integral of w dt over the span T::
+
+        no Doppler log   a = T   b = D   d = 0
+        water track      a = T   b = 0   d = -D
+        bottom track     a = 0   b = 0   d = -(D + c T)
+
+    With a Doppler log the position change is the measured one, divided by 1 + k: m cancels.
     """
-    if not heard:
-        return span_s, way_m, 0j
+    if not has_dvl:
+        return span_s, distance_m, 0j
     if not memory.over_ground:
-        return span_s, 0j, -way_m
-    return 0.0, 0j, -(way_m + memory.current_mps * span_s)
+        return span_s, 0j, -distance_m
+    return 0.0, 0j, -(distance_m + memory.current_mps * span_s)
 
 
-def _slip_sd_mps(old: Navigation, span_s: float, way_m: complex, motion: MotionInput) -> float:
-    """How much speed may not be where the model has it."""
+def _slip_sd_mps(old: Navigation, span_s: float, distance_m: complex, motion: MotionInput) -> float:
+    """Return the standard deviation of the unmodelled speed: sideslip, acceleration, coasting."""
     if span_s <= 0.0:
-        return old.unsteady_mps
-    gained = 2.0 * abs(abs(motion.water_mps) - abs(way_m) / span_s) / span_s
-    fading = old.unsteady_mps * (1.0 - min(1.0, span_s / SLIP_FADES_S))
-    coasting = 0.0 if motion.driven else UNPOWERED_FACTOR * abs(motion.water_mps)
-    return max(fading, SLIP_M * abs(motion.turn_radps), SLIP_S * gained, coasting)
+        return old.slip_sd_mps
+    acceleration = 2.0 * abs(abs(motion.water_mps) - abs(distance_m) / span_s) / span_s
+    decayed = old.slip_sd_mps * (1.0 - min(1.0, span_s / SLIP_FADES_S))
+    coasting = 0.0 if motion.powered else UNPOWERED_FACTOR * abs(motion.water_mps)
+    return max(decayed, SLIP_M * abs(motion.yaw_rate_radps), SLIP_S * acceleration, coasting)
 
 
-def _update_gnss(plot: NavSolution, motion: MotionInput, fix: GpsFix, home: Home) -> NavSolution:
-    """A fix tells the position, and by its velocity the current."""
-    memory, now_us = plot.memory, motion.time_us
-    late_s = _latency_s(fix.time_us, now_us)
-    seen = complex(*geodetic_to_offset(fix.lat_deg, fix.lon_deg, home.lat_deg, home.lon_deg))
-    seen += plot.velocity_mps * late_s
+def _update_gnss(
+    solution: NavSolution, motion: MotionInput, fix: GpsFix, home: Home
+) -> NavSolution:
+    """Update by a satellite fix: first by its position, then by its velocity.
+
+    The first fix sets the position. The latency of the fix is compensated with the velocity.
+    """
+    memory, now_us = solution.memory, motion.time_us
+    latency_s = _latency_s(fix.time_us, now_us)
+    measured = complex(*geodetic_to_offset(fix.lat_deg, fix.lon_deg, home.lat_deg, home.lon_deg))
+    measured += solution.velocity_mps * latency_s
     sd = DEFAULT_GNSS_SD_M if math.isnan(fix.eph_m) else max(MIN_GNSS_SD_M, fix.eph_m)
     if memory.fix_us < 0:
         covariance = memory.covariance._replace(
-            place=sd * sd, place_current=0j, place_water=0j, place_log=0j
+            position=sd * sd, position_current=0j, position_speed=0j, position_dvl=0j
         )
-        return plot._replace(
-            place_m=seen, memory=memory._replace(covariance=covariance, fix_us=now_us)
+        return solution._replace(
+            position_m=measured, memory=memory._replace(covariance=covariance, fix_us=now_us)
         )
-    alike = _correlation_scale(GNSS_CORRELATION_S, now_us - memory.fix_us)
-    error = seen - plot.place_m
-    if _rejected(_PLACE, error, sd * sd, memory.covariance):
-        if memory.fixes_refused < MAX_CONSECUTIVE_REJECTIONS:
-            return plot._replace(memory=memory._replace(fixes_refused=memory.fixes_refused + 1))
-        lost = memory.covariance.place + abs(error) ** 2
-        memory = memory._replace(covariance=memory.covariance._replace(place=lost))
-    plot = _kalman_update(plot._replace(memory=memory), _PLACE, error, sd * sd * alike)
-    gained = complex(fix.velocity_north_mps, fix.velocity_east_mps) - _velocity(plot.memory, motion)
-    variance = (GNSS_VELOCITY_SD_MPS**2 + memory.unsteady_mps**2) * alike
-    plot = _kalman_update(plot, (0.0, 1.0, motion.water_mps, 0.0), gained, variance)
-    return plot._replace(memory=plot.memory._replace(fix_us=now_us, fixes_refused=0))
+    scale = _correlation_scale(GNSS_CORRELATION_S, now_us - memory.fix_us)
+    error = measured - solution.position_m
+    if _rejected(_POSITION_ROW, error, sd * sd, memory.covariance):
+        if memory.fixes_rejected < MAX_CONSECUTIVE_REJECTIONS:
+            return solution._replace(
+                memory=memory._replace(fixes_rejected=memory.fixes_rejected + 1)
+            )
+        variance = memory.covariance.position + abs(error) ** 2
+        memory = memory._replace(covariance=memory.covariance._replace(position=variance))
+    solution = _kalman_update(
+        solution._replace(memory=memory), _POSITION_ROW, error, sd * sd * scale
+    )
+    velocity_error = complex(fix.velocity_north_mps, fix.velocity_east_mps) - _velocity(
+        solution.memory, motion
+    )
+    variance = (GNSS_VELOCITY_SD_MPS**2 + memory.slip_sd_mps**2) * scale
+    solution = _kalman_update(solution, (0.0, 1.0, motion.water_mps, 0.0), velocity_error, variance)
+    return solution._replace(memory=solution.memory._replace(fix_us=now_us, fixes_rejected=0))
 
 
-def _update_dvl(plot: NavSolution, motion: MotionInput, ping: Dvl, config: Config) -> NavSolution:
-    """Bottom track tells the velocity over ground, water track that through the water."""
-    memory, now_us = plot.memory, motion.time_us
+def _update_dvl(
+    solution: NavSolution, motion: MotionInput, ping: Dvl, config: Config
+) -> NavSolution:
+    """Update by a Doppler log velocity, bottom track or water track.
+
+    After the update a fraction of the residual goes to the slip. After too many rejections the
+    variances of c and m are reset.
+    """
+    memory, now_us = solution.memory, motion.time_us
     body = ping.velocity_x_mps, ping.velocity_y_mps, ping.velocity_z_mps
     north, east, _ = rotate(motion.attitude, body)
-    turned = motion.turn_radps * _latency_s(ping.time_us, now_us)
-    seen = complex(north, east) * complex(math.cos(turned), -math.sin(turned))
+    turned_rad = motion.yaw_rate_radps * _latency_s(ping.time_us, now_us)
+    measured = complex(north, east) * complex(math.cos(turned_rad), -math.sin(turned_rad))
     water = motion.water_mps
-    true = _velocity(memory, motion) if ping.over_ground else water * (1.0 + memory.water_error)
-    row: Row = (0.0, 1.0 if ping.over_ground else 0.0, water, true)
-    variance = max(DVL_SD_MPS, ping.figure_of_merit_mps) ** 2 + memory.unsteady_mps**2
-    error = seen - true * (1.0 + memory.log_error)
+    predicted = (
+        _velocity(memory, motion) if ping.over_ground else water * (1.0 + memory.speed_error)
+    )
+    row: Row = (0.0, 1.0 if ping.over_ground else 0.0, water, predicted)
+    variance = max(DVL_SD_MPS, ping.figure_of_merit_mps) ** 2 + memory.slip_sd_mps**2
+    error = measured - predicted * (1.0 + memory.dvl_error)
     if _rejected(row, error, variance, memory.covariance):
-        if memory.pings_refused < MAX_CONSECUTIVE_REJECTIONS:
-            return plot._replace(memory=memory._replace(pings_refused=memory.pings_refused + 1))
-        current, water_error, _ = _max_variances(config)
-        astray = memory.covariance._replace(current=current + abs(error) ** 2, water=water_error)
-        memory = memory._replace(covariance=astray)
-    alike = _correlation_scale(DVL_CORRELATION_S, now_us - memory.ping_us)
-    plot = _kalman_update(plot._replace(memory=memory), row, error, variance * alike)
-    memory = plot.memory._replace(ping_us=now_us, pings_refused=0, over_ground=ping.over_ground)
+        if memory.pings_rejected < MAX_CONSECUTIVE_REJECTIONS:
+            return solution._replace(
+                memory=memory._replace(pings_rejected=memory.pings_rejected + 1)
+            )
+        current, speed_error, _ = _max_variances(config)
+        reset = memory.covariance._replace(current=current + abs(error) ** 2, speed=speed_error)
+        memory = memory._replace(covariance=reset)
+    scale = _correlation_scale(DVL_CORRELATION_S, now_us - memory.ping_us)
+    solution = _kalman_update(solution._replace(memory=memory), row, error, variance * scale)
+    memory = solution.memory._replace(
+        ping_us=now_us, pings_rejected=0, over_ground=ping.over_ground
+    )
     if abs(water) < MIN_WATER_SPEED_MPS:
-        return plot._replace(memory=memory)
-    left = seen / (1.0 + memory.log_error) - water * (1.0 + memory.water_error)
-    left -= memory.current_mps if ping.over_ground else 0j
-    slip = memory.slip + SLIP_SHARE * (left / water - memory.slip)
-    return plot._replace(memory=memory._replace(slip=slip))
+        return solution._replace(memory=memory)
+    residual = measured / (1.0 + memory.dvl_error) - water * (1.0 + memory.speed_error)
+    residual -= memory.current_mps if ping.over_ground else 0j
+    slip = memory.slip + SLIP_SHARE * (residual / water - memory.slip)
+    return solution._replace(memory=memory._replace(slip=slip))
 
 
 def _velocity(memory: Navigation, motion: MotionInput) -> complex:
-    """Over ground, by what is known now, as it is in steady motion."""
-    return motion.water_mps * (1.0 + memory.water_error) + memory.current_mps
+    """Return the velocity over ground in steady motion: w (1 + m) + c."""
+    return motion.water_mps * (1.0 + memory.speed_error) + memory.current_mps
 
 
 def _latency_s(time_us: int, now_us: int) -> float:
-    late_s = (now_us - time_us) / US_PER_S
-    return late_s if 0.0 <= late_s <= MAX_LATENCY_S else 0.0
+    """Return the age of a measurement; 0 if it is not plausible."""
+    latency_s = (now_us - time_us) / US_PER_S
+    return latency_s if 0.0 <= latency_s <= MAX_LATENCY_S else 0.0
 
 
-def _correlation_scale(alike_s: float, since_us: int) -> float:
-    """By how much less a measurement is worth for the one before it."""
-    return max(1.0, alike_s * US_PER_S / max(1, since_us))
+def _correlation_scale(correlation_s: float, since_us: int) -> float:
+    """Return the factor of the variance for the correlation with the last measurement."""
+    return max(1.0, correlation_s * US_PER_S / max(1, since_us))
 
 
-def _spread(row: Row, covariance: NavCovariance) -> tuple[Row, float]:
-    """The covariance of the four with what a measurement sees of them, and the variance of that."""
+def _cross_covariance(row: Row, covariance: NavCovariance) -> tuple[Row, float]:
+    """Return P H^H and H P H^H."""
     pp, cc, mm, kk, pc, pm, pk, cm, ck, mk = covariance
     hp, hc, hm, hk = row
     p, c, m, k = hp.conjugate(), hc.conjugate(), hm.conjugate(), hk.conjugate()
@@ -310,22 +386,32 @@ def _spread(row: Row, covariance: NavCovariance) -> tuple[Row, float]:
 
 
 def _rejected(row: Row, error: complex, variance: float, covariance: NavCovariance) -> bool:
-    return abs(error) ** 2 > INNOVATION_GATE_SD**2 * (_spread(row, covariance)[1] + variance)
+    """Return whether an innovation is outside the gate: |e|^2 > gate^2 (H P H^H + R)."""
+    return abs(error) ** 2 > INNOVATION_GATE_SD**2 * (
+        _cross_covariance(row, covariance)[1] + variance
+    )
 
 
-def _kalman_update(plot: NavSolution, row: Row, error: complex, variance: float) -> NavSolution:
-    """Kalman's update by one measurement that is ``error`` off what was expected of it."""
-    memory = plot.memory
+def _kalman_update(solution: NavSolution, row: Row, error: complex, variance: float) -> NavSolution:
+    """Apply the Kalman update by one measurement with innovation e = ``error``, R = ``variance``.
+
+    ::
+
+        S = H P H^H + R    K = P H^H / S    x <- x + K e    P <- P - (P H^H) (P H^H)^H / S
+
+    Schreier and Scharf 2010, chapter 5. p, c, m, k below are the elements of P H^H.
+    """
+    memory = solution.memory
     pp, cc, mm, kk, pc, pm, pk, cm, ck, mk = memory.covariance
-    (p, c, m, k), seen = _spread(row, memory.covariance)
-    worth = 1.0 / (seen + variance)
-    step = error * worth
-    wc, wm, wk = c.conjugate() * worth, m.conjugate() * worth, k.conjugate() * worth
+    (p, c, m, k), predicted_variance = _cross_covariance(row, memory.covariance)
+    inverse = 1.0 / (predicted_variance + variance)
+    step = error * inverse
+    wc, wm, wk = c.conjugate() * inverse, m.conjugate() * inverse, k.conjugate() * inverse
     covariance = NavCovariance(
-        pp - abs(p) ** 2 * worth,
-        cc - abs(c) ** 2 * worth,
-        mm - abs(m) ** 2 * worth,
-        kk - abs(k) ** 2 * worth,
+        pp - abs(p) ** 2 * inverse,
+        cc - abs(c) ** 2 * inverse,
+        mm - abs(m) ** 2 * inverse,
+        kk - abs(k) ** 2 * inverse,
         pc - p * wc,
         pm - p * wm,
         pk - p * wk,
@@ -333,10 +419,10 @@ def _kalman_update(plot: NavSolution, row: Row, error: complex, variance: float)
         ck - c * wk,
         mk - m * wk,
     )
-    learned = memory._replace(
+    updated = memory._replace(
         current_mps=memory.current_mps + c * step,
-        water_error=memory.water_error + m * step,
-        log_error=memory.log_error + k * step,
+        speed_error=memory.speed_error + m * step,
+        dvl_error=memory.dvl_error + k * step,
         covariance=covariance,
     )
-    return plot._replace(place_m=plot.place_m + p * step, memory=learned)
+    return solution._replace(position_m=solution.position_m + p * step, memory=updated)

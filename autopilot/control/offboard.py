@@ -1,8 +1,9 @@
-"""Flying by set-points that someone outside streams, and by a pilot's stick. Pure.
+"""Modes OFFBOARD (set-points streamed by a client) and STABILIZE (stick). Pure.
 
-An attitude target and a motion target may both stream: then depth, and what there is of place,
-velocity or heading, are the motion's, and the rest the attitude's. A stream that falls silent no
-longer counts; with none left OFFBOARD ends in HOLD."""
+An attitude target and a motion target may stream at the same time. Then the motion target sets
+depth, position, velocity or heading as far as it contains them, and the attitude target the rest.
+A stream times out after OFB_TIMEOUT_S; without any stream OFFBOARD changes to HOLD.
+"""
 
 import cmath
 import math
@@ -21,13 +22,13 @@ from autopilot.control.types import AutopilotState, Inputs, Stick
 from mavlink_io.frames import wrap_pi
 
 MIN_SPEED_MPS = 0.05
-"""Slower than this is standing still."""
-LEAD_RAD = math.radians(30.0)
-"""How far a heading that is moved by a rate may run ahead of the vehicle."""
+"""Speed below which a velocity target is zero."""
+MAX_HEADING_LEAD_RAD = math.radians(30.0)
+"""Maximum difference of an integrated heading set-point from the estimated heading."""
 
 
 def drop_stale_targets(targets: Targets, inputs: Inputs, config: Config) -> Targets:
-    """The targets whose streams go on."""
+    """Return the targets whose streams have not timed out."""
     if targets.attitude and _is_stale(inputs.attitude_silent_s, config):
         targets = targets._replace(attitude=None)
     if targets.motion and _is_stale(inputs.motion_silent_s, config):
@@ -36,11 +37,12 @@ def drop_stale_targets(targets: Targets, inputs: Inputs, config: Config) -> Targ
 
 
 def _is_stale(silent_s: float | None, config: Config) -> bool:
+    """Return whether a stream has timed out."""
     return silent_s is not None and silent_s > config.offboard_timeout_s
 
 
 def step(state: AutopilotState, config: Config, dt_s: float) -> AutopilotState:
-    """Put the targets in force."""
+    """Apply the targets to set-points and path."""
     attitude, motion = state.targets
     if motion is None:
         state = state._replace(path=None)
@@ -56,21 +58,24 @@ def step(state: AutopilotState, config: Config, dt_s: float) -> AutopilotState:
 def stabilize(
     state: AutopilotState, stick: Stick | None, config: Config, dt_s: float
 ) -> AutopilotState:
-    """The stick sets pitch and rate of turn; let go, she keeps her heading, level and without
-    thrust."""
-    hand = stick or Stick(0.0, 0.0, 0.0)
-    rate = AttitudeTarget(
-        pitch_rad=hand.elevator * config.pitch_limit_rad,
-        heading_rate_radps=hand.rudder * math.radians(config.stick_rate_degps),
-        thrust=hand.thrust,
+    """Set pitch, heading and thrust by the stick.
+
+    The stick sets pitch (full: PTCH_LIM_DEG), yaw rate (full: STB_RATE_DEGPS) and thrust. Without
+    a stick the vehicle holds heading and level pitch without thrust.
+    """
+    manual = stick or Stick(0.0, 0.0, 0.0)
+    target = AttitudeTarget(
+        pitch_rad=manual.elevator * config.pitch_limit_rad,
+        heading_rate_radps=manual.rudder * math.radians(config.stick_rate_degps),
+        thrust=manual.thrust,
     )
-    return state._replace(setpoint=_attitude(rate, state, config, dt_s))
+    return state._replace(setpoint=_attitude(target, state, config, dt_s))
 
 
 def _attitude(
     target: AttitudeTarget, state: AutopilotState, config: Config, dt_s: float
 ) -> Setpoint:
-    """Pitch and heading as they are, or as they become by their rates."""
+    """Return the set-points of an attitude target; a missing angle is integrated from its rate."""
     old, limit = state.setpoint, config.pitch_limit_rad
     heading, pitch, thrust = target.heading_rad, target.pitch_rad, target.thrust
     if heading is None:
@@ -85,16 +90,16 @@ def _attitude(
 
 
 def integrate_yaw_rate(state: AutopilotState, rate_radps: float, dt_s: float) -> float:
-    """The heading asked for, moved on, but not far from where she looks."""
-    is_rad = state.estimate.heading_rad
-    ahead = wrap_pi(state.setpoint.heading_rad + rate_radps * dt_s - is_rad)
-    return wrap_pi(is_rad + max(-LEAD_RAD, min(LEAD_RAD, ahead)))
+    """Return the heading set-point (rad) after a tick, at most 30 degrees ahead of the vehicle."""
+    estimate_rad = state.estimate.heading_rad
+    ahead = wrap_pi(state.setpoint.heading_rad + rate_radps * dt_s - estimate_rad)
+    return wrap_pi(estimate_rad + max(-MAX_HEADING_LEAD_RAD, min(MAX_HEADING_LEAD_RAD, ahead)))
 
 
 def _motion(
     target: MotionTarget, state: AutopilotState, config: Config, dt_s: float, thrust: float | None
 ) -> AutopilotState:
-    """Depth, then the way to a place, or a velocity, or a heading."""
+    """Apply a motion target: depth, then position, velocity, heading or yaw rate."""
     setpoint = state.setpoint._replace(
         thrust=config.cruise_thrust_pct / 100.0 if thrust is None else thrust
     )
@@ -105,8 +110,8 @@ def _motion(
         setpoint = setpoint._replace(depth_m=depth_m, pitch_rad=None)
     if target.speed_mps is not None:
         setpoint = setpoint._replace(thrust=thrust_for(target.speed_mps, config))
-    if target.place_m is not None:
-        return state._replace(setpoint=setpoint, path=_path(target.place_m, state, config))
+    if target.position_m is not None:
+        return state._replace(setpoint=setpoint, path=_path(target.position_m, state, config))
     if target.velocity_mps is not None:
         setpoint = _track_velocity(target.velocity_mps, target.heading_rad, setpoint, state, config)
     elif target.heading_rad is not None:
@@ -118,19 +123,21 @@ def _motion(
     return state._replace(setpoint=setpoint, path=None)
 
 
-def _path(place_m: complex, state: AutopilotState, config: Config) -> TrackLine | Circle:
-    """The line to a place from where she was when it was first asked for; there she circles, for
-    she cannot hover."""
-    path, at = state.path, state.estimate
-    if isinstance(path, Circle) and path.centre_m == place_m:
+def _path(position_m: complex, state: AutopilotState, config: Config) -> TrackLine | Circle:
+    """Return the line to a position; once it is reached, a circle about it.
+
+    The line starts where the vehicle was when the position was first requested.
+    """
+    path, estimate = state.path, state.estimate
+    if isinstance(path, Circle) and path.centre_m == position_m:
         return path
     line = (
         path
-        if isinstance(path, TrackLine) and path.to_m == place_m
-        else TrackLine(guidance.current_position(at), place_m)
+        if isinstance(path, TrackLine) and path.to_m == position_m
+        else TrackLine(guidance.position_of(estimate), position_m)
     )
-    if guidance.reached(line, at, config.acceptance_m):
-        return guidance.circle(place_m, config.station_radius_m, config)
+    if guidance.reached(line, estimate, config.acceptance_m):
+        return guidance.circle(position_m, config.station_radius_m, config)
     return line
 
 
@@ -141,18 +148,20 @@ def _track_velocity(
     state: AutopilotState,
     config: Config,
 ) -> Setpoint:
-    """Heading and thrust for a velocity over ground; standing still she keeps the heading that is
-    asked for."""
-    learned = state.estimate.navigation
+    """Return heading and thrust for a velocity over ground, corrected for the current.
+
+    At zero velocity the thrust is 0 and the heading is ``heading_rad`` if given.
+    """
+    navigation = state.estimate.navigation
     if abs(velocity_mps) < MIN_SPEED_MPS:
         heading = setpoint.heading_rad if heading_rad is None else heading_rad
         return setpoint._replace(heading_rad=heading, thrust=0.0)
-    through_water = (velocity_mps - learned.current_mps) / (1.0 + learned.water_error)
+    through_water = (velocity_mps - navigation.current_mps) / (1.0 + navigation.speed_error)
     speed, heading = cmath.polar(through_water)
     return setpoint._replace(heading_rad=wrap_pi(heading), thrust=thrust_for(speed, config))
 
 
 def thrust_for(speed_mps: float, config: Config) -> float:
-    """The thrust of a speed through the water: a propeller's speed grows with its revolutions."""
-    ahead = speed_mps / config.cruise_speed_mps * config.cruise_thrust_pct / 100.0
-    return max(-1.0, min(1.0, ahead))
+    """Return the thrust command in [-1, 1] for a speed through the water (m/s): proportional."""
+    thrust = speed_mps / config.cruise_speed_mps * config.cruise_thrust_pct / 100.0
+    return max(-1.0, min(1.0, thrust))

@@ -1,7 +1,6 @@
-"""The one table of parameters: the fields of ``Config`` with name, default, range, unit and
-meaning.
+"""Table of the parameters: the fields of ``Config`` with name, default, range, unit and text.
 
-A tick reads the fields; ground sees the names. All travel as MAVLink REAL32.
+The tick reads the fields; ground stations see the names. All values travel as MAVLink REAL32.
 """
 
 import math
@@ -33,10 +32,12 @@ MIN_WHEN_ON = {
     "THR_CRUISE_PCT": 1.0,
     "TRIM_AUTO_S": 1.0,
 }
-"""Smallest useful value, in its own unit, of a parameter whose minimum 0 means off."""
+"""Minimum value, in its own unit, of a parameter for which 0 means off."""
 
 
 class Doc(NamedTuple):
+    """Description of one parameter."""
+
     name: str
     minimum: float
     maximum: float
@@ -46,14 +47,17 @@ class Doc(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """Every parameter as a tick reads it, and what follows from them. Gains are the paper's Table
-    3, initial column."""
+    """All parameters in the units of the table, and values derived from them in SI units.
+
+    The default gains are the initial column of the paper's Table 3.
+    """
 
     system_id: Annotated[
-        int, Doc("MAV_SYS_ID", 1, 255, "", "MAVLink system id, read at the start")
+        int,
+        Doc("MAV_SYS_ID", 1, 255, "", "MAVLink system id; a change takes effect at the next start"),
     ] = 1
     forwards: Annotated[
-        int, Doc("MAV_FORWARD", 0, 1, "", "1: pass messages on from one ground link to another")
+        int, Doc("MAV_FORWARD", 0, 1, "", "1: forward messages between ground links")
     ] = 1
 
     heading_p: Annotated[float, Doc("HDG_P", 0, 5, "rad/rad", "Rudder per heading error")] = 0.65
@@ -64,7 +68,7 @@ class Config:
     ] = 0.01
     heading_i_rate_degps: Annotated[
         float,
-        Doc("HDG_I_RATE", 0, 90, "deg/s", "Turning faster than this, the heading integrator waits"),
+        Doc("HDG_I_RATE", 0, 90, "deg/s", "Yaw rate above which the heading integrator is frozen"),
     ] = 2.0
     pitch_p: Annotated[float, Doc("PTCH_P", 0, 5, "rad/rad", "Elevator per pitch error")] = 0.8
     pitch_d: Annotated[float, Doc("PTCH_D", 0, 10, "s", "Elevator per pitch rate")] = 1.9
@@ -79,59 +83,67 @@ class Config:
         float, Doc("DPT_IMAX", 0, 0.5, "rad", "Limit of the depth integrator")
     ] = 0.004
     pitch_limit_deg: Annotated[
-        float, Doc("PTCH_LIM_DEG", 1, 60, "deg", "Largest pitch the depth loop may ask")
+        float, Doc("PTCH_LIM_DEG", 1, 60, "deg", "Maximum pitch set-point of the depth loop")
     ] = 20.0
 
-    law_enabled: Annotated[
-        int, Doc("LAW_ENABLE", 0, 1, "", "1: the LQG of --controller, where given, replaces PIDs")
+    lqg_enabled: Annotated[
+        int, Doc("LAW_ENABLE", 0, 1, "", "1: LQG controllers loaded at the start replace the PIDs")
     ] = 1
-    laws: LqgControllers | None = None
-    """No parameter: a file that was read at the start."""
+    lqg_controllers: LqgControllers | None = None
+    """Not a parameter: controllers loaded from a file at the start; None without."""
 
-    heading_way_radps: Annotated[
-        float, Doc("HDG_REF_W", 0, 5, "rad/s", "Bandwidth of the heading's reference model; 0 off")
+    heading_ref_radps: Annotated[
+        float, Doc("HDG_REF_W", 0, 5, "rad/s", "Bandwidth of the heading reference model; 0 off")
     ] = 0.0
-    heading_way_degps: Annotated[
+    heading_ref_degps: Annotated[
         float,
-        Doc("HDG_REF_RATE", 0.1, 90, "deg/s", "Rate of turn of the heading's reference model"),
+        Doc("HDG_REF_RATE", 0.1, 90, "deg/s", "Maximum yaw rate of the heading reference model"),
     ] = 6.0
-    depth_way_radps: Annotated[
-        float, Doc("DPT_REF_W", 0, 5, "rad/s", "Bandwidth of the depth's reference model; 0 off")
+    depth_ref_radps: Annotated[
+        float, Doc("DPT_REF_W", 0, 5, "rad/s", "Bandwidth of the depth reference model; 0 off")
     ] = 0.0
-    depth_way_mps: Annotated[
-        float, Doc("DPT_REF_RATE", 0.01, 5, "m/s", "Rate of change of the depth's reference model")
+    depth_ref_mps: Annotated[
+        float,
+        Doc("DPT_REF_RATE", 0.01, 5, "m/s", "Maximum depth rate of the depth reference model"),
     ] = 0.3
-    heading_weight: Annotated[
+    heading_setpoint_weight: Annotated[
         float,
         Doc(
             "HDG_SPW",
             0,
             1,
             "",
-            "Weight of a new heading in HDG_P, without a reference model; 1 off",
+            "Set-point weight of HDG_P, used without a reference model; 1 off",
         ),
     ] = 1.0
-    depth_weight: Annotated[
+    depth_setpoint_weight: Annotated[
         float,
         Doc(
-            "DPT_SPW", 0, 1, "", "Weight of a new depth in DPT_P, without a reference model; 1 off"
+            "DPT_SPW", 0, 1, "", "Set-point weight of DPT_P, used without a reference model; 1 off"
         ),
     ] = 1.0
-    pitch_stiffness: Annotated[
+    pitch_feedforward: Annotated[
         float,
         Doc(
             "PTCH_FF",
             0,
             5,
             "rad/rad",
-            "Elevator per pitch that a way in depth takes, at cruise speed; 0 off",
+            "Elevator per pitch of the depth reference, at cruise speed; 0 off",
         ),
     ] = 0.0
     schedule_mps: Annotated[
-        float, Doc("GAIN_SPD_MPS", 0, 5, "m/s", "Speed at which the gains hold; 0: at any speed")
+        float,
+        Doc(
+            "GAIN_SPD_MPS",
+            0,
+            5,
+            "m/s",
+            "Speed that the gains were designed for; 0: no gain scheduling",
+        ),
     ] = 0.0
     roll_compensated: Annotated[
-        int, Doc("ROLL_COMP", 0, 1, "", "1: turn what the loops want by the roll angle")
+        int, Doc("ROLL_COMP", 0, 1, "", "1: rotate rudder and elevator commands by the roll angle")
     ] = 0
 
     rudder_trim_deg: Annotated[
@@ -141,51 +153,53 @@ class Config:
         float, Doc("TRIM_ELE_DEG", -15, 15, "deg", "Elevator that holds a level run")
     ] = 0.0
     travel_deg: Annotated[
-        float, Doc("ACT_TRAVEL_DEG", 1, 45, "deg", "Duct travel at full control")
+        float, Doc("ACT_TRAVEL_DEG", 1, 45, "deg", "Maximum duct angle, at command 1")
     ] = 15.0
     trim_time_s: Annotated[
-        float, Doc("TRIM_AUTO_S", 0, 600, "s", "Time in which trims are learned under way; 0 off")
+        float,
+        Doc("TRIM_AUTO_S", 0, 600, "s", "Time constant of trim learning in steady flight; 0 off"),
     ] = 0.0
     lag_radps: Annotated[
-        float, Doc("ACT_LAG_W", 0.5, 100, "rad/s", "Natural frequency of the tailcone's lag")
+        float, Doc("ACT_LAG_W", 0.5, 100, "rad/s", "Natural frequency of the tailcone")
     ] = 3.0
-    lag_damping: Annotated[
-        float, Doc("ACT_LAG_Z", 0.1, 2, "", "Damping ratio of the tailcone's lag")
-    ] = 0.6
-    lead_radps: Annotated[
+    lag_damping: Annotated[float, Doc("ACT_LAG_Z", 0.1, 2, "", "Damping ratio of the tailcone")] = (
+        0.6
+    )
+    actuator_lead_radps: Annotated[
         float,
         Doc(
             "ACT_LEAD_W",
             0,
             100,
             "rad/s",
-            "Natural frequency that the tailcone is to seem to have; 0: its own",
+            "Natural frequency of the tailcone with lead compensation; 0 off",
         ),
     ] = 0.0
     rate_degps: Annotated[
         float, Doc("ACT_RATE_DEGPS", 1, 360, "deg/s", "Rate limit of the tailcone")
     ] = 15.0
     cruise_thrust_pct: Annotated[
-        float, Doc("THR_CRUISE_PCT", 0, 100, "%", "Thrust where a mission gives none")
+        float, Doc("THR_CRUISE_PCT", 0, 100, "%", "Cruise thrust: default of missions and modes")
     ] = 58.0
     cruise_speed_mps: Annotated[
         float, Doc("SPD_CRUISE_MPS", 0.1, 5, "m/s", "Speed at cruise thrust")
     ] = 1.3
     speed_length_m: Annotated[
-        float, Doc("SPD_LENGTH_M", 1, 500, "m", "Way in which a speed is reached")
+        float, Doc("SPD_LENGTH_M", 1, 500, "m", "Distance in which speed follows thrust")
     ] = 12.0
 
     declination_deg: Annotated[
         float, Doc("MAG_DECL_DEG", -180, 180, "deg", "Magnetic declination, east positive")
     ] = -14.4
     attitude_gain: Annotated[
-        float, Doc("EST_ATT_GAIN", 0, 5, "1/s", "Pull of the accelerometer on attitude")
+        float,
+        Doc("EST_ATT_GAIN", 0, 5, "1/s", "Gain of the accelerometer in the attitude estimate"),
     ] = 0.15
     heading_gain: Annotated[
-        float, Doc("EST_HDG_GAIN", 0, 5, "1/s", "Pull of the magnetometer on heading")
+        float, Doc("EST_HDG_GAIN", 0, 5, "1/s", "Gain of the magnetometer in the heading estimate")
     ] = 0.15
     bias_gain: Annotated[
-        float, Doc("EST_BIAS_GAIN", 0, 1, "1/s2", "Speed of the gyro bias estimate")
+        float, Doc("EST_BIAS_GAIN", 0, 1, "1/s2", "Gain of the gyro bias estimate")
     ] = 0.005
     depth_time_s: Annotated[
         float, Doc("EST_DPT_TIME", 0.05, 10, "s", "Time constant of the depth estimate")
@@ -198,101 +212,149 @@ class Config:
     ] = 1025.0
 
     current_sd_mps: Annotated[
-        float, Doc("NAV_CUR_SD", 0, 3, "m/s", "Current to be reckoned with before any is measured")
+        float,
+        Doc("NAV_CUR_SD", 0, 3, "m/s", "Standard deviation of the current before a measurement"),
     ] = 0.2
     current_walk_mps: Annotated[
         float,
-        Doc("NAV_CUR_WALK", 0, 1, "m/s", "Change of the current to be reckoned with in a minute"),
+        Doc("NAV_CUR_WALK", 0, 1, "m/s", "Standard deviation of the current's change in a minute"),
     ] = 0.05
     speed_error_pct: Annotated[
-        float, Doc("NAV_SPD_PCT", 0, 50, "%", "Error of the speed by thrust to be reckoned with")
+        float, Doc("NAV_SPD_PCT", 0, 50, "%", "Standard deviation of the speed derived from thrust")
     ] = 5.0
     log_error_pct: Annotated[
         float,
-        Doc("NAV_DVL_PCT", 0, 10, "%", "Error of Doppler log and heading to be reckoned with"),
+        Doc("NAV_DVL_PCT", 0, 10, "%", "Standard deviation of Doppler log and heading"),
     ] = 0.6
 
     lookahead_m: Annotated[
-        float, Doc("NAV_LOS_M", 1, 500, "m", "Look-ahead of line-of-sight guidance")
+        float, Doc("NAV_LOS_M", 1, 500, "m", "Look-ahead distance of line-of-sight guidance")
     ] = 15.0
     los_integral_mps: Annotated[
         float, Doc("NAV_LOS_I", 0, 10, "m/s", "Integral gain of line-of-sight guidance; 0 off")
     ] = 0.3
     acceptance_m: Annotated[
-        float, Doc("NAV_ACC_RAD_M", 0.5, 500, "m", "A place is reached within this")
+        float, Doc("NAV_ACC_RAD_M", 0.5, 500, "m", "Radius within which a waypoint is reached")
     ] = 5.0
     station_radius_m: Annotated[
-        float, Doc("STN_RADIUS_M", 5, 1000, "m", "Circle about a place to stay at")
+        float, Doc("STN_RADIUS_M", 5, 1000, "m", "Radius of the circle for station keeping")
     ] = 20.0
-    rtl_depth_m: Annotated[float, Doc("RTL_DEPTH_M", 0, 6000, "m", "Depth of the way home")] = 2.0
+    rtl_depth_m: Annotated[
+        float, Doc("RTL_DEPTH_M", 0, 6000, "m", "Depth of the return to home in RTL")
+    ] = 2.0
     rtl_radius_m: Annotated[
-        float, Doc("RTL_RADIUS_M", 1, 1000, "m", "Closer to home than this: surface")
+        float, Doc("RTL_RADIUS_M", 1, 1000, "m", "Distance from home at which RTL surfaces")
     ] = 10.0
     offboard_timeout_s: Annotated[
         float,
-        Doc("OFB_TIMEOUT_S", 0.1, 60, "s", "Wall time without a set-point that ends OFFBOARD"),
+        Doc(
+            "OFB_TIMEOUT_S", 0.1, 60, "s", "Wall time without a set-point after which OFFBOARD ends"
+        ),
     ] = 1.0
     stick_rate_degps: Annotated[
         float,
-        Doc("STB_RATE_DEGPS", 0.5, 30, "deg/s", "Rate of turn of the full stick in STABILIZE"),
+        Doc("STB_RATE_DEGPS", 0.5, 30, "deg/s", "Yaw rate at full stick in STABILIZE"),
     ] = 8.0
 
     surfaced_depth_m: Annotated[
-        float, Doc("SURF_DEPTH_M", 0.1, 3, "m", "Shallower than this is surfaced")
+        float, Doc("SURF_DEPTH_M", 0.1, 3, "m", "Depth above which the vehicle counts as surfaced")
     ] = 0.5
     surface_rise_s: Annotated[
-        float, Doc("SURF_RISE_S", 0, 600, "s", "Time without rise that stops the propeller; 0 off")
+        float,
+        Doc(
+            "SURF_RISE_S",
+            0,
+            600,
+            "s",
+            "Time without a rise after which SURFACE stops the propeller; 0 off",
+        ),
     ] = 20.0
     surface_time_s: Annotated[
-        float, Doc("SURF_TIME_S", 0, 86_400, "s", "Time without rise that ends SURFACE; 0 never")
+        float,
+        Doc("SURF_TIME_S", 0, 86_400, "s", "Time without a rise after which SURFACE ends; 0 never"),
     ] = 300.0
     surface_fix_s: Annotated[
-        float, Doc("SURF_FIX_S", 0, 600, "s", "Time of a fix that ends SURFACE at any depth; 0 off")
+        float,
+        Doc(
+            "SURF_FIX_S",
+            0,
+            600,
+            "s",
+            "Duration of a satellite fix that ends SURFACE at any depth; 0 off",
+        ),
     ] = 5.0
     buoyancy_n: Annotated[
-        float, Doc("SURF_BUOY_N", -10_000, 10_000, "N", "Net buoyancy; above 0: floats by itself")
+        float,
+        Doc(
+            "SURF_BUOY_N",
+            -10_000,
+            10_000,
+            "N",
+            "Net buoyancy; above 0 the vehicle floats up by itself",
+        ),
     ] = 22.24
     mission_end: Annotated[
         int, Doc("MIS_END_ACT", 0, 2, "", "After a mission: 0 HOLD, 1 SURFACE, 2 disarm")
     ] = 1
     mission_seq0_home: Annotated[
-        int, Doc("MIS_SEQ0_HOME", 0, 1, "", "1: item 0 is home and is not flown")
+        int, Doc("MIS_SEQ0_HOME", 0, 1, "", "1: mission item 0 is home and is skipped")
     ] = 0
     mission_distance_m: Annotated[
         float,
-        Doc("MIS_DIST_MAX", 0, 100_000, "m", "Farthest place of a mission from home; 0: no limit"),
+        Doc(
+            "MIS_DIST_MAX",
+            0,
+            100_000,
+            "m",
+            "Maximum distance of mission waypoints from home; 0: no limit",
+        ),
     ] = 10_000.0
-    """Default: what cruise speed (1.3 m/s) covers in FS_TIME_S (7200 s), rounded up."""
+    """The default is the distance at cruise speed (1.3 m/s) in FS_TIME_S (7200 s), rounded up."""
 
-    fs_depth_m: Annotated[float, Doc("FS_DEPTH_M", 1, 6000, "m", "Deeper than this: surface")] = (
-        18.0
-    )
+    fs_depth_m: Annotated[
+        float, Doc("FS_DEPTH_M", 1, 6000, "m", "Maximum depth; below it the failsafe surfaces")
+    ] = 18.0
     fs_altitude_m: Annotated[
-        float, Doc("FS_ALT_M", 0, 100, "m", "Closer to the sea floor: surface; 0 off")
+        float,
+        Doc("FS_ALT_M", 0, 100, "m", "Minimum altitude; below it the failsafe surfaces; 0 off"),
     ] = 1.0
     fs_pitch_deg: Annotated[
-        float, Doc("FS_PITCH_DEG", 10, 90, "deg", "Steeper than this: surface")
+        float, Doc("FS_PITCH_DEG", 10, 90, "deg", "Maximum pitch; above it the failsafe surfaces")
     ] = 75.0
     fs_time_s: Annotated[
-        float, Doc("FS_TIME_S", 0, 864_000, "s", "Longest armed time: surface; 0 off")
+        float,
+        Doc(
+            "FS_TIME_S",
+            0,
+            864_000,
+            "s",
+            "Maximum armed time; after it the failsafe surfaces; 0 off",
+        ),
     ] = 7200.0
     fs_ground_s: Annotated[
-        float, Doc("FS_GCS_TIMEOUT", 0, 86_400, "s", "Wall time without ground: FS_GCS_ACT; 0 off")
+        float,
+        Doc(
+            "FS_GCS_TIMEOUT",
+            0,
+            86_400,
+            "s",
+            "Wall time without a ground station before FS_GCS_ACT; 0 off",
+        ),
     ] = 0.0
     fs_ground_action: Annotated[
-        int, Doc("FS_GCS_ACT", 0, 2, "", "Ground lost: 0 HOLD, 1 SURFACE, 2 RTL")
+        int, Doc("FS_GCS_ACT", 0, 2, "", "Ground station lost: 0 HOLD, 1 SURFACE, 2 RTL")
     ] = 1
     fs_leak_action: Annotated[
-        int, Doc("FS_LEAK_ACT", 0, 1, "", "A leak: 0 only tell, 1 surface")
+        int, Doc("FS_LEAK_ACT", 0, 1, "", "Leak: 0 report only, 1 surface")
     ] = 1
     fs_battery_action: Annotated[
-        int, Doc("FS_BATT_ACT", 0, 1, "", "Battery low: 0 only tell, 1 surface")
+        int, Doc("FS_BATT_ACT", 0, 1, "", "Battery low: 0 report only, 1 surface")
     ] = 1
     fs_battery_pct: Annotated[
-        float, Doc("FS_BATT_PCT", 0, 100, "%", "Less charge than this is low; 0 off")
+        float, Doc("FS_BATT_PCT", 0, 100, "%", "Charge below which the battery is low; 0 off")
     ] = 15.0
     fs_battery_v: Annotated[
-        float, Doc("FS_BATT_V", 0, 1000, "V", "Less voltage than this is low; 0 off")
+        float, Doc("FS_BATT_V", 0, 1000, "V", "Voltage below which the battery is low; 0 off")
     ] = 0.0
     fs_pressure_action: Annotated[
         int,
@@ -301,16 +363,22 @@ class Config:
             0,
             1,
             "",
-            "Depth unknown: 0 only tell, 1 stop and let buoyancy raise her",
+            "Depth unknown: 0 report only, 1 stop the propeller and float up",
         ),
     ] = 1
     fs_pressure_s: Annotated[
         float,
-        Doc("FS_PRESS_S", 0.5, 600, "s", "Depth not measured for longer than this is unknown"),
+        Doc(
+            "FS_PRESS_S",
+            0.5,
+            600,
+            "s",
+            "Time without a depth measurement after which depth is unknown",
+        ),
     ] = 5.0
 
     health_lost_s: Annotated[
-        float, Doc("HLTH_LOST_S", 0.05, 60, "s", "AHRS reading older than this is lost")
+        float, Doc("HLTH_LOST_S", 0.05, 60, "s", "Age above which an AHRS reading is lost")
     ] = 0.5
     health_stuck_s: Annotated[
         float,
@@ -319,7 +387,7 @@ class Config:
             0,
             600,
             "s",
-            "AHRS reading that stays the same for longer is stuck; 0 off",
+            "Time without a change after which an AHRS reading is stuck; 0 off",
         ),
     ] = 1.0
     health_duct_pct: Annotated[
@@ -329,24 +397,27 @@ class Config:
             1,
             200,
             "%",
-            "Duct feedback further off than this share of the travel is wrong",
+            "Duct feedback error, in percent of travel, that is a fault",
         ),
     ] = 60.0
     health_depth_s: Annotated[
-        float, Doc("HLTH_DPT_S", 0, 600, "s", "A depth error that stays for longer is told; 0 off")
+        float, Doc("HLTH_DPT_S", 0, 600, "s", "Duration of a depth error that is reported; 0 off")
     ] = 30.0
     failure_enabled: Annotated[
         int,
-        Doc("SYS_FAILURE_EN", 0, 1, "", "1: MAV_CMD_INJECT_FAILURE is passed on to the simulator"),
+        Doc("SYS_FAILURE_EN", 0, 1, "", "1: forward MAV_CMD_INJECT_FAILURE to the simulator"),
     ] = 0
 
-    log_enabled: Annotated[int, Doc("LOG_ENABLE", 0, 1, "", "1: a log is kept on board")] = 1
-    log_disarmed: Annotated[int, Doc("LOG_DISARMED", 0, 1, "", "1: also while disarmed")] = 0
+    log_enabled: Annotated[int, Doc("LOG_ENABLE", 0, 1, "", "1: record a log on the vehicle")] = 1
+    log_disarmed: Annotated[int, Doc("LOG_DISARMED", 0, 1, "", "1: log also while disarmed")] = 0
     log_max_mb: Annotated[
-        float, Doc("LOG_MAX_MB", 1, 1e6, "MB", "Room for logs; then the oldest are removed")
+        float,
+        Doc(
+            "LOG_MAX_MB", 1, 1e6, "MB", "Maximum size of all logs; above it the oldest are deleted"
+        ),
     ] = 4000.0
     log_free_mb: Annotated[
-        float, Doc("LOG_FREE_MB", 0, 1e6, "MB", "Room that logs leave free on the disk")
+        float, Doc("LOG_FREE_MB", 0, 1e6, "MB", "Disk space that logs leave free")
     ] = 200.0
 
     sid_axis: Annotated[
@@ -360,14 +431,22 @@ class Config:
         ),
     ] = 0
     sid_magnitude: Annotated[
-        float, Doc("SID_MAGNITUDE", -100, 100, "deg", "Size of the test, from trim; of thrust in %")
+        float,
+        Doc(
+            "SID_MAGNITUDE",
+            -100,
+            100,
+            "deg",
+            "Amplitude of the test signal about trim; thrust in %",
+        ),
     ] = 3.0
     sid_elevator_pct: Annotated[
-        float, Doc("SID_ELE_PCT", 1, 100, "%", "Elevator's share of the size where both are tested")
+        float,
+        Doc("SID_ELE_PCT", 1, 100, "%", "Elevator amplitude relative to rudder if both are tested"),
     ] = 50.0
     sid_start_hz: Annotated[
         float,
-        Doc("SID_F_START_HZ", 0.001, 10, "Hz", "First frequency of a chirp, lowest of a multisine"),
+        Doc("SID_F_START_HZ", 0.001, 10, "Hz", "Start frequency of a chirp, lowest of a multisine"),
     ] = 0.02
     sid_stop_hz: Annotated[
         float,
@@ -376,13 +455,13 @@ class Config:
             0.001,
             10,
             "Hz",
-            "Last frequency of a chirp, highest of a multisine, clock of a PRBS",
+            "End frequency of a chirp, highest of a multisine, clock of a PRBS",
         ),
     ] = 0.5
     sid_fade_in_s: Annotated[
-        float, Doc("SID_T_FADE_IN", 0, 20, "s", "Fade at both ends of a test")
+        float, Doc("SID_T_FADE_IN", 0, 20, "s", "Fade time at both ends of a test")
     ] = 0.0
-    sid_record_s: Annotated[float, Doc("SID_T_REC", 1, 600, "s", "Length of a test")] = 20.0
+    sid_record_s: Annotated[float, Doc("SID_T_REC", 1, 600, "s", "Duration of a test")] = 20.0
     sid_wave: Annotated[
         int,
         Doc(
@@ -393,35 +472,49 @@ class Config:
             "0 chirp, 1 step, 2 doublet, 3 PRBS, 4 multisine, 5 3211, 6 square",
         ),
     ] = 1
-    sid_seed: Annotated[int, Doc("SID_SEED", 0, 16_777_215, "", "Which PRBS")] = 0
+    sid_seed: Annotated[int, Doc("SID_SEED", 0, 16_777_215, "", "Seed of a PRBS")] = 0
     sid_runs_1: Annotated[
-        int, Doc("SID_RUNS_1", 0, 9_999_999, "", "First runs of a square wave, a digit each")
+        int,
+        Doc(
+            "SID_RUNS_1",
+            0,
+            9_999_999,
+            "",
+            "Switch intervals of a square wave, one digit per interval",
+        ),
     ] = 0
     sid_runs_2: Annotated[
-        int, Doc("SID_RUNS_2", 0, 9_999_999, "", "Further runs of a square wave, a digit each")
+        int,
+        Doc(
+            "SID_RUNS_2",
+            0,
+            9_999_999,
+            "",
+            "Further switch intervals of a square wave, one digit each",
+        ),
     ] = 0
     sid_depth_min_m: Annotated[
         float,
-        Doc("SID_DEPTH_MIN", -10, 100, "m", "Shallower than this stops a test; -10 on the bench"),
+        Doc("SID_DEPTH_MIN", -10, 100, "m", "Minimum depth of a test; -10 on the bench"),
     ] = 1.0
     sid_depth_max_m: Annotated[
-        float, Doc("SID_DEPTH_MAX", 1, 6000, "m", "Deeper than this stops a test")
+        float, Doc("SID_DEPTH_MAX", 1, 6000, "m", "Maximum depth of a test")
     ] = 15.0
     sid_altitude_min_m: Annotated[
-        float, Doc("SID_ALT_MIN", 0, 100, "m", "Closer to the floor stops a test")
+        float, Doc("SID_ALT_MIN", 0, 100, "m", "Minimum altitude of a test")
     ] = 3.0
     sid_pitch_max_deg: Annotated[
-        float, Doc("SID_PITCH_MAX", 1, 90, "deg", "Steeper than this stops a test")
+        float, Doc("SID_PITCH_MAX", 1, 90, "deg", "Maximum pitch of a test")
     ] = 35.0
     sid_heading_max_deg: Annotated[
-        float, Doc("SID_HDG_MAX", 1, 180, "deg", "More heading change stops a test")
+        float, Doc("SID_HDG_MAX", 1, 180, "deg", "Maximum heading change in a test")
     ] = 180.0
     sid_rate_max_degps: Annotated[
         float,
-        Doc("SID_RATE_MAX", 1, 360, "deg/s", "Pitching or yawing faster than this stops a test"),
+        Doc("SID_RATE_MAX", 1, 360, "deg/s", "Maximum pitch or yaw rate in a test"),
     ] = 60.0
     sid_time_max_s: Annotated[
-        float, Doc("SID_TIME_MAX", 1, 600, "s", "Longest a test may last")
+        float, Doc("SID_TIME_MAX", 1, 600, "s", "Maximum duration of a test")
     ] = 120.0
 
     travel_rad: float = field(init=False)
@@ -430,14 +523,14 @@ class Config:
     declination_rad: float = field(init=False)
     pitch_limit_rad: float = field(init=False)
     fs_pitch_rad: float = field(init=False)
-    turn_most_radps: float = field(init=False)
+    heading_ref_rate_radps: float = field(init=False)
     servo: ActuatorLead = field(init=False)
     heading_gains: Gains = field(init=False)
     pitch_gains: Gains = field(init=False)
     depth_gains: Gains = field(init=False)
 
     def __post_init__(self) -> None:
-        turning = math.radians(self.heading_i_rate_degps)
+        hold_radps = math.radians(self.heading_i_rate_degps)
         for name, value in (
             ("travel_rad", math.radians(self.travel_deg)),
             ("rudder_trim_rad", math.radians(self.rudder_trim_deg)),
@@ -445,11 +538,13 @@ class Config:
             ("declination_rad", math.radians(self.declination_deg)),
             ("pitch_limit_rad", math.radians(self.pitch_limit_deg)),
             ("fs_pitch_rad", math.radians(self.fs_pitch_deg)),
-            ("turn_most_radps", math.radians(self.heading_way_degps)),
+            ("heading_ref_rate_radps", math.radians(self.heading_ref_degps)),
             ("servo", self._servo()),
             (
                 "heading_gains",
-                Gains(self.heading_p, self.heading_d, self.heading_i, self.heading_i_max, turning),
+                Gains(
+                    self.heading_p, self.heading_d, self.heading_i, self.heading_i_max, hold_radps
+                ),
             ),
             ("pitch_gains", Gains(self.pitch_p, self.pitch_d, self.pitch_i, self.pitch_i_max)),
             ("depth_gains", Gains(self.depth_p, self.depth_d, self.depth_i, self.depth_i_max)),
@@ -457,12 +552,15 @@ class Config:
             object.__setattr__(self, name, value)
 
     def _servo(self) -> ActuatorLead:
+        """Return the lag of the tailcone and its lead in SI units."""
         rate, travel = math.radians(self.rate_degps), math.radians(self.travel_deg)
-        return ActuatorLead(self.lag_radps, self.lag_damping, self.lead_radps, rate, travel)
+        return ActuatorLead(
+            self.lag_radps, self.lag_damping, self.actuator_lead_radps, rate, travel
+        )
 
 
 class ParamInfo(NamedTuple):
-    """One row of the table as ground sees it."""
+    """One row of the table as a ground station sees it."""
 
     name: str
     field: str
@@ -475,56 +573,58 @@ class ParamInfo(NamedTuple):
 
     @property
     def smallest(self) -> float:
-        """Smallest magnitude of a value other than 0."""
+        """Minimum magnitude of a value other than 0."""
         return 1.0 if self.integer else MIN_WHEN_ON.get(self.name, MIN_MAGNITUDE)
 
     def accepts(self, value: float) -> bool:
         """Return whether a value is a number in the range.
 
-        A limit may come rounded to REAL32, as it travels; integers are rounded later.
+        A limit may be rounded to REAL32 by the transfer; integers are rounded later.
         """
-        least = min(self.minimum, _as_real32(self.minimum))
-        most = max(self.maximum, _as_real32(self.maximum))
-        if not least <= value <= most:  # NaN is in no range
+        lower = min(self.minimum, _as_real32(self.minimum))
+        upper = max(self.maximum, _as_real32(self.maximum))
+        if not lower <= value <= upper:  # NaN is in no range
             return False
         smallest = min(self.smallest, _as_real32(self.smallest))
         return self.integer or value == 0.0 or abs(value) >= smallest
 
     @property
     def range(self) -> str:
-        """The values that are accepted, in words."""
+        """Accepted values as text."""
         if self.name in MIN_WHEN_ON:
             return f"0, or {self.smallest:g} to {self.maximum:g} {self.unit}".rstrip()
         return f"{self.minimum:g} to {self.maximum:g} {self.unit}".rstrip()
 
 
 def _as_real32(value: float) -> float:
-    """Return a limit of the table as it is once it has travelled in a REAL32."""
+    """Return a limit of the table rounded to REAL32."""
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
 class ParamError(ValueError):
-    """A parameter that does not exist or a value out of range; the message says what would be
-    right."""
+    """A parameter does not exist or a value is out of range; the message gives the range."""
 
 
 def _table() -> tuple[ParamInfo, ...]:
+    """Return the rows of the table from the annotations of ``Config``."""
     rows = []
     hints = get_type_hints(Config, include_extras=True)
     defaults = Config()
-    for name in (column.name for column in fields(Config) if column.init and column.name != "laws"):
+    for name in (
+        column.name for column in fields(Config) if column.init and column.name != "lqg_controllers"
+    ):
         doc: Doc = hints[name].__metadata__[0]
         integer = hints[name].__origin__ is int
         rows.append(
             ParamInfo(
-                doc.name,
-                name,
-                getattr(defaults, name),
-                doc.minimum,
-                doc.maximum,
-                doc.unit,
-                doc.doc,
-                integer,
+                name=doc.name,
+                field=name,
+                default=getattr(defaults, name),
+                minimum=doc.minimum,
+                maximum=doc.maximum,
+                unit=doc.unit,
+                doc=doc.doc,
+                integer=integer,
             )
         )
     return tuple(sorted(rows))
@@ -537,10 +637,17 @@ _BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
 
 
 def validate(name: str, value: float) -> float:
-    """The value as it will be stored (integers rounded).
+    """Check a value of a parameter.
+
+    Parameters:
+        name: name of the parameter.
+        value: value in the parameter's unit.
+
+    Returns:
+        The value as it is stored: integers are rounded.
 
     Raises:
-        ParamError: the parameter does not exist, or the value is no number or out of range.
+        ParamError: the parameter does not exist, or the value is NaN or out of range.
     """
     row = _BY_NAME.get(name)
     if row is None:
@@ -553,8 +660,14 @@ def validate(name: str, value: float) -> float:
 
 
 def config(values: Mapping[str, float]) -> Config:
-    """The configuration with ``values`` (by parameter name) in place of the defaults. Raises
-    ParamError."""
+    """Return a configuration.
+
+    Parameters:
+        values: values by parameter name, which replace the defaults.
+
+    Raises:
+        ParamError: a parameter does not exist, or a value is out of range.
+    """
     changed = {}
     for name, value in values.items():
         stored = validate(name, value)
@@ -564,42 +677,44 @@ def config(values: Mapping[str, float]) -> Config:
 
 
 class ParamTable:
-    """The values in force, by name; ``config`` is what the tick reads."""
+    """Current values of the parameters by name; ``config`` is their form for the tick."""
 
     def __init__(
         self,
         values: Mapping[str, float] | None = None,
-        kept: Mapping[str, float] | None = None,
-        laws: LqgControllers | None = None,
+        stored: Mapping[str, float] | None = None,
+        lqg_controllers: LqgControllers | None = None,
     ) -> None:
-        """``values`` are in force from the start; ``kept`` are those among all that are to outlive
-        the program."""
-        self.config = replace(config(values or {}), laws=laws)
-        self.kept = dict(kept or {})
+        """Start with ``values`` by name; ``stored`` are the values saved on disk."""
+        self.config = replace(config(values or {}), lqg_controllers=lqg_controllers)
+        self.stored = dict(stored or {})
         self.revision = 0
-        """Counts the changes to ``kept``."""
+        """Number of changes of ``stored``."""
 
     def names(self) -> list[str]:
+        """Return the names of all parameters."""
         return list(_BY_NAME)
 
     def get(self, name: str) -> float:
-        """The value in force. Raises ParamError where there is no such parameter."""
+        """Return the current value. Raises ParamError if the parameter does not exist."""
         if name not in _BY_NAME:
             raise ParamError(f"parameter {name} does not exist")
         return float(getattr(self.config, _BY_NAME[name].field))
 
     def set(self, name: str, value: float) -> float:
-        """Put a value in force; returns it as stored. Raises ParamError, and then nothing has
-        changed."""
-        stored = validate(name, value)
+        """Set a value and return it as stored. Raises ParamError without any change."""
+        stored_value = validate(name, value)
         row = _BY_NAME[name]
-        self.config = replace(self.config, **{row.field: int(stored) if row.integer else stored})  # type: ignore[arg-type]
-        self.kept[name] = stored
+        self.config = replace(
+            self.config,
+            **{row.field: int(stored_value) if row.integer else stored_value},  # type: ignore[arg-type]
+        )
+        self.stored[name] = stored_value
         self.revision += 1
-        return stored
+        return stored_value
 
     def reset(self) -> list[str]:
-        """Put every default in force; returns the names of those that changed."""
-        before, self.config = self.config, Config(laws=self.config.laws)
-        self.kept, self.revision = {}, self.revision + 1
+        """Set all defaults; return the names of the parameters that changed."""
+        before, self.config = self.config, Config(lqg_controllers=self.config.lqg_controllers)
+        self.stored, self.revision = {}, self.revision + 1
         return [row.name for row in PARAMETERS if getattr(before, row.field) != row.default]

@@ -1,30 +1,49 @@
-"""One PID with the derivative from a measured rate and an integrator that stops where its actuator
-does."""
+"""PID controller with a measured rate as derivative and conditional anti-windup. Pure."""
 
 import math
 from typing import NamedTuple
 
 
 class Gains(NamedTuple):
+    """PID gains, in the unit of the output over that of the error."""
+
     p: float
     d: float
+    """Gain of the measured rate."""
     i: float
+    """Gain of the integral of the error (per s)."""
     i_max: float
     """Limit of the integrator, in the unit of the output."""
     i_rate: float = math.inf
-    """Measured rate above which the integrator waits."""
+    """Measured rate above which the integrator is frozen."""
 
 
 def pid(
     error: float, rate: float, gains: Gains, integral: float, dt_s: float, low: float, high: float
 ) -> tuple[float, float]:
-    """The output within [low, high], and the integral to hand to the next call.
+    """Compute the output of a PID controller for one tick.
 
-    ``rate`` is the measured rate of the controlled quantity, so that a new set-point causes no
-    kick. The integral is kept in the output's unit, so that new gains cause no bump, and stands
-    still while the output is at a limit and the error pushes further out (conditional anti-windup,
-    Astrom and Murray 2008, section 10.4). It also waits while the vehicle moves faster than
-    ``i_rate``: the error on the way to a new set-point is none to carry for good."""
+    With e the error and y' the measured rate of the controlled quantity::
+
+        u = P e - D y' + I, limited to [low, high]        I <- I + K_i e dt, |I| <= i_max
+
+    Parameters:
+        error: set-point minus measurement.
+        rate: rate of the measurement, so that a new set-point causes no kick.
+        gains: gains and limits of the integrator.
+        integral: integrator I after the last tick, in the unit of the output, so that new gains
+            cause no jump.
+        dt_s: time since the last tick.
+        low, high: limits of the output.
+
+    Returns:
+        Output and new integral.
+
+    Notes:
+        The integrator is frozen while the output is at a limit and the error pushes further out
+        (conditional integration, Astrom and Murray 2008, section 10.4), and while the rate
+        exceeds ``i_rate``: the error during a manoeuvre is transient.
+    """
     p, d, i, i_max, i_rate = gains
     wanted = p * error - d * rate + integral
     output = min(high, max(low, wanted))

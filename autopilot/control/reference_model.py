@@ -1,69 +1,105 @@
-"""Ways that can be followed: of a set-point within the loop's reach, and of a deflection within the
-tailcone's."""
+"""Reference model of a set-point, set-point weighting, and lead of the tailcone's lag. Pure."""
 
 from typing import NamedTuple
 
 from autopilot.control.pid import Gains
 
 LEAD_DAMPING = 0.7
-"""Of the lag that the tailcone is to seem to have."""
+"""Damping ratio of the faster lag that the tailcone with lead has."""
 
 
-class Way(NamedTuple):
-    """Where something that moves smoothly is, and how fast it goes."""
+class ReferenceState(NamedTuple):
+    """Value and rate of a reference (heading in rad, depth in m, or duct angle in rad)."""
 
-    at: float
+    value: float
     rate: float = 0.0
+    """Rate per second."""
 
 
 class ActuatorLead(NamedTuple):
-    """The tailcone as it is, and as it is to seem: both second-order lags."""
+    """Second-order lag of the tailcone, and the faster lag that the lead gives it."""
 
     lag_radps: float
+    """Natural frequency of the tailcone."""
     lag_damping: float
+    """Damping ratio of the tailcone."""
     lead_radps: float
+    """Natural frequency with lead."""
     rate_radps: float
+    """Rate limit of the tailcone."""
     travel_rad: float
+    """Maximum angle of the duct."""
 
 
 def step_reference(
-    to_go: float, way: Way, bandwidth_radps: float, fastest: float, dt_s: float
-) -> Way:
-    """The next point on the way of a reference model: critically damped, and never faster than
-    ``fastest``.
+    to_go: float, state: ReferenceState, bandwidth_radps: float, max_rate: float, dt_s: float
+) -> ReferenceState:
+    """Advance a critically damped reference model with a rate limit by one tick.
 
-    ``to_go`` is the distance from ``way.at`` to the goal, in its unit; ``fastest`` per second.
+    With r the set-point, x the reference and w the bandwidth, semi-implicit Euler::
+
+        x'' = w^2 (r - x) - 2 w x',    |x'| <= max_rate
+
+    Parameters:
+        to_go: r - x, in the unit of ``state.value``; a heading difference is wrapped.
+        state: reference after the last tick.
+        bandwidth_radps: w.
+        max_rate: limit of the rate, in units of ``state.value`` per second.
+        dt_s: time since the last tick.
+
+    Returns:
+        Reference of this tick.
     """
     w = bandwidth_radps
-    rate = min(fastest, max(-fastest, way.rate + (w * w * to_go - 2.0 * w * way.rate) * dt_s))
-    return Way(way.at + rate * dt_s, rate)
+    rate = min(max_rate, max(-max_rate, state.rate + (w * w * to_go - 2.0 * w * state.rate) * dt_s))
+    return ReferenceState(state.value + rate * dt_s, rate)
 
 
-def follow_reference(to_go: float, way: Way, gains: Gains, dt_s: float) -> Way:
-    """The next point of what set-point weighting follows, ``to_go`` from ``way.at`` to the
-    set-point.
+def follow_reference(
+    to_go: float, state: ReferenceState, gains: Gains, dt_s: float
+) -> ReferenceState:
+    """Advance the filtered set-point of set-point weighting by one tick.
 
-    P (b r - y) + I integral(r - y), with b the weight, is the plain law on the set-point b r + (1 -
-    b) x, where x goes to r at I/P (Astrom and Hagglund 2006, section 3.4). The form with x needs no
-    turn of heading to be counted."""
-    share = gains.i * dt_s / gains.p if gains.p else 1.0
-    return Way(way.at + min(1.0, share) * to_go)
+    With r the set-point, y the measurement and b the weight, P (b r - y) + K_i integral(r - y) is
+    the plain controller with the set-point b r + (1 - b) x, where x' = (K_i / P) (r - x) (Astrom
+    and Hagglund 2006, section 3.4). The form with x needs no unwrapping of a heading.
+
+    ``to_go`` is r - x; ``state.value`` is x.
+    """
+    alpha = gains.i * dt_s / gains.p if gains.p else 1.0
+    return ReferenceState(state.value + min(1.0, alpha) * to_go)
 
 
-def lead(wanted_rad: float, way: Way | None, servo: ActuatorLead, dt_s: float) -> tuple[float, Way]:
-    """The command under which the duct moves to ``wanted_rad`` as through the faster lag, and its
-    way there.
+def lead(
+    command_rad: float, state: ReferenceState | None, servo: ActuatorLead, dt_s: float
+) -> tuple[float, ReferenceState]:
+    """Compute the command under which the duct moves as through a faster lag.
 
-    A model of the faster lag moves within the tailcone's travel and rate; the command is the
-    tailcone's lag undone on that motion, angle + 2 zeta/w rate + acceleration/w^2. Where the
-    command would leave the travel the model holds back, so that what is asked for can be followed.
-    Starts at rest where ``way`` is None."""
-    angle, rate = way or Way(wanted_rad)
-    travel, w, wanted_w = servo.travel_rad, servo.lag_radps, servo.lead_radps
-    wanted_rad = min(travel, max(-travel, wanted_rad))
-    faster = wanted_w * wanted_w * (wanted_rad - angle) - 2.0 * LEAD_DAMPING * wanted_w * rate
+    With c the command of the loops, a the angle of a model of the faster lag (natural frequency
+    w2, damping z2 = LEAD_DAMPING), and w, z those of the tailcone::
+
+        a'' = w2^2 (c - a) - 2 z2 w2 a'
+        u   = a + (2 z / w) a' + a'' / w^2
+
+    u is the inverse of the tailcone's lag for the motion a. The model moves within travel and
+    rate of the tailcone. If u would exceed the travel, a'' is reduced so that the tailcone can
+    follow the model.
+
+    Parameters:
+        command_rad: c.
+        state: a and a' after the last tick; None starts at rest at c.
+        servo: parameters of both lags.
+        dt_s: time since the last tick.
+
+    Returns:
+        u (rad), and the new state of the model.
+    """
+    angle, rate = state or ReferenceState(command_rad)
+    travel, w, lead_w = servo.travel_rad, servo.lag_radps, servo.lead_radps
+    command_rad = min(travel, max(-travel, command_rad))
+    acceleration = lead_w * lead_w * (command_rad - angle) - 2.0 * LEAD_DAMPING * lead_w * rate
     moving = angle + 2.0 * servo.lag_damping / w * rate
-    command = min(travel, max(-travel, moving + faster / (w * w)))
+    command = min(travel, max(-travel, moving + acceleration / (w * w)))
     rate = min(servo.rate_radps, max(-servo.rate_radps, rate + (command - moving) * w * w * dt_s))
     angle = min(travel, max(-travel, angle + rate * dt_s))
-    return command, Way(angle, rate)
+    return command, ReferenceState(angle, rate)

@@ -1,4 +1,4 @@
-"""Answers a ground station's wishes at once: pure, like the tick, and between two ticks."""
+"""Handling of ground station requests, between two ticks. Pure."""
 
 from autopilot.control import (
     actuator_test,
@@ -33,11 +33,19 @@ Events = tuple[Event | ItemReached, ...]
 
 
 def handle_request(
-    state: AutopilotState, wish: requests.Request, config: Config
+    state: AutopilotState, request: requests.Request, config: Config
 ) -> tuple[AutopilotState, Answer, Events]:
-    """Answer a ground station at once: the new state, what became of the wish, what to say of
-    it."""
-    match wish:
+    """Handle a request of a ground station.
+
+    Parameters:
+        state: present state.
+        request: request.
+        config: parameters.
+
+    Returns:
+        New state, result to send to the ground station, and events.
+    """
+    match request:
         case requests.Arm(force):
             return arm(state, force, config)
         case requests.Disarm(force):
@@ -45,32 +53,33 @@ def handle_request(
         case requests.SetMode(number):
             return set_mode(state, number, config)
         case requests.StartTest():
-            return start_test(state, wish, config)
+            return start_test(state, request, config)
         case requests.StopTest():
-            stopped: Events = (
+            events: Events = (
                 (Event(Severity.NOTICE, "SystemID Stopped: by ground"),) if state.test else ()
             )
-            return state._replace(test=None), Answer(ACCEPTED), stopped
+            return state._replace(test=None), Answer(ACCEPTED), events
         case requests.LoadMission(items):
             return load_mission(state, items, config)
         case requests.SetMissionItem(sequence):
             if not 0 <= sequence < max(1, len(state.mission.items)):
                 return state, Answer(DENIED, f"Mission item {sequence} does not exist"), ()
-            moved = state.mission._replace(current=sequence, entered_us=None)
-            return state._replace(mission=moved, test=None, path=None), Answer(ACCEPTED), ()
+            mission_state = state.mission._replace(current=sequence, entered_us=None)
+            return state._replace(mission=mission_state, test=None, path=None), Answer(ACCEPTED), ()
         case requests.ChangeTarget():
-            return change_target(state, wish), Answer(ACCEPTED), ()
+            return change_target(state, request), Answer(ACCEPTED), ()
         case requests.TestActuator():
-            return test_actuator(state, wish)
+            return test_actuator(state, request)
         case requests.SetTarget():
-            return set_target(state, wish), Answer(ACCEPTED), ()
+            return set_target(state, request), Answer(ACCEPTED), ()
         case requests.SetHome(lat_deg, lon_deg):
-            return set_home(state, Home(lat_deg, lon_deg, True)), Answer(ACCEPTED), ()
+            return set_home(state, Home(lat_deg, lon_deg, known=True)), Answer(ACCEPTED), ()
 
 
 def arm(
     state: AutopilotState, force: bool, config: Config
 ) -> tuple[AutopilotState, Answer, Events]:
+    """Arm the vehicle if the pre-arm checks pass or ``force`` is set."""
     if state.armed:
         return state, Answer(ACCEPTED), ()
     reason = prearm(state, config)
@@ -82,9 +91,9 @@ def arm(
         failsafe="",
         loops=LoopMemory(),
         test=None,
-        bench_tests=(),
+        actuator_tests=(),
     )
-    state = state._replace(mission=_start_from_here(state, config))
+    state = state._replace(mission=_resume_mission(state, config))
     mode = modes.by_number(state.mode) or modes.HOLD
     return (
         guidance.hold_current(state, config),
@@ -93,16 +102,15 @@ def arm(
     )
 
 
-def _start_from_here(state: AutopilotState, config: Config) -> MissionState:
-    """Where the mission takes up: where ground put it, or from the start when it was flown to its
-    end."""
+def _resume_mission(state: AutopilotState, config: Config) -> MissionState:
+    """Return the mission at its current item; at its first item if it was completed."""
     if state.mission.current < len(state.mission.items):
         return state.mission._replace(entered_us=None)
     return mission.restart(state.mission, config)
 
 
 def prearm(state: AutopilotState, config: Config) -> str:
-    """Why the vehicle must not be armed; empty when it may."""
+    """Return the reason why the vehicle must not be armed; empty if the checks pass."""
     if not state.estimate.initialised:
         return "no sensors"
     if reason := monitor.prearm_failure(state.health):
@@ -111,9 +119,9 @@ def prearm(state: AutopilotState, config: Config) -> str:
 
 
 def missing_requirement(state: AutopilotState, mode: modes.Mode, config: Config) -> str:
-    """What a mode cannot be flown without; empty when all is there.
+    """Return the first requirement of a mode that is not met; empty if all are.
 
-    A mission of latitudes and longitudes may be uploaded before home is known, but not flown.
+    A mission with latitudes and longitudes can be uploaded before home is known, but not flown.
     """
     if mode == modes.MISSION and not state.mission.items:
         return "no mission"
@@ -133,6 +141,7 @@ def missing_requirement(state: AutopilotState, mode: modes.Mode, config: Config)
 def disarm(
     state: AutopilotState, force: bool, config: Config
 ) -> tuple[AutopilotState, Answer, Events]:
+    """Disarm the vehicle; while submerged only in MANUAL or if ``force`` is set."""
     if not state.armed:
         return state, Answer(ACCEPTED), ()
     if (
@@ -151,6 +160,7 @@ def disarm(
 def set_mode(
     state: AutopilotState, number: int, config: Config
 ) -> tuple[AutopilotState, Answer, Events]:
+    """Change the mode if its requirements are met and no failsafe forbids it."""
     mode = modes.by_number(number)
     if mode is None:
         known = ", ".join(m.name for m in modes.MODES)
@@ -158,7 +168,7 @@ def set_mode(
     if number == state.mode:
         return state, Answer(ACCEPTED), ()
     if state.failsafe == failsafe.GCS_LOST:
-        state = state._replace(failsafe="")  # whoever asks is back
+        state = state._replace(failsafe="")  # the ground station is back
     if state.failsafe and state.armed and mode not in (modes.SURFACE, modes.MANUAL):
         return (
             state,
@@ -171,40 +181,46 @@ def set_mode(
         return start_test(state, excitation.from_config(config), config)
     state, events = modes.enter(state, mode)
     if mode == modes.MISSION:
-        state = state._replace(mission=_start_from_here(state, config))
+        state = state._replace(mission=_resume_mission(state, config))
     if state.armed:
         state = guidance.hold_current(state, config)
     return state, Answer(ACCEPTED), events
 
 
-def set_target(state: AutopilotState, wish: requests.SetTarget) -> AutopilotState:
-    """Keep the newest set-point of its kind; OFFBOARD follows it."""
-    if isinstance(wish.target, AttitudeTarget):
-        return state._replace(targets=state.targets._replace(attitude=wish.target))
-    return state._replace(targets=state.targets._replace(motion=wish.target))
+def set_target(state: AutopilotState, request: requests.SetTarget) -> AutopilotState:
+    """Store the latest target of a stream."""
+    if isinstance(request.target, AttitudeTarget):
+        return state._replace(targets=state.targets._replace(attitude=request.target))
+    return state._replace(targets=state.targets._replace(motion=request.target))
 
 
 def set_home(state: AutopilotState, home: Home) -> AutopilotState:
-    """Count from a new home; she stays where she is, and so do the ends of her path."""
+    """Set home. The vehicle, its path and the last waypoint keep their places over ground.
+
+    In RTL the path ends at the new home.
+    """
     shift = navigation.shift_home(0j, state.home, home)
-    at, path = state.estimate, state.path
-    estimate = at._replace(north_m=at.north_m + shift.real, east_m=at.east_m + shift.imag)
+    old, path = state.estimate, state.path
+    estimate = old._replace(north_m=old.north_m + shift.real, east_m=old.east_m + shift.imag)
     if isinstance(path, TrackLine):
         to_m = 0j if state.mode == modes.RTL.number else path.to_m + shift
         path = path._replace(from_m=path.from_m + shift, to_m=to_m)
     if isinstance(path, Circle):
         path = path._replace(centre_m=path.centre_m + shift)
-    left_m = state.mission.left_m
-    mission_state = state.mission._replace(left_m=None if left_m is None else left_m + shift)
+    previous_waypoint_m = state.mission.previous_waypoint_m
+    mission_state = state.mission._replace(
+        previous_waypoint_m=None if previous_waypoint_m is None else previous_waypoint_m + shift
+    )
     return state._replace(home=home, estimate=estimate, path=path, mission=mission_state)
 
 
 def start_test(
-    state: AutopilotState, wish: requests.StartTest, config: Config
+    state: AutopilotState, request: requests.StartTest, config: Config
 ) -> tuple[AutopilotState, Answer, Events]:
-    test = excitation.precompute(wish, state, config)
-    if wrong := excitation.check(test, config.travel_deg):
-        return state, Answer(DENIED, f"SystemID refused: {wrong}"), ()
+    """Start a test in mode SYSID if the test is valid and the vehicle is armed."""
+    test = excitation.precompute(request, state, config)
+    if fault := excitation.check(test, config.travel_deg):
+        return state, Answer(DENIED, f"SystemID refused: {fault}"), ()
     if not state.armed or state.failsafe:
         return (
             state,
@@ -213,22 +229,28 @@ def start_test(
         )
     if state.mode == modes.SYSID.number and state.test is not None:
         return state, Answer(TEMPORARILY_REJECTED, "SystemID refused: a test is running"), ()
-    state, changed = modes.enter(state, modes.SYSID)
-    state, started = mission.start_test(test, state)
-    return state, Answer(ACCEPTED), (*changed, *started)
+    state, mode_events = modes.enter(state, modes.SYSID)
+    state, test_events = mission.start_test(test, state)
+    return state, Answer(ACCEPTED), (*mode_events, *test_events)
 
 
 def test_actuator(
-    state: AutopilotState, wish: requests.TestActuator
+    state: AutopilotState, request: requests.TestActuator
 ) -> tuple[AutopilotState, Answer, Events]:
+    """Start a test of one actuator if the vehicle is disarmed."""
     if state.armed:
         return state, Answer(TEMPORARILY_REJECTED, "Actuator test refused: armed"), ()
-    return actuator_test.begin(state, wish.channel, wish.value, wish.seconds), Answer(ACCEPTED), ()
+    return (
+        actuator_test.begin(state, request.channel, request.value, request.seconds),
+        Answer(ACCEPTED),
+        (),
+    )
 
 
 def load_mission(
     state: AutopilotState, items: tuple[MissionItem, ...], config: Config
 ) -> tuple[AutopilotState, Answer, Events]:
+    """Replace the mission if all its items can be flown and none is in progress."""
     if fault := mission.find_fault(items, state.home, config):
         result = DENIED if items[fault.sequence].command in mission.COMMANDS else UNSUPPORTED
         return (
@@ -245,12 +267,13 @@ def load_mission(
     )
 
 
-def change_target(state: AutopilotState, wish: requests.ChangeTarget) -> AutopilotState:
+def change_target(state: AutopilotState, request: requests.ChangeTarget) -> AutopilotState:
+    """Return the state with the set-points of a request."""
     old = state.setpoint
     return state._replace(
         setpoint=old._replace(
-            depth_m=old.depth_m if wish.depth_m is None else wish.depth_m,
-            heading_rad=old.heading_rad if wish.heading_rad is None else wish.heading_rad,
-            thrust=old.thrust if wish.thrust is None else wish.thrust,
+            depth_m=old.depth_m if request.depth_m is None else request.depth_m,
+            heading_rad=old.heading_rad if request.heading_rad is None else request.heading_rad,
+            thrust=old.thrust if request.thrust is None else request.thrust,
         )
     )

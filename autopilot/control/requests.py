@@ -1,4 +1,4 @@
-"""What a ground station may ask of the vehicle, as data: ``core.request`` answers each at once."""
+"""Requests of ground stations as data; ``request_handler.handle_request`` handles them."""
 
 from typing import NamedTuple
 
@@ -7,77 +7,93 @@ from mavlink_io.mission_items import MissionItem
 
 
 class Arm(NamedTuple):
+    """Arm the vehicle."""
+
     force: bool = False
-    """Skip the pre-arm checks."""
+    """Whether to skip the pre-arm checks."""
 
 
 class Disarm(NamedTuple):
+    """Disarm the vehicle."""
+
     force: bool = False
-    """Also under way."""
+    """Whether to disarm also while submerged."""
 
 
 class SetMode(NamedTuple):
+    """Change the mode."""
+
     number: int
     """``custom_mode`` of modes.py."""
 
 
 class StartTest(NamedTuple):
-    """An excitation, as MAV_CMD_USER_1 carries it."""
+    """Start a test (MAV_CMD_USER_1)."""
 
     axis: int
+    """As SID_AXIS."""
     magnitude: float
-    """Degrees of rudder or elevator, percent of thrust."""
+    """Amplitude: degrees of rudder or elevator, percent of thrust."""
     start_hz: float
     stop_hz: float
-    """Band of a chirp or a multisine; the clock of a pseudo-random sequence."""
+    """Upper limit of the band of a chirp or a multisine; clock rate of a PRBS."""
     duration_s: float
     wave: int
+    """As SID_WAVE."""
     fade_s: float
     seed: int = 0
-    runs: tuple[int, ...] = ()
-    """Of a square wave."""
+    """Seed of a PRBS."""
+    switch_intervals: tuple[int, ...] = ()
+    """Switch intervals of a square wave."""
 
 
 class StopTest(NamedTuple):
-    pass
+    """Stop the test in progress."""
 
 
 class LoadMission(NamedTuple):
+    """Replace the mission."""
+
     items: tuple[MissionItem, ...]
 
 
 class SetMissionItem(NamedTuple):
+    """Set the current mission item."""
+
     sequence: int
 
 
 class ChangeTarget(NamedTuple):
-    """New set-points where given; None keeps what is in force."""
+    """Change set-points; None keeps the present one."""
 
     depth_m: float | None = None
     heading_rad: float | None = None
     thrust: float | None = None
+    """Fraction of full thrust."""
 
 
 class SetTarget(NamedTuple):
-    """A set-point of a stream; OFFBOARD follows it."""
+    """Set the target of a stream, which mode OFFBOARD follows."""
 
     target: AttitudeTarget | MotionTarget
 
 
 class SetHome(NamedTuple):
+    """Set the home position."""
+
     lat_deg: float
     lon_deg: float
 
 
 class TestActuator(NamedTuple):
-    """Move one actuator of a disarmed vehicle for a moment."""
+    """Test one actuator of a disarmed vehicle."""
 
     channel: int
     """0 rudder, 1 elevator, 2 thrust."""
     value: float
-    """In [-1, 1]."""
+    """Command in [-1, 1]."""
     seconds: float
-    """Vehicle time; 0 lets it go at once."""
+    """Duration in vehicle time; 0 ends the test at once."""
 
 
 Request = (

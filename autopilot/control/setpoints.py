@@ -1,75 +1,77 @@
-"""What she is to keep to: set-points of the loops, ways over ground, and what is streamed from
-outside."""
+"""Set-points of the loops, paths over ground, and set-points streamed by a client.
+
+Positions are complex numbers, north + i east from home (m); depth is positive down.
+"""
 
 from typing import NamedTuple
 
 
 class Setpoint(NamedTuple):
-    """What the loops are asked for."""
+    """Set-points of the loops."""
 
     depth_m: float = 0.0
     heading_rad: float = 0.0
     thrust: float = 0.0
     """Fraction of full thrust."""
     pitch_rad: float | None = None
-    """Given only where the depth loop is open and the pitch loop closed."""
+    """Pitch set-point that replaces the depth loop; None: the depth loop is closed."""
 
 
 class TrackLine(NamedTuple):
-    """A straight way over ground. Places are north + i east from home, in metres."""
+    """Straight path over ground."""
 
     from_m: complex
     to_m: complex
     integral: float = 0.0
-    """Of line-of-sight guidance."""
+    """Integral of line-of-sight guidance."""
 
 
 class Circle(NamedTuple):
-    """A way round a place."""
+    """Circular path over ground."""
 
     centre_m: complex
     radius_m: float
     clockwise: bool = True
     since_us: int | None = None
-    """When the rim was reached; None before that."""
-    turned_rad: float = 0.0
-    """The way round since then."""
+    """Time at which the circle was reached; None before."""
+    swept_rad: float = 0.0
+    """Angle swept since then, positive in the direction of the circle."""
     bearing_rad: float = 0.0
-    """Of the vehicle from the centre."""
+    """Bearing of the vehicle from the centre."""
     integral: float = 0.0
+    """Integral of line-of-sight guidance."""
 
 
 Path = TrackLine | Circle
 
 
 class AttitudeTarget(NamedTuple):
-    """What SET_ATTITUDE_TARGET asks for: an angle, or else a rate."""
+    """Content of SET_ATTITUDE_TARGET. An angle of None is replaced by the rate."""
 
     pitch_rad: float | None = None
     heading_rad: float | None = None
     pitch_rate_radps: float = 0.0
     heading_rate_radps: float = 0.0
     thrust: float | None = None
-    """Fraction of full."""
+    """Fraction of full thrust; None keeps the present thrust."""
 
 
 class MotionTarget(NamedTuple):
-    """What SET_POSITION_TARGET_* asks for. None keeps what is in force."""
+    """Content of SET_POSITION_TARGET_*. None keeps the present set-point."""
 
-    place_m: complex | None = None
-    """North + i east from home."""
+    position_m: complex | None = None
     depth_m: float | None = None
     velocity_mps: complex | None = None
-    """Over ground, north + i east."""
+    """Velocity over ground, north + i east."""
     depth_rate_mps: float | None = None
     speed_mps: float | None = None
-    """Through the water, ahead."""
+    """Forward speed through the water."""
     heading_rad: float | None = None
     heading_rate_radps: float | None = None
 
 
 class Targets(NamedTuple):
-    """What is streamed from outside."""
+    """Latest target of each stream; None if there is none or it has timed out."""
 
     attitude: AttitudeTarget | None = None
     motion: MotionTarget | None = None

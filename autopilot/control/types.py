@@ -1,11 +1,13 @@
-"""What goes into a tick and what comes out. Body axes FRD, world NED, depth positive down, SI and
-radians."""
+"""Records of the tick: inputs, state, trace and events.
+
+Body axes FRD, world NED, depth positive down, SI units and radians.
+"""
 
 from enum import IntEnum
 from typing import NamedTuple
 
 from autopilot.control.lqg import ObserverState
-from autopilot.control.reference_model import Way
+from autopilot.control.reference_model import ReferenceState
 from autopilot.control.sensor_health.types import Ahrs, Health
 from autopilot.control.setpoints import Path, Setpoint, Targets
 from mavlink_io.frames import Quaternion
@@ -35,43 +37,43 @@ class Severity(IntEnum):
 
 
 class Event(NamedTuple):
-    """Something a person should read: goes out as STATUSTEXT."""
+    """A message to the operator, sent as STATUSTEXT."""
 
     severity: Severity
     text: str
 
 
 class ItemReached(NamedTuple):
-    """A mission item was completed: goes out as MISSION_ITEM_REACHED."""
+    """A mission item was completed; sent as MISSION_ITEM_REACHED."""
 
     sequence: int
 
 
 class Inputs(NamedTuple):
-    """What one tick may know of the world."""
+    """Inputs of one tick.
+
+    A sensor record is the newest one, None if none has come since the last tick.
+    """
 
     sensors: SensorFrame
     gps: GpsFix | None
-    """The newest fix, None when none came since the last tick."""
     altimeter: Altimeter | None
-    """The newest range, None when none came since the last tick."""
     ground_silent_s: float | None
-    """Wall seconds since a ground station was last heard; None before the first."""
+    """Wall time since the last message of a ground station; None before the first."""
     stick: "Stick | None" = None
-    """MANUAL_CONTROL, when a pilot steers."""
+    """Manual control; None without a pilot."""
     dvl: Dvl | None = None
     battery: Battery | None = None
     leak: Leak | None = None
     duct: DuctFeedback | None = None
-    """Each the newest, None when none came since the last tick."""
     attitude_silent_s: float | None = None
+    """Wall time since the last attitude target; None before the first."""
     motion_silent_s: float | None = None
-    """Wall seconds since an attitude target and a motion target were last heard; None before the
-    first."""
+    """Wall time since the last motion target; None before the first."""
 
 
 class Stick(NamedTuple):
-    """A pilot's hand: each in [-1, 1], as the actuator channels."""
+    """Manual control, each axis in [-1, 1] with the signs of the actuator channels."""
 
     rudder: float
     elevator: float
@@ -79,55 +81,63 @@ class Stick(NamedTuple):
 
 
 class NavCovariance(NamedTuple):
-    """Of position (m), current (m/s), and the errors of the speed through the water and of the
-    Doppler log (fractions).
+    """Covariance of the navigation states.
 
-    Each is a circular complex variable, north + i east: its variance is that along either axis, and
-    so are covariances."""
+    The states are position (m), current (m/s), and the errors of the speed through the water and
+    of the Doppler log (fractions). Each is a circular complex variable, north + i east: its
+    variance is that along either axis, and the same holds for the covariances E[a conj(b)].
+    """
 
-    place: float = 0.0
+    position: float = 0.0
     current: float = 0.0
-    water: float = 0.0
-    log: float = 0.0
-    place_current: complex = 0j
-    place_water: complex = 0j
-    place_log: complex = 0j
-    current_water: complex = 0j
-    current_log: complex = 0j
-    water_log: complex = 0j
+    speed: float = 0.0
+    dvl: float = 0.0
+    position_current: complex = 0j
+    position_speed: complex = 0j
+    position_dvl: complex = 0j
+    current_speed: complex = 0j
+    current_dvl: complex = 0j
+    speed_dvl: complex = 0j
 
 
 class Navigation(NamedTuple):
-    """What dead reckoning has learned, all horizontal vectors as north + i east."""
+    """State of dead reckoning. Horizontal vectors are complex numbers, north + i east."""
 
     current_mps: complex = 0j
-    """Of the water, towards."""
-    water_error: complex = 0j
-    """Of the speed through the water by the thrust, as a fraction; the imaginary part is an angle
-    to starboard."""
-    log_error: complex = 0j
-    """Of the Doppler log turned by the heading, likewise."""
+    """Velocity of the water over ground."""
+    speed_error: complex = 0j
+    """Relative error of the speed through the water that follows from the thrust.
+
+    The real part is a fraction of the speed, the imaginary part an angle (rad), to starboard
+    positive.
+    """
+    dvl_error: complex = 0j
+    """Relative error of the Doppler log (DVL) rotated by the heading; parts as in
+    ``speed_error``."""
     slip: complex = 0j
-    """What the Doppler log adds to the water's error for the moment: a turn's sideslip and lost
-    speed."""
-    unsteady_mps: float = 0.0
-    """What may be added so; it fades after a turn or a change of speed."""
+    """Transient part of the relative speed error, from the Doppler log: sideslip and speed loss in
+    a turn."""
+    slip_sd_mps: float = 0.0
+    """Standard deviation of the transient speed error; decays after a turn or a speed change."""
     covariance: NavCovariance = NavCovariance()
     span_s: float = 0.0
-    way_m: complex = 0j
-    """Time and way through the water since the covariance was brought up to date."""
+    """Time since the last update of the covariance."""
+    distance_m: complex = 0j
+    """Distance made through the water since the last update of the covariance."""
     fix_us: int = -1
-    """When a satellite fix was last used; -1 for never."""
+    """Time of the last satellite fix that was used; -1 before the first."""
     ping_us: int = -1
+    """Time of the last Doppler log velocity that was used; -1 before the first."""
     over_ground: bool = False
-    """Of the last ping: whether it tracked the bottom."""
-    fixes_refused: int = 0
-    pings_refused: int = 0
-    """In a row."""
+    """Whether the last Doppler log velocity was bottom track."""
+    fixes_rejected: int = 0
+    """Number of consecutive satellite fixes rejected."""
+    pings_rejected: int = 0
+    """Number of consecutive Doppler log velocities rejected."""
 
 
 class VehicleEstimate(NamedTuple):
-    """Where the vehicle is and how it moves, as far as its sensors tell."""
+    """Estimated position, attitude and motion of the vehicle."""
 
     attitude: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Body to NED, scalar first."""
@@ -138,118 +148,129 @@ class VehicleEstimate(NamedTuple):
     p_radps: float = 0.0
     q_radps: float = 0.0
     r_radps: float = 0.0
-    """Body rates with the estimated gyro bias taken off."""
+    """Yaw rate. The body rates p, q, r are corrected for the estimated gyro bias."""
     gyro_bias_radps: tuple[float, float, float] = (0.0, 0.0, 0.0)
     depth_m: float = 0.0
     depth_rate_mps: float = 0.0
     accel_bias_mps2: float = 0.0
-    """Of the vertical channel."""
+    """Bias of the downward acceleration."""
     speed_mps: float = 0.0
-    """Forward, through the water, by the thrust."""
+    """Forward speed through the water, from the thrust."""
     north_m: float = 0.0
     east_m: float = 0.0
-    """From home, by ``autopilot.control.navigation``; from where she was switched on before home is
-    known."""
+    """Position from home; from the start point while home is unknown. By
+    ``autopilot.control.navigation``."""
     north_rate_mps: float = 0.0
     east_rate_mps: float = 0.0
-    """Over ground."""
+    """Velocity over ground."""
     position_sd_m: float = 0.0
-    """One standard deviation of the horizontal position, along each axis."""
+    """Standard deviation of the horizontal position along each axis."""
     altitude_m: float | None = None
-    """Above the sea floor; None where the altimeter sees none."""
+    """Altitude above the sea floor; None without a valid range."""
     altitude_time_us: int = 0
+    """Time of the last valid range."""
     initialised: bool = False
     depth_time_us: int = 0
-    """When the depth was last measured and not only carried along."""
+    """Time of the last depth measurement."""
     navigation: Navigation = Navigation()
 
 
 class Trim(NamedTuple):
-    """What was learned under way, on top of the trims among the parameters."""
+    """Trims learned in flight, added to the trim parameters."""
 
     rudder_rad: float = 0.0
     elevator_rad: float = 0.0
     learned_s: float = 0.0
-    """For how long, in steady flight."""
+    """Time of steady flight in which they were learned."""
 
 
 class LoopMemory(NamedTuple):
-    """The integrators, in the unit of their loop's output, so that new gains cause no bump; and
-    what is under way."""
+    """State of the control loops.
 
-    heading_rad: float = 0.0
-    pitch_rad: float = 0.0
-    depth_rad: float = 0.0
-    course: Way | None = None
-    """Of the heading towards its set-point; None where there is no reference model, or the loop was
-    open."""
-    descent: Way | None = None
-    """Of the depth, likewise."""
-    rudder: Way | None = None
-    elevator: Way | None = None
-    """Of the duct; None where its lag is not undone, or the loop was open."""
+    Integrators have the unit of their loop's output, so that new gains cause no jump.
+    """
+
+    heading_integral_rad: float = 0.0
+    """Integrator of the heading loop, as rudder angle."""
+    pitch_integral_rad: float = 0.0
+    """Integrator of the pitch loop, as elevator angle."""
+    depth_integral_rad: float = 0.0
+    """Integrator of the depth loop, as nose-down pitch."""
+    heading_reference: ReferenceState | None = None
+    """State of the heading reference model; None if it is off or the loop was open."""
+    depth_reference: ReferenceState | None = None
+    """State of the depth reference model; None if it is off or the loop was open."""
+    rudder_lead: ReferenceState | None = None
+    """State of the rudder's actuator lead; None if it is off or the loop was open."""
+    elevator_lead: ReferenceState | None = None
+    """State of the elevator's actuator lead; None if it is off or the loop was open."""
     trim: Trim = Trim()
-    rudder_belief: ObserverState | None = None
-    elevator_belief: ObserverState | None = None
-    """Of the laws; None where the PIDs fly, or the loop was open."""
+    rudder_observer: ObserverState | None = None
+    """State of the heading LQG controller; None with PID or if the loop was open."""
+    elevator_observer: ObserverState | None = None
+    """State of the depth LQG controller; None with PID or if the loop was open."""
 
 
 class Excitation(NamedTuple):
-    """An excitation: what is played, since when, and from where the envelope is counted."""
+    """A test signal in progress, with the references of its safety envelope."""
 
     axis: int
     rudder_rad: float
     elevator_rad: float
     thrust: float
-    """Sizes: of thrust a fraction of full; zero where the axis leaves it alone."""
+    """Amplitude as a fraction of full thrust. Amplitudes of axes not tested are zero."""
     start_hz: float
     stop_hz: float
-    """Band of a chirp or a multisine; the clock of a pseudo-random sequence."""
+    """Upper limit of the band of a chirp or a multisine; clock rate of a PRBS."""
     duration_s: float
     wave: int
     fade_s: float
     started_us: int
     heading_rad: float
-    """Held by the loop that stays closed, and the reference of the heading envelope."""
+    """Heading set-point at the start, from which the heading change is limited."""
     depth_m: float
+    """Depth set-point at the start."""
     seed: int = 0
-    """Of a pseudo-random sequence."""
-    runs: tuple[int, ...] = ()
-    """Of a square wave: parts of its length for which it is up and down by turns."""
+    """Seed of a PRBS."""
+    switch_intervals: tuple[int, ...] = ()
+    """Relative lengths of the intervals between sign changes of a square wave."""
 
 
 class MissionState(NamedTuple):
-    """The uploaded items and how far the vehicle has come."""
+    """Mission items and progress."""
 
     items: tuple[MissionItem, ...] = ()
     current: int = 0
-    """The item being done; ``len(items)`` when all are."""
+    """Index of the item in progress; ``len(items)`` after the last."""
     entered_us: int | None = None
-    """When the current item was begun; None before that."""
+    """Time at which the current item was started; None before that."""
     jumps: tuple[tuple[int, int], ...] = ()
-    """How often each DO_JUMP (by sequence) was taken."""
+    """Pairs (sequence, number of times taken) of the DO_JUMP items, sorted."""
     reached: int = -1
-    paused: Setpoint | None = None
-    """The set-points in force when another mode took over, for the way back."""
-    left_m: complex | None = None
-    """The last waypoint that was reached: north + i east from home."""
+    """Sequence of the last item that was completed; -1 before the first."""
+    paused_setpoint: Setpoint | None = None
+    """Set-points to restore when the mission resumes; None if it was not interrupted."""
+    previous_waypoint_m: complex | None = None
+    """Last waypoint that was reached, north + i east from home."""
 
 
 class Home(NamedTuple):
-    """The point of the surface where north, east and depth are zero."""
+    """Point of the surface where north, east and depth are zero."""
 
     lat_deg: float = 0.0
     lon_deg: float = 0.0
     known: bool = False
 
 
-class BenchTest(NamedTuple):
-    """One actuator of a disarmed vehicle that is moved for a moment."""
+class ActuatorTest(NamedTuple):
+    """Test of one actuator of a disarmed vehicle."""
 
     channel: int
     """0 rudder, 1 elevator, 2 thrust."""
     value: float
+    """Command in [-1, 1]."""
     until_us: int
+    """Time at which the test ends."""
 
 
 class Ascent(NamedTuple):
@@ -258,15 +279,16 @@ class Ascent(NamedTuple):
     depth_m: float
     """Depth at the last rise; before the first: where SURFACE began or the propeller stopped."""
     risen_us: int
-    """Time of the last rise, likewise."""
+    """Time of the last rise; before the first: when SURFACE began or the propeller stopped."""
     fix_us: int | None = None
-    """Time of the first of the satellite fixes that have come since without a gap; None without."""
+    """Time of the first of the satellite fixes that have come without a gap; None without a
+    fix."""
     stopped: bool = False
     """Whether the propeller was stopped because it did not raise the vehicle."""
 
 
 class AutopilotState(NamedTuple):
-    """All that a tick hands to the next."""
+    """Complete state of the autopilot between two ticks."""
 
     time_us: int = -1
     """Vehicle time of the last tick; -1 before the first."""
@@ -278,62 +300,57 @@ class AutopilotState(NamedTuple):
     loops: LoopMemory = LoopMemory()
     mission: MissionState = MissionState()
     path: Path | None = None
-    """What the heading follows, where it does."""
+    """Path over ground that the heading follows; None without path following."""
     targets: Targets = Targets()
     test: Excitation | None = None
     failsafe: str = ""
-    """The cause of the failsafe in force; empty when there is none."""
+    """Cause of the failsafe in force; empty without a failsafe."""
     home: Home = Home()
     armed_us: int = 0
-    """When the vehicle was armed."""
+    """Time of the last arming."""
     thrust: float = 0.0
-    """Last commanded, as a fraction of full."""
+    """Last commanded thrust as a fraction of full."""
     duct_rad: tuple[float, float] = (0.0, 0.0)
-    """Rudder and elevator where the duct should stand by what was commanded."""
+    """Rudder and elevator angle that the commands predict."""
     ahrs: Ahrs = Ahrs()
     health: Health = Health()
-    bench_tests: tuple[BenchTest, ...] = ()
-    """Only while disarmed."""
+    actuator_tests: tuple[ActuatorTest, ...] = ()
+    """Actuator tests in progress; only while disarmed."""
     ascent: Ascent | None = None
     """Progress of mode SURFACE; None in other modes and before its first tick."""
 
 
 class Trace(NamedTuple):
-    """The inside of the loops in one tick, for telemetry and tests."""
+    """Signals of the loops in one tick, for telemetry and tests."""
 
     heading_error_rad: float = 0.0
     pitch_error_rad: float = 0.0
     depth_error_m: float = 0.0
-    """Wanted minus actual."""
+    """Set-point minus estimate, as the errors of heading and pitch."""
     pitch_setpoint_rad: float = 0.0
     excitation_rad: float = 0.0
-    """What a test adds to rudder or elevator; where it moves both, to the rudder."""
+    """Test signal on rudder or elevator; on the rudder if both are tested."""
     excitation_hz: float = 0.0
+    """Momentary frequency of a chirp, else 0."""
     rudder_rad: float = 0.0
     elevator_rad: float = 0.0
     thrust: float = 0.0
-    """Commanded, after limits."""
+    """Command as a fraction of full. Rudder, elevator and thrust are after limits."""
 
 
 class Answer(NamedTuple):
-    """What became of a request: a MAV_RESULT and, where it was refused, why."""
+    """Result of a request."""
 
     result: int
+    """MAV_RESULT."""
     text: str = ""
+    """Reason of a rejection."""
     parameter: int = 0
-    """The parameter of a mission item that is wrong, 1 to 7; 0 for none in particular."""
+    """Number (1 to 7) of the mission item parameter that is wrong; 0 for none in particular."""
 
 
 US_PER_S = 1_000_000
-"""Vehicle time is counted in whole microseconds."""
+"""Microseconds per second; vehicle time is an integer number of microseconds."""
 
-ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-)
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = range(7)
 """MAV_RESULT."""

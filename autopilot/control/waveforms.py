@@ -1,5 +1,7 @@
-"""The shapes of test signals: each a function of the time since the test began, within [-1, 1].
-Pure."""
+"""Waveforms of test signals as functions of the time since the test began, within [-1, 1]. Pure.
+
+Symbols: t time (s), T duration (s), f frequency (Hz). A caller multiplies by the amplitude.
+"""
 
 import cmath
 import math
@@ -8,13 +10,13 @@ from functools import lru_cache
 from typing import NamedTuple
 
 CHIRP_LEAD_CYCLES = 2.0
-"""Cycles at the first frequency before the sweep, so that the start-up transient is behind it."""
+"""Cycles at the start frequency before the sweep: the initial transient decays in them."""
 
 MAX_TONES = 64
-"""Of a multisine; where its band holds more, every second, third ... is played."""
+"""Maximum number of tones of a multisine; in a wider band every second, third ... tone is used."""
 
 THREE_TWO_ONE_ONE = (3, 2, 1, 1)
-"""Its mean is a seventh of its size."""
+"""Switch intervals of a 3-2-1-1 signal; its mean is a seventh of its amplitude."""
 
 _TAPS = {
     2: (2, 1),
@@ -30,17 +32,34 @@ _TAPS = {
     12: (12, 6, 4, 1),
     13: (13, 4, 3, 1),
 }
-"""By order: exponents of a primitive polynomial (P. Alfke, XAPP 052, 1996, table 3), so that a
-shift register that is fed back from there runs through all its states but zero."""
-MAX_BITS = 2 ** max(_TAPS) - 1
+"""Exponents of a primitive polynomial by order (P. Alfke, XAPP 052, 1996, table 3).
 
-_SLACK = 1e-9
-"""Of a bit or a unit: a tick that falls on an edge, but for rounding, is past it."""
+A shift register with feedback from these bits passes through all its states except zero.
+"""
+MAX_BITS = 2 ** max(_TAPS) - 1
+"""Maximum number of bits of a pseudo-random binary sequence."""
+
+_TOLERANCE = 1e-9
+"""Tolerance in bits or intervals: a tick on an edge, apart from rounding, is after the edge."""
 
 
 def chirp(t_s: float, start_hz: float, stop_hz: float, duration_s: float) -> tuple[float, float]:
-    """A sine whose frequency grows exponentially after a lead of whole cycles: its value and its
-    frequency."""
+    """Compute an exponential chirp.
+
+    With f_0 the start frequency, t_0 the lead of CHIRP_LEAD_CYCLES cycles (at most T / 2), f_1 the
+    stop frequency and g = ln(f_1 / f_0) / (T - t_0)::
+
+        t < t_0:   f = f_0                       u = sin(2 pi f_0 t)
+        else:      f = f_0 exp(g (t - t_0))      u = sin(2 pi (f_0 t_0 + (f - f_0) / g))
+
+    Parameters:
+        t_s: t.
+        start_hz, stop_hz: f_0 and f_1.
+        duration_s: T.
+
+    Returns:
+        u in [-1, 1], and f (Hz).
+    """
     lead_s = min(CHIRP_LEAD_CYCLES / start_hz, 0.5 * duration_s)
     growth = math.log(stop_hz / start_hz) / (duration_s - lead_s)
     if t_s < lead_s or growth == 0.0:
@@ -51,101 +70,127 @@ def chirp(t_s: float, start_hz: float, stop_hz: float, duration_s: float) -> tup
 
 
 def doublet(t_s: float, duration_s: float) -> float:
-    """Half the time up, half the time down; no mean."""
+    """Compute a doublet: +1 for half of the duration, then -1; its mean is zero."""
     return 1.0 if t_s < 0.5 * duration_s else -1.0
 
 
-def square(t_s: float, runs: tuple[int, ...], duration_s: float) -> float:
-    """Up and down by turns, each for so many parts of the whole: (3, 2, 1, 1) is a 3-2-1-1."""
-    left, level = t_s / duration_s * sum(runs) + _SLACK, 1.0
-    for length in runs[:-1]:
-        if left < length:
+def square(t_s: float, intervals: tuple[int, ...], duration_s: float) -> float:
+    """Compute a square wave that starts at +1 and changes sign after each interval.
+
+    Parameters:
+        t_s: time since the start.
+        intervals: relative lengths of the intervals; (3, 2, 1, 1) is a 3-2-1-1.
+        duration_s: sum of the intervals in seconds.
+    """
+    remaining, level = t_s / duration_s * sum(intervals) + _TOLERANCE, 1.0
+    for length in intervals[:-1]:
+        if remaining < length:
             return level
-        left, level = left - length, -level
+        remaining, level = remaining - length, -level
     return level
 
 
 def prbs(t_s: float, clock_hz: float, duration_s: float, seed: int) -> float:
-    """A pseudo-random binary sequence: up or down, decided anew ``clock_hz`` times a second.
+    """Compute a pseudo-random binary sequence (PRBS): +1 or -1 for each clock period.
 
-    It never comes to its period's end, or just does where ``clock_hz * duration_s`` is 2^n - 1: its
-    spectrum is then flat but for what holding a bit takes off (sinc), and its mean is one bit's.
-    Seeds start it at different places."""
+    The order n is the least for which the period of 2^n - 1 bits is not shorter than the test. If
+    ``clock_hz * duration_s`` is 2^n - 1 the test is one full period: the spectrum is flat except
+    for the sinc of the hold, and the sum of all bits is one.
+
+    Parameters:
+        t_s: time since the start.
+        clock_hz: clock rate.
+        duration_s: duration of the test, which sets the order.
+        seed: starting point in the sequence.
+    """
     bits = maximal_sequence(_order(clock_hz, duration_s), seed)
-    return bits[min(len(bits) - 1, int(t_s * clock_hz + _SLACK))]
+    return bits[min(len(bits) - 1, int(t_s * clock_hz + _TOLERANCE))]
 
 
 def bits_of(clock_hz: float, duration_s: float) -> int:
-    """How many bits a pseudo-random sequence plays."""
-    return math.ceil(clock_hz * duration_s - _SLACK)
+    """Return the number of bits of a PRBS."""
+    return math.ceil(clock_hz * duration_s - _TOLERANCE)
 
 
 def _order(clock_hz: float, duration_s: float) -> int:
+    """Return the order of the shift register."""
     return max(2, bits_of(clock_hz, duration_s).bit_length())
 
 
 @lru_cache(maxsize=8)
 def maximal_sequence(order: int, seed: int) -> tuple[float, ...]:
-    """All 2^order - 1 bits of a maximum-length sequence as +1 and -1 (S. W. Golomb, Shift Register
-    Sequences, 1967)."""
+    """Return all 2^order - 1 bits of a maximum-length sequence as +1 and -1.
+
+    Source: S. W. Golomb, Shift Register Sequences, 1967.
+    """
     period = (1 << order) - 1
     register = 1 + seed % period
-    return tuple(_cyclic_shift(register, order, period))
+    return tuple(_shift_register(register, order, period))
 
 
-def _cyclic_shift(register: int, order: int, count: int) -> Iterator[float]:
+def _shift_register(register: int, order: int, count: int) -> Iterator[float]:
+    """Yield ``count`` output bits (+1 or -1) of a Fibonacci shift register."""
     shifts = [order - tap for tap in _TAPS[order]]
     for _ in range(count):
         yield 1.0 if register & 1 else -1.0
-        fed_back = sum(register >> shift for shift in shifts) & 1
-        register = register >> 1 | fed_back << (order - 1)
+        feedback = sum(register >> shift for shift in shifts) & 1
+        register = register >> 1 | feedback << (order - 1)
 
 
 class Comb(NamedTuple):
-    """The tones of a multisine: equal sines at evenly spaced whole numbers of cycles in its
-    length."""
+    """Tones of a multisine: sines of equal amplitude at evenly spaced harmonics of 1 / T."""
 
     first: int
-    """Cycles of the lowest tone in the whole length."""
+    """Harmonic of the lowest tone: its number of cycles in the duration."""
     spacing: int
-    """Cycles between two tones."""
+    """Difference between the harmonics of two tones."""
     amplitudes: tuple[complex, ...]
-    """Of the tones, highest first: their phases, and the size with which their sum stays within
-    [-1, 1]."""
+    """Complex amplitudes of the tones, highest first, scaled so that the sum is in [-1, 1]."""
 
 
 @lru_cache(maxsize=8)
 def comb(start_hz: float, stop_hz: float, duration_s: float, part: int, parts: int) -> Comb:
-    """One of ``parts`` combs that have no tone in common, so that they are orthogonal over the
-    whole length.
+    """Return one of ``parts`` combs without common tones, which are orthogonal over the duration.
 
-    Phases after M. R. Schroeder, Synthesis of low-peak-factor signals, IEEE Trans. Inf. Theory 16
-    (1970), eq. 11, which spread the tones over the length as a sweep does."""
+    Tone k of N has the phase -pi k (k - 1) / N, which gives a low peak (M. R. Schroeder, Synthesis
+    of low-peak-factor signals, IEEE Trans. Inf. Theory 16 (1970), eq. 11).
+
+    Parameters:
+        start_hz, stop_hz: band.
+        duration_s: T.
+        part: index of the comb, from 0.
+        parts: number of combs.
+    """
     lowest, highest = _harmonics(start_hz, stop_hz, duration_s)
-    skip = max(1, math.ceil((highest - lowest + 1) / (MAX_TONES * parts)))
-    tones = range(lowest + part * skip, highest + 1, parts * skip)
+    stride = max(1, math.ceil((highest - lowest + 1) / (MAX_TONES * parts)))
+    tones = range(lowest + part * stride, highest + 1, parts * stride)
     count = len(tones)
-    phased = [cmath.exp(-1j * math.pi * k * (k - 1) / count) for k in range(count, 0, -1)]
-    scale = 1.0 / _peak(phased) if phased else 0.0
-    return Comb(tones.start, tones.step, tuple(scale * amplitude for amplitude in phased))
+    unscaled = [cmath.exp(-1j * math.pi * k * (k - 1) / count) for k in range(count, 0, -1)]
+    scale = 1.0 / _peak(unscaled) if unscaled else 0.0
+    return Comb(tones.start, tones.step, tuple(scale * amplitude for amplitude in unscaled))
 
 
 def _harmonics(start_hz: float, stop_hz: float, duration_s: float) -> tuple[int, int]:
-    """The lowest and the highest number of whole cycles in the length that the band holds."""
-    return max(1, math.ceil(start_hz * duration_s - _SLACK)), math.floor(
-        stop_hz * duration_s + _SLACK
+    """Return the lowest and the highest harmonic of 1 / T in the band."""
+    return max(1, math.ceil(start_hz * duration_s - _TOLERANCE)), math.floor(
+        stop_hz * duration_s + _TOLERANCE
     )
 
 
 def multisine(t_s: float, tones: Comb, duration_s: float) -> float:
-    """The sum of the tones, by Horner's rule in the spacing's own phasor."""
-    turn = 2j * math.pi * t_s / duration_s
+    """Compute a multisine: u = Im sum_k A_k exp(2 pi i n_k t / T), n_k = first + k spacing.
+
+    The sum is evaluated by Horner's rule in the phasor of the spacing.
+    """
+    phase_rate = 2j * math.pi * t_s / duration_s
     return (
-        cmath.exp(turn * tones.first) * _sum(tones.amplitudes, cmath.exp(turn * tones.spacing))
+        cmath.exp(phase_rate * tones.first)
+        * _sum(tones.amplitudes, cmath.exp(phase_rate * tones.spacing))
     ).imag
 
 
 def _sum(amplitudes: tuple[complex, ...] | list[complex], phasor: complex) -> complex:
+    """Evaluate a polynomial in the phasor; the first amplitude has the highest power."""
     total = 0j
     for amplitude in amplitudes:
         total = total * phasor + amplitude
@@ -153,20 +198,20 @@ def _sum(amplitudes: tuple[complex, ...] | list[complex], phasor: complex) -> co
 
 
 def _peak(amplitudes: list[complex]) -> float:
-    """No less than the sum ever comes to: the largest modulus on a grid, and what may lie between
-    its points.
+    """Return an upper bound of the modulus of the sum over all phases.
 
-    A trigonometric polynomial of degree d is nowhere above its largest value on N equal steps by
-    more than 1 / cos(pi d / N) (H. Ehlich and K. Zeller, Math. Z. 86, 1964); the modulus squared is
-    one of degree count - 1."""
+    The maximum of a trigonometric polynomial of degree d is at most 1 / cos(pi d / N) times its
+    maximum on N equal steps (H. Ehlich and K. Zeller, Math. Z. 86, 1964). The squared modulus has
+    the degree (number of tones) - 1.
+    """
     steps = 16 * len(amplitudes)
-    seen = max(abs(_sum(amplitudes, cmath.exp(2j * math.pi * k / steps))) for k in range(steps))
-    return seen / math.sqrt(math.cos(math.pi * (len(amplitudes) - 1) / steps))
+    grid_max = max(abs(_sum(amplitudes, cmath.exp(2j * math.pi * k / steps))) for k in range(steps))
+    return grid_max / math.sqrt(math.cos(math.pi * (len(amplitudes) - 1) / steps))
 
 
 def fade(t_s: float, duration_s: float, fade_s: float) -> float:
-    """Half-cosine rise and fall at the ends of a test."""
-    edge = min(t_s, duration_s - t_s)
-    if fade_s <= 0.0 or edge >= fade_s:
+    """Return the factor of a half-cosine fade of ``fade_s`` at both ends of a test, in [0, 1]."""
+    to_edge_s = min(t_s, duration_s - t_s)
+    if fade_s <= 0.0 or to_edge_s >= fade_s:
         return 1.0
-    return 0.5 - 0.5 * math.cos(math.pi * max(0.0, edge) / fade_s)
+    return 0.5 - 0.5 * math.cos(math.pi * max(0.0, to_edge_s) / fade_s)

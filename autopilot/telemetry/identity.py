@@ -58,7 +58,7 @@ def mav_state(state: AutopilotState) -> int:
     """Return the MAV_STATE: leak, failsafe or fault, armed, in this order of priority."""
     if not state.estimate.initialised:
         return _BOOT
-    faults = monitor.active_faults(state.health) if state.health.doubts else {}
+    faults = monitor.active_faults(state.health) if state.health.faults else {}
     if LEAK in faults:
         return _EMERGENCY
     if state.failsafe or faults:

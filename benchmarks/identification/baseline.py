@@ -28,7 +28,7 @@ REWEIGHTED = 1
 
 def estimate(records: Sequence[LinearRun], belief: LinearPrior) -> tuple[Array, Array]:
     """Return the derived parameters, as ``linear_model.derived``, and their covariance."""
-    first, free = belief.plant, _free(belief)
+    first, free = belief.model, _free(belief)
     measured = [
         record.measured - np.mean(record.measured[: int(REST_S / DT)], axis=0) for record in records
     ]
@@ -73,4 +73,4 @@ def simulate(plant: LinearModel, record: LinearRun) -> Array:
 
 def _free(belief: LinearPrior) -> NDArray[np.int64]:
     """Return the indices of the free parameters: those of the equation, delay and bias."""
-    return np.arange(len(NUMBERS[belief.plant.frame.plane]) + 2)
+    return np.arange(len(NUMBERS[belief.model.frame.plane]) + 2)

@@ -30,7 +30,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     for method, draw in METHODS.values():
         campaign = linear_truth.campaign(vehicle, plane, draw, seed)
         best = _from(campaign, method, campaign.truth.values)
-        prior = campaign.belief.plant.values
+        prior = campaign.belief.model.values
         astray = prior.copy()
         numbers = len(NUMBERS[plane])
         astray[:numbers] *= 1.0 + ASTRAY * np.random.default_rng([seed, 1]).choice(
@@ -47,7 +47,7 @@ def _from(campaign: Campaign, method: Method, start: Array) -> PlaneEstimate:
 
 def _same(first: PlaneEstimate, second: PlaneEstimate) -> bool:
     """Compare two estimates in the metric of the first one's covariance."""
-    apart = second.plant.values - first.plant.values
+    apart = second.model.values - first.model.values
     return bool(apart @ np.linalg.solve(first.covariance, apart) <= apart.size * SAME**2)
 
 

@@ -40,9 +40,9 @@ LEVELS: dict[str, Noise] = {"white": linear_truth.WHITE, "coloured": linear_trut
 def _ours(campaign: Campaign, method: Method) -> tuple[Array, Array]:
     """Estimate with one of the methods of sysid."""
     found = estimate.descend(
-        campaign.records, campaign.belief, method, campaign.belief.plant.values
+        campaign.records, campaign.belief, method, campaign.belief.model.values
     )
-    frame, values = found.plant
+    frame, values = found.model
     return plants.derived(frame, values), plants.propagate(frame, values, found.covariance)
 
 

@@ -88,7 +88,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     case = vehicles.case(vehicle)
     done = prediction.campaign(case, seed)
     model = model_export.from_fit(done.found, done.prior, case.prior_file)
-    fitted = [group[0].run for group in done.found.experiments.values()]
+    fitted = [group[0].run for group in done.found.datasets.values()]
     held_out, numbers = fresh(case, seed), []
     for candidate in (model, spoilt(model, np.random.default_rng(seed))):
         found = with_assessment(candidate, fitted, held_out, prior=case.prior).verdict

@@ -22,7 +22,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     """Return seconds of output error, filter error and baseline in yaw, with compiled code."""
     minutes = tuple(_a_minute(command) for command in linear_truth.commands(vehicle, "yaw"))
     campaign = linear_truth.campaign(vehicle, "yaw", linear_truth.coloured, seed, minutes)
-    start = campaign.belief.plant.values
+    start = campaign.belief.model.values
 
     def ours(method: estimate.Method) -> Callable[[Campaign], object]:
         return lambda c: estimate.descend(c.records, c.belief, method, start)

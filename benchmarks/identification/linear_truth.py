@@ -172,17 +172,17 @@ def prior_belief(vehicle: str, plane: Plane) -> LinearPrior:
         parameters.prior_covariance(),
     )
     found = records.linear_prior(prior, plane)
-    values = found.plant.values.copy()
+    values = found.model.values.copy()
     values[plants.names(plane).index("bias_rad")] = 0.0
-    return records.with_bounds(LinearModel(found.plant.frame, values), found.covariance)
+    return records.with_bounds(LinearModel(found.model.frame, values), found.covariance)
 
 
 def _bench_tested(belief: LinearPrior, truth: LinearModel, rng: np.random.Generator) -> LinearPrior:
     """Return the prior with the lag of a simulated bench test."""
     lag = plants.lag(truth.frame.plane)
-    values = belief.plant.values.copy()
+    values = belief.model.values.copy()
     values[lag] = truth.values[lag] * (1.0 + plants.LAG_SD * rng.standard_normal(2))
-    return records.with_bounds(LinearModel(belief.plant.frame, values), belief.covariance)
+    return records.with_bounds(LinearModel(belief.model.frame, values), belief.covariance)
 
 
 @cache

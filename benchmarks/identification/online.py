@@ -83,7 +83,7 @@ def trial(vehicle: str, seed: int) -> list[float]:
     differences, errors = [], []
     for plane in PLANES:
         at = report.crossover_radps(prior, plane)
-        online = _figures(report.read(known.prior, known.whole, plane, at))
+        online = _figures(report.read(known.prior, known.information, plane, at))
         beside = np.full_like(online, math.nan)
         if batch is not None:
             told = square_root_information.from_normal(batch.z, batch.covariance)

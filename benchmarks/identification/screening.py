@@ -112,7 +112,7 @@ def trial(wave: Wave, vehicle: str, seed: int) -> Sequence[float]:
     seeds = [1000 * seed + k for k in range(len(asked))]
     clean = [flown(case, test, wave, s) for test, s in zip(asked, seeds, strict=True)]
     struck = {plane: _struck(plane, asked, seed) for plane in PLANES}
-    before = _sifted(vehicle, wave, clean).verdicts
+    before = _sifted(vehicle, wave, clean).screenings
     numbers = [
         float(len(clean)),
         float(sum(map(_flagged, before))),
@@ -128,7 +128,7 @@ def trial(wave: Wave, vehicle: str, seed: int) -> Sequence[float]:
                 else Fault(1.0, slip_rad, asked[k].middle_s)
             )
             runs[k] = flown(case, asked[k], wave, seeds[k], fault)
-        verdicts = {v.run: v for v in _sifted(vehicle, wave, runs).verdicts}
+        verdicts = {v.run: v for v in _sifted(vehicle, wave, runs).screenings}
         evidence = _evidence(vehicle, wave, runs)
         for k in struck.values():
             verdict = verdicts[runs[k].name]
@@ -144,12 +144,14 @@ def _flagged(verdict: RunScreening) -> bool:
 
 def _told(evidence: Residuals, run: Run, kind: Kind, at_s: float) -> bool:
     """Tell whether a test for one kind of anomaly at its true time detects it: the ideal case."""
-    exhibit = next(e for e in evidence.exhibits if e.experiment.run.name == run.name)
+    exhibit = next(e for e in evidence.runs if e.dataset.run.name == run.name)
     mark = next(s for s in exhibit.signatures if s.kind == kind)
     k = int(np.argmin(np.abs(mark.times_s - at_s))) if mark.times_s.size > 1 else 0
     mark = mark._replace(times_s=mark.times_s[k : k + 1], white=mark.white[k : k + 1])
     return (
-        scores([mark], evidence.left(exhibit), exhibit.slopes, evidence.covariance).p_value
+        scores(
+            [mark], evidence.residual_at_optimum(exhibit), exhibit.slopes, evidence.covariance
+        ).p_value
         <= FALSE_ALARM
     )
 
@@ -174,13 +176,13 @@ def _evidence(vehicle: str, wave: Wave, runs: Sequence[Run]) -> Residuals:
 
 def _of(found: Fit, runs: Sequence[Run]) -> Fit:
     """Return the reference fit with the runs of a campaign."""
-    experiments = {
+    datasets = {
         plane: tuple(
             with_coupling_inputs(found.vehicle, fit.dataset(r)) for r in runs if r.plane == plane
         )
         for plane in PLANES
     }
-    return found._replace(experiments=experiments)
+    return found._replace(datasets=datasets)
 
 
 def judge(vehicle: str, rows: Array) -> Sequence[Figure]:

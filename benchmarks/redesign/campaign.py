@@ -72,9 +72,9 @@ def fly(seed: int) -> Campaign:
     prior_file = config.load(PRIOR)
     prior = refit.prior_of(fitted, prior_file)
     settled = refit_until_clean(fitted, prior, lambda chosen: fit.fit(chosen, prior))
-    model = model_export.from_fit(settled.found, prior, PRIOR)
+    model = model_export.from_fit(settled.fit, prior, PRIOR)
     return Campaign(
-        with_assessment(model, settled.kept, held_out, TABLE_3_INITIAL, prior_file), trims
+        with_assessment(model, settled.accepted_runs, held_out, TABLE_3_INITIAL, prior_file), trims
     )
 
 
@@ -108,7 +108,7 @@ def _kept(missions: Sequence[str], seed: int, values: Values) -> list[Run]:
     return [
         each.run
         for each in screen([run for log in logs for run in segments.cut_runs(log)])
-        if each.kept
+        if each.accepted
     ]
 
 

@@ -48,7 +48,6 @@ def design(vehicle: str) -> InitialDesign:
     OperationError
         No gains meet the specification.
     """
-
     if vehicle == "caribou_truth":
         raise InputError(
             "vehicle 'caribou_truth': is the simulated truth; "

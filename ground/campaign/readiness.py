@@ -65,7 +65,6 @@ def first_parameters(
         The vehicle file cannot be used, no gains meet the specification, or a mission cannot be
         completed.
     """
-
     try:
         parameters = prototype.design(vehicle).parameters
     except OperationError as error:
@@ -83,7 +82,6 @@ def first_parameters(
 
 def _moments(content: Mapping[str, Any]) -> Any:
     """Return the disturbance moments of a scenario."""
-
     slow, waves = content["disturbance"]["slow"], content["disturbance"]["waves"]
     return Moments(
         slow_nm={"yaw": slow["yaw_rms_nm"], "pitch": slow["pitch_rms_nm"]},

@@ -58,7 +58,6 @@ def read(file: Path | None, options: Mapping[str, float | None], first: Spec | N
     InputError
         A limit is unknown or out of range, or the file cannot be read.
     """
-
     table = _table(file) if file else {}
     unknown = next((name for name in table if name not in BOUNDS), None)
     if unknown:

@@ -135,7 +135,7 @@ class LiveEstimate:
             state = self._states.pop(plane, None)
             if state is not None:
                 self._knowledge = estimator.finish(state._replace(knowledge=self._knowledge))
-                self._told[plane] = self._knowledge.whole
+                self._told[plane] = self._knowledge.information
 
     def _read(self) -> None:
         prior = self._knowledge.prior

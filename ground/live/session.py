@@ -98,4 +98,4 @@ def _compile_kernels(knowledge: Knowledge) -> None:
         thrust = np.full(rows, knowledge.prior.config.operating_point.thrust_fraction)
         steps = TestSamples(np.zeros((rows, outputs)), np.zeros((rows, STRIDE)), thrust)
         told = estimator.finish(estimator.update(estimator.begin(knowledge, plane, 0.0), steps))
-        report.read(told.prior, told.whole, plane, 1.0)
+        report.read(told.prior, told.information, plane, 1.0)

@@ -1,1 +1,1 @@
-"""Parameter estimators."""
+"""Parameter estimators: joint (map), linear, recursive, bench tests and profile likelihood."""

@@ -1,9 +1,14 @@
-"""An inclining test: the height of the centre of mass from the heel that known weights cause.
+"""Inclining test: height of the centre of mass from the heel under known weights.
 
-A weight m_w carried athwartships by d heels a vehicle of mass m until ``tan(phi) = m_w d / (m h)``,
-where h is how far the centre of mass hangs below the metacentre (Lewis 1988, Principles of Naval
-Architecture I, ch. 3.7). A body of revolution has that on its axis, at the height of its centre of
-buoyancy, afloat as under water."""
+Symbols: m vehicle mass (kg), w weight moved to port (kg), d its distance from the middle (m), h
+height of the metacentre above the centre of mass (m), phi heel (rad, positive to starboard), phi0
+list without weights::
+
+    tan(phi) = tan(phi0) - w d / (m h)
+
+(Lewis 1988, Principles of Naval Architecture I, ch. 3.7). The metacentre of a body of revolution is
+on its axis at the height of the centre of buoyancy, at the surface as well as under water.
+"""
 
 import math
 from collections.abc import Sequence
@@ -20,95 +25,128 @@ from sysid.models.model_file import ParameterEstimate
 Array = NDArray[np.float64]
 
 AVERAGED_SHARE = 1.0 / 3.0
-"""The last part of a move over which the heel is read: by then she has stopped rolling."""
+"""Last part of a weight's period over which the heel is averaged.
+
+The roll motion has decayed by then.
+"""
 MAX_ROLL_RMS_DEG = 0.5
-"""Rolling more than this, rms, she has not settled."""
+"""Largest roll standard deviation of a settled vehicle, deg."""
 _LIKELY_HEIGHT_M = 0.02
+"""Initial value of the search for h, m."""
 
 
 class InclineError(RuntimeError):
-    """The log shows no inclining test that can be used; the message says why."""
+    """The log contains no usable inclining test; the message names the reason."""
 
 
 class WeightPeriod(NamedTuple):
-    """What stood off the middle, and when, in vehicle seconds after arming."""
+    """Period with a weight off the middle, in vehicle time after arming."""
 
     moment_kgm: float
-    """Mass times distance, to port."""
+    """Mass times distance, kg m, positive to port."""
     from_s: float
     until_s: float
 
 
 class InclinationReading(NamedTuple):
+    """Heel in one period."""
+
     moment_kgm: float
+    """Mass times distance, kg m, positive to port."""
     roll_deg: float
-    """Mean heel, to starboard."""
+    """Measured mean heel, positive to starboard."""
     fitted_deg: float
+    """Heel by the fitted equation."""
 
 
 class Inclining(NamedTuple):
+    """Result of an inclining test."""
+
     height_m: ParameterEstimate
-    """Of the centre of buoyancy above the centre of mass."""
+    """Height h of the centre of buoyancy above the centre of mass."""
     z_cm_m: ParameterEstimate
-    """Up from the hull axis, as vehicle files have it."""
+    """Centre of mass above the hull axis, positive up, as in vehicle files."""
     list_deg: float
-    """Heel with nothing moved."""
+    """Heel without weights."""
     readings: tuple[InclinationReading, ...]
 
 
 def analyse(log: Log, moves: Sequence[WeightPeriod], vehicle: VehicleConfig) -> Inclining:
-    """Fit height and list to the heel of every move; mass and centre of buoyancy are the vehicle
-    file's.
+    """Fit height and list to the heel of all periods by least squares.
 
-    Raises InclineError.
+    Parameters
+    ----------
+    log : Log
+        Log of the test, with attitude and the "Armed" event.
+    moves : sequence of WeightPeriod
+        Periods of the weights, at least three with two different moments.
+    vehicle : VehicleConfig
+        Vehicle file with mass and centre of buoyancy.
+
+    Returns
+    -------
+    Inclining
+        Height of the centre of buoyancy above the centre of mass, with its standard deviation.
+
+    Raises
+    ------
+    InclineError
+        The log or the periods cannot be used.
     """
-    if len({move.moment_kgm for move in moves}) < 2 or len(moves) < 3:
+    if len({period.moment_kgm for period in moves}) < 2 or len(moves) < 3:
         raise InclineError(
             "an inclining test needs at least three moves with two different moments"
         )
     armed_s = [event.time_s for event in log.events if event.text.startswith("Armed")]
     if not armed_s:
         raise InclineError(
-            f"{log.name}: the vehicle never said that it was armed, so no move can be dated"
+            f"{log.name}: holds no 'Armed' event, so the times of the moves are unknown"
         )
-    moment = np.array([move.moment_kgm for move in moves])
-    roll = np.array([_heel_rad(log, armed_s[-1], move) for move in moves])
+    moments_kgm = np.array([period.moment_kgm for period in moves])
+    roll_rad = np.array([_heel_rad(log, armed_s[-1], period) for period in moves])
     mass_kg = vehicle.ballast.mass_kg
 
-    def heel(z: Array) -> Array:
-        return np.asarray(np.arctan(z[1] - z[0] * moment))
+    def heel_rad(unknowns: Array) -> Array:
+        return np.asarray(np.arctan(unknowns[1] - unknowns[0] * moments_kgm))
 
-    found = least_squares(
-        lambda z: heel(z) - roll, np.array([1.0 / (mass_kg * _LIKELY_HEIGHT_M), 0.0])
+    solution = least_squares(
+        lambda unknowns: heel_rad(unknowns) - roll_rad,
+        np.array([1.0 / (mass_kg * _LIKELY_HEIGHT_M), 0.0]),
     )
-    per_moment, own_list = found.x.tolist()
+    per_moment, tan_list = solution.x.tolist()
     if per_moment <= 0.0:
         raise InclineError(
-            f"{log.name}: she heels away from the weights; to_port_m is positive to port"
+            f"{log.name}: the vehicle heels away from the weights; to_port_m is positive to port"
         )
-    variance = 2.0 * found.cost / (len(moves) - 2)
-    share = math.sqrt(variance * np.linalg.inv(found.jac.T @ found.jac)[0, 0]) / per_moment
+    variance = 2.0 * solution.cost / (len(moves) - 2)
+    relative_sd = (
+        math.sqrt(variance * np.linalg.inv(solution.jac.T @ solution.jac)[0, 0]) / per_moment
+    )
     height_m = 1.0 / (mass_kg * per_moment)
-    height = ParameterEstimate(height_m, height_m * share)
+    height = ParameterEstimate(height_m, height_m * relative_sd)
     readings = (
-        InclinationReading(m, math.degrees(seen), math.degrees(fitted))
-        for m, seen, fitted in zip(moment.tolist(), roll, heel(found.x), strict=True)
+        InclinationReading(moment_kgm, math.degrees(measured), math.degrees(fitted_rad))
+        for moment_kgm, measured, fitted_rad in zip(
+            moments_kgm.tolist(), roll_rad, heel_rad(solution.x), strict=True
+        )
     )
     z_cm = ParameterEstimate(vehicle.ballast.z_cb_m - height_m, height.sd)
-    return Inclining(height, z_cm, math.degrees(math.atan(own_list)), tuple(readings))
+    return Inclining(height, z_cm, math.degrees(math.atan(tan_list)), tuple(readings))
 
 
-def _heel_rad(log: Log, armed_s: float, move: WeightPeriod) -> float:
+def _heel_rad(log: Log, armed_s: float, period: WeightPeriod) -> float:
+    """Mean heel over the last part of a period, rad."""
     time_s = log.attitude.time_s - armed_s
-    read_from_s = move.until_s - AVERAGED_SHARE * (move.until_s - move.from_s)
-    roll = log.attitude.roll_rad[(time_s >= read_from_s) & (time_s < move.until_s)]
+    average_from_s = period.until_s - AVERAGED_SHARE * (period.until_s - period.from_s)
+    roll = log.attitude.roll_rad[(time_s >= average_from_s) & (time_s < period.until_s)]
     if roll.size == 0:
         raise InclineError(
-            f"{log.name}: holds no ATTITUDE from {read_from_s:g} to {move.until_s:g} s after arming"
+            f"{log.name}: holds no ATTITUDE from {average_from_s:g} to {period.until_s:g} s after"
+            " arming"
         )
     if math.degrees(np.std(roll)) > MAX_ROLL_RMS_DEG:
         raise InclineError(
             f"{log.name}: still rolling by {math.degrees(np.std(roll)):.1f} deg rms before"
-            f" {move.until_s:g} s; give each move longer, or calmer water"
+            f" {period.until_s:g} s; give each move longer, or calmer water"
         )
     return float(np.mean(roll))

@@ -1,8 +1,11 @@
-"""Profile likelihood: how far a derived quantity may be pulled before the data object.
+"""Profile-likelihood intervals of a quantity that is derived from a least-squares estimate.
 
-Where a standard deviation is large, cost is no parabola and estimate plus or minus two of them is
-no interval. The interval is then all values at which the least cost over everything else stays
-within half the chi-square quantile of the estimate's (Venzon and Moolgavkar 1988)."""
+With a large standard deviation the cost is not a parabola, and the estimate plus or minus two
+standard deviations is no interval. With x the parameters, r(x) the residuals and g(x) the quantity,
+the interval is (Venzon and Moolgavkar 1988)::
+
+    C(v) = min_x { 1/2 |r(x)|^2 : g(x) = v },    C(v) - C(g(x0)) <= 1/2 chi2_quantile(level, 1)
+"""
 
 import math
 from collections.abc import Callable
@@ -16,27 +19,36 @@ from scipy.stats import chi2
 Array = NDArray[np.float64]
 
 MAX_SD = 30.0
-"""An end that lies farther than this is given up as infinite."""
+"""Distance from the estimate, in standard deviations, at which an end is reported as infinite."""
 STRIDE_GROWTH = 1.6
-"""Of the stride in search of an end."""
+"""Growth of the stride in the search for an end."""
 CONSTRAINT_SD = 1e-3
-"""Of a standard deviation: how firmly the quantity is held where it is pulled to."""
+"""Standard deviation of the constraint g(x) = v, relative to that of the quantity."""
 TOLERANCE_SD = 0.01
+"""Tolerance of an end, in standard deviations."""
 
 
 class LeastSquaresEstimate(NamedTuple):
-    """A least-squares estimate: half the squared sum of residuals is the negative
-    log-likelihood."""
+    """Least-squares problem.
+
+    Half the squared sum of the residuals is the negative log-likelihood.
+    """
 
     residuals: Callable[[Array], Array]
+    """Function from parameters (p,) to residuals (n,)."""
     jacobian: Callable[[Array], Array]
+    """Function from parameters (p,) to derivatives (n, p)."""
     lowest: Array
+    """(p,), lower bounds of the parameters."""
     highest: Array
+    """(p,), upper bounds of the parameters."""
 
 
 class ProfileInterval(NamedTuple):
+    """Interval of the derived quantity."""
+
     low: float
-    """Minus infinity where the data set no end."""
+    """Minus infinity if the data do not limit it."""
     high: float
 
 
@@ -47,44 +59,58 @@ def interval(
     sd: float,
     level: float = 0.95,
 ) -> ProfileInterval:
-    """Values of ``derived`` that the data allow.
+    """Return the values of ``derived`` that the data allow.
 
-    Args:
-        problem: the estimate, priors among its residuals if it has any.
-        best: where its cost is least.
-        derived: a smooth function of the parameters.
-        sd: its standard deviation to first order, which scales the search.
-        level: confidence.
+    Parameters
+    ----------
+    problem : LeastSquaresEstimate
+        Residuals; priors are additional residuals.
+    best : ndarray, (p,)
+        Parameters of least cost.
+    derived : callable
+        Smooth function of the parameters.
+    sd : float
+        Its standard deviation to first order, which scales the search.
+    level : float
+        Confidence level.
+
+    Returns
+    -------
+    ProfileInterval
+        Ends of the interval, infinite beyond MAX_SD.
     """
-    allowed = 0.5 * float(chi2.ppf(level, 1))
-    least = 0.5 * float(np.sum(problem.residuals(best) ** 2))
-    centre = derived(best)
+    allowed_growth = 0.5 * float(chi2.ppf(level, 1))
+    least_cost = 0.5 * float(np.sum(problem.residuals(best) ** 2))
+    estimate = derived(best)
 
-    def end(sign: float) -> float:
-        track, excesses = {0.0: best}, {0.0: -allowed}
+    def find_end(sign: float) -> float:
+        optima, excesses = {0.0: best}, {0.0: -allowed_growth}
 
-        def excess(away_sd: float) -> float:
-            """Of the cost over what is allowed, the quantity held ``away_sd`` from the estimate.
+        def excess(distance_sd: float) -> float:
+            """Cost growth minus its limit, with the quantity ``distance_sd`` from the estimate.
 
-            Once found it stands: a second search from where the first ended could end lower, and
-            change its sign."""
-            if away_sd not in excesses:
-                nearest = min(track, key=lambda known: abs(known - away_sd))
+            Values are stored. A second search from the end of the first could end lower and change
+            the sign.
+            """
+            if distance_sd not in excesses:
+                nearest_sd = min(optima, key=lambda known_sd: abs(known_sd - distance_sd))
                 x = _constrained_optimum(
-                    problem, derived, track[nearest], centre + sign * away_sd * sd, sd
+                    problem, derived, optima[nearest_sd], estimate + sign * distance_sd * sd, sd
                 )
-                track[away_sd] = x
-                excesses[away_sd] = 0.5 * float(np.sum(problem.residuals(x) ** 2)) - least - allowed
-            return excesses[away_sd]
+                optima[distance_sd] = x
+                excesses[distance_sd] = (
+                    0.5 * float(np.sum(problem.residuals(x) ** 2)) - least_cost - allowed_growth
+                )
+            return excesses[distance_sd]
 
         inside, outside = 0.0, 1.0
         while excess(outside) < 0.0:
             inside, outside = outside, STRIDE_GROWTH * outside
             if outside > MAX_SD:
                 return sign * math.inf
-        return centre + sign * sd * float(brentq(excess, inside, outside, xtol=TOLERANCE_SD))
+        return estimate + sign * sd * float(brentq(excess, inside, outside, xtol=TOLERANCE_SD))
 
-    return ProfileInterval(end(-1.0), end(1.0))
+    return ProfileInterval(find_end(-1.0), find_end(1.0))
 
 
 def _constrained_optimum(
@@ -94,23 +120,25 @@ def _constrained_optimum(
     value: float,
     sd: float,
 ) -> Array:
-    """Parameters of least cost with ``derived`` at ``value``."""
+    """Parameters of least cost with ``derived`` held at ``value`` by an additional residual."""
     scale = np.maximum(np.abs(start), 1e-3)
 
-    def residuals(u: Array) -> Array:
-        x = u * scale
+    def residuals(scaled: Array) -> Array:
+        x = scaled * scale
         return np.append(problem.residuals(x), (derived(x) - value) / (CONSTRAINT_SD * sd))
 
-    def jacobian(u: Array) -> Array:
-        x = u * scale
+    def jacobian(scaled: Array) -> Array:
+        x = scaled * scale
         steps = np.diag(1e-6 * scale)
-        slope = [(derived(x + h) - derived(x - h)) / (2.0 * np.max(h)) for h in steps]
-        return np.vstack([problem.jacobian(x), np.array(slope) / (CONSTRAINT_SD * sd)]) * scale
+        gradient = [
+            (derived(x + step) - derived(x - step)) / (2.0 * np.max(step)) for step in steps
+        ]
+        return np.vstack([problem.jacobian(x), np.array(gradient) / (CONSTRAINT_SD * sd)]) * scale
 
     inside = 1e-9 * (problem.highest - problem.lowest)
     first = np.clip(start, problem.lowest + inside, problem.highest - inside)
     bounds = problem.lowest / scale, problem.highest / scale
-    found = least_squares(
+    solution = least_squares(
         residuals, first / scale, jac=jacobian, bounds=bounds, x_scale="jac", max_nfev=30
     )
-    return np.asarray(found.x * scale)
+    return np.asarray(solution.x * scale)

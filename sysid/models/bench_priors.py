@@ -1,7 +1,8 @@
 """Update of the prior with bench measurements: the tailcone bench test and the inclining test.
 
 Both are the JSON output of ``ground bench-test`` and ``ground inclining-test``. Each number is a
-measurement y with standard deviation s of one parameter z_i, and updates the normal prior (mean m, covariance P):
+measurement y with standard deviation s of one parameter z_i, and updates the normal prior (mean m,
+covariance P):
 
     K = P e_i / (P_ii + s^2),   m <- m + K (y - m_i),   P <- P - K e_i^T P.
 """

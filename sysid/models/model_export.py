@@ -70,7 +70,7 @@ def from_fit(fit: Fit, prior: Prior, prior_name: str) -> IdentifiedModel:
         slope @ covariance @ slope.T for covariance in (prior.covariance, fit.covariance)
     )
     sds = np.sqrt(np.diag(spread))
-    measured = set(fit.experiments)
+    measured = set(fit.datasets)
     design_covariances = {
         p: (_design_covariance(p, before), _design_covariance(p, spread))
         for p in PLANES
@@ -258,7 +258,7 @@ def _noise(level: Noise) -> NoiseModel:
 def _joint(fit: Fit) -> Joint:
     """Return estimate, covariance and information of the data in terms of z."""
     sd = np.sqrt(np.diag(fit.covariance))
-    used = parameters.parameters_of_planes(list(fit.experiments))
+    used = parameters.parameters_of_planes(list(fit.datasets))
     information = np.linalg.eigvalsh(fit.data_information[np.ix_(used, used)])
     smallest, largest = float(information[0]), float(information[-1])
     return Joint(

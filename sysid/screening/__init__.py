@@ -1,9 +1,9 @@
-"""Which runs may be fitted, and why the others may not. Every rejection has a name; none rests on
-residual size.
+"""Screening of runs: which runs may be fitted, and the reason for each rejection.
 
-``screen`` judges by what was commanded and how it began, before any fit; ``find_outliers`` asks the
-fit of all kept runs for anomalies that one of them has and the others have not; ``rounds.settle``
-does so until none is left."""
+No rule rejects a run because its residual is large. `screen` applies rules to the command and to
+the motion before and during a test, before any fit. `find_outliers` tests the fit of all accepted
+runs for anomalies of single runs. `refit_loop.refit_until_clean` repeats fit and test.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,33 +17,48 @@ from sysid.screening.outlier_tests import find_outliers as find_outliers
 
 
 class Screening(NamedTuple):
+    """Result of the screening rules for one run."""
+
     run: Run
-    kept: bool
+    accepted: bool
     reasons: tuple[str, ...]
-    """Each "name: figures"; empty for a kept run."""
+    """Reasons of a rejection, each "rule: values"; empty for an accepted run."""
 
 
 def screen(runs: Sequence[Run], limits: ScreeningLimits | None = None) -> list[Screening]:
-    """Judge every run by itself, by the sea before all of them, and by its other plane."""
+    """Apply the screening rules to every run.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        All runs of a campaign: the motion before all tests gives the limits for each.
+    limits : ScreeningLimits, optional
+        Limits of the rules; by default those of `ScreeningLimits`.
+
+    Returns
+    -------
+    list of Screening
+        One result for each run, in the order of ``runs``.
+    """
     limits = limits or ScreeningLimits()
-    rough = {
-        p: preroll.typical_roughness_radps([r for r in runs if r.plane == p])
-        for p in ("yaw", "pitch")
+    roughness_radps = {
+        plane: preroll.typical_roughness_radps([r for r in runs if r.plane == plane])
+        for plane in ("yaw", "pitch")
     }
     screenings = []
     for run in runs:
-        found = (
+        findings = (
             rules.gap(run, limits),
             rules.clock(run, limits),
             rules.too_short(run, limits),
             rules.saturation(run, limits),
             rules.unsteady_start(run, preroll.usual_preroll(run, runs, limits)),
-            rules.disturbance(run, limits, rough[run.plane]),
+            rules.disturbance(run, limits, roughness_radps[run.plane]),
             rules.thrust_change(run, limits),
             cross_plane(run, limits, runs),
             rules.attitude_rate_mismatch(run, limits),
             rules.depth_pitch_mismatch(run, limits),
         )
-        reasons = tuple(reason for reason in found if reason)
+        reasons = tuple(reason for reason in findings if reason)
         screenings.append(Screening(run, not reasons, reasons))
     return screenings

@@ -1,8 +1,10 @@
-"""What an anomaly would add to a run's residuals: the run simulated with it, less the run without.
+"""Signatures of anomalies: the change of a run's whitened residual for an anomaly of unit size.
 
-A slip is a step of the surface that the command does not know; a gust is told by the slip and the
-return 5 s later that would push as hard. Both may come at any time, so there is one signature a
-second."""
+A signature is the run simulated with the anomaly minus the run simulated without it, passed through
+the noise filter. A slip is a step of the surface that is not in the command. A gust is an angular
+acceleration over GUST_S; it is composed of a slip and its return GUST_S later, scaled to the same
+acceleration. Both may begin at any time, so that there is one signature for every second.
+"""
 
 import math
 from collections.abc import Sequence
@@ -24,85 +26,134 @@ Array = NDArray[np.float64]
 Kind = Literal["actuator slip", "actuator offset", "gain error", "gust", "speed off"]
 
 EVERY_S = 1.0
-"""Between the times at which a slip or a gust is looked for."""
+"""Distance between the times at which a slip or a gust is sought, s."""
 MARGIN_S = 2.0
-"""From the ends of a run: what happens there leaves no trace, or is the start itself."""
+"""Margin at both ends of a run without search, s.
+
+A late anomaly has no effect, and an early one cannot be distinguished from the initial state.
+"""
 GUST_S = 5.0
-SMALL_RAD, SMALL_SHARE = math.radians(0.1), 0.01
-"""The anomalies simulated: small, so that the signature is a slope."""
+"""Duration of a gust, s."""
+SMALL_RAD = math.radians(0.1)
+"""Duct angle of the simulated anomalies, rad: small, so that the signature is a derivative."""
+SMALL_SHARE = 0.01
+"""Relative gain or speed error of the simulated anomalies: small for the same reason."""
 
 
 class Signature(NamedTuple):
-    """Of one kind of anomaly in one run."""
+    """Signatures of one kind of anomaly in one run."""
 
     kind: Kind
     times_s: Array
-    """(k,) since the test began, when the duct first felt it; NaN for what lasts throughout."""
+    """(k,), s since the start of the test at which the anomaly acts first.
+
+    NaN if it acts throughout.
+    """
     white: Array
-    """(k, samples x outputs): whitened residual per unit of ``size``."""
+    """(k, samples x outputs), whitened residual per unit of the anomaly."""
     unit: Literal["deg", "%", "deg/s2"]
+    """Unit of the size of the anomaly."""
 
 
-def signatures(vehicle: CandidateVehicle, what: Dataset, by: Filter) -> list[Signature]:
-    """All that are looked for; angles at the duct in degrees, accelerations in deg/s^2, errors in
-    percent."""
-    run, actuator = what.run, vehicle.actuators[what.run.plane]
+def signatures(
+    vehicle: CandidateVehicle, dataset: Dataset, noise_filter: Filter
+) -> list[Signature]:
+    """Compute the signatures of all kinds of anomaly for one run.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Fitted vehicle.
+    dataset : Dataset
+        Run.
+    noise_filter : Filter
+        Noise filter of the run's plane.
+
+    Returns
+    -------
+    list of Signature
+        Sizes are duct angles (deg), angular accelerations (deg/s^2) or relative errors (%).
+    """
+    run, actuator = dataset.run, vehicle.actuators[dataset.run.plane]
     speed_mps = fit.cruise_speed_mps(vehicle, float(run.thrust[0]))
     duct = greybox.duct_along(run, run.plane, actuator)
-    stretched = greybox.duct_along(_scale_deflections(run), run.plane, actuator)
-    first, faster = (
-        greybox.first_state(run, what.start, k * speed_mps) for k in (1.0, 1.0 + SMALL_SHARE)
+    scaled_duct = greybox.duct_along(_scale_deflections(run), run.plane, actuator)
+    first, faster_start = (
+        greybox.first_state(run, dataset.start, k * speed_mps) for k in (1.0, 1.0 + SMALL_SHARE)
     )
-    before = _track(vehicle, what, first, duct)
-    rows = np.arange(_rows(MARGIN_S), len(before) - _rows(MARGIN_S), _rows(EVERY_S))
-    slips = [_simulate_slip(vehicle, what, before, duct, int(row)) for row in rows]
-    offset, gain = (
-        _track(vehicle, what, first, angles) for angles in (duct + SMALL_RAD, stretched)
+    nominal_track = _track(vehicle, dataset, first, duct)
+    rows = np.arange(_rows(MARGIN_S), len(nominal_track) - _rows(MARGIN_S), _rows(EVERY_S))
+    slip_tracks = [_simulate_slip(vehicle, dataset, nominal_track, duct, int(row)) for row in rows]
+    offset_track, gain_track = (
+        _track(vehicle, dataset, first, angles) for angles in (duct + SMALL_RAD, scaled_duct)
     )
-    speed = _track(vehicle, what, faster, duct, 1.0 + SMALL_SHARE)
+    speed_track = _track(vehicle, dataset, faster_start, duct, 1.0 + SMALL_SHARE)
 
     def white(tracks: Sequence[Array], size: float) -> Array:
-        moves = [before - track for track in tracks]  # the other way round than in the paper's axes
-        measured = [np.ascontiguousarray(move[:, 2 : 2 + what.measured.shape[1]]) for move in moves]
-        return np.stack([noise.whiten_residual(move, by).ravel() for move in measured]) / size
+        # MAVLink's axes have the opposite sign of the paper's: nominal minus changed.
+        changes = [nominal_track - track for track in tracks]
+        measured = [
+            np.ascontiguousarray(change[:, 2 : 2 + dataset.measured.shape[1]]) for change in changes
+        ]
+        return (
+            np.stack([noise.whiten_residual(change, noise_filter).ravel() for change in measured])
+            / size
+        )
 
-    times_s, always = run.time_s[rows * fit.STRIDE], np.array([math.nan])
-    by_degree, percents = white(slips, math.degrees(SMALL_RAD)), 100.0 * SMALL_SHARE
+    slip_times_s, no_time = run.time_s[rows * fit.STRIDE], np.array([math.nan])
+    per_degree, percents = white(slip_tracks, math.degrees(SMALL_RAD)), 100.0 * SMALL_SHARE
     return [
-        Signature("actuator slip", times_s, by_degree, "deg"),
-        Signature("gust", times_s, _pulses(by_degree) / _push_per_s2(vehicle, run), "deg/s2"),
-        Signature("actuator offset", always, white([offset], math.degrees(SMALL_RAD)), "deg"),
-        Signature("gain error", always, white([gain], percents), "%"),
-        Signature("speed off", always, white([speed], percents), "%"),
+        Signature("actuator slip", slip_times_s, per_degree, "deg"),
+        Signature("gust", slip_times_s, _pulses(per_degree) / _push_per_s2(vehicle, run), "deg/s2"),
+        Signature(
+            "actuator offset", no_time, white([offset_track], math.degrees(SMALL_RAD)), "deg"
+        ),
+        Signature("gain error", no_time, white([gain_track], percents), "%"),
+        Signature("speed off", no_time, white([speed_track], percents), "%"),
     ]
 
 
 def _rows(seconds: float) -> int:
+    """Number of fit samples in a time span."""
     return round(seconds * RATE_HZ / fit.STRIDE)
 
 
 def _simulate_slip(
-    vehicle: CandidateVehicle, what: Dataset, before: Array, duct_rad: Array, row: int
+    vehicle: CandidateVehicle, dataset: Dataset, nominal_track: Array, duct_rad: Array, row: int
 ) -> Array:
-    """The track from ``row`` on with the duct a little off; nothing differs earlier."""
-    late = _track(
-        vehicle, what, before[row], duct_rad[row * fit.STRIDE :] + SMALL_RAD, first_row=row
+    """Track with a small duct angle added from ``row`` on.
+
+    It equals the nominal track before ``row``.
+    """
+    changed_track = _track(
+        vehicle,
+        dataset,
+        nominal_track[row],
+        duct_rad[row * fit.STRIDE :] + SMALL_RAD,
+        first_row=row,
     )
-    return np.vstack([before[:row], late])
+    return np.vstack([nominal_track[:row], changed_track])
 
 
 def _track(
     vehicle: CandidateVehicle,
-    what: Dataset,
+    dataset: Dataset,
     first: Array,
     duct_rad: Array,
-    faster: float = 1.0,
+    speed_ratio: float = 1.0,
     first_row: int = 0,
 ) -> Array:
-    """States (rows, 5) in the paper's axes: u, v or w, rate, angle, z."""
-    run, model, start = what.run, vehicle.model, first_row * fit.STRIDE
-    rps = faster * run.thrust[start:] * propeller.rps(1.0, model)
-    around = None if what.around is None else what.around[start:]
+    """Simulate the states (rows, 5) in the paper's axes.
+
+    U, v or w, rate, angle, z (m, m/s, rad, rad/s).
+
+    ``speed_ratio`` scales the shaft speed; ``first`` is the state at row ``first_row``.
+    """
+    run, model, first_sample = dataset.run, vehicle.model, first_row * fit.STRIDE
+    rps = speed_ratio * run.thrust[first_sample:] * propeller.rps(1.0, model)
+    cross_plane_inputs = (
+        None if dataset.cross_plane_inputs is None else dataset.cross_plane_inputs[first_sample:]
+    )
     return greybox.integrate(
         first,
         duct_rad,
@@ -112,45 +163,45 @@ def _track(
         run.plane == "yaw",
         greybox.constraint(model, run.plane),
         model,
-        around,
+        cross_plane_inputs,
     )
 
 
 def departure_rad(run: Run) -> Array:
-    """How far a test moved its surface from where the loop had held it, from the start of the test
-    on."""
+    """Deflection of the tested surface during the test from its mean before the test, rad."""
     return (run.command_rad - _held_deflection_rad(run, run.plane))[~run.preroll]
 
 
 def _held_deflection_rad(run: Run, plane: Plane) -> float:
-    """Where the loop held a surface before the test."""
+    """Mean command of a surface before the test, rad; the trim command if there is no pre-roll."""
     command = run.rudder_rad if plane == "yaw" else run.elevator_rad
     trim_rad = run.rudder_trim_rad if plane == "yaw" else run.elevator_trim_rad
     return float(np.mean(command[run.preroll])) if run.preroll.any() else trim_rad
 
 
 def _scale_deflections(run: Run) -> Run:
-    """The same run, its surfaces a little farther from where they were held."""
+    """Copy of a run whose deflections from the pre-test mean are scaled by 1 + SMALL_SHARE."""
 
-    def farther(command_rad: Array, plane: Plane) -> Array:
+    def scaled(command_rad: Array, plane: Plane) -> Array:
         return command_rad + SMALL_SHARE * (command_rad - _held_deflection_rad(run, plane))
 
-    rudder, elevator = run.earlier_rad
+    earlier_rudder_rad, earlier_elevator_rad = run.earlier_rad
     return replace(
         run,
-        rudder_rad=farther(run.rudder_rad, "yaw"),
-        elevator_rad=farther(run.elevator_rad, "pitch"),
-        earlier_rad=(farther(rudder, "yaw"), farther(elevator, "pitch")),
+        rudder_rad=scaled(run.rudder_rad, "yaw"),
+        elevator_rad=scaled(run.elevator_rad, "pitch"),
+        earlier_rad=(scaled(earlier_rudder_rad, "yaw"), scaled(earlier_elevator_rad, "pitch")),
     )
 
 
 def _pulses(steps: Array) -> Array:
-    late = round(GUST_S / EVERY_S)
-    back = np.zeros_like(steps)
-    back[:-late] = steps[late:]
-    return steps - back
+    """Step signatures minus the same steps GUST_S later."""
+    rows_later = round(GUST_S / EVERY_S)
+    return_steps = np.zeros_like(steps)
+    return_steps[:-rows_later] = steps[rows_later:]
+    return steps - return_steps
 
 
 def _push_per_s2(vehicle: CandidateVehicle, run: Run) -> float:
-    """Angular acceleration per unit of duct angle."""
+    """Angular acceleration per unit of duct angle, 1/s^2."""
     return linear_planes.small_signal(fit.linear_plane(vehicle, run.plane)).b1_per_s2

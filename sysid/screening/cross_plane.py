@@ -1,5 +1,7 @@
-"""Whether the plane that was not tested kept still: its excursions, and how much of its rate
-followed the surface."""
+"""Screening rules for the plane that is not tested.
+
+Its excursions, and its coherence with the command.
+"""
 
 import math
 from collections.abc import Sequence
@@ -11,17 +13,25 @@ from sysid.data.segments import RATE_HZ, STEADY_S, Array, Run
 from sysid.screening.limits import ScreeningLimits
 
 FALSE_ALARM = 0.01
+"""Probability that a run without coupling is rejected by one of the statistics here."""
 SEGMENTS = 7
-"""Half-overlapping ones, of a quarter of the run."""
+"""Number of segments of the spectra.
+
+They overlap by half, and each is a quarter of the run long.
+"""
 HANN_OVERLAP = 1.0 / 6.0
 """Correlation of two Hann windows that overlap by half (Welch 1967, equation 10)."""
 INDEPENDENT = SEGMENTS / (1.0 + 2.0 * HANN_OVERLAP**2 * (SEGMENTS - 1) / SEGMENTS)
+"""Equivalent number of independent segments: n / (1 + 2 rho^2 (n - 1) / n) (Welch 1967)."""
 EXCITED = 0.1
-"""Of the surface's largest power: frequencies at which the test moved it."""
+"""Power of the surface, as a share of its largest, from which on a frequency counts as excited."""
 
 
 def cross_plane(run: Run, limits: ScreeningLimits, runs: Sequence[Run]) -> str:
-    """A test of both surfaces means to move both planes; only rolling spoils it."""
+    """Reject a run whose other plane moved more than disturbances explain.
+
+    A test of both surfaces moves both planes by intention; it is rejected only for roll.
+    """
     if run.both:
         return _roll_reason(run, limits)
     return (
@@ -32,6 +42,7 @@ def cross_plane(run: Run, limits: ScreeningLimits, runs: Sequence[Run]) -> str:
 
 
 def _roll_reason(run: Run, limits: ScreeningLimits) -> str:
+    """Reject a run with a large roll angle."""
     roll = math.degrees(float(np.max(np.abs(run.roll_rad))))
     return _reason(
         f"roll reached {roll:.0f} deg, at most {limits.roll_deg:g}", roll > limits.roll_deg
@@ -39,97 +50,125 @@ def _roll_reason(run: Run, limits: ScreeningLimits) -> str:
 
 
 def _excursion_reason(run: Run, limits: ScreeningLimits, runs: Sequence[Run]) -> str:
-    """The farthest that the other plane went, against what its loop and the sea make of it in such
-    a time."""
+    """Compare the excursion of the other plane with its limit for a run of this length."""
     if run.plane == "pitch":
-        swing, allowed = _degrees(
+        moved_deg, allowed_deg = _degrees(
             run, run.heading_rad, [r.heading_rad for r in runs], runs, limits.cross_heading_deg
         )
-        return _reason(f"heading moved {swing:.1f} deg, at most {allowed:.1f}", swing > allowed)
-    pitched, allowed = _degrees(
+        return _reason(
+            f"heading moved {moved_deg:.1f} deg, at most {allowed_deg:.1f}", moved_deg > allowed_deg
+        )
+    pitch_deg, allowed_deg = _degrees(
         run, run.pitch_rad, [r.pitch_rad for r in runs], runs, limits.cross_pitch_deg
     )
-    sunk, deepest = (
+    depth_m, allowed_m = (
         _excursion(run, run.depth_m),
         max(limits.cross_depth_m, band(runs, [r.depth_m for r in runs], run)),
     )
     return _reason(
-        f"pitch moved {pitched:.1f} deg, at most {allowed:.1f}", pitched > allowed
-    ) or _reason(f"depth moved {sunk:.2f} m, at most {deepest:.2f}", sunk > deepest)
+        f"pitch moved {pitch_deg:.1f} deg, at most {allowed_deg:.1f}", pitch_deg > allowed_deg
+    ) or _reason(f"depth moved {depth_m:.2f} m, at most {allowed_m:.2f}", depth_m > allowed_m)
 
 
 def _degrees(
-    run: Run, values: Array, of_all: Sequence[Array], runs: Sequence[Run], least: float
+    run: Run, values: Array, values_of_runs: Sequence[Array], runs: Sequence[Run], floor_deg: float
 ) -> tuple[float, float]:
-    """Excursion of an angle, and what is allowed."""
-    return math.degrees(_excursion(run, values)), max(least, math.degrees(band(runs, of_all, run)))
+    """Excursion of an angle and its limit, both in degrees."""
+    return math.degrees(_excursion(run, values)), max(
+        floor_deg, math.degrees(band(runs, values_of_runs, run))
+    )
 
 
-def _reason(what: str, broken: bool) -> str:
-    return f"cross-plane coupling: {what}" if broken else ""
+def _reason(description: str, is_exceeded: bool) -> str:
+    """Return the text of a rejection if the limit is exceeded."""
+    return f"cross-plane coupling: {description}" if is_exceeded else ""
 
 
 def _excursion(run: Run, values: Array) -> float:
-    """Largest departure from where the run began."""
+    """Largest distance from the mean before the test."""
     before = values[run.approach]
     return float(np.max(np.abs(values - (np.mean(before) if before.size else values[0]))))
 
 
 def band(runs: Sequence[Run], values: Sequence[Array], run: Run) -> float:
-    """What |x| leaves in the time of ``run`` with a chance of FALSE_ALARM, x being steady and
-    Gaussian.
+    """Level that a stationary Gaussian x exceeds during ``run`` with the probability FALSE_ALARM.
 
-    Rice (1945): x of standard deviation s and rate s' crosses a level c upwards s'/(2 pi s)
-    exp(-c^2/(2 s^2)) times a second. Both are means over the pre-rolls, where all loops are closed.
+    Rice (1945): x with standard deviation s, whose derivative has the standard deviation s',
+    crosses the levels +c and -c upwards and downwards at the mean rate of::
+
+        N(c) = 2 s' / (2 pi s) exp(-c^2 / (2 s^2))    1/s
+
+    N(c) T = FALSE_ALARM over the duration T gives c. Both s and s' are means over the pre-rolls,
+    where both loops are closed; s' is computed from values averaged over one second.
     """
-    calm = [
-        x[r.preroll]
-        for r, x in zip(runs, values, strict=True)
-        if np.count_nonzero(r.preroll) > 2 * RATE_HZ
+    preroll_values = [
+        series[other_run.preroll]
+        for other_run, series in zip(runs, values, strict=True)
+        if np.count_nonzero(other_run.preroll) > 2 * RATE_HZ
     ]
-    if not calm:
+    if not preroll_values:
         return 0.0
-    spread = math.sqrt(float(np.mean([np.var(values) for values in calm])))
-    smooth = [
-        np.convolve(values, np.full(int(RATE_HZ), 1.0 / RATE_HZ), mode="valid") for values in calm
+    sd = math.sqrt(float(np.mean([np.var(values) for values in preroll_values])))
+    averaged = [
+        np.convolve(values, np.full(int(RATE_HZ), 1.0 / RATE_HZ), mode="valid")
+        for values in preroll_values
     ]
-    rate = math.sqrt(float(np.mean([np.var(np.diff(values)) for values in smooth]))) * RATE_HZ
-    if spread == 0.0:
+    rate_sd = math.sqrt(float(np.mean([np.var(np.diff(values)) for values in averaged]))) * RATE_HZ
+    if sd == 0.0:
         return 0.0
-    crossings = 2.0 * rate / (2.0 * math.pi * spread) * float(run.time_s[-1] - run.time_s[0])
-    return spread * math.sqrt(2.0 * math.log(max(crossings, 1.0) / FALSE_ALARM))
+    crossings = 2.0 * rate_sd / (2.0 * math.pi * sd) * float(run.time_s[-1] - run.time_s[0])
+    return sd * math.sqrt(2.0 * math.log(max(crossings, 1.0) / FALSE_ALARM))
 
 
 def _coherence_reason(run: Run, limits: ScreeningLimits) -> str:
+    """Compare the coherence of the other plane's rate with the tested surface with its limit."""
     rate = run.q_radps if run.plane == "yaw" else run.r_radps
-    coherent, bins = coherence(run, rate)
+    largest_coherence, bins = coherence(run, rate)
     allowed = max(limits.cross_coherence, significant(bins))
-    follows = math.sqrt(coherent) * float(np.std(rate)) / max(float(np.std(run.rate_radps)), 1e-9)
+    relative_size = (
+        math.sqrt(largest_coherence)
+        * float(np.std(rate))
+        / max(float(np.std(run.rate_radps)), 1e-9)
+    )
     other = "pitch" if run.plane == "yaw" else "yaw"
-    what = f"{other} rate follows the surface, coherence {coherent:.2f}, at most {allowed:.2f}"
-    return _reason(what, coherent > allowed and follows > limits.cross_share)
+    description = (
+        f"{other} rate follows the surface, coherence {largest_coherence:.2f},"
+        f" at most {allowed:.2f}"
+    )
+    return _reason(description, largest_coherence > allowed and relative_size > limits.cross_share)
 
 
 def coherence(run: Run, rate_radps: Array) -> tuple[float, int]:
-    """(largest magnitude squared coherence of a rate with the tested surface where that was moved,
-    frequencies)."""
+    """Largest coherence of a rate with the tested surface at excited frequencies, and their number.
+
+    Magnitude squared coherence |S_xy|^2 / (S_xx S_yy) of spectra by Welch's method (Welch 1967), 0
+    to 1.
+    """
     test = run.time_s >= -STEADY_S
     surface, rate = run.command_rad[test], rate_radps[test]
     if np.ptp(surface) == 0.0 or np.ptp(rate) == 0.0:
         return 0.0, 1
-    how = {"fs": RATE_HZ, "nperseg": 2 * surface.size // (SEGMENTS + 1), "detrend": "linear"}
-    frequency_hz, power = signal.welch(surface, **how)
-    _, answer = signal.welch(rate, **how)
-    _, both = signal.csd(surface, rate, **how)
-    excited = (frequency_hz > 0.0) & (power > EXCITED * np.max(power[1:])) & (answer > 0.0)
-    shared = np.abs(both[excited]) ** 2 / (power[excited] * answer[excited])
-    return float(np.max(shared, initial=0.0)), int(np.count_nonzero(excited))
+    welch_options = {
+        "fs": RATE_HZ,
+        "nperseg": 2 * surface.size // (SEGMENTS + 1),
+        "detrend": "linear",
+    }
+    frequency_hz, surface_power = signal.welch(surface, **welch_options)
+    _, rate_power = signal.welch(rate, **welch_options)
+    _, cross_power = signal.csd(surface, rate, **welch_options)
+    excited = (
+        (frequency_hz > 0.0)
+        & (surface_power > EXCITED * np.max(surface_power[1:]))
+        & (rate_power > 0.0)
+    )
+    coherences = np.abs(cross_power[excited]) ** 2 / (surface_power[excited] * rate_power[excited])
+    return float(np.max(coherences, initial=0.0)), int(np.count_nonzero(excited))
 
 
 def significant(bins: int) -> float:
-    """Coherence that unrelated signals pass at one of ``bins`` frequencies with a chance of
-    FALSE_ALARM.
+    """Largest of ``bins`` coherences of unrelated signals, exceeded with probability FALSE_ALARM.
 
-    One frequency of n independent segments passes c with (1 - c)^(n - 1) (Carter 1987, equation
-    24)."""
+    With n independent segments, one frequency exceeds c with the probability (1 - c)^(n - 1)
+    (Carter 1987, equation 24).
+    """
     return 1.0 - float((FALSE_ALARM / bins) ** (1.0 / (INDEPENDENT - 1.0)))

@@ -1,4 +1,4 @@
-"""What leaving runs out did to the numbers that control rests on: results with them and without."""
+"""Influence of the runs that were left out on the design numbers."""
 
 import msgspec
 
@@ -6,14 +6,27 @@ from sysid.models.model_file import IdentifiedModel, ParameterEstimate, Shift
 
 
 def shifts(with_all: IdentifiedModel, without: IdentifiedModel) -> tuple[Shift, ...]:
-    """Every design number's move, in standard deviations of the estimate without the runs."""
-    found = []
-    for plane, numbers in without.planes.items():
+    """Compare the design numbers of two models.
+
+    Parameters
+    ----------
+    with_all : IdentifiedModel
+        Model from all runs.
+    without : IdentifiedModel
+        Model without the runs that were left out.
+
+    Returns
+    -------
+    tuple of Shift
+        Change of each number, also in standard deviations of the estimate without these runs.
+    """
+    changes = []
+    for plane, plane_model in without.planes.items():
         before = msgspec.structs.asdict(with_all.planes[plane])
-        for number, after in msgspec.structs.asdict(numbers).items():
+        for number, after in msgspec.structs.asdict(plane_model).items():
             if isinstance(after, ParameterEstimate) and after.sd:
                 first = before[number].value
-                found.append(
+                changes.append(
                     Shift(plane, number, first, after.value, (first - after.value) / after.sd)
                 )
-    return tuple(found)
+    return tuple(changes)

@@ -1,5 +1,12 @@
-"""From test statistics to decisions: which runs to leave out, which to look at, and what is the
-model's own fault."""
+"""Outlier tests on the joint fit.
+
+Runs to leave out, runs with warnings, errors of the model structure.
+
+Every run is tested for anomalies against the fit of all runs (`score_test`). The run with the
+smallest p value is left out if it is significant after Holm's correction, if its anomaly is large
+enough to matter and if the structure of the model cannot be the cause. Then the others are tested
+again, because an outlier distorts the fit that all are compared with.
+"""
 
 import math
 from collections.abc import Sequence
@@ -18,18 +25,20 @@ from sysid.screening.whitened_residuals import Residuals, RunResiduals
 FALSE_ALARM = 0.01
 """Share of clean runs that are flagged, over all kinds of anomaly and all times."""
 FAMILY_ERROR_RATE = 0.01
-"""Share of clean campaigns that lose a run (Holm 1979)."""
+"""Share of clean campaigns in which a run is left out (Holm 1979)."""
 MAX_LIKELIHOOD_RATIO = 20.0
-"""Likelihood ratio within which another kind of anomaly explains a run as well."""
+"""Likelihood ratio up to which another explanation is reported as an alternative."""
 MIN_RUNS = 2
-"""Of a plane; nothing is dropped below that."""
+"""Minimum number of runs of a plane; no run is dropped below it."""
 MAX_DROPPED_FRACTION = 1.0 / 3.0
-"""Of a plane's runs that may be dropped: when more differ, it is the model or the vehicle that
-changed."""
+"""Largest share of a plane's runs that may be dropped.
+
+If more differ, the model or the vehicle changed.
+"""
 SIMILAR_SIZE = 0.75
-"""A run of this share of another's size would show what grows with size."""
+"""Minimum size of a run, relative to another, at which an error that grows with size is visible."""
 MIN_STRUCTURE_SD = 3.0
-"""Standard deviations from which on growth with size is told."""
+"""Growth of the response with size is reported from this many standard deviations on."""
 
 
 MIN_EFFECT: dict[Kind, float] = {
@@ -39,245 +48,335 @@ MIN_EFFECT: dict[Kind, float] = {
     "gust": 0.2,
     "speed off": 5.0,
 }
-"""Sizes, each in its unit, below which an anomaly is told but harms no fit: the play of a tailcone,
-for one."""
+"""Size of each kind of anomaly, in its unit, below which it does not harm a fit (e.g. backlash)."""
 
 
 class RunScreening(NamedTuple):
-    """What the joint fit says of one run that was in it."""
+    """Outlier tests of one run of the joint fit."""
 
     run: str
     scores: Scores
+    """Score tests of the run's residual."""
     repeat: Scores | None
-    """Of the difference from matched runs; None without any."""
+    """Score tests of the difference from runs of the same test; None if there are none."""
     reason: str
-    """Why it should be left out; empty where it should not."""
+    """Reason to leave the run out; empty if it is accepted."""
     warnings: tuple[str, ...]
+    """Findings in a run that is accepted."""
 
 
 class ScreeningResult(NamedTuple):
-    verdicts: tuple[RunScreening, ...]
+    """Outlier tests of all runs of a fit."""
+
+    screenings: tuple[RunScreening, ...]
+    """One result for each run, in the order of the fit."""
     structure: tuple[str, ...]
-    """What the model itself explains badly, in all runs of a plane."""
+    """Response errors that grow with the size of the test, in all runs of a plane."""
 
 
 class _TestedRun(NamedTuple):
-    exhibit: RunResiduals
+    """One run with its tests against the current fit."""
+
+    residuals: RunResiduals
     scores: Scores
     repeat: Scores | None
     partners: tuple[str, ...]
+    """Names of the other runs of the same test."""
 
 
-def find_outliers(found: Fit, prior: Prior, flown: Sequence[Run] = ()) -> ScreeningResult:
-    """Ask the joint fit for anomalies of single runs. The worst is set aside first: it colours what
-    others show.
+def find_outliers(fit: Fit, prior: Prior, all_runs: Sequence[Run] = ()) -> ScreeningResult:
+    """Find the runs of a fit that contain an anomaly.
 
-    ``flown`` are the runs of which those of the fit are left; without them, all are.
+    Parameters
+    ----------
+    fit : Fit
+        Joint fit of the runs.
+    prior : Prior
+        Prior of the fit.
+    all_runs : sequence of Run
+        Runs before any was left out; by default those of the fit. They limit how many may be
+        dropped.
+
+    Returns
+    -------
+    ScreeningResult
+        Result for each run of the fit, and the errors of the model structure.
     """
-    exhibits = whitened_residuals.linearise_runs(found, prior)
-    flown = flown or [exhibit.experiment.run for exhibit in exhibits]
-    kept, out, doubted = list(exhibits), dict[str, RunScreening](), dict[str, RunScreening]()
+    linearised_runs = whitened_residuals.linearise_runs(fit, prior)
+    all_runs = all_runs or [run.dataset.run for run in linearised_runs]
+    remaining, outliers, ambiguous = (
+        list(linearised_runs),
+        dict[str, RunScreening](),
+        dict[str, RunScreening](),
+    )
     while True:
-        weighed = whitened_residuals.update_parameters(kept, found, prior)
-        tested = [_check_run(exhibit, weighed) for exhibit in kept]
-        worst = _select_outlier(tested, found, prior, flown)
+        optimum = whitened_residuals.update_parameters(remaining, fit, prior)
+        tested = [_check_run(run, optimum) for run in remaining]
+        worst = _select_outlier(tested, fit, prior, all_runs)
         if worst is None:
             break
-        name, rivals = _name(worst.exhibit), _alternatives(worst, tested)
-        out[name] = RunScreening(name, worst.scores, worst.repeat, _reason(worst, rivals), ())
-        doubted |= {_name(rival.exhibit): _warn_alternative(rival, name) for rival in rivals}
-        kept = [exhibit for exhibit in kept if exhibit is not worst.exhibit]
-    staying = {_name(t.exhibit): _keep(t, [o for o in tested if o is not t]) for t in tested}
-    verdicts = {**staying, **doubted, **out}
-    return ScreeningResult(tuple(verdicts[_name(e)] for e in exhibits), _structure(weighed, found))
+        name, alternatives = _name(worst.residuals), _alternatives(worst, tested)
+        outliers[name] = RunScreening(
+            name, worst.scores, worst.repeat, _reason(worst, alternatives), ()
+        )
+        ambiguous |= {
+            _name(alternative.residuals): _warn_alternative(alternative, name)
+            for alternative in alternatives
+        }
+        remaining = [run for run in remaining if run is not worst.residuals]
+    accepted = {
+        _name(subject.residuals): _keep(
+            subject, [other for other in tested if other is not subject]
+        )
+        for subject in tested
+    }
+    screenings = {**accepted, **ambiguous, **outliers}
+    return ScreeningResult(
+        tuple(screenings[_name(run)] for run in linearised_runs), _structure(optimum, fit)
+    )
 
 
-def _check_run(exhibit: RunResiduals, weighed: Residuals) -> _TestedRun:
-    found = scores(exhibit.signatures, weighed.left(exhibit), exhibit.slopes, weighed.covariance)
-    matched = tuple(_name(e) for e in repeated_runs(exhibit, weighed.exhibits))
-    return _TestedRun(exhibit, found, repeatability(exhibit, weighed), matched)
+def _check_run(run: RunResiduals, optimum: Residuals) -> _TestedRun:
+    """Test one run against the optimum of all runs."""
+    run_scores = scores(
+        run.signatures, optimum.residual_at_optimum(run), run.slopes, optimum.covariance
+    )
+    partners = tuple(_name(partner) for partner in repeated_runs(run, optimum.runs))
+    return _TestedRun(run, run_scores, repeatability(run, optimum), partners)
 
 
 def _select_outlier(
-    tested: Sequence[_TestedRun], found: Fit, prior: Prior, flown: Sequence[Run]
+    tested: Sequence[_TestedRun], fit: Fit, prior: Prior, all_runs: Sequence[Run]
 ) -> _TestedRun | None:
-    """The run to leave out next: the surest by Holm's procedure whose anomaly matters and is not
-    the model's."""
-    suspects = sorted(tested, key=_p_value)
-    for rank, suspect in enumerate(suspects):
-        if _p_value(suspect) > min(FALSE_ALARM, FAMILY_ERROR_RATE / (len(suspects) - rank)):
+    """Return the run to leave out next; None if there is none.
+
+    Holm (1979): sorted by p value, candidate i of n is significant if its p value and those before
+    it are at most FAMILY_ERROR_RATE / (n - i), i = 0, 1, ...
+    """
+    candidates = sorted(tested, key=_p_value)
+    for rank, candidate in enumerate(candidates):
+        if _p_value(candidate) > min(FALSE_ALARM, FAMILY_ERROR_RATE / (len(candidates) - rank)):
             return None
-        others = _remaining(suspect, tested, found, prior)
+        others = _remaining(candidate, tested, fit, prior)
         if (
-            _is_relevant(_anomaly_of(suspect))
-            and not _could_be_structure(suspect, others)
-            and _can_be_dropped(suspect, tested, flown)
+            _is_relevant(_anomaly_of(candidate))
+            and not _could_be_structure(candidate, others)
+            and _can_be_dropped(candidate, tested, all_runs)
         ):
-            return suspect
+            return candidate
     return None
 
 
 def _remaining(
-    t: _TestedRun, tested: Sequence[_TestedRun], found: Fit, prior: Prior
+    subject: _TestedRun, tested: Sequence[_TestedRun], fit: Fit, prior: Prior
 ) -> list[_TestedRun]:
-    """What the others show once a run is set aside, which colours the fit that all are judged
-    by."""
-    others = [o.exhibit for o in tested if o is not t]
-    weighed = whitened_residuals.update_parameters(others, found, prior)
-    return [_check_run(exhibit, weighed) for exhibit in others]
+    """Test the other runs against their own optimum, without run ``t``."""
+    others = [other.residuals for other in tested if other is not subject]
+    optimum = whitened_residuals.update_parameters(others, fit, prior)
+    return [_check_run(run, optimum) for run in others]
 
 
-def _p_value(t: _TestedRun) -> float:
-    """Of both tests, where there are enough matched runs to say which of them is the odd one."""
-    if t.repeat is None or len(t.partners) < 2:
-        return t.scores.p_value
-    return min(1.0, 2.0 * min(t.scores.p_value, t.repeat.p_value))
+def _p_value(subject: _TestedRun) -> float:
+    """Combined p value of both tests (Bonferroni).
+
+    The comparison with runs of the same test counts only with two or more partners; with one
+    partner it is unknown which of the two is the outlier.
+    """
+    if subject.repeat is None or len(subject.partners) < 2:
+        return subject.scores.p_value
+    return min(1.0, 2.0 * min(subject.scores.p_value, subject.repeat.p_value))
 
 
-def _anomaly_of(t: _TestedRun) -> Anomaly:
-    return t.scores.anomalies[0] if _by_scores(t) or t.repeat is None else t.repeat.anomalies[0]
+def _anomaly_of(subject: _TestedRun) -> Anomaly:
+    """Most likely anomaly by the test with the smaller p value."""
+    return (
+        subject.scores.anomalies[0]
+        if _by_scores(subject) or subject.repeat is None
+        else subject.repeat.anomalies[0]
+    )
 
 
-def _by_scores(t: _TestedRun) -> bool:
-    return t.repeat is None or len(t.partners) < 2 or t.scores.p_value <= t.repeat.p_value
+def _by_scores(subject: _TestedRun) -> bool:
+    """Return whether the score test decides, and not the comparison with runs of the same test."""
+    return (
+        subject.repeat is None
+        or len(subject.partners) < 2
+        or subject.scores.p_value <= subject.repeat.p_value
+    )
 
 
 def _is_relevant(anomaly: Anomaly) -> bool:
+    """Return whether an anomaly is large enough to affect the fit."""
     return abs(anomaly.size) >= MIN_EFFECT[anomaly.kind]
 
 
-def _could_be_structure(t: _TestedRun, others: Sequence[_TestedRun]) -> bool:
-    """Whether structure could be at fault: no test as large is clean. It grows with size; an
-    anomaly does not."""
-    return _by_scores(t) and not any(
-        other.scores.p_value > FALSE_ALARM for other in _similar_size(t, others)
+def _could_be_structure(subject: _TestedRun, others: Sequence[_TestedRun]) -> bool:
+    """Return whether the model structure may be the cause.
+
+    Every test of similar size shows an anomaly.
+
+    An error of the structure grows with the size of the test and appears in all large tests; an
+    anomaly appears in one run.
+    """
+    return _by_scores(subject) and not any(
+        other.scores.p_value > FALSE_ALARM for other in _similar_size(subject, others)
     )
 
 
-def _similar_size(t: _TestedRun, others: Sequence[_TestedRun]) -> list[_TestedRun]:
-    plane, least = t.exhibit.experiment.run.plane, SIMILAR_SIZE * t.exhibit.size_rad
-    return [
-        o for o in others if o.exhibit.experiment.run.plane == plane and o.exhibit.size_rad >= least
-    ]
-
-
-def _can_be_dropped(t: _TestedRun, tested: Sequence[_TestedRun], flown: Sequence[Run]) -> bool:
-    """Whether the plane can do without one more run."""
-    plane = t.exhibit.experiment.run.plane
-    there = sum(run.plane == plane for run in flown)
-    left = sum(o.exhibit.experiment.run.plane == plane for o in tested) - 1
-    return left >= max(MIN_RUNS, math.ceil((1.0 - MAX_DROPPED_FRACTION) * there))
-
-
-def _alternatives(worst: _TestedRun, tested: Sequence[_TestedRun]) -> list[_TestedRun]:
-    """Runs of the plane that would, set aside in its place, explain the tests nearly as well.
-
-    One of two alike is odd, and each looks so beside the other: where little else tells of them,
-    chance decides which."""
-    plane, most = worst.exhibit.experiment.run.plane, worst.scores.anomalies[0].statistic ** 2
-    return [
-        t
-        for t in tested
-        if t is not worst
-        and t.exhibit.experiment.run.plane == plane
-        and t.scores.p_value <= FALSE_ALARM
-        and most - t.scores.anomalies[0].statistic ** 2 < 2.0 * math.log(MAX_LIKELIHOOD_RATIO)
-    ]
-
-
-def _warn_alternative(rival: _TestedRun, left_out: str) -> RunScreening:
-    what = _explain(rival.scores, rival.exhibit.experiment.run.plane)
-    told = f"suspect: {what}; or it is {left_out}, which was left out: the tests do not tell which"
-    return RunScreening(_name(rival.exhibit), rival.scores, rival.repeat, "", (told,))
-
-
-def _reason(t: _TestedRun, rivals: Sequence[_TestedRun]) -> str:
-    what = _explain(
-        t.scores if _by_scores(t) or t.repeat is None else t.repeat, t.exhibit.experiment.run.plane
+def _similar_size(subject: _TestedRun, others: Sequence[_TestedRun]) -> list[_TestedRun]:
+    """Return the other runs of the plane that are about as large or larger."""
+    plane, min_size_rad = (
+        subject.residuals.dataset.run.plane,
+        SIMILAR_SIZE * subject.residuals.size_rad,
     )
-    if rivals:
-        what += (
-            f"; or it is {' or '.join(_name(rival.exhibit) for rival in rivals)}: fly both again"
-        )
+    return [
+        other
+        for other in others
+        if other.residuals.dataset.run.plane == plane and other.residuals.size_rad >= min_size_rad
+    ]
+
+
+def _can_be_dropped(
+    subject: _TestedRun, tested: Sequence[_TestedRun], all_runs: Sequence[Run]
+) -> bool:
+    """Return whether enough runs of the plane remain without this one."""
+    plane = subject.residuals.dataset.run.plane
+    total = sum(run.plane == plane for run in all_runs)
+    remaining = sum(other.residuals.dataset.run.plane == plane for other in tested) - 1
+    return remaining >= max(MIN_RUNS, math.ceil((1.0 - MAX_DROPPED_FRACTION) * total))
+
+
+def _alternatives(outlier: _TestedRun, tested: Sequence[_TestedRun]) -> list[_TestedRun]:
+    """Return the runs of the plane that would explain the tests nearly as well if left out instead.
+
+    If two similar runs differ, each looks anomalous against the other. Without further runs the
+    choice between them is arbitrary.
+    """
+    plane, outlier_statistic = (
+        outlier.residuals.dataset.run.plane,
+        outlier.scores.anomalies[0].statistic ** 2,
+    )
+    return [
+        candidate
+        for candidate in tested
+        if candidate is not outlier
+        and candidate.residuals.dataset.run.plane == plane
+        and candidate.scores.p_value <= FALSE_ALARM
+        and outlier_statistic - candidate.scores.anomalies[0].statistic ** 2
+        < 2.0 * math.log(MAX_LIKELIHOOD_RATIO)
+    ]
+
+
+def _warn_alternative(alternative: _TestedRun, left_out: str) -> RunScreening:
+    """Return the result of an accepted run, with a warning that it may be the outlier."""
+    anomaly = _explain(alternative.scores, alternative.residuals.dataset.run.plane)
+    warning = (
+        f"possible outlier: {anomaly}; or it is {left_out}, which was left out:"
+        " the tests do not determine which"
+    )
+    return RunScreening(
+        _name(alternative.residuals), alternative.scores, alternative.repeat, "", (warning,)
+    )
+
+
+def _reason(outlier: _TestedRun, alternatives: Sequence[_TestedRun]) -> str:
+    """Return the reason to leave a run out, with the runs that may be the outlier instead."""
+    explanation = _explain(
+        outlier.scores if _by_scores(outlier) or outlier.repeat is None else outlier.repeat,
+        outlier.residuals.dataset.run.plane,
+    )
+    if alternatives:
+        names = " or ".join(_name(alternative.residuals) for alternative in alternatives)
+        explanation += f"; or it is {names}: fly both again"
     return (
-        what
-        if _by_scores(t)
-        else f"non-repeatability: unlike {', '.join(t.partners)}, as if by {what}"
+        explanation
+        if _by_scores(outlier)
+        else f"non-repeatability: unlike {', '.join(outlier.partners)}, as if by {explanation}"
     )
 
 
-def _keep(t: _TestedRun, others: Sequence[_TestedRun]) -> RunScreening:
-    plane, warnings = t.exhibit.experiment.run.plane, []
-    if t.scores.p_value <= FALSE_ALARM:
+def _keep(subject: _TestedRun, others: Sequence[_TestedRun]) -> RunScreening:
+    """Return the result of an accepted run, with its warnings."""
+    plane, warnings = subject.residuals.dataset.run.plane, []
+    if subject.scores.p_value <= FALSE_ALARM:
         cause = (
             "structure"
-            if _similar_size(t, others) and _could_be_structure(t, others)
-            else "suspect"
+            if _similar_size(subject, others) and _could_be_structure(subject, others)
+            else "possible outlier"
         )
-        warnings.append(f"{cause}: {_explain(t.scores, plane)}; {_why_kept(t, others)}")
-    if t.repeat is not None and t.repeat.p_value <= FALSE_ALARM:
-        what = _explain(t.repeat, plane)
-        warnings.append(f"non-repeatability: unlike {', '.join(t.partners)}, as if by {what}")
-    return RunScreening(_name(t.exhibit), t.scores, t.repeat, "", tuple(warnings))
+        warnings.append(f"{cause}: {_explain(subject.scores, plane)}; {_why_kept(subject, others)}")
+    if subject.repeat is not None and subject.repeat.p_value <= FALSE_ALARM:
+        explanation = _explain(subject.repeat, plane)
+        warnings.append(
+            f"non-repeatability: unlike {', '.join(subject.partners)}, as if by {explanation}"
+        )
+    return RunScreening(
+        _name(subject.residuals), subject.scores, subject.repeat, "", tuple(warnings)
+    )
 
 
-def _why_kept(t: _TestedRun, others: Sequence[_TestedRun]) -> str:
-    if not _is_relevant(t.scores.anomalies[0]):
+def _why_kept(subject: _TestedRun, others: Sequence[_TestedRun]) -> str:
+    """Return why a run with an anomaly is accepted."""
+    if not _is_relevant(subject.scores.anomalies[0]):
         return "too small to matter"
-    if not _similar_size(t, others):
+    if not _similar_size(subject, others):
         return "no other test is as large, so it may be the model's structure: fly it again"
-    if _could_be_structure(t, others):
+    if _could_be_structure(subject, others):
         return "every test as large shows something, so it is the model's structure"
-    return f"{t.scores.p_value:.2%} of clean runs show as much: too many to leave it out"
+    return f"{subject.scores.p_value:.2%} of clean runs show as much: too many to leave it out"
 
 
-def _explain(found: Scores, plane: Plane) -> str:
-    """The likeliest anomaly, and what would explain the run nearly as well."""
-    first, *others = found.anomalies
-    near = [
-        a
-        for a in others
-        if first.statistic**2 - a.statistic**2 < 2.0 * math.log(MAX_LIKELIHOOD_RATIO)
+def _explain(run_scores: Scores, plane: Plane) -> str:
+    """Describe the most likely anomaly, and the second if it explains the run nearly as well."""
+    likeliest, *others = run_scores.anomalies
+    alternatives = [
+        anomaly
+        for anomaly in others
+        if likeliest.statistic**2 - anomaly.statistic**2 < 2.0 * math.log(MAX_LIKELIHOOD_RATIO)
     ]
-    return " or ".join(describe(anomaly, plane) for anomaly in (first, *near[:1]))
+    return " or ".join(describe(anomaly, plane) for anomaly in (likeliest, *alternatives[:1]))
 
 
 def describe(anomaly: Anomaly, plane: Plane) -> str:
-    """The anomaly in words, with its size, one standard deviation and its time."""
+    """Describe an anomaly with its size, one standard deviation and its time."""
     surface = "rudder" if plane == "yaw" else "elevator"
     size, sd = abs(anomaly.size), anomaly.sd
-    about = f"{size:.2f} +- {sd:.2f} deg"
-    share = f"{size:.0f} +- {sd:.0f} %"
-    more = anomaly.size > 0.0
+    offset_text = f"{size:.2f} +- {sd:.2f} deg"
+    percent_text = f"{size:.0f} +- {sd:.0f} %"
+    is_positive = anomaly.size > 0.0
     match anomaly.kind:
         case "actuator slip":
-            what = (
+            description = (
                 f"{surface} jumped by {math.copysign(1.0, anomaly.size) * size:+.2f} +-"
                 f" {sd:.2f} deg"
             )
         case "actuator offset":
-            what = f"{surface} {about} {'above' if more else 'below'} where the other runs have it"
+            side = "above" if is_positive else "below"
+            description = f"{surface} {offset_text} {side} its position in the other runs"
         case "gain error":
-            what = f"{surface} moved {share} {'more' if more else 'less'} than in the other runs"
+            comparison = "more" if is_positive else "less"
+            description = f"{surface} moved {percent_text} {comparison} than in the other runs"
         case "gust":
-            what = f"a push of {anomaly.size:+.2f} +- {sd:.2f} deg/s2 for {GUST_S:g} s"
+            description = f"a push of {anomaly.size:+.2f} +- {sd:.2f} deg/s2 for {GUST_S:g} s"
         case "speed off":
-            what = f"{share} {'faster' if more else 'slower'} than thrust says of the other runs"
-    return f"{anomaly.kind}: {what}" + (
+            comparison = "faster" if is_positive else "slower"
+            description = f"{percent_text} {comparison} than the other runs at the same thrust"
+    return f"{anomaly.kind}: {description}" + (
         f" at {anomaly.at_s:.1f} s" if anomaly.at_s is not None else ""
     )
 
 
-def _structure(weighed: Residuals, found: Fit) -> tuple[str, ...]:
-    """Growth of the answer with the size of the test, where it is sure."""
-    growth, sd = weighed.shift[-2:], np.sqrt(np.diag(weighed.covariance)[-2:])
+def _structure(optimum: Residuals, fit: Fit) -> tuple[str, ...]:
+    """Report significant growth of the response with the size of the test."""
+    growth, sd = optimum.shift[-2:], np.sqrt(np.diag(optimum.covariance)[-2:])
     return tuple(
-        f"structure: the largest {plane} test is answered by {100 * g:+.0f} +- {100 * s:.0f} % of"
-        " what the model says"
-        for plane, g, s in zip(("yaw", "pitch"), growth, sd, strict=True)
-        if plane in found.experiments and abs(g) > MIN_STRUCTURE_SD * s
+        f"structure: the response to the largest {plane} test differs from the model's by"
+        f" {100 * plane_growth:+.0f} +- {100 * plane_sd:.0f} %"
+        for plane, plane_growth, plane_sd in zip(("yaw", "pitch"), growth, sd, strict=True)
+        if plane in fit.datasets and abs(plane_growth) > MIN_STRUCTURE_SD * plane_sd
     )
 
 
-def _name(exhibit: RunResiduals) -> str:
-    return exhibit.experiment.run.name
+def _name(run: RunResiduals) -> str:
+    """Name of a run."""
+    return run.dataset.run.name

@@ -1,5 +1,7 @@
-"""How vehicles come to their tests: what the sea does to one on closed loops, told by the pre-rolls
-of all runs."""
+"""Motion before a test: its usual range is estimated from the pre-rolls of all runs.
+
+In a pre-roll both loops are closed, so that its motion shows the disturbance and the gyro bias.
+"""
 
 import math
 from collections.abc import Sequence
@@ -11,31 +13,39 @@ from sysid.data.segments import RATE_HZ, STEADY_S, Array, Plane, Run
 from sysid.screening.limits import ScreeningLimits
 
 WINDOW = int(STEADY_S * RATE_HZ)
+"""Length of a window, samples."""
 MIN_WINDOWS = 6
-"""Fewer from the other runs, and a spread of them says nothing."""
+"""Minimum number of windows of the other runs from which a spread is estimated."""
 MAD_TO_SD = 1.4826
-"""Standard deviation over median absolute deviation of a normal variable: one bad run leaves it
-alone."""
+"""Standard deviation of a normal variable over its median absolute deviation, 1 / 0.6745.
+
+This estimate of the spread is robust: a single bad run hardly changes it.
+"""
 
 
 class PrerollWindow(NamedTuple):
-    """Mean motion over STEADY_S."""
+    """Mean motion over STEADY_S before a test: rate (rad/s) and depth rate (m/s, positive down)."""
 
     rate_radps: float
     climb_mps: float
 
 
 class UsualPreroll(NamedTuple):
-    """What is usual before a test in one plane."""
+    """Usual motion of one plane before a test."""
 
     rate_radps: float
-    """Median of the windows: the gyro's bias."""
+    """Median rate of the windows, rad/s: an estimate of the gyro bias."""
     rate_allowed_radps: float
+    """Largest accepted distance of a mean rate from ``rate_radps``, rad/s."""
     climb_allowed_mps: float
+    """Largest accepted mean depth rate, m/s."""
 
 
 def last_window(run: Run) -> PrerollWindow | None:
-    """The window that ends where the test begins; None with less than a second of it."""
+    """Return the window that ends at the start of the test.
+
+    None if it is shorter than one second.
+    """
     before = run.approach
     if np.count_nonzero(before) < RATE_HZ:
         return None
@@ -43,30 +53,36 @@ def last_window(run: Run) -> PrerollWindow | None:
 
 
 def usual_preroll(run: Run, runs: Sequence[Run], limits: ScreeningLimits) -> UsualPreroll:
-    """From the pre-rolls of the other runs of either plane: both loops are closed there."""
+    """Estimate the usual motion before a test from the pre-rolls of the other runs of both planes.
+
+    With x the window means and median m, the limit is ``start_sds * 1.4826 * median(|x - m|)``, and
+    not less than the floor in ``limits``.
+    """
     windows = [
         window for other in runs if other is not run for window in _windows(other, run.plane)
     ]
     if len(windows) < MIN_WINDOWS:
         return UsualPreroll(0.0, math.radians(limits.mean_rate_degps), limits.start_depth_rate_mps)
     rates, climbs = (np.array(values) for values in zip(*windows, strict=True))
-    # A window's mean differs from the median by the sea, and by what a gyro's bias changes from run
-    # to run.
+    # A window mean differs from the median by the disturbance and by the change of the gyro bias
+    # from run to run.
     rate = max(limits.start_sds * _spread(rates), math.radians(limits.rate_floor_degps))
     climb = max(limits.start_sds * _spread(climbs), limits.depth_rate_floor_mps)
     return UsualPreroll(float(np.median(rates)), rate, climb)
 
 
 def roughness_radps(run: Run) -> float:
-    """Standard deviation of the rate before the test."""
+    """Standard deviation of the rate before the test, rad/s."""
     return float(np.std(run.rate_radps[run.approach])) if run.approach.any() else 0.0
 
 
 def typical_roughness_radps(runs: Sequence[Run]) -> float:
+    """Median of `roughness_radps` over the runs, rad/s; zero without runs."""
     return float(np.median([roughness_radps(run) for run in runs])) if runs else 0.0
 
 
 def _windows(run: Run, plane: Plane) -> list[PrerollWindow]:
+    """Split the pre-roll of a run into windows and average each; the last one ends at the test."""
     rate = run.r_radps if plane == "yaw" else run.q_radps
     end = int(np.count_nonzero(run.preroll))
     slices = [slice(stop - WINDOW, stop) for stop in range(end, WINDOW - 1, -WINDOW)]
@@ -74,8 +90,10 @@ def _windows(run: Run, plane: Plane) -> list[PrerollWindow]:
 
 
 def _window(rate_radps: Array, time_s: Array, depth_m: Array) -> PrerollWindow:
+    """Mean rate, and depth rate as the slope of a straight line."""
     return PrerollWindow(float(np.mean(rate_radps)), float(np.polyfit(time_s, depth_m, 1)[0]))
 
 
 def _spread(values: Array) -> float:
+    """Robust standard deviation: scaled median absolute deviation."""
     return MAD_TO_SD * float(np.median(np.abs(values - np.median(values))))

@@ -1,5 +1,7 @@
-"""Fit, ask the fit for anomalies, leave out what it names, fit again: a second fit only where a run
-was left out."""
+"""Loop of fit and outlier tests: fit, leave out the outliers that the tests find, fit again.
+
+A second fit is made only if a run was left out.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -9,44 +11,64 @@ from sysid.estimation.map.fit import Fit, Prior
 from sysid.screening.outlier_tests import RunScreening, find_outliers
 
 MAX_REFITS = 2
-"""Fits beyond the first at most: what shows only then is told, and stays."""
+"""Maximum number of fits after the first. Outliers of the last fit give a warning and stay in."""
 
 
 class RefitResult(NamedTuple):
-    found: Fit
-    kept: tuple[Run, ...]
-    verdicts: dict[str, RunScreening]
-    """By the run's name, each from the last fit that it was in."""
+    """Result of the loop of fit and outlier tests."""
+
+    fit: Fit
+    """Last fit, of the accepted runs."""
+    accepted_runs: tuple[Run, ...]
+    """Runs in the last fit."""
+    screenings: dict[str, RunScreening]
+    """Outlier tests by run name, each from the last fit that included the run."""
     structure: tuple[str, ...]
-    with_all: Fit | None
-    """The fit of all runs, where some were left out of the last one."""
+    """Warnings about the structure of the model, from the last fit."""
+    fit_of_all_runs: Fit | None
+    """Fit of all runs; None if no run was left out."""
 
 
 def refit_until_clean(
     runs: Sequence[Run], prior: Prior, fit_runs: Callable[[Sequence[Run]], Fit]
 ) -> RefitResult:
-    """Fit ``runs`` without those that the fit itself finds out."""
-    kept, verdicts = tuple(runs), dict[str, RunScreening]()
-    found = with_all = fit_runs(kept)
-    for turn in range(MAX_REFITS + 1):
-        sifted = find_outliers(found, prior, runs)
-        verdicts |= {verdict.run: verdict for verdict in sifted.verdicts}
-        out = {verdict.run for verdict in sifted.verdicts if verdict.reason}
-        if not out or turn == MAX_REFITS:
+    """Fit ``runs`` without the outliers that the fit itself reveals.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Runs that passed the screening rules.
+    prior : Prior
+        Prior of the fit.
+    fit_runs : callable
+        Function that fits a sequence of runs.
+
+    Returns
+    -------
+    RefitResult
+        Last fit, its runs, and the outlier tests of all runs.
+    """
+    accepted, screenings = tuple(runs), dict[str, RunScreening]()
+    latest_fit = first_fit = fit_runs(accepted)
+    for refit_count in range(MAX_REFITS + 1):
+        result = find_outliers(latest_fit, prior, runs)
+        screenings |= {screening.run: screening for screening in result.screenings}
+        outliers = {screening.run for screening in result.screenings if screening.reason}
+        if not outliers or refit_count == MAX_REFITS:
             break
-        kept = tuple(run for run in kept if run.name not in out)
-        found = fit_runs(kept)
-    stayed = {run.name: _warning_only(verdicts[run.name]) for run in kept}
+        accepted = tuple(run for run in accepted if run.name not in outliers)
+        latest_fit = fit_runs(accepted)
+    accepted_screenings = {run.name: _warning_only(screenings[run.name]) for run in accepted}
     return RefitResult(
-        found,
-        kept,
-        verdicts | stayed,
-        sifted.structure,
-        with_all if len(kept) < len(runs) else None,
+        latest_fit,
+        accepted,
+        screenings | accepted_screenings,
+        result.structure,
+        first_fit if len(accepted) < len(runs) else None,
     )
 
 
-def _warning_only(verdict: RunScreening) -> RunScreening:
-    """Of a run that stayed: what would have left it out in another round is a warning."""
-    late = (verdict.reason,) if verdict.reason else ()
-    return verdict._replace(reason="", warnings=(*late, *verdict.warnings))
+def _warning_only(screening: RunScreening) -> RunScreening:
+    """Turn the rejection of an accepted run by the last fit into a warning."""
+    rejection = (screening.reason,) if screening.reason else ()
+    return screening._replace(reason="", warnings=(*rejection, *screening.warnings))

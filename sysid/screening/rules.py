@@ -1,5 +1,4 @@
-"""Hard rules: what no estimate can make good, judged from the log alone and never by how well a
-model explains it."""
+"""Screening rules for defects that no estimator can correct. They use the log alone, no model."""
 
 import math
 
@@ -14,6 +13,7 @@ from sysid.screening.preroll import UsualPreroll
 
 
 def gap(run: Run, limits: ScreeningLimits) -> str:
+    """Reject a run with a long gap between samples."""
     longest = run.longest_gap_s
     return (
         f"gap: {longest:.2f} s without data, at most {limits.gap_s:g}"
@@ -23,6 +23,7 @@ def gap(run: Run, limits: ScreeningLimits) -> str:
 
 
 def clock(run: Run, limits: ScreeningLimits) -> str:
+    """Reject a run whose clock jumps back or drifts against vehicle time."""
     if run.clock_back:
         return f"clock: {run.clock_back}"
     if abs(run.clock_drift_s) <= limits.clock_drift_s:
@@ -34,6 +35,7 @@ def clock(run: Run, limits: ScreeningLimits) -> str:
 
 
 def too_short(run: Run, limits: ScreeningLimits) -> str:
+    """Reject a test that ended too soon."""
     lasted = float(run.time_s[-1])
     if lasted >= limits.shortest_s:
         return ""
@@ -44,13 +46,21 @@ def too_short(run: Run, limits: ScreeningLimits) -> str:
 
 
 def saturation(run: Run, limits: ScreeningLimits) -> str:
-    """The other surface at its stops has let go of its plane; the tested one at its stops was
-    clipped by them."""
-    other = run.elevator_rad if run.plane == "yaw" else run.rudder_rad
-    wanted_deg = abs(math.degrees(run.trim_rad)) + abs(run.magnitude_deg)
-    surfaces = [other] if wanted_deg >= limits.travel_deg else [other, run.command_rad]
+    """Reject a run with a surface at its stops for too long.
+
+    A surface at its stops cannot control the other plane. In the tested plane the stops clip the
+    command, which matters only if the command was meant to stay within the travel.
+    """
+    other_surface_rad = run.elevator_rad if run.plane == "yaw" else run.rudder_rad
+    intended_deg = abs(math.degrees(run.trim_rad)) + abs(run.magnitude_deg)
+    surfaces = (
+        [other_surface_rad]
+        if intended_deg >= limits.travel_deg
+        else [other_surface_rad, run.command_rad]
+    )
     share = max(
-        float(np.mean(np.abs(s) >= math.radians(limits.travel_deg) - 1e-4)) for s in surfaces
+        float(np.mean(np.abs(surface) >= math.radians(limits.travel_deg) - 1e-4))
+        for surface in surfaces
     )
     if share <= limits.saturated_share:
         return ""
@@ -60,44 +70,47 @@ def saturation(run: Run, limits: ScreeningLimits) -> str:
     )
 
 
-def unsteady_start(run: Run, calm: UsualPreroll) -> str:
-    """The last seconds before the test against what the sea does to the vehicle before all
-    tests."""
-    start = preroll.last_window(run)
-    if start is None:
+def unsteady_start(run: Run, usual: UsualPreroll) -> str:
+    """Reject a run whose mean motion before the test differs from the usual motion before tests."""
+    window = preroll.last_window(run)
+    if window is None:
         return "unsteady start: less than 1 s of motion before the test"
-    rate, allowed = (
-        math.degrees(abs(start.rate_radps - calm.rate_radps)),
-        math.degrees(calm.rate_allowed_radps),
+    rate_degps, allowed_degps = (
+        math.degrees(abs(window.rate_radps - usual.rate_radps)),
+        math.degrees(usual.rate_allowed_radps),
     )
-    if rate > allowed:
+    if rate_degps > allowed_degps:
         return (
-            f"unsteady start: mean rate {rate:.2f} deg/s before the test, at most {allowed:.2f} in"
-            " this sea"
+            f"unsteady start: mean rate {rate_degps:.2f} deg/s before the test, at most"
+            f" {allowed_degps:.2f} in this sea"
         )
-    climb = abs(start.climb_mps)
-    if climb > calm.climb_allowed_mps:
+    depth_rate_mps = abs(window.climb_mps)
+    if depth_rate_mps > usual.climb_allowed_mps:
         return (
-            f"unsteady start: depth changing at {climb:.2f} m/s, at most"
-            f" {calm.climb_allowed_mps:.2f} in this sea"
+            f"unsteady start: depth changing at {depth_rate_mps:.2f} m/s, at most"
+            f" {usual.climb_allowed_mps:.2f} in this sea"
         )
     return ""
 
 
 def disturbance(run: Run, limits: ScreeningLimits, typical_radps: float) -> str:
-    rough = preroll.roughness_radps(run)
-    floor = math.radians(limits.rough_floor_degps)
-    if rough <= max(limits.rough_factor * typical_radps, floor):
+    """Reject a run whose rate before the test is much rougher than in the plane's other runs."""
+    roughness = preroll.roughness_radps(run)
+    floor_radps = math.radians(limits.rough_floor_degps)
+    if roughness <= max(limits.rough_factor * typical_radps, floor_radps):
         return ""
     return (
-        f"disturbance: rate {math.degrees(rough):.2f} deg/s rms before the test, "
+        f"disturbance: rate {math.degrees(roughness):.2f} deg/s rms before the test, "
         f"{math.degrees(typical_radps):.2f} in the plane's other runs"
     )
 
 
 def thrust_change(run: Run, limits: ScreeningLimits) -> str:
-    """Thrust, which sets the speed, is known; what speed itself did is asked of the fit
-    (`sysid.screening.anomaly_models`)."""
+    """Reject a run with a change of thrust, which sets the speed.
+
+    Thrust is logged; a change of speed at constant thrust is tested by the fit
+    (`sysid.screening.anomaly_models`).
+    """
     spread = float(np.ptp(run.thrust))
     if spread <= limits.thrust_step:
         return ""
@@ -108,35 +121,41 @@ def thrust_change(run: Run, limits: ScreeningLimits) -> str:
 
 
 def attitude_rate_mismatch(run: Run, limits: ScreeningLimits) -> str:
-    """Heading and pitch must be what the rates make of them."""
-    heading = kinematics.heading_mismatch(run)
-    wrong = _mismatch_reason(heading, "heading and yaw rate", limits) if heading else ""
-    return wrong or _mismatch_reason(kinematics.pitch_mismatch(run), "pitch and pitch rate", limits)
+    """Reject a run whose heading or pitch is not the integral of the measured rate."""
+    heading_error = kinematics.heading_mismatch(run)
+    reason = (
+        _mismatch_reason(heading_error, "heading and yaw rate", limits) if heading_error else ""
+    )
+    return reason or _mismatch_reason(
+        kinematics.pitch_mismatch(run), "pitch and pitch rate", limits
+    )
 
 
-def _mismatch_reason(found: AngleRateMismatch, what: str, limits: ScreeningLimits) -> str:
-    rms, bias = math.degrees(found.rms_rad), math.degrees(found.bias_radps)
-    allowed = max(limits.angle_rms_deg, limits.angle_share * math.degrees(found.excursion_rad))
+def _mismatch_reason(mismatch: AngleRateMismatch, description: str, limits: ScreeningLimits) -> str:
+    """Return the reason if an angle and its rate disagree by more than the limits."""
+    rms, bias = math.degrees(mismatch.rms_rad), math.degrees(mismatch.bias_radps)
+    allowed = max(limits.angle_rms_deg, limits.angle_share * math.degrees(mismatch.excursion_rad))
     if rms > allowed:
-        return f"kinematics: {what} disagree by {rms:.1f} deg rms, at most {allowed:.1f}"
+        return f"kinematics: {description} disagree by {rms:.1f} deg rms, at most {allowed:.1f}"
     if abs(bias) > limits.rate_bias_degps:
         return (
-            f"kinematics: {what} disagree by {bias:+.1f} deg/s, at most {limits.rate_bias_degps:g}"
+            f"kinematics: {description} disagree by {bias:+.1f} deg/s,"
+            f" at most {limits.rate_bias_degps:g}"
         )
     return ""
 
 
 def depth_pitch_mismatch(run: Run, limits: ScreeningLimits) -> str:
-    """Depth must be what speed and pitch make of it."""
-    found = kinematics.depth_mismatch(run)
-    if found is None:
+    """Reject a run whose depth is not what speed and pitch give."""
+    mismatch = kinematics.depth_mismatch(run)
+    if mismatch is None:
         return ""
-    allowed = max(limits.depth_rms_m, limits.depth_share * found.excursion_m)
-    if found.rms_m > allowed:
+    allowed = max(limits.depth_rms_m, limits.depth_share * mismatch.excursion_m)
+    if mismatch.rms_m > allowed:
         return (
-            f"kinematics: depth and pitch disagree by {found.rms_m:.2f} m rms, at most"
+            f"kinematics: depth and pitch disagree by {mismatch.rms_m:.2f} m rms, at most"
             f" {allowed:.2f}"
         )
-    if found.speed_mps < 0.0 and found.excursion_m > limits.depth_rms_m:
+    if mismatch.speed_mps < 0.0 and mismatch.excursion_m > limits.depth_rms_m:
         return "kinematics: depth grows where the nose is up, or pitch has the wrong sign"
     return ""

@@ -1,11 +1,15 @@
-"""Score tests: which anomaly a run's whitened residuals look most like, and how often chance alone
-would look so.
+"""Score tests for anomalies of a run: the most likely one, and its probability by chance.
 
-With residuals e, signature a per unit of size, parameter slopes J and the parameters' posterior
-covariance P, the efficient score is a'e, its variance v = a'(1 - J P J')a, the size a'e/v and the
-statistic a'e/sqrt(v) (Rao 1948). As the residuals at the joint optimum are (1 - J P J') times those
-that the fit of the *other* runs leaves in this one, this is the leave-one-run-out estimate without
-a second fit."""
+Symbols: e whitened residual (n,), a signature of an anomaly per unit of its size (n,), J slopes of
+the residual by the parameters (n, p), P posterior covariance of the parameters (p, p). The
+efficient score is a'e, its variance v, the estimated size s and the statistic T (Rao 1948)::
+
+    v = a' (1 - J P J') a,    s = a'e / v,    T = a'e / sqrt(v)
+
+T is standard normal in a run without anomaly. The residuals at the joint optimum are (1 - J P J')
+times those that the fit of the *other* runs leaves in this one. The test is therefore the
+leave-one-run-out estimate without a second fit.
+"""
 
 import math
 from collections.abc import Sequence
@@ -20,36 +24,43 @@ from sysid.screening.anomaly_models import Kind, Signature
 Array = NDArray[np.float64]
 
 MIN_INFORMATION = 0.01
-"""Of the best time's: anomalies at times that tell less are not looked for."""
+"""Variance v, as a share of the largest over time, below which a time is not tested."""
 
 
 class Anomaly(NamedTuple):
-    """The likeliest of one kind."""
+    """Most likely anomaly of one kind."""
 
     kind: Kind
     statistic: float
-    """Standard normal if there is none, were its time known."""
+    """Size over standard deviation.
+
+    Standard normal in a clean run at a time that is fixed in advance.
+    """
     size: float
+    """Estimated size in ``unit``."""
     sd: float
     unit: str
     at_s: float | None
-    """Since the test began; None for what lasts throughout."""
+    """Time since the start of the test, s; None if the anomaly acts throughout."""
 
 
 class Scores(NamedTuple):
+    """Score tests of one run."""
+
     anomalies: tuple[Anomaly, ...]
-    """Each kind's, the likeliest first."""
+    """Most likely anomaly of each kind, the most likely first."""
     p_value: float
-    """Chance that a clean run shows any of them so clearly, at whatever time."""
+    """Probability that a clean run shows any of them as clearly, over all kinds and times."""
 
 
 class _StatisticOverTime(NamedTuple):
-    """Statistics of one kind over time, and how alike neighbours are."""
+    """Statistics of one kind of anomaly over time, and the correlations of neighbouring times."""
 
     signature: Signature
     variance: Array
     statistic: Array
-    alike: Array
+    correlation: Array
+    """(k - 1,), correlation of the statistics of two neighbouring times."""
 
 
 def scores(
@@ -59,68 +70,103 @@ def scores(
     covariance: Array,
     spread: float = 1.0,
 ) -> Scores:
-    """Test a run's residual (n,) of white variance ``spread`` and slopes (n, p) for every
-    signature.
+    """Test a run for every kind of anomaly.
 
-    What lasts throughout and what comes at some time share the chance of a false alarm by halves: a
-    search over a minute would else take most of it, and a wrong gain would pay for the many times
-    at which a slip may come."""
-    courses = [_statistic_over_time(s, residual, slopes, covariance, spread) for s in signatures]
-    families = [[c for c in courses if bool(c.alike.size) == timed] for timed in (False, True)]
-    chances = [_false_alarm_bound(family) for family in families if family]
-    anomalies = sorted((_most_likely(c) for c in courses), key=lambda a: -abs(a.statistic))
-    return Scores(tuple(anomalies), min(1.0, len(chances) * min(chances)))
+    Parameters
+    ----------
+    signatures : sequence of Signature
+        Signatures per unit of size.
+    residual : ndarray, (n,)
+        Whitened residual of the run, of variance ``spread``.
+    slopes : ndarray, (n, p)
+        Slopes of the residual by the parameters.
+    covariance : ndarray, (p, p)
+        Posterior covariance of the parameters.
+    spread : float
+        Variance of one sample of the residual.
+
+    Returns
+    -------
+    Scores
+        Most likely anomaly of each kind and the probability of a false alarm.
+
+    Notes
+    -----
+    Constant anomalies and anomalies at some time form two families, each with half of the false
+    alarm probability. Without this division the search over time would dominate the probability,
+    and a wrong gain would be found less often.
+    """
+    statistics = [
+        _statistic_over_time(signature, residual, slopes, covariance, spread)
+        for signature in signatures
+    ]
+    families = [
+        [course for course in statistics if bool(course.correlation.size) == timed]
+        for timed in (False, True)
+    ]
+    bounds = [_false_alarm_bound(family) for family in families if family]
+    anomalies = sorted(
+        (_most_likely(course) for course in statistics), key=lambda a: -abs(a.statistic)
+    )
+    return Scores(tuple(anomalies), min(1.0, len(bounds) * min(bounds)))
 
 
 def _false_alarm_bound(family: Sequence[_StatisticOverTime]) -> float:
-    """Bound on the chance that a clean run shows any anomaly of a family as clearly as this one
-    does."""
-    highest = max(float(np.max(np.abs(course.statistic))) for course in family)
-    return sum(exceedance(highest, course.alike) for course in family)
+    """Bound on the probability that a clean run shows an anomaly of this family as clearly."""
+    highest = max(float(np.max(np.abs(statistics.statistic))) for statistics in family)
+    return sum(exceedance(highest, statistics.correlation) for statistics in family)
 
 
 def _statistic_over_time(
     signature: Signature, residual: Array, slopes: Array, covariance: Array, spread: float
 ) -> _StatisticOverTime:
+    """Efficient score, its variance and the correlation of neighbouring times, for every time.
+
+    v_k = spread a_k'a_k - (a_k'J) P (a_k'J)'; the correlation of times k and k+1 is (spread
+    a_k'a_{k+1} - (a_k'J) P (a_{k+1}'J)') / sqrt(v_k v_{k+1}).
+    """
     white = signature.white
-    explained = white @ slopes
-    through = explained @ covariance
-    variance = spread * np.sum(white**2, axis=1) - np.sum(through * explained, axis=1)
-    telling = np.flatnonzero(variance > MIN_INFORMATION * np.max(variance))
-    white, variance, explained, through = (
-        white[telling],
-        variance[telling],
-        explained[telling],
-        through[telling],
+    projected = white @ slopes
+    projected_covariance = projected @ covariance
+    variance = spread * np.sum(white**2, axis=1) - np.sum(projected_covariance * projected, axis=1)
+    informative = np.flatnonzero(variance > MIN_INFORMATION * np.max(variance))
+    white, variance, projected, projected_covariance = (
+        white[informative],
+        variance[informative],
+        projected[informative],
+        projected_covariance[informative],
     )
-    neighbours = spread * np.sum(white[1:] * white[:-1], axis=1) - np.sum(
-        through[1:] * explained[:-1], axis=1
+    neighbour_covariance = spread * np.sum(white[1:] * white[:-1], axis=1) - np.sum(
+        projected_covariance[1:] * projected[:-1], axis=1
     )
     sd = np.sqrt(variance)
-    signature = signature._replace(times_s=signature.times_s[telling], white=white)
+    signature = signature._replace(times_s=signature.times_s[informative], white=white)
     return _StatisticOverTime(
-        signature, variance, white @ residual / sd, neighbours / (sd[1:] * sd[:-1])
+        signature, variance, white @ residual / sd, neighbour_covariance / (sd[1:] * sd[:-1])
     )
 
 
-def _most_likely(course: _StatisticOverTime) -> Anomaly:
-    k = int(np.argmax(np.abs(course.statistic)))
-    sd = 1.0 / math.sqrt(course.variance[k])
-    time_s = float(course.signature.times_s[k])
-    statistic = float(course.statistic[k])
-    kind, unit = course.signature.kind, course.signature.unit
+def _most_likely(statistics: _StatisticOverTime) -> Anomaly:
+    """Return the anomaly at the time of the largest statistic."""
+    index = int(np.argmax(np.abs(statistics.statistic)))
+    sd = 1.0 / math.sqrt(statistics.variance[index])
+    time_s = float(statistics.signature.times_s[index])
+    statistic = float(statistics.statistic[index])
+    kind, unit = statistics.signature.kind, statistics.signature.unit
     return Anomaly(
         kind, statistic, statistic * sd, sd, unit, None if math.isnan(time_s) else time_s
     )
 
 
-def exceedance(level: float, alike: Array) -> float:
-    """Bound on the chance that |T| exceeds ``level`` anywhere along a course of standard normal T.
+def exceedance(level: float, correlation: Array) -> float:
+    """Bound on the probability that |T| exceeds ``level`` at any time, for standard normal T.
 
-    Along a smooth course it is the chance at one end and that of crossing on the way,
-    exp(-c^2/2)/pi times the arc length arccos(correlation) (Davies 1987, equation 3.4; Hotelling
-    1939). Between points too far apart to be smooth, each new one adds no more than its own chance.
+    Davies (1987, equation 3.4; Hotelling 1939): on a smooth path it is the probability at one end
+    plus that of a crossing, exp(-c^2/2)/pi times the arc length, sum arccos(correlation). If two
+    neighbouring times are nearly independent, the second adds at most its own probability.
     """
-    single = 2.0 * float(norm.sf(level))
-    arcs = np.arccos(np.clip(alike, -1.0, 1.0))
-    return single + float(np.sum(np.minimum(arcs / math.pi * math.exp(-0.5 * level**2), single)))
+    pointwise = 2.0 * float(norm.sf(level))
+    arcs = np.arccos(np.clip(correlation, -1.0, 1.0))
+    return pointwise + float(
+        np.sum(np.minimum(arcs / math.pi * math.exp(-0.5 * level**2), pointwise))
+    )

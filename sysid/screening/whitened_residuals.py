@@ -1,5 +1,4 @@
-"""What a joint fit leaves to be explained, run by run: whitened residuals, and what the parameters
-could still do."""
+"""Whitened residuals of a joint fit, run by run, with their slopes by parameters and structure."""
 
 import math
 from collections.abc import Sequence
@@ -16,107 +15,158 @@ from sysid.screening.anomaly_models import Kind, Signature, departure_rad, signa
 Array = NDArray[np.float64]
 
 GROWTH = 0.3
-"""Prior standard deviation of structure: by what share the answer at a plane's largest test may be
-off."""
+"""Prior standard deviation of the relative error of the response at the largest test of a plane."""
 SIZES = 1.5
-"""Largest over smallest test of a plane from which on growth can be told from gain."""
+"""Minimum ratio of the largest to the smallest test of a plane.
+
+Below it, growth of the response with size cannot be distinguished from gain.
+"""
 
 
 class RunResiduals(NamedTuple):
-    """One run, linear about the fit."""
+    """One run, linearised about the fit."""
 
-    experiment: Dataset
+    dataset: Dataset
     size_rad: float
-    """The farthest that the test moved the surface from its trim."""
+    """Largest deflection of the tested surface from its mean before the test, rad."""
     residual: Array
-    """(n,), whitened: samples x outputs, at the fit."""
+    """(n,), whitened residual at the fit; n = samples x outputs."""
     slopes: Array
-    """(n, p): of the residual by z, and by the growth of the answer with size in yaw and in
-    pitch."""
+    """(n, p + 2), derivatives of the residual.
+
+    Columns: z (p), then the growth of the response with size in yaw and in pitch.
+    """
     signatures: tuple[Signature, ...]
 
 
 class Residuals(NamedTuple):
-    """Residuals and slopes where the parameters are best for the runs that are in it."""
+    """Residuals and slopes of runs at the parameters that are optimal for these runs."""
 
-    exhibits: tuple[RunResiduals, ...]
+    runs: tuple[RunResiduals, ...]
     covariance: Array
-    """(p, p), posterior of the parameters."""
+    """(p + 2, p + 2), posterior covariance of z and of the two growth values."""
     shift: Array
-    """(p,) from the fit to the best parameters, one Gauss-Newton step."""
+    """(p + 2,), one Gauss-Newton step from the fit to the optimum of these runs."""
 
-    def left(self, exhibit: RunResiduals) -> Array:
-        """The exhibit's whitened residual at the best parameters."""
-        return exhibit.residual + exhibit.slopes @ self.shift
+    def residual_at_optimum(self, run: RunResiduals) -> Array:
+        """Whitened residual of a run at the optimum, to first order: e + J shift."""
+        return run.residual + run.slopes @ self.shift
 
 
-def linearise_runs(found: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
-    """Every run of a fit, linear about it."""
-    filters = problems.filters(found.vehicle, found.experiments, found.noise, STRIDE)
-    problem = MapProblem(prior, found.experiments, filters, found.noise, STRIDE)
-    linear = problems.linearise(problem, found.z)
-    experiments = [(plane, e) for plane, group in found.experiments.items() for e in group]
+def linearise_runs(fit: Fit, prior: Prior) -> tuple[RunResiduals, ...]:
+    """Linearise every run of a fit about the fit.
+
+    Parameters
+    ----------
+    fit : Fit
+        Joint fit.
+    prior : Prior
+        Prior of the fit.
+
+    Returns
+    -------
+    tuple of RunResiduals
+        Residuals, slopes and signatures, in the order of ``fit.datasets``.
+    """
+    filters = problems.filters(fit.vehicle, fit.datasets, fit.noise, STRIDE)
+    problem = MapProblem(prior, fit.datasets, filters, fit.noise, STRIDE)
+    linear = problems.linearise(problem, fit.z)
+    datasets = [(plane, dataset) for plane, group in fit.datasets.items() for dataset in group]
     largest = {
-        plane: max(_size_rad(e) for e in group) for plane, group in found.experiments.items()
+        plane: max(_size_rad(dataset) for dataset in group) for plane, group in fit.datasets.items()
     }
     smallest = {
-        plane: min(_size_rad(e) for e in group) for plane, group in found.experiments.items()
+        plane: min(_size_rad(dataset) for dataset in group) for plane, group in fit.datasets.items()
     }
-    exhibits = []
-    for (plane, e), (white, slopes) in zip(experiments, linear, strict=True):
-        marks = signatures(found.vehicle, e, filters[plane])
-        growth = np.zeros((white.size, 2))
+    runs = []
+    for (plane, dataset), (whitened, slopes) in zip(datasets, linear, strict=True):
+        run_signatures = signatures(fit.vehicle, dataset, filters[plane])
+        growth = np.zeros((whitened.size, 2))
         if largest[plane] > SIZES * smallest[plane]:
             growth[:, int(plane == "pitch")] = (
-                -100.0 * _single_signature(marks, "gain error") * _size_rad(e) / largest[plane]
+                -100.0
+                * _single_signature(run_signatures, "gain error")
+                * _size_rad(dataset)
+                / largest[plane]
             )
-        vague = math.degrees(found.vehicle.actuators[plane].backlash_rad) / math.sqrt(12.0)
-        bare = RunResiduals(
-            e, _size_rad(e), white.ravel(), np.hstack([slopes, growth]), tuple(marks)
+        play_sd_deg = math.degrees(fit.vehicle.actuators[plane].backlash_rad) / math.sqrt(12.0)
+        without_backlash = RunResiduals(
+            dataset,
+            _size_rad(dataset),
+            whitened.ravel(),
+            np.hstack([slopes, growth]),
+            tuple(run_signatures),
         )
-        exhibits.append(
-            _with_backlash_noise(bare, vague * _single_signature(marks, "actuator offset"))
+        runs.append(
+            _with_backlash_noise(
+                without_backlash, play_sd_deg * _single_signature(run_signatures, "actuator offset")
+            )
         )
-    return tuple(exhibits)
+    return tuple(runs)
 
 
-def update_parameters(exhibits: Sequence[RunResiduals], found: Fit, prior: Prior) -> Residuals:
-    """The best parameters for these runs, as far as the fit is linear."""
-    p = found.z.size
-    belief = np.zeros((p + 2, p + 2))
-    belief[:p, :p] = np.linalg.inv(prior.covariance)
-    belief[p:, p:] = np.eye(2) / GROWTH**2
-    information = belief + sum(e.slopes.T @ e.slopes for e in exhibits)
-    away = np.concatenate([found.z - prior.mean, np.zeros(2)])
-    gradient = belief @ away + sum(e.slopes.T @ e.residual for e in exhibits)
+def update_parameters(runs: Sequence[RunResiduals], fit: Fit, prior: Prior) -> Residuals:
+    """Compute the optimum of a subset of the runs, to first order.
+
+    With A = diag(P0^-1, 1/GROWTH^2) the prior information of z and growth, J_k and e_k slopes and
+    residual of run k, m the prior mean, and d = (z - m, 0)::
+
+        information = A + sum_k J_k'J_k
+        shift = -information^-1 (A d + sum_k J_k'e_k)
+
+    Parameters
+    ----------
+    runs : sequence of RunResiduals
+        Runs of the subset.
+    fit : Fit
+        Fit about which they are linearised.
+    prior : Prior
+        Prior of the fit.
+
+    Returns
+    -------
+    Residuals
+        Covariance and shift for these runs.
+    """
+    p = fit.z.size
+    prior_information = np.zeros((p + 2, p + 2))
+    prior_information[:p, :p] = np.linalg.inv(prior.covariance)
+    prior_information[p:, p:] = np.eye(2) / GROWTH**2
+    information = prior_information + sum(run.slopes.T @ run.slopes for run in runs)
+    departure = np.concatenate([fit.z - prior.mean, np.zeros(2)])
+    gradient = prior_information @ departure + sum(run.slopes.T @ run.residual for run in runs)
     covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return Residuals(tuple(exhibits), covariance, -covariance @ gradient)
+    return Residuals(tuple(runs), covariance, -covariance @ gradient)
 
 
-def _single_signature(marks: Sequence[Signature], kind: Kind) -> Array:
-    """The signature of a kind that has but one."""
-    return next(mark.white[0] for mark in marks if mark.kind == kind)
+def _single_signature(run_signatures: Sequence[Signature], kind: Kind) -> Array:
+    """Return the signature of a kind of anomaly that acts throughout the run."""
+    return next(signature.white[0] for signature in run_signatures if signature.kind == kind)
 
 
-def _with_backlash_noise(exhibit: RunResiduals, play: Array) -> RunResiduals:
-    """The same, white although the duct stands anywhere within its play: ``play`` (n,) is one
-    standard deviation of it.
+def _with_backlash_noise(run: RunResiduals, play: Array) -> RunResiduals:
+    """Whiten residuals again for an unknown position of the duct within its backlash.
 
-    Residuals of covariance 1 + b b' are white again less their part along b, all but 1/sqrt(1 +
-    b'b) of it."""
+    ``play`` (n,) is the signature of one standard deviation of this position, b. Residuals of
+    covariance 1 + b b' become white by subtracting the share 1 - 1/sqrt(1 + b'b) of their
+    projection on b.
+    """
     power = float(play @ play)
     if power == 0.0:
-        return exhibit
+        return run
     share = (1.0 - 1.0 / math.sqrt(1.0 + power)) / power
 
-    def loose(rows: Array) -> Array:
+    def rewhiten(rows: Array) -> Array:
         return rows - np.multiply.outer(rows @ play, share * play)
 
-    marks = tuple(mark._replace(white=loose(mark.white)) for mark in exhibit.signatures)
-    return exhibit._replace(
-        residual=loose(exhibit.residual), slopes=loose(exhibit.slopes.T).T, signatures=marks
+    run_signatures = tuple(
+        signature._replace(white=rewhiten(signature.white)) for signature in run.signatures
+    )
+    return run._replace(
+        residual=rewhiten(run.residual), slopes=rewhiten(run.slopes.T).T, signatures=run_signatures
     )
 
 
-def _size_rad(e: Dataset) -> float:
-    return float(np.max(np.abs(departure_rad(e.run))))
+def _size_rad(dataset: Dataset) -> float:
+    """Largest deflection of the tested surface from its mean before the test, rad."""
+    return float(np.max(np.abs(departure_rad(dataset.run))))

@@ -1,2 +1,1 @@
-"""Whether an identified model may be trusted: runs it was not fitted to, its response, and a
-verdict with gates."""
+"""Validation of an identified model: held-out runs, frequency response, acceptance criteria."""

@@ -1,10 +1,10 @@
-"""Whether gains may be designed on a model, by gates with names, and the test that would do most
-for it.
+"""Acceptance of a model for control design: criteria with limits, and the most useful next test.
 
-Thresholds are those of practice: Cramer-Rao bounds below 20 % and insensitivities below 10 % of a
-value, coherence above 0.6 and a mismatch cost below 100 (Tischler and Remple 2006, chapters 7, 11
-and 12), Theil's coefficient below 0.25 (Jategaonkar 2015, chapter 11); gain and phase at crossover
-are to be known to 1 dB and 5 degrees, a sixth of the smallest margins that a redesign aims at."""
+Sources of the limits: Cramer-Rao bounds below 20 % and insensitivities below 10 % of a value,
+coherence above 0.6 and mismatch cost below 100 (Tischler and Remple 2006, chapters 7, 11 and 12);
+Theil's coefficient below 0.25 (Jategaonkar 2015, chapter 11). Gain and phase at crossover must be
+known to 1 dB and 5 degrees, a sixth of the smallest margins that a redesign aims at.
+"""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,52 +26,97 @@ from sysid.validation.results import (
 Sense = Literal["at most", "at least"]
 
 CRAMER_RAO_PERCENT, INSENSITIVITY_PERCENT = 20.0, 10.0
+"""Largest standard deviation and largest insensitivity of a number, in percent of its value."""
 GAIN_DB, PHASE_DEG = 1.0, 5.0
+"""Largest error of gain (dB) and phase (deg) at crossover, one standard deviation."""
 THEIL, COHERENCE, MISMATCH = 0.25, 0.6, 100.0
+"""Largest Theil coefficient, smallest coherence about crossover, largest mismatch cost."""
 START_COSTS_PERCENT = 1.0
+"""Largest cost difference of the searches from other starts, in percent."""
 WHITE_P = 0.01
+"""Smallest p value of the whiteness test of held-out innovations."""
 MAX_EXCESS_OVER_FLOOR = 0.2
-"""Share of the floor by which the held-out error may exceed it before it is worth a remark."""
+"""Largest excess of the held-out mean squared error over the noise floor, over the floor."""
 CONFIDENCE_SD = 1.645
-"""Standard deviations added to a figure that may not exceed a limit: it holds with 95 %."""
+"""Standard deviations added to a limit, so that a value at the limit passes with 95 %."""
 DECISIVE_NUMBER = "b1_per_s2"
-"""What any loop's bandwidth rests on. The other numbers count by what they do to gain and phase at
-crossover; a share of a delay of nearly nothing, or of a pole near zero, says little."""
+"""Number that a model must know: the bandwidth of any loop depends on it.
+
+The other numbers count by their effect on gain and phase at crossover. The relative error of a
+delay near zero, or of a pole near zero, is large without effect on a loop.
+"""
 OTHER_NUMBERS = ("static_gain_per_s", "p_fast_per_s", "p_slow_per_s", "delay_s")
+"""Numbers whose precision is reported and not required."""
 WAVE_FOR_DYNAMICS, WAVE_FOR_GAIN, WAVE_TO_HOLD_OUT = "chirp", "step", "3211"
+"""Recommended signals: for dynamics about crossover, for slow numbers, for a held-out run."""
 SLOW_NUMBERS = ("static gain", "p slow")
+"""Beginnings of the names of criteria about slow numbers."""
 LONG_S, SHORT_S = 30.0, 20.0
+"""Recommended durations of a test, s."""
 FAILURES_GATE = "failures of the fit"
+"""Name of the criterion that counts the failures of the fit."""
 DEFAULT_SIZE_DEG = 4.0
-"""Where no run tells which size suits the vehicle."""
+"""Recommended magnitude if no run of the plane was accepted, deg."""
 
 
 def assess(model: IdentifiedModel, validation: Mapping[Plane, PlaneValidation]) -> ModelAssessment:
-    """Of a model with what its runs say of it."""
+    """Assess a model by all criteria.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Model with its convergence and covariances.
+    validation : mapping of plane to PlaneValidation
+        Validation results of each plane that has runs.
+
+    Returns
+    -------
+    ModelAssessment
+        Whether the model may be used for redesign, the criteria, and the recommended next test.
+
+    Notes
+    -----
+    The decision requires every criterion with ``required``; the others are reported only.
+    """
     gates = (
         *_of_fit(model),
-        *(g for plane in ("yaw", "pitch") for g in _of_plane(model, plane, validation.get(plane))),
+        *(
+            gate
+            for plane in ("yaw", "pitch")
+            for gate in _of_plane(model, plane, validation.get(plane))
+        ),
     )
-    failed = [gate for gate in gates if gate.required and not gate.passed]
+    failed_gates = [gate for gate in gates if gate.required and not gate.passed]
     return ModelAssessment(
-        fit_for_redesign=not failed,
+        fit_for_redesign=not failed_gates,
         reasons=(
             *model.convergence.failures,
-            *(format_gate(gate) for gate in failed if gate.name != FAILURES_GATE),
+            *(format_gate(gate) for gate in failed_gates if gate.name != FAILURES_GATE),
         ),
         gates=gates,
-        next_test=_next_test(model, failed, gates),
+        next_test=_next_test(model, failed_gates, gates),
     )
 
 
 def format_gate(gate: Gate) -> str:
-    """A gate in one line: what, how much, and what would do."""
-    where = f"{gate.plane}: " if gate.plane else ""
+    """Format a criterion in one line: plane, name, value and limit.
+
+    Parameters
+    ----------
+    gate : Gate
+        Criterion.
+
+    Returns
+    -------
+    str
+        For example "yaw: b1, 1 sd 25 %, at most 20 %".
+    """
+    prefix = f"{gate.plane}: " if gate.plane else ""
     value = (
         "not known" if gate.value is None else f"{gate.value:.3g}{gate.unit and ' ' + gate.unit}"
     )
     return (
-        f"{where}{gate.name} {value}, {gate.sense} {gate.limit:.3g}{gate.unit and ' ' + gate.unit}"
+        f"{prefix}{gate.name} {value}, {gate.sense} {gate.limit:.3g}{gate.unit and ' ' + gate.unit}"
     )
 
 
@@ -85,73 +130,95 @@ def _gate(
     *,
     required: bool = True,
 ) -> Gate:
-    met = value is not None and (value <= limit if sense == "at most" else value >= limit)
-    return Gate(name, plane, value, limit, sense, unit, met, required)
+    """Evaluate a criterion; it fails if its value is unknown."""
+    passed = value is not None and (value <= limit if sense == "at most" else value >= limit)
+    return Gate(name, plane, value, limit, sense, unit, passed, required)
 
 
 def _of_fit(model: IdentifiedModel) -> Iterator[Gate]:
-    found = model.convergence
-    apart = [abs(cost / found.cost - 1.0) for cost in found.start_costs] if found.cost > 0.0 else []
+    """Criteria of the fit as a whole."""
+    convergence = model.convergence
+    cost_differences = (
+        [abs(cost / convergence.cost - 1.0) for cost in convergence.start_costs]
+        if convergence.cost > 0.0
+        else []
+    )
     yield _gate(
         "costs of other starts apart by",
         None,
-        100.0 * max(apart) if apart else None,
+        100.0 * max(cost_differences) if cost_differences else None,
         "at most",
         START_COSTS_PERCENT,
         "%",
     )
-    yield _gate("values at a bound", None, float(len(found.at_bounds)), "at most", 0.0)
-    yield _gate(FAILURES_GATE, None, float(len(found.failures)), "at most", 0.0)
+    yield _gate("values at a bound", None, float(len(convergence.at_bounds)), "at most", 0.0)
+    yield _gate(FAILURES_GATE, None, float(len(convergence.failures)), "at most", 0.0)
 
 
 def _of_plane(
-    model: IdentifiedModel, plane: Plane, found: PlaneValidation | None
+    model: IdentifiedModel, plane: Plane, validation: PlaneValidation | None
 ) -> Iterator[Gate]:
-    """A plane without runs, fitted or held out, has one gate for that and none for what they would
-    have said."""
-    fitted = sum(not run.held_out for run in found.runs) if found else 0
+    """Criteria of one plane.
+
+    Without fitted or held-out runs, the criteria that need them are left out.
+    """
+    fitted = sum(not run.held_out for run in validation.runs) if validation else 0
     yield _gate("runs fitted", plane, float(fitted), "at least", 1.0)
-    if found and fitted:
+    if validation and fitted:
         yield from _precision(model, plane)
-        yield from _response(plane, found)
-    held_out = len(found.runs) - fitted if found else 0
+        yield from _response(plane, validation)
+    held_out = len(validation.runs) - fitted if validation else 0
     yield _gate("runs held out", plane, float(held_out), "at least", 1.0)
-    if found and found.held_out:
-        yield from _held_out(plane, found.held_out, found.correction)
+    if validation and validation.held_out:
+        yield from _held_out(plane, validation.held_out, validation.correction)
 
 
-def _response(plane: Plane, found: PlaneValidation) -> Iterator[Gate]:
-    crossed = found.crossover
+def _response(plane: Plane, validation: PlaneValidation) -> Iterator[Gate]:
+    """Criteria of the response at crossover."""
+    crossover = validation.crossover
     gain_sd_db, phase_sd_deg = (
-        (crossed.gain_sd_db, crossed.phase_sd_deg) if crossed else (None, None)
+        (crossover.gain_sd_db, crossover.phase_sd_deg) if crossover else (None, None)
     )
     yield _gate("gain at crossover, 1 sd", plane, gain_sd_db, "at most", GAIN_DB, "dB")
     yield _gate("phase at crossover, 1 sd", plane, phase_sd_deg, "at most", PHASE_DEG, "deg")
     yield _gate(
-        "coherence about crossover", plane, found.coherence_at_crossover, "at least", COHERENCE
+        "coherence about crossover", plane, validation.coherence_at_crossover, "at least", COHERENCE
     )
-    cost = found.overlay.mismatch_cost if found.overlay else None
+    cost = validation.overlay.mismatch_cost if validation.overlay else None
     yield _gate("mismatch of the response", plane, cost, "at most", MISMATCH)
 
 
 def _precision(model: IdentifiedModel, plane: Plane) -> Iterator[Gate]:
-    numbers = model.planes[plane]
+    """Criteria of the standard deviations of the plane's numbers."""
+    plane_model = model.planes[plane]
     for name in (DECISIVE_NUMBER, *OTHER_NUMBERS):
-        words = (name.rpartition("_per_")[0] or name.removesuffix("_s")).replace("_", " ")
-        bound = _cramer_rao_percent(numbers, name)
-        decisive = name == DECISIVE_NUMBER
+        label = (name.rpartition("_per_")[0] or name.removesuffix("_s")).replace("_", " ")
+        sd_percent = _cramer_rao_percent(plane_model, name)
+        is_decisive = name == DECISIVE_NUMBER
         yield _gate(
-            f"{words}, 1 sd", plane, bound, "at most", CRAMER_RAO_PERCENT, "%", required=decisive
+            f"{label}, 1 sd",
+            plane,
+            sd_percent,
+            "at most",
+            CRAMER_RAO_PERCENT,
+            "%",
+            required=is_decisive,
         )
-        if decisive:
-            alone = _insensitivity_percent(model, plane, name)
+        if is_decisive:
+            insensitivity = _insensitivity_percent(model, plane, name)
             yield _gate(
-                f"{words}, insensitivity", plane, alone, "at most", INSENSITIVITY_PERCENT, "%"
+                f"{label}, insensitivity",
+                plane,
+                insensitivity,
+                "at most",
+                INSENSITIVITY_PERCENT,
+                "%",
             )
 
 
-def _cramer_rao_percent(numbers: PlaneModel, name: str) -> float | None:
-    estimate = getattr(numbers, name)
+def _cramer_rao_percent(plane_model: PlaneModel, name: str) -> float | None:
+    """Standard deviation in percent of the value; None if unknown."""
+    estimate = getattr(plane_model, name)
     return (
         100.0 * estimate.sd / abs(estimate.value)
         if estimate.sd is not None and estimate.value
@@ -160,56 +227,77 @@ def _cramer_rao_percent(numbers: PlaneModel, name: str) -> float | None:
 
 
 def _insensitivity_percent(model: IdentifiedModel, plane: Plane, name: str) -> float | None:
-    """How far the value alone could move, the plane's others held, for one standard deviation of
-    the data.
+    """Insensitivity in percent of the value.
 
-    Numbers without variance stand at a limit (a delay of zero) and are held as they are. None where
-    the value's own variance is not known."""
-    known = model.design.get(plane)
-    if known is None:
+    Standard deviation with the plane's other numbers held fixed.
+
+    With P the covariance of the plane's numbers it is 1 / sqrt((P^-1)_ii) (Tischler and Remple
+    2006). Numbers without variance are at a limit (a delay of zero) and stay fixed. None if the
+    variance of the number itself is unknown.
+    """
+    covariance = model.design.get(plane)
+    if covariance is None:
         return None
-    matrix = np.array(known.matrix)
-    free = np.diag(matrix) > 0.0
-    i = known.names.index(name)
-    if not (free[i] and np.all(np.isfinite(matrix))):
+    matrix = np.array(covariance.matrix)
+    has_variance = np.diag(matrix) > 0.0
+    i = covariance.names.index(name)
+    if not (has_variance[i] and np.all(np.isfinite(matrix))):
         return None
-    matrix, i = matrix[np.ix_(free, free)], int(np.count_nonzero(free[:i]))
+    matrix, i = matrix[np.ix_(has_variance, has_variance)], int(np.count_nonzero(has_variance[:i]))
     sds = np.sqrt(np.diag(matrix))
     precision = np.linalg.pinv(matrix / np.outer(sds, sds), hermitian=True)[i, i]
     value = getattr(model.planes[plane], name).value
     return float(100.0 * sds[i] / math.sqrt(precision) / abs(value)) if value else None
 
 
-def _held_out(plane: Plane, found: Excess, changed: Correction | None) -> Iterator[Gate]:
-    better = found.model_mse_deg2ps2 / found.prior_mse_deg2ps2
-    chance = CONFIDENCE_SD * (found.excess_sd_deg2ps2 or 0.0) / found.prior_mse_deg2ps2
-    yield _gate("held-out error over the prior's", plane, better, "at most", 1.0 + chance)
-    yield _gate("Theil's coefficient, held out", plane, found.theil.coefficient, "at most", THEIL)
-    yield from _by_held_out(plane, changed)
-    above, limit = None, MAX_EXCESS_OVER_FLOOR
-    if found.floor_deg2ps2 and found.model_excess_deg2ps2 is not None:
-        above = found.model_excess_deg2ps2 / found.floor_deg2ps2
-        limit += CONFIDENCE_SD * (found.excess_sd_deg2ps2 or 0.0) / found.floor_deg2ps2
+def _held_out(plane: Plane, excess: Excess, correction: Correction | None) -> Iterator[Gate]:
+    """Criteria of the errors on held-out runs.
+
+    A limit on a ratio with a random error of standard deviation s is 1 + 1.645 s.
+    """
+    error_ratio = excess.model_mse_deg2ps2 / excess.prior_mse_deg2ps2
+    random_share = CONFIDENCE_SD * (excess.excess_sd_deg2ps2 or 0.0) / excess.prior_mse_deg2ps2
     yield _gate(
-        "held-out error above sea and sensors", plane, above, "at most", limit, required=False
+        "held-out error over the prior's", plane, error_ratio, "at most", 1.0 + random_share
+    )
+    yield _gate("Theil's coefficient, held out", plane, excess.theil.coefficient, "at most", THEIL)
+    yield from _by_held_out(plane, correction)
+    excess_ratio, limit = None, MAX_EXCESS_OVER_FLOOR
+    if excess.floor_deg2ps2 and excess.model_excess_deg2ps2 is not None:
+        excess_ratio = excess.model_excess_deg2ps2 / excess.floor_deg2ps2
+        limit += CONFIDENCE_SD * (excess.excess_sd_deg2ps2 or 0.0) / excess.floor_deg2ps2
+    yield _gate(
+        "held-out error above sea and sensors",
+        plane,
+        excess_ratio,
+        "at most",
+        limit,
+        required=False,
     )
     yield _gate(
         "whiteness of held-out innovations, p",
         plane,
-        found.whiteness_p,
+        excess.whiteness_p,
         "at least",
         WHITE_P,
         required=False,
     )
-    types = float(found.new_types)
-    yield _gate("held-out runs of a type not fitted", plane, types, "at least", 1.0, required=False)
+    new_types = float(excess.new_types)
+    yield _gate(
+        "held-out runs of a type not fitted", plane, new_types, "at least", 1.0, required=False
+    )
 
 
-def _by_held_out(plane: Plane, found: Correction | None) -> Iterator[Gate]:
-    """With the doubt at most half the limit, a model that is off by twice the limit passes in 2.5 %
-    of cases."""
-    gain, gain_sd = (abs(found.gain_db), found.gain_sd_db) if found else (None, None)
-    phase, phase_sd = (abs(found.phase_deg), found.phase_sd_deg) if found else (None, None)
+def _by_held_out(plane: Plane, correction: Correction | None) -> Iterator[Gate]:
+    """Criteria of the correction of gain and phase at crossover by the held-out runs.
+
+    With a standard deviation of at most half the limit, a model with an error of twice the limit
+    passes in 2.5 % of cases.
+    """
+    gain, gain_sd = (abs(correction.gain_db), correction.gain_sd_db) if correction else (None, None)
+    phase, phase_sd = (
+        (abs(correction.phase_deg), correction.phase_sd_deg) if correction else (None, None)
+    )
     yield _gate("gain at crossover by held-out runs, off by", plane, gain, "at most", GAIN_DB, "dB")
     yield _gate(
         "gain at crossover by held-out runs, 1 sd", plane, gain_sd, "at most", 0.5 * GAIN_DB, "dB"
@@ -228,36 +316,50 @@ def _by_held_out(plane: Plane, found: Correction | None) -> Iterator[Gate]:
 
 
 def _next_test(
-    model: IdentifiedModel, failed: Sequence[Gate], gates: Sequence[Gate]
+    model: IdentifiedModel, failed_gates: Sequence[Gate], gates: Sequence[Gate]
 ) -> NextTest | None:
-    """For the gate farthest beyond its limit; else for a remark about held-out runs; else for the
-    closest gate."""
-    worse = [gate for gate in failed if gate.plane]
-    remarks = [gate for gate in gates if gate.plane and not gate.required and not gate.passed]
-    candidates = worse or remarks or [gate for gate in gates if gate.plane and gate.required]
+    """Recommend a test for the worst criterion that is not met.
+
+    Else for the one nearest to its limit.
+
+    Unmet criteria that are not required come before met ones.
+    """
+    failed_of_planes = [gate for gate in failed_gates if gate.plane]
+    unmet_optional = [
+        gate for gate in gates if gate.plane and not gate.required and not gate.passed
+    ]
+    candidates = (
+        failed_of_planes
+        or unmet_optional
+        or [gate for gate in gates if gate.plane and gate.required]
+    )
     worst = max(candidates, key=_relative_violation)
     if worst.plane is None:
         return None
-    wave, seconds = _recommended_signal(worst)
-    why = (
+    signal, duration_s = _recommended_signal(worst)
+    reason = (
         format_gate(worst)
         if not worst.passed
         else f"every gate is passed; closest to its limit: {format_gate(worst)}"
     )
-    return NextTest(worst.plane, wave, _median_size_deg(model, worst.plane), seconds, why)
+    return NextTest(worst.plane, signal, _median_size_deg(model, worst.plane), duration_s, reason)
 
 
 def _relative_violation(gate: Gate) -> float:
-    """A figure in units of its limit; what is not known strains most."""
+    """Value over limit, or limit over value for a lower limit; infinite for an unknown value."""
     if gate.value is None:
         return math.inf
-    over, under = (gate.value, gate.limit) if gate.sense == "at most" else (gate.limit, gate.value)
-    return over / under if under > 0.0 else math.inf
+    numerator, denominator = (
+        (gate.value, gate.limit) if gate.sense == "at most" else (gate.limit, gate.value)
+    )
+    return numerator / denominator if denominator > 0.0 else math.inf
 
 
 def _recommended_signal(gate: Gate) -> tuple[str, float]:
-    """Signal and length: a chirp tells of the dynamics about crossover, long steps of what is
-    slow."""
+    """Signal and duration (s).
+
+    A chirp for the dynamics about crossover, long steps for slow numbers.
+    """
     if "held" in gate.name:
         return WAVE_TO_HOLD_OUT, SHORT_S
     if gate.name.startswith(SLOW_NUMBERS):
@@ -266,6 +368,12 @@ def _recommended_signal(gate: Gate) -> tuple[str, float]:
 
 
 def _median_size_deg(model: IdentifiedModel, plane: Plane) -> float:
-    """The median of what was flown and kept, to half a degree."""
-    sizes = [abs(run.magnitude_deg) for run in model.screening if run.plane == plane and run.kept]
-    return max(0.5, round(2.0 * float(np.median(sizes))) / 2.0) if sizes else DEFAULT_SIZE_DEG
+    """Median magnitude of the plane's accepted runs, rounded to half a degree."""
+    magnitudes_deg = [
+        abs(run.magnitude_deg) for run in model.screening if run.plane == plane and run.kept
+    ]
+    return (
+        max(0.5, round(2.0 * float(np.median(magnitudes_deg))) / 2.0)
+        if magnitudes_deg
+        else DEFAULT_SIZE_DEG
+    )

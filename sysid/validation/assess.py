@@ -1,4 +1,4 @@
-"""A fitted model with everything that its runs, fitted and held out, say of it."""
+"""Add validation, held-out errors and assessment to a fitted model."""
 
 import importlib.metadata
 from collections.abc import Mapping, Sequence
@@ -13,6 +13,7 @@ from sysid.validation.acceptance import assess
 from sysid.validation.validate import validate
 
 PACKAGES = ("caribou-auv", "numpy", "scipy", "numba", "msgspec")
+"""Packages whose versions a model records."""
 
 
 def with_assessment(
@@ -22,13 +23,31 @@ def with_assessment(
     gains: Mapping[str, float] | None = None,
     prior: VehicleConfig | None = None,
 ) -> IdentifiedModel:
-    """Errors on held-out runs, validation and verdict added. Arguments as for
-    ``validate.validate``."""
-    found = validate(model, fitted, held_out, gains, prior)
+    """Add held-out errors, validation, assessment and package versions to a model.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Fitted model.
+    fitted : sequence of Run
+        Runs that were fitted.
+    held_out : sequence of Run
+        Runs that were not fitted.
+    gains : mapping of str to float, optional
+        Gains of the loops during the tests, by parameter name.
+    prior : VehicleConfig, optional
+        Prior vehicle, needed if the model's prior is not a shipped vehicle.
+
+    Returns
+    -------
+    IdentifiedModel
+        The model with its validation.
+    """
+    validation = validate(model, fitted, held_out, gains, prior)
     return msgspec.structs.replace(
         model,
         held_out=prediction.quality(model, held_out, prior),
-        validation=found,
-        verdict=assess(model, found),
+        validation=validation,
+        verdict=assess(model, validation),
         versions={package: importlib.metadata.version(package) for package in PACKAGES},
     )

@@ -1,5 +1,4 @@
-"""Where a model's loops cross unit gain, and how sure it is of gain and phase there: the delta
-method on its loop."""
+"""Crossover of a model's loops, with standard deviations of gain and phase there."""
 
 import math
 from collections.abc import Callable
@@ -21,83 +20,144 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 LOOPS: dict[Plane, tuple[str, str]] = {"yaw": ("rudder", "HDG"), "pitch": ("elevator", "PTCH")}
-"""Where a plane's loop is opened, and how the names of its gains begin."""
+"""Surface at which a plane's loop is opened, and prefix of the names of its gains."""
 STEP = 1e-3
-"""Of the central differences, in prior standard deviations."""
+"""Central difference step along each axis of the covariance, in standard deviations."""
 
 
 class UncertainVehicle(NamedTuple):
-    """A vehicle that depends on z, where z is thought to lie, and how surely."""
+    """Vehicle as a function of z, with an estimate of z and its covariance."""
 
     vehicle: Callable[[Array], CandidateVehicle]
+    """Function from z (p,) to the vehicle."""
     z: Array
+    """(p,), estimate."""
     covariance: Array | None
-    """None where nobody knows."""
+    """(p, p), covariance of z; None if it is unknown."""
 
 
 def response(vehicle: CandidateVehicle, plane: Plane) -> ComplexArray:
-    """From command to rate on ``GRID_RADPS``, small motion, without the autopilot's own
-    sampling."""
+    """Return the small-signal response from command to rate on ``GRID_RADPS``.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle.
+    plane : {'yaw', 'pitch'}
+        Plane.
+
+    Returns
+    -------
+    ndarray, complex
+        Rate over command (1/s), actuator included, sampling delay of the autopilot excluded.
+    """
     return np.asarray(_responses(vehicle, plane, 0.0).command[:, 1])
 
 
 def _responses(
-    vehicle: CandidateVehicle, plane: Plane, more_delay_s: float
+    vehicle: CandidateVehicle, plane: Plane, additional_delay_s: float
 ) -> loop_transfer.Responses:
+    """Responses of a plane with an additional delay (s)."""
     actuator = vehicle.actuators[plane]
     lag = Lag(
-        actuator.delay_s + more_delay_s, actuator.natural_frequency_radps, actuator.damping_ratio
+        actuator.delay_s + additional_delay_s,
+        actuator.natural_frequency_radps,
+        actuator.damping_ratio,
     )
     return loop_transfer.responses(fit.linear_plane(vehicle, plane), lag)
 
 
 def loop(vehicle: CandidateVehicle, plane: Plane, gains: Gains) -> ComplexArray:
-    """The plane's loop, opened at its surface, on ``GRID_RADPS``."""
-    found = _responses(vehicle, plane, loop_transfer.SAMPLING_S)
+    """Return the plane's loop transfer function, opened at its surface, on ``GRID_RADPS``.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle.
+    plane : {'yaw', 'pitch'}
+        Plane.
+    gains : Gains
+        Gains by parameter name.
+
+    Returns
+    -------
+    ndarray, complex
+        Loop transfer function, sampling delay included.
+    """
+    plane_responses = _responses(vehicle, plane, loop_transfer.SAMPLING_S)
     cuts = (
-        loop_transfer.heading_loops(found, gains)
+        loop_transfer.heading_loops(plane_responses, gains)
         if plane == "yaw"
-        else loop_transfer.depth_loops(found, gains)
+        else loop_transfer.depth_loops(plane_responses, gains)
     )
     return cuts[LOOPS[plane][0]]
 
 
-def gains_for(first: CandidateVehicle) -> dict[str, float]:
-    """Gains to judge by where those aboard are not known: the prototype's, as much weaker as the
-    tail is livelier."""
+def gains_for(prior_vehicle: CandidateVehicle) -> dict[str, float]:
+    """Return default gains for loops whose gains during the tests are unknown.
+
+    Parameters
+    ----------
+    prior_vehicle : CandidateVehicle
+        Prior vehicle.
+
+    Returns
+    -------
+    dict
+        The paper's initial gains (Table 3), scaled by the control effectiveness b1 of Caribou
+        over that of the vehicle.
+    """
     gains = dict(TABLE_3_INITIAL)
     for plane, (_, prefix) in LOOPS.items():
-        turn = linear_planes.small_signal(fit.linear_plane(first, plane)).b1_per_s2
-        for part in ("P", "D", "I"):
-            gains[f"{prefix}_{part}"] *= CARIBOU_TURN_PER_S2 / turn
+        b1_per_s2 = linear_planes.small_signal(fit.linear_plane(prior_vehicle, plane)).b1_per_s2
+        for term in ("P", "D", "I"):
+            gains[f"{prefix}_{term}"] *= CARIBOU_TURN_PER_S2 / b1_per_s2
     return gains
 
 
-def crossover(believed: UncertainVehicle, plane: Plane, gains: Gains) -> Crossover | None:
-    """Under ``gains``, by name as in Table 3; None where the loop never reaches unit gain."""
-    nominal = loop(believed.vehicle(believed.z), plane, gains)
+def crossover(uncertain: UncertainVehicle, plane: Plane, gains: Gains) -> Crossover | None:
+    """Return crossover and margins of a plane's loop, with standard deviations.
+
+    Parameters
+    ----------
+    uncertain : UncertainVehicle
+        Vehicle and its uncertainty.
+    plane : {'yaw', 'pitch'}
+        Plane.
+    gains : Gains
+        Gains by parameter name, as in Table 3 of the paper.
+
+    Returns
+    -------
+    Crossover or None
+        None if the loop gain never crosses one.
+    """
+    nominal = loop(uncertain.vehicle(uncertain.z), plane, gains)
     margins = loop_transfer.margins(nominal)
     if not (math.isfinite(margins.crossover_radps) and math.isfinite(margins.pm_deg)):
         return None
-    turns = np.unwrap(np.angle(nominal))
+    nominal_phase = np.unwrap(np.angle(nominal))
 
-    def figures(z: Array) -> Array:
-        """Crossover, phase margin, and gain and phase at the nominal crossover, dB and degrees."""
-        moved = loop(believed.vehicle(z), plane, gains)
-        found = loop_transfer.margins(moved)
-        phase = turns + np.angle(moved / nominal)
+    def quantities(z: Array) -> Array:
+        """Crossover (rad/s), phase margin (deg).
+
+        Gain (dB), phase (deg) at the nominal crossover.
+        """
+        perturbed = loop(uncertain.vehicle(z), plane, gains)
+        perturbed_margins = loop_transfer.margins(perturbed)
+        phase = nominal_phase + np.angle(perturbed / nominal)
         return np.array(
             [
-                found.crossover_radps,
-                found.pm_deg,
-                np.interp(margins.crossover_radps, GRID_RADPS, 20.0 * np.log10(np.abs(moved))),
+                perturbed_margins.crossover_radps,
+                perturbed_margins.pm_deg,
+                np.interp(margins.crossover_radps, GRID_RADPS, 20.0 * np.log10(np.abs(perturbed))),
                 math.degrees(float(np.interp(margins.crossover_radps, GRID_RADPS, phase))),
             ]
         )
 
     sds: list[float] | list[None] = [None] * 4
-    if believed.covariance is not None:
-        sds = propagate_sd(figures, believed.z, believed.covariance).tolist()
+    if uncertain.covariance is not None:
+        sds = propagate_sd(quantities, uncertain.z, uncertain.covariance).tolist()
     return Crossover(
         loop="rudder" if plane == "yaw" else "elevator",
         crossover_radps=margins.crossover_radps,
@@ -110,25 +170,60 @@ def crossover(believed: UncertainVehicle, plane: Plane, gains: Gains) -> Crossov
 
 
 def propagate_sd(function: Callable[[Array], Array], z: Array, covariance: Array) -> Array:
-    """Standard deviation of ``function(z)``, first order, central differences along the
-    covariance's own axes."""
-    values, axes = np.linalg.eigh(covariance)
-    steps = [math.sqrt(v) * axis for v, axis in zip(np.maximum(values, 0.0), axes.T, strict=True)]
-    moves = [
-        (function(z + STEP * s) - function(z - STEP * s)) / (2.0 * STEP) for s in steps if np.any(s)
+    """Standard deviation of ``function(z)`` to first order (delta method).
+
+    With the eigenvectors u_i and eigenvalues s_i^2 of the covariance: var = sum_i (df/du_i s_i)^2.
+    The derivatives are central differences along s_i u_i.
+
+    Parameters
+    ----------
+    function : callable
+        Function from z (p,) to values (m,).
+    z : ndarray, (p,)
+        Point of linearisation.
+    covariance : ndarray, (p, p)
+        Covariance of z.
+
+    Returns
+    -------
+    ndarray, (m,)
+        Standard deviation of each value.
+    """
+    variances, axes = np.linalg.eigh(covariance)
+    steps = [
+        math.sqrt(variance) * axis
+        for variance, axis in zip(np.maximum(variances, 0.0), axes.T, strict=True)
     ]
-    return np.asarray(np.sqrt(np.sum(np.square(moves), axis=0)))
+    derivatives = [
+        (function(z + STEP * step) - function(z - STEP * step)) / (2.0 * STEP)
+        for step in steps
+        if np.any(step)
+    ]
+    return np.asarray(np.sqrt(np.sum(np.square(derivatives), axis=0)))
 
 
-def response_sd(believed: UncertainVehicle, plane: Plane) -> tuple[Array, Array]:
-    """Standard deviation of ``response`` on its grid, dB and degrees; zeros where nobody knows."""
-    nominal = response(believed.vehicle(believed.z), plane)
-    if believed.covariance is None:
+def response_sd(uncertain: UncertainVehicle, plane: Plane) -> tuple[Array, Array]:
+    """Standard deviations of gain (dB) and phase (deg) of ``response`` on its grid.
+
+    Parameters
+    ----------
+    uncertain : UncertainVehicle
+        Vehicle and its uncertainty.
+    plane : {'yaw', 'pitch'}
+        Plane.
+
+    Returns
+    -------
+    tuple of ndarray
+        Gain (dB) and phase (deg); zeros if the covariance is unknown.
+    """
+    nominal = response(uncertain.vehicle(uncertain.z), plane)
+    if uncertain.covariance is None:
         return np.zeros(nominal.size), np.zeros(nominal.size)
 
-    def figures(z: Array) -> Array:
-        ratio = response(believed.vehicle(z), plane) / nominal
+    def quantities(z: Array) -> Array:
+        ratio = response(uncertain.vehicle(z), plane) / nominal
         return np.concatenate([20.0 * np.log10(np.abs(ratio)), np.degrees(np.angle(ratio))])
 
-    gain_db, phase_deg = np.split(propagate_sd(figures, believed.z, believed.covariance), 2)
+    gain_db, phase_deg = np.split(propagate_sd(quantities, uncertain.z, uncertain.covariance), 2)
     return gain_db, phase_deg

@@ -1,9 +1,9 @@
-"""What runs that were not fitted would change about a model's response at crossover: its gain and
-its phase.
+"""Correction of a model's response at crossover by held-out runs: change of gain and phase.
 
-The held-out runs are fitted by themselves, from the model and with as vague a belief about it as
-there was before any test. Where they lead away from the model, the model is wrong, as far as unseen
-data can tell: the change of gain and phase at crossover, with the doubt that so few runs leave."""
+The held-out runs are fitted alone, from the model as the start and prior mean, with the covariance
+of the prior before any test. The change of gain and phase at crossover is the error of the model as
+far as unseen data determine it; its standard deviation shows how few runs there are.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ from sysid.validation.results import Correction
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-3
-"""Share of the cost that a step of the fit must promise."""
+"""Predicted relative decrease of the cost that ends the fit."""
 
 
 def corrections(
@@ -38,57 +38,83 @@ def corrections(
     crossovers_radps: Mapping[Plane, float],
     prior: VehicleConfig | None = None,
 ) -> dict[Plane, Correction]:
-    """Of the response from command to rate in each plane that has a crossover, held-out runs and a
-    noise model."""
-    groups = {plane: [run for run in held_out if run.plane == plane] for plane in crossovers_radps}
-    told = {plane: group for plane, group in groups.items() if group and plane in model.noise}
-    if not told:
+    """Return the corrections of the planes with a crossover, held-out runs and a noise model.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Model to be tested.
+    held_out : sequence of Run
+        Runs that were not fitted.
+    crossovers_radps : mapping of plane to float
+        Crossover frequency of each plane, rad/s.
+    prior : VehicleConfig, optional
+        Prior vehicle, needed if the model's prior is not a shipped vehicle.
+
+    Returns
+    -------
+    dict
+        Correction of each plane.
+    """
+    runs_of_planes = {
+        plane: [run for run in held_out if run.plane == plane] for plane in crossovers_radps
+    }
+    usable = {
+        plane: runs for plane, runs in runs_of_planes.items() if runs and plane in model.noise
+    }
+    if not usable:
         return {}
-    belief = _original_prior(model, prior)
-    problem = _problem(model, belief, told)
-    end = descend(problem, belief.mean, TOLERANCE)
-    covariance = np.linalg.inv(end.score.information + np.linalg.inv(belief.covariance))
+    vague_prior = _original_prior(model, prior)
+    problem = _problem(model, vague_prior, usable)
+    optimum = descend(problem, vague_prior.mean, TOLERANCE)
+    covariance = np.linalg.inv(optimum.score.information + np.linalg.inv(vague_prior.covariance))
     return {
-        plane: _correction(belief, plane, end.z, covariance, crossovers_radps[plane])
-        for plane in told
+        plane: _correction(vague_prior, plane, optimum.z, covariance, crossovers_radps[plane])
+        for plane in usable
     }
 
 
 def _original_prior(model: IdentifiedModel, prior: VehicleConfig | None) -> Prior:
-    known = dict(zip(model.joint.names, model.joint.z, strict=True))
+    """Prior with the model's estimate as the mean and the covariance before any test."""
+    estimates = dict(zip(model.joint.names, model.joint.z, strict=True))
     return Prior(
         prior or vehicle_files.load(model.vehicle.prior),
         {plane: math.radians(bias) for plane, bias in model.vehicle.prior_biases_deg.items()},
-        np.array([known.get(name, 0.0) for name in parameters.NAMES]),
+        np.array([estimates.get(name, 0.0) for name in parameters.NAMES]),
         parameters.prior_covariance(),
     )
 
 
 def _problem(
-    model: IdentifiedModel, belief: Prior, told: Mapping[Plane, Sequence[Run]]
+    model: IdentifiedModel, vague_prior: Prior, runs_of_planes: Mapping[Plane, Sequence[Run]]
 ) -> MapProblem:
-    at = problems.vehicle(belief, belief.mean)
-    experiments = {
-        plane: tuple(with_coupling_inputs(at, fit.dataset(run)) for run in runs)
-        for plane, runs in told.items()
+    """Fit problem of the held-out runs with the model's noise levels."""
+    vehicle = problems.vehicle(vague_prior, vague_prior.mean)
+    datasets = {
+        plane: tuple(with_coupling_inputs(vehicle, fit.dataset(run)) for run in runs)
+        for plane, runs in runs_of_planes.items()
     }
-    levels = {plane: noise.from_model(model.noise[plane]) for plane in told}
+    levels = {plane: noise.from_model(model.noise[plane]) for plane in runs_of_planes}
     return MapProblem(
-        belief, experiments, problems.filters(at, experiments, levels, STRIDE), levels, STRIDE
+        vague_prior, datasets, problems.filters(vehicle, datasets, levels, STRIDE), levels, STRIDE
     )
 
 
 def _correction(
-    belief: Prior, plane: Plane, z: Array, covariance: Array, at_radps: float
+    vague_prior: Prior, plane: Plane, z: Array, covariance: Array, frequency_radps: float
 ) -> Correction:
-    nominal = crossover.response(problems.vehicle(belief, belief.mean), plane)
+    """Change of gain (dB) and phase (deg) at a frequency between the model and z, with sd."""
+    nominal = crossover.response(problems.vehicle(vague_prior, vague_prior.mean), plane)
 
-    def change(moved: Array) -> Array:
-        """Of gain and phase, dB and degrees."""
-        ratio = crossover.response(problems.vehicle(belief, moved), plane) / nominal
-        gain_db = np.interp(at_radps, GRID_RADPS, 20.0 * np.log10(np.abs(ratio)))
+    def change(perturbed_z: Array) -> Array:
+        """Change of gain (dB) and phase (deg)."""
+        ratio = crossover.response(problems.vehicle(vague_prior, perturbed_z), plane) / nominal
+        gain_db = np.interp(frequency_radps, GRID_RADPS, 20.0 * np.log10(np.abs(ratio)))
         return np.array(
-            [gain_db, np.degrees(np.interp(at_radps, GRID_RADPS, np.unwrap(np.angle(ratio))))]
+            [
+                gain_db,
+                np.degrees(np.interp(frequency_radps, GRID_RADPS, np.unwrap(np.angle(ratio)))),
+            ]
         )
 
     (gain_db, phase_deg), (gain_sd_db, phase_sd_deg) = (

@@ -1,10 +1,15 @@
-"""The response from command to rate as the runs themselves show it, laid over the model's.
+"""Measured frequency response from command to rate, compared with the model's.
 
-The model turns each run's commands into a rate, and the spectra tell by which factor, at each
-frequency, the measured rate differs from it. That factor times the model's small-signal response is
-the measured response. Short records and large motion shape measured and simulated rate alike and so
-leave the factor alone, where a plain ratio of the spectra of rate and command would be bent by
-them; and the coherence of the two is that of rate and command."""
+The model turns each run's commands into a simulated rate. Symbols: S_ss, S_mm power spectra of
+simulated and measured rate, S_sm their cross spectrum, summed over runs and averaged over
+frequency; G the model's small-signal response::
+
+    factor = S_sm / S_ss,    measured response = factor G,    coherence = |S_sm|^2 / (S_ss S_mm)
+
+Short records and large motion change measured and simulated rate in the same way, so that they do
+not affect the factor; they would distort a plain ratio of the spectra of rate and command. The
+coherence of the two rates is that of rate and command.
+"""
 
 import math
 from collections.abc import Sequence
@@ -22,22 +27,26 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 DT_S = STRIDE / RATE_HZ
+"""Step of the spectra, s."""
 POINTS = 20
-"""Frequencies, evenly spaced by ratio: as many as the cost is defined on."""
+"""Number of frequencies, in a geometric series; the mismatch cost is defined for 20."""
 BAND = 0.3, 3.0
-"""Of the crossover: beyond it neither margin nor speed of a loop is decided."""
+"""Band of the comparison, relative to the crossover.
+
+Margins and speed do not depend on the rest.
+"""
 SMOOTHING_HALF_WIDTH, MIN_HALF_WIDTH_HZ = 0.15, 0.03
-"""Half width over which spectra are averaged about a frequency, as a share of it and at least."""
+"""Half width of the average over frequency, relative to the frequency, and its minimum in Hz."""
 MIN_COHERENCE = 0.6
-"""Least coherence of a frequency that counts (Tischler and Remple 2006, section 7.5)."""
+"""Smallest coherence of a frequency that counts (Tischler and Remple 2006, section 7.5)."""
 NARROWBAND_WAVES = ("step",)
-"""Signals that hold still tell little of a response over frequency."""
+"""Signals with constant parts, which excite few frequencies."""
 _PADDED = 4096
+"""Length of the Fourier transform, samples."""
 
 
 class Pair(NamedTuple):
-    """One run from shortly before its test: the rates that a model gives and that were measured, at
-    ``RATE_HZ``."""
+    """Simulated and measured rate of a run from shortly before its test, rad/s, at ``RATE_HZ``."""
 
     run: str
     simulated_radps: Array
@@ -45,60 +54,81 @@ class Pair(NamedTuple):
 
 
 class Spectra(NamedTuple):
-    """Summed over runs: of the simulated and the measured rate, and across, at each frequency."""
+    """Spectra of simulated and measured rate, summed over runs, at each frequency."""
 
     frequency_radps: Array
     simulated: Array
+    """Power spectrum of the simulated rate."""
     measured: Array
-    across: ComplexArray
+    """Power spectrum of the measured rate."""
+    cross: ComplexArray
+    """Cross spectrum of simulated and measured rate."""
     averages: Array
-    """How many independent estimates were averaged."""
+    """Number of independent estimates in the average."""
 
     @property
     def coherence(self) -> Array:
-        return np.asarray(np.abs(self.across) ** 2 / (self.simulated * self.measured))
+        """Magnitude squared coherence, 0 to 1."""
+        return np.asarray(np.abs(self.cross) ** 2 / (self.simulated * self.measured))
 
     @property
     def factor(self) -> ComplexArray:
         """Measured over simulated rate."""
-        return np.asarray(self.across / self.simulated)
+        return np.asarray(self.cross / self.simulated)
 
     @property
     def random_error(self) -> Array:
-        """Relative standard deviation of the factor's size, which in radians is that of its phase.
+        """Relative standard deviation of the factor's magnitude; in radians also that of its phase.
 
-        Bendat and Piersol (2010), table 9.6.
+        sqrt((1 - c) / (2 n c)) with coherence c and n averages (Bendat and Piersol 2010, table
+        9.6).
         """
         squared = np.clip(self.coherence, 1e-6, 1.0)
         return np.asarray(np.sqrt((1.0 - squared) / (2.0 * self.averages * squared)))
 
 
 def spectra(pairs: Sequence[Pair], frequency_radps: Array) -> Spectra:
-    """Of simulated and measured rates, at least one pair."""
+    """Estimate the spectra of simulated and measured rates.
+
+    Parameters
+    ----------
+    pairs : sequence of Pair
+        At least one run.
+    frequency_radps : ndarray
+        Frequencies, rad/s.
+
+    Returns
+    -------
+    Spectra
+        Spectra at these frequencies.
+    """
     total, seconds = np.zeros((3, _PADDED // 2 + 1), dtype=np.complex128), 0.0
     for pair in pairs:
         simulated, measured = _decimate(pair.simulated_radps), _decimate(pair.measured_radps)
         seconds += measured.size * DT_S
-        for row, (x, y) in enumerate(
+        for index, (x, y) in enumerate(
             ((simulated, simulated), (measured, measured), (simulated, measured))
         ):
-            total[row] += measured.size * _cross(x, y)
-    hz = np.fft.rfftfreq(_PADDED, DT_S)
-    centre = frequency_radps / (2.0 * math.pi)
-    reach = np.maximum(SMOOTHING_HALF_WIDTH * centre, MIN_HALF_WIDTH_HZ)
-    means = np.array(
+            total[index] += measured.size * _cross(x, y)
+    grid_hz = np.fft.rfftfreq(_PADDED, DT_S)
+    centre_hz = frequency_radps / (2.0 * math.pi)
+    half_width_hz = np.maximum(SMOOTHING_HALF_WIDTH * centre_hz, MIN_HALF_WIDTH_HZ)
+    averaged = np.array(
         [
-            total[:, np.abs(hz - f) <= half].mean(axis=1)
-            for f, half in zip(centre, reach, strict=True)
+            total[:, np.abs(grid_hz - frequency_hz) <= width_hz].mean(axis=1)
+            for frequency_hz, width_hz in zip(centre_hz, half_width_hz, strict=True)
         ]
     ).T
-    averages = np.maximum(1.0, 2.0 * reach * seconds)
-    return Spectra(frequency_radps, means[0].real, means[1].real, means[2], averages)
+    averages = np.maximum(1.0, 2.0 * half_width_hz * seconds)
+    return Spectra(frequency_radps, averaged[0].real, averaged[1].real, averaged[2], averages)
 
 
 def _cross(x: Array, y: Array) -> ComplexArray:
-    """Whole records: they begin in straight flight, so that no window is needed that would hide
-    half of them."""
+    """Cross spectrum of whole records.
+
+    The records begin in straight flight, so that no window is needed; a window would suppress half
+    of them.
+    """
     return np.asarray(
         signal.csd(
             x, y, fs=1.0 / DT_S, window="boxcar", nperseg=x.size, nfft=_PADDED, detrend="constant"
@@ -115,45 +145,76 @@ def _decimate(values: Array) -> Array:
 def compare_responses(
     pairs: Sequence[Pair], response: ComplexArray, grid_radps: Array, crossover_radps: float
 ) -> FrequencyComparison:
-    """Measured and modelled response about a crossover, from runs that sweep (at least one).
+    """Compare measured and modelled response about a crossover.
 
-    Args:
-        response: the model's small-signal response from command to rate on ``grid_radps``.
+    Parameters
+    ----------
+    pairs : sequence of Pair
+        Runs whose signals sweep over frequency, at least one.
+    response : ndarray, complex
+        Small-signal response of the model from command to rate on ``grid_radps``.
+    grid_radps : ndarray
+        Frequencies of ``response``, rad/s.
+    crossover_radps : float
+        Crossover frequency, rad/s.
+
+    Returns
+    -------
+    FrequencyComparison
+        Measured and modelled gain (dB) and phase (deg), coherence and mismatch cost.
     """
-    frequency = np.geomspace(BAND[0] * crossover_radps, BAND[1] * crossover_radps, POINTS)
-    found = spectra(pairs, frequency)
-    gain_db = np.interp(frequency, grid_radps, _db(response))
-    phase_deg = np.degrees(np.interp(frequency, grid_radps, np.unwrap(np.angle(response))))
+    frequency_radps = np.geomspace(BAND[0] * crossover_radps, BAND[1] * crossover_radps, POINTS)
+    estimated = spectra(pairs, frequency_radps)
+    gain_db = np.interp(frequency_radps, grid_radps, _db(response))
+    phase_deg = np.degrees(np.interp(frequency_radps, grid_radps, np.unwrap(np.angle(response))))
     return FrequencyComparison(
         runs=tuple(pair.run for pair in pairs),
-        frequency_radps=_to_tuple(frequency),
-        coherence=_to_tuple(found.coherence),
-        gain_db=_to_tuple(gain_db + _db(found.factor)),
-        phase_deg=_to_tuple(phase_deg + np.degrees(np.angle(found.factor))),
-        gain_sd_db=_to_tuple(20.0 / math.log(10.0) * found.random_error),
-        phase_sd_deg=_to_tuple(np.degrees(found.random_error)),
+        frequency_radps=_to_tuple(frequency_radps),
+        coherence=_to_tuple(estimated.coherence),
+        gain_db=_to_tuple(gain_db + _db(estimated.factor)),
+        phase_deg=_to_tuple(phase_deg + np.degrees(np.angle(estimated.factor))),
+        gain_sd_db=_to_tuple(20.0 / math.log(10.0) * estimated.random_error),
+        phase_sd_deg=_to_tuple(np.degrees(estimated.random_error)),
         model_gain_db=_to_tuple(gain_db),
         model_phase_deg=_to_tuple(phase_deg),
-        mismatch_cost=mismatch_cost(found),
+        mismatch_cost=mismatch_cost(estimated),
     )
 
 
-def mismatch_cost(found: Spectra) -> float | None:
-    """J of Tischler and Remple (2006), equations 11.4 and 11.5: mean squared error of gain in dB
-    and of phase in degrees, the latter weighted by 0.01745, both by coherence; None where no
-    frequency is coherent."""
-    coherent = found.coherence >= MIN_COHERENCE
-    if not np.any(coherent):
+def mismatch_cost(estimated: Spectra) -> float | None:
+    """Return the mismatch cost J of Tischler and Remple (2006), equations 11.4 and 11.5.
+
+    Parameters
+    ----------
+    estimated : Spectra
+        Spectra with the factor and the coherence c.
+
+    Returns
+    -------
+    float or None
+        None if no frequency is coherent.
+
+    Notes
+    -----
+    With gain error g (dB), phase error p (deg), the mean taken over the coherent frequencies::
+
+        J = 20 mean(W (g^2 + 0.01745 p^2)),    W = (1.58 (1 - exp(-c^2)))^2
+
+    """
+    is_coherent = estimated.coherence >= MIN_COHERENCE
+    if not np.any(is_coherent):
         return None
-    factor = found.factor[coherent]
-    weight = (1.58 * (1.0 - np.exp(-((found.coherence[coherent]) ** 2)))) ** 2
+    factor = estimated.factor[is_coherent]
+    weight = (1.58 * (1.0 - np.exp(-((estimated.coherence[is_coherent]) ** 2)))) ** 2
     errors = _db(factor) ** 2 + 0.01745 * np.degrees(np.angle(factor)) ** 2
     return float(20.0 * np.mean(weight * errors))
 
 
 def _db(response: ComplexArray) -> Array:
+    """Magnitude in dB."""
     return np.asarray(20.0 * np.log10(np.abs(response)))
 
 
 def _to_tuple(values: Array) -> tuple[float, ...]:
+    """Convert an array to a tuple of floats."""
     return tuple(values.tolist())

@@ -1,5 +1,7 @@
-"""How alike measured and simulated rates are, and what of their distance sea and sensors
-explain."""
+"""Difference of measured and simulated rates.
+
+Theil's coefficient, and the floor from noise alone.
+"""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -17,61 +19,108 @@ from sysid.validation.results import Theil
 Array = NDArray[np.float64]
 
 SETTLING_STEPS = 400
-"""Steps after which a filter of a plane knows as much as it ever will: 40 s."""
+"""Steps after which the covariance of a Kalman filter has converged: 40 s."""
 
 
 class NoiseFloor(NamedTuple):
-    """Mean squared rate error of a model without fault: expectation and standard deviation,
-    (deg/s)^2."""
+    """Mean squared rate error of a perfect model, (deg/s)^2: expectation and standard deviation."""
 
     mean_deg2ps2: float
     sd_deg2ps2: float
 
 
 def theil(measured: Array, simulated: Array) -> Theil:
-    """Theil's inequality coefficient U and the shares of its numerator squared (Theil 1966, chapter
-    2)."""
-    error = float(np.mean((measured - simulated) ** 2))
-    sizes = np.sqrt(np.mean(measured**2)) + np.sqrt(np.mean(simulated**2))
-    if error == 0.0:
+    """Theil's inequality coefficient U and the shares of the mean squared error (Theil 1966, ch.
+
+    2).
+
+    With y measured, s simulated, and e^2 the mean of (y - s)^2::
+
+        U = e / (sqrt(mean y^2) + sqrt(mean s^2))
+        bias = (mean y - mean s)^2 / e^2,    variance = (sd y - sd s)^2 / e^2
+        covariance = 1 - bias - variance
+
+    Parameters
+    ----------
+    measured : ndarray, (n,)
+        Measured series.
+    simulated : ndarray, (n,)
+        Simulated series, in the same unit.
+
+    Returns
+    -------
+    Theil
+        Coefficient and shares, zero for equal series.
+    """
+    mean_square = float(np.mean((measured - simulated) ** 2))
+    rms_sum = np.sqrt(np.mean(measured**2)) + np.sqrt(np.mean(simulated**2))
+    if mean_square == 0.0:
         return Theil(0.0, 0.0, 0.0, 0.0)
-    bias = float(np.mean(measured) - np.mean(simulated)) ** 2 / error
-    variance = float(np.std(measured) - np.std(simulated)) ** 2 / error
-    return Theil(float(np.sqrt(error) / sizes), bias, variance, max(0.0, 1.0 - bias - variance))
+    bias = float(np.mean(measured) - np.mean(simulated)) ** 2 / mean_square
+    variance = float(np.std(measured) - np.std(simulated)) ** 2 / mean_square
+    return Theil(
+        float(np.sqrt(mean_square) / rms_sum), bias, variance, max(0.0, 1.0 - bias - variance)
+    )
 
 
 def rate_covariance(plane: LinearPlane, level: Noise, dt: float, lead: int, samples: int) -> Array:
-    """Covariance (samples, samples) of the rate error, (rad/s)^2, that sea and sensors alone leave
-    of a test.
+    """Covariance of the rate error of a perfect model over a test: disturbance and sensor noise.
 
     A run is simulated from its measured start, ``lead`` samples before the test. The simulation
-    knows nothing of the sea, so the moments that act on the plane have their stationary variances;
-    its start is known as well as a settled filter knows it. Small motion is assumed: a tight turn
-    damps the sea's answer, and leaves up to a third less."""
-    A, density, output, sensors, start = noise.system(plane, level)
+    contains no disturbance, so that the moments on the plane have their stationary variances; the
+    start is known as well as a settled Kalman filter knows it. With P_k the state covariance, Phi
+    the transition, Q the process noise, c the rate's row of the output matrix::
+
+        P_{k+1} = Phi P_k Phi' + Q,    C_ij = c Phi^(j-i) P_i c'   (j >= i),    C_ii += R_rate
+
+    Small motion is assumed. A tight turn damps the response to the disturbance and leaves up to a
+    third less.
+
+    Parameters
+    ----------
+    plane : LinearPlane
+        Small-signal plane.
+    level : Noise
+        Noise levels.
+    dt : float
+        Sample time, s.
+    lead : int
+        Samples from the start of the simulation to the test.
+    samples : int
+        Samples of the test.
+
+    Returns
+    -------
+    ndarray, (samples, samples)
+        Covariance, (rad/s)^2.
+    """
+    A, density, output, sensor_covariance, initial_covariance = noise.system(plane, level)
     transition, process = noise.discrete(A, density, dt)
-    P = _steady_covariance(transition, process, output, sensors, start)
-    moments = slice(plane.A.shape[0], plane.A.shape[0] + 3)
-    P[moments, :] = P[:, moments] = 0.0
-    P[moments, moments] = start[moments, moments]
-    rate = output[0]
-    reach = np.empty((samples, rate.size))
-    reach[0] = rate
+    P = _steady_covariance(transition, process, output, sensor_covariance, initial_covariance)
+    moment_states = slice(plane.A.shape[0], plane.A.shape[0] + 3)
+    P[moment_states, :] = P[:, moment_states] = 0.0
+    P[moment_states, moment_states] = initial_covariance[moment_states, moment_states]
+    rate_row = output[0]
+    rate_rows = np.empty((samples, rate_row.size))
+    rate_rows[0] = rate_row
     for k in range(1, samples):
-        reach[k] = reach[k - 1] @ transition
+        rate_rows[k] = rate_rows[k - 1] @ transition
     C = np.empty((samples, samples))
     for k in range(lead + samples):
         if k >= lead:
             i = k - lead
-            C[i, i:] = C[i:, i] = reach[: samples - i] @ (P @ rate)
+            C[i, i:] = C[i:, i] = rate_rows[: samples - i] @ (P @ rate_row)
         P = transition @ P @ transition.T + process
-    C[np.diag_indices(samples)] += sensors[0, 0]
+    C[np.diag_indices(samples)] += sensor_covariance[0, 0]
     return C
 
 
 def noise_floor_of(covariance: Array) -> NoiseFloor:
-    """Of the mean square over the samples of a test: for Gaussian noise its variance is 2
-    sum(C_ij^2) / n^2."""
+    """Mean and standard deviation of the mean square over a test, from its covariance C (n, n).
+
+    The mean is trace(C) / n. For Gaussian noise the variance of the mean square is 2 sum(C_ij^2) /
+    n^2.
+    """
     scale = float(np.degrees(1.0)) ** 2
     sd = scale * float(np.sqrt(2.0 * np.sum(covariance**2))) / len(covariance)
     return NoiseFloor(scale * float(np.mean(np.diag(covariance))), sd)
@@ -80,7 +129,10 @@ def noise_floor_of(covariance: Array) -> NoiseFloor:
 def _steady_covariance(
     transition: Array, process: Array, output: Array, sensors: Array, P: Array
 ) -> Array:
-    """Covariance of the states once a Kalman filter has settled, after its last measurement."""
+    """Covariance of a settled Kalman filter after a measurement.
+
+    P <- Phi P Phi' + Q; K = P H' (H P H' + R)^-1; P <- P - K H P.
+    """
     for _ in range(SETTLING_STEPS):
         P = transition @ P @ transition.T + process
         gain = np.linalg.solve(output @ P @ output.T + sensors, output @ P).T
@@ -90,21 +142,34 @@ def _steady_covariance(
 
 
 def floor_from_repeats_deg2ps2(runs: Sequence[Run]) -> float | None:
-    """The floor without any model: half the mean squared difference of runs of the same test; None
-    without such."""
-    found = []
-    for one, other in combinations(runs, 2):
-        if _is_repeat(one, other):
-            n = min(np.count_nonzero(~one.preroll), np.count_nonzero(~other.preroll))
-            apart = np.degrees(
-                one.rate_radps[~one.preroll][:n] - other.rate_radps[~other.preroll][:n]
+    """Noise floor without a model, (deg/s)^2.
+
+    Half the mean squared difference of runs of the same test.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Runs of one plane.
+
+    Returns
+    -------
+    float or None
+        None if no test was repeated.
+    """
+    half_mean_squares = []
+    for first, second in combinations(runs, 2):
+        if _is_repeat(first, second):
+            samples = min(np.count_nonzero(~first.preroll), np.count_nonzero(~second.preroll))
+            difference_degps = np.degrees(
+                first.rate_radps[~first.preroll][:samples]
+                - second.rate_radps[~second.preroll][:samples]
             )
-            found.append(0.5 * float(np.mean(apart**2)))
-    return float(np.mean(found)) if found else None
+            half_mean_squares.append(0.5 * float(np.mean(difference_degps**2)))
+    return float(np.mean(half_mean_squares)) if half_mean_squares else None
 
 
-def _is_repeat(one: Run, other: Run) -> bool:
-    """The same surface, wave, size and, to a second, length."""
-    alike = (one.plane, one.wave) == (other.plane, other.wave)
-    alike = alike and abs(one.magnitude_deg - other.magnitude_deg) < 0.01
-    return alike and abs(float(one.time_s[-1] - other.time_s[-1])) < 1.0
+def _is_repeat(first: Run, second: Run) -> bool:
+    """Return whether two runs have the same surface, wave form, magnitude and (to 1 s) duration."""
+    is_same = (first.plane, first.wave) == (second.plane, second.wave)
+    is_same = is_same and abs(first.magnitude_deg - second.magnitude_deg) < 0.01
+    return is_same and abs(float(first.time_s[-1] - second.time_s[-1])) < 1.0

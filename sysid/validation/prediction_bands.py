@@ -1,5 +1,4 @@
-"""How far a run may stray from what a model predicts: the estimate's doubt, the sea and the sensors
-together."""
+"""Prediction bands of a run: uncertainty of the estimate, and disturbance with sensor noise."""
 
 from typing import NamedTuple
 
@@ -19,46 +18,81 @@ Array = NDArray[np.float64]
 
 
 class Band(NamedTuple):
-    """On a run's grid from LEAD_S before its test; one standard deviation, rad/s."""
+    """Standard deviations of the rate on a run's grid from LEAD_S before its test, rad/s."""
 
     time_s: Array
     estimate_radps: Array
-    """Of the predicted rate, from the estimate's covariance; zero where nobody knows it."""
+    """Standard deviation of the prediction, from the covariance of the estimate.
+
+    Zero if it is unknown.
+    """
     sea_radps: Array
-    """Of the measured rate about a perfect prediction."""
+    """Standard deviation of the measured rate about a perfect prediction."""
 
 
 def rate_band(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = None) -> Band:
-    """Of the predicted rate of a run. ``prior`` as for ``prediction.predict``."""
-    belief = uncertain_vehicle(model, prior)
-    flown = run.since(-prediction.LEAD_S)
-    doubt = np.zeros(flown.time_s.size)
-    if belief.covariance is not None:
-        doubt = crossover.propagate_sd(
-            lambda z: prediction.simulate(belief.vehicle(z), flown).rate_radps,
-            belief.z,
-            belief.covariance,
+    """Return the standard deviations of a run's predicted rate.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Model.
+    run : Run
+        Run.
+    prior : VehicleConfig, optional
+        Prior vehicle, needed if the model's prior is not a shipped vehicle.
+
+    Returns
+    -------
+    Band
+        Standard deviations from the estimate and from noise, rad/s.
+    """
+    uncertain = uncertain_vehicle(model, prior)
+    predicted_run = run.since(-prediction.LEAD_S)
+    estimate_sd = np.zeros(predicted_run.time_s.size)
+    if uncertain.covariance is not None:
+        estimate_sd = crossover.propagate_sd(
+            lambda z: prediction.simulate(uncertain.vehicle(z), predicted_run).rate_radps,
+            uncertain.z,
+            uncertain.covariance,
         )
-    return Band(flown.time_s, doubt, _sea(model, flown, prior))
+    return Band(predicted_run.time_s, estimate_sd, _sea(model, predicted_run, prior))
 
 
-def _sea(model: IdentifiedModel, flown: Run, prior: VehicleConfig | None) -> Array:
-    if flown.plane not in model.noise:
-        return np.zeros(flown.time_s.size)
-    belief = uncertain_vehicle(model, prior)
-    linear = fit.linear_plane(belief.vehicle(belief.z), flown.plane)
-    level = noise.from_model(model.noise[flown.plane])
-    steps = flown.time_s.size // STRIDE + 1
+def _sea(model: IdentifiedModel, run: Run, prior: VehicleConfig | None) -> Array:
+    """Standard deviation of the rate from disturbance and sensor noise, rad/s."""
+    if run.plane not in model.noise:
+        return np.zeros(run.time_s.size)
+    uncertain = uncertain_vehicle(model, prior)
+    linear = fit.linear_plane(uncertain.vehicle(uncertain.z), run.plane)
+    level = noise.from_model(model.noise[run.plane])
+    steps = run.time_s.size // STRIDE + 1
     sd = np.sqrt(np.diag(noise_floor.rate_covariance(linear, level, DT_S, 0, steps)))
-    return np.interp(np.arange(flown.time_s.size), STRIDE * np.arange(steps), sd)
+    return np.interp(np.arange(run.time_s.size), STRIDE * np.arange(steps), sd)
 
 
 def innovations(model: IdentifiedModel, run: Run, prior: VehicleConfig | None = None) -> Array:
-    """Normalised innovations of the rate over a test, every ``DT_S``: white where model and noise
-    model hold."""
-    belief = uncertain_vehicle(model, prior)
-    vehicle = belief.vehicle(belief.z)
+    """Return the normalised innovations of the rate during a test, every ``DT_S``.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Model with a noise model of the run's plane.
+    run : Run
+        Run.
+    prior : VehicleConfig, optional
+        Prior vehicle, needed if the model's prior is not a shipped vehicle.
+
+    Returns
+    -------
+    ndarray, (steps,)
+        White with unit variance if model and noise model are right.
+    """
+    uncertain = uncertain_vehicle(model, prior)
+    vehicle = uncertain.vehicle(uncertain.z)
     (residual,) = fit.residuals(vehicle, [fit.dataset(run)])
     level = noise.from_model(model.noise[run.plane])
-    by = noise.build(fit.linear_plane(vehicle, run.plane), level, DT_S, len(residual))
-    return noise.whiten_residual(residual, by)[int(np.count_nonzero(run.preroll)) // STRIDE :, 0]
+    noise_filter = noise.build(fit.linear_plane(vehicle, run.plane), level, DT_S, len(residual))
+    return noise.whiten_residual(residual, noise_filter)[
+        int(np.count_nonzero(run.preroll)) // STRIDE :, 0
+    ]

@@ -1,5 +1,4 @@
-"""What judging a model finds, as ``model.json`` keeps it. A figure that could not be had is
-null."""
+"""Results of the validation as ``model.json`` stores them; an unknown value is null."""
 
 from typing import Literal
 
@@ -9,74 +8,75 @@ from sysid.data.segments import Plane
 
 
 class JsonRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    pass
+    """Base of the records: immutable, unknown fields are errors."""
 
 
 class Theil(JsonRecord, frozen=True):
-    """Inequality of measured and simulated rate (Theil 1966): 0 for equal series, 1 for no likeness
-    at all.
+    """Theil's inequality of measured and simulated rate (Theil 1966): 0 if equal, 1 at worst.
 
-    The shares say where the mean squared error comes from, and sum to one.
+    The shares are parts of the mean squared error and sum to one.
     """
 
     coefficient: float
     bias_share: float
-    """Unequal means."""
+    """Share of unequal means."""
     variance_share: float
-    """Unequal size of the motion."""
+    """Share of unequal standard deviations."""
     covariance_share: float
-    """Unequal course: what disturbance and noise leave."""
+    """Share of unequal time courses: disturbance and noise."""
 
 
 class Whiteness(JsonRecord, frozen=True):
-    """Innovations of the rate: white, and of mean square one, where model and noise model hold."""
+    """Innovations of the rate: white with unit mean square if model and noise model are right."""
 
     mean_square: float
     distance: float
-    """Largest distance of the cumulative periodogram from its diagonal."""
+    """Largest distance of the cumulative periodogram from the diagonal."""
     periodogram_p: float
-    """Probability of so large a distance in white noise."""
+    """Probability of such a distance in white noise."""
     ljung_box_p: float
     """Probability of such autocorrelations over two seconds in white noise."""
 
 
 class RunValidation(JsonRecord, frozen=True):
-    """One run, fitted or held out. Mean squares are of the rate, (deg/s)^2, once the test has
-    begun."""
+    """Validation of one run, fitted or held out.
+
+    Mean squares are of the rate during the test, (deg/s)^2.
+    """
 
     run: str
     wave: str
     held_out: bool
     new_type: bool
-    """No fitted run of the plane had this wave form."""
+    """True if no fitted run of the plane had this wave form."""
     floor_deg2ps2: float | None
-    """What sea and sensors alone would leave by the model's noise."""
+    """Expected mean squared error from disturbance and sensors alone, by the model's noise."""
     floor_sd_deg2ps2: float | None
-    """How far the mean square of one such run strays from it by chance."""
+    """Standard deviation of this mean squared error for one run."""
     theil: Theil
     whiteness: Whiteness | None
 
 
 class Excess(JsonRecord, frozen=True):
-    """All held-out runs of a plane: mean squared rate error and what of it is not sea and sensors,
-    (deg/s)^2."""
+    """Errors of all held-out runs of a plane.
+
+    Mean squared rate error and its excess over noise, (deg/s)^2.
+    """
 
     prior_mse_deg2ps2: float
     model_mse_deg2ps2: float
     floor_deg2ps2: float | None
     repeats_deg2ps2: float | None
-    """The floor once more, from runs of the same test; null without such runs."""
+    """Noise floor from runs of the same test; null without such runs."""
     prior_excess_deg2ps2: float | None
     model_excess_deg2ps2: float | None
-    """Mean squared error less floor; below zero by chance where the model leaves nothing but
-    noise."""
+    """Mean squared error minus floor; it may be below zero by chance if the model is right."""
     excess_sd_deg2ps2: float | None
     theil: Theil
     whiteness_p: float | None
-    """Probability, in white noise, of periodograms as uneven as those of all these runs (Fisher's
-    combination)."""
+    """Probability of such periodograms in white noise, all runs combined (Fisher's method)."""
     new_types: int
-    """How many of the runs have a wave form that no fitted run of the plane had."""
+    """Number of runs whose wave form no fitted run of the plane had."""
 
 
 class FrequencyComparison(JsonRecord, frozen=True):
@@ -92,17 +92,18 @@ class FrequencyComparison(JsonRecord, frozen=True):
     phase_deg: tuple[float, ...]
     gain_sd_db: tuple[float, ...]
     phase_sd_deg: tuple[float, ...]
-    """Random error of the estimate, from the coherence."""
+    """Random error of the measured response, from the coherence."""
     model_gain_db: tuple[float, ...]
     model_phase_deg: tuple[float, ...]
     mismatch_cost: float | None
-    """Of gain and phase together over the coherent band (Tischler and Remple 2006): 50 is
-    excellent, 100 acceptable."""
+    """Mismatch cost over the coherent band (Tischler and Remple 2006).
+
+    50 is excellent, 100 acceptable.
+    """
 
 
 class Crossover(JsonRecord, frozen=True):
-    """Where a loop crosses unit gain, and how sure the model is of gain and phase there (one
-    standard deviation)."""
+    """Crossover of a loop, and standard deviations of the model's gain and phase there."""
 
     loop: Literal["rudder", "elevator"]
     crossover_radps: float
@@ -114,8 +115,7 @@ class Crossover(JsonRecord, frozen=True):
 
 
 class Correction(JsonRecord, frozen=True):
-    """What the held-out runs would change about the model's response at crossover, one standard
-    deviation beside."""
+    """Change of the model's response at crossover by the held-out runs, with standard deviation."""
 
     gain_db: float
     gain_sd_db: float
@@ -124,34 +124,36 @@ class Correction(JsonRecord, frozen=True):
 
 
 class PlaneValidation(JsonRecord, frozen=True):
+    """Validation of one plane."""
+
     runs: tuple[RunValidation, ...]
     held_out: Excess | None
     overlay: FrequencyComparison | None
     coherence_at_crossover: float | None
-    """Smallest between half and twice the crossover."""
+    """Smallest coherence between half and twice the crossover."""
     crossover: Crossover | None
-    """Of the gains aboard when the tests were run."""
+    """Crossover with the gains that were set during the tests."""
     correction: Correction | None
 
 
 class Gate(JsonRecord, frozen=True):
-    """One condition of the verdict."""
+    """One acceptance criterion."""
 
     name: str
     plane: Plane | None
-    """Null for what concerns the whole fit."""
+    """Null for a criterion of the whole fit."""
     value: float | None
-    """Null where the data do not tell; the gate is then not passed."""
+    """Null if unknown; the criterion then fails."""
     limit: float
     sense: Literal["at most", "at least"]
     unit: str
     passed: bool
     required: bool
-    """A gate that is not required is a remark: it does not decide."""
+    """True if the decision depends on it; otherwise it is a remark."""
 
 
 class NextTest(JsonRecord, frozen=True):
-    """The test that would do most for the worst gate."""
+    """Test that improves the worst criterion most."""
 
     plane: Plane
     signal: str
@@ -168,8 +170,10 @@ class NextTest(JsonRecord, frozen=True):
 
 
 class ModelAssessment(JsonRecord, frozen=True):
+    """Decision whether the model may be used for redesign."""
+
     fit_for_redesign: bool
     reasons: tuple[str, ...]
-    """One for each required gate that is not passed."""
+    """One reason for each required criterion that is not met."""
     gates: tuple[Gate, ...]
     next_test: NextTest | None

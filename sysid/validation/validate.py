@@ -1,5 +1,4 @@
-"""A model against its runs: what it leaves unexplained and whether that is the sea, its response,
-its crossover."""
+"""Validation of a model against its runs: residual errors, frequency response and crossover."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -39,14 +38,15 @@ Array = NDArray[np.float64]
 
 PLANES: tuple[Plane, ...] = ("yaw", "pitch")
 DT_S = STRIDE / RATE_HZ
+"""Step of the innovations, s."""
 NARROWBAND_WAVES = ("step",)
-"""Signals that hold still tell little of a response over frequency; any other counts as a sweep."""
+"""Signals with constant parts, which excite few frequencies; all others count as sweeps."""
 OCTAVE = 0.5, 2.0
-"""Of the crossover: where the runs must be coherent."""
+"""Band in which runs must be coherent, relative to the crossover."""
 
 
 class _NoiseReference(NamedTuple):
-    """A model's noise, worked out for the longest of the runs."""
+    """Noise of a model, computed for the longest of the runs."""
 
     level: Noise
     rate_covariance: Array
@@ -57,17 +57,19 @@ class _PlaneModel(NamedTuple):
     """A model and one of its planes."""
 
     model: IdentifiedModel
-    belief: UncertainVehicle
-    first: CandidateVehicle
+    uncertain: UncertainVehicle
+    prior_vehicle: CandidateVehicle
     plane: Plane
     vehicle: CandidateVehicle
-    sea: _NoiseReference | None
-    """None for a model that knows nothing of it."""
+    noise_reference: _NoiseReference | None
+    """Noise of the model; None without a noise model."""
 
 
 class _ComparedRun(NamedTuple):
-    """One run beside what the models make of it; rates at ``RATE_HZ``, once the test has begun,
-    deg/s."""
+    """One run with the predictions of model and prior.
+
+    Rates during the test at ``RATE_HZ``, deg/s.
+    """
 
     run: Run
     measured: Array
@@ -80,27 +82,43 @@ class _ComparedRun(NamedTuple):
 def uncertain_vehicle(
     model: IdentifiedModel, prior: VehicleConfig | None = None
 ) -> UncertainVehicle:
-    """The identified vehicle as its estimates move. ``prior`` as for ``predict.predict``."""
+    """Return the identified vehicle as a function of its estimates.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Model.
+    prior : VehicleConfig, optional
+        Prior vehicle, needed if the model's prior is not a shipped vehicle.
+
+    Returns
+    -------
+    UncertainVehicle
+        Vehicle, estimate and covariance. Method ``paper`` has a constant vehicle and no
+        covariance.
+    """
     z, covariance = np.array(model.joint.z), np.array(model.joint.covariance)
     if model.method == "paper":
-        only = _with_coefficients(model, predict.vehicles(model, prior)[1])
-        return UncertainVehicle(lambda moved: only, z, None)
+        fixed_vehicle = _with_coefficients(model, predict.vehicles(model, prior)[1])
+        return UncertainVehicle(lambda perturbed_z: fixed_vehicle, z, None)
     return UncertainVehicle(
-        lambda moved: predict.perturb(model, moved, prior),
+        lambda perturbed_z: predict.perturb(model, perturbed_z, prior),
         z,
         covariance if np.any(covariance) else None,
     )
 
 
-def _with_coefficients(model: IdentifiedModel, first: CandidateVehicle) -> CandidateVehicle:
-    """The prior vehicle with the coefficients of a model that is not given by z."""
-    linear = first.config.linear
+def _with_coefficients(model: IdentifiedModel, prior_vehicle: CandidateVehicle) -> CandidateVehicle:
+    """Prior vehicle with the coefficients of a model that is not described by z."""
+    linear = prior_vehicle.config.linear
     values = {
         field: model.coefficients[parameters.symbol(field)].value
         for field in linear.__struct_fields__
     }
-    moved = msgspec.structs.replace(linear, **values)
-    return first._replace(config=msgspec.structs.replace(first.config, linear=moved))
+    replaced = msgspec.structs.replace(linear, **values)
+    return prior_vehicle._replace(
+        config=msgspec.structs.replace(prior_vehicle.config, linear=replaced)
+    )
 
 
 def validate(
@@ -110,94 +128,136 @@ def validate(
     gains: Mapping[str, float] | None = None,
     prior: VehicleConfig | None = None,
 ) -> dict[Plane, PlaneValidation]:
-    """Of every plane that has runs.
+    """Validate a model against fitted and held-out runs.
 
-    Args:
-        gains: aboard when the tests were run, by parameter name; where they are not known, the
-        prototype's as strong
-            as the vehicle's tail allows.
-        prior: needed when the model was refitted from a vehicle file that is not shipped.
+    Parameters
+    ----------
+    model : IdentifiedModel
+        Model.
+    fitted : sequence of Run
+        Runs that were fitted.
+    held_out : sequence of Run
+        Runs that were not fitted.
+    gains : mapping of str to float, optional
+        Gains of the loops during the tests, by parameter name; by default those of
+        `crossover.gains_for`.
+    prior : VehicleConfig, optional
+        Prior vehicle, needed if the model's prior is not a shipped vehicle.
+
+    Returns
+    -------
+    dict
+        Validation of every plane that has runs.
     """
-    belief = uncertain_vehicle(model, prior)
-    first = predict.vehicles(model, prior)[1]
-    known = gains or crossover.gains_for(first)
-    vehicle = belief.vehicle(belief.z)
-    found: dict[Plane, PlaneValidation] = {}
+    uncertain = uncertain_vehicle(model, prior)
+    prior_vehicle = predict.vehicles(model, prior)[1]
+    loop_gains = gains or crossover.gains_for(prior_vehicle)
+    vehicle = uncertain.vehicle(uncertain.z)
+    validations: dict[Plane, PlaneValidation] = {}
     for plane in PLANES:
-        seen = [run for run in fitted if run.plane == plane]
-        unseen = [run for run in held_out if run.plane == plane]
-        if seen or unseen:
+        fitted_runs = [run for run in fitted if run.plane == plane]
+        held_out_runs = [run for run in held_out if run.plane == plane]
+        if fitted_runs or held_out_runs:
             level = model.noise.get(plane)
-            sea = (
+            noise_reference = (
                 _noise_reference(
-                    fit.linear_plane(vehicle, plane), noise.from_model(level), [*seen, *unseen]
+                    fit.linear_plane(vehicle, plane),
+                    noise.from_model(level),
+                    [*fitted_runs, *held_out_runs],
                 )
                 if level
                 else None
             )
-            asked = _PlaneModel(model, belief, first, plane, vehicle, sea)
-            found[plane] = _plane(asked, seen, unseen, known)
-    crossed = {plane: it.crossover.crossover_radps for plane, it in found.items() if it.crossover}
-    changed = corrections(model, held_out, crossed, prior)
+            plane_model = _PlaneModel(
+                model, uncertain, prior_vehicle, plane, vehicle, noise_reference
+            )
+            validations[plane] = _plane(plane_model, fitted_runs, held_out_runs, loop_gains)
+    crossovers_radps = {
+        plane: validation.crossover.crossover_radps
+        for plane, validation in validations.items()
+        if validation.crossover
+    }
+    plane_corrections = corrections(model, held_out, crossovers_radps, prior)
     return {
-        plane: msgspec.structs.replace(it, correction=changed.get(plane))
-        for plane, it in found.items()
+        plane: msgspec.structs.replace(validation, correction=plane_corrections.get(plane))
+        for plane, validation in validations.items()
     }
 
 
 def _plane(
-    asked: _PlaneModel, fitted: Sequence[Run], held_out: Sequence[Run], gains: Mapping[str, float]
+    plane_model: _PlaneModel,
+    fitted: Sequence[Run],
+    held_out: Sequence[Run],
+    gains: Mapping[str, float],
 ) -> PlaneValidation:
+    """Validate one plane."""
     waves = {run.wave for run in fitted}
-    seen = [_compare(asked, run, held_out=False, new_type=False) for run in fitted]
-    unseen = [
-        _compare(asked, run, held_out=True, new_type=run.wave not in waves) for run in held_out
+    fitted_compared = [_compare(plane_model, run, held_out=False, new_type=False) for run in fitted]
+    held_out_compared = [
+        _compare(plane_model, run, held_out=True, new_type=run.wave not in waves)
+        for run in held_out
     ]
-    crossed = crossover.crossover(asked.belief, asked.plane, gains)
-    swept = [j.pair for j in (*seen, *unseen) if j.run.wave not in NARROWBAND_WAVES]
-    laid = None
-    if crossed and swept:
-        response = crossover.response(asked.vehicle, asked.plane)
-        laid = frequency_response.compare_responses(
-            swept, response, GRID_RADPS, crossed.crossover_radps
+    plane_crossover = crossover.crossover(plane_model.uncertain, plane_model.plane, gains)
+    swept_pairs = [
+        compared_run.pair
+        for compared_run in (*fitted_compared, *held_out_compared)
+        if compared_run.run.wave not in NARROWBAND_WAVES
+    ]
+    comparison = None
+    if plane_crossover and swept_pairs:
+        response = crossover.response(plane_model.vehicle, plane_model.plane)
+        comparison = frequency_response.compare_responses(
+            swept_pairs, response, GRID_RADPS, plane_crossover.crossover_radps
         )
     return PlaneValidation(
-        runs=tuple(j.record for j in (*seen, *unseen)),
-        held_out=_excess(unseen, noise_floor.floor_from_repeats_deg2ps2([*fitted, *held_out]))
-        if unseen
+        runs=tuple(compared_run.record for compared_run in (*fitted_compared, *held_out_compared)),
+        held_out=_excess(
+            held_out_compared, noise_floor.floor_from_repeats_deg2ps2([*fitted, *held_out])
+        )
+        if held_out_compared
         else None,
-        overlay=laid,
-        coherence_at_crossover=_coherence(laid, crossed.crossover_radps)
-        if laid and crossed
+        overlay=comparison,
+        coherence_at_crossover=_coherence(comparison, plane_crossover.crossover_radps)
+        if comparison and plane_crossover
         else None,
-        crossover=crossed,
+        crossover=plane_crossover,
         correction=None,
     )
 
 
 def _noise_reference(linear: LinearPlane, level: Noise, runs: Sequence[Run]) -> _NoiseReference:
-    tests = [int(np.count_nonzero(~run.preroll)) // STRIDE for run in runs]
-    lead, whole = round(predict.LEAD_S / DT_S), max(run.time_s.size // STRIDE + 1 for run in runs)
-    covariance = noise_floor.rate_covariance(linear, level, DT_S, lead, max(1, *tests))
-    return _NoiseReference(level, covariance, noise.build(linear, level, DT_S, whole))
+    """Compute rate covariance and noise filter for the longest test and run."""
+    test_steps = [int(np.count_nonzero(~run.preroll)) // STRIDE for run in runs]
+    lead_steps, max_steps = (
+        round(predict.LEAD_S / DT_S),
+        max(run.time_s.size // STRIDE + 1 for run in runs),
+    )
+    covariance = noise_floor.rate_covariance(linear, level, DT_S, lead_steps, max(1, *test_steps))
+    return _NoiseReference(level, covariance, noise.build(linear, level, DT_S, max_steps))
 
 
-def _coherence(laid: FrequencyComparison, crossover_radps: float) -> float:
+def _coherence(comparison: FrequencyComparison, crossover_radps: float) -> float:
+    """Smallest coherence in the octave band about the crossover."""
     low, high = (share * crossover_radps for share in OCTAVE)
     return min(
-        c for w, c in zip(laid.frequency_radps, laid.coherence, strict=True) if low <= w <= high
+        value
+        for frequency, value in zip(comparison.frequency_radps, comparison.coherence, strict=True)
+        if low <= frequency <= high
     )
 
 
-def _compare(asked: _PlaneModel, run: Run, *, held_out: bool, new_type: bool) -> _ComparedRun:
-    after = ~run.preroll
-    prediction = predict.predict_with(asked.vehicle, asked.first, run, asked.model)
-    measured, simulated, first = (
-        np.degrees(rate[after])
+def _compare(plane_model: _PlaneModel, run: Run, *, held_out: bool, new_type: bool) -> _ComparedRun:
+    """Predict a run with model and prior, and compare both with the measurement."""
+    in_test = ~run.preroll
+    prediction = predict.predict_with(
+        plane_model.vehicle, plane_model.prior_vehicle, run, plane_model.model
+    )
+    measured, simulated, prior_rate = (
+        np.degrees(rate[in_test])
         for rate in (run.rate_radps, prediction.rate_radps, prediction.prior_rate_radps)
     )
-    start = int(np.searchsorted(run.time_s, -predict.LEAD_S - 1e-9))
-    floor = _floor(asked.sea, run) if asked.sea else None
+    first_sample = int(np.searchsorted(run.time_s, -predict.LEAD_S - 1e-9))
+    floor = _floor(plane_model.noise_reference, run) if plane_model.noise_reference else None
     record = RunValidation(
         run=run.name,
         wave=run.wave,
@@ -206,37 +266,65 @@ def _compare(asked: _PlaneModel, run: Run, *, held_out: bool, new_type: bool) ->
         floor_deg2ps2=floor.mean_deg2ps2 if floor else None,
         floor_sd_deg2ps2=floor.sd_deg2ps2 if floor else None,
         theil=noise_floor.theil(measured, simulated),
-        whiteness=_whiteness(asked.vehicle, asked.sea, run) if asked.sea else None,
+        whiteness=_whiteness(plane_model.vehicle, plane_model.noise_reference, run)
+        if plane_model.noise_reference
+        else None,
     )
-    pair = Pair(run.name, prediction.rate_radps[start:], run.rate_radps[start:])
-    return _ComparedRun(run, measured, simulated, first, pair, record)
+    pair = Pair(run.name, prediction.rate_radps[first_sample:], run.rate_radps[first_sample:])
+    return _ComparedRun(run, measured, simulated, prior_rate, pair, record)
 
 
-def _floor(sea: _NoiseReference, run: Run) -> NoiseFloor:
-    """On the run's own grid, whose samples carry STRIDE times the white noise of the fit's
-    means."""
+def _floor(noise_reference: _NoiseReference, run: Run) -> NoiseFloor:
+    """Noise floor of a run.
+
+    A 50 Hz sample has STRIDE times the white noise variance of the fit's means.
+    """
     samples = max(1, np.count_nonzero(~run.preroll) // STRIDE)
-    found = noise_floor.noise_floor_of(sea.rate_covariance[:samples, :samples])
-    return found._replace(
-        mean_deg2ps2=found.mean_deg2ps2 + (STRIDE - 1) * math.degrees(sea.level.rate_radps) ** 2
+    floor = noise_floor.noise_floor_of(noise_reference.rate_covariance[:samples, :samples])
+    return floor._replace(
+        mean_deg2ps2=floor.mean_deg2ps2
+        + (STRIDE - 1) * math.degrees(noise_reference.level.rate_radps) ** 2
     )
 
 
-def _whiteness(vehicle: CandidateVehicle, sea: _NoiseReference, run: Run) -> Whiteness | None:
-    """Of the rate's innovations once the test has begun; before it the filter settles."""
+def _whiteness(
+    vehicle: CandidateVehicle, noise_reference: _NoiseReference, run: Run
+) -> Whiteness | None:
+    """Whiteness of the rate's innovations during the test; the filter settles before it."""
     (residual,) = fit.residuals(vehicle, [fit.dataset(run)])
-    white = noise.whiten_residual(residual, sea.whitener)
+    white = noise.whiten_residual(residual, noise_reference.whitener)
     return whiteness(white[int(np.count_nonzero(run.preroll)) // STRIDE :, 0], DT_S)
 
 
-def _excess(unseen: Sequence[_ComparedRun], repeats_deg2ps2: float | None) -> Excess:
-    def mse(model_of: str) -> float:
-        return float(np.mean([np.mean((j.measured - getattr(j, model_of)) ** 2) for j in unseen]))
+def _excess(compared_runs: Sequence[_ComparedRun], repeats_deg2ps2: float | None) -> Excess:
+    """Combine the errors of the held-out runs."""
 
-    floors = [j.record.floor_deg2ps2 for j in unseen if j.record.floor_deg2ps2 is not None]
-    sds = [j.record.floor_sd_deg2ps2 for j in unseen if j.record.floor_sd_deg2ps2 is not None]
+    def mse(predictor: str) -> float:
+        return float(
+            np.mean(
+                [
+                    np.mean((compared_run.measured - getattr(compared_run, predictor)) ** 2)
+                    for compared_run in compared_runs
+                ]
+            )
+        )
+
+    floors = [
+        compared_run.record.floor_deg2ps2
+        for compared_run in compared_runs
+        if compared_run.record.floor_deg2ps2 is not None
+    ]
+    floor_sds = [
+        compared_run.record.floor_sd_deg2ps2
+        for compared_run in compared_runs
+        if compared_run.record.floor_sd_deg2ps2 is not None
+    ]
     floor = float(np.mean(floors)) if floors else None
-    ps = [j.record.whiteness.periodogram_p for j in unseen if j.record.whiteness]
+    ps = [
+        compared_run.record.whiteness.periodogram_p
+        for compared_run in compared_runs
+        if compared_run.record.whiteness
+    ]
     return Excess(
         prior_mse_deg2ps2=mse("prior"),
         model_mse_deg2ps2=mse("model"),
@@ -244,10 +332,11 @@ def _excess(unseen: Sequence[_ComparedRun], repeats_deg2ps2: float | None) -> Ex
         repeats_deg2ps2=repeats_deg2ps2,
         prior_excess_deg2ps2=None if floor is None else mse("prior") - floor,
         model_excess_deg2ps2=None if floor is None else mse("model") - floor,
-        excess_sd_deg2ps2=float(np.linalg.norm(sds)) / len(sds) if sds else None,
+        excess_sd_deg2ps2=float(np.linalg.norm(floor_sds)) / len(floor_sds) if floor_sds else None,
         theil=noise_floor.theil(
-            np.concatenate([j.measured for j in unseen]), np.concatenate([j.model for j in unseen])
+            np.concatenate([compared_run.measured for compared_run in compared_runs]),
+            np.concatenate([compared_run.model for compared_run in compared_runs]),
         ),
         whiteness_p=float(stats.combine_pvalues(ps).pvalue) if ps else None,
-        new_types=sum(j.record.new_type for j in unseen),
+        new_types=sum(compared_run.record.new_type for compared_run in compared_runs),
     )

@@ -14,13 +14,13 @@ def test_step_excitation_opens_only_its_plane_and_ends() -> None:
     flight = under_way(rudder_trim_deg=2.0)
     wish = requests.StartTest(12, 5.0, 0.0, 0.0, 4.0, 1, 0.0)
     assert flight.ask(wish) == ACCEPTED
-    before = flight.state.loops.heading_rad
+    before = flight.state.loops.heading_integral_rad
     flight.step()
     assert math.degrees(flight.trace.rudder_rad) == pytest.approx(7.0)
     assert flight.state.mode == modes.SYSID.number
     for _ in flight.run(3.9):
         pass
-    assert flight.state.loops.heading_rad == before, "an open loop's integrator waits"
+    assert flight.state.loops.heading_integral_rad == before, "an open loop's integrator waits"
     assert flight.run_until(lambda s: s.test is None, 1.0) == pytest.approx(0.1, abs=0.03)
     assert flight.texts()[-2:] == ["SystemID Finished", "Mode DEPTH"]
     assert flight.heading > math.radians(5.0)

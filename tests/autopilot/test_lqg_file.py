@@ -29,7 +29,7 @@ def test_file_round_trip_is_equal(tmp_path: Path) -> None:
     ("change", "complaint"),
     [
         ({"format": 2}, "format = 2: expected 1"),
-        ({"tick_s": 0.01}, "tick_s = 0.01: expected 0.02, at which the loops are closed"),
+        ({"tick_s": 0.01}, "tick_s = 0.01: expected 0.02, the time step of the loops"),
         ({"speed_mps": 0}, "speed_mps = 0: expected more than 0"),
         ({"pitch_per_metre": None}, "pitch_per_metre = None: expected a number"),
         ({"depth": None}, "depth: expected an object"),
@@ -39,7 +39,7 @@ def test_file_round_trip_is_equal(tmp_path: Path) -> None:
         ),
         (
             {"heading": {"feedback": [1], "loads": 1}},
-            "heading.loads = 1: expected how many of the 1 states are loads",
+            "heading.loads = 1: expected the number of load states, 0 to 0",
         ),
         ({"heading": {"rows": [], "feedback": [1], "loads": 0}}, "heading.rows: expected 1 rows"),
         (
@@ -70,7 +70,7 @@ def test_other_file_format_raises(tmp_path: Path, text: str) -> None:
     path = tmp_path / "controller.json"
     path.write_text(text)
     with pytest.raises(
-        LqgFileError, match=r"controller\.json: (no JSON|the file: expected an object)"
+        LqgFileError, match=r"controller\.json: (not JSON|the file: expected an object)"
     ):
         lqg_file.load(path)
 

@@ -40,7 +40,7 @@ def test_values_are_loaded_at_next_start(tmp_path: Path) -> None:
     assert again.get("HDG_D") == ParamTable().get("HDG_D")
     again.set("DPT_P", 0.2)
     store.close(again)
-    assert restart(tmp_path / "not" / "yet")[0].kept == {
+    assert restart(tmp_path / "not" / "yet")[0].stored == {
         "HDG_P": 0.7,
         "MIS_END_ACT": 2.0,
         "DPT_P": 0.2,
@@ -107,7 +107,7 @@ def test_broken_file_is_renamed_and_valid_lines_are_used(tmp_path: Path, content
         assert len(store.problems) == (4 if b"HDG_P" in content else 2)
         assert (tmp_path / f"{FILE}.broken-{turn}").read_bytes() == content
         assert not (tmp_path / FILE).exists()
-        assert table.kept == ({"HDG_P": 0.7, "DPT_P": 0.2} if b"HDG_P" in content else {})
+        assert table.stored == ({"HDG_P": 0.7, "DPT_P": 0.2} if b"HDG_P" in content else {})
 
 
 @pytest.mark.parametrize("ends", [True, False])
@@ -118,7 +118,7 @@ def test_valid_lines_of_broken_file_are_stored_again(tmp_path: Path, ends: bool)
         assert store.close(table) == ""
     else:
         settle(store, table, (tmp_path / FILE).exists)
-    assert restart(tmp_path)[0].kept == {"HDG_P": 0.7}
+    assert restart(tmp_path)[0].stored == {"HDG_P": 0.7}
 
 
 def test_unreadable_folder_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -89,7 +89,7 @@ def test_sensor_loss_is_reported_once_and_blocks_arming(cable: Rig) -> None:
     cable.sample(50)
     assert cable.silence(0.9 * SENSOR_SILENCE_S) == []
     cable.sample(50)
-    assert cable.silence(3.0 * SENSOR_SILENCE_S) == ["Sensors silent"]
+    assert cable.silence(3.0 * SENSOR_SILENCE_S) == ["Sensor timeout"]
     assert cable.silence(3.0 * SENSOR_SILENCE_S) == []
     assert cable.arm() == REJECTED
     cable.sample(50)
@@ -99,7 +99,7 @@ def test_sensor_loss_is_reported_once_and_blocks_arming(cable: Rig) -> None:
 
 def test_arming_after_short_sensor_loss_needs_new_samples(cable: Rig) -> None:
     cable.sample(50)
-    assert cable.silence(2.0 * SENSOR_SILENCE_S) == ["Sensors silent"]
+    assert cable.silence(2.0 * SENSOR_SILENCE_S) == ["Sensor timeout"]
     cable.sample(50)
     assert cable.received_texts() == []
     assert cable.arm() == REJECTED

@@ -193,4 +193,4 @@ def test_constant_stamps_on_serial_line_are_sensor_loss(rig: Rig) -> None:
     rig.hil.lockstep = False
     for _ in range(60):
         rig.send(NEXT_US - TICK_US)
-    assert rig.received_texts() == ["Sensors silent"]
+    assert rig.received_texts() == ["Sensor timeout"]

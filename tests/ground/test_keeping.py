@@ -111,5 +111,5 @@ def test_before_any_steady_flight_there_is_nothing_to_compare() -> None:
 
 def test_gains_that_nobody_designed_cannot_be_watched(tmp_path: Path) -> None:
     (tmp_path / "mine.param").write_text("HDG_P,0.5\n")
-    with pytest.raises(InputError, match=r"mine\.param: promises nothing; give a gains\.param"):
+    with pytest.raises(InputError, match=r"mine\.param: holds no predicted performance; give a gains\.param"):
         param_file.require_baseline(tmp_path / "mine.param")

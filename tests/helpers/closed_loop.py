@@ -57,7 +57,7 @@ class Dive:
         laws: LqgControllers | None = None,
         limit_s: float = 900.0,
     ) -> None:
-        self.config = replace(params.config(values or {}), laws=laws)
+        self.config = replace(params.config(values or {}), lqg_controllers=laws)
         self._plant = plant.build(
             vehicles.load(vehicle) if isinstance(vehicle, str) else vehicle,
             scenario.load(sea) if isinstance(sea, str) else sea,

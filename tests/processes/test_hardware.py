@@ -310,7 +310,7 @@ def test_time_runs_on_the_wall_clock_at_the_rate_that_the_line_can_carry(scenes:
 
 def test_a_hil_line_pulled_out_in_mid_dive_is_told_and_survived(scenes: Scenes) -> None:
     found = scenes.interrupted.result()
-    assert "Sensors recovered" in found.texts[found.texts.index("Sensors silent") :]
+    assert "Sensors recovered" in found.texts[found.texts.index("Sensor timeout") :]
     assert not any(text.startswith(("Failsafe", "Restarted")) for text in found.texts)
     assert found.armed
     before_m, after_m = found.depths_m

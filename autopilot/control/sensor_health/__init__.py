@@ -1,1 +1,1 @@
-"""Sensor checks: implausible, frozen, silent or inconsistent samples."""
+"""Sensor checks: implausible, frozen, silent and inconsistent readings."""

@@ -1,7 +1,9 @@
-"""What is wrong on board, by what the vehicle herself can see: pure, part of the tick.
+"""Sensor monitor: collect the faults of all sensors, confirm them and report them. Pure.
 
-A complaint that lasts is believed: it is told once, clears a health bit, refuses arming, and its
-instrument is no longer listened to until it has been sound for a while."""
+Part of the tick. A suspected fault that persists is confirmed. A confirmed fault is reported once,
+clears a bit of SYS_STATUS, prevents arming if the subject is vital, and excludes the sensor until
+no new evidence has come for ``RECOVERY_US``.
+"""
 
 import math
 from typing import NamedTuple
@@ -25,33 +27,40 @@ from mavlink_io.records import Altimeter, Battery, DuctFeedback, Leak
 ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE = (group.name for group in imu_checks.GROUPS)
 DEPTH = "Depth"
 SENSORS = "Sensors"
-"""All at once: the line to them."""
+"""Subject of a fault of the whole sensor frame: the HIL link is silent."""
 VITAL = frozenset((ACCELEROMETER, GYRO, MAGNETOMETER, PRESSURE, SENSORS, BATTERY, LEAK, DUCT))
-"""Nobody should go to sea without."""
-DETECTED, LOW, DEVIATES, NOT_TRACKING = "detected", "low", "does not follow", "does not answer"
+"""Subjects whose fault prevents arming."""
+DETECTED, LOW, DEVIATES, NOT_TRACKING = "detected", "low", "does not follow", "not tracking"
 
 RECOVERY_US = 5 * US_PER_S
-"""Soundness that lasts for so long is believed."""
+"""A confirmed fault with no new evidence for longer than this is reported as recovered."""
 FAULT_CLEAR_US, IMPLAUSIBLE_CLEAR_US = US_PER_S // 2, 3 * US_PER_S // 2
-"""A doubt that nothing has nourished for so long is dropped; implausible readings may come a second
-apart."""
+"""A suspected fault with no new evidence for longer than this is cleared.
+
+Implausible readings have the longer limit: a slow sensor may send them one second apart.
+"""
 CHECK_US = US_PER_S // 5
+"""Interval of the slow checks."""
 DUCT_LAG_S = 0.7
-"""Transport delay and lag of the tailcone together."""
+"""Time constant (s) that approximates transport delay and lag of the tailcone together."""
 MOVING_MPS = 0.02
+"""Minimum depth rate towards the set-point of a depth that is tracked."""
 COMMANDED_THRUST_GATE, COMMANDED_DEPTH_GATE_M = 0.2, 1.0
-"""From here on a depth that stays away is expected to come."""
+"""Thrust (fraction of full) and depth error (m) above which the depth must approach its
+set-point."""
 SUBMERGED_M = 1.0
-"""Here no satellite is seen: a receiver that speaks speaks always."""
+"""Depth below which no satellite is received: a receiver that reports there always reports."""
 ECHO_TILT_LIMIT_RAD = math.radians(30.0)
-"""An altimeter that looks so far ahead or astern need not see the floor."""
+"""Maximum pitch at which the altimeter is expected to detect the sea floor."""
 
 
 class Debounce(NamedTuple):
-    """How often and how long a complaint must be heard before it is believed."""
+    """Evidence that confirms a suspected fault."""
 
-    times: int
-    lasting_us: int
+    detections: int
+    """Minimum number of ticks in which the fault was detected."""
+    duration_us: int
+    """Minimum time since the fault was first detected."""
 
 
 _IMMEDIATE = Debounce(1, 0)
@@ -67,123 +76,151 @@ SensorCheckResult = tuple[Ahrs, Health, Inputs, tuple[Event, ...]]
 
 
 def check_sensors(state: AutopilotState, inputs: Inputs, config: Config) -> SensorCheckResult:
-    """Take in what the instruments say: the memory, what may be believed of it, and what to tell.
+    """Check all sensors of a tick.
 
-    ``fields_updated`` of the sample that is given back names the groups that may be used.
+    Parameters:
+        state: state after the last tick.
+        inputs: inputs of this tick, as received.
+        config: parameters.
+
+    Returns:
+        The history of the sensor frame, the history of the other sensors with their faults, the
+        inputs without the readings that must not be used, and the events to send. In the sensor
+        frame returned, ``fields_updated`` names the groups that may be used.
     """
     health, now_us = state.health, inputs.sensors.time_us
-    excluded = _exclude_faulty(health) if health.doubts else _NO_SUBJECTS
-    heard, sample, complaints = imu_checks.check_imu(state.ahrs, inputs.sensors, excluded, config)
+    excluded = _excluded_subjects(health) if health.faults else _NO_SUBJECTS
+    ahrs, sample, detected = imu_checks.check_imu(state.ahrs, inputs.sensors, excluded, config)
     if sample is not inputs.sensors:
         inputs = inputs._replace(sensors=sample)
     if sensor_checks.has_data(inputs):
-        health, inputs, wrong = sensor_checks.update(health, inputs, excluded)
-        complaints += wrong
+        health, inputs, implausible = sensor_checks.update(health, inputs, excluded)
+        detected += implausible
     if now_us >= health.check_us:
-        complaints += _slow_checks(health, state, now_us, config)
+        detected += _slow_checks(health, state, now_us, config)
         wet_gps = health.gps_under_water or _fix_while_submerged(health, state, now_us)
         health = health._replace(check_us=now_us + CHECK_US, gps_under_water=wet_gps)
-    if not complaints and not health.doubts:
-        return heard, health, inputs, ()
-    doubts, events = _update_trackers(health.doubts, complaints, now_us, config)
-    return heard, health._replace(doubts=doubts), inputs, events
+    if not detected and not health.faults:
+        return ahrs, health, inputs, ()
+    trackers, events = _update_trackers(health.faults, detected, now_us, config)
+    return ahrs, health._replace(faults=trackers), inputs, events
 
 
 def predict_duct(
     duct_rad: tuple[float, float], rudder_rad: float, elevator_rad: float, dt_s: float
 ) -> tuple[float, float]:
-    """Where the duct should stand after a tick, shorter than its lag, in which it was told to go
-    there."""
-    way, (rudder, elevator) = dt_s / DUCT_LAG_S, duct_rad
-    return rudder + way * (rudder_rad - rudder), elevator + way * (elevator_rad - elevator)
+    """Predict the duct's angles after a tick, to compare with its feedback.
+
+    First-order lag, explicit Euler: ``delta <- delta + dt / T (command - delta)`` with
+    T = ``DUCT_LAG_S``; ``dt_s`` must be less than T.
+
+    Parameters:
+        duct_rad: predicted rudder and elevator angle before the tick.
+        rudder_rad, elevator_rad: commanded angles, positive turns the nose to starboard and up.
+        dt_s: length of the tick.
+
+    Returns:
+        Predicted rudder and elevator angle (rad) after the tick.
+    """
+    alpha, (rudder, elevator) = dt_s / DUCT_LAG_S, duct_rad
+    return rudder + alpha * (rudder_rad - rudder), elevator + alpha * (elevator_rad - elevator)
 
 
 def active_faults(health: Health) -> dict[str, str]:
-    """What is believed to be wrong, by subject."""
-    return {doubt.complaint.subject: doubt.complaint.what for doubt in health.doubts if doubt.told}
+    """Return the confirmed faults: what is wrong, by subject."""
+    return {
+        tracker.fault.subject: tracker.fault.what for tracker in health.faults if tracker.reported
+    }
 
 
 def prearm_failure(health: Health) -> str:
-    """Why she must not be armed; empty when she may."""
+    """Return the first confirmed fault that prevents arming; empty if there is none."""
     reasons = (f"{name} {what}" for name, what in active_faults(health).items() if name in VITAL)
     return next(reasons, "")
 
 
 def report_sensor_loss(state: AutopilotState) -> AutopilotState:
-    """No sample comes any more: believed at once, and until they have come again for
-    ``RECOVERY_US``.
+    """Return the state after the sensor frames have stopped.
 
-    The next one may look like the last without being stuck, and differ by anything.
+    The fault is confirmed at once; it ends when frames have come again for ``RECOVERY_US``. The
+    history of the frames is cleared: after a gap the next frame may repeat the last one without
+    being stuck, and may differ from it by any amount.
     """
-    others = tuple(doubt for doubt in state.health.doubts if doubt.complaint.subject != SENSORS)
-    lost = FaultTracker(Fault(SENSORS, SILENT), state.time_us, state.time_us, told=True)
-    return state._replace(ahrs=Ahrs(), health=state.health._replace(doubts=(*others, lost)))
+    others = tuple(tracker for tracker in state.health.faults if tracker.fault.subject != SENSORS)
+    lost = FaultTracker(Fault(SENSORS, SILENT), state.time_us, state.time_us, reported=True)
+    return state._replace(ahrs=Ahrs(), health=state.health._replace(faults=(*others, lost)))
 
 
 def has_new_fix(health: Health, time_us: int) -> bool:
-    """Whether a satellite fix came in this tick."""
-    return health.gps.sound_us == time_us and sensor_checks.has_fix(health.gps.record)
+    """Return whether a satellite fix was accepted in the tick at ``time_us``."""
+    return health.gps.accepted_us == time_us and sensor_checks.has_fix(health.gps.record)
 
 
-def _exclude_faulty(health: Health) -> frozenset[str]:
-    """Whose readings are not used: nonsense at the first sign, but what is only silent is believed
-    when it speaks."""
+def _excluded_subjects(health: Health) -> frozenset[str]:
+    """Return the sensors whose readings are not used.
+
+    An implausible reading excludes at once, any other fault once it is confirmed. A silent sensor
+    is not excluded: its next reading is used.
+    """
     return frozenset(
-        doubt.complaint.subject
-        for doubt in health.doubts
-        if (what := doubt.latest or doubt.complaint.what) == IMPLAUSIBLE
-        or (doubt.told and what != SILENT)
+        tracker.fault.subject
+        for tracker in health.faults
+        if (what := tracker.latest or tracker.fault.what) == IMPLAUSIBLE
+        or (tracker.reported and what != SILENT)
     )
 
 
 def _update_trackers(
-    doubts: tuple[FaultTracker, ...], complaints: tuple[Fault, ...], now_us: int, config: Config
+    trackers: tuple[FaultTracker, ...], detected: tuple[Fault, ...], now_us: int, config: Config
 ) -> tuple[tuple[FaultTracker, ...], tuple[Event, ...]]:
-    """The doubts after the complaints of a tick, with what is to be told: each loss and each
-    recovery once."""
-    open_doubts = {doubt.complaint.subject: doubt for doubt in doubts}
-    for complaint in complaints:
-        old = open_doubts.get(complaint.subject)
+    """Add the faults of a tick; report each confirmed fault and each recovery once."""
+    by_subject = {tracker.fault.subject: tracker for tracker in trackers}
+    for fault in detected:
+        old = by_subject.get(fault.subject)
         if old is None:
-            open_doubts[complaint.subject] = FaultTracker(complaint, now_us, now_us)
+            by_subject[fault.subject] = FaultTracker(fault, now_us, now_us)
         elif old.last_us < now_us:
-            kept = old.complaint if old.told or old.complaint.what != SILENT else complaint
-            open_doubts[complaint.subject] = old._replace(
-                complaint=kept, last_us=now_us, times=old.times + 1, latest=complaint.what
+            main = old.fault if old.reported or old.fault.what != SILENT else fault
+            by_subject[fault.subject] = old._replace(
+                fault=main, last_us=now_us, detections=old.detections + 1, latest=fault.what
             )
     events: list[Event] = []
-    weighed: list[FaultTracker] = []
-    for doubt in open_doubts.values():
-        quiet_us = now_us - doubt.last_us
-        grace_us = IMPLAUSIBLE_CLEAR_US if doubt.complaint.what == IMPLAUSIBLE else FAULT_CLEAR_US
-        if doubt.told and quiet_us > RECOVERY_US:
-            events.append(Event(Severity.NOTICE, f"{doubt.complaint.subject} recovered"))
-        elif doubt.told or quiet_us <= grace_us:
-            weighed.append(_confirm_faults(doubt, now_us, config, events))
-    return tuple(weighed), tuple(events)
+    remaining: list[FaultTracker] = []
+    for tracker in by_subject.values():
+        quiet_us = now_us - tracker.last_us
+        clear_us = IMPLAUSIBLE_CLEAR_US if tracker.fault.what == IMPLAUSIBLE else FAULT_CLEAR_US
+        if tracker.reported and quiet_us > RECOVERY_US:
+            events.append(Event(Severity.NOTICE, f"{tracker.fault.subject} recovered"))
+        elif tracker.reported or quiet_us <= clear_us:
+            remaining.append(_confirm_fault(tracker, now_us, config, events))
+    return tuple(remaining), tuple(events)
 
 
-def _confirm_faults(
-    doubt: FaultTracker, now_us: int, config: Config, events: list[Event]
+def _confirm_fault(
+    tracker: FaultTracker, now_us: int, config: Config, events: list[Event]
 ) -> FaultTracker:
-    """The doubt, believed and told when it has lasted."""
-    complaint = doubt.complaint
-    patience = _DEBOUNCE.get(complaint.what, _IMMEDIATE)
-    if complaint.what == NOT_TRACKING:
-        patience = Debounce(2, round(config.health_depth_s * US_PER_S))
-    if doubt.told or doubt.times < patience.times or now_us - doubt.since_us < patience.lasting_us:
-        return doubt
-    severity = Severity.EMERGENCY if complaint.subject == LEAK else Severity.ERROR
-    events.append(Event(severity, f"{complaint.subject} {complaint.what}"))
-    return doubt._replace(told=True)
+    """Confirm and report a fault that has persisted; append its event to ``events``."""
+    fault = tracker.fault
+    debounce = _DEBOUNCE.get(fault.what, _IMMEDIATE)
+    if fault.what == NOT_TRACKING:
+        debounce = Debounce(2, round(config.health_depth_s * US_PER_S))
+    if (
+        tracker.reported
+        or tracker.detections < debounce.detections
+        or now_us - tracker.since_us < debounce.duration_us
+    ):
+        return tracker
+    severity = Severity.EMERGENCY if fault.subject == LEAK else Severity.ERROR
+    events.append(Event(severity, f"{fault.subject} {fault.what}"))
+    return tracker._replace(reported=True)
 
 
 def _slow_checks(
     health: Health, state: AutopilotState, now_us: int, config: Config
 ) -> tuple[Fault, ...]:
-    """What is only worth a look now and then: silence, standing still, and what does not answer."""
+    """Return the faults that need no check every tick: silent, stuck, low, leak and deviations."""
     silent, stuck = sensor_checks.is_silent, sensor_checks.is_frozen
-    looks = (
+    checks = (
         (GPS, SILENT, silent(health.gps, now_us) and _fix_expected(health, state, config)),
         (GPS, STUCK, stuck(health.gps, now_us) and sensor_checks.has_fix(health.gps.record)),
         (ALTIMETER, SILENT, silent(health.altimeter, now_us) and _echo_expected(health, state)),
@@ -197,20 +234,24 @@ def _slow_checks(
         (DUCT, DEVIATES, _duct_deviates(health.duct.record, state.duct_rad, config)),
         (DEPTH, NOT_TRACKING, _depth_not_tracking(state, config)),
     )
-    return tuple(Fault(name, what) for name, what, wrong in looks if wrong)
+    return tuple(Fault(subject, what) for subject, what, present in checks if present)
 
 
 def _fix_while_submerged(health: Health, state: AutopilotState, now_us: int) -> bool:
-    return 0 <= now_us - CHECK_US < health.gps.heard_us and state.estimate.depth_m > SUBMERGED_M
+    """Return whether the receiver reported since the last slow check while submerged."""
+    return 0 <= now_us - CHECK_US < health.gps.received_us and state.estimate.depth_m > SUBMERGED_M
 
 
 def _fix_expected(health: Health, state: AutopilotState, config: Config) -> bool:
+    """Return whether the receiver should report: at the surface, or if it reports at any depth."""
     return health.gps_under_water or state.estimate.depth_m < config.surfaced_depth_m
 
 
 def _echo_expected(health: Health, state: AutopilotState) -> bool:
-    """The floor was well within reach when it was last seen, and nothing says that it no longer
-    is."""
+    """Return whether the altimeter should report a range.
+
+    The last range was less than 0.7 of the maximum, and the pitch is small.
+    """
     last: Altimeter | None = health.altimeter.record
     return (
         last is not None
@@ -232,20 +273,21 @@ def _leak_detected(leak: Leak | None) -> bool:
 
 
 def _duct_deviates(
-    seen: DuctFeedback | None, expected_rad: tuple[float, float], config: Config
+    feedback: DuctFeedback | None, expected_rad: tuple[float, float], config: Config
 ) -> bool:
-    if seen is None:
+    """Return whether the duct's feedback differs from the predicted angles by HLTH_DUCT_PCT."""
+    if feedback is None:
         return False
     travel = config.travel_rad
     rudder, elevator = expected_rad[0] / travel, expected_rad[1] / travel
     return (
-        100.0 * max(abs(seen.rudder - rudder), abs(seen.elevator - elevator))
+        100.0 * max(abs(feedback.rudder - rudder), abs(feedback.elevator - elevator))
         > config.health_duct_pct
     )
 
 
 def _depth_not_tracking(state: AutopilotState, config: Config) -> bool:
-    """Under way in a mode that holds depth, the depth far off and not coming nearer."""
+    """Return whether the depth stays away from its set-point under thrust in a depth mode."""
     mode = modes.by_number(state.mode)
     if not (
         state.armed

@@ -1,5 +1,4 @@
-"""What is wrong with a device that speaks for itself: words that cannot be, the same words for
-ever, none at all."""
+"""Checks of sensors with messages of their own: implausible, frozen and silent records. Pure."""
 
 import math
 from collections.abc import Callable
@@ -13,93 +12,117 @@ from mavlink_io.records import Altimeter, Battery, Dvl, GpsFix
 GPS, ALTIMETER, DVL, BATTERY, LEAK, DUCT = "GPS", "Altimeter", "DVL", "Battery", "Leak", "Duct"
 
 SILENT_US, BATTERY_SILENT_US, STUCK_US = 3 * US_PER_S, 10 * US_PER_S, 10 * US_PER_S
-"""The least that is called silence or standing still; a device that speaks seldom is given more."""
+"""Minimum time without a record, or without a change, that is a fault.
+
+A sensor with long intervals gets more: see SILENT_INTERVALS and STUCK_INTERVALS.
+"""
 DEFAULT_SILENT_US = 30 * US_PER_S
-"""Silence after a first word, while nobody knows when the second is due."""
+"""Time without a second record that is a fault, while the sensor's interval is unknown."""
 SILENT_INTERVALS, STUCK_INTERVALS = 3, 5
+"""Number of usual intervals without a record, or without a change, that is a fault."""
 INTERVAL_CHANGE = 1.5
-"""From word to word the usual interval follows by no more than this factor: an outage or a burst is
-not a pace."""
+"""Maximum factor by which one record changes the usual interval: an outage or a burst is no new
+interval."""
 ACTIVE_US = US_PER_S // 2
+"""Maximum age of the last record of a sensor that is stuck and not silent."""
 FIX_JUMP_M, ECHO_JUMP_M, DVL_JUMP_MPS, DVL_MAX_MPS, CHARGE_JUMP = 50.0, 3.0, 1.0, 10.0, 0.2
+"""Maximum plausible change between two records, and maximum velocity per axis of the Doppler
+log (DVL). The charge is a fraction of full."""
 JUMP_WITHIN_US = 2 * US_PER_S
-"""Words further apart may differ by anything."""
+"""Maximum age of the last plausible record to which a change is compared."""
 _METRES_PER_DEG = 111_000.0
 _NEITHER, _NONE_OF_FOUR = (None,) * 2, (None,) * 4
-"""GPS and altimeter; DVL, battery, leak and duct: as ``Inputs`` has them."""
+"""Inputs without GPS and altimeter, and without DVL, battery, leak and duct."""
 
 
 def has_data(inputs: Inputs) -> bool:
-    """Whether any device did since the last tick."""
+    """Return whether any of the sensors has sent a record since the last tick."""
     return inputs[1:3] != _NEITHER or inputs[5:9] != _NONE_OF_FOUR
 
 
 def update(
     health: Health, inputs: Inputs, excluded: frozenset[str]
 ) -> tuple[Health, Inputs, tuple[Fault, ...]]:
-    """Take in what devices say; a record that cannot be, or that is of one ``excluded``, goes no
-    further."""
+    """Check the records of a tick.
+
+    Parameters:
+        health: history of the sensors.
+        inputs: inputs of this tick.
+        excluded: names of the sensors whose records must not be used.
+
+    Returns:
+        The new history, the inputs without implausible and excluded records, and the faults.
+    """
     now_us = inputs.sensors.time_us
-    heard: dict[str, Any] = {}
+    devices: dict[str, Any] = {}
     dropped: dict[str, Any] = {}
-    complaints = []
-    for field, name, possible, reading in _DEVICES:
+    faults = []
+    for field, name, plausible, reading in _DEVICES:
         record = getattr(inputs, field)
         if record is None:
             continue
         old: Device = getattr(health, field)
-        lately = old.record if now_us - old.sound_us < JUMP_WITHIN_US else None
-        interval_us = now_us - old.heard_us if old.heard_us >= 0 else 0
-        pace_us = _update_interval_us(old.pace_us, interval_us)
-        if possible(record, lately):
+        recent = old.record if now_us - old.accepted_us < JUMP_WITHIN_US else None
+        interval_us = now_us - old.received_us if old.received_us >= 0 else 0
+        usual_us = _update_interval_us(old.usual_interval_us, interval_us)
+        if plausible(record, recent):
             same = old.record is not None and reading(record) == reading(old.record)
-            heard[field] = Device(
-                record, now_us, now_us, old.changed_us if same else now_us, interval_us, pace_us
+            devices[field] = Device(
+                record, now_us, now_us, old.changed_us if same else now_us, interval_us, usual_us
             )
             if name in excluded:
                 dropped[field] = None
         else:
-            complaints.append(Fault(name, IMPLAUSIBLE))
-            heard[field] = Device(old.record, old.sound_us, now_us, now_us, interval_us, pace_us)
+            faults.append(Fault(name, IMPLAUSIBLE))
+            devices[field] = Device(
+                old.record, old.accepted_us, now_us, now_us, interval_us, usual_us
+            )
             dropped[field] = None
     return (
-        health._replace(**heard),
+        health._replace(**devices),
         inputs._replace(**dropped) if dropped else inputs,
-        tuple(complaints),
+        tuple(faults),
     )
 
 
 def _update_interval_us(usual_us: int, interval_us: int) -> int:
-    """The usual interval, with the one that has just passed."""
+    """Return the usual interval, limited to a change by INTERVAL_CHANGE."""
     if not usual_us:
         return interval_us
     return round(min(INTERVAL_CHANGE * usual_us, max(usual_us / INTERVAL_CHANGE, interval_us)))
 
 
-def is_silent(device: Device, now_us: int, at_least_us: int = SILENT_US) -> bool:
-    """Whether a device that has spoken does so no more, or only after far longer than is its own
-    pace."""
+def is_silent(device: Device, now_us: int, min_silent_us: int = SILENT_US) -> bool:
+    """Return whether a sensor that has sent records is silent, or was until its last record.
+
+    The limit is SILENT_INTERVALS usual intervals, but at least ``min_silent_us``.
+    """
     limit_us = (
-        max(at_least_us, SILENT_INTERVALS * device.pace_us) if device.pace_us else DEFAULT_SILENT_US
+        max(min_silent_us, SILENT_INTERVALS * device.usual_interval_us)
+        if device.usual_interval_us
+        else DEFAULT_SILENT_US
     )
-    return device.heard_us >= 0 and limit_us < max(now_us - device.heard_us, device.interval_us)
+    return device.received_us >= 0 and limit_us < max(
+        now_us - device.received_us, device.interval_us
+    )
 
 
 def is_frozen(device: Device, now_us: int) -> bool:
-    """Whether it still speaks, and says the same."""
-    same_us = device.heard_us - device.changed_us
+    """Return whether a sensor still sends records, all with the same reading."""
+    unchanged_us = device.received_us - device.changed_us
     return (
-        same_us > max(STUCK_US, STUCK_INTERVALS * device.pace_us)
-        and now_us - device.heard_us < ACTIVE_US
+        unchanged_us > max(STUCK_US, STUCK_INTERVALS * device.usual_interval_us)
+        and now_us - device.received_us < ACTIVE_US
     )
 
 
 def has_fix(fix: GpsFix | None) -> bool:
-    """Whether the receiver knows where it is."""
+    """Return whether a record has a position fix (fix type 3D or better)."""
     return fix is not None and fix.fix_type >= 3
 
 
 def _plausible_fix(fix: GpsFix, before: GpsFix | None) -> bool:
+    """Check latitude and longitude, and the distance from the last fix."""
     if fix.fix_type < 3 or before is None or before.fix_type < 3:
         return abs(fix.lat_deg) <= 90.0 and abs(fix.lon_deg) <= 180.0
     north_m = _METRES_PER_DEG * (fix.lat_deg - before.lat_deg)
@@ -108,36 +131,38 @@ def _plausible_fix(fix: GpsFix, before: GpsFix | None) -> bool:
 
 
 def _plausible_range(echo: Altimeter, before: Altimeter | None) -> bool:
+    """Check that the range is within the sensor's limits, and its change."""
     if not echo.min_range_m <= echo.range_m <= echo.max_range_m:
         return False
     return before is None or abs(echo.range_m - before.range_m) < ECHO_JUMP_M
 
 
-def _plausible_velocity(seen: Dvl, before: Dvl | None) -> bool:
-    x, y, z = _velocity(seen)
+def _plausible_velocity(ping: Dvl, before: Dvl | None) -> bool:
+    """Check each axis, and its change if the tracking mode is the same."""
+    x, y, z = _velocity(ping)
     if not (abs(x) < DVL_MAX_MPS and abs(y) < DVL_MAX_MPS and abs(z) < DVL_MAX_MPS):
         return False
-    if before is None or before.over_ground != seen.over_ground:
+    if before is None or before.over_ground != ping.over_ground:
         return True
-    was_x, was_y, was_z = _velocity(before)
+    before_x, before_y, before_z = _velocity(before)
     return (
-        abs(x - was_x) < DVL_JUMP_MPS
-        and abs(y - was_y) < DVL_JUMP_MPS
-        and abs(z - was_z) < DVL_JUMP_MPS
+        abs(x - before_x) < DVL_JUMP_MPS
+        and abs(y - before_y) < DVL_JUMP_MPS
+        and abs(z - before_z) < DVL_JUMP_MPS
     )
 
 
-def _plausible_battery(seen: Battery, before: Battery | None) -> bool:
-    """A gauge that does not know what remains says NaN, and may."""
-    change = seen.remaining - before.remaining if before else 0.0
-    return seen.voltage_v > 0.0 and not abs(change) > CHARGE_JUMP
+def _plausible_battery(battery: Battery, before: Battery | None) -> bool:
+    """Check voltage and change of charge; an unknown charge is NaN and plausible."""
+    change = battery.remaining - before.remaining if before else 0.0
+    return battery.voltage_v > 0.0 and not abs(change) > CHARGE_JUMP
 
 
 def _always_plausible(record: object, before: object) -> bool:
     return True
 
 
-def _place(fix: GpsFix) -> tuple[float, float]:
+def _position(fix: GpsFix) -> tuple[float, float]:
     return fix.lat_deg, fix.lon_deg
 
 
@@ -145,29 +170,31 @@ def _range(echo: Altimeter) -> float:
     return echo.range_m
 
 
-def _velocity(seen: Dvl) -> tuple[float, float, float]:
-    return seen.velocity_x_mps, seen.velocity_y_mps, seen.velocity_z_mps
+def _velocity(ping: Dvl) -> tuple[float, float, float]:
+    return ping.velocity_x_mps, ping.velocity_y_mps, ping.velocity_z_mps
 
 
-def _all_finite(record: object) -> object:
+def _whole_record(record: object) -> object:
     return record
 
 
 class _DeviceKind(NamedTuple):
+    """How the records of one kind of sensor are checked."""
+
     field: str
-    """Of ``Inputs`` and of ``Health``."""
+    """Field of ``Inputs`` and of ``Health``."""
     name: str
-    possible: Callable[[Any, Any], bool]
-    """Whether a record can be, after another one."""
+    plausible: Callable[[Any, Any], bool]
+    """Check of a record; the second argument is the last plausible record, None if too old."""
     reading: Callable[[Any], object]
-    """What stands still in a record when the device is stuck."""
+    """Part of a record that stays the same when the sensor is stuck."""
 
 
 _DEVICES = (
-    _DeviceKind("gps", GPS, _plausible_fix, _place),
+    _DeviceKind("gps", GPS, _plausible_fix, _position),
     _DeviceKind("altimeter", ALTIMETER, _plausible_range, _range),
     _DeviceKind("dvl", DVL, _plausible_velocity, _velocity),
-    _DeviceKind("battery", BATTERY, _plausible_battery, _all_finite),
-    _DeviceKind("leak", LEAK, _always_plausible, _all_finite),
-    _DeviceKind("duct", DUCT, _always_plausible, _all_finite),
+    _DeviceKind("battery", BATTERY, _plausible_battery, _whole_record),
+    _DeviceKind("leak", LEAK, _always_plausible, _whole_record),
+    _DeviceKind("duct", DUCT, _always_plausible, _whole_record),
 )

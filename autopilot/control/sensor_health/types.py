@@ -1,4 +1,4 @@
-"""What the vehicle remembers of her instruments, and what she doubts of them."""
+"""History of the sensors and their faults, as the tick keeps it."""
 
 import math
 from typing import Any, NamedTuple
@@ -6,70 +6,78 @@ from typing import Any, NamedTuple
 from mavlink_io.records import SensorFrame
 
 NO_READINGS = ((math.nan,) * 3, (math.nan,) * 3, (math.nan,) * 3, (math.nan,))
-"""Of accelerometer, gyro, magnetometer and pressure sensor, in the order of SensorFrame."""
+"""Accelerometer, gyro, magnetometer, pressure sensor (the order of SensorFrame) before any
+reading."""
 _NO_FRAME = SensorFrame(-1, *(0.0,) * 13, 0, 0)
 
 
-class Piecemeal(NamedTuple):
-    """What was heard of the AHRS's groups, in the order of ``NO_READINGS``, where not all spoke and
-    made sense."""
+class GroupReadings(NamedTuple):
+    """History of each group of the sensor frame, in the order of ``NO_READINGS``.
+
+    Needed while a group is silent or implausible.
+    """
 
     readings: tuple[tuple[float, ...], ...] = NO_READINGS
-    """The last ones, whatever they say."""
-    heard_us: tuple[int, ...] = (-1,) * 4
-    """When a reading last made sense; -1 for never."""
+    """Last reading of each group, plausible or not."""
+    received_us: tuple[int, ...] = (-1,) * 4
+    """Time of the last plausible reading of each group; -1 before the first."""
 
 
 class Ahrs(NamedTuple):
-    """What was heard of the AHRS."""
+    """History of the sensor frame (accelerometer, gyro, magnetometer, pressure sensor)."""
 
     frame: SensorFrame = _NO_FRAME
-    """The last readings that may be used."""
+    """Last readings that may be used."""
     changed_us: tuple[int, ...] = (-1,) * 4
-    """When each group's reading last changed."""
-    piecemeal: Piecemeal | None = Piecemeal()
-    """None where ``frame`` is all there is to know: every group spoke in it and made sense."""
+    """Time at which the reading of each group last changed."""
+    per_group: GroupReadings | None = GroupReadings()
+    """History by group; None if every group of ``frame`` is fresh and plausible."""
 
 
 class Device(NamedTuple):
-    """What was heard of a device that speaks for itself."""
+    """History of a sensor that sends messages of its own, for example the GPS receiver."""
 
     record: Any = None
-    """The last one that makes sense."""
-    sound_us: int = -1
-    """When that was."""
-    heard_us: int = -1
-    """When anything was; -1 for never."""
+    """Last plausible record; None before the first."""
+    accepted_us: int = -1
+    """Time of the last plausible record."""
+    received_us: int = -1
+    """Time of the last record, plausible or not; -1 before the first."""
     changed_us: int = -1
-    """When it last said something new."""
+    """Time at which the reading last changed."""
     interval_us: int = 0
-    """Between the last two words; zero before the second."""
-    pace_us: int = 0
-    """The usual interval."""
+    """Interval between the last two records; 0 before the second."""
+    usual_interval_us: int = 0
+    """Smoothed interval between records; 0 before the second."""
 
 
 class Fault(NamedTuple):
-    """Something that looks wrong in one tick."""
+    """A fault that was detected in one tick."""
 
     subject: str
+    """Name of the sensor or function, as in the STATUSTEXT."""
     what: str
+    """Kind of the fault, as in the STATUSTEXT."""
 
 
 class FaultTracker(NamedTuple):
-    """A complaint that lasts, or lasted until lately."""
+    """A suspected or confirmed fault."""
 
-    complaint: Fault
+    fault: Fault
     since_us: int
+    """Time of the first detection."""
     last_us: int
-    times: int = 1
-    told: bool = False
-    """Whether it has lasted long enough to be believed and told."""
+    """Time of the last detection."""
+    detections: int = 1
+    """Number of ticks in which it was detected."""
+    reported: bool = False
+    """Whether the fault was confirmed and reported."""
     latest: str = ""
-    """What was last complained of, once that differs."""
+    """Kind of the last detection after the first; empty before the second detection."""
 
 
 class Health(NamedTuple):
-    """What the vehicle knows of her devices and her own soundness."""
+    """History of the sensors outside the sensor frame, and all faults."""
 
     gps: Device = Device()
     altimeter: Device = Device()
@@ -78,8 +86,9 @@ class Health(NamedTuple):
     leak: Device = Device()
     duct: Device = Device()
     gps_under_water: bool = False
-    """The receiver was heard at depth: it speaks always, so its silence means something there
-    too."""
-    doubts: tuple[FaultTracker, ...] = ()
+    """Whether the receiver has reported while submerged; then its silence is a fault at any
+    depth."""
+    faults: tuple[FaultTracker, ...] = ()
+    """Suspected and confirmed faults, at most one per subject."""
     check_us: int = 0
-    """When to look again at what changes slowly."""
+    """Time of the next slow checks."""

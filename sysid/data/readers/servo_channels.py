@@ -51,8 +51,8 @@ def parse(text: str) -> ServoChannels:
     """
     if not re.fullmatch(r"-?[1-9]\d?(,-?[1-9]\d?){2}", text):
         raise LogError(
-            f"--servo-channels {text}: give RUDDER,ELEVATOR,THRUST counted from 1, with a minus for"
-            " a reversed output"
+            f"--servo-channels {text}: give RUDDER,ELEVATOR,THRUST counted from 1, "
+            "with a minus for a reversed output"
         )
     return ServoChannels(*(int(part) for part in text.split(",")))
 

@@ -114,7 +114,7 @@ def depth_step(
     """
     config = params.config(values)
     initial_integral_rad = min(config.depth_i_max, max(-config.depth_i_max, -level_pitch_rad))
-    states, commands, memory = [], [], LoopMemory(depth_rad=initial_integral_rad)
+    states, commands, memory = [], [], LoopMemory(depth_integral_rad=initial_integral_rad)
     plant = _PlaneWithTailcone(vehicle.planes.pitch, vehicle.pitch_lag, spec)
     for _ in range(round(seconds / TICK_S)):
         _, q, theta, depth = plant.state

@@ -1,8 +1,7 @@
-"""Linear estimates of one plane at a time: the small-signal plane, its tailcone, and nothing that
-comes from size.
+"""Linear estimators of one plane: small-signal equations of motion and tailcone.
 
-``plant`` says what is estimated, ``response`` what a plant does under logged commands and how that
-changes with every value, ``records`` what a run is to these estimators. ``output_error`` takes what
-remains for sensor noise, ``filter_error`` for the sea. ``search`` starts either from many places
-and refuses what is not unique, ``bound`` tells how well any estimator could do, and ``report``
-writes the model."""
+Modules: estimated values (``linear_model``), exact response and sensitivities (``response``,
+``tailcone``), data and prior (``records``), cost functions (``output_error`` for sensor noise only,
+``filter_error`` for disturbance and sensor noise), search from many starts and uniqueness
+(``multistart``), ``estimate``, Cramer-Rao bound (``cramer_rao``), and the model file (``report``).
+"""

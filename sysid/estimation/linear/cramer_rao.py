@@ -1,7 +1,14 @@
-"""The Cramer-Rao bound: how well a set of tests could tell a plant, whoever estimates it.
+"""Cramer-Rao bound: smallest covariance of any unbiased estimator from a set of tests.
 
-The inverse of the information that the tests hold about the values, each run's own gyro bias and
-starting state unknown (Ljung 1999, section 7.4). The lag's bench test counts as data."""
+Symbols: theta values (p,), J = d(residual)/d(theta) whitened (n, p) of one test, N nuisances of one
+test (gyro bias and initial state). The bound is the inverse of the information (Ljung 1999, section
+7.4)::
+
+    I = I_bench + sum over tests of J' J,    cov(theta) >= I^-1
+
+The nuisances are removed by the noise filter with a wide prior (coloured noise) or by projection
+(white noise). The bench test of the actuator lag counts as data, I_bench.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.estimation.linear import linear_model as plants
-from sysid.estimation.linear import response
+from sysid.estimation.linear import linear_model, response
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.response import SurfaceCommand
 from sysid.models import noise
@@ -20,84 +26,129 @@ Array = NDArray[np.float64]
 
 
 class Bound(NamedTuple):
-    """Least covariances that an unbiased estimator can have."""
+    """Smallest covariances of an unbiased estimator."""
 
     information: Array
-    """Of the values, (values, values), the bench's word on the lag included."""
+    """(p, p), information about the values, bench test of the lag included."""
     covariance: Array
-    """Of the values, in the order of ``plant.names``."""
+    """(p, p), covariance of the values, in the order of ``linear_model.names``."""
     derived: Array
-    """Of gain, poles and the rest, in the order of ``plant.derived_names``."""
+    """Covariance of gain, poles, delay and bias, in the order of ``linear_model.derived_names``."""
 
 
-def bound_coloured(plant: LinearModel, commands: Sequence[SurfaceCommand], level: Noise) -> Bound:
-    """Under the sea and the sensors of ``level``; starting states as uncertain as ``noise`` says.
+def bound_coloured(model: LinearModel, commands: Sequence[SurfaceCommand], level: Noise) -> Bound:
+    """Return the bound for disturbance and sensor noise, with uncertain initial states.
 
-    Args:
-        plant: the truth, or a draw from what is believed of it.
-        commands: of each test, its approach included.
-        level: standard deviations of disturbance and sensors.
+    Parameters
+    ----------
+    model : LinearModel
+        True plane, or a sample from its prior.
+    commands : sequence of SurfaceCommand
+        Command of each test, the time before the test included.
+    level : Noise
+        Standard deviations of disturbance and sensor noise.
 
-    Raises:
-        ValueError: there is no test.
+    Returns
+    -------
+    Bound
+        Information and covariances.
+
+    Raises
+    ------
+    ValueError
+        There is no test.
     """
-    by, count = response.discretise(plant), plants.outputs(plant.frame.plane)
-    filtering = noise.build(plants.linear_plane(plant), level, response.DT, _max_steps(commands))
-    information = bench_information(plant)
+    discrete, output_count = response.discretise(model), linear_model.outputs(model.frame.plane)
+    noise_filter = noise.build(
+        linear_model.linear_plane(model), level, response.DT, _max_steps(commands)
+    )
+    information = bench_information(model)
     for command in commands:
         slopes = response.slopes(
-            plant, by, response.duct_motion(plant, command), np.zeros(len(by.transition)), count
+            model,
+            discrete,
+            response.duct_motion(model, command),
+            np.zeros(len(discrete.transition)),
+            output_count,
         )
-        J = np.stack([noise.whiten_residual(slope, filtering).ravel() for slope in slopes])
+        J = np.stack([noise.whiten_residual(slope, noise_filter).ravel() for slope in slopes])
         information += J @ J.T
-    return of_information(plant, information)
+    return of_information(model, information)
 
 
-def bound_white(plant: LinearModel, commands: Sequence[SurfaceCommand], level: Noise) -> Bound:
-    """Under the sensors of ``level`` alone; starting states and gyro biases entirely unknown.
+def bound_white(model: LinearModel, commands: Sequence[SurfaceCommand], level: Noise) -> Bound:
+    """Return the bound for sensor noise alone, with unknown initial states and gyro biases.
 
-    Arguments and errors as ``bound_coloured``.
+    Parameters
+    ----------
+    model : LinearModel
+        True plane, or a sample from its prior.
+    commands : sequence of SurfaceCommand
+        Command of each test, the time before the test included.
+    level : Noise
+        Standard deviations of the sensor noise; its disturbance is ignored.
+
+    Returns
+    -------
+    Bound
+        Information and covariances.
+
+    Raises
+    ------
+    ValueError
+        There is no test.
+
+    Notes
+    -----
+    With N = Q R the nuisance columns of a test, the projected sensitivities are J - Q Q'J.
     """
-    by, count = response.discretise(plant), plants.outputs(plant.frame.plane)
-    sds, longest = sensor_sds(level)[:count], _max_steps(commands)
-    unknown = response.nuisances(by, longest, count) / sds[:, None]
-    information = bench_information(plant)
+    discrete, output_count = response.discretise(model), linear_model.outputs(model.frame.plane)
+    sds, max_steps = sensor_sds(level)[:output_count], _max_steps(commands)
+    nuisance_columns = response.nuisances(discrete, max_steps, output_count) / sds[:, None]
+    information = bench_information(model)
     for command in commands:
         steps = response.steps(command)
-        Q = np.linalg.qr(unknown[:steps].reshape(steps * count, -1))[0]
+        Q = np.linalg.qr(nuisance_columns[:steps].reshape(steps * output_count, -1))[0]
         slopes = (
             response.slopes(
-                plant, by, response.duct_motion(plant, command), np.zeros(len(by.transition)), count
+                model,
+                discrete,
+                response.duct_motion(model, command),
+                np.zeros(len(discrete.transition)),
+                output_count,
             )
             / sds
         )
         J = slopes.reshape(len(slopes), -1)
         J -= (J @ Q) @ Q.T
         information += J @ J.T
-    return of_information(plant, information)
+    return of_information(model, information)
 
 
 def sensor_sds(level: Noise) -> Array:
-    """Standard deviations of rate, angle and depth."""
+    """Standard deviations of rate (rad/s), angle (rad) and depth (m)."""
     return np.array([level.rate_radps, level.angle_rad, level.depth_m])
 
 
-def bench_information(plant: LinearModel) -> Array:
-    """What the bench test of the tailcone tells of its lag, (values, values)."""
-    lag = plants.lag(plant.frame.plane)
-    information = np.zeros((plant.values.size, plant.values.size))
-    information[lag, lag] = np.diag(1.0 / (plants.LAG_SD * plant.values[lag]) ** 2)
+def bench_information(model: LinearModel) -> Array:
+    """Information of the tailcone's bench test about its lag, (p, p)."""
+    lag = linear_model.lag(model.frame.plane)
+    information = np.zeros((model.values.size, model.values.size))
+    information[lag, lag] = np.diag(1.0 / (linear_model.LAG_SD * model.values[lag]) ** 2)
     return information
 
 
-def of_information(plant: LinearModel, information: Array) -> Bound:
-    """Inverted in units that make its diagonal one: values differ in size by powers of ten."""
+def of_information(model: LinearModel, information: Array) -> Bound:
+    """Invert the information, scaled to a unit diagonal: the values differ by powers of ten."""
     scale = 1.0 / np.sqrt(np.diag(information))
     covariance = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
-    return Bound(information, covariance, plants.propagate(plant.frame, plant.values, covariance))
+    return Bound(
+        information, covariance, linear_model.propagate(model.frame, model.values, covariance)
+    )
 
 
 def _max_steps(commands: Sequence[SurfaceCommand]) -> int:
+    """Number of output steps of the longest test."""
     if not commands:
         raise ValueError("a bound needs at least one test")
     return max(response.steps(command) for command in commands)

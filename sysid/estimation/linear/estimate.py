@@ -1,4 +1,4 @@
-"""One plane from its runs, by output error or by filter error."""
+"""Estimate of one plane from its runs, by the output error or the filter error method."""
 
 from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
@@ -23,97 +23,129 @@ from sysid.models.noise import Noise
 Array = NDArray[np.float64]
 Method = Literal["output-error", "filter-error"]
 LEADS_S: dict[Method, float] = {"output-error": 4.0, "filter-error": PREROLL_S}
-"""Motion before a test that is used, the duct's settling included. The sea moves a vehicle away
-from any simulation, and an unstable one fast: output error, which knows no sea, begins shortly
-before the test."""
+"""Time before a test that is used, s; the settling of the duct is included.
+
+Disturbances move a vehicle away from its simulation, and an unstable vehicle quickly. Output error
+has no model of disturbances; its simulation therefore begins shortly before the test.
+"""
 
 PASSES = 3
-"""Outer iterations of filter error: values, then the noise that explains what they miss."""
+"""Outer iterations of filter error: values, then noise levels from the residuals."""
 FINAL_TOLERANCES = (1e-2, 1e-2, 1e-3)
-"""Relative cost changes that end output error's passes: under levels that are far off the least
-lies elsewhere."""
+"""Relative cost changes that end the passes of output error.
+
+Early passes are coarse: with wrong noise levels the minimum is elsewhere.
+"""
 NOISE_TOLERANCE = 0.02
-"""Relative change of the sensors' levels that ends output error's passes."""
+"""Relative change of the sensor levels below which the passes of output error end."""
 COARSE_TOLERANCE = 1e-4
-"""Relative cost change that ends a pass whose noise levels are about to be renewed."""
+"""Relative cost change that ends a pass before the noise levels are updated again."""
 
 
 class PlaneEstimate(NamedTuple):
-    plant: LinearModel
+    """Estimate of one plane."""
+
+    model: LinearModel
+    """Estimated values."""
     covariance: Array
-    """Of the values, the inverse of their information."""
+    """(p, p), covariance of the values: the inverse of their information."""
     level: Noise | None
-    """Sea and sensors; none is known to output error, which takes both for sensors."""
+    """Levels of disturbance and sensor noise.
+
+    None for output error, which has sensor noise only.
+    """
     sensors: Array
-    """Standard deviations of the outputs' own noise."""
+    """(outputs,), standard deviations of the sensor noise."""
     objective: Objective
+    """Cost function of the last pass."""
     cost: float
     start_costs: tuple[float, ...]
+    """Costs at which the searches from other starts ended."""
     evaluations: int
     lowest: Array
+    """(p,), lower bounds of the search."""
     highest: Array
-    """Bounds within which the values were sought."""
+    """(p,), upper bounds of the search."""
 
 
 def estimate(
     records: Sequence[LinearRun],
-    belief: LinearPrior,
+    prior: LinearPrior,
     method: Method = "filter-error",
     start: Array | None = None,
     others: int = multistart.STARTS,
 ) -> PlaneEstimate:
-    """Values of one plane from its runs (at least one).
+    """Estimate the values of one plane from its runs and require that they are unique.
 
-    Args:
-        records: runs of one plane.
-        belief: where to look; the tailcone's lag in it is a bench measurement.
-        method: which noise the runs are taken to hold.
-        start: values to begin with; the belief's own without.
-        others: how many other starts must end at the same cost.
+    Parameters
+    ----------
+    records : sequence of LinearRun
+        Runs of one plane, at least one.
+    prior : LinearPrior
+        Prior and bounds; its actuator lag is a bench measurement.
+    method : {'output-error', 'filter-error'}
+        Noise model: sensor noise only, or disturbance and sensor noise.
+    start : ndarray, (p,), optional
+        Initial values; by default the prior mean.
+    others : int
+        Number of further starts that must end at the same cost.
 
-    Raises:
-        NotUniqueError: the runs do not name one plant.
-        ValueError: there is no run.
+    Returns
+    -------
+    PlaneEstimate
+        Values, covariance and noise levels.
+
+    Raises
+    ------
+    NotUniqueError
+        The runs do not determine one plane.
+    ValueError
+        There is no run.
     """
     if not records:
         raise ValueError("an estimate needs at least one run")
-    found, weighted, level, sensors = _passes(method)(
-        records, belief, belief.plant.values if start is None else start
+    solution, weighted_objective, level, sensors = _passes(method)(
+        records, prior, prior.model.values if start is None else start
     )
-    best, costs = multistart.search_from_starts(weighted, belief, found, others)
-    multistart.require_unique(weighted, belief, best, costs)
-    return _estimate(best, weighted, level, sensors, belief)._replace(start_costs=tuple(costs))
+    best_solution, start_costs = multistart.search_from_starts(
+        weighted_objective, prior, solution, others
+    )
+    multistart.require_unique(weighted_objective, prior, best_solution, start_costs)
+    return _estimate(best_solution, weighted_objective, level, sensors, prior)._replace(
+        start_costs=tuple(start_costs)
+    )
 
 
 def descend(
-    records: Sequence[LinearRun], belief: LinearPrior, method: Method, start: Array
+    records: Sequence[LinearRun], prior: LinearPrior, method: Method, start: Array
 ) -> PlaneEstimate:
-    """The same from one start, nobody asking whether the runs name one plant."""
-    return _estimate(*_passes(method)(records, belief, start), belief)
+    """Estimate from one start, without the check that the solution is unique."""
+    return _estimate(*_passes(method)(records, prior, start), prior)
 
 
 def _estimate(
-    found: SearchResult,
-    weighted: Objective,
+    solution: SearchResult,
+    weighted_objective: Objective,
     level: Noise | None,
     sensors: Array,
-    belief: LinearPrior,
+    prior: LinearPrior,
 ) -> PlaneEstimate:
-    plant = LinearModel(belief.plant.frame, found.values)
+    """Return the estimate with the covariance at the solution."""
+    model = LinearModel(prior.model.frame, solution.values)
     covariance = cramer_rao.of_information(
-        plant, multistart.information_at(weighted, found.values)
+        model, multistart.information_at(weighted_objective, solution.values)
     ).covariance
     return PlaneEstimate(
-        plant,
+        model,
         covariance,
         level,
         sensors,
-        weighted,
-        found.cost,
+        weighted_objective,
+        solution.cost,
         (),
-        found.evaluations,
-        belief.lowest,
-        belief.highest,
+        solution.evaluations,
+        prior.lowest,
+        prior.highest,
     )
 
 
@@ -121,40 +153,44 @@ PassResult = tuple[SearchResult, Objective, Noise | None, Array]
 
 
 def _passes(method: Method) -> Callable[[Sequence[LinearRun], LinearPrior, Array], PassResult]:
+    """Return the estimation function of a method."""
     return _output_error if method == "output-error" else _filter_error
 
 
-def _output_error(records: Sequence[LinearRun], belief: LinearPrior, values: Array) -> PassResult:
-    frame = belief.plant.frame
+def _output_error(records: Sequence[LinearRun], prior: LinearPrior, values: Array) -> PassResult:
+    """Alternate values and sensor levels until the levels converge."""
+    frame = prior.model.frame
     sds = cramer_rao.sensor_sds(Noise())[: records[0].measured.shape[1]]
 
-    def weighted() -> Objective:
-        return objective.with_bench(output_error.reduce_by_qr(frame, records, sds), belief.plant)
+    def weighted_objective() -> Objective:
+        return objective.with_bench(output_error.reduce_by_qr(frame, records, sds), prior.model)
 
     for tolerance in FINAL_TOLERANCES:
-        values = multistart.search(weighted(), belief, values, tolerance).values
-        before, sds = sds, output_error.levels(frame, records, sds, values)
-        if np.max(np.abs(sds / before - 1.0)) < NOISE_TOLERANCE:
+        values = multistart.search(weighted_objective(), prior, values, tolerance).values
+        previous_sds, sds = sds, output_error.levels(frame, records, sds, values)
+        if np.max(np.abs(sds / previous_sds - 1.0)) < NOISE_TOLERANCE:
             break
-    return multistart.search(weighted(), belief, values), weighted(), None, sds
+    return multistart.search(weighted_objective(), prior, values), weighted_objective(), None, sds
 
 
-def _filter_error(records: Sequence[LinearRun], belief: LinearPrior, values: Array) -> PassResult:
-    frame, level = belief.plant.frame, Noise()
+def _filter_error(records: Sequence[LinearRun], prior: LinearPrior, values: Array) -> PassResult:
+    """Alternate values and noise levels; then estimate with a fixed filter."""
+    frame, level = prior.model.frame, Noise()
     for _ in range(PASSES):
-        units = filter_error.build_filter(LinearModel(frame, values), records, level)
-        data = filter_error.predictor(frame, records, level, units)
+        unit_filter = filter_error.build_filter(LinearModel(frame, values), records, level)
+        predictor = filter_error.predictor(frame, records, level, unit_filter)
         values = multistart.search(
-            objective.with_bench(data, belief.plant), belief, values, COARSE_TOLERANCE
+            objective.with_bench(predictor, prior.model), prior, values, COARSE_TOLERANCE
         ).values
-        # From the default levels every time: those of a plane that was still wrong may be past
-        # return.
+        # Start from the default levels every time: levels of a wrong plane may be far off.
         level = filter_error.levels(LinearModel(frame, values), records, Noise())
-    by = filter_error.build_filter(LinearModel(frame, values), records, level)
-    weighted = objective.with_bench(filter_error.whiten_residuals(frame, records, by), belief.plant)
+    noise_filter = filter_error.build_filter(LinearModel(frame, values), records, level)
+    weighted_objective = objective.with_bench(
+        filter_error.whiten_residuals(frame, records, noise_filter), prior.model
+    )
     return (
-        multistart.search(weighted, belief, values),
-        weighted,
+        multistart.search(weighted_objective, prior, values),
+        weighted_objective,
         level,
         cramer_rao.sensor_sds(level),
     )

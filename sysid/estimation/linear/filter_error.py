@@ -1,17 +1,21 @@
-"""Filter error: what a run's simulation misses is the sea's doing, and a Kalman filter says how
-likely it is.
+"""Filter error method: residuals contain disturbance and sensor noise, whitened by a Kalman filter.
 
-Residuals and their slopes pass the filter of ``sysid.models.noise``, linearised about the last
-estimate; what comes out is white, so least squares is maximum likelihood (Jategaonkar 2015, chapter
-5). Starting states and gyro biases are states of the filter with a wide prior."""
+Symbols: y measured outputs, y(theta) simulated outputs, W the linear map of the whole noise filter
+of `sysid.models.noise`, linearised about the last estimate. Whitened residuals and their
+derivatives (Jategaonkar 2015, chapter 5)::
+
+    e(theta) = W (y - y(theta)),    J = -W dy/dtheta,    cost = 1/2 |e|^2
+
+The whitened residuals are white, so that least squares is maximum likelihood. Initial states and
+gyro biases are states of the filter with a wide prior.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid.estimation.linear import linear_model as plants
-from sysid.estimation.linear import response
+from sysid.estimation.linear import linear_model, response
 from sysid.estimation.linear.linear_model import NUMBERS, LinearModel, LinearModelStructure
 from sysid.estimation.linear.objective import Objective
 from sysid.estimation.linear.records import LinearRun
@@ -21,44 +25,50 @@ from sysid.models.noise import Filter, Noise
 Array = NDArray[np.float64]
 
 DIFFERENCE, MIN_NUMBER = 1e-5, 0.03
-"""Step of the slopes by the equation's numbers, relative, and the least size that it is relative
-to."""
+"""Relative difference step of the coefficients, and the smallest size that it is relative to."""
 
 
-def build_filter(plant: LinearModel, records: Sequence[LinearRun], level: Noise) -> Filter:
-    """The filter that whitens what ``plant`` misses of the runs."""
+def build_filter(model: LinearModel, records: Sequence[LinearRun], level: Noise) -> Filter:
+    """Build the filter that whitens the residuals of ``model``."""
     return noise.build(
-        plants.linear_plane(plant), level, response.DT, max(len(r.measured) for r in records)
+        linear_model.linear_plane(model), level, response.DT, max(len(r.measured) for r in records)
     )
 
 
 def predictor(
-    frame: LinearModelStructure, records: Sequence[LinearRun], level: Noise, units: Filter
+    frame: LinearModelStructure, records: Sequence[LinearRun], level: Noise, unit_filter: Filter
 ) -> Objective:
-    """Innovations of the runs, each plane judged by its own filter, in the units of the filter
-    ``units``.
+    """Cost function of the one-step predictions: each candidate plane has its own noise filter.
 
-    The filter holds a plane to its run however fast it would run away, so this form finds the way
-    from afar; with units that stand still its least square is consistent without the likelihood's
-    determinant (Ljung 1999, 7.2)."""
-    numbers = len(NUMBERS[frame.plane])
+    The innovations are scaled with the whiteners of the filter ``units``. The filter keeps the
+    state of a candidate near the measured motion, even if the candidate is unstable, so that this
+    cost function converges from far away. With fixed units its minimum is consistent without the
+    determinant of the likelihood (Ljung 1999, 7.2).
+    """
+    coefficient_count = len(NUMBERS[frame.plane])
 
     def residuals(values: Array) -> Array:
-        plant = LinearModel(frame, values)
-        by = build_filter(plant, records, level)._replace(whiteners=units.whiteners)
+        model = LinearModel(frame, values)
+        noise_filter = build_filter(model, records, level)._replace(whiteners=unit_filter.whiteners)
         return np.concatenate(
-            [noise.whiten_residual(e, by).ravel() for e in plane_residuals(plant, records)]
+            [
+                noise.whiten_residual(residual, noise_filter).ravel()
+                for residual in plane_residuals(model, records)
+            ]
         )
 
     def jacobian(values: Array) -> Array:
-        plant, first = LinearModel(frame, values), residuals(values)
-        steps = DIFFERENCE * np.maximum(np.abs(values[:numbers]), MIN_NUMBER)
-        ways = np.diag(steps) @ np.eye(numbers, values.size)
-        moved = [
-            (residuals(values + way) - first) / step for way, step in zip(ways, steps, strict=True)
+        model, nominal = LinearModel(frame, values), residuals(values)
+        steps = DIFFERENCE * np.maximum(np.abs(values[:coefficient_count]), MIN_NUMBER)
+        perturbations = np.diag(steps) @ np.eye(coefficient_count, values.size)
+        columns = [
+            (residuals(values + perturbation) - nominal) / step
+            for perturbation, step in zip(perturbations, steps, strict=True)
         ]
-        by = build_filter(plant, records, level)._replace(whiteners=units.whiteners)
-        return np.column_stack([*moved, _whitened_slopes(plant, records, by)[:, numbers:]])
+        noise_filter = build_filter(model, records, level)._replace(whiteners=unit_filter.whiteners)
+        return np.column_stack(
+            [*columns, _whitened_slopes(model, records, noise_filter)[:, coefficient_count:]]
+        )
 
     return Objective(residuals, jacobian)
 
@@ -66,16 +76,18 @@ def predictor(
 def whiten_residuals(
     frame: LinearModelStructure, records: Sequence[LinearRun], by_filter: Filter
 ) -> Objective:
-    """Residuals whitened by one filter, which stands still: generalised least squares.
+    """Cost function of residuals that one fixed filter whitens: generalised least squares.
 
-    Nothing but what the commands caused counts as knowledge of the plane; what the sea's colour
-    seems to tell of its poles rests on the noise model, and would be believed too well."""
+    Only the response to commands counts as information about the plane. The colour of the
+    disturbance also depends on the poles, but through the noise model; its information would make
+    the estimate appear too certain.
+    """
 
     def residuals(values: Array) -> Array:
         return np.concatenate(
             [
-                noise.whiten_residual(e, by_filter).ravel()
-                for e in plane_residuals(LinearModel(frame, values), records)
+                noise.whiten_residual(residual, by_filter).ravel()
+                for residual in plane_residuals(LinearModel(frame, values), records)
             ]
         )
 
@@ -84,34 +96,39 @@ def whiten_residuals(
     )
 
 
-def _whitened_slopes(plant: LinearModel, records: Sequence[LinearRun], by_filter: Filter) -> Array:
-    """Of residuals by each value, (n, values)."""
-    by = response.discretise(plant)
-    rest = np.zeros(len(by.transition))
-    runs = []
+def _whitened_slopes(model: LinearModel, records: Sequence[LinearRun], by_filter: Filter) -> Array:
+    """Derivatives of the whitened residuals by each value, (n, p)."""
+    discrete = response.discretise(model)
+    zero_state = np.zeros(len(discrete.transition))
+    blocks = []
     for record in records:
         slopes = response.slopes(
-            plant, by, response.duct_motion(plant, record.command), rest, _count(record)
+            model, discrete, response.duct_motion(model, record.command), zero_state, _count(record)
         )
-        runs.append(
+        blocks.append(
             np.column_stack([noise.whiten_residual(-slope, by_filter).ravel() for slope in slopes])
         )
-    return np.concatenate(runs)
+    return np.concatenate(blocks)
 
 
-def plane_residuals(plant: LinearModel, records: Sequence[LinearRun]) -> list[Array]:
-    """Measured less simulated from rest of each run, (steps, outputs)."""
-    by = response.discretise(plant)
-    rest = np.zeros(len(by.transition))
-    return [r.measured - response.outputs(plant, by, r.command, rest, _count(r)) for r in records]
+def plane_residuals(model: LinearModel, records: Sequence[LinearRun]) -> list[Array]:
+    """Measured minus simulated outputs of each run, (steps, outputs), from a state of zero."""
+    discrete = response.discretise(model)
+    zero_state = np.zeros(len(discrete.transition))
+    return [
+        record.measured
+        - response.outputs(model, discrete, record.command, zero_state, _count(record))
+        for record in records
+    ]
 
 
-def levels(plant: LinearModel, records: Sequence[LinearRun], start: Noise) -> Noise:
-    """Noise that makes what ``plant`` misses most likely."""
+def levels(model: LinearModel, records: Sequence[LinearRun], start: Noise) -> Noise:
+    """Estimate the noise levels from the residuals of ``model``."""
     return noise.estimate(
-        plants.linear_plane(plant), plane_residuals(plant, records), response.DT, start
+        linear_model.linear_plane(model), plane_residuals(model, records), response.DT, start
     )
 
 
 def _count(record: LinearRun) -> int:
+    """Number of outputs of a run."""
     return int(record.measured.shape[1])

@@ -1,4 +1,4 @@
-"""Intervals of what a plane's estimate leaves wide, by profile likelihood."""
+"""Profile-likelihood intervals of the numbers of a linear estimate with a large relative sd."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.estimation import profile_likelihood
-from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.estimate import PlaneEstimate
 from sysid.estimation.linear.linear_model import LinearModelStructure
 from sysid.estimation.profile_likelihood import LeastSquaresEstimate
@@ -14,23 +14,28 @@ from sysid.estimation.profile_likelihood import LeastSquaresEstimate
 Array = NDArray[np.float64]
 
 WIDE_RELATIVE_SD = 0.25
-"""Relative standard deviation beyond which a symmetric interval is not to be believed."""
+"""Relative standard deviation above which a symmetric interval is not valid."""
 
 
 def wide_intervals(estimate: PlaneEstimate) -> list[tuple[str, float, float]]:
-    """(name, low, high) of every derived number but the bias whose standard deviation exceeds
-    ``WIDE_RELATIVE_SD``, at 95 %."""
-    frame, values = estimate.plant
-    derived = plants.derived(frame, values)
-    sds = np.sqrt(np.diag(plants.propagate(frame, values, estimate.covariance)))
+    """Return (name, low, high) at 95 % of the derived numbers with a large relative sd.
+
+    The bias is left out. The limit is WIDE_RELATIVE_SD.
+    """
+    frame, values = estimate.model
+    derived = linear_model.derived(frame, values)
+    sds = np.sqrt(np.diag(linear_model.propagate(frame, values, estimate.covariance)))
     problem = LeastSquaresEstimate(*estimate.objective, estimate.lowest, estimate.highest)
-    found = []
-    for i, name in enumerate(plants.derived_names(frame.plane)[:-1]):
+    wide = []
+    for i, name in enumerate(linear_model.derived_names(frame.plane)[:-1]):
         if sds[i] > WIDE_RELATIVE_SD * abs(derived[i]):
-            ends = profile_likelihood.interval(problem, values, _derived(frame, i), float(sds[i]))
-            found.append((name, *ends))
-    return found
+            interval = profile_likelihood.interval(
+                problem, values, _derived(frame, i), float(sds[i])
+            )
+            wide.append((name, *interval))
+    return wide
 
 
 def _derived(frame: LinearModelStructure, index: int) -> Callable[[Array], float]:
-    return lambda values: float(plants.derived(frame, values)[index])
+    """Return a derived number as a function of the values."""
+    return lambda values: float(linear_model.derived(frame, values)[index])

@@ -1,13 +1,19 @@
-"""What the linear estimators look for: one plane's equations of motion and its tailcone, as a
-vector of values.
+"""Values of the linear estimators: equations of motion of one plane, and its tailcone.
 
-Yaw has four numbers that motion in rate and heading can tell, r/delta = (b1 s + b0)/(s^2 + a1 s +
-a0). Pitch has seven, the rows of
+Yaw has four numbers that rate and heading determine, b1, b0, a1, a0::
 
-    w' = zw w + zq q + zd delta,    q' = mw w + mq q + k theta + md delta,    depth' = w - U theta
+    r/delta = (b1 s + b0) / (s^2 + a1 s + a0)
 
-with the speed U known, all in MAVLink's axes. Poles may be complex or unstable: no value is a
-logarithm."""
+Pitch has seven, with U the known speed (m/s)::
+
+    w' = zw w + zq q + zd delta
+    q' = mw w + mq q + k theta + md delta
+    depth' = w - U theta
+
+Axes are those of MAVLink (FRD, NED): w heave (m/s, down), q and r rates (rad/s), theta and psi
+angles (rad), depth (m, down), delta duct angle (rad). Poles may be complex or unstable, because no
+value is a logarithm.
+"""
 
 import math
 from typing import NamedTuple
@@ -28,61 +34,72 @@ NUMBERS: dict[Plane, tuple[str, ...]] = {
     "yaw": ("b1", "b0", "a1", "a0"),
     "pitch": ("zw", "zq", "mw", "mq", "k", "zd", "md"),
 }
+"""Names of the coefficients of the equations of motion."""
 TAIL = ("delay_s", "bias_rad", "natural_frequency_radps", "damping_ratio")
+"""Names of the values of the tailcone."""
 LEVEL_PITCH = "level_rad"
-"""Pitch of level flight, about which pitch is linear. The bias is then the duct's angle at a
-command of zero less its angle in level flight."""
+"""Name of the pitch of level flight, about which the pitch plane is linear.
+
+The bias is then the duct angle at a command of zero minus the duct angle in level flight.
+"""
 LAG_SD = np.array(
     [p.prior_sd for p in PARAMETERS if p.name in ("natural_frequency", "damping_ratio")]
 )
-"""Relative, of the tailcone's frequency and damping: what its bench test left unsure. Tests in
-water hardly tell the lag from the delay, so the estimators take the bench's word as one more
-measurement instead of the lag as known."""
+"""Relative standard deviations of the tailcone's frequency and damping after its bench test.
+
+Tests in water hardly distinguish lag and delay. The estimators therefore use the bench test as one
+more measurement, instead of a known lag.
+"""
 
 MIN_COUPLING = 1e-6
-"""Sway into yaw acceleration, 1/(m s): an uncoupled plane would need an infinite force to have its
-b0."""
+"""Smallest coefficient of sway in yaw acceleration, 1/(m s).
+
+At zero, b0 would need an infinite force.
+"""
 
 
 class LinearModelStructure(NamedTuple):
-    """What is known of a plane beforehand."""
+    """Known quantities of a plane."""
 
     plane: Plane
     speed_mps: float
     sway: tuple[float, float]
-    """v' of the prior plane per unit of v and of r. Rate and heading cannot tell them; they place
-    the zero through which the sea's moments act, and matter to the noise alone."""
+    """Coefficients of v and r in v' of the prior plane, 1/s and m/s.
+
+    Rate and heading do not determine them. They set the zero through which disturbing moments act,
+    which only matters for the noise model.
+    """
     travel_rad: float
+    """Travel of the duct to either side, rad."""
     rate_radps: float
-    """Of the duct."""
+    """Rate limit of the duct, rad/s."""
 
 
 class LinearModel(NamedTuple):
-    """A frame and the values in it, in the order of ``names``."""
+    """Structure of a plane and its values, in the order of ``names``."""
 
     frame: LinearModelStructure
     values: Array
 
 
 def names(plane: Plane) -> tuple[str, ...]:
-    """Of the values; lengths 8 in yaw and 12 in pitch."""
+    """Return the names of the values: 8 in yaw, 12 in pitch."""
     return NUMBERS[plane] + TAIL + ((LEVEL_PITCH,) if plane == "pitch" else ())
 
 
 def lag(plane: Plane) -> slice:
-    """Where the tailcone's frequency and damping stand among the values."""
+    """Return the slice of the tailcone's frequency and damping in the values."""
     first = names(plane).index("natural_frequency_radps")
     return slice(first, first + 2)
 
 
 def outputs(plane: Plane) -> int:
-    """How many there are: rate and angle, and depth in pitch."""
+    """Return the number of outputs: rate, angle and, in pitch, depth."""
     return 3 if plane == "pitch" else 2
 
 
 def of_vehicle(vehicle: CandidateVehicle, plane: Plane) -> LinearModel:
-    """The small-signal plant of a candidate, balanced at a duct angle of zero: its bias is that of
-    the actuator."""
+    """Return the small-signal plane of a vehicle in trim at duct angle zero, and its actuator."""
     return of_plane(
         fit.linear_plane(vehicle, plane),
         vehicle.actuators[plane],
@@ -91,8 +108,10 @@ def of_vehicle(vehicle: CandidateVehicle, plane: Plane) -> LinearModel:
 
 
 def of_plane(linear: LinearPlane, actuator: Actuator, speed_mps: float) -> LinearModel:
-    """The plant of a linear plane and its tailcone. A pitch plane flies level at a pitch of
-    zero."""
+    """Return the linear model of a plane and its actuator.
+
+    A pitch plane has a level pitch of zero.
+    """
     plane: Plane = "yaw" if "psi" in linear.states else "pitch"
     A, B = linear.A, linear.B
     tail = [
@@ -117,26 +136,28 @@ def of_plane(linear: LinearPlane, actuator: Actuator, speed_mps: float) -> Linea
     )
 
 
-def actuator(plant: LinearModel) -> Actuator:
-    delay_s, bias_rad, frequency_radps, damping = plant.values[len(NUMBERS[plant.frame.plane]) :][
+def actuator(model: LinearModel) -> Actuator:
+    """Return the actuator that the values describe."""
+    delay_s, bias_rad, frequency_radps, damping = model.values[len(NUMBERS[model.frame.plane]) :][
         : len(TAIL)
     ].tolist()
     return Actuator(
-        delay_s, frequency_radps, damping, bias_rad, plant.frame.travel_rad, plant.frame.rate_radps
+        delay_s, frequency_radps, damping, bias_rad, model.frame.travel_rad, model.frame.rate_radps
     )
 
 
-def level_rad(plant: LinearModel) -> float:
-    """Pitch of level flight; zero in yaw."""
-    return float(plant.values[-1]) if plant.frame.plane == "pitch" else 0.0
+def level_rad(model: LinearModel) -> float:
+    """Pitch of level flight, rad; zero in yaw."""
+    return float(model.values[-1]) if model.frame.plane == "pitch" else 0.0
 
 
 def equations(frame: LinearModelStructure, numbers: Array) -> tuple[Array, Array]:
-    """(A, B) of x' = A x + B delta with x = (xi, r, psi) or (w, q, theta, depth); linear in
-    ``numbers``.
+    """Return (A, B) of x' = A x + B delta; both are linear in ``numbers``.
 
-    Yaw is the observer's canonical form of its transfer function (Kailath 1980, section 2.1), which
-    has no coefficient that a plane could not have; all states but the first are outputs."""
+    States: (xi, r, psi) in yaw, (w, q, theta, depth) in pitch; all but the first are outputs. Yaw
+    is the observer canonical form of its transfer function (Kailath 1980, section 2.1), which
+    exists for all coefficients.
+    """
     if frame.plane == "yaw":
         b1, b0, a1, a0 = numbers.tolist()
         return np.array([[0.0, -a0, 0.0], [1.0, -a1, 0.0], [0.0, 1.0, 0.0]]), np.array(
@@ -152,9 +173,12 @@ def equations(frame: LinearModelStructure, numbers: Array) -> tuple[Array, Array
     return np.array(A), np.array([zd, md, 0.0, 0.0])
 
 
-def linear_plane(plant: LinearModel) -> LinearPlane:
-    """The same plane in states that the sea can push: yaw with the prior's sway equation."""
-    frame, numbers = plant.frame, plant.values[: len(NUMBERS[plant.frame.plane])]
+def linear_plane(model: LinearModel) -> LinearPlane:
+    """Return the plane in physical states, on which disturbances act.
+
+    Yaw with the prior's sway equation.
+    """
+    frame, numbers = model.frame, model.values[: len(NUMBERS[model.frame.plane])]
     moment = np.array([0.0, 1.0, 0.0])
     if frame.plane == "pitch":
         return LinearPlane(
@@ -170,8 +194,10 @@ def linear_plane(plant: LinearModel) -> LinearPlane:
 
 
 def derived_names(plane: Plane) -> tuple[str, ...]:
-    """Of ``derived``: what a model file reports, in its units but for the bias, which is in
-    radians."""
+    """Return the names of ``derived``, with the units of a model file.
+
+    The bias is in radians instead.
+    """
     restoring = ("restoring_per_s2",) if plane == "pitch" else ()
     return (
         "static_gain_per_s",
@@ -185,25 +211,32 @@ def derived_names(plane: Plane) -> tuple[str, ...]:
 
 
 def derived(frame: LinearModelStructure, values: Array) -> Array:
-    """Gain, initial acceleration, poles, restoring moment (pitch), delay and bias."""
-    signal, tail = small_signal(LinearModel(frame, values)), values[len(NUMBERS[frame.plane]) :][:2]
-    kept = signal if frame.plane == "pitch" else signal[:-1]
-    return np.array([*kept, *tail])
+    """Gain, initial acceleration, poles, restoring moment (pitch), delay (s) and bias (rad)."""
+    signal, delay_and_bias = (
+        small_signal(LinearModel(frame, values)),
+        values[len(NUMBERS[frame.plane]) :][:2],
+    )
+    numbers = signal if frame.plane == "pitch" else signal[:-1]
+    return np.array([*numbers, *delay_and_bias])
 
 
-def small_signal(plant: LinearModel) -> SmallSignal:
-    """The numbers that control design rests on; the real part of both poles where they are
-    complex."""
-    if plant.frame.plane == "pitch":
-        return linear_planes.small_signal(linear_plane(plant))
-    b1, b0, a1, a0 = plant.values[:4].tolist()
+def small_signal(model: LinearModel) -> SmallSignal:
+    """Return the numbers that control design uses; of complex poles the real part."""
+    if model.frame.plane == "pitch":
+        return linear_planes.small_signal(linear_plane(model))
+    b1, b0, a1, a0 = model.values[:4].tolist()
     slow, fast = sorted(np.roots([1.0, a1, a0]).real, key=abs)
     return SmallSignal(b0 / a0, b1, float(fast), float(slow), 0.0)
 
 
 def propagate(frame: LinearModelStructure, values: Array, covariance: Array) -> Array:
-    """Covariance of ``derived``, first order (delta method), from that of the values."""
+    """Covariance of ``derived`` from that of the values.
+
+    Slope P slope' (delta method), central differences.
+    """
     steps = 1e-6 * np.maximum(np.abs(values), 1e-3)
-    columns = [(derived(frame, values + h) - derived(frame, values - h)) for h in np.diag(steps)]
+    columns = [
+        (derived(frame, values + step) - derived(frame, values - step)) for step in np.diag(steps)
+    ]
     slope = np.column_stack(columns) / (2.0 * steps)
     return np.asarray(slope @ covariance @ slope.T)

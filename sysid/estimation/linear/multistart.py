@@ -1,5 +1,4 @@
-"""The least of an objective, sought from several places, and refused when it is not one place that
-the data name."""
+"""Search for the minimum of a cost function from several starts, and checks that it is unique."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.objective import Objective
 from sysid.estimation.linear.records import LinearPrior
 from sysid.estimation.map.fit import START_COST_TOLERANCE
@@ -16,23 +15,33 @@ from sysid.estimation.map.fit import START_COST_TOLERANCE
 Array = NDArray[np.float64]
 
 STARTS = 8
+"""Number of further starts."""
 FINE_TOLERANCE = 1e-7
-"""Relative cost change that ends a search: a thousandth of a standard deviation in a fit of some
-thousand samples."""
+"""Relative cost change that ends a search.
+
+About 0.001 standard deviations for a thousand samples.
+"""
 COARSE_TOLERANCE = 1e-4
 """Relative cost change that ends a search whose end is only compared."""
 SINGULAR_EIGENVALUE = 1e-10
-"""Least eigenvalue of the information, scaled to a unit diagonal: below it rounding decides."""
+"""Smallest eigenvalue of the information, scaled to a unit diagonal.
+
+Below it rounding dominates.
+"""
 BOUND_TOLERANCE = 1e-3
-"""Share of the way between the bounds at which a value sits at one."""
+"""Distance from a bound, as a share of the range, below which a value counts as at the bound."""
 
 
 class NotUniqueError(Exception):
-    """The data do not name one plant; the message says which value or which starts, and what would
-    help."""
+    """The data do not determine one plane.
+
+    The message names the value or the starts, and a remedy.
+    """
 
 
 class SearchResult(NamedTuple):
+    """End of a search."""
+
     values: Array
     cost: float
     evaluations: int
@@ -40,116 +49,135 @@ class SearchResult(NamedTuple):
 
 def search(
     objective: Objective,
-    belief: LinearPrior,
+    prior: LinearPrior,
     start: Array,
     ftol: float = FINE_TOLERANCE,
-    most: int = 60,
+    max_evaluations: int = 60,
 ) -> SearchResult:
-    """Least squares from ``start`` within the belief's bounds (trust region reflective, Branch et
-    al. 1999)."""
-    scale, inside = belief.spread, 1e-6 * (belief.highest - belief.lowest)
-    found = least_squares(
+    """Nonlinear least squares within the prior's bounds (trust region reflective, Branch et al.
+
+    1999).
+
+    Parameters
+    ----------
+    objective : Objective
+        Residuals and Jacobian.
+    prior : LinearPrior
+        Bounds and scales.
+    start : ndarray, (p,)
+        Initial values.
+    ftol : float
+        Relative cost change that ends the search.
+    max_evaluations : int
+        Maximum number of evaluations.
+
+    Returns
+    -------
+    SearchResult
+        Values, cost and number of evaluations.
+    """
+    scale, margin = prior.spread, 1e-6 * (prior.highest - prior.lowest)
+    solution = least_squares(
         lambda u: objective.residuals(scale * u),
-        np.clip(start, belief.lowest + inside, belief.highest - inside) / scale,
+        np.clip(start, prior.lowest + margin, prior.highest - margin) / scale,
         jac=lambda u: objective.jacobian(scale * u) * scale,
-        bounds=(belief.lowest / scale, belief.highest / scale),
+        bounds=(prior.lowest / scale, prior.highest / scale),
         ftol=ftol,
         xtol=1e-6,
-        max_nfev=most,
+        max_nfev=max_evaluations,
     )
-    return SearchResult(scale * found.x, float(found.cost), int(found.nfev))
+    return SearchResult(scale * solution.x, float(solution.cost), int(solution.nfev))
 
 
-def sample_starts(belief: LinearPrior, count: int = STARTS) -> list[Array]:
-    """Draws from the belief, the same on every machine."""
+def sample_starts(prior: LinearPrior, count: int = STARTS) -> list[Array]:
+    """Sample starts from the prior, the same on every machine."""
     generator = np.random.default_rng(4154)
-    scale = belief.spread
-    root = np.linalg.cholesky(
-        belief.covariance / np.outer(scale, scale) + 1e-9 * np.eye(scale.size)
-    )
-    inside = 0.05 * (belief.highest - belief.lowest)
-    draws = belief.plant.values + scale * (generator.standard_normal((count, scale.size)) @ root.T)
-    return [np.clip(draw, belief.lowest + inside, belief.highest - inside) for draw in draws]
+    scale = prior.spread
+    root = np.linalg.cholesky(prior.covariance / np.outer(scale, scale) + 1e-9 * np.eye(scale.size))
+    margin = 0.05 * (prior.highest - prior.lowest)
+    samples = prior.model.values + scale * (generator.standard_normal((count, scale.size)) @ root.T)
+    return [np.clip(sample, prior.lowest + margin, prior.highest - margin) for sample in samples]
 
 
 def search_from_starts(
-    objective: Objective, belief: LinearPrior, best: SearchResult, count: int
+    objective: Objective, prior: LinearPrior, best: SearchResult, count: int
 ) -> tuple[SearchResult, list[float]]:
-    """The best of ``best`` and of the searches from other starts, and the costs at which those
-    ended.
+    """Return the best of ``best`` and of searches from other starts, and the costs of the latter.
 
-    An end that disagrees is searched on from, in case it had only stopped early in a long valley.
+    An end with a larger cost is searched on, because it may have stopped early in a flat valley.
     """
     ends = [
-        search(objective, belief, start, COARSE_TOLERANCE) for start in sample_starts(belief, count)
+        search(objective, prior, start, COARSE_TOLERANCE) for start in sample_starts(prior, count)
     ]
-    least = min([best, *ends], key=lambda end: end.cost)
+    lowest = min([best, *ends], key=lambda end: end.cost)
     ends = [
-        search(objective, belief, end.values)
-        if end.cost > least.cost * (1.0 + START_COST_TOLERANCE)
+        search(objective, prior, end.values)
+        if end.cost > lowest.cost * (1.0 + START_COST_TOLERANCE)
         else end
         for end in ends
     ]
-    least = min([best, *ends], key=lambda end: end.cost)
-    if least.cost < best.cost * (1.0 - START_COST_TOLERANCE):
-        best = search(objective, belief, least.values)
+    lowest = min([best, *ends], key=lambda end: end.cost)
+    if lowest.cost < best.cost * (1.0 - START_COST_TOLERANCE):
+        best = search(objective, prior, lowest.values)
     return best, [end.cost for end in ends]
 
 
 def require_unique(
-    objective: Objective, belief: LinearPrior, best: SearchResult, costs: Sequence[float]
+    objective: Objective, prior: LinearPrior, best: SearchResult, costs: Sequence[float]
 ) -> None:
-    """Refuse an end that is not one place.
+    """Require that the minimum is unique.
 
-    Raises:
-        NotUniqueError: starts disagree in cost, a value sits at a bound, or the information is
-        singular.
+    Raises
+    ------
+    NotUniqueError
+        The costs of the starts differ, a value is at a bound, or the information is singular.
     """
-    plane, names = belief.plant.frame.plane, plants.names(belief.plant.frame.plane)
-    weak = weakest_direction(information_at(objective, best.values))
-    if weak.eigenvalue < SINGULAR_EIGENVALUE:
-        told = ", ".join(names[i] for i in weak.values)
+    plane, names = prior.model.frame.plane, linear_model.names(prior.model.frame.plane)
+    weakest = weakest_direction(information_at(objective, best.values))
+    if weakest.eigenvalue < SINGULAR_EIGENVALUE:
+        names_text = ", ".join(names[i] for i in weakest.values)
         raise NotUniqueError(
-            f"{plane}: the tests cannot tell {told} apart; record richer ones (3-2-1-1, doublets)"
+            f"{plane}: the tests do not distinguish {names_text}; record richer ones"
+            " (3-2-1-1, doublets)"
         )
-    reach = belief.highest - belief.lowest
-    for name, value, low, high in zip(
-        names, best.values, belief.lowest, belief.highest, strict=True
-    ):
-        if min(value - low, high - value) < BOUND_TOLERANCE * reach[names.index(name)]:
+    ranges = prior.highest - prior.lowest
+    for name, value, low, high in zip(names, best.values, prior.lowest, prior.highest, strict=True):
+        if min(value - low, high - value) < BOUND_TOLERANCE * ranges[names.index(name)]:
             raise NotUniqueError(
-                f"{plane}: {name} = {value:.4g} sits at its bound, {low:.4g} to {high:.4g}"
+                f"{plane}: {name} = {value:.4g} is at its bound, {low:.4g} to {high:.4g}"
             )
-    worst = max(costs, default=best.cost)
-    if worst > best.cost * (1.0 + START_COST_TOLERANCE):
-        apart = sum(cost > best.cost * (1.0 + START_COST_TOLERANCE) for cost in costs)
+    worst_cost = max(costs, default=best.cost)
+    if worst_cost > best.cost * (1.0 + START_COST_TOLERANCE):
+        other_minima = sum(cost > best.cost * (1.0 + START_COST_TOLERANCE) for cost in costs)
         raise NotUniqueError(
-            f"{plane}: {apart} of {len(costs)} starts ended up to {worst / best.cost - 1.0:.0%}"
-            " above the least cost; the tests allow more than one plant"
+            f"{plane}: {other_minima} of {len(costs)} starts ended up to"
+            f" {worst_cost / best.cost - 1.0:.0%} above the least cost;"
+            " the tests allow more than one model"
         )
 
 
 class WeakestDirection(NamedTuple):
-    """The direction in which the information is least."""
+    """Combination of values about which the data contain least information."""
 
     eigenvalue: float
     values: tuple[int, ...]
-    """Indices of those that have a part in it."""
+    """Indices of the values with a large component."""
 
 
 def weakest_direction(information: Array) -> WeakestDirection:
-    """Of the information scaled to a unit diagonal, so that units do not decide."""
-    size = np.sqrt(np.diag(information))
-    blind = np.flatnonzero(size == 0.0)
-    if blind.size:
-        return WeakestDirection(0.0, tuple(blind.tolist()))
-    eigenvalues, directions = np.linalg.eigh(information / np.outer(size, size))
+    """Return the weakest direction of the information, scaled to a unit diagonal."""
+    scale = np.sqrt(np.diag(information))
+    undetermined = np.flatnonzero(scale == 0.0)
+    if undetermined.size:
+        return WeakestDirection(0.0, tuple(undetermined.tolist()))
+    eigenvalues, directions = np.linalg.eigh(information / np.outer(scale, scale))
     return WeakestDirection(
         float(eigenvalues[0]), tuple(np.flatnonzero(np.abs(directions[:, 0]) > 0.3).tolist())
     )
 
 
 def information_at(objective: Objective, values: Array) -> Array:
+    """Information J'J of an objective at ``values``, (p, p)."""
     J = objective.jacobian(values)
     information: Array = J.T @ J
     return information

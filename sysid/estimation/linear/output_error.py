@@ -1,10 +1,14 @@
-"""Output error: all that a run's simulation misses is noise of the sensors (Jategaonkar 2015,
-chapter 4).
+"""Output error method: the residuals of a run are sensor noise (Jategaonkar 2015, chapter 4).
 
-Each run's starting state and gyro bias enter its outputs linearly. They are not searched for: at
-every trial of the other values the best of them is subtracted (variable projection, Golub and
-Pereyra 1973), with Kaufman's (1975) slope, whose gradient is exact and whose square is the
-information left once the nuisances are known."""
+The initial state and gyro bias of each run, b, enter its outputs linearly; they are eliminated
+(variable projection, Golub and Pereyra 1973). Symbols: e residual from a state of zero (n,), N
+nuisance columns (n, m), J = de/dtheta (n, p), all divided by the sensor standard deviations::
+
+    N = Q R,    e_p = (I - Q Q') e,    J_p = (I - Q Q') J(b),    R b = Q'e
+
+J(b) are the derivatives for the best initial state b (Kaufman 1975): the gradient is exact, and
+J_p'J_p is the information that remains with unknown nuisances.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -22,8 +26,7 @@ Array = NDArray[np.float64]
 
 
 class _NuisanceProjection(NamedTuple):
-    """What a run's starting state and gyro bias leave in its outputs, and the QR factors of
-    that."""
+    """Effect of initial state and gyro bias on the outputs of a run, and its QR factors."""
 
     columns: Array
     """(n, nuisances)"""
@@ -32,24 +35,27 @@ class _NuisanceProjection(NamedTuple):
 
 
 class _RunResiduals(NamedTuple):
-    """One run under one plant, nuisances included."""
+    """Residuals of one run for one plane."""
 
-    plant: LinearModel
-    by: Discrete
+    model: LinearModel
+    discrete: Discrete
     duct: DuctMotion
     sds: Array
-    unknown: _NuisanceProjection
+    nuisances: _NuisanceProjection
     residuals: Array
-    """(n,): from rest."""
+    """(n,), from a state of zero, in units of ``sds``."""
 
 
 def objective(frame: LinearModelStructure, records: Sequence[LinearRun], sds: Array) -> Objective:
     """Projected residuals in units of the outputs' standard deviations ``sds``."""
 
-    def projected(values: Array, what: Callable[[_RunResiduals], Array]) -> Array:
+    def projected(values: Array, columns: Callable[[_RunResiduals], Array]) -> Array:
         parts = _all_run_residuals(LinearModel(frame, values), records, sds)
         return np.concatenate(
-            [what(part) - part.unknown.Q @ (part.unknown.Q.T @ what(part)) for part in parts]
+            [
+                columns(part) - part.nuisances.Q @ (part.nuisances.Q.T @ columns(part))
+                for part in parts
+            ]
         )
 
     return Objective(
@@ -61,88 +67,112 @@ def objective(frame: LinearModelStructure, records: Sequence[LinearRun], sds: Ar
 def reduce_by_qr(
     frame: LinearModelStructure, records: Sequence[LinearRun], sds: Array
 ) -> Objective:
-    """As many residuals as values and one more, with the cost, gradient and information of all of
-    ``objective``.
+    """Cost function with p + 1 residuals, and cost, gradient and information as `objective`.
 
-    They are a triangular factor, of each run and then of all (Golub and Van Loan 2013, section
-    5.3): a search, which reads nothing else of the residuals, need not handle every sample at every
-    step."""
-    last: dict[bytes, Array] = {}
+    The residuals are the triangular factor of (J, e), of each run and then of all runs (Golub and
+    Van Loan 2013, section 5.3). A search uses only cost, gradient and information, so that it need
+    not process every sample at every step.
+    """
+    stored: dict[bytes, Array] = {}
 
     def factor(values: Array) -> Array:
-        """Residuals and slopes are asked for at the same values, one after the other."""
+        """Triangular factor at ``values``.
+
+        The last one is stored, since residuals and slopes are both needed.
+        """
         key = values.tobytes()
-        if key not in last:
-            last.clear()
+        if key not in stored:
+            stored.clear()
             blocks = [
                 _factor(part)
                 for part in _all_run_residuals(LinearModel(frame, values), records, sds)
             ]
-            last[key] = _triangle(np.concatenate(blocks))
-        return last[key]
+            stored[key] = _triangle(np.concatenate(blocks))
+        return stored[key]
 
     return Objective(lambda values: factor(values)[:, -1], lambda values: factor(values)[:, :-1])
 
 
 def _factor(part: _RunResiduals) -> Array:
-    """Of slopes and residuals side by side: what stands below the nuisances is projected
-    already."""
-    known = part.unknown.columns.shape[1]
-    return _triangle(np.column_stack([part.unknown.columns, _slopes(part), part.residuals]))[
-        known:, known:
+    """Triangular factor of (nuisances, J, e); below the nuisance rows it is projected."""
+    nuisance_count = part.nuisances.columns.shape[1]
+    return _triangle(np.column_stack([part.nuisances.columns, _slopes(part), part.residuals]))[
+        nuisance_count:, nuisance_count:
     ]
 
 
 def _triangle(columns: Array) -> Array:
+    """Upper triangular factor R of the QR decomposition."""
     return np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
 
 
 def levels(
     frame: LinearModelStructure, records: Sequence[LinearRun], sds: Array, values: Array
 ) -> Array:
-    """Standard deviations that make the residuals at ``values`` most likely, nuisances and values
-    counted off."""
+    """Standard deviations of the outputs from the residuals at ``values``.
+
+    The degrees of freedom of values and nuisances are subtracted, shared equally by the outputs.
+    """
     count = sds.size
-    missed = objective(frame, records, sds).residuals(values).reshape(-1, count) * sds
-    spent = (values.size + len(records) * (frame_states(frame) + 1)) / count
-    return np.asarray(np.sqrt(np.sum(missed**2, axis=0) / max(len(missed) - spent, 1.0)))
+    residuals = objective(frame, records, sds).residuals(values).reshape(-1, count) * sds
+    used_degrees = (values.size + len(records) * (frame_states(frame) + 1)) / count
+    return np.asarray(
+        np.sqrt(np.sum(residuals**2, axis=0) / max(len(residuals) - used_degrees, 1.0))
+    )
 
 
 def frame_states(frame: LinearModelStructure) -> int:
+    """Number of states of a plane."""
     return 4 if frame.plane == "pitch" else 3
 
 
 def _all_run_residuals(
-    plant: LinearModel, records: Sequence[LinearRun], sds: Array
+    model: LinearModel, records: Sequence[LinearRun], sds: Array
 ) -> list[_RunResiduals]:
-    by = response.discretise(plant)
+    """Residuals of all runs; runs of equal length share their nuisance projection."""
+    discrete = response.discretise(model)
     lengths = {len(record.measured) for record in records}
-    every = response.nuisances(by, max(lengths), sds.size) / sds[:, None]
-    unknown = {n: _nuisance_projection(every[:n].reshape(n * sds.size, -1)) for n in lengths}
+    all_columns = response.nuisances(discrete, max(lengths), sds.size) / sds[:, None]
+    projections = {
+        n: _nuisance_projection(all_columns[:n].reshape(n * sds.size, -1)) for n in lengths
+    }
     return [
-        _run_residuals(plant, by, record, sds, unknown[len(record.measured)]) for record in records
+        _run_residuals(model, discrete, record, sds, projections[len(record.measured)])
+        for record in records
     ]
 
 
 def _nuisance_projection(columns: Array) -> _NuisanceProjection:
-    """One for each length of run: what a start leaves does not depend on the commands."""
+    """QR factors of the nuisance columns, which do not depend on the command."""
     return _NuisanceProjection(columns, *np.linalg.qr(columns))
 
 
 def _run_residuals(
-    plant: LinearModel, by: Discrete, record: LinearRun, sds: Array, unknown: _NuisanceProjection
+    model: LinearModel,
+    discrete: Discrete,
+    record: LinearRun,
+    sds: Array,
+    nuisances: _NuisanceProjection,
 ) -> _RunResiduals:
-    duct, rest = response.duct_motion(plant, record.command), np.zeros(len(by.transition))
+    """Residual of one run from a state of zero."""
+    duct, zero_state = (
+        response.duct_motion(model, record.command),
+        np.zeros(len(discrete.transition)),
+    )
     error = (
-        record.measured - response.outputs_to_duct(plant, by, duct.angle_rad, rest, sds.size)
+        record.measured
+        - response.outputs_to_duct(model, discrete, duct.angle_rad, zero_state, sds.size)
     ) / sds
-    return _RunResiduals(plant, by, duct, sds, unknown, error.ravel())
+    return _RunResiduals(model, discrete, duct, sds, nuisances, error.ravel())
 
 
 def _slopes(part: _RunResiduals) -> Array:
-    """Of the residuals, (n, values), from the start that fits best."""
+    """Derivatives of the residuals, (n, p), for the best initial state."""
     start = np.asarray(
-        np.linalg.solve(part.unknown.R, part.unknown.Q.T @ part.residuals)[:-1], dtype=np.float64
+        np.linalg.solve(part.nuisances.R, part.nuisances.Q.T @ part.residuals)[:-1],
+        dtype=np.float64,
     )
-    found = response.slopes(part.plant, part.by, part.duct, start, part.sds.size) / part.sds
-    return -found.reshape(-1, part.residuals.size).T
+    output_slopes = (
+        response.slopes(part.model, part.discrete, part.duct, start, part.sds.size) / part.sds
+    )
+    return -output_slopes.reshape(-1, part.residuals.size).T

@@ -1,4 +1,4 @@
-"""A run as the linear estimators see it, and what they believe before they see any."""
+"""Data and prior of the linear estimators."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid.data.segments import Plane, Run
-from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import linear_model
 from sysid.estimation.linear.linear_model import LinearModel
 from sysid.estimation.linear.response import SurfaceCommand
 from sysid.estimation.map import fit
@@ -16,99 +16,112 @@ from sysid.models.parameters import NAMES
 Array = NDArray[np.float64]
 
 LEVEL_SD_RAD = float(np.radians(2.0))
-"""What is unsure about pitch in level flight."""
+"""Prior standard deviation of the pitch of level flight, rad."""
 COEFFICIENT_BOUND_SD, LAG_BOUND_SD = 12.0, 9.0
-"""Bounds of an equation's numbers and of the tailcone's lag, in standard deviations from what is
-believed."""
+"""Bounds of the coefficients and of the actuator lag, in prior sd from the mean."""
 MAX_DELAY_S, MAX_ANGLE_RAD = 1.5, float(np.radians(20.0))
+"""Bounds of the delay (s), and of bias and level pitch (rad, either sign)."""
 MAX_DAMPING = 0.99
+"""Bound of the damping ratio of the actuator lag."""
 
 
 class LinearRun(NamedTuple):
+    """One run as the linear estimators use it."""
+
     command: SurfaceCommand
     measured: Array
-    """(steps, outputs) at 10 Hz: rate, angle and, in pitch, depth; heading and depth from where
-    they begin."""
+    """(steps, outputs) at 10 Hz: rate (rad/s), angle (rad) and, in pitch, depth (m).
+
+    Heading and depth are relative to their first value.
+    """
 
 
 class LinearPrior(NamedTuple):
-    """Where an estimate is looked for: values are about ``plant``'s, within bounds."""
+    """Prior of the values of one plane, with bounds."""
 
-    plant: LinearModel
+    model: LinearModel
+    """Prior mean."""
     covariance: Array
-    """Of the values, from the prior of the physical coefficients."""
+    """(p, p), covariance of the values, from the prior of the physical coefficients."""
     lowest: Array
+    """(p,), lower bounds."""
     highest: Array
+    """(p,), upper bounds."""
 
     @property
     def spread(self) -> Array:
-        """One standard deviation of each value, by which steps and starts are scaled."""
+        """Standard deviation of each value, which scales steps and starts."""
         return np.sqrt(np.diag(self.covariance))
 
 
 def linear_run(run: Run, lead_s: float) -> LinearRun:
-    """A run from ``lead_s`` before its test on; the duct starts with the pre-roll."""
-    what = fit.dataset(run.since(-lead_s))
-    begins = what.measured[0].copy()
-    begins[: 2 if run.plane == "pitch" else 1] = 0.0
+    """Cut a run from ``lead_s`` (s) before its test on.
+
+    The duct is simulated from the pre-roll on.
+    """
+    data = fit.dataset(run.since(-lead_s))
+    origin = data.measured[0].copy()
+    origin[: 2 if run.plane == "pitch" else 1] = 0.0
     return LinearRun(
-        SurfaceCommand(run.command_rad, run.time_s.size - what.run.time_s.size),
-        what.measured - begins,
+        SurfaceCommand(run.command_rad, run.time_s.size - data.run.time_s.size),
+        data.measured - origin,
     )
 
 
 def linear_prior(prior: fit.Prior, plane: Plane) -> LinearPrior:
-    """What the first-principles vehicle and its uncertainty say of one plane's values.
+    """Return the prior of one plane's values: first-principles vehicle and its uncertainty.
 
-    The bias is that from level flight, which pitch is linear about.
+    With theta(z) the values of the vehicle at z and S = d(theta)/dz, the covariance is S P S'. The
+    bias is relative to level flight, about which pitch is linear.
     """
-    at = values_at(prior, prior.mean, plane)
-    slopes = np.zeros((at.values.size, len(NAMES)))
+    model = values_at(prior, prior.mean, plane)
+    slopes = np.zeros((model.values.size, len(NAMES)))
     for i in parameters.parameters_of_planes([plane]):
         step = np.zeros(len(NAMES))
         step[i] = 1e-3
-        away = (
+        perturbed = (
             values_at(prior, prior.mean + step, plane),
             values_at(prior, prior.mean - step, plane),
         )
-        slopes[:, i] = (away[0].values - away[1].values) / 2e-3
+        slopes[:, i] = (perturbed[0].values - perturbed[1].values) / 2e-3
     covariance = slopes @ prior.covariance @ slopes.T
     if plane == "pitch":
         covariance[-1, -1] = LEVEL_SD_RAD**2
-    return with_bounds(at, covariance)
+    return with_bounds(model, covariance)
 
 
-def with_bounds(at: LinearModel, covariance: Array) -> LinearPrior:
-    """A belief with the bounds of what any vehicle could be."""
-    names, spread = plants.names(at.frame.plane), np.sqrt(np.diag(covariance))
+def with_bounds(model: LinearModel, covariance: Array) -> LinearPrior:
+    """Add bounds that hold for any vehicle."""
+    names, spread = linear_model.names(model.frame.plane), np.sqrt(np.diag(covariance))
     lowest, highest = (
-        at.values - COEFFICIENT_BOUND_SD * spread,
-        at.values + COEFFICIENT_BOUND_SD * spread,
+        model.values - COEFFICIENT_BOUND_SD * spread,
+        model.values + COEFFICIENT_BOUND_SD * spread,
     )
     for i, name in enumerate(names):
         if name == "delay_s":
             lowest[i], highest[i] = 0.0, MAX_DELAY_S
-        elif name in ("bias_rad", plants.LEVEL_PITCH):
+        elif name in ("bias_rad", linear_model.LEVEL_PITCH):
             lowest[i], highest[i] = -MAX_ANGLE_RAD, MAX_ANGLE_RAD
         elif name in ("natural_frequency_radps", "damping_ratio"):
             lowest[i], highest[i] = (
-                at.values[i] - LAG_BOUND_SD * spread[i],
-                at.values[i] + LAG_BOUND_SD * spread[i],
+                model.values[i] - LAG_BOUND_SD * spread[i],
+                model.values[i] + LAG_BOUND_SD * spread[i],
             )
     damping = names.index("damping_ratio")
     highest[damping] = min(highest[damping], MAX_DAMPING)
-    return LinearPrior(at, covariance, lowest, highest)
+    return LinearPrior(model, covariance, lowest, highest)
 
 
 def values_at(prior: fit.Prior, z: Array, plane: Plane) -> LinearModel:
-    """The plant of the prior vehicle moved by ``z``; bias and level are those of its own level
-    flight."""
+    """Return the plane of the vehicle at z, with bias and pitch of its own level flight."""
     vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
-    at = plants.of_vehicle(vehicle, plane)
+    model = linear_model.of_vehicle(vehicle, plane)
     if plane == "yaw":
-        return at
-    values = at.values.copy()
-    names = plants.names(plane)
+        return model
+    values = model.values.copy()
+    names = linear_model.names(plane)
     values[names.index("bias_rad")] -= fit.level_elevator_rad(vehicle.config, vehicle.model)
-    values[names.index(plants.LEVEL_PITCH)] = fit.level_pitch_rad(vehicle.config, vehicle.model)
-    return LinearModel(at.frame, values)
+    values[names.index(linear_model.LEVEL_PITCH)] = fit.level_pitch_rad(
+        vehicle.config, vehicle.model
+    )
+    return LinearModel(model.frame, values)

@@ -1,9 +1,14 @@
-"""From planes to ``model.json``: the planes as they were found, and the physical vehicle that is
-nearest to the prior.
+"""Model file from linear estimates: the planes as estimated, and the nearest physical vehicle.
 
-Motion in a plane fixes fewer numbers than a vehicle has coefficients. The report moves the prior's
-as little as can be (in its own standard deviations) for its small-signal planes to be the
-identified ones."""
+The motion of a plane determines fewer numbers than a vehicle has coefficients. The vehicle is the
+one nearest to the prior, in prior standard deviations, whose small-signal planes are the estimated
+ones. With theta(z) the planes' values at z, theta_e the estimates, W their weights, m and P the
+prior::
+
+    min_z { (theta(z) - theta_e)' W (theta(z) - theta_e) + (z - m)' P^-1 (z - m) }
+
+by Gauss-Newton steps.
+"""
 
 import math
 from collections.abc import Sequence
@@ -15,8 +20,7 @@ from scipy.linalg import block_diag
 
 from sysid.data.segments import Plane, Run
 from sysid.estimation.linear import estimate as estimates
-from sysid.estimation.linear import intervals, records
-from sysid.estimation.linear import linear_model as plants
+from sysid.estimation.linear import intervals, linear_model, records
 from sysid.estimation.linear.estimate import Method, PlaneEstimate
 from sysid.estimation.map.fit import Fit, Prior, Progress
 from sysid.models import model_export, parameters
@@ -33,13 +37,13 @@ from sysid.models.parameters import NAMES
 Array = NDArray[np.float64]
 
 HELD_SD_SHARE = 0.01
-"""Of the planes' standard deviations: how nearly the nearest vehicle must have them."""
+"""Standard deviation with which the vehicle must match the planes, over that of the estimates."""
 STEPS = 20
+"""Maximum number of Gauss-Newton steps."""
 STEP_Z = 1e-3
-"""Of the slopes of a plane's values by z."""
+"""Difference step of a plane's values by z, in prior standard deviations."""
 MISFIT_SD = 1.0
-"""A plane that no vehicle near the prior has is missed by this much or more, in its standard
-deviations."""
+"""Distance of the vehicle from an estimate, in the estimate's sd, from which on it is reported."""
 
 
 def identify(
@@ -49,11 +53,32 @@ def identify(
     method: Method,
     progress: Progress | None = None,
 ) -> IdentifiedModel:
-    """Each plane that has runs, by itself.
+    """Estimate each plane that has runs, and build the model.
 
-    Raises:
-        NotUniqueError: the runs do not name one plant.
-        ValueError: there is no run.
+    Parameters
+    ----------
+    runs : sequence of Run
+        Runs of one or both planes.
+    prior : Prior
+        Prior of the physical parameters.
+    prior_name : str
+        Name of the prior in the model file.
+    method : {'output-error', 'filter-error'}
+        Estimation method.
+    progress : callable, optional
+        Called with the present step and the completed share, 0 to 1.
+
+    Returns
+    -------
+    IdentifiedModel
+        Model of this method.
+
+    Raises
+    ------
+    NotUniqueError
+        The runs do not determine one plane.
+    ValueError
+        There is no run.
     """
     report = progress or (lambda what, share: None)
     planes = [plane for plane in model_export.PLANES if any(run.plane == plane for run in runs)]
@@ -61,157 +86,203 @@ def identify(
         raise ValueError(
             "no run is left to fit; record rudder or elevator tests, or relax the screening"
         )
-    found: dict[Plane, PlaneEstimate] = {}
-    for number, plane in enumerate(planes):
-        report(f"fit, {plane}", number / len(planes))
-        chosen = [
+    plane_estimates: dict[Plane, PlaneEstimate] = {}
+    for index, plane in enumerate(planes):
+        report(f"fit, {plane}", index / len(planes))
+        plane_runs = [
             records.linear_run(run, estimates.LEADS_S[method]) for run in runs if run.plane == plane
         ]
-        found[plane] = estimates.estimate(chosen, records.linear_prior(prior, plane), method)
+        plane_estimates[plane] = estimates.estimate(
+            plane_runs, records.linear_prior(prior, plane), method
+        )
     report("fit", 1.0)
-    return of_estimates(found, prior, prior_name, method)
+    return of_estimates(plane_estimates, prior, prior_name, method)
 
 
 def of_estimates(
-    found: dict[Plane, PlaneEstimate], prior: Prior, prior_name: str, method: Method
+    plane_estimates: dict[Plane, PlaneEstimate], prior: Prior, prior_name: str, method: Method
 ) -> IdentifiedModel:
-    """The model of planes found by ``method``; a plane that was not tested is the prior's, moved by
-    what they share."""
-    nearest = _nearest(found, prior)
+    """Build the model from the estimates.
+
+    A plane without runs is the prior's, changed by shared parameters.
+    """
+    nearest = _nearest(plane_estimates, prior)
     model = model_export.from_fit(nearest, prior, prior_name)
-    told = {plane: _reported_numbers(plane, estimate, nearest) for plane, estimate in found.items()}
+    reported = {
+        plane: _reported_numbers(plane, estimate, nearest)
+        for plane, estimate in plane_estimates.items()
+    }
     return msgspec.structs.replace(
         model,
         method=method,
-        planes={**model.planes, **{plane: _plane(plane, *told[plane]) for plane in found}},
-        design={**model.design, **{plane: _covariance(plane, told[plane][1]) for plane in found}},
-        coefficients={name: _status(c, name, set(found)) for name, c in model.coefficients.items()},
-        notes=(*model.notes, *_misfit_notes(found, prior, nearest.z), *_wide_interval_notes(found)),
+        planes={
+            **model.planes,
+            **{plane: _plane(plane, *reported[plane]) for plane in plane_estimates},
+        },
+        design={
+            **model.design,
+            **{plane: _covariance(plane, reported[plane][1]) for plane in plane_estimates},
+        },
+        coefficients={
+            name: _status(c, name, set(plane_estimates)) for name, c in model.coefficients.items()
+        },
+        notes=(
+            *model.notes,
+            *_misfit_notes(plane_estimates, prior, nearest.z),
+            *_wide_interval_notes(plane_estimates),
+        ),
     )
 
 
-def _nearest(found: dict[Plane, PlaneEstimate], prior: Prior) -> Fit:
-    """The vehicle nearest to the prior whose planes are the estimates, by Gauss-Newton."""
-    certain, z = np.linalg.inv(prior.covariance), prior.mean.copy()
-    held = block_diag(
-        *(_plane_weights(plane, estimate.covariance) for plane, estimate in found.items())
+def _nearest(plane_estimates: dict[Plane, PlaneEstimate], prior: Prior) -> Fit:
+    """Return the vehicle nearest to the prior whose planes are the estimates, by Gauss-Newton."""
+    prior_information, z = np.linalg.inv(prior.covariance), prior.mean.copy()
+    weights = block_diag(
+        *(_plane_weights(plane, estimate.covariance) for plane, estimate in plane_estimates.items())
     )
     for _ in range(STEPS):
-        slopes, errors = _linearise(found, prior, z)
-        information = slopes.T @ held @ slopes
-        gradient = slopes.T @ held @ errors - certain @ (z - prior.mean)
-        step = np.linalg.solve(information + certain, gradient)
+        slopes, errors = _linearise(plane_estimates, prior, z)
+        information = slopes.T @ weights @ slopes
+        gradient = slopes.T @ weights @ errors - prior_information @ (z - prior.mean)
+        step = np.linalg.solve(information + prior_information, gradient)
         z = z + step / max(1.0, float(np.max(np.abs(step))))
         if np.max(np.abs(step)) < 1e-6:
             break
-    slopes, _ = _linearise(found, prior, z)
-    told = block_diag(*(np.linalg.inv(estimate.covariance) for estimate in found.values()))
-    information = slopes.T @ told @ slopes
+    slopes, _ = _linearise(plane_estimates, prior, z)
+    plane_information = block_diag(
+        *(np.linalg.inv(estimate.covariance) for estimate in plane_estimates.values())
+    )
+    information = slopes.T @ plane_information @ slopes
     return Fit(
         z=z,
-        covariance=np.linalg.inv(information + certain),
+        covariance=np.linalg.inv(information + prior_information),
         data_information=information,
         vehicle=parameters.candidate_vehicle(prior.config, prior.biases_rad, z),
-        noise={plane: estimate.level for plane, estimate in found.items() if estimate.level},
-        experiments=dict.fromkeys(found, ()),
-        cost=sum(estimate.cost for estimate in found.values()),
-        start_costs=_start_costs(found),
+        noise={
+            plane: estimate.level for plane, estimate in plane_estimates.items() if estimate.level
+        },
+        datasets=dict.fromkeys(plane_estimates, ()),
+        cost=sum(estimate.cost for estimate in plane_estimates.values()),
+        start_costs=_start_costs(plane_estimates),
         at_bounds=(),
-        evaluations=sum(estimate.evaluations for estimate in found.values()),
+        evaluations=sum(estimate.evaluations for estimate in plane_estimates.values()),
     )
 
 
-def _start_costs(found: dict[Plane, PlaneEstimate]) -> tuple[float, ...]:
-    """Of the planes together, start by start."""
+def _start_costs(plane_estimates: dict[Plane, PlaneEstimate]) -> tuple[float, ...]:
+    """Sum of the planes' costs, start by start."""
     return tuple(
-        float(sum(costs)) for costs in zip(*(e.start_costs for e in found.values()), strict=True)
+        float(sum(costs))
+        for costs in zip(
+            *(plane_estimate.start_costs for plane_estimate in plane_estimates.values()),
+            strict=True,
+        )
     )
 
 
 def _plane_weights(plane: Plane, covariance: Array) -> Array:
-    """Weights that hold a plane's values, but for the lag: both planes have found one, and the
-    vehicle has one."""
-    rows = np.ones(len(covariance), dtype=np.bool_)
-    rows[plants.lag(plane)] = False
+    """Weights that hold a plane's values.
+
+    The lag keeps its own weight: both planes estimate the same lag.
+    """
+    is_held = np.ones(len(covariance), dtype=np.bool_)
+    is_held[linear_model.lag(plane)] = False
     weights = np.zeros_like(covariance)
-    weights[np.ix_(rows, rows)] = np.linalg.inv(covariance[np.ix_(rows, rows)]) / HELD_SD_SHARE**2
-    weights[np.ix_(~rows, ~rows)] = np.linalg.inv(covariance[np.ix_(~rows, ~rows)])
+    weights[np.ix_(is_held, is_held)] = (
+        np.linalg.inv(covariance[np.ix_(is_held, is_held)]) / HELD_SD_SHARE**2
+    )
+    weights[np.ix_(~is_held, ~is_held)] = np.linalg.inv(covariance[np.ix_(~is_held, ~is_held)])
     return weights
 
 
-def _linearise(found: dict[Plane, PlaneEstimate], prior: Prior, z: Array) -> tuple[Array, Array]:
-    """(slopes of all planes' values by z, what they miss of the estimates)."""
+def _linearise(
+    plane_estimates: dict[Plane, PlaneEstimate], prior: Prior, z: Array
+) -> tuple[Array, Array]:
+    """Derivatives of all planes' values by z, and estimates minus values."""
     slopes, errors = [], []
-    for plane, estimate in found.items():
-        here = records.values_at(prior, z, plane).values
-        slope = np.zeros((here.size, len(NAMES)))
+    for plane, estimate in plane_estimates.items():
+        plane_values = records.values_at(prior, z, plane).values
+        slope = np.zeros((plane_values.size, len(NAMES)))
         for i in parameters.parameters_of_planes([plane]):
-            away = z.copy()
-            away[i] += STEP_Z
-            slope[:, i] = (records.values_at(prior, away, plane).values - here) / STEP_Z
+            perturbed_z = z.copy()
+            perturbed_z[i] += STEP_Z
+            slope[:, i] = (
+                records.values_at(prior, perturbed_z, plane).values - plane_values
+            ) / STEP_Z
         slopes.append(slope)
-        errors.append(estimate.plant.values - here)
+        errors.append(estimate.model.values - plane_values)
     return np.vstack(slopes), np.concatenate(errors)
 
 
 def _reported_numbers(plane: Plane, estimate: PlaneEstimate, nearest: Fit) -> tuple[Array, Array]:
-    """Derived numbers and their covariance in a model file's units: the bias as the duct's own
-    angle, in degrees."""
-    frame, values = estimate.plant
-    numbers = plants.derived(frame, values)
-    covariance = plants.propagate(frame, values, estimate.covariance)
+    """Derived numbers and covariance in the units of a model file.
+
+    The bias is the duct angle in degrees.
+    """
+    frame, values = estimate.model
+    numbers = linear_model.derived(frame, values)
+    covariance = linear_model.propagate(frame, values, estimate.covariance)
     if plane == "pitch":
         numbers[-1] = nearest.vehicle.actuators["pitch"].bias_rad
-    degrees = np.ones(numbers.size)
-    degrees[-1] = math.degrees(1.0)
-    return numbers * degrees, covariance * np.outer(degrees, degrees)
+    unit_factors = np.ones(numbers.size)
+    unit_factors[-1] = math.degrees(1.0)
+    return numbers * unit_factors, covariance * np.outer(unit_factors, unit_factors)
 
 
 def _names(plane: Plane) -> tuple[str, ...]:
-    return (*plants.derived_names(plane)[:-1], "actuator_bias_deg")
+    """Names of the reported numbers."""
+    return (*linear_model.derived_names(plane)[:-1], "actuator_bias_deg")
 
 
 def _plane(plane: Plane, numbers: Array, covariance: Array) -> PlaneModel:
+    """Record of a plane for the model file."""
     sds = np.sqrt(np.diag(covariance))
-    told = {
+    reported = {
         name: Reported(float(v), float(sd))
         for name, v, sd in zip(_names(plane), numbers, sds, strict=True)
     }
-    return PlaneModel(restoring_per_s2=told.pop("restoring_per_s2", None), **told)
+    return PlaneModel(restoring_per_s2=reported.pop("restoring_per_s2", None), **reported)
 
 
 def _covariance(plane: Plane, covariance: Array) -> ParameterCovariance:
+    """Record of the covariance for the model file."""
     return ParameterCovariance(_names(plane), tuple(tuple(row) for row in covariance.tolist()))
 
 
-def _status(c: Coefficient, name: str, tested: set[Plane]) -> Coefficient:
-    """What a tested plane's motion moved, but cannot tell from others, is unidentifiable."""
-    moved = name in NAMES and bool(set(parameters.PARAMETERS[NAMES.index(name)].planes) & tested)
-    if moved and c.shrink is not None and c.shrink > MAX_POSTERIOR_TO_PRIOR_SD:
-        return msgspec.structs.replace(c, status="unidentifiable")
-    return c
+def _status(coefficient: Coefficient, name: str, tested: set[Plane]) -> Coefficient:
+    """Mark coefficients as unidentifiable that a tested plane depends on but does not determine."""
+    is_tested = name in NAMES and bool(
+        set(parameters.PARAMETERS[NAMES.index(name)].planes) & tested
+    )
+    if (
+        is_tested
+        and coefficient.shrink is not None
+        and coefficient.shrink > MAX_POSTERIOR_TO_PRIOR_SD
+    ):
+        return msgspec.structs.replace(coefficient, status="unidentifiable")
+    return coefficient
 
 
-def _misfit_notes(found: dict[Plane, PlaneEstimate], prior: Prior, z: Array) -> list[str]:
-    """Values of an estimate that no vehicle of the prior's shape has."""
+def _misfit_notes(plane_estimates: dict[Plane, PlaneEstimate], prior: Prior, z: Array) -> list[str]:
+    """Report values of an estimate that no vehicle near the prior has."""
     notes = []
-    for plane, estimate in found.items():
-        away = records.values_at(prior, z, plane).values - estimate.plant.values
+    for plane, estimate in plane_estimates.items():
+        misfit = records.values_at(prior, z, plane).values - estimate.model.values
         sds = np.sqrt(np.diag(estimate.covariance))
-        worst = int(np.argmax(np.abs(away / sds)))
-        if abs(away[worst]) > MISFIT_SD * sds[worst]:
-            name = plants.names(plane)[worst]
+        worst = int(np.argmax(np.abs(misfit / sds)))
+        if abs(misfit[worst]) > MISFIT_SD * sds[worst]:
+            name = linear_model.names(plane)[worst]
             notes.append(
                 f"{plane}: the coefficients miss the plane's {name} by"
-                f" {abs(away[worst] / sds[worst]):.1f} sd"
+                f" {abs(misfit[worst] / sds[worst]):.1f} sd"
             )
     return notes
 
 
-def _wide_interval_notes(found: dict[Plane, PlaneEstimate]) -> list[str]:
-    """Where one standard deviation says too little."""
+def _wide_interval_notes(plane_estimates: dict[Plane, PlaneEstimate]) -> list[str]:
+    """Report intervals of numbers with a large standard deviation."""
     return [
         f"{plane}: {name} lies in {low:.3g} to {high:.3g} (95 %, profile likelihood)"
-        for plane, estimate in found.items()
+        for plane, estimate in plane_estimates.items()
         for name, low, high in intervals.wide_intervals(estimate)
     ]

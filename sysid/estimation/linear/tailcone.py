@@ -1,8 +1,15 @@
-"""The duct's angle under commands, and how it changes with the tailcone's delay, frequency and
-damping.
+"""Duct angle for a command, and its derivatives by the tailcone's values.
 
-The recursion of ``greybox.duct_angles``, differentiated: at the rate limit the angle goes on as far
-whatever the lag, at a stop it stands."""
+The recursion is that of `greybox.duct_angles`. Over a sample h the exact second-order lag is, with
+e = angle - target, x its rate, wd = wn sqrt(1 - zeta^2), c = e^(-zeta wn h) cos(wd h), s = e^(-zeta
+wn h) sin(wd h) / wd::
+
+    e' = (c + zeta wn s) e + s x
+    x' = -wn^2 s e + (c - zeta wn s) x
+
+At the rate limit the angle moves by rate h independent of the lag, so that its derivatives stay; at
+a stop the angle is constant, and its derivatives are zero.
+"""
 
 import cmath
 import math
@@ -19,43 +26,48 @@ from sysid.models.greybox import Actuator
 Array = NDArray[np.float64]
 
 DT = 1.0 / RATE_HZ
+"""Sample of the command, s."""
 DELAY_STEP_S = 2e-3
-"""Half the difference that gives a delayed command's slope: between samples it is straight, at them
-it has a kink."""
+"""Half the difference step of the delay, s.
+
+The command is linear between samples and has kinks at them.
+"""
 COMPLEX_STEP = 1e-30
-"""Step of the lag's derivatives: complex, so nothing is lost to a difference."""
+"""Imaginary step of the derivatives of the lag, which have no cancellation error."""
 
 
 DELAY, BIAS, FREQUENCY, DAMPING = range(4)
+"""Indices of the tailcone's values."""
 
 
 class TailconeSensitivity(NamedTuple):
+    """Duct angle and its derivatives."""
+
     angle_rad: Array
-    """(samples,)"""
+    """(samples,), duct angle, rad."""
     slopes: Array
-    """(TAIL, samples): of the angle by delay (s), bias (rad), natural frequency (rad/s) and damping
-    ratio."""
+    """(TAIL, samples), derivatives by delay (s), bias (rad), frequency (rad/s) and damping."""
 
 
 def angles(command_rad: Array, actuator: Actuator) -> Array:
-    """(samples,) on the 50 Hz grid."""
-    found: Array = greybox.duct_angles(command_rad, actuator, DT)
-    return found
+    """Duct angle (samples,) on the 50 Hz grid, rad."""
+    duct_rad: Array = greybox.duct_angles(command_rad, actuator, DT)
+    return duct_rad
 
 
 def angle_sensitivity(command_rad: Array, actuator: Actuator) -> TailconeSensitivity:
-    """The same and its slopes; of an actuator without play."""
+    """Return duct angle and derivatives, for an actuator without backlash."""
     wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
     by_frequency = _lag(wn + 1j * COMPLEX_STEP, zeta).imag / COMPLEX_STEP
     by_damping = _lag(wn, zeta + 1j * COMPLEX_STEP).imag / COMPLEX_STEP
     lag_slopes = np.stack([np.zeros(4), np.zeros(4), by_frequency, by_damping])
-    told = np.clip(command_rad, -actuator.travel_rad, actuator.travel_rad)
+    limited_rad = np.clip(command_rad, -actuator.travel_rad, actuator.travel_rad)
     early_s, late_s = max(actuator.delay_s - DELAY_STEP_S, 0.0), actuator.delay_s + DELAY_STEP_S
-    by_delay = (_delay(told, late_s) - _delay(told, early_s)) / (late_s - early_s)
+    by_delay = (_delay(limited_rad, late_s) - _delay(limited_rad, early_s)) / (late_s - early_s)
     start_rad = float(command_rad[0])
     return TailconeSensitivity(
         *_lag_sensitivity(
-            _delay(told, actuator.delay_s),
+            _delay(limited_rad, actuator.delay_s),
             by_delay,
             start_rad,
             actuator,
@@ -66,7 +78,7 @@ def angle_sensitivity(command_rad: Array, actuator: Actuator) -> TailconeSensiti
 
 
 def _lag(wn: complex, zeta: complex) -> NDArray[np.complex128]:
-    """(4,): what a sample leaves of an error and of a rate in the error, then in the rate."""
+    """(4,): factors of angle error and rate over a sample, for the error and for the rate."""
     damped = wn * cmath.sqrt(1.0 - zeta * zeta)
     decay = cmath.exp(-zeta * wn * DT)
     c, s = decay * cmath.cos(damped * DT), decay * cmath.sin(damped * DT) / damped
@@ -74,15 +86,16 @@ def _lag(wn: complex, zeta: complex) -> NDArray[np.complex128]:
 
 
 def _delay(command: Array, delay_s: float) -> Array:
-    """A command edge inside an interval: the lag sees the mean, exact to second order in DT."""
+    """Delayed command; within a sample the mean of two values, exact to second order in DT."""
     whole = int(delay_s / DT)
     newer, older = _shift(command, whole), _shift(command, whole + 1)
     return newer + (delay_s / DT - whole) * (older - newer)
 
 
 def _shift(command: Array, samples: int) -> Array:
-    late = min(samples, command.size)
-    return np.concatenate([np.full(late, command[0]), command[: command.size - late]])
+    """Command delayed by whole samples; the first value is repeated."""
+    shift = min(samples, command.size)
+    return np.concatenate([np.full(shift, command[0]), command[: command.size - shift]])
 
 
 @kernel
@@ -94,42 +107,45 @@ def _lag_sensitivity(
     lag: Array,
     lag_slopes: Array,
 ) -> tuple[Array, Array]:
-    """``target`` is what the lag sees and its slope that by delay; ``lag_slopes`` are by each value
-    of the tailcone."""
-    n, travel, fastest = target.size, actuator.travel_rad, actuator.rate_radps
-    found, slopes = np.empty(n), np.empty((4, n))
-    keeps, gains, slows, runs_on = lag
+    """Propagate angle, rate and their derivatives through lag, rate limit and stops.
+
+    ``target`` (samples,) is the delayed command, ``target_slope`` its derivative by the delay,
+    ``lag`` (4,) the factors of `_lag` and ``lag_slopes`` (4, 4) their derivatives by each value.
+    """
+    n, travel, rate_limit = target.size, actuator.travel_rad, actuator.rate_radps
+    angle_rad, slopes = np.empty(n), np.empty((4, n))
+    error_to_error, rate_to_error, error_to_rate, rate_to_rate = lag
     angle, rate = start, 0.0
-    angles, rates = np.zeros(4), np.zeros(4)
+    angle_slopes, rate_slopes = np.zeros(4), np.zeros(4)
     for k in range(n):
-        found[k] = angle + actuator.bias_rad
+        angle_rad[k] = angle + actuator.bias_rad
         error = angle - target[k]
-        way = target[k] + keeps * error + gains * rate - angle
-        next_rate = slows * error + runs_on * rate
+        increment = target[k] + error_to_error * error + rate_to_error * rate - angle
+        next_rate = error_to_rate * error + rate_to_rate * rate
         slopes[BIAS, k] = 1.0
         for i in (DELAY, FREQUENCY, DAMPING):
-            later = target_slope[k] if i == DELAY else 0.0
-            away = angles[i] - later
-            slopes[i, k] = angles[i]
-            if abs(way) <= fastest * DT:
-                angles[i] = (
-                    later
-                    + keeps * away
-                    + gains * rates[i]
+            target_derivative = target_slope[k] if i == DELAY else 0.0
+            error_slope = angle_slopes[i] - target_derivative
+            slopes[i, k] = angle_slopes[i]
+            if abs(increment) <= rate_limit * DT:
+                angle_slopes[i] = (
+                    target_derivative
+                    + error_to_error * error_slope
+                    + rate_to_error * rate_slopes[i]
                     + lag_slopes[i, 0] * error
                     + lag_slopes[i, 1] * rate
                 )
-            rates[i] = (
-                slows * away
-                + runs_on * rates[i]
+            rate_slopes[i] = (
+                error_to_rate * error_slope
+                + rate_to_rate * rate_slopes[i]
                 + lag_slopes[i, 2] * error
                 + lag_slopes[i, 3] * rate
             )
-        angle += min(max(way, -fastest * DT), fastest * DT)
-        rate = min(max(next_rate, -fastest), fastest)
-        if abs(next_rate) > fastest:
-            rates[:] = 0.0
+        angle += min(max(increment, -rate_limit * DT), rate_limit * DT)
+        rate = min(max(next_rate, -rate_limit), rate_limit)
+        if abs(next_rate) > rate_limit:
+            rate_slopes[:] = 0.0
         if abs(angle) > travel:
             angle, rate = math.copysign(travel, angle), 0.0
-            angles[:], rates[:] = 0.0, 0.0
-    return found, slopes
+            angle_slopes[:], rate_slopes[:] = 0.0, 0.0
+    return angle_rad, slopes

@@ -1,2 +1,5 @@
-"""The joint estimate of both planes: what the fit sees, its sensitivities, its search, and when it
-has failed."""
+"""Joint maximum a posteriori estimate of both planes.
+
+Modules: data of the fit (``datasets``), cost function (``problem``), sensitivities, search
+(``gauss_newton``), estimate (``fit``), ``intervals`` and failure criteria (``convergence``).
+"""

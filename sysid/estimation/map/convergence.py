@@ -1,4 +1,4 @@
-"""When a fit has failed, in words: no figure of it may then be taken at face value."""
+"""Criteria by which a fit has failed; the numbers of a failed fit must not be used."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,10 +10,11 @@ from sysid.data.segments import Plane
 Array = NDArray[np.float64]
 
 START_COST_TOLERANCE = 0.01
-"""Relative cost by which other starts may differ from the best."""
+"""Relative cost difference up to which another start counts as having reached the same minimum."""
 MAX_PRIOR_SHARE = 0.95
-"""A design number that keeps this share of its prior standard deviation was not measured."""
+"""Ratio of posterior to prior standard deviation above which a design number was not measured."""
 DESIGN_NUMBERS = ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s", "delay_s")
+"""Numbers of a plane that control design uses, by their names in ``model.json``."""
 
 
 def failures(
@@ -22,43 +23,68 @@ def failures(
     at_bounds: Sequence[str],
     spreads: Mapping[Plane, tuple[Array, Array]],
 ) -> tuple[str, ...]:
-    """Reasons not to believe a fit; empty for one that may be judged further.
+    """Return the reasons why a fit has failed; empty for a fit that passes.
 
-    ``spreads`` are, of each plane that was tested, the covariances of DESIGN_NUMBERS (5, 5) before
-    and after the data."""
-    found = []
-    apart = [abs(other - cost) / cost for other in start_costs]
-    if apart and max(apart) > START_COST_TOLERANCE:
-        strayed = sum(share > START_COST_TOLERANCE for share in apart)
-        found.append(
-            f"{strayed} of {len(apart)} other starts end elsewhere, their costs up to"
-            f" {max(apart):.1%} away, at most {START_COST_TOLERANCE:.0%}: "
+    Parameters
+    ----------
+    cost : float
+        Cost of the fit.
+    start_costs : sequence of float
+        Costs at which the searches from other starts ended.
+    at_bounds : sequence of str
+        Names of parameters at a bound of the search.
+    spreads : mapping of plane to two ndarrays, (5, 5)
+        Covariances of DESIGN_NUMBERS before and after the data, for each tested plane.
+
+    Returns
+    -------
+    tuple of str
+        One sentence for each failure.
+    """
+    reasons = []
+    cost_differences = [abs(start_cost - cost) / cost for start_cost in start_costs]
+    if cost_differences and max(cost_differences) > START_COST_TOLERANCE:
+        other_minima = sum(difference > START_COST_TOLERANCE for difference in cost_differences)
+        reasons.append(
+            f"{other_minima} of {len(cost_differences)} other starts end elsewhere, their costs up"
+            f" to {max(cost_differences):.1%} away, at most {START_COST_TOLERANCE:.0%}: "
             "the tests admit more than one vehicle"
         )
     if at_bounds:
-        found.append(
+        reasons.append(
             f"{', '.join(at_bounds)} at a bound, four prior standard deviations away: the prior is"
             " wrong"
         )
-    found += [
+    reasons += [
         reason
-        for plane, (before, after) in spreads.items()
-        if (reason := _uninformed_numbers(plane, before, after))
+        for plane, (prior_covariance, posterior_covariance) in spreads.items()
+        if (reason := _uninformed_numbers(plane, prior_covariance, posterior_covariance))
     ]
-    return tuple(found)
+    return tuple(reasons)
 
 
-def _uninformed_numbers(plane: Plane, before: Array, after: Array) -> str:
-    """Says which design numbers the data leave as they were."""
-    # a number whose prior spread is zero stands at its limit (a delay of zero): nothing to hand
-    # back
-    variances = np.diag(before)
-    kept = np.sqrt(
-        np.divide(np.diag(after), variances, out=np.zeros(len(variances)), where=variances > 0.0)
+def _uninformed_numbers(plane: Plane, prior_covariance: Array, posterior_covariance: Array) -> str:
+    """Name the design numbers whose uncertainty the data did not reduce.
+
+    Empty if there are none.
+    """
+    # A number with a prior variance of zero is at its limit (a delay of zero) and is skipped.
+    variances = np.diag(prior_covariance)
+    sd_ratios = np.sqrt(
+        np.divide(
+            np.diag(posterior_covariance),
+            variances,
+            out=np.zeros(len(variances)),
+            where=variances > 0.0,
+        )
     )
-    left = [
-        f"{name} ({share:.0%})"
-        for name, share in zip(DESIGN_NUMBERS, kept, strict=True)
-        if share > MAX_PRIOR_SHARE
+    uninformed = [
+        f"{name} ({ratio:.0%})"
+        for name, ratio in zip(DESIGN_NUMBERS, sd_ratios, strict=True)
+        if ratio > MAX_PRIOR_SHARE
     ]
-    return f"the {plane} tests leave the prior's uncertainty of {', '.join(left)}" if left else ""
+    return (
+        f"the {plane} tests leave the prior's uncertainty of {', '.join(uninformed)}"
+        if uninformed
+        else ""
+    )

@@ -1,10 +1,10 @@
-"""What the rest of the vehicle does while both surfaces are tested: a known input to the plane that
-is simulated.
+"""Motion of the other plane as a known input of the simulated plane, for tests of both surfaces.
 
-The planes are then no longer strangers: drag across the hull turns with the flow, speed is lost in
-both, and pitch turns yaw rate into more heading. Rates, roll and pitch are measured; the speed
-across the other plane, which nothing measures, follows from its rate and its surface by that
-plane's own force equation."""
+In a test of both surfaces the planes are coupled: cross-flow drag turns with the direction of the
+flow, both planes reduce the speed, and pitch changes the ratio of yaw rate to heading rate. Rates,
+roll and pitch are measured. Sway or heave of the other plane is not measured; it follows from rate
+and duct angle by the force equation of that plane.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,28 +19,54 @@ Array = NDArray[np.float64]
 
 
 def cross_plane_inputs(run: Run, other: LinearPlane, actuator: Actuator, speed_mps: float) -> Array:
-    """Surroundings (samples, greybox.AROUND) of one plane's half of a test of both, on the run's
-    grid.
+    """Compute the motion of the other plane during a test of both surfaces.
 
-    ``other`` and ``actuator`` are of the plane that is not simulated. The mean of heave, which
-    buoyancy has a hand in, comes from pitch and depth."""
+    Parameters
+    ----------
+    run : Run
+        Half of the test that belongs to the simulated plane.
+    other : LinearPlane
+        Small-signal model of the plane that is not simulated.
+    actuator : Actuator
+        Actuator of the plane that is not simulated.
+    speed_mps : float
+        Steady speed, m/s.
+
+    Returns
+    -------
+    ndarray, (samples, N_COUPLING)
+        Sway or heave (m/s), rate (rad/s), pitch (rad), roll rate (rad/s), roll (rad) and duct
+        angle (rad) on the run's grid; signs as `greybox.integrate` expects them.
+
+    Notes
+    -----
+    The mean of heave depends on buoyancy; it is computed from pitch and depth instead.
+    """
     is_yaw = run.plane == "yaw"
     duct = greybox.duct_along(run, "pitch" if is_yaw else "yaw", actuator)
     rate = run.q_radps if is_yaw else run.r_radps
     across, pitch = cross_speed_mps(other, rate, duct), 0.0 * rate
-    if (standing := greybox.heave_coupling(run, speed_mps)) is not None:
-        across, pitch = across - np.mean(across) - np.mean(standing[:, 0]), run.pitch_rad
+    if (heave_inputs := greybox.heave_coupling(run, speed_mps)) is not None:
+        across, pitch = across - np.mean(across) - np.mean(heave_inputs[:, 0]), run.pitch_rad
     return np.column_stack([-across, -rate, -pitch, run.p_radps, run.roll_rad, duct])
 
 
 def cross_speed_mps(plane: LinearPlane, rate_radps: Array, duct_rad: Array) -> Array:
-    """Sway or heave in MAVLink's axes under a measured rate and duct angle, from where it would
-    settle under both."""
-    pushed = plane.A[0, 1] * rate_radps + plane.B[0] * duct_rad
+    """Sway or heave of a plane for a measured rate and duct angle, m/s, in MAVLink's axes.
+
+    v' = A00 v + u with u = A01 r + B0 delta held over a sample h = 1 / RATE_HZ, from its
+    equilibrium::
+
+        v[k+1] = e^(A00 h) v[k] + (1 - e^(A00 h)) / (-A00) u[k],    v[0] = u[0] / (-A00)
+    """
+    forcing = plane.A[0, 1] * rate_radps + plane.B[0] * duct_rad
     decay = float(np.exp(plane.A[0, 0] / RATE_HZ))
-    settled = pushed[0] / -plane.A[0, 0]
-    late = np.concatenate(([pushed[0]], pushed[:-1]))
+    equilibrium = forcing[0] / -plane.A[0, 0]
+    previous_forcing = np.concatenate(([forcing[0]], forcing[:-1]))
     across, _ = lfilter(
-        [(1.0 - decay) / -plane.A[0, 0]], [1.0, -decay], late, zi=np.array([decay * settled])
+        [(1.0 - decay) / -plane.A[0, 0]],
+        [1.0, -decay],
+        previous_forcing,
+        zi=np.array([decay * equilibrium]),
     )
     return np.asarray(across)

@@ -1,4 +1,4 @@
-"""Runs as the fit sees them, and what a candidate vehicle leaves unexplained of them."""
+"""Data of the joint fit: runs sampled for the fit, and their residuals for a candidate vehicle."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,83 +17,147 @@ from sysid.models.parameters import CandidateVehicle
 Array = NDArray[np.float64]
 
 STRIDE = 5
-"""Samples of the 50 Hz grid in one step of the fit: 10 Hz, five times above anything the vehicle
-does."""
+"""Samples of the 50 Hz grid per step of the fit: 10 Hz, five times the bandwidth of the vehicle."""
 
 DUCT_SETTLING_S, MAX_START_S = 3.0, -1.0
-"""Start of a run that only tells where the duct stands: the loops keep it moving, and it follows
-late. Taken for standing where it was told to be, it pulled lag and effectiveness away by one
-standard deviation, in every campaign."""
+"""Start of the fitted part of a run: s after the first sample, but not later than MAX_START_S.
+
+The part before it serves only to compute the duct angle. The loops move the duct before a test, and
+it follows its command with a delay. With the duct angle assumed equal to the command at the first
+sample, lag and effectiveness were wrong by one standard deviation in every campaign. MAX_START_S is
+relative to the start of the test.
+"""
 
 
 class Dataset(NamedTuple):
-    """One run as the fit sees it."""
+    """One run as the fit uses it."""
 
     run: Run
     start: InitialMotion
+    """Measured motion at the first sample."""
     measured: Array
-    """(samples, outputs) at 10 Hz, each the mean of the samples around it: rate, angle, and depth
-    in pitch."""
-    around: Array | None = None
-    """What the rest of the vehicle did meanwhile, as ``greybox.integrate`` takes it."""
+    """(samples, outputs) at 10 Hz.
+
+    Rate (rad/s), angle (rad) and, in pitch, depth (m). Each value is the mean of the 50 Hz samples
+    around it.
+    """
+    cross_plane_inputs: Array | None = None
+    """(50 Hz samples, N_COUPLING), motion of the other plane as `greybox.integrate` takes it.
+
+    None if it is neglected.
+    """
 
 
 def dataset(run: Run) -> Dataset:
-    """A run as the fit takes it: from where the duct is known on."""
+    """Prepare a run for the fit.
+
+    Parameters
+    ----------
+    run : Run
+        Run on the 50 Hz grid.
+
+    Returns
+    -------
+    Dataset
+        The run from the time on at which the duct angle is known, without cross-plane inputs.
+    """
     run = run.since(max(run.time_s[0], min(run.time_s[0] + DUCT_SETTLING_S, MAX_START_S)))
     columns = [run.rate_radps, run.heading_rad if run.plane == "yaw" else run.pitch_rad]
     if run.plane == "pitch":
         columns.append(run.depth_m)
     return Dataset(
-        run, greybox.initial_motion(run), np.column_stack([_decimate(c) for c in columns])
+        run, greybox.initial_motion(run), np.column_stack([_decimate(column) for column in columns])
     )
 
 
-def with_coupling_inputs(vehicle: CandidateVehicle, what: Dataset) -> Dataset:
-    """The same with its surroundings, as ``vehicle`` tells them from what was measured."""
-    run, speed_mps = what.run, cruise_speed_mps(vehicle, float(what.run.thrust[0]))
+def with_coupling_inputs(vehicle: CandidateVehicle, data: Dataset) -> Dataset:
+    """Add the motion of the other plane, computed from the measured motion.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle whose linear plane gives the sway or heave that is not measured.
+    data : Dataset
+        Run.
+
+    Returns
+    -------
+    Dataset
+        The same run with ``cross_plane_inputs``.
+    """
+    run, speed_mps = data.run, cruise_speed_mps(vehicle, float(data.run.thrust[0]))
     if not run.both:
-        return what._replace(around=greybox.heave_coupling(run, speed_mps))
+        return data._replace(cross_plane_inputs=greybox.heave_coupling(run, speed_mps))
     other: Plane = "pitch" if run.plane == "yaw" else "yaw"
-    return what._replace(
-        around=cross_plane_inputs(
+    return data._replace(
+        cross_plane_inputs=cross_plane_inputs(
             run, linear_plane(vehicle, other), vehicle.actuators[other], speed_mps
         )
     )
 
 
 def _decimate(values: Array) -> Array:
-    """Centred means of STRIDE samples at every STRIDE-th sample; the ends repeat what they have."""
+    """Centred means of STRIDE samples at every STRIDE-th sample.
+
+    The end samples are repeated outwards.
+    """
     padded = np.pad(values, STRIDE // 2, mode="edge")
     return np.convolve(padded, np.full(STRIDE, 1.0 / STRIDE), mode="valid")[::STRIDE]
 
 
 def linear_plane(vehicle: CandidateVehicle, plane: Plane) -> LinearPlane:
-    """Small-signal plane of a candidate at its operating point."""
+    """Return the small-signal model of one plane of a vehicle at its operating point.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle with its linear coefficients.
+    plane : {'yaw', 'pitch'}
+        Plane.
+
+    Returns
+    -------
+    LinearPlane
+        State-space model in MAVLink's axes.
+    """
     config = vehicle.config
-    c, speed, mass = (
+    coefficients, speed, mass = (
         parameters.to_table_1_column(config.linear),
         config.operating_point.speed_mps,
         config.ballast.mass_kg,
     )
     if plane == "yaw":
-        return linear_planes.yaw_plane(c, speed, mass)
-    return linear_planes.pitch_plane(c, speed, mass, config.water.gravity_mps2)
+        return linear_planes.yaw_plane(coefficients, speed, mass)
+    return linear_planes.pitch_plane(coefficients, speed, mass, config.water.gravity_mps2)
 
 
-def residuals(vehicle: CandidateVehicle, experiments: Sequence[Dataset]) -> list[Array]:
-    """Measured less simulated of each run, (samples, outputs)."""
-    thrusts = {float(e.run.thrust[0]) for e in experiments}
+def residuals(vehicle: CandidateVehicle, datasets: Sequence[Dataset]) -> list[Array]:
+    """Return measured minus simulated outputs of each run.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle to simulate.
+    datasets : sequence of Dataset
+        Runs.
+
+    Returns
+    -------
+    list of ndarray, (samples, outputs)
+        Residuals of rate (rad/s), angle (rad) and, in pitch, depth (m).
+    """
+    thrusts = {float(data.run.thrust[0]) for data in datasets}
     speeds_mps = {thrust: cruise_speed_mps(vehicle, thrust) for thrust in thrusts}
-    return [_residual(vehicle, e, speeds_mps[float(e.run.thrust[0])]) for e in experiments]
+    return [_residual(vehicle, data, speeds_mps[float(data.run.thrust[0])]) for data in datasets]
 
 
-def _residual(vehicle: CandidateVehicle, what: Dataset, speed_mps: float) -> Array:
-    actuator = vehicle.actuators[what.run.plane]
+def _residual(vehicle: CandidateVehicle, data: Dataset, speed_mps: float) -> Array:
+    """Residual of one run."""
+    actuator = vehicle.actuators[data.run.plane]
     motion = greybox.simulate(
-        vehicle.model, actuator, what.run, what.start, STRIDE, speed_mps, what.around
+        vehicle.model, actuator, data.run, data.start, STRIDE, speed_mps, data.cross_plane_inputs
     )
     columns = [motion.rate_radps, motion.angle_rad]
-    if what.run.plane == "pitch":
+    if data.run.plane == "pitch":
         columns.append(motion.depth_m)
-    return what.measured - np.column_stack(columns)
+    return data.measured - np.column_stack(columns)

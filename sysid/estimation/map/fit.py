@@ -1,9 +1,10 @@
-"""The joint estimate of both planes: maximum a posteriori on residuals whitened by a noise model
-estimated with it.
+"""Joint maximum a posteriori estimate of both planes, with the noise model estimated alongside.
 
-Noise from residuals and parameters under that noise take turns; then other starts, drawn from the
-prior, must lead to the same end. They are followed on every other sample only, which tells ends
-apart as well."""
+The estimate alternates (Jategaonkar 2015, ch. 5): noise levels from the residuals of the present
+parameters, then the parameters of the least cost under these levels (`gauss_newton`, cost in
+`problem`). Then searches from other starts, drawn from the prior, must end at the same cost. They
+use every second sample only, which is enough to distinguish minima.
+"""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -56,39 +57,54 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
-"""Called with what is being done and the share of the work that is behind, 0..1."""
+"""Called with the present step and the completed share of the work, 0 to 1."""
 
 NONE_IS_POSSIBLE = ("backlash",)
-"""Ratios to the prior whose true value may be zero, which a ratio reaches only at its lower bound:
-at four prior standard deviations the assumed play of 0.2 deg is 0.004 deg, less than any test
-shows."""
+"""Ratios to the prior whose true value may be zero, which a ratio only reaches at its lower bound.
+
+At four prior standard deviations the assumed backlash of 0.2 deg is 0.004 deg, less than any test
+shows.
+"""
 PASSES = 3
 """Outer iterations: noise from residuals, then parameters under that noise."""
 STARTS = 8
+"""Number of further starts, drawn from the prior."""
 COARSE_TOLERANCE, FINE_TOLERANCE = 1e-4, 1e-6
-"""Share of the cost that a step must promise, in passes whose noise is about to be renewed and in
-the last one."""
+"""Predicted relative decrease of the cost that ends a search.
+
+In passes before the noise is updated again, and in the last pass.
+"""
 MULTISTART_DECIMATION = 2
-"""Of so many samples, other starts look at one."""
+"""Restarts use every second sample: enough to distinguish local minima, at half the cost."""
 OPENINGS_S = (5.0, 15.0)
-"""Of every run, which another start looks at before the whole: a vehicle of the prior that turns
-the other way, or runs away where the true one does not, is so far off in the end that no slope
-leads back from there."""
+"""Initial parts of every run (s) that a restart fits before the whole.
+
+A vehicle drawn from the prior may turn the other way, or be unstable where the true one is stable.
+Late in a run it is then so far off that no gradient leads back.
+"""
 
 
 class Fit(NamedTuple):
+    """Result of the joint estimate."""
+
     z: Array
+    """(p,), parameters in prior standard deviations, in the order of `parameters.NAMES`."""
     covariance: Array
-    """Of z, from the whitened information and the prior."""
+    """(p, p), posterior covariance of z: inverse of the data's information plus the prior's."""
     data_information: Array
-    """Of z, from the data alone."""
+    """(p, p), information about z from the data alone."""
     vehicle: CandidateVehicle
+    """Vehicle at z."""
     noise: dict[Plane, Noise]
-    experiments: Mapping[Plane, tuple[Dataset, ...]]
+    """Estimated noise levels of each plane."""
+    datasets: Mapping[Plane, tuple[Dataset, ...]]
+    """Fitted runs of each plane."""
     cost: float
+    """Negative log posterior at z, without constants."""
     start_costs: tuple[float, ...]
-    """Costs at which the other starts ended."""
+    """Costs at which the searches from other starts ended."""
     at_bounds: tuple[str, ...]
+    """Names of the parameters at a bound, see `at_bounds`."""
     evaluations: int
     """Steps of all searches."""
 
@@ -96,55 +112,72 @@ class Fit(NamedTuple):
 def fit(
     runs: Sequence[Run], prior: Prior, progress: Progress | None = None, starts: int = STARTS
 ) -> Fit:
-    """Estimate z from ``runs`` (at least one); ``starts`` others are asked whether they lead to the
-    same end.
+    """Estimate the parameters z from the runs.
 
-    Raises:
-        ValueError: there is no run.
+    Parameters
+    ----------
+    runs : sequence of Run
+        Runs of one or both planes, at least one.
+    prior : Prior
+        Mean and covariance of z, vehicle file and actuator biases.
+    progress : callable, optional
+        Called with the present step and the completed share of the work, 0 to 1.
+    starts : int
+        Number of further starts that must lead to the same minimum.
+
+    Returns
+    -------
+    Fit
+        Estimate, covariance, noise levels and the costs of all starts.
+
+    Raises
+    ------
+    ValueError
+        There is no run.
     """
     if not runs:
         raise ValueError(
             "no run is left to fit; record rudder or elevator tests, or relax the screening"
         )
-    report = progress or (lambda what, share: None)
-    experiments = _datasets(runs, problems.vehicle(prior, prior.mean))
-    z, work, steps = prior.mean.copy(), PASSES + 2, 0
-    levels: dict[Plane, Noise] = {plane: Noise() for plane in experiments}
-    for number in range(PASSES):
-        report(f"fit, pass {number + 1} of {PASSES}", number / work)
-        end = descend(_problem(prior, experiments, levels, z), z, COARSE_TOLERANCE)
-        z, steps = end.z, steps + end.steps
-        levels = _noise(prior, experiments, levels, z)
-    report("fit, last pass", PASSES / work)
-    problem = _problem(prior, experiments, levels, z)
-    end = descend(problem, z, FINE_TOLERANCE)
-    others, better, more = _search_other_starts(
+    report = progress or (lambda what, ratio: None)
+    datasets = _datasets(runs, problems.vehicle(prior, prior.mean))
+    z, work_steps, steps = prior.mean.copy(), PASSES + 2, 0
+    levels: dict[Plane, Noise] = {plane: Noise() for plane in datasets}
+    for pass_index in range(PASSES):
+        report(f"fit, pass {pass_index + 1} of {PASSES}", pass_index / work_steps)
+        optimum = descend(_problem(prior, datasets, levels, z), z, COARSE_TOLERANCE)
+        z, steps = optimum.z, steps + optimum.steps
+        levels = _noise(prior, datasets, levels, z)
+    report("fit, last pass", PASSES / work_steps)
+    problem = _problem(prior, datasets, levels, z)
+    optimum = descend(problem, z, FINE_TOLERANCE)
+    start_cost_ratios, better_z, restart_steps = _search_other_starts(
         problem,
-        end.z,
+        optimum.z,
         starts,
-        lambda share: report("fit, other starts", (PASSES + 1 + share) / work),
+        lambda ratio: report("fit, other starts", (PASSES + 1 + ratio) / work_steps),
     )
-    if better is not None:
-        end = descend(problem, better, FINE_TOLERANCE)
+    if better_z is not None:
+        optimum = descend(problem, better_z, FINE_TOLERANCE)
     report("fit", 1.0)
     return Fit(
-        z=end.z,
-        covariance=np.linalg.inv(end.score.information + np.linalg.inv(prior.covariance)),
-        data_information=end.score.information,
-        vehicle=problems.vehicle(prior, end.z),
+        z=optimum.z,
+        covariance=np.linalg.inv(optimum.score.information + np.linalg.inv(prior.covariance)),
+        data_information=optimum.score.information,
+        vehicle=problems.vehicle(prior, optimum.z),
         noise=levels,
-        experiments=experiments,
-        cost=end.score.cost,
-        start_costs=tuple(end.score.cost * share for share in others),
-        at_bounds=at_bounds(end.z),
-        evaluations=steps + end.steps + more,
+        datasets=datasets,
+        cost=optimum.score.cost,
+        start_costs=tuple(optimum.score.cost * ratio for ratio in start_cost_ratios),
+        at_bounds=at_bounds(optimum.z),
+        evaluations=steps + optimum.steps + restart_steps,
     )
 
 
 def at_bounds(z: Array) -> tuple[str, ...]:
     """Return the names of the parameters at a bound of the search that the data should not reach.
 
-    The lower bound of a parameter of ``NONE_IS_POSSIBLE`` is a result, not a prior that is wrong.
+    The lower bound of a parameter of ``NONE_IS_POSSIBLE`` is a result and does not count.
     """
     return tuple(
         name
@@ -153,99 +186,104 @@ def at_bounds(z: Array) -> tuple[str, ...]:
     )
 
 
-def _datasets(runs: Sequence[Run], first: CandidateVehicle) -> dict[Plane, tuple[Dataset, ...]]:
+def _datasets(runs: Sequence[Run], vehicle: CandidateVehicle) -> dict[Plane, tuple[Dataset, ...]]:
+    """Prepare the runs, plane by plane; ``first`` computes the motion of the other plane."""
     planes: tuple[Plane, ...] = ("yaw", "pitch")
-    found = {
+    datasets = {
         plane: tuple(
-            with_coupling_inputs(first, dataset(run)) for run in runs if run.plane == plane
+            with_coupling_inputs(vehicle, dataset(run)) for run in runs if run.plane == plane
         )
         for plane in planes
     }
-    return {plane: group for plane, group in found.items() if group}
+    return {plane: group for plane, group in datasets.items() if group}
 
 
 def _problem(
     prior: Prior,
-    experiments: Mapping[Plane, tuple[Dataset, ...]],
+    datasets: Mapping[Plane, tuple[Dataset, ...]],
     levels: Mapping[Plane, Noise],
     z: Array,
 ) -> MapProblem:
-    by = problems.filters(problems.vehicle(prior, z), experiments, levels, STRIDE)
-    return MapProblem(prior, experiments, by, levels, STRIDE)
+    """Return the problem with noise filters linearised about the vehicle at z."""
+    filters = problems.filters(problems.vehicle(prior, z), datasets, levels, STRIDE)
+    return MapProblem(prior, datasets, filters, levels, STRIDE)
 
 
 def _noise(
     prior: Prior,
-    experiments: Mapping[Plane, tuple[Dataset, ...]],
+    datasets: Mapping[Plane, tuple[Dataset, ...]],
     levels: Mapping[Plane, Noise],
     z: Array,
 ) -> dict[Plane, Noise]:
-    at = problems.vehicle(prior, z)
+    """Estimate the noise levels of each plane from the residuals at z."""
+    vehicle = problems.vehicle(prior, z)
     return {
         plane: noise.estimate(
-            linear_plane(at, plane), residuals(at, group), STRIDE / RATE_HZ, levels[plane]
+            linear_plane(vehicle, plane), residuals(vehicle, group), STRIDE / RATE_HZ, levels[plane]
         )
-        for plane, group in experiments.items()
+        for plane, group in datasets.items()
     }
 
 
 def _search_other_starts(
-    problem: MapProblem, z: Array, starts: int, report: Callable[[float], None]
+    problem: MapProblem, z: Array, start_count: int, report: Callable[[float], None]
 ) -> tuple[list[float], Array | None, int]:
-    """Ends of searches from draws of the prior, the same on every machine.
+    """Search from starts drawn from the prior, the same on every machine.
 
-    Returns their costs as shares of that of ``z``, the best of them where it beats ``z``, and the
-    steps taken."""
-    thin, prior = _decimate(problem, z), problem.prior
-    own = descend(thin, z, COARSE_TOLERANCE)
-    best, steps = own.score.cost, own.steps
-    generator, spread = np.random.default_rng(4154), np.linalg.cholesky(prior.covariance)
-    shares, better = [], None
-    for number in range(starts):
-        report(number / starts)
-        drawn = prior.mean + spread @ generator.standard_normal(len(NAMES))
-        at = _feasible_start(thin, np.clip(drawn, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z)
+    Return the ratios of their costs to that of ``z``, the best of them if it is better than ``z``,
+    and the number of steps.
+    """
+    decimated, prior = _decimate(problem, z), problem.prior
+    reference = descend(decimated, z, COARSE_TOLERANCE)
+    reference_cost, steps = reference.score.cost, reference.steps
+    generator, root = np.random.default_rng(4154), np.linalg.cholesky(prior.covariance)
+    cost_ratios, better_z = [], None
+    for index in range(start_count):
+        report(index / start_count)
+        sample = prior.mean + root @ generator.standard_normal(len(NAMES))
+        start = _feasible_start(decimated, np.clip(sample, -0.9 * Z_LIMIT, 0.9 * Z_LIMIT), z)
         for seconds in OPENINGS_S:
-            opened = descend(_truncate(thin, seconds), at, COARSE_TOLERANCE)
-            at, steps = opened.z, steps + opened.steps
-        end = descend(thin, at, COARSE_TOLERANCE)
-        shares.append(end.score.cost / best)
+            opening_end = descend(_truncate(decimated, seconds), start, COARSE_TOLERANCE)
+            start, steps = opening_end.z, steps + opening_end.steps
+        end = descend(decimated, start, COARSE_TOLERANCE)
+        cost_ratios.append(end.score.cost / reference_cost)
         steps += end.steps
-        if shares[-1] < min([1.0 - START_COST_TOLERANCE, *shares[:-1]]):
-            better = end.z
-    return shares, better, steps
+        if cost_ratios[-1] < min([1.0 - START_COST_TOLERANCE, *cost_ratios[:-1]]):
+            better_z = end.z
+    return cost_ratios, better_z, steps
 
 
 def _feasible_start(problem: MapProblem, start: Array, z: Array) -> Array:
-    """``start``, or where no such vehicle can be the first half-way house towards ``z`` that
-    can."""
+    """Halve the distance of ``start`` to ``z`` until such a vehicle is possible."""
     while not math.isfinite(problems.cost(problem, start)):
         start = 0.5 * (start + z)
     return start
 
 
 def _truncate(problem: MapProblem, seconds: float) -> MapProblem:
-    """The same problem on the first seconds of every run."""
+    """Restrict a problem to the first seconds of every run."""
 
-    def opened(e: Dataset) -> Dataset:
-        run = e.run.until(float(e.run.time_s[0]) + seconds)
-        return e._replace(
-            run=run, measured=e.measured[: (run.time_s.size - 1) // problem.stride + 1]
+    def truncate_dataset(data: Dataset) -> Dataset:
+        run = data.run.until(float(data.run.time_s[0]) + seconds)
+        return data._replace(
+            run=run, measured=data.measured[: (run.time_s.size - 1) // problem.stride + 1]
         )
 
     return problem._replace(
-        experiments={
-            plane: tuple(map(opened, group)) for plane, group in problem.experiments.items()
+        datasets={
+            plane: tuple(map(truncate_dataset, group)) for plane, group in problem.datasets.items()
         }
     )
 
 
 def _decimate(problem: MapProblem, z: Array) -> MapProblem:
-    """The same problem on one of SKIPPED samples, under filters made for that."""
+    """Restrict a problem to every MULTISTART_DECIMATION-th sample, with filters for that rate."""
     stride = MULTISTART_DECIMATION * problem.stride
-    experiments = {
-        plane: tuple(e._replace(measured=e.measured[::MULTISTART_DECIMATION]) for e in group)
-        for plane, group in problem.experiments.items()
+    datasets = {
+        plane: tuple(
+            data._replace(measured=data.measured[::MULTISTART_DECIMATION]) for data in group
+        )
+        for plane, group in problem.datasets.items()
     }
-    by = problems.filters(problems.vehicle(problem.prior, z), experiments, problem.levels, stride)
-    return MapProblem(problem.prior, experiments, by, problem.levels, stride)
+    filters = problems.filters(problems.vehicle(problem.prior, z), datasets, problem.levels, stride)
+    return MapProblem(problem.prior, datasets, filters, problem.levels, stride)

@@ -1,7 +1,14 @@
-"""The search for the most likely candidate: Gauss-Newton steps, damped where the vehicle is not
-what they take it for.
+"""Damped Gauss-Newton search for the parameters with the largest posterior probability.
 
-Levenberg (1944) and Marquardt (1963) in prior standard deviations, each held within bounds.
+Symbols, in units of prior standard deviations: z parameters (p,), m and P prior mean and
+covariance, g gradient of the cost, H = J'J the data's information from the whitened sensitivities J
+(n, p), lambda damping. Cost and step (Levenberg 1944; Marquardt 1963)::
+
+    cost(z) = 1/2 |e(z)|^2 + 1/2 (z - m)' P^-1 (z - m)
+    A = H + P^-1
+    (A + lambda diag(A)) dz = -g,    |z_i| <= Z_LIMIT
+
+lambda decreases after a step that lowers the cost and increases after one that does not.
 """
 
 from typing import NamedTuple
@@ -15,45 +22,68 @@ from sysid.estimation.map.problem import MapProblem, Score
 Array = NDArray[np.float64]
 
 Z_LIMIT = 4.0
-"""Bounds, in prior standard deviations."""
+"""Bounds of the parameters, in prior standard deviations on both sides of zero."""
 MAX_STEPS = 60
+"""Maximum number of steps, rejected ones included."""
 INITIAL_DAMPING, DAMPING_INCREASE, DAMPING_DECREASE, MAX_DAMPING = 1e-3, 10.0, 0.1, 1e8
+"""Damping lambda: initial value, factors after a rejected and an accepted step, final value."""
 
 
 class SearchEnd(NamedTuple):
+    """Result of a search: parameters, cost with derivatives, and number of steps."""
+
     z: Array
     score: Score
     steps: int
 
 
 def descend(problem: MapProblem, start: Array, tolerance: float) -> SearchEnd:
-    """From ``start`` until a step promises less than ``tolerance`` of the cost, or none lowers
-    it."""
+    """Minimise the cost from ``start``.
+
+    Parameters
+    ----------
+    problem : MapProblem
+        Data, noise filters and prior.
+    start : ndarray, (p,)
+        Initial parameters, in prior standard deviations; clipped to the bounds.
+    tolerance : float
+        The search ends when the predicted decrease of a step is below this share of the cost.
+
+    Returns
+    -------
+    SearchEnd
+        Parameters of the least cost found.
+    """
     z = np.clip(start, -Z_LIMIT, Z_LIMIT)
-    here, damping, steps = problems.score(problem, z), INITIAL_DAMPING, 0
+    current, damping, steps = problems.score(problem, z), INITIAL_DAMPING, 0
     precision = np.asarray(np.linalg.inv(problem.prior.covariance), np.float64)
     while steps < MAX_STEPS and damping < MAX_DAMPING:
-        step, promised = _step(here, precision, z, damping)
-        if promised <= tolerance * here.cost:
+        step, predicted_decrease = _step(current, precision, z, damping)
+        if predicted_decrease <= tolerance * current.cost:
             break
         steps += 1
-        there = z + step
-        if problems.cost(problem, there) < here.cost:
-            z, here, damping = there, problems.score(problem, there), damping * DAMPING_DECREASE
+        candidate = z + step
+        if problems.cost(problem, candidate) < current.cost:
+            z, current, damping = (
+                candidate,
+                problems.score(problem, candidate),
+                damping * DAMPING_DECREASE,
+            )
         else:
             damping *= DAMPING_INCREASE
-    return SearchEnd(z, here, steps)
+    return SearchEnd(z, current, steps)
 
 
-def _step(here: Score, precision: Array, z: Array, damping: float) -> tuple[Array, float]:
-    """A damped step within the bounds and the fall of the cost that it promises.
+def _step(current: Score, precision: Array, z: Array, damping: float) -> tuple[Array, float]:
+    """Return a damped step within the bounds, and the decrease of the cost that it predicts.
 
-    Parameters that stand at a bound and are pushed against it sit the step out.
+    The decrease is -(g'dz + dz'A dz / 2). Parameters at a bound that the gradient pushes outwards
+    are held fixed.
     """
-    curvature = here.information + precision
-    free = ~((np.abs(z) >= Z_LIMIT) & (here.slope * z < 0.0))
+    curvature = current.information + precision
+    free = ~((np.abs(z) >= Z_LIMIT) & (current.slope * z < 0.0))
     damped = curvature + damping * np.diag(np.diag(curvature))
     step = np.zeros(z.size)
-    step[free] = -np.linalg.solve(damped[np.ix_(free, free)], here.slope[free])
+    step[free] = -np.linalg.solve(damped[np.ix_(free, free)], current.slope[free])
     step = np.clip(z + step, -Z_LIMIT, Z_LIMIT) - z
-    return step, -float(here.slope @ step + 0.5 * step @ curvature @ step)
+    return step, -float(current.slope @ step + 0.5 * step @ curvature @ step)

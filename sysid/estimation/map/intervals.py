@@ -1,10 +1,15 @@
-"""Intervals of the joint estimate's design numbers, where one standard deviation says too little.
+"""Profile-likelihood intervals of the design numbers whose standard deviation is large.
 
-A profile (Venzon and Moolgavkar 1988): the number is held away from its estimate, everything else
-goes where the cost is least, and the interval ends where that cost has grown by half the chi-square
-quantile. The square root of the growth is nearly linear in the number, so a secant finds the end in
-a few searches, each a few Gauss-Newton steps under the constraint.
-`sysid.estimation.profile_likelihood` does the same for estimates whose residuals cost little."""
+Venzon and Moolgavkar (1988): the number g(z) is held at a value, all parameters minimise the cost
+under this constraint, and the interval ends where the least cost has grown by half the chi-square
+quantile q::
+
+    C(v) = min_z { cost(z) : g(z) = v },    2 (C(v) - cost(z0)) = q = (norm quantile)^2
+
+The square root of the growth is nearly linear in v, so that a secant finds an end in a few searches
+of a few Gauss-Newton steps each. `sysid.estimation.profile_likelihood` does the same for estimates
+whose residuals are cheap to compute.
+"""
 
 import math
 from collections.abc import Callable, Iterator
@@ -26,25 +31,29 @@ Array = NDArray[np.float64]
 Number = Callable[[Array], float]
 
 WIDE_RELATIVE_SD = 0.25
-"""Relative standard deviation beyond which a symmetric interval is not to be believed."""
+"""Relative standard deviation above which a symmetric interval is not valid."""
 LEVEL = 0.95
+"""Confidence level of the intervals."""
 NUMBERS = ("static_gain_per_s", "b1_per_s2", "p_fast_per_s", "p_slow_per_s")
+"""Design numbers that are tested, by their names in ``model.json``."""
 SEARCHES, STEPS = 6, 4
+"""Maximum number of secant searches for an end, and Gauss-Newton steps in each."""
 QUANTILE_TOLERANCE = 0.03
-"""Of the quantile: an end this near is found."""
+"""Relative tolerance of the square root of the cost growth at an end."""
 MAX_SD = 12.0
-"""An end that lies farther than this is given up as infinite."""
+"""Distance from the estimate, in standard deviations, at which an end is reported as infinite."""
 DIFFERENCE = 1e-3
+"""Central difference step of a number by z, in prior standard deviations."""
 
 
 class ParameterInterval(NamedTuple):
-    """At 95 %."""
+    """Interval of a design number at the confidence level of 95 %."""
 
     plane: Plane
     name: str
     low: float
     high: float
-    """Infinite where the data set no end."""
+    """Infinite if the data do not limit the number."""
 
     def __str__(self) -> str:
         return (
@@ -53,72 +62,91 @@ class ParameterInterval(NamedTuple):
         )
 
 
-def wide_intervals(found: Fit, prior: Prior) -> Iterator[ParameterInterval]:
-    """Of every number whose standard deviation exceeds ``WIDE_RELATIVE_SD`` of it, in the planes
-    that have runs."""
-    problem = problem_at_estimate(found, prior)
-    for plane in found.experiments:
+def wide_intervals(estimate: Fit, prior: Prior) -> Iterator[ParameterInterval]:
+    """Yield the intervals of all numbers with a large relative sd (above WIDE_RELATIVE_SD)."""
+    problem = problem_at_estimate(estimate, prior)
+    for plane in estimate.datasets:
         for name in NUMBERS:
             number = _number(prior, plane, name)
-            slope = _slope(number, found.z)
-            sd, value = math.sqrt(slope @ found.covariance @ slope), number(found.z)
+            gradient = _slope(number, estimate.z)
+            sd, value = math.sqrt(gradient @ estimate.covariance @ gradient), number(estimate.z)
             if sd > WIDE_RELATIVE_SD * abs(value):
-                low, high = interval(problem, found, number)
+                low, high = interval(problem, estimate, number)
                 yield ParameterInterval(plane, name, low, high)
 
 
-def problem_at_estimate(found: Fit, prior: Prior) -> MapProblem:
-    """The problem whose cost the estimate makes least."""
-    by = problems.filters(problems.vehicle(prior, found.z), found.experiments, found.noise, STRIDE)
-    return MapProblem(prior, found.experiments, by, found.noise, STRIDE)
+def problem_at_estimate(estimate: Fit, prior: Prior) -> MapProblem:
+    """Return the problem that the estimate minimises."""
+    filters = problems.filters(
+        problems.vehicle(prior, estimate.z), estimate.datasets, estimate.noise, STRIDE
+    )
+    return MapProblem(prior, estimate.datasets, filters, estimate.noise, STRIDE)
 
 
-def interval(problem: MapProblem, found: Fit, number: Number) -> tuple[float, float]:
-    """Values of ``number``, a smooth function of z, that the data and the prior allow."""
-    return interval_end(problem, found, number, -1.0).value, interval_end(
-        problem, found, number, 1.0
+def interval(problem: MapProblem, estimate: Fit, number: Number) -> tuple[float, float]:
+    """Return the range of ``number``, a smooth function of z, that data and prior allow."""
+    return interval_end(problem, estimate, number, -1.0).value, interval_end(
+        problem, estimate, number, 1.0
     ).value
 
 
 class IntervalEnd(NamedTuple):
+    """End of a profile-likelihood interval."""
+
     value: float
     z: Array
-    """Where the cost is least with the number there."""
+    """(p,), parameters of least cost with the number at this value."""
 
 
-def interval_end(problem: MapProblem, found: Fit, number: Number, sign: float) -> IntervalEnd:
-    """The one below the estimate (``sign`` -1) or the one above it (1)."""
-    slope, value = _slope(number, found.z), number(found.z)
-    sd, least = math.sqrt(slope @ found.covariance @ slope), problems.cost(problem, found.z)
-    wanted = float(norm.ppf(0.5 + 0.5 * LEVEL))
-    away, z = wanted, found.z + found.covariance @ slope / sd * sign * wanted
+def interval_end(problem: MapProblem, estimate: Fit, number: Number, sign: float) -> IntervalEnd:
+    """Return the end below (``sign`` = -1) or above (``sign`` = 1) the estimate."""
+    gradient, value = _slope(number, estimate.z), number(estimate.z)
+    sd, least_cost = (
+        math.sqrt(gradient @ estimate.covariance @ gradient),
+        problems.cost(problem, estimate.z),
+    )
+    quantile = float(norm.ppf(0.5 + 0.5 * LEVEL))
+    distance_sd, z = quantile, estimate.z + estimate.covariance @ gradient / sd * sign * quantile
     for _ in range(SEARCHES):
-        z = constrained_optimum(problem, number, z, value + sign * away * sd)
-        grown = math.sqrt(max(0.0, 2.0 * (problems.cost(problem, z) - least)))
-        if not math.isfinite(grown) or abs(grown - wanted) < QUANTILE_TOLERANCE * wanted:
+        z = constrained_optimum(problem, number, z, value + sign * distance_sd * sd)
+        root_growth = math.sqrt(max(0.0, 2.0 * (problems.cost(problem, z) - least_cost)))
+        if (
+            not math.isfinite(root_growth)
+            or abs(root_growth - quantile) < QUANTILE_TOLERANCE * quantile
+        ):
             break
-        further = away * min(2.0, wanted / max(grown, 1e-9))
-        z, away = found.z + (z - found.z) * further / away, further
-        if away > MAX_SD:
+        next_distance_sd = distance_sd * min(2.0, quantile / max(root_growth, 1e-9))
+        z, distance_sd = (
+            estimate.z + (z - estimate.z) * next_distance_sd / distance_sd,
+            next_distance_sd,
+        )
+        if distance_sd > MAX_SD:
             return IntervalEnd(sign * math.inf, z)
     return IntervalEnd(number(z), z)
 
 
 def constrained_optimum(problem: MapProblem, number: Number, start: Array, value: float) -> Array:
-    """Where the cost is least with ``number`` at ``value``: Gauss-Newton with a Lagrange
-    multiplier."""
+    """Minimise the cost with ``number`` at ``value``: Gauss-Newton with a Lagrange multiplier.
+
+    A = J'J + P^-1, cost gradient g, number g_n(z) with gradient c; f = -A^-1 g is the free step::
+
+        dz = f + A^-1 c (value - g_n(z) - c'f) / (c' A^-1 c)
+    """
     precision, z = np.linalg.inv(problem.prior.covariance), np.clip(start, -Z_LIMIT, Z_LIMIT)
     for _ in range(STEPS):
-        here, along = problems.score(problem, z), _slope(number, z)
-        inverse = np.linalg.inv(here.information + precision)
-        free = -inverse @ here.slope
-        pull = inverse @ along
-        step = free + pull * (value - number(z) - along @ free) / (along @ pull)
+        current, gradient = problems.score(problem, z), _slope(number, z)
+        inverse = np.linalg.inv(current.information + precision)
+        free_step = -inverse @ current.slope
+        direction = inverse @ gradient
+        step = free_step + direction * (value - number(z) - gradient @ free_step) / (
+            gradient @ direction
+        )
         z = np.clip(z + np.clip(step, -1.0, 1.0), -Z_LIMIT, Z_LIMIT)
     return np.asarray(z)
 
 
 def _number(prior: Prior, plane: Plane, name: str) -> Number:
+    """Return a design number of a plane as a function of z."""
     index = SmallSignal._fields.index(name)
 
     def number(z: Array) -> float:
@@ -129,5 +157,6 @@ def _number(prior: Prior, plane: Plane, name: str) -> Number:
 
 
 def _slope(number: Number, z: Array) -> Array:
+    """Gradient of a number by z, central differences."""
     steps = DIFFERENCE * np.eye(z.size)
-    return np.array([(number(z + h) - number(z - h)) / (2.0 * DIFFERENCE) for h in steps])
+    return np.array([(number(z + step) - number(z - step)) / (2.0 * DIFFERENCE) for step in steps])

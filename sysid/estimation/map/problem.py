@@ -1,5 +1,14 @@
-"""The fit's objective: whitened residuals of all runs and their sensitivities, beside what the
-prior says."""
+"""Cost function of the joint fit.
+
+Whitened residuals of all runs, their sensitivities, and the prior.
+
+Symbols: z parameters in prior standard deviations (p,), m and P prior mean and covariance, e_k
+whitened residual of run k (n_k,), J_k = d e_k / dz (n_k, p) (Jategaonkar 2015, ch. 4 and 5)::
+
+    cost(z) = 1/2 sum_k |e_k|^2 + 1/2 (z - m)' P^-1 (z - m)
+    slope = sum_k J_k' e_k + P^-1 (z - m)
+    information = sum_k J_k' J_k
+"""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,86 +30,96 @@ from sysid.models.parameters import PARAMETERS, CandidateVehicle
 Array = NDArray[np.float64]
 
 DIFFERENCE = 1e-4
-"""Forward step of the sensitivities, in prior standard deviations."""
+"""Forward difference step of the sensitivities, in prior standard deviations."""
 SPEED_PARAMETERS = ("axial_drag",)
-"""Parameters that move the steady speed at a thrust."""
+"""Parameters that change the steady speed at a given thrust."""
 
 
 class Prior(NamedTuple):
-    """Belief before the data: z is normal with ``mean`` and ``covariance``."""
+    """Normal distribution of the parameters before the data."""
 
     config: VehicleConfig
+    """First-principles vehicle, at z = 0."""
     biases_rad: dict[Plane, float]
+    """Actuator bias of each plane at z = 0, rad."""
     mean: Array
+    """(p,), mean of z."""
     covariance: Array
+    """(p, p), covariance of z."""
 
 
 class MapProblem(NamedTuple):
-    """What is to be explained, and under which noise."""
+    """Data, prior and noise of an estimate."""
 
     prior: Prior
-    experiments: Mapping[Plane, tuple[Dataset, ...]]
-    """Planes with runs only."""
+    datasets: Mapping[Plane, tuple[Dataset, ...]]
+    """Runs of each plane that has any."""
     filters: Mapping[Plane, Filter]
+    """Noise filter of each plane."""
     levels: Mapping[Plane, Noise]
+    """Noise levels of each plane."""
     stride: int
-    """Samples of the 50 Hz grid in a step; ``measured`` of the experiments has as many."""
+    """Samples of the 50 Hz grid per step; ``measured`` of the datasets has the same step."""
 
 
 class Score(NamedTuple):
-    """Where a candidate stands."""
+    """Cost of a candidate and its derivatives."""
 
     cost: float
-    """Half the sum of squares of whitened residuals and of the distance from the prior."""
+    """Half the squared norm of whitened residuals and of the distance from the prior mean."""
     slope: Array
+    """(p,), gradient of the cost."""
     information: Array
-    """Of the data about z."""
+    """(p, p), Gauss-Newton information of the data about z, without the prior."""
 
 
 def vehicle(prior: Prior, z: Array) -> CandidateVehicle:
+    """Return the candidate vehicle at z."""
     return parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
 
 
 def filters(
-    at: CandidateVehicle,
-    experiments: Mapping[Plane, Sequence[Dataset]],
+    candidate: CandidateVehicle,
+    datasets: Mapping[Plane, Sequence[Dataset]],
     levels: Mapping[Plane, Noise],
     stride: int,
 ) -> dict[Plane, Filter]:
-    """Noise filters of each plane, linearised about a candidate."""
+    """Build the noise filter of each plane, linearised about a candidate."""
     return {
         plane: noise.build(
-            linear_plane(at, plane),
+            linear_plane(candidate, plane),
             levels[plane],
             stride / RATE_HZ,
-            max(len(e.measured) for e in group),
+            max(len(data.measured) for data in group),
         )
-        for plane, group in experiments.items()
+        for plane, group in datasets.items()
     }
 
 
 def cost(problem: MapProblem, z: Array) -> float:
-    """Infinite where no such vehicle can be."""
+    """Cost at z; infinite if no such vehicle is possible."""
     try:
-        at = vehicle(problem.prior, z)
+        candidate = vehicle(problem.prior, z)
     except VehicleFileError:
         return math.inf
-    left = sum(
-        float(np.sum(white**2))
-        for plane in problem.experiments
-        for white in _whiten(problem, plane, _simulate(problem, at, plane))
+    residual_sum = sum(
+        float(np.sum(whitened**2))
+        for plane in problem.datasets
+        for whitened in _whiten(problem, plane, _simulate(problem, candidate, plane))
     )
-    away = z - problem.prior.mean
-    return 0.5 * (left + float(away @ np.linalg.solve(problem.prior.covariance, away)))
+    departure = z - problem.prior.mean
+    return 0.5 * (
+        residual_sum + float(departure @ np.linalg.solve(problem.prior.covariance, departure))
+    )
 
 
 def score(problem: MapProblem, z: Array) -> Score:
-    """Cost, its slope by z, and the Gauss-Newton information of the data."""
+    """Cost at z, its gradient, and the Gauss-Newton information of the data."""
     prior = problem.prior
-    away = z - prior.mean
-    pull = np.asarray(np.linalg.solve(prior.covariance, away), np.float64)
+    departure = z - prior.mean
+    pull = np.asarray(np.linalg.solve(prior.covariance, departure), np.float64)
     slope: Array = pull
-    total, information = float(away @ pull), np.zeros((z.size, z.size))
+    total, information = float(departure @ pull), np.zeros((z.size, z.size))
     for white, jacobian in linearise(problem, z):
         total += float(np.sum(white**2))
         slope = slope + jacobian.T @ white.ravel()
@@ -109,88 +128,104 @@ def score(problem: MapProblem, z: Array) -> Score:
 
 
 def linearise(problem: MapProblem, z: Array) -> Iterator[tuple[Array, Array]]:
-    """Each run's whitened residuals (samples, outputs) and their slopes by z, plane by plane."""
-    at = vehicle(problem.prior, z)
-    moved = _perturbations(problem, at, z)
-    for plane in problem.experiments:
-        flown = _simulate(problem, at, plane)
-        white, jacobians = (
-            _whiten(problem, plane, flown),
-            _jacobians(problem, plane, at, flown, moved),
+    """Yield the whitened residuals (samples, outputs) of each run and their derivatives by z."""
+    candidate = vehicle(problem.prior, z)
+    perturbations = _perturbations(problem, candidate, z)
+    for plane in problem.datasets:
+        trajectories = _simulate(problem, candidate, plane)
+        whitened, jacobians = (
+            _whiten(problem, plane, trajectories),
+            _jacobians(problem, plane, candidate, trajectories, perturbations),
         )
-        yield from zip(white, jacobians, strict=True)
+        yield from zip(whitened, jacobians, strict=True)
 
 
-def _cruise_speeds_mps(problem: MapProblem, at: CandidateVehicle) -> dict[float, float]:
-    thrusts = {float(e.run.thrust[0]) for group in problem.experiments.values() for e in group}
-    return {thrust: cruise_speed_mps(at, thrust) for thrust in thrusts}
+def _cruise_speeds_mps(problem: MapProblem, candidate: CandidateVehicle) -> dict[float, float]:
+    """Steady speed of a candidate for each thrust of the runs, m/s."""
+    thrusts = {float(data.run.thrust[0]) for group in problem.datasets.values() for data in group}
+    return {thrust: cruise_speed_mps(candidate, thrust) for thrust in thrusts}
 
 
-def _simulate(problem: MapProblem, at: CandidateVehicle, plane: Plane) -> list[Trajectory]:
+def _simulate(problem: MapProblem, candidate: CandidateVehicle, plane: Plane) -> list[Trajectory]:
+    """Simulate the runs of a plane with a candidate."""
     return sensitivity.simulate(
-        at, plane, problem.experiments[plane], problem.stride, _cruise_speeds_mps(problem, at)
+        candidate,
+        plane,
+        problem.datasets[plane],
+        problem.stride,
+        _cruise_speeds_mps(problem, candidate),
     )
 
 
 def _outputs(plane: Plane) -> list[int]:
-    """States that are measured: rate, angle, and in pitch depth; MAVLink counts all three the other
-    way."""
+    """Indices of the measured states.
+
+    Rate, angle and, in pitch, depth (opposite signs in MAVLink's axes).
+    """
     return [2, 3] if plane == "yaw" else [2, 3, 4]
 
 
-def _whiten(problem: MapProblem, plane: Plane, flown: Sequence[Trajectory]) -> list[Array]:
-    """(samples, outputs) of each run."""
-    by = problem.filters[plane]
-    found = []
-    for what, flight in zip(problem.experiments[plane], flown, strict=True):
-        simulated = -flight.track[:, _outputs(plane)]
+def _whiten(problem: MapProblem, plane: Plane, trajectories: Sequence[Trajectory]) -> list[Array]:
+    """Whitened residuals (samples, outputs) of each run of a plane."""
+    noise_filter = problem.filters[plane]
+    whitened = []
+    for data, trajectory in zip(problem.datasets[plane], trajectories, strict=True):
+        simulated = -trajectory.track[:, _outputs(plane)]
         if plane == "pitch":
-            simulated[:, 2] += what.start.depth_m + flight.first[4]
-        found.append(noise.whiten_residual(what.measured - simulated, by))
-    return found
+            simulated[:, 2] += data.start.depth_m + trajectory.first[4]
+        whitened.append(noise.whiten_residual(data.measured - simulated, noise_filter))
+    return whitened
 
 
 def _jacobians(
     problem: MapProblem,
     plane: Plane,
-    at: CandidateVehicle,
-    flown: Sequence[Trajectory],
-    moved: Sequence[Perturbation],
+    candidate: CandidateVehicle,
+    trajectories: Sequence[Trajectory],
+    perturbations: Sequence[Perturbation],
 ) -> list[Array]:
-    """Of each run's whitened residuals by z, (samples x outputs, parameters)."""
-    group, by = problem.experiments[plane], problem.filters[plane]
-    used = [each for each in moved if plane in PARAMETERS[each.column].planes]
-    packed = [each._replace(column=k) for k, each in enumerate(used)]
-    found = []
-    for by_z in sensitivity.sensitivities(
-        at, plane, group, flown, packed, DIFFERENCE, problem.stride
+    """Derivatives of the whitened residuals of each run by z, (samples x outputs, p)."""
+    datasets, noise_filter = problem.datasets[plane], problem.filters[plane]
+    used = [
+        perturbation
+        for perturbation in perturbations
+        if plane in PARAMETERS[perturbation.column].planes
+    ]
+    packed = [perturbation._replace(column=k) for k, perturbation in enumerate(used)]
+    jacobians = []
+    for state_slopes in sensitivity.sensitivities(
+        candidate, plane, datasets, trajectories, packed, DIFFERENCE, problem.stride
     ):
-        white = noise.whiten_columns(by_z[:, _outputs(plane)], by)
-        jacobian = np.zeros((white.shape[0] * white.shape[1], len(PARAMETERS)))
-        jacobian[:, [each.column for each in used]] = white.reshape(len(jacobian), -1)
-        found.append(jacobian)
-    return found
+        whitened = noise.whiten_columns(state_slopes[:, _outputs(plane)], noise_filter)
+        jacobian = np.zeros((whitened.shape[0] * whitened.shape[1], len(PARAMETERS)))
+        jacobian[:, [perturbation.column for perturbation in used]] = whitened.reshape(
+            len(jacobian), -1
+        )
+        jacobians.append(jacobian)
+    return jacobians
 
 
-def _perturbations(problem: MapProblem, at: CandidateVehicle, z: Array) -> list[Perturbation]:
-    """One candidate a step away for each parameter that the runs depend on."""
-    prior, found = problem.prior, []
-    for i in parameters.parameters_of_planes(list(problem.experiments)):
-        beyond, part = z + DIFFERENCE * (np.arange(z.size) == i), PARAMETERS[i].part
+def _perturbations(
+    problem: MapProblem, candidate: CandidateVehicle, z: Array
+) -> list[Perturbation]:
+    """Return a candidate one step away for each parameter that the runs depend on."""
+    prior, perturbations = problem.prior, []
+    for i in parameters.parameters_of_planes(list(problem.datasets)):
+        perturbed_z, part = z + DIFFERENCE * (np.arange(z.size) == i), PARAMETERS[i].part
         if part == "body":
-            there = vehicle(prior, beyond)
+            perturbed = vehicle(prior, perturbed_z)
         else:
-            there = at._replace(
-                actuators=parameters.actuators(prior.config, prior.biases_rad, beyond)
+            perturbed = candidate._replace(
+                actuators=parameters.actuators(prior.config, prior.biases_rad, perturbed_z)
             )
-        found.append(
+        perturbations.append(
             Perturbation(
                 i,
                 part,
-                there,
-                _cruise_speeds_mps(problem, there)
+                perturbed,
+                _cruise_speeds_mps(problem, perturbed)
                 if PARAMETERS[i].name in SPEED_PARAMETERS
                 else {},
             )
         )
-    return found
+    return perturbations

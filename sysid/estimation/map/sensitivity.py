@@ -1,9 +1,15 @@
-"""How a plane's simulated runs move with each parameter, to first order and all parameters at once.
+"""Sensitivities of a plane's simulated states to all parameters at once, to first order.
 
-Along a simulated track x' = f(x, duct; p) the sensitivities S = dx/dz obey S' = f_x S + f_duct
-d(duct)/dz + f_z (Jategaonkar 2015, ch. 4). The slopes of f are differences of the very equations
-that simulate, taken once at every step; so one candidate costs a step's evaluation where a run of
-its own would cost four, with every run's start."""
+Symbols: x states (u, v or w, rate, angle, z) in the paper's axes (m/s, rad/s, rad, m), delta duct
+angle (rad), p parameters, S = dx/dz. Along a simulated trajectory x' = f(x, delta; p) the
+sensitivities satisfy (Jategaonkar 2015, ch. 4)::
+
+    S' = f_x S + f_delta d(delta)/dz + f_z,    S(0) = dx(0)/dz
+
+f_x, f_delta and f_z are forward differences of the equations of motion that simulate, evaluated
+once at every row of the trajectory. A parameter therefore costs one evaluation per step, where a
+simulation of its own would cost four, and the initial state of every run.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
@@ -22,53 +28,61 @@ from sysid.models.parameters import CandidateVehicle
 Array = NDArray[np.float64]
 
 STATES = 5
+"""Number of states of one plane."""
 FD_STEP = np.array([1e-6, 1e-6, 1e-6, 1e-6, 0.0])
-"""Steps of the differences by the states; depth acts on nothing."""
+"""Difference steps of the states (m/s, m/s, rad/s, rad, m); depth has no effect on the motion."""
 FD_DUCT_STEP_RAD = 1e-6
+"""Difference step of the duct angle, rad."""
 
 
 class Trajectory(NamedTuple):
-    """One run as a candidate flies it."""
+    """Simulation of one run."""
 
     track: Array
-    """(rows, 5): u, v or w, rate, angle, z, one row a step; the paper's axes."""
+    """(rows, 5): u, v or w, rate, angle, z in the paper's axes, one row per step of the fit."""
     duct_rad: Array
-    """(samples,) on the 50 Hz grid."""
+    """(samples,), duct angle on the 50 Hz grid, rad."""
     thrust: Array
-    """(rows,), fraction of full."""
-    around: Array
-    """(rows, AROUND)."""
+    """(rows,), fraction of full shaft speed."""
+    cross_plane_inputs: Array
+    """(rows, N_COUPLING), motion of the other plane."""
     first: Array
-    """(5,): where it starts."""
+    """(5,), initial state."""
 
 
 class Perturbation(NamedTuple):
-    """A candidate moved by a small step of one parameter."""
+    """Candidate vehicle one difference step away along one parameter."""
 
     column: int
+    """Index of the parameter."""
     part: Literal["body", "tailcone"]
-    """What that changes: the forces, or how the duct follows its command."""
+    """Part that the parameter changes.
+
+    Forces on the body, or response of the duct to its command.
+    """
     vehicle: CandidateVehicle
     speeds_mps: Mapping[float, float]
-    """Cruise speeds by thrust, where they change."""
+    """Cruise speed by thrust, m/s; empty if the parameter does not change it."""
 
 
 def simulate(
     vehicle: CandidateVehicle,
     plane: Plane,
-    experiments: Sequence[Dataset],
+    datasets: Sequence[Dataset],
     stride: int,
     speeds_mps: Mapping[float, float],
 ) -> list[Trajectory]:
-    """The runs of one plane, flown by a candidate; ``speeds_mps`` are its cruise speeds by
-    thrust."""
+    """Simulate the runs of one plane with a candidate.
+
+    ``speeds_mps`` are the cruise speeds of the candidate by thrust, m/s.
+    """
     inverse, full_rps = greybox.constraint(vehicle.model, plane), propeller.rps(1.0, vehicle.model)
-    found = []
-    for what in experiments:
-        run = what.run
-        first = greybox.first_state(run, what.start, speeds_mps[float(run.thrust[0])])
+    trajectories = []
+    for data in datasets:
+        run = data.run
+        first = greybox.first_state(run, data.start, speeds_mps[float(run.thrust[0])])
         duct = greybox.duct_along(run, plane, vehicle.actuators[plane])
-        around = what.around
+        cross_plane_inputs = data.cross_plane_inputs
         track = greybox.integrate(
             first,
             duct,
@@ -78,80 +92,94 @@ def simulate(
             plane == "yaw",
             inverse,
             vehicle.model,
-            around,
+            cross_plane_inputs,
         )
         rows = slice(0, stride * len(track), stride)
-        near = np.zeros((len(track), N_COUPLING)) if around is None else around[rows]
-        found.append(Trajectory(track, duct, run.thrust[rows], near, first))
-    return found
+        row_inputs = (
+            np.zeros((len(track), N_COUPLING))
+            if cross_plane_inputs is None
+            else cross_plane_inputs[rows]
+        )
+        trajectories.append(Trajectory(track, duct, run.thrust[rows], row_inputs, first))
+    return trajectories
 
 
 def sensitivities(
     vehicle: CandidateVehicle,
     plane: Plane,
-    experiments: Sequence[Dataset],
-    flown: Sequence[Trajectory],
-    moved: Sequence[Perturbation],
+    datasets: Sequence[Dataset],
+    trajectories: Sequence[Trajectory],
+    perturbations: Sequence[Perturbation],
     step: float,
     stride: int,
 ) -> list[Array]:
-    """Of each flight, (rows, 5, columns): the derivatives of its track by z, one column for each of
-    ``moved``.
+    """Return the derivatives of each trajectory by the parameters, (rows, 5, columns) for each run.
 
-    ``moved`` are the candidates a ``step`` away.
+    ``perturbations`` are the candidates that are ``step`` (prior standard deviations) away, one for
+    each column.
     """
-    columns = len(moved)
-    tracks = np.concatenate([flight.track for flight in flown])
-    ducts = np.concatenate([flight.duct_rad[::stride][: len(flight.track)] for flight in flown])
-    slopes = _SlopeInputs(
+    columns = len(perturbations)
+    tracks = np.concatenate([trajectory.track for trajectory in trajectories])
+    ducts = np.concatenate(
+        [trajectory.duct_rad[::stride][: len(trajectory.track)] for trajectory in trajectories]
+    )
+    dynamics = _SlopeInputs(
         tracks,
         ducts,
-        np.concatenate([f.thrust for f in flown]),
+        np.concatenate([trajectory.thrust for trajectory in trajectories]),
         plane,
-        np.concatenate([f.around for f in flown]),
+        np.concatenate([trajectory.cross_plane_inputs for trajectory in trajectories]),
     )
-    base = slopes.of(vehicle)
-    by_state = np.zeros((len(tracks), STATES, STATES))
+    base = dynamics.evaluate(vehicle)
+    df_dx = np.zeros((len(tracks), STATES, STATES))
     for i in np.flatnonzero(FD_STEP):
-        by_state[:, :, i] = (
-            slopes.of(vehicle, track=tracks + FD_STEP * (np.arange(STATES) == i)) - base
+        df_dx[:, :, i] = (
+            dynamics.evaluate(vehicle, track=tracks + FD_STEP * (np.arange(STATES) == i)) - base
         ) / FD_STEP[i]
-    by_duct = (slopes.of(vehicle, duct_rad=ducts + FD_DUCT_STEP_RAD) - base) / FD_DUCT_STEP_RAD
-    by_parameter = np.zeros((len(tracks), STATES, columns))
-    for each in moved:
-        if each.part == "body":
-            by_parameter[:, :, each.column] = (slopes.of(each.vehicle) - base) / step
-    found, row = [], 0
-    for what, flight in zip(experiments, flown, strict=True):
-        rows = slice(row, row + len(flight.track))
-        turned, started = _inputs(what, flight, moved, step, columns)
-        found.append(
+    df_du = (
+        dynamics.evaluate(vehicle, duct_rad=ducts + FD_DUCT_STEP_RAD) - base
+    ) / FD_DUCT_STEP_RAD
+    df_dtheta = np.zeros((len(tracks), STATES, columns))
+    for perturbation in perturbations:
+        if perturbation.part == "body":
+            df_dtheta[:, :, perturbation.column] = (
+                dynamics.evaluate(perturbation.vehicle) - base
+            ) / step
+    derivatives, row = [], 0
+    for data, trajectory in zip(datasets, trajectories, strict=True):
+        rows = slice(row, row + len(trajectory.track))
+        du_dtheta, dx0_dtheta = _inputs(data, trajectory, perturbations, step, columns)
+        derivatives.append(
             _propagate(
-                by_state[rows],
-                by_duct[rows],
-                by_parameter[rows],
-                turned,
-                started,
+                df_dx[rows],
+                df_du[rows],
+                df_dtheta[rows],
+                du_dtheta,
+                dx0_dtheta,
                 stride,
                 stride / RATE_HZ,
             )
         )
-        row += len(flight.track)
-    return found
+        row += len(trajectory.track)
+    return derivatives
 
 
 class _SlopeInputs(NamedTuple):
-    """Where the equations of motion are to be evaluated: all rows of all runs."""
+    """States and inputs at which the equations of motion are evaluated: all rows of all runs."""
 
     track: Array
     duct_rad: Array
     thrust: Array
     plane: Plane
-    around: Array
+    cross_plane_inputs: Array
 
-    def of(
+    def evaluate(
         self, vehicle: CandidateVehicle, track: Array | None = None, duct_rad: Array | None = None
     ) -> Array:
+        """Derivatives of the states (rows, 5).
+
+        Track or duct angle may be replaced by perturbed ones.
+        """
         return greybox.slopes_along(
             self.track if track is None else track,
             self.duct_rad if duct_rad is None else duct_rad,
@@ -159,71 +187,86 @@ class _SlopeInputs(NamedTuple):
             self.plane == "yaw",
             greybox.constraint(vehicle.model, self.plane),
             vehicle.model,
-            self.around,
+            self.cross_plane_inputs,
         )
 
 
 def _inputs(
-    what: Dataset, flight: Trajectory, moved: Sequence[Perturbation], step: float, columns: int
+    data: Dataset,
+    trajectory: Trajectory,
+    perturbations: Sequence[Perturbation],
+    step: float,
+    columns: int,
 ) -> tuple[Array, Array]:
-    """How duct angle (samples, columns) and first state (5, columns) of a run move with each
-    parameter."""
-    turned, started = np.zeros((flight.duct_rad.size, columns)), np.zeros((STATES, columns))
-    run = what.run
-    for each in moved:
-        if each.part == "tailcone":
-            duct = greybox.duct_along(run, run.plane, each.vehicle.actuators[run.plane])
-            turned[:, each.column] = (duct - flight.duct_rad) / step
-        if each.speeds_mps:
-            first = greybox.first_state(run, what.start, each.speeds_mps[float(run.thrust[0])])
-            started[:, each.column] = (first - flight.first) / step
-    return turned, started
+    """Derivatives of duct angle (samples, columns) and initial state (5, columns) by parameters."""
+    du_dtheta, dx0_dtheta = (
+        np.zeros((trajectory.duct_rad.size, columns)),
+        np.zeros((STATES, columns)),
+    )
+    run = data.run
+    for perturbation in perturbations:
+        if perturbation.part == "tailcone":
+            duct = greybox.duct_along(run, run.plane, perturbation.vehicle.actuators[run.plane])
+            du_dtheta[:, perturbation.column] = (duct - trajectory.duct_rad) / step
+        if perturbation.speeds_mps:
+            first = greybox.first_state(
+                run, data.start, perturbation.speeds_mps[float(run.thrust[0])]
+            )
+            dx0_dtheta[:, perturbation.column] = (first - trajectory.first) / step
+    return du_dtheta, dx0_dtheta
 
 
 @kernel
 def _propagate(
-    by_state: Array,
-    by_duct: Array,
-    by_parameter: Array,
-    turned: Array,
-    started: Array,
+    df_dx: Array,
+    df_du: Array,
+    df_dtheta: Array,
+    du_dtheta: Array,
+    dx0_dtheta: Array,
     stride: int,
     h: float,
 ) -> Array:
-    """Classical Runge-Kutta on S' = by_state S + by_duct turned + by_parameter, whose slopes are
-    lines in between."""
-    rows, _, columns = by_parameter.shape
-    found = np.empty((rows, 5, columns))
-    found[0] = started
-    slope, between, total = np.empty((5, columns)), np.empty((5, columns)), np.empty((5, columns))
+    """Integrate S' = df_dx S + df_du du_dtheta + df_dtheta by the classical Runge-Kutta method.
+
+    Step h (s). The coefficients are linear between two rows; du_dtheta is the mean of the 50 Hz
+    samples around each stage.
+    """
+    rows, _, columns = df_dtheta.shape
+    S = np.empty((rows, 5, columns))
+    S[0] = dx0_dtheta
+    slope, stage_S, total = np.empty((5, columns)), np.empty((5, columns)), np.empty((5, columns))
     for row in range(1, rows):
-        a = (row - 1) * stride
-        before = found[row - 1]
+        first_sample = (row - 1) * stride
+        S_row = S[row - 1]
         total[:] = 0.0
         for stage in range(4):
-            late = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-            one = a + int(late * stride)
-            two = a + stride - int((1.0 - late) * stride)
+            fraction = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+            sample_before = first_sample + int(fraction * stride)
+            sample_after = first_sample + stride - int((1.0 - fraction) * stride)
             for i in range(5):
                 for c in range(columns):
-                    between[i, c] = before[i, c] + (late * h * slope[i, c] if stage > 0 else 0.0)
+                    stage_S[i, c] = S_row[i, c] + (fraction * h * slope[i, c] if stage > 0 else 0.0)
             for i in range(5):
-                input_ = (1.0 - late) * by_duct[row - 1, i] + late * by_duct[row, i]
+                weighted_df_du = (1.0 - fraction) * df_du[row - 1, i] + fraction * df_du[row, i]
                 for c in range(columns):
                     slope[i, c] = (
-                        (1.0 - late) * by_parameter[row - 1, i, c]
-                        + late * by_parameter[row, i, c]
-                        + 0.5 * input_ * (turned[one, c] + turned[two, c])
+                        (1.0 - fraction) * df_dtheta[row - 1, i, c]
+                        + fraction * df_dtheta[row, i, c]
+                        + 0.5
+                        * weighted_df_du
+                        * (du_dtheta[sample_before, c] + du_dtheta[sample_after, c])
                     )
                 for j in range(4):
-                    gain = (1.0 - late) * by_state[row - 1, i, j] + late * by_state[row, i, j]
+                    weighted_df_dx = (1.0 - fraction) * df_dx[row - 1, i, j] + fraction * df_dx[
+                        row, i, j
+                    ]
                     for c in range(columns):
-                        slope[i, c] += gain * between[j, c]
+                        slope[i, c] += weighted_df_dx * stage_S[j, c]
             weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
             for i in range(5):
                 for c in range(columns):
                     total[i, c] += weight * slope[i, c]
         for i in range(5):
             for c in range(columns):
-                found[row, i, c] = before[i, c] + total[i, c]
-    return found
+                S[row, i, c] = S_row[i, c] + total[i, c]
+    return S

@@ -1,4 +1,4 @@
-"""Steady flight of a candidate: level, straight, and at which speed for which thrust."""
+"""Steady motion of a candidate vehicle: cruise speed for a thrust, trim and level flight."""
 
 import math
 from collections.abc import Sequence
@@ -16,10 +16,24 @@ from sysid.models.parameters import CandidateVehicle
 Array = NDArray[np.float64]
 
 MIN_SPEED_MPS, MAX_SPEED_MPS = 0.1, 10.0
+"""Range in which the cruise speed is sought, m/s."""
 
 
 def cruise_speed_mps(vehicle: CandidateVehicle, thrust: float) -> float:
-    """Steady straight speed at a thrust (fraction of full), at least a crawl."""
+    """Return the steady straight speed for a thrust: the root of the surge equation.
+
+    Parameters
+    ----------
+    vehicle : CandidateVehicle
+        Vehicle.
+    thrust : float
+        Fraction of full shaft speed, 0 to 1.
+
+    Returns
+    -------
+    float
+        Speed, m/s, at least MIN_SPEED_MPS.
+    """
     model, rps = vehicle.model, thrust * vehicle.model.propeller.full_rps
 
     def surge(u: float) -> float:
@@ -35,44 +49,83 @@ def cruise_speed_mps(vehicle: CandidateVehicle, thrust: float) -> float:
 def trim_biases(
     config: VehicleConfig, model: VehicleModel, runs: Sequence[Run]
 ) -> dict[Plane, float]:
-    """Actuator biases that make the prior vehicle balance where the measured one did: what a trim
-    flight tells.
+    """Estimate the actuator biases at which the prior vehicle is in trim like the measured one.
 
-    Before each test the loops hold the vehicle straight and level; their mean command plus the bias
-    is the angle at which the prior vehicle balances (zero for the rudder)."""
-    held: dict[Plane, list[float]] = {"yaw": [], "pitch": []}
+    Before each test the loops hold the vehicle straight and level. The median over the runs of the
+    mean command, plus the bias, equals the trim angle of the prior vehicle (zero for the rudder).
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Prior vehicle.
+    model : VehicleModel
+        Its nonlinear model.
+    runs : sequence of Run
+        Runs with their pre-rolls.
+
+    Returns
+    -------
+    dict
+        Bias of each plane's actuator, rad.
+    """
+    mean_commands: dict[Plane, list[float]] = {"yaw": [], "pitch": []}
     for run in runs:
         if run.preroll.any():
-            held["yaw"].append(float(np.mean(run.rudder_rad[run.preroll])))
-            held["pitch"].append(float(np.mean(run.elevator_rad[run.preroll])))
-    level = level_elevator_rad(config, model)
+            mean_commands["yaw"].append(float(np.mean(run.rudder_rad[run.preroll])))
+            mean_commands["pitch"].append(float(np.mean(run.elevator_rad[run.preroll])))
+    level_rad = level_elevator_rad(config, model)
     commands = {
-        plane: float(np.median(values)) if values else 0.0 for plane, values in held.items()
+        plane: float(np.median(values)) if values else 0.0
+        for plane, values in mean_commands.items()
     }
-    return {"yaw": -commands["yaw"], "pitch": level - commands["pitch"]}
+    return {"yaw": -commands["yaw"], "pitch": level_rad - commands["pitch"]}
 
 
 def level_elevator_rad(config: VehicleConfig, model: VehicleModel) -> float:
-    """Elevator at which the vehicle flies straight at constant depth, from its own nonlinear
-    equations."""
+    """Return the elevator angle (rad) of straight flight at constant depth.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Vehicle with its operating point (speed and thrust).
+    model : VehicleModel
+        Its nonlinear model.
+
+    Returns
+    -------
+    float
+        Duct angle, rad, at which heave force and pitch moment vanish.
+    """
     return float(_level_flight(config, model)[1])
 
 
 def level_pitch_rad(config: VehicleConfig, model: VehicleModel) -> float:
-    """Pitch (positive nose up) at which the vehicle flies straight at constant depth."""
+    """Return the pitch angle (rad, positive nose up) of straight flight at constant depth.
+
+    Parameters
+    ----------
+    config : VehicleConfig
+        Vehicle with its operating point (speed and thrust).
+    model : VehicleModel
+        Its nonlinear model.
+
+    Returns
+    -------
+    float
+        Pitch, rad, at which heave force and pitch moment vanish.
+    """
     return float(_level_flight(config, model)[0])
 
 
 def _level_flight(config: VehicleConfig, model: VehicleModel) -> Array:
-    """(pitch nose up, elevator) of level flight at the operating point, from heave and pitch
-    moment."""
+    """Pitch (nose up) and elevator of level flight, rad: roots of heave force and pitch moment."""
     speed = config.operating_point.speed_mps
     rps = config.operating_point.thrust_fraction * model.propeller.full_rps
 
-    def unbalanced(x: Array) -> Array:
-        theta, elevator = -float(x[0]), float(x[1])
+    def imbalance(angles: Array) -> Array:
+        theta, elevator = -float(angles[0]), float(angles[1])
         u, w = speed * math.cos(theta), speed * math.sin(theta)
         state = np.array([u, w, 0.0, theta, greybox.SUBMERGED_Z_M])
         return greybox.accelerations(model, "pitch", state, elevator, rps)[1:]
 
-    return np.asarray(fsolve(unbalanced, np.zeros(2), xtol=1e-12))
+    return np.asarray(fsolve(imbalance, np.zeros(2), xtol=1e-12))

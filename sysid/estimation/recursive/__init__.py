@@ -1,1 +1,1 @@
-"""The recursive estimate: what a test has told so far, sample by sample while it is flown."""
+"""Recursive estimation: the joint estimate updated at every step of a test, during a dive."""

@@ -1,10 +1,16 @@
-"""The recursive estimator: knowledge between tests, a state within one, and the step from a state
-to the next.
+"""Recursive estimator: knowledge between tests, state within a test, and the update of both.
 
-Gauss-Newton on the innovations of the nonlinear plane, the same likelihood, prior and parameters as
-`fit`. Within a test the errors are linearised where it began; when it is over they are linearised
-anew about what it told, until that stands still. The noise levels are renewed after the first,
-second, fourth, eighth ... test of a plane."""
+Gauss-Newton on the innovations of the nonlinear plane, with the likelihood, prior and parameters of
+`fit`. With e(z) the whitened errors (m,) about z0 and H = de/dz (m, p), a step adds the linearised
+measurement::
+
+    e(z0) + H (z - z0) ~ N(0, I)   <=>   H z = H z0 - e(z0) + v
+
+to the square-root information (`square_root_information`, with y = H z0 - e). Within a test, the
+errors are linearised about the estimate at its start. After the test they are linearised again
+about the new estimate, until it converges. The noise levels are estimated again after the first,
+second, fourth, eighth ... test of a plane.
+"""
 
 import math
 from typing import NamedTuple
@@ -34,202 +40,267 @@ from sysid.models.parameters import PARAMETERS, CandidateVehicle
 Array = NDArray[np.float64]
 
 MAX_LINEARISATIONS = 4
-"""Linearisations of a finished test, at most."""
+"""Maximum number of linearisations of a finished test."""
 CONVERGED_SD = 0.1
-"""Move of the estimate, in its own standard deviations, below which it stands still."""
+"""Change of the estimate, in its own standard deviations, below which it has converged."""
 MAX_STEP_SD = 1.0
-"""Prior standard deviations that a parameter may move between two linearisations."""
+"""Largest change of a parameter between two linearisations, in prior standard deviations."""
 HALVINGS = 6
+"""Maximum number of halvings of a step that leads to an impossible vehicle."""
 FILTER_STEPS = 600
-"""A filter's gains have settled long before; later steps repeat the last ones."""
+"""Number of filter steps with gains of their own.
+
+The gains have converged by then and are repeated.
+"""
 
 
 class FinishedTest(NamedTuple):
-    """A finished test and what it told."""
+    """Finished test and the information that it contributed."""
 
     plane: Plane
     steps: TestSamples
-    told: Information
+    information: Information
 
 
 class Knowledge(NamedTuple):
-    """Between tests: the prior, and what the tests of this dive told."""
+    """Knowledge between tests: prior, noise levels, and the tests of this dive."""
 
     prior: Prior
     noise: dict[Plane, Noise]
+    """Noise levels of each plane."""
     tests: tuple[FinishedTest, ...]
-    whole: Information
-    """Of z, from the prior and all tests."""
+    information: Information
+    """Information about z from the prior and all tests."""
     z: Array
-    """Where errors are linearised: the estimate, within the bounds of `fit`."""
+    """(p,), point of linearisation: the estimate, within the bounds of `fit`."""
     trimmed: frozenset[Plane] = frozenset()
-    """Planes whose actuator's prior bias is known."""
+    """Planes whose prior actuator bias is known."""
 
 
 class CandidateSet(NamedTuple):
-    """The vehicle at z, and moved by DIFFERENCE along each parameter that its plane depends on."""
+    """Vehicle at z, and vehicles perturbed by DIFFERENCE along each parameter of the plane."""
 
     z: Array
     active: list[int]
     """Indices of these parameters."""
     candidates: tuple[Candidate, ...]
-    """The one at z, then one a parameter."""
+    """Candidate at z, then one for each active parameter."""
     filter: Filter
-    leaking: float
-    """As `prediction.leak` says of the plane at z."""
+    leak_share: float
+    """`prediction.leak` of the plane at z."""
 
 
 class CandidateTracking(NamedTuple):
-    """Every candidate beside the measured motion."""
+    """Simulation of every candidate along the measured motion."""
 
-    about: CandidateSet
-    motions: tuple[CandidateState, ...]
-    """After the last step."""
-    told: Information
-    """By this test alone."""
+    candidate_set: CandidateSet
+    states: tuple[CandidateState, ...]
+    """State of each candidate after the last step."""
+    information: Information
+    """Information from this test alone."""
 
 
 class TestState(NamedTuple):
-    """Within a test."""
+    """State within a test."""
 
     knowledge: Knowledge
     plane: Plane
     steps: TestSamples
-    """What has been received of the test."""
+    """Samples of the test received so far."""
     tracking: CandidateTracking | None
-    """None until the test has lasted START_STEPS."""
+    """Simulated candidates; None until the test has lasted START_STEPS."""
 
 
 def prior_knowledge(prior: Prior, levels: dict[Plane, Noise] | None = None) -> Knowledge:
-    """What is known before the first test."""
-    whole = square_root_information.from_normal(prior.mean, prior.covariance)
+    """Return the knowledge before the first test.
+
+    Parameters
+    ----------
+    prior : Prior
+        Prior of the parameters.
+    levels : dict, optional
+        Noise levels of each plane; by default those of `Noise`.
+
+    Returns
+    -------
+    Knowledge
+        Knowledge without tests.
+    """
+    information = square_root_information.from_normal(prior.mean, prior.covariance)
     return Knowledge(
-        prior, {"yaw": Noise(), "pitch": Noise(), **(levels or {})}, (), whole, prior.mean
+        prior, {"yaw": Noise(), "pitch": Noise(), **(levels or {})}, (), information, prior.mean
     )
 
 
 def begin(knowledge: Knowledge, plane: Plane, held_rad: float) -> TestState:
-    """A test of a plane begins; ``held_rad`` is the mean command that steered her straight before
-    it."""
-    known = knowledge if plane in knowledge.trimmed else _with_trim(knowledge, plane, held_rad)
-    return TestState(known, plane, prediction.empty_samples(plane), None)
+    """Begin a test of a plane.
+
+    Parameters
+    ----------
+    knowledge : Knowledge
+        Knowledge before the test.
+    plane : {'yaw', 'pitch'}
+        Plane of the test.
+    held_rad : float
+        Mean command of straight flight before the test, rad.
+
+    Returns
+    -------
+    TestState
+        State without samples.
+    """
+    trimmed_knowledge = (
+        knowledge if plane in knowledge.trimmed else _with_trim(knowledge, plane, held_rad)
+    )
+    return TestState(trimmed_knowledge, plane, prediction.empty_samples(plane), None)
 
 
 def _with_trim(knowledge: Knowledge, plane: Plane, held_rad: float) -> Knowledge:
-    """With the bias at which the prior vehicle would have flown straight too (`fit.trim_biases`
-    takes all runs')."""
+    """Add the actuator bias at which the prior vehicle is in trim.
+
+    `fit.trim_biases` uses all runs.
+    """
     prior = knowledge.prior
     nominal = parameters.candidate_vehicle(prior.config, prior.biases_rad, prior.mean)
-    level = 0.0 if plane == "yaw" else fit.level_elevator_rad(nominal.config, nominal.model)
+    level_rad = 0.0 if plane == "yaw" else fit.level_elevator_rad(nominal.config, nominal.model)
     return knowledge._replace(
-        prior=prior._replace(biases_rad={**prior.biases_rad, plane: level - held_rad}),
+        prior=prior._replace(biases_rad={**prior.biases_rad, plane: level_rad - held_rad}),
         trimmed=knowledge.trimmed | {plane},
     )
 
 
 def update(state: TestState, steps: TestSamples) -> TestState:
-    """One step further, or several: the result is the same."""
-    done, seen, tracking = (
+    """Add one or several steps to a test; the division into calls does not change the result.
+
+    Parameters
+    ----------
+    state : TestState
+        State before the steps.
+    steps : TestSamples
+        New samples.
+
+    Returns
+    -------
+    TestState
+        State after the steps.
+    """
+    done, samples, tracking = (
         len(state.steps.thrust),
         prediction.concatenate(state.steps, steps),
         state.tracking,
     )
     if tracking is not None:
-        tracking = _absorb(tracking, seen, done)
-    elif len(seen.thrust) > START_STEPS:
-        tracking = _track(state.knowledge, state.plane, seen, state.knowledge.z)
-    return state._replace(steps=seen, tracking=tracking)
+        tracking = _absorb(tracking, samples, done)
+    elif len(samples.thrust) > START_STEPS:
+        tracking = _track(state.knowledge, state.plane, samples, state.knowledge.z)
+    return state._replace(steps=samples, tracking=tracking)
 
 
 def information_with_test(state: TestState) -> Information:
-    """What is known during a test."""
-    known = state.knowledge.whole
-    return square_root_information.combine(known, state.tracking.told) if state.tracking else known
+    """Return the information about z during a test, this test included."""
+    information = state.knowledge.information
+    return (
+        square_root_information.combine(information, state.tracking.information)
+        if state.tracking
+        else information
+    )
 
 
 def relinearise(state: TestState) -> TestState:
-    """The same test, linearised about what it has told so far."""
+    """Linearise the test again, about the present estimate."""
     if state.tracking is None:
         return state
     z = _limited_step(
         state.knowledge.prior,
-        state.tracking.about.z,
+        state.tracking.candidate_set.z,
         square_root_information.mean(information_with_test(state)),
     )
     return state._replace(tracking=_track(state.knowledge, state.plane, state.steps, z))
 
 
 def finish(state: TestState) -> Knowledge:
-    """The test is over: what is known with it. One of less than START_STEPS told nothing."""
-    known = state.knowledge
+    """Finish a test and return the knowledge with it.
+
+    A test shorter than START_STEPS contributes nothing.
+    """
+    knowledge = state.knowledge
     if state.tracking is None:
-        return known
-    told, z = _iterate_test(known, state.plane, state.steps, state.tracking)
-    tests = (*known.tests, FinishedTest(state.plane, state.steps, told))
-    known = known._replace(
-        tests=tests, whole=square_root_information.combine(known.whole, told), z=z
+        return knowledge
+    test_information, z = _iterate_test(knowledge, state.plane, state.steps, state.tracking)
+    tests = (*knowledge.tests, FinishedTest(state.plane, state.steps, test_information))
+    knowledge = knowledge._replace(
+        tests=tests,
+        information=square_root_information.combine(knowledge.information, test_information),
+        z=z,
     )
     count = sum(test.plane == state.plane for test in tests)
-    return with_new_noise(known, state.plane) if count & (count - 1) == 0 else known
+    return with_new_noise(knowledge, state.plane) if count & (count - 1) == 0 else knowledge
 
 
 def with_new_noise(knowledge: Knowledge, plane: Plane) -> Knowledge:
-    """Noise levels from what the plane's tests leave unexplained, and the tests weighed anew by
-    them."""
-    prior, z, before = knowledge.prior, knowledge.z, knowledge.noise[plane]
+    """Estimate the noise levels of a plane from its tests, and weight all its tests with them."""
+    prior, z, previous_levels = knowledge.prior, knowledge.z, knowledge.noise[plane]
     vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
     linear = fit.linear_plane(vehicle, plane)
-    by = noise.build(linear, before, STEP_S, FILTER_STEPS)
-    left = [
-        _free_residuals(vehicle, test, by, prediction.leak(linear))
+    noise_filter = noise.build(linear, previous_levels, STEP_S, FILTER_STEPS)
+    residuals = [
+        _free_residuals(vehicle, test, noise_filter, prediction.leak(linear))
         for test in knowledge.tests
         if test.plane == plane
     ]
-    levels = noise.estimate(linear, left, STEP_S, before)
+    levels = noise.estimate(linear, residuals, STEP_S, previous_levels)
     knowledge = knowledge._replace(noise={**knowledge.noise, plane: levels})
     tests = tuple(
-        test._replace(told=_track(knowledge, plane, test.steps, z).told)
+        test._replace(information=_track(knowledge, plane, test.steps, z).information)
         if test.plane == plane
         else test
         for test in knowledge.tests
     )
-    found = square_root_information.from_normal(prior.mean, prior.covariance)
+    information = square_root_information.from_normal(prior.mean, prior.covariance)
     for test in tests:
-        found = square_root_information.combine(found, test.told)
+        information = square_root_information.combine(information, test.information)
     return knowledge._replace(
-        tests=tests, whole=found, z=_limited_step(prior, z, square_root_information.mean(found))
+        tests=tests,
+        information=information,
+        z=_limited_step(prior, z, square_root_information.mean(information)),
     )
 
 
 def linearise(knowledge: Knowledge, plane: Plane, z: Array, thrust: float) -> CandidateSet:
-    """The candidates of a test that begins at a thrust (fraction of full)."""
+    """Return the candidates of a test that begins at a thrust (fraction of full)."""
     prior, active = knowledge.prior, parameters.parameters_of_planes([plane])
     vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, z)
-    first = _candidate(vehicle, plane, fit.cruise_speed_mps(vehicle, thrust))
-    moved = tuple(_perturb(knowledge, plane, z, thrust, first, i) for i in active)
+    nominal = _candidate(vehicle, plane, fit.cruise_speed_mps(vehicle, thrust))
+    perturbed = tuple(_perturb(knowledge, plane, z, thrust, nominal, i) for i in active)
     linear = fit.linear_plane(vehicle, plane)
-    by = noise.build(linear, knowledge.noise[plane], STEP_S, FILTER_STEPS)
-    return CandidateSet(z, active, (first, *moved), by, prediction.leak(linear))
+    noise_filter = noise.build(linear, knowledge.noise[plane], STEP_S, FILTER_STEPS)
+    return CandidateSet(z, active, (nominal, *perturbed), noise_filter, prediction.leak(linear))
 
 
 def _perturb(
-    knowledge: Knowledge, plane: Plane, z: Array, thrust: float, first: Candidate, i: int
+    knowledge: Knowledge, plane: Plane, z: Array, thrust: float, nominal: Candidate, i: int
 ) -> Candidate:
-    """The candidate moved along parameter ``i``; what that leaves alone is taken from ``first``."""
-    prior, there = knowledge.prior, z.copy()
-    there[i] += DIFFERENCE
+    """Candidate perturbed along parameter ``i``.
+
+    Unchanged quantities are copied from ``nominal``.
+    """
+    prior, perturbed_z = knowledge.prior, z.copy()
+    perturbed_z[i] += DIFFERENCE
     if PARAMETERS[i].part == "tailcone":
-        return first._replace(
-            actuator=parameters.actuators(prior.config, prior.biases_rad, there)[plane]
+        return nominal._replace(
+            actuator=parameters.actuators(prior.config, prior.biases_rad, perturbed_z)[plane]
         )
-    vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, there)
-    faster = PARAMETERS[i].name in SPEED_PARAMETERS
+    vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, perturbed_z)
+    changes_speed = PARAMETERS[i].name in SPEED_PARAMETERS
     return _candidate(
-        vehicle, plane, fit.cruise_speed_mps(vehicle, thrust) if faster else first.speed_mps
+        vehicle,
+        plane,
+        fit.cruise_speed_mps(vehicle, thrust) if changes_speed else nominal.speed_mps,
     )
 
 
 def _candidate(vehicle: CandidateVehicle, plane: Plane, speed_mps: float) -> Candidate:
+    """Reduce a vehicle to a plane."""
     model, actuator = vehicle.model, vehicle.actuators[plane]
     return Candidate(
         model, actuator, greybox.constraint(model, plane), propeller.rps(1.0, model), speed_mps
@@ -237,67 +308,79 @@ def _candidate(vehicle: CandidateVehicle, plane: Plane, speed_mps: float) -> Can
 
 
 def _track(knowledge: Knowledge, plane: Plane, steps: TestSamples, z: Array) -> CandidateTracking:
-    """A test from its start, linearised about z."""
-    about = linearise(knowledge, plane, z, float(steps.thrust[0]))
-    motions = tuple(prediction.start(candidate, steps) for candidate in about.candidates)
+    """Simulate a test from its start, linearised about z."""
+    candidate_set = linearise(knowledge, plane, z, float(steps.thrust[0]))
+    states = tuple(prediction.start(candidate, steps) for candidate in candidate_set.candidates)
     return _absorb(
-        CandidateTracking(about, motions, square_root_information.empty(z.size)), steps, 0
+        CandidateTracking(candidate_set, states, square_root_information.empty(z.size)), steps, 0
     )
 
 
 def _absorb(tracking: CandidateTracking, steps: TestSamples, done: int) -> CandidateTracking:
-    """All candidates through the steps after the first ``done``; what their differences tell."""
-    about = tracking.about
+    """Advance all candidates through the new steps and add the information of their differences."""
+    candidate_set = tracking.candidate_set
     ends = [
-        prediction.advance(candidate, at, steps, done, about.filter, about.leaking)
-        for candidate, at in zip(about.candidates, tracking.motions, strict=True)
+        prediction.advance(
+            candidate, state, steps, done, candidate_set.filter, candidate_set.leak_share
+        )
+        for candidate, state in zip(candidate_set.candidates, tracking.states, strict=True)
     ]
     errors = np.column_stack([white.ravel() for _, white in ends])
-    rows = np.zeros((errors.shape[0], about.z.size))
-    rows[:, about.active] = (errors[:, 1:] - errors[:, :1]) / DIFFERENCE
-    told = square_root_information.absorb(tracking.told, rows, rows @ about.z - errors[:, 0])
-    return CandidateTracking(about, tuple(at for at, _ in ends), told)
+    rows = np.zeros((errors.shape[0], candidate_set.z.size))
+    rows[:, candidate_set.active] = (errors[:, 1:] - errors[:, :1]) / DIFFERENCE
+    information = square_root_information.absorb(
+        tracking.information, rows, rows @ candidate_set.z - errors[:, 0]
+    )
+    return CandidateTracking(candidate_set, tuple(state for state, _ in ends), information)
 
 
 def _iterate_test(
-    known: Knowledge, plane: Plane, steps: TestSamples, tracking: CandidateTracking
+    knowledge: Knowledge, plane: Plane, steps: TestSamples, tracking: CandidateTracking
 ) -> tuple[Information, Array]:
-    """What a test told, linearised until the estimate stands still; and where that is."""
-    z = tracking.about.z
+    """Linearise a finished test until the estimate converges.
+
+    Return its information and the estimate.
+    """
+    z = tracking.candidate_set.z
     for _ in range(MAX_LINEARISATIONS):
-        found = square_root_information.combine(known.whole, tracking.told)
-        z = _limited_step(known.prior, tracking.about.z, square_root_information.mean(found))
-        if np.linalg.norm(found.root @ (z - tracking.about.z)) < CONVERGED_SD * math.sqrt(z.size):
+        information = square_root_information.combine(knowledge.information, tracking.information)
+        z = _limited_step(
+            knowledge.prior, tracking.candidate_set.z, square_root_information.mean(information)
+        )
+        if np.linalg.norm(
+            information.root @ (z - tracking.candidate_set.z)
+        ) < CONVERGED_SD * math.sqrt(z.size):
             break
-        tracking = _track(known, plane, steps, z)
-    return tracking.told, z
+        tracking = _track(knowledge, plane, steps, z)
+    return tracking.information, z
 
 
-def _limited_step(prior: Prior, z: Array, wanted: Array) -> Array:
-    """A cautious move: far off, the linearisation tells the direction better than the distance.
+def _limited_step(prior: Prior, z: Array, target: Array) -> Array:
+    """Return the point of the next linearisation, a limited step from ``z`` towards ``target``.
 
-    Not all of z are vehicles: a mass matrix may lose its positive sign. Then half of the way must
-    do."""
-    move = np.clip(wanted - z, -MAX_STEP_SD, MAX_STEP_SD)
+    Far from the optimum the linearisation gives the direction better than the distance. Not every z
+    is a possible vehicle: its mass matrix may lose positive definiteness. Then the step is halved.
+    """
+    step = np.clip(target - z, -MAX_STEP_SD, MAX_STEP_SD)
     for _ in range(HALVINGS):
-        there = np.clip(z + move, -Z_LIMIT, Z_LIMIT)
+        candidate_z = np.clip(z + step, -Z_LIMIT, Z_LIMIT)
         try:
-            parameters.candidate_vehicle(prior.config, prior.biases_rad, there)
+            parameters.candidate_vehicle(prior.config, prior.biases_rad, candidate_z)
         except VehicleFileError:
-            move = 0.5 * move
+            step = 0.5 * step
         else:
-            return there
+            return candidate_z
     return z
 
 
 def _free_residuals(
-    vehicle: CandidateVehicle, test: FinishedTest, by: Filter, leaking: float
+    vehicle: CandidateVehicle, test: FinishedTest, noise_filter: Filter, leak_share: float
 ) -> Array:
-    """What a free simulation of a vehicle would leave of a test, (k, outputs)."""
+    """Residuals of a free simulation of a test, (k, outputs)."""
     candidate = _candidate(
         vehicle, test.plane, fit.cruise_speed_mps(vehicle, float(test.steps.thrust[0]))
     )
     white = prediction.advance(
-        candidate, prediction.start(candidate, test.steps), test.steps, 0, by, leaking
+        candidate, prediction.start(candidate, test.steps), test.steps, 0, noise_filter, leak_share
     )[1]
-    return prediction.free_error(white, by)
+    return prediction.free_error(white, noise_filter)

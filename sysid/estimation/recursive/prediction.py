@@ -1,11 +1,21 @@
-"""One candidate vehicle predicting a test one step ahead: its normalised errors are what a
-parameter is judged by.
+"""One-step predictions of a test by one candidate vehicle.
 
-The plane flies by its own nonlinear physics, and the noise filter carries what parts it from the
-measured motion: the errors of a stable plane are the whitened ones of its free simulation, as in
-`fit`. An unstable plane would soon be elsewhere; it takes over what the filter knows, twice as fast
-as it runs away (a filter error method that leaks: Jategaonkar 2015, ch. 5). How fast makes no
-difference to the errors of a linear plane."""
+Their whitened errors update the estimate.
+
+The nonlinear plane model is simulated, and the noise filter carries the difference to the measured
+motion. For a stable plane the errors are the whitened residuals of a free simulation, as in `fit`.
+The simulation of an unstable plane would diverge; it takes over a part of the filter's state at
+every step, at twice the rate of its divergence (filter error method with a leak: Jategaonkar 2015,
+ch. 5). For a linear plane this part does not change the errors.
+
+Symbols: x plane states in the paper's axes, d filter states (difference from the measured motion,
+disturbance, gyro bias) in MAVLink's axes, Phi transition, C output matrix, K_k gain and W_k
+whitener of `sysid.models.noise.Filter`, l leak. For each step k::
+
+    x <- f(x, delta),    d <- Phi d
+    e = y - y(x) - C d,    white_k = W_k e
+    d <- d + K_k e;    x <- x - l d,    d <- (1 - l) d   (plane states only)
+"""
 
 import math
 from typing import NamedTuple
@@ -26,135 +36,157 @@ from sysid.models.noise import Filter
 Array = NDArray[np.float64]
 
 STEP_S = STRIDE / RATE_HZ
+"""Step of the fit, s."""
 TICK_S = 1.0 / RATE_HZ
+"""Step of the 50 Hz grid, s."""
 SEA_STATES = 4
-"""Of the filter behind those of the plane: slow moment, wave (two), gyro bias."""
+"""Filter states after those of the plane: slow moment, wave (two), gyro bias."""
 MIN_GROWTH_PER_S = 1e-3
-"""A plane whose heading and depth merely stay where they are put has poles at zero."""
+"""Smallest real part of a pole, 1/s, of an unstable plane. Heading and depth have poles at zero."""
 START_STEPS = 10
-"""A test begins with the motion of its first second."""
+"""Number of steps whose mean motion starts the simulation: one second."""
 
 
 class TestSamples(NamedTuple):
-    """Consecutive tenths of a second of a test, k of them; MAVLink's axes."""
+    """Consecutive steps of a test, k of them, in MAVLink's axes."""
 
     measured: Array
-    """(k, outputs): rate, angle, and depth in pitch, each the mean of the 50 Hz samples around the
-    step's end."""
+    """(k, outputs): rate (rad/s), angle (rad) and, in pitch, depth (m).
+
+    Each value is the mean of the 50 Hz samples around the end of the step.
+    """
     command_rad: Array
-    """(k, STRIDE): the tested surface over the ticks that led there; what led to the first step of
-    all is not used."""
+    """(k, STRIDE): command of the tested surface during the step, rad.
+
+    The first row of a test is not used.
+    """
     thrust: Array
-    """(k,): over those ticks, fraction of full."""
+    """(k,): thrust during the step, fraction of full."""
 
 
 def empty_samples(plane: Plane) -> TestSamples:
-    """Of a test that has not begun."""
+    """Return the samples of a test that has not begun."""
     return TestSamples(
         np.zeros((0, 2 if plane == "yaw" else 3)), np.zeros((0, STRIDE)), np.zeros(0)
     )
 
 
 def steps(run: Run, first: int = 0) -> TestSamples:
-    """A run's steps from the ``first`` on. The last one stands half a step before the run's end."""
-    what = fit.dataset(run)
-    measured, command_rad = what.measured[:-1], what.run.command_rad
+    """Return the steps of a run from index ``first`` on.
+
+    The last ends half a step before the run.
+    """
+    data = fit.dataset(run)
+    measured, command_rad = data.measured[:-1], data.run.command_rad
     ticks = command_rad[: STRIDE * (len(measured) - 1)].reshape(-1, STRIDE)
-    command = np.concatenate([np.full((1, STRIDE), command_rad[0]), ticks])
+    commands = np.concatenate([np.full((1, STRIDE), command_rad[0]), ticks])
     return TestSamples(
         measured[first:],
-        command[first:],
-        what.run.thrust[: STRIDE * len(measured) : STRIDE][first:],
+        commands[first:],
+        data.run.thrust[: STRIDE * len(measured) : STRIDE][first:],
     )
 
 
 def concatenate(first: TestSamples, second: TestSamples) -> TestSamples:
-    """One after the other."""
+    """Join two parts of a test."""
     return TestSamples(*(np.concatenate(parts) for parts in zip(first, second, strict=True)))
 
 
 class Candidate(NamedTuple):
-    """A vehicle, confined to the plane of a test."""
+    """Vehicle reduced to the plane of a test."""
 
     model: VehicleModel
     actuator: Actuator
     inverse: Array
-    """Of the plane's mass matrix (`greybox.constraint`)."""
+    """(3, 3), inverse mass matrix of the plane (`greybox.constraint`)."""
     full_rps: float
+    """Shaft speed at full thrust, 1/s."""
     speed_mps: float
-    """At which the test begins."""
+    """Speed at the start of the test, m/s."""
 
 
 class CandidateState(NamedTuple):
-    """Where a candidate stands after its last step."""
+    """State of a candidate after its last step."""
 
     plane: Array
-    """(u, v|w, rate, angle, z) in the paper's axes; z about SUBMERGED_Z_M."""
-    rest: Array
-    """The states of the noise filter, MAVLink's axes: what is measured beside the plane."""
+    """(u, v or w, rate, angle, z) in the paper's axes, SI units; z relative to SUBMERGED_Z_M."""
+    filter_state: Array
+    """States of the noise filter in MAVLink's axes: measured motion minus the plane's motion."""
 
 
 def start(candidate: Candidate, steps: TestSamples) -> CandidateState:
-    """From the mean motion over the first START_STEPS, as `greybox.measured_start` takes it from a
-    run."""
-    few = steps.measured[: START_STEPS // 2 + 1]
+    """Return the initial state.
+
+    Mean motion over the first START_STEPS, as in `greybox.initial_motion`.
+    """
+    first_rows = steps.measured[: START_STEPS // 2 + 1]
     plane = np.array(
-        [candidate.speed_mps, 0.0, -float(np.mean(few[:, 0])), -float(few[0, 1]), SUBMERGED_Z_M]
+        [
+            candidate.speed_mps,
+            0.0,
+            -float(np.mean(first_rows[:, 0])),
+            -float(first_rows[0, 1]),
+            SUBMERGED_Z_M,
+        ]
     )
     if steps.measured.shape[1] > 2:
         depth_m = steps.measured[: START_STEPS + 1, 2]
         rate_mps = float(np.polyfit(STEP_S * np.arange(depth_m.size), depth_m, 1)[0])
-        theta = float(few[0, 1])
+        theta = float(first_rows[0, 1])
         plane[1] = -(rate_mps + candidate.speed_mps * math.sin(theta)) / math.cos(theta)
     return CandidateState(plane, np.zeros(steps.measured.shape[1] + 1 + SEA_STATES))
 
 
 def leak(plane: LinearPlane) -> float:
-    """Share of the filter's motion that an unstable plane takes over at each step; 0 for a stable
-    one."""
+    """Share of the filter's plane states that an unstable plane takes over per step.
+
+    0 if it is stable.
+    """
     growth_per_s = float(np.max(np.linalg.eigvals(plane.A).real))
     return 1.0 - math.exp(-2.0 * growth_per_s * STEP_S) if growth_per_s > MIN_GROWTH_PER_S else 0.0
 
 
 def advance(
     candidate: Candidate,
-    at: CandidateState,
+    state: CandidateState,
     steps: TestSamples,
     done: int,
-    by: Filter,
-    leaking: float,
+    noise_filter: Filter,
+    leak_share: float,
 ) -> tuple[CandidateState, Array]:
-    """Through all ``steps`` but the first ``done``: where it stands then, and its white errors (k,
-    outputs)."""
+    """Simulate all ``steps`` after the first ``done``.
+
+    Return the state and the whitened errors (k, outputs).
+    """
     command = np.append(
         steps.command_rad[1:].ravel(), 0.0
-    )  # the last angle precedes whatever is commanded next
+    )  # the last command has no effect within the steps
     duct = greybox.duct_angles(command, candidate.actuator, TICK_S)
     measured = (
         steps.measured - np.array([0.0, 0.0, steps.measured[0, -1]])[: steps.measured.shape[1]]
     )
-    plane, rest = at.plane.copy(), at.rest.copy()
+    plane, filter_state = state.plane.copy(), state.filter_state.copy()
     white = _advance(
         plane,
-        rest,
+        filter_state,
         done,
         duct,
         steps.thrust * candidate.full_rps,
         measured,
-        by.transition,
-        by.gains,
-        by.whiteners,
-        leaking,
+        noise_filter.transition,
+        noise_filter.gains,
+        noise_filter.whiteners,
+        leak_share,
         candidate.inverse,
         candidate.model,
     )
-    return CandidateState(plane, rest), white
+    return CandidateState(plane, filter_state), white
 
 
 @entry_point
 def _advance(
     x: Array,
-    rest: Array,
+    filter_state: Array,
     done: int,
     duct: Array,
     rps: Array,
@@ -162,52 +194,69 @@ def _advance(
     transition: Array,
     gains: Array,
     whiteners: Array,
-    leaking: float,
+    leak_share: float,
     inverse: Array,
     model: VehicleModel,
 ) -> Array:
-    """Predict, compare, correct; ``x`` and ``rest`` are moved in place. The filter's axes are minus
-    the paper's."""
+    """Predict, compare, correct for each step; ``x`` and ``filter_state`` are changed in place.
+
+    The filter's axes (MAVLink) have the opposite sign of the paper's.
+    """
     total, outputs = measured.shape
     states, is_yaw = outputs + 1, outputs == 2
-    white, e = np.empty((total - done, outputs)), np.empty(outputs)
+    white, innovation = np.empty((total - done, outputs)), np.empty(outputs)
     for k in range(done, total):
         if k > 0:
-            a = STRIDE * (k - 1)
+            first_tick = STRIDE * (k - 1)
             x[:] = integrate(
-                x, duct[a : a + STRIDE + 1], rps[k : k + 1], STRIDE, TICK_S, is_yaw, inverse, model
+                x,
+                duct[first_tick : first_tick + STRIDE + 1],
+                rps[k : k + 1],
+                STRIDE,
+                TICK_S,
+                is_yaw,
+                inverse,
+                model,
             )[1]
-            rest[:] = transition @ rest
+            filter_state[:] = transition @ filter_state
         gain, whitener = gains[min(k, len(gains) - 1)], whiteners[min(k, len(gains) - 1)]
-        e[0] = measured[k, 0] + x[2] - rest[1] - rest[-1]
-        e[1] = measured[k, 1] + x[3] - rest[2]
+        innovation[0] = measured[k, 0] + x[2] - filter_state[1] - filter_state[-1]
+        innovation[1] = measured[k, 1] + x[3] - filter_state[2]
         if not is_yaw:
-            e[2] = measured[k, 2] + (x[4] - SUBMERGED_Z_M) - rest[3]
-        white[k - done] = whitener @ e
-        for i in range(rest.size):
+            innovation[2] = measured[k, 2] + (x[4] - SUBMERGED_Z_M) - filter_state[3]
+        white[k - done] = whitener @ innovation
+        for i in range(filter_state.size):
             for j in range(outputs):
-                rest[i] += gain[i, j] * e[j]
+                filter_state[i] += gain[i, j] * innovation[j]
         for i in range(states):
-            x[1 + i] -= leaking * rest[i]
-            rest[i] -= leaking * rest[i]
+            x[1 + i] -= leak_share * filter_state[i]
+            filter_state[i] -= leak_share * filter_state[i]
     return white
 
 
-def free_error(white: Array, by: Filter) -> Array:
-    """What a free simulation would leave, (k, outputs): the residual that the filter whitens to
-    ``white``."""
-    return _unwhiten(white, by.transition, by.output, by.gains, by.whiteners)
+def free_error(white: Array, noise_filter: Filter) -> Array:
+    """Return the residual (k, outputs) of a free simulation, from its whitened errors."""
+    return _unwhiten(
+        white,
+        noise_filter.transition,
+        noise_filter.output,
+        noise_filter.gains,
+        noise_filter.whiteners,
+    )
 
 
 @entry_point
 def _unwhiten(
     white: Array, transition: Array, output: Array, gains: Array, whiteners: Array
 ) -> Array:
-    """The inverse of `noise.whiten`."""
-    left, x = np.empty_like(white), np.zeros(transition.shape[0])
+    """Inverse of `noise.whiten_residual`.
+
+    E_k = W_k^-1 white_k, r_k = e_k + C x, x <- Phi (x + K_k e_k).
+    """
+    residual, x = np.empty_like(white), np.zeros(transition.shape[0])
     for k in range(len(white)):
-        last = min(k, len(gains) - 1)
-        e = np.linalg.solve(whiteners[last], white[k])
-        left[k] = e + output @ x
-        x = transition @ (x + gains[last] @ e)
-    return left
+        gain_index = min(k, len(gains) - 1)
+        e = np.linalg.solve(whiteners[gain_index], white[k])
+        residual[k] = e + output @ x
+        x = transition @ (x + gains[gain_index] @ e)
+    return residual

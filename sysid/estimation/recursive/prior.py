@@ -1,4 +1,4 @@
-"""What a vehicle file or an earlier model tells before the first test."""
+"""Prior of the recursive estimator from a vehicle file or an earlier model."""
 
 import math
 from pathlib import Path
@@ -15,25 +15,52 @@ from sysid.refit import PriorKnowledge, prior_knowledge
 
 
 def knowledge(prior: str | Path) -> Knowledge:
-    """As `ground refit --prior` takes it. Raises VehicleError, ModelError, RefitError."""
-    belief = prior_knowledge(prior)
-    return _of_model(belief, belief.earlier) if belief.earlier else _of_vehicle(belief)
+    """Read the prior as `ground refit --prior` does.
+
+    Parameters
+    ----------
+    prior : str or Path
+        Name of a shipped vehicle, path of a vehicle file, or path of a ``model.json``.
+
+    Returns
+    -------
+    Knowledge
+        Knowledge before the first test.
+
+    Raises
+    ------
+    VehicleFileError, ModelError, RefitError
+        The file cannot be used.
+    """
+    known_vehicle = prior_knowledge(prior)
+    return (
+        _of_model(known_vehicle, known_vehicle.earlier)
+        if known_vehicle.earlier
+        else _of_vehicle(known_vehicle)
+    )
 
 
-def _of_vehicle(belief: PriorKnowledge) -> Knowledge:
-    zero = Prior(
-        belief.config,
+def _of_vehicle(known_vehicle: PriorKnowledge) -> Knowledge:
+    """Knowledge from a vehicle file: parameters at zero, actuator biases unknown."""
+    prior = Prior(
+        known_vehicle.config,
         {"yaw": 0.0, "pitch": 0.0},
         np.zeros(len(NAMES)),
         parameters.prior_covariance(),
     )
-    return estimator.prior_knowledge(zero)
+    return estimator.prior_knowledge(prior)
 
 
-def _of_model(belief: PriorKnowledge, model: IdentifiedModel) -> Knowledge:
+def _of_model(known_vehicle: PriorKnowledge, model: IdentifiedModel) -> Knowledge:
+    """Knowledge from an earlier model.
+
+    Its estimate, covariance, noise levels and actuator biases.
+    """
     biases = {
         plane: math.radians(degrees) for plane, degrees in model.vehicle.prior_biases_deg.items()
     }
-    prior = Prior(belief.config, biases, np.array(model.joint.z), np.array(model.joint.covariance))
+    prior = Prior(
+        known_vehicle.config, biases, np.array(model.joint.z), np.array(model.joint.covariance)
+    )
     levels = {plane: noise.from_model(level) for plane, level in model.noise.items()}
     return estimator.prior_knowledge(prior, levels)._replace(trimmed=frozenset(biases))

@@ -1,5 +1,7 @@
-"""The estimate as an engineer reads it under way: design numbers, how sure they are, and whether
-that is enough."""
+"""Report of the recursive estimate.
+
+Design numbers with standard deviations, and whether they suffice.
+"""
 
 import math
 from typing import NamedTuple
@@ -28,91 +30,148 @@ NAMES = (
     "delay_s",
     "actuator_bias_deg",
 )
-"""As in `model.PlaneModel`."""
+"""Reported numbers, by their names in `model_file.PlaneModel`."""
 ENOUGH_PHASE_SD_DEG, ENOUGH_GAIN_SD_DB = 1.5, 0.25
-"""Standard deviations of the plant's phase and gain at crossover that a redesign can rest on: two
-of them are 3 deg and half a decibel, small beside the margins that it keeps."""
+"""Standard deviations of phase (deg) and gain (dB) at crossover that suffice for a redesign.
+
+Two standard deviations, 3 deg and 0.5 dB, are small compared with the margins that a redesign
+keeps.
+"""
 
 
 class Number(NamedTuple):
+    """An estimated number."""
+
     value: float
+    """Estimate, in the unit of its name."""
     sd: float
+    """Standard deviation."""
     before: float
-    """Its standard deviation before the first test."""
+    """Standard deviation before the first test."""
 
 
 class PlaneReport(NamedTuple):
-    """One plane, as things stand."""
+    """Present estimate of one plane."""
 
     plane: Plane
     numbers: dict[str, Number]
-    """By NAMES."""
+    """Numbers by NAMES."""
     crossover_radps: float
+    """Frequency at which gain and phase are reported, rad/s."""
     gain_db: Number
-    """Rate over command at crossover."""
+    """Gain from command to rate at this frequency, dB (1/s)."""
     phase_deg: Number
+    """Phase from command to rate at this frequency, deg."""
 
     @property
     def enough(self) -> bool:
+        """Return whether gain and phase at crossover are known well enough for a redesign."""
         return self.phase_deg.sd <= ENOUGH_PHASE_SD_DEG and self.gain_db.sd <= ENOUGH_GAIN_SD_DB
 
 
-def read(prior: Prior, known: Information, plane: Plane, crossover_radps: float) -> PlaneReport:
-    """What is known of a plane, to first order."""
-    z, covariance = square_root_information.mean(known), square_root_information.covariance(known)
-    values, slopes = _derived(prior, z, plane, crossover_radps)
-    sds = np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes))
-    first = _derived(prior, prior.mean, plane, crossover_radps)[1]
-    before = np.sqrt(np.einsum("ij,jk,ik->i", first, prior.covariance, first))
-    found = [Number(*map(float, row)) for row in zip(values, sds, before, strict=True)]
+def read(
+    prior: Prior, information: Information, plane: Plane, crossover_radps: float
+) -> PlaneReport:
+    """Report the present estimate of a plane.
+
+    Parameters
+    ----------
+    prior : Prior
+        Prior of the parameters.
+    information : Information
+        Information about z from the prior and the tests.
+    plane : {'yaw', 'pitch'}
+        Plane.
+    crossover_radps : float
+        Frequency at which gain and phase are reported, rad/s.
+
+    Returns
+    -------
+    PlaneReport
+        Numbers with standard deviations.
+
+    Notes
+    -----
+    Delta method: a number g(z) with the gradient c has the variance c'P c, P the covariance of z.
+    """
+    z, covariance = (
+        square_root_information.mean(information),
+        square_root_information.covariance(information),
+    )
+    values, gradients = _derived(prior, z, plane, crossover_radps)
+    sds = np.sqrt(np.einsum("ij,jk,ik->i", gradients, covariance, gradients))
+    prior_gradients = _derived(prior, prior.mean, plane, crossover_radps)[1]
+    prior_sds = np.sqrt(
+        np.einsum("ij,jk,ik->i", prior_gradients, prior.covariance, prior_gradients)
+    )
+    numbers = [Number(*map(float, row)) for row in zip(values, sds, prior_sds, strict=True)]
     return PlaneReport(
-        plane, dict(zip(NAMES, found, strict=False)), crossover_radps, *found[len(NAMES) :]
+        plane, dict(zip(NAMES, numbers, strict=False)), crossover_radps, *numbers[len(NAMES) :]
     )
 
 
 def crossover_radps(prior: Prior, plane: Plane, gains: Gains | None = None) -> float:
-    """Where the loop of a plane crosses unit gain on the prior vehicle; without ``gains`` with
-    those made for her."""
+    """Return the crossover frequency of a plane's loop with the prior vehicle, rad/s.
+
+    Parameters
+    ----------
+    prior : Prior
+        Prior, whose mean gives the vehicle.
+    plane : {'yaw', 'pitch'}
+        Plane.
+    gains : mapping of str to float, optional
+        Gains by parameter name; by default those of `validation.crossover.gains_for`.
+
+    Returns
+    -------
+    float
+        Crossover frequency, rad/s.
+    """
     vehicle = parameters.candidate_vehicle(prior.config, prior.biases_rad, prior.mean)
     loop = crossover.loop(vehicle, plane, gains or crossover.gains_for(vehicle))
     return loop_transfer.margins(loop).crossover_radps
 
 
 def _derived(prior: Prior, z: Array, plane: Plane, crossover_radps: float) -> tuple[Array, Array]:
-    """NAMES, gain (dB) and phase (deg) at crossover, and their slopes over z."""
+    """Values of NAMES, gain (dB) and phase (deg) at a frequency, and their gradients by z."""
     values = numbers(
         parameters.candidate_vehicle(prior.config, prior.biases_rad, z), plane, crossover_radps
     )
-    slopes = np.zeros((values.size, z.size))
+    gradients = np.zeros((values.size, z.size))
     for i in parameters.parameters_of_planes([plane]):
-        moved = z.copy()
-        moved[i] += DIFFERENCE
-        there = numbers(
-            parameters.candidate_vehicle(prior.config, prior.biases_rad, moved),
+        perturbed_z = z.copy()
+        perturbed_z[i] += DIFFERENCE
+        perturbed = numbers(
+            parameters.candidate_vehicle(prior.config, prior.biases_rad, perturbed_z),
             plane,
             crossover_radps,
         )
-        slopes[:, i] = (there - values) / DIFFERENCE
-    return values, slopes
+        gradients[:, i] = (perturbed - values) / DIFFERENCE
+    return values, gradients
 
 
 def numbers(vehicle: CandidateVehicle, plane: Plane, crossover_radps: float) -> Array:
-    """NAMES, and gain (dB) and phase (deg) from command to rate at a frequency (rad/s), for small
-    motion."""
+    """Return NAMES, and gain (dB) and phase (deg) from command to rate, for small motion.
+
+    The response is C (s I - A)^-1 B e^(-tau s) wn^2 / (s^2 + 2 zeta wn s + wn^2) at s = j
+    ``crossover_radps``.
+    """
     linear, actuator = fit.linear_plane(vehicle, plane), vehicle.actuators[plane]
-    small, s = linear_planes.small_signal(linear), 1j * crossover_radps
+    small_signal, s = linear_planes.small_signal(linear), 1j * crossover_radps
     rate = np.linalg.solve(s * np.eye(linear.A.shape[0]) - linear.A, linear.B)[1]
     wn, zeta = actuator.natural_frequency_radps, actuator.damping_ratio
-    answer = rate * np.exp(-s * actuator.delay_s) * wn**2 / (s**2 + 2.0 * zeta * wn * s + wn**2)
+    command_to_rate = (
+        rate * np.exp(-s * actuator.delay_s) * wn**2 / (s**2 + 2.0 * zeta * wn * s + wn**2)
+    )
     return np.array(
         [
-            small.static_gain_per_s,
-            small.b1_per_s2,
-            small.p_fast_per_s,
-            small.p_slow_per_s,
+            small_signal.static_gain_per_s,
+            small_signal.b1_per_s2,
+            small_signal.p_fast_per_s,
+            small_signal.p_slow_per_s,
             actuator.delay_s,
             math.degrees(actuator.bias_rad),
-            20.0 * math.log10(abs(answer)),
-            math.degrees(float(np.angle(answer))),
+            20.0 * math.log10(abs(command_to_rate)),
+            math.degrees(float(np.angle(command_to_rate))),
         ]
     )

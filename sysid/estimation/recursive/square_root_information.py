@@ -1,8 +1,11 @@
-"""Least squares that grow row by row, in square-root information form: no covariance can lose its
-positive sign.
+"""Recursive least squares in square-root information form: the covariance stays positive definite.
 
-An estimate is the solution of R z = rhs, R upper triangular, its information R'R. New rows are
-absorbed by one orthogonal triangulation (Bierman 1977, chapter IV)."""
+Symbols: z parameters (n,), R upper triangular (n, n), d (n,). The estimate solves R z = d, and its
+information matrix is R'R. New measurements y = H z + v with v white of unit variance, H (m, n), are
+absorbed by an orthogonal triangularisation (Bierman 1977, chapter IV)::
+
+    Q' [R d; H y] = [R+ d+; 0 e]
+"""
 
 from typing import NamedTuple
 
@@ -13,45 +16,77 @@ Array = NDArray[np.float64]
 
 
 class Information(NamedTuple):
-    """What is known of n numbers."""
+    """Information about n parameters: R z = d."""
 
     root: Array
-    """(n, n), upper triangular."""
+    """(n, n), R, upper triangular."""
     rhs: Array
-    """(n,)."""
+    """(n,), d."""
 
 
 def empty(size: int) -> Information:
-    """No knowledge of ``size`` numbers."""
+    """Return the information about ``size`` parameters before any measurement."""
     return Information(np.zeros((size, size)), np.zeros(size))
 
 
 def from_normal(mean: Array, covariance: Array) -> Information:
-    """A normal belief, shapes (n,) and (n, n) positive definite."""
+    """Return the information of a normal distribution.
+
+    Parameters
+    ----------
+    mean : ndarray, (n,)
+        Mean.
+    covariance : ndarray, (n, n)
+        Covariance, positive definite.
+
+    Returns
+    -------
+    Information
+        R = inverse Cholesky factor of the covariance, triangularised, and d = R mean.
+    """
     root = np.linalg.inv(np.linalg.cholesky(covariance))
     return absorb(empty(mean.size), root, root @ mean)
 
 
-def absorb(known: Information, rows: Array, values: Array) -> Information:
-    """With ``values`` (m,) measured of ``rows`` (m, n) times the numbers, each with a unit of white
-    noise."""
-    stacked = np.vstack([np.column_stack([known.root, known.rhs]), np.column_stack([rows, values])])
+def absorb(information: Information, rows: Array, values: Array) -> Information:
+    """Add measurements to the information.
+
+    Parameters
+    ----------
+    information : Information
+        Information before the measurements.
+    rows : ndarray, (m, n)
+        Measurement matrix H.
+    values : ndarray, (m,)
+        Measurements y, each with white noise of unit variance.
+
+    Returns
+    -------
+    Information
+        Information after the measurements.
+    """
+    stacked = np.vstack(
+        [np.column_stack([information.root, information.rhs]), np.column_stack([rows, values])]
+    )
     triangle: Array = np.asarray(np.linalg.qr(stacked, mode="r"))
-    n = known.rhs.size
+    n = information.rhs.size
     return Information(np.triu(triangle[:n, :n]), triangle[:n, n].copy())
 
 
-def combine(known: Information, more: Information) -> Information:
-    """Two independent pieces of information as one."""
-    return absorb(known, more.root, more.rhs)
+def combine(first: Information, second: Information) -> Information:
+    """Add two independent pieces of information."""
+    return absorb(first, second.root, second.rhs)
 
 
-def mean(known: Information) -> Array:
-    """The most likely numbers, (n,). Raises LinAlgError where some are not known at all."""
-    return np.asarray(np.linalg.solve(known.root, known.rhs))
+def mean(information: Information) -> Array:
+    """Return the mean R^-1 d, (n,). Raise LinAlgError if a parameter is not determined."""
+    return np.asarray(np.linalg.solve(information.root, information.rhs))
 
 
-def covariance(known: Information) -> Array:
-    """Of the numbers, (n, n). Raises LinAlgError where some are not known at all."""
-    inverse = np.linalg.inv(known.root)
+def covariance(information: Information) -> Array:
+    """Return the covariance (R'R)^-1, (n, n).
+
+    Raise LinAlgError if a parameter is not determined.
+    """
+    inverse = np.linalg.inv(information.root)
     return np.asarray(inverse @ inverse.T)

@@ -140,7 +140,7 @@ def test_both_axes_at_once_are_each_a_multisine_of_its_own_size() -> None:
 
 def test_seeds_and_runs_arrive_from_the_numbers_of_the_command_and_from_parameters() -> None:
     prbs, square = a_test(wave=Wave.PRBS), a_test(wave=Wave.SQUARE)
-    assert (prbs.seed, prbs.stop_hz, square.runs) == (7, 0.5, (3, 2, 1, 4, 5, 2))
+    assert (prbs.seed, prbs.stop_hz, square.switch_intervals) == (7, 0.5, (3, 2, 1, 4, 5, 2))
     set_up = Config(
         sid_axis=12,
         sid_magnitude=6.0,

@@ -21,10 +21,10 @@ COURSES = st.floats(-math.pi, math.pi)
 STEP_S = 0.5
 
 
-def at(place_m: complex, current_mps: complex = 0j, speed_mps: float = 1.3) -> VehicleEstimate:
+def at(position_m: complex, current_mps: complex = 0j, speed_mps: float = 1.3) -> VehicleEstimate:
     learned = Navigation(current_mps=current_mps)
     return VehicleEstimate(
-        north_m=place_m.real, east_m=place_m.imag, speed_mps=speed_mps, navigation=learned
+        north_m=position_m.real, east_m=position_m.imag, speed_mps=speed_mps, navigation=learned
     )
 
 
@@ -89,7 +89,7 @@ def test_a_circle_is_reached_from_anywhere_and_kept_the_right_way_round(
         place += over_ground(heading, current) * STEP_S
     assert isinstance(path, Circle)
     assert abs(abs(place - centre) - radius) < 2.5
-    assert path.turned_rad > 2.0 * math.pi
+    assert path.swept_rad > 2.0 * math.pi
 
 
 @given(place=PLACES)

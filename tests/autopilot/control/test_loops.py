@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from autopilot.control import loops, modes, requests
 from autopilot.control.params import Config, ParamTable
 from autopilot.control.pid import Gains
-from autopilot.control.reference_model import Way
+from autopilot.control.reference_model import ReferenceState
 from autopilot.control.setpoints import Setpoint
 from autopilot.control.types import Event, LoopMemory, Trim, VehicleEstimate
 from autopilot.vehicle import Vehicle
@@ -58,7 +58,7 @@ def test_faster_than_designed_the_loop_keeps_its_gain() -> None:
 def test_a_big_turn_on_a_way_leaves_the_travel_alone() -> None:
     """The kinematic vehicle turns at once with her rudder: on the way no more rudder is asked than
     its rate takes."""
-    direct, shaped = (under_way(modes.DEPTH, heading_way_radps=w) for w in (0.0, 0.5))
+    direct, shaped = (under_way(modes.DEPTH, heading_ref_radps=w) for w in (0.0, 0.5))
     most = {}
     for name, flight in (("direct", direct), ("shaped", shaped)):
         flight.state = flight.state._replace(
@@ -73,7 +73,7 @@ def test_a_big_turn_on_a_way_leaves_the_travel_alone() -> None:
 def test_a_change_of_depth_on_a_way_is_no_faster_than_it_may() -> None:
     fastest = {}
     for w in (0.0, 0.3):
-        flight = under_way(modes.DEPTH, depth_way_radps=w, depth_way_mps=0.2, depth_i=0.0)
+        flight = under_way(modes.DEPTH, depth_ref_radps=w, depth_ref_mps=0.2, depth_i=0.0)
         list(flight.run(30.0))
         flight.state = flight.state._replace(setpoint=flight.state.setpoint._replace(depth_m=9.0))
         depths = [flight.depth_m for _ in flight.run(90.0)]
@@ -86,9 +86,9 @@ def test_a_change_of_depth_on_a_way_is_no_faster_than_it_may() -> None:
 def test_the_elevator_holds_the_pitch_that_a_way_in_depth_takes(speed: float, share: float) -> None:
     """On top of what the loops ask: 0.2 of the pitch at cruise speed, more as the flow on the duct
     gets less."""
-    config = {"depth_way_radps": 0.5, "depth_way_mps": 0.1, "travel_deg": 45.0}
-    held, bare = Config(pitch_stiffness=0.2, **config), Config(**config)
-    on_her_way = LoopMemory(descent=Way(3.0, 0.1))
+    config = {"depth_ref_radps": 0.5, "depth_ref_mps": 0.1, "travel_deg": 45.0}
+    held, bare = Config(pitch_feedforward=0.2, **config), Config(**config)
+    on_her_way = LoopMemory(depth_reference=ReferenceState(3.0, 0.1))
     estimate, asked = VehicleEstimate(depth_m=3.0, speed_mps=speed), Setpoint(depth_m=9.0)
     with_it, without = (
         loops.step_loops(estimate, asked, on_her_way, each, 0.02, heading=False, depth=True)[
@@ -108,8 +108,8 @@ def test_the_elevator_holds_the_pitch_that_a_way_in_depth_takes(speed: float, sh
 def test_set_point_weighting_is_the_textbook_law(weight: float) -> None:
     """P (b r - y) + I integral(r - y), for heading past south and for depth."""
     config = Config(
-        heading_weight=weight,
-        depth_weight=weight,
+        heading_setpoint_weight=weight,
+        depth_setpoint_weight=weight,
         heading_i=0.05,
         heading_i_max=0.26,
         heading_i_rate_degps=90.0,
@@ -152,7 +152,7 @@ def test_trims_are_learned_in_steady_flight_and_kept() -> None:
         rate = 0.5 * (wanted.rudder_rad - offset)
         estimate = estimate._replace(heading_rad=estimate.heading_rad + 0.02 * rate, r_radps=rate)
     assert memory.trim.rudder_rad == pytest.approx(offset, rel=0.02)
-    assert abs(memory.heading_rad) < math.radians(0.1)
+    assert abs(memory.heading_integral_rad) < math.radians(0.1)
     assert abs(estimate.heading_rad) < math.radians(0.2)
     assert memory.trim.learned_s > 60.0
 
@@ -221,13 +221,18 @@ def test_nothing_is_learned_while_turning() -> None:
 
 
 def test_an_open_loop_forgets_its_way() -> None:
-    config = Config(heading_way_radps=0.5, depth_way_radps=0.5, lead_radps=8.0)
+    config = Config(heading_ref_radps=0.5, depth_ref_radps=0.5, actuator_lead_radps=8.0)
     _, closed = loops.step_loops(
         VehicleEstimate(), Setpoint(), LoopMemory(), config, 0.02, heading=True, depth=True
     )
-    assert None not in (closed.course, closed.descent, closed.rudder, closed.elevator)
+    assert None not in (
+        closed.heading_reference,
+        closed.depth_reference,
+        closed.rudder_lead,
+        closed.elevator_lead,
+    )
     _, opened = loops.step_loops(
         VehicleEstimate(), Setpoint(), closed, config, 0.02, heading=False, depth=True
     )
-    assert (opened.course, opened.rudder) == (None, None)
-    assert opened.elevator is not None
+    assert (opened.heading_reference, opened.rudder_lead) == (None, None)
+    assert opened.elevator_lead is not None

@@ -37,7 +37,10 @@ def rudder(estimate: VehicleEstimate, config: Config, asked: Setpoint = LEFT) ->
 
 def test_a_law_is_its_matrices() -> None:
     matrix, feedback, start = np.array(TURNS.rows), np.array(TURNS.feedback), np.array(TURNS.start)
-    target, rng = STILL._replace(wanted=(0.01, 0.05), ahead_rad=0.02), np.random.default_rng(1)
+    target, rng = (
+        STILL._replace(wanted=(0.01, 0.05), feedforward_rad=0.02),
+        np.random.default_rng(1),
+    )
     belief, states, before, command = None, np.empty(0), np.empty(0), 0.0
     for measured in rng.standard_normal((20, 2)):
         u, belief = lqg.step(TURNS, belief, tuple(measured.tolist()), target)
@@ -65,25 +68,25 @@ def test_a_new_set_point_moves_the_command_alone() -> None:
 def test_on_the_way_no_constant_load_is_learnt() -> None:
     _, belief = lqg.step(TURNS, None, (0.01, 0.02), STILL)
     _, held = lqg.step(TURNS, belief, (0.03, 0.05), STILL)
-    _, turning = lqg.step(TURNS, belief, (0.03, 0.05), STILL._replace(under_way=True))
+    _, turning = lqg.step(TURNS, belief, (0.03, 0.05), STILL._replace(moving=True))
     assert turning.states == (held.states[0], belief.states[1])
     assert held.states[1] != belief.states[1]
 
 
 def test_headings_past_south_are_counted_on() -> None:
     """From 179 to 181 degrees she turns by two, not by 358."""
-    config = Config(laws=LAWS)
+    config = Config(lqg_controllers=LAWS)
     seen, memory = VehicleEstimate(speed_mps=1.3, heading_rad=math.radians(179.0)), LoopMemory()
     asked = Setpoint(heading_rad=math.radians(-179.0))
     for heading_deg in (179.0, 180.5, -178.5):
         seen = seen._replace(heading_rad=math.radians(heading_deg))
         _, memory = loops.step_loops(seen, asked, memory, config, 0.02, heading=True, depth=False)
-        assert memory.rudder_belief is not None
-    assert memory.rudder_belief.measured[1] == pytest.approx(math.radians(181.5))
+        assert memory.rudder_observer is not None
+    assert memory.rudder_observer.measured[1] == pytest.approx(math.radians(181.5))
 
 
 def test_a_law_flies_about_its_speed_and_the_pid_elsewhere() -> None:
-    law, pid = Config(laws=LAWS), Config()
+    law, pid = Config(lqg_controllers=LAWS), Config()
     for speed, flies in (
         (1.3, True),
         (1.1, True),
@@ -97,7 +100,7 @@ def test_a_law_flies_about_its_speed_and_the_pid_elsewhere() -> None:
 
 
 def test_the_pid_is_one_parameter_away() -> None:
-    table, seen = ParamTable(laws=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.01)
+    table, seen = ParamTable(lqg_controllers=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.01)
     by_law = rudder(seen, table.config)
     table.set("LAW_ENABLE", 0.0)
     assert rudder(seen, table.config) == rudder(seen, Config()) != by_law
@@ -106,7 +109,7 @@ def test_the_pid_is_one_parameter_away() -> None:
 
 
 def test_the_command_keeps_to_the_travel_that_the_trim_leaves() -> None:
-    config = Config(laws=LAWS, rudder_trim_deg=6.0)
+    config = Config(lqg_controllers=LAWS, rudder_trim_deg=6.0)
     for heading in (-3.0, 3.0):
         seen = VehicleEstimate(
             speed_mps=1.3, r_radps=math.copysign(30.0, heading), heading_rad=heading
@@ -117,7 +120,10 @@ def test_the_command_keeps_to_the_travel_that_the_trim_leaves() -> None:
 
 
 def test_a_depth_error_counts_as_far_as_the_pitch_limit_goes() -> None:
-    config, seen = Config(laws=LAWS, pitch_limit_deg=20.0), VehicleEstimate(speed_mps=1.3)
+    config, seen = (
+        Config(lqg_controllers=LAWS, pitch_limit_deg=20.0),
+        VehicleEstimate(speed_mps=1.3),
+    )
     metres = math.radians(20.0) / LAWS.pitch_per_metre
 
     def elevator(depth_m: float) -> float:
@@ -136,15 +142,15 @@ def test_a_pitch_that_is_asked_for_is_held_by_the_pid() -> None:
     seen, asked = VehicleEstimate(speed_mps=1.3, depth_m=1.0), Setpoint(pitch_rad=0.1)
     by_law, by_pid = (
         loops.step_loops(seen, asked, LoopMemory(), config, 0.02, heading=False, depth=True)[0]
-        for config in (Config(laws=LAWS), Config())
+        for config in (Config(lqg_controllers=LAWS), Config())
     )
     assert by_law == by_pid
 
 
 def test_a_loop_that_was_open_begins_anew() -> None:
-    config, seen = Config(laws=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.02)
+    config, seen = Config(lqg_controllers=LAWS), VehicleEstimate(speed_mps=1.3, r_radps=0.02)
     _, memory = loops.step_loops(seen, LEFT, LoopMemory(), config, 0.02, heading=True, depth=True)
-    assert memory.rudder_belief is not None
-    assert memory.elevator_belief is not None
+    assert memory.rudder_observer is not None
+    assert memory.elevator_observer is not None
     _, memory = loops.step_loops(seen, LEFT, memory, config, 0.02, heading=False, depth=False)
-    assert memory.rudder_belief is memory.elevator_belief is None
+    assert memory.rudder_observer is memory.elevator_observer is None

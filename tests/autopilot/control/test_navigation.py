@@ -27,10 +27,10 @@ def hermitian(c: NavCovariance) -> NDArray[np.complex128]:
     """The covariance as a matrix, shape (4, 4)."""
     upper = np.array(
         [
-            [c.place / 2, c.place_current, c.place_water, c.place_log],
-            [0, c.current / 2, c.current_water, c.current_log],
-            [0, 0, c.water / 2, c.water_log],
-            [0, 0, 0, c.log / 2],
+            [c.position / 2, c.position_current, c.position_speed, c.position_dvl],
+            [0, c.current / 2, c.current_speed, c.current_dvl],
+            [0, 0, c.speed / 2, c.speed_dvl],
+            [0, 0, 0, c.dvl / 2],
         ]
     )
     return upper + upper.conj().T
@@ -83,10 +83,10 @@ def test_an_update_is_kalmans(
     gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + variance * np.eye(2))
     step = gain @ np.array([error.real, error.imag])
     moved = (
-        after.place_m,
+        after.position_m,
         after.memory.current_mps,
-        after.memory.water_error,
-        after.memory.log_error,
+        after.memory.speed_error,
+        after.memory.dvl_error,
     )
     np.testing.assert_allclose([part for z in moved for part in (z.real, z.imag)], step, atol=1e-9)
     np.testing.assert_allclose(
@@ -165,7 +165,7 @@ def drive(
         inputs = Inputs(sensors(now_us), fix if tick % 10 == 0 else None, None, None, dvl=ping)
         motion = MotionInput(now_us, attitude, ahead, True, 0.0, 0.0)
         told = navigation.predict_and_update(
-            told.place_m, told.memory, motion, inputs, HOME, CONFIG, 0.02
+            told.position_m, told.memory, motion, inputs, HOME, CONFIG, 0.02
         )
     return told, true, now_us
 
@@ -186,15 +186,15 @@ def test_a_turn_tells_a_slow_propeller_from_a_current() -> None:
         )
         memory = told.memory
     assert memory.current_mps == pytest.approx(0.1j, abs=0.01)
-    assert memory.water_error == pytest.approx(-0.04 + 0.02j, abs=0.01)
-    assert abs(told.place_m - place) < 0.02 * abs(place) + 1.0
+    assert memory.speed_error == pytest.approx(-0.04 + 0.02j, abs=0.01)
+    assert abs(told.position_m - place) < 0.02 * abs(place) + 1.0
 
 
 def test_without_a_log_the_error_grows_as_is_told() -> None:
     told, true, _ = drive(
         navigation.initial_solution(CONFIG), seconds=100.0, heading_rad=0.3, current=0.2 + 0j
     )
-    assert abs(told.place_m - true) == pytest.approx(20.0, rel=0.01)
+    assert abs(told.position_m - true) == pytest.approx(20.0, rel=0.01)
     assert navigation.sd_m(told.memory) == pytest.approx(
         math.hypot(100 * 0.2, 130 * 0.05), rel=0.02
     )
@@ -211,12 +211,12 @@ def test_an_outlier_is_refused_but_a_new_truth_is_taken() -> None:
         motion = MotionInput(now_us, (1.0, 0.0, 0.0, 0.0), 1.3 + 0j, True, 0.0, 0.0)
         inputs = Inputs(sensors(now_us), fix, None, None)
         told = navigation.predict_and_update(
-            told.place_m, told.memory, motion, inputs, HOME, CONFIG, 0.2
+            told.position_m, told.memory, motion, inputs, HOME, CONFIG, 0.2
         )
         if k == 10:
-            assert abs(told.place_m - true) < 3.0
-            assert told.memory.fixes_refused == 10
-    assert abs(told.place_m - (true + 40.0)) < 10.0
+            assert abs(told.position_m - true) < 3.0
+            assert told.memory.fixes_rejected == 10
+    assert abs(told.position_m - (true + 40.0)) < 10.0
 
 
 @settings(max_examples=20)

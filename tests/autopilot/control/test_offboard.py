@@ -98,10 +98,12 @@ def test_a_stream_that_stops_beside_another_no_longer_counts() -> None:
 
 
 def test_a_place_is_gone_to_and_circled() -> None:
-    flight = armed(modes.OFFBOARD, requests.SetTarget(MotionTarget(place_m=60 + 0j, depth_m=6.0)))
+    flight = armed(
+        modes.OFFBOARD, requests.SetTarget(MotionTarget(position_m=60 + 0j, depth_m=6.0))
+    )
     flight.run_until(lambda s: isinstance(s.path, Circle), 90.0)
-    assert abs(guidance.current_position(flight.state.estimate) - 60.0) < 6.0
-    target(flight, MotionTarget(place_m=0 + 60j))
+    assert abs(guidance.position_of(flight.state.estimate) - 60.0) < 6.0
+    target(flight, MotionTarget(position_m=0 + 60j))
     flight.step()
     assert isinstance(flight.state.path, TrackLine)
     assert flight.state.path.to_m == 60j
@@ -223,13 +225,13 @@ def test_masks_and_frames_are_read() -> None:
     place = offboard_messages.read(
         local, message(x=3.0, y=-4.0, z=5.0, yaw=0.2, type_mask=0b1001_1111_1000), HOME
     )
-    assert place == MotionTarget(place_m=3 - 4j, depth_m=5.0, heading_rad=0.2)
+    assert place == MotionTarget(position_m=3 - 4j, depth_m=5.0, heading_rad=0.2)
     depth = offboard_messages.read(local, message(z=-2.0, type_mask=0b1101_1111_1011), HOME)
     assert depth == MotionTarget(depth_m=0.0), "above the water is at the surface"
     both = offboard_messages.read(
         local, message(x=1.0, y=1.0, z=1.0, vx=0.6, vy=0.8, type_mask=0b1101_1110_0000), HOME
     )
-    assert both == MotionTarget(place_m=1 + 1j, depth_m=1.0, speed_mps=1.0)
+    assert both == MotionTarget(position_m=1 + 1j, depth_m=1.0, speed_mps=1.0)
     ahead = offboard_messages.read(
         local,
         message(vx=0.9, vz=0.1, yaw_rate=0.05, coordinate_frame=8, type_mask=0b0101_1100_0111),
@@ -246,7 +248,7 @@ def test_masks_and_frames_are_read() -> None:
     )
     read = offboard_messages.read(world, there, HOME)
     assert isinstance(read, MotionTarget)
-    assert read.place_m == pytest.approx(50 + 20j, abs=0.02)
+    assert read.position_m == pytest.approx(50 + 20j, abs=0.02)
     assert read.depth_m == 7.0
 
 

@@ -27,7 +27,9 @@ def test_every_parameter_can_travel_as_mavlink_real32() -> None:
         assert re.fullmatch(r"[A-Z][A-Z0-9_]{0,15}", row.name)
         assert row.minimum <= row.default <= row.maximum
         assert row.doc
-    assert {row.field for row in PARAMETERS} | {"laws"} == set(inspect.signature(Config).parameters)
+    assert {row.field for row in PARAMETERS} | {"lqg_controllers"} == set(
+        inspect.signature(Config).parameters
+    )
 
 
 def test_defaults_are_the_papers_initial_gains() -> None:

@@ -7,16 +7,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from autopilot.control import reference_model
-from autopilot.control.reference_model import ActuatorLead, Way
+from autopilot.control.reference_model import ActuatorLead, ReferenceState
 
 DT = 0.02
 SERVO = ActuatorLead(3.0, 0.6, 8.0, math.radians(15.0), math.radians(15.0))
 
 
-def followed(goal: float, w: float, fastest: float, seconds: float = 60.0) -> list[Way]:
-    way, ways = Way(0.0), []
+def followed(goal: float, w: float, fastest: float, seconds: float = 60.0) -> list[ReferenceState]:
+    way, ways = ReferenceState(0.0), []
     for _ in range(round(seconds / DT)):
-        way = reference_model.step_reference(goal - way.at, way, w, fastest, DT)
+        way = reference_model.step_reference(goal - way.value, way, w, fastest, DT)
         ways.append(way)
     return ways
 
@@ -27,13 +27,13 @@ def test_a_way_arrives_without_overshoot_and_never_too_fast(
 ) -> None:
     ways = followed(goal, w, fastest, seconds=20.0 / w + 3.5 / fastest)
     assert max(abs(way.rate) for way in ways) <= fastest
-    assert abs(ways[-1].at - goal) < 0.01 * max(abs(goal), 0.01)
-    beyond = max(math.copysign(1.0, goal) * (way.at - goal) for way in ways)
+    assert abs(ways[-1].value - goal) < 0.01 * max(abs(goal), 0.01)
+    beyond = max(math.copysign(1.0, goal) * (way.value - goal) for way in ways)
     assert beyond < 0.02 * abs(goal) + 1e-9
 
 
 def test_an_unhurried_way_is_the_critically_damped_second_order_model() -> None:
-    ways = np.array([way.at for way in followed(1.0, 0.5, 10.0)])
+    ways = np.array([way.value for way in followed(1.0, 0.5, 10.0)])
     t = DT * np.arange(1, ways.size + 1)
     np.testing.assert_allclose(ways, 1.0 - (1.0 + 0.5 * t) * np.exp(-0.5 * t), atol=0.01)
 
@@ -42,7 +42,7 @@ def through_the_tail(wanted: np.ndarray, servo: ActuatorLead) -> tuple[np.ndarra
     """(commands, duct angles) where the tailcone is the lag that the servo believes, with its
     limits."""
     angle = rate = 0.0
-    way: Way | None = Way(0.0)
+    way: ReferenceState | None = ReferenceState(0.0)
     commands, angles = [], []
     for value in wanted:
         command, way = reference_model.lead(float(value), way, servo, DT)
@@ -85,4 +85,4 @@ def test_no_command_leaves_the_travel_and_the_duct_goes_where_the_model_goes(
 def test_it_starts_without_a_bump() -> None:
     command, way = reference_model.lead(0.1, None, SERVO, DT)
     assert command == 0.1
-    assert way == Way(0.1, 0.0)
+    assert way == ReferenceState(0.1, 0.0)

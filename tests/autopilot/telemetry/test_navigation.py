@@ -57,7 +57,7 @@ def test_odometry_reports_velocity_and_covariance() -> None:
 
 def test_estimator_status_reports_accuracy_and_glitch() -> None:
     learned = Navigation(
-        current_mps=0.2 - 0.1j, covariance=NavCovariance(4.0, 0.01, 0.0, 0.0), fixes_refused=3
+        current_mps=0.2 - 0.1j, covariance=NavCovariance(4.0, 0.01, 0.0, 0.0), fixes_rejected=3
     )
     s = snapshot(position_sd_m=2.0, navigation=learned, depth_time_us=12_340_000)
     told = message("ESTIMATOR_STATUS", s)

@@ -101,8 +101,8 @@ def test_battery_charge_state_follows_remaining_charge(remaining: float, state: 
     """States OK, LOW, CRITICAL, EMERGENCY: below FS_BATT_PCT, half of it, a quarter of it."""
     s = snapshot()._replace(battery=Battery(25.0, 4.0, 1.0, remaining))
     if state > 1:
-        low = FaultTracker(Fault("Battery", "low"), 0, 12_000_000, told=True)
-        s = s._replace(state=s.state._replace(health=Health(doubts=(low,))))
+        low = FaultTracker(Fault("Battery", "low"), 0, 12_000_000, reported=True)
+        s = s._replace(state=s.state._replace(health=Health(faults=(low,))))
     assert message("BATTERY_STATUS", s).charge_state == state
 
 
@@ -214,22 +214,22 @@ ESTIMATES = st.builds(
     navigation=st.builds(
         Navigation,
         current_mps=st.complex_numbers(max_magnitude=1e4, allow_nan=False),
-        water_error=st.just(0j),
-        log_error=st.just(0j),
+        speed_error=st.just(0j),
+        dvl_error=st.just(0j),
         slip=st.just(0j),
-        unsteady_mps=st.floats(0, 1e4),
+        slip_sd_mps=st.floats(0, 1e4),
         covariance=st.builds(
             NavCovariance,
             *(st.floats(0, 1e8) for _ in range(4)),
             *(st.just(0j) for _ in range(6)),
         ),
         span_s=st.just(0.0),
-        way_m=st.just(0j),
+        distance_m=st.just(0j),
         fix_us=st.just(-1),
         ping_us=st.integers(-1, 20_000_000),
         over_ground=st.booleans(),
-        fixes_refused=st.integers(0, 99),
-        pings_refused=st.just(0),
+        fixes_rejected=st.integers(0, 99),
+        pings_rejected=st.just(0),
     ),
 )
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from autopilot.control import reference_model
-from autopilot.control.reference_model import ActuatorLead, Way
+from autopilot.control.reference_model import ActuatorLead, ReferenceState
 from sysid.control_analysis import loop_transfer
 from sysid.design import constraints, pid
 from sysid.design.design_model import (
@@ -175,7 +175,7 @@ def _growth(vehicle: DesignModel, gains: dict[str, float], factor: float) -> flo
     servo = ActuatorLead(
         gains["ACT_LAG_W"], gains["ACT_LAG_Z"], gains["ACT_LEAD_W"], math.inf, math.inf
     )
-    way: Way | None = None
+    way: ReferenceState | None = None
     queue = [0.0] * round(lag.delay_s / dt)
     wn, zeta = lag.natural_frequency_radps, lag.damping_ratio
     A = np.zeros((5, 5))

@@ -79,7 +79,7 @@ def test_residuals_of_the_problem_are_those_of_whole_simulations(
     problem: MapProblem, somewhere: np.ndarray
 ) -> None:
     vehicle, total = problems.vehicle(problem.prior, somewhere), 0.0
-    for plane, group in problem.experiments.items():
+    for plane, group in problem.datasets.items():
         total += sum(
             float(np.sum(noise.whiten_residual(r, problem.filters[plane]) ** 2))
             for r in fit.residuals(vehicle, group)

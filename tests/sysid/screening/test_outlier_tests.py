@@ -14,7 +14,8 @@ from sysid.data.segments import Run
 from sysid.estimation.map import fit
 from sysid.estimation.map.datasets import with_coupling_inputs
 from sysid.estimation.map.fit import Fit, Prior
-from sysid.screening import RunScreening, outlier_tests
+from sysid.screening import RunScreening
+from sysid.screening.outlier_tests import find_outliers
 from sysid.screening.refit_loop import refit_until_clean
 from tests.sysid import sea
 from tests.sysid.sea import Fault
@@ -32,7 +33,7 @@ class Fitted(NamedTuple):
         """The same fit with other runs in it: `sift` finds the best parameters for them by
         itself."""
         planes = {run.plane for run in runs}
-        experiments = {
+        datasets = {
             p: tuple(
                 with_coupling_inputs(self.found.vehicle, fit.dataset(r))
                 for r in runs
@@ -40,16 +41,16 @@ class Fitted(NamedTuple):
             )
             for p in sorted(planes)
         }
-        return self.found._replace(experiments=experiments)
+        return self.found._replace(datasets=datasets)
 
     def judged(self, runs: Sequence[Run]) -> dict[str, RunScreening]:
         return {
-            verdict.run: verdict
-            for verdict in outlier_tests.find_outliers(self.of(runs), self.prior).verdicts
+            screening.run: screening
+            for screening in find_outliers(self.of(runs), self.prior).screenings
         }
 
     def left_out(self, runs: Sequence[Run]) -> set[str]:
-        return {name for name, verdict in self.judged(runs).items() if verdict.reason}
+        return {name for name, screening in self.judged(runs).items() if screening.reason}
 
 
 @pytest.fixture(scope="module")
@@ -85,9 +86,9 @@ def test_a_clean_campaign_loses_no_run(fitted: Fitted) -> None:
 def test_a_slip_is_named_with_its_size_and_time(fitted: Fitted, again: Callable[..., Run]) -> None:
     runs = list(fitted.runs)
     runs[3] = again(3, Fault(slip_rad=math.radians(-1.5), slip_s=8.0))
-    verdict = fitted.judged(runs)["rudder/3"]
-    slip = verdict.scores.anomalies[0]
-    assert verdict.reason.startswith("actuator slip: rudder jumped by -1.")
+    screening = fitted.judged(runs)["rudder/3"]
+    slip = screening.scores.anomalies[0]
+    assert screening.reason.startswith("actuator slip: rudder jumped by -1.")
     assert abs(slip.size + 1.5) < 3.0 * slip.sd
     assert slip.sd < 0.4
     assert slip.at_s == pytest.approx(8.0, abs=2.0)
@@ -100,9 +101,9 @@ def test_a_gain_error_is_named_or_its_next_of_kin(
     """More rudder and more speed do nearly the same to a turn; the reason says so."""
     runs = list(fitted.runs)
     runs[4] = again(4, Fault(gain=1.3))
-    verdict = fitted.judged(runs)["rudder/4"]
-    gain = next(a for a in verdict.scores.anomalies if a.kind == "gain error")
-    assert "gain error: rudder moved" in verdict.reason
+    screening = fitted.judged(runs)["rudder/4"]
+    gain = next(a for a in screening.scores.anomalies if a.kind == "gain error")
+    assert "gain error: rudder moved" in screening.reason
     assert abs(gain.size - 30.0) < 3.0 * gain.sd
     assert fitted.left_out(runs) == {"rudder/4"}
 
@@ -115,9 +116,9 @@ def test_a_gust_is_told_from_a_slip(fitted: Fitted, again: Callable[..., Run]) -
     )  # the paper's z points up
     runs = list(fitted.runs)
     runs[1] = again(1, Fault(), sea_radps2=pushed)
-    verdict = fitted.judged(runs)["rudder/1"]
-    gust = next(a for a in verdict.scores.anomalies if a.kind == "gust")
-    assert verdict.reason.startswith("gust: a push of +")
+    screening = fitted.judged(runs)["rudder/1"]
+    gust = next(a for a in screening.scores.anomalies if a.kind == "gust")
+    assert screening.reason.startswith("gust: a push of +")
     assert abs(gust.size - 1.0) < 4.0 * gust.sd
     assert gust.at_s == pytest.approx(6.0, abs=1.5)
 
@@ -130,11 +131,13 @@ def test_what_grows_with_size_is_structure_and_no_run_is_left_out_for_it(
     runs = list(fitted.runs)
     for k, degrees in enumerate(SIZES_DEG):
         runs[k] = again(k, Fault(gain=0.8 + 0.06 * abs(degrees)))
-    sifted = outlier_tests.find_outliers(fitted.of(runs), fitted.prior)
-    assert [v.run for v in sifted.verdicts if v.reason] == []
+    result = find_outliers(fitted.of(runs), fitted.prior)
+    assert [v.run for v in result.screenings if v.reason] == []
     assert any(
-        text.startswith("structure: the largest yaw test is answered by +")
-        for text in sifted.structure
+        text.startswith(
+            "structure: the response to the largest yaw test differs from the model's by +"
+        )
+        for text in result.structure
     )
 
 
@@ -144,10 +147,10 @@ def test_the_largest_test_alone_is_kept_with_a_warning(
     """Without another test of its size, nobody can tell its anomaly from the model's structure."""
     runs = [run for k, run in enumerate(fitted.runs) if k not in (4, 5)]
     runs[4] = again(6, Fault(slip_rad=math.radians(2.5), slip_s=5.0))
-    verdict = fitted.judged(runs)["rudder/6"]
-    assert verdict.reason == ""
-    assert verdict.scores.p_value < 1e-4
-    assert "no other test is as large" in verdict.warnings[0]
+    screening = fitted.judged(runs)["rudder/6"]
+    assert screening.reason == ""
+    assert screening.scores.p_value < 1e-4
+    assert "no other test is as large" in screening.warnings[0]
 
 
 def test_matched_runs_must_agree(fitted: Fitted, again: Callable[..., Run]) -> None:
@@ -180,24 +183,28 @@ def test_a_run_found_out_is_left_out_and_the_rest_fitted_again(
         fits.append([run.name for run in chosen])
         return fitted.of(chosen)
 
-    settled = refit_until_clean(runs, fitted.prior, fit_runs)
-    assert (len(fits), settled.with_all, len(settled.kept)) == (1, None, len(runs))
+    refitted = refit_until_clean(runs, fitted.prior, fit_runs)
+    assert (len(fits), refitted.fit_of_all_runs, len(refitted.accepted_runs)) == (
+        1,
+        None,
+        len(runs),
+    )
     runs[3] = again(3, Fault(slip_rad=math.radians(1.5), slip_s=8.0))
-    settled = refit_until_clean(runs, fitted.prior, fit_runs)
+    refitted = refit_until_clean(runs, fitted.prior, fit_runs)
     assert len(fits) == 3
-    assert settled.with_all is not None
+    assert refitted.fit_of_all_runs is not None
     assert "rudder/3" not in fits[-1]
-    assert [run.name for run in settled.kept] == fits[-1]
-    assert settled.verdicts["rudder/3"].reason
-    assert set(settled.verdicts) == {run.name for run in runs}
+    assert [run.name for run in refitted.accepted_runs] == fits[-1]
+    assert refitted.screenings["rudder/3"].reason
+    assert set(refitted.screenings) == {run.name for run in runs}
 
 
 def test_a_plane_keeps_what_a_fit_needs(fitted: Fitted, again: Callable[..., Run]) -> None:
     """Two runs are never parted: nothing says which of them is the odd one."""
     pair = [fitted.runs[2], again(3, Fault(slip_rad=math.radians(3.0), slip_s=5.0))]
-    verdicts = fitted.judged([*pair, *fitted.runs[7:]])
-    assert all(not verdict.reason for verdict in verdicts.values())
-    assert verdicts["rudder/3"].warnings
+    screenings = fitted.judged([*pair, *fitted.runs[7:]])
+    assert all(not screening.reason for screening in screenings.values())
+    assert screenings["rudder/3"].warnings
 
 
 def test_one_of_two_is_left_out_and_the_other_is_told_of(
@@ -207,12 +214,12 @@ def test_one_of_two_is_left_out_and_the_other_is_told_of(
     both."""
     runs = [run for k, run in enumerate(fitted.runs) if k not in (2, 3, 6)]
     runs[3] = again(5, Fault(gain=1.3))
-    verdicts = fitted.judged(runs)
-    alike = {name: verdicts[name] for name in ("rudder/4", "rudder/5")}
-    (out,) = [name for name, verdict in alike.items() if verdict.reason]
+    screenings = fitted.judged(runs)
+    alike = {name: screenings[name] for name in ("rudder/4", "rudder/5")}
+    (out,) = [name for name, screening in alike.items() if screening.reason]
     (kept,) = set(alike) - {out}
     assert f"or it is {kept}: fly both again" in alike[out].reason
     assert (
-        f"or it is {out}, which was left out: the tests do not tell which"
+        f"or it is {out}, which was left out: the tests do not determine which"
         in alike[kept].warnings[0]
     )

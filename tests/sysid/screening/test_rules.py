@@ -28,12 +28,12 @@ def pitch(field: config.VehicleConfig) -> Run:
 
 def reasons(run: Run) -> tuple[str, ...]:
     (screening,) = screen([run])
-    assert screening.kept == (not screening.reasons)
+    assert screening.accepted == (not screening.reasons)
     return screening.reasons
 
 
 def test_clean_runs_are_kept(yaw: Run, pitch: Run) -> None:
-    assert all(s.kept for s in screen([yaw, pitch]))
+    assert all(s.accepted for s in screen([yaw, pitch]))
 
 
 def during(run: Run, values: np.ndarray, change: float) -> np.ndarray:
@@ -73,7 +73,7 @@ def test_each_fault_is_called_by_its_name(yaw: Run, pitch: Run) -> None:
 def test_a_gust_before_one_test_of_several_is_seen(yaw: Run) -> None:
     gust = np.radians(1.5) * np.sin(2.0 * yaw.time_s) * (yaw.time_s < 0)
     results = screen([yaw, replace(yaw, r_radps=yaw.r_radps + gust), yaw])
-    assert [s.kept for s in results] == [True, False, True]
+    assert [s.accepted for s in results] == [True, False, True]
     assert results[1].reasons[0].startswith("disturbance: ")
 
 

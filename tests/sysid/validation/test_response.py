@@ -112,7 +112,7 @@ def test_the_mismatch_cost_is_that_of_its_book() -> None:
     assert frequency_response.mismatch_cost(found) == pytest.approx(
         20.0 * (1.58 * (1.0 - math.exp(-1.0))) ** 2, rel=1e-6
     )
-    turned = found._replace(across=np.exp(1j * math.radians(10.0)) * one, measured=one)
+    turned = found._replace(cross=np.exp(1j * math.radians(10.0)) * one, measured=one)
     assert frequency_response.mismatch_cost(turned) == pytest.approx(
         1.745 * 20.0 * (1.58 * (1.0 - math.exp(-1.0))) ** 2, rel=1e-6
     )

@@ -24,8 +24,8 @@ def test_a_known_plane_is_found_again(plane: Plane, method: Method) -> None:
     truth = plant(plane)
     runs = flown(truth, commands(), SDS, np.random.default_rng(3))
     found = estimate.estimate(runs, believed(plane), method, others=2)
-    true, told = plants.derived(*truth), plants.derived(*found.plant)
-    sds = np.sqrt(np.diag(plants.propagate(*found.plant, found.covariance)))
+    true, told = plants.derived(*truth), plants.derived(*found.model)
+    sds = np.sqrt(np.diag(plants.propagate(*found.model, found.covariance)))
     assert np.max(np.abs(told - true) / sds) < 3.5
     assert np.all(sds[:2] < 0.15 * np.abs(true[:2]))
     np.testing.assert_allclose(found.sensors[:2], SDS[:2], rtol=0.2)
@@ -38,8 +38,8 @@ def test_claimed_errors_are_real_ones() -> None:
     squared = []
     for seed in range(16):
         runs = flown(truth, commands(), SDS, np.random.default_rng(100 + seed))
-        found = estimate.descend(runs, belief, "output-error", belief.plant.values)
-        error = (found.plant.values - truth.values)[: len(NUMBERS["yaw"]) + 2]
+        found = estimate.descend(runs, belief, "output-error", belief.model.values)
+        error = (found.model.values - truth.values)[: len(NUMBERS["yaw"]) + 2]
         covariance = found.covariance[: error.size, : error.size]
         squared.append(error @ np.linalg.solve(covariance, error) / error.size)
     assert 0.6 < np.mean(squared) < 1.5
@@ -49,16 +49,16 @@ def test_still_water_tells_nothing(plane: Plane) -> None:
     """Commands that never move, without noise: the first thing that cannot be told is named."""
     told = [SurfaceCommand(sea.step(0.0, 20.0))] * 2
     runs = flown(plant(plane), told, SDS, np.random.default_rng(4))
-    with pytest.raises(NotUniqueError, match=rf"{plane}: .*(cannot tell|bound|starts)"):
+    with pytest.raises(NotUniqueError, match=rf"{plane}: .*(do not distinguish|bound|starts)"):
         estimate.estimate(runs, believed(plane), "output-error", others=2)
 
 
 def test_a_value_at_its_bound_is_refused() -> None:
     """A belief that is far from the vehicle and too sure of itself."""
     belief = believed("yaw")
-    narrow = records.with_bounds(belief.plant, belief.covariance * 1e-4)
+    narrow = records.with_bounds(belief.model, belief.covariance * 1e-4)
     runs = flown(plant("yaw"), commands(), SDS, np.random.default_rng(5))
-    with pytest.raises(NotUniqueError, match=r"yaw: \w+ = .* sits at its bound"):
+    with pytest.raises(NotUniqueError, match=r"yaw: \w+ = .* is at its bound"):
         estimate.estimate(runs, narrow, "output-error", others=0)
 
 

@@ -22,8 +22,8 @@ def test_projection_equals_joint_least_squares(plane: Plane) -> None:
     truth, count = plant(plane), plants.outputs(plane)
     runs = flown(truth, commands()[:3], SDS, np.random.default_rng(1))
     belief, sds = believed(plane), SDS[:count]
-    projected = objectives.with_bench(output_error.objective(truth.frame, runs, sds), belief.plant)
-    found = multistart.search(projected, belief, belief.plant.values, ftol=1e-12)
+    projected = objectives.with_bench(output_error.objective(truth.frame, runs, sds), belief.model)
+    found = multistart.search(projected, belief, belief.model.values, ftol=1e-12)
     each, values = len(response.discretise(truth).transition) + 1, truth.values.size
 
     def joint(x: np.ndarray) -> np.ndarray:
@@ -36,7 +36,7 @@ def test_projection_equals_joint_least_squares(plane: Plane) -> None:
             y[:, 0] += unknown[-1]
             errors.append(((run.measured - y) / sds).ravel())
         lag = plants.lag(plane)
-        bench = belief.plant.values[lag]
+        bench = belief.model.values[lag]
         return np.concatenate([*errors, (at.values[lag] - bench) / (plants.LAG_SD * bench)])
 
     first = np.concatenate([found.values / belief.spread + 0.02, np.zeros(each * len(runs))])
@@ -60,7 +60,7 @@ def test_gradient_is_the_projected_costs_own(plane: Plane) -> None:
     truth, count = plant(plane), plants.outputs(plane)
     runs = flown(truth, commands()[:3], SDS, np.random.default_rng(2))
     weighted = output_error.objective(truth.frame, runs, SDS[:count])
-    values = believed(plane).plant.values
+    values = believed(plane).model.values
     gradient = weighted.jacobian(values).T @ weighted.residuals(values)
     for index in range(len(plants.NUMBERS[plane])):
         step = np.zeros(values.size)
@@ -75,7 +75,7 @@ def test_reduced_has_the_cost_gradient_and_information_of_all_residuals(plane: P
     runs = flown(truth, commands()[:5], SDS, np.random.default_rng(3))
     given = truth.frame, runs, SDS[:count]
     whole, few = output_error.objective(*given), output_error.reduce_by_qr(*given)
-    values = believed(plane).plant.values
+    values = believed(plane).model.values
     J, r = whole.jacobian(values), whole.residuals(values)
     A, b = few.jacobian(values), few.residuals(values)
     assert b.size == values.size + 1

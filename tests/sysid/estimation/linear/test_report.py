@@ -102,12 +102,12 @@ def test_a_plane_without_runs_is_the_priors(flown: list[Run]) -> None:
     prior = refit.prior_of(yaw, config.load("caribou_nominal"))
     belief = records.linear_prior(prior, "yaw")
     records_of_yaw = [records.linear_run(run, estimate.LEADS_S["output-error"]) for run in yaw]
-    one = estimate.descend(records_of_yaw, belief, "output-error", belief.plant.values)
+    one = estimate.descend(records_of_yaw, belief, "output-error", belief.model.values)
     found = report.of_estimates({"yaw": one}, prior, "caribou_nominal", "output-error")
     assert found.method == "output-error"
     assert found.noise == {}
     assert any("no run in pitch" in note for note in found.notes)
-    assert found.planes["yaw"].b1_per_s2.value == pytest.approx(one.plant.values[0])
+    assert found.planes["yaw"].b1_per_s2.value == pytest.approx(one.model.values[0])
     assert found.planes["pitch"].b1_per_s2.sd > found.planes["yaw"].b1_per_s2.sd
 
 

@@ -66,7 +66,7 @@ def test_it_ends_where_the_batch_estimate_ends(flown: list[Run], prior: Prior) -
     together = prior._replace(biases_rad=fit.trim_biases(prior.config, model, flown))
     batch = fit.fit(flown, together)
     for plane in ("yaw", "pitch"):
-        online = report.read(known.prior, known.whole, plane, 0.8)
+        online = report.read(known.prior, known.information, plane, 0.8)
         beside = report.read(
             together, square_root_information.from_normal(batch.z, batch.covariance), plane, 0.8
         )
@@ -79,9 +79,9 @@ def test_it_ends_where_the_batch_estimate_ends(flown: list[Run], prior: Prior) -
 def test_each_test_makes_it_surer_of_its_plane(flown: list[Run], prior: Prior) -> None:
     at_first = estimator.prior_knowledge(prior)
     after = taught(at_first, flown[:2])
-    for name, number in report.read(after.prior, after.whole, "yaw", 0.8).numbers.items():
+    for name, number in report.read(after.prior, after.information, "yaw", 0.8).numbers.items():
         assert number.sd < number.before, name
-    assert report.read(after.prior, after.whole, "yaw", 0.8).numbers["b1_per_s2"].sd < 0.05
+    assert report.read(after.prior, after.information, "yaw", 0.8).numbers["b1_per_s2"].sd < 0.05
 
 
 @pytest.mark.parametrize("size", [1, 7, 1000])
@@ -119,7 +119,7 @@ def test_the_errors_of_a_stable_plane_are_those_of_its_whitened_simulation(
     ).knowledge
     steps = prediction.steps(run)
     about = estimator.linearise(known, "yaw", known.z, float(steps.thrust[0]))
-    assert about.leaking == 0.0
+    assert about.leak_share == 0.0
     first = about.candidates[0]
     white = prediction.advance(first, prediction.start(first, steps), steps, 0, about.filter, 0.0)[
         1
@@ -159,7 +159,7 @@ def test_an_unstable_plane_stays_where_it_was_measured() -> None:
         > 0.0
     )
     known = taught(estimator.prior_knowledge(prior), runs)
-    found = report.read(known.prior, known.whole, "yaw", 0.8).numbers
+    found = report.read(known.prior, known.information, "yaw", 0.8).numbers
     truth = report.numbers(
         parameters.candidate_vehicle(remus, prior.biases_rad, prior.mean), "yaw", 0.8
     )
@@ -173,4 +173,4 @@ def test_a_test_too_short_to_begin_with_tells_nothing(flown: list[Run], prior: P
     state = estimator.update(
         estimator.begin(known, "yaw", 0.0), part(prediction.steps(flown[0]), 0, 5)
     )
-    np.testing.assert_array_equal(estimator.finish(state).whole.root, known.whole.root)
+    np.testing.assert_array_equal(estimator.finish(state).information.root, known.information.root)
