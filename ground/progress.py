@@ -49,7 +49,7 @@ class ProgressDisplay:
             self._task(name), completed=progress.item + 1, total=progress.items, words=text
         )
 
-    def hear(self, text: StatusText) -> None:
+    def show_text(self, text: StatusText) -> None:
         """Print a text of the vehicle if it is urgent or about a test."""
         if not self._quiet and (
             text.severity <= URGENT_SEVERITY or text.text.startswith("SystemID")
@@ -64,7 +64,7 @@ class ProgressDisplay:
         """Return the complete display."""
         return Escaped(Group(self._bars, *([self._below] if self._below else [])))
 
-    def say(self, text: str) -> None:
+    def print_line(self, text: str) -> None:
         """Print a line."""
         if not self._quiet:
             self._bars.console.print(literal(text))
@@ -74,7 +74,7 @@ class ProgressDisplay:
         if not self._quiet:
             self._bars.console.print(heading(text))
 
-    def share(self, text: str, fraction: float) -> None:
+    def show_fraction(self, text: str, fraction: float) -> None:
         """Show the completed fraction of a computation."""
         self._bars.update(self._task(self.dive), completed=fraction, total=1.0, words=text)
 

@@ -31,7 +31,7 @@ class WeightMove(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     mass_kg: float = 0.0
     to_port_m: float = 0.0
 
-    def in_words(self) -> str:
+    def format_text(self) -> str:
         """Return the instruction for the person at the vehicle."""
         if not self.mass_kg * self.to_port_m:
             return "all weights amidships"
@@ -121,7 +121,7 @@ def measure(
             recorder.attach_parameters(before | bench.PARAMETERS)
             start_s, armed_s = wall_s(), recorder.vehicle_s
             for number, move in enumerate(plan.move):
-                announce(move.in_words())
+                announce(move.format_text())
                 watch(
                     FlightProgress(
                         item=number,

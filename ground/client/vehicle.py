@@ -40,7 +40,7 @@ WATCHDOG_PERIOD_S = 0.2
 """Wall time between calls of the watchdog."""
 READY_TIMEOUT_S = 60.0
 """Maximum wall time (s) in which a vehicle may reach MAV_STATE_STANDBY before it is armed."""
-SIMULATED_READY_WITHIN_S = 300.0
+SIMULATED_READY_TIMEOUT_S = 300.0
 """The same limit for a simulated vehicle, whose processes are monitored: on a new or busy machine
 the simulator may compile its numeric code for minutes before the first sensor sample."""
 ARM_RETRY_S, ARM_RETRY_PERIOD_S = 15.0, 1.0
@@ -264,7 +264,7 @@ class VehicleClient:
         ----------
         patience_s : float, optional
             Wall time (s) in which a vehicle that starts may reach MAV_STATE_STANDBY. The default is
-            `READY_TIMEOUT_S`, for a simulated vehicle `SIMULATED_READY_WITHIN_S`.
+            `READY_TIMEOUT_S`, for a simulated vehicle `SIMULATED_READY_TIMEOUT_S`.
 
         Raises
         ------
@@ -273,7 +273,7 @@ class VehicleClient:
             pre-arm checks pass; or a temporary refusal lasted for `ARM_RETRY_S`.
         """
         if patience_s is None:
-            patience_s = READY_TIMEOUT_S if self._watchdog is None else SIMULATED_READY_WITHIN_S
+            patience_s = READY_TIMEOUT_S if self._watchdog is None else SIMULATED_READY_TIMEOUT_S
         self.pump_until(lambda: self._status >= _STANDBY, patience_s)
         deadline_s, passed = wall_s() + ARM_RETRY_S, False
         while True:

@@ -1,4 +1,4 @@
-"""Tests in scripts: they reach the vehicle as what she says they are, and mistakes are named."""
+"""Identification tests in mission scripts: encoding, and error messages."""
 
 import pytest
 from hypothesis import given
