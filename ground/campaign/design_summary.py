@@ -75,10 +75,13 @@ def _robustness_rows(design: Mapping[str, Any]) -> Iterator[LimitRow]:
             f"not known: needs the vehicle file (--prior); {limits}",
         )
         return
-    asked, kept = f">= {100 * spec['probability']:.0f} %", f"{100 * trust['specification']:.0f} %"
+    asked, reached = (
+        f">= {100 * spec['probability']:.0f} %",
+        f"{100 * trust['specification']:.0f} %",
+    )
     most = f"; most others miss the {trust['worst']}" if trust["worst"] else ""
-    of = f"of {trust['vehicles']} sampled from the model"
-    yield LimitRow("vehicles that meet it", asked, kept, f"{of}: {limits}{most}")
+    source = f"of {trust['vehicles']} sampled from the model"
+    yield LimitRow("vehicles that meet it", asked, reached, f"{source}: {limits}{most}")
     yield LimitRow(
         "vehicles that meet it, relaxed",
         "",

@@ -73,9 +73,9 @@ def rate_errors(qualities: Any) -> dict[str, Any]:
 
 def format_text(model: IdentifiedModel, out: Path) -> Rendered:
     """Return a model as tables: design numbers, errors, checks, other methods, assessment."""
-    kept, held_out = sum(run.kept for run in model.screening), len(model.held_out)
+    n_fitted, n_held_out = sum(run.kept for run in model.screening), len(model.held_out)
     lines: list[RenderableType] = [
-        f"{out}: {kept} of {len(model.screening)} runs fitted, {held_out} held out"
+        f"{out}: {n_fitted} of {len(model.screening)} runs fitted, {n_held_out} held out"
     ]
     lines += [
         f"  rejected {run.run}: {'; '.join(run.reasons)}" for run in model.screening if not run.kept

@@ -61,19 +61,19 @@ def design(vehicle: str) -> InitialDesign:
         raise InputError(str(error)) from None
 
 
-def format_text(found: InitialDesign) -> str:
+def format_text(initial_design: InitialDesign) -> str:
     """Return parameters with reasons, margins of the loops, and a comparison with Table 3."""
     lines = [
-        f"{name:16s} {value:<10.5g} {found.reasons[name]}"
-        for name, value in found.parameters.items()
+        f"{name:16s} {value:<10.5g} {initial_design.reasons[name]}"
+        for name, value in initial_design.parameters.items()
     ]
     lines += [
         "",
         "Loops on the vehicle of the file, and on 95 % of the vehicles sampled from the prior",
     ]
     lines += [f"  {'':8s}{'damping':>14s}{'gain margin, dB':>18s}{'phase margin, deg':>20s}"]
-    for loop, low in found.over_prior.items():
-        own = found.nominal[loop]
+    for loop, low in initial_design.over_prior.items():
+        own = initial_design.nominal[loop]
         lines.append(
             f"  {loop:8s}{own.damping:7.2f}{low.damping:7.2f}{own.gm_db:11.1f}{low.gm_db:7.1f}"
             f"{own.pm_deg:13.0f}{low.pm_deg:7.0f}"
@@ -84,19 +84,19 @@ def format_text(found: InitialDesign) -> str:
         "Compared with Table 3's initial gains, scaled with the tail's effectiveness",
     ]
     lines += [f"  {'':8s}{'ours':>10s}{'Table 3':>10s}{'ratio':>7s}"]
-    for name, row in found.comparison.items():
+    for name, row in initial_design.comparison.items():
         lines.append(f"  {name:8s}{row.ours:10.3g}{row.paper:10.3g}{row.times:>7s}  {row.why}")
     return "\n".join(lines)
 
 
-def as_json(found: InitialDesign) -> dict[str, Any]:
+def as_json(initial_design: InitialDesign) -> dict[str, Any]:
     """Return parameters, margins and the comparison with Table 3 as plain numbers."""
     return {
-        "parameters": found.parameters,
-        "reasons": found.reasons,
+        "parameters": initial_design.parameters,
+        "reasons": initial_design.reasons,
         "loops": {
-            loop: {"nominal": own._asdict(), "prior": found.over_prior[loop]._asdict()}
-            for loop, own in found.nominal.items()
+            loop: {"nominal": own._asdict(), "prior": initial_design.over_prior[loop]._asdict()}
+            for loop, own in initial_design.nominal.items()
         },
-        "table_3": {name: row._asdict() for name, row in found.comparison.items()},
+        "table_3": {name: row._asdict() for name, row in initial_design.comparison.items()},
     }

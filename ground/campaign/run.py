@@ -369,4 +369,5 @@ def _finish_dives(dives: Sequence[Future[None]]) -> None:
 
 
 def _write(path: Path, text: str) -> None:
+    """Write a text file."""
     path.write_text(text, encoding="utf-8")

@@ -111,11 +111,11 @@ def format_design(design: Design, out: Path) -> str:
     return "\n".join(lines)
 
 
-def _performance_warnings(kept: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def _performance_warnings(monitoring: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Return one line per mission and likely cause of a deviation from the prediction."""
     lines = [
         f"{mission}: {'REFIT DUE: ' if cause['refit_due'] else ''}{cause['words']}"
-        for mission, monitored in kept.items()
+        for mission, monitored in monitoring.items()
         for cause in monitored["causes"]
     ]
     return lines or ["the redesigned gains perform as predicted"]
@@ -129,20 +129,20 @@ def _held_out_lines(errors: Mapping[str, Mapping[str, float]]) -> list[str]:
     ]
 
 
-def _analysis(found: Analysis) -> dict[str, Any]:
+def _analysis(analysis: Analysis) -> dict[str, Any]:
     """Return damping, poles and margins as plain numbers."""
 
     return {
-        "damping": {loop: damping(poles) for loop, poles in found.visible.items()},
+        "damping": {loop: damping(poles) for loop, poles in analysis.visible.items()},
         "poles_radps": {
-            loop: [[p.real, p.imag] for p in poles] for loop, poles in found.poles.items()
+            loop: [[p.real, p.imag] for p in poles] for loop, poles in analysis.poles.items()
         },
         "shown_poles_radps": {
-            loop: [[p.real, p.imag] for p in poles] for loop, poles in found.visible.items()
+            loop: [[p.real, p.imag] for p in poles] for loop, poles in analysis.visible.items()
         },
         "margins": {
             cut: {k: _finite_or_none(v) for k, v in m._asdict().items()}
-            for cut, m in found.margins.items()
+            for cut, m in analysis.margins.items()
         },
     }
 

@@ -237,6 +237,7 @@ def _fly(
     hear: TextCallback | None,
     follower: TelemetryListener | None,
 ) -> FlightResult:
+    """Fly a dive with an open link."""
     recorder.annotate("dive", {"mission": dive.mission, **dive.notes})
     recorder.attach("mission.plan", plans.write_plan(dive.items).encode(), "application/json")
     vehicle.connect()
@@ -278,6 +279,7 @@ def _until_disarmed(
     watch: WatchCallback | None,
     follower: TelemetryListener | None,
 ) -> None:
+    """Receive until the vehicle has disarmed."""
     report = Every(PROGRESS_PERIOD_S)
     while not vehicle.disarmings:
         vehicle.pump(0.05)
@@ -292,6 +294,7 @@ def _until_disarmed(
 def _progress(
     vehicle: VehicleClient, recorder: Recorder, items: int, wall: float
 ) -> FlightProgress:
+    """Return the progress according to the last messages."""
     current = vehicle.latest("MISSION_CURRENT")
     position = vehicle.latest("LOCAL_POSITION_NED")
     attitude = vehicle.latest("ATTITUDE")
